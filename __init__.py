@@ -1,0 +1,1 @@
+"""maquette: a scene-description language compiler and renderer. The public door: load, render, compare."""

@@ -1,0 +1,145 @@
+"""What is wrong in an input and where: spans, diagnostics, their printed and JSON forms."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+SEVERITIES = ("error", "warning", "note")
+MAX_SHOWN_LINE = 160
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Span:
+    """A stretch of source text. Lines and columns count from 1; the end is exclusive.
+
+    `file` is the name to show: a path, `std/room`, or a USD prim as `robot.usda</Robot/Arm>`.
+    A span of a whole file or prim has line 0.
+    """
+
+    file: str
+    line: int = 0
+    column: int = 0
+    end_line: int = 0
+    end_column: int = 0
+
+    def to(self, other: Span) -> Span:
+        """The span from the start of this one to the end of `other`."""
+        return replace(self, end_line=other.end_line, end_column=other.end_column)
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}" if self.line else self.file
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnostic:
+    """One message. `hint` is the fix, printed behind the carets; `trace` the chain of calls, innermost first."""
+
+    severity: str
+    message: str
+    span: Span | None = None
+    hint: str = ""
+    trace: tuple[tuple[str, Span], ...] = ()
+
+    def to_json(self) -> dict[str, object]:
+        """This diagnostic as plain data (the items of `check --json`)."""
+        return {
+            "severity": self.severity,
+            "message": self.message,
+            "hint": self.hint,
+            "span": _span_json(self.span),
+            "trace": [{"call": name, "span": _span_json(span)} for name, span in self.trace],
+        }
+
+
+class SceneError(Exception):
+    """Input that cannot go on: carries every diagnostic found so far, errors and warnings alike."""
+
+    def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
+        self.diagnostics = tuple(diagnostics)
+        super().__init__("; ".join(d.message for d in self.diagnostics if d.severity == "error"))
+
+
+@dataclass(slots=True)
+class Diagnostics:
+    """A growing list of diagnostics that every stage is handed and adds to."""
+
+    items: list[Diagnostic] = field(default_factory=list)
+
+    def error(self, message: str, span: Span | None = None, hint: str = "", trace: Iterable[tuple[str, Span]] = ()) -> None:
+        self.items.append(Diagnostic("error", message, span, hint, tuple(trace)))
+
+    def warning(self, message: str, span: Span | None = None, hint: str = "", trace: Iterable[tuple[str, Span]] = ()) -> None:
+        self.items.append(Diagnostic("warning", message, span, hint, tuple(trace)))
+
+    def note(self, message: str, span: Span | None = None, hint: str = "", trace: Iterable[tuple[str, Span]] = ()) -> None:
+        self.items.append(Diagnostic("note", message, span, hint, tuple(trace)))
+
+    @property
+    def failed(self) -> bool:
+        return any(d.severity == "error" for d in self.items)
+
+    def raise_if_failed(self) -> None:
+        """Raise SceneError with everything collected if any of it is an error."""
+        if self.failed:
+            raise SceneError(self.items)
+
+
+def suggest(word: str, known: Iterable[str]) -> str:
+    """`did you mean …?` for a misspelt word, or an empty string where nothing is near."""
+    near = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
+    return f"did you mean `{near[0]}`?" if near else ""
+
+
+def in_order(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
+    """Diagnostics by file (in order of first mention), then place, without repeats."""
+    unique = list(dict.fromkeys(diagnostics))
+    files: dict[str, int] = {}
+    for d in unique:
+        files.setdefault(d.span.file if d.span else "", len(files))
+    return sorted(unique, key=lambda d: (files[d.span.file], d.span.line, d.span.column) if d.span else (files[""], 0, 0))
+
+
+def render_text(d: Diagnostic, source: Callable[[str], str | None]) -> str:
+    """The printed form: place, severity, message; the line with carets and hint; the chain of calls.
+
+    `source(file)` gives the text of a file by its shown name, or None where there is none to quote.
+    """
+    place = f"{d.span}: " if d.span else ""
+    lines = [f"{place}{d.severity}: {d.message}"]
+    quoted = _quote(d.span, source) if d.span and d.span.line else None
+    if quoted:
+        text, carets = quoted
+        lines += [text, f"{carets} {d.hint}".rstrip()]
+    elif d.hint:
+        lines.append(f"  {d.hint}")
+    lines += [f"  in {name}, called at {span}" for name, span in d.trace]
+    return "\n".join(lines)
+
+
+def _quote(span: Span, source: Callable[[str], str | None]) -> tuple[str, str] | None:
+    text = source(span.file)
+    rows = text.splitlines() if text is not None else []
+    if not 0 < span.line <= len(rows):
+        return None
+    row = rows[span.line - 1].replace("\t", " ")
+    start = span.column - 1
+    width = (span.end_column - span.column) if span.end_line == span.line else len(row) - start
+    cut = max(0, start - MAX_SHOWN_LINE // 2) if len(row) > MAX_SHOWN_LINE else 0
+    shown = row[cut : cut + MAX_SHOWN_LINE]
+    width = max(1, min(width, len(shown) - (start - cut)))
+    gutter = f"{span.line:>4} | "
+    return f"{gutter}{shown}", " " * (len(gutter) - 2) + "| " + " " * (start - cut) + "^" * width
+
+
+def _span_json(span: Span | None) -> dict[str, object] | None:
+    if span is None:
+        return None
+    return {
+        "file": span.file,
+        "line": span.line,
+        "column": span.column,
+        "end_line": span.end_line,
+        "end_column": span.end_column,
+    }

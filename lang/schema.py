@@ -1,0 +1,480 @@
+"""The one schema: every element, its arguments, their types, defaults and a line of documentation each."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+REQUIRED = object()  # the default of an argument that must be given
+
+# The types an argument can have, and what the evaluator turns them into (see elements.Element.args).
+TYPES = {
+    "number": "a plain number",
+    "int": "a whole number",
+    "bool": "true or false",
+    "string": "a string",
+    "choice": "one of the strings listed",
+    "length": "a length; a bare number is in the file's unit",
+    "angle": "an angle: 30deg or 0.5rad",
+    "time": "a time: 2s",
+    "intensity": "candela (cd), or bare",
+    "illuminance": "lux (lx), or bare",
+    "luminance": "nit (cd/m²), or bare",
+    "flux": "lumen (lm)",
+    "color": "a colour",
+    "number_map": "a number or a texture",
+    "color_map": "a colour, a number (grey) or a texture",
+    "texture": "a texture",
+    "material": "a material",
+    "point": "three lengths",
+    "size3": "three lengths, or one for all",
+    "size2": "two lengths, or one for both",
+    "direction": "three numbers or lengths; its length does not matter",
+    "numbers2": "two plain numbers, or one for both",
+    "scale3": "three plain numbers, or one for all",
+    "rotation": "[x, y, z] angles, axis(v, angle) or quaternion(x, y, z, w)",
+    "matrix": "four rows of four numbers (the last may be left out); the translation column takes lengths",
+    "numbers": "a list of plain numbers",
+    "points": "a list of points",
+    "point_lists": "a list of lists of points",
+    "vectors3": "a list of three-number vectors",
+    "vectors2": "a list of two-number vectors",
+    "faces": "a list of lists of whole numbers from 0",
+    "falloff": "[constant, linear, quadratic] or ramp(start, end)",
+    "formula": "a formula |x, y, z| …",
+    "pixels": "[width, height] whole numbers",
+    "strings": "a list of strings",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Arg:
+    """One argument. Positional arguments are taken in the order of the entry; `keyword` ones only by name."""
+
+    name: str
+    type: str
+    default: Any = None
+    doc: str = ""
+    aliases: tuple[str, ...] = ()
+    choices: tuple[str, ...] = ()
+    minimum: float | None = None  # in base units; violating it is an error
+    maximum: float | None = None
+    above: float | None = None  # exclusive minimum
+    keyword: bool = False
+    planned: bool = False  # known to the language, not built yet: giving it is an error that says so
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One element of the language."""
+
+    name: str
+    category: str  # shape solid block light material texture camera setting
+    doc: str
+    args: tuple[Arg, ...] = ()
+    children: bool = False
+    planned: bool = False  # known to the language, not built yet
+    exclusive: tuple[tuple[str, ...], ...] = ()  # groups of which at most one may be given
+    example: str = ""
+
+    def arg(self, name: str) -> Arg | None:
+        """The argument called `name`, by its name or an alias."""
+        return next((a for a in self.args if name == a.name or name in a.aliases), None)
+
+
+_PLACED = (
+    Arg("name", "string", None, "its name in messages and the id channel", keyword=True),
+    Arg("translate", "point", None, "moves it, after scale and rotate", keyword=True),
+    Arg("rotate", "rotation", None, "turns it about the origin of its frame", keyword=True),
+    Arg("scale", "scale3", None, "stretches it from the origin of its frame", keyword=True),
+)
+_SHAPE = (Arg("material", "material", None, "what it is made of; inherited from the block around it", keyword=True), *_PLACED)
+_CENTER = Arg("center", "point", (0.0, 0.0, 0.0), "where its middle is")
+_RADIUS = Arg("radius", "length", 1.0, "radius", above=0.0)
+_CAPPED = Arg("capped", "bool", True, "closed by disks", keyword=True)
+_SHADING = Arg(
+    "shading",
+    "choice",
+    "phong",
+    "where light is computed: at every point with smooth normals, at vertices, or with the face's normal",
+    choices=("phong", "gouraud", "flat"),
+    keyword=True,
+)
+_LIGHT = (
+    Arg("color", "color", (1.0, 1.0, 1.0), "multiplies its strength", keyword=True),
+    Arg("name", "string", None, "its name in messages", keyword=True),
+)
+_SHADOWS = Arg("shadows", "bool", True, "whether things block it", keyword=True)
+_FALLOFF = Arg("falloff", "falloff", None, "how it fades with distance; 1/d² when not given", keyword=True)
+_MAPPING = Arg(
+    "mapping",
+    "choice",
+    "uv",
+    "how a point of the surface finds its place in the texture",
+    choices=("uv", "latlong", "projected", "box", "net"),
+    keyword=True,
+)
+_TEXTURE = (
+    _MAPPING,
+    Arg("scale", "numbers2", (1.0, 1.0), "repeats over u and v", keyword=True),
+    Arg("offset", "numbers2", (0.0, 0.0), "moves it over u and v", keyword=True),
+)
+_COLORS = (
+    Arg("a", "color", (0.8, 0.8, 0.8), "first colour"),
+    Arg("b", "color", (0.2, 0.2, 0.2), "second colour"),
+    Arg("size", "length", None, "width of a cell along the surface; without it there are 8 over u and over v", above=0.0, keyword=True),
+)
+
+
+def _shape(name: str, doc: str, *args: Arg, **more: Any) -> Entry:
+    return Entry(name, "shape", doc, (*args, *_SHAPE), **more)
+
+
+def _planned(category: str, *names: str) -> tuple[Entry, ...]:
+    return tuple(Entry(n, category, "not built yet", planned=True, children=category == "solid") for n in names)
+
+
+def _course_material(name: str, lobe: str) -> Entry:
+    return Entry(
+        name,
+        "material",
+        f"the course's {lobe}: k_a L_a + Σ I (k_d max(0, N·L) + k_s lobe^n) + k_r reflected + k_t refracted",
+        (
+            Arg("color", "color_map", (0.8, 0.8, 0.8), "diffuse coefficient k_d", aliases=("k_d", "diffuse")),
+            Arg("specular", "color_map", (0.5, 0.5, 0.5), "specular coefficient k_s", aliases=("k_s",)),
+            Arg("shininess", "number_map", 32.0, "exponent n of the highlight", minimum=0.0),
+            Arg("ambient", "color_map", None, "ambient coefficient k_a; k_d when not given", aliases=("k_a",), keyword=True),
+            Arg("reflection", "color_map", (0.0, 0.0, 0.0), "mirror coefficient k_r", aliases=("k_r",), keyword=True),
+            Arg("transmission", "color_map", (0.0, 0.0, 0.0), "refraction coefficient k_t", aliases=("k_t",), keyword=True),
+            Arg("ior", "number_map", 1.5, "index of refraction for k_t", above=0.0, keyword=True),
+            Arg("normalized", "bool", False, "scales the lobe so that it conserves energy", keyword=True),
+            _SHADING,
+        ),
+        example=f'sphere(1, material: {name}(#d0402a, specular: 0.4, shininess: 60))',
+    )
+
+
+SHAPES = (
+    _shape("sphere", "all points at `radius` from `center`", _RADIUS, _CENTER, example="sphere(1, center: [0, 1, 0])"),
+    _shape("box", "a rectangular box", Arg("size", "size3", (1.0, 1.0, 1.0), "its edges", above=0.0), _CENTER, example="box([1, 2, 1])"),
+    _shape(
+        "plane",
+        "an endless plane",
+        Arg("y", "length", None, "its height, when it is level"),
+        Arg("normal", "direction", None, "its normal, with `point`", keyword=True),
+        Arg("point", "point", None, "a point of it, with `normal`", keyword=True),
+        Arg("a", "number", None, "a of a x + b y + c z + d = 0", keyword=True),
+        Arg("b", "number", None, "b of a x + b y + c z + d = 0", keyword=True),
+        Arg("c", "number", None, "c of a x + b y + c z + d = 0", keyword=True),
+        Arg("d", "length", None, "d of a x + b y + c z + d = 0", keyword=True),
+        exclusive=(("y", "normal", "a"), ("y", "point", "b"), ("y", "c")),
+        example="plane(y: 0)",
+    ),
+    _shape("disk", "a flat disk", _RADIUS, _CENTER, Arg("normal", "direction", (0.0, 1.0, 0.0), "where it faces"), example="disk(1)"),
+    _shape(
+        "cylinder",
+        "a cylinder about its y axis",
+        _RADIUS,
+        Arg("height", "length", 2.0, "its height", above=0.0),
+        _CENTER,
+        _CAPPED,
+        example="cylinder(0.5, 2)",
+    ),
+    _shape(
+        "cone",
+        "a cone about its y axis, its tip up",
+        _RADIUS,
+        Arg("height", "length", 2.0, "its height", above=0.0),
+        _CENTER,
+        Arg("top", "length", 0.0, "radius at the top, for a truncated cone", minimum=0.0, keyword=True),
+        _CAPPED,
+        example="cone(0.5, 1)",
+    ),
+    _shape(
+        "torus",
+        "a ring about its y axis",
+        Arg("radius", "length", 1.0, "from the axis to the middle of the tube", above=0.0),
+        Arg("tube", "length", 0.25, "radius of the tube", above=0.0),
+        _CENTER,
+        example="torus(1, 0.25)",
+    ),
+    _shape(
+        "capsule",
+        "a cylinder about its y axis with half spheres for ends",
+        Arg("radius", "length", 0.5, "radius", above=0.0),
+        Arg("height", "length", 1.0, "height of the cylinder between the half spheres", above=0.0),
+        _CENTER,
+        example="capsule(0.3, 1)",
+    ),
+    _shape("ellipsoid", "a sphere stretched along the axes", Arg("radii", "size3", (1.0, 1.0, 1.0), "its half axes", above=0.0), _CENTER),
+    _shape(
+        "quadric",
+        "A x² + B y² + C z² + D xy + E yz + F xz + G x + H y + I z + J = 0, in metres",
+        Arg("coefficients", "numbers", REQUIRED, "the ten numbers A … J"),
+        Arg("within", "size3", None, "edges of the box about the origin that cuts it; endless without", above=0.0),
+        example="quadric([1, -1, 1, 0, 0, 0, 0, 0, 0, -0.2], within: 2)",
+    ),
+    _shape(
+        "triangle",
+        "one triangle, counter-clockwise from its front",
+        Arg("points", "points", REQUIRED, "its three corners"),
+        Arg("normals", "vectors3", None, "a normal for each corner", keyword=True),
+        Arg("uv", "vectors2", None, "texture coordinates for each corner", keyword=True),
+        example="triangle([[0, 0, 0], [1, 0, 0], [0, 1, 0]])",
+    ),
+    _shape(
+        "polygon",
+        "one flat polygon, convex or not, counter-clockwise from its front",
+        Arg("points", "points", REQUIRED, "its corners in order"),
+        Arg("holes", "point_lists", None, "the corners of each hole", keyword=True),
+        Arg("uv", "vectors2", None, "texture coordinates for each corner of the outline, then of each hole", keyword=True),
+    ),
+    _shape(
+        "mesh",
+        "polygons from a file (.obj, .ply, .stl, .glb), or from points and faces",
+        Arg("file", "string", None, "file of the mesh, beside the scene"),
+        Arg("points", "points", None, "the vertices", keyword=True),
+        Arg("faces", "faces", None, "for each face its vertices, counter-clockwise from outside", keyword=True),
+        Arg("normals", "vectors3", None, "a normal for each vertex", keyword=True),
+        Arg("uv", "vectors2", None, "texture coordinates for each vertex", keyword=True),
+        Arg("colors", "vectors3", None, "a linear colour for each vertex", keyword=True),
+        Arg("height", "length", None, "scaled evenly to this height and set with its base at y = 0, its middle at x = z = 0", above=0.0, keyword=True),
+        exclusive=(("file", "points"),),
+        example='mesh("bunny.obj", height: 35cm)',
+    ),
+    _shape(
+        "usd",
+        "everything a USD file holds but its cameras and settings",
+        Arg("file", "string", REQUIRED, "file of the stage, beside the scene"),
+        Arg("prim", "string", None, "only what lies below this prim", keyword=True),
+    ),
+    *_planned("shape", "heightfield", "implicit", "surface", "bezier", "nurbs", "subdivision", "curve", "revolve", "extrude", "voxels"),
+)
+
+SOLIDS = _planned("solid", "union", "intersection", "difference")
+
+BLOCKS = (
+    Entry("group", "block", "its children together", _SHAPE, children=True, example="group(translate: [1, 0, 0]) { sphere(1) }"),
+    Entry(
+        "transform",
+        "block",
+        "its children scaled, then rotated, then translated; or by a matrix",
+        (Arg("matrix", "matrix", None, "applied instead of translate, rotate and scale"), *_SHAPE),
+        children=True,
+        exclusive=(("matrix", "translate"), ("matrix", "rotate"), ("matrix", "scale")),
+    ),
+    Entry("translate", "block", "its children moved", (Arg("by", "point", REQUIRED, "how far"),), children=True),
+    Entry("rotate", "block", "its children turned", (Arg("by", "rotation", REQUIRED, "how"),), children=True),
+    Entry("scale", "block", "its children stretched", (Arg("by", "scale3", REQUIRED, "how much"),), children=True),
+)
+
+LIGHTS = (
+    Entry(
+        "point",
+        "light",
+        "light from a point to all sides",
+        (
+            Arg("position", "point", REQUIRED, "where it is"),
+            Arg("intensity", "intensity", 9 * math.pi, "candela; the default shows white 3 m away as 1", minimum=0.0, keyword=True),
+            Arg("flux", "flux", None, "lumen to all sides together", minimum=0.0, keyword=True),
+            _FALLOFF,
+            _SHADOWS,
+            *_LIGHT,
+        ),
+        exclusive=(("intensity", "flux"),),
+        example="point([2, 3, 1], intensity: 40cd)",
+    ),
+    Entry(
+        "spot",
+        "light",
+        "light from a point into a cone",
+        (
+            Arg("position", "point", REQUIRED, "where it is"),
+            Arg("look_at", "point", (0.0, 0.0, 0.0), "what it is turned to", keyword=True),
+            Arg("cone", "angle", math.radians(30), "half angle where its light ends", above=0.0, maximum=math.pi, keyword=True),
+            Arg("soft", "angle", math.radians(5), "width inside the cone over which it fades", minimum=0.0, keyword=True),
+            Arg("intensity", "intensity", 9 * math.pi, "candela along its axis", minimum=0.0, keyword=True),
+            Arg("flux", "flux", None, "lumen in the cone together", minimum=0.0, keyword=True),
+            _FALLOFF,
+            _SHADOWS,
+            *_LIGHT,
+        ),
+        exclusive=(("intensity", "flux"),),
+    ),
+    Entry(
+        "directional",
+        "light",
+        "parallel light from one direction",
+        (
+            Arg("from", "direction", (0.0, 1.0, 0.0), "where it comes from"),
+            Arg("illuminance", "illuminance", math.pi, "lux on a surface that faces it", aliases=("irradiance",), minimum=0.0, keyword=True),
+            _SHADOWS,
+            *_LIGHT,
+        ),
+    ),
+    Entry(
+        "sun",
+        "light",
+        "sunlight: parallel light from a small disk in the sky",
+        (
+            Arg("from", "direction", (1.0, 2.0, 1.5), "where it comes from"),
+            Arg("illuminance", "illuminance", math.pi, "lux on a surface that faces it", aliases=("irradiance",), minimum=0.0, keyword=True),
+            Arg("angle", "angle", math.radians(0.53), "its angular diameter", minimum=0.0, maximum=math.pi / 2, keyword=True),
+            _SHADOWS,
+            *_LIGHT,
+        ),
+    ),
+    Entry(
+        "sky",
+        "light",
+        "an even sky all around, seen as the background",
+        (Arg("luminance", "luminance", 1.0, "nit", aliases=("radiance",), minimum=0.0, keyword=True), _SHADOWS, *_LIGHT),
+    ),
+    Entry(
+        "dome",
+        "light",
+        "a latitude-longitude picture all around, seen as the background",
+        (
+            Arg("file", "string", REQUIRED, "file of the picture"),
+            Arg("luminance", "luminance", 1.0, "nit where the picture is 1", aliases=("radiance",), minimum=0.0, keyword=True),
+            Arg("rotate", "rotation", None, "turns it", keyword=True),
+            _SHADOWS,
+            *_LIGHT,
+        ),
+    ),
+    Entry(
+        "area",
+        "light",
+        "a shining rectangle or disk, seen as it is; it shines to the side it looks at",
+        (
+            Arg("position", "point", REQUIRED, "its middle"),
+            Arg("look_at", "point", None, "what it is turned to; straight down when not given", keyword=True),
+            Arg("size", "size2", (1.0, 1.0), "its edges, or the disk's diameter", above=0.0, keyword=True),
+            Arg("shape", "choice", "rectangle", "its outline", choices=("rectangle", "disk"), keyword=True),
+            Arg("up", "direction", None, "which way its second edge points", keyword=True),
+            Arg("luminance", "luminance", 1.0, "nit", aliases=("radiance",), minimum=0.0, keyword=True),
+            Arg("flux", "flux", None, "lumen together", minimum=0.0, keyword=True),
+            _SHADOWS,
+            *_LIGHT,
+        ),
+        exclusive=(("luminance", "flux"),),
+    ),
+    Entry(
+        "ambient",
+        "light",
+        "light that is everywhere, unoccluded: the course's L_a",
+        (
+            Arg("color", "color", (1.0, 1.0, 1.0), "its colour"),
+            Arg("luminance", "luminance", 0.1, "nit", aliases=("radiance",), minimum=0.0, keyword=True),
+            Arg("name", "string", None, "its name in messages", keyword=True),
+        ),
+    ),
+)
+
+MATERIALS = (
+    Entry("lambert", "material", "matt: L = ρE/π", (Arg("color", "color_map", (0.8, 0.8, 0.8), "albedo ρ"), _SHADING), example="lambert(#c9c4bb)"),
+    _course_material("phong", "Phong model (lobe R·V)"),
+    _course_material("blinn_phong", "Blinn-Phong model (lobe N·H)"),
+    Entry("mirror", "material", "a perfect mirror", (Arg("color", "color_map", (1.0, 1.0, 1.0), "how much it reflects"),)),
+    Entry(
+        "glass",
+        "material",
+        "clear glass: reflects and refracts by Fresnel's and Snell's laws",
+        (
+            Arg("color", "color_map", (1.0, 1.0, 1.0), "how much it lets through"),
+            Arg("ior", "number_map", 1.5, "index of refraction", above=0.0, keyword=True),
+        ),
+    ),
+    Entry(
+        "emissive",
+        "material",
+        "shines of its own",
+        (
+            Arg("color", "color_map", (1.0, 1.0, 1.0), "its colour"),
+            Arg("luminance", "luminance", 1.0, "nit", aliases=("radiance",), minimum=0.0, keyword=True),
+        ),
+    ),
+    *_planned("material", "principled", "metal", "blend"),
+)
+
+TEXTURES = (
+    Entry(
+        "image",
+        "texture",
+        "a picture from a file",
+        (
+            Arg("file", "string", REQUIRED, "file of the picture, beside the scene"),
+            Arg("wrap", "choice", "repeat", "what lies outside of it", choices=("repeat", "clamp", "mirror", "black"), keyword=True),
+            Arg("filter", "choice", "linear", "between its pixels", choices=("linear", "nearest"), keyword=True),
+            Arg("space", "choice", "auto", "how its values are stored; auto: sRGB for colours, linear for numbers", choices=("auto", "srgb", "linear"), keyword=True),
+            *_TEXTURE,
+        ),
+    ),
+    Entry("checker", "texture", "a chessboard of two colours", (*_COLORS, *_TEXTURE), example="checker(#eeeeee, #888888, size: 50cm)"),
+    Entry(
+        "stripes",
+        "texture",
+        "stripes of two colours across u",
+        (*_COLORS, Arg("angle", "angle", 0.0, "turns them", keyword=True), *_TEXTURE),
+    ),
+    *_planned("texture", "pattern"),
+)
+
+CAMERA = Entry(
+    "camera",
+    "camera",
+    "where the picture is taken from",
+    (
+        Arg("position", "point", REQUIRED, "where it is"),
+        Arg("look_at", "point", (0.0, 0.0, 0.0), "what it is turned to"),
+        Arg("up", "direction", (0.0, 1.0, 0.0), "what is up in the picture", keyword=True),
+        Arg("fov", "angle", None, "vertical field of view (40deg when nothing is given)", above=0.0, maximum=math.radians(179.9), keyword=True),
+        Arg("focal", "length", None, "focal length, with `film`", above=0.0, keyword=True),
+        Arg("film", "size2", (0.036, 0.024), "width and height of the film, with `focal`", above=0.0, keyword=True),
+        Arg("width", "length", None, "makes it orthographic, with this horizontal extent", above=0.0, keyword=True),
+        Arg("projection", "choice", None, "kind of picture; told from the rest when not given", choices=("perspective", "orthographic", "panoramic"), keyword=True),
+        Arg("near", "length", None, "what is nearer along its axis is cut away", above=0.0, keyword=True),
+        Arg("far", "length", None, "what is farther along its axis is cut away", above=0.0, keyword=True),
+        Arg("shift", "numbers2", (0.0, 0.0), "moves the picture by this share of its width and height", keyword=True),
+        Arg("exposure", "number", None, "stops (ev) for 8 and 16-bit pictures", keyword=True),
+        Arg("view", "string", None, "view transform", keyword=True),
+        Arg("name", "string", None, "for --camera", keyword=True),
+        Arg("aperture", "number", None, "f-stop", keyword=True, planned=True),
+        Arg("focus", "length", None, "distance in focus", keyword=True, planned=True),
+        Arg("shutter", "time", None, "how long it is open", keyword=True, planned=True),
+    ),
+    exclusive=(("fov", "focal", "width"),),
+)
+
+SETTINGS = (
+    Entry(
+        "render",
+        "setting",
+        "how the picture is made; the command line goes before it",
+        (
+            Arg("size", "pixels", None, "width and height in pixels", keyword=True),
+            Arg("backend", "choice", None, "which backend draws", choices=("auto", "ray", "raster", "reference"), keyword=True),
+            Arg("samples", "int", None, "samples a pixel", minimum=1, maximum=1 << 20, keyword=True),
+            Arg("error", "number", None, "render until √relMSE is below this: 1%", above=0.0, keyword=True),
+            Arg("budget", "time", None, "render for this long", above=0.0, keyword=True),
+            Arg("bounces", "int", None, "surface interactions after the first hit", minimum=0, maximum=64, keyword=True),
+            Arg("seed", "int", None, "of the random numbers", minimum=0, keyword=True),
+            Arg("filter", "choice", None, "pixel filter", choices=("box", "tent", "gaussian", "blackman-harris"), keyword=True),
+            Arg("background", "color", None, "a colour in place of the sky", keyword=True),
+            Arg("crop", "numbers", None, "x0, y0, x1, y1 in pixels", keyword=True),
+            Arg("aov", "strings", None, "channels beside the picture", keyword=True),
+        ),
+    ),
+    Entry(
+        "animate",
+        "setting",
+        "how long `time` runs",
+        (
+            Arg("duration", "time", REQUIRED, "how long", above=0.0, keyword=True),
+            Arg("fps", "number", 24.0, "frames a second", above=0.0, keyword=True),
+        ),
+    ),
+)
+
+SCHEMA: dict[str, Entry] = {e.name: e for e in (*SHAPES, *SOLIDS, *BLOCKS, *LIGHTS, *MATERIALS, *TEXTURES, CAMERA, *SETTINGS)}

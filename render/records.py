@@ -1,0 +1,94 @@
+"""The small records that pass between stages of rendering, in lanes: each field is a numpy array or, in kernels, a scalar."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..compiler import ir
+
+Lane = Any  # float64 or int64 lanes: numpy arrays in the reference backend, scalars in kernels
+Vec = tuple[Lane, Lane, Lane]
+
+
+class Ray(NamedTuple):
+    """origin + t · direction for t_min < t < t_max. In world space the direction has unit length."""
+
+    origin: Vec
+    direction: Vec
+    t_min: Lane
+    t_max: Lane
+
+
+class Hit(NamedTuple):
+    """What a ray meets first."""
+
+    t: Lane  # distance along the ray, inf: nothing
+    instance: Lane  # row of Instances, -1: nothing
+    primitive: Lane  # MESH: row of Pools.triangles; other kinds: which part of the shape (see shapes.py)
+    u: Lane  # MESH: weight of the triangle's second corner
+    v: Lane  # MESH: weight of its third corner
+
+
+class Surface(NamedTuple):
+    """A point of a surface, ready to be shaded. Normals are unit and face the side the ray came from."""
+
+    position: Vec  # world
+    local: Vec  # in the geometry's own frame
+    geometric: Vec  # the true normal
+    normal: Vec  # the one light is computed with (interpolated where smooth)
+    local_normal: Vec  # true normal in the geometry's own frame, facing outside
+    uv: tuple[Lane, Lane]
+    metric: tuple[Lane, Lane]  # metres that one unit of u and of v spans (1 where unknown)
+    front: Lane  # bool: the ray came from outside
+    instance: Lane
+    material: Lane
+    color: Vec  # the mesh's own colour (1 where it has none)
+    offset: Lane  # how far a new ray's origin must be moved along ±geometric so as not to meet this surface again
+
+
+class Options(NamedTuple):
+    """The plan as kernels read it."""
+
+    seed: int
+    bounces: int  # surface interactions after the first hit
+    interreflection: bool  # diffuse rays are followed, not only mirrors and glass
+    shadows: bool
+    background: int  # 0: sky and domes, 1: black, 2: `color`
+    color: tuple[float, float, float]
+
+
+class GouraudLight(NamedTuple):
+    """Light computed at vertices: color[first[instance] + vertex - first_vertex], for instances with first >= 0."""
+
+    first: NDArray[np.int64]
+    color: NDArray[np.float64]  # (k, 3)
+
+
+class View(NamedTuple):
+    """A camera and the picture it makes, as kernels read it."""
+
+    camera: int  # row of Cameras
+    width: int  # pixels of the whole picture, crop or not
+    height: int
+
+
+class Tile(NamedTuple):
+    """Pixels x0 <= x < x1, y0 <= y < y1 of the picture."""
+
+    x0: int
+    y0: int
+    x1: int
+    y1: int
+
+
+class Film(NamedTuple):
+    """Sums over the samples of a tile's pixels, (height, width, …) float64; renderers add to them."""
+
+    color: NDArray[np.float64]  # (h, w, 3) radiance
+    alpha: NDArray[np.float64]  # (h, w) coverage
+
+
+Tables = ir.Tables

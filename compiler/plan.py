@@ -2,22 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from ..lang.diagnostics import suggest
 from . import ir
+
+DEFAULT_SIZE = (800, 600)
+DEFAULT_WIDTH = 960  # for cameras that bring a film's aspect, as usdrecord does
+SAMPLES_SHARP = 16  # antialiasing alone
+SAMPLES_SOFT = 64  # antialiasing and lights that have an extent
+MAX_SAMPLES = 4096  # where an adaptive render gives up
+SPECULAR_BOUNCES = 8
+BRUTE_FORCE_INSTANCES = 4  # below this many analytic shapes a loop beats the tree (bench/accelerator.py)
+BACKENDS = ("ray", "raster", "reference")
+FILTERS = ("box", "tent", "gaussian", "blackman-harris")
+CHANNELS = ("depth", "normal", "position", "albedo", "uv", "id")
+
+_SOFT_LIGHTS = (ir.LightKind.SUN, ir.LightKind.SKY, ir.LightKind.DOME, ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
+
+
+class PlanError(ValueError):
+    """An override that names no decision, or gives it a value it cannot have; the message says which there are."""
 
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """One decision. `choices` are the values an override may have; empty: any value of the same type."""
+    """One decision. `choices` are the values an override may have; empty: any value of the same type.
+
+    `fixed` says why `--plan` cannot change it here (an option of its own does).
+    """
 
     name: str
     value: Any
     reason: str
     choices: tuple[Any, ...] = ()
     overridden: bool = False
+    fixed: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +54,244 @@ class Plan:
     def __getitem__(self, name: str) -> Any:
         return self.decisions[name].value
 
+    def values(self) -> dict[str, Any]:
+        """The decisions as plain data, for `--stats` and picture metadata."""
+        return {d.name: list(d.value) if isinstance(d.value, tuple) else d.value for d in self.decisions.values()}
 
-def make(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, str] = {}) -> Plan:  # noqa: B006 - never changed
-    """Decide what drawing `scene` with `settings` (command line over scene) takes."""
-    raise NotImplementedError
+
+def make(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, str] | None = None) -> Plan:
+    """Decide what drawing `scene` takes. `settings` are the command line's; the scene's own stand behind them.
+
+    Raises PlanError for an override that cannot be, or a camera that is not there.
+    """
+    asked = settings.over(scene.settings)
+    overrides = dict(overrides or {})
+    decided: dict[str, Decision] = {}
+    for rule in RULES:
+        decision = rule(scene, asked, decided)
+        if decision.name in overrides:
+            decision = _overridden(decision, overrides.pop(decision.name))
+        decided[decision.name] = decision
+    for name in overrides:
+        hint = suggest(name, decided) or "`maquette explain` lists them"
+        raise PlanError(f"no decision is called `{name}`; {hint}")
+    return Plan(decided)
+
+
+def _overridden(decision: Decision, text: str) -> Decision:
+    if decision.fixed:
+        raise PlanError(f"`{decision.name}` is set by {decision.fixed}")
+    value: Any = text
+    if isinstance(decision.value, bool):
+        value = {"true": True, "on": True, "yes": True, "false": False, "off": False, "no": False}.get(text.lower())
+        choices: tuple[Any, ...] = ("on", "off")
+    else:
+        choices = decision.choices
+        if isinstance(decision.value, int | float):
+            try:
+                value = type(decision.value)(text)
+            except ValueError:
+                value = None
+    valid = value is not None and (isinstance(decision.value, bool) or not choices or value in choices)
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        valid = valid and math.isfinite(value) and (value > 0 or value == decision.value)
+    if not valid:
+        wanted = ", ".join(map(str, choices)) if choices else f"a positive number like {decision.value}"
+        raise PlanError(f"`{decision.name}` cannot be {text}; it can be: {wanted}")
+    return Decision(decision.name, value, "set with --plan", decision.choices, overridden=True)
+
+
+# --- the rules, in the order they are taken; a rule may look at the decisions before it ---------------------------------
+
+
+def _backend(scene: ir.Scene, asked: ir.Settings, _: Mapping[str, Decision]) -> Decision:
+    if asked.backend in (None, "auto"):
+        return Decision("backend", "ray", "draws everything a scene can hold", BACKENDS, fixed="--backend")
+    return Decision("backend", asked.backend, "asked for", BACKENDS, fixed="--backend")
+
+
+def _camera(scene: ir.Scene, asked: ir.Settings, _: Mapping[str, Decision]) -> Decision:
+    names = scene.names.cameras
+    if asked.camera is not None:
+        row = find_camera(names, asked.camera)
+        return Decision("camera", row, f"asked for `{names[row]}`", fixed="--camera")
+    reason = f"`{names[0]}`, the first of {len(names)}" if len(names) > 1 else "the only one"
+    if any(d.startswith("camera") for d in scene.defaults):
+        reason = next(d for d in scene.defaults if d.startswith("camera"))
+    return Decision("camera", 0, reason, fixed="--camera")
+
+
+def find_camera(names: tuple[str, ...], wanted: str) -> int:
+    """The row of the camera called `wanted`, by its whole name or the last part of its path."""
+    for row, name in enumerate(names):
+        if wanted in (name, name.rsplit("/", 1)[-1]):
+            return row
+    there = ", ".join(f"`{n}`" for n in names if n) or "none with a name"
+    raise PlanError(f"no camera is called `{wanted}`; the scene has: {there}. {suggest(wanted, names)}".strip())
+
+
+def _size(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    if asked.size is not None:
+        return Decision("size", asked.size, "asked for", fixed="--size")
+    aspect = float(scene.tables.cameras.aspect[done["camera"].value])
+    if aspect > 0:
+        size = (DEFAULT_WIDTH, max(1, int(DEFAULT_WIDTH / aspect)))
+        return Decision("size", size, f"the camera's film is {aspect:.4g} : 1", fixed="--size")
+    return Decision("size", DEFAULT_SIZE, "the default", fixed="--size")
+
+
+def _crop(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    width, height = done["size"].value
+    whole = (0, 0, width, height)
+    if asked.crop is None:
+        return Decision("crop", whole, "the whole picture", fixed="--crop")
+    x0, y0, x1, y1 = asked.crop
+    if not (0 <= x0 < x1 <= width and 0 <= y0 < y1 <= height):
+        raise PlanError(f"the crop {x0},{y0},{x1},{y1} does not lie inside the picture of {width}x{height} pixels")
+    return Decision("crop", asked.crop, "asked for", fixed="--crop")
+
+
+def _soft(scene: ir.Scene, *_: Any) -> Decision:
+    lights = scene.tables.lights
+    soft = [k for k in _SOFT_LIGHTS if np.any((lights.kind == k) & np.any(lights.color > 0, axis=1))]
+    if soft:
+        reason = f"{', '.join(k.name.lower() for k in soft)}: sampled with random numbers"
+    else:
+        reason = "only point-like lights: one exact shadow ray each, no random numbers"
+    return Decision("soft lights", bool(soft), reason, fixed="the scene's lights")
+
+
+def _bounces(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    if done["backend"].value == "raster":
+        return Decision("bounces", 0, "the raster backend follows no reflected or refracted rays", fixed="--bounces")
+    if asked.bounces is not None:
+        return Decision("bounces", asked.bounces, "asked for", fixed="--bounces")
+    if specular_materials(scene).any():
+        return Decision("bounces", SPECULAR_BOUNCES, "some materials reflect or refract", fixed="--bounces")
+    return Decision("bounces", 0, "no material reflects or refracts: direct light only", fixed="--bounces")
+
+
+def _interreflection(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    diffuse = scene.tables.materials.values[:, ir.Slot.DIFFUSE].max(axis=1, initial=0.0) > 0
+    if asked.bounces and done["bounces"].value > 0 and diffuse.any():
+        return Decision("interreflection", True, "bounces were asked for: matt surfaces light each other too")
+    reason = "no bounces were asked for: rays go on at mirrors and glass only" if diffuse.any() else "no material is matt"
+    return Decision("interreflection", False, reason)
+
+
+def _shadows(scene: ir.Scene, *_: Any) -> Decision:
+    casting = bool(scene.tables.lights.shadows.any())
+    return Decision("shadows", casting, "some light casts them" if casting else "no light casts any")
+
+
+def _error(scene: ir.Scene, asked: ir.Settings, _: Mapping[str, Decision]) -> Decision:
+    if asked.error is not None and asked.samples is None:
+        return Decision("error", float(asked.error), "asked for: samples are added tile by tile until √relMSE is below it", fixed="--error")
+    reason = "a number of samples was asked for" if asked.error is not None else "none was asked for"
+    return Decision("error", 0.0, reason, fixed="--error")
+
+
+def _budget(scene: ir.Scene, asked: ir.Settings, _: Mapping[str, Decision]) -> Decision:
+    if asked.budget is not None:
+        return Decision("budget", float(asked.budget), "asked for: seconds of rendering at the most", fixed="--budget")
+    return Decision("budget", math.inf, "none was asked for", fixed="--budget")
+
+
+def _samples(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    if asked.samples is not None:
+        return Decision("samples", asked.samples, "asked for", fixed="--samples")
+    if done["error"].value > 0 or math.isfinite(done["budget"].value):
+        return Decision("samples", MAX_SAMPLES, "at the most; the error or the budget ends it", fixed="--samples")
+    if done["soft lights"].value or done["interreflection"].value:
+        return Decision("samples", SAMPLES_SOFT, "soft light needs more than antialiasing does", fixed="--samples")
+    return Decision("samples", SAMPLES_SHARP, "antialiasing; light is exact at each sample", fixed="--samples")
+
+
+def _filter(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    if asked.filter is not None:
+        return Decision("filter", asked.filter, "asked for", FILTERS)
+    return Decision("filter", "gaussian", "the default: smooth edges", FILTERS)
+
+
+def _seed(scene: ir.Scene, asked: ir.Settings, _: Mapping[str, Decision]) -> Decision:
+    return Decision("seed", asked.seed or 0, "asked for" if asked.seed else "the default", fixed="--seed")
+
+
+def _background(scene: ir.Scene, asked: ir.Settings, _: Mapping[str, Decision]) -> Decision:
+    if asked.background is not None:
+        return Decision("background", asked.background, "asked for", fixed="--background")
+    kinds = scene.tables.lights.kind
+    if np.isin(kinds, (ir.LightKind.SKY, ir.LightKind.DOME)).any():
+        return Decision("background", "sky", "the scene has a sky", fixed="--background")
+    return Decision("background", "transparent", "the scene has no sky", fixed="--background")
+
+
+def _exposure(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    of_camera = float(scene.tables.cameras.exposure[done["camera"].value])
+    if asked.exposure is not None:
+        return Decision("exposure", asked.exposure, "asked for", fixed="--exposure")
+    if not math.isnan(of_camera):
+        return Decision("exposure", of_camera, "the camera's", fixed="--exposure")
+    if scene.photometric:
+        return Decision("exposure", "metered", "some light has a unit: the log-average becomes middle grey", fixed="--exposure")
+    return Decision("exposure", 0.0, "all light values are bare", fixed="--exposure")
+
+
+def _view(scene: ir.Scene, asked: ir.Settings, _: Mapping[str, Decision]) -> Decision:
+    return Decision("view", asked.view or "sRGB", "asked for" if asked.view else "the default", fixed="--view")
+
+
+def _aov(scene: ir.Scene, asked: ir.Settings, _: Mapping[str, Decision]) -> Decision:
+    for name in asked.aov or ():
+        if name not in CHANNELS:
+            raise PlanError(f"no channel is called `{name}`; there are {', '.join(CHANNELS)}. {suggest(name, CHANNELS)}".strip())
+    if asked.aov:
+        return Decision("aov", tuple(dict.fromkeys(asked.aov)), "asked for", fixed="--aov")
+    return Decision("aov", (), "none was asked for: none is computed", fixed="--aov")
+
+
+def _threads(scene: ir.Scene, asked: ir.Settings, _: Mapping[str, Decision]) -> Decision:
+    reason = "asked for" if asked.threads else "0: one a core; the picture is the same with any number"
+    return Decision("threads", asked.threads or 0, reason, fixed="--threads")
+
+
+def _accelerator(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    tables = scene.tables
+    choices = ("bvh", "brute")
+    meshes = tables.geometries.kind[tables.instances.geometry] == ir.GeometryKind.MESH
+    count = len(tables.instances.geometry)
+    if done["backend"].value == "reference":
+        return Decision("accelerator", "brute", "the reference tries every primitive", fixed="--backend")
+    if count <= BRUTE_FORCE_INSTANCES and not meshes.any():
+        return Decision("accelerator", "brute", f"{count} shapes: trying each is quicker than a tree", choices)
+    reason = f"{count} instances of {len(tables.geometries.kind)} geometries, {len(tables.pools.triangles)} triangles"
+    return Decision("accelerator", "bvh", reason, choices)
+
+
+def _tolerance(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    return Decision("tolerance", 0.05, "pixels a tessellated shape may be off its true outline")
+
+
+def _fill(scene: ir.Scene, *_: Any) -> Decision:
+    return Decision("raster.fill", "edges", "exact edge functions; all three cover the same samples", ("edges", "areas", "scanline"))
+
+
+RULES: tuple[Callable[[ir.Scene, ir.Settings, Mapping[str, Decision]], Decision], ...] = (
+    _backend, _camera, _size, _crop, _soft, _bounces, _interreflection, _shadows, _error, _budget, _samples, _filter, _seed,
+    _background, _exposure, _view, _aov, _threads, _accelerator, _tolerance, _fill,
+)  # fmt: skip
+
+
+def specular_materials(scene: ir.Scene) -> np.ndarray:
+    """(materials,) bool: those that mirror or refract."""
+    m = scene.tables.materials
+    slots = m.values[:, [ir.Slot.REFLECTION, ir.Slot.TRANSMISSION]].max(axis=(1, 2), initial=0.0) > 0
+    return slots | np.isin(m.model, (ir.MaterialModel.MIRROR, ir.MaterialModel.GLASS))
+
+
+def warnings(scene: ir.Scene, plan: Plan) -> list[str]:
+    """What the plan finds odd about the scene."""
+    found = []
+    if plan["interreflection"] and (scene.tables.lights.kind == ir.LightKind.AMBIENT).any():
+        found.append("ambient light stands for interreflection, and bounces compute it: it is counted twice; leave out one")
+    return found

@@ -206,12 +206,16 @@ class ElementItem(Item):
 
 @dataclass(frozen=True, slots=True)
 class File(Node):
-    """A whole file. `items` lie in the order written; `text` is the source the spans point into."""
+    """A whole file. `items` lie in the order written; `text` is the source the spans point into.
+
+    `broken` are the names that items with a syntax error would have bound: later stages do not call them unknown.
+    """
 
     name: str
     text: str
     items: tuple[Item, ...]
     dangling: tuple[Comment, ...] = ()
+    broken: frozenset[str] = frozenset()
 
 
 def children(node: Node) -> Iterator[Node]:

@@ -1,0 +1,181 @@
+"""From text to syntax tree: the door of the front end, and how parsing goes on after an error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from lark import Token
+from lark.exceptions import UnexpectedToken
+
+from . import ast, explain, layout, tokens
+from .comments import Comments
+from .diagnostics import Diagnostics, Span, in_order
+from .tree import BROKEN, MAX_DEPTH, TooDeep, TreeBuilder
+
+MAX_BYTES = 4_000_000
+MAX_ERRORS = 100  # syntax errors shown for a file
+
+
+def decode(data: bytes, name: str, diagnostics: Diagnostics) -> str | None:
+    """The text of a .scene file from its bytes: UTF-8, with or without a byte-order mark; lines end with `\\n`.
+
+    None, with a diagnostic, for what is too large or no text.
+    """
+    if len(data) > MAX_BYTES:
+        _too_large(len(data), name, diagnostics)
+        return None
+    if b"\0" in data:
+        diagnostics.error("this is a binary file, no scene", Span(name))
+        return None
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as e:
+        line = data.count(b"\n", 0, e.start) + 1
+        diagnostics.error(f"line {line} is not UTF-8 text (byte 0x{data[e.start]:02x})", Span(name), "save the file as UTF-8")
+        return None
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def parse(text: str, name: str, diagnostics: Diagnostics) -> ast.File:
+    """The syntax tree of `text`, shown as file `name` in spans. Never raises on input.
+
+    All syntax errors go into `diagnostics`, in order; an item with an error is left out, the others are there.
+    """
+    whole = Span(name)
+    if len(text) > MAX_BYTES:
+        _too_large(len(text), name, diagnostics)
+        return ast.File(whole, name, text, ())
+    found = Diagnostics()
+    scan = tokens.scan(text.removeprefix("\ufeff"), name, found)
+    stream = layout.lay_out(scan, name, found)
+    items, dangling, broken = _Parsing(stream, scan, name, found).run()
+    shown = in_order(found.items)
+    diagnostics.items.extend(shown[:MAX_ERRORS])
+    if len(shown) > MAX_ERRORS:
+        diagnostics.error(f"more than {MAX_ERRORS} syntax errors; the rest is not shown", whole)
+    return ast.File(whole, name, text, items, dangling, frozenset(broken))
+
+
+def _too_large(size: int, name: str, diagnostics: Diagnostics) -> None:
+    hint = "put large meshes and tables into files of their own"
+    diagnostics.error(f"the file has {size / 1e6:.1f} MB; a scene has {MAX_BYTES / 1e6:.0f} MB at most", Span(name), hint)
+
+
+@dataclass(slots=True)
+class _Level:
+    """A list of items being read: the file, or a block."""
+
+    depth: int  # brackets open around it
+    height: int  # of the parser's stack where its current item began
+    first: int  # token the current item begins with
+    broken: bool = False  # the current item has an error already
+
+
+@dataclass
+class _Parsing:
+    """Feeds lark token by token. On an error it takes back the current item and goes on at the next one."""
+
+    stream: list[Token]
+    scan: tokens.Scan
+    file: str
+    diagnostics: Diagnostics
+    broken: set[str] = field(default_factory=set)  # names that broken items would have bound
+
+    def run(self) -> tuple[tuple[ast.Item, ...], tuple[ast.Comment, ...], set[str]]:
+        lark = tokens.grammar()
+        builder: TreeBuilder = lark.options.transformer
+        builder.begin(self.file, Comments(self.scan.comments))
+        self.parser = lark.parse_interactive()
+        state = self.parser.parser_state
+        self.stacks: tuple[list[Any], list[Any]] = (state.state_stack, state.value_stack)
+        self.levels = [_Level(0, len(state.state_stack), 0)]
+        self.depths = _depths(self.stream)
+        i = 0
+        result: Any = ((), ())
+        while i < len(self.stream):
+            token = self.stream[i]
+            try:
+                result = self.parser.feed_token(token)
+            except UnexpectedToken as e:
+                self._report(i, e.expected)
+                i = self._recover(i)
+            except TooDeep as e:
+                self._report_depth(i, e.span)
+                i = self._recover(i)
+            else:
+                self._follow(token, i)
+                i += 1
+        return (*(result or ((), ())), self.broken)
+
+    def _follow(self, token: Token, i: int) -> None:
+        """Keeps account of the blocks and items `token` opens and closes."""
+        level = self.levels[-1]
+        if token == "{":
+            self.levels.append(_Level(self.depths[i] + 1, len(self.stacks[0]), i + 1))
+        elif token == "}":
+            self.levels.pop()
+        elif token.type == "_NL":
+            level.height, level.first, level.broken = len(self.stacks[0]), i + 1, False
+
+    def _recover(self, i: int) -> int:
+        """Takes back the current item and skips the rest of it, up to a block of its own whose items can still be read."""
+        level = self.levels[-1]
+        level.broken = True
+        self._remember_names(level)
+        for stack in self.stacks:
+            del stack[level.height - (stack is self.stacks[1]) :]
+        while i < len(self.stream):
+            token, depth = self.stream[i], self.depths[i]
+            if token.type == "$END" or (token == "}" and depth < level.depth):
+                return i
+            if depth == level.depth and token.type == "_NL":
+                level.first, level.broken = i + 1, False
+                return i + 1
+            if depth == level.depth and token == "{":
+                self.parser.feed_token(Token("NAME", BROKEN, token.start_pos, token.line, token.column, token.line, token.column))
+                return i
+            i += 1
+        return i
+
+    def _remember_names(self, level: _Level) -> None:
+        item = self.stream[level.first : level.first + 4]
+        if len(item) < 2:
+            return
+        if item[0] in ("let", "param") and item[1].type == "NAME":
+            self.broken.add(str(item[1]))
+        elif item[0] == "use":
+            named = item[3] if len(item) > 3 and item[2] == "as" else item[1]
+            self.broken.add(str(named).strip('"').rpartition("/")[2].partition(".")[0])
+
+    def _report(self, i: int, expected: set[str]) -> None:
+        level = self.levels[-1]
+        token = self.stream[i]
+        start = self.stream[level.first]
+        if level.broken or self._is_known(start, token):
+            return
+        what = explain.Place(self.stream, i, level.first, expected)
+        message, hint, at = explain.explain(what)
+        self.diagnostics.error(message, tokens.span_of(at, self.file), hint)
+
+    def _report_depth(self, i: int, span: Span) -> None:
+        level = self.levels[-1]
+        if not level.broken and not self._is_known(self.stream[level.first], self.stream[i]):
+            start = tokens.span_of(self.stream[level.first], self.file)
+            message = f"this is more than {MAX_DEPTH} operators, calls or blocks deep"
+            self.diagnostics.error(message, start.to(start), "give parts of it a name with `let`; add up long lists with `fold`")
+
+    def _is_known(self, start: Token, end: Token) -> bool:
+        """Whether a mistake between the two tokens is reported already."""
+        first, last = (start.line or 1, start.column or 1), (end.end_line or 1, end.end_column or 1)
+        return any(first <= place <= last for place in self.scan.wrong)
+
+
+def _depths(stream: list[Token]) -> list[int]:
+    """For each token how many brackets are open around it; an opener and its closer count as outside."""
+    depths, depth = [], 0
+    for token in stream:
+        depth -= token in tokens.CLOSERS
+        depths.append(depth)
+        depth += token in tokens.OPENERS
+    return depths

@@ -31,7 +31,7 @@ class Comments:
         comments = deque(self._take(start, end))
         done: list[ast.Item] = []
         line = start[0]  # the last line something was written on
-        for item, following in zip(items, [*items[1:], None], strict=True):
+        for item, following in zip(items, [*items[1:], None], strict=False):
             item_end = (item.span.end_line, item.span.end_column)
             before: list[ast.Comment] = []
             while comments and _place(comments[0]) < item_end:

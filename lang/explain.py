@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from lark import Token
 
-from .tokens import CLOSERS, KEYWORDS, OPENERS
+from .tokens import CLOSERS, COMPARISONS, KEYWORDS, OPENERS, OPERATORS
+from .units import UNITS
 
-UNITS = frozenset("mm cm dm m km in ft deg rad turn s ms min cd lx nit lm ev px".split())
-OPERATORS = frozenset("+ - * / ^ .. < <= > >= == != and or not".split())
-COMPARISONS = frozenset("< <= > >= == !=".split())
 _VALUE = frozenset(("NUMBER", "STRING", "COLOR", "NAME"))
 
 Answer = tuple[str, str, Token]  # message, hint, where
@@ -123,7 +120,7 @@ def _keyword_as_name(place: Place) -> Answer | None:
 
 
 def _binding(place: Place) -> Answer | None:
-    start, token, behind = place.start, place.token, place.near(1)
+    start, token = place.start, place.token
     if start not in ("let", "param"):
         return None
     name = place.stream[place.first + 1]
@@ -145,7 +142,7 @@ def _binding(place: Place) -> Answer | None:
     if start == "param" and token == ":" and place.opener() is None:
         return "a `param` takes its value with `=`", f"write param {name} = …", token
     if start == "let" and place.near(-1) == ")" and place.inside() == "" and "EQUAL" in place.expected and token != "=":
-        return f"`=` is missing before the value of `{name}`", "write let name(…) = …", token if behind else token
+        return f"`=` is missing before the value of `{name}`", "write let name(…) = …", token
     return None
 
 
@@ -220,7 +217,7 @@ def _colon(place: Place) -> Answer | None:
 
 def _space_before_unit(place: Place) -> Answer | None:
     number, unit = place.near(-1), place.token
-    if number.type == "NUMBER" and re.fullmatch(r"[\d.eE+-]+", number) and (unit in UNITS or unit == "in") and not _starts_value(place.near(1)):
+    if number.type == "NUMBER" and number[-1].isdigit() and unit in UNITS and not _starts_value(place.near(1)):
         return "a unit stands right behind its number", f"write {number}{unit}", unit
     return None
 

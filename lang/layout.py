@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from lark import Token
 
 from .diagnostics import Diagnostics
-from .tokens import CLOSERS, OPENERS, Scan, span_of
+from .tokens import CLOSERS, OPENERS, OPERATORS, Scan, span_of
 
 # After one of these a line goes on; `|` closes the parameters of a function.
-GOES_ON = frozenset("+ - * / ^ .. < <= > >= == != and or not = , : . | in then else ( [".split())
+_GOES_ON = OPERATORS | frozenset(("=", ",", ":", ".", "|", "in", "then", "else", "(", "["))
 # What begins an item and can be nowhere else.
 _ITEM_WORDS = frozenset(("let", "param", "use", "unit"))
 # What may stand behind a complete value, so that a line beginning with it is no new item.
-_CONTINUES = frozenset("+ - * / ^ .. < <= > >= == != and or = , : . | in then else for if ) ] ( [ {".split())
+_CONTINUES = OPERATORS - {"not"} | frozenset(("=", ",", ":", ".", "|", "in", "then", "else", "for", "if", "(", ")", "[", "]", "{"))
 _MAX_BRACKET_ERRORS = 20  # each may look at the rest of the file once more
 
 
@@ -41,7 +41,8 @@ class _Report:
 
     def __call__(self, token: Token, message: str, hint: str) -> None:
         self.count += 1
-        self.scan.wrong.append((token.line or 1, token.column or 1))
+        if token != "{":  # what stands in an unclosed block is as good as before
+            self.scan.wrong.append((token.line or 1, token.column or 1))
         if token.line not in self.lines:
             self.lines.add(token.line or 1)
             self.diagnostics.error(message, span_of(token, self.file), hint)
@@ -90,7 +91,7 @@ def _note_line_end(stack: list[_Open], tokens: list[Token], i: int, kept: int) -
     if not stack or stack[-1].token == "{" or stack[-1].line_end is not None:
         return
     before, behind = tokens[i - 1], tokens[i + 1]
-    if before not in GOES_ON and behind not in _CONTINUES or ";" in tokens[i]:
+    if (before not in _GOES_ON and behind not in _CONTINUES) or ";" in tokens[i]:
         stack[-1].line_end = (i, kept)
 
 
@@ -143,7 +144,7 @@ def _drop_line_ends(tokens: list[Token], scan: Scan, file: str, diagnostics: Dia
     stack: list[Token] = []
     for token, behind in zip(tokens, [*tokens[1:], tokens[-1]], strict=True):
         if token.type == "_NL":
-            if ";" not in token and (behind == "else" or (kept and kept[-1] in GOES_ON) or (stack and stack[-1] != "{")):
+            if ";" not in token and (behind == "else" or (kept and kept[-1] in _GOES_ON) or (stack and stack[-1] != "{")):
                 continue
             if behind == "{" and kept and kept[-1].type != "_NL":
                 scan.wrong.append((behind.line or 1, behind.column or 1))

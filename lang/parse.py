@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from operator import itemgetter
 from typing import Any
 
-from lark import Token
+from lark import Lark, Token
 from lark.exceptions import UnexpectedToken
 
 from . import ast, explain, layout, tokens
@@ -84,33 +87,55 @@ class _Parsing:
 
     def run(self) -> tuple[tuple[ast.Item, ...], tuple[ast.Comment, ...], set[str]]:
         lark = tokens.grammar()
-        builder: TreeBuilder = lark.options.transformer
-        builder.begin(self.file, Comments(self.scan.comments))
+        builder = TreeBuilder(self.file, Comments(self.scan.comments))
         self.parser = lark.parse_interactive()
         state = self.parser.parser_state
+        # The tree is built while parsing, by a builder of this parse's own: a tree is never walked recursively.
+        state.parse_conf.callbacks = _callbacks(lark, builder)
         self.stacks: tuple[list[Any], list[Any]] = (state.state_stack, state.value_stack)
         self.levels = [_Level(0, len(state.state_stack), 0)]
         self.depths = _depths(self.stream)
+        self.wrong = sorted(self.scan.wrong)
         i = 0
         result: Any = ((), ())
         while i < len(self.stream):
             token = self.stream[i]
+            if self._drops_item(i):
+                i = self._recover(i)
+                continue
             try:
                 result = self.parser.feed_token(token)
             except UnexpectedToken as e:
                 self._report(i, e.expected)
                 i = self._recover(i)
-            except TooDeep as e:
-                self._report_depth(i, e.span)
+            except TooDeep:
+                self._report_depth(i)
                 i = self._recover(i)
             else:
-                self._follow(token, i)
+                self._follow(i)
                 i += 1
-        return (*(result or ((), ())), self.broken)
+        items, dangling = result or ((), ())
+        return items, dangling, self.broken
 
-    def _follow(self, token: Token, i: int) -> None:
-        """Keeps account of the blocks and items `token` opens and closes."""
-        level = self.levels[-1]
+    def _drops_item(self, i: int) -> bool:
+        """Whether the item that token `i` ends, if it does, has a mistake that was repaired: it is left out too."""
+        level, token = self.levels[-1], self.stream[i]
+        ends = token.type in ("_NL", "$END") or (token == "}" and self.depths[i] < level.depth)
+        if not ends or not self.wrong or i == level.first:
+            return False
+        first, last = self._wrong_between(level.first, i)
+        del self.wrong[first:last]
+        return first < last and not level.broken
+
+    def _wrong_between(self, first: int, last: int) -> tuple[int, int]:
+        """The range of `wrong` that lies in the tokens `first` to `last`."""
+        a, b = self.stream[first], self.stream[last]
+        start, end = (a.line or 1, a.column or 1), (b.end_line or 1, b.end_column or 1)
+        return bisect_left(self.wrong, start), bisect_left(self.wrong, end)
+
+    def _follow(self, i: int) -> None:
+        """Keeps account of the blocks and items token `i` opens and closes."""
+        level, token = self.levels[-1], self.stream[i]
         if token == "{":
             self.levels.append(_Level(self.depths[i] + 1, len(self.stacks[0]), i + 1))
         elif token == "}":
@@ -149,26 +174,31 @@ class _Parsing:
             self.broken.add(str(named).strip('"').rpartition("/")[2].partition(".")[0])
 
     def _report(self, i: int, expected: set[str]) -> None:
-        level = self.levels[-1]
-        token = self.stream[i]
-        start = self.stream[level.first]
-        if level.broken or self._is_known(start, token):
-            return
-        what = explain.Place(self.stream, i, level.first, expected)
-        message, hint, at = explain.explain(what)
-        self.diagnostics.error(message, tokens.span_of(at, self.file), hint)
+        if not self._is_known(i):
+            place = explain.Place(self.stream, i, self.levels[-1].first, expected)
+            message, hint, at = explain.explain(place)
+            self.diagnostics.error(message, tokens.span_of(at, self.file), hint)
 
-    def _report_depth(self, i: int, span: Span) -> None:
-        level = self.levels[-1]
-        if not level.broken and not self._is_known(self.stream[level.first], self.stream[i]):
-            start = tokens.span_of(self.stream[level.first], self.file)
-            message = f"this is more than {MAX_DEPTH} operators, calls or blocks deep"
-            self.diagnostics.error(message, start.to(start), "give parts of it a name with `let`; add up long lists with `fold`")
+    def _report_depth(self, i: int) -> None:
+        if not self._is_known(i):
+            span = tokens.span_of(self.stream[self.levels[-1].first], self.file)
+            message = f"operators, calls and blocks more than {MAX_DEPTH} deep"
+            self.diagnostics.error(message, span, "give parts of it a name with `let`; add up long lists with `fold`")
 
-    def _is_known(self, start: Token, end: Token) -> bool:
-        """Whether a mistake between the two tokens is reported already."""
-        first, last = (start.line or 1, start.column or 1), (end.end_line or 1, end.end_column or 1)
-        return any(first <= place <= last for place in self.scan.wrong)
+    def _is_known(self, i: int) -> bool:
+        """Whether a mistake in the current item is reported already."""
+        level = self.levels[-1]
+        first, last = self._wrong_between(level.first, i)
+        return level.broken or first < last
+
+
+def _callbacks(lark: Lark, builder: TreeBuilder) -> dict[Any, Callable[[list[Any]], Any]]:
+    """What lark calls for each rule. The ladder of operators mostly hands one value up: those rules take a short cut."""
+    callbacks = lark._parse_tree_builder.create_callback(builder)
+    for rule in callbacks:
+        if rule.options.expand1 and rule.alias is None and len(rule.expansion) == 1:
+            callbacks[rule] = itemgetter(0)
+    return callbacks
 
 
 def _depths(stream: list[Token]) -> list[int]:

@@ -12,12 +12,14 @@ from lark.lark import PostLex
 
 from . import ast
 from .diagnostics import Diagnostics, Span
-from .tree import TreeBuilder
 
-KEYWORDS = frozenset("use as unit param in let for if else then or and not".split())
+KEYWORDS = frozenset(("use", "as", "unit", "param", "in", "let", "for", "if", "else", "then", "or", "and", "not"))
+COMPARISONS = frozenset(("<", "<=", ">", ">=", "==", "!="))
+OPERATORS = COMPARISONS | frozenset(("+", "-", "*", "/", "^", "..", "and", "or", "not"))
 OPENERS = {"(": ")", "[": "]", "{": "}"}
 CLOSERS = {")": "(", "]": "[", "}": "{"}
 MAX_NESTING = 200  # open brackets
+MAX_MISTAKES = 1000  # behind so many a file is read no further
 
 _ESCAPE = re.compile(r"\\(.)")
 _INSTEAD = {  # what stands for it in the language
@@ -61,18 +63,10 @@ class Scan:
 
 
 @lru_cache(maxsize=1)
-def grammar(builder: type[TreeBuilder] = TreeBuilder) -> Lark:
-    """The lark parser; its tree is built at once by a TreeBuilder, so no tree is ever walked recursively."""
+def grammar() -> Lark:
+    """The lark parser with its tables."""
     text = Path(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
-    return Lark(
-        text,
-        parser="lalr",
-        lexer="basic",
-        postlex=_KeepMistakes(),
-        keep_all_tokens=True,
-        maybe_placeholders=False,
-        transformer=builder(),
-    )
+    return Lark(text, parser="lalr", lexer="basic", postlex=_KeepMistakes(), keep_all_tokens=True, maybe_placeholders=False)
 
 
 def span_of(token: Token, file: str) -> Span:
@@ -87,12 +81,14 @@ def scan(text: str, file: str, diagnostics: Diagnostics) -> Scan:
     safe = 0  # number of tokens before the last line end outside all brackets
     for token in _commented_lines(grammar().lex(text)):
         if token.type in _MISTAKES:
-            result.wrong.append((token.line, token.column))
+            result.wrong.append((token.line or 1, token.column or 1))
             kept = _MISTAKES[token.type](token, file, diagnostics)
             if isinstance(kept, ast.Comment):
                 result.comments.append(kept)
             elif kept is not None:
                 result.tokens.append(kept)
+            if len(result.wrong) >= MAX_MISTAKES:
+                break
             continue
         if token.type == "COMMENT":
             result.comments.append(ast.Comment(span_of(token, file), str(token)))
@@ -101,7 +97,7 @@ def scan(text: str, file: str, diagnostics: Diagnostics) -> Scan:
             depth += 1
             if depth > MAX_NESTING:
                 diagnostics.error(f"brackets more than {MAX_NESTING} deep", span_of(token, file), "give parts of it a name with `let`")
-                result.wrong.append((token.line, token.column))
+                result.wrong.append((token.line or 1, token.column or 1))
                 del result.tokens[safe:]
                 break
         elif token in CLOSERS:

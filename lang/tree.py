@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 from typing import Any
 
 from lark import Token, Transformer
@@ -27,16 +28,10 @@ class TooDeep(Exception):
 
 
 class TreeBuilder(Transformer):
-    """lark hands each method the parts of its rule: tokens, and the nodes made of the rules below.
+    """lark hands each method the parts of its rule: tokens, and the nodes made of the rules below."""
 
-    `begin` a file before each parse.
-    """
-
-    def __init__(self) -> None:
+    def __init__(self, file: str, comments: Comments) -> None:
         super().__init__()
-        self.begin("", Comments())
-
-    def begin(self, file: str, comments: Comments) -> None:
         self.file = file
         self.comments = comments
         self.depths: dict[int, int] = {}  # by id(node); an id used again is written again
@@ -140,7 +135,7 @@ class TreeBuilder(Transformer):
         return ast.Unit(self._span(parts), (), None, False, self._name(parts[1]))
 
     def param(self, parts: list[Any]) -> ast.Param:
-        after = {str(p): q for p, q in zip(parts, parts[1:], strict=False) if isinstance(p, Token) and p.type in ("COLON", "EQUAL", "IN")}
+        after = {str(p): q for p, q in pairwise(parts) if isinstance(p, Token) and p.type in ("COLON", "EQUAL", "IN")}
         type_ = self._name(after[":"]) if ":" in after else None
         doc = self._string(parts[-1]) if isinstance(parts[-1], Token) else None
         default, range_ = after["="], after.get("in")
@@ -151,7 +146,8 @@ class TreeBuilder(Transformer):
         parameters = None
         if parts[2] == "(":
             parameters = parts[3] if isinstance(parts[3], tuple) else ()
-        return self._made(ast.Let(self._span(parts), (), None, False, self._name(parts[1]), parameters, parts[-1]), parts[-1], *parameters or ())
+        let = ast.Let(self._span(parts), (), None, False, self._name(parts[1]), parameters, parts[-1])
+        return self._made(let, let.value, *parameters or ())
 
     def parameters(self, parts: list[Any]) -> tuple[ast.Parameter, ...]:
         return tuple(p for p in parts if isinstance(p, ast.Parameter))

@@ -1,0 +1,255 @@
+"""The scene builder: the one place where rows of the IR's tables are made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from ..lang.diagnostics import Diagnostics, Span
+from . import ir, shape_bounds, transforms
+from .rows import CameraData, Color, Input, InstanceData, LightData, MaterialData, MeshAttribute, MeshData, TextureData
+
+NONE = -1  # the row of what was not accepted; the diagnostics say why
+SPANNED = ("geometries", "instances", "materials", "textures", "lights", "cameras")
+_EXPECTED = {ir.Interpolation.FACE: "one a triangle", ir.Interpolation.VERTEX: "one a vertex", ir.Interpolation.CORNER: "one a corner"}
+
+
+class SceneBuilder:
+    """Collects rows and returns their indices; `finish` makes the immutable ir.Scene.
+
+    Equal transforms, shapes, textures and materials become one row. Whatever is wrong with a row is a diagnostic, and the
+    row is NONE, which every later method takes and leaves out.
+    """
+
+    def __init__(self, diagnostics: Diagnostics | None = None) -> None:
+        self.diagnostics = diagnostics if diagnostics is not None else Diagnostics()
+        self._matrices: list[np.ndarray] = []
+        self._inverses: list[np.ndarray] = []
+        self._rows: dict[str, list[tuple[Any, ...]]] = {name: [] for name in ir.TABLES}
+        self._names: dict[str, list[str]] = {f.name: [] for f in fields(ir.Names)}
+        self._spans: dict[str, list[Span | None]] = {name: [] for name in SPANNED}
+        self._known: dict[Any, int] = {}
+        self._pools: dict[str, list[np.ndarray]] = {name: [] for name in (*ir.Pools._fields, "texels")}
+        self._length: dict[str, int] = dict.fromkeys(self._pools, 0)
+        self._material_row: dict[Any, int] = {}
+        self.transform(np.eye(4))
+
+    # --- transforms ---
+
+    def transform(self, matrix: np.ndarray, span: Span | None = None) -> int:
+        """The row of a (3, 4) or (4, 4) object-to-world matrix. NONE and a warning if it has no inverse."""
+        affine = np.ascontiguousarray(np.asarray(matrix, dtype=np.float64)[:3])
+        key = ("transform", (affine + 0.0).tobytes())  # + 0.0: −0 and 0 are the same
+        row = self._known.get(key)
+        if row is not None:
+            return row
+        inverse = transforms.inverse(affine)
+        if inverse is None:
+            self.diagnostics.warning(
+                "this is flattened to nothing by its transform (no inverse): it is not drawn", span, "a scale must not be 0 along any axis"
+            )
+            return NONE
+        row = len(self._matrices)
+        self._known[key] = row
+        self._matrices.append(affine)
+        self._inverses.append(inverse)
+        return row
+
+    # --- geometry ---
+
+    def geometry(self, kind: ir.GeometryKind, parameters: Sequence[float] = (), span: Span | None = None, name: str = "") -> int:
+        """The row of an analytic shape; `parameters` in the order of ir.GeometryKind."""
+        numbers = tuple(map(float, parameters))
+        key = ("geometry", kind, numbers)
+        row = self._known.get(key)
+        if row is None:
+            bounds = shape_bounds.of(kind, numbers)
+            row = self._geometry(kind, numbers, bounds, np.zeros(3), (0,) * 6, (NONE,) * 3, span, name)
+            self._known[key] = row
+        return row
+
+    def mesh(self, mesh: MeshData, span: Span | None = None, name: str = "") -> int:
+        """The row of a new mesh, its positions stored as float32 about the middle of its bounds. Attributes of a wrong length are
+        left out with a warning; a mesh without triangles is NONE."""
+        name = name or mesh.name
+        positions = np.asarray(mesh.positions, dtype=np.float64).reshape(-1, 3)
+        triangles = np.asarray(mesh.triangles, dtype=np.int32).reshape(-1, 3)
+        if not len(triangles):
+            self.diagnostics.warning(f"the mesh{f' `{name}`' if name else ''} has no triangles: nothing is drawn", span)
+            return NONE
+        with np.errstate(all="ignore"):
+            finite = positions[np.isfinite(positions).all(axis=1)]
+        bounds = np.stack([finite.min(axis=0), finite.max(axis=0)]) if len(finite) else np.zeros((2, 3))
+        origin = bounds.mean(axis=0)
+        first_vertex, first_triangle = self._length["positions"], self._length["triangles"]
+        first_polygon, polygon_count = self._outlines(mesh, first_vertex, first_triangle)
+        self._pool("positions", (positions - origin).astype(np.float32))
+        self._pool("triangles", triangles + np.int32(first_vertex))
+        ranges = (first_vertex, len(positions), first_triangle, len(triangles), first_polygon, polygon_count)
+        attributes = tuple(
+            self._attribute(kind, given, width, len(positions), len(triangles), span)
+            for kind, given, width in (("normals", mesh.normals, 3), ("uvs", mesh.uvs, 2), ("colors", mesh.colors, 3))
+        )
+        return self._geometry(ir.GeometryKind.MESH, (), bounds, origin, ranges, attributes, span, name)
+
+    def _geometry(self, kind: int, parameters: tuple[float, ...], bounds: Any, origin: Any, ranges: tuple[int, ...],
+                  attributes: tuple[int, ...], span: Span | None, name: str) -> int:  # fmt: skip
+        padded = parameters + (0.0,) * (ir.PARAMETERS - len(parameters))
+        return self._add("geometries", (int(kind), padded, bounds, origin, *ranges, *attributes), span, name)
+
+    def _outlines(self, mesh: MeshData, first_vertex: int, first_triangle: int) -> tuple[int, int]:
+        """Adds the mesh's polygons; (first row, count)."""
+        first = len(self._rows["polygons"])
+        if mesh.outlines is None:
+            return first, 0
+        outlines = mesh.outlines
+        first_corner, first_loop = self._length["corners"], self._length["loops"]
+        self._pool("corners", np.asarray(outlines.corners, dtype=np.int32).reshape(-1) + np.int32(first_vertex))
+        self._pool("loops", np.asarray(outlines.loops, dtype=np.int32).reshape(-1, 2) + np.array([first_corner, 0], dtype=np.int32))
+        rows = np.asarray(outlines.polygons, dtype=np.int32).reshape(-1, 4)
+        rows = rows + np.array([first_loop, 0, first_triangle, 0], dtype=np.int32)
+        self._rows["polygons"].extend(map(tuple, rows.tolist()))
+        return first, len(rows)
+
+    def _attribute(self, name: str, given: MeshAttribute | None, width: int, vertices: int, triangles: int, span: Span | None) -> int:
+        if given is None:
+            return NONE
+        values = np.asarray(given.values, dtype=np.float32).reshape(-1, width)
+        kind = ir.Interpolation(given.interpolation)
+        expected = {"FACE": triangles, "VERTEX": vertices, "CORNER": 3 * triangles}.get(kind.name, 1)
+        if len(values) != expected:
+            how = f", {_EXPECTED[kind]}" if kind in _EXPECTED else ""
+            self.diagnostics.warning(f"the mesh has {len(values)} {name} where {expected} belong{how}: they are left out", span)
+            return NONE
+        row = self._add("attributes", (int(kind), width, self._length["values"], len(values)), None, name)
+        self._pool("values", values.reshape(-1))
+        return row
+
+    # --- what is placed, and what it is made of ---
+
+    def instance(self, instance: InstanceData, span: Span | None = None) -> int:
+        """Places a geometry. NONE if its geometry or transform is NONE."""
+        if instance.geometry < 0 or instance.transform < 0:
+            return NONE
+        row = (instance.geometry, instance.transform, instance.material, instance.light, instance.visible)
+        return self._add("instances", row, span, instance.name)
+
+    def material(self, material: MaterialData, span: Span | None = None) -> int:
+        """The row of a material; an equal one of the same name is shared."""
+        values = [[0.0, 0.0, 0.0] for _ in range(ir.SLOTS)]
+        values[ir.Slot.IOR][0] = 1.0
+        images = [NONE] * ir.SLOTS
+        for slot, given in material.inputs.items():
+            values[slot], images[slot] = list(map(float, given.value)), given.texture
+        row = (int(material.model), int(material.shading), bool(material.normalized), tuple(map(tuple, values)), tuple(images))
+        key = ("material", row, material.name)
+        if key not in self._known:
+            self._known[key] = self._add("materials", row, span, material.name)
+        return self._known[key]
+
+    def texture(self, texture: TextureData, span: Span | None = None) -> int:
+        """The row of a texture; an equal one is shared."""
+        key = ("texture", texture)
+        if key not in self._known:
+            row = tuple(getattr(texture, column) for column in ir.Textures._fields)
+            self._known[key] = self._add("textures", row, span, "")
+        return self._known[key]
+
+    def image(self, texels: np.ndarray, name: str = "") -> int:
+        """The row of a picture: (h, w, 4) linear r, g, b, a, row 0 at the top. Callers share rows by file (see images.py)."""
+        height, width, _ = texels.shape
+        row = self._add("images", (self._length["texels"], width, height), None, name)
+        self._pool("texels", np.asarray(texels, dtype=np.float32).reshape(-1, 4))
+        return row
+
+    def light(self, light: LightData, span: Span | None = None) -> int:
+        """The row of a light; NONE if its transform is."""
+        if light.transform < 0:
+            return NONE
+        columns = {**{f.name: getattr(light, f.name) for f in fields(light)}, "instance": NONE}
+        return self._add("lights", tuple(columns[c] for c in ir.Lights._fields), span, light.name)
+
+    def camera(self, camera: CameraData, span: Span | None = None) -> int:
+        """The row of a camera; NONE if its transform is."""
+        if camera.transform < 0:
+            return NONE
+        return self._add("cameras", tuple(getattr(camera, c) for c in ir.Cameras._fields), span, camera.name)
+
+    def default_material(self) -> int:
+        """The row of the grey that things without a material are made of."""
+        return self.material(lambert(DEFAULT_ALBEDO, name="default"))
+
+    def count(self, table: str) -> int:
+        """How many rows a table has so far."""
+        return len(self._matrices) if table == "transforms" else len(self._rows[table])
+
+    # --- the end ---
+
+    def finish(self, name: str = "", **about: Any) -> ir.Scene:
+        """The scene. `about` are further fields of ir.Scene (settings, photometric, duration, fps, defaults, files, params).
+        Instances without a material get the default one; lights learn which instance is their shape."""
+        rows = dict(self._rows)
+        if any(row[2] < 0 for row in rows["instances"]):
+            grey = self.default_material()
+            rows["instances"] = [row if row[2] >= 0 else (*row[:2], grey, *row[3:]) for row in rows["instances"]]
+        shape_of = {row[3]: index for index, row in enumerate(rows["instances"]) if row[3] >= 0}
+        at = ir.Lights._fields.index("instance")
+        rows["lights"] = [(*row[:at], shape_of.get(index, NONE), *row[at + 1 :]) for index, row in enumerate(rows["lights"])]
+        made = {table: ir.table_of(table, _columns(table, rows[table])) for table in ir.TABLES}
+        made["transforms"] = self._transforms()
+        made["pools"] = ir.table_of("pools", {column: self._pooled(column) for column in ir.Pools._fields})
+        made["images"] = ir.table_of("images", {**_columns("images", rows["images"]), "texels": self._pooled("texels")})
+        names = ir.Names(**{table: tuple(of) for table, of in self._names.items()})
+        return ir.Scene(name, ir.Tables(**made), names, _spans(self._spans), **about)
+
+    def _transforms(self) -> ir.Transforms:
+        matrices = np.stack(self._matrices)
+        flips = np.linalg.det(matrices[:, :, :3]) < 0
+        return ir.table_of("transforms", {"matrix": matrices, "inverse": np.stack(self._inverses), "flips": flips})
+
+    def _add(self, table: str, row: tuple[Any, ...], span: Span | None, name: str) -> int:
+        rows = self._rows[table]
+        rows.append(row)
+        if table in self._names:
+            self._names[table].append(name)
+        if table in self._spans:
+            self._spans[table].append(span)
+        return len(rows) - 1
+
+    def _pool(self, name: str, piece: np.ndarray) -> None:
+        self._pools[name].append(piece)
+        self._length[name] += len(piece)
+
+    def _pooled(self, name: str) -> Any:
+        return np.concatenate(self._pools[name]) if self._pools[name] else ()
+
+
+DEFAULT_ALBEDO: Color = (0.8, 0.8, 0.8)
+
+
+def lambert(albedo: Color, texture: int = -1, name: str = "") -> MaterialData:
+    """A matt material: k_a = k_d = the albedo, times a texture."""
+    matt = Input(albedo, texture)
+    return MaterialData(ir.MaterialModel.LAMBERT, {ir.Slot.AMBIENT: matt, ir.Slot.DIFFUSE: matt}, name=name)
+
+
+def _columns(table: str, rows: Sequence[tuple[Any, ...]]) -> Mapping[str, Any]:
+    """Columns by name; those that the rows end before (an image's texels) are not among them."""
+    columns = ir.TABLES[table]._fields  # type: ignore[attr-defined]
+    return dict(zip(columns, zip(*rows, strict=True), strict=False))
+
+
+def _spans(spans: Mapping[str, list[Span | None]]) -> ir.Spans:
+    sources: dict[str, int] = {}
+    rows = {}
+    for table, of in spans.items():
+        made = [
+            (-1, 0, 0, 0, 0) if s is None else (sources.setdefault(s.file, len(sources)), s.line, s.column, s.end_line, s.end_column)
+            for s in of
+        ]
+        rows[table] = np.array(made, dtype=np.int32).reshape(-1, 5)
+        rows[table].flags.writeable = False
+    return ir.Spans(tuple(sources), rows)

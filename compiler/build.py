@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from ..lang.diagnostics import Diagnostics, Span
 from . import ir, shape_bounds, transforms
+from .files import LIBRARY, Files
 from .rows import CameraData, Color, Input, InstanceData, LightData, MaterialData, MeshAttribute, MeshData, TextureData
 
 NONE = -1  # the row of what was not accepted; the diagnostics say why
@@ -24,8 +25,10 @@ class SceneBuilder:
     row is NONE, which every later method takes and leaves out.
     """
 
-    def __init__(self, diagnostics: Diagnostics | None = None) -> None:
+    def __init__(self, diagnostics: Diagnostics | None = None, files: Files | None = None) -> None:
+        """`files` says what may be read by whoever fills this builder (nothing beyond the library when not given)."""
         self.diagnostics = diagnostics if diagnostics is not None else Diagnostics()
+        self.files = files if files is not None else Files(LIBRARY)
         self._matrices: list[np.ndarray] = []
         self._inverses: list[np.ndarray] = []
         self._rows: dict[str, list[tuple[Any, ...]]] = {name: [] for name in ir.TABLES}
@@ -34,7 +37,6 @@ class SceneBuilder:
         self._known: dict[Any, int] = {}
         self._pools: dict[str, list[np.ndarray]] = {name: [] for name in (*ir.Pools._fields, "texels")}
         self._length: dict[str, int] = dict.fromkeys(self._pools, 0)
-        self._material_row: dict[Any, int] = {}
         self.transform(np.eye(4))
 
     # --- transforms ---
@@ -181,6 +183,17 @@ class SceneBuilder:
     def default_material(self) -> int:
         """The row of the grey that things without a material are made of."""
         return self.material(lambert(DEFAULT_ALBEDO, name="default"))
+
+    def shared(self, key: Any, make: Callable[[], int]) -> int:
+        """The row made for `key` before, or now by `make`: for what is costly to make, like a file's mesh or picture."""
+        if key not in self._known:
+            self._known[key] = make()
+        return self._known[key]
+
+    @property
+    def texels(self) -> int:
+        """Texels of all pictures so far."""
+        return self._length["texels"]
 
     def count(self, table: str) -> int:
         """How many rows a table has so far."""

@@ -1,0 +1,75 @@
+"""How the house compiles: the kernel and helper decorators, and a cache on disk that cannot go stale.
+
+Numba's cache looks at the one file a kernel stands in and not at the helpers it calls. So the cache lies in a folder named
+after the content of everything that is compiled, and any change makes a new one; the folders of older versions are removed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba import config, njit
+from numba.extending import register_jitable
+
+_KEEP = 3  # caches of other versions that are left in place
+_FRESH = 24 * 3600.0  # seconds in which a cache may be in use by another process
+
+
+def _sources_hash() -> str:
+    here = Path(__file__).resolve().parent
+    digest = hashlib.sha256(numba.__version__.encode())
+    for source in (*sorted(here.glob("*.py")), here.parent / "compiler" / "ir.py"):
+        digest.update(source.name.encode())
+        digest.update(source.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def cache_root() -> Path:
+    """The folder of compiled kernels: MAQUETTE_CACHE, else the user's cache folder."""
+    asked = os.environ.get("MAQUETTE_CACHE")
+    if asked:
+        return Path(asked) / "kernels"
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "maquette" / "kernels"
+
+
+def _prepare_cache() -> Path:
+    root = cache_root()
+    folder = root / _sources_hash()
+    try:
+        new = not folder.exists()
+        folder.mkdir(parents=True, exist_ok=True)
+        if new:
+            others = sorted((p for p in root.iterdir() if p != folder), key=lambda p: p.stat().st_mtime, reverse=True)
+            for old in others[_KEEP:]:
+                if time.time() - old.stat().st_mtime > _FRESH:
+                    shutil.rmtree(old, ignore_errors=True)
+    except OSError:
+        return folder  # nowhere to write: Numba then compiles anew each time and says nothing
+    return folder
+
+
+CACHE = _prepare_cache()
+config.CACHE_DIR = str(CACHE)  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def is_cold() -> bool:
+    """Whether nothing has been compiled yet for this version, so that the first picture will take a while."""
+    return not any(CACHE.rglob("*.nbc"))
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile for threads (no GIL), kept on disk, with IEEE division. Types come with the first call."""
+    return njit(nogil=True, cache=True, error_model="numpy")(function)
+
+
+def helper(function: Callable[..., Any]) -> Any:
+    """A lane function: plain Python on numpy arrays, compiled where a kernel calls it."""
+    return register_jitable(error_model="numpy", nogil=True)(function)

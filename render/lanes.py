@@ -1,0 +1,335 @@
+"""Lane operations: the same source runs on numpy arrays and, in kernels, on scalars.
+
+Write straight-line code: `where` chooses, `if any_lane(mask):` skips what no lane needs. Both sides of a `where` are computed, so guard
+denominators. Vectors are tuples (x, y, z). Comparisons with NaN are false, and `minimum`, `maximum` and `clip` are made of
+comparisons: with NaN as the first operand they give the second one.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.extending import overload
+
+from .kernels import helper
+from .records import Lane, Vec
+
+_OPTIONS = {"error_model": "numpy", "nogil": True}
+
+
+def where(condition: Lane, yes: Lane, no: Lane) -> Lane:
+    """`yes` in lanes where the condition holds, else `no`."""
+    return np.where(condition, yes, no)
+
+
+@overload(where, jit_options=_OPTIONS)
+def _where(condition: Any, yes: Any, no: Any) -> Any:
+    return lambda condition, yes, no: yes if condition else no
+
+
+def any_lane(mask: Lane) -> Any:
+    """Whether any lane of a mask is set; the only thing a data-dependent `if` may ask."""
+    return bool(np.any(mask))
+
+
+@overload(any_lane, jit_options=_OPTIONS)
+def _any_lane(mask: Any) -> Any:
+    return lambda mask: mask
+
+
+def not_(mask: Lane) -> Lane:
+    """The other lanes (~ on a scalar bool would be −1 or −2)."""
+    return np.logical_not(mask)
+
+
+@overload(not_, jit_options=_OPTIONS)
+def _not(mask: Any) -> Any:
+    return lambda mask: not mask
+
+
+def to_float(x: Lane) -> Lane:
+    """As float64."""
+    return np.asarray(x, dtype=np.float64)
+
+
+@overload(to_float, jit_options=_OPTIONS)
+def _to_float(x: Any) -> Any:
+    return lambda x: float(x)
+
+
+def to_int(x: Lane) -> Lane:
+    """As int64, towards zero."""
+    return np.asarray(x).astype(np.int64)
+
+
+@overload(to_int, jit_options=_OPTIONS)
+def _to_int(x: Any) -> Any:
+    return lambda x: np.int64(x)
+
+
+def floor_int(x: Lane) -> Lane:
+    """The whole number below, as int64. The value must be finite and fit."""
+    return np.floor(x).astype(np.int64)
+
+
+@overload(floor_int, jit_options=_OPTIONS)
+def _floor_int(x: Any) -> Any:
+    return lambda x: np.int64(math.floor(x))
+
+
+def full_like(like: Lane, value: Any) -> Lane:
+    """`value` as float64 in the lanes of `like`."""
+    return np.full(np.shape(like), value, dtype=np.float64)
+
+
+@overload(full_like, jit_options=_OPTIONS)
+def _full_like(like: Any, value: Any) -> Any:
+    return lambda like, value: float(value)
+
+
+def int_like(like: Lane, value: Any) -> Lane:
+    """`value` as int64 in the lanes of `like`."""
+    return np.full(np.shape(like), value, dtype=np.int64)
+
+
+@overload(int_like, jit_options=_OPTIONS)
+def _int_like(like: Any, value: Any) -> Any:
+    return lambda like, value: np.int64(value)
+
+
+def bool_like(like: Lane, value: bool) -> Lane:
+    """`value` as a mask in the lanes of `like`."""
+    return np.full(np.shape(like), value, dtype=np.bool_)
+
+
+@overload(bool_like, jit_options=_OPTIONS)
+def _bool_like(like: Any, value: Any) -> Any:
+    return lambda like, value: bool(value)
+
+
+def copy(x: Lane) -> Lane:
+    """A value that later writes to where it was read from do not change."""
+    return np.array(x)
+
+
+@overload(copy, jit_options=_OPTIONS)
+def _copy(x: Any) -> Any:
+    if isinstance(x, types.Array):
+        return lambda x: x.copy()
+    return lambda x: x
+
+
+def is_finite(x: Lane) -> Lane:
+    """Neither infinite nor NaN."""
+    return np.isfinite(x)
+
+
+@overload(is_finite, jit_options=_OPTIONS)
+def _is_finite(x: Any) -> Any:
+    return lambda x: math.isfinite(x)
+
+
+@helper
+def minimum(a: Lane, b: Lane) -> Lane:
+    return where(a < b, a, b)
+
+
+@helper
+def maximum(a: Lane, b: Lane) -> Lane:
+    return where(a > b, a, b)
+
+
+@helper
+def clip(x: Lane, low: Lane, high: Lane) -> Lane:
+    return minimum(maximum(x, low), high)
+
+
+@helper
+def absolute(x: Lane) -> Lane:
+    return np.abs(x)
+
+
+@helper
+def sqrt(x: Lane) -> Lane:
+    return np.sqrt(x)
+
+
+@helper
+def sin(x: Lane) -> Lane:
+    return np.sin(x)
+
+
+@helper
+def cos(x: Lane) -> Lane:
+    return np.cos(x)
+
+
+@helper
+def acos(x: Lane) -> Lane:
+    """Arc cosine of x clipped to −1 … 1."""
+    return np.arccos(clip(x, -1.0, 1.0))
+
+
+@helper
+def asin(x: Lane) -> Lane:
+    """Arc sine of x clipped to −1 … 1."""
+    return np.arcsin(clip(x, -1.0, 1.0))
+
+
+@helper
+def atan2(y: Lane, x: Lane) -> Lane:
+    return np.arctan2(y, x)
+
+
+@helper
+def exp(x: Lane) -> Lane:
+    return np.exp(x)
+
+
+@helper
+def log(x: Lane) -> Lane:
+    return np.log(x)
+
+
+@helper
+def floor(x: Lane) -> Lane:
+    return np.floor(x)
+
+
+@helper
+def power(x: Lane, y: Lane) -> Lane:
+    """x to the y, for x ≥ 0; 0⁰ = 1."""
+    return np.power(x, y)
+
+
+@helper
+def lerp(a: Lane, b: Lane, t: Lane) -> Lane:
+    return a + (b - a) * t
+
+
+@helper
+def sign_of(x: Lane) -> Lane:
+    """1 for x ≥ 0, else −1."""
+    return where(x >= 0.0, 1.0, -1.0)
+
+
+# --- vectors ------------------------------------------------------------------------------------------------------------
+
+
+@helper
+def add(a: Vec, b: Vec) -> Vec:
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+
+
+@helper
+def sub(a: Vec, b: Vec) -> Vec:
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+@helper
+def mul(a: Vec, b: Vec) -> Vec:
+    """Component by component."""
+    return (a[0] * b[0], a[1] * b[1], a[2] * b[2])
+
+
+@helper
+def scale(a: Vec, s: Lane) -> Vec:
+    return (a[0] * s, a[1] * s, a[2] * s)
+
+
+@helper
+def along(origin: Vec, direction: Vec, t: Lane) -> Vec:
+    """origin + t · direction."""
+    return (origin[0] + t * direction[0], origin[1] + t * direction[1], origin[2] + t * direction[2])
+
+
+@helper
+def negate(a: Vec) -> Vec:
+    return (-a[0], -a[1], -a[2])
+
+
+@helper
+def dot(a: Vec, b: Vec) -> Lane:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@helper
+def cross(a: Vec, b: Vec) -> Vec:
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+@helper
+def length(a: Vec) -> Lane:
+    return np.sqrt(dot(a, a))
+
+
+@helper
+def normalize(a: Vec) -> Vec:
+    """Unit length; a zero vector stays zero."""
+    n = length(a)
+    return scale(a, 1.0 / where(n > 0.0, n, 1.0))
+
+
+@helper
+def where3(condition: Lane, yes: Vec, no: Vec) -> Vec:
+    return (where(condition, yes[0], no[0]), where(condition, yes[1], no[1]), where(condition, yes[2], no[2]))
+
+
+@helper
+def lerp3(a: Vec, b: Vec, t: Lane) -> Vec:
+    return (lerp(a[0], b[0], t), lerp(a[1], b[1], t), lerp(a[2], b[2], t))
+
+
+@helper
+def largest(a: Vec) -> Lane:
+    """The largest component."""
+    return maximum(a[0], maximum(a[1], a[2]))
+
+
+@helper
+def reflect(direction: Vec, normal: Vec) -> Vec:
+    """The direction a ray takes off a mirror with this unit normal."""
+    k = 2.0 * dot(direction, normal)
+    return (direction[0] - k * normal[0], direction[1] - k * normal[1], direction[2] - k * normal[2])
+
+
+@helper
+def basis(n: Vec) -> tuple[Vec, Vec]:
+    """Two unit vectors that with unit n make a right-handed frame (Duff et al. 2017, Building an Orthonormal Basis, Revisited)."""
+    s = sign_of(n[2])
+    a = -1.0 / (s + n[2])
+    b = n[0] * n[1] * a
+    return (1.0 + s * n[0] * n[0] * a, s * b, -s * n[0]), (b, s + n[1] * n[1] * a, -n[1])
+
+
+@helper
+def transform_point(matrix: Any, i: Lane, p: Vec) -> Vec:
+    """Row i of (n, 3, 4) matrices applied to a point."""
+    return (
+        matrix[i, 0, 0] * p[0] + matrix[i, 0, 1] * p[1] + matrix[i, 0, 2] * p[2] + matrix[i, 0, 3],
+        matrix[i, 1, 0] * p[0] + matrix[i, 1, 1] * p[1] + matrix[i, 1, 2] * p[2] + matrix[i, 1, 3],
+        matrix[i, 2, 0] * p[0] + matrix[i, 2, 1] * p[1] + matrix[i, 2, 2] * p[2] + matrix[i, 2, 3],
+    )
+
+
+@helper
+def transform_vector(matrix: Any, i: Lane, v: Vec) -> Vec:
+    """Row i of (n, 3, 4) matrices applied to a direction."""
+    return (
+        matrix[i, 0, 0] * v[0] + matrix[i, 0, 1] * v[1] + matrix[i, 0, 2] * v[2],
+        matrix[i, 1, 0] * v[0] + matrix[i, 1, 1] * v[1] + matrix[i, 1, 2] * v[2],
+        matrix[i, 2, 0] * v[0] + matrix[i, 2, 1] * v[1] + matrix[i, 2, 2] * v[2],
+    )
+
+
+@helper
+def transform_normal(inverse: Any, i: Lane, n: Vec) -> Vec:
+    """A normal by the transpose of row i of the inverse matrices; not normalised."""
+    return (
+        inverse[i, 0, 0] * n[0] + inverse[i, 1, 0] * n[1] + inverse[i, 2, 0] * n[2],
+        inverse[i, 0, 1] * n[0] + inverse[i, 1, 1] * n[1] + inverse[i, 2, 1] * n[2],
+        inverse[i, 0, 2] * n[0] + inverse[i, 1, 2] * n[1] + inverse[i, 2, 2] * n[2],
+    )

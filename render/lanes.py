@@ -17,7 +17,7 @@ from numba.extending import overload
 from .kernels import helper
 from .records import Lane, Vec
 
-_OPTIONS = {"error_model": "numpy", "nogil": True}
+_OPTIONS = {"error_model": "numpy", "nogil": True}  # overloads bear no annotations: Numba compares the signatures
 
 
 def where(condition: Lane, yes: Lane, no: Lane) -> Lane:
@@ -26,7 +26,7 @@ def where(condition: Lane, yes: Lane, no: Lane) -> Lane:
 
 
 @overload(where, jit_options=_OPTIONS)
-def _where(condition: Any, yes: Any, no: Any) -> Any:
+def _where(condition, yes, no):
     return lambda condition, yes, no: yes if condition else no
 
 
@@ -36,7 +36,7 @@ def any_lane(mask: Lane) -> Any:
 
 
 @overload(any_lane, jit_options=_OPTIONS)
-def _any_lane(mask: Any) -> Any:
+def _any_lane(mask):
     return lambda mask: mask
 
 
@@ -46,7 +46,7 @@ def not_(mask: Lane) -> Lane:
 
 
 @overload(not_, jit_options=_OPTIONS)
-def _not(mask: Any) -> Any:
+def _not(mask):
     return lambda mask: not mask
 
 
@@ -56,7 +56,7 @@ def to_float(x: Lane) -> Lane:
 
 
 @overload(to_float, jit_options=_OPTIONS)
-def _to_float(x: Any) -> Any:
+def _to_float(x):
     return lambda x: float(x)
 
 
@@ -66,7 +66,7 @@ def to_int(x: Lane) -> Lane:
 
 
 @overload(to_int, jit_options=_OPTIONS)
-def _to_int(x: Any) -> Any:
+def _to_int(x):
     return lambda x: np.int64(x)
 
 
@@ -76,7 +76,7 @@ def floor_int(x: Lane) -> Lane:
 
 
 @overload(floor_int, jit_options=_OPTIONS)
-def _floor_int(x: Any) -> Any:
+def _floor_int(x):
     return lambda x: np.int64(math.floor(x))
 
 
@@ -86,7 +86,7 @@ def full_like(like: Lane, value: Any) -> Lane:
 
 
 @overload(full_like, jit_options=_OPTIONS)
-def _full_like(like: Any, value: Any) -> Any:
+def _full_like(like, value):
     return lambda like, value: float(value)
 
 
@@ -96,7 +96,7 @@ def int_like(like: Lane, value: Any) -> Lane:
 
 
 @overload(int_like, jit_options=_OPTIONS)
-def _int_like(like: Any, value: Any) -> Any:
+def _int_like(like, value):
     return lambda like, value: np.int64(value)
 
 
@@ -106,7 +106,7 @@ def bool_like(like: Lane, value: bool) -> Lane:
 
 
 @overload(bool_like, jit_options=_OPTIONS)
-def _bool_like(like: Any, value: Any) -> Any:
+def _bool_like(like, value):
     return lambda like, value: bool(value)
 
 
@@ -116,7 +116,7 @@ def copy(x: Lane) -> Lane:
 
 
 @overload(copy, jit_options=_OPTIONS)
-def _copy(x: Any) -> Any:
+def _copy(x):
     if isinstance(x, types.Array):
         return lambda x: x.copy()
     return lambda x: x
@@ -128,7 +128,7 @@ def is_finite(x: Lane) -> Lane:
 
 
 @overload(is_finite, jit_options=_OPTIONS)
-def _is_finite(x: Any) -> Any:
+def _is_finite(x):
     return lambda x: math.isfinite(x)
 
 

@@ -1,0 +1,129 @@
+"""Arguments of a call: which parameter each one is for, and an element's arguments checked against the schema."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from .convert import LIGHT_TYPES, Place, convert
+from .diagnostics import Span, suggest
+from .schema import REQUIRED, Entry
+from .units import Quantity
+from .values import POISON, Given, Mistake
+
+if TYPE_CHECKING:
+    from .scope import Scope
+
+# What every element accepts. A part that does not declare them has them applied to what it makes.
+PLACING = ("translate", "rotate", "scale", "material", "name")
+
+Report = Callable[[str, Span, str], None]
+
+
+def assign(
+    callee: str, positional: Sequence[str], names: Mapping[str, str], givens: Iterable[Given], report: Report
+) -> tuple[dict[str, Given], bool]:
+    """Each argument at the name of its parameter, and whether all have one: what is unknown, given twice or too much is reported.
+
+    `positional` are the parameters that can be given by position, in order; `names` maps names and aliases to parameters.
+    """
+    assigned: dict[str, Given] = {}
+    good = True
+    place = 0
+    for given in givens:
+        if given.name is None:
+            name = positional[place] if place < len(positional) else None
+            place += 1
+        else:
+            name = names.get(given.name)
+        problem = _problem(callee, given, name, positional, names, assigned)
+        if problem:
+            report(problem[0], given.name_span, problem[1])
+            good = False
+        elif name is not None:
+            assigned[name] = given
+    return assigned, good
+
+
+def _problem(
+    callee: str, given: Given, name: str | None, positional: Sequence[str], names: Mapping[str, str], assigned: Mapping[str, Given]
+) -> tuple[str, str] | None:
+    if name is None and given.name is None:
+        if not names:
+            return f"{callee} takes no arguments", ""
+        keywords = [n for n in names if n not in positional and n == names[n]]
+        takes = f"{callee} takes {len(positional) or 'no'} argument{'s' * (len(positional) != 1)} by position"
+        return takes, f"by name it takes {_listed(keywords)}" if keywords else ""
+    if name is None:
+        near = suggest(given.name or "", names)
+        known = _listed([n for n in names if n == names[n]])
+        return f"{callee} has no `{given.name}`" + (f"; {near}" if near else ""), "" if near else f"it takes {known}" if known else "it takes no arguments"
+    if name in assigned:
+        return f"{callee} gets `{name}` twice", ""
+    return None
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:12]) + (", …" if len(names) > 12 else "")
+
+
+def missing(callee: str, required: Iterable[str], assigned: Mapping[str, Given], span: Span, report: Report) -> bool:
+    """Report the required parameters that are not there; whether there were any."""
+    absent = [f"`{name}`" for name in required if name not in assigned]
+    if absent:
+        report(f"{callee} needs {' and '.join(absent)}", span, "")
+    return bool(absent)
+
+
+class Signature:
+    """An entry's arguments, arranged for binding."""
+
+    def __init__(self, entry: Entry) -> None:
+        self.entry = entry
+        self.args = {a.name: a for a in entry.args}
+        self.positional = tuple(a.name for a in entry.args if not a.keyword)
+        self.names = {a.name: a.name for a in entry.args} | {alias: a.name for a in entry.args for alias in a.aliases}
+        self.required = tuple(a.name for a in entry.args if a.default is REQUIRED)
+        self.defaults = {a.name: a.default for a in entry.args if not a.planned}
+
+
+def element_arguments(
+    signature: Signature, givens: list[Given], span: Span, scope: Scope, report: Report
+) -> tuple[dict[str, Any], frozenset[str], bool] | None:
+    """An element's arguments in base units, the names given, and whether a light strength has a unit.
+
+    None after reporting everything that is wrong with them.
+    """
+    entry = signature.entry
+    assigned, good = assign(entry.name, signature.positional, signature.names, givens, report)
+    if good:  # an argument with a misspelt name is not missing as well
+        good = not missing(entry.name, signature.required, assigned, span, report)
+    if entry.exclusive and _exclude(entry, assigned, report):
+        good = False
+    args = signature.defaults.copy()
+    photometric = False
+    for name, given in assigned.items():
+        if given.value is POISON:
+            good = False
+            continue
+        arg = signature.args[name]
+        if arg.planned:
+            report(f"`{name}` of {entry.name} is not built yet", given.name_span, "")
+            good = False
+            continue
+        try:
+            args[name] = convert(given.value, arg, Place(given.span, given.node, scope))
+        except Mistake as mistake:
+            report(mistake.message, mistake.span or given.span, mistake.hint)
+            good = False
+        photometric = photometric or (arg.type in LIGHT_TYPES and isinstance(given.value, Quantity))
+    return (args, frozenset(assigned), photometric) if good else None
+
+
+def _exclude(entry: Entry, assigned: Mapping[str, Given], report: Report) -> bool:
+    for group in entry.exclusive:
+        both = [name for name in assigned if name in group]
+        if len(both) > 1:
+            report(f"`{both[0]}` and `{both[1]}` of {entry.name} exclude each other", assigned[both[1]].name_span, "give one of them")
+            return True
+    return False

@@ -1,0 +1,567 @@
+"""From syntax tree to elements: the door of the evaluator, and the walk over items and expressions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NoReturn
+
+from . import ast, builtins, calls, check, colors, limits, operators, params, schema, units
+from .convert import Place
+from .diagnostics import Diagnostics, Span, suggest
+from .elements import Document, Element, ParamInfo
+from .formula import Formula, Graph, Term
+from .limits import Exhausted, Meter
+from .modules import PRELUDE, Loader, Module, Reader, ReadError, Source, asset_kind, is_asset, use_name
+from .scope import Scope, Thunk, bind_block
+from .values import PLACEABLE, AssetPart, Closure, Color, FilePart, Given, Mistake, Poisoned, UserFunction, Value, category, describe, kind
+
+__all__ = ["Evaluator", "ReadError", "Reader", "Source", "evaluate"]
+
+SHOWN_CALLS = 12  # of a chain of calls in a message
+
+
+def evaluate(
+    source: Source, reader: Reader, diagnostics: Diagnostics, *, sets: Mapping[str, str] | None = None, time: float = 0.0
+) -> Document:
+    """The elements of a scene at `time` seconds, with `sets` as `--set` gives them: text by the name of a `param`.
+
+    Never raises on input: what is wrong goes into `diagnostics`, and what can be evaluated is in the result.
+    """
+    limits.deepen_stack()
+    machine = Evaluator(reader, diagnostics, time)
+    return machine.document(source, sets or {})
+
+
+@dataclass
+class Sink:
+    """Where the elements of a block go. `scene` is the file being rendered, `file` one that is used, `block` all others."""
+
+    role: str
+    elements: list[Element] = field(default_factory=list)
+    cameras: list[Element] = field(default_factory=list)
+    settings: dict[str, Element] = field(default_factory=dict)
+
+
+class Evaluator:
+    """One evaluation: its counters, its files, and the functions from syntax to values."""
+
+    def __init__(self, reader: Reader, diagnostics: Diagnostics, time: float) -> None:
+        self.diagnostics = diagnostics
+        self.meter = Meter()
+        self.loader = Loader(reader, diagnostics, self._check)
+        self.weights: dict[Element, int] = {}  # elements in a block, counting what it repeats
+        self.root = Scope(self, self.meter)
+        self.root.names.update(schema.SCHEMA)
+        self.root.names.update(builtins.FUNCTIONS)
+        self.root.names.update(builtins.CONSTANTS)
+        self.root.names["time"] = units.Quantity(time, units.TIME)
+        self.root.names["children"] = ()
+        self.signatures: dict[str, Any] = {}
+        self._outer = self.root  # with the prelude, once it is there
+        self._instances: dict[Module, Scope] = {}
+        self._reported: set[tuple[Span | None, str]] = set()
+        self._running: list[Thunk] = []
+        self._placed = 0
+
+    # --- messages ---
+
+    def report(self, message: str, span: Span | None, hint: str = "", trace: tuple[tuple[str, Span], ...] = ()) -> None:
+        """An error at `span`; the second one there says nothing that the first does not."""
+        key = (span, "" if span else message)
+        if key not in self._reported:
+            self._reported.add(key)
+            self.diagnostics.error(message, span, hint, _shorten(trace))
+
+    def fail(self, message: str, span: Span | None, hint: str, scope: Scope) -> NoReturn:
+        self.report(message, span, hint, scope.trace)
+        raise Poisoned
+
+    def _exhausted(self, limit: Exhausted) -> None:
+        if (None, limit.message) not in self._reported:
+            self._reported.add((None, limit.message))
+            self.report(limit.message, limit.span, limit.hint, limit.trace)
+
+    # --- files ---
+
+    def document(self, source: Source, sets: Mapping[str, str]) -> Document:
+        """The scene in `source`."""
+        self._load_prelude(source)
+        module = self.loader.load(source, library=False)
+        sink = Sink("scene")
+        infos: list[ParamInfo] = []
+        try:
+            scope = self.instance(module, self.given_sets(module, sets), "", None, self._outer)
+            self.place_items(module.file.items, scope, sink)
+            infos = self._infos(module, scope)
+        except Exhausted as limit:
+            self._exhausted(limit)
+        return Document(
+            source.name, tuple(sink.elements), tuple(sink.cameras), sink.settings, tuple(infos), self.loader.sources, tuple(self.loader.files)
+        )
+
+    def _load_prelude(self, source: Source) -> None:
+        span = Span(source.name)
+        try:
+            prelude = self.loader.reader.scene(PRELUDE, source.path, span)
+        except ReadError:
+            return  # a library without a prelude
+        self._outer = self.module_scope(self.loader.load(prelude, library=True, prelude=True), self.root)
+
+    def _check(self, module: Module) -> None:
+        outer = set(self.root.names)
+        if self.loader.prelude and self.loader.prelude is not module:
+            outer |= check.names_of(self.loader.prelude.file) | self.loader.prelude.broken
+        main = len(self.loader.chain) == 1 and module is not self.loader.prelude
+        check.check_file(module, outer, self.report, self.diagnostics, main)
+
+    def module_scope(self, module: Module, outer: Scope) -> Scope:
+        """The scope of a file with the defaults of its `param`s; made once."""
+        if module not in self._instances:
+            self._instances[module] = self.instance(module, {}, "", None, outer)
+        return self._instances[module]
+
+    def instance(self, module: Module, given: Mapping[str, Given], label: str, call: Span | None, caller: Scope) -> Scope:
+        """A new scope of a file, with these values for its `param`s."""
+        outer = self._outer if module is not self.loader.prelude else self.root
+        scope = Scope(self, self.meter, module.scale, outer)
+        if call is not None:
+            scope.trace = ((label, call), *caller.trace)
+            scope.path = f"{caller.path}.{label}" if caller.path else label
+        for item in module.file.items:
+            if isinstance(item, ast.Use):
+                name = use_name(item)
+                scope.names.setdefault(name, self._used(item, name, module))
+            elif isinstance(item, ast.Param):
+                node = calls.ParamUse(item, given.get(item.name.id), caller)
+                scope.names.setdefault(item.name.id, Thunk(item.name.id, node, scope))
+        bind_block(module.file.items, scope)
+        for name in module.broken:
+            scope.names.setdefault(name, Thunk.failed(name, scope))
+        return scope
+
+    def _used(self, use: ast.Use, name: str, module: Module) -> Value:
+        path = use.path.value
+        if is_asset(path):
+            return AssetPart(name, schema.SCHEMA[asset_kind(path)], path)
+        used = module.uses.get(id(use))
+        return FilePart(name, used) if used else Thunk.failed(name, self.root)
+
+    def _infos(self, module: Module, scope: Scope) -> list[ParamInfo]:
+        infos = []
+        for item in module.file.items:
+            thunk = scope.names.get(item.name.id) if isinstance(item, ast.Param) else None
+            if isinstance(item, ast.Param) and isinstance(thunk, Thunk) and isinstance(thunk.node, calls.ParamUse):
+                try:
+                    infos.append(params.info(item, self.force(thunk, item.name.span, scope), scope, module.unit))
+                except (Poisoned, Mistake):
+                    continue  # reported when the `param` was evaluated
+        return infos
+
+    def given_sets(self, module: Module, sets: Mapping[str, str]) -> dict[str, Given]:
+        """`--set` as arguments of the scene."""
+        known = {item.name.id: item for item in module.file.items if isinstance(item, ast.Param)}
+        scope = Scope(self, self.meter, module.scale, self._outer)
+        given = {}
+        for name, text in sets.items():
+            if name not in known:
+                near = suggest(name, known)
+                has = ", ".join(known) or "no params"
+                self.report(f"the scene has no param `{name}`" + (f"; {near}" if near else ""), None, f"it has {has}")
+                continue
+            try:
+                given[name] = calls.set_value(known[name], text, scope, self)
+            except Poisoned:
+                continue
+        return given
+
+    # --- items ---
+
+    def place_items(self, items: tuple[ast.Item, ...], scope: Scope, sink: Sink) -> None:
+        """Evaluate the items of a block in order, going on behind one that is wrong."""
+        for item in items:
+            try:
+                place = _ITEMS.get(type(item))
+                if place is not None:
+                    place(self, item, scope, sink)
+            except Poisoned:
+                continue
+            except Exhausted as limit:
+                if sink.role != "scene":
+                    raise
+                self._exhausted(limit)
+            except RecursionError:
+                if sink.role != "scene":
+                    raise
+                self.report("this is nested too deeply", item.span, "", scope.trace)
+        if sink.role != "file":
+            self._force_rest(scope)
+
+    def _force_rest(self, scope: Scope) -> None:
+        """Evaluate the definitions that nothing has used, for what is wrong with them."""
+        for name, thunk in list(scope.names.items()):
+            if isinstance(thunk, Thunk) and thunk.state == Thunk.WAITING:
+                try:
+                    self.force(thunk, thunk.scope_span(), scope)
+                except Poisoned:
+                    scope.names[name] = thunk
+                except Exhausted as limit:
+                    self._exhausted(limit)
+                except RecursionError:
+                    self.report("this is nested too deeply", thunk.scope_span(), "", scope.trace)
+
+    def block(self, block: ast.Block, scope: Scope, sink: Sink, names: Mapping[str, Value] | None = None) -> None:
+        """Evaluate a block in a scope of its own, in which `names` stand beside its `let`s."""
+        inner = scope.inner()
+        if names:
+            inner.names.update(names)
+        bind_block(block.items, inner)
+        self.place_items(block.items, inner, sink)
+
+    def collect(self, block: ast.Block, scope: Scope) -> tuple[Element, ...]:
+        """The elements of a block in braces."""
+        sink = Sink("block")
+        self.block(block, scope, sink)
+        return tuple(sink.elements)
+
+    def collect_file(self, module: Module, scope: Scope) -> tuple[Element, ...]:
+        """The shapes and lights that a used file places."""
+        sink = Sink("file")
+        self.place_items(module.file.items, scope, sink)
+        return tuple(sink.elements)
+
+    def _place_for(self, item: ast.For, scope: Scope, sink: Sink) -> None:
+        for value in self._source(item.source, scope, "`for`"):
+            try:
+                self.meter.step()
+            except Exhausted as limit:
+                raise calls.located(limit, item.source.span, scope) from None
+            self.block(item.block, scope, sink, {item.name.id: value})
+
+    def _source(self, node: ast.Node, scope: Scope, what: str) -> tuple[Value, ...]:
+        value = self.value(node, scope)
+        if not isinstance(value, tuple):
+            self.fail(f"{what} runs over a list or a range, not over {kind(value)}", node.span, "", scope)
+        return value
+
+    def _place_if(self, item: ast.If, scope: Scope, sink: Sink) -> None:
+        condition = self._truth(item.condition, scope, "`if`")
+        if not isinstance(condition, bool):
+            self.fail("what is placed cannot depend on a formula's parameters", item.condition.span, "", scope)
+        if condition:
+            self.block(item.yes, scope, sink)
+        elif isinstance(item.no, ast.Block):
+            self.block(item.no, scope, sink)
+        elif item.no is not None:
+            self._place_if(item.no, scope, sink)
+
+    def _place_element(self, item: ast.ElementItem, scope: Scope, sink: Sink) -> None:
+        value = self.value(item.expression, scope)
+        self.place(value, item.expression, scope, sink)
+
+    def place(self, value: Value, node: ast.Node, scope: Scope, sink: Sink) -> None:
+        """Put what an item gave where it belongs."""
+        if isinstance(value, tuple):
+            for v in value:
+                self.place(v, node, scope, sink)
+            return
+        found = category(value)
+        if found in PLACEABLE:
+            sink.elements.append(value)
+            if sink.role == "scene":
+                self._weigh(sink, node, scope)
+        elif found in ("camera", "setting"):
+            self._place_apart(value, found, node, scope, sink)
+        else:
+            message, hint = _unplaceable(value, found, node)
+            self.fail(message, node.span, hint, scope)
+
+    def _weigh(self, sink: Sink, node: ast.Node, scope: Scope) -> None:
+        self._placed += self.weights.get(sink.elements[-1], 1)
+        if self._placed > limits.MAX_ELEMENTS:
+            sink.elements.pop()
+            raise calls.located(limits.too_many_elements(), node.span, scope)
+
+    def _place_apart(self, element: Element, found: str, node: ast.Node, scope: Scope, sink: Sink) -> None:
+        if sink.role == "file":
+            return  # a used file gives its shapes and lights only
+        if sink.role == "block":
+            self.fail(f"`{element.kind}` stands at the top level of a scene, not in a block", node.span, "", scope)
+        if found == "camera":
+            sink.cameras.append(element)
+        elif element.kind in sink.settings:
+            first = sink.settings[element.kind].span
+            self.fail(f"`{element.kind}` stands twice in this scene", node.span, f"the first is in line {first.line}", scope)
+        else:
+            sink.settings[element.kind] = element
+
+    # --- names ---
+
+    def force(self, thunk: Thunk, span: Span, scope: Scope) -> Value:
+        """The value of a definition, evaluated when it is first asked for."""
+        if thunk.state == Thunk.DONE:
+            return thunk.value
+        if thunk.state == Thunk.FAILED:
+            raise Poisoned
+        if thunk.state == Thunk.RUNNING:
+            names = [t.label for t in self._running[self._running.index(thunk) :]]
+            self.fail(f"`{thunk.label}` is defined by itself: {' → '.join([*names, thunk.label])}", span, "", scope)
+        thunk.state = Thunk.RUNNING
+        self._running.append(thunk)
+        try:
+            thunk.value = calls.evaluate_definition(thunk, self)
+            thunk.state = Thunk.DONE
+        except BaseException:
+            thunk.state = Thunk.FAILED
+            raise
+        finally:
+            self._running.pop()
+        return thunk.value
+
+    def _name(self, node: ast.Name, scope: Scope) -> Value:
+        value = scope.find(node.id)
+        if type(value) is Thunk:
+            return value.value if value.state == Thunk.DONE else self.force(value, node.span, scope)
+        if value is None:
+            self.fail(check.unknown(node.id, ()), node.span, "", scope)  # where check.py has not: in a `--set`
+        return value
+
+    # --- expressions ---
+
+    def value(self, node: ast.Node, scope: Scope) -> Value:
+        """The value of an expression. Raises Poisoned after reporting what is wrong with it."""
+        return _EXPRESSIONS[type(node)](self, node, scope)
+
+    def _number(self, node: ast.Number, scope: Scope) -> Value:
+        value = units.literal(node.value, node.unit)
+        if value is None:
+            near = suggest(node.unit, [u for u in units.UNITS if u.isascii()])
+            hint = f"write {node.text.removesuffix(node.unit)} * {node.unit}" if scope.find(node.unit) is not None else near
+            self.fail(f"unknown unit `{node.unit}`", node.span, hint, scope)
+        if not math.isfinite(operators.split(value)[0]):
+            self.fail("this number is too large", node.span, "", scope)
+        return value
+
+    def _string(self, node: ast.String, scope: Scope) -> Value:
+        return node.value
+
+    def _color(self, node: ast.ColorLiteral, scope: Scope) -> Value:
+        return Color(*colors.from_hex(node.text))
+
+    def _list(self, node: ast.ListLiteral, scope: Scope) -> Value:
+        values = []
+        good = True
+        for item in node.items:
+            try:
+                values.append(_EXPRESSIONS[type(item)](self, item, scope))
+            except Poisoned:
+                good = False
+        if not good:
+            raise Poisoned
+        return tuple(values)
+
+    def _each(self, node: ast.Each, scope: Scope) -> Value:
+        values = []
+        for value in self._source(node.source, scope, "a list comprehension"):
+            self.meter.step()
+            inner = scope.inner()
+            inner.names[node.name.id] = value
+            if node.condition is None or self._decided(node.condition, inner, "`if`"):
+                values.append(_EXPRESSIONS[type(node.body)](self, node.body, inner))
+        return tuple(values)
+
+    def _truth(self, node: ast.Node, scope: Scope, doing: str) -> Value:
+        """A truth value, or a formula's."""
+        value = _EXPRESSIONS[type(node)](self, node, scope)
+        if value is True or value is False or (isinstance(value, Term) and value.truth):
+            return value
+        self.fail(f"{doing} wants true or false, got {kind(value)}", node.span, "", scope)
+
+    def _decided(self, node: ast.Node, scope: Scope, doing: str) -> bool:
+        value = self._truth(node, scope, doing)
+        if not isinstance(value, bool):
+            self.fail("the items of a list cannot depend on a formula's parameters", node.span, "", scope)
+        return value
+
+    def _choose(self, node: ast.Choose, scope: Scope) -> Value:
+        condition = self._truth(node.condition, scope, "`if`")
+        if condition is True:
+            return _EXPRESSIONS[type(node.yes)](self, node.yes, scope)
+        if condition is False:
+            return _EXPRESSIONS[type(node.no)](self, node.no, scope)
+        yes, no = self.value(node.yes, scope), self.value(node.no, scope)
+        try:
+            return operators.select(condition, yes, no)
+        except Mistake as mistake:
+            self.fail(mistake.message, node.span, mistake.hint, scope)
+
+    def _function(self, node: ast.Function, scope: Scope) -> Value:
+        return Closure(node, scope)
+
+    def _binary(self, node: ast.Binary, scope: Scope) -> Value:
+        left, right, op = node.left, node.right, node.op
+        if op == "and" or op == "or":
+            return self._logic(node, scope)
+        a = _EXPRESSIONS[type(left)](self, left, scope)
+        b = _EXPRESSIONS[type(right)](self, right, scope)
+        if type(a) is float and type(b) is float:
+            simple = _PLAIN.get(op)
+            if simple is not None:
+                result = simple(a, b)
+                if math.isfinite(result):
+                    return result
+        try:
+            return operators.BINARY[op](a, b, scope)
+        except Mistake as mistake:
+            self.fail(mistake.message, mistake.span or node.span, mistake.hint, scope)
+        except Exhausted as limit:
+            raise calls.located(limit, node.span, scope) from None
+
+    def _logic(self, node: ast.Binary, scope: Scope) -> Value:
+        a = self._truth(node.left, scope, f"`{node.op}`")
+        if a is (node.op == "or"):
+            return a
+        b = self._truth(node.right, scope, f"`{node.op}`")
+        return operators.both(a, b) if node.op == "and" else operators.either(a, b)
+
+    def _unary(self, node: ast.Unary, scope: Scope) -> Value:
+        value = _EXPRESSIONS[type(node.operand)](self, node.operand, scope)
+        try:
+            return operators.negate(value, scope) if node.op == "-" else operators.invert(value)
+        except Mistake as mistake:
+            self.fail(mistake.message, node.span, mistake.hint, scope)
+
+    def _parens(self, node: ast.Parens, scope: Scope) -> Value:
+        return _EXPRESSIONS[type(node.inner)](self, node.inner, scope)
+
+    def _index(self, node: ast.Index, scope: Scope) -> Value:
+        items = self.value(node.object, scope)
+        index = self.value(node.index, scope)
+        if not isinstance(items, tuple):
+            self.fail(f"only a list has items, not {kind(items)}", node.object.span, "", scope)
+        if type(index) is not float or index != int(index):
+            self.fail(f"whole number wanted, got {describe(index)}", node.index.span, "", scope)
+        if not 0 <= index < len(items):
+            last = f"the last is [{len(items) - 1}]" if items else "it is empty"
+            self.fail(f"there is no item {int(index)} in a list of {len(items)}", node.index.span, f"items count from 0; {last}", scope)
+        return items[int(index)]
+
+    def _member(self, node: ast.Member, scope: Scope) -> Value:
+        owner = self.value(node.object, scope)
+        name = node.name.id
+        if isinstance(owner, Color) and name in ("r", "g", "b"):
+            return getattr(owner, name)
+        if isinstance(owner, FilePart):
+            return self._file_member(owner, node.name, scope)
+        hint = ""
+        if isinstance(owner, tuple) and name in ("x", "y", "z"):
+            hint = f"write [{'xyz'.index(name)}]"
+        elif isinstance(owner, Color):
+            hint = "a colour has r, g and b"
+        self.fail(f"{kind(owner)} has no `{name}`", node.name.span, hint, scope)
+
+    def _file_member(self, part: FilePart, name: ast.Name, scope: Scope) -> Value:
+        known = {i.name.id for i in part.module.file.items if isinstance(i, ast.Let | ast.Param)} | part.module.broken
+        if name.id not in known:
+            near = suggest(name.id, known)
+            self.fail(f"{part.name} has no `{name.id}`" + (f"; {near}" if near else ""), name.span, "", scope)
+        value = self.module_scope(part.module, self._outer).names[name.id]
+        return self.force(value, name.span, scope) if isinstance(value, Thunk) else value
+
+    def _call(self, node: ast.Call, scope: Scope) -> Value:
+        return calls.call(self, node, node.function, node.arguments, None, scope)
+
+    def _with_children(self, node: ast.WithChildren, scope: Scope) -> Value:
+        target = node.target
+        if isinstance(target, ast.Call):
+            return calls.call(self, target, target.function, target.arguments, node.block, scope)
+        return calls.call(self, target, target, (), node.block, scope)
+
+    # --- for functions of the language ---
+
+    def call_values(self, function: Value, values: list[Value], scope: Scope) -> Value:
+        """Call a function with values from a function of the language, such as `map`. The place is that of the call."""
+        return calls.apply_values(self, function, values, scope)
+
+    def formula(self, function: Closure | UserFunction, place: Place) -> Formula:
+        """The formula that a function is, with coordinates in the unit of the file that `place` is in. Raises Mistake."""
+        graph = Graph(place.scope.unit)
+        names = tuple([p.id for p in function.node.parameters] if isinstance(function, Closure) else [p.name.id for p in function.let.parameters or ()])
+        scope = place.scope.inner()
+        scope.plain = True
+        result = calls.apply_values(self, function, [graph.parameter(i) for i in range(len(names))], scope)
+        parts, result_kind = _results(result)
+        terms = [operators.lift(graph, part) for part in parts]
+        if result_kind == "number" and terms[0].truth:
+            result_kind = "truth"
+        return graph.formula(names, terms, result_kind, place.span)
+
+
+def _results(result: Value) -> tuple[tuple[Value, ...], str]:
+    if isinstance(result, Color):
+        return result.channels, "color"
+    if isinstance(result, tuple):
+        return result, "list"
+    if operators.is_scalar(result) or isinstance(result, bool | Term):
+        return (result,), "number"
+    raise Mistake(f"a formula gives a number, a truth value, a list or a colour, not {kind(result)}")
+
+
+def _unplaceable(value: Value, found: str, node: ast.Node) -> tuple[str, str]:
+    """Why a value cannot stand on a line of its own, and what to do."""
+    if found in ("material", "texture"):
+        use = "sphere(material: …)" if found == "material" else "lambert(…)"
+        return f"a {found} cannot be placed by itself", f"give it to something, as in {use}, or name it with `let`"
+    if isinstance(node, ast.Name | ast.Member) and isinstance(value, schema.Entry | UserFunction | FilePart | AssetPart):
+        name = calls.callee_name(node)
+        return f"`{name}` is not called", f"write {name}()"
+    if isinstance(node, ast.Call):
+        return f"{calls.callee_name(node.function)} gives {kind(value)}, which cannot be placed", "name it with `let` to use it"
+    return f"{kind(value)} cannot be placed", "shapes, lights and blocks can"
+
+
+def _shorten(trace: tuple[tuple[str, Span], ...]) -> tuple[tuple[str, Span], ...]:
+    """A chain of calls with the middle of a long one left out."""
+    if len(trace) <= SHOWN_CALLS:
+        return trace
+    head = SHOWN_CALLS // 2
+    left_out = len(trace) - SHOWN_CALLS + 1
+    return (*trace[:head], (f"… {left_out} more …", trace[head][1]), *trace[len(trace) - SHOWN_CALLS + head + 1 :])
+
+
+# Arithmetic on two plain numbers that cannot raise.
+_PLAIN: dict[str, Callable[[float, float], Any]] = {
+    "+": lambda a, b: a + b,
+    "-": lambda a, b: a - b,
+    "*": lambda a, b: a * b,
+    "<": lambda a, b: a < b,
+    "<=": lambda a, b: a <= b,
+    ">": lambda a, b: a > b,
+    ">=": lambda a, b: a >= b,
+    "==": lambda a, b: a == b,
+}
+
+_EXPRESSIONS: dict[type, Callable[[Evaluator, Any, Scope], Value]] = {
+    ast.Number: Evaluator._number,
+    ast.String: Evaluator._string,
+    ast.ColorLiteral: Evaluator._color,
+    ast.Name: Evaluator._name,
+    ast.ListLiteral: Evaluator._list,
+    ast.Each: Evaluator._each,
+    ast.Choose: Evaluator._choose,
+    ast.Function: Evaluator._function,
+    ast.Binary: Evaluator._binary,
+    ast.Unary: Evaluator._unary,
+    ast.Parens: Evaluator._parens,
+    ast.Index: Evaluator._index,
+    ast.Member: Evaluator._member,
+    ast.Call: Evaluator._call,
+    ast.WithChildren: Evaluator._with_children,
+}
+
+_ITEMS: dict[type, Callable[[Evaluator, Any, Scope, Sink], None]] = {
+    ast.ElementItem: Evaluator._place_element,
+    ast.For: Evaluator._place_for,
+    ast.If: Evaluator._place_if,
+}

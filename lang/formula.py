@@ -1,0 +1,199 @@
+"""Formulas: what `|x, y, z| …` becomes, a pure graph of named operations that later stages compile.
+
+A formula is made by calling the function with terms in place of numbers: whatever arithmetic it does is recorded, constants are
+folded, equal operations are shared, and functions of the scene that it calls are thereby inlined.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from .diagnostics import Span
+from .limits import MAX_TERMS, Exhausted
+from .noise import noise
+
+
+def modulo(a: float, b: float) -> float:
+    """The remainder that has the sign of `b`: a − b·⌊a/b⌋."""
+    return a - b * math.floor(a / b)
+
+
+def sign(a: float) -> float:
+    return 0.0 if a == 0 else math.copysign(1.0, a)
+
+
+def round_half_up(a: float) -> float:
+    return float(math.floor(a + 0.5))
+
+
+# Every operation a formula can hold, on plain numbers and truth values. They raise where they are not defined.
+OPERATIONS: dict[str, Callable[..., Any]] = {
+    "add": operator.add,
+    "subtract": operator.sub,
+    "multiply": operator.mul,
+    "divide": operator.truediv,
+    "power": math.pow,
+    "negate": operator.neg,
+    "abs": abs,
+    "sqrt": math.sqrt,
+    "exp": math.exp,
+    "log": math.log,
+    "sin": math.sin,
+    "cos": math.cos,
+    "tan": math.tan,
+    "asin": math.asin,
+    "acos": math.acos,
+    "atan": math.atan,
+    "atan2": math.atan2,
+    "hypot": math.hypot,
+    "min": min,
+    "max": max,
+    "floor": lambda a: float(math.floor(a)),
+    "ceil": lambda a: float(math.ceil(a)),
+    "round": round_half_up,
+    "mod": modulo,
+    "sign": sign,
+    "noise": noise,
+    "less": operator.lt,
+    "at_most": operator.le,
+    "greater": operator.gt,
+    "at_least": operator.ge,
+    "equal": operator.eq,
+    "unequal": operator.ne,
+    "and": lambda a, b: a and b,
+    "or": lambda a, b: a or b,
+    "not": operator.not_,
+    "select": lambda c, a, b: a if c else b,
+}
+TRUTHS = frozenset({"less", "at_most", "greater", "at_least", "equal", "unequal", "and", "or", "not"})
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """One operation: `args` are indices of earlier nodes. `constant` has its `value`; `parameter` has its index as `value`."""
+
+    op: str
+    args: tuple[int, ...] = ()
+    value: float | bool = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Formula:
+    """A function of plain numbers as operations in the order to do them.
+
+    parameters  their names, in order
+    nodes       the operations; each uses earlier ones only
+    results     indices of the nodes that are its value: one, or one for each item of a list or channel of a colour
+    kind        "number", "truth", "list" or "color": what it gives
+    unit        metres in one unit of its coordinates (the unit of the file it is written in)
+    span        where it is written
+    """
+
+    parameters: tuple[str, ...]
+    nodes: tuple[Node, ...]
+    results: tuple[int, ...]
+    kind: str
+    unit: float
+    span: Span
+
+
+def evaluate(formula: Formula, values: Sequence[float]) -> Any:
+    """The formula's value at `values`: a number, a truth value, or a tuple. Where it is not defined, nan (or ±inf for x / 0)."""
+    done: list[Any] = []
+    for node in formula.nodes:
+        if node.op == "constant":
+            done.append(node.value)
+        elif node.op == "parameter":
+            done.append(float(values[int(node.value)]))
+        else:
+            done.append(_apply(node.op, [done[i] for i in node.args]))
+    results = tuple(done[i] for i in formula.results)
+    return results if formula.kind in ("list", "color") else results[0]
+
+
+def _apply(op: str, args: list[Any]) -> Any:
+    """An operation as floating-point hardware does it: never raises."""
+    try:
+        return OPERATIONS[op](*args)
+    except ZeroDivisionError:
+        return math.copysign(math.inf, args[0]) * math.copysign(1.0, args[1]) if op == "divide" and args[0] else math.nan
+    except OverflowError:
+        return math.inf
+    except ValueError:
+        return -math.inf if op == "log" and args[0] == 0 else math.nan
+
+
+class Term:
+    """A number or truth value of a formula that is being recorded."""
+
+    __slots__ = ("args", "graph", "index", "op", "value")
+
+    def __init__(self, graph: Graph, index: int, op: str, args: tuple[Term, ...], value: float | bool) -> None:
+        self.graph = graph
+        self.index = index
+        self.op = op
+        self.args = args
+        self.value = value
+
+    @property
+    def truth(self) -> bool:
+        """Whether it is a truth value rather than a number."""
+        if self.op == "select":
+            return self.args[1].truth
+        return self.op in TRUTHS or (self.op == "constant" and isinstance(self.value, bool))
+
+
+class Graph:
+    """The terms of one formula, each once. `unit` is the metres in one unit of its coordinates."""
+
+    def __init__(self, unit: float) -> None:
+        self.unit = unit
+        self.terms: list[Term] = []
+        self._known: dict[tuple[object, ...], Term] = {}
+
+    def constant(self, value: float | bool) -> Term:
+        return self._term("constant", (), value)
+
+    def parameter(self, index: int) -> Term:
+        return self._term("parameter", (), float(index))
+
+    def apply(self, op: str, *args: Term) -> Term:
+        """The term of `op`; a constant where all of its arguments are (and it is defined there)."""
+        if all(a.op == "constant" for a in args):
+            try:
+                value = OPERATIONS[op](*(a.value for a in args))
+            except (ArithmeticError, ValueError):
+                value = math.nan
+            if math.isfinite(value):
+                return self.constant(value if isinstance(value, bool) else float(value))
+        if op == "select" and args[0].op == "constant":
+            return args[1] if args[0].value else args[2]
+        return self._term(op, args, 0.0)
+
+    def _term(self, op: str, args: tuple[Term, ...], value: float | bool) -> Term:
+        key = (op, type(value), value, math.copysign(1.0, value), *(a.index for a in args))
+        term = self._known.get(key)
+        if term is None:
+            if len(self.terms) >= MAX_TERMS:
+                raise Exhausted(f"the formula has more than {MAX_TERMS:,} operations")
+            term = Term(self, len(self.terms), op, args, value)
+            self.terms.append(term)
+            self._known[key] = term
+        return term
+
+    def formula(self, parameters: tuple[str, ...], results: Sequence[Term], kind: str, span: Span) -> Formula:
+        """The finished formula, with the terms that its results need and no others."""
+        needed: set[int] = set()
+        waiting = list(results)
+        while waiting:
+            term = waiting.pop()
+            if term.index not in needed:
+                needed.add(term.index)
+                waiting.extend(term.args)
+        place = {index: i for i, index in enumerate(sorted(needed))}
+        nodes = tuple(Node(t.op, tuple(place[a.index] for a in t.args), t.value) for t in self.terms if t.index in needed)
+        return Formula(parameters, nodes, tuple(place[t.index] for t in results), kind, self.unit, span)

@@ -1,72 +1,75 @@
-"""Compiling kernels: the house's Numba flags, and a cache folder that knows when any helper's source has changed."""
+"""How the house compiles: the kernel and helper decorators, and a cache on disk that cannot go stale.
+
+Numba's cache looks at the one file a kernel stands in and not at the helpers it calls. So the cache lies in a folder named
+after the content of everything that is compiled, and any change makes a new one; the folders of older versions are removed.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import os
 import shutil
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numba
-from numba import njit
+from numba import config, njit
 from numba.extending import register_jitable
 
-F = TypeVar("F", bound=Callable[..., Any])
-
-_KEPT_SECONDS = 30 * 24 * 3600  # folders of other versions unused for so long are removed
-_SOURCES = (*sorted(Path(__file__).parent.glob("*.py")), Path(__file__).parent.parent / "compiler" / "ir.py")
+_KEEP = 3  # caches of other versions that are left in place
+_FRESH = 24 * 3600.0  # seconds in which a cache may be in use by another process
 
 
-def cache_folder() -> Path:
-    """The folder of this version's compiled kernels.
-
-    Numba's own cache looks at the kernel's file only and would run old code after a change in a function it calls, so the
-    folder's name holds a digest of every source that kernels are made of, and of the versions of Numba and Python.
-    """
-    digest = hashlib.sha256(f"{numba.__version__} {sys.version_info[:2]}".encode())
-    for source in _SOURCES:
+def _sources_hash() -> str:
+    here = Path(__file__).resolve().parent
+    digest = hashlib.sha256(numba.__version__.encode())
+    for source in (*sorted(here.glob("*.py")), here.parent / "compiler" / "ir.py"):
+        digest.update(source.name.encode())
         digest.update(source.read_bytes())
-    root = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(root) / "maquette" / f"kernels-{digest.hexdigest()[:16]}"
+    return digest.hexdigest()[:16]
 
 
-def _open(folder: Path) -> bool:
-    """Makes the folder and removes long unused ones beside it; False where that cannot be, and kernels are then not kept."""
+def cache_root() -> Path:
+    """The folder of compiled kernels: MAQUETTE_CACHE, else the user's cache folder."""
+    asked = os.environ.get("MAQUETTE_CACHE")
+    if asked:
+        return Path(asked) / "kernels"
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "maquette" / "kernels"
+
+
+def _prepare_cache() -> Path:
+    root = cache_root()
+    folder = root / _sources_hash()
     try:
+        new = not folder.exists()
         folder.mkdir(parents=True, exist_ok=True)
-        os.utime(folder)
+        if new:
+            others = sorted((p for p in root.iterdir() if p != folder), key=lambda p: p.stat().st_mtime, reverse=True)
+            for old in others[_KEEP:]:
+                if time.time() - old.stat().st_mtime > _FRESH:
+                    shutil.rmtree(old, ignore_errors=True)
     except OSError:
-        return False
-    for other in folder.parent.glob("kernels-*"):
-        try:
-            if time.time() - other.stat().st_mtime > _KEPT_SECONDS:
-                shutil.rmtree(other, ignore_errors=True)
-        except OSError:
-            continue
-    return os.access(folder, os.W_OK)
+        return folder  # nowhere to write: Numba then compiles anew each time and says nothing
+    return folder
 
 
-_FOLDER = cache_folder()
-_CACHED = _open(_FOLDER)
+CACHE = _prepare_cache()
+config.CACHE_DIR = str(CACHE)  # pyright: ignore[reportAttributeAccessIssue]
 
 
-def kernel(function: F) -> F:
-    """Compiles a function at its first call, and keeps the machine code.
-
-    Kernels release the GIL, take NamedTuples of arrays, and divide as numpy does (x/0 is inf or nan, never an exception).
-    """
-    before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
-    numba.config.CACHE_DIR = str(_FOLDER)  # type: ignore[attr-defined]
-    try:
-        return njit(nogil=True, cache=_CACHED, error_model="numpy")(function)
-    finally:
-        numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
+def is_cold() -> bool:
+    """Whether nothing has been compiled yet for this version, so that the first picture will take a while."""
+    return not any(CACHE.rglob("*.nbc"))
 
 
-def helper(function: F) -> F:
-    """A function that kernels may call and that stays plain Python outside of them: one source for both."""
-    return register_jitable(error_model="numpy")(function)
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile for threads (no GIL), kept on disk, with IEEE division. Types come with the first call."""
+    return njit(nogil=True, cache=True, error_model="numpy")(function)
+
+
+def helper(function: Callable[..., Any]) -> Any:
+    """A lane function: plain Python on numpy arrays, compiled where a kernel calls it."""
+    return register_jitable(error_model="numpy", nogil=True)(function)

@@ -1,1 +1,71 @@
-"""maquette: a scene-description language compiler and renderer. The public door: load, render, compare."""
+"""maquette: a scene-description language compiler and renderer. The public door: load, render, compare.
+
+    import maquette
+    scene = maquette.load("room.scene", sets={"hour": "20"})
+    image = maquette.render(scene, size=(320, 240), backend="raster")
+    print(maquette.compare(image, "reference.exr").error)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+# The function `render` below has the name of the package render/. Importing that package here, first, settles which one
+# `maquette.render` is: the function. `from maquette.render import …` goes by sys.modules and finds the package.
+from . import render as _package  # noqa: F401
+
+if TYPE_CHECKING:
+    from .compiler import ir
+    from .lang.diagnostics import Diagnostics
+    from .render.image import Image
+    from .render.metrics import Difference
+
+__all__ = ["compare", "load", "render"]
+
+
+def load(
+    path: str | Path,
+    *,
+    sets: Mapping[str, str] | None = None,
+    time: float | None = None,
+    allow: Sequence[str | Path] = (),
+    variants: Mapping[str, str] | None = None,
+    diagnostics: Diagnostics | None = None,
+) -> ir.Scene:
+    """Compile a .scene, USD or mesh file.
+
+    `sets` gives params their values, written as in the language; `time` is in seconds; `allow` are folders it may read
+    beside its own; `variants` choose USD variants ({"/prim:set": "name"}). Warnings are added to `diagnostics`.
+    Raises maquette.lang.diagnostics.SceneError with everything that is wrong in it.
+    """
+    from .compiler import load as loader
+    from .lang import diagnostics as messages
+
+    found = diagnostics if diagnostics is not None else messages.Diagnostics()
+    folders = tuple(Path(folder) for folder in allow)
+    return loader.load(Path(path), sets=sets or {}, time=time, allow=folders, variants=variants or {}, diagnostics=found, seconds={})
+
+
+def render(scene: ir.Scene | str | Path, *, plan: Mapping[str, str] | None = None, **settings: Any) -> Image:
+    """Draw a scene, or the file of one.
+
+    `settings` are the fields of compiler.ir.Settings: size=(800, 600), backend="ray", samples=16, aov=("depth",) and so
+    on; they go before the scene's own. `plan` overrides decisions by name. The Image holds float32 linear channels.
+    """
+    from .compiler import ir
+    from .compiler import plan as planner
+    from .render import draw
+
+    if not isinstance(scene, ir.Scene):
+        scene = load(scene)
+    return draw.draw(scene, planner.make(scene, ir.Settings(**settings), plan))
+
+
+def compare(image: Image | str | Path, reference: Image | str | Path) -> Difference:
+    """√relMSE and the largest difference between two pictures or files of pictures, in linear light."""
+    from .render import metrics, output
+
+    a, b = (output.read(Path(p)) if isinstance(p, str | Path) else p for p in (image, reference))
+    return metrics.difference(a.channels["rgba"], b.channels["rgba"])

@@ -1,0 +1,271 @@
+"""From what was asked on the command line to pictures on disk: load, plan, draw, expose, write; frames, interruption, figures."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shlex
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from . import cli_options as values
+from . import cli_terminal as terminal
+from .lang.diagnostics import Diagnostic, Diagnostics, SceneError, Span
+
+if TYPE_CHECKING:
+    from .compiler import ir
+    from .compiler.plan import Plan
+    from .render.image import Image
+
+STAGES = ("import", "parse", "evaluate", "lower", "validate", "compile_kernels", "build", "render", "write")
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A scene file with what the command line says about reading it."""
+
+    path: Path
+    sets: Mapping[str, str]
+    time: float | None
+    allow: tuple[Path, ...]
+    variants: Mapping[str, str]
+
+    def load(self, seconds: dict[str, float], at: float | None = None) -> tuple[ir.Scene, Diagnostics]:
+        """The scene at `at` seconds (default: --time), and what was found about it. Raises SceneError."""
+        from .compiler import load
+
+        found = Diagnostics()
+        moment = self.time if at is None else at
+        scene = load.load(
+            self.path, sets=self.sets, time=moment, allow=self.allow, variants=self.variants, diagnostics=found, seconds=seconds
+        )
+        return scene, found
+
+
+def make_plan(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, str]) -> Plan:
+    """The plan; what cannot be planned as asked is a usage error."""
+    from .compiler import plan
+
+    try:
+        return plan.make(scene, settings, overrides)
+    except plan.PlanError as error:
+        raise click.UsageError(str(error)) from None
+
+
+def check_folder(path: Path) -> None:
+    """Raise OSError with a whole sentence where no file can be put at `path`."""
+    folder = path.parent
+    if not folder.is_dir():
+        raise FileNotFoundError(f"there is no folder {folder} to write {path.name} into")
+    if path.is_dir():
+        raise IsADirectoryError(f"{path} is a folder")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise PermissionError(f"the folder {folder} is not writable")
+
+
+def check_output(path: Path, aov: tuple[str, ...] = (), bits: int | None = None, view: str = "sRGB") -> None:
+    """See that `path` can be written: a name that cannot be is a usage error, a folder that cannot be written to an OSError."""
+    from .render import output
+
+    try:
+        output.check(path, aov, bits, view)
+    except output.FormatError as error:
+        raise click.UsageError(str(error)) from None
+    check_folder(path)
+
+
+@dataclass(slots=True)
+class Job:
+    """What to render and where to: one picture, or one a frame with the same exposure."""
+
+    source: Source
+    settings: ir.Settings
+    overrides: Mapping[str, str]
+    output: Path
+    bits: int | None = None
+    quiet: bool = False
+    files: tuple[Path, ...] = ()  # what the last scene was read from
+    exposure: float | None = None  # metered, at the first picture
+    said: set[Diagnostic] = field(default_factory=set)
+
+    def run(self, frames: tuple[int, ...] | None) -> list[dict[str, Any]]:
+        """Render everything; returns the figures of each picture (`--stats`). Raises KeyboardInterrupt after a partial one."""
+        if frames is None:
+            return [self._picture(self.output, None, "rendering")]
+        scene, _ = self.source.load({})
+        return [
+            self._picture(values.numbered(self.output, number), number / scene.fps, f"frame {number} ({i} of {len(frames)})")
+            for i, number in enumerate(frames, 1)
+        ]
+
+    def build(self) -> tuple[Path, ...]:
+        """Render once for `watch`: what is wrong is printed; returns the files to watch. Raises KeyboardInterrupt."""
+        self.exposure = None
+        self.said.clear()
+        try:
+            self._picture(self.output, None, "rendering")
+        except SceneError as error:
+            terminal.report(error.diagnostics)
+            named = (Path(d.span.file) for d in error.diagnostics if d.span)
+            self.files = tuple(dict.fromkeys((self.source.path, *self.files, *(path for path in named if path.is_file()))))
+        except click.UsageError as error:
+            click.echo(f"error: {error.format_message()}", err=True)
+        return self.files or (self.source.path,)
+
+    def _picture(self, path: Path, at: float | None, what: str) -> dict[str, Any]:
+        seconds = dict.fromkeys(STAGES, 0.0)
+        with timed(seconds, "import"):
+            from .render import draw, kernels
+        scene, found = self.source.load(seconds, at)
+        self.files = tuple(Path(file) for file in scene.files)
+        plan = make_plan(scene, self.settings, self.overrides)
+        check_output(path, plan["aov"], self.bits, plan["view"])
+        self._say(found.items)
+        self._say(plan_warnings(scene, plan))
+        with terminal.Progress(self.quiet) as progress, interruptible() as cancel:
+            cold = not any(kernels.cache_folder().rglob("*.nbi"))
+            progress.begin(what, "compiling kernels (the first time only)" if cold else "")
+            image = draw.draw(scene, plan, progress, cancel)
+        for name, value in image.metadata["seconds"].items():
+            seconds[name] = seconds.get(name, 0.0) + value
+        self._say(Diagnostic("note", message, span_of(scene, table, row)) for message, table, row in image.metadata["notes"])
+        partial = bool(image.metadata.get("partial"))
+        if partial:
+            path = path.with_name(f"{path.stem}.partial.exr")
+        with timed(seconds, "write"):
+            self._write(image, path, plan)
+        if partial:
+            click.echo(f"interrupted: what was done is in {path}", err=True)
+            raise KeyboardInterrupt
+        figures = self._figures(scene, plan, image, seconds)
+        if not self.quiet:
+            click.echo(_summary(path, figures))
+        return figures
+
+    def _write(self, image: Image, path: Path, plan: Plan) -> None:
+        from .render import output
+
+        exposure = plan["exposure"]
+        if exposure == "metered":
+            if self.exposure is None:
+                self.exposure = output.metered(image.channels["rgba"])
+                if not self.quiet and path.suffix.lower() not in output.LINEAR:
+                    click.echo(f"exposure: metered, {self.exposure:g} ev (--exposure {self.exposure:g} fixes it)", err=True)
+            exposure = self.exposure
+        look = output.Look(exposure, plan["view"], self.bits or 8, alpha=plan["background"] == "transparent")
+        about = {
+            "command": shlex.join(["maquette", *sys.argv[1:]]),
+            "version": metadata.version("maquette"),
+            "backend": plan["backend"],
+            "seed": plan["seed"],
+            "samples": plain(image.metadata.get("samples", plan["samples"])),
+            "exposure": exposure,
+        }
+        error = image.metadata.get("error")
+        output.write(image, path, look, about if error is None else {**about, "error": float(error)})
+
+    def _figures(self, scene: ir.Scene, plan: Plan, image: Image, seconds: Mapping[str, float]) -> dict[str, Any]:
+        warnings = [d.to_json() for d in self.said if d.severity == "warning"]
+        return plain(
+            {
+                "scene": str(self.source.path),
+                "backend": plan["backend"],
+                "size": plan["size"],
+                "samples": image.metadata.get("samples", plan["samples"]),
+                "seconds": {stage: seconds[stage] for stage in STAGES},
+                "rays": image.metadata.get("rays"),
+                "error": image.metadata.get("error"),
+                "plan": plan.values(),
+                "warnings": warnings,
+            }
+        )
+
+    def _say(self, found: Iterable[Diagnostic]) -> None:
+        """Print what has not been said already for another frame; notes only when not quiet."""
+        new = [d for d in found if d not in self.said and not (self.quiet and d.severity == "note")]
+        self.said.update(new)
+        terminal.report(new)
+
+
+def span_of(scene: ir.Scene, table: str, row: int) -> Span | None:
+    """Where the row of a table came from."""
+    rows = scene.spans.rows.get(table)
+    if rows is None or not 0 <= row < len(rows):
+        return None
+    source, *place = (int(n) for n in rows[row])
+    return Span(scene.spans.sources[source], *place)
+
+
+@contextmanager
+def timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
+    """Add the time the block takes to `seconds[stage]`."""
+    began = time.perf_counter()
+    try:
+        yield
+    finally:
+        seconds[stage] = seconds.get(stage, 0.0) + time.perf_counter() - began
+
+
+@contextmanager
+def interruptible() -> Iterator[threading.Event]:
+    """An event that the first Ctrl-C sets; the second raises KeyboardInterrupt at once."""
+    event = threading.Event()
+
+    def interrupt(number: int, frame: Any) -> None:
+        if event.is_set():
+            raise KeyboardInterrupt
+        event.set()
+
+    before = signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield event
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Write `data` as JSON, whole or not at all."""
+    partial = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        partial.write_text(json.dumps(plain(data), indent=2) + "\n", encoding="utf-8")
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def plain(value: Any) -> Any:
+    """`value` as JSON can hold it: endless numbers are null, tuples lists, numpy's scalars Python's."""
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, tuple | list):
+        return [plain(v) for v in value]
+    if hasattr(value, "item"):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def plan_warnings(scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
+    """What the plan finds odd about the scene."""
+    from .compiler import plan as planner
+
+    return [Diagnostic("warning", text) for text in planner.warnings(scene, plan)]
+
+
+def _summary(path: Path, figures: Mapping[str, Any]) -> str:
+    width, height = figures["size"]
+    error = f", √relMSE {figures['error']:.2%}" if figures["error"] is not None else ""
+    total = sum(figures["seconds"].values())
+    return f"{path}: {width}x{height}, {figures['backend']}, {figures['samples']:g} samples a pixel{error}, {total:.2f} s"

@@ -1,0 +1,104 @@
+"""How far two pictures are apart: √relMSE as the whole of maquette means it, the largest difference, a picture of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+LUMINANCE = np.array([0.2126729, 0.7151522, 0.0721750])  # Y of the Rec.709 primaries
+EPSILON = 0.01  # of the reference's mean luminance: below it a relative error means nothing
+
+Pixels = NDArray[np.floating]
+
+
+class SizeError(ValueError):
+    """Two pictures that cannot be compared, with their sizes in the message."""
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """What `compare` found. `error` is √relMSE; `maximum` the largest |a - b| of any channel, at pixel `at` (x, y)."""
+
+    error: float
+    maximum: float
+    at: tuple[int, int]
+    differing: int  # pixels that are not exactly equal
+    pixels: int
+
+
+def luminance(rgb: Pixels) -> NDArray[np.float64]:
+    """Relative luminance of linear Rec.709 colours (…, 3) -> (…)."""
+    return np.asarray(rgb, dtype=np.float64) @ LUMINANCE
+
+
+def root_relmse(image: Pixels, reference: Pixels) -> float:
+    """√mean((I − R)² / (R² + ε²)) over all pixels and channels, ε = 1 % of the reference's mean luminance.
+
+    Both are linear (height, width, 3). A pixel that is inf or nan in one alone makes the error infinite; where both hold
+    the same value the error is 0, so a black picture can be compared with itself.
+    """
+    a, b = _same_size(image, reference)
+    if a.size == 0:
+        return 0.0
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        finite = np.isfinite(b)
+        epsilon = EPSILON * luminance(np.where(finite, b, 0.0)).mean()
+        squared = (a - b) ** 2 / (b**2 + epsilon**2)
+    squared[a == b] = 0.0
+    squared[~np.isfinite(squared)] = np.inf
+    squared[np.isnan(a) & np.isnan(b)] = 0.0
+    return float(np.sqrt(squared.mean()))
+
+
+def difference(image: Pixels, reference: Pixels) -> Difference:
+    """Compare two linear pictures (height, width, 3). Raises SizeError if their sizes differ."""
+    a, b = _same_size(image, reference)
+    height, width = a.shape[:2]
+    if a.size == 0:
+        return Difference(0.0, 0.0, (0, 0), 0, 0)
+    distance = _distance(a, b).max(axis=2)
+    row, column = np.unravel_index(np.argmax(distance), distance.shape)
+    return Difference(
+        error=root_relmse(a, b),
+        maximum=float(distance[row, column]),
+        at=(int(column), int(row)),
+        differing=int(np.count_nonzero(distance)),
+        pixels=height * width,
+    )
+
+
+def false_colour(image: Pixels, reference: Pixels, full: float | None = None) -> NDArray[np.float32]:
+    """Where `image` is brighter than `reference` (red) and darker (blue), white where equal: linear (height, width, 3).
+
+    Colours are full at a luminance difference of ±`full`; None takes the 99.5th percentile of what there is, so that a
+    few stray pixels do not hide the rest.
+    """
+    a, b = _same_size(image, reference)
+    signed = np.nan_to_num(luminance(a - b), nan=0.0, posinf=np.finfo(np.float32).max, neginf=-np.finfo(np.float32).max)
+    if full is None:
+        there = np.abs(signed[signed != 0])
+        full = float(np.percentile(there, 99.5)) if there.size else 1.0
+    share = np.clip(signed / full, -1.0, 1.0)
+    colours = np.ones((*share.shape, 3))
+    colours[..., 1] = 1.0 - np.abs(share)
+    colours[..., 0] -= np.clip(-share, 0.0, 1.0)
+    colours[..., 2] -= np.clip(share, 0.0, 1.0)
+    return colours.astype(np.float32)
+
+
+def _distance(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """|a − b|, 0 where both are the same inf or both nan, inf where only one is not finite."""
+    with np.errstate(invalid="ignore"):
+        distance = np.abs(a - b)
+    distance[(a == b) | (np.isnan(a) & np.isnan(b))] = 0.0
+    distance[np.isnan(distance)] = np.inf
+    return distance
+
+
+def _same_size(image: Pixels, reference: Pixels) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    a, b = np.asarray(image, dtype=np.float64), np.asarray(reference, dtype=np.float64)
+    if a.shape[:2] != b.shape[:2]:
+        raise SizeError(f"sizes differ: {a.shape[1]}x{a.shape[0]} and {b.shape[1]}x{b.shape[0]} pixels")
+    return a[..., :3], b[..., :3]

@@ -1,0 +1,214 @@
+"""An Image to a file and back: EXR linear with named channels, 8 and 16-bit pictures after exposure and view; whole or not at all."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+from numpy.typing import NDArray
+
+from . import image as images
+from . import metrics
+
+LINEAR = (".exr",)
+DEPTHS = {".png": (8, 16), ".tif": (8, 16), ".tiff": (8, 16), ".jpg": (8,), ".jpeg": (8,)}  # bits a channel, by extension
+WITH_ALPHA = (".png", ".tif", ".tiff")
+MIDDLE_GREY = 0.18
+WORKING_SPACE = "lin_rec709_scene"  # OpenColorIO's name for scene-linear Rec.709
+
+CHANNEL_NAMES: dict[str, tuple[str, ...]] = {
+    "rgba": ("R", "G", "B", "A"),
+    "depth": ("depth.Z",),
+    "normal": ("normal.X", "normal.Y", "normal.Z"),
+    "position": ("position.X", "position.Y", "position.Z"),
+    "albedo": ("albedo.R", "albedo.G", "albedo.B"),
+    "uv": ("uv.U", "uv.V"),
+    "id": ("id.instance", "id.material"),
+}
+
+
+class FormatError(ValueError):
+    """A file name, depth or view that cannot be had, or does not go together; the message says what there is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How scene-linear light becomes the numbers of an 8 or 16-bit picture. Exposure is in stops: + 1 is twice as bright."""
+
+    exposure: float = 0.0
+    view: str = "sRGB"
+    bits: int = 8
+    alpha: bool = False  # keep coverage as the alpha channel
+
+
+def check(path: Path, aov: tuple[str, ...] = (), bits: int | None = None, view: str = "sRGB") -> None:
+    """See before rendering that a file called `path` can hold what is asked. Raises FormatError."""
+    suffix = path.suffix.lower()
+    if suffix not in LINEAR and suffix not in DEPTHS:
+        known = ", ".join((*LINEAR, *DEPTHS))
+        raise FormatError(f"cannot tell the picture format of {path}: its name must end in one of {known}")
+    if suffix in LINEAR and bits is not None:
+        raise FormatError(f"{path.name} holds 32-bit floats: --bits is for 8 and 16-bit pictures")
+    if suffix in DEPTHS and bits is not None and bits not in DEPTHS[suffix]:
+        raise FormatError(f"{suffix} files have {DEPTHS[suffix][0]} bits a channel, not {bits}; .png and .tif have 16")
+    if aov and suffix not in LINEAR:
+        raise FormatError(f"{path.name} has no room for the channels {', '.join(aov)}: write an .exr")
+    if view != "sRGB" and view not in views():
+        raise FormatError(f"no view is called `{view}`; there are: {', '.join(views())}")
+
+
+def write(picture: images.Image, path: Path, look: Look, about: Mapping[str, str | int | float]) -> None:
+    """Write `picture` to `path` by a temporary file in the same folder, renamed: the old file or the new one, never a part.
+
+    EXR: float32, scene-linear, unexposed, associated alpha, every channel by name. Others: exposed, seen through the view,
+    unassociated alpha where `look.alpha`, else the picture over black. Keys of `about` become `maquette:key` attributes.
+    """
+    path = Path(path)
+    linear = path.suffix.lower() in LINEAR
+    pixels, names = (_all_channels(picture), _all_names(picture)) if linear else (_displayed(picture, path, look), ())
+    height, width, channels = pixels.shape
+    spec = oiio.ImageSpec(width, height, channels, {np.float32: "float", np.uint8: "uint8", np.uint16: "uint16"}[pixels.dtype.type])
+    if linear:
+        spec.channelnames = names
+        spec.attribute("compression", "zip")
+    if path.suffix.lower() in (".jpg", ".jpeg"):
+        spec.attribute("Compression", "jpeg:95")
+    spec.attribute("oiio:ColorSpace", WORKING_SPACE if linear else "srgb_rec709_scene")
+    spec.attribute("oiio:UnassociatedAlpha", 0 if linear else 1)
+    spec.attribute("Software", f"maquette {about.get('version', '')}".strip())
+    for key, value in about.items():
+        spec.attribute(f"maquette:{key}", value if linear else str(value))
+    _write_whole(path, spec, pixels)
+
+
+def read(path: Path) -> images.Image:
+    """A picture from any file OpenImageIO knows, as scene-linear rgba with associated alpha (1 where the file has none).
+
+    Integer files are taken as sRGB with unassociated alpha, float files as linear. Raises FormatError where there is no
+    picture to read.
+    """
+    wanted = oiio.ImageSpec()
+    wanted.attribute("oiio:UnassociatedAlpha", 1)
+    if not Path(path).is_file():
+        raise FormatError(f"there is no file {path}")
+    source = oiio.ImageInput.open(str(path), wanted)
+    if source is None:
+        raise FormatError(f"{path} is not a picture: {oiio.geterror()}")
+    try:
+        spec = source.spec()
+        pixels = source.read_image(oiio.FLOAT)
+        if pixels is None:
+            raise FormatError(f"{path} cannot be read: {source.geterror()}")
+    finally:
+        source.close()
+    return _as_image(np.asarray(pixels, dtype=np.float32).reshape(spec.height, spec.width, -1), spec)
+
+
+def write_difference(picture: images.Image, reference: images.Image, path: Path) -> None:
+    """Write picture − reference: in an EXR the signed linear difference, else false colours (metrics.false_colour)."""
+    a, b = (p.channels["rgba"][..., :3] for p in (picture, reference))
+    rgb = a - b if path.suffix.lower() in LINEAR else metrics.false_colour(a, b)
+    rgba = np.concatenate([rgb, np.ones_like(rgb[..., :1])], axis=2).astype(np.float32)
+    write(images.Image(picture.width, picture.height, {"rgba": rgba}, {}), path, Look(), {"version": metadata.version("maquette")})
+
+
+def metered(rgba: NDArray[np.floating]) -> float:
+    """The exposure in stops that brings the log-average luminance to middle grey (Reinhard et al. 2002), to 1/100 stop.
+
+    Pixels without light are left out. 0 where there is none at all.
+    """
+    y = metrics.luminance(rgba[..., :3])
+    lit = y[np.isfinite(y) & (y > 0)]
+    if lit.size == 0:
+        return 0.0
+    return round(math.log2(MIDDLE_GREY) - float(np.log2(lit).mean()), 2)
+
+
+def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Linear light to sRGB, 0..1 clipped (IEC 61966-2-1)."""
+    v = np.clip(np.nan_to_num(np.asarray(linear, dtype=np.float64), nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0)
+    return np.where(v <= 0.0031308, 12.92 * v, 1.055 * np.maximum(v, 0.0031308) ** (1 / 2.4) - 0.055)
+
+
+def decode_srgb(encoded: NDArray[np.floating]) -> NDArray[np.float64]:
+    """sRGB 0..1 to linear light: the inverse of `encode_srgb`."""
+    v = np.asarray(encoded, dtype=np.float64)
+    return np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
+
+
+def views() -> tuple[str, ...]:
+    """The names `view` may have: sRGB, and those that OpenColorIO's configuration ($OCIO or its own) has for its display."""
+    config = oiio.ColorConfig()
+    return ("sRGB", *config.getViewNames(config.getDefaultDisplayName()))
+
+
+def _all_names(picture: images.Image) -> tuple[str, ...]:
+    return tuple(name for channel in _ordered(picture) for name in CHANNEL_NAMES[channel])
+
+
+def _all_channels(picture: images.Image) -> NDArray[np.float32]:
+    parts = [np.asarray(picture.channels[channel], dtype=np.float32) for channel in _ordered(picture)]
+    return np.ascontiguousarray(np.concatenate(parts, axis=2))
+
+
+def _ordered(picture: images.Image) -> list[str]:
+    return [channel for channel in CHANNEL_NAMES if channel in picture.channels]
+
+
+def _displayed(picture: images.Image, path: Path, look: Look) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    rgba = np.asarray(picture.channels["rgba"], dtype=np.float64)
+    rgb, alpha = rgba[..., :3] * 2.0**look.exposure, np.clip(rgba[..., 3:4], 0.0, 1.0)
+    keep = look.alpha and path.suffix.lower() in WITH_ALPHA
+    if keep:
+        rgb = rgb / np.where(alpha > 0, alpha, 1.0)
+    shown = _viewed(rgb, look.view)
+    if keep:
+        shown = np.concatenate([shown, alpha], axis=2)
+    kind, top = (np.uint8, 255) if look.bits == 8 else (np.uint16, 65535)
+    return np.ascontiguousarray(np.rint(shown * top).astype(kind))
+
+
+def _viewed(rgb: NDArray[np.float64], view: str) -> NDArray[np.float64]:
+    if view == "sRGB" or rgb.size == 0:
+        return encode_srgb(rgb)
+    display = oiio.ColorConfig().getDefaultDisplayName()
+    source = oiio.ImageBuf(np.ascontiguousarray(np.nan_to_num(rgb, nan=0.0, posinf=65504.0, neginf=0.0), dtype=np.float32))
+    shown = oiio.ImageBufAlgo.ociodisplay(source, display, view, WORKING_SPACE, "", False)
+    if shown.has_error:
+        raise FormatError(f"the view `{view}` failed: {shown.geterror()}")
+    return np.clip(np.asarray(shown.get_pixels(oiio.FLOAT), dtype=np.float64).reshape(rgb.shape), 0.0, 1.0)
+
+
+def _as_image(pixels: NDArray[np.float32], spec: Any) -> images.Image:
+    names = list(spec.channelnames)
+    if all(name in names for name in "RGB"):
+        rgb = pixels[..., [names.index(name) for name in "RGB"]].astype(np.float64)
+    else:
+        rgb = np.repeat(pixels[..., :1], 3, axis=2).astype(np.float64)  # grey
+    alpha = pixels[..., [spec.alpha_channel]].astype(np.float64) if spec.alpha_channel >= 0 else np.ones_like(rgb[..., :1])
+    if spec.format.basetype in (oiio.UINT8, oiio.UINT16):
+        rgb = decode_srgb(rgb) * alpha
+    rgba = np.concatenate([rgb, alpha], axis=2).astype(np.float32)
+    return images.Image(spec.width, spec.height, {"rgba": rgba}, {})
+
+
+def _write_whole(path: Path, spec: Any, pixels: NDArray[Any]) -> None:
+    partial = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    try:
+        target = oiio.ImageOutput.create(str(partial))
+        if target is None or not target.open(str(partial), spec):
+            raise OSError(f"cannot write {path}: {target.geterror() if target else oiio.geterror()}")
+        written = target.write_image(pixels)
+        closed = target.close()
+        if not (written and closed):
+            raise OSError(f"cannot write {path}: {target.geterror()}")
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)

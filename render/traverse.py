@@ -1,0 +1,190 @@
+"""Walking the trees of bvh.py with one ray, in kernels.
+
+Boxes are tested so that none is missed through rounding: the far side is moved out by 2 γ₃ (Ize, "Robust BVH Ray Traversal",
+JCGT 2013), the origin by its own error, and comparisons are written so that the NaN of 0 · ∞ (a ray along a box's face)
+decides nothing.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from llvmlite import ir as llvm
+from numba import carray, types
+from numba.extending import intrinsic
+
+from ..compiler import ir
+from . import lanes, shapes
+from .bvh import DEPTH
+from .kernels import helper, kernel
+from .records import Hit, Lane, Vec
+
+MESH = int(ir.GeometryKind.MESH)
+FAR = 1.0 + 2.0 * 3.4e-16  # 1 + 2 γ₃ for float64
+WORLD_ERROR = 1e-12  # of the origin's coordinates: what transforms and their inverses may round
+LOCAL_ERROR = 1e-15
+
+
+@intrinsic
+def _stack_memory(typing: Any):
+    """A pointer to room for DEPTH float64 and DEPTH int64 on the machine's stack; free, unlike np.empty in each call."""
+
+    def lower(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        with builder.goto_entry_block():
+            memory = builder.alloca(llvm.ArrayType(llvm.DoubleType(), 2 * DEPTH))
+        return builder.bitcast(memory, llvm.DoubleType().as_pointer())
+
+    return types.CPointer(types.float64)(), lower
+
+
+class BoxRay(NamedTuple):
+    """A ray made ready for boxes: origins moved against and along the ray, 1 / direction, columns of the near planes."""
+
+    near_x: float
+    near_y: float
+    near_z: float
+    far_x: float
+    far_y: float
+    far_z: float
+    inverse_x: float
+    inverse_y: float
+    inverse_z: float
+    x: int
+    y: int
+    z: int
+
+
+@helper
+def _box_ray(o: Vec, d: Vec, share: float) -> BoxRay:
+    error = share * max(abs(o[0]), max(abs(o[1]), abs(o[2])))
+    ix, iy, iz = 1.0 / d[0], 1.0 / d[1], 1.0 / d[2]
+    ex = error if ix > 0.0 else -error
+    ey = error if iy > 0.0 else -error
+    ez = error if iz > 0.0 else -error
+    x = 0 if ix > 0.0 else 3
+    y = 1 if iy > 0.0 else 4
+    z = 2 if iz > 0.0 else 5
+    return BoxRay(o[0] + ex, o[1] + ey, o[2] + ez, o[0] - ex, o[1] - ey, o[2] - ez, ix, iy, iz, x, y, z)
+
+
+@helper
+def _enter(bounds: Any, node: int, ray: BoxRay, t_min: float, t_max: float) -> float:
+    """Where the ray enters a node's box, inf where it misses it or comes too late."""
+    near, far = t_min, t_max
+    t = (bounds[node, ray.x] - ray.near_x) * ray.inverse_x
+    near = t if t > near else near
+    t = (bounds[node, 3 - ray.x] - ray.far_x) * ray.inverse_x * FAR
+    far = t if t < far else far
+    t = (bounds[node, ray.y] - ray.near_y) * ray.inverse_y
+    near = t if t > near else near
+    t = (bounds[node, 5 - ray.y] - ray.far_y) * ray.inverse_y * FAR
+    far = t if t < far else far
+    t = (bounds[node, ray.z] - ray.near_z) * ray.inverse_z
+    near = t if t > near else near
+    t = (bounds[node, 7 - ray.z] - ray.far_z) * ray.inverse_z * FAR
+    far = t if t < far else far
+    return near if near <= far else np.inf
+
+
+@kernel
+def search(accel, tables, origin, direction, t_min, t_max, visible_bit, any_hit):
+    """The first hit of a ray with what has `visible_bit`; with `any_hit`, the first one found."""
+    best = Hit(np.inf, -1, -1, 0.0, 0.0)
+    for k in range(len(accel.endless)):
+        best = _try(accel, tables, accel.endless[k], origin, direction, t_min, t_max, visible_bit, any_hit, best)
+        if any_hit and best.instance >= 0:
+            return best
+    if accel.top < 0:
+        return best
+    memory = _stack_memory()
+    nears, nodes = carray(memory, 2 * DEPTH), carray(memory, 2 * DEPTH)
+    ray = _box_ray(origin, direction, WORLD_ERROR)
+    node, near = np.int64(accel.top), _enter(accel.bounds, accel.top, ray, t_min, t_max)
+    depth = 0
+    while True:
+        if near <= min(best.t, t_max) and near < np.inf:
+            first = np.int64(accel.first[node])
+            if accel.count[node] == 0:
+                limit = min(best.t, t_max)
+                left = _enter(accel.bounds, first, ray, t_min, limit)
+                right = _enter(accel.bounds, first + 1, ray, t_min, limit)
+                swap = right < left
+                later, later_near = (first, left) if swap else (first + 1, right)
+                node, near = (first + 1, right) if swap else (first, left)
+                if later_near < np.inf:
+                    nears[depth], nodes[DEPTH + depth] = later_near, float(later)
+                    depth += 1
+                continue
+            for k in range(first, first + accel.count[node]):
+                best = _try(accel, tables, accel.instances[k], origin, direction, t_min, t_max, visible_bit, any_hit, best)
+                if any_hit and best.instance >= 0:
+                    return best
+        if depth == 0:
+            return best
+        depth -= 1
+        node, near = np.int64(nodes[DEPTH + depth]), nears[depth]
+
+
+@kernel
+def _try(accel, tables, i, origin, direction, t_min, t_max, visible_bit, any_hit, best):
+    """`best`, or the hit with instance i where that comes first."""
+    if (tables.instances.visible[i] & visible_bit) == 0:
+        return best
+    g, row = tables.instances.geometry[i], tables.instances.transform[i]
+    o = lanes.transform_point(tables.transforms.inverse, row, origin)
+    d = lanes.transform_vector(tables.transforms.inverse, row, direction)
+    kind = tables.geometries.kind[g]
+    if kind == MESH:
+        o = lanes.sub(o, (tables.geometries.origin[g, 0], tables.geometries.origin[g, 1], tables.geometries.origin[g, 2]))
+        t, primitive, u, v = _mesh(accel, accel.roots[g], o, d, t_min, t_max, best.t, any_hit)
+    else:
+        t, part = shapes.intersect(kind, tables.geometries.parameters, g, o, d, t_min, t_max)
+        primitive, u, v = np.int64(part), 0.0, 0.0
+    if t < best.t or (t == best.t and t < np.inf and i < best.instance):
+        return Hit(t, np.int64(i), primitive, u, v)
+    return best
+
+
+@kernel
+def _mesh(accel, root, o, d, t_min, t_max, limit, any_hit):
+    """(t, triangle, u, v) of the first meeting with the mesh whose tree begins at `root`, not beyond `limit`."""
+    best, primitive, best_u, best_v = np.inf, np.int64(-1), 0.0, 0.0
+    memory = _stack_memory()
+    stack = carray(memory, 2 * DEPTH)
+    ray = _box_ray(o, d, LOCAL_ERROR)
+    kx, ky, kz, sx, sy, sz = shapes.shear(d)
+    ox, oy, oz = shapes.component(o, kx), shapes.component(o, ky), shapes.component(o, kz)
+    limit = min(limit, t_max)
+    node, near = np.int64(root), _enter(accel.bounds, root, ray, t_min, limit)
+    depth = 0
+    while True:
+        if near <= limit and near < np.inf:
+            first = np.int64(accel.first[node])
+            if accel.count[node] == 0:
+                left = _enter(accel.bounds, first, ray, t_min, limit)
+                right = _enter(accel.bounds, first + 1, ray, t_min, limit)
+                swap = right < left
+                later, later_near = (first, left) if swap else (first + 1, right)
+                node, near = (first + 1, right) if swap else (first, left)
+                if later_near < np.inf:
+                    stack[depth], stack[DEPTH + depth] = later_near, float(later)
+                    depth += 1
+                continue
+            for k in range(first, first + accel.count[node]):
+                c = accel.corners[k]
+                t, u, v = shapes.sheared_triangle(
+                    (c[kx] - ox, c[ky] - oy, c[kz] - oz),
+                    (c[3 + kx] - ox, c[3 + ky] - oy, c[3 + kz] - oz),
+                    (c[6 + kx] - ox, c[6 + ky] - oy, c[6 + kz] - oz),
+                    sx, sy, sz, t_min, t_max,
+                )  # fmt: skip
+                if t < best or (t == best and t < np.inf and accel.triangles[k] < primitive):
+                    best, primitive, best_u, best_v = t, np.int64(accel.triangles[k]), u, v
+                    limit = min(limit, t)
+                    if any_hit:
+                        return best, primitive, best_u, best_v
+        if depth == 0:
+            return best, primitive, best_u, best_v
+        depth -= 1
+        node, near = np.int64(stack[DEPTH + depth]), stack[depth]

@@ -1,0 +1,1 @@
+"""Elements, USD and meshes to the IR; the validator; the plan. The IR is defined here."""

@@ -1,0 +1,1 @@
+"""Text to syntax tree to elements with checked units. Knows no arrays, reads no disk."""

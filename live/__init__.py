@@ -1,0 +1,1 @@
+"""Shells round the stages: watching files."""

@@ -12,6 +12,37 @@ from .units import UNITS
 
 _VALUE = frozenset(("NUMBER", "STRING", "COLOR", "NAME"))
 
+_FOREIGN = {  # words of other languages that people begin a line with
+    "import": 'write use "gear.scene"',
+    "include": 'write use "gear.scene"',
+    "def": "write let name(…) = …",
+    "function": "write let name(…) = …",
+    "fn": "write let name(…) = …",
+    "var": "write let name = …",
+    "const": "write let name = …",
+    "return": "what stands behind the `=` of a `let` is its value",
+    "while": "write for (k in 0..5) { … }; `fold` and `scan` accumulate",
+    "elif": "write else if (…) { … }",
+    "elseif": "write else if (…) { … }",
+}
+
+_PAIRS = {
+    "**": "write `^`",
+    "||": "write `or`",
+    "=>": "write `>=`; a function is written |x| x + 1",
+    "->": "a function is written |x| x + 1",
+    "=<": "write `<=`",
+    "===": "write `==`",
+    "!==": "write `!=`",
+    "...": "write `..` for a range",
+    "++": "names are bound once, with `let`",
+    "+=": "names are bound once, with `let`",
+    "-=": "names are bound once, with `let`",
+    "*=": "names are bound once, with `let`",
+    "/=": "names are bound once, with `let`",
+    ":=": "write `=` after let and param, `:` in arguments",
+}
+
 Answer = tuple[str, str, Token]  # message, hint, where
 
 
@@ -107,6 +138,21 @@ def _use(place: Place) -> Answer | None:
         return "`use` wants a file", 'write use "std/room" or use "gear.scene"', place.start
     if place.near(-1) == "as":
         return "`as` wants a name", 'write use "robot.usdz" as robot', place.near(-1)
+    if place.at == place.first + 2 and place.token.type == "NAME":
+        return f"`as` is missing before `{place.token}`", f"write as {place.token}", place.token
+    return None
+
+
+def _unit(place: Place) -> Answer | None:
+    if place.start == "unit" and place.at == place.first + 1:
+        return "`unit` wants a unit of length", "write unit mm", place.start if _is_end(place.token) else place.token
+    return None
+
+
+def _foreign_word(place: Place) -> Answer | None:
+    start = place.start
+    if start in _FOREIGN and place.at == place.first + 1 and start.type == "NAME":
+        return f"the language has no `{start}`", _FOREIGN[start], start
     return None
 
 
@@ -116,6 +162,8 @@ def _keyword_as_name(place: Place) -> Answer | None:
     naming = place.near(1) in (":", "=") and "NAME" in place.expected
     if token in KEYWORDS and (binding or naming):
         return f"`{token}` is a word of the language and can't be a name", "choose another name", token
+    if token in ("for", "in", "use", "unit", "as", "param") and "NUMBER" in place.expected and place.at > place.first:
+        return f"`{token}` is a word of the language, no value", "", token
     return None
 
 
@@ -125,10 +173,14 @@ def _binding(place: Place) -> Answer | None:
         return None
     name = place.stream[place.first + 1]
     if place.at == place.first + 1:
+        if token.type == "NUMBER":
+            return f"a name begins with a letter, not as `{token}`", "", token
         return f"`{start}` wants a name", f"write {start} size = 3", start if _is_end(token) else token
     if place.at == place.first + 2:
-        if token == ":" and start == "let":
-            return "`let` takes `=`, not `:`", f"write let {name} = …", token
+        if token == ":" or token == "==":
+            return f"`{start}` takes `=`, not `{token}`", f"write {start} {name} = …", token
+        if token == "-" and token.start_pos == name.end_pos and place.near(1).type == "NAME":
+            return "a name has no `-`", f"write {name}_{place.near(1)}", token
         if start == "param" and token == "(":
             return "a `param` takes no parameters", f"write let {name}(…) = …", token
         if token.type in _VALUE or token in ("-", "[", "|", "not"):
@@ -137,12 +189,17 @@ def _binding(place: Place) -> Answer | None:
             return f"`{start} {name}` has no value", f"write {start} {name} = …", name
         if token == "{":
             return f"`=` is missing after `let {name}`", f"write let {name} = group() {{ … }}", token
-    if start == "param" and place.near(-1) == ":" and place.at == place.first + 3:
+    if start == "param" and place.near(-1) == ":" and token.type != "NAME" and place.at == place.first + 3:
         return "a type is wanted behind the `:`", f"write param {name} = … or param {name}: int = …", token
     if start == "param" and token == ":" and place.opener() is None:
         return "a `param` takes its value with `=`", f"write param {name} = …", token
-    if start == "let" and place.near(-1) == ")" and place.inside() == "" and "EQUAL" in place.expected and token != "=":
-        return f"`=` is missing before the value of `{name}`", "write let name(…) = …", token
+    if "EQUAL" in place.expected and place.inside() == "":
+        written = f"let {name}(…)" if start == "let" else f"param {name}: {place.near(-1)}"
+        return f"`=` is missing before the value of `{name}`", f"write {written} = …", token if not _is_end(token) else name
+    if start == "let" and token == "in" and place.inside() == "":
+        return "only a `param` has a range", f"write param {name} = …", token
+    if start == "param" and "STRING" in place.expected and _starts_value(token):
+        return "what a `param` is for stands in quotes", f'write param {name} = … "what it is for"', token
     return None
 
 
@@ -150,6 +207,8 @@ def _block_words(place: Place) -> Answer | None:
     start, token = place.start, place.token
     if start == "else" and place.at == place.first:
         return "this `else` has no `if`", "write if (…) { … } else { … }", token
+    if place.near(-1) == "if" and place.near(-2) == "else" and place.inside() == "" and place.token != "(":
+        return "`if` wants its condition in parentheses", "write else if (…) { … }", token if not _is_end(token) else place.near(-1)
     if start not in ("if", "for"):
         return None
     form = "if (…) { … }" if start == "if" else "for (k in 0..5) { … }"
@@ -172,6 +231,8 @@ def _block_words(place: Place) -> Answer | None:
 def _line_start(place: Place) -> Answer | None:
     token = place.token
     if place.at != place.first:
+        if token in OPERATORS and place.inside() == "" and place.start not in KEYWORDS:
+            return "this line is a value, and only elements can be placed", "write let name = … to keep it", token
         return None
     if token in OPERATORS or token in (",", "=", ":", ".", "|"):
         return f"a line can't begin with `{token}`", f"end the line above with the `{token}`" if token not in ("|", "not") else "", token
@@ -209,7 +270,7 @@ def _colon(place: Place) -> Answer | None:
     if token != ":":
         return None
     if place.inside() == "" and place.at == place.first + 1 and before.type == "NAME":
-        return "a name is bound with `let` and `=`", f"write let {before} = …", token
+        return "a name is bound with `let` and `=`", f"write let {before} = …; arguments stand inside ( )", token
     if place.inside() in ("call", "list") and before.type != "NAME":
         return "only a name stands before `:`", "write name: value", token
     return "`:` stands only behind the name of an argument or before a type", "", token
@@ -233,10 +294,10 @@ def _number_dots(place: Place) -> Answer | None:
 
 
 def _doubled(place: Place) -> Answer | None:
-    pair = f"{place.near(-1)}{place.token}"
-    instead = {"**": "^", "||": "or", "=>": ">=", "=<": "<=", "++": "+", "===": "==", "!==": "!=", "...": ".."}.get(pair)
-    if instead and place.near(-1).end_pos == place.token.start_pos:
-        return f"the language has no `{pair}`", f"write `{instead}`", place.token
+    for first, second in ((place.near(-1), place.token), (place.token, place.near(1))):
+        pair = f"{first}{second}"
+        if pair in _PAIRS and first.end_pos == second.start_pos:
+            return f"the language has no `{pair}`", _PAIRS[pair], first
     return None
 
 
@@ -277,6 +338,8 @@ def _missing_value(place: Place) -> Answer | None:
         return f"a value is missing after `{before}`", "", before
     if token in OPERATORS or token == ",":
         return f"a value is missing before `{token}`", "", token
+    if token == "{":
+        return "a value can't begin with `{`", "a list is written [a, b], a part group() { … }", token
     return None
 
 
@@ -285,14 +348,17 @@ def _two_values(place: Place) -> Answer | None:
     if not _ends_value(before) or not (_starts_value(token) or token in ("if", "|", "not")):
         return None
     inside = place.inside()
+    if inside == "call" and before.type == "NAME" and place.near(-2) in ("(", ","):
+        return f"`:` is missing after `{before}`", f"write {before}: {token}" if token.type in _VALUE else "", token
+    if "VBAR" in place.expected and "COMMA" in place.expected:
+        return f"a `,` or the closing `|` is missing before {_shown(token)}", "a function is written |x, y| x + y", token
     if inside in ("call", "list", "parameters"):
         return f"a `,` is missing before {_shown(token)}", "", token
     if inside in ("condition", "group", "loop", "index"):
         return f"an operator is missing before {_shown(token)}", "", token
     if place.start.type == "NAME" and place.at == place.first + 1:
-        return "arguments are written in parentheses", f"write {before}({token}, …)" if token.type in _VALUE else "", token
-    if place.start == "param" and token.type == "STRING":
-        return None
+        written = f"{before}({token}: …)" if place.near(1) == ":" else f"{before}({token})"
+        return "arguments are written in parentheses", f"write {written}" if token.type in _VALUE else "", token
     return f"an operator or the end of the line is missing before {_shown(token)}", "write each item on a line of its own", token
 
 
@@ -304,6 +370,8 @@ def _separator(place: Place) -> Answer | None:
         if place.inside():
             return f"`{token}` can't stand inside brackets", "write it on a line of its own", token
         return f"`{token}` begins an item", "write it on a line of its own", token
+    if token == "," and place.inside() == "index":
+        return "an index is one number", "write list[i][j]", token
     if token == "for" and place.inside() == "call":
         return "a `for` inside a value stands in a list", "write [f(k) for k in 0..5]", token
     return None
@@ -311,6 +379,8 @@ def _separator(place: Place) -> Answer | None:
 
 _RULES: tuple[Callable[[Place], Answer | None], ...] = (
     _use,
+    _unit,
+    _foreign_word,
     _keyword_as_name,
     _doubled,
     _number_dots,

@@ -107,7 +107,8 @@ def _close(stack: list[_Open], tokens: list[Token], kept: list[Token], i: int, t
         return None
     for opened in unclosed if token.type == "$END" or token not in CLOSERS else unclosed[::-1]:
         closer = OPENERS[opened.token]
-        hint = f"write `{closer}` before the `{token}` in line {token.line}" if token in (")", "]") else f"write `{closer}` where it ends"
+        where = "" if token.line == opened.token.line else f" in line {token.line}"
+        hint = f"write `{closer}` before the `{token}`{where}" if token in (")", "]") else f"write `{closer}` where it ends"
         report(opened.token, f"this `{opened.token}` is not closed", hint)
     ends = [o.line_end for o in unclosed if o.line_end is not None]
     if ends and report.count < _MAX_BRACKET_ERRORS:
@@ -146,11 +147,11 @@ def _drop_line_ends(tokens: list[Token], scan: Scan, file: str, diagnostics: Dia
         if token.type == "_NL":
             if ";" not in token and (behind == "else" or (kept and kept[-1] in _GOES_ON) or (stack and stack[-1] != "{")):
                 continue
-            if behind == "{" and kept and kept[-1].type != "_NL":
+            if kept and kept[-1].type == "_NL":  # a bracket that stood alone on its line is gone
+                continue
+            if behind == "{" and kept:
                 scan.wrong.append((behind.line or 1, behind.column or 1))
                 diagnostics.error("this `{` has no line to belong to", span_of(behind, file), "write it at the end of the line above")
-                continue
-            if kept and kept[-1].type == "_NL":
                 continue
         elif token in OPENERS:
             stack.append(token)

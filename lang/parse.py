@@ -107,7 +107,8 @@ class _Parsing:
                 result = self.parser.feed_token(token)
             except UnexpectedToken as e:
                 self._report(i, e.expected)
-                i = self._recover(i)
+                is_value = token == "{" and "NUMBER" in e.expected
+                i = self._recover(i, blocks=not is_value)
             except TooDeep:
                 self._report_depth(i)
                 i = self._recover(i)
@@ -143,7 +144,7 @@ class _Parsing:
         elif token.type == "_NL":
             level.height, level.first, level.broken = len(self.stacks[0]), i + 1, False
 
-    def _recover(self, i: int) -> int:
+    def _recover(self, i: int, blocks: bool = True) -> int:
         """Takes back the current item and skips the rest of it, up to a block of its own whose items can still be read."""
         level = self.levels[-1]
         level.broken = True
@@ -157,7 +158,7 @@ class _Parsing:
             if depth == level.depth and token.type == "_NL":
                 level.first, level.broken = i + 1, False
                 return i + 1
-            if depth == level.depth and token == "{":
+            if blocks and depth == level.depth and token == "{":
                 self.parser.feed_token(Token("NAME", BROKEN, token.start_pos, token.line, token.column, token.line, token.column))
                 return i
             i += 1
@@ -171,7 +172,7 @@ class _Parsing:
             self.broken.add(str(item[1]))
         elif item[0] == "use":
             named = item[3] if len(item) > 3 and item[2] == "as" else item[1]
-            self.broken.add(str(named).strip('"').rpartition("/")[2].partition(".")[0])
+            self.broken.add(str(named).strip('"').rsplit("/", 1)[-1].rsplit(".", 1)[0])
 
     def _report(self, i: int, expected: set[str]) -> None:
         if not self._is_known(i):

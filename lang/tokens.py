@@ -104,8 +104,12 @@ def scan(text: str, file: str, diagnostics: Diagnostics) -> Scan:
             depth = max(0, depth - 1)
         elif token.type == "STRING" and "\\" in token:
             _check_escapes(token, file, diagnostics)
-        elif token.type == "_NL" and depth == 0:
-            safe = len(result.tokens)
+        elif token.type == "_NL":
+            if result.tokens and result.tokens[-1].type == "_NL":  # a line that holds only a comment
+                first = result.tokens.pop()
+                token = first if ";" in first else token
+            if depth == 0:
+                safe = len(result.tokens)
         result.tokens.append(token)
     result.tokens.append(_end(result.tokens))
     return result
@@ -140,7 +144,8 @@ def _check_escapes(token: Token, file: str, diagnostics: Diagnostics) -> None:
         if match[1] not in 'n"\\':
             column = (token.column or 1) + match.start()
             span = Span(file, token.line or 1, column, token.line or 1, column + 2)
-            diagnostics.error(f"a string has no `{match[0]}`", span, 'write `\\\\` for a backslash; there are also `\\"` and `\\n`')
+            hint = "write `/` in paths; a backslash is `\\\\`, a line end `\\n`"
+            diagnostics.error(f"a string has no `{match[0]}`", span, hint)
             return
 
 
@@ -171,8 +176,13 @@ def _bad_color(token: Token, file: str, diagnostics: Diagnostics) -> Token:
 
 def _unknown(token: Token, file: str, diagnostics: Diagnostics) -> None:
     char = str(token)
-    shown = f"`{char}`" if char.isprintable() else f"invisible character U+{ord(char):04X}"
-    diagnostics.error(f"the language has no {shown}", span_of(token, file), _INSTEAD.get(char, "" if char.isprintable() else "delete it"))
+    visible = char.isprintable() and not char.isspace()
+    shown = f"`{char}`" if visible else f"invisible character U+{ord(char):04X}"
+    hint = _INSTEAD.get(char, "" if visible else "delete it")
+    last = diagnostics.items[-1] if diagnostics.items else None
+    if last and last.span and last.span.line == token.line and last.hint == hint:
+        return  # the closing one of a pair, or one of a row
+    diagnostics.error(f"the language has no {shown}", span_of(token, file), hint)
 
 
 def _count(n: int, noun: str) -> str:

@@ -64,7 +64,7 @@ class TreeBuilder(Transformer):
     def number(self, parts: list[Token]) -> ast.Number:
         match = _NUMBER.fullmatch(parts[0])
         assert match is not None
-        return ast.Number(self._span(parts), float(match[1]), match[2].replace("μ", "µ"), str(parts[0]))
+        return ast.Number(self._span(parts), float(match[1]), match[2], str(parts[0]))
 
     def string(self, parts: list[Token]) -> ast.String:
         return self._string(parts[0])

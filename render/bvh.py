@@ -6,7 +6,7 @@ mesh used by many instances has one tree. What has no bounds (planes) stands in 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,27 +18,33 @@ BINS = 16
 DEPTH = 64  # of a traversal's stack: below level 32 nodes are halved, so that no tree is deeper
 HALVE_BELOW = 32
 MESH_LEAF = 4
+FIRST, COUNT = 6, 7  # columns of a node
 SLACK = 1e-12  # of its coordinates, by which an instance's box grows: transforms round
 
 
 class Bvh(NamedTuple):
-    """Nodes come in pairs of siblings; an inner node's children are first[node] and first[node] + 1."""
+    """All that traversal reads, in few arrays: Numba hands each part of each array from function to function.
 
-    bounds: NDArray[np.float64]  # (n, 6) lowest x, y, z, highest x, y, z; a mesh's are relative to its origin
-    first: NDArray[np.int32]  # (n,) the left child, or a leaf's first item
-    count: NDArray[np.int32]  # (n,) items of a leaf; 0: an inner node
+    A node is (lowest x, y, z, highest x, y, z, first, count). Inner nodes have count 0 and children first and first + 1;
+    leaves hold count items from first on. A mesh's boxes and corners are relative to its origin.
+    """
+
+    nodes: NDArray[np.float64]  # (n, 8)
     triangles: NDArray[np.int32]  # (t,) items of meshes' leaves: rows of Pools.triangles
-    corners: NDArray[np.float32]  # (t, 9) their corners, relative to the mesh's origin
+    corners: NDArray[np.float32]  # (t, 9)
     instances: NDArray[np.int32]  # (i,) items of the leaves of the tree over instances
     endless: NDArray[np.int32]  # instances outside of the tree, rising
-    roots: NDArray[np.int32]  # (geometries,) root of a mesh's tree, or -1
     top: int  # root of the tree over instances, or -1: all are in `endless`
+    placed: NDArray[np.int32]  # (instances, 5) visibility, transform, geometry, kind, root of a mesh's tree
+    inverse: NDArray[np.float64]  # Transforms.inverse
+    parameters: NDArray[np.float64]  # Geometries.parameters
+    origin: NDArray[np.float64]  # Geometries.origin
 
 
 def build(tables: ir.Tables, brute: bool = False) -> Bvh:
     """The trees of a scene. With `brute` there is none over the instances: each of them is tried."""
     geometries, instances = tables.geometries, tables.instances
-    trees: list[tuple[Any, Any, Any]] = []
+    trees: list[NDArray[np.float64]] = []
     triangles: list[NDArray[np.int32]] = []
     roots = np.full(len(geometries.kind), -1, np.int32)
     nodes = items = 0
@@ -51,10 +57,12 @@ def build(tables: ir.Tables, brute: bool = False) -> Bvh:
         roots[g] = nodes
         trees.append(_moved(tree, nodes, items))
         triangles.append((first + order).astype(np.int32))
-        nodes += len(tree[1])
+        nodes += len(tree)
         items += count
     boxes = world_bounds(tables)
-    drawable = (geometries.kind[instances.geometry] != ir.GeometryKind.MESH) | (roots[instances.geometry] >= 0)
+    kind = geometries.kind[instances.geometry]
+    root = roots[instances.geometry]
+    drawable = (kind != ir.GeometryKind.MESH) | (root >= 0)
     bounded = np.isfinite(boxes).all(axis=1) & (not brute)
     inside = np.flatnonzero(drawable & bounded).astype(np.int32)
     top = -1
@@ -63,16 +71,18 @@ def build(tables: ir.Tables, brute: bool = False) -> Bvh:
         inside, top = inside[order], nodes
         trees.append(_moved(tree, nodes, 0))
     rows = np.concatenate(triangles) if triangles else np.zeros(0, np.int32)
+    placed = np.stack([instances.visible, instances.transform, instances.geometry, kind, root], axis=1)
     return Bvh(
-        bounds=np.concatenate([t[0] for t in trees]) if trees else np.zeros((0, 6)),
-        first=np.concatenate([t[1] for t in trees]) if trees else np.zeros(0, np.int32),
-        count=np.concatenate([t[2] for t in trees]) if trees else np.zeros(0, np.int32),
+        nodes=np.concatenate(trees) if trees else np.zeros((0, 8)),
         triangles=rows,
         corners=np.ascontiguousarray(tables.pools.positions[tables.pools.triangles[rows]].reshape(-1, 9)),
         instances=inside,
         endless=np.flatnonzero(drawable & ~bounded).astype(np.int32),
-        roots=roots,
         top=top,
+        placed=np.ascontiguousarray(placed, np.int32),
+        inverse=tables.transforms.inverse,
+        parameters=geometries.parameters,
+        origin=geometries.origin,
     )
 
 
@@ -90,24 +100,22 @@ def world_bounds(tables: ir.Tables) -> NDArray[np.float64]:
     return np.concatenate([centre - reach, centre + reach], axis=1)
 
 
-def _tree(boxes: NDArray[np.float64], leaf: int) -> tuple[NDArray[np.int32], tuple[Any, Any, Any]]:
-    """The order of the items in the leaves, and (bounds, first, count) of the nodes."""
+def _tree(boxes: NDArray[np.float64], leaf: int) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """The order of the items in the leaves, and the nodes."""
     order = np.arange(len(boxes), dtype=np.int32)
-    bounds = np.empty((2 * len(boxes) + 1, 6))
-    first = np.empty(2 * len(boxes) + 1, np.int32)
-    count = np.empty(2 * len(boxes) + 1, np.int32)
-    used = build_tree(np.ascontiguousarray(boxes), order, bounds, first, count, leaf)
-    return order, (bounds[:used].copy(), first[:used].copy(), count[:used].copy())
+    nodes = np.empty((2 * len(boxes) + 1, 8))
+    used = build_tree(np.ascontiguousarray(boxes), order, nodes, leaf)
+    return order, nodes[:used].copy()
 
 
-def _moved(tree: tuple[Any, Any, Any], nodes: int, items: int) -> tuple[Any, Any, Any]:
+def _moved(tree: NDArray[np.float64], nodes: int, items: int) -> NDArray[np.float64]:
     """A tree whose nodes and items stand behind those of others."""
-    bounds, first, count = tree
-    return bounds, (first + np.where(count == 0, nodes, items)).astype(np.int32), count
+    tree[:, FIRST] += np.where(tree[:, COUNT] == 0, nodes, items)
+    return tree
 
 
 @kernel
-def build_tree(boxes, order, bounds, first, count, leaf):
+def build_tree(boxes, order, nodes, leaf):
     """Fill the nodes of a tree over `boxes` (n, 6) and sort `order` into its leaves; returns how many nodes there are."""
     stack = np.empty((2 * DEPTH, 4), np.int64)
     low, high = np.empty((BINS, 3)), np.empty((BINS, 3))
@@ -119,19 +127,16 @@ def build_tree(boxes, order, bounds, first, count, leaf):
     while top > 0:
         top -= 1
         node, start, end, depth = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]
-        _enclose(boxes, order, start, end, bounds, node)
-        if end - start == 1:
-            first[node], count[node] = start, 1
-            continue
-        middle, worth = start, True
-        if depth < HALVE_BELOW:
-            middle, worth = _split(boxes, order, start, end, bounds[node], low, high, filled, cost_right)
+        _enclose(boxes, order, start, end, nodes[node])
+        middle, worth = start, end - start > 1
+        if end - start > 1 and depth < HALVE_BELOW:
+            middle, worth = _split(boxes, order, start, end, nodes[node], low, high, filled, cost_right)
         if end - start <= leaf and not worth:
-            first[node], count[node] = start, end - start
+            nodes[node, FIRST], nodes[node, COUNT] = start, end - start
             continue
         if middle <= start or middle >= end:
             middle = (start + end) // 2
-        first[node], count[node] = used, 0
+        nodes[node, FIRST], nodes[node, COUNT] = used, 0
         stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3] = used + 1, middle, end, depth + 1
         stack[top + 1, 0], stack[top + 1, 1], stack[top + 1, 2], stack[top + 1, 3] = used, start, middle, depth + 1
         used += 2
@@ -140,14 +145,14 @@ def build_tree(boxes, order, bounds, first, count, leaf):
 
 
 @kernel
-def _enclose(boxes, order, start, end, bounds, node):
-    """bounds[node] = the box of items start … end."""
+def _enclose(boxes, order, start, end, node):
+    """Set a node's box to that of items start … end."""
     for k in range(3):
         lo, hi = np.inf, -np.inf
         for i in range(start, end):
             lo = min(lo, boxes[order[i], k])
             hi = max(hi, boxes[order[i], 3 + k])
-        bounds[node, k], bounds[node, 3 + k] = lo, hi
+        node[k], node[3 + k] = lo, hi
 
 
 @kernel
@@ -188,8 +193,8 @@ def _split(boxes, order, start, end, around, low, high, filled, cost_right):
         else:
             order[left], order[right] = order[right], row
             right -= 1
-    extent = around[3:] - around[:3]
-    area = extent[0] * extent[1] + extent[1] * extent[2] + extent[2] * extent[0]
+    x, y, z = around[3] - around[0], around[4] - around[1], around[5] - around[2]
+    area = x * y + y * z + z * x
     return left, best + area < (end - start) * area
 
 

@@ -109,7 +109,7 @@ def _closest_kernel(accel, tables, ray, active, visible_bit):
     def through_trees(accel, tables, ray, active, visible_bit):
         if not active:
             return Hit(np.inf, -1, -1, 0.0, 0.0)
-        return traverse.search(accel, tables, ray.origin, ray.direction, ray.t_min, ray.t_max, visible_bit, False)
+        return traverse.search(accel, ray.origin, ray.direction, ray.t_min, ray.t_max, visible_bit, False)
 
     return through_trees if isinstance(active, numba.types.Boolean) else None
 
@@ -119,6 +119,6 @@ def _occluded_kernel(accel, tables, ray, active):
     def through_trees(accel, tables, ray, active):
         if not active:
             return False
-        return traverse.search(accel, tables, ray.origin, ray.direction, ray.t_min, ray.t_max, SHADOW, True).instance >= 0
+        return traverse.search(accel, ray.origin, ray.direction, ray.t_min, ray.t_max, SHADOW, True).instance >= 0
 
     return through_trees if isinstance(active, numba.types.Boolean) else None

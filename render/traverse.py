@@ -16,7 +16,7 @@ from numba.extending import intrinsic
 
 from ..compiler import ir
 from . import lanes, shapes
-from .bvh import DEPTH
+from .bvh import COUNT, DEPTH, FIRST
 from .kernels import helper, kernel
 from .records import Hit, Lane, Vec
 
@@ -28,7 +28,7 @@ LOCAL_ERROR = 1e-15
 
 @intrinsic
 def _stack_memory(typing: Any):
-    """A pointer to room for DEPTH float64 and DEPTH int64 on the machine's stack; free, unlike np.empty in each call."""
+    """A pointer to room for 2 · DEPTH float64 on the machine's stack; free, unlike np.empty in each call."""
 
     def lower(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         with builder.goto_entry_block():
@@ -69,77 +69,77 @@ def _box_ray(o: Vec, d: Vec, share: float) -> BoxRay:
 
 
 @helper
-def _enter(bounds: Any, node: int, ray: BoxRay, t_min: float, t_max: float) -> float:
+def _enter(nodes: Any, node: int, ray: BoxRay, t_min: float, t_max: float) -> float:
     """Where the ray enters a node's box, inf where it misses it or comes too late."""
     near, far = t_min, t_max
-    t = (bounds[node, ray.x] - ray.near_x) * ray.inverse_x
+    t = (nodes[node, ray.x] - ray.near_x) * ray.inverse_x
     near = t if t > near else near
-    t = (bounds[node, 3 - ray.x] - ray.far_x) * ray.inverse_x * FAR
+    t = (nodes[node, 3 - ray.x] - ray.far_x) * ray.inverse_x * FAR
     far = t if t < far else far
-    t = (bounds[node, ray.y] - ray.near_y) * ray.inverse_y
+    t = (nodes[node, ray.y] - ray.near_y) * ray.inverse_y
     near = t if t > near else near
-    t = (bounds[node, 5 - ray.y] - ray.far_y) * ray.inverse_y * FAR
+    t = (nodes[node, 5 - ray.y] - ray.far_y) * ray.inverse_y * FAR
     far = t if t < far else far
-    t = (bounds[node, ray.z] - ray.near_z) * ray.inverse_z
+    t = (nodes[node, ray.z] - ray.near_z) * ray.inverse_z
     near = t if t > near else near
-    t = (bounds[node, 7 - ray.z] - ray.far_z) * ray.inverse_z * FAR
+    t = (nodes[node, 7 - ray.z] - ray.far_z) * ray.inverse_z * FAR
     far = t if t < far else far
     return near if near <= far else np.inf
 
 
 @kernel
-def search(accel, tables, origin, direction, t_min, t_max, visible_bit, any_hit):
+def search(accel, origin, direction, t_min, t_max, visible_bit, any_hit):
     """The first hit of a ray with what has `visible_bit`; with `any_hit`, the first one found."""
     best = Hit(np.inf, -1, -1, 0.0, 0.0)
     for k in range(len(accel.endless)):
-        best = _try(accel, tables, accel.endless[k], origin, direction, t_min, t_max, visible_bit, any_hit, best)
+        best = _try(accel, accel.endless[k], origin, direction, t_min, t_max, visible_bit, any_hit, best)
         if any_hit and best.instance >= 0:
             return best
     if accel.top < 0:
         return best
     memory = _stack_memory()
-    nears, nodes = carray(memory, 2 * DEPTH), carray(memory, 2 * DEPTH)
+    stack = carray(memory, 2 * DEPTH)
     ray = _box_ray(origin, direction, WORLD_ERROR)
-    node, near = np.int64(accel.top), _enter(accel.bounds, accel.top, ray, t_min, t_max)
+    node, near = np.int64(accel.top), _enter(accel.nodes, accel.top, ray, t_min, t_max)
     depth = 0
     while True:
         if near <= min(best.t, t_max) and near < np.inf:
-            first = np.int64(accel.first[node])
-            if accel.count[node] == 0:
+            first = np.int64(accel.nodes[node, FIRST])
+            if accel.nodes[node, COUNT] == 0.0:
                 limit = min(best.t, t_max)
-                left = _enter(accel.bounds, first, ray, t_min, limit)
-                right = _enter(accel.bounds, first + 1, ray, t_min, limit)
+                left = _enter(accel.nodes, first, ray, t_min, limit)
+                right = _enter(accel.nodes, first + 1, ray, t_min, limit)
                 swap = right < left
                 later, later_near = (first, left) if swap else (first + 1, right)
                 node, near = (first + 1, right) if swap else (first, left)
                 if later_near < np.inf:
-                    nears[depth], nodes[DEPTH + depth] = later_near, float(later)
+                    stack[depth], stack[DEPTH + depth] = later_near, float(later)
                     depth += 1
                 continue
-            for k in range(first, first + accel.count[node]):
-                best = _try(accel, tables, accel.instances[k], origin, direction, t_min, t_max, visible_bit, any_hit, best)
+            for k in range(first, first + np.int64(accel.nodes[node, COUNT])):
+                best = _try(accel, accel.instances[k], origin, direction, t_min, t_max, visible_bit, any_hit, best)
                 if any_hit and best.instance >= 0:
                     return best
         if depth == 0:
             return best
         depth -= 1
-        node, near = np.int64(nodes[DEPTH + depth]), nears[depth]
+        node, near = np.int64(stack[DEPTH + depth]), stack[depth]
 
 
 @kernel
-def _try(accel, tables, i, origin, direction, t_min, t_max, visible_bit, any_hit, best):
+def _try(accel, i, origin, direction, t_min, t_max, visible_bit, any_hit, best):
     """`best`, or the hit with instance i where that comes first."""
-    if (tables.instances.visible[i] & visible_bit) == 0:
+    if (accel.placed[i, 0] & visible_bit) == 0:
         return best
-    g, row = tables.instances.geometry[i], tables.instances.transform[i]
-    o = lanes.transform_point(tables.transforms.inverse, row, origin)
-    d = lanes.transform_vector(tables.transforms.inverse, row, direction)
-    kind = tables.geometries.kind[g]
+    row, g, kind = accel.placed[i, 1], accel.placed[i, 2], accel.placed[i, 3]
+    o = lanes.transform_point(accel.inverse, row, origin)
+    d = lanes.transform_vector(accel.inverse, row, direction)
     if kind == MESH:
-        o = lanes.sub(o, (tables.geometries.origin[g, 0], tables.geometries.origin[g, 1], tables.geometries.origin[g, 2]))
-        t, primitive, u, v = _mesh(accel, accel.roots[g], o, d, t_min, t_max, best.t, any_hit)
+        o = lanes.sub(o, (accel.origin[g, 0], accel.origin[g, 1], accel.origin[g, 2]))
+        root = accel.placed[i, 4]
+        t, primitive, u, v = _mesh(accel.nodes, accel.triangles, accel.corners, root, o, d, t_min, t_max, best.t, any_hit)
     else:
-        t, part = shapes.intersect(kind, tables.geometries.parameters, g, o, d, t_min, t_max)
+        t, part = shapes.intersect(kind, accel.parameters, g, o, d, t_min, t_max)
         primitive, u, v = np.int64(part), 0.0, 0.0
     if t < best.t or (t == best.t and t < np.inf and i < best.instance):
         return Hit(t, np.int64(i), primitive, u, v)
@@ -147,7 +147,7 @@ def _try(accel, tables, i, origin, direction, t_min, t_max, visible_bit, any_hit
 
 
 @kernel
-def _mesh(accel, root, o, d, t_min, t_max, limit, any_hit):
+def _mesh(nodes, triangles, corners, root, o, d, t_min, t_max, limit, any_hit):
     """(t, triangle, u, v) of the first meeting with the mesh whose tree begins at `root`, not beyond `limit`."""
     best, primitive, best_u, best_v = np.inf, np.int64(-1), 0.0, 0.0
     memory = _stack_memory()
@@ -156,14 +156,14 @@ def _mesh(accel, root, o, d, t_min, t_max, limit, any_hit):
     kx, ky, kz, sx, sy, sz = shapes.shear(d)
     ox, oy, oz = shapes.component(o, kx), shapes.component(o, ky), shapes.component(o, kz)
     limit = min(limit, t_max)
-    node, near = np.int64(root), _enter(accel.bounds, root, ray, t_min, limit)
+    node, near = np.int64(root), _enter(nodes, root, ray, t_min, limit)
     depth = 0
     while True:
         if near <= limit and near < np.inf:
-            first = np.int64(accel.first[node])
-            if accel.count[node] == 0:
-                left = _enter(accel.bounds, first, ray, t_min, limit)
-                right = _enter(accel.bounds, first + 1, ray, t_min, limit)
+            first = np.int64(nodes[node, FIRST])
+            if nodes[node, COUNT] == 0.0:
+                left = _enter(nodes, first, ray, t_min, limit)
+                right = _enter(nodes, first + 1, ray, t_min, limit)
                 swap = right < left
                 later, later_near = (first, left) if swap else (first + 1, right)
                 node, near = (first + 1, right) if swap else (first, left)
@@ -171,16 +171,16 @@ def _mesh(accel, root, o, d, t_min, t_max, limit, any_hit):
                     stack[depth], stack[DEPTH + depth] = later_near, float(later)
                     depth += 1
                 continue
-            for k in range(first, first + accel.count[node]):
-                c = accel.corners[k]
+            for k in range(first, first + np.int64(nodes[node, COUNT])):
+                c = corners[k]
                 t, u, v = shapes.sheared_triangle(
                     (c[kx] - ox, c[ky] - oy, c[kz] - oz),
                     (c[3 + kx] - ox, c[3 + ky] - oy, c[3 + kz] - oz),
                     (c[6 + kx] - ox, c[6 + ky] - oy, c[6 + kz] - oz),
                     sx, sy, sz, t_min, t_max,
                 )  # fmt: skip
-                if t < best or (t == best and t < np.inf and accel.triangles[k] < primitive):
-                    best, primitive, best_u, best_v = t, np.int64(accel.triangles[k]), u, v
+                if t < best or (t == best and t < np.inf and triangles[k] < primitive):
+                    best, primitive, best_u, best_v = t, np.int64(triangles[k]), u, v
                     limit = min(limit, t)
                     if any_hit:
                         return best, primitive, best_u, best_v

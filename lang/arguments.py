@@ -9,7 +9,7 @@ from .convert import LIGHT_TYPES, Place, convert
 from .diagnostics import Span, suggest
 from .schema import REQUIRED, Entry
 from .units import Quantity
-from .values import POISON, Given, Mistake
+from .values import POISON, Given, Mistake, Poisoned
 
 if TYPE_CHECKING:
     from .scope import Scope
@@ -38,7 +38,8 @@ def assign(
             name = names.get(given.name)
         problem = _problem(callee, given, name, positional, names, assigned)
         if problem:
-            report(problem[0], given.name_span, problem[1])
+            if given.name is not None or place == len(positional) + 1:  # of arguments too many, the first
+                report(problem[0], given.name_span, problem[1])
             good = False
         elif name is not None:
             assigned[name] = given
@@ -56,8 +57,10 @@ def _problem(
         return takes, f"by name it takes {_listed(keywords)}" if keywords else ""
     if name is None:
         near = suggest(given.name or "", names)
+        if near:
+            return f"{callee} has no `{given.name}`; {near}", ""
         known = _listed([n for n in names if n == names[n]])
-        return f"{callee} has no `{given.name}`" + (f"; {near}" if near else ""), "" if near else f"it takes {known}" if known else "it takes no arguments"
+        return f"{callee} has no `{given.name}`", f"it takes {known or 'no arguments'}"
     if name in assigned:
         return f"{callee} gets `{name}` twice", ""
     return None
@@ -115,6 +118,8 @@ def element_arguments(
             args[name] = convert(given.value, arg, Place(given.span, given.node, scope))
         except Mistake as mistake:
             report(mistake.message, mistake.span or given.span, mistake.hint)
+            good = False
+        except Poisoned:
             good = False
         photometric = photometric or (arg.type in LIGHT_TYPES and isinstance(given.value, Quantity))
     return (args, frozenset(assigned), photometric) if good else None

@@ -239,12 +239,13 @@ def _smoothstep(context: Context, low: Value, high: Value, value: Value) -> Valu
         _scalar(n, i)
     t = operators.divide(operators.subtract(value, low, context), operators.subtract(high, low, context), context)
     t = _combine("min", [_combine("max", [t, 0.0], context), 1.0], context)
-    return operators.multiply(operators.multiply(t, t, context), operators.subtract(3.0, operators.multiply(2.0, t, context), context), context)
+    bend = operators.subtract(3.0, operators.multiply(2.0, t, context), context)
+    return operators.multiply(operators.multiply(t, t, context), bend, context)
 
 
 @_define("noise x y? z?", "gradient noise in -1..1, 0 at whole coordinates; of one to three numbers or a list of them")
 def _noise(context: Context, *given: Value) -> Value:
-    parts = _list(given[0], 0) if isinstance(given[0], tuple) and len(given) == 1 else given
+    parts: tuple[Value, ...] = _list(given[0], 0) if isinstance(given[0], tuple) and len(given) == 1 else given
     if not 1 <= len(parts) <= 3:
         raise Mistake(f"noise takes one to three numbers, got a list of {len(parts)}", argument=0)
     return _apply("noise", *[_plain(p, min(i, len(given) - 1)) for i, p in enumerate(parts)], *([0.0] * (3 - len(parts))))

@@ -24,7 +24,6 @@ from .values import (
     UserFunction,
     Value,
     callable_name,
-    category,
     describe,
     is_placeable,
     kind,
@@ -41,6 +40,10 @@ class ParamUse:
     param: ast.Param
     given: Given | None
     caller: Scope
+
+    @property
+    def span(self) -> Span:
+        return self.param.name.span
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,9 +84,7 @@ def call(
         machine.meter.step()
         return apply(machine, function, givens, Site(label, callee.span, node.span, scope, children))
     except Mistake as mistake:
-        at = mistake.argument
-        span = mistake.span or (givens[at].span if at is not None and at < len(givens) else node.span)
-        machine.fail(mistake.message, span, mistake.hint, scope)
+        machine.fail(mistake.message, mistake.span or node.span, mistake.hint, scope)
     except Exhausted as limit:
         raise located(limit, callee.span, scope) from None
 
@@ -165,7 +166,9 @@ def make_element(machine: Evaluator, entry: Entry, givens: list[Given], site: Si
     return element
 
 
-def _assign(machine: Evaluator, positional: tuple[str, ...], names: dict[str, str], required: list[str], givens: list[Given], site: Site) -> dict[str, Given]:
+def _assign(
+    machine: Evaluator, positional: tuple[str, ...], names: dict[str, str], required: list[str], givens: list[Given], site: Site
+) -> dict[str, Given]:
     """The arguments by parameter; Poisoned after reporting what is wrong with them."""
 
     def report(message: str, span: Span, hint: str) -> None:
@@ -188,7 +191,7 @@ def _builtin(machine: Evaluator, function: Builtin, givens: list[Given], site: S
         rest = position[len(names) :]
         givens = [g for g in givens if g not in rest] if rest else givens
     assigned = _assign(machine, names, {n: n for n in names}, list(names[: function.required]), givens, site)
-    if any([g.value is POISON for g in rest]):
+    if any(g.value is POISON for g in rest):
         raise Poisoned
     given = [assigned[n] for n in names if n in assigned] + rest
     try:
@@ -253,7 +256,7 @@ def _placed(machine: Evaluator, result: Value, extras: list[Given], site: Site) 
 
 def _closure(machine: Evaluator, function: Closure, givens: list[Given], site: Site) -> Value:
     names = tuple([p.id for p in function.node.parameters])
-    if len(givens) != len(names) and all([g.name is None for g in givens]):
+    if len(givens) != len(names) and all(g.name is None for g in givens):
         wants = f"{len(names)} argument{'s' * (len(names) != 1)}"
         raise Mistake(f"{callable_name(function)} takes {wants}, got {len(givens)}", span=site.callee)
     assigned = _assign(machine, names, {n: n for n in names}, list(names), givens, site)
@@ -294,7 +297,7 @@ def _checked(machine: Evaluator, scope: Scope, name: str) -> None:
     """Evaluate a `param` whether or not the file uses it, for what is wrong with the value given."""
     thunk = scope.names[name]
     if isinstance(thunk, Thunk):
-        machine.force(thunk, thunk.scope_span(), scope)
+        machine.force(thunk, thunk.label_span(), scope)
 
 
 # --- definitions ----------------------------------------------------------------------------------------------------

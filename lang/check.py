@@ -30,9 +30,10 @@ Chain = tuple[dict[str, Definition], ...]  # innermost first
 def check_file(module: Module, outer: Iterable[str], report: Report, diagnostics: Diagnostics, main: bool) -> None:
     """Report what is wrong with the names of a file. `outer` are the names it finds beyond its own.
 
-    In the scene itself (`main`), a `let` that nothing uses is warned about.
+    In the scene itself (`main`), a `let` that nothing uses is warned about, unless the file places nothing: it is there to be used.
     """
-    _Checker({*outer, *module.broken}, report, diagnostics if main else None).file(module.file)
+    places = any(isinstance(item, ast.ElementItem | ast.For | ast.If) for item in module.file.items)
+    _Checker({*outer, *module.broken}, report, diagnostics if main and places else None).file(module.file)
 
 
 def names_of(file: ast.File) -> set[str]:
@@ -149,7 +150,8 @@ class _Checker:
     def _type(self, name: ast.Name | None) -> None:
         if name is not None and name.id not in params.TYPES:
             near = suggest(name.id, params.TYPES)
-            self.report(f"there is no type `{name.id}`" + (f"; {near}" if near else ""), name.span, "" if near else "one of " + ", ".join(params.TYPES))
+            hint = "" if near else "one of " + ", ".join(params.TYPES)
+            self.report(f"there is no type `{name.id}`" + (f"; {near}" if near else ""), name.span, hint)
 
     def _name(self, name: ast.Name, chain: Chain) -> None:
         for scope in chain:

@@ -57,7 +57,8 @@ def _lobe(wavelength: float, peak: float, below: float, above: float) -> float:
 
 def _observer(nm: float) -> tuple[float, float, float]:
     """The CIE 1931 colour matching functions, by the fits of Wyman, Sloan and Shirley (JCGT 2013)."""
-    x = 1.056 * _lobe(nm, 599.8, 1 / 37.9, 1 / 31.0) + 0.362 * _lobe(nm, 442.0, 1 / 16.0, 1 / 26.7) - 0.065 * _lobe(nm, 501.1, 1 / 20.4, 1 / 26.2)
+    x = 1.056 * _lobe(nm, 599.8, 1 / 37.9, 1 / 31.0) + 0.362 * _lobe(nm, 442.0, 1 / 16.0, 1 / 26.7)
+    x -= 0.065 * _lobe(nm, 501.1, 1 / 20.4, 1 / 26.2)
     y = 0.821 * _lobe(nm, 568.8, 1 / 46.9, 1 / 40.5) + 0.286 * _lobe(nm, 530.9, 1 / 16.3, 1 / 31.1)
     z = 1.217 * _lobe(nm, 437.0, 1 / 11.8, 1 / 36.0) + 0.681 * _lobe(nm, 459.0, 1 / 26.0, 1 / 13.8)
     return x, y, z

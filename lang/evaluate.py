@@ -93,13 +93,12 @@ class Evaluator:
         infos: list[ParamInfo] = []
         try:
             scope = self.instance(module, self.given_sets(module, sets), "", None, self._outer)
-            self.place_items(module.file.items, scope, sink)
+            self._place_scene(module.file.items, scope, sink)
             infos = self._infos(module, scope)
         except Exhausted as limit:
             self._exhausted(limit)
-        return Document(
-            source.name, tuple(sink.elements), tuple(sink.cameras), sink.settings, tuple(infos), self.loader.sources, tuple(self.loader.files)
-        )
+        read, files = self.loader.sources, tuple(self.loader.files)
+        return Document(source.name, tuple(sink.elements), tuple(sink.cameras), sink.settings, tuple(infos), read, files)
 
     def _load_prelude(self, source: Source) -> None:
         span = Span(source.name)
@@ -178,38 +177,43 @@ class Evaluator:
 
     # --- items ---
 
-    def place_items(self, items: tuple[ast.Item, ...], scope: Scope, sink: Sink) -> None:
-        """Evaluate the items of a block in order, going on behind one that is wrong."""
+    def _place_scene(self, items: tuple[ast.Item, ...], scope: Scope, sink: Sink) -> None:
+        """Evaluate the items of the scene itself: here even an item that reaches a limit leaves the others be."""
         for item in items:
-            try:
-                place = _ITEMS.get(type(item))
-                if place is not None:
-                    place(self, item, scope, sink)
-            except Poisoned:
-                continue
-            except Exhausted as limit:
-                if sink.role != "scene":
-                    raise
-                self._exhausted(limit)
-            except RecursionError:
-                if sink.role != "scene":
-                    raise
-                self.report("this is nested too deeply", item.span, "", scope.trace)
-        if sink.role != "file":
-            self._force_rest(scope)
+            self._guarded(item.span, lambda item=item: self.place_items((item,), scope, sink, rest=False))
+        for thunk in list(scope.names.values()):
+            if isinstance(thunk, Thunk):
+                self._guarded(thunk.label_span(), lambda thunk=thunk: self._force_waiting(thunk, scope))
 
-    def _force_rest(self, scope: Scope) -> None:
-        """Evaluate the definitions that nothing has used, for what is wrong with them."""
-        for name, thunk in list(scope.names.items()):
-            if isinstance(thunk, Thunk) and thunk.state == Thunk.WAITING:
+    def _guarded(self, span: Span, run: Callable[[], None]) -> None:
+        try:
+            run()
+        except Exhausted as limit:
+            self._exhausted(limit)
+        except RecursionError:
+            self.report("this is nested too deeply", span, "fewer expressions inside each other in a function that calls itself")
+
+    def place_items(self, items: tuple[ast.Item, ...], scope: Scope, sink: Sink, rest: bool = True) -> None:
+        """Evaluate the items of a block in order, going on behind one that is wrong; then, with `rest`, what nothing has used."""
+        for item in items:
+            place = _ITEMS.get(type(item))
+            if place is not None:
                 try:
-                    self.force(thunk, thunk.scope_span(), scope)
+                    place(self, item, scope, sink)
                 except Poisoned:
-                    scope.names[name] = thunk
-                except Exhausted as limit:
-                    self._exhausted(limit)
-                except RecursionError:
-                    self.report("this is nested too deeply", thunk.scope_span(), "", scope.trace)
+                    continue
+        if rest and sink.role != "file":
+            for thunk in list(scope.names.values()):
+                if type(thunk) is Thunk:
+                    self._force_waiting(thunk, scope)
+
+    def _force_waiting(self, thunk: Thunk, scope: Scope) -> None:
+        """Evaluate a definition that nothing has used, for what is wrong with it."""
+        if thunk.state == Thunk.WAITING:
+            try:
+                self.force(thunk, thunk.label_span(), scope)
+            except Poisoned:
+                return
 
     def block(self, block: ast.Block, scope: Scope, sink: Sink, names: Mapping[str, Value] | None = None) -> None:
         """Evaluate a block in a scope of its own, in which `names` stand beside its `let`s."""
@@ -487,7 +491,10 @@ class Evaluator:
     def formula(self, function: Closure | UserFunction, place: Place) -> Formula:
         """The formula that a function is, with coordinates in the unit of the file that `place` is in. Raises Mistake."""
         graph = Graph(place.scope.unit)
-        names = tuple([p.id for p in function.node.parameters] if isinstance(function, Closure) else [p.name.id for p in function.let.parameters or ()])
+        if isinstance(function, Closure):
+            names = tuple([p.id for p in function.node.parameters])
+        else:
+            names = tuple([p.name.id for p in function.let.parameters or ()])
         scope = place.scope.inner()
         scope.plain = True
         result = calls.apply_values(self, function, [graph.parameter(i) for i in range(len(names))], scope)

@@ -134,8 +134,8 @@ class Loader:
     def _read(self, use: ast.Use, path: str, module: Module) -> Module:
         library = path.startswith("std/")
         if not library and not path.endswith(".scene"):
-            suffixes = " ".join((".scene", *USD_SUFFIXES, *MESH_SUFFIXES))
-            raise ReadError(f'cannot use "{path}"', f'write "{path}.scene"' if "." not in path.rsplit("/", 1)[-1] else f"a file ends with one of {suffixes}")
+            known = "a file ends with one of " + " ".join((".scene", *USD_SUFFIXES, *MESH_SUFFIXES))
+            raise ReadError(f'cannot use "{path}"', known if "." in path.rsplit("/", 1)[-1] else f'write "{path}.scene"')
         source = self.reader.scene(path, module.source.path, use.path.span)
         if any(s.path == source.path for s, _ in self.chain):
             start = next(i for i, (s, _) in enumerate(self.chain) if s.path == source.path)

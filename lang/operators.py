@@ -9,7 +9,7 @@ from typing import Protocol
 from . import limits, units
 from .formula import OPERATIONS, Graph, Term
 from .units import Dimension, Quantity
-from .values import Color, Mistake, Scalar, Value, kind
+from .values import Color, Mistake, Value, kind
 
 _SYMBOLS = {"add": "+", "subtract": "-", "less": "<", "at_most": "<=", "greater": ">", "at_least": ">=", "equal": "==", "unequal": "!="}
 
@@ -99,10 +99,7 @@ def record(op: str, *args: Value) -> Term:
 
 
 def has_term(*args: Value) -> bool:
-    for a in args:
-        if isinstance(a, Term):
-            return True
-    return False
+    return any(isinstance(a, Term) for a in args)
 
 
 # --- arithmetic -----------------------------------------------------------------------------------------------------

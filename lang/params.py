@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from . import ast, operators, units
-from .convert import LIGHT_TYPES, Place
+from .convert import LIGHT_TYPES
 from .elements import ParamInfo
 from .units import Quantity
 from .values import Builtin, Closure, Color, Given, Mistake, UserFunction, Value, category, describe, is_placeable, show
@@ -145,7 +145,7 @@ def _check_range(name: str, value: Value, allowed: Range | None, scope: Scope) -
         low, high = allowed
         if operators.compare("less", value, low, scope) is True or operators.compare("greater", value, high, scope) is True:
             raise Mistake(f"`{name}` is {show(value, 1)}, outside of {show(low)}..{show(high)}")
-    elif allowed is not None and not any([operators.equal(value, choice, scope) is True for choice in allowed]):
+    elif allowed is not None and not any(operators.equal(value, choice, scope) is True for choice in allowed):
         raise Mistake(f"`{name}` is one of {', '.join([show(c, 1) for c in allowed])}, not {show(value, 1)}")
 
 
@@ -156,9 +156,9 @@ def info(param: ast.Param, value: Value, scope: Scope, file_unit: str) -> ParamI
     unit = _shown_unit(param.default, type_name, default, file_unit)
 
     def plain(v: Value) -> Any:
-        return _plain(v, unit)
+        return int(v) if type_name == "int" else _plain(v, unit)
 
-    shown = None if allowed is None else (plain(allowed[0]), plain(allowed[1])) if isinstance(allowed, tuple) else tuple([plain(v) for v in allowed])
+    shown = None if allowed is None else tuple([plain(v) for v in allowed])
     doc = param.doc.value if param.doc else ""
     return ParamInfo(param.name.id, type_name, plain(value), plain(default), shown, doc, unit, param.span)
 

@@ -29,9 +29,9 @@ class Thunk:
         self.state = Thunk.WAITING
         self.value: Any = None
 
-    def scope_span(self) -> Span:
+    def label_span(self) -> Span:
         """Where the definition stands."""
-        return getattr(self.node, "param", self.node).span
+        return self.node.span if self.node is not None else Span(self.label)
 
     @classmethod
     def failed(cls, label: str, scope: Scope) -> Thunk:
@@ -98,7 +98,10 @@ def bind_block(items: tuple[ast.Item, ...], scope: Scope) -> None:
     for item in items:
         if isinstance(item, ast.Let) and item.name.id not in scope.names:
             name = item.name.id
-            scope.names[name] = Thunk(name, item.value, scope) if item.parameters is None else UserFunction(item, scope, places_children(item.value))
+            if item.parameters is None:
+                scope.names[name] = Thunk(name, item.value, scope)
+            else:
+                scope.names[name] = UserFunction(item, scope, places_children(item.value))
 
 
 def places_children(node: ast.Node) -> bool:

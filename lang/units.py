@@ -129,7 +129,7 @@ def symbol(dimension: Dimension) -> str:
 
 
 def _with_exponent(base: str, exponent: float) -> str:
-    return base if exponent == 1 else base + {2: "²", 3: "³"}.get(exponent, f"^{exponent:g}")
+    return base if exponent == 1 else base + {2.0: "²", 3.0: "³"}.get(exponent, f"^{exponent:g}")
 
 
 def show_number(value: float) -> str:
@@ -139,11 +139,12 @@ def show_number(value: float) -> str:
 
 def show(value: float | Quantity) -> str:
     """A number or quantity as it would be written in a scene: 24, 30deg, 0.3m."""
-    if isinstance(value, float):
+    if not isinstance(value, Quantity):
         return show_number(value)
     if value.dimension == ANGLE:
         return f"{show_number(round(value.value / _DEGREE, 9))}deg"
-    return f"{show_number(value.value)}{'' if symbol(value.dimension)[0] != '1' else ' '}{symbol(value.dimension)}"
+    unit = symbol(value.dimension)
+    return f"{show_number(value.value)}{' ' if unit.startswith('1') else ''}{unit}"
 
 
 def in_unit(value: float, unit: str) -> float:

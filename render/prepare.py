@@ -1,0 +1,220 @@
+"""What depends on the view and the backend and is worth keeping: tessellations, acceleration structures, light at vertices."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..compiler import ir
+from ..compiler.plan import Plan
+from . import bvh, camera, gouraud, tessellate, trace
+from .records import GouraudLight, Options, View
+
+_NEAREST = 0.01  # of a shape's size: where the eye is nearer to its box than this, the tolerance is measured at this distance
+_ACROSS = 96  # cells over the picture's width and height for what an endless quadric shows of itself
+_LEVELS = (1e-3, 1e4, 144)  # its nearest and farthest finite depth and the number of depths
+_BACKGROUNDS = {"sky": 0, "transparent": 1}
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Everything a renderer reads. `tables` are the scene's, with meshes in place of analytic shapes that are shaded at vertices."""
+
+    tables: ir.Tables
+    accel: Any  # trace.Brute or bvh.Bvh
+    gouraud: GouraudLight
+    options: Options
+    shells: dict[int, tessellate.Tessellation] = field(default_factory=dict)  # raster: instance -> its shape in triangles
+    seconds: dict[str, float] = field(default_factory=dict)  # "tessellate", "build", "gouraud"
+
+
+def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
+    """Make ready for drawing a validated scene with plan["backend"].
+
+    Shapes shaded at vertices become meshes for every backend; for the raster backend all other analytic shapes are
+    tessellated beside the tables, each to plan["tolerance"] pixels of this view. Endless shapes stay smooth: they have no vertices.
+    """
+    seconds: dict[str, float] = {}
+    backend = plan["backend"]
+    with _timed(seconds, "tessellate"):
+        shapes = _Shapes(scene.tables, view, plan["tolerance"])
+        tables = with_vertex_shaded_meshes(scene.tables, shapes)
+        shells = {int(i): shapes.of(int(i)) for i in _analytic_seen(tables)} if backend == "raster" else {}
+    with _timed(seconds, "build"):
+        accel = trace.Brute() if backend == "reference" else bvh.build(tables, brute=plan["accelerator"] == "brute")
+    options = options_of(plan)
+    with _timed(seconds, "gouraud"):
+        light = gouraud.vertex_light(tables, accel, options, view)
+    return Prepared(tables, accel, light, options, shells, seconds)
+
+
+def options_of(plan: Plan) -> Options:
+    """The plan's values that kernels read."""
+    background = plan["background"]
+    colored = not isinstance(background, str)
+    return Options(
+        seed=int(plan["seed"]),
+        bounces=int(plan["bounces"]),
+        interreflection=bool(plan["interreflection"]),
+        shadows=bool(plan["shadows"]),
+        background=2 if colored else _BACKGROUNDS[background],
+        color=(float(background[0]), float(background[1]), float(background[2])) if colored else (0.0, 0.0, 0.0),
+    )
+
+
+@contextmanager
+def _timed(seconds: dict[str, float], part: str) -> Iterator[None]:
+    started = time.perf_counter()
+    yield
+    seconds[part] = time.perf_counter() - started
+
+
+# --- tessellation to the pixel -------------------------------------------------------------------------------------------
+
+
+def pixel_size(tables: ir.Tables, view: View) -> float:
+    """The side of a pixel in metres, at a distance of 1 m along the axis for a perspective camera, anywhere for an orthographic one."""
+    cameras = tables.cameras
+    pixels = view.height if cameras.fit[view.camera] == ir.Fit.VERTICAL else view.width
+    return 2.0 * float(cameras.extent[view.camera]) / pixels
+
+
+def object_tolerances(tables: ir.Tables, view: View, pixels: float) -> NDArray[np.float64]:
+    """(instances,) what `pixels` are in each instance's own frame, where it is nearest to the eye and stretched most; nan if endless.
+
+    Never more than asked; powers of √2, so that like instances share one tessellation.
+    """
+    eye = tables.cameras.transform[view.camera]
+    to_camera = tables.transforms.inverse[eye]
+    boxes = bvh.world_bounds(tables)
+    with np.errstate(all="ignore"):
+        middle, half = 0.5 * (boxes[:, :3] + boxes[:, 3:]), 0.5 * (boxes[:, 3:] - boxes[:, :3])
+        depth = -(middle @ to_camera[2, :3] + to_camera[2, 3])
+        reach = half @ np.abs(to_camera[2, :3])
+        nearest = np.maximum(np.maximum(depth - reach, float(tables.cameras.near[view.camera])), _NEAREST * np.linalg.norm(half, axis=1))
+        size = np.full(len(depth), pixel_size(tables, view))
+        if tables.cameras.projection[view.camera] == ir.Projection.PERSPECTIVE:
+            size = size * nearest
+        linear = tables.transforms.matrix[tables.instances.transform][:, :, :3]
+        tolerance = pixels * size / np.linalg.norm(linear, ord=2, axis=(1, 2))
+        return np.where(np.isfinite(boxes).all(axis=1), 2.0 ** (np.floor(2 * np.log2(tolerance)) / 2), np.nan)
+
+
+class _Shapes:
+    """Tessellations of a view's analytic instances, each made once for a geometry and a tolerance."""
+
+    def __init__(self, tables: ir.Tables, view: View, pixels: float) -> None:
+        self.tables, self.view = tables, view
+        self.tolerances = object_tolerances(tables, view, pixels)
+        self._made: dict[tuple[int, float], tessellate.Tessellation] = {}
+
+    def key(self, instance: int) -> tuple[int, float]:
+        """What instances with the same tessellation have in common."""
+        tolerance = float(self.tolerances[instance])
+        return int(self.tables.instances.geometry[instance]), 0.0 if math.isnan(tolerance) else tolerance
+
+    def of(self, instance: int) -> tessellate.Tessellation:
+        """The tessellation of one instance, in its own frame; of an endless quadric, what the view holds of it."""
+        key = self.key(instance)
+        kind = int(self.tables.geometries.kind[key[0]])
+        parameters = self.tables.geometries.parameters[key[0]]
+        if kind == ir.GeometryKind.QUADRIC and not np.isfinite(parameters[10:13]).all():
+            return tessellate.quadric_in(parameters, self._frustum(instance))
+        if key not in self._made:
+            self._made[key] = tessellate.tessellate(kind, parameters, key[1])
+        return self._made[key]
+
+    def _frustum(self, instance: int) -> NDArray[np.float64]:
+        """The points of cells that fill the view, (nx, ny, nz, 4) homogeneous, in the instance's frame.
+
+        Depths grow evenly in ratio from _LEVELS[0] to _LEVELS[1] times the eye's distance from the instance's origin, and on to
+        infinity.
+        """
+        tables, view = self.tables, self.view
+        x, y = (np.linspace(-1.0, n + 1.0, _ACROSS + 1) for n in (view.width, view.height))
+        x, y = (g.ravel() for g in np.meshgrid(x, y, indexing="ij"))
+        ray = camera.ray(tables, view, x, y)
+        origin, direction = (np.stack(np.broadcast_arrays(*v), axis=-1) for v in (ray.origin, ray.direction))
+        transform = tables.instances.transform[instance]
+        scale = float(np.linalg.norm(tables.transforms.matrix[transform][:, 3] - origin[0])) or 1.0
+        t = scale * np.geomspace(*_LEVELS)[:, None, None]
+        points = np.concatenate([np.broadcast_to(origin, (len(t), *origin.shape)) + t * direction, np.ones((len(t), len(x), 1))], axis=2)
+        points = np.concatenate([points, np.append(direction, np.zeros((len(x), 1)), axis=1)[None]])
+        to_object = np.append(tables.transforms.inverse[transform], [[0.0, 0.0, 0.0, 1.0]], axis=0)
+        return np.moveaxis((points @ to_object.T).reshape(len(t) + 1, _ACROSS + 1, _ACROSS + 1, 4), 0, 2)
+
+
+def _analytic_seen(tables: ir.Tables) -> NDArray[np.intp]:
+    """The rows of instances that are no mesh and that the camera sees."""
+    instances = tables.instances
+    analytic = tables.geometries.kind[instances.geometry] != ir.GeometryKind.MESH
+    return np.flatnonzero(analytic & (instances.visible & ir.Visibility.CAMERA != 0))
+
+
+# --- meshes in place of shapes shaded at vertices ------------------------------------------------------------------------
+
+
+def with_vertex_shaded_meshes(tables: ir.Tables, shapes: _Shapes) -> ir.Tables:
+    """The same scene with a mesh for each bounded analytic instance whose material is shaded at vertices (Gouraud)."""
+    instances = tables.instances
+    chosen = tables.materials.shading[instances.material] == ir.Shading.GOURAUD
+    chosen &= (tables.geometries.kind[instances.geometry] != ir.GeometryKind.MESH) & np.isfinite(shapes.tolerances)
+    if not chosen.any():
+        return tables
+    geometry = instances.geometry.copy()
+    rows: dict[tuple[int, float], int] = {}
+    made: list[tuple[int, tessellate.Tessellation]] = []
+    for i in np.flatnonzero(chosen):
+        key = shapes.key(int(i))
+        if key not in rows:
+            rows[key] = len(tables.geometries.kind) + len(made)
+            made.append((key[0], shapes.of(int(i))))
+        geometry[i] = rows[key]
+    return _with_meshes(tables, made)._replace(instances=instances._replace(geometry=geometry))
+
+
+def _with_meshes(tables: ir.Tables, made: list[tuple[int, tessellate.Tessellation]]) -> ir.Tables:
+    """Tables with a mesh geometry more for each (geometry it stands for, triangles), with normals and coordinates by vertex."""
+    pools, attributes, geometries = tables.pools, tables.attributes, tables.geometries
+    vertices, triangles, values = len(pools.positions), len(pools.triangles), len(pools.values)
+    positions_of, triangles_of, values_of = [pools.positions], [pools.triangles], [pools.values]
+    attribute_rows: list[tuple[int, int, int, int]] = []
+    geometry_rows: dict[str, list[Any]] = {name: [] for name in geometries._fields}
+    for original, mesh in made:
+        count = len(mesh.positions)
+        row = {
+            "kind": ir.GeometryKind.MESH, "parameters": np.zeros(ir.PARAMETERS), "bounds": geometries.bounds[original], "origin": np.zeros(3),
+            "first_vertex": vertices, "vertex_count": count, "first_triangle": triangles, "triangle_count": len(mesh.triangles),
+            "first_polygon": 0, "polygon_count": 0, "colors": -1,
+        }  # fmt: skip
+        for name, data in (("normals", mesh.normals), ("uvs", mesh.uvs)):
+            row[name] = len(attributes.width) + len(attribute_rows)
+            attribute_rows.append((ir.Interpolation.VERTEX, data.shape[1], values, count))
+            values_of.append(data.astype(np.float32).ravel())
+            values += data.size
+        for name, value in row.items():
+            geometry_rows[name].append(value)
+        positions_of.append(mesh.positions[:, :3].astype(np.float32))
+        triangles_of.append(mesh.triangles + np.int32(vertices))
+        vertices += count
+        triangles += len(mesh.triangles)
+    more_attributes = dict(zip(("interpolation", "width", "first", "count"), zip(*attribute_rows, strict=True), strict=True))
+    return tables._replace(
+        pools=pools._replace(
+            positions=np.concatenate(positions_of), triangles=np.concatenate(triangles_of).astype(np.int32), values=np.concatenate(values_of)
+        ),
+        attributes=_appended("attributes", attributes, more_attributes),
+        geometries=_appended("geometries", geometries, geometry_rows),
+    )
+
+
+def _appended(table: str, rows: Any, more: dict[str, Any]) -> Any:
+    """A table with more rows."""
+    return ir.table_of(table, {name: np.concatenate([getattr(rows, name), np.asarray(more[name])]) for name in rows._fields})

@@ -1,0 +1,118 @@
+"""Quadric surfaces as triangles: marching tetrahedra over a grid of homogeneous points, each vertex an exact root on its edge.
+
+Cells may be frusta, and the last ones may reach to infinity (points with w = 0): a quadric restricted to a line of projective
+space is a quadratic polynomial, so the vertices are exact there too. Source: Doi and Koide, An Efficient Method of
+Triangulating Equi-Valued Surfaces by Using Tetrahedral Cells, 1991, with Kuhn's six tetrahedra a cell, which match across cells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+MAX_CELLS = 96  # along an axis of a box
+_COARSE = 12  # cells along an axis of the grid that looks for curvature
+_REACH = 0.375  # a triangle of a Kuhn tetrahedron in cells of edge h lies within 0.375 h² κ of a surface of curvature κ
+
+
+def matrix(parameters: Sequence[float]) -> F64:
+    """(4, 4) symmetric Q with f(p) = pᵀ Q p for homogeneous p, from the coefficients A … J of ir.GeometryKind.QUADRIC."""
+    a, b, c, d, e, f, g, h, i, j = parameters[:10]
+    return np.array([[a, d / 2, f / 2, g / 2], [d / 2, b, e / 2, h / 2], [f / 2, e / 2, c, i / 2], [g / 2, h / 2, i / 2, j]])
+
+
+def normals(q: F64, positions: F64) -> F64:
+    """(n, 3) unit gradients at homogeneous positions; (0, 1, 0) at a tip, where there is none."""
+    gradient = 2 * positions @ q[:, :3]
+    size = np.linalg.norm(gradient, axis=1, keepdims=True)
+    return np.where(size > 0, gradient / np.where(size > 0, size, 1.0), [0.0, 1.0, 0.0])
+
+
+def curvature(q: F64, positions: F64) -> F64:
+    """(n,) a bound of the normal curvatures at finite positions: the largest |eigenvalue| of the Hessian over the gradient's length."""
+    bend = np.abs(np.linalg.eigvalsh(2 * q[:3, :3])).max()
+    slope = np.linalg.norm(2 * positions @ q[:, :3], axis=1)
+    return bend / np.maximum(slope, 1e-300)
+
+
+def box_grid(parameters: Sequence[float], tolerance: float) -> F64:
+    """(nx, ny, nz, 4) points over the box that cuts the quadric, near enough for `tolerance` (metres) or MAX_CELLS an axis."""
+    half = np.asarray(parameters[10:13], np.float64)
+    q = matrix(parameters)
+    coarse, _ = march(q, _lattice(half, half / _COARSE * 2))
+    bend = curvature(q, coarse).max(initial=0.0)
+    edge = np.sqrt(tolerance / (_REACH * bend)) if bend > 0 else np.inf
+    return _lattice(half, np.full(3, edge))
+
+
+def _lattice(half: F64, edge: F64) -> F64:
+    counts = np.clip(np.ceil(2 * half / edge), 4, MAX_CELLS).astype(int)
+    axes = [np.linspace(-h, h, n + 1) for h, n in zip(half, counts, strict=True)]
+    return np.stack([*np.meshgrid(*axes, indexing="ij"), np.ones([n + 1 for n in counts])], axis=-1)
+
+
+def march(q: F64, grid: F64) -> tuple[F64, NDArray[np.int32]]:
+    """Vertices (n, 4) and triangles (m, 3) of pᵀ Q p = 0 in the cells of `grid` (nx, ny, nz, 4), which must be convex.
+
+    Vertices on an edge of two cells are shared; which way round a triangle goes is left to the caller. What lies
+    between the points of a cell without changing a sign at any of them is missed.
+    """
+    points = grid.reshape(-1, 4)
+    value = np.einsum("ni,ij,nj->n", points, q, points)
+    inside = (value < 0).reshape(grid.shape[:3])
+    tets, key = _active_tetrahedra(inside), np.int64(len(points))
+    edges = _crossed_edges(tets, inside.ravel())
+    low, high = np.minimum(edges[..., 0], edges[..., 1]), np.maximum(edges[..., 0], edges[..., 1])
+    unique, index = np.unique((low * key + high).ravel(), return_inverse=True)
+    a, b = unique // key, unique % key
+    positions = _roots(q, points[a], points[b], value[a], value[b])
+    return positions, _not_collapsed(positions, index.reshape(-1, 3)).astype(np.int32)
+
+
+def _active_tetrahedra(inside: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """(t, 4) point numbers of the tetrahedra of every cell that has corners on both sides."""
+    nx, ny, nz = (n - 1 for n in inside.shape)
+    corners = [inside[i : i + nx, j : j + ny, k : k + nz] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
+    count = sum(c.astype(np.int8) for c in corners)
+    i, j, k = np.nonzero((count > 0) & (count < 8))
+    strides = np.array([inside.shape[1] * inside.shape[2], inside.shape[2], 1], np.int64)
+    first = i * strides[0] + j * strides[1] + k * strides[2]
+    # Kuhn: from the cell's first corner to its last by one axis after the other, in each of the six orders
+    paths = np.array([np.cumsum([0, *strides[list(order)]]) for order in permutations(range(3))])
+    return (first[:, None, None] + paths).reshape(-1, 4)
+
+
+def _crossed_edges(tets: NDArray[np.int64], inside: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """(m, 3, 2) the three edges each triangle has its vertices on: one triangle where a corner is alone, else two."""
+    order = np.argsort(~inside[tets], axis=1, kind="stable")  # inside corners first
+    sorted_tets = np.take_along_axis(tets, order, axis=1)
+    count = inside[tets].sum(axis=1)
+    one, two, three = (sorted_tets[count == n] for n in (1, 2, 3))
+    alone = [t[:, [[p, q0], [p, q1], [p, q2]]] for t, (p, q0, q1, q2) in ((one, (0, 1, 2, 3)), (three, (3, 0, 1, 2)))]
+    quads = [two[:, [[0, 2], [0, 3], [1, 3]]], two[:, [[0, 2], [1, 3], [1, 2]]]]
+    return np.concatenate([*alone, *quads])
+
+
+def _roots(q: F64, a: F64, b: F64, at_a: F64, at_b: F64) -> F64:
+    """The point on each edge a-b where the quadric changes sign: the stable root of the quadratic in s of a + s (b - a)."""
+    step = b - a
+    square = np.einsum("ni,ij,nj->n", step, q, step)
+    half_linear = np.einsum("ni,ij,nj->n", a, q, step)
+    root = np.sqrt(np.maximum(half_linear**2 - square * at_a, 0.0))
+    big = -(half_linear + np.where(half_linear < 0, -root, root))
+    with np.errstate(all="ignore"):
+        first, second = at_a / big, big / square
+    inside = np.isfinite(first) & (first >= 0) & (first <= 1)
+    s = np.where(inside, first, np.where(np.isfinite(second), np.clip(second, 0, 1), at_a / (at_a - at_b)))
+    return a + s[:, None] * step
+
+
+def _not_collapsed(positions: F64, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Only the triangles whose corners differ: where the surface goes through a grid point several edges meet in it."""
+    a, b, c = (positions[triangles[:, k]] for k in range(3))
+    same = (a == b).all(axis=1) | (b == c).all(axis=1) | (c == a).all(axis=1)
+    return triangles[~same]

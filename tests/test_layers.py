@@ -1,0 +1,191 @@
+"""The layers, read from the imports: cli, live → render → compiler → lang, nothing upwards, nothing hidden, nothing round in circles."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGES = ("lang", "compiler", "render", "live", "stdlib")
+MAX_LINES = 600
+
+# What a layer may import from. The top is the files beside the packages: cli*.py and __init__.py.
+ALLOWED = {
+    "lang": {"lang"},
+    "compiler": {"compiler", "lang", "stdlib"},
+    "render": {"render", "compiler", "lang"},
+    "live": {"live", "render", "compiler", "lang"},
+    "stdlib": set(),
+    "top": {"top", "live", "render", "compiler", "lang", "stdlib"},
+}
+RENDER_READS = {"compiler.ir", "compiler.plan"}
+
+# Modules that may be imported inside a function, and why: a command that does not need one must not wait for it.
+LATE = {
+    "numba": "half a second; check, inspect and explain compile no kernel",
+    "pxr": "a tenth of a second and native libraries; only for USD files",
+    "trimesh": "a quarter of a second; only for PLY, STL and GLB files",
+    "OpenImageIO": "only scenes with pictures need it",
+    "mapbox_earcut": "only polygons with many corners need it",
+    "rich": "only a terminal sees colours",
+    "lark": "its tables are built when a scene is parsed",
+}
+# Files whose functions open the next stage's door when it is reached, so that `--help` and `check` stay quick.
+DOORS = {
+    "__init__.py": "`import maquette` loads no numpy",
+    "cli.py": "each command loads its own stages",
+    "cli_job.py": "a job loads the stages it comes to",
+    "compiler/load.py": "each kind of file has its own front end and libraries",
+}
+
+
+@dataclass(frozen=True)
+class Import:
+    """One imported module: `target` is lang.ast for the package's own, numpy for others."""
+
+    file: str
+    line: int
+    target: str
+    own: bool
+    hidden: bool  # inside a function
+    typing_only: bool
+
+
+def sources() -> list[Path]:
+    """Every Python file of the package."""
+    return sorted([*ROOT.glob("*.py"), *(f for p in PACKAGES for f in (ROOT / p).rglob("*.py"))])
+
+
+def name_of(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+def layer_of(module: str) -> str:
+    first = module.split(".")[0]
+    return first if first in PACKAGES else "top"
+
+
+def is_module(dotted: str) -> bool:
+    path = ROOT.joinpath(*dotted.split("."))
+    return path.with_suffix(".py").is_file() or (path / "__init__.py").is_file()
+
+
+def imports_of(path: Path) -> list[Import]:
+    found: list[Import] = []
+    package = list(path.relative_to(ROOT).parent.parts)
+
+    def add(node: ast.stmt, target: str, own: bool, hidden: bool, typing_only: bool) -> None:
+        found.append(Import(name_of(path), node.lineno, target, own, hidden, typing_only))
+
+    def visit(node: ast.AST, hidden: bool, typing_only: bool) -> None:
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.Import):
+                for alias in child.names:
+                    add(child, alias.name, False, hidden, typing_only)
+            elif isinstance(child, ast.ImportFrom) and child.level:
+                base = package[: len(package) - child.level + 1] + (child.module.split(".") if child.module else [])
+                for alias in child.names:
+                    whole = ".".join([*base, alias.name])
+                    add(child, whole if is_module(whole) else ".".join(base), True, hidden, typing_only)
+            elif isinstance(child, ast.ImportFrom):
+                add(child, child.module or "", False, hidden, typing_only)
+            inside = hidden or isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+            types = typing_only or (isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING")
+            visit(child, inside, types)
+
+    visit(ast.parse(path.read_text(encoding="utf-8")), False, False)
+    return found
+
+
+FILES = sources()
+IMPORTS = [i for path in FILES for i in imports_of(path)]
+
+
+def listed(found: list[str]) -> str:
+    return "\n".join(found)
+
+
+def test_arrows_go_down() -> None:
+    wrong = [
+        f"{i.file}:{i.line} {layer_of(i.file.split('/')[0])} imports {i.target}"
+        for i in IMPORTS
+        if i.own and layer_of(i.target) not in ALLOWED[layer_of(i.file.split("/")[0])]
+    ]
+    assert not wrong, listed(wrong)
+
+
+def test_render_reads_only_the_ir_and_the_plan() -> None:
+    wrong = [
+        f"{i.file}:{i.line} {i.target}"
+        for i in IMPORTS
+        if i.own and i.file.startswith("render/") and i.target.startswith("compiler") and i.target not in RENDER_READS
+    ]
+    assert not wrong, listed(wrong)
+
+
+def test_imports_inside_the_package_are_relative() -> None:
+    ours = {"maquette", *PACKAGES, *(f.stem for f in ROOT.glob("cli*.py"))}
+    wrong = [f"{i.file}:{i.line} {i.target}" for i in IMPORTS if not i.own and i.target.split(".")[0] in ours]
+    assert not wrong, listed(wrong)
+
+
+def test_imports_in_functions_have_a_reason() -> None:
+    wrong = [
+        f"{i.file}:{i.line} {i.target}"
+        for i in IMPORTS
+        if i.hidden and not (i.file in DOORS if i.own else i.target.split(".")[0] in LATE)
+    ]
+    assert not wrong, listed(wrong)
+
+
+def test_reasons_are_still_needed() -> None:
+    """A door or a late module that nobody uses any more is taken off the list."""
+    hidden = [i for i in IMPORTS if i.hidden]
+    assert {i.file for i in hidden if i.own} == set(DOORS)
+    assert {i.target.split(".")[0] for i in hidden if not i.own} == set(LATE)
+
+
+def test_modules_do_not_import_in_circles() -> None:
+    """At module level: a circle works or fails by who is imported first."""
+    edges: dict[str, set[str]] = {}
+    for i in IMPORTS:
+        if i.own and not i.hidden and not i.typing_only:
+            module = i.file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+            edges.setdefault(module, set()).add(i.target)
+    done: set[str] = set()
+
+    def walk(module: str, path: tuple[str, ...]) -> None:
+        assert module not in path, " → ".join((*path[path.index(module) :], module))
+        if module not in done:
+            for target in edges.get(module, ()):
+                walk(target, (*path, module))
+            done.add(module)
+
+    for module in list(edges):
+        walk(module, ())
+
+
+@pytest.mark.parametrize("layer", ["lang", "compiler", "top"])
+def test_numba_is_not_reached_without_drawing(layer: str) -> None:
+    wrong = [f"{i.file}:{i.line}" for i in IMPORTS if i.target.split(".")[0] == "numba" and layer_of(i.file.split("/")[0]) == layer]
+    assert not wrong, listed(wrong)
+
+
+def test_lang_knows_no_arrays_and_no_disk() -> None:
+    banned = {"numpy", "os", "pathlib", "io", "shutil", "tempfile", "importlib"}
+    grammar = ("lang/tokens.py", "pathlib")  # the language's own grammar stands in a file beside it
+    lang = [i for i in IMPORTS if i.file.startswith("lang/") and (i.file, i.target) != grammar]
+    wrong = [f"{i.file}:{i.line} {i.target}" for i in lang if i.target.split(".")[0] in banned]
+    assert not wrong, listed(wrong)
+
+
+@pytest.mark.parametrize("path", FILES, ids=name_of)
+def test_each_file_says_its_job_and_is_one_idea(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    first = text.partition("\n")[0]
+    assert first.startswith('"""'), f"{name_of(path)} does not begin with its job"
+    assert len(first.strip('"')) > 15, f"{name_of(path)} says too little of its job"
+    assert text.count("\n") <= MAX_LINES, f"{name_of(path)} has more than {MAX_LINES} lines"

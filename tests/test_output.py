@@ -1,0 +1,203 @@
+"""Pictures to files and back: the sRGB curve, depths, alpha, channels, metadata, metering, and that a file is whole or not there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from maquette.render import output
+from maquette.render.image import Image
+
+ABOUT = {"command": "maquette render a.scene", "version": "1.2.3", "seed": 7, "samples": 16, "backend": "ray", "exposure": 0.5}
+
+
+def picture(rgba: object, **channels: object) -> Image:
+    array = np.asarray(rgba, dtype=np.float32)
+    more = {name: np.asarray(values, dtype=np.float32) for name, values in channels.items()}
+    return Image(array.shape[1], array.shape[0], {"rgba": array, **more}, {})
+
+
+def raw(path: Path) -> tuple[oiio.ImageSpec, np.ndarray]:
+    """The numbers as they stand in the file."""
+    wanted = oiio.ImageSpec()
+    wanted.attribute("oiio:UnassociatedAlpha", 1)
+    source = oiio.ImageInput.open(str(path), wanted)
+    spec = source.spec()
+    values = np.asarray(source.read_image(spec.format)).reshape(spec.height, spec.width, -1)
+    source.close()
+    return spec, values
+
+
+def test_the_srgb_curve_has_its_known_values() -> None:
+    codes = output.encode_srgb(np.array([0.0, 0.0031308, 0.18, 0.5, 1.0])) * 255
+    np.testing.assert_allclose(codes, [0.0, 10.31475, 117.646, 187.516, 255.0], atol=5e-4)
+
+
+def test_all_256_codes_come_back(tmp_path: Path) -> None:
+    codes = np.arange(256)
+    grey = output.decode_srgb(codes / 255).reshape(16, 16, 1)
+    rgba = np.concatenate([np.repeat(grey, 3, axis=2), np.ones((16, 16, 1))], axis=2)
+    output.write(picture(rgba), tmp_path / "codes.png", output.Look(), ABOUT)
+    _, values = raw(tmp_path / "codes.png")
+    assert np.array_equal(values[..., 0].ravel(), codes)
+    again = output.read(tmp_path / "codes.png")
+    output.write(again, tmp_path / "again.png", output.Look(), ABOUT)
+    assert np.array_equal(raw(tmp_path / "again.png")[1], values)
+
+
+@given(st.floats(0, 1))
+def test_decoding_undoes_encoding(value: float) -> None:
+    assert output.decode_srgb(output.encode_srgb(np.array([value])))[0] == pytest.approx(value, abs=1e-7)
+
+
+def test_light_that_is_no_number_is_not_white_noise(tmp_path: Path) -> None:
+    rgba = [[[np.nan, np.inf, -np.inf, 1.0], [-1.0, 2.0, 1e30, 1.0]]]
+    output.write(picture(rgba), tmp_path / "odd.png", output.Look(), ABOUT)
+    assert raw(tmp_path / "odd.png")[1].tolist() == [[[0, 255, 0], [0, 255, 255]]]
+
+
+@pytest.mark.parametrize(("bits", "grey"), [(8, 188), (16, 48192)])
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+def test_depths(tmp_path: Path, suffix: str, bits: int, grey: int) -> None:
+    path = tmp_path / f"half{suffix}"
+    output.write(picture([[[0.5, 0.5, 0.5, 1.0]]]), path, output.Look(bits=bits), ABOUT)
+    spec, values = raw(path)
+    assert spec.format.basesize() * 8 == bits
+    assert values.tolist() == [[[grey] * 3]]
+
+
+def test_exposure_is_in_stops(tmp_path: Path) -> None:
+    for stops, code in ((0.0, 188), (1.0, 255), (-1.0, 137)):
+        output.write(picture([[[0.5, 0.5, 0.5, 1.0]]]), tmp_path / "x.png", output.Look(exposure=stops), ABOUT)
+        assert raw(tmp_path / "x.png")[1][0, 0, 0] == code
+
+
+def test_png_alpha_is_unassociated_and_only_there_when_asked(tmp_path: Path) -> None:
+    half = picture([[[0.25, 0.25, 0.25, 0.5], [0.0, 0.0, 0.0, 0.0]]])
+    output.write(half, tmp_path / "with.png", output.Look(alpha=True), ABOUT)
+    assert raw(tmp_path / "with.png")[1].tolist() == [[[188, 188, 188, 128], [0, 0, 0, 0]]]
+    output.write(half, tmp_path / "without.png", output.Look(), ABOUT)
+    assert raw(tmp_path / "without.png")[1].tolist() == [[[137, 137, 137], [0, 0, 0]]]
+    back = output.read(tmp_path / "with.png").channels["rgba"]
+    np.testing.assert_allclose(back[0, 0], [0.2523, 0.2523, 0.2523, 128 / 255], atol=1e-3)
+
+
+def test_jpeg_is_over_black(tmp_path: Path) -> None:
+    output.write(picture(np.full((8, 8, 4), 0.25)), tmp_path / "x.jpg", output.Look(alpha=True), ABOUT)
+    spec, values = raw(tmp_path / "x.jpg")
+    assert spec.nchannels == 3
+    assert abs(int(values[4, 4, 0]) - 137) <= 1
+
+
+def test_exr_is_linear_float_with_named_channels(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    h, w = 3, 5
+    widths = {"rgba": 4, "depth": 1, "normal": 3, "position": 3, "albedo": 3, "uv": 2, "id": 2}
+    channels = {name: rng.normal(size=(h, w, k)).astype(np.float32) for name, k in widths.items()}
+    channels["depth"][0, 0] = np.inf
+    channels["rgba"][0, 0, 0] = 70000.0  # more than half floats hold
+    image = Image(w, h, dict(reversed(channels.items())), {})
+    output.write(image, tmp_path / "x.exr", output.Look(exposure=3.0, view="sRGB"), ABOUT)
+    spec, values = raw(tmp_path / "x.exr")
+    names = ["R", "G", "B", "A", "depth.Z", "normal.X", "normal.Y", "normal.Z", "position.X", "position.Y", "position.Z"]
+    names += ["albedo.R", "albedo.G", "albedo.B", "uv.U", "uv.V", "id.instance", "id.material"]
+    assert sorted(spec.channelnames) == sorted(names)
+    assert spec.format == oiio.FLOAT
+    whole = np.concatenate(list(channels.values()), axis=2)
+    for i, name in enumerate(names):
+        assert np.array_equal(values[..., list(spec.channelnames).index(name)], whole[..., i]), name
+    assert np.array_equal(output.read(tmp_path / "x.exr").channels["rgba"], channels["rgba"])
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".png", ".tif"])
+def test_metadata_says_how_it_was_made(tmp_path: Path, suffix: str) -> None:
+    output.write(picture(np.ones((2, 2, 4))), tmp_path / f"x{suffix}", output.Look(), ABOUT)
+    spec, _ = raw(tmp_path / f"x{suffix}")
+    assert spec.getattribute("Software") == "maquette 1.2.3"
+    assert spec.getattribute("ImageDescription") == ABOUT["command"]
+    if suffix != ".tif":
+        assert {key: str(spec.getattribute(f"maquette:{key}")) for key in ABOUT} == {key: str(value) for key, value in ABOUT.items()}
+    if suffix == ".exr":
+        assert spec.getattribute("maquette:seed") == 7
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".png", ".jpg", ".tif"])
+def test_one_pixel(tmp_path: Path, suffix: str) -> None:
+    output.write(picture([[[1.0, 1.0, 1.0, 1.0]]]), tmp_path / f"one{suffix}", output.Look(), ABOUT)
+    again = output.read(tmp_path / f"one{suffix}")
+    assert (again.width, again.height) == (1, 1)
+    np.testing.assert_allclose(again.channels["rgba"], 1.0, atol=0.02)
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "x.png"
+    output.write(picture([[[0.5, 0.5, 0.5, 1.0]]]), path, output.Look(), ABOUT)
+    before = path.read_bytes()
+
+    def broken(*_: object) -> None:
+        raise OSError("the disk is full")
+
+    monkeypatch.setattr(Path, "replace", broken)
+    with pytest.raises(OSError, match="the disk is full"):
+        output.write(picture([[[1.0, 1.0, 1.0, 1.0]]]), path, output.Look(), ABOUT)
+    assert path.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["x.png"]
+
+
+def test_metering_brings_the_log_average_to_middle_grey() -> None:
+    rng = np.random.default_rng(2)
+    rgba = np.concatenate([np.repeat(rng.lognormal(7, 1, (32, 32, 1)), 3, axis=2), np.ones((32, 32, 1))], axis=2)
+    exposed = rgba[..., 0] * 2.0 ** output.metered(rgba)
+    assert np.exp(np.log(exposed).mean()) == pytest.approx(0.18, rel=0.004)  # half of 1/100 stop
+    rgba[:16] = 0.0  # what is black says nothing about the light
+    assert np.exp(np.log(rgba[16:, :, 0] * 2.0 ** output.metered(rgba)).mean()) == pytest.approx(0.18, rel=0.004)
+    assert output.metered(np.zeros((4, 4, 4))) == 0.0
+
+
+def test_other_views_come_from_opencolorio(tmp_path: Path) -> None:
+    raw_view = output.Look(view="Raw")
+    assert "Raw" in output.views()
+    output.write(picture([[[0.5, 0.25, 1.0, 1.0]]]), tmp_path / "raw.png", raw_view, ABOUT)
+    assert raw(tmp_path / "raw.png")[1].tolist() == [[[128, 64, 255]]]
+    output.check(tmp_path / "x.png", view="Raw")
+
+
+@pytest.mark.parametrize(
+    ("name", "more", "message"),
+    [
+        ("x.gif", {}, "cannot tell the picture format of x.gif: its name must end in one of .exr, .png, .tif, .tiff, .jpg, .jpeg"),
+        ("x", {}, "cannot tell the picture format of x: its name must end in one of .exr, .png, .tif, .tiff, .jpg, .jpeg"),
+        ("x.exr", {"bits": 16}, "x.exr holds 32-bit floats: --bits is for 8 and 16-bit pictures"),
+        ("x.jpg", {"bits": 16}, ".jpg files have 8 bits a channel, not 16; .png and .tif have 16"),
+        ("x.png", {"aov": ("depth", "id")}, "x.png has no room for the channels depth, id: write an .exr"),
+    ],
+)
+def test_what_no_file_can_hold(name: str, more: dict[str, object], message: str) -> None:
+    with pytest.raises(output.FormatError) as error:
+        output.check(Path(name), **more)  # type: ignore[arg-type]
+    assert str(error.value) == message
+
+
+def test_an_unknown_view_is_answered_with_the_known_ones() -> None:
+    with pytest.raises(output.FormatError) as error:
+        output.check(Path("x.png"), view="Agx")
+    assert str(error.value) == f"no view is called `Agx`; there are: {', '.join(output.views())}"
+
+
+def test_what_is_not_a_picture(tmp_path: Path) -> None:
+    with pytest.raises(output.FormatError, match="there is no file"):
+        output.read(tmp_path / "none.png")
+    (tmp_path / "text.png").write_text("no picture", encoding="utf-8")
+    with pytest.raises(output.FormatError, match=r"text\.png is not a picture"):
+        output.read(tmp_path / "text.png")
+
+
+@pytest.mark.parametrize("gain", [2.0**-60, 2.0**60])
+def test_far_from_one_the_numbers_stay(tmp_path: Path, gain: float) -> None:
+    values = np.random.default_rng(3).random((4, 4, 4)).astype(np.float32)
+    output.write(picture(values * gain), tmp_path / "x.exr", output.Look(), ABOUT)
+    assert np.array_equal(output.read(tmp_path / "x.exr").channels["rgba"], values * np.float32(gain))

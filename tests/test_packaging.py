@@ -1,0 +1,65 @@
+"""What is installed is what stands here: the packages, their data files, the command."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+NOT_PACKAGES = {"tests", "examples", "bench", "docs", "build"}
+
+
+def folders() -> set[str]:
+    found = {path.parent for path in ROOT.rglob("__init__.py")} - {ROOT}
+    inside = {path.relative_to(ROOT) for path in found}
+    return {"maquette"} | {
+        ".".join(("maquette", *path.parts)) for path in inside if path.parts[0] not in NOT_PACKAGES and not path.parts[0].startswith(".")
+    }
+
+
+def test_the_list_of_packages_is_the_folders() -> None:
+    assert set(PROJECT["tool"]["setuptools"]["packages"]) == folders()
+
+
+def test_every_data_file_is_packaged() -> None:
+    patterns = PROJECT["tool"]["setuptools"]["package-data"]["*"]
+    for package in folders():
+        folder = ROOT.joinpath(*package.split(".")[1:])
+        for path in folder.iterdir():
+            if path.is_file() and package != "maquette" and path.suffix != ".py":
+                assert any(path.match(pattern) for pattern in patterns), f"{path.relative_to(ROOT)} is in no pattern of package-data"
+
+
+def test_every_dependency_is_pinned() -> None:
+    pinned = {
+        line.split("==")[0].lower().replace("_", "-")
+        for line in (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+        if "==" in line
+    }
+    wanted = [*PROJECT["project"]["dependencies"], *(d for more in PROJECT["project"]["optional-dependencies"].values() for d in more)]
+    for requirement in wanted:
+        name = requirement.split(">=")[0].split("[")[0].lower().replace("_", "-")
+        assert name in pinned, f"{requirement} has no version in constraints.txt"
+
+
+@pytest.mark.long
+def test_a_wheel_installs_a_command_that_works_anywhere(tmp_path: Path) -> None:
+    run = [sys.executable, "-m", "pip"]
+    subprocess.run([*run, "wheel", "-q", "--no-deps", "-w", str(tmp_path), str(ROOT)], check=True)
+    (wheel,) = tmp_path.glob("maquette-*.whl")
+    names = set(zipfile.ZipFile(wheel).namelist())
+    data = [*ROOT.glob("stdlib/*.scene"), *ROOT.glob("lang/*.lark"), ROOT / "py.typed", ROOT / "cli.py", ROOT / "cli_job.py"]
+    assert {f"maquette/{path.relative_to(ROOT).as_posix()}" for path in data} <= names
+    assert not [name for name in names if name.startswith("maquette/tests")]
+    subprocess.run([*run, "install", "-q", "--no-deps", "--target", str(tmp_path / "site"), str(wheel)], check=True)
+    scene = tmp_path / "one.scene"
+    scene.write_text('use "std/room"\nsphere(1, material: plastic(#d0402a))\n', encoding="utf-8")
+    code = "import sys; sys.path.insert(0, 'site'); from maquette import cli; cli.main()"
+    done = subprocess.run([sys.executable, "-I", "-c", code, "check", "one.scene"], cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "one.scene: no errors\n"), done.stderr

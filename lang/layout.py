@@ -105,15 +105,16 @@ def _close(stack: list[_Open], tokens: list[Token], kept: list[Token], i: int, t
     unclosed = stack[first:]
     if not unclosed:
         return None
-    for opened in unclosed if token.type == "$END" or token not in CLOSERS else unclosed[::-1]:
-        closer = OPENERS[opened.token]
-        where = "" if token.line == opened.token.line else f" in line {token.line}"
-        hint = f"write `{closer}` before the `{token}`{where}" if token in (")", "]") else f"write `{closer}` where it ends"
-        report(opened.token, f"this `{opened.token}` is not closed", hint)
     ends = [o.line_end for o in unclosed if o.line_end is not None]
     if ends and report.count < _MAX_BRACKET_ERRORS:
         i, length = min(ends)
         del kept[length:]
+        unclosed = [o for o in unclosed if o.kept <= length]  # the others are met again
+    for opened in unclosed:
+        closer = OPENERS[opened.token]
+        where = "" if token.line == opened.token.line else f" in line {token.line}"
+        hint = f"write `{closer}` before the `{token}`{where}" if token in (")", "]") else f"write `{closer}` where it ends"
+        report(opened.token, f"this `{opened.token}` is not closed", hint)
     last = kept[-1]
     kept.extend(_borrowed(OPENERS[o.token], last) for o in reversed(unclosed))
     del stack[first:]
@@ -121,16 +122,17 @@ def _close(stack: list[_Open], tokens: list[Token], kept: list[Token], i: int, t
 
 
 def _close_blocks(stack: list[_Open], pairs: list[tuple[Token, Token]], tokens: list[Token], kept: list[Token], report: _Report) -> None:
-    """Closes the blocks open at the end of the file. The indentation tells which `}` is missing."""
+    """Closes the blocks open at the end of the file, and what is open around them. The indentation tells which `}` is missing."""
     indents: dict[int, int] = {}
     for t in tokens:
         indents.setdefault(t.line or 1, t.column or 1)
     early = [a for a, b in pairs if a == "{" and indents[b.line or 1] == b.column and (b.column or 1) < indents[a.line or 1]]
     blamed = sorted(early, key=lambda t: t.start_pos or 0)[: len(stack)] or [o.token for o in stack]
     for token in blamed:
-        report(token, "this `{` is not closed", "write `}` after its last item")
+        where = "after its last item" if token == "{" else "where it ends"
+        report(token, f"this `{token}` is not closed", f"write `{OPENERS[token]}` {where}")
     end = kept.pop()
-    kept.extend(_borrowed("}", end) for _ in stack)
+    kept.extend(_borrowed(OPENERS[o.token], end) for o in reversed(stack))
     kept.append(end)
 
 

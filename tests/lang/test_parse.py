@@ -1,115 +1,15 @@
 """The syntax tree of valid text: every construct, precedence, places, comments and blank lines; decoding of bytes."""
 
-from dataclasses import fields
+from pathlib import Path
 
 import pytest
 from maquette.lang import ast, parse
 from maquette.lang.diagnostics import Diagnostics, render_text
 
-HELLO = """// hello.scene: right-handed, y up; bare lengths are metres
-param radius = 1 in 0.2..2  "sphere radius"
 
-let grey = checker(#e8e8e8, #8a8a8a, size: 50cm)
-let red  = plastic(#d0402a, roughness: 0.15)
-
-plane(y: 0, material: lambert(grey))
-sphere(center: [0, radius, 0], radius: radius, material: red)
-
-sun(from: [2, 4, 3], illuminance: 20000lx)
-sky(color: #87b5e0, luminance: 3000nit)
-
-camera(position: [0, 1.6, 5], look_at: [0, 1, 0], fov: 35deg)
-render(size: [800, 600], error: 1%)
-"""
-
-ROOM = """// room.scene
-use "std/room"                                   // binds `room`
-param hour = 20 in 0..24
-
-let plaster = lambert(#c9c4bb)
-let wood    = phong(image("oak.png"), specular: 0.2, shininess: 60)
-
-room.box(size: [3, 2.5, 3], wall: plaster, left: lambert(#a33327), right: lambert(#3f7d3a))
-room.panel(size: [60cm, 60cm], position: [0, 2.49, 0], flux: 1600lm)
-spot(position: [-1.2, 2.3, 1], look_at: [0.5, 0, -0.4], cone: 24deg, soft: 6deg, flux: 800lm, color: kelvin(3000))
-
-transform(translate: [0.6, 0, -0.5], rotate: [0, -18deg, 0]) {
-  box(size: 60cm, center: [0, 30cm, 0], material: wood)
-  mesh("bunny.obj", translate: [0, 60cm, 0], height: 35cm,
-       material: blinn_phong(image("bunny.png"), shininess: 200))
-}
-sphere(radius: 40cm, center: [-0.7, 0.4, 0.2], material: glass(ior: 1.5))
-if (hour > 18) { room.bulb(position: [1.2, 1.6, -1.2], flux: 400lm) }
-
-camera(position: [0, 1.25, 3.9], look_at: [0, 1.1, 0], fov: 39deg)
-render(backend: "ray", bounces: 6, error: 0.5%)
-"""
-
-GEAR = """// gear.scene
-unit mm                                          // this file's bare lengths
-param teeth: int = 18 in 6..60  "teeth per gear"
-
-// Inside is where the relation holds: no sign convention to remember. x, y, z are plain numbers, in mm here.
-let rim(n, r, h) = implicit(
-  |x, y, z| hypot(x, z) + 0.9 * cos(n * atan2(z, x)) <= r and abs(y) <= h / 2,
-  within: r + 2)
-
-let gear(n: int = teeth, bore = 4) = difference(round: 0.6) {
-  rim(n, 1.2 * n, 8)
-  cylinder(radius: bore, height: 40)
-  for (k in 0..5) {                              // inclusive; descending ranges are empty
-    rotate([0, k * 60deg, 0]) { cylinder(radius: 0.2 * n, height: 40, center: [0.75 * n, 0, 0]) }
-  }
-}
-
-let turned = 30deg / 1s * time                   // an angle
-for (s in [[0, turned], [2.4 * teeth, 180deg / teeth - turned]]) {
-  transform(translate: [s[0], 0, 0], rotate: [0, s[1], 0]) { gear(material: metal("steel")) }
-}
-implicit(|x, y, z| sin(x)*cos(y) + sin(y)*cos(z) + sin(z)*cos(x) == 0.2,
-         within: sphere(6), translate: [20, 22, -30], material: glass())
-
-camera(position: [20, 60, 70], look_at: [20, 0, 0], fov: 40deg)
-animate(duration: 12s, fps: 24)
-render(error: 1%, budget: 20s)
-"""
-
-
-def read(text: str) -> ast.File:
-    """The tree of text that has no error."""
-    diagnostics = Diagnostics()
-    file = parse.parse(text, "t", diagnostics)
-    assert [render_text(d, lambda _: text) for d in diagnostics.items] == []
-    return file
-
-
-def shown(node) -> object:
-    """A tree without places, as text: (Kind field …)."""
-    if isinstance(node, ast.Number):
-        return node.text
-    if isinstance(node, ast.Name):
-        return node.id
-    if isinstance(node, ast.String):
-        return f'"{node.value}"'
-    if isinstance(node, ast.ColorLiteral):
-        return node.text
-    if isinstance(node, tuple):
-        return "[" + " ".join(str(shown(n)) for n in node) + "]"
-    if isinstance(node, ast.Node):
-        left_out = {"span", "before", "after", "blank_before", "dangling"}
-        parts = [str(shown(getattr(node, f.name))) for f in fields(node) if f.name not in left_out]
-        return f"({type(node).__name__} {' '.join(parts)})"
-    return str(node)
-
-
-def expression(text: str) -> object:
-    (item,) = read(f"let it = {text}").items
-    assert isinstance(item, ast.Let)
-    return shown(item.value)
-
-
-@pytest.mark.parametrize(("text", "count"), [(HELLO, 9), (ROOM, 12), (GEAR, 10)])
-def test_scenes_of_the_language_description(text, count):
+@pytest.mark.parametrize(("name", "count"), [("hello", 9), ("room", 12), ("gear", 10)])
+def test_scenes_of_the_language_description(read, name, count):
+    text = (Path(__file__).parent / "scenes" / f"{name}.scene").read_text(encoding="utf-8")
     assert len(read(text).items) == count
 
 
@@ -152,8 +52,9 @@ def test_scenes_of_the_language_description(text, count):
         ("users + format + android + information", "(Binary + (Binary + (Binary + users format) android) information)"),
     ],
 )
-def test_expression(text, tree):
-    assert expression(text) == tree
+def test_expression(read, shown, text, tree):
+    (item,) = read(f"let it = {text}").items
+    assert shown(item.value) == tree
 
 
 @pytest.mark.parametrize(
@@ -176,7 +77,7 @@ def test_expression(text, tree):
         ("children", "(ElementItem children)"),
     ],
 )
-def test_item(text, tree):
+def test_item(read, shown, text, tree):
     (item,) = read(text).items
     assert shown(item) == tree
 
@@ -194,34 +95,34 @@ def test_item(text, tree):
         "let a = 1\u00a0+ 2",
     ],
 )
-def test_line_ends_and_blanks_mean_nothing_inside(text):
+def test_line_ends_and_blanks_mean_nothing_inside(read, shown, text):
     (item,) = read(text).items
     assert shown(item) == "(Let a None (Binary + 1 2))"
 
 
-def test_items_end_with_lines_and_semicolons():
+def test_items_end_with_lines_and_semicolons(read):
     assert len(read("a; b\nc;\n\n;d").items) == 4
 
 
-def test_lines_go_on_inside_brackets_but_not_inside_their_blocks():
+def test_lines_go_on_inside_brackets_but_not_inside_their_blocks(read, shown):
     (item,) = read("f(a,\n  [1\n  , 2]\n  , group() {\n  b\n  c\n}\n)").items
     group = "(WithChildren (Call group []) (Block [(ElementItem b) (ElementItem c)]))"
     assert shown(item) == f"(ElementItem (Call f [(Argument None a) (Argument None (ListLiteral [1 2])) (Argument None {group})]))"
 
 
-def test_else_may_start_a_line():
+def test_else_may_start_a_line(read):
     (item,) = read("if (a) { b }\n\nelse { c }").items
     assert isinstance(item, ast.If)
     assert item.no is not None
 
 
-def test_empty_files():
+def test_empty_files(read):
     for text in ("", "\n\n", ";", "   ", "\ufeff"):
         file = read(text)
         assert (file.items, file.dangling) == ((), ())
 
 
-def test_spans_count_from_one_and_end_behind():
+def test_spans_count_from_one_and_end_behind(read):
     (item,) = read("// a\n  let a = f(1,\n    2) // b").items
     assert isinstance(item, ast.Let)
     assert str(item.span) == "t:2:3"
@@ -232,7 +133,7 @@ def test_spans_count_from_one_and_end_behind():
     assert (argument.span.line, argument.span.column, argument.span.end_column) == (3, 5, 6)
 
 
-def test_comments_and_blank_lines():
+def test_comments_and_blank_lines(read):
     file = read(
         "// head\n\n// of a\na // behind a\n\nb(1, // first\n  2)\n"
         "group() { // of c\n\n  // more of c\n  c; d // behind d\n  // last inside\n} // behind group\n// end\n"
@@ -252,7 +153,7 @@ def test_comments_and_blank_lines():
     assert [x.text for x in block.dangling] == ["// last inside"]
 
 
-def test_comment_between_the_branches_of_an_if():
+def test_comment_between_the_branches_of_an_if(read):
     (item,) = read("if (a) { // one\n  b\n} // two\n// three\nelse if (c) { d } // four").items
     assert [c.text for c in item.before] == ["// two", "// three"]
     assert item.after is not None
@@ -261,7 +162,7 @@ def test_comment_between_the_branches_of_an_if():
     assert [c.text for c in item.yes.items[0].before] == ["// one"]
 
 
-def test_good_items_survive_and_broken_names_are_known():
+def test_good_items_survive_and_broken_names_are_known(shown):
     diagnostics = Diagnostics()
     text = 'let a = 1\nlet b = = 2\nuse "x.scene" c\ngroup() {\n  let d = 1 1\n  box()\n}\nlet e = "open\nparam f 3\nlet g = 2'
     file = parse.parse(text, "t", diagnostics)

@@ -1,6 +1,7 @@
 """Properties of the parser: random text never raises, valid trees come back from their text, no comment is lost."""
 
 import string
+from pathlib import Path
 
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
@@ -8,7 +9,7 @@ from maquette.lang import ast, parse
 from maquette.lang.diagnostics import Diagnostics
 from maquette.lang.tokens import KEYWORDS
 
-from .test_parse import GEAR, HELLO, ROOM, read, shown
+SCENES = [path.read_text(encoding="utf-8") for path in sorted((Path(__file__).parent / "scenes").glob("*.scene"))]
 
 WORDS = [
     *KEYWORDS, "a", "box", "1", "2.5mm", "50%", '"s"', "#fff", "#12", '"open', "//c\n", "/*", "*/", "# ", "!", "\u200b", "\n", "\n", ";",
@@ -47,7 +48,7 @@ def test_any_bytes_never_raise(data):
 
 
 @settings(max_examples=150, deadline=2000)
-@given(st.sampled_from([HELLO, ROOM, GEAR]), st.integers(0, 2000), st.integers(0, 12))
+@given(st.sampled_from(SCENES), st.integers(0, 2000), st.integers(0, 12))
 def test_a_hole_in_a_scene_never_raises(text, start, size):
     start %= len(text)
     parse.parse(text[:start] + text[start + size :], "t", Diagnostics())
@@ -173,7 +174,7 @@ def written_item(node) -> str:
 
 @settings(max_examples=200, deadline=2000)
 @given(scenes)
-def test_trees_come_back_from_their_text(text):
+def test_trees_come_back_from_their_text(read, shown, text):
     file = read(text)
     again = read("\n".join(map(written, file.items)))
     assert shown(again.items) == shown(file.items)
@@ -190,8 +191,8 @@ def comments_of(node: ast.Node) -> list[str]:
 
 
 @settings(max_examples=150, deadline=2000)
-@given(st.one_of(scenes, st.sampled_from([HELLO, ROOM, GEAR])), st.data())
-def test_every_comment_is_in_the_tree_once(text, data):
+@given(st.one_of(scenes, st.sampled_from(SCENES)), st.data())
+def test_every_comment_is_in_the_tree_once(read, text, data):
     lines = [line.split(" //")[0] for line in text.splitlines() if not line.startswith("//") and "a // b" not in line]
     ends = data.draw(st.lists(st.integers(0, len(lines)), max_size=8))
     expected = []

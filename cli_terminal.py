@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterable, Sequence
-from importlib import resources
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from .compiler import files
 from .lang import diagnostics
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def source_text(name: str) -> str | None:
     """The text of a file by its shown name (a path, or `std/room` of the library), for quoting; None where there is none."""
     try:
         if name.startswith("std/"):
-            return resources.files(f"{__package__}.stdlib").joinpath(f"{name[4:].removesuffix('.scene')}.scene").read_text(encoding="utf-8")
+            name = str(files.LIBRARY / f"{name[4:].removesuffix('.scene')}.scene")
         path = Path(name)
         return path.read_text(encoding="utf-8", errors="replace") if path.stat().st_size <= MAX_QUOTED else None
     except (OSError, ValueError):

@@ -83,6 +83,7 @@ def write(picture: images.Image, path: Path, look: Look, about: Mapping[str, str
     spec.attribute("oiio:ColorSpace", WORKING_SPACE if linear else "srgb_rec709_scene")
     spec.attribute("oiio:UnassociatedAlpha", 0 if linear else 1)
     spec.attribute("Software", f"maquette {about.get('version', '')}".strip())
+    spec.attribute("ImageDescription", str(about.get("command", "")))
     for key, value in about.items():
         spec.attribute(f"maquette:{key}", value if linear else str(value))
     _write_whole(path, spec, pixels)

@@ -78,6 +78,7 @@ def write(picture: images.Image, path: Path, look: Look, about: Mapping[str, str
     if linear:
         spec.channelnames = names
         spec.attribute("compression", "zip")
+        _place(spec, picture)
     if path.suffix.lower() in (".jpg", ".jpeg"):
         spec.attribute("Compression", "jpeg:95")
     spec.attribute("oiio:ColorSpace", WORKING_SPACE if linear else "srgb_rec709_scene")
@@ -157,6 +158,14 @@ def _all_names(picture: images.Image) -> tuple[str, ...]:
 def _all_channels(picture: images.Image) -> NDArray[np.float32]:
     parts = [np.asarray(picture.channels[channel], dtype=np.float32) for channel in _ordered(picture)]
     return np.ascontiguousarray(np.concatenate(parts, axis=2))
+
+
+def _place(spec: Any, picture: images.Image) -> None:
+    """A crop stands at its place in the whole picture (the display window)."""
+    if "crop" in picture.metadata:
+        spec.x, spec.y = picture.metadata["crop"][:2]
+        spec.full_x, spec.full_y = 0, 0
+        spec.full_width, spec.full_height = picture.metadata["size"]
 
 
 def _ordered(picture: images.Image) -> list[str]:

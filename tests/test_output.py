@@ -113,6 +113,15 @@ def test_exr_is_linear_float_with_named_channels(tmp_path: Path) -> None:
     assert np.array_equal(output.read(tmp_path / "x.exr").channels["rgba"], channels["rgba"])
 
 
+def test_a_crop_stands_at_its_place(tmp_path: Path) -> None:
+    image = Image(3, 2, {"rgba": np.ones((2, 3, 4), np.float32)}, {"crop": (4, 5, 7, 7), "size": (32, 24)})
+    output.write(image, tmp_path / "x.exr", output.Look(), ABOUT)
+    spec, _ = raw(tmp_path / "x.exr")
+    assert (spec.x, spec.y, spec.width, spec.height) == (4, 5, 3, 2)
+    assert (spec.full_x, spec.full_y, spec.full_width, spec.full_height) == (0, 0, 32, 24)
+    assert output.read(tmp_path / "x.exr").width == 3
+
+
 @pytest.mark.parametrize("suffix", [".exr", ".png", ".tif"])
 def test_metadata_says_how_it_was_made(tmp_path: Path, suffix: str) -> None:
     output.write(picture(np.ones((2, 2, 4))), tmp_path / f"x{suffix}", output.Look(), ABOUT)

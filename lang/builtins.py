@@ -465,7 +465,7 @@ def _ramp(context: Context, start: Value, end: Value) -> Value:
     for i, v in enumerate((start, end)):
         if type(v) is not float and not (isinstance(v, Quantity) and v.dimension == units.LENGTH):
             raise Mistake(f"length wanted, got {describe(v)}", argument=i)
-        distances.append(v.value if isinstance(v, Quantity) else v * context.unit)
+        distances.append(v.value if isinstance(v, Quantity) else units.scale(v, context.unit))
     if not 0 <= distances[0] < distances[1]:
         raise Mistake("a ramp starts at 0 or more and ends after its start", argument=1)
     return Falloff("ramp", (distances[0], distances[1], 0.0))

@@ -63,7 +63,7 @@ def bare(value: float, dimension: Dimension, context: Context) -> float:
     if value == 0:
         return 0.0
     if dimension == units.LENGTH:
-        return value * context.unit
+        return units.scale(value, context.unit)
     if dimension == units.ANGLE and context.plain:
         return value
     raise bare_fix(value, dimension)

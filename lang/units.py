@@ -91,7 +91,16 @@ def quantity(value: float, dimension: Dimension) -> float | Quantity:
 def literal(value: float, unit: str) -> float | Quantity | None:
     """The number written as `value` and `unit`; None for an unknown unit."""
     known = UNITS.get(unit)
-    return None if known is None else quantity(value * known[0], known[1])
+    return None if known is None else quantity(scale(value, known[0]), known[1])
+
+
+def scale(value: float, factor: float) -> float:
+    """`value · factor`, divided where the factor is one over a whole number: so 35cm is 0.35 to the last digit."""
+    if factor >= 1:
+        return value * factor
+    inverse = 1 / factor
+    whole = round(inverse)
+    return value / whole if abs(inverse - whole) < 1e-9 * inverse else value * factor
 
 
 def multiply(a: Dimension, b: Dimension) -> Dimension:

@@ -1,0 +1,217 @@
+"""The library: every part evaluates with its defaults, and gives what its description promises."""
+
+import itertools
+import math
+from pathlib import Path
+
+import maquette
+import pytest
+from maquette.lang import ast, parse
+from maquette.lang.diagnostics import Diagnostics, render_text
+from maquette.lang.evaluate import ReadError, Source, evaluate
+
+LIBRARY = Path(maquette.__file__).parent / "stdlib"
+FILES = sorted(LIBRARY.glob("*.scene"))
+
+
+class Reader:
+    """Gives the files of the library, and no others."""
+
+    def scene(self, path, importer, span):
+        file = LIBRARY / f"{path.removeprefix('std/')}.scene"
+        if not file.is_file():
+            raise ReadError(f"no file {path}")
+        return Source(path, file.read_text(encoding="utf-8"), path)
+
+
+def evaluated(text, time=0.0):
+    """The document of a scene without errors."""
+    diagnostics = Diagnostics()
+    document = evaluate(Source("t.scene", text, "t.scene"), Reader(), diagnostics, time=time)
+    assert [render_text(d, document.sources.get) for d in diagnostics.items] == []
+    return document
+
+
+def parts(file):
+    """Each function and part of a file of the library, with a call of it that gives only what must be given."""
+    items = parse.parse(file.read_text(encoding="utf-8"), file.name, Diagnostics()).items
+    prefix = "" if file.stem == "prelude" else f"{file.stem}."
+    for item in items:
+        if isinstance(item, ast.Let) and item.parameters is not None:
+            given = {"roughness": "0.5", "f0": "rgb(0.9, 0.8, 0.7)"}
+            needed = ", ".join(f"{p.name.id}: {given[p.name.id]}" for p in item.parameters if p.default is None)
+            yield f"{prefix}{item.name.id}({needed})"
+
+
+CALLS = [(file.stem, call) for file in FILES for call in parts(file)]
+VALUES = ("shininess_of", "lights.metres", "lights.direction")
+
+
+def scene(name, call):
+    """A scene that makes use of a part of the library."""
+    use = "" if name == "prelude" else f'use "std/{name}"\n'
+    if call.startswith(VALUES):
+        return f"{use}let it = {call}"
+    return use + (f"sphere(1, material: {call})" if name in ("prelude", "materials") else call)
+
+
+@pytest.mark.parametrize(("name", "call"), CALLS, ids=[call for _, call in CALLS])
+def test_every_part_evaluates_with_its_defaults(name, call):
+    document = evaluated(scene(name, call))
+    if name in ("prelude", "materials") and not call.startswith(VALUES):
+        (sphere,) = document.elements
+        assert sphere.args["material"].kind in ("lambert", "phong", "blinn_phong", "mirror", "glass")
+    elif name == "cameras":
+        (camera,) = document.cameras
+        assert camera.args["name"] == call.partition(".")[2].rstrip("()")
+    elif not call.startswith(VALUES):
+        assert len(document.elements) == 1
+
+
+def test_every_part_has_a_line_of_documentation():
+    for file in FILES:
+        items = parse.parse(file.read_text(encoding="utf-8"), file.name, Diagnostics()).items
+        missing = [i.name.id for i in items if isinstance(i, ast.Let) and i.parameters is not None and not i.before]
+        assert missing == [], file.name
+
+
+@pytest.mark.parametrize("name", ["hello", "room"])
+def test_scenes_of_the_language_description_evaluate(name):
+    text = (Path(__file__).parent / "scenes" / f"{name}.scene").read_text(encoding="utf-8")
+    assert evaluated(text).elements
+
+
+# --- materials ------------------------------------------------------------------------------------------------------
+
+
+def material(call):
+    return evaluated(f"sphere(1, material: {call})").elements[0].args["material"].args
+
+
+@pytest.mark.parametrize(("roughness", "shininess"), [(1, 0), (0.5, 30), (0.1, 19998), (0, 19998)])
+def test_shininess_follows_roughness(roughness, shininess):
+    assert material(f"plastic(#fff, roughness: {roughness})")["shininess"] == pytest.approx(shininess)
+
+
+@pytest.mark.parametrize("roughness", [0, 0.3, 1])
+def test_metals_give_back_their_reflectance_and_no_more(roughness):
+    gold = material(f"gold(roughness: {roughness})")
+    for channel, f0 in enumerate((1.000, 0.782, 0.344)):
+        assert gold["color"][channel] + gold["reflection"][channel] == pytest.approx(f0)
+        assert gold["specular"][channel] == gold["reflection"][channel]
+    assert gold["normalized"] is True
+
+
+def test_names_of_the_scene_hide_those_of_the_prelude():
+    assert evaluated("let gold() = lambert(#fff)\nsphere(1, material: gold())").elements[0].args["material"].kind == "lambert"
+
+
+# --- shapes ---------------------------------------------------------------------------------------------------------
+
+
+def subtract(a, b):
+    return [x - y for x, y in zip(a, b, strict=True)]
+
+
+def dot(a, b):
+    return sum(x * y for x, y in zip(a, b, strict=True))
+
+
+def normal(points):
+    (ax, ay, az), (bx, by, bz) = subtract(points[1], points[0]), subtract(points[2], points[0])
+    return (ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
+
+
+def test_walls_face_into_the_room():
+    (box,) = evaluated('use "std/room"\nroom.box(size: [3, 2.5, 5], left: lambert(#f00))').elements
+    assert [wall.args["name"] for wall in box.children] == ["floor", "ceiling", "back", "left", "right"]
+    for wall in box.children:
+        points = wall.args["points"]
+        assert dot(normal(points), subtract((0, 1.25, 0), points[0])) > 0
+    corners = {p for wall in box.children for p in wall.args["points"]}
+    assert corners == set(itertools.product((-1.5, 1.5), (0.0, 2.5), (-2.5, 2.5)))
+    red = box.children[3].args["material"]
+    assert red.args["color"] == (1.0, 0.0, 0.0)
+
+
+def test_walls_that_are_not_named_are_made_of_wall():
+    (box,) = evaluated('use "std/room"\nroom.box(wall: lambert(#000), floor: lambert(#fff))').elements
+    assert [wall.args["material"].args["color"] for wall in box.children] == [(1.0,) * 3] + [(0.0,) * 3] * 4
+
+
+@pytest.mark.parametrize(("name", "vertices", "faces", "edge"), [
+    ("tetrahedron", 4, 4, math.sqrt(8 / 3)),
+    ("octahedron", 6, 8, math.sqrt(2)),
+    ("icosahedron", 12, 20, 1 / math.sin(math.radians(72))),
+])  # fmt: skip
+def test_regular_solids(name, vertices, faces, edge):
+    (mesh,) = evaluated(f'use "std/shapes"\nshapes.{name}(radius: 2)').elements
+    points, corners = mesh.args["points"], mesh.args["faces"]
+    assert (len(points), len(corners)) == (vertices, faces)
+    assert all(math.hypot(*p) == pytest.approx(2) for p in points)
+    edges = {frozenset(pair) for f in corners for pair in zip(f, (*f[1:], f[0]), strict=True)}
+    assert vertices - len(edges) + faces == 2
+    assert all(math.dist(*[points[int(i)] for i in e]) == pytest.approx(2 * edge) for e in edges)
+    for f in corners:
+        triangle = [points[int(i)] for i in f]
+        assert dot(normal(triangle), triangle[0]) > 0
+
+
+def extent(element):
+    """Lowest and highest y of boxes and cylinders that are not turned."""
+    spans = []
+    for e in element.children or (element,):
+        height = e.args["size"][1] if e.kind == "box" else e.args["height"]
+        spans.append((e.args["center"][1] - height / 2, e.args["center"][1] + height / 2))
+    return pytest.approx((min(low for low, _ in spans), max(high for _, high in spans)))
+
+
+@pytest.mark.parametrize(
+    ("call", "height"), [("column(height: 3)", 3), ("table(size: [1, 0.7, 2])", 0.7), ("stairs(count: 5)", 0.85), ("crate([1, 2, 3])", 2)]
+)
+def test_shapes_stand_on_the_ground(call, height):
+    (element,) = evaluated(f'use "std/shapes"\nshapes.{call}').elements
+    assert (0, height) == extent(element)
+
+
+# --- lights and cameras ---------------------------------------------------------------------------------------------
+
+
+def test_three_point_lights_show_white_as_their_strength():
+    (rig,) = evaluated('use "std/lights"\nlights.three_point(target: [1, 2, 3], distance: 2, key: 0.8, fill: 0.5, rim: 0.3)').elements
+    for light, strength in zip(rig.children, (0.8, 0.5, 0.3), strict=True):
+        assert math.dist(light.args["position"], (1, 2, 3)) == pytest.approx(2)
+        assert light.args["intensity"] / 2**2 / math.pi == pytest.approx(strength)
+
+
+def test_a_softbox_shows_white_as_its_strength():
+    (light,) = evaluated('use "std/lights"\nlights.softbox(target: [0, 0, 0], distance: 10, size: 50cm, strength: 0.7)').elements
+    illuminance = light.args["luminance"] * 0.5**2 / 10**2
+    assert illuminance / math.pi == pytest.approx(0.7)
+
+
+def test_the_sun_dims_towards_the_horizon():
+    suns = [evaluated(f'use "std/lights"\nlights.daylight(elevation: {e}deg)').elements[0].children[0].args for e in (90, 30, 5)]
+    assert suns[0]["illuminance"] == pytest.approx(100_000)
+    assert [s["illuminance"] for s in suns] == sorted((s["illuminance"] for s in suns), reverse=True)
+    red_over_blue = [s["color"][0] / s["color"][2] for s in suns]
+    assert red_over_blue == sorted(red_over_blue)
+    assert suns[1]["from"][1] == pytest.approx(0.5)
+
+
+def test_a_product_fills_three_quarters():
+    (camera,) = evaluated('use "std/cameras"\ncameras.product(target: [0, 1, 0], size: 2, fov: 40deg)').cameras
+    distance = math.dist(camera.args["position"], (0, 1, 0))
+    assert 2 / (2 * distance * math.tan(math.radians(20))) == pytest.approx(0.75)
+
+
+def test_bare_numbers_are_in_the_unit_of_the_scene():
+    (camera,) = evaluated('unit mm\nuse "std/cameras"\ncameras.front(width: 400, distance: 1000)').cameras
+    assert camera.args["width"] == pytest.approx(0.4)
+    assert camera.args["position"] == pytest.approx((0, 0, 1))
+
+
+def test_a_turntable_goes_round_once():
+    places = [evaluated('use "std/cameras"\ncameras.turntable(period: 8s)', time=t).cameras[0].args["position"] for t in (0, 2, 8)]
+    assert places[0] == pytest.approx(places[2])
+    assert places[1] == pytest.approx((4, 2, 0))

@@ -1,0 +1,226 @@
+"""From a hit to a surface ready to be shaded: place, normals, coordinates, colour, and how far a new ray must start from it.
+
+Normals face the side the ray came from. Mesh attributes are interpolated with the hit's barycentrics; an interpolated normal is first
+turned to the outside that the triangle's own corners say, so that what is lit does not depend on a file's careless normals.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ..compiler import ir
+from . import lanes, shapes
+from .kernels import helper
+from .records import Hit, Lane, Ray, Surface, Tables, Vec
+
+MESH = int(ir.GeometryKind.MESH)
+CONSTANT = int(ir.Interpolation.CONSTANT)
+FACE = int(ir.Interpolation.FACE)
+VERTEX = int(ir.Interpolation.VERTEX)
+FLAT = int(ir.Shading.FLAT)
+ROUNDING = 32.0 * 2.0**-53  # of the sums of absolute terms in `spacing`: a few operations each for the hit and for the next ray
+
+
+@helper
+def at(tables: Tables, ray: Ray, hit: Hit) -> Surface:
+    """The surface where `ray` met `hit`. Lanes without a hit (instance -1) hold finite or NaN garbage that callers mask.
+
+    The tables must have an instance at all.
+    """
+    instance = lanes.where(hit.instance >= 0, hit.instance, 0)
+    instances, geometries = tables.instances, tables.geometries
+    g = lanes.to_int(instances.geometry[instance])
+    row = lanes.to_int(instances.transform[instance])
+    material = lanes.to_int(instances.material[instance])
+    kind = lanes.to_int(geometries.kind[g])
+    matrix, inverse = tables.transforms.matrix, tables.transforms.inverse
+
+    t = lanes.where(hit.instance >= 0, hit.t, 0.0)
+    world = lanes.along(ray.origin, ray.direction, t)
+    local = lanes.transform_point(inverse, row, world)
+    part = lanes.where(kind == MESH, 0, hit.primitive)
+    outward = shapes.normal(kind, geometries.parameters, g, part, local)
+    (u, v), (du, dv) = shapes.uv(kind, geometries.parameters, g, part, local)
+    smooth = outward
+    color = lanes.like3(t, 1.0, 1.0, 1.0)
+
+    on_mesh = kind == MESH
+    if lanes.any_lane(on_mesh):
+        a, b, c = corners(tables, g, lanes.where(on_mesh, hit.primitive, 0))
+        w = 1.0 - hit.u - hit.v
+        local = lanes.where3(on_mesh, _blend(a, b, c, w, hit.u, hit.v), local)
+        world = lanes.where3(on_mesh, lanes.transform_point(matrix, row, local), world)
+        face = lanes.normalize(lanes.cross(lanes.sub(b, a), lanes.sub(c, a)))
+        outward = lanes.where3(on_mesh, face, outward)
+        smooth = lanes.where3(on_mesh, _mesh_normal(tables, g, hit, on_mesh, face), smooth)
+        mu, mv, mdu, mdv = _mesh_uv(tables, g, hit, on_mesh, a, b, c)
+        u, v = lanes.where(on_mesh, mu, u), lanes.where(on_mesh, mv, v)
+        du, dv = lanes.where(on_mesh, mdu, du), lanes.where(on_mesh, mdv, dv)
+        color = lanes.where3(on_mesh, _mesh_color(tables, g, hit, on_mesh), color)
+
+    geometric = lanes.normalize(lanes.transform_normal(inverse, row, outward))
+    flat = tables.materials.shading[material] == FLAT
+    shaded = lanes.normalize(lanes.transform_normal(inverse, row, lanes.where3(flat, outward, smooth)))
+    front = lanes.dot(ray.direction, geometric) < 0.0
+    side = lanes.where(front, 1.0, -1.0)
+    stretch = mean_scale(matrix, row)
+    return Surface(
+        world, local, lanes.scale(geometric, side), lanes.scale(shaded, side), outward, (u, v), (du * stretch, dv * stretch),
+        front, instance, material, color, spacing(tables, ray, row, t, geometric),
+    )  # fmt: skip
+
+
+@helper
+def spacing(tables: Tables, ray: Ray, row: Lane, t: Lane, normal: Vec) -> Lane:
+    """How far along its normal a new ray's origin must be moved so as not to meet the surface it leaves again.
+
+    A bound of rounding errors, never a fixed length: the sums of absolute terms by which the point was found (world to the shape's
+    frame and back), taken along the normal. Pharr, Jakob, Humphreys, "Physically Based Rendering", 4th ed., section 6.8.
+    """
+    m, inv = tables.transforms.matrix, tables.transforms.inverse
+    x = abs(ray.origin[0]) + abs(t * ray.direction[0])
+    y = abs(ray.origin[1]) + abs(t * ray.direction[1])
+    z = abs(ray.origin[2]) + abs(t * ray.direction[2])
+    lx = abs(inv[row, 0, 0]) * x + abs(inv[row, 0, 1]) * y + abs(inv[row, 0, 2]) * z + abs(inv[row, 0, 3])
+    ly = abs(inv[row, 1, 0]) * x + abs(inv[row, 1, 1]) * y + abs(inv[row, 1, 2]) * z + abs(inv[row, 1, 3])
+    lz = abs(inv[row, 2, 0]) * x + abs(inv[row, 2, 1]) * y + abs(inv[row, 2, 2]) * z + abs(inv[row, 2, 3])
+    wx = abs(m[row, 0, 0]) * lx + abs(m[row, 0, 1]) * ly + abs(m[row, 0, 2]) * lz + abs(m[row, 0, 3])
+    wy = abs(m[row, 1, 0]) * lx + abs(m[row, 1, 1]) * ly + abs(m[row, 1, 2]) * lz + abs(m[row, 1, 3])
+    wz = abs(m[row, 2, 0]) * lx + abs(m[row, 2, 1]) * ly + abs(m[row, 2, 2]) * lz + abs(m[row, 2, 3])
+    return ROUNDING * (abs(normal[0]) * wx + abs(normal[1]) * wy + abs(normal[2]) * wz)
+
+
+@helper
+def leave(surface: Surface, direction: Vec) -> Vec:
+    """Where a new ray in this direction starts: moved off the surface to the side that the direction goes to."""
+    side = lanes.where(lanes.dot(direction, surface.geometric) >= 0.0, surface.offset, -surface.offset)
+    return lanes.along(surface.position, surface.geometric, side)
+
+
+@helper
+def mean_scale(matrix: Any, row: Lane) -> Lane:
+    """The mean length of a transform's three axes: how much it enlarges (exact where it does so evenly)."""
+    x = lanes.length((matrix[row, 0, 0], matrix[row, 1, 0], matrix[row, 2, 0]))
+    y = lanes.length((matrix[row, 0, 1], matrix[row, 1, 1], matrix[row, 2, 1]))
+    z = lanes.length((matrix[row, 0, 2], matrix[row, 1, 2], matrix[row, 2, 2]))
+    return (x + y + z) / 3.0
+
+
+# --- meshes ---
+
+
+@helper
+def corners(tables: Tables, g: Lane, triangle: Lane) -> tuple[Vec, Vec, Vec]:
+    """The corners of a row of Pools.triangles in the frame of mesh `g`."""
+    triangles = tables.pools.triangles
+    return (
+        vertex(tables, g, triangles[triangle, 0]),
+        vertex(tables, g, triangles[triangle, 1]),
+        vertex(tables, g, triangles[triangle, 2]),
+    )
+
+
+@helper
+def vertex(tables: Tables, g: Lane, i: Lane) -> Vec:
+    """A row of Pools.positions in the frame of mesh `g`, in float64."""
+    positions, origin = tables.pools.positions, tables.geometries.origin
+    return (
+        lanes.to_float(positions[i, 0]) + origin[g, 0],
+        lanes.to_float(positions[i, 1]) + origin[g, 1],
+        lanes.to_float(positions[i, 2]) + origin[g, 2],
+    )
+
+
+@helper
+def _blend(a: Vec, b: Vec, c: Vec, wa: Lane, wb: Lane, wc: Lane) -> Vec:
+    return (
+        a[0] * wa + b[0] * wb + c[0] * wc,
+        a[1] * wa + b[1] * wb + c[1] * wc,
+        a[2] * wa + b[2] * wb + c[2] * wc,
+    )
+
+
+@helper
+def attribute_row(tables: Tables, g: Lane, row: Lane, triangle: Lane, corner: int) -> Lane:
+    """Where in Pools.values an attribute's value at a triangle's corner starts."""
+    attributes, geometries = tables.attributes, tables.geometries
+    how = attributes.interpolation[row]
+    face = lanes.to_int(triangle) - geometries.first_triangle[g]
+    at_vertex = lanes.to_int(tables.pools.triangles[triangle, corner]) - geometries.first_vertex[g]
+    index = lanes.where(how == CONSTANT, 0, lanes.where(how == FACE, face, lanes.where(how == VERTEX, at_vertex, 3 * face + corner)))
+    return attributes.first[row] + attributes.width[row] * index
+
+
+@helper
+def _value3(tables: Tables, start: Lane) -> Vec:
+    values = tables.pools.values
+    return lanes.to_float(values[start]), lanes.to_float(values[start + 1]), lanes.to_float(values[start + 2])
+
+
+@helper
+def attribute3(tables: Tables, g: Lane, row: Lane, hit: Hit, triangle: Lane) -> Vec:
+    """An attribute of width 3, interpolated over the triangle."""
+    a = _value3(tables, attribute_row(tables, g, row, triangle, 0))
+    b = _value3(tables, attribute_row(tables, g, row, triangle, 1))
+    c = _value3(tables, attribute_row(tables, g, row, triangle, 2))
+    return _blend(a, b, c, 1.0 - hit.u - hit.v, hit.u, hit.v)
+
+
+@helper
+def _mesh_normal(tables: Tables, g: Lane, hit: Hit, on_mesh: Lane, face: Vec) -> Vec:
+    """The interpolated normal, on the face's side; the face's own where the mesh has none or they cancel out."""
+    row = lanes.to_int(tables.geometries.normals[g])
+    has = on_mesh & (row >= 0)
+    normal = face
+    if lanes.any_lane(has):
+        n = attribute3(tables, lanes.where(has, g, 0), lanes.where(has, row, 0), hit, lanes.where(has, hit.primitive, 0))
+        size = lanes.length(n)
+        good = has & (size > 1e-12) & (size < math.inf)
+        n = lanes.scale(n, lanes.where(lanes.dot(n, face) < 0.0, -1.0, 1.0) / lanes.where(good, size, 1.0))
+        normal = lanes.where3(good, n, face)
+    return normal
+
+
+@helper
+def _mesh_color(tables: Tables, g: Lane, hit: Hit, on_mesh: Lane) -> Vec:
+    row = lanes.to_int(tables.geometries.colors[g])
+    has = on_mesh & (row >= 0)
+    color = lanes.like3(hit.u, 1.0, 1.0, 1.0)
+    if lanes.any_lane(has):
+        found = attribute3(tables, lanes.where(has, g, 0), lanes.where(has, row, 0), hit, lanes.where(has, hit.primitive, 0))
+        color = lanes.where3(has, found, color)
+    return color
+
+
+@helper
+def corner_uv(tables: Tables, g: Lane, row: Lane, triangle: Lane, corner: int) -> tuple[Lane, Lane]:
+    """An attribute of width 2 at a triangle's corner."""
+    start = attribute_row(tables, g, row, triangle, corner)
+    values = tables.pools.values
+    return lanes.to_float(values[start]), lanes.to_float(values[start + 1])
+
+
+@helper
+def _mesh_uv(tables: Tables, g: Lane, hit: Hit, on_mesh: Lane, a: Vec, b: Vec, c: Vec) -> tuple[Lane, Lane, Lane, Lane]:
+    """u, v and the metres (of the mesh's frame) that one unit of each spans on this triangle; 0, 0, 1, 1 without coordinates."""
+    row = lanes.to_int(tables.geometries.uvs[g])
+    has = on_mesh & (row >= 0)
+    zero = lanes.full_like(hit.u, 0.0)
+    u, v, du, dv = zero, zero, zero + 1.0, zero + 1.0
+    if lanes.any_lane(has):
+        safe_g, safe_row, triangle = lanes.where(has, g, 0), lanes.where(has, row, 0), lanes.where(has, hit.primitive, 0)
+        ua, va = corner_uv(tables, safe_g, safe_row, triangle, 0)
+        ub, vb = corner_uv(tables, safe_g, safe_row, triangle, 1)
+        uc, vc = corner_uv(tables, safe_g, safe_row, triangle, 2)
+        u = lanes.where(has, ua + (ub - ua) * hit.u + (uc - ua) * hit.v, u)
+        v = lanes.where(has, va + (vb - va) * hit.u + (vc - va) * hit.v, v)
+        # Two edges and their coordinates give the derivatives of the point: dp/du = (Δv₂ e₁ − Δv₁ e₂) / det.
+        u1, v1, u2, v2 = ub - ua, vb - va, uc - ua, vc - va
+        det = u1 * v2 - u2 * v1
+        known = has & (det != 0.0)
+        det = lanes.where(known, det, 1.0)
+        e1, e2 = lanes.sub(b, a), lanes.sub(c, a)
+        du = lanes.where(known, lanes.length(lanes.sub(lanes.scale(e1, v2 / det), lanes.scale(e2, v1 / det))), du)
+        dv = lanes.where(known, lanes.length(lanes.sub(lanes.scale(e2, u1 / det), lanes.scale(e1, u2 / det))), dv)
+    return u, v, du, dv

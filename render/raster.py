@@ -1,0 +1,178 @@
+"""The raster renderer: a z-buffer finds what each sample sees, then one pass shades it, deferred, with the shading all backends share.
+
+Meshes are hit where their triangles are; of an analytic shape the z-buffer sees the tessellation, and the sample is then put
+where its ray meets the true surface, or, on the outline, where it meets the tessellation. No ray is followed after the
+first hit but those that look for shadows.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..compiler import ir
+from ..compiler.plan import Plan
+from . import aov, camera, fill, integrate, lanes, raster_setup, sampler, shapes, visibility
+from .kernels import helper, kernel
+from .prepare import Prepared
+from .records import Film, Hit, Ray, Tables, Tile, View
+from .visibility import Samples, Seen
+
+BATCH = 1 << 16  # samples of a tile held in the z-buffer at a time
+MESH = int(ir.GeometryKind.MESH)
+
+
+class Renderer:
+    """Draws tiles of one view; its methods may be called from several threads at a time."""
+
+    def __init__(self, prepared: Prepared, plan: Plan, view: View) -> None:
+        self.prepared, self.view = prepared, view
+        self.how = fill.NAMES[plan["raster.fill"]]
+        self.filter = sampler.filter_table(plan["filter"])
+        self.reach = math.ceil(float(np.abs(self.filter).max()) * fill.ONE)
+        tables = prepared.tables
+        self.flat = np.zeros(len(tables.polygons.first_loop), np.bool_)
+        whole = self.how == fill.SCANLINE
+        if whole:
+            visibility.flat_polygons(tables, self.flat)
+        self.model, ranges = raster_setup.model(tables, view, prepared.shells)
+        self.clusters = raster_setup.clusters(self.model, ranges, tables, view, -(-self.reach // fill.ONE), whole)
+
+    def sample(self, tile: Tile, first: int, count: int, total: int, film: Film) -> None:
+        """Add samples first … first + count - 1 of `total` of every pixel of a tile to the film's sums."""
+        prepared, view = self.prepared, self.view
+        stack = np.zeros(integrate.stack_shape(prepared.options))
+        batch = max(1, BATCH // ((tile.y1 - tile.y0) * (tile.x1 - tile.x0)))
+        for start in range(first, first + count, batch):
+            samples = self._samples(tile, start, min(batch, first + count - start), total)
+            seen = self._seen(tile, samples)
+            shade(
+                self.model, prepared.tables, view, prepared.accel, prepared.gouraud, prepared.options, tile, start, samples, seen, stack, film
+            )
+
+    def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
+        """Write the named channels of a tile's pixels, at their centres, (h, w, k) each."""
+        ray, hit = self.centres(tile)
+        aov.channels_of(self.prepared.tables, self.view, ray, hit, names, out)
+
+    def centres(self, tile: Tile) -> tuple[Ray, Hit]:
+        """The rays through a tile's pixel centres and what they hit, in lanes of shape (h · w,)."""
+        samples = self._samples(tile, 0, 1, 1)
+        seen = self._seen(tile, samples)
+        count = seen.key.size
+        hit = Hit(np.empty(count), np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count), np.empty(count))
+        resolve(self.model, self.prepared.tables, self.view, samples, seen, hit)
+        x, y = samples.x[:, :, 0].ravel() / fill.ONE, samples.y[:, :, 0].ravel() / fill.ONE
+        return camera.ray(self.prepared.tables, self.view, x, y), hit
+
+    def _samples(self, tile: Tile, first: int, count: int, total: int) -> Samples:
+        shape = tile.y1 - tile.y0, tile.x1 - tile.x0, count
+        samples = Samples(np.empty(shape, np.int64), np.empty(shape, np.int64), self.reach if total > 1 else 0)
+        place_samples(tile, self.view, first, total, self.prepared.options.seed, self.filter, samples)
+        return samples
+
+    def _seen(self, tile: Tile, samples: Samples) -> Seen:
+        box = self.clusters.box
+        here = (box[:, 0] < tile.x1) & (box[:, 2] > tile.x0) & (box[:, 1] < tile.y1) & (box[:, 3] > tile.y0)
+        seen = visibility.nothing_seen(samples.x.shape)
+        room = visibility.room_for(self.prepared.tables)
+        tables = self.prepared.tables
+        visibility.draw(self.model, self.clusters, np.flatnonzero(here), tables, self.flat, tile, samples, self.how, room, seen)
+        return seen
+
+
+@kernel
+def place_samples(tile, view, first, total, seed, table, samples):
+    """Write where samples first, first + 1, … of a tile's pixels lie."""
+    for j in range(samples.x.shape[0]):
+        for i in range(samples.x.shape[1]):
+            x, y = tile.x0 + i, tile.y0 + j
+            for s in range(samples.x.shape[2]):
+                dx, dy = sampler.offset(y * view.width + x, first + s, total, seed, table)
+                samples.x[j, i, s] = x * fill.ONE + fill.HALF + int(round(dx * fill.ONE))
+                samples.y[j, i, s] = y * fill.ONE + fill.HALF + int(round(dy * fill.ONE))
+
+
+@helper
+def hit_of(made: Any, tables: Tables, view: View, ray: Ray, px: int, py: int, instance: int, triangle: int) -> Hit:
+    """What the ray through a sample hits, where the z-buffer saw a triangle: as trace.closest gives it."""
+    if instance < 0:
+        return Hit(np.inf, -1, -1, 0.0, 0.0)
+    depth, u, v = weights(made, instance, triangle, px / fill.ONE, py / fill.ONE)
+    along_axis = -lanes.transform_vector(tables.transforms.inverse, tables.cameras.transform[view.camera], ray.direction)[2]
+    t = depth / along_axis
+    geometry = tables.instances.geometry[instance]
+    kind = tables.geometries.kind[geometry]
+    if kind == MESH:
+        return Hit(t, instance, triangle, u, v)
+    row = tables.instances.transform[instance]
+    origin = lanes.transform_point(tables.transforms.inverse, row, ray.origin)
+    direction = lanes.transform_vector(tables.transforms.inverse, row, ray.direction)
+    exact, part = shapes.intersect(kind, tables.geometries.parameters, geometry, origin, direction, ray.t_min, ray.t_max)
+    if exact < np.inf:
+        return Hit(exact, instance, int(part), 0.0, 0.0)
+    return Hit(t, instance, int(made.parts[triangle]), 0.0, 0.0)
+
+
+@helper
+def weights(made: Any, instance: int, triangle: int, x: float, y: float) -> tuple[float, float, float]:
+    """(depth, u, v) of a triangle at pixel coordinates: perspective-correct weights of its second and third corner.
+
+    The rows (X - x W, Y - y W) of the corners lie about the sample; the cross of two of them is the third's weight, undivided.
+    A sample that snapping put just outside gets the nearest weights inside.
+    """
+    m, p, corners = made.matrix, made.positions, made.triangles
+    x0, y0, d0, v0 = about(m, instance, p, corners[triangle, 0], x, y)
+    x1, y1, d1, v1 = about(m, instance, p, corners[triangle, 1], x, y)
+    x2, y2, d2, v2 = about(m, instance, p, corners[triangle, 2], x, y)
+    e0, e1, e2 = x1 * y2 - y1 * x2, x2 * y0 - y2 * x0, x0 * y1 - y0 * x1
+    if e0 + e1 + e2 < 0.0:
+        e0, e1, e2 = -e0, -e1, -e2
+    e0, e1, e2 = max(e0, 0.0), max(e1, 0.0), max(e2, 0.0)
+    total = e0 + e1 + e2
+    if total == 0.0:
+        return d0 / v0, 0.0, 0.0
+    return (e0 * d0 + e1 * d1 + e2 * d2) / (e0 * v0 + e1 * v1 + e2 * v2), e1 / total, e2 / total
+
+
+@helper
+def about(matrix: Any, instance: int, positions: Any, row: int, x: float, y: float) -> tuple[float, float, float, float]:
+    """(X - x W, Y - y W, D, V) of a vertex in clip space."""
+    px, py, pz, pw = positions[row, 0], positions[row, 1], positions[row, 2], positions[row, 3]
+    m = matrix[instance]
+    w = m[2, 0] * px + m[2, 1] * py + m[2, 2] * pz + m[2, 3] * pw
+    cx = m[0, 0] * px + m[0, 1] * py + m[0, 2] * pz + m[0, 3] * pw - x * w
+    cy = m[1, 0] * px + m[1, 1] * py + m[1, 2] * pz + m[1, 3] * pw - y * w
+    return cx, cy, m[3, 0] * px + m[3, 1] * py + m[3, 2] * pz + m[3, 3] * pw, pw
+
+
+@kernel
+def resolve(made, tables, view, samples, seen, hit):
+    """Write what the first sample of each pixel of a tile hits, in lanes of shape (h · w,)."""
+    for j in range(seen.key.shape[0]):
+        for i in range(seen.key.shape[1]):
+            px, py = samples.x[j, i, 0], samples.y[j, i, 0]
+            ray = camera.ray(tables, view, px / fill.ONE, py / fill.ONE)
+            found = hit_of(made, tables, view, ray, px, py, seen.instance[j, i, 0], seen.triangle[j, i, 0])
+            k = j * seen.key.shape[1] + i
+            hit.t[k], hit.instance[k], hit.primitive[k], hit.u[k], hit.v[k] = found.t, found.instance, found.primitive, found.u, found.v
+
+
+@kernel
+def shade(made, tables, view, accel, gouraud, options, tile, first, samples, seen, stack, film):
+    """Add the light of all samples of a tile to its film."""
+    for j in range(seen.key.shape[0]):
+        for i in range(seen.key.shape[1]):
+            pixel = (tile.y0 + j) * view.width + tile.x0 + i
+            for s in range(seen.key.shape[2]):
+                px, py = samples.x[j, i, s], samples.y[j, i, s]
+                ray = camera.ray(tables, view, px / fill.ONE, py / fill.ONE)
+                hit = hit_of(made, tables, view, ray, px, py, seen.instance[j, i, s], seen.triangle[j, i, s])
+                color, alpha = integrate.radiance(tables, accel, gouraud, options, ray, hit, pixel, first + s, stack)
+                film.color[j, i, 0] += color[0]
+                film.color[j, i, 1] += color[1]
+                film.color[j, i, 2] += color[2]
+                film.alpha[j, i] += alpha

@@ -76,7 +76,7 @@ def false_colour(image: Pixels, reference: Pixels, full: float | None = None) ->
     few stray pixels do not hide the rest.
     """
     a, b = _same_size(image, reference)
-    signed = np.nan_to_num(luminance(a - b), nan=0.0, posinf=np.finfo(np.float32).max, neginf=-np.finfo(np.float32).max)
+    signed = np.nan_to_num(luminance(a - b), nan=0.0, posinf=1e38, neginf=-1e38)
     if full is None:
         there = np.abs(signed[signed != 0])
         full = float(np.percentile(there, 99.5)) if there.size else 1.0

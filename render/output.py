@@ -172,7 +172,7 @@ def _ordered(picture: images.Image) -> list[str]:
     return [channel for channel in CHANNEL_NAMES if channel in picture.channels]
 
 
-def _displayed(picture: images.Image, path: Path, look: Look) -> NDArray[np.uint8] | NDArray[np.uint16]:
+def _displayed(picture: images.Image, path: Path, look: Look) -> NDArray[Any]:
     rgba = np.asarray(picture.channels["rgba"], dtype=np.float64)
     rgb, alpha = rgba[..., :3] * 2.0**look.exposure, np.clip(rgba[..., 3:4], 0.0, 1.0)
     keep = look.alpha and path.suffix.lower() in WITH_ALPHA

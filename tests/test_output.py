@@ -26,6 +26,7 @@ def raw(path: Path) -> tuple[oiio.ImageSpec, np.ndarray]:
     wanted = oiio.ImageSpec()
     wanted.attribute("oiio:UnassociatedAlpha", 1)
     source = oiio.ImageInput.open(str(path), wanted)
+    assert source is not None
     spec = source.spec()
     values = np.asarray(source.read_image(spec.format)).reshape(spec.height, spec.width, -1)
     source.close()

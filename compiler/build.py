@@ -82,13 +82,13 @@ class SceneBuilder:
         if not len(triangles):
             self.diagnostics.warning(f"the mesh{f' `{name}`' if name else ''} has no triangles: nothing is drawn", span)
             return NONE
-        with np.errstate(all="ignore"):
-            finite = positions[np.isfinite(positions).all(axis=1)]
-        bounds = np.stack([finite.min(axis=0), finite.max(axis=0)]) if len(finite) else np.zeros((2, 3))
-        origin = bounds.mean(axis=0)
+        origin = mesh_bounds(positions).mean(axis=0)
+        with np.errstate(over="ignore", invalid="ignore"):
+            stored = (positions - origin).astype(np.float32)
+        bounds = mesh_bounds(stored) + origin
         first_vertex, first_triangle = self._length["positions"], self._length["triangles"]
         first_polygon, polygon_count = self._outlines(mesh, first_vertex, first_triangle)
-        self._pool("positions", (positions - origin).astype(np.float32))
+        self._pool("positions", stored)
         self._pool("triangles", triangles + np.int32(first_vertex))
         ranges = (first_vertex, len(positions), first_triangle, len(triangles), first_polygon, polygon_count)
         attributes = tuple(
@@ -195,6 +195,25 @@ class SceneBuilder:
         """Texels of all pictures so far."""
         return self._length["texels"]
 
+    def bounds(self, geometry: int, matrix: np.ndarray) -> np.ndarray:
+        """(2, 3) a box round a geometry under a matrix; ±inf where it is endless."""
+        return boxes_under(np.array([self._rows["geometries"][geometry][2]]), np.asarray(matrix)[None, :3])[0]
+
+    def world_bounds(self) -> np.ndarray | None:
+        """(2, 3) a box round all instances that have an end, or None if there are none."""
+        rows = self._rows["instances"]
+        if not rows:
+            return None
+        local = np.array([self._rows["geometries"][row[0]][2] for row in rows])
+        boxes = boxes_under(local, np.array([self._matrices[row[1]] for row in rows]))
+        bounded = boxes[np.isfinite(boxes).all(axis=(1, 2))]
+        return np.stack([bounded[:, 0].min(axis=0), bounded[:, 1].max(axis=0)]) if len(bounded) else None
+
+    def shines(self) -> bool:
+        """Whether some instance's material emits light."""
+        emitting = {index for index, row in enumerate(self._rows["materials"]) if any(row[3][ir.Slot.EMISSION])}
+        return any(row[2] in emitting for row in self._rows["instances"])
+
     def count(self, table: str) -> int:
         """How many rows a table has so far."""
         return len(self._matrices) if table == "transforms" else len(self._rows[table])
@@ -247,6 +266,21 @@ def lambert(albedo: Color, texture: int = -1, name: str = "") -> MaterialData:
     """A matt material: k_a = k_d = the albedo, times a texture."""
     matt = Input(albedo, texture)
     return MaterialData(ir.MaterialModel.LAMBERT, {ir.Slot.AMBIENT: matt, ir.Slot.DIFFUSE: matt}, name=name)
+
+
+def mesh_bounds(positions: np.ndarray) -> np.ndarray:
+    """(2, 3) float64 lowest and highest corner of the positions (n, 3) that are finite; 0 if there are none."""
+    finite = positions if np.isfinite(positions).all() else positions[np.isfinite(positions).all(axis=1)]
+    return np.stack([finite.min(axis=0), finite.max(axis=0)]).astype(np.float64) if len(finite) else np.zeros((2, 3))
+
+
+def boxes_under(boxes: np.ndarray, matrices: np.ndarray) -> np.ndarray:
+    """(n, 2, 3) boxes round boxes (n, 2, 3) under matrices (n, 3, 4); ±inf along every axis an endless one reaches into."""
+    linear, moved = matrices[:, :, :3], matrices[:, :, 3]
+    with np.errstate(invalid="ignore"):
+        ends = linear[:, :, :, None] * np.swapaxes(boxes, 1, 2)[:, None]  # (n, out, in, low or high)
+        ends = np.where(linear[:, :, :, None] == 0, 0.0, ends)
+        return np.stack([ends.min(axis=3).sum(axis=2) + moved, ends.max(axis=3).sum(axis=2) + moved], axis=1)
 
 
 def _columns(table: str, rows: Sequence[tuple[Any, ...]]) -> Mapping[str, Any]:

@@ -17,6 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..lang.diagnostics import Span
+
 F64 = NDArray[np.float64]
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
@@ -333,11 +335,19 @@ class Names:
 class Spans:
     """For each row of a table, (source, line, column, end line, end column); `sources` are the names to show.
 
-    Tables: geometries, instances, materials, textures, lights, cameras. Line 0: the whole file or prim.
+    Tables: geometries, instances, materials, textures, lights, cameras. Line 0: the whole file or prim; source -1: not known.
     """
 
     sources: tuple[str, ...] = ()
     rows: Mapping[str, I32] = field(default_factory=dict)  # table -> (n, 5)
+
+    def at(self, table: str, row: int) -> Span | None:
+        """Where a row comes from, or None if nobody said."""
+        rows = self.rows.get(table)
+        if rows is None or not 0 <= row < len(rows):
+            return None
+        source, *place = rows[row].tolist()
+        return Span(self.sources[source], *place) if 0 <= source < len(self.sources) else None
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,130 @@
+"""The door of the compiler: a .scene, USD, mesh or saved file becomes a validated ir.Scene."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from ..lang import evaluate
+from ..lang.diagnostics import Diagnostics, Span, suggest
+from . import defaults, ir, lower, sources, store, transforms, validate
+from .build import SceneBuilder
+from .files import FileError, Files
+from .rows import InstanceData
+
+SCENE = (".scene",)
+STAGES = (".usd", ".usda", ".usdc", ".usdz")
+MESHES = (".obj", ".ply", ".stl", ".glb")
+SAVED = (".npz",)
+
+
+def load(
+    path: Path | str,
+    *,
+    sets: Mapping[str, str] | None = None,
+    time: float | None = None,
+    allow: Sequence[Path | str] = (),
+    variants: Mapping[str, str] | None = None,
+    diagnostics: Diagnostics | None = None,
+    seconds: dict[str, float] | None = None,
+) -> ir.Scene:
+    """The scene in a file, validated: no backend will raise on it.
+
+    `sets` are values of params as text; `time` is in seconds (None: the file's own default, 0 in a .scene); `allow` are
+    folders the scene may read beside its own; `variants` choose among a USD stage's ({"/prim:set": "name"}).
+    Warnings are added to `diagnostics`, the time each stage took to `seconds`. Raises SceneError with everything found.
+    """
+    found = diagnostics if diagnostics is not None else Diagnostics()
+    watch = Stopwatch(seconds)
+    path = Path(path)
+    suffix = path.suffix.lower()
+    files = Files(path.parent, allow)
+    scene = None
+    try:
+        files.find(path.name, what="scene" if suffix in SCENE else "file")
+        _refuse_unused(suffix, str(path), sets, time, variants, found)
+        if suffix in SCENE:
+            scene = _scene(path, files, sets or {}, time or 0.0, found, watch)
+        elif suffix in STAGES:
+            scene = _stage(path, files, time, variants or {}, found, watch)
+        elif suffix in MESHES:
+            scene = _mesh(path, files, found, watch)
+        elif suffix in SAVED:
+            with watch.stage("import"):
+                scene = store.load(path)
+        else:
+            known = (*SCENE, *STAGES, *MESHES, *SAVED)
+            hint = suggest(suffix, known) or f"scenes are {', '.join(known)}"
+            found.error(f"`{path.name}` is no kind of scene that is known", Span(str(path)), hint)
+    except FileError as failure:
+        found.error(failure.message, Span(str(path)), failure.hint)
+    found.raise_if_failed()
+    assert scene is not None
+    with watch.stage("validate"):
+        scene, _ = validate.validate(scene, found)
+    found.raise_if_failed()
+    return scene
+
+
+class Stopwatch:
+    """Adds the seconds that stages take to a dict, where there is one."""
+
+    def __init__(self, seconds: dict[str, float] | None) -> None:
+        self._seconds = seconds
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        started = clock.perf_counter()
+        try:
+            yield
+        finally:
+            if self._seconds is not None:
+                self._seconds[name] = self._seconds.get(name, 0.0) + clock.perf_counter() - started
+
+
+def _scene(path: Path, files: Files, sets: Mapping[str, str], time: float, found: Diagnostics, watch: Stopwatch) -> ir.Scene:
+    reader = sources.SceneReader(files)
+    with watch.stage("evaluate"):
+        document = evaluate.evaluate(reader.main(path), reader, found, sets=sets, time=time)
+    with watch.stage("lower"):
+        return lower.lower(document, SceneBuilder(found, files), reader.folder)
+
+
+def _stage(
+    path: Path, files: Files, time: float | None, variants: Mapping[str, str], found: Diagnostics, watch: Stopwatch
+) -> ir.Scene:  # fmt: skip
+    from . import usd
+
+    with watch.stage("import"):
+        return usd.scene(path, SceneBuilder(found, files), time=time, variants=variants)
+
+
+def _mesh(path: Path, files: Files, found: Diagnostics, watch: Stopwatch) -> ir.Scene:
+    """A bare mesh file: its own materials or grey, the default camera and lights."""
+    from . import meshes
+
+    builder = SceneBuilder(found, files)
+    with watch.stage("import"):
+        parts = meshes.read(path, str(path), builder, found, None, files)
+    with watch.stage("lower"):
+        for part in parts:
+            row = builder.transform(transforms.identity() if part.transform is None else part.transform)
+            material = -1 if part.material is None else part.material
+            builder.instance(InstanceData(part.geometry, row, material, name=part.name), Span(str(path)))
+        said = () if found.failed else defaults.add(builder, ir.Settings())
+        return builder.finish(str(path), defaults=said, files=files.read)
+
+
+def _refuse_unused(
+    suffix: str, name: str, sets: Mapping[str, str] | None, time: float | None, variants: Mapping[str, str] | None, found: Diagnostics
+) -> None:
+    """Nothing that was asked for is ignored: say what this kind of file cannot take."""
+    if variants and suffix not in STAGES:
+        found.error("only USD stages have variants", Span(name), "leave out --variant")
+    if suffix not in SCENE:
+        for param in sets or {}:
+            found.error(f"there is no param `{param}`: only .scene files have params", Span(name), "leave out --set")
+    if time and suffix not in (*SCENE, *STAGES):
+        found.error("nothing moves in this kind of file: it has no time", Span(name), "leave out --time")

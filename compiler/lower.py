@@ -1,0 +1,192 @@
+"""Elements to IR: blocks compose transforms and hand down materials, each element becomes rows of the builder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from ..lang.elements import Document, Element
+from . import defaults, ir, lower_cameras, lower_lights, lower_materials, lower_shapes, transforms
+from .build import SceneBuilder
+from .files import FileError
+from .lower_shapes import Piece
+from .rows import InstanceData
+
+MAX_EMISSIVE_SPHERES = 64  # that are sampled as lights; more only shine for the eye and for bounced rays
+Folder = Callable[[str], Path | None]
+
+
+def lower(document: Document, builder: SceneBuilder, folder: Folder | None = None) -> ir.Scene:
+    """The scene of an evaluated document. What is wrong goes to the builder's diagnostics, with what could be lowered returned.
+
+    `folder(shown file name)` is where the files that a source names are looked for (the scene's own folder when None).
+    """
+    lowering = Lowering(document, builder, folder)
+    lowering.place()
+    for element in document.cameras:
+        lower_cameras.camera(lowering, element)
+    settings = lower_cameras.settings(lowering, document.settings.get("render"), document.cameras)
+    animate = document.settings.get("animate")
+    return builder.finish(
+        document.name,
+        settings=settings,
+        photometric=lowering.photometric,
+        duration=animate.args["duration"] if animate else None,
+        fps=animate.args["fps"] if animate else 24.0,
+        defaults=defaults.add(builder, settings),
+        files=tuple(dict.fromkeys((*document.files, *builder.files.read))),
+        params=document.params,
+    )
+
+
+class Lowering:
+    """The state of lowering one document: its builder and what elements share."""
+
+    def __init__(self, document: Document, builder: SceneBuilder, folder: Folder | None) -> None:
+        self.document = document
+        self.builder = builder
+        self.files = builder.files
+        self.photometric = False
+        self.materials = lower_materials.Materials(self)
+        self._folder = folder
+        self._emissive = 0
+        self._meshes: dict[Path, list[Piece]] = {}
+
+    # --- what the rooms beside this one say and ask ---
+
+    def error(self, element: Element, message: str, hint: str = "") -> None:
+        self.builder.diagnostics.error(message, element.span, hint, element.trace)
+
+    def warn(self, element: Element, message: str, hint: str = "") -> None:
+        self.builder.diagnostics.warning(message, element.span, hint, element.trace)
+
+    def refuse(self, element: Element, message: str, hint: str = "") -> list[Piece]:
+        """An error, and no pieces."""
+        self.error(element, message, hint)
+        return []
+
+    def folder(self, element: Element) -> Path | None:
+        """Where the files that an element names are looked for: beside the source it was written in."""
+        return self._folder(element.span.file) if self._folder else None
+
+    # --- placing ---
+
+    def place(self) -> None:
+        """Place every element of the document, in order, without recursion."""
+        waiting: list[tuple[Element, np.ndarray, Element | None, str]] = [
+            (element, transforms.identity(), None, "") for element in reversed(self.document.elements)
+        ]
+        while waiting:
+            element, block, material, path = waiting.pop()
+            if element.kind in lower_lights.KINDS:
+                if transforms.inverse(block) is None:
+                    self.warn(element, "the block around this light flattens it to nothing: it is left out", "a scale must not be 0")
+                else:
+                    lower_lights.light(self, element, block)
+                continue
+            matrix = block if element.kind in _BLOCKS else block @ _own_transform(element)
+            material = element.args.get("material") or material
+            if element.kind in _BLOCKS:
+                inner = block @ _BLOCKS[element.kind](element)
+                name = element.args.get("name")
+                inner_path = f"{path}{name}/" if name else path
+                waiting.extend((child, inner, material, inner_path) for child in reversed(element.children))
+            elif element.kind == "usd":
+                self._usd(element, matrix, material, path)
+            elif element.kind in lower_shapes.KINDS:
+                self._shape(element, matrix, material, path)
+            else:
+                self.error(element, f"`{element.kind}` is not built yet")
+
+    def _shape(self, element: Element, matrix: np.ndarray, material: Element | None, path: str) -> None:
+        name = path + (element.args["name"] or element.scope or element.kind)
+        own = element.args["material"]
+        for piece in lower_shapes.pieces(self, element):
+            placed = matrix @ piece.matrix
+            if material is not None and material.kind == "emissive" and self._shining_sphere(element, material, placed):
+                continue
+            row = piece.material if own is None and piece.material >= 0 else -1
+            if row < 0 and material is not None:
+                row = self.materials.row(material)
+            label = f"{name}/{piece.name}" if piece.name else name
+            transform = self.builder.transform(placed, element.span)
+            self.builder.instance(InstanceData(piece.geometry, transform, row, name=label), element.span)
+
+    def _shining_sphere(self, element: Element, material: Element, matrix: np.ndarray) -> bool:
+        """Make an evenly scaled sphere of one emitted colour a light; whether it is one now."""
+        color = material.args["color"]
+        if element.kind != "sphere" or isinstance(color, Element) or transforms.inverse(matrix) is None:
+            return False
+        frame, scale, _ = lower_lights.rigid(matrix)
+        skewed = np.abs(matrix[:3, :3].T @ matrix[:3, :3] - np.diag(scale**2)).max()
+        if self._emissive >= MAX_EMISSIVE_SPHERES or np.ptp(scale) > 1e-6 * scale[0] or skewed > 1e-6 * scale[0] ** 2:
+            return False
+        self._emissive += 1
+        self.photometric |= material.photometric
+        radiance = tuple(material.args["luminance"] * c for c in color)
+        size = (element.args["radius"] * float(scale.mean()), 0.0)
+        lower_lights.shine(self, element, ir.LightKind.SPHERE, frame, size, radiance)  # type: ignore[arg-type]
+        return True
+
+    # --- files ---
+
+    def mesh_file(self, element: Element) -> list[Piece]:
+        """The pieces of a mesh file, read once however often it is used."""
+        from . import meshes
+
+        path = self._find(element, "mesh")
+        if path is None:
+            return []
+        if path not in self._meshes:
+            parts = meshes.read(path, self._shown(path), self.builder, self.builder.diagnostics, element.span, self.files)
+            self._meshes[path] = [
+                Piece(
+                    part.geometry,
+                    transforms.identity() if part.transform is None else transforms.from_rows(part.transform),
+                    -1 if part.material is None else part.material,
+                    part.name,
+                )
+                for part in parts
+            ]
+        return self._meshes[path]
+
+    def _shown(self, path: Path) -> str:
+        """A file's name in messages: as one reaches it from the scene's own."""
+        beside = Path(self.document.name).parent
+        return str(beside / path.relative_to(self.files.root)) if path.is_relative_to(self.files.root) else str(path)
+
+    def _find(self, element: Element, what: str) -> Path | None:
+        try:
+            return self.files.find(element.args["file"], self.folder(element), what)
+        except FileError as failure:
+            self.error(element, failure.message, failure.hint)
+            return None
+
+    def _usd(self, element: Element, matrix: np.ndarray, material: Element | None, path: str) -> None:
+        from . import usd
+
+        file = self._find(element, "stage")
+        if file is not None:
+            row = -1 if material is None else self.materials.row(material)
+            usd.place(self.builder, file, element.span, matrix, row, element.args["prim"], path + (element.args["name"] or element.scope))
+
+
+def _own_transform(element: Element) -> np.ndarray:
+    args = element.args
+    return transforms.place(args["translate"], args["rotate"], args["scale"])
+
+
+def _transform_block(element: Element) -> np.ndarray:
+    matrix = element.args["matrix"]
+    return _own_transform(element) if matrix is None else transforms.from_rows(matrix)
+
+
+_BLOCKS: dict[str, Callable[[Element], np.ndarray]] = {
+    "group": _own_transform,
+    "transform": _transform_block,
+    "translate": lambda element: transforms.translation(element.args["by"]),
+    "rotate": lambda element: transforms.rotation(element.args["by"]),
+    "scale": lambda element: transforms.scaling(element.args["by"]),
+}

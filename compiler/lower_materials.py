@@ -1,0 +1,113 @@
+"""Materials and textures of the language as rows: each element once, equal ones shared."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from ..lang.elements import Element
+from . import images, ir
+from .files import FileError
+from .images import ImageError
+from .rows import WHITE, Input, MaterialData, TextureData
+
+if TYPE_CHECKING:
+    from .lower import Lowering
+
+Slot = ir.Slot
+_SHADING = {"phong": ir.Shading.SMOOTH, "gouraud": ir.Shading.GOURAUD, "flat": ir.Shading.FLAT}
+_MAPPINGS = {m.name.lower(): m for m in ir.Mapping_}
+_WRAPS = {w.name.lower(): w for w in ir.Wrap}
+
+
+class Materials:
+    """Rows of the material elements of one scene."""
+
+    def __init__(self, lowering: Lowering) -> None:
+        self._lowering = lowering
+        self._rows: dict[tuple[int, bool], int] = {}  # by the element's identity; the document keeps elements alive
+
+    def row(self, element: Element) -> int:
+        """The row of a material element."""
+        key = (id(element), True)
+        if key not in self._rows:
+            self._lowering.photometric |= element.photometric
+            self._rows[key] = self._lowering.builder.material(self._data(element), element.span)
+        return self._rows[key]
+
+    def _data(self, element: Element) -> MaterialData:
+        kind, args = element.kind, element.args
+        if kind == "mirror":
+            return MaterialData(ir.MaterialModel.MIRROR, {Slot.REFLECTION: self._color(args["color"])})
+        if kind == "glass":
+            inputs = {Slot.TRANSMISSION: self._color(args["color"]), Slot.IOR: self._number(args["ior"])}
+            return MaterialData(ir.MaterialModel.GLASS, inputs)
+        if kind == "emissive":
+            color = self._color(args["color"])
+            shining = Input(tuple(args["luminance"] * c for c in color.value), color.texture)  # type: ignore[arg-type]
+            return MaterialData(ir.MaterialModel.EMISSIVE, {Slot.EMISSION: shining})
+        shading = _SHADING[args["shading"]]
+        diffuse = self._color(args["color"])
+        if kind == "lambert":
+            return MaterialData(ir.MaterialModel.LAMBERT, {Slot.AMBIENT: diffuse, Slot.DIFFUSE: diffuse}, shading)
+        model = {"phong": ir.MaterialModel.PHONG, "blinn_phong": ir.MaterialModel.BLINN_PHONG}[kind]
+        return MaterialData(model, self._course_inputs(args, diffuse), shading, args["normalized"])
+
+    def _course_inputs(self, args: Any, diffuse: Input) -> dict[ir.Slot, Input]:
+        return {
+            Slot.AMBIENT: diffuse if args["ambient"] is None else self._color(args["ambient"]),
+            Slot.DIFFUSE: diffuse,
+            Slot.SPECULAR: self._color(args["specular"]),
+            Slot.SHININESS: self._number(args["shininess"]),
+            Slot.REFLECTION: self._color(args["reflection"]),
+            Slot.TRANSMISSION: self._color(args["transmission"]),
+            Slot.IOR: self._number(args["ior"]),
+        }
+
+    def _color(self, value: Any) -> Input:
+        if isinstance(value, Element):
+            return Input(WHITE, self.texture(value, color=True))
+        r, g, b = value
+        return Input((r, g, b))
+
+    def _number(self, value: Any) -> Input:
+        return Input.number(1.0, self.texture(value, color=False)) if isinstance(value, Element) else Input.number(value)
+
+    def texture(self, element: Element, color: bool) -> int:
+        """The row of a texture, for a colour or a number (then its first channel); -1, after a diagnostic, if its file cannot be read."""
+        key = (id(element), color)
+        if key not in self._rows:
+            data = self._texture(element, color)
+            self._rows[key] = -1 if data is None else self._lowering.builder.texture(data, element.span)
+        return self._rows[key]
+
+    def _texture(self, element: Element, color: bool) -> TextureData | None:
+        args = element.args
+        common: dict[str, Any] = {"mapping": _MAPPINGS[args["mapping"]], "frame": _frame(args), "channel": -1 if color else 0}
+        if element.kind == "image":
+            row = self.image(element, args["file"], args["space"], color)
+            wrap = _WRAPS[args["wrap"]]
+            nearest = args["filter"] == "nearest"
+            return None if row < 0 else TextureData(ir.TextureKind.IMAGE, row, wrap_u=wrap, wrap_v=wrap, nearest=nearest, **common)
+        kind = ir.TextureKind.CHECKER if element.kind == "checker" else ir.TextureKind.STRIPES
+        return TextureData(kind, size=args["size"] or 0.0, color_a=args["a"], color_b=args["b"], **common)
+
+    def image(self, element: Element, name: str, space: str, color: bool) -> int:
+        """The row of a picture that an element names; -1 after a diagnostic."""
+        lowering = self._lowering
+        try:
+            path = lowering.files.find(name, lowering.folder(element), "picture")
+            return images.row(lowering.builder, path, space, color)
+        except (FileError, ImageError) as failure:
+            lowering.error(element, failure.message, failure.hint)
+            return -1
+
+
+def _frame(args: Any) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """uv' = turn · (scale · (uv − offset)): `offset` moves the picture, `scale` repeats it, `angle` turns stripes."""
+    su, sv = args["scale"]
+    ou, ov = args["offset"]
+    angle = args.get("angle") or 0.0
+    c, s = math.cos(angle), math.sin(angle)
+    rows = ((c * su, s * sv), (-s * su, c * sv))
+    return tuple((a, b, -(a * ou + b * ov) + 0.0) for a, b in rows)  # type: ignore[return-value]

@@ -10,11 +10,12 @@ STAMP := $(VENV)/.made
 DEMO := build/demo
 WORKERS ?= 2
 
-EXAMPLES := $(wildcard examples/*.scene examples/*.usda examples/*.obj)
-PICTURES := $(EXAMPLES:examples/%=$(DEMO)/%.png)
+KINDS := scene usda obj
+EXAMPLES := $(foreach kind,$(KINDS),$(wildcard examples/*.$(kind)))
+NAMES := $(basename $(notdir $(EXAMPLES)))
 INPUTS := $(filter-out %.png %.md,$(wildcard examples/*)) $(wildcard examples/assets/*)
 
-.PHONY: help venv demo test test-all check clean
+.PHONY: help venv demo pictures reference test test-all check clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -30,12 +31,21 @@ $(STAMP): pyproject.toml constraints.txt
 	@mkdir -p $(VENV)/typing && ln -sfn ../.. $(VENV)/typing/maquette
 	@touch $@
 
-demo: $(PICTURES)  ## render every example, and say where the pictures are
-	@echo "$(words $(PICTURES)) pictures are in $(CURDIR)/$(DEMO)"
+demo: $(NAMES:%=$(DEMO)/%.png)  ## render every example, and say where the pictures are
+	@echo "$(words $(NAMES)) pictures are in $(CURDIR)/$(DEMO)"
 
-$(DEMO)/%.png: examples/% $(INPUTS) $(STAMP)
-	@mkdir -p $(DEMO)
-	@$(BIN)/maquette render $< -o $@
+pictures: $(NAMES:%=examples/%.png)  ## render the pictures beside the examples again, where they are older
+	@echo "$(words $(NAMES)) pictures are in $(CURDIR)/examples"
+
+define rule
+$(1)/%.png: examples/%.$(2) $$(INPUTS) | $$(STAMP)
+	@mkdir -p $(1)
+	@$$(BIN)/maquette render $$< -o $$@
+endef
+$(foreach folder,$(DEMO) examples,$(foreach kind,$(KINDS),$(eval $(call rule,$(folder),$(kind)))))
+
+reference: $(STAMP)  ## write docs/reference.md from the schema again
+	@mkdir -p build && $(BIN)/python -m maquette.lang.reference > build/reference.md && mv build/reference.md docs/reference.md
 
 test: check  ## the whole suite, after ruff and pyright
 	@$(BIN)/python -m pytest -q -n $(WORKERS)

@@ -124,7 +124,7 @@ class Job:
         return self.files or (self.source.path,)
 
     def _picture(self, path: Path, at: float | None, what: str) -> dict[str, Any]:
-        seconds = dict.fromkeys(STAGES, 0.0)
+        seconds: dict[str, float] = dict.fromkeys(STAGES, 0.0)
         with timed(seconds, "import"):
             from .render import draw, kernels
         scene, found = self.source.load(seconds, at)
@@ -134,8 +134,7 @@ class Job:
         self._say(found.items)
         self._say(plan_warnings(scene, plan))
         with terminal.Progress(self.quiet) as progress, interruptible() as cancel:
-            cold = not any(kernels.cache_folder().rglob("*.nbi"))
-            progress.begin(what, "compiling kernels (the first time only)" if cold else "")
+            progress.begin(what, "compiling kernels (the first time only)" if kernels.is_cold() else "")
             image = draw.draw(scene, plan, progress, cancel)
         for name, value in image.metadata["seconds"].items():
             seconds[name] = seconds.get(name, 0.0) + value

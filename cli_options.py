@@ -56,7 +56,7 @@ def share(text: str) -> float:
     """`1%` or `0.01`, above zero."""
     message = "a share is written 1% or 0.01, and is more than 0"
     value = number(text, message)
-    if not isinstance(value, float) or value <= 0:
+    if isinstance(value, units.Quantity) or value <= 0:
         raise ValueError(message)
     return value
 
@@ -65,7 +65,7 @@ def limit(text: str) -> float:
     """`1%` or `0.01`, or 0 for none at all."""
     message = "a limit is written 1% or 0.01, or 0"
     value = number(text, message)
-    if not isinstance(value, float) or value < 0:
+    if isinstance(value, units.Quantity) or value < 0:
         raise ValueError(message)
     return value
 
@@ -74,7 +74,7 @@ def seconds(text: str) -> float:
     """`20s`, `500ms`, `2min`, or a bare number of seconds."""
     message = "a time is written 20s, 500ms or 2min"
     value = number(text, message)
-    if isinstance(value, float):
+    if not isinstance(value, units.Quantity):
         return value
     if value.dimension != units.TIME:
         raise ValueError(message)
@@ -93,7 +93,7 @@ def exposure(text: str) -> float:
     """Stops: `-1.5`, or `-1.5ev` as in a scene."""
     message = "an exposure is a number of stops, like -1.5 or 2ev"
     value = number(text, message)
-    if not isinstance(value, float) or abs(value) > 100:
+    if isinstance(value, units.Quantity) or abs(value) > 100:
         raise ValueError(message)
     return value
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from typing import Any
@@ -74,9 +75,11 @@ class SceneBuilder:
         return row
 
     def mesh(self, mesh: MeshData, span: Span | None = None, name: str = "") -> int:
-        """The row of a new mesh, its positions stored as float32 about the middle of its bounds. Attributes of a wrong length are
-        left out with a warning; a mesh without triangles is NONE."""
-        name = name or mesh.name
+        """The row of a mesh, its positions stored as float32 about the middle of its bounds; an equal mesh is shared. Attributes of
+        a wrong length are left out with a warning; a mesh without triangles is NONE."""
+        return self.shared(("mesh", _digest(mesh)), lambda: self._mesh(mesh, span, name or mesh.name))
+
+    def _mesh(self, mesh: MeshData, span: Span | None, name: str) -> int:
         positions = np.asarray(mesh.positions, dtype=np.float64).reshape(-1, 3)
         triangles = np.asarray(mesh.triangles, dtype=np.int32).reshape(-1, 3)
         if not len(triangles):
@@ -266,6 +269,20 @@ def lambert(albedo: Color, texture: int = -1, name: str = "") -> MaterialData:
     """A matt material: k_a = k_d = the albedo, times a texture."""
     matt = Input(albedo, texture)
     return MaterialData(ir.MaterialModel.LAMBERT, {ir.Slot.AMBIENT: matt, ir.Slot.DIFFUSE: matt}, name=name)
+
+
+def _digest(mesh: MeshData) -> bytes:
+    """What tells the content of a mesh from that of others."""
+    digest = hashlib.blake2b(digest_size=16)
+    outlines = mesh.outlines
+    arrays = [mesh.positions, mesh.triangles] + ([outlines.corners, outlines.loops, outlines.polygons] if outlines else [])
+    for attribute in (mesh.normals, mesh.uvs, mesh.colors):
+        arrays += [np.array([-1 if attribute is None else int(attribute.interpolation)])] + ([attribute.values] if attribute else [])
+    for array in arrays:
+        values = np.ascontiguousarray(array)
+        digest.update(f"{values.dtype.str}{values.shape}".encode())
+        digest.update(values.data if values.size else b"")
+    return digest.digest()
 
 
 def mesh_bounds(positions: np.ndarray) -> np.ndarray:

@@ -49,7 +49,8 @@ def _lens(lowering: Lowering, element: Element) -> dict[str, Any] | None:
         return None
     if args["width"] is not None:
         if wanted == "perspective":
-            lowering.refuse(element, "`width` makes a camera orthographic: it does not go with projection: \"perspective\"", "write fov instead")
+            message = '`width` makes a camera orthographic: it does not go with projection: "perspective"'
+            lowering.refuse(element, message, "write fov instead")
             return None
         return {"extent": args["width"] / 2, "projection": ir.Projection.ORTHOGRAPHIC, "fit": ir.Fit.HORIZONTAL}
     if wanted == "orthographic":

@@ -68,7 +68,8 @@ def _spot(lowering: Lowering, element: Element, block: np.ndarray) -> None:
     cone, soft = args["cone"], args["soft"]
     if soft > cone:
         if "soft" in element.given:
-            lowering.error(element, f"the spot fades over {math.degrees(soft):.4g}deg, more than its cone of {math.degrees(cone):.4g}deg", "make soft less")
+            wide = f"the spot fades over {math.degrees(soft):.4g}deg, more than its cone of {math.degrees(cone):.4g}deg"
+            lowering.error(element, wide, "make soft less")
         soft = cone
     cos_cone, cos_full = math.cos(cone), math.cos(cone - soft)
     intensity = args["intensity"] if args["flux"] is None else args["flux"] / spot_share(cos_cone, cos_full)
@@ -122,7 +123,7 @@ def _area(lowering: Lowering, element: Element, block: np.ndarray) -> None:
         return
     disk = args["shape"] == "disk"
     if disk and args["size"][0] != args["size"][1]:
-        lowering.refuse(element, "a disk has one diameter, got two sizes", "write size: 1m, or shape: \"rectangle\"")
+        lowering.refuse(element, "a disk has one diameter, got two sizes", 'write size: 1m, or shape: "rectangle"')
         return
     frame, scale, even = rigid(block @ frame)
     half = (args["size"][0] / 2 * scale[0], args["size"][1] / 2 * scale[2])

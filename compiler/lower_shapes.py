@@ -63,7 +63,8 @@ def _plane(lowering: Lowering, element: Element) -> list[Piece]:
     forms = [form for form in (("y",), ("normal", "point"), ("a", "b", "c", "d")) if any(args[name] is not None for name in form)]
     if len(forms) > 1:
         first, second = (next(f"`{name}`" for name in form if args[name] is not None) for form in forms[:2])
-        return lowering.refuse(element, f"a plane is given one way: {first} does not go with {second}", "write y, or normal and point, or a, b, c and d")
+        message = f"a plane is given one way: {first} does not go with {second}"
+        return lowering.refuse(element, message, "write y, or normal and point, or a, b, c and d")
     normal, point = np.array([0.0, 1.0, 0.0]), np.array([0.0, args["y"] or 0.0, 0.0])
     if forms and "normal" in forms[0]:
         normal = np.array(args["normal"] or (0.0, 1.0, 0.0))
@@ -162,7 +163,8 @@ def _mesh(lowering: Lowering, element: Element) -> list[Piece]:
 def _written_mesh(lowering: Lowering, element: Element) -> list[Piece]:
     args = element.args
     if args["points"] is None or args["faces"] is None:
-        return lowering.refuse(element, "a mesh needs a file, or points and faces", 'write mesh("bunny.obj") or mesh(points: […], faces: […])')
+        hint = 'write mesh("bunny.obj") or mesh(points: […], faces: […])'
+        return lowering.refuse(element, "a mesh needs a file, or points and faces", hint)
     points = np.array(args["points"], dtype=np.float64).reshape(-1, 3)
     for number, face in enumerate(args["faces"]):
         if len(face) < 3:

@@ -141,10 +141,16 @@ def _cell(scene: ir.Scene, table: str, column: str, value: Any, row: int) -> str
     if table == "materials" and column in ("values", "textures"):
         return " ".join(_slots(column, value))
     quiet = _QUIET.get(table, {}).get(column)
-    if quiet is not None and np.array_equal(value, np.broadcast_to(quiet, np.shape(value)), equal_nan=np.issubdtype(np.asarray(value).dtype, float)):
+    if quiet is not None and _same(value, quiet):
         return ""
     shown = _shown(table, column, value)
     return shown if isinstance(shown, str) and column in ("kind", "model") else f"{column}={_value(shown)}"
+
+
+def _same(value: Any, quiet: Any) -> bool:
+    """Whether all of a value is what a plain row has, NaN being NaN."""
+    a, b = np.asarray(value, dtype=np.float64), np.asarray(quiet, dtype=np.float64)
+    return bool(np.all((a == b) | (np.isnan(a) & np.isnan(b))))
 
 
 def _slots(column: str, value: np.ndarray) -> Iterator[str]:

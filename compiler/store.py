@@ -7,6 +7,7 @@ import json
 import os
 import tempfile
 import zipfile
+import zlib
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,10 @@ from .files import size
 
 VERSION = 1
 FORMAT = "maquette ir"
+_DAMAGE = (
+    OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, IndexError, zipfile.BadZipFile, NotImplementedError, MemoryError,
+    zlib.error,
+)  # fmt: skip
 MAX_BYTES = 8 << 30  # of all arrays together
 
 
@@ -51,11 +56,11 @@ def load(path: Path | str) -> ir.Scene:
             if about["format"] != FORMAT:
                 raise _refused(path, "it is not maquette's")
             if about["version"] != VERSION:
-                raise _refused(path, f"it is of version {about['version']}, and this program reads version {VERSION}; compile the scene again")
+                raise _refused(path, f"it is of version {about['version']}, and this program reads {VERSION}: compile the scene again")
             return _scene(arrays, about)
     except SceneError:
         raise
-    except (OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile, NotImplementedError, MemoryError) as failure:
+    except _DAMAGE as failure:
         reason = "it is damaged, or something else" if not isinstance(failure, OSError) or failure.strerror is None else failure.strerror
         raise _refused(path, reason) from None
 

@@ -7,6 +7,7 @@ references between them, to the numbers in them; meshes come last (validate_mesh
 from __future__ import annotations
 
 from dataclasses import replace
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,7 @@ _REFERENCES = (  # table, column, table it points into, whether -1 is allowed
     ("lights", "instance", "instances", True),
     ("cameras", "transform", "transforms", False),
 )
-_CHOICES: tuple[tuple[str, str, type], ...] = (
+_CHOICES: tuple[tuple[str, str, type[IntEnum]], ...] = (
     ("attributes", "interpolation", ir.Interpolation),
     ("geometries", "kind", ir.GeometryKind),
     ("materials", "model", ir.MaterialModel),
@@ -70,6 +71,9 @@ def validate(scene: ir.Scene, diagnostics: Diagnostics | None = None) -> tuple[i
     return check.finished(), found
 
 
+Columns = dict[str, Any]  # a table's arrays by name
+
+
 class Check:
     """A scene under examination: its tables as dicts of columns that repairs replace, and how findings are said."""
 
@@ -77,7 +81,7 @@ class Check:
         self.scene = scene
         self.found = found
         self.errors = 0
-        self.tables: dict[str, dict[str, np.ndarray]] = {name: dict(getattr(scene.tables, name)._asdict()) for name in ir.TABLES}
+        self.tables: dict[str, Columns] = {name: dict(getattr(scene.tables, name)._asdict()) for name in ir.TABLES}
         self.names = scene.names
         self.spans = dict(scene.spans.rows)
         self.changed: set[str] = set()
@@ -188,7 +192,7 @@ def _numbers(check: Check) -> None:
     """Numbers are finite, and transforms have the inverse they say."""
     for table, column in _FINITE:
         values = check.tables[table][column]
-        check.bad(table, ~np.isfinite(values.reshape(len(values), -1)).all(axis=1), f"its {column} is not a finite number")
+        check.bad(table, ~np.isfinite(values).all(axis=tuple(range(1, values.ndim))), f"its {column} is not a finite number")
     texels = check.tables["images"]["texels"]
     lost = int(np.count_nonzero(~np.isfinite(texels)))
     if lost:

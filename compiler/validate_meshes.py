@@ -10,7 +10,7 @@ import numpy as np
 from . import ir
 
 if TYPE_CHECKING:
-    from .validate import Check
+    from .validate import Check, Columns
 
 FLAT = 1e-12  # doubled area over squared longest edge below which a triangle is a line
 _WIDTHS = {"normals": 3, "uvs": 2, "colors": 3}
@@ -144,7 +144,7 @@ def _outlines(check: Check, meshes: np.ndarray) -> None:
         check.set("geometries", "polygon_count", np.where(wrong, 0, table["polygon_count"]).astype(np.int32))
 
 
-def _outlines_inside(table: dict, pools: dict, polygons: dict, row: int, which: slice) -> bool:
+def _outlines_inside(table: Columns, pools: Columns, polygons: Columns, row: int, which: slice) -> bool:
     first_loop, loops = polygons["first_loop"][which].astype(np.int64), polygons["loop_count"][which].astype(np.int64)
     first_triangle, triangles = polygons["first_triangle"][which].astype(np.int64), polygons["triangle_count"][which].astype(np.int64)
     start, count = int(table["first_triangle"][row]), int(table["triangle_count"][row])
@@ -183,8 +183,7 @@ def _bounds(check: Check, meshes: np.ndarray) -> None:
         return
     right = bounds.copy()
     for row in meshes:
-        first, count = int(table["first_triangle"][row]), int(table["triangle_count"][row])
-        if count:
+        if table["triangle_count"][row]:
             start = int(table["first_vertex"][row])
             points = pools["positions"][start : start + int(table["vertex_count"][row])]
             right[row] = np.stack([points.min(axis=0), points.max(axis=0)]) + origin[row]

@@ -62,7 +62,7 @@ def _problem(
         known = _listed([n for n in names if n == names[n]])
         return f"{callee} has no `{given.name}`", f"it takes {known or 'no arguments'}"
     if name in assigned:
-        return f"{callee} gets `{name}` twice", ""
+        return f"{callee} gets `{name}` twice", f"`{given.name}` is another name of it" if given.name not in (None, name) else ""
     return None
 
 

@@ -296,10 +296,10 @@ def _even(v: tuple[Value, ...], context: Context) -> tuple[Value, ...]:
 
 @_define("length vector", "length of a list of numbers")
 def _length(context: Context, vector: Value) -> Value:
-    v = _even(_vector(vector, 0), context)
-    if not v:
+    parts = list(_even(_vector(vector, 0), context))
+    if not parts:
         raise Mistake("length of an empty list", "write len(…) to count", argument=0)
-    return _combine("hypot", list(v), context) if len(v) > 1 else _abs(context, v[0])
+    return _combine("hypot", parts, context) if len(parts) > 1 else _abs(context, parts[0])
 
 
 @_define("normalize vector", "a list of numbers scaled to length 1")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from . import ast, operators, units
 from .diagnostics import Span, suggest
 from .elements import AxisAngle, Element, Euler, Falloff, Quaternion
-from .schema import Arg
+from .schema import Arg, Entry
 from .units import Quantity
 from .values import Closure, Color, Mistake, UserFunction, Value, category, describe
 
@@ -258,6 +258,8 @@ def _material(value: Value, place: Place, arg: Arg) -> Any:
         hint = "write lambert(…) round it"
     elif isinstance(value, UserFunction):
         hint = f"call it: {value.let.name.id}(…)"
+    elif isinstance(value, Entry) and value.category == "material":
+        hint = f"call it: {value.name}(…)"
     raise _wrong(value, "material", hint)
 
 

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
-from . import ast, builtins, calls, check, colors, limits, operators, params, schema, units
+from . import ast, builtins, calls, check, limits, operators, params, schema, units
 from .convert import Place
 from .diagnostics import Diagnostics, Span, suggest
 from .elements import Document, Element, ParamInfo
+from .expressions import EXPRESSIONS, source, truth
 from .formula import Formula, Graph, Term
 from .limits import Exhausted, Meter
 from .modules import PRELUDE, Loader, Module, Reader, ReadError, Source, asset_kind, is_asset, use_name
 from .scope import Scope, Thunk, bind_block
-from .values import PLACEABLE, AssetPart, Closure, Color, FilePart, Given, Mistake, Poisoned, UserFunction, Value, category, describe, kind
+from .values import PLACEABLE, AssetPart, Closure, Color, FilePart, Given, Mistake, Poisoned, UserFunction, Value, category, kind
 
 __all__ = ["Evaluator", "ReadError", "Reader", "Source", "evaluate"]
 
@@ -59,7 +59,7 @@ class Evaluator:
         self.root.names["time"] = units.Quantity(time, units.TIME)
         self.root.names["children"] = ()
         self.signatures: dict[str, Any] = {}
-        self._outer = self.root  # with the prelude, once it is there
+        self.outer = self.root  # with the prelude, once it is there
         self._instances: dict[Module, Scope] = {}
         self._reported: set[tuple[Span | None, str]] = set()
         self._running: list[Thunk] = []
@@ -92,7 +92,7 @@ class Evaluator:
         sink = Sink("scene")
         infos: list[ParamInfo] = []
         try:
-            scope = self.instance(module, self.given_sets(module, sets), "", None, self._outer)
+            scope = self.instance(module, self.given_sets(module, sets), "", None, self.outer)
             self._place_scene(module.file.items, scope, sink)
             infos = self._infos(module, scope)
         except Exhausted as limit:
@@ -106,7 +106,7 @@ class Evaluator:
             prelude = self.loader.reader.scene(PRELUDE, source.path, span)
         except ReadError:
             return  # a library without a prelude
-        self._outer = self.module_scope(self.loader.load(prelude, library=True, prelude=True), self.root)
+        self.outer = self.module_scope(self.loader.load(prelude, library=True, prelude=True), self.root)
 
     def _check(self, module: Module) -> None:
         outer = set(self.root.names)
@@ -123,7 +123,7 @@ class Evaluator:
 
     def instance(self, module: Module, given: Mapping[str, Given], label: str, call: Span | None, caller: Scope) -> Scope:
         """A new scope of a file, with these values for its `param`s."""
-        outer = self._outer if module is not self.loader.prelude else self.root
+        outer = self.outer if module is not self.loader.prelude else self.root
         scope = Scope(self, self.meter, module.scale, outer)
         if call is not None:
             scope.trace = ((label, call), *caller.trace)
@@ -161,7 +161,7 @@ class Evaluator:
     def given_sets(self, module: Module, sets: Mapping[str, str]) -> dict[str, Given]:
         """`--set` as arguments of the scene."""
         known = {item.name.id: item for item in module.file.items if isinstance(item, ast.Param)}
-        scope = Scope(self, self.meter, module.scale, self._outer)
+        scope = Scope(self, self.meter, module.scale, self.outer)
         given = {}
         for name, text in sets.items():
             if name not in known:
@@ -236,21 +236,15 @@ class Evaluator:
         return tuple(sink.elements)
 
     def _place_for(self, item: ast.For, scope: Scope, sink: Sink) -> None:
-        for value in self._source(item.source, scope, "`for`"):
+        for value in source(self, item.source, scope, "`for`"):
             try:
                 self.meter.step()
             except Exhausted as limit:
                 raise calls.located(limit, item.source.span, scope) from None
             self.block(item.block, scope, sink, {item.name.id: value})
 
-    def _source(self, node: ast.Node, scope: Scope, what: str) -> tuple[Value, ...]:
-        value = self.value(node, scope)
-        if not isinstance(value, tuple):
-            self.fail(f"{what} runs over a list or a range, not over {kind(value)}", node.span, "", scope)
-        return value
-
     def _place_if(self, item: ast.If, scope: Scope, sink: Sink) -> None:
-        condition = self._truth(item.condition, scope, "`if`")
+        condition = truth(self, item.condition, scope, "`if`")
         if not isinstance(condition, bool):
             self.fail("what is placed cannot depend on a formula's parameters", item.condition.span, "", scope)
         if condition:
@@ -323,164 +317,9 @@ class Evaluator:
             self._running.pop()
         return thunk.value
 
-    def _name(self, node: ast.Name, scope: Scope) -> Value:
-        value = scope.find(node.id)
-        if type(value) is Thunk:
-            return value.value if value.state == Thunk.DONE else self.force(value, node.span, scope)
-        if value is None:
-            self.fail(check.unknown(node.id, ()), node.span, "", scope)  # where check.py has not: in a `--set`
-        return value
-
-    # --- expressions ---
-
     def value(self, node: ast.Node, scope: Scope) -> Value:
         """The value of an expression. Raises Poisoned after reporting what is wrong with it."""
-        return _EXPRESSIONS[type(node)](self, node, scope)
-
-    def _number(self, node: ast.Number, scope: Scope) -> Value:
-        value = units.literal(node.value, node.unit)
-        if value is None:
-            near = suggest(node.unit, [u for u in units.UNITS if u.isascii()])
-            hint = f"write {node.text.removesuffix(node.unit)} * {node.unit}" if scope.find(node.unit) is not None else near
-            self.fail(f"unknown unit `{node.unit}`", node.span, hint, scope)
-        if not math.isfinite(operators.split(value)[0]):
-            self.fail("this number is too large", node.span, "", scope)
-        return value
-
-    def _string(self, node: ast.String, scope: Scope) -> Value:
-        return node.value
-
-    def _color(self, node: ast.ColorLiteral, scope: Scope) -> Value:
-        return Color(*colors.from_hex(node.text))
-
-    def _list(self, node: ast.ListLiteral, scope: Scope) -> Value:
-        values = []
-        good = True
-        for item in node.items:
-            try:
-                values.append(_EXPRESSIONS[type(item)](self, item, scope))
-            except Poisoned:
-                good = False
-        if not good:
-            raise Poisoned
-        return tuple(values)
-
-    def _each(self, node: ast.Each, scope: Scope) -> Value:
-        values = []
-        for value in self._source(node.source, scope, "a list comprehension"):
-            self.meter.step()
-            inner = scope.inner()
-            inner.names[node.name.id] = value
-            if node.condition is None or self._decided(node.condition, inner, "`if`"):
-                values.append(_EXPRESSIONS[type(node.body)](self, node.body, inner))
-        return tuple(values)
-
-    def _truth(self, node: ast.Node, scope: Scope, doing: str) -> Value:
-        """A truth value, or a formula's."""
-        value = _EXPRESSIONS[type(node)](self, node, scope)
-        if value is True or value is False or (isinstance(value, Term) and value.truth):
-            return value
-        self.fail(f"{doing} wants true or false, got {kind(value)}", node.span, "", scope)
-
-    def _decided(self, node: ast.Node, scope: Scope, doing: str) -> bool:
-        value = self._truth(node, scope, doing)
-        if not isinstance(value, bool):
-            self.fail("the items of a list cannot depend on a formula's parameters", node.span, "", scope)
-        return value
-
-    def _choose(self, node: ast.Choose, scope: Scope) -> Value:
-        condition = self._truth(node.condition, scope, "`if`")
-        if condition is True:
-            return _EXPRESSIONS[type(node.yes)](self, node.yes, scope)
-        if condition is False:
-            return _EXPRESSIONS[type(node.no)](self, node.no, scope)
-        yes, no = self.value(node.yes, scope), self.value(node.no, scope)
-        try:
-            return operators.select(condition, yes, no)
-        except Mistake as mistake:
-            self.fail(mistake.message, node.span, mistake.hint, scope)
-
-    def _function(self, node: ast.Function, scope: Scope) -> Value:
-        return Closure(node, scope)
-
-    def _binary(self, node: ast.Binary, scope: Scope) -> Value:
-        left, right, op = node.left, node.right, node.op
-        if op == "and" or op == "or":
-            return self._logic(node, scope)
-        a = _EXPRESSIONS[type(left)](self, left, scope)
-        b = _EXPRESSIONS[type(right)](self, right, scope)
-        if type(a) is float and type(b) is float:
-            simple = _PLAIN.get(op)
-            if simple is not None:
-                result = simple(a, b)
-                if math.isfinite(result):
-                    return result
-        try:
-            return operators.BINARY[op](a, b, scope)
-        except Mistake as mistake:
-            self.fail(mistake.message, mistake.span or node.span, mistake.hint, scope)
-        except Exhausted as limit:
-            raise calls.located(limit, node.span, scope) from None
-
-    def _logic(self, node: ast.Binary, scope: Scope) -> Value:
-        a = self._truth(node.left, scope, f"`{node.op}`")
-        if a is (node.op == "or"):
-            return a
-        b = self._truth(node.right, scope, f"`{node.op}`")
-        return operators.both(a, b) if node.op == "and" else operators.either(a, b)
-
-    def _unary(self, node: ast.Unary, scope: Scope) -> Value:
-        value = _EXPRESSIONS[type(node.operand)](self, node.operand, scope)
-        try:
-            return operators.negate(value, scope) if node.op == "-" else operators.invert(value)
-        except Mistake as mistake:
-            self.fail(mistake.message, node.span, mistake.hint, scope)
-
-    def _parens(self, node: ast.Parens, scope: Scope) -> Value:
-        return _EXPRESSIONS[type(node.inner)](self, node.inner, scope)
-
-    def _index(self, node: ast.Index, scope: Scope) -> Value:
-        items = self.value(node.object, scope)
-        index = self.value(node.index, scope)
-        if not isinstance(items, tuple):
-            self.fail(f"only a list has items, not {kind(items)}", node.object.span, "", scope)
-        if type(index) is not float or index != int(index):
-            self.fail(f"whole number wanted, got {describe(index)}", node.index.span, "", scope)
-        if not 0 <= index < len(items):
-            last = f"the last is [{len(items) - 1}]" if items else "it is empty"
-            self.fail(f"there is no item {int(index)} in a list of {len(items)}", node.index.span, f"items count from 0; {last}", scope)
-        return items[int(index)]
-
-    def _member(self, node: ast.Member, scope: Scope) -> Value:
-        owner = self.value(node.object, scope)
-        name = node.name.id
-        if isinstance(owner, Color) and name in ("r", "g", "b"):
-            return getattr(owner, name)
-        if isinstance(owner, FilePart):
-            return self._file_member(owner, node.name, scope)
-        hint = ""
-        if isinstance(owner, tuple) and name in ("x", "y", "z"):
-            hint = f"write [{'xyz'.index(name)}]"
-        elif isinstance(owner, Color):
-            hint = "a colour has r, g and b"
-        self.fail(f"{kind(owner)} has no `{name}`", node.name.span, hint, scope)
-
-    def _file_member(self, part: FilePart, name: ast.Name, scope: Scope) -> Value:
-        known = {i.name.id for i in part.module.file.items if isinstance(i, ast.Let | ast.Param)} | part.module.broken
-        if name.id not in known:
-            near = suggest(name.id, known)
-            self.fail(f"{part.name} has no `{name.id}`" + (f"; {near}" if near else ""), name.span, "", scope)
-        value = self.module_scope(part.module, self._outer).names[name.id]
-        return self.force(value, name.span, scope) if isinstance(value, Thunk) else value
-
-    def _call(self, node: ast.Call, scope: Scope) -> Value:
-        return calls.call(self, node, node.function, node.arguments, None, scope)
-
-    def _with_children(self, node: ast.WithChildren, scope: Scope) -> Value:
-        target = node.target
-        if isinstance(target, ast.Call):
-            return calls.call(self, target, target.function, target.arguments, node.block, scope)
-        return calls.call(self, target, target, (), node.block, scope)
+        return EXPRESSIONS[type(node)](self, node, scope)
 
     # --- for functions of the language ---
 
@@ -536,36 +375,6 @@ def _shorten(trace: tuple[tuple[str, Span], ...]) -> tuple[tuple[str, Span], ...
     left_out = len(trace) - SHOWN_CALLS + 1
     return (*trace[:head], (f"… {left_out} more …", trace[head][1]), *trace[len(trace) - SHOWN_CALLS + head + 1 :])
 
-
-# Arithmetic on two plain numbers that cannot raise.
-_PLAIN: dict[str, Callable[[float, float], Any]] = {
-    "+": lambda a, b: a + b,
-    "-": lambda a, b: a - b,
-    "*": lambda a, b: a * b,
-    "<": lambda a, b: a < b,
-    "<=": lambda a, b: a <= b,
-    ">": lambda a, b: a > b,
-    ">=": lambda a, b: a >= b,
-    "==": lambda a, b: a == b,
-}
-
-_EXPRESSIONS: dict[type, Callable[[Evaluator, Any, Scope], Value]] = {
-    ast.Number: Evaluator._number,
-    ast.String: Evaluator._string,
-    ast.ColorLiteral: Evaluator._color,
-    ast.Name: Evaluator._name,
-    ast.ListLiteral: Evaluator._list,
-    ast.Each: Evaluator._each,
-    ast.Choose: Evaluator._choose,
-    ast.Function: Evaluator._function,
-    ast.Binary: Evaluator._binary,
-    ast.Unary: Evaluator._unary,
-    ast.Parens: Evaluator._parens,
-    ast.Index: Evaluator._index,
-    ast.Member: Evaluator._member,
-    ast.Call: Evaluator._call,
-    ast.WithChildren: Evaluator._with_children,
-}
 
 _ITEMS: dict[type, Callable[[Evaluator, Any, Scope, Sink], None]] = {
     ast.ElementItem: Evaluator._place_element,

@@ -9,7 +9,7 @@ from .diagnostics import Span
 MAX_CALLS = 200  # calls inside calls
 MAX_LIST = 1_000_000  # items of a list, and steps of a range or a `for`
 MAX_TEXT = 1_000_000  # characters of a string
-MAX_STEPS = 3_000_000  # calls, rounds of loops and comparisons together
+MAX_STEPS = 2_000_000  # calls, rounds of loops and comparisons together
 MAX_ELEMENTS = 200_000  # elements made, and elements placed with what their blocks repeat
 MAX_TERMS = 50_000  # operations in one formula
 MAX_FILES = 200  # files used

@@ -173,7 +173,7 @@ def describe(value: Value) -> str:
         case float():
             return f"the bare number {units.show(value)}"
         case Quantity():
-            return f"the {units.name(value.dimension)} {units.show(value)}"
+            return f"the {units.name(value.dimension).split(' in ')[0]} {units.show(value)}"
         case bool():
             return "true" if value else "false"
         case str():

@@ -72,7 +72,14 @@ def test_an_element_is_placed_by_its_name() -> None:
 
 @pytest.mark.parametrize(
     ("source", "expected"),
-    [("1..3", [1, 2, 3]), ("3..1", []), ("2..2", [2]), ("[4, 2]", [4, 2]), ("[k * k for k in 1..4 if mod(k, 2) == 0]", [4, 16]), ("[]", [])],
+    [
+        ("1..3", [1, 2, 3]),
+        ("3..1", []),
+        ("2..2", [2]),
+        ("[4, 2]", [4, 2]),
+        ("[k * k for k in 1..4 if mod(k, 2) == 0]", [4, 16]),
+        ("[]", []),
+    ],
 )
 def test_for(source: str, expected: list[float]) -> None:
     assert radii(f"for (r in {source}) {{ sphere(r) }}") == expected
@@ -252,7 +259,10 @@ def test_arithmetic_is_that_of_python(text: str) -> None:
     assert value(text) == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
-@given(st.lists(st.tuples(st.integers(-5, 5), st.sampled_from(["<", "<=", ">", ">=", "==", "!="]), st.integers(-5, 5)), min_size=1, max_size=5), st.data())
+COMPARISONS = st.tuples(st.integers(-5, 5), st.sampled_from(["<", "<=", ">", ">=", "==", "!="]), st.integers(-5, 5))
+
+
+@given(st.lists(COMPARISONS, min_size=1, max_size=5), st.data())
 def test_logic_is_that_of_python(parts: list[tuple[int, str, int]], data: st.DataObject) -> None:
     text = " ".join(
         [("" if i == 0 else data.draw(st.sampled_from([" and ", " or "])))

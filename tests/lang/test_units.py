@@ -88,7 +88,14 @@ def test_dimensions_that_cancel_leave_a_plain_number(expression: str, plain: flo
 
 @pytest.mark.parametrize(
     ("expression", "truth"),
-    [("1m > 99cm", True), ("100cm == 1m", True), ("1in < 2.54cm", False), ("0 < 3deg", True), ("2.5 >= 250cm", True), ("1s != 1000ms", False)],
+    [
+        ("1m > 99cm", True),
+        ("100cm == 1m", True),
+        ("1in < 2.54cm", False),
+        ("0 < 3deg", True),
+        ("2.5 >= 250cm", True),
+        ("1s != 1000ms", False),
+    ],
 )
 def test_comparisons_across_units(expression: str, truth: bool) -> None:
     assert value(expression) is truth

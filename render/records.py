@@ -58,6 +58,7 @@ class Options(NamedTuple):
     shadows: bool
     background: int  # 0: sky and domes, 1: black, 2: `color`
     color: tuple[float, float, float]
+    environment: bool = False  # where no more rays are followed, mirrors and glass show the sky as if nothing stood before it
 
 
 class GouraudLight(NamedTuple):
@@ -89,6 +90,7 @@ class Film(NamedTuple):
 
     color: NDArray[np.float64]  # (h, w, 3) radiance
     alpha: NDArray[np.float64]  # (h, w) coverage
+    issues: NDArray[np.int64]  # (h, w) samples left out because they were not finite
 
 
 Tables = ir.Tables

@@ -1,0 +1,164 @@
+"""Tables as kernels take them: one pointer for a whole nest of NamedTuples of arrays.
+
+A NamedTuple of arrays passed by value costs several words an array at each call, and a reference count up and down for each.
+A Handle is the address of one packed block: [data pointer, shape …] for an array, one word for a number, tuples in place.
+In a kernel `handle.lights.color[i, 0]` reads as on the tuple itself; its type is known from the block's structure, so that
+column places and row shapes are constants, and loads are marked as never changing, so that LLVM lifts them out of loops.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from llvmlite import ir as llvm
+from numba import types
+from numba.core import cgutils
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import (
+    NativeValue,
+    infer_getattr,
+    lower_getattr_generic,
+    models,
+    register_model,
+    typeof_impl,
+    unbox,
+)
+from numba.np import numpy_support
+from numba.np.arrayobj import make_array, populate_array
+
+WORD = 8  # bytes
+
+# A layout describes a packed tuple: ((name, word, what), …), `what` being a layout, ("array", dtype, row shape), or "int",
+# "float" or "bool".
+Layout = tuple[tuple[str, int, Any], ...]
+
+
+class Handle:
+    """A packed nest of NamedTuples. Keeps the arrays alive; `tables` is the nest itself, for numpy code."""
+
+    __slots__ = ("_block", "address", "numba_type", "tables")
+
+    def __init__(self, tables: Any) -> None:
+        words: list[int | float] = []
+        layout = _pack(tables, words)
+        self.tables = tables
+        self._block = np.zeros(max(len(words), 1), np.int64)
+        floats = self._block.view(np.float64)
+        for k, word in enumerate(words):
+            if isinstance(word, float):
+                floats[k] = word
+            else:
+                self._block[k] = word
+        self.address = int(self._block.ctypes.data)
+        self.numba_type = HandleType(layout)
+
+
+def _pack(value: Any, words: list[int | float]) -> Layout:
+    """Append the words of a NamedTuple; its layout, places counting from the block's start."""
+    layout = []
+    for name, item in zip(value._fields, value, strict=True):
+        if isinstance(item, np.ndarray):
+            if not item.flags.c_contiguous:
+                raise ValueError(f"{name} is not contiguous")
+            layout.append((name, len(words), ("array", item.dtype.str, item.shape[1:])))
+            words.extend((int(item.ctypes.data), len(item)))
+        elif hasattr(item, "_fields"):
+            layout.append((name, len(words), _pack(item, words)))
+        else:
+            kind = "bool" if isinstance(item, bool | np.bool_) else "int" if isinstance(item, int | np.integer) else "float"
+            layout.append((name, len(words), kind))
+            words.append(float(item) if kind == "float" else int(item))
+    return tuple(layout)
+
+
+class HandleType(types.Type):
+    """The Numba type of a packed tuple: its layout is its name."""
+
+    def __init__(self, layout: Layout) -> None:
+        self.layout = layout
+        super().__init__(name=f"Handle{layout}")
+
+    def field(self, name: str) -> tuple[int, Any] | None:
+        return next(((word, what) for known, word, what in self.layout if known == name), None)
+
+
+def _numba_type(what: Any) -> types.Type:
+    if what == "int":
+        return types.int64
+    if what == "float":
+        return types.float64
+    if what == "bool":
+        return types.boolean
+    if what and what[0] == "array":
+        return types.Array(numpy_support.from_dtype(np.dtype(what[1])), 1 + len(what[2]), "C")
+    return HandleType(what)
+
+
+@typeof_impl.register(Handle)
+def _typeof(value: Handle, context: Any) -> HandleType:
+    return value.numba_type
+
+
+@register_model(HandleType)
+class _HandleModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: HandleType) -> None:
+        super().__init__(manager, kind, llvm.IntType(8).as_pointer())
+
+
+@unbox(HandleType)
+def _unbox(kind: HandleType, value: Any, c: Any) -> NativeValue:
+    number = c.pyapi.object_getattr_string(value, "address")
+    address = c.pyapi.long_as_longlong(number)
+    c.pyapi.decref(number)
+    pointer = c.builder.inttoptr(address, llvm.IntType(8).as_pointer())
+    return NativeValue(pointer, is_error=cgutils.is_not_null(c.builder, c.pyapi.err_occurred()))
+
+
+@infer_getattr
+class _HandleAttributes(AttributeTemplate):
+    key = HandleType
+
+    def generic_resolve(self, typ: HandleType, attr: str) -> types.Type | None:
+        found = typ.field(attr)
+        return _numba_type(found[1]) if found else None
+
+
+@lower_getattr_generic(HandleType)
+def _load(context: Any, builder: Any, typ: HandleType, value: Any, attr: str) -> Any:
+    found = typ.field(attr)
+    assert found is not None
+    word, what = found
+    if isinstance(what, tuple) and not (what and what[0] == "array"):
+        return value  # a tuple in place: its fields' words count from the start of the whole block
+    if what == "float":
+        return _word(builder, value, word, llvm.DoubleType())
+    whole = _word(builder, value, word, llvm.IntType(64))
+    if what == "int":
+        return whole
+    if what == "bool":
+        return builder.icmp_signed("!=", whole, llvm.Constant(whole.type, 0))
+    return _array(context, builder, _numba_type(what), value, word, what[2])
+
+
+def _array(context: Any, builder: Any, kind: types.Type, value: Any, word: int, row: tuple[int, ...]) -> Any:
+    array = make_array(kind)(context, builder)
+    item = context.get_abi_sizeof(context.get_data_type(kind.dtype))  # pyright: ignore[reportAttributeAccessIssue]
+    size = llvm.IntType(64)
+    length = _word(builder, value, word + 1, size)
+    shape = [length, *(llvm.Constant(size, n) for n in row)]
+    strides, step = [], item
+    for n in reversed(row):
+        strides.append(llvm.Constant(size, step))
+        step *= n
+    strides.append(llvm.Constant(size, step))
+    data = builder.inttoptr(_word(builder, value, word, size), array.data.type)
+    populate_array(array, data, shape, strides[::-1], llvm.Constant(size, item), None)
+    return array._getvalue()
+
+
+def _word(builder: Any, value: Any, word: int, kind: Any) -> Any:
+    place = builder.gep(value, [llvm.Constant(llvm.IntType(64), word * WORD)])
+    loaded = builder.load(builder.bitcast(place, kind.as_pointer()))
+    loaded.set_metadata("invariant.load", builder.module.add_metadata([]))
+    return loaded

@@ -1,0 +1,264 @@
+"""From a first hit to radiance: emission, ambient and direct light, and the rays that mirrors, glass and matt surfaces send on.
+
+Whitted's tree (Whitted 1980) with, when asked, a cosine-sampled ray from matt surfaces: rays wait on a stack, each with the weight
+its radiance will be given. One source for numpy lanes and for kernels; all lanes walk the same tree, each with its own mask.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..compiler import ir
+from . import lanes, lights, materials, sampler, surface, trace
+from .kernels import helper
+from .materials import Shader
+from .records import GouraudLight, Hit, Lane, Options, Ray, Surface, Tables, Vec
+
+CAMERA_RAY = int(ir.Visibility.CAMERA)
+OTHER_RAY = int(ir.Visibility.REFLECTION)
+GOURAUD = int(ir.Shading.GOURAUD)
+FIELDS = 13  # of a waiting ray: origin, direction, weight, bounces left, specular, key of its random numbers, active
+BRANCHES = 3  # rays a surface sends on at the most: reflected, refracted, diffuse
+MIN_WEIGHT = 1e-4  # rays that could add less than this share are not followed: the error stays below it for each ray cut
+_KEYS = 0x7FFFFFFF
+_LIGHT_DIMENSIONS = 4096  # random dimensions a surface has: one a light, and one for its diffuse ray
+
+
+def stack_shape(options: Options) -> tuple[int, int]:
+    """Rows and columns of the stack `radiance` needs (for numpy lanes, a third axis of lanes follows)."""
+    return (BRANCHES - 1) * (options.bounces + 1) + 1, FIELDS
+
+
+@helper
+def radiance(
+    tables: Tables,
+    accel: Any,
+    gouraud: GouraudLight,
+    options: Options,
+    ray: Ray,
+    hit: Hit,
+    pixel: Lane,
+    sample: Lane,
+    stack: Any,
+) -> tuple[Vec, Lane, Lane]:
+    """(radiance, coverage, sound) of a camera ray that meets `hit`; what is not finite is left out and not `sound`."""
+    seen = hit.instance >= 0
+    zero = lanes.full_like(hit.t, 0.0)
+    alpha = lanes.where(seen, 1.0, zero)
+    total = camera_background(tables, options, ray.direction)
+    total = lanes.where3(seen, (zero, zero, zero), total)
+    weight = (zero + 1.0, zero + 1.0, zero + 1.0)
+    left = lanes.int_like(hit.t, options.bounces)
+    specular = lanes.bool_like(hit.t, True)
+    key = lanes.int_like(hit.t, 1)
+    top = 0
+    while True:
+        if lanes.any_lane(seen):
+            point = surface.at(tables, ray, hit)
+            shader = materials.at(tables, point)
+            viewer = lanes.negate(ray.direction)
+            here = local_light(tables, accel, gouraud, options, point, shader, viewer, hit, seen, specular, pixel, sample, key)
+            total = lanes.where3(seen, lanes.add(total, lanes.mul(weight, here)), total)
+            going = seen & (left > 0)
+            if lanes.any_lane(going):
+                top = send_on(options, point, shader, ray.direction, weight, going, left, pixel, sample, key, stack, top)
+            if options.environment:
+                total = lanes.where3(seen, lanes.add(total, lanes.mul(weight, _sky_in(tables, point, shader, ray.direction))), total)
+        if top == 0:
+            break
+        top -= 1
+        ray, weight, left, specular, key, active = _pop(stack, top)
+        hit = trace.closest(accel, tables, ray, active, OTHER_RAY)
+        seen = active & (hit.instance >= 0)
+        missed = active & lanes.not_(hit.instance >= 0) & specular
+        if lanes.any_lane(missed):
+            sky = reflected_background(tables, options, ray.direction)
+            total = lanes.where3(missed, lanes.add(total, lanes.mul(weight, sky)), total)
+    sound = lanes.is_finite(total[0] + total[1] + total[2])
+    return lanes.where3(sound, total, (zero, zero, zero)), alpha, sound
+
+
+# --- where rays leave the scene -----------------------------------------------------------------------------------------
+
+
+@helper
+def camera_background(tables: Tables, options: Options, direction: Vec) -> Vec:
+    """What the camera sees where nothing is."""
+    zero = 0.0 * direction[0]
+    if options.background == 0:
+        return lights.background(tables, direction)[0]
+    if options.background == 1:
+        return (zero, zero, zero)
+    return (zero + options.color[0], zero + options.color[1], zero + options.color[2])
+
+
+@helper
+def reflected_background(tables: Tables, options: Options, direction: Vec) -> Vec:
+    """What mirrors and glass show where nothing is: the sky, or the background's colour in a scene without one."""
+    zero = 0.0 * direction[0]
+    sky, there = lights.background(tables, direction)
+    if there or options.background != 2:
+        return sky
+    return (zero + options.color[0], zero + options.color[1], zero + options.color[2])
+
+
+@helper
+def _sky_in(tables: Tables, point: Surface, shader: Shader, direction: Vec) -> Vec:
+    """Sky in the mirrored direction and straight behind, for backends that follow no rays."""
+    reflection, transmission, _, _ = _splits(point, shader, direction)
+    mirrored = lights.background(tables, lanes.reflect(direction, point.normal))[0]
+    behind = lights.background(tables, direction)[0]
+    return lanes.add(lanes.mul(reflection, mirrored), lanes.mul(transmission, behind))
+
+
+# --- light at a point ---------------------------------------------------------------------------------------------------
+
+
+@helper
+def local_light(
+    tables: Tables, accel: Any, gouraud: GouraudLight, options: Options, point: Surface, shader: Shader, viewer: Vec, hit: Hit,
+    active: Lane, specular: Lane, pixel: Lane, sample: Lane, key: Lane,
+) -> Vec:  # fmt: skip
+    """What a point sends to the viewer by itself: emission, ambient and direct light, or light computed at vertices.
+
+    Area lights are left out where a diffuse ray meets them: there they have been sampled already.
+    """
+    light = tables.instances.light[point.instance]
+    shines = lanes.where(light >= 0, point.front & specular, True)
+    zero = lanes.full_like(hit.t, 0.0)
+    total = lanes.where3(shines, shader.emission, (zero, zero, zero))
+    at_vertices = (tables.materials.shading[point.material] == GOURAUD) & (gouraud.first[point.instance] >= 0)
+    if lanes.any_lane(active & at_vertices):
+        total = lanes.where3(at_vertices, lanes.add(total, _from_vertices(tables, gouraud, point, hit, at_vertices)), total)
+    here = active & lanes.not_(at_vertices)
+    if lanes.any_lane(here):
+        lit = direct_light(tables, accel, options, point, shader, viewer, here, pixel, sample, key)
+        total = lanes.where3(here, lanes.add(total, lit), total)
+    return total
+
+
+@helper
+def direct_light(
+    tables: Tables, accel: Any, options: Options, point: Surface, shader: Shader, viewer: Vec,
+    active: Lane, pixel: Lane, sample: Lane, key: Lane,
+) -> Vec:  # fmt: skip
+    """k_a L_a and the light of every lamp that nothing blocks."""
+    total = lanes.mul(shader.ambient, lights.ambient(tables))
+    matt = lanes.largest(shader.diffuse) + lanes.largest(shader.specular) > 0.0
+    active = active & matt
+    for light in range(len(tables.lights.kind)):
+        if tables.lights.kind[light] == lights.AMBIENT:
+            continue
+        u, v = sampler.pair(pixel, sample, key * _LIGHT_DIMENSIONS + 1 + light, options.seed)
+        arriving = lights.sample(tables, light, point.position, point.normal, u, v)
+        share = materials.reflected(shader, point.normal, arriving.direction, viewer)
+        given = lanes.scale(lanes.mul(share, arriving.irradiance), 1.0 / np.pi)
+        need = active & (lanes.largest(given) > 0.0)
+        if lanes.any_lane(need):
+            if options.shadows and tables.lights.shadows[light]:
+                shadow_ray = leaving(point, arriving.direction, arriving.distance)
+                need = need & lanes.not_(trace.occluded(accel, tables, shadow_ray, need))
+            total = lanes.where3(need, lanes.add(total, given), total)
+    return total
+
+
+@helper
+def _from_vertices(tables: Tables, gouraud: GouraudLight, point: Surface, hit: Hit, here: Lane) -> Vec:
+    g = tables.instances.geometry[point.instance]
+    triangle = lanes.where(here, hit.primitive, 0)
+    base = lanes.where(here, gouraud.first[point.instance] - tables.geometries.first_vertex[g], 0)
+    triangles, color = tables.pools.triangles, gouraud.color
+    a = base + lanes.where(here, triangles[triangle, 0], 0)
+    b = base + lanes.where(here, triangles[triangle, 1], 0)
+    c = base + lanes.where(here, triangles[triangle, 2], 0)
+    w = 1.0 - hit.u - hit.v
+    return (
+        w * color[a, 0] + hit.u * color[b, 0] + hit.v * color[c, 0],
+        w * color[a, 1] + hit.u * color[b, 1] + hit.v * color[c, 1],
+        w * color[a, 2] + hit.u * color[b, 2] + hit.v * color[c, 2],
+    )
+
+
+@helper
+def leaving(point: Surface, direction: Vec, distance: Lane) -> Ray:
+    """A ray from a surface that does not meet the place it leaves."""
+    side = lanes.sign_of(lanes.dot(direction, point.geometric))
+    origin = lanes.along(point.position, point.geometric, side * point.offset)
+    return Ray(origin, direction, 0.0 * distance_or_zero(distance), distance)
+
+
+@helper
+def distance_or_zero(distance: Lane) -> Lane:
+    """The distance where it is finite (0 · inf is not 0)."""
+    return lanes.where(lanes.is_finite(distance), distance, 0.0)
+
+
+# --- rays that go on ----------------------------------------------------------------------------------------------------
+
+
+@helper
+def _splits(point: Surface, shader: Shader, direction: Vec) -> tuple[Vec, Vec, Vec, Lane]:
+    """(reflected share, transmitted share, refracted direction, total reflection) of a ray that arrives at a surface.
+
+    Radiance is not scaled by the square of the index when it enters a medium: what a camera outside sees is unchanged by that.
+    """
+    cosine = lanes.clip(-lanes.dot(direction, point.normal), 0.0, 1.0)
+    eta = lanes.where(point.front, 1.0 / shader.ior, shader.ior)
+    share, bent, total = materials.fresnel(cosine, eta)
+    refracted = materials.refract(direction, point.normal, cosine, bent, eta)
+    let_through = lanes.where(shader.glass, 1.0 - share, lanes.where(total, 0.0, 1.0))
+    transmission = lanes.scale(shader.transmission, let_through)
+    by_fresnel = (share, share, share)
+    reflection = lanes.where3(shader.glass, by_fresnel, shader.reflection)
+    turned_back = total & lanes.not_(shader.glass)
+    reflection = lanes.where3(turned_back, lanes.add(reflection, shader.transmission), reflection)
+    return reflection, transmission, refracted, total
+
+
+@helper
+def send_on(
+    options: Options, point: Surface, shader: Shader, direction: Vec, weight: Vec, going: Lane, left: Lane,
+    pixel: Lane, sample: Lane, key: Lane, stack: Any, top: int,
+) -> int:  # fmt: skip
+    """Put the rays a surface sends on upon the stack; the new height of it."""
+    reflection, transmission, refracted, _ = _splits(point, shader, direction)
+    specular = lanes.bool_like(point.offset, True)
+    mirrored = lanes.reflect(direction, point.normal)
+    top = _push(stack, top, point, mirrored, lanes.mul(weight, reflection), going, left, specular, key, 0)
+    top = _push(stack, top, point, refracted, lanes.mul(weight, transmission), going, left, specular, key, 1)
+    if options.interreflection:
+        u, v = sampler.pair(pixel, sample, key * _LIGHT_DIMENSIONS, options.seed)
+        onward = lights.cosine_sample(point.normal, u, v)[0]
+        above = going & (lanes.dot(onward, point.geometric) > 0.0)
+        top = _push(stack, top, point, onward, lanes.mul(weight, shader.diffuse), above, left, lanes.not_(specular), key, 2)
+    return top
+
+
+@helper
+def _push(
+    stack: Any, top: int, point: Surface, direction: Vec, weight: Vec, going: Lane, left: Lane, specular: Lane, key: Lane, branch: int
+) -> int:
+    active = going & (lanes.largest(weight) > MIN_WEIGHT)
+    if lanes.any_lane(active):
+        origin = leaving(point, direction, point.offset).origin
+        stack[top, 0], stack[top, 1], stack[top, 2] = origin
+        stack[top, 3], stack[top, 4], stack[top, 5] = direction
+        stack[top, 6], stack[top, 7], stack[top, 8] = weight
+        stack[top, 9] = lanes.to_float(left - 1)
+        stack[top, 10] = lanes.where(specular, 1.0, 0.0)
+        stack[top, 11] = lanes.to_float((key * BRANCHES + 1 + branch) & _KEYS)
+        stack[top, 12] = lanes.where(active, 1.0, 0.0)
+        return top + 1
+    return top
+
+
+@helper
+def _pop(stack: Any, top: int) -> tuple[Ray, Vec, Lane, Lane, Lane, Lane]:
+    origin = (lanes.copy(stack[top, 0]), lanes.copy(stack[top, 1]), lanes.copy(stack[top, 2]))
+    direction = (lanes.copy(stack[top, 3]), lanes.copy(stack[top, 4]), lanes.copy(stack[top, 5]))
+    weight = (lanes.copy(stack[top, 6]), lanes.copy(stack[top, 7]), lanes.copy(stack[top, 8]))
+    zero = 0.0 * origin[0]
+    ray = Ray(origin, direction, zero, zero + np.inf)
+    return ray, weight, lanes.to_int(stack[top, 9]), stack[top, 10] > 0.5, lanes.to_int(stack[top, 11]), stack[top, 12] > 0.5

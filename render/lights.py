@@ -1,0 +1,219 @@
+"""Lights: for a point, from where light comes, how far away that is, and how much; and what a ray into the sky sees."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from ..compiler import ir
+from . import lanes, textures
+from .kernels import helper
+from .records import Lane, Tables, Vec
+
+POINT = int(ir.LightKind.POINT)
+SPOT = int(ir.LightKind.SPOT)
+DIRECTIONAL = int(ir.LightKind.DIRECTIONAL)
+SUN = int(ir.LightKind.SUN)
+SKY = int(ir.LightKind.SKY)
+DOME = int(ir.LightKind.DOME)
+AMBIENT = int(ir.LightKind.AMBIENT)
+RECTANGLE = int(ir.LightKind.RECTANGLE)
+DISK = int(ir.LightKind.DISK)
+SPHERE = int(ir.LightKind.SPHERE)
+POLYNOMIAL = int(ir.FalloffKind.POLYNOMIAL)
+RAMP = int(ir.FalloffKind.RAMP)
+REPEAT = int(ir.Wrap.REPEAT)
+CLAMP = int(ir.Wrap.CLAMP)
+FAR = math.inf
+_SHORT = 1.0 - 1e-9  # of the way to a light: its own place does not block it
+_GRAZING = 1e-4  # smallest cosine a direction into the sky is taken with
+
+
+class Arriving(NamedTuple):
+    """One sample of a light, as seen from a point."""
+
+    direction: Vec  # unit, to the light
+    distance: Lane  # metres a shadow ray must go, inf for what is endlessly far
+    irradiance: Vec  # on a surface that faces it; samples of soft lights average to the integral
+
+
+@helper
+def sample(tables: Tables, light: int, position: Vec, normal: Vec, u: Lane, v: Lane) -> Arriving:
+    """Light number `light` at a point; u, v in [0, 1) choose where on a soft light. Ambient light has no direction: see `ambient`."""
+    kind = tables.lights.kind[light]
+    if kind in (POINT, SPOT):
+        return _from_point(tables, light, position)
+    if kind in (DIRECTIONAL, SUN):
+        return _from_afar(tables, light, u, v)
+    if kind in (SKY, DOME):
+        return _from_sky(tables, light, normal, u, v)
+    if kind == SPHERE:
+        return _from_sphere(tables, light, position, u, v)
+    return _from_plate(tables, light, position, u, v)
+
+
+@helper
+def falloff(kind: int, a: float, b: float, c: float, distance: Lane) -> Lane:
+    """What is left of intensity at a distance in metres: 1/d², the classic polynomial, or the ramp."""
+    if kind == POLYNOMIAL:
+        return 1.0 / lanes.maximum(a + distance * (b + c * distance), 1e-300)
+    if kind == RAMP:
+        return lanes.clip((b - distance) / max(b - a, 1e-300), 0.0, 1.0)
+    return 1.0 / lanes.maximum(distance * distance, 1e-300)
+
+
+@helper
+def spot_share(cosine: Lane, cos_cone: float, cos_full: float) -> Lane:
+    """A spot's strength off its axis: smoothstep of the cosine between where it ends and where it is full (pbrt-v4 §12.2.3)."""
+    t = lanes.clip((cosine - cos_cone) / max(cos_full - cos_cone, 1e-12), 0.0, 1.0)
+    return t * t * (3.0 - 2.0 * t)
+
+
+@helper
+def _color(tables: Tables, light: int, s: Lane) -> Vec:
+    color = tables.lights.color
+    return (color[light, 0] * s, color[light, 1] * s, color[light, 2] * s)
+
+
+@helper
+def _from_point(tables: Tables, light: int, position: Vec) -> Arriving:
+    lights = tables.lights
+    way = lanes.sub((lights.position[light, 0], lights.position[light, 1], lights.position[light, 2]), position)
+    distance = lanes.length(way)
+    direction = lanes.scale(way, 1.0 / lanes.maximum(distance, 1e-300))
+    c = lights.coefficients
+    strength = falloff(lights.falloff[light], c[light, 0], c[light, 1], c[light, 2], distance)
+    if lights.kind[light] == SPOT:
+        axis = (lights.direction[light, 0], lights.direction[light, 1], lights.direction[light, 2])
+        strength = strength * spot_share(-lanes.dot(direction, axis), lights.cos_cone[light], lights.cos_full[light])
+    return Arriving(direction, distance * _SHORT, _color(tables, light, strength))
+
+
+@helper
+def _from_afar(tables: Tables, light: int, u: Lane, v: Lane) -> Arriving:
+    lights = tables.lights
+    zero = 0.0 * u
+    axis = (lights.direction[light, 0] + zero, lights.direction[light, 1] + zero, lights.direction[light, 2] + zero)
+    if lights.angle[light] > 0.0:
+        half = math.sin(0.5 * lights.angle[light])
+        axis = _in_cone(axis, u * 2.0 * half * half, v)
+    return Arriving(axis, zero + FAR, _color(tables, light, zero + 1.0))
+
+
+@helper
+def _in_cone(axis: Vec, below: Lane, v: Lane) -> Vec:
+    """The direction whose cosine with the axis is 1 - below, turned by v."""
+    sine = lanes.sqrt(lanes.maximum(below * (2.0 - below), 0.0))
+    a, b = lanes.basis(axis)
+    turn = 2.0 * math.pi * v
+    sideways = lanes.add(lanes.scale(a, sine * lanes.cos(turn)), lanes.scale(b, sine * lanes.sin(turn)))
+    return lanes.normalize(lanes.add(lanes.scale(axis, 1.0 - below), sideways))
+
+
+@helper
+def cosine_sample(normal: Vec, u: Lane, v: Lane) -> tuple[Vec, Lane]:
+    """A direction about the normal with density cos/π, and its cosine (Malley's method)."""
+    radius = lanes.sqrt(u)
+    turn = 2.0 * math.pi * v
+    cosine = lanes.sqrt(lanes.maximum(1.0 - u, 0.0))
+    a, b = lanes.basis(normal)
+    sideways = lanes.add(lanes.scale(a, radius * lanes.cos(turn)), lanes.scale(b, radius * lanes.sin(turn)))
+    return lanes.add(lanes.scale(normal, cosine), sideways), cosine
+
+
+@helper
+def _from_sky(tables: Tables, light: int, normal: Vec, u: Lane, v: Lane) -> Arriving:
+    direction, cosine = cosine_sample(normal, u, v)
+    radiance = sky_radiance(tables, light, direction)
+    return Arriving(direction, 0.0 * u + FAR, lanes.scale(radiance, math.pi / lanes.maximum(cosine, _GRAZING)))
+
+
+@helper
+def _from_plate(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) -> Arriving:
+    lights, row = tables.lights, tables.lights.transform[light]
+    matrix = tables.transforms.matrix
+    half_x, half_z = lights.size[light, 0], lights.size[light, 1]
+    side_x = lanes.transform_vector(matrix, row, (1.0, 0.0, 0.0))
+    side_z = lanes.transform_vector(matrix, row, (0.0, 0.0, 1.0))
+    face = lanes.cross(side_z, side_x)
+    stretch = lanes.length(face)
+    if tables.transforms.flips[row]:
+        face = lanes.negate(face)
+    if lights.kind[light] == DISK:
+        radius, turn = half_x * lanes.sqrt(u), 2.0 * math.pi * v
+        x, z = radius * lanes.cos(turn), radius * lanes.sin(turn)
+        area = math.pi * half_x * half_x * stretch
+    else:
+        x, z = (2.0 * u - 1.0) * half_x, (2.0 * v - 1.0) * half_z
+        area = 4.0 * half_x * half_z * stretch
+    way = lanes.sub(lanes.transform_point(matrix, row, (x, 0.0, z)), position)
+    squared = lanes.maximum(lanes.dot(way, way), 1e-300)
+    distance = lanes.sqrt(squared)
+    direction = lanes.scale(way, 1.0 / distance)
+    cosine = lanes.maximum(-lanes.dot(direction, face) / max(stretch, 1e-300), 0.0)
+    return Arriving(direction, distance * _SHORT, _color(tables, light, cosine * area / squared))
+
+
+@helper
+def _from_sphere(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) -> Arriving:
+    """By the cone of directions it fills; from inside, all directions (pbrt-v4 §6.2.4)."""
+    row = tables.lights.transform[light]
+    matrix = tables.transforms.matrix
+    centre = lanes.transform_point(matrix, row, (0.0, 0.0, 0.0))
+    radius = tables.lights.size[light, 0] * lanes.length(lanes.transform_vector(matrix, row, (1.0, 0.0, 0.0)))
+    way = lanes.sub(centre, position)
+    squared = lanes.dot(way, way)
+    inside = squared <= radius * radius
+    sine2 = lanes.where(inside, 1.0, radius * radius / lanes.maximum(squared, 1e-300))
+    height = sine2 / (1.0 + lanes.sqrt(lanes.maximum(1.0 - sine2, 0.0)))  # 1 - cos of the cone's half angle, without cancelling
+    height = lanes.where(inside, 2.0, height)
+    axis = lanes.where3(squared > 0.0, lanes.normalize(way), (0.0 * u, 0.0 * u + 1.0, 0.0 * u))
+    direction = _in_cone(axis, u * height, v)
+    middle = lanes.dot(way, direction)
+    reach = lanes.sqrt(lanes.maximum(radius * radius - (squared - middle * middle), 0.0))
+    distance = lanes.where(inside, middle + reach, middle - reach)
+    return Arriving(direction, lanes.maximum(distance, 0.0) * _SHORT, _color(tables, light, 2.0 * math.pi * height))
+
+
+@helper
+def sky_radiance(tables: Tables, light: int, direction: Vec) -> Vec:
+    """What a ray that leaves the scene sees of a sky or dome.
+
+    A dome's picture is latitude-longitude as in OpenEXR and UsdLux: its middle lies toward +z of the dome's frame, its top
+    toward +y, and +x is left of the middle, as seen from inside.
+    """
+    lights = tables.lights
+    if lights.kind[light] == SKY:
+        return _color(tables, light, 0.0 * direction[0] + 1.0)
+    x, y, z = lanes.normalize(lanes.transform_vector(tables.transforms.inverse, lights.transform[light], direction))
+    if lights.image[light] < 0:
+        return _color(tables, light, 0.0 * x + 1.0)
+    s, t = 0.5 - lanes.atan2(x, z) / (2.0 * math.pi), 0.5 + lanes.asin(y) / math.pi
+    image = lanes.int_like(x, lights.image[light])
+    smooth = lanes.bool_like(x, False)
+    texel = textures.look_up(tables, image, s, t, lanes.int_like(x, REPEAT), lanes.int_like(x, CLAMP), smooth)
+    return lanes.mul(_color(tables, light, 1.0), (texel[0], texel[1], texel[2]))
+
+
+@helper
+def background(tables: Tables, direction: Vec) -> tuple[Vec, bool]:
+    """What all skies and domes show in a direction, and whether there are any."""
+    zero = 0.0 * direction[0]
+    total = (zero, zero, zero)
+    there = False
+    for light in range(len(tables.lights.kind)):
+        kind = tables.lights.kind[light]
+        if kind in (SKY, DOME):
+            total = lanes.add(total, sky_radiance(tables, light, direction))
+            there = True
+    return total, there
+
+
+@helper
+def ambient(tables: Tables) -> tuple[float, float, float]:
+    """The course's L_a: the radiance of all ambient lights."""
+    total = (0.0, 0.0, 0.0)
+    for light in range(len(tables.lights.kind)):
+        if tables.lights.kind[light] == AMBIENT:
+            total = lanes.add(total, _color(tables, light, 1.0))
+    return total

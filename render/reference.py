@@ -1,0 +1,60 @@
+"""The reference backend: every primitive tried for every ray, in numpy float64. Slow and short: the definition of the others."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..compiler import ir
+from ..compiler.plan import Plan
+from . import aov, camera, integrate, sampler, trace
+from .prepare import Prepared
+from .records import Film, Ray, Tile, View
+
+
+class Renderer:
+    """Draws tiles with numpy lanes, all pixels of a tile at once."""
+
+    def __init__(self, prepared: Prepared, plan: Plan, view: View) -> None:
+        self.prepared, self.view = prepared, view
+        self.filter = sampler.filter_table(plan["filter"])
+
+    def sample(self, tile: Tile, first: int, count: int, total: int, film: Film) -> None:
+        """Add samples first … first + count - 1 of each pixel of the tile to the film."""
+        prepared, options = self.prepared, self.prepared.options
+        x, y = _pixels(tile)
+        pixel = y * self.view.width + x
+        stack = np.zeros((*integrate.stack_shape(options), len(x)))
+        shape = film.alpha.shape
+        with np.errstate(all="ignore"):
+            for s in range(first, first + count):
+                index = np.full(len(x), s)
+                dx, dy = sampler.offset(pixel, index, total, options.seed, self.filter)
+                ray, hit = self._first_hit(x + 0.5 + dx, y + 0.5 + dy)
+                rgb, alpha, sound = integrate.radiance(
+                    prepared.tables, prepared.accel, prepared.gouraud, options, ray, hit, pixel, index, stack
+                )
+                for k in range(3):
+                    film.color[..., k] += np.reshape(rgb[k], shape)
+                film.alpha[:] += np.reshape(alpha, shape)
+                film.issues[:] += np.reshape(~sound, shape)
+
+    def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, Any]) -> None:
+        """Write the named channels of the tile, (h, w, k) each."""
+        with np.errstate(all="ignore"):
+            ray, hit = self._first_hit(*aov.centres(tile))
+        found = aov.channels_of(self.prepared.tables, self.view, ray, hit, names)
+        for name, values in found.items():
+            out[name][:] = values.reshape(out[name].shape)
+
+    def _first_hit(self, x: np.ndarray, y: np.ndarray) -> tuple[Ray, Any]:
+        tables = self.prepared.tables
+        ray = camera.ray(tables, self.view, x, y)
+        active = np.ones(len(x), bool)
+        return ray, trace.closest(self.prepared.accel, tables, ray, active, int(ir.Visibility.CAMERA))
+
+
+def _pixels(tile: Tile) -> tuple[np.ndarray, np.ndarray]:
+    y, x = np.mgrid[tile.y0 : tile.y1, tile.x0 : tile.x1]
+    return x.ravel(), y.ravel()

@@ -1,0 +1,129 @@
+"""Sample numbers: Owen-scrambled Sobol pairs, a function of (pixel, sample, dimension, seed) alone, and pixel filters.
+
+Burley 2020, Practical Hash-based Owen Scrambling (JCGT 9, 4): each dimension pair takes the first two Sobol dimensions with the
+sample index shuffled and the points scrambled by hashes, so that pairs are well spread by themselves and independent of each
+other. All arithmetic is uint64 masked to 32 bits, which wraps alike in numpy and in kernels.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import lanes
+from .kernels import helper
+from .records import Lane
+
+TABLE = 257  # entries of a filter's inverse distribution
+SUBPIXEL = 256.0  # sample positions are multiples of 1/256 pixel, where the rasterizer's arithmetic is exact
+FILTERS = ("box", "tent", "gaussian", "blackman-harris")
+
+_MASK = np.uint64(0xFFFFFFFF)
+_TO_UNIT = 1.0 / 4294967296.0
+
+
+def _u64(x: Lane) -> Lane:
+    return np.asarray(x).astype(np.uint64)
+
+
+@lanes.overload(_u64)
+def _u64_scalar(x):
+    return lambda x: np.uint64(x)
+
+
+@helper
+def _hash(x: Lane) -> Lane:
+    """A 32-bit integer hash (Wellons' lowbias32)."""
+    x = x & _MASK
+    x = ((x ^ (x >> np.uint64(16))) * np.uint64(0x7FEB352D)) & _MASK
+    x = ((x ^ (x >> np.uint64(15))) * np.uint64(0x846CA68B)) & _MASK
+    return x ^ (x >> np.uint64(16))
+
+
+@helper
+def _combine(seed: Lane, value: Lane) -> Lane:
+    return _hash(seed ^ ((value * np.uint64(0x9E3779B9) + np.uint64(0x85EBCA6B)) & _MASK))
+
+
+@helper
+def _reverse_bits(x: Lane) -> Lane:
+    x = ((x >> np.uint64(1)) & np.uint64(0x55555555)) | ((x & np.uint64(0x55555555)) << np.uint64(1))
+    x = ((x >> np.uint64(2)) & np.uint64(0x33333333)) | ((x & np.uint64(0x33333333)) << np.uint64(2))
+    x = ((x >> np.uint64(4)) & np.uint64(0x0F0F0F0F)) | ((x & np.uint64(0x0F0F0F0F)) << np.uint64(4))
+    x = ((x >> np.uint64(8)) & np.uint64(0x00FF00FF)) | ((x & np.uint64(0x00FF00FF)) << np.uint64(8))
+    return ((x >> np.uint64(16)) | (x << np.uint64(16))) & _MASK
+
+
+@helper
+def _permute(x: Lane, seed: Lane) -> Lane:
+    """The Laine-Karras permutation with Burley's constants: a nested scramble of bits in reversed order."""
+    x = (x ^ (x * np.uint64(0x3D20ADEA))) & _MASK
+    x = (x + seed) & _MASK
+    x = (x * ((seed >> np.uint64(16)) | np.uint64(1))) & _MASK
+    x = (x ^ (x * np.uint64(0x05526C56))) & _MASK
+    return (x ^ (x * np.uint64(0x53A22864))) & _MASK
+
+
+@helper
+def _sobol_second(index: Lane) -> Lane:
+    """The second Sobol dimension as 32 bits: the index' bits by Pascal's triangle modulo 2, five steps for five bits of place."""
+    x = index
+    x = x ^ ((x & np.uint64(0xAAAAAAAA)) >> np.uint64(1))
+    x = x ^ ((x & np.uint64(0xCCCCCCCC)) >> np.uint64(2))
+    x = x ^ ((x & np.uint64(0xF0F0F0F0)) >> np.uint64(4))
+    x = x ^ ((x & np.uint64(0xFF00FF00)) >> np.uint64(8))
+    x = x ^ ((x & np.uint64(0xFFFF0000)) >> np.uint64(16))
+    return _reverse_bits(x)
+
+
+@helper
+def pair(pixel: Lane, sample: Lane, dimension: Lane, seed: int) -> tuple[Lane, Lane]:
+    """Two numbers in [0, 1) for a pixel (y · width + x), sample index, dimension pair and seed."""
+    key = _combine(_combine(_hash(_u64(seed) + np.uint64(1)), _u64(pixel)), _u64(dimension))
+    index = _reverse_bits(_permute(_reverse_bits(_u64(sample) & _MASK), key))
+    first = _permute(index, _combine(key, np.uint64(1)))  # the first dimension is the index reversed, scrambled reversed again
+    first = _reverse_bits(first)
+    second = _reverse_bits(_permute(_reverse_bits(_sobol_second(index)), _combine(key, np.uint64(2))))
+    return first * _TO_UNIT, second * _TO_UNIT
+
+
+@helper
+def _inverse_cdf(table: NDArray[np.float64], u: Lane) -> Lane:
+    place = u * (TABLE - 1)
+    k = lanes.floor_int(lanes.minimum(place, TABLE - 1.5))
+    return lanes.lerp(table[k], table[k + 1], place - k)
+
+
+@helper
+def offset(pixel: Lane, sample: Lane, total: int, seed: int, table: NDArray[np.float64]) -> tuple[Lane, Lane]:
+    """Where in (or near) its pixel a sample lies, from the pixel's centre: spread as the filter weighs.
+
+    One sample in all is the centre. `table` is from `filter_table`.
+    """
+    u, v = pair(pixel, sample, 0, seed)
+    x = lanes.floor(_inverse_cdf(table, u) * SUBPIXEL + 0.5) / SUBPIXEL
+    y = lanes.floor(_inverse_cdf(table, v) * SUBPIXEL + 0.5) / SUBPIXEL
+    many = total > 1
+    return lanes.where(many, x, 0.0), lanes.where(many, y, 0.0)
+
+
+def filter_table(name: str) -> NDArray[np.float64]:
+    """(257,) inverse cumulative distribution of a pixel filter, in pixels from the centre.
+
+    box: half a pixel each way; tent: one pixel; gaussian: σ = 0.5 cut at 1.5 pixels; blackman-harris: 1.65 pixels (Harris 1978).
+    """
+    radius = {"box": 0.5, "tent": 1.0, "gaussian": 1.5, "blackman-harris": 1.65}[name]
+    x = np.linspace(-radius, radius, 16385)
+    if name == "box":
+        weight = np.ones_like(x)
+    elif name == "tent":
+        weight = 1.0 - np.abs(x)
+    elif name == "gaussian":
+        weight = np.exp(-2.0 * x * x) - math.exp(-2.0 * radius * radius)
+    else:
+        t = (x + radius) / (2.0 * radius) * 2.0 * np.pi
+        weight = 0.35875 - 0.48829 * np.cos(t) + 0.14128 * np.cos(2 * t) - 0.01168 * np.cos(3 * t)
+    total = np.concatenate([[0.0], np.cumsum((weight[1:] + weight[:-1]) / 2)])
+    return np.ascontiguousarray(np.interp(np.linspace(0.0, 1.0, TABLE), total / total[-1], x))

@@ -65,6 +65,7 @@ def options_of(plan: Plan) -> Options:
         interreflection=bool(plan["interreflection"]),
         shadows=bool(plan["shadows"]),
         background=2 if colored else _BACKGROUNDS[background],
+        environment=plan["backend"] == "raster",
         color=(float(background[0]), float(background[1]), float(background[2])) if colored else (0.0, 0.0, 0.0),
     )
 
@@ -177,7 +178,8 @@ def with_vertex_shaded_meshes(tables: ir.Tables, shapes: _Shapes) -> ir.Tables:
             rows[key] = len(tables.geometries.kind) + len(made)
             made.append((key[0], shapes.of(int(i))))
         geometry[i] = rows[key]
-    return _with_meshes(tables, made)._replace(instances=instances._replace(geometry=geometry))
+    placed = ir.table_of("instances", {**instances._asdict(), "geometry": geometry})
+    return _with_meshes(tables, made)._replace(instances=placed)
 
 
 def _with_meshes(tables: ir.Tables, made: list[tuple[int, tessellate.Tessellation]]) -> ir.Tables:
@@ -206,10 +208,9 @@ def _with_meshes(tables: ir.Tables, made: list[tuple[int, tessellate.Tessellatio
         vertices += count
         triangles += len(mesh.triangles)
     more_attributes = dict(zip(("interpolation", "width", "first", "count"), zip(*attribute_rows, strict=True), strict=True))
+    grown = {"positions": positions_of, "triangles": triangles_of, "values": values_of}
     return tables._replace(
-        pools=pools._replace(
-            positions=np.concatenate(positions_of), triangles=np.concatenate(triangles_of).astype(np.int32), values=np.concatenate(values_of)
-        ),
+        pools=ir.table_of("pools", {**pools._asdict(), **{name: np.concatenate(rows) for name, rows in grown.items()}}),
         attributes=_appended("attributes", attributes, more_attributes),
         geometries=_appended("geometries", geometries, geometry_rows),
     )

@@ -2,12 +2,13 @@
 
 Meshes are hit where their triangles are; of an analytic shape the z-buffer sees the tessellation, and the sample is then put
 where its ray meets the true surface, or, on the outline, where it meets the tessellation. No ray is followed after the
-first hit but those that look for shadows.
+first hit but those that look for shadows: mirrors and glass show the sky in their mirrored direction and straight behind.
 """
 
 from __future__ import annotations
 
 import math
+import time
 from typing import Any
 
 import numpy as np
@@ -40,12 +41,15 @@ class Renderer:
             visibility.flat_polygons(tables, self.flat)
         self.model, ranges = raster_setup.model(tables, view, prepared.shells)
         self.clusters = raster_setup.clusters(self.model, ranges, tables, view, -(-self.reach // fill.ONE), whole)
+        started = time.perf_counter()
+        self.sample(Tile(0, 0, 0, 0), 0, 1, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
+        self.seconds = {"compile_kernels": time.perf_counter() - started}
 
     def sample(self, tile: Tile, first: int, count: int, total: int, film: Film) -> None:
         """Add samples first … first + count - 1 of `total` of every pixel of a tile to the film's sums."""
         prepared, view = self.prepared, self.view
         stack = np.zeros(integrate.stack_shape(prepared.options))
-        batch = max(1, BATCH // ((tile.y1 - tile.y0) * (tile.x1 - tile.x0)))
+        batch = max(1, BATCH // max(1, (tile.y1 - tile.y0) * (tile.x1 - tile.x0)))
         for start in range(first, first + count, batch):
             samples = self._samples(tile, start, min(batch, first + count - start), total)
             seen = self._seen(tile, samples)
@@ -84,6 +88,24 @@ class Renderer:
         return seen
 
 
+def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
+    """What the raster backend does not draw of a scene: (message, table, row), once for each material and light it is about."""
+    tables, found = scene.tables, []
+    used = np.unique(tables.instances.material[tables.instances.visible & ir.Visibility.CAMERA != 0])
+    values = tables.materials.values
+    for row in used.tolist():
+        model = tables.materials.model[row]
+        refracts = model == ir.MaterialModel.GLASS or values[row, ir.Slot.TRANSMISSION].max() > 0
+        reflects = model == ir.MaterialModel.MIRROR or values[row, ir.Slot.REFLECTION].max() > 0
+        if refracts:
+            name = "glass" if model == ir.MaterialModel.GLASS else "k_t"
+            found.append((f"raster draws {name} without refraction: the sky straight behind it is seen", "materials", row))
+        elif reflects:
+            name = "mirrors" if model == ir.MaterialModel.MIRROR else "k_r"
+            found.append((f"raster draws {name} without other things in them: only the sky is reflected", "materials", row))
+    return found
+
+
 @kernel
 def place_samples(tile, view, first, total, seed, table, samples):
     """Write where samples first, first + 1, … of a tile's pixels lie."""
@@ -107,14 +129,14 @@ def hit_of(made: Any, tables: Tables, view: View, ray: Ray, px: int, py: int, in
     geometry = tables.instances.geometry[instance]
     kind = tables.geometries.kind[geometry]
     if kind == MESH:
-        return Hit(t, instance, triangle, u, v)
+        return Hit(t, np.int64(instance), np.int64(triangle), u, v)
     row = tables.instances.transform[instance]
     origin = lanes.transform_point(tables.transforms.inverse, row, ray.origin)
     direction = lanes.transform_vector(tables.transforms.inverse, row, ray.direction)
     exact, part = shapes.intersect(kind, tables.geometries.parameters, geometry, origin, direction, ray.t_min, ray.t_max)
     if exact < np.inf:
-        return Hit(exact, instance, int(part), 0.0, 0.0)
-    return Hit(t, instance, int(made.parts[triangle]), 0.0, 0.0)
+        return Hit(exact, np.int64(instance), np.int64(part), 0.0, 0.0)
+    return Hit(t, np.int64(instance), np.int64(made.parts[triangle]), 0.0, 0.0)
 
 
 @helper
@@ -171,8 +193,9 @@ def shade(made, tables, view, accel, gouraud, options, tile, first, samples, see
                 px, py = samples.x[j, i, s], samples.y[j, i, s]
                 ray = camera.ray(tables, view, px / fill.ONE, py / fill.ONE)
                 hit = hit_of(made, tables, view, ray, px, py, seen.instance[j, i, s], seen.triangle[j, i, s])
-                color, alpha = integrate.radiance(tables, accel, gouraud, options, ray, hit, pixel, first + s, stack)
+                color, alpha, sound = integrate.radiance(tables, accel, gouraud, options, ray, hit, pixel, first + s, stack)
                 film.color[j, i, 0] += color[0]
                 film.color[j, i, 1] += color[1]
                 film.color[j, i, 2] += color[2]
                 film.alpha[j, i] += alpha
+                film.issues[j, i] += not sound

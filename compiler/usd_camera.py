@@ -1,0 +1,80 @@
+"""USD's cameras, and the one that frames a stage without a main camera, as usdrecord does."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from . import ir
+from .build import SceneBuilder
+from .rows import CameraData
+from .usd_stage import Opened
+
+FILM = (20.955, 15.2908)  # mm: usdrecord's default camera
+FOCAL = 50.0  # mm
+_TENTH = 0.1  # of an orthographic camera, apertures are tenths of a scene unit
+
+
+def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: SceneBuilder) -> int:
+    """The row of a Camera prim under the matrix (4, 4), whose scale does not count but for `unit`, the stage's own."""
+    from pxr import Gf, UsdGeom
+
+    lens = UsdGeom.Camera(prim).GetCamera(opened.time)
+    width, height = lens.horizontalAperture, lens.verticalAperture
+    span = opened.span(prim)
+    perspective = lens.projection == Gf.Camera.Perspective
+    if not (width > 0 and height > 0) or (perspective and not lens.focalLength > 0):
+        builder.diagnostics.warning("this camera has no aperture or focal length: it is left out", span)
+        return -1
+    if len(lens.clippingPlanes):
+        builder.diagnostics.warning("clipping planes are not drawn", span)
+    near, far = lens.clippingRange.min * unit, lens.clippingRange.max * unit
+    if not near < far:
+        builder.diagnostics.warning("this camera's clipping range is empty: it clips nothing", span)
+        near, far = 0.0, math.inf
+    if lens.fStop > 0:
+        builder.diagnostics.note("depth of field is not drawn", span)
+    exposure = prim.GetAttribute("exposure").Get(opened.time) if prim.GetAttribute("exposure") else None
+    return builder.camera(
+        CameraData(
+            builder.transform(upright(matrix), span),
+            height / (2 * lens.focalLength) if perspective else height * _TENTH / 2 * unit,
+            ir.Projection.PERSPECTIVE if perspective else ir.Projection.ORTHOGRAPHIC,
+            aspect=width / height, near=max(near, 0.0) if perspective else near, far=far,
+            shift=(lens.horizontalApertureOffset / width, lens.verticalApertureOffset / height),
+            exposure=float(exposure) if exposure else math.nan, name=str(prim.GetPath()),
+        ),
+        span,
+    )  # fmt: skip
+
+
+def upright(matrix: np.ndarray) -> np.ndarray:
+    """The frame of a camera without scale: −z as it looks, x as near as can be, right-handed."""
+    made = np.eye(4)
+    z = matrix[:3, 2] / max(np.linalg.norm(matrix[:3, 2]), 1e-300)
+    y = matrix[:3, 1] - (matrix[:3, 1] @ z) * z
+    y = y / max(np.linalg.norm(y), 1e-300)
+    made[:3, 0], made[:3, 1], made[:3, 2], made[:3, 3] = np.cross(y, z), y, z, matrix[:3, 3]
+    return made
+
+
+def frame(builder: SceneBuilder) -> np.ndarray | None:
+    """Adds the camera that looks along −z at the bounds of what is drawn (usdAppUtils/frameRecorder.cpp); its place (4, 4).
+
+    The bounds' half diagonal across fills half the film's width, from in front of the bounds. None where nothing has bounds.
+    """
+    bounds = builder.world_bounds()
+    if bounds is None:
+        return None
+    size = bounds[1] - bounds[0]
+    target = bounds.mean(axis=0)
+    tangent = FILM[0] / 2 / FOCAL
+    distance = math.hypot(size[0], size[1]) / 2 / tangent + size[2] / 2
+    if not distance > 0:
+        distance = 1.0
+    place = np.eye(4)
+    place[:3, 3] = target + np.array([0.0, 0.0, distance])
+    builder.camera(CameraData(builder.transform(place), FILM[1] / 2 / FOCAL, aspect=FILM[0] / FILM[1], name="frame"))
+    return place

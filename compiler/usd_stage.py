@@ -1,0 +1,132 @@
+"""Opens USD stages: errors as diagnostics, variants chosen, the time to read at, the frame that makes y point up."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..lang.diagnostics import Diagnostics, Span, suggest
+
+Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # −90° about x
+MAX_WARNINGS = 20
+
+
+@dataclass(slots=True)
+class Opened:
+    """A stage ready to be read. `frame` (4, 4) turns its up axis to y; `time` is a Usd.TimeCode."""
+
+    stage: Any
+    name: str
+    time: Any
+    frame: np.ndarray
+    meters_per_unit: float
+
+    def span(self, prim: Any) -> Span:
+        return Span(f"{self.name}<{prim.GetPath()}>")
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The layers that were read from disk."""
+        layers = [layer.realPath for layer in self.stage.GetUsedLayers()]
+        return tuple(dict.fromkeys(path for path in layers if path))
+
+
+class Reports:
+    """Collects what usd-core has to say, which it else prints, as warnings."""
+
+    def __init__(self) -> None:
+        from pxr import UsdUtils
+
+        self._delegate = UsdUtils.CoalescingDiagnosticDelegate()
+
+    def tell(self, diagnostics: Diagnostics, span: Span) -> None:
+        said = dict.fromkeys(_plain(d.commentary) for d in self._delegate.TakeUncoalescedDiagnostics())
+        for count, message in enumerate(said):
+            if count == MAX_WARNINGS:
+                diagnostics.warning(f"usd-core has {len(said) - count} more warnings", span)
+                break
+            diagnostics.warning(message, span)
+
+
+def open_(
+    path: Path, name: str, diagnostics: Diagnostics, span: Span | None, *, seconds: float | None = None, time: float | None = None,
+    variants: Mapping[str, str] | None = None,
+) -> Opened | None:  # fmt: skip
+    """The stage in a file, or None and an error. `seconds` count from the stage's start, `time` is a time code; without either it is
+    read at its earliest time, as usdrecord does. `variants` are {"/prim:set": "name"}."""
+    from pxr import Tf, Usd, UsdGeom
+
+    reports = Reports()
+    whole = span or Span(name)
+    try:
+        stage = Usd.Stage.Open(str(path))
+    except Tf.ErrorException as failure:
+        diagnostics.error(f"cannot read the stage `{path.name}`: {_reason(failure)}", whole)
+        return None
+    finally:
+        reports.tell(diagnostics, whole)
+    if stage is None:
+        diagnostics.error(f"cannot read the stage `{path.name}`", whole)
+        return None
+    for where, choice in (variants or {}).items():
+        _choose(stage, where, choice, diagnostics, whole)
+    code = Usd.TimeCode.EarliestTime()
+    if seconds is not None:
+        code = Usd.TimeCode(stage.GetStartTimeCode() + seconds * stage.GetTimeCodesPerSecond())
+    if time is not None:
+        code = Usd.TimeCode(time)
+    frame = Z_UP if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else np.eye(4)
+    meters = UsdGeom.GetStageMetersPerUnit(stage)
+    return Opened(stage, name, code, frame, meters if meters > 0 else 1.0)
+
+
+def _choose(stage: Any, where: str, choice: str, diagnostics: Diagnostics, span: Span) -> None:
+    """Select a variant in the session layer, so that no file changes."""
+    from pxr import Sdf, Usd
+
+    path, _, set_name = where.rpartition(":")
+    if not Sdf.Path.IsValidPathString(path) or not Sdf.Path(path).IsAbsoluteRootOrPrimPath():
+        diagnostics.error(f"`{where}` names no variant set", span, "write --variant /prim:set=name")
+        return
+    prim = stage.GetPrimAtPath(path)
+    if not prim:
+        known = [str(p.GetPath()) for p in stage.TraverseAll() if p.HasVariantSets()]
+        diagnostics.error(f"the stage has no prim `{path}`", span, suggest(path, known) or _listed("prims with variants", known))
+        return
+    sets = prim.GetVariantSets()
+    if set_name not in sets.GetNames():
+        names = list(sets.GetNames())
+        hint = suggest(set_name, names) or _listed("it has", names)
+        diagnostics.error(f"`{path}` has no variant set `{set_name}`", span, hint)
+        return
+    names = list(sets.GetVariantSet(set_name).GetVariantNames())
+    if choice not in names:
+        hint = suggest(choice, names) or _listed("it has", names)
+        diagnostics.error(f"the variant set `{where}` has no variant `{choice}`", span, hint)
+        return
+    with Usd.EditContext(stage, stage.GetSessionLayer()):
+        sets.GetVariantSet(set_name).SetVariantSelection(choice)
+
+
+def _listed(what: str, names: list[str]) -> str:
+    return f"{what}: {', '.join(names[:12])}" if names else ""
+
+
+def _reason(failure: Exception) -> str:
+    """The first of usd-core's messages, on one line and without its source places."""
+    text = str(failure).strip()
+    for line in text.splitlines():
+        at = line.find("'")
+        if "Error in" in line and at >= 0:
+            return _plain(line[line.find(": '") + 3 :].rstrip("'") if ": '" in line else line[at:].strip("'"))
+    return _plain(text.splitlines()[-1] if text else "no reason given")
+
+
+def _plain(message: str) -> str:
+    """A message on one line, without trailing addresses of objects."""
+    line = " ".join(message.split())
+    return line if len(line) <= 300 else line[:299] + "…"

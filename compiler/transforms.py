@@ -150,9 +150,10 @@ def _perpendicular(axis: np.ndarray, up: Sequence[float]) -> np.ndarray:
 def _shortest_turn(normal: np.ndarray) -> np.ndarray:
     """The rotation that takes +y to a unit vector by the smallest angle (about x where it points to −y)."""
     x, y, z = normal.tolist()
-    if y < -1 + 1e-12:
+    across = x * x + z * z
+    if y < 0 and across == 0:
         return np.diag([1.0, -1.0, -1.0])
-    k = 1.0 / (1.0 + y)
+    k = (1.0 - y) / across if y < 0 else 1.0 / (1.0 + y)  # the same, each where nothing cancels
     return np.array([[1 - k * x * x, x, -k * x * z], [-x, y, -z], [-k * x * z, z, 1 - k * z * z]])
 
 

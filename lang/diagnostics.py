@@ -120,10 +120,10 @@ def render_text(d: Diagnostic, source: Callable[[str], str | None]) -> str:
 
 def _quote(span: Span, source: Callable[[str], str | None]) -> tuple[str, str] | None:
     text = source(span.file)
-    rows = text.splitlines() if text is not None else []
+    rows = text.split("\n") if text is not None else []
     if not 0 < span.line <= len(rows):
         return None
-    row = rows[span.line - 1].replace("\t", " ")
+    row = rows[span.line - 1].rstrip("\r").replace("\t", " ")
     start = span.column - 1
     width = (span.end_column - span.column) if span.end_line == span.line else len(row) - start
     cut = max(0, start - MAX_SHOWN_LINE // 2) if len(row) > MAX_SHOWN_LINE else 0

@@ -68,6 +68,13 @@ class Place:
         i = self.at + offset
         return self.stream[i] if self.first <= i < len(self.stream) else Token("", "")
 
+    def word(self) -> str:
+        """The token with all that follows it without a space."""
+        end = self.at + 1
+        while self.stream[end].start_pos == self.stream[end - 1].end_pos and self.stream[end].type not in ("_NL", "$END"):
+            end += 1
+        return "".join(self.stream[self.at : end])
+
     def opener(self) -> int | None:
         """Index of the innermost bracket of the item that is open here."""
         depth = 0
@@ -134,7 +141,9 @@ def _use(place: Place) -> Answer | None:
         return None
     if place.at == place.first + 1:
         if place.token.type == "NAME":
-            return "the file after `use` is written in quotes", f'write use "std/{place.token}" or use "{place.token}.scene"', place.token
+            path = place.word()
+            fix = f'write use "{path}"' if "/" in path or "." in path else f'write use "std/{path}" or use "{path}.scene"'
+            return "the file after `use` is written in quotes", fix, place.token
         return "`use` wants a file", 'write use "std/room" or use "gear.scene"', place.start
     if place.near(-1) == "as":
         return "`as` wants a name", 'write use "robot.usdz" as robot', place.near(-1)
@@ -177,6 +186,8 @@ def _binding(place: Place) -> Answer | None:
             return f"a name begins with a letter, not as `{token}`", "", token
         return f"`{start}` wants a name", f"write {start} size = 3", start if _is_end(token) else token
     if place.at == place.first + 2:
+        if token == ",":
+            return f"`{start}` binds one name", f"write a line for each: {start} {name} = …", token
         if token == ":" or token == "==":
             return f"`{start}` takes `=`, not `{token}`", f"write {start} {name} = …", token
         if token == "-" and token.start_pos == name.end_pos and place.near(1).type == "NAME":
@@ -251,7 +262,7 @@ def _equals(place: Place) -> Answer | None:
     if token != "=":
         return None
     inside = place.inside()
-    if before == "=":
+    if before in ("=", ":"):
         return None
     if inside == "call" and before.type == "NAME":
         return "arguments are written with `:`, not `=`", f"write {before}: …", token
@@ -290,6 +301,25 @@ def _number_dots(place: Place) -> Answer | None:
         return "a digit is missing after the point", f"write {number}.0 or {number}", before
     if token == "." and behind.type == "NUMBER":
         return "a number begins with a digit", f"write 0.{behind}", token
+    return None
+
+
+def _number_goes_on(place: Place) -> Answer | None:
+    number, token = place.near(-1), place.token
+    if number.type != "NUMBER" or token.start_pos != number.end_pos or token.type not in ("NUMBER", "NAME"):
+        return None
+    if number[-1] == "x" and token.type == "NUMBER":
+        return f"`{number}{token}` is no number", f"write [{number[:-1]}, {token}] for a size; a colour is #rrggbb", number
+    return f"`{number}{token}` is no number", "a number is digits with a unit behind them: 1000mm", number
+
+
+def _list_in_parentheses(place: Place) -> Answer | None:
+    if place.token == "," and place.inside() == "group":
+        i = place.opener()
+        assert i is not None
+        return "a list is written in square brackets", "write [x, y, z]", place.stream[i]
+    if place.token == "," and place.inside() == "":
+        return "a `,` stands only inside ( ) and [ ]", "write 1.5 for a fraction, [1, 5] for a list", place.token
     return None
 
 
@@ -336,7 +366,7 @@ def _missing_value(place: Place) -> Answer | None:
         return f"a value is missing after `{before}`", "", before
     if before in ("(", "[") and (_is_end(token) or token == ","):
         return f"a value is missing after `{before}`", "", before
-    if token in OPERATORS or token == ",":
+    if token in OPERATORS or token in (",", "="):
         return f"a value is missing before `{token}`", "", token
     if token == "{":
         return "a value can't begin with `{`", "a list is written [a, b], a part group() { … }", token
@@ -347,6 +377,8 @@ def _two_values(place: Place) -> Answer | None:
     token, before = place.token, place.near(-1)
     if not _ends_value(before) or not (_starts_value(token) or token in ("if", "|", "not")):
         return None
+    if token == "if":
+        return "a choice begins with its `if`", "write if condition then a else b", token
     inside = place.inside()
     if inside == "call" and before.type == "NAME" and place.near(-2) in ("(", ","):
         return f"`:` is missing after `{before}`", f"write {before}: {token}" if token.type in _VALUE else "", token
@@ -384,6 +416,7 @@ _RULES: tuple[Callable[[Place], Answer | None], ...] = (
     _keyword_as_name,
     _doubled,
     _number_dots,
+    _number_goes_on,
     _space_before_unit,
     _binding,
     _block_words,
@@ -391,6 +424,7 @@ _RULES: tuple[Callable[[Place], Answer | None], ...] = (
     _equals,
     _colon,
     _choice,
+    _list_in_parentheses,
     _separator,
     _missing_value,
     _two_values,

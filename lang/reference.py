@@ -1,6 +1,6 @@
 """The reference page, made from the schema, the functions, the units and the library.
 
-    python -m maquette.lang.reference > docs/reference.md
+python -m maquette.lang.reference > docs/reference.md
 """
 
 from __future__ import annotations

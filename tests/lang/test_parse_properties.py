@@ -17,7 +17,7 @@ WORDS = [
 ]  # fmt: skip
 
 
-@settings(max_examples=400, deadline=2000)
+@settings(max_examples=400, deadline=20_000)
 @given(st.lists(st.sampled_from(WORDS), max_size=60), st.sampled_from(["", " "]))
 def test_token_soup_never_raises(words, between):
     text = between.join(words)
@@ -34,20 +34,20 @@ def test_token_soup_never_raises(words, between):
     assert places == sorted(places)
 
 
-@settings(max_examples=100, deadline=2000)
+@settings(max_examples=100, deadline=20_000)
 @given(st.text(max_size=200))
 def test_any_text_never_raises(text):
     parse.parse(text, "t", Diagnostics())
 
 
-@settings(max_examples=100, deadline=2000)
+@settings(max_examples=100, deadline=20_000)
 @given(st.binary(max_size=100))
 def test_any_bytes_never_raise(data):
     diagnostics = Diagnostics()
     assert (parse.decode(data, "t", diagnostics) is None) == diagnostics.failed
 
 
-@settings(max_examples=150, deadline=2000)
+@settings(max_examples=80, deadline=20_000)
 @given(st.sampled_from(SCENES), st.integers(0, 2000), st.integers(0, 12))
 def test_a_hole_in_a_scene_never_raises(text, start, size):
     start %= len(text)
@@ -172,7 +172,7 @@ def written_item(node) -> str:
     return f"unit {node.name.id}"
 
 
-@settings(max_examples=200, deadline=2000)
+@settings(max_examples=100, deadline=20_000)
 @given(scenes)
 def test_trees_come_back_from_their_text(read, shown, text):
     file = read(text)
@@ -190,7 +190,7 @@ def comments_of(node: ast.Node) -> list[str]:
     return sorted(found)
 
 
-@settings(max_examples=150, deadline=2000)
+@settings(max_examples=80, deadline=20_000)
 @given(st.one_of(scenes, st.sampled_from(SCENES)), st.data())
 def test_every_comment_is_in_the_tree_once(read, text, data):
     lines = [line.split(" //")[0] for line in text.splitlines() if not line.startswith("//") and "a // b" not in line]

@@ -8,29 +8,32 @@ import numpy as np
 
 from ..compiler import ir
 from . import integrate, lanes, materials, surface
+from .handles import Handle
 from .kernels import helper, kernel
 from .records import GouraudLight, Hit, Lane, Options, Ray, Surface, Tables, Vec, View
 
 MESH = int(ir.GeometryKind.MESH)
 
 
-def vertex_light(tables: Tables, accel: Any, options: Options, view: View) -> GouraudLight:
+def vertex_light(tables: Tables, packed: Any, accel: Any, options: Options, view: View) -> GouraudLight:
     """Direct and ambient light at each vertex of every mesh instance whose material is shaded at vertices.
 
     Light is seen from the camera's place (or along its axis, when orthographic), on the side of the surface that faces it.
-    The accelerator decides how: trees in a kernel, brute force in numpy.
+    `packed` are the tables as `accel` wants them: a Handle for kernels and trees, the tables themselves for brute force in numpy.
     """
     instances, geometries = tables.instances, tables.geometries
     g = instances.geometry
     shaded = (tables.materials.shading[instances.material] == ir.Shading.GOURAUD) & (geometries.kind[g] == MESH)
     counts = np.where(shaded, geometries.vertex_count[g], 0).astype(np.int64)
     first = np.where(shaded, np.cumsum(counts) - counts, -1).astype(np.int64)
-    color = np.zeros((max(int(counts.sum()), 1), 3))
-    light = GouraudLight(first, color)
-    run = _in_kernel if hasattr(accel, "nodes") or accel._fields else _in_numpy
+    light = GouraudLight(first, np.zeros((max(int(counts.sum()), 1), 3)))
     for i in np.flatnonzero(shaded):
         corners = _a_corner_of_each_vertex(tables, int(g[i]))
-        run(tables, accel, light, options, view, int(i), corners)
+        rows = light.color[first[i] : first[i] + counts[i]]
+        if isinstance(packed, Handle):
+            _in_kernel(packed, accel, options, view, int(i), corners, rows)
+        else:
+            _in_numpy(packed, accel, options, view, int(i), corners, rows)
     return light
 
 
@@ -46,35 +49,26 @@ def _a_corner_of_each_vertex(tables: Tables, g: int) -> np.ndarray:
     return found
 
 
-def _in_numpy(tables: Tables, accel: Any, light: GouraudLight, options: Options, view: View, i: int, corners: np.ndarray) -> None:
+def _in_numpy(tables: Tables, accel: Any, options: Options, view: View, i: int, corners: np.ndarray, out: np.ndarray) -> None:
     used = np.flatnonzero(corners[:, 0] >= 0)
     lane = np.full(len(used), i, np.int64)
     with np.errstate(all="ignore"):
-        rgb = at_vertex(tables, accel, light, options, view, lane, corners[used, 0], corners[used, 1], used)
+        rgb = at_vertex(tables, accel, options, view, lane, corners[used, 0], corners[used, 1], used)
     for k in range(3):
-        light.color[light.first[i] + used, k] = rgb[k]
+        out[used, k] = rgb[k]
 
 
 @kernel
-def _in_kernel(tables, accel, light, options, view, i, corners):
+def _in_kernel(tables, accel, options, view, i, corners, out):
     for vertex in range(len(corners)):
         if corners[vertex, 0] >= 0:
-            rgb = at_vertex(tables, accel, light, options, view, i, corners[vertex, 0], corners[vertex, 1], vertex)
-            row = light.first[i] + vertex
-            light.color[row, 0], light.color[row, 1], light.color[row, 2] = rgb
+            rgb = at_vertex(tables, accel, options, view, i, corners[vertex, 0], corners[vertex, 1], vertex)
+            out[vertex, 0], out[vertex, 1], out[vertex, 2] = rgb
 
 
 @helper
 def at_vertex(
-    tables: Tables,
-    accel: Any,
-    light: GouraudLight,
-    options: Options,
-    view: View,
-    instance: Lane,
-    triangle: Lane,
-    corner: Lane,
-    vertex: Lane,
+    tables: Tables, accel: Any, options: Options, view: View, instance: Lane, triangle: Lane, corner: Lane, vertex: Lane
 ) -> Vec:
     """Light at a corner of a triangle, toward the camera."""
     zero = lanes.to_float(triangle) * 0.0

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler.plan import Plan
 from . import bvh, camera, gouraud, tessellate, trace
+from .handles import Handle
 from .records import GouraudLight, Options, View
 
 _NEAREST = 0.01  # of a shape's size: where the eye is nearer to its box than this, the tolerance is measured at this distance
@@ -28,8 +29,9 @@ class Prepared:
     """Everything a renderer reads. `tables` are the scene's, with meshes in place of analytic shapes that are shaded at vertices."""
 
     tables: ir.Tables
-    accel: Any  # trace.Brute or bvh.Bvh
-    gouraud: GouraudLight
+    packed: Any  # the tables as kernels take them, a Handle; for the reference, the tables themselves
+    accel: Any  # trace.Brute, or the Handle of a bvh.Bvh
+    gouraud: Any  # GouraudLight, or its Handle
     options: Options
     shells: dict[int, tessellate.Tessellation] = field(default_factory=dict)  # raster: instance -> its shape in triangles
     seconds: dict[str, float] = field(default_factory=dict)  # "tessellate", "build", "gouraud"
@@ -48,11 +50,13 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
         tables = with_vertex_shaded_meshes(scene.tables, shapes)
         shells = {int(i): shapes.of(int(i)) for i in _analytic_seen(tables)} if backend == "raster" else {}
     with _timed(seconds, "build"):
-        accel = trace.Brute() if backend == "reference" else bvh.build(tables, brute=plan["accelerator"] == "brute")
+        plain = backend == "reference"
+        accel = trace.Brute() if plain else Handle(bvh.build(tables, brute=plan["accelerator"] == "brute"))
+        packed = tables if plain else Handle(tables)
     options = options_of(plan)
     with _timed(seconds, "gouraud"):
-        light = gouraud.vertex_light(tables, accel, options, view)
-    return Prepared(tables, accel, light, options, shells, seconds)
+        light = gouraud.vertex_light(tables, packed, accel, options, view)
+    return Prepared(tables, packed, accel, light if plain else Handle(light), options, shells, seconds)
 
 
 def options_of(plan: Plan) -> Options:

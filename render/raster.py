@@ -54,7 +54,7 @@ class Renderer:
             samples = self._samples(tile, start, min(batch, first + count - start), total)
             seen = self._seen(tile, samples)
             shade(
-                self.model, prepared.tables, view, prepared.accel, prepared.gouraud, prepared.options, tile, start, samples, seen, stack, film
+                self.model, prepared.packed, view, prepared.accel, prepared.gouraud, prepared.options, tile, start, samples, seen, stack, film
             )
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
@@ -68,7 +68,7 @@ class Renderer:
         seen = self._seen(tile, samples)
         count = seen.key.size
         hit = Hit(np.empty(count), np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count), np.empty(count))
-        resolve(self.model, self.prepared.tables, self.view, samples, seen, hit)
+        resolve(self.model, self.prepared.packed, self.view, samples, seen, hit)
         x, y = samples.x[:, :, 0].ravel() / fill.ONE, samples.y[:, :, 0].ravel() / fill.ONE
         return camera.ray(self.prepared.tables, self.view, x, y), hit
 
@@ -83,7 +83,7 @@ class Renderer:
         here = (box[:, 0] < tile.x1) & (box[:, 2] > tile.x0) & (box[:, 1] < tile.y1) & (box[:, 3] > tile.y0)
         seen = visibility.nothing_seen(samples.x.shape)
         room = visibility.room_for(self.prepared.tables)
-        tables = self.prepared.tables
+        tables = self.prepared.packed
         visibility.draw(self.model, self.clusters, np.flatnonzero(here), tables, self.flat, tile, samples, self.how, room, seen)
         return seen
 

@@ -53,12 +53,6 @@ def _plain(value: Value, argument: int = 0, hint: str = "") -> Value:
     return value
 
 
-def _whole(value: Value, argument: int) -> int:
-    if type(value) is not float or value != int(value):
-        raise Mistake(f"whole number wanted, got {describe(value)}", argument=argument)
-    return int(value)
-
-
 def _list(value: Value, argument: int) -> tuple[Value, ...]:
     if not isinstance(value, tuple):
         raise Mistake(f"list wanted, got {describe(value)}", argument=argument)
@@ -465,7 +459,7 @@ def _ramp(context: Context, start: Value, end: Value) -> Value:
     for i, v in enumerate((start, end)):
         if type(v) is not float and not (isinstance(v, Quantity) and v.dimension == units.LENGTH):
             raise Mistake(f"length wanted, got {describe(v)}", argument=i)
-        distances.append(v.value if isinstance(v, Quantity) else units.scale(v, context.unit))
+        distances.append(v.value if isinstance(v, Quantity) else operators.bare(v, units.LENGTH, context))
     if not 0 <= distances[0] < distances[1]:
         raise Mistake("a ramp starts at 0 or more and ends after its start", argument=1)
     return Falloff("ramp", (distances[0], distances[1], 0.0))

@@ -200,6 +200,8 @@ def _builtin(machine: Evaluator, function: Builtin, givens: list[Given], site: S
         if mistake.argument is not None and mistake.span is None and mistake.argument < len(given):
             mistake.span = given[mistake.argument].span
         raise
+    except OverflowError:
+        raise Mistake("the result is too large for a number") from None
 
 
 def _enter(machine: Evaluator, site: Site) -> None:
@@ -220,7 +222,8 @@ def _user(machine: Evaluator, function: UserFunction, givens: list[Given], site:
     inner = function.scope.called(site.label, site.callee, site.scope)
     for p in parameters:
         given = assigned.get(p.name.id)
-        inner.names[p.name.id] = Thunk(p.name.id, p, inner) if given is None else _typed(p, given, site)
+        # A default sees the parameters before it, and beyond them what is outside.
+        inner.names[p.name.id] = Thunk(p.name.id, p, inner.beside()) if given is None else _typed(p, given, site)
     if function.takes_children:
         inner.names["children"] = site.children or ()
     _enter(machine, site)

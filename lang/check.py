@@ -134,12 +134,13 @@ class _Checker:
         if let.parameters is None:
             self._visit(let.value, chain)
             return
-        inner = self._scope([p.name for p in let.parameters], "parameter", chain)
+        scope: dict[str, Definition] = {}
         for p in let.parameters:
             self._type(p.type)
             if p.default is not None:
-                self._visit(p.default, inner)
-        self._visit(let.value, inner)
+                self._visit(p.default, (scope, *chain))
+            self._define(Definition(p.name.id, p.name.span, "parameter"), scope)
+        self._visit(let.value, (scope, *chain))
 
     def _scope(self, names: Iterable[ast.Name], kind: str, chain: Chain) -> Chain:
         scope: dict[str, Definition] = {}

@@ -101,7 +101,7 @@ def _bool(value: Value, place: Place, arg: Arg) -> bool:
 
 def _length(value: Value, place: Place, arg: Arg) -> float:
     if type(value) is float:
-        return units.scale(value, place.scope.unit)
+        return operators.bare(value, units.LENGTH, place.scope)
     if isinstance(value, Quantity) and value.dimension == units.LENGTH:
         return value.value
     raise _wrong(value, "length")

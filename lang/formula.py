@@ -17,11 +17,6 @@ from .limits import MAX_TERMS, Exhausted
 from .noise import noise
 
 
-def modulo(a: float, b: float) -> float:
-    """The remainder that has the sign of `b`: a − b·⌊a/b⌋."""
-    return a - b * math.floor(a / b)
-
-
 def sign(a: float) -> float:
     return 0.0 if a == 0 else math.copysign(1.0, a)
 
@@ -55,7 +50,7 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
     "floor": lambda a: float(math.floor(a)),
     "ceil": lambda a: float(math.ceil(a)),
     "round": round_half_up,
-    "mod": modulo,
+    "mod": operator.mod,  # with the sign of the divisor: a − b·⌊a/b⌋
     "sign": sign,
     "noise": noise,
     "less": operator.lt,

@@ -63,7 +63,7 @@ def bare(value: float, dimension: Dimension, context: Context) -> float:
     if value == 0:
         return 0.0
     if dimension == units.LENGTH:
-        return units.scale(value, context.unit)
+        return split(checked(units.scale(value, context.unit)))[0]
     if dimension == units.ANGLE and context.plain:
         return value
     raise bare_fix(value, dimension)
@@ -88,7 +88,10 @@ def lift(graph: Graph, value: Value) -> Term:
     if isinstance(value, bool) or type(value) is float:
         return graph.constant(value)
     if isinstance(value, Quantity):
-        return graph.constant(value.value / graph.unit ** value.dimension[0])
+        try:
+            return graph.constant(split(checked(value.value / graph.unit ** value.dimension[0]))[0])
+        except ArithmeticError:
+            raise Mistake("the result is too large for a number") from None
     raise Mistake(f"a number wanted, got {kind(value)}")
 
 
@@ -309,8 +312,8 @@ def span_of(start: Value, stop: Value) -> tuple[float, ...]:
     for end in (start, stop):
         if type(end) is not float:
             raise Mistake(f"a range runs over plain numbers, got {kind(end)}")
+    limits.check_list(stop - start + 1)
     count = math.floor(stop - start + 1e-9) + 1
-    limits.check_list(count)
     return tuple([start + k for k in range(count)])
 
 

@@ -70,6 +70,13 @@ class Scope:
         scope.plain = self.plain
         return scope
 
+    def beside(self) -> Scope:
+        """A scope like this one, with a copy of the names it has so far."""
+        scope = self.inner()
+        scope.parent = self.parent
+        scope.names = self.names.copy()
+        return scope
+
     def called(self, name: str, span: Span, caller: Scope) -> Scope:
         """A scope inside this one for the body of a function that `caller` calls."""
         scope = Scope(self.machine, self.meter, self.unit, self)

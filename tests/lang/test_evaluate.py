@@ -54,6 +54,10 @@ def test_defaults_see_earlier_parameters_and_the_scope_outside() -> None:
     assert radii("let k = 10\nlet ball(a, b = a + 1, c = b * k) = sphere(c)\nball(1)\nball(1, 2)\nball(c: 5, a: 0)") == [20, 20, 5]
 
 
+def test_a_default_of_a_parameters_own_name_is_the_one_outside() -> None:
+    assert radii("param r = 4\nlet ball(r = r, s = 2 * r) = sphere(s)\nball()\nball(1)") == [8, 2]
+
+
 def test_recursion_ends() -> None:
     assert value("f(10)", "let f(n) = if n <= 1 then 1 else n * f(n - 1)") == math.factorial(10)
 

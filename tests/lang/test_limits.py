@@ -47,6 +47,30 @@ def test_a_limit_is_one_message_with_its_place_in_time(scene: str, message: str)
     assert messages[0].startswith("a.scene:")
 
 
+@pytest.mark.parametrize(
+    "expression",
+    [
+        "1e308 - -1e308",
+        "(1m * 1m) ^ 1e308",
+        "len(-1e308..1e308)",
+        "2km * 1e308",
+        "hypot(1e308, 1e308)",
+        "[1e308][0] * [10][0]",
+        "1e999",
+        "exp(1000)",
+        "mod(1e308, 1e-308) * 0 + 1e308 * 1e308",
+        "length([1e308, 1e308])",
+        "lerp(-1e308, 1e308, 1)",
+        "-(1e308) * 10",
+    ],
+)
+def test_numbers_stay_finite(expression: str) -> None:
+    document, messages = run(f"unit km\nsphere({expression})\nsphere(1e307)")
+    assert document.elements == ()
+    assert len(messages) == 2
+    assert all("too l" in m or "is not defined" in m for m in messages)
+
+
 def test_loops_inside_loops_end(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limits, "MAX_STEPS", 20_000)
     folds = "let n = fold(|s, k| fold(|t, m| t + m, s, 0..999), 0, 0..999)\nsphere(n)"

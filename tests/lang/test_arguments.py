@@ -12,7 +12,7 @@ from maquette.lang import convert, schema
 from maquette.lang.elements import AxisAngle, Element, Euler, Falloff, Quaternion
 from maquette.lang.formula import Formula
 
-from .scenes import elements, good, run
+from .evaluating import elements, good, run
 
 
 def one(text: str) -> Element:

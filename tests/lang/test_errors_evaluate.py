@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from .scenes import run
+from .evaluating import run
 
 # A source, a line `-----`, its messages; `=====` between cases.
 CASES = r'''

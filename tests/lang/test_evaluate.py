@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from maquette.lang.elements import Element
 
-from .scenes import elements, good, run, value
+from .evaluating import elements, good, run, value
 
 
 def radii(text: str, **options: object) -> list[float]:

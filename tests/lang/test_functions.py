@@ -15,7 +15,7 @@ from maquette.lang.formula import Formula
 from maquette.lang.noise import noise
 from maquette.lang.units import Quantity
 
-from .scenes import elements, mistake, run, value
+from .evaluating import elements, mistake, run, value
 
 
 @pytest.mark.parametrize(

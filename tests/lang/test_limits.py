@@ -12,7 +12,7 @@ from maquette.lang import limits, schema
 from maquette.lang.diagnostics import Diagnostics
 from maquette.lang.evaluate import Source, evaluate
 
-from .scenes import Files, elements, run
+from .evaluating import Files, elements, run
 
 CASES = {
     "range": ("for (k in 0..1000000000) { sphere(k) }", "a list of 1000000001 items is too long"),

@@ -12,7 +12,7 @@ from maquette.lang.limits import Meter
 from maquette.lang.units import Quantity
 from maquette.lang.values import Mistake
 
-from .scenes import mistake, value
+from .evaluating import mistake, value
 
 
 class Metres:

@@ -6,7 +6,7 @@ import pytest
 from maquette.lang import evaluate as evaluator
 from maquette.lang.diagnostics import Diagnostics
 
-from .scenes import Files, elements, good, run
+from .evaluating import Files, elements, good, run
 
 GEAR = """unit mm
 param teeth: int = 18 in 6..60

@@ -23,7 +23,7 @@ FIELDS = 13  # of a waiting ray: origin, direction, weight, bounces left, specul
 BRANCHES = 3  # rays a surface sends on at the most: reflected, refracted, diffuse
 MIN_WEIGHT = 1e-4  # rays that could add less than this share are not followed: the error stays below it for each ray cut
 _KEYS = 0x7FFFFFFF
-_LIGHT_DIMENSIONS = 4096  # random dimensions a surface has: one a light, and one for its diffuse ray
+_LIGHTS = 2048  # a surface's random dimensions: two a light, before them one for its diffuse ray
 
 
 def stack_shape(options: Options) -> tuple[int, int]:
@@ -149,19 +149,40 @@ def direct_light(
     matt = lanes.largest(shader.diffuse) + lanes.largest(shader.specular) > 0.0
     active = active & matt
     for light in range(len(tables.lights.kind)):
-        if tables.lights.kind[light] == lights.AMBIENT:
+        kind = tables.lights.kind[light]
+        if kind == lights.AMBIENT:
             continue
-        u, v = sampler.pair(pixel, sample, key * _LIGHT_DIMENSIONS + 1 + light, options.seed)
-        arriving = lights.sample(tables, light, point.position, point.normal, u, v)
-        share = materials.reflected(shader, point.normal, arriving.direction, viewer)
-        given = lanes.scale(lanes.mul(share, arriving.irradiance), 1.0 / np.pi)
-        need = active & (lanes.largest(given) > 0.0)
-        if lanes.any_lane(need):
-            if options.shadows and tables.lights.shadows[light]:
-                shadow_ray = leaving(point, arriving.direction, arriving.distance)
-                need = need & lanes.not_(trace.occluded(accel, tables, shadow_ray, need))
-            total = lanes.where3(need, lanes.add(total, given), total)
+        dimension = (key * _LIGHTS + light) * 2 + 2
+        u, v = sampler.pair(pixel, sample, dimension, options.seed)
+        if kind in (lights.SKY, lights.DOME):
+            direction = lights.cosine_sample(point.normal, u, v)[0]
+            given = lanes.mul(shader.diffuse, lights.sky_radiance(tables, light, direction))
+            total = lanes.add(total, _unblocked(tables, accel, options, point, light, direction, lights.FAR, given, active))
+            shiny = active & (lanes.largest(shader.specular) > 0.0)
+            if lanes.any_lane(shiny):
+                u, v = sampler.pair(pixel, sample, dimension + 1, options.seed)
+                direction, share = materials.sample_lobe(shader, point.normal, viewer, u, v)
+                given = lanes.mul(share, lights.sky_radiance(tables, light, direction))
+                total = lanes.add(total, _unblocked(tables, accel, options, point, light, direction, lights.FAR, given, shiny))
+        else:
+            arriving = lights.sample(tables, light, point.position, u, v)
+            share = materials.reflected(shader, point.normal, arriving.direction, viewer)
+            given = lanes.scale(lanes.mul(share, arriving.irradiance), 1.0 / np.pi)
+            found = _unblocked(tables, accel, options, point, light, arriving.direction, arriving.distance, given, active)
+            total = lanes.add(total, found)
     return total
+
+
+@helper
+def _unblocked(
+    tables: Tables, accel: Any, options: Options, point: Surface, light: int, direction: Vec, distance: Lane, given: Vec, active: Lane
+) -> Vec:
+    """What a light gives, where nothing that casts shadows stands before it; 0 elsewhere."""
+    zero = lanes.full_like(point.offset, 0.0)
+    open_ = active & (lanes.largest(given) > 0.0)
+    if options.shadows and tables.lights.shadows[light] and lanes.any_lane(open_):
+        open_ = open_ & lanes.not_(trace.occluded(accel, tables, leaving(point, direction, zero + distance), open_))
+    return lanes.where3(open_, given, (zero, zero, zero))
 
 
 @helper
@@ -186,13 +207,7 @@ def leaving(point: Surface, direction: Vec, distance: Lane) -> Ray:
     """A ray from a surface that does not meet the place it leaves."""
     side = lanes.sign_of(lanes.dot(direction, point.geometric))
     origin = lanes.along(point.position, point.geometric, side * point.offset)
-    return Ray(origin, direction, 0.0 * distance_or_zero(distance), distance)
-
-
-@helper
-def distance_or_zero(distance: Lane) -> Lane:
-    """The distance where it is finite (0 · inf is not 0)."""
-    return lanes.where(lanes.is_finite(distance), distance, 0.0)
+    return Ray(origin, direction, 0.0 * point.offset, distance)
 
 
 # --- rays that go on ----------------------------------------------------------------------------------------------------
@@ -229,7 +244,7 @@ def send_on(
     top = _push(stack, top, point, mirrored, lanes.mul(weight, reflection), going, left, specular, key, 0)
     top = _push(stack, top, point, refracted, lanes.mul(weight, transmission), going, left, specular, key, 1)
     if options.interreflection:
-        u, v = sampler.pair(pixel, sample, key * _LIGHT_DIMENSIONS, options.seed)
+        u, v = sampler.pair(pixel, sample, key * _LIGHTS * 2 + 1, options.seed)
         onward = lights.cosine_sample(point.normal, u, v)[0]
         above = going & (lanes.dot(onward, point.geometric) > 0.0)
         top = _push(stack, top, point, onward, lanes.mul(weight, shader.diffuse), above, left, lanes.not_(specular), key, 2)

@@ -26,7 +26,6 @@ REPEAT = int(ir.Wrap.REPEAT)
 CLAMP = int(ir.Wrap.CLAMP)
 FAR = math.inf
 _SHORT = 1.0 - 1e-9  # of the way to a light: its own place does not block it
-_GRAZING = 1e-4  # smallest cosine a direction into the sky is taken with
 
 
 class Arriving(NamedTuple):
@@ -38,15 +37,14 @@ class Arriving(NamedTuple):
 
 
 @helper
-def sample(tables: Tables, light: int, position: Vec, normal: Vec, u: Lane, v: Lane) -> Arriving:
-    """Light number `light` at a point; u, v in [0, 1) choose where on a soft light. Ambient light has no direction: see `ambient`."""
+def sample(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) -> Arriving:
+    """A lamp at a point; u, v in [0, 1) choose where on a soft one. Skies and domes are sampled by `cosine_sample` and
+    `sky_radiance`, ambient light has no direction: see `ambient`."""
     kind = tables.lights.kind[light]
     if kind in (POINT, SPOT):
         return _from_point(tables, light, position)
     if kind in (DIRECTIONAL, SUN):
         return _from_afar(tables, light, u, v)
-    if kind in (SKY, DOME):
-        return _from_sky(tables, light, normal, u, v)
     if kind == SPHERE:
         return _from_sphere(tables, light, position, u, v)
     return _from_plate(tables, light, position, u, v)
@@ -119,13 +117,6 @@ def cosine_sample(normal: Vec, u: Lane, v: Lane) -> tuple[Vec, Lane]:
     a, b = lanes.basis(normal)
     sideways = lanes.add(lanes.scale(a, radius * lanes.cos(turn)), lanes.scale(b, radius * lanes.sin(turn)))
     return lanes.add(lanes.scale(normal, cosine), sideways), cosine
-
-
-@helper
-def _from_sky(tables: Tables, light: int, normal: Vec, u: Lane, v: Lane) -> Arriving:
-    direction, cosine = cosine_sample(normal, u, v)
-    radiance = sky_radiance(tables, light, direction)
-    return Arriving(direction, 0.0 * u + FAR, lanes.scale(radiance, math.pi / lanes.maximum(cosine, _GRAZING)))
 
 
 @helper

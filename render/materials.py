@@ -8,6 +8,7 @@ incidence they reflect k_s of the light and nowhere more.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from ..compiler import ir
@@ -94,6 +95,30 @@ def lobe_scale(blinn: Lane, n: Lane) -> Lane:
     """What makes a lobe of exponent n reflect all of k_s at normal incidence."""
     of_half = (n + 2.0) * (n + 4.0) / (8.0 * (lanes.power(2.0, -0.5 * n) + n))
     return lanes.where(blinn, of_half, 0.5 * (n + 2.0))
+
+
+@helper
+def sample_lobe(shader: Shader, normal: Vec, to_viewer: Vec, u: Lane, v: Lane) -> tuple[Vec, Vec]:
+    """A direction light may come from, spread as the lobe is, and what share of its radiance goes to the viewer.
+
+    cosⁿ about the mirrored direction (Phong) or of the half vector (Blinn-Phong, whose density is that of the half vector over
+    4 V·H; Walter 2005, Notes on the Ward BRDF); the share is k_s lobe / (π density), 0 where the direction is below the surface.
+    """
+    n = shader.shininess
+    cosine = lanes.power(lanes.maximum(1.0 - u, 1e-300), 1.0 / (n + 1.0))
+    sine = lanes.sqrt(lanes.maximum(1.0 - cosine * cosine, 0.0))
+    turn = 2.0 * math.pi * v
+    mirrored = lanes.reflect(lanes.negate(to_viewer), normal)
+    axis = lanes.where3(shader.blinn, normal, mirrored)
+    a, b = lanes.basis(axis)
+    sideways = lanes.add(lanes.scale(a, sine * lanes.cos(turn)), lanes.scale(b, sine * lanes.sin(turn)))
+    spread = lanes.normalize(lanes.add(lanes.scale(axis, cosine), sideways))
+    across = lanes.dot(to_viewer, spread)
+    direction = lanes.where3(shader.blinn, lanes.reflect(lanes.negate(to_viewer), spread), spread)
+    above = lanes.dot(direction, normal)
+    share = lanes.where(shader.blinn, 8.0 * lanes.maximum(across, 0.0), 2.0) / (n + 1.0)
+    share = share * lanes.where(shader.normalized, lobe_scale(shader.blinn, n) * above, 1.0)
+    return direction, lanes.scale(shader.specular, lanes.where(above > 0.0, share, 0.0))
 
 
 @helper

@@ -14,7 +14,7 @@ import click
 from . import cli_job as jobs
 from . import cli_options as values
 from . import cli_terminal as terminal
-from .lang.diagnostics import SceneError
+from .lang.diagnostics import SceneError, in_order
 
 if TYPE_CHECKING:
     from .compiler import ir
@@ -201,7 +201,7 @@ def check(ctx: click.Context, scenes: tuple[Path, ...], as_json: bool, **given: 
         errors = sum(d.severity == "error" for d in diagnostics)
         failed = failed or errors > 0
         if as_json:
-            data += [d.to_json() for d in diagnostics]
+            data += [d.to_json() for d in in_order(diagnostics)]
         else:
             terminal.report(diagnostics)
             click.echo(f"{path}: {errors or 'no'} error{'' if errors == 1 else 's'}")

@@ -18,7 +18,7 @@ from ..compiler import ir
 from . import lanes, shapes
 from .bvh import COUNT, DEPTH, FIRST
 from .kernels import helper, kernel
-from .records import Hit, Lane, Vec
+from .records import Hit, Vec
 
 MESH = int(ir.GeometryKind.MESH)
 FAR = 1.0 + 2.0 * 3.4e-16  # 1 + 2 γ₃ for float64

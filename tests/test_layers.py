@@ -25,13 +25,9 @@ RENDER_READS = {"compiler.ir", "compiler.plan"}
 
 # Modules that may be imported inside a function, and why: a command that does not need one must not wait for it.
 LATE = {
-    "numba": "half a second; check, inspect and explain compile no kernel",
     "pxr": "a tenth of a second and native libraries; only for USD files",
-    "trimesh": "a quarter of a second; only for PLY, STL and GLB files",
     "OpenImageIO": "only scenes with pictures need it",
-    "mapbox_earcut": "only polygons with many corners need it",
     "rich": "only a terminal sees colours",
-    "lark": "its tables are built when a scene is parsed",
 }
 # Files whose functions open the next stage's door when it is reached, so that `--help` and `check` stay quick.
 DOORS = {

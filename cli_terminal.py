@@ -112,7 +112,7 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[str]], marked: Iterab
 
         shown = Table(box=None, header_style="bold", pad_edge=False)
         for heading in headings:
-            shown.add_column(heading)
+            shown.add_column(heading, overflow="fold")
         for row, bold in zip(rows, [*marked] or [False] * len(rows), strict=True):
             shown.add_row(*row, style="bold" if bold else "")
         Console(highlight=False).print(shown)
@@ -158,14 +158,20 @@ def inspect(scene: ir.Scene) -> None:
     table(("table", "rows", "names"), rows)
     for param in scene.params:
         unit = f" {param.unit}" if param.unit else ""
-        within = f" in {show_value(param.range)}" if param.range else ""
-        click.echo(f"param {param.name}: {param.type} = {param.value}{unit}{within}  {param.doc}".rstrip())
+        within = f" in {_range(param.range)}" if param.range else ""
+        click.echo(f"param {param.name}: {param.type} = {show_value(param.value)}{unit}{within}  {param.doc}".rstrip())
     if scene.duration is not None:
         click.echo(f"animation: {scene.duration:g} s at {scene.fps:g} frames a second")
     for added in scene.defaults:
         click.echo(f"added: {added}")
     for file in scene.files:
         click.echo(f"file: {file}")
+
+
+def _range(values: tuple[Any, ...]) -> str:
+    if len(values) == 2 and all(isinstance(v, int | float) for v in values):
+        return f"{show_value(values[0])}..{show_value(values[1])}"
+    return f"[{', '.join(map(show_value, values))}]"
 
 
 def _names(scene: ir.Scene, table_name: str, most: int = 8) -> str:

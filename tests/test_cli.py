@@ -329,9 +329,9 @@ def test_a_saved_ir_draws_the_same(scene: Path) -> None:
     [
         (("--help",), ("numba", "numpy", "pxr", "OpenImageIO", "rich.table", "lark")),
         (("render", "--help"), ("numba", "numpy", "pxr", "OpenImageIO")),
-        (("check", "a.scene"), ("numba", "pxr", "OpenImageIO", "trimesh")),
-        (("inspect", "a.scene"), ("numba", "pxr", "OpenImageIO", "trimesh")),
-        (("explain", "a.scene"), ("numba", "pxr", "OpenImageIO", "trimesh")),
+        (("check", "a.scene"), ("numba", "pxr", "OpenImageIO")),
+        (("inspect", "a.scene"), ("numba", "pxr", "OpenImageIO")),
+        (("explain", "a.scene"), ("numba", "pxr", "OpenImageIO")),
     ],
 )
 def test_commands_load_no_more_than_they_need(scene: Path, arguments: tuple[str, ...], banned: tuple[str, ...]) -> None:

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from ..lang.diagnostics import Span
 from . import ir, transforms
 from .build import SceneBuilder
 from .rows import CameraData, LightData
@@ -19,11 +20,12 @@ SUN_ANGLE = math.radians(0.53)
 SKY = 0.25
 
 
-def add(builder: SceneBuilder, settings: ir.Settings) -> tuple[str, ...]:
-    """Add what is missing to the builder; the sentences that say so. Nothing to draw is a warning."""
+def add(builder: SceneBuilder, settings: ir.Settings, span: Span | None = None) -> tuple[str, ...]:
+    """Add what is missing to the builder; the sentences that say so. Nothing to draw is a warning, at `span`, if nothing else is wrong."""
     said = []
-    if builder.count("instances") == 0:
-        builder.diagnostics.warning("there is nothing to draw: the picture will be empty", hint="place a shape, for example sphere(1)")
+    if builder.count("instances") == 0 and not builder.diagnostics.failed:
+        hint = "place a shape, for example sphere(1)"
+        builder.diagnostics.warning("there is nothing to draw: the picture will be empty", span, hint)
     if builder.count("cameras") == 0:
         said.append(_camera(builder, settings))
     if builder.count("lights") == 0 and not builder.shines():

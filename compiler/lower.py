@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..lang.diagnostics import Span
 from ..lang.elements import Document, Element
 from . import defaults, ir, lower_cameras, lower_lights, lower_materials, lower_shapes, transforms
 from .build import SceneBuilder
@@ -35,7 +36,7 @@ def lower(document: Document, builder: SceneBuilder, folder: Folder | None = Non
         photometric=lowering.photometric,
         duration=animate.args["duration"] if animate else None,
         fps=animate.args["fps"] if animate else 24.0,
-        defaults=defaults.add(builder, settings),
+        defaults=defaults.add(builder, settings, Span(document.name)),
         files=tuple(dict.fromkeys((*document.files, *builder.files.read))),
         params=document.params,
     )

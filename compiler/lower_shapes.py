@@ -112,7 +112,8 @@ def _polygon(lowering: Lowering, element: Element) -> list[Piece]:
             return lowering.refuse(element, f"{what} has three corners or more, got {len(loop)}")
     points = np.array([corner for loop in loops for corner in loop])
     if args["uv"] is not None and len(args["uv"]) != len(points):
-        return lowering.refuse(element, f"the polygon has {len(points)} corners and {len(args['uv'])} texture coordinates")
+        coordinates = f"{len(args['uv'])} texture coordinate{'s' * (len(args['uv']) != 1)}"
+        return lowering.refuse(element, f"the polygon has {len(points)} corners and {coordinates}: there is one for each corner")
     counts = [len(loop) for loop in loops]
     firsts = np.cumsum([0, *counts[:-1]]).tolist()
     rows = [list(range(first, first + count)) for first, count in zip(firsts, counts, strict=True)]

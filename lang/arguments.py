@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from . import habits, units
 from .convert import LIGHT_TYPES, Place, convert
-from .diagnostics import Span, suggest
+from .diagnostics import Span
 from .schema import REQUIRED, Entry
 from .units import Quantity
 from .values import POISON, Given, Mistake, Poisoned
@@ -54,20 +55,12 @@ def _problem(
             return f"{callee} takes no arguments", ""
         keywords = [n for n in names if n not in positional and n == names[n]]
         takes = f"{callee} takes {len(positional) or 'no'} argument{'s' * (len(positional) != 1)} by position"
-        return takes, f"by name it takes {_listed(keywords)}" if keywords else ""
+        return takes, f"by name it takes {', '.join(keywords)}" if keywords else ""
     if name is None:
-        near = suggest(given.name or "", names)
-        if near:
-            return f"{callee} has no `{given.name}`; {near}", ""
-        known = _listed([n for n in names if n == names[n]])
-        return f"{callee} has no `{given.name}`", f"it takes {known or 'no arguments'}"
+        return habits.argument(callee, given.name or "", names)
     if name in assigned:
         return f"{callee} gets `{name}` twice", f"`{given.name}` is another name of it" if given.name not in (None, name) else ""
     return None
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:12]) + (", …" if len(names) > 12 else "")
 
 
 def missing(callee: str, required: Iterable[str], assigned: Mapping[str, Given], span: Span, report: Report) -> bool:
@@ -117,12 +110,21 @@ def element_arguments(
         try:
             args[name] = convert(given.value, arg, Place(given.span, given.node, scope))
         except Mistake as mistake:
-            report(mistake.message, mistake.span or given.span, mistake.hint)
+            report(mistake.message, mistake.span or given.span, mistake.hint or _other(entry, given))
             good = False
         except Poisoned:
             good = False
         photometric = photometric or (arg.type in LIGHT_TYPES and isinstance(given.value, Quantity))
     return (args, frozenset(assigned), photometric) if good else None
+
+
+def _other(entry: Entry, given: Given) -> str:
+    """Which argument of the entry would take a quantity that this one does not."""
+    if not isinstance(given.value, Quantity):
+        return ""
+    wanted = units.name(given.value.dimension)
+    other = next((a.name for a in entry.args if a.type == wanted and a.name != given.name and not a.planned), "")
+    return f"`{other}` takes {'an' if wanted[0] in 'aeiou' else 'a'} {wanted}" if other and wanted in LIGHT_TYPES else ""
 
 
 def _exclude(entry: Entry, assigned: Mapping[str, Given], report: Report) -> bool:

@@ -117,7 +117,8 @@ def apply(machine: Evaluator, function: Value, givens: list[Given], site: Site) 
     if type(function) is AssetPart:
         given = Given("file", site.callee, function.file, site.callee)
         return make_element(machine, function.entry, [given, *givens], site)
-    raise Mistake(f"only functions and parts are called, not {describe(function)}", span=site.callee)
+    hint = f"it is made already: write transform(…) {{ {site.label} }}" if is_placeable(function) and isinstance(function, Element) else ""
+    raise Mistake(f"only functions and parts are called, not {describe(function)}", hint, span=site.callee)
 
 
 def _is_function(value: Value) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
-from . import ast, params
+from . import ast, habits, params
 from .diagnostics import Diagnostics, Span, suggest
 from .modules import KEYWORDS, Module, use_name
 
@@ -39,12 +39,6 @@ def check_file(module: Module, outer: Iterable[str], report: Report, diagnostics
 def names_of(file: ast.File) -> set[str]:
     """The names that a file defines at its top level."""
     return {d.name for d in _definitions(file.items)}
-
-
-def unknown(name: str, known: Iterable[str]) -> str:
-    """The message for a name that is not there."""
-    near = suggest(name, known)
-    return f"there is no `{name}` here" + (f"; {near}" if near else "")
 
 
 def _definitions(items: tuple[ast.Item, ...]) -> Iterator[Definition]:
@@ -162,4 +156,5 @@ class _Checker:
                 return
         if name.id not in self.outer:
             known = {n for scope in chain for n in scope} | self.outer
-            self.report(unknown(name.id, sorted(known)), name.span, "")
+            message, hint = habits.name(name.id, sorted(known))
+            self.report(message, name.span, hint)

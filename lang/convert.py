@@ -146,11 +146,11 @@ def _each(values: tuple[Value, ...], place: Place, arg: Arg, item: Item) -> tupl
     return tuple(result)
 
 
-def _exactly(count: int, item: Item, wanted: str) -> Item:
+def _exactly(count: int, item: Item, wanted: str, hint: str = "") -> Item:
     def convert_list(value: Value, place: Place, arg: Arg) -> tuple[Any, ...]:
         if isinstance(value, tuple) and len(value) == count:
             return _each(value, place, arg, item)
-        raise _wrong(value, wanted)
+        raise _wrong(value, wanted, hint if isinstance(value, float | Quantity) else "")
 
     return convert_list
 
@@ -260,6 +260,8 @@ def _material(value: Value, place: Place, arg: Arg) -> Any:
         hint = f"call it: {value.let.name.id}(…)"
     elif isinstance(value, Entry) and value.category == "material":
         hint = f"call it: {value.name}(…)"
+    elif isinstance(value, str) and isinstance(place.scope.find(value), UserFunction | Entry):
+        hint = f"write {value}() without quotes"
     raise _wrong(value, "material", hint)
 
 
@@ -324,7 +326,7 @@ def _formula(value: Value, place: Place, arg: Arg) -> Any:
     raise _wrong(value, "formula |x, y, z| …")
 
 
-_point = _exactly(3, _length, "list of three lengths")
+_point = _exactly(3, _length, "list of three lengths", "write [x, y, z]")
 
 _CONVERTERS: dict[str, Item] = {
     "number": _number,
@@ -355,6 +357,6 @@ _CONVERTERS: dict[str, Item] = {
     "faces": _list_of(_list_of(_index, "list of whole numbers"), "list of lists of whole numbers"),
     "falloff": _falloff,
     "formula": _formula,
-    "pixels": _exactly(2, _pixel, "[width, height] in pixels"),
+    "pixels": _exactly(2, _pixel, "[width, height] in pixels", "write [width, height]"),
     "strings": _list_of(_string, "list of strings"),
 }

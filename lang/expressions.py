@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from . import ast, calls, check, colors, operators, units
-from .diagnostics import suggest
+from . import ast, calls, colors, habits, operators, units
+from .diagnostics import Span, suggest
 from .formula import Term
 from .limits import Exhausted
 from .scope import Scope, Thunk
@@ -22,15 +22,24 @@ def _name(machine: Evaluator, node: ast.Name, scope: Scope) -> Value:
     if type(value) is Thunk:
         return value.value if value.state == Thunk.DONE else machine.force(value, node.span, scope)
     if value is None:
-        machine.fail(check.unknown(node.id, ()), node.span, "", scope)  # where check.py has not: in a `--set`
+        machine.fail(*_unknown(node), scope)  # where check.py has not: in a `--set`
     return value
+
+
+def _unknown(node: ast.Name) -> tuple[str, Span, str]:
+    message, hint = habits.name(node.id, ())
+    return message, node.span, hint
 
 
 def _number(machine: Evaluator, node: ast.Number, scope: Scope) -> Value:
     value = units.literal(node.value, node.unit)
     if value is None:
-        near = suggest(node.unit, [u for u in units.UNITS if u.isascii()])
-        hint = f"write {node.text.removesuffix(node.unit)} * {node.unit}" if scope.find(node.unit) is not None else near
+        number = node.text.removesuffix(node.unit)
+        hint = suggest(node.unit, [u for u in units.UNITS if u.isascii()])
+        if node.unit == "K":
+            hint = f"write kelvin({number})"
+        elif scope.find(node.unit) is not None:
+            hint = f"write {number} * {node.unit}"
         machine.fail(f"unknown unit `{node.unit}`", node.span, hint, scope)
     if not math.isfinite(operators.split(value)[0]):
         machine.fail("this number is too large", node.span, "", scope)

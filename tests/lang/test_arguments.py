@@ -155,7 +155,7 @@ def test_all_wrong_arguments_of_a_call_are_told_at_once() -> None:
     assert [m.split(": ", 2)[2].split("\n")[0] for m in messages] == [
         'length wanted, got the string "a"',
         "list of three lengths wanted, got the bare number 3",
-        "sphere has no `colour`",
+        "sphere has no `colour`; did you mean `material`?",
         "material wanted, got the bare number 5",
     ]
 

@@ -1,0 +1,101 @@
+"""Words from other tools, and what they are called here: the first place to look when a name is unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from .diagnostics import suggest
+
+# What an argument may be meant to be, the likeliest first; the ones an element does not have are passed over.
+_ARGUMENTS: dict[str, tuple[str, ...]] = {
+    "pos": ("position", "center"),
+    "position": ("center", "translate"),
+    "location": ("position", "center"),
+    "origin": ("center", "position"),
+    "centre": ("center",),
+    "center": ("position",),
+    "at": ("position", "center"),
+    "eye": ("position",),
+    "target": ("look_at",),
+    "to": ("look_at",),
+    "direction": ("from", "normal", "look_at"),
+    "dir": ("from", "normal", "look_at"),
+    "r": ("radius",),
+    "diameter": ("radius",),
+    "h": ("height",),
+    "width": ("size",),
+    "height": ("size",),
+    "depth": ("size",),
+    "dimensions": ("size",),
+    "resolution": ("size",),
+    "angle": ("cone", "fov", "rotate"),
+    "rotation": ("rotate",),
+    "offset": ("translate",),
+    "spp": ("samples",),
+    "strength": ("intensity", "illuminance", "luminance"),
+    "brightness": ("intensity", "illuminance", "luminance"),
+    "power": ("flux", "intensity", "illuminance", "luminance"),
+    "energy": ("flux", "intensity", "illuminance", "luminance"),
+    "intensity": ("illuminance", "luminance"),
+    "emission": ("luminance",),
+    "albedo": ("color",),
+    "colour": ("color", "material"),
+    "color": ("material",),
+    "texture": ("material", "color"),
+    "exponent": ("shininess",),
+    "roughness": ("shininess",),
+    "label": ("name",),
+    "id": ("name",),
+}
+
+_ARGUMENT_HINTS: dict[str, str] = {"axis": "a turn about an axis is axis(v, angle)"}
+
+# What to write in place of a name that is not in the language.
+_NAMES: dict[str, str] = {
+    "range": "write 0..n",
+    "color": "write #rrggbb or rgb(r, g, b)",
+    "colour": "write #rrggbb or rgb(r, g, b)",
+    "vec2": "write [x, y]",
+    "vec3": "write [x, y, z]",
+    "vector": "write [x, y, z]",
+    "light": "lights are point, spot, directional, sun, sky, dome, area and ambient",
+    "cube": "write box()",
+    "cuboid": "write box()",
+    "ball": "write sphere()",
+    "background": "write render(background: …)",
+    "settings": "write render(…)",
+    "material": "materials are lambert, phong, blinn_phong, mirror, glass and emissive",
+    "texture": 'write image("…")',
+    "import": 'write use "…"',
+    "include": 'write use "…"',
+    "var": "write let name = …",
+    "def": "write let name(…) = …",
+    "function": "write let name(…) = …",
+    "null": "leave the argument out",
+    "none": "leave the argument out",
+    "degrees": "write 30deg",
+    "radians": "write 0.5rad",
+    "PI": "write pi",
+    **dict.fromkeys(
+        "red green blue yellow orange purple pink brown white black grey gray cyan magenta".split(), "colours are written #rrggbb"
+    ),
+}
+
+
+def argument(callee: str, word: str, names: Mapping[str, str]) -> tuple[str, str]:
+    """The message and the hint for an argument that is not among `names` (aliases and all, by what they stand for)."""
+    message = f"{callee} has no `{word}`"
+    near = next((n for n in _ARGUMENTS.get(word, ()) if n in names), "")
+    near = f"did you mean `{near}`?" if near else suggest(word, names)
+    if near:
+        return f"{message}; {near}", ""
+    known = [n for n in names if n == names[n]]
+    listed = ", ".join(known[:12]) + (", …" if len(known) > 12 else "")
+    return message, _ARGUMENT_HINTS.get(word) or f"it takes {listed or 'no arguments'}"
+
+
+def name(word: str, known: Iterable[str]) -> tuple[str, str]:
+    """The message and the hint for a name that is not among `known`."""
+    hint = _NAMES.get(word, "")
+    near = "" if hint else suggest(word, known)
+    return f"there is no `{word}` here" + (f"; {near}" if near else ""), hint

@@ -13,6 +13,7 @@ from .kernels import helper, kernel
 from .records import GouraudLight, Hit, Lane, Options, Ray, Surface, Tables, Vec, View
 
 MESH = int(ir.GeometryKind.MESH)
+PERSPECTIVE = int(ir.Projection.PERSPECTIVE)
 
 
 def vertex_light(tables: Tables, packed: Any, accel: Any, options: Options, view: View) -> GouraudLight:
@@ -90,7 +91,7 @@ def _seen_vertex(tables: Tables, view: View, hit: Hit) -> tuple[Surface, Vec]:
     here = surface.at(tables, Ray((zero, zero, zero), (zero, zero, zero + 1.0), zero, zero), hit)
     to_eye = lanes.sub(lanes.transform_point(tables.transforms.matrix, row, (0.0, 0.0, 0.0)), here.position)
     axis = lanes.transform_vector(tables.transforms.matrix, row, (0.0, 0.0, 1.0))
-    perspective = cameras.projection[view.camera] == int(ir.Projection.PERSPECTIVE)
+    perspective = cameras.projection[view.camera] == PERSPECTIVE
     viewer = lanes.normalize(lanes.where3(perspective, to_eye, axis))
     origin = lanes.add(here.position, viewer)
     ray = Ray(origin, lanes.negate(viewer), zero, zero + np.inf)

@@ -8,6 +8,7 @@ column places and row shapes are constants, and loads are marked as never changi
 
 from __future__ import annotations
 
+import hashlib
 from typing import Any
 
 import numpy as np
@@ -73,11 +74,11 @@ def _pack(value: Any, words: list[int | float]) -> Layout:
 
 
 class HandleType(types.Type):
-    """The Numba type of a packed tuple: its layout is its name."""
+    """The Numba type of a packed tuple. Equal layouts are one type; the name is short, for it becomes part of every symbol's."""
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
-        super().__init__(name=f"Handle{layout}")
+        super().__init__(name=f"Handle{hashlib.sha256(repr(layout).encode()).hexdigest()[:12]}")
 
     def field(self, name: str) -> tuple[int, Any] | None:
         return next(((word, what) for known, word, what in self.layout if known == name), None)

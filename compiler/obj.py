@@ -192,6 +192,8 @@ def _resolved(
     finite = np.isfinite(values[0]).all(axis=1)
     for at in np.flatnonzero((corners[:, 0] >= 0) & ~finite[corners[:, 0]]) if not finite.all() else ():
         bad_face[face_of[at]] = True
+        if ("error", "malformed") in problems.found:
+            continue  # said already
         line = int(lines.numbers[faces.rows[face_of[at]]])
         problems.add("warning", "finite", line, f"vertex {corners[at, 0] + 1} of this face is not finite: the face is left out")
     for at in np.flatnonzero(faces.counts < 3):

@@ -170,6 +170,8 @@ def _dome(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Ma
             image = found.row(builder, "auto") if found else -1
         except images.ImageError as failure:
             builder.diagnostics.warning(failure.message, it.span, failure.hint)
+    if image < 0:
+        return LightData(ir.LightKind.SKY, _color(radiance), name=_name(it))
     row = builder.transform(_rigid(it.matrix @ _pole(it)), it.span)
     return LightData(ir.LightKind.DOME, _color(radiance), transform=row, image=image, name=_name(it))
 

@@ -16,14 +16,17 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler.plan import Plan
-from . import aov, camera, fill, integrate, lanes, raster_setup, sampler, shapes, visibility
+from . import aov, camera, fill, integrate, lanes, raster_setup, sampler, traverse, visibility
+from .handles import Handle
 from .kernels import helper, kernel
 from .prepare import Prepared
-from .records import Film, Hit, Ray, Tables, Tile, View
-from .visibility import Samples, Seen
+from .records import Film, Hit, Ray, Tile, View
+from .visibility import Samples, Scratch
 
 BATCH = 1 << 16  # samples of a tile held in the z-buffer at a time
 MESH = int(ir.GeometryKind.MESH)
+CAMERA = int(ir.Visibility.CAMERA)
+NOTHING = Hit(np.inf, -1, -1, 0.0, 0.0)
 
 
 class Renderer:
@@ -36,11 +39,13 @@ class Renderer:
         self.reach = math.ceil(float(np.abs(self.filter).max()) * fill.ONE)
         tables = prepared.tables
         self.flat = np.zeros(len(tables.polygons.first_loop), np.bool_)
-        whole = self.how == fill.SCANLINE
-        if whole:
-            visibility.flat_polygons(tables, self.flat)
-        self.model, ranges = raster_setup.model(tables, view, prepared.shells)
-        self.clusters = raster_setup.clusters(self.model, ranges, tables, view, -(-self.reach // fill.ONE), whole)
+        by_polygon = self.how == fill.SCANLINE
+        if by_polygon:
+            visibility.flat_polygons(prepared.packed, self.flat)
+        model, ranges = raster_setup.model(tables, view, prepared.shells)
+        self.model = Handle(model)
+        clusters = raster_setup.clusters(self.model, ranges, tables, view, -(-self.reach // fill.ONE), by_polygon)
+        self.box, self.whole, self.clusters = clusters.box, clusters.polygons, Handle(clusters)
         started = time.perf_counter()
         self.sample(Tile(0, 0, 0, 0), 0, 1, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
         self.seconds = {"compile_kernels": time.perf_counter() - started}
@@ -51,11 +56,8 @@ class Renderer:
         stack = np.zeros(integrate.stack_shape(prepared.options))
         batch = max(1, BATCH // max(1, (tile.y1 - tile.y0) * (tile.x1 - tile.x0)))
         for start in range(first, first + count, batch):
-            samples = self._samples(tile, start, min(batch, first + count - start), total)
-            seen = self._seen(tile, samples)
-            shade(
-                self.model, prepared.packed, view, prepared.accel, prepared.gouraud, prepared.options, tile, start, samples, seen, stack, film
-            )
+            scratch = self._seen(tile, start, min(batch, first + count - start), total)
+            shade(self.model, prepared.packed, view, prepared.accel, prepared.gouraud, prepared.options, tile, start, scratch, stack, film)
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
         """Write the named channels of a tile's pixels, at their centres, (h, w, k) each."""
@@ -64,28 +66,27 @@ class Renderer:
 
     def centres(self, tile: Tile) -> tuple[Ray, Hit]:
         """The rays through a tile's pixel centres and what they hit, in lanes of shape (h · w,)."""
-        samples = self._samples(tile, 0, 1, 1)
-        seen = self._seen(tile, samples)
-        count = seen.key.size
+        scratch = self._seen(tile, 0, 1, 1)
+        samples = scratch.tables.samples
+        count = samples.x.size
         hit = Hit(np.empty(count), np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count), np.empty(count))
-        resolve(self.model, self.prepared.packed, self.view, samples, seen, hit)
+        resolve(self.model, self.prepared.packed, self.prepared.accel, self.view, scratch, hit)
         x, y = samples.x[:, :, 0].ravel() / fill.ONE, samples.y[:, :, 0].ravel() / fill.ONE
         return camera.ray(self.prepared.tables, self.view, x, y), hit
 
-    def _samples(self, tile: Tile, first: int, count: int, total: int) -> Samples:
+    def _seen(self, tile: Tile, first: int, count: int, total: int) -> Handle:
+        """A handle of visibility.Scratch with samples first … first + count - 1 of a tile and what they see."""
         shape = tile.y1 - tile.y0, tile.x1 - tile.x0, count
         samples = Samples(np.empty(shape, np.int64), np.empty(shape, np.int64), self.reach if total > 1 else 0)
-        place_samples(tile, self.view, first, total, self.prepared.options.seed, self.filter, samples)
-        return samples
-
-    def _seen(self, tile: Tile, samples: Samples) -> Seen:
-        box = self.clusters.box
+        scratch = Handle(Scratch(samples, visibility.nothing_seen(shape), visibility.room_for(self.prepared.tables)))
+        place_samples(tile, self.view, first, total, self.prepared.options.seed, self.filter, scratch)
+        box = self.box
         here = (box[:, 0] < tile.x1) & (box[:, 2] > tile.x0) & (box[:, 1] < tile.y1) & (box[:, 3] > tile.y0)
-        seen = visibility.nothing_seen(samples.x.shape)
-        room = visibility.room_for(self.prepared.tables)
-        tables = self.prepared.packed
-        visibility.draw(self.model, self.clusters, np.flatnonzero(here), tables, self.flat, tile, samples, self.how, room, seen)
-        return seen
+        visibility.draw(self.model, self.clusters, np.flatnonzero(here & ~self.whole), tile, self.how, scratch)
+        if self.whole.any():
+            whole = np.flatnonzero(here & self.whole)
+            visibility.draw_whole(self.model, self.clusters, whole, self.prepared.packed, self.flat, tile, scratch)
+        return scratch
 
 
 def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
@@ -107,8 +108,9 @@ def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
 
 
 @kernel
-def place_samples(tile, view, first, total, seed, table, samples):
+def place_samples(tile, view, first, total, seed, table, scratch):
     """Write where samples first, first + 1, … of a tile's pixels lie."""
+    samples = scratch.samples
     for j in range(samples.x.shape[0]):
         for i in range(samples.x.shape[1]):
             x, y = tile.x0 + i, tile.y0 + j
@@ -118,25 +120,18 @@ def place_samples(tile, view, first, total, seed, table, samples):
                 samples.y[j, i, s] = y * fill.ONE + fill.HALF + int(round(dy * fill.ONE))
 
 
-@helper
-def hit_of(made: Any, tables: Tables, view: View, ray: Ray, px: int, py: int, instance: int, triangle: int) -> Hit:
+@kernel
+def hit_of(made, tables, accel, view, ray, px, py, instance, triangle):
     """What the ray through a sample hits, where the z-buffer saw a triangle: as trace.closest gives it."""
     if instance < 0:
-        return Hit(np.inf, -1, -1, 0.0, 0.0)
+        return NOTHING
     depth, u, v = weights(made, instance, triangle, px / fill.ONE, py / fill.ONE)
     along_axis = -lanes.transform_vector(tables.transforms.inverse, tables.cameras.transform[view.camera], ray.direction)[2]
-    t = depth / along_axis
-    geometry = tables.instances.geometry[instance]
-    kind = tables.geometries.kind[geometry]
-    if kind == MESH:
-        return Hit(t, np.int64(instance), np.int64(triangle), u, v)
-    row = tables.instances.transform[instance]
-    origin = lanes.transform_point(tables.transforms.inverse, row, ray.origin)
-    direction = lanes.transform_vector(tables.transforms.inverse, row, ray.direction)
-    exact, part = shapes.intersect(kind, tables.geometries.parameters, geometry, origin, direction, ray.t_min, ray.t_max)
-    if exact < np.inf:
-        return Hit(exact, np.int64(instance), np.int64(part), 0.0, 0.0)
-    return Hit(t, np.int64(instance), np.int64(made.parts[triangle]), 0.0, 0.0)
+    at = Hit(depth / along_axis, np.int64(instance), np.int64(made.parts[triangle]), u, v)
+    if tables.geometries.kind[tables.instances.geometry[instance]] == MESH:
+        return at
+    exact = traverse._try(accel, instance, ray.origin, ray.direction, ray.t_min, ray.t_max, CAMERA, False, NOTHING)
+    return exact if exact.instance >= 0 else at
 
 
 @helper
@@ -172,27 +167,29 @@ def about(matrix: Any, instance: int, positions: Any, row: int, x: float, y: flo
 
 
 @kernel
-def resolve(made, tables, view, samples, seen, hit):
+def resolve(made, tables, accel, view, scratch, hit):
     """Write what the first sample of each pixel of a tile hits, in lanes of shape (h · w,)."""
+    samples, seen = scratch.samples, scratch.seen
     for j in range(seen.key.shape[0]):
         for i in range(seen.key.shape[1]):
             px, py = samples.x[j, i, 0], samples.y[j, i, 0]
             ray = camera.ray(tables, view, px / fill.ONE, py / fill.ONE)
-            found = hit_of(made, tables, view, ray, px, py, seen.instance[j, i, 0], seen.triangle[j, i, 0])
+            found = hit_of(made, tables, accel, view, ray, px, py, seen.instance[j, i, 0], seen.triangle[j, i, 0])
             k = j * seen.key.shape[1] + i
             hit.t[k], hit.instance[k], hit.primitive[k], hit.u[k], hit.v[k] = found.t, found.instance, found.primitive, found.u, found.v
 
 
 @kernel
-def shade(made, tables, view, accel, gouraud, options, tile, first, samples, seen, stack, film):
+def shade(made, tables, view, accel, gouraud, options, tile, first, scratch, stack, film):
     """Add the light of all samples of a tile to its film."""
+    samples, seen = scratch.samples, scratch.seen
     for j in range(seen.key.shape[0]):
         for i in range(seen.key.shape[1]):
             pixel = (tile.y0 + j) * view.width + tile.x0 + i
             for s in range(seen.key.shape[2]):
                 px, py = samples.x[j, i, s], samples.y[j, i, s]
                 ray = camera.ray(tables, view, px / fill.ONE, py / fill.ONE)
-                hit = hit_of(made, tables, view, ray, px, py, seen.instance[j, i, s], seen.triangle[j, i, s])
+                hit = hit_of(made, tables, accel, view, ray, px, py, seen.instance[j, i, s], seen.triangle[j, i, s])
                 color, alpha, sound = integrate.radiance(tables, accel, gouraud, options, ray, hit, pixel, first + s, stack)
                 film.color[j, i, 0] += color[0]
                 film.color[j, i, 1] += color[1]

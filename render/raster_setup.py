@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import camera
+from . import camera, handles
 from .kernels import helper, kernel
 from .records import View
 from .tessellate import Tessellation
@@ -112,8 +112,8 @@ def to_clip(matrix: Any, instance: int, p: Any, row: int, out: Any, k: int) -> N
 # --- clusters ------------------------------------------------------------------------------------------------------------
 
 
-def clusters(made: Model, ranges: NDArray[np.int64], tables: ir.Tables, view: View, margin: int, polygons: bool) -> Clusters:
-    """The clusters that may touch the picture grown by `margin` pixels. With `polygons`, meshes that have them are cut into those."""
+def clusters(made: Any, ranges: NDArray[np.int64], tables: ir.Tables, view: View, margin: int, polygons: bool) -> Clusters:
+    """The clusters of a model (its handle) that may touch the picture grown by `margin` pixels. With `polygons`, meshes that have them are cut into those."""
     by_polygon = np.zeros(len(ranges), bool)
     if polygons:
         geometry = tables.instances.geometry
@@ -123,12 +123,12 @@ def clusters(made: Model, ranges: NDArray[np.int64], tables: ir.Tables, view: Vi
     keys, which = np.unique(np.column_stack([ranges, by_polygon]), axis=0, return_inverse=True)
     counts = -(-keys[:, 1] // CLUSTER)
     starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    boxes = np.empty((int(starts[-1]), 6))
-    _bounds(made, tables.polygons, keys.astype(np.int64), starts, boxes)
+    boxes, keys = np.empty((int(starts[-1]), 6)), keys.astype(np.int64)
+    _bounds(made, handles.Handle(tables.polygons), keys, starts, boxes)
     total = int(counts[which].sum())
     instance, first, count = np.empty(total, np.int32), np.empty(total, np.int32), np.empty(total, np.int32)
     box, depth = np.empty((total, 4), np.int32), np.empty(total)
-    found = _place(made, keys.astype(np.int64), starts, which.ravel(), boxes, view, margin, instance, first, count, box, depth)
+    found = _place(made, keys, starts, which.ravel(), boxes, view, margin, instance, first, count, box, depth)
     order = np.argsort(depth[:found], kind="stable")
     seen = instance[:found][order]
     return Clusters(seen, first[:found][order], count[:found][order], by_polygon[seen], np.ascontiguousarray(box[:found][order]))

@@ -52,6 +52,14 @@ class Room(NamedTuple):
     part_y: NDArray[np.int64]
 
 
+class Scratch(NamedTuple):
+    """What one thread writes to, as one handle for kernels."""
+
+    samples: Samples
+    seen: Seen
+    room: Room
+
+
 def nothing_seen(shape: tuple[int, int, int]) -> Seen:
     """An empty z-buffer for (height, width, samples)."""
     return Seen(np.full(shape, -np.inf), np.full(shape, -1, np.int32), np.full(shape, -1, np.int32))
@@ -76,29 +84,40 @@ def _largest(polygons: ir.Polygons, loops: NDArray[np.int32]) -> int:
 
 
 @kernel
-def draw(made, clusters, chosen, tables, flat, tile, samples, how, room, seen):
-    """Draw the chosen clusters into the z-buffer. `how` is one of fill.NAMES; `flat` (polygons,) tells which are filled as a whole."""
+def draw(made, clusters, chosen, tile, how, scratch):
+    """Draw the chosen clusters of triangles into scratch.seen. `how` is one of fill.NAMES.
+
+    `made`, `clusters` and `scratch` are handles.
+    """
     for c in chosen:
-        instance, first = clusters.instance[c], clusters.first[c]
-        for item in range(first, first + clusters.count[c]):
-            if clusters.polygons[c]:
-                draw_polygon(made, tables, flat, instance, item, tile, samples, how, room, seen)
-            else:
-                draw_triangle(made, instance, item, tile, samples, how, room, seen)
+        draw_triangles(made, clusters.instance[c], clusters.first[c], clusters.first[c] + clusters.count[c], tile, how, scratch)
 
 
-@helper
-def draw_triangle(made: Any, instance: int, triangle: int, tile: Tile, samples: Samples, how: int, room: Room, seen: Seen) -> None:
-    """Clip, project, snap and fill one triangle."""
-    for k in range(3):
-        to_clip(made.matrix, instance, made.positions, made.triangles[triangle, k], room.corners, k)
-    count = clipped(made.planes, room)
-    if count < 3 or not key_plane(room.corners, tile, made.perspective, room.plane, 0):
-        return
-    if not snapped(room.first, count, made.perspective, room, 0):
-        return
-    for k in range(1, count - 1):
-        fill_triangle(room.x, room.y, 0, k, k + 1, instance, triangle, tile, samples, how, room, seen)
+@kernel
+def draw_whole(made, clusters, chosen, tables, flat, tile, scratch):
+    """Draw the chosen clusters of polygons by scanlines, as a whole where `flat` (polygons,) says so, else by their triangles."""
+    for c in chosen:
+        instance, first, last = clusters.instance[c], clusters.first[c], clusters.first[c] + clusters.count[c]
+        for polygon in range(first, last):
+            if not (flat[polygon] and draw_polygon(made, tables, instance, polygon, tile, scratch)):
+                start = tables.polygons.first_triangle[polygon]
+                draw_triangles(made, instance, start, start + tables.polygons.triangle_count[polygon], tile, fill.SCANLINE, scratch)
+
+
+@kernel
+def draw_triangles(made, instance, first, last, tile, how, scratch):
+    """Clip, project, snap and fill triangles first … last - 1."""
+    room = scratch.room
+    for triangle in range(first, last):
+        for k in range(3):
+            to_clip(made.matrix, instance, made.positions, made.triangles[triangle, k], room.corners, k)
+        count = clipped(made.planes, room)
+        if count < 3 or not key_plane(room.corners, tile, made.perspective, room.plane, 0):
+            continue
+        if not snapped(room.first, count, made.perspective, room, 0):
+            continue
+        for k in range(1, count - 1):
+            fill_triangle(0, k, k + 1, instance, triangle, tile, how, scratch)
 
 
 @helper
@@ -171,21 +190,21 @@ def pixel_range(low: int, high: int, reach: int, start: int, end: int) -> tuple[
 
 
 @helper
-def fill_triangle(
-    x: Any, y: Any, a: int, b: int, c: int, instance: int, triangle: int, tile: Tile, samples: Samples, how: int, room: Room, seen: Seen
-) -> None:
-    """Fill the triangle of corners a, b, c, either way round."""
-    area = fill.doubled_area(x[a], y[a], x[b], y[b], x[c], y[c])
+def fill_triangle(a: int, b: int, c: int, instance: int, triangle: int, tile: Tile, how: int, scratch: Scratch) -> None:
+    """Fill the triangle of corners a, b, c of room.x and room.y, either way round."""
+    room, samples = scratch.room, scratch.samples
+    area = fill.doubled_area(room.x[a], room.y[a], room.x[b], room.y[b], room.x[c], room.y[c])
     if area == 0:
         return
     if area < 0:
         b, c = c, b
-    ax, ay, bx, by, cx, cy = x[a], y[a], x[b], y[b], x[c], y[c]
+    ax, ay, bx, by, cx, cy = room.x[a], room.y[a], room.x[b], room.y[b], room.x[c], room.y[c]
     x0, x1 = pixel_range(min(ax, min(bx, cx)), max(ax, max(bx, cx)), samples.reach, tile.x0, tile.x1)
     y0, y1 = pixel_range(min(ay, min(by, cy)), max(ay, max(by, cy)), samples.reach, tile.y0, tile.y1)
-    if how == fill.SCANLINE:
-        for k in range(3):
-            room.part_x[0, k], room.part_y[0, k] = (ax, ay) if k == 0 else ((bx, by) if k == 1 else (cx, cy))
+    if x0 >= x1 or y0 >= y1:
+        return
+    part_x, part_y = room.part_x[0], room.part_y[0]
+    part_x[0], part_x[1], part_x[2], part_y[0], part_y[1], part_y[2] = ax, bx, cx, ay, by, cy
     found, line = 0, min(ay, min(by, cy)) - 1
     for j in range(y0, y1):
         for i in range(x0, x1):
@@ -198,10 +217,10 @@ def fill_triangle(
                 else:
                     if py != line:
                         line = py
-                        found = fill.crossings(room.part_x[0], room.part_y[0], 0, 3, py, room.crossings, 0)
+                        found = fill.crossings(part_x, part_y, 0, 3, py, room.crossings, 0)
                     covered = fill.inside_crossings(room.crossings, found, px)
                 if covered:
-                    test_depth(room.plane, 0, px, py, instance, triangle, tile, j, i, s, seen)
+                    test_depth(room.plane, 0, px, py, instance, triangle, tile, j, i, s, scratch.seen)
 
 
 @helper
@@ -250,20 +269,16 @@ def flat_polygons(tables, out):
         out[p] = polygons.triangle_count[p] > 1 and length > 0.0 and farthest - nearest <= FLAT * size * length
 
 
-@helper
-def draw_polygon(
-    made: Any, tables: ir.Tables, flat: Any, instance: int, polygon: int, tile: Tile, samples: Samples, how: int, room: Room, seen: Seen
-) -> None:
-    """Fill one polygon as a whole, if it is flat and needs no cutting, else by its triangles."""
-    first = tables.polygons.first_triangle[polygon]
-    count = tables.polygons.triangle_count[polygon]
-    if flat[polygon] and polygon_parts(made, instance, first, count, tile, room):
-        corners = project_loops(made, tables, instance, polygon, room)
-        if corners > 0:
-            fill_polygon(tables, instance, polygon, corners, tile, samples, room, seen)
-        return
-    for triangle in range(first, first + count):
-        draw_triangle(made, instance, triangle, tile, samples, how, room, seen)
+@kernel
+def draw_polygon(made, tables, instance, polygon, tile, scratch):
+    """Fill one flat polygon as a whole by scanlines; False, and nothing drawn, if it needs cutting."""
+    first, count = tables.polygons.first_triangle[polygon], tables.polygons.triangle_count[polygon]
+    if not polygon_parts(made, instance, first, count, tile, scratch.room):
+        return False
+    corners = project_loops(made, tables, instance, polygon, scratch.room)
+    if corners > 0:
+        fill_polygon(tables, instance, polygon, corners, tile, scratch)
+    return True
 
 
 @helper
@@ -303,10 +318,9 @@ def project_loops(made: Any, tables: ir.Tables, instance: int, polygon: int, roo
 
 
 @helper
-def fill_polygon(
-    tables: ir.Tables, instance: int, polygon: int, corners: int, tile: Tile, samples: Samples, room: Room, seen: Seen
-) -> None:
+def fill_polygon(tables: ir.Tables, instance: int, polygon: int, corners: int, tile: Tile, scratch: Scratch) -> None:
     """The scanline fill of a polygon's loops by the even-odd rule; each covered sample gets the triangle it lies in."""
+    room, samples = scratch.room, scratch.samples
     loops, first_loop = tables.pools.loops, tables.polygons.first_loop[polygon]
     first, count = tables.polygons.first_triangle[polygon], tables.polygons.triangle_count[polygon]
     x0, x1 = pixel_range(room.x[:corners].min(), room.x[:corners].max(), samples.reach, tile.x0, tile.x1)
@@ -323,7 +337,7 @@ def fill_polygon(
                         start += loops[loop, 1]
                 if fill.inside_crossings(room.crossings, found, px):
                     t = triangle_at(room, count, px, py)
-                    test_depth(room.plane, t, px, py, instance, first + t, tile, j, i, s, seen)
+                    test_depth(room.plane, t, px, py, instance, first + t, tile, j, i, s, scratch.seen)
 
 
 @helper

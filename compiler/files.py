@@ -110,4 +110,4 @@ def size(count: int) -> str:
     for unit, step in (("GB", 1 << 30), ("MB", 1 << 20), ("kB", 1 << 10)):
         if count >= step:
             return f"{count / step:.3g} {unit}"
-    return f"{count} bytes"
+    return f"{count} byte{'s' * (count != 1)}"

@@ -88,7 +88,6 @@ class _Sums:
         self.film.color[:] += batch.color
         self.film.alpha[:] += batch.alpha
         self.film.issues[:] += batch.issues
-        self.film.issues[:] += batch.issues
         self.samples += count
         self.batches += 1
         if self.batches > 1:

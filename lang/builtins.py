@@ -224,7 +224,7 @@ def _lerp(context: Context, a: Value, b: Value, t: Value) -> Value:
 @_define("step edge value", "0 below the edge, 1 from it on")
 def _step(context: Context, edge: Value, value: Value) -> Value:
     below = operators.compare("less", value, edge, context)
-    return (0.0 if below else 1.0) if isinstance(below, bool) else operators.select(below, 0.0, 1.0)
+    return (0.0 if below else 1.0) if isinstance(below, bool) else operators.select(below, 0.0, 1.0, context)
 
 
 @_define("smoothstep low high value", "0 below low, 1 above high, 3 t² - 2 t³ between")

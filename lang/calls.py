@@ -190,7 +190,7 @@ def _builtin(machine: Evaluator, function: Builtin, givens: list[Given], site: S
     if function.variadic:
         position = [g for g in givens if g.name is None]
         rest = position[len(names) :]
-        givens = [g for g in givens if g not in rest] if rest else givens
+        givens = position[: len(names)] + [g for g in givens if g.name is not None]
     assigned = _assign(machine, names, {n: n for n in names}, list(names[: function.required]), givens, site)
     if any(g.value is POISON for g in rest):
         raise Poisoned

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
 from . import ast, builtins, calls, check, limits, operators, params, schema, units
+from .arguments import Signature
 from .convert import Place
 from .diagnostics import Diagnostics, Span, suggest
 from .elements import Document, Element, ParamInfo
@@ -58,10 +59,11 @@ class Evaluator:
         self.root.names.update(builtins.CONSTANTS)
         self.root.names["time"] = units.Quantity(time, units.TIME)
         self.root.names["children"] = ()
-        self.signatures: dict[str, Any] = {}
+        self.signatures: dict[str, Signature] = {}
         self.outer = self.root  # with the prelude, once it is there
         self._instances: dict[Module, Scope] = {}
         self._reported: set[tuple[Span | None, str]] = set()
+        self._limits: set[str] = set()
         self._running: list[Thunk] = []
         self._placed = 0
 
@@ -79,8 +81,8 @@ class Evaluator:
         raise Poisoned
 
     def _exhausted(self, limit: Exhausted) -> None:
-        if (None, limit.message) not in self._reported:
-            self._reported.add((None, limit.message))
+        if limit.message not in self._limits:
+            self._limits.add(limit.message)
             self.report(limit.message, limit.span, limit.hint, limit.trace)
 
     # --- files ---
@@ -156,6 +158,8 @@ class Evaluator:
                     infos.append(params.info(item, self.force(thunk, item.name.span, scope), scope, module.unit))
                 except (Poisoned, Mistake):
                     continue  # reported when the `param` was evaluated
+                except Exhausted as limit:
+                    raise calls.located(limit, item.name.span, scope) from None
         return infos
 
     def given_sets(self, module: Module, sets: Mapping[str, str]) -> dict[str, Given]:
@@ -256,30 +260,34 @@ class Evaluator:
 
     def _place_element(self, item: ast.ElementItem, scope: Scope, sink: Sink) -> None:
         value = self.value(item.expression, scope)
-        self.place(value, item.expression, scope, sink)
+        try:
+            self.place(value, item.expression, scope, sink)
+        except Exhausted as limit:
+            raise calls.located(limit, item.expression.span, scope) from None
 
     def place(self, value: Value, node: ast.Node, scope: Scope, sink: Sink) -> None:
         """Put what an item gave where it belongs."""
         if isinstance(value, tuple):
             for v in value:
+                self.meter.step()
                 self.place(v, node, scope, sink)
             return
         found = category(value)
         if found in PLACEABLE:
             sink.elements.append(value)
             if sink.role == "scene":
-                self._weigh(sink, node, scope)
+                self._weigh(sink)
         elif found in ("camera", "setting"):
             self._place_apart(value, found, node, scope, sink)
         else:
             message, hint = _unplaceable(value, found, node)
             self.fail(message, node.span, hint, scope)
 
-    def _weigh(self, sink: Sink, node: ast.Node, scope: Scope) -> None:
+    def _weigh(self, sink: Sink) -> None:
         self._placed += self.weights.get(sink.elements[-1], 1)
         if self._placed > limits.MAX_ELEMENTS:
             sink.elements.pop()
-            raise calls.located(limits.too_many_elements(), node.span, scope)
+            raise limits.too_many_elements()
 
     def _place_apart(self, element: Element, found: str, node: ast.Node, scope: Scope, sink: Sink) -> None:
         if sink.role == "file":

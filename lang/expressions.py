@@ -101,7 +101,7 @@ def _choose(machine: Evaluator, node: ast.Choose, scope: Scope) -> Value:
         return EXPRESSIONS[type(node.no)](machine, node.no, scope)
     yes, no = machine.value(node.yes, scope), machine.value(node.no, scope)
     try:
-        return operators.select(condition, yes, no)
+        return operators.select(condition, yes, no, scope)
     except Mistake as mistake:
         machine.fail(mistake.message, node.span, mistake.hint, scope)
 

@@ -294,13 +294,14 @@ def either(a: Value, b: Value) -> Value:
     return record("or", a, b)
 
 
-def select(condition: Term, yes: Value, no: Value) -> Value:
+def select(condition: Term, yes: Value, no: Value, context: Context) -> Value:
     """`if … then … else …` inside a formula, where the condition depends on its parameters."""
     graph = condition.graph
+    context.meter.step()
     if isinstance(yes, tuple) and isinstance(no, tuple) and len(yes) == len(no):
-        return tuple([select(condition, a, b) for a, b in zip(yes, no, strict=True)])
+        return tuple([select(condition, a, b, context) for a, b in zip(yes, no, strict=True)])
     if isinstance(yes, Color) and isinstance(no, Color):
-        return Color(*[select(condition, a, b) for a, b in zip(yes.channels, no.channels, strict=True)])
+        return Color(*[select(condition, a, b, context) for a, b in zip(yes.channels, no.channels, strict=True)])
     a, b = lift(graph, yes), lift(graph, no)
     if a.truth != b.truth:
         raise Mistake(f"both ways of an `if` in a formula must be alike, got {kind(yes)} and {kind(no)}")

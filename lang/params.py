@@ -156,7 +156,7 @@ def info(param: ast.Param, value: Value, scope: Scope, file_unit: str) -> ParamI
     unit = _shown_unit(param.default, type_name, default, file_unit)
 
     def plain(v: Value) -> Any:
-        return int(v) if type_name == "int" else _plain(v, unit)
+        return int(v) if type_name == "int" else _plain(v, unit, scope)
 
     shown = None if allowed is None else tuple([plain(v) for v in allowed])
     doc = param.doc.value if param.doc else ""
@@ -171,11 +171,12 @@ def _shown_unit(node: ast.Node, type_name: str, default: Value, file_unit: str) 
     return units.QUANTITIES[type_name][1] if type_name in units.QUANTITIES and isinstance(default, Quantity) else ""
 
 
-def _plain(value: Value, unit: str) -> Any:
+def _plain(value: Value, unit: str, scope: Scope) -> Any:
+    scope.meter.step()
     if isinstance(value, Quantity):
         return units.in_unit(value.value, unit) if unit else value.value
     if isinstance(value, Color):
         return value.channels
     if isinstance(value, tuple):
-        return tuple([_plain(v, "") for v in value])
+        return tuple([_plain(v, "", scope) for v in value])
     return value if isinstance(value, float | bool | str) else describe(value)

@@ -127,9 +127,16 @@ def category(value: Value) -> str:
 
 def is_placeable(value: Value) -> bool:
     """Whether it can stand in a block: a shape, light or block, or a list of such."""
-    if isinstance(value, tuple):
-        return all(is_placeable(v) for v in value)
-    return category(value) in PLACEABLE
+    waiting, seen = [value], set()
+    while waiting:
+        v = waiting.pop()
+        if isinstance(v, tuple):
+            if id(v) not in seen:  # a list can hold another one many times
+                seen.add(id(v))
+                waiting.extend(v)
+        elif category(v) not in PLACEABLE:
+            return False
+    return True
 
 
 def kind(value: Value) -> str:
@@ -192,7 +199,7 @@ def describe(value: Value) -> str:
 
 
 def show(value: Value, depth: int = 0) -> str:
-    """A value as it would be written, as `string(…)` gives it. Lists inside lists are cut short at some depth."""
+    """A value as it would be written, as `string(…)` gives it. Long lists and lists deep inside lists are cut short."""
     match value:
         case bool():
             return "true" if value else "false"
@@ -207,7 +214,7 @@ def show(value: Value, depth: int = 0) -> str:
             exact = all(abs(a - b) < 1e-9 for a, b in zip(colors.from_hex(hexed), value.channels, strict=True))
             return hexed if exact else f"rgb({', '.join(units.show_number(c) for c in value.channels)})"
         case tuple():
-            if depth > 3 or len(value) > 100:
+            if depth > 2 or len(value) > 64:
                 return "[…]"
             return f"[{', '.join([show(v, depth + 1) for v in value])}]"
     return describe(value)

@@ -29,6 +29,9 @@ CASES = {
         "let a = fold(|a, k| [a, a], [1], 0..60)\nlet b = fold(|a, k| [a, a], [1], 0..60)\nif (a == b) { sphere() }",
         "2,000,000 steps",
     ),
+    "lists placed": ("let a = fold(|a, k| [a, a], [sphere()], 0..60)\ngroup { a }", "2,000,000 steps"),
+    "lists of nothing placed": ("let a = fold(|a, k| [a, a], [], 0..60)\na", "2,000,000 steps"),
+    "lists of a param": ("param a = fold(|a, k| [a, a], [1], 0..60)\nsphere(len(a))", "2,000,000 steps"),
     "groups": (
         "let dup(n, x) = if n == 0 then x else dup(n - 1, pair(x))\nlet pair(x) = group {\n  x\n  x\n}\ndup(40, sphere())",
         "200,000 elements",
@@ -69,6 +72,17 @@ def test_numbers_stay_finite(expression: str) -> None:
     assert document.elements == ()
     assert len(messages) == 2
     assert all("too l" in m or "is not defined" in m for m in messages)
+
+
+USES = ["sphere(name: string(a))", "let f() = a\nf(scale: 2)", "param p: shape = a\np", "sphere(-a)", "sphere(a == a)"]
+
+
+@pytest.mark.parametrize("use", USES)
+def test_lists_that_share_or_nest_are_answered(use: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(limits, "MAX_STEPS", 200_000)
+    for a in ("fold(|a, k| [a, a], [1], 0..60)", "fold(|a, k| [a], [1], 0..99999)"):
+        _, messages = run(f"let a = {a}\n{use}\nlet _b = a")
+        assert len(messages) <= 1
 
 
 def test_loops_inside_loops_end(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -59,16 +59,20 @@ _APART = {"pools": (), "images": ("texels",)}  # columns with a length of their 
 def validate(scene: ir.Scene, diagnostics: Diagnostics | None = None) -> tuple[ir.Scene, Diagnostics]:
     """The scene, repaired where it can be, and what was found. With an error among it the scene must not be drawn. Never raises."""
     found = diagnostics if diagnostics is not None else Diagnostics()
-    check = Check(scene, found)
+    with np.errstate(all="ignore"):  # whatever numbers stand in the tables
+        return _validate(Check(scene, found)), found
+
+
+def _validate(check: Check) -> ir.Scene:
     for step in (_structure, _references, _numbers):
         step(check)
         if check.errors:
-            return scene, found
+            return check.scene
     _meaning(check)
     validate_meshes.validate(check)
     if not check.errors:
         _without_empty_instances(check)
-    return check.finished(), found
+    return check.finished()
 
 
 Columns = dict[str, Any]  # a table's arrays by name
@@ -205,20 +209,18 @@ def _transforms(check: Check) -> None:
     table = check.tables["transforms"]
     matrices = table["matrix"]
     linear = matrices[:, :, :3]
-    with np.errstate(all="ignore"):
-        determinants = np.linalg.det(linear)
-        lengths = np.linalg.norm(linear, axis=1).prod(axis=1)
-        flat = ~(np.abs(determinants) > transforms.SINGULAR * lengths) | ~np.isfinite(determinants)
+    determinants = np.linalg.det(linear)
+    lengths = np.linalg.norm(linear, axis=1).prod(axis=1)
+    flat = ~(np.abs(determinants) > transforms.SINGULAR * lengths) | ~np.isfinite(determinants)
     if check.bad("transforms", flat, "it flattens to nothing (no inverse)"):
         return
     inverses = table["inverse"]
-    with np.errstate(all="ignore"):
-        # One of the two products is free of what a stretched matrix does to rounding.
-        products = (inverses[:, :, :3] @ linear, linear @ inverses[:, :, :3])
-        off = np.minimum(*(np.abs(product - np.eye(3)).max(axis=(1, 2), initial=0.0) for product in products))
-        moved = (inverses[:, :, :3] @ matrices[:, :, 3:])[:, :, 0] + inverses[:, :, 3]
-        reach = np.abs(inverses[:, :, :3]) @ np.abs(matrices[:, :, 3:])
-        wrong = ~(off < 1e-6) | ~(np.abs(moved) <= 1e-9 * (1 + reach[:, :, 0])).all(axis=1)
+    # One of the two products is free of what a stretched matrix does to rounding.
+    products = (inverses[:, :, :3] @ linear, linear @ inverses[:, :, :3])
+    off = np.minimum(*(np.abs(product - np.eye(3)).max(axis=(1, 2), initial=0.0) for product in products))
+    moved = (inverses[:, :, :3] @ matrices[:, :, 3:])[:, :, 0] + inverses[:, :, 3]
+    reach = np.abs(inverses[:, :, :3]) @ np.abs(matrices[:, :, 3:])
+    wrong = ~(off < 1e-6) | ~(np.abs(moved) <= 1e-9 * (1 + reach[:, :, 0])).all(axis=1)
     if check.bad("transforms", wrong, "its inverse was not its inverse: computed again", "warning"):
         inverses = inverses.copy()
         for row in np.flatnonzero(wrong):

@@ -30,8 +30,8 @@ def validate(check: Check) -> None:
         absent, degenerate = _faulty(check, int(row), first, count)
         missing[row], flat[row] = np.count_nonzero(absent), np.count_nonzero(degenerate)
         keep[first : first + count] &= ~(absent | degenerate)
-    _say(check, missing, "name vertices that are not there")
-    _say(check, flat, "have no area or no finite corners")
+    _say(check, missing, ("names", "name"), "vertices that are not there")
+    _say(check, flat, ("has", "have"), "no area or no finite corners")
     if not keep.all():
         _drop(check, meshes, keep)
     _outlines(check, meshes)
@@ -39,11 +39,10 @@ def validate(check: Check) -> None:
     _bounds(check, meshes)
 
 
-def _say(check: Check, counts: np.ndarray, what: str) -> None:
+def _say(check: Check, counts: np.ndarray, verbs: tuple[str, str], what: str) -> None:
     total = int(counts.sum())
-    if total:
-        s = "s" if total > 1 else ""
-        check.bad("geometries", counts > 0, f"{total} triangle{s} {what}: dropped", "warning")
+    who = f"1 triangle {verbs[0]}" if total == 1 else f"{total} triangles {verbs[1]}"
+    check.bad("geometries", counts > 0, f"{who} {what}: dropped", "warning")
 
 
 def _faulty(check: Check, row: int, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -56,11 +55,10 @@ def _faulty(check: Check, row: int, first: int, count: int) -> tuple[np.ndarray,
     if not len(safe) or high == low:
         return absent, np.zeros(count, dtype=bool)
     a, b, c = (pools["positions"][safe[:, k]].astype(np.float64) for k in range(3))
-    with np.errstate(all="ignore"):
-        ab, ac = b - a, c - a
-        area = np.cross(ab, ac)
-        longest = np.maximum(np.maximum((ab * ab).sum(axis=1), (ac * ac).sum(axis=1)), ((c - b) ** 2).sum(axis=1))
-        solid = (area * area).sum(axis=1) > (FLAT * longest) ** 2
+    ab, ac = b - a, c - a
+    area = np.cross(ab, ac)
+    longest = np.maximum(np.maximum((ab * ab).sum(axis=1), (ac * ac).sum(axis=1)), ((c - b) ** 2).sum(axis=1))
+    solid = (area * area).sum(axis=1) > (FLAT * longest) ** 2
     return absent, ~solid & ~absent
 
 

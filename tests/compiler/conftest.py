@@ -6,7 +6,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-
 from maquette.compiler import ir, load
 from maquette.lang.diagnostics import Diagnostics, SceneError, in_order, render_text
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from maquette.compiler import build, ir, transforms
 from maquette.compiler.rows import CameraData, Input, InstanceData, LightData, MaterialData, MeshAttribute, MeshData, Outlines, TextureData
 from maquette.lang.diagnostics import Span

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
 from maquette.compiler import defaults, ir, transforms
 
 extents = st.floats(1e-3, 1e3)

@@ -6,7 +6,6 @@ import os
 from pathlib import Path
 
 import pytest
-
 from maquette.compiler import files
 
 
@@ -101,7 +100,8 @@ def test_text_must_be_text(home: Path) -> None:
     assert found.text("ok.scene") == (home / "ok.scene", "sphere(1) // é")
     (home / "latin.scene").write_bytes(b"sphere(1)\n// caf\xe9")
     (home / "binary.scene").write_bytes(b"\x7fELF\0\0")
-    for name, message in (("latin.scene", "`latin.scene` is not UTF-8 text (line 2)"), ("binary.scene", "`binary.scene` is not a text file")):
+    expected = {"latin.scene": "`latin.scene` is not UTF-8 text (line 2)", "binary.scene": "`binary.scene` is not a text file"}
+    for name, message in expected.items():
         with pytest.raises(files.FileError) as caught:
             found.text(name)
         assert caught.value.message == message

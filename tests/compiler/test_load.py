@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from maquette.compiler import ir, load, show, store
 from maquette.lang.diagnostics import Diagnostics, SceneError
 

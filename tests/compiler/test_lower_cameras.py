@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-
 from maquette.compiler import ir
 
 REST = "\nsphere(1)\nsun()\n"
@@ -60,7 +59,8 @@ def test_cameras_keep_their_order(compiled) -> None:
 def test_settings(compiled) -> None:
     scene = compiled(
         'render(size: [640, 480], backend: "ray", samples: 4, error: 1%, budget: 20s, bounces: 3, seed: 7, filter: "box", '
-        'background: rgb(0, 0.5, 1), crop: [10, 20, 100, 200], aov: ["depth", "id"])\nanimate(duration: 12s, fps: 30)\ncamera([0,0,5])' + REST
+        'background: rgb(0, 0.5, 1), crop: [10, 20, 100, 200], aov: ["depth", "id"])\n'
+        "animate(duration: 12s, fps: 30)\ncamera([0,0,5])" + REST
     )
     assert scene.settings == ir.Settings(
         size=(640, 480), backend="ray", samples=4, error=0.01, budget=20, bounces=3, seed=7, filter="box", background=(0, 0.5, 1),
@@ -78,7 +78,11 @@ def test_nothing_said_is_nothing_set(compiled) -> None:
 @pytest.mark.parametrize(
     ("text", "message", "hint"),
     [
-        ("camera([0,0,5], look_at: [0,0,5])", "the camera looks at where it is: it has no direction", "give it another position or look_at"),
+        (
+            "camera([0,0,5], look_at: [0,0,5])",
+            "the camera looks at where it is: it has no direction",
+            "give it another position or look_at",
+        ),
         ("camera([0,0,5], near: 3, far: 2)", "the camera's near (3 m) is not before its far (2 m)", ""),
         ("camera([0,0,5], film: [1, 1])", "`film` goes with `focal`", "write focal: 50mm, film: [36mm, 24mm]"),
         (

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-
 from maquette.compiler import ir, lower_lights, transforms
 from maquette.compiler.rows import NO_SHADOW
 from maquette.lang.elements import Euler
@@ -95,8 +94,8 @@ def test_the_sun_has_half_its_diameter(compiled) -> None:
 
 def test_blocks_move_lights(compiled) -> None:
     scene = compiled(
-        "transform(rotate: [0, 0, 90deg], translate: [1, 0, 0], scale: 2) { point([1, 0, 0]); directional([1, 0, 0]); spot([1,0,0], look_at: [2,0,0]) }"
-        + BALL
+        "transform(rotate: [0, 0, 90deg], translate: [1, 0, 0], scale: 2) {\n"
+        "point([1, 0, 0]); directional([1, 0, 0]); spot([1,0,0], look_at: [2,0,0]) }" + BALL
     )
     lights = scene.tables.lights
     assert lights.position[0] == pytest.approx([1, 2, 0], abs=1e-15)

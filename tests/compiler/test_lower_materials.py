@@ -7,7 +7,6 @@ import math
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-
 from maquette.compiler import ir
 
 Slot, Model = ir.Slot, ir.MaterialModel
@@ -51,7 +50,8 @@ def test_ambient_is_diffuse_when_not_given(compiled) -> None:
 
 def test_mirror_glass_and_emissive(compiled) -> None:
     one = [1, 1, 1]
-    assert material(compiled("sphere(1, material: mirror(0.9))" + REST)) == {"model": Model.MIRROR, "reflection": [0.9] * 3, "ior": [1, 0, 0]}
+    mirror = material(compiled("sphere(1, material: mirror(0.9))" + REST))
+    assert mirror == {"model": Model.MIRROR, "reflection": [0.9] * 3, "ior": [1, 0, 0]}
     assert material(compiled("sphere(1, material: glass())" + REST)) == {"model": Model.GLASS, "transmission": one, "ior": [1.5, 0, 0]}
     expected = {"model": Model.EMISSIVE, "emission": [0, 0, 4], "ior": [1, 0, 0]}
     assert material(compiled("box(1, material: emissive(rgb(0, 0, 2), luminance: 2))" + REST)) == expected

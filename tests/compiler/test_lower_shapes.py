@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-
 from maquette.compiler import ir
 
 Kind = ir.GeometryKind
@@ -84,7 +83,8 @@ def test_a_matrix_block(compiled) -> None:
 def test_materials_are_inherited_from_the_nearest_block(compiled) -> None:
     scene = compiled(
         "let red = lambert(#ff0000)\n"
-        "group(material: red) { sphere(1); group(material: mirror()) { sphere(2); sphere(3, material: glass()) }; translate([1,0,0]) { sphere(4) } }\n"
+        "group(material: red) {\n"
+        "sphere(1); group(material: mirror()) { sphere(2); sphere(3, material: glass()) }; translate([1,0,0]) { sphere(4) } }\n"
         "sphere(5)" + REST
     )
     models = scene.tables.materials.model[scene.tables.instances.material].tolist()
@@ -101,8 +101,8 @@ def test_names_are_paths_of_blocks_parts_or_kinds(compiled) -> None:
 
 def test_copies_share_geometry(compiled) -> None:
     scene = compiled(
-        "for (k in 0..9) { mesh(points: [[0,0,0],[1,0,0],[0,1,0]], faces: [[0,1,2]], translate: [k, 0, 0]); sphere(1, translate: [k, 2, 0]) }"
-        + REST
+        "for (k in 0..9) { mesh(points: [[0,0,0],[1,0,0],[0,1,0]], faces: [[0,1,2]], translate: [k, 0, 0])\n"
+        "sphere(1, translate: [k, 2, 0]) }" + REST
     )
     assert len(scene.tables.geometries.kind) == 2
     assert len(scene.tables.instances.geometry) == 20
@@ -142,8 +142,8 @@ def test_a_polygon_has_coordinates_over_its_extent(compiled) -> None:
 
 def test_a_mesh_from_points_and_faces(compiled) -> None:
     scene = compiled(
-        "mesh(points: [[0,0,0],[1,0,0],[1,1,0],[0,1,0]], faces: [[0,1,2,3]], uv: [[0,0],[1,0],[1,1],[0,1]], colors: [[1,0,0],[0,1,0],[0,0,1],[1,1,1]])"
-        + REST
+        "mesh(points: [[0,0,0],[1,0,0],[1,1,0],[0,1,0]], faces: [[0,1,2,3]], uv: [[0,0],[1,0],[1,1],[0,1]],\n"
+        "colors: [[1,0,0],[0,1,0],[0,0,1],[1,1,1]])" + REST
     )
     t = scene.tables
     assert len(t.pools.triangles) == 2
@@ -151,7 +151,9 @@ def test_a_mesh_from_points_and_faces(compiled) -> None:
     assert min(t.geometries.uvs[0], t.geometries.colors[0]) >= 0
 
 
-CUBE = "v 0 0 0\nv 2 0 0\nv 2 4 0\nv 0 4 0\nv 0 0 2\nv 2 0 2\nv 2 4 2\nv 0 4 2\nf 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 3 4 8 7\nf 2 3 7 6\nf 1 5 8 4\n"
+CUBE = """v 0 0 0\nv 2 0 0\nv 2 4 0\nv 0 4 0\nv 0 0 2\nv 2 0 2\nv 2 4 2\nv 0 4 2
+f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 3 4 8 7\nf 2 3 7 6\nf 1 5 8 4
+"""
 
 
 def test_height_scales_and_grounds_a_mesh(compiled, tmp_path) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 
 import numpy as np
-
 from maquette.compiler import show, store
 
 HELLO = """

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
-
 from maquette.compiler import ir, load, show, store
 from maquette.lang.diagnostics import SceneError
 
@@ -15,7 +15,8 @@ TEXT = """
 param tint: color = #ff8800
 param n: int = 3 in 1..9 "how many"
 unit cm
-for (k in 1..n) { mesh(points: [[0,0,0],[1,0,0],[1,1,0],[0,1,0]], faces: [[0,1,2,3]], translate: [2 * k, 0, 0], material: lambert(checker(tint))) }
+let painted = lambert(checker(tint))
+for (k in 1..n) { mesh(points: [[0,0,0],[1,0,0],[1,1,0],[0,1,0]], faces: [[0,1,2,3]], translate: [2 * k, 0, 0], material: painted) }
 spot([0, 200, 0], intensity: 5cd, name: "lamp")
 camera([0, 100, 500], exposure: 1, name: "main")
 render(size: [64, 48], aov: ["depth"], background: rgb(0, 0, 1))
@@ -110,10 +111,8 @@ def test_a_file_with_a_wrong_byte_is_refused_or_validated(saved: tuple[ir.Scene,
     for at in rng.integers(0, len(data), 3):
         data[at] ^= int(rng.integers(1, 256))
     path.write_bytes(bytes(data))
-    try:
-        load.load(path)
-    except SceneError as error:
-        assert str(error)
+    with suppress(SceneError):  # anything else is a fault
+        assert isinstance(load.load(path), ir.Scene)
 
 
 def test_other_files(saved: tuple[ir.Scene, Path], tmp_path: Path) -> None:

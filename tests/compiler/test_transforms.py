@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
 from maquette.compiler import transforms
 from maquette.lang.elements import AxisAngle, Euler, Quaternion
 

@@ -1,0 +1,160 @@
+"""Small scenes for the tests of rendering, made with the scene builder: shapes, meshes, lights and a camera in one call each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from maquette.compiler import ir
+from maquette.compiler.build import SceneBuilder, lambert
+from maquette.compiler.rows import CameraData, Input, InstanceData, LightData, MaterialData, MeshData
+from maquette.render import bvh, integrate, records, trace
+from maquette.render.handles import Handle
+from maquette.render.kernels import kernel
+from maquette.render.records import GouraudLight, Hit, Options, Ray
+
+IDENTITY = np.eye(4)
+OPTIONS = Options(seed=0, bounces=0, interreflection=False, shadows=True, background=0, color=(0.0, 0.0, 0.0))
+
+
+def matrix(translate: Sequence[float] = (0, 0, 0), linear: Any = None) -> np.ndarray:
+    """(4, 4) from a translation and a 3×3 linear part."""
+    made = np.eye(4)
+    made[:3, :3] = np.eye(3) if linear is None else linear
+    made[:3, 3] = translate
+    return made
+
+
+def turn(axis: int, angle: float) -> np.ndarray:
+    """3×3 rotation about x, y or z, counter-clockwise seen from the axis' end."""
+    c, s = np.cos(angle), np.sin(angle)
+    made = np.eye(3)
+    a, b = (axis + 1) % 3, (axis + 2) % 3
+    made[a, a], made[a, b], made[b, a], made[b, b] = c, -s, s, c
+    return made
+
+
+def looking(position: Sequence[float], at: Sequence[float], up: Sequence[float] = (0, 1, 0)) -> np.ndarray:
+    """(4, 4) frame of a camera that looks down its -z from a position to a point."""
+    z = np.asarray(position, float) - np.asarray(at, float)
+    z /= np.linalg.norm(z)
+    x = np.cross(up, z)
+    x /= np.linalg.norm(x)
+    return matrix(position, np.stack([x, np.cross(z, x), z], axis=1))
+
+
+def facing(position: Sequence[float], at: Sequence[float]) -> np.ndarray:
+    """(4, 4) frame whose +y points from a position to a point: where an area light shines."""
+    y = np.asarray(at, float) - np.asarray(position, float)
+    y /= np.linalg.norm(y)
+    x = np.cross(y, [0.0, 0.0, 1.0] if abs(y[2]) < 0.9 else [1.0, 0.0, 0.0])
+    x /= np.linalg.norm(x)
+    return matrix(position, np.stack([x, y, np.cross(x, y)], axis=1))
+
+
+def scene(
+    shapes: Sequence[tuple[ir.GeometryKind, Sequence[float], np.ndarray, int]] = (),
+    meshes: Sequence[tuple[MeshData, np.ndarray, int]] = (),
+    materials: Sequence[MaterialData] = (),
+    lights: Sequence[LightData] = (),
+    camera: CameraData | None = None,
+    frame: np.ndarray | None = None,
+    prepare: Any = None,
+) -> ir.Tables:
+    """The tables of shapes (kind, parameters, matrix, material row) and meshes (data, matrix, material row).
+
+    Lights and the camera stand in `frame` (row 1 of transforms) where they say transform=1. `prepare(builder)` adds what else is needed
+    (textures, pictures) before the materials are made, and returns them if it makes them itself.
+    """
+    builder = SceneBuilder()
+    builder.transform(matrix((0, 0, 0.5)) if frame is None else frame)
+    if prepare is not None:
+        materials = prepare(builder) or materials
+    rows = [builder.material(m) for m in materials or [lambert((1.0, 1.0, 1.0))]]
+    for kind, parameters, placed, material in shapes:
+        builder.instance(InstanceData(builder.geometry(kind, parameters), builder.transform(placed), rows[material]))
+    for data, placed, material in meshes:
+        builder.instance(InstanceData(builder.mesh(data), builder.transform(placed), rows[material]))
+    for light in lights:
+        builder.light(light)
+    builder.camera(camera or CameraData(transform=0, extent=1.0))
+    return builder.finish().tables
+
+
+def phong(
+    diffuse: float = 0.0, specular: float = 0.0, shininess: float = 1.0, model: ir.MaterialModel = ir.MaterialModel.PHONG, **more: Any
+) -> MaterialData:
+    """A grey material of the course's models; `more` are inputs by slot name in lower case, `shading` or `normalized`."""
+    slots = {"diffuse": diffuse, "specular": specular, "shininess": shininess, "ambient": diffuse, "ior": 1.0}
+    fields = {name: more.pop(name) for name in ("shading", "normalized") if name in more}
+    slots.update(more)
+    inputs = {ir.Slot[name.upper()]: value if isinstance(value, Input) else Input((value,) * 3) for name, value in slots.items()}
+    return MaterialData(model, inputs, **fields)
+
+
+def no_gouraud(tables: ir.Tables) -> GouraudLight:
+    """No light computed at vertices."""
+    return GouraudLight(np.full(len(tables.instances.geometry), -1, np.int64), np.zeros((1, 3)))
+
+
+def rays(origin: Any, direction: Any, t_min: float = 0.0, t_max: float = np.inf) -> Ray:
+    """Rays as lanes from origins and directions (n, 3) or (3,); directions are normalised."""
+    o, d = np.broadcast_arrays(np.atleast_2d(np.asarray(origin, float)), np.atleast_2d(np.asarray(direction, float)))
+    d = d / np.linalg.norm(d, axis=1, keepdims=True)
+    n = len(o)
+    return Ray(tuple(o.T.copy()), tuple(d.T.copy()), np.full(n, t_min), np.full(n, t_max))
+
+
+def first_hit(tables: ir.Tables, ray: Ray) -> Hit:
+    """What rays meet, by brute force."""
+    return trace.closest(trace.Brute(), tables, ray, np.ones(len(ray.t_min), bool), int(ir.Visibility.CAMERA))
+
+
+def radiance(
+    tables: ir.Tables, ray: Ray, options: Options = OPTIONS, samples: int = 1, light: GouraudLight | None = None, pixel: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
+    """(rgb (samples, n, 3), alpha (samples, n)) along rays by the numpy lanes; every sample must be finite."""
+    n = len(ray.t_min)
+    hit = first_hit(tables, ray)
+    stack = np.zeros((*integrate.stack_shape(options), n))
+    rgb, alpha = np.zeros((samples, n, 3)), np.zeros((samples, n))
+    pixels = pixel + np.arange(n)
+    with np.errstate(all="ignore"):
+        for s in range(samples):
+            color, alpha[s], sound = integrate.radiance(
+                tables, trace.Brute(), light or no_gouraud(tables), options, ray, hit, pixels, np.full(n, s), stack
+            )
+            assert np.all(sound)
+            rgb[s] = np.stack(np.broadcast_arrays(*color, hit.t)[:3], axis=1)
+    return rgb, alpha
+
+
+def radiance_in_kernel(
+    tables: ir.Tables, ray: Ray, options: Options = OPTIONS, samples: int = 1, light: GouraudLight | None = None, pixel: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same by the compiled integrator through the trees."""
+    n = len(ray.t_min)
+    rgb, alpha = np.zeros((samples, n, 3)), np.zeros((samples, n))
+    stack = np.zeros(integrate.stack_shape(options))
+    columns = np.stack([*ray.origin, *ray.direction, ray.t_min, ray.t_max])
+    light = light or no_gouraud(tables)
+    packed = Handle(tables), Handle(bvh.build(tables)), Handle(light)  # kept until the kernel is done
+    issues = _each_ray(*packed, options, columns, pixel, stack, rgb, alpha)
+    assert issues == 0
+    return rgb, alpha
+
+
+@kernel
+def _each_ray(tables, accel, light, options, columns, pixel, stack, rgb, alpha):
+    issues = 0
+    for s in range(rgb.shape[0]):
+        for k in range(rgb.shape[1]):
+            c = columns[:, k]
+            ray = records.Ray((c[0], c[1], c[2]), (c[3], c[4], c[5]), c[6], c[7])
+            hit = trace.closest(accel, tables, ray, True, 1)
+            color, alpha[s, k], sound = integrate.radiance(tables, accel, light, options, ray, hit, pixel + k, s, stack)
+            rgb[s, k, 0], rgb[s, k, 1], rgb[s, k, 2] = color
+            issues += not sound
+    return issues

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from . import ast, habits, params
 from .diagnostics import Diagnostics, Span, suggest
-from .modules import KEYWORDS, Module, use_name
+from .modules import Module, use_name
+from .tokens import KEYWORDS
 
 RESERVED = frozenset({"true", "false", "children"})
 

@@ -11,10 +11,10 @@ from . import ast, units
 from .diagnostics import Diagnostics, Span
 from .limits import MAX_FILES
 from .parse import parse
+from .tokens import KEYWORDS
 
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb", ".gltf")
-KEYWORDS = frozenset({"use", "as", "unit", "param", "let", "for", "in", "if", "else", "then", "or", "and", "not"})
 
 
 class ReadError(Exception):
@@ -115,7 +115,7 @@ class Loader:
         name = found[0].name
         if units.UNITS.get(name.id, (0, units.NONE))[1] == units.LENGTH:
             return name.id
-        lengths = ", ".join(sorted({u for u, (_, d) in units.UNITS.items() if d == units.LENGTH and u.isascii()}))
+        lengths = ", ".join(sorted({u for u, (_, d) in units.UNITS.items() if d == units.LENGTH and u.isascii() and u not in KEYWORDS}))
         self.diagnostics.error(f"unit of length wanted, got `{name.id}`", name.span, f"one of {lengths}")
         return "m"
 

@@ -196,3 +196,12 @@ def test_a_set_that_cannot_be_parsed_is_a_message_too() -> None:
     _, messages = run(SLIDERS, sets={"n": "2 +"})
     assert len(messages) == 1
     assert messages[0].startswith("--set n:1:")
+
+
+@pytest.mark.parametrize("path", ["my-gear.scene", "2d.scene", "for.scene"])
+def test_a_file_whose_name_cannot_be_a_name_needs_another(path: str) -> None:
+    _, messages = run(f'use "{path}"\nsphere()', {path: "sphere()"})
+    name = path.removesuffix(".scene")
+    line = f'   1 | use "{path}"\n     |     {"^" * (len(path) + 2)} write use "{path}" as …'
+    assert messages == [f"a.scene:1:5: error: `{name}` cannot be a name\n{line}"]
+    assert elements(f'use "{path}" as part\npart()', {path: "sphere()"})

@@ -44,9 +44,7 @@ class Renderer:
         """Write the named channels of the tile, (h, w, k) each."""
         with np.errstate(all="ignore"):
             ray, hit = self._first_hit(*aov.centres(tile))
-        found = aov.channels_of(self.prepared.tables, self.view, ray, hit, names)
-        for name, values in found.items():
-            out[name][:] = values.reshape(out[name].shape)
+        aov.channels_of(self.prepared.tables, self.view, ray, hit, names, out)
 
     def _first_hit(self, x: np.ndarray, y: np.ndarray) -> tuple[Ray, Any]:
         tables = self.prepared.tables

@@ -16,7 +16,7 @@ from ..compiler import ir
 from ..compiler.plan import Plan
 from . import bvh, camera, gouraud, tessellate, trace
 from .handles import Handle
-from .records import GouraudLight, Options, View
+from .records import Options, View
 
 _NEAREST = 0.01  # of a shape's size: where the eye is nearer to its box than this, the tolerance is measured at this distance
 _ACROSS = 96  # cells over the picture's width and height for what an endless quadric shows of itself
@@ -196,7 +196,8 @@ def _with_meshes(tables: ir.Tables, made: list[tuple[int, tessellate.Tessellatio
     for original, mesh in made:
         count = len(mesh.positions)
         row = {
-            "kind": ir.GeometryKind.MESH, "parameters": np.zeros(ir.PARAMETERS), "bounds": geometries.bounds[original], "origin": np.zeros(3),
+            "kind": ir.GeometryKind.MESH, "parameters": np.zeros(ir.PARAMETERS),
+            "bounds": geometries.bounds[original], "origin": np.zeros(3),
             "first_vertex": vertices, "vertex_count": count, "first_triangle": triangles, "triangle_count": len(mesh.triangles),
             "first_polygon": 0, "polygon_count": 0, "colors": -1,
         }  # fmt: skip

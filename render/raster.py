@@ -21,7 +21,6 @@ from .handles import Handle
 from .kernels import helper, kernel
 from .prepare import Prepared
 from .records import Film, Hit, Ray, Tile, View
-from .visibility import Samples, Scratch
 
 BATCH = 1 << 16  # samples of a tile held in the z-buffer at a time
 MESH = int(ir.GeometryKind.MESH)
@@ -68,17 +67,15 @@ class Renderer:
         """The rays through a tile's pixel centres and what they hit, in lanes of shape (h · w,)."""
         scratch = self._seen(tile, 0, 1, 1)
         samples = scratch.tables.samples
-        count = samples.x.size
+        count = len(samples.x)
         hit = Hit(np.empty(count), np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count), np.empty(count))
         resolve(self.model, self.prepared.packed, self.prepared.accel, self.view, scratch, hit)
-        x, y = samples.x[:, :, 0].ravel() / fill.ONE, samples.y[:, :, 0].ravel() / fill.ONE
-        return camera.ray(self.prepared.tables, self.view, x, y), hit
+        return camera.ray(self.prepared.tables, self.view, samples.x / fill.ONE, samples.y / fill.ONE), hit
 
     def _seen(self, tile: Tile, first: int, count: int, total: int) -> Handle:
         """A handle of visibility.Scratch with samples first … first + count - 1 of a tile and what they see."""
-        shape = tile.y1 - tile.y0, tile.x1 - tile.x0, count
-        samples = Samples(np.empty(shape, np.int64), np.empty(shape, np.int64), self.reach if total > 1 else 0)
-        scratch = Handle(Scratch(samples, visibility.nothing_seen(shape), visibility.room_for(self.prepared.tables)))
+        room = visibility.room_for(self.prepared.tables)
+        scratch = Handle(visibility.scratch_for(tile, count, self.reach if total > 1 else 0, room))
         place_samples(tile, self.view, first, total, self.prepared.options.seed, self.filter, scratch)
         box = self.box
         here = (box[:, 0] < tile.x1) & (box[:, 2] > tile.x0) & (box[:, 1] < tile.y1) & (box[:, 3] > tile.y0)
@@ -111,13 +108,12 @@ def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
 def place_samples(tile, view, first, total, seed, table, scratch):
     """Write where samples first, first + 1, … of a tile's pixels lie."""
     samples = scratch.samples
-    for j in range(samples.x.shape[0]):
-        for i in range(samples.x.shape[1]):
-            x, y = tile.x0 + i, tile.y0 + j
-            for s in range(samples.x.shape[2]):
-                dx, dy = sampler.offset(y * view.width + x, first + s, total, seed, table)
-                samples.x[j, i, s] = x * fill.ONE + fill.HALF + int(round(dx * fill.ONE))
-                samples.y[j, i, s] = y * fill.ONE + fill.HALF + int(round(dy * fill.ONE))
+    for k in range(samples.rows * samples.columns):
+        x, y = tile.x0 + k % samples.columns, tile.y0 + k // samples.columns
+        for s in range(samples.count):
+            dx, dy = sampler.offset(y * view.width + x, first + s, total, seed, table)
+            samples.x[k * samples.count + s] = x * fill.ONE + fill.HALF + round(dx * fill.ONE)
+            samples.y[k * samples.count + s] = y * fill.ONE + fill.HALF + round(dy * fill.ONE)
 
 
 @kernel
@@ -168,31 +164,28 @@ def about(matrix: Any, instance: int, positions: Any, row: int, x: float, y: flo
 
 @kernel
 def resolve(made, tables, accel, view, scratch, hit):
-    """Write what the first sample of each pixel of a tile hits, in lanes of shape (h · w,)."""
+    """Write what every sample of a tile hits, in lanes."""
     samples, seen = scratch.samples, scratch.seen
-    for j in range(seen.key.shape[0]):
-        for i in range(seen.key.shape[1]):
-            px, py = samples.x[j, i, 0], samples.y[j, i, 0]
-            ray = camera.ray(tables, view, px / fill.ONE, py / fill.ONE)
-            found = hit_of(made, tables, accel, view, ray, px, py, seen.instance[j, i, 0], seen.triangle[j, i, 0])
-            k = j * seen.key.shape[1] + i
-            hit.t[k], hit.instance[k], hit.primitive[k], hit.u[k], hit.v[k] = found.t, found.instance, found.primitive, found.u, found.v
+    for k in range(len(seen.key)):
+        ray = camera.ray(tables, view, samples.x[k] / fill.ONE, samples.y[k] / fill.ONE)
+        found = hit_of(made, tables, accel, view, ray, samples.x[k], samples.y[k], seen.instance[k], seen.triangle[k])
+        hit.t[k], hit.instance[k], hit.primitive[k], hit.u[k], hit.v[k] = found
 
 
 @kernel
 def shade(made, tables, view, accel, gouraud, options, tile, first, scratch, stack, film):
     """Add the light of all samples of a tile to its film."""
     samples, seen = scratch.samples, scratch.seen
-    for j in range(seen.key.shape[0]):
-        for i in range(seen.key.shape[1]):
+    for j in range(samples.rows):
+        for i in range(samples.columns):
             pixel = (tile.y0 + j) * view.width + tile.x0 + i
-            for s in range(seen.key.shape[2]):
-                px, py = samples.x[j, i, s], samples.y[j, i, s]
-                ray = camera.ray(tables, view, px / fill.ONE, py / fill.ONE)
-                hit = hit_of(made, tables, accel, view, ray, px, py, seen.instance[j, i, s], seen.triangle[j, i, s])
+            for s in range(samples.count):
+                k = (j * samples.columns + i) * samples.count + s
+                ray = camera.ray(tables, view, samples.x[k] / fill.ONE, samples.y[k] / fill.ONE)
+                hit = hit_of(made, tables, accel, view, ray, samples.x[k], samples.y[k], seen.instance[k], seen.triangle[k])
                 color, alpha, sound = integrate.radiance(tables, accel, gouraud, options, ray, hit, pixel, first + s, stack)
                 film.color[j, i, 0] += color[0]
                 film.color[j, i, 1] += color[1]
                 film.color[j, i, 2] += color[2]
                 film.alpha[j, i] += alpha
-                film.issues[j, i] += not sound
+                film.issues[j, i] += 0 if sound else 1

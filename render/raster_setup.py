@@ -113,7 +113,10 @@ def to_clip(matrix: Any, instance: int, p: Any, row: int, out: Any, k: int) -> N
 
 
 def clusters(made: Any, ranges: NDArray[np.int64], tables: ir.Tables, view: View, margin: int, polygons: bool) -> Clusters:
-    """The clusters of a model (its handle) that may touch the picture grown by `margin` pixels. With `polygons`, meshes that have them are cut into those."""
+    """The clusters of a model (its handle) that may touch the picture grown by `margin` pixels.
+
+    With `polygons`, meshes that have them are cut into those, not into triangles.
+    """
     by_polygon = np.zeros(len(ranges), bool)
     if polygons:
         geometry = tables.instances.geometry

@@ -23,19 +23,22 @@ FLAT = 1e-6  # of its size, by which the corners of a polygon filled as a whole 
 
 
 class Samples(NamedTuple):
-    """Where a tile's samples lie, in fixed point from the picture's top left."""
+    """Where a tile's samples lie, in fixed point from the picture's top left; pixel by pixel in rows, each with `count` of them."""
 
-    x: NDArray[np.int64]  # (h, w, n)
+    x: NDArray[np.int64]  # (h · w · count,)
     y: NDArray[np.int64]
+    rows: int
+    columns: int
+    count: int
     reach: int  # how far any of them lies from its pixel's centre in x or y
 
 
 class Seen(NamedTuple):
     """What each sample sees."""
 
-    key: NDArray[np.float64]  # (h, w, n) larger is nearer; -inf: nothing
-    instance: NDArray[np.int32]  # (h, w, n) or -1
-    triangle: NDArray[np.int32]  # (h, w, n) row of Model.triangles
+    key: NDArray[np.float64]  # (h · w · count,) larger is nearer; -inf: nothing
+    instance: NDArray[np.int32]  # or -1
+    triangle: NDArray[np.int32]  # row of Model.triangles
 
 
 class Room(NamedTuple):
@@ -60,9 +63,12 @@ class Scratch(NamedTuple):
     room: Room
 
 
-def nothing_seen(shape: tuple[int, int, int]) -> Seen:
-    """An empty z-buffer for (height, width, samples)."""
-    return Seen(np.full(shape, -np.inf), np.full(shape, -1, np.int32), np.full(shape, -1, np.int32))
+def scratch_for(tile: Tile, count: int, reach: int, room: Room) -> Scratch:
+    """Memory for `count` samples of each pixel of a tile, with an empty z-buffer."""
+    rows, columns = tile.y1 - tile.y0, tile.x1 - tile.x0
+    n = rows * columns * count
+    samples = Samples(np.empty(n, np.int64), np.empty(n, np.int64), rows, columns, count, reach)
+    return Scratch(samples, Seen(np.full(n, -np.inf), np.full(n, -1, np.int32), np.full(n, -1, np.int32)), room)
 
 
 def room_for(tables: ir.Tables) -> Room:
@@ -207,33 +213,33 @@ def fill_triangle(a: int, b: int, c: int, instance: int, triangle: int, tile: Ti
     part_x[0], part_x[1], part_x[2], part_y[0], part_y[1], part_y[2] = ax, bx, cx, ay, by, cy
     found, line = 0, min(ay, min(by, cy)) - 1
     for j in range(y0, y1):
-        for i in range(x0, x1):
-            for s in range(samples.x.shape[2]):
-                px, py = samples.x[j, i, s], samples.y[j, i, s]
-                if how == fill.EDGES:
-                    covered = fill.inside_edges(ax, ay, bx, by, cx, cy, px, py)
-                elif how == fill.AREAS:
-                    covered = fill.inside_areas(ax, ay, bx, by, cx, cy, px, py)
-                else:
-                    if py != line:
-                        line = py
-                        found = fill.crossings(part_x, part_y, 0, 3, py, room.crossings, 0)
-                    covered = fill.inside_crossings(room.crossings, found, px)
-                if covered:
-                    test_depth(room.plane, 0, px, py, instance, triangle, tile, j, i, s, scratch.seen)
+        start = j * samples.columns
+        for s in range((start + x0) * samples.count, (start + x1) * samples.count):
+            px, py = samples.x[s], samples.y[s]
+            if how == fill.EDGES:
+                covered = fill.inside_edges(ax, ay, bx, by, cx, cy, px, py)
+            elif how == fill.AREAS:
+                covered = fill.inside_areas(ax, ay, bx, by, cx, cy, px, py)
+            else:
+                if py != line:
+                    line = py
+                    found = fill.crossings(part_x, part_y, 0, 3, py, room.crossings, 0)
+                covered = fill.inside_crossings(room.crossings, found, px)
+            if covered:
+                test_depth(room.plane, 0, px, py, instance, triangle, tile, s, scratch.seen)
 
 
 @helper
-def test_depth(plane: Any, row: int, px: int, py: int, instance: int, triangle: int, tile: Tile, j: int, i: int, s: int, seen: Seen) -> None:
-    """Keep the triangle of plane[row] at a sample if it is the nearest so far."""
+def test_depth(plane: Any, row: int, px: int, py: int, instance: int, triangle: int, tile: Tile, s: int, seen: Seen) -> None:
+    """Keep the triangle of plane[row] at sample s if it is the nearest so far."""
     x, y = px / fill.ONE - tile.x0, py / fill.ONE - tile.y0
     key = min(max(plane[row, 0] * x + plane[row, 1] * y + plane[row, 2], plane[row, 3]), plane[row, 4])
-    old = seen.key[j, i, s]
+    old = seen.key[s]
     if not key >= old:
         return
-    if key == old and (instance, triangle) > (seen.instance[j, i, s], seen.triangle[j, i, s]):
+    if key == old and (instance, triangle) > (seen.instance[s], seen.triangle[s]):
         return
-    seen.key[j, i, s], seen.instance[j, i, s], seen.triangle[j, i, s] = key, instance, triangle
+    seen.key[s], seen.instance[s], seen.triangle[s] = key, instance, triangle
 
 
 # --- whole polygons ------------------------------------------------------------------------------------------------------
@@ -327,17 +333,16 @@ def fill_polygon(tables: ir.Tables, instance: int, polygon: int, corners: int, t
     y0, y1 = pixel_range(room.y[:corners].min(), room.y[:corners].max(), samples.reach, tile.y0, tile.y1)
     found, line = 0, room.y[:corners].min() - 1
     for j in range(y0, y1):
-        for i in range(x0, x1):
-            for s in range(samples.x.shape[2]):
-                px, py = samples.x[j, i, s], samples.y[j, i, s]
-                if py != line:
-                    line, found, start = py, 0, 0
-                    for loop in range(first_loop, first_loop + tables.polygons.loop_count[polygon]):
-                        found = fill.crossings(room.x, room.y, start, loops[loop, 1], py, room.crossings, found)
-                        start += loops[loop, 1]
-                if fill.inside_crossings(room.crossings, found, px):
-                    t = triangle_at(room, count, px, py)
-                    test_depth(room.plane, t, px, py, instance, first + t, tile, j, i, s, scratch.seen)
+        for s in range((j * samples.columns + x0) * samples.count, (j * samples.columns + x1) * samples.count):
+            px, py = samples.x[s], samples.y[s]
+            if py != line:
+                line, found, start = py, 0, 0
+                for loop in range(first_loop, first_loop + tables.polygons.loop_count[polygon]):
+                    found = fill.crossings(room.x, room.y, start, loops[loop, 1], py, room.crossings, found)
+                    start += loops[loop, 1]
+            if fill.inside_crossings(room.crossings, found, px):
+                t = triangle_at(room, count, px, py)
+                test_depth(room.plane, t, px, py, instance, first + t, tile, s, scratch.seen)
 
 
 @helper

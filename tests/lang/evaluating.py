@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from hypothesis import settings
 from maquette.lang import evaluate as evaluator
 from maquette.lang.diagnostics import Diagnostics, Span, in_order, render_text
 from maquette.lang.elements import Document, Element
+
+unhurried = settings(deadline=None)  # for properties: the first example builds the parser, and the machine may be busy
 
 
 class Files:

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from .evaluating import run
+from .evaluating import run, unhurried
 
 FILES = sorted((Path(__file__).parent / "meaning_errors").glob("*.txt"))
 CASES = [case for file in FILES for case in file.read_text(encoding="utf-8").rstrip("\n").split("\n=====\n")]
@@ -27,6 +27,7 @@ def test_message(case: str) -> None:
     assert "\n".join(line.rstrip() for line in "\n".join(messages).split("\n")) == expected
 
 
+@unhurried
 @given(st.data())
 def test_any_word_in_place_of_any_other_gives_a_document_and_messages(data: st.DataObject) -> None:
     source = data.draw(st.sampled_from(SOURCES))

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from maquette.lang.elements import Element
 
-from .evaluating import elements, good, run, value
+from .evaluating import elements, good, run, unhurried, value
 
 
 def radii(text: str, **options: object) -> list[float]:
@@ -254,6 +254,7 @@ def _operations(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
     return pairs | powers | inner.map(lambda t: f"({t})") | inner.map(lambda t: f"-({t})")
 
 
+@unhurried
 @given(st.recursive(NUMBERS, _operations, max_leaves=12))
 def test_arithmetic_is_that_of_python(text: str) -> None:
     try:
@@ -266,6 +267,7 @@ def test_arithmetic_is_that_of_python(text: str) -> None:
 COMPARISONS = st.tuples(st.integers(-5, 5), st.sampled_from(["<", "<=", ">", ">=", "==", "!="]), st.integers(-5, 5))
 
 
+@unhurried
 @given(st.lists(COMPARISONS, min_size=1, max_size=5), st.data())
 def test_logic_is_that_of_python(parts: list[tuple[int, str, int]], data: st.DataObject) -> None:
     text = " ".join(
@@ -275,6 +277,7 @@ def test_logic_is_that_of_python(parts: list[tuple[int, str, int]], data: st.Dat
     assert value(text) is eval(text)
 
 
+@unhurried
 @given(st.integers(-20, 20), st.integers(-20, 20))
 def test_ranges_are_inclusive_and_never_descend(a: int, b: int) -> None:
     assert value(f"{a}..{b}") == tuple(float(k) for k in range(a, b + 1))

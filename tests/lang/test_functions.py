@@ -15,7 +15,7 @@ from maquette.lang.formula import Formula
 from maquette.lang.noise import noise
 from maquette.lang.units import Quantity
 
-from .evaluating import elements, mistake, run, value
+from .evaluating import elements, mistake, run, unhurried, value
 
 
 @pytest.mark.parametrize(
@@ -153,17 +153,20 @@ def test_colours() -> None:
     assert value("rgb(1, 2, 3) * rgb(2, 2, 2) + rgb(0, 0, 1)").channels == (2, 4, 7)
 
 
+@unhurried
 @given(st.integers(0, 255), st.integers(0, 255), st.integers(0, 255))
 def test_hex_and_back(r: int, g: int, b: int) -> None:
     text = f"#{r:02x}{g:02x}{b:02x}"
     assert colors.to_hex(colors.from_hex(text)) == text
 
 
+@unhurried
 @given(st.floats(0, 1), st.floats(0, 1), st.floats(0, 1))
 def test_hsv_is_that_of_colorsys(h: float, s: float, v: float) -> None:
     assert colors.hsv_to_srgb(h * 2 * math.pi, s, v) == pytest.approx(colorsys.hsv_to_rgb(h, s, v), abs=1e-9)
 
 
+@unhurried
 @given(st.floats(*colors.KELVIN_RANGE))
 def test_a_black_body_has_luminance_1_and_no_negative_channel(temperature: float) -> None:
     rgb = colors.kelvin(temperature)
@@ -185,6 +188,7 @@ def test_black_bodies_lie_on_the_planckian_locus(temperature: float, xy: tuple[f
     assert (x / (x + y + z), y / (x + y + z)) == pytest.approx(xy, abs=0.003)
 
 
+@unhurried
 @given(st.floats(-50, 50), st.floats(-50, 50), st.floats(-50, 50))
 def test_noise_is_bounded_and_repeats(x: float, y: float, z: float) -> None:
     assert -1.05 <= noise(x, y, z) <= 1.05

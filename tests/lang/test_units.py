@@ -12,7 +12,7 @@ from maquette.lang.limits import Meter
 from maquette.lang.units import Quantity
 from maquette.lang.values import Mistake
 
-from .evaluating import mistake, value
+from .evaluating import mistake, unhurried, value
 
 
 class Metres:
@@ -141,6 +141,7 @@ DIMENSIONS = st.tuples(*[st.integers(-3, 3)] * 4)
 QUANTITIES = st.builds(units.quantity, NUMBERS, DIMENSIONS)
 
 
+@unhurried
 @given(QUANTITIES, QUANTITIES)
 def test_products_commute_and_add_exponents(a: float | Quantity, b: float | Quantity) -> None:
     product = operators.multiply(a, b, HERE)
@@ -149,6 +150,7 @@ def test_products_commute_and_add_exponents(a: float | Quantity, b: float | Quan
     assert operators.split(product) == (operators.split(a)[0] * operators.split(b)[0], expected)
 
 
+@unhurried
 @given(QUANTITIES, QUANTITIES.filter(lambda q: abs(operators.split(q)[0]) > 1e-3))
 def test_division_undoes_multiplication(a: float | Quantity, b: float | Quantity) -> None:
     back, dimension = operators.split(operators.divide(operators.multiply(a, b, HERE), b, HERE))
@@ -156,6 +158,7 @@ def test_division_undoes_multiplication(a: float | Quantity, b: float | Quantity
     assert back == pytest.approx(operators.split(a)[0], rel=1e-12, abs=1e-12)
 
 
+@unhurried
 @given(st.floats(1e-3, 1e3), DIMENSIONS, st.sampled_from([2, 3, 4, 6]))
 def test_a_power_and_its_root_give_the_quantity_back(size: float, dimension: units.Dimension, n: int) -> None:
     a = units.quantity(size, dimension)
@@ -164,6 +167,7 @@ def test_a_power_and_its_root_give_the_quantity_back(size: float, dimension: uni
     assert operators.split(back)[0] == pytest.approx(size)
 
 
+@unhurried
 @given(QUANTITIES, QUANTITIES)
 def test_a_sum_is_of_one_dimension_or_a_mistake(a: float | Quantity, b: float | Quantity) -> None:
     (x, da), (y, db) = operators.split(a), operators.split(b)
@@ -176,6 +180,7 @@ def test_a_sum_is_of_one_dimension_or_a_mistake(a: float | Quantity, b: float | 
             operators.add(a, b, HERE)
 
 
+@unhurried
 @given(NUMBERS, st.sampled_from([u for u in units.UNITS if u.isascii() and u.isalpha()]))
 def test_a_literal_is_the_number_times_its_unit(number: float, unit: str) -> None:
     size = abs(round(number, 3))
@@ -198,6 +203,7 @@ def test_how_quantities_are_shown(quantity: float | Quantity, text: str) -> None
     assert units.show(quantity) == text
 
 
+@unhurried
 @given(st.floats(0.001, 1e5), st.sampled_from(["mm", "cm", "in", "deg", "ms", "klx"]))
 def test_in_unit_gives_back_what_was_written(number: float, unit: str) -> None:
     number = float(f"{number:.6g}")

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-
 from maquette.compiler import ir
 from maquette.compiler.build import SceneBuilder, lambert
 from maquette.compiler.rows import CameraData, Input, InstanceData, LightData, MaterialData, MeshData
@@ -65,11 +65,11 @@ def scene(
 ) -> ir.Tables:
     """The tables of shapes (kind, parameters, matrix, material row) and meshes (data, matrix, material row).
 
-    Lights and the camera stand in `frame` (row 1 of transforms) where they say transform=1. `prepare(builder)` adds what else is needed
+    Lights and the camera that say transform=1 stand in `frame`. `prepare(builder)` adds what else is needed
     (textures, pictures) before the materials are made, and returns them if it makes them itself.
     """
     builder = SceneBuilder()
-    builder.transform(matrix((0, 0, 0.5)) if frame is None else frame)
+    row = builder.transform(IDENTITY if frame is None else frame)
     if prepare is not None:
         materials = prepare(builder) or materials
     rows = [builder.material(m) for m in materials or [lambert((1.0, 1.0, 1.0))]]
@@ -78,8 +78,9 @@ def scene(
     for data, placed, material in meshes:
         builder.instance(InstanceData(builder.mesh(data), builder.transform(placed), rows[material]))
     for light in lights:
-        builder.light(light)
-    builder.camera(camera or CameraData(transform=0, extent=1.0))
+        builder.light(replace(light, transform=row if light.transform else 0))
+    camera = camera or CameraData(transform=0, extent=1.0)
+    builder.camera(replace(camera, transform=row if camera.transform else 0))
     return builder.finish().tables
 
 

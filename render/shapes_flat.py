@@ -98,9 +98,7 @@ def shear(direction: Vec) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane]:
 
 
 @helper
-def sheared_triangle(
-    a: Vec, b: Vec, c: Vec, sx: Lane, sy: Lane, sz: Lane, t_min: Lane, t_max: Lane
-) -> tuple[Lane, Lane, Lane]:
+def sheared_triangle(a: Vec, b: Vec, c: Vec, sx: Lane, sy: Lane, sz: Lane, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane, Lane]:
     """`triangle` for corners relative to the ray's origin with their axes in the order kx, ky, kz of `shear`."""
     ax, ay = a[0] - sx * a[2], a[1] - sy * a[2]
     bx, by = b[0] - sx * b[2], b[1] - sy * b[2]

@@ -103,9 +103,7 @@ def cone_interval(bottom: Lane, top: Lane, half: Lane, origin: Vec, direction: V
 
 
 @helper
-def cone(
-    bottom: Lane, top: Lane, half: Lane, capped: Lane, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane
-) -> tuple[Lane, Lane]:
+def cone(bottom: Lane, top: Lane, half: Lane, capped: Lane, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane]:
     """(t, part) of a cone or cylinder about y with radius `bottom` at -half and `top` at +half."""
     lo, hi, part_lo, part_hi = cone_interval(bottom, top, half, origin, direction)
     solid = nearest(lo, hi, t_min, t_max)

@@ -31,12 +31,12 @@ def torus(ring: Lane, tube: Lane, origin: Vec, direction: Vec, t_min: Lane, t_ma
     if lanes.any_lane(m < outer * outer):
         reach = lanes.sqrt(lanes.maximum(outer * outer - m, 0.0))
         c1, c2, c3 = _turning_points(ring, tube, o, d, reach, outer)
-        lo, hi = t_min * speed - shift, t_max * speed - shift
-        found = _first_root(ring, tube, o, d, -reach, c1, lo, hi, found)
-        found = _first_root(ring, tube, o, d, c1, c2, lo, hi, found)
-        found = _first_root(ring, tube, o, d, c2, c3, lo, hi, found)
-        found = _first_root(ring, tube, o, d, c3, reach, lo, hi, found)
-    return lanes.where((m < outer * outer) & (found < INF), (found + shift) / speed, INF)
+        span = (shift, speed, t_min, t_max)
+        found = _first_root(ring, tube, o, d, -reach, c1, span, found)
+        found = _first_root(ring, tube, o, d, c1, c2, span, found)
+        found = _first_root(ring, tube, o, d, c2, c3, span, found)
+        found = _first_root(ring, tube, o, d, c3, reach, span, found)
+    return lanes.where(m < outer * outer, found, INF)
 
 
 @helper
@@ -93,11 +93,15 @@ def _tube_value(ring: Lane, tube: Lane, o: Vec, d: Vec, t: Lane) -> tuple[Lane, 
 
 
 @helper
-def _first_root(ring: Lane, tube: Lane, o: Vec, d: Vec, p0: Lane, p1: Lane, low: Lane, high: Lane, found: Lane) -> Lane:
-    """`found`, or where it is inf the surface's crossing between p0 and p1 if there is one inside (low, high)."""
+def _first_root(ring: Lane, tube: Lane, o: Vec, d: Vec, p0: Lane, p1: Lane, span: tuple[Lane, Lane, Lane, Lane], found: Lane) -> Lane:
+    """`found`, or where it is inf the t of the surface's crossing between p0 and p1 if there is one in range.
+
+    `span` is (shift, speed, t_min, t_max), t being (x + shift) / speed for a place x on the ray.
+    """
+    shift, speed, t_min, t_max = span
     outside0 = _tube_value(ring, tube, o, d, p0)[0] > 0.0
     outside1 = _tube_value(ring, tube, o, d, p1)[0] > 0.0
-    open_ = (outside0 != outside1) & (p1 > low) & (p0 < high) & (found == INF)
+    open_ = (outside0 != outside1) & ((p1 + shift) / speed >= t_min) & ((p0 + shift) / speed <= t_max) & (found == INF)
     wanted = open_
     if lanes.any_lane(wanted):
         lo, hi = p0, p1
@@ -109,5 +113,6 @@ def _first_root(ring: Lane, tube: Lane, o: Vec, d: Vec, p0: Lane, p1: Lane, low:
             before = (value > 0.0) == outside0
             lo, hi = lanes.where(before, x, lo), lanes.where(before, hi, x)
             x, open_ = _step(x, value, slope, lo, hi, open_, ring + tube)
-        found = lanes.where(wanted & (x > low) & (x < high), x, found)
+        t = (x + shift) / speed
+        found = lanes.where(wanted & (t > t_min) & (t < t_max), t, found)
     return found

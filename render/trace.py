@@ -19,6 +19,7 @@ from .records import Hit, Lane, Ray, Vec
 CHUNK = 1 << 17  # ray–triangle pairs tested at a time: bounds memory to a few dozen MB
 MESH = int(ir.GeometryKind.MESH)
 SHADOW = int(ir.Visibility.SHADOW)
+FIRST, ANY = 0, 1  # which hit traverse.search is to find
 
 
 class Brute(NamedTuple):
@@ -109,7 +110,7 @@ def _closest_kernel(accel, tables, ray, active, visible_bit):
     def through_trees(accel, tables, ray, active, visible_bit):
         if not active:
             return Hit(np.inf, -1, -1, 0.0, 0.0)
-        return traverse.search(accel, ray.origin, ray.direction, ray.t_min, ray.t_max, visible_bit, False)
+        return traverse.search(accel, ray.origin, ray.direction, ray.t_min, ray.t_max, np.int64(visible_bit), np.int64(FIRST))
 
     return through_trees if isinstance(active, numba.types.Boolean) else None
 
@@ -119,6 +120,6 @@ def _occluded_kernel(accel, tables, ray, active):
     def through_trees(accel, tables, ray, active):
         if not active:
             return False
-        return traverse.search(accel, ray.origin, ray.direction, ray.t_min, ray.t_max, SHADOW, True).instance >= 0
+        return traverse.search(accel, ray.origin, ray.direction, ray.t_min, ray.t_max, np.int64(SHADOW), np.int64(ANY)).instance >= 0
 
     return through_trees if isinstance(active, numba.types.Boolean) else None

@@ -93,7 +93,7 @@ def search(accel, origin, direction, t_min, t_max, visible_bit, any_hit):
     best = Hit(np.inf, -1, -1, 0.0, 0.0)
     for k in range(len(accel.endless)):
         best = _try(accel, accel.endless[k], origin, direction, t_min, t_max, visible_bit, any_hit, best)
-        if any_hit and best.instance >= 0:
+        if any_hit != 0 and best.instance >= 0:
             return best
     if accel.top < 0:
         return best
@@ -118,7 +118,7 @@ def search(accel, origin, direction, t_min, t_max, visible_bit, any_hit):
                 continue
             for k in range(first, first + np.int64(accel.nodes[node, COUNT])):
                 best = _try(accel, accel.instances[k], origin, direction, t_min, t_max, visible_bit, any_hit, best)
-                if any_hit and best.instance >= 0:
+                if any_hit != 0 and best.instance >= 0:
                     return best
         if depth == 0:
             return best
@@ -182,7 +182,7 @@ def _mesh(nodes, triangles, corners, root, o, d, t_min, t_max, limit, any_hit):
                 if t < best or (t == best and t < np.inf and triangles[k] < primitive):
                     best, primitive, best_u, best_v = t, np.int64(triangles[k]), u, v
                     limit = min(limit, t)
-                    if any_hit:
+                    if any_hit != 0:
                         return best, primitive, best_u, best_v
         if depth == 0:
             return best, primitive, best_u, best_v

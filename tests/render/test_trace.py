@@ -1,0 +1,296 @@
+"""What rays meet: trees against brute force on every kind of shape, ties, grids, duplicates, leaks, and the cost of instances."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+import pytest
+from maquette.compiler import ir
+from maquette.compiler.build import SceneBuilder, lambert
+from maquette.compiler.rows import CameraData, InstanceData, MeshData
+from maquette.render import bvh, surface, trace
+from maquette.render.handles import Handle
+from maquette.render.kernels import kernel
+from maquette.render.records import Ray
+
+from .tables import matrix, rays, scene
+
+K = ir.GeometryKind
+EVERY = [
+    (K.SPHERE, [1.3]), (K.BOX, [1.0, 0.5, 0.8]), (K.PLANE, []), (K.RECTANGLE, [1.0, 2.0]), (K.DISK, [1.5]),
+    (K.CYLINDER, [1.0, 0.7, 1.0]), (K.CONE, [1.0, 0.2, 0.7, 0.0]), (K.TORUS, [1.0, 0.3]), (K.CAPSULE, [0.5, 0.8]),
+    (K.QUADRIC, [1, -1, 1, 0, 0, 0, 0, 0, 0, -0.2, 1, 1, 1]),
+    (K.QUADRIC, [0, 0, 0, 0, 0, 1, 0, -1, 0, 0, np.inf, np.inf, np.inf]),
+]  # fmt: skip
+
+
+@kernel
+def in_kernel(accel, tables, columns, bit, t, instance, primitive, u, v, blocked):
+    for k in range(columns.shape[1]):
+        c = columns[:, k]
+        ray = Ray((c[0], c[1], c[2]), (c[3], c[4], c[5]), c[6], c[7])
+        t[k], instance[k], primitive[k], u[k], v[k] = trace.closest(accel, tables, ray, True, bit)
+        blocked[k] = trace.occluded(accel, tables, ray, True)
+
+
+def through_trees(tables: ir.Tables, ray: Ray, bit: int = 1, brute: bool = False) -> tuple[np.ndarray, ...]:
+    """(t, instance, primitive, u, v, blocked) by kernels."""
+    n = len(ray.t_min)
+    t, u, v = np.empty((3, n))
+    instance, primitive = np.empty((2, n), np.int64)
+    blocked = np.empty(n, bool)
+    packed = Handle(bvh.build(tables, brute)), Handle(tables)  # kept until the kernel is done
+    in_kernel(*packed, np.stack([*ray.origin, *ray.direction, ray.t_min, ray.t_max]), bit, t, instance, primitive, u, v, blocked)
+    return t, instance, primitive, u, v, blocked
+
+
+def by_brute_force(tables: ir.Tables, ray: Ray, bit: int = 1) -> tuple[np.ndarray, ...]:
+    active = np.ones(len(ray.t_min), bool)
+    hit = trace.closest(trace.Brute(), tables, ray, active, bit)
+    return (*hit, trace.occluded(trace.Brute(), tables, ray, active))
+
+
+def same(tables: ir.Tables, ray: Ray, bit: int = 1) -> tuple[np.ndarray, ...]:
+    """What rays meet, after trees, a loop in a kernel and numpy have agreed to the last bit."""
+    expected = by_brute_force(tables, ray, bit)
+    for brute in (False, True):
+        for found, wanted in zip(through_trees(tables, ray, bit, brute), expected, strict=True):
+            np.testing.assert_array_equal(found, wanted)
+    return expected
+
+
+def random_rays(n: int, seed: int, reach: float = 7.0) -> Ray:
+    rng = np.random.default_rng(seed)
+    return rays(rng.uniform(-reach, reach, (n, 3)), rng.normal(size=(n, 3)))
+
+
+def wavy(cells: int, seed: int = 0) -> MeshData:
+    """A square of 2 · cells² triangles over -1 … 1 with a random height."""
+    rng = np.random.default_rng(seed)
+    line = np.linspace(-1, 1, cells + 1)
+    x, z = np.meshgrid(line, line, indexing="ij")
+    points = np.stack([x, rng.uniform(-0.2, 0.2, x.shape), z], axis=-1).reshape(-1, 3)
+    i = (np.arange(cells)[:, None] * (cells + 1) + np.arange(cells)).ravel()
+    return MeshData(points, np.concatenate([np.stack([i, i + 1, i + cells + 2], 1), np.stack([i, i + cells + 2, i + cells + 1], 1)]))
+
+
+def anywhere(rng: np.random.Generator) -> np.ndarray:
+    """A placement: turned, stretched unevenly, mirrored half of the time."""
+    turned = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    sheared = np.eye(3) + 0.3 * rng.normal(size=(3, 3))
+    return matrix(rng.uniform(-5, 5, 3), turned @ sheared @ np.diag(rng.uniform(0.4, 1.5, 3) * rng.choice([-1, 1], 3)))
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_trees_and_brute_force_agree_on_every_kind_of_shape(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    shapes = [(kind, parameters, anywhere(rng), 0) for kind, parameters in EVERY * 2]
+    meshes = [(wavy(6, k), anywhere(rng), 0) for k in range(3)]
+    _, instance, *_ = same(scene(shapes, meshes), random_rays(3000, seed))
+    assert len(np.unique(instance)) > 20
+
+
+def test_rays_on_the_grid_of_boxes_and_triangles_miss_nothing() -> None:
+    """An orthographic view along -z on whole numbers, down the faces, edges and corners of unit boxes and a flat mesh."""
+    boxes = [(K.BOX, [0.5, 0.5, 0.5], matrix((x, y, 0.0)), 0) for x in range(4) for y in range(4)]
+    points = np.array([[x, y, -3.0] for x in range(5) for y in range(5)]) - [0.5, 0.5, 0.0]
+    i = (np.arange(4)[:, None] * 5 + np.arange(4)).ravel()
+    flat = MeshData(points, np.concatenate([np.stack([i, i + 5, i + 6], 1), np.stack([i, i + 6, i + 1], 1)]))
+    line = np.arange(0.0, 4.01, 0.25) - 0.5
+    x, y = (g.ravel() for g in np.meshgrid(line, line))
+    origin = np.stack([x, y, np.full(len(x), 9.0)], axis=1)
+    for direction in ((0.0, 0.0, -1.0), (-0.0, -0.0, -1.0)):
+        t, *_ = same(scene(boxes), rays(origin, direction))
+        np.testing.assert_array_equal(t, 8.5)
+        t, *_ = same(scene(meshes=[(flat, np.eye(4), 0)]), rays(origin, direction))
+        np.testing.assert_array_equal(t, 12.0)
+
+
+def test_of_equal_hits_the_first_instance_and_the_first_triangle_win() -> None:
+    mesh = wavy(4)
+    twice = MeshData(mesh.positions, np.concatenate([mesh.triangles, mesh.triangles]))
+    ray = random_rays(1500, 3, reach=2.0)
+    tables = scene(meshes=[(twice, np.eye(4), 0)])
+    _, instance, primitive, *_ = same(tables, ray)
+    assert np.all(primitive[instance >= 0] < len(mesh.triangles))
+    spheres = [(K.SPHERE, [1.0], np.eye(4), 0)] * 9
+    _, instance, *_ = same(scene(spheres), ray)
+    assert set(instance) == {-1, 0}
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_scenes_of_none_and_of_one(count: int) -> None:
+    tables = scene([(K.SPHERE, [1.0], matrix((3.0 * k, 0, 0)), 0) for k in range(count)])
+    t, instance, *_, blocked = same(tables, rays((0, 0, 5), (0, 0, -1)))
+    assert (t[0], instance[0], blocked[0]) == ((4.0, 0, True) if count else (np.inf, -1, False))
+    endless = scene([(K.PLANE, [], np.eye(4), 0)] * count)
+    assert same(endless, rays((0, 2, 5), (0, -1, 0)))[0][0] == (2.0 if count else np.inf)
+
+
+def test_each_ray_sees_only_what_is_visible_to_it() -> None:
+    tables = scene([(K.SPHERE, [1.0], matrix((0, 0, -3.0 * k)), 0) for k in range(3)])
+    bits = [ir.Visibility.CAMERA, ir.Visibility.SHADOW, ir.Visibility.REFLECTION]
+    tables = tables._replace(instances=tables.instances._replace(visible=np.array(bits, np.int32)))
+    ray = rays((0, 0, 5), (0, 0, -1), t_max=20.0)
+    for k, bit in ((0, ir.Visibility.CAMERA), (2, ir.Visibility.REFLECTION)):
+        _, instance, *_, blocked = same(tables, ray, int(bit))
+        assert instance[0] == k
+        assert blocked[0]
+    nearer = rays((0, 0, 5), (0, 0, -1), t_max=6.5)  # ends before the one that throws a shadow
+    assert not same(tables, nearer)[-1][0]
+
+
+def test_inactive_rays_meet_nothing() -> None:
+    tables = scene([(K.SPHERE, [1.0], np.eye(4), 0)])
+    ray = rays([(0, 0, 5), (0, 0, 5)], (0, 0, -1))
+    active = np.array([True, False])
+    hit = trace.closest(trace.Brute(), tables, ray, active, 1)
+    np.testing.assert_array_equal(hit.t, [4.0, np.inf])
+    np.testing.assert_array_equal(hit.instance, [0, -1])
+    np.testing.assert_array_equal(trace.occluded(trace.Brute(), tables, ray, active), active)
+
+
+def test_no_ray_at_an_edge_or_a_vertex_of_a_closed_mesh_leaks() -> None:
+    """A tessellated sphere far from the origin, from inside: every ray must meet it."""
+    n = 48
+    turn, fall = np.meshgrid(np.arange(2 * n) * np.pi / n, np.arange(1, n) * np.pi / n)
+    ring = np.stack([np.sin(fall) * np.cos(turn), np.cos(fall), np.sin(fall) * np.sin(turn)], axis=-1).reshape(-1, 3)
+    points = np.concatenate([ring, [[0, 1, 0], [0, -1, 0]]]).astype(np.float32).astype(float)
+    faces, w = [], 2 * n
+    for row in range(n - 2):
+        a = row * w + np.arange(w)
+        b = row * w + (np.arange(w) + 1) % w
+        faces += [np.stack([a, b, b + w], 1), np.stack([a, b + w, a + w], 1)]
+    first, last = np.arange(w), (n - 2) * w + np.arange(w)
+    top, bottom = np.full(w, len(ring)), np.full(w, len(ring) + 1)
+    faces += [np.stack([np.roll(first, -1), first, top], 1), np.stack([last, np.roll(last, -1), bottom], 1)]
+    mesh = MeshData(points, np.concatenate(faces))
+    where = np.array([148376.0, 1234.0, -223423.0])
+    tables = scene(meshes=[(mesh, matrix(where), 0)])
+    rng = np.random.default_rng(5)
+    tri = mesh.triangles[rng.integers(0, len(mesh.triangles), 200_000)]
+    share = rng.choice([0.0, 0.25, 0.5, 1.0], len(tri))[:, None]
+    aim = where + points[tri[:, 0]] * (1 - share) + points[tri[:, 1]] * share
+    origin = where + 0.3 * rng.normal(size=(len(tri), 3)) / 3
+    t, *_ = through_trees(tables, rays(origin, aim - origin))
+    assert np.isfinite(t).all()
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e5])
+def test_no_surface_is_met_again_by_rays_that_leave_it(size: float) -> None:
+    """Each kind of shape at three sizes, far from the origin by ten times that: rays that go outward from its points."""
+    rng = np.random.default_rng(6)
+    for kind, parameters in EVERY:
+        if kind in (K.TORUS, K.QUADRIC):
+            continue  # not convex: what goes outward may meet another part by right
+        placed = matrix(10 * size * rng.normal(size=3), size * np.linalg.qr(rng.normal(size=(3, 3)))[0])
+        tables = scene([(kind, parameters, placed, 0)])
+        n = 1000
+        origin = placed[:3, 3] + 4 * size * rng.normal(size=(n, 3))
+        ray = rays(origin, placed[:3, 3] + 0.8 * size * rng.uniform(-1, 1, (n, 3)) - origin)
+        hit = trace.closest(trace.Brute(), tables, ray, np.ones(n, bool), 1)
+        seen = np.flatnonzero(hit.instance >= 0)
+        one = Ray(tuple(c[seen] for c in ray.origin), tuple(c[seen] for c in ray.direction), 0.0, np.inf)
+        with np.errstate(all="ignore"):
+            at = surface.at(tables, one, type(hit)(*(c[seen] for c in hit)))
+        out = rng.normal(size=(3, len(seen)))
+        normal = np.stack(np.broadcast_arrays(*at.geometric))
+        keep = at.front | (kind in (K.PLANE, K.RECTANGLE, K.DISK))  # the open cone is seen from inside too, where it is not convex
+        out = np.where(np.sum(out * normal, axis=0) < 0, -out, out)
+        out = out / np.linalg.norm(out, axis=0)
+        leaving = surface.leave(at, tuple(out))
+        again = through_trees(tables, Ray(leaving, tuple(out), np.zeros(len(seen)), np.full(len(seen), np.inf)))[0]
+        assert not np.isfinite(again[keep]).any(), (kind, again[keep].min())
+        assert keep.sum() > 100
+
+
+# --- trees ---------------------------------------------------------------------------------------------------------------
+
+
+def check_tree(tree: bvh.Bvh, root: int, boxes: np.ndarray, items: np.ndarray) -> int:
+    """Every item is in one leaf and inside of all boxes above it; returns the depth."""
+    seen, deepest = [], 0
+    stack = [(root, 0)]
+    while stack:
+        node, depth = stack.pop()
+        lo, hi = tree.nodes[node, :3], tree.nodes[node, 3:6]
+        first, count = int(tree.nodes[node, bvh.FIRST]), int(tree.nodes[node, bvh.COUNT])
+        deepest = max(deepest, depth)
+        if count == 0:
+            for child in (first, first + 1):
+                assert np.all(tree.nodes[child, :3] >= lo)
+                assert np.all(tree.nodes[child, 3:6] <= hi)
+                stack.append((child, depth + 1))
+        else:
+            seen.extend(items[first : first + count])
+            inside = boxes[items[first : first + count]]
+            assert np.all(inside[:, :3] >= lo)
+            assert np.all(inside[:, 3:] <= hi)
+    assert sorted(seen) == list(range(len(boxes)))
+    return deepest
+
+
+def triangle_boxes(tables: ir.Tables) -> np.ndarray:
+    corners = tables.pools.positions[tables.pools.triangles].astype(float)
+    return np.concatenate([corners.min(1), corners.max(1)], axis=1)
+
+
+def test_a_tree_holds_each_triangle_once_inside_its_boxes() -> None:
+    tables = scene(meshes=[(wavy(40), np.eye(4), 0)])
+    tree = bvh.build(tables)
+    assert check_tree(tree, int(tree.placed[0, 4]), triangle_boxes(tables), tree.triangles) < 40
+    assert check_tree(tree, tree.top, bvh.world_bounds(tables), tree.instances) == 0
+
+
+@pytest.mark.parametrize("what", ["duplicates", "coplanar", "a needle fan", "spread over 30 powers of two"])
+def test_trees_of_awkward_triangles_are_shallow_and_quick(what: str) -> None:
+    n = 50_000
+    rng = np.random.default_rng(7)
+    if what == "duplicates":
+        points, triangles = np.eye(3), np.tile([0, 1, 2], (n, 1))
+    elif what == "coplanar":
+        points = rng.uniform(-1, 1, (3 * n, 3)) * [1, 0, 1]
+        triangles = np.arange(3 * n).reshape(-1, 3)
+    elif what == "a needle fan":
+        turn = np.linspace(0, 2 * math.pi, n + 1)
+        points = np.concatenate([[[0, 0, 0]], np.stack([np.cos(turn), 0 * turn, np.sin(turn)], 1)])
+        triangles = np.stack([np.zeros(n, int), np.arange(1, n + 1), np.arange(2, n + 2)], 1)
+    else:
+        points = rng.uniform(0, 1, (3 * n, 3)) * 2.0 ** -np.repeat(np.linspace(0, 30, n), 3)[:, None]
+        triangles = np.arange(3 * n).reshape(-1, 3)
+    tables = scene(meshes=[(MeshData(points, triangles), np.eye(4), 0)])
+    bvh.build(scene(meshes=[(wavy(2), np.eye(4), 0)]))  # compiled
+    started = time.process_time()
+    tree = bvh.build(tables)
+    assert time.process_time() - started < 3.0
+    assert check_tree(tree, int(tree.placed[0, 4]), triangle_boxes(tables), tree.triangles) < bvh.DEPTH
+    leaves = tree.nodes[tree.nodes[:, bvh.COUNT] > 0]
+    assert leaves[:, bvh.COUNT].max() <= bvh.MESH_LEAF
+
+
+def test_ten_thousand_instances_of_a_large_mesh_have_one_tree() -> None:
+    builder = SceneBuilder()
+    mesh = builder.mesh(wavy(224))
+    material = builder.material(lambert((1.0, 1.0, 1.0)))
+    rng = np.random.default_rng(8)
+    for _ in range(10_000):
+        builder.instance(InstanceData(mesh, builder.transform(matrix(rng.uniform(-200, 200, 3))), material))
+    builder.camera(CameraData(transform=0, extent=1.0))
+    tables = builder.finish().tables
+    assert len(tables.pools.triangles) == 100_352
+    tree = bvh.build(tables)
+    assert sum(array.nbytes for array in tree if isinstance(array, np.ndarray)) < 20e6
+    assert len(tree.triangles) == 100_352
+    t, instance, primitive, *_ = through_trees(tables, random_rays(300, 9, reach=100.0))
+    some = np.flatnonzero(instance >= 0)[:40]
+    assert len(some) > 10
+    for k in some:  # against the triangle itself
+        ray = random_rays(300, 9, reach=100.0)
+        i, row = instance[k], tables.instances.transform[instance[k]]
+        corners = tables.pools.positions[tables.pools.triangles[primitive[k]]] + tables.geometries.origin[0]
+        corners = corners + tables.transforms.matrix[row][:, 3]
+        p = np.array([c[k] for c in ray.origin]) + t[k] * np.array([c[k] for c in ray.direction])
+        normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+        assert abs((p - corners[0]) @ normal) < 1e-9 * np.linalg.norm(normal), i

@@ -28,7 +28,8 @@ def add(builder: SceneBuilder, settings: ir.Settings, span: Span | None = None) 
         builder.diagnostics.warning("there is nothing to draw: the picture will be empty", span, hint)
     if builder.count("cameras") == 0:
         said.append(_camera(builder, settings))
-    if builder.count("lights") == 0 and not builder.shines():
+    shining = bool(settings.bounces) and builder.shines()  # what shines lights other things only where bounces are followed
+    if builder.count("lights") == 0 and not shining:
         builder.light(LightData(ir.LightKind.SUN, (SUN, SUN, SUN), direction=_unit(SUN_FROM), angle=SUN_ANGLE / 2, name="sun"))
         builder.light(LightData(ir.LightKind.SKY, (SKY, SKY, SKY), name="sky"))
         x, y, z = SUN_FROM

@@ -27,7 +27,7 @@ def scene(
     opened = open_(path, str(path), builder.diagnostics, None, seconds=time, time=code, variants=variants)
     if opened is None or builder.diagnostics.failed:
         return builder.finish(str(path))
-    reports = Reports()
+    reports = Reports(path)
     walk = Walk(opened, builder)
     walk.run(opened.stage.GetPseudoRoot(), opened.frame, opened.frame)
     walk.place()
@@ -59,7 +59,7 @@ def place(
         known = [str(p.GetPath()) for p in opened.stage.Traverse()]
         builder.diagnostics.error(f"the stage has no prim `{prim}`", span, suggest(prim, known) or _first(opened))
         return
-    reports = Reports()
+    reports = Reports(path)
     unit = opened.meters_per_unit * float(abs(np.linalg.det(matrix[:3, :3]))) ** (1 / 3)
     base = matrix @ np.diag([opened.meters_per_unit] * 3 + [1.0]) @ opened.frame
     walk = Walk(opened, builder, unit=unit, material=material, prefix=name)
@@ -89,7 +89,7 @@ def _cameras(walk: Walk) -> list[str]:
             said.append(f"camera: none is called {main}; one at [{x}, {y}, {z}] frames everything, as usdrecord does")
     for prim, matrix in cameras:
         usd_camera.camera(prim, matrix, walk.unit, walk.opened, walk.builder)
-    if eye is not None and not walk.builder.count("lights") and not walk.builder.shines():
+    if eye is not None and not walk.builder.count("lights"):
         _head_light(eye, walk.builder)
         said.append("light: the stage has none; it is lit from its first camera, as usdrecord does")
     return said

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,21 +31,22 @@ class Opened:
 
     @property
     def files(self) -> tuple[str, ...]:
-        """The layers that were read from disk."""
-        layers = [layer.realPath for layer in self.stage.GetUsedLayers()]
-        return tuple(dict.fromkeys(path for path in layers if path))
+        """The layers that were read from disk, the stage's own first."""
+        layers = sorted(layer.realPath for layer in self.stage.GetUsedLayers())
+        return tuple(dict.fromkeys(path for path in (self.stage.GetRootLayer().realPath, *layers) if path))
 
 
 class Reports:
     """Collects what usd-core has to say, which it else prints, as warnings."""
 
-    def __init__(self) -> None:
+    def __init__(self, path: Path) -> None:
         from pxr import UsdUtils
 
+        self._path = path
         self._delegate = UsdUtils.CoalescingDiagnosticDelegate()
 
     def tell(self, diagnostics: Diagnostics, span: Span) -> None:
-        said = dict.fromkeys(_plain(d.commentary) for d in self._delegate.TakeUncoalescedDiagnostics())
+        said = dict.fromkeys(_plain(d.commentary, self._path) for d in self._delegate.TakeUncoalescedDiagnostics())
         for count, message in enumerate(said):
             if count == MAX_WARNINGS:
                 diagnostics.warning(f"usd-core has {len(said) - count} more warnings", span)
@@ -60,12 +62,12 @@ def open_(
     read at its earliest time, as usdrecord does. `variants` are {"/prim:set": "name"}."""
     from pxr import Tf, Usd, UsdGeom
 
-    reports = Reports()
+    reports = Reports(path)
     whole = span or Span(name)
     try:
         stage = Usd.Stage.Open(str(path))
     except Tf.ErrorException as failure:
-        diagnostics.error(f"cannot read the stage `{path.name}`: {_reason(failure)}", whole)
+        diagnostics.error(f"cannot read the stage `{path.name}`: {_reason(failure, path)}", whole)
         return None
     finally:
         reports.tell(diagnostics, whole)
@@ -116,17 +118,18 @@ def _listed(what: str, names: list[str]) -> str:
     return f"{what}: {', '.join(names[:12])}" if names else ""
 
 
-def _reason(failure: Exception) -> str:
-    """The first of usd-core's messages, on one line and without its source places."""
-    text = str(failure).strip()
-    for line in text.splitlines():
-        at = line.find("'")
-        if "Error in" in line and at >= 0:
-            return _plain(line[line.find(": '") + 3 :].rstrip("'") if ": '" in line else line[at:].strip("'"))
-    return _plain(text.splitlines()[-1] if text else "no reason given")
+def _reason(failure: Exception, path: Path) -> str:
+    """The first of usd-core's messages: its lines are `Error in 'function' at line n in file f : 'message'`."""
+    lines = str(failure).strip().splitlines() or ["no reason given"]
+    first = next((line for line in lines if "Error in" in line), lines[-1])
+    return _plain(first.partition(" : '")[2].rstrip("'") or first, path)
 
 
-def _plain(message: str) -> str:
-    """A message on one line, without trailing addresses of objects."""
+def _plain(message: str, path: Path) -> str:
+    """A message on one line, with files as seen from the stage's folder and without usd-core's own objects."""
     line = " ".join(message.split())
+    line = re.sub(r" \(instantiating stage on stage .*?>\)", "", line)
+    line = re.sub(r" matching \S*pxrInternal\S*", "", line)
+    for folder in (path.parent, path.resolve().parent):
+        line = line.replace(f"{folder}/", "")
     return line if len(line) <= 300 else line[:299] + "…"

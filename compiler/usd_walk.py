@@ -254,24 +254,26 @@ class Walk:
         places = self._places(instancer, len(indices))
         if places is None:
             return
+        numbers = np.arange(len(indices))
         mask = instancer.ComputeMaskAtTime(time)
-        if len(mask):
-            indices = indices[np.array(mask, dtype=bool)]
+        if len(mask) == len(indices):
+            numbers = np.flatnonzero(np.array(mask, dtype=bool))
+            indices = indices[numbers]
         if len(places) != len(indices) or (indices < 0).any() or (indices >= len(targets)).any():
             message = (
                 f"{len(indices)} instances have {len(places)} places and {len(targets)} prototypes, which do not fit: they are left out"
             )
             self.builder.diagnostics.warning(message, self.opened.span(prim))
             return
-        for number, target in enumerate(targets):
-            chosen = np.flatnonzero(indices == number)
+        for which, target in enumerate(targets):
+            chosen = np.flatnonzero(indices == which)
             prototype = prim.GetStage().GetPrimAtPath(target)
             if not len(chosen) or not prototype:
                 continue
             gathered: dict[str, list[Piece]] = {}
             inside = _Here(np.eye(4), np.eye(4), here.purpose, here.instancers + 1)
             self._below(prototype, inside, gathered)
-            self._spread(gathered, here.matrix @ places[chosen], chosen, prim, into)
+            self._spread(gathered, here.matrix @ places[chosen], numbers[chosen], prim, into)
 
     def _places(self, instancer: Any, count: int) -> np.ndarray | None:
         """(n, 4, 4) of the instances that are not masked, without the prototypes' own transforms; None if they do not fit."""

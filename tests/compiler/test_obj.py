@@ -75,7 +75,21 @@ def test_a_square():
         (SQUARE + "f 1 2 3 4\n").encode("utf-16"),
         SQUARE + "vt 0 0\nvn 0 0 1\nf 1// 2/1/1 3/1 4//1\n",
     ],
-    ids=["crlf", "cr", "bom", "continued", "continued-crlf", "blanks", "comments", "weights", "negative", "plus", "face-first", "utf16", "mixed"],
+    ids=[
+        "crlf",
+        "cr",
+        "bom",
+        "continued",
+        "continued-crlf",
+        "blanks",
+        "comments",
+        "weights",
+        "negative",
+        "plus",
+        "face-first",
+        "utf16",
+        "mixed",
+    ],
 )
 def test_the_same_square_however_it_is_written(text):
     scene, _, messages = read(text)
@@ -127,6 +141,8 @@ def test_concave_face():
 
 # --- what is wrong ---
 
+FORMS = ": v, v/vt, v//vn or v/vt/vn, whole numbers"
+
 
 @pytest.mark.parametrize(
     ("text", "expected"),
@@ -134,8 +150,9 @@ def test_concave_face():
         ("v 0 0 0\nv 1 0 zero\nv 1 1 0\nf 1 2 3\n", ["x.obj:2:1: error: malformed line: `v` wants 3 numbers or more"]),
         ("v 0 0 0\nv 1 0\nv 1 1 0\nv 1\nf 1 2 3\n", [
             "x.obj:2:1: error: malformed line: `v` wants 3 numbers or more, got 2; so is 1 more line"]),
-        (SQUARE + "f 1 2 x\n", ["x.obj:5:1: error: malformed line: `x` is no corner of a face: v, v/vt, v//vn or v/vt/vn, whole numbers"]),
-        (SQUARE + "f 1 2 3.5\n", ["x.obj:5:1: error: malformed line: `3.5` is no corner of a face: v, v/vt, v//vn or v/vt/vn, whole numbers"]),
+        (SQUARE + "f 1 2 x\n", ["x.obj:5:1: error: malformed line: `x` is no corner of a face" + FORMS]),
+        (SQUARE + "f 1 2 3.5\n", ["x.obj:5:1: error: malformed line: `3.5` is no corner of a face" + FORMS]),
+        (SQUARE + "f 1/1/1/1 2 3\n", ["x.obj:5:1: error: malformed line: `1/1/1/1` is no corner of a face" + FORMS]),
         (SQUARE + "fx 1 2 3\nf 1 2 3\n", ["x.obj:5:1: error: malformed line: OBJ has no keyword `fx`"]),
         ("hello\n", ["x.obj: error: this is no OBJ file: it has neither vertices nor faces"]),
         ("", ["x.obj: error: `x.obj` is empty"]),
@@ -241,7 +258,16 @@ def test_mirror_and_glass(tmp_path):
 
 @pytest.mark.parametrize(
     ("lines", "opacity"),
-    [("d 0.25", 0.25), ("Tr 0.75", 0.25), ("Tr 1", 1), ("Tr 0", 1), ("d 0.5\nTr 1", 0.5), ("Tr 0.9\nd 1", 1), ("d -halo 0.5", 0.5), ("d 7", 1)],
+    [
+        ("d 0.25", 0.25),
+        ("Tr 0.75", 0.25),
+        ("Tr 1", 1),
+        ("Tr 0", 1),
+        ("d 0.5\nTr 1", 0.5),
+        ("Tr 0.9\nd 1", 1),
+        ("d -halo 0.5", 0.5),
+        ("d 7", 1),
+    ],
 )
 def test_opacity(tmp_path, lines, opacity):
     model, values, messages, _ = material(f"newmtl m\nKd 1 1 1\n{lines}\n", tmp_path)

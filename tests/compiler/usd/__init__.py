@@ -1,0 +1,1 @@
+"""Tests of the USD door, with the help they share in stages.py."""

@@ -92,10 +92,12 @@ def _from_afar(tables: Tables, light: int, u: Lane, v: Lane) -> Arriving:
     lights = tables.lights
     zero = 0.0 * u
     axis = (lights.direction[light, 0] + zero, lights.direction[light, 1] + zero, lights.direction[light, 2] + zero)
+    mean = 1.0  # cosine to the middle of a sun's disk: `color` is what a surface that faces it gets from all of it
     if lights.angle[light] > 0.0:
         half = math.sin(0.5 * lights.angle[light])
         axis = _in_cone(axis, u * 2.0 * half * half, v)
-    return Arriving(axis, zero + FAR, _color(tables, light, zero + 1.0))
+        mean = 1.0 - half * half
+    return Arriving(axis, zero + FAR, _color(tables, light, zero + 1.0 / mean))
 
 
 @helper

@@ -1,0 +1,81 @@
+"""What the suite of the backends shares: drawing a text on one backend or, by one fixture, on each of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from maquette.compiler import ir, load
+from maquette.compiler import plan as planner
+from maquette.lang.diagnostics import Diagnostics
+from maquette.render.draw import draw as draw_scene
+from maquette.render.image import Image
+
+BACKENDS = ("reference", "ray", "raster")
+
+Draw = Callable[..., Image]
+
+
+@pytest.fixture(params=BACKENDS)
+def backend(request: pytest.FixtureRequest) -> str:
+    """The suite is stamped on every backend."""
+    return request.param
+
+
+@pytest.fixture(params=("reference", "ray"))
+def tracer(request: pytest.FixtureRequest) -> str:
+    """The backends that follow reflected and refracted rays."""
+    return request.param
+
+
+@pytest.fixture
+def draw_on(tmp_path: Path) -> Draw:
+    """A picture of a text on a backend, files beside it; 48 by 48 pixels and one sample at each pixel's centre if not said."""
+
+    def run(backend: str, text: str, plan: Mapping[str, str] | None = None, **settings: Any) -> Image:
+        path = tmp_path / "a.scene"
+        path.write_text(text, encoding="utf-8")
+        found = Diagnostics()
+        scene = load.load(path, diagnostics=found)
+        assert [d.message for d in found.items] == []
+        asked = ir.Settings(**{"size": (48, 48), "samples": 1, "threads": 1, **settings, "backend": backend})
+        image = draw_scene(scene, planner.make(scene, asked, plan))
+        assert image.metadata["issues"] == 0
+        assert np.isfinite(image.channels["rgba"]).all()
+        return image
+
+    return run
+
+
+@pytest.fixture
+def draw(backend: str, draw_on: Draw) -> Draw:
+    """`draw_on` each backend."""
+    return partial(draw_on, backend)
+
+
+@pytest.fixture
+def trace(tracer: str, draw_on: Draw) -> Draw:
+    """`draw_on` each backend that follows rays."""
+    return partial(draw_on, tracer)
+
+
+@pytest.fixture
+def picture(tmp_path: Path) -> Callable[[str, Any], None]:
+    """Writes a linear float32 picture, (height, width, 3) from the top, for scenes to read."""
+
+    def write(name: str, pixels: Any) -> None:
+        import OpenImageIO as oiio
+
+        values = np.ascontiguousarray(pixels, np.float32)
+        out = oiio.ImageOutput.create(str(tmp_path / name))
+        assert out is not None
+        out.open(str(tmp_path / name), oiio.ImageSpec(values.shape[1], values.shape[0], values.shape[2], "float"))
+        assert out.write_image(values), out.geterror()
+        out.close()
+
+    return write

@@ -1,0 +1,238 @@
+"""What every backend sees of light: closed forms of irradiance, fall-off, lobes, interpolation and energy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from .views import centres, channel, grey, rgb
+
+ABOVE = "camera(position: [0, 10, 0], look_at: [0, 0, 0], up: [0, 0, -1], width: {})\n"
+FLOOR = "plane(y: 0, material: lambert(#ffffff))\n"
+
+
+def _place(image) -> tuple[np.ndarray, np.ndarray]:
+    position = channel(image, "position")
+    return position[..., 0], position[..., 2]
+
+
+# --- lamps over a floor: L = ρE/π ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("albedo", "strength"), [("1", "intensity: 5"), ("0.25", f"flux: {20 * math.pi}lm")])
+def test_a_point_light_over_a_floor(draw, albedo, strength):
+    """E = I h / (h² + x²)^1.5; a flux of 4π I lumen is an intensity of I."""
+    image = draw(
+        ABOVE.format(6) + f"plane(y: 0, material: lambert({albedo}))\npoint([0.5, 2, -0.25], {strength})\n", aov=("position",)
+    )
+    x, z = _place(image)
+    expected = 5 * 2 / (4 + (x - 0.5) ** 2 + (z + 0.25) ** 2) ** 1.5
+    assert np.allclose(grey(image), float(albedo) * expected / math.pi, rtol=1e-5)
+
+
+@pytest.mark.parametrize("way", [(0, 1, 0), (1, 1, 0), (3, 0.5, -2), (1, 0, 0), (0.2, -1, 0)])
+def test_parallel_light_on_a_floor(draw, way):
+    """E = E⊥ max(0, cos θ)."""
+    image = draw(ABOVE.format(6) + FLOOR + f"directional(from: {list(way)}, illuminance: 4)\n")
+    cosine = max(0.0, way[1] / math.hypot(*way))
+    assert np.allclose(grey(image), 4 * cosine / math.pi, rtol=1e-5, atol=1e-12)
+
+
+def test_every_light_adds_its_own_colour(draw):
+    text = ABOVE.format(2) + FLOOR + (
+        "directional(from: [0, 1, 0], illuminance: 1, color: rgb(1, 0.5, 0))\n"
+        "directional(from: [1, 1, 0], illuminance: 2, color: rgb(0, 0.25, 1))\nambient(rgb(0.1, 0.2, 0.3), luminance: 0.5)\n"
+    )
+    slant = 2 * math.sqrt(0.5) / math.pi
+    expected = [1 / math.pi + 0.05, 0.5 / math.pi + 0.25 * slant + 0.1, slant + 0.15]
+    assert np.allclose(rgb(draw(text)), expected, rtol=1e-5)
+
+
+FALLOFFS = {
+    "falloff: [1, 0, 0]": lambda d: 1 + 0 * d,
+    "falloff: [0, 1, 0]": lambda d: 1 / d,
+    "falloff: [0, 0, 1]": lambda d: 1 / d**2,
+    "falloff: [0.5, 0.25, 2]": lambda d: 1 / (0.5 + 0.25 * d + 2 * d**2),
+    "falloff: ramp(2.2m, 3m)": lambda d: np.clip((3 - d) / 0.8, 0, 1),
+}
+
+
+@pytest.mark.parametrize("falloff", FALLOFFS)
+def test_each_fall_off(draw, falloff):
+    """E = I cos θ · f(d), with d in metres."""
+    image = draw(ABOVE.format(6) + FLOOR + f"point([0, 2, 0], intensity: 3, {falloff})\n", aov=("position",))
+    x, z = _place(image)
+    d = np.sqrt(4 + x**2 + z**2)
+    assert np.allclose(grey(image), 3 * (2 / d) * FALLOFFS[falloff](d) / math.pi, rtol=1e-5, atol=1e-7)
+
+
+def test_the_flux_of_a_spot(draw):
+    """∫ E dA over the floor below it is 2πI [(1 − cos θs) + (cos θs − cos θt)/2], the smoothstep's mean being one half.
+
+    The light falls to nothing smoothly inside the picture, so that the sum over pixels is the integral to high order.
+    """
+    image = draw(ABOVE.format(2) + FLOOR + "spot([0, 1, 0], cone: 40deg, soft: 15deg, intensity: 7)\n", size=(64, 64))
+    full, end = math.cos(math.radians(25)), math.cos(math.radians(40))
+    flux = math.pi * grey(image).sum() * (2 / 64) ** 2
+    assert flux == pytest.approx(2 * math.pi * 7 * ((1 - full) + (full - end) / 2), rel=1e-3)
+
+
+def test_a_spot_given_in_lumen_sends_that_flux(draw):
+    image = draw(ABOVE.format(2) + FLOOR + "spot([0, 1, 0], cone: 40deg, soft: 15deg, flux: 30lm)\n", size=(64, 64))
+    assert math.pi * grey(image).sum() * (2 / 64) ** 2 == pytest.approx(30, rel=1e-3)
+
+
+def test_a_hard_spot_is_dark_outside_its_cone(draw):
+    image = draw(ABOVE.format(3) + FLOOR + "spot([0, 1, 0], cone: 40deg, soft: 0, intensity: 7)\n", aov=("position",))
+    x, z = _place(image)
+    radius = np.hypot(x, z)
+    expected = np.where(radius < math.tan(math.radians(40)), 7 / (1 + radius**2) ** 1.5 / math.pi, 0)
+    assert np.allclose(grey(image), expected, rtol=1e-5, atol=1e-12)
+
+
+# --- lamps with an extent: the mean over samples, within 4 standard errors ------------------------------------------------
+
+POINTLIKE = "camera(position: [{x}, 0.5, 0], look_at: [{x}, 0, 0], up: [0, 0, -1], width: 1mm)\n"
+SOFT = {
+    # A unit square of luminance L, 1 m above: E = 0.239456 π L (Lambert's formula); E/π is what white shows.
+    "square": ("area([0, 1, 0], size: 1, luminance: 2)\n", 0.0, 2 * 0.2394564705),
+    # A disk above, off its axis by q: ½ L [1 − (h² + q² − R²) / √((h² + q² + R²)² − 4 R² q²)].
+    "disk": (
+        'area([0, 1, 0], size: 1.2, shape: "disk", luminance: 2)\n',
+        0.5,
+        1 - (1 + 0.25 - 0.36) / math.sqrt((1 + 0.25 + 0.36) ** 2 - 4 * 0.36 * 0.25),
+    ),
+    # A sphere all above the horizon: L (R/d)² cos ω.
+    "sphere": ("sphere(0.4, center: [0, 1, 0], material: emissive(#ffffff, luminance: 2))\n", 0.5, 2 * 0.16 / 1.25 / math.sqrt(1.25)),
+    # The sun's disk of half angle a, given by its illuminance facing it: E cos θ whatever its size.
+    "sun": ("sun(from: [1, 1, 0], illuminance: 2, angle: 20deg)\n", 0.0, 2 / math.pi * math.sqrt(0.5)),
+}
+
+
+@pytest.mark.parametrize("kind", SOFT)
+def test_irradiance_of_lamps_with_an_extent(draw, kind):
+    text, x, expected = SOFT[kind]
+    image = draw(POINTLIKE.format(x=x) + FLOOR + text, size=(16, 16), samples=16)
+    values = grey(image)
+    error = values.std(ddof=1) / 16
+    assert abs(values.mean() - expected) <= 4 * error
+    assert error < 0.004 * expected
+
+
+def test_lambert_under_an_even_sky_shows_its_albedo(draw):
+    """A furnace: L = ρ whichever way it faces, and exactly, as cosine samples of an even sky are all alike."""
+    text = "camera(position: [0, 0, 4], fov: 30deg)\nsphere(1, material: lambert({}))\nsky(color: #ffffff, luminance: 1)\n"
+    assert np.allclose(grey(draw(text.format("1"), samples=2)), 1.0, rtol=1e-6)
+    assert grey(draw(text.format("0.5")))[24, 24] == pytest.approx(0.5, rel=1e-6)
+
+
+# --- the course's models ------------------------------------------------------------------------------------------------
+
+GRAZING = "camera(position: [0, 0, 5], look_at: [0, 0, 0], width: 2)\n"
+
+
+def _roof(shading: str, model: str) -> str:
+    """A square with normals 30° to the left at its left edge and 30° to the right at its right one."""
+    return (
+        "mesh(points: [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], faces: [[0, 1, 2, 3]], "
+        f"normals: [[-0.5, 0, {math.sqrt(0.75)}], [0.5, 0, {math.sqrt(0.75)}], [0.5, 0, {math.sqrt(0.75)}], [-0.5, 0, {math.sqrt(0.75)}]], "
+        f'material: {model[:-1]}, shading: "{shading}"))\ndirectional(from: [0, 0, 1])\n'
+    )
+
+
+@pytest.mark.parametrize(("shading", "middle"), [("gouraud", math.sqrt(0.75)), ("phong", 1.0), ("flat", 1.0)])
+def test_gouraud_interpolates_light_and_phong_normals(draw, shading, middle):
+    """Light from above on normals at ±30°: both vertices show cos 30°, and so does the middle between them; its normal shows 1."""
+    image = draw(GRAZING + _roof(shading, "lambert(1)"), size=(33, 33))
+    assert grey(image)[16, 16] == pytest.approx(middle, abs=2e-6)
+
+
+@pytest.mark.parametrize(("shading", "middle"), [("gouraud", 0.75**16), ("phong", 1.0)])
+def test_gouraud_misses_a_highlight_between_vertices(draw, shading, middle):
+    """(N·H)³² is cos³² 30° = 0.01002 at the vertices and 1 in the middle."""
+    image = draw(GRAZING + _roof(shading, "blinn_phong(0, specular: 1, shininess: 32)"), size=(33, 33))
+    assert grey(image)[16, 16] == pytest.approx(middle, abs=1e-5)
+
+
+@pytest.mark.parametrize(("model", "exponent"), [("phong", 20), ("blinn_phong", 80)])
+def test_the_lobes_of_phong_and_blinn(draw, model, exponent):
+    """Seen from above with light at angle θ off the axis: R·V = cos θ, N·H = cos(θ/2)."""
+    for degrees in (0, 10, 25, 50):
+        angle = math.radians(degrees)
+        text = ABOVE.format(1) + (
+            f"plane(y: 0, material: {model}(0, specular: 1, shininess: {exponent}))\n"
+            f"directional(from: [{math.sin(angle)}, {math.cos(angle)}, 0])\n"
+        )
+        lobe = math.cos(angle if model == "phong" else angle / 2) ** exponent
+        assert np.allclose(grey(draw(text, size=(8, 8))), lobe, rtol=2e-5)
+
+
+def test_no_highlight_on_the_side_away_from_a_light(draw):
+    """N·L < 0 and R·V < 0 are clamped before any power: nothing negative, nothing undefined, no light from below."""
+    for model in ("phong", "blinn_phong"):
+        for way in ([0.3, -1, 0], [1, -0.001, 0.2]):
+            text = ABOVE.format(1) + f"plane(y: 0, material: {model}(0.5, specular: 1, shininess: 2.5))\ndirectional(from: {way})\n"
+            assert np.array_equal(grey(draw(text, size=(8, 8))), np.zeros((8, 8)))
+
+
+def test_a_normalized_lobe_reflects_what_it_is_given(draw):
+    """Seen along the normal under an even sky, k_s = 1 normalised reflects 1 (Phong and Blinn-Phong alike), within 4 standard errors."""
+    for model in ("phong", "blinn_phong"):
+        text = POINTLIKE.format(x=0) + (
+            f"plane(y: 0, material: {model}(0, specular: 1, shininess: 30, normalized: true))\nsky(color: #ffffff, luminance: 1)\n"
+        )
+        values = grey(draw(text, size=(16, 16), samples=16))
+        assert abs(values.mean() - 1) <= 4 * values.std(ddof=1) / 16
+
+
+# --- shadows ------------------------------------------------------------------------------------------------------------
+
+
+def test_the_shadow_of_a_disk_under_a_point_light(draw):
+    """Half way between lamp and floor a disk of radius r shades the disk of radius 2r; the lamp that casts no shadows shines on."""
+    text = ABOVE.format(4) + FLOOR + "disk(0.3, center: [0, 1, 0], material: lambert(0))\npoint([0, 2, 0], intensity: 10{})\n"
+    shaded, open_ = draw(text.format(""), aov=("position",)), draw(text.format(", shadows: false"), aov=("position",))
+    position = channel(shaded, "position")
+    radius = np.hypot(position[..., 0], position[..., 2])
+    floor = position[..., 1] < 0.5
+    expected = 10 * 2 / (4 + radius**2) ** 1.5 / math.pi
+    assert np.allclose(grey(open_)[floor], expected[floor], rtol=1e-5)
+    sure = floor & (np.abs(radius - 0.6) > 1e-5)
+    assert np.allclose(grey(shaded)[sure], np.where(radius > 0.6, expected, 0)[sure], rtol=1e-5)
+    assert np.count_nonzero(floor & (radius < 0.6)) > 50
+
+
+def test_no_surface_shades_itself(draw):
+    """Far from the origin, where a fixed distance would be lost in rounding or be too long: all points of a ball that face the lamp are lit."""
+    for at in ([0, 0, 0], [1e5, 1e5, -1e5]):
+        x, y, z = at
+        text = (
+            f"camera(position: [{x}, {y}, {z + 4}], look_at: [{x}, {y}, {z}], fov: 40deg)\nsphere(1, center: [{x}, {y}, {z}], "
+            f"material: lambert(1))\ndirectional(from: [1, 1, 1])\n"
+        )
+        image = draw(text, aov=("normal", "id"))
+        cosine = channel(image, "normal") @ np.full(3, math.sqrt(1 / 3))
+        lit = (channel(image, "id")[..., 0] == 0) & (cosine > 0.05)
+        assert lit.sum() > 300
+        assert np.allclose(grey(image)[lit], cosine[lit], rtol=1e-4)
+
+
+def test_light_scales_exactly(draw):
+    """Twice the light is twice the picture, to the last bit: every lamp times 2^±60."""
+    text = ABOVE.format(3) + (
+        "plane(y: 0, material: blinn_phong(0.7, specular: 0.2))\npoint([1, 2, 0], intensity: {})\nsun(from: [1, 3, 0], illuminance: {})\n"
+    )
+    plain = grey(draw(text.format(1, 2), samples=2))
+    for power in (-60, 60):
+        assert np.array_equal(grey(draw(text.format(2.0**power, 2.0 ** (power + 1)), samples=2)), plain * 2.0**power)
+
+
+def test_the_picture_has_no_seam_between_tiles(draw):
+    """A smooth picture is smooth over the borders of tiles: pixel 31 and 32 differ as little as any two."""
+    image = draw(ABOVE.format(6) + FLOOR + "point([0.5, 2, -0.25], intensity: 5)\n", size=(70, 40))
+    x, _ = centres(image)
+    second = np.abs(np.diff(grey(image), n=2, axis=1))
+    assert second[:, 28:36].max() <= 1.5 * second.max(axis=1).max()
+    assert x.shape == (40, 70)

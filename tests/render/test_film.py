@@ -1,0 +1,251 @@
+"""Filling a picture: the same bits for any number of threads, cancelling, crops, errors asked for, budgets, failures."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from maquette.render import film, image, metrics
+from maquette.render.records import Film, Tile, View
+
+SIZE = (100, 70)
+
+
+def noise(x: np.ndarray, y: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """Numbers evenly spread over 0 … 1 for pixels and samples: a hash, so that any thread gets the same."""
+    with np.errstate(over="ignore"):
+        h = (x.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)) ^ (y.astype(np.uint64) * np.uint64(0xC2B2AE3D27D4EB4F))
+        h = (h ^ (s.astype(np.uint64) * np.uint64(0x165667B19E3779F9))) * np.uint64(0xFF51AFD7ED558CCD)
+        h = (h ^ (h >> np.uint64(33))) * np.uint64(0xC4CEB9FE1A85EC53)
+    return (h >> np.uint64(11)).astype(float) / 2.0**53
+
+
+def truth(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return 0.5 + x / 200.0 + 0.0 * y
+
+
+class Painter:
+    """A renderer whose samples are known: `truth` plus noise of a chosen width at each pixel."""
+
+    def __init__(self, width: Any = 0.4, wait: float = 0.0, fail_at: int = -1) -> None:
+        self.width, self.wait, self.fail_at = width, wait, fail_at
+        self.seconds = {"compile_kernels": 0.25}
+        self.calls: list[tuple[Tile, int, int, int]] = []
+        self.lock = threading.Lock()
+
+    def sample(self, tile: Tile, first: int, count: int, total: int, film: Film) -> None:
+        with self.lock:
+            self.calls.append((tile, first, count, total))
+            if len(self.calls) == self.fail_at:
+                raise ArithmeticError("the brush broke")
+        if self.wait:
+            time.sleep(self.wait)
+        y, x = np.mgrid[tile.y0 : tile.y1, tile.x0 : tile.x1]
+        wide = self.width(x, y) if callable(self.width) else self.width
+        for s in range(first, first + count):
+            film.color[:] += (truth(x, y) + wide * (noise(x, y, np.full(x.shape, s)) - 0.5))[..., None] * np.array([1.0, 0.5, 0.25])
+            film.alpha[:] += x % 2
+        film.issues[0, 0] += count
+
+    def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, np.ndarray]) -> None:
+        y, x = np.mgrid[tile.y0 : tile.y1, tile.x0 : tile.x1]
+        for name in names:
+            out[name][...] = (x + 1000 * y)[..., None]
+
+
+def plan(**changed: Any) -> Any:
+    base = {"crop": (0, 0, *SIZE), "aov": (), "samples": 8, "threads": 2, "error": 0.0, "budget": math.inf}
+    return {**base, **changed}
+
+
+def draw(painter: Painter | None = None, progress: Any = None, cancel: Any = None, **changed: Any) -> image.Image:
+    return film.run(painter or Painter(), plan(**changed), View(0, *SIZE), progress, cancel)
+
+
+def test_tiles_cover_a_crop_once_from_the_middle_outwards() -> None:
+    crop = (5, 3, 140, 99)
+    count = np.zeros((110, 150), int)
+    tiles = film.tiles(crop)
+    for tile in tiles:
+        assert tile.x1 - tile.x0 <= film.TILE
+        count[tile.y0 : tile.y1, tile.x0 : tile.x1] += 1
+    inside = np.zeros_like(count)
+    inside[3:99, 5:140] = 1
+    np.testing.assert_array_equal(count, inside)
+    away = [math.hypot(t.x0 + t.x1 - 145, t.y0 + t.y1 - 102) for t in tiles]
+    assert away == sorted(away)
+
+
+@pytest.mark.parametrize("samples", [1, 2, 8, 13])
+def test_a_fixed_number_of_samples_is_their_mean(samples: int) -> None:
+    painter = Painter()
+    picture = draw(painter, samples=samples)
+    y, x = np.mgrid[: SIZE[1], : SIZE[0]]
+    mean = np.mean([truth(x, y) + 0.4 * (noise(x, y, np.full(x.shape, s)) - 0.5) for s in range(samples)], axis=0)
+    np.testing.assert_allclose(picture.channels["rgba"][..., 0], mean, rtol=1e-6)
+    np.testing.assert_array_equal(picture.channels["rgba"][..., 3], x % 2)
+    assert {total for *_, total in painter.calls} == {samples}
+    about = picture.metadata
+    assert (about["samples"], about["samples_mean"], about["rays"]) == (samples, samples, samples * 7000)
+    assert (about["size"], about["crop"], about["partial"], about["threads"]) == (SIZE, (0, 0, *SIZE), False, 2)
+    assert about["issues"] == samples * len(film.tiles((0, 0, *SIZE)))
+    assert about["seconds"]["compile_kernels"] == 0.25
+    assert about["seconds"]["render"] > 0
+    assert (about["error"] is None) == (samples == 1)
+
+
+@pytest.mark.parametrize("asked", [{}, {"error": 0.02, "samples": 4096}])
+def test_any_number_of_threads_gives_the_same_bits(asked: dict[str, Any]) -> None:
+    def uneven(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.where(x > 50, 0.8, 0.1)
+
+    one, *others = (draw(Painter(uneven), threads=threads, aov=("depth",), **asked) for threads in (1, 2, 5))
+    for other in others:
+        for name, channel in one.channels.items():
+            np.testing.assert_array_equal(channel, other.channels[name])
+        same = {k: v for k, v in one.metadata.items() if k not in ("seconds", "threads")}
+        assert same == {k: other.metadata[k] for k in same}
+
+
+def test_a_crop_is_a_part_of_the_whole() -> None:
+    whole = draw(aov=("position",))
+    part = draw(aov=("position",), crop=(11, 7, 64, 53))
+    assert (part.width, part.height) == (53, 46)
+    for name in ("rgba", "position"):
+        np.testing.assert_array_equal(part.channels[name], whole.channels[name][7:53, 11:64])
+
+
+def test_cancelling_returns_what_is_done() -> None:
+    cancel = threading.Event()
+    seen = []
+
+    def progress(done: int, total: int) -> None:
+        seen.append((done, total))
+        if done == 3:
+            cancel.set()
+
+    picture = draw(Painter(wait=0.002), progress, cancel, aov=("depth",), threads=2)
+    whole = draw(aov=("depth",))
+    drawn = np.isfinite(picture.channels["depth"][..., 0])
+    assert picture.metadata["partial"] is True
+    assert picture.metadata["error"] is None
+    assert 0 < drawn.sum() < drawn.size
+    assert np.all(picture.channels["rgba"][~drawn] == 0.0)
+    some = drawn & (picture.channels["rgba"][..., 0] == whole.channels["rgba"][..., 0])
+    assert some.sum() >= 3 * 6 * 32  # the tiles that were finished; one being drawn may have fewer samples
+    assert seen[-1][0] < seen[-1][1]
+
+
+def test_cancelling_beforehand_draws_nothing() -> None:
+    cancel = threading.Event()
+    cancel.set()
+    painter = Painter()
+    for asked in ({}, {"error": 0.01}):
+        picture = draw(painter, cancel=cancel, aov=("id",), **asked)
+        assert painter.calls == []
+        assert picture.metadata["partial"] is True
+        assert picture.metadata["samples"] == 0
+        assert np.all(picture.channels["rgba"] == 0.0)
+        assert np.all(picture.channels["id"] == -1.0)
+
+
+def test_a_failure_in_a_worker_is_raised_here_and_ends_the_work() -> None:
+    before = threading.active_count()
+    with pytest.raises(ArithmeticError, match="the brush broke"):
+        draw(Painter(fail_at=5), threads=3)
+    assert threading.active_count() == before
+
+
+def test_an_interruption_here_ends_the_workers() -> None:
+    def progress(done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    before = threading.active_count()
+    painter = Painter(wait=0.002)
+    with pytest.raises(KeyboardInterrupt):
+        draw(painter, progress)
+    assert threading.active_count() == before
+    assert len({tile for tile, *_ in painter.calls}) < len(film.tiles((0, 0, *SIZE)))
+
+
+@pytest.mark.parametrize("asked", [{}, {"error": 0.03, "samples": 4096}, {"budget": 0.3, "samples": 100_000}])
+def test_progress_grows_to_the_whole_in_the_callers_thread(asked: dict[str, Any]) -> None:
+    seen, threads = [], set()
+
+    def progress(done: int, total: int) -> None:
+        seen.append((done, total))
+        threads.add(threading.current_thread())
+
+    draw(progress=progress, **asked)
+    total = len(film.tiles((0, 0, *SIZE)))
+    assert seen == sorted(set(seen))
+    assert seen[-1] == (total, total)
+    assert {t for _, t in seen} == {total}
+    assert threads == {threading.current_thread()}
+
+
+def root_relmse(picture: image.Image) -> float:
+    y, x = np.mgrid[: SIZE[1], : SIZE[0]]
+    return metrics.root_relmse(picture.channels["rgba"][..., :3], truth(x, y)[..., None] * np.array([1.0, 0.5, 0.25]))
+
+
+@pytest.mark.parametrize("error", [0.05, 0.02, 0.01])
+def test_the_error_that_was_asked_for_is_reached(error: float) -> None:
+    picture = draw(error=error, samples=4096)
+    assert root_relmse(picture) < 1.1 * error
+    assert picture.metadata["error"] < error
+    assert picture.metadata["error"] == pytest.approx(root_relmse(picture), rel=0.15)
+    assert 16 <= picture.metadata["samples"] < 4096
+
+
+def test_only_tiles_with_error_get_more_samples() -> None:
+    painter = Painter(lambda x, y: np.where(x >= 64, 1.0, 0.02))
+    picture = draw(painter, error=0.01, samples=4096)
+    most: dict[Tile, int] = {}
+    for tile, first, count, _ in painter.calls:
+        most[tile] = max(most.get(tile, 0), first + count)
+    assert {most[t] for t in most if t.x1 <= 64} == {16}
+    assert min(most[t] for t in most if t.x0 >= 64) > 100
+    assert picture.metadata["samples_mean"] < picture.metadata["samples"]
+    assert root_relmse(picture) < 1.1 * 0.01
+
+
+def test_the_most_samples_end_what_cannot_be_reached() -> None:
+    picture = draw(error=1e-6, samples=24)
+    assert picture.metadata["samples"] == 24
+    assert picture.metadata["error"] > 1e-6
+    assert picture.metadata["partial"] is False
+
+
+def test_a_black_picture_has_no_error() -> None:
+    class Black(Painter):
+        def sample(self, tile: Tile, first: int, count: int, total: int, film: Film) -> None:
+            self.calls.append((tile, first, count, total))
+
+    picture = draw(Black(), error=0.01, samples=4096)
+    assert (picture.metadata["error"], picture.metadata["samples"]) == (0.0, 16)
+
+
+def test_the_error_of_a_fixed_number_of_samples_is_estimated() -> None:
+    picture = draw(samples=64)
+    assert picture.metadata["error"] == pytest.approx(root_relmse(picture), rel=0.15)
+
+
+def test_a_budget_ends_it_in_time_with_a_whole_picture() -> None:
+    started = time.perf_counter()
+    picture = draw(Painter(wait=0.002), budget=0.6, samples=100_000)
+    assert time.perf_counter() - started < 2.0
+    assert picture.metadata["samples"] > 8
+    assert np.all(picture.channels["rgba"][..., 0] > 0)
+    assert picture.metadata["partial"] is False
+    late = draw(Painter(wait=0.01), budget=1e-3, samples=100_000)  # too short: still every pixel once
+    assert late.metadata["samples"] == film.BATCH
+
+
+def test_luminance_is_of_the_linear_colour() -> None:
+    picture = image.Image(1, 1, {"rgba": np.array([[[1.0, 2.0, 3.0, 1.0]]], np.float32)})
+    assert picture.luminance[0, 0] == pytest.approx(0.2126729 + 2 * 0.7151522 + 3 * 0.0721750)

@@ -94,6 +94,14 @@ class Files:
         return f"there is no folder {path.parent}"
 
 
+def resolved(path: Path) -> Path:
+    """Where a path leads that the user named: a scene reached by a link has the files beside its target. FileError for a circle."""
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError):
+        raise FileError(f"`{path}` leads round in a circle of links") from None
+
+
 def decode(data: bytes, name: str) -> str:
     """The text of a source file; FileError where it is not text."""
     if b"\0" in data[:65536]:

@@ -11,7 +11,7 @@ from ..lang import evaluate
 from ..lang.diagnostics import Diagnostics, Span, suggest
 from . import defaults, ir, lower, sources, store, transforms, validate
 from .build import SceneBuilder
-from .files import FileError, Files
+from .files import FileError, Files, resolved
 from .rows import InstanceData
 
 SCENE = (".scene",)
@@ -40,17 +40,18 @@ def load(
     watch = Stopwatch(seconds)
     path = Path(path)
     suffix = path.suffix.lower()
-    files = Files(path.parent, allow)
     scene = None
     try:
-        files.find(path.name, what="scene" if suffix in SCENE else "file")
+        real = resolved(path)
+        files = Files(real.parent, allow)
+        files.find(real.name, what="scene" if suffix in SCENE else "file")
         _refuse_unused(suffix, str(path), sets, time, variants, found)
         if suffix in SCENE:
-            scene = _scene(path, files, sets or {}, time or 0.0, found, watch)
+            scene = _scene(path, real, files, sets or {}, time or 0.0, found, watch)
         elif suffix in STAGES:
             scene = _stage(path, files, time, variants or {}, found, watch)
         elif suffix in MESHES:
-            scene = _mesh(path, files, found, watch)
+            scene = _mesh(path, real, files, found, watch)
         elif suffix in SAVED:
             with watch.stage("import"):
                 scene = store.load(path)
@@ -71,6 +72,12 @@ def load(
 class Stopwatch:
     """Adds the seconds that stages take to a dict, where there is one."""
 
+    def move(self, stage: str, part: str, seconds: float) -> None:
+        """Count what a part of a stage took apart from it."""
+        if self._seconds is not None:
+            self._seconds[stage] -= seconds
+            self._seconds[part] = self._seconds.get(part, 0.0) + seconds
+
     def __init__(self, seconds: dict[str, float] | None) -> None:
         self._seconds = seconds
 
@@ -84,10 +91,13 @@ class Stopwatch:
                 self._seconds[name] = self._seconds.get(name, 0.0) + clock.perf_counter() - started
 
 
-def _scene(path: Path, files: Files, sets: Mapping[str, str], time: float, found: Diagnostics, watch: Stopwatch) -> ir.Scene:
+def _scene(path: Path, real: Path, files: Files, sets: Mapping[str, str], time: float, found: Diagnostics, watch: Stopwatch) -> ir.Scene:
     reader = sources.SceneReader(files)
+    parsing: dict[str, float] = {}
     with watch.stage("evaluate"):
-        document = evaluate.evaluate(reader.main(path), reader, found, sets=sets, time=time)
+        source = reader.main(str(path), real)
+        document = evaluate.evaluate(source, reader, found, sets=sets, time=time, seconds=parsing)
+    watch.move("evaluate", "parse", parsing["parse"])
     with watch.stage("lower"):
         return lower.lower(document, SceneBuilder(found, files), reader.folder)
 
@@ -101,13 +111,13 @@ def _stage(
         return usd.scene(path, SceneBuilder(found, files), time=time, variants=variants)
 
 
-def _mesh(path: Path, files: Files, found: Diagnostics, watch: Stopwatch) -> ir.Scene:
+def _mesh(path: Path, real: Path, files: Files, found: Diagnostics, watch: Stopwatch) -> ir.Scene:
     """A bare mesh file: its own materials or grey, the default camera and lights."""
     from . import meshes
 
     builder = SceneBuilder(found, files)
     with watch.stage("import"):
-        parts = meshes.read(path, str(path), builder, found, None, files)
+        parts = meshes.read(real, str(path), builder, found, None, files)
     with watch.stage("lower"):
         for part in parts:
             row = builder.transform(transforms.identity() if part.transform is None else part.transform)

@@ -29,6 +29,9 @@ def lower(document: Document, builder: SceneBuilder, folder: Folder | None = Non
     for element in document.cameras:
         lower_cameras.camera(lowering, element)
     settings = lower_cameras.settings(lowering, document.settings.get("render"), document.cameras)
+    if lowering.unsampled is not None and not settings.bounces:
+        hint = "render(bounces: 1) or more; area lights and round spheres are sampled without"
+        builder.diagnostics.note("this shines, but lights other things only where bounces are followed", lowering.unsampled.span, hint)
     animate = document.settings.get("animate")
     return builder.finish(
         document.name,
@@ -53,6 +56,7 @@ class Lowering:
         self.materials = lower_materials.Materials(self)
         self._folder = folder
         self._emissive = 0
+        self.unsampled: Element | None = None  # the first shape that shines and is not sampled as a light
         self._meshes: dict[Path, list[Piece]] = {}
 
     # --- what the rooms beside this one say and ask ---
@@ -108,6 +112,8 @@ class Lowering:
             placed = matrix @ piece.matrix
             if material is not None and material.kind == "emissive" and self._shining_sphere(element, material, placed):
                 continue
+            if material is not None and material.kind == "emissive" and self.unsampled is None:
+                self.unsampled = element
             row = piece.material if own is None and piece.material >= 0 else -1
             if row < 0 and material is not None:
                 row = self.materials.row(material)

@@ -18,10 +18,10 @@ class SceneReader:
         self._shown: dict[str, str] = {}  # path -> the name to show
         self._folders: dict[str, Path] = {}  # name shown -> folder
 
-    def main(self, path: Path) -> Source:
-        """The scene itself, shown by the path it was asked for. FileError if it cannot be read."""
+    def main(self, shown: str, path: Path) -> Source:
+        """The scene itself, at `path` in its own folder, and shown as it was asked for. FileError if it cannot be read."""
         found, text = self.files.text(path.name, what="scene")
-        return self._source(str(path), found, text)
+        return self._source(shown, found, text)
 
     def scene(self, path: str, importer: str, span: Span) -> Source:
         """The file that `use "path"` names in the file whose path is `importer`. ReadError if it cannot be used."""

@@ -41,7 +41,7 @@ def rotation(turn: Rotation) -> Matrix:
     return made
 
 
-def from_rows(rows: Sequence[Sequence[float]]) -> Matrix:
+def from_rows(rows: Sequence[Sequence[float]] | np.ndarray) -> Matrix:
     """A matrix from three or four rows of four numbers. ValueError if the fourth row is not 0 0 0 1 (a projection)."""
     made = np.eye(4)
     given = np.array(rows, dtype=np.float64)

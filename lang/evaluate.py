@@ -24,15 +24,20 @@ SHOWN_CALLS = 12  # of a chain of calls in a message
 
 
 def evaluate(
-    source: Source, reader: Reader, diagnostics: Diagnostics, *, sets: Mapping[str, str] | None = None, time: float = 0.0
-) -> Document:
+    source: Source, reader: Reader, diagnostics: Diagnostics, *, sets: Mapping[str, str] | None = None, time: float = 0.0,
+    seconds: dict[str, float] | None = None,
+) -> Document:  # fmt: skip
     """The elements of a scene at `time` seconds, with `sets` as `--set` gives them: text by the name of a `param`.
 
     Never raises on input: what is wrong goes into `diagnostics`, and what can be evaluated is in the result.
+    `seconds["parse"]` is set to the time that parsing took of it.
     """
     limits.deepen_stack()
     machine = Evaluator(reader, diagnostics, time)
-    return machine.document(source, sets or {})
+    document = machine.document(source, sets or {})
+    if seconds is not None:
+        seconds["parse"] = machine.loader.parsing
+    return document
 
 
 @dataclass

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -71,6 +72,7 @@ class Loader:
     files: list[str] = field(default_factory=list)
     chain: list[tuple[Source, Span | None]] = field(default_factory=list)
     prelude: Module | None = None
+    parsing: float = 0.0  # seconds spent in the parser
 
     def load(self, source: Source, library: bool, span: Span | None = None, prelude: bool = False) -> Module:
         """The module of a source that is not being loaded already, with everything it uses."""
@@ -81,7 +83,9 @@ class Loader:
             self.files.append(source.path)
         self.chain.append((source, span))
         before = len(self.diagnostics.items)
+        started = clock.perf_counter()
         file = _parse_library(source.text, source.name, self.diagnostics) if library else parse(source.text, source.name, self.diagnostics)
+        self.parsing += clock.perf_counter() - started
         unit = self._unit(file)
         module = Module(source, file, unit, units.UNITS[unit][0], library, set(file.broken))
         self.modules[source.path] = module

@@ -37,8 +37,18 @@ def test_a_scene(hello: Path) -> None:
     assert scene.name == str(hello)
     assert scene.files == (str(hello),)
     assert [p.name for p in scene.params] == ["radius"]
-    assert {"evaluate", "lower", "validate"} <= seconds.keys()
+    assert {"parse", "evaluate", "lower", "validate"} == seconds.keys()
     assert all(s > 0 for s in seconds.values())
+
+
+def test_a_scene_reached_by_a_link_has_its_own_files(tmp_path: Path) -> None:
+    (tmp_path / "real").mkdir()
+    (tmp_path / "real" / "a.scene").write_text('use "b.scene"\nb()\n')
+    (tmp_path / "real" / "b.scene").write_text("sphere(1)\n")
+    (tmp_path / "link.scene").symlink_to("real/a.scene")
+    assert len(load.load(tmp_path / "link.scene").tables.instances.geometry) == 1
+    (tmp_path / "loop.scene").symlink_to("loop.scene")
+    assert refused(tmp_path / "loop.scene")[0][0].endswith("leads round in a circle of links")
 
 
 def test_sets_and_time(hello: Path) -> None:

@@ -48,7 +48,8 @@ def test_a_unit_makes_a_scene_photometric(compiled, text: str, photometric: bool
 
 
 def test_an_emissive_unit_makes_a_scene_photometric(compiled) -> None:
-    assert compiled("box(1, material: emissive(luminance: 100nit))" + BALL).photometric
+    assert compiled("sphere(1, material: emissive(luminance: 100nit))" + BALL).photometric
+    assert compiled("box(1, material: emissive(luminance: 100nit))\nrender(bounces: 1)" + BALL).photometric
 
 
 def test_spot_flux_is_the_integral_of_its_fading() -> None:
@@ -160,14 +161,18 @@ def test_an_emissive_sphere_is_a_light(compiled) -> None:
 
 
 @pytest.mark.parametrize("text", ["sphere(1, scale: [1, 2, 1], material: emissive())", "box(1, material: emissive())"])
-def test_other_emissive_shapes_shine_without_being_sampled(compiled, text: str) -> None:
-    scene = compiled(text + BALL)
+def test_other_emissive_shapes_shine_without_being_sampled(compiled, said, text: str) -> None:
+    scene = compiled(text + BALL + "render(bounces: 2)")
     assert len(scene.tables.lights.kind) == 0
     assert scene.defaults == ()  # there is light: none is added
+    assert said(text + BALL) == (
+        "a.scene:1:1: note: this shines, but lights other things only where bounces are followed\n"
+        f"   1 | {text}\n     | {'^' * len(text)} render(bounces: 1) or more; area lights and round spheres are sampled without"
+    )
 
 
 def test_many_emissive_spheres_are_not_all_sampled(compiled) -> None:
-    t = compiled("for (k in 1..100) { sphere(0.1, center: [k, 0, 0], material: emissive()) }" + BALL).tables
+    t = compiled("for (k in 1..100) { sphere(0.1, center: [k, 0, 0], material: emissive()) }\nrender(bounces: 1)" + BALL).tables
     assert len(t.lights.kind) == 64
     assert len(t.instances.geometry) == 101
 

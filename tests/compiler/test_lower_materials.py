@@ -54,7 +54,7 @@ def test_mirror_glass_and_emissive(compiled) -> None:
     assert mirror == {"model": Model.MIRROR, "reflection": [0.9] * 3, "ior": [1, 0, 0]}
     assert material(compiled("sphere(1, material: glass())" + REST)) == {"model": Model.GLASS, "transmission": one, "ior": [1.5, 0, 0]}
     expected = {"model": Model.EMISSIVE, "emission": [0, 0, 4], "ior": [1, 0, 0]}
-    assert material(compiled("box(1, material: emissive(rgb(0, 0, 2), luminance: 2))" + REST)) == expected
+    assert material(compiled("box(1, material: emissive(rgb(0, 0, 2), luminance: 2))\nrender(bounces: 1)" + REST)) == expected
 
 
 @pytest.mark.parametrize(
@@ -86,7 +86,7 @@ def test_a_texture_as_a_number_is_its_first_channel(compiled) -> None:
 
 
 def test_an_emissive_texture_is_scaled_by_the_luminance(compiled) -> None:
-    t = compiled("box(1, material: emissive(checker(), luminance: 7))" + REST).tables
+    t = compiled("box(1, material: emissive(checker(), luminance: 7))\nrender(bounces: 1)" + REST).tables
     assert t.materials.values[0, Slot.EMISSION].tolist() == [7, 7, 7]
     assert t.materials.textures[0, Slot.EMISSION] == 0
 

@@ -85,7 +85,7 @@ def scene(
 
 
 def phong(
-    diffuse: float = 0.0, specular: float = 0.0, shininess: float = 1.0, model: ir.MaterialModel = ir.MaterialModel.PHONG, **more: Any
+    diffuse: Any = 0.0, specular: Any = 0.0, shininess: Any = 1.0, model: ir.MaterialModel = ir.MaterialModel.PHONG, **more: Any
 ) -> MaterialData:
     """A grey material of the course's models; `more` are inputs by slot name in lower case, `shading` or `normalized`."""
     slots = {"diffuse": diffuse, "specular": specular, "shininess": shininess, "ambient": diffuse, "ior": 1.0}

@@ -135,6 +135,8 @@ def _header(data: bytes) -> tuple[str, list[_Element], bytes]:
 def _binary(body: bytes, elements: list[_Element], order: str) -> dict[str, _Data]:
     found, at = {}, 0
     for element in elements:
+        if not element.properties:
+            continue
         data, at = _rows_alike(body, at, element, order) or _rows_one_by_one(body, at, element, order)
         found[element.name] = data
     return found
@@ -147,9 +149,9 @@ def _rows_alike(body: bytes, at: int, element: _Element, order: str) -> tuple[_D
     for name, kind, counted in element.properties:
         if counted:
             size = np.dtype(order + counted).itemsize
-            if offset + size > len(body):
-                break
-            length = int(np.frombuffer(body, order + counted, 1, offset)[0])
+            if element.count and offset + size > len(body):
+                return None
+            length = int(np.frombuffer(body, order + counted, 1, offset)[0]) if element.count else 0
             if not 0 <= length <= 1 << 16:
                 return None
             fields += [(f"#{name}", order + counted), (name, order + kind, (length,))]

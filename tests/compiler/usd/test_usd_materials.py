@@ -99,7 +99,6 @@ def test_specular_workflow_emission_and_opacity(tmp_path):
     assert slot(scene, "EMISSION") == [4, 5, 6]
     assert slot(scene, "DIFFUSE") == [0.25] * 3
     assert (slot(scene, "TRANSMISSION"), slot(scene, "IOR")[0]) == ([0.75] * 3, 1)
-    assert scene.tables.lights.kind.tolist() == []  # it shines: no head light
 
 
 def test_smooth_and_rough_ends():

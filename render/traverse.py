@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from llvmlite import ir as llvm
-from numba import carray, types
+from numba import types
 from numba.extending import intrinsic
+from numba.np.numpy_support import carray
 
 from ..compiler import ir
 from . import lanes, shapes
@@ -97,7 +98,7 @@ def search(accel, origin, direction, t_min, t_max, visible_bit, any_hit):
             return best
     if accel.top < 0:
         return best
-    memory = _stack_memory()
+    memory = _stack_memory()  # pyright: ignore[reportCallIssue]
     stack = carray(memory, 2 * DEPTH)
     ray = _box_ray(origin, direction, WORLD_ERROR)
     node, near = np.int64(accel.top), _enter(accel.nodes, accel.top, ray, t_min, t_max)
@@ -150,7 +151,7 @@ def _try(accel, i, origin, direction, t_min, t_max, visible_bit, any_hit, best):
 def _mesh(nodes, triangles, corners, root, o, d, t_min, t_max, limit, any_hit):
     """(t, triangle, u, v) of the first meeting with the mesh whose tree begins at `root`, not beyond `limit`."""
     best, primitive, best_u, best_v = np.inf, np.int64(-1), 0.0, 0.0
-    memory = _stack_memory()
+    memory = _stack_memory()  # pyright: ignore[reportCallIssue]
     stack = carray(memory, 2 * DEPTH)
     ray = _box_ray(o, d, LOCAL_ERROR)
     kx, ky, kz, sx, sy, sz = shapes.shear(d)

@@ -45,9 +45,10 @@ class Painter:
         if self.wait:
             time.sleep(self.wait)
         y, x = np.mgrid[tile.y0 : tile.y1, tile.x0 : tile.x1]
-        wide = self.width(x, y) if callable(self.width) else self.width
+        wide: Any = self.width(x, y) if callable(self.width) else self.width
         for s in range(first, first + count):
-            film.color[:] += (truth(x, y) + wide * (noise(x, y, np.full(x.shape, s)) - 0.5))[..., None] * np.array([1.0, 0.5, 0.25])
+            value: Any = truth(x, y) + wide * (noise(x, y, np.full(x.shape, s)) - 0.5)
+            film.color[:] += value[..., None] * np.array([1.0, 0.5, 0.25])
             film.alpha[:] += x % 2
         film.issues[0, 0] += count
 

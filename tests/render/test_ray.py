@@ -20,11 +20,15 @@ Model = ir.MaterialModel
 def still_life() -> ir.Tables:
     """Every kind of shape but the endless quadric, a mesh, glass, a mirror; a sun, a point light and a sky."""
     shapes = [
-        (K.PLANE, [], matrix((0, -1, 0)), 0), (K.SPHERE, [0.5], matrix((-1, -0.5, 0)), 1), (K.BOX, [0.3, 0.5, 0.3], matrix((0.2, -0.5, -1)), 2),
-        (K.CYLINDER, [0.3, 0.4, 1], matrix((1.2, -0.6, 0)), 3), (K.CONE, [0.4, 0.1, 0.4, 1], matrix((0.3, -0.6, 0.4)), 1),
-        (K.TORUS, [0.4, 0.12], matrix((-0.4, 0.5, -0.5), turn(0, 1.0)), 2), (K.CAPSULE, [0.15, 0.3], matrix((0.8, 0.3, 0.2), turn(2, 0.7)), 0),
+        (K.PLANE, [], matrix((0, -1, 0)), 0),
+        (K.SPHERE, [0.5], matrix((-1, -0.5, 0)), 1),
+        (K.BOX, [0.3, 0.5, 0.3], matrix((0.2, -0.5, -1)), 2),
+        (K.CYLINDER, [0.3, 0.4, 1], matrix((1.2, -0.6, 0)), 3),
+        (K.CONE, [0.4, 0.1, 0.4, 1], matrix((0.3, -0.6, 0.4)), 1),
+        (K.TORUS, [0.4, 0.12], matrix((-0.4, 0.5, -0.5), turn(0, 1.0)), 2),
+        (K.CAPSULE, [0.15, 0.3], matrix((0.8, 0.3, 0.2), turn(2, 0.7)), 0),
         (K.QUADRIC, [1, -1, 1, 0, 0, 0, 0, 0, 0, -0.02, 0.3, 0.3, 0.3], matrix((-1.2, 0.4, -0.3)), 3),
-    ]  # fmt: skip
+    ]
     corner = MeshData(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]]), np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]]))
     lights = [
         LightData(ir.LightKind.SUN, (2.0, 1.9, 1.8), direction=(0.4, 0.8, 0.45), angle=0.02),
@@ -34,11 +38,16 @@ def still_life() -> ir.Tables:
     return scene(
         shapes,
         meshes=[(corner, matrix((0.6, -0.9, 1.0), 0.5 * turn(1, 0.5)), 2)],
-        materials=[phong(0.6), phong(0.3, 0.4, 40.0), phong(model=Model.MIRROR, reflection=0.8), phong(model=Model.GLASS, transmission=1.0, ior=1.5)],
+        materials=[
+            phong(0.6),
+            phong(0.3, 0.4, 40.0),
+            phong(model=Model.MIRROR, reflection=0.8),
+            phong(model=Model.GLASS, transmission=1.0, ior=1.5),
+        ],
         lights=lights,
         camera=CameraData(transform=1, extent=0.5),
         frame=looking((0.5, 0.8, 4.0), (0.0, -0.2, 0.0)),
-    )  # fmt: skip
+    )
 
 
 def ray(tables: ir.Tables, overrides: dict[str, str] | None = None, **settings: Any) -> Any:

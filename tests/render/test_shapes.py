@@ -487,7 +487,7 @@ def test_no_ray_slips_between_two_triangles() -> None:
     opposite = np.sign(np.sum(across * (left - a), 1)) != np.sign(np.sum(across * (right - a), 1))
     leaks = opposite & ~(hits[0] | hits[1])
     assert leaks.sum() == 0
-    naive = sum(not any(moller_trumbore(*(x[k] for x in side), o[k], d[k]) for side in sides) for k in np.flatnonzero(opposite))
+    naive = sum(not any(moller_trumbore(*(x[k] for x in (*side, o, d))) for side in sides) for k in np.flatnonzero(opposite))
     assert naive > 0
 
 

@@ -262,6 +262,6 @@ def _texture(
     channel = reference.channel if reference.channel >= 0 or color else 0
     made = TextureData(
         ir.TextureKind.IMAGE, picture, wrap_u=wrap, wrap_v=wrap, channel=channel, frame=frame,
-        gain=(reference.gain,) * 3, bias=(reference.base,) * 3,
+        gain=_times(WHITE, reference.gain), bias=_times(WHITE, reference.base),
     )  # fmt: skip
     return builder.texture(made, reference.span)

@@ -60,7 +60,7 @@ def _faces(positions: F64, triangles: I32) -> tuple[F64, F64]:
 
 
 def _sum_by(rows: np.ndarray, values: F64, count: int) -> F64:
-    return np.stack([np.bincount(rows, values[:, k], count) for k in range(3)], axis=1)
+    return np.stack([np.bincount(rows, values[:, k], count) for k in range(3)], axis=1, dtype=np.float64)
 
 
 def _within_groups(vertex: np.ndarray, weighted: F64, groups: np.ndarray) -> F64:

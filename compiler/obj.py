@@ -189,7 +189,7 @@ def _resolved(
             problems.add("warning", what, line, f"there is no {what} {written[at]} (the file has {len(values[k])}): {effect}")
         if k == 0:
             bad_face[face_of[(rows < 0)]] = True
-    finite = np.isfinite(values[0]).all(axis=1)
+    finite = np.asarray(np.isfinite(values[0]).all(axis=1))
     for at in np.flatnonzero((corners[:, 0] >= 0) & ~finite[corners[:, 0]]) if not finite.all() else ():
         bad_face[face_of[at]] = True
         if ("error", "malformed") in problems.found:

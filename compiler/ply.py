@@ -61,7 +61,7 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
     assert points is not None
     counts, indices = listed[0], listed[1].astype(np.int64)
     owner = np.repeat(np.arange(len(counts)), counts)
-    sound = np.isfinite(points).all(axis=1)
+    sound = np.asarray(np.isfinite(points).all(axis=1))
     inside = (indices >= 0) & (indices < len(points))
     bad = ~inside
     bad[inside] = ~sound[indices[inside]]
@@ -98,9 +98,9 @@ def _stacked(data: _Data, names: Any) -> np.ndarray | None:
 
 def _colors(data: _Data) -> np.ndarray | None:
     """Linear colours from red, green and blue: sRGB, whole numbers to 255 (65535) or floats to 1."""
-    names = next((n for n in (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue")) if n[0] in data.scalars), ())
+    names = next((n for n in (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue")) if n[0] in data.scalars), None)
     tints = _stacked(data, names) if names else None
-    if tints is None:
+    if names is None or tints is None:
         return None
     kind = data.scalars[names[0]].dtype
     return linear(tints / np.iinfo(kind).max if kind.kind in "iu" else tints)

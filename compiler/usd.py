@@ -1,5 +1,8 @@
 """The door for USD: a stage becomes a scene of its own, or is placed in one."""
 
+# pyright: reportAttributeAccessIssue=false
+# (usd-core makes its modules' names at run time)
+
 from __future__ import annotations
 
 import math
@@ -7,6 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from pxr import UsdUtils
 
 from ..lang.diagnostics import Span, suggest
 from . import defaults, ir, usd_camera
@@ -75,8 +79,6 @@ def _first(opened: Opened) -> str:
 
 def _cameras(walk: Walk) -> list[str]:
     """Adds the cameras, the one that is used by default first, and light from there if the stage has none; says what was not in it."""
-    from pxr import UsdUtils
-
     main = UsdUtils.GetPrimaryCameraName()
     cameras = sorted(walk.cameras, key=lambda item: item[0].GetName() != main)
     said, eye = [], None
@@ -98,9 +100,9 @@ def _cameras(walk: Walk) -> list[str]:
 def _head_light(eye: np.ndarray, builder: SceneBuilder) -> None:
     """Light from a camera that does not grow weaker with distance; a white matt surface facing it shows 1."""
     x, y, z = (float(c) for c in eye[:3, 3])
-    builder.light(
-        LightData(
-            ir.LightKind.POINT, (math.pi,) * 3, position=(x, y, z), falloff=ir.FalloffKind.POLYNOMIAL, coefficients=(1.0, 0.0, 0.0),
-            shadows=False, name="head light",
-        )
+    white = (math.pi, math.pi, math.pi)
+    kind, even = ir.FalloffKind.POLYNOMIAL, (1.0, 0.0, 0.0)
+    light = LightData(
+        ir.LightKind.POINT, white, position=(x, y, z), falloff=kind, coefficients=even, shadows=False, name="head light"
     )  # fmt: skip
+    builder.light(light)

@@ -1,11 +1,15 @@
 """USD's cameras, and the one that frames a stage without a main camera, as usdrecord does."""
 
+# pyright: reportAttributeAccessIssue=false
+# (usd-core makes its modules' names at run time)
+
 from __future__ import annotations
 
 import math
 from typing import Any
 
 import numpy as np
+from pxr import Gf, UsdGeom
 
 from . import ir
 from .build import SceneBuilder
@@ -19,8 +23,6 @@ _TENTH = 0.1  # of an orthographic camera, apertures are tenths of a scene unit
 
 def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: SceneBuilder) -> int:
     """The row of a Camera prim under the matrix (4, 4), whose scale does not count but for `unit`, the stage's own."""
-    from pxr import Gf, UsdGeom
-
     lens = UsdGeom.Camera(prim).GetCamera(opened.time)
     width, height = lens.horizontalAperture, lens.verticalAperture
     span = opened.span(prim)

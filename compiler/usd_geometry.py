@@ -1,5 +1,8 @@
 """USD's meshes and shapes as geometries of the IR: primvars, holes, orientation, subsets, axes."""
 
+# pyright: reportAttributeAccessIssue=false
+# (usd-core makes its modules' names at run time)
+
 from __future__ import annotations
 
 import math
@@ -7,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from pxr import UsdGeom
 
 from ..lang.diagnostics import Diagnostics, Span
 from . import ir, normals, polymesh, triangulate
@@ -112,8 +116,6 @@ def mesh(prim: Any, time: Any, uv_name: str | None, color_name: str | None, diag
     Subdivision surfaces are drawn as their cages with smooth normals (as usdrecord at low complexity); other meshes with the
     normals they have, or flat. None where there is nothing to draw, with a warning where the data contradict each other.
     """
-    from pxr import UsdGeom
-
     schema = UsdGeom.Mesh(prim)
     points = _array(schema.GetPointsAttr(), time, np.float64, 3)
     counts = _array(schema.GetFaceVertexCountsAttr(), time, np.int64, 0)
@@ -157,7 +159,7 @@ def _smooth(mesh: polymesh.PolyMesh) -> MeshAttribute:
 
 def _sound(indices: np.ndarray, points: np.ndarray) -> np.ndarray:
     inside = (indices >= 0) & (indices < len(points))
-    inside[inside] = np.isfinite(points).all(axis=1)[indices[inside]]
+    inside[inside] = np.isfinite(points[indices[inside]]).all(axis=1)
     return inside
 
 

@@ -1,5 +1,8 @@
 """USD's lights as the IR's: L = intensity · 2^exposure · color · blackbody, as UsdLux defines it."""
 
+# pyright: reportAttributeAccessIssue=false
+# (usd-core makes its modules' names at run time)
+
 from __future__ import annotations
 
 import math
@@ -7,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from pxr import UsdGeom, UsdLux
 
 from ..lang.diagnostics import Span
 from . import images, ir
@@ -45,8 +49,6 @@ class _Light:
 
     def radiance(self) -> np.ndarray:
         """L before any normalisation, (3,)."""
-        from pxr import UsdLux
-
         attribute = self.prim.GetAttribute("inputs:color")
         color = np.array(attribute.Get(self.opened.time) or (1.0, 1.0, 1.0), dtype=np.float64)
         if self.number("enableColorTemperature"):
@@ -178,8 +180,6 @@ def _dome(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Ma
 
 def _pole(it: _Light) -> np.ndarray:
     """DomeLight_1 may have its pole along z; the older DomeLight's is always y."""
-    from pxr import UsdGeom
-
     attribute = it.prim.GetAttribute("poleAxis")
     pole = str(attribute.Get(it.opened.time)) if attribute else "Y"
     if pole == "scene":

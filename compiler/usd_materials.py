@@ -3,6 +3,9 @@
 Node by node after the UsdPreviewSurface Specification, version 2.6.
 """
 
+# pyright: reportAttributeAccessIssue=false
+# (usd-core makes its modules' names at run time)
+
 from __future__ import annotations
 
 import math
@@ -11,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pxr import Ar, UsdGeom, UsdShade
 
 from ..lang.diagnostics import Span
 from . import images, ir, preview
@@ -85,8 +89,6 @@ class Materials:
 
     def bound(self, prim: Any) -> Network | None:
         """The network bound to a prim, full before preview before all-purpose; None without one that is understood."""
-        from pxr import UsdShade
-
         api = UsdShade.MaterialBindingAPI(prim)
         material, relation = api.ComputeBoundMaterial(UsdShade.Tokens.full)
         if material and not str(relation.GetName()).startswith("material:binding:full"):
@@ -141,8 +143,6 @@ class Materials:
 
     def _node(self, attribute: Any) -> Any:
         """The shader whose output an attribute is, or None for a value."""
-        from pxr import UsdShade
-
         shader = UsdShade.Shader(attribute.GetPrim())
         return shader if shader and UsdShade.Output.IsOutput(attribute) else None
 
@@ -225,11 +225,9 @@ class Materials:
 
     def _primvar(self, source: Primvar, prim: Any) -> Any:
         """A primvar's constant value on a prim, or its mean with a warning where it varies."""
-        from pxr import UsdGeom
-
         found = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(source.name) if source.name else None
         value = found.ComputeFlattened(self.opened.time) if found and found.HasValue() else None
-        if value is None:
+        if found is None or value is None:
             return source.fallback
         values = np.array(value, dtype=np.float64)
         if not found.GetTypeName().isArray:
@@ -304,8 +302,6 @@ class Asset:
         """Its path, or its bytes out of the package."""
         if not self.path.endswith("]"):
             return self.path
-        from pxr import Ar
-
         opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(self.path))
         if opened is None:
             raise images.ImageError(f"the package has no `{self.name}`")
@@ -326,8 +322,6 @@ def asset(value: Any, materials: Materials, prim: Any) -> Asset | None:
         return None
     resolved = str(getattr(value, "resolvedPath", "") or "")
     if "<UDIM>" in written and not resolved:
-        from pxr import UsdShade
-
         first = next((tile for tile in UsdShade.UdimUtils.ResolveUdimTilePaths(written, _layer(prim))), None)
         materials.tell("of tiled pictures (UDIM) the first tile alone is drawn", prim)
         resolved = str(first[0]) if first else ""

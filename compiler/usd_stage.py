@@ -1,5 +1,8 @@
 """Opens USD stages: errors as diagnostics, variants chosen, the time to read at, the frame that makes y point up."""
 
+# pyright: reportAttributeAccessIssue=false
+# (usd-core makes its modules' names at run time)
+
 from __future__ import annotations
 
 import re
@@ -9,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
 
 from ..lang.diagnostics import Diagnostics, Span, suggest
 
@@ -40,8 +44,6 @@ class Reports:
     """Collects what usd-core has to say, which it else prints, as warnings."""
 
     def __init__(self, path: Path) -> None:
-        from pxr import UsdUtils
-
         self._path = path
         self._delegate = UsdUtils.CoalescingDiagnosticDelegate()
 
@@ -60,8 +62,6 @@ def open_(
 ) -> Opened | None:  # fmt: skip
     """The stage in a file, or None and an error. `seconds` count from the stage's start, `time` is a time code; without either it is
     read at its earliest time, as usdrecord does. `variants` are {"/prim:set": "name"}."""
-    from pxr import Tf, Usd, UsdGeom
-
     reports = Reports(path)
     whole = span or Span(name)
     try:
@@ -88,8 +88,6 @@ def open_(
 
 def _choose(stage: Any, where: str, choice: str, diagnostics: Diagnostics, span: Span) -> None:
     """Select a variant in the session layer, so that no file changes."""
-    from pxr import Sdf, Usd
-
     path, _, set_name = where.rpartition(":")
     if not Sdf.Path.IsValidPathString(path) or not Sdf.Path(path).IsAbsoluteRootOrPrimPath():
         diagnostics.error(f"`{where}` names no variant set", span, "write --variant /prim:set=name")

@@ -1,11 +1,15 @@
 """Walks a USD stage and gathers what is drawn: pieces of geometry with materials and places, lights and cameras."""
 
+# pyright: reportAttributeAccessIssue=false
+# (usd-core makes its modules' names at run time)
+
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from pxr import Usd, UsdGeom, UsdShade
 
 from . import transforms, usd_geometry, usd_lights
 from .build import NONE, SceneBuilder
@@ -64,8 +68,6 @@ class Walk:
 
     def run(self, root: Any, matrix: np.ndarray, base: np.ndarray) -> None:
         """Gather everything at `root` and below; `matrix` (4, 4) is its parent's place, `base` the world's."""
-        from pxr import UsdGeom
-
         purpose = "default"
         if not root.IsPseudoRoot():
             imageable = UsdGeom.Imageable(root)
@@ -89,8 +91,6 @@ class Walk:
 
     def _below(self, root: Any, here: _Here, into: dict[str, list[Piece]]) -> None:
         """A prim and all below it, without recursion but for instancers."""
-        from pxr import Usd, UsdGeom
-
         predicate = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
         waiting = [(root, here)]
         while waiting:
@@ -107,8 +107,6 @@ class Walk:
 
     def _state(self, prim: Any, above: _Here) -> _Here | None:
         """What holds at a prim, or None where it is invisible."""
-        from pxr import UsdGeom
-
         imageable = UsdGeom.Imageable(prim) if not prim.IsPseudoRoot() else None
         if not imageable:
             return above
@@ -124,8 +122,6 @@ class Walk:
         return _Here(matrix, base, purpose, above.instancers)
 
     def _prim(self, prim: Any, kind: str, here: _Here, into: dict[str, list[Piece]]) -> None:
-        from pxr import Usd
-
         if kind == "Mesh":
             into.setdefault(here.purpose, []).extend(self._mesh(prim, here.matrix))
         elif kind in usd_geometry.SHAPES:
@@ -166,8 +162,6 @@ class Walk:
 
     def _mesh(self, prim: Any, matrix: np.ndarray) -> list[Piece]:
         """A mesh's pieces: one for each subset with a material, and the faces in none."""
-        from pxr import UsdShade
-
         subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
         if not subsets:
             return self._part(prim, prim, None, "", matrix)
@@ -210,8 +204,6 @@ class Walk:
         return None
 
     def _varies(self, prim: Any, name: str) -> bool:
-        from pxr import UsdGeom
-
         found = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
         return bool(found) and found.HasValue() and str(found.GetInterpolation()) != "constant"
 
@@ -230,8 +222,6 @@ class Walk:
 
     def _constant(self, prim: Any, name: str) -> np.ndarray | None:
         """A primvar's value on a prim or above it, its mean where it has many; None where nothing is written."""
-        from pxr import UsdGeom
-
         found = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
         value = found.ComputeFlattened(self.opened.time) if found and found.HasValue() else None
         values = np.array(value if value is not None else (), dtype=np.float64)
@@ -277,8 +267,6 @@ class Walk:
 
     def _places(self, instancer: Any, count: int) -> np.ndarray | None:
         """(n, 4, 4) of the instances that are not masked, without the prototypes' own transforms; None if they do not fit."""
-        from pxr import UsdGeom
-
         time, kind = self.opened.time, UsdGeom.PointInstancer
         matrices = instancer.ComputeInstanceTransformsAtTime(time, time, kind.ExcludeProtoXform, kind.ApplyMask)
         if not matrices and count:

@@ -25,7 +25,6 @@ RENDER_READS = {"compiler.ir", "compiler.plan"}
 
 # Modules that may be imported inside a function, and why: a command that does not need one must not wait for it.
 LATE = {
-    "pxr": "a tenth of a second and native libraries; only for USD files",
     "OpenImageIO": "only scenes with pictures need it",
     "rich": "only a terminal sees colours",
 }

@@ -14,13 +14,11 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler.plan import Plan
-from . import bvh, camera, gouraud, tessellate, trace
+from . import bvh, gouraud, tessellate, trace
 from .handles import Handle
 from .records import Options, View
 
 _NEAREST = 0.01  # of a shape's size: where the eye is nearer to its box than this, the tolerance is measured at this distance
-_ACROSS = 96  # cells over the picture's width and height for what an endless quadric shows of itself
-_LEVELS = (1e-3, 1e4, 144)  # its nearest and farthest finite depth and the number of depths
 _BACKGROUNDS = {"sky": 0, "transparent": 1}
 
 
@@ -48,7 +46,7 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     with _timed(seconds, "tessellate"):
         shapes = _Shapes(scene.tables, view, plan["tolerance"])
         tables = with_vertex_shaded_meshes(scene.tables, shapes)
-        shells = {int(i): shapes.of(int(i)) for i in _analytic_seen(tables)} if backend == "raster" else {}
+        shells = {int(i): shapes.of(int(i)) for i in analytic_seen(tables, endless=False)} if backend == "raster" else {}
     with _timed(seconds, "build"):
         plain = backend == "reference"
         accel = trace.Brute() if plain else Handle(bvh.build(tables, brute=plan["accelerator"] == "brute"))
@@ -116,7 +114,7 @@ class _Shapes:
     """Tessellations of a view's analytic instances, each made once for a geometry and a tolerance."""
 
     def __init__(self, tables: ir.Tables, view: View, pixels: float) -> None:
-        self.tables, self.view = tables, view
+        self.tables = tables
         self.tolerances = object_tolerances(tables, view, pixels)
         self._made: dict[tuple[int, float], tessellate.Tessellation] = {}
 
@@ -126,40 +124,20 @@ class _Shapes:
         return int(self.tables.instances.geometry[instance]), 0.0 if math.isnan(tolerance) else tolerance
 
     def of(self, instance: int) -> tessellate.Tessellation:
-        """The tessellation of one instance, in its own frame; of an endless quadric, what the view holds of it."""
+        """The tessellation of one instance, in its own frame; not of an endless quadric."""
         key = self.key(instance)
-        kind = int(self.tables.geometries.kind[key[0]])
-        parameters = self.tables.geometries.parameters[key[0]]
-        if kind == ir.GeometryKind.QUADRIC and not np.isfinite(parameters[10:13]).all():
-            return tessellate.quadric_in(parameters, self._frustum(instance))
         if key not in self._made:
-            self._made[key] = tessellate.tessellate(kind, parameters, key[1])
+            geometries = self.tables.geometries
+            self._made[key] = tessellate.tessellate(int(geometries.kind[key[0]]), geometries.parameters[key[0]], key[1])
         return self._made[key]
 
-    def _frustum(self, instance: int) -> NDArray[np.float64]:
-        """The points of cells that fill the view, (nx, ny, nz, 4) homogeneous, in the instance's frame.
 
-        Depths grow evenly in ratio from _LEVELS[0] to _LEVELS[1] times the eye's distance from the instance's origin, and on to
-        infinity.
-        """
-        tables, view = self.tables, self.view
-        x, y = (np.linspace(-1.0, n + 1.0, _ACROSS + 1) for n in (view.width, view.height))
-        x, y = (g.ravel() for g in np.meshgrid(x, y, indexing="ij"))
-        ray = camera.ray(tables, view, x, y)
-        origin, direction = (np.stack(np.broadcast_arrays(*v), axis=-1) for v in (ray.origin, ray.direction))
-        transform = tables.instances.transform[instance]
-        scale = float(np.linalg.norm(tables.transforms.matrix[transform][:, 3] - origin[0])) or 1.0
-        t = scale * np.geomspace(*_LEVELS)[:, None, None]
-        points = np.concatenate([np.broadcast_to(origin, (len(t), *origin.shape)) + t * direction, np.ones((len(t), len(x), 1))], axis=2)
-        points = np.concatenate([points, np.append(direction, np.zeros((len(x), 1)), axis=1)[None]])
-        to_object = np.append(tables.transforms.inverse[transform], [[0.0, 0.0, 0.0, 1.0]], axis=0)
-        return np.moveaxis((points @ to_object.T).reshape(len(t) + 1, _ACROSS + 1, _ACROSS + 1, 4), 0, 2)
-
-
-def _analytic_seen(tables: ir.Tables) -> NDArray[np.intp]:
-    """The rows of instances that are no mesh and that the camera sees."""
-    instances = tables.instances
-    analytic = tables.geometries.kind[instances.geometry] != ir.GeometryKind.MESH
+def analytic_seen(tables: ir.Tables, endless: bool) -> NDArray[np.intp]:
+    """The rows of instances that are no mesh and that the camera sees: quadrics without a box, or all others."""
+    instances, geometries = tables.instances, tables.geometries
+    kind = geometries.kind[instances.geometry]
+    unbounded = ~np.isfinite(geometries.parameters[instances.geometry, 10:13]).all(axis=1) & (kind == ir.GeometryKind.QUADRIC)
+    analytic = (kind != ir.GeometryKind.MESH) & (unbounded == endless)
     return np.flatnonzero(analytic & (instances.visible & ir.Visibility.CAMERA != 0))
 
 
@@ -212,7 +190,8 @@ def _with_meshes(tables: ir.Tables, made: list[tuple[int, tessellate.Tessellatio
         triangles_of.append(mesh.triangles + np.int32(vertices))
         vertices += count
         triangles += len(mesh.triangles)
-    more_attributes = dict(zip(("interpolation", "width", "first", "count"), zip(*attribute_rows, strict=True), strict=True))
+    columns = ("interpolation", "width", "first", "count")
+    more_attributes: dict[str, Any] = {name: [row[k] for row in attribute_rows] for k, name in enumerate(columns)}
     grown = {"positions": positions_of, "triangles": triangles_of, "values": values_of}
     return tables._replace(
         pools=ir.table_of("pools", {**pools._asdict(), **{name: np.concatenate(rows) for name, rows in grown.items()}}),

@@ -1,7 +1,6 @@
-"""Quadric surfaces as triangles: marching tetrahedra over a grid of homogeneous points, each vertex an exact root on its edge.
+"""Quadric surfaces as triangles: marching tetrahedra over a grid of points, each vertex an exact root on its edge.
 
-Cells may be frusta, and the last ones may reach to infinity (points with w = 0): a quadric restricted to a line of projective
-space is a quadratic polynomial, so the vertices are exact there too. Source: Doi and Koide, An Efficient Method of
+A quadric restricted to a line is a quadratic polynomial, so no vertex needs iterating. Source: Doi and Koide, An Efficient Method of
 Triangulating Equi-Valued Surfaces by Using Tetrahedral Cells, 1991, with Kuhn's six tetrahedra a cell, which match across cells.
 """
 
@@ -26,21 +25,26 @@ def matrix(parameters: Sequence[float]) -> F64:
 
 
 def normals(q: F64, positions: F64) -> F64:
-    """(n, 3) unit gradients at homogeneous positions; (0, 1, 0) at a tip, where there is none."""
-    gradient = 2 * positions @ q[:, :3]
+    """(n, 3) unit gradients at (n, 3) positions; (0, 1, 0) at a tip, where there is none."""
+    gradient = gradients(q, positions)
     size = np.linalg.norm(gradient, axis=1, keepdims=True)
     return np.where(size > 0, gradient / np.where(size > 0, size, 1.0), [0.0, 1.0, 0.0])
 
 
+def gradients(q: F64, positions: F64) -> F64:
+    """(n, 3) gradients of f at (n, 3) positions."""
+    return 2 * (positions @ q[:3, :3] + q[3, :3])
+
+
 def curvature(q: F64, positions: F64) -> F64:
-    """(n,) a bound of the normal curvatures at finite positions: the largest |eigenvalue| of the Hessian over the gradient's length."""
+    """(n,) a bound of the normal curvatures at (n, 3) positions: the largest |eigenvalue| of the Hessian over the gradient's length."""
     bend = np.abs(np.linalg.eigvalsh(2 * q[:3, :3])).max()
-    slope = np.linalg.norm(2 * positions @ q[:, :3], axis=1)
+    slope = np.linalg.norm(gradients(q, positions), axis=1)
     return bend / np.maximum(slope, 1e-300)
 
 
 def box_grid(parameters: Sequence[float], tolerance: float) -> F64:
-    """(nx, ny, nz, 4) points over the box that cuts the quadric, near enough for `tolerance` (metres) or MAX_CELLS an axis."""
+    """(nx, ny, nz, 3) points over the box that cuts the quadric, near enough for `tolerance` (metres) or MAX_CELLS an axis."""
     half = np.asarray(parameters[10:13], np.float64)
     q = matrix(parameters)
     coarse, _ = march(q, _lattice(half, half / _COARSE * 2))
@@ -52,17 +56,17 @@ def box_grid(parameters: Sequence[float], tolerance: float) -> F64:
 def _lattice(half: F64, edge: F64) -> F64:
     counts = np.clip(np.ceil(2 * half / edge), 4, MAX_CELLS).astype(int)
     axes = [np.linspace(-h, h, n + 1) for h, n in zip(half, counts, strict=True)]
-    return np.stack([*np.meshgrid(*axes, indexing="ij"), np.ones([n + 1 for n in counts])], axis=-1)
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
 
 
 def march(q: F64, grid: F64) -> tuple[F64, NDArray[np.int32]]:
-    """Vertices (n, 4) and triangles (m, 3) of pᵀ Q p = 0 in the cells of `grid` (nx, ny, nz, 4), which must be convex.
+    """Vertices (n, 3) and triangles (m, 3) of pᵀ Q p = 0 in the cells of `grid`, (nx, ny, nz, 3) points in rows, columns and layers.
 
     Vertices on an edge of two cells are shared; which way round a triangle goes is left to the caller. What lies
     between the points of a cell without changing a sign at any of them is missed.
     """
-    points = grid.reshape(-1, 4)
-    value = np.einsum("ni,ij,nj->n", points, q, points)
+    points = grid.reshape(-1, 3)
+    value = np.einsum("ni,ij,nj->n", points, q[:3, :3], points) + 2 * points @ q[3, :3] + q[3, 3]
     inside = (value < 0).reshape(grid.shape[:3])
     tets, key = _active_tetrahedra(inside), np.int64(len(points))
     edges = _crossed_edges(tets, inside.ravel())
@@ -77,7 +81,7 @@ def _active_tetrahedra(inside: NDArray[np.bool_]) -> NDArray[np.int64]:
     """(t, 4) point numbers of the tetrahedra of every cell that has corners on both sides."""
     nx, ny, nz = (n - 1 for n in inside.shape)
     corners = [inside[i : i + nx, j : j + ny, k : k + nz] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
-    count = sum(c.astype(np.int8) for c in corners)
+    count = np.sum(corners, axis=0, dtype=np.int8)
     i, j, k = np.nonzero((count > 0) & (count < 8))
     strides = np.array([inside.shape[1] * inside.shape[2], inside.shape[2], 1], np.int64)
     first = i * strides[0] + j * strides[1] + k * strides[2]
@@ -100,8 +104,8 @@ def _crossed_edges(tets: NDArray[np.int64], inside: NDArray[np.bool_]) -> NDArra
 def _roots(q: F64, a: F64, b: F64, at_a: F64, at_b: F64) -> F64:
     """The point on each edge a-b where the quadric changes sign: the stable root of the quadratic in s of a + s (b - a)."""
     step = b - a
-    square = np.einsum("ni,ij,nj->n", step, q, step)
-    half_linear = np.einsum("ni,ij,nj->n", a, q, step)
+    square = np.einsum("ni,ij,nj->n", step, q[:3, :3], step)
+    half_linear = 0.5 * np.einsum("ni,ni->n", gradients(q, a), step)
     root = np.sqrt(np.maximum(half_linear**2 - square * at_a, 0.0))
     big = -(half_linear + np.where(half_linear < 0, -root, root))
     with np.errstate(all="ignore"):

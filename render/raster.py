@@ -1,7 +1,8 @@
 """The raster renderer: a z-buffer finds what each sample sees, then one pass shades it, deferred, with the shading all backends share.
 
 Meshes are hit where their triangles are; of an analytic shape the z-buffer sees the tessellation, and the sample is then put
-where its ray meets the true surface, or, on the outline, where it meets the tessellation. No ray is followed after the
+where its ray meets the true surface, or, on the outline, where it meets the tessellation. Quadrics without a box have no
+triangles: they enter the z-buffer where each sample's ray meets them. No ray is followed after the
 first hit but those that look for shadows: mirrors and glass show the sky in their mirrored direction and straight behind.
 """
 
@@ -19,7 +20,7 @@ from ..compiler.plan import Plan
 from . import aov, camera, fill, integrate, lanes, raster_setup, sampler, traverse, visibility
 from .handles import Handle
 from .kernels import helper, kernel
-from .prepare import Prepared
+from .prepare import Prepared, analytic_seen
 from .records import Film, Hit, Ray, Tile, View
 
 BATCH = 1 << 16  # samples of a tile held in the z-buffer at a time
@@ -44,9 +45,13 @@ class Renderer:
         model, ranges = raster_setup.model(tables, view, prepared.shells)
         self.model = Handle(model)
         clusters = raster_setup.clusters(self.model, ranges, tables, view, -(-self.reach // fill.ONE), by_polygon)
+        self.endless = analytic_seen(tables, endless=True)
         self.box, self.whole, self.clusters = clusters.box, clusters.polygons, Handle(clusters)
         started = time.perf_counter()
-        self.sample(Tile(0, 0, 0, 0), 0, 1, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
+        nothing = Tile(0, 0, 0, 0)
+        self.sample(nothing, 0, 1, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
+        if plan["aov"]:
+            self.centres(nothing)
         self.seconds = {"compile_kernels": time.perf_counter() - started}
 
     def sample(self, tile: Tile, first: int, count: int, total: int, film: Film) -> None:
@@ -83,6 +88,8 @@ class Renderer:
         if self.whole.any():
             whole = np.flatnonzero(here & self.whole)
             visibility.draw_whole(self.model, self.clusters, whole, self.prepared.packed, self.flat, tile, scratch)
+        if len(self.endless):
+            draw_endless(self.model, self.endless, self.prepared.packed, self.prepared.accel, self.view, scratch)
         return scratch
 
 
@@ -117,13 +124,36 @@ def place_samples(tile, view, first, total, seed, table, scratch):
 
 
 @kernel
+def draw_endless(made, endless, tables, accel, view, scratch):
+    """Draw quadrics without a box into the z-buffer: at every sample where its ray meets one of them."""
+    samples, seen = scratch.samples, scratch.seen
+    for k in range(len(seen.key)):
+        ray = camera.ray(tables, view, samples.x[k] / fill.ONE, samples.y[k] / fill.ONE)
+        for instance in endless:
+            met = traverse._try(accel, instance, ray.origin, ray.direction, ray.t_min, ray.t_max, CAMERA, False, NOTHING)
+            if met.instance < 0:
+                continue
+            depth = met.t * along_axis(tables, view, ray)
+            key = 1.0 / depth if made.perspective else -depth
+            if key > seen.key[k] or (key == seen.key[k] and instance < seen.instance[k]):
+                seen.key[k], seen.instance[k], seen.triangle[k] = key, instance, -1
+
+
+@helper
+def along_axis(tables: Any, view: View, ray: Ray) -> float:
+    """Metres along the camera's axis for a metre along a ray."""
+    return -lanes.transform_vector(tables.transforms.inverse, tables.cameras.transform[view.camera], ray.direction)[2]
+
+
+@kernel
 def hit_of(made, tables, accel, view, ray, px, py, instance, triangle):
     """What the ray through a sample hits, where the z-buffer saw a triangle: as trace.closest gives it."""
     if instance < 0:
         return NOTHING
-    depth, u, v = weights(made, instance, triangle, px / fill.ONE, py / fill.ONE)
-    along_axis = -lanes.transform_vector(tables.transforms.inverse, tables.cameras.transform[view.camera], ray.direction)[2]
-    at = Hit(depth / along_axis, np.int64(instance), np.int64(made.parts[triangle]), u, v)
+    at = NOTHING
+    if triangle >= 0:
+        depth, u, v = weights(made, instance, triangle, px / fill.ONE, py / fill.ONE)
+        at = Hit(depth / along_axis(tables, view, ray), np.int64(instance), np.int64(made.parts[triangle]), u, v)
     if tables.geometries.kind[tables.instances.geometry[instance]] == MESH:
         return at
     exact = traverse._try(accel, instance, ray.origin, ray.direction, ray.t_min, ray.t_max, CAMERA, False, NOTHING)

@@ -72,7 +72,7 @@ def tessellate(kind: int, parameters: Sequence[float], tolerance: float) -> Tess
             radius, half = parameters[:2]
             made = revolve([capsule_profile(radius, half, tolerance)], segments(radius, tolerance / 2))
         case ir.GeometryKind.QUADRIC:
-            made = quadric_in(parameters, quadric.box_grid(parameters, tolerance))
+            made = boxed_quadric(parameters, tolerance)
         case _:
             raise ValueError(f"no tessellation for geometry kind {kind}")
     return with_uvs(kind, parameters, outward(made))
@@ -258,15 +258,11 @@ def _finite(positions: NDArray, triangles: NDArray, normals: NDArray) -> Tessell
     return Tessellation(homogeneous, triangles.astype(np.int32), normals, np.zeros((len(positions), 2)), none)
 
 
-def quadric_in(parameters: Sequence[float], grid: NDArray[np.float64]) -> Tessellation:
-    """A quadric where it passes through the cells of `grid`, (nx, ny, nz, 4) homogeneous points (see quadric.march).
-
-    Triangles go either way round and have no coordinates; some of their points may be at infinity.
-    """
+def boxed_quadric(parameters: Sequence[float], tolerance: float) -> Tessellation:
+    """A quadric where its box holds it (see quadric.march), without coordinates."""
     matrix = quadric.matrix(parameters)
-    positions, triangles = quadric.march(matrix, grid)
-    normals = quadric.normals(matrix, positions)
-    return Tessellation(positions, triangles, normals, np.zeros((len(positions), 2)), np.zeros(len(triangles), np.int32))
+    positions, triangles = quadric.march(matrix, quadric.box_grid(parameters, tolerance))
+    return _finite(positions, triangles, quadric.normals(matrix, positions))
 
 
 def outward(made: Tessellation) -> Tessellation:

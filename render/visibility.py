@@ -38,7 +38,7 @@ class Seen(NamedTuple):
 
     key: NDArray[np.float64]  # (h · w · count,) larger is nearer; -inf: nothing
     instance: NDArray[np.int32]  # or -1
-    triangle: NDArray[np.int32]  # row of Model.triangles
+    triangle: NDArray[np.int32]  # row of Model.triangles, or -1: an endless quadric, which has none
 
 
 class Room(NamedTuple):

@@ -5,7 +5,6 @@ from fractions import Fraction
 import mapbox_earcut
 import numpy as np
 import pytest
-
 from maquette.render import fill
 from maquette.render.kernels import kernel
 

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-
 from maquette.compiler import ir
 from maquette.render import quadric, shapes, tessellate
 
@@ -65,7 +64,7 @@ def test_open_shapes_have_only_their_rims_open(name):
     both = {tuple(e) for e in edges.tolist()}
     rim = [e for e in both if (e[1], e[0]) not in both]
     points = np.unique(mesh.positions, axis=0)[np.unique(np.array(rim))][:, :3]
-    kind, p = SHAPES[name]
+    p = SHAPES[name][1]
     on_rim = {
         "open cylinder": lambda: np.isclose(abs(points[:, 1]), p[1], atol=1e-12),
         "disk": lambda: np.isclose(np.hypot(points[:, 0], points[:, 2]), p[0], atol=1e-12),
@@ -123,8 +122,9 @@ def test_normals_and_coordinates_are_the_shape_s(name):
     x, y, z = inner.reshape(-1, 3).T
     part = np.repeat(mesh.parts, 3).astype(np.int64)
     g = np.zeros(len(part), np.int64)
-    normal = np.stack(shapes.normal(g + kind, row, g, part, (x, y, z)), axis=1)
-    (u, v), _ = shapes.uv(g + kind, row, g, part, (x, y, z))
+    with np.errstate(all="ignore"):
+        normal = np.stack(shapes.normal(g + kind, row, g, part, (x, y, z)), axis=1)
+        (u, v), _ = shapes.uv(g + kind, row, g, part, (x, y, z))
     ours = mesh.normals[mesh.triangles].reshape(-1, 3)
     assert abs(np.linalg.norm(ours, axis=1) - 1).max() < 1e-12
     pole = np.hypot(*p.reshape(-1, 3)[:, [0, 2]].T) < 1e-9  # within a triangle at a pole the direction of the radius is any
@@ -207,17 +207,3 @@ def test_planes_reach_to_infinity():
     mesh = tessellate.tessellate(K.PLANE, [], 1.0)
     assert (mesh.positions[:, 3] == [1, 0, 0, 0, 0]).all()
     assert len(mesh.triangles) == 4
-
-
-def test_a_quadric_of_frusta_is_exact_at_infinity():
-    """A cone about the y axis in cells that reach to infinity: the vertices at w = 0 are its asymptotic directions."""
-    x, y = np.meshgrid(np.linspace(-2, 2, 17), np.linspace(-2, 2, 17), indexing="ij")
-    ways = np.stack([x, y, -np.ones_like(x)], axis=-1)
-    near, far = (np.append(ways * d, np.ones_like(ways[..., :1]), axis=-1) for d in (1.0, 10.0))
-    grid = np.stack([near, far, np.append(ways, np.zeros_like(ways[..., :1]), axis=-1)], axis=2)
-    matrix = quadric.matrix([1, -1, 1, 0, 0, 0, 0, 0, 0, 0.5])
-    positions, triangles = quadric.march(matrix, grid)
-    value = np.einsum("ni,ij,nj->n", positions, matrix, positions) / (positions**2).sum(axis=1)
-    assert abs(value).max() < 1e-12
-    assert (positions[:, 3] == 0).any() and (positions[:, 3] > 0).any()
-    assert triangles.max() < len(positions)

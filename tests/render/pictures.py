@@ -1,0 +1,39 @@
+"""Pictures of small tables for the tests of rendering: preparation, a backend and the film in one call."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from maquette.compiler import ir, plan
+from maquette.render import film, prepare, raster, ray
+from maquette.render.image import Image
+from maquette.render.records import View
+
+BACKENDS = {"raster": raster.Renderer, "ray": ray.Renderer}
+
+
+def planned(tables: ir.Tables, backend: str, overrides: dict[str, str] | None = None, **settings: Any) -> tuple[ir.Scene, plan.Plan, View]:
+    """A scene of these tables, its plan and the view of its first camera; one sample at the centre on black unless said."""
+    asked = {"size": (96, 96), "samples": 1, "background": (0.0, 0.0, 0.0), "threads": 1, **settings}
+    scene = ir.Scene("test", tables, names=ir.Names(cameras=("",)))
+    made = plan.make(scene, ir.Settings(backend=backend, **asked), overrides)
+    return scene, made, View(0, *asked["size"])
+
+
+def renderer(tables: ir.Tables, backend: str, overrides: dict[str, str] | None = None, **settings: Any) -> Any:
+    """A backend ready to draw."""
+    scene, made, view = planned(tables, backend, overrides, **settings)
+    return BACKENDS[backend](prepare.prepare(scene, made, view), made, view)
+
+
+def picture(tables: ir.Tables, backend: str = "raster", overrides: dict[str, str] | None = None, **settings: Any) -> Image:
+    """The picture a backend makes."""
+    scene, made, view = planned(tables, backend, overrides, **settings)
+    return film.run(BACKENDS[backend](prepare.prepare(scene, made, view), made, view), made, view)
+
+
+def aov(tables: ir.Tables, name: str, backend: str = "raster", overrides: dict[str, str] | None = None, **settings: Any) -> np.ndarray:
+    """(h, w) or (h, w, k) of one channel."""
+    channel = picture(tables, backend, overrides, aov=(name,), **settings).channels[name]
+    return channel[..., 0] if channel.shape[-1] == 1 else channel

@@ -21,9 +21,14 @@ SKY = 0.25
 
 
 def add(builder: SceneBuilder, settings: ir.Settings, span: Span | None = None) -> tuple[str, ...]:
-    """Add what is missing to the builder; the sentences that say so. Nothing to draw is a warning, at `span`, if nothing else is wrong."""
-    said = []
-    if builder.count("instances") == 0 and not builder.diagnostics.failed:
+    """Add what is missing to the builder; the sentences that say so. Nothing to draw is a warning, at `span`.
+
+    Where something is wrong, so that the scene will not be drawn, nothing is added.
+    """
+    said: list[str] = []
+    if builder.diagnostics.failed:
+        return ()
+    if builder.count("instances") == 0:
         hint = "place a shape, for example sphere(1)"
         builder.diagnostics.warning("there is nothing to draw: the picture will be empty", span, hint)
     if builder.count("cameras") == 0:

@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+
 from ..lang import evaluate
 from ..lang.diagnostics import Diagnostics, Span, suggest
 from . import defaults, ir, lower, sources, store, transforms, validate
@@ -25,6 +27,7 @@ def load(
     *,
     sets: Mapping[str, str] | None = None,
     time: float | None = None,
+    code: float | None = None,
     allow: Sequence[Path | str] = (),
     variants: Mapping[str, str] | None = None,
     diagnostics: Diagnostics | None = None,
@@ -32,7 +35,7 @@ def load(
 ) -> ir.Scene:
     """The scene in a file, validated: no backend will raise on it.
 
-    `sets` are values of params as text; `time` is in seconds (None: the file's own default, 0 in a .scene); `allow` are
+    `sets` are values of params as text; `time` is in seconds (None: the file's own default, 0 in a .scene), `code` a USD time code; `allow` are
     folders the scene may read beside its own; `variants` choose among a USD stage's ({"/prim:set": "name"}).
     Warnings are added to `diagnostics`, the time each stage took to `seconds`. Raises SceneError with everything found.
     """
@@ -45,7 +48,7 @@ def load(
         real = resolved(path)
         files = Files(real.parent, allow)
         files.find(real.name, what="scene" if suffix in SCENE else "file")
-        _refuse_unused(suffix, str(path), sets, time, variants, found)
+        _refuse_unused(suffix, str(path), sets, time, code, variants, found)
         if suffix in SCENE:
             scene = _scene(path, real, files, sets or {}, time or 0.0, found, watch)
         elif suffix in STAGES:
@@ -107,7 +110,7 @@ def _stage(
 ) -> ir.Scene:  # fmt: skip
     from . import usd
 
-    with watch.stage("import"):
+    with watch.stage("import"), np.errstate(all="ignore"):
         return usd.scene(path, SceneBuilder(found, files), time=time, variants=variants)
 
 
@@ -116,14 +119,14 @@ def _mesh(path: Path, real: Path, files: Files, found: Diagnostics, watch: Stopw
     from . import meshes
 
     builder = SceneBuilder(found, files)
-    with watch.stage("import"):
+    with watch.stage("import"), np.errstate(all="ignore"):
         parts = meshes.read(real, str(path), builder, found, None, files)
     with watch.stage("lower"):
         for part in parts:
             row = builder.transform(transforms.identity() if part.transform is None else part.transform)
             material = -1 if part.material is None else part.material
             builder.instance(InstanceData(part.geometry, row, material, name=part.name), Span(str(path)))
-        said = () if found.failed else defaults.add(builder, ir.Settings())
+        said = defaults.add(builder, ir.Settings())
         return builder.finish(str(path), defaults=said, files=files.read)
 
 

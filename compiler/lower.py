@@ -15,6 +15,7 @@ from .files import FileError
 from .lower_shapes import Piece
 from .rows import InstanceData
 
+LARGEST = 1e18  # metres, or any other number of what is placed: products of a few stay finite
 MAX_EMISSIVE_SPHERES = 64  # that are sampled as lights; more only shine for the eye and for bounced rays
 Folder = Callable[[str], Path | None]
 
@@ -24,10 +25,16 @@ def lower(document: Document, builder: SceneBuilder, folder: Folder | None = Non
 
     `folder(shown file name)` is where the files that a source names are looked for (the scene's own folder when None).
     """
+    with np.errstate(all="ignore"):  # what overflows is found where it is used
+        return _lower(document, builder, folder)
+
+
+def _lower(document: Document, builder: SceneBuilder, folder: Folder | None) -> ir.Scene:
     lowering = Lowering(document, builder, folder)
     lowering.place()
     for element in document.cameras:
-        lower_cameras.camera(lowering, element)
+        if not lowering.beyond(element):
+            lower_cameras.camera(lowering, element)
     settings = lower_cameras.settings(lowering, document.settings.get("render"), document.cameras)
     if lowering.unsampled is not None and not settings.bounces:
         hint = "render(bounces: 1) or more; area lights and round spheres are sampled without"
@@ -76,6 +83,15 @@ class Lowering:
         """Where the files that an element names are looked for: beside the source it was written in."""
         return self._folder(element.span.file) if self._folder else None
 
+    def beyond(self, element: Element) -> bool:
+        """Whether an element has numbers too big to be reckoned with; says so."""
+        for name, value in element.args.items():
+            number = _biggest(value)
+            if number > LARGEST:
+                self.error(element, f"`{name}` holds {number:.6g}: that is too big to be drawn", f"at most {LARGEST:g}")
+                return True
+        return False
+
     # --- placing ---
 
     def place(self) -> None:
@@ -85,19 +101,22 @@ class Lowering:
         ]
         while waiting:
             element, block, material, path = waiting.pop()
+            if self.beyond(element):
+                continue
             if element.kind in lower_lights.KINDS:
                 if transforms.inverse(block) is None:
                     self.warn(element, "the block around this light flattens it to nothing: it is left out", "a scale must not be 0")
                 else:
                     lower_lights.light(self, element, block)
                 continue
-            matrix = block if element.kind in _BLOCKS else block @ _own_transform(element)
+            matrix = block @ _BLOCKS.get(element.kind, _own_transform)(element)
             material = element.args.get("material") or material
-            if element.kind in _BLOCKS:
-                inner = block @ _BLOCKS[element.kind](element)
+            if not np.abs(matrix).max() <= LARGEST**2:
+                self.error(element, "the blocks around this make it bigger, or move it farther, than can be drawn")
+            elif element.kind in _BLOCKS:
                 name = element.args.get("name")
                 inner_path = f"{path}{name}/" if name else path
-                waiting.extend((child, inner, material, inner_path) for child in reversed(element.children))
+                waiting.extend((child, matrix, material, inner_path) for child in reversed(element.children))
             elif element.kind == "usd":
                 self._usd(element, matrix, material, path)
             elif element.kind in lower_shapes.KINDS:
@@ -178,6 +197,13 @@ class Lowering:
         if file is not None:
             row = -1 if material is None else self.materials.row(material)
             usd.place(self.builder, file, element.span, matrix, row, element.args["prim"], path + (element.args["name"] or element.scope))
+
+
+def _biggest(value: object) -> float:
+    """The largest magnitude in a number or nested tuples of numbers; 0 for anything else."""
+    if isinstance(value, float):
+        return abs(value)
+    return max(map(_biggest, value), default=0.0) if isinstance(value, tuple) else 0.0
 
 
 def _own_transform(element: Element) -> np.ndarray:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..lang.diagnostics import suggest
 from ..lang.elements import Element
-from . import ir, plan, transforms
+from . import ir, plan, transforms, validate
 from .rows import CameraData
 
 if TYPE_CHECKING:
@@ -68,6 +68,9 @@ def settings(lowering: Lowering, render: Element | None, cameras: tuple[Element,
     if render is None:
         return ir.Settings(view=view)
     args = render.args
+    if args["size"] is not None and max(args["size"]) > validate.MAX_SIZE:
+        width, height = args["size"]
+        lowering.error(render, f"a picture of {width} by {height} pixels is too big", f"at most {validate.MAX_SIZE} each way")
     same = ("size", "backend", "samples", "error", "budget", "bounces", "seed", "filter", "background")
     return ir.Settings(**{name: args[name] for name in same}, crop=_crop(lowering, render), aov=_aov(lowering, render), view=view)
 

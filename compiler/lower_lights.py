@@ -72,6 +72,9 @@ def _spot(lowering: Lowering, element: Element, block: np.ndarray) -> None:
             lowering.error(element, wide, "make soft less")
         soft = cone
     cos_cone, cos_full = math.cos(cone), math.cos(cone - soft)
+    if cos_cone >= 1.0:
+        lowering.refuse(element, f"the spot's cone of {math.degrees(cone):.4g}deg is too narrow to be told from none")
+        return
     intensity = args["intensity"] if args["flux"] is None else args["flux"] / spot_share(cos_cone, cos_full)
     data = LightData(
         Kind.SPOT, _color(element, intensity), position, _tuple(direction), cos_cone=cos_cone, cos_full=cos_full,

@@ -18,6 +18,7 @@ from . import ir, shape_bounds, transforms, validate_meshes
 Kind = ir.GeometryKind
 Light = ir.LightKind
 ALL_VISIBLE = 7
+MAX_SIZE = 65536  # pixels of a picture, each way
 _REFERENCES = (  # table, column, table it points into, whether -1 is allowed
     ("geometries", "normals", "attributes", True),
     ("geometries", "uvs", "attributes", True),
@@ -320,7 +321,7 @@ def _cameras(check: Check) -> None:
 
 def _settings(check: Check) -> None:
     s = check.scene.settings
-    if s.size is not None and not (len(s.size) == 2 and all(isinstance(v, int) and 1 <= v <= 65536 for v in s.size)):
+    if s.size is not None and not (len(s.size) == 2 and all(isinstance(v, int) and 1 <= v <= MAX_SIZE for v in s.size)):
         check.fatal(f"a picture is 1 to 65536 pixels wide and high, not {s.size}")
 
 

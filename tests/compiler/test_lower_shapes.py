@@ -250,6 +250,17 @@ def test_a_flattening_matrix_is_warned_about(said) -> None:
     )
 
 
+def test_numbers_too_big_to_reckon_with(said) -> None:
+    text = "sphere(1e20)"
+    assert said(text + REST) == (
+        "a.scene:1:1: error: `radius` holds 1e+20: that is too big to be drawn\n   1 | sphere(1e20)\n     | ^^^^^^^^^^^^ at most 1e+18"
+    )
+    message = said("scale(1e15) { scale(1e15) { scale(1e15) { sphere(1) } } }" + REST)
+    assert message.splitlines()[0] == (
+        "a.scene:1:29: error: the blocks around this make it bigger, or move it farther, than can be drawn"
+    )
+
+
 def test_radians_and_metres_are_the_units_of_the_tables(compiled) -> None:
     scene = compiled("unit mm\nsphere(20, center: [1000, 0, 0], rotate: [0, 180deg, 0])" + REST)
     assert scene.tables.geometries.parameters[0, 0] == pytest.approx(0.02)

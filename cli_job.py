@@ -41,16 +41,25 @@ class Source:
     allow: tuple[Path, ...]
     variants: Mapping[str, str]
 
-    def load(self, seconds: dict[str, float], at: float | None = None) -> tuple[ir.Scene, Diagnostics]:
-        """The scene at `at` seconds (default: --time), and what was found about it. Raises SceneError."""
+    def load(self, seconds: dict[str, float], time: float | None = None, code: float | None = None) -> tuple[ir.Scene, Diagnostics]:
+        """The scene at `time` seconds or at a USD time code (default: --time), and what was found about it. Raises SceneError."""
         from .compiler import load
 
         found = Diagnostics()
-        moment = self.time if at is None else at
         scene = load.load(
-            self.path, sets=self.sets, time=moment, allow=self.allow, variants=self.variants, diagnostics=found, seconds=seconds
-        )
+            self.path, sets=self.sets, time=self.time if time is None else time, code=code, allow=self.allow, variants=self.variants,
+            diagnostics=found, seconds=seconds,
+        )  # fmt: skip
         return scene, found
+
+    def moments(self, frames: tuple[int, ...]) -> list[dict[str, float]]:
+        """What `load` takes for each frame: of a stage they are time codes, elsewhere they follow at the scene's own rate."""
+        from .compiler import load
+
+        if self.path.suffix.lower() in load.STAGES:
+            return [{"code": float(number)} for number in frames]
+        scene, _ = self.load({})
+        return [{"time": number / scene.fps} for number in frames]
 
 
 def make_plan(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, str]) -> Plan:
@@ -102,19 +111,18 @@ class Job:
     def run(self, frames: tuple[int, ...] | None) -> list[dict[str, Any]]:
         """Render everything; returns the figures of each picture (`--stats`). Raises KeyboardInterrupt after a partial one."""
         if frames is None:
-            return [self._picture(self.output, None, "rendering")]
-        scene, _ = self.source.load({})
-        return [
-            self._picture(values.numbered(self.output, number), number / scene.fps, f"frame {number} ({i} of {len(frames)})")
-            for i, number in enumerate(frames, 1)
-        ]
+            return [self._picture(self.output, {}, "rendering")]
+        pictures = []
+        for i, (number, moment) in enumerate(zip(frames, self.source.moments(frames), strict=True), 1):
+            pictures.append(self._picture(values.numbered(self.output, number), moment, f"frame {number} ({i} of {len(frames)})"))
+        return pictures
 
     def build(self) -> tuple[Path, ...]:
         """Render once for `watch`: what is wrong is printed; returns the files to watch. Raises KeyboardInterrupt."""
         self.exposure = None
         self.said.clear()
         try:
-            self._picture(self.output, None, "rendering")
+            self._picture(self.output, {}, "rendering")
         except SceneError as error:
             terminal.report(error.diagnostics)
             named = (Path(d.span.file) for d in error.diagnostics if d.span)
@@ -123,11 +131,11 @@ class Job:
             click.echo(f"error: {error.format_message()}", err=True)
         return self.files or (self.source.path,)
 
-    def _picture(self, path: Path, at: float | None, what: str) -> dict[str, Any]:
+    def _picture(self, path: Path, moment: Mapping[str, float], what: str) -> dict[str, Any]:
         seconds: dict[str, float] = dict.fromkeys(STAGES, 0.0)
         with timed(seconds, "import"):
             from .render import draw, kernels
-        scene, found = self.source.load(seconds, at)
+        scene, found = self.source.load(seconds, **moment)
         self.files = tuple(Path(file) for file in scene.files)
         plan = make_plan(scene, self.settings, self.overrides)
         check_output(path, plan["aov"], self.bits, plan["view"])

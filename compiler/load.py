@@ -35,8 +35,9 @@ def load(
 ) -> ir.Scene:
     """The scene in a file, validated: no backend will raise on it.
 
-    `sets` are values of params as text; `time` is in seconds (None: the file's own default, 0 in a .scene), `code` a USD time code; `allow` are
-    folders the scene may read beside its own; `variants` choose among a USD stage's ({"/prim:set": "name"}).
+    `sets` are values of params as text; `time` is in seconds (None: the file's own default, 0 in a .scene); `code` is a USD
+    stage's time code, in place of `time`; `allow` are folders the scene may read beside its own; `variants` choose among a
+    stage's ({"/prim:set": "name"}).
     Warnings are added to `diagnostics`, the time each stage took to `seconds`. Raises SceneError with everything found.
     """
     found = diagnostics if diagnostics is not None else Diagnostics()
@@ -52,7 +53,7 @@ def load(
         if suffix in SCENE:
             scene = _scene(path, real, files, sets or {}, time or 0.0, found, watch)
         elif suffix in STAGES:
-            scene = _stage(path, files, time, variants or {}, found, watch)
+            scene = _stage(path, files, (time, code), variants or {}, found, watch)
         elif suffix in MESHES:
             scene = _mesh(path, real, files, found, watch)
         elif suffix in SAVED:
@@ -106,12 +107,12 @@ def _scene(path: Path, real: Path, files: Files, sets: Mapping[str, str], time: 
 
 
 def _stage(
-    path: Path, files: Files, time: float | None, variants: Mapping[str, str], found: Diagnostics, watch: Stopwatch
+    path: Path, files: Files, moment: tuple[float | None, float | None], variants: Mapping[str, str], found: Diagnostics, watch: Stopwatch
 ) -> ir.Scene:  # fmt: skip
     from . import usd
 
     with watch.stage("import"), np.errstate(all="ignore"):
-        return usd.scene(path, SceneBuilder(found, files), time=time, variants=variants)
+        return usd.scene(path, SceneBuilder(found, files), time=moment[0], code=moment[1], variants=variants)
 
 
 def _mesh(path: Path, real: Path, files: Files, found: Diagnostics, watch: Stopwatch) -> ir.Scene:
@@ -131,11 +132,14 @@ def _mesh(path: Path, real: Path, files: Files, found: Diagnostics, watch: Stopw
 
 
 def _refuse_unused(
-    suffix: str, name: str, sets: Mapping[str, str] | None, time: float | None, variants: Mapping[str, str] | None, found: Diagnostics
-) -> None:
+    suffix: str, name: str, sets: Mapping[str, str] | None, time: float | None, code: float | None,
+    variants: Mapping[str, str] | None, found: Diagnostics,
+) -> None:  # fmt: skip
     """Nothing that was asked for is ignored: say what this kind of file cannot take."""
     if variants and suffix not in STAGES:
         found.error("only USD stages have variants", Span(name), "leave out --variant")
+    if code is not None and suffix not in STAGES:
+        found.error("only USD stages have time codes", Span(name), "give the time in seconds")
     if suffix not in SCENE:
         for param in sets or {}:
             found.error(f"there is no param `{param}`: only .scene files have params", Span(name), "leave out --set")

@@ -9,12 +9,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import OpenImageIO as oiio
 import pytest
 from click.testing import CliRunner
 from maquette import cli_options as values
 from maquette.cli import PLANNED, cli
-from maquette.render import output
+from maquette.compiler import ir
+from maquette.render import draw, output
+from maquette.render.image import Image
 
 SCENE = """\
 param radius = 1 in 0.2..2  "sphere radius"
@@ -211,6 +214,35 @@ def test_frames_are_moments(scene: Path) -> None:
     run("render", scene, "-o", "one.exr", "--time", "1s")
     assert run("compare", "f.02.exr", "one.exr", "--threshold", "0")[0] == 0
     assert run("compare", "f.00.exr", "one.exr", "--threshold", "1%")[0] == 1
+
+
+def test_frames_of_a_stage_are_its_time_codes(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cube that is at x = code - 100, in a stage that starts at 101 with 24 codes a second."""
+    Path("a.usda").write_text(
+        """#usda 1.0
+(
+    startTimeCode = 101
+    endTimeCode = 110
+    timeCodesPerSecond = 24
+)
+def Cube "cube" {
+    double3 xformOp:translate.timeSamples = { 101: (1, 0, 0), 110: (10, 0, 0) }
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+""",
+        encoding="utf-8",
+    )
+    seen = []
+
+    def drawn(compiled: ir.Scene, *_: object) -> Image:
+        seen.append(float(compiled.tables.transforms.matrix[compiled.tables.instances.transform[0], 0, 3]))
+        return Image(1, 1, {"rgba": np.zeros((1, 1, 4), np.float32)}, {"seconds": {}, "notes": []})
+
+    monkeypatch.setattr(draw, "draw", drawn)
+    assert run("render", "a.usda", "--frames", "101..109x4", "-o", "f.exr")[0] == 0
+    assert run("render", "a.usda", "--time", "250ms", "-o", "t.exr")[0] == 0
+    assert seen == pytest.approx([1, 5, 9, 7])
+    assert run("check", "a.usda", "--set", "a=1")[0] == 1
 
 
 def test_photometric_scenes_are_metered(scene: Path) -> None:

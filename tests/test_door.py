@@ -1,0 +1,62 @@
+"""The public door: load, render and compare from Python, as the package's own docstring shows them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import maquette
+import pytest
+from maquette.compiler.plan import PlanError
+from maquette.lang.diagnostics import Diagnostics, SceneError, in_order
+from maquette.render.image import Image
+
+SCENE = """\
+param radius = 1 in 0.2..2
+sphere(radius, material: lambert(#d0402a))
+point([2, 4, 3], intensity: 20)
+camera(position: [0, 0, 5], look_at: [0, 0, 0], fov: 35deg)
+render(size: [32, 24], samples: 1)
+"""
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    (tmp_path / "a.scene").write_text(SCENE, encoding="utf-8")
+    return tmp_path / "a.scene"
+
+
+def test_load_then_render(path: Path) -> None:
+    scene = maquette.load(path, sets={"radius": "0.5"})
+    assert [param.value for param in scene.params] == [0.5]
+    image = maquette.render(scene, size=(16, 12), backend="reference", aov=("depth",))
+    assert isinstance(image, Image)
+    assert (image.width, image.height) == (16, 12)
+    assert image.channels["depth"][6, 8, 0] == pytest.approx(4.5, rel=1e-2)
+
+
+def test_render_takes_a_file_and_overrides(path: Path) -> None:
+    first = maquette.render(path, backend="reference")
+    second = maquette.render(str(path), backend="reference", plan={"shadows": "off"})
+    assert maquette.compare(first, second).error == 0.0  # one ball alone: nothing stands in its light but itself
+    with pytest.raises(PlanError, match="no decision is called `shadow`"):
+        maquette.render(path, plan={"shadow": "off"})
+
+
+def test_what_is_wrong_is_raised_whole(path: Path) -> None:
+    path.write_text("sphere(radius: 1, colour: #ff0000)\nspher(1)\n", encoding="utf-8")
+    with pytest.raises(SceneError) as error:
+        maquette.load(path)
+    assert [d.span.line for d in in_order(error.value.diagnostics) if d.span] == [1, 2]
+
+
+def test_warnings_are_handed_over(path: Path) -> None:
+    found = Diagnostics()
+    maquette.load(path, diagnostics=found)
+    assert found.items == []
+
+
+def test_the_name_render_is_the_function() -> None:
+    from maquette.render import draw
+
+    assert callable(maquette.render)
+    assert callable(draw.draw)

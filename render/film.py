@@ -23,7 +23,8 @@ from . import image, metrics
 from .records import Film, Tile, View
 
 TILE = 32  # pixels
-BATCH = 4  # samples whose mean is one draw of the error estimate
+BATCH = 4  # samples whose mean is one draw of the error estimate, at the least
+ROUND = 2  # batches in which an adaptive round is drawn
 FIRST = 16  # samples before the error is asked for the first time
 BATCHES = 8  # into which a fixed number of samples is parted, to know its error
 
@@ -70,28 +71,42 @@ def tiles(crop: tuple[int, int, int, int]) -> list[Tile]:
 
 @dataclass(eq=False)
 class _Sums:
-    """What a tile's samples add up to, and how far the means of its batches lie apart (Welford's way, weighed by samples)."""
+    """What a tile's samples add up to, and how far the means of the last round's batches lie apart (Welford's way, weighed by samples).
+
+    Sobol points make the mean of many samples better than so many means of few: the larger the batches, the nearer the
+    estimate is to the true error, from above. So each round forgets the smaller batches of the one before.
+    """
 
     film: Film
+    latest: NDArray[np.float64]  # (h, w, 3) sum of the last round's samples
     apart: NDArray[np.float64]  # (h, w, 3)
     samples: int = 0
-    batches: int = 0
+    recent: int = 0  # samples in the last round
+    batches: int = 0  # in the last round
 
     @classmethod
     def of(cls, tile: Tile) -> _Sums:
-        return cls(_film(tile), np.zeros((tile.y1 - tile.y0, tile.x1 - tile.x0, 3)))
+        shape = (tile.y1 - tile.y0, tile.x1 - tile.x0, 3)
+        return cls(_film(tile), np.zeros(shape), np.zeros(shape))
+
+    def begin(self) -> None:
+        """Start a round."""
+        self.latest[:], self.apart[:] = 0.0, 0.0
+        self.recent = self.batches = 0
 
     def add(self, batch: Film, count: int) -> None:
         """Take in a batch of `count` samples a pixel."""
         mean = batch.color / count
-        before = mean - self.film.color / max(self.samples, 1)
+        before = mean - self.latest / max(self.recent, 1)
         self.film.color[:] += batch.color
         self.film.alpha[:] += batch.alpha
         self.film.issues[:] += batch.issues
+        self.latest += batch.color
         self.samples += count
+        self.recent += count
         self.batches += 1
         if self.batches > 1:
-            self.apart += count * before * (mean - self.film.color / self.samples)
+            self.apart += count * before * (mean - self.latest / self.recent)
 
     def variance(self) -> NDArray[np.float64]:
         """(h, w, 3) of the pixels' means; inf after a single batch, which says nothing."""
@@ -144,7 +159,7 @@ class _Canvas:
             def draw(tile: Tile, goal: int = goal, late: bool = goal > first) -> None:
                 if late and time.perf_counter() > deadline:
                     return
-                self._draw(tile, sums[tile], goal, BATCH)
+                self._draw(tile, sums[tile], goal, max(BATCH, (goal - sums[tile].samples) // ROUND))
                 if not late:
                     self._extras(tile)
 
@@ -169,7 +184,8 @@ class _Canvas:
                 goal = min(2 * goal, self.most)
 
     def _draw(self, tile: Tile, sums: _Sums, goal: int, batch: int) -> None:
-        """Bring a tile to `goal` samples and show what it has."""
+        """Bring a tile to `goal` samples, in a round of its own, and show what it has."""
+        sums.begin()
         while sums.samples < goal and not (self.cancel.is_set() and sums.samples):
             count = min(batch, goal - sums.samples)
             film = _film(tile)

@@ -40,7 +40,7 @@ def image_plane(tables: Tables, view: View, x: Lane, y: Lane) -> tuple[Lane, Lan
 
 @helper
 def ray(tables: Tables, view: View, x: Lane, y: Lane) -> Ray:
-    """The ray through pixel coordinates x, y; its ends are the near and far planes."""
+    """The ray through pixel coordinates x, y; its ends are the near and far planes. An orthographic one without near has no start."""
     cameras = tables.cameras
     c = view.camera
     px, py = image_plane(tables, view, x, y)
@@ -55,7 +55,8 @@ def ray(tables: Tables, view: View, x: Lane, y: Lane) -> Ray:
         return Ray(origin, direction, cameras.near[c] * stretch, cameras.far[c] * stretch)
     origin = lanes.transform_point(matrix, row, (px, py, zero))
     direction = lanes.normalize(lanes.transform_vector(matrix, row, (zero, zero, zero - 1.0)))
-    return Ray(origin, direction, zero + cameras.near[c], zero + cameras.far[c])
+    start = cameras.near[c] if cameras.near[c] > 0.0 else -np.inf
+    return Ray(origin, direction, zero + start, zero + cameras.far[c])
 
 
 @helper

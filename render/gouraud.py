@@ -12,14 +12,17 @@ from .handles import Handle
 from .kernels import helper, kernel
 from .records import GouraudLight, Hit, Lane, Options, Ray, Surface, Tables, Vec, View
 
+SOFT_SAMPLES = 64  # of lights that have an extent, at each vertex
+SOFT = [int(ir.LightKind[name]) for name in ("SUN", "SKY", "DOME", "RECTANGLE", "DISK", "SPHERE")]
 MESH = int(ir.GeometryKind.MESH)
 PERSPECTIVE = int(ir.Projection.PERSPECTIVE)
 
 
 def vertex_light(tables: Tables, packed: Any, accel: Any, options: Options, view: View) -> GouraudLight:
-    """Direct and ambient light at each vertex of every mesh instance whose material is shaded at vertices.
+    """Direct and ambient light at each vertex of every mesh instance whose material is shaded at vertices, for both sides.
 
-    Light is seen from the camera's place (or along its axis, when orthographic), on the side of the surface that faces it.
+    It goes to the camera's place (or along its axis, when orthographic). A vertex of an outline belongs to triangles that show
+    their outside and others that show their inside, so each has both; a triangle takes the side it shows.
     `packed` are the tables as `accel` wants them: a Handle for kernels and trees, the tables themselves for brute force in numpy.
     """
     instances, geometries = tables.instances, tables.geometries
@@ -27,14 +30,14 @@ def vertex_light(tables: Tables, packed: Any, accel: Any, options: Options, view
     shaded = (tables.materials.shading[instances.material] == ir.Shading.GOURAUD) & (geometries.kind[g] == MESH)
     counts = np.where(shaded, geometries.vertex_count[g], 0).astype(np.int64)
     first = np.where(shaded, np.cumsum(counts) - counts, -1).astype(np.int64)
-    light = GouraudLight(first, np.zeros((max(int(counts.sum()), 1), 3)))
+    half = max(int(counts.sum()), 1)
+    light = GouraudLight(first, np.zeros((2 * half, 3)))
+    samples = SOFT_SAMPLES if np.isin(tables.lights.kind, SOFT).any() else 1
+    run = _in_kernel if isinstance(packed, Handle) else _in_numpy
     for i in np.flatnonzero(shaded):
         corners = _a_corner_of_each_vertex(tables, int(g[i]))
-        rows = light.color[first[i] : first[i] + counts[i]]
-        if isinstance(packed, Handle):
-            _in_kernel(packed, accel, options, view, int(i), corners, rows)
-        else:
-            _in_numpy(packed, accel, options, view, int(i), corners, rows)
+        for side, start in ((1.0, first[i]), (-1.0, half + first[i])):
+            run(packed, accel, options, view, samples, side, int(i), corners, light.color[start : start + counts[i]])
     return light
 
 
@@ -50,49 +53,61 @@ def _a_corner_of_each_vertex(tables: Tables, g: int) -> np.ndarray:
     return found
 
 
-def _in_numpy(tables: Tables, accel: Any, options: Options, view: View, i: int, corners: np.ndarray, out: np.ndarray) -> None:
+def _in_numpy(
+    tables: Tables, accel: Any, options: Options, view: View, samples: int, side: float, i: int, corners: np.ndarray, out: np.ndarray
+) -> None:
     used = np.flatnonzero(corners[:, 0] >= 0)
     lane = np.full(len(used), i, np.int64)
     with np.errstate(all="ignore"):
-        rgb = at_vertex(tables, accel, options, view, lane, corners[used, 0], corners[used, 1], used)
+        rgb = at_vertex(tables, accel, options, view, samples, side, lane, corners[used, 0], corners[used, 1], used)
     for k in range(3):
         out[used, k] = rgb[k]
 
 
 @kernel
-def _in_kernel(tables, accel, options, view, i, corners, out):
+def _in_kernel(tables, accel, options, view, samples, side, i, corners, out):
     for vertex in range(len(corners)):
         if corners[vertex, 0] >= 0:
-            rgb = at_vertex(tables, accel, options, view, i, corners[vertex, 0], corners[vertex, 1], vertex)
+            rgb = at_vertex(tables, accel, options, view, samples, side, i, corners[vertex, 0], corners[vertex, 1], vertex)
             out[vertex, 0], out[vertex, 1], out[vertex, 2] = rgb
 
 
 @helper
 def at_vertex(
-    tables: Tables, accel: Any, options: Options, view: View, instance: Lane, triangle: Lane, corner: Lane, vertex: Lane
-) -> Vec:
-    """Light at a corner of a triangle, toward the camera."""
+    tables: Tables, accel: Any, options: Options, view: View, samples: int, side: float,
+    instance: Lane, triangle: Lane, corner: Lane, vertex: Lane,
+) -> Vec:  # fmt: skip
+    """Light at a corner of a triangle, from its outside (side 1) or inside (-1) toward the camera; the mean of `samples`."""
     zero = lanes.to_float(triangle) * 0.0
     u, v = lanes.where(corner == 1, 1.0, zero), lanes.where(corner == 2, 1.0, zero)
-    point, viewer = _seen_vertex(tables, view, Hit(zero, instance, triangle, u, v))
+    point = _vertex_from(tables, Hit(zero, instance, triangle, u, v), side)
     shader = materials.at(tables, point)
-    everywhere = lanes.bool_like(zero, True)
-    return integrate.direct_light(
-        tables, accel, options, point, shader, viewer, everywhere, vertex, lanes.int_like(zero, 0), lanes.int_like(zero, 1)
-    )
+    viewer = _to_viewer(tables, view, point)
+    everywhere, key = lanes.bool_like(zero, True), lanes.int_like(zero, 1)
+    total = (zero, zero, zero)
+    for s in range(samples):
+        sample = lanes.int_like(zero, s)
+        found = integrate.direct_light(tables, accel, options, point, shader, viewer, everywhere, vertex, sample, key)
+        total = lanes.add(total, found)
+    return lanes.scale(total, 1.0 / samples)
 
 
 @helper
-def _seen_vertex(tables: Tables, view: View, hit: Hit) -> tuple[Surface, Vec]:
-    """The surface at a vertex and the direction to the viewer: a ray is laid from the eye to it."""
-    cameras = tables.cameras
-    row = cameras.transform[view.camera]
+def _vertex_from(tables: Tables, hit: Hit, side: float) -> Surface:
+    """The surface at a vertex as a ray sees it that comes from straight above (side 1) or below (-1) the triangle."""
     zero = hit.t
-    here = surface.at(tables, Ray((zero, zero, zero), (zero, zero, zero + 1.0), zero, zero), hit)
-    to_eye = lanes.sub(lanes.transform_point(tables.transforms.matrix, row, (0.0, 0.0, 0.0)), here.position)
-    axis = lanes.transform_vector(tables.transforms.matrix, row, (0.0, 0.0, 1.0))
-    perspective = cameras.projection[view.camera] == PERSPECTIVE
-    viewer = lanes.normalize(lanes.where3(perspective, to_eye, axis))
-    origin = lanes.add(here.position, viewer)
-    ray = Ray(origin, lanes.negate(viewer), zero, zero + np.inf)
-    return surface.at(tables, ray, Hit(zero + 1.0, hit.instance, hit.primitive, hit.u, hit.v)), viewer
+    any_ray = Ray((zero, zero, zero), (zero, zero, zero + 1.0), zero, zero + np.inf)
+    here = surface.at(tables, any_ray, hit)
+    above = lanes.scale(here.geometric, lanes.where(here.front, side, -side))
+    ray = Ray(lanes.add(here.position, above), lanes.negate(above), zero, zero + np.inf)
+    return surface.at(tables, ray, Hit(zero + 1.0, hit.instance, hit.primitive, hit.u, hit.v))
+
+
+@helper
+def _to_viewer(tables: Tables, view: View, point: Surface) -> Vec:
+    """The unit direction from a point to the camera."""
+    cameras, matrix = tables.cameras, tables.transforms.matrix
+    row = cameras.transform[view.camera]
+    to_eye = lanes.sub(lanes.transform_point(matrix, row, (0.0, 0.0, 0.0)), point.position)
+    axis = lanes.transform_vector(matrix, row, (0.0, 0.0, 1.0))
+    return lanes.normalize(lanes.where3(cameras.projection[view.camera] == PERSPECTIVE, to_eye, axis))

@@ -189,8 +189,9 @@ def _unblocked(
 def _from_vertices(tables: Tables, gouraud: GouraudLight, point: Surface, hit: Hit, here: Lane) -> Vec:
     g = tables.instances.geometry[point.instance]
     triangle = lanes.where(here, hit.primitive, 0)
-    base = lanes.where(here, gouraud.first[point.instance] - tables.geometries.first_vertex[g], 0)
     triangles, color = tables.pools.triangles, gouraud.color
+    base = gouraud.first[point.instance] - tables.geometries.first_vertex[g] + lanes.where(point.front, 0, len(color) // 2)
+    base = lanes.where(here, base, 0)
     a = base + lanes.where(here, triangles[triangle, 0], 0)
     b = base + lanes.where(here, triangles[triangle, 1], 0)
     c = base + lanes.where(here, triangles[triangle, 2], 0)

@@ -18,7 +18,7 @@ from .kernels import helper
 from .records import Lane, Vec
 
 _FITS = 2.0**62  # beyond this a float64 has no int64
-_OPTIONS = {"error_model": "numpy", "nogil": True}  # overloads bear no annotations: Numba compares the signatures
+_OPTIONS: Any = {"error_model": "numpy", "nogil": True}  # overloads bear no annotations: Numba compares the signatures
 
 
 def where(condition: Lane, yes: Lane, no: Lane) -> Lane:

@@ -90,10 +90,11 @@ def clip_matrices(tables: ir.Tables, view: View) -> NDArray[np.float64]:
 
 
 def clip_planes(tables: ir.Tables, view: View) -> NDArray[np.float64]:
-    """(p, 5) near, far if there is one, and the guard band: the sides of the picture moved out by GUARD pixels."""
+    """(p, 5) near and far if there are such, and the guard band: the sides of the picture moved out by GUARD pixels."""
     near, far = float(tables.cameras.near[view.camera]), float(tables.cameras.far[view.camera])
     x, y = 0.5 * view.width, 0.5 * view.height
-    planes = [[0.0, 0.0, 0.0, 1.0, -near]]
+    orthographic = tables.cameras.projection[view.camera] == ir.Projection.ORTHOGRAPHIC
+    planes = [] if orthographic and near == 0.0 else [[0.0, 0.0, 0.0, 1.0, -near]]
     if np.isfinite(far):
         planes.append([0.0, 0.0, 0.0, -1.0, far])
     planes += [[1.0, 0.0, GUARD - x, 0.0, 0.0], [-1.0, 0.0, GUARD + x, 0.0, 0.0]]

@@ -62,10 +62,11 @@ class Options(NamedTuple):
 
 
 class GouraudLight(NamedTuple):
-    """Light computed at vertices: color[first[instance] + vertex - first_vertex], for instances with first >= 0."""
+    """Light computed at vertices: color[first[instance] + vertex - first_vertex] on their outside, for instances with first >= 0;
+    the table's second half has their inside."""
 
     first: NDArray[np.int64]
-    color: NDArray[np.float64]  # (k, 3)
+    color: NDArray[np.float64]  # (2 k, 3)
 
 
 class View(NamedTuple):

@@ -19,7 +19,7 @@ IDENTITY = np.eye(4)
 OPTIONS = Options(seed=0, bounces=0, interreflection=False, shadows=True, background=0, color=(0.0, 0.0, 0.0))
 
 
-def matrix(translate: Sequence[float] = (0, 0, 0), linear: Any = None) -> np.ndarray:
+def matrix(translate: Any = (0, 0, 0), linear: Any = None) -> np.ndarray:
     """(4, 4) from a translation and a 3×3 linear part."""
     made = np.eye(4)
     made[:3, :3] = np.eye(3) if linear is None else linear
@@ -97,7 +97,7 @@ def phong(
 
 def no_gouraud(tables: ir.Tables) -> GouraudLight:
     """No light computed at vertices."""
-    return GouraudLight(np.full(len(tables.instances.geometry), -1, np.int64), np.zeros((1, 3)))
+    return GouraudLight(np.full(len(tables.instances.geometry), -1, np.int64), np.zeros((2, 3)))
 
 
 def rays(origin: Any, direction: Any, t_min: float = 0.0, t_max: float = np.inf) -> Ray:

@@ -1,0 +1,137 @@
+"""Cameras: pixels against the pinhole's and the orthographic formulas, and rays against the course's P · C⁻¹ · M · X."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from maquette.compiler import ir
+from maquette.compiler.rows import CameraData
+from maquette.render import camera
+from maquette.render.kernels import kernel
+from maquette.render.records import Ray, View
+
+from . import tables as make
+
+ORTHO = ir.Projection.ORTHOGRAPHIC
+FRAME = make.looking((3, 1, 4), (0.5, 0.2, -1), (0.1, 1, 0))
+VIEW = View(0, 64, 48)
+
+
+def scene(frame=FRAME, **camera_):
+    camera_ = {"extent": 0.5, **camera_}
+    return make.scene(camera=CameraData(transform=1, **camera_), frame=frame)
+
+
+def vector(v):
+    return np.stack(np.broadcast_arrays(*v), axis=-1)
+
+
+def rays(tables, x, y, view=VIEW):
+    ray = camera.ray(tables, view, np.asarray(x, float), np.asarray(y, float))
+    return vector(ray.origin), vector(ray.direction), ray
+
+
+def pixels_of(tables, points, view=VIEW):
+    """Where points are in the picture, by P · C⁻¹ · X."""
+    to_camera, projection = camera.matrices(tables, view)
+    clip = np.append(points, np.ones((len(points), 1)), axis=1) @ (projection @ to_camera).T
+    ndc = clip[:, :3] / clip[:, 3:]
+    return (ndc[:, 0] + 1) / 2 * view.width, (1 - ndc[:, 1]) / 2 * view.height, ndc[:, 2]
+
+
+def test_pinhole():
+    """x = W/2 + f X/z and y = H/2 − f Y/z with f = H / (2 tan(fov/2))."""
+    fov = math.radians(50)
+    tables = scene(make.IDENTITY, extent=math.tan(fov / 2))
+    f = VIEW.height / 2 / math.tan(fov / 2)
+    x, y = np.array([0.5, 10.0, 63.5]), np.array([0.5, 40.0, 24.0])
+    origin, direction, _ = rays(tables, x, y)
+    p = origin + 7 * direction / -direction[:, 2:]
+    assert VIEW.width / 2 + f * p[:, 0] / 7 == pytest.approx(x, abs=1e-10)
+    assert VIEW.height / 2 - f * p[:, 1] / 7 == pytest.approx(y, abs=1e-10)
+    assert np.linalg.norm(direction, axis=1) == pytest.approx(1, abs=1e-15)
+
+
+def test_orthographic_is_the_same_at_any_depth():
+    tables = scene(make.IDENTITY, projection=ORTHO, fit=ir.Fit.HORIZONTAL, extent=2.0)
+    origin, direction, _ = rays(tables, [0.0, 64.0, 32.0], [0.0, 48.0, 24.0])
+    assert direction == pytest.approx(np.tile([0.0, 0.0, -1.0], (3, 1)), abs=1e-15)
+    assert origin[:, :2] == pytest.approx(np.array([[-2, 1.5], [2, -1.5], [0, 0]]), abs=1e-12)
+
+
+def test_fit_keeps_the_extent_it_names():
+    for fit, wide, tall in ((ir.Fit.VERTICAL, 0.5 * 64 / 48, 0.5), (ir.Fit.HORIZONTAL, 0.5, 0.5 * 48 / 64)):
+        _, direction, _ = rays(scene(make.IDENTITY, fit=fit), [64.0], [0.0])
+        assert direction[0, :2] / -direction[0, 2] == pytest.approx([wide, tall], rel=1e-12)
+
+
+def test_off_axis_frustum():
+    """A shift of s shows what a frustum with l, r = (∓½ + s) · width of the near plane does: ndc = (2nX/z − r − l)/(r − l)."""
+    tables = scene(make.IDENTITY, shift=(0.2, -0.1), near=1.0)
+    half_x, half_y = 0.5 * 64 / 48, 0.5
+    left, right = (-1 + 0.4) * half_x, (1 + 0.4) * half_x
+    low, high = (-1 - 0.2) * half_y, (1 - 0.2) * half_y
+    points = np.array([[0.3, 0.1, -2.0], [-0.1, 0.05, -1.5]])
+    x, y, _ = pixels_of(tables, points)
+    z = -points[:, 2]
+    assert x / 32 - 1 == pytest.approx((2 * points[:, 0] / z - right - left) / (right - left), rel=1e-10)
+    assert 1 - y / 24 == pytest.approx((2 * points[:, 1] / z - high - low) / (high - low), rel=1e-10)
+
+
+@pytest.mark.parametrize("projection", list(ir.Projection))
+@given(x=st.floats(-10, 80), y=st.floats(-10, 60), distance=st.floats(0.01, 1e4), sx=st.floats(-0.5, 0.5), sy=st.floats(-0.5, 0.5))
+@settings(max_examples=50, deadline=None)
+def test_matrices_put_each_ray_back_on_its_pixel(projection, x, y, distance, sx, sy):
+    tables = scene(projection=projection, shift=(sx, sy))
+    origin, direction, _ = rays(tables, [x], [y])
+    px, py, _ = pixels_of(tables, origin + distance * direction)
+    tolerance = 1e-9 if projection == ir.Projection.PERSPECTIVE and distance > 0.1 else 1e-6
+    assert (px[0], py[0]) == pytest.approx((x, y), abs=tolerance)
+
+
+def test_depth_is_along_the_axis_and_near_and_far_are_planes():
+    tables = scene(near=0.5, far=9.0)
+    origin, direction, ray = rays(tables, [0.5, 31.0, 63.0], [0.5, 20.0, 47.0])
+    for t, expected in ((ray.t_min, 0.5), (ray.t_max, 9.0)):
+        p = origin + np.asarray(t)[:, None] * direction
+        assert camera.depth(tables, VIEW, tuple(p.T)) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("projection", list(ir.Projection))
+def test_without_near_and_far_rays_have_no_end(projection):
+    """A perspective ray starts at the eye; an orthographic one has no eye and sees what lies behind its frame too."""
+    _, _, ray = rays(scene(projection=projection), [3.0], [4.0])
+    assert np.all(ray.t_max == np.inf)
+    assert np.all(ray.t_min == (0.0 if projection == ir.Projection.PERSPECTIVE else -np.inf))
+
+
+def test_depth_order_of_the_matrices():
+    for projection in ir.Projection:
+        tables = scene(make.IDENTITY, projection=projection, near=1.0, far=100.0)
+        z = pixels_of(tables, np.array([[0, 0, -1.0], [0, 0, -10], [0, 0, -99]]))[2]
+        assert z[0] == pytest.approx(1.0)
+        assert z[0] > z[1] > z[2] > 0
+
+
+@kernel
+def _rays(tables, view, x, y, out):
+    for k in range(len(x)):
+        ray = camera.ray(tables, view, x[k], y[k])
+        out[k, 0], out[k, 1], out[k, 2] = ray.origin
+        out[k, 3], out[k, 4], out[k, 5] = ray.direction
+        out[k, 6], out[k, 7] = ray.t_min, ray.t_max
+
+
+@pytest.mark.parametrize("projection", list(ir.Projection))
+def test_kernels_and_numpy_make_the_same_rays(projection):
+    tables = scene(projection=projection, near=0.1, far=50.0, shift=(0.1, 0.0))
+    x, y = np.random.default_rng(1).uniform(0, 48, (2, 50))
+    out = np.empty((50, 8))
+    _rays(make.Handle(tables), VIEW, x, y, out)
+    ray: Ray = camera.ray(tables, VIEW, x, y)
+    expected = np.stack(np.broadcast_arrays(*ray.origin, *ray.direction, ray.t_min, ray.t_max), axis=1)
+    assert np.abs(out - expected).max() < 1e-12

@@ -1,0 +1,91 @@
+"""Packed tables: in a kernel they read as the tuples they were packed from, and they keep their arrays alive."""
+
+from __future__ import annotations
+
+import gc
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from maquette.render.handles import Handle
+from maquette.render.kernels import kernel
+
+
+class Inner(NamedTuple):
+    points: np.ndarray
+    count: int
+    half: float
+
+
+class Outer(NamedTuple):
+    inner: Inner
+    rows: np.ndarray
+    masks: np.ndarray
+    frames: np.ndarray
+    on: bool
+    empty: np.ndarray
+
+
+@kernel
+def read(t, i):
+    return (
+        t.inner.points[i, 2], t.inner.points.shape[0], t.inner.points.shape[1], t.inner.count, t.inner.half,
+        t.rows[i], len(t.rows), t.masks[0], t.masks[1], t.frames[i, 1, 2], t.on, len(t.empty),
+    )  # fmt: skip
+
+
+@kernel
+def add_up(t):
+    total = 0.0
+    for i in range(len(t.inner.points)):
+        for k in range(t.inner.points.shape[1]):
+            total += t.inner.points[i, k]
+    return total
+
+
+@kernel
+def write(t, i, value):
+    t.rows[i] = value
+
+
+def make(n: int = 4) -> Outer:
+    inner = Inner(np.arange(3.0 * n).reshape(n, 3), -7, 0.5)
+    frames = np.arange(12.0 * n, dtype=np.float32).reshape(n, 3, 4)
+    return Outer(inner, np.arange(n, dtype=np.int32), np.array([True, False]), frames, True, np.zeros(0))
+
+
+def test_every_kind_of_field_reads_as_on_the_tuple() -> None:
+    assert read(Handle(make()), 2) == (8.0, 4, 3, -7, 0.5, 2, 4, True, False, 30.0, True, 0)
+
+
+def test_equal_layouts_are_one_type_whatever_the_lengths() -> None:
+    assert Handle(make(3)).numba_type == Handle(make(9)).numba_type
+    compiled = len(add_up.signatures)
+    assert add_up(Handle(make(5))) == 105.0
+    assert add_up(Handle(make(2))) == 15.0
+    assert len(add_up.signatures) <= compiled + 1
+
+
+def test_other_layouts_are_other_types() -> None:
+    other = make()._replace(rows=np.arange(4, dtype=np.int64))
+    assert Handle(make()).numba_type != Handle(other).numba_type
+
+
+def test_kernels_write_through() -> None:
+    table = make()
+    write(Handle(table), 1, 42)
+    assert table.rows[1] == 42
+
+
+def test_arrays_live_as_long_as_the_handle() -> None:
+    handle = Handle(make(1000))
+    gc.collect()
+    np.full(100_000, np.nan)  # what would be put where a freed array was
+    assert add_up(handle) == pytest.approx(3000 * 2999 / 2)
+
+
+def test_only_contiguous_arrays_are_taken() -> None:
+    table = make()
+    with pytest.raises(ValueError, match="frames is not contiguous"):
+        Handle(table._replace(frames=table.frames.transpose(0, 2, 1)))

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-
 from maquette.render.handles import Handle
 from maquette.render.kernels import kernel
 

@@ -209,4 +209,4 @@ def _by_corner(values: np.ndarray, rows: np.ndarray, missing: float) -> MeshAttr
         return None
     taken = values[rows]
     taken[rows < 0] = missing
-    return MeshAttribute(np.nan_to_num(taken).astype(np.float32), ir.Interpolation.CORNER)
+    return MeshAttribute(np.clip(np.nan_to_num(taken), -1e30, 1e30).astype(np.float32), ir.Interpolation.CORNER)

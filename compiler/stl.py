@@ -37,7 +37,8 @@ def _binary(data: bytes) -> np.ndarray | None:
         if data[:5].lower() == b"solid":
             return None
         raise StlError(f"the STL file ends early: it promises {count} triangles and holds {room}")
-    return np.frombuffer(data, _ROW, count, _HEADER)["corners"].astype(np.float64)
+    with np.errstate(invalid="ignore"):  # signalling NaN
+        return np.frombuffer(data, _ROW, count, _HEADER)["corners"].astype(np.float64)
 
 
 def _ascii(data: bytes) -> np.ndarray:

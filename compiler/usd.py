@@ -33,9 +33,10 @@ def scene(
         return builder.finish(str(path))
     reports = Reports(path)
     walk = Walk(opened, builder)
-    walk.run(opened.stage.GetPseudoRoot(), opened.frame, opened.frame)
-    walk.place()
-    said = _cameras(walk)
+    with np.errstate(all="ignore"):  # what is not finite is found by those who use it
+        walk.run(opened.stage.GetPseudoRoot(), opened.frame, opened.frame)
+        walk.place()
+        said = _cameras(walk)
     said += defaults.add(builder, ir.Settings())
     reports.tell(builder.diagnostics, Span(opened.name))
     stage = opened.stage
@@ -67,8 +68,9 @@ def place(
     unit = opened.meters_per_unit * float(abs(np.linalg.det(matrix[:3, :3]))) ** (1 / 3)
     base = matrix @ np.diag([opened.meters_per_unit] * 3 + [1.0]) @ opened.frame
     walk = Walk(opened, builder, unit=unit, material=material, prefix=name)
-    walk.run(root or opened.stage.GetPseudoRoot(), base, base)
-    walk.place()
+    with np.errstate(all="ignore"):
+        walk.run(root or opened.stage.GetPseudoRoot(), base, base)
+        walk.place()
     reports.tell(builder.diagnostics, span)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from pxr import Gf, UsdGeom
 
-from . import ir
+from . import ir, usd_stage
 from .build import SceneBuilder
 from .rows import CameraData
 from .usd_stage import Opened
@@ -38,7 +38,7 @@ def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: 
         near, far = 0.0, math.inf
     if lens.fStop > 0:
         builder.diagnostics.note("depth of field is not drawn", span)
-    exposure = prim.GetAttribute("exposure").Get(opened.time) if prim.GetAttribute("exposure") else None
+    exposure = usd_stage.number(prim.GetAttribute("exposure"), opened.time)
     return builder.camera(
         CameraData(
             builder.transform(upright(matrix), span),
@@ -46,7 +46,7 @@ def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: 
             ir.Projection.PERSPECTIVE if perspective else ir.Projection.ORTHOGRAPHIC,
             aspect=width / height, near=max(near, 0.0) if perspective else near, far=far,
             shift=(lens.horizontalApertureOffset / width, lens.verticalApertureOffset / height),
-            exposure=float(exposure) if exposure else math.nan, name=str(prim.GetPath()),
+            exposure=exposure or math.nan, name=str(prim.GetPath()),
         ),
         span,
     )  # fmt: skip

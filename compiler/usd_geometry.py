@@ -13,7 +13,7 @@ import numpy as np
 from pxr import UsdGeom
 
 from ..lang.diagnostics import Diagnostics, Span
-from . import ir, normals, polymesh, triangulate
+from . import ir, normals, polymesh, triangulate, usd_stage
 from .build import NONE, SceneBuilder
 from .rows import MeshAttribute
 
@@ -43,8 +43,7 @@ def shape(prim: Any, time: Any, builder: SceneBuilder, span: Span) -> Shape | No
     name = str(prim.GetTypeName())
 
     def number(attribute: str) -> float:
-        value = prim.GetAttribute(attribute).Get(time)
-        return float(value) if value is not None else 0.0
+        return usd_stage.number(prim.GetAttribute(attribute), time)
 
     axis = prim.GetAttribute("axis")
     turn = _AXES.get(str(axis.Get(time)) if axis else "Y", _AXES["Z"])
@@ -117,9 +116,9 @@ def mesh(prim: Any, time: Any, uv_name: str | None, color_name: str | None, diag
     normals they have, or flat. None where there is nothing to draw, with a warning where the data contradict each other.
     """
     schema = UsdGeom.Mesh(prim)
-    points = _array(schema.GetPointsAttr(), time, np.float64, 3)
-    counts = _array(schema.GetFaceVertexCountsAttr(), time, np.int64, 0)
-    indices = _array(schema.GetFaceVertexIndicesAttr(), time, np.int64, 0)
+    points = usd_stage.numbers(schema.GetPointsAttr(), time, np.float64, 3)
+    counts = usd_stage.numbers(schema.GetFaceVertexCountsAttr(), time, np.int64)
+    indices = usd_stage.numbers(schema.GetFaceVertexIndicesAttr(), time, np.int64)
     if not len(points) or not len(counts):
         return None
     if (counts < 0).any() or counts.sum() != len(indices):
@@ -140,7 +139,7 @@ def mesh(prim: Any, time: Any, uv_name: str | None, color_name: str | None, diag
     if len(bad):
         lost = int(np.count_nonzero(~drawn))
         diagnostics.warning(f"{lost} of {len(counts)} faces use points that do not exist or are not finite: they are left out", span)
-    holes = _array(schema.GetHoleIndicesAttr(), time, np.int64, 0)
+    holes = usd_stage.numbers(schema.GetHoleIndicesAttr(), time, np.int64)
     drawn[holes[(holes >= 0) & (holes < len(counts))]] = False
     rows = np.flatnonzero(drawn)
     kept = whole if drawn.all() else polymesh.subset(whole, rows)
@@ -163,12 +162,6 @@ def _sound(indices: np.ndarray, points: np.ndarray) -> np.ndarray:
     return inside
 
 
-def _array(attribute: Any, time: Any, dtype: type, width: int) -> np.ndarray:
-    value = attribute.Get(time) if attribute else None
-    made = np.array(value if value is not None else (), dtype=dtype)
-    return made.reshape(-1, width) if width else made.reshape(-1)
-
-
 def _normals(
     schema: Any, api: Any, time: Any, points: int, counts: np.ndarray, diagnostics: Diagnostics, span: Span
 ) -> MeshAttribute | None:
@@ -176,7 +169,7 @@ def _normals(
     found = api.GetPrimvar("normals")
     if found and found.HasValue():
         return primvar(api, "normals", time, 3, points, counts, diagnostics, span)
-    values = _array(schema.GetNormalsAttr(), time, np.float32, 3)
+    values = usd_stage.numbers(schema.GetNormalsAttr(), time, np.float32, 3)
     if not len(values):
         return None
     return _attribute("normals", values, str(schema.GetNormalsInterpolation()), points, counts, diagnostics, span)

@@ -13,7 +13,7 @@ import numpy as np
 from pxr import UsdGeom, UsdLux
 
 from ..lang.diagnostics import Span
-from . import images, ir
+from . import images, ir, usd_stage
 from .build import SceneBuilder
 from .rows import Color, LightData
 from .usd_materials import Materials, asset
@@ -36,8 +36,7 @@ class _Light:
 
     def number(self, name: str, fallback: float = 0.0) -> float:
         attribute = self.prim.GetAttribute(f"inputs:{name}") or self.prim.GetAttribute(name)
-        value = attribute.Get(self.opened.time) if attribute else None
-        return fallback if value is None else float(value)
+        return usd_stage.number(attribute, self.opened.time, fallback)
 
     @property
     def span(self) -> Span:
@@ -49,8 +48,8 @@ class _Light:
 
     def radiance(self) -> np.ndarray:
         """L before any normalisation, (3,)."""
-        attribute = self.prim.GetAttribute("inputs:color")
-        color = np.array(attribute.Get(self.opened.time) or (1.0, 1.0, 1.0), dtype=np.float64)
+        written = usd_stage.numbers(self.prim.GetAttribute("inputs:color"), self.opened.time, np.float64)
+        color = written if len(written) == 3 else np.ones(3)
         if self.number("enableColorTemperature"):
             color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(self.number("colorTemperature", 6500.0)))
         exposure = min(max(self.number("exposure"), -60.0), 60.0)
@@ -71,8 +70,8 @@ def light(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: S
         return
     for name, what in (("shaping:ies:file", "IES profiles"), ("texture:file", "textures of area lights")):
         attribute = prim.GetAttribute(f"inputs:{name}")
-        value = attribute.Get(opened.time) if attribute and not kind.startswith("Dome") else None
-        if value is not None and value.path:
+        value = None if kind.startswith("Dome") else usd_stage.value(attribute, opened.time)
+        if getattr(value, "path", ""):
             materials.tell(f"{what} are not drawn", prim)
     if it.number("shaping:focus"):
         materials.tell("the focus of shaped lights is not drawn", prim)
@@ -162,12 +161,12 @@ def _dome(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Ma
     """The whole sky; its picture is latitude–longitude, top to the dome's +y."""
     layout = it.prim.GetAttribute("inputs:texture:format")
     written = str(layout.Get(it.opened.time)) if layout else "automatic"
-    value = it.prim.GetAttribute("inputs:texture:file")
+    value = usd_stage.value(it.prim.GetAttribute("inputs:texture:file"), it.opened.time)
     image = -1
-    if value and value.Get(it.opened.time) is not None and value.Get(it.opened.time).path:
+    if getattr(value, "path", ""):
         if written not in ("automatic", "latlong", "None"):
             materials.tell(f"the dome's format `{written}` is read as latlong", it.prim)
-        found = asset(value.Get(it.opened.time), materials, it.prim)
+        found = asset(value, materials, it.prim)
         try:
             image = found.row(builder, "auto") if found else -1
         except images.ImageError as failure:

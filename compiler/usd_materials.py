@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pxr import Ar, UsdGeom, UsdShade
+from pxr import Ar, UsdShade
 
 from ..lang.diagnostics import Span
 from . import images, ir, preview
 from .build import NONE, SceneBuilder, lambert
 from .rows import WHITE, Color, Input, TextureData
-from .usd_stage import Opened
+from .usd_stage import Opened, primvar_mean, value
 
 DISPLAY_COLOR = "displayColor"
 DEFAULT_COLOR: Color = (0.18, 0.18, 0.18)
@@ -106,9 +106,9 @@ class Materials:
         prim = material.GetPrim()
         shader, _, _ = material.ComputeSurfaceSource()
         if not shader:
-            other, _, _ = material.ComputeSurfaceSource(["mtlx", "arnold", "ri"])
-            what = f"only `{other.GetIdAttr().Get()}`" if other and other.GetIdAttr().Get() else "no surface"
-            self.tell(f"the material has {what}, which is not drawn: its things show their displayColor", prim)
+            others = [o.GetBaseName() for o in material.GetSurfaceOutputs() if o.HasConnectedSource()]
+            what = f"only surfaces that are not drawn ({', '.join(others)})" if others else "no surface"
+            self.tell(f"the material has {what}: its things show their displayColor", prim)
             return None
         kind = shader.GetIdAttr().Get()
         if kind != "UsdPreviewSurface":
@@ -117,7 +117,7 @@ class Materials:
         inputs = {name: self._source(shader.GetInput(name), fallback) for name, fallback in _FALLBACKS.items()}
         for name, what in _NOT_DRAWN.items():
             given = shader.GetInput(name)
-            if given and (given.HasConnectedSource() or (name != "normal" and bool(given.Get(self.opened.time)))):
+            if given and (given.HasConnectedSource() or (name != "normal" and bool(value(given.GetAttr(), self.opened.time)))):
                 self.tell(f"{what} are not drawn" if what.endswith("s") else f"{what} is not drawn", prim)
         return Network(str(prim.GetPath()), str(prim.GetName()), inputs)
 
@@ -128,8 +128,8 @@ class Materials:
         for attribute in given.GetValueProducingAttributes():
             node = self._node(attribute)
             if node is None:
-                value = attribute.Get(self.opened.time)
-                return fallback if value is None else value
+                found = value(attribute, self.opened.time)
+                return fallback if found is None else found
             kind = str(node.GetIdAttr().Get())
             output = str(attribute.GetName()).rpartition(":")[2]
             if kind == "UsdUVTexture":
@@ -225,39 +225,33 @@ class Materials:
 
     def _primvar(self, source: Primvar, prim: Any) -> Any:
         """A primvar's constant value on a prim, or its mean with a warning where it varies."""
-        found = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(source.name) if source.name else None
-        value = found.ComputeFlattened(self.opened.time) if found and found.HasValue() else None
-        if found is None or value is None:
-            return source.fallback
-        values = np.array(value, dtype=np.float64)
-        if not found.GetTypeName().isArray:
-            return value
-        if len(values) > 1:
+        mean, count = primvar_mean(prim, source.name, self.opened.time)
+        if count > 1:
             self.tell(f"the primvar `{source.name}` varies over the surface: its mean is drawn", prim)
-        return values.mean(axis=0) if len(values) else source.fallback
+        return source.fallback if mean is None else mean
 
     def _mean(self, picture: Picture, fallback: float) -> float:
         """The mean of a picture that feeds a number."""
         what = str(picture.shader.GetPath().name)
         self.tell(f"pictures of numbers are drawn as their mean (`{what}`)", picture.shader.GetPrim())
         texels = self._read(picture, color=False)
-        gain, bias, value = self._levels(picture)
+        gain, bias, missing = self._levels(picture)
         channel = _CHANNELS.get(picture.output, 0)
         if texels is None:
-            return float(value[channel])
+            return float(missing[channel])
         return float(texels[..., channel].mean()) * gain[channel] + bias[channel]
 
     def _texture(self, picture: Picture) -> tuple[int, Color]:
         """A texture's row, or NONE and the node's fallback where there is no picture to be had."""
-        gain, bias, value = self._levels(picture)
+        gain, bias, missing = self._levels(picture)
         found = self._picture(picture)
         if found is None:
-            return NONE, (value[0], value[1], value[2])
+            return NONE, (missing[0], missing[1], missing[2])
         try:
             row = found.row(self.builder, _SPACES.get(self._text(picture.shader, "sourceColorSpace") or "auto", "auto"))
         except images.ImageError as failure:
             self.builder.diagnostics.warning(failure.message, self.opened.span(picture.shader.GetPrim()), failure.hint)
-            return NONE, (value[0], value[1], value[2])
+            return NONE, (missing[0], missing[1], missing[2])
         wrap_u, wrap_v = (_WRAPS.get(self._text(picture.shader, key) or "useMetadata", ir.Wrap.BLACK) for key in ("wrapS", "wrapT"))
         channel = _CHANNELS.get(picture.output, -1)
         if channel >= 0:
@@ -271,7 +265,9 @@ class Materials:
     def _levels(self, picture: Picture) -> tuple[Any, Any, Any]:
         """scale, bias and fallback of a UsdUVTexture, four floats each."""
         defaults = {"scale": (1.0,) * 4, "bias": (0.0,) * 4, "fallback": (0.0, 0.0, 0.0, 1.0)}
-        return tuple(tuple(map(float, self._source(picture.shader.GetInput(k), v))) for k, v in defaults.items())  # type: ignore[return-value]
+        found = {k: self._source(picture.shader.GetInput(k), v) for k, v in defaults.items()}
+        scale, bias, fallback = (tuple(map(float, v)) if len(v) == 4 else defaults[k] for k, v in found.items())
+        return scale, bias, fallback
 
     def _picture(self, picture: Picture) -> Asset | None:
         return asset(self._source(picture.shader.GetInput("file"), None), self, picture.shader.GetPrim())

@@ -25,6 +25,7 @@ class Opened:
     """A stage ready to be read. `frame` (4, 4) turns its up axis to y; `time` is a Usd.TimeCode."""
 
     stage: Any
+    path: Path
     name: str
     time: Any
     frame: np.ndarray
@@ -38,6 +39,45 @@ class Opened:
         """The layers that were read from disk, the stage's own first."""
         layers = sorted(layer.realPath for layer in self.stage.GetUsedLayers())
         return tuple(dict.fromkeys(path for path in (self.stage.GetRootLayer().realPath, *layers) if path))
+
+
+def value(attribute: Any, time: Any) -> Any:
+    """An attribute's value; None where there is none, or one of a type that its schema does not have."""
+    found = attribute.Get(time) if attribute else None
+    return None if isinstance(found, Sdf.UnregisteredValue) else found
+
+
+def number(attribute: Any, time: Any, fallback: float = 0.0) -> float:
+    """An attribute's value as a float; `fallback` where it is none."""
+    try:
+        return float(value(attribute, time))
+    except (TypeError, ValueError):
+        return fallback
+
+
+def numbers(attribute: Any, time: Any, dtype: type, width: int = 0) -> np.ndarray:
+    """An attribute's value as an array (n,) or (n, width), empty where it is none."""
+    found = value(attribute, time)
+    try:
+        made = np.array(found if found is not None else (), dtype=dtype)
+        return made.reshape(-1, width) if width else made.reshape(-1)
+    except (TypeError, ValueError, OverflowError):
+        return np.zeros((0, width) if width else 0, dtype)
+
+
+def primvar_mean(prim: Any, name: str, time: Any) -> tuple[np.ndarray | None, int]:
+    """The value of a prim's own or inherited primvar, (width,), its mean where it has many, and how many it has; None without one."""
+    found = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name) if name else None
+    flat = found.ComputeFlattened(time) if found and found.HasValue() else None
+    try:
+        values = np.array(flat if flat is not None else (), dtype=np.float64)
+    except (TypeError, ValueError):
+        return None, 0
+    if found is None or not values.size or not np.isfinite(values).all():
+        return None, 0
+    if not found.GetTypeName().isArray:
+        return values.reshape(-1), 1
+    return values.reshape(len(values), -1).mean(axis=0), len(values)
 
 
 class Reports:
@@ -67,7 +107,7 @@ def open_(
     try:
         stage = Usd.Stage.Open(str(path))
     except Tf.ErrorException as failure:
-        diagnostics.error(f"cannot read the stage `{path.name}`: {_reason(failure, path)}", whole)
+        diagnostics.error(f"cannot read the stage `{path.name}`: {reason(failure, path)}", whole)
         return None
     finally:
         reports.tell(diagnostics, whole)
@@ -83,7 +123,7 @@ def open_(
         code = Usd.TimeCode(time)
     frame = Z_UP if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else np.eye(4)
     meters = UsdGeom.GetStageMetersPerUnit(stage)
-    return Opened(stage, name, code, frame, meters if meters > 0 else 1.0)
+    return Opened(stage, path, name, code, frame, meters if meters > 0 else 1.0)
 
 
 def _choose(stage: Any, where: str, choice: str, diagnostics: Diagnostics, span: Span) -> None:
@@ -116,7 +156,7 @@ def _listed(what: str, names: list[str]) -> str:
     return f"{what}: {', '.join(names[:12])}" if names else ""
 
 
-def _reason(failure: Exception, path: Path) -> str:
+def reason(failure: Exception, path: Path) -> str:
     """The first of usd-core's messages: its lines are `Error in 'function' at line n in file f : 'message'`."""
     lines = str(failure).strip().splitlines() or ["no reason given"]
     first = next((line for line in lines if "Error in" in line), lines[-1])

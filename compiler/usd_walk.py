@@ -9,13 +9,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from pxr import Usd, UsdGeom, UsdShade
+from pxr import Tf, Usd, UsdGeom, UsdShade
 
 from . import transforms, usd_geometry, usd_lights
 from .build import NONE, SceneBuilder
 from .rows import InstanceData
 from .usd_materials import DEFAULT_COLOR, DISPLAY_COLOR, Materials, Network
-from .usd_stage import Opened
+from .usd_stage import Opened, numbers, primvar_mean, reason
 
 MAX_INSTANCES = 4_000_000
 MAX_NESTING = 32  # instancers inside of instancers
@@ -95,14 +95,19 @@ class Walk:
         waiting = [(root, here)]
         while waiting:
             prim, above = waiting.pop()
-            now = self._state(prim, above)
-            if now is None:
+            try:
+                now = self._state(prim, above)
+                kind = str(prim.GetTypeName())
+                if now is not None and kind == "PointInstancer":
+                    self._instancer(UsdGeom.PointInstancer(prim), now, into)
+                elif now is not None:
+                    self._prim(prim, kind, now, into)
+            except Tf.ErrorException as failure:
+                message = f"this prim, and what is below it, is left out: {reason(failure, self.opened.path)}"
+                self.builder.diagnostics.warning(message, self.opened.span(prim))
                 continue
-            kind = str(prim.GetTypeName())
-            if kind == "PointInstancer":
-                self._instancer(UsdGeom.PointInstancer(prim), now, into)
+            if now is None or kind == "PointInstancer":
                 continue
-            self._prim(prim, kind, now, into)
             waiting += [(child, now) for child in reversed(prim.GetFilteredChildren(predicate))]
 
     def _state(self, prim: Any, above: _Here) -> _Here | None:
@@ -167,12 +172,11 @@ class Walk:
             return self._part(prim, prim, None, "", matrix)
         pieces, taken = [], []
         for subset in subsets:
-            indices = subset.GetIndicesAttr().Get(self.opened.time)
-            faces = np.array(indices if indices is not None else (), dtype=np.int64)
+            faces = numbers(subset.GetIndicesAttr(), self.opened.time, np.int64)
             taken.append(faces)
             name = str(subset.GetPrim().GetName())
             pieces += self._part(prim, subset.GetPrim(), faces, name, matrix)
-        count = len(prim.GetAttribute("faceVertexCounts").Get(self.opened.time) or ())
+        count = len(numbers(prim.GetAttribute("faceVertexCounts"), self.opened.time, np.int64))
         rest = np.setdiff1d(np.arange(count), np.concatenate(taken))
         return pieces + (self._part(prim, prim, rest, "rest", matrix) if len(rest) else [])
 
@@ -210,24 +214,13 @@ class Walk:
     def _material(self, network: Network | None, prim: Any, colored: bool) -> int:
         if network is not None:
             return self.materials.row(network, prim, colored)
-        color = None if colored else self._constant(prim, DISPLAY_COLOR)
-        opacity = self._constant(prim, "displayOpacity")
-        if color is None and not colored:
-            if self.material != NONE:
-                return self.material
-            color = np.array(DEFAULT_COLOR)
-        r, g, b = (1.0, 1.0, 1.0) if color is None else (float(c) for c in color)
-        alpha = 1.0 if opacity is None else float(np.clip(np.mean(opacity), 0.0, 1.0))
+        color, _ = (np.ones(3), 1) if colored else primvar_mean(prim, DISPLAY_COLOR, self.opened.time)
+        opacity, _ = primvar_mean(prim, "displayOpacity", self.opened.time)
+        if color is None and self.material != NONE:
+            return self.material
+        r, g, b = DEFAULT_COLOR if color is None or len(color) != 3 else map(float, color)
+        alpha = 1.0 if opacity is None else float(np.clip(opacity[0], 0.0, 1.0))
         return self.materials.plain((r, g, b), alpha, DISPLAY_COLOR)
-
-    def _constant(self, prim: Any, name: str) -> np.ndarray | None:
-        """A primvar's value on a prim or above it, its mean where it has many; None where nothing is written."""
-        found = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
-        value = found.ComputeFlattened(self.opened.time) if found and found.HasValue() else None
-        values = np.array(value if value is not None else (), dtype=np.float64)
-        if not values.size or not np.isfinite(values).all():
-            return None
-        return values.mean(axis=0) if values.ndim else values
 
     # --- point instancers ---
 
@@ -237,18 +230,18 @@ class Walk:
         if here.instancers >= MAX_NESTING:
             self.materials.tell("point instancers contain each other", prim)
             return
-        indices = np.array(instancer.GetProtoIndicesAttr().Get(time) or (), dtype=np.int64)
+        indices = numbers(instancer.GetProtoIndicesAttr(), time, np.int64)
         targets = instancer.GetPrototypesRel().GetForwardedTargets()
         if not len(indices) or not targets:
             return
         places = self._places(instancer, len(indices))
         if places is None:
             return
-        numbers = np.arange(len(indices))
+        ids = np.arange(len(indices))
         mask = instancer.ComputeMaskAtTime(time)
         if len(mask) == len(indices):
-            numbers = np.flatnonzero(np.array(mask, dtype=bool))
-            indices = indices[numbers]
+            ids = np.flatnonzero(np.array(mask, dtype=bool))
+            indices = indices[ids]
         if len(places) != len(indices) or (indices < 0).any() or (indices >= len(targets)).any():
             message = (
                 f"{len(indices)} instances have {len(places)} places and {len(targets)} prototypes, which do not fit: they are left out"
@@ -263,15 +256,15 @@ class Walk:
             gathered: dict[str, list[Piece]] = {}
             inside = _Here(np.eye(4), np.eye(4), here.purpose, here.instancers + 1)
             self._below(prototype, inside, gathered)
-            self._spread(gathered, here.matrix @ places[chosen], numbers[chosen], prim, into)
+            self._spread(gathered, here.matrix @ places[chosen], ids[chosen], prim, into)
 
     def _places(self, instancer: Any, count: int) -> np.ndarray | None:
         """(n, 4, 4) of the instances that are not masked, without the prototypes' own transforms; None if they do not fit."""
         time, kind = self.opened.time, UsdGeom.PointInstancer
         matrices = instancer.ComputeInstanceTransformsAtTime(time, time, kind.ExcludeProtoXform, kind.ApplyMask)
         if not matrices and count:
-            positions = instancer.GetPositionsAttr().Get(time)
-            if positions is not None and len(positions) != count:
+            positions = numbers(instancer.GetPositionsAttr(), time, np.float32, 3)
+            if len(positions) != count:
                 message = f"the instancer has {count} instances and {len(positions)} positions: they are left out"
                 self.builder.diagnostics.warning(message, self.opened.span(instancer.GetPrim()))
             return None

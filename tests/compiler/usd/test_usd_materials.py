@@ -296,3 +296,10 @@ def test_pictures_inside_of_a_package(tmp_path):
     scene, messages = load(tmp_path / "y.usdz")
     assert messages == []
     assert len(scene.tables.images.texels) == 4
+
+
+def test_a_material_with_other_surfaces_only(tmp_path):
+    text = stage("").replace("token outputs:surface.connect", "token outputs:mtlx:surface.connect")
+    assert read(tmp_path, text)[1] == [
+        "x.usda</m>: warning: the material has only surfaces that are not drawn (mtlx:surface): its things show their displayColor"
+    ]

@@ -377,3 +377,32 @@ def test_broken_stages_are_one_short_error(tmp_path, data, suffix, capfd):
     assert all(len(line) < 420 for line in "\n".join(messages).splitlines())
     out, err = capfd.readouterr()
     assert (out, err) == ("", "")  # usd-core prints nothing of its own
+
+
+def test_values_of_types_that_nobody_expects(tmp_path):
+    text = """
+    def Sphere "s" { string radius = "big" }
+    def Mesh "m" { string points = "none"
+        int[] faceVertexCounts = [3]
+        int[] faceVertexIndices = [0, 1, 2] }
+    def Cube "c" { string[] primvars:displayColor = ["red"] }
+    def SphereLight "l" { string inputs:intensity = "strong"
+        string inputs:color = "red" }
+    """
+    scene, messages = read(tmp_path, text)
+    assert kinds(scene) == ["BOX"]
+    assert messages[0] == "x.usda</s>: warning: this Sphere has no size: it is not drawn"
+    assert slot(scene, "DIFFUSE") == [0.18] * 3
+    assert scene.tables.lights.color.tolist() == [[1, 1, 1]]
+
+
+def test_a_transform_that_cannot_be_read_takes_its_prim_away(tmp_path):
+    text = """
+    def Xform "a" { float xformOp:translate = 3
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+        def Cube "inside" {} }
+    def Cube "c" {}
+    """
+    scene, messages = read(tmp_path, text)
+    assert scene.names.instances == ("/c",)
+    assert messages[0].startswith("x.usda</a>: warning: this prim, and what is below it, is left out: ")

@@ -14,11 +14,11 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from .kernels import helper
+from .kernels import HELPER, helper
 from .records import Lane, Vec
 
 _FITS = 2.0**62  # beyond this a float64 has no int64
-_OPTIONS: Any = {"error_model": "numpy", "nogil": True}  # overloads bear no annotations: Numba compares the signatures
+_OPTIONS = HELPER  # overloads bear no annotations: Numba compares the signatures
 
 
 def where(condition: Lane, yes: Lane, no: Lane) -> Lane:

@@ -14,6 +14,7 @@ from numba.extending import overload
 
 from ..compiler import ir
 from . import lanes, shapes, traverse
+from .kernels import HELPER
 from .records import Hit, Lane, Ray, Vec
 
 CHUNK = 1 << 17  # ray–triangle pairs tested at a time: bounds memory to a few dozen MB
@@ -105,7 +106,7 @@ def _column(v: Vec, part: slice) -> Vec:
     return v[0][part, None], v[1][part, None], v[2][part, None]
 
 
-@overload(closest, jit_options={"error_model": "numpy"})
+@overload(closest, jit_options=HELPER)
 def _closest_kernel(accel, tables, ray, active, visible_bit):
     def through_trees(accel, tables, ray, active, visible_bit):
         if not active:
@@ -115,7 +116,7 @@ def _closest_kernel(accel, tables, ray, active, visible_bit):
     return through_trees if isinstance(active, numba.types.Boolean) else None
 
 
-@overload(occluded, jit_options={"error_model": "numpy"})
+@overload(occluded, jit_options=HELPER)
 def _occluded_kernel(accel, tables, ray, active):
     def through_trees(accel, tables, ray, active):
         if not active:

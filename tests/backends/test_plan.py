@@ -1,0 +1,101 @@
+"""Every decision of the plan that can be overruled leaves the picture as it was, or within the bound it declares."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from . import scenes
+from .views import alpha, channel, rgb
+
+pytestmark = pytest.mark.usefixtures("files")
+
+
+def _same(a, b) -> None:
+    for name in a.channels:
+        assert np.array_equal(a.channels[name], b.channels[name]), name
+
+
+@pytest.mark.parametrize("name", ["instances", "every shape", "near and far"])
+def test_a_tree_or_every_primitive(draw_on, name):
+    """The tree only leaves out what a ray cannot meet."""
+    for backend in ("ray", "raster"):
+        tree, brute = (
+            draw_on(backend, scenes.DIRECT[name], {"accelerator": how}, samples=2, aov=("depth", "normal", "id")) for how in ("bvh", "brute")
+        )
+        _same(tree, brute)
+
+
+def test_rays_along_the_faces_of_boxes(draw_on):
+    """Orthographic rays that run exactly in the faces of boxes, and on their edges: 0 · ∞ must not hide what lies beside them."""
+    boxes = "".join(
+        f"box([2, 2, 1], center: [{2 * i - 5}, {2 * j - 5}, {-((i * 5 + j * 3) % 4)}])\n" for i in range(6) for j in range(6) if (i + j) % 5
+    )
+    text = "ambient(#ffffff)\ncamera(position: [0, 0, 9], look_at: [0, 0, 0], width: 13)\n" + boxes
+    # 26 pixels over 13 metres: centres at multiples of a half, ± a quarter; 13 pixels: centres on the faces at odd metres.
+    for size in ((26, 26), (13, 13)):
+        tree, brute = (draw_on("ray", text, {"accelerator": how}, size=size, aov=("depth", "id")) for how in ("bvh", "brute"))
+        exact = draw_on("reference", text, size=size, aov=("depth", "id"))
+        _same(tree, brute)
+        assert np.array_equal(channel(tree, "depth"), channel(exact, "depth"))
+    assert alpha(tree).sum() > 60
+
+
+@pytest.mark.parametrize("name", [*scenes.DIRECT, "sun and sky"])
+def test_the_three_ways_to_fill(draw_on, name):
+    """Edge functions, sub-areas and scanlines cover the same samples."""
+    text = {**scenes.DIRECT, **scenes.SOFT}[name]
+    pictures = [draw_on("raster", text, {"raster.fill": how}, samples=2, aov=("depth", "id")) for how in ("edges", "areas", "scanline")]
+    _same(pictures[0], pictures[1])
+    if name in ("every shape", "hard lights", "near and far", "orthographic", "far from the origin", "sun and sky", "OBJ", "instances"):
+        # Whole polygons: a hit's triangle may be another beside a diagonal, which rounds differently.
+        assert np.array_equal(alpha(pictures[0]), alpha(pictures[2]))
+        assert np.array_equal(pictures[0].channels["id"], pictures[2].channels["id"])
+        assert np.allclose(rgb(pictures[0]), rgb(pictures[2]), rtol=1e-4, atol=1e-6)
+    else:
+        assert np.array_equal(alpha(pictures[0]), alpha(pictures[2]))
+
+
+def test_shadow_rays_where_nothing_stands_before_a_light(draw):
+    """One convex body: switching shadows off changes nothing."""
+    text = "camera(position: [0, 0, 4], fov: 40deg)\nsphere(1, material: blinn_phong(#d04030))\npoint([3, 5, 4], intensity: 60)\n"
+    _same(draw(text, {"shadows": "on"}, samples=2), draw(text, {"shadows": "off"}, samples=2))
+
+
+def test_shadow_rays_that_no_light_asks_for(draw):
+    """All lights with shadows: false: the plan leaves shadow rays out; asking for them gives the same."""
+    text = scenes.CAMERA + scenes.FLOOR + scenes.SHAPES + "point([3, 5, 4], intensity: 60, shadows: false)\n"
+    _same(draw(text), draw(text, {"shadows": "on"}))
+
+
+def test_a_finer_tolerance_comes_nearer_to_the_outline(draw_on):
+    """The raster backend's coverage of a ball is short by at most 4/3 · tolerance / R of its area, and never too much."""
+    text = "ambient(#ffffff)\ncamera(position: [0, 0, 9], width: 2.4)\nsphere(1)\n"
+    radius = 20.0
+    missing = []
+    for tolerance in (0.4, 0.05, 0.005):
+        image = draw_on("raster", text, {"tolerance": str(tolerance)}, samples=64, filter="box")
+        share = 1 - alpha(image).sum() / (math.pi * radius**2)
+        assert -1e-3 < share < 4 / 3 * tolerance / radius + 1e-3
+        missing.append(share)
+    assert missing[0] > missing[2]
+
+
+def test_rays_draw_the_same_at_any_tolerance(draw_on):
+    """The tolerance is about tessellations, and rays meet analytic shapes as they are."""
+    text = scenes.DIRECT["every shape"]
+    _same(draw_on("ray", text, {"tolerance": "0.5"}), draw_on("ray", text, {"tolerance": "0.05"}))
+
+
+@pytest.mark.parametrize("name", ["box", "tent", "gaussian", "blackman-harris"])
+def test_every_filter_keeps_what_is_even(draw, name):
+    """Weights that add up to one: inside an even surface, away from edges, any filter shows its colour; across an edge, ½ on the edge."""
+    text = "camera(position: [0, 0, 5], width: 24)\npolygon([[0, -50, 0], [50, -50, 0], [50, 50, 0], [0, 50, 0]], material: emissive(1))\n"
+    image = draw(text, size=(24, 24), samples=64, filter=name, background="transparent")
+    covered = alpha(image)
+    assert np.array_equal(covered[:, 14:], np.ones((24, 10)))
+    assert np.array_equal(covered[:, :10], np.zeros((24, 10)))
+    assert covered[:, 10:14].sum(axis=1) == pytest.approx(2, abs=0.1)
+    assert covered[:, 10:14].sum() / 24 == pytest.approx(2, abs=0.01)

@@ -19,7 +19,10 @@ from .records import GouraudLight, Hit, Lane, Options, Ray, Surface, Tables, Vec
 CAMERA_RAY = int(ir.Visibility.CAMERA)
 OTHER_RAY = int(ir.Visibility.REFLECTION)
 GOURAUD = int(ir.Shading.GOURAUD)
-FIELDS = 13  # of a waiting ray: origin, direction, weight, bounces left, specular, key of its random numbers, active
+FIELDS = 13  # of a waiting ray: origin, direction, weight, bounces left, kind, key of its random numbers, active
+DIFFUSE_RAY = 0.0  # kinds of waiting rays: after a matt surface lights are not counted again where they are met
+SPECULAR_RAY = 1.0
+STRAIGHT_RAY = 2.0  # has met nothing but passages of index 1: still the camera's own ray, which lowers alpha where it escapes
 BRANCHES = 3  # rays a surface sends on at the most: reflected, refracted, diffuse
 MIN_WEIGHT = 1e-4  # rays that could add less than this share are not followed: the error stays below it for each ray cut
 _KEYS = 0x7FFFFFFF
@@ -43,7 +46,10 @@ def radiance(
     sample: Lane,
     stack: Any,
 ) -> tuple[Vec, Lane, Lane]:
-    """(radiance, coverage, sound) of a camera ray that meets `hit`; what is not finite is left out and not `sound`."""
+    """(radiance, coverage, sound) of a camera ray that meets `hit`; what is not finite is left out and not `sound`.
+
+    Coverage is less than 1 where something lets the ray straight through (index of refraction 1, as opacity is written) to nothing.
+    """
     seen = hit.instance >= 0
     zero = lanes.full_like(hit.t, 0.0)
     alpha = lanes.where(seen, 1.0, zero)
@@ -51,10 +57,11 @@ def radiance(
     total = lanes.where3(seen, (zero, zero, zero), total)
     weight = (zero + 1.0, zero + 1.0, zero + 1.0)
     left = lanes.int_like(hit.t, options.bounces)
-    specular = lanes.bool_like(hit.t, True)
+    kind = zero + STRAIGHT_RAY
     key = lanes.int_like(hit.t, 1)
     top = 0
     while True:
+        specular = kind >= SPECULAR_RAY
         if lanes.any_lane(seen):
             point = surface.at(tables, ray, hit)
             shader = materials.at(tables, point)
@@ -63,21 +70,25 @@ def radiance(
             total = lanes.where3(seen, lanes.add(total, lanes.mul(weight, here)), total)
             going = seen & (left > 0)
             if lanes.any_lane(going):
-                top = send_on(options, point, shader, ray.direction, weight, going, left, pixel, sample, key, stack, top)
+                top = send_on(options, point, shader, ray.direction, weight, going, left, kind, pixel, sample, key, stack, top)
             if options.environment:
                 total = lanes.where3(seen, lanes.add(total, lanes.mul(weight, _sky_in(tables, point, shader, ray.direction))), total)
         if top == 0:
             break
         top -= 1
-        ray, weight, left, specular, key, active = _pop(stack, top)
+        ray, weight, left, kind, key, active = _pop(stack, top)
         hit = trace.closest(accel, tables, ray, active, OTHER_RAY)
         seen = active & (hit.instance >= 0)
-        missed = active & lanes.not_(hit.instance >= 0) & specular
+        missed = active & lanes.not_(hit.instance >= 0) & (kind >= SPECULAR_RAY)
         if lanes.any_lane(missed):
-            sky = reflected_background(tables, options, ray.direction)
-            total = lanes.where3(missed, lanes.add(total, lanes.mul(weight, sky)), total)
+            behind = reflected_background(tables, options, ray.direction)
+            straight = missed & (kind == STRAIGHT_RAY)
+            if lanes.any_lane(straight):
+                behind = lanes.where3(straight, camera_background(tables, options, ray.direction), behind)
+                alpha = lanes.where(straight, alpha - (weight[0] + weight[1] + weight[2]) / 3.0, alpha)
+            total = lanes.where3(missed, lanes.add(total, lanes.mul(weight, behind)), total)
     sound = lanes.is_finite(total[0] + total[1] + total[2])
-    return lanes.where3(sound, total, (zero, zero, zero)), alpha, sound
+    return lanes.where3(sound, total, (zero, zero, zero)), lanes.clip(alpha, 0.0, 1.0), sound
 
 
 # --- where rays leave the scene -----------------------------------------------------------------------------------------
@@ -125,9 +136,12 @@ def local_light(
 
     Area lights are left out where a diffuse ray meets them: there they have been sampled already.
     """
-    light = tables.instances.light[point.instance]
-    shines = lanes.where(light >= 0, point.front & specular, True)
     zero = lanes.full_like(hit.t, 0.0)
+    light = tables.instances.light[point.instance]
+    shines = lanes.bool_like(zero, True)
+    if lanes.any_lane(light >= 0):
+        both_sides = tables.lights.kind[lanes.maximum(light, 0)] == lights.SPHERE  # as it is sampled from inside, too
+        shines = lanes.where(light >= 0, (point.front | both_sides) & specular, shines)
     total = lanes.where3(shines, shader.emission, (zero, zero, zero))
     at_vertices = (tables.materials.shading[point.material] == GOURAUD) & (gouraud.first[point.instance] >= 0)
     if lanes.any_lane(active & at_vertices):
@@ -236,25 +250,28 @@ def _splits(point: Surface, shader: Shader, direction: Vec) -> tuple[Vec, Vec, V
 @helper
 def send_on(
     options: Options, point: Surface, shader: Shader, direction: Vec, weight: Vec, going: Lane, left: Lane,
-    pixel: Lane, sample: Lane, key: Lane, stack: Any, top: int,
+    kind: Lane, pixel: Lane, sample: Lane, key: Lane, stack: Any, top: int,
 ) -> int:  # fmt: skip
     """Put the rays a surface sends on upon the stack; the new height of it."""
     reflection, transmission, refracted, _ = _splits(point, shader, direction)
-    specular = lanes.bool_like(point.offset, True)
+    plain = lanes.full_like(point.offset, 0.0)
+    through = lanes.where((kind == STRAIGHT_RAY) & (shader.ior == 1.0), STRAIGHT_RAY, plain + SPECULAR_RAY)
     mirrored = lanes.reflect(direction, point.normal)
-    top = _push(stack, top, point, mirrored, lanes.mul(weight, reflection), going, left, specular, key, 0)
-    top = _push(stack, top, point, refracted, lanes.mul(weight, transmission), going, left, specular, key, 1)
+    outside = lanes.dot(mirrored, point.geometric) > 0.0  # an interpolated normal may mirror a grazing ray into the surface
+    mirrored = lanes.where3(outside, mirrored, lanes.reflect(direction, point.geometric))
+    top = _push(stack, top, point, mirrored, lanes.mul(weight, reflection), going, left, plain + SPECULAR_RAY, key, 0)
+    top = _push(stack, top, point, refracted, lanes.mul(weight, transmission), going, left, through, key, 1)
     if options.interreflection:
         u, v = sampler.pair(pixel, sample, key * _LIGHTS * 2 + 1, options.seed)
         onward = lights.cosine_sample(point.normal, u, v)[0]
         above = going & (lanes.dot(onward, point.geometric) > 0.0)
-        top = _push(stack, top, point, onward, lanes.mul(weight, shader.diffuse), above, left, lanes.not_(specular), key, 2)
+        top = _push(stack, top, point, onward, lanes.mul(weight, shader.diffuse), above, left, plain + DIFFUSE_RAY, key, 2)
     return top
 
 
 @helper
 def _push(
-    stack: Any, top: int, point: Surface, direction: Vec, weight: Vec, going: Lane, left: Lane, specular: Lane, key: Lane, branch: int
+    stack: Any, top: int, point: Surface, direction: Vec, weight: Vec, going: Lane, left: Lane, kind: Lane, key: Lane, branch: int
 ) -> int:
     active = going & (lanes.largest(weight) > MIN_WEIGHT)
     if lanes.any_lane(active):
@@ -263,7 +280,7 @@ def _push(
         stack[top, 3], stack[top, 4], stack[top, 5] = direction
         stack[top, 6], stack[top, 7], stack[top, 8] = weight
         stack[top, 9] = lanes.to_float(left - 1)
-        stack[top, 10] = lanes.where(specular, 1.0, 0.0)
+        stack[top, 10] = kind
         stack[top, 11] = lanes.to_float((key * BRANCHES + 1 + branch) & _KEYS)
         stack[top, 12] = lanes.where(active, 1.0, 0.0)
         return top + 1
@@ -277,4 +294,4 @@ def _pop(stack: Any, top: int) -> tuple[Ray, Vec, Lane, Lane, Lane, Lane]:
     weight = (lanes.copy(stack[top, 6]), lanes.copy(stack[top, 7]), lanes.copy(stack[top, 8]))
     zero = 0.0 * origin[0]
     ray = Ray(origin, direction, zero, zero + np.inf)
-    return ray, weight, lanes.to_int(stack[top, 9]), stack[top, 10] > 0.5, lanes.to_int(stack[top, 11]), stack[top, 12] > 0.5
+    return ray, weight, lanes.to_int(stack[top, 9]), lanes.copy(stack[top, 10]), lanes.to_int(stack[top, 11]), stack[top, 12] > 0.5

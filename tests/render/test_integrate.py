@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.compiler.rows import Input, LightData, MaterialData
+from maquette.compiler.rows import Input, LightData, MaterialData, MeshAttribute, MeshData
 
 from . import tables as make
 
@@ -218,6 +218,35 @@ def test_backgrounds():
         assert rgb[0, 1] == pytest.approx(behind)
         assert rgb[0, 0] == pytest.approx([0.5, 1.6, 3.0])  # the mirror shows the sky whatever stands behind the picture
         assert list(alpha[0]) == [1.0, 0.0]
+
+
+def test_opacity_lets_the_background_through_and_lowers_alpha():
+    """A ball that lets 0.4 straight through each of its faces: 0.16 of the background, and of the sky of 1 what its outside reflects."""
+    tables = make.scene([BALL], materials=[make.phong(0.6, transmission=0.4, ior=1.0)], lights=[SKY])
+    color = (0.25, 0.5, 0.75)
+    rgb, alpha = make.radiance(tables, make.rays((0.2, 0.1, 5), (0, 0, -1)), options(background=2, color=color, bounces=2))
+    # Its inside sees no sky, since what lets light through throws a full shadow.
+    assert rgb[0, 0] == pytest.approx([0.6 + 0.16 * c for c in color], rel=1e-9)
+    assert alpha[0, 0] == pytest.approx(1 - 0.16)
+
+
+def test_a_sphere_light_is_seen_from_inside_as_it_lights_there():
+    lamp = LightData(L.SPHERE, (2.0,) * 3, transform=1, size=(3.0, 0.0))
+    shape = (K.SPHERE, (3.0,), make.matrix((0, 0, 0.5)), 1)
+    tables = make.scene([BALL, shape], materials=[make.phong(1.0), emissive(2.0)], lights=[lamp], frame=make.matrix((0, 0, 0.5)))
+    ray = make.rays([[0, 0, 2], [0, 2, 2]], (0, 0, -1))
+    found = shown(_with_light(tables), ray, samples=512)
+    assert found[1, 0] == pytest.approx(2.0)
+    assert found[0, 0] == pytest.approx(2.0, rel=0.02)  # a furnace
+
+
+def test_mirrored_rays_do_not_enter_a_smooth_surface():
+    """Where an interpolated normal leans away, a grazing ray would be mirrored below the triangle; it leaves above it."""
+    lean = np.array([[0.8, 0.6, 0.0]] * 3)
+    triangle = MeshData(np.array([[-50.0, 0, 50], [50, 0, 50], [0, 0, -50]]), [[0, 1, 2]], normals=MeshAttribute(lean))
+    below = (K.PLANE, (), make.matrix((0, -1, 0)), 1)
+    tables = make.scene([below], [(triangle, make.matrix(), 0)], [MIRROR, emissive(9.0)], [SKY])
+    assert shown(tables, make.rays((-1, 0.5, 0), (1, -0.5, 0)), bounces=1)[0] == pytest.approx([0.5, 0.8, 1.0])
 
 
 # --- numpy and kernels ---

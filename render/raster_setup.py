@@ -28,6 +28,7 @@ class Model(NamedTuple):
 
     positions: NDArray[np.float64]  # (v, 4) homogeneous, in the shape's frame, relative to the mesh's origin
     triangles: NDArray[np.int32]  # (t, 3)
+    order: NDArray[np.int32]  # (t,) the rows of each shape's triangles, neighbours after one another
     parts: NDArray[np.int32]  # (t,) the shape's part that a triangle stands for; a mesh's triangle: its own row
     matrix: NDArray[np.float64]  # (instances, 5, 4) to clip space
     planes: NDArray[np.float64]  # (p, 5) what clip space is cut by; inside is >= 0
@@ -38,7 +39,7 @@ class Clusters(NamedTuple):
     """Runs of neighbouring triangles (or of polygons) of one instance that may be seen, nearest first."""
 
     instance: NDArray[np.int32]
-    first: NDArray[np.int32]  # row of Model.triangles, or of Polygons
+    first: NDArray[np.int32]  # row of Model.order, or of Polygons
     count: NDArray[np.int32]
     polygons: NDArray[np.bool_]  # what first and count count
     box: NDArray[np.int32]  # (n, 4) pixels x0 <= x < x1, y0 <= y < y1 they lie in
@@ -64,12 +65,25 @@ def model(tables: ir.Tables, view: View, shells: dict[int, Tessellation]) -> tup
             vertices += len(shell.positions)
             count += len(shell.triangles)
         ranges[instance] = placed[id(shell)]
-    matrix = clip_matrices(tables, view)
+    points, corners = np.concatenate(positions), np.concatenate(triangles)
+    order = np.arange(len(corners), dtype=np.int32)
+    for first, number in np.unique(ranges[ranges[:, 1] > CLUSTER], axis=0):
+        order[first : first + number] = first + neighbours(points[corners[first : first + number], :3].mean(axis=1))
     made = Model(
-        np.concatenate(positions), np.concatenate(triangles), np.concatenate(parts), matrix, clip_planes(tables, view),
+        points, corners, order, np.concatenate(parts), clip_matrices(tables, view), clip_planes(tables, view),
         bool(tables.cameras.projection[view.camera] == ir.Projection.PERSPECTIVE),
     )  # fmt: skip
     return made, ranges
+
+
+def neighbours(points: NDArray[np.float64]) -> NDArray[np.intp]:
+    """The order of (n, 3) points along a Z-curve of 1024 cells an axis (Morton, 1966), so that runs of them lie close together."""
+    low = points.min(axis=0)
+    size = float((points.max(axis=0) - low).max())
+    cell = ((points - low) * (1023.0 / size if size > 0 else 0.0)).astype(np.int64)
+    for shift, mask in ((16, 0x030000FF), (8, 0x0300F00F), (4, 0x030C30C3), (2, 0x09249249)):
+        cell = (cell | (cell << shift)) & mask
+    return np.argsort(cell[:, 0] | (cell[:, 1] << 1) | (cell[:, 2] << 2), kind="stable")
 
 
 def clip_matrices(tables: ir.Tables, view: View) -> NDArray[np.float64]:
@@ -145,12 +159,14 @@ def _bounds(made, polygons, keys, starts, boxes):
         for c in range(starts[m], starts[m + 1]):
             first = keys[m, 0] + (c - starts[m]) * CLUSTER
             last = min(first + CLUSTER, keys[m, 0] + keys[m, 1])
-            if keys[m, 2]:
+            by_polygon = keys[m, 2] != 0
+            if by_polygon:
                 last = polygons.first_triangle[last - 1] + polygons.triangle_count[last - 1]
                 first = polygons.first_triangle[first]
             boxes[c, :3] = np.inf
             boxes[c, 3:] = -np.inf
-            for triangle in range(first, last):
+            for item in range(first, last):
+                triangle = item if by_polygon else made.order[item]
                 for corner in range(3):
                     row = made.triangles[triangle, corner]
                     endless = made.positions[row, 3] != 1.0

@@ -96,7 +96,8 @@ def draw(made, clusters, chosen, tile, how, scratch):
     `made`, `clusters` and `scratch` are handles.
     """
     for c in chosen:
-        draw_triangles(made, clusters.instance[c], clusters.first[c], clusters.first[c] + clusters.count[c], tile, how, scratch)
+        for item in range(clusters.first[c], clusters.first[c] + clusters.count[c]):
+            draw_triangle(made, clusters.instance[c], made.order[item], tile, how, scratch)
 
 
 @kernel
@@ -107,23 +108,24 @@ def draw_whole(made, clusters, chosen, tables, flat, tile, scratch):
         for polygon in range(first, last):
             if not (flat[polygon] and draw_polygon(made, tables, instance, polygon, tile, scratch)):
                 start = tables.polygons.first_triangle[polygon]
-                draw_triangles(made, instance, start, start + tables.polygons.triangle_count[polygon], tile, fill.SCANLINE, scratch)
+                for triangle in range(start, start + tables.polygons.triangle_count[polygon]):
+                    draw_triangle(made, instance, triangle, tile, fill.SCANLINE, scratch)
 
 
 @kernel
-def draw_triangles(made, instance, first, last, tile, how, scratch):
-    """Clip, project, snap and fill triangles first … last - 1."""
+def draw_triangle(made, instance, triangle, tile, how, scratch):
+    """Clip, project, snap and fill one triangle."""
     room = scratch.room
-    for triangle in range(first, last):
-        for k in range(3):
-            to_clip(made.matrix, instance, made.positions, made.triangles[triangle, k], room.corners, k)
-        count = clipped(made.planes, room)
-        if count < 3 or not key_plane(room.corners, tile, made.perspective, room.plane, 0):
-            continue
-        if not snapped(room.first, count, made.perspective, room, 0):
-            continue
-        for k in range(1, count - 1):
-            fill_triangle(0, k, k + 1, instance, triangle, tile, how, scratch)
+    for k in range(3):
+        to_clip(made.matrix, instance, made.positions, made.triangles[triangle, k], room.corners, k)
+    count = clipped(made.planes, room)
+    if count < 3 or not snapped(room.first, count, made.perspective, room, 0):
+        return
+    x0, y0, x1, y1 = pixel_box(room, count, scratch.samples.reach, tile)
+    if x0 >= x1 or y0 >= y1 or not key_plane(room.corners, tile, made.perspective, room.plane, 0):
+        return
+    for k in range(1, count - 1):
+        fill_triangle(0, k, k + 1, instance, triangle, tile, how, scratch)
 
 
 @helper
@@ -193,6 +195,17 @@ def pixel_range(low: int, high: int, reach: int, start: int, end: int) -> tuple[
     first = -((fill.HALF + reach - low) // fill.ONE)
     last = (high - fill.HALF + reach) // fill.ONE
     return max(first, start) - start, min(last + 1, end) - start
+
+
+@helper
+def pixel_box(room: Room, count: int, reach: int, tile: Tile) -> tuple[int, int, int, int]:
+    """x0, y0, x1, y1 of the tile's pixels whose samples the first `count` corners of room.x and room.y may surround."""
+    x0, y0, x1, y1 = room.x[0], room.y[0], room.x[0], room.y[0]
+    for k in range(1, count):
+        x0, y0, x1, y1 = min(x0, room.x[k]), min(y0, room.y[k]), max(x1, room.x[k]), max(y1, room.y[k])
+    i0, i1 = pixel_range(x0, x1, reach, tile.x0, tile.x1)
+    j0, j1 = pixel_range(y0, y1, reach, tile.y0, tile.y1)
+    return i0, j0, i1, j1
 
 
 @helper
@@ -329,8 +342,7 @@ def fill_polygon(tables: ir.Tables, instance: int, polygon: int, corners: int, t
     room, samples = scratch.room, scratch.samples
     loops, first_loop = tables.pools.loops, tables.polygons.first_loop[polygon]
     first, count = tables.polygons.first_triangle[polygon], tables.polygons.triangle_count[polygon]
-    x0, x1 = pixel_range(room.x[:corners].min(), room.x[:corners].max(), samples.reach, tile.x0, tile.x1)
-    y0, y1 = pixel_range(room.y[:corners].min(), room.y[:corners].max(), samples.reach, tile.y0, tile.y1)
+    x0, y0, x1, y1 = pixel_box(room, corners, samples.reach, tile)
     found, line = 0, room.y[:corners].min() - 1
     for j in range(y0, y1):
         for s in range((j * samples.columns + x0) * samples.count, (j * samples.columns + x1) * samples.count):

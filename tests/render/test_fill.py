@@ -111,7 +111,7 @@ def test_scanline_covers_polygons_with_holes_as_their_triangulation_does(seed):
     triangles = points[mapbox_earcut.triangulate_float64(points.astype(np.float64), ends).reshape(-1, 3)].reshape(-1, 6)
     grid = np.stack(np.meshgrid(np.arange(-5000, 5000, 131), np.arange(-5000, 5000, 127)), axis=-1).reshape(-1, 2)
     samples = np.concatenate([grid, points, points + [1, 0], points - [1, 0]])
-    owners = sum(covered(fill.EDGES, t[None], samples[None])[0].astype(int) for t in triangles)
+    owners = np.sum([covered(fill.EDGES, t[None], samples[None])[0] for t in triangles], axis=0)
     assert owners.max() == 1  # no sample of an inner edge belongs to two triangles
     x, y = points[:, 0].copy(), points[:, 1].copy()
     sorted_x = np.empty(len(points), np.int64)

@@ -86,7 +86,7 @@ def test_closed_meshes_cover_each_sample_once_a_layer(total):
     for triangle in range(ranges[0, 0], ranges[0].sum()):
         scratch = visibility.scratch_for(tile, total, 128 if total > 1 else 0, visibility.room_for(scene))
         scratch.samples.x[:], scratch.samples.y[:] = placed.x, placed.y
-        visibility.draw_triangles(made, 0, triangle, triangle + 1, tile, 0, Handle(scratch))
+        visibility.draw_triangle(made, 0, triangle, tile, 0, Handle(scratch))
         covered += scratch.seen.instance >= 0
     assert set(np.unique(covered)) == {0, 2}
 

@@ -102,9 +102,9 @@ SCENES: dict[str, Callable[[], ir.Tables]] = {
 
 def interior(*maps: np.ndarray) -> np.ndarray:
     """Pixels whose eight neighbours show the same in every map."""
-    same = np.zeros(maps[0].shape, bool)
+    h, w = maps[0].shape[:2]
+    same = np.zeros((h, w), bool)
     same[1:-1, 1:-1] = True
-    h, w = same.shape
     for ids in maps:
         for dj in (-1, 0, 1):
             for di in (-1, 0, 1):

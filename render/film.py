@@ -64,9 +64,9 @@ def tiles(crop: tuple[int, int, int, int]) -> list[Tile]:
     """The tiles of a crop, from the middle outwards."""
     x0, y0, x1, y1 = crop
     every = [Tile(x, y, min(x + TILE, x1), min(y + TILE, y1)) for y in range(y0, y1, TILE) for x in range(x0, x1, TILE)]
-    middle = np.array([x0 + x1, y0 + y1])
-    distance = [float(np.sum((np.array([t.x0 + t.x1, t.y0 + t.y1]) - middle) ** 2)) for t in every]
-    return [every[i] for i in np.argsort(distance, kind="stable")]
+    corners = np.array(every)
+    away = (corners[:, 0] + corners[:, 2] - x0 - x1) ** 2 + (corners[:, 1] + corners[:, 3] - y0 - y1) ** 2
+    return [every[i] for i in np.argsort(away, kind="stable")]
 
 
 @dataclass(eq=False)

@@ -162,12 +162,15 @@ def direct_light(
     total = lanes.mul(shader.ambient, lights.ambient(tables))
     matt = lanes.largest(shader.diffuse) + lanes.largest(shader.specular) > 0.0
     active = active & matt
+    middle = lanes.full_like(point.offset, 0.5)
     for light in range(len(tables.lights.kind)):
         kind = tables.lights.kind[light]
         if kind == lights.AMBIENT:
             continue
         dimension = (key * _LIGHTS + light) * 2 + 2
-        u, v = sampler.pair(pixel, sample, dimension, options.seed)
+        u, v = middle, middle
+        if lights.is_soft(tables, light):
+            u, v = sampler.pair(pixel, sample, dimension, options.seed)
         if kind in (lights.SKY, lights.DOME):
             direction = lights.cosine_sample(point.normal, u, v)[0]
             given = lanes.mul(shader.diffuse, lights.sky_radiance(tables, light, direction))

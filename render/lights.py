@@ -51,6 +51,15 @@ def sample(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) -> Arriv
 
 
 @helper
+def is_soft(tables: Tables, light: int) -> bool:
+    """Whether a light has an extent, so that it is sampled with random numbers."""
+    kind = tables.lights.kind[light]
+    if kind in (POINT, SPOT, DIRECTIONAL, AMBIENT):
+        return False
+    return kind != SUN or tables.lights.angle[light] > 0.0
+
+
+@helper
 def falloff(kind: int, a: float, b: float, c: float, distance: Lane) -> Lane:
     """What is left of intensity at a distance in metres: 1/d², the classic polynomial, or the ramp."""
     if kind == POLYNOMIAL:
@@ -200,6 +209,15 @@ def background(tables: Tables, direction: Vec) -> tuple[Vec, bool]:
             total = lanes.add(total, sky_radiance(tables, light, direction))
             there = True
     return total, there
+
+
+@helper
+def has_ambient(tables: Tables) -> bool:
+    """Whether any light is ambient."""
+    found = False
+    for light in range(len(tables.lights.kind)):
+        found = found or tables.lights.kind[light] == AMBIENT
+    return found
 
 
 @helper

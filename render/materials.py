@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 from ..compiler import ir
-from . import lanes, textures
+from . import lanes, lights, textures
 from .kernels import helper
 from .records import Lane, Surface, Tables, Vec
 
@@ -49,8 +49,12 @@ class Shader(NamedTuple):
 def at(tables: Tables, surface: Surface) -> Shader:
     """The material of a surface where it is."""
     model = tables.materials.model[surface.material]
+    zero = lanes.full_like(surface.offset, 0.0)
+    ambient = (zero, zero, zero)
+    if lights.has_ambient(tables):
+        ambient = lanes.mul(color_of(tables, surface, AMBIENT), surface.color)
     return Shader(
-        lanes.mul(color_of(tables, surface, AMBIENT), surface.color),
+        ambient,
         lanes.mul(color_of(tables, surface, DIFFUSE), surface.color),
         color_of(tables, surface, SPECULAR),
         color_of(tables, surface, SHININESS)[0],

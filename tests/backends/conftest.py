@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from maquette.compiler import ir, load
 from maquette.compiler import plan as planner
 from maquette.lang.diagnostics import Diagnostics

@@ -73,7 +73,8 @@ DIRECT = {  # what every backend draws whole
     "textures": CAMERA + FLOOR + LAMP + (
         'sphere(0.6, center: [-1, 0.6, 0], material: lambert(image("a.exr")))\n'
         'box(0.9, center: [0.4, 0.45, 0.4], rotate: [0, 30deg, 0], material: blinn_phong(image("a.exr", mapping: "net"), specular: 0.3))\n'
-        'torus(0.5, 0.2, center: [1.4, 0.5, -0.5], rotate: [60deg, 0, 0], material: lambert(image("a.exr", mapping: "latlong", scale: 2)))\n'
+        "torus(0.5, 0.2, center: [1.4, 0.5, -0.5], rotate: [60deg, 0, 0], "
+        'material: lambert(image("a.exr", mapping: "latlong", scale: 2)))\n'
         'cylinder(0.3, 0.8, center: [0, 0.4, -1], material: lambert(stripes(#ff0000, #0000ff, size: 10cm, angle: 30deg)))\n'
     ),
     "instances": CAMERA + FLOOR + LAMP + (
@@ -84,12 +85,14 @@ DIRECT = {  # what every backend draws whole
     ),
     "hard lights": CAMERA + FLOOR + SHAPES + (
         "point([3, 5, 4], intensity: 20, color: #ffd0a0)\nspot([-2, 4, 3], look_at: [0, 0.4, 0], cone: 20deg, soft: 6deg, intensity: 60)\n"
-        "directional(from: [1, 2, -1], illuminance: 0.8, color: #a0c0ff)\npoint([0, 3, 0], intensity: 6, falloff: [0.5, 0.3, 0.2], shadows: false)\n"
+        "directional(from: [1, 2, -1], illuminance: 0.8, color: #a0c0ff)\n"
+        "point([0, 3, 0], intensity: 6, falloff: [0.5, 0.3, 0.2], shadows: false)\n"
         "point([-3, 2, 1], intensity: 2, falloff: ramp(1m, 6m))\nambient(#ffffff, luminance: 0.1)\n"
     ),
     "gouraud": CAMERA + FLOOR + LAMP + WAVE + (
-        'mesh(points: grid, faces: quads, normals: grid, material: blinn_phong(#d08040, specular: 0.6, shininess: 12, shading: "gouraud"))\n'
-        'sphere(0.5, center: [1.2, 1, -0.6], material: phong(#40a0d0, specular: 0.5, shining))\n'.replace("shining", 'shading: "gouraud"')
+        "mesh(points: grid, faces: quads, normals: grid, "
+        'material: blinn_phong(#d08040, specular: 0.6, shininess: 12, shading: "gouraud"))\n'
+        'sphere(0.5, center: [1.2, 1, -0.6], material: phong(#40a0d0, specular: 0.5, shading: "gouraud"))\n'
     ),
     "flat": CAMERA + FLOOR + LAMP + WAVE + (
         'mesh(points: grid, faces: quads, normals: grid, material: blinn_phong(#d08040, specular: 0.6, shininess: 12, shading: "flat"))\n'
@@ -113,7 +116,8 @@ SOFT = {  # sampled with random numbers
 RAYS = {  # reflected and refracted rays
     "glass": CAMERA + FLOOR + LAMP + (
         "sphere(0.6, center: [-0.7, 0.6, 0], material: glass(ior: 1.5))\nbox(0.8, center: [0.6, 0.4, 0.4], rotate: [0, 30deg, 0], "
-        "material: glass(#d0ffe0, ior: 1.4))\nsphere(0.3, center: [0, 0.3, -1], material: lambert(#d04040))\nsky(color: #a0c0ff, luminance: 0.5)\n"
+        "material: glass(#d0ffe0, ior: 1.4))\nsphere(0.3, center: [0, 0.3, -1], material: lambert(#d04040))\n"
+        "sky(color: #a0c0ff, luminance: 0.5)\n"
     ),
     "mirrors": CAMERA + FLOOR + LAMP + (
         "sphere(0.6, center: [-0.7, 0.6, 0], material: mirror(#ffe0c0))\nbox(0.8, center: [0.6, 0.4, 0.2], rotate: [0, 30deg, 0], "

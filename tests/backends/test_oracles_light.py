@@ -205,7 +205,7 @@ def test_the_shadow_of_a_disk_under_a_point_light(draw):
 
 
 def test_no_surface_shades_itself(draw):
-    """Far from the origin, where a fixed distance would be lost in rounding or be too long: all points of a ball that face the lamp are lit."""
+    """All points of a ball that face the lamp are lit; far from the origin, too, where a fixed distance would be lost in rounding."""
     for at in ([0, 0, 0], [1e5, 1e5, -1e5]):
         x, y, z = at
         text = (

@@ -159,21 +159,22 @@ def test_glass_in_a_furnace_shows_one(trace):
     assert grey(image).max() < 1 + 1e-6
 
 
+HOLLOW = (
+    "camera(position: [0.2, 0.1, 0.3], look_at: [1, 0.2, -0.4], fov: 60deg)\nsphere(2, material: lambert(0.6))\n"
+    "point([0, 0, 0], intensity: 5)\n"
+)
+
+
 @pytest.mark.parametrize("bounces", [0, 1, 3])
 def test_light_between_the_walls_of_a_hollow_sphere(trace, bounces):
     """A lamp of intensity I in the middle: every wall shows ρI/(πR²) directly and ρᵏ of that after each further bounce."""
-    text = (
-        "camera(position: [0.2, 0.1, 0.3], look_at: [1, 0.2, -0.4], fov: 60deg)\nsphere(2, material: lambert(0.6))\n"
-        "point([0, 0, 0], intensity: 5)\n"
-    )
     direct = 0.6 * 5 / (math.pi * 4)
     expected = direct * (1 - 0.6 ** (bounces + 1)) / (1 - 0.6)
-    assert np.allclose(grey(trace(text, size=(16, 16), bounces=bounces)), expected, rtol=1e-6)
+    assert np.allclose(grey(trace(HOLLOW, size=(16, 16), bounces=bounces)), expected, rtol=1e-6)
 
 
 def test_interreflection_is_a_decision_that_can_be_overruled(trace):
-    text = "camera(position: [0.2, 0.1, 0.3], look_at: [1, 0.2, -0.4], fov: 60deg)\nsphere(2, material: lambert(0.6))\npoint([0, 0, 0], intensity: 5)\n"
-    without = trace(text, {"interreflection": "off"}, size=(16, 16), bounces=3)
+    without = trace(HOLLOW, {"interreflection": "off"}, size=(16, 16), bounces=3)
     assert np.allclose(grey(without), 0.6 * 5 / (math.pi * 4), rtol=1e-6)
 
 

@@ -22,9 +22,8 @@ def _same(a, b) -> None:
 def test_a_tree_or_every_primitive(draw_on, name):
     """The tree only leaves out what a ray cannot meet."""
     for backend in ("ray", "raster"):
-        tree, brute = (
-            draw_on(backend, scenes.DIRECT[name], {"accelerator": how}, samples=2, aov=("depth", "normal", "id")) for how in ("bvh", "brute")
-        )
+        text, channels = scenes.DIRECT[name], ("depth", "normal", "id")
+        tree, brute = (draw_on(backend, text, {"accelerator": how}, samples=2, aov=channels) for how in ("bvh", "brute"))
         _same(tree, brute)
 
 

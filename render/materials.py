@@ -84,14 +84,22 @@ def color_of(tables: Tables, surface: Surface, slot: int) -> Vec:
 def reflected(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
     """What of a light's I = E⊥/π goes to the viewer; all directions unit and away from the surface."""
     cosine = lanes.dot(normal, to_light)
-    lit = cosine > 0.0
+    light = lanes.scale(shader.diffuse, lanes.maximum(cosine, 0.0))
+    shiny = (cosine > 0.0) & (lanes.largest(shader.specular) > 0.0)
+    if lanes.any_lane(shiny):
+        lobe = lanes.where(shiny, _lobe(shader, normal, to_light, to_viewer, cosine), 0.0)
+        light = lanes.add(light, lanes.scale(shader.specular, lobe))
+    return light
+
+
+@helper
+def _lobe(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec, cosine: Lane) -> Lane:
+    """The highlight's strength, for a light on this side of the surface."""
     mirrored = lanes.sub(lanes.scale(normal, 2.0 * cosine), to_light)
     half = lanes.normalize(lanes.add(to_light, to_viewer))
     base = lanes.where(shader.blinn, lanes.dot(normal, half), lanes.dot(mirrored, to_viewer))
-    n = shader.shininess
-    lobe = lanes.where(lit & (base > 0.0), lanes.power(lanes.maximum(base, 1e-300), n), 0.0)
-    lobe = lobe * lanes.where(shader.normalized, lobe_scale(shader.blinn, n) * cosine, 1.0)
-    return lanes.add(lanes.scale(shader.diffuse, lanes.maximum(cosine, 0.0)), lanes.scale(shader.specular, lobe))
+    lobe = lanes.where(base > 0.0, lanes.power(lanes.maximum(base, 1e-300), shader.shininess), 0.0)
+    return lobe * lanes.where(shader.normalized, lobe_scale(shader.blinn, shader.shininess) * cosine, 1.0)
 
 
 @helper

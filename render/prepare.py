@@ -116,6 +116,7 @@ class _Shapes:
     def __init__(self, tables: ir.Tables, view: View, pixels: float) -> None:
         self.tables = tables
         self.tolerances = object_tolerances(tables, view, pixels)
+        self.eye = tables.transforms.matrix[tables.cameras.transform[view.camera], :, 3]
         self._made: dict[tuple[int, float], tessellate.Tessellation] = {}
 
     def key(self, instance: int) -> tuple[int, float]:
@@ -125,9 +126,11 @@ class _Shapes:
 
     def of(self, instance: int) -> tessellate.Tessellation:
         """The tessellation of one instance, in its own frame; not of an endless quadric."""
-        key = self.key(instance)
+        key, geometries = self.key(instance), self.tables.geometries
+        if geometries.kind[key[0]] == ir.GeometryKind.PLANE:  # its middle lies below the eye
+            x, _, z = self.tables.transforms.inverse[self.tables.instances.transform[instance]] @ [*self.eye, 1.0]
+            return tessellate.plane(float(x), float(z))
         if key not in self._made:
-            geometries = self.tables.geometries
             self._made[key] = tessellate.tessellate(int(geometries.kind[key[0]]), geometries.parameters[key[0]], key[1])
         return self._made[key]
 

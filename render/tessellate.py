@@ -244,9 +244,12 @@ def rectangle(x: float, z: float) -> Tessellation:
     return _finite(positions, _HALVES, np.tile([0.0, 1.0, 0.0], (4, 1)))
 
 
-def plane() -> Tessellation:
-    """y = 0 as four triangles from the origin to points at infinity, which homogeneous clipping cuts exactly."""
-    ways = np.array([[0, 0, 0, 1], [1, 0, 0, 0], [0, 0, 1, 0], [-1, 0, 0, 0], [0, 0, -1, 0]], np.float64)
+def plane(x: float = 0.0, z: float = 0.0) -> Tessellation:
+    """y = 0 as four triangles from (x, 0, z) to points at infinity, which homogeneous clipping cuts exactly.
+
+    A middle far from the eye costs digits: clipping then takes the difference of large numbers.
+    """
+    ways = np.array([[x, 0, z, 1], [1, 0, 0, 0], [0, 0, 1, 0], [-1, 0, 0, 0], [0, 0, -1, 0]], np.float64)
     triangles = np.array([[0, 2, 1], [0, 3, 2], [0, 4, 3], [0, 1, 4]], np.int32)
     return Tessellation(ways, triangles, np.tile([0.0, 1.0, 0.0], (5, 1)), np.zeros((5, 2)), np.zeros(4, np.int32))
 

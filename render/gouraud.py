@@ -33,7 +33,7 @@ def vertex_light(tables: Tables, packed: Any, accel: Any, options: Options, view
     half = max(int(counts.sum()), 1)
     light = GouraudLight(first, np.zeros((2 * half, 3)))
     samples = SOFT_SAMPLES if np.isin(tables.lights.kind, SOFT).any() else 1
-    run = _in_kernel if isinstance(packed, Handle) else _in_numpy
+    run: Any = _in_kernel if isinstance(packed, Handle) else _in_numpy
     for i in np.flatnonzero(shaded):
         corners = _a_corner_of_each_vertex(tables, int(g[i]))
         for side, start in ((1.0, first[i]), (-1.0, half + first[i])):

@@ -54,6 +54,16 @@ def facing(position: Sequence[float], at: Sequence[float]) -> np.ndarray:
     return matrix(position, np.stack([x, y, np.cross(x, y)], axis=1))
 
 
+def grey(value: float) -> tuple[float, float, float]:
+    """The same number for red, green and blue."""
+    return (value, value, value)
+
+
+def mesh(positions: Any, triangles: Any, **attributes: Any) -> MeshData:
+    """A mesh from anything that makes arrays."""
+    return MeshData(np.asarray(positions, float), np.asarray(triangles, np.int64), **attributes)
+
+
 def scene(
     shapes: Sequence[tuple[ir.GeometryKind, Sequence[float], np.ndarray, int]] = (),
     meshes: Sequence[tuple[MeshData, np.ndarray, int]] = (),

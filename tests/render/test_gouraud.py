@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.compiler.rows import CameraData, LightData, MeshAttribute, MeshData
+from maquette.compiler.rows import CameraData, LightData, MeshAttribute
 from maquette.render import bvh, gouraud, trace
 from maquette.render.handles import Handle
 from maquette.render.records import View
@@ -24,12 +24,12 @@ def strip():
     """A flat strip from x = −1 to 1 whose normals lean out by 30° at its ends."""
     corners = np.array([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]], float)
     normals = SLOPES[[0, 1, 1, 0]]
-    return MeshData(corners, [[0, 1, 2], [0, 2, 3]], normals=MeshAttribute(normals))
+    return make.mesh(corners, [[0, 1, 2], [0, 2, 3]], normals=MeshAttribute(normals))
 
 
 def scene(material, mesh=None, frame=OVERHEAD):
     camera = CameraData(transform=1, extent=1.0, projection=ir.Projection.ORTHOGRAPHIC)
-    sun = LightData(ir.LightKind.DIRECTIONAL, (math.pi,) * 3, direction=(0.0, 1.0, 0.0))
+    sun = LightData(ir.LightKind.DIRECTIONAL, make.grey(math.pi), direction=(0.0, 1.0, 0.0))
     return make.scene(meshes=[(mesh or strip(), make.matrix(), 0)], materials=[material], lights=[sun], camera=camera, frame=frame)
 
 
@@ -57,7 +57,7 @@ def test_a_highlight_between_vertices_is_lost():
 
 def test_kernels_and_numpy_compute_the_same_light_at_vertices():
     rng = np.random.default_rng(4)
-    bumps = MeshData(rng.normal(size=(30, 3)), rng.integers(0, 30, (40, 3)))
+    bumps = make.mesh(rng.normal(size=(30, 3)), rng.integers(0, 30, (40, 3)))
     tables = scene(make.phong(0.5, 0.5, 9.0, shading=ir.Shading.GOURAUD), bumps)
     one = gouraud.vertex_light(tables, tables, trace.Brute(), make.OPTIONS, VIEW)
     packed, tree = Handle(tables), Handle(bvh.build(tables))
@@ -74,10 +74,10 @@ def test_only_meshes_shaded_at_vertices_have_light_there():
 
 
 def test_shadows_fall_on_vertices():
-    roof = MeshData(np.array([[-3, 2, 3], [0, 2, 3], [0, 2, -3], [-3, 2, -3]], float), [[0, 1, 2], [0, 2, 3]])
+    roof = make.mesh(np.array([[-3, 2, 3], [0, 2, 3], [0, 2, -3], [-3, 2, -3]], float), [[0, 1, 2], [0, 2, 3]])
     material = make.phong(1.0, shading=ir.Shading.GOURAUD)
     camera = CameraData(transform=1, extent=1.0, projection=ir.Projection.ORTHOGRAPHIC)
-    sun = LightData(ir.LightKind.DIRECTIONAL, (math.pi,) * 3, direction=(0.0, 1.0, 0.0))
+    sun = LightData(ir.LightKind.DIRECTIONAL, make.grey(math.pi), direction=(0.0, 1.0, 0.0))
     frame = make.looking((0, 1, 40), (0, 1, 0))
     tables = make.scene(
         meshes=[(strip(), make.matrix(), 0), (roof, make.matrix(), 1)], materials=[material, make.phong(0.0)],
@@ -91,7 +91,7 @@ def test_shadows_fall_on_vertices():
 def test_a_vertex_on_the_outline_is_lit_from_outside_for_triangles_that_show_it():
     """Two faces of a ridge meet at an edge; seen along one of them, its vertices' light must be that of the outside all the same."""
     positions = np.array([[-1, 0, 1], [0, 1, 1], [1, 0, 1], [-1, 0, -1], [0, 1, -1], [1, 0, -1]], float)
-    ridge = MeshData(positions, [[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])  # counter-clockwise from above
+    ridge = make.mesh(positions, [[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])  # counter-clockwise from above
     frame = make.looking((30, 5, 0), (0, 0, 0))
     tables = scene(make.phong(1.0, shading=ir.Shading.GOURAUD), ridge, frame)
     light = gouraud.vertex_light(tables, tables, trace.Brute(), make.OPTIONS, VIEW)
@@ -100,14 +100,14 @@ def test_a_vertex_on_the_outline_is_lit_from_outside_for_triangles_that_show_it(
 
 
 def test_soft_lights_are_averaged_at_vertices():
-    """A unit square 40 m above: I = cos / (π d²) but for a share of some 1/40², and the mean of its samples is that."""
+    """A unit square 40 m above gives I = cos θ₁ cos θ₂ / (π d²) but for a share of some 1/40²; the mean of the samples is that."""
     camera = CameraData(transform=1, extent=1.0)
     tables = make.scene(
         meshes=[(strip(), make.matrix(), 0)], materials=[make.phong(0.6, shading=ir.Shading.GOURAUD)],
-        lights=[LightData(ir.LightKind.RECTANGLE, (1.0,) * 3, transform=1, size=(0.5, 0.5))], camera=camera,
+        lights=[LightData(ir.LightKind.RECTANGLE, make.grey(1.0), transform=1, size=(0.5, 0.5))], camera=camera,
         frame=make.facing((0, 40, 0), (0, 0, 0)),
     )  # fmt: skip
     light = gouraud.vertex_light(tables, tables, trace.Brute(), make.OPTIONS, VIEW)
     d = math.hypot(40, math.sqrt(2))
-    expected = 0.6 / math.pi / d**2
-    assert light.color[:4, 0] == pytest.approx(expected * math.cos(TILT), rel=2e-3)
+    cosine = (40 * math.cos(TILT) - math.sin(TILT)) / d  # the normals lean away from the lamp
+    assert light.color[:4, 0] == pytest.approx(0.6 / math.pi * cosine * (40 / d) / d**2, rel=2e-3)

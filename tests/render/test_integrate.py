@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.compiler.rows import Input, LightData, MaterialData, MeshAttribute, MeshData
+from maquette.compiler.rows import Input, LightData, MaterialData, MeshAttribute
 
 from . import tables as make
 
@@ -16,7 +16,7 @@ L = ir.LightKind
 Slot = ir.Slot
 WHITE = (1.0, 1.0, 1.0)
 SKY = LightData(L.SKY, WHITE)
-SUN = LightData(L.DIRECTIONAL, (math.pi,) * 3, direction=(0.0, 1.0, 0.0))
+SUN = LightData(L.DIRECTIONAL, make.grey(math.pi), direction=(0.0, 1.0, 0.0))
 BALL = (K.SPHERE, (1.0,), make.matrix(), 0)
 FLOOR = (K.PLANE, (), make.matrix(), 0)
 MIRROR = MaterialData(ir.MaterialModel.MIRROR, {Slot.REFLECTION: Input((0.5, 0.8, 1.0))})
@@ -160,7 +160,7 @@ def test_shadows_and_their_switches():
     tables = make.scene([FLOOR, roof], materials=[make.phong(0.5)], lights=[SUN])
     assert shown(tables, ray)[:, 0] == pytest.approx([0.0, 0.5], abs=1e-12)
     assert shown(tables, ray, shadows=False)[:, 0] == pytest.approx([0.5, 0.5])
-    always = LightData(L.DIRECTIONAL, (math.pi,) * 3, direction=(0.0, 1.0, 0.0), shadows=False)
+    always = LightData(L.DIRECTIONAL, make.grey(math.pi), direction=(0.0, 1.0, 0.0), shadows=False)
     assert shown(make.scene([FLOOR, roof], materials=[make.phong(0.5)], lights=[always]), ray)[:, 0] == pytest.approx([0.5, 0.5])
 
 
@@ -184,7 +184,7 @@ def test_nothing_shadows_itself_near_or_far(scale):
 
 def test_area_lights_are_seen_by_the_eye_and_counted_once_by_walls():
     """A wall under an area light in a closed room without albedo elsewhere: diffuse rays that meet the lamp add nothing again."""
-    lamp = LightData(L.RECTANGLE, (4.0,) * 3, transform=1, size=(0.5, 0.5))
+    lamp = LightData(L.RECTANGLE, make.grey(4.0), transform=1, size=(0.5, 0.5))
     frame = make.facing((0, 1, 0), (0, 0, 0))
     tables = make.scene([FLOOR], materials=[make.phong(0.8)], lights=[lamp], frame=frame)
     shape = (K.RECTANGLE, (0.5, 0.5), frame, 1)
@@ -231,7 +231,7 @@ def test_opacity_lets_the_background_through_and_lowers_alpha():
 
 
 def test_a_sphere_light_is_seen_from_inside_as_it_lights_there():
-    lamp = LightData(L.SPHERE, (2.0,) * 3, transform=1, size=(3.0, 0.0))
+    lamp = LightData(L.SPHERE, make.grey(2.0), transform=1, size=(3.0, 0.0))
     shape = (K.SPHERE, (3.0,), make.matrix((0, 0, 0.5)), 1)
     tables = make.scene([BALL, shape], materials=[make.phong(1.0), emissive(2.0)], lights=[lamp], frame=make.matrix((0, 0, 0.5)))
     ray = make.rays([[0, 0, 2], [0, 2, 2]], (0, 0, -1))
@@ -243,7 +243,7 @@ def test_a_sphere_light_is_seen_from_inside_as_it_lights_there():
 def test_mirrored_rays_do_not_enter_a_smooth_surface():
     """Where an interpolated normal leans away, a grazing ray would be mirrored below the triangle; it leaves above it."""
     lean = np.array([[0.8, 0.6, 0.0]] * 3)
-    triangle = MeshData(np.array([[-50.0, 0, 50], [50, 0, 50], [0, 0, -50]]), [[0, 1, 2]], normals=MeshAttribute(lean))
+    triangle = make.mesh(np.array([[-50.0, 0, 50], [50, 0, 50], [0, 0, -50]]), [[0, 1, 2]], normals=MeshAttribute(lean))
     below = (K.PLANE, (), make.matrix((0, -1, 0)), 1)
     tables = make.scene([below], [(triangle, make.matrix(), 0)], [MIRROR, emissive(9.0)], [SKY])
     assert shown(tables, make.rays((-1, 0.5, 0), (1, -0.5, 0)), bounces=1)[0] == pytest.approx([0.5, 0.8, 1.0])
@@ -260,14 +260,14 @@ def everything():
         MIRROR, glass(1.5, (0.9, 1.0, 0.8)), emissive(0.5), make.phong(0.8, model=ir.MaterialModel.LAMBERT),
     ]  # fmt: skip
     ball = (K.SPHERE, (0.6,))
-    kinds = [ball, (K.TORUS, (0.5, 0.2)), ball, ball, (K.CYLINDER, (0.3, 0.5, 1.0)), (K.BOX, (0.4,) * 3)]
+    kinds = [ball, (K.TORUS, (0.5, 0.2)), ball, ball, (K.CYLINDER, (0.3, 0.5, 1.0)), (K.BOX, (0.4, 0.4, 0.4))]
     shapes = [(*kind, make.matrix((1.5 * k - 3.7, 0.7, 0.2 * k), make.turn(0, 0.3 * k)), k) for k, kind in enumerate(kinds)]
     plate = {"transform": 1, "size": (0.4, 0.3)}
     lights = [
-        LightData(L.POINT, (5.0,) * 3, position=(2, 3, 3)), LightData(L.AMBIENT, (0.1,) * 3), SKY,
-        LightData(L.SPOT, (9.0,) * 3, position=(-2, 4, 2), direction=(0.4, -0.8, -0.4), cos_cone=0.7, cos_full=0.9),
-        LightData(L.SUN, (2.0,) * 3, direction=(0.6, 0.8, 0.0), angle=0.05), LightData(L.RECTANGLE, (3.0,) * 3, **plate),
-        LightData(L.DISK, (3.0,) * 3, **plate), LightData(L.SPHERE, (3.0,) * 3, **plate),
+        LightData(L.POINT, make.grey(5.0), position=(2, 3, 3)), LightData(L.AMBIENT, make.grey(0.1)), SKY,
+        LightData(L.SPOT, make.grey(9.0), position=(-2, 4, 2), direction=(0.4, -0.8, -0.4), cos_cone=0.7, cos_full=0.9),
+        LightData(L.SUN, make.grey(2.0), direction=(0.6, 0.8, 0.0), angle=0.05), LightData(L.RECTANGLE, make.grey(3.0), **plate),
+        LightData(L.DISK, make.grey(3.0), **plate), LightData(L.SPHERE, make.grey(3.0), **plate),
     ]  # fmt: skip
     frame = make.facing((0, 4, 1), (0, 0, 0))
     return make.scene([*shapes, (K.PLANE, (), make.matrix(), 5)], materials=materials, lights=lights, frame=frame)

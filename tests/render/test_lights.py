@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ WHITE = (1.0, 1.0, 1.0)
 UP = (0.0, 1.0, 0.0)
 
 
-def arriving(light, position, u=0.5, v=0.5, frame=None):
+def arriving(light, position, u: Any = 0.5, v: Any = 0.5, frame=None):
     """The only light of a scene at positions, as lanes."""
     tables = make.scene(lights=[light], frame=frame)
     u, v = np.broadcast_arrays(np.asarray(u, float), np.asarray(v, float))

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from maquette.compiler import ir
-from maquette.compiler.rows import MeshAttribute, MeshData
+from maquette.compiler.rows import MeshAttribute
 from maquette.render import integrate, lanes, surface, trace
 
 from . import tables as make
@@ -39,7 +39,7 @@ def vector(v):
 
 
 def mesh(**attributes):
-    return MeshData(TRIANGLE, [[0, 1, 2]], **attributes)
+    return make.mesh(TRIANGLE, [[0, 1, 2]], **attributes)
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -99,7 +99,7 @@ def test_a_mirrored_mesh_keeps_its_outside():
 )
 def test_attributes_are_interpolated_as_they_say(interpolation, values, expected):
     """The second of two meshes in the pools, so that every first row matters."""
-    other = MeshData(TRIANGLE + 50, [[0, 1, 2]], colors=MeshAttribute(np.zeros((1, 3)), By.FACE))
+    other = make.mesh(TRIANGLE + 50, [[0, 1, 2]], colors=MeshAttribute(np.zeros((1, 3)), By.FACE))
     given_ = mesh(colors=MeshAttribute(np.array(values), interpolation))
     tables = make.scene(meshes=[(other, make.matrix(), 0), (given_, make.matrix(), 0)])
     found, _ = at(tables, make.rays((0.5, 1, -1), (0, -1, 0)))
@@ -156,7 +156,7 @@ def test_rays_that_leave_do_not_meet_the_surface_again(shape, place):
     spot = np.array([0.7, -0.4, 1.1]) * place
     if shape == "mesh":
         corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], float)
-        solid = MeshData(corners, [[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
+        solid = make.mesh(corners, [[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
         tables = make.scene(meshes=[(solid, make.matrix(spot, size * make.turn(1, 0.3)), 0)])
     else:
         tables = make.scene([(*SHAPES[shape], make.matrix(spot, size * make.turn(1, 0.3)), 0)])

@@ -139,13 +139,13 @@ def test_cells_are_half_open_and_go_on_below_zero():
 
 def test_size_is_in_metres_along_the_surface():
     """0.5 m cells on a surface where u spans 2 m and v spans 1 m: borders at u = 0.25 and v = 0.5."""
-    texture = TextureData(CHECKER, color_a=(1.0,) * 3, color_b=(0.0,) * 3, size=0.5)
+    texture = TextureData(CHECKER, color_a=make.grey(1.0), color_b=make.grey(0.0), size=0.5)
     found = at(texture, [0.2, 0.3, 0.2, 0.3], [0.4, 0.4, 0.6, 0.6], metric=(2.0, 1.0))[:, 0]
     assert np.array_equal(found, [1, 0, 0, 1])
 
 
 def test_a_checker_on_a_plane_by_its_size():
-    texture = TextureData(CHECKER, color_a=(1.0,) * 3, color_b=(0.0,) * 3, size=0.25)
+    texture = TextureData(CHECKER, color_a=make.grey(1.0), color_b=make.grey(0.0), size=0.25)
     x = np.linspace(-3, 3, 40) + 1e-4
     origin = np.stack([x, 0 * x + 1, 0 * x - 0.1], axis=1)
     found = seen(texture, origin, (0, -1, 0), (K.PLANE, ()))[:, 0]

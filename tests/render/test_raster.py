@@ -300,3 +300,25 @@ def test_materials_the_rasterizer_simplifies_are_noted():
         ("raster draws glass without refraction: the sky straight behind it is seen", "materials", rows[1]),
         ("raster draws mirrors without other things in them: only the sky is reflected", "materials", rows[2]),
     ]
+
+
+@pytest.mark.parametrize("fill", ["edges", "scanline"])
+def test_nothing_to_draw_is_the_background(fill):
+    drawn = pictures.picture(
+        tables.scene(camera=EYE), overrides={"raster.fill": fill}, size=(1, 1), background=(0.25, 0.5, 0.75), aov=("depth", "id")
+    )
+    assert drawn.channels["rgba"].tolist() == [[[0.25, 0.5, 0.75, 0.0]]]
+    assert drawn.channels["depth"].tolist() == [[[math.inf]]]
+    assert drawn.channels["id"].tolist() == [[[-1.0, -1.0]]]
+
+
+def test_what_the_camera_may_not_see_is_not_drawn():
+    from maquette.compiler.build import SceneBuilder
+    from maquette.compiler.rows import InstanceData
+
+    builder = SceneBuilder()
+    material, shape = builder.material(lambert((1.0, 1.0, 1.0))), builder.geometry(K.SPHERE, [1.0])
+    for z, visible in ((-3.0, int(ir.Visibility.SHADOW)), (-6.0, int(ir.Visibility.CAMERA))):
+        builder.instance(InstanceData(shape, builder.transform(tables.matrix((0, 0, z))), material, visible=visible))
+    builder.camera(CameraData(0, 0.1))
+    assert (hits(builder.finish().tables).instance == 1).all()

@@ -151,7 +151,7 @@ def _course_material(name: str, lobe: str) -> Entry:
             Arg("normalized", "bool", False, "scales the lobe so that it conserves energy", keyword=True),
             _SHADING,
         ),
-        example=f'sphere(1, material: {name}(#d0402a, specular: 0.4, shininess: 60))',
+        example=f"sphere(1, material: {name}(#d0402a, specular: 0.4, shininess: 60))",
     )
 
 
@@ -239,7 +239,14 @@ SHAPES = (
         Arg("normals", "vectors3", None, "a normal for each vertex", keyword=True),
         Arg("uv", "vectors2", None, "texture coordinates for each vertex", keyword=True),
         Arg("colors", "vectors3", None, "a linear colour for each vertex", keyword=True),
-        Arg("height", "length", None, "scaled evenly to this height and set with its base at y = 0, its middle at x = z = 0", above=0.0, keyword=True),
+        Arg(
+            "height",
+            "length",
+            None,
+            "scaled evenly to this height and set with its base at y = 0, its middle at x = z = 0",
+            above=0.0,
+            keyword=True,
+        ),
         exclusive=(("file", "points"),),
         example='mesh("bunny.obj", height: 35cm)',
     ),
@@ -308,7 +315,9 @@ LIGHTS = (
         "parallel light from one direction",
         (
             Arg("from", "direction", (0.0, 1.0, 0.0), "where it comes from"),
-            Arg("illuminance", "illuminance", math.pi, "lux on a surface that faces it", aliases=("irradiance",), minimum=0.0, keyword=True),
+            Arg(
+                "illuminance", "illuminance", math.pi, "lux on a surface that faces it", aliases=("irradiance",), minimum=0.0, keyword=True
+            ),
             _SHADOWS,
             *_LIGHT,
         ),
@@ -319,7 +328,9 @@ LIGHTS = (
         "sunlight: parallel light from a small disk in the sky",
         (
             Arg("from", "direction", (1.0, 2.0, 1.5), "where it comes from"),
-            Arg("illuminance", "illuminance", math.pi, "lux on a surface that faces it", aliases=("irradiance",), minimum=0.0, keyword=True),
+            Arg(
+                "illuminance", "illuminance", math.pi, "lux on a surface that faces it", aliases=("irradiance",), minimum=0.0, keyword=True
+            ),
             Arg("angle", "angle", math.radians(0.53), "its angular diameter", minimum=0.0, maximum=math.pi / 2, keyword=True),
             _SHADOWS,
             *_LIGHT,
@@ -373,7 +384,13 @@ LIGHTS = (
 )
 
 MATERIALS = (
-    Entry("lambert", "material", "matt: L = ρE/π", (Arg("color", "color_map", (0.8, 0.8, 0.8), "albedo ρ"), _SHADING), example="lambert(#c9c4bb)"),
+    Entry(
+        "lambert",
+        "material",
+        "matt: L = ρE/π",
+        (Arg("color", "color_map", (0.8, 0.8, 0.8), "albedo ρ"), _SHADING),
+        example="lambert(#c9c4bb)",
+    ),
     _course_material("phong", "Phong model (lobe R·V)"),
     _course_material("blinn_phong", "Blinn-Phong model (lobe N·H)"),
     Entry("mirror", "material", "a perfect mirror", (Arg("color", "color_map", (1.0, 1.0, 1.0), "how much it reflects"),)),
@@ -407,7 +424,14 @@ TEXTURES = (
             Arg("file", "string", REQUIRED, "file of the picture, beside the scene"),
             Arg("wrap", "choice", "repeat", "what lies outside of it", choices=("repeat", "clamp", "mirror", "black"), keyword=True),
             Arg("filter", "choice", "linear", "between its pixels", choices=("linear", "nearest"), keyword=True),
-            Arg("space", "choice", "auto", "how its values are stored; auto: sRGB for colours, linear for numbers", choices=("auto", "srgb", "linear"), keyword=True),
+            Arg(
+                "space",
+                "choice",
+                "auto",
+                "how its values are stored; auto: sRGB for colours, linear for numbers",
+                choices=("auto", "srgb", "linear"),
+                keyword=True,
+            ),
             *_TEXTURE,
         ),
     ),
@@ -429,11 +453,26 @@ CAMERA = Entry(
         Arg("position", "point", REQUIRED, "where it is"),
         Arg("look_at", "point", (0.0, 0.0, 0.0), "what it is turned to"),
         Arg("up", "direction", (0.0, 1.0, 0.0), "what is up in the picture", keyword=True),
-        Arg("fov", "angle", None, "vertical field of view (40deg when nothing is given)", above=0.0, maximum=math.radians(179.9), keyword=True),
+        Arg(
+            "fov",
+            "angle",
+            None,
+            "vertical field of view (40deg when nothing is given)",
+            above=0.0,
+            maximum=math.radians(179.9),
+            keyword=True,
+        ),
         Arg("focal", "length", None, "focal length, with `film`", above=0.0, keyword=True),
         Arg("film", "size2", (0.036, 0.024), "width and height of the film, with `focal`", above=0.0, keyword=True),
         Arg("width", "length", None, "makes it orthographic, with this horizontal extent", above=0.0, keyword=True),
-        Arg("projection", "choice", None, "kind of picture; told from the rest when not given", choices=("perspective", "orthographic", "panoramic"), keyword=True),
+        Arg(
+            "projection",
+            "choice",
+            None,
+            "kind of picture; told from the rest when not given",
+            choices=("perspective", "orthographic", "panoramic"),
+            keyword=True,
+        ),
         Arg("near", "length", None, "what is nearer along its axis is cut away", above=0.0, keyword=True),
         Arg("far", "length", None, "what is farther along its axis is cut away", above=0.0, keyword=True),
         Arg("shift", "numbers2", (0.0, 0.0), "moves the picture by this share of its width and height", keyword=True),

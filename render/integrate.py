@@ -9,10 +9,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numba.extending import overload
 
 from ..compiler import ir
 from . import lanes, lights, materials, sampler, surface, trace
-from .kernels import helper
+from .kernels import helper, kernel
 from .materials import Shader
 from .records import GouraudLight, Hit, Lane, Options, Ray, Surface, Tables, Vec
 
@@ -34,7 +35,6 @@ def stack_shape(options: Options) -> tuple[int, int]:
     return (BRANCHES - 1) * (options.bounces + 1) + 1, FIELDS
 
 
-@helper
 def radiance(
     tables: Tables,
     accel: Any,
@@ -89,6 +89,17 @@ def radiance(
             total = lanes.where3(missed, lanes.add(total, lanes.mul(weight, behind)), total)
     sound = lanes.is_finite(total[0] + total[1] + total[2])
     return lanes.where3(sound, total, (zero, zero, zero)), lanes.clip(alpha, 0.0, 1.0), sound
+
+
+_compiled_radiance = kernel(radiance)
+
+
+@overload(radiance)
+def _radiance_in_kernels(tables, accel, gouraud, options, ray, hit, pixel, sample, stack):
+    def call(tables, accel, gouraud, options, ray, hit, pixel, sample, stack):
+        return _compiled_radiance(tables, accel, gouraud, options, ray, hit, pixel, sample, stack)
+
+    return call  # one compiled body for all backends, kept on disk by itself
 
 
 # --- where rays leave the scene -----------------------------------------------------------------------------------------

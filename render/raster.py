@@ -157,7 +157,9 @@ def hit_of(made, tables, accel, view, ray, px, py, instance, triangle):
     if tables.geometries.kind[tables.instances.geometry[instance]] == MESH:
         return at
     exact = traverse._try(accel, instance, ray.origin, ray.direction, ray.t_min, ray.t_max, CAMERA, False, NOTHING)
-    return exact if exact.instance >= 0 else at
+    if exact.instance >= 0:
+        return exact
+    return at if abs(at.t) < np.inf else NOTHING  # an endless plane at its horizon
 
 
 @helper

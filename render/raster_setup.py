@@ -20,6 +20,7 @@ from .tessellate import Tessellation
 COLUMNS = 5  # X, Y, W, D, V
 CLUSTER = 128  # triangles that are placed in the picture together
 GUARD = float(1 << 20)  # pixels from the picture's middle beyond which triangles are cut: fixed-point edges stay exact in int64
+ROUNDING = 2.0**-46  # of the eye's coordinates: a bound of what depths may be off for a point in the eye
 _EVERYWHERE = 1 << 30
 
 
@@ -108,7 +109,9 @@ def clip_planes(tables: ir.Tables, view: View) -> NDArray[np.float64]:
     near, far = float(tables.cameras.near[view.camera]), float(tables.cameras.far[view.camera])
     x, y = 0.5 * view.width, 0.5 * view.height
     orthographic = tables.cameras.projection[view.camera] == ir.Projection.ORTHOGRAPHIC
-    planes = [] if orthographic and near == 0.0 else [[0.0, 0.0, 0.0, 1.0, -near]]
+    eye = tables.transforms.matrix[tables.cameras.transform[view.camera], :, 3]
+    start = max(near, ROUNDING * float(np.abs(eye).sum()))  # what is in the eye itself is neither before nor behind it
+    planes = [] if orthographic and near == 0.0 else [[0.0, 0.0, 0.0, 1.0, -start]]
     if np.isfinite(far):
         planes.append([0.0, 0.0, 0.0, -1.0, far])
     planes += [[1.0, 0.0, GUARD - x, 0.0, 0.0], [-1.0, 0.0, GUARD + x, 0.0, 0.0]]

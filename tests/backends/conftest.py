@@ -70,16 +70,16 @@ def trace(tracer: str, draw_on: Draw) -> Draw:
 
 
 @pytest.fixture
-def picture(tmp_path: Path) -> Callable[[str, Any], None]:
-    """Writes a linear float32 picture, (height, width, 3) from the top, for scenes to read."""
+def picture(tmp_path: Path) -> Callable[..., None]:
+    """Writes a picture, (height, width, 3) from the top, as it is, for scenes to read."""
 
-    def write(name: str, pixels: Any) -> None:
+    def write(name: str, pixels: Any, kind: str = "float") -> None:
         import OpenImageIO as oiio
 
-        values = np.ascontiguousarray(pixels, np.float32)
+        values = np.ascontiguousarray(pixels, {"float": np.float32, "uint8": np.uint8}[kind])
         out = oiio.ImageOutput.create(str(tmp_path / name))
         assert out is not None
-        out.open(str(tmp_path / name), oiio.ImageSpec(values.shape[1], values.shape[0], values.shape[2], "float"))
+        out.open(str(tmp_path / name), oiio.ImageSpec(values.shape[1], values.shape[0], values.shape[2], kind))
         assert out.write_image(values), out.geterror()
         out.close()
 
@@ -87,7 +87,7 @@ def picture(tmp_path: Path) -> Callable[[str, Any], None]:
 
 
 @pytest.fixture
-def files(tmp_path: Path, picture: Callable[[str, Any], None]) -> None:
+def files(tmp_path: Path, picture: Callable[..., None]) -> None:
     """The picture, the mesh and the stage that `scenes` speak of, beside the scene."""
     v, u = np.mgrid[0:12, 0:16]
     picture("a.exr", np.stack([0.1 + 0.05 * u, 0.1 + 0.07 * v, 0.5 + 0.4 * np.sin(u + v)], axis=-1))

@@ -17,10 +17,10 @@ EVERYTHING = {**scenes.DIRECT, **scenes.SOFT, **scenes.RAYS}
 
 def _interior(*images: Image) -> np.ndarray:
     """(h, w) pixels whose neighbours, in every picture, belong to the same instance: no outline passes."""
-    inside = np.ones(images[0].channels["id"].shape[:2], bool)
+    h, w = images[0].height, images[0].width
+    inside = np.ones((h, w), bool)
     for image in images:
         ids = np.pad(image.channels["id"][..., 0], 1, mode="edge")
-        h, w = inside.shape
         for dy in range(3):
             for dx in range(3):
                 inside &= ids[dy : dy + h, dx : dx + w] == image.channels["id"][..., 0]

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import OpenImageIO as oiio
 import pytest
 from maquette.compiler import ir
+
+from ..files import write_image
 
 Slot, Model = ir.Slot, ir.MaterialModel
 REST = "\ncamera([0, 1, 5])\nsun()\n"
@@ -112,10 +113,7 @@ def test_mappings(compiled, mapping: str) -> None:
 @pytest.fixture
 def grey_picture(tmp_path):
     """128 of 255 everywhere, in a 3 × 2 PNG."""
-    out = oiio.ImageOutput.create(str(tmp_path / "grey.png"))
-    out.open(str(tmp_path / "grey.png"), oiio.ImageSpec(3, 2, 3, "uint8"))
-    out.write_image(np.full((2, 3, 3), 128, dtype=np.uint8))
-    out.close()
+    write_image(tmp_path / "grey.png", np.full((2, 3, 3), 128, dtype=np.uint8))
 
 
 def linear(value: float) -> float:

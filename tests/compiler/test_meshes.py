@@ -10,6 +10,9 @@ from maquette.compiler.build import SceneBuilder
 from maquette.compiler.files import Files
 from maquette.lang.diagnostics import Diagnostics
 
+from ..files import write_image
+from . import tables
+
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
 
 
@@ -19,26 +22,6 @@ def read(data, name):
     builder = SceneBuilder(found)
     parts = meshes.read(data, name, builder, found)
     return builder.finish(), parts, [f"{d.span}: {d.severity}: {d.message}" for d in found.items]
-
-
-def corners(scene, geometry=0):
-    t = scene.tables
-    first, count = t.geometries.first_triangle[geometry], t.geometries.triangle_count[geometry]
-    return t.pools.positions[t.pools.triangles[first : first + count]] + t.geometries.origin[geometry]
-
-
-def values(scene, name, geometry=0):
-    """Values of an attribute at the triangles' corners, (t, 3, width)."""
-    t = scene.tables
-    row = getattr(t.geometries, name)[geometry]
-    a = t.attributes
-    width, first = a.width[row], a.first[row]
-    made = t.pools.values[first : first + width * a.count[row]].reshape(-1, width)
-    start, count = t.geometries.first_triangle[geometry], t.geometries.triangle_count[geometry]
-    triangles = t.pools.triangles[start : start + count] - t.geometries.first_vertex[geometry]
-    kind = ir.Interpolation(a.interpolation[row]).name
-    return {"VERTEX": lambda: made[triangles], "CORNER": lambda: made.reshape(-1, 3, width),
-            "FACE": lambda: np.repeat(made[:, None], 3, axis=1)}[kind]()  # fmt: skip
 
 
 # --- PLY ---
@@ -82,9 +65,9 @@ def test_ply(order, index):
     scene, parts, messages = read(ply(order, [[0, 1, 2, 3]], index), "a.ply")
     assert messages == []
     assert [(p.name, p.material) for p in parts] == [("a", None)]
-    assert corners(scene).tolist() == [SQUARE[[0, 1, 2]].tolist(), SQUARE[[0, 2, 3]].tolist()]
-    assert values(scene, "uvs").tolist() == [SQUARE[[0, 1, 2], :2].tolist(), SQUARE[[0, 2, 3], :2].tolist()]
-    assert values(scene, "colors")[0].tolist() == [[1, 0, 0], [1, 0, 0], [1, 1, 0]]
+    assert tables.corners(scene.tables).tolist() == [SQUARE[[0, 1, 2]].tolist(), SQUARE[[0, 2, 3]].tolist()]
+    assert tables.attribute(scene.tables, "uvs").tolist() == [SQUARE[[0, 1, 2], :2].tolist(), SQUARE[[0, 2, 3], :2].tolist()]
+    assert tables.attribute(scene.tables, "colors")[0].tolist() == [[1, 0, 0], [1, 0, 0], [1, 1, 0]]
     assert scene.tables.geometries.polygon_count.tolist() == [1]
 
 
@@ -92,7 +75,7 @@ def test_ply(order, index):
 def test_ply_with_faces_of_many_sizes(order):
     scene, _, messages = read(ply(order, [[0, 1, 2, 3], [0, 1, 3]]), "a.ply")
     assert messages == []
-    assert len(corners(scene)) == 3
+    assert len(tables.corners(scene.tables)) == 3
 
 
 def test_ply_colours_of_faces_and_coordinates_of_corners():
@@ -118,8 +101,8 @@ end_header
 """
     scene, _, messages = read(text.encode(), "a.ply")
     assert messages == []
-    assert values(scene, "colors")[:, 0] == pytest.approx(np.array([[1, 0, 0], [0.2140411] * 3]))
-    assert values(scene, "uvs")[1].tolist() == [[0.5, 0], [1, 1], [0, 1]]
+    assert tables.attribute(scene.tables, "colors")[:, 0] == pytest.approx(np.array([[1, 0, 0], [0.2140411] * 3]))
+    assert tables.attribute(scene.tables, "uvs")[1].tolist() == [[0.5, 0], [1, 1], [0, 1]]
 
 
 @pytest.mark.parametrize(
@@ -173,9 +156,10 @@ def stl(triangles, text):
 def test_stl_is_welded_and_has_creases(text):
     scene, _, messages = read(stl(BOX, text), "a.stl")
     assert messages == []
-    assert corners(scene).tolist() == np.array(BOX, float).tolist()
+    assert tables.corners(scene.tables).tolist() == np.array(BOX, float).tolist()
     assert scene.tables.geometries.vertex_count.tolist() == [6]
-    assert values(scene, "normals")[:, 0] == pytest.approx(np.array([[0, 0, -1], [0, 0, -1], [0, -1, 0], [0, -1, 0]]), abs=1e-6)
+    normals = np.array([[0, 0, -1], [0, 0, -1], [0, -1, 0], [0, -1, 0]])
+    assert tables.attribute(scene.tables, "normals")[:, 0] == pytest.approx(normals, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -233,20 +217,14 @@ def test_glb():
     assert [p.geometry for p in parts] == [0, 0]  # shared
     assert parts[0].transform.tolist() == [[2, 0, 0, 2], [0, 2, 0, 4], [0, 0, 2, 6]]
     assert parts[1].transform.tolist() == [[0, -2, 0, 10], [2, 0, 0, 0], [0, 0, 2, 0]]
-    assert corners(scene)[0].tolist() == SQUARE[[0, 1, 2]].tolist()
-    assert values(scene, "uvs")[0].tolist() == [[0, 1], [1, 1], [1, 0]]  # its v goes down
+    assert tables.corners(scene.tables)[0].tolist() == SQUARE[[0, 1, 2]].tolist()
+    assert tables.attribute(scene.tables, "uvs")[0].tolist() == [[0, 1], [1, 1], [1, 0]]  # its v goes down
     assert scene.tables.materials.values[parts[0].material, ir.Slot.DIFFUSE].tolist() == [1, 0.5, 0.25]
     assert scene.names.materials == ("red",)
 
 
 def test_glb_pictures_and_their_frames(tmp_path):
-    import OpenImageIO as oiio
-
-    out = oiio.ImageOutput.create(str(tmp_path / "p.png"))
-    out.open(str(tmp_path / "p.png"), oiio.ImageSpec(1, 1, 3, "uint8"))
-    out.write_image(np.array([[[255, 0, 0]]], np.uint8))
-    out.close()
-    data = (tmp_path / "p.png").read_bytes()
+    data = write_image(tmp_path / "p.png", np.array([[[255, 0, 0]]], np.uint8)).read_bytes()
     document, binary = square()
     document["bufferViews"].append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(data)})
     document["images"] = [{"bufferView": 3, "mimeType": "image/png"}]
@@ -268,7 +246,7 @@ def test_glb_strips_and_fans_wind_alike(mode, order, count):
     document["accessors"][2]["count"] = len(order)
     document["meshes"][0]["primitives"][0]["mode"] = mode
     scene, _, messages = read(glb(document, binary[:80] + np.array(order, "<u2").tobytes().ljust(12)), "a.glb")
-    t = corners(scene)
+    t = tables.corners(scene.tables)
     assert messages == []
     assert np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])[:, 2].tolist() == [1] * count
 
@@ -344,6 +322,6 @@ def test_the_picture_of_fuze_is_shown_and_opaque(assets):
 @pytest.mark.assets
 def test_negative_indices_make_the_cube(assets):
     scene = load.load(assets / "mesh/obj_negative_indices/negative_indices.obj")
-    t = corners(scene)
+    t = tables.corners(scene.tables)
     volume = np.einsum("ti,ti->t", t[:, 0], np.cross(t[:, 1], t[:, 2])).sum() / 6
     assert volume == pytest.approx(np.prod(t.reshape(-1, 3).max(axis=0) - t.reshape(-1, 3).min(axis=0)))

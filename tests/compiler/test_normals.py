@@ -79,6 +79,7 @@ def test_given_normals_are_kept_and_broken_ones_computed():
     )  # fmt: skip
     made, dropped = polymesh.assemble(mesh)
     assert dropped == 0
+    assert made.normals is not None
     assert made.normals.interpolation.name == "CORNER"
     assert made.normals.values[:6] == pytest.approx(np.repeat([[-1.0, 0, 0]], 6, axis=0), abs=1e-6)  # face 0 had none
     assert made.normals.values[6:] == pytest.approx(np.repeat([[0.0, 0, 1]], 30, axis=0))

@@ -5,7 +5,10 @@ import pytest
 from maquette.compiler import ir, meshes, mtl, obj_text
 from maquette.compiler.build import SceneBuilder
 from maquette.compiler.files import Files
-from maquette.lang.diagnostics import Diagnostics, render_text
+from maquette.lang.diagnostics import Diagnostics, Span, render_text
+
+from ..files import write_image
+from . import tables
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 
@@ -24,29 +27,8 @@ def read(text, folder=None, name="x.obj"):
 
 def corners(scene):
     """The corners of all triangles, (t, 3, 3), where they were written."""
-    tables = scene.tables
-    made = []
-    for row in range(len(tables.geometries.kind)):
-        first, count = tables.geometries.first_triangle[row], tables.geometries.triangle_count[row]
-        made.append(tables.pools.positions[tables.pools.triangles[first : first + count]] + tables.geometries.origin[row])
+    made = [tables.corners(scene.tables, row) for row in range(len(scene.tables.geometries.kind))]
     return np.concatenate(made) if made else np.zeros((0, 3, 3))
-
-
-def attribute(scene, name, geometry=0):
-    """Values of a geometry's attribute at its corners, (t, 3, width)."""
-    tables = scene.tables
-    row = getattr(tables.geometries, name)[geometry]
-    if row < 0:
-        return None
-    a = tables.attributes
-    width, first = a.width[row], a.first[row]
-    values = tables.pools.values[first : first + width * a.count[row]].reshape(-1, width)
-    start, count = tables.geometries.first_triangle[geometry], tables.geometries.triangle_count[geometry]
-    triangles = tables.pools.triangles[start : start + count] - tables.geometries.first_vertex[geometry]
-    kind = ir.Interpolation(a.interpolation[row])
-    if kind == ir.Interpolation.VERTEX:
-        return values[triangles]
-    return {"CORNER": values.reshape(-1, 3, width), "FACE": np.repeat(values[:, None], 3, 1)}[kind.name]
 
 
 def test_a_square():
@@ -108,18 +90,18 @@ def test_texture_coordinates_and_normals_follow_their_corners():
     text = SQUARE + "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 2\nf 1/4/1 2/3/1 3/2/1\nf 1/1/1 3/3/1 4/4/1\n"
     scene, _, messages = read(text)
     assert messages == []
-    assert attribute(scene, "uvs").tolist() == [[[0, 1], [1, 1], [1, 0]], [[0, 0], [1, 1], [0, 1]]]
-    assert attribute(scene, "normals").tolist() == [[[0, 0, 1]] * 3] * 2
+    assert tables.attribute(scene.tables, "uvs").tolist() == [[[0, 1], [1, 1], [1, 0]], [[0, 0], [1, 1], [0, 1]]]
+    assert tables.attribute(scene.tables, "normals").tolist() == [[[0, 0, 1]] * 3] * 2
 
 
 def test_corners_without_a_normal_get_a_computed_one():
     scene, _, _ = read(SQUARE + "vn 0 1 0\nf 1//1 2//1 3//1\nf 1 3 4\n")
-    assert attribute(scene, "normals").tolist() == [[[0, 1, 0]] * 3, [[0, 0, 1]] * 3]
+    assert tables.attribute(scene.tables, "normals").tolist() == [[[0, 1, 0]] * 3, [[0, 0, 1]] * 3]
 
 
 def test_vertex_colours_are_srgb():
     scene, _, _ = read("v 0 0 0 1 0 0\nv 1 0 0 0.5 0.5 0.5\nv 0 1 0 0 0 1\nf 1 2 3\n")
-    assert attribute(scene, "colors")[0] == pytest.approx(np.array([[1, 0, 0], [0.2140411] * 3, [0, 0, 1]]))
+    assert tables.attribute(scene.tables, "colors")[0] == pytest.approx(np.array([[1, 0, 0], [0.2140411] * 3, [0, 0, 1]]))
 
 
 def test_smoothing_groups():
@@ -128,9 +110,9 @@ def test_smoothing_groups():
     sharp, _, _ = read(roof + faces)
     smooth, _, _ = read(roof + "s 1\n" + faces)
     off, _, _ = read(roof + "s off\n" + faces)
-    assert attribute(smooth, "normals")[0, 0] == pytest.approx([0, 1, 0], abs=1e-6)
-    assert attribute(sharp, "normals")[0, 0] == pytest.approx([-(0.5**0.5), 0.5**0.5, 0], abs=1e-6)
-    assert np.array_equal(attribute(off, "normals"), attribute(sharp, "normals"))
+    assert tables.attribute(smooth.tables, "normals")[0, 0] == pytest.approx([0, 1, 0], abs=1e-6)
+    assert tables.attribute(sharp.tables, "normals")[0, 0] == pytest.approx([-(0.5**0.5), 0.5**0.5, 0], abs=1e-6)
+    assert np.array_equal(tables.attribute(off.tables, "normals"), tables.attribute(sharp.tables, "normals"))
 
 
 def test_concave_face():
@@ -282,13 +264,8 @@ def test_emission(tmp_path):
 
 
 def picture(path):
-    import OpenImageIO as oiio
-
     path.parent.mkdir(exist_ok=True)
-    out = oiio.ImageOutput.create(str(path))
-    out.open(str(path), oiio.ImageSpec(2, 2, 3, "uint8"))
-    out.write_image(np.full((2, 2, 3), 255, np.uint8))
-    out.close()
+    write_image(path, np.full((2, 2, 3), 255, np.uint8))
 
 
 @pytest.mark.parametrize("written", ["a b.png", "tex\\a b.png", "TEX/A B.PNG", "C:\\Users\\me\\a b.png", "./tex/a b.png", '"tex/a b.png"'])
@@ -363,4 +340,4 @@ def test_faces_before_any_usemtl_keep_no_material(tmp_path):
 
 
 def test_opacity_rule_is_in_the_type():
-    assert mtl.MtlMaterial("m", None, None, numbers={"Tr": 0.25}).opacity == 0.75
+    assert mtl.MtlMaterial("m", Span("x.mtl"), None, numbers={"Tr": 0.25}).opacity == 0.75

@@ -15,6 +15,7 @@ from maquette.compiler.rows import CameraData, Input, InstanceData, LightData, M
 from maquette.lang.diagnostics import Span
 
 SPAN = Span("a.scene", 3, 5, 3, 11)
+Change = Callable[[dict[str, dict[str, np.ndarray]]], object]  # of the columns of each table, in place
 QUAD = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 
 
@@ -53,7 +54,7 @@ def filled() -> build.SceneBuilder:
     return b
 
 
-def scene(change: Callable[[dict[str, dict[str, np.ndarray]]], None] | None = None, builder: build.SceneBuilder | None = None) -> ir.Scene:
+def scene(change: Change | None = None, builder: build.SceneBuilder | None = None) -> ir.Scene:
     """The full scene with its tables changed."""
     made = (builder or filled()).finish("a")
     tables = {name: {c: v.copy() for c, v in getattr(made.tables, name)._asdict().items()} for name in ir.TABLES}
@@ -142,7 +143,7 @@ def test_a_scene_has_a_camera_and_the_identity() -> None:
     assert messages(moved) == [("error", "the IR's first transform is not the identity")]
 
 
-def repaired(change: Callable[[dict[str, dict[str, np.ndarray]]], None]) -> tuple[ir.Tables, list[str]]:
+def repaired(change: Change) -> tuple[ir.Tables, list[str]]:
     """The tables after a repair, and what was said; the result has nothing wrong any more."""
     checked, found = validate.validate(scene(change))
     assert {d.severity for d in found.items} == {"warning"}

@@ -11,6 +11,8 @@ from maquette.compiler.build import SceneBuilder
 from maquette.compiler.files import Files
 from maquette.lang.diagnostics import Diagnostics, render_text
 
+from .. import tables
+
 SQUARE = """
     int[] faceVertexCounts = [4]
     int[] faceVertexIndices = [0, 1, 2, 3]
@@ -47,32 +49,19 @@ def kinds(scene: ir.Scene) -> list[str]:
 
 def corners(scene: ir.Scene, instance: int = 0) -> np.ndarray:
     """The corners of an instance's triangles in the world, (t, 3, 3)."""
-    t = scene.tables
-    g = t.instances.geometry[instance]
-    first, count = t.geometries.first_triangle[g], t.geometries.triangle_count[g]
-    local = t.pools.positions[t.pools.triangles[first : first + count]] + t.geometries.origin[g]
+    local = tables.corners(scene.tables, scene.tables.instances.geometry[instance])
     m = world(scene, instance)
     return local @ m[:, :3].T + m[:, 3]
 
 
-def attribute(scene: ir.Scene, name: str, instance: int = 0) -> np.ndarray | None:
+def has(scene: ir.Scene, name: str, instance: int = 0) -> bool:
+    """Whether an instance's mesh has an attribute."""
+    return tables.has(scene.tables, name, scene.tables.instances.geometry[instance])
+
+
+def attribute(scene: ir.Scene, name: str, instance: int = 0) -> np.ndarray:
     """Values of an instance's mesh attribute at its triangles' corners, (t, 3, width)."""
-    t = scene.tables
-    g = t.instances.geometry[instance]
-    row = getattr(t.geometries, name)[g]
-    if row < 0:
-        return None
-    a = t.attributes
-    width, first = a.width[row], a.first[row]
-    values = t.pools.values[first : first + width * a.count[row]].reshape(-1, width)
-    start, count = t.geometries.first_triangle[g], t.geometries.triangle_count[g]
-    triangles = t.pools.triangles[start : start + count] - t.geometries.first_vertex[g]
-    kind = ir.Interpolation(a.interpolation[row]).name
-    if kind == "VERTEX":
-        return values[triangles]
-    if kind == "CORNER":
-        return values.reshape(-1, 3, width)
-    return np.repeat(values[:, None], 3, 1) if kind == "FACE" else np.broadcast_to(values, (count, 3, width))
+    return tables.attribute(scene.tables, name, scene.tables.instances.geometry[instance])
 
 
 def slot(scene: ir.Scene, name: str, instance: int = 0) -> list[float]:

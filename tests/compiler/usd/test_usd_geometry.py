@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from maquette.compiler import ir
 
-from .stages import SQUARE, attribute, corners, kinds, read, slot, world
+from .stages import SQUARE, attribute, corners, has, kinds, read, slot, world
 
 
 def up(triangles):
@@ -17,7 +17,7 @@ def test_square(tmp_path):
     assert corners(scene).tolist() == [[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]]
     assert scene.names.instances == ("/m",)
     assert scene.spans.sources[scene.spans.rows["instances"][0, 0]].endswith("x.usda</m>")
-    assert attribute(scene, "normals") is None  # flat
+    assert not has(scene, "normals")  # flat
 
 
 def test_left_handed_faces_are_turned_and_their_values_follow(tmp_path):
@@ -62,7 +62,7 @@ def test_a_primvar_of_the_wrong_length_is_left_out(tmp_path):
     text = SQUARE + 'texCoord2f[] primvars:st = [(0, 0), (1, 1)] (interpolation = "vertex")'
     scene, messages = read(tmp_path, f'def Mesh "m" {{ {text} }}')
     assert messages == ["x.usda</m>: warning: `st` has 2 values where its interpolation `vertex` wants 4: it is left out"]
-    assert attribute(scene, "uvs") is None
+    assert not has(scene, "uvs")
 
 
 def test_normals_primvar_goes_before_normals(tmp_path):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from maquette.compiler import ir
 
+from ...files import write_image
 from .stages import read
 
 TURNED = """
@@ -130,12 +131,7 @@ def test_a_dome_without_a_picture_is_an_even_sky(tmp_path):
     ],
 )
 def test_a_dome_s_picture_and_pole(tmp_path, prim, up, pole):
-    import OpenImageIO as oiio
-
-    out = oiio.ImageOutput.create(str(tmp_path / "sky.png"))
-    out.open(str(tmp_path / "sky.png"), oiio.ImageSpec(2, 1, 3, "uint8"))
-    out.write_image(np.full((1, 2, 3), 255, np.uint8))
-    out.close()
+    write_image(tmp_path / "sky.png", np.full((1, 2, 3), 255, np.uint8))
     scene, messages, row = light(tmp_path, f'def {prim} "l" {{ asset inputs:texture:file = @sky.png@\n}}', f'upAxis = "{up}"')
     assert messages == []
     assert (row["kind"], row["image"]) == (ir.LightKind.DOME, 0)

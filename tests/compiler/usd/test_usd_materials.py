@@ -7,6 +7,7 @@ import pytest
 from maquette.compiler import ir, preview
 from maquette.compiler.rows import Input
 
+from ...files import write_image
 from .stages import SQUARE, attribute, load, read, slot
 
 SURFACE = """
@@ -44,12 +45,7 @@ def stage(inputs, nodes="", extra=""):
 
 
 def picture(path, texels=((0, 0, 0), (255, 255, 255), (255, 0, 0), (0, 0, 255))):
-    import OpenImageIO as oiio
-
-    out = oiio.ImageOutput.create(str(path))
-    out.open(str(path), oiio.ImageSpec(2, 2, 3, "uint8"))
-    out.write_image(np.array(texels, np.uint8).reshape(2, 2, 3))
-    out.close()
+    write_image(path, np.array(texels, np.uint8).reshape(2, 2, 3))
 
 
 def textured(tmp_path, options="", nodes="", wire="rgb", extra="", name="diffuseColor", kind="color3f"):
@@ -289,6 +285,7 @@ def test_pictures_inside_of_a_package(tmp_path):
     with zipfile.ZipFile(tmp_path / "y.usdz", "w", zipfile.ZIP_STORED) as package:
         for name in ("x.usda", "p.png"):
             info = zipfile.ZipInfo(name)
+            assert package.fp is not None
             at = package.fp.tell() + 30 + len(name)
             info.extra = b"\x86\x19" + (n := (-at - 4) % 64).to_bytes(2, "little") + bytes(n)  # data starts at multiples of 64
             package.writestr(info, (tmp_path / name).read_bytes())

@@ -59,6 +59,12 @@ def place(
     opened = open_(path, str(path), builder.diagnostics, span, variants=variants)
     if opened is None:
         return
+    opened.within = builder.files
+    outside = [file for file in opened.files if opened.fenced_off(file)]
+    if outside:
+        message = f"`{path.name}` reads `{Path(outside[0]).name}`, which lies outside of the scene's folder"
+        builder.diagnostics.error(message, span, f"use --allow {Path(outside[0]).parent} to let scenes read it")
+        return
     root = opened.stage.GetPrimAtPath(prim) if prim and prim.startswith("/") else None
     if prim and not root:
         known = [str(p.GetPath()) for p in opened.stage.Traverse()]

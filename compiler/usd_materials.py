@@ -324,6 +324,11 @@ def asset(value: Any, materials: Materials, prim: Any) -> Asset | None:
     if not resolved:
         materials.builder.diagnostics.warning(f"there is no picture `{written}`: its fallback is drawn", materials.opened.span(prim))
         return None
+    if materials.opened.fenced_off(resolved):
+        message = f"the picture `{written}` lies outside of the scene's folder: its fallback is drawn"
+        hint = f"use --allow {Path(resolved).parent} to let scenes read it"
+        materials.builder.diagnostics.warning(message, materials.opened.span(prim), hint)
+        return None
     return Asset(resolved)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
 
 from ..lang.diagnostics import Diagnostics, Span, suggest
+from .files import Files
 
 Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # −90° about x
 MAX_WARNINGS = 20
@@ -30,9 +31,14 @@ class Opened:
     time: Any
     frame: np.ndarray
     meters_per_unit: float
+    within: Files | None = None  # what it may read where a .scene uses it; a stage that is rendered itself is the user's choice
 
     def span(self, prim: Any) -> Span:
         return Span(f"{self.name}<{prim.GetPath()}>")
+
+    def fenced_off(self, path: str) -> bool:
+        """Whether a layer or picture (of a package: `x.usdz[y.png]`) is one that the scene using this stage may not read."""
+        return self.within is not None and not self.within.allows(path.split("[", 1)[0])
 
     @property
     def files(self) -> tuple[str, ...]:

@@ -17,6 +17,8 @@ def write_png(path: Path, rgb: Array) -> None:
     """Write (h, w, 3) sRGB values in 0 … 1 as an 8-bit PNG."""
     pixels = np.ascontiguousarray((np.clip(rgb, 0, 1) * 255 + 0.5).astype(np.uint8))
     out = oiio.ImageOutput.create(str(path))
+    if out is None:
+        raise SystemExit(f"OpenImageIO cannot write {path.name}")
     out.open(str(path), oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint8"))
     out.write_image(pixels)
     out.close()

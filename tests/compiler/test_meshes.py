@@ -215,8 +215,11 @@ def test_glb():
     assert messages == []
     assert [p.name for p in parts] == ["one", "sq"]
     assert [p.geometry for p in parts] == [0, 0]  # shared
-    assert parts[0].transform.tolist() == [[2, 0, 0, 2], [0, 2, 0, 4], [0, 0, 2, 6]]
-    assert parts[1].transform.tolist() == [[0, -2, 0, 10], [2, 0, 0, 0], [0, 0, 2, 0]]
+    first, second = (p.transform for p in parts)
+    assert first is not None
+    assert second is not None
+    assert first.tolist() == [[2, 0, 0, 2], [0, 2, 0, 4], [0, 0, 2, 6]]
+    assert second.tolist() == [[0, -2, 0, 10], [2, 0, 0, 0], [0, 0, 2, 0]]
     assert tables.corners(scene.tables)[0].tolist() == SQUARE[[0, 1, 2]].tolist()
     assert tables.attribute(scene.tables, "uvs")[0].tolist() == [[0, 1], [1, 1], [1, 0]]  # its v goes down
     assert scene.tables.materials.values[parts[0].material, ir.Slot.DIFFUSE].tolist() == [1, 0.5, 0.25]

@@ -89,7 +89,7 @@ def test_variants_change_what_is_drawn(assets):
     path = assets / manifest(assets)["pub_vehicles"]["path"]
     from pxr import Usd
 
-    stage = Usd.Stage.Open(str(path))
+    stage = Usd.Stage.Open(str(path))  # pyright: ignore[reportAttributeAccessIssue] - usd-core makes its names at run time
     prim = next(p for p in stage.TraverseAll() if p.HasVariantSets())
     name = prim.GetVariantSets().GetNames()[0]
     choices = prim.GetVariantSet(name).GetVariantNames()

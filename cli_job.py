@@ -43,7 +43,8 @@ class Source:
 
     def load(self, seconds: dict[str, float], time: float | None = None, code: float | None = None) -> tuple[ir.Scene, Diagnostics]:
         """The scene at `time` seconds or at a USD time code (default: --time), and what was found about it. Raises SceneError."""
-        from .compiler import load
+        with timed(seconds, "import"):
+            from .compiler import load
 
         found = Diagnostics()
         scene = load.load(

@@ -18,7 +18,7 @@ from .rows import InstanceData
 
 SCENE = (".scene",)
 STAGES = (".usd", ".usda", ".usdc", ".usdz")
-MESHES = (".obj", ".ply", ".stl", ".glb")
+MESHES = (".obj", ".ply", ".stl", ".glb", ".off")
 SAVED = (".npz",)
 
 
@@ -109,18 +109,18 @@ def _scene(path: Path, real: Path, files: Files, sets: Mapping[str, str], time: 
 def _stage(
     path: Path, files: Files, moment: tuple[float | None, float | None], variants: Mapping[str, str], found: Diagnostics, watch: Stopwatch
 ) -> ir.Scene:  # fmt: skip
-    from . import usd
-
     with watch.stage("import"), np.errstate(all="ignore"):
+        from . import usd
+
         return usd.scene(path, SceneBuilder(found, files), time=moment[0], code=moment[1], variants=variants)
 
 
 def _mesh(path: Path, real: Path, files: Files, found: Diagnostics, watch: Stopwatch) -> ir.Scene:
     """A bare mesh file: its own materials or grey, the default camera and lights."""
-    from . import meshes
-
     builder = SceneBuilder(found, files)
     with watch.stage("import"), np.errstate(all="ignore"):
+        from . import meshes
+
         parts = meshes.read(real, str(path), builder, found, None, files)
     with watch.stage("lower"):
         for part in parts:

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from ..lang.diagnostics import Diagnostics, Span
-from . import glb, mtl, obj, ply, polymesh, stl
+from . import glb, mtl, obj, off, ply, polymesh, stl
 from .build import SceneBuilder
 from .files import FileError, Files
 from .parts import Part, add
 
-FORMATS = (".obj", ".ply", ".stl", ".glb")
+FORMATS = (".obj", ".ply", ".stl", ".glb", ".off")
 
 
 def read(
@@ -47,8 +47,10 @@ def read(
             return _parts(mesh, Path(name).stem, builder, diagnostics, whole)
         if format_ == ".stl":
             return _parts(stl.read(data), Path(name).stem, builder, diagnostics, whole)
+        if format_ == ".off":
+            return _parts(off.read(data), Path(name).stem, builder, diagnostics, whole)
         return glb.read(data, name, builder, diagnostics)
-    except (ply.PlyError, stl.StlError, glb.GlbError) as failure:
+    except (ply.PlyError, stl.StlError, glb.GlbError, off.OffError) as failure:
         diagnostics.error(str(failure), whole)
     except MemoryError:
         diagnostics.error(f"`{name}` does not fit into memory", whole)

@@ -15,7 +15,7 @@ from .parse import parse
 from .tokens import KEYWORDS
 
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
-MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb", ".gltf")
+MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb", ".off")
 
 
 class ReadError(Exception):

@@ -232,7 +232,7 @@ SHAPES = (
     ),
     _shape(
         "mesh",
-        "polygons from a file (.obj, .ply, .stl, .glb), or from points and faces",
+        "polygons from a file (.obj, .ply, .stl, .glb, .off), or from points and faces",
         Arg("file", "string", None, "file of the mesh, beside the scene"),
         Arg("points", "points", None, "the vertices", keyword=True),
         Arg("faces", "faces", None, "for each face its vertices, counter-clockwise from outside", keyword=True),

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable
 
 from ..compiler import ir
 from ..compiler.plan import Plan
-from . import film, prepare, raster, ray, records, reference
+from . import film, kernels, prepare, raster, ray, records, reference
 from .image import Image
 
 RENDERERS = {"ray": ray.Renderer, "raster": raster.Renderer, "reference": reference.Renderer}
@@ -20,17 +19,16 @@ def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: 
     """Draw a validated scene as the plan says.
 
     `progress(done, total)` is called from the calling thread; setting `cancel` ends the work and returns what is done, with
-    `metadata["partial"]`. `metadata` also holds seconds by part, the samples taken, the error reached and notes on what
+    `metadata["partial"]`. `metadata` also holds the "seconds" it took to "build", "compile_kernels" and "render", the samples taken, the error reached and notes on what
     the backend does not draw, each (message, table, row).
     """
-    started = time.perf_counter()
+    seconds: dict[str, float] = {}
     width, height = plan["size"]
     view = records.View(plan["camera"], width, height)
     backend = plan["backend"]
-    prepared = prepare.prepare(scene, plan, view)
-    renderer = RENDERERS[backend](prepared, plan, view)
-    image = film.run(renderer, plan, view, progress, cancel)
-    seconds = {**prepared.seconds, **image.metadata.get("seconds", {})}
-    seconds["draw"] = time.perf_counter() - started
+    with kernels.timed(seconds, "build"):
+        renderer = RENDERERS[backend](prepare.prepare(scene, plan, view), plan, view)
+    with kernels.timed(seconds, "render"):
+        image = film.run(renderer, plan, view, progress, cancel)
     image.metadata.update(backend=backend, seconds=seconds, notes=raster.notes(scene, plan) if backend == "raster" else [])
     return image

@@ -32,9 +32,7 @@ Progress = Callable[[int, int], None]
 
 
 class Renderer(Protocol):
-    """What a backend gives the film. `seconds` are those it has already spent, by part."""
-
-    seconds: dict[str, float]
+    """What a backend gives the film."""
 
     def sample(self, tile: Tile, first: int, count: int, total: int, film: Film) -> None:
         """Add samples first … first + count - 1 of `total` of every pixel of the tile; one in all is the pixel's centre."""
@@ -57,7 +55,7 @@ def run(renderer: Renderer, plan: Plan, view: View, progress: Progress | None = 
         canvas.adaptive(plan["error"], started + plan["budget"])
     else:
         canvas.fixed()
-    return canvas.finish(view, started)
+    return canvas.finish(view)
 
 
 def tiles(crop: tuple[int, int, int, int]) -> list[Tile]:
@@ -137,7 +135,6 @@ class _Canvas:
         self.issues = dict.fromkeys(self.tiles, 0)
         self.spent = 0.0  # samples drawn, in tiles
         self.shown = 0  # tiles, as last told to `progress`
-        self.seconds: dict[str, float] = {}
 
     def fixed(self) -> None:
         """The same number of samples for every pixel; sums live only while their tile is drawn."""
@@ -264,7 +261,7 @@ class _Canvas:
             self.progress(done, len(self.tiles))
             self.shown = done
 
-    def finish(self, view: View, started: float) -> image.Image:
+    def finish(self, view: View) -> image.Image:
         """The picture with what is known about it."""
         counts = list(self.counts.values())
         partial = self.cancel.is_set() and (min(counts) == 0 or min(counts) < self.most)
@@ -274,10 +271,9 @@ class _Canvas:
         if not partial:
             self._tell(1.0)
         rays = sum(n * (t.x1 - t.x0) * (t.y1 - t.y0) for t, n in self.counts.items())
-        seconds = {**getattr(self.renderer, "seconds", {}), "render": time.perf_counter() - started}
         about: dict[str, Any] = {
             "size": (view.width, view.height), "crop": self.crop, "samples": max(counts), "samples_mean": rays / (self.width * self.height),
             "error": error, "partial": partial,
-            "rays": rays, "issues": sum(self.issues.values()), "threads": self.threads, "seconds": seconds,
+            "rays": rays, "issues": sum(self.issues.values()), "threads": self.threads,
         }  # fmt: skip
         return image.Image(self.width, self.height, self.channels, about)

@@ -23,7 +23,7 @@ class Image:
 
     `metadata` as film.run fills it: "size" and "crop" (x0, y0, x1, y1) of the whole picture, "samples" (the most any pixel
     has), "samples_mean", "error" (estimated √relMSE, None where unknown), "partial", "rays" (from the camera), "issues" (samples
-    left out because they were not finite), "threads" and "seconds".
+    left out because they were not finite), "threads"; and as draw.draw adds: "seconds" by stage, "backend" and "notes".
     """
 
     width: int

@@ -10,12 +10,14 @@ import hashlib
 import os
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numba
 from numba import config, njit
+from numba.core import event
 from numba.extending import register_jitable
 
 _COMPILED_FROM = ("ir.py", "records.py")  # without kernels of their own, but their constants and types are compiled in
@@ -70,6 +72,21 @@ HELPER: Any = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
 def is_cold() -> bool:
     """Whether nothing has been compiled yet for this version, so that the first picture will take a while."""
     return not any(CACHE.rglob("*.nbc"))
+
+
+@contextmanager
+def timed(seconds: dict[str, float], part: str) -> Iterator[None]:
+    """Add the seconds a block takes to `part`, and what of them went into compiling kernels or loading them to "compile_kernels"."""
+    started = time.perf_counter()
+    # Numba holds this lock exactly while it compiles or loads, in whichever thread.
+    with event.install_listener("numba:compiler_lock", event.TimingListener()) as lock:
+        try:
+            yield
+        finally:
+            spent = time.perf_counter() - started
+            compiling = min(lock.duration, spent) if lock.done else 0.0
+            seconds["compile_kernels"] = seconds.get("compile_kernels", 0.0) + compiling
+            seconds[part] = seconds.get(part, 0.0) + spent - compiling
 
 
 def kernel(function: Callable[..., Any]) -> Any:

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -32,7 +29,6 @@ class Prepared:
     gouraud: Any  # GouraudLight, or its Handle
     options: Options
     shells: dict[int, tessellate.Tessellation] = field(default_factory=dict)  # raster: instance -> its shape in triangles
-    seconds: dict[str, float] = field(default_factory=dict)  # "tessellate", "build", "gouraud"
 
 
 def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
@@ -41,20 +37,16 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     Shapes shaded at vertices become meshes for every backend; for the raster backend all other analytic shapes are
     tessellated beside the tables, each to plan["tolerance"] pixels of this view. Endless shapes stay smooth: they have no vertices.
     """
-    seconds: dict[str, float] = {}
     backend = plan["backend"]
-    with _timed(seconds, "tessellate"):
-        shapes = _Shapes(scene.tables, view, plan["tolerance"])
-        tables = with_vertex_shaded_meshes(scene.tables, shapes)
-        shells = {int(i): shapes.of(int(i)) for i in analytic_seen(tables, endless=False)} if backend == "raster" else {}
-    with _timed(seconds, "build"):
-        plain = backend == "reference"
-        accel = trace.Brute() if plain else Handle(bvh.build(tables, brute=plan["accelerator"] == "brute"))
-        packed = tables if plain else Handle(tables)
+    shapes = _Shapes(scene.tables, view, plan["tolerance"])
+    tables = with_vertex_shaded_meshes(scene.tables, shapes)
+    shells = {int(i): shapes.of(int(i)) for i in analytic_seen(tables, endless=False)} if backend == "raster" else {}
+    plain = backend == "reference"
+    accel = trace.Brute() if plain else Handle(bvh.build(tables, brute=plan["accelerator"] == "brute"))
+    packed = tables if plain else Handle(tables)
     options = options_of(plan)
-    with _timed(seconds, "gouraud"):
-        light = gouraud.vertex_light(tables, packed, accel, options, view)
-    return Prepared(tables, packed, accel, light if plain else Handle(light), options, shells, seconds)
+    light = gouraud.vertex_light(tables, packed, accel, options, view)
+    return Prepared(tables, packed, accel, light if plain else Handle(light), options, shells)
 
 
 def options_of(plan: Plan) -> Options:
@@ -70,13 +62,6 @@ def options_of(plan: Plan) -> Options:
         environment=plan["backend"] == "raster",
         color=(float(background[0]), float(background[1]), float(background[2])) if colored else (0.0, 0.0, 0.0),
     )
-
-
-@contextmanager
-def _timed(seconds: dict[str, float], part: str) -> Iterator[None]:
-    started = time.perf_counter()
-    yield
-    seconds[part] = time.perf_counter() - started
 
 
 # --- tessellation to the pixel -------------------------------------------------------------------------------------------

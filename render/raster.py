@@ -9,7 +9,6 @@ first hit but those that look for shadows: mirrors and glass show the sky in the
 from __future__ import annotations
 
 import math
-import time
 from typing import Any
 
 import numpy as np
@@ -47,12 +46,10 @@ class Renderer:
         clusters = raster_setup.clusters(self.model, ranges, tables, view, -(-self.reach // fill.ONE), by_polygon)
         self.endless = analytic_seen(tables, endless=True)
         self.box, self.whole, self.clusters = clusters.box, clusters.polygons, Handle(clusters)
-        started = time.perf_counter()
         nothing = Tile(0, 0, 0, 0)
         self.sample(nothing, 0, 1, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
         if plan["aov"]:
             self.centres(nothing)
-        self.seconds = {"compile_kernels": time.perf_counter() - started}
 
     def sample(self, tile: Tile, first: int, count: int, total: int, film: Film) -> None:
         """Add samples first … first + count - 1 of `total` of every pixel of a tile to the film's sums."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,10 +21,8 @@ class Renderer:
         self.prepared, self.view = prepared, view
         self.filter = sampler.filter_table(plan["filter"])
         self.stack_shape = integrate.stack_shape(prepared.options)
-        started = time.perf_counter()
         nothing = Tile(0, 0, 0, 0)
         self.sample(nothing, 0, 0, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
-        self.seconds = {"compile_kernels": time.perf_counter() - started}
 
     def sample(self, tile: Tile, first: int, count: int, total: int, film: Film) -> None:
         """Add samples first … first + count - 1 of each pixel of the tile to the film."""

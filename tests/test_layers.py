@@ -27,6 +27,7 @@ RENDER_READS = {"compiler.ir", "compiler.plan"}
 LATE = {
     "OpenImageIO": "only scenes with pictures need it",
     "rich": "only a terminal sees colours",
+    "trimesh": "only OFF files need it, and it takes half a second",
 }
 # Files whose functions open the next stage's door when it is reached, so that `--help` and `check` stay quick.
 DOORS = {

@@ -96,7 +96,7 @@ def test_a_saved_scene_is_a_scene(hello: Path, tmp_path: Path) -> None:
     assert again.params == scene.params
 
 
-KNOWN = ".scene, .usd, .usda, .usdc, .usdz, .obj, .ply, .stl, .glb, .npz"
+KNOWN = ".scene, .usd, .usda, .usdc, .usdz, .obj, .ply, .stl, .glb, .off, .npz"
 
 
 @pytest.mark.parametrize(

@@ -328,3 +328,29 @@ def test_negative_indices_make_the_cube(assets):
     t = tables.corners(scene.tables)
     volume = np.einsum("ti,ti->t", t[:, 0], np.cross(t[:, 1], t[:, 2])).sum() / 6
     assert volume == pytest.approx(np.prod(t.reshape(-1, 3).max(axis=0) - t.reshape(-1, 3).min(axis=0)))
+
+
+# --- OFF ---
+
+OFF = b"OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n"
+
+
+def test_off():
+    scene, parts, messages = read(OFF, "a.off")
+    assert messages == []
+    assert len(parts) == 1
+    assert tables.corners(scene.tables).reshape(-1, 3).tolist() == SQUARE[[0, 1, 2, 0, 2, 3]].tolist()
+
+
+@pytest.mark.parametrize(
+    ("data", "expected"),
+    [
+        (b"OFF\n4 1 0\n0 0 0\n1 0 0\n", "a.off: error: the OFF file cannot be read:"),
+        (b"rubbish", "a.off: error: the OFF file cannot be read:"),
+        (OFF.replace(b"0 2 3", b"0 2 9"), "a.off: error: the OFF file cannot be read: OFF file has a face index outside"),
+    ],
+)
+def test_broken_off(data, expected):
+    (message,) = read(data, "a.off")[2]
+    assert message.startswith(expected)
+    assert "\n" not in message

@@ -19,8 +19,8 @@ def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: 
     """Draw a validated scene as the plan says.
 
     `progress(done, total)` is called from the calling thread; setting `cancel` ends the work and returns what is done, with
-    `metadata["partial"]`. `metadata` also holds the "seconds" it took to "build", "compile_kernels" and "render", the samples taken, the error reached and notes on what
-    the backend does not draw, each (message, table, row).
+    `metadata["partial"]`. `metadata` also holds the "seconds" it took to "build", "compile_kernels" and "render", the samples
+    taken, the error reached and notes on what the backend does not draw, each (message, table, row).
     """
     seconds: dict[str, float] = {}
     width, height = plan["size"]

@@ -261,7 +261,7 @@ def test_stats(scene: Path) -> None:
     assert list(stats) == ["scene", "backend", "size", "samples", "seconds", "rays", "error", "plan", "warnings"]
     assert list(stats["seconds"]) == ["import", "parse", "evaluate", "lower", "validate", "compile_kernels", "build", "render", "write"]
     assert (stats["scene"], stats["backend"], stats["size"], stats["samples"]) == ("a.scene", "ray", [32, 24], 2)
-    assert [stage for stage, took in stats["seconds"].items() if took <= 0 and stage != "compile_kernels"] == []  # in memory already, perhaps
+    assert [stage for stage, took in stats["seconds"].items() if took <= 0 and stage != "compile_kernels"] == []  # may be in memory
     assert stats["plan"]["raster.fill"] == "edges"
     assert stats["plan"]["budget"] is None
     assert stats["warnings"] == []

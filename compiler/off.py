@@ -18,7 +18,7 @@ def read(data: bytes) -> PolyMesh:
     import trimesh
 
     try:
-        mesh = trimesh.load(io.BytesIO(data), file_type="off", process=False, force="mesh")
+        mesh = trimesh.load_mesh(io.BytesIO(data), file_type="off", process=False)
         points, faces = np.array(mesh.vertices, np.float64), np.array(mesh.faces, np.int64)
     except Exception as failure:  # its parser raises whatever it meets
         raise OffError(f"the OFF file cannot be read: {failure}") from None

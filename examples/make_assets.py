@@ -218,46 +218,7 @@ illum 1
     return obj, materials
 
 
-def pavilion() -> str:
-    """A USD stage in Y-up metres: a round pavilion of instanced columns, preview materials, a dome, a sun and a camera."""
-
-    def material(name: str, *inputs: str) -> str:
-        lines = "\n                ".join(inputs)
-        return f"""
-        def Material "{name}"
-        {{
-            token outputs:surface.connect = </Pavilion/Looks/{name}/Surface.outputs:surface>
-            def Shader "Surface"
-            {{
-                uniform token info:id = "UsdPreviewSurface"
-                {lines}
-                token outputs:surface
-            }}
-        }}"""
-
-    looks = "".join(
-        (
-            material("Marble", "color3f inputs:diffuseColor = (0.78, 0.73, 0.65)", "float inputs:roughness = 0.45"),
-            material("Copper", "color3f inputs:diffuseColor = (0.16, 0.42, 0.36)", "float inputs:roughness = 0.5"),
-            material(
-                "Gold", "color3f inputs:diffuseColor = (0.9, 0.62, 0.2)", "float inputs:metallic = 0.7", "float inputs:roughness = 0.3"
-            ),
-            material("Grass", "color3f inputs:diffuseColor = (0.2, 0.3, 0.1)", "float inputs:roughness = 1"),
-        )
-    )
-    columns = "\n".join(
-        f"""
-        def Xform "Column{k}" (
-            instanceable = true
-            references = </Column>
-        )
-        {{
-            double3 xformOp:translate = ({2.4 * np.cos(a):.5f}, 0.45, {2.4 * np.sin(a):.5f})
-            uniform token[] xformOpOrder = ["xformOp:translate"]
-        }}"""
-        for k, a in enumerate((np.arange(8) + 0.5) * np.pi / 4)
-    )
-    return f"""#usda 1.0
+STAGE = """#usda 1.0
 (
     defaultPrim = "Pavilion"
     metersPerUnit = 1
@@ -380,6 +341,48 @@ def Xform "Pavilion"
     }}
 }}
 """
+
+
+def pavilion() -> str:
+    """A USD stage in Y-up metres: a round pavilion of instanced columns, preview materials, a dome, a sun and a camera."""
+
+    def material(name: str, *inputs: str) -> str:
+        lines = "\n                ".join(inputs)
+        return f"""
+        def Material "{name}"
+        {{
+            token outputs:surface.connect = </Pavilion/Looks/{name}/Surface.outputs:surface>
+            def Shader "Surface"
+            {{
+                uniform token info:id = "UsdPreviewSurface"
+                {lines}
+                token outputs:surface
+            }}
+        }}"""
+
+    looks = "".join(
+        (
+            material("Marble", "color3f inputs:diffuseColor = (0.78, 0.73, 0.65)", "float inputs:roughness = 0.45"),
+            material("Copper", "color3f inputs:diffuseColor = (0.16, 0.42, 0.36)", "float inputs:roughness = 0.5"),
+            material(
+                "Gold", "color3f inputs:diffuseColor = (0.9, 0.62, 0.2)", "float inputs:metallic = 0.7", "float inputs:roughness = 0.3"
+            ),
+            material("Grass", "color3f inputs:diffuseColor = (0.2, 0.3, 0.1)", "float inputs:roughness = 1"),
+        )
+    )
+    columns = "\n".join(
+        f"""
+        def Xform "Column{k}" (
+            instanceable = true
+            references = </Column>
+        )
+        {{
+            double3 xformOp:translate = ({2.4 * np.cos(a):.5f}, 0.45, {2.4 * np.sin(a):.5f})
+            uniform token[] xformOpOrder = ["xformOp:translate"]
+        }}"""
+        for k, a in enumerate((np.arange(8) + 0.5) * np.pi / 4)
+    )
+    return STAGE.format(looks=looks, columns=columns)
 
 
 def main() -> None:

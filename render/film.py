@@ -273,7 +273,7 @@ class _Canvas:
         rays = sum(n * (t.x1 - t.x0) * (t.y1 - t.y0) for t, n in self.counts.items())
         about: dict[str, Any] = {
             "size": (view.width, view.height), "crop": self.crop, "samples": max(counts), "samples_mean": rays / (self.width * self.height),
-            "error": error, "partial": partial,
+            "error": error, "variance": self.variance, "partial": partial,
             "rays": rays, "issues": sum(self.issues.values()), "threads": self.threads,
         }  # fmt: skip
         return image.Image(self.width, self.height, self.channels, about)

@@ -22,8 +22,9 @@ class Image:
     """`width` by `height` pixels, the crop's where there was one; each channel (height, width, k) float32.
 
     `metadata` as film.run fills it: "size" and "crop" (x0, y0, x1, y1) of the whole picture, "samples" (the most any pixel
-    has), "samples_mean", "error" (estimated √relMSE, None where unknown), "partial", "rays" (from the camera), "issues" (samples
-    left out because they were not finite), "threads"; and as draw.draw adds: "seconds" by stage, "backend" and "notes".
+    has), "samples_mean", "error" (estimated √relMSE, None where unknown), "variance" (of the pixels' means, (height, width, 3), inf
+    where unknown; None after one sample), "partial", "rays" (from the camera), "issues" (samples left out because they were not
+    finite), "threads"; and as draw.draw adds: "seconds" by stage, "backend" and "notes".
     """
 
     width: int

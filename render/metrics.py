@@ -39,9 +39,15 @@ def root_relmse(image: Pixels, reference: Pixels) -> float:
     Both are linear (height, width, 3). A pixel that is inf or nan in one alone makes the error infinite; where both hold
     the same value the error is 0, so a black picture can be compared with itself.
     """
+    squared = squared_relative(image, reference)
+    return float(np.sqrt(squared.mean())) if squared.size else 0.0
+
+
+def squared_relative(image: Pixels, reference: Pixels) -> NDArray[np.float64]:
+    """(height, width, 3) of (I − R)² / (R² + ε²): what `root_relmse` is the root of the mean of."""
     a, b = _same_size(image, reference)
     if a.size == 0:
-        return 0.0
+        return np.zeros_like(a)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         finite = np.isfinite(b)
         epsilon = EPSILON * luminance(np.where(finite, b, 0.0)).mean()
@@ -49,7 +55,7 @@ def root_relmse(image: Pixels, reference: Pixels) -> float:
     squared[a == b] = 0.0
     squared[~np.isfinite(squared)] = np.inf
     squared[np.isnan(a) & np.isnan(b)] = 0.0
-    return float(np.sqrt(squared.mean()))
+    return squared
 
 
 def difference(image: Pixels, reference: Pixels) -> Difference:

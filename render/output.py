@@ -21,6 +21,7 @@ LINEAR = (".exr",)
 DEPTHS = {".png": (8, 16), ".tif": (8, 16), ".tiff": (8, 16), ".jpg": (8,), ".jpeg": (8,)}  # bits a channel, by extension
 WITH_ALPHA = (".png", ".tif", ".tiff")
 MIDDLE_GREY = 0.18
+ABOUT = "maquette:"  # before the names of attributes
 WORKING_SPACE = "lin_rec709_scene"  # OpenColorIO's name for scene-linear Rec.709
 
 CHANNEL_NAMES: dict[str, tuple[str, ...]] = {
@@ -86,15 +87,16 @@ def write(picture: images.Image, path: Path, look: Look, about: Mapping[str, str
     spec.attribute("Software", f"maquette {about.get('version', '')}".strip())
     spec.attribute("ImageDescription", str(about.get("command", "")))
     for key, value in about.items():
-        spec.attribute(f"maquette:{key}", value if linear else str(value))
+        spec.attribute(f"{ABOUT}{key}", value if linear else str(value))
     _write_whole(path, spec, pixels)
 
 
 def read(path: Path) -> images.Image:
     """A picture from any file OpenImageIO knows, as scene-linear rgba with associated alpha (1 where the file has none).
 
-    Integer files are taken as sRGB with unassociated alpha, float files as linear. Raises FormatError where there is no
-    picture to read.
+    Integer files are taken as sRGB with unassociated alpha, float files as linear. Other channels that maquette writes are
+    read too. metadata: "size" and "crop" in the whole picture, "bits" a channel (of an integer file, 0 of floats), and "about",
+    what `write` was told about it (text, as some formats hold no more). Raises FormatError where there is no picture to read.
     """
     wanted = oiio.ImageSpec()
     wanted.attribute("oiio:UnassociatedAlpha", 1)
@@ -205,8 +207,21 @@ def _as_image(pixels: NDArray[np.float32], spec: Any) -> images.Image:
     alpha = pixels[..., [spec.alpha_channel]].astype(np.float64) if spec.alpha_channel >= 0 else np.ones_like(rgb[..., :1])
     if spec.format.basetype in (oiio.UINT8, oiio.UINT16):
         rgb = decode_srgb(rgb) * alpha
-    rgba = np.concatenate([rgb, alpha], axis=2).astype(np.float32)
-    return images.Image(spec.width, spec.height, {"rgba": rgba}, {})
+    found = {"rgba": np.concatenate([rgb, alpha], axis=2).astype(np.float32)}
+    for channel, parts in CHANNEL_NAMES.items():
+        if channel not in found and all(part in names for part in parts):
+            found[channel] = pixels[..., [names.index(part) for part in parts]]
+    return images.Image(spec.width, spec.height, found, _read_about(spec))
+
+
+def _read_about(spec: Any) -> dict[str, Any]:
+    x, y = spec.x - spec.full_x, spec.y - spec.full_y
+    return {
+        "size": (spec.full_width, spec.full_height),
+        "crop": (x, y, x + spec.width, y + spec.height),
+        "bits": {oiio.UINT8: 8, oiio.UINT16: 16}.get(spec.format.basetype, 0),
+        "about": {a.name.removeprefix(ABOUT): str(a.value) for a in spec.extra_attribs if a.name.startswith(ABOUT)},
+    }
 
 
 def _write_whole(path: Path, spec: Any, pixels: NDArray[Any]) -> None:

@@ -33,6 +33,19 @@ def raw(path: Path) -> tuple[oiio.ImageSpec, np.ndarray]:
     return spec, values
 
 
+def test_what_a_picture_is_about_comes_back(tmp_path: Path) -> None:
+    """Channels, the place of a crop and the attributes: what compares pictures asks for them."""
+    ids = np.array([[[0, 1], [2, -1]]])
+    drawn = Image(2, 1, picture([[[1, 1, 1, 1], [0, 0, 0, 0]]], id=ids).channels, {"size": (10, 8), "crop": (3, 4, 5, 5)})
+    output.write(drawn, tmp_path / "a.exr", output.Look(), ABOUT)
+    output.write(drawn, tmp_path / "a.png", output.Look(bits=16), ABOUT)
+    exr, png = (output.read(tmp_path / name) for name in ("a.exr", "a.png"))
+    assert exr.channels["id"].tolist() == ids.tolist()
+    assert (exr.metadata["size"], exr.metadata["crop"], exr.metadata["bits"]) == ((10, 8), (3, 4, 5, 5), 0)
+    assert (png.metadata["size"], png.metadata["crop"], png.metadata["bits"]) == ((2, 1), (0, 0, 2, 1), 16)
+    assert (exr.metadata["about"]["seed"], float(png.metadata["about"]["exposure"])) == ("7", 0.5)
+
+
 def test_the_srgb_curve_has_its_known_values() -> None:
     codes = output.encode_srgb(np.array([0.0, 0.0031308, 0.18, 0.5, 1.0])) * 255
     np.testing.assert_allclose(codes, [0.0, 10.31475, 117.646, 187.516, 255.0], atol=5e-4)

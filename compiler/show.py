@@ -80,6 +80,19 @@ def data(scene: ir.Scene) -> dict[str, Any]:
     return made
 
 
+def cells(scene: ir.Scene, table: str, row: int) -> dict[str, str]:
+    """One row of a table (no pool) as text by column, without what a plain row has; a material's slots stand for themselves."""
+    found: dict[str, str] = {}
+    for column, values in getattr(scene.tables, table)._asdict().items():
+        if column in ("texels", "inverse"):
+            continue
+        if table == "materials" and column in ("values", "textures"):
+            found |= dict(part.split("=", 1) for part in _slots(column, values[row]))
+        elif text := _cell(scene, table, column, values[row], row):
+            found[column] = text.removeprefix(f"{column}=")
+    return found
+
+
 def short_hash(values: np.ndarray) -> str:
     """Ten digits that tell the content of an array."""
     return hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()[:10]

@@ -99,3 +99,12 @@ def test_data_is_json(compiled) -> None:
 
 def test_hashes_are_of_the_content() -> None:
     assert show.short_hash(np.zeros(3)) == show.short_hash(np.zeros(6)[::2]) != show.short_hash(np.zeros(4))
+
+
+def test_one_row_as_text_by_column(compiled) -> None:
+    scene = compiled("sphere(2, material: phong(#ffffff, specular: 0.5, shininess: 9))")
+    assert show.cells(scene, "geometries", 0) == {"kind": "sphere", "parameters": "[2]", "bounds": "[[-2 -2 -2] [2 2 2]]"}
+    assert show.cells(scene, "materials", 0) == {
+        "model": "phong", "ambient": "[1 1 1]", "diffuse": "[1 1 1]", "specular": "[0.5 0.5 0.5]",
+        "shininess": "9", "ior": "1.5",
+    }  # fmt: skip

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Sequence
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from . import cli_job as jobs
 from . import cli_options as values
+from . import cli_shared as shared
 from . import cli_terminal as terminal
 from .lang.diagnostics import SceneError, in_order
-
-if TYPE_CHECKING:
-    from .compiler import ir
 
 PLANNED = {
     "format": "lay a scene out in the standard way",
@@ -26,8 +23,6 @@ PLANNED = {
     "new": "a scene to start from",
     "lsp": "the language server",
 }
-
-Command = Callable[..., Any]
 
 
 class Commands(click.Group):
@@ -68,99 +63,23 @@ class Commands(click.Group):
         super().format_epilog(ctx, formatter)
 
 
-def examples(*lines: str) -> Callable[[Command], Command]:
-    """Give a command examples at the end of its --help."""
-
-    def add(command: Command) -> Command:
-        command.__doc__ = f"{command.__doc__}\n\n\b\nExamples:\n" + "\n".join(f"  {line}" for line in lines)
-        return command
-
-    return add
-
-
-def options(*decorators: Callable[[Command], Command]) -> Callable[[Command], Command]:
-    """Several click options as one decorator, in the order given."""
-
-    def add(command: Command) -> Command:
-        for decorator in reversed(decorators):
-            command = decorator(command)
-        return command
-
-    return add
-
-
-def _pairs(ctx: click.Context, param: click.Parameter, given: Sequence[tuple[str, str]]) -> dict[str, str]:
-    pairs = dict(given)
-    if len(pairs) < len(given):
-        twice = next(name for name, _ in given if [n for n, _ in given].count(name) > 1)
-        raise click.BadParameter(f"`{twice}` is given twice", ctx, param)
-    return pairs
-
-
-_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
-_OUT = click.Path(path_type=Path)
-
-scene_options = options(
-    click.option("--set", "sets", type=values.ASSIGNMENT, multiple=True, callback=_pairs, help="Give a param of the scene a value."),
-    click.option("--time", "at", type=values.SECONDS, help="The moment of an animation: 2s."),
-    click.option("--allow", type=click.Path(exists=True, path_type=Path), multiple=True, help="Also read files below this folder."),
-    click.option("--variant", "variants", type=values.VARIANT, multiple=True, callback=_pairs, help="Choose a USD variant."),
-)
-picture_options = options(
-    click.option("--backend", type=click.Choice(["auto", "ray", "raster", "reference"]), help="Which backend draws."),
-    click.option("--size", type=values.SIZE, help="Pixels: 800x600, or 512 for a square."),
-    click.option("--camera", metavar="NAME", help="The camera to look through."),
-    click.option("--samples", type=click.IntRange(1, 1 << 20), help="Samples a pixel."),
-    click.option("--error", type=values.SHARE, help="Render until √relMSE is below this: 1%."),
-    click.option("--budget", type=values.DURATION, help="Render for at most this long: 20s."),
-    click.option("--bounces", type=click.IntRange(0, 64), help="Surface interactions after the first hit."),
-    click.option("--seed", type=click.IntRange(0, (1 << 63) - 1), help="Of the random numbers."),
-    click.option("--threads", type=click.IntRange(1, 1024), help="Default: one a core. The picture does not depend on it."),
-    click.option("--aov", type=values.CHANNELS, help="More channels for an .exr: depth,normal,position,albedo,uv,id."),
-    click.option("--crop", type=values.CROP, help="Only these pixels, from the top left."),
-    click.option("--background", type=values.BACKGROUND, help="sky, transparent or #rrggbb."),
-    click.option("--exposure", type=values.EXPOSURE, help="Stops, for 8 and 16-bit pictures; + 1 is twice as bright."),
-    click.option("--view", metavar="NAME", help="View transform of 8 and 16-bit pictures: sRGB, or an OpenColorIO name."),
-    click.option("--plan", "plan_values", type=values.ASSIGNMENT, multiple=True, callback=_pairs, help="Override a decision of explain."),
-)
-
-
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(metadata.version("maquette"), prog_name="maquette")
-@examples("maquette render examples/hello.scene -o hello.png", "maquette watch room.scene -o room.png --size 400x300")
+@shared.examples("maquette render examples/hello.scene -o hello.png", "maquette watch room.scene -o room.png --size 400x300")
 def cli() -> None:
     """Compile scenes (.scene, USD, OBJ, PLY, STL, GLB) and render them."""
 
 
-def _source(scene: Path, given: dict[str, Any]) -> jobs.Source:
-    """Takes what `scene_options` gave out of `given`."""
-    return jobs.Source(scene, given.pop("sets"), given.pop("at"), given.pop("allow"), given.pop("variants"))
-
-
-def _asked(scene: Path, given: dict[str, Any]) -> tuple[jobs.Source, ir.Settings, dict[str, str]]:
-    """The source, settings and overrides of a command with `scene_options` and `picture_options`."""
-    from .compiler import ir
-
-    source, overrides = _source(scene, given), given.pop("plan_values")
-    return source, ir.Settings(**given), overrides
-
-
-def _load(source: jobs.Source) -> ir.Scene:
-    scene, found = source.load({})
-    terminal.report(found.items)
-    return scene
-
-
 @cli.command()
-@click.argument("scene", type=_FILE)
-@click.option("-o", "--output", type=_OUT, help="The picture: .exr, .png, .tif or .jpg. Default: SCENE.png in this folder.")
-@scene_options
+@click.argument("scene", type=shared.FILE)
+@click.option("-o", "--output", type=shared.OUT, help="The picture: .exr, .png, .tif or .jpg. Default: SCENE.png in this folder.")
+@shared.scene_options
 @click.option("--frames", type=values.FRAMES, help="1..24, 1..240x10 or 1,5,10, numbered into out.####.png.")
-@picture_options
+@shared.picture_options
 @click.option("--bits", type=click.Choice(["8", "16"]), help="Bits a channel of .png and .tif. Default: 8.")
-@click.option("--stats", type=_OUT, help="Write seconds, rays, error, plan and warnings to this JSON file.")
+@click.option("--stats", type=shared.OUT, help="Write seconds, rays, error, plan and warnings to this JSON file.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress, notes or figures; errors and warnings only.")
-@examples(
+@shared.examples(
     "maquette render hello.scene -o hello.png",
     "maquette render room.scene -o room.exr --error 0.5% --aov depth,normal --stats room.json",
     "maquette render gear.scene -o gear.####.png --frames 1..48 --set teeth=24",
@@ -172,7 +91,7 @@ def render(
     """Render SCENE to a picture."""
     if frames and given["at"] is not None:
         raise click.UsageError("--time and --frames exclude each other")
-    source, settings, overrides = _asked(scene, given)
+    source, settings, overrides = shared.asked(scene, given)
     output = output or Path(f"{scene.stem}.png")
     depth = int(bits) if bits else None
     jobs.check_output(output, settings.aov or (), depth, settings.view or "sRGB")
@@ -184,17 +103,17 @@ def render(
 
 
 @cli.command()
-@click.argument("scenes", type=_FILE, nargs=-1, required=True)
-@scene_options
+@click.argument("scenes", type=shared.FILE, nargs=-1, required=True)
+@shared.scene_options
 @click.option("--json", "as_json", is_flag=True, help="All diagnostics as a JSON list on stdout.")
-@examples("maquette check room.scene", "maquette check examples/*.scene --json")
+@shared.examples("maquette check room.scene", "maquette check examples/*.scene --json")
 @click.pass_context
 def check(ctx: click.Context, scenes: tuple[Path, ...], as_json: bool, **given: Any) -> None:
     """Find what is wrong in SCENES, without drawing them."""
     failed, data = False, []
     for path in scenes:
         try:
-            _, found = _source(path, dict(given)).load({})
+            _, found = shared.source_of(path, dict(given)).load({})
             diagnostics = tuple(found.items)
         except SceneError as error:
             diagnostics = error.diagnostics
@@ -211,11 +130,11 @@ def check(ctx: click.Context, scenes: tuple[Path, ...], as_json: bool, **given: 
 
 
 @cli.command()
-@click.argument("scene", type=_FILE)
-@scene_options
+@click.argument("scene", type=shared.FILE)
+@shared.scene_options
 @click.option("--ir", "as_ir", is_flag=True, help="Every row of every table.")
 @click.option("--json", "as_json", is_flag=True, help="The tables as JSON.")
-@examples("maquette inspect room.scene", "maquette inspect gear.scene --ir --set teeth=6")
+@shared.examples("maquette inspect room.scene", "maquette inspect gear.scene --ir --set teeth=6")
 def inspect(scene: Path, as_ir: bool, as_json: bool, **given: Any) -> None:
     """Show what SCENE compiles to.
 
@@ -225,7 +144,7 @@ def inspect(scene: Path, as_ir: bool, as_json: bool, **given: Any) -> None:
 
     if as_ir and as_json:
         raise click.UsageError("--ir and --json exclude each other")
-    compiled = _load(_source(scene, given))
+    compiled = shared.load(shared.source_of(scene, given))
     if as_ir:
         click.echo(show.text(compiled))
     elif as_json:
@@ -235,18 +154,18 @@ def inspect(scene: Path, as_ir: bool, as_json: bool, **given: Any) -> None:
 
 
 @cli.command()
-@click.argument("scene", type=_FILE)
-@scene_options
-@picture_options
+@click.argument("scene", type=shared.FILE)
+@shared.scene_options
+@shared.picture_options
 @click.option("--json", "as_json", is_flag=True, help="The decisions as JSON.")
-@examples("maquette explain room.scene", "maquette explain room.scene --backend raster --plan raster.fill=areas")
+@shared.examples("maquette explain room.scene", "maquette explain room.scene --backend raster --plan raster.fill=areas")
 def explain(scene: Path, as_json: bool, **given: Any) -> None:
     """Show how SCENE would be rendered, and why.
 
     Each decision of the plan: its value, the reason, and the option that changes it.
     """
-    source, settings, overrides = _asked(scene, given)
-    compiled = _load(source)
+    source, settings, overrides = shared.asked(scene, given)
+    compiled = shared.load(source)
     plan = jobs.make_plan(compiled, settings, overrides)
     if as_json:
         rows = [{"name": d.name, "value": d.value, "reason": d.reason, "overridden": d.overridden} for d in plan.decisions.values()]
@@ -257,11 +176,11 @@ def explain(scene: Path, as_json: bool, **given: Any) -> None:
 
 
 @cli.command()
-@click.argument("first", metavar="A", type=_FILE)
-@click.argument("second", metavar="B", type=_FILE)
-@click.option("-o", "--output", type=_OUT, help="A picture of A − B: false colours, or the signed difference itself in an .exr.")
+@click.argument("first", metavar="A", type=shared.FILE)
+@click.argument("second", metavar="B", type=shared.FILE)
+@click.option("-o", "--output", type=shared.OUT, help="A picture of A − B: false colours, or the signed difference itself in an .exr.")
 @click.option("--threshold", type=values.LIMIT, help="Exit with 1 when √relMSE is above this: 1%, or 0 for identical.")
-@examples("maquette compare out.exr reference.exr --threshold 1% -o difference.png")
+@shared.examples("maquette compare out.exr reference.exr --threshold 1% -o difference.png")
 @click.pass_context
 def compare(ctx: click.Context, first: Path, second: Path, output: Path | None, threshold: float | None) -> None:
     """Measure how far picture A is from B.
@@ -287,11 +206,11 @@ def compare(ctx: click.Context, first: Path, second: Path, output: Path | None, 
 
 
 @cli.command()
-@click.argument("scene", type=_FILE)
-@click.option("-o", "--output", type=_OUT, required=True, help="The picture that follows the scene.")
-@scene_options
-@picture_options
-@examples("maquette watch room.scene -o room.png --size 400x300 --samples 16")
+@click.argument("scene", type=shared.FILE)
+@click.option("-o", "--output", type=shared.OUT, required=True, help="The picture that follows the scene.")
+@shared.scene_options
+@shared.picture_options
+@shared.examples("maquette watch room.scene -o room.png --size 400x300 --samples 16")
 @click.pass_context
 def watch(ctx: click.Context, scene: Path, output: Path, **given: Any) -> None:
     """Render SCENE again at every save.
@@ -300,7 +219,7 @@ def watch(ctx: click.Context, scene: Path, output: Path, **given: Any) -> None:
     """
     from .live import watch as live
 
-    source, settings, overrides = _asked(scene, given)
+    source, settings, overrides = shared.asked(scene, given)
     jobs.check_output(output, settings.aov or (), None, settings.view or "sRGB")
     job = jobs.Job(source, settings, overrides, output)
     try:
@@ -310,10 +229,10 @@ def watch(ctx: click.Context, scene: Path, output: Path, **given: Any) -> None:
 
 
 @cli.command()
-@click.argument("scene", metavar="IN", type=_FILE)
-@click.argument("output", metavar="OUT", type=_OUT)
-@scene_options
-@examples("maquette convert room.scene room.npz")
+@click.argument("scene", metavar="IN", type=shared.FILE)
+@click.argument("output", metavar="OUT", type=shared.OUT)
+@shared.scene_options
+@shared.examples("maquette convert room.scene room.npz")
 def convert(scene: Path, output: Path, **given: Any) -> None:
     """Compile IN and save its tables.
 
@@ -324,7 +243,7 @@ def convert(scene: Path, output: Path, **given: Any) -> None:
     if output.suffix.lower() != ".npz":
         raise click.UsageError(f"writing {output.suffix or 'a file without an extension'} is not built yet: OUT ends in .npz (a saved IR)")
     jobs.check_folder(output)
-    store.save(_load(_source(scene, given)), output)
+    store.save(shared.load(shared.source_of(scene, given)), output)
 
 
 def main() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -65,6 +65,8 @@ def make(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, str] | 
     Raises PlanError for an override that cannot be, or a camera that is not there.
     """
     asked = settings.over(scene.settings)
+    if settings.error is not None and settings.samples is None:
+        asked = replace(asked, samples=None)  # an error asked for now goes before the number of samples in the scene
     overrides = dict(overrides or {})
     decided: dict[str, Decision] = {}
     for rule in RULES:

@@ -74,6 +74,9 @@ def test_an_error_or_a_budget_lets_samples_grow() -> None:
     assert plan.make(scene(), ir.Settings(budget=2.0))["samples"] == plan.MAX_SAMPLES
     both = plan.make(scene(), ir.Settings(error=0.01, samples=8))
     assert (both["samples"], both["error"]) == (8, 0.0)
+    said = replace(scene(), settings=ir.Settings(samples=8))
+    over = plan.make(said, ir.Settings(error=0.01))
+    assert (over["samples"], over["error"]) == (plan.MAX_SAMPLES, 0.01)
 
 
 def test_the_film_sets_the_shape_of_the_picture() -> None:

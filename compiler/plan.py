@@ -274,13 +274,46 @@ def _tolerance(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]
     return Decision("tolerance", 0.05, "pixels a tessellated shape may be off its true outline")
 
 
+def _horizon(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    lights = scene.tables.lights
+    if not (np.isin(lights.kind, (ir.LightKind.SKY, ir.LightKind.DOME)) & lights.shadows).any():
+        return Decision("horizon", False, "no sky casts shadows")
+    row = ground(scene.tables)
+    if row < 0:
+        return Decision("horizon", False, "no plane has the whole scene on its upper side", fixed="the scene's planes")
+    name = f"`{scene.names.instances[row]}`" if scene.names.instances[row] else "a plane"
+    return Decision("horizon", True, f"{name} bounds the scene from below: sky under it is blocked for all, and is not sampled")
+
+
+def ground(tables: ir.Tables) -> int:
+    """The instance of a plane that casts shadows and on whose upper side everything else lies, or -1.
+
+    Things may stand on it, to 1e-9 of their coordinates.
+    """
+    instances, geometries, transforms = tables.instances, tables.geometries, tables.transforms
+    boxes, matrix = geometries.bounds[instances.geometry], transforms.matrix[instances.transform]
+    solid = (geometries.kind[instances.geometry] == ir.GeometryKind.PLANE) & (instances.visible & ir.Visibility.SHADOW != 0)
+    for row in np.flatnonzero(solid)[:4].tolist():
+        others = np.arange(len(boxes)) != row
+        below = transforms.inverse[instances.transform[row], 1]  # height over the plane, of a point of the world
+        along = np.einsum("j,njk->nk", below[:3], matrix[others, :, :3])
+        with np.errstate(invalid="ignore"):
+            middle, half = boxes[others].mean(axis=1), 0.5 * (boxes[others, 1] - boxes[others, 0])
+            height = np.sum(along * middle, axis=1) + matrix[others, :, 3] @ below[:3] + below[3]
+            reach = np.sum(np.abs(along) * half, axis=1)
+            size = np.abs(height) + reach + np.abs(below[3])
+            if np.all(height - reach >= -1e-9 * size):  # nan and inf of what is endless are not above
+                return row
+    return -1
+
+
 def _fill(scene: ir.Scene, *_: Any) -> Decision:
     return Decision("raster.fill", "edges", "exact edge functions; all three cover the same samples", ("edges", "areas", "scanline"))
 
 
 RULES: tuple[Callable[[ir.Scene, ir.Settings, Mapping[str, Decision]], Decision], ...] = (
     _backend, _camera, _size, _crop, _soft, _bounces, _interreflection, _shadows, _error, _budget, _samples, _filter, _seed,
-    _background, _exposure, _view, _aov, _threads, _accelerator, _tolerance, _fill,
+    _background, _exposure, _view, _aov, _threads, _accelerator, _horizon, _tolerance, _fill,
 )  # fmt: skip
 
 

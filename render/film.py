@@ -19,23 +19,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler.plan import Plan
-from . import image, metrics
+from . import adaptive, image, metrics
 from .records import Film, Tile, View
 
 TILE = 32  # pixels
-BATCH = 4  # samples whose mean is one draw of the error estimate, at the least
-ROUND = 2  # batches in which an adaptive round is drawn
-FIRST = 16  # samples before the error is asked for the first time
-BATCHES = 8  # into which a fixed number of samples is parted, to know its error
+FIRST = 8  # samples a pixel before its error is asked for the first time
+CALL = 64  # samples a pixel between looks at whether the work has been cancelled or its time is over
 
+Counts = NDArray[np.int64]
 Progress = Callable[[int, int], None]
 
 
 class Renderer(Protocol):
     """What a backend gives the film."""
 
-    def sample(self, tile: Tile, first: int, count: int, total: int, film: Film) -> None:
-        """Add samples first … first + count - 1 of `total` of every pixel of the tile; one in all is the pixel's centre."""
+    by_tile: bool
+    """Whether all pixels of a tile take the same samples; else each may have its own."""
+
+    def sample(self, tile: Tile, first: Counts, count: Counts, total: int, film: Film) -> None:
+        """Add samples first … first + count - 1, (h, w) each, of `total` of every pixel of the tile; one in all is the pixel's centre."""
         ...
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
@@ -69,48 +71,41 @@ def tiles(crop: tuple[int, int, int, int]) -> list[Tile]:
 
 @dataclass(eq=False)
 class _Sums:
-    """What a tile's samples add up to, and how far the means of the last round's batches lie apart (Welford's way, weighed by samples).
+    """What the samples of a tile's pixels add up to, and the variance of their means, told from the latest two batches.
 
-    Sobol points make the mean of many samples better than so many means of few: the larger the batches, the nearer the
-    estimate is to the true error, from above. So each round forgets the smaller batches of the one before.
+    The old samples and the new ones have means m₁, m₂ of n₁, n₂ samples; for independent batches whose variance falls as 1/n, the
+    mean of all has the variance (m₁ - m₂)² n₁ n₂ / (n₁ + n₂)². Sobol points do better than that, and the larger the batches the
+    more of it is seen: so the estimate comes near the truth from above.
     """
 
-    film: Film
-    latest: NDArray[np.float64]  # (h, w, 3) sum of the last round's samples
-    apart: NDArray[np.float64]  # (h, w, 3)
-    samples: int = 0
-    recent: int = 0  # samples in the last round
-    batches: int = 0  # in the last round
+    color: NDArray[np.float64]  # (h, w, 3)
+    alpha: NDArray[np.float64]
+    issues: Counts
+    samples: Counts
+    variance: NDArray[np.float32]  # (h, w, 3) of the means; inf where a single batch says nothing
 
     @classmethod
-    def of(cls, tile: Tile) -> _Sums:
-        shape = (tile.y1 - tile.y0, tile.x1 - tile.x0, 3)
-        return cls(_film(tile), np.zeros(shape), np.zeros(shape))
+    def of(cls, height: int, width: int) -> _Sums:
+        shape = (height, width)
+        return cls(
+            np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape, np.int64), np.zeros(shape, np.int64),
+            np.full((*shape, 3), np.inf, np.float32),
+        )  # fmt: skip
 
-    def begin(self) -> None:
-        """Start a round."""
-        self.latest[:], self.apart[:] = 0.0, 0.0
-        self.recent = self.batches = 0
+    def window(self, window: tuple[slice, slice]) -> _Sums:
+        """A part, which writes through to the whole."""
+        return _Sums(self.color[window], self.alpha[window], self.issues[window], self.samples[window], self.variance[window])
 
-    def add(self, batch: Film, count: int) -> None:
-        """Take in a batch of `count` samples a pixel."""
-        mean = batch.color / count
-        before = mean - self.latest / max(self.recent, 1)
-        self.film.color[:] += batch.color
-        self.film.alpha[:] += batch.alpha
-        self.film.issues[:] += batch.issues
-        self.latest += batch.color
+    def add(self, batch: Film, count: Counts) -> None:
+        """Take in a batch of `count` (h, w) samples; pixels with none stay as they are."""
+        both = (self.samples > 0) & (count > 0)
+        old, new = np.where(both, self.samples, 1)[..., None], np.where(both, count, 1)[..., None]
+        apart = (self.color / old - batch.color / new) ** 2 * (old * new / (old + new) ** 2)
+        np.copyto(self.variance, apart, where=both[..., None], casting="same_kind")
+        self.color += batch.color
+        self.alpha += batch.alpha
+        self.issues += batch.issues
         self.samples += count
-        self.recent += count
-        self.batches += 1
-        if self.batches > 1:
-            self.apart += count * before * (mean - self.latest / self.recent)
-
-    def variance(self) -> NDArray[np.float64]:
-        """(h, w, 3) of the pixels' means; inf after a single batch, which says nothing."""
-        if self.batches < 2:
-            return np.full(self.apart.shape, np.inf)
-        return np.maximum(self.apart, 0.0) / (self.samples * (self.batches - 1))
 
 
 def _film(tile: Tile) -> Film:
@@ -130,71 +125,96 @@ class _Canvas:
         self.width, self.height = self.crop[2] - self.crop[0], self.crop[3] - self.crop[1]
         self.channels = image.blank(self.width, self.height, ("rgba", *self.names))
         self.variance = np.full((self.height, self.width, 3), np.inf, np.float32) if self.most > 1 else None
+        self.samples = np.zeros((self.height, self.width), np.int64)
         self.tiles = tiles(self.crop)
-        self.counts = dict.fromkeys(self.tiles, 0)
         self.issues = dict.fromkeys(self.tiles, 0)
-        self.spent = 0.0  # samples drawn, in tiles
+        self.drawn = dict.fromkeys(self.tiles, 0)  # samples of all pixels
+        self.spent = 0  # samples of all tiles told of
         self.shown = 0  # tiles, as last told to `progress`
 
     def fixed(self) -> None:
         """The same number of samples for every pixel; sums live only while their tile is drawn."""
-        batch = -(-self.most // BATCHES)
+        half = -(-self.most // 2)
 
         def draw(tile: Tile) -> None:
-            self._draw(tile, _Sums.of(tile), self.most, batch)
+            sums = _Sums.of(tile.y1 - tile.y0, tile.x1 - tile.x0)
+            for goal in dict.fromkeys((half, self.most)):
+                self._draw(tile, sums, np.full(sums.samples.shape, goal))
             self._extras(tile)
 
-        self._work(draw, self.tiles, lambda: self.spent / (self.most * len(self.tiles)))
+        whole = self.most * self.width * self.height
+        self._work(draw, self.tiles, lambda: self.spent / whole)
 
     def adaptive(self, error: float, deadline: float) -> None:
-        """Rounds, each of twice the samples of the one before, over the tiles whose error is above what was asked."""
-        sums = {tile: _Sums.of(tile) for tile in self.tiles}
-        first = min(FIRST if math.isinf(deadline) else BATCH, self.most)
-        goal, active, ahead = first, self.tiles, float(first * len(self.tiles))
-        while active and not self.cancel.is_set():
+        """Rounds, in which the pixels where it is worth most get two or four times their samples."""
+        sums = _Sums.of(self.height, self.width)
+        first = min(FIRST, self.most)
+        began = time.perf_counter()
 
-            def draw(tile: Tile, goal: int = goal, late: bool = goal > first) -> None:
-                if late and time.perf_counter() > deadline:
-                    return
-                self._draw(tile, sums[tile], goal, max(BATCH, (goal - sums[tile].samples) // ROUND))
-                if not late:
-                    self._extras(tile)
-
-            before, began = self.spent, time.perf_counter()
-            self._work(draw, active, lambda whole=self.spent + ahead: self.spent / max(whole, self.spent))
-            now = time.perf_counter()
-            if now >= deadline or goal == self.most:
-                break
-            if error > 0.0 and goal >= min(FIRST, self.most):
-                relative = self._relative()
-                shares = {tile: float(np.mean(relative[self._window(tile)])) for tile in active}
-                if float(np.mean(relative)) <= error * error:
+        def begin(tile: Tile) -> None:
+            part = sums.window(self._window(tile))
+            for goal in dict.fromkeys((-(-first // 2), first)):
+                if goal == first and time.perf_counter() > deadline:
                     break
-                active = [tile for tile in active if shares[tile] > error * error]
-                ahead = sum(min(shares[tile] / error**2 * goal, self.most) - goal for tile in active)
-            if math.isfinite(deadline):
-                pace = (now - began) / max(self.spent - before, 1e-9)
-                ahead = (deadline - now) / pace
-                affordable = int(ahead / len(active)) // BATCH * BATCH if active else 0
-                goal = min(goal + max(min(goal, affordable), BATCH), self.most)
-            else:
-                goal = min(2 * goal, self.most)
+                self._draw(tile, part, np.full(part.samples.shape, goal))
+            self._extras(tile)
 
-    def _draw(self, tile: Tile, sums: _Sums, goal: int, batch: int) -> None:
-        """Bring a tile to `goal` samples, in a round of its own, and show what it has."""
-        sums.begin()
-        while sums.samples < goal and not (self.cancel.is_set() and sums.samples):
-            count = min(batch, goal - sums.samples)
-            film = _film(tile)
-            self.renderer.sample(tile, sums.samples, count, self.most, film)
-            sums.add(film, count)
+        whole = first * sums.samples.size
+
+        def share() -> float:
+            return self.spent / whole if math.isinf(deadline) else (time.perf_counter() - began) / (deadline - began)
+
+        self._work(begin, self.tiles, lambda: 0.5 * share())
+        while self.most > 1 and not self.cancel.is_set() and (now := time.perf_counter()) < deadline:
+            relative = np.mean(self._relative(), axis=2)
+            if error > 0.0 and float(np.mean(relative)) <= error * error:
+                break
+            pace = self.spent / (now - began)
+            goals = self._goals(relative, sums.samples, error, (deadline - now) * pace)
+            more = [tile for tile in self.tiles if np.any(goals[self._window(tile)] > sums.samples[self._window(tile)])]
+            if not more:
+                break
+
+            def draw(tile: Tile, goals: Counts = goals) -> None:
+                window = self._window(tile)
+                self._draw(tile, sums.window(window), goals[window], deadline)
+
+            whole = int(goals.sum())
+            self._work(draw, more, share)
+
+    def _goals(self, relative: NDArray[np.float64], samples: Counts, error: float, affordable: float) -> Counts:
+        """(h, w) samples each pixel shall have after the next round."""
+        if self.renderer.by_tile:
+            known = relative.copy()
+            for tile in self.tiles:
+                known[self._window(tile)] = known[self._window(tile)].mean()
+        else:
+            known = adaptive.smoothed(relative, samples)
+        doublings = np.full(samples.shape, adaptive.MOST_DOUBLINGS)
+        if error > 0.0:
+            doublings = adaptive.doublings_for_error(known, samples, self.most, error * error)
+        if np.sum(samples * (2**doublings - 1)) > affordable:
+            doublings = adaptive.doublings_for_samples(known, samples, self.most, affordable)
+        return np.minimum(samples * 2**doublings, self.most)
+
+    def _draw(self, tile: Tile, sums: _Sums, goals: Counts, deadline: float = math.inf) -> None:
+        """Bring the pixels of a tile to their goals, as one batch, and show what it has; less where it is cancelled or too late."""
+        film, count = _film(tile), goals - sums.samples
+        start, most = 0, int(count.max(initial=0))
+        while start < most and not (self.cancel.is_set() or time.perf_counter() > deadline):
+            step = np.clip(count - start, 0, CALL)
+            self.renderer.sample(tile, sums.samples + start, step, self.most, film)
+            start += CALL
+        sums.add(film, np.minimum(count, start))
         window = self._window(tile)
-        self.channels["rgba"][(*window, slice(0, 3))] = sums.film.color / sums.samples
-        self.channels["rgba"][(*window, 3)] = sums.film.alpha / sums.samples
+        there = np.maximum(sums.samples, 1)
+        self.channels["rgba"][(*window, slice(0, 3))] = sums.color / there[..., None]
+        self.channels["rgba"][(*window, 3)] = sums.alpha / there
         if self.variance is not None:
-            self.variance[window] = sums.variance()
-        self.counts[tile] = sums.samples
-        self.issues[tile] = int(sums.film.issues.sum())
+            self.variance[window] = sums.variance
+        self.samples[window] = sums.samples
+        self.drawn[tile] = int(sums.samples.sum())
+        self.issues[tile] = int(sums.issues.sum())
 
     def _extras(self, tile: Tile) -> None:
         if self.names:
@@ -235,7 +255,7 @@ class _Canvas:
 
         workers = [threading.Thread(target=loop, name=f"tiles {k}", daemon=True) for k in range(self.threads)]
         failure: BaseException | None = None
-        known = dict(self.counts)
+        known = dict(self.drawn)
         try:
             for worker in workers:
                 worker.start()
@@ -246,7 +266,7 @@ class _Canvas:
                     running -= 1
                     failure = failure or problem
                     continue
-                self.spent += self.counts[tile] - known[tile]
+                self.spent += self.drawn[tile] - known[tile]
                 self._tell(fraction())
         finally:
             stop.set()
@@ -263,17 +283,16 @@ class _Canvas:
 
     def finish(self, view: View) -> image.Image:
         """The picture with what is known about it."""
-        counts = list(self.counts.values())
-        partial = self.cancel.is_set() and (min(counts) == 0 or min(counts) < self.most)
+        partial = self.cancel.is_set() and bool(self.samples.min() == 0 or self.samples.min() < self.most)
         error = None
         if self.variance is not None and np.isfinite(self.variance).all():
             error = math.sqrt(float(np.mean(self._relative())))
         if not partial:
             self._tell(1.0)
-        rays = sum(n * (t.x1 - t.x0) * (t.y1 - t.y0) for t, n in self.counts.items())
+        rays = int(self.samples.sum())
         about: dict[str, Any] = {
-            "size": (view.width, view.height), "crop": self.crop, "samples": max(counts), "samples_mean": rays / (self.width * self.height),
-            "error": error, "variance": self.variance, "partial": partial,
+            "size": (view.width, view.height), "crop": self.crop, "samples": int(self.samples.max()),
+            "samples_mean": rays / self.samples.size, "error": error, "variance": self.variance, "partial": partial,
             "rays": rays, "issues": sum(self.issues.values()), "threads": self.threads,
         }  # fmt: skip
         return image.Image(self.width, self.height, self.channels, about)

@@ -174,6 +174,8 @@ def direct_light(
     matt = lanes.largest(shader.diffuse) + lanes.largest(shader.specular) > 0.0
     active = active & matt
     middle = lanes.full_like(point.offset, 0.5)
+    horizon = lanes.like3(point.offset, options.horizon[0], options.horizon[1], options.horizon[2])
+    above_ground = (point.instance != options.ground) & (options.ground >= 0)
     for light in range(len(tables.lights.kind)):
         kind = tables.lights.kind[light]
         if kind == lights.AMBIENT:
@@ -183,8 +185,9 @@ def direct_light(
         if lights.is_soft(tables, light):
             u, v = sampler.pair(pixel, sample, dimension, options.seed)
         if kind in (lights.SKY, lights.DOME):
-            direction = lights.cosine_sample(point.normal, u, v)[0]
-            given = lanes.mul(shader.diffuse, lights.sky_radiance(tables, light, direction))
+            bounded = above_ground & tables.lights.shadows[light]
+            direction, share = lights.cosine_sample_above(point.normal, horizon, bounded, u, v)
+            given = lanes.scale(lanes.mul(shader.diffuse, lights.sky_radiance(tables, light, direction)), share)
             total = lanes.add(total, _unblocked(tables, accel, options, point, light, direction, lights.FAR, given, active))
             shiny = active & (lanes.largest(shader.specular) > 0.0)
             if lanes.any_lane(shiny):

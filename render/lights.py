@@ -131,6 +131,27 @@ def cosine_sample(normal: Vec, u: Lane, v: Lane) -> tuple[Vec, Lane]:
 
 
 @helper
+def cosine_sample_above(normal: Vec, horizon: Vec, bounded: Lane, u: Lane, v: Lane) -> tuple[Vec, Lane]:
+    """A direction about the normal on the horizon's upper side with density cos/(π share), and that share of all cos/π.
+
+    Seen along the normal, the directions above a plane fill a half disk and, on the other side, a half ellipse flattened by
+    c = normal · horizon: chord by chord a disk, squeezed from [-s, s] to [-c s, s]. Lanes that are not `bounded` have no horizon.
+    """
+    across = lanes.sub(horizon, lanes.scale(normal, lanes.dot(normal, horizon)))
+    tilted = bounded & (lanes.dot(across, across) > 1e-20)
+    other, _ = lanes.basis(normal)
+    a = lanes.normalize(lanes.where3(tilted, across, other))
+    b = lanes.cross(normal, a)
+    c = lanes.where(bounded, lanes.clip(lanes.dot(normal, horizon), -1.0, 1.0), 1.0)
+    radius, turn = lanes.sqrt(u), 2.0 * math.pi * v
+    x, y = radius * lanes.cos(turn), radius * lanes.sin(turn)
+    chord = lanes.sqrt(lanes.maximum(1.0 - y * y, 0.0))
+    x = 0.5 * (x * (1.0 + c) + chord * (1.0 - c))
+    z = lanes.sqrt(lanes.maximum(1.0 - x * x - y * y, 0.0))
+    return lanes.in_basis(a, b, normal, x, y, z), 0.5 * (1.0 + c)
+
+
+@helper
 def _from_plate(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) -> Arriving:
     lights, row = tables.lights, tables.lights.transform[light]
     matrix = tables.transforms.matrix

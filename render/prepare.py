@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import ir
+from ..compiler import plan as planner
 from ..compiler.plan import Plan
 from . import bvh, gouraud, tessellate, trace
 from .handles import Handle
@@ -44,24 +45,34 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     plain = backend == "reference"
     accel = trace.Brute() if plain else Handle(bvh.build(tables, brute=plan["accelerator"] == "brute"))
     packed = tables if plain else Handle(tables)
-    options = options_of(plan)
+    options = options_of(plan, tables)
     light = gouraud.vertex_light(tables, packed, accel, options, view)
     return Prepared(tables, packed, accel, light if plain else Handle(light), options, shells)
 
 
-def options_of(plan: Plan) -> Options:
+def options_of(plan: Plan, tables: ir.Tables) -> Options:
     """The plan's values that kernels read."""
     background = plan["background"]
     colored = not isinstance(background, str)
+    ground = planner.ground(tables) if plan["horizon"] else -1
     return Options(
         seed=int(plan["seed"]),
         bounces=int(plan["bounces"]),
         interreflection=bool(plan["interreflection"]),
         shadows=bool(plan["shadows"]),
         background=2 if colored else _BACKGROUNDS[background],
+        horizon=_normal(tables, ground) if ground >= 0 else (0.0, 0.0, 0.0),
+        ground=ground,
         environment=plan["backend"] == "raster",
         color=(float(background[0]), float(background[1]), float(background[2])) if colored else (0.0, 0.0, 0.0),
     )
+
+
+def _normal(tables: ir.Tables, instance: int) -> tuple[float, float, float]:
+    """The unit normal of a plane in the world."""
+    x, y, z = tables.transforms.inverse[tables.instances.transform[instance], 1, :3]
+    length = math.sqrt(x * x + y * y + z * z)
+    return float(x / length), float(y / length), float(z / length)
 
 
 # --- tessellation to the pixel -------------------------------------------------------------------------------------------

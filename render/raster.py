@@ -31,6 +31,8 @@ NOTHING = Hit(np.inf, -1, -1, 0.0, 0.0)
 class Renderer:
     """Draws tiles of one view; its methods may be called from several threads at a time."""
 
+    by_tile = True
+
     def __init__(self, prepared: Prepared, plan: Plan, view: View) -> None:
         self.prepared, self.view = prepared, view
         self.how = fill.NAMES[plan["raster.fill"]]
@@ -47,12 +49,15 @@ class Renderer:
         self.endless = analytic_seen(tables, endless=True)
         self.box, self.whole, self.clusters = clusters.box, clusters.polygons, Handle(clusters)
         nothing = Tile(0, 0, 0, 0)
-        self.sample(nothing, 0, 1, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
+        self._add(nothing, 0, 1, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
         if plan["aov"]:
             self.centres(nothing)
 
-    def sample(self, tile: Tile, first: int, count: int, total: int, film: Film) -> None:
-        """Add samples first … first + count - 1 of `total` of every pixel of a tile to the film's sums."""
+    def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
+        """Add samples first … first + count - 1 of `total` of every pixel of a tile to the film's sums; they are the same for all."""
+        self._add(tile, int(first[0, 0]), int(count[0, 0]), total, film)
+
+    def _add(self, tile: Tile, first: int, count: int, total: int, film: Film) -> None:
         prepared, view = self.prepared, self.view
         stack = np.zeros(integrate.stack_shape(prepared.options))
         batch = max(1, BATCH // max(1, (tile.y1 - tile.y0) * (tile.x1 - tile.x0)))

@@ -17,18 +17,20 @@ CAMERA = int(ir.Visibility.CAMERA)
 class Renderer:
     """Draws tiles of a prepared scene; see film.Renderer. Safe to use from many threads."""
 
+    by_tile = False
+
     def __init__(self, prepared: prepare.Prepared, plan: Plan, view: View) -> None:
         self.prepared, self.view = prepared, view
         self.filter = sampler.filter_table(plan["filter"])
         self.stack_shape = integrate.stack_shape(prepared.options)
-        nothing = Tile(0, 0, 0, 0)
-        self.sample(nothing, 0, 0, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
+        nothing, none = Tile(0, 0, 0, 0), np.zeros((0, 0), np.int64)
+        self.sample(nothing, none, none, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
 
-    def sample(self, tile: Tile, first: int, count: int, total: int, film: Film) -> None:
-        """Add samples first … first + count - 1 of each pixel of the tile to the film."""
+    def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
+        """Add samples first … first + count - 1, (h, w) each, of the pixels of the tile to the film."""
         p = self.prepared
         stack = np.empty(self.stack_shape)
-        draw_tile(p.packed, p.accel, p.gouraud, p.options, self.view, self.filter, tile, (first, count, total), film, stack)
+        draw_tile(p.packed, p.accel, p.gouraud, p.options, self.view, self.filter, tile, first, count, total, film, stack)
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
         """Write the named channels of the tile, (h, w, k) each."""
@@ -44,14 +46,14 @@ class Renderer:
 
 
 @kernel
-def draw_tile(tables, accel, gouraud, options, view, filter_table, tile, samples, film, stack):
-    """Add `samples` (first, count, total) of each pixel of a tile to its film."""
-    first, count, total = samples
+def draw_tile(tables, accel, gouraud, options, view, filter_table, tile, first, count, total, film, stack):
+    """Add samples first … first + count - 1 of `total` of each pixel of a tile to its film."""
     for y in range(tile.y0, tile.y1):
         for x in range(tile.x0, tile.x1):
+            row, column = y - tile.y0, x - tile.x0
             pixel = y * view.width + x
             red, green, blue, cover, bad = 0.0, 0.0, 0.0, 0.0, 0
-            for s in range(first, first + count):
+            for s in range(first[row, column], first[row, column] + count[row, column]):
                 dx, dy = sampler.offset(pixel, s, total, options.seed, filter_table)
                 ray = camera.ray(tables, view, x + 0.5 + dx, y + 0.5 + dy)
                 hit = trace.closest(accel, tables, ray, True, CAMERA)
@@ -61,8 +63,6 @@ def draw_tile(tables, accel, gouraud, options, view, filter_table, tile, samples
                 blue += rgb[2]
                 cover += alpha
                 bad += 0 if sound else 1
-                film.issues[y - tile.y0, x - tile.x0] += not sound
-            row, column = y - tile.y0, x - tile.x0
             film.color[row, column, 0] += red
             film.color[row, column, 1] += green
             film.color[row, column, 2] += blue

@@ -58,6 +58,8 @@ class Options(NamedTuple):
     shadows: bool
     background: int  # 0: sky and domes, 1: black, 2: `color`
     color: tuple[float, float, float]
+    horizon: tuple[float, float, float] = (0.0, 0.0, 0.0)  # unit normal of the plane that bounds the scene, or zero
+    ground: int = -1  # the instance that is this plane
     environment: bool = False  # where no more rays are followed, mirrors and glass show the sky as if nothing stood before it
 
 

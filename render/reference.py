@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler.plan import Plan
@@ -16,19 +17,21 @@ from .records import Film, Ray, Tile, View
 class Renderer:
     """Draws tiles with numpy lanes, all pixels of a tile at once."""
 
+    by_tile = True
+
     def __init__(self, prepared: Prepared, plan: Plan, view: View) -> None:
         self.prepared, self.view = prepared, view
         self.filter = sampler.filter_table(plan["filter"])
 
-    def sample(self, tile: Tile, first: int, count: int, total: int, film: Film) -> None:
-        """Add samples first … first + count - 1 of each pixel of the tile to the film."""
+    def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
+        """Add samples first … first + count - 1, the same for every pixel of the tile, to the film."""
         prepared, options = self.prepared, self.prepared.options
         x, y = _pixels(tile)
         pixel = y * self.view.width + x
         stack = np.zeros((*integrate.stack_shape(options), len(x)))
         shape = film.alpha.shape
         with np.errstate(all="ignore"):
-            for s in range(first, first + count):
+            for s in range(int(first[0, 0]), int(first[0, 0] + count[0, 0])):
                 index = np.full(len(x), s)
                 dx, dy = sampler.offset(pixel, index, total, options.seed, self.filter)
                 ray, hit = self._first_hit(x + 0.5 + dx, y + 0.5 + dy)

@@ -98,3 +98,32 @@ def test_every_filter_keeps_what_is_even(draw, name):
     assert np.array_equal(covered[:, :10], np.zeros((24, 10)))
     assert covered[:, 10:14].sum(axis=1) == pytest.approx(2, abs=0.1)
     assert covered[:, 10:14].sum() / 24 == pytest.approx(2, abs=0.01)
+
+
+@pytest.mark.parametrize("backend", ["ray", "raster", "reference"])
+def test_a_plane_that_bounds_the_scene_from_below(draw_on, backend):
+    """Sky under it is not sampled: what a ball on it gets of the sky is then exact, ρ L (1 + cos θ) / 2, at one sample a pixel."""
+    text = (
+        "transform(rotate: [20deg, 0, 10deg]) { plane(y: 0, material: lambert(#000000))\n"
+        "sphere(1, center: [0, 1, 0], material: lambert(#ffffff))\n"
+        "}\ncamera(position: [0, 1, 6], look_at: [-0.1, 0.9, 0.3], fov: 28deg)\nsky(color: #ffffff, luminance: 2)"
+    )
+    size = {"size": (24, 24), "samples": 1, "aov": ("normal", "id")}
+    picture = draw_on(backend, text, **size)
+    ball = picture.channels["id"][..., 0] == 1
+    a, b = math.radians(20), math.radians(10)
+    up = np.array([-math.cos(a) * math.sin(b), math.cos(a) * math.cos(b), math.sin(a)])  # y turned about x, then z
+    assert ball.sum() > 200
+    assert np.allclose(rgb(picture)[ball], (1.0 + picture.channels["normal"][ball] @ up)[:, None], rtol=2e-6, atol=1e-6)
+
+
+def test_sampling_only_the_sky_above_a_plane_is_right_in_the_mean(draw_on):
+    """With and without the decision the same picture, but for the noise; under the plane, and with things through it, it is not taken."""
+    scene = "plane(y: 0)\nbox([1, 1, 1], center: [0, {}, 0], rotate: [0, 30deg, 0])\nsphere(0.6, center: [1.2, 0.6, 0.4])\n"
+    rest = "sky(color: #ffe0c0, luminance: 1)\ncamera(position: [0, {}, 5], look_at: [0, 0.6, 0], fov: 40deg)"
+    for height, eye, taken in ((0.5, 2.0, True), (0.5, -2.0, True), (0.4, 2.0, False)):
+        text = scene.format(height) + rest.format(eye)
+        pictures = [draw_on("ray", text, plan, size=(32, 32), samples=512) for plan in ({}, {"horizon": "off"} if taken else {})]
+        assert np.abs(np.mean(rgb(pictures[0]) - rgb(pictures[1]))) < 1e-3
+        assert np.abs(rgb(pictures[0]) - rgb(pictures[1])).max() < 0.1
+        assert np.array_equal(rgb(pictures[0]), rgb(pictures[1])) == (not taken or eye < 0)

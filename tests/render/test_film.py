@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from maquette.render import film, image, metrics
+from maquette.render import adaptive, film, image, metrics
 from maquette.render.records import Film, Tile, View
 
 SIZE = (100, 70)
@@ -31,25 +31,29 @@ def truth(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 class Painter:
     """A renderer whose samples are known: `truth` plus noise of a chosen width at each pixel."""
 
-    def __init__(self, width: Any = 0.4, wait: float = 0.0, fail_at: int = -1) -> None:
-        self.width, self.wait, self.fail_at = width, wait, fail_at
+    def __init__(self, width: Any = 0.4, wait: float = 0.0, fail_at: int = -1, by_tile: bool = False) -> None:
+        self.width, self.wait, self.fail_at, self.by_tile = width, wait, fail_at, by_tile
         self.calls: list[tuple[Tile, int, int, int]] = []
+        self.taken = np.zeros((SIZE[1], SIZE[0]), np.int64)
         self.lock = threading.Lock()
 
-    def sample(self, tile: Tile, first: int, count: int, total: int, film: Film) -> None:
+    def sample(self, tile: Tile, first: np.ndarray, count: np.ndarray, total: int, film: Film) -> None:
         with self.lock:
-            self.calls.append((tile, first, count, total))
+            self.calls.append((tile, int(first.max()), int(count.max()), total))
             if len(self.calls) == self.fail_at:
                 raise ArithmeticError("the brush broke")
         if self.wait:
             time.sleep(self.wait)
         y, x = np.mgrid[tile.y0 : tile.y1, tile.x0 : tile.x1]
         wide: Any = self.width(x, y) if callable(self.width) else self.width
-        for s in range(first, first + count):
-            value: Any = truth(x, y) + wide * (noise(x, y, np.full(x.shape, s)) - 0.5)
-            film.color[:] += value[..., None] * np.array([1.0, 0.5, 0.25])
-            film.alpha[:] += x % 2
-        film.issues[0, 0] += count
+        if self.by_tile:
+            assert np.ptp(first) == np.ptp(count) == 0
+        for s in range(int(count.max())):
+            value: Any = truth(x, y) + wide * (noise(x, y, first + s) - 0.5)
+            film.color[:] += np.where(s < count, value, 0.0)[..., None] * np.array([1.0, 0.5, 0.25])
+            film.alpha[:] += np.where(s < count, x % 2, 0)
+        self.taken[tile.y0 : tile.y1, tile.x0 : tile.x1] += count
+        film.issues[0, 0] += count.max()
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, np.ndarray]) -> None:
         y, x = np.mgrid[tile.y0 : tile.y1, tile.x0 : tile.x1]
@@ -198,19 +202,49 @@ def test_the_error_that_was_asked_for_is_reached(error: float) -> None:
     assert root_relmse(picture) < 1.1 * error
     assert picture.metadata["error"] < error
     assert picture.metadata["error"] == pytest.approx(root_relmse(picture), rel=0.15)
-    assert 16 <= picture.metadata["samples"] < 4096
+    assert film.FIRST <= picture.metadata["samples"] < 4096
 
 
-def test_only_tiles_with_error_get_more_samples() -> None:
-    painter = Painter(lambda x, y: np.where(x >= 64, 1.0, 0.02))
+@pytest.mark.parametrize("by_tile", [False, True])
+def test_only_where_there_is_error_are_more_samples_taken(by_tile: bool) -> None:
+    painter = Painter(lambda x, y: np.where(x >= 64, 1.0, 0.02), by_tile=by_tile)
     picture = draw(painter, error=0.01, samples=4096)
-    most: dict[Tile, int] = {}
-    for tile, first, count, _ in painter.calls:
-        most[tile] = max(most.get(tile, 0), first + count)
-    assert {most[t] for t in most if t.x1 <= 64} == {16}
-    assert min(most[t] for t in most if t.x0 >= 64) > 100
-    assert picture.metadata["samples_mean"] < picture.metadata["samples"]
+    calm, lively = painter.taken[:, :62], painter.taken[:, 66:]
+    share = lively.mean() / calm.mean()
+    assert 20 < share < 80 if not by_tile else share > 8  # in proportion to the noise, 50 to 1 but for its brightness
+    assert picture.metadata["samples_mean"] == pytest.approx(painter.taken.mean())
     assert root_relmse(picture) < 1.1 * 0.01
+
+
+def test_samples_go_where_they_take_away_most() -> None:
+    """Neyman's allocation: with variance v / n at each pixel, n in proportion to √v needs the fewest samples for an error."""
+    y, x = np.mgrid[:64, :64]
+    v = np.exp(3.0 * np.sin(x / 9.0) + 2.0 * np.cos(y / 7.0))
+    n = np.full(v.shape, 8)
+    for _ in range(12):
+        n = n * 2 ** adaptive.doublings_for_error(v / n, n, 1 << 20, 1e-3)
+    fewest = np.sqrt(v).sum() ** 2 / (v.size * 1e-3)
+    assert np.mean(v / n) <= 1e-3
+    assert fewest <= n.sum() < 1.15 * fewest
+
+
+def test_samples_for_a_budget_stay_within_it_and_go_where_the_noise_is() -> None:
+    v = np.ones((40, 40))
+    v[10:20, 10:20] = 100.0
+    n = np.full(v.shape, 8)
+    more = n * (2 ** adaptive.doublings_for_samples(v / n, n, 1 << 20, 5000.0) - 1)
+    assert 2000 <= more.sum() <= 5000
+    assert more[12:18, 12:18].min() > 0
+    assert more[22:, 22:].max() == 0
+    assert adaptive.doublings_for_samples(v / n, n, 1 << 20, 3.0).max() == 0
+
+
+def test_no_pixel_goes_beyond_the_most() -> None:
+    n = np.full((5, 7), 8)
+    doublings = adaptive.doublings_for_error(np.ones((5, 7)), n, 24, 1e-9)
+    assert set(np.minimum(n * 2**doublings, 24).ravel()) == {24}
+    assert adaptive.doublings_for_error(np.ones((5, 7)), np.full((5, 7), 24), 24, 1e-9).max() == 0
+    assert adaptive.doublings_for_error(np.zeros((5, 7)), n, 24, 1e-9).max() == 0
 
 
 def test_the_most_samples_end_what_cannot_be_reached() -> None:
@@ -222,11 +256,11 @@ def test_the_most_samples_end_what_cannot_be_reached() -> None:
 
 def test_a_black_picture_has_no_error() -> None:
     class Black(Painter):
-        def sample(self, tile: Tile, first: int, count: int, total: int, film: Film) -> None:
-            self.calls.append((tile, first, count, total))
+        def sample(self, tile: Tile, first: np.ndarray, count: np.ndarray, total: int, film: Film) -> None:
+            pass
 
     picture = draw(Black(), error=0.01, samples=4096)
-    assert (picture.metadata["error"], picture.metadata["samples"]) == (0.0, 16)
+    assert (picture.metadata["error"], picture.metadata["samples"]) == (0.0, film.FIRST)
 
 
 def test_the_error_of_a_fixed_number_of_samples_is_estimated() -> None:
@@ -242,7 +276,7 @@ def test_a_budget_ends_it_in_time_with_a_whole_picture() -> None:
     assert np.all(picture.channels["rgba"][..., 0] > 0)
     assert picture.metadata["partial"] is False
     late = draw(Painter(wait=0.01), budget=1e-3, samples=100_000)  # too short: still every pixel once
-    assert late.metadata["samples"] == film.BATCH
+    assert late.metadata["samples"] == film.FIRST // 2
 
 
 def test_luminance_is_of_the_linear_colour() -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numba.extending import overload
+from numpy.typing import NDArray
 
 from ..compiler import ir
 from . import lanes, lights, materials, sampler, surface, trace
@@ -20,7 +21,7 @@ from .records import GouraudLight, Hit, Lane, Options, Ray, Surface, Tables, Vec
 CAMERA_RAY = int(ir.Visibility.CAMERA)
 OTHER_RAY = int(ir.Visibility.REFLECTION)
 GOURAUD = int(ir.Shading.GOURAUD)
-FIELDS = 13  # of a waiting ray: origin, direction, weight, bounces left, kind, key of its random numbers, active
+FIELDS = 12  # of a waiting ray: origin, direction, weight, bounces left, kind, key of its random numbers
 DIFFUSE_RAY = 0.0  # kinds of waiting rays: after a matt surface lights are not counted again where they are met
 SPECULAR_RAY = 1.0
 STRAIGHT_RAY = 2.0  # has met nothing but passages of index 1: still the camera's own ray, which lowers alpha where it escapes
@@ -30,9 +31,9 @@ _KEYS = 0x7FFFFFFF
 _LIGHTS = 2048  # a surface's random dimensions: two a light, before them one for its diffuse ray
 
 
-def stack_shape(options: Options) -> tuple[int, int]:
-    """Rows and columns of the stack `radiance` needs (for numpy lanes, a third axis of lanes follows)."""
-    return (BRANCHES - 1) * (options.bounces + 1) + 1, FIELDS
+def stack_for(options: Options, count: int = 1) -> NDArray[np.float64]:
+    """(rays, FIELDS, count) room for the rays that wait in each of `count` lanes."""
+    return np.zeros(((BRANCHES - 1) * (options.bounces + 1) + 1, FIELDS, count))
 
 
 def radiance(
@@ -50,33 +51,37 @@ def radiance(
 
     Coverage is less than 1 where something lets the ray straight through (index of refraction 1, as opacity is written) to nothing.
     """
-    seen = hit.instance >= 0
     zero = lanes.full_like(hit.t, 0.0)
-    alpha = lanes.where(seen, 1.0, zero)
-    total = camera_background(tables, options, ray.direction)
-    total = lanes.where3(seen, (zero, zero, zero), total)
+    seen = hit.instance >= 0
+    alpha = lanes.where(seen, zero + 1.0, zero)
+    total = lanes.where3(seen, (zero, zero, zero), camera_background(tables, options, ray.direction))
     weight = (zero + 1.0, zero + 1.0, zero + 1.0)
     left = lanes.int_like(hit.t, options.bounces)
     kind = zero + STRAIGHT_RAY
     key = lanes.int_like(hit.t, 1)
-    top = 0
+    waiting = lanes.int_like(hit.t, 0)  # rays on each lane's stack
     while True:
-        specular = kind >= SPECULAR_RAY
-        if lanes.any_lane(seen):
-            point = surface.at(tables, ray, hit)
+        rest = seen
+        while lanes.any_lane(rest):
+            instance, here = lanes.together(hit.instance, rest)
+            meeting = Hit(hit.t, instance, hit.primitive, hit.u, hit.v)
+            point = surface.at(tables, ray, meeting)
             shader = materials.at(tables, point)
             viewer = lanes.negate(ray.direction)
-            here = local_light(tables, accel, gouraud, options, point, shader, viewer, hit, seen, specular, pixel, sample, key)
-            total = lanes.where3(seen, lanes.add(total, lanes.mul(weight, here)), total)
-            going = seen & (left > 0)
+            specular = kind >= SPECULAR_RAY
+            light = local_light(tables, accel, gouraud, options, point, shader, viewer, meeting, here, specular, pixel, sample, key)
+            going = here & (left > 0)
             if lanes.any_lane(going):
-                top = send_on(options, point, shader, ray.direction, weight, going, left, kind, pixel, sample, key, stack, top)
+                waiting = send_on(options, point, shader, ray.direction, weight, going, left, kind, pixel, sample, key, stack, waiting)
             if options.environment:
-                total = lanes.where3(seen, lanes.add(total, lanes.mul(weight, _sky_in(tables, point, shader, ray.direction))), total)
-        if top == 0:
+                light = lanes.add(light, _sky_in(tables, point, shader, ray.direction))
+            total = lanes.where3(here, lanes.add(total, lanes.mul(weight, light)), total)
+            rest = rest & lanes.not_(here)
+        active = waiting > 0
+        if lanes.not_(lanes.any_lane(active)):
             break
-        top -= 1
-        ray, weight, left, kind, key, active = _pop(stack, top)
+        waiting = lanes.where(active, waiting - 1, waiting)
+        ray, weight, left, kind, key = _pop(stack, waiting)
         hit = trace.closest(accel, tables, ray, active, OTHER_RAY)
         seen = active & (hit.instance >= 0)
         missed = active & lanes.not_(hit.instance >= 0) & (kind >= SPECULAR_RAY)
@@ -267,48 +272,44 @@ def _splits(point: Surface, shader: Shader, direction: Vec) -> tuple[Vec, Vec, V
 @helper
 def send_on(
     options: Options, point: Surface, shader: Shader, direction: Vec, weight: Vec, going: Lane, left: Lane,
-    kind: Lane, pixel: Lane, sample: Lane, key: Lane, stack: Any, top: int,
-) -> int:  # fmt: skip
-    """Put the rays a surface sends on upon the stack; the new height of it."""
+    kind: Lane, pixel: Lane, sample: Lane, key: Lane, stack: Any, waiting: Lane,
+) -> Lane:  # fmt: skip
+    """Put the rays a surface sends on upon the lanes' stacks; how many wait on each."""
     reflection, transmission, refracted, _ = _splits(point, shader, direction)
     plain = lanes.full_like(point.offset, 0.0)
     through = lanes.where((kind == STRAIGHT_RAY) & (shader.ior == 1.0), STRAIGHT_RAY, plain + SPECULAR_RAY)
     mirrored = lanes.reflect(direction, point.normal)
     outside = lanes.dot(mirrored, point.geometric) > 0.0  # an interpolated normal may mirror a grazing ray into the surface
     mirrored = lanes.where3(outside, mirrored, lanes.reflect(direction, point.geometric))
-    top = _push(stack, top, point, mirrored, lanes.mul(weight, reflection), going, left, plain + SPECULAR_RAY, key, 0)
-    top = _push(stack, top, point, refracted, lanes.mul(weight, transmission), going, left, through, key, 1)
+    waiting = _push(stack, waiting, point, mirrored, lanes.mul(weight, reflection), going, left, plain + SPECULAR_RAY, key, 0)
+    waiting = _push(stack, waiting, point, refracted, lanes.mul(weight, transmission), going, left, through, key, 1)
     if options.interreflection:
         u, v = sampler.pair(pixel, sample, key * _LIGHTS * 2 + 1, options.seed)
         onward = lights.cosine_sample(point.normal, u, v)[0]
         above = going & (lanes.dot(onward, point.geometric) > 0.0)
-        top = _push(stack, top, point, onward, lanes.mul(weight, shader.diffuse), above, left, plain + DIFFUSE_RAY, key, 2)
-    return top
+        waiting = _push(stack, waiting, point, onward, lanes.mul(weight, shader.diffuse), above, left, plain + DIFFUSE_RAY, key, 2)
+    return waiting
 
 
 @helper
 def _push(
-    stack: Any, top: int, point: Surface, direction: Vec, weight: Vec, going: Lane, left: Lane, kind: Lane, key: Lane, branch: int
-) -> int:
+    stack: Any, waiting: Lane, point: Surface, direction: Vec, weight: Vec, going: Lane, left: Lane, kind: Lane, key: Lane, branch: int
+) -> Lane:
     active = going & (lanes.largest(weight) > MIN_WEIGHT)
     if lanes.any_lane(active):
         origin = leaving(point, direction, point.offset).origin
-        stack[top, 0], stack[top, 1], stack[top, 2] = origin
-        stack[top, 3], stack[top, 4], stack[top, 5] = direction
-        stack[top, 6], stack[top, 7], stack[top, 8] = weight
-        stack[top, 9] = lanes.to_float(left - 1)
-        stack[top, 10] = kind
-        stack[top, 11] = lanes.to_float((key * BRANCHES + 1 + branch) & _KEYS)
-        stack[top, 12] = lanes.where(active, 1.0, 0.0)
-        return top + 1
-    return top
+        lanes.put3(stack, waiting, 0, origin, active)
+        lanes.put3(stack, waiting, 3, direction, active)
+        lanes.put3(stack, waiting, 6, weight, active)
+        lanes.put(stack, waiting, 9, lanes.to_float(left - 1), active)
+        lanes.put(stack, waiting, 10, kind, active)
+        lanes.put(stack, waiting, 11, lanes.to_float((key * BRANCHES + 1 + branch) & _KEYS), active)
+    return lanes.where(active, waiting + 1, waiting)
 
 
 @helper
-def _pop(stack: Any, top: int) -> tuple[Ray, Vec, Lane, Lane, Lane, Lane]:
-    origin = (lanes.copy(stack[top, 0]), lanes.copy(stack[top, 1]), lanes.copy(stack[top, 2]))
-    direction = (lanes.copy(stack[top, 3]), lanes.copy(stack[top, 4]), lanes.copy(stack[top, 5]))
-    weight = (lanes.copy(stack[top, 6]), lanes.copy(stack[top, 7]), lanes.copy(stack[top, 8]))
+def _pop(stack: Any, place: Lane) -> tuple[Ray, Vec, Lane, Lane, Lane]:
+    origin, direction, weight = lanes.take3(stack, place, 0), lanes.take3(stack, place, 3), lanes.take3(stack, place, 6)
     zero = 0.0 * origin[0]
     ray = Ray(origin, direction, zero, zero + np.inf)
-    return ray, weight, lanes.to_int(stack[top, 9]), lanes.copy(stack[top, 10]), lanes.to_int(stack[top, 11]), stack[top, 12] > 0.5
+    return ray, weight, lanes.to_int(lanes.take(stack, place, 9)), lanes.take(stack, place, 10), lanes.to_int(lanes.take(stack, place, 11))

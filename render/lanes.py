@@ -11,7 +11,6 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import types
 from numba.extending import overload
 
 from .kernels import HELPER, helper
@@ -121,16 +120,56 @@ def _bool_like(like, value):
     return lambda like, value: bool(value)
 
 
-def copy(x: Lane) -> Lane:
-    """A value that later writes to where it was read from do not change."""
-    return np.array(x)
+def together(values: Lane, mask: Lane) -> tuple[Lane, Lane]:
+    """Lanes of a mask that can be handled together, and what they have in common: all lanes here, each with its own value.
+
+    In vectors: the value of the first lane of the mask, as a scalar, and the lanes of the mask that share it.
+    """
+    return values, mask
 
 
-@overload(copy, jit_options=_OPTIONS)
-def _copy(x):
-    if isinstance(x, types.Array):
-        return lambda x: x.copy()
-    return lambda x: x
+@overload(together, jit_options=_OPTIONS)
+def _together(values, mask):
+    return lambda values, mask: (values, mask)
+
+
+def put(stack: Any, place: Lane, field: int, value: Lane, mask: Lane) -> None:
+    """Write stack[place, field, lane] in the lanes of a mask; `stack` is (rows, fields, lanes)."""
+    lane = np.flatnonzero(np.broadcast_to(mask, stack.shape[2:]))
+    stack[np.broadcast_to(place, stack.shape[2:])[lane], field, lane] = np.broadcast_to(value, stack.shape[2:])[lane]
+
+
+@overload(put, jit_options=_OPTIONS)
+def _put(stack, place, field, value, mask):
+    def write(stack, place, field, value, mask):
+        if mask:
+            stack[place, field, 0] = value
+
+    return write
+
+
+def take(stack: Any, place: Lane, field: int) -> Lane:
+    """Read stack[place, field, lane]."""
+    return stack[place, field, np.arange(stack.shape[2])]
+
+
+@overload(take, jit_options=_OPTIONS)
+def _take(stack, place, field):
+    return lambda stack, place, field: stack[place, field, 0]
+
+
+@helper
+def put3(stack: Any, place: Lane, field: int, value: Vec, mask: Lane) -> None:
+    """Write a vector to three fields."""
+    put(stack, place, field, value[0], mask)
+    put(stack, place, field + 1, value[1], mask)
+    put(stack, place, field + 2, value[2], mask)
+
+
+@helper
+def take3(stack: Any, place: Lane, field: int) -> Vec:
+    """Read a vector from three fields."""
+    return take(stack, place, field), take(stack, place, field + 1), take(stack, place, field + 2)
 
 
 def is_finite(x: Lane) -> Lane:

@@ -59,7 +59,7 @@ class Renderer:
 
     def _add(self, tile: Tile, first: int, count: int, total: int, film: Film) -> None:
         prepared, view = self.prepared, self.view
-        stack = np.zeros(integrate.stack_shape(prepared.options))
+        stack = integrate.stack_for(prepared.options)
         batch = max(1, BATCH // max(1, (tile.y1 - tile.y0) * (tile.x1 - tile.x0)))
         for start in range(first, first + count, batch):
             scratch = self._seen(tile, start, min(batch, first + count - start), total)

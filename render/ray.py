@@ -22,14 +22,13 @@ class Renderer:
     def __init__(self, prepared: prepare.Prepared, plan: Plan, view: View) -> None:
         self.prepared, self.view = prepared, view
         self.filter = sampler.filter_table(plan["filter"])
-        self.stack_shape = integrate.stack_shape(prepared.options)
         nothing, none = Tile(0, 0, 0, 0), np.zeros((0, 0), np.int64)
         self.sample(nothing, none, none, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
 
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
         """Add samples first … first + count - 1, (h, w) each, of the pixels of the tile to the film."""
         p = self.prepared
-        stack = np.empty(self.stack_shape)
+        stack = integrate.stack_for(p.options)
         draw_tile(p.packed, p.accel, p.gouraud, p.options, self.view, self.filter, tile, first, count, total, film, stack)
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:

@@ -28,7 +28,7 @@ class Renderer:
         prepared, options = self.prepared, self.prepared.options
         x, y = _pixels(tile)
         pixel = y * self.view.width + x
-        stack = np.zeros((*integrate.stack_shape(options), len(x)))
+        stack = integrate.stack_for(options, len(x))
         shape = film.alpha.shape
         with np.errstate(all="ignore"):
             for s in range(int(first[0, 0]), int(first[0, 0] + count[0, 0])):

@@ -129,7 +129,7 @@ def radiance(
     """(rgb (samples, n, 3), alpha (samples, n)) along rays by the numpy lanes; every sample must be finite."""
     n = len(ray.t_min)
     hit = first_hit(tables, ray)
-    stack = np.zeros((*integrate.stack_shape(options), n))
+    stack = integrate.stack_for(options, n)
     rgb, alpha = np.zeros((samples, n, 3)), np.zeros((samples, n))
     pixels = pixel + np.arange(n)
     with np.errstate(all="ignore"):
@@ -148,7 +148,7 @@ def radiance_in_kernel(
     """The same by the compiled integrator through the trees."""
     n = len(ray.t_min)
     rgb, alpha = np.zeros((samples, n, 3)), np.zeros((samples, n))
-    stack = np.zeros(integrate.stack_shape(options))
+    stack = integrate.stack_for(options)
     columns = np.stack([*ray.origin, *ray.direction, ray.t_min, ray.t_max])
     light = light or no_gouraud(tables)
     packed = Handle(tables), Handle(bvh.build(tables)), Handle(light)  # kept until the kernel is done

@@ -11,6 +11,7 @@ import math
 from typing import Any
 
 import numpy as np
+from numba import types
 from numba.extending import overload
 
 from .kernels import HELPER, helper
@@ -118,6 +119,35 @@ def bool_like(like: Lane, value: bool) -> Lane:
 @overload(bool_like, jit_options=_OPTIONS)
 def _bool_like(like, value):
     return lambda like, value: bool(value)
+
+
+def is_mask(kind: Any) -> bool:
+    """Whether a Numba type is one of a kernel's masks."""
+    return isinstance(kind, types.Boolean)
+
+
+@helper
+def width(like: Lane) -> int:
+    """How many lanes a kernel's value has."""
+    return 1
+
+
+@helper
+def lane(x: Lane, k: int) -> Lane:
+    """Lane k of a kernel's value, a scalar."""
+    return x
+
+
+@helper
+def with_lane(x: Lane, k: int, value: Lane) -> Lane:
+    """A kernel's value with another lane k."""
+    return value
+
+
+@helper
+def lane3(a: Vec, k: int) -> Vec:
+    """Lane k of a vector."""
+    return lane(a[0], k), lane(a[1], k), lane(a[2], k)
 
 
 def together(values: Lane, mask: Lane) -> tuple[Lane, Lane]:

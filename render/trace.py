@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numba.extending import overload
 
@@ -20,7 +19,6 @@ from .records import Hit, Lane, Ray, Vec
 CHUNK = 1 << 17  # ray–triangle pairs tested at a time: bounds memory to a few dozen MB
 MESH = int(ir.GeometryKind.MESH)
 SHADOW = int(ir.Visibility.SHADOW)
-FIRST, ANY = 0, 1  # which hit traverse.search is to find
 
 
 class Brute(NamedTuple):
@@ -109,18 +107,14 @@ def _column(v: Vec, part: slice) -> Vec:
 @overload(closest, jit_options=HELPER)
 def _closest_kernel(accel, tables, ray, active, visible_bit):
     def through_trees(accel, tables, ray, active, visible_bit):
-        if not active:
-            return Hit(np.inf, -1, -1, 0.0, 0.0)
-        return traverse.search(accel, ray.origin, ray.direction, ray.t_min, ray.t_max, np.int64(visible_bit), np.int64(FIRST))
+        return traverse.closest(accel, ray.origin, ray.direction, ray.t_min, ray.t_max, active, np.int64(visible_bit))
 
-    return through_trees if isinstance(active, numba.types.Boolean) else None
+    return through_trees if lanes.is_mask(active) else None
 
 
 @overload(occluded, jit_options=HELPER)
 def _occluded_kernel(accel, tables, ray, active):
     def through_trees(accel, tables, ray, active):
-        if not active:
-            return False
-        return traverse.search(accel, ray.origin, ray.direction, ray.t_min, ray.t_max, np.int64(SHADOW), np.int64(ANY)).instance >= 0
+        return traverse.occluded(accel, ray.origin, ray.direction, ray.t_min, ray.t_max, active, np.int64(SHADOW))
 
-    return through_trees if isinstance(active, numba.types.Boolean) else None
+    return through_trees if lanes.is_mask(active) else None

@@ -89,15 +89,63 @@ def _enter(nodes: Any, node: int, ray: BoxRay, t_min: float, t_max: float) -> fl
 
 
 @kernel
-def search(accel, origin, direction, t_min, t_max, visible_bit, any_hit):
-    """The first hit of a ray with what has `visible_bit`; with `any_hit`, the first one found."""
-    best = Hit(np.inf, -1, -1, 0.0, 0.0)
+def closest(accel, origin, direction, t_min, t_max, active, visible_bit):
+    """The first hit of each active lane's ray with what has `visible_bit`."""
+    zero = lanes.full_like(t_min, 0.0)
+    nothing = lanes.int_like(zero, -1)
+    best = Hit(zero + np.inf, nothing, nothing, zero, zero)
+    until = lanes.where(active, t_max, zero - np.inf)
     for k in range(len(accel.endless)):
-        best = _try(accel, accel.endless[k], origin, direction, t_min, t_max, visible_bit, any_hit, best)
-        if any_hit != 0 and best.instance >= 0:
-            return best
-    if accel.top < 0:
-        return best
+        best = _try(accel, accel.endless[k], origin, direction, t_min, until, visible_bit, False, best)
+    if accel.top >= 0:
+        for k in range(lanes.width(zero)):
+            if lanes.lane(active, k):
+                ray = lanes.lane3(origin, k), lanes.lane3(direction, k)
+                found = search(accel, ray[0], ray[1], lanes.lane(t_min, k), lanes.lane(t_max, k), visible_bit, False, _lane_of(best, k))
+                best = _with_lane(best, k, found)
+    return best
+
+
+@kernel
+def occluded(accel, origin, direction, t_min, t_max, active, visible_bit):
+    """Whether the ray of each active lane meets anything that has `visible_bit`."""
+    zero = lanes.full_like(t_min, 0.0)
+    nothing = lanes.int_like(zero, -1)
+    best = Hit(zero + np.inf, nothing, nothing, zero, zero)
+    until = lanes.where(active, t_max, zero - np.inf)
+    for k in range(len(accel.endless)):
+        best = _try(accel, accel.endless[k], origin, direction, t_min, until, visible_bit, True, best)
+        if lanes.not_(lanes.any_lane(active & (best.instance < 0))):
+            return best.instance >= 0
+    blocked = best.instance >= 0
+    if accel.top >= 0:
+        for k in range(lanes.width(zero)):
+            if lanes.lane(active & lanes.not_(blocked), k):
+                ray = lanes.lane3(origin, k), lanes.lane3(direction, k)
+                none = Hit(np.inf, -1, -1, 0.0, 0.0)
+                found = search(accel, ray[0], ray[1], lanes.lane(t_min, k), lanes.lane(t_max, k), visible_bit, True, none)
+                blocked = lanes.with_lane(blocked, k, found.instance >= 0)
+    return blocked
+
+
+@helper
+def _lane_of(hit: Hit, k: int) -> Hit:
+    """A lane of a hit as scalars."""
+    return Hit(lanes.lane(hit.t, k), lanes.lane(hit.instance, k), lanes.lane(hit.primitive, k), lanes.lane(hit.u, k), lanes.lane(hit.v, k))
+
+
+@helper
+def _with_lane(hit: Hit, k: int, one: Hit) -> Hit:
+    """A hit with another lane k."""
+    return Hit(
+        lanes.with_lane(hit.t, k, one.t), lanes.with_lane(hit.instance, k, one.instance),
+        lanes.with_lane(hit.primitive, k, one.primitive), lanes.with_lane(hit.u, k, one.u), lanes.with_lane(hit.v, k, one.v),
+    )  # fmt: skip
+
+
+@kernel
+def search(accel, origin, direction, t_min, t_max, visible_bit, any_hit, best):
+    """`best`, or the first hit of one ray with the instances of the tree where that comes first; with `any_hit`, the first one found."""
     memory = _stack_memory()  # pyright: ignore[reportCallIssue]
     stack = carray(memory, 2 * DEPTH)
     ray = _box_ray(origin, direction, WORLD_ERROR)
@@ -119,7 +167,7 @@ def search(accel, origin, direction, t_min, t_max, visible_bit, any_hit):
                 continue
             for k in range(first, first + np.int64(accel.nodes[node, COUNT])):
                 best = _try(accel, accel.instances[k], origin, direction, t_min, t_max, visible_bit, any_hit, best)
-                if any_hit != 0 and best.instance >= 0:
+                if any_hit and best.instance >= 0:
                     return best
         if depth == 0:
             return best
@@ -129,22 +177,33 @@ def search(accel, origin, direction, t_min, t_max, visible_bit, any_hit):
 
 @kernel
 def _try(accel, i, origin, direction, t_min, t_max, visible_bit, any_hit, best):
-    """`best`, or the hit with instance i where that comes first."""
+    """`best`, or the hits with instance i in the lanes where that comes first."""
     if (accel.placed[i, 0] & visible_bit) == 0:
         return best
     row, g, kind = accel.placed[i, 1], accel.placed[i, 2], accel.placed[i, 3]
     o = lanes.transform_point(accel.inverse, row, origin)
     d = lanes.transform_vector(accel.inverse, row, direction)
+    zero = lanes.full_like(t_min, 0.0)
+    found = Hit(zero + np.inf, lanes.int_like(zero, i), lanes.int_like(zero, -1), zero, zero)
     if kind == MESH:
         o = lanes.sub(o, (accel.origin[g, 0], accel.origin[g, 1], accel.origin[g, 2]))
-        root = accel.placed[i, 4]
-        t, primitive, u, v = _mesh(accel.nodes, accel.triangles, accel.corners, root, o, d, t_min, t_max, best.t, any_hit)
+        limit = lanes.minimum(best.t, t_max)
+        for k in range(lanes.width(zero)):
+            if lanes.lane(limit, k) > lanes.lane(t_min, k):
+                ray = lanes.lane3(o, k), lanes.lane3(d, k)
+                t, primitive, u, v = _mesh(
+                    accel.nodes, accel.triangles, accel.corners, accel.placed[i, 4], ray[0], ray[1], lanes.lane(t_min, k),
+                    lanes.lane(t_max, k), lanes.lane(best.t, k), any_hit,
+                )  # fmt: skip
+                found = _with_lane(found, k, Hit(t, np.int64(i), primitive, u, v))
     else:
         t, part = shapes.intersect(kind, accel.parameters, g, o, d, t_min, t_max)
-        primitive, u, v = np.int64(part), 0.0, 0.0
-    if t < best.t or (t == best.t and t < np.inf and i < best.instance):
-        return Hit(t, np.int64(i), primitive, u, v)
-    return best
+        found = Hit(t, found.instance, lanes.int_like(zero, 0) + part, zero, zero)
+    nearer = (found.t < best.t) | ((found.t == best.t) & (found.t < np.inf) & (i < best.instance))
+    return Hit(
+        lanes.where(nearer, found.t, best.t), lanes.where(nearer, found.instance, best.instance),
+        lanes.where(nearer, found.primitive, best.primitive), lanes.where(nearer, found.u, best.u), lanes.where(nearer, found.v, best.v),
+    )  # fmt: skip
 
 
 @kernel
@@ -183,7 +242,7 @@ def _mesh(nodes, triangles, corners, root, o, d, t_min, t_max, limit, any_hit):
                 if t < best or (t == best and t < np.inf and triangles[k] < primitive):
                     best, primitive, best_u, best_v = t, np.int64(triangles[k]), u, v
                     limit = min(limit, t)
-                    if any_hit != 0:
+                    if any_hit:
                         return best, primitive, best_u, best_v
         if depth == 0:
             return best, primitive, best_u, best_v

@@ -1,7 +1,8 @@
 """How the house compiles: the kernel and helper decorators, and a cache on disk that cannot go stale.
 
 Numba's cache looks at the one file a kernel stands in and not at the helpers it calls. So the cache lies in a folder named
-after the content of everything that is compiled, and any change makes a new one; the folders of older versions are removed.
+after the content of everything that is compiled and the machine's instruction set, and any change makes a new one; the folders of
+older versions are removed.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from numba import config, njit
 from numba.core import event
 from numba.extending import register_jitable
 
+from . import machine
+
 _COMPILED_FROM = ("ir.py", "records.py")  # without kernels of their own, but their constants and types are compiled in
 _KEEP = 3  # caches of other versions that are left in place
 _FRESH = 24 * 3600.0  # seconds in which a cache may be in use by another process
@@ -27,11 +30,11 @@ _FRESH = 24 * 3600.0  # seconds in which a cache may be in use by another proces
 
 def _sources_hash() -> str:
     here = Path(__file__).resolve().parent
-    digest = hashlib.sha256(numba.__version__.encode())
-    for source in (*sorted(here.glob("*.py")), here.parent / "compiler" / "ir.py"):
+    digest = hashlib.sha256(f"{numba.__version__} {machine.fingerprint()}".encode())
+    for source in (*sorted(here.rglob("*.py")), here.parent / "compiler" / "ir.py"):
         text = source.read_bytes()
-        if source.name in _COMPILED_FROM or b"numba" in text or b"from .kernels import" in text:
-            digest.update(source.name.encode())
+        if source.name in _COMPILED_FROM or b"numba" in text or b"from .kernels import" in text or source.parent != here:
+            digest.update(source.relative_to(here.parent).as_posix().encode())
             digest.update(text)
     return digest.hexdigest()[:16]
 

@@ -1,0 +1,92 @@
+"""The machine kernels are compiled for: its instruction set, how many lanes a vector has, and Numba told so.
+
+MAQUETTE_SIMD=avx512|avx2|sse|scalar asks for less than the machine has, so that every width can be tested on one computer. "sse"
+stands for any 16-byte vectors (NEON too), "scalar" for code without any. Import this before anything is compiled: Numba reads its
+target once.
+"""
+
+from __future__ import annotations
+
+import os
+
+import llvmlite.binding as llvm
+from numba import config
+from numba.core.registry import cpu_target
+
+BYTES = {"avx512": 64, "avx2": 32, "sse": 16, "scalar": 4}
+"""Bytes of a vector in each instruction set."""
+
+_AVX512 = ("avx512f", "avx512vl", "avx512bw", "avx512dq")
+# What comes with each set; LLVM takes what builds upon a feature away with it.
+_FIRST_IN_AVX512 = ("avx512", "avx10", "evex512", "amx")
+_FIRST_IN_AVX2 = ("avx", "fma", "f16c", "xop", "vaes", "vpclmulqdq", "sha512", "sm3", "sm4")
+
+
+def _host() -> dict[str, bool]:
+    """Features of the processor, less what the user's own Numba settings take away."""
+    if config.CPU_FEATURES is not None:  # pyright: ignore[reportAttributeAccessIssue]
+        flags = config.CPU_FEATURES.split(",")  # pyright: ignore[reportAttributeAccessIssue]
+        return {flag[1:]: flag[0] == "+" for flag in flags if flag}
+    try:
+        features = dict(llvm.get_host_cpu_features())
+    except RuntimeError:
+        return {}
+    if not config.ENABLE_AVX:  # pyright: ignore[reportAttributeAccessIssue]
+        features.update({name: False for name in features if name.startswith("avx")})
+    return features
+
+
+def _best(features: dict[str, bool]) -> str:
+    if all(features.get(name) for name in _AVX512) and features.get("fma"):
+        return "avx512"
+    if features.get("avx2") and features.get("fma"):
+        return "avx2"
+    return "sse"
+
+
+def _limited(features: dict[str, bool], isa: str) -> dict[str, bool]:
+    """The features left when nothing beyond `isa` may be used."""
+    gone: tuple[str, ...] = ()
+    if isa == "avx2":
+        gone = _FIRST_IN_AVX512
+    elif isa in ("sse", "scalar"):
+        gone = (*_FIRST_IN_AVX512, *_FIRST_IN_AVX2)
+    return {name: on and not name.startswith(gone) for name, on in features.items()} if gone else features
+
+
+def _choose() -> tuple[str, dict[str, bool]]:
+    """The instruction set and the features it is compiled with.
+
+    Raises ValueError for an unknown name, RuntimeError for more than the machine has or when Numba compiled before.
+    """
+    features = _host()
+    best = _best(features)
+    asked = os.environ.get("MAQUETTE_SIMD") or best
+    if asked not in BYTES:
+        raise ValueError(f"MAQUETTE_SIMD={asked} is not an instruction set; choose from: {', '.join(BYTES)}")
+    if BYTES[asked] > BYTES[best]:
+        raise RuntimeError(f"MAQUETTE_SIMD={asked} is more than this machine has ({best})")
+    if asked == best:
+        return asked, features
+    limited = _limited(features, asked)
+    if "_toplevel_target_context" in vars(cpu_target):  # a cached property: there once something was compiled
+        raise RuntimeError(f"MAQUETTE_SIMD={asked} comes too late: Numba has compiled in this process before maquette.render was imported")
+    config.CPU_FEATURES = ",".join(f"{'+' if on else '-'}{name}" for name, on in sorted(limited.items()))  # pyright: ignore[reportAttributeAccessIssue]
+    return asked, limited
+
+
+ISA, FEATURES = _choose()
+X86 = "sse2" in FEATURES
+AVX512 = ISA == "avx512"
+FMA = bool(FEATURES.get("fma")) or ("neon" in FEATURES and not X86)
+"""Whether a multiply-add that rounds once is one instruction; elsewhere it would be a library call."""
+WIDTH = BYTES[ISA] // 4
+"""Lanes of four bytes in a vector: 16, 8, 4 or 1."""
+WIDTH64 = max(1, BYTES[ISA] // 8)
+"""Lanes of eight bytes in a vector: 8, 4, 2 or 1."""
+
+
+def fingerprint() -> str:
+    """Tells two machines apart whose compiled code differs."""
+    name = config.CPU_NAME or llvm.get_host_cpu_name()  # pyright: ignore[reportAttributeAccessIssue]
+    return " ".join((ISA, name, *sorted(feature for feature, on in FEATURES.items() if on)))

@@ -17,6 +17,7 @@ from numba.extending import overload
 from .kernels import HELPER, helper
 from .records import Lane, Vec
 
+WIDTH = 1  # lanes of a kernel's values
 _FITS = 2.0**62  # beyond this a float64 has no int64
 _OPTIONS = HELPER  # overloads bear no annotations: Numba compares the signatures
 
@@ -142,6 +143,18 @@ def lane(x: Lane, k: int) -> Lane:
 def with_lane(x: Lane, k: int, value: Lane) -> Lane:
     """A kernel's value with another lane k."""
     return value
+
+
+@helper
+def load(table: Any, row: int) -> Lane:
+    """A row of a kernel's (rows, lanes) table as a lane value."""
+    return table[row, 0]
+
+
+@helper
+def store(table: Any, row: int, x: Lane) -> None:
+    """Write a kernel's lane value to a row of a (rows, lanes) table."""
+    table[row, 0] = x
 
 
 @helper

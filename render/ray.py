@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler.plan import Plan
-from . import aov, camera, integrate, prepare, sampler, trace
-from .kernels import kernel
-from .records import Film, Hit, Tile, View
+from . import aov, camera, integrate, lanes, prepare, sampler, trace
+from .kernels import helper, kernel
+from .records import Film, Hit, Options, Tile, View
 
 CAMERA = int(ir.Visibility.CAMERA)
 
@@ -28,8 +30,8 @@ class Renderer:
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
         """Add samples first … first + count - 1, (h, w) each, of the pixels of the tile to the film."""
         p = self.prepared
-        stack = integrate.stack_for(p.options)
-        draw_tile(p.packed, p.accel, p.gouraud, p.options, self.view, self.filter, tile, first, count, total, film, stack)
+        room = Room.of(p.options)
+        draw_tile(p.packed, p.accel, p.gouraud, p.options, self.view, self.filter, tile, first, count, total, film, room)
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
         """Write the named channels of the tile, (h, w, k) each."""
@@ -44,29 +46,64 @@ class Renderer:
         aov.channels_of(tables, self.view, ray, Hit(t, instance, primitive, u, v), names, out)
 
 
+class Room(NamedTuple):
+    """What a thread's kernel writes to: the lanes' samples, their light, and the rays that wait."""
+
+    items: NDArray[np.int64]  # (3, lanes) x, y and number of each sample
+    light: NDArray[np.float64]  # (5, lanes) red, green, blue, coverage, and 1 where it is sound
+    stack: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, options: Options) -> Room:
+        width = lanes.WIDTH
+        return cls(np.zeros((3, width), np.int64), np.zeros((5, width)), integrate.stack_for(options, width))
+
+
 @kernel
-def draw_tile(tables, accel, gouraud, options, view, filter_table, tile, first, count, total, film, stack):
-    """Add samples first … first + count - 1 of `total` of each pixel of a tile to its film."""
+def draw_tile(tables, accel, gouraud, options, view, filter_table, tile, first, count, total, film, room):
+    """Add samples first … first + count - 1 of `total` of each pixel of a tile to its film, as many at once as there are lanes."""
+    waiting = 0
     for y in range(tile.y0, tile.y1):
         for x in range(tile.x0, tile.x1):
             row, column = y - tile.y0, x - tile.x0
-            pixel = y * view.width + x
-            red, green, blue, cover, bad = 0.0, 0.0, 0.0, 0.0, 0
             for s in range(first[row, column], first[row, column] + count[row, column]):
-                dx, dy = sampler.offset(pixel, s, total, options.seed, filter_table)
-                ray = camera.ray(tables, view, x + 0.5 + dx, y + 0.5 + dy)
-                hit = trace.closest(accel, tables, ray, True, CAMERA)
-                rgb, alpha, sound = integrate.radiance(tables, accel, gouraud, options, ray, hit, pixel, s, stack)
-                red += rgb[0]
-                green += rgb[1]
-                blue += rgb[2]
-                cover += alpha
-                bad += 0 if sound else 1
-            film.color[row, column, 0] += red
-            film.color[row, column, 1] += green
-            film.color[row, column, 2] += blue
-            film.alpha[row, column] += cover
-            film.issues[row, column] += bad
+                room.items[0, waiting], room.items[1, waiting], room.items[2, waiting] = x, y, s
+                waiting += 1
+                if waiting == lanes.WIDTH:
+                    draw_samples(tables, accel, gouraud, options, view, filter_table, total, room)
+                    _add(tile, film, room, waiting)
+                    waiting = 0
+    if waiting > 0:  # the lanes beyond hold samples that were drawn already, or none: 0, 0
+        draw_samples(tables, accel, gouraud, options, view, filter_table, total, room)
+        _add(tile, film, room, waiting)
+
+
+@kernel
+def draw_samples(tables, accel, gouraud, options, view, filter_table, total, room):
+    """Light of the samples in the room's lanes."""
+    x, y, s = lanes.load(room.items, 0), lanes.load(room.items, 1), lanes.load(room.items, 2)
+    pixel = y * view.width + x
+    dx, dy = sampler.offset(pixel, s, total, options.seed, filter_table)
+    ray = camera.ray(tables, view, lanes.to_float(x) + 0.5 + dx, lanes.to_float(y) + 0.5 + dy)
+    everywhere = lanes.bool_like(dx, True)
+    hit = trace.closest(accel, tables, ray, everywhere, CAMERA)
+    rgb, alpha, sound = integrate.radiance(tables, accel, gouraud, options, ray, hit, pixel, s, room.stack)
+    for k in range(3):
+        lanes.store(room.light, k, rgb[k])
+    lanes.store(room.light, 3, alpha)
+    lanes.store(room.light, 4, lanes.where(sound, 1.0, 0.0))
+
+
+@helper
+def _add(tile: Tile, film: Film, room: Room, count: int) -> None:
+    """Add the light of the first `count` lanes to the film, in their order."""
+    for k in range(count):
+        row, column = room.items[1, k] - tile.y0, room.items[0, k] - tile.x0
+        film.color[row, column, 0] += room.light[0, k]
+        film.color[row, column, 1] += room.light[1, k]
+        film.color[row, column, 2] += room.light[2, k]
+        film.alpha[row, column] += room.light[3, k]
+        film.issues[row, column] += 0 if room.light[4, k] > 0.5 else 1
 
 
 @kernel

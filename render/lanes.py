@@ -14,12 +14,17 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
+from . import simd
 from .kernels import HELPER, helper
 from .records import Lane, Vec
 
-WIDTH = 1  # lanes of a kernel's values
+WIDTH = simd.WIDTH64  # lanes of a kernel's values
 _FITS = 2.0**62  # beyond this a float64 has no int64
 _OPTIONS = HELPER  # overloads bear no annotations: Numba compares the signatures
+
+
+def _vector(*kinds: Any) -> bool:
+    return any(isinstance(kind, simd.Vector) for kind in kinds)
 
 
 def where(condition: Lane, yes: Lane, no: Lane) -> Lane:
@@ -29,6 +34,8 @@ def where(condition: Lane, yes: Lane, no: Lane) -> Lane:
 
 @overload(where, jit_options=_OPTIONS)
 def _where(condition, yes, no):
+    if _vector(condition, yes, no):
+        return lambda condition, yes, no: simd.select(condition, yes, no)
     return lambda condition, yes, no: yes if condition else no
 
 
@@ -39,6 +46,8 @@ def any_lane(mask: Lane) -> Any:
 
 @overload(any_lane, jit_options=_OPTIONS)
 def _any_lane(mask):
+    if _vector(mask):
+        return lambda mask: simd.any_of(mask)
     return lambda mask: mask
 
 
@@ -49,6 +58,8 @@ def not_(mask: Lane) -> Lane:
 
 @overload(not_, jit_options=_OPTIONS)
 def _not(mask):
+    if _vector(mask):
+        return lambda mask: ~mask
     return lambda mask: not mask
 
 
@@ -59,7 +70,7 @@ def to_float(x: Lane) -> Lane:
 
 @overload(to_float, jit_options=_OPTIONS)
 def _to_float(x):
-    return lambda x: float(x)
+    return lambda x: simd.to_f64(x)
 
 
 def to_int(x: Lane) -> Lane:
@@ -69,7 +80,7 @@ def to_int(x: Lane) -> Lane:
 
 @overload(to_int, jit_options=_OPTIONS)
 def _to_int(x):
-    return lambda x: np.int64(x)
+    return lambda x: simd.to_i64(x)
 
 
 def floor_int(x: Lane) -> Lane:
@@ -79,17 +90,7 @@ def floor_int(x: Lane) -> Lane:
 
 @overload(floor_int, jit_options=_OPTIONS)
 def _floor_int(x):
-    return lambda x: np.int64(math.floor(x)) if abs(x) < _FITS else np.int64(0)
-
-
-def to_uint(x: Lane) -> Lane:
-    """An integer as uint64."""
-    return np.asarray(x).astype(np.uint64)
-
-
-@overload(to_uint, jit_options=_OPTIONS)
-def _to_uint(x):
-    return lambda x: np.uint64(x)
+    return lambda x: simd.to_i64(where(abs(x) < _FITS, simd.floor(x), 0.0))
 
 
 def full_like(like: Lane, value: Any) -> Lane:
@@ -99,6 +100,9 @@ def full_like(like: Lane, value: Any) -> Lane:
 
 @overload(full_like, jit_options=_OPTIONS)
 def _full_like(like, value):
+    if _vector(like):
+        make = getattr(simd, f"f64x{like.lanes}")
+        return lambda like, value: make(value)
     return lambda like, value: float(value)
 
 
@@ -109,6 +113,9 @@ def int_like(like: Lane, value: Any) -> Lane:
 
 @overload(int_like, jit_options=_OPTIONS)
 def _int_like(like, value):
+    if _vector(like):
+        make = getattr(simd, f"i64x{like.lanes}")
+        return lambda like, value: make(value)
     return lambda like, value: np.int64(value)
 
 
@@ -119,48 +126,99 @@ def bool_like(like: Lane, value: bool) -> Lane:
 
 @overload(bool_like, jit_options=_OPTIONS)
 def _bool_like(like, value):
+    if _vector(like):
+        make = getattr(simd, f"m64x{like.lanes}")
+        return lambda like, value: make(value)
     return lambda like, value: bool(value)
+
+
+def is_finite(x: Lane) -> Lane:
+    """Neither infinite nor NaN."""
+    return np.isfinite(x)
+
+
+@overload(is_finite, jit_options=_OPTIONS)
+def _is_finite(x):
+    return lambda x: simd.is_finite(x)
+
+
+# --- lanes one by one, in kernels ---------------------------------------------------------------------------------------
 
 
 def is_mask(kind: Any) -> bool:
     """Whether a Numba type is one of a kernel's masks."""
-    return isinstance(kind, types.Boolean)
+    return isinstance(kind, types.Boolean) or (isinstance(kind, simd.Vector) and kind.kind == "m")
 
 
-@helper
 def width(like: Lane) -> int:
     """How many lanes a kernel's value has."""
-    return 1
+    return np.size(like)
 
 
-@helper
+@overload(width, jit_options=_OPTIONS)
+def _width(like):
+    count = like.lanes if _vector(like) else 1
+    return lambda like: count
+
+
 def lane(x: Lane, k: int) -> Lane:
-    """Lane k of a kernel's value, a scalar."""
-    return x
+    """Lane k of a value, a scalar."""
+    return np.ravel(x)[k]
 
 
-@helper
+@overload(lane, jit_options=_OPTIONS)
+def _lane(x, k):
+    if _vector(x):
+        return lambda x, k: simd.lane(x, k)
+    return lambda x, k: x
+
+
 def with_lane(x: Lane, k: int, value: Lane) -> Lane:
-    """A kernel's value with another lane k."""
-    return value
+    """A value with another lane k."""
+    changed = np.array(x)
+    changed[k] = value
+    return changed
 
 
-@helper
-def load(table: Any, row: int) -> Lane:
-    """A row of a kernel's (rows, lanes) table as a lane value."""
-    return table[row, 0]
-
-
-@helper
-def store(table: Any, row: int, x: Lane) -> None:
-    """Write a kernel's lane value to a row of a (rows, lanes) table."""
-    table[row, 0] = x
+@overload(with_lane, jit_options=_OPTIONS)
+def _with_lane(x, k, value):
+    if _vector(x):
+        return lambda x, k, value: simd.with_lane(x, k, value)
+    return lambda x, k, value: value
 
 
 @helper
 def lane3(a: Vec, k: int) -> Vec:
     """Lane k of a vector."""
     return lane(a[0], k), lane(a[1], k), lane(a[2], k)
+
+
+def load(table: Any, row: int) -> Lane:
+    """A row of a (rows, WIDTH) table as a value."""
+    return table[row]
+
+
+@overload(load, jit_options=_OPTIONS)
+def _load(table, row):
+    if WIDTH > 1:
+        return lambda table, row: simd.load(table, row * WIDTH, WIDTH)
+    return lambda table, row: table[row, 0]
+
+
+def store(table: Any, row: int, x: Lane) -> None:
+    """Write a value to a row of a (rows, WIDTH) table."""
+    table[row] = x
+
+
+@overload(store, jit_options=_OPTIONS)
+def _store(table, row, x):
+    if _vector(x):
+        return lambda table, row, x: simd.store(table, row * WIDTH, x)
+
+    def write(table, row, x):
+        table[row, 0] = x
+
+    return write
 
 
 def together(values: Lane, mask: Lane) -> tuple[Lane, Lane]:
@@ -173,6 +231,13 @@ def together(values: Lane, mask: Lane) -> tuple[Lane, Lane]:
 
 @overload(together, jit_options=_OPTIONS)
 def _together(values, mask):
+    if _vector(values):
+
+        def first(values, mask):
+            value = simd.lane(values, simd.trailing_zeros(simd.bits(mask)))
+            return value, mask & (values == value)
+
+        return first
     return lambda values, mask: (values, mask)
 
 
@@ -184,6 +249,14 @@ def put(stack: Any, place: Lane, field: int, value: Lane, mask: Lane) -> None:
 
 @overload(put, jit_options=_OPTIONS)
 def _put(stack, place, field, value, mask):
+    if _vector(mask):
+
+        def scatter(stack, place, field, value, mask):
+            n = stack.shape[2]
+            simd.scatter(stack, (place * stack.shape[1] + field) * n + simd.iota(place), full_like(mask, value), mask)
+
+        return scatter
+
     def write(stack, place, field, value, mask):
         if mask:
             stack[place, field, 0] = value
@@ -198,6 +271,8 @@ def take(stack: Any, place: Lane, field: int) -> Lane:
 
 @overload(take, jit_options=_OPTIONS)
 def _take(stack, place, field):
+    if _vector(place):
+        return lambda stack, place, field: simd.gather(stack, (place * stack.shape[1] + field) * stack.shape[2] + simd.iota(place))
     return lambda stack, place, field: stack[place, field, 0]
 
 
@@ -215,14 +290,7 @@ def take3(stack: Any, place: Lane, field: int) -> Vec:
     return take(stack, place, field), take(stack, place, field + 1), take(stack, place, field + 2)
 
 
-def is_finite(x: Lane) -> Lane:
-    """Neither infinite nor NaN."""
-    return np.isfinite(x)
-
-
-@overload(is_finite, jit_options=_OPTIONS)
-def _is_finite(x):
-    return lambda x: math.isfinite(x)
+# --- numbers ------------------------------------------------------------------------------------------------------------
 
 
 @helper
@@ -240,67 +308,87 @@ def clip(x: Lane, low: Lane, high: Lane) -> Lane:
     return minimum(maximum(x, low), high)
 
 
-@helper
-def absolute(x: Lane) -> Lane:
-    return np.abs(x)
+def _function(of_arrays: Any, name: str) -> Any:
+    """A function of lanes: numpy's on arrays; in kernels simd's on vectors, numpy's on scalars."""
+    of_vectors = getattr(simd, name, None)
+
+    def apply(x):
+        return of_arrays(x)
+
+    apply.__name__ = apply.__qualname__ = name
+
+    @overload(apply, jit_options=_OPTIONS)
+    def _in_kernels(x):
+        if not _vector(x):
+            return lambda x: of_arrays(x)
+        if of_vectors is not None:
+            return lambda x: of_vectors(x)
+
+        def each(x):
+            y = x
+            for k in range(width(x)):
+                y = simd.with_lane(y, k, of_arrays(simd.lane(x, k)))
+            return y
+
+        return each
+
+    return apply
 
 
-@helper
-def sqrt(x: Lane) -> Lane:
-    return np.sqrt(x)
+absolute = _function(np.abs, "absolute")
+sqrt = _function(np.sqrt, "sqrt")
+sin = _function(np.sin, "sin")
+cos = _function(np.cos, "cos")
+exp = _function(np.exp, "exp")
+log = _function(np.log, "log")
+floor = _function(np.floor, "floor")
+_asin = _function(np.arcsin, "asin")
+_acos = _function(np.arccos, "acos")
 
 
-@helper
-def sin(x: Lane) -> Lane:
-    return np.sin(x)
+def _function2(of_arrays: Any, name: str) -> Any:
+    """A function of two lanes, as `_function` of one."""
+    of_vectors = getattr(simd, name, None)
+
+    def apply(x, y):
+        return of_arrays(x, y)
+
+    apply.__name__ = apply.__qualname__ = name
+
+    @overload(apply, jit_options=_OPTIONS)
+    def _in_kernels(x, y):
+        if not _vector(x, y):
+            return lambda x, y: of_arrays(x, y)
+        if of_vectors is not None:
+            return lambda x, y: of_vectors(x, y)
+
+        def each(x, y):
+            a, b = x + 0.0 * y, y + 0.0 * x
+            z = a
+            for k in range(width(a)):
+                z = simd.with_lane(z, k, of_arrays(simd.lane(a, k), simd.lane(b, k)))
+            return z
+
+        return each
+
+    return apply
 
 
-@helper
-def cos(x: Lane) -> Lane:
-    return np.cos(x)
+atan2 = _function2(np.arctan2, "atan2")
+power = _function2(np.power, "pow")  # of x ≥ 0; 0⁰ = 1
+hypot = _function2(np.hypot, "hypot")
 
 
 @helper
 def acos(x: Lane) -> Lane:
     """Arc cosine of x clipped to −1 … 1."""
-    return np.arccos(clip(x, -1.0, 1.0))
+    return _acos(clip(x, -1.0, 1.0))
 
 
 @helper
 def asin(x: Lane) -> Lane:
     """Arc sine of x clipped to −1 … 1."""
-    return np.arcsin(clip(x, -1.0, 1.0))
-
-
-@helper
-def atan2(y: Lane, x: Lane) -> Lane:
-    return np.arctan2(y, x)
-
-
-@helper
-def hypot(x: Lane, y: Lane) -> Lane:
-    return np.hypot(x, y)
-
-
-@helper
-def exp(x: Lane) -> Lane:
-    return np.exp(x)
-
-
-@helper
-def log(x: Lane) -> Lane:
-    return np.log(x)
-
-
-@helper
-def floor(x: Lane) -> Lane:
-    return np.floor(x)
-
-
-@helper
-def power(x: Lane, y: Lane) -> Lane:
-    """x to the y, for x ≥ 0; 0⁰ = 1."""
-    return np.power(x, y)
+    return _asin(clip(x, -1.0, 1.0))
 
 
 @helper
@@ -361,7 +449,7 @@ def cross(a: Vec, b: Vec) -> Vec:
 
 @helper
 def length(a: Vec) -> Lane:
-    return np.sqrt(dot(a, a))
+    return sqrt(dot(a, a))
 
 
 @helper

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from . import lanes
+from . import lanes, simd
 from .kernels import helper
 from .records import Lane
 
@@ -29,8 +29,8 @@ def _u64(x: Lane) -> Lane:
 
 
 @lanes.overload(_u64)
-def _u64_scalar(x):
-    return lambda x: np.uint64(x)
+def _u64_in_kernels(x):
+    return lambda x: simd.to_u64(x)
 
 
 @helper

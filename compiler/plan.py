@@ -281,7 +281,8 @@ def _horizon(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) 
     row = ground(scene.tables)
     if row < 0:
         return Decision("horizon", False, "no plane has the whole scene on its upper side", fixed="the scene's planes")
-    name = f"`{scene.names.instances[row]}`" if scene.names.instances[row] else "a plane"
+    named = scene.names.instances[row] if row < len(scene.names.instances) else ""
+    name = f"`{named}`" if named else "a plane"
     return Decision("horizon", True, f"{name} bounds the scene from below: sky under it is blocked for all, and is not sampled")
 
 

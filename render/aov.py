@@ -37,7 +37,7 @@ def channels_of(tables: Tables, view: View, ray: Ray, hit: Hit, names: tuple[str
 
 
 def _values(tables: Tables, view: View, ray: Ray, hit: Hit, names: tuple[str, ...]) -> dict[str, tuple[Lane, ...]]:
-    at = surface.at(tables, ray, hit)
+    at = surface.at(tables, ray, hit, "uv" in names)
     values = {
         "depth": lambda: (camera.depth(tables, view, at.position),),
         "normal": lambda: at.normal,

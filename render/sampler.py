@@ -2,7 +2,7 @@
 
 Burley 2020, Practical Hash-based Owen Scrambling (JCGT 9, 4): each dimension pair takes the first two Sobol dimensions with the
 sample index shuffled and the points scrambled by hashes, so that pairs are well spread by themselves and independent of each
-other. All arithmetic is uint64 masked to 32 bits, which wraps alike in numpy and in kernels.
+other. All arithmetic is uint32, which wraps alike in numpy and in kernels.
 """
 
 from __future__ import annotations
@@ -20,73 +20,72 @@ TABLE = 257  # entries of a filter's inverse distribution
 SUBPIXEL = 256.0  # sample positions are multiples of 1/256 pixel, where the rasterizer's arithmetic is exact
 FILTERS = ("box", "tent", "gaussian", "blackman-harris")
 
-_MASK = np.uint64(0xFFFFFFFF)
 _TO_UNIT = 1.0 / 4294967296.0
 
 
-def _u64(x: Lane) -> Lane:
-    return np.asarray(x).astype(np.uint64)
+def _u32(x: Lane) -> Lane:
+    """As uint32, higher bits dropped."""
+    return np.asarray(x).astype(np.uint32)
 
 
-@lanes.overload(_u64)
-def _u64_in_kernels(x):
-    return lambda x: simd.to_u64(x)
+@lanes.overload(_u32)
+def _u32_in_kernels(x):
+    return lambda x: simd.to_u32(x)
 
 
 @helper
 def _hash(x: Lane) -> Lane:
     """A 32-bit integer hash (Wellons' lowbias32)."""
-    x = x & _MASK
-    x = ((x ^ (x >> np.uint64(16))) * np.uint64(0x7FEB352D)) & _MASK
-    x = ((x ^ (x >> np.uint64(15))) * np.uint64(0x846CA68B)) & _MASK
-    return x ^ (x >> np.uint64(16))
+    x = _u32((x ^ (x >> np.uint32(16))) * np.uint32(0x7FEB352D))
+    x = _u32((x ^ (x >> np.uint32(15))) * np.uint32(0x846CA68B))
+    return x ^ (x >> np.uint32(16))
 
 
 @helper
 def _combine(seed: Lane, value: Lane) -> Lane:
-    return _hash(seed ^ ((value * np.uint64(0x9E3779B9) + np.uint64(0x85EBCA6B)) & _MASK))
+    return _hash(seed ^ _u32(value * np.uint32(0x9E3779B9) + np.uint32(0x85EBCA6B)))
 
 
 @helper
 def _reverse_bits(x: Lane) -> Lane:
-    x = ((x >> np.uint64(1)) & np.uint64(0x55555555)) | ((x & np.uint64(0x55555555)) << np.uint64(1))
-    x = ((x >> np.uint64(2)) & np.uint64(0x33333333)) | ((x & np.uint64(0x33333333)) << np.uint64(2))
-    x = ((x >> np.uint64(4)) & np.uint64(0x0F0F0F0F)) | ((x & np.uint64(0x0F0F0F0F)) << np.uint64(4))
-    x = ((x >> np.uint64(8)) & np.uint64(0x00FF00FF)) | ((x & np.uint64(0x00FF00FF)) << np.uint64(8))
-    return ((x >> np.uint64(16)) | (x << np.uint64(16))) & _MASK
+    x = ((x >> np.uint32(1)) & np.uint32(0x55555555)) | _u32((x & np.uint32(0x55555555)) << np.uint32(1))
+    x = ((x >> np.uint32(2)) & np.uint32(0x33333333)) | _u32((x & np.uint32(0x33333333)) << np.uint32(2))
+    x = ((x >> np.uint32(4)) & np.uint32(0x0F0F0F0F)) | _u32((x & np.uint32(0x0F0F0F0F)) << np.uint32(4))
+    x = ((x >> np.uint32(8)) & np.uint32(0x00FF00FF)) | _u32((x & np.uint32(0x00FF00FF)) << np.uint32(8))
+    return (x >> np.uint32(16)) | _u32(x << np.uint32(16))
 
 
 @helper
 def _permute(x: Lane, seed: Lane) -> Lane:
     """The Laine-Karras permutation with Burley's constants: a nested scramble of bits in reversed order."""
-    x = (x ^ (x * np.uint64(0x3D20ADEA))) & _MASK
-    x = (x + seed) & _MASK
-    x = (x * ((seed >> np.uint64(16)) | np.uint64(1))) & _MASK
-    x = (x ^ (x * np.uint64(0x05526C56))) & _MASK
-    return (x ^ (x * np.uint64(0x53A22864))) & _MASK
+    x = x ^ _u32(x * np.uint32(0x3D20ADEA))
+    x = _u32(x + seed)
+    x = _u32(x * ((seed >> np.uint32(16)) | np.uint32(1)))
+    x = x ^ _u32(x * np.uint32(0x05526C56))
+    return x ^ _u32(x * np.uint32(0x53A22864))
 
 
 @helper
 def _sobol_second(index: Lane) -> Lane:
     """The second Sobol dimension as 32 bits: the index' bits by Pascal's triangle modulo 2, five steps for five bits of place."""
     x = index
-    x = x ^ ((x & np.uint64(0xAAAAAAAA)) >> np.uint64(1))
-    x = x ^ ((x & np.uint64(0xCCCCCCCC)) >> np.uint64(2))
-    x = x ^ ((x & np.uint64(0xF0F0F0F0)) >> np.uint64(4))
-    x = x ^ ((x & np.uint64(0xFF00FF00)) >> np.uint64(8))
-    x = x ^ ((x & np.uint64(0xFFFF0000)) >> np.uint64(16))
+    x = x ^ ((x & np.uint32(0xAAAAAAAA)) >> np.uint32(1))
+    x = x ^ ((x & np.uint32(0xCCCCCCCC)) >> np.uint32(2))
+    x = x ^ ((x & np.uint32(0xF0F0F0F0)) >> np.uint32(4))
+    x = x ^ ((x & np.uint32(0xFF00FF00)) >> np.uint32(8))
+    x = x ^ ((x & np.uint32(0xFFFF0000)) >> np.uint32(16))
     return _reverse_bits(x)
 
 
 @helper
 def pair(pixel: Lane, sample: Lane, dimension: Lane, seed: int) -> tuple[Lane, Lane]:
     """Two numbers in [0, 1) for a pixel (y · width + x), sample index, dimension pair and seed."""
-    key = _combine(_combine(_hash(_u64(seed) + np.uint64(1)), _u64(pixel)), _u64(dimension))
-    index = _reverse_bits(_permute(_reverse_bits(_u64(sample) & _MASK), key))
-    first = _permute(index, _combine(key, np.uint64(1)))  # the first dimension is the index reversed, scrambled reversed again
-    first = _reverse_bits(first)
-    second = _reverse_bits(_permute(_reverse_bits(_sobol_second(index)), _combine(key, np.uint64(2))))
-    return first * _TO_UNIT, second * _TO_UNIT
+    high = _hash(_u32(seed >> 32) ^ np.uint32(0x3C6EF372))
+    key = _combine(_combine(_hash(_u32(seed) ^ high), _u32(pixel)), _u32(dimension))
+    index = _reverse_bits(_permute(_reverse_bits(_u32(sample)), key))
+    first = _permute(index, _combine(key, np.uint32(1)))  # the first dimension is the index reversed, scrambled reversed again
+    second = _permute(_reverse_bits(_sobol_second(index)), _combine(key, np.uint32(2)))
+    return lanes.to_float(_reverse_bits(first)) * _TO_UNIT, lanes.to_float(_reverse_bits(second)) * _TO_UNIT
 
 
 @helper

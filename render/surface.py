@@ -10,7 +10,7 @@ import math
 from typing import Any
 
 from ..compiler import ir
-from . import lanes, shapes
+from . import lanes, shapes, textures
 from .kernels import helper
 from .records import Hit, Lane, Ray, Surface, Tables, Vec
 
@@ -23,9 +23,10 @@ ROUNDING = 32.0 * 2.0**-53  # of the sums of absolute terms in `spacing`: a few 
 
 
 @helper
-def at(tables: Tables, ray: Ray, hit: Hit) -> Surface:
+def at(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -> Surface:
     """The surface where `ray` met `hit`. Lanes without a hit (instance -1) hold finite or NaN garbage that callers mask.
 
+    Texture coordinates are found where the material has a texture, or everywhere if `mapped`; else uv is 0, 0 and metric 1, 1.
     The tables must have an instance at all.
     """
     instance = lanes.where(hit.instance >= 0, hit.instance, 0)
@@ -41,32 +42,40 @@ def at(tables: Tables, ray: Ray, hit: Hit) -> Surface:
     local = lanes.transform_point(inverse, row, world)
     part = lanes.where(kind == MESH, 0, hit.primitive)
     outward = shapes.normal(kind, geometries.parameters, g, part, local)
-    (u, v), (du, dv) = shapes.uv(kind, geometries.parameters, g, part, local)
     smooth = outward
     color = lanes.like3(t, 1.0, 1.0, 1.0)
 
     on_mesh = kind == MESH
+    a, b, c = local, local, local
     if lanes.any_lane(on_mesh):
         a, b, c = corners(tables, g, lanes.where(on_mesh, hit.primitive, 0))
-        w = 1.0 - hit.u - hit.v
-        local = lanes.where3(on_mesh, _blend(a, b, c, w, hit.u, hit.v), local)
+        local = lanes.where3(on_mesh, _blend(a, b, c, 1.0 - hit.u - hit.v, hit.u, hit.v), local)
         world = lanes.where3(on_mesh, lanes.transform_point(matrix, row, local), world)
         face = lanes.normalize(lanes.cross(lanes.sub(b, a), lanes.sub(c, a)))
         outward = lanes.where3(on_mesh, face, outward)
         smooth = lanes.where3(on_mesh, _mesh_normal(tables, g, hit, on_mesh, face), smooth)
-        mu, mv, mdu, mdv = _mesh_uv(tables, g, hit, on_mesh, a, b, c)
-        u, v = lanes.where(on_mesh, mu, u), lanes.where(on_mesh, mv, v)
-        du, dv = lanes.where(on_mesh, mdu, du), lanes.where(on_mesh, mdv, dv)
         color = lanes.where3(on_mesh, _mesh_color(tables, g, hit, on_mesh), color)
 
+    zero = lanes.full_like(t, 0.0)
+    u, v, du, dv = zero, zero, zero + 1.0, zero + 1.0
+    if mapped or lanes.any_lane(textures.on(tables, material)):
+        (u, v), (du, dv) = shapes.uv(kind, geometries.parameters, g, part, local)
+        if lanes.any_lane(on_mesh):
+            mu, mv, mdu, mdv = _mesh_uv(tables, g, hit, on_mesh, a, b, c)
+            u, v = lanes.where(on_mesh, mu, u), lanes.where(on_mesh, mv, v)
+            du, dv = lanes.where(on_mesh, mdu, du), lanes.where(on_mesh, mdv, dv)
+        stretch = mean_scale(matrix, row)
+        du, dv = du * stretch, dv * stretch
+
     geometric = lanes.normalize(lanes.transform_normal(inverse, row, outward))
-    flat = tables.materials.shading[material] == FLAT
-    shaded = lanes.normalize(lanes.transform_normal(inverse, row, lanes.where3(flat, outward, smooth)))
+    shaded = geometric
+    rounded = on_mesh & (tables.materials.shading[material] != FLAT)
+    if lanes.any_lane(rounded):
+        shaded = lanes.where3(rounded, lanes.normalize(lanes.transform_normal(inverse, row, smooth)), geometric)
     front = lanes.dot(ray.direction, geometric) < 0.0
-    side = lanes.where(front, 1.0, -1.0)
-    stretch = mean_scale(matrix, row)
+    side = lanes.where(front, zero + 1.0, zero - 1.0)
     return Surface(
-        world, local, lanes.scale(geometric, side), lanes.scale(shaded, side), outward, (u, v), (du * stretch, dv * stretch),
+        world, local, lanes.scale(geometric, side), lanes.scale(shaded, side), outward, (u, v), (du, dv),
         front, instance, material, color, spacing(tables, ray, row, t, geometric),
     )  # fmt: skip
 

@@ -65,6 +65,16 @@ def value(tables: Tables, texture: Lane, surface: Surface) -> Vec:
     )
 
 
+@helper
+def on(tables: Tables, material: Lane) -> Lane:
+    """Whether a material has a texture in any slot."""
+    rows = tables.materials.textures
+    found = rows[material, 0] >= 0
+    for slot in range(1, rows.shape[1]):
+        found = found | (rows[material, slot] >= 0)
+    return found
+
+
 # --- mappings -----------------------------------------------------------------------------------------------------------
 
 

@@ -31,7 +31,7 @@ TRIANGLE = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, -4.0]])  # cou
 def at(tables, ray):
     hit = make.first_hit(tables, ray)
     with np.errstate(all="ignore"):
-        return surface.at(tables, ray, hit), hit
+        return surface.at(tables, ray, hit, True), hit
 
 
 def vector(v):

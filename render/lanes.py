@@ -1,24 +1,43 @@
-"""Lane operations: the same source runs on numpy arrays and, in kernels, on scalars.
+"""Lane operations: the same source runs on numpy arrays and, in kernels, on scalars and on SIMD vectors.
 
 Write straight-line code: `where` chooses, `if any_lane(mask):` skips what no lane needs. Both sides of a `where` are computed, so guard
 denominators. Vectors are tuples (x, y, z). Comparisons with NaN are false, and `minimum`, `maximum` and `clip` are made of
 comparisons: with NaN as the first operand they give the second one.
+
+On vectors (simd/) one width goes through the code: lanes of float64 have ints of 64 bits, lanes of float32 ints of 32.
 """
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numba import types
+from numba.core.typing.templates import signature
 from numba.extending import overload
 
+from . import simd
 from .kernels import HELPER, helper
 from .records import Lane, Vec
 
 _FITS = 2.0**62  # beyond this a float64 has no int64
-_OPTIONS = HELPER  # overloads bear no annotations: Numba compares the signatures
+
+
+def on_scalars(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`overload` for kernels that work on numbers; where a vector is among the types, `on_vectors` has the say."""
+
+    def decorate(choose: Callable[..., Any]) -> Callable[..., Any]:  # `choose` bears no annotations: Numba compares signatures
+        @overload(function, jit_options=HELPER)
+        @functools.wraps(choose)
+        def scalar(*kinds):
+            return None if any(isinstance(kind, simd.Vector) for kind in kinds) else choose(*kinds)
+
+        return scalar
+
+    return decorate
 
 
 def where(condition: Lane, yes: Lane, no: Lane) -> Lane:
@@ -26,7 +45,7 @@ def where(condition: Lane, yes: Lane, no: Lane) -> Lane:
     return np.where(condition, yes, no)
 
 
-@overload(where, jit_options=_OPTIONS)
+@on_scalars(where)
 def _where(condition, yes, no):
     return lambda condition, yes, no: yes if condition else no
 
@@ -36,7 +55,7 @@ def any_lane(mask: Lane) -> Any:
     return bool(np.any(mask))
 
 
-@overload(any_lane, jit_options=_OPTIONS)
+@on_scalars(any_lane)
 def _any_lane(mask):
     return lambda mask: mask
 
@@ -46,7 +65,7 @@ def not_(mask: Lane) -> Lane:
     return np.logical_not(mask)
 
 
-@overload(not_, jit_options=_OPTIONS)
+@on_scalars(not_)
 def _not(mask):
     return lambda mask: not mask
 
@@ -56,7 +75,7 @@ def to_float(x: Lane) -> Lane:
     return np.asarray(x, dtype=np.float64)
 
 
-@overload(to_float, jit_options=_OPTIONS)
+@on_scalars(to_float)
 def _to_float(x):
     return lambda x: float(x)
 
@@ -66,7 +85,7 @@ def to_int(x: Lane) -> Lane:
     return np.asarray(x).astype(np.int64)
 
 
-@overload(to_int, jit_options=_OPTIONS)
+@on_scalars(to_int)
 def _to_int(x):
     return lambda x: np.int64(x)
 
@@ -76,7 +95,7 @@ def floor_int(x: Lane) -> Lane:
     return np.where(np.abs(x) < _FITS, np.floor(x), 0.0).astype(np.int64)
 
 
-@overload(floor_int, jit_options=_OPTIONS)
+@on_scalars(floor_int)
 def _floor_int(x):
     return lambda x: np.int64(math.floor(x)) if abs(x) < _FITS else np.int64(0)
 
@@ -86,7 +105,7 @@ def to_uint(x: Lane) -> Lane:
     return np.asarray(x).astype(np.uint64)
 
 
-@overload(to_uint, jit_options=_OPTIONS)
+@on_scalars(to_uint)
 def _to_uint(x):
     return lambda x: np.uint64(x)
 
@@ -96,7 +115,7 @@ def full_like(like: Lane, value: Any) -> Lane:
     return np.full(np.shape(like), value, dtype=np.float64)
 
 
-@overload(full_like, jit_options=_OPTIONS)
+@on_scalars(full_like)
 def _full_like(like, value):
     return lambda like, value: float(value)
 
@@ -106,7 +125,7 @@ def int_like(like: Lane, value: Any) -> Lane:
     return np.full(np.shape(like), value, dtype=np.int64)
 
 
-@overload(int_like, jit_options=_OPTIONS)
+@on_scalars(int_like)
 def _int_like(like, value):
     return lambda like, value: np.int64(value)
 
@@ -116,7 +135,7 @@ def bool_like(like: Lane, value: bool) -> Lane:
     return np.full(np.shape(like), value, dtype=np.bool_)
 
 
-@overload(bool_like, jit_options=_OPTIONS)
+@on_scalars(bool_like)
 def _bool_like(like, value):
     return lambda like, value: bool(value)
 
@@ -126,7 +145,7 @@ def copy(x: Lane) -> Lane:
     return np.array(x)
 
 
-@overload(copy, jit_options=_OPTIONS)
+@on_scalars(copy)
 def _copy(x):
     if isinstance(x, types.Array):
         return lambda x: x.copy()
@@ -138,7 +157,7 @@ def is_finite(x: Lane) -> Lane:
     return np.isfinite(x)
 
 
-@overload(is_finite, jit_options=_OPTIONS)
+@on_scalars(is_finite)
 def _is_finite(x):
     return lambda x: math.isfinite(x)
 
@@ -230,6 +249,49 @@ def lerp(a: Lane, b: Lane, t: Lane) -> Lane:
 def sign_of(x: Lane) -> Lane:
     """1 for x ≥ 0, else −1."""
     return where(x >= 0.0, 1.0, -1.0)
+
+
+# --- on SIMD vectors ----------------------------------------------------------------------------------------------------
+
+
+def _lanes_of(kind: str) -> Callable[..., Any]:
+    """Numba's signature of a function to lanes of a kind, as wide as its argument's."""
+    return lambda context, x: signature(simd.Vector(kind, x.bits, x.lanes), x)
+
+
+def _filled(kind: str) -> Callable[..., Any]:
+    """Numba's signature of a function of (like, value) to lanes of a kind, as wide and as many as `like` has."""
+
+    def typing(context: Any, like: Any, value: Any) -> Any:
+        if not isinstance(like, simd.Vector):
+            return None
+        whole = simd.Vector(kind, like.bits, like.lanes)
+        return signature(whole, like, whole)
+
+    return typing
+
+
+def _same(context: Any, x: Any) -> Any:
+    return signature(x, x)
+
+
+def _floor_to_int(x: simd.Value) -> simd.Value:
+    whole = x.call("floor")
+    return simd.choose(abs(x) < 2.0 ** (x.bits - 2), whole, x.constant(0.0)).to("i", x.bits)
+
+
+simd.define(where, simd.select_signature, simd.choose)
+simd.define(any_lane, lambda context, mask: signature(types.boolean, mask), lambda mask: simd.mask_bits(mask) != 0)
+simd.define(not_, _same, lambda mask: ~mask)
+simd.define(to_float, _lanes_of("f"), lambda x: x.to("f", x.bits))
+simd.define(to_int, _lanes_of("i"), lambda x: x.to("i", x.bits))
+simd.define(to_uint, _lanes_of("u"), lambda x: x.to("u", x.bits))
+simd.define(floor_int, _lanes_of("i"), _floor_to_int)
+simd.define(is_finite, _lanes_of("m"), lambda x: abs(x) < math.inf)
+simd.define(copy, _same, lambda x: x)
+simd.define(full_like, _filled("f"), lambda like, value: value)
+simd.define(int_like, _filled("i"), lambda like, value: value)
+simd.define(bool_like, _filled("m"), lambda like, value: value)
 
 
 # --- vectors ------------------------------------------------------------------------------------------------------------

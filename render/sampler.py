@@ -24,15 +24,6 @@ _MASK = np.uint64(0xFFFFFFFF)
 _TO_UNIT = 1.0 / 4294967296.0
 
 
-def _u64(x: Lane) -> Lane:
-    return np.asarray(x).astype(np.uint64)
-
-
-@lanes.overload(_u64)
-def _u64_scalar(x):
-    return lambda x: np.uint64(x)
-
-
 @helper
 def _hash(x: Lane) -> Lane:
     """A 32-bit integer hash (Wellons' lowbias32)."""
@@ -81,8 +72,8 @@ def _sobol_second(index: Lane) -> Lane:
 @helper
 def pair(pixel: Lane, sample: Lane, dimension: Lane, seed: int) -> tuple[Lane, Lane]:
     """Two numbers in [0, 1) for a pixel (y · width + x), sample index, dimension pair and seed."""
-    key = _combine(_combine(_hash(_u64(seed) + np.uint64(1)), _u64(pixel)), _u64(dimension))
-    index = _reverse_bits(_permute(_reverse_bits(_u64(sample) & _MASK), key))
+    key = _combine(_combine(_hash(lanes.to_uint(seed) + np.uint64(1)), lanes.to_uint(pixel)), lanes.to_uint(dimension))
+    index = _reverse_bits(_permute(_reverse_bits(lanes.to_uint(sample) & _MASK), key))
     first = _permute(index, _combine(key, np.uint64(1)))  # the first dimension is the index reversed, scrambled reversed again
     first = _reverse_bits(first)
     second = _reverse_bits(_permute(_reverse_bits(_sobol_second(index)), _combine(key, np.uint64(2))))

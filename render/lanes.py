@@ -1,17 +1,22 @@
-"""Lane operations: the same source runs on numpy arrays and, in kernels, on scalars.
+"""Lane operations: the same source runs on numpy arrays and, in kernels, on scalars and on SIMD vectors.
 
 Write straight-line code: `where` chooses, `if any_lane(mask):` skips what no lane needs. Both sides of a `where` are computed, so guard
 denominators. Vectors are tuples (x, y, z). Comparisons with NaN are false, and `minimum`, `maximum` and `clip` are made of
 comparisons: with NaN as the first operand they give the second one.
+
+On vectors (simd/) one width goes through the code: lanes of float64 have ints of 64 bits, lanes of float32 ints of 32.
 """
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numba import types
+from numba.core.typing.templates import signature
 from numba.extending import overload
 
 from . import simd
@@ -20,11 +25,20 @@ from .records import Lane, Vec
 
 WIDTH = simd.WIDTH64  # lanes of a kernel's values
 _FITS = 2.0**62  # beyond this a float64 has no int64
-_OPTIONS = HELPER  # overloads bear no annotations: Numba compares the signatures
 
 
-def _vector(*kinds: Any) -> bool:
-    return any(isinstance(kind, simd.Vector) for kind in kinds)
+def on_scalars(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`overload` for kernels that work on numbers; where a vector is among the types, `on_vectors` has the say."""
+
+    def decorate(choose: Callable[..., Any]) -> Callable[..., Any]:  # `choose` bears no annotations: Numba compares signatures
+        @overload(function, jit_options=HELPER)
+        @functools.wraps(choose)
+        def scalar(*kinds):
+            return None if any(isinstance(kind, simd.Vector) for kind in kinds) else choose(*kinds)
+
+        return scalar
+
+    return decorate
 
 
 def where(condition: Lane, yes: Lane, no: Lane) -> Lane:
@@ -32,10 +46,8 @@ def where(condition: Lane, yes: Lane, no: Lane) -> Lane:
     return np.where(condition, yes, no)
 
 
-@overload(where, jit_options=_OPTIONS)
+@on_scalars(where)
 def _where(condition, yes, no):
-    if _vector(condition, yes, no):
-        return lambda condition, yes, no: simd.select(condition, yes, no)
     return lambda condition, yes, no: yes if condition else no
 
 
@@ -44,10 +56,8 @@ def any_lane(mask: Lane) -> Any:
     return bool(np.any(mask))
 
 
-@overload(any_lane, jit_options=_OPTIONS)
+@on_scalars(any_lane)
 def _any_lane(mask):
-    if _vector(mask):
-        return lambda mask: simd.any_of(mask)
     return lambda mask: mask
 
 
@@ -56,10 +66,8 @@ def not_(mask: Lane) -> Lane:
     return np.logical_not(mask)
 
 
-@overload(not_, jit_options=_OPTIONS)
+@on_scalars(not_)
 def _not(mask):
-    if _vector(mask):
-        return lambda mask: ~mask
     return lambda mask: not mask
 
 
@@ -68,9 +76,9 @@ def to_float(x: Lane) -> Lane:
     return np.asarray(x, dtype=np.float64)
 
 
-@overload(to_float, jit_options=_OPTIONS)
+@on_scalars(to_float)
 def _to_float(x):
-    return lambda x: simd.to_f64(x)
+    return lambda x: float(x)
 
 
 def to_int(x: Lane) -> Lane:
@@ -78,9 +86,9 @@ def to_int(x: Lane) -> Lane:
     return np.asarray(x).astype(np.int64)
 
 
-@overload(to_int, jit_options=_OPTIONS)
+@on_scalars(to_int)
 def _to_int(x):
-    return lambda x: simd.to_i64(x)
+    return lambda x: np.int64(x)
 
 
 def floor_int(x: Lane) -> Lane:
@@ -88,9 +96,19 @@ def floor_int(x: Lane) -> Lane:
     return np.where(np.abs(x) < _FITS, np.floor(x), 0.0).astype(np.int64)
 
 
-@overload(floor_int, jit_options=_OPTIONS)
+@on_scalars(floor_int)
 def _floor_int(x):
-    return lambda x: simd.to_i64(where(abs(x) < _FITS, simd.floor(x), 0.0))
+    return lambda x: np.int64(math.floor(x)) if abs(x) < _FITS else np.int64(0)
+
+
+def to_uint(x: Lane) -> Lane:
+    """An integer as uint64."""
+    return np.asarray(x).astype(np.uint64)
+
+
+@on_scalars(to_uint)
+def _to_uint(x):
+    return lambda x: np.uint64(x)
 
 
 def full_like(like: Lane, value: Any) -> Lane:
@@ -98,11 +116,8 @@ def full_like(like: Lane, value: Any) -> Lane:
     return np.full(np.shape(like), value, dtype=np.float64)
 
 
-@overload(full_like, jit_options=_OPTIONS)
+@on_scalars(full_like)
 def _full_like(like, value):
-    if _vector(like):
-        make = getattr(simd, f"f64x{like.lanes}")
-        return lambda like, value: make(value)
     return lambda like, value: float(value)
 
 
@@ -111,11 +126,8 @@ def int_like(like: Lane, value: Any) -> Lane:
     return np.full(np.shape(like), value, dtype=np.int64)
 
 
-@overload(int_like, jit_options=_OPTIONS)
+@on_scalars(int_like)
 def _int_like(like, value):
-    if _vector(like):
-        make = getattr(simd, f"i64x{like.lanes}")
-        return lambda like, value: make(value)
     return lambda like, value: np.int64(value)
 
 
@@ -124,11 +136,8 @@ def bool_like(like: Lane, value: bool) -> Lane:
     return np.full(np.shape(like), value, dtype=np.bool_)
 
 
-@overload(bool_like, jit_options=_OPTIONS)
+@on_scalars(bool_like)
 def _bool_like(like, value):
-    if _vector(like):
-        make = getattr(simd, f"m64x{like.lanes}")
-        return lambda like, value: make(value)
     return lambda like, value: bool(value)
 
 
@@ -137,12 +146,16 @@ def is_finite(x: Lane) -> Lane:
     return np.isfinite(x)
 
 
-@overload(is_finite, jit_options=_OPTIONS)
+@on_scalars(is_finite)
 def _is_finite(x):
-    return lambda x: simd.is_finite(x)
+    return lambda x: math.isfinite(x)
 
 
 # --- lanes one by one, in kernels ---------------------------------------------------------------------------------------
+
+
+def _vector(kind: Any) -> bool:
+    return isinstance(kind, simd.Vector)
 
 
 def is_mask(kind: Any) -> bool:
@@ -155,7 +168,7 @@ def width(like: Lane) -> int:
     return np.size(like)
 
 
-@overload(width, jit_options=_OPTIONS)
+@overload(width, jit_options=HELPER)
 def _width(like):
     count = like.lanes if _vector(like) else 1
     return lambda like: count
@@ -166,7 +179,7 @@ def lane(x: Lane, k: int) -> Lane:
     return np.ravel(x)[k]
 
 
-@overload(lane, jit_options=_OPTIONS)
+@overload(lane, jit_options=HELPER)
 def _lane(x, k):
     if _vector(x):
         return lambda x, k: simd.lane(x, k)
@@ -180,7 +193,7 @@ def with_lane(x: Lane, k: int, value: Lane) -> Lane:
     return changed
 
 
-@overload(with_lane, jit_options=_OPTIONS)
+@overload(with_lane, jit_options=HELPER)
 def _with_lane(x, k, value):
     if _vector(x):
         return lambda x, k, value: simd.with_lane(x, k, value)
@@ -198,7 +211,7 @@ def load(table: Any, row: int) -> Lane:
     return table[row]
 
 
-@overload(load, jit_options=_OPTIONS)
+@overload(load, jit_options=HELPER)
 def _load(table, row):
     if WIDTH > 1:
         return lambda table, row: simd.load(table, row * WIDTH, WIDTH)
@@ -210,7 +223,7 @@ def store(table: Any, row: int, x: Lane) -> None:
     table[row] = x
 
 
-@overload(store, jit_options=_OPTIONS)
+@overload(store, jit_options=HELPER)
 def _store(table, row, x):
     if _vector(x):
         return lambda table, row, x: simd.store(table, row * WIDTH, x)
@@ -229,7 +242,7 @@ def together(values: Lane, mask: Lane) -> tuple[Lane, Lane]:
     return values, mask
 
 
-@overload(together, jit_options=_OPTIONS)
+@overload(together, jit_options=HELPER)
 def _together(values, mask):
     if _vector(values):
 
@@ -247,7 +260,7 @@ def put(stack: Any, place: Lane, field: int, value: Lane, mask: Lane) -> None:
     stack[np.broadcast_to(place, stack.shape[2:])[lane], field, lane] = np.broadcast_to(value, stack.shape[2:])[lane]
 
 
-@overload(put, jit_options=_OPTIONS)
+@overload(put, jit_options=HELPER)
 def _put(stack, place, field, value, mask):
     if _vector(mask):
 
@@ -269,7 +282,7 @@ def take(stack: Any, place: Lane, field: int) -> Lane:
     return stack[place, field, np.arange(stack.shape[2])]
 
 
-@overload(take, jit_options=_OPTIONS)
+@overload(take, jit_options=HELPER)
 def _take(stack, place, field):
     if _vector(place):
         return lambda stack, place, field: simd.gather(stack, (place * stack.shape[1] + field) * stack.shape[2] + simd.iota(place))
@@ -308,87 +321,67 @@ def clip(x: Lane, low: Lane, high: Lane) -> Lane:
     return minimum(maximum(x, low), high)
 
 
-def _function(of_arrays: Any, name: str) -> Any:
-    """A function of lanes: numpy's on arrays; in kernels simd's on vectors, numpy's on scalars."""
-    of_vectors = getattr(simd, name, None)
-
-    def apply(x):
-        return of_arrays(x)
-
-    apply.__name__ = apply.__qualname__ = name
-
-    @overload(apply, jit_options=_OPTIONS)
-    def _in_kernels(x):
-        if not _vector(x):
-            return lambda x: of_arrays(x)
-        if of_vectors is not None:
-            return lambda x: of_vectors(x)
-
-        def each(x):
-            y = x
-            for k in range(width(x)):
-                y = simd.with_lane(y, k, of_arrays(simd.lane(x, k)))
-            return y
-
-        return each
-
-    return apply
+@helper
+def absolute(x: Lane) -> Lane:
+    return np.abs(x)
 
 
-absolute = _function(np.abs, "absolute")
-sqrt = _function(np.sqrt, "sqrt")
-sin = _function(np.sin, "sin")
-cos = _function(np.cos, "cos")
-exp = _function(np.exp, "exp")
-log = _function(np.log, "log")
-floor = _function(np.floor, "floor")
-_asin = _function(np.arcsin, "asin")
-_acos = _function(np.arccos, "acos")
+@helper
+def sqrt(x: Lane) -> Lane:
+    return np.sqrt(x)
 
 
-def _function2(of_arrays: Any, name: str) -> Any:
-    """A function of two lanes, as `_function` of one."""
-    of_vectors = getattr(simd, name, None)
-
-    def apply(x, y):
-        return of_arrays(x, y)
-
-    apply.__name__ = apply.__qualname__ = name
-
-    @overload(apply, jit_options=_OPTIONS)
-    def _in_kernels(x, y):
-        if not _vector(x, y):
-            return lambda x, y: of_arrays(x, y)
-        if of_vectors is not None:
-            return lambda x, y: of_vectors(x, y)
-
-        def each(x, y):
-            a, b = x + 0.0 * y, y + 0.0 * x
-            z = a
-            for k in range(width(a)):
-                z = simd.with_lane(z, k, of_arrays(simd.lane(a, k), simd.lane(b, k)))
-            return z
-
-        return each
-
-    return apply
+@helper
+def sin(x: Lane) -> Lane:
+    return np.sin(x)
 
 
-atan2 = _function2(np.arctan2, "atan2")
-power = _function2(np.power, "pow")  # of x ≥ 0; 0⁰ = 1
-hypot = _function2(np.hypot, "hypot")
+@helper
+def cos(x: Lane) -> Lane:
+    return np.cos(x)
 
 
 @helper
 def acos(x: Lane) -> Lane:
     """Arc cosine of x clipped to −1 … 1."""
-    return _acos(clip(x, -1.0, 1.0))
+    return np.arccos(clip(x, -1.0, 1.0))
 
 
 @helper
 def asin(x: Lane) -> Lane:
     """Arc sine of x clipped to −1 … 1."""
-    return _asin(clip(x, -1.0, 1.0))
+    return np.arcsin(clip(x, -1.0, 1.0))
+
+
+@helper
+def atan2(y: Lane, x: Lane) -> Lane:
+    return np.arctan2(y, x)
+
+
+@helper
+def hypot(x: Lane, y: Lane) -> Lane:
+    return np.hypot(x, y)
+
+
+@helper
+def exp(x: Lane) -> Lane:
+    return np.exp(x)
+
+
+@helper
+def log(x: Lane) -> Lane:
+    return np.log(x)
+
+
+@helper
+def floor(x: Lane) -> Lane:
+    return np.floor(x)
+
+
+@helper
+def power(x: Lane, y: Lane) -> Lane:
+    """x to the y, for x ≥ 0; 0⁰ = 1."""
+    return np.power(x, y)
 
 
 @helper
@@ -400,6 +393,48 @@ def lerp(a: Lane, b: Lane, t: Lane) -> Lane:
 def sign_of(x: Lane) -> Lane:
     """1 for x ≥ 0, else −1."""
     return where(x >= 0.0, 1.0, -1.0)
+
+
+# --- on SIMD vectors ----------------------------------------------------------------------------------------------------
+
+
+def _lanes_of(kind: str) -> Callable[..., Any]:
+    """Numba's signature of a function to lanes of a kind, as wide as its argument's."""
+    return lambda context, x: signature(simd.Vector(kind, x.bits, x.lanes), x)
+
+
+def _filled(kind: str) -> Callable[..., Any]:
+    """Numba's signature of a function of (like, value) to lanes of a kind, as wide and as many as `like` has."""
+
+    def typing(context: Any, like: Any, value: Any) -> Any:
+        if not isinstance(like, simd.Vector):
+            return None
+        whole = simd.Vector(kind, like.bits, like.lanes)
+        return signature(whole, like, whole)
+
+    return typing
+
+
+def _same(context: Any, x: Any) -> Any:
+    return signature(x, x)
+
+
+def _floor_to_int(x: simd.Value) -> simd.Value:
+    whole = x.call("floor")
+    return simd.choose(abs(x) < 2.0 ** (x.bits - 2), whole, x.constant(0.0)).to("i", x.bits)
+
+
+simd.define(where, simd.select_signature, simd.choose)
+simd.define(any_lane, lambda context, mask: signature(types.boolean, mask), lambda mask: simd.mask_bits(mask) != 0)
+simd.define(not_, _same, lambda mask: ~mask)
+simd.define(to_float, _lanes_of("f"), lambda x: x.to("f", x.bits))
+simd.define(to_int, _lanes_of("i"), lambda x: x.to("i", x.bits))
+simd.define(to_uint, _lanes_of("u"), lambda x: x.to("u", x.bits))
+simd.define(floor_int, _lanes_of("i"), _floor_to_int)
+simd.define(is_finite, _lanes_of("m"), lambda x: abs(x) < math.inf)
+simd.define(full_like, _filled("f"), lambda like, value: value)
+simd.define(int_like, _filled("i"), lambda like, value: value)
+simd.define(bool_like, _filled("m"), lambda like, value: value)
 
 
 # --- vectors ------------------------------------------------------------------------------------------------------------
@@ -449,7 +484,7 @@ def cross(a: Vec, b: Vec) -> Vec:
 
 @helper
 def length(a: Vec) -> Lane:
-    return sqrt(dot(a, a))
+    return np.sqrt(dot(a, a))
 
 
 @helper

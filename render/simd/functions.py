@@ -56,8 +56,13 @@ def _constructor(kind: str, bits: int, lanes: int) -> Any:
 
     make.__name__ = make.__qualname__ = f"{kind}{bits}x{lanes}"
     make.__doc__ = f"A number in each of {lanes} lanes, or as many lanes of another kind converted."
-    return intrinsic(make)
+    made = intrinsic(make)
+    CONSTRUCTED[made] = target
+    return made
 
+
+CONSTRUCTED: dict[Any, Vector] = {}
+"""The types that constructors make, by which they also name a type (`load`)."""
 
 f32x16, f32x8, f32x4, f32x2, f32x1 = (_constructor("f", 32, n) for n in (16, 8, 4, 2, 1))
 i32x16, i32x8, i32x4, i32x2, i32x1 = (_constructor("i", 32, n) for n in (16, 8, 4, 2, 1))

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
+from numba.core.errors import TypingError
 from numba.core.typing.templates import Signature, signature
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 
 from .. import machine
 from . import value as v
-from .functions import shuffled, transposed
+from .functions import CONSTRUCTED, shuffled, transposed
 from .value import I1, I8, I32, I64, Value
 from .vector import Vector, shape_of, value
 
@@ -90,42 +91,48 @@ def as_vector(builder: Any, pointer: Any, element: Any, lanes: int) -> Any:
     return builder.bitcast(pointer, ir.VectorType(element, lanes).as_pointer())
 
 
-def lanes_asked(array: types.Type, lanes: types.Type | None) -> int:
-    """How many lanes a load has: the literal asked for, else what fills a vector of the machine's."""
-    if isinstance(lanes, types.IntegerLiteral):
-        return lanes.literal_value
+def vector_asked(array: types.Type, what: types.Type | None) -> Vector | None:
+    """The type a load gives: of the lanes or the type asked for, else what fills one of the machine's vectors; None: it can't."""
     shape = element_shape(array)
-    return machine.WIDTH64 if shape and shape[1] == 64 else machine.WIDTH
+    if shape is None:
+        return None
+    if what is None or isinstance(what, types.NoneType):
+        return Vector(*shape, machine.WIDTH64 if shape[1] == 64 else machine.WIDTH)
+    if isinstance(what, types.IntegerLiteral):
+        return Vector(*shape, what.literal_value)
+    if isinstance(what, types.Function):
+        return CONSTRUCTED.get(what.typing_key)
+    raise TypingError("the lanes of a load must be constant: a number, or a type such as simd.f32 (simd.WIDTH is no constant to Numba)")
 
 
 # --- load and store ------------------------------------------------------------------------------------------------------
 
 
-def _load(array: types.Type, index: types.Type, lanes: types.Type | None, aligned: bool) -> Any:
-    shape = element_shape(array)
-    if shape is None or not isinstance(index, types.Integer):
+def _load(array: types.Type, index: types.Type, what: types.Type | None, aligned: bool) -> Any:
+    result = vector_asked(array, what)
+    if result is None or not isinstance(index, types.Integer):
         return None
-    n = lanes_asked(array, lanes)
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
         element = stored_type(context, array)
-        pointer = as_vector(builder, place(context, builder, array, args[0], args[1], index), element, n)
+        pointer = as_vector(builder, place(context, builder, array, args[0], args[1], index), element, result.lanes)
         size = item_bytes(array)
-        return from_memory(builder, builder.load(pointer, align=size * n if aligned else size), array).raw
+        loaded = builder.load(pointer, align=size * result.lanes if aligned else size)
+        return from_memory(builder, loaded, array).to(result.kind, result.bits).raw
 
-    return signature(Vector(*shape, n), array, index, lanes or types.none), generate
-
-
-@intrinsic(prefer_literal=True)
-def load(typingctx, array, i, lanes=None):
-    """Elements i, i+1 … of an array: as many as fill a vector, or the constant `lanes`."""
-    return _load(array, i, lanes, False)
+    return signature(result, array, index, what or types.none), generate
 
 
 @intrinsic(prefer_literal=True)
-def load_aligned(typingctx, array, i, lanes=None):
-    """`load` from an address that is a multiple of the vector's bytes."""
-    return _load(array, i, lanes, True)
+def load(typingctx, array, i, what=None):
+    """Elements i, i+1 … of an array: as many as fill a vector, a constant number of them, or a type's lanes, converted (simd.f32)."""
+    return _load(array, i, what, False)
+
+
+@intrinsic(prefer_literal=True)
+def load_aligned(typingctx, array, i, what=None):
+    """`load` from an address that is a multiple of the vector's bytes in memory."""
+    return _load(array, i, what, True)
 
 
 def _store(array: types.Type, index: types.Type, x: types.Type, aligned: bool) -> Any:

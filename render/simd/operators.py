@@ -12,14 +12,14 @@ from numba.core.typing.templates import AbstractTemplate, Signature, infer_globa
 from numba.extending import lower_builtin
 
 from .value import Value, maximum, minimum
-from .vector import Vector, promoted, value
+from .vector import Vector, meet, promoted, value
 
 Emit = Callable[..., Value]
 Typing = Callable[..., Signature | None]
 
 
 def define(function: Any, typing: Typing, emit: Emit) -> None:
-    """Teach Numba a Python function for vectors: `typing` gives the signature of argument types or None, `emit` the code.
+    """Teach Numba a Python function for vectors: `typing(context, *kinds)` gives the signature or None, `emit` the code.
 
     Numba converts the arguments to the signature's types. What `function` means for other types stays.
     """
@@ -31,8 +31,7 @@ def define(function: Any, typing: Typing, emit: Emit) -> None:
         key = function
 
         def generic(self, args: Any, kws: Any) -> Signature | None:
-            found = None if kws or not any(isinstance(a, Vector) for a in args) else typing(*args)
-            return found
+            return None if kws or not any(isinstance(a, Vector) for a in args) else typing(self.context, *args)
 
         def get_impl_key(self, sig: Any) -> Any:
             return Key
@@ -45,12 +44,12 @@ def define(function: Any, typing: Typing, emit: Emit) -> None:
     lower_builtin(Key, types.VarArg(types.Any))(lower)
 
 
-def _arithmetic(a: types.Type, b: types.Type) -> Signature | None:
+def _arithmetic(context: Any, a: types.Type, b: types.Type) -> Signature | None:
     kind = promoted(a, b)
     return signature(kind, kind, kind) if kind and kind.kind != "m" else None
 
 
-def _division(a: types.Type, b: types.Type) -> Signature | None:
+def _division(context: Any, a: types.Type, b: types.Type) -> Signature | None:
     kind = promoted(a, b)
     if kind is None or kind.kind == "m":
         return None
@@ -58,35 +57,31 @@ def _division(a: types.Type, b: types.Type) -> Signature | None:
     return signature(kind, kind, kind)
 
 
-def _logic(a: types.Type, b: types.Type) -> Signature | None:
+def _logic(context: Any, a: types.Type, b: types.Type) -> Signature | None:
     kind = promoted(a, b)
     return signature(kind, kind, kind) if kind and kind.kind != "f" else None
 
 
-def _shift(a: types.Type, b: types.Type) -> Signature | None:
+def _shift(context: Any, a: types.Type, b: types.Type) -> Signature | None:
     kind = promoted(a, b)
     return signature(kind, kind, kind) if kind and kind.kind in "iu" else None
 
 
-def _comparison(a: types.Type, b: types.Type) -> Signature | None:
+def _comparison(context: Any, a: types.Type, b: types.Type) -> Signature | None:
     kind = promoted(a, b)
     return signature(Vector("m", kind.bits, kind.lanes), kind, kind) if kind else None
 
 
 def _same(*kinds: str) -> Typing:
-    def typing(a: types.Type, *more: types.Type) -> Signature | None:
+    def typing(context: Any, a: types.Type, *more: types.Type) -> Signature | None:
         return signature(a, a) if isinstance(a, Vector) and a.kind in kinds and not more else None
 
     return typing
 
 
-def _several(*args: types.Type) -> Signature | None:
-    if len(args) < 2:
-        return None
-    kind: Any = args[0]
-    for other in args[1:]:
-        kind = kind and (promoted(kind, other) if isinstance(kind, Vector) or isinstance(other, Vector) else None)
-    return signature(kind, *[kind] * len(args)) if kind and kind.kind != "m" else None
+def _several(context: Any, *kinds: types.Type) -> Signature | None:
+    kind = meet(context, *kinds) if len(kinds) > 1 else None
+    return signature(kind, *[kind] * len(kinds)) if kind and kind.kind != "m" else None
 
 
 for _operators, _typing in (

@@ -1,0 +1,167 @@
+"""Exponential, logarithm, powers and the hypotenuse, from polynomials, in float32 and float64.
+
+exp is Cephes' (Moshier 1989); log is Cephes' in float32 and fdlibm's in float64 (Sun Microsystems 1993). A float32 power is taken
+in float64; a float64 one from a logarithm in two float64 numbers. Largest errors met in tests: see docs/simd.md.
+"""
+
+from __future__ import annotations
+
+import math
+
+from .precise import fast_two_sum, number, polynomial, power_of_two, two_product, two_sum, whole
+from .value import Value, fma, maximum, minimum, select
+
+_EXP_32 = (1.9875691500e-4, 1.3981999507e-3, 8.3334519073e-3, 4.1665795894e-2, 1.6666665459e-1, 5.0000001201e-1)
+_EXP_64_P = (1.26177193074810590878e-4, 3.02994407707441961300e-2, 9.99999999999999999910e-1)
+_EXP_64_Q = (3.00198505138664455042e-6, 2.52448340349684104192e-3, 2.27265548208155028766e-1, 2.0)
+# ln 2 in two parts: products of the first with whole exponents are exact.
+_LN2 = {32: (0.693359375, -2.12194440e-4), 64: (6.93145751953125e-1, 1.42860682030941723212e-6)}
+_EXP_ENDS = {32: (-104.0, 88.8), 64: (-746.0, 709.8)}
+"""Where exp is 0 and ∞ after rounding."""
+
+
+def exp(x: Value) -> Value:
+    return _exp_of_sum(x, None)
+
+
+def _exp_of_sum(x: Value, rest: Value | None) -> Value:
+    """exp(x + rest) for a rest that is small against x."""
+    low, high = _EXP_ENDS[x.bits]
+    clipped = minimum(maximum(x, x.constant(low)), x.constant(high))
+    k = (clipped * (1.0 / math.log(2.0))).call("nearbyint")
+    first, second = _LN2[x.bits]
+    r = (clipped - k * first) - k * second
+    if rest is not None:
+        r = r + select(clipped == x, rest, rest.constant(0.0))
+    if x.bits == 32:
+        grown = 1.0 + fma(polynomial(r, _EXP_32), r * r, r)
+    else:
+        z = r * r
+        p = r * polynomial(z, _EXP_64_P)
+        grown = 1.0 + 2.0 * (p / (polynomial(z, _EXP_64_Q) - p))
+    # Twice half the exponent: a result may be denormal, and the exponent then has no power of two that is normal.
+    k = whole(k)
+    half = k >> 1
+    found = grown * power_of_two(half) * power_of_two(k - half)
+    return select(x == x, found, x)
+
+
+_LOG_32 = (
+    7.0376836292e-2, -1.1514610310e-1, 1.1676998740e-1, -1.2420140846e-1, 1.4249322787e-1, -1.6668057665e-1, 2.0000714765e-1,
+    -2.4999993993e-1, 3.3333331174e-1,
+)  # fmt: skip
+_LOG_64 = (
+    1.479819860511658591e-1, 1.531383769920937332e-1, 1.818357216161805012e-1, 2.222219843214978396e-1, 2.857142874366239149e-1,
+    3.999999999940941908e-1, 6.666666666666735130e-1,
+)  # fmt: skip
+_LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-1, 1.90821492927058770002e-10  # fdlibm's: 32 bits and the rest
+_LN2_LAST = 1.1612227229362532e-26  # what they lack
+
+
+def split(x: Value) -> tuple[Value, Value]:
+    """(m, k): x = m · 2ᵏ with √½ ≤ m < √2, for positive finite x; denormal ones too."""
+    mantissa, bias, scale, tiny = (23, 127, 25, 2.0**-126) if x.bits == 32 else (52, 1023, 54, 2.0**-1022)
+    small = x < tiny
+    bits = select(small, x * 2.0**scale, x).bitcast("i")
+    root = 0x3F3504F3 if x.bits == 32 else 0x3FE6A09E667F3BCD  # √½
+    k = (bits - root) >> mantissa
+    m = (bits - (k << mantissa)).bitcast("f")
+    return m, number(k) - select(small, x.constant(scale), x.constant(0.0))
+
+
+def log(x: Value) -> Value:
+    m, k = split(x)
+    f = m - 1.0
+    if x.bits == 32:
+        z = f * f
+        y = polynomial(f, _LOG_32) * z * f
+        y = fma(k, k.constant(_LN2[32][1]), y) - 0.5 * z
+        found = fma(k, k.constant(_LN2[32][0]), f + y)
+    else:
+        s = f / (2.0 + f)
+        z = s * s
+        half = 0.5 * f * f
+        found = k * _LN2_HIGH - ((half - (s * (half + polynomial(z, _LOG_64) * z) + k * _LN2_LOW)) - f)
+    found = select(x == 0.0, x.constant(-math.inf), found)
+    found = select(x == math.inf, x, found)
+    return select(x >= 0.0, found, x.constant(math.nan))
+
+
+def _log_in_two(x: Value) -> tuple[Value, Value]:
+    """log x as the sum of two float64 numbers, to about 2⁻⁶⁸ of it, for positive finite x.
+
+    log m = 2 artanh s = 2 s (1 + s²/3 + s⁴/5 + …) with s = (m − 1) / (m + 1); s and the first terms are carried in two numbers.
+    """
+    m, k = split(x)
+    f = m - 1.0
+    below, below_rest = fast_two_sum(m.constant(2.0), f)
+    s = f / below
+    p, p_rest = two_product(s, below)
+    s_rest = ((f - p) - p_rest - s * below_rest) / below
+    z, z_rest = two_product(s, s)
+    z_rest = z_rest + 2.0 * s * s_rest
+    tail = polynomial(z, [1 / n for n in range(27, 3, -2)])  # 1/5 + z/7 + …
+    third = 1.0 / 3.0
+    third_rest = 1.850371707708594e-17  # what the float64 number lacks to 1/3
+    t, t_rest = two_product(z, z.constant(third))
+    t_rest = t_rest + z * third_rest + z_rest * third + 2.0 * z * z_rest * 0.2
+    # t + z² tail, the second at most 1/50 of the first
+    q, q_rest = two_product(z * z, tail)
+    t, lost = two_sum(t, q)
+    t_rest = t_rest + lost + q_rest
+    # 2 s (1 + t)
+    g, g_rest = two_product(s, t)
+    g_rest = g_rest + s * t_rest + s_rest * t
+    a, a_rest = fast_two_sum(s, g)
+    a_rest = a_rest + g_rest + s_rest
+    # k ln 2 is exact in its first part
+    h, h_rest = two_sum(k * _LN2_HIGH, 2.0 * a)
+    low, low_rest = two_product(k, k.constant(_LN2_LOW))
+    h, lost = two_sum(h, low)
+    return fast_two_sum(h, h_rest + lost + low_rest + 2.0 * a_rest + k * _LN2_LAST)
+
+
+def power(x: Value, y: Value) -> Value:
+    """x to the y with numpy's answers: negative x have powers of whole y only, x⁰ and 1ʸ are 1 even of NaN."""
+    if x.bits == 32:
+        wide = power_64(x.to("f", 64), y.to("f", 64), in_two=False).to("f", 32)
+        return wide
+    return power_64(x, y, in_two=True)
+
+
+def power_64(x: Value, y: Value, in_two: bool) -> Value:
+    one = x.constant(1.0)
+    a = abs(x)
+    usual = (a > 0.0) & (a < math.inf)
+    base = select(usual, a, one)
+    if in_two:
+        high, low = _log_in_two(base)
+        # products beyond exp's range only need to stay there: y is cut to what keeps them finite
+        cut = minimum(maximum(y, y.constant(-1e290)), y.constant(1e290))
+        h, rest = two_product(cut, high)
+        found = _exp_of_sum(h, fma(cut, low, rest))
+    else:
+        found = exp(y * log(base))
+    rising = (y > 0.0) ^ (a == 0.0)  # of the bases 0 and ∞: does the power go to ∞?
+    found = select(usual, found, select(rising, x.constant(math.inf), x.constant(0.0)))
+    is_whole = y.call("floor") == y
+    half = 0.5 * y
+    odd = is_whole & (half.call("floor") != half) & (abs(y) < math.inf)
+    negative = x.bitcast("i") < 0
+    found = select(negative & odd, -found, found)
+    found = select((x < 0.0) & ~is_whole & (a < math.inf), x.constant(math.nan), found)
+    # infinite exponents
+    far = abs(y) == math.inf
+    found = select(far, select(a == 1.0, one, select((a > 1.0) ^ (y < 0.0), x.constant(math.inf), x.constant(0.0))), found)
+    found = select((x == x) & (y == y), found, x + y)
+    return select((y == 0.0) | (x == 1.0), one, found)
+
+
+def hypot(x: Value, y: Value) -> Value:
+    """√(x² + y²) without overflow on the way; ∞ where either is, even beside NaN."""
+    a, b = abs(x), abs(y)
+    large, small = maximum(a, b), minimum(a, b)
+    ratio = small / select(large == 0.0, large.constant(1.0), large)
+    found = large * fma(ratio, ratio, ratio.constant(1.0)).call("sqrt")
+    found = select((x == x) & (y == y), found, x + y)
+    return select((a == math.inf) | (b == math.inf), x.constant(math.inf), found)

@@ -101,16 +101,6 @@ def _floor_int(x):
     return lambda x: np.int64(math.floor(x)) if abs(x) < _FITS else np.int64(0)
 
 
-def to_uint(x: Lane) -> Lane:
-    """An integer as uint64."""
-    return np.asarray(x).astype(np.uint64)
-
-
-@on_scalars(to_uint)
-def _to_uint(x):
-    return lambda x: np.uint64(x)
-
-
 def full_like(like: Lane, value: Any) -> Lane:
     """`value` as float64 in the lanes of `like`."""
     return np.full(np.shape(like), value, dtype=np.float64)
@@ -429,7 +419,6 @@ simd.define(any_lane, lambda context, mask: signature(types.boolean, mask), lamb
 simd.define(not_, _same, lambda mask: ~mask)
 simd.define(to_float, _lanes_of("f"), lambda x: x.to("f", x.bits))
 simd.define(to_int, _lanes_of("i"), lambda x: x.to("i", x.bits))
-simd.define(to_uint, _lanes_of("u"), lambda x: x.to("u", x.bits))
 simd.define(floor_int, _lanes_of("i"), _floor_to_int)
 simd.define(is_finite, _lanes_of("m"), lambda x: abs(x) < math.inf)
 simd.define(full_like, _filled("f"), lambda like, value: value)

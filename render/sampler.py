@@ -10,10 +10,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba.extending import overload
 from numpy.typing import NDArray
 
 from . import lanes, simd
-from .kernels import helper
+from .kernels import HELPER, helper
 from .records import Lane
 
 TABLE = 257  # entries of a filter's inverse distribution
@@ -28,9 +29,19 @@ def _u32(x: Lane) -> Lane:
     return np.asarray(x).astype(np.uint32)
 
 
-@lanes.overload(_u32)
+@overload(_u32, jit_options=HELPER)
 def _u32_in_kernels(x):
     return lambda x: simd.to_u32(x)
+
+
+def _share(x: Lane) -> Lane:
+    """uint32 as a number in [0, 1)."""
+    return x * _TO_UNIT
+
+
+@overload(_share, jit_options=HELPER)
+def _share_in_kernels(x):
+    return lambda x: simd.to_f64(x) * _TO_UNIT
 
 
 @helper
@@ -85,7 +96,7 @@ def pair(pixel: Lane, sample: Lane, dimension: Lane, seed: int) -> tuple[Lane, L
     index = _reverse_bits(_permute(_reverse_bits(_u32(sample)), key))
     first = _permute(index, _combine(key, np.uint32(1)))  # the first dimension is the index reversed, scrambled reversed again
     second = _permute(_reverse_bits(_sobol_second(index)), _combine(key, np.uint32(2)))
-    return lanes.to_float(_reverse_bits(first)) * _TO_UNIT, lanes.to_float(_reverse_bits(second)) * _TO_UNIT
+    return _share(_reverse_bits(first)), _share(_reverse_bits(second))
 
 
 @helper

@@ -118,7 +118,7 @@ def camera_background(tables: Tables, options: Options, direction: Vec) -> Vec:
         return lights.background(tables, direction)[0]
     if options.background == 1:
         return (zero, zero, zero)
-    return (zero + options.color[0], zero + options.color[1], zero + options.color[2])
+    return (zero + options.color.x, zero + options.color.y, zero + options.color.z)
 
 
 @helper
@@ -128,7 +128,7 @@ def reflected_background(tables: Tables, options: Options, direction: Vec) -> Ve
     sky, there = lights.background(tables, direction)
     if there or options.background != 2:
         return sky
-    return (zero + options.color[0], zero + options.color[1], zero + options.color[2])
+    return (zero + options.color.x, zero + options.color.y, zero + options.color.z)
 
 
 @helper
@@ -179,7 +179,7 @@ def direct_light(
     matt = lanes.largest(shader.diffuse) + lanes.largest(shader.specular) > 0.0
     active = active & matt
     middle = lanes.full_like(point.offset, 0.5)
-    horizon = lanes.like3(point.offset, options.horizon[0], options.horizon[1], options.horizon[2])
+    horizon = lanes.like3(point.offset, options.horizon.x, options.horizon.y, options.horizon.z)
     above_ground = (point.instance != options.ground) & (options.ground >= 0)
     for light in range(len(tables.lights.kind)):
         kind = tables.lights.kind[light]

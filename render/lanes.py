@@ -224,6 +224,43 @@ def _store(table, row, x):
     return write
 
 
+def numbered(first: int) -> Lane:
+    """first, first + 1, … in a kernel's WIDTH lanes of int64."""
+    return first + np.arange(WIDTH)
+
+
+@overload(numbered, jit_options=HELPER)
+def _numbered(first):
+    if WIDTH > 1:
+        make = getattr(simd, f"i64x{WIDTH}")
+        return lambda first: first + simd.iota(make(0))
+    return lambda first: np.int64(first)
+
+
+def total(x: Lane) -> Lane:
+    """The sum of all lanes."""
+    return np.sum(x)
+
+
+@overload(total, jit_options=HELPER)
+def _total(x):
+    if _vector(x):
+        return lambda x: simd.sum_of(x)
+    return lambda x: x
+
+
+def count(mask: Lane) -> Lane:
+    """How many lanes of a mask are set."""
+    return np.count_nonzero(mask)
+
+
+@overload(count, jit_options=HELPER)
+def _count(mask):
+    if _vector(mask):
+        return lambda mask: simd.count(mask)
+    return lambda mask: 1 if mask else 0
+
+
 def together(values: Lane, mask: Lane) -> tuple[Lane, Lane]:
     """Lanes of a mask that can be handled together, and what they have in common: all lanes here, each with its own value.
 

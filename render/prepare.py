@@ -14,7 +14,7 @@ from ..compiler import plan as planner
 from ..compiler.plan import Plan
 from . import bvh, gouraud, tessellate, trace
 from .handles import Handle
-from .records import Options, View
+from .records import Options, Triple, View
 
 _NEAREST = 0.01  # of a shape's size: where the eye is nearer to its box than this, the tolerance is measured at this distance
 _BACKGROUNDS = {"sky": 0, "transparent": 1}
@@ -61,18 +61,18 @@ def options_of(plan: Plan, tables: ir.Tables) -> Options:
         interreflection=bool(plan["interreflection"]),
         shadows=bool(plan["shadows"]),
         background=2 if colored else _BACKGROUNDS[background],
-        horizon=_normal(tables, ground) if ground >= 0 else (0.0, 0.0, 0.0),
+        horizon=_normal(tables, ground) if ground >= 0 else Triple(0.0, 0.0, 0.0),
         ground=ground,
         environment=plan["backend"] == "raster",
-        color=(float(background[0]), float(background[1]), float(background[2])) if colored else (0.0, 0.0, 0.0),
+        color=Triple(*(float(c) for c in background)) if colored else Triple(0.0, 0.0, 0.0),
     )
 
 
-def _normal(tables: ir.Tables, instance: int) -> tuple[float, float, float]:
+def _normal(tables: ir.Tables, instance: int) -> Triple:
     """The unit normal of a plane in the world."""
     x, y, z = tables.transforms.inverse[tables.instances.transform[instance], 1, :3]
     length = math.sqrt(x * x + y * y + z * z)
-    return float(x / length), float(y / length), float(z / length)
+    return Triple(float(x / length), float(y / length), float(z / length))
 
 
 # --- tessellation to the pixel -------------------------------------------------------------------------------------------

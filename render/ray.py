@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler.plan import Plan
 from . import aov, camera, integrate, lanes, prepare, sampler, trace
+from .handles import Handle
 from .kernels import helper, kernel
-from .records import Film, Hit, Options, Tile, View
+from .records import Film, Frame, Hit, Options, Tile, View
 
 CAMERA = int(ir.Visibility.CAMERA)
 
@@ -23,15 +24,14 @@ class Renderer:
 
     def __init__(self, prepared: prepare.Prepared, plan: Plan, view: View) -> None:
         self.prepared, self.view = prepared, view
-        self.filter = sampler.filter_table(plan["filter"])
+        self.frame = Handle(Frame(view, prepared.options, sampler.filter_table(plan["filter"])))
         nothing, none = Tile(0, 0, 0, 0), np.zeros((0, 0), np.int64)
         self.sample(nothing, none, none, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
 
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
         """Add samples first … first + count - 1, (h, w) each, of the pixels of the tile to the film."""
         p = self.prepared
-        room = Room.of(p.options)
-        draw_tile(p.packed, p.accel, p.gouraud, p.options, self.view, self.filter, tile, first, count, total, film, room)
+        draw_tile(p.packed, p.accel, p.gouraud, self.frame, tile, first, count, total, film, Handle(Room.of(p.options)))
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
         """Write the named channels of the tile, (h, w, k) each."""
@@ -60,43 +60,58 @@ class Room(NamedTuple):
 
 
 @kernel
-def draw_tile(tables, accel, gouraud, options, view, filter_table, tile, first, count, total, film, room):
-    """Add samples first … first + count - 1 of `total` of each pixel of a tile to its film, as many at once as there are lanes."""
+def draw_tile(tables, accel, gouraud, frame, tile, first, count, total, film, room):
+    """Add samples first … first + count - 1 of `total` of each pixel of a tile to its film, as many at once as there are lanes.
+
+    A pixel's samples fill the lanes as often as they can; what is left over waits for that of other pixels.
+    """
     waiting = 0
     for y in range(tile.y0, tile.y1):
         for x in range(tile.x0, tile.x1):
             row, column = y - tile.y0, x - tile.x0
-            for s in range(first[row, column], first[row, column] + count[row, column]):
+            s, end = first[row, column], first[row, column] + count[row, column]
+            if end - s >= lanes.WIDTH:
+                at = lanes.numbered(s)
+                column_x, row_y = lanes.int_like(at, x), lanes.int_like(at, y)
+                red, green, blue, cover = lanes.full_like(at, 0.0), lanes.full_like(at, 0.0), lanes.full_like(at, 0.0), lanes.full_like(at, 0.0)
+                bad = 0
+                while end - s >= lanes.WIDTH:
+                    color, alpha, sound = light_of(tables, accel, gouraud, frame, total, column_x, row_y, lanes.numbered(s), room)
+                    red, green, blue, cover = red + color[0], green + color[1], blue + color[2], cover + alpha
+                    bad += lanes.WIDTH - lanes.count(sound)
+                    s += lanes.WIDTH
+                film.color[row, column, 0] += lanes.total(red)
+                film.color[row, column, 1] += lanes.total(green)
+                film.color[row, column, 2] += lanes.total(blue)
+                film.alpha[row, column] += lanes.total(cover)
+                film.issues[row, column] += bad
+            while s < end:
                 room.items[0, waiting], room.items[1, waiting], room.items[2, waiting] = x, y, s
                 waiting += 1
+                s += 1
                 if waiting == lanes.WIDTH:
-                    draw_samples(tables, accel, gouraud, options, view, filter_table, total, room)
+                    draw_waiting(tables, accel, gouraud, frame, total, room)
                     _add(tile, film, room, waiting)
                     waiting = 0
     if waiting > 0:  # the lanes beyond hold samples that were drawn already, or none: 0, 0
-        draw_samples(tables, accel, gouraud, options, view, filter_table, total, room)
+        draw_waiting(tables, accel, gouraud, frame, total, room)
         _add(tile, film, room, waiting)
 
 
 @kernel
-def draw_samples(tables, accel, gouraud, options, view, filter_table, total, room):
-    """Light of the samples in the room's lanes."""
+def draw_waiting(tables, accel, gouraud, frame, total, room):
+    """Write the light of the room's samples to the room."""
     x, y, s = lanes.load(room.items, 0), lanes.load(room.items, 1), lanes.load(room.items, 2)
-    pixel = y * view.width + x
-    dx, dy = sampler.offset(pixel, s, total, options.seed, filter_table)
-    ray = camera.ray(tables, view, lanes.to_float(x) + 0.5 + dx, lanes.to_float(y) + 0.5 + dy)
-    everywhere = lanes.bool_like(dx, True)
-    hit = trace.closest(accel, tables, ray, everywhere, CAMERA)
-    rgb, alpha, sound = integrate.radiance(tables, accel, gouraud, options, ray, hit, pixel, s, room.stack)
+    color, alpha, sound = light_of(tables, accel, gouraud, frame, total, x, y, s, room)
     for k in range(3):
-        lanes.store(room.light, k, rgb[k])
+        lanes.store(room.light, k, color[k])
     lanes.store(room.light, 3, alpha)
     lanes.store(room.light, 4, lanes.where(sound, 1.0, 0.0))
 
 
 @helper
-def _add(tile: Tile, film: Film, room: Room, count: int) -> None:
-    """Add the light of the first `count` lanes to the film, in their order."""
+def _add(tile: Tile, film: Film, room: Any, count: int) -> None:
+    """Add the light of the room's first `count` samples to the film, in their order."""
     for k in range(count):
         row, column = room.items[1, k] - tile.y0, room.items[0, k] - tile.x0
         film.color[row, column, 0] += room.light[0, k]
@@ -104,6 +119,17 @@ def _add(tile: Tile, film: Film, room: Room, count: int) -> None:
         film.color[row, column, 2] += room.light[2, k]
         film.alpha[row, column] += room.light[3, k]
         film.issues[row, column] += 0 if room.light[4, k] > 0.5 else 1
+
+
+@kernel
+def light_of(tables, accel, gouraud, frame, total, x, y, s, room):
+    """(radiance, coverage, sound) of samples s of pixels x, y."""
+    view, options = frame.picture, frame.options
+    pixel = y * view.width + x
+    dx, dy = sampler.offset(pixel, s, total, options.seed, frame.filter)
+    ray = camera.ray(tables, view, lanes.to_float(x) + 0.5 + dx, lanes.to_float(y) + 0.5 + dy)
+    hit = trace.closest(accel, tables, ray, lanes.bool_like(dx, True), CAMERA)
+    return integrate.radiance(tables, accel, gouraud, options, ray, hit, pixel, s, room.stack)
 
 
 @kernel

@@ -49,6 +49,14 @@ class Surface(NamedTuple):
     offset: Lane  # how far a new ray's origin must be moved along ±geometric so as not to meet this surface again
 
 
+class Triple(NamedTuple):
+    """A colour or direction that is the same for all lanes."""
+
+    x: float
+    y: float
+    z: float
+
+
 class Options(NamedTuple):
     """The plan as kernels read it."""
 
@@ -57,8 +65,8 @@ class Options(NamedTuple):
     interreflection: bool  # diffuse rays are followed, not only mirrors and glass
     shadows: bool
     background: int  # 0: sky and domes, 1: black, 2: `color`
-    color: tuple[float, float, float]
-    horizon: tuple[float, float, float] = (0.0, 0.0, 0.0)  # unit normal of the plane that bounds the scene, or zero
+    color: Triple
+    horizon: Triple = Triple(0.0, 0.0, 0.0)  # unit normal of the plane that bounds the scene, or zero
     ground: int = -1  # the instance that is this plane
     environment: bool = False  # where no more rays are followed, mirrors and glass show the sky as if nothing stood before it
 
@@ -77,6 +85,14 @@ class View(NamedTuple):
     camera: int  # row of Cameras
     width: int  # pixels of the whole picture, crop or not
     height: int
+
+
+class Frame(NamedTuple):
+    """What all samples of a picture share, as kernels read it."""
+
+    picture: View
+    options: Options
+    filter: NDArray[np.float64]  # sampler.filter_table
 
 
 class Tile(NamedTuple):

@@ -175,7 +175,7 @@ def search(accel, origin, direction, t_min, t_max, visible_bit, any_hit, best):
         node, near = np.int64(stack[DEPTH + depth]), stack[depth]
 
 
-@kernel
+@helper
 def _try(accel, i, origin, direction, t_min, t_max, visible_bit, any_hit, best):
     """`best`, or the hits with instance i in the lanes where that comes first."""
     if (accel.placed[i, 0] & visible_bit) == 0:

@@ -9,6 +9,7 @@ first, where Sobol points are spread best.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,28 +18,35 @@ Map = NDArray[np.float64]
 Counts = NDArray[np.int64]
 
 MOST_DOUBLINGS = 2  # of a pixel in a round: what is known of it from n samples is not trusted further than for 4 n
-_LADDER = 12  # doublings looked ahead, to see how far it is worth going in the end
-LEFT = 0.5  # of a pixel's variance after a doubling
-_BINS = 16  # thresholds an octave of worth
+_BINS = 8  # thresholds an octave of worth
+_DEEPEST = 60  # octaves of worth looked at, from the highest down
 
 
-def doublings_for_error(relative: Map, samples: Counts, most: int, mean: float) -> NDArray[np.int64]:
-    """(h, w) doublings of each pixel's samples, so that the mean of `relative` over all pixels is expected to fall to `mean`.
+def doublings_for_error(relative: Map, samples: Counts, most: int, mean: float) -> Counts:
+    """(h, w) doublings of each pixel's samples, so that the mean of `relative` over all pixels falls to `mean` in this round or later.
 
     `relative` (h, w): variance of each pixel's mean over its squared value. No pixel goes beyond `most` samples.
     """
-    variances, _, worth = _ladder(relative, samples, most)
+    places, highest = _places(relative, samples, most)
     too_much = (float(np.mean(relative)) - mean) * relative.size
-    return _doublings(worth, _threshold(worth, variances, too_much))
+    if highest is None or too_much <= 0.0:
+        return np.zeros(samples.shape, np.int64)
+    taken = _totals(places, relative) @ (1.0 - 0.5 ** _steps())
+    enough = np.flatnonzero(taken >= too_much)
+    return _doublings(places, int(enough[0]) if len(enough) else _DEEPEST * _BINS)
 
 
-def doublings_for_samples(relative: Map, samples: Counts, most: int, more: float) -> NDArray[np.int64]:
+def doublings_for_samples(relative: Map, samples: Counts, most: int, more: float) -> Counts:
     """(h, w) doublings of each pixel's samples that take about `more` samples in all, at most, where they are worth most."""
-    _, costs, worth = _ladder(relative, samples, most)
-    return _doublings(worth, _threshold(worth, costs, more, within=True))
+    places, highest = _places(relative, samples, most)
+    if highest is None:
+        return np.zeros(samples.shape, np.int64)
+    added = _totals(places, samples) @ (2.0 ** np.minimum(_steps(), MOST_DOUBLINGS) - 1.0)
+    within = np.flatnonzero(added <= more)
+    return _doublings(places, int(within[-1]) if len(within) else -1)
 
 
-def smoothed(relative: Map, samples: Counts) -> NDArray[np.float64]:
+def smoothed(relative: Map, samples: Counts) -> Map:
     """`relative` from the variance of a sample as each pixel and its neighbours know it (3 by 3, fewer at the borders).
 
     A few samples tell little of one pixel alone.
@@ -50,7 +58,7 @@ def smoothed(relative: Map, samples: Counts) -> NDArray[np.float64]:
     return total / (count * samples)
 
 
-def _three(values: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+def _three(values: Map, axis: int) -> Map:
     total = values.copy()
     there, here = np.moveaxis(total, axis, 0), np.moveaxis(values, axis, 0)
     there[1:] += here[:-1]
@@ -58,32 +66,35 @@ def _three(values: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
     return total
 
 
-def _ladder(relative: Map, samples: Counts, most: int) -> tuple[Map, Map, Map]:
-    """(_LADDER, h, w) variance taken away, samples added and worth of each pixel's 1st, 2nd, … doubling; worth 0: not possible."""
-    step = np.arange(_LADDER).reshape(-1, 1, 1)
-    taken = relative * (1.0 - LEFT) * LEFT**step
-    added = samples * 2.0**step
-    return taken, added, np.where(samples * 2.0**step < most, taken / added, 0.0)
+def _places(relative: Map, samples: Counts, most: int) -> tuple[Counts, float | None]:
+    """(h, w) how many bins the worth of each pixel's first doubling lies below the highest, which is given too.
+
+    It is `_DEEPEST * _BINS` where there is nothing to gain, and more samples are not allowed.
+    """
+    with np.errstate(divide="ignore"):
+        worth = np.log2(np.where(samples < most, relative / samples, 0.0))
+    highest = float(worth.max(initial=-np.inf))
+    if not math.isfinite(highest):
+        return np.zeros(samples.shape, np.int64), None
+    depth = np.minimum((highest - worth) * _BINS, _DEEPEST * _BINS)
+    return depth.astype(np.int64), highest
 
 
-def _threshold(worth: Map, amounts: Map, wanted: float, within: bool = False) -> float:
-    """The worth down to which doublings are taken so that their `amounts` add up to `wanted`: at least, or at most where `within`."""
-    if wanted <= 0.0:
-        return math.inf
-    there = worth > 0.0
-    if not there.any():
-        return math.inf
-    places = np.floor(np.log2(worth[there]) * _BINS).astype(np.int64)
-    lowest = int(places.min())
-    totals = np.bincount(places - lowest, weights=amounts[there])[::-1].cumsum()  # from the dearest down
-    reached = int(np.searchsorted(totals, wanted, side="right" if within else "left"))
-    taken = reached if within else min(reached + 1, len(totals))  # bins
-    if taken == 0:
-        return math.inf
-    return 2.0 ** ((lowest + len(totals) - taken) / _BINS)
+def _totals(places: Counts, amounts: NDArray[Any]) -> Map:
+    """Sums of amounts by place."""
+    return np.bincount(places.ravel(), weights=amounts.ravel(), minlength=_DEEPEST * _BINS + 1)[: _DEEPEST * _BINS]
 
 
-def _doublings(worth: Map, threshold: float) -> NDArray[np.int64]:
-    if math.isinf(threshold):
-        return np.zeros(worth.shape[1:], np.int64)
-    return np.minimum(np.sum((worth > 0.0) & (worth >= threshold * (1.0 - 1e-12)), axis=0), MOST_DOUBLINGS)
+def _steps() -> Counts:
+    """(places, thresholds) doublings of a pixel at a place when the threshold is at a place: one each two octaves above it.
+
+    Each doubling halves the variance at twice the price, so the next is worth a quarter.
+    """
+    place = np.arange(_DEEPEST * _BINS)
+    return np.where(place[None, :] >= place[:, None], (place[None, :] - place[:, None]) // (2 * _BINS) + 1, 0)
+
+
+def _doublings(places: Counts, threshold: int) -> Counts:
+    """How often each pixel's samples are doubled with the threshold at a place; -1: never."""
+    steps = (threshold - places) // (2 * _BINS) + 1
+    return np.where((places <= threshold) & (places < _DEEPEST * _BINS), np.clip(steps, 0, MOST_DOUBLINGS), 0)

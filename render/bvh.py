@@ -39,6 +39,7 @@ class Bvh(NamedTuple):
     inverse: NDArray[np.float64]  # Transforms.inverse
     parameters: NDArray[np.float64]  # Geometries.parameters
     origin: NDArray[np.float64]  # Geometries.origin
+    search: int = 0  # address of traverse.search, for kernels
 
 
 def build(tables: ir.Tables, brute: bool = False) -> Bvh:

@@ -10,7 +10,7 @@ from ..compiler import ir
 from . import integrate, lanes, materials, surface
 from .handles import Handle
 from .kernels import helper, kernel
-from .records import GouraudLight, Hit, Lane, Options, Ray, Surface, Tables, Vec, View
+from .records import GouraudLight, Hit, Lane, Ray, Surface, Tables, Vec, View
 
 SOFT_SAMPLES = 64  # of lights that have an extent, at each vertex
 SOFT = [int(ir.LightKind[name]) for name in ("SUN", "SKY", "DOME", "RECTANGLE", "DISK", "SPHERE")]
@@ -18,12 +18,12 @@ MESH = int(ir.GeometryKind.MESH)
 PERSPECTIVE = int(ir.Projection.PERSPECTIVE)
 
 
-def vertex_light(tables: Tables, packed: Any, accel: Any, options: Options, view: View) -> GouraudLight:
+def vertex_light(tables: Tables, packed: Any, accel: Any, frame: Any) -> GouraudLight:
     """Direct and ambient light at each vertex of every mesh instance whose material is shaded at vertices, for both sides.
 
     It goes to the camera's place (or along its axis, when orthographic). A vertex of an outline belongs to triangles that show
     their outside and others that show their inside, so each has both; a triangle takes the side it shows.
-    `packed` are the tables as `accel` wants them: a Handle for kernels and trees, the tables themselves for brute force in numpy.
+    `packed` and `frame` are the tables and a Frame as `accel` wants them: Handles for kernels and trees, else themselves.
     """
     instances, geometries = tables.instances, tables.geometries
     g = instances.geometry
@@ -36,8 +36,10 @@ def vertex_light(tables: Tables, packed: Any, accel: Any, options: Options, view
     run: Any = _in_kernel if isinstance(packed, Handle) else _in_numpy
     for i in np.flatnonzero(shaded):
         corners = _a_corner_of_each_vertex(tables, int(g[i]))
+        used = np.flatnonzero(corners[:, 0] >= 0)
         for side, start in ((1.0, first[i]), (-1.0, half + first[i])):
-            run(packed, accel, options, view, samples, side, int(i), corners, light.color[start : start + counts[i]])
+            out = light.color[start : start + counts[i]]
+            run(packed, accel, frame, samples, side, int(i), corners[used, 0], corners[used, 1], used, out)
     return light
 
 
@@ -54,27 +56,29 @@ def _a_corner_of_each_vertex(tables: Tables, g: int) -> np.ndarray:
 
 
 def _in_numpy(
-    tables: Tables, accel: Any, options: Options, view: View, samples: int, side: float, i: int, corners: np.ndarray, out: np.ndarray
+    tables: Tables, accel: Any, frame: Any, samples: int, side: float, i: int, triangle: Any, corner: Any, vertex: Any, out: Any
 ) -> None:
-    used = np.flatnonzero(corners[:, 0] >= 0)
-    lane = np.full(len(used), i, np.int64)
+    lane = np.full(len(vertex), i, np.int64)
     with np.errstate(all="ignore"):
-        rgb = at_vertex(tables, accel, options, view, samples, side, lane, corners[used, 0], corners[used, 1], used)
+        rgb = at_vertex(tables, accel, frame, samples, side, lane, triangle, corner, vertex)
     for k in range(3):
-        out[used, k] = rgb[k]
+        out[vertex, k] = rgb[k]
 
 
 @kernel
-def _in_kernel(tables, accel, options, view, samples, side, i, corners, out):
-    for vertex in range(len(corners)):
-        if corners[vertex, 0] >= 0:
-            rgb = at_vertex(tables, accel, options, view, samples, side, i, corners[vertex, 0], corners[vertex, 1], vertex)
-            out[vertex, 0], out[vertex, 1], out[vertex, 2] = rgb
+def _in_kernel(tables, accel, frame, samples, side, i, triangle, corner, vertex, out):
+    n = len(vertex)
+    for start in range(0, n, lanes.WIDTH):
+        k = lanes.minimum(lanes.numbered(start), n - 1)  # the last lanes may repeat the last vertex
+        rgb = at_vertex(tables, accel, frame, samples, side, i, triangle[k], corner[k], vertex[k])
+        for j in range(min(n - start, lanes.WIDTH)):
+            for c in range(3):
+                out[vertex[start + j], c] = lanes.lane(rgb[c], j)
 
 
 @helper
 def at_vertex(
-    tables: Tables, accel: Any, options: Options, view: View, samples: int, side: float,
+    tables: Tables, accel: Any, frame: Any, samples: int, side: float,
     instance: Lane, triangle: Lane, corner: Lane, vertex: Lane,
 ) -> Vec:  # fmt: skip
     """Light at a corner of a triangle, from its outside (side 1) or inside (-1) toward the camera; the mean of `samples`."""
@@ -82,12 +86,12 @@ def at_vertex(
     u, v = lanes.where(corner == 1, 1.0, zero), lanes.where(corner == 2, 1.0, zero)
     point = _vertex_from(tables, Hit(zero, instance, triangle, u, v), side)
     shader = materials.at(tables, point)
-    viewer = _to_viewer(tables, view, point)
+    viewer = _to_viewer(tables, frame.picture, point)
     everywhere, key = lanes.bool_like(zero, True), lanes.int_like(zero, 1)
     total = (zero, zero, zero)
     for s in range(samples):
         sample = lanes.int_like(zero, s)
-        found = integrate.direct_light(tables, accel, options, point, shader, viewer, everywhere, vertex, sample, key)
+        found = integrate.direct_light(tables, accel, frame.options, point, shader, viewer, everywhere, vertex, sample, key)
         total = lanes.add(total, found)
     return lanes.scale(total, 1.0 / samples)
 

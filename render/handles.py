@@ -55,6 +55,20 @@ class Handle:
         self.numba_type = HandleType(layout)
 
 
+    def part(self, name: str) -> types.Type:
+        """Numba's type of a field."""
+        found = self.numba_type.field(name)
+        assert found is not None, name
+        return _numba_type(found[1])
+
+    def put(self, name: str, number: int) -> None:
+        """Change a whole number of the packed tuple, before kernels have read it."""
+        found = self.numba_type.field(name)
+        if found is None or found[1] != "int":
+            raise ValueError(f"{name} is no whole number of this tuple")
+        self._block[found[0]] = number
+
+
 def _pack(value: Any, words: list[int | float]) -> Layout:
     """Append the words of a NamedTuple; its layout, places counting from the block's start."""
     layout = []

@@ -9,12 +9,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba.extending import overload
+from numba import types
 from numpy.typing import NDArray
 
 from ..compiler import ir
 from . import lanes, lights, materials, sampler, surface, trace
-from .kernels import helper, kernel
+from .handles import Handle
+from .kernels import helper
+from .links import FLOAT, INT, VEC, Linked
 from .materials import Shader
 from .records import GouraudLight, Hit, Lane, Options, Ray, Surface, Tables, Vec
 
@@ -96,15 +98,21 @@ def radiance(
     return lanes.where3(sound, total, (zero, zero, zero)), lanes.clip(alpha, 0.0, 1.0), sound
 
 
-_compiled_radiance = kernel(radiance)
+def _radiance(tables, accel, gouraud, options, origin, direction, t, instance, primitive, u, v, pixel, sample, stack):
+    ray = Ray(origin, direction, 0.0 * t, 0.0 * t + np.inf)
+    return _walk(tables, accel, gouraud, options, ray, Hit(t, instance, primitive, u, v), pixel, sample, stack)
 
 
-@overload(radiance)
-def _radiance_in_kernels(tables, accel, gouraud, options, ray, hit, pixel, sample, stack):
-    def call(tables, accel, gouraud, options, ray, hit, pixel, sample, stack):
-        return _compiled_radiance(tables, accel, gouraud, options, ray, hit, pixel, sample, stack)
+_walk = helper(radiance)
+linked = Linked(_radiance)  # one compiled body for all backends, kept on disk by itself
+call = linked.call
 
-    return call  # one compiled body for all backends, kept on disk by itself
+
+def link(frame: Handle, tables: Handle, accel: Handle, gouraud: Handle) -> None:
+    """Compile or load `radiance` for what a picture is drawn from, and tell its frame where it is."""
+    stack = types.Array(types.float64, 3, "C")
+    packed = tables.numba_type, accel.numba_type, gouraud.numba_type, frame.part("options")
+    frame.put("radiance", linked.link(*packed, VEC, VEC, FLOAT, INT, INT, FLOAT, FLOAT, INT, INT, stack))
 
 
 # --- where rays leave the scene -----------------------------------------------------------------------------------------

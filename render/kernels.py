@@ -100,3 +100,8 @@ def kernel(function: Callable[..., Any]) -> Any:
 def helper(function: Callable[..., Any]) -> Any:
     """A lane function: plain Python on numpy arrays, compiled where a kernel calls it."""
     return register_jitable(**HELPER)(function)
+
+
+def apart(function: Callable[..., Any]) -> Any:
+    """A helper that stays a function of its own in the kernels that call it: for what is long, or called from several places."""
+    return register_jitable(**{**HELPER, "forceinline": False})(function)

@@ -148,6 +148,13 @@ def _vector(kind: Any) -> bool:
     return isinstance(kind, simd.Vector)
 
 
+def kind(of: str) -> Any:
+    """Numba's type of a kernel's lanes of 64 bits: "f" float, "i" int, "m" mask."""
+    if WIDTH > 1:
+        return simd.Vector(of, 64, WIDTH)
+    return {"f": types.float64, "i": types.int64, "m": types.boolean}[of]
+
+
 def is_mask(kind: Any) -> bool:
     """Whether a Numba type is one of a kernel's masks."""
     return isinstance(kind, types.Boolean) or (isinstance(kind, simd.Vector) and kind.kind == "m")
@@ -246,6 +253,30 @@ def total(x: Lane) -> Lane:
 def _total(x):
     if _vector(x):
         return lambda x: simd.sum_of(x)
+    return lambda x: x
+
+
+def least(x: Lane) -> Lane:
+    """The smallest of all lanes."""
+    return np.min(x)
+
+
+@overload(least, jit_options=HELPER)
+def _least(x):
+    if _vector(x):
+        return lambda x: simd.min_of(x)
+    return lambda x: x
+
+
+def most(x: Lane) -> Lane:
+    """The largest of all lanes."""
+    return np.max(x)
+
+
+@overload(most, jit_options=HELPER)
+def _most(x):
+    if _vector(x):
+        return lambda x: simd.max_of(x)
     return lambda x: x
 
 

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
-from . import bvh, gouraud, tessellate, trace
+from . import bvh, gouraud, integrate, sampler, tessellate, trace, traverse
 from .handles import Handle
-from .records import Options, Triple, View
+from .records import Frame, Options, Triple, View
 
 _NEAREST = 0.01  # of a shape's size: where the eye is nearer to its box than this, the tolerance is measured at this distance
 _BACKGROUNDS = {"sky": 0, "transparent": 1}
@@ -29,6 +29,7 @@ class Prepared:
     accel: Any  # trace.Brute, or the Handle of a bvh.Bvh
     gouraud: Any  # GouraudLight, or its Handle
     options: Options
+    frame: Any  # a Handle of a Frame, or the Frame itself
     shells: dict[int, tessellate.Tessellation] = field(default_factory=dict)  # raster: instance -> its shape in triangles
 
 
@@ -42,12 +43,17 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     shapes = _Shapes(scene.tables, view, plan["tolerance"])
     tables = with_vertex_shaded_meshes(scene.tables, shapes)
     shells = {int(i): shapes.of(int(i)) for i in analytic_seen(tables, endless=False)} if backend == "raster" else {}
-    plain = backend == "reference"
-    accel = trace.Brute() if plain else Handle(bvh.build(tables, brute=plan["accelerator"] == "brute"))
-    packed = tables if plain else Handle(tables)
     options = options_of(plan, tables)
-    light = gouraud.vertex_light(tables, packed, accel, options, view)
-    return Prepared(tables, packed, accel, light if plain else Handle(light), options, shells)
+    frame = Frame(view, options, sampler.filter_table(plan["filter"]))
+    if backend == "reference":
+        accel = trace.Brute()
+        light = gouraud.vertex_light(tables, tables, accel, frame)
+        return Prepared(tables, tables, accel, light, options, frame, shells)
+    accel, packed, frames = Handle(bvh.build(tables, brute=plan["accelerator"] == "brute")), Handle(tables), Handle(frame)
+    traverse.link(accel)
+    light = Handle(gouraud.vertex_light(tables, packed, accel, frames))
+    integrate.link(frames, packed, accel, light)
+    return Prepared(tables, packed, accel, light, options, frames, shells)
 
 
 def options_of(plan: Plan, tables: ir.Tables) -> Options:

@@ -20,12 +20,11 @@ from . import aov, camera, fill, integrate, lanes, raster_setup, sampler, traver
 from .handles import Handle
 from .kernels import helper, kernel
 from .prepare import Prepared, analytic_seen
-from .records import Film, Hit, Ray, Tile, View
+from .records import Film, Hit, Lane, Ray, Tile, View
 
 BATCH = 1 << 16  # samples of a tile held in the z-buffer at a time
 MESH = int(ir.GeometryKind.MESH)
 CAMERA = int(ir.Visibility.CAMERA)
-NOTHING = Hit(np.inf, -1, -1, 0.0, 0.0)
 
 
 class Renderer:
@@ -58,12 +57,12 @@ class Renderer:
         self._add(tile, int(first[0, 0]), int(count[0, 0]), total, film)
 
     def _add(self, tile: Tile, first: int, count: int, total: int, film: Film) -> None:
-        prepared, view = self.prepared, self.view
-        stack = integrate.stack_for(prepared.options)
+        prepared = self.prepared
+        stack = integrate.stack_for(prepared.options, lanes.WIDTH)
         batch = max(1, BATCH // max(1, (tile.y1 - tile.y0) * (tile.x1 - tile.x0)))
         for start in range(first, first + count, batch):
             scratch = self._seen(tile, start, min(batch, first + count - start), total)
-            shade(self.model, prepared.packed, view, prepared.accel, prepared.gouraud, prepared.options, tile, start, scratch, stack, film)
+            shade(self.model, prepared.packed, prepared.accel, prepared.gouraud, prepared.frame, tile, start, scratch, stack, film)
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
         """Write the named channels of a tile's pixels, at their centres, (h, w, k) each."""
@@ -76,7 +75,7 @@ class Renderer:
         samples = scratch.tables.samples
         count = len(samples.x)
         hit = Hit(np.empty(count), np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count), np.empty(count))
-        resolve(self.model, self.prepared.packed, self.prepared.accel, self.view, scratch, hit)
+        resolve(self.model, self.prepared.packed, self.prepared.accel, self.prepared.frame, scratch, hit)
         return camera.ray(self.prepared.tables, self.view, samples.x / fill.ONE, samples.y / fill.ONE), hit
 
     def _seen(self, tile: Tile, first: int, count: int, total: int) -> Handle:
@@ -129,44 +128,78 @@ def place_samples(tile, view, first, total, seed, table, scratch):
 def draw_endless(made, endless, tables, accel, view, scratch):
     """Draw quadrics without a box into the z-buffer: at every sample where its ray meets one of them."""
     samples, seen = scratch.samples, scratch.seen
-    for k in range(len(seen.key)):
-        ray = camera.ray(tables, view, samples.x[k] / fill.ONE, samples.y[k] / fill.ONE)
+    count = len(seen.key)
+    for start in range(0, count, lanes.WIDTH):
+        k = lanes.minimum(lanes.numbered(start), count - 1)
+        ray = camera.ray(tables, view, lanes.to_float(samples.x[k]) / fill.ONE, lanes.to_float(samples.y[k]) / fill.ONE)
         for instance in endless:
-            met = traverse._try(accel, instance, ray.origin, ray.direction, ray.t_min, ray.t_max, CAMERA, False, NOTHING)
-            if met.instance < 0:
-                continue
+            met = _meet(accel, instance, ray, lanes.bool_like(ray.t_max, True))
             depth = met.t * along_axis(tables, view, ray)
-            key = 1.0 / depth if made.perspective else -depth
-            if key > seen.key[k] or (key == seen.key[k] and instance < seen.instance[k]):
-                seen.key[k], seen.instance[k], seen.triangle[k] = key, instance, -1
+            for j in range(min(count - start, lanes.WIDTH)):
+                if lanes.lane(met.instance, j) < 0:
+                    continue
+                key = 1.0 / lanes.lane(depth, j) if made.perspective else -lanes.lane(depth, j)
+                if key > seen.key[start + j] or (key == seen.key[start + j] and instance < seen.instance[start + j]):
+                    seen.key[start + j], seen.instance[start + j], seen.triangle[start + j] = key, instance, -1
 
 
 @helper
-def along_axis(tables: Any, view: View, ray: Ray) -> float:
+def _meet(accel: Any, instance: int, ray: Ray, active: Lane) -> Hit:
+    """Where rays meet one instance, in the active lanes."""
+    zero = 0.0 * ray.direction[0]
+    nothing = lanes.int_like(zero, -1)
+    none = Hit(zero + np.inf, nothing, nothing, zero, zero)
+    until = lanes.where(active, ray.t_max, zero - np.inf)
+    return traverse.attempt(accel, instance, ray.origin, ray.direction, ray.t_min, until, CAMERA, False, none)
+
+
+@helper
+def along_axis(tables: Any, view: View, ray: Ray) -> Lane:
     """Metres along the camera's axis for a metre along a ray."""
     return -lanes.transform_vector(tables.transforms.inverse, tables.cameras.transform[view.camera], ray.direction)[2]
 
 
-@kernel
-def hit_of(made, tables, accel, view, ray, px, py, instance, triangle):
-    """What the ray through a sample hits, where the z-buffer saw a triangle: as trace.closest gives it."""
-    if instance < 0:
-        return NOTHING
-    at = NOTHING
-    if triangle >= 0:
-        depth, u, v = weights(made, instance, triangle, px / fill.ONE, py / fill.ONE)
-        at = Hit(depth / along_axis(tables, view, ray), np.int64(instance), np.int64(made.parts[triangle]), u, v)
-    if tables.geometries.kind[tables.instances.geometry[instance]] == MESH:
-        return at
-    exact = traverse._try(accel, instance, ray.origin, ray.direction, ray.t_min, ray.t_max, CAMERA, False, NOTHING)
-    if exact.instance >= 0:
-        return exact
-    return at if abs(at.t) < np.inf else NOTHING  # an endless plane at its horizon
+@helper
+def hits_of(made: Any, tables: Any, accel: Any, view: View, ray: Ray, px: Lane, py: Lane, instances: Lane, triangle: Lane) -> Hit:
+    """What the rays through samples hit, where the z-buffer saw triangles: as trace.closest gives it."""
+    zero = 0.0 * ray.direction[0]
+    nothing = lanes.int_like(zero, -1)
+    t, instance, primitive, u, v = zero + np.inf, nothing, nothing, zero, zero
+    rest = instances >= 0
+    while lanes.any_lane(rest):
+        i, here = lanes.together(instances, rest)
+        hit = _hit_with(made, tables, accel, view, ray, px, py, i, triangle, here)
+        found = here & (hit.t < np.inf)
+        t, instance, primitive = lanes.where(found, hit.t, t), lanes.where(found, i, instance), lanes.where(found, hit.primitive, primitive)
+        u, v = lanes.where(found, hit.u, u), lanes.where(found, hit.v, v)
+        rest = rest & lanes.not_(here)
+    return Hit(t, instance, primitive, u, v)
 
 
 @helper
-def weights(made: Any, instance: int, triangle: int, x: float, y: float) -> tuple[float, float, float]:
-    """(depth, u, v) of a triangle at pixel coordinates: perspective-correct weights of its second and third corner.
+def _hit_with(made: Any, tables: Any, accel: Any, view: View, ray: Ray, px: Lane, py: Lane, i: int, triangle: Lane, here: Lane) -> Hit:
+    """Hits of the active lanes with one instance; t is inf where the z-buffer's triangle has none."""
+    zero = 0.0 * ray.direction[0]
+    t, u, v, part = zero + np.inf, zero, zero, lanes.int_like(zero, -1)
+    flat = here & (triangle >= 0)
+    if lanes.any_lane(flat):
+        row = lanes.where(flat, triangle, 0)
+        depth, wu, wv = weights(made, i, row, px / fill.ONE, py / fill.ONE)
+        t = lanes.where(flat, depth / along_axis(tables, view, ray), t)
+        u, v = lanes.where(flat, wu, u), lanes.where(flat, wv, v)
+        part = lanes.where(flat, lanes.to_int(made.parts[row]), part)
+    t = lanes.where(abs(t) < np.inf, t, np.inf)  # an endless plane at its horizon
+    if tables.geometries.kind[tables.instances.geometry[i]] != MESH:
+        exact = _meet(accel, i, ray, here)
+        met = exact.instance >= 0
+        t, part = lanes.where(met, exact.t, t), lanes.where(met, exact.primitive, part)
+        u, v = lanes.where(met, exact.u, u), lanes.where(met, exact.v, v)
+    return Hit(t, lanes.int_like(zero, i), part, u, v)
+
+
+@helper
+def weights(made: Any, instance: int, triangle: Lane, x: Lane, y: Lane) -> tuple[Lane, Lane, Lane]:
+    """(depth, u, v) of triangles at pixel coordinates: perspective-correct weights of their second and third corners.
 
     The rows (X - x W, Y - y W) of the corners lie about the sample; the cross of two of them is the third's weight, undivided.
     A sample that snapping put just outside gets the nearest weights inside.
@@ -176,50 +209,68 @@ def weights(made: Any, instance: int, triangle: int, x: float, y: float) -> tupl
     x1, y1, d1, v1 = about(m, instance, p, corners[triangle, 1], x, y)
     x2, y2, d2, v2 = about(m, instance, p, corners[triangle, 2], x, y)
     e0, e1, e2 = x1 * y2 - y1 * x2, x2 * y0 - y2 * x0, x0 * y1 - y0 * x1
-    if e0 + e1 + e2 < 0.0:
-        e0, e1, e2 = -e0, -e1, -e2
-    e0, e1, e2 = max(e0, 0.0), max(e1, 0.0), max(e2, 0.0)
+    turn = lanes.where(e0 + e1 + e2 < 0.0, -1.0, 1.0)
+    e0, e1, e2 = lanes.maximum(turn * e0, 0.0), lanes.maximum(turn * e1, 0.0), lanes.maximum(turn * e2, 0.0)
     total = e0 + e1 + e2
-    if total == 0.0:
-        return d0 / v0, 0.0, 0.0
+    thin = total == 0.0  # seen exactly from its side: its first corner
+    e0, total = lanes.where(thin, 1.0, e0), lanes.where(thin, 1.0, total)
     return (e0 * d0 + e1 * d1 + e2 * d2) / (e0 * v0 + e1 * v1 + e2 * v2), e1 / total, e2 / total
 
 
 @helper
-def about(matrix: Any, instance: int, positions: Any, row: int, x: float, y: float) -> tuple[float, float, float, float]:
-    """(X - x W, Y - y W, D, V) of a vertex in clip space."""
+def about(matrix: Any, instance: int, positions: Any, row: Lane, x: Lane, y: Lane) -> tuple[Lane, Lane, Lane, Lane]:
+    """(X - x W, Y - y W, D, V) of vertices in clip space."""
+    row = lanes.to_int(row)
     px, py, pz, pw = positions[row, 0], positions[row, 1], positions[row, 2], positions[row, 3]
-    m = matrix[instance]
-    w = m[2, 0] * px + m[2, 1] * py + m[2, 2] * pz + m[2, 3] * pw
-    cx = m[0, 0] * px + m[0, 1] * py + m[0, 2] * pz + m[0, 3] * pw - x * w
-    cy = m[1, 0] * px + m[1, 1] * py + m[1, 2] * pz + m[1, 3] * pw - y * w
-    return cx, cy, m[3, 0] * px + m[3, 1] * py + m[3, 2] * pz + m[3, 3] * pw, pw
+    m = matrix
+    w = m[instance, 2, 0] * px + m[instance, 2, 1] * py + m[instance, 2, 2] * pz + m[instance, 2, 3] * pw
+    cx = m[instance, 0, 0] * px + m[instance, 0, 1] * py + m[instance, 0, 2] * pz + m[instance, 0, 3] * pw - x * w
+    cy = m[instance, 1, 0] * px + m[instance, 1, 1] * py + m[instance, 1, 2] * pz + m[instance, 1, 3] * pw - y * w
+    depth = m[instance, 3, 0] * px + m[instance, 3, 1] * py + m[instance, 3, 2] * pz + m[instance, 3, 3] * pw
+    return cx, cy, depth, pw
+
+
+@helper
+def _at(made: Any, tables: Any, accel: Any, view: View, scratch: Any, k: Lane) -> tuple[Ray, Hit]:
+    """The rays of samples k and what they hit."""
+    samples, seen = scratch.samples, scratch.seen
+    x, y = lanes.to_float(samples.x[k]), lanes.to_float(samples.y[k])
+    ray = camera.ray(tables, view, x / fill.ONE, y / fill.ONE)
+    return ray, hits_of(made, tables, accel, view, ray, x, y, lanes.to_int(seen.instance[k]), lanes.to_int(seen.triangle[k]))
 
 
 @kernel
-def resolve(made, tables, accel, view, scratch, hit):
+def resolve(made, tables, accel, frame, scratch, hit):
     """Write what every sample of a tile hits, in lanes."""
-    samples, seen = scratch.samples, scratch.seen
-    for k in range(len(seen.key)):
-        ray = camera.ray(tables, view, samples.x[k] / fill.ONE, samples.y[k] / fill.ONE)
-        found = hit_of(made, tables, accel, view, ray, samples.x[k], samples.y[k], seen.instance[k], seen.triangle[k])
-        hit.t[k], hit.instance[k], hit.primitive[k], hit.u[k], hit.v[k] = found
+    count = len(scratch.seen.key)
+    for start in range(0, count, lanes.WIDTH):
+        _, found = _at(made, tables, accel, frame.picture, scratch, lanes.minimum(lanes.numbered(start), count - 1))
+        for j in range(min(count - start, lanes.WIDTH)):
+            hit.t[start + j], hit.u[start + j], hit.v[start + j] = lanes.lane(found.t, j), lanes.lane(found.u, j), lanes.lane(found.v, j)
+            hit.instance[start + j], hit.primitive[start + j] = lanes.lane(found.instance, j), lanes.lane(found.primitive, j)
 
 
 @kernel
-def shade(made, tables, view, accel, gouraud, options, tile, first, scratch, stack, film):
+def shade(made, tables, accel, gouraud, frame, tile, first, scratch, stack, film):
     """Add the light of all samples of a tile to its film."""
-    samples, seen = scratch.samples, scratch.seen
-    for j in range(samples.rows):
-        for i in range(samples.columns):
-            pixel = (tile.y0 + j) * view.width + tile.x0 + i
-            for s in range(samples.count):
-                k = (j * samples.columns + i) * samples.count + s
-                ray = camera.ray(tables, view, samples.x[k] / fill.ONE, samples.y[k] / fill.ONE)
-                hit = hit_of(made, tables, accel, view, ray, samples.x[k], samples.y[k], seen.instance[k], seen.triangle[k])
-                color, alpha, sound = integrate.radiance(tables, accel, gouraud, options, ray, hit, pixel, first + s, stack)
-                film.color[j, i, 0] += color[0]
-                film.color[j, i, 1] += color[1]
-                film.color[j, i, 2] += color[2]
-                film.alpha[j, i] += alpha
-                film.issues[j, i] += 0 if sound else 1
+    samples = scratch.samples
+    count = len(scratch.seen.key)
+    for start in range(0, count, lanes.WIDTH):
+        k = lanes.minimum(lanes.numbered(start), count - 1)
+        ray, hit = _at(made, tables, accel, frame.picture, scratch, k)
+        at = k // samples.count
+        pixel = (tile.y0 + at // samples.columns) * frame.picture.width + tile.x0 + at % samples.columns
+        color, alpha, sound = integrate.call(  # pyright: ignore[reportCallIssue]
+            frame.radiance,
+            (
+                tables, accel, gouraud, frame.options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive,
+                hit.u, hit.v, pixel, first + k % samples.count, stack,
+            ),
+        )  # fmt: skip
+        for j in range(min(count - start, lanes.WIDTH)):
+            row, column = (start + j) // samples.count // samples.columns, (start + j) // samples.count % samples.columns
+            film.color[row, column, 0] += lanes.lane(color[0], j)
+            film.color[row, column, 1] += lanes.lane(color[1], j)
+            film.color[row, column, 2] += lanes.lane(color[2], j)
+            film.alpha[row, column] += lanes.lane(alpha, j)
+            film.issues[row, column] += 0 if lanes.lane(sound, j) else 1

@@ -11,8 +11,8 @@ from ..compiler import ir
 from ..compiler.plan import Plan
 from . import aov, camera, integrate, lanes, prepare, sampler, trace
 from .handles import Handle
-from .kernels import helper, kernel
-from .records import Film, Frame, Hit, Options, Tile, View
+from .kernels import apart, helper, kernel
+from .records import Film, Hit, Options, Tile, View
 
 CAMERA = int(ir.Visibility.CAMERA)
 
@@ -24,7 +24,7 @@ class Renderer:
 
     def __init__(self, prepared: prepare.Prepared, plan: Plan, view: View) -> None:
         self.prepared, self.view = prepared, view
-        self.frame = Handle(Frame(view, prepared.options, sampler.filter_table(plan["filter"])))
+        self.frame = prepared.frame
         nothing, none = Tile(0, 0, 0, 0), np.zeros((0, 0), np.int64)
         self.sample(nothing, none, none, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
 
@@ -38,12 +38,21 @@ class Renderer:
         tables = self.prepared.tables
         x, y = aov.centres(tile)
         n = len(x)
-        t, u, v = np.empty((3, n))
-        instance, primitive = np.empty((2, n), np.int64)
         with np.errstate(all="ignore"):
             ray = camera.ray(tables, self.view, x, y)
-        first_hits(self.prepared.packed, self.prepared.accel, self.view, x, y, t, instance, primitive, u, v)
-        aov.channels_of(tables, self.view, ray, Hit(t, instance, primitive, u, v), names, out)
+        found = Seen(*np.empty((3, n)), *np.empty((2, n), np.int64))
+        first_hits(self.prepared.packed, self.prepared.accel, self.frame, x, y, found, Handle(Room.of(self.prepared.options)))
+        aov.channels_of(tables, self.view, ray, Hit(found.t, found.instance, found.primitive, found.u, found.v), names, out)
+
+
+class Seen(NamedTuple):
+    """What rays meet, (n,) each."""
+
+    t: NDArray[np.float64]
+    u: NDArray[np.float64]
+    v: NDArray[np.float64]
+    instance: NDArray[np.int64]
+    primitive: NDArray[np.int64]
 
 
 class Room(NamedTuple):
@@ -73,7 +82,8 @@ def draw_tile(tables, accel, gouraud, frame, tile, first, count, total, film, ro
             if end - s >= lanes.WIDTH:
                 at = lanes.numbered(s)
                 column_x, row_y = lanes.int_like(at, x), lanes.int_like(at, y)
-                red, green, blue, cover = lanes.full_like(at, 0.0), lanes.full_like(at, 0.0), lanes.full_like(at, 0.0), lanes.full_like(at, 0.0)
+                red, green, blue = lanes.like3(at, 0.0, 0.0, 0.0)
+                cover = red
                 bad = 0
                 while end - s >= lanes.WIDTH:
                     color, alpha, sound = light_of(tables, accel, gouraud, frame, total, column_x, row_y, lanes.numbered(s), room)
@@ -98,7 +108,7 @@ def draw_tile(tables, accel, gouraud, frame, tile, first, count, total, film, ro
         _add(tile, film, room, waiting)
 
 
-@kernel
+@apart
 def draw_waiting(tables, accel, gouraud, frame, total, room):
     """Write the light of the room's samples to the room."""
     x, y, s = lanes.load(room.items, 0), lanes.load(room.items, 1), lanes.load(room.items, 2)
@@ -121,7 +131,7 @@ def _add(tile: Tile, film: Film, room: Any, count: int) -> None:
         film.issues[row, column] += 0 if room.light[4, k] > 0.5 else 1
 
 
-@kernel
+@apart
 def light_of(tables, accel, gouraud, frame, total, x, y, s, room):
     """(radiance, coverage, sound) of samples s of pixels x, y."""
     view, options = frame.picture, frame.options
@@ -129,12 +139,24 @@ def light_of(tables, accel, gouraud, frame, total, x, y, s, room):
     dx, dy = sampler.offset(pixel, s, total, options.seed, frame.filter)
     ray = camera.ray(tables, view, lanes.to_float(x) + 0.5 + dx, lanes.to_float(y) + 0.5 + dy)
     hit = trace.closest(accel, tables, ray, lanes.bool_like(dx, True), CAMERA)
-    return integrate.radiance(tables, accel, gouraud, options, ray, hit, pixel, s, room.stack)
+    return integrate.call(  # pyright: ignore[reportCallIssue]
+        frame.radiance,
+        (
+            tables, accel, gouraud, options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive,
+            hit.u, hit.v, pixel, s, room.stack,
+        ),
+    )  # fmt: skip
 
 
 @kernel
-def first_hits(tables, accel, view, x, y, t, instance, primitive, u, v):
-    """What the camera sees at n picture coordinates, written to (n,) arrays."""
-    for k in range(len(x)):
-        hit = trace.closest(accel, tables, camera.ray(tables, view, x[k], y[k]), True, CAMERA)
-        t[k], instance[k], primitive[k], u[k], v[k] = hit
+def first_hits(tables, accel, frame, x, y, found, room):
+    """Write what the camera sees at n picture coordinates."""
+    n = len(x)
+    for k in range(0, n, lanes.WIDTH):
+        for i in range(lanes.WIDTH):
+            room.light[0, i], room.light[1, i] = x[min(k + i, n - 1)], y[min(k + i, n - 1)]
+        ray = camera.ray(tables, frame.picture, lanes.load(room.light, 0), lanes.load(room.light, 1))
+        hit = trace.closest(accel, tables, ray, lanes.bool_like(ray.t_max, True), CAMERA)
+        for i in range(min(n - k, lanes.WIDTH)):
+            found.t[k + i], found.u[k + i], found.v[k + i] = lanes.lane(hit.t, i), lanes.lane(hit.u, i), lanes.lane(hit.v, i)
+            found.instance[k + i], found.primitive[k + i] = lanes.lane(hit.instance, i), lanes.lane(hit.primitive, i)

@@ -93,6 +93,7 @@ class Frame(NamedTuple):
     picture: View
     options: Options
     filter: NDArray[np.float64]  # sampler.filter_table
+    radiance: int = 0  # address of integrate.linked, for kernels
 
 
 class Tile(NamedTuple):

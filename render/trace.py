@@ -107,7 +107,9 @@ def _column(v: Vec, part: slice) -> Vec:
 @overload(closest, jit_options=HELPER)
 def _closest_kernel(accel, tables, ray, active, visible_bit):
     def through_trees(accel, tables, ray, active, visible_bit):
-        return traverse.closest(accel, ray.origin, ray.direction, ray.t_min, ray.t_max, active, np.int64(visible_bit))
+        return traverse.find(  # pyright: ignore[reportCallIssue]
+            accel.search, (accel, ray.origin, ray.direction, ray.t_min, ray.t_max, active, np.int64(visible_bit), False)
+        )
 
     return through_trees if lanes.is_mask(active) else None
 
@@ -115,6 +117,9 @@ def _closest_kernel(accel, tables, ray, active, visible_bit):
 @overload(occluded, jit_options=HELPER)
 def _occluded_kernel(accel, tables, ray, active):
     def through_trees(accel, tables, ray, active):
-        return traverse.occluded(accel, ray.origin, ray.direction, ray.t_min, ray.t_max, active, np.int64(SHADOW))
+        found = traverse.find(  # pyright: ignore[reportCallIssue]
+            accel.search, (accel, ray.origin, ray.direction, ray.t_min, ray.t_max, active, np.int64(SHADOW), True)
+        )
+        return found.instance >= 0
 
     return through_trees if lanes.is_mask(active) else None

@@ -1,0 +1,76 @@
+"""Kernels that other kernels reach by their address, so that each is compiled once and by itself.
+
+A kernel that calls another in Numba's own way takes the other's code into its module and optimizes it again, at every level of
+calls. Here the caller holds only an address, read from a table at run time: `prepare` links what a picture needs and puts the
+addresses into the handles that kernels are given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from numba import types
+from numba.core import cgutils
+from numba.core.errors import TypingError
+from numba.extending import intrinsic
+
+from . import lanes, simd
+from .kernels import kernel
+
+
+class Linked:
+    """A kernel with what its callers need: `call(address, (arguments…))` in kernels, `link(types…)` before they run."""
+
+    def __init__(self, function: Any) -> None:
+        self.kernel = kernel(function)
+        self.call = _call_of(self)
+
+    def link(self, *kinds: types.Type) -> int:
+        """Compile it, or load it from disk, for arguments of these types; its address."""
+        self.kernel.compile(kinds)
+        made = self.kernel.overloads[kinds]
+        return made.library.get_pointer_to_function(made.fndesc.llvm_func_name)
+
+
+def _call_of(linked: Linked) -> Any:
+    def call(typingctx, address, arguments):
+        given = tuple(types.unliteral(kind) for kind in arguments.types)
+        kinds = next((known for known in linked.kernel.overloads if _all_fit(given, known)), None)
+        if kinds is None:
+            raise TypingError(f"{linked.kernel.__name__} was not linked for {given}")
+        result = linked.kernel.overloads[kinds].signature.return_type
+
+        def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            shape = context.call_conv.get_function_type(result, kinds)
+            function = builder.inttoptr(args[0], shape.as_pointer())
+            parts = zip(cgutils.unpack_tuple(builder, args[1]), sig.args[1].types, kinds, strict=True)
+            values = [context.cast(builder, value, kind, wanted) for value, kind, wanted in parts]
+            status, value = context.call_conv.call_function(builder, function, result, kinds, values)
+            with cgutils.if_unlikely(builder, status.is_error):
+                context.call_conv.return_status_propagate(builder, status)
+            return value
+
+        return result(types.int64, arguments), generate
+
+    return intrinsic(call)
+
+
+def _all_fit(given: Sequence[types.Type], wanted: Sequence[types.Type]) -> bool:
+    return len(given) == len(wanted) and all(map(_fits, given, wanted))
+
+
+def _fits(given: types.Type, wanted: types.Type) -> bool:
+    """Whether a value can be passed: as it is, or a number for lanes that all have it."""
+    if isinstance(given, types.BaseTuple) and isinstance(wanted, types.BaseTuple):
+        return _all_fit(given.types, wanted.types)  # pyright: ignore[reportAttributeAccessIssue]
+    if isinstance(wanted, simd.Vector):
+        return given == wanted or isinstance(given, types.Number | types.Boolean)
+    return given == wanted or (isinstance(given, types.Integer) and isinstance(wanted, types.Integer))
+
+
+FLOAT: Any = lanes.kind("f")
+"""Numba's types of a kernel's lanes: float64, int64, and what comparisons give."""
+INT: Any = lanes.kind("i")
+MASK: Any = lanes.kind("m")
+VEC: Any = types.UniTuple(FLOAT, 3)

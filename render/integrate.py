@@ -169,7 +169,8 @@ def local_light(
     total = lanes.where3(shines, shader.emission, (zero, zero, zero))
     at_vertices = (tables.materials.shading[point.material] == GOURAUD) & (gouraud.first[point.instance] >= 0)
     if lanes.any_lane(active & at_vertices):
-        total = lanes.where3(at_vertices, lanes.add(total, _from_vertices(tables, gouraud, point, hit, at_vertices)), total)
+        there = active & at_vertices
+        total = lanes.where3(there, lanes.add(total, _from_vertices(tables, gouraud, point, hit, there)), total)
     here = active & lanes.not_(at_vertices)
     if lanes.any_lane(here):
         lit = direct_light(tables, accel, options, point, shader, viewer, here, pixel, sample, key)

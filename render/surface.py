@@ -48,7 +48,11 @@ def at(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -> Surface:
     on_mesh = kind == MESH
     a, b, c = local, local, local
     if lanes.any_lane(on_mesh):
-        a, b, c = corners(tables, g, lanes.where(on_mesh, hit.primitive, 0))
+        first = lanes.to_int(geometries.first_triangle[g])
+        last = first + geometries.triangle_count[g] - 1
+        triangle = lanes.where(on_mesh, lanes.clip(hit.primitive, first, last), 0)  # lanes that met something else: any of this mesh
+        hit = Hit(hit.t, hit.instance, triangle, hit.u, hit.v)
+        a, b, c = corners(tables, g, triangle)
         local = lanes.where3(on_mesh, _blend(a, b, c, 1.0 - hit.u - hit.v, hit.u, hit.v), local)
         world = lanes.where3(on_mesh, lanes.transform_point(matrix, row, local), world)
         face = lanes.normalize(lanes.cross(lanes.sub(b, a), lanes.sub(c, a)))

@@ -6,7 +6,7 @@ from . import indexing, operators
 from .denormals import (
     flush_denormals, restore_denormals,
 )
-from .functions import mask_bits, select_signature
+from .functions import CONSTRUCTED, mask_bits, select_signature
 from .functions import (
     absolute, all_of, any_of, bits, bits_float, ceil, copysign, count, f32, f32x1, f32x16, f32x2, f32x4, f32x8, f64, f64x1,
     f64x16, f64x2, f64x4, f64x8, first_lanes, float_bits, floor, fma, high_half, i32, i32x1, i32x16, i32x2, i32x4, i32x8, i64,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -49,9 +50,9 @@ def over(kind: str, expressions: Sequence[str], inputs: str = "xy") -> Callable[
 
 
 def widths(dtype: Any) -> list[str]:
-    """Vector types of a number: the machine's own, and one that is wider or narrower."""
+    """Vector types of a number: the machine's own, and one that is wider or narrower; only the first where a width is forced."""
     name = TYPES[dtype]
-    return [name, f"{name}x4" if simd.WIDTH > 8 else f"{name}x16"]
+    return [name] if "MAQUETTE_SIMD" in os.environ else [name, f"{name}x4" if simd.WIDTH > 8 else f"{name}x16"]
 
 
 def same(found: NDArray[Any], expected: NDArray[Any]) -> None:

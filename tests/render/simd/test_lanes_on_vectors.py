@@ -53,10 +53,8 @@ _one_number, _one_vector, _skipping = helper(one_number), helper(one_vector), he
 def _numbers(x, y, out, like):
     n = len(x)
     for i in range(0, n, like):
-        k = 0
-        for value in _one_number(simd.load(x, i), simd.load(y, i)):
+        for k, value in enumerate(_one_number(simd.load(x, i), simd.load(y, i))):
             simd.store(out, k * n + i, value)
-            k += 1
 
 
 @kernel
@@ -98,11 +96,14 @@ def test_numbers_agree(dtype, lanes_, tolerance):
     assert np.allclose(out, expected.astype(dtype), rtol=tolerance, atol=0, equal_nan=True)
 
 
-@pytest.mark.parametrize(("dtype", "ints", "lanes_", "tolerance"), [(np.float64, np.int64, simd.WIDTH64, 1e-13), (np.float32, np.int32, simd.WIDTH, 2e-5)])
+@pytest.mark.parametrize(
+    ("dtype", "ints", "lanes_", "tolerance"), [(np.float64, np.int64, simd.WIDTH64, 1e-13), (np.float32, np.int32, simd.WIDTH, 2e-5)]
+)
 def test_vectors_agree(dtype, ints, lanes_, tolerance):
     random = np.random.default_rng(0)
     v, matrix, rows = random.normal(size=(6, 64)).astype(dtype), random.normal(size=(5, 3, 4)), random.integers(0, 5, 64).astype(ints)
-    expected = np.concatenate([np.stack(np.broadcast_arrays(*row, v[0])[:3]) for row in one_vector(tuple(v[:3]), tuple(v[3:]), matrix, rows)])
+    found = one_vector(tuple(v[:3]), tuple(v[3:]), matrix, rows)
+    expected = np.concatenate([np.stack(np.broadcast_arrays(*row, v[0])[:3]) for row in found])
     out = np.zeros(expected.shape, dtype)
     _vectors(v, matrix, rows, out, lanes_)
     assert np.abs(out - expected).max() < tolerance

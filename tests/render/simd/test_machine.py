@@ -81,7 +81,7 @@ def test_each_width_uses_its_registers_and_compiles_once(isa, script, cache):
     assert first.stdout.split()[-1] == second.stdout.split()[-1]
 
 
-@pytest.mark.parametrize("isa", NARROWER)
+@pytest.mark.parametrize("isa", [pytest.param(isa, marks=[pytest.mark.long] if isa == "sse" else []) for isa in NARROWER])
 @pytest.mark.skipif(FORCED, reason="the run that was asked for")
 def test_everything_here_holds_on_every_narrower_width(isa, tmp_path):
     files = [p for p in sorted(HERE.glob("test_*.py")) if p.name != Path(__file__).name]
@@ -106,7 +106,8 @@ def test_forcing_after_numba_has_compiled_is_refused():
     code = "import numba\nnumba.njit(lambda: 1)()\nimport maquette.render.machine"
     if not NARROWER:
         pytest.skip("nothing narrower to force")
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, env={**os.environ, "MAQUETTE_SIMD": NARROWER[-1]})
+    environment = {**os.environ, "MAQUETTE_SIMD": NARROWER[-1]}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, env=environment)
     assert f"MAQUETTE_SIMD={NARROWER[-1]} comes too late" in done.stderr
 
 

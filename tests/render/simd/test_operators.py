@@ -141,7 +141,10 @@ def test_int32_stays_int32():
 
 @pytest.mark.parametrize(
     "expression",
-    ["simd.f32(x) + simd.f64x16(1.0)", "simd.to_i64(simd.f32(1)) + simd.i32(1)", "simd.i32(1) + simd.u32(1)", "simd.f32(1.0) & 1", "-simd.m32(True)"],
+    [
+        "simd.f32x8(x) + simd.f64x8(1.0)", "simd.f32x8(x) + simd.f32x4(1.0)", "simd.to_i64(simd.f32(1)) + simd.i32(1)",
+        "simd.i32(1) + simd.u32(1)", "simd.f32(1.0) & 1", "-simd.m32(True)",
+    ],
 )
 def test_what_does_not_meet_is_an_error_when_compiled(expression):
     space = {"simd": simd}

@@ -36,7 +36,7 @@ def awkward(dtype: Any, seed: int = 0, count: int = COUNT) -> NDArray[Any]:
 
 
 def over(kind: str, expressions: Sequence[str], inputs: str = "xy") -> Callable[..., Any]:
-    """A compiled function of arrays and a tuple of outputs, one an expression of vectors of `kind` ("f32", "f32x4") named as in `inputs`."""
+    """A compiled function of arrays and a tuple of outputs: one for each expression of vectors of `kind` ("f32x4"), named as in `inputs`."""
     lanes = simd.CONSTRUCTED[getattr(simd, kind)].lanes
     lines = [
         f"def run({', '.join(f'{name}_' for name in inputs)}, outs):",

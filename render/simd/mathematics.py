@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 from numba.core import types
 from numba.core.typing.templates import Signature, signature
-from numba.extending import intrinsic
 
 from . import exponential, trigonometry
 from .functions import same
 from .operators import define
 from .precise import by_library, shared
 from .value import Value
-from .vector import Vector, meet, shape_of, value
+from .vector import Vector, intrinsic, meet, shape_of, value
 
 
 def _once(name: str, body: Callable[..., Value]) -> Callable[..., Value]:

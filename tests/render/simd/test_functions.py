@@ -7,7 +7,7 @@ import pytest
 from maquette.render import machine, simd
 from numba import njit
 
-from .values import COUNT, FLOATS, INTS, TYPES, awkward, over, same, widths
+from .values import COUNT, FLOATS, INTS, TYPES, awkward, compiled, over, same, widths
 
 FLOAT_KINDS = [(dtype, kind) for dtype in FLOATS for kind in widths(dtype)]
 ALL_KINDS = FLOAT_KINDS + [(dtype, kind) for dtype in INTS for kind in widths(dtype)]
@@ -164,10 +164,8 @@ def test_transposing_blocks(k, lanes):
     x = np.arange(k * lanes, dtype=np.float32)
     out = np.zeros_like(x)
     rows = ", ".join(f"simd.load(x, {i * lanes}, {lanes})" for i in range(k))
-    space = {"simd": simd}
     stores = "".join(f"    simd.store(out, {i * lanes}, t[{i}])\n" for i in range(k))
-    exec(f"def run(x, out):\n    t = simd.transpose(({rows}))\n{stores}", space)
-    njit(space["run"])(x, out)
+    compiled(f"def run(x, out):\n    t = simd.transpose(({rows}))\n{stores}")(x, out)
     blocks = x.reshape(k, lanes // k, k)
     assert np.array_equal(out.reshape(k, lanes // k, k), blocks.transpose(2, 1, 0))
 

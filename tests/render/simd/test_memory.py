@@ -11,7 +11,7 @@ from maquette.render.handles import Handle
 from numba import njit
 from numba.core.errors import TypingError
 
-from .values import TYPES
+from .values import TYPES, compiled
 
 STORED = {**TYPES, np.uint8: "i32", np.bool_: "m32"}
 GUARD = 7
@@ -135,14 +135,11 @@ def test_compressing_keeps_the_order_and_writes_nothing_behind(dtype):
 
 
 def _rows(k, lanes):
-    space = {"simd": simd}
-    exec(
+    stores = "".join(f"    simd.store(out, {j * lanes}, c[{j}])\n" for j in range(k))
+    return compiled(
         f"def run(x, places, out, back):\n    i = simd.load(places, 0, {lanes})\n    c = simd.gather_rows(x, i, {k})\n"
-        + "".join(f"    simd.store(out, {j * lanes}, c[{j}])\n" for j in range(k))
-        + "    simd.scatter_rows(back, i, c)\n",
-        space,
+        f"{stores}    simd.scatter_rows(back, i, c)"
     )
-    return njit(space["run"])
 
 
 @pytest.mark.parametrize(("k", "lanes"), [(2, 16), (4, 16), (8, 16), (4, 8), (8, 4), (4, 1)])
@@ -212,9 +209,8 @@ def test_arrays_are_indexed_by_vectors(dtype, index):
     ],
 )  # fmt: skip
 def test_what_is_found_is_as_wide_as_the_index(dtype, index, found):
-    space = {"simd": simd}
-    exec(f"def look(x):\n    return simd.count(simd.{found}x4(0) == x[simd.{index}x4(1)])", space)
-    assert njit(space["look"])(np.zeros(3, dtype)) == 4
+    look = compiled(f"def run(x):\n    return simd.count(simd.{found}x4(0) == x[simd.{index}x4(1)])")
+    assert look(np.zeros(3, dtype)) == 4
 
 
 class Table(NamedTuple):

@@ -8,7 +8,7 @@ from maquette.render import simd
 from numba import njit
 from numba.core.errors import TypingError
 
-from .values import COUNT, FLOATS, INTS, TYPES, awkward, over, same, widths
+from .values import COUNT, FLOATS, INTS, TYPES, awkward, compiled, over, same, widths
 
 FLOAT_KINDS = [(dtype, kind) for dtype in FLOATS for kind in widths(dtype)]
 INT_KINDS = [(dtype, kind) for dtype in INTS for kind in widths(dtype)]
@@ -147,10 +147,9 @@ def test_int32_stays_int32():
     ],
 )
 def test_what_does_not_meet_is_an_error_when_compiled(expression):
-    space = {"simd": simd}
-    exec(f"def wrong(x):\n    y = {expression}\n    return simd.lane(y, 0)", space)
+    wrong = compiled(f"def run(x):\n    y = {expression}\n    return simd.lane(y, 0)")
     with pytest.raises(TypingError, match="No implementation of function"):
-        njit(space["wrong"])(1.0)
+        wrong(1.0)
 
 
 def test_a_mask_is_no_condition():

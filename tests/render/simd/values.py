@@ -36,7 +36,7 @@ def awkward(dtype: Any, seed: int = 0, count: int = COUNT) -> NDArray[Any]:
 
 
 def over(kind: str, expressions: Sequence[str], inputs: str = "xy") -> Callable[..., Any]:
-    """A compiled function of arrays and a tuple of outputs: one for each expression of vectors of `kind` ("f32x4"), named as in `inputs`."""
+    """A compiled function of arrays and a tuple of outputs: one an expression of vectors of `kind` ("f32x4"), named as in `inputs`."""
     lanes = simd.CONSTRUCTED[getattr(simd, kind)].lanes
     lines = [
         f"def run({', '.join(f'{name}_' for name in inputs)}, outs):",
@@ -44,8 +44,13 @@ def over(kind: str, expressions: Sequence[str], inputs: str = "xy") -> Callable[
         *(f"        {name} = simd.load({name}_, i, {lanes})" for name in inputs),
         *(f"        simd.store(outs[{k}], i, {expression})" for k, expression in enumerate(expressions)),
     ]
+    return compiled("\n".join(lines))
+
+
+def compiled(source: str) -> Any:
+    """The function `run` of a text, compiled."""
     space: dict[str, Any] = {"simd": simd, "np": np}
-    exec("\n".join(lines), space)
+    exec(source, space)
     return njit(error_model="numpy")(space["run"])
 
 

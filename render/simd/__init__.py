@@ -6,7 +6,7 @@ from . import indexing, operators
 from .denormals import (
     flush_denormals, restore_denormals,
 )
-from .functions import mask_bits, select_signature
+from .functions import CONSTRUCTED, mask_bits, select_signature
 from .functions import (
     absolute, all_of, any_of, bits, bits_float, ceil, copysign, count, f32, f32x1, f32x16, f32x2, f32x4, f32x8, f64, f64x1,
     f64x16, f64x2, f64x4, f64x8, first_lanes, float_bits, floor, fma, high_half, i32, i32x1, i32x16, i32x2, i32x4, i32x8, i64,
@@ -15,7 +15,7 @@ from .functions import (
     reciprocal_sqrt, rint, select, sqrt, sum_of, to_f32, to_f64, to_i32, to_i64, to_u32, to_u64, trailing_zeros, transpose, trunc,
     u32, u32x1, u32x16, u32x2, u32x4, u32x8, u64, u64x1, u64x16, u64x2, u64x4, u64x8, with_lane,
 )
-from .mathematics import acos, asin, atan, atan2, cos, exp, hypot, log, power, sin, tan
+from .mathematics import acos, asin, atan, atan2, cos, exp, hypot, log, power, sin, sincos, tan
 from .memory import (
     aligned_empty, compress, compress_store, gather, gather_rows, load, load_aligned, masked_load, masked_store, prefetch, read,
     scatter, scatter_rows, stack_array, store, store_aligned, write,

@@ -15,11 +15,11 @@ from typing import Any
 from llvmlite import ir
 from numba.core import types
 from numba.core.typing.templates import Signature, signature
-from numba.extending import intrinsic
 
 from .. import machine
 from .memory import entry_alloca
 from .value import I8, I32, call
+from .vector import intrinsic
 
 FLUSH = 0x8040  # MXCSR: results (bit 15) and operands (bit 6) that are denormal become zero
 

@@ -60,7 +60,7 @@ _LN2_LAST = 1.1612227229362532e-26  # what they lack
 
 def split(x: Value) -> tuple[Value, Value]:
     """(m, k): x = m · 2ᵏ with √½ ≤ m < √2, for positive finite x; denormal ones too."""
-    mantissa, _, scale, tiny = (23, 127, 25, 2.0**-126) if x.bits == 32 else (52, 1023, 54, 2.0**-1022)
+    mantissa, scale, tiny = (23, 25, 2.0**-126) if x.bits == 32 else (52, 54, 2.0**-1022)
     small = x < tiny
     bits = select(small, x * 2.0**scale, x).bitcast("i")
     root = 0x3F3504F3 if x.bits == 32 else 0x3FE6A09E667F3BCD  # √½

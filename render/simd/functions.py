@@ -11,17 +11,16 @@ from typing import Any
 from llvmlite import ir
 from numba.core import types
 from numba.core.typing.templates import Signature, signature
-from numba.extending import intrinsic
 
 from .. import machine
 from . import value as v
 from .value import I1, I32, I64, Value
-from .vector import Vector, meet, shape_of, type_for, value
+from .vector import Vector, intrinsic, meet, shape_of, type_for, value
 
 Lowering = tuple[Signature, Callable[..., Any]] | None
 
 
-def lowered(sig: Signature, emit: Callable[..., Value]) -> Lowering:
+def lowered(sig: Signature, emit: Callable[..., Any]) -> Lowering:
     """What an @intrinsic returns: a signature and code made of Values."""
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
@@ -30,7 +29,7 @@ def lowered(sig: Signature, emit: Callable[..., Value]) -> Lowering:
     return sig, generate
 
 
-def same(kinds: str, emit: Callable[..., Value], context: Any, *args: types.Type) -> Lowering:
+def same(kinds: str, emit: Callable[..., Any], context: Any, *args: types.Type) -> Lowering:
     """A function whose operands and result have the type in which the operands meet, of one of `kinds`."""
     whole = meet(context, *args)
     shape = whole and shape_of(whole)

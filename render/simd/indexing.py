@@ -36,7 +36,7 @@ def _indices(array: types.Type, index: types.Type) -> tuple[types.Type, ...] | N
     return kinds if all(isinstance(k, Vector | types.Integer) for k in kinds) else None
 
 
-@infer_global(operator.getitem)
+@infer_global(operator.getitem)  # pyright: ignore[reportOptionalCall]
 class _GetItem(AbstractTemplate):
     key = operator.getitem
 

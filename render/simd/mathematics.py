@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 from numba.core import types
 from numba.core.typing.templates import Signature, signature
-from numba.extending import intrinsic
 
 from . import exponential, trigonometry
 from .functions import same
 from .operators import define
 from .precise import by_library, shared
 from .value import Value
-from .vector import Vector, meet
+from .vector import Vector, intrinsic, meet, shape_of, value
 
 
 def _once(name: str, body: Callable[..., Value]) -> Callable[..., Value]:
@@ -28,8 +27,8 @@ def _with_library(name: str, body: Callable[[Value], Value]) -> Callable[[Value]
     return lambda x: by_library(name, x, shared(name, body, x), trigonometry.is_far(x))
 
 
-_sin = _with_library("sin", trigonometry.sin)
-_cos = _with_library("cos", trigonometry.cos)
+_sin = _with_library("sin", lambda x: trigonometry.sincos(x)[0])
+_cos = _with_library("cos", lambda x: trigonometry.sincos(x)[1])
 _tan = _with_library("tan", trigonometry.tan)
 _asin = _once("asin", trigonometry.asin)
 _acos = _once("acos", trigonometry.acos)
@@ -49,6 +48,25 @@ def sin(typingctx, x):
 @intrinsic
 def cos(typingctx, x):
     return same("f", _cos, typingctx, x)
+
+
+@intrinsic
+def sincos(typingctx, x):
+    """(sin x, cos x) for little more than one of them."""
+    x = types.unliteral(x)
+    shape = shape_of(x)
+    if shape is None or shape[0] != "f":
+        return None
+    pair = types.UniTuple(x, 2)
+
+    def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
+        angle = value(builder, args[0], x)
+        sine, cosine = trigonometry.sincos(angle)
+        far = trigonometry.is_far(angle)
+        both = [by_library("sin", angle, sine, far).raw, by_library("cos", angle, cosine, far).raw]
+        return context.make_tuple(builder, pair, both)
+
+    return signature(pair, x), generate
 
 
 @intrinsic

@@ -15,7 +15,6 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.errors import TypingError
 from numba.core.typing.templates import Signature, signature
-from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 from numpy.typing import NDArray
 
@@ -23,7 +22,7 @@ from .. import machine
 from . import value as v
 from .functions import CONSTRUCTED, shuffled, transposed
 from .value import I1, I8, I32, I64, Value
-from .vector import Vector, shape_of, value
+from .vector import Vector, intrinsic, shape_of, value
 
 CACHE_LINE = 64
 
@@ -40,7 +39,7 @@ def aligned_empty(shape: int | tuple[int, ...], dtype: Any, alignment: int = CAC
 # --- elements ------------------------------------------------------------------------------------------------------------
 
 
-def element_shape(array: types.Type) -> tuple[str, int] | None:
+def element_shape(array: Any) -> tuple[str, int] | None:
     """Kind and bits of the lanes an array's elements become; None for arrays that can't be read."""
     if not isinstance(array, types.Array) or array.layout != "C":
         return None
@@ -50,20 +49,20 @@ def element_shape(array: types.Type) -> tuple[str, int] | None:
     return (shape[0], shape[1]) if shape and shape[1] >= 32 else None
 
 
-def _is_small(array: types.Array) -> bool:
+def _is_small(array: Any) -> bool:
     return array.dtype in (types.uint8, types.boolean)
 
 
-def stored_type(context: Any, array: types.Array) -> Any:
+def stored_type(context: Any, array: Any) -> Any:
     """The LLVM type of an element in memory."""
     return I8 if _is_small(array) else context.get_value_type(array.dtype)
 
 
-def item_bytes(array: types.Array) -> int:
+def item_bytes(array: Any) -> int:
     return 1 if _is_small(array) else array.dtype.bitwidth // 8
 
 
-def from_memory(builder: Any, raw: Any, array: types.Array) -> Value:
+def from_memory(builder: Any, raw: Any, array: Any) -> Value:
     """Lanes (or one element) as loaded, as the kind they are in kernels."""
     if not _is_small(array):
         return value(builder, raw, array.dtype)
@@ -71,7 +70,7 @@ def from_memory(builder: Any, raw: Any, array: types.Array) -> Value:
     return small.to("i", 32) if array.dtype == types.uint8 else (small != 0).of("m", (small != 0).raw, 32)
 
 
-def to_memory(lanes: Value, array: types.Array) -> Any:
+def to_memory(lanes: Value, array: Any) -> Any:
     """Lanes (or one number) as they are stored."""
     if _is_small(array):
         whole = lanes.to("m", 32).to("u", 8) if array.dtype == types.boolean else lanes.to("i", 32).to("u", 8)
@@ -81,7 +80,7 @@ def to_memory(lanes: Value, array: types.Array) -> Any:
     return lanes.to(shape[0], shape[1]).raw
 
 
-def place(context: Any, builder: Any, array: types.Array, raw: Any, index: Any, index_type: types.Type) -> Any:
+def place(context: Any, builder: Any, array: Any, raw: Any, index: Any, index_type: types.Type) -> Any:
     """The address of a flat place."""
     data = make_array(array)(context, builder, value=raw).data
     return builder.gep(data, [context.cast(builder, index, index_type, types.int64)])
@@ -91,7 +90,7 @@ def as_vector(builder: Any, pointer: Any, element: Any, lanes: int) -> Any:
     return builder.bitcast(pointer, ir.VectorType(element, lanes).as_pointer())
 
 
-def vector_asked(array: types.Type, what: types.Type | None) -> Vector | None:
+def vector_asked(array: Any, what: types.Type | None) -> Vector | None:
     """The type a load gives: of the lanes or the type asked for, else what fills one of the machine's vectors; None: it can't."""
     shape = element_shape(array)
     if shape is None:
@@ -108,7 +107,7 @@ def vector_asked(array: types.Type, what: types.Type | None) -> Vector | None:
 # --- load and store ------------------------------------------------------------------------------------------------------
 
 
-def _load(array: types.Type, index: types.Type, what: types.Type | None, aligned: bool) -> Any:
+def _load(array: Any, index: types.Type, what: types.Type | None, aligned: bool) -> Any:
     result = vector_asked(array, what)
     if result is None or not isinstance(index, types.Integer):
         return None
@@ -135,7 +134,7 @@ def load_aligned(typingctx, array, i, what=None):
     return _load(array, i, what, True)
 
 
-def _store(array: types.Type, index: types.Type, x: types.Type, aligned: bool) -> Any:
+def _store(array: Any, index: types.Type, x: types.Type, aligned: bool) -> Any:
     if element_shape(array) is None or not isinstance(x, Vector) or not isinstance(index, types.Integer):
         return None
 
@@ -281,7 +280,7 @@ def addresses(builder: Any, element: Any, base: Any, index: Any) -> Any:
     return made
 
 
-def gathered(context: Any, builder: Any, array: types.Array, base: Any, index: Value, mask: Any = None) -> Value:
+def gathered(context: Any, builder: Any, array: Any, base: Any, index: Value, mask: Any = None) -> Value:
     """Elements base[index] where the mask is set (all lanes without one), else 0."""
     element, n = stored_type(context, array), index.lanes
     where = addresses(builder, element, base, index.raw)

@@ -11,10 +11,10 @@ from numba.core import types
 from numba.core.typing.templates import AbstractTemplate, Signature, infer_global, signature
 from numba.extending import lower_builtin
 
-from .value import Value, maximum, minimum
+from .value import maximum, minimum
 from .vector import Vector, meet, promoted, value
 
-Emit = Callable[..., Value]
+Emit = Callable[..., Any]  # of Values, a Value
 Typing = Callable[..., Signature | None]
 
 
@@ -36,7 +36,7 @@ def define(function: Any, typing: Typing, emit: Emit) -> None:
         def get_impl_key(self, sig: Any) -> Any:
             return Key
 
-    infer_global(function)(Template)
+    infer_global(function)(Template)  # pyright: ignore[reportOptionalCall]
 
     def lower(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
         return emit(*(value(builder, a, t) for a, t in zip(args, sig.args, strict=True))).raw

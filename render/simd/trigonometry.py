@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from .. import machine
-from .precise import fast_two_sum, monic, polynomial, two_sum, whole
+from .precise import fast_two_sum, monic, polynomial, two_product, two_sum, whole
 from .value import Value, fma, maximum, minimum, select
 
 PI_LOW = 1.2246467991473532e-16  # what math.pi lacks to π
@@ -55,8 +55,9 @@ def _reduced_32(x: Value) -> tuple[Value, Value, Value]:
     if machine.FMA:
         k = (x * (2.0 / math.pi)).call("nearbyint")
         t = fma(k, first, x)  # exact
-        r = fma(k, second, t)
-        head, rest = fast_two_sum(r, fma(k, third, fma(k, second, t - r)))
+        product, product_rest = two_product(k, second)
+        r, lost = two_sum(t, product)
+        head, rest = fast_two_sum(r, fma(k, third, lost + product_rest))
         return head, rest, whole(k)
     wide = x.to("f", 64)
     k = (wide * (2.0 / math.pi)).call("nearbyint")
@@ -94,15 +95,12 @@ def is_far(x: Value) -> Value:
     return abs(x) > FARTHEST[x.bits]
 
 
-def sin(x: Value) -> Value:
+def sincos(x: Value) -> tuple[Value, Value]:
+    """Sine and cosine from one reduction."""
     r, rest, q = reduced(x)
-    found = _signed(select((q & 1) != 0, cos_of_small(r, rest), sin_of_small(r, rest)), q & 2)
-    return select(x == 0.0, x, found)  # −0 too
-
-
-def cos(x: Value) -> Value:
-    r, rest, q = reduced(x)
-    return _signed(select((q & 1) != 0, sin_of_small(r, rest), cos_of_small(r, rest)), (q + 1) & 2)
+    s, c, odd = sin_of_small(r, rest), cos_of_small(r, rest), (q & 1) != 0
+    sine = select(x == 0.0, x, _signed(select(odd, c, s), q & 2))  # −0 too
+    return sine, _signed(select(odd, s, c), (q + 1) & 2)
 
 
 def tan(x: Value) -> Value:
@@ -181,7 +179,7 @@ def _atan_fraction(above: Value, below: Value) -> Value:
         return fma(polynomial(z, _ATAN_32) * z, t, t)
     large = below > 1e300  # the sum would be infinite
     above, below = select(large, above * 0.25, above), select(large, below * 0.25, below)
-    steep = above > below * math.tan(math.pi / 8)
+    steep = above > below * 0.66
     t = select(steep, above - below, above) / select(steep, above + below, below)
     z = t * t
     series = z * polynomial(z, _ATAN_64_P) / monic(z, _ATAN_64_Q)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
+import numba.extending
 from numba.core import types
-from numba.core.typeconv import Conversion
+from numba.core.typeconv.castgraph import Conversion
 from numba.extending import lower_cast, models, register_model
 
 from .value import Value, ir_type
@@ -44,7 +46,7 @@ class _Model(models.PrimitiveModel):
         super().__init__(manager, kind, ir_type(kind.kind, kind.bits, kind.lanes))
 
 
-def shape_of(kind: types.Type) -> tuple[str, int, int] | None:
+def shape_of(kind: Any) -> tuple[str, int, int] | None:
     """(kind, bits, lanes) of a vector, or of a number or truth value with 0 lanes; None for other types and small integers."""
     if isinstance(kind, Vector):
         return kind.kind, kind.bits, kind.lanes
@@ -53,7 +55,7 @@ def shape_of(kind: types.Type) -> tuple[str, int, int] | None:
     if isinstance(kind, types.Float):
         return "f", kind.bitwidth, 0
     if isinstance(kind, types.Integer):
-        return ("i" if kind.signed else "u"), kind.bitwidth, 0
+        return ("i" if kind.signed else "u"), kind.bitwidth, 0  # pyright: ignore[reportAttributeAccessIssue]
     return None
 
 
@@ -112,6 +114,15 @@ def value(builder: Any, raw: Any, kind: types.Type) -> Value:
     shape = shape_of(kind)
     assert shape is not None, kind
     return Value(builder, raw, shape[0], shape[1])
+
+
+def intrinsic(definition: Callable[..., Any] | None = None, *, prefer_literal: bool = False) -> Any:
+    """Numba's decorator of functions that kernels call and that emit LLVM code, known to type checkers as a function of anything.
+
+    `definition(typingctx, *kinds)` gives a signature and a code generator, or None for types it does not take.
+    """
+    decorate = numba.extending.intrinsic(prefer_literal=prefer_literal)
+    return decorate(definition) if definition else decorate
 
 
 @lower_cast(Vector, Vector)

@@ -1,0 +1,126 @@
+"""The lane functions on vectors of float64 and float32: the same numbers as from numpy arrays, one source for both."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from maquette.render import lanes, sampler, simd
+from maquette.render.kernels import helper, kernel
+
+X = np.array([-2.5, -1.0, -0.0, 0.0, 0.3, 1.0, 7.25, 1e30, -1e30, np.inf, -np.inf, np.nan])
+
+
+def one_number(x, y):
+    """Every operation on numbers, as a tuple."""
+    k = lanes.floor_int(x)
+    return (
+        lanes.where(x > y, x, y), lanes.where(x > 0.0, 1.0, y), lanes.minimum(x, y), lanes.maximum(x, y), lanes.clip(x, -1.0, 1.0),
+        lanes.sqrt(abs(x)), lanes.sin(y), lanes.cos(y), lanes.asin(x), lanes.acos(x), lanes.atan2(y, x), lanes.hypot(x, y),
+        lanes.exp(-abs(y)), lanes.log(abs(y)), lanes.floor(x), lanes.power(abs(y), 1.5), lanes.lerp(x, y, 0.25), lanes.sign_of(x),
+        lanes.absolute(x), lanes.to_float(k), lanes.to_float(lanes.to_int(lanes.clip(x, -9.0, 9.0))), lanes.copy(x),
+        lanes.where(lanes.is_finite(x), 1.0, 0.0), lanes.where(lanes.not_(x > 0.0), 1.0, 0.0), lanes.full_like(x, 3.0),
+        lanes.to_float(lanes.int_like(x, 5) % 3), lanes.where(lanes.bool_like(x, True), x, y),
+        lanes.to_float(lanes.to_uint(lanes.int_like(x, 7)) >> lanes.to_uint(lanes.int_like(x, 1))),
+    )  # fmt: skip
+
+
+def one_vector(a, b, matrix, row):
+    """Every operation on vectors, as a tuple of numbers."""
+    n = lanes.normalize(a)
+    s, t = lanes.basis(n)
+    found = (
+        lanes.add(a, b), lanes.sub(a, b), lanes.mul(a, b), lanes.scale(a, 2.0), lanes.negate(a), lanes.cross(a, b), n, s, t,
+        lanes.reflect(b, n), lanes.in_basis(s, t, n, 0.1, 0.2, 0.3), lanes.along(a, b, 0.7), lanes.where3(a[0] > b[0], a, b),
+        lanes.lerp3(a, b, 0.3), lanes.like3(a[0], 1.0, 2.0, 3.0), lanes.transform_point(matrix, row, a),
+        lanes.transform_vector(matrix, row, a), lanes.transform_normal(matrix, row, a), lanes.transform_point(matrix, 0, a),
+        (lanes.dot(a, b), lanes.length(a), lanes.largest(a)),
+    )  # fmt: skip
+    return found
+
+
+def skipping(x):
+    """Work that only some lanes need, under an `if`; a variable that is a number before it."""
+    found = 0.0
+    if lanes.any_lane(x > 1.0):
+        found = lanes.where(x > 1.0, lanes.sqrt(lanes.maximum(x, 0.0)), 0.5)
+    return found
+
+
+_one_number, _one_vector, _skipping = helper(one_number), helper(one_vector), helper(skipping)
+
+
+@kernel
+def _numbers(x, y, out, like):
+    n = len(x)
+    for i in range(0, n, like):
+        for k, value in enumerate(_one_number(simd.load(x, i), simd.load(y, i))):
+            simd.store(out, k * n + i, value)
+
+
+@kernel
+def _vectors(v, matrix, rows, out, like):
+    n = len(rows)
+    for i in range(0, n, like):
+        a = (simd.load(v, i), simd.load(v, n + i), simd.load(v, 2 * n + i))
+        b = (simd.load(v, 3 * n + i), simd.load(v, 4 * n + i), simd.load(v, 5 * n + i))
+        k = 0
+        for p, q, r in _one_vector(a, b, matrix, simd.load(rows, i)):
+            simd.store(out, k * n + i, p)
+            simd.store(out, (k + 1) * n + i, q)
+            simd.store(out, (k + 2) * n + i, r)
+            k += 3
+
+
+@kernel
+def _skipped(x, out, like):
+    for i in range(0, len(x), like):
+        simd.store(out, i, _skipping(simd.load(x, i)))
+
+
+@kernel
+def _pairs(pixels, out, like):
+    n = len(pixels)
+    for i in range(0, n, like):
+        u, v = sampler.pair(simd.load(pixels, i), 3, 5, 7)
+        simd.store(out, i, u)
+        simd.store(out, n + i, v)
+
+
+@pytest.mark.parametrize(("dtype", "lanes_", "tolerance"), [(np.float64, simd.WIDTH64, 1e-14), (np.float32, simd.WIDTH, 1e-6)])
+def test_numbers_agree(dtype, lanes_, tolerance):
+    x, y = (c.ravel().astype(dtype) for c in np.meshgrid(X, X[:8]))
+    with np.errstate(all="ignore"):
+        expected = np.stack(np.broadcast_arrays(*one_number(x, y)))
+    out = np.zeros(expected.shape, dtype)
+    _numbers(x, y, out, lanes_)
+    assert np.allclose(out, expected.astype(dtype), rtol=tolerance, atol=0, equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("dtype", "ints", "lanes_", "tolerance"), [(np.float64, np.int64, simd.WIDTH64, 1e-13), (np.float32, np.int32, simd.WIDTH, 2e-5)]
+)
+def test_vectors_agree(dtype, ints, lanes_, tolerance):
+    random = np.random.default_rng(0)
+    v, matrix, rows = random.normal(size=(6, 64)).astype(dtype), random.normal(size=(5, 3, 4)), random.integers(0, 5, 64).astype(ints)
+    found = one_vector(tuple(v[:3]), tuple(v[3:]), matrix, rows)
+    expected = np.concatenate([np.stack(np.broadcast_arrays(*row, v[0])[:3]) for row in found])
+    out = np.zeros(expected.shape, dtype)
+    _vectors(v, matrix, rows, out, lanes_)
+    assert np.abs(out - expected).max() < tolerance
+
+
+@pytest.mark.parametrize(("dtype", "lanes_"), [(np.float64, simd.WIDTH64), (np.float32, simd.WIDTH)])
+def test_work_that_no_lane_needs_is_skipped(dtype, lanes_):
+    x = np.linspace(-1, 3, 64).astype(dtype)
+    out = np.zeros_like(x)
+    _skipped(x, out, lanes_)
+    groups = x.reshape(-1, lanes_)
+    expected = np.where(groups > 1, np.sqrt(np.maximum(groups, 0)), 0.5) * (groups > 1).any(axis=1, keepdims=True)
+    assert np.array_equal(out, expected.ravel().astype(dtype))
+
+
+def test_random_numbers_are_the_same_to_the_bit():
+    pixels = np.arange(64) * 977
+    out = np.zeros((2, 64))
+    _pairs(pixels, out, simd.WIDTH64)
+    assert np.array_equal(out, np.stack(sampler.pair(pixels, 3, 5, 7)))

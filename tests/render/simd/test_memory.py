@@ -1,0 +1,236 @@
+"""Vectors and arrays: what loads, stores, gathers, scatters and compressing touch, and nothing else."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from maquette.render import simd
+from maquette.render.handles import Handle
+from numba import njit
+from numba.core.errors import TypingError
+
+from .values import TYPES, compiled
+
+STORED = {**TYPES, np.uint8: "i32", np.bool_: "m32"}
+GUARD = 7
+
+
+def numbers(dtype, shape, seed=0):
+    """Small numbers that every type holds."""
+    return np.random.default_rng(seed).integers(0, 2 if dtype == np.bool_ else 100, shape).astype(dtype)
+
+
+def guarded(dtype, count):
+    """An array filled with a number that shows where nothing was written."""
+    return np.full(count, GUARD, dtype) if dtype != np.bool_ else np.zeros(count, dtype)
+
+
+@njit
+def _copied(x, out, i, n):
+    simd.store(out, i + 1, simd.load(x, i, 8))
+    simd.masked_store(out, 20, simd.load(x, 0, 8), simd.first_lanes(n, simd.load(x, 0, 8)))
+    simd.store(out, 40, simd.masked_load(x, len(x) - n, simd.first_lanes(n, simd.load(x, 0, 8))))
+
+
+@pytest.mark.parametrize("dtype", STORED)
+@pytest.mark.parametrize("n", [0, 1, 5, 8])
+def test_loads_and_stores_with_and_without_masks(dtype, n):
+    x, out = numbers(dtype, 30), guarded(dtype, 64)
+    expected = out.copy()
+    _copied(x, out, 3, n)
+    expected[4:12], expected[20 : 20 + n], expected[40:48] = x[3:11], x[:n], 0
+    expected[40 : 40 + n] = x[30 - n :]
+    assert np.array_equal(out, expected)
+
+
+@njit
+def _natural(x, wide, out):
+    a = simd.load(x, 0)
+    simd.store(out, 0, a)
+    simd.store(wide, 0, simd.load(wide, 16, simd.f32) * 2)
+    simd.store_aligned(out, 32, simd.load_aligned(x, 16, 8))
+    simd.prefetch(x, 1 << 40)
+    simd.write(out, 50, simd.read(x, 20) + 1)
+    simd.write(out, 51, 3.9)
+
+
+@pytest.mark.parametrize("dtype", TYPES)
+def test_a_load_fills_a_vector_or_has_the_lanes_of_the_type_asked_for(dtype):
+    x, out, wide = simd.aligned_empty(32, dtype), simd.aligned_empty(64, dtype), np.arange(32.0)
+    x[:], out[:] = numbers(dtype, 32), GUARD
+    _natural(x, wide, out)
+    lanes = simd.WIDTH if x.itemsize == 4 else simd.WIDTH64
+    assert np.array_equal(out[:lanes], x[:lanes])
+    assert np.array_equal(out[32:40], x[16:24])
+    assert np.array_equal(wide[: simd.WIDTH], np.arange(16, 16 + simd.WIDTH) * 2.0)
+    assert out[50] == x[20] + 1
+    assert out[51] == dtype(3.9)
+    assert np.all(out[lanes:32] == GUARD)
+
+
+@pytest.mark.parametrize("alignment", [64, 256])
+def test_aligned_arrays_are_aligned(alignment):
+    for _ in range(20):
+        made = simd.aligned_empty((3, 5), np.float32, alignment)
+        assert made.ctypes.data % alignment == 0
+        assert made.shape == (3, 5)
+        assert made.dtype == np.float32
+
+
+def test_lanes_that_are_not_constant_are_an_error():
+    @njit
+    def wrong(x, n):
+        return simd.sum_of(simd.load(x, 0, n))
+
+    with pytest.raises(TypingError, match="the lanes of a load must be constant"):
+        wrong(np.zeros(16, np.float32), 4)
+
+
+@njit
+def _gathered(x, places, on, out):
+    i, m = simd.load(places, 0, 8), simd.load(on, 0, 8)
+    simd.store(out, 0, simd.gather(x, i))
+    simd.store(out, 8, simd.gather(x, simd.select(m, i, 1 << 28), m))
+    simd.scatter(out, i + 16, simd.load(x, 0, 8), m)
+    simd.scatter(out, i * 0 + 60, simd.load(x, 0, 8))
+
+
+@pytest.mark.parametrize("dtype", STORED)
+@pytest.mark.parametrize("index", [np.int32, np.int64])
+def test_gathers_and_scatters(dtype, index):
+    """Lanes that are off are not read, wherever they point; of lanes with one place the last is kept."""
+    x, places, on = numbers(dtype, 30), np.array([3, 29, 0, 7, 7, 11, 2, 18], index), np.array([1, 0, 1, 1, 0, 1, 0, 1], bool)
+    out = guarded(dtype, 64)
+    expected = out.copy()
+    _gathered(x, places, on, out)
+    expected[:8], expected[8:16] = x[places], np.where(on, x[places], 0)
+    expected[16 + places[on]] = x[:8][on]
+    expected[60] = x[7]
+    assert np.array_equal(out, expected)
+
+
+@njit
+def _compressed(x, on, out, front, lanes):
+    total = 0
+    for i in range(0, len(x), lanes):
+        v, m = simd.load(x, i, 8), simd.load(on, i, 8)
+        total += simd.compress_store(out, total, v, m)
+        simd.store(front, i, simd.compress(v, m))
+    return total
+
+
+@pytest.mark.parametrize("dtype", STORED)
+def test_compressing_keeps_the_order_and_writes_nothing_behind(dtype):
+    random = np.random.default_rng(2)
+    x, on = numbers(dtype, 8 * 40), random.random(8 * 40) < np.repeat(np.linspace(0, 1, 40), 8)
+    kept = x[on]
+    out, front = guarded(dtype, len(x)), np.zeros_like(x)
+    assert _compressed(x, on, out, front, 8) == len(kept)
+    assert np.array_equal(out[: len(kept)], kept)
+    assert np.array_equal(out[len(kept) :], guarded(dtype, len(x) - len(kept)))
+    for block, chosen, values in zip(front.reshape(-1, 8), on.reshape(-1, 8), x.reshape(-1, 8), strict=True):
+        assert np.array_equal(block[: chosen.sum()], values[chosen])
+
+
+def _rows(k, lanes):
+    stores = "".join(f"    simd.store(out, {j * lanes}, c[{j}])\n" for j in range(k))
+    return compiled(
+        f"def run(x, places, out, back):\n    i = simd.load(places, 0, {lanes})\n    c = simd.gather_rows(x, i, {k})\n"
+        f"{stores}    simd.scatter_rows(back, i, c)"
+    )
+
+
+@pytest.mark.parametrize(("k", "lanes"), [(2, 16), (4, 16), (8, 16), (4, 8), (8, 4), (4, 1)])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64, np.int32])
+def test_rows_of_records_become_columns_and_rows_again(k, lanes, dtype):
+    x = numbers(dtype, 40 * k)
+    places = np.random.default_rng(3).permutation(40)[:lanes].astype(np.int32) * k
+    out, back = np.zeros((k, lanes), dtype), np.zeros_like(x)
+    _rows(k, lanes)(x, places, out.ravel(), back)
+    rows = x.reshape(40, k)[places // k]
+    assert np.array_equal(out, rows.T)
+    assert np.array_equal(back.reshape(40, k)[places // k], rows)
+    assert np.count_nonzero(back) == np.count_nonzero(rows)
+
+
+@njit
+def _on_the_stack(n):
+    room = simd.stack_array(np.int32, 64)
+    for k in range(64):
+        room[k] = k * n
+    simd.store(room, 8, simd.load(room, 0, 8) + 1)
+    total = 0
+    for k in range(64):
+        total += room[k]
+    return total
+
+
+def test_an_array_on_the_stack():
+    expected = np.arange(64) * 3
+    expected[8:16] = expected[:8] + 1
+    assert _on_the_stack(3) == expected.sum()
+
+
+# --- array[vector] -------------------------------------------------------------------------------------------------------
+
+
+@njit
+def _indexed(one, two, three, places, out):
+    i = simd.load(places, 0, 8)
+    j = i % 3
+    simd.store(out, 0, one[i])
+    simd.store(out, 8, two[i, 1])
+    simd.store(out, 16, two[4, j])
+    simd.store(out, 24, two[i, j])
+    simd.store(out, 32, three[i, 1, j])
+    simd.store(out, 40, three[2, j, 1])
+    simd.store(out, 48, two[i + 1, j])
+
+
+@pytest.mark.parametrize("dtype", STORED)
+@pytest.mark.parametrize("index", [np.int32, np.int64, np.uint32])
+def test_arrays_are_indexed_by_vectors(dtype, index):
+    one, two, three = numbers(dtype, 30), numbers(dtype, (30, 3), 1), numbers(dtype, (30, 3, 3), 2)
+    places = np.array([3, 28, 0, 7, 7, 11, 2, 18], index)
+    out = np.zeros(56, dtype)
+    _indexed(one, two, three, places, out)
+    j = places % 3
+    expected = [one[places], two[places, 1], two[4, j], two[places, j], three[places, 1, j], three[2, j, 1], two[places + 1, j]]
+    assert np.array_equal(out, np.concatenate(expected))
+
+
+@pytest.mark.parametrize(
+    ("dtype", "index", "found"),
+    [
+        (np.float64, "i32", "f32"), (np.float32, "i64", "f64"), (np.int64, "i32", "i32"), (np.int32, "i64", "i64"),
+        (np.uint8, "i32", "i32"), (np.uint8, "i64", "i64"), (np.bool_, "i64", "m64"), (np.uint64, "i32", "u32"),
+    ],
+)  # fmt: skip
+def test_what_is_found_is_as_wide_as_the_index(dtype, index, found):
+    look = compiled(f"def run(x):\n    return simd.count(simd.{found}x4(0) == x[simd.{index}x4(1)])")
+    assert look(np.zeros(3, dtype)) == 4
+
+
+class Table(NamedTuple):
+    rows: Any
+
+
+def test_a_handles_arrays_are_indexed_too():
+    @njit
+    def look(table, places, out):
+        simd.store(out, 0, table.rows[simd.load(places, 0, 4), 2])
+
+    rows, out = np.arange(30.0).reshape(10, 3), np.zeros(4)
+    look(Handle(Table(rows)), np.array([4, 0, 9, 4]), out)
+    assert list(out) == [14.0, 2.0, 29.0, 14.0]
+
+
+def test_arrays_that_are_not_contiguous_are_an_error():
+    @njit
+    def look(x):
+        return simd.sum_of(x[simd.i64x4(1)])
+
+    with pytest.raises(TypingError):
+        look(np.zeros((4, 4))[:, 1])

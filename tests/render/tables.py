@@ -10,13 +10,13 @@ import numpy as np
 from maquette.compiler import ir
 from maquette.compiler.build import SceneBuilder, lambert
 from maquette.compiler.rows import CameraData, Input, InstanceData, LightData, MaterialData, MeshData
-from maquette.render import bvh, integrate, records, trace
+from maquette.render import bvh, integrate, lanes, records, trace, traverse
 from maquette.render.handles import Handle
 from maquette.render.kernels import kernel
 from maquette.render.records import GouraudLight, Hit, Options, Ray
 
 IDENTITY = np.eye(4)
-OPTIONS = Options(seed=0, bounces=0, interreflection=False, shadows=True, background=0, color=(0.0, 0.0, 0.0))
+OPTIONS = Options(seed=0, bounces=0, interreflection=False, shadows=True, background=0, color=records.Triple(0.0, 0.0, 0.0))
 
 
 def matrix(translate: Any = (0, 0, 0), linear: Any = None) -> np.ndarray:
@@ -148,24 +148,36 @@ def radiance_in_kernel(
     """The same by the compiled integrator through the trees."""
     n = len(ray.t_min)
     rgb, alpha = np.zeros((samples, n, 3)), np.zeros((samples, n))
-    stack = integrate.stack_for(options)
+    stack = integrate.stack_for(options, lanes.WIDTH)
     columns = np.stack([*ray.origin, *ray.direction, ray.t_min, ray.t_max])
-    light = light or no_gouraud(tables)
-    packed = Handle(tables), Handle(bvh.build(tables)), Handle(light)  # kept until the kernel is done
-    issues = _each_ray(*packed, options, columns, pixel, stack, rgb, alpha)
+    frame = Handle(records.Frame(records.View(0, 1, 1), options, np.zeros(1)))
+    packed = Handle(tables), Handle(bvh.build(tables)), Handle(light or no_gouraud(tables))  # kept until the kernel is done
+    traverse.link(packed[1])
+    integrate.link(frame, *packed)
+    issues = _each_ray(*packed, frame, columns, pixel, stack, rgb, alpha)
     assert issues == 0
     return rgb, alpha
 
 
 @kernel
-def _each_ray(tables, accel, light, options, columns, pixel, stack, rgb, alpha):
-    issues = 0
+def _each_ray(tables, accel, light, frame, columns, pixel, stack, rgb, alpha):
+    n, issues = rgb.shape[1], 0
     for s in range(rgb.shape[0]):
-        for k in range(rgb.shape[1]):
-            c = columns[:, k]
-            ray = records.Ray((c[0], c[1], c[2]), (c[3], c[4], c[5]), c[6], c[7])
-            hit = trace.closest(accel, tables, ray, True, 1)
-            color, alpha[s, k], sound = integrate.radiance(tables, accel, light, options, ray, hit, pixel + k, s, stack)
-            rgb[s, k, 0], rgb[s, k, 1], rgb[s, k, 2] = color
-            issues += not sound
+        for start in range(0, n, lanes.WIDTH):
+            k = lanes.minimum(lanes.numbered(start), n - 1)
+            origin, direction = (columns[0, k], columns[1, k], columns[2, k]), (columns[3, k], columns[4, k], columns[5, k])
+            ray = records.Ray(origin, direction, columns[6, k], columns[7, k])
+            hit = trace.closest(accel, tables, ray, lanes.bool_like(ray.t_max, True), 1)
+            color, cover, sound = integrate.call(
+                frame.radiance,
+                (
+                    tables, accel, light, frame.options, origin, direction, hit.t, hit.instance, hit.primitive, hit.u, hit.v,
+                    pixel + k, lanes.int_like(k, s), stack,
+                ),
+            )  # fmt: skip
+            for j in range(min(n - start, lanes.WIDTH)):
+                alpha[s, start + j] = lanes.lane(cover, j)
+                for c in range(3):
+                    rgb[s, start + j, c] = lanes.lane(color[c], j)
+                issues += 0 if lanes.lane(sound, j) else 1
     return issues

@@ -104,11 +104,18 @@ def test_the_command_prints_figures(tmp_path: Path) -> None:
     image = flat(1.0)
     image[2, 3] = 1.5
     a, b = saved(tmp_path / "a.exr", image), saved(tmp_path / "b.exr", flat(1.0))
-    assert run("compare", a, b) == (
-        0,
-        "√relMSE    0.14433 (14.4330%)\nmaximum    0.5 at pixel 3,2\ndiffering  1 of 12 pixels\n",
-        "",
-    )
+    code, out, err = run("compare", a, b)
+    assert (code, err) == (0, "")
+    assert out == f"""\
+A  {a}
+B  {b}
+√relMSE     0.14433 (14.4330%)
+FLIP        0
+maximum     0.5 at pixel 3,2
+bias        red +4.17%, green +4.17%, blue +4.17%
+silhouette  0 pixels apart
+differing   1 of 12 pixels
+"""
 
 
 def test_the_threshold_decides_the_exit_code(tmp_path: Path) -> None:
@@ -139,14 +146,14 @@ def test_the_difference_picture(tmp_path: Path) -> None:
 
 def test_sizes_that_differ(tmp_path: Path) -> None:
     a, b = saved(tmp_path / "a.exr", flat(1.0)), saved(tmp_path / "b.exr", flat(1.0, width=5))
-    assert run("compare", a, b) == (1, "", "Error: sizes differ: 4x3 and 5x3 pixels\n")
+    said = f"sizes differ: {a} is 4x3 and {b} is 5x3 pixels; render both with the same --size"
+    assert run("compare", a, b) == (1, "", f"Error: {said}\n")
 
 
 def test_what_is_not_a_picture_is_said(tmp_path: Path) -> None:
-    a = saved(tmp_path / "a.exr", flat(1.0))
-    scene = tmp_path / "a.scene"
-    scene.write_text("sphere(1)\n", encoding="utf-8")
-    code, out, err = run("compare", a, scene)
+    a, text = saved(tmp_path / "a.exr", flat(1.0)), tmp_path / "notes.txt"
+    text.write_text("not a picture\n", encoding="utf-8")
+    code, out, err = run("compare", a, text)
     assert (code, out) == (1, "")
-    assert err.startswith(f"Error: {scene} is not a picture")
+    assert err.startswith(f"Error: {text} is not a picture: ")
     assert run("compare", a, tmp_path / "none.exr")[0] == 2

@@ -40,6 +40,7 @@ DOORS = {
     "__init__.py": "`import maquette` loads no numpy",
     "cli.py": "each command loads its own stages",
     "cli_shared.py": "settings are asked for once numpy is needed anyway",
+    "cli_compare.py": "pictures and scenes load what they need",
     "cli_job.py": "a job loads the stages it comes to",
     "compiler/lower.py": "a mesh or a stage inside a scene loads what reads its file",
     "compiler/load.py": "each kind of file has its own front end and libraries",

@@ -298,7 +298,7 @@ def test_quadrics_of_about_their_size(scale):
     assert missed == 0
 
 
-@pytest.mark.xfail(strict=True, reason="a quadric's d·A·d is found by taking its constant term away again, in which it drowns where |d| is small")
+@pytest.mark.xfail(strict=True, reason="a quadric's d·A·d is found by taking its constant term away again, and drowns in it")
 @pytest.mark.parametrize("scale", [1e4, 1e6, 1e8])
 def test_enlarged_quadrics(measured, scale):
     """Directions shrink in the frame of what is enlarged: the terms of second order must stand by themselves."""

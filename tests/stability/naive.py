@@ -223,11 +223,11 @@ def texel(u: Array, width: int) -> Array:
     return np.floor((u - np.floor(u)) * np.float32(width)).astype(np.int64)
 
 
-def refraction(sine: Array, eta: float, dtype: Any = np.float32) -> Array:
-    """√(1 − η² sin²) wherever η sin ≤ 1 says that light passes: at the critical angle a rounded −1.2e-7 gives NaN."""
-    s, e = np.asarray(sine, dtype), dtype(eta)
+def refraction(angle: Array, eta: Array, dtype: Any = np.float32) -> Array:
+    """The refracted cosine √(1 − (η sin θ)²) up to the critical angle asin(1/η), 0 beyond: at it, a root of −1.2e-7 is NaN."""
+    angle, eta = np.asarray(angle, dtype), np.asarray(eta, dtype)
     with np.errstate(invalid="ignore"):
-        return np.where(e * s <= 1, np.sqrt(dtype(1) - e * e * s * s), dtype(0))
+        return np.where(angle <= np.arcsin(dtype(1) / eta), np.sqrt(dtype(1) - (eta * np.sin(angle)) ** 2), dtype(0))
 
 
 def phong(n: Array, light: Array, view: Array, exponent: float) -> Array:

@@ -128,7 +128,7 @@ def test_a_corner_a_thousand_million_pixels_away(measured, pixels):
     assert wrong <= 8
 
 
-@pytest.mark.xfail(strict=True, reason="corners are float32 about their mesh's middle: one 10⁹ m away costs the near ones up to 32 m, unsaid")
+@pytest.mark.xfail(strict=True, reason="corners are float32 about their mesh's middle: one 10⁹ m away moves the near ones up to 32 m")
 def test_a_corner_a_thousand_million_metres_away(measured, load):
     """The same from a mesh whose corner lies there: what is drawn is what is stored, but not what the scene says."""
     worst, said = 0.0, []

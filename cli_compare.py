@@ -62,10 +62,17 @@ def _wanted(ctx: click.Context, param: click.Parameter, item: str, types: Mappin
         except ValueError:
             raise click.BadParameter(f"{knob!r} in {item!r}: write it as name=value, as in ray:samples=4", ctx, param) from None
         if name in KNOBS:
-            options[name] = types[name].convert(value, param, ctx)
+            options[name] = _knob(types[name], value, f"{knob!r} in {item!r}", param, ctx)
         else:
             decisions[name] = value
     return Wanted(backend, options, decisions)
+
+
+def _knob(kind: click.ParamType, value: str, where: str, param: click.Parameter, ctx: click.Context) -> Any:
+    try:
+        return kind.convert(value, param, ctx)
+    except click.BadParameter as error:
+        raise click.BadParameter(f"{where}: {error.message}", ctx, param) from None
 
 
 @click.command()
@@ -210,8 +217,9 @@ def _plan(given: _Given, k: int, scene: ir.Scene, other: Side | None) -> Plan:
         settings = replace(settings, backend=wanted.backend, **wanted.options)
         decisions |= wanted.decisions
     if other is not None:
-        about = other.image.metadata
-        settings = replace(settings, size=settings.size or about["size"], crop=settings.crop or about["crop"])
+        size, crop = other.image.metadata["size"], other.image.metadata["crop"]
+        part = None if crop == (0, 0, *size) else crop
+        settings = replace(settings, size=settings.size or size, crop=settings.crop or part)
     try:
         plan = sides.plan_of(scene, settings, decisions)
     except planner.PlanError as error:

@@ -67,25 +67,22 @@ def _noise(found: Comparison) -> Iterator[tuple[str, str]]:
     if noise.a is None and noise.b is None:
         return
     shown = ["not known" if n is None else "none" if n == 0 else percent(n) for n in (noise.a, noise.b)]
-    yield (
-        "noise",
-        f"A {shown[0]}, B {shown[1]}" + (f", together {percent(noise.together)}" if noise.together else "") + " (estimated √relMSE)",
-    )
-    if noise.together and found.error > 0:
+    yield "noise", f"A {shown[0]}, B {shown[1]} (estimated √relMSE of each)"
+    if found.error > 0 and noise.ratio is not None and (noise.a or noise.b):
         yield "", _verdict(found)
 
 
 def _verdict(found: Comparison) -> str:
     """One sentence on whether the difference may be an accident."""
-    within = f"the difference is {'within' if found.within_noise else 'above'} the noise"
+    within = f"the difference is {found.noise.ratio:.3g} times what noise alone makes"
     if found.noise.shared:
         return f"{within}; the random numbers are the same, so what is left is what the two draw differently"
     if found.biased is None:
-        return within
+        return f"{within}: {'within' if found.within_noise else 'above'} the noise"
     means = f"the means differ by {found.bias.significance:.3g} standard errors"
-    if not found.biased:
-        return f"{within}; {means}: no bias is to be seen"
-    return f"{within}, but {means}: a bias" if found.within_noise else f"{within}, and {means}"
+    if found.biased:
+        return f"{within}, and {means}: a bias"
+    return f"{within}, and {means}: {'within the noise' if found.within_noise else 'above the noise'}"
 
 
 def _objects(found: Comparison) -> None:

@@ -245,7 +245,7 @@ def _cells(a: ir.Scene, b: ir.Scene, table: str, row_a: int, row_b: int, pairs: 
         for slot, (x, y) in enumerate(zip(mine, theirs, strict=True)):
             if (pairs[target].get(x, -1) if x >= 0 else -1) != y or (x < 0) != (y < 0):
                 name = ir.Slot(slot).name.lower() if table == "materials" else column
-                found.append((name, _target(a, target, x), _target(b, target, y)))
+                found.append((name, _target(a, target, x, column), _target(b, target, y, column)))
     return tuple(cell for cell in found if cell[1] != cell[2])
 
 
@@ -257,8 +257,10 @@ def _plain_cells(scene: ir.Scene, table: str, row: int) -> dict[str, str]:
     return {"name": names[row], **cells} if row < len(names) and names[row] else cells
 
 
-def _target(scene: ir.Scene, table: str, row: int) -> str:
-    return f"{label(scene, table, row)} {scene.spans.at(table, row) or f'row {row}'}" if row >= 0 else ""
+def _target(scene: ir.Scene, table: str, row: int, column: str) -> str:
+    """The row a column refers to, with its place."""
+    place = scene.spans.at(table, row) or f"row {row}"
+    return f"{label(scene, table, row).removeprefix(f'{column} ')} {place}" if row >= 0 else ""
 
 
 def _short(values: np.ndarray | None) -> str:

@@ -17,6 +17,7 @@ from ..render import metrics
 from . import carriers, changes, errors
 from .sides import Side, alike, exposure_said
 
+ACCIDENT = 1.2  # times the noise alone: independent noise makes 0.7 to 1.1, as its estimate is from above
 SIGNIFICANT = 4.0  # standard errors of a mean difference beyond which it is no accident
 METRICS = ("relmse", "flip", "maximum", "silhouette", "bias")
 
@@ -57,19 +58,16 @@ class Bias:
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Estimated √relMSE of each side's own noise, and of the difference of two pictures so noisy with independent noise.
+    """Estimated √relMSE of each side's own noise, and how many times as large the difference is as noise alone would make it.
 
-    `shared`: both were drawn with the same random numbers, so that their noise cancels wherever they draw alike.
+    None where not known. `shared`: both were drawn with the same random numbers, so that their noise cancels wherever they
+    draw alike.
     """
 
     a: float | None
     b: float | None
+    ratio: float | None
     shared: bool
-
-    @property
-    def together(self) -> float | None:
-        """√(a² + b²)."""
-        return None if self.a is None or self.b is None else math.hypot(self.a, self.b)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,8 +95,7 @@ class Comparison:
     @property
     def within_noise(self) -> bool | None:
         """Whether two pictures as noisy as these would be as far apart by accident; None where the noise is not known."""
-        together = self.noise.together
-        return None if together is None else self.error <= together
+        return None if self.noise.ratio is None else self.noise.ratio <= ACCIDENT
 
     @property
     def biased(self) -> bool | None:
@@ -121,7 +118,7 @@ class Comparison:
             "exposure": self.exposure,
             "bias": self.bias.channels, "bias_standard_error": self.bias.doubt, "bias_significance": self.bias.significance,
             "biased": self.biased,
-            "noise": {"a": self.noise.a, "b": self.noise.b, "together": self.noise.together, "shared": self.noise.shared},
+            "noise": {"a": self.noise.a, "b": self.noise.b, "ratio": self.noise.ratio, "shared": self.noise.shared},
             "within_noise": self.within_noise,
             "outline": None if self.outline is None else self.outline.to_json(),
             "interior": None if self.interior is None else self.interior.to_json(),
@@ -160,7 +157,7 @@ def compare(a: Side, b: Side, exposure: float | None = None) -> Comparison:
         silhouette=None if a.coverage is None or b.coverage is None else errors.silhouette(a.coverage, b.coverage),
         exposure=stops,
         bias=_bias(a, b, variance),
-        noise=Noise(a.noise, b.noise, _share_randomness(a, b)),
+        noise=_noise(a, b, variance, found.error),
         outline=None if outline is None else _region(outline, squared, distance),
         interior=None if outline is None else _region(~outline, squared, distance),
         carriers=() if owner is None else tuple(carriers.carriers(a, b, owner, squared, of_luminance)),
@@ -215,6 +212,25 @@ def _variance(a: Side, b: Side) -> NDArray[np.float64] | None:
     """(h, w, 3) of A − B, were their noises independent: shared random numbers only make it less."""
     one, other = a.variance, b.variance
     return None if one is None or other is None else one + other
+
+
+def _noise(a: Side, b: Side, variance: NDArray[np.float64] | None, error: float) -> Noise:
+    """What is known of the noise; with the pixels' variances the ratio compares sums of squares, weighed alike.
+
+    The weight is relative to the mean of both: a pixel that is dark in one by accident would count without end by √relMSE.
+    """
+    ratio = None
+    if variance is not None:
+        middle = (a.rgb + b.rgb) / 2
+        weight = 1.0 / (middle**2 + (metrics.EPSILON * metrics.luminance(b.rgb).mean()) ** 2 + np.finfo(np.float64).tiny)
+        ratio = _ratio(math.sqrt(float(((a.rgb - b.rgb) ** 2 * weight).mean())), math.sqrt(float((variance * weight).mean())))
+    elif a.noise is not None and b.noise is not None:
+        ratio = _ratio(error, math.hypot(a.noise, b.noise))
+    return Noise(a.noise, b.noise, ratio, _share_randomness(a, b))
+
+
+def _ratio(difference: float, noise: float) -> float:
+    return difference / noise if noise > 0 else 0.0 if difference == 0 else math.inf
 
 
 def _share_randomness(a: Side, b: Side) -> bool:

@@ -87,10 +87,12 @@ def test_the_terminator_gets_better_with_segments(backend):
 
 
 def split(sine: np.ndarray, n: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(reflected, transmitted, total) from inside an index n, by the shared functions."""
+    """(reflected, transmitted, total) from inside an index n: R by the shared function, T by Fresnel's amplitudes from its angle."""
     cosine = np.sqrt(np.maximum(1 - sine * sine, 0))
     share, bent, total = materials.fresnel(cosine, np.full_like(cosine, n))
-    return share, np.where(total, 0.0, 1 - share) + 0 * bent, total
+    across, along = 2 * n * cosine / (n * cosine + bent), 2 * n * cosine / (cosine + n * bent)
+    through = bent / (n * cosine) * 0.5 * (across**2 + along**2)  # Hecht, Optics, section 4.6.3
+    return share, np.where(total, 0.0, through), total
 
 
 def test_about_the_critical_angle(measured):

@@ -32,9 +32,10 @@ SHARES = ("relmse", "flip", "bias")  # shown in per cent
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """One item of --backends: a backend with options and decisions of its own."""
+    """One item of --backends: a backend with options and decisions of its own; `knobs` as they were written."""
 
     backend: str
+    knobs: tuple[str, ...]
     options: Mapping[str, Any]
     decisions: Mapping[str, str]
 
@@ -65,7 +66,7 @@ def _wanted(ctx: click.Context, param: click.Parameter, item: str, types: Mappin
             options[name] = _knob(types[name], value, f"{knob!r} in {item!r}", param, ctx)
         else:
             decisions[name] = value
-    return Wanted(backend, options, decisions)
+    return Wanted(backend, tuple(knobs), options, decisions)
 
 
 def _knob(kind: click.ParamType, value: str, where: str, param: click.Parameter, ctx: click.Context) -> Any:
@@ -174,6 +175,11 @@ class _Given:
     backends: tuple[Wanted, ...]
     options: dict[str, Any]
 
+    def name(self, k: int) -> str:
+        """What side k is called: its file, and what --backends says of it but for what is shown of every render."""
+        knobs = [knob for knob in self.backends[k].knobs if not knob.startswith(("samples=", "seed="))] if self.backends else []
+        return " ".join([str((self.first, self.second)[k]), *knobs])
+
 
 def _sides(given: _Given, quiet: bool) -> tuple[Side, Side]:
     """Both sides, read or drawn; nothing is drawn before it is known that both can be had and have one size."""
@@ -197,7 +203,7 @@ def _sides(given: _Given, quiet: bool) -> tuple[Side, Side]:
     _check_sizes(paths, ready, plans)
     for k, planned in enumerate(plans):
         if planned is not None:
-            ready[k] = _draw(paths[k], *planned, "AB"[k], quiet)
+            ready[k] = _draw(given.name(k), *planned, "AB"[k], quiet)
     a, b = ready
     assert a is not None
     assert b is not None
@@ -249,13 +255,13 @@ def _check_sizes(paths: tuple[Path, Path], ready: list[Side | None], plans: list
     raise click.ClickException(f"sizes differ: {said[0]} and {said[1]} pixels; {fix}")
 
 
-def _draw(path: Path, scene: ir.Scene, plan: Plan, letter: str, quiet: bool) -> Side:
+def _draw(name: str, scene: ir.Scene, plan: Plan, letter: str, quiet: bool) -> Side:
     from .measure import sides
     from .render import kernels
 
     with terminal.Progress(quiet) as progress, jobs.interruptible() as cancel:
         progress.begin(f"drawing {letter} ({plan['backend']})", "compiling kernels (the first time only)" if kernels.is_cold() else "")
-        side = sides.drawn(scene, plan, str(path), progress, cancel)
+        side = sides.drawn(scene, plan, name, progress, cancel)
     if side.image.metadata["partial"]:
         raise KeyboardInterrupt
     return side

@@ -7,6 +7,7 @@ to a row that changed is no change of its own: a sphere whose material got anoth
 from __future__ import annotations
 
 import hashlib
+import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import asdict, dataclass
@@ -39,6 +40,8 @@ _UNLIKE = {
     "materials": "model",
 }  # rows that differ in it are not matched by order
 
+_NUMBER = re.compile(r"-?\d+\.\d{4,}(e[+-]\d+)?")
+
 Pairs = dict[str, dict[int, int]]  # table -> row of A -> row of B
 
 
@@ -55,7 +58,7 @@ class Change:
 
     def __str__(self) -> str:
         place = f" {self.span}" if self.span else ""
-        cells = "; ".join(f"{column} {_before(before)} → {_before(after)}" for column, before, after in self.cells)
+        cells = "; ".join(f"{column} {_told(before, after)}" for column, before, after in self.cells)
         return f"{self.what} {self.label}{place}{': ' if cells else ''}{cells}"
 
     def to_json(self) -> dict[str, Any]:
@@ -107,8 +110,10 @@ def _count(scene: ir.Scene, table: str) -> int:
     return len(getattr(scene.tables, table)[0])
 
 
-def _before(text: str) -> str:
-    return text or "nothing"
+def _told(before: str, after: str) -> str:
+    """`before → after`, with as few digits as still tell them apart."""
+    short = [_NUMBER.sub(lambda number: f"{float(number[0]):.5g}", text) for text in (before, after)]
+    return " → ".join(text or "nothing" for text in (short if short[0] != short[1] else (before, after)))
 
 
 def _settings(a: ir.Scene, b: ir.Scene) -> list[Change]:

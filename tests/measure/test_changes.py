@@ -84,7 +84,7 @@ def test_added_and_removed(told) -> None:
 def test_the_camera_and_the_settings(told) -> None:
     assert told(("fov: 30deg", "fov: 60deg"), ("samples: 4", "samples: 8")) == [
         "changed render: samples 4 → 8",
-        "changed camera b.scene:7:1: extent 0.267949192 → 0.577350269",
+        "changed camera b.scene:7:1: extent 0.26795 → 0.57735",
     ]
 
 

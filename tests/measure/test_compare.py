@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import flip_evaluator
 import maquette
 import numpy as np
 import pytest
@@ -194,6 +195,13 @@ def test_flip_is_nothing_alike_and_near_one_for_black_and_white() -> None:
     assert errors.flip(white, white) == 0.0
     assert errors.flip(white, black) > 0.9
     assert errors.flip(black + 0.2, black + 0.21) < 0.1
+
+
+def test_flip_is_its_authors_of_the_pictures_in_srgb() -> None:
+    a, b = np.random.default_rng(1).random((2, 20, 30, 3), np.float32)
+    shown = [output.encode_srgb(rgb).astype(np.float32) for rgb in (b, a)]
+    _, theirs, _ = flip_evaluator.evaluate(*shown, "LDR", applyMagma=False)
+    assert errors.flip(a, b) == pytest.approx(theirs, rel=1e-4)
 
 
 def test_flip_looks_at_the_exposure_that_was_meant(scene: ir.Scene) -> None:

@@ -25,8 +25,10 @@ if TYPE_CHECKING:
 
 BACKENDS = ("auto", "ray", "raster", "reference")
 KNOBS = ("samples", "error", "budget", "bounces", "seed")  # options that --backends may give one side alone; other names are decisions
-METRICS = ("relmse", "flip", "maximum", "silhouette", "bias")
-FIGURES = {"relmse": "√relMSE", "flip": "FLIP", "maximum": "the maximum", "silhouette": "the silhouette difference", "bias": "the bias"}
+FIGURES = {
+    "relmse": "√relMSE", "flip": "FLIP", "maximum": "the maximum", "silhouette": "the silhouette difference", "bias": "the bias",
+    "noise": "the difference over what noise alone makes", "significance": "the difference of the means in standard errors",
+}  # fmt: skip
 SHARES = ("relmse", "flip", "bias")  # shown in per cent
 
 
@@ -83,7 +85,7 @@ def _knob(kind: click.ParamType, value: str, where: str, param: click.Parameter,
 @click.option("-o", "--output", type=shared.OUT, help="A picture of A − B: false colours, or the signed difference itself in an .exr.")
 @click.option("--side-by-side", is_flag=True, help="The picture is A, B and A − B beside each other, with labels.")
 @click.option("--threshold", type=values.LIMIT, help="Exit with 1 when the metric is above this: 1%, or 0 for identical.")
-@click.option("--metric", type=click.Choice(METRICS), help="What --threshold is about. Default: relmse.")
+@click.option("--metric", type=click.Choice(tuple(FIGURES)), help="What --threshold is about. Default: relmse.")
 @click.option("--json", "as_json", is_flag=True, help="All figures as JSON on stdout.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress bar.")
 @shared.scene_options
@@ -272,9 +274,21 @@ def _judge(ctx: click.Context, found: Comparison, metric: str, threshold: float 
         return
     value = found.value(metric)
     if value is None:
-        without = next(side.name for side in (found.a, found.b) if side.coverage is None)
-        raise click.ClickException(f"{without} has no alpha, which tells the silhouette: compare an .exr, or choose another --metric")
+        raise click.ClickException(f"{_why_unknown(found, metric)}; choose another --metric")
     if not value <= threshold:  # also where it is no number
         said, limit = (reports.percent(v) if metric in SHARES else f"{v:.6g}" for v in (value, threshold))
         click.echo(f"{FIGURES[metric]} is {said}, above the threshold of {limit}", err=True)
         ctx.exit(1)
+
+
+def _why_unknown(found: Comparison, metric: str) -> str:
+    """Why a figure is not known of these two, and what would tell it."""
+    sides = (found.a, found.b)
+    if metric == "silhouette":
+        name = next(side.name for side in sides if side.coverage is None)
+        return f"{name} has no alpha, which tells the silhouette: compare an .exr"
+    if metric == "significance":
+        name = next(side.name for side in sides if side.variance is None)
+        return f"the variance of {name} is not known, only a render of several samples tells it: compare scenes"
+    name = next(side.name for side in sides if side.noise is None)
+    return f"the noise of {name} is not known, only a render of several samples tells it"

@@ -19,7 +19,7 @@ from .sides import Side, alike, exposure_said
 
 ACCIDENT = 1.2  # times the noise alone: independent noise makes 0.7 to 1.1, as its estimate is from above
 SIGNIFICANT = 4.0  # standard errors of a mean difference beyond which it is no accident
-METRICS = ("relmse", "flip", "maximum", "silhouette", "bias")
+METRICS = ("relmse", "flip", "maximum", "silhouette", "bias", "noise", "significance")
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +107,7 @@ class Comparison:
         """The figure of one of METRICS; None where it is not known of these pictures."""
         return {
             "relmse": self.error, "flip": self.flip, "maximum": self.maximum, "silhouette": self.silhouette, "bias": self.bias.largest,
+            "noise": self.noise.ratio, "significance": self.bias.significance,
         }[metric]  # fmt: skip
 
     def to_json(self) -> dict[str, Any]:

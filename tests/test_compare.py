@@ -285,6 +285,27 @@ def test_any_metric_may_decide(tmp_path: Path, metric: str, said: str) -> None:
     assert run("compare", a, b, "--metric", metric, "--threshold", "0.9")[0] == 0
 
 
+def test_noise_may_decide(scene: Path) -> None:
+    """A difference that is noise alone passes, one that is more does not; where the noise is not known, that is said."""
+    soft = SCENE.replace("MATERIAL", "lambert(#3060c0)") + "sky(luminance: 0.5)\n"
+    scene.write_text(soft, encoding="utf-8")
+    Path("dim.scene").write_text(soft.replace("illuminance: 3", "illuminance: 2.8"), encoding="utf-8")
+    alike = [scene, "--backends", "ray:samples=16,ray:samples=16:seed=1", "--threshold", "4"]
+    unlike = ["dim.scene", scene, "--samples", "16", "--threshold", "4"]
+    for metric in ("noise", "significance"):
+        assert run("compare", *alike, "--metric", metric)[0] == 0
+    code, _, err = run("compare", *unlike, "--metric", "significance")
+    assert code == 1
+    assert err.startswith("the difference of the means in standard errors is ")
+    assert err.endswith(", above the threshold of 4\n")
+    saved(Path("a.exr"), flat(1.0))
+    for metric, said in (
+        ("noise", "the noise of a.exr is not known, only a render of several samples tells it"),
+        ("significance", "the variance of a.exr is not known, only a render of several samples tells it: compare scenes"),
+    ):
+        assert run("compare", "a.exr", "a.exr", "--metric", metric, "--threshold", "1")[2] == f"Error: {said}; choose another --metric\n"
+
+
 def test_what_is_no_number_is_above_every_threshold(tmp_path: Path) -> None:
     image = flat(1.0)
     image[0, 0] = np.nan
@@ -296,7 +317,7 @@ def test_what_is_no_number_is_above_every_threshold(tmp_path: Path) -> None:
 
 def test_a_picture_without_alpha_has_no_silhouette(tmp_path: Path) -> None:
     a, b = saved(tmp_path / "a.png", flat(0.5)), saved(tmp_path / "b.exr", flat(0.5))
-    said = f"Error: {a} has no alpha, which tells the silhouette: compare an .exr, or choose another --metric\n"
+    said = f"Error: {a} has no alpha, which tells the silhouette: compare an .exr; choose another --metric\n"
     assert run("compare", a, b, "--metric", "silhouette", "--threshold", "1")[2] == said
 
 

@@ -57,8 +57,8 @@ def _enlarged(pixels: NDArray[np.floating]) -> NDArray[np.float32]:
 
 def _label(text: str, width: int, size: int) -> NDArray[np.float32]:
     """(STRIP, width, 3) linear white text on the field, cut where it is too long."""
-    while len(text) > 4 and _length(text, size) > width - 2 * GAP:
-        text = f"{text[:-2].rstrip('…')}…"
+    if _length(text, size) > width - 2 * GAP:
+        text = next((text[:k] + "..." for k in range(len(text), 0, -1) if _length(text[:k] + "...", size) <= width - 2 * GAP), "")
     strip = oiio.ImageBuf(oiio.ImageSpec(width, STRIP, 3, "float"))
     oiio.ImageBufAlgo.fill(strip, (0.0, 0.0, 0.0))
     oiio.ImageBufAlgo.render_text(strip, GAP, STRIP - 7, text, size, "", (1.0, 1.0, 1.0))

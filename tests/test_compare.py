@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -412,3 +413,22 @@ def test_errors_of_a_scene_are_told_as_ever(scene: Path) -> None:
     code, out, err = run("compare", scene, "wrong.scene")
     assert (code, out) == (1, "")
     assert err.startswith("wrong.scene:1:1: error: ")
+
+
+def test_the_pages_python_runs(scene: Path) -> None:
+    root = Path(__file__).resolve().parent.parent
+    Path("examples").mkdir()
+    Path("examples/hello.scene").write_text((root / "examples" / "hello.scene").read_text(encoding="utf-8"), encoding="utf-8")
+    saved(Path("out.exr"), flat(1.1))
+    saved(Path("reference.exr"), flat(1.0))
+    (code,) = re.findall(r"```python\n(.*?)```", (root / "docs" / "compare.md").read_text(encoding="utf-8"), re.S)
+    names: dict[str, Any] = {}
+    exec(code, names)
+    assert names["found"].interior.error < 1e-3
+
+
+def test_the_page_tells_every_figure_of_the_json(scene: Path) -> None:
+    page = (Path(__file__).resolve().parent.parent / "docs" / "compare.md").read_text(encoding="utf-8")
+    found = figures(scene, "--backends", "ray,ray")
+    missing = [key for key in (*found, *found["noise"]) if f"`{key}`" not in page]
+    assert missing == []

@@ -6,6 +6,7 @@ two pictures show different objects there, to the nearer of them: it is what app
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -116,6 +117,8 @@ def weights(squared: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def relative(value: float, whole: float) -> float:
     """value / whole, 0 of nothing being 0 and anything else of nothing endless."""
+    if not math.isfinite(value):
+        return math.inf
     return float(value / whole) if whole else 0.0 if value == 0 else float(np.copysign(np.inf, value))
 
 

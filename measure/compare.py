@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..compiler import store
 from ..render import metrics
 from . import carriers, changes, errors
-from .sides import Side, alike, exposure_said
+from .sides import Side, alike, exposure_said, without_shared_endless
 
 ACCIDENT = 1.2  # times the noise alone: independent noise makes 0.7 to 1.1, as its estimate is from above
 SIGNIFICANT = 4.0  # standard errors of a mean difference beyond which it is no accident
@@ -143,7 +143,7 @@ def compare(a: Side, b: Side, exposure: float | None = None) -> Comparison:
 
     FLIP looks at both at `exposure` stops, None: as B, or else A, says; 8 and 16-bit pictures are looked at as they are.
     """
-    a, b = alike(a, b, exposure)
+    a, b = without_shared_endless(*alike(a, b, exposure))
     stops = 0.0 if a.bits else exposure_of(a, b) if exposure is None else exposure
     found = metrics.difference(a.rgb, b.rgb)
     squared = metrics.squared_relative(a.rgb, b.rgb)
@@ -231,6 +231,8 @@ def _noise(a: Side, b: Side, variance: NDArray[np.float64] | None, error: float)
 
 
 def _ratio(difference: float, noise: float) -> float:
+    if math.isnan(difference):
+        return math.inf
     return difference / noise if noise > 0 else 0.0 if difference == 0 else math.inf
 
 

@@ -118,6 +118,20 @@ def _noise(plan: planner.Plan, image: Image) -> float | None:
     return image.metadata["error"]
 
 
+def without_shared_endless(a: Side, b: Side) -> tuple[Side, Side]:
+    """Both with 0 where they hold the same inf or nan: there they are alike, and no sum should suffer from it."""
+    one, other = a.image.channels["rgba"], b.image.channels["rgba"]
+    if one.shape != other.shape or np.isfinite(other).all():
+        return a, b
+    same = ((one == other) | (np.isnan(one) & np.isnan(other))) & ~np.isfinite(other)
+    return _with_pixels(a, np.where(same, 0.0, one)), _with_pixels(b, np.where(same, 0.0, other))
+
+
+def _with_pixels(side: Side, rgba: NDArray[np.floating], **metadata: object) -> Side:
+    channels = {**side.image.channels, "rgba": rgba.astype(np.float32)}
+    return replace(side, image=replace(side.image, channels=channels, metadata={**side.image.metadata, **metadata}))
+
+
 def alike(a: Side, b: Side, exposure: float | None = None) -> tuple[Side, Side]:
     """Both in one kind of light: where one alone is an 8 or 16-bit picture, the other is exposed and clipped as that one was.
 
@@ -144,9 +158,7 @@ def _displayed(linear: Side, shown: Side, exposure: float | None) -> Side:
     gain = np.float32(2.0**stops)
     rgba = linear.image.channels["rgba"].copy()
     rgba[..., :3] = np.clip(rgba[..., :3] * gain, 0.0, 1.0)
-    metadata = {**linear.image.metadata, "bits": shown.bits}
-    if metadata.get("variance") is not None:
-        metadata["variance"] = metadata["variance"] * gain**2
-    image = replace(linear.image, channels={**linear.image.channels, "rgba": rgba}, metadata=metadata)
+    variance = linear.image.metadata.get("variance")
     said = f"exposed by {stops:+g} stops and clipped to 0..1, as {shown.name} holds {shown.bits} bits a channel"
-    return replace(linear, image=image, changes=(*linear.changes, said))
+    side = _with_pixels(linear, rgba, bits=shown.bits, variance=None if variance is None else variance * gain**2)
+    return replace(side, changes=(*linear.changes, said))

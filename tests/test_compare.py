@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +17,7 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from maquette import cli_job
 from maquette.cli import cli
 from maquette.render import metrics, output
 from maquette.render.image import Image
@@ -432,3 +436,17 @@ def test_the_page_tells_every_figure_of_the_json(scene: Path) -> None:
     found = figures(scene, "--backends", "ray,ray")
     missing = [key for key in (*found, *found["noise"]) if f"`{key}`" not in page]
     assert missing == []
+
+
+def test_interrupted_nothing_is_compared(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C while a side is drawn ends the command with 130 and leaves no picture."""
+
+    @contextmanager
+    def pressed() -> Iterator[threading.Event]:
+        event = threading.Event()
+        event.set()
+        yield event
+
+    monkeypatch.setattr(cli_job, "interruptible", pressed)
+    assert run("compare", scene, "--backends", "raster,ray", "-o", "d.png") == (130, "", "")
+    assert not Path("d.png").exists()

@@ -215,3 +215,23 @@ def test_flip_looks_at_the_exposure_that_was_meant(scene: ir.Scene) -> None:
 def test_sizes_that_differ_are_refused() -> None:
     with pytest.raises(metrics.SizeError, match="sizes differ: 3x2 and 2x2 pixels"):
         compare.compare(painted(np.ones((2, 3, 3))), painted(np.ones((2, 2, 3))))
+
+
+@pytest.mark.parametrize("odd", [np.inf, -np.inf, np.nan])
+def test_what_is_endless_in_both_is_alike(odd: float) -> None:
+    a, b = np.ones((2, 3, 3)), np.ones((2, 3, 3))
+    a[0, 0] = b[0, 0] = odd
+    a[1, 1] = 1.1
+    found = compare.compare(painted(a), painted(b))
+    assert (found.differing, found.at) == (1, (1, 1))
+    assert found.bias.largest == pytest.approx(0.1 / 5, rel=1e-4)
+    b[0, 0] = 1.0
+    alone = compare.compare(painted(a), painted(b))
+    assert (alone.error, alone.bias.largest, alone.at) == (math.inf, math.inf, (0, 0))
+
+
+def test_pictures_of_one_pixel_and_of_nothing_lit() -> None:
+    black, white = np.zeros((1, 1, 3)), np.ones((1, 1, 3))
+    assert compare.compare(painted(black), painted(black)).error == 0.0
+    assert compare.compare(painted(white), painted(black)).bias.largest == math.inf
+    assert compare.compare(painted(black), painted(white)).bias.channels == (-1.0, -1.0, -1.0)

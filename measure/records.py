@@ -1,6 +1,6 @@
 """What a chart is made of: settings, runs, the reference, figures with their spread, points, curves, the chart. Plain data, no drawing.
 
-Errors are in the metric's own unit; bias and noise are √relMSE-like, so that error² ≈ bias² + noise² under that metric. Seconds are wall time.
+Errors are in the metric's own unit; bias and noise are √relMSE-like: its square is about bias² + noise². Seconds are wall time.
 """
 
 from __future__ import annotations
@@ -64,7 +64,10 @@ class Spread:
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A setting, measured. `errors` holds every metric, `error` the charted one. Bias and noise have standard errors; None: not told apart."""
+    """A setting, measured. `errors` holds every metric, `error` the charted one.
+
+    Bias and noise come with their standard errors; None where they were not told apart.
+    """
 
     setting: Setting
     seconds: Spread

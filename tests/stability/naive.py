@@ -129,6 +129,23 @@ def bisect(f: Callable[[float], float], low: float, high: float) -> float:
     return 0.5 * (low + high)
 
 
+def bounds(f: Callable[[Array], Array], low: float, high: float) -> tuple[float, float]:
+    """An interval of f from its ends, as for a monotonic function: one end outside of f's domain makes both bounds NaN."""
+    with np.errstate(invalid="ignore"):
+        values = f(np.array([low, high]))
+    return float(values.min()), float(values.max())
+
+
+def basis(knots: Sequence[float], i: int, degree: int, t: float) -> float:
+    """Cox and de Boor's recursion as it is printed: 0/0 at repeated knots is NaN."""
+    if degree == 0:
+        return float(knots[i] <= t < knots[i + 1])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        rising = np.float64(t - knots[i]) / (knots[i + degree] - knots[i])
+        falling = np.float64(knots[i + degree + 1] - t) / (knots[i + degree + 1] - knots[i + 1])
+        return float(rising * basis(knots, i, degree - 1, t) + falling * basis(knots, i + 1, degree - 1, t))
+
+
 # --- pictures --------------------------------------------------------------------------------------------------------------
 
 

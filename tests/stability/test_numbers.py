@@ -22,7 +22,7 @@ from maquette.render.records import Film, Tile
 from ..files import write_image
 from ..render import pictures
 from ..render.closed import K
-from ..render.tables import phong, scene
+from ..render.tables import grey, phong, scene
 from . import naive
 
 FLAT = CameraData(transform=0, extent=0.5, projection=ir.Projection.ORTHOGRAPHIC, near=1.0)
@@ -39,7 +39,7 @@ def shining(color: float) -> ir.Tables:
     """A wall of cells that shine with 1 and with `color`, seen whole by a picture of one pixel."""
 
     def material(builder: SceneBuilder) -> list[MaterialData]:
-        checker = TextureData(ir.TextureKind.CHECKER, color_a=(color,) * 3, color_b=(1.0,) * 3)
+        checker = TextureData(ir.TextureKind.CHECKER, color_a=grey(color), color_b=grey(1.0))
         return [phong(0.0, emission=Input((1.0, 1.0, 1.0), builder.texture(checker)))]
 
     wall = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, -3], [0, 0, 0, 1]])
@@ -134,6 +134,7 @@ def written(tmp_path: Path, values: np.ndarray) -> tuple[np.ndarray, str]:
     path = tmp_path / "a.exr"
     output.write(image.Image(len(values), 1, {"rgba": rgba}, {}), path, output.Look(), {"version": "0"})
     source = oiio.ImageInput.open(str(path))
+    assert source is not None
     kind = str(source.spec().format)
     source.close()
     return output.read(path).channels["rgba"][0, :, 0], kind
@@ -209,7 +210,7 @@ def test_crops_of_an_enormous_picture(measured, draw, size, backend):
     assert naive.pixel_index(32767, 32767, 32768, 3) < 0
     assert inside.any()
     assert wrong <= (2 if backend == "raster" else 0)
-    assert (corner.channels["rgba"] == np.float32([*BLUE, 0])).all()
+    assert (corner.channels["rgba"] == np.array([*BLUE, 0], np.float32)).all()
 
 
 @pytest.mark.parametrize("backend", ["raster", "ray", "reference"])
@@ -217,7 +218,7 @@ def test_nothing_in_pictures_of_any_size(draw, backend):
     for size in ((1, 1), (1, 77), (65, 3)):
         drawn = draw("camera(position: [0, 0, 5], look_at: [0, 0, 0])\n", backend, size=size, background=BLUE, samples=2)
         assert drawn.channels["rgba"].shape == (size[1], size[0], 4)
-        assert (drawn.channels["rgba"] == np.float32([*BLUE, 0])).all()
+        assert (drawn.channels["rgba"] == np.array([*BLUE, 0], np.float32)).all()
 
 
 def in_little_memory(tmp_path: Path, side: int, gigabytes: float) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
+from typing import Any
 
 import mapbox_earcut
 import numpy as np
@@ -31,7 +32,7 @@ def flat(pixels: int) -> CameraData:
     return CameraData(transform=0, extent=pixels / 2, projection=ORTHOGRAPHIC)
 
 
-def picture(tables: ir.Tables, backend: str = "raster", **settings: object) -> Image:
+def picture(tables: ir.Tables, backend: str = "raster", **settings: Any) -> Image:
     return pictures.picture(tables, backend, aov=("id", "depth"), **settings)
 
 
@@ -317,7 +318,8 @@ def floor_to(near: float, far: float, backend: str, size: int = 48) -> tuple[flo
     share = (screen[0] + py) / (screen[0] - screen[1])
     affine = naive.affine(np.array([0.0, 1.0]), np.stack([1 - share, share], axis=-1))
     uv = image.channels["uv"].astype(float)
-    return tuple(float(np.abs(e[on]).max()) for e in (uv[..., 1] - v, uv[..., 0] - u, affine - v))
+    off_v, off_u, off_affine = (float(np.abs(e[on]).max()) for e in (uv[..., 1] - v, uv[..., 0] - u, affine - v))
+    return off_v, off_u, off_affine
 
 
 @pytest.mark.parametrize(("near", "far"), [(0.01, 1e4), (1.0, 1e6), (1e-3, 10.0), (0.5, 2.0)])

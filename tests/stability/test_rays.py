@@ -128,8 +128,9 @@ def slivers(aspect: float, far: float, seed: int, count: int = 150) -> tuple[int
         o = aim + 3 * random.normal(size=(8, 3)) + where
         ray = rays(o, aim + where - o)
         t, d = through_trees(tables, ray)[0], np.stack(ray.direction, axis=1)
+        a, b, c = (given_ + where)[:, None]
         middle = exact.rational(tables.geometries.origin[0])
-        places = [[sum(parts) for parts in zip(exact.rational(c), middle, exact.rational(where), strict=True)] for c in corners]
+        places = [[sum(parts, Fraction(0)) for parts in zip(exact.rational(c), middle, exact.rational(where), strict=True)] for c in corners]
         for k in range(8):
             found = exact.weights(places, o[k], d[k])
             if found is None:
@@ -137,7 +138,7 @@ def slivers(aspect: float, far: float, seed: int, count: int = 150) -> tuple[int
             inside = min(found) >= 0
             rays_ += 1
             ours += inside != np.isfinite(t[k])
-            plain += inside != np.isfinite(naive.triangle(*(c[None] for c in given_ + where), o[k], d[k], epsilon=1e-7)[0])
+            plain += inside != np.isfinite(naive.triangle(a, b, c, o[k], d[k], epsilon=1e-7)[0])
     return ours, plain, rays_
 
 
@@ -425,7 +426,7 @@ def test_no_large_quadric_is_met_again_at_once(measured, size, far):
 
 def t_junction(off: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(corners, triangles, points in the crack) of a long edge met by two short ones whose middle corner is `off` f32 ulp beside it."""
-    a, b = np.float32([-1, -1, 0]), np.float32([1, 1.3, 0])
+    a, b = np.array([-1, -1, 0], np.float32), np.array([1, 1.3, 0], np.float32)
     middle = (a + b) / np.float32(2)
     middle[1] -= np.float32(off) * np.spacing(np.float32(1))
     points = np.array([a, b, [-1, 1.5, 0], [1, -1, 0], middle], float)

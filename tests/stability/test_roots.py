@@ -202,7 +202,7 @@ def test_a_tilted_plane_seen_edge_on(seed, power):
     """Whichever way it is turned, the point that is found lies in it: within 8 u of the numbers it was found from."""
     random = np.random.default_rng(seed)
     normal = unit(random.normal(size=3))
-    place = transforms.facing(10 * random.normal(size=3), normal)
+    place = transforms.facing((10 * random.normal(size=3)).tolist(), normal.tolist())
     assert place is not None
     along = unit(np.cross(normal, random.normal(size=3)))
     o = place[:3, 3] + 10 * random.normal(size=3)

@@ -195,6 +195,7 @@ def test_what_is_flattened_is_said(measured, load, text):
         load(f"camera(position: [0, 0, 5])\n{text}\n")
     if text.startswith("sphere(1, scale: [1"):
         said = caught.value.diagnostics[0]
+        assert said.span is not None
         measured.place(
             27, "a ball scaled by (1, 1, 0)", naive="LinAlgError: singular matrix", ours=f"a.scene:{said.span.line}: {said.message}",
             bound="said with its place",

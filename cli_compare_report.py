@@ -69,20 +69,19 @@ def _noise(found: Comparison) -> Iterator[tuple[str, str]]:
     shown = ["not known" if n is None else "none" if n == 0 else percent(n) for n in (noise.a, noise.b)]
     yield "noise", f"A {shown[0]}, B {shown[1]} (estimated √relMSE of each)"
     if found.error > 0 and noise.ratio is not None and (noise.a or noise.b):
-        yield "", _verdict(found)
+        yield from (("", line) for line in _verdict(found))
 
 
-def _verdict(found: Comparison) -> str:
-    """One sentence on whether the difference may be an accident."""
-    within = f"the difference is {found.noise.ratio:.3g} times what noise alone makes"
+def _verdict(found: Comparison) -> Iterator[str]:
+    """Whether the difference may be an accident."""
+    size = f"the difference is {found.noise.ratio:.3g} times what noise alone makes"
     if found.noise.shared:
-        return f"{within}; the random numbers are the same, so what is left is what the two draw differently"
-    if found.biased is None:
-        return f"{within}: {'within' if found.within_noise else 'above'} the noise"
-    means = f"the means differ by {found.bias.significance:.3g} standard errors"
-    if found.biased:
-        return f"{within}, and {means}: a bias"
-    return f"{within}, and {means}: {'within the noise' if found.within_noise else 'above the noise'}"
+        yield f"{size}; the random numbers are the same: what is left is drawn differently"
+    else:
+        yield f"{size}: {'within' if found.within_noise else 'above'} the noise"
+    if found.biased or (found.biased is not None and not found.noise.shared):
+        verdict = "a bias" if found.biased else "no bias is to be seen"
+        yield f"the means differ by {found.bias.significance:.3g} standard errors: {verdict}"
 
 
 def _objects(found: Comparison) -> None:

@@ -33,12 +33,7 @@ _PLACES = {  # columns that say where in a pool or table the content lies, which
     "cameras": ("transform",),
     "instances": ("transform", "light"),
 }  # fmt: skip
-_UNLIKE = {
-    "geometries": "kind",
-    "textures": "kind",
-    "lights": "kind",
-    "materials": "model",
-}  # rows that differ in it are not matched by order
+_SORTS = {"geometries": "kind", "textures": "kind", "lights": "kind", "materials": "model"}  # rows that differ in it are not paired
 
 _NUMBER = re.compile(r"-?\d+\.\d{4,}(e[+-]\d+)?")
 
@@ -214,7 +209,7 @@ def _sort(scene: ir.Scene, table: str, row: int) -> int:
     """Rows of different sorts are never the same thing changed."""
     if table == "instances":
         return int(scene.tables.geometries.kind[scene.tables.instances.geometry[row]])
-    column = _UNLIKE.get(table)
+    column = _SORTS.get(table)
     return int(getattr(getattr(scene.tables, table), column)[row]) if column else 0
 
 

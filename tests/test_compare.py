@@ -450,3 +450,21 @@ def test_interrupted_nothing_is_compared(scene: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(cli_job, "interruptible", pressed)
     assert run("compare", scene, "--backends", "raster,ray", "-o", "d.png") == (130, "", "")
     assert not Path("d.png").exists()
+
+
+def test_whether_it_is_noise_is_told(scene: Path) -> None:
+    soft = SCENE.replace("MATERIAL", "lambert(#3060c0)") + "sky(luminance: 0.5)\n"
+    scene.write_text(soft, encoding="utf-8")
+    Path("dim.scene").write_text(soft.replace("illuminance: 3", "illuminance: 2.8"), encoding="utf-8")
+
+    def told(*arguments: object) -> list[str]:
+        _, out, _ = run("compare", *arguments)
+        lines = out.splitlines()
+        after = next(k for k, line in enumerate(lines) if line.startswith("noise")) + 1
+        return [re.sub(r"[\d.]+(?= times| standard)", "N", line.strip()) for line in lines[after : lines.index("", after)]]
+
+    times, means = "the difference is N times what noise alone makes", "the means differ by N standard errors"
+    same = f"{times}; the random numbers are the same: what is left is drawn differently"
+    noise = ["--backends", "ray:samples=16,ray:samples=16:seed=1"]
+    assert told(scene, *noise) == [f"{times}: within the noise", f"{means}: no bias is to be seen"]
+    assert told("dim.scene", scene, "--samples", "16") == [same, f"{means}: a bias"]

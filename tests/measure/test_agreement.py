@@ -20,8 +20,9 @@ FACETS = {"materials.scene": 2}
 def both(name: str) -> compare.Comparison:
     """An example in direct light, drawn by raster and by ray."""
     scene = maquette.load(EXAMPLES / name)
-    drawn = [sides.drawn(scene, sides.plan_of(scene, ir.Settings(backend=b, size=SIZE, samples=4, bounces=0))) for b in ("raster", "ray")]
-    return compare.compare(*drawn)
+    settings = [ir.Settings(backend=b, size=SIZE, samples=4, bounces=0) for b in ("raster", "ray")]
+    raster, ray = (sides.drawn(scene, sides.plan_of(scene, asked)) for asked in settings)
+    return compare.compare(raster, ray)
 
 
 DRAWN_BY_BOTH = (
@@ -34,7 +35,10 @@ DRAWN_BY_BOTH = (
 def test_inside_outlines_raster_and_ray_agree(name: str) -> None:
     found = both(name)
     assert found.a.notes == found.b.notes == ()
-    outline = np.logical_or(*(carriers.outlines(side) for side in (found.a, found.b)))
+    one, other = (carriers.outlines(side) for side in (found.a, found.b))
+    assert one is not None
+    assert other is not None
+    outline = one | other
     assert found.interior is not None
     assert found.interior.pixels == np.count_nonzero(~outline) > 0.2 * found.pixels
     size = np.maximum(np.abs(found.b.rgb).max(axis=2), 1e-3 * np.abs(found.b.rgb).max())

@@ -129,7 +129,7 @@ def test_independent_noise_is_seen_to_be_noise(scene: ir.Scene) -> None:
 def test_a_hidden_bias_shows_beneath_the_noise(scene: ir.Scene) -> None:
     """Two per cent of light taken away: less than the noise of a pixel, and yet no accident."""
     a, b = drawn(scene, samples=4, seed=1), drawn(scene, samples=4, seed=2)
-    rgba = a.image.channels["rgba"] * np.float32([0.98, 0.98, 0.98, 1.0])
+    rgba = a.image.channels["rgba"] * np.array([0.98, 0.98, 0.98, 1.0], np.float32)
     dimmed = Side("dimmed", Image(48, 32, {**a.image.channels, "rgba": rgba}, a.image.metadata), a.noise, a.scene, a.plan)
     found = compare.compare(dimmed, b)
     assert (found.within_noise, found.biased) == (True, True)
@@ -206,10 +206,14 @@ def test_flip_is_its_authors_of_the_pictures_in_srgb() -> None:
 
 def test_flip_looks_at_the_exposure_that_was_meant(scene: ir.Scene) -> None:
     a, b = drawn(scene, samples=4), drawn(scene, samples=4, seed=1)
-    dark = [Side("x", Image(48, 32, {**s.image.channels, "rgba": s.image.channels["rgba"] / 1024}, s.image.metadata)) for s in (a, b)]
-    plain, lit = compare.compare(a, b), compare.compare(dark[0], dark[1], exposure=10.0)
+
+    def dimmed(side: Side) -> Side:
+        rgba = (side.image.channels["rgba"] / 1024).astype(np.float32)
+        return Side("x", Image(48, 32, {**side.image.channels, "rgba": rgba}, side.image.metadata))
+
+    plain, lit = compare.compare(a, b), compare.compare(dimmed(a), dimmed(b), exposure=10.0)
     assert lit.flip == pytest.approx(plain.flip, rel=1e-4)
-    assert compare.compare(*dark).flip < plain.flip / 5
+    assert compare.compare(dimmed(a), dimmed(b)).flip < plain.flip / 5
 
 
 def test_sizes_that_differ_are_refused() -> None:

@@ -29,6 +29,10 @@ FIGURES = {
     "relmse": "√relMSE", "flip": "FLIP", "maximum": "the maximum", "silhouette": "the silhouette difference", "bias": "the bias",
     "noise": "the difference over what noise alone makes", "significance": "the difference of the means in standard errors",
 }  # fmt: skip
+OF_SCENES = (  # parameters that mean nothing where both are pictures
+    "sets", "at", "allow", "variants", "backend", "size", "camera", "samples", "error", "budget", "bounces", "seed", "threads", "crop",
+    "background", "plan_values",
+)  # fmt: skip
 SHARES = ("relmse", "flip", "bias")  # shown in per cent
 
 
@@ -64,6 +68,8 @@ def _wanted(ctx: click.Context, param: click.Parameter, item: str, types: Mappin
             name, value = values.assignment(knob)
         except ValueError:
             raise click.BadParameter(f"{knob!r} in {item!r}: write it as name=value, as in ray:samples=4", ctx, param) from None
+        if name in options or name in decisions:
+            raise click.BadParameter(f"`{name}` is given twice in {item!r}", ctx, param)
         if name in KNOBS:
             options[name] = _knob(types[name], value, f"{knob!r} in {item!r}", param, ctx)
         else:
@@ -114,6 +120,8 @@ def compare(
     _check_usage(ctx, first, second, backends, output, side_by_side, (threshold, metric))
     exposure = given["exposure"]
     a, b = _sides(_Given(first, second or first, backends or (), given), quiet)
+    if exposure is not None and a.bits and b.bits:
+        raise click.UsageError(f"--exposure is for linear light, and both {first} and {second} were exposed when they were written")
     found = measure.compare(a, b, exposure)
     if output:
         difference.write(found, output, side_by_side)
@@ -139,7 +147,7 @@ def _check_usage(
         what = "it can be drawn in two ways by --backends raster,ray" if _is_scene(first) else "a second picture, or a scene"
         raise click.UsageError(f"{first} is compared with what? Give B; {what}")
     if second and not _is_scene(first) and not _is_scene(second):
-        options = [option for option in ctx.command.params if option.name in _SCENES and _was_given(ctx, option.name)]
+        options = [option for option in ctx.command.params if option.name in OF_SCENES and _was_given(ctx, option.name)]
         if options:
             raise click.UsageError(f"{options[0].opts[0]} is for scenes, and both {first} and {second} are pictures")
     if judged[1] and judged[0] is None:
@@ -150,12 +158,6 @@ def _check_usage(
         jobs.check_output(output)
         if side_by_side and output.suffix.lower() == ".exr":
             raise click.UsageError(f"--side-by-side is to be looked at: {output.name} cannot be an .exr; write a .png")
-
-
-_SCENES = (
-    "sets", "at", "allow", "variants", "backend", "size", "camera", "samples", "error", "budget", "bounces", "seed", "threads", "crop",
-    "background", "plan_values",
-)  # fmt: skip
 
 
 def _was_given(ctx: click.Context, name: str | None) -> bool:
@@ -203,6 +205,7 @@ def _sides(given: _Given, quiet: bool) -> tuple[Side, Side]:
             scenes[path] = shared.load(shared.source_of(path, dict(given.options)))
         plans.append((scenes[path], _plan(given, k, scenes[path], ready[1 - k])))
     _check_sizes(paths, ready, plans)
+    terminal.report(warning for planned in plans if planned for warning in jobs.plan_warnings(*planned))
     for k, planned in enumerate(plans):
         if planned is not None:
             ready[k] = _draw(given.name(k), *planned, "AB"[k], quiet)
@@ -229,11 +232,9 @@ def _plan(given: _Given, k: int, scene: ir.Scene, other: Side | None) -> Plan:
         part = None if crop == (0, 0, *size) else crop
         settings = replace(settings, size=settings.size or size, crop=settings.crop or part)
     try:
-        plan = sides.plan_of(scene, settings, decisions)
+        return sides.plan_of(scene, settings, decisions)
     except planner.PlanError as error:
         raise click.UsageError(str(error)) from None
-    terminal.report(jobs.plan_warnings(scene, plan))
-    return plan
 
 
 def _check_sizes(paths: tuple[Path, Path], ready: list[Side | None], plans: list[tuple[ir.Scene, Plan] | None]) -> None:

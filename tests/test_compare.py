@@ -376,6 +376,11 @@ USAGE = "Usage: cli compare [OPTIONS] A [B]\nTry 'cli compare --help' for help.\
             "Invalid value for '--backends': 'error=-1' in 'ray:error=-1': '-1': a share is written 1% or 0.01, and is more than 0",
         ),
         ("two.scene --backends ray,ray:sample=4", "no decision is called `sample`; did you mean `samples`?"),
+        (
+            "a.png a.png --exposure 1",
+            "--exposure is for linear light, and both a.png and a.png were exposed when they were written",
+        ),
+        ("two.scene --backends ray,ray:seed=1:seed=2", "Invalid value for '--backends': `seed` is given twice in 'ray:seed=1:seed=2'"),
         ("a.exr a.exr --size 40", "--size is for scenes, and both a.exr and a.exr are pictures"),
         ("a.exr a.exr --set size=2", "--set is for scenes, and both a.exr and a.exr are pictures"),
         ("a.exr a.exr --metric flip", "--metric chooses what --threshold is about: give --threshold too"),
@@ -385,6 +390,7 @@ USAGE = "Usage: cli compare [OPTIONS] A [B]\nTry 'cli compare --help' for help.\
 )
 def test_wrong_usage(scene: Path, arguments: str, said: str) -> None:
     saved(Path("a.exr"), flat(1.0))
+    saved(Path("a.png"), flat(1.0))
     assert run("compare", *arguments.split()) == (2, "", f"{USAGE}{said}\n")
 
 
@@ -468,3 +474,10 @@ def test_whether_it_is_noise_is_told(scene: Path) -> None:
     noise = ["--backends", "ray:samples=16,ray:samples=16:seed=1"]
     assert told(scene, *noise) == [f"{times}: within the noise", f"{means}: no bias is to be seen"]
     assert told("dim.scene", scene, "--samples", "16") == [same, f"{means}: a bias"]
+
+
+def test_a_warning_of_both_sides_is_told_once(scene: Path) -> None:
+    scene.write_text(SCENE.replace("MATERIAL", "lambert(#3060c0)") + "ambient(luminance: 0.1)\n", encoding="utf-8")
+    _, _, err = run("compare", scene, "--backends", "ray,ray:seed=1", "--bounces", "1")
+    said = "ambient light stands for interreflection, and bounces compute it: it is counted twice; leave out one"
+    assert err == f"warning: {said}\n"

@@ -220,13 +220,10 @@ def _rows(
     back = {row_b: row_a for row_a, row_b in pairs[table].items()}
     found = []
     for row in range(_count(b, table)):
-        name, span = label(b, table, row), b.spans.at(table, row)
         if row not in back:
-            found.append(Change("added", table, row, name, span))
-        elif digests[0][table][back[row]] != digests[1][table][row]:
-            cells = _cells(a, b, table, back[row], row, pairs)
-            if cells:
-                found.append(Change("changed", table, row, name, span, cells))
+            found.append(Change("added", table, row, label(b, table, row), b.spans.at(table, row)))
+        elif digests[0][table][back[row]] != digests[1][table][row] and (cells := _cells(a, b, table, back[row], row, pairs)):
+            found.append(Change("changed", table, row, label(b, table, row), b.spans.at(table, row), cells))
     gone = (row for row in range(_count(a, table)) if row not in pairs[table])
     return found + [Change("removed", table, row, label(a, table, row), a.spans.at(table, row)) for row in gone]
 

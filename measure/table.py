@@ -21,22 +21,27 @@ MOST = 6  # of them
 
 
 def targets(chart: Chart) -> list[float]:
-    """Round errors a person would ask for, large ones first: within what was measured, and the first below it."""
-    found = [p.error.median for p in chart.points]
+    """Round errors a person would ask for, large first: those our backends measured, and the first below; 0 where a point is exact."""
+    found = [p.error.median for p in _ours(chart)]
     above = [v for v in found if v > 0]
     if not above:
-        return []
+        return [0.0] if found else []
     least, most = min(above), max(above)
-    decades = range(math.floor(math.log10(least)) - 1, math.ceil(math.log10(most)) + 1)
+    decades = range(math.floor(math.log10(least)) - 1, math.ceil(math.log10(most)) + 2)
     rounded = sorted((step * 10.0**d for d in decades for step in STEPS), reverse=True)
-    inside = [t for t in rounded if least <= t <= most]
-    below = [t for t in rounded if t < least and min(found) > 0][:1]
+    inside = [t for t in rounded if least <= t <= most] or [t for t in rounded if t >= most][-1:]
+    below = [t for t in rounded if t < least][:1] if min(found) > 0 else [0.0]
     return [*inside, *below][-MOST:]
 
 
+def _ours(chart: Chart) -> list[Point]:
+    """The points that `maquette render` can repeat: those of peers cannot be advised."""
+    return [p for p in chart.points if p.setting.backend in wording.BACKENDS]
+
+
 def cheapest(chart: Chart, target: float) -> Point | None:
-    """The measured point that is quickest among those at `target` or better."""
-    reaching = [p for p in chart.points if p.error.median <= target]
+    """The measured point that is quickest among those of ours at `target` or better."""
+    reaching = [p for p in _ours(chart) if p.error.median <= target]
     return min(reaching, key=lambda p: p.seconds.median, default=None)
 
 
@@ -46,7 +51,7 @@ def advice(chart: Chart) -> list[tuple[str, ...]]:
     for target in targets(chart):
         asked, point = wording.target(chart.metric, target), cheapest(chart, target)
         if point is None:
-            best = min(chart.points, key=lambda p: p.error.median)
+            best = min(_ours(chart), key=lambda p: p.error.median)
             rows.append((asked, "not reached", "", wording.error(chart.metric, best.error.median), ""))
             continue
         time, far = wording.seconds(point.seconds.median), wording.error(chart.metric, point.error.median)
@@ -73,7 +78,8 @@ def _knee(chart: Chart) -> Iterator[str]:
         point = chart.points[chart.knee]
         far = wording.error(chart.metric, point.error.median)
         named = f"{point.setting.backend}, {wording.setting(point.setting)}"
-        yield f"knee: {named}: {far} in {wording.seconds(point.seconds.median)}: {point.setting.arguments()}"
+        settings = f": {point.setting.arguments()}" if point.setting.backend in wording.BACKENDS else ""
+        yield f"knee: {named}: {far} in {wording.seconds(point.seconds.median)}{settings}"
 
 
 def _stops(chart: Chart) -> Iterator[str]:
@@ -98,10 +104,7 @@ def _equal(chart: Chart) -> Iterator[str]:
 
 
 def seconds_at(curve: Curve, target: float) -> float | None:
-    """The time a curve takes to `target`: between the first two neighbouring points that enclose it, straight on the chart's logarithmic axes.
-
-    None where no two measured points enclose it.
-    """
+    """The time a curve takes to `target`: between the first two neighbouring points that enclose it, on logarithmic axes; else None."""
     for before, after in itertools.pairwise(curve.points):
         high, low = before.error.median, after.error.median
         if high >= target >= low > 0:

@@ -35,9 +35,8 @@ def digits(value: float, count: int = 2) -> str:
     """`value` to `count` significant digits without an exponent: 0.0123, 1.2, 120."""
     if value == 0 or not math.isfinite(value):
         return f"{value:g}"
-    places = count - 1 - math.floor(math.log10(abs(value)))
-    rounded = round(value, places)
-    return f"{rounded:.{max(places, 0)}f}" if abs(rounded) < 10**count else f"{rounded:.0f}"
+    rounded = float(f"{value:.{count - 1}e}")
+    return f"{rounded:.{max(count - 1 - math.floor(math.log10(abs(rounded))), 0)}f}"
 
 
 def plain(value: float, count: int = 2) -> str:

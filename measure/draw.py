@@ -38,7 +38,7 @@ def png(chart: Chart, dpi: int = 150) -> bytes:
     """The chart as a PNG file."""
     with matplotlib.rc_context(SETTINGS):
         data = io.BytesIO()
-        _Picture(chart).figure.savefig(data, format="png", dpi=dpi, metadata={"Software": "maquette"})
+        Picture(chart).figure.savefig(data, format="png", dpi=dpi, metadata={"Software": "maquette"})
         return data.getvalue()
 
 
@@ -46,13 +46,13 @@ def svg(chart: Chart) -> str:
     """The chart as an SVG file: point i of all is the group `point-i`, titled with its settings, time and error."""
     with matplotlib.rc_context(SETTINGS):
         data = io.StringIO()
-        _Picture(chart).figure.savefig(data, format="svg", metadata={"Date": None, "Creator": "maquette"})
+        Picture(chart).figure.savefig(data, format="svg", metadata={"Date": None, "Creator": "maquette"})
     text = data.getvalue().replace(f"'{FONT}'", f"'{FONT}', Verdana, sans-serif")
     titles = [f"{wording.point(p, chart.metric)}\n{p.setting.arguments()}" for p in chart.points]
     return re.sub(r'<g id="point-(\d+)">', lambda m: f"{m[0]}<title>{escape(titles[int(m[1])])}</title>", text)
 
 
-class _Picture:
+class Picture:
     """One drawing under way: the figure, its axes, and what of them is taken."""
 
     def __init__(self, chart: Chart) -> None:
@@ -144,9 +144,9 @@ class _Picture:
         for point, x, y in zip(curve.points, xs, ys, strict=True):
             time, far = point.seconds, point.error
             if time.high > time.low:
-                axes.plot([time.low, time.high], [y, y], color=style.color, linewidth=1.1, alpha=0.8, zorder=2.8, solid_capstyle="butt")
+                self._bar([time.low, time.high], [y, y], style, f"time-{self._index(point)}")
             if far.high > far.low:
-                axes.plot([x, x], [max(far.low, self.y[0]), far.high], color=style.color, linewidth=1.1, alpha=0.8, zorder=2.8)
+                self._bar([x, x], [max(far.low, self.y[0]), far.high], style, f"error-{self._index(point)}")
             fill = PAPER if style.hollow else style.color
             exact = far.median == 0
             mark = axes.plot(
@@ -157,6 +157,11 @@ class _Picture:
         if bias := bias_floor(curve):
             dashed = axes.plot([xs[0], self.x[1]], [bias, bias], linestyle=(0, (6, 4)), color=style.color, linewidth=1, zorder=2)[0]
             dashed.set_gid(f"bias-{self.chart.curves.index(curve)}")
+
+    def _bar(self, xs: list[float], ys: list[float], style: Style, name: str) -> None:
+        """The quartiles of a point, one way."""
+        bar = self.axes.plot(xs, ys, color=style.color, linewidth=1.1, alpha=0.8, zorder=2.8, solid_capstyle="butt")[0]
+        bar.set_gid(name)
 
     def _index(self, point: Point) -> int:
         return next(i for i, other in enumerate(self.points) if other is point)
@@ -170,7 +175,7 @@ class _Picture:
             x, y = self._pixel(point)
             self.room.points.append(Box(x - 6, y - 6, x + 6, y + 6))
             for spread, across in ((point.seconds, True), (point.error, False)):
-                self.room.lines += self._bar(spread, (x, y), across)
+                self.room.lines += self._taken(spread, (x, y), across)
         for curve in self.chart.curves:
             at = [self._pixel(p) for p in curve.points]
             self.room.lines += list(itertools.pairwise(at))
@@ -180,7 +185,7 @@ class _Picture:
         for words in (*self._knee(), *self._names(), *self._floors(), *self._rungs()):
             self._write(words)
 
-    def _bar(self, spread: Spread, at: tuple[float, float], across: bool) -> list[tuple[tuple[float, float], tuple[float, float]]]:
+    def _taken(self, spread: Spread, at: tuple[float, float], across: bool) -> list[tuple[tuple[float, float], tuple[float, float]]]:
         if spread.high <= spread.low:
             return []
         low, high = ((max(v, (self.x if across else self.y)[0])) for v in (spread.low, spread.high))

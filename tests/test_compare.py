@@ -481,3 +481,13 @@ def test_a_warning_of_both_sides_is_told_once(scene: Path) -> None:
     _, _, err = run("compare", scene, "--backends", "ray,ray:seed=1", "--bounces", "1")
     said = "ambient light stands for interreflection, and bounces compute it: it is counted twice; leave out one"
     assert err == f"warning: {said}\n"
+
+
+def test_two_files_tell_their_objects_by_number(scene: Path) -> None:
+    for name, backend in (("a.exr", "raster"), ("b.exr", "ray")):
+        run("render", scene, "-o", name, "--samples", "4", "--aov", "id,depth", "--backend", backend, "-q")
+    found = figures("a.exr", "b.exr")
+    assert {row["label"] for row in found["objects"]} == {"instance 0", "instance 1", "background"}
+    assert found["interior"]["error"] < 1e-6
+    assert found["noise"]["a"] > 0
+    assert run("compare", "a.exr", "b.exr")[1].splitlines()[0] == "A  a.exr, raster, 4 samples, seed 0"

@@ -1,8 +1,9 @@
-"""What the failing places share: loading a text, and drawing it on a backend, by the public door."""
+"""What the failing places share: loading a text, and drawing it on a backend, by the public door; and the table of what was measured."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import os
+from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,8 @@ import pytest
 from maquette.compiler import ir
 from maquette.lang.diagnostics import Diagnostics
 from maquette.render.image import Image
+
+from . import places
 
 EXPECTED = (  # said of scenes that are meant so
     "this shines, but lights other things only where bounces are followed",
@@ -46,11 +49,29 @@ def draw(load: Callable[[str], tuple[ir.Scene, list[str]]]) -> Callable[..., Ima
     return run
 
 
-class M:
-    def place(self, number, name, naive="", ours="", bound="", note=""):
-        print(f"PLACE {number:>2} | {name} | naive: {naive} | ours: {ours} | bound: {bound} | {note}")
+_ROWS = pytest.StashKey[list[places.Row]]()
+_FOLDER = "MAQUETTE_PLACES"
 
 
 @pytest.fixture
-def measured():
-    return M()
+def measured(request: pytest.FixtureRequest) -> places.Places:
+    """Keeps what a test measured at its failing place, for the table."""
+    made = places.Places(request.node.nodeid)
+    request.node.stash[_ROWS] = made.rows
+    return made
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Generator[None, Any, None]:
+    """A test's rows, with how it ended, go to the session's."""
+    report = (yield).get_result()
+    if report.when == "call" and item.stash.get(_ROWS, None):
+        outcome = "xfailed" if hasattr(report, "wasxfail") and report.skipped else report.outcome
+        item.session.stash.setdefault(_ROWS, []).extend(places.ended(item.stash[_ROWS], outcome))
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Write the rows where MAQUETTE_PLACES says, a file for each worker."""
+    folder = os.environ.get(_FOLDER)
+    if folder and session.stash.get(_ROWS, None):
+        places.write(session.stash[_ROWS], Path(folder) / f"{os.environ.get('PYTEST_XDIST_WORKER', 'main')}.json")

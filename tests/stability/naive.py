@@ -27,6 +27,17 @@ def sphere(o: Array, d: Array, radius: float, dtype: Any = np.float32) -> Array:
         return (-b - np.sqrt(b * b - a * c)) / a
 
 
+def cone(o: Array, d: Array, middle: float, slope: float) -> Array:
+    """Both t (n, 2) of the endless cone x² + z² = (middle + slope y)², by the textbook formula from wherever the eye is."""
+    w, change = middle + slope * o[:, 1], slope * d[:, 1]
+    a = d[:, 0] ** 2 + d[:, 2] ** 2 - change**2
+    b = o[:, 0] * d[:, 0] + o[:, 2] * d[:, 2] - change * w
+    c = o[:, 0] ** 2 + o[:, 2] ** 2 - w**2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        root = np.sqrt(b * b - a * c)
+        return np.stack([(-b - root) / a, (-b + root) / a], axis=1)
+
+
 def larger_root(a: float, b: float, c: float, dtype: Any = np.float64) -> float:
     """(−b + √(b² − 4ac)) / 2a: for b > 0 two nearly equal numbers are subtracted."""
     a, b, c = dtype(a), dtype(b), dtype(c)

@@ -82,6 +82,10 @@ point([1, 3, 0], intensity: {0!r})
 area([-1, 3, 1], look_at: [0, 0, 0], size: 1, luminance: {1!r})
 spot([0, 3, 2], look_at: [0, 0, 0], cone: 20deg, intensity: {2!r})
 sky(color: #89a, luminance: {3!r})
+sphere(0.2, center: [-0.9, 1.2, 0.3], material: emissive(#fda, luminance: {1!r}))
+sphere(0.2, center: [-0.5, 0.3, 0.9], material: phong(#5a5, specular: 0.3, shading: "gouraud"))
+sun(from: [2, 3, 1], illuminance: {3!r}, angle: 2deg)
+directional(from: [-2, 3, 1], illuminance: {3!r})
 render(bounces: {4})
 """
 

@@ -91,7 +91,10 @@ render(bounces: {4})
 
 
 def lit(draw, backend: str, factor: float, bounces: int, **how: object) -> image.Image:
-    return draw(LIT.format(0.7 * factor, 0.2 * factor, 0.4 * factor, 0.01 * factor, bounces), backend, size=(20, 20), **how)
+    text = LIT.format(0.7 * factor, 0.2 * factor, 0.4 * factor, 0.01 * factor, bounces)
+    if backend == "reference":  # which tries every triangle of what is shaded at vertices
+        text = text.replace(', shading: "gouraud"', "")
+    return draw(text, backend, size=(20, 20), **how)
 
 
 @pytest.mark.parametrize("power", [60, -60, 17])

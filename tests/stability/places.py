@@ -11,7 +11,14 @@ import sys
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
+import pytest
+
 HEAD = "| | place | the naive method | maquette | bound | |\n|--:|---|---|---|---|---|\n"
+
+
+def fails(reason: str) -> pytest.MarkDecorator:
+    """A test that fails today, for this reason, by one of its assertions and no other way; when it holds, the mark must go."""
+    return pytest.mark.xfail(strict=True, raises=AssertionError, reason=reason)
 
 
 @dataclass(frozen=True, slots=True)

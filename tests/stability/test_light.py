@@ -21,6 +21,7 @@ from ..render.tables import looking, phong, scene
 from ..render.test_materials import albedo, shader
 from . import naive
 from .meshes import ball
+from .places import fails
 
 UP = (0.0, 1.0, 0.0)
 FRONT = CameraData(1, 1.1, projection=ir.Projection.ORTHOGRAPHIC)
@@ -69,7 +70,7 @@ def terminator(segments: int, angle: float, backend: str, size: int = 96) -> tup
     return error(grey(ours)), error(plain), error(lit)
 
 
-@pytest.mark.xfail(strict=True, reason="shadow rays start at the facets: no Hanika or Chiang terminator yet, the error does not halve")
+@fails("shadow rays start at the facets: no Hanika or Chiang terminator yet, the error does not halve")
 def test_the_terminator_of_a_smooth_ball(measured):
     found = [terminator(8, math.radians(angle), backend) for angle in (60, 90, 110) for backend in ("ray", "raster")]
     ours, plain, free = (max(column) for column in zip(*found, strict=True))
@@ -206,7 +207,7 @@ def test_a_buried_lamp_makes_no_nan(draw):
         assert grey(draw(BURIED, backend, size=(16, 16))).max() == 0
 
 
-@pytest.mark.xfail(strict=True, reason="a lamp inside of a solid lights nothing, and nobody says so")
+@fails("a lamp inside of a solid lights nothing, and nobody says so")
 def test_a_buried_lamp_is_said(measured, load):
     loaded, said = load(BURIED)
     said += planner.warnings(loaded, planner.make(loaded, ir.Settings(backend="ray")))
@@ -257,7 +258,7 @@ render(bounces: 6)
 """
 
 
-@pytest.mark.xfail(strict=True, reason="light of a point lamp through glass has probability 0: it is missing, and no warning says so")
+@fails("light of a point lamp through glass has probability 0: it is missing, and no warning says so")
 def test_a_caustic_of_a_point_light(measured, load, draw):
     """Under the ball light is gathered; a path that starts at the eye can never find the lamp."""
     below = "camera(position: [0, 0.2, 0], look_at: [0, 0, 0], up: [0, 0, -1], width: 0.1, near: 0.01)\n"
@@ -294,7 +295,7 @@ def test_facing_mirrors_end(measured, draw, bounces):
     assert lit[0] > lit[1]
 
 
-@pytest.mark.xfail(strict=True, reason="how much light the cap on bounces cuts off is not reported")
+@fails("how much light the cap on bounces cuts off is not reported")
 def test_what_the_cap_cuts_off_is_reported(measured, draw):
     image = draw(MIRRORS.format(8), "ray", size=(24, 24))
     about = {k: v for k, v in image.metadata.items() if "cut" in k or "truncated" in k or "lost" in k}

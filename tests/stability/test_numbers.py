@@ -24,6 +24,7 @@ from ..render import pictures
 from ..render.closed import K
 from ..render.tables import grey, phong, scene
 from . import naive
+from .places import fails
 
 FLAT = CameraData(transform=0, extent=0.5, projection=ir.Projection.ORTHOGRAPHIC, near=1.0)
 
@@ -119,7 +120,7 @@ def test_very_bright_pictures_have_an_error():
     assert metrics.root_relmse(picture, reference) == pytest.approx(0.01, rel=1e-3)
 
 
-@pytest.mark.xfail(strict=True, reason="pixels' variances are kept in float32: those of lights 2⁻⁶⁰ times as strong lose digits, 2⁻⁸⁰ all")
+@fails("pixels' variances are kept in float32: those of lights 2⁻⁶⁰ times as strong lose digits, 2⁻⁸⁰ all")
 @pytest.mark.parametrize("power", [-60, -80])
 def test_the_estimated_error_of_dim_lights(measured, draw, power):
     plain, dim = (lit(draw, "ray", f, 0, samples=16).metadata["error"] for f in (1.0, 2.0**power))
@@ -168,7 +169,7 @@ def test_any_float_survives_its_file(tmp_path_factory, values):
     assert np.array_equal(kept, np.array(values, np.float32))
 
 
-@pytest.mark.xfail(strict=True, reason="infinite texels of a picture file are drawn as the largest number there is, and nobody says so")
+@fails("infinite texels of a picture file are drawn as the largest number there is, and nobody says so")
 def test_what_overflowed_in_others_halves_is_flagged(measured, load, tmp_path):
     """A texture whose half floats are infinite."""
     with np.errstate(over="ignore"):
@@ -245,7 +246,7 @@ def in_little_memory(tmp_path: Path, side: int, gigabytes: float) -> str:
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="address space is limited as Linux does it")
-@pytest.mark.xfail(strict=True, reason="a picture is held whole, with its variance: tiles are not streamed to the file")
+@fails("a picture is held whole, with its variance: tiles are not streamed to the file")
 def test_an_enormous_picture_in_little_memory(measured, tmp_path):
     said = in_little_memory(tmp_path, 16384, 4.0)
     measured.place(

@@ -21,6 +21,7 @@ from ..render import pictures
 from ..render.filling import covered, exactly, random_triangles, star
 from ..render.tables import matrix, mesh, scene
 from . import exact, naive
+from .places import fails
 
 ORTHOGRAPHIC = ir.Projection.ORTHOGRAPHIC
 EYE = CameraData(transform=0, extent=1.0)  # at the origin, looking down −z, 90 degrees high
@@ -129,7 +130,7 @@ def test_a_corner_a_thousand_million_pixels_away(measured, pixels):
     assert wrong <= 8
 
 
-@pytest.mark.xfail(strict=True, reason="corners are float32 about their mesh's middle: one 10⁹ m away moves the near ones up to 32 m")
+@fails("corners are float32 about their mesh's middle: one 10⁹ m away moves the near ones up to 32 m")
 def test_a_corner_a_thousand_million_metres_away(measured, load):
     """The same from a mesh whose corner lies there: what is drawn is what is stored, but not what the scene says."""
     worst, plain, said = 0.0, 0.0, []
@@ -337,7 +338,7 @@ def test_coordinates_on_a_floor_to_the_horizon(measured, backend, near, far):
     assert max(u, v) < 1e-5
 
 
-@pytest.mark.xfail(strict=True, reason="a sample that snapping put beside its triangle gets weights cut off at 0: its place is off its ray")
+@fails("a sample that snapping put beside its triangle gets weights cut off at 0: its place is off its ray")
 def test_coordinates_beside_a_diagonal(measured):
     """A centre within 1/512 pixel of the floor's diagonal: the neighbour is taken for it, whose weights must go on beyond its edge."""
     near, far = 8.348033468730634, 227.83909173287847

@@ -21,6 +21,7 @@ from ..render.test_shapes import SHAPES
 from ..render.tracing import same, through_trees
 from . import exact, naive
 from .meshes import ball
+from .places import fails
 
 FAR = np.array([148376.0, 1234.0, -223423.0])
 
@@ -415,7 +416,7 @@ def test_nothing_large_is_met_again_at_once(name, size, far):
     assert met_again(name, size, far, 15)[0] == 0
 
 
-@pytest.mark.xfail(strict=True, reason="an enlarged quadric's roots are off by more than their rounding: rays meet it again")
+@fails("an enlarged quadric's roots are off by more than their rounding: rays meet it again")
 @pytest.mark.parametrize(("size", "far"), [(1e5, 1e6), (30.0, 0.0)])
 def test_no_large_quadric_is_met_again_at_once(measured, size, far):
     found = [met_again(name, size, far, 14) for name in LEFT if LEFT[name][0] == K.QUADRIC]
@@ -444,7 +445,7 @@ def t_junction(off: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return points, np.array([[0, 1, 2], [0, 3, 4], [4, 3, 1]]), edge * (1 - w) + bent * w
 
 
-@pytest.mark.xfail(strict=True, reason="T-junctions are neither welded nor split at compile, and not warned about")
+@fails("T-junctions are neither welded nor split at compile, and not warned about")
 def test_a_corner_an_ulp_beside_an_edge(measured, load):
     points, triangles, crack = t_junction(1)
     o = np.array([0.1, 0.2, 5.0])

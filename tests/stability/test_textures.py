@@ -15,6 +15,7 @@ from maquette.render.image import Image
 from ..files import write_image
 from ..render.test_textures import at
 from . import naive
+from .places import fails
 
 W = ir.Wrap
 COLUMNS = np.repeat(np.arange(16, dtype=float)[None, :, None], 3, axis=2).repeat(8, axis=0)  # every texel holds its column
@@ -82,7 +83,7 @@ def grazing(draw, backend: str, samples: int | None, rows: int = 3) -> Image:
     return draw(text, backend, size=(64, 64), crop=(0, 1, 64, 1 + rows), **how)
 
 
-@pytest.mark.xfail(strict=True, reason="no mip levels and no EWA: a pixel's mean is as noisy as its samples")
+@fails("no mip levels and no EWA: a pixel's mean is as noisy as its samples")
 @pytest.mark.parametrize("backend", ["raster", "ray"])
 def test_a_footprint_of_a_thousand_to_one(measured, draw, backend):
     once, many = (grazing(draw, backend, n).channels["rgba"][..., 0].astype(float) for n in (1, 64))

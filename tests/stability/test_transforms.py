@@ -21,6 +21,7 @@ from ..render.closed import K
 from ..render.tables import looking, matrix, mesh, scene
 from . import naive
 from .meshes import ball
+from .places import fails
 
 
 def first_place(loaded: ir.Scene) -> np.ndarray:
@@ -235,7 +236,7 @@ def test_ten_thousand_turns(measured, axis, angle):
     assert off < 2e-11
 
 
-@pytest.mark.xfail(strict=True, reason="a rotation's matrix is rounded by up to 10⁻¹⁵ of volume, so that 10⁴ of them may drift by 10⁻¹¹")
+@fails("a rotation's matrix is rounded by up to 10⁻¹⁵ of volume, so that 10⁴ of them may drift by 10⁻¹¹")
 def test_ten_thousand_turns_about_any_axis(measured):
     random = np.random.default_rng(28)
     found = [long_product(tuple(random.normal(size=3)), random.uniform(-3, 3)) for _ in range(12)]

@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from . import cli_compare
 from . import cli_job as jobs
 from . import cli_options as values
 from . import cli_shared as shared
@@ -175,34 +176,7 @@ def explain(scene: Path, as_json: bool, **given: Any) -> None:
     terminal.report(jobs.plan_warnings(compiled, plan))
 
 
-@cli.command()
-@click.argument("first", metavar="A", type=shared.FILE)
-@click.argument("second", metavar="B", type=shared.FILE)
-@click.option("-o", "--output", type=shared.OUT, help="A picture of A − B: false colours, or the signed difference itself in an .exr.")
-@click.option("--threshold", type=values.LIMIT, help="Exit with 1 when √relMSE is above this: 1%, or 0 for identical.")
-@shared.examples("maquette compare out.exr reference.exr --threshold 1% -o difference.png")
-@click.pass_context
-def compare(ctx: click.Context, first: Path, second: Path, output: Path | None, threshold: float | None) -> None:
-    """Measure how far picture A is from B.
-
-    In linear light: √relMSE is √mean((A − B)² / (B² + ε²)) with ε = 1% of the mean luminance of B, the reference.
-    """
-    from .render import metrics
-    from .render import output as pictures
-
-    if output:
-        jobs.check_output(output)
-    try:
-        a, b = (pictures.read(path) for path in (first, second))
-        found = metrics.difference(a.channels["rgba"], b.channels["rgba"])
-    except (pictures.FormatError, metrics.SizeError) as error:
-        raise click.ClickException(str(error)) from None
-    click.echo(f"√relMSE    {found.error:.6g} ({found.error:.4%})")
-    click.echo(f"maximum    {found.maximum:.6g} at pixel {found.at[0]},{found.at[1]}")
-    click.echo(f"differing  {found.differing} of {found.pixels} pixels")
-    if output:
-        pictures.write_difference(a, b, output)
-    ctx.exit(1 if threshold is not None and found.error > threshold else 0)
+cli.add_command(cli_compare.compare)
 
 
 @cli.command()

@@ -64,13 +64,13 @@ def difference(image: Pixels, reference: Pixels) -> Difference:
     height, width = a.shape[:2]
     if a.size == 0:
         return Difference(0.0, 0.0, (0, 0), 0, 0)
-    distance = _distance(a, b).max(axis=2)
-    row, column = np.unravel_index(np.argmax(distance), distance.shape)
+    apart = distance(a, b).max(axis=2)
+    row, column = np.unravel_index(np.argmax(apart), apart.shape)
     return Difference(
         error=root_relmse(a, b),
-        maximum=float(distance[row, column]),
+        maximum=float(apart[row, column]),
         at=(int(column), int(row)),
-        differing=int(np.count_nonzero(distance)),
+        differing=int(np.count_nonzero(apart)),
         pixels=height * width,
     )
 
@@ -78,15 +78,12 @@ def difference(image: Pixels, reference: Pixels) -> Difference:
 def false_colour(image: Pixels, reference: Pixels, full: float | None = None) -> NDArray[np.float32]:
     """Where `image` is brighter than `reference` (red) and darker (blue), white where equal: linear (height, width, 3).
 
-    Colours are full at a luminance difference of ±`full`; None takes the 99.5th percentile of what there is, so that a
-    few stray pixels do not hide the rest.
+    Colours are full at a luminance difference of ±`full`; None takes `full_scale`.
     """
     a, b = _same_size(image, reference)
-    signed = np.nan_to_num(luminance(a - b), nan=0.0, posinf=1e38, neginf=-1e38)
-    if full is None:
-        there = np.abs(signed[signed != 0])
-        full = float(np.percentile(there, 99.5)) if there.size else 1.0
-    share = np.clip(signed / full, -1.0, 1.0)
+    with np.errstate(invalid="ignore"):
+        signed = np.nan_to_num(luminance(a - b), nan=0.0, posinf=1e38, neginf=-1e38)
+    share = np.clip(signed / (full_scale(a, b) if full is None else full), -1.0, 1.0)
     colours = np.ones((*share.shape, 3))
     colours[..., 1] = 1.0 - np.abs(share)
     colours[..., 0] -= np.clip(-share, 0.0, 1.0)
@@ -94,13 +91,22 @@ def false_colour(image: Pixels, reference: Pixels, full: float | None = None) ->
     return colours.astype(np.float32)
 
 
-def _distance(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def full_scale(image: Pixels, reference: Pixels) -> float:
+    """The 99.5th percentile of the luminance differences there are, so that a few stray pixels do not hide the rest; 1 without any."""
+    a, b = _same_size(image, reference)
+    with np.errstate(invalid="ignore"):
+        apart = np.abs(luminance(a - b))
+    there = apart[(apart > 0) & np.isfinite(apart)]
+    return float(np.percentile(there, 99.5)) if there.size else 1.0
+
+
+def distance(a: Pixels, b: Pixels) -> NDArray[np.float64]:
     """|a − b|, 0 where both are the same inf or both nan, inf where only one is not finite."""
     with np.errstate(invalid="ignore"):
-        distance = np.abs(a - b)
-    distance[(a == b) | (np.isnan(a) & np.isnan(b))] = 0.0
-    distance[np.isnan(distance)] = np.inf
-    return distance
+        apart = np.abs(a - b)
+    apart[(a == b) | (np.isnan(a) & np.isnan(b))] = 0.0
+    apart[np.isnan(apart)] = np.inf
+    return apart
 
 
 def _same_size(image: Pixels, reference: Pixels) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -6,7 +6,6 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -95,8 +94,8 @@ def read(path: Path) -> images.Image:
     """A picture from any file OpenImageIO knows, as scene-linear rgba with associated alpha (1 where the file has none).
 
     Integer files are taken as sRGB with unassociated alpha, float files as linear. Other channels that maquette writes are
-    read too. metadata: "size" and "crop" in the whole picture, "bits" a channel (of an integer file, 0 of floats), and "about",
-    what `write` was told about it (text, as some formats hold no more). Raises FormatError where there is no picture to read.
+    read too. metadata: "size" and "crop" in the whole picture, "bits" a channel (of an integer file, 0 of floats), whether
+    it has "alpha", and "about", what `write` was told about it (as text). Raises FormatError where there is no picture to read.
     """
     wanted = oiio.ImageSpec()
     wanted.attribute("oiio:UnassociatedAlpha", 1)
@@ -113,14 +112,6 @@ def read(path: Path) -> images.Image:
     finally:
         source.close()
     return _as_image(np.asarray(pixels, dtype=np.float32).reshape(spec.height, spec.width, -1), spec)
-
-
-def write_difference(picture: images.Image, reference: images.Image, path: Path) -> None:
-    """Write picture − reference: in an EXR the signed linear difference, else false colours (metrics.false_colour)."""
-    a, b = (p.channels["rgba"][..., :3] for p in (picture, reference))
-    rgb = a - b if path.suffix.lower() in LINEAR else metrics.false_colour(a, b)
-    rgba = np.concatenate([rgb, np.ones_like(rgb[..., :1])], axis=2).astype(np.float32)
-    write(images.Image(picture.width, picture.height, {"rgba": rgba}, {}), path, Look(), {"version": metadata.version("maquette")})
 
 
 def metered(rgba: NDArray[np.floating]) -> float:
@@ -219,6 +210,7 @@ def _read_about(spec: Any) -> dict[str, Any]:
     return {
         "size": (spec.full_width, spec.full_height),
         "crop": (x, y, x + spec.width, y + spec.height),
+        "alpha": spec.alpha_channel >= 0,
         "bits": {oiio.UINT8: 8, oiio.UINT16: 16}.get(spec.format.basetype, 0),
         "about": {a.name.removeprefix(ABOUT): str(a.value) for a in spec.extra_attribs if a.name.startswith(ABOUT)},
     }

@@ -1,4 +1,4 @@
-"""The layers, read from the imports: cli, live → render → compiler → lang, nothing upwards, nothing hidden, nothing round in circles."""
+"""The layers, read from the imports: cli, live, measure → render → compiler → lang, nothing upwards, nothing hidden, nothing round in circles."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = ("lang", "compiler", "render", "live", "stdlib")
+PACKAGES = ("lang", "compiler", "render", "live", "measure", "stdlib")
 MAX_LINES = 600
 
 # What a layer may import from. The top is the files beside the packages: cli*.py and __init__.py.
@@ -18,8 +18,9 @@ ALLOWED = {
     "compiler": {"compiler", "lang", "stdlib"},
     "render": {"render", "compiler", "lang"},
     "live": {"live", "render", "compiler", "lang"},
+    "measure": {"measure", "render", "compiler", "lang"},
     "stdlib": set(),
-    "top": {"top", "live", "render", "compiler", "lang", "stdlib"},
+    "top": {"top", "live", "measure", "render", "compiler", "lang", "stdlib"},
 }
 RENDER_READS = {"compiler.ir", "compiler.plan"}
 
@@ -29,11 +30,17 @@ LATE = {
     "rich": "only a terminal sees colours",
     "trimesh": "only OFF files need it, and it takes half a second",
 }
+# Libraries that one file alone may import: everything else goes through it. That file is loaded when a picture of it is wanted.
+ONE_FILE = {
+    "matplotlib": "measure/draw.py",
+    "flip_evaluator": "measure/errors.py",
+}
 # Files whose functions open the next stage's door when it is reached, so that `--help` and `check` stay quick.
 DOORS = {
     "__init__.py": "`import maquette` loads no numpy",
     "cli.py": "each command loads its own stages",
     "cli_shared.py": "settings are asked for once numpy is needed anyway",
+    "cli_compare.py": "pictures and scenes load what they need",
     "cli_job.py": "a job loads the stages it comes to",
     "compiler/lower.py": "a mesh or a stage inside a scene loads what reads its file",
     "compiler/load.py": "each kind of file has its own front end and libraries",
@@ -146,6 +153,17 @@ def test_reasons_are_still_needed() -> None:
     assert {i.target.split(".")[0] for i in hidden if not i.own} == set(LATE)
 
 
+def test_a_library_has_one_door() -> None:
+    wrong = [f"{i.file}:{i.line} {i.target}" for i in IMPORTS if i.file != ONE_FILE.get(i.target.split(".")[0], i.file)]
+    assert not wrong, listed(wrong)
+
+
+def test_matplotlib_is_loaded_for_a_chart_alone() -> None:
+    """It takes half a second: nothing imports the file that draws with it but a command's function."""
+    wrong = [f"{i.file}:{i.line}" for i in IMPORTS if i.own and i.target == "measure.draw" and not i.hidden]
+    assert not wrong, listed(wrong)
+
+
 def test_modules_do_not_import_in_circles() -> None:
     """At module level: a circle works or fails by who is imported first."""
     edges: dict[str, set[str]] = {}
@@ -166,7 +184,7 @@ def test_modules_do_not_import_in_circles() -> None:
         walk(module, ())
 
 
-@pytest.mark.parametrize("layer", ["lang", "compiler", "top"])
+@pytest.mark.parametrize("layer", ["lang", "compiler", "measure", "top"])
 def test_numba_is_not_reached_without_drawing(layer: str) -> None:
     wrong = [f"{i.file}:{i.line}" for i in IMPORTS if i.target.split(".")[0] == "numba" and layer_of(i.file.split("/")[0]) == layer]
     assert not wrong, listed(wrong)

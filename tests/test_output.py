@@ -42,6 +42,8 @@ def test_what_a_picture_is_about_comes_back(tmp_path: Path) -> None:
     exr, png = (output.read(tmp_path / name) for name in ("a.exr", "a.png"))
     assert exr.channels["id"].tolist() == ids.tolist()
     assert (exr.metadata["size"], exr.metadata["crop"], exr.metadata["bits"]) == ((10, 8), (3, 4, 5, 5), 0)
+    assert (exr.metadata["alpha"], png.metadata["alpha"]) == (True, False)
+    assert (exr.metadata["alpha"], png.metadata["alpha"]) == (True, False)
     assert (png.metadata["size"], png.metadata["crop"], png.metadata["bits"]) == ((2, 1), (0, 0, 2, 1), 16)
     assert (exr.metadata["about"]["seed"], float(png.metadata["about"]["exposure"])) == ("7", 0.5)
 

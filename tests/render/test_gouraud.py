@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from maquette.compiler import ir
 from maquette.compiler.rows import CameraData, LightData, MeshAttribute
-from maquette.render import bvh, gouraud, trace
+from maquette.render import gouraud, rays, trace
 from maquette.render.handles import Handle
-from maquette.render.records import View
+from maquette.render.records import Frame, View
 
 from . import tables as make
 
 TILT = math.radians(30)
 SLOPES = np.array([[-math.sin(TILT), math.cos(TILT), 0.0], [math.sin(TILT), math.cos(TILT), 0.0]])
-VIEW = View(0, 8, 8)
+FRAME = Frame(View(0, 8, 8), make.OPTIONS, np.zeros(1))
 OVERHEAD = make.looking((0, 50, 0), (0, 0, 0), (0, 0, -1))
 
 
@@ -35,7 +35,7 @@ def scene(material, mesh=None, frame=OVERHEAD):
 
 def value_at(x, material):
     tables = scene(material)
-    light = gouraud.vertex_light(tables, tables, trace.Brute(), make.OPTIONS, VIEW)
+    light = gouraud.vertex_light(tables, tables, trace.Brute(), FRAME)
     rgb, _ = make.radiance(tables, make.rays((x, 5, 0.1), (0, -1, 0)), light=light)
     return rgb[0, 0, 0]
 
@@ -59,9 +59,8 @@ def test_kernels_and_numpy_compute_the_same_light_at_vertices():
     rng = np.random.default_rng(4)
     bumps = make.mesh(rng.normal(size=(30, 3)), rng.integers(0, 30, (40, 3)))
     tables = scene(make.phong(0.5, 0.5, 9.0, shading=ir.Shading.GOURAUD), bumps)
-    one = gouraud.vertex_light(tables, tables, trace.Brute(), make.OPTIONS, VIEW)
-    packed, tree = Handle(tables), Handle(bvh.build(tables))
-    other = gouraud.vertex_light(tables, packed, tree, make.OPTIONS, VIEW)
+    one = gouraud.vertex_light(tables, tables, trace.Brute(), FRAME)
+    other = gouraud.vertex_light(tables, Handle(tables), rays.trees(tables), Handle(FRAME))
     assert one.color.max() > 0.1
     assert np.abs(one.color - other.color).max() < 1e-12
     assert np.array_equal(one.first, other.first)
@@ -69,7 +68,7 @@ def test_kernels_and_numpy_compute_the_same_light_at_vertices():
 
 def test_only_meshes_shaded_at_vertices_have_light_there():
     tables = scene(make.phong(1.0))
-    light = gouraud.vertex_light(tables, tables, trace.Brute(), make.OPTIONS, VIEW)
+    light = gouraud.vertex_light(tables, tables, trace.Brute(), FRAME)
     assert list(light.first) == [-1]
 
 
@@ -83,7 +82,7 @@ def test_shadows_fall_on_vertices():
         meshes=[(strip(), make.matrix(), 0), (roof, make.matrix(), 1)], materials=[material, make.phong(0.0)],
         lights=[sun], camera=camera, frame=frame,
     )  # fmt: skip
-    light = gouraud.vertex_light(tables, tables, trace.Brute(), make.OPTIONS, VIEW)
+    light = gouraud.vertex_light(tables, tables, trace.Brute(), FRAME)
     x = np.array([-1, 1, 1, -1])
     assert light.color[: len(x), 0] == pytest.approx(np.where(x > 0, math.cos(TILT), 0.0), abs=1e-7)
 
@@ -94,7 +93,7 @@ def test_a_vertex_on_the_outline_is_lit_from_outside_for_triangles_that_show_it(
     ridge = make.mesh(positions, [[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])  # counter-clockwise from above
     frame = make.looking((30, 5, 0), (0, 0, 0))
     tables = scene(make.phong(1.0, shading=ir.Shading.GOURAUD), ridge, frame)
-    light = gouraud.vertex_light(tables, tables, trace.Brute(), make.OPTIONS, VIEW)
+    light = gouraud.vertex_light(tables, tables, trace.Brute(), FRAME)
     assert light.color[:6, 0] == pytest.approx(math.sqrt(0.5), abs=1e-7)
     assert light.color[6:, 0] == pytest.approx(0.0, abs=1e-7)
 
@@ -107,7 +106,7 @@ def test_soft_lights_are_averaged_at_vertices():
         lights=[LightData(ir.LightKind.RECTANGLE, make.grey(1.0), transform=1, size=(0.5, 0.5))], camera=camera,
         frame=make.facing((0, 40, 0), (0, 0, 0)),
     )  # fmt: skip
-    light = gouraud.vertex_light(tables, tables, trace.Brute(), make.OPTIONS, VIEW)
+    light = gouraud.vertex_light(tables, tables, trace.Brute(), FRAME)
     d = math.hypot(40, math.sqrt(2))
     cosine = (40 * math.cos(TILT) - math.sin(TILT)) / d  # the normals lean away from the lamp
     assert light.color[:4, 0] == pytest.approx(0.6 / math.pi * cosine * (40 / d) / d**2, rel=2e-3)

@@ -1,4 +1,4 @@
-"""What rays meet: trees against brute force on every kind of shape, ties, grids, duplicates, leaks, and the cost of instances."""
+"""What rays meet: trees against brute force on every kind of shape, ties, grids, duplicates, and the cost of instances."""
 
 from __future__ import annotations
 
@@ -10,12 +10,10 @@ import pytest
 from maquette.compiler import ir
 from maquette.compiler.build import SceneBuilder, lambert
 from maquette.compiler.rows import CameraData, InstanceData, MeshData
-from maquette.render import bvh, surface, trace
-from maquette.render.handles import Handle
-from maquette.render.kernels import kernel
-from maquette.render.records import Ray
+from maquette.render import bvh, trace
 
 from .tables import matrix, rays, scene
+from .tracing import random_rays, same, through_trees, wavy
 
 K = ir.GeometryKind
 EVERY = [
@@ -24,56 +22,6 @@ EVERY = [
     (K.QUADRIC, [1, -1, 1, 0, 0, 0, 0, 0, 0, -0.2, 1, 1, 1]),
     (K.QUADRIC, [0, 0, 0, 0, 0, 1, 0, -1, 0, 0, np.inf, np.inf, np.inf]),
 ]  # fmt: skip
-
-
-@kernel
-def in_kernel(accel, tables, columns, bit, t, instance, primitive, u, v, blocked):
-    for k in range(columns.shape[1]):
-        c = columns[:, k]
-        ray = Ray((c[0], c[1], c[2]), (c[3], c[4], c[5]), c[6], c[7])
-        t[k], instance[k], primitive[k], u[k], v[k] = trace.closest(accel, tables, ray, True, bit)
-        blocked[k] = trace.occluded(accel, tables, ray, True)
-
-
-def through_trees(tables: ir.Tables, ray: Ray, bit: int = 1, brute: bool = False) -> tuple[np.ndarray, ...]:
-    """(t, instance, primitive, u, v, blocked) by kernels."""
-    n = len(ray.t_min)
-    t, u, v = np.empty((3, n))
-    instance, primitive = np.empty((2, n), np.int64)
-    blocked = np.empty(n, bool)
-    packed = Handle(bvh.build(tables, brute)), Handle(tables)  # kept until the kernel is done
-    in_kernel(*packed, np.stack([*ray.origin, *ray.direction, ray.t_min, ray.t_max]), bit, t, instance, primitive, u, v, blocked)
-    return t, instance, primitive, u, v, blocked
-
-
-def by_brute_force(tables: ir.Tables, ray: Ray, bit: int = 1) -> tuple[np.ndarray, ...]:
-    active = np.ones(len(ray.t_min), bool)
-    hit = trace.closest(trace.Brute(), tables, ray, active, bit)
-    return (*hit, trace.occluded(trace.Brute(), tables, ray, active))
-
-
-def same(tables: ir.Tables, ray: Ray, bit: int = 1) -> tuple[np.ndarray, ...]:
-    """What rays meet, after trees, a loop in a kernel and numpy have agreed to the last bit."""
-    expected = by_brute_force(tables, ray, bit)
-    for brute in (False, True):
-        for found, wanted in zip(through_trees(tables, ray, bit, brute), expected, strict=True):
-            np.testing.assert_array_equal(found, wanted)
-    return expected
-
-
-def random_rays(n: int, seed: int, reach: float = 7.0) -> Ray:
-    rng = np.random.default_rng(seed)
-    return rays(rng.uniform(-reach, reach, (n, 3)), rng.normal(size=(n, 3)))
-
-
-def wavy(cells: int, seed: int = 0) -> MeshData:
-    """A square of 2 · cells² triangles over -1 … 1 with a random height."""
-    rng = np.random.default_rng(seed)
-    line = np.linspace(-1, 1, cells + 1)
-    x, z = np.meshgrid(line, line, indexing="ij")
-    points = np.stack([x, rng.uniform(-0.2, 0.2, x.shape), z], axis=-1).reshape(-1, 3)
-    i = (np.arange(cells)[:, None] * (cells + 1) + np.arange(cells)).ravel()
-    return MeshData(points, np.concatenate([np.stack([i, i + 1, i + cells + 2], 1), np.stack([i, i + cells + 2, i + cells + 1], 1)]))
 
 
 def anywhere(rng: np.random.Generator) -> np.ndarray:
@@ -150,60 +98,6 @@ def test_inactive_rays_meet_nothing() -> None:
     np.testing.assert_array_equal(hit.t, [4.0, np.inf])
     np.testing.assert_array_equal(hit.instance, [0, -1])
     np.testing.assert_array_equal(trace.occluded(trace.Brute(), tables, ray, active), active)
-
-
-def test_no_ray_at_an_edge_or_a_vertex_of_a_closed_mesh_leaks() -> None:
-    """A tessellated sphere far from the origin, from inside: every ray must meet it."""
-    n = 48
-    turn, fall = np.meshgrid(np.arange(2 * n) * np.pi / n, np.arange(1, n) * np.pi / n)
-    ring = np.stack([np.sin(fall) * np.cos(turn), np.cos(fall), np.sin(fall) * np.sin(turn)], axis=-1).reshape(-1, 3)
-    points = np.concatenate([ring, [[0, 1, 0], [0, -1, 0]]]).astype(np.float32).astype(float)
-    faces, w = [], 2 * n
-    for row in range(n - 2):
-        a = row * w + np.arange(w)
-        b = row * w + (np.arange(w) + 1) % w
-        faces += [np.stack([a, b, b + w], 1), np.stack([a, b + w, a + w], 1)]
-    first, last = np.arange(w), (n - 2) * w + np.arange(w)
-    top, bottom = np.full(w, len(ring)), np.full(w, len(ring) + 1)
-    faces += [np.stack([np.roll(first, -1), first, top], 1), np.stack([last, np.roll(last, -1), bottom], 1)]
-    mesh = MeshData(points, np.concatenate(faces))
-    where = np.array([148376.0, 1234.0, -223423.0])
-    tables = scene(meshes=[(mesh, matrix(where), 0)])
-    rng = np.random.default_rng(5)
-    tri = mesh.triangles[rng.integers(0, len(mesh.triangles), 200_000)]
-    share = rng.choice([0.0, 0.25, 0.5, 1.0], len(tri))[:, None]
-    aim = where + points[tri[:, 0]] * (1 - share) + points[tri[:, 1]] * share
-    origin = where + 0.3 * rng.normal(size=(len(tri), 3)) / 3
-    t, *_ = through_trees(tables, rays(origin, aim - origin))
-    assert np.isfinite(t).all()
-
-
-@pytest.mark.parametrize("size", [1e-3, 1.0, 1e5])
-def test_no_surface_is_met_again_by_rays_that_leave_it(size: float) -> None:
-    """Each kind of shape at three sizes, far from the origin by ten times that: rays that go outward from its points."""
-    rng = np.random.default_rng(6)
-    for kind, parameters in EVERY:
-        if kind in (K.TORUS, K.QUADRIC):
-            continue  # not convex: what goes outward may meet another part by right
-        placed = matrix(10 * size * rng.normal(size=3), size * np.linalg.qr(rng.normal(size=(3, 3)))[0])
-        tables = scene([(kind, parameters, placed, 0)])
-        n = 1000
-        origin = placed[:3, 3] + 4 * size * rng.normal(size=(n, 3))
-        ray = rays(origin, placed[:3, 3] + 0.8 * size * rng.uniform(-1, 1, (n, 3)) - origin)
-        hit = trace.closest(trace.Brute(), tables, ray, np.ones(n, bool), 1)
-        seen = np.flatnonzero(hit.instance >= 0)
-        one = Ray(tuple(c[seen] for c in ray.origin), tuple(c[seen] for c in ray.direction), 0.0, np.inf)
-        with np.errstate(all="ignore"):
-            at = surface.at(tables, one, type(hit)(*(c[seen] for c in hit)))
-        out = rng.normal(size=(3, len(seen)))
-        normal = np.stack(np.broadcast_arrays(*at.geometric))
-        keep = at.front | (kind in (K.PLANE, K.RECTANGLE, K.DISK))  # the open cone is seen from inside too, where it is not convex
-        out = np.where(np.sum(out * normal, axis=0) < 0, -out, out)
-        out = out / np.linalg.norm(out, axis=0)
-        leaving = surface.leave(at, tuple(out))
-        again = through_trees(tables, Ray(leaving, tuple(out), np.zeros(len(seen)), np.full(len(seen), np.inf)))[0]
-        assert not np.isfinite(again[keep]).any(), (kind, again[keep].min())
-        assert keep.sum() > 100
 
 
 # --- trees ---------------------------------------------------------------------------------------------------------------

@@ -1,0 +1,92 @@
+"""OpenGL on Mesa's llvmpipe as a peer of the raster backend: the same triangles, camera, shading and framebuffer, without a window."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import harness, meshes
+from .meshes import Mesh
+
+INSTALL = "pip install moderngl; Debian's libegl1 and libgl1-mesa-dri"
+NEAR, FAR = 0.1, 20.0
+
+_VERTEX = """
+#version 330
+uniform mat4 to_clip;
+in vec3 position;
+in vec3 normal;
+out vec3 at;
+out vec3 facing;
+void main() { at = position; facing = normal; gl_Position = to_clip * vec4(position, 1.0); }
+"""
+_FRAGMENT = """
+#version 330
+uniform vec3 eye;
+uniform vec3 light;
+uniform vec3 diffuse;
+uniform vec3 specular;
+uniform float shininess;
+in vec3 at;
+in vec3 facing;
+out vec4 color;
+void main() {
+    vec3 n = normalize(facing);
+    vec3 v = normalize(eye - at);
+    if (!gl_FrontFacing) n = -n;
+    float cosine = dot(n, light);
+    float lobe = cosine > 0.0 ? pow(max(dot(n, normalize(light + v)), 0.0), shininess) : 0.0;
+    color = vec4(diffuse * max(cosine, 0.0) + specular * lobe, 1.0);
+}
+"""
+
+
+class Window:
+    """A context without a window, and one mesh in it, ready to be drawn from meshes.EYE."""
+
+    def __init__(self, mesh: Mesh, size: int, samples: int, uniforms: dict[str, Any]) -> None:
+        moderngl = harness.need("moderngl", INSTALL)
+        try:
+            self.context = moderngl.create_context(standalone=True, backend="egl")
+        except Exception as why:  # glcontext raises plain Exception
+            raise harness.Missing(f"no OpenGL context can be made ({INSTALL})") from why
+        gl = self.context
+        self.size = size
+        several = samples if samples > 1 else 0
+        self.frame = gl.framebuffer([gl.renderbuffer((size, size), 4, samples=several)], gl.depth_renderbuffer((size, size), samples=several))
+        self.resolved = gl.framebuffer([gl.renderbuffer((size, size), 4)]) if several else self.frame
+        program = gl.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
+        program["to_clip"].write(to_clip().T.astype(np.float32).tobytes())
+        for name, value in {"eye": meshes.EYE, **uniforms}.items():
+            program[name].value = value
+        vertices = gl.buffer(np.hstack([mesh.positions, mesh.normals]).astype(np.float32).tobytes())
+        self.mesh = gl.vertex_array(program, [(vertices, "3f 3f", "position", "normal")], gl.buffer(mesh.triangles.tobytes()), 4)
+        gl.enable(moderngl.DEPTH_TEST)
+        self.pixels = np.empty((size, size, 4), np.uint8)
+
+    def draw(self) -> NDArray[np.uint8]:
+        """Clear, draw, resolve, read back: (size, size, 4), the top row first."""
+        self.frame.use()
+        self.context.clear(0.0, 0.0, 0.0, 0.0)
+        self.mesh.render()
+        if self.resolved is not self.frame:
+            self.context.copy_framebuffer(self.resolved, self.frame)
+        self.resolved.read_into(self.pixels, components=4)
+        return self.pixels[::-1]
+
+    def version(self) -> str:
+        """The renderer's name and version, such as llvmpipe (LLVM 15, 256 bits), Mesa 22.3."""
+        return f"{self.context.info['GL_RENDERER']} {self.context.info['GL_VERSION']}"
+
+
+def to_clip() -> NDArray[np.float64]:
+    """(4, 4) world to clip space for the camera of meshes.scene: perspective, square, reaching from NEAR to FAR."""
+    view = np.eye(4)
+    camera = meshes.looking(meshes.EYE)
+    view[:3, :3] = camera[:, :3].T
+    view[:3, 3] = -camera[:, :3].T @ camera[:, 3]
+    scale = 1.0 / meshes.EXTENT
+    depth = (NEAR + FAR) / (NEAR - FAR), 2.0 * NEAR * FAR / (NEAR - FAR)
+    return np.array([[scale, 0, 0, 0], [0, scale, 0, 0], [0, 0, *depth], [0, 0, -1, 0]]) @ view

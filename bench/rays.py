@@ -1,0 +1,217 @@
+"""Closest and any hit: the ray backend's trees against Embree (through embreex and by itself) and Mitsuba's llvm mode."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..compiler import ir
+from ..render import bvh, trace
+from ..render.handles import Handle
+from ..render.kernels import kernel
+from ..render.records import Ray
+from . import embree, meshes, mitsuba, report
+from .harness import OURS, Case, Contender, Disagreement, Effort, Peers, Seconds, measure, need, timed
+from .meshes import Mesh, Rays
+
+TEXT = """
+A torus knot with bumps, in three sizes, and 10,000 instances of the smallest, scattered. Rays: *primary* from the eye in Morton
+order, *diffuse* by the cosine from where those hit, *shadow* from there to a point light (any hit, up to the light). Each contender
+gets the same float32 arrays and writes arrays of distance, triangle and weights, or of one truth value a ray. Embree does single rays
+(`rtcIntersect1`, its default quality, not robust): *embreex* is one call of its `EmbreeScene.run` for all rays, which also writes normals;
+*Embree* is the same library called ray by ray from a compiled loop, without Python. maquette: its single rays, in one kernel.
+"""
+INSTANCES = 10_000
+MOST_APART = 2e-4  # share of rays that may differ: Embree's default lets rays through edges, and rounding decides at silhouettes
+NEAR = 1e-4  # of the distance (or of the scene's size, 1), within which two hits are the same
+
+
+@kernel
+def closest_all(tables, accel, origin, direction, limit, t, triangle, instance, u, v):
+    """The first hit of each ray; arrays of n are written."""
+    for k in range(len(t)):
+        o = (float(origin[k, 0]), float(origin[k, 1]), float(origin[k, 2]))
+        d = (float(direction[k, 0]), float(direction[k, 1]), float(direction[k, 2]))
+        hit = trace.closest(accel, tables, Ray(o, d, 0.0, float(limit[k])), True, 1)
+        t[k], triangle[k], instance[k], u[k], v[k] = hit.t, hit.primitive, hit.instance, hit.u, hit.v
+
+
+@kernel
+def occluded_all(tables, accel, origin, direction, limit, blocked):
+    """Whether anything stands in each ray's way."""
+    for k in range(len(blocked)):
+        o = (float(origin[k, 0]), float(origin[k, 1]), float(origin[k, 2]))
+        d = (float(direction[k, 0]), float(direction[k, 1]), float(direction[k, 2]))
+        blocked[k] = trace.occluded(accel, tables, Ray(o, d, 0.0, float(limit[k])), True)
+
+
+def closest(tables: Handle, rays: Rays, accel: Handle) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]:
+    """Distance (inf: nothing), triangle and instance (-1) of the first hit of each ray."""
+    n = len(rays.limit)
+    t, u, v = np.empty((3, n), np.float32)
+    triangle, instance = np.empty((2, n), np.int32)
+    closest_all(tables, accel, rays.origin, rays.direction, rays.limit, t, triangle, instance, u, v)
+    return t, triangle, instance
+
+
+def occluded(tables: Handle, rays: Rays, accel: Handle) -> NDArray[np.bool_]:
+    """Whether anything stands in each ray's way."""
+    blocked = np.empty(len(rays.limit), np.bool_)
+    occluded_all(tables, accel, rays.origin, rays.direction, rays.limit, blocked)
+    return blocked
+
+
+@dataclass(eq=False)
+class Sides:
+    """One scene, built by everybody who is there: for each name, its build time and what makes its contender for some rays."""
+
+    mesh: Mesh
+    transforms: NDArray[np.float64] | None
+    peers: Peers
+    made: dict[str, Callable[[Rays, bool], Contender]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        scene = meshes.scene(self.mesh, self.transforms)
+        (accel, build) = timed(lambda: Handle(bvh.build(scene.tables)))
+        self.tables = Handle(scene.tables)
+        self.accel, self.build = accel, build
+
+    def case(self, rays: Rays) -> Case:
+        any_hit = rays.name == "shadow"
+        factories = [lambda: self.ours(rays, any_hit), lambda: self.embree(rays, any_hit), lambda: self.mitsuba(rays, any_hit)]
+        if self.transforms is None:
+            factories.insert(1, lambda: self.embreex(rays, any_hit))
+        return Case(rays.name, self.peers.gather(*factories), agree_any if any_hit else agree_closest, len(rays.limit))
+
+    def ours(self, rays: Rays, any_hit: bool) -> Contender:
+        if any_hit:
+            return Contender(OURS, lambda: occluded(self.tables, rays, self.accel), build=self.build)
+        return Contender(OURS, lambda: closest(self.tables, rays, self.accel), build=self.build)
+
+    def embreex(self, rays: Rays, any_hit: bool) -> Contender:
+        def make() -> Callable[[Rays, bool], Contender]:
+            scene = need("embreex.rtcore_scene", embree.INSTALL).EmbreeScene()
+            need("embreex.mesh_construction", embree.INSTALL).TriangleMesh(scene, self.mesh.positions, self.mesh.triangles)
+            one = np.zeros((1, 3), np.float32) + 9.0
+            build = timed(lambda: scene.run(one, one))[1]
+
+            def contender(rays: Rays, any_hit: bool) -> Contender:
+                far = np.minimum(rays.limit, np.float32(1e37))
+                note = "EmbreeScene.run"
+                if any_hit:
+                    run = lambda: scene.run(rays.origin, rays.direction, dists=far.copy(), query="OCCLUDED")  # noqa: E731
+                    return Contender("embreex", run, lambda ids: ids >= 0, build, note)
+                run = lambda: scene.run(rays.origin, rays.direction, dists=far.copy(), output=True)  # noqa: E731
+                return Contender("embreex", run, lambda found: (found["tfar"], found["primID"]), build, note)
+
+            return contender
+
+        return self._once("embreex", make)(rays, any_hit)
+
+    def embree(self, rays: Rays, any_hit: bool) -> Contender:
+        def make() -> Callable[[Rays, bool], Contender]:
+            scene = embree.Scene(embree.Device(), self.mesh)
+            build = timed(scene.commit if self.transforms is None else lambda: scene.place(self.transforms))[1]  # pyright: ignore[reportArgumentType]
+
+            def contender(rays: Rays, any_hit: bool) -> Contender:
+                run: Callable[[], Any] = scene.occluded(rays) if any_hit else scene.intersect(rays)
+                return Contender("Embree", run, build=build, note="rtcOccluded1" if any_hit else "rtcIntersect1")
+
+            return contender
+
+        return self._once("Embree", make)(rays, any_hit)
+
+    def mitsuba(self, rays: Rays, any_hit: bool) -> Contender:
+        def make() -> Callable[[Rays, bool], Contender]:
+            mi = mitsuba.load()
+            made, build = timed(lambda: mitsuba.scene(mi, self.mesh, self.transforms))
+            return lambda rays, any_hit: mitsuba.contender(mi, made, rays, build, any_hit)
+
+        return self._once("Mitsuba", make)(rays, any_hit)
+
+    def _once(self, name: str, make: Callable[[], Callable[[Rays, bool], Contender]]) -> Callable[[Rays, bool], Contender]:
+        if name not in self.made:
+            self.made[name] = make()
+        return self.made[name]
+
+    def secondary(self, rays: Rays) -> tuple[Rays, Rays]:
+        """Diffuse and shadow rays from where primary rays hit, a little off the surface."""
+        t, triangle, instance = closest(self.tables, rays, self.accel)
+        hit = np.flatnonzero(triangle >= 0)
+        a, b, c = (self.mesh.positions[self.mesh.triangles[triangle[hit], k]].astype(np.float64) for k in range(3))
+        normal = np.cross(b - a, c - a)
+        if self.transforms is not None:
+            normal = np.einsum("nij,nj->ni", self.transforms[instance[hit], :, :3], normal)  # turns and even scales
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+        towards = rays.direction[hit].astype(np.float64)
+        normal *= np.where(np.sum(normal * towards, axis=1, keepdims=True) > 0.0, -1.0, 1.0)
+        points = rays.origin[hit] + towards * t[hit, None].astype(np.float64) + meshes.OUTSIDE * normal
+        return meshes.diffuse(points, normal), meshes.shadow(points)
+
+
+def agree_closest(answers: Mapping[str, Any]) -> str:
+    """Hit or miss, and distance where both hit, of each peer against ours."""
+    t, triangle = answers[OURS][:2]
+    hit = triangle >= 0
+    said = [f"{hit.mean():.0%} of {len(hit):,} rays hit"]
+    for name, (their_t, their_triangle, *_) in ((k, v) for k, v in answers.items() if k != OURS):
+        both = hit & (their_triangle >= 0)
+        one = int(np.count_nonzero(hit != (their_triangle >= 0)))
+        apart = np.abs(t[both] - their_t[both]) > NEAR * np.maximum(their_t[both], 1.0)
+        other = int(np.count_nonzero(triangle[both] != their_triangle[both]))
+        text = f"{name}: {one} hit in one only, {np.count_nonzero(apart)} distances differ, {other} another triangle"
+        _refuse(one + int(np.count_nonzero(apart)), len(hit), text)
+        _refuse(other, 10 * len(hit), text)  # at edges, and where surfaces cross
+        said.append(text)
+    return "; ".join(said)
+
+
+def agree_any(answers: Mapping[str, Any]) -> str:
+    """Blocked or not, of each peer against ours."""
+    blocked = answers[OURS]
+    said = [f"{blocked.mean():.0%} of {len(blocked):,} rays are blocked"]
+    for name, theirs in ((k, v) for k, v in answers.items() if k != OURS):
+        apart = int(np.count_nonzero(blocked != theirs))
+        _refuse(apart, len(blocked), f"{name}: {apart} differ")
+        said.append(f"{name}: {apart} differ")
+    return "; ".join(said)
+
+
+def _refuse(apart: int, rays: int, text: str) -> None:
+    if apart > max(2.0, MOST_APART * rays):
+        raise Disagreement(text)
+
+
+def section(quick: bool, effort: Effort) -> report.Section:
+    """Measure everything."""
+    peers = Peers()
+    warm_up()
+    found = report.Section("rays", "Rays", TEXT)
+    resolution = 64 if quick else 512
+    sizes = meshes.TINY if quick else meshes.SIZES
+    count = 100 if quick else INSTANCES
+    scenes = [(f"{name} triangles", size, None) for name, size in sizes.items()]
+    name, size = next(iter(sizes.items()))
+    for title, size, transforms in [*scenes, (f"{count:,} instances of {name} triangles", size, meshes.boulders(count))]:
+        sides = Sides(meshes.knot(*size), transforms, peers)
+        rays = meshes.primary(resolution)
+        results = [measure(sides.case(each), effort) for each in (rays, *sides.secondary(rays))]
+        found.add(title, results, "Mrays/s")
+    found.missing = peers.missing
+    found.versions = report.version_of("embreex", "mitsuba", "drjit")
+    return found
+
+
+def warm_up() -> Seconds:
+    """Compile the tree's kernels on a mesh of no size, so that no build below holds that."""
+    return timed(lambda: bvh.build(meshes.scene(meshes.knot(8, 4)).tables))[1]
+
+
+def size_of(built: bvh.Bvh, tables: ir.Tables) -> int:
+    """Bytes a tree holds besides the scene's own tables."""
+    shared = {id(tables.transforms.inverse), id(tables.geometries.parameters), id(tables.geometries.origin)}
+    return sum(a.nbytes for a in built if isinstance(a, np.ndarray) and id(a) not in shared)

@@ -1,0 +1,242 @@
+"""How far two pictures or renders are apart, in every way `maquette compare` shows: metrics, where, on which objects, beyond noise or not.
+
+The second side is the one measured against. All figures are of linear light; FLIP sees what a person would be shown.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..compiler import store
+from ..render import metrics
+from . import carriers, changes, errors
+from .sides import Side, alike, exposure_said, without_shared_endless
+
+ACCIDENT = 1.2  # times the noise alone: independent noise makes 0.7 to 1.1, as its estimate is from above
+SIGNIFICANT = 4.0  # standard errors of a mean difference beyond which it is no accident
+METRICS = ("relmse", "flip", "maximum", "silhouette", "bias", "noise", "significance")
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """A part of the picture. `share` is of the squared error (0..1); `error` is √relMSE over its pixels; `maximum` the largest |A − B|."""
+
+    pixels: int
+    share: float
+    error: float
+    maximum: float
+
+    def to_json(self) -> dict[str, Any]:
+        """This region as plain data."""
+        return {"pixels": self.pixels, "share": self.share, "error": self.error, "maximum": self.maximum}
+
+
+@dataclass(frozen=True, slots=True)
+class Bias:
+    """(mean A − mean B) / mean B of red, green and blue. `doubt` holds their standard errors, None where the noise is not known."""
+
+    channels: tuple[float, float, float]
+    doubt: tuple[float, float, float] | None
+
+    @property
+    def largest(self) -> float:
+        """The largest of the three, without its sign."""
+        return max(abs(c) for c in self.channels)
+
+    @property
+    def significance(self) -> float | None:
+        """How many standard errors the clearest of the three is from 0; None where the noise is not known."""
+        if self.doubt is None:
+            return None
+        return max(abs(c) / d if d > 0 else math.inf if c else 0.0 for c, d in zip(self.channels, self.doubt, strict=True))
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Estimated √relMSE of each side's own noise, and how many times as large the difference is as noise alone would make it.
+
+    None where not known. `shared`: both were drawn with the same random numbers, so that their noise cancels wherever they
+    draw alike.
+    """
+
+    a: float | None
+    b: float | None
+    ratio: float | None
+    shared: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Comparison:
+    """What `compare` found; `error`, `maximum`, `at`, `differing` and `pixels` as in metrics.Difference."""
+
+    a: Side
+    b: Side
+    error: float
+    flip: float
+    maximum: float
+    at: tuple[int, int]
+    differing: int
+    pixels: int
+    silhouette: float | None  # pixels between the outlines; None where a picture does not say what is covered
+    exposure: float  # stops, at which FLIP looks at both
+    bias: Bias
+    noise: Noise
+    outline: Region | None
+    interior: Region | None
+    carriers: tuple[carriers.Carrier, ...]
+    largest_on: str  # the object at `at`
+    changes: tuple[changes.Change, ...]
+
+    @property
+    def within_noise(self) -> bool | None:
+        """Whether two pictures as noisy as these would be as far apart by accident; None where the noise is not known."""
+        return None if self.noise.ratio is None else self.noise.ratio <= ACCIDENT
+
+    @property
+    def biased(self) -> bool | None:
+        """Whether the means differ by more than noise explains."""
+        significance = self.bias.significance
+        return None if significance is None else significance > SIGNIFICANT
+
+    def value(self, metric: str) -> float | None:
+        """The figure of one of METRICS; None where it is not known of these pictures."""
+        return {
+            "relmse": self.error, "flip": self.flip, "maximum": self.maximum, "silhouette": self.silhouette, "bias": self.bias.largest,
+            "noise": self.noise.ratio, "significance": self.bias.significance,
+        }[metric]  # fmt: skip
+
+    def to_json(self) -> dict[str, Any]:
+        """Every figure as plain data."""
+        return {
+            "a": _side(self.a), "b": _side(self.b),
+            "relmse": self.error, "flip": self.flip, "maximum": self.maximum, "at": list(self.at), "at_object": self.largest_on,
+            "differing": self.differing, "pixels": self.pixels, "silhouette": self.silhouette,
+            "exposure": self.exposure,
+            "bias": self.bias.channels, "bias_standard_error": self.bias.doubt, "bias_significance": self.bias.significance,
+            "biased": self.biased,
+            "noise": {"a": self.noise.a, "b": self.noise.b, "ratio": self.noise.ratio, "shared": self.noise.shared},
+            "within_noise": self.within_noise,
+            "outline": None if self.outline is None else self.outline.to_json(),
+            "interior": None if self.interior is None else self.interior.to_json(),
+            "objects": [carrier.to_json() for carrier in self.carriers],
+            "changes": [change.to_json() for change in self.changes],
+        }  # fmt: skip
+
+
+def _side(side: Side) -> dict[str, Any]:
+    image = side.image
+    return {
+        "name": side.name, "size": [image.width, image.height], "noise": side.noise, "adjusted": list(side.changes),
+        "plan": None if side.plan is None else side.plan.values(),
+        "samples": image.metadata.get("samples_mean"), "seconds": image.metadata.get("seconds"),
+        "not_drawn": [note.to_json() for note in side.notes],
+    }  # fmt: skip
+
+
+def compare(a: Side, b: Side, exposure: float | None = None) -> Comparison:
+    """Measure `a` against `b`. Raises metrics.SizeError.
+
+    FLIP looks at both at `exposure` stops, None: as B, or else A, says; 8 and 16-bit pictures are looked at as they are.
+    """
+    a, b = without_shared_endless(*alike(a, b, exposure))
+    stops = 0.0 if a.bits else exposure_of(a, b) if exposure is None else exposure
+    found = metrics.difference(a.rgb, b.rgb)
+    squared = metrics.squared_relative(a.rgb, b.rgb)
+    changed, same = _changes(a, b)
+    owner = carriers.owners(a, b, same)
+    variance = _variance(a, b)
+    outline = _outline(a, b)
+    distance = metrics.distance(a.rgb, b.rgb).max(axis=2)
+    of_luminance = None if variance is None else variance @ metrics.LUMINANCE**2
+    return Comparison(
+        a, b, found.error, _flip(a, b, stops), found.maximum, found.at, found.differing, found.pixels,
+        silhouette=None if a.coverage is None or b.coverage is None else errors.silhouette(a.coverage, b.coverage),
+        exposure=stops,
+        bias=_bias(a, b, variance),
+        noise=_noise(a, b, variance, found.error),
+        outline=None if outline is None else _region(outline, squared, distance),
+        interior=None if outline is None else _region(~outline, squared, distance),
+        carriers=() if owner is None else tuple(carriers.carriers(a, b, owner, squared, of_luminance)),
+        largest_on="" if owner is None else carriers.name_of(a, b, int(owner[found.at[1], found.at[0]])),
+        changes=tuple(changed),
+    )  # fmt: skip
+
+
+def exposure_of(a: Side, b: Side) -> float:
+    """The stops at which both are looked at: what B, or else A, was written with or plans."""
+    return next((stops for stops in (exposure_said(b), exposure_said(a)) if stops is not None), 0.0)
+
+
+def _flip(a: Side, b: Side, stops: float) -> float:
+    one, other = (np.clip(np.nan_to_num(side.rgb, posinf=1e30) * 2.0**stops, 0.0, 1.0) for side in (a, b))
+    return errors.flip(one, other)
+
+
+def _changes(a: Side, b: Side) -> tuple[list[changes.Change], dict[int, int]]:
+    """What changed between two versions of a scene, and which instance of A is which of B."""
+    if a.scene is None or b.scene is None or a.scene is b.scene or store.content_hash(a.scene) == store.content_hash(b.scene):
+        ids = a.ids
+        both = ids is not None and b.ids is not None
+        return [], {k: k for k in range(int(ids.max(initial=-1)) + 1)} if both and ids is not None else {}
+    return changes.between(a.scene, b.scene)
+
+
+def _outline(a: Side, b: Side) -> NDArray[np.bool_] | None:
+    masks = [mask for mask in (carriers.outlines(a), carriers.outlines(b)) if mask is not None]
+    return np.logical_or.reduce(masks) if masks else None
+
+
+def _region(where: NDArray[np.bool_], squared: NDArray[np.float64], distance: NDArray[np.float64]) -> Region:
+    count, weights = int(np.count_nonzero(where)), carriers.weights(squared.mean(axis=2))
+    error = math.sqrt(float(squared[where].mean())) if count else 0.0
+    return Region(count, float(weights[where].sum()), error, float(distance[where].max(initial=0.0)))
+
+
+def _bias(a: Side, b: Side, variance: NDArray[np.float64] | None) -> Bias:
+    with np.errstate(invalid="ignore"):
+        ours, theirs = a.rgb.sum(axis=(0, 1)), b.rgb.sum(axis=(0, 1))
+    doubt = None if variance is None else np.sqrt(variance.sum(axis=(0, 1)))
+    return Bias(_of_whole(ours - theirs, theirs), None if doubt is None else _of_whole(doubt, np.abs(theirs)))
+
+
+def _of_whole(values: NDArray[np.float64], whole: NDArray[np.float64]) -> tuple[float, float, float]:
+    red, green, blue = (carriers.relative(x, y) for x, y in zip(values, whole, strict=True))
+    return red, green, blue
+
+
+def _variance(a: Side, b: Side) -> NDArray[np.float64] | None:
+    """(h, w, 3) of A − B, were their noises independent: shared random numbers only make it less."""
+    one, other = a.variance, b.variance
+    return None if one is None or other is None else one + other
+
+
+def _noise(a: Side, b: Side, variance: NDArray[np.float64] | None, error: float) -> Noise:
+    """What is known of the noise; with the pixels' variances the ratio compares sums of squares, weighed alike.
+
+    The weight is relative to the mean of both: a pixel that is dark in one by accident would count without end by √relMSE.
+    """
+    ratio = None
+    if variance is not None:
+        middle = (a.rgb + b.rgb) / 2
+        weight = 1.0 / (middle**2 + (metrics.EPSILON * metrics.luminance(b.rgb).mean()) ** 2 + np.finfo(np.float64).tiny)
+        ratio = _ratio(math.sqrt(float(((a.rgb - b.rgb) ** 2 * weight).mean())), math.sqrt(float((variance * weight).mean())))
+    elif a.noise is not None and b.noise is not None:
+        ratio = _ratio(error, math.hypot(a.noise, b.noise))
+    return Noise(a.noise, b.noise, ratio, _share_randomness(a, b))
+
+
+def _ratio(difference: float, noise: float) -> float:
+    if math.isnan(difference):
+        return math.inf
+    return difference / noise if noise > 0 else 0.0 if difference == 0 else math.inf
+
+
+def _share_randomness(a: Side, b: Side) -> bool:
+    if a.plan is None or b.plan is None:
+        return False
+    return all(a.plan[name] == b.plan[name] for name in ("seed", "samples", "error", "filter", "size"))

@@ -1,0 +1,326 @@
+"""A chart as a picture (SVG, PNG): error against seconds, both logarithmic, every point measured; drawn by matplotlib without pyplot.
+
+Medians with quartiles, as Hoefler and Belli (2015), "Scientific benchmarking of parallel computing systems", ask for; stairs for the
+front, as nothing between two of its points was measured.
+"""
+
+from __future__ import annotations
+
+import io
+import itertools
+import math
+import re
+import textwrap
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import TYPE_CHECKING
+
+import matplotlib
+import matplotlib.figure
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from . import wording
+from .labels import Box, Room
+from .palette import FAINT, FLOOR, FRONT, GRID, INK, PAPER, Style, styles
+
+if TYPE_CHECKING:
+    from .records import Chart, Curve, Point, Spread
+
+SIZE = (9.6, 6.6)  # inches
+FONT = "DejaVu Sans"  # comes with matplotlib
+SETTINGS = {"font.family": FONT, "font.size": 10, "svg.fonttype": "none", "svg.hashsalt": "maquette", "path.simplify": False}
+LEAST_SPAN = (6.0, 8.0)  # a chart is at least this wide and high, as ratios
+
+
+def png(chart: Chart, dpi: int = 150) -> bytes:
+    """The chart as a PNG file."""
+    with matplotlib.rc_context(SETTINGS):
+        data = io.BytesIO()
+        Picture(chart).figure.savefig(data, format="png", dpi=dpi, metadata={"Software": "maquette"})
+        return data.getvalue()
+
+
+def svg(chart: Chart) -> str:
+    """The chart as an SVG file: point i of all is the group `point-i`, titled with its settings, time and error."""
+    with matplotlib.rc_context(SETTINGS):
+        data = io.StringIO()
+        Picture(chart).figure.savefig(data, format="svg", metadata={"Date": None, "Creator": "maquette"})
+    text = data.getvalue().replace(f"'{FONT}'", f"'{FONT}', Verdana, sans-serif")
+    titles = [f"{wording.point(p, chart.metric)}\n{p.setting.arguments()}" for p in chart.points]
+    return re.sub(r'<g id="point-(\d+)">', lambda m: f"{m[0]}<title>{escape(titles[int(m[1])])}</title>", text)
+
+
+class Picture:
+    """One drawing under way: the figure, its axes, and what of them is taken."""
+
+    def __init__(self, chart: Chart) -> None:
+        self.chart = chart
+        self.points = chart.points
+        self.styles = styles(chart.curves)
+        self.figure = matplotlib.figure.Figure(figsize=SIZE, dpi=100, facecolor=PAPER)
+        self.canvas = FigureCanvasAgg(self.figure)
+        head, foot = _heading(chart), _footing(chart)
+        left, right = 0.085, 0.975
+        top, bottom = 1 - (0.50 + 0.19 * len(head[1])) / SIZE[1], (0.72 + 0.17 * len(foot)) / SIZE[1]
+        self.axes = self.figure.add_axes((left, bottom, right - left, top - bottom))
+        self._words(head, foot, left)
+        self._scales()
+        self._floor()
+        self._front()
+        for curve, style in zip(chart.curves, self.styles, strict=True):
+            self._curve(curve, style)
+        self._labels()
+
+    def _words(self, head: tuple[str, list[str]], foot: list[str], left: float) -> None:
+        title, about = head
+        inch = 1 / SIZE[1]
+        self.figure.text(left, 1 - 0.30 * inch, title, fontsize=14, fontweight="bold", color=INK, va="center")
+        for i, line in enumerate(about):
+            self.figure.text(left, 1 - (0.56 + 0.19 * i) * inch, line, fontsize=9, color=FAINT, va="center")
+        for i, line in enumerate(reversed(foot)):
+            self.figure.text(left, (0.14 + 0.17 * i) * inch, line, fontsize=8, color=FAINT, va="center")
+
+    def _scales(self) -> None:
+        axes, metric = self.axes, self.chart.metric
+        times = [v for p in self.points for v in _ends(p.seconds)]
+        far = [v for p in self.points for v in _ends(p.error) if v > 0]
+        middles = [p.error.median for p in self.points if p.error.median > 0]
+        far += [b for b in map(bias_floor, self.chart.curves) if b]
+        low, high = (min(middles) / 8, max(far)) if middles else (1e-4, 1e-1)
+        low = max(low, min(far, default=low))
+        if self.chart.floor > 0 and low / 30 < self.chart.floor < high:
+            low = min(low, self.chart.floor / 1.6)
+        self.x = _padded(min(times), max(times), LEAST_SPAN[0], 1.25, 1.6)
+        self.y = _padded(low, high, LEAST_SPAN[1], 1.9 if any(p.error.median == 0 for p in self.points) else 1.4, 1.9)
+        axes.set(xscale="log", yscale="log", xlim=self.x, ylim=self.y)
+        axes.set_xlabel("seconds of rendering, wall clock", color=INK, labelpad=4)
+        axes.set_ylabel(wording.METRICS[metric].axis, color=INK, labelpad=4)
+        for axis, span, say in (
+            (axes.xaxis, self.x, wording.seconds_exactly),
+            (axes.yaxis, self.y, lambda v: wording.target(metric, v)),
+        ):
+            decades = math.log10(span[1] / span[0])
+            axis.set_major_locator(LogLocator(subs=(1.0,) if decades > 3.4 else (1.0, 3.0) if decades > 2 else (1.0, 2.0, 5.0)))
+            axis.set_minor_locator(LogLocator(subs=tuple(range(2, 10)), numticks=99))
+            axis.set_major_formatter(FuncFormatter(lambda v, _, say=say: say(v)))
+            axis.set_minor_formatter(NullFormatter())
+        axes.grid(True, which="major", color=GRID, linewidth=0.8)
+        axes.tick_params(which="both", color=GRID, labelcolor=INK, labelsize=9)
+        axes.set_axisbelow(True)
+        for side, spine in axes.spines.items():
+            spine.set_visible(side in ("left", "bottom"))
+            spine.set_color(FRONT)
+
+    def _floor(self) -> None:
+        """The reference's own uncertainty, shaded: nothing below can be told apart from no error."""
+        if self.chart.floor > self.y[0]:
+            band = self.axes.axhspan(self.y[0], self.chart.floor, color=FLOOR, zorder=0.5, linewidth=0)
+            band.set_gid("floor")
+
+    def _front(self) -> None:
+        """Stairs through the measured points of the front: what can be had by a time, and nothing in between."""
+        front = sorted((self.points[i] for i in self.chart.front), key=lambda p: p.seconds.median)
+        if not front:
+            return
+        xs, ys = [p.seconds.median for p in front], [self._height(p) for p in front]
+        until = ([*xs, self.x[1]], [*ys, ys[-1]])
+        stairs = self.axes.plot(*until, drawstyle="steps-post", color=FRONT, linewidth=5, alpha=0.55, zorder=1.5)[0]
+        stairs.set_gid("front")
+        stairs.set_solid_joinstyle("round")
+        rings = self.axes.plot(xs, ys, "o", markersize=13, markerfacecolor="none", markeredgecolor=FAINT, markeredgewidth=1, zorder=2.5)[0]
+        rings.set_gid("front-points")
+
+    def _height(self, point: Point) -> float:
+        """Where on the axis a point is; one without any error stands at the lower edge."""
+        return max(point.error.median, self.y[0] * 1.12)
+
+    def _curve(self, curve: Curve, style: Style) -> None:
+        axes = self.axes
+        xs, ys = [p.seconds.median for p in curve.points], [self._height(p) for p in curve.points]
+        line = axes.plot(xs, ys, linestyle=style.dash, color=style.color, linewidth=1.7, zorder=3)[0]
+        line.set_gid(f"curve-{self.chart.curves.index(curve)}")
+        for point, x, y in zip(curve.points, xs, ys, strict=True):
+            time, far = point.seconds, point.error
+            if time.high > time.low:
+                self._bar([time.low, time.high], [y, y], style, f"time-{self._index(point)}")
+            if far.high > far.low:
+                self._bar([x, x], [max(far.low, self.y[0]), far.high], style, f"error-{self._index(point)}")
+            fill = PAPER if style.hollow else style.color
+            exact = far.median == 0
+            mark = axes.plot(
+                [x], [y], marker="v" if exact else style.marker, markersize=7, markerfacecolor=fill, markeredgecolor=style.color,
+                markeredgewidth=1.4, zorder=4, linestyle="none", clip_on=False,
+            )[0]  # fmt: skip
+            mark.set_gid(f"point-{self._index(point)}")
+        if bias := bias_floor(curve):
+            dashed = axes.plot([xs[0], self.x[1]], [bias, bias], linestyle=(0, (6, 4)), color=style.color, linewidth=1, zorder=2)[0]
+            dashed.set_gid(f"bias-{self.chart.curves.index(curve)}")
+
+    def _bar(self, xs: list[float], ys: list[float], style: Style, name: str) -> None:
+        """The quartiles of a point, one way."""
+        bar = self.axes.plot(xs, ys, color=style.color, linewidth=1.1, alpha=0.8, zorder=2.8, solid_capstyle="butt")[0]
+        bar.set_gid(name)
+
+    def _index(self, point: Point) -> int:
+        return next(i for i, other in enumerate(self.points) if other is point)
+
+    # Labels: placed in pixels, kept as fractions of the axes, so that every format has them at the same place.
+
+    def _labels(self) -> None:
+        box = self.axes.get_window_extent()
+        self.room = Room(Box(box.x0 + 3, box.y0 + 3, box.x1 + 4, box.y1 + 14))
+        for point in self.points:
+            x, y = self._pixel(point)
+            self.room.points.append(Box(x - 6, y - 6, x + 6, y + 6))
+            for spread, across in ((point.seconds, True), (point.error, False)):
+                self.room.lines += self._taken(spread, (x, y), across)
+        for curve in self.chart.curves:
+            at = [self._pixel(p) for p in curve.points]
+            self.room.lines += list(itertools.pairwise(at))
+            if bias := bias_floor(curve):
+                y = self._to_pixels(self.x[0], bias)[1]
+                self.room.lines.append(((at[0][0], y), (box.x1, y)))
+        for words in (*self._knee(), *self._names(), *self._floors(), *self._rungs()):
+            self._write(words)
+
+    def _taken(self, spread: Spread, at: tuple[float, float], across: bool) -> list[tuple[tuple[float, float], tuple[float, float]]]:
+        if spread.high <= spread.low:
+            return []
+        low, high = ((max(v, (self.x if across else self.y)[0])) for v in (spread.low, spread.high))
+        if across:
+            return [((self._to_pixels(low, 1)[0], at[1]), (self._to_pixels(high, 1)[0], at[1]))]
+        return [((at[0], self._to_pixels(self.x[0], low)[1]), (at[0], self._to_pixels(self.x[0], high)[1]))]
+
+    def _to_pixels(self, x: float, y: float) -> tuple[float, float]:
+        px, py = self.axes.transData.transform((x, y))
+        return float(px), float(py)
+
+    def _pixel(self, point: Point) -> tuple[float, float]:
+        return self._to_pixels(point.seconds.median, self._height(point))
+
+    def _knee(self) -> Iterator[_Words]:
+        if self.chart.knee is None:
+            return
+        point = self.points[self.chart.knee]
+        style = self._style_of(point)
+        far, time = wording.error(self.chart.metric, point.error.median), wording.seconds(point.seconds.median)
+        text = f"knee: {point.setting.backend}, {wording.setting(point.setting)}\n{far} in {time}"
+        yield _Words(text, [self._pixel(point)], style.words, "knee", fontsize=9.5, weight="bold", gap=26, leader=True)
+
+    def _names(self) -> Iterator[_Words]:
+        """Each curve by name, liked best at its dear end, then its cheap end, then anywhere along it."""
+        for i, (curve, style) in enumerate(zip(self.chart.curves, self.styles, strict=True)):
+            at = [self._pixel(p) for p in curve.points]
+            anchors = [at[-1], at[0], *at[-2:0:-1]]
+            yield _Words(wording.curve(curve, self.chart), anchors, style.words, f"name-{i}", fontsize=11, weight="bold", gap=11)
+
+    def _floors(self) -> Iterator[_Words]:
+        right = self.x[1] / 1.03
+        for i, (curve, style) in enumerate(zip(self.chart.curves, self.styles, strict=True)):
+            if bias := bias_floor(curve):
+                text = f"{wording.curve(curve, self.chart)} stops: {curve.stops}"
+                yield _Words(text, self._along(bias), style.words, f"stops-{i}", fontsize=8.5, gap=4)
+        if self.chart.floor > self.y[0]:
+            said = f"the reference's own uncertainty, {wording.error(self.chart.metric, self.chart.floor)}"
+            yield _Words(said, self._along(self.chart.floor), FAINT, "floor-label", fontsize=8.5, gap=4)
+        if self.chart.front:
+            last = max((self.points[i] for i in self.chart.front), key=lambda p: p.seconds.median)
+            if self._to_pixels(right, 1)[0] - self._pixel(last)[0] > 90:
+                y = self._pixel(last)[1]
+                places = [(self._pixel(last)[0] + 50 + 15 * k, y) for k in range(8)]
+                yield _Words("Pareto front", places, FAINT, "front-label", fontsize=8.5, gap=6)
+
+    def _along(self, y: float) -> list[tuple[float, float]]:
+        """Places along a level line, the right ones first."""
+        box, height = self.axes.get_window_extent(), self._to_pixels(self.x[0], y)[1]
+        return [(box.x0 + (box.x1 - box.x0) * share, height) for share in (0.85, 0.75, 0.65, 0.55, 0.45, 0.35, 0.25, 0.15)]
+
+    def _rungs(self) -> Iterator[_Words]:
+        """The value of each setting beside its point, where there is room; the first and last of a curve first."""
+        for style, curve in zip(self.styles, self.chart.curves, strict=True):
+            ends = [curve.points[0], *curve.points[-1:], *curve.points[1:-1]][: len(curve.points)]
+            for point in ends:
+                yield _Words(wording.value(point.setting), [self._pixel(point)], style.words, "", fontsize=7.5, gap=8, reach=20, most=2.5)
+
+    def _style_of(self, point: Point) -> Style:
+        return next(s for c, s in zip(self.chart.curves, self.styles, strict=True) if any(p is point for p in c.points))
+
+    def _write(self, words: _Words) -> None:
+        artist = self.axes.text(
+            0, 0, words.text, transform=self.axes.transAxes, fontsize=words.fontsize, fontweight=words.weight, color=words.color,
+            va="bottom", linespacing=1.15, zorder=6,
+        )  # fmt: skip
+        extent = artist.get_window_extent(self.canvas.get_renderer())
+        found = self.room.place((extent.width, extent.height), words.anchors, words.gap, words.most, words.reach)
+        if found is None:
+            artist.remove()
+            return
+        box, anchor = found
+        artist.set_position(self._fraction(box.x0, box.y0))
+        if words.gid:
+            artist.set_gid(words.gid)
+        if words.leader:
+            near = (min(max(anchor[0], box.x0), box.x1), min(max(anchor[1], box.y0), box.y1))
+            length = math.dist(near, anchor)
+            share = min(9 / length, 1.0) if length else 1.0
+            start = (anchor[0] + (near[0] - anchor[0]) * share, anchor[1] + (near[1] - anchor[1]) * share)
+            (x0, y0), (x1, y1) = self._fraction(*start), self._fraction(*near)
+            self.room.lines.append((start, near))
+            self.axes.plot([x0, x1], [y0, y1], transform=self.axes.transAxes, color=words.color, linewidth=1, zorder=5)
+
+    def _fraction(self, x: float, y: float) -> tuple[float, float]:
+        fx, fy = self.axes.transAxes.inverted().transform((x, y))
+        return float(fx), float(fy)
+
+
+@dataclass(slots=True)
+class _Words:
+    """A label to be placed at one of its anchors (pixels)."""
+
+    text: str
+    anchors: Sequence[tuple[float, float]]
+    color: str
+    gid: str
+    fontsize: float
+    gap: float
+    weight: str = "normal"
+    leader: bool = False
+    most: float = math.inf
+    reach: float = math.inf
+
+
+def bias_floor(curve: Curve) -> float:
+    """The error that more time does not take away from a curve, as measured at its dearest point; 0 where there is none to be seen."""
+    return (curve.points[-1].bias or 0.0) if curve.stops else 0.0
+
+
+def _ends(spread: Spread) -> tuple[float, float, float]:
+    return spread.low, spread.median, spread.high
+
+
+def _padded(low: float, high: float, least: float, below: float, above: float) -> tuple[float, float]:
+    """Limits of a logarithmic axis about low..high, `below` and `above` as factors, at least `least` from end to end."""
+    wider = math.sqrt(max(least / (high / low), 1.0))
+    return low / wider / below, high * wider * above
+
+
+def _heading(chart: Chart) -> tuple[str, list[str]]:
+    """The title, and the lines below it: what was drawn, on what, against what."""
+    counts = sorted({p.error.count for p in chart.points})
+    runs = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
+    about = f"{wording.size(chart)}, {chart.machine}. Medians of {runs} run{'' if runs == '1' else 's'}, bars are quartiles."
+    against = f"Measured against {chart.reference}"
+    return f"{chart.scene}: error against time", [line for text in (about, against) for line in textwrap.wrap(text, 142)]
+
+
+def _footing(chart: Chart) -> list[str]:
+    """What the marks mean, and who is not on the chart."""
+    marks = ["Ring and grey stairs: the Pareto front of what was measured"]
+    if any(map(bias_floor, chart.curves)):
+        marks.append("dashed: bias, which more time does not take away")
+    if any(p.error.median == 0 for p in chart.points):
+        marks.append("triangle at the lower edge: no error at all")
+    missing = [f"Not charted: {name}: {why}" for name, why in chart.left_out.items()]
+    return [line for text in (f"{'; '.join(marks)}.", *missing) for line in textwrap.wrap(text, 158)]

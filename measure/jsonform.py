@@ -1,0 +1,96 @@
+"""chart.json: a chart with every number, as JSON that other programs read, and back into an equal chart.
+
+Endless numbers, which JSON has not, are the strings "inf", "-inf" and "nan"; all else stands as it is in measure/records.py.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import Field, fields
+from typing import Any
+
+from .records import Chart, Curve, Point, Setting, Spread
+
+FORMAT = "maquette chart 1"
+ENDLESS = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
+
+
+class FormatError(Exception):
+    """The text is no chart of this form; the message says what is missing or wrong."""
+
+
+def text(chart: Chart) -> str:
+    """The chart as JSON; each point also carries its `arguments` to copy, each number in full."""
+    return json.dumps({"format": FORMAT, **_data(chart)}, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def read(text: str) -> Chart:
+    """The chart that `text` gave. Raises FormatError."""
+    try:
+        data = json.loads(text)
+    except ValueError as error:
+        raise FormatError(f"this is no JSON: {error}") from None
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        raise FormatError(f"this is no chart: its `format` is not `{FORMAT}`")
+    try:
+        return _record(Chart, data, size=tuple(data["size"]), curves=_each(_curve, data["curves"]), front=tuple(data["front"]))
+    except (KeyError, TypeError, AttributeError) as error:
+        raise FormatError(f"the chart is not whole: {error}") from None
+
+
+def _data(value: Any) -> Any:
+    """Records, mappings, sequences and numbers as JSON has them."""
+    if isinstance(value, Chart | Curve | Point | Setting | Spread):
+        data = {f.name: _data(getattr(value, f.name)) for f in fields(value)}
+        return {**data, "arguments": value.arguments()} if isinstance(value, Setting) else data
+    if isinstance(value, Mapping):
+        return {str(name): _data(v) for name, v in value.items()}
+    if isinstance(value, tuple | list):
+        return [_data(v) for v in value]
+    if hasattr(value, "item"):  # numpy's scalars
+        value = value.item()
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _record(kind: Any, data: Mapping[str, Any], **read: Any) -> Any:
+    """A record of `kind`: fields of `read`, the others as they stand."""
+
+    def plain(f: Field[Any]) -> Any:
+        return _number(data[f.name]) if str(f.type).startswith("float") else data[f.name]
+
+    return kind(**{f.name: read[f.name] if f.name in read else plain(f) for f in fields(kind)})
+
+
+def _number(value: Any) -> Any:
+    return ENDLESS.get(value, value) if isinstance(value, str) else value
+
+
+def _each(read: Any, items: Any) -> tuple[Any, ...]:
+    return tuple(read(item) for item in items)
+
+
+def _curve(data: Mapping[str, Any]) -> Curve:
+    return _record(Curve, data, points=_each(_point, data["points"]))
+
+
+def _point(data: Mapping[str, Any]) -> Point:
+    errors = {name: _spread(spread) for name, spread in data["errors"].items()}
+    stages = {name: _number(value) for name, value in data["stages"].items()}
+    setting, seconds, error = _setting(data["setting"]), _spread(data["seconds"]), _spread(data["error"])
+    return _record(Point, data, setting=setting, seconds=seconds, error=error, errors=errors, stages=stages)
+
+
+def _spread(data: Mapping[str, Any]) -> Spread:
+    return _record(Spread, data)
+
+
+def _setting(data: Mapping[str, Any]) -> Setting:
+    options = {name: _tuples(value) for name, value in data["options"].items()}
+    return _record(Setting, data, value=_tuples(data["value"]), options=options)
+
+
+def _tuples(value: Any) -> Any:
+    """Values of options are tuples, never lists."""
+    return tuple(_tuples(v) for v in value) if isinstance(value, list) else value

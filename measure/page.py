@@ -1,0 +1,115 @@
+"""A chart as one HTML page that needs no network: the drawing with each point's figures under the pointer, and every point as a row.
+
+The drawing is that of the SVG file with its colours turned into CSS variables; what is shown comes from the chart alone.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from . import palette, table, wording
+
+if TYPE_CHECKING:
+    from .records import Chart, Point
+
+HERE = Path(__file__).parent
+
+
+def html(chart: Chart, drawing: str) -> str:
+    """The whole page about `chart`; `drawing` is its SVG file."""
+    title = f"{chart.scene}: error against time"
+    answers = "".join(f"<li>{escape(line)}</li>" for line in table.answers(chart))
+    return f"""<!doctype html>
+<html lang="en">
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'">
+<title>{escape(title)}</title>
+<style>
+{_colors()}
+{(HERE / "page.css").read_text(encoding="utf-8")}</style>
+<button id="theme" type="button">light / dark</button>
+{_inline(drawing)}
+<p id="said" role="status">A point shows its settings, time and error; a click copies its command.</p>
+<ul>{answers}</ul>
+{_rows(chart)}
+{_about(chart)}
+<div id="tip"></div>
+<script type="application/json" id="points">{_data(chart)}</script>
+<script>
+{(HERE / "page.js").read_text(encoding="utf-8")}</script>
+</html>
+"""
+
+
+def _colors() -> str:
+    """The drawing's colours as CSS variables, for light and dark."""
+    light = "".join(f"{name}:{value};" for name, value, _ in palette.variables())
+    dark = "".join(f"{name}:{value};" for name, _, value in palette.variables())
+    by_system = f"@media (prefers-color-scheme: dark) {{ :root:not([data-theme=light]) {{ {dark} }} }}"
+    return f":root {{ {light} }}\n{by_system}\n:root[data-theme=dark] {{ {dark} }}"
+
+
+def _inline(drawing: str) -> str:
+    """The SVG element alone, its colours as variables, its size left to the page; titles go, as the page shows more."""
+    element = drawing[drawing.index("<svg") :]
+    element = re.sub(r"<metadata>.*?</metadata>|<title>.*?</title>", "", element, flags=re.DOTALL)
+    element = re.sub(r'(<svg [^>]*?)\s(?:width="[^"]*"\s+)(height="[^"]*"\s+)?', r"\1 ", element, count=1)
+    element = re.sub(r'(<svg [^>]*?)\sheight="[^"]*"', r"\1", element, count=1)
+    for name, light, _ in palette.variables():
+        element = element.replace(light, f"var({name})")
+    return element.strip()
+
+
+def _data(chart: Chart) -> str:
+    """What the script shows of each point; no `<` is left that could end the script."""
+    shown = [
+        {
+            "title": f"{p.setting.backend}, {wording.setting(p.setting)}",
+            "figures": _figures(p),
+            "command": wording.command(chart, p.setting),
+        }
+        for p in chart.points
+    ]
+    return json.dumps(shown, ensure_ascii=False).replace("<", "\\u003c")
+
+
+def _figures(point: Point) -> list[tuple[str, str]]:
+    """Names and values of everything known about a point."""
+    runs = f"{point.seconds.count} run{'' if point.seconds.count == 1 else 's'}"
+    found = [("time", f"{wording.spread(point.seconds, wording.seconds)}, {runs}")]
+    for name, spread in point.errors.items():
+        found.append((wording.METRICS[name].name if name in wording.METRICS else name, wording.spread(spread, wording.teller(name))))
+    found += wording.split(point)
+    found += [(stage.replace("_", " "), wording.seconds(value)) for stage, value in point.stages.items() if stage != "render" and value > 0]
+    return [*found, ("note", point.note)] if point.note else found
+
+
+def _rows(chart: Chart) -> str:
+    headings, rows = table.points(chart)
+    head = "".join(f"<th>{escape(h)}</th>" for h in headings)
+    body = ""
+    for i, row in enumerate(rows):
+        cells = "".join(f"<td>{escape(cell)}</td>" for cell in row)
+        body += f'<tr data-point="{i}"{" class=front" if i in chart.front else ""}>{cells}</tr>\n'
+    return f'<div class="wide"><table>\n<caption>Every point; those on the front in bold</caption>\n<tr>{head}</tr>\n{body}</table></div>'
+
+
+def _about(chart: Chart) -> str:
+    """How it was measured, and who is left out."""
+    return f'<dl class="about">{"".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in _facts(chart))}</dl>'
+
+
+def _facts(chart: Chart) -> Iterable[tuple[str, str]]:
+    yield "scene", f"{chart.scene}, {wording.size(chart)}"
+    yield "reference", chart.reference
+    yield "its uncertainty", wording.error(chart.metric, chart.floor) if chart.floor else "none"
+    yield "machine", chart.machine
+    yield "versions", ", ".join(f"{name} {version}" for name, version in chart.versions.items())
+    for name, why in chart.left_out.items():
+        yield f"without {name}", why

@@ -1,0 +1,122 @@
+"""What a chart is made of: settings, runs, the reference, figures with their spread, points, curves, the chart. Plain data, no drawing.
+
+Errors are in the metric's own unit; bias and noise are √relMSE-like: its square is about bias² + noise². Seconds are wall time.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """One rung of a ladder: `value` of `knob`, as fields of compiler.ir.Settings (`options`) and overrides of the plan."""
+
+    backend: str  # "ray", "raster", "reference", or a peer's name
+    knob: str  # "samples", "error", "bounces", "tolerance", …
+    value: Any
+    options: Mapping[str, Any] = field(default_factory=dict)
+    plan: Mapping[str, str] = field(default_factory=dict)
+
+    def arguments(self) -> str:
+        """To copy behind `maquette render SCENE`: `--backend ray --samples 64`."""
+        options = [("backend", self.backend), *((n, v) for n, v in self.options.items() if n != "backend")]
+        words = [f"--{name} {shlex.quote(_written(name, value))}" for name, value in options]
+        return " ".join([*words, *(f"--plan {shlex.quote(f'{name}={value}')}" for name, value in self.plan.items())])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Run:
+    """One render: linear `rgb` (h, w, 3) float32, wall `seconds` by stage ("render" is charted), `cpu` seconds, its `seed`."""
+
+    rgb: NDArray[np.float32]
+    seconds: Mapping[str, float]
+    cpu: float
+    seed: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reference:
+    """What errors are measured against: `rgb` and its `variance`, both (h, w, 3) float64; the variance of a closed form is 0."""
+
+    rgb: NDArray[np.float64]
+    variance: NDArray[np.float64]
+    how: str
+    samples: int
+    seeds: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """A figure over `count` runs: its median and quartiles (25 %, 75 %)."""
+
+    median: float
+    low: float
+    high: float
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A setting, measured. `errors` holds every metric, `error` the charted one.
+
+    Bias and noise come with their standard errors; None where they were not told apart.
+    """
+
+    setting: Setting
+    seconds: Spread
+    error: Spread
+    errors: Mapping[str, Spread]
+    bias: float | None = None
+    bias_error: float | None = None
+    noise: float | None = None
+    noise_error: float | None = None
+    stages: Mapping[str, float] = field(default_factory=dict)  # median seconds: import, compile_kernels, build, render, …
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """A backend on one ladder, cheap settings first. `stops` says why it cannot get better: "no interreflection: bias 3.1 %"; or ""."""
+
+    backend: str
+    knob: str
+    points: tuple[Point, ...]
+    stops: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """A scene's chart. `front` and `knee` count points through all curves in order."""
+
+    scene: str
+    size: tuple[int, int]
+    metric: str
+    floor: float  # the reference's own uncertainty in the metric
+    reference: str  # how it was made
+    curves: tuple[Curve, ...]
+    front: tuple[int, ...] = ()
+    knee: int | None = None
+    left_out: Mapping[str, str] = field(default_factory=dict)  # by backend or peer: why
+    machine: str = ""
+    versions: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def points(self) -> tuple[Point, ...]:
+        """All points, curve by curve."""
+        return tuple(point for curve in self.curves for point in curve.points)
+
+
+def _written(name: str, value: Any) -> str:
+    """An option's value as the command line reads it."""
+    if name == "size":
+        return "x".join(map(str, value))
+    if isinstance(value, tuple | list):
+        return ",".join(map(str, value))
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,145 @@
+"""A chart in words: which setting reaches which error, what stops whom, who takes how long at equal error; and every point as a row.
+
+A setting that is named was measured. Times at equal error lie between measured points of a curve and are never looked for beyond its ends.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from . import wording
+
+if TYPE_CHECKING:
+    from .records import Chart, Curve, Point
+
+HEADINGS = ("error", "take", "time", "measured", "settings to copy")
+STEPS = (1.0, 3.0)  # errors asked for: 1 and 3 of every decade
+MOST = 6  # of them
+
+
+def targets(chart: Chart) -> list[float]:
+    """Round errors a person would ask for, large first: those our backends measured, and the first below; 0 where a point is exact."""
+    found = [p.error.median for p in _ours(chart)]
+    above = [v for v in found if v > 0]
+    if not above:
+        return [0.0] if found else []
+    least, most = min(above), max(above)
+    decades = range(math.floor(math.log10(least)) - 1, math.ceil(math.log10(most)) + 2)
+    rounded = sorted((step * 10.0**d for d in decades for step in STEPS), reverse=True)
+    inside = [t for t in rounded if least <= t <= most] or [t for t in rounded if t >= most][-1:]
+    below = [t for t in rounded if t < least][:1] if min(found) > 0 else [0.0]
+    return [*inside, *below][-MOST:]
+
+
+def _ours(chart: Chart) -> list[Point]:
+    """The points that `maquette render` can repeat: those of peers cannot be advised."""
+    return [p for p in chart.points if p.setting.backend in wording.BACKENDS]
+
+
+def cheapest(chart: Chart, target: float) -> Point | None:
+    """The measured point that is quickest among those of ours at `target` or better."""
+    reaching = [p for p in _ours(chart) if p.error.median <= target]
+    return min(reaching, key=lambda p: p.seconds.median, default=None)
+
+
+def advice(chart: Chart) -> list[tuple[str, ...]]:
+    """A row for each round error: what to take for it. See HEADINGS."""
+    rows = []
+    for target in targets(chart):
+        asked, point = wording.target(chart.metric, target), cheapest(chart, target)
+        if point is None:
+            best = min(_ours(chart), key=lambda p: p.error.median)
+            rows.append((asked, "not reached", "", wording.error(chart.metric, best.error.median), ""))
+            continue
+        time, far = wording.seconds(point.seconds.median), wording.error(chart.metric, point.error.median)
+        rows.append((asked, f"{point.setting.backend}, {wording.setting(point.setting)}", time, far, point.setting.arguments()))
+    return rows
+
+
+def answers(chart: Chart) -> list[str]:
+    """One line a question: what to take for an error, who stops where and why, the knee, who takes how long at equal error."""
+    lines = [
+        f"{asked} → {take}, {time}: {settings}" if settings else f"{asked} → not reached; the least measured is {far}"
+        for asked, take, time, far, settings in advice(chart)
+    ]
+    return [*lines, *remarks(chart)]
+
+
+def remarks(chart: Chart) -> list[str]:
+    """What `answers` says beside the settings."""
+    return [*_knee(chart), *_stops(chart), *_equal(chart), *_floor(chart), *_left_out(chart)]
+
+
+def _knee(chart: Chart) -> Iterator[str]:
+    if chart.knee is not None:
+        point = chart.points[chart.knee]
+        far = wording.error(chart.metric, point.error.median)
+        named = f"{point.setting.backend}, {wording.setting(point.setting)}"
+        settings = f": {point.setting.arguments()}" if point.setting.backend in wording.BACKENDS else ""
+        yield f"knee: {named}: {far} in {wording.seconds(point.seconds.median)}{settings}"
+
+
+def _stops(chart: Chart) -> Iterator[str]:
+    for curve in chart.curves:
+        if curve.stops:
+            least = min(p.error.median for p in curve.points)
+            yield f"{wording.curve(curve, chart)} stops at {wording.error(chart.metric, least)}: {curve.stops}"
+
+
+def _equal(chart: Chart) -> Iterator[str]:
+    """Times at one error that most curves reach, quickest first, for the smallest such round error."""
+    best: tuple[float, list[tuple[float, Curve]]] | None = None
+    for target in targets(chart):
+        times = [(t, curve) for curve in chart.curves if (t := seconds_at(curve, target)) is not None]
+        if len(times) > 1 and (best is None or len(times) >= len(best[1])):
+            best = target, times
+    if best:
+        (first, quickest), *rest = sorted(best[1], key=lambda pair: pair[0])
+        others = [f"{wording.curve(c, chart)} {wording.seconds(t)} ({wording.digits(t / first)} times as long)" for t, c in rest]
+        asked = wording.target(chart.metric, best[0])
+        yield f"at {asked}, between measured points: {wording.curve(quickest, chart)} {wording.seconds(first)}, {', '.join(others)}"
+
+
+def seconds_at(curve: Curve, target: float) -> float | None:
+    """The time a curve takes to `target`: between the first two neighbouring points that enclose it, on logarithmic axes; else None."""
+    for before, after in itertools.pairwise(curve.points):
+        high, low = before.error.median, after.error.median
+        if high >= target >= low > 0:
+            share = math.log(high / target) / math.log(high / low) if high > low else 0.0
+            return before.seconds.median * (after.seconds.median / before.seconds.median) ** share
+    return None
+
+
+def _floor(chart: Chart) -> Iterator[str]:
+    points = chart.points
+    least = min((p.error.median for p in points), default=0.0)
+    if chart.floor > 0 and least < 2 * chart.floor:
+        yield f"the reference's own uncertainty is {wording.error(chart.metric, chart.floor)}: errors near it are not told apart"
+
+
+def _left_out(chart: Chart) -> Iterator[str]:
+    for name, why in chart.left_out.items():
+        yield f"not charted: {name}: {why}"
+
+
+def points(chart: Chart) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Every point as a row, in the order that `front` counts them, and the headings."""
+    headings = ("backend", "setting", "time", "error", "bias", "noise", "settings to copy")
+    rows = []
+    for point in chart.points:
+        told = dict(wording.split(point))
+        rows.append(
+            (
+                point.setting.backend,
+                wording.setting(point.setting),
+                wording.spread(point.seconds, wording.seconds),
+                wording.spread(point.error, wording.teller(chart.metric)),
+                told.get("bias", ""),
+                told.get("noise", ""),
+                point.setting.arguments(),
+            )
+        )
+    return headings, rows

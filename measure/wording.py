@@ -1,0 +1,135 @@
+"""How a chart's figures are said, on the picture, the page and in the terminal: times, errors of each metric, settings, curves."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .records import Chart, Curve, Point, Setting, Spread
+
+
+@dataclass(frozen=True, slots=True)
+class Metric:
+    """A metric's name on an axis, in a sentence, and how its values are written: as a share (%), or as a number with a unit."""
+
+    axis: str
+    name: str
+    share: bool = False
+    unit: str = ""
+
+
+BACKENDS = ("ray", "raster", "reference")
+METRICS = {
+    "relmse": Metric("error, √relMSE", "√relMSE", share=True),
+    "flip": Metric("error a person sees, mean FLIP", "FLIP"),
+    "max": Metric("largest error of a pixel, linear light", "the largest error"),
+    "silhouette": Metric("error of the silhouette, pixels of its outline's width", "the silhouette's error", unit="px"),
+}
+
+
+def digits(value: float, count: int = 2) -> str:
+    """`value` to `count` significant digits without an exponent: 0.0123, 1.2, 120."""
+    if value == 0 or not math.isfinite(value):
+        return f"{value:g}"
+    rounded = float(f"{value:.{count - 1}e}")
+    return f"{rounded:.{max(count - 1 - math.floor(math.log10(abs(rounded))), 0)}f}"
+
+
+def plain(value: float, count: int = 2) -> str:
+    """As `digits`, without zeros at the end: 1, 0.5."""
+    text = digits(value, count)
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def seconds(value: float) -> str:
+    """A time: 850 µs, 12 ms, 2.1 s, 3.5 min."""
+    for limit, unit, scale in ((0.00095, "µs", 1e6), (0.95, "ms", 1e3), (95, "s", 1.0), (5700, "min", 1 / 60)):
+        if value < limit:
+            return f"{digits(value * scale)} {unit}"
+    return f"{digits(value / 3600)} h"
+
+
+def seconds_exactly(value: float) -> str:
+    """A round time on an axis: 1 ms, 0.5 s → 500 ms, 20 s, 5 min."""
+    for limit, unit, scale in ((0.00095, "µs", 1e6), (0.95, "ms", 1e3), (950, "s", 1.0)):
+        if value < limit:
+            return f"{plain(value * scale)} {unit}"
+    return f"{plain(value, 4)} s"
+
+
+def error(metric: str, value: float) -> str:
+    """An error of `metric`: 1.2 % of a share, 0.034 of FLIP, 1.5 px of an outline."""
+    of = METRICS[metric]
+    if of.share:
+        return f"{digits(100 * value)} %"
+    return f"{digits(value)} {of.unit}".rstrip()
+
+
+def target(metric: str, value: float) -> str:
+    """A round error asked for: 1 %, 0.3 %, 0.05."""
+    of = METRICS[metric]
+    return f"{plain(100 * value)} %" if of.share else f"{plain(value)} {of.unit}".rstrip()
+
+
+def teller(metric: str) -> Callable[[float], str]:
+    """`error` of one metric; of a metric nobody knows, plain digits."""
+    return lambda value: error(metric, value) if metric in METRICS else digits(value)
+
+
+def spread(of: Spread, say: Callable[[float], str]) -> str:
+    """A median with its quartiles, where they differ: `2.1 s (2.0 s to 2.3 s)`."""
+    low, high = say(of.low), say(of.high)
+    return say(of.median) + (f" ({low} to {high})" if low != high else "")
+
+
+def value(setting: Setting) -> str:
+    """The rung itself, as short as it goes: `64`, `1 %`, `on`."""
+    rung = setting.value
+    if isinstance(rung, bool):
+        return "on" if rung else "off"
+    if isinstance(rung, float):
+        return f"{plain(100 * rung, 3)} %" if setting.knob == "error" else plain(rung, 3)
+    if isinstance(rung, tuple | list):
+        return " ".join(map(str, rung))
+    return str(rung)
+
+
+def setting(of: Setting) -> str:
+    """A rung with its knob: `64 samples`, `1 sample`, `error 1 %`, `tolerance 0.25`."""
+    rung = value(of)
+    if isinstance(of.value, int) and not isinstance(of.value, bool) and of.knob.endswith("s"):
+        return f"{rung} {of.knob[:-1] if of.value == 1 else of.knob}"
+    return f"{of.knob} {rung}"
+
+
+def curve(of: Curve, chart: Chart) -> str:
+    """A curve's name: its backend; with its knob where the backend has several curves on the chart."""
+    several = sum(other.backend == of.backend for other in chart.curves) > 1
+    return f"{of.backend}, {of.knob}" if several else of.backend
+
+
+def point(of: Point, metric: str) -> str:
+    """One line of what was measured: `ray, 64 samples: 2.1 s (2.0 s to 2.3 s), 1.0 % (0.9 % to 1.1 %)`."""
+    return f"{of.setting.backend}, {setting(of.setting)}: {spread(of.seconds, seconds)}, {spread(of.error, teller(metric))}"
+
+
+def split(of: Point) -> list[tuple[str, str]]:
+    """Bias and noise of a point by name, as √relMSE with standard errors; what was not told apart is left out."""
+    named = (("bias", of.bias, of.bias_error), ("noise", of.noise, of.noise_error))
+    return [(name, error("relmse", v) + (f" ± {error('relmse', doubt)}" if doubt else "")) for name, v, doubt in named if v is not None]
+
+
+def command(chart: Chart, of: Setting) -> str:
+    """What to type for a point's picture; of a peer, its settings."""
+    if of.backend not in BACKENDS:
+        return of.arguments()
+    return f"maquette render {shlex.quote(chart.scene)} --size {chart.size[0]}x{chart.size[1]} {of.arguments()}"
+
+
+def size(chart: Chart) -> str:
+    """`800×600`."""
+    return f"{chart.size[0]}×{chart.size[1]}"

@@ -1,0 +1,84 @@
+"""Rays by the array: what each of them meets, or whether anything stands in its way."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..compiler import ir
+from . import bvh, lanes, traverse
+from .handles import Handle
+from .kernels import kernel
+
+CAMERA, SHADOW = int(ir.Visibility.CAMERA), int(ir.Visibility.SHADOW)
+
+
+class Met(NamedTuple):
+    """What n rays meet first, (n,) each; see records.Hit."""
+
+    t: NDArray[np.float64]
+    instance: NDArray[np.int64]
+    primitive: NDArray[np.int64]
+    u: NDArray[np.float64]
+    v: NDArray[np.float64]
+
+
+def trees(tables: ir.Tables, brute: bool = False) -> Handle:
+    """What rays go through: the trees of a scene, ready for kernels. Keep it as long as rays are traced."""
+    accel = Handle(bvh.build(tables, brute))
+    traverse.link(accel)
+    return accel
+
+
+def closest(
+    accel: Handle, origin: ArrayLike, direction: ArrayLike, t_min: ArrayLike = 0.0, t_max: ArrayLike = np.inf, visible: int = CAMERA
+) -> Met:
+    """The first hits of rays with origins and directions (n, 3), between t_min and t_max (n,), with what has a bit of `visible`."""
+    columns = _columns(origin, direction, t_min, t_max)
+    n = len(columns[0])
+    met = Met(np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n), np.empty(n))
+    closest_of(accel, *columns, visible, met)
+    return met
+
+
+def occluded(
+    accel: Handle, origin: ArrayLike, direction: ArrayLike, t_min: ArrayLike = 0.0, t_max: ArrayLike = np.inf, visible: int = SHADOW
+) -> NDArray[np.bool_]:
+    """(n,) whether a ray meets anything with a bit of `visible`; arguments as of `closest`."""
+    columns = _columns(origin, direction, t_min, t_max)
+    blocked = np.empty(len(columns[0]), np.bool_)
+    occluded_of(accel, *columns, visible, blocked)
+    return blocked
+
+
+def _columns(origin: ArrayLike, direction: ArrayLike, t_min: ArrayLike, t_max: ArrayLike) -> tuple[NDArray[Any], ...]:
+    o, d = np.ascontiguousarray(origin, np.float64), np.ascontiguousarray(direction, np.float64)
+    n = (len(o),)
+    return o, d, np.array(np.broadcast_to(t_min, n), np.float64), np.array(np.broadcast_to(t_max, n), np.float64)
+
+
+@kernel
+def closest_of(accel, origin, direction, t_min, t_max, visible, met):
+    n = len(t_min)
+    for start in range(0, n, lanes.WIDTH):
+        k = lanes.minimum(lanes.numbered(start), n - 1)
+        o, d = (origin[k, 0], origin[k, 1], origin[k, 2]), (direction[k, 0], direction[k, 1], direction[k, 2])
+        active = lanes.bool_like(o[0], True)
+        hit = traverse.find(accel.search, (accel, o, d, t_min[k], t_max[k], active, visible, False))  # pyright: ignore[reportCallIssue]
+        for j in range(min(n - start, lanes.WIDTH)):
+            met.t[start + j], met.u[start + j], met.v[start + j] = lanes.lane(hit.t, j), lanes.lane(hit.u, j), lanes.lane(hit.v, j)
+            met.instance[start + j], met.primitive[start + j] = lanes.lane(hit.instance, j), lanes.lane(hit.primitive, j)
+
+
+@kernel
+def occluded_of(accel, origin, direction, t_min, t_max, visible, blocked):
+    n = len(t_min)
+    for start in range(0, n, lanes.WIDTH):
+        k = lanes.minimum(lanes.numbered(start), n - 1)
+        o, d = (origin[k, 0], origin[k, 1], origin[k, 2]), (direction[k, 0], direction[k, 1], direction[k, 2])
+        active = lanes.bool_like(o[0], True)
+        hit = traverse.find(accel.search, (accel, o, d, t_min[k], t_max[k], active, visible, True))  # pyright: ignore[reportCallIssue]
+        for j in range(min(n - start, lanes.WIDTH)):
+            blocked[start + j] = lanes.lane(hit.instance, j) >= 0

@@ -1,0 +1,130 @@
+"""A chart in words, as a person reads them in the terminal; whole texts."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+from maquette.measure import table, wording
+from maquette.measure.records import Curve, Setting, Spread
+
+from . import charts
+
+
+def test_the_answers_of_a_chart() -> None:
+    assert table.answers(charts.room()) == [
+        "30 % → raster, 1 sample, 35 ms: --backend raster --samples 1",
+        "10 % → raster, 4 samples, 50 ms: --backend raster --samples 4",
+        "3 % → ray, 256 samples, 2.6 s: --backend ray --samples 256",
+        "1 % → ray, 1024 samples, 10 s: --backend ray --samples 1024",
+        "0.3 % → not reached; the least measured is 0.48 %",
+        "knee: ray, 256 samples: 1.9 % in 2.6 s: --backend ray --samples 256",
+        "raster stops at 3.4 %: no interreflection: bias 3.1 %",
+        "at 10 %, between measured points: raster 40 ms, ray, error 98 ms (2.5 times as long), ray, samples 130 ms (3.3 times as long),"
+        " mitsuba 510 ms (13 times as long), reference 20 s (490 times as long)",
+        "not charted: povray: not installed; apt install povray",
+    ]
+
+
+def test_only_what_was_measured_is_advised() -> None:
+    """1 % lies between two rungs: the dearer one is named, which was measured; no setting between them is made up."""
+    points = (charts.point("ray", "samples", 16, 1.0, 0.02), charts.point("ray", "samples", 64, 4.0, 0.005))
+    chart = charts.chart(Curve("ray", "samples", points))
+    assert table.advice(chart) == [
+        ("1 %", "ray, 64 samples", "4.0 s", "0.50 %", "--backend ray --samples 64"),
+        ("0.3 %", "not reached", "", "0.50 %", ""),
+    ]
+
+
+def test_what_is_exact_is_said_at_none() -> None:
+    exact = dataclasses.replace(charts.point("raster", "samples", 1, 0.1, 1.0), error=Spread(0, 0, 0, 5))
+    assert table.advice(charts.chart(Curve("raster", "samples", (exact,)))) == [
+        ("0 %", "raster, 1 sample", "100 ms", "0 %", "--backend raster --samples 1"),
+    ]
+
+
+def test_an_exact_point_reaches_everything() -> None:
+    rough, exact = charts.ladder("raster", 0.1, 0.1, 0.2, 2)
+    chart = charts.chart(Curve("raster", "samples", (rough, dataclasses.replace(exact, error=Spread(0, 0, 0, 5)))))
+    assert [row[:4] for row in table.advice(chart)] == [
+        ("30 %", "raster, 1 sample", "200 ms", "20 %"),
+        ("0 %", "raster, 4 samples", "500 ms", "0 %"),
+    ]
+
+
+def test_an_error_near_the_references_own_is_said() -> None:
+    chart = charts.chart(Curve("ray", "samples", charts.ladder("ray", 0.1, 0.1, 0.02, 2)), floor=0.008)
+    assert table.remarks(chart) == ["the reference's own uncertainty is 0.80 %: errors near it are not told apart"]
+
+
+def test_time_at_equal_error_is_straight_on_logarithmic_axes_and_ends_with_the_points() -> None:
+    points = (charts.point("ray", "samples", 1, 1.0, 0.4), charts.point("ray", "samples", 16, 16.0, 0.1))
+    curve = Curve("ray", "samples", points)
+    assert table.seconds_at(curve, 0.2) == pytest.approx(4.0)
+    assert table.seconds_at(curve, 0.4) == 1.0
+    assert table.seconds_at(curve, 0.1) == pytest.approx(16.0)
+    assert table.seconds_at(curve, 0.41) is None
+    assert table.seconds_at(curve, 0.099) is None
+
+
+def test_every_point_is_a_row() -> None:
+    chart = charts.room()
+    headings, rows = table.points(chart)
+    assert headings == ("backend", "setting", "time", "error", "bias", "noise", "settings to copy")
+    assert len(rows) == len(chart.points)
+    assert rows[12] == (
+        "raster", "4 samples", "50 ms (45 ms to 55 ms)", "6.8 % (6.4 % to 7.1 %)", "3.1 % ± 0.60 %", "6.0 % ± 0.30 %",
+        "--backend raster --samples 4",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0000853, "85 µs"), (0.00949, "9.5 ms"), (0.0996, "100 ms"), (0.949, "950 ms"), (0.96, "0.96 s"), (2.13, "2.1 s"), (9.96, "10 s"),
+        (94.4, "94 s"), (96, "1.6 min"), (5999, "1.7 h"), (0, "0 µs"),
+    ],
+)  # fmt: skip
+def test_times(value: float, text: str) -> None:
+    assert wording.seconds(value) == text
+
+
+@pytest.mark.parametrize(
+    ("metric", "value", "text"),
+    [
+        ("relmse", 0.0103, "1.0 %"), ("relmse", 0.00099, "0.099 %"), ("relmse", 3.21, "320 %"), ("flip", 0.0345, "0.035"),
+        ("max", 12.4, "12"), ("silhouette", 0.123, "0.12 px"), ("relmse", 0.0, "0 %"),
+    ],
+)  # fmt: skip
+def test_errors(metric: str, value: float, text: str) -> None:
+    assert wording.error(metric, value) == text
+
+
+@pytest.mark.parametrize(
+    ("setting", "text"),
+    [
+        (Setting("ray", "samples", 1, {}), "1 sample"), (Setting("ray", "samples", 64, {}), "64 samples"),
+        (Setting("ray", "error", 0.005, {}), "error 0.5 %"), (Setting("ray", "bounces", 3, {}), "3 bounces"),
+        (Setting("raster", "tolerance", 0.25, {}), "tolerance 0.25"), (Setting("raster", "tiles", True, {}), "tiles on"),
+        (Setting("ray", "fill", "areas", {}), "fill areas"),
+    ],
+)  # fmt: skip
+def test_settings(setting: Setting, text: str) -> None:
+    assert wording.setting(setting) == text
+
+
+def test_arguments_are_what_the_command_line_reads() -> None:
+    setting = Setting("raster", "tolerance", 0.5, {"samples": 4, "size": (80, 60), "error": 0.01}, {"raster.fill": "areas"})
+    assert setting.arguments() == "--backend raster --samples 4 --size 80x60 --error 0.01 --plan raster.fill=areas"
+    assert wording.command(charts.room(), setting).startswith("maquette render room.scene --size 400x300 --backend raster --samples 4")
+
+
+def test_a_quicker_peer_is_told_of_and_not_advised() -> None:
+    ours = Curve("ray", "samples", charts.ladder("ray", 0, 0.1, 0.2, 3))
+    peer = Curve("mitsuba", "samples", charts.ladder("mitsuba", 0, 0.05, 0.2, 3))
+    assert table.answers(charts.chart(ours, peer, knee=4)) == [
+        "10 % → ray, 4 samples, 400 ms: --backend ray --samples 4",
+        "3 % → not reached; the least measured is 5.0 %",
+        "knee: mitsuba, 4 samples: 10 % in 200 ms",
+        "at 10 %, between measured points: mitsuba 200 ms, ray 400 ms (2.0 times as long)",
+    ]

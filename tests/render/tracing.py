@@ -1,0 +1,49 @@
+"""What rays meet, by trees in kernels and by brute force in numpy, and that both say the same; meshes and rays to try them on."""
+
+from __future__ import annotations
+
+import numpy as np
+from maquette.compiler import ir
+from maquette.compiler.rows import MeshData
+from maquette.render import rays as kernels
+from maquette.render import trace
+from maquette.render.records import Ray
+
+from .tables import rays
+
+
+def through_trees(tables: ir.Tables, ray: Ray, bit: int = 1, brute: bool = False) -> tuple[np.ndarray, ...]:
+    """(t, instance, primitive, u, v, blocked) by kernels."""
+    accel = kernels.trees(tables, brute)
+    what = np.stack(ray.origin, axis=1), np.stack(ray.direction, axis=1), ray.t_min, ray.t_max
+    return (*kernels.closest(accel, *what, bit), kernels.occluded(accel, *what))
+
+
+def by_brute_force(tables: ir.Tables, ray: Ray, bit: int = 1) -> tuple[np.ndarray, ...]:
+    active = np.ones(len(ray.t_min), bool)
+    hit = trace.closest(trace.Brute(), tables, ray, active, bit)
+    return (*hit, trace.occluded(trace.Brute(), tables, ray, active))
+
+
+def same(tables: ir.Tables, ray: Ray, bit: int = 1) -> tuple[np.ndarray, ...]:
+    """What rays meet, after trees, a loop in a kernel and numpy have agreed to the last bit."""
+    expected = by_brute_force(tables, ray, bit)
+    for brute in (False, True):
+        for found, wanted in zip(through_trees(tables, ray, bit, brute), expected, strict=True):
+            np.testing.assert_array_equal(found, wanted)
+    return expected
+
+
+def random_rays(n: int, seed: int, reach: float = 7.0) -> Ray:
+    rng = np.random.default_rng(seed)
+    return rays(rng.uniform(-reach, reach, (n, 3)), rng.normal(size=(n, 3)))
+
+
+def wavy(cells: int, seed: int = 0) -> MeshData:
+    """A square of 2 · cells² triangles over -1 … 1 with a random height."""
+    rng = np.random.default_rng(seed)
+    line = np.linspace(-1, 1, cells + 1)
+    x, z = np.meshgrid(line, line, indexing="ij")
+    points = np.stack([x, rng.uniform(-0.2, 0.2, x.shape), z], axis=-1).reshape(-1, 3)
+    i = (np.arange(cells)[:, None] * (cells + 1) + np.arange(cells)).ravel()
+    return MeshData(points, np.concatenate([np.stack([i, i + 1, i + cells + 2], 1), np.stack([i, i + cells + 2, i + cells + 1], 1)]))

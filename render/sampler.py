@@ -34,6 +34,26 @@ def _u32_in_kernels(x):
     return lambda x: simd.to_u32(x)
 
 
+def _times(x: Lane, y: Lane) -> Lane:
+    """The product modulo 2³²."""
+    return _u32(np.multiply(x, y, dtype=np.uint64))
+
+
+@overload(_times, jit_options=HELPER)
+def _times_in_kernels(x, y):
+    return lambda x, y: simd.to_u32(x * y)
+
+
+def _plus(x: Lane, y: Lane) -> Lane:
+    """The sum modulo 2³²."""
+    return _u32(np.add(x, y, dtype=np.uint64))
+
+
+@overload(_plus, jit_options=HELPER)
+def _plus_in_kernels(x, y):
+    return lambda x, y: simd.to_u32(x + y)
+
+
 def _share(x: Lane) -> Lane:
     """uint32 as a number in [0, 1)."""
     return x * _TO_UNIT
@@ -47,14 +67,14 @@ def _share_in_kernels(x):
 @helper
 def _hash(x: Lane) -> Lane:
     """A 32-bit integer hash (Wellons' lowbias32)."""
-    x = _u32((x ^ (x >> np.uint32(16))) * np.uint32(0x7FEB352D))
-    x = _u32((x ^ (x >> np.uint32(15))) * np.uint32(0x846CA68B))
+    x = _times(x ^ (x >> np.uint32(16)), np.uint32(0x7FEB352D))
+    x = _times(x ^ (x >> np.uint32(15)), np.uint32(0x846CA68B))
     return x ^ (x >> np.uint32(16))
 
 
 @helper
 def _combine(seed: Lane, value: Lane) -> Lane:
-    return _hash(seed ^ _u32(value * np.uint32(0x9E3779B9) + np.uint32(0x85EBCA6B)))
+    return _hash(seed ^ _plus(_times(value, np.uint32(0x9E3779B9)), np.uint32(0x85EBCA6B)))
 
 
 @helper
@@ -69,11 +89,11 @@ def _reverse_bits(x: Lane) -> Lane:
 @helper
 def _permute(x: Lane, seed: Lane) -> Lane:
     """The Laine-Karras permutation with Burley's constants: a nested scramble of bits in reversed order."""
-    x = x ^ _u32(x * np.uint32(0x3D20ADEA))
-    x = _u32(x + seed)
-    x = _u32(x * ((seed >> np.uint32(16)) | np.uint32(1)))
-    x = x ^ _u32(x * np.uint32(0x05526C56))
-    return x ^ _u32(x * np.uint32(0x53A22864))
+    x = x ^ _times(x, np.uint32(0x3D20ADEA))
+    x = _plus(x, seed)
+    x = _times(x, (seed >> np.uint32(16)) | np.uint32(1))
+    x = x ^ _times(x, np.uint32(0x05526C56))
+    return x ^ _times(x, np.uint32(0x53A22864))
 
 
 @helper

@@ -291,7 +291,7 @@ def test_kernels_and_numpy_agree_in_every_sample(interreflection):
 
 def test_numbers_come_from_pixel_sample_and_seed():
     tables = everything()
-    ray = bundle(5)
+    ray = bundle(40)
     one, _ = make.radiance(tables, ray, options(bounces=2), 2)
     same, _ = make.radiance(tables, ray, options(bounces=2), 2)
     assert np.array_equal(one, same)

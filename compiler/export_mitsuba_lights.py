@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from . import export, ir
-from .export import Export, F64
+from .export import F64, Export
 from .export_mitsuba_materials import pfm
 from .export_mitsuba_shapes import Shapes
 from .export_mitsuba_xml import Node, node, rgb, value, vector

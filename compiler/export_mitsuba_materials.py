@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from . import export, ir
-from .export import Export, F64
+from .export import F64, Export
 from .export_mitsuba_xml import Node, node, rgb, value
 
 MIRROR, GLASS, EMISSIVE = ir.MaterialModel.MIRROR, ir.MaterialModel.GLASS, ir.MaterialModel.EMISSIVE

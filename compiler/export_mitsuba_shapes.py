@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from . import export, ir
-from .export import Export, F64, Shell
+from .export import F64, Export, Shell
 from .export_mitsuba_materials import Look, Materials
 from .export_mitsuba_xml import Node, node, vector
 from .plan import Plan

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from . import export, ir
-from .export import Export, F64
+from .export import F64, Export
 from .export_povray_materials import Finishes
 from .export_povray_shapes import bracket, objects
 from .plan import Plan

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from . import export, ir
-from .export import Export, F64, number
+from .export import F64, Export, number
 from .plan import Plan
 
 _GREY = 1e-9
@@ -93,7 +93,10 @@ class Finishes:
         return Look(self._opaque(material, model, instance), [], False)
 
     def _opaque(self, material: int, model: ir.MaterialModel, instance: int) -> str:
-        words = ["diffuse 0" if model == ir.MaterialModel.MIRROR else "diffuse 1", f"ambient rgb <{export.numbers(self._ambient(material))}>"]
+        words = [
+            "diffuse 0" if model == ir.MaterialModel.MIRROR else "diffuse 1",
+            f"ambient rgb <{export.numbers(self._ambient(material))}>",
+        ]
         mirror = self._value(material, ir.Slot.REFLECTION)
         if mirror.max() > 0 and self.plan["bounces"] > 0:
             words.append(f"reflection {{ rgb <{export.numbers(mirror)}> }}")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from . import export, ir
-from .export import Export, F64, Shell, number
+from .export import F64, Export, Shell, number
 from .export_povray_materials import Finishes
 from .plan import Plan
 

@@ -1,4 +1,4 @@
-"""Materials as POV-Ray's pigments and finishes: the course's equations are its own, but highlights and k_t there are numbers, not colours."""
+"""Materials as POV-Ray's pigments and finishes: the course's equations are its own, but a highlight there has no colour."""
 
 from __future__ import annotations
 
@@ -93,10 +93,8 @@ class Finishes:
         return Look(self._opaque(material, model, instance), [], False)
 
     def _opaque(self, material: int, model: ir.MaterialModel, instance: int) -> str:
-        words = [
-            "diffuse 0" if model == ir.MaterialModel.MIRROR else "diffuse 1",
-            f"ambient rgb <{export.numbers(self._ambient(material))}>",
-        ]
+        matt = 0 if model == ir.MaterialModel.MIRROR else 1
+        words = [f"diffuse {matt}", f"ambient rgb <{export.numbers(self._ambient(material))}>"]
         mirror = self._value(material, ir.Slot.REFLECTION)
         if mirror.max() > 0 and self.plan["bounces"] > 0:
             words.append(f"reflection {{ rgb <{export.numbers(mirror)}> }}")

@@ -118,10 +118,7 @@ class _Object:
             self.out.cannot("a texture on an endless quadric is not carried", "instances", self.i)
             return None
         shell = Shell(*self.tessellate(self.i))
-        self.out.note(
-            f"a {self.kind.name.lower()} is carried as {len(shell.triangles)} triangles, {self.plan['tolerance']:g} pixels off at most",
-            "instances", self.i,
-        )  # fmt: skip
+        self.out.tessellated(self.kind, self.i, len(shell.triangles), self.plan["tolerance"])
         return self._mesh(shell, texture)
 
     def _mesh(self, shell: Shell, texture: int) -> tuple[str, list[str]]:

@@ -69,8 +69,9 @@ def llvm() -> str:
     given = os.environ.get("DRJIT_LIBLLVM_PATH")
     if given:
         return given
+    patterns = ("libLLVM*.so*", "*/libLLVM*.so*", "libLLVM*.dylib")
     found = [
-        path for folder in _LIBRARIES for pattern in ("libLLVM*.so*", "*/libLLVM*.so*", "libLLVM*.dylib") for path in Path(folder).glob(pattern)
+        path for folder in _LIBRARIES for pattern in patterns for path in Path(folder).glob(pattern)
         if re.fullmatch(r"libLLVM[-.\d]*\.(so|dylib)[.\d]*", path.name)
     ]  # fmt: skip
     if found:

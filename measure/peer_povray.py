@@ -19,7 +19,7 @@ from . import peer_run
 from .records import Run, Setting
 
 GRIDS = (1, 2, 3, 4, 6, 8)  # samples across a pixel: 1, 4, 9, 16, … in all
-_TRACE = re.compile(r"Trace Time:.*?\(([\d.]+) seconds\)(?:[^\n]*\n)?[^\n]*?(?:([\d.]+) CPU-seconds)?", re.S)
+_TRACE = re.compile(r"Trace Time:.*?\(([\d.]+) seconds\)", re.S)
 _PARSE = re.compile(r"Parse Time:.*?\(([\d.]+) seconds\)", re.S)
 _CPU = re.compile(r"using \d+ thread\(s\) with ([\d.]+) CPU-seconds total")
 
@@ -83,7 +83,4 @@ def _read(path: Path, plan: Plan) -> NDArray[np.float32]:
 
 def _seconds(pattern: re.Pattern[str], said: str) -> float:
     found = pattern.findall(said)
-    if not found:
-        return 0.0
-    last = found[-1]
-    return float(last[0] if isinstance(last, tuple) else last)
+    return float(found[-1]) if found else 0.0

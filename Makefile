@@ -7,6 +7,7 @@ PYTHON ?= $(firstword $(foreach p,python3 python3.14 python3.13 python3.12 pytho
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.made
+PEERS := $(VENV)/.peers
 DEMO := build/demo
 WORKERS ?= 2
 
@@ -15,7 +16,7 @@ EXAMPLES := $(foreach kind,$(KINDS),$(wildcard examples/*.$(kind)))
 NAMES := $(basename $(notdir $(EXAMPLES)))
 INPUTS := $(filter-out %.png %.md,$(wildcard examples/*)) $(wildcard examples/assets/*)
 
-.PHONY: help venv demo pictures reference test test-all check clean
+.PHONY: help venv demo pictures reference test test-all check bench clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -52,6 +53,17 @@ test: check  ## the whole suite, after ruff and pyright
 
 test-all: check  ## also what takes long: statistics, soak, packaging
 	@$(BIN)/python -m pytest -q -n $(WORKERS) --long
+
+bench: $(PEERS)  ## measure against Embree, Mitsuba, llvmpipe and POV-Ray: bench/RESULTS.md (bench-rays and the like: one of them)
+	@$(BIN)/python -m maquette.bench
+
+bench-%: $(PEERS)
+	@$(BIN)/python -m maquette.bench $*
+
+$(PEERS): $(STAMP)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --no-build-isolation -e '.[bench]'
+	@echo "peers that pip cannot install, in Debian: libllvm19 (Mitsuba), libegl1 libgl1-mesa-dri (llvmpipe), povray; what is missing is left out"
+	@touch $@
 
 check: $(STAMP)  ## ruff and pyright
 	@$(BIN)/ruff check .

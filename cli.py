@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from . import cli_compare
+from . import cli_compare, cli_convert
 from . import cli_job as jobs
 from . import cli_options as values
 from . import cli_shared as shared
@@ -202,22 +202,7 @@ def watch(ctx: click.Context, scene: Path, output: Path, **given: Any) -> None:
         ctx.exit(0)
 
 
-@cli.command()
-@click.argument("scene", metavar="IN", type=shared.FILE)
-@click.argument("output", metavar="OUT", type=shared.OUT)
-@shared.scene_options
-@shared.examples("maquette convert room.scene room.npz")
-def convert(scene: Path, output: Path, **given: Any) -> None:
-    """Compile IN and save its tables.
-
-    OUT.npz is a saved IR, which every command reads as a scene.
-    """
-    from .compiler import store
-
-    if output.suffix.lower() != ".npz":
-        raise click.UsageError(f"writing {output.suffix or 'a file without an extension'} is not built yet: OUT ends in .npz (a saved IR)")
-    jobs.check_folder(output)
-    store.save(shared.load(shared.source_of(scene, given)), output)
+cli.add_command(cli_convert.convert)
 
 
 def main() -> None:

@@ -53,10 +53,9 @@ class Window:
         except Exception as why:  # glcontext raises plain Exception
             raise harness.Missing(f"no OpenGL context can be made ({INSTALL})") from why
         gl = self.context
-        self.size = size
-        several = samples if samples > 1 else 0
-        self.frame = gl.framebuffer([gl.renderbuffer((size, size), 4, samples=several)], gl.depth_renderbuffer((size, size), samples=several))
-        self.resolved = gl.framebuffer([gl.renderbuffer((size, size), 4)]) if several else self.frame
+        shape, several = (size, size), samples if samples > 1 else 0
+        self.frame = gl.framebuffer([gl.renderbuffer(shape, 4, samples=several)], gl.depth_renderbuffer(shape, samples=several))
+        self.resolved = gl.framebuffer([gl.renderbuffer(shape, 4)]) if several else self.frame
         program = gl.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
         program["to_clip"].write(to_clip().T.astype(np.float32).tobytes())
         for name, value in {"eye": meshes.EYE, **uniforms}.items():
@@ -64,7 +63,7 @@ class Window:
         vertices = gl.buffer(np.hstack([mesh.positions, mesh.normals]).astype(np.float32).tobytes())
         self.mesh = gl.vertex_array(program, [(vertices, "3f 3f", "position", "normal")], gl.buffer(mesh.triangles.tobytes()), 4)
         gl.enable(moderngl.DEPTH_TEST)
-        self.pixels = np.empty((size, size, 4), np.uint8)
+        self.pixels = np.empty((*shape, 4), np.uint8)
 
     def draw(self) -> NDArray[np.uint8]:
         """Clear, draw, resolve, read back: (size, size, 4), the top row first."""

@@ -18,11 +18,11 @@ from .harness import OURS, Case, Contender, Disagreement, Effort, Peers, measure
 from .meshes import Mesh
 
 TEXT = """
-One frame of 1024², from a mesh that is ready to an array of pixels that Python can read: vertices transformed, triangles filled,
-Blinn–Phong with one distant light and no shadows computed at each pixel, read back. Meshes: the knot of the rays in three sizes, and 200 large
-triangles at random that cross each other. llvmpipe draws in the calling thread (`LP_NUM_THREADS=0`) into 8-bit colours and a 24-bit depth; maquette
-into float32. *1 sample* is the pixel's centre for both; *4 samples* are multisampling with one shading a pixel and triangle for llvmpipe,
-and four shaded samples at places of its own for maquette, so that there only the covered areas are compared.
+One frame of 1024², from a mesh that is ready to an array of pixels that Python can read: vertices transformed, triangles filled (those
+that face away too), Blinn–Phong with one distant light and no shadows computed at each pixel, read back. Meshes: the knot of the rays in
+three sizes, and 200 large triangles at random that cross each other. llvmpipe draws in the calling thread (`LP_NUM_THREADS=0`) into 8-bit
+colours and a 24-bit depth; maquette into float32. *1 sample* is the pixel's centre for both; *4 samples* are multisampling with one
+shading a pixel and triangle for llvmpipe, and four shaded samples at places of its own for maquette: there, covered areas are compared.
 """
 DIFFUSE, SPECULAR, SHININESS = (0.6, 0.5, 0.4), (0.3, 0.3, 0.3), 32.0
 TOWARDS_LIGHT = (0.48, 0.64, 0.6)

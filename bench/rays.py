@@ -194,10 +194,12 @@ def section(quick: bool, effort: Effort) -> report.Section:
     resolution = 64 if quick else 512
     sizes = meshes.TINY if quick else meshes.SIZES
     count = 100 if quick else INSTANCES
-    scenes = [(f"{name} triangles", size, None) for name, size in sizes.items()]
-    name, size = next(iter(sizes.items()))
-    for title, size, transforms in [*scenes, (f"{count:,} instances of {name} triangles", size, meshes.boulders(count))]:
-        sides = Sides(meshes.knot(*size), transforms, peers)
+    scenes: list[tuple[str, tuple[int, int], NDArray[np.float64] | None]]
+    scenes = [(f"{name} triangles", rings, None) for name, rings in sizes.items()]
+    smallest = next(iter(sizes))
+    scenes.append((f"{count:,} instances of {smallest} triangles", sizes[smallest], meshes.boulders(count)))
+    for title, rings, transforms in scenes:
+        sides = Sides(meshes.knot(*rings), transforms, peers)
         rays = meshes.primary(resolution)
         results = [measure(sides.case(each), effort) for each in (rays, *sides.secondary(rays))]
         found.add(title, results, "Mrays/s")

@@ -23,12 +23,13 @@ from .harness import OURS, Case, Contender, Disagreement, Effort, Missing, Peers
 SCENES = Path(__file__).resolve().parent / "scenes"
 TEXT = """
 A ball and a block on a board, 512², 4 samples a pixel, one distant light with shadows, no bounces; each run is one process, from its start
-to its end, that reads its own renderer's scene file (`bench/scenes/start.*`) and writes a picture. *Warm*: kernels are in the cache, files in memory.
-*Cold*: an empty kernel cache for each run, so that maquette and Mitsuba's llvm mode compile everything; files in memory still. *check* reads
-and checks the scene and draws nothing. Ratios are of wall time.
+to its end, that reads its own renderer's scene file (`bench/scenes/start.*`) and writes a picture. *Warm*: kernels are in the cache.
+*Cold*: an empty kernel cache for each run, so that maquette and Mitsuba's llvm mode compile everything. Files are in the system's memory
+either way. *Check* reads and checks the scene and draws nothing. Ratios are of wall time.
 """
 MOST_APART = 0.02  # share of pixels that may differ by more than COLOR: samples lie elsewhere in them
 COLOR = 0.06
+LONGEST = 300.0  # seconds a process may take
 
 
 def section(quick: bool, effort: Effort) -> report.Section:
@@ -79,7 +80,7 @@ class Desk:
 
     def mitsuba(self, cold: bool = False) -> Contender:
         mitsuba.load()
-        picture = self.folder / "mitsuba.exr"
+        picture = self.folder / "mitsuba.pfm"
         scene = self.folder / "start.xml"
         text = (SCENES / "start.xml").read_text(encoding="utf-8")
         scene.write_text(text.replace('value="512"', f'value="{self.size}"'), encoding="utf-8")
@@ -94,7 +95,7 @@ class Desk:
 
     def _run(self, command: list[str], **more: str) -> None:
         environment = {**os.environ, **{name: value for name, value in more.items() if value}}
-        done = subprocess.run(command, env=environment, cwd=self.folder, capture_output=True, text=True)
+        done = subprocess.run(command, env=environment, cwd=self.folder, capture_output=True, text=True, timeout=LONGEST)
         if done.returncode:
             raise RuntimeError(f"{' '.join(command)} failed:\n{done.stdout}{done.stderr}")
 
@@ -118,7 +119,7 @@ def _povray_version() -> dict[str, str]:
 def _pixels(path: Path, linear: bool = False) -> NDArray[np.float64]:
     """The picture's linear colours. `linear`: a file of integers that are linear already, whatever it says of itself."""
     rgb = np.asarray(output.read(path).channels["rgba"][..., :3], dtype=np.float64)
-    return np.where(rgb <= 0.0031308, 12.92 * rgb, 1.055 * np.maximum(rgb, 0.0031308) ** (1.0 / 2.4) - 0.055) if linear else rgb
+    return output.encode_srgb(rgb) if linear else rgb
 
 
 def agree(answers: Mapping[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""What exporters share: what they return, what they cannot carry and where it stands, triangles and pictures as other programs take them."""
+"""What exporters share: what they return, with all they cannot carry and its place; triangles and pictures as other programs take them."""
 
 from __future__ import annotations
 
@@ -48,6 +48,11 @@ class Export:
     def cannot(self, message: str, table: str = "", row: int = -1, hint: str = "") -> None:
         """Say what is lost, once."""
         self._say("warning", message, table, row, hint)
+
+    def tessellated(self, kind: ir.GeometryKind, instance: int, triangles: int, tolerance: float) -> None:
+        """Say that a shape is carried as triangles, where they are not the same."""
+        if kind not in (ir.GeometryKind.BOX, ir.GeometryKind.RECTANGLE):
+            self.note(f"a {kind.name.lower()} is carried as {triangles} triangles, {tolerance:g} pixels off at most", "instances", instance)
 
     def note(self, message: str, table: str = "", row: int = -1) -> None:
         """Say what is carried in another form, once."""

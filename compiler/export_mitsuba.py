@@ -64,9 +64,8 @@ def _integrator(out: Export, plan: Plan) -> Node:
         out.cannot("a transparent background is not carried: Mitsuba would hide the area lights with the sky", hint="--background sky")
     if not isinstance(plan["background"], str):
         out.cannot("the background's colour is not carried: Mitsuba would light the scene with it", hint="--background sky")
-    return node(
-        "integrator", "path", max_depth=int(plan["bounces"]) + 2, rr_depth=NO_ROULETTE, **({"hide_emitters": True} if hidden else {})
-    )
+    path = node("integrator", "path", max_depth=int(plan["bounces"]) + 2, rr_depth=NO_ROULETTE)
+    return path.with_(value("hide_emitters", True)) if hidden else path
 
 
 def _sensor(out: Export, plan: Plan) -> Node:

@@ -142,10 +142,7 @@ class Shapes:
             self.out.cannot("an endless quadric is not carried", "instances", i, "within: gives it a box")
             return None
         shell = Shell(*self.tessellate(i))
-        self.out.note(
-            f"a {kind.name.lower()} is carried as {len(shell.triangles)} triangles, {self.plan['tolerance']:g} pixels off at most",
-            "instances", i,
-        )  # fmt: skip
+        self.out.tessellated(kind, i, len(shell.triangles), self.plan["tolerance"])
         return shell
 
     def _placed(self, shell: Shell, texture: int, i: int, g: int, matrix: F64) -> Shell:

@@ -41,6 +41,7 @@ DOORS = {
     "cli.py": "each command loads its own stages",
     "cli_shared.py": "settings are asked for once numpy is needed anyway",
     "cli_compare.py": "pictures and scenes load what they need",
+    "cli_convert.py": "each format loads what writes it",
     "cli_job.py": "a job loads the stages it comes to",
     "compiler/lower.py": "a mesh or a stage inside a scene loads what reads its file",
     "compiler/load.py": "each kind of file has its own front end and libraries",

@@ -1,0 +1,274 @@
+"""Paths: the ray backend against Mitsuba 3 on a box after Cornell: samples a second, and √relMSE against time."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import math
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import load
+from ..compiler import ir, plan
+from ..render import film, metrics, prepare, ray
+from ..render.records import View
+from . import meshes, mitsuba, report
+from .harness import OURS, Case, Contender, Disagreement, Effort, Missing, Peers, Result, measure
+
+SCENES = Path(__file__).resolve().parent / "scenes"
+TEXT = """
+The Cornell box as Mitsuba's `cornell_box()` has it, its lamp made black, and the same box with a torus knot of 70,000 flat triangles in
+place of the two blocks. Path tracing to depth 8 (the lamp seen counts as 1), box filter, 32-bit colours, one thread. Scenes are loaded and
+trees built before. *Rate* is a picture of 256² with 16 samples a pixel. *Error* is √relMSE of a picture of 128² against the mean of long
+runs of the same renderer with other seeds; the long runs of both must agree, block by block, within what their own seeds differ. Mitsuba:
+the `path` integrator and its independent sampler in llvm mode, and for the rate also in scalar mode.
+"""
+DEPTH = 8
+BLOCKS = 8  # of the picture along each side, whose means are compared
+SEEDS = 4  # of long runs
+MOST_Z2 = 2.5  # mean z² of blocks: 1 where nothing differs but chance, a little more for variances told from 2 · 4 runs
+MOST_OFF = 0.002  # by which the whole picture's mean may differ beyond four standard errors
+
+Picture = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Renderer:
+    """Draws one scene: `draw(size, samples, seed)` gives work that returns linear (size, size, 3)."""
+
+    name: str
+    draw: Callable[[int, int, int], Callable[[], Any]]
+    read: Callable[[Any], Picture]
+
+
+def section(quick: bool, effort: Effort) -> report.Section:
+    """Measure both scenes."""
+    peers = Peers()
+    found = report.Section("paths", "Paths", TEXT, versions=report.version_of("mitsuba", "drjit"))
+    rings = (100, 10) if quick else meshes.SIZES["70k"]
+    with tempfile.TemporaryDirectory() as folder:
+        knot = Path(folder) / "knot.ply"
+        write_ply(knot, meshes.knot(*rings))
+        for title, filled in (("Cornell box", None), (f"{2 * rings[0] * rings[1]:,} triangles in the box", knot)):
+            sides = [ours(filled), *_there(peers, functools.partial(theirs, filled, mitsuba.LLVM))]
+            size, samples = (32, 4) if quick else (256, 16)
+            try:
+                agreement, references = long_runs(sides, 32 if quick else 128, 16 if quick else 256)
+            except Disagreement as why:
+                found.refused.append(f"{title}: {why}")
+                found.blocks.append(f"**{title}**\n\nNo times: the long runs differ: {why}.")
+                continue
+            fast = rates(sides, size, samples, effort)
+            ladder = (1, 4) if quick else (1, 4, 16, 64)
+            told = errors(sides, references, ladder, effort)
+            # Apart, and last: changing between Mitsuba's modes makes its next picture slow.
+            scalar = _there(peers, functools.partial(theirs, filled, "scalar_rgb"))
+            slow = [rates([sides[0], *scalar], size, samples, effort)] if scalar else []
+            found.add(f"{title}: rate", [fast, *slow], "Msamples/s")
+            found.blocks.append(f"**{title}: error**\n\n{told}\n\nLong runs: {agreement}.")
+    found.missing = peers.missing
+    return found
+
+
+def _there(peers: Peers, make: Callable[[], Renderer]) -> list[Renderer]:
+    """The renderer in a list, or none where it is not installed."""
+    try:
+        return [make()]
+    except Missing as why:
+        if str(why) not in peers.missing:
+            peers.missing.append(str(why))
+        return []
+
+
+# --- the two renderers ---------------------------------------------------------------------------------------------------
+
+
+def ours(filled: Path | None) -> Renderer:
+    """maquette: a scene of the language, prepared once for each size."""
+    scene = _scene(filled)
+
+    @functools.cache
+    def prepared(size: int) -> prepare.Prepared:
+        decided = _decide(scene, size, 1, 0)
+        return prepare.prepare(scene, decided, View(decided["camera"], size, size))
+
+    def draw(size: int, samples: int, seed: int) -> Callable[[], Any]:
+        decided = _decide(scene, size, samples, seed)
+        view = View(decided["camera"], size, size)
+        ready = replace(prepared(size), options=prepare.options_of(decided, scene.tables))
+        return lambda: film.run(ray.Renderer(ready, decided, view), decided, view).channels["rgba"]
+
+    return Renderer(OURS, draw, lambda rgba: np.asarray(rgba[..., :3], np.float64))
+
+
+def _scene(filled: Path | None) -> ir.Scene:
+    if filled is None:
+        return load(SCENES / "cornell.scene")
+    kept = [line for line in (SCENES / "cornell.scene").read_text(encoding="utf-8").splitlines() if not line.startswith("box(")]
+    path = filled.with_suffix(".scene")
+    path.write_text("\n".join([*kept, f'mesh("{filled.name}", translate: [0, -0.35, 0], material: white)']), encoding="utf-8")
+    return load(path)
+
+
+def _decide(scene: ir.Scene, size: int, samples: int, seed: int) -> plan.Plan:
+    settings = ir.Settings(
+        size=(size, size), samples=samples, seed=seed, backend="ray", bounces=DEPTH - 2, filter="box", threads=1, background=(0.0, 0.0, 0.0)
+    )
+    return plan.make(scene, settings)
+
+
+def theirs(filled: Path | None, variant: str) -> Renderer:
+    """Mitsuba: its own box, with a lamp that reflects nothing."""
+    mi = mitsuba.load(variant)
+
+    @functools.cache
+    def made(size: int) -> Any:
+        whole = mi.cornell_box()
+        whole["light"]["bsdf"] = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}}
+        whole["integrator"]["max_depth"] = DEPTH
+        whole["sensor"]["film"].update(width=size, height=size, rfilter={"type": "box"})
+        if filled is not None:
+            del whole["small-box"], whole["large-box"]
+            to_world = mi.ScalarTransform4f().translate([0.0, -0.35, 0.0])
+            white = {"type": "ref", "id": "white"}
+            whole["knot"] = {"type": "ply", "filename": str(filled), "to_world": to_world, "face_normals": True, "bsdf": white}
+        return mi.load_dict(whole)
+
+    def draw(size: int, samples: int, seed: int) -> Callable[[], Any]:
+        scene = made(size)
+        return lambda: np.array(mi.render(scene, spp=samples, seed=seed))
+
+    return Renderer(f"Mitsuba {variant.split('_')[0]}", draw, lambda rgb: np.asarray(rgb, np.float64))
+
+
+def write_ply(path: Path, mesh: meshes.Mesh) -> None:
+    """A binary PLY of positions and triangles: shaded flat, since renderers differ in what smooth normals do at grazing angles."""
+    head = (
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(mesh.positions)}\n"
+        + "".join(f"property float {name}\n" for name in ("x", "y", "z"))
+        + f"element face {len(mesh.triangles)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    faces = np.empty(len(mesh.triangles), [("count", "u1"), ("corners", "<i4", 3)])
+    faces["count"], faces["corners"] = 3, mesh.triangles
+    path.write_bytes(head.encode() + mesh.positions.astype("<f4").tobytes() + faces.tobytes())
+
+
+# --- what is measured ----------------------------------------------------------------------------------------------------
+
+
+def long_runs(sides: Sequence[Renderer], size: int, samples: int) -> tuple[str, dict[str, Picture]]:
+    """(how they compare, each renderer's mean of SEEDS long runs). Raises Disagreement where they differ by more than chance."""
+    runs = {side.name: np.stack([side.read(side.draw(size, samples, 1000 + k)()) for k in range(SEEDS)]) for side in sides}
+    references = {name: pictures.mean(axis=0) for name, pictures in runs.items()}
+    said = [f"{SEEDS} × {samples} samples a pixel"]
+    for name in list(runs)[1:]:
+        off = references[name].mean() / references[OURS].mean() - 1.0
+        z2 = block_z2(runs[OURS], runs[name])
+        text = f"{name}: mean {off:+.3%}, mean z² of blocks {z2:.2f}"
+        wholes = [runs[n].mean(axis=(1, 2, 3)) for n in (OURS, name)]
+        chance = math.sqrt(sum(w.var(ddof=1) / len(w) for w in wholes)) / references[OURS].mean()
+        if abs(off) > MOST_OFF + 4.0 * chance or z2 > MOST_Z2:
+            raise Disagreement(text)
+        said.append(text)
+    return "; ".join(said), references
+
+
+def block_z2(a: Picture, b: Picture) -> float:
+    """Mean over blocks and channels of z², the difference of two sets of runs (seeds, h, w, 3) over its standard error.
+
+    A block's variance is taken from the spread of its runs, in mean over 3 × 3 blocks, lest few runs make it small by chance.
+    """
+
+    def blocks(runs: Picture) -> Picture:
+        seeds, height, width, _ = runs.shape
+        return runs.reshape(seeds, BLOCKS, height // BLOCKS, BLOCKS, width // BLOCKS, 3).mean(axis=(2, 4))
+
+    def variance(runs: Picture) -> Picture:
+        own = np.pad(runs.var(axis=0, ddof=1) / len(runs), ((1, 1), (1, 1), (0, 0)), mode="edge")
+        return np.mean([own[i : i + BLOCKS, j : j + BLOCKS] for i in range(3) for j in range(3)], axis=0)
+
+    one, other = blocks(a), blocks(b)
+    return float(np.mean((one.mean(axis=0) - other.mean(axis=0)) ** 2 / (variance(one) + variance(other))))
+
+
+def rates(sides: Sequence[Renderer], size: int, samples: int, effort: Effort) -> Result:
+    """Samples a second."""
+    contenders = [_contender(side, size, samples, []) for side in sides]
+    return measure(Case(f"{size}², {samples} samples", contenders, functools.partial(agree_means, samples), size * size * samples), effort)
+
+
+def _contender(side: Renderer, size: int, samples: int, pictures: list[Picture]) -> Contender:
+    """A new seed for each run; the pictures are kept."""
+    work = iter([side.draw(size, samples, seed) for seed in range(1, 40)])
+
+    def run() -> Any:
+        picture = next(work)()
+        pictures.append(side.read(picture))
+        return picture
+
+    return Contender(side.name, run, side.read)
+
+
+def agree_means(samples: int, answers: Mapping[str, Any]) -> str:
+    """The pictures' means, within what so few samples leave open."""
+    mean = {name: float(answer.mean()) for name, answer in answers.items()}
+    pixels = answers[OURS].shape[0] ** 2
+    open_ = MOST_OFF + 12.0 / math.sqrt(pixels * samples)
+    text = ", ".join(f"{name} {value:.5f}" for name, value in mean.items())
+    if any(abs(value / mean[OURS] - 1.0) > open_ for value in mean.values()):
+        raise Disagreement(f"means {text}")
+    return f"means {text}"
+
+
+def errors(sides: Sequence[Renderer], references: Mapping[str, Picture], ladder: Sequence[int], effort: Effort) -> str:
+    """Tables of √relMSE and CPU time for each number of samples, and of the time to the same error."""
+    size = next(iter(references.values())).shape[0]
+    rows, curves = [], {side.name: [] for side in sides}
+    for samples in ladder:
+        pictures: dict[str, list[Picture]] = {side.name: [] for side in sides}
+        contenders = [_contender(side, size, samples, pictures[side.name]) for side in sides]
+        result = measure(Case("", contenders, functools.partial(agree_means, samples)), effort)
+        if result.refused:
+            rows.append((f"{samples}", "no times: " + result.refused))
+            continue
+        cells = [f"{samples}"]
+        for times in result.times:
+            name = times.contender.name
+            error = float(np.median([metrics.root_relmse(p, references[name]) for p in pictures[name]]))
+            curves[name].append((times.spread().median, error))
+            cells += [f"{times.spread().median * 1e3:.3g}", f"{error:.2%}"]
+        rows.append(tuple(cells))
+    head = ["samples", *(f"{side.name}, {what}" for side in sides for what in ("CPU ms", "√relMSE"))]
+    tables = [report.grid(head, rows)]
+    if len(sides) > 1:
+        tables.append(equal_error(curves))
+    return "\n\n".join(tables)
+
+
+def equal_error(curves: Mapping[str, Sequence[tuple[float, float]]]) -> str:
+    """CPU time to round errors, interpolated between measured points alone (linear in both logarithms)."""
+    names = list(curves)
+    rows = []
+    for error in (0.5, 0.2, 0.1, 0.05, 0.02, 0.01):
+        took = {name: time_to(error, curve) for name, curve in curves.items()}
+        if all(value is not None for value in took.values()):
+            shown = {name: value or 0.0 for name, value in took.items()}
+            rows.append((f"{error:.0%}", *(f"{shown[n] * 1e3:.3g}" for n in names), *(f"{shown[n] / shown[OURS]:.2f}" for n in names[1:])))
+    if not rows:
+        return "No error was reached by all: times to the same error cannot be told."
+    return report.grid(["√relMSE", *(f"{n}, CPU ms" for n in names), *(f"{n} × ours" for n in names[1:])], rows)
+
+
+def time_to(error: float, curve: Sequence[tuple[float, float]]) -> float | None:
+    """Seconds to an error on a curve of (seconds, error), errors falling; None outside of what was measured."""
+    for (t0, e0), (t1, e1) in itertools.pairwise(curve):
+        if e0 >= error >= e1 and e0 > e1:
+            share = math.log(e0 / error) / math.log(e0 / e1)
+            return math.exp(math.log(t0) + share * (math.log(t1) - math.log(t0)))
+    return None

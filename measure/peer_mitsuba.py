@@ -1,0 +1,84 @@
+"""Mitsuba 3 as a peer: its LLVM variant where LLVM is found, else its scalar one."""
+
+from __future__ import annotations
+
+import ctypes.util
+import importlib.util
+import json
+import os
+import re
+import sys
+import tempfile
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+
+from ..compiler import export_mitsuba, ir
+from ..compiler.plan import Plan
+from ..render import meshed
+from . import peer_run
+from .records import Run, Setting
+
+SAMPLES = (1, 4, 16, 64, 256, 1024, 4096)
+RUNNER = Path(__file__).with_name("mitsuba_run.py")
+_LIBRARIES = ("/usr/lib", "/usr/lib64", "/usr/local/lib", "/opt/homebrew/opt/llvm/lib")
+
+
+class Mitsuba:
+    """https://mitsuba-renderer.org: a path tracer; Jakob et al. 2022."""
+
+    name = "mitsuba"
+
+    @property
+    def missing(self) -> str:
+        if importlib.util.find_spec("mitsuba") is None:
+            return "Mitsuba is not installed: pip install mitsuba"
+        return ""
+
+    @property
+    def version(self) -> str:
+        return f"Mitsuba {metadata.version('mitsuba')} {variant()}"
+
+    def express(self, scene: ir.Scene, plan: Plan) -> list[str]:
+        return export_mitsuba.write(scene, plan, "scene", meshed.tessellator(scene, plan)).lost
+
+    def ladder(self, scene: ir.Scene, plan: Plan) -> tuple[Setting, ...]:
+        return tuple(Setting(self.name, "samples", n, {"samples": n}) for n in SAMPLES)
+
+    def run(self, scene: ir.Scene, plan: Plan, setting: Setting, seed: int) -> Run:
+        asked = {
+            "variant": variant(), "samples": int(setting.options["samples"]), "seed": seed, "threads": peer_run.threads(plan),
+        }  # fmt: skip
+        with tempfile.TemporaryDirectory(prefix="maquette-mitsuba-") as folder:
+            made = export_mitsuba.write(scene, plan, "scene", meshed.tessellator(scene, plan))
+            made.save(Path(folder) / "scene.xml")
+            peer_run.call("Mitsuba", [sys.executable, str(RUNNER), "scene.xml", "out.npz", json.dumps(asked)], Path(folder), _environment())
+            with np.load(Path(folder) / "out.npz", allow_pickle=False) as data:
+                about = json.loads(str(data["about"]))
+                return Run(data["rgb"], about["seconds"], float(about["cpu"]), seed)
+
+
+def variant() -> str:
+    """The fastest variant that runs here; all compute in float32."""
+    return "llvm_ad_rgb" if llvm() else "scalar_rgb"
+
+
+def llvm() -> str:
+    """The file of the newest LLVM library, or an empty string. DRJIT_LIBLLVM_PATH goes before all others."""
+    given = os.environ.get("DRJIT_LIBLLVM_PATH")
+    if given:
+        return given
+    patterns = ("libLLVM*.so*", "*/libLLVM*.so*", "libLLVM*.dylib")
+    found = [
+        path for folder in _LIBRARIES for pattern in patterns for path in Path(folder).glob(pattern)
+        if re.fullmatch(r"libLLVM[-.\d]*\.(so|dylib)[.\d]*", path.name)
+    ]  # fmt: skip
+    if found:
+        return str(max(found, key=lambda path: [int(n) for n in re.findall(r"\d+", path.name)] or [0]))
+    return ctypes.util.find_library("LLVM") or ""
+
+
+def _environment() -> dict[str, str]:
+    library = llvm()
+    return {"DRJIT_LIBLLVM_PATH": library} if library else {}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 
 from ..render import bvh
-from ..render.handles import Handle
+from ..render import rays as traced
 from . import embree, meshes, report
 from .harness import OURS, Case, Contender, Effort, Peers, measure
 from .meshes import Mesh, Rays
@@ -39,8 +39,8 @@ def ours(mesh: Mesh, rays: Rays) -> Contender:
     """Our builder; the answer is what the rays hit."""
     tables = meshes.scene(mesh).tables
     share = size_of(bvh.build(tables), tables) / len(mesh.triangles)
-    read = functools.partial(closest, Handle(tables), rays)
-    return Contender(OURS, lambda: Handle(bvh.build(tables)), read, note=f"{share:.0f} bytes a triangle")
+    read = functools.partial(closest, rays)
+    return Contender(OURS, lambda: traced.trees(tables), read, note=f"{share:.0f} bytes a triangle")
 
 
 def theirs(mesh: Mesh, rays: Rays) -> Contender:

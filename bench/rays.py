@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from ..render import bvh, trace
+from ..render import bvh
+from ..render import rays as traced
 from ..render.handles import Handle
-from ..render.kernels import kernel
-from ..render.records import Ray
 from . import embree, meshes, mitsuba, report
 from .harness import OURS, Case, Contender, Disagreement, Effort, Peers, Seconds, measure, need, timed
 from .meshes import Mesh, Rays
@@ -30,38 +29,19 @@ MOST_APART = 2e-4  # share of rays that may differ: Embree's default lets rays t
 NEAR = 1e-4  # of the distance (or of the scene's size, 1), within which two hits are the same
 
 
-@kernel
-def closest_all(tables, accel, origin, direction, limit, t, triangle, instance, u, v):
-    """The first hit of each ray; arrays of n are written."""
-    for k in range(len(t)):
-        o = (float(origin[k, 0]), float(origin[k, 1]), float(origin[k, 2]))
-        d = (float(direction[k, 0]), float(direction[k, 1]), float(direction[k, 2]))
-        hit = trace.closest(accel, tables, Ray(o, d, 0.0, float(limit[k])), True, 1)
-        t[k], triangle[k], instance[k], u[k], v[k] = hit.t, hit.primitive, hit.instance, hit.u, hit.v
-
-
-@kernel
-def occluded_all(tables, accel, origin, direction, limit, blocked):
-    """Whether anything stands in each ray's way."""
-    for k in range(len(blocked)):
-        o = (float(origin[k, 0]), float(origin[k, 1]), float(origin[k, 2]))
-        d = (float(direction[k, 0]), float(direction[k, 1]), float(direction[k, 2]))
-        blocked[k] = trace.occluded(accel, tables, Ray(o, d, 0.0, float(limit[k])), True)
-
-
-def closest(tables: Handle, rays: Rays, accel: Handle) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]:
+def closest(rays: Rays, accel: Handle) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]:
     """Distance (inf: nothing), triangle and instance (-1) of the first hit of each ray."""
     n = len(rays.limit)
-    t, u, v = np.empty((3, n), np.float32)
-    triangle, instance = np.empty((2, n), np.int32)
-    closest_all(tables, accel, rays.origin, rays.direction, rays.limit, t, triangle, instance, u, v)
+    (t, u, v), (triangle, instance) = np.empty((3, n), np.float32), np.empty((2, n), np.int32)
+    traced.closest_of(accel, rays.origin, rays.direction, np.zeros(n, np.float32), rays.limit, 1, traced.Met(t, instance, triangle, u, v))
     return t, triangle, instance
 
 
-def occluded(tables: Handle, rays: Rays, accel: Handle) -> NDArray[np.bool_]:
+def occluded(rays: Rays, accel: Handle) -> NDArray[np.bool_]:
     """Whether anything stands in each ray's way."""
-    blocked = np.empty(len(rays.limit), np.bool_)
-    occluded_all(tables, accel, rays.origin, rays.direction, rays.limit, blocked)
+    n = len(rays.limit)
+    blocked = np.empty(n, np.bool_)
+    traced.occluded_of(accel, rays.origin, rays.direction, np.zeros(n, np.float32), rays.limit, traced.SHADOW, blocked)
     return blocked
 
 
@@ -76,8 +56,7 @@ class Sides:
 
     def __post_init__(self) -> None:
         scene = meshes.scene(self.mesh, self.transforms)
-        (accel, build) = timed(lambda: Handle(bvh.build(scene.tables)))
-        self.tables = Handle(scene.tables)
+        (accel, build) = timed(lambda: traced.trees(scene.tables))
         self.accel, self.build = accel, build
 
     def case(self, rays: Rays) -> Case:
@@ -89,8 +68,8 @@ class Sides:
 
     def ours(self, rays: Rays, any_hit: bool) -> Contender:
         if any_hit:
-            return Contender(OURS, lambda: occluded(self.tables, rays, self.accel), build=self.build)
-        return Contender(OURS, lambda: closest(self.tables, rays, self.accel), build=self.build)
+            return Contender(OURS, lambda: occluded(rays, self.accel), build=self.build)
+        return Contender(OURS, lambda: closest(rays, self.accel), build=self.build)
 
     def embreex(self, rays: Rays, any_hit: bool) -> Contender:
         def make() -> Callable[[Rays, bool], Contender]:
@@ -140,7 +119,7 @@ class Sides:
 
     def secondary(self, rays: Rays) -> tuple[Rays, Rays]:
         """Diffuse and shadow rays from where primary rays hit, a little off the surface."""
-        t, triangle, instance = closest(self.tables, rays, self.accel)
+        t, triangle, instance = closest(rays, self.accel)
         hit = np.flatnonzero(triangle >= 0)
         a, b, c = (self.mesh.positions[self.mesh.triangles[triangle[hit], k]].astype(np.float64) for k in range(3))
         normal = np.cross(b - a, c - a)
@@ -210,7 +189,7 @@ def section(quick: bool, effort: Effort) -> report.Section:
 
 def warm_up() -> Seconds:
     """Compile the tree's kernels on a mesh of no size, so that no build below holds that."""
-    return timed(lambda: bvh.build(meshes.scene(meshes.knot(8, 4)).tables))[1]
+    return timed(lambda: traced.trees(meshes.scene(meshes.knot(8, 4)).tables))[1]
 
 
 def size_of(built: bvh.Bvh, tables: ir.Tables) -> int:

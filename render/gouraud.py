@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..compiler import ir
-from . import integrate, lanes, materials, surface
+from . import across, integrate, lanes, materials, surface
 from .handles import Handle
 from .kernels import helper, kernel
 from .records import GouraudLight, Hit, Lane, Ray, Surface, Tables, Vec, View
@@ -68,12 +68,12 @@ def _in_numpy(
 @kernel
 def _in_kernel(tables, accel, frame, samples, side, i, triangle, corner, vertex, out):
     n = len(vertex)
-    for start in range(0, n, lanes.WIDTH):
-        k = lanes.minimum(lanes.numbered(start), n - 1)  # the last lanes may repeat the last vertex
+    for start in range(0, n, across.WIDTH):
+        k = lanes.minimum(across.numbered(start), n - 1)  # the last lanes may repeat the last vertex
         rgb = at_vertex(tables, accel, frame, samples, side, i, triangle[k], corner[k], vertex[k])
-        for j in range(min(n - start, lanes.WIDTH)):
+        for j in range(min(n - start, across.WIDTH)):
             for c in range(3):
-                out[vertex[start + j], c] = lanes.lane(rgb[c], j)
+                out[vertex[start + j], c] = across.lane(rgb[c], j)
 
 
 @helper

@@ -13,7 +13,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import lanes, lights, materials, sampler, surface, trace
+from . import across, lanes, lights, materials, sampler, surface, trace
 from .handles import Handle
 from .kernels import helper
 from .links import FLOAT, INT, VEC, Linked
@@ -65,7 +65,7 @@ def radiance(
     while True:
         rest = seen
         while lanes.any_lane(rest):
-            instance, here = lanes.together(hit.instance, rest)
+            instance, here = across.together(hit.instance, rest)
             meeting = Hit(hit.t, instance, hit.primitive, hit.u, hit.v)
             point = surface.at(tables, ray, meeting)
             shader = materials.at(tables, point)
@@ -307,18 +307,19 @@ def _push(
     active = going & (lanes.largest(weight) > MIN_WEIGHT)
     if lanes.any_lane(active):
         origin = leaving(point, direction, point.offset).origin
-        lanes.put3(stack, waiting, 0, origin, active)
-        lanes.put3(stack, waiting, 3, direction, active)
-        lanes.put3(stack, waiting, 6, weight, active)
-        lanes.put(stack, waiting, 9, lanes.to_float(left - 1), active)
-        lanes.put(stack, waiting, 10, kind, active)
-        lanes.put(stack, waiting, 11, lanes.to_float((key * BRANCHES + 1 + branch) & _KEYS), active)
+        across.put3(stack, waiting, 0, origin, active)
+        across.put3(stack, waiting, 3, direction, active)
+        across.put3(stack, waiting, 6, weight, active)
+        across.put(stack, waiting, 9, lanes.to_float(left - 1), active)
+        across.put(stack, waiting, 10, kind, active)
+        across.put(stack, waiting, 11, lanes.to_float((key * BRANCHES + 1 + branch) & _KEYS), active)
     return lanes.where(active, waiting + 1, waiting)
 
 
 @helper
 def _pop(stack: Any, place: Lane) -> tuple[Ray, Vec, Lane, Lane, Lane]:
-    origin, direction, weight = lanes.take3(stack, place, 0), lanes.take3(stack, place, 3), lanes.take3(stack, place, 6)
+    origin, direction, weight = across.take3(stack, place, 0), across.take3(stack, place, 3), across.take3(stack, place, 6)
     zero = 0.0 * origin[0]
     ray = Ray(origin, direction, zero, zero + np.inf)
-    return ray, weight, lanes.to_int(lanes.take(stack, place, 9)), lanes.take(stack, place, 10), lanes.to_int(lanes.take(stack, place, 11))
+    left, key = lanes.to_int(across.take(stack, place, 9)), lanes.to_int(across.take(stack, place, 11))
+    return ray, weight, left, across.take(stack, place, 10), key

@@ -15,7 +15,7 @@ from numba.core import cgutils
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
-from . import lanes, simd
+from . import across, simd
 from .kernels import kernel
 
 
@@ -69,8 +69,8 @@ def _fits(given: types.Type, wanted: types.Type) -> bool:
     return given == wanted or (isinstance(given, types.Integer) and isinstance(wanted, types.Integer))
 
 
-FLOAT: Any = lanes.kind("f")
+FLOAT: Any = across.kind("f")
 """Numba's types of a kernel's lanes: float64, int64, and what comparisons give."""
-INT: Any = lanes.kind("i")
-MASK: Any = lanes.kind("m")
+INT: Any = across.kind("i")
+MASK: Any = across.kind("m")
 VEC: Any = types.UniTuple(FLOAT, 3)

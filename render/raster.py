@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler.plan import Plan
-from . import aov, camera, fill, integrate, lanes, raster_setup, sampler, traverse, visibility
+from . import across, aov, camera, fill, integrate, lanes, raster_setup, sampler, traverse, visibility
 from .handles import Handle
 from .kernels import helper, kernel
 from .prepare import Prepared, analytic_seen
@@ -58,7 +58,7 @@ class Renderer:
 
     def _add(self, tile: Tile, first: int, count: int, total: int, film: Film) -> None:
         prepared = self.prepared
-        stack = integrate.stack_for(prepared.options, lanes.WIDTH)
+        stack = integrate.stack_for(prepared.options, across.WIDTH)
         batch = max(1, BATCH // max(1, (tile.y1 - tile.y0) * (tile.x1 - tile.x0)))
         for start in range(first, first + count, batch):
             scratch = self._seen(tile, start, min(batch, first + count - start), total)
@@ -129,16 +129,16 @@ def draw_endless(made, endless, tables, accel, view, scratch):
     """Draw quadrics without a box into the z-buffer: at every sample where its ray meets one of them."""
     samples, seen = scratch.samples, scratch.seen
     count = len(seen.key)
-    for start in range(0, count, lanes.WIDTH):
-        k = lanes.minimum(lanes.numbered(start), count - 1)
+    for start in range(0, count, across.WIDTH):
+        k = lanes.minimum(across.numbered(start), count - 1)
         ray = camera.ray(tables, view, lanes.to_float(samples.x[k]) / fill.ONE, lanes.to_float(samples.y[k]) / fill.ONE)
         for instance in endless:
             met = _meet(accel, instance, ray, lanes.bool_like(ray.t_max, True))
             depth = met.t * along_axis(tables, view, ray)
-            for j in range(min(count - start, lanes.WIDTH)):
-                if lanes.lane(met.instance, j) < 0:
+            for j in range(min(count - start, across.WIDTH)):
+                if across.lane(met.instance, j) < 0:
                     continue
-                key = 1.0 / lanes.lane(depth, j) if made.perspective else -lanes.lane(depth, j)
+                key = 1.0 / across.lane(depth, j) if made.perspective else -across.lane(depth, j)
                 if key > seen.key[start + j] or (key == seen.key[start + j] and instance < seen.instance[start + j]):
                     seen.key[start + j], seen.instance[start + j], seen.triangle[start + j] = key, instance, -1
 
@@ -167,7 +167,7 @@ def hits_of(made: Any, tables: Any, accel: Any, view: View, ray: Ray, px: Lane, 
     t, instance, primitive, u, v = zero + np.inf, nothing, nothing, zero, zero
     rest = instances >= 0
     while lanes.any_lane(rest):
-        i, here = lanes.together(instances, rest)
+        i, here = across.together(instances, rest)
         hit = _hit_with(made, tables, accel, view, ray, px, py, i, triangle, here)
         found = here & (hit.t < np.inf)
         t, instance, primitive = lanes.where(found, hit.t, t), lanes.where(found, i, instance), lanes.where(found, hit.primitive, primitive)
@@ -243,11 +243,11 @@ def _at(made: Any, tables: Any, accel: Any, view: View, scratch: Any, k: Lane) -
 def resolve(made, tables, accel, frame, scratch, hit):
     """Write what every sample of a tile hits, in lanes."""
     count = len(scratch.seen.key)
-    for start in range(0, count, lanes.WIDTH):
-        _, found = _at(made, tables, accel, frame.picture, scratch, lanes.minimum(lanes.numbered(start), count - 1))
-        for j in range(min(count - start, lanes.WIDTH)):
-            hit.t[start + j], hit.u[start + j], hit.v[start + j] = lanes.lane(found.t, j), lanes.lane(found.u, j), lanes.lane(found.v, j)
-            hit.instance[start + j], hit.primitive[start + j] = lanes.lane(found.instance, j), lanes.lane(found.primitive, j)
+    for start in range(0, count, across.WIDTH):
+        _, found = _at(made, tables, accel, frame.picture, scratch, lanes.minimum(across.numbered(start), count - 1))
+        for j in range(min(count - start, across.WIDTH)):
+            hit.t[start + j], hit.u[start + j], hit.v[start + j] = across.lane(found.t, j), across.lane(found.u, j), across.lane(found.v, j)
+            hit.instance[start + j], hit.primitive[start + j] = across.lane(found.instance, j), across.lane(found.primitive, j)
 
 
 @kernel
@@ -255,8 +255,8 @@ def shade(made, tables, accel, gouraud, frame, tile, first, scratch, stack, film
     """Add the light of all samples of a tile to its film."""
     samples = scratch.samples
     count = len(scratch.seen.key)
-    for start in range(0, count, lanes.WIDTH):
-        k = lanes.minimum(lanes.numbered(start), count - 1)
+    for start in range(0, count, across.WIDTH):
+        k = lanes.minimum(across.numbered(start), count - 1)
         ray, hit = _at(made, tables, accel, frame.picture, scratch, k)
         at = k // samples.count
         pixel = (tile.y0 + at // samples.columns) * frame.picture.width + tile.x0 + at % samples.columns
@@ -267,10 +267,10 @@ def shade(made, tables, accel, gouraud, frame, tile, first, scratch, stack, film
                 hit.u, hit.v, pixel, first + k % samples.count, stack,
             ),
         )  # fmt: skip
-        for j in range(min(count - start, lanes.WIDTH)):
+        for j in range(min(count - start, across.WIDTH)):
             row, column = (start + j) // samples.count // samples.columns, (start + j) // samples.count % samples.columns
-            film.color[row, column, 0] += lanes.lane(color[0], j)
-            film.color[row, column, 1] += lanes.lane(color[1], j)
-            film.color[row, column, 2] += lanes.lane(color[2], j)
-            film.alpha[row, column] += lanes.lane(alpha, j)
-            film.issues[row, column] += 0 if lanes.lane(sound, j) else 1
+            film.color[row, column, 0] += across.lane(color[0], j)
+            film.color[row, column, 1] += across.lane(color[1], j)
+            film.color[row, column, 2] += across.lane(color[2], j)
+            film.alpha[row, column] += across.lane(alpha, j)
+            film.issues[row, column] += 0 if across.lane(sound, j) else 1

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler.plan import Plan
-from . import aov, camera, integrate, lanes, prepare, sampler, trace
+from . import across, aov, camera, integrate, lanes, prepare, sampler, trace
 from .handles import Handle
 from .kernels import apart, helper, kernel
 from .records import Film, Hit, Options, Tile, View
@@ -64,7 +64,7 @@ class Room(NamedTuple):
 
     @classmethod
     def of(cls, options: Options) -> Room:
-        width = lanes.WIDTH
+        width = across.WIDTH
         return cls(np.zeros((3, width), np.int64), np.zeros((5, width)), integrate.stack_for(options, width))
 
 
@@ -79,27 +79,27 @@ def draw_tile(tables, accel, gouraud, frame, tile, first, count, total, film, ro
         for x in range(tile.x0, tile.x1):
             row, column = y - tile.y0, x - tile.x0
             s, end = first[row, column], first[row, column] + count[row, column]
-            if end - s >= lanes.WIDTH:
-                at = lanes.numbered(s)
+            if end - s >= across.WIDTH:
+                at = across.numbered(s)
                 column_x, row_y = lanes.int_like(at, x), lanes.int_like(at, y)
                 red, green, blue = lanes.like3(at, 0.0, 0.0, 0.0)
                 cover = red
                 bad = 0
-                while end - s >= lanes.WIDTH:
-                    color, alpha, sound = light_of(tables, accel, gouraud, frame, total, column_x, row_y, lanes.numbered(s), room)
+                while end - s >= across.WIDTH:
+                    color, alpha, sound = light_of(tables, accel, gouraud, frame, total, column_x, row_y, across.numbered(s), room)
                     red, green, blue, cover = red + color[0], green + color[1], blue + color[2], cover + alpha
-                    bad += lanes.WIDTH - lanes.count(sound)
-                    s += lanes.WIDTH
-                film.color[row, column, 0] += lanes.total(red)
-                film.color[row, column, 1] += lanes.total(green)
-                film.color[row, column, 2] += lanes.total(blue)
-                film.alpha[row, column] += lanes.total(cover)
+                    bad += across.WIDTH - across.count(sound)
+                    s += across.WIDTH
+                film.color[row, column, 0] += across.total(red)
+                film.color[row, column, 1] += across.total(green)
+                film.color[row, column, 2] += across.total(blue)
+                film.alpha[row, column] += across.total(cover)
                 film.issues[row, column] += bad
             while s < end:
                 room.items[0, waiting], room.items[1, waiting], room.items[2, waiting] = x, y, s
                 waiting += 1
                 s += 1
-                if waiting == lanes.WIDTH:
+                if waiting == across.WIDTH:
                     draw_waiting(tables, accel, gouraud, frame, total, room)
                     _add(tile, film, room, waiting)
                     waiting = 0
@@ -111,12 +111,12 @@ def draw_tile(tables, accel, gouraud, frame, tile, first, count, total, film, ro
 @apart
 def draw_waiting(tables, accel, gouraud, frame, total, room):
     """Write the light of the room's samples to the room."""
-    x, y, s = lanes.load(room.items, 0), lanes.load(room.items, 1), lanes.load(room.items, 2)
+    x, y, s = across.load(room.items, 0), across.load(room.items, 1), across.load(room.items, 2)
     color, alpha, sound = light_of(tables, accel, gouraud, frame, total, x, y, s, room)
     for k in range(3):
-        lanes.store(room.light, k, color[k])
-    lanes.store(room.light, 3, alpha)
-    lanes.store(room.light, 4, lanes.where(sound, 1.0, 0.0))
+        across.store(room.light, k, color[k])
+    across.store(room.light, 3, alpha)
+    across.store(room.light, 4, lanes.where(sound, 1.0, 0.0))
 
 
 @helper
@@ -152,11 +152,11 @@ def light_of(tables, accel, gouraud, frame, total, x, y, s, room):
 def first_hits(tables, accel, frame, x, y, found, room):
     """Write what the camera sees at n picture coordinates."""
     n = len(x)
-    for k in range(0, n, lanes.WIDTH):
-        for i in range(lanes.WIDTH):
+    for k in range(0, n, across.WIDTH):
+        for i in range(across.WIDTH):
             room.light[0, i], room.light[1, i] = x[min(k + i, n - 1)], y[min(k + i, n - 1)]
-        ray = camera.ray(tables, frame.picture, lanes.load(room.light, 0), lanes.load(room.light, 1))
+        ray = camera.ray(tables, frame.picture, across.load(room.light, 0), across.load(room.light, 1))
         hit = trace.closest(accel, tables, ray, lanes.bool_like(ray.t_max, True), CAMERA)
-        for i in range(min(n - k, lanes.WIDTH)):
-            found.t[k + i], found.u[k + i], found.v[k + i] = lanes.lane(hit.t, i), lanes.lane(hit.u, i), lanes.lane(hit.v, i)
-            found.instance[k + i], found.primitive[k + i] = lanes.lane(hit.instance, i), lanes.lane(hit.primitive, i)
+        for i in range(min(n - k, across.WIDTH)):
+            found.t[k + i], found.u[k + i], found.v[k + i] = across.lane(hit.t, i), across.lane(hit.u, i), across.lane(hit.v, i)
+            found.instance[k + i], found.primitive[k + i] = across.lane(hit.instance, i), across.lane(hit.primitive, i)

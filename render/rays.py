@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..compiler import ir
-from . import bvh, lanes, traverse
+from . import across, bvh, lanes, traverse
 from .handles import Handle
 from .kernels import kernel
 
@@ -62,23 +62,23 @@ def _columns(origin: ArrayLike, direction: ArrayLike, t_min: ArrayLike, t_max: A
 @kernel
 def closest_of(accel, origin, direction, t_min, t_max, visible, met):
     n = len(t_min)
-    for start in range(0, n, lanes.WIDTH):
-        k = lanes.minimum(lanes.numbered(start), n - 1)
+    for start in range(0, n, across.WIDTH):
+        k = lanes.minimum(across.numbered(start), n - 1)
         o, d = (origin[k, 0], origin[k, 1], origin[k, 2]), (direction[k, 0], direction[k, 1], direction[k, 2])
         active = lanes.bool_like(o[0], True)
         hit = traverse.find(accel.search, (accel, o, d, t_min[k], t_max[k], active, visible, False))  # pyright: ignore[reportCallIssue]
-        for j in range(min(n - start, lanes.WIDTH)):
-            met.t[start + j], met.u[start + j], met.v[start + j] = lanes.lane(hit.t, j), lanes.lane(hit.u, j), lanes.lane(hit.v, j)
-            met.instance[start + j], met.primitive[start + j] = lanes.lane(hit.instance, j), lanes.lane(hit.primitive, j)
+        for j in range(min(n - start, across.WIDTH)):
+            met.t[start + j], met.u[start + j], met.v[start + j] = across.lane(hit.t, j), across.lane(hit.u, j), across.lane(hit.v, j)
+            met.instance[start + j], met.primitive[start + j] = across.lane(hit.instance, j), across.lane(hit.primitive, j)
 
 
 @kernel
 def occluded_of(accel, origin, direction, t_min, t_max, visible, blocked):
     n = len(t_min)
-    for start in range(0, n, lanes.WIDTH):
-        k = lanes.minimum(lanes.numbered(start), n - 1)
+    for start in range(0, n, across.WIDTH):
+        k = lanes.minimum(across.numbered(start), n - 1)
         o, d = (origin[k, 0], origin[k, 1], origin[k, 2]), (direction[k, 0], direction[k, 1], direction[k, 2])
         active = lanes.bool_like(o[0], True)
         hit = traverse.find(accel.search, (accel, o, d, t_min[k], t_max[k], active, visible, True))  # pyright: ignore[reportCallIssue]
-        for j in range(min(n - start, lanes.WIDTH)):
-            blocked[start + j] = lanes.lane(hit.instance, j) >= 0
+        for j in range(min(n - start, across.WIDTH)):
+            blocked[start + j] = across.lane(hit.instance, j) >= 0

@@ -12,7 +12,7 @@ import numpy as np
 from numba.extending import overload
 
 from ..compiler import ir
-from . import lanes, shapes, traverse
+from . import across, lanes, shapes, traverse
 from .kernels import HELPER
 from .records import Hit, Lane, Ray, Vec
 
@@ -111,7 +111,7 @@ def _closest_kernel(accel, tables, ray, active, visible_bit):
             accel.search, (accel, ray.origin, ray.direction, ray.t_min, ray.t_max, active, np.int64(visible_bit), False)
         )
 
-    return through_trees if lanes.is_mask(active) else None
+    return through_trees if across.is_mask(active) else None
 
 
 @overload(occluded, jit_options=HELPER)
@@ -122,4 +122,4 @@ def _occluded_kernel(accel, tables, ray, active):
         )
         return found.instance >= 0
 
-    return through_trees if lanes.is_mask(active) else None
+    return through_trees if across.is_mask(active) else None

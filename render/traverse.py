@@ -16,7 +16,7 @@ from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 
 from ..compiler import ir
-from . import lanes, shapes
+from . import across, lanes, shapes
 from .bvh import COUNT, DEPTH, FIRST
 from .handles import Handle
 from .kernels import apart, helper
@@ -106,7 +106,7 @@ def _search(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit
                 best = attempt(accel, accel.instances[k], origin, direction, t_min, until, visible_bit, any_hit, best)
             if any_hit:
                 until = lanes.where(best.instance >= 0, zero - np.inf, until)
-        longest = lanes.most(lanes.minimum(best.t, until))
+        longest = across.most(lanes.minimum(best.t, until))
         while depth > 0 and stack[depth - 1] > longest:
             depth -= 1
         if depth == 0:
@@ -127,8 +127,8 @@ def link(accel: Handle) -> None:
 @helper
 def _children(nodes: Any, first: int, ray: BoxRay, t_min: Lane, limit: Lane) -> tuple[int, int, float]:
     """(the child to go to, the other one, where the first of the rays enters that)."""
-    left = lanes.least(_enter(nodes, first, ray, t_min, limit))
-    right = lanes.least(_enter(nodes, first + 1, ray, t_min, limit))
+    left = across.least(_enter(nodes, first, ray, t_min, limit))
+    right = across.least(_enter(nodes, first + 1, ray, t_min, limit))
     if right < left:
         return first + 1, first, left
     return first, first + 1, right
@@ -192,7 +192,7 @@ def _mesh(accel, root, o, d, t_min, t_max, nearest, any_hit):
                 limit = lanes.minimum(limit, t)
             if any_hit:
                 limit = lanes.where(best < np.inf, zero - np.inf, limit)
-        longest = lanes.most(limit)
+        longest = across.most(limit)
         while depth > 0 and stack[depth - 1] > longest:
             depth -= 1
         if depth == 0:

@@ -10,7 +10,7 @@ import numpy as np
 from maquette.compiler import ir
 from maquette.compiler.build import SceneBuilder, lambert
 from maquette.compiler.rows import CameraData, Input, InstanceData, LightData, MaterialData, MeshData
-from maquette.render import bvh, integrate, lanes, records, trace, traverse
+from maquette.render import across, bvh, integrate, lanes, records, trace, traverse
 from maquette.render.handles import Handle
 from maquette.render.kernels import kernel
 from maquette.render.records import GouraudLight, Hit, Options, Ray
@@ -148,7 +148,7 @@ def radiance_in_kernel(
     """The same by the compiled integrator through the trees."""
     n = len(ray.t_min)
     rgb, alpha = np.zeros((samples, n, 3)), np.zeros((samples, n))
-    stack = integrate.stack_for(options, lanes.WIDTH)
+    stack = integrate.stack_for(options, across.WIDTH)
     columns = np.stack([*ray.origin, *ray.direction, ray.t_min, ray.t_max])
     frame = Handle(records.Frame(records.View(0, 1, 1), options, np.zeros(1)))
     packed = Handle(tables), Handle(bvh.build(tables)), Handle(light or no_gouraud(tables))  # kept until the kernel is done
@@ -163,8 +163,8 @@ def radiance_in_kernel(
 def _each_ray(tables, accel, light, frame, columns, pixel, stack, rgb, alpha):
     n, issues = rgb.shape[1], 0
     for s in range(rgb.shape[0]):
-        for start in range(0, n, lanes.WIDTH):
-            k = lanes.minimum(lanes.numbered(start), n - 1)
+        for start in range(0, n, across.WIDTH):
+            k = lanes.minimum(across.numbered(start), n - 1)
             origin, direction = (columns[0, k], columns[1, k], columns[2, k]), (columns[3, k], columns[4, k], columns[5, k])
             ray = records.Ray(origin, direction, columns[6, k], columns[7, k])
             hit = trace.closest(accel, tables, ray, lanes.bool_like(ray.t_max, True), 1)
@@ -175,9 +175,9 @@ def _each_ray(tables, accel, light, frame, columns, pixel, stack, rgb, alpha):
                     pixel + k, lanes.int_like(k, s), stack,
                 ),
             )  # fmt: skip
-            for j in range(min(n - start, lanes.WIDTH)):
-                alpha[s, start + j] = lanes.lane(cover, j)
+            for j in range(min(n - start, across.WIDTH)):
+                alpha[s, start + j] = across.lane(cover, j)
                 for c in range(3):
-                    rgb[s, start + j, c] = lanes.lane(color[c], j)
-                issues += 0 if lanes.lane(sound, j) else 1
+                    rgb[s, start + j, c] = across.lane(color[c], j)
+                issues += 0 if across.lane(sound, j) else 1
     return issues

@@ -1,0 +1,233 @@
+"""Across lanes: one of them, all of them together, and lanes in memory; in numpy and in kernels. See lanes.py."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.extending import overload
+
+from . import simd
+from .kernels import HELPER, helper
+from .lanes import full_like
+from .records import Lane, Vec
+
+WIDTH = simd.WIDTH64  # lanes of a kernel's values
+
+
+def _vector(kind: Any) -> bool:
+    return isinstance(kind, simd.Vector)
+
+
+def kind(of: str) -> Any:
+    """Numba's type of a kernel's lanes of 64 bits: "f" float, "i" int, "m" mask."""
+    if WIDTH > 1:
+        return simd.Vector(of, 64, WIDTH)
+    return {"f": types.float64, "i": types.int64, "m": types.boolean}[of]
+
+
+def is_mask(kind: Any) -> bool:
+    """Whether a Numba type is one of a kernel's masks."""
+    return isinstance(kind, types.Boolean) or (isinstance(kind, simd.Vector) and kind.kind == "m")
+
+
+def width(like: Lane) -> int:
+    """How many lanes a kernel's value has."""
+    return np.size(like)
+
+
+@overload(width, jit_options=HELPER)
+def _width(like):
+    count = like.lanes if _vector(like) else 1
+    return lambda like: count
+
+
+def lane(x: Lane, k: int) -> Lane:
+    """Lane k of a value, a scalar."""
+    return np.ravel(x)[k]
+
+
+@overload(lane, jit_options=HELPER)
+def _lane(x, k):
+    if _vector(x):
+        return lambda x, k: simd.lane(x, k)
+    return lambda x, k: x
+
+
+def with_lane(x: Lane, k: int, value: Lane) -> Lane:
+    """A value with another lane k."""
+    changed = np.array(x)
+    changed[k] = value
+    return changed
+
+
+@overload(with_lane, jit_options=HELPER)
+def _with_lane(x, k, value):
+    if _vector(x):
+        return lambda x, k, value: simd.with_lane(x, k, value)
+    return lambda x, k, value: value
+
+
+@helper
+def lane3(a: Vec, k: int) -> Vec:
+    """Lane k of a vector."""
+    return lane(a[0], k), lane(a[1], k), lane(a[2], k)
+
+
+def load(table: Any, row: int) -> Lane:
+    """A row of a (rows, WIDTH) table as a value."""
+    return table[row]
+
+
+@overload(load, jit_options=HELPER)
+def _load(table, row):
+    if WIDTH > 1:
+        return lambda table, row: simd.load(table, row * WIDTH, WIDTH)
+    return lambda table, row: table[row, 0]
+
+
+def store(table: Any, row: int, x: Lane) -> None:
+    """Write a value to a row of a (rows, WIDTH) table."""
+    table[row] = x
+
+
+@overload(store, jit_options=HELPER)
+def _store(table, row, x):
+    if _vector(x):
+        return lambda table, row, x: simd.store(table, row * WIDTH, x)
+
+    def write(table, row, x):
+        table[row, 0] = x
+
+    return write
+
+
+def numbered(first: int) -> Lane:
+    """first, first + 1, … in a kernel's WIDTH lanes of int64."""
+    return first + np.arange(WIDTH)
+
+
+@overload(numbered, jit_options=HELPER)
+def _numbered(first):
+    if WIDTH > 1:
+        make = getattr(simd, f"i64x{WIDTH}")
+        return lambda first: first + simd.iota(make(0))
+    return lambda first: np.int64(first)
+
+
+def total(x: Lane) -> Lane:
+    """The sum of all lanes."""
+    return np.sum(x)
+
+
+@overload(total, jit_options=HELPER)
+def _total(x):
+    if _vector(x):
+        return lambda x: simd.sum_of(x)
+    return lambda x: x
+
+
+def least(x: Lane) -> Lane:
+    """The smallest of all lanes."""
+    return np.min(x)
+
+
+@overload(least, jit_options=HELPER)
+def _least(x):
+    if _vector(x):
+        return lambda x: simd.min_of(x)
+    return lambda x: x
+
+
+def most(x: Lane) -> Lane:
+    """The largest of all lanes."""
+    return np.max(x)
+
+
+@overload(most, jit_options=HELPER)
+def _most(x):
+    if _vector(x):
+        return lambda x: simd.max_of(x)
+    return lambda x: x
+
+
+def count(mask: Lane) -> Lane:
+    """How many lanes of a mask are set."""
+    return np.count_nonzero(mask)
+
+
+@overload(count, jit_options=HELPER)
+def _count(mask):
+    if _vector(mask):
+        return lambda mask: simd.count(mask)
+    return lambda mask: 1 if mask else 0
+
+
+def together(values: Lane, mask: Lane) -> tuple[Lane, Lane]:
+    """Lanes of a mask that can be handled together, and what they have in common: all lanes here, each with its own value.
+
+    In vectors: the value of the first lane of the mask, as a scalar, and the lanes of the mask that share it.
+    """
+    return values, mask
+
+
+@overload(together, jit_options=HELPER)
+def _together(values, mask):
+    if _vector(values):
+
+        def first(values, mask):
+            value = simd.lane(values, simd.trailing_zeros(simd.bits(mask)))
+            return value, mask & (values == value)
+
+        return first
+    return lambda values, mask: (values, mask)
+
+
+def put(stack: Any, place: Lane, field: int, value: Lane, mask: Lane) -> None:
+    """Write stack[place, field, lane] in the lanes of a mask; `stack` is (rows, fields, lanes)."""
+    lane = np.flatnonzero(np.broadcast_to(mask, stack.shape[2:]))
+    stack[np.broadcast_to(place, stack.shape[2:])[lane], field, lane] = np.broadcast_to(value, stack.shape[2:])[lane]
+
+
+@overload(put, jit_options=HELPER)
+def _put(stack, place, field, value, mask):
+    if _vector(mask):
+
+        def scatter(stack, place, field, value, mask):
+            n = stack.shape[2]
+            simd.scatter(stack, (place * stack.shape[1] + field) * n + simd.iota(place), full_like(mask, value), mask)
+
+        return scatter
+
+    def write(stack, place, field, value, mask):
+        if mask:
+            stack[place, field, 0] = value
+
+    return write
+
+
+def take(stack: Any, place: Lane, field: int) -> Lane:
+    """Read stack[place, field, lane]."""
+    return stack[place, field, np.arange(stack.shape[2])]
+
+
+@overload(take, jit_options=HELPER)
+def _take(stack, place, field):
+    if _vector(place):
+        return lambda stack, place, field: simd.gather(stack, (place * stack.shape[1] + field) * stack.shape[2] + simd.iota(place))
+    return lambda stack, place, field: stack[place, field, 0]
+
+
+@helper
+def put3(stack: Any, place: Lane, field: int, value: Vec, mask: Lane) -> None:
+    """Write a vector to three fields."""
+    put(stack, place, field, value[0], mask)
+    put(stack, place, field + 1, value[1], mask)
+    put(stack, place, field + 2, value[2], mask)
+
+
+@helper
+def take3(stack: Any, place: Lane, field: int) -> Vec:
+    """Read a vector from three fields."""
+    return take(stack, place, field), take(stack, place, field + 1), take(stack, place, field + 2)

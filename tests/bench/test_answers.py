@@ -1,4 +1,4 @@
-"""What the benchmarks compare: answers that are wrong are refused, meshes and rays are what they say, curves are not read beyond their ends."""
+"""What the benchmarks compare: wrong answers are refused, meshes and rays are what they say, curves are not read beyond their ends."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from maquette.bench import gl, meshes, paths, raster, rays, start
 from maquette.bench.harness import Disagreement
 

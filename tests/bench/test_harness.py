@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
 from maquette.bench import harness
 from maquette.bench.harness import Case, Contender, Disagreement, Effort, Missing, Peers, Seconds, Spread
 

@@ -9,7 +9,6 @@ import sys
 from pathlib import Path
 
 import pytest
-
 from maquette.bench import __main__ as command
 
 PEERS = {

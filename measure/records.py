@@ -8,10 +8,32 @@ from __future__ import annotations
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ..compiler import ir
+
+
+class NothingMeasured(Exception):
+    """Not one point could be measured; the message says why, and what to change."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What a chart is asked for. `settings` hold size, camera, threads and bounces, the same for everybody; None: as the scene says."""
+
+    name: str  # the scene with its options as typed on a command line; the chart's title
+    settings: ir.Settings
+    backends: tuple[str, ...] = ("ray", "raster", "reference")
+    peers: tuple[str, ...] = ()
+    metric: str = "relmse"  # "relmse", "flip", "max" or "silhouette"
+    budget: float = 60.0  # seconds of everything, the reference too
+    seeds: int | None = None  # renders a setting with seeds of their own; None: as many as the split of bias and noise needs
+    repeats: int | None = None  # timed renders a setting, at the least
+    keep: Path | None = None  # a folder for the raw images
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +117,7 @@ class Curve:
 class Chart:
     """A scene's chart. `front` and `knee` count points through all curves in order."""
 
-    scene: str
+    scene: str  # as typed: the file with its options
     size: tuple[int, int]
     metric: str
     floor: float  # the reference's own uncertainty in the metric

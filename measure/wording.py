@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -127,7 +126,7 @@ def command(chart: Chart, of: Setting) -> str:
     """What to type for a point's picture; of a peer, its settings."""
     if of.backend not in BACKENDS:
         return of.arguments()
-    return f"maquette render {shlex.quote(chart.scene)} --size {chart.size[0]}x{chart.size[1]} {of.arguments()}"
+    return f"maquette render {chart.scene} --size {chart.size[0]}x{chart.size[1]} {of.arguments()}"
 
 
 def size(chart: Chart) -> str:

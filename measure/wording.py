@@ -111,6 +111,19 @@ def curve(of: Curve, chart: Chart) -> str:
     return f"{of.backend}, {of.knob}" if several else of.backend
 
 
+def stops(chart: Chart) -> list[tuple[str, list[Curve]]]:
+    """Who cannot get better, and the curves that show it: a backend that stops for one reason on all its ladders is named once."""
+    found: dict[tuple[str, str], list[Curve]] = {}
+    for of in chart.curves:
+        if of.stops:
+            found.setdefault((of.backend, of.stops), []).append(of)
+    everyone = {backend: sum(of.backend == backend for of in chart.curves) for backend, _ in found}
+    return [
+        (backend if len(curves) == everyone[backend] else "; ".join(curve(of, chart) for of in curves), curves)
+        for (backend, _), curves in found.items()
+    ]
+
+
 def point(of: Point, metric: str) -> str:
     """One line of what was measured: `ray, 64 samples: 2.1 s (2.0 s to 2.3 s), 1.0 % (0.9 % to 1.1 %)`."""
     return f"{of.setting.backend}, {setting(of.setting)}: {spread(of.seconds, seconds)}, {spread(of.error, teller(metric))}"

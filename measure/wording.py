@@ -24,9 +24,10 @@ class Metric:
 BACKENDS = ("ray", "raster", "reference")
 METRICS = {
     "relmse": Metric("error, √relMSE", "√relMSE", share=True),
+    "relmse 99.9%": Metric("error, √relMSE of 99.9 % of the pixels", "√relMSE of 99.9 %", share=True),
     "flip": Metric("error a person sees, mean FLIP", "FLIP"),
-    "max": Metric("largest error of a pixel, linear light", "the largest error"),
-    "silhouette": Metric("error of the silhouette, pixels of its outline's width", "the silhouette's error", unit="px"),
+    "max": Metric("largest error of a pixel, linear light", "largest"),
+    "silhouette": Metric("how far outlines lie apart, pixels", "outlines apart", unit="px"),
 }
 
 
@@ -132,7 +133,14 @@ def point(of: Point, metric: str) -> str:
 def split(of: Point) -> list[tuple[str, str]]:
     """Bias and noise of a point by name, as √relMSE with standard errors; what was not told apart is left out."""
     named = (("bias", of.bias, of.bias_error), ("noise", of.noise, of.noise_error))
-    return [(name, error("relmse", v) + (f" ± {error('relmse', doubt)}" if doubt else "")) for name, v, doubt in named if v is not None]
+    return [(name, _doubted(value, doubt)) for name, value, doubt in named if value is not None]
+
+
+def _doubted(value: float, doubt: float | None) -> str:
+    """A √relMSE with its standard error; of one that is not told from 0 the standard error is what it would be at most."""
+    if not doubt:
+        return error("relmse", value)
+    return f"{error('relmse', value)} ± {error('relmse', doubt)}" if value else f"below {error('relmse', doubt)}"
 
 
 def command(chart: Chart, of: Setting) -> str:

@@ -78,6 +78,12 @@ def test_every_point_is_a_row() -> None:
     )  # fmt: skip
 
 
+def test_a_bias_that_is_not_told_from_none_has_a_bound() -> None:
+    point = charts.point("ray", "samples", 4, 1.0, 0.1, bias=0.0, bias_error=0.002, noise=0.1, noise_error=0.001)
+    assert wording.split(point) == [("bias", "below 0.20 %"), ("noise", "10 % ± 0.10 %")]
+    assert wording.split(charts.point("ray", "samples", 4, 1.0, 0.1)) == []
+
+
 @pytest.mark.parametrize(
     ("value", "text"),
     [

@@ -55,23 +55,34 @@ class Setting:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """One render: linear `rgb` (h, w, 3) float32, wall `seconds` by stage ("render" is charted), `cpu` seconds, its `seed`."""
+    """One render: linear `rgb` (h, w, 3) float32, wall `seconds` by stage ("render" is charted), `cpu` seconds, its `seed`.
+
+    `alpha` (h, w) is coverage, None where nobody says; `notes` are what the backend says it does not draw.
+    """
 
     rgb: NDArray[np.float32]
     seconds: Mapping[str, float]
     cpu: float
     seed: int
+    alpha: NDArray[np.float32] | None = None
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reference:
-    """What errors are measured against: `rgb` and its `variance`, both (h, w, 3) float64; the variance of a closed form is 0."""
+    """What errors are measured against: `rgb` and its `variance`, both (h, w, 3) float64; the variance of a closed form is 0.
+
+    `alpha` (h, w) is coverage. `halves` are the means (h, w, 4) of either half of the seeds, None of a closed form: what they differ
+    by, halved, is the reference's own uncertainty in any metric.
+    """
 
     rgb: NDArray[np.float64]
     variance: NDArray[np.float64]
     how: str
     samples: int
     seeds: tuple[int, ...]
+    alpha: NDArray[np.float64] | None = None
+    halves: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +99,8 @@ class Spread:
 class Point:
     """A setting, measured. `errors` holds every metric, `error` the charted one.
 
-    Bias and noise come with their standard errors; None where they were not told apart.
+    Bias and noise come with their standard errors; None where they were not told apart. Of a bias that is not told from 0, `bias_error`
+    is what it would be at most.
     """
 
     setting: Setting

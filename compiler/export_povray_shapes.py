@@ -55,7 +55,8 @@ class _Object:
         mapping = "uv_mapping " if texture >= 0 and self.kind != ir.GeometryKind.PLANE else ""
         flags = self._flags(look.glass)
         place = f"  matrix <{export.numbers(self.matrix[:3].T)}>"
-        lines = [f"{head} {{", *body, f"  texture {{ {mapping}pigment {{ {pigment} }} {look.finish} }}", *look.more, place, *flags, "}"]
+        texture_lines = ["  texture {", f"    {mapping}pigment {{ {pigment} }}", f"    {look.finish}", "  }"]
+        lines = [f"{head} {{", *body, *texture_lines, *look.more, place, *flags, "}"]
         if look.glass and self.tables.instances.visible[self.i] & ir.Visibility.SHADOW:
             # shadow rays stop at glass here, and go through it there: a twin that is seen by them alone stands in its place
             lines += [f"{head} {{", *body, "  pigment { rgb 0 }", place, "  no_image no_reflection", "}"]
@@ -165,7 +166,7 @@ def pattern_matrix(frame: F64) -> str:
         across = np.array([take[0, 2], 0.0, -take[0, 0]])
         take[1, :3] = across * 1e-9
     back = np.linalg.inv(take)
-    return f"matrix <{', '.join(f'{v:.17g}' for v in back[:3].T.ravel())}>"  # all digits: POV-Ray inverts it again
+    return f"matrix <{', '.join(f'{v + 0.0:.17g}' for v in back[:3].T.ravel())}>"  # all digits: POV-Ray inverts it again
 
 
 def _axis(y: float) -> str:

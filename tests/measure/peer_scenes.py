@@ -20,6 +20,9 @@ BLOCK = "box(0.5, center: [1.3, 0.25, 0.5], rotate: [0, 20deg, 0], material: lam
 CHECKER = "plane(y: 0, material: lambert(checker(rgb(0.8, 0.8, 0.8), rgb(0.1, 0.2, 0.3), size: 0.3, offset: [0.2, 0.3])))\n"
 STRIPES = "plane(y: 0, material: lambert(stripes(rgb(0.8, 0.8, 0.8), rgb(0.1, 0.2, 0.3), size: 0.3, angle: 30deg)))\n"
 LAMP = "point(position: [2, 4, 3], intensity: 50)\n"
+SPOT = "spot(position: [2, 4, 3], look_at: [0, 0.4, 0], cone: 15deg, soft: 8deg, intensity: 50)\n"
+SUN = "sun(from: [2, 4, 3], angle: 3deg, irradiance: 3)\n"
+SHINING = "sphere(0.4, center: [0, 0.8, 0], material: emissive(rgb(0.5, 0.2, 0.1), radiance: 10))\n"
 SKY = "sky(color: rgb(0.4, 0.6, 1.0))\n"
 PICTURE = """mesh(points: [[-1, 1, 0], [1, 1, 0], [1, 2, 0], [-1, 2, 0]], faces: [[0, 1, 2, 3]], uv: [[0, 0], [2, 0], [2, 1], [0, 1]],
      material: lambert(image("noise.exr", space: "linear", scale: [0.8, 1.3])))

@@ -17,14 +17,15 @@ pytestmark = pytest.mark.skipif(bool(MITSUBA.missing), reason=MITSUBA.missing)
 
 SAME = {  # text, samples of ours and theirs, bounces, bound on the blocks' √relMSE
     "point": (scenes.VIEW + scenes.FLOOR + scenes.BALL + scenes.BLOCK + scenes.LAMP, 64, None, 0.01),
-    "sun and sky": (scenes.VIEW + scenes.FLOOR + scenes.BALL + "sun(from: [2, 4, 3], angle: 3deg, irradiance: 3)\n" + scenes.SKY, 256, None, 0.01),
+    "sun and sky": (scenes.VIEW + scenes.FLOOR + scenes.BALL + scenes.SUN + scenes.SKY, 256, None, 0.01),
     "area": (
         scenes.VIEW + scenes.FLOOR + scenes.BALL + "area(size: [1.5, 1], position: [1, 3, 1], look_at: [0, 0.5, 0], radiance: 5)",
         256, None, 0.02,
     ),
     "mirrored area": (
         scenes.VIEW + scenes.FLOOR + scenes.BALL
-        + "transform(rotate: [0, 10deg, 10deg], scale: [1, 1, -1]) { area(size: [1.5, 1], position: [1, 3, -1], look_at: [0, 0.5, 0], radiance: 5) }",
+        + "transform(rotate: [0, 10deg, 10deg], scale: [1, 1, -1]) {\n"
+        + "area(size: [1.5, 1], position: [1, 3, -1], look_at: [0, 0.5, 0], radiance: 5) }",
         256, None, 0.02,
     ),
     "round area": (
@@ -32,11 +33,11 @@ SAME = {  # text, samples of ours and theirs, bounces, bound on the blocks' √r
         256, None, 0.02,
     ),
     "sphere light, lit twice over": (
-        scenes.VIEW + scenes.FLOOR + "sphere(0.4, center: [0, 0.8, 0], material: emissive(rgb(0.5, 0.2, 0.1), radiance: 10))\n" + scenes.BLOCK,
+        scenes.VIEW + scenes.FLOOR + scenes.SHINING + scenes.BLOCK,
         256, 2, 0.03,
     ),
     "spot": (
-        scenes.VIEW + scenes.FLOOR + "spot(position: [2, 4, 3], look_at: [0, 0.4, 0], cone: 15deg, soft: 8deg, intensity: 50)", 64, None, 0.01,
+        scenes.VIEW + scenes.FLOOR + scenes.SPOT, 64, None, 0.01,
     ),
     "checker": (scenes.VIEW + scenes.CHECKER + scenes.BALL + scenes.LAMP, 256, None, 0.01),
     "stripes": (scenes.VIEW + scenes.STRIPES + scenes.LAMP, 256, None, 0.01),
@@ -101,5 +102,5 @@ def test_its_ladder_climbs(tmp_path: Path) -> None:
 
 
 def test_its_own_words_are_given_back(tmp_path: Path) -> None:
-    with pytest.raises(peer_run.PeerError, match="Mitsuba failed: .*no-such-file"):
+    with pytest.raises(peer_run.PeerError, match=r"Mitsuba failed: .*no-such-file"):
         peer_run.call("Mitsuba", ["python3", "-c", "import sys; sys.exit('no-such-file')"], tmp_path)

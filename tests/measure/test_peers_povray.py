@@ -18,7 +18,7 @@ HALF = 5e-4  # a half float's spacing, relative, and no more
 SAME = {
     "point": scenes.VIEW + scenes.FLOOR + scenes.BALL + scenes.BLOCK + scenes.LAMP,
     "directional": scenes.VIEW + scenes.FLOOR + scenes.BALL + "directional(from: [2, 4, 3], irradiance: 3)",
-    "spot": scenes.VIEW + scenes.FLOOR + "spot(position: [2, 4, 3], look_at: [0, 0.4, 0], cone: 15deg, soft: 8deg, intensity: 50)",
+    "spot": scenes.VIEW + scenes.FLOOR + scenes.SPOT,
     "highlights and ambient light": scenes.VIEW
     + scenes.FLOOR
     + "sphere(0.8, center: [0, 0.8, 0], material: phong(rgb(0.5, 0.2, 0.1), specular: 0.4, shininess: 20))\n"

@@ -16,7 +16,11 @@ EXAMPLES := $(foreach kind,$(KINDS),$(wildcard examples/*.$(kind)))
 NAMES := $(basename $(notdir $(EXAMPLES)))
 INPUTS := $(filter-out %.png %.md,$(wildcard examples/*)) $(wildcard examples/assets/*)
 
-.PHONY: help venv demo pictures reference test test-all check bench clean
+# Example:size of the charts in docs/charts.md, and what each may take. Measure them on a quiet machine.
+CHARTS := falloff:450x240 hello:400x300 refraction:360x224 room:260x225 shapes:450x260 textures:400x280
+CHART_BUDGET ?= 5min
+
+.PHONY: help venv demo pictures reference charts test test-all check bench clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -48,6 +52,14 @@ $(foreach folder,$(DEMO) examples,$(foreach kind,$(KINDS),$(eval $(call rule,$(f
 reference: $(STAMP)  ## write docs/reference.md from the schema again
 	@mkdir -p build && $(BIN)/python -m maquette.lang.reference > build/reference.md && mv build/reference.md docs/reference.md
 
+charts: $(PEERS)  ## measure the charts of docs/charts.md again, peers too: half an hour on a quiet machine
+	@mkdir -p docs/charts
+	@for chart in $(CHARTS); do \
+	  name=$${chart%:*}; echo "$$name"; \
+	  $(BIN)/maquette chart examples/$$name.scene -o docs/charts/$$name.svg --size $${chart#*:} --budget $(CHART_BUDGET) \
+	    --peers mitsuba,povray > docs/charts/$$name.txt || exit; \
+	done
+
 test: check  ## the whole suite, after ruff and pyright
 	@$(BIN)/python -m pytest -q -n $(WORKERS)
 
@@ -61,7 +73,7 @@ bench-%: $(PEERS)
 	@$(BIN)/python -m maquette.bench $*
 
 $(PEERS): $(STAMP)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --no-build-isolation -e '.[bench]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --no-build-isolation -e '.[bench]' || echo "not all peers could be installed: those are left out"
 	@echo "peers that pip cannot install, in Debian: libllvm19 (Mitsuba), libegl1 libgl1-mesa-dri (llvmpipe), povray; what is missing is left out"
 	@touch $@
 

@@ -244,9 +244,14 @@ def interruptible() -> Iterator[threading.Event]:
 
 def write_json(path: Path, data: Any) -> None:
     """Write `data` as JSON, whole or not at all."""
+    write_whole(path, (json.dumps(plain(data), indent=2) + "\n").encode())
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file, whole or not at all."""
     partial = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        partial.write_text(json.dumps(plain(data), indent=2) + "\n", encoding="utf-8")
+        partial.write_bytes(data)
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)

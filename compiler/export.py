@@ -77,7 +77,7 @@ class Export:
 
 def number(value: float) -> str:
     """A number that reads back as the same float32, and nearly the same float64."""
-    return f"{float(value):.12g}"
+    return f"{float(value) + 0.0:.12g}"  # + 0: no -0
 
 
 def numbers(values: Any, separator: str = ", ") -> str:

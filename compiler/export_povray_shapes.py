@@ -55,7 +55,8 @@ class _Object:
         mapping = "uv_mapping " if texture >= 0 and self.kind != ir.GeometryKind.PLANE else ""
         flags = self._flags(look.glass)
         place = f"  matrix <{export.numbers(self.matrix[:3].T)}>"
-        lines = [f"{head} {{", *body, f"  texture {{ {mapping}pigment {{ {pigment} }} {look.finish} }}", *look.more, place, *flags, "}"]
+        texture_lines = ["  texture {", f"    {mapping}pigment {{ {pigment} }}", f"    {look.finish}", "  }"]
+        lines = [f"{head} {{", *body, *texture_lines, *look.more, place, *flags, "}"]
         if look.glass and self.tables.instances.visible[self.i] & ir.Visibility.SHADOW:
             # shadow rays stop at glass here, and go through it there: a twin that is seen by them alone stands in its place
             lines += [f"{head} {{", *body, "  pigment { rgb 0 }", place, "  no_image no_reflection", "}"]
@@ -137,8 +138,7 @@ class _Object:
         if texture >= 0 and shell.uvs is not None:
             body.append(_list("uv_vectors", shell.uvs))
         body.append(_list("face_indices", shell.triangles))
-        # a point inside: glass must know which side is out
-        return "mesh2", [*body, "  inside_vector <0.1234, 1, 0.0567>"]
+        return "mesh2", [*body, "  inside_vector <0.1234, 1, 0.0567>"]  # glass must know which side is out
 
     # --- textures ---
 
@@ -150,7 +150,6 @@ class _Object:
         frame = export.texture_place(tables, texture)  # of u = x, v = -z
         if tables.textures.kind[texture] != ir.TextureKind.IMAGE:
             size = float(tables.textures.size[texture])
-            frame = np.diag([1.0, 1.0, 1.0]) @ frame
             frame[:2] *= export.mean_scale(self.matrix) / size if size > 0.0 else 8.0
             if tables.textures.kind[texture] == ir.TextureKind.STRIPES:
                 frame[1] = [0.0, 0.0, 0.5]
@@ -161,13 +160,13 @@ def pattern_matrix(frame: F64) -> str:
     """The `matrix` that lays a pattern over x, z of a plane so that (frame · (x, -z, 1), 0.5) is the pattern's point."""
     take = np.eye(4)
     take[:2, 0], take[:2, 2], take[:2, 3] = frame[:2, 0], -frame[:2, 1], frame[:2, 2]
-    take[:2, 1] = 0.0
+    take[1, 1] = 0.0
     take[2] = [0.0, 1.0, 0.0, 0.5]
     if abs(np.linalg.det(take[:3, :3])) < 1e-12:  # stripes: all of the second axis lies in one cell
         across = np.array([take[0, 2], 0.0, -take[0, 0]])
         take[1, :3] = across * 1e-9
     back = np.linalg.inv(take)
-    return f"matrix <{export.numbers(back[:3].T)}>"
+    return f"matrix <{', '.join(f'{v + 0.0:.17g}' for v in back[:3].T.ravel())}>"  # all digits: POV-Ray inverts it again
 
 
 def _axis(y: float) -> str:

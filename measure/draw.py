@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 import matplotlib
 import matplotlib.figure
+import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -71,6 +72,7 @@ class Picture:
         self._front()
         for curve, style in zip(chart.curves, self.styles, strict=True):
             self._curve(curve, style)
+        self._stops()
         self._labels()
 
     def _words(self, head: tuple[str, list[str]], foot: list[str], left: float) -> None:
@@ -87,7 +89,7 @@ class Picture:
         times = [v for p in self.points for v in _ends(p.seconds)]
         far = [v for p in self.points for v in _ends(p.error) if v > 0]
         middles = [p.error.median for p in self.points if p.error.median > 0]
-        far += [b for b in map(bias_floor, self.chart.curves) if b]
+        far += [bias for _, curves in wording.stops(self.chart) if (bias := bias_floor(curves))]
         low, high = (min(middles) / 8, max(far)) if middles else (1e-4, 1e-1)
         low = max(low, min(far, default=low))
         if self.chart.floor > 0 and low / 30 < self.chart.floor < high:
@@ -154,9 +156,15 @@ class Picture:
                 markeredgewidth=1.4, zorder=4, linestyle="none", clip_on=False,
             )[0]  # fmt: skip
             mark.set_gid(f"point-{self._index(point)}")
-        if bias := bias_floor(curve):
-            dashed = axes.plot([xs[0], self.x[1]], [bias, bias], linestyle=(0, (6, 4)), color=style.color, linewidth=1, zorder=2)[0]
-            dashed.set_gid(f"bias-{self.chart.curves.index(curve)}")
+
+    def _stops(self) -> None:
+        """A dashed line where more time takes nothing away."""
+        for i, (_, curves) in enumerate(wording.stops(self.chart)):
+            if bias := bias_floor(curves):
+                start = min(p.seconds.median for curve in curves for p in curve.points)
+                color = self.styles[self.chart.curves.index(curves[0])].color
+                line = self.axes.plot([start, self.x[1]], [bias, bias], linestyle=(0, (6, 4)), color=color, linewidth=1, zorder=2)[0]
+                line.set_gid(f"bias-{i}")
 
     def _bar(self, xs: list[float], ys: list[float], style: Style, name: str) -> None:
         """The quartiles of a point, one way."""
@@ -179,9 +187,10 @@ class Picture:
         for curve in self.chart.curves:
             at = [self._pixel(p) for p in curve.points]
             self.room.lines += list(itertools.pairwise(at))
-            if bias := bias_floor(curve):
+        for _, curves in wording.stops(self.chart):
+            if bias := bias_floor(curves):
                 y = self._to_pixels(self.x[0], bias)[1]
-                self.room.lines.append(((at[0][0], y), (box.x1, y)))
+                self.room.lines.append(((box.x0, y), (box.x1, y)))
         for words in (*self._knee(), *self._names(), *self._floors(), *self._rungs()):
             self._write(words)
 
@@ -218,10 +227,10 @@ class Picture:
 
     def _floors(self) -> Iterator[_Words]:
         right = self.x[1] / 1.03
-        for i, (curve, style) in enumerate(zip(self.chart.curves, self.styles, strict=True)):
-            if bias := bias_floor(curve):
-                text = f"{wording.curve(curve, self.chart)} stops: {curve.stops}"
-                yield _Words(text, self._along(bias), style.words, f"stops-{i}", fontsize=8.5, gap=4)
+        for i, (name, curves) in enumerate(wording.stops(self.chart)):
+            color = self.styles[self.chart.curves.index(curves[0])].words
+            height = bias_floor(curves) or min(p.error.median for curve in curves for p in curve.points)
+            yield _Words(f"{name} stops: {curves[0].stops}", self._along(height), color, f"stops-{i}", fontsize=8.5, gap=4)
         if self.chart.floor > self.y[0]:
             said = f"the reference's own uncertainty, {wording.error(self.chart.metric, self.chart.floor)}"
             yield _Words(said, self._along(self.chart.floor), FAINT, "floor-label", fontsize=8.5, gap=4)
@@ -235,7 +244,7 @@ class Picture:
     def _along(self, y: float) -> list[tuple[float, float]]:
         """Places along a level line, the right ones first."""
         box, height = self.axes.get_window_extent(), self._to_pixels(self.x[0], y)[1]
-        return [(box.x0 + (box.x1 - box.x0) * share, height) for share in (0.85, 0.75, 0.65, 0.55, 0.45, 0.35, 0.25, 0.15)]
+        return [(box.x0 + (box.x1 - box.x0) * share, height) for share in np.arange(0.9, 0.05, -0.05)]
 
     def _rungs(self) -> Iterator[_Words]:
         """The value of each setting beside its point, where there is room; the first and last of a curve first."""
@@ -291,9 +300,9 @@ class _Words:
     reach: float = math.inf
 
 
-def bias_floor(curve: Curve) -> float:
-    """The error that more time does not take away from a curve, as measured at its dearest point; 0 where there is none to be seen."""
-    return (curve.points[-1].bias or 0.0) if curve.stops else 0.0
+def bias_floor(curves: Sequence[Curve]) -> float:
+    """The error that more time does not take away, the least of what was measured at these curves' dearest points; 0 if none is known."""
+    return min((bias for curve in curves if (bias := curve.points[-1].bias)), default=0.0)
 
 
 def _ends(spread: Spread) -> tuple[float, float, float]:
@@ -318,7 +327,7 @@ def _heading(chart: Chart) -> tuple[str, list[str]]:
 def _footing(chart: Chart) -> list[str]:
     """What the marks mean, and who is not on the chart."""
     marks = ["Ring and grey stairs: the Pareto front of what was measured"]
-    if any(map(bias_floor, chart.curves)):
+    if any(bias_floor(curves) for _, curves in wording.stops(chart)):
         marks.append("dashed: bias, which more time does not take away")
     if any(p.error.median == 0 for p in chart.points):
         marks.append("triangle at the lower edge: no error at all")

@@ -1,10 +1,12 @@
-"""Errors of a picture beside √relMSE (render/metrics.py): what a person would see (FLIP), and how far outlines lie apart."""
+"""Errors of a picture: √relMSE whole and trimmed, what a person would see (FLIP), the largest, and how far outlines lie apart."""
 
 from __future__ import annotations
 
 import numpy as np
 from flip_evaluator import evaluate
 from numpy.typing import NDArray
+
+from ..render import metrics
 
 PIXELS_PER_DEGREE = 67.02  # of the viewer: FLIP's own default, a 0.7 m wide display of 3840 pixels seen from 0.7 m
 
@@ -41,3 +43,32 @@ def outline_length(coverage: Pixels) -> float:
     across = (padded[1:-1, 2:] - padded[1:-1, :-2]) / 2
     down = (padded[2:, 1:-1] - padded[:-2, 1:-1]) / 2
     return float(np.hypot(across, down).sum())
+
+
+def measures(rgb: Pixels, alpha: Pixels | None, reference: Pixels, covered: Pixels | None, exposure: float) -> dict[str, float]:
+    """Every error of a picture (height, width, 3) by name.
+
+    "relmse": √relMSE; "relmse 99.9%": without the thousandth of the pixels that are farthest off; "flip": mean FLIP of both exposed by
+    `exposure` stops; "max": the largest |I − R| of any channel, linear; "silhouette": in pixels, where both coverages are known.
+    """
+    squared = metrics.squared_relative(rgb, reference)
+    found = {
+        "relmse": float(np.sqrt(squared.mean())),
+        "relmse 99.9%": trimmed(squared),
+        "flip": flip(_exposed(rgb, exposure), _exposed(reference, exposure)),
+        "max": float(metrics.distance(np.asarray(rgb, np.float64), np.asarray(reference, np.float64)).max()),
+    }
+    if alpha is not None and covered is not None:
+        found["silhouette"] = silhouette(alpha, covered)
+    return found
+
+
+def trimmed(squared: NDArray[np.float64], kept: float = 0.999) -> float:
+    """The root of the mean of (height, width, 3) squared errors, over the share `kept` of the pixels with the smallest."""
+    of_pixels = np.sort(squared.mean(axis=2), axis=None)
+    return float(np.sqrt(of_pixels[: max(round(kept * of_pixels.size), 1)].mean()))
+
+
+def _exposed(rgb: Pixels, stops: float) -> Pixels:
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.clip(np.nan_to_num(rgb, nan=0.0, posinf=1e30) * 2.0**stops, 0.0, 1.0)

@@ -84,7 +84,7 @@ class Room:
         best: tuple[float, Box, tuple[float, float]] | None = None
         for rank, anchor in enumerate(anchors):
             for liking, box in _about(anchor, size, gap, reach):
-                cost = self.cost(box) + liking + 0.15 * rank
+                cost = self.cost(box) + liking + 0.08 * rank
                 if best is None or cost < best[0]:
                     best = (cost, box, anchor)
         if best is None or best[0] > most:

@@ -8,10 +8,32 @@ from __future__ import annotations
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ..compiler import ir
+
+
+class NothingMeasured(Exception):
+    """Not one point could be measured; the message says why, and what to change."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What a chart is asked for. `settings` hold size, camera, threads and bounces, the same for everybody; None: as the scene says."""
+
+    name: str  # the scene with its options as typed on a command line; the chart's title
+    settings: ir.Settings
+    backends: tuple[str, ...] = ("ray", "raster", "reference")
+    peers: tuple[str, ...] = ()
+    metric: str = "relmse"  # "relmse", "flip", "max" or "silhouette"
+    budget: float = 60.0  # seconds of everything, the reference too
+    seeds: int | None = None  # renders a setting with seeds of their own; None: as many as the split of bias and noise needs
+    repeats: int | None = None  # timed renders a setting, at the least
+    keep: Path | None = None  # a folder for the raw images
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,23 +55,34 @@ class Setting:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """One render: linear `rgb` (h, w, 3) float32, wall `seconds` by stage ("render" is charted), `cpu` seconds, its `seed`."""
+    """One render: linear `rgb` (h, w, 3) float32, wall `seconds` by stage ("render" is charted), `cpu` seconds, its `seed`.
+
+    `alpha` (h, w) is coverage, None where nobody says; `notes` are what the backend says it does not draw.
+    """
 
     rgb: NDArray[np.float32]
     seconds: Mapping[str, float]
     cpu: float
     seed: int
+    alpha: NDArray[np.float32] | None = None
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reference:
-    """What errors are measured against: `rgb` and its `variance`, both (h, w, 3) float64; the variance of a closed form is 0."""
+    """What errors are measured against: `rgb` and its `variance`, both (h, w, 3) float64; the variance of a closed form is 0.
+
+    `alpha` (h, w) is coverage. `halves` are the means (h, w, 4) of either half of the seeds, None of a closed form: what they differ
+    by, halved, is the reference's own uncertainty in any metric.
+    """
 
     rgb: NDArray[np.float64]
     variance: NDArray[np.float64]
     how: str
     samples: int
     seeds: tuple[int, ...]
+    alpha: NDArray[np.float64] | None = None
+    halves: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +99,8 @@ class Spread:
 class Point:
     """A setting, measured. `errors` holds every metric, `error` the charted one.
 
-    Bias and noise come with their standard errors; None where they were not told apart.
+    Bias and noise come with their standard errors; None where they were not told apart. Of a bias that is not told from 0, `bias_error`
+    is what it would be at most.
     """
 
     setting: Setting
@@ -95,7 +129,7 @@ class Curve:
 class Chart:
     """A scene's chart. `front` and `knee` count points through all curves in order."""
 
-    scene: str
+    scene: str  # as typed: the file with its options
     size: tuple[int, int]
     metric: str
     floor: float  # the reference's own uncertainty in the metric

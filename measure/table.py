@@ -83,24 +83,25 @@ def _knee(chart: Chart) -> Iterator[str]:
 
 
 def _stops(chart: Chart) -> Iterator[str]:
-    for curve in chart.curves:
-        if curve.stops:
-            least = min(p.error.median for p in curve.points)
-            yield f"{wording.curve(curve, chart)} stops at {wording.error(chart.metric, least)}: {curve.stops}"
+    for name, curves in wording.stops(chart):
+        least = min(p.error.median for curve in curves for p in curve.points)
+        yield f"{name} stops at {wording.error(chart.metric, least)}: {curves[0].stops}"
 
 
 def _equal(chart: Chart) -> Iterator[str]:
-    """Times at one error that most curves reach, quickest first, for the smallest such round error."""
-    best: tuple[float, list[tuple[float, Curve]]] | None = None
+    """Times at one error, each backend on its quickest ladder, the quickest first: the smallest round error that most of them reach."""
+    best: tuple[float, dict[str, float]] | None = None
     for target in targets(chart):
-        times = [(t, curve) for curve in chart.curves if (t := seconds_at(curve, target)) is not None]
+        times: dict[str, float] = {}
+        for curve in chart.curves:
+            if (time := seconds_at(curve, target)) is not None:
+                times[curve.backend] = min(time, times.get(curve.backend, math.inf))
         if len(times) > 1 and (best is None or len(times) >= len(best[1])):
             best = target, times
     if best:
-        (first, quickest), *rest = sorted(best[1], key=lambda pair: pair[0])
-        others = [f"{wording.curve(c, chart)} {wording.seconds(t)} ({wording.digits(t / first)} times as long)" for t, c in rest]
-        asked = wording.target(chart.metric, best[0])
-        yield f"at {asked}, between measured points: {wording.curve(quickest, chart)} {wording.seconds(first)}, {', '.join(others)}"
+        (quickest, first), *rest = sorted(best[1].items(), key=lambda pair: pair[1])
+        others = ", ".join(f"{name} {wording.seconds(t)} ({wording.digits(t / first)} times as long)" for name, t in rest)
+        yield f"at {wording.target(chart.metric, best[0])}, between measured points: {quickest} {wording.seconds(first)}, {others}"
 
 
 def seconds_at(curve: Curve, target: float) -> float | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -25,9 +24,10 @@ class Metric:
 BACKENDS = ("ray", "raster", "reference")
 METRICS = {
     "relmse": Metric("error, √relMSE", "√relMSE", share=True),
+    "relmse 99.9%": Metric("error, √relMSE of 99.9 % of the pixels", "√relMSE of 99.9 %", share=True),
     "flip": Metric("error a person sees, mean FLIP", "FLIP"),
-    "max": Metric("largest error of a pixel, linear light", "the largest error"),
-    "silhouette": Metric("error of the silhouette, pixels of its outline's width", "the silhouette's error", unit="px"),
+    "max": Metric("largest error of a pixel, linear light", "largest"),
+    "silhouette": Metric("how far outlines lie apart, pixels", "outlines apart", unit="px"),
 }
 
 
@@ -112,6 +112,19 @@ def curve(of: Curve, chart: Chart) -> str:
     return f"{of.backend}, {of.knob}" if several else of.backend
 
 
+def stops(chart: Chart) -> list[tuple[str, list[Curve]]]:
+    """Who cannot get better, and the curves that show it: a backend that stops for one reason on all its ladders is named once."""
+    found: dict[tuple[str, str], list[Curve]] = {}
+    for of in chart.curves:
+        if of.stops:
+            found.setdefault((of.backend, of.stops), []).append(of)
+    everyone = {backend: sum(of.backend == backend for of in chart.curves) for backend, _ in found}
+    return [
+        (backend if len(curves) == everyone[backend] else "; ".join(curve(of, chart) for of in curves), curves)
+        for (backend, _), curves in found.items()
+    ]
+
+
 def point(of: Point, metric: str) -> str:
     """One line of what was measured: `ray, 64 samples: 2.1 s (2.0 s to 2.3 s), 1.0 % (0.9 % to 1.1 %)`."""
     return f"{of.setting.backend}, {setting(of.setting)}: {spread(of.seconds, seconds)}, {spread(of.error, teller(metric))}"
@@ -120,14 +133,21 @@ def point(of: Point, metric: str) -> str:
 def split(of: Point) -> list[tuple[str, str]]:
     """Bias and noise of a point by name, as √relMSE with standard errors; what was not told apart is left out."""
     named = (("bias", of.bias, of.bias_error), ("noise", of.noise, of.noise_error))
-    return [(name, error("relmse", v) + (f" ± {error('relmse', doubt)}" if doubt else "")) for name, v, doubt in named if v is not None]
+    return [(name, _doubted(value, doubt)) for name, value, doubt in named if value is not None]
+
+
+def _doubted(value: float, doubt: float | None) -> str:
+    """A √relMSE with its standard error; of one that is not told from 0 the standard error is what it would be at most."""
+    if not doubt:
+        return error("relmse", value)
+    return f"{error('relmse', value)} ± {error('relmse', doubt)}" if value else f"below {error('relmse', doubt)}"
 
 
 def command(chart: Chart, of: Setting) -> str:
     """What to type for a point's picture; of a peer, its settings."""
     if of.backend not in BACKENDS:
         return of.arguments()
-    return f"maquette render {shlex.quote(chart.scene)} --size {chart.size[0]}x{chart.size[1]} {of.arguments()}"
+    return f"maquette render {chart.scene} --size {chart.size[0]}x{chart.size[1]} {of.arguments()}"
 
 
 def size(chart: Chart) -> str:

@@ -78,7 +78,7 @@ def test_curves_bars_front_knee_and_floors_are_there() -> None:
         assert np.allclose(upright, [(x, scale(1, p.error.low)[1]), (x, scale(1, p.error.high)[1])], atol=2e-3)
     corners = [scale(chart.points[i].seconds.median, chart.points[i].error.median) for i in chart.front]
     assert all(any(math.dist(corner, at) < 2e-3 for at in drawn("front", tree)) for corner in corners)
-    assert drawn("bias-2", tree)[0][1] == pytest.approx(scale(1, 0.031)[1], abs=2e-3)
+    assert drawn("bias-0", tree)[0][1] == pytest.approx(scale(1, 0.031)[1], abs=2e-3)
     assert min(y for _, y in drawn_box("floor", tree)) == pytest.approx(scale(1, 0.0012)[1], abs=2e-3)
     said = words(tree)
     for text in (

@@ -20,8 +20,8 @@ def test_the_answers_of_a_chart() -> None:
         "0.3 % → not reached; the least measured is 0.48 %",
         "knee: ray, 256 samples: 1.9 % in 2.6 s: --backend ray --samples 256",
         "raster stops at 3.4 %: no interreflection: bias 3.1 %",
-        "at 10 %, between measured points: raster 40 ms, ray, error 98 ms (2.5 times as long), ray, samples 130 ms (3.3 times as long),"
-        " mitsuba 510 ms (13 times as long), reference 20 s (490 times as long)",
+        "at 10 %, between measured points: raster 40 ms, ray 98 ms (2.5 times as long), mitsuba 510 ms (13 times as long),"
+        " reference 20 s (490 times as long)",
         "not charted: povray: not installed; apt install povray",
     ]
 
@@ -76,6 +76,12 @@ def test_every_point_is_a_row() -> None:
         "raster", "4 samples", "50 ms (45 ms to 55 ms)", "6.8 % (6.4 % to 7.1 %)", "3.1 % ± 0.60 %", "6.0 % ± 0.30 %",
         "--backend raster --samples 4",
     )  # fmt: skip
+
+
+def test_a_bias_that_is_not_told_from_none_has_a_bound() -> None:
+    point = charts.point("ray", "samples", 4, 1.0, 0.1, bias=0.0, bias_error=0.002, noise=0.1, noise_error=0.001)
+    assert wording.split(point) == [("bias", "below 0.20 %"), ("noise", "10 % ± 0.10 %")]
+    assert wording.split(charts.point("ray", "samples", 4, 1.0, 0.1)) == []
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,98 @@
+"""Closed forms: pictures whose light can be written down, recognised from the tables. Each recogniser is sure, or answers None."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..compiler import ir
+from ..compiler.plan import Plan
+from ..render import camera
+from ..render.records import View
+
+MARGIN = 2.0  # pixels that every filter reaches beyond the picture at most
+FLAT = {ir.GeometryKind.PLANE, ir.GeometryKind.RECTANGLE}
+CONSTANT_LIGHTS = {ir.LightKind.DIRECTIONAL, ir.LightKind.AMBIENT}  # whose irradiance is the same all over a plane
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """One radiance and coverage for every pixel, and why."""
+
+    rgb: tuple[float, float, float]
+    alpha: float
+    how: str
+
+
+def form(scene: ir.Scene, plan: Plan) -> Constant | None:
+    """The closed form of a scene's picture as planned, where one is known."""
+    return next((found for recognise in RECOGNISERS if (found := recognise(scene, plan)) is not None), None)
+
+
+def _nothing_there(scene: ir.Scene, plan: Plan) -> Constant | None:
+    """No camera ray meets anything: the background, where it is one colour."""
+    visible = scene.tables.instances.visible & ir.Visibility.CAMERA != 0
+    if visible.any() or plan["background"] == "sky":
+        return None
+    colour = (0.0, 0.0, 0.0) if plan["background"] == "transparent" else plan["background"]
+    return Constant(tuple(map(float, colour)), 0.0, "closed form: nothing is there but the background")
+
+
+def _one_flat_surface(scene: ir.Scene, plan: Plan) -> Constant | None:
+    """One plane or rectangle fills the picture, Lambertian without textures, in directional and ambient light.
+
+    L = k_a L_a + k_d/π Σ E⊥ max(0, n·l) with n towards the camera. It is flat: it neither shades nor lights itself.
+    """
+    tables = scene.tables
+    instances, materials, lights = tables.instances, tables.materials, tables.lights
+    if len(instances.geometry) != 1 or not set(lights.kind.tolist()) <= CONSTANT_LIGHTS:
+        return None
+    material = int(instances.material[0])
+    values = materials.values[material]
+    sends_on = values[[ir.Slot.REFLECTION, ir.Slot.TRANSMISSION]].max() > 0
+    shines = values[ir.Slot.EMISSION].max() > 0
+    matt = materials.model[material] == ir.MaterialModel.LAMBERT
+    if not matt or sends_on or shines or (materials.textures[material] >= 0).any() or instances.light[0] >= 0:
+        return None
+    seen = _filled_from(tables, plan)
+    if seen == 0:
+        return None
+    up = tables.transforms.inverse[instances.transform[0], 1, :3] * seen  # rows of the inverse are the normals of the frame's planes
+    normal = up / np.linalg.norm(up)
+    distant = lights.kind == ir.LightKind.DIRECTIONAL
+    facing = np.maximum(lights.direction[distant] @ normal, 0.0)
+    irradiance = facing @ lights.color[distant]
+    ambient = lights.color[~distant].sum(axis=0)
+    rgb = values[ir.Slot.AMBIENT] * ambient + values[ir.Slot.DIFFUSE] * irradiance / np.pi
+    return Constant(tuple(rgb.tolist()), 1.0, "closed form: one flat matt surface in directional and ambient light, ρE/π + k_a L_a")
+
+
+def _filled_from(tables: ir.Tables, plan: Plan) -> int:
+    """1 or -1, the side of its normal a flat instance is seen from, where it fills the picture; else 0.
+
+    What the camera sees of a flat convex thing is convex: it fills the picture if the corners see it.
+    """
+    g = int(tables.instances.geometry[0])
+    if tables.geometries.kind[g] not in FLAT or not tables.instances.visible[0] & ir.Visibility.CAMERA:
+        return 0
+    x0, y0, x1, y1 = plan["crop"]
+    x = np.array([x0 - MARGIN, x1 + MARGIN, x0 - MARGIN, x1 + MARGIN])
+    y = np.array([y0 - MARGIN, y0 - MARGIN, y1 + MARGIN, y1 + MARGIN])
+    ray = camera.ray(tables, View(plan["camera"], *plan["size"]), x, y)
+    inverse = tables.transforms.inverse[tables.instances.transform[0]]
+    origin = inverse[:, :3] @ np.array([np.broadcast_to(c, x.shape) for c in ray.origin]) + inverse[:, 3:]
+    direction = inverse[:, :3] @ np.array([np.broadcast_to(c, x.shape) for c in ray.direction])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = -origin[1] / direction[1]
+        at = origin + t * direction
+    met = np.isfinite(t) & (t > ray.t_min) & (t < ray.t_max)
+    if tables.geometries.kind[g] == ir.GeometryKind.RECTANGLE:
+        half = tables.geometries.parameters[g, :2]
+        met &= (np.abs(at[0]) < half[0]) & (np.abs(at[2]) < half[1])
+    sides = np.sign(-direction[1])
+    return int(sides[0]) if met.all() and (sides == sides[0]).all() else 0
+
+
+RECOGNISERS: tuple[Callable[[ir.Scene, Plan], Constant | None], ...] = (_nothing_there, _one_flat_surface)

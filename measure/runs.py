@@ -1,0 +1,70 @@
+"""One render of a setting, timed: wall seconds by stage and CPU seconds of a whole process that does nothing else meanwhile."""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from ..compiler import ir
+from ..compiler import plan as planner
+from ..render import draw
+from .records import Run, Setting
+
+WITH_VERSIONS = ("maquette", "numpy", "numba", "flip-evaluator")
+
+
+class Cancelled(Exception):
+    """The work was ended from outside."""
+
+
+def plan_of(scene: ir.Scene, settings: ir.Settings, setting: Setting, seed: int) -> planner.Plan:
+    """What a rung draws: the settings of everybody, then its own. Raises planner.PlanError."""
+    options: Mapping[str, Any] = {**setting.options, "backend": setting.backend, "seed": seed, "aov": ()}
+    if "error" in options:
+        options = {"samples": None, **options}
+    return planner.make(scene, replace(settings, **options), setting.plan)
+
+
+def run(scene: ir.Scene, plan: planner.Plan, cancel: threading.Event | None = None) -> Run:
+    """Draw once, without any display of progress. CPU seconds are those of building and rendering. Raises Cancelled."""
+    before = time.process_time()
+    image = draw.draw(scene, plan, None, cancel)
+    cpu = time.process_time() - before
+    if image.metadata["partial"]:
+        raise Cancelled
+    rgba = image.channels["rgba"]
+    notes = tuple(dict.fromkeys(message for message, _, _ in image.metadata["notes"]))
+    return Run(rgba[..., :3], dict(image.metadata["seconds"]), cpu, plan["seed"], rgba[..., 3], notes)
+
+
+def threads(settings: ir.Settings) -> int:
+    """The number of threads everybody gets."""
+    return settings.threads or os.cpu_count() or 1
+
+
+def machine(settings: ir.Settings) -> str:
+    """What measured: "4 threads of 8, AMD EPYC …, Linux"."""
+    used, all_ = threads(settings), os.cpu_count() or 1
+    return f"{used} thread{'' if used == 1 else 's'} of {all_}, {_processor()}, {platform.system()}"
+
+
+def versions() -> dict[str, str]:
+    """Of what the figures depend on."""
+    return {"python": platform.python_version(), **{name: metadata.version(name) for name in WITH_VERSIONS}}
+
+
+def _processor() -> str:
+    if sys.platform == "linux":
+        named = re.search(r"^model name\s*: (.*)$", Path("/proc/cpuinfo").read_text(encoding="utf-8"), re.MULTILINE)
+        if named:
+            return named[1].strip()
+    return platform.processor() or platform.machine()

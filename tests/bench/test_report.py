@@ -1,0 +1,82 @@
+"""RESULTS.md: the table of a section, which order sections stand in, and that a run replaces its own section alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from maquette.bench import report
+from maquette.bench.harness import Case, Contender, Result, Seconds, Times
+
+CASES = Case("primary", [], lambda answers: "")
+OURS = Times(Contender("maquette", lambda: 0, build=Seconds(0.5, 0.6)), Seconds(1.25, 1.3), (Seconds(0.25, 0.3),) * 3)
+PEER = Times(Contender("peer", lambda: 0, note="its mode"), Seconds(0.125, 0.2), (Seconds(0.125, 0.4),) * 3)
+RESULT = Result(Case("primary", [], CASES.agree, amount=1e6), (OURS, PEER), "0 of 9 differ")
+REFUSED = Result(CASES, refused="7 of 9 differ")
+
+
+def section(key: str, *results: Result) -> report.Section:
+    made = report.Section(key, key.capitalize(), "What is timed.", versions={"peer": "4.2"}, missing=["x is not installed (pip install x)"])
+    made.add("One mesh", results, "Mrays/s")
+    return made
+
+
+def test_a_table() -> None:
+    (title, table, answers) = section("rays", RESULT).blocks
+    assert title == "**One mesh**"
+    assert table == (
+        "|  |  | CPU, ms | quartiles | wall, ms | Mrays/s | × ours | build, ms | compile, ms | note |\n"
+        "| :-- | :-- | --: | --: | --: | --: | --: | --: | --: | :-- |\n"
+        "| primary | maquette | 250 | 250 – 250 | 300 | 4 |  | 500 | 1000 |  |\n"
+        "|  | peer | 125 | 125 – 125 | 400 | 8 | 0.50 |  | 0 | its mode |"
+    )
+    assert answers == "Answers. primary: 0 of 9 differ (3 rounds)."
+
+
+def test_rates_and_ratios_by_the_wall() -> None:
+    made = report.Section("start", "Start", "")
+    made.add("One picture", [RESULT], "Mrays/s", by="wall")
+    assert "| peer | 125 | 125 – 125 | 400 | 2.5 | 1.33 |" in made.blocks[1]
+
+
+def test_a_peer_alone_has_no_ratio() -> None:
+    made = report.Section("start", "Start", "")
+    made.add("One picture", [Result(CASES, (PEER,), "nothing to compare")], "")
+    assert "× ours" not in made.blocks[1]
+
+
+def test_answers_that_differ_show_no_numbers() -> None:
+    made = section("rays", REFUSED)
+    assert made.blocks == ["**One mesh**", "No times for primary: answers differ: 7 of 9 differ."]
+    assert made.refused == ["One mesh, primary: 7 of 9 differ"]
+
+
+def test_a_section_says_where_and_with_what_it_was_measured() -> None:
+    text = report.render(section("rays", RESULT), "2026-01-01, a machine").splitlines()
+    assert text[:4] == ["<!-- section rays -->", "## Rays", "", "What is timed."]
+    assert text[5].startswith("2026-01-01, a machine. maquette ")
+    assert text[5].endswith(", peer 4.2.")
+    assert text[7] == "Not measured: x is not installed (pip install x)."
+
+
+def test_sections_are_replaced_and_keep_their_order(tmp_path: Path) -> None:
+    path = tmp_path / "RESULTS.md"
+    for key in ("start", "zebra", "rays", "raster"):
+        report.write(section(key, RESULT), path, machine="old machine")
+    before = path.read_text(encoding="utf-8")
+    assert [line for line in before.splitlines() if line.startswith("## ")] == ["## Rays", "## Raster", "## Start", "## Zebra"]
+    report.write(section("raster", RESULT), path, machine="new machine")
+    after = path.read_text(encoding="utf-8")
+    assert after.count("new machine") == 1
+    parts = report.read(path)
+    assert "new machine" in parts["raster"]
+    assert after.replace("new machine", "old machine") == before
+    report.write(section("raster", RESULT), path, machine="old machine")
+    assert path.read_text(encoding="utf-8") == before
+    assert before.startswith(report.HEAD)
+
+
+def test_the_machine_is_named() -> None:
+    line = report.machine_line()
+    assert " of " in line
+    assert " cores, load " in line
+    assert ", Python 3." in line

@@ -1,0 +1,248 @@
+"""What convert writes for Mitsuba and POV-Ray: whole small files, meshes and pictures, and all that is said not to be carried."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import maquette
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from maquette.cli import cli
+from maquette.compiler import export, export_mitsuba, export_mitsuba_lights, export_mitsuba_materials, export_mitsuba_shapes, export_povray
+from maquette.compiler import export_povray_shapes as povray_shapes
+from maquette.measure import peers
+from maquette.render import meshed
+
+from . import peer_scenes as scenes
+
+SMALL = """render(size: [8, 4])
+camera(position: [0, 1, 4], look_at: [0, 1, 0], fov: 90deg)
+plane(y: 0, material: lambert(checker(rgb(0.5, 0.5, 0.5), rgb(0.25, 0, 0), size: 2)))
+sphere(1, center: [0, 1, 0], material: mirror(rgb(0.5, 0.75, 1)))
+point(position: [0, 4, 0], intensity: 2)
+"""
+MITSUBA = """<scene version="3.0.0">
+    <integrator type="path">
+        <integer name="max_depth" value="4"/>
+        <integer name="rr_depth" value="1048576"/>
+    </integrator>
+    <sensor type="perspective">
+        <float name="fov" value="126.869897646"/>
+        <string name="fov_axis" value="x"/>
+        <float name="principal_point_offset_x" value="0"/>
+        <float name="principal_point_offset_y" value="0"/>
+        <float name="near_clip" value="0.0001"/>
+        <float name="far_clip" value="10000000"/>
+        <transform name="to_world">
+            <matrix value="-1 0 0 0 0 1 0 1 0 0 -1 4 0 0 0 1"/>
+        </transform>
+        <film type="hdrfilm">
+            <integer name="width" value="8"/>
+            <integer name="height" value="4"/>
+            <string name="pixel_format" value="rgb"/>
+            <string name="component_format" value="float32"/>
+            <string name="file_format" value="openexr"/>
+            <rfilter type="box"/>
+        </film>
+        <sampler type="multijitter">
+            <integer name="sample_count" value="16"/>
+            <integer name="seed" value="0"/>
+        </sampler>
+    </sensor>
+    <bsdf type="twosided" id="material0">
+        <bsdf type="diffuse">
+            <texture type="checkerboard" name="reflectance">
+                <rgb name="color0" value="0.5, 0.5, 0.5"/>
+                <rgb name="color1" value="0.25, 0, 0"/>
+            </texture>
+        </bsdf>
+    </bsdf>
+    <bsdf type="twosided" id="material1">
+        <bsdf type="conductor">
+            <string name="material" value="none"/>
+            <rgb name="specular_reflectance" value="0.5, 0.75, 1"/>
+        </bsdf>
+    </bsdf>
+    <shape type="ply">
+        <string name="filename" value="small.0.ply"/>
+        <boolean name="face_normals" value="false"/>
+        <transform name="to_world">
+            <matrix value="1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1"/>
+        </transform>
+        <ref id="material0"/>
+    </shape>
+    <shape type="sphere">
+        <float name="radius" value="1"/>
+        <point name="center" x="0" y="1" z="0"/>
+        <ref id="material1"/>
+    </shape>
+    <emitter type="point">
+        <point name="position" x="0" y="4" z="0"/>
+        <rgb name="intensity" value="2, 2, 2"/>
+    </emitter>
+</scene>
+"""
+POVRAY = """#version 3.7;
+global_settings { assumed_gamma 1.0 max_trace_level 3 adc_bailout 0.0001 ambient_light rgb 1 }
+camera { perspective location <0, 1, 4> direction <0, 0, -1> right <4, 0, 0> up <0, 2, 0> }
+background { rgb <0, 0, 0> }
+light_source { <0, 4, 0> rgb <31830988.6184, 31830988.6184, 31830988.6184> fade_power 2 fade_distance 0.0001 }
+plane {
+  <0, 1, 0>, 0
+  texture {
+    pigment { checker rgb <0.5, 0.5, 0.5>, rgb <0.25, 0, 0> matrix <2, 0, 0, 0, 0, -2, 0, 1, 0, 0, -0.5, 0> }
+    finish { diffuse 1 ambient rgb <0, 0, 0> }
+  }
+  matrix <1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0>
+}
+sphere {
+  0, 1
+  texture {
+    pigment { rgb <0, 0, 0> }
+    finish { diffuse 0 ambient rgb <0, 0, 0> reflection { rgb <0.5, 0.75, 1> } }
+  }
+  matrix <1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 0>
+}
+"""
+WRITERS = {"mitsuba": export_mitsuba.write, "povray": export_povray.write}
+
+
+def written(name: str, folder: Path, text: str, **settings: object) -> export.Export:
+    scene, plan = scenes.compiled(folder, text, **settings)
+    return WRITERS[name](scene, plan, "small", meshed.tessellator(scene, plan))
+
+
+@pytest.mark.parametrize(("name", "whole"), [("mitsuba", MITSUBA), ("povray", POVRAY)])
+def test_a_small_scene_is_written_whole(name: str, whole: str, tmp_path: Path) -> None:
+    assert written(name, tmp_path, SMALL, samples=16, bounces=2).text == whole
+
+
+def test_a_plane_is_a_wide_square_with_cells_for_coordinates(tmp_path: Path) -> None:
+    made = written("mitsuba", tmp_path, SMALL, samples=16, bounces=2)
+    header, _, body = made.files["small.0.ply"].partition(b"end_header\n")
+    assert header.decode().split("\n")[:3] == ["ply", "format binary_little_endian 1.0", "element vertex 600"]
+    vertices = np.frombuffer(body[: 600 * 8 * 4], "<f4").reshape(600, 8)
+    assert np.abs(vertices[:, 0]).max() > 1e5
+    np.testing.assert_allclose(vertices[:, 6:], np.stack([vertices[:, 0], -vertices[:, 2]], axis=1) / 4, rtol=1e-6)  # two cells of 2 m
+
+
+def test_meshes_keep_their_corners(tmp_path: Path) -> None:
+    shell = export.Shell(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]], np.int32))
+    data = export_mitsuba_shapes.ply(shell)
+    assert data.startswith(
+        b"ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    )
+    assert data.endswith(b"\x03" + np.array([0, 1, 2], "<i4").tobytes())
+    turned = export.flipped(shell)
+    assert turned.triangles.tolist() == [[2, 1, 0]]
+
+
+def test_pictures_keep_their_rows() -> None:
+    pixels = np.arange(12, dtype=np.float32).reshape(2, 2, 3)
+    assert export_mitsuba_materials.pfm(pixels) == b"PF\n2 2\n-1.0\n" + pixels[::-1].tobytes()
+
+
+def test_a_dome_is_the_same_between_its_rows() -> None:
+    pixels = np.array([1.0, 3.0, 7.0])[:, None, None] * np.ones((3, 4, 3))
+    assert export_mitsuba_lights.envmap_rows(pixels)[:, 0, 0].tolist() == [1, 1, 2, 3, 5, 7, 7]
+
+
+def test_a_pattern_lies_where_its_matrix_says() -> None:
+    frame = np.array([[2.0, 0.5, 0.1], [-0.3, 1.0, 0.7], [0, 0, 1]])
+    text = povray_shapes.pattern_matrix(frame)
+    back = np.array([float(v) for v in text.removeprefix("matrix <").removesuffix(">").split(",")]).reshape(4, 3)
+    x, z = 1.3, -0.4
+    s, t = (frame @ [x, -z, 1.0])[:2]
+    np.testing.assert_allclose(np.array([s, t, 0.5]) @ back[:3] + back[3], [x, 0.0, z], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "line", "said"),
+    [
+        ("mitsuba", "sphere(1, material: phong(#808080))", "3:21: the highlight is not carried: Mitsuba has no Phong lobe"),
+        (
+            "mitsuba", 'sphere(1, material: phong(#808080, specular: 0, shading: "gouraud"))',
+            "3:21: light at vertices (gouraud) is not carried: Mitsuba shades at every point",
+        ),
+        ("mitsuba", "ambient(#808080)", "3:1: ambient light is not carried: Mitsuba has none"),
+        ("mitsuba", "point(position: [0, 2, 0], falloff: [1, 0, 1])", "3:1: a fall-off other than 1/d² is not carried"),
+        ("mitsuba", "point(position: [0, 2, 0], shadows: false)\nsun()", "3:1: a light without shadows is not carried"),
+        (
+            "mitsuba", "sphere(1, material: mirror())\nsun(angle: 1deg)",
+            "4:1: a sun's disk is seen in mirrors and glass in Mitsuba, and not here",
+        ),
+        ("mitsuba", "quadric([1, -1, 1, 0, 0, 0, 0, 0, 0, -0.2])", "3:1: an endless quadric is not carried"),
+        (
+            "mitsuba", 'sphere(1, material: lambert(checker(mapping: "projected")))',
+            "3:29: the mapping projected is not carried: Mitsuba takes a surface's own coordinates",
+        ),
+        ("povray", "sun(angle: 1deg)", "3:1: a sun's size is not carried: POV-Ray draws lamps without extent"),
+        ("povray", "sphere(1)\nsky()", "4:1: a sky lights nothing in POV-Ray: it draws lamps without extent"),
+        (
+            "povray", "sphere(1, material: phong(#808080, specular: #ff0000))",
+            "3:21: a highlight's colour is not carried: POV-Ray's has the light's",
+        ),
+        ("povray", "sphere(1, material: phong(#808080, normalized: true))", "3:21: a normalized highlight is not carried"),
+        ("povray", "sphere(1, material: phong(#808080, transmission: 0.5))", "3:21: k_t is not carried: in POV-Ray it weakens k_d"),
+    ],
+)  # fmt: skip
+def test_what_is_not_carried_is_said_with_its_place(name: str, line: str, said: str, tmp_path: Path) -> None:
+    text = f"render(size: [8, 4])\ncamera(position: [0, 1, 4], look_at: [0, 1, 0])\n{line}\n"
+    (peer,) = peers.find([name])
+    assert f"{tmp_path / 'scene.scene'}:{said}" in peer.express(*scenes.compiled(tmp_path, text))
+
+
+def test_what_the_plan_asks_is_said(tmp_path: Path) -> None:
+    text = scenes.VIEW + scenes.FLOOR + scenes.MIRROR + scenes.LAMP
+    (mitsuba, povray) = peers.find(["mitsuba", "povray"])
+    place = tmp_path / "scene.scene"
+    assert mitsuba.express(*scenes.compiled(tmp_path, text, filter="gaussian")) == [
+        "the filter gaussian is not carried: Mitsuba cuts its gaussian at four deviations, not three",
+        f"{place}:3:23: rays go on at mirrors and glass only: Mitsuba's paths go on at matt surfaces too",
+    ]
+    assert mitsuba.express(*scenes.compiled(tmp_path, text, bounces=0)) == [
+        f"{place}:4:44: mirrors and glass are black without bounces here, and not in Mitsuba"
+    ]
+    assert povray.express(*scenes.compiled(tmp_path, text, bounces=2)) == [
+        f"{place}:3:23: matt surfaces light each other here, and not in POV-Ray"
+    ]
+
+
+def test_an_unknown_peer_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"no peer is called `mitsuva`; there are mitsuba, povray\. did you mean `mitsuba`\?"):
+        peers.find(["povray", "mitsuva"])
+
+
+def test_a_peer_that_is_not_there_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    assert peers.find(["povray"])[0].missing == "POV-Ray is not installed: apt install povray"
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert peers.find(["mitsuba"])[0].missing == "Mitsuba is not installed: pip install mitsuba"
+
+
+@pytest.mark.parametrize(("name", "files"), [("out.xml", {"out.xml", "out.0.ply"}), ("out.pov", {"out.pov"}), ("out.npz", {"out.npz"})])
+def test_convert_writes_its_files(name: str, files: set[str], tmp_path: Path) -> None:
+    (tmp_path / "small.scene").write_text(SMALL)
+    (tmp_path / "made").mkdir()
+    plan = [] if name == "out.npz" else ["--plan", "filter=box", "--bounces", "2"]
+    done = CliRunner().invoke(cli, ["convert", str(tmp_path / "small.scene"), str(tmp_path / "made" / name), *plan])
+    assert done.exit_code == 0, done.stderr
+    assert {path.name for path in (tmp_path / "made").iterdir()} == files
+    if name == "out.npz":
+        assert maquette.load(tmp_path / "made" / name).names.instances == maquette.load(tmp_path / "small.scene").names.instances
+
+
+def test_convert_says_what_it_leaves_out(tmp_path: Path) -> None:
+    (tmp_path / "ball.scene").write_text("sphere(1, material: phong(#808080))\npoint(position: [0, 3, 0])\n")
+    done = CliRunner().invoke(cli, ["convert", str(tmp_path / "ball.scene"), str(tmp_path / "ball.xml"), "--plan", "filter=box"])
+    assert done.exit_code == 0
+    assert "ball.scene:1:21: warning: the highlight is not carried: Mitsuba has no Phong lobe" in done.stderr
+    assert "specular: 0, or lambert(…)" in done.stderr
+
+
+def test_a_saved_ir_takes_no_picture_options(tmp_path: Path) -> None:
+    (tmp_path / "ball.scene").write_text("sphere(1)\n")
+    done = CliRunner().invoke(cli, ["convert", str(tmp_path / "ball.scene"), str(tmp_path / "ball.npz"), "--size", "10x10"])
+    assert done.exit_code == 2
+    assert "options of the picture belong to `maquette render OUT.npz`" in done.stderr

@@ -82,7 +82,8 @@ def _places(relative: Map, samples: Counts, most: int) -> tuple[Counts, float | 
 
 def _totals(places: Counts, amounts: NDArray[Any]) -> Map:
     """Sums of amounts by place."""
-    return np.bincount(places.ravel(), weights=amounts.ravel(), minlength=_DEEPEST * _BINS + 1)[: _DEEPEST * _BINS]
+    sums = np.bincount(places.ravel(), weights=amounts.ravel(), minlength=_DEEPEST * _BINS + 1)
+    return sums[: _DEEPEST * _BINS].astype(np.float64)
 
 
 def _steps() -> Counts:

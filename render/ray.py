@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler.plan import Plan
-from . import across, aov, camera, integrate, lanes, prepare, sampler, trace
+from . import across, aov, camera, integrate, lanes, prepare, rays, sampler, trace
 from .handles import Handle
 from .kernels import apart, helper, kernel
 from .records import Film, Hit, Options, Tile, View
@@ -37,22 +37,11 @@ class Renderer:
         """Write the named channels of the tile, (h, w, k) each."""
         tables = self.prepared.tables
         x, y = aov.centres(tile)
-        n = len(x)
         with np.errstate(all="ignore"):
             ray = camera.ray(tables, self.view, x, y)
-        found = Seen(*np.empty((3, n)), *np.empty((2, n), np.int64))
-        first_hits(self.prepared.packed, self.prepared.accel, self.frame, x, y, found, Handle(Room.of(self.prepared.options)))
-        aov.channels_of(tables, self.view, ray, Hit(found.t, found.instance, found.primitive, found.u, found.v), names, out)
-
-
-class Seen(NamedTuple):
-    """What rays meet, (n,) each."""
-
-    t: NDArray[np.float64]
-    u: NDArray[np.float64]
-    v: NDArray[np.float64]
-    instance: NDArray[np.int64]
-    primitive: NDArray[np.int64]
+        origin, direction = (np.stack(np.broadcast_arrays(*v, x)[:3], axis=1) for v in (ray.origin, ray.direction))
+        met = rays.closest(self.prepared.accel, origin, direction, ray.t_min, ray.t_max, CAMERA)
+        aov.channels_of(tables, self.view, ray, Hit(*met), names, out)
 
 
 class Room(NamedTuple):
@@ -146,17 +135,3 @@ def light_of(tables, accel, gouraud, frame, total, x, y, s, room):
             hit.u, hit.v, pixel, s, room.stack,
         ),
     )  # fmt: skip
-
-
-@kernel
-def first_hits(tables, accel, frame, x, y, found, room):
-    """Write what the camera sees at n picture coordinates."""
-    n = len(x)
-    for k in range(0, n, across.WIDTH):
-        for i in range(across.WIDTH):
-            room.light[0, i], room.light[1, i] = x[min(k + i, n - 1)], y[min(k + i, n - 1)]
-        ray = camera.ray(tables, frame.picture, across.load(room.light, 0), across.load(room.light, 1))
-        hit = trace.closest(accel, tables, ray, lanes.bool_like(ray.t_max, True), CAMERA)
-        for i in range(min(n - k, across.WIDTH)):
-            found.t[k + i], found.u[k + i], found.v[k + i] = across.lane(hit.t, i), across.lane(hit.u, i), across.lane(hit.v, i)
-            found.instance[k + i], found.primitive[k + i] = across.lane(hit.instance, i), across.lane(hit.primitive, i)

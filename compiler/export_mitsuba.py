@@ -52,8 +52,29 @@ def _check_plan(out: Export, plan: Plan) -> None:
             "rays go on at mirrors and glass only: Mitsuba's paths go on at matt surfaces too", "materials", int(used[matt][0]),
             "--bounces makes matt surfaces light each other here, too",
         )  # fmt: skip
+    _check_inside_glass(out, plan)
     if not plan["shadows"]:
         out.cannot("no light casts shadows here; in Mitsuba all do")
+
+
+def _check_inside_glass(out: Export, plan: Plan) -> None:
+    """Eyes and lights in glass: Mitsuba scales radiance by the square of the index where it enters, ours does not (the two agree where
+    it comes from outside and leaves again)."""
+    tables = out.scene.tables
+    glass = tables.materials.model[tables.instances.material] == ir.MaterialModel.GLASS
+    places = [("cameras", plan["camera"], tables.transforms.matrix[tables.cameras.transform[plan["camera"]], :, 3])]
+    for row in range(len(tables.lights.kind)):
+        if tables.lights.kind[row] in (ir.LightKind.POINT, ir.LightKind.SPOT):
+            places.append(("lights", row, tables.lights.position[row]))
+        elif tables.lights.instance[row] >= 0:
+            places.append(("lights", row, export.world(tables, int(tables.lights.instance[row]))[:3, 3]))
+    for i in np.flatnonzero(glass).tolist():
+        low, high = tables.geometries.bounds[tables.instances.geometry[i]]
+        inverse = tables.transforms.inverse[tables.instances.transform[i]]
+        for table, row, place in places:
+            p = inverse @ [*place, 1.0]
+            if np.all((low < p) & (p < high)):
+                out.cannot("what shines or looks from inside of glass is not carried: Mitsuba scales its light by the index", table, row)
 
 
 def _integrator(out: Export, plan: Plan) -> Node:

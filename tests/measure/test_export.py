@@ -177,6 +177,10 @@ def test_a_pattern_lies_where_its_matrix_says() -> None:
             "mitsuba", 'sphere(1, material: lambert(checker(mapping: "projected")))',
             "3:29: the mapping projected is not carried: Mitsuba takes a surface's own coordinates",
         ),
+        (
+            "mitsuba", "sphere(1, material: glass())\npoint(position: [0, 0.1, 0])",
+            "4:1: what shines or looks from inside of glass is not carried: Mitsuba scales its light by the index",
+        ),
         ("povray", "sun(angle: 1deg)", "3:1: a sun's size is not carried: POV-Ray draws lamps without extent"),
         ("povray", "sphere(1)\nsky()", "4:1: a sky lights nothing in POV-Ray: it draws lamps without extent"),
         (

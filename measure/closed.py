@@ -37,7 +37,8 @@ def _nothing_there(scene: ir.Scene, plan: Plan) -> Constant | None:
     if visible.any() or plan["background"] == "sky":
         return None
     colour = (0.0, 0.0, 0.0) if plan["background"] == "transparent" else plan["background"]
-    return Constant(tuple(map(float, colour)), 0.0, "closed form: nothing is there but the background")
+    red, green, blue = map(float, colour)
+    return Constant((red, green, blue), 0.0, "closed form: nothing is there but the background")
 
 
 def _one_flat_surface(scene: ir.Scene, plan: Plan) -> Constant | None:

@@ -48,8 +48,8 @@ def ladders(scene: ir.Scene, light: truth.Truth, backend: str) -> list[Ladder]:
                 made.append(_depths(knob, backend, light, plain, full))
             continue
         name = f"{knob.name}, {full['bounces']} bounces" if less and full["bounces"] else knob.name
-        made.append(_ladder(knob, backend, name, deep, deep_plan, missing))
-        if less and knob.option == "samples":
+        made.append(_ladder(knob, backend, name, deep, decided, missing))
+        if other and knob.option == "samples":
             made.append(_ladder(knob, backend, knob.name, plain, {}, less))
     return made
 
@@ -72,9 +72,7 @@ def _ladder(knob: knobs.Knob, backend: str, name: str, options: Mapping[str, Any
 def _depths(knob: knobs.Knob, backend: str, light: truth.Truth, options: Mapping[str, Any], full: planner.Plan) -> Ladder:
     """Depths below the truth's, and the truth's."""
     values = [v for v in knob.values if v < full["bounces"]] + [full["bounces"]]
-    settings = tuple(
-        Setting(backend, knob.name, v, {**knob.fixed, knob.option: v, **options}, light.plan if full["bounces"] and v else {}) for v in values
-    )
+    settings = tuple(Setting(backend, knob.name, v, {**knob.fixed, knob.option: v, **options}, light.plan if v else {}) for v in values)
     return Ladder(backend, knob.name, settings, _costs(knob.cost, tuple(values)), "")
 
 

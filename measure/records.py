@@ -113,6 +113,9 @@ class Point:
     noise_error: float | None = None
     stages: Mapping[str, float] = field(default_factory=dict)  # median seconds: import, compile_kernels, build, render, …
     note: str = ""
+    bias_squared: float | None = None  # as estimated, before its root: below 0 where noise alone is met by accident
+    bias_squared_error: float | None = None
+    cpu: float | None = None  # median CPU seconds of building and rendering, all threads together
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +126,7 @@ class Curve:
     knob: str
     points: tuple[Point, ...]
     stops: str = ""
+    slope: float | None = None  # d log noise² / d log samples: -1 of random numbers, steeper of Sobol points
 
 
 @dataclass(frozen=True, slots=True)

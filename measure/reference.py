@@ -35,6 +35,7 @@ GOOD_SEEDS = 16  # aimed at
 LEAST_SAMPLES, MOST_SAMPLES = 4, 4096  # of a seed
 DEFINING = ("size", "camera", "crop", "bounces", "interreflection", "shadows", "filter", "background", "horizon")
 KEPT = 1 << 30  # bytes of references on disk; the oldest go
+SAVED_EVERY = 30.0  # seconds
 _UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error)
 
 Progress = Callable[[float], None]  # the share of the work that is done
@@ -147,25 +148,26 @@ def _shape(plan: Plan) -> tuple[int, int, int]:
 def _extend(
     run: LongRun, scene: ir.Scene, truth: Truth, seconds: float, aim: int, progress: Progress, cancel: threading.Event, path: Path
 ) -> None:
-    """Add seeds until the aim is reached or the time is over; `path` gets them a few times on the way, so that a stop loses little."""
+    """Add seeds until the aim is reached or the time is over; `path` gets them on the way, too, so that a stop loses little."""
     began = saved = time.perf_counter()
     if run.samples == 0:
         run.samples = _samples_of_a_seed(scene, truth, seconds, aim, cancel)
-    longest = 0.0
-    before = run.count
-    while run.count * run.samples < aim or run.count < LEAST_SEEDS:
-        now = time.perf_counter()
-        if run.count >= LEAST_SEEDS and now - began + longest > seconds:
-            break
-        run.add(_drawn(scene, truth, run.samples, FIRST_SEED + run.count, cancel))
-        done = time.perf_counter()
-        longest = max(longest, done - now)
-        progress(min(max(run.count * run.samples / aim, (done - began) / seconds if seconds > 0 else 1.0), 1.0))
-        if done - saved > 30.0 and run.count > 1:
+    longest, before = 0.0, run.count
+    try:
+        while run.count * run.samples < aim or run.count < LEAST_SEEDS:
+            now = time.perf_counter()
+            if run.count >= LEAST_SEEDS and now - began + longest > seconds:
+                break
+            run.add(_drawn(scene, truth, run.samples, FIRST_SEED + run.count, cancel))
+            done = time.perf_counter()
+            longest = max(longest, done - now)
+            progress(min(max(run.count * run.samples / aim, (done - began) / seconds if seconds > 0 else 1.0), 1.0))
+            if done - saved > SAVED_EVERY and run.count > 1:
+                save(run, path)
+                saved = done
+    finally:
+        if run.count > max(before, 1):
             save(run, path)
-            saved = done
-    if run.count > before:
-        save(run, path)
 
 
 def _samples_of_a_seed(scene: ir.Scene, truth: Truth, seconds: float, aim: int, cancel: threading.Event) -> int:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import platform
 import re
+import subprocess
 import sys
 import threading
 import time
@@ -49,6 +51,20 @@ def run(scene: ir.Scene, plan: planner.Plan, cancel: threading.Event | None = No
 def threads(settings: ir.Settings) -> int:
     """The number of threads everybody gets."""
     return settings.threads or os.cpu_count() or 1
+
+
+@functools.cache
+def import_seconds() -> float:
+    """What loading the renderer takes in a process of its own, seconds; 0 where none can be started."""
+    code = "import time; t = time.perf_counter(); import maquette.render.draw; print(time.perf_counter() - t)"
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}, timeout=60,
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, check=True,
+        )  # fmt: skip
+        return float(done.stdout)
+    except (OSError, subprocess.SubprocessError, ValueError):
+        return 0.0
 
 
 def machine(settings: ir.Settings) -> str:

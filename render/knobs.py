@@ -1,4 +1,4 @@
-"""The knobs each backend declares: settings that trade time for accuracy, as ladders from cheap to dear, and when a scene has a use for them.
+"""The knobs each backend declares: what trades time for accuracy, as ladders from cheap to dear, and when a scene has a use for them.
 
 Data for the instruments (`maquette chart`); nothing here draws. A new backend or a new knob is a row here.
 """

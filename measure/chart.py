@@ -1,0 +1,224 @@
+"""A scene's chart, measured: its reference, then every ladder of every backend and peer from cheap to dear, within one budget.
+
+The budget bounds all of it. Half goes to the reference (what it lacks is kept on disk and added by the next command); then whoever's
+next rung is expected to be cheapest goes first, so that all climb side by side, as far as LEAST runs of each rung fit. What time is
+left brings all to GOOD runs, in rounds over all rungs, so that a machine that slows down slows all. Every run has a seed of its own,
+which no other and no reference has; its picture is measured and added to sums, and not kept unless asked for.
+Only compiling kernels, which happens once, may take more than the budget: half of it is then still spent on measuring.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+from ..compiler import ir
+from ..compiler import plan as planner
+from ..render import output
+from . import contest, figures, keep, knobs, pareto, peer_run, peers, reference, runs, truth, wording
+from .contest import Contestant, Rung
+from .records import Chart, NothingMeasured, Reference, Setting, Wanted
+
+LEAST, GOOD = 5, 16  # runs of a setting: quartiles need the first, bias told from noise the second
+OF_REFERENCE = 0.5  # of the budget
+RESERVE = 0.03  # of the budget: for what comes after measuring
+BETTER = 16  # times the samples of the dearest rung the reference has at least: its noise then adds 3 % to an error at the most
+AIM = 100 * 4096  # samples a pixel of a reference that nothing is added to any more
+WIDE = 160  # pixels of the longer side where no size was asked for
+
+Progress = Callable[[float, float], None]  # done, of
+
+
+def measure(scene: ir.Scene, wanted: Wanted, progress: Progress | None = None, cancel: threading.Event | None = None) -> Chart:
+    """Measure a chart. `progress(done, total)` is called between renders, never during one; setting `cancel` ends the work.
+
+    Raises NothingMeasured where the budget is too short for anything or `cancel` came before the first point, planner.PlanError
+    for a camera that is not there.
+    """
+    return _Work(scene, wanted, progress or (lambda done, total: None), cancel or threading.Event()).chart()
+
+
+@dataclass(slots=True, eq=False)
+class _Climb:
+    """A ladder being climbed."""
+
+    by: Contestant
+    ladder: knobs.Ladder
+    rungs: list[Rung] = field(default_factory=list)
+    skipped: str = ""  # why the next rung was not measured
+    failed: bool = False
+
+    @property
+    def name(self) -> str:
+        """As in "ray, samples"."""
+        return f"{self.ladder.backend}, {self.ladder.name}"
+
+    def next_setting(self) -> Setting | None:
+        """The rung after the last, if there is one."""
+        at = len(self.rungs)
+        over = self.skipped or self.failed or at == len(self.ladder.settings)
+        return None if over else self.ladder.settings[at]
+
+    def expected(self) -> float:
+        """Seconds the next rung will take: of the last, rendering grows as its cost does, the rest stays."""
+        at, costs = len(self.rungs), self.ladder.costs
+        if at == 0:
+            return self.by.first * float(self.ladder.settings[0].options.get("samples") or 1)
+        last = self.rungs[-1]
+        render = last.seconds[-1]
+        return last.wall - render + render * costs[at] / costs[at - 1]
+
+
+class _Work:
+    """One measurement under way."""
+
+    def __init__(self, scene: ir.Scene, wanted: Wanted, progress: Progress, cancel: threading.Event) -> None:
+        self.began = time.perf_counter()
+        self.deadline = self.began + wanted.budget * (1.0 - RESERVE)
+        self.wanted, self.progress, self.cancel = wanted, progress, cancel
+        # A chart turns these itself, and what the scene says of them must not end a rung.
+        self.scene = replace(scene, settings=replace(scene.settings, samples=None, error=None, budget=None, seed=None))
+        self.settings = _sized(self.scene, replace(wanted.settings, backend=None, threads=runs.threads(wanted.settings)))
+        self.truth = truth.of(self.scene, self.settings)
+        self.left_out: dict[str, str] = {}
+        self.seed = wanted.settings.seed or 0
+        self.exposure, self.floor = 0.0, dict[str, float]()
+        asked = max(wanted.seeds or 0, wanted.repeats or 0)
+        self.least, self.good = asked or LEAST, asked or GOOD
+        self.keeper = keep.Keeper(wanted.keep) if wanted.keep is not None else None
+
+    def chart(self) -> Chart:
+        """All of it."""
+        plan = self.truth.make(self.scene)
+        try:
+            climbs = [_Climb(by, ladder) for by in self._contestants(plan) for ladder in by.ladders]
+            against = self._reference()
+        except runs.Cancelled:
+            raise NothingMeasured("interrupted before anything was measured") from None
+        self.exposure = output.metered(against.rgb) if plan["exposure"] == "metered" else float(plan["exposure"])
+        self.floor = figures.floor(against, self.exposure)
+        try:
+            self._climb(climbs, against)
+            self._fill(climbs, against)
+        except runs.Cancelled:
+            pass  # what was measured until now is charted
+        if self.keeper is not None:
+            self.keeper.done(against, self.exposure)
+        return self._charted(climbs, plan, against)
+
+    # --- who, and against what ------------------------------------------------------------------------------------------
+
+    def _contestants(self, plan: planner.Plan) -> list[Contestant]:
+        found = []
+        for backend in self.wanted.backends:
+            found.append(contest.ours(self.scene, self.truth, backend, self.cancel))
+            self._tell()
+        self.deadline = max(self.deadline, time.perf_counter() + 0.5 * self.wanted.budget)
+        for peer in peers.find(self.wanted.peers):
+            why = contest.without(peer, self.scene, plan)
+            if why:
+                self.left_out[peer.name] = why
+            else:
+                found.append(contest.peer(peer, self.scene, self.truth))
+        return found
+
+    def _reference(self) -> Reference:
+        seconds = OF_REFERENCE * (self.deadline - time.perf_counter())
+        return reference.make(self.scene, self.truth, seconds, AIM, lambda share: self._tell(), self.cancel)
+
+    # --- measuring ------------------------------------------------------------------------------------------------------
+
+    def _climb(self, climbs: list[_Climb], against: Reference) -> None:
+        """A first run of every rung that LEAST runs of are expected to fit, whoever is cheapest first."""
+        while waiting := [climb for climb in climbs if climb.next_setting() is not None]:
+            climb = min(waiting, key=_Climb.expected)
+            setting = climb.next_setting()
+            assert setting is not None
+            climb.skipped = self._too_good(setting, against) or self._too_long(climb, climbs)
+            rung = Rung(setting)
+            if not climb.skipped and self._run(climb, rung, against):
+                climb.rungs.append(rung)
+
+    def _too_good(self, setting: Setting, against: Reference) -> str:
+        """Why the reference is not good enough to measure a setting; "" where it is."""
+        samples, enough = against.samples, int(setting.options.get("samples") or 0) * BETTER
+        if samples and setting.knob == "error" and setting.value < 4.0 * self.floor.get("relmse", 0.0):
+            return f"the reference is only certain to {wording.error('relmse', self.floor['relmse'])}: a longer --budget improves it"
+        if samples and enough > samples:
+            return f"the reference has only {samples:,} samples: a longer --budget improves it"
+        return ""
+
+    def _too_long(self, climb: _Climb, climbs: list[_Climb]) -> str:
+        due = sum((self.least - rung.count) * rung.wall for other in climbs for rung in other.rungs)
+        expected = climb.expected()
+        if time.perf_counter() + due + self.least * expected <= self.deadline:
+            return ""
+        return f"{self.least} renders of about {wording.seconds(expected)} do not fit into the budget of {self.wanted.budget:g} s"
+
+    def _fill(self, climbs: list[_Climb], against: Reference) -> None:
+        """More runs, in rounds over all rungs, cheap ones first: LEAST of each, then as many as the time allows."""
+        rungs = sorted(((climb, rung) for climb in climbs for rung in climb.rungs), key=lambda pair: pair[1].wall)
+        for goal in range(2, self.good + 1):
+            for climb, rung in rungs:
+                fits = time.perf_counter() + rung.wall <= self.deadline
+                if rung.count < goal and not climb.failed and fits:
+                    self._run(climb, rung, against)
+
+    def _run(self, climb: _Climb, rung: Rung, against: Reference) -> bool:
+        """One more run of a rung; False where its backend failed, which is left out from here on."""
+        if self.cancel.is_set():
+            raise runs.Cancelled
+        self.seed += 1
+        try:
+            run = contest.timed(climb.by.draw, rung, self.seed % reference.FIRST_SEED)
+        except (peer_run.PeerError, planner.PlanError) as problem:
+            climb.failed = True
+            self.left_out[climb.name] = str(problem)
+            return False
+        rung.add(run, against, self.exposure)
+        if self.keeper is not None:
+            self.keeper.run(rung.setting, climb.ladder.name, run, {name: values[-1] for name, values in rung.errors.items()})
+        self._tell()
+        return True
+
+    # --- the chart ------------------------------------------------------------------------------------------------------
+
+    def _charted(self, climbs: list[_Climb], plan: planner.Plan, against: Reference) -> Chart:
+        metric, curves = self.wanted.metric, []
+        for climb in climbs:
+            made = figures.curve(climb.ladder, climb.rungs, metric, against, climb.by.stages)
+            if made is not None:
+                curves.append(made)
+            elif climb.rungs:
+                self.left_out[climb.name] = f"its pictures do not have what `{metric}` measures"
+            self._say_skipped(climb)
+        points = [point for curve in curves for point in curve.points]
+        if not points:
+            raise NothingMeasured("; ".join(f"{name}: {why}" for name, why in self.left_out.items()) or "no backend was asked for")
+        seconds, measured = ([p.seconds.median for p in points], [p.error.median for p in points])
+        front = pareto.front(seconds, measured)
+        return Chart(
+            self.wanted.name, plan["size"], metric, self.floor.get(metric, 0.0), against.how, tuple(curves), front,
+            pareto.knee(front, seconds, measured, self.floor.get(metric, 0.0)), self.left_out, runs.machine(self.settings), runs.versions(),
+        )  # fmt: skip
+
+    def _say_skipped(self, climb: _Climb) -> None:
+        rest = climb.ladder.settings[len(climb.rungs) :]
+        if climb.skipped and rest:
+            said = wording.setting(rest[0]) + (" and what follows" if len(rest) > 1 else "")
+            self.left_out[f"{climb.name}: {said}" if climb.rungs else climb.name] = climb.skipped
+
+    def _tell(self) -> None:
+        whole = self.deadline - self.began
+        self.progress(min(time.perf_counter() - self.began, whole), whole)
+
+
+def _sized(scene: ir.Scene, settings: ir.Settings) -> ir.Settings:
+    """With a size: the one asked for, else the scene's, made so small that many renders fit into a minute."""
+    if settings.size is not None:
+        return settings
+    width, height = planner.make(scene, settings)["size"]
+    share = min(WIDE / max(width, height), 1.0)
+    return replace(settings, size=(max(round(width * share), 1), max(round(height * share), 1)))

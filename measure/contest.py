@@ -1,0 +1,125 @@
+"""Who is measured on which settings: our backends and peers behind one door, and what each setting has shown so far."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..compiler import ir
+from ..compiler import plan as planner
+from . import bias, errors, knobs, runs
+from .peers import Peer
+from .records import Reference, Run, Setting, Spread
+from .truth import Truth
+
+Draw = Callable[[Setting, int], Run]  # a setting and a seed
+WARM = 32  # pixels square of the first render of a backend, which compiles its kernels or loads them
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Contestant:
+    """A backend or a peer: its ladders, how it draws, and what its first render took (`first`, of each ladder's first rung)."""
+
+    name: str
+    ladders: tuple[knobs.Ladder, ...]
+    draw: Draw
+    first: float = 0.0  # seconds that a render of one sample is expected to take
+    stages: dict[str, float] = field(default_factory=dict)  # seconds paid once a process, or with kernels that are not compiled yet
+
+
+@dataclass(slots=True, eq=False)
+class Rung:
+    """A setting and its runs: figures of each, and sums of their pictures."""
+
+    setting: Setting
+    seconds: list[float] = field(default_factory=list)
+    cpu: list[float] = field(default_factory=list)
+    stages: list[dict[str, float]] = field(default_factory=list)
+    errors: dict[str, list[float]] = field(default_factory=dict)
+    sums: bias.Sums = field(default_factory=bias.Sums)
+    notes: tuple[str, ...] = ()
+    wall: float = 0.0  # of the last run with all that belongs to it: what another will take
+
+    @property
+    def count(self) -> int:
+        """Runs so far."""
+        return len(self.seconds)
+
+    def add(self, run: Run, reference: Reference, exposure: float) -> None:
+        """Take in a run and measure it."""
+        self.seconds.append(run.seconds["render"])
+        self.cpu.append(run.cpu)
+        self.stages.append(dict(run.seconds))
+        for name, value in errors.measures(run.rgb, run.alpha, reference.rgb, reference.alpha, exposure).items():
+            self.errors.setdefault(name, []).append(value)
+        self.sums.add(run.rgb)
+        self.notes = run.notes
+
+    def seconds_of(self, stage: str) -> float:
+        """Median over the runs."""
+        return float(np.median([s.get(stage, 0.0) for s in self.stages]))
+
+
+def spread(values: list[float]) -> Spread:
+    """Median and quartiles; where some are endless, those values that are nearest."""
+    method = "linear" if np.isfinite(values).all() else "nearest"
+    low, median, high = (float(np.quantile(values, q, method=method)) for q in (0.25, 0.5, 0.75))
+    return Spread(median, low, high, len(values))
+
+
+def ours(scene: ir.Scene, light: Truth, backend: str, cancel: threading.Event) -> Contestant:
+    """One of our backends, warmed up: its kernels are compiled and loaded. Raises runs.Cancelled."""
+
+    def draw(setting: Setting, seed: int) -> Run:
+        return runs.run(scene, runs.plan_of(scene, light.settings, setting, seed), cancel)
+
+    ladders = tuple(knobs.ladders(scene, light, backend))
+    cheapest = ladders[0].settings[0]
+    crop = runs.plan_of(scene, light.settings, cheapest, 0)["crop"]
+    warm = replace(light.settings, crop=_middle(crop))
+    plan = runs.plan_of(scene, warm, replace(cheapest, options={**cheapest.options, "crop": warm.crop}), 0)
+    cold = runs.run(scene, plan, cancel)
+    run = runs.run(scene, plan, cancel)
+    share = (crop[2] - crop[0]) * (crop[3] - crop[1]) / (run.rgb.shape[0] * run.rgb.shape[1])
+    stages = {"import": runs.import_seconds(), "compile_kernels": cold.seconds.get("compile_kernels", 0.0)}
+    return Contestant(backend, ladders, draw, run.seconds["build"] + run.seconds["render"] * share, stages)
+
+
+def peer(of: Peer, scene: ir.Scene, light: Truth) -> Contestant:
+    """A peer that is installed and can express the scene."""
+    plan = light.make(scene, threads=runs.threads(light.settings))
+    settings = of.ladder(scene, plan)
+    costs = tuple(float(s.value) for s in settings)
+
+    def draw(setting: Setting, seed: int) -> Run:
+        return of.run(scene, plan, setting, seed)
+
+    return Contestant(of.name, (knobs.Ladder(of.name, settings[0].knob, settings, costs, ""),), draw)
+
+
+def without(peer: Peer, scene: ir.Scene, plan: planner.Plan) -> str:
+    """Why a peer is not measured; "" where it is."""
+    if peer.missing:
+        return peer.missing
+    lost = peer.express(scene, plan)
+    return f"cannot carry {'; '.join(lost)}" if lost else ""
+
+
+def timed(draw: Draw, rung: Rung, seed: int) -> Run:
+    """A run whose whole wall time is noted as what another will take."""
+    began = time.perf_counter()
+    run = draw(rung.setting, seed)
+    rung.wall = time.perf_counter() - began
+    return run
+
+
+def _middle(crop: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
+    """At most WARM by WARM pixels in the middle."""
+    x0, y0, x1, y1 = crop
+    width, height = min(x1 - x0, WARM), min(y1 - y0, WARM)
+    left, top = (x0 + x1 - width) // 2, (y0 + y1 - height) // 2
+    return left, top, left + width, top + height

@@ -1,0 +1,74 @@
+"""From runs to a chart's figures: points with bias and noise, curves and why they stop, the reference's own uncertainty in every metric."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from . import bias, contest, errors, knobs, wording
+from .contest import Rung
+from .records import Curve, Point, Reference
+
+DOMINANT = 0.5  # share of the squared error from which on a bias is what stops a curve
+CENTRES = "one sample a pixel is its centre: edges are not smoothed"
+
+
+def point(rung: Rung, metric: str, reference: Reference, once: dict[str, float]) -> Point | None:
+    """A rung as a point; None where the metric cannot be had of it. `once` are stages paid by the first picture of a process."""
+    if metric not in rung.errors:
+        return None
+    names = dict.fromkeys([*once, *(name for stages in rung.stages for name in stages)])
+    stages = {name: once.get(name) or rung.seconds_of(name) for name in names}
+    spreads = {name: contest.spread(values) for name, values in rung.errors.items()}
+    split = bias.split(rung.sums, reference)
+    told = {} if split is None else {
+        "bias": split.bias, "bias_error": split.bias_error, "noise": split.noise, "noise_error": split.noise_error,
+        "bias_squared": split.bias_squared, "bias_squared_error": split.bias_squared_error,
+    }  # fmt: skip
+    note = CENTRES if rung.setting.options.get("samples") == 1 and rung.setting.backend in wording.BACKENDS else ""
+    return Point(
+        rung.setting, contest.spread(rung.seconds), spreads[metric], spreads, **told,
+        stages=stages, note=note, cpu=float(np.median(rung.cpu)),
+    )  # fmt: skip
+
+
+def curve(ladder: knobs.Ladder, rungs: Sequence[Rung], metric: str, reference: Reference, once: dict[str, float]) -> Curve | None:
+    """A ladder as far as it was climbed; None where nothing of it can be charted."""
+    found = [(rung, made) for rung in rungs if (made := point(rung, metric, reference, once)) is not None]
+    if not found:
+        return None
+    points = tuple(made for _, made in found)
+    slope = None
+    if ladder.settings[0].knob == "samples":
+        random = [p for p in points if p.setting.value > 1]  # one sample may be the pixel's centre
+        slope = bias.slope([float(p.setting.value) for p in random], [p.noise or 0.0 for p in random])
+    return Curve(ladder.backend, ladder.name, points, _stops(ladder, *found[-1]), slope)
+
+
+def _stops(ladder: knobs.Ladder, rung: Rung, last: Point) -> str:
+    """Why the dearest rung's error is no noise, "" where it is."""
+    if not last.bias or last.bias**2 < DOMINANT * (last.bias**2 + (last.noise or 0.0) ** 2):
+        return ""
+    why = [ladder.light, *rung.notes, last.note]
+    if ladder.backend not in wording.BACKENDS:
+        why.append("what it computes differs")
+    named = "; ".join(filter(None, why)) or f"{wording.setting(last.setting)} draw another picture"
+    return f"{named}: bias {wording.error('relmse', last.bias)}"
+
+
+def floor(reference: Reference, exposure: float) -> dict[str, float]:
+    """The reference's own uncertainty in each metric: √relMSE from its variance, the others from how its halves differ.
+
+    Means over a and b seeds differ by σ √(1/a + 1/b), the mean of all is off by σ / √(a + b): √(a b) / (a + b) times as much.
+    """
+    if reference.halves is None:
+        return {}
+    one, other = reference.halves
+    a = math.ceil(len(reference.seeds) / 2)
+    b = len(reference.seeds) - a
+    share = math.sqrt(a * b) / (a + b)
+    apart = errors.measures(one[..., :3], one[..., 3], other[..., :3], other[..., 3], exposure)
+    own = float(np.sqrt(np.mean(bias.weights(reference.rgb) * reference.variance)))
+    return {**{name: value * share for name, value in apart.items()}, "relmse": own}

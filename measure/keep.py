@@ -1,0 +1,57 @@
+"""The raw images of a chart in a folder: every run and the reference as .exr, and index.json, so that other code can measure them again."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..render import output
+from ..render.image import Image
+from .records import Reference, Run, Setting
+
+INDEX = "index.json"
+
+
+class Keeper:
+    """Writes images as they come and the index at the end. Raises OSError if the disk will not."""
+
+    def __init__(self, folder: Path) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.folder = folder
+        self.runs: list[dict[str, Any]] = []
+
+    def run(self, setting: Setting, curve: str, run: Run, errors: dict[str, float]) -> None:
+        """Keep a run; `errors` are what was measured of it."""
+        name = re.sub(r"[^\w.-]+", "_", f"{len(self.runs):04d}-{setting.backend}-{curve}-{setting.value}-seed{run.seed}.exr")
+        alpha = np.ones(run.rgb.shape[:2], np.float32) if run.alpha is None else run.alpha
+        self._write(name, run.rgb, alpha)
+        self.runs.append(
+            {
+                "file": name, "backend": setting.backend, "curve": curve, "knob": setting.knob, "value": setting.value, "seed": run.seed,
+                "arguments": setting.arguments(), "seconds": dict(run.seconds), "cpu": run.cpu, "errors": errors,
+                "coverage": run.alpha is not None,
+            }
+        )  # fmt: skip
+
+    def done(self, reference: Reference, exposure: float) -> None:
+        """Keep the reference, with its variance as a picture of its own, and the index."""
+        alpha = np.ones(reference.rgb.shape[:2]) if reference.alpha is None else reference.alpha
+        self._write("reference.exr", reference.rgb, alpha)
+        self._write("reference-variance.exr", reference.variance, np.ones_like(alpha))
+        about = {
+            "file": "reference.exr", "variance": "reference-variance.exr", "how": reference.how, "samples": reference.samples,
+            "seeds": list(reference.seeds),
+        }  # fmt: skip
+        text = json.dumps({"reference": about, "exposure": exposure, "runs": self.runs}, indent=1, ensure_ascii=False)
+        (self.folder / INDEX).write_text(text + "\n", encoding="utf-8")
+
+    def _write(self, name: str, rgb: NDArray[np.floating], alpha: NDArray[np.floating]) -> None:
+        height, width = alpha.shape
+        rgba = np.dstack([rgb, alpha]).astype(np.float32)
+        picture = Image(width, height, {"rgba": rgba}, {"size": (width, height), "crop": (0, 0, width, height)})
+        output.write(picture, self.folder / name, output.Look(), {})

@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from . import cli_compare, cli_convert
+from . import cli_chart, cli_compare, cli_convert
 from . import cli_job as jobs
 from . import cli_options as values
 from . import cli_shared as shared
@@ -19,7 +19,6 @@ from .lang.diagnostics import SceneError, in_order
 
 PLANNED = {
     "format": "lay a scene out in the standard way",
-    "chart": "time against error over backends and settings",
     "sweep": "a labelled contact sheet over values of params",
     "new": "a scene to start from",
     "lsp": "the language server",
@@ -176,6 +175,7 @@ def explain(scene: Path, as_json: bool, **given: Any) -> None:
     terminal.report(jobs.plan_warnings(compiled, plan))
 
 
+cli.add_command(cli_chart.chart)
 cli.add_command(cli_compare.compare)
 
 

@@ -29,9 +29,11 @@ from .palette import FAINT, FLOOR, FRONT, GRID, INK, PAPER, Style, styles
 if TYPE_CHECKING:
     from .records import Chart, Curve, Point, Spread
 
+MISSING = 3  # contestants that are named as not charted
 SIZE = (9.6, 6.6)  # inches
 FONT = "DejaVu Sans"  # comes with matplotlib
 SETTINGS = {"font.family": FONT, "font.size": 10, "svg.fonttype": "none", "svg.hashsalt": "maquette", "path.simplify": False}
+REACH = 1.7  # the factor to which a bar makes the chart wider; longer ones are cut at its edge
 LEAST_SPAN = (6.0, 8.0)  # a chart is at least this wide and high, as ratios
 
 
@@ -86,7 +88,7 @@ class Picture:
 
     def _scales(self) -> None:
         axes, metric = self.axes, self.chart.metric
-        times = [v for p in self.points for v in _ends(p.seconds)]
+        times = [min(max(v, p.seconds.median / REACH), p.seconds.median * REACH) for p in self.points for v in _ends(p.seconds)]
         far = [v for p in self.points for v in _ends(p.error) if v > 0]
         middles = [p.error.median for p in self.points if p.error.median > 0]
         far += [bias for _, curves in wording.stops(self.chart) if (bias := bias_floor(curves))]
@@ -146,9 +148,9 @@ class Picture:
         for point, x, y in zip(curve.points, xs, ys, strict=True):
             time, far = point.seconds, point.error
             if time.high > time.low:
-                self._bar([time.low, time.high], [y, y], style, f"time-{self._index(point)}")
+                self._bar([max(time.low, self.x[0]), min(time.high, self.x[1])], [y, y], style, f"time-{self._index(point)}")
             if far.high > far.low:
-                self._bar([x, x], [max(far.low, self.y[0]), far.high], style, f"error-{self._index(point)}")
+                self._bar([x, x], [max(far.low, self.y[0]), min(far.high, self.y[1])], style, f"error-{self._index(point)}")
             fill = PAPER if style.hollow else style.color
             exact = far.median == 0
             mark = axes.plot(
@@ -162,7 +164,8 @@ class Picture:
         for i, (_, curves) in enumerate(wording.stops(self.chart)):
             if bias := bias_floor(curves):
                 start = min(p.seconds.median for curve in curves for p in curve.points)
-                color = self.styles[self.chart.curves.index(curves[0])].color
+                style = self._of_all(curves)
+                color = style.color if style else FAINT
                 line = self.axes.plot([start, self.x[1]], [bias, bias], linestyle=(0, (6, 4)), color=color, linewidth=1, zorder=2)[0]
                 line.set_gid(f"bias-{i}")
 
@@ -228,9 +231,10 @@ class Picture:
     def _floors(self) -> Iterator[_Words]:
         right = self.x[1] / 1.03
         for i, (name, curves) in enumerate(wording.stops(self.chart)):
-            color = self.styles[self.chart.curves.index(curves[0])].words
+            style = self._of_all(curves)
+            color = style.words if style else FAINT
             height = bias_floor(curves) or min(p.error.median for curve in curves for p in curve.points)
-            yield _Words(f"{name} stops: {curves[0].stops}", self._along(height), color, f"stops-{i}", fontsize=8.5, gap=4)
+            yield _Words(f"{name}: {curves[0].stops}", self._along(height), color, f"stops-{i}", fontsize=8.5, gap=4)
         if self.chart.floor > self.y[0]:
             said = f"the reference's own uncertainty, {wording.error(self.chart.metric, self.chart.floor)}"
             yield _Words(said, self._along(self.chart.floor), FAINT, "floor-label", fontsize=8.5, gap=4)
@@ -252,6 +256,10 @@ class Picture:
             ends = [curve.points[0], *curve.points[-1:], *curve.points[1:-1]][: len(curve.points)]
             for point in ends:
                 yield _Words(wording.value(point.setting), [self._pixel(point)], style.words, "", fontsize=7.5, gap=8, reach=20, most=2.5)
+
+    def _of_all(self, curves: Sequence[Curve]) -> Style | None:
+        """The style of curves of one backend."""
+        return self.styles[self.chart.curves.index(curves[0])] if len({curve.backend for curve in curves}) == 1 else None
 
     def _style_of(self, point: Point) -> Style:
         return next(s for c, s in zip(self.chart.curves, self.styles, strict=True) if any(p is point for p in c.points))
@@ -321,15 +329,18 @@ def _heading(chart: Chart) -> tuple[str, list[str]]:
     runs = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
     about = f"{wording.size(chart)}, {chart.machine}. Medians of {runs} run{'' if runs == '1' else 's'}, bars are quartiles."
     against = f"Measured against {chart.reference}"
-    return f"{chart.scene}: error against time", [line for text in (about, against) for line in textwrap.wrap(text, 142)]
+    return f"{wording.title(chart)}: error against time", [line for text in (about, against) for line in textwrap.wrap(text, 142)]
 
 
 def _footing(chart: Chart) -> list[str]:
     """What the marks mean, and who is not on the chart."""
-    marks = ["Ring and grey stairs: the Pareto front of what was measured"]
+    marks = ["ring and grey stairs: the Pareto front of what was measured"]
     if any(bias_floor(curves) for _, curves in wording.stops(chart)):
         marks.append("dashed: bias, which more time does not take away")
     if any(p.error.median == 0 for p in chart.points):
         marks.append("triangle at the lower edge: no error at all")
-    missing = [f"Not charted: {name}: {why}" for name, why in chart.left_out.items()]
-    return [line for text in (f"{'; '.join(marks)}.", *missing) for line in textwrap.wrap(text, 158)]
+    missing = wording.left_out(chart)
+    more = [f"and {len(missing) - MISSING} more, as chart.json says"] if len(missing) > MISSING else []
+    return [
+        line for text in (f"{'; '.join(marks)}", *missing[:MISSING], *more) for line in textwrap.wrap(f"{text[0].upper()}{text[1:]}.", 158)
+    ]

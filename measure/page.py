@@ -22,7 +22,7 @@ HERE = Path(__file__).parent
 
 def html(chart: Chart, drawing: str) -> str:
     """The whole page about `chart`; `drawing` is its SVG file."""
-    title = f"{chart.scene}: error against time"
+    title = f"{wording.title(chart)}: error against time"
     answers = "".join(f"<li>{escape(line)}</li>" for line in table.answers(chart))
     return f"""<!doctype html>
 <html lang="en">

@@ -70,7 +70,7 @@ def answers(chart: Chart) -> list[str]:
 
 def remarks(chart: Chart) -> list[str]:
     """What `answers` says beside the settings."""
-    return [*_knee(chart), *_stops(chart), *_equal(chart), *_floor(chart), *_left_out(chart)]
+    return [*_knee(chart), *_stops(chart), *_equal(chart), *_floor(chart), *wording.left_out(chart)]
 
 
 def _knee(chart: Chart) -> Iterator[str]:
@@ -85,7 +85,7 @@ def _knee(chart: Chart) -> Iterator[str]:
 def _stops(chart: Chart) -> Iterator[str]:
     for name, curves in wording.stops(chart):
         least = min(p.error.median for curve in curves for p in curve.points)
-        yield f"{name} stops at {wording.error(chart.metric, least)}: {curves[0].stops}"
+        yield f"{name} at {wording.error(chart.metric, least)}: {curves[0].stops}"
 
 
 def _equal(chart: Chart) -> Iterator[str]:
@@ -119,11 +119,6 @@ def _floor(chart: Chart) -> Iterator[str]:
     least = min((p.error.median for p in points), default=0.0)
     if chart.floor > 0 and least < 2 * chart.floor:
         yield f"the reference's own uncertainty is {wording.error(chart.metric, chart.floor)}: errors near it are not told apart"
-
-
-def _left_out(chart: Chart) -> Iterator[str]:
-    for name, why in chart.left_out.items():
-        yield f"not charted: {name}: {why}"
 
 
 def points(chart: Chart) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:

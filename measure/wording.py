@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -107,22 +109,44 @@ def setting(of: Setting) -> str:
 
 
 def curve(of: Curve, chart: Chart) -> str:
-    """A curve's name: its backend; with its knob where the backend has several curves on the chart."""
+    """A curve's name: `raster`; where its backend has several on the chart, `ray by samples`."""
     several = sum(other.backend == of.backend for other in chart.curves) > 1
-    return f"{of.backend}, {of.knob}" if several else of.backend
+    return f"{of.backend} by {of.knob}" if several else of.backend
 
 
 def stops(chart: Chart) -> list[tuple[str, list[Curve]]]:
-    """Who cannot get better, and the curves that show it: a backend that stops for one reason on all its ladders is named once."""
-    found: dict[tuple[str, str], list[Curve]] = {}
+    """Who cannot get better, `raster stops`, and the curves that show it; those that stop for one reason at one error stand together."""
+    found: dict[str, list[Curve]] = {}
     for of in chart.curves:
         if of.stops:
-            found.setdefault((of.backend, of.stops), []).append(of)
-    everyone = {backend: sum(of.backend == backend for of in chart.curves) for backend, _ in found}
-    return [
-        (backend if len(curves) == everyone[backend] else "; ".join(curve(of, chart) for of in curves), curves)
-        for (backend, _), curves in found.items()
-    ]
+            found.setdefault(of.stops, []).append(of)
+    return [(_stopped(curves, chart), curves) for curves in found.values()]
+
+
+def _stopped(curves: list[Curve], chart: Chart) -> str:
+    """`raster stops`, `raster and ray by samples stop`: a backend on all its ladders by its own name."""
+    names = []
+    for of in curves:
+        whole = all(other in curves for other in chart.curves if other.backend == of.backend)
+        names.append(of.backend if whole else curve(of, chart))
+    names = list(dict.fromkeys(names))
+    return f"{', '.join(names[:-1])} and {names[-1]} stop" if len(names) > 1 else f"{names[0]} stops"
+
+
+def title(chart: Chart) -> str:
+    """The scene's file name with its options, without its folder."""
+    file, *options = shlex.split(chart.scene) or [""]
+    return " ".join([PurePath(file).name, *options])
+
+
+def left_out(chart: Chart) -> list[str]:
+    """Who is not on the chart and why, and how many ladders could not be climbed to their end."""
+    cut = [name for name in chart.left_out if ": " in name]  # rungs: "ray, samples: 4096 samples"
+    lines = [f"not charted: {name}: {why}" for name, why in chart.left_out.items() if name not in cut]
+    if cut:
+        ladders = "1 ladder ends" if len(cut) == 1 else f"{len(cut)} ladders end"
+        lines.append(f"{ladders} before the dearest settings, as chart.json says: a longer --budget goes on")
+    return lines
 
 
 def point(of: Point, metric: str) -> str:

@@ -40,6 +40,7 @@ DOORS = {
     "__init__.py": "`import maquette` loads no numpy",
     "cli.py": "each command loads its own stages",
     "cli_shared.py": "settings are asked for once numpy is needed anyway",
+    "cli_chart.py": "drawing again loads no scene, and nobody else loads matplotlib",
     "cli_compare.py": "pictures and scenes load what they need",
     "cli_convert.py": "each format loads what writes it",
     "cli_job.py": "a job loads the stages it comes to",

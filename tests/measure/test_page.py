@@ -86,7 +86,7 @@ def test_every_colour_of_the_drawing_changes_with_the_paper() -> None:
 
 
 def test_names_of_strangers_stay_text() -> None:
-    evil = '</script><script>alert(1)</script>"&'
+    evil = "</script><script>alert(1)</script>&"
     chart = dataclasses.replace(charts.room(), scene=evil, machine=evil, left_out={evil: evil})
     chart = dataclasses.replace(chart, curves=(dataclasses.replace(chart.curves[0], stops=evil), *chart.curves[1:]))
     shown = Page(chart)

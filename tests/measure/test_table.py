@@ -134,3 +134,34 @@ def test_a_quicker_peer_is_told_of_and_not_advised() -> None:
         "knee: mitsuba, 4 samples: 10 % in 200 ms",
         "at 10 %, between measured points: mitsuba 200 ms, ray 400 ms (2.0 times as long)",
     ]
+
+
+def test_who_stops_for_one_reason_stands_together() -> None:
+    def curve(backend: str, knob: str, stops: str) -> Curve:
+        return Curve(backend, knob, charts.ladder(backend, 0.1, 0.1, 0.2, 2, bias=0.1), stops)
+
+    why = "no interreflection: bias 10 %"
+    chart = charts.chart(
+        curve("ray", "samples", why), curve("ray", "bounces", ""), curve("raster", "samples", why), curve("raster", "tolerance", why),
+        curve("reference", "samples", "one sample a pixel is its centre: bias 12 %"),
+    )  # fmt: skip
+    assert [name for name, _ in wording.stops(chart)] == ["ray by samples and raster stop", "reference stops"]
+    assert [len(curves) for _, curves in wording.stops(chart)] == [3, 1]
+
+
+def test_ladders_that_end_early_are_counted() -> None:
+    cut = {
+        "ray, samples: 4096 samples": "5 renders of about 9 s do not fit",
+        "raster, samples: 4096 samples": "the same",
+        "povray: glass": "x",
+    }
+    chart = charts.chart(Curve("ray", "samples", charts.ladder("ray", 0.1, 0.1, 0.2, 2)), left_out={"mitsuba": "not installed", **cut})
+    assert wording.left_out(chart) == [
+        "not charted: mitsuba: not installed",
+        "3 ladders end before the dearest settings, as chart.json says: a longer --budget goes on",
+    ]
+
+
+def test_a_title_has_no_folder() -> None:
+    chart = dataclasses.replace(charts.room(), scene="'/a b/room.scene' --set 'hour=20 min'")
+    assert wording.title(chart) == "room.scene --set hour=20 min"

@@ -26,6 +26,7 @@ OF_REFERENCE = 0.5  # of the budget
 RESERVE = 0.03  # of the budget: for what comes after measuring
 BETTER = 16  # times the samples of the dearest rung the reference has at least: its noise then adds 3 % to an error at the most
 AIM = 100 * 4096  # samples a pixel of a reference that nothing is added to any more
+FOR_PEERS = {"filter": "box"}  # the pixel filter that all renderers have: with peers on the chart everybody takes it
 WIDE = 160  # pixels of the longer side where no size was asked for
 
 Progress = Callable[[float, float], None]  # done, of
@@ -46,6 +47,7 @@ class _Climb:
 
     by: Contestant
     ladder: knobs.Ladder
+    first: float  # seconds its first rung is expected to take
     rungs: list[Rung] = field(default_factory=list)
     skipped: str = ""  # why the next rung was not measured
     failed: bool = False
@@ -65,7 +67,7 @@ class _Climb:
         """Seconds the next rung will take: of the last, rendering grows as its cost does, the rest stays."""
         at, costs = len(self.rungs), self.ladder.costs
         if at == 0:
-            return self.by.first * float(self.ladder.settings[0].options.get("samples") or 1)
+            return self.first
         last = self.rungs[-1]
         render = last.seconds[-1]
         return last.wall - render + render * costs[at] / costs[at - 1]
@@ -81,8 +83,10 @@ class _Work:
         # A chart turns these itself, and what the scene says of them must not end a rung.
         self.scene = replace(scene, settings=replace(scene.settings, samples=None, error=None, budget=None, seed=None))
         self.settings = _sized(self.scene, replace(wanted.settings, backend=None, threads=runs.threads(wanted.settings)))
-        self.truth = truth.of(self.scene, self.settings)
+        common = FOR_PEERS if wanted.peers and planner.make(self.scene, self.settings)["filter"] != FOR_PEERS["filter"] else {}
+        self.truth = truth.of(self.scene, self.settings, common)
         self.left_out: dict[str, str] = {}
+        self.versions = runs.versions()
         self.seed = wanted.settings.seed or 0
         self.exposure, self.floor = 0.0, dict[str, float]()
         asked = max(wanted.seeds or 0, wanted.repeats or 0)
@@ -93,7 +97,8 @@ class _Work:
         """All of it."""
         plan = self.truth.make(self.scene)
         try:
-            climbs = [_Climb(by, ladder) for by in self._contestants(plan) for ladder in by.ladders]
+            contestants = self._contestants(plan)
+            climbs = [_Climb(by, *pair) for by in contestants for pair in zip(by.ladders, by.first, strict=True)]
             against = self._reference()
         except runs.Cancelled:
             raise NothingMeasured("interrupted before anything was measured") from None
@@ -122,6 +127,7 @@ class _Work:
                 self.left_out[peer.name] = why
             else:
                 found.append(contest.peer(peer, self.scene, self.truth))
+                self.versions[peer.name] = peer.version
         return found
 
     def _reference(self) -> Reference:
@@ -142,11 +148,14 @@ class _Work:
                 climb.rungs.append(rung)
 
     def _too_good(self, setting: Setting, against: Reference) -> str:
-        """Why the reference is not good enough to measure a setting; "" where it is."""
+        """Why the reference is not good enough to measure a setting; "" where it is.
+
+        Ladders of other knobs are there for their bias, from which the reference's variance is taken anyway.
+        """
         samples, enough = against.samples, int(setting.options.get("samples") or 0) * BETTER
         if samples and setting.knob == "error" and setting.value < 4.0 * self.floor.get("relmse", 0.0):
             return f"the reference is only certain to {wording.error('relmse', self.floor['relmse'])}: a longer --budget improves it"
-        if samples and enough > samples:
+        if samples and setting.knob == "samples" and enough > samples:
             return f"the reference has only {samples:,} samples: a longer --budget improves it"
         return ""
 
@@ -201,7 +210,7 @@ class _Work:
         front = pareto.front(seconds, measured)
         return Chart(
             self.wanted.name, plan["size"], metric, self.floor.get(metric, 0.0), against.how, tuple(curves), front,
-            pareto.knee(front, seconds, measured, self.floor.get(metric, 0.0)), self.left_out, runs.machine(self.settings), runs.versions(),
+            pareto.knee(front, seconds, measured, self.floor.get(metric, 0.0)), self.left_out, runs.machine(self.settings), self.versions,
         )  # fmt: skip
 
     def _say_skipped(self, climb: _Climb) -> None:

@@ -22,12 +22,12 @@ WARM = 32  # pixels square of the first render of a backend, which compiles its 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contestant:
-    """A backend or a peer: its ladders, how it draws, and what its first render took (`first`, of each ladder's first rung)."""
+    """A backend or a peer: its ladders, how it draws, and the seconds the first rung of each ladder is expected to take (`first`)."""
 
     name: str
     ladders: tuple[knobs.Ladder, ...]
     draw: Draw
-    first: float = 0.0  # seconds that a render of one sample is expected to take
+    first: tuple[float, ...] = ()
     stages: dict[str, float] = field(default_factory=dict)  # seconds paid once a process, or with kernels that are not compiled yet
 
 
@@ -78,15 +78,18 @@ def ours(scene: ir.Scene, light: Truth, backend: str, cancel: threading.Event) -
         return runs.run(scene, runs.plan_of(scene, light.settings, setting, seed), cancel)
 
     ladders = tuple(knobs.ladders(scene, light, backend))
-    cheapest = ladders[0].settings[0]
-    crop = runs.plan_of(scene, light.settings, cheapest, 0)["crop"]
-    warm = replace(light.settings, crop=_middle(crop))
-    plan = runs.plan_of(scene, warm, replace(cheapest, options={**cheapest.options, "crop": warm.crop}), 0)
-    cold = runs.run(scene, plan, cancel)
-    run = runs.run(scene, plan, cancel)
-    share = (crop[2] - crop[0]) * (crop[3] - crop[1]) / (run.rgb.shape[0] * run.rgb.shape[1])
-    stages = {"import": runs.import_seconds(), "compile_kernels": cold.seconds.get("compile_kernels", 0.0)}
-    return Contestant(backend, ladders, draw, run.seconds["build"] + run.seconds["render"] * share, stages)
+    crop = light.make(scene)["crop"]
+    middle = _middle(crop)
+    share = (crop[2] - crop[0]) * (crop[3] - crop[1]) / ((middle[2] - middle[0]) * (middle[3] - middle[1]))
+
+    def warm(ladder: knobs.Ladder) -> dict[str, float]:
+        cheapest = ladder.settings[0]
+        part = replace(cheapest, options={**cheapest.options, "crop": middle})
+        return dict(runs.run(scene, runs.plan_of(scene, light.settings, part, 0), cancel).seconds)
+
+    stages = {"import": runs.import_seconds(), "compile_kernels": warm(ladders[0])["compile_kernels"]}
+    first = [warm(ladder) for ladder in ladders]
+    return Contestant(backend, ladders, draw, tuple(s["build"] + s["render"] * share for s in first), stages)
 
 
 def peer(of: Peer, scene: ir.Scene, light: Truth) -> Contestant:
@@ -98,7 +101,7 @@ def peer(of: Peer, scene: ir.Scene, light: Truth) -> Contestant:
     def draw(setting: Setting, seed: int) -> Run:
         return of.run(scene, plan, setting, seed)
 
-    return Contestant(of.name, (knobs.Ladder(of.name, settings[0].knob, settings, costs, ""),), draw)
+    return Contestant(of.name, (knobs.Ladder(of.name, settings[0].knob, settings, costs, ""),), draw, (0.0,))
 
 
 def without(peer: Peer, scene: ir.Scene, plan: planner.Plan) -> str:
@@ -106,7 +109,7 @@ def without(peer: Peer, scene: ir.Scene, plan: planner.Plan) -> str:
     if peer.missing:
         return peer.missing
     lost = peer.express(scene, plan)
-    return f"cannot carry {'; '.join(lost)}" if lost else ""
+    return "; ".join(lost)
 
 
 def timed(draw: Draw, rung: Rung, seed: int) -> Run:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any
 
 from ..compiler import ir
@@ -32,11 +32,11 @@ def ladders(scene: ir.Scene, light: truth.Truth, backend: str) -> list[Ladder]:
     Where a backend can draw the truth's light, it climbs with that; where the scene's own settings leave some of it out, they have
     ladders too, on which that shows as bias.
     """
-    full, own = light.make(scene, backend), planner.make(scene, replace(light.settings, backend=backend))
+    full, own = light.make(scene, backend), light.own(scene, backend)
     missing = truth.differs(light.make(scene), full)  # what no setting of the backend draws
     plain = _common(light.settings)
     said = any(full[name] != own[name] for name in ("bounces", "interreflection"))  # what has to stand on the command line
-    deep, decided = (plain | {"bounces": light.bounces}, light.plan) if said else (plain, {})
+    deep, decided = (plain | {"bounces": light.bounces}, {**light.common, **light.plan}) if said else (plain, light.common)
     less = truth.differs(full, own)
     other = full["interreflection"] != own["interreflection"]
     made = []
@@ -49,8 +49,8 @@ def ladders(scene: ir.Scene, light: truth.Truth, backend: str) -> list[Ladder]:
             continue
         name = f"{knob.name}, {full['bounces']} bounces" if less and full["bounces"] else knob.name
         made.append(_ladder(knob, backend, name, deep, decided, missing))
-        if other and knob.option == "samples":
-            made.append(_ladder(knob, backend, knob.name, plain, {}, less))
+        if other and knob.option == "samples" and backend != "reference":
+            made.append(_ladder(knob, backend, knob.name, plain, light.common, less))
     return made
 
 
@@ -70,10 +70,14 @@ def _ladder(knob: knobs.Knob, backend: str, name: str, options: Mapping[str, Any
 
 
 def _depths(knob: knobs.Knob, backend: str, light: truth.Truth, options: Mapping[str, Any], full: planner.Plan) -> Ladder:
-    """Depths below the truth's, and the truth's."""
-    values = [v for v in knob.values if v < full["bounces"]] + [full["bounces"]]
-    settings = tuple(Setting(backend, knob.name, v, {**knob.fixed, knob.option: v, **options}, light.plan if v else {}) for v in values)
-    return Ladder(backend, knob.name, settings, _costs(knob.cost, tuple(values)), "")
+    """Depths below the truth's, which other ladders climb with."""
+    values = tuple(v for v in knob.values if v < full["bounces"])
+    plans = [{**light.common, **(light.plan if v else {})} for v in values]
+    settings = tuple(
+        Setting(backend, knob.name, v, {**knob.fixed, knob.option: v, **options}, p) for v, p in zip(values, plans, strict=True)
+    )
+    light_lost = f"no more than {values[-1]} bounces of {full['bounces']}"
+    return Ladder(backend, knob.name, settings, _costs(knob.cost, values), light_lost)
 
 
 def _costs(cost: Callable[[Any], float], values: tuple[Any, ...]) -> tuple[float, ...]:

@@ -26,8 +26,9 @@ class Truth:
     """The settings of the reference: what all have in common, and the depth beside it (`bounces` None: as the scene says)."""
 
     settings: ir.Settings  # size, threads, camera, …: everybody's
+    common: Mapping[str, str]  # everybody's overrides of the plan
     bounces: int | None
-    plan: Mapping[str, str]
+    plan: Mapping[str, str]  # overrides that belong to the depth
     how: str  # for people
 
     def make(self, scene: ir.Scene, backend: str = "ray", **options: object) -> planner.Plan:
@@ -35,15 +36,24 @@ class Truth:
         asked = replace(self.settings, backend=backend, **options)
         if self.bounces is not None:
             asked = replace(asked, bounces=self.bounces)
-        return planner.make(scene, asked, self.plan)
+        return planner.make(scene, asked, {**self.common, **self.plan})
+
+    def own(self, scene: ir.Scene, backend: str) -> planner.Plan:
+        """A plan of the light that the scene's own settings, or those asked for, give."""
+        return planner.make(scene, replace(self.settings, backend=backend), self.common)
 
 
-def of(scene: ir.Scene, settings: ir.Settings) -> Truth:
+def of(scene: ir.Scene, settings: ir.Settings, common: Mapping[str, str] | None = None) -> Truth:
     """The truth of a scene as asked for. Raises planner.PlanError."""
+    bounces, plan, how = _light(scene, settings)
+    return Truth(settings, common or {}, bounces, plan, how)
+
+
+def _light(scene: ir.Scene, settings: ir.Settings) -> tuple[int | None, dict[str, str], str]:
     own = planner.make(scene, replace(settings, backend="ray"))
     if settings.bounces is not None:
         between = ", matt surfaces too" if own["interreflection"] else ""
-        return Truth(settings, settings.bounces, {}, f"{settings.bounces} bounces, as asked for{between}")
+        return settings.bounces, {}, f"{settings.bounces} bounces, as asked for{between}"
     materials = scene.tables.materials
     specular = bool(planner.specular_materials(scene).any())
     lit = materials.model != ir.MaterialModel.EMISSIVE
@@ -52,14 +62,14 @@ def of(scene: ir.Scene, settings: ir.Settings) -> Truth:
         alone = {"interreflection": "off"} if own["interreflection"] else {}
         how = "none between matt surfaces: ambient light stands for it"
         if not specular:
-            return Truth(settings, 0, alone, f"interreflection: {how}")
-        return Truth(settings, SPECULAR_DEPTH, {"interreflection": "off"}, f"{SPECULAR_DEPTH} bounces at mirrors and glass, {how}")
+            return 0, alone, f"interreflection: {how}"
+        return SPECULAR_DEPTH, {"interreflection": "off"}, f"{SPECULAR_DEPTH} bounces at mirrors and glass, {how}"
     if matt > 0.0:
         depth = max(_depth(matt), SPECULAR_DEPTH if specular else 0)
-        return Truth(settings, depth, {}, f"interreflection to {depth} bounces")
+        return depth, {}, f"interreflection to {depth} bounces"
     if specular:
-        return Truth(settings, SPECULAR_DEPTH, {}, f"{SPECULAR_DEPTH} bounces at mirrors and glass")
-    return Truth(settings, None, {}, "light as it is emitted")
+        return SPECULAR_DEPTH, {}, f"{SPECULAR_DEPTH} bounces at mirrors and glass"
+    return None, {}, "light as it is emitted"
 
 
 def differs(truth: planner.Plan, other: planner.Plan) -> str:

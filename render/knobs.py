@@ -62,7 +62,7 @@ KNOBS: Mapping[str, tuple[Knob, ...]] = {
     "ray": (
         _by_samples(_SAMPLES),
         _ERROR,
-        Knob("bounces", (0, 1, 2, 4, 8, 16), lambda n: 1.0 + n, option="bounces", fixed={"samples": FIXED_SAMPLES}, applies=_light_goes_on),
+        Knob("bounces", (0, 1, 2, 4, 8), lambda n: 1.0 + n, option="bounces", fixed={"samples": FIXED_SAMPLES}, applies=_light_goes_on),
     ),
     "raster": (
         _by_samples(_SAMPLES),

@@ -21,6 +21,8 @@ from numba import config, njit
 from numba.core import event
 from numba.extending import register_jitable
 
+from .fragments import Fragment
+
 from . import machine
 
 _COMPILED_FROM = ("ir.py", "records.py")  # without kernels of their own, but their constants and types are compiled in
@@ -68,8 +70,11 @@ CACHE = _prepare_cache()
 config.CACHE_DIR = str(CACHE)  # pyright: ignore[reportAttributeAccessIssue]
 
 
-HELPER: Any = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True, "forceinline": True}
-"""How helpers compile. Nothing calls them but compiled code: without a wrapper for others, compiling takes a sixth less."""
+HELPER: Any = {
+    "error_model": "numpy", "nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "forceinline": True,
+    "pipeline_class": Fragment,
+}  # fmt: skip
+"""How helpers compile: into the kernels that call them, and nowhere else. Vectors that pass through memory cost more than the work on them."""
 
 
 def is_cold() -> bool:

@@ -21,9 +21,8 @@ from numba import config, njit
 from numba.core import event
 from numba.extending import register_jitable
 
-from .fragments import Fragment
-
 from . import machine
+from .fragments import Fragment
 
 _COMPILED_FROM = ("ir.py", "records.py")  # without kernels of their own, but their constants and types are compiled in
 _KEEP = 3  # caches of other versions that are left in place
@@ -74,7 +73,7 @@ HELPER: Any = {
     "error_model": "numpy", "nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "forceinline": True,
     "pipeline_class": Fragment,
 }  # fmt: skip
-"""How helpers compile: into the kernels that call them, and nowhere else. Vectors that pass through memory cost more than the work on them."""
+"""How helpers compile: into the kernels that call them, and nowhere else. Passing vectors through memory costs more than working on them."""
 
 
 def is_cold() -> bool:

@@ -17,10 +17,9 @@ def one_number(x, y):
         lanes.where(x > y, x, y), lanes.where(x > 0.0, 1.0, y), lanes.minimum(x, y), lanes.maximum(x, y), lanes.clip(x, -1.0, 1.0),
         lanes.sqrt(abs(x)), lanes.sin(y), lanes.cos(y), lanes.asin(x), lanes.acos(x), lanes.atan2(y, x), lanes.hypot(x, y),
         lanes.exp(-abs(y)), lanes.log(abs(y)), lanes.floor(x), lanes.power(abs(y), 1.5), lanes.lerp(x, y, 0.25), lanes.sign_of(x),
-        lanes.absolute(x), lanes.to_float(k), lanes.to_float(lanes.to_int(lanes.clip(x, -9.0, 9.0))), lanes.copy(x),
+        lanes.absolute(x), lanes.to_float(k), lanes.to_float(lanes.to_int(lanes.clip(x, -9.0, 9.0))),
         lanes.where(lanes.is_finite(x), 1.0, 0.0), lanes.where(lanes.not_(x > 0.0), 1.0, 0.0), lanes.full_like(x, 3.0),
         lanes.to_float(lanes.int_like(x, 5) % 3), lanes.where(lanes.bool_like(x, True), x, y),
-        lanes.to_float(lanes.to_uint(lanes.int_like(x, 7)) >> lanes.to_uint(lanes.int_like(x, 1))),
     )  # fmt: skip
 
 

@@ -13,8 +13,8 @@ from .rays import agree_closest, closest, size_of, warm_up
 
 TEXT = """
 From vertices and triangles in memory to a tree that rays can walk. Embree: a new scene with a copy of the mesh, and `rtcCommitScene` at
-its default quality, on one thread. maquette: `bvh.build` of a scene of one mesh. Bytes are those a tree holds besides its mesh. Both trees
-are then asked for the same rays, and those answers compared.
+its default quality, on one thread. maquette: `render.rays.trees` of a scene of one mesh. Bytes are those a tree holds besides its mesh.
+Both trees are then asked for the same rays, and those answers compared.
 """
 
 

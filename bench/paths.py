@@ -7,7 +7,7 @@ import itertools
 import math
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +26,8 @@ TEXT = """
 The Cornell box as Mitsuba's `cornell_box()` has it, its lamp made black, and the same box with a torus knot of 70,000 flat triangles in
 place of the two blocks. Path tracing to depth 8 (the lamp seen counts as 1), box filter, 32-bit colours, one thread. Scenes are loaded and
 trees built before. *Rate* is a picture of 256² with 16 samples a pixel. *Error* is √relMSE of a picture of 128² against the mean of long
-runs of the same renderer with other seeds; the long runs of both must agree, block by block, within what their own seeds differ. Mitsuba:
-the `path` integrator and its independent sampler in llvm mode, and for the rate also in scalar mode.
+runs of the same renderer with other seeds, less what those runs' own noise adds; the long runs of both must agree, block by block, within
+what their own seeds differ. Mitsuba: the `path` integrator and its independent sampler, in llvm mode, and for the rate also in scalar mode.
 """
 DEPTH = 8
 BLOCKS = 8  # of the picture along each side, whose means are compared
@@ -36,6 +36,24 @@ MOST_Z2 = 2.5  # mean z² of blocks: 1 where nothing differs but chance, a littl
 MOST_OFF = 0.002  # by which the whole picture's mean may differ beyond four standard errors
 
 Picture = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """The mean of a renderer's long runs, and what its own noise adds to the square of an error told against it."""
+
+    mean: Picture
+    noise: float
+
+    @classmethod
+    def of(cls, runs: Picture) -> Reference:
+        """From (seeds, h, w, 3)."""
+        mean = runs.mean(axis=0)
+        return cls(mean, metrics.root_relmse(mean + np.sqrt(runs.var(axis=0, ddof=1) / len(runs)), mean) ** 2)
+
+    def error(self, picture: Picture) -> float:
+        """√relMSE of a picture."""
+        return math.sqrt(max(metrics.root_relmse(picture, self.mean) ** 2 - self.noise, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +77,7 @@ def section(quick: bool, effort: Effort) -> report.Section:
             sides = [ours(filled), *_there(peers, functools.partial(theirs, filled, mitsuba.LLVM))]
             size, samples = (32, 4) if quick else (256, 16)
             try:
-                agreement, references = long_runs(sides, 32 if quick else 128, 16 if quick else 256)
+                agreement, references = long_runs(sides, 32 if quick else 128, 16 if quick else 128)
             except Disagreement as why:
                 found.refused.append(f"{title}: {why}")
                 found.blocks.append(f"**{title}**\n\nNo times: the long runs differ: {why}.")
@@ -90,19 +108,14 @@ def _there(peers: Peers, make: Callable[[], Renderer]) -> list[Renderer]:
 
 
 def ours(filled: Path | None) -> Renderer:
-    """maquette: a scene of the language, prepared once for each size."""
+    """maquette: a scene of the language, prepared for each picture before the clock runs."""
     scene = _scene(filled)
-
-    @functools.cache
-    def prepared(size: int) -> prepare.Prepared:
-        decided = _decide(scene, size, 1, 0)
-        return prepare.prepare(scene, decided, View(decided["camera"], size, size))
 
     def draw(size: int, samples: int, seed: int) -> Callable[[], Any]:
         decided = _decide(scene, size, samples, seed)
         view = View(decided["camera"], size, size)
-        ready = replace(prepared(size), options=prepare.options_of(decided, scene.tables))
-        return lambda: film.run(ray.Renderer(ready, decided, view), decided, view).channels["rgba"]
+        prepared = prepare.prepare(scene, decided, view)
+        return lambda: film.run(ray.Renderer(prepared, decided, view), decided, view).channels["rgba"]
 
     return Renderer(OURS, draw, lambda rgba: np.asarray(rgba[..., :3], np.float64))
 
@@ -112,7 +125,8 @@ def _scene(filled: Path | None) -> ir.Scene:
         return load(SCENES / "cornell.scene")
     kept = [line for line in (SCENES / "cornell.scene").read_text(encoding="utf-8").splitlines() if not line.startswith("box(")]
     path = filled.with_suffix(".scene")
-    path.write_text("\n".join([*kept, f'mesh("{filled.name}", translate: [0, -0.35, 0], material: white)']), encoding="utf-8")
+    flat = 'lambert(rgb(0.885809, 0.698859, 0.666422), shading: "flat")'  # a file without normals would else get smooth ones
+    path.write_text("\n".join([*kept, f'mesh("{filled.name}", translate: [0, -0.35, 0], material: {flat})']), encoding="utf-8")
     return load(path)
 
 
@@ -162,17 +176,19 @@ def write_ply(path: Path, mesh: meshes.Mesh) -> None:
 # --- what is measured ----------------------------------------------------------------------------------------------------
 
 
-def long_runs(sides: Sequence[Renderer], size: int, samples: int) -> tuple[str, dict[str, Picture]]:
-    """(how they compare, each renderer's mean of SEEDS long runs). Raises Disagreement where they differ by more than chance."""
+def long_runs(sides: Sequence[Renderer], size: int, samples: int) -> tuple[str, dict[str, Reference]]:
+    """(how they compare, each renderer's reference of SEEDS long runs). Raises Disagreement where they differ by more than chance."""
     runs = {side.name: np.stack([side.read(side.draw(size, samples, 1000 + k)()) for k in range(SEEDS)]) for side in sides}
-    references = {name: pictures.mean(axis=0) for name, pictures in runs.items()}
+    references = {name: Reference.of(pictures) for name, pictures in runs.items()}
     said = [f"{SEEDS} × {samples} samples a pixel"]
     for name in list(runs)[1:]:
-        off = references[name].mean() / references[OURS].mean() - 1.0
+        off = references[name].mean.mean() / references[OURS].mean.mean() - 1.0
         z2 = block_z2(runs[OURS], runs[name])
         text = f"{name}: mean {off:+.3%}, mean z² of blocks {z2:.2f}"
+        if any(np.array_equal(*pictures[:2]) for pictures in runs.values()):
+            raise Disagreement("runs with different seeds are the same")
         wholes = [runs[n].mean(axis=(1, 2, 3)) for n in (OURS, name)]
-        chance = math.sqrt(sum(w.var(ddof=1) / len(w) for w in wholes)) / references[OURS].mean()
+        chance = math.sqrt(sum(w.var(ddof=1) / len(w) for w in wholes)) / references[OURS].mean.mean()
         if abs(off) > MOST_OFF + 4.0 * chance or z2 > MOST_Z2:
             raise Disagreement(text)
         said.append(text)
@@ -199,13 +215,13 @@ def block_z2(a: Picture, b: Picture) -> float:
 
 def rates(sides: Sequence[Renderer], size: int, samples: int, effort: Effort) -> Result:
     """Samples a second."""
-    contenders = [_contender(side, size, samples, []) for side in sides]
+    contenders = [_contender(side, size, samples, effort, []) for side in sides]
     return measure(Case(f"{size}², {samples} samples", contenders, functools.partial(agree_means, samples), size * size * samples), effort)
 
 
-def _contender(side: Renderer, size: int, samples: int, pictures: list[Picture]) -> Contender:
+def _contender(side: Renderer, size: int, samples: int, effort: Effort, pictures: list[Picture]) -> Contender:
     """A new seed for each run; the pictures are kept."""
-    work = iter([side.draw(size, samples, seed) for seed in range(1, 40)])
+    work = iter([side.draw(size, samples, seed) for seed in range(1, effort.rounds + 2)])
 
     def run() -> Any:
         picture = next(work)()
@@ -226,13 +242,13 @@ def agree_means(samples: int, answers: Mapping[str, Any]) -> str:
     return f"means {text}"
 
 
-def errors(sides: Sequence[Renderer], references: Mapping[str, Picture], ladder: Sequence[int], effort: Effort) -> str:
+def errors(sides: Sequence[Renderer], references: Mapping[str, Reference], ladder: Sequence[int], effort: Effort) -> str:
     """Tables of √relMSE and CPU time for each number of samples, and of the time to the same error."""
-    size = next(iter(references.values())).shape[0]
+    size = len(next(iter(references.values())).mean)
     rows, curves = [], {side.name: [] for side in sides}
     for samples in ladder:
         pictures: dict[str, list[Picture]] = {side.name: [] for side in sides}
-        contenders = [_contender(side, size, samples, pictures[side.name]) for side in sides]
+        contenders = [_contender(side, size, samples, effort, pictures[side.name]) for side in sides]
         result = measure(Case("", contenders, functools.partial(agree_means, samples)), effort)
         if result.refused:
             rows.append((f"{samples}", "no times: " + result.refused))
@@ -240,7 +256,7 @@ def errors(sides: Sequence[Renderer], references: Mapping[str, Picture], ladder:
         cells = [f"{samples}"]
         for times in result.times:
             name = times.contender.name
-            error = float(np.median([metrics.root_relmse(p, references[name]) for p in pictures[name]]))
+            error = float(np.median([references[name].error(picture) for picture in pictures[name]]))
             curves[name].append((times.spread().median, error))
             cells += [f"{times.spread().median * 1e3:.3g}", f"{error:.2%}"]
         rows.append(tuple(cells))

@@ -22,7 +22,7 @@ A torus knot with bumps, in three sizes, and 10,000 instances of the smallest, s
 order, *diffuse* by the cosine from where those hit, *shadow* from there to a point light (any hit, up to the light). Each contender
 gets the same float32 arrays and writes arrays of distance, triangle and weights, or of one truth value a ray. Embree does single rays
 (`rtcIntersect1`, its default quality, not robust): *embreex* is one call of its `EmbreeScene.run` for all rays, which also writes normals;
-*Embree* is the same library called ray by ray from a compiled loop, without Python. maquette: its single rays, in one kernel.
+*Embree* is the same library called ray by ray from a compiled loop, without Python. maquette: one call of `render.rays` for all rays.
 """
 INSTANCES = 10_000
 MOST_APART = 2e-4  # share of rays that may differ: Embree's default lets rays through edges, and rounding decides at silhouettes
@@ -33,7 +33,8 @@ def closest(rays: Rays, accel: Handle) -> tuple[NDArray[np.float32], NDArray[np.
     """Distance (inf: nothing), triangle and instance (-1) of the first hit of each ray."""
     n = len(rays.limit)
     (t, u, v), (triangle, instance) = np.empty((3, n), np.float32), np.empty((2, n), np.int32)
-    traced.closest_of(accel, rays.origin, rays.direction, np.zeros(n, np.float32), rays.limit, 1, traced.Met(t, instance, triangle, u, v))
+    columns: Any = (t, instance, triangle, u, v)  # narrower than the renderer's own, as Embree's are
+    traced.closest_of(accel, rays.origin, rays.direction, np.zeros(n, np.float32), rays.limit, traced.CAMERA, traced.Met(*columns))
     return t, triangle, instance
 
 
@@ -56,8 +57,7 @@ class Sides:
 
     def __post_init__(self) -> None:
         scene = meshes.scene(self.mesh, self.transforms)
-        (accel, build) = timed(lambda: traced.trees(scene.tables))
-        self.accel, self.build = accel, build
+        self.accel, self.build = timed(lambda: traced.trees(scene.tables))
 
     def case(self, rays: Rays) -> Case:
         any_hit = rays.name == "shadow"

@@ -9,6 +9,7 @@ noise² + bias² is the relMSE one run is expected to have. Celarek et al. 2019,
 
 Their standard errors take pixels as independent and normal, and the three channels of a pixel as fully dependent, which overstates
 rather than understates them: var X = 4 b² v + 2 v² + 2 (s²/N)²/(N − 1) + 2 σ_R⁴/(S − 1) with v = s²/N + σ_R² and S reference seeds.
+To that of bias² comes what the weights, taken from an uncertain R, may add: with R = μ(1 + x), ⟨(x² − σ²) / (1 + x)²⟩ is 6 σ⁴ + ….
 """
 
 from __future__ import annotations
@@ -100,7 +101,9 @@ def split(runs: Sums, reference: Reference) -> Split | None:
     crossed = max(float(np.sum(4.0 * weight**2 * both * away)), 0.0)
     return Split(
         bias_squared=float(np.mean(weight * away)),
-        bias_squared_error=_of_pixels(float(np.sum(weight**2 * doubt)) + crossed, away.size),
+        bias_squared_error=math.hypot(
+            _of_pixels(float(np.sum(weight**2 * doubt)) + crossed, away.size), 6.0 * float(np.mean((weight * of_reference) ** 2))
+        ),
         noise_squared=float(np.mean(weight * runs.variance)),
         noise_squared_error=_of_pixels(float(np.sum(weight**2 * 2.0 * runs.variance**2 / (n - 1))), away.size),
     )

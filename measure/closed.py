@@ -13,7 +13,6 @@ from ..render import camera
 from ..render.records import View
 
 MARGIN = 2.0  # pixels that every filter reaches beyond the picture at most
-FLAT = {ir.GeometryKind.PLANE, ir.GeometryKind.RECTANGLE}
 CONSTANT_LIGHTS = {ir.LightKind.DIRECTIONAL, ir.LightKind.AMBIENT}  # whose irradiance is the same all over a plane
 
 
@@ -41,8 +40,8 @@ def _nothing_there(scene: ir.Scene, plan: Plan) -> Constant | None:
     return Constant((red, green, blue), 0.0, "closed form: nothing is there but the background")
 
 
-def _one_flat_surface(scene: ir.Scene, plan: Plan) -> Constant | None:
-    """One plane or rectangle fills the picture, Lambertian without textures, in directional and ambient light.
+def _one_plane(scene: ir.Scene, plan: Plan) -> Constant | None:
+    """One plane fills the picture, Lambertian without textures, in directional and ambient light.
 
     L = k_a L_a + k_d/π Σ E⊥ max(0, n·l) with n towards the camera. It is flat: it neither shades nor lights itself.
     """
@@ -67,16 +66,16 @@ def _one_flat_surface(scene: ir.Scene, plan: Plan) -> Constant | None:
     irradiance = facing @ lights.color[distant]
     ambient = lights.color[~distant].sum(axis=0)
     rgb = values[ir.Slot.AMBIENT] * ambient + values[ir.Slot.DIFFUSE] * irradiance / np.pi
-    return Constant(tuple(rgb.tolist()), 1.0, "closed form: one flat matt surface in directional and ambient light, ρE/π + k_a L_a")
+    return Constant(tuple(rgb.tolist()), 1.0, "closed form: one matt plane in directional and ambient light, ρE/π + k_a L_a")
 
 
 def _filled_from(tables: ir.Tables, plan: Plan) -> int:
-    """1 or -1, the side of its normal a flat instance is seen from, where it fills the picture; else 0.
+    """1 or -1, the side of its normal a plane is seen from, where it fills the picture; else 0.
 
-    What the camera sees of a flat convex thing is convex: it fills the picture if the corners see it.
+    What the camera sees of a plane is convex: it fills the picture if the corners see it.
     """
     g = int(tables.instances.geometry[0])
-    if tables.geometries.kind[g] not in FLAT or not tables.instances.visible[0] & ir.Visibility.CAMERA:
+    if tables.geometries.kind[g] != ir.GeometryKind.PLANE or not tables.instances.visible[0] & ir.Visibility.CAMERA:
         return 0
     x0, y0, x1, y1 = plan["crop"]
     x = np.array([x0 - MARGIN, x1 + MARGIN, x0 - MARGIN, x1 + MARGIN])
@@ -87,13 +86,9 @@ def _filled_from(tables: ir.Tables, plan: Plan) -> int:
     direction = inverse[:, :3] @ np.array([np.broadcast_to(c, x.shape) for c in ray.direction])
     with np.errstate(divide="ignore", invalid="ignore"):
         t = -origin[1] / direction[1]
-        at = origin + t * direction
     met = np.isfinite(t) & (t > ray.t_min) & (t < ray.t_max)
-    if tables.geometries.kind[g] == ir.GeometryKind.RECTANGLE:
-        half = tables.geometries.parameters[g, :2]
-        met &= (np.abs(at[0]) < half[0]) & (np.abs(at[2]) < half[1])
     sides = np.sign(-direction[1])
     return int(sides[0]) if met.all() and (sides == sides[0]).all() else 0
 
 
-RECOGNISERS: tuple[Callable[[ir.Scene, Plan], Constant | None], ...] = (_nothing_there, _one_flat_surface)
+RECOGNISERS: tuple[Callable[[ir.Scene, Plan], Constant | None], ...] = (_nothing_there, _one_plane)

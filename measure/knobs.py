@@ -50,7 +50,8 @@ def ladders(scene: ir.Scene, light: truth.Truth, backend: str) -> list[Ladder]:
         name = f"{knob.name}, {full['bounces']} bounces" if less and full["bounces"] else knob.name
         made.append(_ladder(knob, backend, name, deep, decided, missing))
         if other and knob.option == "samples" and backend != "reference":
-            made.append(_ladder(knob, backend, knob.name, plain, light.common, less))
+            shallow = knob.name if full["bounces"] else f"{knob.name}, {own['bounces']} bounces"
+            made.append(_ladder(knob, backend, shallow, plain, light.common, less))
     return made
 
 

@@ -118,11 +118,11 @@ def test_block_scores_are_one_by_chance_and_see_a_small_bias() -> None:
     assert paths.block_z2(a, b) > paths.MOST_Z2
 
 
-def fake(name: str, bias: float) -> paths.Renderer:
-    """A renderer of noise about a picture of ones."""
+def fake(name: str, bias: float, stuck: bool = False) -> paths.Renderer:
+    """A renderer of noise about a picture of ones; `stuck`: it does not hear of seeds."""
 
     def draw(size: int, samples: int, seed: int) -> Any:
-        rng = np.random.default_rng(hash((name, samples, seed)) % 2**32)
+        rng = np.random.default_rng([len(name), samples, 0 if stuck else seed])
         return lambda: 1.0 + bias + rng.normal(0.0, 1.0 / np.sqrt(samples), (size, size, 3))
 
     return paths.Renderer(name, draw, lambda rgb: rgb)
@@ -131,9 +131,22 @@ def fake(name: str, bias: float) -> paths.Renderer:
 def test_long_runs_that_differ_are_refused() -> None:
     said, references = paths.long_runs([fake("maquette", 0.0), fake("peer", 0.0)], 32, 64)
     assert said.startswith("4 × 64 samples a pixel; peer: mean ")
-    assert references["peer"].shape == (32, 32, 3)
+    assert references["peer"].mean.shape == (32, 32, 3)
     with pytest.raises(Disagreement, match="peer: mean"):
         paths.long_runs([fake("maquette", 0.0), fake("peer", 0.05)], 32, 64)
+    with pytest.raises(Disagreement, match="runs with different seeds are the same"):
+        paths.long_runs([fake("maquette", 0.0, stuck=True), fake("peer", 0.0)], 32, 64)
+
+
+def test_errors_do_not_hold_the_noise_of_their_reference() -> None:
+    """A picture of variance 1/16 against four runs of 1/16 each: the reference's share, a fifth of the whole, is taken away."""
+    size, sigma = 128, 0.25
+    reference = paths.Reference.of(RNG.normal(1.0, sigma, (4, size, size, 3)))
+    picture = RNG.normal(1.0, sigma, (size, size, 3))
+    plain = paths.metrics.root_relmse(picture, reference.mean)
+    assert reference.noise / plain**2 == pytest.approx(0.2, rel=0.05)
+    assert reference.error(picture) == pytest.approx(sigma * (1.0 + 1.5 * sigma**2 / 4.0), rel=0.02)
+    assert reference.error(reference.mean) == 0.0
 
 
 def test_means_that_differ_are_refused() -> None:

@@ -1,0 +1,113 @@
+"""Which light a reference holds, and the ladders that follow: what is missing from the scene's own settings has ladders of its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import maquette
+import pytest
+from maquette.compiler import ir
+from maquette.compiler import plan as planner
+from maquette.measure import knobs, truth
+from maquette.render import knobs as declared
+
+CAMERA = "camera(position: [0, 1, 5], look_at: [0, 1, 0])\npoint([0, 3, 3], intensity: 9)\n"
+MATT = CAMERA + "sphere(1, center: [0, 1, 0], material: lambert(#808080))\n"  # albedo 0.216
+WHITE = CAMERA + "sphere(1, center: [0, 1, 0], material: lambert(0.9))\n"
+GLASS = MATT + "sphere(0.2, center: [0, 0.2, 2], material: glass(ior: 1.5))\n"
+AMBIENT = "ambient(#ffffff, luminance: 0.1)\n"
+DEEP = "render(bounces: 3)\n"
+
+
+def load(text: str, folder: Path) -> ir.Scene:
+    path = folder / "a.scene"
+    path.write_text(text, encoding="utf-8")
+    return maquette.load(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "bounces", "depth", "between", "how"),
+    [
+        (MATT, None, 8, True, "interreflection to 8 bounces"),
+        (MATT + DEEP, None, 8, True, "interreflection to 8 bounces"),
+        (WHITE, None, 32, True, "interreflection to 32 bounces"),
+        (GLASS, None, 16, True, "interreflection to 16 bounces"),
+        (MATT + AMBIENT, None, 0, False, "interreflection: none between matt surfaces: ambient light stands for it"),
+        (MATT + AMBIENT + DEEP, None, 0, False, "interreflection: none between matt surfaces: ambient light stands for it"),
+        (GLASS + AMBIENT, None, 16, False, "16 bounces at mirrors and glass, none between matt surfaces: ambient light stands for it"),
+        (MATT, 2, 2, True, "2 bounces, as asked for, matt surfaces too"),
+        (MATT, 0, 0, False, "0 bounces, as asked for"),
+        (CAMERA + "sphere(1, material: emissive(#ffffff))\n", None, 0, False, "light as it is emitted"),
+        (CAMERA + "sphere(1, material: mirror())\n", None, 16, False, "16 bounces at mirrors and glass"),
+    ],
+)
+def test_the_light_of_the_reference(text: str, bounces: int | None, depth: int, between: bool, how: str, tmp_path: Path) -> None:
+    scene = load(text, tmp_path)
+    light = truth.of(scene, ir.Settings(bounces=bounces))
+    plan = light.make(scene)
+    assert (plan["bounces"], plan["interreflection"], light.how) == (depth, between, how)
+
+
+def of(scene: ir.Scene, backend: str, **settings: object) -> dict[str, knobs.Ladder]:
+    found = knobs.ladders(scene, truth.of(scene, ir.Settings(**settings)), backend)  # type: ignore[arg-type]
+    return {ladder.name: ladder for ladder in found}
+
+
+def test_a_scene_without_interreflection_of_its_own(tmp_path: Path) -> None:
+    scene = load(MATT, tmp_path)
+    ray = of(scene, "ray")
+    assert list(ray) == ["samples, 8 bounces", "samples", "error, 8 bounces", "bounces"]
+    assert ray["samples, 8 bounces"].settings[2].arguments() == "--backend ray --samples 16 --bounces 8"
+    assert ray["samples"].settings[2].arguments() == "--backend ray --samples 16"
+    assert ray["error, 8 bounces"].settings[-1].arguments() == "--backend ray --error 0.003 --bounces 8"
+    assert [s.arguments() for s in ray["bounces"].settings] == [f"--backend ray --samples 64 --bounces {n}" for n in (0, 1, 2, 4)]
+    assert {name: ladder.light for name, ladder in ray.items()} == {
+        "samples, 8 bounces": "", "samples": "no interreflection", "error, 8 bounces": "", "bounces": "no more than 4 bounces of 8",
+    }  # fmt: skip
+    raster = of(scene, "raster")
+    assert list(raster) == ["samples", "tolerance"]
+    assert {ladder.light for ladder in raster.values()} == {"no interreflection"}
+    assert raster["tolerance"].settings[0].arguments() == "--backend raster --samples 64 --plan tolerance=3.2"
+
+
+def test_when_bounces_are_asked_for_all_take_them(tmp_path: Path) -> None:
+    scene = load(MATT, tmp_path)
+    assert [ladder.settings[0].arguments() for ladder in of(scene, "ray", bounces=2).values()] == [
+        "--backend ray --samples 1 --bounces 2", "--backend ray --error 0.3 --bounces 2",
+    ]  # fmt: skip
+    assert {ladder.light for ladder in of(scene, "raster", bounces=2).values()} == {"no interreflection"}
+    assert {ladder.light for ladder in of(scene, "raster", bounces=0).values()} == {""}
+
+
+def test_interreflection_beside_ambient_light_shows_as_what_it_is(tmp_path: Path) -> None:
+    found = of(load(MATT + AMBIENT + DEEP, tmp_path), "ray")
+    assert [(name, ladder.light) for name, ladder in found.items()] == [
+        ("samples", ""), ("samples, 3 bounces", "interreflection counted beside the ambient light"), ("error", ""),
+    ]  # fmt: skip
+    assert found["samples"].settings[0].arguments() == "--backend ray --samples 1 --bounces 0 --plan interreflection=off"
+    assert found["samples, 3 bounces"].settings[0].arguments() == "--backend ray --samples 1"
+
+
+def test_everybodys_overrides_stand_on_every_rung(tmp_path: Path) -> None:
+    scene = load(GLASS + AMBIENT, tmp_path)
+    light = truth.of(scene, ir.Settings(), {"filter": "box"})
+    assert light.make(scene)["filter"] == "box"
+    for backend in declared.KNOBS:
+        for ladder in knobs.ladders(scene, light, backend):
+            assert all(setting.plan["filter"] == "box" for setting in ladder.settings)
+    ray = {ladder.name: ladder for ladder in knobs.ladders(scene, light, "ray")}
+    assert ray["samples, 16 bounces"].settings[0].arguments() == (
+        "--backend ray --samples 1 --bounces 16 --plan filter=box --plan interreflection=off"
+    )
+
+
+@pytest.mark.parametrize("text", [MATT, GLASS, GLASS + AMBIENT, MATT + DEEP])
+def test_every_rung_can_be_planned_and_grows_dearer(text: str, tmp_path: Path) -> None:
+    scene = load(text, tmp_path)
+    light = truth.of(scene, ir.Settings(size=(40, 30)))
+    for backend, made in declared.KNOBS.items():
+        assert [knob.name for knob in made if not all(knob.cost(a) < knob.cost(b) for a, b in zip(knob.values, knob.values[1:], strict=False))] == []
+        for ladder in knobs.ladders(scene, light, backend):
+            assert len(ladder.costs) == len(ladder.settings) > 1
+            for setting in ladder.settings:
+                planner.make(scene, ir.Settings(**setting.options), setting.plan)

@@ -73,7 +73,7 @@ HELPER: Any = {
     "error_model": "numpy", "nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "forceinline": True,
     "pipeline_class": Fragment,
 }  # fmt: skip
-"""How helpers compile: into the kernels that call them, and nowhere else. Passing vectors through memory costs more than working on them."""
+"""How helpers compile: into the kernels that call them, and nowhere else. Vectors passed through memory cost more than the work on them."""
 
 
 def is_cold() -> bool:

@@ -16,8 +16,7 @@ EXAMPLES := $(foreach kind,$(KINDS),$(wildcard examples/*.$(kind)))
 NAMES := $(basename $(notdir $(EXAMPLES)))
 INPUTS := $(filter-out %.png %.md,$(wildcard examples/*)) $(wildcard examples/assets/*)
 
-# Example:size of the charts in docs/charts.md, and what each may take. Measure them on a quiet machine.
-CHARTS := falloff:450x240 hello:400x300 refraction:360x224 room:260x225 shapes:450x260 textures:400x280
+CHARTS := $(patsubst %,examples/%.scene,hello refraction room shapes spotlights) bench/scenes/cornell.scene
 CHART_BUDGET ?= 5min
 
 .PHONY: help venv demo pictures reference charts test test-all check bench clean
@@ -54,10 +53,9 @@ reference: $(STAMP)  ## write docs/reference.md from the schema again
 
 charts: $(PEERS)  ## measure the charts of docs/charts.md again, peers too: half an hour on a quiet machine
 	@mkdir -p docs/charts
-	@for chart in $(CHARTS); do \
-	  name=$${chart%:*}; echo "$$name"; \
-	  $(BIN)/maquette chart examples/$$name.scene -o docs/charts/$$name.svg --size $${chart#*:} --budget $(CHART_BUDGET) \
-	    --peers mitsuba,povray > docs/charts/$$name.txt || exit; \
+	@for scene in $(CHARTS); do \
+	  name=$$(basename $$scene .scene); \
+	  $(BIN)/maquette chart $$scene -o docs/charts/$$name.svg --budget $(CHART_BUDGET) --peers mitsuba,povray > docs/charts/$$name.txt || exit; \
 	done
 
 test: check  ## the whole suite, after ruff and pyright

@@ -10,7 +10,6 @@ import io
 import itertools
 import math
 import re
-import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -29,6 +28,9 @@ from .palette import FAINT, FLOOR, FRONT, GRID, INK, PAPER, Style, styles
 if TYPE_CHECKING:
     from .records import Chart, Curve, Point, Spread
 
+LEFT, RIGHT = 0.085, 0.975  # of the axes, as shares of the width
+TITLE, FOOT = 14, 8  # points
+LINES = 1.15
 MISSING = 3  # contestants that are named as not charted
 SIZE = (9.6, 6.6)  # inches
 FONT = "DejaVu Sans"  # comes with matplotlib
@@ -64,11 +66,7 @@ class Picture:
         self.styles = styles(chart.curves)
         self.figure = matplotlib.figure.Figure(figsize=SIZE, dpi=100, facecolor=PAPER)
         self.canvas = FigureCanvasAgg(self.figure)
-        head, foot = _heading(chart), _footing(chart)
-        left, right = 0.085, 0.975
-        top, bottom = 1 - (0.50 + 0.19 * len(head[1])) / SIZE[1], (0.72 + 0.17 * len(foot)) / SIZE[1]
-        self.axes = self.figure.add_axes((left, bottom, right - left, top - bottom))
-        self._words(head, foot, left)
+        self._frame()
         self._scales()
         self._floor()
         self._front()
@@ -77,14 +75,39 @@ class Picture:
         self._stops()
         self._labels()
 
-    def _words(self, head: tuple[str, list[str]], foot: list[str], left: float) -> None:
-        title, about = head
+    def _frame(self) -> None:
+        """The words above and below, and the axes in the room they leave."""
         inch = 1 / SIZE[1]
-        self.figure.text(left, 1 - 0.30 * inch, title, fontsize=14, fontweight="bold", color=INK, va="center")
-        for i, line in enumerate(about):
-            self.figure.text(left, 1 - (0.56 + 0.19 * i) * inch, line, fontsize=9, color=FAINT, va="center")
-        for i, line in enumerate(reversed(foot)):
-            self.figure.text(left, (0.14 + 0.17 * i) * inch, line, fontsize=8, color=FAINT, va="center")
+        y = 1 - 0.06 * inch
+        for text, size, weight, color in _heading(self.chart):
+            for line in self._wrapped(text, size, weight):
+                y -= (0.0215 * size if size < TITLE else 0.30) * inch
+                self.figure.text(LEFT, y, line, fontsize=size, fontweight=weight, color=color, va="baseline")
+        top, y = y - 0.12 * inch, 0.10 * inch
+        for line in reversed([line for text in _footing(self.chart) for line in self._wrapped(text, FOOT)]):
+            self.figure.text(LEFT, y, line, fontsize=FOOT, color=FAINT, va="baseline")
+            y += 0.17 * inch
+        bottom = y + 0.55 * inch
+        self.axes = self.figure.add_axes((LEFT, bottom, RIGHT - LEFT, top - bottom))
+
+    def _wrapped(self, text: str, size: float, weight: str = "normal", width: float = 1.0) -> list[str]:
+        """The text in lines of at most a share `width` of the axes, by its real width."""
+        room = width * (RIGHT - LEFT) * SIZE[0] * self.figure.dpi
+        lines: list[str] = []
+        for word in text.replace(" %", "\N{NO-BREAK SPACE}%").split(" "):
+            longer = f"{lines[-1]} {word}" if lines else word
+            if lines and self._extent(longer, size, weight)[0] <= room:
+                lines[-1] = longer
+            else:
+                lines.append(word)
+        return lines
+
+    def _extent(self, text: str, size: float, weight: str) -> tuple[float, float]:
+        """Width and height of a text in pixels."""
+        artist = self.figure.text(0, 0, text, fontsize=size, fontweight=weight, linespacing=LINES)
+        extent = artist.get_window_extent(self.canvas.get_renderer())
+        artist.remove()
+        return extent.width, extent.height
 
     def _scales(self) -> None:
         axes, metric = self.axes, self.chart.metric
@@ -234,7 +257,8 @@ class Picture:
             style = self._of_all(curves)
             color = style.words if style else FAINT
             height = bias_floor(curves) or min(p.error.median for curve in curves for p in curve.points)
-            yield _Words(f"{name}: {curves[0].stops}", self._along(height), color, f"stops-{i}", fontsize=8.5, gap=4)
+            text = "\n".join(self._wrapped(f"{name}: {curves[0].stops}", 8.5, width=0.5))
+            yield _Words(text, self._along(height), color, f"stops-{i}", fontsize=8.5, gap=4)
         if self.chart.floor > self.y[0]:
             said = f"the reference's own uncertainty, {wording.error(self.chart.metric, self.chart.floor)}"
             yield _Words(said, self._along(self.chart.floor), FAINT, "floor-label", fontsize=8.5, gap=4)
@@ -267,10 +291,10 @@ class Picture:
     def _write(self, words: _Words) -> None:
         artist = self.axes.text(
             0, 0, words.text, transform=self.axes.transAxes, fontsize=words.fontsize, fontweight=words.weight, color=words.color,
-            va="bottom", linespacing=1.15, zorder=6,
+            va="bottom", linespacing=LINES, zorder=3.5,
+            bbox={"facecolor": PAPER, "edgecolor": "none", "alpha": 0.7, "pad": 0.5},
         )  # fmt: skip
-        extent = artist.get_window_extent(self.canvas.get_renderer())
-        found = self.room.place((extent.width, extent.height), words.anchors, words.gap, words.most, words.reach)
+        found = self.room.place(self._extent(words.text, words.fontsize, words.weight), words.anchors, words.gap, words.most, words.reach)
         if found is None:
             artist.remove()
             return
@@ -323,13 +347,20 @@ def _padded(low: float, high: float, least: float, below: float, above: float) -
     return low / wider / below, high * wider * above
 
 
-def _heading(chart: Chart) -> tuple[str, list[str]]:
-    """The title, and the lines below it: what was drawn, on what, against what."""
+def _heading(chart: Chart) -> list[tuple[str, float, str, str]]:
+    """The title, and below it what was drawn, on what, against what; each with its size, weight and colour."""
     counts = sorted({p.error.count for p in chart.points})
     runs = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
-    about = f"{wording.size(chart)}, {chart.machine}. Medians of {runs} run{'' if runs == '1' else 's'}, bars are quartiles."
-    against = f"Measured against {chart.reference}"
-    return f"{wording.title(chart)}: error against time", [line for text in (about, against) for line in textwrap.wrap(text, 142)]
+    return [
+        (f"{wording.title(chart)}: error against time", TITLE, "bold", INK),
+        (
+            f"{wording.size(chart)}, {chart.machine}. Medians of {runs} run{'' if runs == '1' else 's'}, bars are quartiles.",
+            9,
+            "normal",
+            FAINT,
+        ),
+        (f"Measured against {chart.reference}", 9, "normal", FAINT),
+    ]
 
 
 def _footing(chart: Chart) -> list[str]:
@@ -339,8 +370,6 @@ def _footing(chart: Chart) -> list[str]:
         marks.append("dashed: bias, which more time does not take away")
     if any(p.error.median == 0 for p in chart.points):
         marks.append("triangle at the lower edge: no error at all")
-    missing = wording.left_out(chart)
+    missing = wording.left_out(chart, brief=True)
     more = [f"and {len(missing) - MISSING} more, as chart.json says"] if len(missing) > MISSING else []
-    return [
-        line for text in (f"{'; '.join(marks)}", *missing[:MISSING], *more) for line in textwrap.wrap(f"{text[0].upper()}{text[1:]}.", 158)
-    ]
+    return [f"{text[0].upper()}{text[1:]}." for text in ("; ".join(marks), *missing[:MISSING], *more)]

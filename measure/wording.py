@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import shlex
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -139,14 +140,25 @@ def title(chart: Chart) -> str:
     return " ".join([PurePath(file).name, *options])
 
 
-def left_out(chart: Chart) -> list[str]:
-    """Who is not on the chart and why, and how many ladders could not be climbed to their end."""
+def left_out(chart: Chart, brief: bool = False) -> list[str]:
+    """Who is not on the chart and why, and how many ladders could not be climbed to their end.
+
+    `brief`: of several reasons the first, without its place.
+    """
     cut = [name for name in chart.left_out if ": " in name]  # rungs: "ray, samples: 4096 samples"
-    lines = [f"not charted: {name}: {why}" for name, why in chart.left_out.items() if name not in cut]
+    whole = {name: _first(why) if brief else why for name, why in chart.left_out.items() if name not in cut}
+    lines = [f"not charted: {name}: {why}" for name, why in whole.items()]
     if cut:
         ladders = "1 ladder ends" if len(cut) == 1 else f"{len(cut)} ladders end"
         lines.append(f"{ladders} before the dearest settings, as chart.json says: a longer --budget goes on")
     return lines
+
+
+def _first(reasons: str) -> str:
+    """The first of several reasons, without the place in the source before it: `glass is not carried (and 2 more reasons)`."""
+    first, *others = reasons.split("; ")
+    more = f" (and {len(others)} more reason{'' if len(others) == 1 else 's'})" if others else ""
+    return re.sub(r"^\S+:\d+:\d+: ", "", first) + more
 
 
 def point(of: Point, metric: str) -> str:

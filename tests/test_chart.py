@@ -79,7 +79,7 @@ knee: ray, 256 samples: 1.9 % in 2.6 s: --backend ray --samples 256
 raster stops at 3.4 %: no interreflection: bias 3.1 %
 at 10 %, between measured points: raster 40 ms, ray 98 ms (2.5 times as long), mitsuba 510 ms (13 times as long),\
  reference 20 s (490 times as long)
-not charted: povray: not installed; apt install povray
+not charted: povray: not installed: apt install povray
 """
     )
 

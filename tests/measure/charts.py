@@ -41,7 +41,7 @@ def room() -> Chart:
     )
     return chart(
         *curves, floor=0.0012, front=(11, 12, 2, 3, 4, 5, 6), knee=4,
-        left_out={"povray": "not installed; apt install povray"},
+        left_out={"povray": "not installed: apt install povray"},
     )  # fmt: skip
 
 

@@ -89,7 +89,7 @@ def test_curves_bars_front_knee_and_floors_are_there() -> None:
         "1.9 % in 2.6 s",
         "raster stops: no interreflection: bias 3.1 %",
         "the reference's own uncertainty, 0.12 %",
-        "Not charted: povray: not installed; apt install povray.",
+        "Not charted: povray: not installed: apt install povray.",
         *("ray by samples", "ray by error", "raster", "reference", "mitsuba"),
     ):
         assert text in said
@@ -171,6 +171,23 @@ def test_labels_do_not_cover_each_other_or_leave_the_picture() -> None:
         assert a.covered(b) == 0
     width, height = picture.figure.get_size_inches() * picture.figure.dpi
     assert all(Box(0, 0, width, height).holds(label) for label in picture.room.labels)
+
+
+def test_long_words_stay_on_the_picture() -> None:
+    long = "a reason that goes on and on, " * 12
+    curve = Curve("raster", "samples", charts.ladder("raster", 0.1, 0.1, 0.2, 4, bias=0.1), f"{long}: bias 10 %")
+    machine = " ".join(["a machine with a long name"] * 9)
+    left_out = dict.fromkeys(("mitsuba", "povray", "ray", "reference"), long)
+    chart = charts.chart(curve, machine=machine, left_out=left_out)
+    chart = dataclasses.replace(chart, scene=f"room.scene --set text='{long}'")
+    picture = draw.Picture(chart)
+    renderer = picture.canvas.get_renderer()
+    width, height = picture.figure.get_size_inches() * picture.figure.dpi
+    boxes = [text.get_window_extent(renderer) for text in picture.figure.texts]
+    assert all(box.x0 >= 0 and box.x1 <= width and box.y0 >= 0 and box.y1 <= height for box in boxes)
+    axes = picture.axes.get_window_extent()
+    assert axes.height > 100
+    assert not any(box.y0 < axes.y1 and box.y1 > axes.y0 for box in boxes)
 
 
 def test_points_are_not_hidden_by_names() -> None:

@@ -22,7 +22,7 @@ def test_the_answers_of_a_chart() -> None:
         "raster stops at 3.4 %: no interreflection: bias 3.1 %",
         "at 10 %, between measured points: raster 40 ms, ray 98 ms (2.5 times as long), mitsuba 510 ms (13 times as long),"
         " reference 20 s (490 times as long)",
-        "not charted: povray: not installed; apt install povray",
+        "not charted: povray: not installed: apt install povray",
     ]
 
 
@@ -160,6 +160,16 @@ def test_ladders_that_end_early_are_counted() -> None:
         "not charted: mitsuba: not installed",
         "3 ladders end before the dearest settings, as chart.json says: a longer --budget goes on",
     ]
+
+
+def test_reasons_are_told_briefly_on_the_picture() -> None:
+    why = "/a/room.scene:6:15: the highlight is not carried; /a/room.scene:7:1: nor is glass; std/room:20:3: nor a lamp"
+    chart = charts.chart(
+        Curve("ray", "samples", charts.ladder("ray", 0.1, 0.1, 0.2, 2)), left_out={"mitsuba": why, "povray": "not installed"}
+    )
+    assert wording.left_out(chart) == [f"not charted: mitsuba: {why}", "not charted: povray: not installed"]
+    brief = ["not charted: mitsuba: the highlight is not carried (and 2 more reasons)", "not charted: povray: not installed"]
+    assert wording.left_out(chart, brief=True) == brief
 
 
 def test_a_title_has_no_folder() -> None:

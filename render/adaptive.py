@@ -18,22 +18,26 @@ Map = NDArray[np.float64]
 Counts = NDArray[np.int64]
 
 MOST_DOUBLINGS = 2  # of a pixel in a round: what is known of it from n samples is not trusted further than for 4 n
-_BINS = 8  # thresholds an octave of worth
-_DEEPEST = 60  # octaves of worth looked at, from the highest down
+LEFT = 0.4  # of a pixel's variance after a doubling: half for independent samples, less for Sobol points
+_STEP = 20  # bins of worth between a doubling and the next, which leaves LEFT at twice the price
+_BINS = _STEP / math.log2(2.0 / LEFT)  # an octave
+_PLACES = 512
 
 
-def doublings_for_error(relative: Map, samples: Counts, most: int, mean: float) -> Counts:
-    """(h, w) doublings of each pixel's samples, so that the mean of `relative` over all pixels falls to `mean` in this round or later.
+MARGIN = 0.95  # of the error asked for, which is aimed at: the estimate has an error of its own
+
+
+def doublings_for_error(relative: Map, samples: Counts, most: int, excess: float) -> Counts:
+    """(h, w) doublings of each pixel's samples, so that the mean of `relative` over all pixels falls by `excess`, in this round or later.
 
     `relative` (h, w): variance of each pixel's mean over its squared value. No pixel goes beyond `most` samples.
     """
     places, highest = _places(relative, samples, most)
-    too_much = (float(np.mean(relative)) - mean) * relative.size
-    if highest is None or too_much <= 0.0:
+    if highest is None or excess <= 0.0:
         return np.zeros(samples.shape, np.int64)
-    taken = _totals(places, relative) @ (1.0 - 0.5 ** _steps())
-    enough = np.flatnonzero(taken >= too_much)
-    return _doublings(places, int(enough[0]) if len(enough) else _DEEPEST * _BINS)
+    taken = _totals(places, relative) @ (1.0 - LEFT ** _steps())
+    enough = np.flatnonzero(taken >= excess * relative.size)
+    return _doublings(places, int(enough[0]) if len(enough) else _PLACES)
 
 
 def doublings_for_samples(relative: Map, samples: Counts, most: int, more: float) -> Counts:
@@ -47,15 +51,17 @@ def doublings_for_samples(relative: Map, samples: Counts, most: int, more: float
 
 
 def smoothed(relative: Map, samples: Counts) -> Map:
-    """`relative` from the variance of a sample as each pixel and its neighbours know it (3 by 3, fewer at the borders).
+    """`relative` from the variance of a sample as each pixel's eight neighbours know it.
 
-    A few samples tell little of one pixel alone.
+    A few samples tell little of one pixel alone. And a pixel that by chance seems quieter than it is would be left as it is, while
+    one that seems noisier is measured again: what pixels say of themselves would then add up to too small an error.
     """
-    total = relative * samples
-    count = np.ones_like(total)
+    own = relative * samples
+    total, count = own, np.ones_like(own)
     for axis in (0, 1):
         total, count = _three(total, axis), _three(count, axis)
-    return total / (count * samples)
+    total, count = total - own, count - 1.0
+    return np.where(count > 0.0, np.maximum(total, 0.0) / np.maximum(count, 1.0), own) / samples
 
 
 def _three(values: Map, axis: int) -> Map:
@@ -69,33 +75,58 @@ def _three(values: Map, axis: int) -> Map:
 def _places(relative: Map, samples: Counts, most: int) -> tuple[Counts, float | None]:
     """(h, w) how many bins the worth of each pixel's first doubling lies below the highest, which is given too.
 
-    It is `_DEEPEST * _BINS` where there is nothing to gain, and more samples are not allowed.
+    It is `_PLACES` where there is nothing to gain, and more samples are not allowed.
     """
     with np.errstate(divide="ignore"):
         worth = np.log2(np.where(samples < most, relative / samples, 0.0))
     highest = float(worth.max(initial=-np.inf))
     if not math.isfinite(highest):
         return np.zeros(samples.shape, np.int64), None
-    depth = np.minimum((highest - worth) * _BINS, _DEEPEST * _BINS)
+    depth = np.minimum((highest - worth) * _BINS, _PLACES)
     return depth.astype(np.int64), highest
 
 
 def _totals(places: Counts, amounts: NDArray[Any]) -> Map:
     """Sums of amounts by place."""
-    sums = np.bincount(places.ravel(), weights=amounts.ravel(), minlength=_DEEPEST * _BINS + 1)
-    return sums[: _DEEPEST * _BINS].astype(np.float64)
+    sums = np.bincount(places.ravel(), weights=amounts.ravel(), minlength=_PLACES + 1)
+    return sums[: _PLACES].astype(np.float64)
 
 
 def _steps() -> Counts:
-    """(places, thresholds) doublings of a pixel at a place when the threshold is at a place: one each two octaves above it.
-
-    Each doubling halves the variance at twice the price, so the next is worth a quarter.
-    """
-    place = np.arange(_DEEPEST * _BINS)
-    return np.where(place[None, :] >= place[:, None], (place[None, :] - place[:, None]) // (2 * _BINS) + 1, 0)
+    """(places, thresholds) doublings of a pixel at a place when the threshold is at a place: one each _STEP above it."""
+    place = np.arange(_PLACES)
+    return np.where(place[None, :] >= place[:, None], (place[None, :] - place[:, None]) // _STEP + 1, 0)
 
 
 def _doublings(places: Counts, threshold: int) -> Counts:
     """How often each pixel's samples are doubled with the threshold at a place; -1: never."""
-    steps = (threshold - places) // (2 * _BINS) + 1
-    return np.where((places <= threshold) & (places < _DEEPEST * _BINS), np.clip(steps, 0, MOST_DOUBLINGS), 0)
+    steps = (threshold - places) // _STEP + 1
+    return np.where((places <= threshold) & (places < _PLACES), np.clip(steps, 0, MOST_DOUBLINGS), 0)
+
+
+class Decline:
+    """How variance falls with samples, as the doublings of a picture show it, and what follows for its error.
+
+    Two halves of n samples each differ by what variance V they have, less what they have in common: for scrambled nets, whose halves are
+    made to complete each other, (m₁ - m₂)² / 4 has the mean V(n) - V(2n), not V(2n). With V falling as n⁻ᵖ the first is 2ᵖ - 1 times the
+    second. p is 1 for independent samples, 3/2 across an edge; successive doublings of the same pixels show which. It is told from pixels
+    that were chosen by what their neighbours said (see `smoothed`), else chance alone would make it large.
+    """
+
+    STEEPEST = 1.5
+
+    def __init__(self) -> None:
+        self._shown: dict[Any, list[float]] = {}
+
+    def note(self, tile: Any, before: float, after: float) -> None:
+        """A doubling of some pixels of a tile: the sums of their estimates before and after. Safe from several threads, a tile each."""
+        sums = self._shown.setdefault(tile, [0.0, 0.0])
+        sums[0] += before
+        sums[1] += after
+
+    def share(self) -> float:
+        """The variance of the means as a share of the estimate from their halves: 1 for independent samples, less for nets."""
+        before, after = (math.fsum(sums[k] for sums in self._shown.values()) for k in (0, 1))
+        if not 0.0 < after < before:
+            return 1.0
+        return 1.0 / (2.0 ** min(max(math.log2(before / after), 1.0), self.STEEPEST) - 1.0)

@@ -12,7 +12,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Protocol
 
 import numpy as np
@@ -23,7 +23,8 @@ from . import adaptive, image, metrics
 from .records import Film, Tile, View
 
 TILE = 32  # pixels
-FIRST = 8  # samples a pixel before its error is asked for the first time
+FIRST = 16  # samples a pixel before its error is asked for the first time
+TRUSTED = 64  # samples from which on a pixel's mean is known well enough to be what its error is a share of
 CALL = 64  # samples a pixel between looks at whether the work has been cancelled or its time is over
 
 Counts = NDArray[np.int64]
@@ -83,25 +84,28 @@ class _Sums:
     issues: Counts
     samples: Counts
     variance: NDArray[np.float32]  # (h, w, 3) of the means; inf where a single batch says nothing
+    darker: NDArray[np.float32]  # (h, w, 3) the lower of the two means: a stray bright sample shall not excuse itself
 
     @classmethod
     def of(cls, height: int, width: int) -> _Sums:
         shape = (height, width)
         return cls(
             np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape, np.int64), np.zeros(shape, np.int64),
-            np.full((*shape, 3), np.inf, np.float32),
+            np.full((*shape, 3), np.inf, np.float32), np.zeros((*shape, 3), np.float32),
         )  # fmt: skip
 
     def window(self, window: tuple[slice, slice]) -> _Sums:
         """A part, which writes through to the whole."""
-        return _Sums(self.color[window], self.alpha[window], self.issues[window], self.samples[window], self.variance[window])
+        return _Sums(*(getattr(self, field.name)[window] for field in fields(self)))
 
     def add(self, batch: Film, count: Counts) -> None:
         """Take in a batch of `count` (h, w) samples; pixels with none stay as they are."""
         both = (self.samples > 0) & (count > 0)
         old, new = np.where(both, self.samples, 1)[..., None], np.where(both, count, 1)[..., None]
-        apart = (self.color / old - batch.color / new) ** 2 * (old * new / (old + new) ** 2)
-        np.copyto(self.variance, apart, where=both[..., None], casting="same_kind")
+        one, other = self.color / old, batch.color / new
+        both_mean = (self.color + batch.color) / (old + new)
+        np.copyto(self.variance, (one - other) ** 2 * (old * new / (old + new) ** 2), where=both[..., None], casting="same_kind")
+        np.copyto(self.darker, np.where(old + new > TRUSTED, both_mean, np.sqrt(np.maximum(one * other, 0.0))), where=both[..., None], casting="same_kind")
         self.color += batch.color
         self.alpha += batch.alpha
         self.issues += batch.issues
@@ -125,7 +129,9 @@ class _Canvas:
         self.width, self.height = self.crop[2] - self.crop[0], self.crop[3] - self.crop[1]
         self.channels = image.blank(self.width, self.height, ("rgba", *self.names))
         self.variance = np.full((self.height, self.width, 3), np.inf, np.float32) if self.most > 1 else None
+        self.darker = np.zeros((self.height, self.width, 3), np.float32)
         self.samples = np.zeros((self.height, self.width), np.int64)
+        self.decline = adaptive.Decline()
         self.tiles = tiles(self.crop)
         self.issues = dict.fromkeys(self.tiles, 0)
         self.drawn = dict.fromkeys(self.tiles, 0)  # samples of all pixels
@@ -167,23 +173,36 @@ class _Canvas:
         self._work(begin, self.tiles, lambda: 0.5 * share())
         while self.most > 1 and not self.cancel.is_set() and (now := time.perf_counter()) < deadline:
             relative = np.mean(self._relative(), axis=2)
-            if error > 0.0 and float(np.mean(relative)) <= error * error:
+            excess = float(np.mean(relative)) - (adaptive.MARGIN * error) ** 2 if error > 0.0 else math.inf
+            if excess <= 0.0:
                 break
             pace = self.spent / (now - began)
-            goals = self._goals(relative, sums.samples, error, (deadline - now) * pace)
+            goals = self._goals(relative, sums.samples, excess, (deadline - now) * pace)
             more = [tile for tile in self.tiles if np.any(goals[self._window(tile)] > sums.samples[self._window(tile)])]
             if not more:
                 break
 
-            def draw(tile: Tile, goals: Counts = goals) -> None:
+            def draw(tile: Tile, goals: Counts = goals, least: float = self._least()) -> None:
                 window = self._window(tile)
-                self._draw(tile, sums.window(window), goals[window], deadline)
+                self._double(tile, sums.window(window), goals[window], least, deadline)
 
             whole = int(goals.sum())
             self._work(draw, more, share)
 
-    def _goals(self, relative: NDArray[np.float64], samples: Counts, error: float, affordable: float) -> Counts:
-        """(h, w) samples each pixel shall have after the next round."""
+    def _double(self, tile: Tile, sums: _Sums, goals: Counts, least: float, deadline: float) -> None:
+        """Bring a tile's pixels to their goals by doublings, and note what those show; `least` is ε²."""
+        for _ in range(adaptive.MOST_DOUBLINGS):
+            had, before = sums.samples.copy(), sums.variance.copy()
+            step = np.minimum(goals, 2 * had)
+            if np.array_equal(step, had):
+                break
+            self._draw(tile, sums, step, deadline)
+            doubled = sums.samples == 2 * had
+            below = sums.darker[doubled].astype(np.float64) ** 2 + least
+            self.decline.note(tile, float(np.sum(before[doubled] / below)), float(np.sum(sums.variance[doubled] / below)))
+
+    def _goals(self, relative: NDArray[np.float64], samples: Counts, excess: float, affordable: float) -> Counts:
+        """(h, w) samples each pixel shall have after the next round, for the mean of `relative` to fall by `excess` in the end."""
         if self.renderer.by_tile:
             known = relative.copy()
             for tile in self.tiles:
@@ -191,8 +210,8 @@ class _Canvas:
         else:
             known = adaptive.smoothed(relative, samples)
         doublings = np.full(samples.shape, adaptive.MOST_DOUBLINGS)
-        if error > 0.0:
-            doublings = adaptive.doublings_for_error(known, samples, self.most, error * error)
+        if math.isfinite(excess):
+            doublings = adaptive.doublings_for_error(known, samples, self.most, excess)
         if np.sum(samples * (2**doublings - 1)) > affordable:
             doublings = adaptive.doublings_for_samples(known, samples, self.most, affordable)
         return np.minimum(samples * 2**doublings, self.most)
@@ -212,6 +231,7 @@ class _Canvas:
         self.channels["rgba"][(*window, 3)] = sums.alpha / there
         if self.variance is not None:
             self.variance[window] = sums.variance
+            self.darker[window] = sums.darker
         self.samples[window] = sums.samples
         self.drawn[tile] = int(sums.samples.sum())
         self.issues[tile] = int(sums.issues.sum())
@@ -227,10 +247,14 @@ class _Canvas:
 
     def _relative(self) -> NDArray[np.float64]:
         """(h, w, 3) variance / (value² + ε²) of what has been drawn, ε as in metrics.root_relmse."""
-        value = self.channels["rgba"][..., :3].astype(np.float64)
-        epsilon = metrics.EPSILON * float(metrics.luminance(value).mean())
-        below = value**2 + epsilon**2
-        return self.variance / np.where(below > 0.0, below, 1.0)
+        below = self.darker.astype(np.float64) ** 2 + self._least()
+        share = np.where(self.samples > FIRST, self.decline.share(), 1.0)[..., None]  # what others show holds for pixels like them
+        return self.variance * share / below
+
+    def _least(self) -> float:
+        """ε²; the least number there is for a black picture."""
+        value = self.channels["rgba"][..., :3]
+        return max((metrics.EPSILON * float(metrics.luminance(value).mean())) ** 2, float(np.finfo(np.float64).tiny))
 
     def _work(self, draw: Callable[[Tile], None], jobs: Iterable[Tile], fraction: Callable[[], float]) -> None:
         """Draw tiles on all threads; `fraction` of the whole is told on after each. The first exception ends it, here."""

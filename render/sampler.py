@@ -17,7 +17,7 @@ from . import lanes, simd
 from .kernels import HELPER, helper
 from .records import Lane
 
-TABLE = 257  # entries of a filter's inverse distribution
+TABLE = 4096  # entries of a filter's inverse distribution
 SUBPIXEL = 256.0  # sample positions are multiples of 1/256 pixel, where the rasterizer's arithmetic is exact
 FILTERS = ("box", "tent", "gaussian", "blackman-harris")
 
@@ -120,27 +120,18 @@ def pair(pixel: Lane, sample: Lane, dimension: Lane, seed: int) -> tuple[Lane, L
 
 
 @helper
-def _inverse_cdf(table: NDArray[np.float64], u: Lane) -> Lane:
-    place = u * (TABLE - 1)
-    k = lanes.floor_int(lanes.minimum(place, TABLE - 1.5))
-    return lanes.lerp(table[k], table[k + 1], place - k)
-
-
-@helper
 def offset(pixel: Lane, sample: Lane, total: int, seed: int, table: NDArray[np.float64]) -> tuple[Lane, Lane]:
     """Where in (or near) its pixel a sample lies, from the pixel's centre: spread as the filter weighs.
 
     One sample in all is the centre. `table` is from `filter_table`.
     """
     u, v = pair(pixel, sample, 0, seed)
-    x = lanes.floor(_inverse_cdf(table, u) * SUBPIXEL + 0.5) / SUBPIXEL
-    y = lanes.floor(_inverse_cdf(table, v) * SUBPIXEL + 0.5) / SUBPIXEL
     many = total > 1
-    return lanes.where(many, x, 0.0), lanes.where(many, y, 0.0)
+    return lanes.where(many, table[lanes.to_int(u * TABLE)], 0.0), lanes.where(many, table[lanes.to_int(v * TABLE)], 0.0)
 
 
 def filter_table(name: str) -> NDArray[np.float64]:
-    """(257,) inverse cumulative distribution of a pixel filter, in pixels from the centre.
+    """(TABLE,) places at even steps of a pixel filter's cumulative distribution, in pixels from the centre, on the grid of SUBPIXEL.
 
     box: half a pixel each way; tent: one pixel; gaussian: σ = 0.5 cut at 1.5 pixels; blackman-harris: 1.65 pixels (Harris 1978).
     """
@@ -156,4 +147,5 @@ def filter_table(name: str) -> NDArray[np.float64]:
         t = (x + radius) / (2.0 * radius) * 2.0 * np.pi
         weight = 0.35875 - 0.48829 * np.cos(t) + 0.14128 * np.cos(2 * t) - 0.01168 * np.cos(3 * t)
     total = np.concatenate([[0.0], np.cumsum((weight[1:] + weight[:-1]) / 2)])
-    return np.ascontiguousarray(np.interp(np.linspace(0.0, 1.0, TABLE), total / total[-1], x))
+    places = np.interp((np.arange(TABLE) + 0.5) / TABLE, total / total[-1], x)
+    return np.floor(places * SUBPIXEL + 0.5) / SUBPIXEL

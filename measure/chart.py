@@ -180,8 +180,9 @@ class _Work:
         if self.cancel.is_set():
             raise runs.Cancelled
         self.seed += 1
+        began = time.perf_counter()
         try:
-            run = contest.timed(climb.by.draw, rung, self.seed % reference.FIRST_SEED)
+            run = climb.by.draw(rung.setting, self.seed % reference.FIRST_SEED)
         except (peer_run.PeerError, planner.PlanError) as problem:
             climb.failed = True
             self.left_out[climb.name] = str(problem)
@@ -189,6 +190,7 @@ class _Work:
         rung.add(run, against, self.exposure)
         if self.keeper is not None:
             self.keeper.run(rung.setting, climb.ladder.name, run, {name: values[-1] for name, values in rung.errors.items()})
+        rung.wall = time.perf_counter() - began
         self._tell()
         return True
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -42,7 +41,7 @@ class Rung:
     errors: dict[str, list[float]] = field(default_factory=dict)
     sums: bias.Sums = field(default_factory=bias.Sums)
     notes: tuple[str, ...] = ()
-    wall: float = 0.0  # of the last run with all that belongs to it: what another will take
+    wall: float = 0.0  # of the last run with measuring it: what another will take
 
     @property
     def count(self) -> int:
@@ -110,14 +109,6 @@ def without(peer: Peer, scene: ir.Scene, plan: planner.Plan) -> str:
         return peer.missing
     lost = peer.express(scene, plan)
     return "; ".join(lost)
-
-
-def timed(draw: Draw, rung: Rung, seed: int) -> Run:
-    """A run whose whole wall time is noted as what another will take."""
-    began = time.perf_counter()
-    run = draw(rung.setting, seed)
-    rung.wall = time.perf_counter() - began
-    return run
 
 
 def _middle(crop: tuple[int, int, int, int]) -> tuple[int, int, int, int]:

@@ -73,6 +73,11 @@ class Device:
         self._monitor = _Monitor(self._count)
         self.lib.rtcSetDeviceMemoryMonitorFunction(self.handle, self._monitor, None)
         self.closest, self.occluded = _loops(self.lib.rtcIntersect1, self.lib.rtcOccluded1)
+        scene = Scene(self, Mesh(np.zeros((3, 3), np.float32), np.zeros((3, 3), np.float32), np.zeros((1, 3), np.int32)))
+        scene.commit()
+        nothing = Rays("none", np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
+        for work in (scene.intersect(nothing), scene.occluded(nothing)):
+            work()  # compiles the loops, which is no work of Embree's
 
     def _count(self, _: Any, size: int, __: bool) -> bool:
         self.bytes += size

@@ -3,7 +3,8 @@
 The budget bounds all of it. Half goes to the reference (what it lacks is kept on disk and added by the next command); then whoever's
 next rung is expected to be cheapest goes first, so that all climb side by side, as far as LEAST runs of each rung fit. What time is
 left brings all to GOOD runs, in rounds over all rungs, so that a machine that slows down slows all. Every run has a seed of its own,
-which no other and no reference has; its picture is measured and added to sums, and not kept unless asked for.
+which no other and no reference has and which its place on the chart alone decides; its picture is measured, added to sums and not
+kept unless asked for.
 Only compiling kernels, which happens once, may take more than the budget: half of it is then still spent on measuring.
 """
 
@@ -27,6 +28,7 @@ RESERVE = 0.03  # of the budget: for what comes after measuring
 BETTER = 16  # times the samples of the dearest rung the reference has at least: its noise then adds 3 % to an error at the most
 AIM = 100 * 4096  # samples a pixel of a reference that nothing is added to any more
 FOR_PEERS = {"filter": "box"}  # the pixel filter that all renderers have: with peers on the chart everybody takes it
+RUNGS, RUNS = 16, 2048  # of a ladder and of a rung, at the most: room for their seeds
 WIDE = 160  # pixels of the longer side where no size was asked for
 
 Progress = Callable[[float, float], None]  # done, of
@@ -48,6 +50,7 @@ class _Climb:
     by: Contestant
     ladder: knobs.Ladder
     first: float  # seconds its first rung is expected to take
+    number: int  # among all
     rungs: list[Rung] = field(default_factory=list)
     skipped: str = ""  # why the next rung was not measured
     failed: bool = False
@@ -56,6 +59,10 @@ class _Climb:
     def name(self) -> str:
         """As in "ray, samples"."""
         return f"{self.ladder.backend}, {self.ladder.name}"
+
+    def place(self, rung: Rung) -> int:
+        """Which rung it is, counted from the cheapest."""
+        return self.ladder.settings.index(rung.setting)
 
     def next_setting(self) -> Setting | None:
         """The rung after the last, if there is one."""
@@ -87,7 +94,6 @@ class _Work:
         self.truth = truth.of(self.scene, self.settings, common)
         self.left_out: dict[str, str] = {}
         self.versions = runs.versions()
-        self.seed = wanted.settings.seed or 0
         self.exposure, self.floor = 0.0, dict[str, float]()
         asked = max(wanted.seeds or 0, wanted.repeats or 0)
         self.least, self.good = asked or LEAST, asked or GOOD
@@ -98,7 +104,8 @@ class _Work:
         plan = self.truth.make(self.scene)
         try:
             contestants = self._contestants(plan)
-            climbs = [_Climb(by, *pair) for by in contestants for pair in zip(by.ladders, by.first, strict=True)]
+            starts = [(by, *pair) for by in contestants for pair in zip(by.ladders, by.first, strict=True)]
+            climbs = [_Climb(*start, number) for number, start in enumerate(starts)]
             against = self._reference()
         except runs.Cancelled:
             raise NothingMeasured("interrupted before anything was measured") from None
@@ -179,17 +186,17 @@ class _Work:
         """One more run of a rung; False where its backend failed, which is left out from here on."""
         if self.cancel.is_set():
             raise runs.Cancelled
-        self.seed += 1
+        seed = (self.wanted.settings.seed or 0) + (climb.number * RUNGS + climb.place(rung)) * RUNS + rung.count
         began = time.perf_counter()
         try:
-            run = climb.by.draw(rung.setting, self.seed % reference.FIRST_SEED)
+            run = climb.by.draw(rung.setting, seed % reference.FIRST_SEED)
         except (peer_run.PeerError, planner.PlanError) as problem:
             climb.failed = True
             self.left_out[climb.name] = str(problem)
             return False
-        rung.add(run, against, self.exposure)
+        rung.add(run, against, self.exposure, self.wanted.metric)
         if self.keeper is not None:
-            self.keeper.run(rung.setting, climb.ladder.name, run, {name: values[-1] for name, values in rung.errors.items()})
+            self.keeper.run(rung.setting, climb.ladder.name, run, rung.latest)
         rung.wall = time.perf_counter() - began
         self._tell()
         return True

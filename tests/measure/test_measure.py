@@ -1,4 +1,4 @@
-"""The engine whole: a chart's numbers recomputed from the kept images by other code, biases hidden on purpose, budget, peers, interruption."""
+"""The engine whole: numbers recomputed from kept images by other code, biases hidden on purpose, budget, peers, interruption."""
 
 from __future__ import annotations
 
@@ -27,6 +27,11 @@ sphere(1, center: [0, 1, 0], material: lambert(#c04030))
 area([1, 4, 1], look_at: [0, 1, 0], size: [1, 1], luminance: 20)
 camera(position: [0, 1.6, 5], look_at: [0, 1, 0], fov: 35deg)
 render(background: #203040)
+"""
+PLANE = """\
+plane(y: 0, material: lambert(0.5))
+directional(from: [0, 1, 1], illuminance: 2)
+camera(position: [0, 3, 0.01], look_at: [0, 0, 0], fov: 30deg)
 """
 SIZE = (24, 18)
 SETTINGS = ir.Settings(size=SIZE, threads=2)
@@ -76,7 +81,7 @@ def curve(made: Chart, backend: str, knob: str) -> Curve:
 
 
 def read(path: Path) -> np.ndarray:
-    source = oiio.ImageInput.open(str(path))
+    source: Any = oiio.ImageInput.open(str(path))
     pixels = source.read_image(oiio.FLOAT)
     source.close()
     return np.asarray(pixels, np.float64)[..., :3]
@@ -174,6 +179,7 @@ def test_what_the_chart_says_of_itself(made: Chart) -> None:
         assert set(point.errors) == {"relmse", "relmse 99.9%", "flip", "max", "silhouette"}
         assert point.errors["relmse 99.9%"].median <= point.errors["relmse"].median * (1 + 1e-9)
         assert point.cpu is not None
+        assert (point.errors["flip"].count, point.errors["max"].count) == (5, 16)
     assert jsonform.read(jsonform.text(made)) == made
 
 
@@ -206,15 +212,17 @@ def test_as_many_renders_as_asked_for(scene: ir.Scene) -> None:
 
 @pytest.mark.parametrize("metric", ["flip", "max", "silhouette"])
 def test_every_metric_can_be_charted(scene: ir.Scene, metric: str) -> None:
-    found = measured(scene, metric=metric, seeds=3)
+    found = measured(scene, metric=metric, seeds=6)
     assert found.metric == metric
     assert 0 < found.floor < found.points[0].error.median
     for point in found.points:
         assert point.error == point.errors[metric]
+        assert point.error.count == 6
 
 
-def test_without_a_size_it_is_small(scene: ir.Scene) -> None:
-    assert measured(scene, settings=ir.Settings(threads=2, bounces=0), seeds=2).size == (160, 120)
+def test_without_a_size_it_is_small(tmp_path: Path) -> None:
+    scene = load(PLANE, tmp_path)
+    assert measured(scene, settings=ir.Settings(threads=2), backends=("raster",), seeds=2).size == (160, 120)
 
 
 def test_what_a_scene_says_of_samples_and_seeds_is_the_charts_to_turn(tmp_path: Path) -> None:
@@ -225,8 +233,7 @@ def test_what_a_scene_says_of_samples_and_seeds_is_the_charts_to_turn(tmp_path: 
 
 
 def test_a_closed_form_leaves_no_doubt(tmp_path: Path) -> None:
-    text = "plane(y: 0, material: lambert(0.5))\ndirectional(from: [0, 1, 1], illuminance: 2)\n"
-    scene = load(text + "camera(position: [0, 3, 0.01], look_at: [0, 0, 0], fov: 30deg)\n", tmp_path)
+    scene = load(PLANE, tmp_path)
     found = measured(scene, backends=("ray", "raster"), seeds=2)
     assert found.reference.startswith("closed form: ")
     assert found.floor == 0.0
@@ -249,7 +256,7 @@ class Tinted:
         return self.lost
 
     def ladder(self, scene: ir.Scene, plan: Plan) -> tuple[Setting, ...]:
-        return tuple(Setting(self.name, "samples", n, {"samples": n}) for n in (16, 64))
+        return tuple(Setting(self.name, "samples", n, {"samples": n}) for n in (4, 16))
 
     def run(self, scene: ir.Scene, plan: Plan, setting: Setting, seed: int) -> Run:
         if self.fails:
@@ -278,9 +285,9 @@ def test_a_bias_hidden_on_purpose_shows(scene: ir.Scene, found: list[Tinted]) ->
     made = measured(scene, peers=("honest", "bright"), seeds=16)
     honest, bright = last(made, "honest"), last(made, "bright")
     assert honest.bias == 0.0
-    assert bright.bias == pytest.approx(0.02, rel=0.25)
     assert bright.bias_error is not None
-    assert bright.bias_error < 0.005
+    assert bright.bias_error < 0.006
+    assert bright.bias == pytest.approx(0.02, abs=3 * bright.bias_error)
     assert "silhouette" not in bright.errors
     assert {made.versions[peer.name] for peer in found} == {"honest 1", "bright 1"}
     for peer in found:
@@ -308,7 +315,7 @@ def test_a_peer_without_coverage_has_no_silhouette(scene: ir.Scene, found: list[
 def test_interrupted_before_anything(scene: ir.Scene) -> None:
     cancel = threading.Event()
     cancel.set()
-    with pytest.raises(NothingMeasured, match="^interrupted before anything was measured$"):
+    with pytest.raises(NothingMeasured, match=r"^interrupted before anything was measured$"):
         chart.measure(scene, Wanted("a.scene", SETTINGS, ("ray",)), None, cancel)
 
 

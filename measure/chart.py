@@ -112,8 +112,9 @@ class _Work:
         self.exposure = output.metered(against.rgb) if plan["exposure"] == "metered" else float(plan["exposure"])
         self.floor = figures.floor(against, self.exposure)
         try:
-            self._climb(climbs, against)
-            self._fill(climbs, against)
+            while self._climb(climbs, against):
+                self._fill(climbs, against, self.least)
+            self._fill(climbs, against, self.good)
         except runs.Cancelled:
             pass  # what was measured until now is charted
         if self.keeper is not None:
@@ -143,8 +144,14 @@ class _Work:
 
     # --- measuring ------------------------------------------------------------------------------------------------------
 
-    def _climb(self, climbs: list[_Climb], against: Reference) -> None:
-        """A first run of every rung that LEAST runs of are expected to fit, whoever is cheapest first."""
+    def _climb(self, climbs: list[_Climb], against: Reference) -> bool:
+        """A first run of every rung that LEAST runs of are expected to fit, whoever is cheapest first; whether there were any.
+
+        Asked again when those before have their runs, as these may have taken less time than was expected.
+        """
+        grown = False
+        for climb in climbs:
+            climb.skipped = ""
         while waiting := [climb for climb in climbs if climb.next_setting() is not None]:
             climb = min(waiting, key=_Climb.expected)
             setting = climb.next_setting()
@@ -153,6 +160,8 @@ class _Work:
             rung = Rung(setting)
             if not climb.skipped and self._run(climb, rung, against):
                 climb.rungs.append(rung)
+                grown = True
+        return grown
 
     def _too_good(self, setting: Setting, against: Reference) -> str:
         """Why the reference is not good enough to measure a setting; "" where it is.
@@ -173,10 +182,10 @@ class _Work:
             return ""
         return f"{self.least} renders of about {wording.seconds(expected)} do not fit into the budget of {self.wanted.budget:g} s"
 
-    def _fill(self, climbs: list[_Climb], against: Reference) -> None:
-        """More runs, in rounds over all rungs, cheap ones first: LEAST of each, then as many as the time allows."""
+    def _fill(self, climbs: list[_Climb], against: Reference, count: int) -> None:
+        """Up to `count` runs of each as the time allows, in rounds over all rungs, cheap ones first."""
         rungs = sorted(((climb, rung) for climb in climbs for rung in climb.rungs), key=lambda pair: pair[1].wall)
-        for goal in range(2, self.good + 1):
+        for goal in range(2, count + 1):
             for climb, rung in rungs:
                 fits = time.perf_counter() + rung.wall <= self.deadline
                 if rung.count < goal and not climb.failed and fits:

@@ -51,13 +51,15 @@ def curve(ladder: knobs.Ladder, rungs: Sequence[Rung], metric: str, reference: R
 
 
 def _stops(ladder: knobs.Ladder, rung: Rung, last: Point) -> str:
-    """Why the dearest rung's error is no noise, "" where it is."""
+    """Why the error of the dearest rung is no noise and what follows would not change that; else ""."""
+    if last.setting != ladder.settings[-1] and (ladder.settings[0].knob != "samples" or last.setting.value == 1):
+        return ""  # what would have come next draws another picture
     if not last.bias or last.bias**2 < DOMINANT * (last.bias**2 + (last.noise or 0.0) ** 2):
         return ""
     why = [ladder.light, *rung.notes, CENTRES if CENTRES in last.note else ""]
     if ladder.backend not in wording.BACKENDS:
         why.append("what it computes differs")
-    named = "; ".join(filter(None, why)) or f"{wording.setting(last.setting)} draw another picture"
+    named = "; ".join(filter(None, why)) or f"{wording.setting(last.setting)}: another picture than the reference"
     return f"{named}: bias {wording.error('relmse', last.bias)}"
 
 

@@ -16,7 +16,7 @@ from .records import Reference, Run, Setting, Spread
 from .truth import Truth
 
 Draw = Callable[[Setting, int], Run]  # a setting and a seed
-FEW = 5
+FEW = 3
 WARM = 32  # pixels square of the first render of a backend, which compiles its kernels or loads them
 
 

@@ -24,7 +24,7 @@ from .records import Chart, NothingMeasured, Reference, Setting, Wanted
 
 LEAST, GOOD = 5, 16  # runs of a setting: quartiles need the first, bias told from noise the second
 OF_REFERENCE = 0.5  # of the budget
-RESERVE = 0.03  # of the budget: for what comes after measuring
+RESERVE, MOST_RESERVED = 0.1, 2.5  # of the budget, and seconds of it at the most: for loading before measuring, and drawing after it
 BETTER = 16  # times the samples of the dearest rung the reference has at least: its noise then adds 3 % to an error at the most
 AIM = 100 * 4096  # samples a pixel of a reference that nothing is added to any more
 FOR_PEERS = {"filter": "box"}  # the pixel filter that all renderers have: with peers on the chart everybody takes it
@@ -85,7 +85,7 @@ class _Work:
 
     def __init__(self, scene: ir.Scene, wanted: Wanted, progress: Progress, cancel: threading.Event) -> None:
         self.began = time.perf_counter()
-        self.deadline = self.began + wanted.budget * (1.0 - RESERVE)
+        self.deadline = self.began + wanted.budget - min(wanted.budget * RESERVE, MOST_RESERVED)
         self.wanted, self.progress, self.cancel = wanted, progress, cancel
         # A chart turns these itself, and what the scene says of them must not end a rung.
         self.scene = replace(scene, settings=replace(scene.settings, samples=None, error=None, budget=None, seed=None))

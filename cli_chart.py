@@ -51,7 +51,7 @@ def _among(known: Sequence[str], what: str) -> Any:
     help="The chart: .svg, .png or .html, several if given several times. Default: SCENE.chart.svg in this folder.",
 )  # fmt: skip
 @shared.scene_options
-@click.option("--size", type=values.SIZE, help="Pixels: 800x600, or 512 for a square.")
+@click.option("--size", type=values.SIZE, help="Pixels: 320x240, or 256 for a square. Default: the scene's, at most 160 wide or high.")
 @click.option("--camera", metavar="NAME", help="The camera to look through.")
 @click.option("--backends", metavar="NAMES", callback=_among(BACKENDS, "backend"), help="Only these: ray,raster,reference.")
 @click.option("--peers", metavar="NAMES", callback=_among(PEERS, "peer"), help="Also other renderers that are installed: mitsuba,povray.")

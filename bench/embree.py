@@ -16,13 +16,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from . import limits
 from .harness import Missing, need
 from .meshes import F32, Mesh, Rays
 
 TRIANGLES, INSTANCE = 0, 121  # RTC_GEOMETRY_TYPE_…
 INDICES, VERTICES = 0, 1  # RTC_BUFFER_TYPE_…
 UINT3, FLOAT3, FLOAT3X4_ROWS = 0x5003, 0x9003, 0x9134  # RTC_FORMAT_…
-SINGLE_THREAD = b"threads=1,set_affinity=0"
+SINGLE_THREAD = "threads=1,set_affinity=0"
 INVALID = 0xFFFFFFFF
 _RAY_WORDS = 32  # of 4 bytes: 12 of the ray, up to 12 of the hit, and room
 INSTALL = "pip install embreex"
@@ -66,11 +67,17 @@ class Device:
 
     def __init__(self) -> None:
         self.lib = library()
-        self.handle = self.lib.rtcNewDevice(SINGLE_THREAD)
+        isa = f",max_isa={limits.EMBREE[limits.simd()]}" if limits.simd() else ""
+        self.handle = self.lib.rtcNewDevice((SINGLE_THREAD + isa).encode())
         self.bytes = 0
         self._monitor = _Monitor(self._count)
         self.lib.rtcSetDeviceMemoryMonitorFunction(self.handle, self._monitor, None)
         self.closest, self.occluded = _loops(self.lib.rtcIntersect1, self.lib.rtcOccluded1)
+        scene = Scene(self, Mesh(np.zeros((3, 3), np.float32), np.zeros((3, 3), np.float32), np.zeros((1, 3), np.int32)))
+        scene.commit()
+        nothing = Rays("none", np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
+        for work in (scene.intersect(nothing), scene.occluded(nothing)):
+            work()  # compiles the loops, which is no work of Embree's
 
     def _count(self, _: Any, size: int, __: bool) -> bool:
         self.bytes += size

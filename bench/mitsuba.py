@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import harness
+from . import harness, limits
 from .meshes import Mesh, Rays
 
 INSTALL = "pip install mitsuba; llvm mode: Debian's libllvm19, or DRJIT_LIBLLVM_PATH"
@@ -17,6 +17,7 @@ LLVM = "llvm_ad_rgb"
 
 def load(variant: str = LLVM) -> ModuleType:
     """The mitsuba module, set to a variant and one thread. Raises Missing."""
+    limits.unlimited("Mitsuba")
     mi = harness.need("mitsuba", INSTALL)
     try:
         mi.set_variant(variant)

@@ -83,7 +83,7 @@ def section(quick: bool, effort: Effort) -> report.Section:
                 found.blocks.append(f"**{title}**\n\nNo times: the long runs differ: {why}.")
                 continue
             fast = rates(sides, size, samples, effort)
-            ladder = (1, 4) if quick else (1, 4, 16, 64)
+            ladder = (1, 4) if quick else (1, 4, 16, 64, 256) if filled is None else (1, 4, 16, 64)
             told = errors(sides, references, ladder, effort)
             # Apart, and last: changing between Mitsuba's modes makes its next picture slow.
             scalar = _there(peers, functools.partial(theirs, filled, "scalar_rgb"))

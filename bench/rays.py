@@ -13,7 +13,7 @@ from ..compiler import ir
 from ..render import bvh
 from ..render import rays as traced
 from ..render.handles import Handle
-from . import embree, meshes, mitsuba, report
+from . import embree, limits, meshes, mitsuba, report
 from .harness import OURS, Case, Contender, Disagreement, Effort, Peers, Seconds, measure, need, timed
 from .meshes import Mesh, Rays
 
@@ -73,6 +73,7 @@ class Sides:
 
     def embreex(self, rays: Rays, any_hit: bool) -> Contender:
         def make() -> Callable[[Rays, bool], Contender]:
+            limits.unlimited("embreex")
             scene = need("embreex.rtcore_scene", embree.INSTALL).EmbreeScene()
             need("embreex.mesh_construction", embree.INSTALL).TriangleMesh(scene, self.mesh.positions, self.mesh.triangles)
             one = np.zeros((1, 3), np.float32) + 9.0

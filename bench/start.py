@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..render import output
-from . import mitsuba, report
+from . import limits, mitsuba, report
 from .harness import OURS, Case, Contender, Disagreement, Effort, Missing, Peers, measure
 
 SCENES = Path(__file__).resolve().parent / "scenes"
@@ -71,6 +71,7 @@ class Desk:
         program = shutil.which("povray")
         if program is None:
             raise Missing("povray is not installed (Debian's povray)")
+        limits.unlimited("POV-Ray")
         picture = self.folder / "povray.png"
         size = [f"+W{self.size}", f"+H{self.size}"]
         samples = ["+A0.0", "+AM1", "+R2", "-J"]  # each pixel by 2 × 2 samples in its own places

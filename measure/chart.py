@@ -3,7 +3,8 @@
 The budget bounds all of it. Half goes to the reference (what it lacks is kept on disk and added by the next command); then whoever's
 next rung is expected to be cheapest goes first, so that all climb side by side, as far as LEAST runs of each rung fit. What time is
 left brings all to GOOD runs, in rounds over all rungs, so that a machine that slows down slows all. Every run has a seed of its own,
-which no other and no reference has; its picture is measured and added to sums, and not kept unless asked for.
+which no other and no reference has and which its place on the chart alone decides; its picture is measured, added to sums and not
+kept unless asked for.
 Only compiling kernels, which happens once, may take more than the budget: half of it is then still spent on measuring.
 """
 
@@ -23,10 +24,11 @@ from .records import Chart, NothingMeasured, Reference, Setting, Wanted
 
 LEAST, GOOD = 5, 16  # runs of a setting: quartiles need the first, bias told from noise the second
 OF_REFERENCE = 0.5  # of the budget
-RESERVE = 0.03  # of the budget: for what comes after measuring
+RESERVE, MOST_RESERVED = 0.1, 2.5  # of the budget, and seconds of it at the most: for loading before measuring, and drawing after it
 BETTER = 16  # times the samples of the dearest rung the reference has at least: its noise then adds 3 % to an error at the most
 AIM = 100 * 4096  # samples a pixel of a reference that nothing is added to any more
 FOR_PEERS = {"filter": "box"}  # the pixel filter that all renderers have: with peers on the chart everybody takes it
+RUNGS, RUNS = 16, 2048  # of a ladder and of a rung, at the most: room for their seeds
 WIDE = 160  # pixels of the longer side where no size was asked for
 
 Progress = Callable[[float, float], None]  # done, of
@@ -48,6 +50,7 @@ class _Climb:
     by: Contestant
     ladder: knobs.Ladder
     first: float  # seconds its first rung is expected to take
+    number: int  # among all
     rungs: list[Rung] = field(default_factory=list)
     skipped: str = ""  # why the next rung was not measured
     failed: bool = False
@@ -56,6 +59,10 @@ class _Climb:
     def name(self) -> str:
         """As in "ray, samples"."""
         return f"{self.ladder.backend}, {self.ladder.name}"
+
+    def place(self, rung: Rung) -> int:
+        """Which rung it is, counted from the cheapest."""
+        return self.ladder.settings.index(rung.setting)
 
     def next_setting(self) -> Setting | None:
         """The rung after the last, if there is one."""
@@ -78,7 +85,7 @@ class _Work:
 
     def __init__(self, scene: ir.Scene, wanted: Wanted, progress: Progress, cancel: threading.Event) -> None:
         self.began = time.perf_counter()
-        self.deadline = self.began + wanted.budget * (1.0 - RESERVE)
+        self.deadline = self.began + wanted.budget - min(wanted.budget * RESERVE, MOST_RESERVED)
         self.wanted, self.progress, self.cancel = wanted, progress, cancel
         # A chart turns these itself, and what the scene says of them must not end a rung.
         self.scene = replace(scene, settings=replace(scene.settings, samples=None, error=None, budget=None, seed=None))
@@ -87,7 +94,6 @@ class _Work:
         self.truth = truth.of(self.scene, self.settings, common)
         self.left_out: dict[str, str] = {}
         self.versions = runs.versions()
-        self.seed = wanted.settings.seed or 0
         self.exposure, self.floor = 0.0, dict[str, float]()
         asked = max(wanted.seeds or 0, wanted.repeats or 0)
         self.least, self.good = asked or LEAST, asked or GOOD
@@ -98,15 +104,17 @@ class _Work:
         plan = self.truth.make(self.scene)
         try:
             contestants = self._contestants(plan)
-            climbs = [_Climb(by, *pair) for by in contestants for pair in zip(by.ladders, by.first, strict=True)]
+            starts = [(by, *pair) for by in contestants for pair in zip(by.ladders, by.first, strict=True)]
+            climbs = [_Climb(*start, number) for number, start in enumerate(starts)]
             against = self._reference()
         except runs.Cancelled:
             raise NothingMeasured("interrupted before anything was measured") from None
         self.exposure = output.metered(against.rgb) if plan["exposure"] == "metered" else float(plan["exposure"])
         self.floor = figures.floor(against, self.exposure)
         try:
-            self._climb(climbs, against)
-            self._fill(climbs, against)
+            while self._climb(climbs, against):
+                self._fill(climbs, against, self.least)
+            self._fill(climbs, against, self.good)
         except runs.Cancelled:
             pass  # what was measured until now is charted
         if self.keeper is not None:
@@ -136,8 +144,14 @@ class _Work:
 
     # --- measuring ------------------------------------------------------------------------------------------------------
 
-    def _climb(self, climbs: list[_Climb], against: Reference) -> None:
-        """A first run of every rung that LEAST runs of are expected to fit, whoever is cheapest first."""
+    def _climb(self, climbs: list[_Climb], against: Reference) -> bool:
+        """A first run of every rung that LEAST runs of are expected to fit, whoever is cheapest first; whether there were any.
+
+        Asked again when those before have their runs, as these may have taken less time than was expected.
+        """
+        grown = False
+        for climb in climbs:
+            climb.skipped = ""
         while waiting := [climb for climb in climbs if climb.next_setting() is not None]:
             climb = min(waiting, key=_Climb.expected)
             setting = climb.next_setting()
@@ -146,6 +160,8 @@ class _Work:
             rung = Rung(setting)
             if not climb.skipped and self._run(climb, rung, against):
                 climb.rungs.append(rung)
+                grown = True
+        return grown
 
     def _too_good(self, setting: Setting, against: Reference) -> str:
         """Why the reference is not good enough to measure a setting; "" where it is.
@@ -166,10 +182,10 @@ class _Work:
             return ""
         return f"{self.least} renders of about {wording.seconds(expected)} do not fit into the budget of {self.wanted.budget:g} s"
 
-    def _fill(self, climbs: list[_Climb], against: Reference) -> None:
-        """More runs, in rounds over all rungs, cheap ones first: LEAST of each, then as many as the time allows."""
+    def _fill(self, climbs: list[_Climb], against: Reference, count: int) -> None:
+        """Up to `count` runs of each as the time allows, in rounds over all rungs, cheap ones first."""
         rungs = sorted(((climb, rung) for climb in climbs for rung in climb.rungs), key=lambda pair: pair[1].wall)
-        for goal in range(2, self.good + 1):
+        for goal in range(2, count + 1):
             for climb, rung in rungs:
                 fits = time.perf_counter() + rung.wall <= self.deadline
                 if rung.count < goal and not climb.failed and fits:
@@ -179,16 +195,18 @@ class _Work:
         """One more run of a rung; False where its backend failed, which is left out from here on."""
         if self.cancel.is_set():
             raise runs.Cancelled
-        self.seed += 1
+        seed = (self.wanted.settings.seed or 0) + (climb.number * RUNGS + climb.place(rung)) * RUNS + rung.count
+        began = time.perf_counter()
         try:
-            run = contest.timed(climb.by.draw, rung, self.seed % reference.FIRST_SEED)
+            run = climb.by.draw(rung.setting, seed % reference.FIRST_SEED)
         except (peer_run.PeerError, planner.PlanError) as problem:
             climb.failed = True
             self.left_out[climb.name] = str(problem)
             return False
-        rung.add(run, against, self.exposure)
+        rung.add(run, against, self.exposure, self.wanted.metric)
         if self.keeper is not None:
-            self.keeper.run(rung.setting, climb.ladder.name, run, {name: values[-1] for name, values in rung.errors.items()})
+            self.keeper.run(rung.setting, climb.ladder.name, run, rung.latest)
+        rung.wall = time.perf_counter() - began
         self._tell()
         return True
 

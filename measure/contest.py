@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -17,6 +16,7 @@ from .records import Reference, Run, Setting, Spread
 from .truth import Truth
 
 Draw = Callable[[Setting, int], Run]  # a setting and a seed
+FEW = 3
 WARM = 32  # pixels square of the first render of a backend, which compiles its kernels or loads them
 
 
@@ -41,20 +41,24 @@ class Rung:
     stages: list[dict[str, float]] = field(default_factory=list)
     errors: dict[str, list[float]] = field(default_factory=dict)
     sums: bias.Sums = field(default_factory=bias.Sums)
+    latest: dict[str, float] = field(default_factory=dict)  # errors of the last run
     notes: tuple[str, ...] = ()
-    wall: float = 0.0  # of the last run with all that belongs to it: what another will take
+    wall: float = 0.0  # of the last run with measuring it: what another will take
 
     @property
     def count(self) -> int:
         """Runs so far."""
         return len(self.seconds)
 
-    def add(self, run: Run, reference: Reference, exposure: float) -> None:
-        """Take in a run and measure it."""
+    def add(self, run: Run, reference: Reference, exposure: float, metric: str) -> None:
+        """Take in a run and measure it. FLIP, unless it is the metric charted, is measured of the first FEW runs alone."""
+        with_flip = metric == "flip" or self.count < FEW
+        measured = errors.measures(run.rgb, run.alpha, reference.rgb, reference.alpha, exposure, with_flip)
         self.seconds.append(run.seconds["render"])
         self.cpu.append(run.cpu)
         self.stages.append(dict(run.seconds))
-        for name, value in errors.measures(run.rgb, run.alpha, reference.rgb, reference.alpha, exposure).items():
+        self.latest = measured
+        for name, value in measured.items():
             self.errors.setdefault(name, []).append(value)
         self.sums.add(run.rgb)
         self.notes = run.notes
@@ -110,14 +114,6 @@ def without(peer: Peer, scene: ir.Scene, plan: planner.Plan) -> str:
         return peer.missing
     lost = peer.express(scene, plan)
     return "; ".join(lost)
-
-
-def timed(draw: Draw, rung: Rung, seed: int) -> Run:
-    """A run whose whole wall time is noted as what another will take."""
-    began = time.perf_counter()
-    run = draw(rung.setting, seed)
-    rung.wall = time.perf_counter() - began
-    return run
 
 
 def _middle(crop: tuple[int, int, int, int]) -> tuple[int, int, int, int]:

@@ -13,7 +13,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import matplotlib.figure
@@ -34,7 +34,13 @@ LINES = 1.15
 MISSING = 3  # contestants that are named as not charted
 SIZE = (9.6, 6.6)  # inches
 FONT = "DejaVu Sans"  # comes with matplotlib
-SETTINGS = {"font.family": FONT, "font.size": 10, "svg.fonttype": "none", "svg.hashsalt": "maquette", "path.simplify": False}
+SETTINGS: dict[Any, Any] = {
+    "font.family": FONT,
+    "font.size": 10,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "maquette",
+    "path.simplify": False,
+}
 REACH = 1.7  # the factor to which a bar makes the chart wider; longer ones are cut at its edge
 LEAST_SPAN = (6.0, 8.0)  # a chart is at least this wide and high, as ratios
 

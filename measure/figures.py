@@ -13,6 +13,7 @@ from .records import Curve, Point, Reference
 
 DOMINANT = 0.5  # share of the squared error from which on a bias is what stops a curve
 CENTRES = "one sample a pixel is its centre: edges are not smoothed"
+BLOCKS = "the bias is seen only in means over many pixels: it is at least so much"
 
 
 def point(rung: Rung, metric: str, reference: Reference, once: dict[str, float]) -> Point | None:
@@ -26,8 +27,10 @@ def point(rung: Rung, metric: str, reference: Reference, once: dict[str, float])
     told = {} if split is None else {
         "bias": split.bias, "bias_error": split.bias_error, "noise": split.noise, "noise_error": split.noise_error,
         "bias_squared": split.bias_squared, "bias_squared_error": split.bias_squared_error,
+        "bias_block": split.block,
     }  # fmt: skip
-    note = CENTRES if rung.setting.options.get("samples") == 1 and rung.setting.backend in wording.BACKENDS else ""
+    centres = rung.setting.options.get("samples") == 1 and rung.setting.backend in wording.BACKENDS
+    note = "; ".join(said for said, true in ((CENTRES, centres), (BLOCKS, split is not None and split.block > 1)) if true)
     return Point(
         rung.setting, contest.spread(rung.seconds), spreads[metric], spreads, **told,
         stages=stages, note=note, cpu=float(np.median(rung.cpu)),
@@ -48,13 +51,15 @@ def curve(ladder: knobs.Ladder, rungs: Sequence[Rung], metric: str, reference: R
 
 
 def _stops(ladder: knobs.Ladder, rung: Rung, last: Point) -> str:
-    """Why the dearest rung's error is no noise, "" where it is."""
+    """Why the error of the dearest rung is no noise and what follows would not change that; else ""."""
+    if last.setting != ladder.settings[-1] and (ladder.settings[0].knob != "samples" or last.setting.value == 1):
+        return ""  # what would have come next draws another picture
     if not last.bias or last.bias**2 < DOMINANT * (last.bias**2 + (last.noise or 0.0) ** 2):
         return ""
-    why = [ladder.light, *rung.notes, last.note]
+    why = [ladder.light, *rung.notes, CENTRES if CENTRES in last.note else ""]
     if ladder.backend not in wording.BACKENDS:
         why.append("what it computes differs")
-    named = "; ".join(filter(None, why)) or f"{wording.setting(last.setting)} draw another picture"
+    named = "; ".join(filter(None, why)) or f"{wording.setting(last.setting)}: another picture than the reference"
     return f"{named}: bias {wording.error('relmse', last.bias)}"
 
 

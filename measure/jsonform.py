@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import Field, fields
+from dataclasses import MISSING, Field, fields
 from typing import Any
 
 from .records import Chart, Curve, Point, Setting, Spread
@@ -55,12 +55,13 @@ def _data(value: Any) -> Any:
 
 
 def _record(kind: Any, data: Mapping[str, Any], **read: Any) -> Any:
-    """A record of `kind`: fields of `read`, the others as they stand."""
+    """A record of `kind`: fields of `read`, the others as they stand; what an older chart did not have yet is as it is by default."""
 
     def plain(f: Field[Any]) -> Any:
         return _number(data[f.name]) if str(f.type).startswith("float") else data[f.name]
 
-    return kind(**{f.name: read[f.name] if f.name in read else plain(f) for f in fields(kind)})
+    there = [f for f in fields(kind) if f.name in data or (f.default is MISSING and f.default_factory is MISSING)]
+    return kind(**{f.name: read[f.name] if f.name in read else plain(f) for f in there})
 
 
 def _number(value: Any) -> Any:

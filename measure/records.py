@@ -115,6 +115,7 @@ class Point:
     note: str = ""
     bias_squared: float | None = None  # as estimated, before its root: below 0 where noise alone is met by accident
     bias_squared_error: float | None = None
+    bias_block: int | None = None  # pixels square over which means were taken to see it: 1, or else the bias is at least so much
     cpu: float | None = None  # median CPU seconds of building and rendering, all threads together
 
 

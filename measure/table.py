@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 
 HEADINGS = ("error", "take", "time", "measured", "settings to copy")
 STEPS = (1.0, 3.0)  # errors asked for: 1 and 3 of every decade
+FINE = (1.0, 2.0, 3.0, 5.0, 7.0)  # at which times are compared
 MOST = 6  # of them
+USELESS = 1.0  # a picture that is off by as much as it shows is asked for by nobody
 
 
 def targets(chart: Chart) -> list[float]:
@@ -27,11 +29,17 @@ def targets(chart: Chart) -> list[float]:
     if not above:
         return [0.0] if found else []
     least, most = min(above), max(above)
-    decades = range(math.floor(math.log10(least)) - 1, math.ceil(math.log10(most)) + 2)
-    rounded = sorted((step * 10.0**d for d in decades for step in STEPS), reverse=True)
-    inside = [t for t in rounded if least <= t <= most] or [t for t in rounded if t >= most][-1:]
+    rounded = _round(least, most, STEPS)
+    top = USELESS if wording.METRICS[chart.metric].share else math.inf
+    inside = [t for t in rounded if least <= t <= most and t < top] or [t for t in rounded if t >= least][-1:]
     below = [t for t in rounded if t < least][:1] if min(found) > 0 else [0.0]
     return [*inside, *below][-MOST:]
+
+
+def _round(least: float, most: float, steps: tuple[float, ...]) -> list[float]:
+    """Numbers of these first digits from below `least` to above `most`, large ones first."""
+    decades = range(math.floor(math.log10(least)) - 1, math.ceil(math.log10(most)) + 2)
+    return sorted((step * 10.0**d for d in decades for step in steps), reverse=True)
 
 
 def _ours(chart: Chart) -> list[Point]:
@@ -91,7 +99,8 @@ def _stops(chart: Chart) -> Iterator[str]:
 def _equal(chart: Chart) -> Iterator[str]:
     """Times at one error, each backend on its quickest ladder, the quickest first: the smallest round error that most of them reach."""
     best: tuple[float, dict[str, float]] | None = None
-    for target in targets(chart):
+    known = [p.error.median for p in chart.points if p.error.median > 0]
+    for target in _round(min(known), max(known), FINE) if known else ():
         times: dict[str, float] = {}
         for curve in chart.curves:
             if (time := seconds_at(curve, target)) is not None:

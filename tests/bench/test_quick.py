@@ -59,6 +59,18 @@ def test_without_peers_ours_is_measured_alone(tmp_path: Path) -> None:
     assert "| 2k triangles | maquette |" in text
 
 
+def test_vectors_can_be_limited_for_all(tmp_path: Path) -> None:
+    """Those that cannot be are left out, and the section stands beside the one without limits."""
+    results = tmp_path / "R.md"
+    run = [sys.executable, "-m", "maquette.bench", "rays", "--quick", "--simd", "sse", "--results", str(results)]
+    done = subprocess.run(run, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stdout + done.stderr
+    text = results.read_text(encoding="utf-8")
+    assert "<!-- section rays sse -->\n## Rays, SSE for all" in text
+    assert "Not measured: Mitsuba cannot be kept to SSE." in text
+    assert "| maquette |" in text
+
+
 def test_names_that_are_none_are_answered(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         command.main(["speed"])

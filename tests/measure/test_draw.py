@@ -36,7 +36,7 @@ def place(tree: ET.Element, index: int) -> tuple[float, float]:
 
 
 def words(tree: ET.Element) -> list[str]:
-    return ["".join(element.itertext()) for element in tree.iter(f"{SVG}text")]
+    return ["".join(element.itertext()).replace("\N{NO-BREAK SPACE}", " ") for element in tree.iter(f"{SVG}text")]
 
 
 def drawn(name: str, tree: ET.Element) -> list[tuple[float, float]]:

@@ -84,6 +84,13 @@ def test_what_is_no_chart_is_said(text: str, message: str) -> None:
     assert str(caught.value) == message
 
 
+def test_an_older_chart_is_read() -> None:
+    data = json.loads(jsonform.text(charts.room()))
+    for point in (p for curve in data["curves"] for p in curve["points"]):
+        del point["note"], point["bias_error"]
+    assert jsonform.read(json.dumps(data)).curves[2].points[0].bias_error is None
+
+
 def test_a_chart_with_a_part_missing_is_said() -> None:
     data = json.loads(jsonform.text(charts.room()))
     del data["curves"][0]["points"][0]["seconds"]["low"]

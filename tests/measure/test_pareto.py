@@ -15,7 +15,9 @@ def test_the_front_is_what_no_point_beats(points: list[tuple[int, int]]) -> None
     front = pareto.front(times, errors)
 
     def beaten(i: int) -> bool:
-        return any(times[j] <= times[i] and errors[j] <= errors[i] and (times[j], errors[j]) != (times[i], errors[i]) for j in range(len(points)))
+        return any(
+            times[j] <= times[i] and errors[j] <= errors[i] and (times[j], errors[j]) != (times[i], errors[i]) for j in range(len(points))
+        )
 
     kept = {points[i] for i in front}
     assert kept == {p for i, p in enumerate(points) if not beaten(i)}

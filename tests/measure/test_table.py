@@ -52,6 +52,13 @@ def test_an_exact_point_reaches_everything() -> None:
     ]
 
 
+def test_nobody_asks_for_an_error_of_all_there_is() -> None:
+    noisy = charts.chart(Curve("ray", "samples", charts.ladder("ray", 0.1, 0.1, 2.4, 3)))
+    assert [row[0] for row in table.advice(noisy)] == ["100 %", "30 %"]  # nothing better was measured
+    better = charts.chart(Curve("ray", "samples", charts.ladder("ray", 0.1, 0.1, 2.4, 5)))
+    assert [row[0] for row in table.advice(better)] == ["30 %", "10 %"]
+
+
 def test_an_error_near_the_references_own_is_said() -> None:
     chart = charts.chart(Curve("ray", "samples", charts.ladder("ray", 0.1, 0.1, 0.02, 2)), floor=0.008)
     assert table.remarks(chart) == ["the reference's own uncertainty is 0.80 %: errors near it are not told apart"]
@@ -132,7 +139,7 @@ def test_a_quicker_peer_is_told_of_and_not_advised() -> None:
         "10 % → ray, 4 samples, 400 ms: --backend ray --samples 4",
         "3 % → not reached; the least measured is 5.0 %",
         "knee: mitsuba, 4 samples: 10 % in 200 ms",
-        "at 10 %, between measured points: mitsuba 200 ms, ray 400 ms (2.0 times as long)",
+        "at 5 %, between measured points: mitsuba 800 ms, ray 1.6 s (2.0 times as long)",
     ]
 
 

@@ -106,7 +106,9 @@ def test_every_rung_can_be_planned_and_grows_dearer(text: str, tmp_path: Path) -
     scene = load(text, tmp_path)
     light = truth.of(scene, ir.Settings(size=(40, 30)))
     for backend, made in declared.KNOBS.items():
-        assert [knob.name for knob in made if not all(knob.cost(a) < knob.cost(b) for a, b in zip(knob.values, knob.values[1:], strict=False))] == []
+        assert [
+            knob.name for knob in made if not all(knob.cost(a) < knob.cost(b) for a, b in zip(knob.values, knob.values[1:], strict=False))
+        ] == []
         for ladder in knobs.ladders(scene, light, backend):
             assert len(ladder.costs) == len(ladder.settings) > 1
             for setting in ladder.settings:

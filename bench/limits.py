@@ -1,0 +1,42 @@
+"""What all contenders are kept to alike: one core, and on request narrower vectors. Read when libraries load, so set before them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import MutableMapping
+from pathlib import Path
+
+from .harness import Missing
+
+LIBRARY_PATHS = ("/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib/llvm-19/lib", "/usr/lib64")
+WIDTHS = {"avx512": "", "avx2": "256", "sse": "128"}  # llvmpipe's vectors in bits; "": its own choice
+EMBREE = {"avx512": "avx512", "avx2": "avx2", "sse": "sse4.2"}
+NAMES = {"avx512": "AVX-512", "avx2": "AVX2", "sse": "SSE"}
+SIMD = "MAQUETTE_SIMD"
+
+
+def limit(environment: MutableMapping[str, str], simd: str = "") -> None:
+    """Keep this process and all it starts to one core, and to the vectors of `simd`, one of WIDTHS, if it is given."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    environment["NUMBA_NUM_THREADS"] = environment["OMP_NUM_THREADS"] = "1"
+    environment["LP_NUM_THREADS"] = "0"  # llvmpipe: rasterize in the calling thread
+    environment["LIBGL_ALWAYS_SOFTWARE"] = "1"
+    library = next((p for folder in LIBRARY_PATHS for p in sorted(Path(folder).glob("libLLVM*19*")) if p.is_file()), None)
+    if library and "DRJIT_LIBLLVM_PATH" not in environment:
+        environment["DRJIT_LIBLLVM_PATH"] = str(library)
+    if simd:
+        environment[SIMD] = simd
+        if WIDTHS[simd]:
+            environment["LP_NATIVE_VECTOR_WIDTH"] = WIDTHS[simd]
+
+
+def simd() -> str:
+    """The vectors all are kept to, or "" where each takes the machine's widest."""
+    return os.environ.get(SIMD, "")
+
+
+def unlimited(peer: str) -> None:
+    """Raise Missing where vectors are limited and this peer has no way to be."""
+    if simd():
+        raise Missing(f"{peer} cannot be kept to {NAMES.get(simd(), simd())}")

@@ -10,13 +10,13 @@ from typing import Any
 
 import click
 
-from . import cli_chart, cli_compare, cli_convert
 from . import cli_job as jobs
 from . import cli_options as values
 from . import cli_shared as shared
 from . import cli_terminal as terminal
 from .lang.diagnostics import SceneError, in_order
 
+ORDER = ["render", "check", "inspect", "explain", "chart", "compare", "watch", "convert"]  # in --help
 PLANNED = {
     "format": "lay a scene out in the standard way",
     "sweep": "a labelled contact sheet over values of params",
@@ -50,12 +50,20 @@ class Commands(click.Group):
             ctx.exit(1)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(self.commands)
+        return ORDER
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name in PLANNED:
             raise click.UsageError(f"`maquette {cmd_name}` ({PLANNED[cmd_name]}) is not built yet")
-        return super().get_command(ctx, cmd_name)
+        if cmd_name == "chart":
+            from .cli_chart import chart as command
+        elif cmd_name == "compare":
+            from .cli_compare import compare as command
+        elif cmd_name == "convert":
+            from .cli_convert import convert as command
+        else:
+            return super().get_command(ctx, cmd_name)
+        return command
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Planned, not built yet"):
@@ -175,10 +183,6 @@ def explain(scene: Path, as_json: bool, **given: Any) -> None:
     terminal.report(jobs.plan_warnings(compiled, plan))
 
 
-cli.add_command(cli_chart.chart)
-cli.add_command(cli_compare.compare)
-
-
 @cli.command()
 @click.argument("scene", type=shared.FILE)
 @click.option("-o", "--output", type=shared.OUT, required=True, help="The picture that follows the scene.")
@@ -200,9 +204,6 @@ def watch(ctx: click.Context, scene: Path, output: Path, **given: Any) -> None:
         live.follow(job.build)
     except KeyboardInterrupt:
         ctx.exit(0)
-
-
-cli.add_command(cli_convert.convert)
 
 
 def main() -> None:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from typing import Any
 
 from ..compiler import ir
 from ..compiler.plan import Plan
-from . import film, kernels, prepare, raster, ray, records, reference
+from . import film, kernels, prepare, records
 from .image import Image
-
-RENDERERS = {"ray": ray.Renderer, "raster": raster.Renderer, "reference": reference.Renderer}
 
 Progress = Callable[[int, int], None]  # tiles done, tiles in all
 
@@ -27,8 +26,22 @@ def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: 
     view = records.View(plan["camera"], width, height)
     backend = plan["backend"]
     with kernels.timed(seconds, "build"):
-        renderer = RENDERERS[backend](prepare.prepare(scene, plan, view), plan, view)
+        backend_of, notes_of = _backend(backend)
+        renderer = backend_of(prepare.prepare(scene, plan, view), plan, view)
     with kernels.timed(seconds, "render"):
         image = film.run(renderer, plan, view, progress, cancel)
-    image.metadata.update(backend=backend, seconds=seconds, notes=raster.notes(scene, plan) if backend == "raster" else [])
+    image.metadata.update(backend=backend, seconds=seconds, notes=notes_of(scene, plan))
     return image
+
+
+def _backend(name: str) -> tuple[Any, Callable[[ir.Scene, Plan], list[tuple[str, str, int]]]]:
+    """A backend's renderer, and what tells what it does not draw."""
+    if name == "raster":
+        from .raster import Renderer, notes
+
+        return Renderer, notes
+    if name == "reference":
+        from .reference import Renderer
+    else:
+        from .ray import Renderer
+    return Renderer, lambda scene, plan: []

@@ -84,7 +84,7 @@ class _Sums:
     issues: Counts
     samples: Counts
     variance: NDArray[np.float32]  # (h, w, 3) of the means; inf where a single batch says nothing
-    darker: NDArray[np.float32]  # (h, w, 3) the lower of the two means: a stray bright sample shall not excuse itself
+    value: NDArray[np.float32]  # (h, w, 3) what errors are a share of; of few samples the geometric mean of both, lest a stray excuse itself
 
     @classmethod
     def of(cls, height: int, width: int) -> _Sums:
@@ -103,9 +103,9 @@ class _Sums:
         both = (self.samples > 0) & (count > 0)
         old, new = np.where(both, self.samples, 1)[..., None], np.where(both, count, 1)[..., None]
         one, other = self.color / old, batch.color / new
-        both_mean = (self.color + batch.color) / (old + new)
+        value = np.where(old + new > TRUSTED, (self.color + batch.color) / (old + new), np.sqrt(np.maximum(one * other, 0.0)))
         np.copyto(self.variance, (one - other) ** 2 * (old * new / (old + new) ** 2), where=both[..., None], casting="same_kind")
-        np.copyto(self.darker, np.where(old + new > TRUSTED, both_mean, np.sqrt(np.maximum(one * other, 0.0))), where=both[..., None], casting="same_kind")
+        np.copyto(self.value, value, where=both[..., None], casting="same_kind")
         self.color += batch.color
         self.alpha += batch.alpha
         self.issues += batch.issues
@@ -129,7 +129,7 @@ class _Canvas:
         self.width, self.height = self.crop[2] - self.crop[0], self.crop[3] - self.crop[1]
         self.channels = image.blank(self.width, self.height, ("rgba", *self.names))
         self.variance = np.full((self.height, self.width, 3), np.inf, np.float32) if self.most > 1 else None
-        self.darker = np.zeros((self.height, self.width, 3), np.float32)
+        self.value = np.zeros((self.height, self.width, 3), np.float32)
         self.samples = np.zeros((self.height, self.width), np.int64)
         self.decline = adaptive.Decline()
         self.tiles = tiles(self.crop)
@@ -198,7 +198,7 @@ class _Canvas:
                 break
             self._draw(tile, sums, step, deadline)
             doubled = sums.samples == 2 * had
-            below = sums.darker[doubled].astype(np.float64) ** 2 + least
+            below = sums.value[doubled].astype(np.float64) ** 2 + least
             self.decline.note(tile, float(np.sum(before[doubled] / below)), float(np.sum(sums.variance[doubled] / below)))
 
     def _goals(self, relative: NDArray[np.float64], samples: Counts, excess: float, affordable: float) -> Counts:
@@ -231,7 +231,7 @@ class _Canvas:
         self.channels["rgba"][(*window, 3)] = sums.alpha / there
         if self.variance is not None:
             self.variance[window] = sums.variance
-            self.darker[window] = sums.darker
+            self.value[window] = sums.value
         self.samples[window] = sums.samples
         self.drawn[tile] = int(sums.samples.sum())
         self.issues[tile] = int(sums.issues.sum())
@@ -247,7 +247,7 @@ class _Canvas:
 
     def _relative(self) -> NDArray[np.float64]:
         """(h, w, 3) variance / (value² + ε²) of what has been drawn, ε as in metrics.root_relmse."""
-        below = self.darker.astype(np.float64) ** 2 + self._least()
+        below = self.value.astype(np.float64) ** 2 + self._least()
         share = np.where(self.samples > FIRST, self.decline.share(), 1.0)[..., None]  # what others show holds for pixels like them
         return self.variance * share / below
 

@@ -1,4 +1,4 @@
-"""The layers, read from the imports: cli, live, measure → render → compiler → lang, nothing upwards, nothing hidden, nothing round in circles."""
+"""The layers, read from the imports: cli, live, measure → render → compiler → lang, nothing upwards, hidden or in circles."""
 
 from __future__ import annotations
 
@@ -44,6 +44,7 @@ DOORS = {
     "cli_compare.py": "pictures and scenes load what they need",
     "cli_convert.py": "each format loads what writes it",
     "cli_job.py": "a job loads the stages it comes to",
+    "render/draw.py": "a picture loads the backend that draws it",
     "compiler/lower.py": "a mesh or a stage inside a scene loads what reads its file",
     "compiler/load.py": "each kind of file has its own front end and libraries",
 }

@@ -84,7 +84,7 @@ class _Sums:
     issues: Counts
     samples: Counts
     variance: NDArray[np.float32]  # (h, w, 3) of the means; inf where a single batch says nothing
-    value: NDArray[np.float32]  # (h, w, 3) what errors are a share of; of few samples the geometric mean of both, lest a stray excuse itself
+    value: NDArray[np.float32]  # (h, w, 3) what errors are a share of; of few samples the geometric mean of both, lest a stray excuse it
 
     @classmethod
     def of(cls, height: int, width: int) -> _Sums:

@@ -19,12 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler.plan import Plan
-from . import adaptive, image, metrics
+from . import adaptive, image, metrics, sums
 from .records import Film, Tile, View
 
 TILE = 32  # pixels
 FIRST = 16  # samples a pixel before its error is asked for the first time
-TRUSTED = 64  # samples from which on a pixel's mean is known well enough to be what its error is a share of
 CALL = 64  # samples a pixel between looks at whether the work has been cancelled or its time is over
 
 Counts = NDArray[np.int64]
@@ -72,44 +71,21 @@ def tiles(crop: tuple[int, int, int, int]) -> list[Tile]:
 
 @dataclass(eq=False)
 class _Sums:
-    """What the samples of a tile's pixels add up to, and the variance of their means, told from the latest two batches.
-
-    The old samples and the new ones have means m₁, m₂ of n₁, n₂ samples; for independent batches whose variance falls as 1/n, the
-    mean of all has the variance (m₁ - m₂)² n₁ n₂ / (n₁ + n₂)². Sobol points do better than that, and the larger the batches the
-    more of it is seen: so the estimate comes near the truth from above.
-    """
+    """What the samples of pixels add up to."""
 
     color: NDArray[np.float64]  # (h, w, 3)
     alpha: NDArray[np.float64]
     issues: Counts
     samples: Counts
-    variance: NDArray[np.float32]  # (h, w, 3) of the means; inf where a single batch says nothing
-    value: NDArray[np.float32]  # (h, w, 3) what errors are a share of; of few samples the geometric mean of both, lest a stray excuse it
 
     @classmethod
     def of(cls, height: int, width: int) -> _Sums:
         shape = (height, width)
-        return cls(
-            np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape, np.int64), np.zeros(shape, np.int64),
-            np.full((*shape, 3), np.inf, np.float32), np.zeros((*shape, 3), np.float32),
-        )  # fmt: skip
+        return cls(np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape, np.int64), np.zeros(shape, np.int64))
 
     def window(self, window: tuple[slice, slice]) -> _Sums:
         """A part, which writes through to the whole."""
         return _Sums(*(getattr(self, field.name)[window] for field in fields(self)))
-
-    def add(self, batch: Film, count: Counts) -> None:
-        """Take in a batch of `count` (h, w) samples; pixels with none stay as they are."""
-        both = (self.samples > 0) & (count > 0)
-        old, new = np.where(both, self.samples, 1)[..., None], np.where(both, count, 1)[..., None]
-        one, other = self.color / old, batch.color / new
-        value = np.where(old + new > TRUSTED, (self.color + batch.color) / (old + new), np.sqrt(np.maximum(one * other, 0.0)))
-        np.copyto(self.variance, (one - other) ** 2 * (old * new / (old + new) ** 2), where=both[..., None], casting="same_kind")
-        np.copyto(self.value, value, where=both[..., None], casting="same_kind")
-        self.color += batch.color
-        self.alpha += batch.alpha
-        self.issues += batch.issues
-        self.samples += count
 
 
 def _film(tile: Tile) -> Film:
@@ -128,10 +104,11 @@ class _Canvas:
         self.threads = int(plan["threads"]) or os.cpu_count() or 1
         self.width, self.height = self.crop[2] - self.crop[0], self.crop[3] - self.crop[1]
         self.channels = image.blank(self.width, self.height, ("rgba", *self.names))
-        self.variance = np.full((self.height, self.width, 3), np.inf, np.float32) if self.most > 1 else None
-        self.value = np.zeros((self.height, self.width, 3), np.float32)
+        self.variance = np.full((self.height, self.width, 3), np.inf, np.float32)  # of the means; inf where one batch says nothing
+        self.value = np.zeros((self.height, self.width, 3), np.float32)  # what errors are a share of
         self.samples = np.zeros((self.height, self.width), np.int64)
         self.decline = adaptive.Decline()
+        self.least = 1.0  # ε²
         self.tiles = tiles(self.crop)
         self.issues = dict.fromkeys(self.tiles, 0)
         self.drawn = dict.fromkeys(self.tiles, 0)  # samples of all pixels
@@ -143,9 +120,9 @@ class _Canvas:
         half = -(-self.most // 2)
 
         def draw(tile: Tile) -> None:
-            sums = _Sums.of(tile.y1 - tile.y0, tile.x1 - tile.x0)
+            part = _Sums.of(tile.y1 - tile.y0, tile.x1 - tile.x0)
             for goal in dict.fromkeys((half, self.most)):
-                self._draw(tile, sums, np.full(sums.samples.shape, goal))
+                self._draw(tile, part, np.full(part.samples.shape, goal))
             self._extras(tile)
 
         whole = self.most * self.width * self.height
@@ -153,53 +130,49 @@ class _Canvas:
 
     def adaptive(self, error: float, deadline: float) -> None:
         """Rounds, in which the pixels where it is worth most get two or four times their samples."""
-        sums = _Sums.of(self.height, self.width)
+        whole_sums = _Sums.of(self.height, self.width)
         first = min(FIRST, self.most)
         began = time.perf_counter()
 
         def begin(tile: Tile) -> None:
-            part = sums.window(self._window(tile))
+            part = whole_sums.window(self._window(tile))
             for goal in dict.fromkeys((-(-first // 2), first)):
                 if goal == first and time.perf_counter() > deadline:
                     break
                 self._draw(tile, part, np.full(part.samples.shape, goal))
             self._extras(tile)
 
-        whole = first * sums.samples.size
+        whole = first * whole_sums.samples.size
 
         def share() -> float:
             return self.spent / whole if math.isinf(deadline) else (time.perf_counter() - began) / (deadline - began)
 
         self._work(begin, self.tiles, lambda: 0.5 * share())
         while self.most > 1 and not self.cancel.is_set() and (now := time.perf_counter()) < deadline:
-            relative = np.mean(self._relative(), axis=2)
+            relative = self._relative()
             excess = float(np.mean(relative)) - (adaptive.MARGIN * error) ** 2 if error > 0.0 else math.inf
             if excess <= 0.0:
                 break
             pace = self.spent / (now - began)
-            goals = self._goals(relative, sums.samples, excess, (deadline - now) * pace)
-            more = [tile for tile in self.tiles if np.any(goals[self._window(tile)] > sums.samples[self._window(tile)])]
+            goals = self._goals(relative, whole_sums.samples, excess, (deadline - now) * pace)
+            more = [tile for tile in self.tiles if np.any(goals[self._window(tile)] > whole_sums.samples[self._window(tile)])]
             if not more:
                 break
 
-            def draw(tile: Tile, goals: Counts = goals, least: float = self._least()) -> None:
+            def draw(tile: Tile, goals: Counts = goals) -> None:
                 window = self._window(tile)
-                self._double(tile, sums.window(window), goals[window], least, deadline)
+                self._double(tile, whole_sums.window(window), goals[window], deadline)
 
             whole = int(goals.sum())
             self._work(draw, more, share)
 
-    def _double(self, tile: Tile, sums: _Sums, goals: Counts, least: float, deadline: float) -> None:
-        """Bring a tile's pixels to their goals by doublings, and note what those show; `least` is ε²."""
+    def _double(self, tile: Tile, part: _Sums, goals: Counts, deadline: float) -> None:
+        """Bring a tile's pixels to their goals by doublings, and note what those show."""
         for _ in range(adaptive.MOST_DOUBLINGS):
-            had, before = sums.samples.copy(), sums.variance.copy()
-            step = np.minimum(goals, 2 * had)
-            if np.array_equal(step, had):
+            step = np.minimum(goals, 2 * part.samples)
+            if np.array_equal(step, part.samples):
                 break
-            self._draw(tile, sums, step, deadline)
-            doubled = sums.samples == 2 * had
-            below = sums.value[doubled].astype(np.float64) ** 2 + least
-            self.decline.note(tile, float(np.sum(before[doubled] / below)), float(np.sum(sums.variance[doubled] / below)))
+            self.decline.note(tile, *self._draw(tile, part, step, deadline))
 
     def _goals(self, relative: NDArray[np.float64], samples: Counts, excess: float, affordable: float) -> Counts:
         """(h, w) samples each pixel shall have after the next round, for the mean of `relative` to fall by `excess` in the end."""
@@ -216,25 +189,27 @@ class _Canvas:
             doublings = adaptive.doublings_for_samples(known, samples, self.most, affordable)
         return np.minimum(samples * 2**doublings, self.most)
 
-    def _draw(self, tile: Tile, sums: _Sums, goals: Counts, deadline: float = math.inf) -> None:
-        """Bring the pixels of a tile to their goals, as one batch, and show what it has; less where it is cancelled or too late."""
-        film, count = _film(tile), goals - sums.samples
+    def _draw(self, tile: Tile, part: _Sums, goals: Counts, deadline: float = math.inf) -> tuple[float, float]:
+        """Bring the pixels of a tile to their goals, as one batch, and show what it has; less where it is cancelled or too late.
+
+        Returns what the pixels that were doubled show of how the error falls; see sums.take_in.
+        """
+        film, count = _film(tile), goals - part.samples
         start, most = 0, int(count.max(initial=0))
         while start < most and not (self.cancel.is_set() or time.perf_counter() > deadline):
-            step = np.clip(count - start, 0, CALL)
-            self.renderer.sample(tile, sums.samples + start, step, self.most, film)
+            self.renderer.sample(tile, part.samples + start, np.clip(count - start, 0, CALL), self.most, film)
             start += CALL
-        sums.add(film, np.minimum(count, start))
+        if start < most:
+            count = np.minimum(count, start)
         window = self._window(tile)
-        there = np.maximum(sums.samples, 1)
-        self.channels["rgba"][(*window, slice(0, 3))] = sums.color / there[..., None]
-        self.channels["rgba"][(*window, 3)] = sums.alpha / there
-        if self.variance is not None:
-            self.variance[window] = sums.variance
-            self.value[window] = sums.value
-        self.samples[window] = sums.samples
-        self.drawn[tile] = int(sums.samples.sum())
-        self.issues[tile] = int(sums.issues.sum())
+        shown = sums.take_in(
+            film, count, part.color, part.alpha, part.issues, part.samples, self.variance[window], self.value[window],
+            self.channels["rgba"][window], self.least,
+        )  # fmt: skip
+        self.samples[window] = part.samples
+        self.drawn[tile] = int(part.samples.sum())
+        self.issues[tile] = int(part.issues.sum())
+        return shown
 
     def _extras(self, tile: Tile) -> None:
         if self.names:
@@ -246,15 +221,12 @@ class _Canvas:
         return slice(tile.y0 - y0, tile.y1 - y0), slice(tile.x0 - x0, tile.x1 - x0)
 
     def _relative(self) -> NDArray[np.float64]:
-        """(h, w, 3) variance / (value² + ε²) of what has been drawn, ε as in metrics.root_relmse."""
-        below = self.value.astype(np.float64) ** 2 + self._least()
-        share = np.where(self.samples > FIRST, self.decline.share(), 1.0)[..., None]  # what others show holds for pixels like them
-        return self.variance * share / below
-
-    def _least(self) -> float:
-        """ε²; the least number there is for a black picture."""
-        value = self.channels["rgba"][..., :3]
-        return max((metrics.EPSILON * float(metrics.luminance(value).mean())) ** 2, float(np.finfo(np.float64).tiny))
+        """(h, w) variance / (value² + ε²) of what has been drawn, ε as in metrics.root_relmse; sets `least`, ε²."""
+        luminance = float(self.channels["rgba"][..., :3].mean(axis=(0, 1), dtype=np.float64) @ metrics.LUMINANCE)
+        self.least = max((metrics.EPSILON * luminance) ** 2, float(np.finfo(np.float64).tiny))
+        out = np.empty(self.samples.shape)
+        sums.relative_error(self.variance, self.value, self.samples, FIRST, self.decline.share(), self.least, out)
+        return out
 
     def _work(self, draw: Callable[[Tile], None], jobs: Iterable[Tile], fraction: Callable[[], float]) -> None:
         """Draw tiles on all threads; `fraction` of the whole is told on after each. The first exception ends it, here."""
@@ -309,14 +281,15 @@ class _Canvas:
         """The picture with what is known about it."""
         partial = self.cancel.is_set() and bool(self.samples.min() == 0 or self.samples.min() < self.most)
         error = None
-        if self.variance is not None and np.isfinite(self.variance).all():
+        if np.isfinite(self.variance).all():
             error = math.sqrt(float(np.mean(self._relative())))
         if not partial:
             self._tell(1.0)
         rays = int(self.samples.sum())
         about: dict[str, Any] = {
             "size": (view.width, view.height), "crop": self.crop, "samples": int(self.samples.max()),
-            "samples_mean": rays / self.samples.size, "error": error, "variance": self.variance, "partial": partial,
+            "samples_mean": rays / self.samples.size, "error": error, "partial": partial,
+            "variance": self.variance if self.most > 1 else None,
             "rays": rays, "issues": sum(self.issues.values()), "threads": self.threads,
         }  # fmt: skip
         return image.Image(self.width, self.height, self.channels, about)

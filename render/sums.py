@@ -1,0 +1,61 @@
+"""Taking samples in: kernels that add a batch to a tile's sums, tell its variance, and weigh errors over a picture."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .kernels import kernel
+
+TRUSTED = 64  # samples from which on a pixel's mean is known well enough to be what its error is a share of
+
+
+@kernel
+def take_in(film, count, color, alpha, issues, samples, variance, value, rgba, least):
+    """Add a film's batch of `count` (h, w) samples to a tile's sums, (h, w, …) each; pixels with none stay as they are.
+
+    Sets the picture, the variance of its means and the value it is weighed by. The old samples and the new ones have means m₁, m₂ of n₁, n₂
+    samples; for independent batches whose variance falls as 1/n, the mean of all has the variance (m₁ - m₂)² n₁ n₂ / (n₁ + n₂)²
+    (adaptive.Decline says what Sobol points make of it). The value is the mean; of few samples the geometric mean of both, lest a stray
+    bright sample excuse itself. Returns how the sums over doubled pixels of variance / (value² + `least`) were before and are now.
+    """
+    before, after = 0.0, 0.0
+    for y in range(count.shape[0]):
+        for x in range(count.shape[1]):
+            new, old = count[y, x], samples[y, x]
+            if new == 0:
+                continue
+            whole = float(old + new)
+            weight = float(old) * float(new) / (whole * whole)
+            for k in range(3):
+                total = color[y, x, k] + film.color[y, x, k]
+                mean = total / whole
+                if old > 0:
+                    one, other = color[y, x, k] / old, film.color[y, x, k] / new
+                    apart = (one - other) * (one - other) * weight
+                    known = mean if whole > TRUSTED else math.sqrt(max(one * other, 0.0))
+                    if old == new:
+                        below = known * known + least
+                        before += variance[y, x, k] / below if variance[y, x, k] < np.inf else 0.0
+                        after += apart / below if variance[y, x, k] < np.inf else 0.0
+                    variance[y, x, k], value[y, x, k] = apart, known
+                color[y, x, k] = total
+                rgba[y, x, k] = mean
+            alpha[y, x] += film.alpha[y, x]
+            issues[y, x] += film.issues[y, x]
+            samples[y, x] = old + new
+            rgba[y, x, 3] = alpha[y, x] / whole
+    return before, after
+
+
+@kernel
+def relative_error(variance, value, samples, first, share, least, out):
+    """Write (h, w) variance / (value² + `least`), the mean of three channels; `share` of it where there are more than `first` samples."""
+    for y in range(out.shape[0]):
+        for x in range(out.shape[1]):
+            total = 0.0
+            for k in range(3):
+                v = float(value[y, x, k])
+                total += variance[y, x, k] / (v * v + least)
+            out[y, x] = total * (share if samples[y, x] > first else 1.0) / 3.0

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import sys
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -207,5 +209,13 @@ def watch(ctx: click.Context, scene: Path, output: Path, **given: Any) -> None:
 
 
 def main() -> None:
-    """The `maquette` command."""
-    cli(prog_name="maquette")
+    """The `maquette` command. Ends without taking the process apart piece by piece: that takes a sixth of a second."""
+    try:
+        cli(prog_name="maquette")
+    except SystemExit as stop:
+        if stop.code is not None and not isinstance(stop.code, int):
+            raise
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(OSError, ValueError):
+                stream.flush()
+        os._exit(stop.code or 0)

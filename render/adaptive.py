@@ -8,6 +8,7 @@ first, where Sobol points are spread best.
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Any
 
@@ -92,6 +93,7 @@ def _totals(places: Counts, amounts: NDArray[Any]) -> Map:
     return sums[: _PLACES].astype(np.float64)
 
 
+@functools.cache
 def _steps() -> Counts:
     """(places, thresholds) doublings of a pixel at a place when the threshold is at a place: one each _STEP above it."""
     place = np.arange(_PLACES)

@@ -19,7 +19,7 @@ INPUTS := $(filter-out %.png %.md,$(wildcard examples/*)) $(wildcard examples/as
 CHARTS := $(patsubst %,examples/%.scene,hello refraction room shapes spotlights) bench/scenes/cornell.scene
 CHART_BUDGET ?= 5min
 
-.PHONY: help venv demo pictures reference charts test test-all check bench clean
+.PHONY: help venv demo pictures reference charts test test-all check bench clean accuracy
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -57,6 +57,11 @@ charts: $(PEERS)  ## measure the charts of docs/charts.md again, peers too: half
 	  name=$$(basename $$scene .scene); \
 	  $(BIN)/maquette chart $$scene -o docs/charts/$$name.svg --budget $(CHART_BUDGET) --peers mitsuba,povray > docs/charts/$$name.txt || exit; \
 	done
+
+accuracy: $(STAMP)  ## measure the known answers and the failing places again: docs/accuracy.md
+	@rm -rf build/answers build/places && mkdir -p build
+	@MAQUETTE_ACCURACY=build/answers MAQUETTE_PLACES=build/places $(BIN)/python -m pytest -q -n $(WORKERS) --long tests/accuracy tests/stability
+	@$(BIN)/python tests/accuracy/answers.py build/answers build/places > build/accuracy.md && mv build/accuracy.md docs/accuracy.md
 
 test: check  ## the whole suite, after ruff and pyright
 	@$(BIN)/python -m pytest -q -n $(WORKERS)

@@ -48,7 +48,7 @@ def run(*arguments: object) -> tuple[int, str, str]:
 
 
 def shell(*arguments: object, **more: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", "from maquette import cli; cli.main()", *map(str, arguments)]
+    command = [sys.executable, "-c", "from maquette import cli; cli.cli(prog_name='maquette')", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, **more)  # type: ignore[call-overload]
 
 

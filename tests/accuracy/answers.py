@@ -1,0 +1,135 @@
+"""The table of known answers, from what the tests themselves measured: rows gathered while they run, and the page as Markdown.
+
+    MAQUETTE_ACCURACY=build/accuracy pytest tests/accuracy tests/stability --long      writes JSON files
+    python tests/accuracy/answers.py build/accuracy build/places                       prints docs/accuracy.md
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+
+LAST = 40  # oracles there are
+INTRO = """# Accuracy
+
+Both tables are written by `make accuracy` from what the tests measured: each row is an assertion that ran, with its bound. The first
+holds closed forms against pictures and functions, on every backend they concern; of several settings the worst one stands here.
+The second shows the places where common methods fail, what such a method does there and what ours does.
+
+✓ holds · ✗ fails today, as an expected failure that must be taken off the list when it holds · ○ waits for a feature
+
+## Known answers
+
+Errors are as the note says; the bound is in brackets.
+
+"""
+PLACES = """
+## Failing places
+
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """One known answer as a test met it. `backend` may also be "functions" or "quadrature"; `outcome` is pytest's."""
+
+    number: int
+    name: str
+    backend: str
+    error: float
+    bound: float
+    unit: str = ""
+    note: str = ""
+    waits: str = ""
+    test: str = ""
+    outcome: str = ""
+
+
+@dataclass(slots=True)
+class Answers:
+    """What the fixture `measured` gives a test."""
+
+    test: str
+    rows: list[Answer] = field(default_factory=list)
+
+    def answer(self, number: int, name: str, backend: str, error: float, bound: float, unit: str = "", note: str = "") -> None:
+        """Keep what was measured against a known answer, and assert that it is within its bound."""
+        assert 1 <= number <= LAST
+        self.rows.append(Answer(number, name, backend, float(error), float(bound), unit, note, test=self.test))
+        assert error <= bound, f"{number}, {name}, {backend}: {error:.3g} is more than {bound:.3g}"
+
+    def waits(self, number: int, name: str, feature: str) -> None:
+        """Give an answer that today's features do not reach its place and name."""
+        assert 1 <= number <= LAST
+        self.rows.append(Answer(number, name, "", 0.0, 0.0, waits=feature, test=self.test))
+
+
+def ended(rows: list[Answer], outcome: str) -> list[Answer]:
+    """The rows of a test that has ended; one that fails as expected does so at its last."""
+    return [replace(row, outcome=outcome if row is rows[-1] else "passed") for row in rows]
+
+
+def write(rows: list[Answer], path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps([asdict(row) for row in rows], ensure_ascii=False, indent=1) + "\n", encoding="utf-8")
+
+
+def read(folder: Path) -> list[Answer]:
+    """All rows of a run by number and name; for each backend the one nearest to its bound, or beyond it most."""
+    found: dict[tuple[int, str, str], Answer] = {}
+    for path in sorted(folder.glob("*.json")):
+        for row in (Answer(**row) for row in json.loads(path.read_text(encoding="utf-8"))):
+            key = (row.number, row.name, row.backend)
+            if key not in found or _strain(row) > _strain(found[key]):
+                found[key] = row
+    return sorted(found.values(), key=lambda row: (row.number, row.name, row.backend))
+
+
+def _strain(row: Answer) -> float:
+    return row.error / row.bound if row.bound > 0.0 else math.inf if row.error > 0.0 else 0.0
+
+
+def table(rows: list[Answer]) -> str:
+    """The rows as a table in Markdown, a line an answer."""
+    lines = ["| | answer | measured (bound) | |\n|--:|---|---|---|\n"]
+    names = dict.fromkeys((row.number, row.name) for row in rows)
+    for number, name in names:
+        here = [row for row in rows if (row.number, row.name) == (number, name)]
+        note = next((row.note for row in here if row.note), "")
+        if here[0].waits:
+            lines.append(f"| {number} | {_cell(name)} | | ○ waits for {_cell(here[0].waits)} |\n")
+            continue
+        cells = "; ".join(f"{row.backend} {_figure(row.error)} ({_figure(row.bound)}){row.unit and ' ' + row.unit}" for row in here)
+        failed = {row.outcome for row in here} - {"passed"}
+        state = "✗" if failed == {"xfailed"} else "**failed**" if failed else "✓"
+        lines.append(f"| {number} | {_cell(name)} | {_cell(cells)} | {state} {_cell(note)} |\n")
+    return "".join(lines)
+
+
+def _figure(x: float) -> str:
+    """Two digits; what is less than a rounding of float32 is 0 to anybody."""
+    return "0" if abs(x) < 1e-16 else f"{x:.2g}"
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ")
+
+
+def page(rows: list[Answer], places: str) -> str:
+    """docs/accuracy.md: both tables."""
+    return INTRO + table(rows) + PLACES + places
+
+
+def main(answers: str, folder: str) -> None:
+    """Print the page of two folders of rows."""
+    sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+    from stability import places
+
+    sys.stdout.write(page(read(Path(answers)), places.table(places.read(Path(folder)))))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:3])

@@ -1,0 +1,39 @@
+"""The fixture by which tests of known answers keep what they measured; MAQUETTE_ACCURACY says where it is written."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from . import answers
+
+_ROWS = pytest.StashKey[list[answers.Answer]]()
+_FOLDER = "MAQUETTE_ACCURACY"
+
+
+@pytest.fixture
+def measured(request: pytest.FixtureRequest) -> answers.Answers:
+    """Keeps what a test measured against its known answer, and holds it to its bound."""
+    made = answers.Answers(request.node.nodeid)
+    request.node.stash[_ROWS] = made.rows
+    return made
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Generator[None, Any, None]:
+    """A test's rows, with how it ended, go to the session's."""
+    report = (yield).get_result()
+    if report.when == "call" and item.stash.get(_ROWS, None):
+        outcome = "xfailed" if hasattr(report, "wasxfail") and report.skipped else report.outcome
+        item.session.stash.setdefault(_ROWS, []).extend(answers.ended(item.stash[_ROWS], outcome))
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Write the rows where MAQUETTE_ACCURACY says, a file for each worker."""
+    folder = os.environ.get(_FOLDER)
+    if folder and session.stash.get(_ROWS, None):
+        answers.write(session.stash[_ROWS], Path(folder) / f"{os.environ.get('PYTEST_XDIST_WORKER', 'main')}.json")

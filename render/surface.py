@@ -47,12 +47,15 @@ def at(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -> Surface:
 
     on_mesh = kind == MESH
     a, b, c = local, local, local
+    zero = lanes.full_like(t, 0.0)
+    wide = zero
     if lanes.any_lane(on_mesh):
         first = lanes.to_int(geometries.first_triangle[g])
         last = first + geometries.triangle_count[g] - 1
         triangle = lanes.where(on_mesh, lanes.clip(hit.primitive, first, last), 0)  # lanes that met something else: any of this mesh
         hit = Hit(hit.t, hit.instance, triangle, hit.u, hit.v)
         a, b, c = corners(tables, g, triangle)
+        wide = lanes.where(on_mesh, mean_scale(matrix, row) * _farthest(a, b, c), wide)
         local = lanes.where3(on_mesh, _blend(a, b, c, 1.0 - hit.u - hit.v, hit.u, hit.v), local)
         world = lanes.where3(on_mesh, lanes.transform_point(matrix, row, local), world)
         face = lanes.normalize(lanes.cross(lanes.sub(b, a), lanes.sub(c, a)))
@@ -60,7 +63,6 @@ def at(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -> Surface:
         smooth = lanes.where3(on_mesh, _mesh_normal(tables, g, hit, on_mesh, face), smooth)
         color = lanes.where3(on_mesh, _mesh_color(tables, g, hit, on_mesh), color)
 
-    zero = lanes.full_like(t, 0.0)
     u, v, du, dv = zero, zero, zero + 1.0, zero + 1.0
     if mapped or lanes.any_lane(textures.on(tables, material)):
         (u, v), (du, dv) = shapes.uv(kind, geometries.parameters, g, part, local)
@@ -80,16 +82,18 @@ def at(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -> Surface:
     side = lanes.where(front, zero + 1.0, zero - 1.0)
     return Surface(
         world, local, lanes.scale(geometric, side), lanes.scale(shaded, side), outward, (u, v), (du, dv),
-        front, instance, material, color, spacing(tables, ray, row, t, geometric),
+        front, instance, material, color, spacing(tables, ray, row, t, geometric, wide),
     )  # fmt: skip
 
 
 @helper
-def spacing(tables: Tables, ray: Ray, row: Lane, t: Lane, normal: Vec) -> Lane:
+def spacing(tables: Tables, ray: Ray, row: Lane, t: Lane, normal: Vec, wide: Lane) -> Lane:
     """How far along its normal a new ray's origin must be moved so as not to meet the surface it leaves again.
 
     A bound of rounding errors, never a fixed length: the sums of absolute terms by which the point was found (world to the shape's
-    frame and back), taken along the normal. Pharr, Jakob, Humphreys, "Physically Based Rendering", 4th ed., section 6.8.
+    frame and back), taken along the normal; and for triangles those by which the next ray's distance to them is found, which come from
+    corners that may lie much farther away: `wide` is how far, in metres, 0 for other shapes.
+    Pharr, Jakob, Humphreys, "Physically Based Rendering", 4th ed., section 6.8.
     """
     m, inv = tables.transforms.matrix, tables.transforms.inverse
     x = abs(ray.origin[0]) + abs(t * ray.direction[0])
@@ -101,7 +105,7 @@ def spacing(tables: Tables, ray: Ray, row: Lane, t: Lane, normal: Vec) -> Lane:
     wx = abs(m[row, 0, 0]) * lx + abs(m[row, 0, 1]) * ly + abs(m[row, 0, 2]) * lz + abs(m[row, 0, 3])
     wy = abs(m[row, 1, 0]) * lx + abs(m[row, 1, 1]) * ly + abs(m[row, 1, 2]) * lz + abs(m[row, 1, 3])
     wz = abs(m[row, 2, 0]) * lx + abs(m[row, 2, 1]) * ly + abs(m[row, 2, 2]) * lz + abs(m[row, 2, 3])
-    return ROUNDING * (abs(normal[0]) * wx + abs(normal[1]) * wy + abs(normal[2]) * wz)
+    return ROUNDING * (abs(normal[0]) * wx + abs(normal[1]) * wy + abs(normal[2]) * wz + wide)
 
 
 @helper
@@ -143,6 +147,15 @@ def vertex(tables: Tables, g: Lane, i: Lane) -> Vec:
         lanes.to_float(positions[i, 1]) + origin[g, 1],
         lanes.to_float(positions[i, 2]) + origin[g, 2],
     )
+
+
+@helper
+def _farthest(a: Vec, b: Vec, c: Vec) -> Lane:
+    """How far, at the most, three corners lie from the middle of their frame: the sum over the axes of the largest magnitude."""
+    x = lanes.maximum(abs(a[0]), lanes.maximum(abs(b[0]), abs(c[0])))
+    y = lanes.maximum(abs(a[1]), lanes.maximum(abs(b[1]), abs(c[1])))
+    z = lanes.maximum(abs(a[2]), lanes.maximum(abs(b[2]), abs(c[2])))
+    return x + y + z
 
 
 @helper

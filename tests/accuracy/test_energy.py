@@ -67,18 +67,14 @@ def test_a_matt_ball_under_an_even_sky(tmp_path, measured, backend, albedo):
     measured.answer(21, "matt ball under an even sky", backend, float(np.abs(found / (3 * albedo) - 1).max()), rm.SINGLE)
 
 
-WIDE = "rays leave a triangle by an offset that does not grow with its corners: they meet wide triangles again"
-
-
-@pytest.mark.parametrize("backend", ["ray", "raster", pytest.param("reference", marks=pytest.mark.xfail(reason=WIDE))])
+@every
 @pytest.mark.parametrize("half", [50, 5000])
 def test_a_wide_floor_of_triangles_in_a_furnace(tmp_path, measured, backend, half):
     """A white square of two triangles under a sky of 1 shows 1, however wide it is."""
     corners = [[-half, 0, -half], [-half, 0, half], [half, 0, half], [half, 0, -half]]
     text = "camera(position: [0.3, 0.5, 0.2], look_at: [0.3, 0, 0.2], up: [0, 0, -1], fov: 60deg)\nsky(luminance: 1)\n"
     found = rm.grey(rm.picture(tmp_path, text + f"polygon({corners}, material: lambert(1))\n", backend, samples=4))
-    note = "" if backend != "reference" else "fails: rays meet wide triangles again"
-    measured.answer(21, "furnace, wide floor of triangles", backend, float(np.abs(found - 1).max()), rm.SINGLE, note=note)
+    measured.answer(21, "furnace, wide floor of triangles", backend, float(np.abs(found - 1).max()), rm.SINGLE)
 
 
 # --- 22 --------------------------------------------------------------------------------------------------------------------------------

@@ -199,8 +199,8 @@ def test_flip_is_nothing_alike_and_near_one_for_black_and_white() -> None:
 
 def test_flip_is_its_authors_of_the_pictures_in_srgb() -> None:
     a, b = np.random.default_rng(1).random((2, 20, 30, 3), np.float32)
-    shown = [output.encode_srgb(rgb).astype(np.float32) for rgb in (b, a)]
-    _, theirs, _ = flip_evaluator.evaluate(*shown, "LDR", applyMagma=False)
+    known, seen = (output.encode_srgb(rgb).astype(np.float32) for rgb in (b, a))
+    _, theirs, _ = flip_evaluator.evaluate(known, seen, "LDR", applyMagma=False)
     assert errors.flip(a, b) == pytest.approx(theirs, rel=1e-4)
 
 

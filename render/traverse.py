@@ -90,6 +90,8 @@ def _search(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit
             until = lanes.where(best.instance >= 0, zero - np.inf, until)
     if accel.top < 0 or lanes.not_(lanes.any_lane(until > t_min)):
         return best
+    if accel.nodes[accel.top, COUNT] == 1.0:  # a single thing: its own box is asked
+        return attempt(accel, accel.instances[0], origin, direction, t_min, until, visible_bit, any_hit, best)
     memory = _stack_memory()  # pyright: ignore[reportCallIssue]
     stack = carray(memory, 2 * DEPTH)
     ray = _box_ray(origin, direction, WORLD_ERROR)
@@ -164,12 +166,13 @@ def attempt(accel: Any, i: int, origin: Vec, direction: Vec, t_min: Lane, t_max:
 def _mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
     """(t, triangle, u, v) of the first meeting with mesh g, whose tree begins at `root`, not beyond `nearest`."""
     until = lanes.minimum(nearest, t_max)
-    enters = _enter(accel.boxes, g, _box_ray(o, d, LOCAL_ERROR), t_min, until)
+    ray = _box_ray(o, d, LOCAL_ERROR)
+    enters = _enter(accel.boxes, g, ray, t_min, until)
     zero = lanes.full_like(t_min, 0.0)
     left = across.bits(enters < np.inf)
     if left == 0:
         return zero + np.inf, lanes.int_like(zero, -1), zero, zero
-    rays = walk.keep(o, d, lanes.where(enters < np.inf, enters, 0.0), t_min, t_max, until)
+    rays = walk.keep(o, d, ray.inverse, lanes.where(enters < np.inf, enters, 0.0), t_min, t_max, until)
     found, triangle = simd.stack_array(np.float64, _FOUND), simd.stack_array(np.int64, _LANES)
     across.store(found, 0, zero + np.inf)
     across.store(triangle, 0, lanes.int_like(zero, -1))

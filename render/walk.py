@@ -17,10 +17,9 @@ from .records import Lane, Vec
 from .wide import DEPTH, LEAF, NODE, WIDTH
 
 FAR = 1.0 + 2.0**-21  # of the far side: eight roundings of float32
-AXIS = 1e-12  # of the largest component: what smaller ones are moved by, so that their inverse is finite
+STEEP = 1e12  # times the inverse of the largest component: no other is larger, so that all are finite
 _SINGLES, _DOUBLES, _INTS = 7 * across.WIDTH, 9 * across.WIDTH, 3 * across.WIDTH
 _FAR = np.float32(FAR)
-_NONE = -(1 << 40)  # no node to go to
 
 
 class Rays(NamedTuple):
@@ -41,17 +40,16 @@ class Met(NamedTuple):
 
 
 @helper
-def keep(o: Vec, d: Vec, enters: Lane, t_min: Lane, t_max: Lane, until: Lane) -> Rays:
+def keep(o: Vec, d: Vec, inverse: Vec, enters: Lane, t_min: Lane, t_max: Lane, until: Lane) -> Rays:
     """Store rays that enter a mesh's box at `enters`; what lies between `until` and t_max is not wanted, but may be found."""
     singles, doubles = simd.stack_array(np.float32, _SINGLES), simd.stack_array(np.float64, _DOUBLES)
     axes = simd.stack_array(np.int64, _INTS)
-    least = AXIS * lanes.largest((abs(d[0]), abs(d[1]), abs(d[2])))
-    for k, x, slope in ((0, o[0], d[0]), (1, o[1], d[1]), (2, o[2], d[2])):
+    most = STEEP * lanes.smallest((abs(inverse[0]), abs(inverse[1]), abs(inverse[2])))
+    for k, x, slope, steep in ((0, o[0], d[0], inverse[0]), (1, o[1], d[1], inverse[1]), (2, o[2], d[2], inverse[2])):
         across.store(singles, k, x + enters * slope)
-        aside = lanes.where(slope < 0.0, -least, least)
-        across.store(singles, 3 + k, 1.0 / lanes.where(abs(slope) < least, slope + aside, slope))
+        across.store(singles, 3 + k, lanes.where(steep > most, most, lanes.where(steep < -most, -most, steep)))
     across.store(singles, 6, (until - enters) * FAR)
-    kx, ky, kz, sx, sy, sz = shapes.shear(d)
+    kx, ky, kz, sx, sy, sz = shapes.shear_of(d, inverse)
     for k, axis, factor in ((0, kx, sx), (1, ky, sy), (2, kz, sz)):
         across.store(axes, k, axis)
         across.store(doubles, k, shapes.component(o, axis))
@@ -114,6 +112,22 @@ def _enter(nodes: Any, node: int, box: Box, limit: Any) -> tuple[Lane, int]:
     return near, simd.bits(near <= far * _FAR)
 
 
+@helper
+def _push_packed(stack: Any, top: int, values: Lane, which: int) -> int:
+    """Put the lanes whose bits are set on a stack; where it ends then. What lies above is written over."""
+    simd.store(stack, top, simd.compress(values, simd.mask_from_bits(which, values)))
+    return top + simd.population(which)
+
+
+@helper
+def _push_each(stack: Any, top: int, values: Lane, which: int) -> int:
+    simd.store(stack, top, values)  # lane by lane from memory
+    raise NotImplementedError
+
+
+_push = _push_packed
+
+
 class Sheared(NamedTuple):
     """A ray as triangles want it."""
 
@@ -155,42 +169,25 @@ def closest(tree: Any, root: int, rays: Rays, k: int) -> Met:
     """What ray k meets first in the tree at `root`."""
     nodes, links, leaves, rows = tree.nodes, tree.links, tree.leaves, tree.rows
     children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
-    entered = simd.stack_array(np.float32, 8)
     box, ray, limit = _box(rays, k), _sheared(rays, k), _single(rays, 6, k)
     enters, t_min, t_max = _double(rays, 6, k), _double(rays, 7, k), _double(rays, 8, k)
     t, triangle, u, v = np.inf, np.int64(-1), 0.0, 0.0
     top, node = np.int64(0), np.int64(root)
     while True:
-        while node >= 0:
+        if node >= 0:
             near, hits = _enter(nodes, node, box, limit)
-            if hits == 0:
-                node = np.int64(_NONE)
-                break
-            first = np.int64(simd.read(links, node * WIDTH + simd.trailing_zeros(hits)))
-            rest = hits & (hits - 1)
-            if rest == 0:
-                node = first
+            if hits != 0 and (hits & (hits - 1)) == 0:
+                node = np.int64(simd.read(links, node * WIDTH + simd.trailing_zeros(hits)))
                 continue
-            simd.store(entered, 0, near)
-            distance = simd.read(entered, simd.trailing_zeros(hits))
-            base = top
-            while rest != 0:
-                j = simd.trailing_zeros(rest)
-                rest &= rest - 1
-                child, reach = simd.read(links, node * WIDTH + j), simd.read(entered, j)
-                if reach < distance:
-                    child, first = np.int32(first), np.int64(child)
-                    reach, distance = distance, reach
-                at = top
-                while at > base and simd.read(reaches, at - 1) < reach:
-                    simd.write(children, at, simd.read(children, at - 1))
-                    simd.write(reaches, at, simd.read(reaches, at - 1))
-                    at -= 1
-                simd.write(children, at, child)
-                simd.write(reaches, at, reach)
-                top += 1
-            node = first
-        if node > _NONE:
+            if hits != 0:
+                near_bits = (simd.float_bits(near) & ~7) | simd.iota(simd.i32x8(0))
+                first = simd.min_of(simd.select(simd.mask_from_bits(hits, near), near_bits, 0x7FFFFFFF)) & 7
+                rest = hits ^ (1 << np.int64(first))
+                _push(children, top, simd.load(links, node * WIDTH, 8), rest)
+                top = _push(reaches, top, near, rest)
+                node = np.int64(simd.read(links, node * WIDTH + first))
+                continue
+        else:
             leaf = ~node
             met = _triangles(leaves, leaf, ray)
             if simd.any_of(met.inside):
@@ -225,13 +222,9 @@ def blocked(tree: Any, root: int, rays: Rays, k: int) -> Met:
         if node >= 0:
             hits = _enter(nodes, node, box, limit)[1]
             if hits != 0:
-                at = node * WIDTH
-                node = np.int64(simd.read(links, at + simd.trailing_zeros(hits)))
-                hits &= hits - 1
-                while hits != 0:
-                    simd.write(children, top, simd.read(links, at + simd.trailing_zeros(hits)))
-                    hits &= hits - 1
-                    top += 1
+                links8 = simd.load(links, node * WIDTH, 8)
+                node = np.int64(simd.read(links, node * WIDTH + simd.trailing_zeros(hits)))
+                top = _push(children, top, links8, hits & (hits - 1))
                 continue
         else:
             met = _triangles(leaves, ~node, ray)

@@ -1,7 +1,8 @@
 """Trees with eight children a node, for one ray against eight boxes or eight triangles at a time.
 
-Made from binary trees: the child of largest area is opened until there are eight (Wald, Benthin & Boulos, "Getting Rid of
-Packets", 2008). A node is six rows of planes and eight links; a leaf, eight triangles side by side.
+Made from binary trees, choosing which of their nodes to keep so that the whole costs least (Ylitie, Karras & Laine, "Efficient
+Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", 2017). A node is six rows of planes and eight links; a leaf, eight
+triangles side by side.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ WIDTH = 8
 NODE = 6 * WIDTH  # planes of a node: rows of low x, high x, low y, high y, low z, high z; of empty places low inf, high -inf
 LEAF = 9 * WIDTH  # coordinates of a leaf: rows of x, y, z of the first corners, then of the second, of the third
 DEPTH = 1024  # of a walk's stack: seven for each of at most 48 levels, and for the halvings of what lies below
-STEP = 0.5  # what going down a level costs against the test of eight triangles
+STEP = 0.3  # what going down a level of the binary tree costs, against the test of eight triangles
+TEST = 2.0  # what that costs, against the test of eight boxes
 SLACK = 2.0**-22  # of the largest coordinate, by which boxes grow: what rounding to float32 does to a ray's origin, four times
 PART = -(1 << 30)  # links of the topmost nodes to parts, before those have their places
 EMPTY = -1 - (1 << 29)
@@ -66,13 +68,15 @@ def _shares(n: int, least: int = 1 << 15) -> list[tuple[int, int]]:
 
 def _collapsed(tree: halves.Halves, parts: list[int], mesh: _Mesh, run: Run) -> Wide:
     """The tree with eight children a node; its parts, on threads, then stand one behind the other."""
+    costs = np.empty((2 * len(tree.items), WIDTH), np.float32)
+    shares = np.empty((2 * len(tree.items), WIDTH), np.int8)
     slack = np.float32(SLACK * np.abs(tree.boxes[0][[0, 1, 2, 4, 5, 6]]).max())
     none = np.zeros(0, np.int64)
 
     def part(root: int, closed: NDArray[np.int64]) -> Wide:
-        ends = int(count_leaves(tree.second, root, closed))
-        made = _room(2 * len(closed) + 1 if len(closed) else ends, ends)
-        nodes, leaves = collapse(tree, root, closed, mesh, slack, made)
+        kept = int(share_out(tree, root, closed, costs, shares))
+        made = _room(kept, kept)
+        nodes, leaves = collapse(tree, root, closed, shares, mesh, slack, made)
         return Wide(made.nodes[:nodes], made.links[:nodes], made.leaves[:leaves], made.rows[:leaves])
 
     made = list(run(lambda root: part(root, none), parts))
@@ -122,21 +126,44 @@ def boxes_of(positions, triangles, items, start, end):
 
 
 @kernel
-def count_leaves(second, root, closed):
-    """How many leaves the binary tree below `root` has; none below nodes that are closed."""
-    stack = np.empty(128, np.int64)
-    stack[0], top, ends = root, 1, 0
-    while top > 0:
-        top -= 1
-        node = stack[top]
-        if _is_closed(closed, node):
+def share_out(tree, root, closed, costs, shares):
+    """Find what the binary tree below `root` costs at least as a wide one, and how: at least how many nodes and leaves that has room for.
+
+    costs[s, j - 1] is that of node s as at most j children of another; shares[s, j - 1], how many of them its first half has
+    then, 0 where one less is as good. shares[s, 7] is that of s as a node of its own. Where a leaf costs less, s becomes one.
+    """
+    order = np.empty(2 * tree.count[root], np.int64)
+    order[0], n, done = root, 1, 0
+    while done < n:
+        s = order[done]
+        done += 1
+        if tree.second[s] != 0 and not _is_closed(closed, s):
+            order[n], order[n + 1] = s + 1, tree.second[s]
+            n += 2
+    best = np.empty(WIDTH + 1, np.float32)
+    for k in range(n - 1, -1, -1):
+        s = order[k]
+        area = half_area(simd.load(tree.boxes, s * 8, 8))
+        if tree.second[s] == 0 or _is_closed(closed, s):
+            costs[s] = area * np.float32(TEST) if tree.second[s] == 0 else costs[s, 0]
             continue
-        if second[node] == 0:
-            ends += 1
+        a, b = s + 1, np.int64(tree.second[s])
+        for j in range(2, WIDTH + 1):
+            best[j] = np.inf
+            for i in range(max(1, j + 1 - WIDTH), min(j, WIDTH)):
+                cost = costs[a, i - 1] + costs[b, j - i - 1]
+                if cost < best[j]:
+                    best[j], shares[s, j - 1] = cost, i
+        costs[s, 0] = best[WIDTH] + area
+        if tree.count[s] <= WIDTH and area * np.float32(TEST) <= costs[s, 0] and s != root:
+            tree.second[s] = 0
+            costs[s] = area * np.float32(TEST)
             continue
-        stack[top], stack[top + 1] = second[node], node + 1
-        top += 2
-    return ends
+        for j in range(2, WIDTH):
+            costs[s, j - 1] = best[j]
+            if costs[s, j - 2] <= best[j]:
+                costs[s, j - 1], shares[s, j - 1] = costs[s, j - 2], 0
+    return n
 
 
 @helper
@@ -148,24 +175,23 @@ def _is_closed(closed: Any, node: int) -> bool:
 
 
 @kernel
-def collapse(tree, root, closed, mesh, slack, out):
+def collapse(tree, root, closed, shares, mesh, slack, out):
     """Fill `out` with the nodes and leaves below `root` of a binary tree; how many of both. Closed nodes become links to parts."""
     stack = np.empty((DEPTH, 2), np.int64)
-    chosen = np.empty(WIDTH, np.int64)
+    chosen = np.empty((WIDTH, 2), np.int64)
     stack[0, 0], stack[0, 1] = root, 0
     top, used, ends = 1, 1, 0
     while top > 0:
         top -= 1
         node = stack[top, 1]
-        chosen[0] = stack[top, 0]
-        n = _open(tree, chosen, closed)
+        n = _children(tree, stack[top, 0], closed, shares, chosen)
         for i in range(WIDTH):
             if i >= n:
                 for k in range(3):
                     out.nodes[node, 2 * k * WIDTH + i], out.nodes[node, (2 * k + 1) * WIDTH + i] = np.inf, -np.inf
                 out.links[node, i] = EMPTY
                 continue
-            child = chosen[i]
+            child = chosen[i, 0]
             for k in range(3):
                 out.nodes[node, 2 * k * WIDTH + i] = tree.boxes[child, k] - slack
                 out.nodes[node, (2 * k + 1) * WIDTH + i] = slack - tree.boxes[child, 4 + k]
@@ -189,21 +215,23 @@ def _number(closed: Any, node: int) -> int:
 
 
 @helper
-def _open(tree: Any, chosen: Any, closed: Any) -> int:
-    """Open the largest of the chosen nodes, from the one in chosen[0] on, until eight or none is inner; how many there are."""
-    n = 1
-    while n < WIDTH:
-        largest, where = np.float32(-1.0), -1
-        for i in range(n):
-            s = chosen[i]
-            if tree.second[s] != 0 and not _is_closed(closed, s):
-                area = half_area(simd.load(tree.boxes, s * 8, 8))
-                if area > largest:
-                    largest, where = area, i
-        if where < 0:
-            break
-        s = chosen[where]
-        chosen[where], chosen[n] = s + 1, tree.second[s]
+def _children(tree: Any, s: int, closed: Any, shares: Any, chosen: Any) -> int:
+    """Put the children of a node as `share_out` found them into chosen[:, 0]; how many there are."""
+    chosen[0, 0], chosen[0, 1] = s, 1
+    if tree.second[s] == 0:
+        return 1
+    chosen[0, 1] = WIDTH
+    n, i = 1, 0
+    while i < n:
+        s, j = chosen[i, 0], chosen[i, 1]
+        while j > 1 and shares[s, j - 1] == 0:
+            j -= 1
+        if j == 1 or tree.second[s] == 0 or _is_closed(closed, s):
+            i += 1
+            continue
+        k = np.int64(shares[s, j - 1])
+        chosen[i, 0], chosen[i, 1] = s + 1, k
+        chosen[n, 0], chosen[n, 1] = tree.second[s], j - k
         n += 1
     return n
 

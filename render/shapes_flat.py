@@ -129,6 +129,12 @@ def crossing(a: Vec, b: Vec, c: Vec, sx: Lane, sy: Lane) -> Crossing:
 
 
 @helper
+def ahead(met: Crossing, sz: Lane) -> Lane:
+    """What is inside its triangle and not behind the ray's origin: quick to say."""
+    return met.inside & lanes.not_((sz * met.depth < 0.0) ^ (met.total < 0.0))
+
+
+@helper
 def reached(met: Crossing, sz: Lane, t_min: Lane, t_max: Lane) -> Lane:
     """t of what is inside its triangle, inf elsewhere and where t is not between t_min and t_max."""
     t = sz * met.depth / met.total

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import across, lanes, shapes, simd
+from . import across, lanes, machine, shapes, simd
 from .kernels import helper
 from .records import Lane, Vec
 from .wide import DEPTH, LEAF, NODE, WIDTH
@@ -65,6 +65,8 @@ class Box(NamedTuple):
 
     scale: Vec  # 1 / direction
     shift: Vec  # -origin / direction
+    far_scale: Vec  # FAR times both
+    far_shift: Vec
     near: tuple[int, int, int]
     far: tuple[int, int, int]
 
@@ -76,9 +78,14 @@ def _box(rays: Rays, k: int) -> Box:
     zero = np.float32(0.0)
     nx, ny, nz = 0 if x > zero else WIDTH, 2 * WIDTH if y > zero else 3 * WIDTH, 4 * WIDTH if z > zero else 5 * WIDTH
     return Box(
-        (simd.f32x8(x), simd.f32x8(y), simd.f32x8(z)), (simd.f32x8(px), simd.f32x8(py), simd.f32x8(pz)),
+        _spread(x, y, z), _spread(px, py, pz), _spread(x * _FAR, y * _FAR, z * _FAR), _spread(px * _FAR, py * _FAR, pz * _FAR),
         (nx, ny, nz), (nx ^ WIDTH, ny ^ WIDTH, nz ^ WIDTH),
     )  # fmt: skip
+
+
+@helper
+def _spread(x: Any, y: Any, z: Any) -> Vec:
+    return simd.f32x8(x), simd.f32x8(y), simd.f32x8(z)
 
 
 @helper
@@ -104,12 +111,12 @@ def _enter(nodes: Any, node: int, box: Box, limit: Any) -> tuple[Lane, int]:
     )
     far = simd.minimum(
         simd.minimum(
-            simd.fma(simd.load(nodes, at + box.far[0], 8), box.scale[0], box.shift[0]),
-            simd.fma(simd.load(nodes, at + box.far[1], 8), box.scale[1], box.shift[1]),
+            simd.fma(simd.load(nodes, at + box.far[0], 8), box.far_scale[0], box.far_shift[0]),
+            simd.fma(simd.load(nodes, at + box.far[1], 8), box.far_scale[1], box.far_shift[1]),
         ),
-        simd.minimum(simd.fma(simd.load(nodes, at + box.far[2], 8), box.scale[2], box.shift[2]), simd.f32x8(limit)),
+        simd.minimum(simd.fma(simd.load(nodes, at + box.far[2], 8), box.far_scale[2], box.far_shift[2]), simd.f32x8(limit)),
     )
-    return near, simd.bits(near <= far * _FAR)
+    return near, simd.bits(near <= far)
 
 
 @helper
@@ -121,11 +128,17 @@ def _push_packed(stack: Any, top: int, values: Lane, which: int) -> int:
 
 @helper
 def _push_each(stack: Any, top: int, values: Lane, which: int) -> int:
-    simd.store(stack, top, values)  # lane by lane from memory
-    raise NotImplementedError
+    """The same on machines that can't close lanes up: one by one."""
+    aside = top + WIDTH
+    simd.store(stack, aside, values)
+    while which != 0:
+        simd.write(stack, top, simd.read(stack, aside + simd.trailing_zeros(which)))
+        which &= which - 1
+        top += 1
+    return top
 
 
-_push = _push_packed
+_push = _push_packed if machine.AVX512 else _push_each
 
 
 class Sheared(NamedTuple):
@@ -190,7 +203,7 @@ def closest(tree: Any, root: int, rays: Rays, k: int) -> Met:
         else:
             leaf = ~node
             met = _triangles(leaves, leaf, ray)
-            if simd.any_of(met.inside):
+            if simd.any_of(shapes.ahead(met, ray.shear[2])):
                 at_t = shapes.reached(met, ray.shear[2], t_min, t_max)
                 nearest = simd.min_of(at_t)
                 if nearest <= t and nearest < np.inf:
@@ -228,7 +241,7 @@ def blocked(tree: Any, root: int, rays: Rays, k: int) -> Met:
                 continue
         else:
             met = _triangles(leaves, ~node, ray)
-            if simd.any_of(met.inside):
+            if simd.any_of(shapes.ahead(met, ray.shear[2])):
                 at_t = shapes.reached(met, ray.shear[2], t_min, t_max)
                 found = simd.bits(at_t < np.inf)
                 if found != 0:

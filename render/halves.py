@@ -190,7 +190,7 @@ def _fill(items: Any, begin: int, n: int, low: Lane, scale: Lane, used: int, bin
 
 
 @helper
-def _bin(items: Any, i: int, axis: int, base: Any, factor: Any) -> int:
+def _bin(items: Any, i: int, axis: int, base: Any, factor: Any) -> Any:
     """The bin `_fill` put item i into, of one axis."""
     middle = simd.read(items, i * 8 + axis) - simd.read(items, i * 8 + 4 + axis)
     return np.int64(np.int32((middle - base) * factor))

@@ -88,20 +88,25 @@ def shear(direction: Vec) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane]:
 
     kz is the direction's largest axis; kx and ky are swapped where it is negative, which keeps the winding.
     """
-    return shear_of(direction, (1.0 / direction[0], 1.0 / direction[1], 1.0 / direction[2]))
+    kx, ky, kz, along = _axes(direction)
+    return kx, ky, kz, component(direction, kx) / along, component(direction, ky) / along, 1.0 / along
 
 
 @helper
 def shear_of(direction: Vec, inverse: Vec) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane]:
     """`shear`, where 1 / direction is known."""
+    kx, ky, kz, along = _axes(direction)
+    return kx, ky, kz, component(direction, kx) / along, component(direction, ky) / along, component(inverse, kz)
+
+
+@helper
+def _axes(direction: Vec) -> tuple[Lane, Lane, Lane, Lane]:
     ax, ay, az = abs(direction[0]), abs(direction[1]), abs(direction[2])
     kz = lanes.where((ax >= ay) & (ax >= az), 0, lanes.where(ay >= az, 1, 2))
     along = component(direction, kz)
     after = lanes.where(kz == 2, 0, kz + 1)
     before = lanes.where(kz == 0, 2, kz - 1)
-    kx = lanes.where(along < 0.0, before, after)
-    ky = lanes.where(along < 0.0, after, before)
-    return kx, ky, kz, component(direction, kx) / along, component(direction, ky) / along, component(inverse, kz)
+    return lanes.where(along < 0.0, before, after), lanes.where(along < 0.0, after, before), kz, along
 
 
 class Crossing(NamedTuple):

@@ -10,10 +10,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from llvmlite import ir as llvm
 from numba import types
-from numba.extending import intrinsic
-from numba.np.numpy_support import carray
 
 from ..compiler import ir
 from . import across, lanes, shapes, simd, walk
@@ -27,20 +24,9 @@ MESH = int(ir.GeometryKind.MESH)
 FAR = 1.0 + 2.0 * 3.4e-16  # 1 + 2 γ₃ for float64
 WORLD_ERROR = 1e-12  # of the origin's coordinates: what transforms and their inverses may round
 LOCAL_ERROR = 1e-15
+_STACK = 2 * DEPTH
 _LANES = across.WIDTH
 _FOUND = 3 * _LANES
-
-
-@intrinsic
-def _stack_memory(typing: Any):
-    """A pointer to room for 2 · DEPTH float64 on the machine's stack; free, unlike np.empty in each call."""
-
-    def lower(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        with builder.goto_entry_block():
-            memory = builder.alloca(llvm.ArrayType(llvm.DoubleType(), 2 * DEPTH))
-        return builder.bitcast(memory, llvm.DoubleType().as_pointer())
-
-    return types.CPointer(types.float64)(), lower
 
 
 class BoxRay(NamedTuple):
@@ -92,8 +78,7 @@ def _search(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit
         return best
     if accel.nodes[accel.top, COUNT] == 1.0:  # a single thing: its own box is asked
         return attempt(accel, accel.instances[0], origin, direction, t_min, until, visible_bit, any_hit, best)
-    memory = _stack_memory()  # pyright: ignore[reportCallIssue]
-    stack = carray(memory, 2 * DEPTH)
+    stack = simd.stack_array(np.float64, _STACK)
     ray = _box_ray(origin, direction, WORLD_ERROR)
     node, depth = np.int64(accel.top), 0
     while True:

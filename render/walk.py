@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import across, lanes, machine, shapes, simd
+from . import across, lanes, machine, simd
+from . import shapes_flat as flat
 from .kernels import helper
 from .records import Lane, Vec
 from .wide import DEPTH, LEAF, NODE, WIDTH
@@ -49,10 +50,10 @@ def keep(o: Vec, d: Vec, inverse: Vec, enters: Lane, t_min: Lane, t_max: Lane, u
         across.store(singles, k, x + enters * slope)
         across.store(singles, 3 + k, lanes.where(steep > most, most, lanes.where(steep < -most, -most, steep)))
     across.store(singles, 6, (until - enters) * FAR)
-    kx, ky, kz, sx, sy, sz = shapes.shear_of(d, inverse)
+    kx, ky, kz, sx, sy, sz = flat.shear_of(d, inverse)
     for k, axis, factor in ((0, kx, sx), (1, ky, sy), (2, kz, sz)):
         across.store(axes, k, axis)
-        across.store(doubles, k, shapes.component(o, axis))
+        across.store(doubles, k, flat.component(o, axis))
         across.store(doubles, 3 + k, factor)
     across.store(doubles, 6, enters)
     across.store(doubles, 7, t_min)
@@ -161,10 +162,10 @@ def _sheared(rays: Rays, k: int) -> Sheared:
 
 
 @helper
-def _triangles(leaves: Any, leaf: int, ray: Sheared) -> shapes.Crossing:
+def _triangles(leaves: Any, leaf: int, ray: Sheared) -> flat.Crossing:
     """Eight triangles against a ray."""
     at = leaf * LEAF
-    return shapes.crossing(
+    return flat.crossing(
         _corner(leaves, at, ray), _corner(leaves, at + 3 * WIDTH, ray), _corner(leaves, at + 6 * WIDTH, ray), ray.shear[0], ray.shear[1],
     )  # fmt: skip
 
@@ -203,8 +204,8 @@ def closest(tree: Any, root: int, rays: Rays, k: int) -> Met:
         else:
             leaf = ~node
             met = _triangles(leaves, leaf, ray)
-            if simd.any_of(shapes.ahead(met, ray.shear[2])):
-                at_t = shapes.reached(met, ray.shear[2], t_min, t_max)
+            if simd.any_of(flat.ahead(met, ray.shear[2])):
+                at_t = flat.reached(met, ray.shear[2], t_min, t_max)
                 nearest = simd.min_of(at_t)
                 if nearest <= t and nearest < np.inf:
                     row = simd.load(rows, leaf * WIDTH, 8)
@@ -241,8 +242,8 @@ def blocked(tree: Any, root: int, rays: Rays, k: int) -> Met:
                 continue
         else:
             met = _triangles(leaves, ~node, ray)
-            if simd.any_of(shapes.ahead(met, ray.shear[2])):
-                at_t = shapes.reached(met, ray.shear[2], t_min, t_max)
+            if simd.any_of(flat.ahead(met, ray.shear[2])):
+                at_t = flat.reached(met, ray.shear[2], t_min, t_max)
                 found = simd.bits(at_t < np.inf)
                 if found != 0:
                     lane = simd.trailing_zeros(found)

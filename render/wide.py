@@ -127,7 +127,7 @@ def boxes_of(positions, triangles, items, start, end):
 
 @kernel
 def share_out(tree, root, closed, costs, shares):
-    """Find what the binary tree below `root` costs at least as a wide one, and how: at least how many nodes and leaves that has room for.
+    """Find what the binary tree below `root` costs at least as a wide one, and how; no more nodes or leaves than are returned.
 
     costs[s, j - 1] is that of node s as at most j children of another; shares[s, j - 1], how many of them its first half has
     then, 0 where one less is as good. shares[s, 7] is that of s as a node of its own. Where a leaf costs less, s becomes one.
@@ -168,10 +168,10 @@ def share_out(tree, root, closed, costs, shares):
 
 @helper
 def _is_closed(closed: Any, node: int) -> bool:
+    found = False
     for k in range(len(closed)):
-        if closed[k] == node:
-            return True
-    return False
+        found |= closed[k] == node
+    return found
 
 
 @kernel
@@ -210,7 +210,7 @@ def collapse(tree, root, closed, shares, mesh, slack, out):
 
 
 @helper
-def _number(closed: Any, node: int) -> int:
+def _number(closed: Any, node: int) -> Any:
     return np.searchsorted(closed, node)
 
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -238,3 +241,11 @@ def test_ten_thousand_instances_of_a_large_mesh_have_one_tree() -> None:
         p = np.array([c[k] for c in ray.origin]) + t[k] * np.array([c[k] for c in ray.direction])
         normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
         assert abs((p - corners[0]) @ normal) < 1e-9 * np.linalg.norm(normal), i
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("isa", ["avx2", "sse", "scalar"])
+def test_trees_agree_with_brute_force_on_narrower_machines(isa: str) -> None:
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", __file__]
+    done = subprocess.run(command, env={**os.environ, "MAQUETTE_SIMD": isa}, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stdout

@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from .render.image import Image
     from .render.metrics import Difference
 
-__all__ = ["compare", "load", "render"]
+__all__ = ["__version__", "compare", "load", "render"]
+
+__version__ = "0.1.0"
 
 
 def load(

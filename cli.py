@@ -6,12 +6,12 @@ import contextlib
 import json
 import os
 import sys
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import click
 
+from . import __version__
 from . import cli_job as jobs
 from . import cli_options as values
 from . import cli_shared as shared
@@ -74,7 +74,7 @@ class Commands(click.Group):
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
-@click.version_option(metadata.version("maquette"), prog_name="maquette")
+@click.version_option(__version__, prog_name="maquette")
 @shared.examples("maquette render examples/hello.scene -o hello.png", "maquette watch room.scene -o room.png --size 400x300")
 def cli() -> None:
     """Compile scenes (.scene, USD, OBJ, PLY, STL, GLB) and render them."""

@@ -13,12 +13,12 @@ import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from . import __version__
 from . import cli_options as values
 from . import cli_terminal as terminal
 from .lang.diagnostics import Diagnostic, Diagnostics, SceneError, Span
@@ -174,7 +174,7 @@ class Job:
         look = output.Look(exposure, plan["view"], self.bits or 8, alpha=plan["background"] == "transparent")
         about = {
             "command": shlex.join(["maquette", *sys.argv[1:]]),
-            "version": metadata.version("maquette"),
+            "version": __version__,
             "backend": plan["backend"],
             "seed": plan["seed"],
             "samples": plain(image.metadata.get("samples", plan["samples"])),

@@ -19,25 +19,28 @@ Map = NDArray[np.float64]
 Counts = NDArray[np.int64]
 
 MOST_DOUBLINGS = 2  # of a pixel in a round: what is known of it from n samples is not trusted further than for 4 n
+ALONE = 16.0  # times its neighbours' mean at which a pixel's own variance is believed
 LEFT = 0.4  # of a pixel's variance after a doubling: half for independent samples, less for Sobol points
 _STEP = 20  # bins of worth between a doubling and the next, which leaves LEFT at twice the price
 _BINS = _STEP / math.log2(2.0 / LEFT)  # an octave
 _PLACES = 512
 
 
-MARGIN = 0.95  # of the error asked for, which is aimed at: the estimate has an error of its own
+BEYOND = 0.05  # share of the squared error asked for by which a round does more than it has to: else the last ones are many and small
+AIM = 0.97  # of the error asked for: pixels that are left alone are a little more often those that look better than they are
+CONFIDENCE = 2.0  # standard deviations by which the estimate stays below the error asked for
 
 
-def doublings_for_error(relative: Map, samples: Counts, most: int, excess: float) -> Counts:
-    """(h, w) doublings of each pixel's samples, so that the mean of `relative` over all pixels falls by `excess`, in this round or later.
+def doublings_for_error(relative: Map, samples: Counts, most: int, share: float) -> Counts:
+    """(h, w) doublings of each pixel's samples, so that the mean of `relative` falls by a share of it, in this round or later.
 
     `relative` (h, w): variance of each pixel's mean over its squared value. No pixel goes beyond `most` samples.
     """
     places, highest = _places(relative, samples, most)
-    if highest is None or excess <= 0.0:
+    if highest is None or share <= 0.0:
         return np.zeros(samples.shape, np.int64)
-    taken = _totals(places, relative) @ (1.0 - LEFT ** _steps())
-    enough = np.flatnonzero(taken >= excess * relative.size)
+    taken = _totals(places, relative) @ _falls()
+    enough = np.flatnonzero(taken >= share * float(np.sum(relative)))
     return _doublings(places, int(enough[0]) if len(enough) else _PLACES)
 
 
@@ -55,14 +58,16 @@ def smoothed(relative: Map, samples: Counts) -> Map:
     """`relative` from the variance of a sample as each pixel's eight neighbours know it.
 
     A few samples tell little of one pixel alone. And a pixel that by chance seems quieter than it is would be left as it is, while
-    one that seems noisier is measured again: what pixels say of themselves would then add up to too small an error.
+    one that seems noisier is measured again: what pixels say of themselves would then add up to too small an error. A pixel's own word
+    counts where chance alone says so seldom: at ALONE times its neighbours' mean, one in 16,000 squares of a normal variable.
     """
     own = relative * samples
     total, count = own, np.ones_like(own)
     for axis in (0, 1):
         total, count = _three(total, axis), _three(count, axis)
     total, count = total - own, count - 1.0
-    return np.where(count > 0.0, np.maximum(total, 0.0) / np.maximum(count, 1.0), own) / samples
+    around = np.maximum(total, 0.0) / np.maximum(count, 1.0)
+    return np.where(count > 0.0, np.maximum(around, own / ALONE), own) / samples
 
 
 def _three(values: Map, axis: int) -> Map:
@@ -94,6 +99,12 @@ def _totals(places: Counts, amounts: NDArray[Any]) -> Map:
 
 
 @functools.cache
+def _falls() -> Map:
+    """(places, thresholds) the share of its variance that a pixel loses by `_steps`."""
+    return np.asarray(1.0 - LEFT ** _steps(), np.float64)
+
+
+@functools.cache
 def _steps() -> Counts:
     """(places, thresholds) doublings of a pixel at a place when the threshold is at a place: one each _STEP above it."""
     place = np.arange(_PLACES)
@@ -111,24 +122,36 @@ class Decline:
 
     Two halves of n samples each differ by what variance V they have, less what they have in common: for scrambled nets, whose halves are
     made to complete each other, (m₁ - m₂)² / 4 has the mean V(n) - V(2n), not V(2n). With V falling as n⁻ᵖ the first is 2ᵖ - 1 times the
-    second. p is 1 for independent samples, 3/2 across an edge; successive doublings of the same pixels show which. It is told from pixels
-    that were chosen by what their neighbours said (see `smoothed`), else chance alone would make it large.
+    second. p is 1 for independent samples, 3/2 across an edge; successive doublings of the same pixels show which, and each level of
+    samples shows its own: the pixels that get most are those where nets help least. It is told from pixels that were chosen by what their
+    neighbours said (see `smoothed`), else chance alone would make it large.
     """
 
     STEEPEST = 1.5
+    LEVELS = 32  # of numbers of samples, an octave each
 
     def __init__(self) -> None:
-        self._shown: dict[Any, list[float]] = {}
+        self._shown: dict[Any, Map] = {}
 
-    def note(self, tile: Any, before: float, after: float) -> None:
-        """A doubling of some pixels of a tile: the sums of their estimates before and after. Safe from several threads, a tile each."""
-        sums = self._shown.setdefault(tile, [0.0, 0.0])
-        sums[0] += before
-        sums[1] += after
+    def of(self, tile: Any) -> Map:
+        """(levels, 2) of a tile, for sums.take_in to add to: what doublings to each level made of the error. Of one thread at a time."""
+        return self._shown.setdefault(tile, np.zeros((self.LEVELS, 2)))
 
-    def share(self) -> float:
-        """The variance of the means as a share of the estimate from their halves: 1 for independent samples, less for nets."""
-        before, after = (math.fsum(sums[k] for sums in self._shown.values()) for k in (0, 1))
-        if not 0.0 < after < before:
-            return 1.0
-        return 1.0 / (2.0 ** min(max(math.log2(before / after), 1.0), self.STEEPEST) - 1.0)
+    def shares(self) -> Map:
+        """(levels,) the variance of the means as a share of the estimate from their halves: 1 for independent samples, less for nets."""
+        before, after = np.sum([self._shown[tile] for tile in sorted(self._shown)], axis=0).T
+        known = (after > 0.0) & (before > after)
+        slope = np.log2(np.divide(before, after, out=np.ones_like(before), where=known), where=known, out=np.ones_like(before))
+        return 1.0 / (2.0 ** np.clip(slope, 1.0, self.STEEPEST) - 1.0)
+
+
+def excess(relative: Map, error: float) -> float:
+    """The share by which the mean of `relative` shall fall for a picture to have the error asked for, with CONFIDENCE; 0 where it has.
+
+    Each pixel's entry is the square of one normal variable, as its error is of another: 2 σ⁴ is the variance of either, 3 σ⁴ the mean of
+    the entry's square.
+    """
+    aim = (AIM * error) ** 2
+    uncertain = math.sqrt(4.0 / 3.0 * float(np.sum(np.square(relative)))) / relative.size
+    likely = float(np.mean(relative)) + CONFIDENCE * uncertain
+    return 1.0 - (1.0 - BEYOND) * aim / likely if likely > aim else 0.0

@@ -150,7 +150,7 @@ class _Canvas:
         self._work(begin, self.tiles, lambda: 0.5 * share())
         while self.most > 1 and not self.cancel.is_set() and (now := time.perf_counter()) < deadline:
             relative = self._relative()
-            excess = float(np.mean(relative)) - (adaptive.MARGIN * error) ** 2 if error > 0.0 else math.inf
+            excess = adaptive.excess(relative, error) if error > 0.0 else 1.0
             if excess <= 0.0:
                 break
             pace = self.spent / (now - began)
@@ -167,15 +167,15 @@ class _Canvas:
             self._work(draw, more, share)
 
     def _double(self, tile: Tile, part: _Sums, goals: Counts, deadline: float) -> None:
-        """Bring a tile's pixels to their goals by doublings, and note what those show."""
+        """Bring a tile's pixels to their goals by doublings."""
         for _ in range(adaptive.MOST_DOUBLINGS):
             step = np.minimum(goals, 2 * part.samples)
             if np.array_equal(step, part.samples):
                 break
-            self.decline.note(tile, *self._draw(tile, part, step, deadline))
+            self._draw(tile, part, step, deadline)
 
     def _goals(self, relative: NDArray[np.float64], samples: Counts, excess: float, affordable: float) -> Counts:
-        """(h, w) samples each pixel shall have after the next round, for the mean of `relative` to fall by `excess` in the end."""
+        """(h, w) samples each pixel shall have after the next round, so that `relative` falls by the share `excess`."""
         if self.renderer.by_tile:
             known = relative.copy()
             for tile in self.tiles:
@@ -183,17 +183,14 @@ class _Canvas:
         else:
             known = adaptive.smoothed(relative, samples)
         doublings = np.full(samples.shape, adaptive.MOST_DOUBLINGS)
-        if math.isfinite(excess):
+        if excess < 1.0:
             doublings = adaptive.doublings_for_error(known, samples, self.most, excess)
         if np.sum(samples * (2**doublings - 1)) > affordable:
             doublings = adaptive.doublings_for_samples(known, samples, self.most, affordable)
         return np.minimum(samples * 2**doublings, self.most)
 
-    def _draw(self, tile: Tile, part: _Sums, goals: Counts, deadline: float = math.inf) -> tuple[float, float]:
-        """Bring the pixels of a tile to their goals, as one batch, and show what it has; less where it is cancelled or too late.
-
-        Returns what the pixels that were doubled show of how the error falls; see sums.take_in.
-        """
+    def _draw(self, tile: Tile, part: _Sums, goals: Counts, deadline: float = math.inf) -> None:
+        """Bring the pixels of a tile to their goals, as one batch, and show what it has; less where it is cancelled or too late."""
         film, count = _film(tile), goals - part.samples
         start, most = 0, int(count.max(initial=0))
         while start < most and not (self.cancel.is_set() or time.perf_counter() > deadline):
@@ -202,14 +199,13 @@ class _Canvas:
         if start < most:
             count = np.minimum(count, start)
         window = self._window(tile)
-        shown = sums.take_in(
+        sums.take_in(
             film, count, part.color, part.alpha, part.issues, part.samples, self.variance[window], self.value[window],
-            self.channels["rgba"][window], self.least,
+            self.channels["rgba"][window], self.least, self.decline.of(tile),
         )  # fmt: skip
         self.samples[window] = part.samples
         self.drawn[tile] = int(part.samples.sum())
         self.issues[tile] = int(part.issues.sum())
-        return shown
 
     def _extras(self, tile: Tile) -> None:
         if self.names:
@@ -222,10 +218,12 @@ class _Canvas:
 
     def _relative(self) -> NDArray[np.float64]:
         """(h, w) variance / (value² + ε²) of what has been drawn, ε as in metrics.root_relmse; sets `least`, ε²."""
-        luminance = float(self.channels["rgba"][..., :3].mean(axis=(0, 1), dtype=np.float64) @ metrics.LUMINANCE)
+        rgba = self.channels["rgba"]
+        mean = np.einsum("ijk->k", rgba, dtype=np.float64) / (rgba.size // rgba.shape[-1])
+        luminance = float(mean[:3] @ metrics.LUMINANCE)
         self.least = max((metrics.EPSILON * luminance) ** 2, float(np.finfo(np.float64).tiny))
         out = np.empty(self.samples.shape)
-        sums.relative_error(self.variance, self.value, self.samples, FIRST, self.decline.share(), self.least, out)
+        sums.relative_error(self.variance, self.value, self.samples, self.decline.shares(), self.least, out)
         return out
 
     def _work(self, draw: Callable[[Tile], None], jobs: Iterable[Tile], fraction: Callable[[], float]) -> None:

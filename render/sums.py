@@ -6,21 +6,21 @@ import math
 
 import numpy as np
 
-from .kernels import kernel
+from .kernels import helper, kernel
 
 TRUSTED = 64  # samples from which on a pixel's mean is known well enough to be what its error is a share of
 
 
 @kernel
-def take_in(film, count, color, alpha, issues, samples, variance, value, rgba, least):
+def take_in(film, count, color, alpha, issues, samples, variance, value, rgba, least, shown):
     """Add a film's batch of `count` (h, w) samples to a tile's sums, (h, w, …) each; pixels with none stay as they are.
 
     Sets the picture, the variance of its means and the value it is weighed by. The old samples and the new ones have means m₁, m₂ of n₁, n₂
     samples; for independent batches whose variance falls as 1/n, the mean of all has the variance (m₁ - m₂)² n₁ n₂ / (n₁ + n₂)²
     (adaptive.Decline says what Sobol points make of it). The value is the mean; of few samples the geometric mean of both, lest a stray
-    bright sample excuse itself. Returns how the sums over doubled pixels of variance / (value² + `least`) were before and are now.
+    bright sample excuse itself. Adds to `shown` (levels, 2), where pixels are doubled, variance / (value² + `least`) as it was and as it is
+    now, at the level of their samples.
     """
-    before, after = 0.0, 0.0
     for y in range(count.shape[0]):
         for x in range(count.shape[1]):
             new, old = count[y, x], samples[y, x]
@@ -35,10 +35,10 @@ def take_in(film, count, color, alpha, issues, samples, variance, value, rgba, l
                     one, other = color[y, x, k] / old, film.color[y, x, k] / new
                     apart = (one - other) * (one - other) * weight
                     known = mean if whole > TRUSTED else math.sqrt(max(one * other, 0.0))
-                    if old == new:
+                    if old == new and variance[y, x, k] < np.inf:
                         below = known * known + least
-                        before += variance[y, x, k] / below if variance[y, x, k] < np.inf else 0.0
-                        after += apart / below if variance[y, x, k] < np.inf else 0.0
+                        shown[level(whole), 0] += variance[y, x, k] / below
+                        shown[level(whole), 1] += apart / below
                     variance[y, x, k], value[y, x, k] = apart, known
                 color[y, x, k] = total
                 rgba[y, x, k] = mean
@@ -46,16 +46,21 @@ def take_in(film, count, color, alpha, issues, samples, variance, value, rgba, l
             issues[y, x] += film.issues[y, x]
             samples[y, x] = old + new
             rgba[y, x, 3] = alpha[y, x] / whole
-    return before, after
+
+
+@helper
+def level(samples):
+    """log₂ of a number of samples, rounded down."""
+    return int(math.log2(max(samples, 1)) + 1e-9)
 
 
 @kernel
-def relative_error(variance, value, samples, first, share, least, out):
-    """Write (h, w) variance / (value² + `least`), the mean of three channels; `share` of it where there are more than `first` samples."""
+def relative_error(variance, value, samples, share, least, out):
+    """Write (h, w) variance / (value² + `least`), the mean of three channels, times the `share` (levels,) for the pixel's samples."""
     for y in range(out.shape[0]):
         for x in range(out.shape[1]):
             total = 0.0
             for k in range(3):
                 v = float(value[y, x, k])
                 total += variance[y, x, k] / (v * v + least)
-            out[y, x] = total * (share if samples[y, x] > first else 1.0) / 3.0
+            out[y, x] = total * share[level(samples[y, x])] / 3.0

@@ -222,10 +222,33 @@ def test_samples_go_where_they_take_away_most() -> None:
     v = np.exp(3.0 * np.sin(x / 9.0) + 2.0 * np.cos(y / 7.0))
     n = np.full(v.shape, 8)
     for _ in range(12):
-        n = n * 2 ** adaptive.doublings_for_error(v / n, n, 1 << 20, np.mean(v / n) - 1e-3)
+        n = n * 2 ** adaptive.doublings_for_error(v / n, n, 1 << 20, 1.0 - 1e-3 / float(np.mean(v / n)))
     fewest = np.sqrt(v).sum() ** 2 / (v.size * 1e-3)
     assert np.mean(v / n) <= 1e-3
     assert fewest <= n.sum() < 1.15 * fewest
+
+
+def test_a_pixel_that_is_noisy_alone_does_not_make_all_others_pay() -> None:
+    v = np.ones((64, 64))
+    v[30, 30] = 4000.0  # half of the error of the picture, where the neighbours know of nothing
+    n = np.full(v.shape, 8)
+    doublings = adaptive.doublings_for_error(adaptive.smoothed(v / n, n), n, 1 << 20, 0.3)
+    assert doublings[28:33, 28:33].max() > 0
+    assert np.count_nonzero(doublings) < 100
+
+
+@pytest.mark.parametrize("count", [100, 2_000, 40_000])
+def test_what_is_taken_for_an_error_has_at_most_that_error(count: int) -> None:
+    """Both the estimate, a mean over pixels, and the error itself are uncertain: the fewer the pixels, the more."""
+    rng = np.random.default_rng(7)
+    wrong = taken = 0
+    for variance in np.linspace(0.3, 1.2, 300):
+        estimate, picture = variance * rng.standard_normal((2, count)) ** 2
+        if adaptive.excess(estimate[None], 1.0) == 0.0:
+            taken += 1
+            wrong += float(np.mean(picture)) > 1.0
+    assert taken > (60 if count == 100 else 150)
+    assert wrong <= 0.1 * taken
 
 
 def test_samples_for_a_budget_stay_within_it_and_go_where_the_noise_is() -> None:

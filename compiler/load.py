@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..lang import evaluate
+from ..lang import evaluate, tokens
 from ..lang.diagnostics import Diagnostics, Span, suggest
-from . import defaults, ir, lower, sources, store, transforms, validate
+from . import defaults, folders, ir, lower, sources, store, transforms, validate
 from .build import SceneBuilder
 from .files import FileError, Files, resolved
 from .rows import InstanceData
@@ -98,6 +98,8 @@ class Stopwatch:
 def _scene(path: Path, real: Path, files: Files, sets: Mapping[str, str], time: float, found: Diagnostics, watch: Stopwatch) -> ir.Scene:
     reader = sources.SceneReader(files)
     parsing: dict[str, float] = {}
+    with watch.stage("parse"):
+        tokens.grammar(folders.parser_tables())
     with watch.stage("evaluate"):
         source = reader.main(str(path), real)
         document = evaluate.evaluate(source, reader, found, sets=sets, time=time, seconds=parsing)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from lark import Lark, Token
 from lark.lark import PostLex
@@ -62,11 +62,19 @@ class Scan:
     wrong: list[tuple[int, int]] = field(default_factory=list)  # line, column
 
 
-@lru_cache(maxsize=1)
-def grammar() -> Lark:
-    """The lark parser with its tables."""
-    text = Path(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
-    return Lark(text, parser="lalr", lexer="basic", postlex=_KeepMistakes(), keep_all_tokens=True, maybe_placeholders=False)
+def grammar(kept: str | None = None) -> Lark:
+    """The lark parser with its tables, made once. It takes longer to work them out than to parse most scenes.
+
+    `kept` is a file to take them from, and to put them into: lark sees whether they belong to this grammar and its own version.
+    """
+    if not _made:
+        text = Path(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
+        options: Any = {"parser": "lalr", "lexer": "basic", "keep_all_tokens": True, "maybe_placeholders": False, "cache": kept or False}
+        _made.append(Lark(text, postlex=_KeepMistakes(), **options))
+    return _made[0]
+
+
+_made: list[Lark] = []
 
 
 def span_of(token: Token, file: str) -> Span:

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler import ir, store
+from ..compiler import folders, ir, store
 from ..compiler.plan import Plan
 from ..render import kernels
 from . import bias, closed, runs
@@ -92,7 +92,7 @@ def key(scene: ir.Scene, plan: Plan) -> str:
 
 def default_folder() -> Path:
     """Beside the compiled kernels: MAQUETTE_CACHE, else the user's cache folder."""
-    return kernels.cache_root().parent / "references"
+    return folders.cache_root() / "references"
 
 
 def load(path: Path, shape: tuple[int, int, int]) -> LongRun | None:

@@ -8,7 +8,6 @@ older versions are removed.
 from __future__ import annotations
 
 import hashlib
-import os
 import shutil
 import time
 from collections.abc import Callable, Iterator
@@ -19,8 +18,11 @@ from typing import Any
 import numba
 from numba import config, njit
 from numba.core import event
+from numba.core.caching import FunctionCache
+from numba.core.runtime.nrt import rtsys
 from numba.extending import register_jitable
 
+from ..compiler import folders
 from . import machine
 from .fragments import Fragment
 
@@ -40,17 +42,8 @@ def _sources_hash() -> str:
     return digest.hexdigest()[:16]
 
 
-def cache_root() -> Path:
-    """The folder of compiled kernels: MAQUETTE_CACHE, else the user's cache folder."""
-    asked = os.environ.get("MAQUETTE_CACHE")
-    if asked:
-        return Path(asked) / "kernels"
-    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base) / "maquette" / "kernels"
-
-
 def _prepare_cache() -> Path:
-    root = cache_root()
+    root = folders.cache_root() / "kernels"
     folder = root / _sources_hash()
     try:
         new = not folder.exists()
@@ -96,9 +89,20 @@ def timed(seconds: dict[str, float], part: str) -> Iterator[None]:
             seconds[part] = seconds.get(part, 0.0) + spent - compiling
 
 
+class _Kept(FunctionCache):
+    """Numba's cache, which loads compiled code without first getting ready to compile: that takes longer than all of a small picture."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
+
+
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile for threads (no GIL), kept on disk, with IEEE division. Types come with the first call."""
-    return njit(nogil=True, cache=True, error_model="numpy")(function)
+    dispatcher = njit(nogil=True, cache=True, error_model="numpy")(function)
+    dispatcher._cache = _Kept(function)  # pyright: ignore[reportAttributeAccessIssue]
+    return dispatcher
 
 
 def helper(function: Callable[..., Any]) -> Any:

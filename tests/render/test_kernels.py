@@ -1,9 +1,14 @@
-"""What kernels.timed counts as compiling, and what as the work itself."""
+"""Kernels kept on disk, and what kernels.timed counts as compiling and what as the work itself."""
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import time
+from pathlib import Path
 
+import numpy as np
 import pytest
 from maquette.render import kernels
 from numba import njit
@@ -32,3 +37,27 @@ def test_time_is_counted_when_the_work_fails() -> None:
         raise ArithmeticError
     assert seconds["build"] > 0
     assert seconds["compile_kernels"] == 0
+
+
+PROGRAM = """
+import sys
+import numpy as np
+from maquette.render import kernels, sums
+out = np.full((2, 2), -1.0)
+sums.relative_error(np.full((2, 2, 3), 0.5), np.ones((2, 2, 3)), np.full((2, 2), 4), np.ones(32), 1.0, out)
+hits = sum(sums.relative_error.stats.cache_hits.values())
+if sys.argv[1] == "more":  # another type: it is compiled beside what was loaded
+    sums.relative_error(np.full((2, 2, 3), 0.5, np.float32), np.ones((2, 2, 3)), np.full((2, 2), 4), np.ones(32), 1.0, out)
+print(hits, len(sums.relative_error.overloads), out.tolist())
+"""
+
+
+def test_what_is_kept_is_loaded_and_goes_with_what_is_compiled(tmp_path: Path) -> None:
+    def run(what: str) -> str:
+        environment = {**os.environ, "MAQUETTE_CACHE": str(tmp_path)}
+        return subprocess.run([sys.executable, "-c", PROGRAM, what], env=environment, capture_output=True, text=True, check=True).stdout
+
+    values = np.full((2, 2), 0.25).tolist()
+    assert run("same") == f"0 1 {values}\n"
+    assert run("same") == f"1 1 {values}\n"
+    assert run("more") == f"1 2 {values}\n"

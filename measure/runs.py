@@ -19,6 +19,7 @@ from typing import Any
 from ..compiler import ir
 from ..compiler import plan as planner
 from ..render import draw
+from ..render.machine import cores
 from .records import Run, Setting
 
 WITH_VERSIONS = ("maquette", "numpy", "numba", "flip-evaluator")
@@ -50,7 +51,7 @@ def run(scene: ir.Scene, plan: planner.Plan, cancel: threading.Event | None = No
 
 def threads(settings: ir.Settings) -> int:
     """The number of threads everybody gets."""
-    return settings.threads or os.cpu_count() or 1
+    return settings.threads or cores()
 
 
 @functools.cache
@@ -69,7 +70,7 @@ def import_seconds() -> float:
 
 def machine(settings: ir.Settings) -> str:
     """What measured: "4 threads of 8, AMD EPYC …, Linux"."""
-    used, all_ = threads(settings), os.cpu_count() or 1
+    used, all_ = threads(settings), cores()
     return f"{used} thread{'' if used == 1 else 's'} of {all_}, {_processor()}, {platform.system()}"
 
 

@@ -43,11 +43,11 @@ class Bvh(NamedTuple):
     search: int = 0  # address of traverse.search, for kernels
 
 
-def build(tables: ir.Tables, brute: bool = False) -> Bvh:
-    """The trees of a scene. With `brute` there is none over the instances: each of them is tried."""
+def build(tables: ir.Tables, brute: bool = False, threads: int = 0) -> Bvh:
+    """The trees of a scene, the same on any number of threads (0: all). With `brute` there is none over the instances: each is tried."""
     geometries, instances = tables.geometries, tables.instances
     used = instances.geometry[geometries.kind[instances.geometry] == ir.GeometryKind.MESH]
-    meshes, roots = mesh_trees(tables, np.unique(used))
+    meshes, roots = mesh_trees(tables, np.unique(used), threads)
     boxes = world_bounds(tables)
     kind = geometries.kind[instances.geometry]
     root = roots[instances.geometry]
@@ -88,7 +88,7 @@ def world_bounds(tables: ir.Tables) -> NDArray[np.float64]:
     return np.concatenate([centre - reach, centre + reach], axis=1)
 
 
-def mesh_trees(tables: ir.Tables, used: NDArray[np.int32]) -> tuple[Wide, NDArray[np.int32]]:
+def mesh_trees(tables: ir.Tables, used: NDArray[np.int32], threads: int = 0) -> tuple[Wide, NDArray[np.int32]]:
     """The trees of meshes, and where each geometry's begins: -1 where it has none."""
     geometries, pools = tables.geometries, tables.pools
     roots = np.full(len(geometries.kind), -1, np.int32)
@@ -96,7 +96,7 @@ def mesh_trees(tables: ir.Tables, used: NDArray[np.int32]) -> tuple[Wide, NDArra
     for g in used:
         first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
         if count > 0:
-            tree = wide.build(pools.positions, pools.triangles[first : first + count], first)
+            tree = wide.build(pools.positions, pools.triangles[first : first + count], first, threads)
             made.append(tree)
             roots[g] = nodes
             nodes += len(tree.nodes)

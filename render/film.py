@@ -7,7 +7,6 @@ is the same bit for bit with any number of threads (a budget of seconds apart, w
 from __future__ import annotations
 
 import math
-import os
 import queue
 import threading
 import time
@@ -19,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler.plan import Plan
-from . import adaptive, image, metrics, sums
+from . import adaptive, image, machine, metrics, sums
 from .records import Film, Tile, View
 
 TILE = 32  # pixels
@@ -101,7 +100,7 @@ class _Canvas:
         self.crop = tuple(plan["crop"])
         self.names = tuple(plan["aov"])
         self.most = int(plan["samples"])
-        self.threads = int(plan["threads"]) or os.cpu_count() or 1
+        self.threads = int(plan["threads"]) or machine.cores()
         self.width, self.height = self.crop[2] - self.crop[0], self.crop[3] - self.crop[1]
         self.channels = image.blank(self.width, self.height, ("rgba", *self.names))
         self.variance = np.full((self.height, self.width, 3), np.inf, np.float32)  # of the means; inf where one batch says nothing

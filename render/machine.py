@@ -90,3 +90,8 @@ def fingerprint() -> str:
     """Tells two machines apart whose compiled code differs."""
     name = config.CPU_NAME or llvm.get_host_cpu_name()  # pyright: ignore[reportAttributeAccessIssue]
     return " ".join((ISA, name, *sorted(feature for feature, on in FEATURES.items() if on)))
+
+
+def cores() -> int:
+    """Processors this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -49,11 +49,15 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
         accel = trace.Brute()
         light = gouraud.vertex_light(tables, tables, accel, frame)
         return Prepared(tables, tables, accel, light, options, frame, shells)
-    accel, packed, frames = Handle(bvh.build(tables, brute=plan["accelerator"] == "brute")), Handle(tables), Handle(frame)
+    accel, packed, frames = _trees(tables, plan), Handle(tables), Handle(frame)
     traverse.link(accel)
     light = Handle(gouraud.vertex_light(tables, packed, accel, frames))
     integrate.link(frames, packed, accel, light)
     return Prepared(tables, packed, accel, light, options, frames, shells)
+
+
+def _trees(tables: ir.Tables, plan: Plan) -> Handle:
+    return Handle(bvh.build(tables, plan["accelerator"] == "brute", int(plan["threads"])))
 
 
 def options_of(plan: Plan, tables: ir.Tables) -> Options:

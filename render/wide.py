@@ -7,13 +7,12 @@ triangles side by side.
 
 from __future__ import annotations
 
-import os
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import halves, simd
+from . import halves, machine, simd
 from .halves import Run, half_area
 from .kernels import helper, kernel
 
@@ -53,7 +52,7 @@ def build(positions: NDArray[np.float32], triangles: NDArray[np.int32], first: i
 
     It is the same on any number of threads (0: all there are).
     """
-    with halves.pool(threads or len(os.sched_getaffinity(0))) as pool:
+    with halves.pool(threads or machine.cores()) as pool:
         items = simd.aligned_empty((len(triangles), 8), np.float32)
         list(pool.map(lambda k: boxes_of(positions, triangles, items, *k), _shares(len(items))))
         tree, parts = halves.build(items, WIDTH, STEP, pool.map)

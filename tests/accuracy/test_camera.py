@@ -155,12 +155,15 @@ def test_where_samples_of_a_filter_lie(measured, filter_):
 
 @every
 @pytest.mark.parametrize("filter_", FILTERS)
-@pytest.mark.parametrize("a", [0.25, -0.375, 0.0])
+@pytest.mark.parametrize("a", [77.5 / 256, -100.5 / 256, 10.5 / 256])
 def test_a_half_plane_under_a_filter(tmp_path, measured, backend, filter_, a):
-    """An upright edge a pixels right of the centre of column 12, in 48 pixels of independent samples; colour times coverage."""
-    edge = 12.5 + a - 12
+    """An upright edge a pixels right of the centre of column 12, in 48 pixels of independent samples; colour times coverage.
+
+    It runs between the places that samples have, 1/256 apart: one that meets them gives a pixel half a step more or less.
+    """
+    edge = 0.5 + a
     text = "camera(position: [0, 0, 5], width: 24)\n"
-    text += f"polygon([[-90, -90, 0], [{edge}, -90, 0], [{edge}, 90, 0], [-90, 90, 0]], material: emissive(1, luminance: 2))\n"
+    text += f"polygon([[-90, -90, 0], [{edge!r}, -90, 0], [{edge!r}, 90, 0], [-90, 90, 0]], material: emissive(1, luminance: 2))\n"
     image = rm.picture(tmp_path, text, backend, size=(24, 48), samples=SAMPLES, filter=filter_, background="transparent")
     covered = alpha(image)
     assert np.array_equal(rm.grey(image), 2 * covered)

@@ -59,7 +59,7 @@ def test_points_of_a_grid_fall_into_their_pixels(tmp_path, measured, backend):
             text += f"sphere({0.3 * z / f}, center: [{(i + 0.5 - 20) * z / f}, {(20 - j - 0.5) * z / f}, {-z}])\n"
     covered = alpha(rm.picture(tmp_path, text, backend, size=(40, 40)))
     wrong = np.count_nonzero(covered != expected)
-    measured.answer(1, "pinhole: a grid of points, their pixels", backend, wrong, 0, "px", "pixels that differ, of 1600")
+    measured.answer(1, "pinhole: a grid of points, their pixels", backend, wrong, 0, "pixels", "that differ, of 1600")
 
 
 @every
@@ -197,7 +197,7 @@ def test_the_pixels_of_a_disk(tmp_path, measured, backend, cx, cy, squared):
     distance = np.hypot(x - cx, y - cy)
     assert np.abs(distance - radius).min() > 0.05
     wrong = np.count_nonzero(alpha(image) != (distance <= radius))
-    measured.answer(5, "disk: its pixels", backend, wrong, 0, "px", "pixels that differ, of 1024")
+    measured.answer(5, "disk: its pixels", backend, wrong, 0, "pixels", "that differ, of 1024")
 
 
 def lost(backend: str, radius: float) -> float:

@@ -76,7 +76,7 @@ def lane3(a: Vec, k: int) -> Vec:
 
 
 def load(table: Any, row: int) -> Lane:
-    """A row of a (rows, WIDTH) table as a value."""
+    """A row of a (rows, WIDTH) table as a value; in kernels also of a flat one."""
     return table[row]
 
 
@@ -84,11 +84,11 @@ def load(table: Any, row: int) -> Lane:
 def _load(table, row):
     if WIDTH > 1:
         return lambda table, row: simd.load(table, row * WIDTH, WIDTH)
-    return lambda table, row: table[row, 0]
+    return lambda table, row: simd.read(table, row)
 
 
 def store(table: Any, row: int, x: Lane) -> None:
-    """Write a value to a row of a (rows, WIDTH) table."""
+    """Write a value to a row of a (rows, WIDTH) table; in kernels also of a flat one."""
     table[row] = x
 
 
@@ -96,11 +96,7 @@ def store(table: Any, row: int, x: Lane) -> None:
 def _store(table, row, x):
     if _vector(x):
         return lambda table, row, x: simd.store(table, row * WIDTH, x)
-
-    def write(table, row, x):
-        table[row, 0] = x
-
-    return write
+    return lambda table, row, x: simd.write(table, row, x)
 
 
 def numbered(first: int) -> Lane:
@@ -162,6 +158,18 @@ def _count(mask):
     if _vector(mask):
         return lambda mask: simd.count(mask)
     return lambda mask: 1 if mask else 0
+
+
+def bits(mask: Lane) -> Lane:
+    """The lanes of a mask as the bits of a number."""
+    return np.sum(np.ravel(mask) << np.arange(np.size(mask)))
+
+
+@overload(bits, jit_options=HELPER)
+def _bits(mask):
+    if _vector(mask):
+        return lambda mask: simd.bits(mask)
+    return lambda mask: np.int64(mask)
 
 
 def together(values: Lane, mask: Lane) -> tuple[Lane, Lane]:

@@ -1,6 +1,6 @@
-"""Bounding volume hierarchies: a tree for each mesh, one over the instances, built by binned surface area heuristic.
+"""Bounding volume hierarchies: a wide tree for each mesh, a binary one over the instances, by binned surface area heuristic.
 
-Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007. All trees are flat arrays in one pool, so that a
+Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007. All meshes' trees stand in one pool, so that a
 mesh used by many instances has one tree. What has no bounds (planes) stands in a list beside the tree and is always tried.
 """
 
@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import ir
+from . import wide
 from .kernels import kernel
+from .wide import Wide
 
 BINS = 16
 DEPTH = 64  # of a traversal's stack: below level 32 nodes are halved, so that no tree is deeper
 HALVE_BELOW = 32
-MESH_LEAF = 4
 FIRST, COUNT = 6, 7  # columns of a node
 SLACK = 1e-12  # of its coordinates, by which an instance's box grows: transforms round
 
@@ -29,9 +30,9 @@ class Bvh(NamedTuple):
     leaves hold count items from first on. A mesh's boxes and corners are relative to its origin.
     """
 
-    nodes: NDArray[np.float64]  # (n, 8)
-    triangles: NDArray[np.int32]  # (t,) items of meshes' leaves: rows of Pools.triangles
-    corners: NDArray[np.float32]  # (t, 9)
+    wide: Wide  # of meshes; its rows are those of Pools.triangles
+    boxes: NDArray[np.float64]  # (geometries, 8) of meshes: lowest x, y, z, highest x, y, z
+    nodes: NDArray[np.float64]  # (n, 8) over instances
     instances: NDArray[np.int32]  # (i,) items of the leaves of the tree over instances
     endless: NDArray[np.int32]  # instances outside of the tree, rising
     top: int  # root of the tree over instances, or -1: all are in `endless`
@@ -45,21 +46,8 @@ class Bvh(NamedTuple):
 def build(tables: ir.Tables, brute: bool = False) -> Bvh:
     """The trees of a scene. With `brute` there is none over the instances: each of them is tried."""
     geometries, instances = tables.geometries, tables.instances
-    trees: list[NDArray[np.float64]] = []
-    triangles: list[NDArray[np.int32]] = []
-    roots = np.full(len(geometries.kind), -1, np.int32)
-    nodes = items = 0
-    for g in np.unique(instances.geometry[geometries.kind[instances.geometry] == ir.GeometryKind.MESH]):
-        first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
-        if count == 0:
-            continue
-        corners = tables.pools.positions[tables.pools.triangles[first : first + count]].astype(np.float64)
-        order, tree = _tree(np.concatenate([corners.min(1), corners.max(1)], axis=1), MESH_LEAF)
-        roots[g] = nodes
-        trees.append(_moved(tree, nodes, items))
-        triangles.append((first + order).astype(np.int32))
-        nodes += len(tree)
-        items += count
+    used = instances.geometry[geometries.kind[instances.geometry] == ir.GeometryKind.MESH]
+    meshes, roots = mesh_trees(tables, np.unique(used))
     boxes = world_bounds(tables)
     kind = geometries.kind[instances.geometry]
     root = roots[instances.geometry]
@@ -67,16 +55,15 @@ def build(tables: ir.Tables, brute: bool = False) -> Bvh:
     bounded = np.isfinite(boxes).all(axis=1) & (not brute)
     inside = np.flatnonzero(drawable & bounded).astype(np.int32)
     top = -1
+    nodes = np.zeros((0, 8))
     if len(inside):
-        order, tree = _tree(boxes[inside], 1)
-        inside, top = inside[order], nodes
-        trees.append(_moved(tree, nodes, 0))
-    rows = np.concatenate(triangles) if triangles else np.zeros(0, np.int32)
+        order, nodes = _tree(boxes[inside])
+        inside, top = inside[order], 0
     placed = np.stack([instances.visible, instances.transform, instances.geometry, kind, root], axis=1)
     return Bvh(
-        nodes=np.concatenate(trees) if trees else np.zeros((0, 8)),
-        triangles=rows,
-        corners=np.ascontiguousarray(tables.pools.positions[tables.pools.triangles[rows]].reshape(-1, 9)),
+        wide=meshes,
+        boxes=local_bounds(tables),
+        nodes=nodes,
         instances=inside,
         endless=np.flatnonzero(drawable & ~bounded).astype(np.int32),
         top=top,
@@ -101,18 +88,33 @@ def world_bounds(tables: ir.Tables) -> NDArray[np.float64]:
     return np.concatenate([centre - reach, centre + reach], axis=1)
 
 
-def _tree(boxes: NDArray[np.float64], leaf: int) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+def mesh_trees(tables: ir.Tables, used: NDArray[np.int32]) -> tuple[Wide, NDArray[np.int32]]:
+    """The trees of meshes, and where each geometry's begins: -1 where it has none."""
+    geometries, pools = tables.geometries, tables.pools
+    roots = np.full(len(geometries.kind), -1, np.int32)
+    made, nodes = [], 0
+    for g in used:
+        first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
+        if count > 0:
+            tree = wide.build(pools.positions, pools.triangles[first : first + count], first)
+            made.append(tree)
+            roots[g] = nodes
+            nodes += len(tree.nodes)
+    return wide.pooled(made), roots
+
+
+def local_bounds(tables: ir.Tables) -> NDArray[np.float64]:
+    """(geometries, 8) the boxes of geometries relative to their origins, as nodes."""
+    low, high = (tables.geometries.bounds[:, k] - tables.geometries.origin for k in range(2))
+    return np.ascontiguousarray(np.concatenate([low, high, np.zeros((len(low), 2))], axis=1))
+
+
+def _tree(boxes: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """The order of the items in the leaves, and the nodes."""
     order = np.arange(len(boxes), dtype=np.int32)
     nodes = np.empty((2 * len(boxes) + 1, 8))
-    used = build_tree(np.ascontiguousarray(boxes), order, nodes, leaf)
+    used = build_tree(np.ascontiguousarray(boxes), order, nodes, 1)
     return order, nodes[:used].copy()
-
-
-def _moved(tree: NDArray[np.float64], nodes: int, items: int) -> NDArray[np.float64]:
-    """A tree whose nodes and items stand behind those of others."""
-    tree[:, FIRST] += np.where(tree[:, COUNT] == 0, nodes, items)
-    return tree
 
 
 @kernel

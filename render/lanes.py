@@ -341,6 +341,12 @@ def lerp3(a: Vec, b: Vec, t: Lane) -> Vec:
 
 
 @helper
+def smallest(a: Vec) -> Lane:
+    """The smallest component."""
+    return minimum(a[0], minimum(a[1], a[2]))
+
+
+@helper
 def largest(a: Vec) -> Lane:
     """The largest component."""
     return maximum(a[0], maximum(a[1], a[2]))

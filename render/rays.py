@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..compiler import ir
-from . import across, bvh, lanes, traverse
+from . import across, bvh, lanes, simd, traverse
 from .handles import Handle
-from .kernels import kernel
+from .kernels import helper, kernel
+from .records import Lane, Vec
 
+_LANES = across.WIDTH
 CAMERA, SHADOW = int(ir.Visibility.CAMERA), int(ir.Visibility.SHADOW)
 
 
@@ -59,14 +61,35 @@ def _columns(origin: ArrayLike, direction: ArrayLike, t_min: ArrayLike, t_max: A
     return o, d, np.array(np.broadcast_to(t_min, n), np.float64), np.array(np.broadcast_to(t_max, n), np.float64)
 
 
+@helper
+def _three(rows: Any, start: int, n: int) -> Vec:
+    """The columns of rows `start` on, (n, 3); beyond the last one it is repeated. Copied number by number: gathers are slow."""
+    x, y, z = simd.stack_array(np.float64, _LANES), simd.stack_array(np.float64, _LANES), simd.stack_array(np.float64, _LANES)
+    for j in range(across.WIDTH):
+        k = min(start + j, n - 1)
+        simd.write(x, j, rows[k, 0])
+        simd.write(y, j, rows[k, 1])
+        simd.write(z, j, rows[k, 2])
+    return across.load(x, 0), across.load(y, 0), across.load(z, 0)
+
+
+@helper
+def _one(numbers: Any, start: int, n: int) -> Lane:
+    """Numbers `start` on; beyond the last one it is repeated."""
+    x = simd.stack_array(np.float64, _LANES)
+    for j in range(across.WIDTH):
+        simd.write(x, j, numbers[min(start + j, n - 1)])
+    return across.load(x, 0)
+
+
 @kernel
 def closest_of(accel, origin, direction, t_min, t_max, visible, met):
     n = len(t_min)
     for start in range(0, n, across.WIDTH):
-        k = lanes.minimum(across.numbered(start), n - 1)
-        o, d = (origin[k, 0], origin[k, 1], origin[k, 2]), (direction[k, 0], direction[k, 1], direction[k, 2])
+        o, d = _three(origin, start, n), _three(direction, start, n)
         active = lanes.bool_like(o[0], True)
-        hit = traverse.find(accel.search, (accel, o, d, t_min[k], t_max[k], active, visible, False))  # pyright: ignore[reportCallIssue]
+        least, most = _one(t_min, start, n), _one(t_max, start, n)
+        hit = traverse.find(accel.search, (accel, o, d, least, most, active, visible, False))  # pyright: ignore[reportCallIssue]
         for j in range(min(n - start, across.WIDTH)):
             met.t[start + j], met.u[start + j], met.v[start + j] = across.lane(hit.t, j), across.lane(hit.u, j), across.lane(hit.v, j)
             met.instance[start + j], met.primitive[start + j] = across.lane(hit.instance, j), across.lane(hit.primitive, j)
@@ -76,9 +99,9 @@ def closest_of(accel, origin, direction, t_min, t_max, visible, met):
 def occluded_of(accel, origin, direction, t_min, t_max, visible, blocked):
     n = len(t_min)
     for start in range(0, n, across.WIDTH):
-        k = lanes.minimum(across.numbered(start), n - 1)
-        o, d = (origin[k, 0], origin[k, 1], origin[k, 2]), (direction[k, 0], direction[k, 1], direction[k, 2])
+        o, d = _three(origin, start, n), _three(direction, start, n)
         active = lanes.bool_like(o[0], True)
-        hit = traverse.find(accel.search, (accel, o, d, t_min[k], t_max[k], active, visible, True))  # pyright: ignore[reportCallIssue]
+        least, most = _one(t_min, start, n), _one(t_max, start, n)
+        hit = traverse.find(accel.search, (accel, o, d, least, most, active, visible, True))  # pyright: ignore[reportCallIssue]
         for j in range(min(n - start, across.WIDTH)):
             blocked[start + j] = across.lane(hit.instance, j) >= 0

@@ -25,11 +25,11 @@ from ..compiler import ir
 from . import lanes
 from .kernels import helper
 from .records import Lane, Vec
-from .shapes_flat import box, component, disk, plane, rectangle, shear, sheared_triangle, triangle
+from .shapes_flat import box, component, disk, plane, rectangle, triangle
 from .shapes_round import capsule, cone, quadric, quadric_gradient, sphere
 from .torus import torus
 
-__all__ = ["intersect", "normal", "shear", "sheared_triangle", "triangle", "uv"]
+__all__ = ["intersect", "normal", "triangle", "uv"]
 
 INF = math.inf
 TURN = 2.0 * math.pi

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from . import lanes
 from .kernels import helper
@@ -87,19 +88,40 @@ def shear(direction: Vec) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane]:
 
     kz is the direction's largest axis; kx and ky are swapped where it is negative, which keeps the winding.
     """
+    kx, ky, kz, along = _axes(direction)
+    return kx, ky, kz, component(direction, kx) / along, component(direction, ky) / along, 1.0 / along
+
+
+@helper
+def shear_of(direction: Vec, inverse: Vec) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane]:
+    """`shear`, where 1 / direction is known."""
+    kx, ky, kz, along = _axes(direction)
+    return kx, ky, kz, component(direction, kx) / along, component(direction, ky) / along, component(inverse, kz)
+
+
+@helper
+def _axes(direction: Vec) -> tuple[Lane, Lane, Lane, Lane]:
     ax, ay, az = abs(direction[0]), abs(direction[1]), abs(direction[2])
     kz = lanes.where((ax >= ay) & (ax >= az), 0, lanes.where(ay >= az, 1, 2))
     along = component(direction, kz)
     after = lanes.where(kz == 2, 0, kz + 1)
     before = lanes.where(kz == 0, 2, kz - 1)
-    kx = lanes.where(along < 0.0, before, after)
-    ky = lanes.where(along < 0.0, after, before)
-    return kx, ky, kz, component(direction, kx) / along, component(direction, ky) / along, 1.0 / along
+    return lanes.where(along < 0.0, before, after), lanes.where(along < 0.0, after, before), kz, along
+
+
+class Crossing(NamedTuple):
+    """Where sheared rays pass triangles."""
+
+    v: Lane  # weights of the second and the third corner, times `total`
+    w: Lane
+    total: Lane
+    depth: Lane  # times `total`, before the shear's own scale
+    inside: Lane  # bool
 
 
 @helper
-def sheared_triangle(a: Vec, b: Vec, c: Vec, sx: Lane, sy: Lane, sz: Lane, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane, Lane]:
-    """`triangle` for corners relative to the ray's origin with their axes in the order kx, ky, kz of `shear`."""
+def crossing(a: Vec, b: Vec, c: Vec, sx: Lane, sy: Lane) -> Crossing:
+    """For corners relative to the ray's origin with their axes in the order kx, ky, kz of `shear`."""
     ax, ay = a[0] - sx * a[2], a[1] - sy * a[2]
     bx, by = b[0] - sx * b[2], b[1] - sy * b[2]
     cx, cy = c[0] - sx * c[2], c[1] - sy * c[2]
@@ -108,9 +130,27 @@ def sheared_triangle(a: Vec, b: Vec, c: Vec, sx: Lane, sy: Lane, sz: Lane, t_min
     w = bx * ay - by * ax
     total = u + v + w
     outside = ((u < 0.0) | (v < 0.0) | (w < 0.0)) & ((u > 0.0) | (v > 0.0) | (w > 0.0))
-    t = sz * (u * a[2] + v * b[2] + w * c[2]) / total
-    hit = lanes.not_(outside) & (total != 0.0) & (t > t_min) & (t < t_max)
-    return lanes.where(hit, t, INF), v / total, w / total
+    return Crossing(v, w, total, u * a[2] + v * b[2] + w * c[2], lanes.not_(outside) & (total != 0.0))
+
+
+@helper
+def ahead(met: Crossing, sz: Lane) -> Lane:
+    """What is inside its triangle and not behind the ray's origin: quick to say."""
+    return met.inside & lanes.not_((sz * met.depth < 0.0) ^ (met.total < 0.0))
+
+
+@helper
+def reached(met: Crossing, sz: Lane, t_min: Lane, t_max: Lane) -> Lane:
+    """t of what is inside its triangle, inf elsewhere and where t is not between t_min and t_max."""
+    t = sz * met.depth / met.total
+    return lanes.where(met.inside & (t > t_min) & (t < t_max), t, INF)
+
+
+@helper
+def sheared_triangle(a: Vec, b: Vec, c: Vec, sx: Lane, sy: Lane, sz: Lane, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane, Lane]:
+    """`triangle` for corners relative to the ray's origin with their axes in the order kx, ky, kz of `shear`."""
+    met = crossing(a, b, c, sx, sy)
+    return reached(met, sz, t_min, t_max), met.v / met.total, met.w / met.total
 
 
 @helper

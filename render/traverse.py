@@ -1,4 +1,4 @@
-"""Walking the trees of bvh.py, in kernels: all lanes go together, wherever one of them must.
+"""Walking the trees of bvh.py, in kernels: over instances all lanes go together, in meshes each for itself.
 
 Boxes are tested so that none is missed through rounding: the far side is moved out by 2 γ₃ (Ize, "Robust BVH Ray Traversal",
 JCGT 2013), the origin by its own error, and comparisons are written so that the NaN of 0 · ∞ (a ray along a box's face)
@@ -10,13 +10,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from llvmlite import ir as llvm
 from numba import types
-from numba.extending import intrinsic
-from numba.np.numpy_support import carray
 
 from ..compiler import ir
-from . import across, lanes, shapes
+from . import across, lanes, shapes, simd, walk
 from .bvh import COUNT, DEPTH, FIRST
 from .handles import Handle
 from .kernels import apart, helper
@@ -27,18 +24,9 @@ MESH = int(ir.GeometryKind.MESH)
 FAR = 1.0 + 2.0 * 3.4e-16  # 1 + 2 γ₃ for float64
 WORLD_ERROR = 1e-12  # of the origin's coordinates: what transforms and their inverses may round
 LOCAL_ERROR = 1e-15
-
-
-@intrinsic
-def _stack_memory(typing: Any):
-    """A pointer to room for 2 · DEPTH float64 on the machine's stack; free, unlike np.empty in each call."""
-
-    def lower(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        with builder.goto_entry_block():
-            memory = builder.alloca(llvm.ArrayType(llvm.DoubleType(), 2 * DEPTH))
-        return builder.bitcast(memory, llvm.DoubleType().as_pointer())
-
-    return types.CPointer(types.float64)(), lower
+_STACK = 2 * DEPTH
+_LANES = across.WIDTH
+_FOUND = 3 * _LANES
 
 
 class BoxRay(NamedTuple):
@@ -88,8 +76,9 @@ def _search(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit
             until = lanes.where(best.instance >= 0, zero - np.inf, until)
     if accel.top < 0 or lanes.not_(lanes.any_lane(until > t_min)):
         return best
-    memory = _stack_memory()  # pyright: ignore[reportCallIssue]
-    stack = carray(memory, 2 * DEPTH)
+    if accel.nodes[accel.top, COUNT] == 1.0:  # a single thing: its own box is asked
+        return attempt(accel, accel.instances[0], origin, direction, t_min, until, visible_bit, any_hit, best)
+    stack = simd.stack_array(np.float64, _STACK)
     ray = _box_ray(origin, direction, WORLD_ERROR)
     node, depth = np.int64(accel.top), 0
     while True:
@@ -146,7 +135,7 @@ def attempt(accel: Any, i: int, origin: Vec, direction: Vec, t_min: Lane, t_max:
     found = Hit(zero + np.inf, lanes.int_like(zero, i), lanes.int_like(zero, -1), zero, zero)
     if kind == MESH:
         o = lanes.sub(o, (accel.origin[g, 0], accel.origin[g, 1], accel.origin[g, 2]))
-        t, primitive, u, v = _mesh(accel, np.int64(accel.placed[i, 4]), o, d, t_min, t_max, best.t, any_hit)
+        t, primitive, u, v = _mesh(accel, g, np.int64(accel.placed[i, 4]), o, d, t_min, t_max, best.t, any_hit)
         found = Hit(t, found.instance, primitive, u, v)
     else:
         t, part = shapes.intersect(kind, accel.parameters, g, o, d, t_min, t_max)
@@ -159,52 +148,28 @@ def attempt(accel: Any, i: int, origin: Vec, direction: Vec, t_min: Lane, t_max:
 
 
 @apart
-def _mesh(accel, root, o, d, t_min, t_max, nearest, any_hit):
-    """(t, triangle, u, v) of the first meeting with the mesh whose tree begins at `root`, not beyond `nearest`."""
-    nodes, triangles, corners = accel.nodes, accel.triangles, accel.corners
-    zero = lanes.full_like(t_min, 0.0)
-    best, primitive, best_u, best_v = zero + np.inf, lanes.int_like(zero, -1), zero, zero
-    memory = _stack_memory()  # pyright: ignore[reportCallIssue]
-    stack = carray(memory, 2 * DEPTH)
+def _mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
+    """(t, triangle, u, v) of the first meeting with mesh g, whose tree begins at `root`, not beyond `nearest`."""
+    until = lanes.minimum(nearest, t_max)
     ray = _box_ray(o, d, LOCAL_ERROR)
-    kx, ky, kz, sx, sy, sz = shapes.shear(d)
-    sheared = (shapes.component(o, kx), shapes.component(o, ky), shapes.component(o, kz))
-    limit = lanes.minimum(nearest, t_max)
-    node, depth = root, 0
-    while True:
-        if lanes.any_lane(_enter(nodes, node, ray, t_min, limit) < np.inf):
-            first = np.int64(nodes[node, FIRST])
-            if nodes[node, COUNT] == 0.0:
-                node, later, reach = _children(nodes, first, ray, t_min, limit)
-                if reach < np.inf:
-                    stack[depth], stack[DEPTH + depth] = reach, float(later)
-                    depth += 1
-                continue
-            for k in range(first, first + np.int64(nodes[node, COUNT])):
-                t, u, v = shapes.sheared_triangle(
-                    _corner(corners, k, 0, kx, ky, kz, sheared), _corner(corners, k, 3, kx, ky, kz, sheared),
-                    _corner(corners, k, 6, kx, ky, kz, sheared), sx, sy, sz, t_min, t_max,
-                )  # fmt: skip
-                number = np.int64(triangles[k])
-                nearer = (t < best) | ((t == best) & (t < np.inf) & (number < primitive))
-                best, primitive = lanes.where(nearer, t, best), lanes.where(nearer, number, primitive)
-                best_u, best_v = lanes.where(nearer, u, best_u), lanes.where(nearer, v, best_v)
-                limit = lanes.minimum(limit, t)
-            if any_hit:
-                limit = lanes.where(best < np.inf, zero - np.inf, limit)
-        longest = across.most(limit)
-        while depth > 0 and stack[depth - 1] > longest:
-            depth -= 1
-        if depth == 0:
-            return best, primitive, best_u, best_v
-        depth -= 1
-        node = np.int64(stack[DEPTH + depth])
-
-
-@helper
-def _corner(corners: Any, k: int, first: int, kx: Lane, ky: Lane, kz: Lane, origin: Vec) -> Vec:
-    """A triangle's corner from a ray's origin, axes in the ray's own order."""
-    place = (lanes.to_float(corners[k, first]), lanes.to_float(corners[k, first + 1]), lanes.to_float(corners[k, first + 2]))
-    return (
-        shapes.component(place, kx) - origin[0], shapes.component(place, ky) - origin[1], shapes.component(place, kz) - origin[2],
-    )  # fmt: skip
+    enters = _enter(accel.boxes, g, ray, t_min, until)
+    zero = lanes.full_like(t_min, 0.0)
+    left = across.bits(enters < np.inf)
+    if left == 0:
+        return zero + np.inf, lanes.int_like(zero, -1), zero, zero
+    rays = walk.keep(o, d, ray.inverse, lanes.where(enters < np.inf, enters, 0.0), t_min, t_max, until)
+    found, triangle = simd.stack_array(np.float64, _FOUND), simd.stack_array(np.int64, _LANES)
+    across.store(found, 0, zero + np.inf)
+    across.store(triangle, 0, lanes.int_like(zero, -1))
+    while left != 0:
+        k = simd.trailing_zeros(left)
+        left &= left - 1
+        if any_hit:
+            met = walk.blocked(accel.wide, root, rays, k)
+        else:
+            met = walk.closest(accel.wide, root, rays, k)
+        simd.write(found, k, met.t)
+        simd.write(triangle, k, met.triangle)
+        simd.write(found, _LANES + k, met.u)
+        simd.write(found, 2 * _LANES + k, met.v)
+    return across.load(found, 0), across.load(triangle, 0), across.load(found, 1), across.load(found, 2)

@@ -210,7 +210,7 @@ def test_ctrl_c_before_anything_writes_nothing(folder: Path, monkeypatch: pytest
     "arguments", [("--help",), ("chart", "--help"), ("check", "a.scene"), ("explain", "a.scene"), ("inspect", "a.scene")]
 )
 def test_matplotlib_is_loaded_by_no_other_command(folder: Path, arguments: tuple[str, ...]) -> None:
-    code = f"import sys; sys.argv = ['maquette', *{arguments!r}]\nfrom maquette import cli\ntry: cli.main()\nexcept SystemExit: pass\n"
+    code = f"import sys; sys.argv = ['maquette', *{arguments!r}]\nfrom maquette import cli\ntry: cli.cli()\nexcept SystemExit: pass\n"
     told = "print([m for m in ('matplotlib', 'flip_evaluator', 'numba') if m in sys.modules], file=sys.stderr)"
     done = subprocess.run([sys.executable, "-c", code + told], capture_output=True, text=True, timeout=60)
     assert done.stderr.splitlines()[-1] == "[]"

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -10,7 +13,7 @@ import pytest
 from maquette.compiler import ir
 from maquette.compiler.build import SceneBuilder, lambert
 from maquette.compiler.rows import CameraData, InstanceData, MeshData
-from maquette.render import bvh, trace
+from maquette.render import bvh, trace, wide
 
 from .tables import matrix, rays, scene
 from .tracing import random_rays, same, through_trees, wavy
@@ -126,15 +129,42 @@ def check_tree(tree: bvh.Bvh, root: int, boxes: np.ndarray, items: np.ndarray) -
     return deepest
 
 
-def triangle_boxes(tables: ir.Tables) -> np.ndarray:
-    corners = tables.pools.positions[tables.pools.triangles].astype(float)
-    return np.concatenate([corners.min(1), corners.max(1)], axis=1)
+def check_wide(tree: wide.Wide, triangles: np.ndarray) -> int:
+    """Every triangle is in one leaf, with its corners, and inside of all boxes above it; returns the depth. `triangles` is (t, 3, 3)."""
+    seen, deepest = [], 0
+    stack = [(0, np.full(3, -np.inf), np.full(3, np.inf), 0)]
+    while stack:
+        node, lo, hi, depth = stack.pop()
+        deepest = max(deepest, depth)
+        planes = tree.nodes[node].reshape(3, 2, wide.WIDTH)
+        for k in np.flatnonzero(tree.links[node] > wide.EMPTY):
+            low, high, link = planes[:, 0, k], planes[:, 1, k], int(tree.links[node, k])
+            assert np.all(low >= lo)
+            assert np.all(high <= hi)
+            if link >= 0:
+                stack.append((link, low, high, depth + 1))
+                continue
+            rows = tree.rows[~link]
+            held = tree.leaves[~link].reshape(3, 3, wide.WIDTH)[:, :, rows >= 0]
+            rows = rows[rows >= 0]
+            np.testing.assert_array_equal(held.transpose(2, 0, 1), triangles[rows])
+            assert np.all(held > low[:, None])
+            assert np.all(held < high[:, None])
+            seen.extend(rows)
+        assert np.all(planes[:, 0, tree.links[node] <= wide.EMPTY] == np.inf)
+        assert np.all(planes[:, 1, tree.links[node] <= wide.EMPTY] == -np.inf)
+    assert sorted(seen) == list(range(len(triangles)))
+    return deepest
+
+
+def corners_of(tables: ir.Tables) -> np.ndarray:
+    return tables.pools.positions[tables.pools.triangles]
 
 
 def test_a_tree_holds_each_triangle_once_inside_its_boxes() -> None:
     tables = scene(meshes=[(wavy(40), np.eye(4), 0)])
     tree = bvh.build(tables)
-    assert check_tree(tree, int(tree.placed[0, 4]), triangle_boxes(tables), tree.triangles) < 40
+    assert check_wide(tree.wide, corners_of(tables)) < 12
     assert check_tree(tree, tree.top, bvh.world_bounds(tables), tree.instances) == 0
 
 
@@ -159,9 +189,32 @@ def test_trees_of_awkward_triangles_are_shallow_and_quick(what: str) -> None:
     started = time.process_time()
     tree = bvh.build(tables)
     assert time.process_time() - started < 3.0
-    assert check_tree(tree, int(tree.placed[0, 4]), triangle_boxes(tables), tree.triangles) < bvh.DEPTH
-    leaves = tree.nodes[tree.nodes[:, bvh.COUNT] > 0]
-    assert leaves[:, bvh.COUNT].max() <= bvh.MESH_LEAF
+    assert check_wide(tree.wide, corners_of(tables)) < 24
+    assert tree.wide.nbytes < 64 * n
+
+
+def test_a_tree_is_the_same_on_any_number_of_threads() -> None:
+    mesh = wavy(150)
+    positions, triangles = mesh.positions.astype(np.float32), mesh.triangles.astype(np.int32)
+    assert len(triangles) > 40_000  # parts of it are built apart
+    one, two, five = (wide.build(positions, triangles, threads=threads) for threads in (1, 2, 5))
+    assert check_wide(one, positions[triangles]) < 12
+    for other in (two, five):
+        for a, b in zip(one, other, strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("n", [1, 2, 7, 8, 9, 60])
+def test_trees_of_few_triangles(n: int) -> None:
+    corners = np.random.default_rng(n).uniform(-1, 1, (n, 3, 3)).astype(np.float32)
+    check_wide(wide.build(corners.reshape(-1, 3), np.arange(3 * n, dtype=np.int32).reshape(-1, 3)), corners)
+
+
+def test_trees_of_two_meshes_stand_in_one_pool() -> None:
+    tables = scene(meshes=[(wavy(20), np.eye(4), 0), (wavy(10), np.eye(4), 0)])
+    tree = bvh.build(tables)
+    assert tree.placed[:, 4].tolist() == [0, len(wide.build(tables.pools.positions, tables.pools.triangles[:800]).nodes)]
+    assert sorted(tree.wide.rows[tree.wide.rows >= 0]) == list(range(1000))
 
 
 def test_ten_thousand_instances_of_a_large_mesh_have_one_tree() -> None:
@@ -175,8 +228,8 @@ def test_ten_thousand_instances_of_a_large_mesh_have_one_tree() -> None:
     tables = builder.finish().tables
     assert len(tables.pools.triangles) == 100_352
     tree = bvh.build(tables)
-    assert sum(array.nbytes for array in tree if isinstance(array, np.ndarray)) < 20e6
-    assert len(tree.triangles) == 100_352
+    assert tree.wide.nbytes + sum(array.nbytes for array in tree if isinstance(array, np.ndarray)) < 20e6
+    assert np.count_nonzero(tree.wide.rows >= 0) == 100_352
     t, instance, primitive, *_ = through_trees(tables, random_rays(300, 9, reach=100.0))
     some = np.flatnonzero(instance >= 0)[:40]
     assert len(some) > 10
@@ -188,3 +241,11 @@ def test_ten_thousand_instances_of_a_large_mesh_have_one_tree() -> None:
         p = np.array([c[k] for c in ray.origin]) + t[k] * np.array([c[k] for c in ray.direction])
         normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
         assert abs((p - corners[0]) @ normal) < 1e-9 * np.linalg.norm(normal), i
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("isa", ["avx2", "sse", "scalar"])
+def test_trees_agree_with_brute_force_on_narrower_machines(isa: str) -> None:
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", __file__]
+    done = subprocess.run(command, env={**os.environ, "MAQUETTE_SIMD": isa}, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stdout

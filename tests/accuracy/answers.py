@@ -25,9 +25,14 @@ The second shows the places where common methods fail, what such a method does t
 
 ## Known answers
 
-What was measured is how far off the answer is, relative to it if nothing else is said, and in brackets the bound it is held to: of
-pictures 10⁻⁵ or better, in single precision; of means over random samples four standard errors. `ray`, `raster` and `reference` are
-backends, asked for pictures; `functions` are the renderer's own, asked directly in double precision, and `quadrature` integrates them.
+What was measured is how far off the answer is, relative to it if nothing else is said, and in brackets the bound it is held to. Where
+every pixel can be exact the bound is 10⁻⁵ or less: pictures are in single precision. Means over random samples may be off by four
+standard errors. A larger bound has its reason in the last column or in the test: rays of a weight below 10⁻⁴ are not followed, say.
+
+`ray`, `raster` and `reference` are backends, asked for pictures. Those that are not named do not draw what is asked: `raster` follows
+no reflected, refracted or diffuse rays; its mirrors show the sky. `functions` are the renderer's own, asked directly in double
+precision, and `quadrature` integrates them.
+u is 2⁻⁵³, the rounding of double precision; R is a radius.
 
 """
 PLACES = """
@@ -98,7 +103,7 @@ def _strain(row: Answer) -> float:
 
 def table(rows: list[Answer]) -> str:
     """The rows as a table in Markdown, a line an answer."""
-    lines = ["| | answer | measured (bound) | |\n|--:|---|---|---|\n"]
+    lines = ["| no. | known answer | backend: measured (bound) | holds |\n|--:|---|---|---|\n"]
     names = dict.fromkeys((row.number, row.name) for row in rows)
     for number, name in names:
         here = [row for row in rows if (row.number, row.name) == (number, name)]
@@ -112,7 +117,7 @@ def table(rows: list[Answer]) -> str:
         cells = "; ".join(f"{', '.join(backends)}: {figures}" for figures, backends in alike.items())
         failed = {row.outcome for row in here} - {"passed"}
         state = "✗" if failed == {"xfailed"} else "**failed**" if failed else "✓"
-        lines.append(f"| {number} | {_cell(name)} | {_cell(cells)} | {state} {_cell(note)} |\n")
+        lines.append(f"| {number} | {_cell(name)} | {_cell(cells)} | {f'{state} {_cell(note)}'.rstrip()} |\n")
     return "".join(lines)
 
 

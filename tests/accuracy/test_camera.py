@@ -59,7 +59,7 @@ def test_points_of_a_grid_fall_into_their_pixels(tmp_path, measured, backend):
             text += f"sphere({0.3 * z / f}, center: [{(i + 0.5 - 20) * z / f}, {(20 - j - 0.5) * z / f}, {-z}])\n"
     covered = alpha(rm.picture(tmp_path, text, backend, size=(40, 40)))
     wrong = np.count_nonzero(covered != expected)
-    measured.answer(1, "pinhole: a grid of points, their pixels", backend, wrong, 0, "pixels", "that differ, of 1600")
+    measured.answer(1, "pinhole: a grid of points, their pixels", backend, wrong, 0, "pixels wrong", "of 1600")
 
 
 @every
@@ -112,7 +112,7 @@ def test_shift_moves_the_frame_over_the_scene(tmp_path, measured, backend, lens)
     (x, y), p = centres(image), channel(image, "position")
     off = worst((p[..., 0] / 2) / TAN20 - 0.5 - (x / 20 - 1), (p[..., 1] / 2) / TAN20 - 0.2 - (1 - y / 20))
     name = "frame off the axis, pinhole" if lens.startswith("fov") else "frame off the axis, orthographic"
-    measured.answer(3, name, backend, off, rm.SINGLE, note="of ndc −1 … 1, the worst pixel")
+    measured.answer(3, name, backend, off, rm.SINGLE, note="of half the picture, the worst pixel")
     assert worst(channel(image, "depth") / 2 - 1) <= DEPTH
 
 
@@ -197,7 +197,7 @@ def test_the_pixels_of_a_disk(tmp_path, measured, backend, cx, cy, squared):
     distance = np.hypot(x - cx, y - cy)
     assert np.abs(distance - radius).min() > 0.05
     wrong = np.count_nonzero(alpha(image) != (distance <= radius))
-    measured.answer(5, "disk: its pixels", backend, wrong, 0, "pixels", "that differ, of 1024")
+    measured.answer(5, "disk: its pixels", backend, wrong, 0, "pixels wrong", "of 1024")
 
 
 def lost(backend: str, radius: float) -> float:

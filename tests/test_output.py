@@ -48,11 +48,6 @@ def test_what_a_picture_is_about_comes_back(tmp_path: Path) -> None:
     assert (exr.metadata["about"]["seed"], float(png.metadata["about"]["exposure"])) == ("7", 0.5)
 
 
-def test_the_srgb_curve_has_its_known_values() -> None:
-    codes = output.encode_srgb(np.array([0.0, 0.0031308, 0.18, 0.5, 1.0])) * 255
-    np.testing.assert_allclose(codes, [0.0, 10.31475, 117.646, 187.516, 255.0], atol=5e-4)
-
-
 def test_all_256_codes_come_back(tmp_path: Path) -> None:
     codes = np.arange(256)
     grey = output.decode_srgb(codes / 255).reshape(16, 16, 1)

@@ -1,18 +1,20 @@
 """The table of known answers, from what the tests themselves measured: rows gathered while they run, and the page as Markdown.
 
-    MAQUETTE_ACCURACY=build/accuracy pytest tests/accuracy tests/stability --long      writes JSON files
-    python tests/accuracy/answers.py build/accuracy build/places                       prints docs/accuracy.md
+    MAQUETTE_ACCURACY=build/answers MAQUETTE_PLACES=build/places pytest tests/accuracy tests/stability --long    writes JSON files
+    python tests/accuracy/answers.py build/answers build/places                                                  prints docs/accuracy.md
 """
 
 from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 LAST = 40  # oracles there are
+PAGE = Path(__file__).resolve().parent.parent.parent / "docs" / "accuracy.md"
 INTRO = """# Accuracy
 
 Both tables are written by `make accuracy` from what the tests measured: each row is an assertion that ran, with its bound. The first
@@ -23,7 +25,14 @@ The second shows the places where common methods fail, what such a method does t
 
 ## Known answers
 
-Errors are as the note says; the bound is in brackets.
+What was measured is how far off the answer is, relative to it if nothing else is said, and in brackets the bound it is held to. Where
+every pixel can be exact the bound is 10⁻⁵ or less: pictures are in single precision. Means over random samples may be off by four
+standard errors. A larger bound has its reason in the last column or in the test: rays of a weight below 10⁻⁴ are not followed, say.
+
+`ray`, `raster` and `reference` are backends, asked for pictures. Those that are not named do not draw what is asked: `raster` follows
+no reflected, refracted or diffuse rays; its mirrors show the sky. `functions` are the renderer's own, asked directly in double
+precision, and `quadrature` integrates them.
+u is 2⁻⁵³, the rounding of double precision; R is a radius.
 
 """
 PLACES = """
@@ -94,7 +103,7 @@ def _strain(row: Answer) -> float:
 
 def table(rows: list[Answer]) -> str:
     """The rows as a table in Markdown, a line an answer."""
-    lines = ["| | answer | measured (bound) | |\n|--:|---|---|---|\n"]
+    lines = ["| no. | known answer | backend: measured (bound) | holds |\n|--:|---|---|---|\n"]
     names = dict.fromkeys((row.number, row.name) for row in rows)
     for number, name in names:
         here = [row for row in rows if (row.number, row.name) == (number, name)]
@@ -102,16 +111,30 @@ def table(rows: list[Answer]) -> str:
         if here[0].waits:
             lines.append(f"| {number} | {_cell(name)} | | ○ waits for {_cell(here[0].waits)} |\n")
             continue
-        cells = "; ".join(f"{row.backend} {_figure(row.error)} ({_figure(row.bound)}){row.unit and ' ' + row.unit}" for row in here)
+        alike: dict[str, list[str]] = {}
+        for row in here:
+            alike.setdefault(f"{_figure(row.error)} ({_figure(row.bound)}){row.unit and ' ' + row.unit}", []).append(row.backend)
+        cells = "; ".join(f"{', '.join(backends)}: {figures}" for figures, backends in alike.items())
         failed = {row.outcome for row in here} - {"passed"}
         state = "✗" if failed == {"xfailed"} else "**failed**" if failed else "✓"
-        lines.append(f"| {number} | {_cell(name)} | {_cell(cells)} | {state} {_cell(note)} |\n")
+        lines.append(f"| {number} | {_cell(name)} | {_cell(cells)} | {f'{state} {_cell(note)}'.rstrip()} |\n")
     return "".join(lines)
 
 
+def listed(page: str) -> set[tuple[int, str, str]]:
+    """(number, name, backend) of each answer on a page; the backend is "" where it waits."""
+    found: set[tuple[int, str, str]] = set()
+    for line in page.partition(PLACES)[0].splitlines():
+        cells = [cell.strip().replace("\\|", "|") for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
+        if len(cells) == 4 and cells[0].isdecimal():
+            groups = [part.partition(":")[0] for part in cells[2].split("; ")]
+            found |= {(int(cells[0]), cells[1], backend) for group in groups for backend in group.split(", ")}
+    return found
+
+
 def _figure(x: float) -> str:
-    """Two digits; what is less than a rounding of float32 is 0 to anybody."""
-    return "0" if abs(x) < 1e-16 else f"{x:.2g}"
+    """Two digits; what is less than double precision holds is 0 to anybody."""
+    return "0" if abs(x) < 1e-16 else re.sub(r"e([+-])0", r"e\1", f"{x:.2g}").replace("e-", "e−")
 
 
 def _cell(text: str) -> str:

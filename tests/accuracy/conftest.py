@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +16,20 @@ _ROWS = pytest.StashKey[list[answers.Answer]]()
 _FOLDER = "MAQUETTE_ACCURACY"
 
 
+@cache
+def _page() -> set[tuple[int, str, str]]:
+    return answers.listed(answers.PAGE.read_text(encoding="utf-8"))
+
+
 @pytest.fixture
-def measured(request: pytest.FixtureRequest) -> answers.Answers:
-    """Keeps what a test measured against its known answer, and holds it to its bound."""
+def measured(request: pytest.FixtureRequest) -> Iterator[answers.Answers]:
+    """Keeps what a test measured against its known answer, and holds it to its bound; what the page does not list is an error."""
     made = answers.Answers(request.node.nodeid)
     request.node.stash[_ROWS] = made.rows
-    return made
+    yield made
+    if not os.environ.get(_FOLDER):
+        missing = {(row.number, row.name, row.backend) for row in made.rows} - _page()
+        assert not missing, f"`make accuracy` writes these to docs/{answers.PAGE.name}: {sorted(missing)}"
 
 
 @pytest.hookimpl(hookwrapper=True)

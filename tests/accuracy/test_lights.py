@@ -127,7 +127,8 @@ POLYGONS = {
 }
 
 
-@pytest.mark.parametrize(("backend", "name"), [*[("ray", name) for name in POLYGONS], ("reference", "triangle cut by the horizon")])
+@pytest.mark.parametrize("backend", ["ray", pytest.param("reference", marks=pytest.mark.long)])
+@pytest.mark.parametrize("name", POLYGONS)
 def test_glowing_polygons_met_by_diffuse_rays(tmp_path, measured, backend, name):
     """The same formula for shapes that are no lamps: their light comes by one bounce."""
     answer = rm.under_polygon(POLYGONS[name]) / math.pi

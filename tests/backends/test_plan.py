@@ -88,18 +88,6 @@ def test_rays_draw_the_same_at_any_tolerance(draw_on):
     _same(draw_on("ray", text, {"tolerance": "0.5"}), draw_on("ray", text, {"tolerance": "0.05"}))
 
 
-@pytest.mark.parametrize("name", ["box", "tent", "gaussian", "blackman-harris"])
-def test_every_filter_keeps_what_is_even(draw, name):
-    """Weights that add up to one: inside an even surface, away from edges, any filter shows its colour; across an edge, ½ on the edge."""
-    text = "camera(position: [0, 0, 5], width: 24)\npolygon([[0, -50, 0], [50, -50, 0], [50, 50, 0], [0, 50, 0]], material: emissive(1))\n"
-    image = draw(text, size=(24, 24), samples=64, filter=name, background="transparent")
-    covered = alpha(image)
-    assert np.array_equal(covered[:, 14:], np.ones((24, 10)))
-    assert np.array_equal(covered[:, :10], np.zeros((24, 10)))
-    assert covered[:, 10:14].sum(axis=1) == pytest.approx(2, abs=0.1)
-    assert covered[:, 10:14].sum() / 24 == pytest.approx(2, abs=0.01)
-
-
 @pytest.mark.parametrize("backend", ["ray", "raster", "reference"])
 def test_a_plane_that_bounds_the_scene_from_below(draw_on, backend):
     """Sky under it is not sampled: what a ball on it gets of the sky is then exact, ρ L (1 + cos θ) / 2, at one sample a pixel."""

@@ -98,38 +98,6 @@ def test_sampling_a_lobe_agrees_with_integrating_it(model, normalized):
 # --- boundaries between media ---
 
 
-def reflectance(cosine, n1, n2):
-    return materials.fresnel(np.asarray(cosine, float), np.full(np.shape(cosine), n1 / n2))[0]
-
-
-def test_fresnel_at_normal_incidence_and_at_grazing():
-    assert reflectance(1.0, 1.0, 1.5) == pytest.approx(0.04, rel=1e-12)
-    assert reflectance(1.0, 1.5, 1.0) == pytest.approx(0.04, rel=1e-12)
-    assert reflectance(0.0, 1.0, 1.5) == 1.0
-
-
-def test_fresnel_at_brewsters_angle_is_half_of_the_perpendicular_part():
-    """At tan θ = n light in the plane of incidence is not reflected; what is left is half of ((n² − 1)/(n² + 1))²."""
-    n = 1.5
-    cosine = 1 / math.sqrt(1 + n * n)
-    assert math.degrees(math.acos(cosine)) == pytest.approx(56.3099, abs=1e-4)
-    assert reflectance(cosine, 1.0, n) == pytest.approx(0.5 * ((n * n - 1) / (n * n + 1)) ** 2, rel=1e-12)
-
-
-@pytest.mark.parametrize(("n1", "n2", "expected"), [(1.0, 1.5, 0.0917780), (1.5, 1.0, 0.5963458)])
-def test_diffuse_mean_of_fresnel(n1, n2, expected):
-    nodes, weights = np.polynomial.legendre.leggauss(400)
-    # 2 ∫ F cos d(cos), with the critical angle as a border of the rule.
-    border = math.sqrt(max(0.0, 1 - (n2 / n1) ** 2))
-    total = 0.0
-    for low, high in ((0.0, border), (border, 1.0)):
-        # cos = low + (high − low) s² crowds nodes where F rises as a root
-        s = (nodes + 1) / 2
-        cosine = low + (high - low) * s * s
-        total += float(np.sum(2 * cosine * reflectance(cosine, n1, n2) * (high - low) * 2 * s * weights / 2))
-    assert total == pytest.approx(expected, abs=1e-6)
-
-
 @given(st.floats(-1e-6, 1e-6), st.floats(1.01, 3.0))
 @settings(max_examples=200, deadline=None)
 def test_reflected_and_refracted_add_up_to_one_about_the_critical_angle(off, n):
@@ -167,30 +135,6 @@ def test_index_one_goes_straight_on():
     share, bent, _ = materials.fresnel(-d[1], np.float64(1.0))
     assert share == pytest.approx(0.0, abs=1e-30)
     assert np.allclose(materials.refract(d, UP, -d[1], bent, 1.0), d, atol=1e-15)
-
-
-def test_a_prism_bends_least_by_its_formula():
-    """D_min = 2 asin(n sin(A/2)) − A; at it the ray runs symmetrically."""
-    n, apex = 1.5, math.radians(60)
-
-    def deviation(i1):
-        first = (-math.cos(apex / 2), math.sin(apex / 2), 0.0)  # outward normal of the left side
-        second = (math.cos(apex / 2), math.sin(apex / 2), 0.0)
-        d = (math.cos(i1 - apex / 2), math.sin(i1 - apex / 2), 0.0)
-        start = d
-        for normal, eta in ((first, 1 / n), ((-second[0], -second[1], 0.0), n)):
-            cosine = -(d[0] * normal[0] + d[1] * normal[1])
-            _, bent, total = materials.fresnel(np.float64(cosine), np.float64(eta))
-            assert not total
-            d = materials.refract(d, normal, cosine, bent, eta)
-        return math.acos(min(1.0, sum(a * b for a, b in zip(start, d, strict=True))))
-
-    least = math.asin(n * math.sin(apex / 2))
-    expected = 2 * least - apex
-    assert math.degrees(expected) == pytest.approx(37.1808, abs=1e-4)
-    assert deviation(least) == pytest.approx(expected, rel=1e-10)
-    assert deviation(least + 0.02) > expected
-    assert deviation(least - 0.02) > expected
 
 
 # --- inputs ---

@@ -173,15 +173,6 @@ def test_a_ramp_is_linear_between_pixel_centres(draw, picture):
     assert np.allclose(rgb(image)[inner][:, 1], v[inner], atol=1e-6)
 
 
-def test_numbers_are_read_as_they_are_and_colours_as_srgb(draw, picture):
-    """sRGB 188/255 is 0.5029 linear; the same file as a number (an exponent's, say) is 188/255."""
-    picture("a.png", np.full((2, 2, 3), 188), "uint8")
-    linear = ((188 / 255 + 0.055) / 1.055) ** 2.4
-    for space, expected in (("auto", linear), ("srgb", linear), ("linear", 188 / 255)):
-        image = draw(_from("front", 2) + f'box([2, 2, 2], material: emissive(image("a.png", space: "{space}")))\n', size=(8, 8))
-        assert np.allclose(rgb(image), expected, rtol=1e-6)
-
-
 # --- patterns -----------------------------------------------------------------------------------------------------------
 
 

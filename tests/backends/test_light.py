@@ -1,4 +1,4 @@
-"""What every backend sees of light: closed forms of irradiance, fall-off, lobes, interpolation and energy."""
+"""What every backend sees of light: colours, cones, lobes, shadows and scale; the rest of the closed forms is in tests/accuracy."""
 
 from __future__ import annotations
 
@@ -31,24 +31,6 @@ def test_every_light_adds_its_own_colour(draw):
     assert np.allclose(rgb(draw(text)), expected, rtol=1e-5)
 
 
-FALLOFFS = {
-    "falloff: [1, 0, 0]": lambda d: 1 + 0 * d,
-    "falloff: [0, 1, 0]": lambda d: 1 / d,
-    "falloff: [0, 0, 1]": lambda d: 1 / d**2,
-    "falloff: [0.5, 0.25, 2]": lambda d: 1 / (0.5 + 0.25 * d + 2 * d**2),
-    "falloff: ramp(2.2m, 3m)": lambda d: np.clip((3 - d) / 0.8, 0, 1),
-}
-
-
-@pytest.mark.parametrize("falloff", FALLOFFS)
-def test_each_fall_off(draw, falloff):
-    """E = I cos θ · f(d), with d in metres."""
-    image = draw(ABOVE.format(6) + FLOOR + f"point([0, 2, 0], intensity: 3, {falloff})\n", aov=("position",))
-    x, z = _place(image)
-    d = np.sqrt(4 + x**2 + z**2)
-    assert np.allclose(grey(image), 3 * (2 / d) * FALLOFFS[falloff](d) / math.pi, rtol=1e-5, atol=1e-7)
-
-
 def test_a_hard_spot_is_dark_outside_its_cone(draw):
     image = draw(ABOVE.format(3) + FLOOR + "spot([0, 1, 0], cone: 40deg, soft: 0, intensity: 7)\n", aov=("position",))
     x, z = _place(image)
@@ -70,32 +52,6 @@ def test_irradiance_of_a_wide_sun(draw):
 
 
 # --- the course's models ------------------------------------------------------------------------------------------------
-
-GRAZING = "camera(position: [0, 0, 5], look_at: [0, 0, 0], width: 2)\n"
-
-
-def _roof(shading: str, model: str) -> str:
-    """A square with normals 30° to the left at its left edge and 30° to the right at its right one."""
-    return (
-        "mesh(points: [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], faces: [[0, 1, 2, 3]], "
-        f"normals: [[-0.5, 0, {math.sqrt(0.75)}], [0.5, 0, {math.sqrt(0.75)}], [0.5, 0, {math.sqrt(0.75)}], [-0.5, 0, {math.sqrt(0.75)}]], "
-        f'material: {model[:-1]}, shading: "{shading}"))\ndirectional(from: [0, 0, 1])\n'
-    )
-
-
-@pytest.mark.parametrize(("shading", "middle"), [("gouraud", math.sqrt(0.75)), ("phong", 1.0), ("flat", 1.0)])
-def test_gouraud_interpolates_light_and_phong_normals(draw, shading, middle):
-    """Light from above on normals at ±30°: both vertices show cos 30°, and so does the middle between them; its normal shows 1."""
-    image = draw(GRAZING + _roof(shading, "lambert(1)"), size=(33, 33))
-    assert grey(image)[16, 16] == pytest.approx(middle, abs=2e-6)
-
-
-@pytest.mark.parametrize(("shading", "middle"), [("gouraud", 0.75**16), ("phong", 1.0)])
-def test_gouraud_misses_a_highlight_between_vertices(draw, shading, middle):
-    """(N·H)³² is cos³² 30° = 0.01002 at the vertices and 1 in the middle."""
-    image = draw(GRAZING + _roof(shading, "blinn_phong(0, specular: 1, shininess: 32)"), size=(33, 33))
-    assert grey(image)[16, 16] == pytest.approx(middle, abs=1e-5)
-
 
 @pytest.mark.parametrize(("model", "exponent"), [("phong", 20), ("blinn_phong", 80)])
 def test_the_lobes_of_phong_and_blinn(draw, model, exponent):

@@ -99,6 +99,18 @@ def _store(table, row, x):
     return lambda table, row, x: simd.write(table, row, x)
 
 
+def put_lane(table: Any, row: int, k: int, x: Lane) -> None:
+    """Write a value to a row of a (rows, WIDTH) table, or a number to lane k of it; in kernels the table is flat."""
+    table[row][slice(None) if np.ndim(x) else k] = x
+
+
+@overload(put_lane, jit_options=HELPER)
+def _put_lane(table, row, k, x):
+    if _vector(x):
+        return lambda table, row, k, x: simd.store(table, row * WIDTH, x)
+    return lambda table, row, k, x: simd.write(table, row * WIDTH + k, x)
+
+
 def numbered(first: int) -> Lane:
     """first, first + 1, … in a kernel's WIDTH lanes of int64."""
     return first + np.arange(WIDTH)

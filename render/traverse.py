@@ -1,67 +1,24 @@
-"""Walking the trees of bvh.py, in kernels: over instances all lanes go together, in meshes each for itself.
-
-Boxes are tested so that none is missed through rounding: the far side is moved out by 2 γ₃ (Ize, "Robust BVH Ray Traversal",
-JCGT 2013), the origin by its own error, and comparisons are written so that the NaN of 0 · ∞ (a ray along a box's face)
-decides nothing.
-"""
+"""Walking the trees of bvh.py, in kernels: over instances all lanes go together where they go one way, in meshes each for itself."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import types
 
-from ..compiler import ir
-from . import across, lanes, shapes, simd, walk
-from .bvh import COUNT, DEPTH, FIRST
+from . import across, boxes, lanes, shapes, simd, single, walk
 from .handles import Handle
 from .kernels import apart, helper
 from .links import FLOAT, MASK, VEC, Linked
 from .records import Hit, Lane, Vec
+from .single import MESH
+from .wide import DEPTH
 
-MESH = int(ir.GeometryKind.MESH)
-FAR = 1.0 + 2.0 * 3.4e-16  # 1 + 2 γ₃ for float64
-WORLD_ERROR = 1e-12  # of the origin's coordinates: what transforms and their inverses may round
-LOCAL_ERROR = 1e-15
-_STACK = 2 * DEPTH
+NARROW = 0.01  # square of the angle, in radians, that directions may stray from the first lane's to go together
+FEW = 3  # active lanes from which on that is worth it
 _LANES = across.WIDTH
 _FOUND = 3 * _LANES
-
-
-class BoxRay(NamedTuple):
-    """Rays made ready for boxes: origins moved against and along the ray, 1 / direction, and which way they go."""
-
-    near: Vec
-    far: Vec
-    inverse: Vec
-    x: Lane  # bool: toward greater x
-    y: Lane
-    z: Lane
-
-
-@helper
-def _box_ray(o: Vec, d: Vec, share: float) -> BoxRay:
-    error = share * lanes.largest((abs(o[0]), abs(o[1]), abs(o[2])))
-    inverse = (1.0 / d[0], 1.0 / d[1], 1.0 / d[2])
-    x, y, z = inverse[0] > 0.0, inverse[1] > 0.0, inverse[2] > 0.0
-    e = (lanes.where(x, error, -error), lanes.where(y, error, -error), lanes.where(z, error, -error))
-    return BoxRay(lanes.add(o, e), lanes.sub(o, e), inverse, x, y, z)
-
-
-@helper
-def _enter(nodes: Any, node: int, ray: BoxRay, t_min: Lane, t_max: Lane) -> Lane:
-    """Where each ray enters a node's box, inf where it misses it or comes too late."""
-    low_x, low_y, low_z, high_x, high_y, high_z = (
-        nodes[node, 0], nodes[node, 1], nodes[node, 2], nodes[node, 3], nodes[node, 4], nodes[node, 5],
-    )  # fmt: skip
-    near = lanes.maximum((lanes.where(ray.x, low_x, high_x) - ray.near[0]) * ray.inverse[0], t_min)
-    far = lanes.minimum((lanes.where(ray.x, high_x, low_x) - ray.far[0]) * ray.inverse[0] * FAR, t_max)
-    near = lanes.maximum((lanes.where(ray.y, low_y, high_y) - ray.near[1]) * ray.inverse[1], near)
-    far = lanes.minimum((lanes.where(ray.y, high_y, low_y) - ray.far[1]) * ray.inverse[1] * FAR, far)
-    near = lanes.maximum((lanes.where(ray.z, low_z, high_z) - ray.near[2]) * ray.inverse[2], near)
-    far = lanes.minimum((lanes.where(ray.z, high_z, low_z) - ray.far[2]) * ray.inverse[2] * FAR, far)
-    return lanes.where(near <= far, near, np.inf)
 
 
 def _search(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit):
@@ -70,38 +27,19 @@ def _search(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit
     nothing = lanes.int_like(zero, -1)
     best = Hit(zero + np.inf, nothing, nothing, zero, zero)
     until = lanes.where(active, t_max, zero - np.inf)
-    for k in range(len(accel.endless)):
-        best = attempt(accel, accel.endless[k], origin, direction, t_min, until, visible_bit, any_hit, best)
+    endless = len(accel.endless)
+    for k in range(endless + (1 if accel.only >= 0 else 0)):  # a single thing in the tree: its own box is asked
+        i = np.int64(accel.endless[k]) if k < endless else np.int64(accel.only)
+        best = attempt(accel, i, origin, direction, t_min, until, visible_bit, any_hit, best)
         if any_hit:
             until = lanes.where(best.instance >= 0, zero - np.inf, until)
-    if accel.top < 0 or lanes.not_(lanes.any_lane(until > t_min)):
+    left = across.bits(until > t_min)
+    if accel.only >= 0 or len(accel.top.links) == 0 or left == 0:
         return best
-    if accel.nodes[accel.top, COUNT] == 1.0:  # a single thing: its own box is asked
-        return attempt(accel, accel.instances[0], origin, direction, t_min, until, visible_bit, any_hit, best)
-    stack = simd.stack_array(np.float64, _STACK)
-    ray = _box_ray(origin, direction, WORLD_ERROR)
-    node, depth = np.int64(accel.top), 0
-    while True:
-        limit = lanes.minimum(best.t, until)
-        if lanes.any_lane(_enter(accel.nodes, node, ray, t_min, limit) < np.inf):
-            first = np.int64(accel.nodes[node, FIRST])
-            if accel.nodes[node, COUNT] == 0.0:
-                node, later, reach = _children(accel.nodes, first, ray, t_min, limit)
-                if reach < np.inf:
-                    stack[depth], stack[DEPTH + depth] = reach, float(later)
-                    depth += 1
-                continue
-            for k in range(first, first + np.int64(accel.nodes[node, COUNT])):
-                best = attempt(accel, accel.instances[k], origin, direction, t_min, until, visible_bit, any_hit, best)
-            if any_hit:
-                until = lanes.where(best.instance >= 0, zero - np.inf, until)
-        longest = across.most(lanes.minimum(best.t, until))
-        while depth > 0 and stack[depth - 1] > longest:
-            depth -= 1
-        if depth == 0:
-            return best
-        depth -= 1
-        node = np.int64(stack[DEPTH + depth])
+    ray = boxes.world_ray(origin, direction)
+    if _narrow(ray, direction, until > t_min, left):
+        return _together(accel, ray, origin, direction, t_min, until, visible_bit, any_hit, best)
+    return single.each(accel, ray, origin, direction, t_min, until, left, visible_bit, any_hit, best)
 
 
 search = Linked(_search)
@@ -114,13 +52,47 @@ def link(accel: Handle) -> None:
 
 
 @helper
-def _children(nodes: Any, first: int, ray: BoxRay, t_min: Lane, limit: Lane) -> tuple[int, int, float]:
-    """(the child to go to, the other one, where the first of the rays enters that)."""
-    left = across.least(_enter(nodes, first, ray, t_min, limit))
-    right = across.least(_enter(nodes, first + 1, ray, t_min, limit))
-    if right < left:
-        return first + 1, first, left
-    return first, first + 1, right
+def _narrow(ray: boxes.BoxRay, direction: Vec, active: Lane, left: int) -> bool:
+    """Whether the active lanes, bits of `left`, are several rays of one octant that go nearly the same way."""
+    if simd.population(left) < FEW:
+        return False
+    k = simd.trailing_zeros(left)
+    first = across.lane3(direction, k)
+    apart_ = lanes.sub(direction, first)
+    near = lanes.dot(apart_, apart_) <= NARROW * lanes.dot(first, first)
+    x, y, z = ray.x == across.lane(ray.x, k), ray.y == across.lane(ray.y, k), ray.z == across.lane(ray.z, k)
+    return lanes.not_(lanes.any_lane(active & lanes.not_(near & x & y & z)))
+
+
+@helper
+def _together(
+    accel: Any, ray: boxes.BoxRay, origin: Vec, direction: Vec, t_min: Lane, until: Lane, visible_bit: int, any_hit: bool, best: Hit
+) -> Hit:  # fmt: skip
+    """The first hits of rays of one octant: they go where any of them may."""
+    nodes, links = accel.top.nodes, accel.top.links
+    children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float64, DEPTH)
+    active = until > t_min
+    rays = boxes.bundle(ray, active, simd.trailing_zeros(across.bits(active)))
+    begin = across.least(lanes.where(active, t_min, np.inf))
+    top, node = np.int64(0), np.int64(0)
+    while True:
+        limit = across.most(lanes.minimum(best.t, until))
+        if node >= 0:
+            near, hits = boxes.enter_eight(nodes, node, rays, begin, limit)
+            if hits != 0:
+                node, top = walk.nearest_first(links, node, near, hits, children, reaches, top)
+                continue
+        else:
+            best = attempt(accel, ~node, origin, direction, t_min, until, visible_bit, any_hit, best)
+            if any_hit:
+                until = lanes.where(best.instance >= 0, -np.inf, until)
+            limit = across.most(lanes.minimum(best.t, until))
+        while top > 0 and simd.read(reaches, top - 1) > limit:
+            top -= 1
+        if top == 0:
+            return best
+        top -= 1
+        node = np.int64(simd.read(children, top))
 
 
 @helper
@@ -151,23 +123,21 @@ def attempt(accel: Any, i: int, origin: Vec, direction: Vec, t_min: Lane, t_max:
 def _mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
     """(t, triangle, u, v) of the first meeting with mesh g, whose tree begins at `root`, not beyond `nearest`."""
     until = lanes.minimum(nearest, t_max)
-    ray = _box_ray(o, d, LOCAL_ERROR)
-    enters = _enter(accel.boxes, g, ray, t_min, until)
+    ray = boxes.local_ray(o, d)
+    enters = boxes.enter(accel.boxes, g, ray, t_min, until)
     zero = lanes.full_like(t_min, 0.0)
     left = across.bits(enters < np.inf)
     if left == 0:
         return zero + np.inf, lanes.int_like(zero, -1), zero, zero
-    rays = walk.keep(o, d, ray.inverse, lanes.where(enters < np.inf, enters, 0.0), t_min, t_max, until)
+    rays = walk.room()
+    walk.keep(rays, 0, o, d, ray.inverse, lanes.where(enters < np.inf, enters, 0.0), t_min, t_max, until)
     found, triangle = simd.stack_array(np.float64, _FOUND), simd.stack_array(np.int64, _LANES)
     across.store(found, 0, zero + np.inf)
     across.store(triangle, 0, lanes.int_like(zero, -1))
     while left != 0:
         k = simd.trailing_zeros(left)
         left &= left - 1
-        if any_hit:
-            met = walk.blocked(accel.wide, root, rays, k)
-        else:
-            met = walk.closest(accel.wide, root, rays, k)
+        met = walk.down(accel.wide, root, rays, k, any_hit)
         simd.write(found, k, met.t)
         simd.write(triangle, k, met.triangle)
         simd.write(found, _LANES + k, met.u)

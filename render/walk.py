@@ -13,7 +13,7 @@ import numpy as np
 
 from . import across, lanes, machine, simd
 from . import shapes_flat as flat
-from .kernels import helper
+from .kernels import apart, helper
 from .records import Lane, Vec
 from .wide import DEPTH, LEAF, NODE, WIDTH
 
@@ -41,24 +41,28 @@ class Met(NamedTuple):
 
 
 @helper
-def keep(o: Vec, d: Vec, inverse: Vec, enters: Lane, t_min: Lane, t_max: Lane, until: Lane) -> Rays:
-    """Store rays that enter a mesh's box at `enters`; what lies between `until` and t_max is not wanted, but may be found."""
-    singles, doubles = simd.stack_array(np.float32, _SINGLES), simd.stack_array(np.float64, _DOUBLES)
-    axes = simd.stack_array(np.int64, _INTS)
+def room() -> Rays:
+    """Where rays are kept."""
+    return Rays(simd.stack_array(np.float32, _SINGLES), simd.stack_array(np.float64, _DOUBLES), simd.stack_array(np.int64, _INTS))
+
+
+@helper
+def keep(rays: Rays, k: int, o: Vec, d: Vec, inverse: Vec, enters: Lane, t_min: Lane, t_max: Lane, until: Lane) -> None:
+    """Store rays, or ray k alone, that enter a mesh's box at `enters`; what lies between `until` and t_max may be found, but need not."""
+    singles, doubles, axes = rays.singles, rays.doubles, rays.axes
     most = STEEP * lanes.smallest((abs(inverse[0]), abs(inverse[1]), abs(inverse[2])))
-    for k, x, slope, steep in ((0, o[0], d[0], inverse[0]), (1, o[1], d[1], inverse[1]), (2, o[2], d[2], inverse[2])):
-        across.store(singles, k, x + enters * slope)
-        across.store(singles, 3 + k, lanes.where(steep > most, most, lanes.where(steep < -most, -most, steep)))
-    across.store(singles, 6, (until - enters) * FAR)
+    for j, x, slope, steep in ((0, o[0], d[0], inverse[0]), (1, o[1], d[1], inverse[1]), (2, o[2], d[2], inverse[2])):
+        across.put_lane(singles, j, k, x + enters * slope)
+        across.put_lane(singles, 3 + j, k, lanes.where(steep > most, most, lanes.where(steep < -most, -most, steep)))
+    across.put_lane(singles, 6, k, (until - enters) * FAR)
     kx, ky, kz, sx, sy, sz = flat.shear_of(d, inverse)
-    for k, axis, factor in ((0, kx, sx), (1, ky, sy), (2, kz, sz)):
-        across.store(axes, k, axis)
-        across.store(doubles, k, flat.component(o, axis))
-        across.store(doubles, 3 + k, factor)
-    across.store(doubles, 6, enters)
-    across.store(doubles, 7, t_min)
-    across.store(doubles, 8, t_max)
-    return Rays(singles, doubles, axes)
+    for j, axis, factor in ((0, kx, sx), (1, ky, sy), (2, kz, sz)):
+        across.put_lane(axes, j, k, axis)
+        across.put_lane(doubles, j, k, flat.component(o, axis))
+        across.put_lane(doubles, 3 + j, k, factor)
+    across.put_lane(doubles, 6, k, enters)
+    across.put_lane(doubles, 7, k, t_min)
+    across.put_lane(doubles, 8, k, t_max)
 
 
 class Box(NamedTuple):
@@ -142,6 +146,18 @@ def _push_each(stack: Any, top: int, values: Lane, which: int) -> int:
 _push = _push_packed if machine.AVX512 else _push_each
 
 
+@helper
+def nearest_first(links: Any, node: int, near: Lane, hits: int, children: Any, reaches: Any, top: int) -> tuple[Any, int]:
+    """(the nearest child of a node among `hits`, not 0; where the stack ends with the others on it)."""
+    if (hits & (hits - 1)) == 0:
+        return np.int64(simd.read(links, node * WIDTH + simd.trailing_zeros(hits))), top
+    mine = simd.mask_from_bits(hits, near)
+    first = simd.trailing_zeros(simd.bits(near == simd.min_of(simd.select(mine, near, np.inf))) & hits)
+    rest = hits ^ (1 << first)
+    _push(children, top, simd.load(links, node * WIDTH, 8), rest)
+    return np.int64(simd.read(links, node * WIDTH + first)), _push(reaches, top, near, rest)
+
+
 class Sheared(NamedTuple):
     """A ray as triangles want it."""
 
@@ -176,6 +192,12 @@ def _corner(leaves: Any, at: int, ray: Sheared) -> Vec:
         simd.to_f64(simd.load(leaves, at + ray.x, 8)) - ray.origin[0], simd.to_f64(simd.load(leaves, at + ray.y, 8)) - ray.origin[1],
         simd.to_f64(simd.load(leaves, at + ray.z, 8)) - ray.origin[2],
     )  # fmt: skip
+
+
+@apart
+def down(tree, root, rays, k, any_hit):
+    """What ray k meets first in the tree at `root`; with `any_hit`, what is found first."""
+    return blocked(tree, root, rays, k) if any_hit else closest(tree, root, rays, k)
 
 
 @helper

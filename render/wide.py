@@ -59,6 +59,11 @@ def build(positions: NDArray[np.float32], triangles: NDArray[np.int32], first: i
         return _collapsed(tree, parts, _Mesh(positions, triangles, first), pool.map)
 
 
+def links(tree: halves.Halves, parts: list[int], run: Run) -> NDArray[np.int32]:
+    """The links alone of a tree over items without triangles: ~ an item's number where a leaf's would stand."""
+    return _collapsed(tree, parts, _Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32), 0), run).links
+
+
 def _shares(n: int, least: int = 1 << 15) -> list[tuple[int, int]]:
     """0 … n in pieces for threads."""
     step = max(least, -(-n // 16))
@@ -73,8 +78,8 @@ def _collapsed(tree: halves.Halves, parts: list[int], mesh: _Mesh, run: Run) -> 
     none = np.zeros(0, np.int64)
 
     def part(root: int, closed: NDArray[np.int64]) -> Wide:
-        kept = int(share_out(tree, root, closed, costs, shares))
-        made = _room(kept, kept)
+        kept = int(share_out(tree, root, closed, WIDTH if len(mesh.triangles) else 1, costs, shares))
+        made = room(kept, kept if len(mesh.triangles) else 0)
         nodes, leaves = collapse(tree, root, closed, shares, mesh, slack, made)
         return Wide(made.nodes[:nodes], made.links[:nodes], made.leaves[:leaves], made.rows[:leaves])
 
@@ -86,12 +91,13 @@ def _collapsed(tree: halves.Halves, parts: list[int], mesh: _Mesh, run: Run) -> 
     leaf = np.cumsum([0, *(len(one.leaves) for one in made)])
     top = made[0].links
     np.copyto(top, node[np.clip(PART - top, 0, len(parts) - 1) + 1], where=top <= PART, casting="unsafe")
-    whole = _room(int(node[-1]), int(leaf[-1]))
+    whole = room(int(node[-1]), int(leaf[-1]))
     list(run(lambda k: join(whole, made[k], node[k], leaf[k]), range(len(made))))
     return whole
 
 
-def _room(nodes: int, leaves: int) -> Wide:
+def room(nodes: int, leaves: int) -> Wide:
+    """A tree's arrays, not filled."""
     return Wide(
         simd.aligned_empty((nodes, NODE), np.float32), simd.aligned_empty((nodes, WIDTH), np.int32),
         simd.aligned_empty((leaves, LEAF), np.float32), simd.aligned_empty((leaves, WIDTH), np.int32),
@@ -102,7 +108,7 @@ def pooled(trees: list[Wide]) -> Wide:
     """Trees one behind the other, with links that fit."""
     if len(trees) == 1:
         return trees[0]
-    whole = _room(sum(len(tree.nodes) for tree in trees), sum(len(tree.leaves) for tree in trees))
+    whole = room(sum(len(tree.nodes) for tree in trees), sum(len(tree.leaves) for tree in trees))
     node = leaf = 0
     for tree in trees:
         join(whole, tree, node, leaf)
@@ -125,11 +131,12 @@ def boxes_of(positions, triangles, items, start, end):
 
 
 @kernel
-def share_out(tree, root, closed, costs, shares):
+def share_out(tree, root, closed, width, costs, shares):
     """Find what the binary tree below `root` costs at least as a wide one, and how; no more nodes or leaves than are returned.
 
     costs[s, j - 1] is that of node s as at most j children of another; shares[s, j - 1], how many of them its first half has
-    then, 0 where one less is as good. shares[s, 7] is that of s as a node of its own. Where a leaf costs less, s becomes one.
+    then, 0 where one less is as good. shares[s, 7] is that of s as a node of its own. Where a leaf costs less, of up to `width` items,
+    s becomes one.
     """
     order = np.empty(2 * tree.count[root], np.int64)
     order[0], n, done = root, 1, 0
@@ -154,7 +161,7 @@ def share_out(tree, root, closed, costs, shares):
                 if cost < best[j]:
                     best[j], shares[s, j - 1] = cost, i
         costs[s, 0] = best[WIDTH] + area
-        if tree.count[s] <= WIDTH and area * np.float32(TEST) <= costs[s, 0] and s != root:
+        if tree.count[s] <= width and area * np.float32(TEST) <= costs[s, 0] and s != root:
             tree.second[s] = 0
             costs[s] = area * np.float32(TEST)
             continue
@@ -196,6 +203,8 @@ def collapse(tree, root, closed, shares, mesh, slack, out):
                 out.nodes[node, (2 * k + 1) * WIDTH + i] = slack - tree.boxes[child, 4 + k]
             if _is_closed(closed, child):
                 out.links[node, i] = PART - _number(closed, child)
+            elif tree.second[child] == 0 and len(mesh.triangles) == 0:
+                out.links[node, i] = -1 - (simd.float_bits(tree.items[tree.first[child], halves.NUMBER]) & ~halves.TAG)
             elif tree.second[child] == 0:
                 _fill(tree, child, mesh, out.leaves, out.rows, ends)
                 out.links[node, i] = -1 - ends

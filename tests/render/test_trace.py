@@ -13,10 +13,10 @@ import pytest
 from maquette.compiler import ir
 from maquette.compiler.build import SceneBuilder, lambert
 from maquette.compiler.rows import CameraData, InstanceData, MeshData
-from maquette.render import bvh, trace, wide
+from maquette.render import bvh, top, trace, wide
 
 from .tables import matrix, rays, scene
-from .tracing import random_rays, same, through_trees, wavy
+from .tracing import bundles, random_rays, same, through_trees, wavy
 
 K = ir.GeometryKind
 EVERY = [
@@ -106,27 +106,68 @@ def test_inactive_rays_meet_nothing() -> None:
 # --- trees ---------------------------------------------------------------------------------------------------------------
 
 
-def check_tree(tree: bvh.Bvh, root: int, boxes: np.ndarray, items: np.ndarray) -> int:
-    """Every item is in one leaf and inside of all boxes above it; returns the depth."""
+def check_top(tree: top.Top, boxes: np.ndarray) -> int:
+    """Every instance is in one place, and all boxes above it fit around what they hold; returns the depth."""
     seen, deepest = [], 0
-    stack = [(root, 0)]
-    while stack:
-        node, depth = stack.pop()
-        lo, hi = tree.nodes[node, :3], tree.nodes[node, 3:6]
-        first, count = int(tree.nodes[node, bvh.FIRST]), int(tree.nodes[node, bvh.COUNT])
+
+    def around(node: int, depth: int) -> tuple[np.ndarray, np.ndarray]:
+        nonlocal deepest
         deepest = max(deepest, depth)
-        if count == 0:
-            for child in (first, first + 1):
-                assert np.all(tree.nodes[child, :3] >= lo)
-                assert np.all(tree.nodes[child, 3:6] <= hi)
-                stack.append((child, depth + 1))
-        else:
-            seen.extend(items[first : first + count])
-            inside = boxes[items[first : first + count]]
-            assert np.all(inside[:, :3] >= lo)
-            assert np.all(inside[:, 3:] <= hi)
+        planes = tree.nodes[node].reshape(3, 2, wide.WIDTH)
+        for k in np.flatnonzero(tree.links[node] > wide.EMPTY):
+            link = int(tree.links[node, k])
+            low, high = around(link, depth + 1) if link >= 0 else (boxes[~link, :3], boxes[~link, 3:])
+            np.testing.assert_array_equal((planes[:, 0, k], planes[:, 1, k]), (low, high))
+            if link < 0:
+                seen.append(~link)
+        assert np.all(planes[:, 0, tree.links[node] <= wide.EMPTY] == np.inf)
+        assert np.all(planes[:, 1, tree.links[node] <= wide.EMPTY] == -np.inf)
+        return planes[:, 0].min(axis=1), planes[:, 1].max(axis=1)
+
+    around(0, 0)
     assert sorted(seen) == list(range(len(boxes)))
     return deepest
+
+
+@pytest.mark.parametrize("n", [1, 2, 8, 9, 60, 5000])
+def test_the_tree_over_instances_holds_each_once_inside_its_boxes(n: int) -> None:
+    rng = np.random.default_rng(n)
+    low = rng.uniform(-1, 1, (n, 3)) * 10.0 ** rng.uniform(-3, 3, (n, 1))
+    boxes = np.concatenate([low, low + rng.uniform(0, 1, (n, 3))], axis=1)
+    boxes[0, :3], boxes[0, 3:] = -1e6, 1e6  # a wide ground
+    tree = top.build(boxes, np.arange(n, dtype=np.int32))
+    assert check_top(tree, boxes) <= 1 + 3 * math.log(n, 8)
+    for threads in (1, 2, 5):
+        np.testing.assert_array_equal(top.build(boxes, np.arange(n, dtype=np.int32), threads).links, tree.links)
+    moved = boxes + rng.uniform(0, 1, (n, 1))
+    top.refit(tree, moved)
+    check_top(tree, moved)
+
+
+@pytest.mark.parametrize("shape", ["sphere", "mesh"])
+def test_what_thousands_of_rays_meet_among_hundreds_of_things(shape: str) -> None:
+    """Rays that go together and rays that go apart, each with as many places inactive."""
+    rng = np.random.default_rng(11)
+    if shape == "sphere":
+        tables = scene([(K.SPHERE, [0.6], anywhere(rng), 0) for _ in range(300)] + [(K.PLANE, [], matrix((0, -4, 0)), 0)])
+    else:
+        tables = scene(meshes=[(wavy(3, k), anywhere(rng), 0) for k in range(200)])
+    for ray in (random_rays(4000, 5), bundles(4000, 6), bundles(4000, 7, spread=0.0)):
+        t_max = np.where(rng.random(4000) < 0.2, -1.0, np.inf)
+        _, instance, *_ = same(tables, ray._replace(t_max=t_max))
+        assert len(np.unique(instance)) > 40
+        assert np.all(instance[t_max < 0] == -1)
+
+
+def test_rays_along_the_axes_from_one_place_go_together() -> None:
+    """Directions with zeros, of both signs: 1 / 0 is no distance."""
+    tables = scene([(K.BOX, [0.5, 0.5, 0.5], matrix((x, y, 0.0)), 0) for x in range(8) for y in range(8)])
+    line = np.arange(-1.0, 9.01, 0.125)
+    x, y = (g.ravel() for g in np.meshgrid(line, line))
+    for direction in ((0.0, 0.0, -1.0), (-0.0, 0.0, -1.0), (0.0, 0.0, -3e5)):
+        t, *_ = same(tables, rays(np.stack([x, y, np.full(len(x), 1e5)], axis=1), direction))
+        inside = (x >= -0.5) & (x <= 7.5) & (y >= -0.5) & (y <= 7.5)
+        np.testing.assert_array_equal(np.isfinite(t), inside)
 
 
 def check_wide(tree: wide.Wide, triangles: np.ndarray) -> int:
@@ -165,7 +206,7 @@ def test_a_tree_holds_each_triangle_once_inside_its_boxes() -> None:
     tables = scene(meshes=[(wavy(40), np.eye(4), 0)])
     tree = bvh.build(tables)
     assert check_wide(tree.wide, corners_of(tables)) < 12
-    assert check_tree(tree, tree.top, bvh.world_bounds(tables), tree.instances) == 0
+    assert check_top(tree.top, bvh.world_bounds(tables)) == 0
 
 
 @pytest.mark.parametrize("what", ["duplicates", "coplanar", "a needle fan", "spread over 30 powers of two"])
@@ -228,7 +269,8 @@ def test_ten_thousand_instances_of_a_large_mesh_have_one_tree() -> None:
     tables = builder.finish().tables
     assert len(tables.pools.triangles) == 100_352
     tree = bvh.build(tables)
-    assert tree.wide.nbytes + sum(array.nbytes for array in tree if isinstance(array, np.ndarray)) < 20e6
+    nodes = tree.top.nodes.nbytes + tree.top.links.nbytes
+    assert tree.wide.nbytes + nodes + sum(array.nbytes for array in tree if isinstance(array, np.ndarray)) < 20e6
     assert np.count_nonzero(tree.wide.rows >= 0) == 100_352
     t, instance, primitive, *_ = through_trees(tables, random_rays(300, 9, reach=100.0))
     some = np.flatnonzero(instance >= 0)[:40]

@@ -39,6 +39,18 @@ def random_rays(n: int, seed: int, reach: float = 7.0) -> Ray:
     return rays(rng.uniform(-reach, reach, (n, 3)), rng.normal(size=(n, 3)))
 
 
+def bundles(n: int, seed: int, reach: float = 7.0, spread: float = 0.05) -> Ray:
+    """Rays as `random_rays`, eight by eight nearly the same."""
+    rng = np.random.default_rng(seed)
+    few = random_rays(-(-n // 8), seed, reach)
+
+    def eight(x: np.ndarray) -> np.ndarray:
+        return np.repeat(x, 8)[:n] + spread * rng.uniform(-1, 1, n)
+
+    origin, direction = (tuple(eight(x) for x in v) for v in (few.origin, few.direction))
+    return few._replace(origin=origin, direction=direction, t_min=np.zeros(n), t_max=np.full(n, np.inf))
+
+
 def wavy(cells: int, seed: int = 0) -> MeshData:
     """A square of 2 · cells² triangles over -1 … 1 with a random height."""
     rng = np.random.default_rng(seed)

@@ -1,0 +1,91 @@
+"""Trees of meshes that were built before: in memory, and of large meshes on disk, by what they are made from.
+
+A scene that is drawn again after something moved, or was typed, builds only the tree over its instances anew; a large mesh that was
+drawn yesterday is read faster than its tree is built. Files lie beside the kernels that read them, so that none outlives its form.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+import threading
+from collections import OrderedDict
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import kernels, wide
+from .wide import LEAF, NODE, WIDTH, Wide
+
+LARGE = 50_000  # triangles from which on a tree is kept on disk
+IN_MEMORY = 256 << 20  # bytes of trees at most
+ON_DISK = 2 << 30
+_known: OrderedDict[str, Wide] = OrderedDict()
+_lock = threading.Lock()
+
+
+def tree(positions: NDArray[np.float32], triangles: NDArray[np.int32], threads: int = 0) -> Wide:
+    """The tree of a mesh as wide.build makes it, which is not to be changed."""
+    key = hashlib.sha256(np.int64([len(positions), len(triangles)]).tobytes())
+    key.update(np.ascontiguousarray(positions))
+    key.update(np.ascontiguousarray(triangles))
+    name = key.hexdigest()
+    with _lock:
+        known = _known.get(name)
+        if known is not None:
+            _known.move_to_end(name)
+            return known
+    file = kernels.CACHE / "trees" / name
+    made = read(file) if len(triangles) >= LARGE else None
+    if made is None:
+        made = wide.build(positions, triangles, threads=threads)
+        if len(triangles) >= LARGE:
+            write(file, made)
+    with _lock:
+        _known[name] = made
+        while len(_known) > 1 and sum(each.nbytes for each in _known.values()) > IN_MEMORY:
+            _known.popitem(last=False)
+    return made
+
+
+def read(file: Path) -> Wide | None:
+    """The tree in a file; None where there is none, or not a whole one."""
+    try:
+        with file.open("rb", buffering=0) as stream:
+            nodes, leaves = (int(n) for n in np.frombuffer(stream.read(16), np.int64))
+            if nodes < 1 or leaves < 0 or os.fstat(stream.fileno()).st_size != 16 + 4 * (nodes * (NODE + WIDTH) + leaves * (LEAF + WIDTH)):
+                return None
+            made = wide.room(nodes, leaves)
+            for part in made:
+                if stream.readinto(memoryview(part).cast("B")) != part.nbytes:
+                    return None
+        os.utime(file)
+    except (OSError, ValueError):
+        return None
+    return made
+
+
+def write(file: Path, made: Wide) -> None:
+    """Put a tree into a file, whole or not at all; where that cannot be, nothing happens. The longest unread ones make room for it."""
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        others = sorted(((each.stat().st_mtime, each) for each in file.parent.iterdir()), reverse=True)
+        room = ON_DISK - made.nbytes
+        for _, other in others:
+            room -= other.stat().st_size
+            if room < 0:
+                other.unlink()
+        handle, name = tempfile.mkstemp(dir=file.parent)
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(np.int64([len(made.nodes), len(made.leaves)]).tobytes())
+                for part in made:
+                    stream.write(memoryview(np.ascontiguousarray(part)).cast("B"))
+            os.replace(name, file)
+        except BaseException:
+            os.unlink(name)
+            raise
+    except OSError:
+        return

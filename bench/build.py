@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import functools
 
-from ..render import bvh
+from ..render import bvh, kept
 from ..render import rays as traced
+from ..render.handles import Handle
 from . import embree, meshes, report
 from .harness import OURS, Case, Contender, Effort, Peers, measure
 from .meshes import Mesh, Rays
@@ -13,8 +14,10 @@ from .rays import agree_closest, closest, size_of, warm_up
 
 TEXT = """
 From vertices and triangles in memory to a tree that rays can walk. Embree: a new scene with a copy of the mesh, and `rtcCommitScene` at
-its default quality, on one thread. maquette: `render.rays.trees` of a scene of one mesh. Bytes are those a tree holds besides its mesh.
-Both trees are then asked for the same rays, and those answers compared.
+its default quality, on one thread. maquette: `render.rays.trees` of a scene of one mesh, on one thread. Bytes are those a tree holds
+besides its mesh.
+*from disk* is the same call where the tree was kept from an earlier one: its mesh is hashed, and the tree read from a file.
+All trees are then asked for the same rays, and those answers compared.
 """
 
 
@@ -27,7 +30,8 @@ def section(quick: bool, effort: Effort) -> report.Section:
     results = []
     for name, size in (meshes.TINY if quick else meshes.SIZES).items():
         mesh = meshes.knot(*size)
-        contenders = peers.gather(functools.partial(ours, mesh, rays), functools.partial(theirs, mesh, rays))
+        kept_too = [functools.partial(again, mesh, rays)] if len(mesh.triangles) >= kept.LARGE else []
+        contenders = peers.gather(functools.partial(ours, mesh, rays), *kept_too, functools.partial(theirs, mesh, rays))
         results.append(measure(Case(f"{name} triangles", contenders, agree_closest, len(mesh.triangles)), effort))
     found.add("One mesh", results, "Mtriangles/s")
     found.missing = peers.missing
@@ -38,9 +42,21 @@ def section(quick: bool, effort: Effort) -> report.Section:
 def ours(mesh: Mesh, rays: Rays) -> Contender:
     """Our builder; the answer is what the rays hit."""
     tables = meshes.scene(mesh).tables
-    share = size_of(bvh.build(tables), tables) / len(mesh.triangles)
+    share = size_of(bvh.build(tables, keep=False), tables) / len(mesh.triangles)
     read = functools.partial(closest, rays)
-    return Contender(OURS, lambda: traced.trees(tables), read, note=f"{share:.0f} bytes a triangle")
+    return Contender(OURS, lambda: traced.trees(tables, threads=1, keep=False), read, note=f"{share:.0f} bytes a triangle")
+
+
+def again(mesh: Mesh, rays: Rays) -> Contender:
+    """Our tree, read."""
+    tables = meshes.scene(mesh).tables
+
+    def trees() -> Handle:
+        kept.forget()
+        return traced.trees(tables, threads=1)
+
+    trees()
+    return Contender(f"{OURS} from disk", trees, functools.partial(closest, rays))
 
 
 def theirs(mesh: Mesh, rays: Rays) -> Contender:

@@ -57,7 +57,7 @@ class Sides:
 
     def __post_init__(self) -> None:
         scene = meshes.scene(self.mesh, self.transforms)
-        self.accel, self.build = timed(lambda: traced.trees(scene.tables))
+        self.accel, self.build = timed(lambda: traced.trees(scene.tables, keep=False))
 
     def case(self, rays: Rays) -> Case:
         any_hit = rays.name == "shadow"
@@ -190,7 +190,7 @@ def section(quick: bool, effort: Effort) -> report.Section:
 
 def warm_up() -> Seconds:
     """Compile the tree's kernels on a mesh of no size, so that no build below holds that."""
-    return timed(lambda: traced.trees(meshes.scene(meshes.knot(8, 4)).tables))[1]
+    return timed(lambda: traced.trees(meshes.scene(meshes.knot(8, 4)).tables, keep=False))[1]
 
 
 def size_of(built: bvh.Bvh, tables: ir.Tables) -> int:

@@ -126,6 +126,31 @@ def _slabs(nodes: Any, at: int, rays: Bundle, k: int, near: Lane, far: Lane) -> 
 
 
 @helper
+def enter_each(nodes: Any, node: int, ray: BoxRay, t_min: Lane, t_max: Lane) -> tuple[Lane, int]:
+    """The same for rays that go anywhere, each for itself."""
+    first = simd.stack_array(np.float64, WIDTH)
+    simd.store(first, 0, simd.f64x8(np.inf))
+    at = node * NODE
+    for i in range(WIDTH):
+        if simd.read(nodes, at + i) == np.inf:  # there are no more
+            break
+        near, far = t_min, t_max
+        near, far = _side(nodes, at + i, ray.near[0], ray.far[0], ray.inverse[0], ray.x, near, far)
+        near, far = _side(nodes, at + 2 * WIDTH + i, ray.near[1], ray.far[1], ray.inverse[1], ray.y, near, far)
+        near, far = _side(nodes, at + 4 * WIDTH + i, ray.near[2], ray.far[2], ray.inverse[2], ray.z, near, far)
+        simd.write(first, i, across.least(lanes.where(near <= far, near, np.inf)))
+    least = simd.load(first, 0, 8)
+    return least, simd.bits(least < np.inf)
+
+
+@helper
+def _side(nodes: Any, at: int, behind: Lane, ahead: Lane, inverse: Lane, up: Lane, near: Lane, far: Lane) -> tuple[Lane, Lane]:
+    low, high = simd.read(nodes, at), simd.read(nodes, at + WIDTH)
+    near = lanes.maximum((lanes.where(up, low, high) - behind) * inverse, near)
+    return near, lanes.minimum((lanes.where(up, high, low) - ahead) * inverse * FAR, far)
+
+
+@helper
 def enter_alone(nodes: Any, node: int, ray: Bundle, t_min: Any, t_max: Any) -> tuple[Lane, int]:
     """The same for one ray."""
     at = node * NODE

@@ -6,13 +6,14 @@ mesh used by many instances has one tree. What has no bounds (planes) stands in 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import top, wide
+from . import kept, top, wide
 from .top import Top
 from .wide import Wide
 
@@ -37,11 +38,14 @@ class Bvh(NamedTuple):
     search: int = 0  # address of traverse.search, for kernels
 
 
-def build(tables: ir.Tables, brute: bool = False, threads: int = 0) -> Bvh:
-    """The trees of a scene, the same on any number of threads (0: all). With `brute` there is none over the instances: each is tried."""
+def build(tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool = True) -> Bvh:
+    """The trees of a scene, the same on any number of threads (0: all).
+
+    With `brute` there is none over the instances: each is tried. Meshes' trees are taken from those that are kept, and kept, if `keep`.
+    """
     geometries, instances = tables.geometries, tables.instances
     used = instances.geometry[geometries.kind[instances.geometry] == ir.GeometryKind.MESH]
-    meshes, roots = mesh_trees(tables, np.unique(used), threads)
+    meshes, roots = mesh_trees(tables, np.unique(used), threads, kept.tree if keep else wide.build)
     boxes = world_bounds(tables)
     kind = geometries.kind[instances.geometry]
     root = roots[instances.geometry]
@@ -76,19 +80,24 @@ def world_bounds(tables: ir.Tables) -> NDArray[np.float64]:
     return np.concatenate([centre - reach, centre + reach], axis=1)
 
 
-def mesh_trees(tables: ir.Tables, used: NDArray[np.int32], threads: int = 0) -> tuple[Wide, NDArray[np.int32]]:
+def mesh_trees(
+    tables: ir.Tables, used: NDArray[np.int32], threads: int = 0, tree_of: Callable[..., Wide] = kept.tree
+) -> tuple[Wide, NDArray[np.int32]]:
     """The trees of meshes, and where each geometry's begins: -1 where it has none."""
     geometries, pools = tables.geometries, tables.pools
     roots = np.full(len(geometries.kind), -1, np.int32)
-    made, nodes = [], 0
+    made, rows, nodes = [], [], 0
     for g in used:
         first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
+        vertex, vertices = int(geometries.first_vertex[g]), int(geometries.vertex_count[g])
         if count > 0:
-            tree = wide.build(pools.positions, pools.triangles[first : first + count], first, threads)
+            triangles = pools.triangles[first : first + count]
+            tree = tree_of(pools.positions[vertex : vertex + vertices], triangles - vertex if vertex else triangles, threads)
             made.append(tree)
+            rows.append(first)
             roots[g] = nodes
             nodes += len(tree.nodes)
-    return wide.pooled(made), roots
+    return wide.pooled(made, rows), roots
 
 
 def local_bounds(tables: ir.Tables) -> NDArray[np.float64]:

@@ -28,9 +28,9 @@ _lock = threading.Lock()
 
 def tree(positions: NDArray[np.float32], triangles: NDArray[np.int32], threads: int = 0) -> Wide:
     """The tree of a mesh as wide.build makes it, which is not to be changed."""
-    key = hashlib.sha256(np.int64([len(positions), len(triangles)]).tobytes())
-    key.update(np.ascontiguousarray(positions))
-    key.update(np.ascontiguousarray(triangles))
+    key = hashlib.sha256(_numbers(len(positions), len(triangles)))
+    key.update(np.ascontiguousarray(positions).data)
+    key.update(np.ascontiguousarray(triangles).data)
     name = key.hexdigest()
     with _lock:
         known = _known.get(name)
@@ -40,7 +40,7 @@ def tree(positions: NDArray[np.float32], triangles: NDArray[np.int32], threads: 
     file = kernels.CACHE / "trees" / name
     made = read(file) if len(triangles) >= LARGE else None
     if made is None:
-        made = wide.build(positions, triangles, threads=threads)
+        made = wide.build(positions, triangles, threads)
         if len(triangles) >= LARGE:
             write(file, made)
     with _lock:
@@ -48,6 +48,16 @@ def tree(positions: NDArray[np.float32], triangles: NDArray[np.int32], threads: 
         while len(_known) > 1 and sum(each.nbytes for each in _known.values()) > IN_MEMORY:
             _known.popitem(last=False)
     return made
+
+
+def forget() -> None:
+    """Drop what is in memory."""
+    with _lock:
+        _known.clear()
+
+
+def _numbers(*values: int) -> bytes:
+    return np.array(values, np.int64).tobytes()
 
 
 def read(file: Path) -> Wide | None:
@@ -59,7 +69,7 @@ def read(file: Path) -> Wide | None:
                 return None
             made = wide.room(nodes, leaves)
             for part in made:
-                if stream.readinto(memoryview(part).cast("B")) != part.nbytes:
+                if stream.readinto(part.data.cast("B")) != part.nbytes:
                     return None
         os.utime(file)
     except (OSError, ValueError):
@@ -80,9 +90,9 @@ def write(file: Path, made: Wide) -> None:
         handle, name = tempfile.mkstemp(dir=file.parent)
         try:
             with os.fdopen(handle, "wb") as stream:
-                stream.write(np.int64([len(made.nodes), len(made.leaves)]).tobytes())
+                stream.write(_numbers(len(made.nodes), len(made.leaves)))
                 for part in made:
-                    stream.write(memoryview(np.ascontiguousarray(part)).cast("B"))
+                    stream.write(np.ascontiguousarray(part).data.cast("B"))
             os.replace(name, file)
         except BaseException:
             os.unlink(name)

@@ -15,7 +15,8 @@ from .records import Hit, Lane, Vec
 from .single import MESH
 from .wide import DEPTH
 
-NARROW = 0.01  # square of the angle, in radians, that directions may stray from the first lane's to go together
+NARROW = 0.0005  # square of the angle, in radians, that directions may stray from the first lane's to go together
+SMALL = 64  # nodes of a tree up to which rays that go apart, too, share the tests of shapes
 FEW = 3  # active lanes from which on that is worth it
 _LANES = across.WIDTH
 _FOUND = 3 * _LANES
@@ -37,8 +38,9 @@ def _search(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit
     if accel.only >= 0 or len(accel.top.links) == 0 or left == 0:
         return best
     ray = boxes.world_ray(origin, direction)
-    if _narrow(ray, direction, until > t_min, left):
-        return _together(accel, ray, origin, direction, t_min, until, visible_bit, any_hit, best)
+    narrow = _narrow(ray, direction, until > t_min, left)
+    if narrow or len(accel.top.links) <= SMALL:
+        return _together(accel, ray, origin, direction, t_min, until, visible_bit, any_hit, narrow, best)
     return single.each(accel, ray, origin, direction, t_min, until, left, visible_bit, any_hit, best)
 
 
@@ -66,9 +68,10 @@ def _narrow(ray: boxes.BoxRay, direction: Vec, active: Lane, left: int) -> bool:
 
 @helper
 def _together(
-    accel: Any, ray: boxes.BoxRay, origin: Vec, direction: Vec, t_min: Lane, until: Lane, visible_bit: int, any_hit: bool, best: Hit
+    accel: Any, ray: boxes.BoxRay, origin: Vec, direction: Vec, t_min: Lane, until: Lane,
+    visible_bit: int, any_hit: bool, narrow: bool, best: Hit,
 ) -> Hit:  # fmt: skip
-    """The first hits of rays of one octant: they go where any of them may."""
+    """The first hits of rays that all go where any of them does; those of one octant are tested as a bundle."""
     nodes, links = accel.top.nodes, accel.top.links
     children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float64, DEPTH)
     active = until > t_min
@@ -78,7 +81,10 @@ def _together(
     while True:
         limit = across.most(lanes.minimum(best.t, until))
         if node >= 0:
-            near, hits = boxes.enter_eight(nodes, node, rays, begin, limit)
+            if narrow:
+                near, hits = boxes.enter_eight(nodes, node, rays, begin, limit)
+            else:
+                near, hits = boxes.enter_each(nodes, node, ray, t_min, lanes.minimum(best.t, until))
             if hits != 0:
                 node, top = walk.nearest_first(links, node, near, hits, children, reaches, top)
                 continue

@@ -44,11 +44,10 @@ class Wide(NamedTuple):
 class _Mesh(NamedTuple):
     positions: NDArray[np.float32]
     triangles: NDArray[np.int32]
-    first: int
 
 
-def build(positions: NDArray[np.float32], triangles: NDArray[np.int32], first: int = 0, threads: int = 0) -> Wide:
-    """The tree of triangles (t, 3), rows of positions (v, 3), which are numbered from `first` on; t > 0.
+def build(positions: NDArray[np.float32], triangles: NDArray[np.int32], threads: int = 0) -> Wide:
+    """The tree of triangles (t, 3), rows of positions (v, 3); t > 0.
 
     It is the same on any number of threads (0: all there are).
     """
@@ -56,12 +55,12 @@ def build(positions: NDArray[np.float32], triangles: NDArray[np.int32], first: i
         items = simd.aligned_empty((len(triangles), 8), np.float32)
         list(pool.map(lambda k: boxes_of(positions, triangles, items, *k), _shares(len(items))))
         tree, parts = halves.build(items, WIDTH, STEP, pool.map)
-        return _collapsed(tree, parts, _Mesh(positions, triangles, first), pool.map)
+        return _collapsed(tree, parts, _Mesh(positions, triangles), pool.map)
 
 
 def links(tree: halves.Halves, parts: list[int], run: Run) -> NDArray[np.int32]:
     """The links alone of a tree over items without triangles: ~ an item's number where a leaf's would stand."""
-    return _collapsed(tree, parts, _Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32), 0), run).links
+    return _collapsed(tree, parts, _Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)), run).links
 
 
 def _shares(n: int, least: int = 1 << 15) -> list[tuple[int, int]]:
@@ -92,7 +91,7 @@ def _collapsed(tree: halves.Halves, parts: list[int], mesh: _Mesh, run: Run) -> 
     top = made[0].links
     np.copyto(top, node[np.clip(PART - top, 0, len(parts) - 1) + 1], where=top <= PART, casting="unsafe")
     whole = room(int(node[-1]), int(leaf[-1]))
-    list(run(lambda k: join(whole, made[k], node[k], leaf[k]), range(len(made))))
+    list(run(lambda k: join(whole, made[k], node[k], leaf[k], 0), range(len(made))))
     return whole
 
 
@@ -104,14 +103,14 @@ def room(nodes: int, leaves: int) -> Wide:
     )  # fmt: skip
 
 
-def pooled(trees: list[Wide]) -> Wide:
-    """Trees one behind the other, with links that fit."""
-    if len(trees) == 1:
+def pooled(trees: list[Wide], rows: list[int]) -> Wide:
+    """Trees one behind the other, with links that fit; the triangles of each are numbered from its entry in `rows` on."""
+    if len(trees) == 1 and rows == [0]:
         return trees[0]
     whole = room(sum(len(tree.nodes) for tree in trees), sum(len(tree.leaves) for tree in trees))
     node = leaf = 0
-    for tree in trees:
-        join(whole, tree, node, leaf)
+    for tree, row in zip(trees, rows, strict=True):
+        join(whole, tree, node, leaf, row)
         node, leaf = node + len(tree.nodes), leaf + len(tree.leaves)
     return whole
 
@@ -255,7 +254,7 @@ def _fill(tree: Any, node: int, mesh: Any, leaves: Any, rows: Any, leaf: int) ->
                 v = mesh.triangles[row, corner]
                 for k in range(3):
                     leaves[leaf, (3 * corner + k) * WIDTH + j] = mesh.positions[v, k]
-            rows[leaf, j] = mesh.first + row
+            rows[leaf, j] = row
         else:
             for k in range(9):
                 leaves[leaf, k * WIDTH + j] = 0.0
@@ -263,8 +262,8 @@ def _fill(tree: Any, node: int, mesh: Any, leaves: Any, rows: Any, leaf: int) ->
 
 
 @kernel
-def join(whole, part, node, leaf):
-    """Copy a part to its place, from `node` and `leaf` on."""
+def join(whole, part, node, leaf, row):
+    """Copy a part to its place, from `node` and `leaf` on; its triangles are numbered from `row` on."""
     for i in range(len(part.nodes)):
         for k in range(NODE):
             whole.nodes[node + i, k] = part.nodes[i, k]
@@ -279,4 +278,4 @@ def join(whole, part, node, leaf):
         for k in range(LEAF):
             whole.leaves[leaf + i, k] = part.leaves[i, k]
         for k in range(WIDTH):
-            whole.rows[leaf + i, k] = part.rows[i, k]
+            whole.rows[leaf + i, k] = part.rows[i, k] + row if part.rows[i, k] >= 0 else -1

@@ -1,0 +1,105 @@
+"""Trees that are kept: the same whether built, remembered or read, and built again where a file is not what it should be."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from maquette.render import bvh, kept, kernels, wide
+
+from .tables import scene
+from .tracing import random_rays, same, wavy
+
+
+@pytest.fixture(autouse=True)
+def _apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder of one's own, and small meshes count as large."""
+    monkeypatch.setattr(kernels, "CACHE", tmp_path)
+    monkeypatch.setattr(kept, "LARGE", 100)
+    kept.forget()
+
+
+def mesh(cells: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    data = wavy(cells, seed)
+    return data.positions.astype(np.float32), data.triangles.astype(np.int32)
+
+
+def files(folder: Path) -> list[Path]:
+    return sorted((folder / "trees").iterdir()) if (folder / "trees").exists() else []
+
+
+def assert_equal(a: wide.Wide, b: wide.Wide) -> None:
+    for one, other in zip(a, b, strict=True):
+        np.testing.assert_array_equal(one, other)
+        assert one.dtype == other.dtype
+
+
+def test_a_tree_is_remembered_and_read_as_it_was_built(tmp_path: Path) -> None:
+    positions, triangles = mesh(20)
+    built = kept.tree(positions, triangles)
+    assert_equal(built, wide.build(positions, triangles))
+    assert kept.tree(positions.copy(), triangles.copy()) is built
+    assert len(files(tmp_path)) == 1
+    kept.forget()
+    read = kept.tree(positions, triangles)
+    assert read is not built
+    assert_equal(read, built)
+
+
+def test_another_corner_is_another_tree(tmp_path: Path) -> None:
+    positions, triangles = mesh(20)
+    built = kept.tree(positions, triangles)
+    moved = positions.copy()
+    moved[7, 1] = np.nextafter(moved[7, 1], np.float32(9))
+    assert kept.tree(moved, triangles) is not built
+    assert kept.tree(positions, triangles[::-1]) is not built
+    assert len(files(tmp_path)) == 3
+
+
+def test_small_meshes_are_not_written(tmp_path: Path) -> None:
+    kept.tree(*mesh(5))
+    assert files(tmp_path) == []
+
+
+@pytest.mark.parametrize("damage", ["empty", "short", "long", "foreign", "a folder"])
+def test_what_is_damaged_is_built_again(tmp_path: Path, damage: str) -> None:
+    positions, triangles = mesh(20)
+    built = kept.tree(positions, triangles)
+    (file,) = files(tmp_path)
+    whole = file.read_bytes()
+    file.unlink()
+    if damage == "a folder":
+        file.mkdir()
+    else:
+        file.write_bytes({"empty": b"", "short": whole[:-4], "long": whole + b"0000", "foreign": b"x" * len(whole)}[damage])
+    kept.forget()
+    assert_equal(kept.tree(positions, triangles), built)
+    if damage != "a folder":
+        assert file.read_bytes() == whole
+
+
+def test_nowhere_to_write_is_no_mistake(tmp_path: Path) -> None:
+    (tmp_path / "trees").write_text("in the way")
+    positions, triangles = mesh(20)
+    assert_equal(kept.tree(positions, triangles), wide.build(positions, triangles))
+
+
+def test_the_folder_and_the_memory_have_an_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sizes = [kept.tree(*mesh(20, seed)).nbytes for seed in range(3)]
+    monkeypatch.setattr(kept, "ON_DISK", 3 * max(sizes))
+    monkeypatch.setattr(kept, "IN_MEMORY", 2 * max(sizes))
+    for seed in range(3, 9):
+        kept.tree(*mesh(20, seed))
+        assert sum(file.stat().st_size for file in files(tmp_path)) <= 3 * max(sizes) + 16 * 3
+    newest = kept.tree(*mesh(20, 8))
+    assert kept.tree(*mesh(20, 8)) is newest
+    assert sum(tree.nbytes for tree in kept._known.values()) <= 2 * max(sizes)
+
+
+def test_scenes_share_what_is_kept_and_number_triangles_on_their_own() -> None:
+    first, second = wavy(20, 1), wavy(20, 2)
+    for meshes in ([first], [second, first], [first, second, first]):
+        tables = scene(meshes=[(each, np.eye(4), 0) for each in meshes])
+        assert sorted(row for row in bvh.build(tables).wide.rows.ravel() if row >= 0) == list(range(800 * min(len(meshes), 2)))
+        same(tables, random_rays(500, 3))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numba import types
 
-from . import across, boxes, lanes, shapes, simd, single, walk
+from . import across, boxes, bundle, lanes, shapes, simd, single, walk
 from .handles import Handle
 from .kernels import apart, helper
 from .links import FLOAT, MASK, VEC, Linked
@@ -137,6 +137,8 @@ def _mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
         return zero + np.inf, lanes.int_like(zero, -1), zero, zero
     rays = walk.room()
     walk.keep(rays, 0, o, d, ray.inverse, lanes.where(enters < np.inf, enters, 0.0), t_min, t_max, until)
+    if bundle.alike(rays, left):
+        return bundle.meet(accel.wide, root, rays, left, _reach(accel.boxes, g), any_hit)
     found, triangle = simd.stack_array(np.float64, _FOUND), simd.stack_array(np.int64, _LANES)
     across.store(found, 0, zero + np.inf)
     across.store(triangle, 0, lanes.int_like(zero, -1))
@@ -149,3 +151,9 @@ def _mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
         simd.write(found, _LANES + k, met.u)
         simd.write(found, 2 * _LANES + k, met.v)
     return across.load(found, 0), across.load(triangle, 0), across.load(found, 1), across.load(found, 2)
+
+
+@helper
+def _reach(bounds: Any, g: int) -> Any:
+    """The largest of a mesh's coordinates."""
+    return max(max(abs(bounds[g, 0]), abs(bounds[g, 1]), abs(bounds[g, 2])), max(abs(bounds[g, 3]), abs(bounds[g, 4]), abs(bounds[g, 5])))

@@ -87,6 +87,44 @@ def _load(table, row):
     return lambda table, row: simd.read(table, row)
 
 
+def load_rows3(rows: Any, first: int) -> Vec:
+    """The columns of WIDTH rows of three numbers, as float64; in kernels of whatever numbers there are."""
+    return tuple(np.asarray(rows[first : first + WIDTH], np.float64).T)
+
+
+@overload(load_rows3, jit_options=HELPER)
+def _load_rows3(rows, first):
+    if WIDTH > 1:
+        what = getattr(simd, f"f64x{WIDTH}")
+        return lambda rows, first: simd.load3(rows, first * 3, what)
+    return lambda rows, first: (np.float64(rows[first, 0]), np.float64(rows[first, 1]), np.float64(rows[first, 2]))
+
+
+def load_row(numbers: Any, first: int) -> Lane:
+    """WIDTH numbers from the first on, as float64."""
+    return np.asarray(numbers[first : first + WIDTH], np.float64)
+
+
+@overload(load_row, jit_options=HELPER)
+def _load_row(numbers, first):
+    if WIDTH > 1:
+        what = getattr(simd, f"f64x{WIDTH}")
+        return lambda numbers, first: simd.load(numbers, first, what)
+    return lambda numbers, first: np.float64(numbers[first])
+
+
+def store_row(numbers: Any, first: int, x: Lane) -> None:
+    """Write a value to WIDTH elements from the first on."""
+    numbers[first : first + WIDTH] = x
+
+
+@overload(store_row, jit_options=HELPER)
+def _store_row(numbers, first, x):
+    if _vector(x):
+        return lambda numbers, first, x: simd.store(numbers, first, x)
+    return lambda numbers, first, x: simd.write(numbers, first, x)
+
+
 def store(table: Any, row: int, x: Lane) -> None:
     """Write a value to a row of a (rows, WIDTH) table; in kernels also of a flat one."""
     table[row] = x

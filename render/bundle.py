@@ -19,7 +19,7 @@ from .wide import DEPTH, LEAF, NODE, SLACK, WIDTH
 
 LANES = across.WIDTH
 FEW = 3  # rays from which on it is worth it
-NARROW = 0.02  # how far their slopes against the largest axis may be apart
+WIDE = 0.2  # leaves of the mesh for each of them that they may be apart
 _FAR = np.float32(walk.FAR)
 
 
@@ -36,14 +36,20 @@ class Beam(NamedTuple):
 
 
 @helper
-def alike(rays: walk.Rays, left: int) -> bool:
-    """Whether the rays whose bits are set in `left` are several and go nearly the same way."""
-    if simd.population(left) < FEW:
+def alike(rays: walk.Rays, left: int, reach: Any, fine: Any) -> bool:
+    """Whether the rays whose bits are set in `left` are several and go through much the same leaves of a mesh.
+
+    `reach` is the largest of the mesh's coordinates, `fine` how wide its leaves are.
+    """
+    count = simd.population(left)
+    if count < FEW:
         return False
+    width = WIDE * fine * count
     k = simd.trailing_zeros(left)
+    kx, ky, kz = simd.read(rays.axes, k), simd.read(rays.axes, LANES + k), simd.read(rays.axes, 2 * LANES + k)
     same = (
         _like(simd.load(rays.axes, 0, LANES), k) & _like(simd.load(rays.axes, LANES, LANES), k)
-        & _close(simd.load(rays.doubles, 3 * LANES, LANES), k) & _close(simd.load(rays.doubles, 4 * LANES, LANES), k)
+        & _close(rays, 3, kx, kz, k, reach, width) & _close(rays, 4, ky, kz, k, reach, width)
         & _one_way(simd.load(rays.singles, 3 * LANES, LANES), k) & _one_way(simd.load(rays.singles, 4 * LANES, LANES), k)
         & _one_way(simd.load(rays.singles, 5 * LANES, LANES), k)
     )  # fmt: skip
@@ -56,8 +62,13 @@ def _like(axis: Lane, k: int) -> int:
 
 
 @helper
-def _close(slope: Lane, k: int) -> int:
-    return simd.bits(abs(slope - simd.lane(slope, k)) <= NARROW)
+def _close(rays: walk.Rays, row: int, axis: int, along: int, k: int, reach: Any, width: Any) -> int:
+    """Bits of the rays that stay within `width` of ray k on an axis from where they enter the mesh's box; `row` holds their slopes."""
+    slope = simd.load(rays.doubles, row * LANES, LANES)
+    across_, forth = simd.load(rays.singles, axis * LANES, LANES), simd.load(rays.singles, along * LANES, LANES)
+    place = simd.to_f64(across_) - simd.lane(slope, k) * simd.to_f64(forth)
+    apart_ = abs(place - simd.lane(place, k)) + 2.0 * reach * abs(slope - simd.lane(slope, k))
+    return simd.bits(apart_ <= width)
 
 
 @helper

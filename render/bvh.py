@@ -17,6 +17,7 @@ from . import kept, top, wide
 from .top import Top
 from .wide import Wide
 
+FINE = 6  # column of `boxes`
 SLACK = 1e-12  # of its coordinates, by which an instance's box grows: transforms round
 
 
@@ -27,7 +28,7 @@ class Bvh(NamedTuple):
     """
 
     wide: Wide  # of meshes; its rows are those of Pools.triangles
-    boxes: NDArray[np.float64]  # (geometries, 8) of meshes: lowest x, y, z, highest x, y, z
+    boxes: NDArray[np.float64]  # (geometries, 8) of meshes: lowest x, y, z, highest x, y, z, how wide their leaves are
     top: Top  # over instances
     endless: NDArray[np.int32]  # instances outside of the tree, rising
     only: int  # the one instance in the tree, or -1
@@ -45,7 +46,7 @@ def build(tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool =
     """
     geometries, instances = tables.geometries, tables.instances
     used = instances.geometry[geometries.kind[instances.geometry] == ir.GeometryKind.MESH]
-    meshes, roots = mesh_trees(tables, np.unique(used), threads, kept.tree if keep else wide.build)
+    meshes, roots, fine = mesh_trees(tables, np.unique(used), threads, kept.tree if keep else wide.build)
     boxes = world_bounds(tables)
     kind = geometries.kind[instances.geometry]
     root = roots[instances.geometry]
@@ -55,7 +56,7 @@ def build(tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool =
     placed = np.stack([instances.visible, instances.transform, instances.geometry, kind, root], axis=1)
     return Bvh(
         wide=meshes,
-        boxes=local_bounds(tables),
+        boxes=local_bounds(tables, fine),
         top=top.build(boxes, inside, threads),
         endless=np.flatnonzero(drawable & ~bounded).astype(np.int32),
         only=int(inside[0]) if len(inside) == 1 else -1,
@@ -82,10 +83,11 @@ def world_bounds(tables: ir.Tables) -> NDArray[np.float64]:
 
 def mesh_trees(
     tables: ir.Tables, used: NDArray[np.int32], threads: int = 0, tree_of: Callable[..., Wide] = kept.tree
-) -> tuple[Wide, NDArray[np.int32]]:
-    """The trees of meshes, and where each geometry's begins: -1 where it has none."""
+) -> tuple[Wide, NDArray[np.int32], NDArray[np.float64]]:
+    """The trees of meshes; for each geometry where its own begins, -1 where it has none, and how wide its leaves are."""
     geometries, pools = tables.geometries, tables.pools
     roots = np.full(len(geometries.kind), -1, np.int32)
+    fine = np.zeros(len(roots))
     made, rows, nodes = [], [], 0
     for g in used:
         first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
@@ -95,12 +97,12 @@ def mesh_trees(
             tree = tree_of(pools.positions[vertex : vertex + vertices], triangles - vertex if vertex else triangles, threads)
             made.append(tree)
             rows.append(first)
-            roots[g] = nodes
+            roots[g], fine[g] = nodes, wide.fineness(tree)
             nodes += len(tree.nodes)
-    return wide.pooled(made, rows), roots
+    return wide.pooled(made, rows), roots, fine
 
 
-def local_bounds(tables: ir.Tables) -> NDArray[np.float64]:
-    """(geometries, 8) the boxes of geometries relative to their origins, as nodes."""
+def local_bounds(tables: ir.Tables, fine: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(geometries, 8) as Bvh.boxes."""
     low, high = (tables.geometries.bounds[:, k] - tables.geometries.origin for k in range(2))
-    return np.ascontiguousarray(np.concatenate([low, high, np.zeros((len(low), 2))], axis=1))
+    return np.ascontiguousarray(np.concatenate([low, high, fine[:, None], np.zeros((len(low), 1))], axis=1))

@@ -63,7 +63,9 @@ def _columns(origin: ArrayLike, direction: ArrayLike, t_min: ArrayLike, t_max: A
 
 @helper
 def _three(rows: Any, start: int, n: int) -> Vec:
-    """The columns of rows `start` on, (n, 3); beyond the last one it is repeated. Copied number by number: gathers are slow."""
+    """The columns of rows `start` on, (n, 3); beyond the last one it is repeated."""
+    if start + across.WIDTH <= n:
+        return across.load_rows3(rows, start)
     x, y, z = simd.stack_array(np.float64, _LANES), simd.stack_array(np.float64, _LANES), simd.stack_array(np.float64, _LANES)
     for j in range(across.WIDTH):
         k = min(start + j, n - 1)
@@ -76,10 +78,22 @@ def _three(rows: Any, start: int, n: int) -> Vec:
 @helper
 def _one(numbers: Any, start: int, n: int) -> Lane:
     """Numbers `start` on; beyond the last one it is repeated."""
+    if start + across.WIDTH <= n:
+        return across.load_row(numbers, start)
     x = simd.stack_array(np.float64, _LANES)
     for j in range(across.WIDTH):
         simd.write(x, j, numbers[min(start + j, n - 1)])
     return across.load(x, 0)
+
+
+@helper
+def _put(numbers: Any, start: int, n: int, x: Lane) -> None:
+    """Write a value to numbers `start` on, as far as there are any."""
+    if start + across.WIDTH <= n:
+        across.store_row(numbers, start, x)
+        return
+    for j in range(n - start):
+        numbers[start + j] = across.lane(x, j)
 
 
 @kernel
@@ -90,9 +104,11 @@ def closest_of(accel, origin, direction, t_min, t_max, visible, met):
         active = lanes.bool_like(o[0], True)
         least, most = _one(t_min, start, n), _one(t_max, start, n)
         hit = traverse.find(accel.search, (accel, o, d, least, most, active, visible, False))  # pyright: ignore[reportCallIssue]
-        for j in range(min(n - start, across.WIDTH)):
-            met.t[start + j], met.u[start + j], met.v[start + j] = across.lane(hit.t, j), across.lane(hit.u, j), across.lane(hit.v, j)
-            met.instance[start + j], met.primitive[start + j] = across.lane(hit.instance, j), across.lane(hit.primitive, j)
+        _put(met.t, start, n, hit.t)
+        _put(met.u, start, n, hit.u)
+        _put(met.v, start, n, hit.v)
+        _put(met.instance, start, n, hit.instance)
+        _put(met.primitive, start, n, hit.primitive)
 
 
 @kernel
@@ -103,5 +119,4 @@ def occluded_of(accel, origin, direction, t_min, t_max, visible, blocked):
         active = lanes.bool_like(o[0], True)
         least, most = _one(t_min, start, n), _one(t_max, start, n)
         hit = traverse.find(accel.search, (accel, o, d, least, most, active, visible, True))  # pyright: ignore[reportCallIssue]
-        for j in range(min(n - start, across.WIDTH)):
-            blocked[start + j] = across.lane(hit.instance, j) >= 0
+        _put(blocked, start, n, hit.instance >= 0)

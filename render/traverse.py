@@ -8,6 +8,7 @@ import numpy as np
 from numba import types
 
 from . import across, boxes, bundle, lanes, shapes, simd, single, walk
+from .bvh import FINE
 from .handles import Handle
 from .kernels import apart, helper
 from .links import FLOAT, MASK, VEC, Linked
@@ -137,8 +138,9 @@ def _mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
         return zero + np.inf, lanes.int_like(zero, -1), zero, zero
     rays = walk.room()
     walk.keep(rays, 0, o, d, ray.inverse, lanes.where(enters < np.inf, enters, 0.0), t_min, t_max, until)
-    if bundle.alike(rays, left):
-        return bundle.meet(accel.wide, root, rays, left, _reach(accel.boxes, g), any_hit)
+    reach = _reach(accel.boxes, g)
+    if bundle.alike(rays, left, reach, accel.boxes[g, FINE]):
+        return bundle.meet(accel.wide, root, rays, left, reach, any_hit)
     found, triangle = simd.stack_array(np.float64, _FOUND), simd.stack_array(np.int64, _LANES)
     across.store(found, 0, zero + np.inf)
     across.store(triangle, 0, lanes.int_like(zero, -1))

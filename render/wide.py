@@ -115,6 +115,15 @@ def pooled(trees: list[Wide], rows: list[int]) -> Wide:
     return whole
 
 
+def fineness(tree: Wide, some: int = 512) -> float:
+    """How wide leaves are: the median of the largest sides of some of their boxes."""
+    step = max(1, len(tree.leaves) // some)
+    corners = tree.leaves[::step].reshape(-1, 3, 3, WIDTH)
+    there = (tree.rows[::step] >= 0)[:, None, None]
+    low, high = np.where(there, corners, np.inf).min(axis=(1, 3)), np.where(there, corners, -np.inf).max(axis=(1, 3))
+    return float(np.median((high - low).max(axis=1)))
+
+
 @kernel
 def boxes_of(positions, triangles, items, start, end):
     """Set the boxes of triangles start … end as halves.py wants them."""

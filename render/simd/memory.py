@@ -134,6 +134,24 @@ def load_aligned(typingctx, array, i, what=None):
     return _load(array, i, what, True)
 
 
+@intrinsic(prefer_literal=True)
+def load3(typingctx, array, i, what=None):
+    """Three vectors from elements i, i+1 …: every third from the first, the second, the third on, as the columns of rows of three."""
+    result = vector_asked(array, what)
+    if result is None or not isinstance(i, types.Integer):
+        return None
+
+    def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
+        n = result.lanes
+        pointer = as_vector(builder, place(context, builder, array, args[0], args[1], i), stored_type(context, array), 3 * n)
+        loaded = builder.load(pointer, align=item_bytes(array))
+        columns = [shuffled(builder, loaded, loaded, list(range(k, 3 * n, 3))) for k in range(3)]
+        parts = [from_memory(builder, column, array).to(result.kind, result.bits).raw for column in columns]
+        return context.make_tuple(builder, sig.return_type, parts)
+
+    return signature(types.UniTuple(result, 3), array, i, what or types.none), generate
+
+
 def _store(array: Any, index: types.Type, x: types.Type, aligned: bool) -> Any:
     if element_shape(array) is None or not isinstance(x, Vector) or not isinstance(index, types.Integer):
         return None

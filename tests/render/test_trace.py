@@ -159,6 +159,24 @@ def test_what_thousands_of_rays_meet_among_hundreds_of_things(shape: str) -> Non
         assert np.all(instance[t_max < 0] == -1)
 
 
+@pytest.mark.parametrize("spread", [0.0, 1e-4, 3e-3, 0.03])
+def test_rays_that_go_one_way_through_a_mesh_meet_what_each_meets_alone(spread: float) -> None:
+    """Bundles as tight as a leaf and much wider, at edges and corners, with rays that end before, and any hit."""
+    rng = np.random.default_rng(3)
+    mesh = wavy(40)
+    tables = scene(meshes=[(mesh, anywhere(rng), 0), (mesh, anywhere(rng), 0)])
+    matrices = tables.transforms.matrix[tables.instances.transform]
+    local = mesh.positions[rng.integers(len(mesh.positions), size=500)]  # towards corners, where six triangles meet
+    target = np.einsum("ij,nj->ni", matrices[0][:, :3], local) + matrices[0][:, 3]
+    eye = rng.uniform(-9, 9, (500, 3))
+    origin, towards = np.repeat(eye, 8, axis=0), np.repeat(target - eye, 8, axis=0)
+    towards = towards + spread * rng.uniform(-1, 1, towards.shape) * np.linalg.norm(towards, axis=1, keepdims=True)
+    towards[::8] = (target - eye)
+    t_max = np.where(rng.random(4000) < 0.3, rng.uniform(0.5, 1.5, 4000), np.inf)
+    _, instance, *_ = same(tables, rays(origin, towards, t_max=t_max))
+    assert np.mean(instance >= 0) > 0.5
+
+
 def test_rays_along_the_axes_from_one_place_go_together() -> None:
     """Directions with zeros, of both signs: 1 / 0 is no distance."""
     tables = scene([(K.BOX, [0.5, 0.5, 0.5], matrix((x, y, 0.0)), 0) for x in range(8) for y in range(8)])

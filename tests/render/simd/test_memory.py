@@ -46,6 +46,23 @@ def test_loads_and_stores_with_and_without_masks(dtype, n):
 
 
 @njit
+def _columns(x, out, i):
+    a, b, c = simd.load3(x, i, 8)
+    simd.store(out, 0, a)
+    simd.store(out, 8, b)
+    simd.store(out, 16, c)
+
+
+@pytest.mark.parametrize("dtype", STORED)
+@pytest.mark.parametrize("i", [0, 1, 6])
+def test_rows_of_three_come_as_columns(dtype, i):
+    x, out = numbers(dtype, 30), guarded(dtype, 32)
+    _columns(x, out, i)
+    assert np.array_equal(out[:24].reshape(3, 8), x[i : i + 24].reshape(8, 3).T)
+    assert np.array_equal(out[24:], guarded(dtype, 8))
+
+
+@njit
 def _natural(x, wide, out):
     a = simd.load(x, 0)
     simd.store(out, 0, a)

@@ -138,9 +138,12 @@ def _mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
         return zero + np.inf, lanes.int_like(zero, -1), zero, zero
     rays = walk.room()
     walk.keep(rays, 0, o, d, ray.inverse, lanes.where(enters < np.inf, enters, 0.0), t_min, t_max, until)
-    reach = _reach(accel.boxes, g)
-    if bundle.alike(rays, left, reach, accel.boxes[g, FINE]):
-        return bundle.meet(accel.wide, root, rays, left, reach, any_hit)
+    return _below(accel, g, root, rays, left, zero, any_hit)
+
+
+@helper
+def _each(accel: Any, g: int, root: int, rays: walk.Rays, left: int, zero: Lane, any_hit: bool) -> tuple[Lane, Lane, Lane, Lane]:
+    """What the rays whose bits are set in `left` meet, one after the other."""
     found, triangle = simd.stack_array(np.float64, _FOUND), simd.stack_array(np.int64, _LANES)
     across.store(found, 0, zero + np.inf)
     across.store(triangle, 0, lanes.int_like(zero, -1))
@@ -153,6 +156,18 @@ def _mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
         simd.write(found, _LANES + k, met.u)
         simd.write(found, 2 * _LANES + k, met.v)
     return across.load(found, 0), across.load(triangle, 0), across.load(found, 1), across.load(found, 2)
+
+
+@helper
+def _bundled(accel: Any, g: int, root: int, rays: walk.Rays, left: int, zero: Lane, any_hit: bool) -> tuple[Lane, Lane, Lane, Lane]:
+    """The same, together where they are alike."""
+    reach = _reach(accel.boxes, g)
+    if bundle.alike(rays, left, reach, accel.boxes[g, FINE]):
+        return bundle.meet(accel.wide, root, rays, left, reach, any_hit)
+    return _each(accel, g, root, rays, left, zero, any_hit)
+
+
+_below = _bundled if across.WIDTH >= bundle.FEW else _each
 
 
 @helper

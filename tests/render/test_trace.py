@@ -173,7 +173,7 @@ def test_rays_that_go_one_way_through_a_mesh_meet_what_each_meets_alone(spread: 
     towards = towards + spread * rng.uniform(-1, 1, towards.shape) * np.linalg.norm(towards, axis=1, keepdims=True)
     towards[::8] = (target - eye)
     t_max = np.where(rng.random(4000) < 0.3, rng.uniform(0.5, 1.5, 4000), np.inf)
-    _, instance, *_ = same(tables, rays(origin, towards, t_max=t_max))
+    _, instance, *_ = same(tables, rays(origin, towards)._replace(t_max=t_max))
     assert np.mean(instance >= 0) > 0.5
 
 

@@ -150,11 +150,11 @@ def _perpendicular(axis: np.ndarray, up: Sequence[float]) -> np.ndarray:
 def _shortest_turn(normal: np.ndarray) -> np.ndarray:
     """The rotation that takes +y to a unit vector by the smallest angle (about x where it points to −y)."""
     x, y, z = normal.tolist()
-    across = x * x + z * z
-    if y < 0 and across == 0:
+    across = math.hypot(x, z)
+    if y < 0 and across < 1e-290:
         return np.diag([1.0, -1.0, -1.0])
-    k = (1.0 - y) / across if y < 0 else 1.0 / (1.0 + y)  # the same, each where nothing cancels
-    return np.array([[1 - k * x * x, x, -k * x * z], [-x, y, -z], [-k * x * z, z, 1 - k * z * z]])
+    k, a, b = (1.0 - y, x / across, z / across) if y < 0 else (1.0 / (1.0 + y), x, z)  # the same, each where nothing cancels
+    return np.array([[1 - k * a * a, x, -k * a * b], [-x, y, -z], [-k * a * b, z, 1 - k * b * b]])
 
 
 def _euler(ax: float, ay: float, az: float) -> np.ndarray:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from maquette.compiler import transforms
 from maquette.lang.elements import AxisAngle, Euler, Quaternion
@@ -142,6 +142,9 @@ def test_looking_straight_down_has_minus_z_up() -> None:
 
 
 @given(axes)
+@example((3e-157, -1.0, 0.0))
+@example((5e-324, -1.0, 5e-324))
+@example((1e-9, -1.0, -2e-9))
 def test_facing_takes_y_to_the_direction_by_the_smallest_turn(direction: tuple) -> None:
     made = transforms.facing((1, 2, 3), direction)
     assert made is not None

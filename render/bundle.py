@@ -20,6 +20,7 @@ from .wide import DEPTH, LEAF, NODE, SLACK, WIDTH
 LANES = across.WIDTH
 FEW = 3  # rays from which on it is worth it
 WIDE = 0.2  # leaves of the mesh for each of them that they may be apart
+WIDE_ANY = 0.1  # the same for any hit, which a ray by itself finds sooner
 _FAR = np.float32(walk.FAR)
 
 
@@ -36,7 +37,7 @@ class Beam(NamedTuple):
 
 
 @helper
-def alike(rays: walk.Rays, left: int, reach: Any, fine: Any) -> bool:
+def alike(rays: walk.Rays, left: int, reach: Any, fine: Any, any_hit: bool) -> bool:
     """Whether the rays whose bits are set in `left` are several and go through much the same leaves of a mesh.
 
     `reach` is the largest of the mesh's coordinates, `fine` how wide its leaves are.
@@ -44,7 +45,7 @@ def alike(rays: walk.Rays, left: int, reach: Any, fine: Any) -> bool:
     count = simd.population(left)
     if count < FEW:
         return False
-    width = WIDE * fine * count
+    width = (WIDE_ANY if any_hit else WIDE) * fine * count
     k = simd.trailing_zeros(left)
     kx, ky, kz = simd.read(rays.axes, k), simd.read(rays.axes, LANES + k), simd.read(rays.axes, 2 * LANES + k)
     same = (

@@ -19,7 +19,9 @@ from .records import Lane
 
 BINS = 16
 _BINS3 = 3 * BINS  # of three axes
-_ROOM = 8 * _BINS3
+_SETS = 4  # of bins, a power of two
+_TURNS = 128  # items from which on they are worth it
+_ROOM, _COUNTS = 8 * _SETS * _BINS3, _SETS * _BINS3
 NUMBER = 3  # column of an item's box that holds its number, as bits
 TAG = 0x40000000  # set in those bits: small integers are denormal floats, which are slow
 _GRAIN = 32  # parts of at least this many, so that threads come out even
@@ -89,9 +91,10 @@ def grow(items, boxes, second, first, count, root, width, step, once):
     """Divide the node `root` and, unless `once`, all below it."""
     stack = simd.stack_array(np.int32, 256)
     bins = simd.stack_array(np.float32, _ROOM)
-    filled = simd.stack_array(np.int32, _BINS3)
+    filled = simd.stack_array(np.int32, _COUNTS)
     left = simd.stack_array(np.float32, BINS)
     before = simd.stack_array(np.int32, BINS)
+    aside = np.empty((count[root], 8), np.float32)
     simd.write(stack, 0, root)
     simd.write(stack, 1, 0)
     top = 2
@@ -102,16 +105,24 @@ def grow(items, boxes, second, first, count, root, width, step, once):
         second[node] = 0
         if n == 1:
             continue
-        middle = np.int64(-1)
+        low, size = _centres(items, begin, n)
+        used = BINS if n > BINS else max(4, min(BINS, n + (n >> 1)))
+        scale = simd.f32x4(np.float32(used) * np.float32(0.9999)) / simd.maximum(size, simd.f32x4(1e-30))
+        plane, axis = -1, 0
         if depth < DEEPEST or n <= width:
-            middle = _divide(items, begin, n, simd.load(boxes, node * 8, 8), width, step, bins, filled, left, before)
-        if middle == LEAF:
+            _fill(items, begin, n, low, scale, used, bins, filled)
+            plane, axis = _divide(simd.load(boxes, node * 8, 8), n, size, used, width, step, bins, filled, left, before)
+        if plane == LEAF:
             continue
-        if middle < 0:
+        if plane < 0:
             middle = begin + n // 2
+            one, other = _enclosing(items, begin, middle), _enclosing(items, middle, begin + n)
+        else:
+            middle = _sort(items, begin, n, axis, simd.lane(low, axis), simd.lane(scale, axis), plane, aside)
+            one, other = _enclosing(bins, axis * used, axis * used + plane), _enclosing(bins, axis * used + plane, (axis + 1) * used)
         a, b = node + 1, node + 2 * (middle - begin)
-        simd.store(boxes, a * 8, _enclosing(items, begin, middle))
-        simd.store(boxes, b * 8, _enclosing(items, middle, begin + n))
+        simd.store(boxes, a * 8, one)
+        simd.store(boxes, b * 8, other)
         second[node] = b
         first[a], count[a], first[b], count[b] = begin, middle - begin, middle, begin + n - middle
         second[a], second[b] = 0, 0
@@ -135,32 +146,29 @@ def _enclosing(items: Any, begin: int, end: int) -> Lane:
 
 @helper
 def _divide(
-    items: Any, begin: int, n: int, around: Lane, width: int, step: float, bins: Any, filled: Any, left: Any, before: Any
-) -> int:
-    """Sort items begin … begin + n into two halves: where the second begins; LEAF: better a leaf; -1: no plane divides them."""
-    low, size = _centres(items, begin, n)
-    used = BINS if n > BINS else max(4, min(BINS, n + (n >> 1)))
-    scale = simd.f32x4(np.float32(used) * np.float32(0.9999)) / simd.maximum(size, simd.f32x4(1e-30))
-    _fill(items, begin, n, low, scale, used, bins, filled)
+    around: Lane, n: int, size: Lane, used: int, width: int, step: float, bins: Any, filled: Any, left: Any, before: Any
+) -> tuple[int, int]:
+    """(the first bin of the second half of n items, its axis); LEAF: better a leaf; -1: no plane divides them."""
     cost, axis, plane = _cheapest(bins, filled, left, before, size, used, width)
     if n <= width:
         alone = half_area(around) * (np.float32(1.0) + np.float32(_LATER) * np.float32(n))
         if axis < 0 or alone <= np.float32(step) * half_area(around) + cost:
-            return LEAF
-    if axis < 0:
-        return -1
-    base, factor = simd.lane(low, axis), simd.lane(scale, axis)
-    i, j = begin, begin + n - 1
-    while True:
-        while i <= j and _bin(items, i, axis, base, factor) < plane:
-            i += 1
-        while i <= j and _bin(items, j, axis, base, factor) >= plane:
-            j -= 1
-        if i >= j:
-            return i
-        one, other = simd.load(items, i * 8, 8), simd.load(items, j * 8, 8)
-        simd.store(items, i * 8, other)
-        simd.store(items, j * 8, one)
+            return LEAF, 0
+    return (plane, axis) if axis >= 0 else (-1, 0)
+
+
+@helper
+def _sort(items: Any, begin: int, n: int, axis: int, base: Any, factor: Any, plane: int, aside: Any) -> int:
+    """Bring the items of bins before `plane` to the front, in their order, without a branch; where the others begin."""
+    first, others = np.int64(begin), np.int64(0)
+    for i in range(begin, begin + n):
+        box, front = simd.load(items, i * 8, 8), np.int64(_bin(items, i, axis, base, factor) < plane)
+        simd.store(items, first * 8, box)  # over one that has its place already, or itself
+        simd.store(aside, others * 8, box)
+        first, others = first + front, others + 1 - front
+    for k in range(others):
+        simd.store(items, (first + k) * 8, simd.load(aside, k * 8, 8))
+    return first
 
 
 @helper
@@ -176,17 +184,36 @@ def _centres(items: Any, begin: int, n: int) -> tuple[Lane, Lane]:
 
 @helper
 def _fill(items: Any, begin: int, n: int, low: Lane, scale: Lane, used: int, bins: Any, filled: Any) -> None:
-    """Boxes and numbers of the items in each of the three axes' bins."""
-    for k in range(3 * used):
-        simd.store(bins, k * 8, _nothing())
-        simd.write(filled, k, 0)
+    """Boxes and numbers of the items in each of the three axes' bins.
+
+    Neighbours fall into one bin, where each waits for the one before. So they take turns in several sets, which are then joined.
+    """
+    sets = _SETS if n >= _TURNS else 1
+    for k in range(sets):
+        for j in range(k * _BINS3, k * _BINS3 + 3 * used):
+            simd.store(bins, j * 8, _nothing())
+            simd.write(filled, j, 0)
+    last = simd.i32x4(np.int32(used - 1))
+    first = simd.iota(last) * simd.i32x4(np.int32(used))
     for i in range(begin, begin + n):
         box = simd.load(items, i * 8, 8)
         places = simd.to_i32((simd.low_half(box) - simd.high_half(box) - low) * scale)
-        for axis in range(3):
-            k = axis * used + min(max(np.int64(simd.lane(places, axis)), 0), used - 1)
-            simd.store(bins, k * 8, simd.minimum(simd.load(bins, k * 8, 8), box))
-            simd.write(filled, k, simd.read(filled, k) + 1)
+        places = simd.minimum(simd.maximum(places, simd.i32x4(0)), last) + first
+        at = (i & (sets - 1)) * _BINS3
+        _put(bins, filled, at + np.int64(simd.lane(places, 0)), box)
+        _put(bins, filled, at + np.int64(simd.lane(places, 1)), box)
+        _put(bins, filled, at + np.int64(simd.lane(places, 2)), box)
+    for k in range(1, sets):
+        for j in range(3 * used):
+            other = k * _BINS3 + j
+            simd.store(bins, j * 8, simd.minimum(simd.load(bins, j * 8, 8), simd.load(bins, other * 8, 8)))
+            simd.write(filled, j, simd.read(filled, j) + simd.read(filled, other))
+
+
+@helper
+def _put(bins: Any, filled: Any, k: int, box: Lane) -> None:
+    simd.store(bins, k * 8, simd.minimum(simd.load(bins, k * 8, 8), box))
+    simd.write(filled, k, simd.read(filled, k) + np.int32(1))
 
 
 @helper

@@ -162,7 +162,7 @@ def _each(accel: Any, g: int, root: int, rays: walk.Rays, left: int, zero: Lane,
 def _bundled(accel: Any, g: int, root: int, rays: walk.Rays, left: int, zero: Lane, any_hit: bool) -> tuple[Lane, Lane, Lane, Lane]:
     """The same, together where they are alike."""
     reach = _reach(accel.boxes, g)
-    if bundle.alike(rays, left, reach, accel.boxes[g, FINE]):
+    if bundle.alike(rays, left, reach, accel.boxes[g, FINE], any_hit):
         return bundle.meet(accel.wide, root, rays, left, reach, any_hit)
     return _each(accel, g, root, rays, left, zero, any_hit)
 

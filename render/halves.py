@@ -158,7 +158,7 @@ def _divide(
 
 
 @helper
-def _sort(items: Any, begin: int, n: int, axis: int, base: Any, factor: Any, plane: int, aside: Any) -> int:
+def _sort(items: Any, begin: int, n: int, axis: int, base: Any, factor: Any, plane: int, aside: Any) -> Any:
     """Bring the items of bins before `plane` to the front, in their order, without a branch; where the others begin."""
     first, others = np.int64(begin), np.int64(0)
     for i in range(begin, begin + n):

@@ -108,7 +108,10 @@ def rows_of(x: Any, y: Any, z: Any) -> tuple[int, int, int]:
 
 @helper
 def enter_eight(nodes: Any, node: int, rays: Bundle, t_min: Any, t_max: Any) -> tuple[Lane, int]:
-    """Where the first of some rays may enter a node's eight boxes, and bits of those that one may enter between t_min and t_max."""
+    """Where the first of some rays may enter a node's eight boxes, and bits of those that one may enter between t_min and t_max.
+
+    For a single ray, `least` and `most` are one value, and the compiler leaves the second product out.
+    """
     at = node * NODE
     near, far = simd.f64x8(t_min), simd.f64x8(t_max)
     near, far = _slabs(nodes, at, rays, 0, near, far)
@@ -148,20 +151,3 @@ def _side(nodes: Any, at: int, behind: Lane, ahead: Lane, inverse: Lane, up: Lan
     low, high = simd.read(nodes, at), simd.read(nodes, at + WIDTH)
     near = lanes.maximum((lanes.where(up, low, high) - behind) * inverse, near)
     return near, lanes.minimum((lanes.where(up, high, low) - ahead) * inverse * FAR, far)
-
-
-@helper
-def enter_alone(nodes: Any, node: int, ray: Bundle, t_min: Any, t_max: Any) -> tuple[Lane, int]:
-    """The same for one ray."""
-    at = node * NODE
-    near, far = simd.f64x8(t_min), simd.f64x8(t_max)
-    near, far = _slab(nodes, at, ray, 0, near, far)
-    near, far = _slab(nodes, at, ray, 1, near, far)
-    near, far = _slab(nodes, at, ray, 2, near, far)
-    return near, simd.bits(near <= far)
-
-
-@helper
-def _slab(nodes: Any, at: int, ray: Bundle, k: int, near: Lane, far: Lane) -> tuple[Lane, Lane]:
-    near = simd.maximum(near, (simd.load(nodes, at + ray.rows[k], 8) - ray.near[k]) * ray.least[k])
-    return near, simd.minimum(far, (simd.load(nodes, at + (ray.rows[k] ^ WIDTH), 8) - ray.far[k]) * ray.most[k] * FAR)

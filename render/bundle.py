@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import across, lanes, simd, walk
+from . import across, boxes, lanes, simd, walk
 from . import shapes_flat as flat
 from .kernels import apart, helper
 from .records import Lane, Vec
@@ -86,10 +86,9 @@ def _beam(rays: walk.Rays, left: int, reach: float) -> Beam:
     ny, fy, ly, my, by, ay = _interval(rays.singles, 1, left, k, slack)
     nz, fz, lz, mz, bz, az = _interval(rays.singles, 2, left, k, slack)
     zero, w = np.float32(0.0), LANES
-    rows = (
-        0 if simd.read(rays.singles, 3 * w + k) > zero else WIDTH, 2 * WIDTH if simd.read(rays.singles, 4 * w + k) > zero else 3 * WIDTH,
-        4 * WIDTH if simd.read(rays.singles, 5 * w + k) > zero else 5 * WIDTH,
-    )  # fmt: skip
+    rows = boxes.rows_of(
+        simd.read(rays.singles, 3 * w + k) > zero, simd.read(rays.singles, 4 * w + k) > zero, simd.read(rays.singles, 5 * w + k) > zero
+    )
     return Beam((nx, ny, nz), (fx, fy, fz), (lx, ly, lz), (mx, my, mz), (bx, by, bz), (ax, ay, az), rows)
 
 

@@ -38,8 +38,9 @@ class _Register(LoweringPass):
         lowered = state["cr"]
         described = lowered.fndesc
         name = described.qualname.split(".")[-1]
-        function = _dynfunc.make_function(described.lookup_module(), name, "a fragment", 0, lowered.env, (state.library,))
-        state.targetctx.insert_user_function(function, described, [state.library])
+        code = state["library"]
+        function = _dynfunc.make_function(described.lookup_module(), name, "a fragment", 0, lowered.env, (code,))
+        state.targetctx.insert_user_function(function, described, [code])
         state["cr"] = lowered._replace(cfunc=function)
         return True
 
@@ -49,7 +50,7 @@ class Fragment(CompilerBase):
 
     def define_pipelines(self) -> list[Any]:
         self.state.flags.no_compile = True
-        self.state.library = _Library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+        self.state["library"] = _Library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
         passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
         passes.add_pass_after(_Register, NativeLowering)
         passes.finalize()

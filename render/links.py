@@ -8,6 +8,7 @@ addresses into the handles that kernels are given.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import attrgetter
 from typing import Any
 
 from numba import types
@@ -29,8 +30,8 @@ class Linked:
     def link(self, *kinds: types.Type) -> int:
         """Compile it, or load it from disk, for arguments of these types; its address."""
         self.kernel.compile(kinds)
-        made = self.kernel.overloads[kinds]
-        return made.library.get_pointer_to_function(made.fndesc.llvm_func_name)
+        code, described = attrgetter("library", "fndesc")(self.kernel.overloads[kinds])
+        return code.get_pointer_to_function(described.llvm_func_name)
 
 
 def _call_of(linked: Linked) -> Any:

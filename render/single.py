@@ -62,7 +62,7 @@ def _one(accel: Any, kept: Any, found: Any, numbers: Any, rays: walk.Rays, k: in
     top, node = np.int64(0), np.int64(0)
     while True:
         if node >= 0:
-            near, hits = boxes.enter_alone(nodes, node, ray, t_min, limit)
+            near, hits = boxes.enter_eight(nodes, node, ray, t_min, limit)
             if hits != 0:
                 node, top = walk.nearest_first(links, node, near, hits, children, reaches, top)
                 continue

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import across, lanes, machine, simd
+from . import across, boxes, lanes, machine, simd
 from . import shapes_flat as flat
 from .kernels import apart, helper
 from .records import Lane, Vec
@@ -81,7 +81,7 @@ def _box(rays: Rays, k: int) -> Box:
     x, y, z = _single(rays, 3, k), _single(rays, 4, k), _single(rays, 5, k)
     px, py, pz = -_single(rays, 0, k) * x, -_single(rays, 1, k) * y, -_single(rays, 2, k) * z
     zero = np.float32(0.0)
-    nx, ny, nz = 0 if x > zero else WIDTH, 2 * WIDTH if y > zero else 3 * WIDTH, 4 * WIDTH if z > zero else 5 * WIDTH
+    nx, ny, nz = boxes.rows_of(x > zero, y > zero, z > zero)
     return Box(
         _spread(x, y, z), _spread(px, py, pz), _spread(x * _FAR, y * _FAR, z * _FAR), _spread(px * _FAR, py * _FAR, pz * _FAR),
         (nx, ny, nz), (nx ^ WIDTH, ny ^ WIDTH, nz ^ WIDTH),

@@ -12,6 +12,7 @@ from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
+from ..render.machine import cores
 from . import harness
 
 RESULTS = Path(__file__).resolve().parent / "RESULTS.md"
@@ -146,7 +147,7 @@ def machine_line() -> str:
     """Processor, vector units, cores in use, load, system, day."""
     model, flags = _processor()
     vectors = next((name for name, flag in (("AVX-512", "avx512f"), ("AVX2", "avx2"), ("SSE", "sse2")) if flag in flags), "no SIMD known")
-    used = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    used = cores()
     load = os.getloadavg()[0]
     day = datetime.now(UTC).strftime("%Y-%m-%d")
     return (

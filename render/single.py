@@ -111,6 +111,7 @@ def _meet(accel: Any, i: int, kept: Any, rays: walk.Rays, k: int, t_min: Any, un
 
 @apart
 def meet_shape(kind, parameters, g, o, d, t_min, t_max):
+    """shapes.intersect as a function of its own: rays one by one call it with one ray in all lanes."""
     return shapes.intersect(kind, parameters, g, o, d, t_min, t_max)
 
 

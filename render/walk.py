@@ -212,16 +212,8 @@ def closest(tree: Any, root: int, rays: Rays, k: int) -> Met:
     while True:
         if node >= 0:
             near, hits = _enter(nodes, node, box, limit)
-            if hits != 0 and (hits & (hits - 1)) == 0:
-                node = np.int64(simd.read(links, node * WIDTH + simd.trailing_zeros(hits)))
-                continue
             if hits != 0:
-                near_bits = (simd.float_bits(near) & ~7) | simd.iota(simd.i32x8(0))
-                first = simd.min_of(simd.select(simd.mask_from_bits(hits, near), near_bits, 0x7FFFFFFF)) & 7
-                rest = hits ^ (1 << np.int64(first))
-                _push(children, top, simd.load(links, node * WIDTH, 8), rest)
-                top = _push(reaches, top, near, rest)
-                node = np.int64(simd.read(links, node * WIDTH + first))
+                node, top = nearest_first(links, node, near, hits, children, reaches, top)
                 continue
         else:
             leaf = ~node

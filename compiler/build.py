@@ -12,7 +12,7 @@ import numpy as np
 from ..lang.diagnostics import Diagnostics, Span
 from . import ir, shape_bounds, transforms
 from .files import LIBRARY, Files
-from .rows import CameraData, Color, Input, InstanceData, LightData, MaterialData, MeshAttribute, MeshData, TextureData
+from .rows import BLACK, WHITE, CameraData, Color, Input, InstanceData, LightData, MaterialData, MeshAttribute, MeshData, TextureData
 
 NONE = -1  # the row of what was not accepted; the diagnostics say why
 SPANNED = ("geometries", "instances", "materials", "textures", "lights", "cameras")
@@ -38,6 +38,7 @@ class SceneBuilder:
         self._known: dict[Any, int] = {}
         self._pools: dict[str, list[np.ndarray]] = {name: [] for name in (*ir.Pools._fields, "texels")}
         self._length: dict[str, int] = dict.fromkeys(self._pools, 0)
+        self._holes: list[bool] = []  # of each picture: whether it is not opaque everywhere
         self.transform(np.eye(4))
 
     # --- transforms ---
@@ -145,11 +146,12 @@ class SceneBuilder:
     def material(self, material: MaterialData, span: Span | None = None) -> int:
         """The row of a material; an equal one of the same name is shared."""
         values = [[0.0, 0.0, 0.0] for _ in range(ir.SLOTS)]
-        values[ir.Slot.IOR][0] = 1.0
+        values[ir.Slot.IOR][0] = values[ir.Slot.OPACITY][0] = 1.0
         images = [NONE] * ir.SLOTS
         for slot, given in material.inputs.items():
             values[slot], images[slot] = list(map(float, given.value)), given.texture
-        row = (int(material.model), int(material.shading), bool(material.normalized), tuple(map(tuple, values)), tuple(images))
+        how = (int(material.model), int(material.shading), bool(material.normalized), float(material.threshold))
+        row = (*how, tuple(map(tuple, values)), tuple(images))
         key = ("material", row, material.name)
         if key not in self._known:
             self._known[key] = self._add("materials", row, span, material.name)
@@ -163,12 +165,24 @@ class SceneBuilder:
             self._known[key] = self._add("textures", row, span, "")
         return self._known[key]
 
+    def alpha_of(self, texture: int) -> int:
+        """The row of a picture's texture's alpha, in the same place as the texture; NONE where the picture has no alpha to speak of."""
+        if texture < 0:
+            return NONE
+        row = dict(zip(ir.Textures._fields, self._rows["textures"][texture], strict=True))
+        return self.texture(TextureData(**{**row, "channel": 3, "gain": WHITE, "bias": BLACK})) if self.has_holes(row["image"]) else NONE
+
     def image(self, texels: np.ndarray, name: str = "") -> int:
         """The row of a picture: (h, w, 4) linear r, g, b, a, row 0 at the top. Callers share rows by file (see images.py)."""
         height, width, _ = texels.shape
         row = self._add("images", (self._length["texels"], width, height), None, name)
         self._pool("texels", np.asarray(texels, dtype=np.float32).reshape(-1, 4))
+        self._holes.append(bool((texels[..., 3] < 1).any()))
         return row
+
+    def has_holes(self, image: int) -> bool:
+        """Whether a picture's alpha is anywhere less than 1."""
+        return image >= 0 and self._holes[image]
 
     def light(self, light: LightData, span: Span | None = None) -> int:
         """The row of a light; NONE if its transform is."""
@@ -214,7 +228,7 @@ class SceneBuilder:
 
     def shines(self) -> bool:
         """Whether some instance's material emits light."""
-        emitting = {index for index, row in enumerate(self._rows["materials"]) if any(row[3][ir.Slot.EMISSION])}
+        emitting = {index for index, row in enumerate(self._rows["materials"]) if any(row[ir.Materials._fields.index("values")][ir.Slot.EMISSION])}
         return any(row[2] in emitting for row in self._rows["instances"])
 
     def count(self, table: str) -> int:

@@ -25,6 +25,7 @@ _WRAPS = {33071: ir.Wrap.CLAMP, 33648: ir.Wrap.MIRROR, 10497: ir.Wrap.REPEAT}
 _UNDERSTOOD = {"KHR_materials_unlit", "KHR_texture_transform", "KHR_mesh_quantization"}
 TRIANGLES, STRIP, FAN = 4, 5, 6
 MAX_NODES = 200_000
+LEAST_CUTOFF = 1e-9  # a mask that is cut at 0 is there everywhere
 
 
 class GlbError(Exception):
@@ -168,7 +169,7 @@ class _Reader:
         return self.materials[index]
 
     def surface(self, material: dict[str, Any]) -> preview.Surface:
-        """§3.9: base colour, metallic, roughness, emission and, for BLEND, opacity."""
+        """§3.9: base colour, metallic, roughness, emission and, for BLEND and MASK, opacity."""
         for key in ("normalTexture", "extensions"):
             if key in material:
                 what = "normal maps" if key == "normalTexture" else ", ".join(sorted(material[key]))
@@ -178,14 +179,16 @@ class _Reader:
             self.warn("of materials, metallic and roughness pictures are not drawn: their factors count")
         r, g, b, a = pbr.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0))
         mode = material.get("alphaMode", "OPAQUE")
-        if mode == "MASK":
-            self.warn("of materials, alpha masks are not drawn")
+        picture = self.texture(pbr.get("baseColorTexture"))
+        whole = mode == "OPAQUE" or (mode == "BLEND" and picture == NONE)
+        holes = None if whole else Input.number(float(a), self.builder.alpha_of(picture))
         emissive = tuple(material.get("emissiveFactor", (0.0, 0.0, 0.0)))
         return preview.Surface(
-            Input((r, g, b), self.texture(pbr.get("baseColorTexture"))),
+            Input((r, g, b), picture),
             float(pbr.get("metallicFactor", 1.0)), float(pbr.get("roughnessFactor", 1.0)),
             emissive=Input(emissive, self.texture(material.get("emissiveTexture"))),
-            opacity=float(a) if mode == "BLEND" else 1.0, name=material.get("name", ""),
+            opacity=float(a) if mode == "BLEND" and holes is None else 1.0, holes=holes,
+            threshold=max(float(material.get("alphaCutoff", 0.5)), LEAST_CUTOFF) if mode == "MASK" else 0.0, name=material.get("name", ""),
         )  # fmt: skip
 
     def texture(self, reference: dict[str, Any] | None) -> int:

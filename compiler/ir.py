@@ -80,6 +80,7 @@ class Slot(IntEnum):
     TRANSMISSION = 5  # k_t, colour (glass's colour)
     IOR = 6  # number
     EMISSION = 7  # radiance, colour
+    OPACITY = 8  # number from 0, not there, to 1
 
 
 SLOTS = len(Slot)
@@ -213,6 +214,7 @@ class Materials(NamedTuple):
     model: I32  # (n,) MaterialModel
     shading: I32  # (n,) Shading
     normalized: Bool  # (n,)
+    threshold: F64  # (n,) above 0: there where the opacity is at least this, and elsewhere not at all; 0: as much there as it says
     values: F64  # (n, SLOTS, 3) constants; numbers stand in column 0. 1 under a texture
     textures: I32  # (n, SLOTS) row of Textures, whose value multiplies the constant, or -1
 
@@ -369,7 +371,7 @@ class Scene:
 
 _FLOAT64 = {
     "matrix", "inverse", "parameters", "bounds", "origin", "frame", "size", "color_a", "color_b", "gain", "bias", "color", "position",
-    "direction", "cos_cone", "cos_full", "angle", "coefficients", "extent", "aspect", "near", "far", "shift", "exposure",
+    "direction", "cos_cone", "cos_full", "angle", "coefficients", "extent", "aspect", "near", "far", "shift", "exposure", "threshold",
 }  # fmt: skip
 _FLOAT32 = {"positions", "texels"}
 _INT64 = {"first"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ..lang.elements import Element
@@ -25,17 +26,30 @@ class Materials:
 
     def __init__(self, lowering: Lowering) -> None:
         self._lowering = lowering
-        self._rows: dict[tuple[int, bool], int] = {}  # by the element's identity; the document keeps elements alive
+        self._rows: dict[tuple[int, bool, bool], int] = {}  # by the element's identity; the document keeps elements alive
 
     def row(self, element: Element) -> int:
         """The row of a material element."""
-        key = (id(element), True)
+        key = (id(element), True, False)
         if key not in self._rows:
             self._lowering.photometric |= element.photometric
             self._rows[key] = self._lowering.builder.material(self._data(element), element.span)
         return self._rows[key]
 
     def _data(self, element: Element) -> MaterialData:
+        plain = self._plain(element)
+        opacity = self._opacity(element.args["opacity"])
+        if opacity == Input.number(1.0):
+            return plain
+        return replace(plain, inputs={**plain.inputs, Slot.OPACITY: opacity}, threshold=element.args["opacity_threshold"])
+
+    def _opacity(self, value: Any) -> Input:
+        if isinstance(value, Element) and value.kind == "image":
+            return Input.number(1.0, self.texture(value, color=False, alpha=True))
+        return self._number(value)
+
+    def _plain(self, element: Element) -> MaterialData:
+        """A material, all of it there."""
         kind, args = element.kind, element.args
         if kind == "mirror":
             return MaterialData(ir.MaterialModel.MIRROR, {Slot.REFLECTION: self._color(args["color"])})
@@ -73,11 +87,16 @@ class Materials:
     def _number(self, value: Any) -> Input:
         return Input.number(1.0, self.texture(value, color=False)) if isinstance(value, Element) else Input.number(value)
 
-    def texture(self, element: Element, color: bool) -> int:
-        """The row of a texture, for a colour or a number (then its first channel); -1, after a diagnostic, if its file cannot be read."""
-        key = (id(element), color)
+    def texture(self, element: Element, color: bool, alpha: bool = False) -> int:
+        """The row of a texture, for a colour or a number; -1, after a diagnostic, if its file cannot be read.
+
+        A number is a picture's first channel, or with `alpha` that one where the picture has it.
+        """
+        key = (id(element), color, alpha)
         if key not in self._rows:
             data = self._texture(element, color)
+            if data is not None and alpha and self._lowering.builder.has_holes(data.image):
+                data = replace(data, channel=3)
             self._rows[key] = -1 if data is None else self._lowering.builder.texture(data, element.span)
         return self._rows[key]
 

@@ -6,7 +6,8 @@ Format: Wavefront's MTL Material Format (Ramey, Rose, Tyerman 1995). Where progr
   them) write opacity there, and nobody writes a thing that cannot be seen.
 - `Ns 0`, or none, has no highlight. `Kd 0 0 0` under a `map_Kd` counts as white. Colours are linear; pictures are sRGB.
 - illum 3, 5 and 8 reflect by `Ks`; 4, 6, 7 and 9 with `Ni` above 1 and a `Kd` of nothing, or `Tf`, are glass. What is half transparent
-  without that is a veil: `Kd` times its opacity, and the rest goes straight through.
+  without that is a veil: `Kd` times its opacity, and the rest goes straight through. `map_d` is a picture's opacity: its alpha where
+  it has one, else its first channel; cut-outs, mostly.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from pathlib import Path
 
 from ..lang.diagnostics import Diagnostics, Span
 from . import images, ir
-from .build import SceneBuilder
+from .build import NONE, SceneBuilder
 from .files import FileError, Files
 from .rows import BLACK, WHITE, Color, Input, MaterialData, TextureData
 
@@ -27,9 +28,9 @@ REFRACTING = (4, 6, 7, 9)
 DEFAULT_KD: Color = (0.8, 0.8, 0.8)
 _COLORS = {"Ka", "Kd", "Ks", "Ke", "Tf"}
 _NUMBERS = {"Ns", "Ni", "d", "Tr", "illum", "sharpness"}
-_MAPS = {"map_Ka": "Ka", "map_Kd": "Kd", "map_Ks": "Ks", "map_Ke": "Ke", "map_Ns": "Ns"}
+_MAPS = {"map_Ka": "Ka", "map_Kd": "Kd", "map_Ks": "Ks", "map_Ke": "Ke", "map_Ns": "Ns", "map_d": "d", "map_opacity": "d"}
 _NOT_DRAWN = {
-    "map_d", "map_Tr", "map_opacity", "map_bump", "map_Bump", "bump", "norm", "map_Kn", "disp", "decal", "refl", "map_refl", "map_aat",
+    "map_Tr", "map_bump", "map_Bump", "bump", "norm", "map_Kn", "disp", "decal", "refl", "map_refl", "map_aat",
     "Pr", "Pm", "Ps", "Pc", "Pcr", "aniso", "anisor", "map_Pr", "map_Pm", "map_Ps", "map_RMA", "map_ORM",
 }  # fmt: skip
 _OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-texres": 1, "-imfchan": 1, "-type": 1, "-bm": 1, "-boost": 1, "-mm": 2}
@@ -202,13 +203,17 @@ def row(material: MtlMaterial, builder: SceneBuilder, files: Files, diagnostics:
         reference = material.maps.get(key)
         return -1 if reference is None else _texture(reference, material.folder, color, builder, files, diagnostics)
 
-    return builder.material(_data(material, texture), material.span)
+    return builder.material(_data(material, texture, builder), material.span)
 
 
-def _data(m: MtlMaterial, texture: Callable[..., int]) -> MaterialData:
+def _data(m: MtlMaterial, texture: Callable[..., int], builder: SceneBuilder) -> MaterialData:
     illum = int(m.numbers.get("illum", 2))
     opacity, ior = m.opacity, m.numbers.get("Ni", 1.0)
     inputs: dict[ir.Slot, Input] = {}
+    if "d" in m.maps:
+        map_d = texture("d", color=False)
+        channel = builder.alpha_of(map_d) if m.maps["d"].channel < 0 else NONE
+        inputs[ir.Slot.OPACITY] = Input.number(1.0, channel if channel != NONE else map_d)
     map_kd = texture("Kd")
     kd = m.colors.get("Kd", WHITE if map_kd >= 0 else DEFAULT_KD)
     if map_kd >= 0 and kd == BLACK:

@@ -23,13 +23,15 @@ class Surface:
     specular: Color | None = None
     emissive: Input = DARK
     opacity: float = 1.0
+    holes: Input | None = None  # opacity that varies over the surface, or is cut at `threshold`: in place of `opacity`
+    threshold: float = 0.0
     name: str = ""
 
 
 def material(surface: Surface) -> MaterialData:
     """The nearest course material. k_d = diffuse · (1 − metallic) · opacity, k_s the reflectance along the normal, the exponent
     2/α² − 2 with α = roughness² (Walter et al. 2007: the Blinn–Phong lobe of the same width as a Beckmann or GGX one), and what is
-    not opaque lets straight through k_t = 1 − opacity."""
+    not opaque lets straight through k_t = 1 − opacity: highlights stay, as on glass. Where there are `holes`, nothing of it stays."""
     s = surface
     metallic = min(max(s.metallic, 0.0), 1.0)
     opacity = min(max(s.opacity, 0.0), 1.0)
@@ -43,7 +45,9 @@ def material(surface: Surface) -> MaterialData:
     if opacity < 1.0:
         inputs[ir.Slot.TRANSMISSION] = Input(_times(WHITE, 1.0 - opacity))
         inputs[ir.Slot.IOR] = Input.number(1.0)
-    return MaterialData(ir.MaterialModel.BLINN_PHONG, inputs, normalized=True, name=s.name)
+    if s.holes is not None:
+        inputs[ir.Slot.OPACITY] = s.holes
+    return MaterialData(ir.MaterialModel.BLINN_PHONG, inputs, normalized=True, name=s.name, threshold=s.threshold)
 
 
 def _specular(s: Surface, metallic: float) -> Input:

@@ -63,13 +63,14 @@ class Input:
 
 @dataclass(frozen=True, slots=True)
 class MaterialData:
-    """Inputs left out are 0 (the index of refraction 1)."""
+    """Inputs left out are 0 (the index of refraction and opacity 1)."""
 
     model: ir.MaterialModel = ir.MaterialModel.LAMBERT
     inputs: Mapping[ir.Slot, Input] = field(default_factory=dict)
     shading: ir.Shading = ir.Shading.SMOOTH
     normalized: bool = False
     name: str = ""
+    threshold: float = 0.0  # see ir.Materials
 
 
 @dataclass(frozen=True, slots=True)

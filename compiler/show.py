@@ -35,7 +35,7 @@ _QUIET = {  # columns left out where they have this value: what a plain row has
     "geometries": {"origin": 0, "first_vertex": 0, "vertex_count": 0, "first_triangle": 0, "triangle_count": 0, "first_polygon": 0,
                    "polygon_count": 0, "normals": -1, "uvs": -1, "colors": -1},
     "instances": {"transform": 0, "light": -1, "visible": 7},
-    "materials": {"shading": 0, "normalized": 0},
+    "materials": {"shading": 0, "normalized": 0, "threshold": 0},
     "textures": {"mapping": 0, "wrap_u": 0, "wrap_v": 0, "nearest": 0, "image": -1, "channel": -1, "size": 0, "gain": 1, "bias": 0,
                  "frame": ((1, 0, 0), (0, 1, 0))},
     "lights": {"position": 0, "direction": (0, 1, 0), "transform": 0, "size": 0, "cos_cone": -1, "cos_full": -1, "angle": 0, "falloff": 0,
@@ -172,8 +172,8 @@ def _slots(column: str, value: np.ndarray) -> Iterator[str]:
         if column == "textures" and value[slot] >= 0:
             yield f"{name}*=texture {value[slot]}"
         elif column == "values":
-            number = slot in (ir.Slot.SHININESS, ir.Slot.IOR)
-            plain = 1.0 if slot == ir.Slot.IOR else 0.0
+            number = slot in (ir.Slot.SHININESS, ir.Slot.IOR, ir.Slot.OPACITY)
+            plain = 1.0 if slot in (ir.Slot.IOR, ir.Slot.OPACITY) else 0.0
             if (number and value[slot, 0] != plain) or (not number and value[slot].any()):
                 yield f"{name}={_value(value[slot, 0] if number else value[slot])}"
 

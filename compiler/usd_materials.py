@@ -29,9 +29,9 @@ _SPACES = {"raw": "linear", "sRGB": "srgb", "auto": "auto"}
 _CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
 _FALLBACKS: dict[str, Any] = {
     "diffuseColor": DEFAULT_COLOR, "emissiveColor": (0.0, 0.0, 0.0), "specularColor": (0.0, 0.0, 0.0), "metallic": 0.0,
-    "roughness": 0.5, "ior": 1.5, "opacity": 1.0, "useSpecularWorkflow": 0,
+    "roughness": 0.5, "ior": 1.5, "opacity": 1.0, "opacityThreshold": 0.0, "useSpecularWorkflow": 0,
 }  # fmt: skip
-_NOT_DRAWN = {"normal": "normal maps", "displacement": "displacement", "opacityThreshold": "opacity thresholds"}
+_NOT_DRAWN = {"normal": "normal maps", "displacement": "displacement"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class Network:
     @property
     def uv_name(self) -> str | None:
         """The primvar that its pictures take their coordinates from (the diffuse one's where they differ)."""
-        pictures = [self.inputs[k] for k in ("diffuseColor", "emissiveColor") if isinstance(self.inputs.get(k), Picture)]
+        pictures = [self.inputs[k] for k in ("diffuseColor", "emissiveColor", "opacity") if isinstance(self.inputs.get(k), Picture)]
         return pictures[0].varname if pictures else None
 
     @property
@@ -193,14 +193,14 @@ class Materials:
         specular = None
         if int(self._number(i["useSpecularWorkflow"], 0.0, prim)):
             specular = self._color(i["specularColor"], (0.0, 0.0, 0.0), prim).value
-        opacity = i["opacity"]
-        if isinstance(opacity, Picture):
-            self.tell("opacity pictures are not drawn: what has one is opaque", opacity.shader.GetPrim())
-            opacity = 1.0
+        threshold = min(max(self._number(i["opacityThreshold"], 0.0, prim), 0.0), 1.0)
+        picture = isinstance(i["opacity"], Picture)
+        opacity = 1.0 if picture else self._number(i["opacity"], 1.0, prim)
+        holes = self._holes(i["opacity"]) if picture else Input.number(opacity) if threshold > 0 else None
         surface = preview.Surface(
             diffuse, 0.0 if specular is not None else self._number(i["metallic"], 0.0, prim), self._number(i["roughness"], 0.5, prim),
             self._number(i["ior"], 1.5, prim), specular, self._color(i["emissiveColor"], (0.0, 0.0, 0.0), prim),
-            self._number(opacity, 1.0, prim), network.name,
+            1.0 if threshold > 0 else opacity, holes, threshold, network.name,
         )  # fmt: skip
         return self.builder.material(preview.material(surface), Span(f"{self.opened.name}<{network.path}>"))
 
@@ -211,6 +211,13 @@ class Materials:
         if isinstance(source, Primvar):
             return Input(_rgb(self._primvar(source, prim), fallback))
         return Input(_rgb(source, fallback))
+
+    def _holes(self, picture: Picture) -> Input:
+        """Opacity from a picture; its node's fallback where there is none to be had."""
+        texture, _ = self._texture(picture)
+        if texture != NONE:
+            return Input.number(1.0, texture)
+        return Input.number(self._levels(picture)[2][_CHANNELS.get(picture.output, 0)])
 
     def _number(self, source: Any, fallback: float, prim: Any) -> float:
         if isinstance(source, Picture):

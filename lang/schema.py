@@ -101,6 +101,16 @@ _SHADING = Arg(
     choices=("phong", "gouraud", "flat"),
     keyword=True,
 )
+_OPACITY = (
+    Arg(
+        "opacity", "number_map", 1.0, "how much of it is there, 0 to 1; of a picture its alpha, or its first channel where it has none",
+        minimum=0.0, maximum=1.0, keyword=True,
+    ),
+    Arg(
+        "opacity_threshold", "number", 0.0, "above 0: it is there where its opacity is at least this, and elsewhere not at all",
+        minimum=0.0, maximum=1.0, keyword=True,
+    ),
+)  # fmt: skip
 _LIGHT = (
     Arg("color", "color", (1.0, 1.0, 1.0), "multiplies its strength", keyword=True),
     Arg("name", "string", None, "its name in messages", keyword=True),
@@ -149,6 +159,7 @@ def _course_material(name: str, lobe: str) -> Entry:
             Arg("transmission", "color_map", (0.0, 0.0, 0.0), "refraction coefficient k_t", aliases=("k_t",), keyword=True),
             Arg("ior", "number_map", 1.5, "index of refraction for k_t", above=0.0, keyword=True),
             Arg("normalized", "bool", False, "scales the lobe so that it conserves energy", keyword=True),
+            *_OPACITY,
             _SHADING,
         ),
         example=f"sphere(1, material: {name}(#d0402a, specular: 0.4, shininess: 60))",
@@ -388,12 +399,12 @@ MATERIALS = (
         "lambert",
         "material",
         "matt: L = ρE/π",
-        (Arg("color", "color_map", (0.8, 0.8, 0.8), "albedo ρ"), _SHADING),
+        (Arg("color", "color_map", (0.8, 0.8, 0.8), "albedo ρ"), *_OPACITY, _SHADING),
         example="lambert(#c9c4bb)",
     ),
     _course_material("phong", "Phong model (lobe R·V)"),
     _course_material("blinn_phong", "Blinn-Phong model (lobe N·H)"),
-    Entry("mirror", "material", "a perfect mirror", (Arg("color", "color_map", (1.0, 1.0, 1.0), "how much it reflects"),)),
+    Entry("mirror", "material", "a perfect mirror", (Arg("color", "color_map", (1.0, 1.0, 1.0), "how much it reflects"), *_OPACITY)),
     Entry(
         "glass",
         "material",
@@ -401,6 +412,7 @@ MATERIALS = (
         (
             Arg("color", "color_map", (1.0, 1.0, 1.0), "how much it lets through"),
             Arg("ior", "number_map", 1.5, "index of refraction", above=0.0, keyword=True),
+            *_OPACITY,
         ),
     ),
     Entry(
@@ -410,6 +422,7 @@ MATERIALS = (
         (
             Arg("color", "color_map", (1.0, 1.0, 1.0), "its colour"),
             Arg("luminance", "luminance", 1.0, "nit", aliases=("radiance",), minimum=0.0, keyword=True),
+            *_OPACITY,
         ),
     ),
     *_planned("material", "principled", "metal", "blend"),

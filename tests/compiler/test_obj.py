@@ -208,7 +208,8 @@ def material(text, folder, obj="usemtl m\n", name="m.mtl"):
     scene, parts, messages = read(f"mtllib {name}\n{obj}{SQUARE}f 1 2 3\n", folder)
     m = scene.tables.materials
     row = parts[0].material
-    values = {} if row is None else {slot.name: m.values[row, slot].tolist() for slot in ir.Slot if m.values[row, slot].any()}
+    slots = {} if row is None else {slot.name: m.values[row, slot].tolist() for slot in ir.Slot if m.values[row, slot].any()}
+    values = {name: value for name, value in slots.items() if (name, value) != ("OPACITY", [1, 0, 0])}
     return None if row is None else ir.MaterialModel(m.model[row]).name, values, messages, scene
 
 

@@ -26,7 +26,7 @@ def scene(
                 "model": [int(m) for m in models],
                 "shading": [0] * len(models),
                 "normalized": [False] * len(models),
-                "values": [[[0.5] * 3 if s in (ir.Slot.DIFFUSE,) else [0] * 3 for s in ir.Slot] for _ in models],
+                "values": [[{ir.Slot.DIFFUSE: [0.5] * 3, ir.Slot.OPACITY: [1, 0, 0]}.get(s, [0] * 3) for s in ir.Slot] for _ in models],
                 "textures": [[-1] * ir.SLOTS for _ in models],
             },
         ),

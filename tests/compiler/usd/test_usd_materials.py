@@ -230,7 +230,6 @@ def test_a_picture_of_numbers_is_its_mean(tmp_path):
             "x.usda</m/t>: warning: there is no picture `gone.png`: its fallback is drawn"),
         ("normal3f inputs:normal.connect = </m/t.outputs:rgb>", TEXTURE.replace("OPTIONS", ""),
             "x.usda</m>: warning: normal maps are not drawn"),
-        ("float inputs:opacityThreshold = 0.5", "", "x.usda</m>: warning: opacity thresholds are not drawn"),
         ("float inputs:displacement = 0.5", "", "x.usda</m>: warning: displacement is not drawn"),
         ("color3f inputs:diffuseColor.connect = </m/n.outputs:out>",
             'def Shader "n" { uniform token info:id = "Noise"\ncolor3f outputs:out }',

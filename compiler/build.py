@@ -170,7 +170,9 @@ class SceneBuilder:
         if texture < 0:
             return NONE
         row = dict(zip(ir.Textures._fields, self._rows["textures"][texture], strict=True))
-        return self.texture(TextureData(**{**row, "channel": 3, "gain": WHITE, "bias": BLACK})) if self.has_holes(row["image"]) else NONE
+        if not self.has_holes(row["image"]):
+            return NONE
+        return self.texture(TextureData(**{**row, "channel": 3, "gain": WHITE, "bias": BLACK}))
 
     def image(self, texels: np.ndarray, name: str = "") -> int:
         """The row of a picture: (h, w, 4) linear r, g, b, a, row 0 at the top. Callers share rows by file (see images.py)."""
@@ -228,7 +230,8 @@ class SceneBuilder:
 
     def shines(self) -> bool:
         """Whether some instance's material emits light."""
-        emitting = {index for index, row in enumerate(self._rows["materials"]) if any(row[ir.Materials._fields.index("values")][ir.Slot.EMISSION])}
+        values = ir.Materials._fields.index("values")
+        emitting = {index for index, row in enumerate(self._rows["materials"]) if any(row[values][ir.Slot.EMISSION])}
         return any(row[2] in emitting for row in self._rows["instances"])
 
     def count(self, table: str) -> int:

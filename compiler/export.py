@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..lang.diagnostics import Diagnostic
 from . import ir
+from . import plan as plans
 
 BLACK = np.zeros(3)
 F64 = NDArray[np.float64]
@@ -48,6 +49,11 @@ class Export:
     def cannot(self, message: str, table: str = "", row: int = -1, hint: str = "") -> None:
         """Say what is lost, once."""
         self._say("warning", message, table, row, hint)
+
+    def without_opacity(self) -> None:
+        """Say which materials' opacity is lost."""
+        for row in np.unique(self.scene.tables.instances.material[plans.partial(self.scene.tables)[self.scene.tables.instances.material]]):
+            self.cannot("opacity is not carried: what has one is wholly there", "materials", int(row))
 
     def tessellated(self, kind: ir.GeometryKind, instance: int, triangles: int, tolerance: float) -> None:
         """Say that a shape is carried as triangles, where they are not the same."""

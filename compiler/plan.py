@@ -294,6 +294,7 @@ def ground(tables: ir.Tables) -> int:
     instances, geometries, transforms = tables.instances, tables.geometries, tables.transforms
     boxes, matrix = geometries.bounds[instances.geometry], transforms.matrix[instances.transform]
     solid = (geometries.kind[instances.geometry] == ir.GeometryKind.PLANE) & (instances.visible & ir.Visibility.SHADOW != 0)
+    solid &= ~partial(tables)[instances.material]
     for row in np.flatnonzero(solid)[:4].tolist():
         others = np.arange(len(boxes)) != row
         below = transforms.inverse[instances.transform[row], 1]  # height over the plane, of a point of the world
@@ -308,13 +309,29 @@ def ground(tables: ir.Tables) -> int:
     return -1
 
 
+def partial(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: those that are anywhere less than wholly there."""
+    materials = tables.materials
+    return (materials.values[:, ir.Slot.OPACITY, 0] < 1.0) | (materials.textures[:, ir.Slot.OPACITY] >= 0)
+
+
+def _opacity(scene: ir.Scene, *_: Any) -> Decision:
+    instances = scene.tables.instances
+    count = int(partial(scene.tables)[instances.material].sum())
+    if not count:
+        return Decision("opacity", False, "everything is wholly there", fixed="the scene's materials")
+    what = "is one thing" if count == 1 else f"are {count} things"
+    reason = f"there {what} with an opacity: rays pass where it is 0, and go on where it is less than 1"
+    return Decision("opacity", True, reason, fixed="the scene's materials")
+
+
 def _fill(scene: ir.Scene, *_: Any) -> Decision:
     return Decision("raster.fill", "edges", "exact edge functions; all three cover the same samples", ("edges", "areas", "scanline"))
 
 
 RULES: tuple[Callable[[ir.Scene, ir.Settings, Mapping[str, Decision]], Decision], ...] = (
     _backend, _camera, _size, _crop, _soft, _bounces, _interreflection, _shadows, _error, _budget, _samples, _filter, _seed,
-    _background, _exposure, _view, _aov, _threads, _accelerator, _horizon, _tolerance, _fill,
+    _background, _exposure, _view, _aov, _threads, _accelerator, _horizon, _opacity, _tolerance, _fill,
 )  # fmt: skip
 
 

@@ -7,18 +7,34 @@ mesh used by many instances has one tree. What has no bounds (planes) stands in 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import ir
+from ..compiler import plan as planner
 from . import kept, top, wide
 from .top import Top
 from .wide import Wide
 
 FINE = 6  # column of `boxes`
 SLACK = 1e-12  # of its coordinates, by which an instance's box grows: transforms round
+
+
+class Nothing(NamedTuple):
+    """No thing stands aside."""
+
+
+class Aside(NamedTuple):
+    """What traversal reads of things that stand aside."""
+
+    top: Top  # over those that have bounds
+    endless: NDArray[np.int32]
+    partial: NDArray[np.bool_]  # (instances,) whether a thing's opacity is to be asked
+    tables: ir.Tables
+    plain: int = 0  # address of traverse.search, which goes through all other things
+    cover: int = 0  # address of aside.covering
 
 
 class Bvh(NamedTuple):
@@ -36,7 +52,8 @@ class Bvh(NamedTuple):
     inverse: NDArray[np.float64]  # Transforms.inverse
     parameters: NDArray[np.float64]  # Geometries.parameters
     origin: NDArray[np.float64]  # Geometries.origin
-    search: int = 0  # address of traverse.search, for kernels
+    aside: Any = Nothing()  # an Aside where things stand aside of all this
+    search: int = 0  # address of traverse.search, or of what goes through things aside too, for kernels
 
 
 def build(tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool = True) -> Bvh:
@@ -51,20 +68,29 @@ def build(tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool =
     kind = geometries.kind[instances.geometry]
     root = roots[instances.geometry]
     drawable = (kind != ir.GeometryKind.MESH) | (root >= 0)
-    bounded = np.isfinite(boxes).all(axis=1) & (not brute)
-    inside = np.flatnonzero(drawable & bounded).astype(np.int32)
+    bounded = np.logical_and(np.isfinite(boxes).all(axis=1), not brute)
+    partial = planner.partial(tables)[instances.material]
+    plain = drawable & ~partial
+    inside = np.flatnonzero(plain & bounded).astype(np.int32)
     placed = np.stack([instances.visible, instances.transform, instances.geometry, kind, root], axis=1)
     return Bvh(
         wide=meshes,
         boxes=local_bounds(tables, fine),
         top=top.build(boxes, inside, threads),
-        endless=np.flatnonzero(drawable & ~bounded).astype(np.int32),
+        endless=np.flatnonzero(plain & ~bounded).astype(np.int32),
         only=int(inside[0]) if len(inside) == 1 else -1,
         placed=np.ascontiguousarray(placed, np.int32),
         inverse=tables.transforms.inverse,
         parameters=geometries.parameters,
         origin=geometries.origin,
+        aside=_aside(tables, boxes, drawable & partial, bounded, threads) if partial.any() else Nothing(),
     )
+
+
+def _aside(tables: ir.Tables, boxes: NDArray[np.float64], which: NDArray[np.bool_], bounded: NDArray[np.bool_], threads: int) -> Aside:
+    """The instances told of by `which` aside."""
+    inside, endless = (np.flatnonzero(which & chosen).astype(np.int32) for chosen in (bounded, ~bounded))
+    return Aside(top.build(boxes, inside, threads), endless, which, tables)
 
 
 def world_bounds(tables: ir.Tables) -> NDArray[np.float64]:

@@ -62,8 +62,11 @@ class Handle:
         return _numba_type(found[1])
 
     def put(self, name: str, number: int) -> None:
-        """Change a whole number of the packed tuple, before kernels have read it."""
-        found = self.numba_type.field(name)
+        """Change a whole number of the packed tuple, or of a tuple in it ("inner.name"), before kernels have read it."""
+        found, layout = None, self.numba_type.layout
+        for part in name.split("."):
+            found = next(((word, what) for known, word, what in layout if known == part), None)
+            layout = found[1] if found and isinstance(found[1], tuple) else ()
         if found is None or found[1] != "int":
             raise ValueError(f"{name} is no whole number of this tuple")
         self._block[found[0]] = number

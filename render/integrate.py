@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 from numba import types
+from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import across, lanes, lights, materials, sampler, surface, trace
+from . import across, aside, lanes, lights, materials, opacity, sampler, surface, trace
 from .handles import Handle
-from .kernels import helper
+from .kernels import HELPER, helper
 from .links import FLOAT, INT, VEC, Linked
 from .materials import Shader
 from .records import GouraudLight, Hit, Lane, Options, Ray, Surface, Tables, Vec
@@ -35,7 +36,13 @@ _LIGHTS = 2048  # a surface's random dimensions: two a light, before them one fo
 
 def stack_for(options: Options, count: int = 1) -> NDArray[np.float64]:
     """(rays, FIELDS, count) room for the rays that wait in each of `count` lanes."""
-    return np.zeros(((BRANCHES - 1) * (options.bounces + 1) + 1, FIELDS, count))
+    return np.zeros((_room(options.bounces) + BRANCHES * options.layers, FIELDS, count))
+
+
+@helper
+def _room(bounces: Lane) -> Lane:
+    """How many rays wait at the most where one has so many bounces left."""
+    return (BRANCHES - 1) * (bounces + 1) + 1
 
 
 def radiance(
@@ -51,7 +58,7 @@ def radiance(
 ) -> tuple[Vec, Lane, Lane]:
     """(radiance, coverage, sound) of a camera ray that meets `hit`; what is not finite is left out and not `sound`.
 
-    Coverage is less than 1 where something lets the ray straight through (index of refraction 1, as opacity is written) to nothing.
+    Coverage is less than 1 where something lets the ray straight through (by its opacity, or with an index of refraction of 1) to nothing.
     """
     zero = lanes.full_like(hit.t, 0.0)
     seen = hit.instance >= 0
@@ -72,12 +79,15 @@ def radiance(
             viewer = lanes.negate(ray.direction)
             specular = kind >= SPECULAR_RAY
             light = local_light(tables, accel, gouraud, options, point, shader, viewer, meeting, here, specular, pixel, sample, key)
+            there = shown(accel, tables, options, point, left, pixel, sample, key, stack, waiting)
+            share = lanes.scale(weight, there)
             going = here & (left > 0)
             if lanes.any_lane(going):
-                waiting = send_on(options, point, shader, ray.direction, weight, going, left, kind, pixel, sample, key, stack, waiting)
+                waiting = send_on(options, point, shader, ray.direction, share, going, left, kind, pixel, sample, key, stack, waiting)
             if options.environment:
                 light = lanes.add(light, _sky_in(tables, point, shader, ray.direction))
-            total = lanes.where3(here, lanes.add(total, lanes.mul(weight, light)), total)
+            total = lanes.where3(here, lanes.add(total, lanes.mul(share, light)), total)
+            waiting = pass_on(waiting, accel, point, ray.direction, weight, there, here, left, kind, key, stack)
             rest = rest & lanes.not_(here)
         active = waiting > 0
         if lanes.not_(lanes.any_lane(active)):
@@ -226,7 +236,7 @@ def _unblocked(
     zero = lanes.full_like(point.offset, 0.0)
     open_ = active & (lanes.largest(given) > 0.0)
     if options.shadows and tables.lights.shadows[light] and lanes.any_lane(open_):
-        open_ = open_ & lanes.not_(trace.occluded(accel, tables, leaving(point, direction, zero + distance), open_))
+        return trace.dimmed(accel, tables, leaving(point, direction, zero + distance), open_, given)
     return lanes.where3(open_, given, (zero, zero, zero))
 
 
@@ -298,6 +308,48 @@ def send_on(
         above = going & (lanes.dot(onward, point.geometric) > 0.0)
         waiting = _push(stack, waiting, point, onward, lanes.mul(weight, shader.diffuse), above, left, plain + DIFFUSE_RAY, key, 2)
     return waiting
+
+
+@helper
+def _shown(
+    accel: Any, tables: Tables, options: Options, point: Surface, left: Lane, pixel: Lane, sample: Lane, key: Lane, stack: Any,
+    waiting: Lane,
+) -> Lane:  # fmt: skip
+    """How much of a surface a ray meets, 0 to 1: its opacity, or, where rays that pass have no room to wait, 0 or 1 by that chance."""
+    there = opacity.at(tables, point)
+    room = waiting + lanes.where(left > 0, BRANCHES, 0) + _room(left - 1) <= stack.shape[0]
+    by_chance = sampler.pair(pixel, sample, key * _LIGHTS * 2, options.seed)[0] < there
+    return lanes.where(room, there, lanes.where(by_chance, 1.0, 0.0))
+
+
+@helper
+def _pass_on(
+    waiting: Lane, accel: Any, point: Surface, direction: Vec, weight: Vec, there: Lane, here: Lane, left: Lane, kind: Lane, key: Lane,
+    stack: Any,
+) -> Lane:  # fmt: skip
+    """Put the ray that passes a surface which is not wholly `there` on top of the stack, as what it was; how many wait."""
+    passing = here & (there < 1.0)
+    return _push(stack, waiting, point, direction, lanes.scale(weight, 1.0 - there), passing, left + 1, kind, key, BRANCHES)
+
+
+def shown(accel: Any, *of: Any) -> Lane:
+    """`_shown`, which kernels leave out where everything is wholly there."""
+    return _shown(accel, *of)
+
+
+@overload(shown, jit_options=HELPER)
+def _shown_in_kernels(accel, *of):
+    return (lambda accel, *of: _shown(accel, *of)) if aside.is_used(accel) else lambda accel, *of: 1.0
+
+
+def pass_on(waiting: Lane, accel: Any, *of: Any) -> Lane:
+    """`_pass_on`, which kernels leave out where everything is wholly there."""
+    return _pass_on(waiting, accel, *of)
+
+
+@overload(pass_on, jit_options=HELPER)
+def _pass_on_in_kernels(waiting, accel, *of):
+    return (lambda waiting, accel, *of: _pass_on(waiting, accel, *of)) if aside.is_used(accel) else lambda waiting, accel, *of: waiting
 
 
 @helper

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..compiler import ir
 from . import lanes, materials
 from .kernels import helper
@@ -19,9 +16,3 @@ def at(tables: Tables, point: Surface) -> Lane:
     value = lanes.clip(materials.color_of(tables, point, OPACITY)[0], 0.0, 1.0)
     threshold = tables.materials.threshold[point.material]
     return lanes.where(threshold > 0.0, lanes.where(value >= threshold, 1.0, 0.0), value)
-
-
-def partial(tables: Tables) -> NDArray[np.bool_]:
-    """(materials,) whether a material is anywhere less than wholly there."""
-    materials_ = tables.materials
-    return (materials_.values[:, OPACITY, 0] < 1.0) | (materials_.textures[:, OPACITY] >= 0)

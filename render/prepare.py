@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
-from . import bvh, gouraud, integrate, sampler, tessellate, trace, traverse
+from . import aside, bvh, gouraud, integrate, sampler, tessellate, trace
 from .handles import Handle
 from .records import Frame, Options, Triple, View
 
 _NEAREST = 0.01  # of a shape's size: where the eye is nearer to its box than this, the tolerance is measured at this distance
+LAYERS = 8  # of what is partly there, one behind the other, each of which sends on mirrored and other rays
 _BACKGROUNDS = {"sky": 0, "transparent": 1}
 
 
@@ -50,7 +51,7 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
         light = gouraud.vertex_light(tables, tables, accel, frame)
         return Prepared(tables, tables, accel, light, options, frame, shells)
     accel, packed, frames = _trees(tables, plan), Handle(tables), Handle(frame)
-    traverse.link(accel)
+    aside.link(accel)
     light = Handle(gouraud.vertex_light(tables, packed, accel, frames))
     integrate.link(frames, packed, accel, light)
     return Prepared(tables, packed, accel, light, options, frames, shells)
@@ -73,6 +74,7 @@ def options_of(plan: Plan, tables: ir.Tables) -> Options:
         background=2 if colored else _BACKGROUNDS[background],
         horizon=_normal(tables, ground) if ground >= 0 else Triple(0.0, 0.0, 0.0),
         ground=ground,
+        layers=LAYERS if plan["opacity"] else 0,
         environment=plan["backend"] == "raster",
         color=Triple(*(float(c) for c in background)) if colored else Triple(0.0, 0.0, 0.0),
     )

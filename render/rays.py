@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..compiler import ir
-from . import across, bvh, lanes, simd, traverse
+from . import across, aside, bvh, lanes, simd, trace, traverse
 from .handles import Handle
 from .kernels import helper, kernel
-from .records import Lane, Vec
+from .records import Lane, Ray, Vec
 
 _LANES = across.WIDTH
 CAMERA, SHADOW = int(ir.Visibility.CAMERA), int(ir.Visibility.SHADOW)
@@ -30,7 +30,7 @@ class Met(NamedTuple):
 def trees(tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool = True) -> Handle:
     """What rays go through: the trees of a scene, ready for kernels; see bvh.build. Keep it as long as rays are traced."""
     accel = Handle(bvh.build(tables, brute, threads, keep))
-    traverse.link(accel)
+    aside.link(accel)
     return accel
 
 
@@ -53,6 +53,16 @@ def occluded(
     blocked = np.empty(len(columns[0]), np.bool_)
     occluded_of(accel, *columns, visible, blocked)
     return blocked
+
+
+def let_through(
+    accel: Handle, origin: ArrayLike, direction: ArrayLike, t_min: ArrayLike = 0.0, t_max: ArrayLike = np.inf
+) -> NDArray[np.float64]:
+    """(n,) the share of light that passes what casts shadows, from 0 to 1; arguments as of `closest`."""
+    columns = _columns(origin, direction, t_min, t_max)
+    share = np.empty(len(columns[0]))
+    shares_of(accel, *columns, share)
+    return share
 
 
 def _columns(origin: ArrayLike, direction: ArrayLike, t_min: ArrayLike, t_max: ArrayLike) -> tuple[NDArray[Any], ...]:
@@ -120,3 +130,11 @@ def occluded_of(accel, origin, direction, t_min, t_max, visible, blocked):
         least, most = _one(t_min, start, n), _one(t_max, start, n)
         hit = traverse.find(accel.search, (accel, o, d, least, most, active, visible, True))  # pyright: ignore[reportCallIssue]
         _put(blocked, start, n, hit.instance >= 0)
+
+
+@kernel
+def shares_of(accel, origin, direction, t_min, t_max, share):
+    n = len(t_min)
+    for start in range(0, n, across.WIDTH):
+        ray = Ray(_three(origin, start, n), _three(direction, start, n), _one(t_min, start, n), _one(t_max, start, n))
+        _put(share, start, n, trace.let_through(accel, accel, ray, lanes.bool_like(ray.t_min, True)))

@@ -68,6 +68,7 @@ class Options(NamedTuple):
     color: Triple
     horizon: Triple = Triple(0.0, 0.0, 0.0)  # unit normal of the plane that bounds the scene, or zero
     ground: int = -1  # the instance that is this plane
+    layers: int = 0  # of what is less than wholly there, that rays may pass before chance decides; 0: everything is wholly there
     environment: bool = False  # where no more rays are followed, mirrors and glass show the sky as if nothing stood before it
 
 

@@ -1,18 +1,21 @@
 """What a ray meets: `closest` and `occluded`, by brute force in numpy and by the trees of bvh.py in kernels.
 
 Both give the same answer. Rays go to a shape's own frame without being normalised, so that t stays what it was; of hits at
-the same t the lowest instance wins, then the lowest primitive.
+the same t the lowest instance wins, then the lowest primitive. Where a surface's opacity is 0 it is not met; where it is less than 1
+it is, and to a shadow ray it is a share of light that passes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba.extending import overload
 
 from ..compiler import ir
-from . import across, lanes, shapes, traverse
+from ..compiler import plan as planner
+from . import across, aside, lanes, opacity, shapes, surface, traverse
 from .kernels import HELPER
 from .records import Hit, Lane, Ray, Vec
 
@@ -29,6 +32,7 @@ def closest(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, visible_bit: 
     """The first thing along each active ray that has one of `visible_bit` in Instances.visible; instance -1 where none."""
     rays, active = _flat(ray, active)
     n = len(active)
+    partial = planner.partial(tables)[tables.instances.material]
     t, instance, primitive = np.full(n, np.inf), np.full(n, -1), np.full(n, -1)
     u, v = np.zeros(n), np.zeros(n)
     with np.errstate(all="ignore"):
@@ -36,7 +40,7 @@ def closest(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, visible_bit: 
             lane = np.flatnonzero(active & ((tables.instances.visible[i] & visible_bit) != 0))
             if len(lane) == 0:
                 continue
-            found = _meet(tables, i, _rows(rays, lane))
+            found = _meet(tables, i, _rows(rays, lane), partial[i])[0]
             nearer = found.t < t[lane]
             lane = lane[nearer]
             t[lane], instance[lane], primitive[lane] = found.t[nearer], i, found.primitive[nearer]
@@ -45,15 +49,26 @@ def closest(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, visible_bit: 
 
 
 def occluded(accel: Any, tables: ir.Tables, ray: Ray, active: Lane) -> Lane:
-    """Whether anything that casts shadows stands between t_min and t_max; False where not active."""
+    """Whether something that casts shadows keeps all light from passing between t_min and t_max; False where not active."""
+    return np.ravel(active) & (let_through(accel, tables, ray, active) <= 0.0)
+
+
+def let_through(accel: Any, tables: ir.Tables, ray: Ray, active: Lane) -> Lane:
+    """The share of light, 0 to 1, that passes what casts shadows between t_min and t_max; 1 where not active."""
     rays, active = _flat(ray, active)
-    blocked = np.zeros(len(active), bool)
+    share = np.ones(len(active))
+    partial = planner.partial(tables)[tables.instances.material]
     with np.errstate(all="ignore"):
         for i in np.flatnonzero(tables.instances.visible & SHADOW):
-            lane = np.flatnonzero(active & ~blocked)
+            lane = np.flatnonzero(active & (share > 0.0))
             if len(lane):
-                blocked[lane] = _meet(tables, int(i), _rows(rays, lane)).t < np.inf
-    return blocked
+                share[lane] *= _meet(tables, int(i), _rows(rays, lane), partial[i], through=True)[1]
+    return share
+
+
+def dimmed(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, given: Vec) -> Vec:
+    """What of `given` passes between t_min and t_max; nothing where not active."""
+    return lanes.scale(given, np.where(active, let_through(accel, tables, ray, active), 0.0))
 
 
 def _flat(ray: Ray, active: Lane) -> tuple[np.ndarray, np.ndarray]:
@@ -67,37 +82,65 @@ def _rows(rays: np.ndarray, lane: np.ndarray) -> Ray:
     return Ray((x, y, z), (dx, dy, dz), t_min, t_max)
 
 
-def _meet(tables: ir.Tables, i: int, ray: Ray) -> Hit:
-    """The first meeting of each ray with instance i."""
+def _meet(tables: ir.Tables, i: int, ray: Ray, partial: bool, through: bool = False) -> tuple[Hit, np.ndarray]:
+    """The first meeting of each ray with instance i, and the share of light that passes it; of things that are `partial` the
+    share is that of all meetings if `through`."""
     geometry, row = tables.instances.geometry[i], tables.instances.transform[i]
     o = lanes.transform_point(tables.transforms.inverse, row, ray.origin)
     d = lanes.transform_vector(tables.transforms.inverse, row, ray.direction)
     kind = tables.geometries.kind[geometry]
+
+    def cover(rows: np.ndarray, t: np.ndarray, primitive: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """How much of the surface is there where rays `rows` meet it."""
+        one = Ray(_some(ray.origin, rows), _some(ray.direction, rows), 0.0, np.inf)
+        return opacity.at(tables, surface.at(tables, one, Hit(t, np.full(len(rows), i), primitive, u, v)))
+
     if kind == MESH:
-        return _meet_mesh(tables, geometry, Ray(o, d, ray.t_min, ray.t_max))
-    t, part = shapes.intersect(kind, tables.geometries.parameters, geometry, o, d, ray.t_min, ray.t_max)
-    zero = np.zeros(len(t))
-    return Hit(t, zero, part + 0 * zero.astype(np.int64), zero, zero)
+        return _meet_mesh(tables, geometry, Ray(o, d, ray.t_min, ray.t_max), cover if partial else None)
+    t_min, share = ray.t_min, np.ones(len(ray.t_min))
+    while True:
+        t, part = shapes.intersect(kind, tables.geometries.parameters, geometry, o, d, t_min, ray.t_max)
+        zero = np.zeros(len(t))
+        part = part + 0 * zero.astype(np.int64)
+        if not partial:
+            return Hit(t, zero, part, zero, zero), np.where(t < np.inf, 0.0, share)
+        met = np.flatnonzero(t < np.inf)
+        there = np.zeros(len(t))
+        there[met] = cover(met, t[met], part[met], zero[met], zero[met])
+        share = share * (1.0 - there)
+        on = (t < np.inf) & ((share > 0.0) if through else (there == 0.0))
+        if not on.any():
+            return Hit(t, zero, part, zero, zero), share
+        t_min = np.where(on, t, np.where(t < np.inf, t_min, np.inf))
 
 
-def _meet_mesh(tables: ir.Tables, g: int, ray: Ray) -> Hit:
-    """The first meeting of each ray with a mesh: all pairs, a chunk at a time."""
+def _some(v: Vec, rows: np.ndarray) -> Vec:
+    return v[0][rows], v[1][rows], v[2][rows]
+
+
+def _meet_mesh(tables: ir.Tables, g: int, ray: Ray, cover: Callable[..., np.ndarray] | None) -> tuple[Hit, np.ndarray]:
+    """The first meeting of each ray with a mesh, and the share of light that passes it: all pairs, a chunk at a time."""
     geometries, pools = tables.geometries, tables.pools
     first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
     corners = pools.positions[pools.triangles[first : first + count]].astype(np.float64)
     origin = lanes.sub(ray.origin, tuple(geometries.origin[g]))
     n = len(ray.t_min)
-    best = Hit(np.full(n, np.inf), np.full(n, -1), np.full(n, -1), np.zeros(n), np.zeros(n))
+    best, share = Hit(np.full(n, np.inf), np.full(n, -1), np.full(n, -1), np.zeros(n), np.zeros(n)), np.ones(n)
     step = max(1, CHUNK // max(count, 1))
     for start in range(0, n if count else 0, step):
         part = slice(start, start + step)
         o, d = _column(origin, part), _column(ray.direction, part)
         a, b, c = ((corners[:, k, 0], corners[:, k, 1], corners[:, k, 2]) for k in range(3))
         t, u, v = shapes.triangle(a, b, c, o, d, ray.t_min[part, None], ray.t_max[part, None])
+        if cover is not None:
+            row, face = np.nonzero(t < np.inf)
+            there = cover(start + row, t[row, face], first + face, u[row, face], v[row, face])
+            np.multiply.at(share, start + row, 1.0 - there)
+            t[row[there == 0.0], face[there == 0.0]] = np.inf
         k = np.argmin(t, axis=1)[:, None]
         best.t[part], best.primitive[part] = np.take_along_axis(t, k, 1)[:, 0], first + k[:, 0]
         best.u[part], best.v[part] = np.take_along_axis(u, k, 1)[:, 0], np.take_along_axis(v, k, 1)[:, 0]
-    return best
+    return best, share if cover is not None else np.where(best.t < np.inf, 0.0, 1.0)
 
 
 def _column(v: Vec, part: slice) -> Vec:
@@ -123,3 +166,35 @@ def _occluded_kernel(accel, tables, ray, active):
         return found.instance >= 0
 
     return through_trees if across.is_mask(active) else None
+
+
+@overload(let_through, jit_options=HELPER)
+def _let_through_kernel(accel, tables, ray, active):
+    if not across.is_mask(active):
+        return None
+
+    def by_opacity(accel, tables, ray, active):
+        found = traverse.find(  # pyright: ignore[reportCallIssue]
+            accel.search, (accel, ray.origin, ray.direction, ray.t_min, ray.t_max, active, np.int64(SHADOW), True)
+        )
+        return lanes.where(found.instance >= 0, 0.0, found.u)
+
+    if aside.is_used(accel):
+        return by_opacity
+    return lambda accel, tables, ray, active: lanes.where(occluded(accel, tables, ray, active), 0.0, 1.0)
+
+
+@overload(dimmed, jit_options=HELPER)
+def _dimmed_kernel(accel, tables, ray, active, given):
+    if not across.is_mask(active):
+        return None
+    if aside.is_used(accel):
+        return lambda accel, tables, ray, active, given: lanes.scale(
+            given, lanes.where(active, let_through(accel, tables, ray, active), 0.0)
+        )
+
+    def in_full(accel, tables, ray, active, given):
+        zero = lanes.full_like(given[0], 0.0)
+        return lanes.where3(active & lanes.not_(occluded(accel, tables, ray, active)), given, (zero, zero, zero))
+
+    return in_full

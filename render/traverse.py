@@ -9,7 +9,6 @@ from numba import types
 
 from . import across, boxes, bundle, lanes, shapes, simd, single, walk
 from .bvh import FINE
-from .handles import Handle
 from .kernels import apart, helper
 from .links import FLOAT, MASK, VEC, Linked
 from .records import Hit, Lane, Vec
@@ -45,13 +44,9 @@ def _search(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit
     return single.each(accel, ray, origin, direction, t_min, until, left, visible_bit, any_hit, best)
 
 
+SEARCH = (VEC, VEC, FLOAT, FLOAT, MASK, types.int64, types.boolean)  # what `search` takes beside the trees; aside.link makes it ready
 search = Linked(_search)
 find = search.call  # what kernels call, with its address and its arguments
-
-
-def link(accel: Handle) -> None:
-    """Compile or load `search` for the packed trees, and tell them where it is."""
-    accel.put("search", search.link(accel.numba_type, VEC, VEC, FLOAT, FLOAT, MASK, types.int64, types.boolean))
 
 
 @helper

@@ -170,3 +170,31 @@ def test_a_missing_picture(said, tmp_path) -> None:
         '   3 | box(1, material: lambert(image("oak.png")))\n'
         "     |                          ^^^^^^^^^^^^^^^^ Not a PNG file"
     )
+
+
+def opacity_of(scene: ir.Scene) -> tuple[float, float, int]:
+    """(constant, threshold, channel of the texture or -2 without one) of the first instance's material."""
+    m, t = scene.tables.materials, scene.tables.textures
+    row = int(scene.tables.instances.material[0])
+    texture = int(m.textures[row, Slot.OPACITY])
+    return float(m.values[row, Slot.OPACITY, 0]), float(m.threshold[row]), int(t.channel[texture]) if texture >= 0 else -2
+
+
+def test_opacity_is_a_number_or_a_picture_of_it(compiled, tmp_path) -> None:
+    write_image(tmp_path / "rgb.png", np.full((2, 2, 3), 128, np.uint8))
+    write_image(tmp_path / "leaf.png", np.array([[[9, 9, 9, 255], [9, 9, 9, 0]]], np.uint8))
+    for material in ("lambert(0.5, OF)", "phong(0.5, OF)", "mirror(OF)", "glass(OF)", "emissive(OF)"):
+        texts = {
+            "opacity: 25%": (0.25, 0, -2), 'opacity: image("rgb.png")': (1, 0, 0),
+            'opacity: image("leaf.png"), opacity_threshold: 0.5': (1, 0.5, 3), "opacity: checker(#ffffff, #000000)": (1, 0, 0),
+            "opacity_threshold: 0.5": (1, 0, -2),
+        }  # fmt: skip
+        for text, expected in texts.items():
+            made = compiled(f"box(1, material: {material.replace('OF', text)})\nrender(bounces: 1)" + REST)
+            assert opacity_of(made) == expected
+
+
+def test_opacity_is_a_share(said) -> None:
+    assert said("sphere(1, material: lambert(0.5, opacity: 2))" + REST).startswith(
+        "a.scene:1:43: error: `opacity` must be at most 1, got 2\n   1 | sphere(1, material: lambert(0.5, opacity: 2))\n"
+    )

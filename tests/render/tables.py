@@ -10,7 +10,7 @@ import numpy as np
 from maquette.compiler import ir
 from maquette.compiler.build import SceneBuilder, lambert
 from maquette.compiler.rows import CameraData, Input, InstanceData, LightData, MaterialData, MeshData
-from maquette.render import across, bvh, integrate, lanes, records, trace, traverse
+from maquette.render import across, aside, bvh, integrate, lanes, records, trace
 from maquette.render.handles import Handle
 from maquette.render.kernels import kernel
 from maquette.render.records import GouraudLight, Hit, Options, Ray
@@ -152,7 +152,7 @@ def radiance_in_kernel(
     columns = np.stack([*ray.origin, *ray.direction, ray.t_min, ray.t_max])
     frame = Handle(records.Frame(records.View(0, 1, 1), options, np.zeros(1)))
     packed = Handle(tables), Handle(bvh.build(tables)), Handle(light or no_gouraud(tables))  # kept until the kernel is done
-    traverse.link(packed[1])
+    aside.link(packed[1])
     integrate.link(frame, *packed)
     issues = _each_ray(*packed, frame, columns, pixel, stack, rgb, alpha)
     assert issues == 0

@@ -299,3 +299,14 @@ def test_a_material_with_other_surfaces_only(tmp_path):
     assert read(tmp_path, text)[1] == [
         "x.usda</m>: warning: the material has only surfaces that are not drawn (mtlx:surface): its things show their displayColor"
     ]
+
+
+def test_opacity_pictures_and_thresholds(tmp_path):
+    scene, messages = textured(tmp_path, name="opacity", kind="float", wire="g", nodes="")
+    m, t = scene.tables.materials, scene.tables.textures
+    assert messages == []
+    assert t.channel[m.textures[0, ir.Slot.OPACITY]] == 1
+    assert (slot(scene, "OPACITY"), slot(scene, "TRANSMISSION"), m.threshold[0]) == ([1, 0, 0], [0, 0, 0], 0)
+    scene, messages = read(tmp_path, stage("float inputs:opacity = 0.5\nfloat inputs:opacityThreshold = 0.25"))
+    assert (messages, slot(scene, "OPACITY"), slot(scene, "TRANSMISSION")) == ([], [0.5, 0, 0], [0, 0, 0])
+    assert scene.tables.materials.threshold[0] == 0.25

@@ -1,0 +1,297 @@
+"""Things that stand aside from the tree over instances, in one of their own: those that are not wholly there.
+
+A ray first goes through the other things, as in scenes without such; then, as far as it got, by itself through this tree. A surface's
+opacity is asked inside of the walk: where it is 0 nothing is met, and to a shadow ray each surface is a share of the light that it
+lets through, in whatever order they are found. Nothing of this is compiled for scenes that do not need it.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+
+from . import across, boxes, lanes, opacity, shapes, simd, surface, traverse, walk
+from . import shapes_flat as flat
+from .handles import Handle, HandleType
+from .kernels import helper
+from .links import Linked
+from .records import Hit, Lane, Ray, Vec
+from .single import MESH
+from .wide import DEPTH, WIDTH
+
+_LANES = across.WIDTH
+_KEPT, _FOUND, _NUMBERS = 9 * _LANES, 3 * _LANES, 2 * _LANES
+_VEC = types.UniTuple(types.float64, 3)
+
+
+def is_used(accel: Any) -> bool:
+    """Whether kernels' trees of this Numba type have something aside."""
+    found = accel.field("aside") if isinstance(accel, HandleType) else None
+    return found is not None and found[1] != ()
+
+
+def link(accel: Handle) -> None:
+    """Compile or load what goes through packed trees, and tell them where it is."""
+    search = traverse.search.link(accel.numba_type, *traverse.SEARCH)
+    if is_used(accel.numba_type):
+        accel.put("aside.plain", search)
+        accel.put("aside.cover", covering.link(accel.numba_type, _VEC, _VEC, types.float64, *(types.int64,) * 2, *(types.float64,) * 2))
+        search = through_all.link(accel.numba_type, *traverse.SEARCH)
+    accel.put("search", search)
+
+
+# --- how much of a surface is there ---------------------------------------------------------------------------------------
+
+
+def _cover(accel, origin, direction, t, instance, primitive, u, v):
+    """How much of instance's surface is there where a ray meets it."""
+    tables = accel.aside.tables
+    point = surface.at(tables, Ray(origin, direction, 0.0, np.inf), Hit(t, instance, primitive, u, v))
+    return opacity.at(tables, point)
+
+
+covering = Linked(_cover)
+cover = covering.call
+
+
+# --- one ray ----------------------------------------------------------------------------------------------------------------
+
+
+class One(NamedTuple):
+    """A ray by itself."""
+
+    origin: Vec
+    direction: Vec
+    t_min: Any
+    t_max: Any
+
+
+class First(NamedTuple):
+    """What one ray meets first, and what share of light passes all that it meets."""
+
+    t: Any
+    instance: Any
+    primitive: Any
+    u: Any
+    v: Any
+    share: Any
+
+
+@helper
+def _nothing(share: Any) -> First:
+    return First(np.inf, np.int64(-1), np.int64(-1), 0.0, 0.0, share)
+
+
+@helper
+def _through(accel: Any, ray: One, limit: Any, visible_bit: int, any_hit: bool, rays: walk.Rays) -> First:
+    """What a ray meets first, not beyond `limit`; with `any_hit`, how much light passes what it meets."""
+    best = _nothing(1.0)
+    for k in range(len(accel.aside.endless)):
+        best = _nearer(best, _meet(accel, np.int64(accel.aside.endless[k]), ray, limit, visible_bit, any_hit, best.share, rays))
+        limit = min(limit, best.t)
+    nodes, links = accel.aside.top.nodes, accel.aside.top.links
+    if len(links) == 0 or best.share <= 0.0:
+        return best
+    children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float64, DEPTH)
+    ready = _bundle(boxes.world_ray(ray.origin, ray.direction))
+    top, node = np.int64(0), np.int64(0)
+    while True:
+        if node >= 0:
+            near, hits = boxes.enter_eight(nodes, node, ready, ray.t_min, limit)
+            if hits != 0:
+                node, top = walk.nearest_first(links, node, near, hits, children, reaches, top)
+                continue
+        else:
+            best = _nearer(best, _meet(accel, ~node, ray, limit, visible_bit, any_hit, best.share, rays))
+            if best.share <= 0.0:
+                return best
+            limit = min(limit, best.t)
+        while top > 0 and simd.read(reaches, top - 1) > limit:
+            top -= 1
+        if top == 0:
+            return best
+        top -= 1
+        node = np.int64(simd.read(children, top))
+
+
+@helper
+def _nearer(a: First, b: First) -> First:
+    """The nearer of two meetings, of instances' order where they are as near; with the share that passes the later one."""
+    later = b.t < a.t or (b.t == a.t and b.t < np.inf and b.instance < a.instance)
+    return First(
+        b.t if later else a.t, b.instance if later else a.instance, b.primitive if later else a.primitive,
+        b.u if later else a.u, b.v if later else a.v, b.share,
+    )  # fmt: skip
+
+
+@helper
+def _bundle(ray: boxes.BoxRay) -> boxes.Bundle:
+    inverse = _spread(ray.inverse)
+    return boxes.Bundle(_spread(ray.near), _spread(ray.far), inverse, inverse, boxes.rows_of(ray.x, ray.y, ray.z))
+
+
+@helper
+def _spread(v: Vec) -> Vec:
+    return simd.f64x8(v[0]), simd.f64x8(v[1]), simd.f64x8(v[2])
+
+
+@helper
+def _meet(accel: Any, i: int, ray: One, limit: Any, visible_bit: int, any_hit: bool, share: Any, rays: walk.Rays) -> First:
+    """A ray's first meeting with instance i, not beyond `limit`; with `any_hit`, `share` times what passes it."""
+    if (accel.placed[i, 0] & visible_bit) == 0:
+        return _nothing(share)
+    row, g, kind = accel.placed[i, 1], accel.placed[i, 2], accel.placed[i, 3]
+    o = lanes.transform_point(accel.inverse, row, ray.origin)
+    d = lanes.transform_vector(accel.inverse, row, ray.direction)
+    if kind == MESH:
+        o = lanes.sub(o, (accel.origin[g, 0], accel.origin[g, 1], accel.origin[g, 2]))
+        ready = boxes.local_ray(o, d)
+        enters = boxes.enter(accel.boxes, g, ready, ray.t_min, limit)
+        if not enters < np.inf:
+            return _nothing(share)
+        walk.keep(rays, 0, o, d, ready.inverse, enters, ray.t_min, ray.t_max, limit)
+        return _in_mesh(accel, i, ray, enters, any_hit, share, rays)
+    return _on_shape(accel, i, kind, g, o, d, ray, limit, any_hit, share)
+
+
+@helper
+def _on_shape(
+    accel: Any, i: int, kind: int, g: int, o: Vec, d: Vec, ray: One, limit: Any, any_hit: bool, share: Any
+) -> First:
+    """`_meet` for a shape in whose frame the ray is o + t d: one meeting after the other, until one counts."""
+    t = ray.t_min
+    while True:
+        t, part = shapes.intersect(kind, accel.parameters, g, o, d, t, ray.t_max)
+        if not t <= limit or t == np.inf:
+            return _nothing(share)
+        there = 1.0
+        if accel.aside.partial[i]:
+            there = cover(accel.aside.cover, (accel, ray.origin, ray.direction, t, i, np.int64(part), 0.0, 0.0))  # pyright: ignore
+        if any_hit:
+            share *= 1.0 - there
+            if share > 0.0:
+                continue
+        if there > 0.0:
+            return First(t, i, np.int64(part), 0.0, 0.0, share)
+
+
+@helper
+def _in_mesh(accel: Any, i: int, ray: One, enters: Any, any_hit: bool, share: Any, rays: walk.Rays) -> First:
+    """`_meet` for a mesh's tree, as walk.closest and walk.blocked go through it."""
+    tree, root, asked = accel.wide, np.int64(accel.placed[i, 4]), accel.aside.partial[i]
+    children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
+    box, sheared, limit = walk._box(rays, 0), walk._sheared(rays, 0), walk._single(rays, 6, 0)
+    best = _nothing(share)
+    top, node = np.int64(0), root
+    while True:
+        if node >= 0:
+            near, hits = walk._enter(tree.nodes, node, box, limit)
+            if hits != 0:
+                node, top = walk.nearest_first(tree.links, node, near, hits, children, reaches, top)
+                continue
+        else:
+            leaf = ~node
+            met = walk._triangles(tree.leaves, leaf, sheared)
+            if simd.any_of(flat.ahead(met, sheared.shear[2])):
+                at_t = flat.reached(met, sheared.shear[2], ray.t_min, ray.t_max)
+                row = simd.to_i64(simd.load(tree.rows, leaf * WIDTH, 8))
+                while True:
+                    nearest = simd.min_of(at_t)
+                    if not nearest <= best.t or nearest == np.inf:
+                        break
+                    number = np.int64(simd.min_of(simd.select(at_t == nearest, row, 1 << 40)))
+                    if nearest == best.t and number > best.primitive:
+                        break
+                    this = (at_t == nearest) & (row == number)
+                    lane = simd.trailing_zeros(simd.bits(this))
+                    total = simd.lane(met.total, lane)
+                    u, v = simd.lane(met.v, lane) / total, simd.lane(met.w, lane) / total
+                    there = 1.0
+                    if asked:
+                        there = cover(accel.aside.cover, (accel, ray.origin, ray.direction, nearest, i, number, u, v))  # pyright: ignore
+                    if any_hit:
+                        share *= 1.0 - there
+                        if share <= 0.0:
+                            return First(nearest, i, number, u, v, share)
+                    elif there > 0.0:
+                        best = First(nearest, i, number, u, v, share)
+                        limit = np.float32((nearest - enters) * walk.FAR)
+                        break
+                    at_t = simd.select(this, np.inf, at_t)
+        while top > 0 and simd.read(reaches, top - 1) > limit:
+            top -= 1
+        if top == 0:
+            return First(best.t, best.instance, best.primitive, best.u, best.v, share)
+        top -= 1
+        node = np.int64(simd.read(children, top))
+
+
+# --- rays as traverse.search takes them -----------------------------------------------------------------------------------
+
+
+def _search(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit):
+    """As traverse.search, through all things; with `any_hit`, u is the share of light that passes where instance is -1."""
+    best = traverse.find(accel.aside.plain, (accel, origin, direction, t_min, t_max, active, visible_bit, any_hit))  # pyright: ignore
+    until = lanes.where(active, lanes.minimum(best.t, t_max), -np.inf)
+    zero = lanes.full_like(t_min, 0.0)
+    if any_hit:
+        until = lanes.where(best.instance >= 0, zero - np.inf, until)
+        best = Hit(best.t, best.instance, best.primitive, lanes.where(best.instance >= 0, zero, zero + 1.0), best.v)
+    left = across.bits(until > t_min)
+    if left == 0:
+        return best
+    return _each(accel, origin, direction, t_min, t_max, until, left, visible_bit, any_hit, best)
+
+
+through_all = Linked(_search)
+
+
+@helper
+def _each(
+    accel: Any, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane, until: Lane, left: int, visible_bit: int, any_hit: bool, best: Hit
+) -> Hit:
+    """`best`, or what the rays whose bits are set in `left` meet aside, where that comes first."""
+    kept, found = simd.stack_array(np.float64, _KEPT), simd.stack_array(np.float64, _FOUND)
+    numbers = simd.stack_array(np.int64, _NUMBERS)
+    for j, x in ((0, origin[0]), (1, origin[1]), (2, origin[2]), (3, direction[0]), (4, direction[1]), (5, direction[2])):
+        across.store(kept, j, x)
+    across.store(kept, 6, t_min)
+    across.store(kept, 7, t_max)
+    across.store(kept, 8, until)
+    across.store(found, 0, best.t)
+    across.store(found, 1, best.u)
+    across.store(found, 2, best.v)
+    across.store(numbers, 0, best.instance)
+    across.store(numbers, 1, best.primitive)
+    rays = walk.room()
+    while left != 0:
+        k = simd.trailing_zeros(left)
+        left &= left - 1
+        ray = One(_at3(kept, 0, k), _at3(kept, 3, k), _at(kept, 6, k), _at(kept, 7, k))
+        first = _through(accel, ray, _at(kept, 8, k), visible_bit, any_hit, rays)
+        t = simd.read(found, k)
+        if any_hit:
+            simd.write(found, _LANES + k, first.share)
+            if first.share > 0.0:
+                continue
+        elif not (first.t < t or (first.t == t and first.t < np.inf and first.instance < simd.read(numbers, k))):
+            continue
+        else:
+            simd.write(found, _LANES + k, first.u)
+        simd.write(found, k, first.t)
+        simd.write(found, 2 * _LANES + k, first.v)
+        simd.write(numbers, k, first.instance)
+        simd.write(numbers, _LANES + k, first.primitive)
+    return Hit(across.load(found, 0), across.load(numbers, 0), across.load(numbers, 1), across.load(found, 1), across.load(found, 2))
+
+
+@helper
+def _at3(kept: Any, row: int, k: int) -> Vec:
+    return _at(kept, row, k), _at(kept, row + 1, k), _at(kept, row + 2, k)
+
+
+@helper
+def _at(kept: Any, row: int, k: int) -> Any:
+    return simd.read(kept, row * _LANES + k)

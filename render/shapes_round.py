@@ -59,9 +59,11 @@ def sphere(radius: Lane, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) 
 def _side_roots(middle: Lane, slope: Lane, origin: Vec, direction: Vec) -> tuple[Lane, Lane, Lane, Lane]:
     """(lo, hi, a, c) of x² + z² = w², w = middle + slope y: an endless (double) cone, a cylinder for slope 0.
 
-    With d and o the parts of direction and origin in the xz plane, D = |w d - slope d_y o|² - (o × d)².
+    Solved about the ray's nearest place to the origin of the frame, so that no more digits are lost than the eye's distance takes.
+    With d and o the parts of direction and place in the xz plane, D = |w d - slope d_y o|² - (o × d)². `c` is there, not at the eye.
     """
-    ox, oy, oz = origin
+    shift = -lanes.dot(origin, direction) / lanes.dot(direction, direction)
+    ox, oy, oz = lanes.along(origin, direction, shift)
     dx, dy, dz = direction
     w = middle + slope * oy
     change = slope * dy
@@ -76,7 +78,7 @@ def _side_roots(middle: Lane, slope: Lane, origin: Vec, direction: Vec) -> tuple
     # steeper than the cone: a line through the tip touches both halves, and only rounding says that it misses them
     discriminant = lanes.where((a < 0.0) & (discriminant < 0.0), 0.0, discriminant)
     lo, hi = _ordered_roots(a, b, c, discriminant)
-    return lo, hi, a, c
+    return lo + shift, hi + shift, a, c
 
 
 @helper
@@ -132,9 +134,14 @@ def capsule(radius: Lane, half: Lane, origin: Vec, direction: Vec, t_min: Lane, 
 def quadric_value(parameters, g: Lane, p: Vec) -> Lane:
     """A x² + B y² + C z² + D x y + E y z + F x z + G x + H y + I z + J."""
     x, y, z = p
+    return _second_degree(parameters, g, p) + parameters[g, 6] * x + parameters[g, 7] * y + parameters[g, 8] * z + parameters[g, 9]
+
+
+@helper
+def _second_degree(parameters, g: Lane, p: Vec) -> Lane:
+    x, y, z = p
     second = parameters[g, 0] * x * x + parameters[g, 1] * y * y + parameters[g, 2] * z * z
-    mixed = parameters[g, 3] * x * y + parameters[g, 4] * y * z + parameters[g, 5] * x * z
-    return second + mixed + parameters[g, 6] * x + parameters[g, 7] * y + parameters[g, 8] * z + parameters[g, 9]
+    return second + (parameters[g, 3] * x * y + parameters[g, 4] * y * z + parameters[g, 5] * x * z)
 
 
 @helper
@@ -154,11 +161,9 @@ def quadric(parameters, g: Lane, origin: Vec, direction: Vec, t_min: Lane, t_max
     """t of a quadric where it lies inside its box: the nearest root in range that the box keeps."""
     shift = -lanes.dot(origin, direction) / lanes.dot(direction, direction)
     o = (origin[0] + shift * direction[0], origin[1] + shift * direction[1], origin[2] + shift * direction[2])
-    zero = 0.0 * o[0]
-    slope = quadric_gradient(parameters, g, (zero, zero, zero))
     c = quadric_value(parameters, g, o)
     b = -0.5 * lanes.dot(quadric_gradient(parameters, g, o), direction)
-    a = quadric_value(parameters, g, direction) - lanes.dot(slope, direction) - parameters[g, 9]
+    a = _second_degree(parameters, g, direction)  # not from values: their constant term would drown it
     lo, hi = _ordered_roots(a, b, c, b * b - a * c)
     lo = lanes.where(_in_box(parameters, g, o, direction, lo), lo + shift, INF)
     hi = lanes.where(_in_box(parameters, g, o, direction, hi), hi + shift, INF)

@@ -17,7 +17,6 @@ from ..render.tables import matrix, rays, scene
 from ..render.test_shapes import SHAPES
 from ..render.tracing import through_trees
 from . import exact, naive
-from .places import fails
 
 U = 2.0**-53
 ENDLESS = [INF, INF, INF]

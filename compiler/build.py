@@ -13,6 +13,7 @@ from ..lang.diagnostics import Diagnostics, Span
 from . import ir, shape_bounds, transforms
 from .files import LIBRARY, Files
 from .rows import BLACK, WHITE, CameraData, Color, Input, InstanceData, LightData, MaterialData, MeshAttribute, MeshData, TextureData
+from .tapes import Tape
 
 NONE = -1  # the row of what was not accepted; the diagnostics say why
 SPANNED = ("geometries", "instances", "materials", "textures", "lights", "cameras")
@@ -71,9 +72,30 @@ class SceneBuilder:
         row = self._known.get(key)
         if row is None:
             bounds = shape_bounds.of(kind, numbers)
-            row = self._geometry(kind, numbers, bounds, np.zeros(3), (0,) * 6, (NONE,) * 3, span, name)
+            row = self._geometry(kind, numbers, bounds, np.zeros(3), (0,) * 6, (NONE,) * 4, span, name)
             self._known[key] = row
         return row
+
+    def formula(self, tape: Tape, bounds: np.ndarray, parameters: Sequence[float], span: Span | None = None, name: str = "") -> int:
+        """The row of a formula's surface in a box (2, 3); `parameters` are ir.GeometryKind.FORMULA's without the last."""
+        numbers = (*map(float, parameters), float(np.abs(bounds).max()))
+        row = self.tape(tape)
+        columns = (NONE, NONE, NONE, row)
+        return self.shared(
+            ("formula", row, numbers, bounds.tobytes()),
+            lambda: self._geometry(ir.GeometryKind.FORMULA, numbers, bounds, np.zeros(3), (0,) * 6, columns, span, name),
+        )
+
+    def tape(self, tape: Tape) -> int:
+        """The row of a tape; an equal one is shared."""
+        key = ("tape", tape.structure(), tape.constants.tobytes())
+        if key not in self._known:
+            results = (*tape.results, *(0,) * (4 - len(tape.results)))
+            row = (self._length["code"], len(tape.code), self._length["constants"], len(tape.constants), results, len(tape.results))
+            self._known[key] = self._add("tapes", row, None, "")
+            self._pool("code", tape.code)
+            self._pool("constants", tape.constants)
+        return self._known[key]
 
     def mesh(self, mesh: MeshData, span: Span | None = None, name: str = "") -> int:
         """The row of a mesh, its positions stored as float32 about the middle of its bounds; an equal mesh is shared. Attributes of
@@ -99,7 +121,7 @@ class SceneBuilder:
             self._attribute(kind, given, width, len(positions), len(triangles), span)
             for kind, given, width in (("normals", mesh.normals, 3), ("uvs", mesh.uvs, 2), ("colors", mesh.colors, 3))
         )
-        return self._geometry(ir.GeometryKind.MESH, (), bounds, origin, ranges, attributes, span, name)
+        return self._geometry(ir.GeometryKind.MESH, (), bounds, origin, ranges, (*attributes, NONE), span, name)
 
     def _geometry(self, kind: int, parameters: tuple[float, ...], bounds: Any, origin: Any, ranges: tuple[int, ...],
                   attributes: tuple[int, ...], span: Span | None, name: str) -> int:  # fmt: skip

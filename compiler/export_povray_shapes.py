@@ -81,6 +81,9 @@ class _Object:
             return self._mesh(export.mesh(self.tables, self.g), texture)
         if kind == ir.GeometryKind.PLANE:
             return "plane", [f"  {_UP}, 0"]
+        if kind == ir.GeometryKind.FORMULA:
+            self.out.cannot("a formula's surface is not carried", "instances", self.i)
+            return None
         if texture >= 0:
             return self._meshed(texture)
         return self._native(kind, [float(v) for v in p])

@@ -40,6 +40,7 @@ class GeometryKind(IntEnum):
     TORUS = 8  # radius R, tube r; axis y, about the origin
     CAPSULE = 9  # radius, half height of the cylinder; axis y, about the origin
     QUADRIC = 10  # A … J, then half x, y, z of the box that cuts it (inf: endless)
+    FORMULA = 11  # sheet (0/1: a solid where its tape is ≤ 0), x, y, z and radius of the ball that cuts it (0: none), largest coordinate
 
 
 PARAMETERS = 13  # columns of Geometries.parameters
@@ -164,6 +165,8 @@ class Pools(NamedTuple):
     values: F32  # (k,) attribute values, flat
     loops: I32  # (l, 2) first corner, corner count: outlines and holes
     corners: I32  # (c,) rows of positions
+    code: I32  # (r, 4) rows of tapes: operation (tapes.Op) and operands
+    constants: F64  # (q,) numbers of tapes
 
 
 class Attributes(NamedTuple):
@@ -173,6 +176,17 @@ class Attributes(NamedTuple):
     width: I32  # (n,)
     first: I64  # (n,) into Pools.values
     count: I32  # (n,) how many values (not floats)
+
+
+class Tapes(NamedTuple):
+    """Formulas, see tapes.py. Operands count within a tape: 0, 1, 2 are x, y, z; 3 + i is row i's value; ~k constant k."""
+
+    first: I64  # (n,) row of Pools.code
+    count: I32  # (n,)
+    first_constant: I64  # (n,)
+    constant_count: I32  # (n,)
+    results: I32  # (n, 4) the values that are its results
+    result_count: I32  # (n,)
 
 
 class Polygons(NamedTuple):
@@ -198,6 +212,7 @@ class Geometries(NamedTuple):
     normals: I32  # (n,) row of Attributes or -1 (faces' own normals)
     uvs: I32  # (n,) row of Attributes or -1
     colors: I32  # (n,) row of Attributes or -1; multiplies k_d (and k_a)
+    tape: I32  # (n,) row of Tapes of a FORMULA, else -1
 
 
 class Instances(NamedTuple):
@@ -285,6 +300,7 @@ class Tables(NamedTuple):
     pools: Pools
     attributes: Attributes
     polygons: Polygons
+    tapes: Tapes
     geometries: Geometries
     instances: Instances
     materials: Materials
@@ -372,9 +388,10 @@ class Scene:
 _FLOAT64 = {
     "matrix", "inverse", "parameters", "bounds", "origin", "frame", "size", "color_a", "color_b", "gain", "bias", "color", "position",
     "direction", "cos_cone", "cos_full", "angle", "coefficients", "extent", "aspect", "near", "far", "shift", "exposure", "threshold",
+    "constants",
 }  # fmt: skip
 _FLOAT32 = {"positions", "texels"}
-_INT64 = {"first"}
+_INT64 = {"first", "first_constant"}
 _BOOL = {"flips", "normalized", "nearest", "shadows"}
 _SHAPE: dict[tuple[str, str], tuple[int, ...]] = {
     ("transforms", "matrix"): (3, 4),
@@ -382,6 +399,8 @@ _SHAPE: dict[tuple[str, str], tuple[int, ...]] = {
     ("pools", "positions"): (3,),
     ("pools", "triangles"): (3,),
     ("pools", "loops"): (2,),
+    ("pools", "code"): (4,),
+    ("tapes", "results"): (4,),
     ("geometries", "parameters"): (PARAMETERS,),
     ("geometries", "bounds"): (2, 3),
     ("geometries", "origin"): (3,),
@@ -401,8 +420,9 @@ _SHAPE: dict[tuple[str, str], tuple[int, ...]] = {
     ("cameras", "shift"): (2,),
 }
 TABLES: dict[str, type] = {
-    "transforms": Transforms, "pools": Pools, "attributes": Attributes, "polygons": Polygons, "geometries": Geometries,
-    "instances": Instances, "materials": Materials, "textures": Textures, "images": Images, "lights": Lights, "cameras": Cameras,
+    "transforms": Transforms, "pools": Pools, "attributes": Attributes, "polygons": Polygons, "tapes": Tapes,
+    "geometries": Geometries, "instances": Instances, "materials": Materials, "textures": Textures, "images": Images,
+    "lights": Lights, "cameras": Cameras,
 }  # fmt: skip
 
 

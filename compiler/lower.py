@@ -12,7 +12,7 @@ from ..lang.elements import Document, Element
 from . import defaults, ir, lower_cameras, lower_lights, lower_materials, lower_shapes, transforms
 from .build import SceneBuilder
 from .files import FileError
-from .lower_shapes import Piece
+from .lower_pieces import Piece
 from .rows import InstanceData
 
 LARGEST = 1e18  # metres, or any other number of what is placed: products of a few stay finite

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..lang.elements import Element
-from . import ir, polymesh, transforms, triangulate
+from . import ir, lower_formulas, polymesh, transforms, triangulate
+from .lower_pieces import Piece
 from .rows import MeshAttribute, MeshData, Outlines
 
 if TYPE_CHECKING:
@@ -18,16 +18,6 @@ if TYPE_CHECKING:
 
 Kind = ir.GeometryKind
 FLATNESS = 1e-3  # how far a polygon's corners may be off its plane, as a share of its extent
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Piece:
-    """A geometry in the frame of the element it belongs to. `material` -1: the element's."""
-
-    geometry: int
-    matrix: np.ndarray  # (4, 4)
-    material: int = -1
-    name: str = ""
 
 
 def pieces(lowering: Lowering, element: Element) -> list[Piece]:
@@ -215,5 +205,6 @@ _SHAPES: dict[str, Callable[[Lowering, Element], list[Piece]]] = {
     "triangle": _triangle,
     "polygon": _polygon,
     "mesh": _mesh,
+    "implicit": lower_formulas.implicit,
 }
 KINDS = frozenset(_SHAPES)

@@ -29,11 +29,11 @@ _KINDS: dict[tuple[str, str], type] = {
 _MEASURES = {
     ir.GeometryKind.MESH: 0, ir.GeometryKind.SPHERE: 1, ir.GeometryKind.BOX: 3, ir.GeometryKind.PLANE: 0, ir.GeometryKind.RECTANGLE: 2,
     ir.GeometryKind.DISK: 1, ir.GeometryKind.CYLINDER: 3, ir.GeometryKind.CONE: 4, ir.GeometryKind.TORUS: 2, ir.GeometryKind.CAPSULE: 2,
-    ir.GeometryKind.QUADRIC: 13,
+    ir.GeometryKind.QUADRIC: 13, ir.GeometryKind.FORMULA: 6,
 }  # fmt: skip
 _QUIET = {  # columns left out where they have this value: what a plain row has
     "geometries": {"origin": 0, "first_vertex": 0, "vertex_count": 0, "first_triangle": 0, "triangle_count": 0, "first_polygon": 0,
-                   "polygon_count": 0, "normals": -1, "uvs": -1, "colors": -1},
+                   "polygon_count": 0, "normals": -1, "uvs": -1, "colors": -1, "tape": -1},
     "instances": {"transform": 0, "light": -1, "visible": 7},
     "materials": {"shading": 0, "normalized": 0, "threshold": 0},
     "textures": {"mapping": 0, "wrap_u": 0, "wrap_v": 0, "nearest": 0, "image": -1, "channel": -1, "size": 0, "gain": 1, "bias": 0,

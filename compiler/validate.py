@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..lang.diagnostics import Diagnostics
-from . import ir, shape_bounds, transforms, validate_meshes
+from . import ir, shape_bounds, transforms, validate_meshes, validate_tapes
 
 Kind = ir.GeometryKind
 Light = ir.LightKind
@@ -23,6 +23,7 @@ _REFERENCES = (  # table, column, table it points into, whether -1 is allowed
     ("geometries", "normals", "attributes", True),
     ("geometries", "uvs", "attributes", True),
     ("geometries", "colors", "attributes", True),
+    ("geometries", "tape", "tapes", True),
     ("instances", "geometry", "geometries", False),
     ("instances", "transform", "transforms", False),
     ("instances", "material", "materials", False),
@@ -71,6 +72,7 @@ def _validate(check: Check) -> ir.Scene:
             return check.scene
     _meaning(check)
     validate_meshes.validate(check)
+    validate_tapes.validate(check)
     if not check.errors:
         _without_empty_instances(check)
     return check.finished()
@@ -246,6 +248,7 @@ def _meaning(check: Check) -> None:
 _POSITIVE = {  # parameters that are above 0, and those that are 0 or more
     Kind.SPHERE: ((0,), ()), Kind.BOX: ((0, 1, 2), ()), Kind.RECTANGLE: ((0, 1), ()), Kind.DISK: ((0,), ()), Kind.CYLINDER: ((0, 1), ()),
     Kind.CONE: ((2,), (0, 1)), Kind.TORUS: ((0, 1), ()), Kind.CAPSULE: ((0,), (1,)), Kind.QUADRIC: ((10, 11, 12), ()),
+    Kind.FORMULA: ((5,), (0, 4)),
 }  # fmt: skip
 
 
@@ -264,7 +267,10 @@ def _shapes(check: Check) -> None:
     check.bad("geometries", ~good & (kinds != Kind.MESH), "its measures are not finite, or not above 0")
     moved = (kinds != Kind.MESH) & table["origin"].any(axis=1)
     check.bad("geometries", moved, "only meshes have an origin")
-    analytic = np.flatnonzero((kinds != Kind.MESH) & good)
+    formulas = kinds == Kind.FORMULA
+    holds = np.isfinite(bounds).all(axis=(1, 2)) & (bounds[:, 1] > bounds[:, 0]).all(axis=1) & (table["tape"] >= 0)
+    check.bad("geometries", formulas & ~holds, "a formula's surface has a tape, and a box that holds it")
+    analytic = np.flatnonzero((kinds != Kind.MESH) & ~formulas & good)
     right = bounds.copy()
     for row in analytic:
         right[row] = shape_bounds.of(int(kinds[row]), parameters[row].tolist())

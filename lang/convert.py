@@ -326,6 +326,29 @@ def _formula(value: Value, place: Place, arg: Arg) -> Any:
     raise _wrong(value, "formula |x, y, z| …")
 
 
+def _within(value: Value, place: Place, arg: Arg) -> Any:
+    """(lowest corner, highest corner, (x, y, z, radius) of a ball or zeros), in metres."""
+    none = (0.0, 0.0, 0.0, 0.0)
+    if isinstance(value, Element) and value.kind in ("sphere", "box"):
+        args = value.args
+        if any(args[name] is not None for name in ("translate", "rotate", "scale")):
+            raise Mistake(f"the {value.kind} that bounds a surface is placed by its `center` alone", span=place.span)
+        center = args["center"]
+        half = (args["radius"],) * 3 if value.kind == "sphere" else tuple(edge / 2 for edge in args["size"])
+        low, high = (tuple(c + side * h for c, h in zip(center, half, strict=True)) for side in (-1, 1))
+        return low, high, (*center, args["radius"]) if value.kind == "sphere" else none
+    wanted = "length, list of three, two corners, sphere or box"
+    if isinstance(value, tuple) and len(value) == 2:
+        low, high = _each(value, place, arg, _exactly(3, _length, wanted))
+        if not all(a < b for a, b in zip(low, high, strict=True)):
+            raise Mistake("each coordinate of the first corner must be below that of the second")
+        return low, high, none
+    half = _one_or(3, _length, wanted)(value, place, arg)
+    if not all(h > 0 for h in half):
+        raise Mistake("what bounds a surface has a size above 0 each way")
+    return tuple(-h for h in half), half, none
+
+
 _point = _exactly(3, _length, "list of three lengths", "write [x, y, z]")
 
 _CONVERTERS: dict[str, Item] = {
@@ -357,6 +380,7 @@ _CONVERTERS: dict[str, Item] = {
     "faces": _list_of(_list_of(_index, "list of whole numbers"), "list of lists of whole numbers"),
     "falloff": _falloff,
     "formula": _formula,
+    "within": _within,
     "pixels": _exactly(2, _pixel, "[width, height] in pixels", "write [width, height]"),
     "strings": _list_of(_string, "list of strings"),
 }

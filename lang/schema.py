@@ -44,6 +44,7 @@ TYPES = {
     "falloff": "[constant, linear, quadratic] or ramp(start, end)",
     "formula": "a formula |x, y, z| …",
     "pixels": "[width, height] whole numbers",
+    "within": "a length, three lengths, two corners, or a sphere or box",
     "strings": "a list of strings",
 }
 
@@ -267,7 +268,19 @@ SHAPES = (
         Arg("file", "string", REQUIRED, "file of the stage, beside the scene"),
         Arg("prim", "string", None, "only what lies below this prim", keyword=True),
     ),
-    *_planned("shape", "heightfield", "implicit", "surface", "bezier", "nurbs", "subdivision", "curve", "revolve", "extrude", "voxels"),
+    _shape(
+        "implicit",
+        "where a relation between x, y and z holds: a solid for <= and the like, a sheet for ==",
+        Arg("formula", "formula", REQUIRED, "the relation; x, y and z are plain numbers in the file's unit, in its own frame"),
+        Arg(
+            "within",
+            "within",
+            None,
+            "what cuts it: a length (from minus to plus, each way), three of them, two corners, a sphere or a box; found when not given",
+        ),
+        example="implicit(|x, y, z| x^4 + y^4 + z^4 <= 1)",
+    ),
+    *_planned("shape", "heightfield", "surface", "bezier", "nurbs", "subdivision", "curve", "revolve", "extrude", "voxels"),
 )
 
 SOLIDS = _planned("solid", "union", "intersection", "difference")

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import types
 
-from . import across, boxes, lanes, opacity, shapes, simd, surface, traverse, walk
+from . import across, boxes, lanes, meeting, opacity, shapes, simd, surface, traverse, walk
 from . import shapes_flat as flat
 from .handles import Handle, HandleType
 from .kernels import helper
@@ -34,6 +34,7 @@ def is_used(accel: Any) -> bool:
 
 def link(accel: Handle) -> None:
     """Compile or load what goes through packed trees, and tell them where it is."""
+    meeting.link(accel)
     search = traverse.search.link(accel.numba_type, *traverse.SEARCH)
     if is_used(accel.numba_type):
         accel.put("aside.plain", search)
@@ -157,24 +158,26 @@ def _meet(accel: Any, i: int, ray: One, limit: Any, visible_bit: int, any_hit: b
 
 
 @helper
-def _on_shape(
-    accel: Any, i: int, kind: int, g: int, o: Vec, d: Vec, ray: One, limit: Any, any_hit: bool, share: Any
-) -> First:
+def _on_shape(accel: Any, i: int, kind: int, g: int, o: Vec, d: Vec, ray: One, limit: Any, any_hit: bool, share: Any) -> First:
     """`_meet` for a shape in whose frame the ray is o + t d: one meeting after the other, until one counts."""
-    t = ray.t_min
+    onward, u, v = ray.t_min, 0.0, 0.0
     while True:
-        t, part = shapes.intersect(kind, accel.parameters, g, o, d, t, ray.t_max)
+        if kind == meeting.FORMULA:
+            t, part, u, v, onward = meeting.formula(accel, g, o, d, onward, ray.t_max)
+        else:
+            t, part = shapes.intersect(kind, accel.parameters, g, o, d, onward, ray.t_max)
+            onward = t
         if not t <= limit or t == np.inf:
             return _nothing(share)
         there = 1.0
         if accel.aside.partial[i]:
-            there = cover(accel.aside.cover, (accel, ray.origin, ray.direction, t, i, np.int64(part), 0.0, 0.0))  # pyright: ignore
+            there = cover(accel.aside.cover, (accel, ray.origin, ray.direction, t, i, np.int64(part), u, v))  # pyright: ignore
         if any_hit:
             share *= 1.0 - there
             if share > 0.0:
                 continue
         if there > 0.0:
-            return First(t, i, np.int64(part), 0.0, 0.0, share)
+            return First(t, i, np.int64(part), u, v, share)
 
 
 @helper

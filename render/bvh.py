@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler import plan as planner
 from . import kept, top, wide
+from .formulas import fields
+from .formulas.fields import Forms
 from .top import Top
 from .wide import Wide
 
@@ -52,8 +54,10 @@ class Bvh(NamedTuple):
     inverse: NDArray[np.float64]  # Transforms.inverse
     parameters: NDArray[np.float64]  # Geometries.parameters
     origin: NDArray[np.float64]  # Geometries.origin
+    forms: Forms  # formula surfaces
     aside: Any = Nothing()  # an Aside where things stand aside of all this
     search: int = 0  # address of traverse.search, or of what goes through things aside too, for kernels
+    meet: int = 0  # address of formulas.meet, where there are formula surfaces
 
 
 def build(tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool = True) -> Bvh:
@@ -83,6 +87,7 @@ def build(tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool =
         inverse=tables.transforms.inverse,
         parameters=geometries.parameters,
         origin=geometries.origin,
+        forms=fields.forms(tables),
         aside=_aside(tables, boxes, drawable & partial, bounded, threads) if partial.any() else Nothing(),
     )
 

@@ -38,7 +38,8 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     """Make ready for drawing a validated scene with plan["backend"].
 
     Shapes shaded at vertices become meshes for every backend; for the raster backend all other analytic shapes are
-    tessellated beside the tables, each to plan["tolerance"] pixels of this view. Endless shapes stay smooth: they have no vertices.
+    tessellated beside the tables, each to plan["tolerance"] pixels of this view. Endless shapes and formulas
+    stay smooth: they have no vertices.
     """
     backend = plan["backend"]
     shapes = _Shapes(scene.tables, view, plan["tolerance"])
@@ -144,11 +145,11 @@ class _Shapes:
 
 
 def analytic_seen(tables: ir.Tables, endless: bool) -> NDArray[np.intp]:
-    """The rows of instances that are no mesh and that the camera sees: quadrics without a box, or all others."""
+    """The rows of instances that are no mesh and that the camera sees: quadrics without a box and formulas, or all others."""
     instances, geometries = tables.instances, tables.geometries
     kind = geometries.kind[instances.geometry]
     unbounded = ~np.isfinite(geometries.parameters[instances.geometry, 10:13]).all(axis=1) & (kind == ir.GeometryKind.QUADRIC)
-    analytic = (kind != ir.GeometryKind.MESH) & (unbounded == endless)
+    analytic = (kind != ir.GeometryKind.MESH) & ((unbounded | (kind == ir.GeometryKind.FORMULA)) == endless)
     return np.flatnonzero(analytic & (instances.visible & ir.Visibility.CAMERA != 0))
 
 
@@ -159,7 +160,8 @@ def with_vertex_shaded_meshes(tables: ir.Tables, shapes: _Shapes) -> ir.Tables:
     """The same scene with a mesh for each bounded analytic instance whose material is shaded at vertices (Gouraud)."""
     instances = tables.instances
     chosen = tables.materials.shading[instances.material] == ir.Shading.GOURAUD
-    chosen &= (tables.geometries.kind[instances.geometry] != ir.GeometryKind.MESH) & np.isfinite(shapes.tolerances)
+    without = (ir.GeometryKind.MESH, ir.GeometryKind.FORMULA)
+    chosen &= ~np.isin(tables.geometries.kind[instances.geometry], without) & np.isfinite(shapes.tolerances)
     if not chosen.any():
         return tables
     geometry = instances.geometry.copy()
@@ -188,7 +190,7 @@ def _with_meshes(tables: ir.Tables, made: list[tuple[int, tessellate.Tessellatio
             "kind": ir.GeometryKind.MESH, "parameters": np.zeros(ir.PARAMETERS),
             "bounds": geometries.bounds[original], "origin": np.zeros(3),
             "first_vertex": vertices, "vertex_count": count, "first_triangle": triangles, "triangle_count": len(mesh.triangles),
-            "first_polygon": 0, "polygon_count": 0, "colors": -1,
+            "first_polygon": 0, "polygon_count": 0, "colors": -1, "tape": -1,
         }  # fmt: skip
         for name, data in (("normals", mesh.normals), ("uvs", mesh.uvs)):
             row[name] = len(attributes.width) + len(attribute_rows)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..compiler import ir
-from . import across, boxes, lanes, shapes, simd, walk
+from . import across, boxes, lanes, meeting, simd, walk
 from .boxes import Bundle
 from .kernels import apart, helper
 from .records import Hit, Lane, Vec
@@ -105,14 +105,14 @@ def _meet(accel: Any, i: int, kept: Any, rays: walk.Rays, k: int, t_min: Any, un
     wide_origin, wide_direction = lanes.like3(zero, *origin), lanes.like3(zero, *direction)
     o = lanes.transform_point(accel.inverse, row, wide_origin)
     d = lanes.transform_vector(accel.inverse, row, wide_direction)
-    t, part = meet_shape(kind, accel.parameters, g, o, d, lanes.full_like(zero, t_min), lanes.full_like(zero, _at(kept, 16, k)))
-    return across.lane(t, 0), np.int64(across.lane(lanes.int_like(zero, 0) + part, 0)), 0.0, 0.0
+    t, part, u, v = _meet_shape(accel, kind, g, o, d, lanes.full_like(zero, t_min), lanes.full_like(zero, _at(kept, 16, k)))
+    return across.lane(t, 0), np.int64(across.lane(part, 0)), across.lane(u, 0), across.lane(v, 0)
 
 
 @apart
-def meet_shape(kind, parameters, g, o, d, t_min, t_max):
-    """shapes.intersect as a function of its own: rays one by one call it with one ray in all lanes."""
-    return shapes.intersect(kind, parameters, g, o, d, t_min, t_max)
+def _meet_shape(accel, kind, g, o, d, t_min, t_max):
+    """meeting.shape as a function of its own: rays one by one call it with one ray in all lanes."""
+    return meeting.shape(accel, kind, g, o, d, t_min, t_max)
 
 
 @helper

@@ -15,10 +15,12 @@ from .kernels import helper
 from .records import Hit, Lane, Ray, Surface, Tables, Vec
 
 MESH = int(ir.GeometryKind.MESH)
+FORMULA = int(ir.GeometryKind.FORMULA)
 CONSTANT = int(ir.Interpolation.CONSTANT)
 FACE = int(ir.Interpolation.FACE)
 VERTEX = int(ir.Interpolation.VERTEX)
 FLAT = int(ir.Shading.FLAT)
+UNIT = 2.0 * 2.0**-53  # of a formula's largest coordinate: twice what a unit of its spacing means (formulas/meet.py)
 ROUNDING = 32.0 * 2.0**-53  # of the sums of absolute terms in `spacing`: a few operations each for the hit and for the next ray
 
 
@@ -40,15 +42,20 @@ def at(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -> Surface:
     t = lanes.where(hit.instance >= 0, hit.t, 0.0)
     world = lanes.along(ray.origin, ray.direction, t)
     local = lanes.transform_point(inverse, row, world)
-    part = lanes.where(kind == MESH, 0, hit.primitive)
+    formed = kind == FORMULA
+    part = lanes.where((kind == MESH) | formed, 0, hit.primitive)
     outward = shapes.normal(kind, geometries.parameters, g, part, local)
+    wide = lanes.full_like(t, 0.0)
+    if lanes.any_lane(formed):
+        outward = lanes.where3(formed, _unpacked(hit.u, hit.v), outward)
+        off = lanes.to_float(hit.primitive) * geometries.parameters[g, 5] * (UNIT / ROUNDING)
+        wide = lanes.where(formed, off * mean_scale(matrix, row), wide)
     smooth = outward
     color = lanes.like3(t, 1.0, 1.0, 1.0)
 
     on_mesh = kind == MESH
     a, b, c = local, local, local
     zero = lanes.full_like(t, 0.0)
-    wide = zero
     if lanes.any_lane(on_mesh):
         first = lanes.to_int(geometries.first_triangle[g])
         last = first + geometries.triangle_count[g] - 1
@@ -106,6 +113,16 @@ def spacing(tables: Tables, ray: Ray, row: Lane, t: Lane, normal: Vec, wide: Lan
     wy = abs(m[row, 1, 0]) * lx + abs(m[row, 1, 1]) * ly + abs(m[row, 1, 2]) * lz + abs(m[row, 1, 3])
     wz = abs(m[row, 2, 0]) * lx + abs(m[row, 2, 1]) * ly + abs(m[row, 2, 2]) * lz + abs(m[row, 2, 3])
     return ROUNDING * (abs(normal[0]) * wx + abs(normal[1]) * wy + abs(normal[2]) * wz + wide)
+
+
+@helper
+def _unpacked(u: Lane, v: Lane) -> Vec:
+    """The unit vector that formulas.meet packed into two numbers."""
+    z = 1.0 - abs(u) - abs(v)
+    below = z < 0.0
+    x = lanes.where(below, (1.0 - abs(v)) * lanes.sign_of(u), u)
+    y = lanes.where(below, (1.0 - abs(u)) * lanes.sign_of(v), v)
+    return lanes.normalize((x, y, z))
 
 
 @helper

@@ -15,7 +15,8 @@ from numba.extending import overload
 
 from ..compiler import ir
 from ..compiler import plan as planner
-from . import across, aside, lanes, opacity, shapes, surface, traverse
+from . import across, aside, lanes, meeting, opacity, shapes, surface, traverse
+from .formulas import fields, plain
 from .kernels import HELPER
 from .records import Hit, Lane, Ray, Vec
 
@@ -99,19 +100,31 @@ def _meet(tables: ir.Tables, i: int, ray: Ray, partial: bool, through: bool = Fa
         return _meet_mesh(tables, geometry, Ray(o, d, ray.t_min, ray.t_max), cover if partial else None)
     t_min, share = ray.t_min, np.ones(len(ray.t_min))
     while True:
-        t, part = shapes.intersect(kind, tables.geometries.parameters, geometry, o, d, t_min, ray.t_max)
+        t, part, u, v, onward = _meet_shape(tables, kind, int(geometry), Ray(o, d, t_min, ray.t_max))
         zero = np.zeros(len(t))
-        part = part + 0 * zero.astype(np.int64)
         if not partial:
-            return Hit(t, zero, part, zero, zero), np.where(t < np.inf, 0.0, share)
+            return Hit(t, zero, part, u, v), np.where(t < np.inf, 0.0, share)
         met = np.flatnonzero(t < np.inf)
         there = np.zeros(len(t))
-        there[met] = cover(met, t[met], part[met], zero[met], zero[met])
+        there[met] = cover(met, t[met], part[met], u[met], v[met])
         share = share * (1.0 - there)
         on = (t < np.inf) & ((share > 0.0) if through else (there == 0.0))
         if not on.any():
-            return Hit(t, zero, part, zero, zero), share
-        t_min = np.where(on, t, np.where(t < np.inf, t_min, np.inf))
+            return Hit(t, zero, part, u, v), share
+        t_min = np.where(on, onward, np.where(t < np.inf, t_min, np.inf))
+
+
+def _meet_shape(tables: ir.Tables, kind: int, g: int, ray: Ray) -> tuple[np.ndarray, ...]:
+    """(t, primitive, u, v, where the next meeting may be) of rays in the frame of a shape that is no mesh."""
+    geometries, zero = tables.geometries, np.zeros(len(ray.t_min))
+    if kind != meeting.FORMULA:
+        t, part = shapes.intersect(kind, geometries.parameters, g, ray.origin, ray.direction, ray.t_min, ray.t_max)
+        return t, part + 0 * zero.astype(np.int64), zero, zero, t
+    tape, parameters = fields.tape_of(tables, g), geometries.parameters[g]
+    found = plain.meet(tape, parameters, geometries.bounds[g], ray.origin, ray.direction, ray.t_min, ray.t_max)
+    t, spacing, u, v, _ = found
+    reach = parameters[5] / np.maximum(lanes.length(ray.direction), 1e-300)
+    return t, spacing, u, v, t + meeting.AFTER * (t + reach * (spacing + 8.0))
 
 
 def _some(v: Vec, rows: np.ndarray) -> Vec:

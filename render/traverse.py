@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numba import types
 
-from . import across, boxes, bundle, lanes, shapes, simd, single, walk
+from . import across, boxes, bundle, lanes, meeting, simd, single, walk
 from .bvh import FINE
 from .kernels import apart, helper
 from .links import FLOAT, MASK, VEC, Linked
@@ -112,8 +112,8 @@ def attempt(accel: Any, i: int, origin: Vec, direction: Vec, t_min: Lane, t_max:
         t, primitive, u, v = _mesh(accel, g, np.int64(accel.placed[i, 4]), o, d, t_min, t_max, best.t, any_hit)
         found = Hit(t, found.instance, primitive, u, v)
     else:
-        t, part = shapes.intersect(kind, accel.parameters, g, o, d, t_min, t_max)
-        found = Hit(t, found.instance, lanes.int_like(zero, 0) + part, zero, zero)
+        t, part, u, v = meeting.shape(accel, kind, g, o, d, t_min, lanes.minimum(t_max, best.t))
+        found = Hit(t, found.instance, part, u, v)
     nearer = (found.t < best.t) | ((found.t == best.t) & (found.t < np.inf) & (i < best.instance))
     return Hit(
         lanes.where(nearer, found.t, best.t), lanes.where(nearer, found.instance, best.instance),

@@ -22,7 +22,14 @@ ALLOWED = {
     "stdlib": set(),
     "top": {"top", "live", "measure", "render", "compiler", "lang", "stdlib"},
 }
-RENDER_READS = {"compiler.ir", "compiler.plan", "compiler.folders"}  # the last only names a folder, for what both keep on disk
+RENDER_READS = {
+    "compiler.ir",
+    "compiler.plan",
+    "compiler.folders",  # only names a folder, for what both keep on disk
+    "compiler.tapes",  # what tapes of the IR hold and mean
+    "compiler.tape_points",
+    "compiler.enclosures",
+}
 
 # Modules that may be imported inside a function, and why: a command that does not need one must not wait for it.
 LATE = {

@@ -39,6 +39,12 @@ _log = _once("log", exponential.log)
 _pow = _once("pow", exponential.power)
 _hypot = _once("hypot", exponential.hypot)
 
+EMITTED: dict[str, Callable[..., Value]] = {
+    "sin": _sin, "cos": _cos, "tan": _tan, "asin": _asin, "acos": _acos, "atan": _atan, "atan2": _atan2, "exp": _exp, "log": _log,
+    "power": _pow,
+}  # fmt: skip
+"""What emits each function, for code that is written without Numba (formulas/)."""
+
 
 @intrinsic
 def sin(typingctx, x):

@@ -97,6 +97,13 @@ DIRECT = {  # what every backend draws whole
     "flat": CAMERA + FLOOR + LAMP + WAVE + (
         'mesh(points: grid, faces: quads, normals: grid, material: blinn_phong(#d08040, specular: 0.6, shininess: 12, shading: "flat"))\n'
     ),
+    "formulas": CAMERA + FLOOR + LAMP + (
+        "implicit(|x, y, z| (hypot(x, z) - 0.5)^2 + y^2 <= 0.04, translate: [-1.1, 0.3, 0.4], material: lambert(#d04030))\n"
+        "implicit(|x, y, z| sin(7*x)*cos(7*y) + sin(7*y)*cos(7*z) + sin(7*z)*cos(7*x) == 0.3, within: sphere(0.7), "
+        "translate: [0.7, 0.8, -0.4], scale: [1, 1.2, 0.8], rotate: [0, 20deg, 10deg], material: phong(#3070c0, specular: 0.3))\n"
+        "implicit(|x, y, z| y <= 0.3 * noise(3 * x, 3 * z) + 0.4 and abs(x) <= 0.5 and abs(z) <= 0.5, within: box([1.2, 2, 1.2]), "
+        "translate: [1.3, 0, 1], material: lambert(#60a040))\n"
+    ),
     "OBJ": CAMERA + FLOOR + LAMP + 'mesh("a.obj", height: 1.4, rotate: [0, 25deg, 0], material: lambert(image("a.exr")))\n',
     "USD": CAMERA + FLOOR + LAMP + 'usd("a.usda", material: lambert(#909090))\n',
     "far from the origin": "group(translate: [100000, 0, -250000]) {\n" + FLOOR + LAMP + SHAPES + "}\n"
@@ -118,6 +125,11 @@ RAYS = {  # reflected and refracted rays
         "sphere(0.6, center: [-0.7, 0.6, 0], material: glass(ior: 1.5))\nbox(0.8, center: [0.6, 0.4, 0.4], rotate: [0, 30deg, 0], "
         "material: glass(#d0ffe0, ior: 1.4))\nsphere(0.3, center: [0, 0.3, -1], material: lambert(#d04040))\n"
         "sky(color: #a0c0ff, luminance: 0.5)\n"
+    ),
+    "formula of glass": CAMERA + FLOOR + LAMP + (
+        "implicit(|x, y, z| x^4 + y^4 + z^4 <= 0.4, translate: [-0.6, 0.8, 0], material: glass(ior: 1.4))\n"
+        "implicit(|x, y, z| max(hypot(x, y, z) - 0.6, 0.5 - hypot(x, y, z)) <= 0, translate: [0.9, 0.7, 0], material: glass())\n"
+        "sphere(0.3, center: [0, 0.3, -1], material: lambert(#d04040))\nsky(color: #a0c0ff, luminance: 0.5)\n"
     ),
     "mirrors": CAMERA + FLOOR + LAMP + (
         "sphere(0.6, center: [-0.7, 0.6, 0], material: mirror(#ffe0c0))\nbox(0.8, center: [0.6, 0.4, 0.2], rotate: [0, 30deg, 0], "

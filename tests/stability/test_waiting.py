@@ -1,4 +1,4 @@
-"""Places 30 to 37: what the naive method does, and that the feature whose place it is says that it is not built yet.
+"""Places 36 and 37: what the naive method does, and that the feature whose place it is says that it is not built yet.
 
 When one of them is built its test here fails: it then gets a place of its own, with our figure.
 """
@@ -16,48 +16,6 @@ from . import naive
 from .places import fails
 
 
-def sphere_along(z: float) -> float:
-    """|p|² − 1 on a ray along the axis from z = −3."""
-    return (z - 3) ** 2 - 1
-
-
-def lipschitz() -> str:
-    found = naive.sphere_trace(sphere_along, 100.0)
-    assert found is None
-    assert sphere_along(0.0) == 8  # the first step, from z = −3 to z = 5
-    return "marching by f from z = −3 steps to z = 5 at once: missed"
-
-
-def double_root() -> str:
-    assert naive.march(lambda t: sphere_along(t) ** 2, 1e-3, 6.0) is None
-    return "no change of sign at any step: missed"
-
-
-def thin_shell() -> str:
-    offsets = np.random.default_rng(32).uniform(0, 1, 200)
-    missed = [naive.march(lambda t, o=o: abs(t + o * 0.01 - 1) - 5e-5, 1e-2, 2.0) is None for o in offsets]
-    assert np.mean(missed) > 0.9
-    return f"a shell of 10⁻⁴ by steps of 10⁻²: missed by {np.mean(missed):.0%} of the rays"
-
-
-def jump() -> str:
-    x = naive.bisect(lambda x: math.floor(x) - 0.5, 0.3, 1.6)
-    assert x == pytest.approx(1)
-    return f"bisection finds a root at x = {x:g}, where |f| = {abs(math.floor(x) - 0.5):g}"
-
-
-def pole() -> str:
-    x = naive.bisect(lambda x: 1 / x if x else math.inf, -1.0, 0.7)
-    assert abs(x) < 1e-12
-    return f"bisection finds a root at x = {abs(x):.0g}, where |f| = {abs(1 / x) if x else math.inf:.0e}"
-
-
-def partial_domain() -> str:
-    low, high = naive.bounds(lambda x: np.sqrt(x) - 0.5, -1.0, 1.0)
-    assert not (low <= 0 <= high)
-    return f"the interval of √x − ½ over −1 … 1 is [{low}, {high}]: culled with its root at ¼"
-
-
 def repeated_knots() -> str:
     values = [naive.basis([0, 0, 0, 1, 1, 1], i, 2, 0.25) for i in range(3)]
     assert np.isnan(values).any()
@@ -69,14 +27,7 @@ def limit_corner() -> str:
     return f"the cage itself: a cube's corner is {off:.2f} from its limit (½, ½, ½)"
 
 
-BALL, SHEET = "implicit(|x, y, z| x*x + y*y + z*z <= 1, within: 2)", "implicit(|x, y, z| {0}, within: 2)"
 WAITING: list[tuple[int, str, Callable[[], str], str, str]] = [
-    (30, "f = |p|² − 1 marched by its own value", lipschitz, BALL, "zero misses: a Lipschitz bound"),
-    (31, "(|p|² − 1)², a double root", double_root, SHEET.format("(x*x + y*y + z*z - 1)^2 == 0"), "hit, or said to be unresolved"),
-    (32, "a shell of 10⁻⁴", thin_shell, SHEET.format("abs(hypot(x, z) - 1) <= 5e-5"), "coverage M"),
-    (33, "⌊x⌋ − ½, a jump", jump, SHEET.format("floor(x) == 0.5"), "a declared policy, backends agree"),
-    (34, "1/x, a pole", pole, SHEET.format("1 / x == 0"), "|f| must shrink"),
-    (35, "√x − ½, part of a domain", partial_domain, SHEET.format("sqrt(x) == 0.5"), "never culled, no NaN pixel"),
     (36, "NURBS with repeated knots", repeated_knots, "nurbs(points: [[0, 0, 0]])", "0/0 = 0, unit normals"),
     (37, "Catmull–Clark at a corner", limit_corner, "subdivision(points: [[0, 0, 0]])", "deep subdivision within 10⁻⁴"),
 ]

@@ -1,0 +1,494 @@
+"""Bounds of what the operations of tapes give over boxes of points, and of their slopes: one source for numpy and for LLVM vectors.
+
+Intervals are pairs (low, high), rounded outward: each bound moves by more than its operation's error. Not-a-number twice is an interval
+in which nothing is defined. Where a part of it may be undefined, `m.undefined(mask)` is told. Numbers beyond ±BIG (1e100) are not told
+apart: bounds stop there, so that none is infinite and no product of bounds is undefined.
+
+Moore, Kearfott, Cloud, "Introduction to Interval Analysis", 2009; slopes by the chain rule on intervals (Mitchell, "Robust Ray
+Intersection with Interval Arithmetic", Graphics Interface 1990).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from .tape_points import Number, NumpyMath, noise, point, slopes
+from .tapes import Op, Tape, arity
+
+Interval = tuple[Number, Number]
+
+ULPS = 4  # by which the elementary functions may be off, with room (docs/simd.md)
+NOISE_BOUND = 1.5  # of |noise|
+NOISE_CURVE = 24.0  # of its second derivatives: fade″ ≤ 5.8, fade′ ≤ 1.9, differences of corners ≤ 4
+
+
+# --- intervals ----------------------------------------------------------------------------------------------------------
+
+
+def down(m: Any, x: Number, ulps: int = 0) -> Number:
+    """A little less, by more than an operation's error."""
+    return x - (abs(x) * ((ulps + 1.25) * m.unit) + m.tiny)
+
+
+def up(m: Any, x: Number, ulps: int = 0) -> Number:
+    return x + (abs(x) * ((ulps + 1.25) * m.unit) + m.tiny)
+
+
+def low_of(m: Any, a: Number, b: Number) -> Number:
+    return m.where(a < b, a, b)
+
+
+def high_of(m: Any, a: Number, b: Number) -> Number:
+    return m.where(a > b, a, b)
+
+
+def _bounded(m: Any, low: Number, high: Number) -> Interval:
+    """Within ±BIG; not-a-number stays."""
+    return m.where(low < -m.big, -m.big, low), m.where(high > m.big, m.big, high)
+
+
+def add(m: Any, a: Interval, b: Interval) -> Interval:
+    return down(m, a[0] + b[0]), up(m, a[1] + b[1])
+
+
+def subtract(m: Any, a: Interval, b: Interval) -> Interval:
+    return down(m, a[0] - b[1]), up(m, a[1] - b[0])
+
+
+def multiply(m: Any, a: Interval, b: Interval) -> Interval:
+    p, q, r, s = a[0] * b[0], a[0] * b[1], a[1] * b[0], a[1] * b[1]
+    low, high = low_of(m, low_of(m, p, q), low_of(m, r, s)), high_of(m, high_of(m, p, q), high_of(m, r, s))
+    return _bounded(m, down(m, low), up(m, high))
+
+
+def negate(a: Interval) -> Interval:
+    return -a[1], -a[0]
+
+
+def hull(m: Any, a: Interval, b: Interval) -> Interval:
+    return low_of(m, a[0], b[0]), high_of(m, a[1], b[1])
+
+
+def reciprocal(m: Any, a: Interval) -> Interval:
+    """1 / a; everything where a holds 0."""
+    apart = (a[0] > 0.0) | (a[1] < 0.0)
+    low, high = down(m, 1.0 / a[1]), up(m, 1.0 / a[0])
+    low, high = m.where(apart, low, -m.big + 0.0 * low), m.where(apart, high, m.big + 0.0 * high)
+    return _defined(m, a, _bounded(m, m.where(low == low, low, -m.big), m.where(high == high, high, m.big)))
+
+
+def magnitude(m: Any, a: Interval) -> Interval:
+    """|a|."""
+    low = m.where(a[0] > 0.0, a[0], m.where(a[1] < 0.0, -a[1], 0.0 * a[0]))
+    return _defined(m, a, (low, high_of(m, -a[0], a[1])))
+
+
+def _defined(m: Any, a: Interval, result: Interval) -> Interval:
+    """A result, undefined where its operand is."""
+    bad = a[0] != a[0]
+    return m.where(bad, a[0], result[0]), m.where(bad, a[0], result[1])
+
+
+def either(m: Any, first: Number, a: Interval, second: Number, b: Interval) -> Interval:
+    """`a` where `first`, `b` where `second`, else what holds both."""
+    whole = hull(m, a, b)
+    low = m.where(first, a[0], m.where(second, b[0], whole[0]))
+    return low, m.where(first, a[1], m.where(second, b[1], whole[1]))
+
+
+def everything(m: Any, like: Interval) -> Interval:
+    nothing = m.where(like[0] == like[0], 0.0 * like[0], like[0])
+    return nothing - m.big, nothing + m.big
+
+
+def choices(m: Any, op: int, a: Interval, b: Interval) -> tuple[Number, Number]:
+    """Where a choice is known: (only the first operand matters, only the second); for CHOOSE, whose operands `a` and `b` choose between,
+    see `chosen`."""
+    if op == Op.MIN:
+        return (a[1] < b[0]) | (b[0] != b[0]), (b[1] < a[0]) | (a[0] != a[0])
+    return (a[0] > b[1]) | (a[0] != a[0]), (b[0] > a[1]) | (b[0] != b[0])
+
+
+def chosen(m: Any, a: Interval) -> tuple[Number, Number]:
+    """Where CHOOSE is known to take its first way, or its second, by what it asks."""
+    return a[1] <= 0.0, (a[0] > 0.0) | (a[0] != a[0])
+
+
+def interval(m: Any, op: int, a: Interval, b: Any = None, c: Any = None) -> Interval:
+    """Bounds of an operation over intervals."""
+    match op:
+        case Op.COPY:
+            return a
+        case Op.ADD:
+            return add(m, a, b)
+        case Op.SUBTRACT:
+            return subtract(m, a, b)
+        case Op.MULTIPLY:
+            return multiply(m, a, b)
+        case Op.DIVIDE:
+            return multiply(m, a, reciprocal(m, b))
+        case Op.NEGATE:
+            return negate(a)
+        case Op.ABS:
+            return magnitude(m, a)
+        case Op.SQUARE:
+            low, high = magnitude(m, a)
+            return _bounded(m, high_of(m, down(m, low * low), 0.0 * low), up(m, high * high))
+        case Op.HYPOT:
+            (la, ha), (lb, hb) = magnitude(m, a), magnitude(m, b)
+            low, high = down(m, m.sqrt(la * la + lb * lb), 2), up(m, m.sqrt(ha * ha + hb * hb), 2)
+            return high_of(m, low, 0.0 * low), high
+        case Op.MIN:
+            low = m.where(b[0] != b[0], a[0], low_of(m, a[0], b[0]))
+            high = m.where(b[1] != b[1], a[1], low_of(m, a[1], b[1]))
+            unsure = m.was_undefined(low)  # where one is undefined, the other counts
+            return low, m.where(unsure, high_of(m, a[1], m.where(b[1] != b[1], a[1], b[1])), high)
+        case Op.MAX:
+            bad = m.where(a[0] != a[0], a[0], b[0])
+            bad_too = bad != bad
+            return m.where(bad_too, bad, high_of(m, a[0], b[0])), m.where(bad_too, bad, high_of(m, a[1], b[1]))
+        case Op.EXP:
+            low, high = down(m, m.exp(a[0]), ULPS), up(m, m.exp(a[1]), ULPS)
+            return _bounded(m, high_of(m, low, 0.0 * a[0]), high)
+        case Op.FLOOR:
+            return m.floor(a[0]), m.floor(a[1])
+        case Op.CEIL:
+            return m.ceil(a[0]), m.ceil(a[1])
+        case Op.ATAN:
+            return down(m, m.atan(a[0]), ULPS), up(m, m.atan(a[1]), ULPS)
+        case Op.CHOOSE:
+            return either(m, *_with(chosen(m, a), b, c))
+    return _PARTIAL[op](m, op, a, b, c)
+
+
+def _with(known: tuple[Number, Number], a: Any, b: Any) -> tuple[Any, ...]:
+    return known[0], a, known[1], b
+
+
+def _sqrt(m: Any, op: int, a: Interval, *_: Any) -> Interval:
+    m.undefined(a[0] < 0.0)
+    low = high_of(m, down(m, m.sqrt(high_of(m, a[0], 0.0 * a[0]))), 0.0 * a[0])
+    return _outside(m, a, a[1] < 0.0, (low, up(m, m.sqrt(a[1]))))
+
+
+def _log(m: Any, op: int, a: Interval, *_: Any) -> Interval:
+    m.undefined(a[0] < 0.0)
+    least = m.tiny + 0.0 * a[0]
+    positive_low, positive_high = m.where(a[0] > m.tiny, a[0], least), m.where(a[1] > m.tiny, a[1], least)
+    low = m.where(a[0] > m.tiny, down(m, m.log(positive_low), ULPS), -m.big)
+    return _outside(m, a, a[1] < 0.0, (low, up(m, m.log(positive_high), ULPS)))
+
+
+def _outside(m: Any, a: Interval, never: Number, found: Interval) -> Interval:
+    """Undefined where `never`, and where the operand is."""
+    never = never | (a[0] != a[0])
+    nan = math.nan + 0.0 * a[0]
+    return m.where(never, nan, found[0]), m.where(never, nan, found[1])
+
+
+def _wave(m: Any, op: int, a: Interval, *_: Any) -> Interval:
+    """Sine and cosine: the larger of the ends, or 1 where a crest lies between."""
+    f = m.sin if op == Op.SIN else m.cos
+    crest, trough = (0.25, 0.75) if op == Op.SIN else (0.0, 0.5)
+    turn = 0.5 / math.pi
+    u, v = a[0] * turn, a[1] * turn
+    slack = 4.0 * m.unit
+    u, v = u - (abs(u) + 1.0) * slack, v + (abs(v) + 1.0) * slack
+    far = (abs(u) > 0.01 / m.unit**0.5) | (abs(v) > 0.01 / m.unit**0.5)
+    begin, end = f(a[0]), f(a[1])
+    low, high = down(m, low_of(m, begin, end), ULPS), up(m, high_of(m, begin, end), ULPS)
+    has_crest = (m.floor(v - crest) > m.floor(u - crest)) | far
+    has_trough = (m.floor(v - trough) > m.floor(u - trough)) | far
+    one = 1.0 + 0.0 * a[0]
+    low, high = m.where(has_trough | (low < -1.0), -one, low), m.where(has_crest | (high > 1.0), one, high)
+    return _defined(m, a, (low, high))
+
+
+def _tan(m: Any, op: int, a: Interval, *_: Any) -> Interval:
+    u, v = a[0] / math.pi - 0.5, a[1] / math.pi - 0.5
+    slack = 4.0 * m.unit
+    u, v = u - (abs(u) + 1.0) * slack, v + (abs(v) + 1.0) * slack
+    pole = (m.floor(v) > m.floor(u)) | (abs(u) > 0.01 / m.unit**0.5) | (abs(v) > 0.01 / m.unit**0.5)
+    whole = everything(m, a)
+    low, high = down(m, m.tan(a[0]), ULPS), up(m, m.tan(a[1]), ULPS)
+    return _defined(m, a, _bounded(m, m.where(pole, whole[0], low), m.where(pole, whole[1], high)))
+
+
+def _arc(m: Any, op: int, a: Interval, *_: Any) -> Interval:
+    m.undefined((a[0] < -1.0) | (a[1] > 1.0))
+    one = 1.0 + 0.0 * a[0]
+    x, y = (m.where(p < -1.0, -one, m.where(p > 1.0, one, p)) for p in a)
+    if op == Op.ACOS:
+        x, y = y, x
+    f = m.asin if op == Op.ASIN else m.acos
+    return _outside(m, a, (a[1] < -1.0) | (a[0] > 1.0), (down(m, f(x), ULPS), up(m, f(y), ULPS)))
+
+
+def _angle(m: Any, op: int, y: Interval, x: Any, *_: Any) -> Interval:
+    """The angle of a box: of its corners, unless it holds the origin, or crosses the cut of atan2; then all angles, or, where the cut does
+    not matter, those from its upper edge on to its lower one."""
+    across = (y[0] <= 0.0) & (y[1] >= 0.0)  # + 0.0 below: −0 counts as 0
+    corners = [m.atan2(p + 0.0, q + 0.0) for p in y for q in x]
+    low = low_of(m, low_of(m, corners[0], corners[1]), low_of(m, corners[2], corners[3]))
+    high = high_of(m, high_of(m, corners[0], corners[1]), high_of(m, corners[2], corners[3]))
+    turn = 2.0 * math.pi
+    cut, middle = across & (x[0] < 0.0), across & (x[0] <= 0.0) & (x[1] >= 0.0)
+    half = math.pi + 0.0 * low
+    if op == Op.ANGLE:  # the box lies left of the origin: its upper corners, and its lower ones one turn on
+        top = high_of(m, y[1], 0.0 * y[1]) + 0.0
+        upper = low_of(m, m.atan2(top, x[0]), m.atan2(top, x[1]))
+        lower = high_of(m, -m.atan2(-y[0], x[0]), -m.atan2(-y[0], x[1])) + turn
+        low, high = m.where(cut, m.where(y[0] < 0.0, upper, low), low), m.where(cut & (y[0] < 0.0), lower, high)
+        low, high = m.where(middle, -half, low), m.where(middle, half, high)
+    else:
+        low, high = m.where(cut | middle, -half, low), m.where(cut | middle, half, high)
+    bad = m.where(x[0] == x[0], y[0], x[0])
+    return _defined(m, (bad, bad), (down(m, low, ULPS), up(m, high, ULPS)))
+
+
+def _mod(m: Any, op: int, a: Interval, b: Any, *_: Any) -> Interval:
+    begin, end = _periods(m, a, b)
+    within = begin == end
+    slack = (high_of(m, abs(a[0]), abs(a[1])) + high_of(m, abs(b[0]), abs(b[1]))) * (4.0 * m.unit)
+    low, high = m.where(b[0] < 0.0, b[0], 0.0 * b[0]) - slack, m.where(b[1] > 0.0, b[1], 0.0 * b[1]) + slack
+    low, high = m.where(within, a[0] - b[0] * begin - slack, low), m.where(within, a[1] - b[1] * end + slack, high)
+    m.undefined((b[0] <= 0.0) & (b[1] >= 0.0))
+    bad = m.where(b[0] == b[0], a[0], b[0])
+    return _defined(m, (bad, bad), (low, high))
+
+
+def _periods(m: Any, a: Interval, b: Interval) -> Interval:
+    """The numbers of the first and last period of b, a single number, that a reaches; not equal where b is none."""
+    u, v = a[0] / b[0], a[1] / b[0]
+    u, v = low_of(m, u, v), high_of(m, u, v)
+    begin, end = m.floor(down(m, u)), m.floor(up(m, v))
+    return begin, m.where((b[0] == b[1]) & (b[0] != 0.0), end, begin + 1.0)
+
+
+def _sign(m: Any, op: int, a: Interval, *_: Any) -> Interval:
+    return point(m, Op.SIGN, a[0]), point(m, Op.SIGN, a[1])
+
+
+def _power(m: Any, op: int, a: Interval, b: Any, *_: Any) -> Interval:
+    """For bases of at least 0 the extremes are at the corners; others only where the exponent is known to be no whole number."""
+    single = b[0] == b[1]
+    broken = single & (m.floor(b[0]) != b[0])
+    m.undefined((a[0] < 0.0) & (broken | ~single))
+    x, y = (m.where(p > 0.0, p, 0.0 * p) for p in a)
+    corners = [m.power(p, q) for p in (x, y) for q in b]
+    low = low_of(m, low_of(m, corners[0], corners[1]), low_of(m, corners[2], corners[3]))
+    high = high_of(m, high_of(m, corners[0], corners[1]), high_of(m, corners[2], corners[3]))
+    found = _bounded(m, high_of(m, down(m, low, ULPS), 0.0 * low), up(m, high, ULPS))
+    whole = everything(m, a)
+    known = (a[0] >= 0.0) | broken
+    found = m.where(known, found[0], whole[0]), m.where(known, found[1], whole[1])
+    return _outside(m, a, (a[1] < 0.0) & broken, found)
+
+
+def _noise(m: Any, op: int, *boxes: Any) -> Interval:
+    """By the mean value: the slope within the box is that at its middle, give or take its bends."""
+    middle, half = _middles(m, boxes)
+    value, *ways = noise(m, *middle)
+    reach = NOISE_CURVE * (half[0] + half[1] + half[2])
+    span = sum((abs(way) + reach) * h for way, h in zip(ways, half, strict=True))
+    most = NOISE_BOUND + 0.0 * value
+    low, high = value - span - 64.0 * m.unit, value + span + 64.0 * m.unit
+    return _all_defined(m, boxes, (m.where(low > -most, low, -most), m.where(high < most, high, most)))
+
+
+def _all_defined(m: Any, boxes: Any, found: Interval) -> Interval:
+    for box in boxes:
+        found = _defined(m, box, found)
+    return found
+
+
+def _middles(m: Any, boxes: Any) -> tuple[list[Number], list[Number]]:
+    middle = [0.5 * (low + high) for low, high in boxes]
+    return middle, [up(m, 0.5 * (high - low), 2) for low, high in boxes]
+
+
+_PARTIAL = {
+    Op.SQRT: _sqrt, Op.LOG: _log, Op.SIN: _wave, Op.COS: _wave, Op.TAN: _tan, Op.ASIN: _arc, Op.ACOS: _arc, Op.ATAN2: _angle,
+    Op.ANGLE: _angle, Op.MOD: _mod, Op.SIGN: _sign, Op.POWER: _power, Op.NOISE: _noise,
+}  # fmt: skip
+
+
+# --- bounds of slopes ---------------------------------------------------------------------------------------------------
+
+
+def slope_intervals(m: Any, op: int, boxes: list[Interval], value: Interval, turns: list[list[Interval]]) -> list[Interval]:
+    """Bounds of derivatives along several ways over boxes of operands; everything (±BIG) where the operation may jump."""
+    ways = range(len(turns[0]))
+    a = boxes[0]
+    match op:
+        case Op.COPY:
+            return turns[0]
+        case Op.ADD:
+            return [add(m, turns[0][k], turns[1][k]) for k in ways]
+        case Op.SUBTRACT:
+            return [subtract(m, turns[0][k], turns[1][k]) for k in ways]
+        case Op.NEGATE:
+            return [negate(d) for d in turns[0]]
+        case Op.MIN | Op.MAX:
+            return [either(m, *_with(choices(m, op, a, boxes[1]), turns[0][k], turns[1][k])) for k in ways]
+        case Op.CHOOSE:
+            first, second = chosen(m, a)
+            found = [either(m, first, turns[1][k], second, turns[2][k]) for k in ways]
+            return [_unless(m, first | second, d) for d in found]
+        case Op.FLOOR | Op.CEIL | Op.SIGN:
+            still = value[0] == value[1]
+            return [_unless(m, still, (0.0 * d[0], 0.0 * d[0])) for d in turns[0]]
+        case Op.MOD:
+            begin, end = _periods(m, a, boxes[1])
+            found = [subtract(m, turns[0][k], multiply(m, turns[1][k], (begin, begin))) for k in ways]
+            return [_unless(m, begin == end, d) for d in found]
+        case Op.NOISE:
+            middle, half = _middles(m, boxes)
+            reach = NOISE_CURVE * (half[0] + half[1] + half[2]) + 64.0 * m.unit
+            partial = [(way - reach, way + reach) for way in noise(m, *middle)[1:]]
+            return [_sum(m, [multiply(m, p, turns[n][k]) for n, p in enumerate(partial)]) for k in ways]
+    partial = _partials(m, op, boxes, value)
+    return [_sum(m, [multiply(m, p, turns[n][k]) for n, p in enumerate(partial)]) for k in ways]
+
+
+def _sum(m: Any, parts: list[Interval]) -> Interval:
+    total = parts[0]
+    for part in parts[1:]:
+        total = add(m, total, part)
+    return total
+
+
+def _unless(m: Any, smooth: Number, slope: Interval) -> Interval:
+    """A slope, or everything where the operation may jump."""
+    return m.where(smooth, slope[0], -m.big + 0.0 * slope[0]), m.where(smooth, slope[1], m.big + 0.0 * slope[1])
+
+
+def _partials(m: Any, op: int, boxes: list[Interval], value: Interval) -> list[Interval]:
+    """Bounds of an operation's partial derivatives by its operands."""
+    a = boxes[0]
+    one = 1.0 + 0.0 * a[0]
+    match op:
+        case Op.MULTIPLY:
+            return [boxes[1], a]
+        case Op.DIVIDE:
+            inverse = reciprocal(m, boxes[1])
+            return [inverse, multiply(m, negate(value), inverse)]
+        case Op.ABS:
+            up_, down_ = a[0] > 0.0, a[1] < 0.0
+            return [(m.where(up_, one, -one), m.where(down_, -one, one))]
+        case Op.SQUARE:
+            return [(a[0] + a[0], a[1] + a[1])]
+        case Op.SQRT:
+            found = reciprocal(m, value)
+            return [(0.5 * found[0], 0.5 * found[1])]
+        case Op.HYPOT:
+            inverse = reciprocal(m, value)
+            return [_within_one(m, multiply(m, p, inverse), one) for p in boxes]
+        case Op.EXP:
+            return [value]
+        case Op.LOG:
+            return [reciprocal(m, a)]
+        case Op.SIN:
+            return [interval(m, Op.COS, a)]
+        case Op.COS:
+            return [negate(interval(m, Op.SIN, a))]
+        case Op.TAN:
+            return [add(m, (one, one), interval(m, Op.SQUARE, value))]
+        case Op.ATAN:
+            return [reciprocal(m, add(m, (one, one), interval(m, Op.SQUARE, a)))]
+        case Op.ASIN | Op.ACOS:
+            x, y = (m.where(p < -1.0, -one, m.where(p > 1.0, one, p)) for p in a)
+            rest = subtract(m, (one, one), interval(m, Op.SQUARE, (x, y)))
+            zero = 0.0 * one
+            root = m.sqrt(high_of(m, rest[0], zero)), m.sqrt(high_of(m, rest[1], zero))
+            found = reciprocal(m, (high_of(m, down(m, root[0]), zero), up(m, root[1])))
+            return [found if op == Op.ASIN else negate(found)]
+        case Op.POWER:
+            safe = (m.where(a[0] > 0.0, a[0], one), m.where(a[0] > 0.0, a[1], one))
+            by_base = multiply(m, boxes[1], multiply(m, value, reciprocal(m, safe)))
+            by_exponent = multiply(m, value, _log(m, Op.LOG, safe))
+            return [_unless(m, a[0] > 0.0, by_base), _unless(m, (a[0] > 0.0), by_exponent)]
+        case Op.ATAN2 | Op.ANGLE:
+            y, x = boxes
+            inverse = reciprocal(m, add(m, interval(m, Op.SQUARE, y), interval(m, Op.SQUARE, x)))
+            found = [multiply(m, x, inverse), multiply(m, negate(y), inverse)]
+            if op == Op.ANGLE:
+                return found
+            cut = (y[0] <= 0.0) & (y[1] >= 0.0) & (x[0] < 0.0)
+            return [_unless(m, ~cut, p) for p in found]
+    raise ValueError(op)
+
+
+def _within_one(m: Any, a: Interval, one: Number) -> Interval:
+    return m.where(a[0] > -one, a[0], -one), m.where(a[1] < one, a[1], one)
+
+
+# --- whole tapes, in numpy ----------------------------------------------------------------------------------------------
+
+
+def points(tape: Tape, x: Any, y: Any, z: Any) -> list[np.ndarray]:
+    """The results of a tape at points: the definition of what a formula is. Quiet about what is not defined: that is nan."""
+    m = NumpyMath()
+    values: list[Any] = list(np.broadcast_arrays(*(np.asarray(p, np.float64) for p in (x, y, z))))
+    shape = values[0].shape
+    with np.errstate(all="ignore"):
+        for op, *operands in tape.code.tolist():
+            values.append(point(m, op, *(_named(tape, values, name) for name in operands[: arity(op)])))
+        return [np.broadcast_to(_named(tape, values, name), shape) for name in tape.results]
+
+
+def gradients(tape: Tape, x: Any, y: Any, z: Any) -> tuple[np.ndarray, np.ndarray]:
+    """(value, (3, …) gradient) of a tape's first result."""
+    m = NumpyMath()
+    values: list[Any] = list(np.broadcast_arrays(*(np.asarray(p, np.float64) for p in (x, y, z))))
+    zero = np.zeros(values[0].shape)
+    turns: list[list[Any]] = [[zero + (k == n) for n in range(3)] for k in range(3)]
+
+    def turn(name: int) -> list[Any]:
+        return turns[name] if name >= 0 else [zero, zero, zero]
+
+    with np.errstate(all="ignore"):
+        for op, *operands in tape.code.tolist():
+            given = [_named(tape, values, name) + zero for name in operands[: arity(op)]]
+            value = point(m, op, *given)
+            turns.append(slopes(m, op, given, value, [turn(name) for name in operands[: arity(op)]]))
+            values.append(value)
+        result = tape.results[0]
+        return _named(tape, values, result) + zero, np.stack(np.broadcast_arrays(*turn(result)))
+
+
+def _named(tape: Tape, values: list[Any], name: int) -> Any:
+    return values[name] if name >= 0 else tape.constants[~name]
+
+
+def boxes(tape: Tape, low: Any, high: Any, along: Any = None) -> tuple[Interval, Interval, np.ndarray]:
+    """Bounds of a tape's first result over boxes with corners (3, n): ((low, high), bounds of its slope, whether parts may be undefined).
+
+    The slope is that along `along` (3, n); without it the second pair is empty (nan).
+    """
+    n = np.shape(low)[-1]
+    m = NumpyMath((n,))
+    zero = np.zeros(n)
+    values: list[Interval] = [(np.asarray(low[k], np.float64), np.asarray(high[k], np.float64)) for k in range(3)]
+    turns: list[Interval] = [(zero, zero) if along is None else (along[k] + zero, along[k] + zero) for k in range(3)]
+
+    def named(name: int) -> Interval:
+        return values[name] if name >= 0 else (zero + tape.constants[~name],) * 2
+
+    def turn(name: int) -> Interval:
+        return turns[name] if name >= 0 else (zero, zero)
+
+    with np.errstate(all="ignore"):
+        for op, *operands in tape.code.tolist():
+            used = operands[: arity(op)]
+            given = [named(name) for name in used]
+            value = interval(m, op, *given)
+            if along is not None:
+                turns.append(slope_intervals(m, op, given, value, [[turn(name)] for name in used])[0])
+            values.append(value)
+    result = tape.results[0]
+    slope = turn(result) if along is not None else (zero + np.nan, zero + np.nan)
+    return named(result), slope, m.maybe

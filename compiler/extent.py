@@ -1,0 +1,101 @@
+"""How far a formula's surface reaches, by bounds of the formula over ever smaller boxes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from . import enclosures
+from .tapes import Tape
+
+FARTHEST = 1e6  # units of the formula: what reaches farther counts as endless
+ROUNDS = 48
+MOST_BOXES = 60_000
+STALE = 5  # rounds in which it does not shrink, after which it is as small as it gets
+_TIGHT = 0.02  # of the extent: rounds that shrink it by less are the last
+_FACE = 8  # pieces along the edge of a face, to begin with
+
+
+def find(tape: Tape) -> np.ndarray | None:
+    """(2, 3) a box around all points where a field is not above 0, or None where it reaches farther than FARTHEST, or that is not known.
+
+    Of the boxes that may hold such points only those on the outside of all of them are cut up further.
+    """
+    low, high = np.full((3, 1), -FARTHEST), np.full((3, 1), FARTHEST)
+    before, stale = np.inf, 0
+    for _ in range(ROUNDS):
+        keep = _may_hold(tape, low, high)
+        low, high = low[:, keep], high[:, keep]
+        if not low.shape[1]:
+            return None
+        extent = np.stack([low.min(axis=1), high.max(axis=1)])
+        size = float((extent[1] - extent[0]).max())
+        stale = stale + 1 if size > (1 - _TIGHT) * before else 0
+        if stale > STALE:
+            break
+        before = min(size, before)
+        outer = ((low <= extent[0][:, None]) | (high >= extent[1][:, None])).any(axis=0)
+        if low.shape[1] + 7 * int(outer.sum()) > MOST_BOXES:
+            break
+        low, high = _cut(low, high, outer)
+    if np.abs(extent).max() >= FARTHEST:
+        return None
+    margin = 0.01 * (extent[1] - extent[0]) + 1e-9
+    return np.stack([extent[0] - margin, extent[1] + margin])
+
+
+def leaves_open(tape: Tape, bounds: np.ndarray) -> bool:
+    """Whether a field may be 0 or less somewhere on the faces of a box (2, 3)."""
+    low, high = [], []
+    for axis in range(3):
+        others = [k for k in range(3) if k != axis]
+        edges = [np.linspace(bounds[0, k], bounds[1, k], _FACE + 1) for k in others]
+        u, v = (p.ravel() for p in np.meshgrid(np.arange(_FACE), np.arange(_FACE)))
+        for side in range(2):
+            a, b = np.empty((3, _FACE**2)), np.empty((3, _FACE**2))
+            a[axis] = b[axis] = bounds[side, axis]
+            for k, edge, index in ((others[0], edges[0], u), (others[1], edges[1], v)):
+                a[k], b[k] = edge[index], edge[index + 1]
+            low.append(a)
+            high.append(b)
+    a, b = np.concatenate(low, axis=1), np.concatenate(high, axis=1)
+    for _ in range(5):
+        keep = _may_hold(tape, a, b)
+        a, b = a[:, keep], b[:, keep]
+        if not a.shape[1]:
+            return False
+        middle = enclosures.points(tape, *(0.5 * (a + b)))[0]
+        if (middle <= 0).any() or a.shape[1] > MOST_BOXES // 8:
+            return True
+        a, b = _cut(a, b, np.ones(a.shape[1], bool))
+        flat = a == b  # of a face's own axis both halves are the same
+        odd = np.zeros(a.shape[1], bool)
+        for axis in range(3):
+            odd |= flat[axis] & ((np.arange(a.shape[1]) >> axis) & 1 == 1)
+        a, b = a[:, ~odd], b[:, ~odd]
+    return True
+
+
+def _may_hold(tape: Tape, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    (least, _), _, _ = enclosures.boxes(tape, low, high)
+    return least <= 0.0
+
+
+def _cut(low: np.ndarray, high: np.ndarray, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Boxes with the chosen ones in eight: each edge cut at 0 if it holds that, else at the geometric mean, in the middle if it is short.
+
+    The eighths of one box stand side by side, axis 0 first in the bits of their place.
+    """
+    a, b = low[:, chosen], high[:, chosen]
+    near, far = np.minimum(np.abs(a), np.abs(b)), np.maximum(np.abs(a), np.abs(b))
+    geometric = np.sign(a + b) * np.sqrt(np.maximum(near, far / 64) * far)
+    middle = np.where(
+        (a < 0) & (b > 0), np.where((a + b == 0) | (far < 8 * near), 0.0, 0.5 * (a + b)), np.where(far > 4 * near, geometric, 0.5 * (a + b))
+    )
+    middle = np.where((middle > a) & (middle < b), middle, 0.5 * (a + b))
+    lows, highs = [], []
+    for part in range(8):
+        bit = (part >> np.arange(3)[:, None]) & 1
+        lows.append(np.where(bit, middle, a))
+        highs.append(np.where(bit, b, middle))
+    a, b = (np.stack(rows, axis=2).reshape(3, -1) for rows in (lows, highs))
+    return np.concatenate([a, low[:, ~chosen]], axis=1), np.concatenate([b, high[:, ~chosen]], axis=1)

@@ -1,0 +1,66 @@
+"""`implicit`: a relation between x, y and z becomes the surface of a solid, or a sheet, with its tape and a box that holds it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..lang.elements import Element
+from . import extent, tapes, transforms
+from .lower_pieces import Piece
+from .tapes import Builder, Op, Tape, Unfit
+
+if TYPE_CHECKING:
+    from .lower import Lowering
+
+MARGIN = 1e-3  # of its size, that a box is larger than the solid that its faces cut
+
+
+def implicit(lowering: Lowering, element: Element) -> list[Piece]:
+    """The surface of an `implicit`; nothing, after a diagnostic, where there is none that could be drawn."""
+    formula, within = element.args["formula"], element.args["within"]
+    try:
+        tape, sheet = tapes.surface(formula)
+    except Unfit as unfit:
+        return lowering.refuse(element, str(unfit), unfit.hint)
+    unit = formula.unit
+    if within is None:
+        bounds = extent.find(sheet_field(tape) if sheet else tape)
+        if bounds is None:
+            hint = "write within: and how far from the origin it is to be drawn, like within: 2"
+            return lowering.refuse(element, "it is not known how far this surface reaches: it may be endless", hint)
+        ball = (0.0, 0.0, 0.0, 0.0)
+    else:
+        low, high, ball = ((np.array(part) / unit) for part in within)
+        bounds = np.stack([low, high])
+        if not sheet:
+            tape, bounds = closed(tape, bounds, ball)
+            ball = (0.0, 0.0, 0.0, 0.0)
+    row = lowering.builder.formula(tape, bounds, (float(sheet), *ball), element.span)
+    return [Piece(row, transforms.scaling((unit,) * 3))]
+
+
+def sheet_field(tape: Tape) -> Tape:
+    """A field that is at most 0 on a sheet alone."""
+    builder = Builder()
+    return builder.finish(builder.op(Op.ABS, *builder.inlined(tape, (tapes.X, tapes.Y, tapes.Z))))
+
+
+def closed(tape: Tape, bounds: np.ndarray, ball: np.ndarray) -> tuple[Tape, np.ndarray]:
+    """A solid cut by its box, or by the ball in it, and a box that holds what is left; the same tape where it lies inside anyway."""
+    margin = MARGIN * (bounds[1] - bounds[0])
+    wider = np.stack([bounds[0] - margin, bounds[1] + margin])
+    if not ball[3] and not extent.leaves_open(tape, bounds):
+        return tape, bounds
+    builder = Builder()
+    (field,) = builder.inlined(tape, (tapes.X, tapes.Y, tapes.Z))
+    if ball[3]:
+        squares = [builder.op(Op.SQUARE, builder.shifted(name, -float(c))) for name, c in zip((0, 1, 2), ball[:3], strict=True)]
+        radius = builder.op(Op.SQRT, builder.add(builder.add(squares[0], squares[1]), squares[2]))
+        cut = builder.shifted(radius, -float(ball[3]))
+    else:
+        middle, half = bounds.mean(axis=0), 0.5 * (bounds[1] - bounds[0])
+        faces = [builder.shifted(builder.op(Op.ABS, builder.shifted(name, -float(middle[name]))), -float(half[name])) for name in (0, 1, 2)]
+        cut = builder.op(Op.MAX, builder.op(Op.MAX, faces[0], faces[1]), faces[2])
+    return builder.finish(builder.op(Op.MAX, field, cut)), wider

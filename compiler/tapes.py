@@ -1,0 +1,380 @@
+"""Tapes: formulas as flat lists of operations, each number of theirs in a table, so that editing a number changes no code.
+
+A value's name is a whole number: 0, 1 and 2 are the coordinates x, y and z, 3 + i is what row i of the code computes, and ~k (negative)
+is constant k. What the operations mean, and what they give for boxes of points, stands in enclosures.py.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+
+from ..lang.formula import Formula, Node
+from ..lang.noise import noise
+
+INPUTS = 3
+X, Y, Z = 0, 1, 2
+MOST_FACTORS = 64  # whole powers up to this are products
+
+
+class Op(IntEnum):
+    """The operations. Rows hold (op, a, b, c); operands that an operation does not have are 0."""
+
+    COPY = 0
+    ADD = 1
+    SUBTRACT = 2
+    MULTIPLY = 3
+    DIVIDE = 4
+    NEGATE = 5
+    ABS = 6
+    SQUARE = 7
+    SQRT = 8
+    HYPOT = 9
+    MIN = 10  # the other operand where one is undefined
+    MAX = 11  # undefined where either operand is
+    EXP = 12
+    LOG = 13
+    POWER = 14
+    SIN = 15
+    COS = 16
+    TAN = 17
+    ASIN = 18
+    ACOS = 19
+    ATAN = 20
+    ATAN2 = 21
+    ANGLE = 22  # atan2 whose multiples only go into sines and cosines, so that its cut cannot be seen
+    FLOOR = 23
+    CEIL = 24
+    MOD = 25  # a − b ⌊a / b⌋
+    SIGN = 26
+    NOISE = 27
+    CHOOSE = 28  # b where a ≤ 0, else c
+
+
+UNARY = frozenset({
+    Op.COPY, Op.NEGATE, Op.ABS, Op.SQUARE, Op.SQRT, Op.EXP, Op.LOG, Op.SIN, Op.COS, Op.TAN, Op.ASIN, Op.ACOS, Op.ATAN, Op.FLOOR, Op.CEIL,
+    Op.SIGN,
+})  # fmt: skip
+TERNARY = frozenset({Op.NOISE, Op.CHOOSE})
+CHOICES = frozenset({Op.MIN, Op.MAX, Op.CHOOSE})  # of whose operands one may be known not to matter
+_COMMUTES = frozenset({Op.ADD, Op.MULTIPLY, Op.HYPOT})
+
+
+def arity(op: int) -> int:
+    """How many operands an operation has."""
+    return 1 if op in UNARY else 3 if op in TERNARY else 2
+
+
+class Unfit(ValueError):
+    """A formula that is no surface; the message says why, `hint` what to write."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.hint = hint
+
+
+@dataclass(frozen=True, eq=False)
+class Tape:
+    """A finished formula: code (n, 4) int32, constants (k,) float64, and the names of the values that are its results."""
+
+    code: np.ndarray
+    constants: np.ndarray
+    results: tuple[int, ...]
+
+    def structure(self) -> bytes:
+        """Tells its code from other tapes', whatever its constants are."""
+        return hashlib.blake2b(self.code.tobytes() + repr(self.results).encode(), digest_size=16).digest()
+
+
+@dataclass(eq=False)
+class Builder:
+    """Collects operations: equal ones once, on constants at once. Methods take and give names of values."""
+
+    rows: list[tuple[int, int, int, int]] = field(default_factory=list)
+    constants: list[float] = field(default_factory=list)
+    _known: dict[Any, int] = field(default_factory=dict)
+
+    def constant(self, number: float) -> int:
+        number = float(number) + 0.0  # −0 and 0 are the same
+        if number not in self._known:
+            self._known[number] = ~len(self.constants)
+            self.constants.append(number)
+        return self._known[number]
+
+    def number(self, name: int) -> float | None:
+        """The value of a constant; None for others."""
+        return self.constants[~name] if name < 0 else None
+
+    def op(self, op: Op, a: int, b: int = 0, c: int = 0) -> int:
+        """The name of an operation's value."""
+        simpler = self._simpler(op, a, b, c)
+        if simpler is not None:
+            return simpler
+        if op in _COMMUTES and b < a:
+            a, b = b, a
+        row = (int(op), a, b, c)
+        if row not in self._known:
+            self.rows.append(row)
+            self._known[row] = INPUTS + len(self.rows) - 1
+        return self._known[row]
+
+    def _simpler(self, op: Op, a: int, b: int, c: int) -> int | None:
+        used = (a, b, c)[: arity(op)]
+        if all(name < 0 for name in used):
+            value = fold(op, *(self.constants[~name] for name in used))
+            if math.isfinite(value):
+                return self.constant(value)
+        x, y = self.number(a), self.number(b) if len(used) > 1 else None
+        if op == Op.ADD and (x == 0.0 or y == 0.0):
+            return b if x == 0.0 else a
+        if op == Op.SUBTRACT and y == 0.0:
+            return a
+        if op == Op.SUBTRACT and x == 0.0:
+            return self.op(Op.NEGATE, b)
+        if op == Op.MULTIPLY and (x == 1.0 or y == 1.0):
+            return b if x == 1.0 else a
+        if op == Op.MULTIPLY and a == b:
+            return self.op(Op.SQUARE, a)
+        if op == Op.MULTIPLY and (x == -1.0 or y == -1.0):
+            return self.op(Op.NEGATE, b if x == -1.0 else a)
+        if op == Op.DIVIDE and y is not None and y != 0.0 and math.frexp(y)[0] in (0.5, -0.5):
+            return self.op(Op.MULTIPLY, a, self.constant(1.0 / y))  # by a power of two: exact
+        if op in (Op.MIN, Op.MAX) and a == b:
+            return a
+        return None
+
+    # --- what is made of several operations ---
+
+    def add(self, a: int, b: int) -> int:
+        return self.op(Op.ADD, a, b)
+
+    def subtract(self, a: int, b: int) -> int:
+        return self.op(Op.SUBTRACT, a, b)
+
+    def multiply(self, a: int, b: int) -> int:
+        return self.op(Op.MULTIPLY, a, b)
+
+    def scaled(self, a: int, factor: float) -> int:
+        return self.op(Op.MULTIPLY, a, self.constant(factor))
+
+    def shifted(self, a: int, by: float) -> int:
+        return self.op(Op.ADD, a, self.constant(by))
+
+    def power(self, a: int, b: int) -> int:
+        """a to the b: products for whole b, roots for b = ½."""
+        exponent = self.number(b)
+        if exponent == 0.5:
+            return self.op(Op.SQRT, a)
+        if exponent is None or exponent != int(exponent) or not abs(exponent) <= MOST_FACTORS or exponent == 0.0:
+            return self.op(Op.POWER, a, b)
+        product, square, left = None, a, abs(int(exponent))
+        while left:
+            if left & 1:
+                product = square if product is None else self.multiply(product, square)
+            left >>= 1
+            square = self.op(Op.SQUARE, square) if left else square
+        assert product is not None
+        return product if exponent > 0 else self.op(Op.DIVIDE, self.constant(1.0), product)
+
+    def several(self, op: Op, names: Sequence[int]) -> int:
+        """MIN, MAX or HYPOT of any number of values."""
+        found = names[0]
+        for name in names[1:]:
+            found = self.op(op, found, name)
+        return self.op(Op.ABS, found) if op == Op.HYPOT and len(names) == 1 else found
+
+    def linear(self, terms: Sequence[tuple[float, int]], offset: float = 0.0) -> int:
+        """Σ factor · value + offset."""
+        total = None
+        for factor, name in terms:
+            if factor:
+                part = self.scaled(name, factor)
+                total = part if total is None else self.add(total, part)
+        return self.constant(offset) if total is None else self.shifted(total, offset)
+
+    def inlined(self, tape: Tape, inputs: Sequence[int]) -> tuple[int, ...]:
+        """Another tape's results with other values for x, y and z."""
+        names = list(inputs)
+
+        def of(name: int) -> int:
+            return names[name] if name >= 0 else self.constant(tape.constants[~name])
+
+        for op, *operands in tape.code.tolist():
+            names.append(self.op(Op(op), *(of(name) for name in operands[: arity(op)])))
+        return tuple(of(name) for name in tape.results)
+
+    def formula(self, formula: Formula, inputs: Sequence[int] = (X, Y, Z)) -> tuple[int, ...]:
+        """The values of a formula of numbers; a truth value becomes a field that is at most 0 where it holds. Raises Unfit."""
+        reader = _Reader(self, formula, inputs)
+        return tuple(reader.field(i) if formula.kind == "truth" else reader.number(i) for i in formula.results)
+
+    def finish(self, *results: int) -> Tape:
+        """The tape of these values: of code and constants only what they need."""
+        needed: set[int] = set()
+        waiting = list(results)
+        while waiting:
+            name = waiting.pop()
+            if name not in needed:
+                needed.add(name)
+                if name >= INPUTS:
+                    op, *operands = self.rows[name - INPUTS]
+                    waiting.extend(operands[: arity(op)])
+        kept = sorted(name for name in needed if name >= INPUTS)
+        place = {X: X, Y: Y, Z: Z} | {name: INPUTS + i for i, name in enumerate(kept)}
+        numbers = sorted((name for name in needed if name < 0), reverse=True)
+        place |= {name: ~k for k, name in enumerate(numbers)}
+        rows = []
+        for name in kept:
+            op, *operands = self.rows[name - INPUTS]
+            used = [place[operand] for operand in operands[: arity(op)]]
+            rows.append((op, *used, *[0] * (3 - len(used))))
+        constants = np.array([self.constants[~name] for name in numbers], np.float64)
+        code = np.array(rows, np.int32).reshape(-1, 4)
+        tape = Tape(code, constants, tuple(place[name] for name in results))
+        for i in np.flatnonzero(code[:, 0] == Op.ATAN2).tolist():
+            if _cut_is_hidden(tape, INPUTS + i):
+                code[i, 0] = Op.ANGLE
+        return tape
+
+
+def fold(op: Op, *numbers: float) -> float:
+    """An operation on plain numbers; nan where it is not defined, or infinite."""
+    try:
+        return float(_FOLD[op](*numbers))
+    except (ArithmeticError, ValueError):
+        return math.nan
+
+
+_FOLD: dict[Op, Any] = {
+    Op.COPY: lambda a: a, Op.ADD: lambda a, b: a + b, Op.SUBTRACT: lambda a, b: a - b, Op.MULTIPLY: lambda a, b: a * b,
+    Op.DIVIDE: lambda a, b: a / b, Op.NEGATE: lambda a: -a, Op.ABS: abs, Op.SQUARE: lambda a: a * a, Op.SQRT: math.sqrt,
+    Op.HYPOT: lambda a, b: math.sqrt(a * a + b * b), Op.MIN: min, Op.MAX: max, Op.EXP: math.exp, Op.LOG: math.log, Op.POWER: math.pow,
+    Op.SIN: math.sin, Op.COS: math.cos, Op.TAN: math.tan, Op.ASIN: math.asin, Op.ACOS: math.acos, Op.ATAN: math.atan,
+    Op.ATAN2: math.atan2, Op.ANGLE: math.atan2, Op.FLOOR: math.floor, Op.CEIL: math.ceil, Op.MOD: lambda a, b: a - b * math.floor(a / b),
+    Op.SIGN: lambda a: 0.0 if a == 0 else math.copysign(1.0, a), Op.NOISE: noise, Op.CHOOSE: lambda a, b, c: b if a <= 0 else c,
+}  # fmt: skip
+
+_SAME = {
+    "add": Op.ADD, "subtract": Op.SUBTRACT, "multiply": Op.MULTIPLY, "divide": Op.DIVIDE, "negate": Op.NEGATE, "abs": Op.ABS,
+    "sqrt": Op.SQRT, "exp": Op.EXP, "log": Op.LOG, "sin": Op.SIN, "cos": Op.COS, "tan": Op.TAN, "asin": Op.ASIN, "acos": Op.ACOS,
+    "atan": Op.ATAN, "atan2": Op.ATAN2, "hypot": Op.HYPOT, "min": Op.MIN, "max": Op.MAX, "floor": Op.FLOOR, "ceil": Op.CEIL,
+    "mod": Op.MOD, "sign": Op.SIGN,
+}  # fmt: skip
+_OPPOSITE = {"less": "at_least", "at_most": "greater", "greater": "at_most", "at_least": "less"}
+
+
+class _Reader:
+    """Translates the nodes of one formula."""
+
+    def __init__(self, builder: Builder, formula: Formula, inputs: Sequence[int]) -> None:
+        self.builder, self.formula, self.inputs = builder, formula, inputs
+        self.values: list[int | None] = []
+        for node in formula.nodes:  # in the order to do them: no recursion, however deep
+            self.values.append(self._value(node))
+
+    def number(self, index: int) -> int:
+        found = self.values[index]
+        assert found is not None
+        return found
+
+    def _value(self, node: Node) -> int | None:
+        """The name of a number's value; None for truth values, which become fields where they are asked for."""
+        b = self.builder
+        if node.op == "constant":
+            return None if isinstance(node.value, bool) else b.constant(node.value)
+        if node.op == "parameter":
+            if int(node.value) >= len(self.inputs):
+                raise Unfit("a surface's formula has three parameters, x, y and z", "write |x, y, z| …")
+            return self.inputs[int(node.value)]
+        given = [self.values[i] for i in node.args]
+        if node.op == "select":
+            return None if None in given[1:] else b.op(Op.CHOOSE, self.field(node.args[0]), given[1], given[2])  # type: ignore[arg-type]
+        if any(name is None for name in given):
+            return None
+        names: list[int] = given  # type: ignore[assignment]
+        if node.op == "power":
+            return b.power(*names)
+        if node.op == "round":
+            return b.op(Op.FLOOR, b.shifted(names[0], 0.5))
+        if node.op == "noise":
+            return b.op(Op.NOISE, *(names + [b.constant(0.0)] * (3 - len(names))))
+        if node.op in ("min", "max", "hypot"):
+            return b.several(_SAME[node.op], names)
+        return b.op(_SAME[node.op], *names) if node.op in _SAME else None
+
+    def field(self, index: int, negated: bool = False) -> int:
+        """A number that is at most 0 where a truth value holds, and undefined where what it compares is.
+
+        Where it is 0 the truth value may be either: whether a surface belongs to a solid is nothing that can be seen.
+        """
+        node, b = self.formula.nodes[index], self.builder
+        if node.op == "constant":
+            return b.constant(-1.0 if bool(node.value) != negated else 1.0)
+        if node.op == "not":
+            return self.field(node.args[0], not negated)
+        if node.op in ("and", "or"):
+            both = (node.op == "and") != negated
+            return b.op(Op.MAX if both else Op.MIN, *(self.field(i, negated) for i in node.args))
+        if node.op == "select":
+            condition = self.field(node.args[0])
+            return b.op(Op.CHOOSE, condition, self.field(node.args[1], negated), self.field(node.args[2], negated))
+        if node.op in _OPPOSITE:
+            how = _OPPOSITE[node.op] if negated else node.op
+            left, right = (self.number(i) for i in node.args)
+            return b.subtract(left, right) if how in ("less", "at_most") else b.subtract(right, left)
+        sign = "==" if (node.op == "equal") != negated else "!="
+        raise Unfit(
+            f"`{sign}` cannot be part of a larger relation: it holds on a surface, which has no inside",
+            "write an inequality there, like abs(a - b) <= 0.01",
+        )
+
+
+def surface(formula: Formula) -> tuple[Tape, bool]:
+    """The field of a relation, and whether it is a sheet (`==`); else it is a solid, where its field is at most 0. Raises Unfit."""
+    if len(formula.parameters) != 3:
+        raise Unfit(f"a surface's formula has three parameters, x, y and z, not {len(formula.parameters)}", "write |x, y, z| …")
+    if formula.kind != "truth":
+        message = f"a surface's formula is a relation, and this one gives a {formula.kind}"
+        raise Unfit(message, "write … <= 0 for a solid, … == 0 for a sheet")
+    builder = Builder()
+    top = formula.nodes[formula.results[0]]
+    if top.op != "equal":
+        return builder.finish(*builder.formula(formula)), False
+    reader = _Reader(builder, formula, (X, Y, Z))
+    found = builder.subtract(*(reader.number(i) for i in top.args))
+    while found >= INPUTS and builder.rows[found - INPUTS][0] in (Op.SQUARE, Op.ABS):
+        found = builder.rows[found - INPUTS][1]  # the same points, and a sign that changes there
+    return builder.finish(found), True
+
+
+def _cut_is_hidden(tape: Tape, angle: int) -> bool:
+    """Whether adding 2π to one value changes no result: it goes into sines and cosines alone, times whole numbers."""
+    share: dict[int, float] = {angle: 1.0}
+    for i, (op, *operands) in enumerate(tape.code.tolist()):
+        used = operands[: arity(op)]
+        if not any(name in share for name in used):
+            continue
+        numbers = [tape.constants[~name] if name < 0 else None for name in used]
+        if op in (Op.SIN, Op.COS):
+            if share[used[0]] != round(share[used[0]]):
+                return False
+            continue
+        if op in (Op.NEGATE, Op.COPY):
+            found = -share[used[0]] if op == Op.NEGATE else share[used[0]]
+        elif op in (Op.ADD, Op.SUBTRACT):
+            found = share.get(used[0], 0.0) + share.get(used[1], 0.0) * (1.0 if op == Op.ADD else -1.0)
+        elif op == Op.MULTIPLY and (numbers[0] is not None or numbers[1] is not None):
+            factor = numbers[0] if numbers[0] is not None else numbers[1]
+            found = share[used[1] if numbers[0] is not None else used[0]] * factor  # type: ignore[operator]
+        elif op == Op.DIVIDE and numbers[1]:
+            found = share[used[0]] / numbers[1]
+        else:
+            return False
+        share[INPUTS + i] = found
+    return not any(name in share for name in tape.results)

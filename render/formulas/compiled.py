@@ -1,0 +1,99 @@
+"""Tapes as straight code of their own, compiled in the background while the first pictures are drawn by interpreters.
+
+The code computes bit for bit what the interpreter does, so that a picture does not depend on when it is ready. Constants stay in their
+table: another number needs no other code.
+"""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import llvmlite.binding as llvm
+import numpy as np
+from llvmlite import ir
+from numpy.typing import NDArray
+
+from ...compiler.tapes import Op, Tape, arity
+from ..simd.value import I64
+from . import interpreter
+from .interpreter import PARTS
+from .programs import EMITTERS, WIDTHS
+from .vectors import BYTES, CODE, VectorMath, load, store
+
+PROGRAMS = ("points", "turns")
+LONGEST = 3000  # rows of a tape that is compiled: longer ones are evaluated simplified
+_engines: dict[bytes, Any] = {}
+_waiting: dict[bytes, list[tuple[NDArray[np.int64], int]]] = {}
+_lock = threading.Lock()
+
+
+def addresses(tapes: list[Tape]) -> NDArray[np.int64]:
+    """(n, 2) where each tape's code for points and for turns is: 0 until a background thread writes it there."""
+    table = np.zeros((len(tapes), len(PROGRAMS)), np.int64)
+    for row, tape in enumerate(tapes):
+        if len(tape.code) > LONGEST:
+            continue
+        key = tape.structure()
+        with _lock:
+            if key in _engines:
+                table[row] = _addresses(_engines[key])
+                continue
+            begin = key not in _waiting
+            _waiting.setdefault(key, []).append((table, row))
+        if begin:
+            threading.Thread(target=_compile, args=(tape, key), name="formula", daemon=True).start()
+    return table
+
+
+def _addresses(engine: Any) -> list[int]:
+    return [engine.get_function_address(f"tape_{name}") for name in PROGRAMS]
+
+
+def _compile(tape: Tape, key: bytes) -> None:
+    engine = engine_of(tape)
+    with _lock:
+        _engines[key] = engine  # kept for good: an address in use must stay
+        for table, row in _waiting.pop(key):
+            table[row] = _addresses(engine)
+
+
+def finish() -> None:
+    """Wait until everything that was asked for is compiled."""
+    for thread in threading.enumerate():
+        if thread.name == "formula":
+            thread.join()
+
+
+def engine_of(tape: Tape) -> Any:
+    """A tape's code, with its functions tape_points and tape_turns (x y z, constants, out)."""
+    module = llvm.parse_assembly(str(module_of(tape)))
+    engine = llvm.create_mcjit_compiler(module, interpreter.target())
+    engine.finalize_object()
+    return engine
+
+
+def module_of(tape: Tape) -> ir.Module:
+    """LLVM code of a tape for one vector of points."""
+    module = ir.Module("maquette.formula")
+    for program in PROGRAMS:
+        function = ir.Function(module, CODE, f"tape_{program}")
+        inputs, constants, out = function.args
+        b = ir.IRBuilder(function.append_basic_block("entry"))
+        m, width = VectorMath(b), WIDTHS[program]
+        zero, one = (m.everywhere(number) for number in (0.0, 1.0))
+        values: list[Any] = []
+        for axis in range(3):
+            turns = [one if k == axis else zero for k in range(width - 1)]
+            values.append([load(b, inputs, axis * width * BYTES), *turns])
+
+        def named(name: int, b: Any = b, values: list[Any] = values, constants: Any = constants, rest: Any = (zero,) * (width - 1)) -> Any:
+            return values[name] if name >= 0 else [load(b, constants, ~name * PARTS * BYTES), *rest]
+
+        for op, *operands in tape.code.tolist():
+            given = [named(name) for name in operands[: arity(op)]]
+            values.append(EMITTERS[program](m, Op(op), given, ir.Constant(I64, 0)))
+        for k, part in enumerate(named(tape.results[0])):
+            store(b, out, k * BYTES, part)
+        b.ret_void()
+    return module

@@ -1,0 +1,150 @@
+"""A tape's values in kernels: by its own code where that is ready, else by an interpreter; the same bit for bit."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import across, lanes, simd
+from ..kernels import apart, helper
+from ..records import Lane, Vec
+from .calls import compiled, interpret
+from .cells import MOST_REGISTERS
+from .vectors import LANES
+
+QUICKER = 6  # a tape's own code takes as long as an interpreter for this share of its rows
+_ROOM = MOST_REGISTERS * 4 * LANES
+_POINTS, _TURNS, _RAYS = 0, 1, 3  # places in fields.PROGRAMS
+_OUT, _STATE = 4 * LANES, 8
+
+
+class Room(NamedTuple):
+    """What evaluation writes to."""
+
+    registers: Any
+    out: Any
+    state: Any
+
+
+@helper
+def room() -> Room:
+    return Room(simd.stack_array(np.float64, _ROOM), simd.stack_array(np.float64, _OUT), simd.stack_array(np.int64, _STATE))
+
+
+@apart
+def value_at(forms, k, tape, memory, p, mask):
+    """The values of surface k at points, by each lane's own tape."""
+    registers = memory.registers
+    across.store(registers, 0, p[0])
+    across.store(registers, 1, p[1])
+    across.store(registers, 2, p[2])
+    code = forms.compiled[k, 0]
+    found = 0.0 * p[0]
+    rest = mask
+    while lanes.any_lane(rest):
+        one, here = across.together(tape, rest)
+        begin = forms.places[k, 5]
+        if code != 0 and forms.tapes[forms.places[k, 6], 1] <= QUICKER * forms.tapes[one, 1]:
+            compiled(code, registers, forms.constants, begin, memory.out)
+            return across.load(memory.out, 0)
+        interpret(
+            forms.programs[_POINTS], forms.code, forms.tapes[one, 0], forms.tapes[one, 1], registers, forms.constants, begin, memory.state
+        )
+        found = lanes.where(here, across.load(registers, forms.tapes[one, 2]), found)
+        rest = rest & lanes.not_(here)
+    return found
+
+
+@apart
+def turns_at(forms, k, tape, memory, p, mask):
+    """The gradient at points."""
+    registers = memory.registers
+    zero = 0.0 * p[0]
+    code = forms.compiled[k, 1]
+    x, y, z = zero, zero, zero
+    rest = mask
+    while lanes.any_lane(rest):
+        one, here = across.together(tape, rest)
+        _set_turns(registers, p)
+        begin = forms.places[k, 5]
+        if code != 0 and forms.tapes[forms.places[k, 6], 1] <= QUICKER * forms.tapes[one, 1]:
+            compiled(code, registers, forms.constants, begin, memory.out)
+            return across.load(memory.out, 1), across.load(memory.out, 2), across.load(memory.out, 3)
+        interpret(
+            forms.programs[_TURNS], forms.code, forms.tapes[one, 0], forms.tapes[one, 1], registers, forms.constants, begin, memory.state
+        )
+        out = 4 * forms.tapes[one, 2]
+        x = lanes.where(here, across.load(registers, out + 1), x)
+        y = lanes.where(here, across.load(registers, out + 2), y)
+        z = lanes.where(here, across.load(registers, out + 3), z)
+        rest = rest & lanes.not_(here)
+    return x, y, z
+
+
+@helper
+def _set_turns(registers: Any, p: Vec) -> None:
+    zero = 0.0 * p[0]
+    for axis in range(3):
+        for j in range(3):
+            across.store(registers, 4 * axis + 1 + j, zero + 1.0 if j == axis else zero)
+    across.store(registers, 0, p[0])
+    across.store(registers, 4, p[1])
+    across.store(registers, 8, p[2])
+
+
+class Bounds(NamedTuple):
+    """Of a formula along stretches of rays."""
+
+    low: Lane
+    high: Lane
+    least: Lane  # slope
+    most: Lane
+    maybe: Lane  # mask: something may be undefined
+
+
+@helper
+def bounds_at(forms: Any, k: int, tape: int, memory: Room, p: Vec, q: Vec, way: Vec) -> Bounds:
+    """Bounds over the boxes with corners p and q, and of slopes along `way`, by one tape."""
+    registers = memory.registers
+    for axis in range(3):
+        a, b, d = (p[0], q[0], way[0]) if axis == 0 else (p[1], q[1], way[1]) if axis == 1 else (p[2], q[2], way[2])
+        across.store(registers, 4 * axis, lanes.minimum(a, b))
+        across.store(registers, 4 * axis + 1, lanes.maximum(a, b))
+        across.store(registers, 4 * axis + 2, d)
+        across.store(registers, 4 * axis + 3, d)
+    simd.write(memory.state, 0, 0)
+    interpret(
+        forms.programs[_RAYS],
+        forms.code,
+        forms.tapes[tape, 0],
+        forms.tapes[tape, 1],
+        registers,
+        forms.constants,
+        forms.places[k, 5],
+        memory.state,
+    )
+    out = 4 * forms.tapes[tape, 2]
+    bits = simd.read(memory.state, 0)
+    maybe = ((bits >> lanes.to_int(across.numbered(0))) & 1) != 0
+    return Bounds(
+        across.load(registers, out),
+        across.load(registers, out + 1),
+        across.load(registers, out + 2),
+        across.load(registers, out + 3),
+        maybe,
+    )
+
+
+@apart
+def error_at(forms, k, tape, memory, p, way, mask):
+    """How far from 0 the formula may be at points: its value there and what rounding does to it."""
+    zero = 0.0 * p[0]
+    found = zero
+    rest = mask
+    while lanes.any_lane(rest):
+        one, here = across.together(tape, rest)
+        bounds = bounds_at(forms, k, one, memory, p, p, way)
+        found = lanes.where(here, lanes.maximum(abs(bounds.low), abs(bounds.high)), found)
+        rest = rest & lanes.not_(here)
+    return found

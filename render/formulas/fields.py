@@ -1,0 +1,160 @@
+"""Formula surfaces ready to be traced: their tapes as interpreters run them, simplified for the cells of a grid around the surface."""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+from collections import OrderedDict
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from ...compiler.tapes import INPUTS, Op, Tape
+from . import cells, compiled, interpreter
+from .interpreter import PARTS
+from .programs import WIDTHS
+from .vectors import LANES, ROW
+
+CELLS = 64  # of a grid along each axis: a power of 4
+IN_MEMORY = 16  # fields that are kept
+PROGRAMS = tuple(WIDTHS)
+_known: OrderedDict[bytes, Field] = OrderedDict()
+_lock = threading.Lock()
+
+
+class Forms(NamedTuple):
+    """The formula surfaces of a scene, as kernels read them; rows of `numbers` and `places` are surfaces.
+
+    numbers  lowest x, y, z of the box, highest; cells in a unit along x, y, z; middle and radius of the ball that cuts it (0: none);
+             largest coordinate
+    places   cells along an axis, whether it is a sheet, where its grid, leaves, tapes, and constants (elements) begin, its whole tape
+    """
+
+    of: NDArray[np.int32]  # (geometries,) row of a surface, or -1
+    numbers: NDArray[np.float64]  # (n, 14)
+    places: NDArray[np.int64]  # (n, 8)
+    compiled: NDArray[np.int64]  # (n, 2) addresses of the whole tapes' own code for points and turns; 0: not yet
+    grid: NDArray[np.int32]  # a leaf's number, or -1, -2, -3 … where a block of 1, 4, 16 … cells along an axis holds no surface
+    leaf_tape: NDArray[np.int32]
+    leaf_size: NDArray[np.int32]  # cells along an axis
+    leaf_slopes: NDArray[np.float64]  # (leaves, 6) bounds of the derivatives by x, y, z
+    tapes: NDArray[np.int64]  # (tapes, 3) first row of code, rows, register of the result
+    code: NDArray[np.int32]  # (rows, ROW)
+    constants: NDArray[np.float64]  # flat
+    programs: NDArray[np.int64]  # addresses of the interpreters, in the order of PROGRAMS
+    unproved: NDArray[np.int64]  # (1,) rays of which a stretch could not be proved to be without a root
+
+
+class Field(NamedTuple):
+    """One surface; its numbers count from its own beginning."""
+
+    numbers: NDArray[np.float64]
+    sheet: bool
+    cells: int
+    grid: NDArray[np.int32]
+    leaf_tape: NDArray[np.int32]
+    leaf_size: NDArray[np.int32]
+    leaf_slopes: NDArray[np.float64]
+    tapes: NDArray[np.int64]
+    code: NDArray[np.int32]
+    constants: NDArray[np.float64]
+    tape: Tape
+
+
+def tape_of(tables: ir.Tables, g: int) -> Tape:
+    """The tape of a geometry."""
+    row, tapes, pools = int(tables.geometries.tape[g]), tables.tapes, tables.pools
+    first, begin = int(tapes.first[row]), int(tapes.first_constant[row])
+    results = tuple(tapes.results[row, : tapes.result_count[row]].tolist())
+    return Tape(pools.code[first : first + int(tapes.count[row])], pools.constants[begin : begin + int(tapes.constant_count[row])], results)
+
+
+def forms(tables: ir.Tables) -> Forms:
+    """All formula surfaces that some instance shows."""
+    kinds = tables.geometries.kind
+    shown = [g for g in np.unique(tables.instances.geometry).tolist() if kinds[g] == ir.GeometryKind.FORMULA]
+    of = np.full(len(kinds), -1, np.int32)
+    of[shown] = np.arange(len(shown))
+    made = [field(tape_of(tables, g), tables.geometries.parameters[g], tables.geometries.bounds[g]) for g in shown]
+    return _pooled(of, made)
+
+
+def _pooled(of: NDArray[np.int32], made: list[Field]) -> Forms:
+    places = np.zeros((len(made), 8), np.int64)
+    begin = dict.fromkeys(("grid", "leaves", "tapes", "code", "constants"), 0)
+    parts: dict[str, list[Any]] = {name: [] for name in ("grid", "leaf_tape", "leaf_size", "leaf_slopes", "tapes", "code", "constants")}
+    for row, each in enumerate(made):
+        places[row, :7] = each.cells, each.sheet, begin["grid"], begin["leaves"], begin["tapes"], begin["constants"], begin["tapes"]
+        parts["grid"].append(np.where(each.grid >= 0, each.grid + begin["leaves"], each.grid))
+        parts["leaf_tape"].append(each.leaf_tape + begin["tapes"])
+        parts["tapes"].append(each.tapes + [begin["code"], 0, 0])
+        for name in ("leaf_size", "leaf_slopes", "code", "constants"):
+            parts[name].append(getattr(each, name))
+        for name, column in (("grid", each.grid), ("leaves", each.leaf_size), ("tapes", each.tapes), ("code", each.code)):
+            begin[name] += len(column)
+        begin["constants"] += len(each.constants)
+
+    def joined(name: str, dtype: Any, width: int = 0) -> Any:
+        empty = np.zeros((0, width) if width else 0, dtype)
+        return np.ascontiguousarray(np.concatenate([empty, *parts[name]]), dtype)
+
+    return Forms(
+        of=of,
+        numbers=np.array([each.numbers for each in made], np.float64).reshape(-1, 14),
+        places=places,
+        compiled=compiled.addresses([each.tape for each in made]),
+        grid=joined("grid", np.int32),
+        leaf_tape=joined("leaf_tape", np.int32),
+        leaf_size=joined("leaf_size", np.int32),
+        leaf_slopes=joined("leaf_slopes", np.float64, 6),
+        tapes=joined("tapes", np.int64, 3),
+        code=joined("code", np.int32, ROW),
+        constants=joined("constants", np.float64),
+        programs=np.array([interpreter.address(name) for name in PROGRAMS] if made else [], np.int64),
+        unproved=np.zeros(1, np.int64),
+    )
+
+
+def field(tape: Tape, parameters: NDArray[np.float64], bounds: NDArray[np.float64], count: int = CELLS) -> Field:
+    """The grid of a surface in its box; taken from those that are kept if it was made before."""
+    key = hashlib.blake2b(digest_size=16)
+    for part in (tape.structure(), tape.constants.tobytes(), parameters.tobytes(), bounds.tobytes(), bytes([count])):
+        key.update(part)
+    name = key.digest()
+    with _lock:
+        if name in _known:
+            _known.move_to_end(name)
+            return _known[name]
+    made = _field(tape, parameters, bounds, count)
+    with _lock:
+        _known[name] = made
+        while len(_known) > IN_MEMORY:
+            _known.popitem(last=False)
+    return made
+
+
+def _field(tape: Tape, parameters: NDArray[np.float64], bounds: NDArray[np.float64], count: int) -> Field:
+    low, high = bounds
+    cell = (high - low) / count
+    reach = float(np.abs(bounds).max())
+    numbers = np.concatenate([low, high, 1.0 / cell, parameters[1:5], [reach]])
+    constants = constant_rows(tape)
+    made = cells.build(names_of(tape), constants, low, cell, count, reach)
+    return Field(numbers, bool(parameters[0]), count, *made, constants, tape)
+
+
+def names_of(tape: Tape) -> tuple[NDArray[np.int32], int]:
+    """(rows (n, 4) of op, a, b, c; the name of the result). The result is always the last row: a copy where it was none."""
+    code, result = tape.code, tape.results[0]
+    if result != INPUTS + len(code) - 1 or not len(code):
+        code = np.concatenate([code, np.array([[Op.COPY, result, 0, 0]], np.int32)])
+    return np.ascontiguousarray(code, np.int32), INPUTS + len(code) - 1
+
+
+def constant_rows(tape: Tape) -> NDArray[np.float64]:
+    """A tape's constants as interpreters read them: for each PARTS vectors, the number in two of them."""
+    rows = np.zeros((max(len(tape.constants), 1), PARTS, LANES))
+    rows[: len(tape.constants), :2] = tape.constants[:, None, None]
+    return rows.ravel()

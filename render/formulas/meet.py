@@ -1,0 +1,317 @@
+"""Where rays meet formula surfaces: the first root along each ray, proved to be the first by bounds of the formula.
+
+Rays go through the grid of cells.py side by side, each to its next cell that may hold a part of the surface. There the values at both
+ends and the bounds of the slope along the ray mostly decide: one root, or none. What they leave open `search.first` cuts into pieces.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .. import across, lanes, simd
+from ..kernels import helper
+from ..links import FLOAT, INT, Answering
+from ..records import Lane, Vec
+from . import search
+from .calls import count_up
+from .evaluate import Room, error_at, room, turns_at, value_at
+
+NEAR = 1e-6  # of both ends' values: a bound above this share of them is above rounding, too
+ULP = 2.0**-52
+MOST_TURNS = 80  # of the root's bracketing; bisection alone needs 52
+_FAR = 1e30
+
+
+def _meet(forms, g, origin, direction, t_min, t_max):
+    """(t, spacing, u, v, unproved) of the first meeting of rays with formula surface `g`, in its own frame; t is inf where there is none.
+
+    u, v hold the normal (see `packed`); spacing is by how many ulps of its largest coordinate the point may be off the surface.
+    """
+    k = np.int64(forms.of[g])
+    size = lanes.length(direction)
+    size = lanes.where(size > 0.0, size, 1.0)
+    way = lanes.scale(direction, 1.0 / size)
+    enter, leave = _clipped(forms, k, origin, way, t_min * size, t_max * size)
+    active = enter < leave
+    zero = lanes.full_like(t_min, 0.0)
+    begin = lanes.where(active, enter, zero)
+    start = lanes.along(origin, way, begin)
+    memory = room()
+    found, tape, inside, unproved = zero + np.inf, lanes.int_like(zero, 0), active & lanes.not_(active), zero
+    if lanes.any_lane(active):
+        found, tape, inside, unproved = _through(forms, k, memory, start, way, lanes.where(active, leave - begin, zero), begin, active)
+    hit = found < np.inf
+    spacing, u, v, t = lanes.int_like(zero, 0), zero, zero, zero + np.inf
+    if lanes.any_lane(hit):
+        at = lanes.where(hit, found, zero)
+        spacing, u, v = _finished(forms, k, tape, memory, start, way, at, inside, hit)
+        t = lanes.where(hit, (begin + at) / size, t)
+        u, v = lanes.where(hit, u, zero), lanes.where(hit, v, zero)
+    return t, spacing, u, v, lanes.to_int(unproved)
+
+
+meet = Answering(_meet, (FLOAT, INT, FLOAT, FLOAT, INT))
+call = meet.call
+
+
+@helper
+def _clipped(forms: Any, k: int, o: Vec, d: Vec, low: Lane, high: Lane) -> tuple[Lane, Lane]:
+    """The part of low … high that lies in a surface's box, and in its ball if it has one."""
+    numbers = forms.numbers
+    for axis in range(3):
+        x, dx = (o[0], d[0]) if axis == 0 else (o[1], d[1]) if axis == 1 else (o[2], d[2])
+        near, far = numbers[k, axis] - x, numbers[k, 3 + axis] - x
+        still = dx == 0.0
+        inverse = 1.0 / lanes.where(still, 1.0, dx)
+        first, second = near * inverse, far * inverse
+        within = (near <= 0.0) & (far >= 0.0)
+        first = lanes.where(still, lanes.where(within, -np.inf, np.inf), first)
+        second = lanes.where(still, lanes.where(within, np.inf, -np.inf), second)
+        low, high = lanes.maximum(low, lanes.minimum(first, second)), lanes.minimum(high, lanes.maximum(first, second))
+    radius = numbers[k, 12]
+    if radius > 0.0:
+        f = lanes.sub((0.0 * o[0] + numbers[k, 9], 0.0 * o[1] + numbers[k, 10], 0.0 * o[2] + numbers[k, 11]), o)
+        along = lanes.dot(f, d)
+        off = lanes.sub(f, lanes.scale(d, along))
+        rest = radius * radius - lanes.dot(off, off)
+        half = lanes.sqrt(lanes.maximum(rest, 0.0))
+        low = lanes.where(rest > 0.0, lanes.maximum(low, along - half), np.inf)
+        high = lanes.minimum(high, along + half)
+    return low, high
+
+
+# --- through the grid ---------------------------------------------------------------------------------------------------
+
+
+@helper
+def _through(forms: Any, k: int, memory: Room, start: Vec, way: Vec, end: Lane, begin: Lane, active: Lane) -> tuple[Lane, Lane, Lane, Lane]:
+    """(distance of the first root or inf, its tape, whether the ray is inside before it, 1 where not proved) of rays from `start` to `end`,
+    which lie in the box."""
+    places, numbers = forms.places, forms.numbers
+    count, sheet, grid, reach = places[k, 0], places[k, 1], places[k, 2], numbers[k, 13]
+    zero = lanes.full_like(end, 0.0)
+    q = (
+        (start[0] - numbers[k, 0]) * numbers[k, 6], (start[1] - numbers[k, 1]) * numbers[k, 7], (start[2] - numbers[k, 2]) * numbers[k, 8]
+    )  # in cells  # fmt: skip
+    d = (way[0] * numbers[k, 6], way[1] * numbers[k, 7], way[2] * numbers[k, 8])
+    last = count - 1
+    x, y, z = _cell(q[0], 0, last), _cell(q[1], 0, last), _cell(q[2], 0, last)
+    at, carried, known = zero, zero, active & lanes.not_(active)  # where the ray is, and the value there where it is known
+    found, found_tape, inside, unproved = zero + np.inf, lanes.int_like(zero, 0), known, zero
+    while lanes.any_lane(active):
+        # each lane on to its next leaf
+        looking, here = active, known & lanes.not_(known)
+        leaf, a, b = lanes.int_like(zero, 0), zero, zero
+        nx, ny, nz, onward = x, y, z, zero
+        while lanes.any_lane(looking):
+            mark = lanes.to_int(forms.grid[lanes.where(looking, grid + (x * count + y) * count + z, 0)])
+            full = mark >= 0
+            extent = (
+                lanes.to_int(forms.leaf_size[lanes.where(full, mark, 0)]) if lanes.any_lane(looking & full) else lanes.int_like(zero, 1)
+            )
+            extent = lanes.where(full, extent, lanes.int_like(zero, 1) << (2 * (-1 - lanes.minimum(mark, -1))))
+            px, py, pz, out = _next(q, d, x, y, z, extent)
+            out = lanes.maximum(out, at)
+            arrived = looking & full
+            leaf, a, b = lanes.where(arrived, mark, leaf), lanes.where(arrived, at, a), lanes.where(arrived, lanes.minimum(out, end), b)
+            nx, ny, nz, onward = (
+                lanes.where(arrived, px, nx),
+                lanes.where(arrived, py, ny),
+                lanes.where(arrived, pz, nz),
+                lanes.where(arrived, out, onward),
+            )
+            here = here | arrived
+            passing = looking & lanes.not_(full)
+            x, y, z, at = (
+                lanes.where(passing, px, x),
+                lanes.where(passing, py, y),
+                lanes.where(passing, pz, z),
+                lanes.where(passing, out, at),
+            )
+            known = known & lanes.not_(passing)
+            gone = passing & _left(px, py, pz, last, out, end)
+            active, looking = active & lanes.not_(gone), passing & lanes.not_(gone)
+        here = here & active
+        if lanes.any_lane(here):
+            tape = lanes.to_int(forms.leaf_tape[leaf])
+            if lanes.any_lane(here & lanes.not_(known)):
+                carried = lanes.where(known, carried, value_at(forms, k, tape, memory, lanes.along(start, way, a), here))
+            far = value_at(forms, k, tape, memory, lanes.along(start, way, b), here)
+            low, high = _slope(forms, leaf, way)
+            one_way = (low > 0.0) | (high < 0.0)
+            in_a, in_b = carried <= 0.0, far <= 0.0
+            change = (in_a & lanes.not_(in_b)) | (in_b & lanes.not_(in_a))
+            none = lanes.not_(change) & (one_way | apart(carried, far, low, high, b - a))
+            certain = here & change & one_way
+            open_ = here & lanes.not_(none) & lanes.not_(certain)
+            if lanes.any_lane(certain):
+                root = _bracketed(forms, k, tape, memory, start, way, a, b, carried, far, begin, reach, certain)
+                found, inside = lanes.where(certain, root, found), (inside & lanes.not_(certain)) | (certain & in_a)
+                found_tape, active = lanes.where(certain, tape, found_tape), active & lanes.not_(certain)
+            left = across.bits(open_)
+            while left != 0:
+                j = simd.trailing_zeros(left)
+                left &= left - 1
+                root, within, doubt = search.first(
+                    forms, k, across.lane(tape, j), memory, across.lane3(start, j), across.lane3(way, j), across.lane(a, j),
+                    across.lane(b, j), across.lane(begin, j), sheet != 0, zero,
+                )  # fmt: skip
+                mine = lanes.to_int(across.numbered(0)) == j
+                unproved = lanes.where(mine & (doubt > 0), 1.0, unproved)
+                if root < np.inf:
+                    found = lanes.where(mine, root, found)
+                    inside = (inside & lanes.not_(mine)) | (mine & within)
+                    found_tape, active = lanes.where(mine, tape, found_tape), active & lanes.not_(mine)
+            x, y, z, at = lanes.where(here, nx, x), lanes.where(here, ny, y), lanes.where(here, nz, z), lanes.where(here, onward, at)
+            carried, known = lanes.where(here, far, carried), known | here
+            active = active & lanes.not_(here & _left(nx, ny, nz, last, onward, end))
+    doubts = across.count(unproved > 0.0)
+    if doubts > 0:
+        count_up(forms.unproved, 0, doubts)
+    return found, found_tape, inside, unproved
+
+
+@helper
+def _cell(q: Lane, low: Lane, high: Lane) -> Lane:
+    return lanes.maximum(lanes.minimum(lanes.to_int(lanes.floor(q)), high), low)
+
+
+@helper
+def _left(x: Lane, y: Lane, z: Lane, last: int, at: Lane, end: Lane) -> Lane:
+    """Whether a ray is out of the grid, or at its end."""
+    return (x < 0) | (y < 0) | (z < 0) | (x > last) | (y > last) | (z > last) | (at >= end)
+
+
+@helper
+def _next(q: Vec, d: Vec, x: Lane, y: Lane, z: Lane, extent: Lane) -> tuple[Lane, Lane, Lane, Lane]:
+    """The cell in which a ray is after a block of `extent` cells along an axis, and where it enters it."""
+    bx, by, bz = x & -extent, y & -extent, z & -extent
+    tx, ty, tz = _plane(q[0], d[0], bx, extent), _plane(q[1], d[1], by, extent), _plane(q[2], d[2], bz, extent)
+    out = lanes.minimum(tx, lanes.minimum(ty, tz))
+    by_x = tx <= out
+    by_y = (ty <= out) & lanes.not_(by_x)
+    by_z = lanes.not_(by_x) & lanes.not_(by_y)
+    top = extent - 1
+    reach = lanes.where(out < _FAR, out, 0.0)
+    return (
+        _stepped(by_x, q[0] + reach * d[0], d[0], bx, top), _stepped(by_y, q[1] + reach * d[1], d[1], by, top),
+        _stepped(by_z, q[2] + reach * d[2], d[2], bz, top), out,
+    )  # fmt: skip
+
+
+@helper
+def _plane(q: Lane, d: Lane, low: Lane, extent: Lane) -> Lane:
+    """Where a ray leaves a block along one axis."""
+    edge = lanes.to_float(lanes.where(d > 0.0, low + extent, low))
+    return lanes.where(d == 0.0, np.inf, (edge - q) / lanes.where(d == 0.0, 1.0, d))
+
+
+@helper
+def _stepped(by: Lane, q: Lane, d: Lane, low: Lane, top: Lane) -> Lane:
+    return lanes.where(by, lanes.where(d > 0.0, low + top + 1, low - 1), _cell(q, low, low + top))
+
+
+@helper
+def _slope(forms: Any, leaf: Lane, way: Vec) -> tuple[Lane, Lane]:
+    """Bounds of the slope along rays in their leaves."""
+    slopes = forms.leaf_slopes
+    low, high, all_ = 0.0 * way[0], 0.0 * way[0], 0.0 * way[0]
+    for axis in range(3):
+        d = way[0] if axis == 0 else way[1] if axis == 1 else way[2]
+        p, q = d * slopes[leaf, 2 * axis], d * slopes[leaf, 2 * axis + 1]
+        low, high = low + lanes.minimum(p, q), high + lanes.maximum(p, q)
+        all_ = all_ + abs(p) + abs(q)
+    slack = 8.0 * ULP * all_
+    return low - slack, high + slack
+
+
+@helper
+def apart(a: Lane, b: Lane, low: Lane, high: Lane, length: Lane) -> Lane:
+    """Whether values a and b of one sign, at the ends of a stretch over which slopes lie between low and high, leave no room for a root.
+
+    |f| falls from both ends with the steepest slopes at the most: the two lines meet above 0 (Piyavskii 1972; Shubert 1972).
+    """
+    up = a > 0.0
+    least, most = lanes.where(up, low, -high), lanes.where(up, high, -low)
+    size_a, size_b = abs(a), abs(b)
+    steep = most - least
+    x = lanes.where(steep > 0.0, (size_a - size_b + most * length) / lanes.where(steep > 0.0, steep, 1.0), 0.0)
+    meeting = size_a + least * lanes.clip(x, 0.0, length)
+    return (meeting > NEAR * (size_a + size_b)) & (((a > 0.0) & (b > 0.0)) | ((a < 0.0) & (b < 0.0)))
+
+
+@helper
+def _bracketed(
+    forms: Any,
+    k: int,
+    tape: Lane,
+    memory: Room,
+    start: Vec,
+    way: Vec,
+    a: Lane,
+    b: Lane,
+    fa: Lane,
+    fb: Lane,
+    begin: Lane,
+    reach: float,
+    mask: Lane,
+) -> Lane:
+    """The root between a and b, by the Illinois method (Dowell and Jarratt 1971), bisected where that is slow."""
+    enough = 4.0 * ULP * (begin + b + reach)
+    side = 0.0 * a
+    working = mask & (b - a > enough)
+    for turn in range(MOST_TURNS):
+        if lanes.not_(lanes.any_lane(working)):
+            break
+        width = b - a
+        share = fa / (fa - fb)
+        good = (share > 0.0) & (share < 1.0) & (turn % 8 != 7)
+        step = lanes.clip(width * lanes.where(good, share, 0.5), 0.25 * enough, width - 0.25 * enough)
+        middle = a + step
+        f = value_at(forms, k, tape, memory, lanes.along(start, way, middle), working)
+        same = ((f <= 0.0) & (fa <= 0.0)) | (lanes.not_(f <= 0.0) & lanes.not_(fa <= 0.0))
+        on_a, on_b = working & same, working & lanes.not_(same)
+        fb = lanes.where(on_a & (side > 0.0), 0.5 * fb, fb)
+        fa = lanes.where(on_b & (side < 0.0), 0.5 * fa, fa)
+        a, fa = lanes.where(on_a, middle, a), lanes.where(on_a, f, fa)
+        b, fb = lanes.where(on_b, middle, b), lanes.where(on_b, f, fb)
+        side = lanes.where(on_a, 1.0, lanes.where(on_b, -1.0, side))
+        working = working & (b - a > enough) & (f != 0.0)
+    return lanes.where(fb == 0.0, b, lanes.where(fa == 0.0, a, 0.5 * (a + b)))
+
+
+# --- what else is known of a hit ----------------------------------------------------------------------------------------
+
+
+@helper
+def _finished(
+    forms: Any, k: int, tape: Lane, memory: Room, start: Vec, way: Vec, at: Lane, inside: Lane, hit: Lane
+) -> tuple[Lane, Lane, Lane]:
+    """(spacing, u, v) of hits."""
+    point = lanes.along(start, way, at)
+    x, y, z = turns_at(forms, k, tape, memory, point, hit)
+    size = lanes.sqrt(x * x + y * y + z * z)
+    usable = (size > 0.0) & (size < np.inf)
+    inverse = 1.0 / lanes.where(usable, size, 1.0)
+    toward = lanes.where(inside, 1.0, -1.0)
+    normal = lanes.where3(usable, (x * inverse, y * inverse, z * inverse), lanes.scale(way, toward))
+    if forms.places[k, 1] == 0:  # of a solid a ray that enters meets the outside, whatever rounding says
+        against = toward * lanes.dot(normal, way)
+        turned = lanes.sub(normal, lanes.scale(way, 2.0 * lanes.dot(normal, way)))
+        normal = lanes.where3(against < 0.0, turned, normal)
+    off = error_at(forms, k, tape, memory, point, way, hit) * inverse
+    reach = forms.numbers[k, 13]
+    units = lanes.where(usable & (off < reach), off / (0.5 * ULP * reach), 0.0)
+    u, v = packed(normal)
+    return lanes.to_int(lanes.minimum(units, 1e15)), u, v
+
+
+@helper
+def packed(n: Vec) -> tuple[Lane, Lane]:
+    """A unit vector as two numbers: the octahedron's faces unfolded onto a square (Cigolle and others 2014)."""
+    inverse = 1.0 / (abs(n[0]) + abs(n[1]) + abs(n[2]))
+    u, v = n[0] * inverse, n[1] * inverse
+    fold_u, fold_v = (1.0 - abs(v)) * lanes.sign_of(u), (1.0 - abs(u)) * lanes.sign_of(v)
+    return lanes.where(n[2] < 0.0, fold_u, u), lanes.where(n[2] < 0.0, fold_v, v)

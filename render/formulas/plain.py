@@ -1,0 +1,127 @@
+"""The definition of where a ray meets a formula's surface, in numpy: stretches of rays cut in two until each holds one root or none.
+
+Brute and slow: every stretch that bounds cannot decide is looked at, down to FINEST, and the first root of all counts.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import enclosures
+from ...compiler.tapes import Tape
+from ..records import Vec
+from .meet import packed
+from .search import FINEST, JUMP
+
+PIECES = 16  # of each ray, to begin with
+BISECTIONS = 80
+_BATCH = 1 << 15
+Floats = NDArray[np.float64]
+
+
+def meet(
+    tape: Tape, parameters: Floats, bounds: Floats, origin: Vec, direction: Vec, t_min: Floats, t_max: Floats
+) -> tuple[Floats, NDArray[np.int64], Floats, Floats, NDArray[np.bool_]]:
+    """(t, spacing, u, v, unproved) of the first meeting of rays with a surface, as formulas.meet gives it."""
+    n = len(t_min)
+    found, unproved = np.full(n, np.inf), np.zeros(n, bool)
+    spacing, u, v = np.zeros(n, np.int64), np.zeros(n), np.zeros(n)
+    for first in range(0, n, _BATCH):
+        part = slice(first, min(first + _BATCH, n))
+        o, d = (np.stack([np.broadcast_to(p, n)[part] for p in vector]) for vector in (origin, direction))
+        size = np.linalg.norm(d, axis=0)
+        size = np.where(size > 0, size, 1.0)
+        way = d / size
+        low, high = _clipped(parameters, bounds, o, way, t_min[part] * size, t_max[part] * size)
+        start = o + np.where(low < high, low, 0.0) * way
+        root, inside, doubt = _first(tape, bool(parameters[0]), float(parameters[5]), start, way, high - low, low)
+        hit = np.isfinite(root)
+        found[part] = np.where(hit, (low + root) / size, np.inf)
+        unproved[part] = doubt
+        where = first + np.flatnonzero(hit)
+        spacing[where], u[where], v[where] = _finished(tape, parameters, start[:, hit], way[:, hit], root[hit], inside[hit])
+    return found, spacing, u, v, unproved
+
+
+def _clipped(parameters: Floats, bounds: Floats, o: Floats, d: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    """The part of low … high in the box, and in the ball if there is one."""
+    with np.errstate(all="ignore"):
+        for axis in range(3):
+            near, far = (bounds[0, axis] - o[axis]) / d[axis], (bounds[1, axis] - o[axis]) / d[axis]
+            still, within = d[axis] == 0, (o[axis] >= bounds[0, axis]) & (o[axis] <= bounds[1, axis])
+            low = np.maximum(low, np.where(still, np.where(within, -np.inf, np.inf), np.minimum(near, far)))
+            high = np.minimum(high, np.where(still, np.inf, np.maximum(near, far)))
+        if parameters[4] > 0:
+            f = parameters[1:4, None] - o
+            along = (f * d).sum(axis=0)
+            rest = parameters[4] ** 2 - ((f - along * d) ** 2).sum(axis=0)
+            half = np.sqrt(np.maximum(rest, 0.0))
+            low, high = np.where(rest > 0, np.maximum(low, along - half), np.inf), np.minimum(high, along + half)
+    return low, high
+
+
+def _first(tape: Tape, sheet: bool, reach: float, o: Floats, d: Floats, length: Floats, begin: Floats) -> tuple[Floats, NDArray, NDArray]:
+    """(distance of the first root or inf, whether the ray is inside before it, whether not all is proved) of rays o + t d, t ≤ length."""
+    n = o.shape[1]
+    root, inside, doubt = np.full(n, np.inf), np.zeros(n, bool), np.zeros(n, bool)
+    rays = np.flatnonzero(length > 0)
+    step = np.arange(PIECES)
+    ray = np.repeat(rays, PIECES)
+    a = (length[rays][:, None] * step / PIECES).ravel()
+    b = (length[rays][:, None] * (step + 1) / PIECES).ravel()
+    finest = FINEST * (reach + np.abs(begin))
+    while len(ray):
+        keep = a < root[ray]
+        ray, a, b = ray[keep], a[keep], b[keep]
+        p, q, way = o[:, ray] + a * d[:, ray], o[:, ray] + b * d[:, ray], d[:, ray]
+        (low, high), (least, most), maybe = enclosures.boxes(tape, np.minimum(p, q), np.maximum(p, q), way)
+        with np.errstate(invalid="ignore"):
+            in_a, in_b = (enclosures.points(tape, *x)[0] <= 0 for x in (p, q))
+            change = in_a != in_b
+            one_way = ((least > 0) | (most < 0)) & ~maybe
+            away = ~(low <= 0) | ((high < 0) & ~maybe)
+        none = ~change & (away | one_way)
+        small = (b - a <= finest[ray]) & ~none
+        jumps = sheet & ~((least > -JUMP) & (most < JUMP))
+        crossed = change & (one_way | (small & ~jumps))
+        doubt[ray[small & ~change & ~one_way]] = True
+        if crossed.any():
+            at = _bisected(tape, o[:, ray[crossed]], d[:, ray[crossed]], a[crossed], b[crossed], in_a[crossed])
+            order = np.argsort(at)[::-1]  # the first root of a ray is written last
+            which = np.flatnonzero(crossed)[order]
+            nearer = at[order] < root[ray[which]]
+            root[ray[which[nearer]]], inside[ray[which[nearer]]] = at[order][nearer], in_a[which[nearer]]
+        left = ~none & ~crossed & ~small
+        middle = 0.5 * (a + b)
+        ray = np.concatenate([ray[left], ray[left]])
+        a, b = np.concatenate([a[left], middle[left]]), np.concatenate([middle[left], b[left]])
+    return root, inside, doubt
+
+
+def _bisected(tape: Tape, o: Floats, d: Floats, a: Floats, b: Floats, in_a: NDArray) -> Floats:
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (a + b)
+        with np.errstate(invalid="ignore"):
+            same = (enclosures.points(tape, *(o + middle * d))[0] <= 0) == in_a
+        a, b = np.where(same, middle, a), np.where(same, b, middle)
+    return 0.5 * (a + b)
+
+
+def _finished(
+    tape: Tape, parameters: Floats, start: Floats, way: Floats, at: Floats, inside: NDArray
+) -> tuple[NDArray[np.int64], Floats, Floats]:
+    point, reach, toward = start + at * way, parameters[5], np.where(inside, 1.0, -1.0)
+    _, gradient = enclosures.gradients(tape, *point)
+    with np.errstate(all="ignore"):
+        size = np.linalg.norm(gradient, axis=0)
+        usable = (size > 0) & np.isfinite(size)
+        normal = np.where(usable, gradient / size, toward * way)
+        if not parameters[0]:
+            along = (normal * way).sum(axis=0)
+            normal = np.where(toward * along < 0, normal - 2 * along * way, normal)
+        (low, high), _, _ = enclosures.boxes(tape, point, point)
+        off = np.maximum(np.abs(low), np.abs(high)) / size
+        units = np.where(usable & (off < reach), off / (2.0**-53 * reach), 0.0)
+    u, v = packed((normal[0], normal[1], normal[2]))
+    return np.minimum(units, 1e15).astype(np.int64), u, v

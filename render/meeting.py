@@ -1,0 +1,49 @@
+"""Where rays meet one shape that is no mesh, in kernels: by its closed form, or, of a formula, by what `link` told the trees of."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import types
+
+from ..compiler import ir
+from . import across, lanes, shapes
+from .formulas import meet
+from .handles import Handle
+from .kernels import helper
+from .links import FLOAT, VEC
+from .records import Lane, Vec
+
+FORMULA = int(ir.GeometryKind.FORMULA)
+AFTER = 8.0 * 2.0**-52  # of the largest coordinate and for each unit of a meeting's spacing: how far on the next meeting may be
+
+
+def link(accel: Handle) -> None:
+    """Compile or load what meets formula surfaces, where the scene has any; other scenes neither compile nor load it."""
+    if len(accel.tables.forms.places):
+        accel.put("meet", meet.meet.link(accel.part("forms"), types.int64, VEC, VEC, FLOAT, FLOAT))
+
+
+@helper
+def shape(accel: Any, kind: int, g: int, o: Vec, d: Vec, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane, Lane, Lane]:
+    """(t, primitive, u, v) of the first meeting of rays with shape g in its own frame, as records.Hit has them."""
+    zero = lanes.full_like(t_min, 0.0)
+    if kind == FORMULA:
+        t, spacing, u, v, _ = meet.call(accel.meet, (accel.forms, np.int64(g), o, d, t_min, t_max))  # pyright: ignore[reportCallIssue]
+        return t, spacing, u, v
+    t, part = shapes.intersect(kind, accel.parameters, g, o, d, t_min, t_max)
+    return t, lanes.int_like(zero, 0) + part, zero, zero
+
+
+@helper
+def formula(accel: Any, g: int, o: Vec, d: Vec, t_min: Any, t_max: Any) -> tuple[Any, Any, Any, Any, Any]:
+    """(t, primitive, u, v, where the next meeting may be) of the first meeting of one ray, of numbers, with a formula's surface."""
+    zero = 0.0 * lanes.to_float(across.numbered(0))
+    way, begin = lanes.like3(zero, d[0], d[1], d[2]), lanes.full_like(zero, t_min)
+    start, end = lanes.like3(zero, o[0], o[1], o[2]), lanes.full_like(zero, t_max)
+    t, spacing, u, v, _ = meet.call(accel.meet, (accel.forms, np.int64(g), start, way, begin, end))  # pyright: ignore[reportCallIssue]
+    reach = accel.parameters[g, 5] / max(lanes.length(d), 1e-300)
+    first, units = across.lane(t, 0), across.lane(spacing, 0)
+    onward = first + AFTER * (first + reach * (units + 8.0))
+    return first, np.int64(units), across.lane(u, 0), across.lane(v, 0), onward

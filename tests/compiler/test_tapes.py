@@ -1,0 +1,189 @@
+"""Tapes: what relations become, and that bounds over boxes hold what the formula is at every point of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from maquette.compiler import enclosures, extent
+from maquette.compiler.tapes import Builder, Op, Tape, Unfit, arity, surface
+from maquette.lang import formula as formulas
+
+from ..lang.evaluating import elements
+
+BOXES = 30_000
+
+
+def tape_of(relation: str) -> tuple[Tape, bool]:
+    (element,) = elements(f"implicit(|x, y, z| {relation}, within: 9)")
+    return surface(element.args["formula"])
+
+
+def recorded(relation: str) -> formulas.Formula:
+    (element,) = elements(f"implicit(|x, y, z| {relation}, within: 9)")
+    return element.args["formula"]
+
+
+# --- relations ---
+
+
+@pytest.mark.parametrize(
+    "relation",
+    [
+        "x^2 + y^2 <= z", "x < 1 and y > 0.2 or not (z >= x)", "hypot(x, y, z) <= 1", "if x < y then z < 1 else z > 2",
+        "(if x < y then z else -z) <= 0.3", "min(x, y, z) <= 0 and max(x, y) > -1", "x^-2 <= y", "mod(x, 0.7) <= 0.3", "round(x) <= y",
+        "noise(x, y, z) <= 0.1", "sign(x) * y <= 0.4", "clamp(x, 0, 1) <= y", "x^2.5 <= y", "atan2(y, x) <= 1",
+    ],
+)  # fmt: skip
+def test_a_field_is_at_most_0_where_the_relation_holds(relation):
+    tape, sheet = tape_of(relation)
+    whole = recorded(relation)
+    points = np.random.default_rng(5).uniform(-2, 2, (300, 3))
+    found = enclosures.points(tape, *points.T)[0]
+    assert not sheet
+    for p, field in zip(points, found, strict=True):
+        assert (field <= 0) == formulas.evaluate(whole, p)
+
+
+def test_sheets_have_a_field_whose_sign_changes():
+    for relation in ("x^2 == 4", "(x - 1)^2 == 0", "abs(x - y) == 0"):
+        tape, sheet = tape_of(relation)
+        signs = np.sign(enclosures.points(tape, *np.random.default_rng(1).uniform(-4, 4, (3, 400)))[0])
+        assert sheet
+        assert {-1.0, 1.0} <= set(signs.tolist())
+
+
+@pytest.mark.parametrize(
+    ("relation", "message"),
+    [
+        ("x", "a surface's formula is a relation, and this one gives a number"),
+        ("x == 1 and y < 2", "`==` cannot be part of a larger relation: it holds on a surface, which has no inside"),
+        ("x != 1", "`!=` cannot be part of a larger relation: it holds on a surface, which has no inside"),
+    ],
+)
+def test_what_is_no_surface(relation, message):
+    with pytest.raises(Unfit) as caught:
+        tape_of(relation)
+    assert str(caught.value) == message
+
+
+def test_equal_operations_are_one_and_numbers_stand_in_a_table():
+    one, _ = tape_of("sin(2 * x) + sin(2 * x) * y <= 3 * (1 + 1)")
+    other, _ = tape_of("sin(5 * x) + sin(5 * x) * y <= 7")
+    assert [Op(row[0]).name for row in one.code] == ["MULTIPLY", "SIN", "MULTIPLY", "ADD", "SUBTRACT"]
+    assert one.structure() == other.structure()
+    assert sorted(other.constants) == [5.0, 7.0]
+
+
+def test_the_cut_of_atan2_is_hidden_where_only_waves_see_it():
+    def angle(relation: str) -> Op:
+        return Op(next(row[0] for row in tape_of(relation)[0].code if row[0] in (Op.ATAN2, Op.ANGLE)))
+
+    assert angle("hypot(x, z) + cos(18 * atan2(z, x) + y) <= 1") == Op.ANGLE
+    assert angle("hypot(x, z) + cos(2.5 * atan2(z, x)) <= 1") == Op.ATAN2
+    assert angle("hypot(x, z) + atan2(z, x) <= 1") == Op.ATAN2
+
+
+# --- bounds ---
+
+
+def single(op: Op) -> Tape:
+    """A tape of one operation on x, y, z."""
+    return Tape(np.array([[op, 0, 1 if arity(op) > 1 else 0, 2 if arity(op) > 2 else 0]], np.int32), np.zeros(0), (3,))
+
+
+def boxes_for(op: Op, scale: float, count: int, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    low = random.uniform(-scale, scale, (3, count))
+    wide = 10.0 ** random.uniform(-8, 0.3, (3, count)) * 0.2 * scale
+    high = low + wide
+    if op == Op.MOD:
+        low[1] = high[1] = np.round(low[1], 1) + 0.05
+    if op == Op.POWER:
+        low[0], low[1] = np.abs(low[0]) - 0.1, low[1] / scale
+        high = np.stack([low[0] + wide[0], low[1] + np.where(random.random(count) < 0.5, 0.0, wide[1] / scale), high[2]])
+    return low, high
+
+
+def check(tape: Tape, low: np.ndarray, high: np.ndarray, random: np.random.Generator, turn: float = 0.0) -> None:
+    """Values and slopes at points of boxes lie in their bounds; what is undefined is announced. `turn`: values may be off by as much."""
+    way = random.normal(size=low.shape)
+    if turn == 0.0 and tape.code[0, 0] == Op.MOD:
+        way[1] = 0.0
+    (least, most), (down, up), maybe = enclosures.boxes(tape, low, high, way)
+    for _ in range(4):
+        share = random.random(low.shape)
+        at = np.clip(low + np.where(random.random(low.shape) < 0.3, np.round(share), share) * (high - low), low, high)
+        value, gradient = enclosures.gradients(tape, *at)
+        slope = (gradient * way).sum(axis=0)
+        defined = np.isfinite(value)
+        inside = (value >= least) & (value <= most)
+        for off in (turn, -turn) if turn else ():
+            inside |= (value + off >= least) & (value + off <= most)
+        assert inside[defined].all()
+        assert (maybe | np.isnan(least))[np.isnan(value)].all()
+        known = defined & np.isfinite(slope) & (np.abs(slope) < 1e90)
+        slack = 1e-12 * np.abs(slope)
+        assert ((slope >= down - slack) & (slope <= up + slack))[known].all()
+
+
+@pytest.mark.parametrize("op", list(Op), ids=lambda op: op.name.lower())
+@pytest.mark.parametrize("scale", [1.0, 50.0])
+def test_bounds_of_an_operation_hold(op, scale):
+    random = np.random.default_rng(int(op))
+    low, high = boxes_for(op, scale, BOXES, random)
+    check(single(op), low, high, random, 2 * np.pi if op == Op.ANGLE else 0.0)
+
+
+SMOOTH = [op for op in Op if op not in (Op.ANGLE, Op.MOD, Op.POWER, Op.COPY)]
+
+
+@st.composite
+def tapes(draw: st.DrawFn) -> Tape:
+    builder = Builder()
+    names = [0, 1, 2, builder.constant(draw(st.floats(-2, 2))), builder.constant(0.5)]
+    for _ in range(draw(st.integers(1, 14))):
+        op = draw(st.sampled_from(SMOOTH))
+        names.append(builder.op(op, *(draw(st.sampled_from(names)) for _ in range(arity(op)))))
+    return builder.finish(names[-1])
+
+
+@settings(max_examples=60, deadline=None)
+@given(tapes(), st.integers(0, 2**32 - 1))
+def test_bounds_of_whole_tapes_hold(tape, seed):
+    if not len(tape.code):
+        return
+    random = np.random.default_rng(seed)
+    low = random.uniform(-2, 2, (3, 200))
+    check_values(tape, low, low + 10.0 ** random.uniform(-6, 0, (3, 200)), random)
+
+
+def check_values(tape: Tape, low: np.ndarray, high: np.ndarray, random: np.random.Generator) -> None:
+    (least, most), _, maybe = enclosures.boxes(tape, low, high)
+    for _ in range(3):
+        value = enclosures.points(tape, *(low + random.random(low.shape) * (high - low)))[0]
+        defined = np.isfinite(value) & (np.abs(value) < 1e80)
+        assert ((value >= least) & (value <= most) | maybe)[defined].all()
+        assert (~(value > 0) | ~(most < 0) | maybe)[defined].all()
+
+
+# --- how far surfaces reach ---
+
+
+@pytest.mark.parametrize(
+    ("relation", "half"),
+    [
+        ("x^2 + y^2 + z^2 <= 1", 1.0), ("x^4 + 16 * y^4 + z^4 <= 625", 5.0), ("hypot(x, y, z) <= 1e-3", 1e-3),
+        ("abs(x) + abs(y) + abs(z) <= 300", 300),
+    ],
+)
+def test_a_surface_that_ends_is_found(relation, half):
+    found = extent.find(tape_of(relation)[0])
+    assert found is not None
+    assert (found[1] >= 0.999 * half * np.array([1, 0.4, 1])).all()
+    assert (np.abs(found) <= 1.2 * half).all()
+
+
+@pytest.mark.parametrize("relation", ["x <= 1", "x^2 + y^2 <= 1", "sin(x) <= y", "x^2 - y^2 <= z", "hypot(x, y, z) >= 1"])
+def test_one_that_does_not_is_not(relation):
+    assert extent.find(tape_of(relation)[0]) is None

@@ -161,7 +161,7 @@ def interval(m: Any, op: int, a: Interval, b: Any = None, c: Any = None) -> Inte
             return down(m, m.atan(a[0]), ULPS), up(m, m.atan(a[1]), ULPS)
         case Op.CHOOSE:
             return either(m, *_with(chosen(m, a), b, c))
-    return _PARTIAL[op](m, op, a, b, c)
+    return _PARTIAL[Op(op)](m, op, a, b, c)
 
 
 def _with(known: tuple[Number, Number], a: Any, b: Any) -> tuple[Any, ...]:

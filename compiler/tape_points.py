@@ -90,7 +90,7 @@ def point(m: Any, op: int, a: Number, b: Number = None, c: Number = None) -> Num
         case Op.NOISE:
             return noise(m, a, b, c)[0]
         case _:
-            return getattr(m, _FUNCTION[op])(a)
+            return getattr(m, _FUNCTION[Op(op)])(a)
 
 
 _FUNCTION = {

@@ -360,7 +360,7 @@ def _cut_is_hidden(tape: Tape, angle: int) -> bool:
         used = operands[: arity(op)]
         if not any(name in share for name in used):
             continue
-        numbers = [tape.constants[~name] if name < 0 else None for name in used]
+        numbers = [float(tape.constants[~name]) if name < 0 else None for name in used]
         if op in (Op.SIN, Op.COS):
             if share[used[0]] != round(share[used[0]]):
                 return False
@@ -370,8 +370,8 @@ def _cut_is_hidden(tape: Tape, angle: int) -> bool:
         elif op in (Op.ADD, Op.SUBTRACT):
             found = share.get(used[0], 0.0) + share.get(used[1], 0.0) * (1.0 if op == Op.ADD else -1.0)
         elif op == Op.MULTIPLY and (numbers[0] is not None or numbers[1] is not None):
-            factor = numbers[0] if numbers[0] is not None else numbers[1]
-            found = share[used[1] if numbers[0] is not None else used[0]] * factor  # type: ignore[operator]
+            turned = numbers[0] is not None
+            found = share[used[1] if turned else used[0]] * float((numbers[0] if turned else numbers[1]) or 0.0)
         elif op == Op.DIVIDE and numbers[1]:
             found = share[used[0]] / numbers[1]
         else:

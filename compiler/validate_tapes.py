@@ -20,18 +20,16 @@ def validate(check: Check) -> None:
     code, constants = pools["code"], pools["constants"]
     wrong = np.zeros(len(table["first"]), bool)
     for row in range(len(wrong)):
-        first, count, begin, numbers, results, named = (
-            int(table[name][row]) if name != "results" else table[name][row] for name in _COLUMNS
-        )
+        first, count, begin, numbers, named = (int(table[name][row]) for name in _COLUMNS)
         inside = 0 <= first <= first + count <= len(code) and 0 <= begin <= begin + numbers <= len(constants) and 1 <= named <= 4
-        wrong[row] = not inside or not _sound(code[first : first + count], numbers, results[:named])
+        wrong[row] = not inside or not _sound(code[first : first + count], numbers, table["results"][row, :named])
     check.bad("tapes", wrong, "its code does not hold together")
     check.bad(
         "tapes", ~wrong & np.array([not _finite(table, constants, row) for row in range(len(wrong))], bool), "a number of it is not finite"
     )
 
 
-_COLUMNS = ("first", "count", "first_constant", "constant_count", "results", "result_count")
+_COLUMNS = ("first", "count", "first_constant", "constant_count", "result_count")
 
 
 def _sound(code: np.ndarray, numbers: int, results: np.ndarray) -> bool:

@@ -100,7 +100,7 @@ def _meet(tables: ir.Tables, i: int, ray: Ray, partial: bool, through: bool = Fa
         return _meet_mesh(tables, geometry, Ray(o, d, ray.t_min, ray.t_max), cover if partial else None)
     t_min, share = ray.t_min, np.ones(len(ray.t_min))
     while True:
-        t, part, u, v, onward = _meet_shape(tables, kind, int(geometry), Ray(o, d, t_min, ray.t_max))
+        t, part, u, v, onward = _meet_shape(tables, int(kind), int(geometry), Ray(o, d, t_min, ray.t_max))
         zero = np.zeros(len(t))
         if not partial:
             return Hit(t, zero, part, u, v), np.where(t < np.inf, 0.0, share)

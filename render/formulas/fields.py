@@ -83,7 +83,7 @@ def forms(tables: ir.Tables) -> Forms:
 
 def _pooled(of: NDArray[np.int32], made: list[Field]) -> Forms:
     places = np.zeros((len(made), 8), np.int64)
-    begin = dict.fromkeys(("grid", "leaves", "tapes", "code", "constants"), 0)
+    begin: dict[str, int] = dict.fromkeys(("grid", "leaves", "tapes", "code", "constants"), 0)
     parts: dict[str, list[Any]] = {name: [] for name in ("grid", "leaf_tape", "leaf_size", "leaf_slopes", "tapes", "code", "constants")}
     for row, each in enumerate(made):
         places[row, :7] = each.cells, each.sheet, begin["grid"], begin["leaves"], begin["tapes"], begin["constants"], begin["tapes"]
@@ -141,8 +141,8 @@ def _field(tape: Tape, parameters: NDArray[np.float64], bounds: NDArray[np.float
     reach = float(np.abs(bounds).max())
     numbers = np.concatenate([low, high, 1.0 / cell, parameters[1:5], [reach]])
     constants = constant_rows(tape)
-    made = cells.build(names_of(tape), constants, low, cell, count, reach)
-    return Field(numbers, bool(parameters[0]), count, *made, constants, tape)
+    grid, leaf_tape, leaf_size, slopes, tapes, code = cells.build(names_of(tape), constants, low, cell, count, reach)
+    return Field(numbers, bool(parameters[0]), count, grid, leaf_tape, leaf_size, slopes, tapes, code, constants, tape)
 
 
 def names_of(tape: Tape) -> tuple[NDArray[np.int32], int]:

@@ -77,7 +77,7 @@ def _permuted(index: Value) -> Value:
         kind = ir.ArrayType(I64, len(PERMUTATION))
         table = ir.GlobalVariable(b.module, kind, name)
         table.linkage, table.global_constant = "internal", True
-        table.initializer = ir.Constant(kind, list(PERMUTATION))
+        table.initializer = ir.Constant(kind, list(PERMUTATION))  # pyright: ignore[reportAttributeAccessIssue]
     table = b.module.globals[name]
     raw: Any = ir.Constant(index.raw.type, ir.Undefined)
     for k in range(LANES):

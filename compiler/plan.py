@@ -329,9 +329,37 @@ def _fill(scene: ir.Scene, *_: Any) -> Decision:
     return Decision("raster.fill", "edges", "exact edge functions; all three cover the same samples", ("edges", "areas", "scanline"))
 
 
+def _shading(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    choices = ("pixel", "sample")
+    textured = bool((scene.tables.materials.textures >= 0).any())
+    if done["shadows"].value or textured:
+        what = "shadows" if done["shadows"].value else "textures"
+        return Decision("raster.shading", "sample", f"edges of {what} run across triangles: each sample is lit", choices)
+    return Decision("raster.shading", "pixel", "light has no edges within a triangle: it is lit once in each pixel", choices)
+
+
+def _precision(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    instances, materials = scene.tables.instances, scene.tables.materials
+    shown = instances.visible & ir.Visibility.CAMERA != 0
+    used = np.unique(instances.material[shown])
+    why = ""
+    if done["shadows"].value or np.isin(scene.tables.lights.kind, _SOFT_LIGHTS).any():
+        why = "rays go to lights"
+    elif (scene.tables.geometries.kind[instances.geometry[shown]] != ir.GeometryKind.MESH).any():
+        why = "rays meet shapes that are no mesh"
+    elif done["opacity"].value:
+        why = "some surface lets light through"
+    elif specular_materials(scene)[used].any() or (materials.shading[used] == ir.Shading.GOURAUD).any():
+        why = "some material mirrors, refracts or is shaded at vertices"
+    if why:
+        return Decision("raster.precision", "float64", why, ("float64",))
+    reason = "lamps without shadows on meshes: light in float32 is within 1e-5"
+    return Decision("raster.precision", "float32", reason, ("float32", "float64"))
+
+
 RULES: tuple[Callable[[ir.Scene, ir.Settings, Mapping[str, Decision]], Decision], ...] = (
     _backend, _camera, _size, _crop, _soft, _bounces, _interreflection, _shadows, _error, _budget, _samples, _filter, _seed,
-    _background, _exposure, _view, _aov, _threads, _accelerator, _horizon, _opacity, _tolerance, _fill,
+    _background, _exposure, _view, _aov, _threads, _accelerator, _horizon, _opacity, _tolerance, _fill, _shading, _precision,
 )  # fmt: skip
 
 

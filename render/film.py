@@ -10,7 +10,7 @@ import math
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Protocol
 
@@ -35,6 +35,9 @@ class Renderer(Protocol):
     by_tile: bool
     """Whether all pixels of a tile take the same samples; else each may have its own."""
 
+    whole: Whole | None
+    """The picture in bands, where that is how the plan draws it: samples are then at fixed places, and tiles are not asked for them."""
+
     def sample(self, tile: Tile, first: Counts, count: Counts, total: int, film: Film) -> None:
         """Add samples first … first + count - 1, (h, w) each, of `total` of every pixel of the tile; one in all is the pixel's centre."""
         ...
@@ -44,12 +47,25 @@ class Renderer(Protocol):
         ...
 
 
+class Whole(Protocol):
+    """A picture that a backend draws by itself, piece by piece."""
+
+    rgba: NDArray[np.float32]
+    jobs: Sequence[int]
+
+    def draw(self, job: int) -> int:
+        """Draw one piece into `rgba`; how many samples were left out because they were not finite."""
+        ...
+
+
 def run(renderer: Renderer, plan: Plan, view: View, progress: Progress | None = None, cancel: threading.Event | None = None) -> image.Image:
     """Draw plan["crop"] of a picture to plan["samples"], or until plan["error"] or plan["budget"] ends it.
 
     `progress(done, total)` in tiles is called from this thread. Setting `cancel` ends the work; what is done is returned, with
     metadata["partial"]. An exception in a worker is raised here.
     """
+    if renderer.whole is not None:
+        return _in_pieces(renderer, renderer.whole, plan, view, progress, cancel or threading.Event())
     started = time.perf_counter()
     canvas = _Canvas(renderer, plan, cancel or threading.Event(), progress)
     if plan["error"] > 0.0 or math.isfinite(plan["budget"]):
@@ -66,6 +82,83 @@ def tiles(crop: tuple[int, int, int, int]) -> list[Tile]:
     corners = np.array(every)
     away = (corners[:, 0] + corners[:, 2] - x0 - x1) ** 2 + (corners[:, 1] + corners[:, 3] - y0 - y1) ** 2
     return [every[i] for i in np.argsort(away, kind="stable")]
+
+
+def _in_pieces(
+    renderer: Renderer, whole: Whole, plan: Plan, view: View, progress: Progress | None, cancel: threading.Event
+) -> image.Image:  # fmt: skip
+    """A picture that its renderer draws itself; channels beside it are drawn by tiles."""
+    x0, y0, x1, y1 = crop = tuple(plan["crop"])
+    names = tuple(plan["aov"])
+    channels = {"rgba": whole.rgba, **image.blank(x1 - x0, y1 - y0, names)}
+    threads = int(plan["threads"]) or machine.cores()
+    done = issues = 0
+    extra = tiles(crop) if names else []
+    total = len(whole.jobs) + len(extra)
+
+    def told(_: Any, found: int) -> None:
+        nonlocal done, issues
+        done, issues = done + 1, issues + found
+        if progress is not None:
+            progress(done, total)
+
+    def beside(tile: Tile) -> int:
+        window = slice(tile.y0 - y0, tile.y1 - y0), slice(tile.x0 - x0, tile.x1 - x0)
+        renderer.channels(tile, names, {name: channels[name][window] for name in names})
+        return 0
+
+    _on_threads(whole.draw, whole.jobs, threads, cancel, told)
+    _on_threads(beside, extra, threads, cancel, told)
+    samples = int(plan["samples"])
+    about: dict[str, Any] = {
+        "size": (view.width, view.height), "crop": crop, "samples": samples, "samples_mean": float(samples), "error": None,
+        "partial": done < total, "variance": None, "rays": samples * (x1 - x0) * (y1 - y0), "issues": issues, "threads": threads,
+    }  # fmt: skip
+    return image.Image(x1 - x0, y1 - y0, channels, about)
+
+
+def _on_threads(
+    draw: Callable[[Any], Any], jobs: Iterable[Any], threads: int, cancel: threading.Event, told: Callable[[Any, Any], None]
+) -> None:  # fmt: skip
+    """Do jobs on several threads; told(job, result) follows each, here. The first exception ends it, here."""
+    take, lock = iter(jobs), threading.Lock()
+    stop = threading.Event()
+    results: queue.SimpleQueue[tuple[Any, Any, BaseException | None]] = queue.SimpleQueue()
+    nothing = object()
+
+    def loop() -> None:
+        try:
+            while not (stop.is_set() or cancel.is_set()):
+                with lock:
+                    job = next(take, nothing)
+                if job is nothing:
+                    break
+                results.put((job, draw(job), None))
+        except BaseException as problem:  # whatever it is, it is raised in the caller's thread
+            stop.set()
+            results.put((nothing, None, problem))
+        else:
+            results.put((nothing, None, None))
+
+    workers = [threading.Thread(target=loop, name=f"tiles {k}", daemon=True) for k in range(threads)]
+    failure: BaseException | None = None
+    try:
+        for worker in workers:
+            worker.start()
+        running = len(workers)
+        while running:
+            job, result, problem = results.get()
+            if job is nothing:
+                running -= 1
+                failure = failure or problem
+            else:
+                told(job, result)
+    finally:
+        stop.set()
+        for worker in workers:
+            worker.join()
+    if failure is not None:
+        raise failure
 
 
 @dataclass(eq=False)
@@ -227,46 +320,13 @@ class _Canvas:
 
     def _work(self, draw: Callable[[Tile], None], jobs: Iterable[Tile], fraction: Callable[[], float]) -> None:
         """Draw tiles on all threads; `fraction` of the whole is told on after each. The first exception ends it, here."""
-        take, lock = iter(jobs), threading.Lock()
-        stop = threading.Event()
-        results: queue.SimpleQueue[tuple[Tile | None, BaseException | None]] = queue.SimpleQueue()
-
-        def loop() -> None:
-            try:
-                while not (stop.is_set() or self.cancel.is_set()):
-                    with lock:
-                        tile = next(take, None)
-                    if tile is None:
-                        break
-                    draw(tile)
-                    results.put((tile, None))
-            except BaseException as problem:  # whatever it is, it is raised in the caller's thread
-                stop.set()
-                results.put((None, problem))
-            else:
-                results.put((None, None))
-
-        workers = [threading.Thread(target=loop, name=f"tiles {k}", daemon=True) for k in range(self.threads)]
-        failure: BaseException | None = None
         known = dict(self.drawn)
-        try:
-            for worker in workers:
-                worker.start()
-            running = len(workers)
-            while running:
-                tile, problem = results.get()
-                if tile is None:
-                    running -= 1
-                    failure = failure or problem
-                    continue
-                self.spent += self.drawn[tile] - known[tile]
-                self._tell(fraction())
-        finally:
-            stop.set()
-            for worker in workers:
-                worker.join()
-        if failure is not None:
-            raise failure
+
+        def told(tile: Tile, _: None) -> None:
+            self.spent += self.drawn[tile] - known[tile]
+            self._tell(fraction())
+
+        _on_threads(draw, jobs, self.threads, self.cancel, told)
 
     def _tell(self, fraction: float) -> None:
         done = int(min(fraction, 1.0) * len(self.tiles) + 1e-9)

@@ -51,6 +51,15 @@ def sample(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) -> Arriv
 
 
 @helper
+def sample_sharp(tables: Tables, light: int, position: Vec) -> Arriving:
+    """`sample` for lamps without an extent, ambient ones apart."""
+    if tables.lights.kind[light] in (POINT, SPOT):
+        return _from_point(tables, light, position)
+    middle = lanes.full_like(position[0], 0.5)
+    return _from_afar(tables, light, middle, middle)
+
+
+@helper
 def is_soft(tables: Tables, light: int) -> bool:
     """Whether a light has an extent, so that it is sampled with random numbers."""
     kind = tables.lights.kind[light]

@@ -95,11 +95,16 @@ def reflected(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec
 @helper
 def _lobe(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec, cosine: Lane) -> Lane:
     """The highlight's strength, for a light on this side of the surface."""
-    mirrored = lanes.sub(lanes.scale(normal, 2.0 * cosine), to_light)
-    half = lanes.normalize(lanes.add(to_light, to_viewer))
-    base = lanes.where(shader.blinn, lanes.dot(normal, half), lanes.dot(mirrored, to_viewer))
-    lobe = lanes.where(base > 0.0, lanes.power(lanes.maximum(base, 1e-300), shader.shininess), 0.0)
-    return lobe * lanes.where(shader.normalized, lobe_scale(shader.blinn, shader.shininess) * cosine, 1.0)
+    base = 0.0 * cosine
+    if lanes.any_lane(lanes.not_(shader.blinn)):
+        base = 2.0 * cosine * lanes.dot(normal, to_viewer) - lanes.dot(to_light, to_viewer)
+    if lanes.any_lane(shader.blinn):
+        half = lanes.normalize(lanes.add(to_light, to_viewer))
+        base = lanes.where(shader.blinn, lanes.dot(normal, half), base)
+    lobe = lanes.where(base > 0.0, lanes.fading(lanes.clip(base, 1e-30, 1.0), shader.shininess), 0.0)
+    if lanes.any_lane(shader.normalized):
+        lobe = lobe * lanes.where(shader.normalized, lobe_scale(shader.blinn, shader.shininess) * cosine, 1.0)
+    return lobe
 
 
 @helper

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
-from . import aside, bvh, gouraud, integrate, sampler, tessellate, trace
+from . import aside, banded, bvh, gouraud, integrate, sampler, tessellate, trace
 from .handles import Handle
 from .records import Frame, Options, Triple, View
 
@@ -32,6 +32,7 @@ class Prepared:
     options: Options
     frame: Any  # a Handle of a Frame, or the Frame itself
     shells: dict[int, tessellate.Tessellation] = field(default_factory=dict)  # raster: instance -> its shape in triangles
+    triangles: banded.Triangles | None = None  # raster: all there are
 
 
 def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
@@ -55,7 +56,8 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     aside.link(accel)
     light = Handle(gouraud.vertex_light(tables, packed, accel, frames))
     integrate.link(frames, packed, accel, light)
-    return Prepared(tables, packed, accel, light, options, frames, shells)
+    triangles = banded.triangles(tables, view, shells) if backend == "raster" else None
+    return Prepared(tables, packed, accel, light, options, frames, shells, triangles)
 
 
 def _trees(tables: ir.Tables, plan: Plan) -> Handle:

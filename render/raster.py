@@ -8,6 +8,7 @@ first hit but those that look for shadows: mirrors and glass show the sky in the
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Any
 
@@ -16,19 +17,17 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler.plan import Plan
-from . import across, aov, camera, fill, integrate, lanes, raster_setup, sampler, traverse, visibility
+from . import across, aov, banded, camera, fill, hits, integrate, lanes, raster_setup, sampler, visibility
 from .handles import Handle
 from .kernels import helper, kernel
 from .prepare import Prepared, analytic_seen
 from .records import Film, Hit, Lane, Ray, Tile, View
 
 BATCH = 1 << 16  # samples of a tile held in the z-buffer at a time
-MESH = int(ir.GeometryKind.MESH)
-CAMERA = int(ir.Visibility.CAMERA)
 
 
 class Renderer:
-    """Draws tiles of one view; its methods may be called from several threads at a time."""
+    """Draws one view; its methods may be called from several threads at a time."""
 
     by_tile = True
 
@@ -37,20 +36,17 @@ class Renderer:
         self.how = fill.NAMES[plan["raster.fill"]]
         self.filter = sampler.filter_table(plan["filter"])
         self.reach = math.ceil(float(np.abs(self.filter).max()) * fill.ONE)
-        tables = prepared.tables
-        self.flat = np.zeros(len(tables.polygons.first_loop), np.bool_)
-        by_polygon = self.how == fill.SCANLINE
-        if by_polygon:
-            visibility.flat_polygons(prepared.packed, self.flat)
-        model, ranges = raster_setup.model(tables, view, prepared.shells)
-        self.model = Handle(model)
-        clusters = raster_setup.clusters(self.model, ranges, tables, view, -(-self.reach // fill.ONE), by_polygon)
-        self.endless = analytic_seen(tables, endless=True)
-        self.box, self.whole, self.clusters = clusters.box, clusters.polygons, Handle(clusters)
+        self.endless = analytic_seen(prepared.tables, endless=True)
+        self.whole = banded.Bands(prepared, plan, view, self.endless) if banded.can_draw(plan) else None
         nothing = Tile(0, 0, 0, 0)
-        self._add(nothing, 0, 1, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
+        if self.whole is None:
+            self._add(nothing, 0, 1, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
         if plan["aov"]:
             self.centres(nothing)
+
+    @functools.cached_property
+    def _buffer(self) -> _Buffer:
+        return _Buffer(self.prepared, self.view, self.how, self.reach)
 
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
         """Add samples first … first + count - 1 of `total` of every pixel of a tile to the film's sums; they are the same for all."""
@@ -62,7 +58,7 @@ class Renderer:
         batch = max(1, BATCH // max(1, (tile.y1 - tile.y0) * (tile.x1 - tile.x0)))
         for start in range(first, first + count, batch):
             scratch = self._seen(tile, start, min(batch, first + count - start), total)
-            shade(self.model, prepared.packed, prepared.accel, prepared.gouraud, prepared.frame, tile, start, scratch, stack, film)
+            shade(self._buffer.model, prepared.packed, prepared.accel, prepared.gouraud, prepared.frame, tile, start, scratch, stack, film)
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
         """Write the named channels of a tile's pixels, at their centres, (h, w, k) each."""
@@ -75,7 +71,7 @@ class Renderer:
         samples = scratch.tables.samples
         count = len(samples.x)
         hit = Hit(np.empty(count), np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count), np.empty(count))
-        resolve(self.model, self.prepared.packed, self.prepared.accel, self.prepared.frame, scratch, hit)
+        resolve(self._buffer.model, self.prepared.packed, self.prepared.accel, self.prepared.frame, scratch, hit)
         return camera.ray(self.prepared.tables, self.view, samples.x / fill.ONE, samples.y / fill.ONE), hit
 
     def _seen(self, tile: Tile, first: int, count: int, total: int) -> Handle:
@@ -83,15 +79,34 @@ class Renderer:
         room = visibility.room_for(self.prepared.tables)
         scratch = Handle(visibility.scratch_for(tile, count, self.reach if total > 1 else 0, room))
         place_samples(tile, self.view, first, total, self.prepared.options.seed, self.filter, scratch)
+        self._buffer.draw(tile, scratch)
+        if len(self.endless):
+            draw_endless(self._buffer.model, self.endless, self.prepared.packed, self.prepared.accel, self.view, scratch)
+        return scratch
+
+
+class _Buffer:
+    """A z-buffer for samples anywhere, filled in any of the three ways, one triangle or polygon after the other."""
+
+    def __init__(self, prepared: Prepared, view: View, how: int, reach: int) -> None:
+        tables = prepared.tables
+        assert prepared.triangles is not None
+        self.packed, self.how = prepared.packed, how
+        self.flat = np.zeros(len(tables.polygons.first_loop), np.bool_)
+        by_polygon = how == fill.SCANLINE
+        if by_polygon:
+            visibility.flat_polygons(self.packed, self.flat)
+        self.model = Handle(prepared.triangles.model)
+        found = raster_setup.clusters(self.model, prepared.triangles.ranges, tables, view, -(-reach // fill.ONE), by_polygon)
+        self.box, self.whole, self.clusters = found.box, found.polygons, Handle(found)
+
+    def draw(self, tile: Tile, scratch: Handle) -> None:
+        """Draw what lies in a tile into its scratch."""
         box = self.box
         here = (box[:, 0] < tile.x1) & (box[:, 2] > tile.x0) & (box[:, 1] < tile.y1) & (box[:, 3] > tile.y0)
         visibility.draw(self.model, self.clusters, np.flatnonzero(here & ~self.whole), tile, self.how, scratch)
         if self.whole.any():
-            whole = np.flatnonzero(here & self.whole)
-            visibility.draw_whole(self.model, self.clusters, whole, self.prepared.packed, self.flat, tile, scratch)
-        if len(self.endless):
-            draw_endless(self.model, self.endless, self.prepared.packed, self.prepared.accel, self.view, scratch)
-        return scratch
+            visibility.draw_whole(self.model, self.clusters, np.flatnonzero(here & self.whole), self.packed, self.flat, tile, scratch)
 
 
 def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
@@ -133,8 +148,8 @@ def draw_endless(made, endless, tables, accel, view, scratch):
         k = lanes.minimum(across.numbered(start), count - 1)
         ray = camera.ray(tables, view, lanes.to_float(samples.x[k]) / fill.ONE, lanes.to_float(samples.y[k]) / fill.ONE)
         for instance in endless:
-            met = _meet(accel, instance, ray, lanes.bool_like(ray.t_max, True))
-            depth = met.t * along_axis(tables, view, ray)
+            met = hits.meet(accel, instance, ray, lanes.bool_like(ray.t_max, True))
+            depth = met.t * hits.along_axis(tables, view, ray)
             for j in range(min(count - start, across.WIDTH)):
                 if across.lane(met.instance, j) < 0:
                     continue
@@ -144,99 +159,12 @@ def draw_endless(made, endless, tables, accel, view, scratch):
 
 
 @helper
-def _meet(accel: Any, instance: int, ray: Ray, active: Lane) -> Hit:
-    """Where rays meet one instance, in the active lanes."""
-    zero = 0.0 * ray.direction[0]
-    nothing = lanes.int_like(zero, -1)
-    none = Hit(zero + np.inf, nothing, nothing, zero, zero)
-    until = lanes.where(active, ray.t_max, zero - np.inf)
-    return traverse.attempt(accel, instance, ray.origin, ray.direction, ray.t_min, until, CAMERA, False, none)
-
-
-@helper
-def along_axis(tables: Any, view: View, ray: Ray) -> Lane:
-    """Metres along the camera's axis for a metre along a ray."""
-    return -lanes.transform_vector(tables.transforms.inverse, tables.cameras.transform[view.camera], ray.direction)[2]
-
-
-@helper
-def hits_of(made: Any, tables: Any, accel: Any, view: View, ray: Ray, px: Lane, py: Lane, instances: Lane, triangle: Lane) -> Hit:
-    """What the rays through samples hit, where the z-buffer saw triangles: as trace.closest gives it."""
-    zero = 0.0 * ray.direction[0]
-    nothing = lanes.int_like(zero, -1)
-    t, instance, primitive, u, v = zero + np.inf, nothing, nothing, zero, zero
-    rest = instances >= 0
-    while lanes.any_lane(rest):
-        i, here = across.together(instances, rest)
-        hit = _hit_with(made, tables, accel, view, ray, px, py, i, triangle, here)
-        found = here & (hit.t < np.inf)
-        t, instance, primitive = lanes.where(found, hit.t, t), lanes.where(found, i, instance), lanes.where(found, hit.primitive, primitive)
-        u, v = lanes.where(found, hit.u, u), lanes.where(found, hit.v, v)
-        rest = rest & lanes.not_(here)
-    return Hit(t, instance, primitive, u, v)
-
-
-@helper
-def _hit_with(made: Any, tables: Any, accel: Any, view: View, ray: Ray, px: Lane, py: Lane, i: int, triangle: Lane, here: Lane) -> Hit:
-    """Hits of the active lanes with one instance; t is inf where the z-buffer's triangle has none."""
-    zero = 0.0 * ray.direction[0]
-    t, u, v, part = zero + np.inf, zero, zero, lanes.int_like(zero, -1)
-    flat = here & (triangle >= 0)
-    if lanes.any_lane(flat):
-        row = lanes.where(flat, triangle, 0)
-        depth, wu, wv = weights(made, i, row, px / fill.ONE, py / fill.ONE)
-        t = lanes.where(flat, depth / along_axis(tables, view, ray), t)
-        u, v = lanes.where(flat, wu, u), lanes.where(flat, wv, v)
-        part = lanes.where(flat, lanes.to_int(made.parts[row]), part)
-    t = lanes.where(abs(t) < np.inf, t, np.inf)  # an endless plane at its horizon
-    if tables.geometries.kind[tables.instances.geometry[i]] != MESH:
-        exact = _meet(accel, i, ray, here)
-        met = exact.instance >= 0
-        t, part = lanes.where(met, exact.t, t), lanes.where(met, exact.primitive, part)
-        u, v = lanes.where(met, exact.u, u), lanes.where(met, exact.v, v)
-    return Hit(t, lanes.int_like(zero, i), part, u, v)
-
-
-@helper
-def weights(made: Any, instance: int, triangle: Lane, x: Lane, y: Lane) -> tuple[Lane, Lane, Lane]:
-    """(depth, u, v) of triangles at pixel coordinates: perspective-correct weights of their second and third corners.
-
-    The rows (X - x W, Y - y W) of the corners lie about the sample; the cross of two of them is the third's weight, undivided.
-    A sample that snapping put just outside gets the nearest weights inside.
-    """
-    m, p, corners = made.matrix, made.positions, made.triangles
-    x0, y0, d0, v0 = about(m, instance, p, corners[triangle, 0], x, y)
-    x1, y1, d1, v1 = about(m, instance, p, corners[triangle, 1], x, y)
-    x2, y2, d2, v2 = about(m, instance, p, corners[triangle, 2], x, y)
-    e0, e1, e2 = x1 * y2 - y1 * x2, x2 * y0 - y2 * x0, x0 * y1 - y0 * x1
-    turn = lanes.where(e0 + e1 + e2 < 0.0, -1.0, 1.0)
-    e0, e1, e2 = lanes.maximum(turn * e0, 0.0), lanes.maximum(turn * e1, 0.0), lanes.maximum(turn * e2, 0.0)
-    total = e0 + e1 + e2
-    thin = total == 0.0  # seen exactly from its side: its first corner
-    e0, total = lanes.where(thin, 1.0, e0), lanes.where(thin, 1.0, total)
-    return (e0 * d0 + e1 * d1 + e2 * d2) / (e0 * v0 + e1 * v1 + e2 * v2), e1 / total, e2 / total
-
-
-@helper
-def about(matrix: Any, instance: int, positions: Any, row: Lane, x: Lane, y: Lane) -> tuple[Lane, Lane, Lane, Lane]:
-    """(X - x W, Y - y W, D, V) of vertices in clip space."""
-    row = lanes.to_int(row)
-    px, py, pz, pw = positions[row, 0], positions[row, 1], positions[row, 2], positions[row, 3]
-    m = matrix
-    w = m[instance, 2, 0] * px + m[instance, 2, 1] * py + m[instance, 2, 2] * pz + m[instance, 2, 3] * pw
-    cx = m[instance, 0, 0] * px + m[instance, 0, 1] * py + m[instance, 0, 2] * pz + m[instance, 0, 3] * pw - x * w
-    cy = m[instance, 1, 0] * px + m[instance, 1, 1] * py + m[instance, 1, 2] * pz + m[instance, 1, 3] * pw - y * w
-    depth = m[instance, 3, 0] * px + m[instance, 3, 1] * py + m[instance, 3, 2] * pz + m[instance, 3, 3] * pw
-    return cx, cy, depth, pw
-
-
-@helper
 def _at(made: Any, tables: Any, accel: Any, view: View, scratch: Any, k: Lane) -> tuple[Ray, Hit]:
     """The rays of samples k and what they hit."""
     samples, seen = scratch.samples, scratch.seen
     x, y = lanes.to_float(samples.x[k]), lanes.to_float(samples.y[k])
     ray = camera.ray(tables, view, x / fill.ONE, y / fill.ONE)
-    return ray, hits_of(made, tables, accel, view, ray, x, y, lanes.to_int(seen.instance[k]), lanes.to_int(seen.triangle[k]))
+    return ray, hits.hits_of(made, tables, accel, view, ray, x, y, lanes.to_int(seen.instance[k]), lanes.to_int(seen.triangle[k]))
 
 
 @kernel

@@ -60,7 +60,7 @@ def model(tables: ir.Tables, view: View, shells: dict[int, Tessellation]) -> tup
     for instance, shell in shells.items():
         if id(shell) not in placed:
             placed[id(shell)] = count, len(shell.triangles)
-            positions.append(shell.positions)
+            positions.append(_single(shell.positions))
             triangles.append(shell.triangles + np.int32(vertices))
             parts.append(shell.parts)
             vertices += len(shell.positions)
@@ -75,6 +75,11 @@ def model(tables: ir.Tables, view: View, shells: dict[int, Tessellation]) -> tup
         bool(tables.cameras.projection[view.camera] == ir.Projection.PERSPECTIVE),
     )  # fmt: skip
     return made, ranges
+
+
+def _single(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points as float32 has them, as a mesh's are: meshlets keep no more, and both must give the same corners."""
+    return points.astype(np.float32).astype(np.float64)
 
 
 def neighbours(points: NDArray[np.float64]) -> NDArray[np.intp]:
@@ -106,17 +111,23 @@ def clip_matrices(tables: ir.Tables, view: View) -> NDArray[np.float64]:
 
 def clip_planes(tables: ir.Tables, view: View) -> NDArray[np.float64]:
     """(p, 5) near and far if there are such, and the guard band: the sides of the picture moved out by GUARD pixels."""
-    near, far = float(tables.cameras.near[view.camera]), float(tables.cameras.far[view.camera])
+    near, far = ends(tables, view)
     x, y = 0.5 * view.width, 0.5 * view.height
-    orthographic = tables.cameras.projection[view.camera] == ir.Projection.ORTHOGRAPHIC
-    eye = tables.transforms.matrix[tables.cameras.transform[view.camera], :, 3]
-    start = max(near, ROUNDING * float(np.abs(eye).sum()))  # what is in the eye itself is neither before nor behind it
-    planes = [] if orthographic and near == 0.0 else [[0.0, 0.0, 0.0, 1.0, -start]]
+    planes = [[0.0, 0.0, 0.0, 1.0, -near]] if np.isfinite(near) else []
     if np.isfinite(far):
         planes.append([0.0, 0.0, 0.0, -1.0, far])
     planes += [[1.0, 0.0, GUARD - x, 0.0, 0.0], [-1.0, 0.0, GUARD + x, 0.0, 0.0]]
     planes += [[0.0, 1.0, GUARD - y, 0.0, 0.0], [0.0, -1.0, GUARD + y, 0.0, 0.0]]
     return np.array(planes)
+
+
+def ends(tables: ir.Tables, view: View) -> tuple[float, float]:
+    """The depths between which things are drawn; what is in the eye itself is neither before nor behind it."""
+    near, far = float(tables.cameras.near[view.camera]), float(tables.cameras.far[view.camera])
+    if tables.cameras.projection[view.camera] == ir.Projection.ORTHOGRAPHIC and near == 0.0:
+        return -np.inf, far
+    eye = tables.transforms.matrix[tables.cameras.transform[view.camera], :, 3]
+    return max(near, ROUNDING * float(np.abs(eye).sum())), far
 
 
 @helper

@@ -21,6 +21,7 @@ class Renderer:
     """Draws tiles of a prepared scene; see film.Renderer. Safe to use from many threads."""
 
     by_tile = False
+    whole = None
 
     def __init__(self, prepared: prepare.Prepared, plan: Plan, view: View) -> None:
         self.prepared, self.view = prepared, view

@@ -18,6 +18,7 @@ class Renderer:
     """Draws tiles with numpy lanes, all pixels of a tile at once."""
 
     by_tile = True
+    whole = None
 
     def __init__(self, prepared: Prepared, plan: Plan, view: View) -> None:
         self.prepared, self.view = prepared, view

@@ -19,7 +19,8 @@ from .records import Lane
 
 TABLE = 4096  # entries of a filter's inverse distribution
 SUBPIXEL = 256.0  # sample positions are multiples of 1/256 pixel, where the rasterizer's arithmetic is exact
-FILTERS = ("box", "tent", "gaussian", "blackman-harris")
+FILTER_RADIUS = {"box": 0.5, "tent": 1.0, "gaussian": 1.5, "blackman-harris": 1.65}
+FILTERS = tuple(FILTER_RADIUS)
 
 _TO_UNIT = 1.0 / 4294967296.0
 
@@ -130,13 +131,9 @@ def offset(pixel: Lane, sample: Lane, total: int, seed: int, table: NDArray[np.f
     return lanes.where(many, table[lanes.to_int(u * TABLE)], 0.0), lanes.where(many, table[lanes.to_int(v * TABLE)], 0.0)
 
 
-def filter_table(name: str) -> NDArray[np.float64]:
-    """(TABLE,) places at even steps of a pixel filter's cumulative distribution, in pixels from the centre, on the grid of SUBPIXEL.
-
-    box: half a pixel each way; tent: one pixel; gaussian: σ = 0.5 cut at 1.5 pixels; blackman-harris: 1.65 pixels (Harris 1978).
-    """
-    radius = {"box": 0.5, "tent": 1.0, "gaussian": 1.5, "blackman-harris": 1.65}[name]
-    x = np.linspace(-radius, radius, 16385)
+def filter_weight(name: str, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How much what lies x pixels from a pixel's centre counts for it, up to a factor; a filter is the product of x's and y's."""
+    radius = FILTER_RADIUS[name]
     if name == "box":
         weight = np.ones_like(x)
     elif name == "tent":
@@ -146,6 +143,17 @@ def filter_table(name: str) -> NDArray[np.float64]:
     else:
         t = (x + radius) / (2.0 * radius) * 2.0 * np.pi
         weight = 0.35875 - 0.48829 * np.cos(t) + 0.14128 * np.cos(2 * t) - 0.01168 * np.cos(3 * t)
+    return np.where(np.abs(x) <= radius, weight, 0.0)
+
+
+def filter_table(name: str) -> NDArray[np.float64]:
+    """(TABLE,) places at even steps of a pixel filter's cumulative distribution, in pixels from the centre, on the grid of SUBPIXEL.
+
+    box: half a pixel each way; tent: one pixel; gaussian: σ = 0.5 cut at 1.5 pixels; blackman-harris: 1.65 pixels (Harris 1978).
+    """
+    radius = FILTER_RADIUS[name]
+    x = np.linspace(-radius, radius, 16385)
+    weight = filter_weight(name, x)
     total = np.concatenate([[0.0], np.cumsum((weight[1:] + weight[:-1]) / 2)])
     places = np.interp((np.arange(TABLE) + 0.5) / TABLE, total / total[-1], x)
     return np.floor(places * SUBPIXEL + 0.5) / SUBPIXEL

@@ -204,10 +204,16 @@ def _value3(tables: Tables, start: Lane) -> Vec:
 @helper
 def attribute3(tables: Tables, g: Lane, row: Lane, hit: Hit, triangle: Lane) -> Vec:
     """An attribute of width 3, interpolated over the triangle."""
+    return attribute_at(tables, g, row, hit.u, hit.v, triangle)
+
+
+@helper
+def attribute_at(tables: Tables, g: Lane, row: Lane, u: Lane, v: Lane, triangle: Lane) -> Vec:
+    """An attribute of width 3 at weights u and v of a triangle's second and third corner."""
     a = _value3(tables, attribute_row(tables, g, row, triangle, 0))
     b = _value3(tables, attribute_row(tables, g, row, triangle, 1))
     c = _value3(tables, attribute_row(tables, g, row, triangle, 2))
-    return _blend(a, b, c, 1.0 - hit.u - hit.v, hit.u, hit.v)
+    return _blend(a, b, c, 1.0 - u - v, u, v)
 
 
 @helper
@@ -258,12 +264,20 @@ def _mesh_uv(tables: Tables, g: Lane, hit: Hit, on_mesh: Lane, a: Vec, b: Vec, c
         uc, vc = corner_uv(tables, safe_g, safe_row, triangle, 2)
         u = lanes.where(has, ua + (ub - ua) * hit.u + (uc - ua) * hit.v, u)
         v = lanes.where(has, va + (vb - va) * hit.u + (vc - va) * hit.v, v)
-        # Two edges and their coordinates give the derivatives of the point: dp/du = (Δv₂ e₁ − Δv₁ e₂) / det.
-        u1, v1, u2, v2 = ub - ua, vb - va, uc - ua, vc - va
-        det = u1 * v2 - u2 * v1
-        known = has & (det != 0.0)
-        det = lanes.where(known, det, 1.0)
-        e1, e2 = lanes.sub(b, a), lanes.sub(c, a)
-        du = lanes.where(known, lanes.length(lanes.sub(lanes.scale(e1, v2 / det), lanes.scale(e2, v1 / det))), du)
-        dv = lanes.where(known, lanes.length(lanes.sub(lanes.scale(e2, u1 / det), lanes.scale(e1, u2 / det))), dv)
+        span_u, span_v = spans(lanes.sub(b, a), lanes.sub(c, a), ub - ua, vb - va, uc - ua, vc - va)
+        du, dv = lanes.where(has, span_u, du), lanes.where(has, span_v, dv)
     return u, v, du, dv
+
+
+@helper
+def spans(e1: Vec, e2: Vec, u1: Lane, v1: Lane, u2: Lane, v2: Lane) -> tuple[Lane, Lane]:
+    """The metres that one unit of u and of v spans on triangles with these two edges, along which they change so; 1, 1 if unknown.
+
+    Two edges and their coordinates give the derivatives of the point: dp/du = (Δv₂ e₁ − Δv₁ e₂) / det.
+    """
+    det = u1 * v2 - u2 * v1
+    known = det != 0.0
+    det = lanes.where(known, det, 1.0)
+    du = lanes.length(lanes.sub(lanes.scale(e1, v2 / det), lanes.scale(e2, v1 / det)))
+    dv = lanes.length(lanes.sub(lanes.scale(e2, u1 / det), lanes.scale(e1, u2 / det)))
+    return lanes.where(known, du, 1.0), lanes.where(known, dv, 1.0)

@@ -1,0 +1,173 @@
+"""A picture in bands: each is filled with what its samples see, then what they see is lit, once for each triangle in each pixel.
+
+Samples lie at the same places in every pixel, and a pixel's filter weighs those around it; nothing here is random. Where shadows
+or patterns run across triangles every sample is lit for itself.
+"""
+
+from __future__ import annotations
+
+import threading
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..compiler import ir
+from ..compiler.plan import Plan
+from . import across, bands, camera, classic, deferred, fill, integrate, meshlets, raster_setup, sampler, setup, traced
+from .handles import Handle
+from .records import View
+
+MOST_SAMPLES = 16
+ROWS = {1: 64, 4: 32}  # rows of a band by samples, where its buffer still fits the second cache; else 16
+
+
+class Triangles(NamedTuple):
+    """What a view draws as triangles: made once, kept with what else is prepared."""
+
+    model: raster_setup.Model
+    ranges: NDArray[np.int64]  # (instances, 2) triangles of the model
+    meshlets: Handle
+    placed: NDArray[np.int64]  # (instances, 2) meshlets
+
+
+def triangles(tables: ir.Tables, view: View, shells: dict[int, Any]) -> Triangles:
+    """The triangles of meshes and of tessellated shapes, as a model and as meshlets."""
+    model, ranges = raster_setup.model(tables, view, shells)
+    made, placed = meshlets.build(tables, model.positions, model.triangles, ranges, shells)
+    return Triangles(model, ranges, Handle(made), placed)
+
+
+def can_draw(plan: Plan) -> bool:
+    """Whether a picture is drawn in bands: a few samples at fixed places, and light that needs no random numbers."""
+    settled = plan["error"] == 0.0 and np.isinf(plan["budget"])
+    return bool(settled and plan["samples"] <= MOST_SAMPLES and not plan["soft lights"])
+
+
+class Bands:
+    """One picture to be drawn, band by band, by any number of threads."""
+
+    def __init__(self, prepared: Any, plan: Plan, view: View, endless: NDArray[np.intp]) -> None:
+        self.prepared, self.view, self.endless = prepared, view, endless
+        tables, made = prepared.tables, prepared.triangles
+        samples = plan["samples"]
+        self.crop = np.array(plan["crop"], np.int64)
+        self.each = samples > 1 and plan["raster.shading"] == "sample"
+        self.pattern = bands.pattern(samples)
+        self.splat = _splat(plan["filter"], self.pattern)
+        self.margin = 4 * -(-self.splat.reach // 4)
+        self.rows = ROWS.get(samples, 16)
+        near, far = raster_setup.ends(tables, view)
+        model = made.model._replace(matrix=raster_setup.clip_matrices(tables, view), planes=raster_setup.clip_planes(tables, view))
+        self.model = Handle(model)
+        shown = bands.Projection(model.matrix, model.planes, model.perspective, near, far, model.positions, model.triangles)
+        self.shown, self.places = Handle(shown), Handle(self.pattern)
+        self.weights = Handle(self.splat)
+        self.drawn = Handle(bands.drawn(self.shown, made.meshlets, made.placed, plan["crop"], self.splat.reach, self.rows))
+        how, self.fill = plan["raster.fill"], None
+        if how != "edges":
+            self.fill = classic.Fill(how, tables, prepared.packed, view, self.model, made.ranges, made.meshlets.tables)
+        self.plain = plan["raster.precision"] == "float32"
+        if self.plain:
+            eye = tables.transforms.matrix[tables.cameras.transform[view.camera], :, 3]
+            self.lit = Handle(deferred.single(tables, eye))
+            self.look = Handle(_look(tables, view, eye))
+        self.background = plan["background"]
+        self.rgba = np.zeros((self.crop[3] - self.crop[1], self.crop[2] - self.crop[0], 4), np.float32)
+        self.jobs = range(int(self.crop[1]) // self.rows, -(-int(self.crop[3]) // self.rows))
+        self._free: list[_Room] = []
+        self._lock = threading.Lock()
+
+    def draw(self, job: int) -> int:
+        """Draw a band into `rgba`; how many of its items were not finite and left out."""
+        with self._lock:
+            room = self._free.pop() if self._free else _Room(self)
+        issues = self._draw(job, room)
+        with self._lock:
+            self._free.append(room)
+        return issues
+
+    def _draw(self, job: int, room: _Room) -> int:
+        x0, y0, x1, y1 = (int(c) for c in self.crop)
+        reach = self.splat.reach
+        top, bottom = max(job * self.rows, y0), min((job + 1) * self.rows, y1)
+        band = room.band.tables
+        band.place[:2] = (x0 & ~3) - self.margin, job * self.rows - self.margin  # on a grid of blocks that no crop moves
+        band.clip[:] = x0 - reach, top - reach, x1 + reach, bottom + reach
+        band.rows[:] = top, bottom
+        meshlets_, drawn = self.prepared.triangles.meshlets, self.drawn
+        if self.fill is None:
+            setup.draw_band(self.shown, self.places, meshlets_, drawn, job - self.jobs[0], room.band)
+        else:
+            self.fill.draw(room.band, self.pattern, drawn.tables)
+        p = self.prepared
+        if len(self.endless):
+            traced.draw_endless(self.model, self.endless, p.packed, p.accel, self.view, self.places, room.band)
+        if self.plain:
+            deferred.shade_band(
+                self.shown, self.places, self.each, meshlets_, drawn, self.lit, self.look, self.weights, room.band, room.items,
+                self.crop, self.rgba,
+            )  # fmt: skip
+        else:
+            traced.shade_band(
+                self.model, self.places, self.each, meshlets_, drawn, p.packed, p.accel, p.gouraud, p.frame, self.weights, room.band,
+                room.items, room.stack, self.crop, self.rgba,
+            )  # fmt: skip
+        self._behind(top, bottom)
+        return int(room.items.tables.counts[2])
+
+    def _behind(self, top: int, bottom: int) -> None:
+        """Put the background behind rows of pixels."""
+        x0, y0, _, _ = (int(c) for c in self.crop)
+        window = self.rgba[top - y0 : bottom - y0]
+        if self.background == "transparent":
+            return
+        if self.background == "sky":
+            traced.sky_behind(self.prepared.packed, self.prepared.frame, x0, top, window)
+        else:
+            window[..., :3] += (1.0 - window[..., 3:]) * np.asarray(self.background, np.float32)
+
+
+class _Room:
+    """What a thread needs to draw a band."""
+
+    def __init__(self, of: Bands) -> None:
+        x0, _, x1, _ = (int(c) for c in of.crop)
+        samples, margin = len(of.pattern.x), 2 * of.margin
+        columns = x1 - (x0 & ~3) + margin
+        self.band = Handle(bands.band_for(columns, of.rows + margin, samples))
+        self.items = Handle(deferred.items_for(columns, samples))
+        self.stack = integrate.stack_for(of.prepared.options, across.WIDTH)
+
+
+def _splat(name: str, pattern: bands.Pattern) -> deferred.Splat:
+    """How a pixel's samples count for the pixels around it; all of what counts for a pixel adds up to 1."""
+    side, count = deferred.SIDE, len(pattern.x)
+    reach = int(np.ceil(sampler.FILTER_RADIUS[name] - 0.5)) if count > 1 else 0
+    away = np.arange(side) - deferred.REACH
+    dx = (pattern.x / fill.ONE - 0.5)[:, None] - away
+    dy = (pattern.y / fill.ONE - 0.5)[:, None] - away
+    weight = sampler.filter_weight(name, dy)[:, :, None] * sampler.filter_weight(name, dx)[:, None, :]
+    if count == 1:
+        weight = np.zeros_like(weight)
+        weight[0, deferred.REACH, deferred.REACH] = 1.0
+    weight /= weight.sum()
+    table = np.zeros((4, 16, side * side))
+    for s in range(count):
+        for bits in range(16):
+            if bits >> (s % 4) & 1:
+                table[s // 4, bits] += weight[s].ravel()
+    return deferred.Splat(table.astype(np.float32), reach, -(-count // 4))
+
+
+def _look(tables: ir.Tables, view: View, eye: NDArray[np.float64]) -> deferred.Look:
+    """Rays through three pixel corners, and instances' places, in the world about the eye."""
+    ray = camera.ray(tables, view, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
+    direction = np.stack([np.broadcast_to(c, 3) for c in ray.direction], axis=1)
+    axis = -tables.transforms.inverse[tables.cameras.transform[view.camera], 2, :3]
+    direction = direction / (direction @ axis)[:, None]
+    steps = np.array([[1.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]])
+    place = tables.transforms.matrix[tables.instances.transform].copy()
+    origins = tables.geometries.origin[tables.instances.geometry]
+    place[:, :, 3] += np.einsum("nij,nj->ni", place[:, :, :3], origins) - eye
+    return deferred.Look((steps @ direction).astype(np.float32), place.astype(np.float32))

@@ -1,0 +1,206 @@
+"""What a picture's bands hold: the meshlets that may be seen in each, and the visibility buffer of the one that is being drawn.
+
+A band is as wide as the picture and so high that its buffer stays in the processor's second cache. Threads take bands; what is in one
+depends on no other. The buffer keeps, for each sample, the nearest triangle's key (larger is nearer) and id, in blocks of 4×4 pixels.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import simd, visibility
+from .handles import Handle
+from .kernels import helper, kernel
+
+ROWS = 64  # of pixels in a band at the most; a power of two
+TILE = 64  # pixels of a tile's side, in which large triangles are filled
+QUEUE = 512  # small triangles that are set up before they are filled
+LARGE = 4096  # large ones
+NOTHING = np.float32(-np.inf)
+BOX = 1 << 28  # pixels: everywhere
+
+
+class Projection(NamedTuple):
+    """How a view takes triangles to the picture, for kernels."""
+
+    matrix: NDArray[np.float64]  # (instances, 5, 4), see raster_setup
+    planes: NDArray[np.float64]
+    perspective: bool
+    near: float  # what is nearer or farther than these goes through the clipper
+    far: float
+    positions: NDArray[np.float64]  # Model's, for what is clipped or large
+    triangles: NDArray[np.int32]
+
+
+class Pattern(NamedTuple):
+    """Where samples lie in every pixel, in 1/256 from its top left corner."""
+
+    x: NDArray[np.int32]
+    y: NDArray[np.int32]
+    low_x: int
+    high_x: int
+    low_y: int
+    high_y: int
+
+
+class Drawn(NamedTuple):
+    """Meshlets of instances that may be seen, in the order of ids."""
+
+    instance: NDArray[np.int32]
+    meshlet: NDArray[np.int32]
+    first: NDArray[np.int32]  # the meshlet's first triangle
+    start: NDArray[np.int64]  # (bands + 1,) where each band's begin
+    order: NDArray[np.int32]  # rows of this table, band by band
+
+
+class Band(NamedTuple):
+    """A thread's buffer, and what waits to be filled into it. Pixel (x, y) of the picture is (x - x0, y - y0) here."""
+
+    key: NDArray[np.float32]  # (blocks · samples · 16,)
+    ids: NDArray[np.int32]  # -1: nothing
+    local: NDArray[np.int32]  # (256 · 4,) a meshlet's vertices: x, y, key's bits, 0
+    whole: NDArray[np.int32]  # (13 · (QUEUE + 32),) of small triangles, see fill_small
+    real: NDArray[np.float32]  # (6 · (QUEUE + 32),)
+    large: NDArray[np.int32]  # (LARGE + 32,) ids
+    tiny: NDArray[np.int32]  # (3 · 96,)
+    hidden: NDArray[np.float32]  # (tiles,) keys below which nothing is seen in a tile
+    place: NDArray[np.int64]  # (4,) x0, y0, columns, rows: multiples of 4
+    clip: NDArray[np.int64]  # (4,) pixels x0 <= x < x1, y0 <= y < y1 whose samples are wanted
+    rows: NDArray[np.int64]  # (2,) rows of the picture's pixels y0 <= y < y1 that are drawn here
+    room: visibility.Room
+
+
+def band_for(columns: int, rows: int, samples: int) -> Band:
+    """A buffer of so many pixels, whose numbers are rounded up to blocks."""
+    columns, rows = (columns + 3) & ~3, (rows + 3) & ~3
+    size = columns * rows * samples
+    tiles = -(-columns // TILE) * -(-rows // TILE)
+    room = visibility.Room(
+        np.empty((3, 5)), np.empty((16, 5)), np.empty((16, 5)), np.empty(16, np.int64), np.empty(16, np.int64),
+        np.empty(16, np.int64), np.empty((1, 5)), np.empty((1, 3), np.int64), np.empty((1, 3), np.int64),
+    )  # fmt: skip
+    return Band(
+        simd.aligned_empty(size, np.float32), simd.aligned_empty(size, np.int32), simd.aligned_empty(1024, np.int32),
+        np.empty(13 * (QUEUE + 32), np.int32), np.empty(6 * (QUEUE + 32), np.float32), np.empty(LARGE + 32, np.int32),
+        np.empty(3 * 96, np.int32), np.empty(tiles, np.float32), np.array([0, 0, columns, rows]), np.zeros(4, np.int64),
+        np.zeros(2, np.int64), room,
+    )  # fmt: skip
+
+
+def pattern(samples: int) -> Pattern:
+    """The places of 1, 4 or up to 16 samples: the pixel's centre; those of Direct3D and OpenGL; a (0, 4, 2)-net (Sobol 1967)."""
+    if samples == 1:
+        x, y = [128], [128]
+    elif samples == 4:
+        x, y = [96, 224, 32, 160], [224, 160, 96, 32]  # 6, 14, 2, 10 and, from below, 2, 6, 10, 14 sixteenths
+    else:
+        k = np.arange(16)
+        reverse = (k & 1) << 3 | (k & 2) << 1 | (k & 4) >> 1 | (k & 8) >> 3
+        second = k ^ (k & 0b1010) >> 1 ^ (k & 0b1100) >> 2
+        second = second ^ (second & 0b1100) >> 2
+        x, y = reverse * 16 + 8, _van_der_corput_2(k) * 16 + 8
+        x, y = x[:samples], y[:samples]
+    x, y = np.array(x, np.int32), np.array(y, np.int32)
+    return Pattern(x, y, int(x.min()), int(x.max()), int(y.min()), int(y.max()))
+
+
+def _van_der_corput_2(k: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The second Sobol dimension of 16 points, in sixteenths."""
+    columns = (8, 12, 10, 15)  # direction numbers of the polynomial x + 1
+    out = np.zeros_like(k)
+    for bit, number in enumerate(columns):
+        out ^= np.where(k >> bit & 1, number, 0)
+    return out
+
+
+# --- which meshlets a band shows ----------------------------------------------------------------------------------------
+
+
+def drawn(handle, meshlets: Handle, ranges, crop: tuple[int, int, int, int], margin: int, rows: int) -> Drawn:
+    """The meshlets of all instances that may touch a crop grown by `margin` pixels, in bands of `rows` rows from the picture's top on."""
+    x0, y0, x1, y1 = crop
+    most = int(ranges[:, 1].sum())
+    instance, meshlet = np.empty(most + 16, np.int32), np.empty(most + 16, np.int32)
+    low, high = np.empty(most + 16, np.int32), np.empty(most + 16, np.int32)
+    window = np.array([x0 - margin, y0 - margin, x1 + margin, y1 + margin], np.float64)
+    found = cull(handle, meshlets, ranges, window, instance, meshlet, low, high)
+    first = y0 // rows
+    bands = -(-y1 // rows) - first
+    start = np.zeros(bands + 1, np.int64)
+    sort_into(low, high, found, first * rows, margin, rows, start, np.empty(0, np.int32))
+    order = np.empty(int(start[-1]), np.int32)
+    sort_into(low, high, found, first * rows, margin, rows, start, order)
+    return Drawn(instance[:found], meshlet[:found], meshlets.tables.first_triangle[meshlet[:found]], start, order)
+
+
+@kernel
+def cull(shown, meshlets, ranges, window, instance, meshlet, low, high):
+    """List meshlets of which something may lie inside the window, with the rows of pixels they touch; how many."""
+    found = 0
+    for i in range(len(ranges)):
+        first, last = ranges[i, 0], ranges[i, 0] + ranges[i, 1]
+        for m in range(first, last, 8):
+            seen, top, bottom = in_window(shown, meshlets.box, i, m, window)
+            numbers = simd.i32x8(m) + simd.iota(simd.i32x8(0))
+            seen = seen & (numbers < last)
+            simd.compress_store(low, found, top, seen)
+            simd.compress_store(high, found, bottom, seen)
+            count = simd.compress_store(meshlet, found, numbers, seen)
+            for k in range(found, found + count):
+                instance[k] = i
+            found += count
+    return found
+
+
+@helper
+def in_window(shown, box, i: int, m: int, window):
+    """Whether each of eight boxes may be seen, and its first and last row of pixels."""
+    count = len(box) // 6
+    matrix = shown.matrix
+    far, near = simd.f64x8(-np.inf), simd.f64x8(np.inf)
+    left, right, above, below = near, near, near, near  # how far inside each border the innermost corner is, negative: outside
+    left, right, above, below = far, far, far, far
+    top, bottom = near, far
+    for k in range(8):
+        x = simd.load(box, (3 if k & 1 else 0) * count + m, simd.f64x8)
+        y = simd.load(box, (4 if k & 2 else 1) * count + m, simd.f64x8)
+        z = simd.load(box, (5 if k & 4 else 2) * count + m, simd.f64x8)
+        px = matrix[i, 0, 0] * x + matrix[i, 0, 1] * y + matrix[i, 0, 2] * z + matrix[i, 0, 3]
+        py = matrix[i, 1, 0] * x + matrix[i, 1, 1] * y + matrix[i, 1, 2] * z + matrix[i, 1, 3]
+        d = matrix[i, 3, 0] * x + matrix[i, 3, 1] * y + matrix[i, 3, 2] * z + matrix[i, 3, 3]
+        w = d if shown.perspective else simd.f64x8(1.0)
+        left, right = simd.maximum(left, px - window[0] * w), simd.maximum(right, window[2] * w - px)
+        above, below = simd.maximum(above, py - window[1] * w), simd.maximum(below, window[3] * w - py)
+        near, far = simd.minimum(near, d), simd.maximum(far, d)
+        row = py / w
+        top, bottom = simd.minimum(top, row), simd.maximum(bottom, row)
+    slack = -1e-9 * (abs(near) + abs(far)) - 2.0
+    seen = (left >= slack) & (right >= slack) & (above >= slack) & (below >= slack) & (far >= shown.near) & (near <= shown.far)
+    endless = simd.load(box, m, simd.f64x8) == -np.inf
+    whole = endless | (near < shown.near) if shown.perspective else endless
+    top = simd.select(whole, float(-BOX), simd.maximum(top - 2.0, float(-BOX)))
+    bottom = simd.select(whole, float(BOX), simd.minimum(bottom + 2.0, float(BOX)))
+    return seen | endless, simd.to_i32(simd.floor(top)), simd.to_i32(simd.floor(bottom))
+
+
+@kernel
+def sort_into(low, high, found, y0, margin, rows, start, order):
+    """Count each band's meshlets into start[1:], as sums; or, with room in `order`, write their numbers there."""
+    bands = len(start) - 1
+    place = start.copy()
+    count = np.zeros(bands + 1, np.int64)
+    for n in range(found):
+        first = max((max(low[n], y0 - margin) - margin - y0) // rows, 0)
+        last = min((high[n] + margin - y0) // rows, bands - 1)
+        for band in range(first, last + 1):
+            if len(order) > 0:
+                order[place[band]] = n
+                place[band] += 1
+            else:
+                count[band + 1] += 1
+    if len(order) == 0:
+        for band in range(bands):
+            start[band + 1] = start[band] + count[band + 1]

@@ -1,0 +1,102 @@
+"""What camera rays hit where the rasterizer saw triangles: the triangle itself, or the shape it stands for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..compiler import ir
+from . import across, fill, lanes, traverse
+from .kernels import helper
+from .records import Hit, Lane, Ray, View
+
+MESH = int(ir.GeometryKind.MESH)
+CAMERA = int(ir.Visibility.CAMERA)
+
+
+@helper
+def meet(accel: Any, instance: int, ray: Ray, active: Lane) -> Hit:
+    """Where rays meet one instance, in the active lanes."""
+    zero = 0.0 * ray.direction[0]
+    nothing = lanes.int_like(zero, -1)
+    none = Hit(zero + np.inf, nothing, nothing, zero, zero)
+    until = lanes.where(active, ray.t_max, zero - np.inf)
+    return traverse.attempt(accel, instance, ray.origin, ray.direction, ray.t_min, until, CAMERA, False, none)
+
+
+@helper
+def along_axis(tables: Any, view: View, ray: Ray) -> Lane:
+    """Metres along the camera's axis for a metre along a ray."""
+    return -lanes.transform_vector(tables.transforms.inverse, tables.cameras.transform[view.camera], ray.direction)[2]
+
+
+@helper
+def hits_of(made: Any, tables: Any, accel: Any, view: View, ray: Ray, px: Lane, py: Lane, instances: Lane, triangle: Lane) -> Hit:
+    """What the rays through samples hit, where the z-buffer saw triangles: as trace.closest gives it."""
+    zero = 0.0 * ray.direction[0]
+    nothing = lanes.int_like(zero, -1)
+    t, instance, primitive, u, v = zero + np.inf, nothing, nothing, zero, zero
+    rest = instances >= 0
+    while lanes.any_lane(rest):
+        i, here = across.together(instances, rest)
+        hit = _hit_with(made, tables, accel, view, ray, px, py, i, triangle, here)
+        found = here & (hit.t < np.inf)
+        t, instance, primitive = lanes.where(found, hit.t, t), lanes.where(found, i, instance), lanes.where(found, hit.primitive, primitive)
+        u, v = lanes.where(found, hit.u, u), lanes.where(found, hit.v, v)
+        rest = rest & lanes.not_(here)
+    return Hit(t, instance, primitive, u, v)
+
+
+@helper
+def _hit_with(made: Any, tables: Any, accel: Any, view: View, ray: Ray, px: Lane, py: Lane, i: int, triangle: Lane, here: Lane) -> Hit:
+    """Hits of the active lanes with one instance; t is inf where the z-buffer's triangle has none."""
+    zero = 0.0 * ray.direction[0]
+    t, u, v, part = zero + np.inf, zero, zero, lanes.int_like(zero, -1)
+    flat = here & (triangle >= 0)
+    if lanes.any_lane(flat):
+        row = lanes.where(flat, triangle, 0)
+        depth, wu, wv = weights(made, i, row, px / fill.ONE, py / fill.ONE)
+        t = lanes.where(flat, depth / along_axis(tables, view, ray), t)
+        u, v = lanes.where(flat, wu, u), lanes.where(flat, wv, v)
+        part = lanes.where(flat, lanes.to_int(made.parts[row]), part)
+    t = lanes.where(abs(t) < np.inf, t, np.inf)  # an endless plane at its horizon
+    if tables.geometries.kind[tables.instances.geometry[i]] != MESH:
+        exact = meet(accel, i, ray, here)
+        met = exact.instance >= 0
+        t, part = lanes.where(met, exact.t, t), lanes.where(met, exact.primitive, part)
+        u, v = lanes.where(met, exact.u, u), lanes.where(met, exact.v, v)
+    return Hit(t, lanes.int_like(zero, i), part, u, v)
+
+
+@helper
+def weights(made: Any, instance: int, triangle: Lane, x: Lane, y: Lane) -> tuple[Lane, Lane, Lane]:
+    """(depth, u, v) of triangles at pixel coordinates: perspective-correct weights of their second and third corners.
+
+    The rows (X - x W, Y - y W) of the corners lie about the sample; the cross of two of them is the third's weight, undivided.
+    A sample that snapping put just outside gets the nearest weights inside.
+    """
+    m, p, corners = made.matrix, made.positions, made.triangles
+    x0, y0, d0, v0 = about(m, instance, p, corners[triangle, 0], x, y)
+    x1, y1, d1, v1 = about(m, instance, p, corners[triangle, 1], x, y)
+    x2, y2, d2, v2 = about(m, instance, p, corners[triangle, 2], x, y)
+    e0, e1, e2 = x1 * y2 - y1 * x2, x2 * y0 - y2 * x0, x0 * y1 - y0 * x1
+    turn = lanes.where(e0 + e1 + e2 < 0.0, -1.0, 1.0)
+    e0, e1, e2 = lanes.maximum(turn * e0, 0.0), lanes.maximum(turn * e1, 0.0), lanes.maximum(turn * e2, 0.0)
+    total = e0 + e1 + e2
+    thin = total == 0.0  # seen exactly from its side: its first corner
+    e0, total = lanes.where(thin, 1.0, e0), lanes.where(thin, 1.0, total)
+    return (e0 * d0 + e1 * d1 + e2 * d2) / (e0 * v0 + e1 * v1 + e2 * v2), e1 / total, e2 / total
+
+
+@helper
+def about(matrix: Any, instance: int, positions: Any, row: Lane, x: Lane, y: Lane) -> tuple[Lane, Lane, Lane, Lane]:
+    """(X - x W, Y - y W, D, V) of vertices in clip space."""
+    row = lanes.to_int(row)
+    px, py, pz, pw = positions[row, 0], positions[row, 1], positions[row, 2], positions[row, 3]
+    m = matrix
+    w = m[instance, 2, 0] * px + m[instance, 2, 1] * py + m[instance, 2, 2] * pz + m[instance, 2, 3] * pw
+    cx = m[instance, 0, 0] * px + m[instance, 0, 1] * py + m[instance, 0, 2] * pz + m[instance, 0, 3] * pw - x * w
+    cy = m[instance, 1, 0] * px + m[instance, 1, 1] * py + m[instance, 1, 2] * pz + m[instance, 1, 3] * pw - y * w
+    depth = m[instance, 3, 0] * px + m[instance, 3, 1] * py + m[instance, 3, 2] * pz + m[instance, 3, 3] * pw
+    return cx, cy, depth, pw

@@ -1,4 +1,4 @@
-"""The `convert` command: a compiled scene as its tables (.npz), or as another renderer reads it (.xml for Mitsuba 3, .pov for POV-Ray)."""
+"""The `convert` command: a compiled scene as its tables (.npz), for another renderer (.xml: Mitsuba 3, .pov: POV-Ray), or its triangles."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from . import cli_job as jobs
+from . import cli_options as options
 from . import cli_shared as shared
 from . import cli_terminal as terminal
 
@@ -16,7 +17,8 @@ if TYPE_CHECKING:
     from .compiler.export import Export
     from .compiler.plan import Plan
 
-ENDINGS = {".npz": "a saved IR", ".xml": "Mitsuba 3", ".pov": "POV-Ray 3.7"}
+MESHES = {".stl": "triangles for printing", ".3mf": "the same", ".obj": "triangles", ".ply": "triangles"}
+ENDINGS = {".npz": "a saved IR", ".xml": "Mitsuba 3", ".pov": "POV-Ray 3.7", **MESHES}
 
 
 @click.command()
@@ -24,16 +26,22 @@ ENDINGS = {".npz": "a saved IR", ".xml": "Mitsuba 3", ".pov": "POV-Ray 3.7"}
 @click.argument("output", metavar="OUT", type=shared.OUT)
 @shared.scene_options
 @shared.picture_options_but("backend", "error", "budget", "aov", "exposure", "view", "threads")
+@click.option(
+    "--deviation", metavar="LENGTH", type=options.Value("length", options.length),
+    help="how far triangles may be off the true surface (0.05mm); a 2000th of the scene when not given",
+)
 @shared.examples(
+    "maquette convert part.scene part.stl --deviation 0.05mm",
     "maquette convert room.scene room.npz",
     "maquette convert hello.scene hello.xml --size 400x300 --plan filter=box",
     "maquette convert hello.scene hello.pov",
 )
-def convert(scene: Path, output: Path, **given: Any) -> None:
+def convert(scene: Path, output: Path, deviation: float | None, **given: Any) -> None:
     """Write IN for other programs.
 
     OUT.npz is a saved IR, which every command reads as a scene. OUT.xml is Mitsuba 3's, OUT.pov POV-Ray 3.7's, each with its meshes
-    and pictures beside it (OUT.0.ply, …): what the format cannot carry is said with its place, and left out.
+    and pictures beside it (OUT.0.ply, …): what the format cannot carry is said with its place, and left out. OUT.stl and OUT.3mf hold
+    all solid things as triangles in millimetres, z up, for printing; OUT.obj and OUT.ply in metres, y up.
     """
     ending = output.suffix.lower()
     if ending not in ENDINGS:
@@ -42,8 +50,13 @@ def convert(scene: Path, output: Path, **given: Any) -> None:
     source, settings, overrides = shared.asked(scene, given)
     if ending == ".npz" and (overrides or any(value is not None for value in given.values())):
         raise click.UsageError("a saved IR is the scene before it is planned: options of the picture belong to `maquette render OUT.npz`")
+    if deviation is not None and ending not in MESHES:
+        raise click.UsageError(f"--deviation is of triangles: OUT ends in {', '.join(MESHES)}")
     jobs.check_folder(output)
     compiled = shared.load(source)
+    if ending in MESHES:
+        _triangles(compiled, output, ending, deviation)
+        return
     if ending == ".npz":
         from .compiler import store
 
@@ -53,6 +66,24 @@ def convert(scene: Path, output: Path, **given: Any) -> None:
     made = _exported(compiled, plan, ending, output.stem)
     made.save(output)
     terminal.report(made.found)
+
+
+def _triangles(scene: ir.Scene, output: Path, ending: str, tolerance: float | None) -> None:
+    from .compiler import export_meshes
+    from .render import meshed
+
+    parts, found = meshed.parts(scene, tolerance)
+    terminal.report(found)
+    if not parts:
+        raise click.ClickException("there is nothing with an end that could be written")
+    partial = output.with_name(f".{output.name}.part")
+    partial.write_bytes(export_meshes.encoded(parts, ending))
+    partial.replace(output)
+    count = sum(len(part.triangles) for part in parts)
+    off = max(part.deviation for part in parts)
+    leaks = sum(part.open_edges for part in parts)
+    closed = "closed" if leaks == 0 else f"{leaks} open edges"
+    click.echo(f"{output}: {count} triangles, {closed}, off the true surface by {off * 1000:.3g} mm at the most", err=True)
 
 
 def _exported(scene: ir.Scene, plan: Plan, ending: str, name: str) -> Export:

@@ -81,6 +81,18 @@ def seconds(text: str) -> float:
     return value.value
 
 
+def length(text: str) -> float:
+    """`0.05mm`, `2cm`, or a bare number of metres; above zero."""
+    message = "a length is written 0.05mm or 2cm, and is more than 0"
+    value = number(text, message)
+    if isinstance(value, units.Quantity) and value.dimension != units.LENGTH:
+        raise ValueError(message)
+    metres = value.value if isinstance(value, units.Quantity) else value
+    if metres <= 0:
+        raise ValueError(message)
+    return metres
+
+
 def duration(text: str) -> float:
     """A time above zero."""
     value = seconds(text)

@@ -37,6 +37,7 @@ class SceneBuilder:
         self._names: dict[str, list[str]] = {f.name: [] for f in fields(ir.Names)}
         self._spans: dict[str, list[Span | None]] = {name: [] for name in SPANNED}
         self._known: dict[Any, int] = {}
+        self._tapes: list[Tape] = []
         self._pools: dict[str, list[np.ndarray]] = {name: [] for name in (*ir.Pools._fields, "texels")}
         self._length: dict[str, int] = dict.fromkeys(self._pools, 0)
         self._holes: list[bool] = []  # of each picture: whether it is not opaque everywhere
@@ -86,6 +87,12 @@ class SceneBuilder:
             lambda: self._geometry(ir.GeometryKind.FORMULA, numbers, bounds, np.zeros(3), (0,) * 6, columns, span, name),
         )
 
+    def shape(self, geometry: int) -> tuple[ir.GeometryKind, tuple[float, ...], np.ndarray, Tape | None]:
+        """(kind, parameters, bounds, tape of a formula) of a row, for what is made of other shapes."""
+        row = dict(zip(ir.Geometries._fields, self._rows["geometries"][geometry], strict=True))
+        tape = self._tapes[row["tape"]] if row["tape"] >= 0 else None
+        return ir.GeometryKind(row["kind"]), row["parameters"], np.array(row["bounds"], np.float64), tape
+
     def tape(self, tape: Tape) -> int:
         """The row of a tape; an equal one is shared."""
         key = ("tape", tape.structure(), tape.constants.tobytes())
@@ -93,6 +100,7 @@ class SceneBuilder:
             results = (*tape.results, *(0,) * (4 - len(tape.results)))
             row = (self._length["code"], len(tape.code), self._length["constants"], len(tape.constants), results, len(tape.results))
             self._known[key] = self._add("tapes", row, None, "")
+            self._tapes.append(tape)
             self._pool("code", tape.code)
             self._pool("constants", tape.constants)
         return self._known[key]

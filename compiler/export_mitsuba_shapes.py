@@ -141,9 +141,6 @@ class Shapes:
         if kind == ir.GeometryKind.QUADRIC and not np.isfinite(self.tables.geometries.bounds[g]).all():
             self.out.cannot("an endless quadric is not carried", "instances", i, "within: gives it a box")
             return None
-        if kind == ir.GeometryKind.FORMULA:
-            self.out.cannot("a formula's surface is not carried", "instances", i)
-            return None
         shell = Shell(*self.tessellate(i))
         self.out.tessellated(kind, i, len(shell.triangles), self.plan["tolerance"])
         return shell

@@ -81,9 +81,6 @@ class _Object:
             return self._mesh(export.mesh(self.tables, self.g), texture)
         if kind == ir.GeometryKind.PLANE:
             return "plane", [f"  {_UP}, 0"]
-        if kind == ir.GeometryKind.FORMULA:
-            self.out.cannot("a formula's surface is not carried", "instances", self.i)
-            return None
         if texture >= 0:
             return self._meshed(texture)
         return self._native(kind, [float(v) for v in p])
@@ -104,7 +101,7 @@ class _Object:
                 return "torus", [f"  {number(p[0])}, {number(p[1])} sturm"]
             case ir.GeometryKind.QUADRIC:
                 return self._quadric(p)
-            case ir.GeometryKind.RECTANGLE | ir.GeometryKind.CAPSULE:
+            case ir.GeometryKind.RECTANGLE | ir.GeometryKind.CAPSULE | ir.GeometryKind.FORMULA:
                 return self._meshed(-1)
         raise AssertionError(kind)
 

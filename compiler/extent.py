@@ -9,26 +9,35 @@ from .tapes import Tape
 
 FARTHEST = 1e6  # units of the formula: what reaches farther counts as endless
 ROUNDS = 48
-MOST_BOXES = 60_000
+MOST_BOXES = 20_000
 STALE = 5  # rounds in which it does not shrink, after which it is as small as it gets
 _TIGHT = 0.02  # of the extent: rounds that shrink it by less are the last
 _FACE = 8  # pieces along the edge of a face, to begin with
 
 
 def find(tape: Tape) -> np.ndarray | None:
-    """(2, 3) a box around all points where a field is not above 0, or None where it reaches farther than FARTHEST, or that is not known.
+    """(2, 3) a box around all points where a field is not above 0, or None where it reaches farther than FARTHEST, or that is not known."""
+    found = tightened(tape, np.array([[-FARTHEST] * 3, [FARTHEST] * 3]))
+    if found is None or np.abs(found).max() >= FARTHEST:
+        return None
+    return found
+
+
+def tightened(tape: Tape, bounds: np.ndarray) -> np.ndarray | None:
+    """(2, 3) a box, within `bounds`, around all points there where a field is not above 0; None where there are none.
 
     Of the boxes that may hold such points only those on the outside of all of them are cut up further.
     """
-    low, high = np.full((3, 1), -FARTHEST), np.full((3, 1), FARTHEST)
+    low, high = (bounds[k][:, None] for k in range(2))
     before, stale = np.inf, 0
+    extent = bounds
     for _ in range(ROUNDS):
         keep = _may_hold(tape, low, high)
         low, high = low[:, keep], high[:, keep]
         if not low.shape[1]:
             return None
         extent = np.stack([low.min(axis=1), high.max(axis=1)])
-        size = float((extent[1] - extent[0]).max())
+        size = float((extent[1] - extent[0]).sum())
         stale = stale + 1 if size > (1 - _TIGHT) * before else 0
         if stale > STALE:
             break
@@ -37,10 +46,8 @@ def find(tape: Tape) -> np.ndarray | None:
         if low.shape[1] + 7 * int(outer.sum()) > MOST_BOXES:
             break
         low, high = _cut(low, high, outer)
-    if np.abs(extent).max() >= FARTHEST:
-        return None
     margin = 0.01 * (extent[1] - extent[0]) + 1e-9
-    return np.stack([extent[0] - margin, extent[1] + margin])
+    return np.stack([np.maximum(extent[0] - margin, bounds[0]), np.minimum(extent[1] + margin, bounds[1])])
 
 
 def leaves_open(tape: Tape, bounds: np.ndarray) -> bool:

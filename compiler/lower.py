@@ -74,6 +74,17 @@ class Lowering:
     def warn(self, element: Element, message: str, hint: str = "") -> None:
         self.builder.diagnostics.warning(message, element.span, hint, element.trace)
 
+    def is_shape(self, element: Element) -> bool:
+        return element.kind in lower_shapes.KINDS
+
+    def pieces(self, element: Element) -> list[Piece]:
+        """What a shape is made of."""
+        return lower_shapes.pieces(self, element)
+
+    def block(self, element: Element) -> np.ndarray | None:
+        """The transform of a block; None for what is none."""
+        return _BLOCKS[element.kind](element) if element.kind in _BLOCKS else None
+
     def refuse(self, element: Element, message: str, hint: str = "") -> list[Piece]:
         """An error, and no pieces."""
         self.error(element, message, hint)
@@ -127,7 +138,7 @@ class Lowering:
     def _shape(self, element: Element, matrix: np.ndarray, material: Element | None, path: str) -> None:
         name = path + (element.args["name"] or element.scope or element.kind)
         own = element.args["material"]
-        for piece in lower_shapes.pieces(self, element):
+        for piece in self.pieces(element):
             placed = matrix @ piece.matrix
             if material is not None and material.kind == "emissive" and self._shining_sphere(element, material, placed):
                 continue

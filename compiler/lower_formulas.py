@@ -37,6 +37,11 @@ def implicit(lowering: Lowering, element: Element) -> list[Piece]:
         if not sheet:
             tape, bounds = closed(tape, bounds, ball)
             ball = (0.0, 0.0, 0.0, 0.0)
+        tight = extent.tightened(sheet_field(tape) if sheet else tape, bounds)
+        if tight is None:
+            lowering.warn(element, "there is no surface within these bounds: nothing is drawn")
+            return []
+        bounds = tight
     row = lowering.builder.formula(tape, bounds, (float(sheet), *ball), element.span)
     return [Piece(row, transforms.scaling((unit,) * 3))]
 

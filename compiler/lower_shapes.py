@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..lang.elements import Element
-from . import ir, lower_formulas, polymesh, transforms, triangulate
+from . import ir, lower_formulas, lower_solids, polymesh, transforms, triangulate
 from .lower_pieces import Piece
 from .rows import MeshAttribute, MeshData, Outlines
 
@@ -206,5 +206,6 @@ _SHAPES: dict[str, Callable[[Lowering, Element], list[Piece]]] = {
     "polygon": _polygon,
     "mesh": _mesh,
     "implicit": lower_formulas.implicit,
+    **dict.fromkeys(lower_solids.KINDS, lower_solids.solid),
 }
 KINDS = frozenset(_SHAPES)

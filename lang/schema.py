@@ -283,7 +283,41 @@ SHAPES = (
     *_planned("shape", "heightfield", "surface", "bezier", "nurbs", "subdivision", "curve", "revolve", "extrude", "voxels"),
 )
 
-SOLIDS = _planned("solid", "union", "intersection", "difference")
+_ROUND = Arg("round", "length", 0.0, "radius of the arcs that blend its parts where their surfaces meet", minimum=0.0, keyword=True)
+
+
+def _solid(name: str, doc: str, *args: Arg, example: str = "") -> Entry:
+    return Entry(name, "solid", doc, (*args, *_SHAPE), children=True, example=example)
+
+
+SOLIDS = (
+    _solid("union", "all of its children as one solid", _ROUND, example="union(round: 10cm) { sphere(1); box(1.5) }"),
+    _solid("intersection", "what lies in all of its children", _ROUND, example="intersection { sphere(1); box(1.5) }"),
+    _solid("difference", "its first child without the others", _ROUND, example="difference(round: 5cm) { box(2); cylinder(0.5, 3) }"),
+    _solid("shell", "the outermost part of its children, hollow", Arg("thickness", "length", REQUIRED, "how thick", above=0.0)),
+    _solid("offset", "its children grown, or shrunk by less than 0", Arg("by", "length", REQUIRED, "how far the surface moves outwards")),
+    _solid(
+        "twist",
+        "its children turned about the y axis, more the higher they reach",
+        Arg("angle", "angle", REQUIRED, "how far"),
+        Arg("over", "length", 1.0, "over what height", above=0.0),
+        example="twist(90deg, over: 2) { box([1, 2, 1]) }",
+    ),
+    _solid(
+        "bend",
+        "its children bent from the x axis upwards, towards +y",
+        Arg("angle", "angle", REQUIRED, "how far"),
+        Arg("over", "length", 1.0, "over what length of x", above=0.0),
+    ),
+    _solid(
+        "repeat",
+        "its children again and again, each further by a step",
+        Arg("step", "point", REQUIRED, "from each to the next"),
+        Arg("count", "int", REQUIRED, "how many there are", minimum=1),
+    ),
+    _solid("mirrored", "its children and their image in a mirror through the origin", Arg("normal", "direction", REQUIRED, "the mirror's")),
+    _solid("morph", "between its two children", Arg("share", "number", 0.5, "0: the first, 1: the second", minimum=0.0, maximum=1.0)),
+)
 
 BLOCKS = (
     Entry("group", "block", "its children together", _SHAPE, children=True, example="group(translate: [1, 0, 0]) { sphere(1) }"),

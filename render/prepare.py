@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler import ir
+from ..compiler import contour, ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
 from . import aside, banded, bvh, gouraud, integrate, sampler, tessellate, trace
+from .formulas import fields
 from .handles import Handle
 from .records import Frame, Options, Triple, View
 
@@ -39,8 +40,8 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     """Make ready for drawing a validated scene with plan["backend"].
 
     Shapes shaded at vertices become meshes for every backend; for the raster backend all other analytic shapes are
-    tessellated beside the tables, each to plan["tolerance"] pixels of this view. Endless shapes and formulas
-    stay smooth: they have no vertices.
+    tessellated beside the tables, each to plan["tolerance"] pixels of this view. Endless shapes stay smooth: they have no
+    vertices.
     """
     backend = plan["backend"]
     shapes = _Shapes(scene.tables, view, plan["tolerance"])
@@ -141,9 +142,29 @@ class _Shapes:
         if geometries.kind[key[0]] == ir.GeometryKind.PLANE:  # its middle lies below the eye
             x, _, z = self.tables.transforms.inverse[self.tables.instances.transform[instance]] @ [*self.eye, 1.0]
             return tessellate.plane(float(x), float(z))
+        if key not in self._made and geometries.kind[key[0]] == ir.GeometryKind.FORMULA:
+            self._made[key] = _formula(self.tables, key[0], key[1])
         if key not in self._made:
             self._made[key] = tessellate.tessellate(int(geometries.kind[key[0]]), geometries.parameters[key[0]], key[1])
         return self._made[key]
+
+
+def contoured(tables: ir.Tables, g: int, tolerance: float) -> contour.Contour:
+    """A formula's surface as triangles, in its own frame; of a sheet in a ball what lies in that."""
+    made = contour.within(fields.tape_of(tables, g), tables.geometries.bounds[g], tolerance)
+    *middle, radius = tables.geometries.parameters[g, 1:5].tolist()
+    if radius > 0.0:
+        inside = np.linalg.norm(made.positions[made.triangles].mean(axis=1) - middle, axis=1) <= radius
+        made = made._replace(triangles=made.triangles[inside])
+    return made
+
+
+def _formula(tables: ir.Tables, g: int, tolerance: float) -> tessellate.Tessellation:
+    made = contoured(tables, g, tolerance)
+    positions = np.concatenate([made.positions, np.ones((len(made.positions), 1))], axis=1)
+    triangles = made.triangles.astype(np.int32)
+    uvs = np.stack([made.positions[:, 0], -made.positions[:, 2]], axis=1)  # as shapes.uv has them
+    return tessellate.Tessellation(positions, triangles, made.normals, uvs, np.zeros(len(triangles), np.int32))
 
 
 def analytic_seen(tables: ir.Tables, endless: bool) -> NDArray[np.intp]:
@@ -162,8 +183,7 @@ def with_vertex_shaded_meshes(tables: ir.Tables, shapes: _Shapes) -> ir.Tables:
     """The same scene with a mesh for each bounded analytic instance whose material is shaded at vertices (Gouraud)."""
     instances = tables.instances
     chosen = tables.materials.shading[instances.material] == ir.Shading.GOURAUD
-    without = (ir.GeometryKind.MESH, ir.GeometryKind.FORMULA)
-    chosen &= ~np.isin(tables.geometries.kind[instances.geometry], without) & np.isfinite(shapes.tolerances)
+    chosen &= (tables.geometries.kind[instances.geometry] != ir.GeometryKind.MESH) & np.isfinite(shapes.tolerances)
     if not chosen.any():
         return tables
     geometry = instances.geometry.copy()

@@ -350,7 +350,7 @@ def test_a_saved_ir_draws_the_same(scene: Path) -> None:
     assert run("compare", "scene.exr", "npz.exr", "--threshold", "0")[0] == 0
     code, _, err = run("convert", scene, "a.usda")
     assert code == 2
-    assert "Error: writing .usda is not built yet: OUT ends in .npz (a saved IR), .xml (Mitsuba 3), .pov (POV-Ray 3.7)" in err
+    assert "Error: writing .usda is not built yet: OUT ends in .npz (a saved IR), .xml (Mitsuba 3), .pov (POV-Ray 3.7), .stl (" in err
 
 
 # --- what it loads, what it shows ------------------------------------------------------------------------------------------

@@ -29,6 +29,8 @@ RENDER_READS = {
     "compiler.tapes",  # what tapes of the IR hold and mean
     "compiler.tape_points",
     "compiler.enclosures",
+    "compiler.contour",  # their surfaces as triangles
+    "compiler.export_meshes",
 }
 
 # Modules that may be imported inside a function, and why: a command that does not need one must not wait for it.

@@ -1,0 +1,274 @@
+"""Formula surfaces as triangles: dual contouring on the cells that bounds of the formula leave, sharp edges and corners kept.
+
+A cell gets a vertex for each piece of surface in it, where the planes of the surface at its edges' roots meet best (Ju and others,
+"Dual Contouring of Hermite Data", SIGGRAPH 2002); pieces are told apart as the loops of the cell's edges (Nielson, "Dual Marching Cubes",
+Visualization 2004), so that two sheets in one cell stay two and every edge has two triangles.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import enclosures
+from .tapes import Tape
+
+BLOCK = 8  # cells along an axis of the blocks that bounds are first asked about
+BISECTIONS = 44
+FLATTEST = 0.1  # of the largest: directions in which planes say less than this share of it, a vertex stays in the middle of its roots
+LEAST, MOST = 16, 256  # cells along the longest axis
+_BATCH = 1 << 18
+_OFFSETS = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)])
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Contour(NamedTuple):
+    """Triangles of a surface, counter-clockwise from outside, and how far they are off it by the field's value over its slope."""
+
+    positions: Floats  # (n, 3)
+    triangles: Ints  # (m, 3)
+    normals: Floats  # (n, 3) of the field
+    furthest: float
+    mean: float
+
+
+def within(tape: Tape, bounds: Floats, tolerance: float, most: int = MOST) -> Contour:
+    """The surface in a box, with cells halved until it is off by `tolerance` at the most, or `most` cells lie along the longest axis."""
+    count = LEAST
+    while True:
+        made = contour(tape, bounds, count)
+        if made.furthest <= tolerance or 2 * count > most:
+            return made
+        count *= 2
+
+
+def contour(tape: Tape, bounds: Floats, count: int) -> Contour:
+    """The surface in a box (2, 3), with `count` cells along its longest axis."""
+    extent = bounds[1] - bounds[0]
+    size = float(extent.max()) / count
+    shape = np.ceil(extent / size - 1e-9).astype(np.int64) + 2  # a cell more on each side
+    low = bounds.mean(axis=0) - 0.5 * size * shape
+    grid = _Grid(low, size, shape)
+    cells = _cells(tape, grid)
+    nothing = Contour(np.zeros((0, 3)), np.zeros((0, 3), np.int64), np.zeros((0, 3)), 0.0, 0.0)
+    if not len(cells):
+        return nothing
+    corners = cells[:, None, :] + _OFFSETS
+    codes, index = np.unique(grid.number(corners.reshape(-1, 3)), return_inverse=True)
+    inside = _field(tape, grid.place(grid.cell(codes))) <= 0
+    pattern = (inside[index.reshape(-1, 8)] << np.arange(8)).sum(axis=1)
+    mixed = (pattern != 0) & (pattern != 255)
+    cells, pattern = cells[mixed], pattern[mixed]
+    if not len(cells):
+        return nothing
+    edges = _Edges(tape, grid, cells, pattern)
+    vertices, vertex_of = _vertices(tape, grid, cells, pattern, edges)
+    triangles = _triangles(grid, cells, edges, vertex_of, vertices)
+    _, gradient = enclosures.gradients(tape, *vertices.T)
+    length = np.linalg.norm(gradient, axis=0)
+    with np.errstate(all="ignore"):
+        normals = np.where((length > 0) & np.isfinite(length), gradient / length, np.array([[0.0], [1.0], [0.0]])).T
+    furthest, mean = deviation(tape, vertices, triangles)
+    return Contour(vertices, triangles, normals, furthest, mean)
+
+
+class _Grid(NamedTuple):
+    low: Floats
+    size: float
+    shape: Ints  # cells along each axis
+
+    def number(self, corner: Ints) -> Ints:
+        """One whole number for each corner (n, 3)."""
+        return (corner[:, 0] * (self.shape[1] + 1) + corner[:, 1]) * (self.shape[2] + 1) + corner[:, 2]
+
+    def cell(self, number: Ints) -> Ints:
+        first, z = np.divmod(number, self.shape[2] + 1)
+        x, y = np.divmod(first, self.shape[1] + 1)
+        return np.stack([x, y, z], axis=1)
+
+    def place(self, corner: NDArray) -> Floats:
+        return self.low + self.size * corner
+
+
+def _field(tape: Tape, points: Floats) -> Floats:
+    parts = [enclosures.points(tape, *points[k : k + _BATCH].T)[0] for k in range(0, len(points), _BATCH)]
+    return np.concatenate(parts) if parts else np.zeros(0)
+
+
+def _cells(tape: Tape, grid: _Grid) -> Ints:
+    """Cells (n, 3) that may hold a part of the surface."""
+    blocks = -(-grid.shape // BLOCK)
+    cells = np.stack(np.meshgrid(*map(np.arange, blocks), indexing="ij"), axis=-1).reshape(-1, 3) * BLOCK
+    size = BLOCK
+    while True:
+        keep = [_may_hold(tape, grid, cells[k : k + _BATCH], size) for k in range(0, len(cells), _BATCH)]
+        cells = cells[np.concatenate(keep)] if keep else cells
+        if size == 1 or not len(cells):
+            return cells
+        size //= 2
+        cells = (cells[:, None, :] + size * _OFFSETS).reshape(-1, 3)
+        cells = cells[(cells < grid.shape).all(axis=1)]
+
+
+def _may_hold(tape: Tape, grid: _Grid, cells: Ints, size: int) -> NDArray[np.bool_]:
+    slack = 1e-9 * grid.size
+    (least, most), _, maybe = enclosures.boxes(tape, (grid.place(cells) - slack).T, (grid.place(cells + size) + slack).T)
+    return (least <= 0) & (~(most < 0) | maybe)
+
+
+# --- the pieces of surface in a cell ------------------------------------------------------------------------------------
+
+# Edges of a cell by number: 4 · axis + place, between corners that differ in that axis alone.
+_ENDS = [(a, a | 1 << axis) for axis in range(3) for a in range(8) if not a >> axis & 1]
+_AXIS = np.array([axis for axis in range(3) for a in range(8) if not a >> axis & 1])
+
+
+def _loops() -> Ints:
+    """(256, 12) for each pattern of corners inside which piece of surface each of its edges belongs to, -1 where none does.
+
+    On a face with four roots the edges at each corner inside go together: both cells that share the face decide alike.
+    """
+    edge_of = {frozenset(ends): k for k, ends in enumerate(_ENDS)}
+    faces = [[c for c in range(8) if (c >> axis & 1) == side] for axis in range(3) for side in range(2)]
+    table = np.full((256, 12), -1, np.int64)
+    for pattern in range(256):
+        crossed = [k for k, (a, b) in enumerate(_ENDS) if (pattern >> a & 1) != (pattern >> b & 1)]
+        joined: dict[int, list[int]] = {k: [] for k in crossed}
+        for face in faces:
+            here = [k for k in crossed if _ENDS[k][0] in face and _ENDS[k][1] in face]
+            pairs = [tuple(here)] if len(here) == 2 else []
+            if len(here) == 4:
+                corners = [c for c in face if pattern >> c & 1]
+                pairs = [tuple(edge_of[frozenset((c, d))] for d in face if frozenset((c, d)) in edge_of) for c in corners]
+            for one, other in pairs:
+                joined[one].append(other)
+                joined[other].append(one)
+        piece = 0
+        for start in crossed:
+            if table[pattern, start] < 0:
+                waiting = [start]
+                while waiting:
+                    k = waiting.pop()
+                    if table[pattern, k] < 0:
+                        table[pattern, k] = piece
+                        waiting.extend(joined[k])
+                piece += 1
+    return table
+
+
+_LOOPS = _loops()
+
+
+class _Edges:
+    """The edges of the grid that the surface crosses: their roots, the normals there, and which of each cell's edges they are."""
+
+    def __init__(self, tape: Tape, grid: _Grid, cells: Ints, pattern: Ints) -> None:
+        cell, edge = np.nonzero(_LOOPS[pattern] >= 0)
+        begin = cells[cell] + _OFFSETS[[a for a, _ in _ENDS]][edge]
+        self.codes, self.index = np.unique(grid.number(begin) * 3 + _AXIS[edge], return_inverse=True)
+        self.cell, self.edge = cell, edge
+        self.begin, self.axis = grid.cell(self.codes // 3), self.codes % 3
+        a, b = grid.place(self.begin), grid.place(self.begin + np.eye(3, dtype=np.int64)[self.axis])
+        self.rising = _field(tape, a) <= 0  # inside at its beginning
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (a + b)
+            same = ((_field(tape, middle) <= 0) == self.rising)[:, None]
+            a, b = np.where(same, middle, a), np.where(same, b, middle)
+        self.root = 0.5 * (a + b)
+        _, gradient = enclosures.gradients(tape, *np.where(self.rising[:, None], a, b).T)  # on the side where it is defined
+        length = np.linalg.norm(gradient, axis=0)
+        with np.errstate(all="ignore"):
+            self.normal = np.where((length > 0) & np.isfinite(length), gradient / length, 0.0).T
+
+
+def _vertices(tape: Tape, grid: _Grid, cells: Ints, pattern: Ints, edges: _Edges) -> tuple[Floats, Ints]:
+    """(positions, the vertex of each (cell, edge) of `edges`)."""
+    pieces = _LOOPS[pattern].max(axis=1) + 1
+    first = np.cumsum(pieces) - pieces
+    vertex_of = first[edges.cell] + _LOOPS[pattern[edges.cell], edges.edge]
+    count = int(pieces.sum())
+    root, normal = edges.root[edges.index], edges.normal[edges.index]
+    number = np.bincount(vertex_of, minlength=count)
+    middle = np.stack([np.bincount(vertex_of, root[:, k], count) for k in range(3)], axis=1) / number[:, None]
+    apart = ((root - middle[vertex_of]) * normal).sum(axis=1)
+    matrix = np.zeros((count, 3, 3))
+    right = np.zeros((count, 3))
+    for i in range(3):
+        right[:, i] = np.bincount(vertex_of, normal[:, i] * apart, count)
+        for j in range(3):
+            matrix[:, i, j] = np.bincount(vertex_of, normal[:, i] * normal[:, j], count)
+    values, vectors = np.linalg.eigh(matrix)
+    used = values > FLATTEST * values[:, -1:]
+    inverse = np.where(used, 1.0 / np.where(used, values, 1.0), 0.0)
+    moved = np.einsum("nij,nj,nkj,nk->ni", vectors, inverse, vectors, right)
+    owner = np.repeat(cells, pieces, axis=0)
+    low, high = grid.place(owner), grid.place(owner + 1)
+    found = np.clip(middle + moved, low, high)
+    smooth = used.sum(axis=1) == 1  # hardly bent: onto the surface itself
+    return np.where(smooth[:, None], _nearer(tape, found, low, high), found), vertex_of
+
+
+def _nearer(tape: Tape, points: Floats, low: Floats, high: Floats) -> Floats:
+    for _ in range(2):
+        value, gradient = enclosures.gradients(tape, *points.T)
+        with np.errstate(all="ignore"):
+            step = (value / (gradient**2).sum(axis=0) * gradient).T
+        points = np.where(np.isfinite(step).all(axis=1)[:, None], np.clip(points - step, low, high), points)
+    return points
+
+
+def _triangles(grid: _Grid, cells: Ints, edges: _Edges, vertex_of: Ints, vertices: Floats) -> Ints:
+    """Two triangles around each edge that four cells share."""
+    around = np.full((len(edges.codes), 4), -1, np.int64)
+    other = np.array([[1, 2], [2, 0], [0, 1]])[edges.axis[edges.index]]  # u, v with axis = u × v
+    offset = edges.begin[edges.index] - cells[edges.cell]
+    u, v = (np.take_along_axis(offset, other[:, k : k + 1], axis=1)[:, 0] for k in range(2))
+    turn = np.where(v == 1, np.where(u == 1, 0, 1), np.where(u == 1, 3, 2))  # cells (-u -v), (+u -v), (+u +v), (-u +v)
+    around[edges.index, turn] = vertex_of
+    whole = (around >= 0).all(axis=1)
+    quads, rising = around[whole], edges.rising[whole]
+    quads = np.where(rising[:, None], quads, quads[:, ::-1])
+    p = vertices[quads]
+    wanted = np.where(rising, 1.0, -1.0)[:, None] * np.eye(3)[edges.axis[whole]]
+
+    def flatness(cut: int) -> Floats:
+        """How alike, and to the right side, the two triangles along a diagonal face."""
+        a, b, c, d = (p[:, (cut + k) % 4] for k in range(4))
+        one, two = np.cross(b - a, c - a), np.cross(c - a, d - a)
+        lengths = np.linalg.norm(one, axis=1) * np.linalg.norm(two, axis=1)
+        alike = (one * two).sum(axis=1) / np.where(lengths > 0, lengths, 1.0)
+        return alike + np.minimum((one * wanted).sum(axis=1), 0.0) + np.minimum((two * wanted).sum(axis=1), 0.0)
+
+    swap = flatness(1) > flatness(0) + 1e-9
+    quads = np.where(swap[:, None], np.roll(quads, -1, axis=1), quads)
+    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    distinct = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+    return triangles[distinct]
+
+
+# --- how good it is -----------------------------------------------------------------------------------------------------
+
+
+def deviation(tape: Tape, positions: Floats, triangles: Ints) -> tuple[float, float]:
+    """(largest, mean) distance of triangles' middles and edges' middles from the surface, to first order."""
+    if not len(triangles):
+        return 0.0, 0.0
+    corners = positions[triangles]
+    places = np.concatenate([corners.mean(axis=1), 0.5 * (corners + np.roll(corners, 1, axis=1)).reshape(-1, 3)])
+    value, gradient = enclosures.gradients(tape, *places.T)
+    with np.errstate(all="ignore"):
+        off = np.abs(value) / np.linalg.norm(gradient, axis=0)
+    off = off[np.isfinite(off)]
+    return (float(off.max()), float(off.mean())) if len(off) else (0.0, 0.0)
+
+
+def open_edges(triangles: Ints) -> int:
+    """Edges that do not have one triangle on either side: 0 for a closed mesh."""
+    sides = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    n = int(triangles.max(initial=0)) + 1
+    there, counts = np.unique(sides[:, 0] * n + sides[:, 1], return_counts=True)
+    back = np.unique(sides[:, 1] * n + sides[:, 0])
+    return int((counts != 1).sum() + len(np.setxor1d(there, back, assume_unique=True)))

@@ -1,0 +1,104 @@
+"""Triangles as files for other programs and for printers: .stl, .obj, .ply and .3mf."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable, Sequence
+from io import BytesIO
+from typing import NamedTuple
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from numpy.typing import NDArray
+
+PRINTED = (".stl", ".3mf")  # in millimetres and with z up, as printers' programs take them; the others are in metres, y up
+_MM = 1000.0
+
+
+class Part(NamedTuple):
+    """One thing, in the world: metres, counter-clockwise from outside."""
+
+    name: str
+    positions: NDArray[np.float64]  # (n, 3)
+    triangles: NDArray[np.int64]  # (m, 3)
+    deviation: float  # metres its triangles are off the true surface at the most
+    open_edges: int  # without a triangle on either side
+
+
+def encoded(parts: Sequence[Part], ending: str) -> bytes:
+    """The file of an ending in `WRITERS`."""
+    if ending in PRINTED:
+        parts = [part._replace(positions=part.positions[:, [0, 2, 1]] * [_MM, -_MM, _MM]) for part in parts]
+    return WRITERS[ending](parts)
+
+
+def _stl(parts: Sequence[Part]) -> bytes:
+    """Binary: 80 bytes, a count, and for each triangle its normal, its corners and two bytes of nothing."""
+    corners = np.concatenate([part.positions[part.triangles] for part in parts])
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    rows = np.zeros(len(corners), np.dtype([("numbers", "<f4", (4, 3)), ("nothing", "<u2")]))
+    rows["numbers"][:, 0] = normal / np.where(length > 0, length, 1.0)
+    rows["numbers"][:, 1:] = corners
+    return b"maquette: millimetres, z up".ljust(80) + np.uint32(len(rows)).tobytes() + rows.tobytes()
+
+
+def _obj(parts: Sequence[Part]) -> bytes:
+    lines, first = [], 1
+    for part in parts:
+        lines.append(f"o {part.name}")
+        lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in part.positions.tolist()]
+        lines += [f"f {a} {b} {c}" for a, b, c in (part.triangles + first).tolist()]
+        first += len(part.positions)
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _joined(parts: Sequence[Part]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    firsts = np.cumsum([0, *(len(part.positions) for part in parts[:-1])])
+    triangles = [part.triangles + first for part, first in zip(parts, firsts, strict=True)]
+    return np.concatenate([part.positions for part in parts]), np.concatenate(triangles)
+
+
+def _ply(parts: Sequence[Part]) -> bytes:
+    positions, triangles = _joined(parts)
+    head = (
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(positions)}\nproperty float x\nproperty float y\nproperty float z\n"
+        f"element face {len(triangles)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    faces = np.zeros(len(triangles), np.dtype([("count", "u1"), ("corners", "<i4", 3)]))
+    faces["count"], faces["corners"] = 3, triangles
+    return head.encode() + positions.astype("<f4").tobytes() + faces.tobytes()
+
+
+def _3mf(parts: Sequence[Part]) -> bytes:
+    """The 3MF core: a zip archive of a model in XML, an object for each part."""
+    objects, items = [], []
+    for number, part in enumerate(parts, 1):
+        vertices = "".join(f'<vertex x="{x:.7g}" y="{y:.7g}" z="{z:.7g}"/>' for x, y, z in part.positions.tolist())
+        triangles = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in part.triangles.tolist())
+        mesh = f"<mesh><vertices>{vertices}</vertices><triangles>{triangles}</triangles></mesh>"
+        objects.append(f'<object id="{number}" type="model" name={quoteattr(part.name)}>{mesh}</object>')
+        items.append(f'<item objectid="{number}"/>')
+    model = (
+        '<?xml version="1.0" encoding="UTF-8"?>\n<model unit="millimeter" xml:lang="en-US" '
+        'xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources>'
+        f"{''.join(objects)}</resources><build>{''.join(items)}</build></model>\n"
+    )
+    types = (
+        '<?xml version="1.0" encoding="UTF-8"?>\n<Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">'
+        '<Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>'
+        '<Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/></Types>\n'
+    )
+    relations = (
+        '<?xml version="1.0" encoding="UTF-8"?>\n<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">'
+        '<Relationship Target="/3D/3dmodel.model" Id="rel0" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/>'
+        "</Relationships>\n"
+    )
+    out = BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, text in (("[Content_Types].xml", types), ("_rels/.rels", relations), ("3D/3dmodel.model", model)):
+            archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), text, zipfile.ZIP_DEFLATED)
+    return out.getvalue()
+
+
+WRITERS: dict[str, Callable[[Sequence[Part]], bytes]] = {".stl": _stl, ".obj": _obj, ".ply": _ply, ".3mf": _3mf}

@@ -1,0 +1,136 @@
+"""Formula surfaces as triangles: closed, of the right genus and volume, with their sharp edges; and the files they are written to."""
+
+from __future__ import annotations
+
+import math
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from maquette.cli import cli
+from maquette.compiler import contour, solids
+from maquette.compiler.tapes import Builder, Op, Tape
+
+CUBE = np.array([[-1.0] * 3, [1.0] * 3])
+POINT = (0, 1, 2)
+
+
+def shape(kind: int, *parameters: float) -> Tape:
+    builder = Builder()
+    return builder.finish(solids.analytic(builder, kind, parameters, POINT))
+
+
+def drilled() -> Tape:
+    builder = Builder()
+    box = solids.analytic(builder, 2, (0.5, 0.6, 0.4), POINT)
+    hole = solids.analytic(builder, 6, (0.25, 1.0, 1.0), POINT)
+    return builder.finish(solids.difference(builder, box, hole, 0.0))
+
+
+def gyroid() -> Tape:
+    b = Builder()
+    x, y, z = (b.scaled(name, 6.0) for name in POINT)
+    waves = [b.multiply(b.op(Op.SIN, p), b.op(Op.COS, q)) for p, q in ((x, y), (y, z), (z, x))]
+    return b.finish(b.op(Op.MAX, b.add(b.add(*waves[:2]), waves[2]), b.shifted(solids.length(b, POINT), -0.9)))
+
+
+def volume(made: contour.Contour) -> float:
+    a, b, c = (made.positions[made.triangles[:, k]] for k in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+def euler(made: contour.Contour) -> int:
+    return len(np.unique(made.triangles)) - len(made.triangles) * 3 // 2 + len(made.triangles)
+
+
+@pytest.mark.parametrize(
+    ("tape", "euler_number", "size"),
+    [
+        (shape(1, 0.7), 2, 4 / 3 * math.pi * 0.7**3),
+        (shape(8, 0.6, 0.25), 0, 2 * math.pi**2 * 0.6 * 0.25**2),
+        (drilled(), 0, 1.0 * 1.2 * 0.8 - math.pi * 0.25**2 * 1.2),
+    ],
+    ids=["sphere", "torus", "drilled box"],
+)
+def test_a_solid_is_closed_with_its_genus_and_volume(tape, euler_number, size):
+    made = contour.contour(tape, CUBE, 48)
+    assert contour.open_edges(made.triangles) == 0
+    assert euler(made) == euler_number
+    assert volume(made) == pytest.approx(size, rel=8e-3)
+    finer = contour.contour(tape, CUBE, 96)
+    assert abs(volume(finer) - size) < 0.4 * abs(volume(made) - size)
+    assert finer.furthest < 0.4 * made.furthest
+
+
+def test_many_sheets_stay_closed():
+    made = contour.contour(gyroid(), CUBE, 40)
+    assert len(made.triangles) > 1000
+    assert contour.open_edges(made.triangles) == 0
+
+
+def test_edges_and_corners_are_sharp():
+    made = contour.contour(shape(2, 0.53, 0.61, 0.47), CUBE, 24)
+    corner = np.array([0.53, 0.61, 0.47])
+    assert np.linalg.norm(made.positions - corner, axis=1).min() < 1e-9
+    assert made.furthest < 1e-9
+    assert volume(made) == pytest.approx(8 * np.prod(corner), rel=1e-9)
+
+
+def test_triangles_as_near_as_asked():
+    for tolerance in (2e-2, 2e-3):
+        made = contour.within(shape(8, 0.6, 0.25), CUBE, tolerance)
+        assert made.furthest <= tolerance
+        ring = np.hypot(made.positions[:, 0], made.positions[:, 2]) - 0.6
+        assert np.abs(np.hypot(ring, made.positions[:, 1]) - 0.25).max() <= tolerance
+
+
+def test_nothing_has_no_triangles():
+    builder = Builder()
+    made = contour.contour(builder.finish(builder.shifted(builder.op(Op.SQUARE, 0), 1.0)), CUBE, 16)
+    assert (len(made.positions), len(made.triangles), made.furthest) == (0, 0, 0.0)
+
+
+# --- files ---
+
+
+def converted(tmp_path: Path, text: str, *options: str) -> tuple[int, str]:
+    (tmp_path / "a.scene").write_text(text, encoding="utf-8")
+    result = CliRunner().invoke(cli, ["convert", str(tmp_path / "a.scene"), *options])
+    return result.exit_code, result.stderr
+
+
+PART = "unit mm\ndifference { box([30, 20, 30]); cylinder(8, 60) }\n"
+
+
+@pytest.mark.parametrize("ending", ["stl", "obj", "ply"])
+def test_a_part_is_written_and_read_again(tmp_path, ending):
+    from maquette.compiler import load
+
+    out = tmp_path / f"a.{ending}"
+    code, said = converted(tmp_path, PART, str(out), "--deviation", "0.1mm")
+    assert code == 0
+    assert "triangles, closed, off the true surface by" in said
+    box = load.load(out).tables.geometries.bounds[0]
+    size = (0.03, 0.02, 0.03) if ending != "stl" else (30, 30, 20)  # millimetres, z up
+    assert np.allclose(box[1] - box[0], size, rtol=1e-4)
+
+
+def test_3mf_holds_each_part_in_millimetres(tmp_path):
+    out = tmp_path / "a.3mf"
+    code, _ = converted(tmp_path, PART + 'sphere(4, center: [0, 20, 0], name: "a & b")\n', str(out), "--deviation", "0.2mm")
+    assert code == 0
+    with zipfile.ZipFile(out) as archive:
+        model = archive.read("3D/3dmodel.model").decode()
+    assert 'unit="millimeter"' in model
+    assert model.count("<object ") == 2
+    assert 'name="a &amp; b"' in model
+
+
+def test_what_cannot_be_written_is_said(tmp_path):
+    code, said = converted(tmp_path, "plane(y: 0)\n", str(tmp_path / "a.stl"))
+    assert code == 1
+    assert "is endless: it is left out" in said
+    code, said = converted(tmp_path, PART, str(tmp_path / "a.npz"), "--deviation", "1mm")
+    assert code == 2

@@ -14,12 +14,13 @@ from numba import types
 
 from . import across, boxes, lanes, meeting, opacity, shapes, simd, surface, traverse, walk
 from . import shapes_flat as flat
+from .bvh import REACH
 from .handles import Handle, HandleType
 from .kernels import helper
 from .links import Linked
 from .records import Hit, Lane, Ray, Vec
 from .single import MESH
-from .wide import DEPTH, WIDTH
+from .wide import DEPTH, WIDTH, spread64
 
 _LANES = across.WIDTH
 _KEPT, _FOUND, _NUMBERS = 9 * _LANES, 3 * _LANES, 2 * _LANES
@@ -95,12 +96,12 @@ def _through(accel: Any, ray: One, limit: Any, visible_bit: int, any_hit: bool, 
     nodes, links = accel.aside.top.nodes, accel.aside.top.links
     if len(links) == 0 or best.share <= 0.0:
         return best
-    children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float64, DEPTH)
+    children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
     ready = _bundle(boxes.world_ray(ray.origin, ray.direction))
     top, node = np.int64(0), np.int64(0)
     while True:
         if node >= 0:
-            near, hits = boxes.enter_eight(nodes, node, ready, ray.t_min, limit)
+            near, hits = boxes.enter_node(nodes, node, ready, ray.t_min, limit)
             if hits != 0:
                 node, top = walk.nearest_first(links, node, near, hits, children, reaches, top)
                 continue
@@ -135,7 +136,7 @@ def _bundle(ray: boxes.BoxRay) -> boxes.Bundle:
 
 @helper
 def _spread(v: Vec) -> Vec:
-    return simd.f64x8(v[0]), simd.f64x8(v[1]), simd.f64x8(v[2])
+    return spread64(v[0]), spread64(v[1]), spread64(v[2])
 
 
 @helper
@@ -152,7 +153,7 @@ def _meet(accel: Any, i: int, ray: One, limit: Any, visible_bit: int, any_hit: b
         enters = boxes.enter(accel.boxes, g, ready, ray.t_min, limit)
         if not enters < np.inf:
             return _nothing(share)
-        walk.keep(rays, 0, o, d, ready.inverse, enters, ray.t_min, ray.t_max, limit)
+        walk.keep(rays, 0, o, d, ready.inverse, enters, ray.t_min, ray.t_max, limit, accel.boxes[g, REACH])
         return _in_mesh(accel, i, ray, enters, any_hit, share, rays)
     return _on_shape(accel, i, kind, g, o, d, ray, limit, any_hit, share)
 
@@ -182,47 +183,41 @@ def _on_shape(accel: Any, i: int, kind: int, g: int, o: Vec, d: Vec, ray: One, l
 
 @helper
 def _in_mesh(accel: Any, i: int, ray: One, enters: Any, any_hit: bool, share: Any, rays: walk.Rays) -> First:
-    """`_meet` for a mesh's tree, as walk.closest and walk.blocked go through it."""
+    """`_meet` for a mesh's tree, as walk.step goes through it."""
     tree, root, asked = accel.wide, np.int64(accel.placed[i, 4]), accel.aside.partial[i]
     children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
-    box, sheared, limit = walk._box(rays, 0), walk._sheared(rays, 0), walk._single(rays, 6, 0)
+    walk.ready(rays, 0)
+    box, sieve, sheared, limit = walk.box(rays, 0), walk.sieve(rays, 0), walk.sheared(rays, 0), walk.limit_of(rays, 0)
     best = _nothing(share)
     top, node = np.int64(0), root
     while True:
         if node >= 0:
-            near, hits = walk._enter(tree.nodes, node, box, limit)
+            near, hits = walk.enter_boxes(tree.nodes, node, box, limit)
             if hits != 0:
                 node, top = walk.nearest_first(tree.links, node, near, hits, children, reaches, top)
                 continue
         else:
             leaf = ~node
-            met = walk._triangles(tree.leaves, leaf, sheared)
-            if simd.any_of(flat.ahead(met, sheared.shear[2])):
-                at_t = flat.reached(met, sheared.shear[2], ray.t_min, ray.t_max)
-                row = simd.to_i64(simd.load(tree.rows, leaf * WIDTH, 8))
-                while True:
-                    nearest = simd.min_of(at_t)
-                    if not nearest <= best.t or nearest == np.inf:
-                        break
-                    number = np.int64(simd.min_of(simd.select(at_t == nearest, row, 1 << 40)))
-                    if nearest == best.t and number > best.primitive:
-                        break
-                    this = (at_t == nearest) & (row == number)
-                    lane = simd.trailing_zeros(simd.bits(this))
-                    total = simd.lane(met.total, lane)
-                    u, v = simd.lane(met.v, lane) / total, simd.lane(met.w, lane) / total
-                    there = 1.0
-                    if asked:
-                        there = cover(accel.aside.cover, (accel, ray.origin, ray.direction, nearest, i, number, u, v))  # pyright: ignore
-                    if any_hit:
-                        share *= 1.0 - there
-                        if share <= 0.0:
-                            return First(nearest, i, number, u, v, share)
-                    elif there > 0.0:
-                        best = First(nearest, i, number, u, v, share)
-                        limit = np.float32((nearest - enters) * walk.FAR)
-                        break
-                    at_t = simd.select(this, np.inf, at_t)
+            hits = walk.touched(tree.leaves, leaf, sieve)
+            while hits != 0:
+                j = simd.trailing_zeros(hits)
+                hits &= hits - 1
+                met = walk.crossing(tree.leaves, leaf, j, sheared)
+                t = flat.reached(met, sheared.shear[2], ray.t_min, ray.t_max)
+                number = np.int64(simd.read(tree.rows, leaf * WIDTH + j))
+                if t == np.inf or not (any_hit or t < best.t or (t == best.t and number < best.primitive)):
+                    continue
+                u, v = met.v / met.total, met.w / met.total
+                there = 1.0
+                if asked:
+                    there = cover(accel.aside.cover, (accel, ray.origin, ray.direction, t, i, number, u, v))  # pyright: ignore
+                if any_hit:
+                    share *= 1.0 - there
+                    if share <= 0.0:
+                        return First(t, i, number, u, v, share)
+                elif there > 0.0:
+                    best = First(t, i, number, u, v, share)
+                    limit = np.float32((t - enters) * walk.FAR)
         while top > 0 and simd.read(reaches, top - 1) > limit:
             top -= 1
         if top == 0:

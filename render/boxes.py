@@ -1,4 +1,4 @@
-"""Rays against boxes in double precision: each of several rays against one box, one ray or a bundle of them against eight.
+"""Rays against boxes in double precision: each of several rays against one box, one ray or a bundle of them against a node's.
 
 Boxes are tested so that none is missed through rounding: the far side is moved out by 2 γ₃ (Ize, "Robust BVH Ray Traversal",
 JCGT 2013), the origin by its own error, and comparisons are written so that the NaN of 0 · ∞ (a ray along a box's face)
@@ -14,7 +14,7 @@ import numpy as np
 from . import across, lanes, simd
 from .kernels import helper
 from .records import Lane, Vec
-from .wide import NODE, WIDTH
+from .wide import NODE, WIDTH, spread64
 
 FAR = 1.0 + 2.0 * 3.4e-16  # 1 + 2 γ₃ for float64
 WORLD_ERROR = 1e-12  # of the origin's coordinates: what transforms and their inverses may round
@@ -71,7 +71,7 @@ def enter(boxes: Any, row: int, ray: BoxRay, t_min: Lane, t_max: Lane) -> Lane:
 
 
 class Bundle(NamedTuple):
-    """Rays of one octant, or one ray, for eight boxes: intervals of what a BoxRay holds, and which of a node's rows are near."""
+    """Rays of one octant, or one ray, for a node's boxes: intervals of what a BoxRay holds, and which of a node's rows are near."""
 
     near: Vec
     far: Vec
@@ -92,12 +92,12 @@ def bundle(ray: BoxRay, active: Lane, first: int) -> Bundle:
 
 @helper
 def _interval(near: Lane, far: Lane, inverse: Lane, up: Any, active: Lane, first: int) -> tuple[Lane, Lane, Lane, Lane]:
-    """(near and far origin, least and most inverse) on one axis, in eight lanes each."""
+    """(near and far origin, least and most inverse) on one axis, in all lanes each."""
     n = lanes.where(active, near, across.lane(near, first))
     f = lanes.where(active, far, across.lane(far, first))
     i = lanes.where(active, inverse, across.lane(inverse, first))
     behind, ahead = (across.most(n), across.least(f)) if up else (across.least(n), across.most(f))
-    return simd.f64x8(behind), simd.f64x8(ahead), simd.f64x8(across.least(i)), simd.f64x8(across.most(i))
+    return spread64(behind), spread64(ahead), spread64(across.least(i)), spread64(across.most(i))
 
 
 @helper
@@ -107,23 +107,23 @@ def rows_of(x: Any, y: Any, z: Any) -> tuple[int, int, int]:
 
 
 @helper
-def enter_eight(nodes: Any, node: int, rays: Bundle, t_min: Any, t_max: Any) -> tuple[Lane, int]:
-    """Where the first of some rays may enter a node's eight boxes, and bits of those that one may enter between t_min and t_max.
+def enter_node(nodes: Any, node: int, rays: Bundle, t_min: Any, t_max: Any) -> tuple[Lane, int]:
+    """Where the first of some rays may enter a node's boxes, and bits of those that one may enter between t_min and t_max.
 
     For a single ray, `least` and `most` are one value, and the compiler leaves the second product out.
     """
     at = node * NODE
-    near, far = simd.f64x8(t_min), simd.f64x8(t_max)
+    near, far = spread64(t_min), spread64(t_max)
     near, far = _slabs(nodes, at, rays, 0, near, far)
     near, far = _slabs(nodes, at, rays, 1, near, far)
     near, far = _slabs(nodes, at, rays, 2, near, far)
-    return near, simd.bits(near <= far)
+    return _sooner(near), simd.bits(near <= far)
 
 
 @helper
 def _slabs(nodes: Any, at: int, rays: Bundle, k: int, near: Lane, far: Lane) -> tuple[Lane, Lane]:
-    lo = simd.load(nodes, at + rays.rows[k], 8) - rays.near[k]
-    hi = simd.load(nodes, at + (rays.rows[k] ^ WIDTH), 8) - rays.far[k]
+    lo = simd.load(nodes, at + rays.rows[k], WIDTH) - rays.near[k]
+    hi = simd.load(nodes, at + (rays.rows[k] ^ WIDTH), WIDTH) - rays.far[k]
     near = simd.maximum(near, simd.minimum(lo * rays.least[k], lo * rays.most[k]))
     return near, simd.minimum(far, simd.maximum(hi * rays.least[k], hi * rays.most[k]) * FAR)
 
@@ -132,7 +132,7 @@ def _slabs(nodes: Any, at: int, rays: Bundle, k: int, near: Lane, far: Lane) -> 
 def enter_each(nodes: Any, node: int, ray: BoxRay, t_min: Lane, t_max: Lane) -> tuple[Lane, int]:
     """The same for rays that go anywhere, each for itself."""
     first = simd.stack_array(np.float64, WIDTH)
-    simd.store(first, 0, simd.f64x8(np.inf))
+    simd.store(first, 0, spread64(np.inf))
     at = node * NODE
     for i in range(WIDTH):
         if simd.read(nodes, at + i) == np.inf:  # there are no more
@@ -142,8 +142,15 @@ def enter_each(nodes: Any, node: int, ray: BoxRay, t_min: Lane, t_max: Lane) -> 
         near, far = _side(nodes, at + 2 * WIDTH + i, ray.near[1], ray.far[1], ray.inverse[1], ray.y, near, far)
         near, far = _side(nodes, at + 4 * WIDTH + i, ray.near[2], ray.far[2], ray.inverse[2], ray.z, near, far)
         simd.write(first, i, across.least(lanes.where(near <= far, near, np.inf)))
-    least = simd.load(first, 0, 8)
-    return least, simd.bits(least < np.inf)
+    least = simd.load(first, 0, WIDTH)
+    return _sooner(least), simd.bits(least < np.inf)
+
+
+@helper
+def _sooner(t: Lane) -> Lane:
+    """In single precision, not later."""
+    near = simd.to_f32(t)
+    return near - abs(near) * np.float32(2.0**-23)
 
 
 @helper

@@ -15,7 +15,7 @@ from . import across, boxes, lanes, simd, walk
 from . import shapes_flat as flat
 from .kernels import apart, helper
 from .records import Lane, Vec
-from .wide import DEPTH, LEAF, NODE, SLACK, WIDTH
+from .wide import DEPTH, LEAF, NODE, SLACK, WIDTH, spread32
 
 LANES = across.WIDTH
 FEW = 3  # rays from which on it is worth it
@@ -25,7 +25,7 @@ _FAR = np.float32(walk.FAR)
 
 
 class Beam(NamedTuple):
-    """Rays as intervals, for eight boxes or triangles; see walk.Box for the rows."""
+    """Rays as intervals, for a node's boxes or a leaf's triangles; see walk.Box for the rows."""
 
     near: Vec  # origins, as they matter for near planes
     far: Vec
@@ -101,8 +101,8 @@ def _interval(singles: Any, axis: int, left: int, k: int, slack: Any) -> tuple[L
     low, high = simd.min_of(origin), simd.max_of(origin)
     near, far, moved = (high, low, slack) if simd.lane(inverse, k) > np.float32(0.0) else (low, high, -slack)
     return (
-        simd.f32x8(near), simd.f32x8(far), simd.f32x8(simd.min_of(inverse)), simd.f32x8(simd.max_of(inverse)),
-        simd.f32x8(near + moved), simd.f32x8(far - moved),
+        spread32(near), spread32(far), spread32(simd.min_of(inverse)), spread32(simd.max_of(inverse)),
+        spread32(near + moved), spread32(far - moved),
     )  # fmt: skip
 
 
@@ -115,14 +115,14 @@ def _slabs(low: Lane, high: Lane, near: Vec, far: Vec, beam: Beam, k: int) -> tu
 
 @helper
 def _enter(nodes: Any, node: int, beam: Beam, limit: Any) -> tuple[Lane, int]:
-    """Where the first ray may enter a node's eight boxes, and bits of those that one may enter before `limit`."""
+    """Where the first ray may enter a node's boxes, and bits of those that one may enter before `limit`."""
     at = node * NODE
     x, y, z = beam.rows
-    x0, x1 = _slabs(simd.load(nodes, at + x, 8), simd.load(nodes, at + (x ^ WIDTH), 8), beam.near, beam.far, beam, 0)
-    y0, y1 = _slabs(simd.load(nodes, at + y, 8), simd.load(nodes, at + (y ^ WIDTH), 8), beam.near, beam.far, beam, 1)
-    z0, z1 = _slabs(simd.load(nodes, at + z, 8), simd.load(nodes, at + (z ^ WIDTH), 8), beam.near, beam.far, beam, 2)
-    near = simd.maximum(simd.maximum(x0, y0), simd.maximum(z0, simd.f32x8(0.0)))
-    return near, simd.bits(near <= simd.minimum(simd.minimum(x1, y1), simd.minimum(z1, simd.f32x8(limit))))
+    x0, x1 = _slabs(simd.load(nodes, at + x, WIDTH), simd.load(nodes, at + (x ^ WIDTH), WIDTH), beam.near, beam.far, beam, 0)
+    y0, y1 = _slabs(simd.load(nodes, at + y, WIDTH), simd.load(nodes, at + (y ^ WIDTH), WIDTH), beam.near, beam.far, beam, 1)
+    z0, z1 = _slabs(simd.load(nodes, at + z, WIDTH), simd.load(nodes, at + (z ^ WIDTH), WIDTH), beam.near, beam.far, beam, 2)
+    near = simd.maximum(simd.maximum(x0, y0), simd.maximum(spread32(0.0), z0))
+    return near, simd.bits(near <= simd.minimum(simd.minimum(x1, y1), simd.minimum(z1, spread32(limit))))
 
 
 @helper
@@ -132,17 +132,20 @@ def _triangles(leaves: Any, leaf: int, beam: Beam, limit: Any) -> int:
     x0, x1 = _corners(leaves, at, beam.rows[0] == 0, beam, 0)
     y0, y1 = _corners(leaves, at + WIDTH, beam.rows[1] == 2 * WIDTH, beam, 1)
     z0, z1 = _corners(leaves, at + 2 * WIDTH, beam.rows[2] == 4 * WIDTH, beam, 2)
-    near = simd.maximum(simd.maximum(x0, y0), simd.maximum(z0, simd.f32x8(0.0)))
-    return simd.bits(near <= simd.minimum(simd.minimum(x1, y1), simd.minimum(z1, simd.f32x8(limit))))
+    near = simd.maximum(simd.maximum(x0, y0), simd.maximum(spread32(0.0), z0))
+    return simd.bits(near <= simd.minimum(simd.minimum(x1, y1), simd.minimum(z1, spread32(limit))))
 
 
 @helper
 def _corners(leaves: Any, at: int, up: bool, beam: Beam, k: int) -> tuple[Lane, Lane]:
-    a, b, c = simd.load(leaves, at, 8), simd.load(leaves, at + 3 * WIDTH, 8), simd.load(leaves, at + 6 * WIDTH, 8)
+    a, b, c = simd.load(leaves, at, WIDTH), simd.load(leaves, at + 3 * WIDTH, WIDTH), simd.load(leaves, at + 6 * WIDTH, WIDTH)
     low, high = simd.minimum(simd.minimum(a, b), c), simd.maximum(simd.maximum(a, b), c)
     if not up:
         low, high = high, low
     return _slabs(low, high, beam.before, beam.behind, beam, k)
+
+
+_like_rays = getattr(simd, f"f32x{LANES}")  # a number for each ray
 
 
 @apart
@@ -159,7 +162,8 @@ def meet(tree, root, rays, left, reach, any_hit):
     sx, sy, sz = across.load(rays.doubles, 3), across.load(rays.doubles, 4), across.load(rays.doubles, 5)
     enters, t_min = across.load(rays.doubles, 6), across.load(rays.doubles, 7)
     t_max = lanes.where(simd.mask_from_bits(left, enters), across.load(rays.doubles, 8), -np.inf)
-    t, u, v, triangle = enters * 0.0 + np.inf, enters * 0.0, enters * 0.0, lanes.int_like(enters, -1)
+    t, triangle = enters * 0.0 + np.inf, lanes.int_like(enters, -1)
+    v, w, total = enters * 0.0, enters * 0.0, enters * 0.0 + 1.0
     limits = simd.load(rays.singles, 6 * LANES, LANES)
     limits = simd.select(simd.mask_from_bits(left, limits), limits, np.float32(-np.inf))
     limit = simd.max_of(limits)
@@ -186,7 +190,7 @@ def meet(tree, root, rays, left, reach, any_hit):
                     at_t, row = flat.reached(met, sz, t_min, t_max), np.int64(simd.read(rows, leaf * WIDTH + j))
                     nearer = (at_t < t) | ((at_t == t) & (at_t < np.inf) & (row < triangle))
                     t, triangle = lanes.where(nearer, at_t, t), lanes.where(nearer, row, triangle)
-                    u, v = lanes.where(nearer, met.v / met.total, u), lanes.where(nearer, met.w / met.total, v)
+                    v, w, total = lanes.where(nearer, met.v, v), lanes.where(nearer, met.w, w), lanes.where(nearer, met.total, total)
                     if any_hit:
                         t_max = lanes.where(nearer, -np.inf, t_max)
                         shorter = lanes.where(nearer, -np.inf, enters * 0.0 + np.inf)
@@ -197,11 +201,11 @@ def meet(tree, root, rays, left, reach, any_hit):
         while top > 0 and simd.read(reaches, top - 1) > limit:
             top -= 1
         if top == 0:
-            return t, triangle, u, v
+            return t, triangle, v / total, w / total
         top -= 1
         node = np.int64(simd.read(children, top))
 
 
 @helper
 def _number(leaves: Any, i: int) -> Any:
-    return np.float64(simd.read(leaves, i))
+    return simd.to_f64(_like_rays(simd.read(leaves, i)))

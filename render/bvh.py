@@ -20,7 +20,7 @@ from .formulas.fields import Forms
 from .top import Top
 from .wide import Wide
 
-FINE = 6  # column of `boxes`
+FINE, REACH = 6, 7  # columns of `boxes`
 SLACK = 1e-12  # of its coordinates, by which an instance's box grows: transforms round
 
 
@@ -46,7 +46,7 @@ class Bvh(NamedTuple):
     """
 
     wide: Wide  # of meshes; its rows are those of Pools.triangles
-    boxes: NDArray[np.float64]  # (geometries, 8) of meshes: lowest x, y, z, highest x, y, z, how wide their leaves are
+    boxes: NDArray[np.float64]  # (geometries, 8) of meshes: low x, y, z, high x, y, z, how wide their leaves are, the largest coordinate
     top: Top  # over instances
     endless: NDArray[np.int32]  # instances outside of the tree, rising
     only: int  # the one instance in the tree, or -1
@@ -136,4 +136,4 @@ def mesh_trees(
 def local_bounds(tables: ir.Tables, fine: NDArray[np.float64]) -> NDArray[np.float64]:
     """(geometries, 8) as Bvh.boxes."""
     low, high = (tables.geometries.bounds[:, k] - tables.geometries.origin for k in range(2))
-    return np.ascontiguousarray(np.concatenate([low, high, fine[:, None], np.zeros((len(low), 1))], axis=1))
+    return np.stack([*low.T, *high.T, fine, np.maximum(np.abs(low), np.abs(high)).max(axis=1)], axis=1)

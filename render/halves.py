@@ -1,7 +1,7 @@
 """Binary trees over boxes by binned surface area heuristic: float32, eight numbers at a time, their parts on threads.
 
 Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007. A box is one vector (low x, y, z, _, -high x, y, z, _),
-so that the smaller of two of them encloses both.
+so that the smaller of two of them encloses both. Its last number is how many things are in it.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ BINS = 16
 _BINS3 = 3 * BINS  # of three axes
 _SETS = 4  # of bins, a power of two
 _TURNS = 128  # items from which on they are worth it
-_ROOM, _COUNTS = 8 * _SETS * _BINS3, _SETS * _BINS3
+_ROOM = 8 * _SETS * _BINS3
 NUMBER = 3  # column of an item's box that holds its number, as bits
+COUNT = 7  # column that holds how many items a box is of: 1
 TAG = 0x40000000  # set in those bits: small integers are denormal floats, which are slow
 _GRAIN = 32  # parts of at least this many, so that threads come out even
 LEAF = -2
@@ -34,11 +35,11 @@ Run = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]  # `map`, o
 
 
 class Halves(NamedTuple):
-    """A tree over n items. A node with m items has the place s, its first half s + 1, its second half s + 2 · (m of the first)."""
+    """A tree over n items. Halves of a node stand side by side; the root is node 0."""
 
     items: NDArray[np.float32]  # (n, 8) boxes of items, in the order of the leaves; their numbers in column NUMBER
     boxes: NDArray[np.float32]  # (2 n, 8) of nodes
-    second: NDArray[np.int32]  # (2 n,) place of the second half, 0 at a leaf
+    second: NDArray[np.int32]  # (2 n,) place of the second half, behind that of the first; 0 at a leaf
     first: NDArray[np.int32]  # (2 n,) the first item
     count: NDArray[np.int32]  # (2 n,) how many there are
 
@@ -53,8 +54,15 @@ def pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(max(threads, 1), thread_name_prefix="trees")
 
 
-def build(items: NDArray[np.float32], width: int, step: float, run: Run) -> tuple[Halves, list[int]]:
-    """The tree over items (n, 8), which are sorted in place, and the places of its parts that threads may work on.
+class Part(NamedTuple):
+    """A node and all below it, for one thread."""
+
+    root: int
+    free: int  # where its halves, their halves and so on have room, all that many places
+
+
+def build(items: NDArray[np.float32], width: int, step: float, run: Run) -> tuple[Halves, list[Part]]:
+    """The tree over items (n, 8), which are sorted in place, and its parts that threads may work on.
 
     A leaf of up to `width` items costs one test; a step down costs `step` of that. `run` is `map` or that of a pool.
     """
@@ -63,13 +71,14 @@ def build(items: NDArray[np.float32], width: int, step: float, run: Run) -> tupl
     tree.boxes[0] = items.min(axis=0)
     tree.first[0], tree.count[0] = 0, n
     grain = max(n // _GRAIN, _SMALL)  # more than a leaf holds
-    parts, wave = [], [0]
+    parts, wave = [], [Part(0, 1)]
     while wave:
-        parts += [s for s in wave if tree.count[s] <= grain]
-        wave = [s for s in wave if tree.count[s] > grain]
-        list(run(lambda s: grow(*tree, s, width, step, True), wave))
-        wave = [child for s in wave for child in (s + 1, int(tree.second[s]))]
-    list(run(lambda s: grow(*tree, s, width, step, False), sorted(parts, key=lambda s: -tree.count[s])))
+        parts += [part for part in wave if tree.count[part.root] <= grain]
+        wave = [part for part in wave if tree.count[part.root] > grain]
+        list(run(lambda part: grow(*tree, *part, width, step, True), wave))
+        halves = [(int(tree.second[part.root]), part.free) for part in wave]
+        wave = [half for second, free in halves for half in (Part(second - 1, free), Part(second, second + 1))]
+    list(run(lambda part: grow(*tree, *part, width, step, False), sorted(parts, key=lambda part: -tree.count[part.root])))
     return tree, sorted(parts)
 
 
@@ -83,44 +92,61 @@ def half_area(box: Lane) -> Any:
 
 @helper
 def _nothing() -> Lane:
-    return simd.f32x8(np.inf)
+    box = simd.f32x8(np.inf)
+    return simd.select(_is_count(box), np.float32(0.0), box)
+
+
+@helper
+def _is_count(box: Lane) -> Any:
+    return simd.mask_from_bits(1 << COUNT, box)
+
+
+@helper
+def _joined(a: Lane, b: Lane) -> Lane:
+    """The box around two, with their counts added."""
+    return simd.select(_is_count(a), a + b, simd.minimum(a, b))
 
 
 @kernel
-def grow(items, boxes, second, first, count, root, width, step, once):
-    """Divide the node `root` and, unless `once`, all below it."""
+def grow(items, boxes, second, first, count, root, free, width, step, once):
+    """Divide the node `root` and, unless `once`, all below it, side by side from the place `free` on.
+
+    With `once`, its halves stand so that the first one has room before them, the second one behind.
+    """
     stack = simd.stack_array(np.int32, 256)
     bins = simd.stack_array(np.float32, _ROOM)
-    filled = simd.stack_array(np.int32, _COUNTS)
-    left = simd.stack_array(np.float32, BINS)
-    before = simd.stack_array(np.int32, BINS)
+    left, before = simd.stack_array(np.float32, BINS), simd.stack_array(np.float32, BINS)
+    spans = simd.stack_array(np.float32, 1024)  # of middles, a row of eight for each two numbers of the stack
     aside = np.empty((count[root], 8), np.float32)
     simd.write(stack, 0, root)
     simd.write(stack, 1, 0)
+    simd.store(spans, 0, _span(items, np.int64(first[root]), np.int64(first[root]) + np.int64(count[root])))
     top = 2
     while top > 0:
         top -= 2
         node, depth = np.int64(simd.read(stack, top)), simd.read(stack, top + 1)
         begin, n = np.int64(first[node]), np.int64(count[node])
         second[node] = 0
-        if n == 1:
-            continue
-        low, size = _centres(items, begin, n)
+        if n == 1 or (n <= width and _areas(items, begin, n) >= half_area(simd.load(boxes, node * 8, 8))):
+            continue  # what fills its box as well as a surface does is not worth a closer look
+        low, size = simd.load(spans, 4 * top, 4), simd.load(spans, 4 * top + 4, 4) - simd.load(spans, 4 * top, 4)
         used = BINS if n > BINS else max(4, min(BINS, n + (n >> 1)))
         scale = simd.f32x4(np.float32(used) * np.float32(0.9999)) / simd.maximum(size, simd.f32x4(1e-30))
         plane, axis = -1, 0
         if depth < DEEPEST or n <= width:
-            _fill(items, begin, n, low, scale, used, bins, filled)
-            plane, axis = _divide(simd.load(boxes, node * 8, 8), n, size, used, width, step, bins, filled, left, before)
+            _fill(items, begin, n, low, scale, used, bins)
+            plane, axis = _divide(simd.load(boxes, node * 8, 8), n, size, used, width, step, bins, left, before)
         if plane == LEAF:
             continue
         if plane < 0:
             middle = begin + n // 2
             one, other = _enclosing(items, begin, middle), _enclosing(items, middle, begin + n)
+            inner, outer = _span(items, begin, middle), _span(items, middle, begin + n)
         else:
-            middle = _sort(items, begin, n, axis, simd.lane(low, axis), simd.lane(scale, axis), plane, aside)
+            middle, inner, outer = _sort(items, begin, n, axis, simd.lane(low, axis), simd.lane(scale, axis), plane, aside)
             one, other = _enclosing(bins, axis * used, axis * used + plane), _enclosing(bins, axis * used + plane, (axis + 1) * used)
-        a, b = node + 1, node + 2 * (middle - begin)
+        a = free + 2 * (middle - begin) - 2 if once else free
+        b, free = a + 1, free + 2
         simd.store(boxes, a * 8, one)
         simd.store(boxes, b * 8, other)
         second[node] = b
@@ -128,7 +154,11 @@ def grow(items, boxes, second, first, count, root, width, step, once):
         second[a], second[b] = 0, 0
         if once:
             return
-        larger, smaller = (a, b) if count[a] > count[b] else (b, a)  # the smaller one next: the stack stays below 32
+        larger, smaller = a, b  # the smaller one next: the stack stays below 32
+        if count[b] > count[a]:
+            larger, smaller, inner, outer = b, a, outer, inner
+        simd.store(spans, 4 * top, inner)
+        simd.store(spans, 4 * top + 8, outer)
         simd.write(stack, top, larger)
         simd.write(stack, top + 1, depth + 1)
         simd.write(stack, top + 2, smaller)
@@ -145,11 +175,20 @@ def _enclosing(items: Any, begin: int, end: int) -> Lane:
 
 
 @helper
+def _areas(items: Any, begin: int, n: int) -> Any:
+    """Half the surface of all items' boxes."""
+    total = np.float32(0.0)
+    for i in range(begin, begin + n):
+        total += half_area(simd.load(items, i * 8, 8))
+    return total
+
+
+@helper
 def _divide(
-    around: Lane, n: int, size: Lane, used: int, width: int, step: float, bins: Any, filled: Any, left: Any, before: Any
+    around: Lane, n: int, size: Lane, used: int, width: int, step: float, bins: Any, left: Any, before: Any
 ) -> tuple[int, int]:
     """(the first bin of the second half of n items, its axis); LEAF: better a leaf; -1: no plane divides them."""
-    cost, axis, plane = _cheapest(bins, filled, left, before, size, used, width)
+    cost, axis, plane = _cheapest(bins, left, before, size, used, np.float32(1.0) / np.float32(width))
     if n <= width:
         alone = half_area(around) * (np.float32(1.0) + np.float32(_LATER) * np.float32(n))
         if axis < 0 or alone <= np.float32(step) * half_area(around) + cost:
@@ -158,32 +197,41 @@ def _divide(
 
 
 @helper
-def _sort(items: Any, begin: int, n: int, axis: int, base: Any, factor: Any, plane: int, aside: Any) -> Any:
-    """Bring the items of bins before `plane` to the front, in their order, without a branch; where the others begin."""
+def _sort(items: Any, begin: int, n: int, axis: int, base: Any, factor: Any, plane: int, aside: Any) -> tuple[Any, Lane, Lane]:
+    """Bring the items of bins before `plane` to the front, in their order, without a branch; where the others begin, and both spans."""
     first, others = np.int64(begin), np.int64(0)
+    low, high = simd.f32x4(np.inf), simd.f32x4(-np.inf)
     for i in range(begin, begin + n):
         box, front = simd.load(items, i * 8, 8), np.int64(_bin(items, i, axis, base, factor) < plane)
         simd.store(items, first * 8, box)  # over one that has its place already, or itself
         simd.store(aside, others * 8, box)
         first, others = first + front, others + 1 - front
+        middle = simd.low_half(box) - simd.high_half(box)
+        mine = simd.mask_from_bits(-front, middle)
+        low, high = simd.select(mine, simd.minimum(low, middle), low), simd.select(mine, simd.maximum(high, middle), high)
+    inner = simd.joined(low, high)
+    low, high = simd.f32x4(np.inf), simd.f32x4(-np.inf)
     for k in range(others):
-        simd.store(items, (first + k) * 8, simd.load(aside, k * 8, 8))
-    return first
+        box = simd.load(aside, k * 8, 8)
+        simd.store(items, (first + k) * 8, box)
+        middle = simd.low_half(box) - simd.high_half(box)
+        low, high = simd.minimum(low, middle), simd.maximum(high, middle)
+    return first, inner, simd.joined(low, high)
 
 
 @helper
-def _centres(items: Any, begin: int, n: int) -> tuple[Lane, Lane]:
-    """(lowest, extent) of the items' middles, doubled."""
+def _span(items: Any, begin: int, end: int) -> Lane:
+    """The lowest and highest of the items' middles, doubled."""
     low, high = simd.f32x4(np.inf), simd.f32x4(-np.inf)
-    for i in range(begin, begin + n):
+    for i in range(begin, end):
         box = simd.load(items, i * 8, 8)
         middle = simd.low_half(box) - simd.high_half(box)
         low, high = simd.minimum(low, middle), simd.maximum(high, middle)
-    return low, high - low
+    return simd.joined(low, high)
 
 
 @helper
-def _fill(items: Any, begin: int, n: int, low: Lane, scale: Lane, used: int, bins: Any, filled: Any) -> None:
+def _fill(items: Any, begin: int, n: int, low: Lane, scale: Lane, used: int, bins: Any) -> None:
     """Boxes and numbers of the items in each of the three axes' bins.
 
     Neighbours fall into one bin, where each waits for the one before. So they take turns in several sets, which are then joined.
@@ -192,28 +240,22 @@ def _fill(items: Any, begin: int, n: int, low: Lane, scale: Lane, used: int, bin
     for k in range(sets):
         for j in range(k * _BINS3, k * _BINS3 + 3 * used):
             simd.store(bins, j * 8, _nothing())
-            simd.write(filled, j, 0)
-    last = simd.i32x4(np.int32(used - 1))
-    first = simd.iota(last) * simd.i32x4(np.int32(used))
+    first = simd.iota(simd.i32x4(0)) * simd.i32x4(np.int32(used))
     for i in range(begin, begin + n):
         box = simd.load(items, i * 8, 8)
-        places = simd.to_i32((simd.low_half(box) - simd.high_half(box) - low) * scale)
-        places = simd.minimum(simd.maximum(places, simd.i32x4(0)), last) + first
+        places = simd.to_i32((simd.low_half(box) - simd.high_half(box) - low) * scale) + first
         at = (i & (sets - 1)) * _BINS3
-        _put(bins, filled, at + np.int64(simd.lane(places, 0)), box)
-        _put(bins, filled, at + np.int64(simd.lane(places, 1)), box)
-        _put(bins, filled, at + np.int64(simd.lane(places, 2)), box)
+        _put(bins, at + np.int64(simd.lane(places, 0)), box)
+        _put(bins, at + np.int64(simd.lane(places, 1)), box)
+        _put(bins, at + np.int64(simd.lane(places, 2)), box)
     for k in range(1, sets):
         for j in range(3 * used):
-            other = k * _BINS3 + j
-            simd.store(bins, j * 8, simd.minimum(simd.load(bins, j * 8, 8), simd.load(bins, other * 8, 8)))
-            simd.write(filled, j, simd.read(filled, j) + simd.read(filled, other))
+            _put(bins, j, simd.load(bins, (k * _BINS3 + j) * 8, 8))
 
 
 @helper
-def _put(bins: Any, filled: Any, k: int, box: Lane) -> None:
-    simd.store(bins, k * 8, simd.minimum(simd.load(bins, k * 8, 8), box))
-    simd.write(filled, k, simd.read(filled, k) + np.int32(1))
+def _put(bins: Any, k: int, box: Lane) -> None:
+    simd.store(bins, k * 8, _joined(simd.load(bins, k * 8, 8), box))
 
 
 @helper
@@ -224,31 +266,29 @@ def _bin(items: Any, i: int, axis: int, base: Any, factor: Any) -> Any:
 
 
 @helper
-def _cheapest(bins: Any, filled: Any, left: Any, before: Any, size: Lane, used: int, width: int) -> tuple[Any, int, int]:
+def _cheapest(bins: Any, left: Any, before: Any, size: Lane, used: int, share: Any) -> tuple[Any, int, int]:
     """(cost, axis, first bin of the second half) of the best plane, axis -1 where none has items on both sides."""
     best, best_axis, best_plane = np.float32(np.inf), -1, 0
     for axis in range(3):
         if not simd.lane(size, axis) > np.float32(0.0):
             continue
-        box, n = _nothing(), 0
+        box = _nothing()
         for k in range(axis * used, (axis + 1) * used - 1):
-            box, n = simd.minimum(box, simd.load(bins, k * 8, 8)), n + np.int64(simd.read(filled, k))
-            simd.write(left, k - axis * used, half_area(box))
+            box = _joined(box, simd.load(bins, k * 8, 8))
+            n = simd.lane(box, COUNT)
+            simd.write(left, k - axis * used, half_area(box) * _tests(n, share))
             simd.write(before, k - axis * used, n)
-        box, n = _nothing(), 0
+        box = _nothing()
         for plane in range(used - 1, 0, -1):
-            k = axis * used + plane
-            box, n = simd.minimum(box, simd.load(bins, k * 8, 8)), n + np.int64(simd.read(filled, k))
-            m = np.int64(simd.read(before, plane - 1))
-            if m == 0 or n == 0:
-                continue
-            cost = simd.read(left, plane - 1) * _tests(m, width) + half_area(box) * _tests(n, width)
-            if cost < best:
+            box = _joined(box, simd.load(bins, (axis * used + plane) * 8, 8))
+            n = simd.lane(box, COUNT)
+            cost = simd.read(left, plane - 1) + half_area(box) * _tests(n, share)
+            if cost < best and n > np.float32(0.0) and simd.read(before, plane - 1) > np.float32(0.0):
                 best, best_axis, best_plane = cost, axis, plane
     return best, best_axis, best_plane
 
 
 @helper
-def _tests(n: int, width: int) -> Any:
-    """What n items cost: the blocks they fill, and a little each."""
-    return np.float32((n + width - 1) // width) + np.float32(_LATER) * np.float32(n)
+def _tests(n: Any, share: Any) -> Any:
+    """What n items cost: the blocks of 1 / share they fill, and a little each."""
+    return simd.ceil(n * share) + np.float32(_LATER) * n

@@ -64,7 +64,7 @@ config.CACHE_DIR = str(CACHE)  # pyright: ignore[reportAttributeAccessIssue]
 
 HELPER: Any = {
     "error_model": "numpy", "nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "forceinline": True,
-    "pipeline_class": Fragment,
+    "pipeline_class": Fragment, "_nrt": False,
 }  # fmt: skip
 """How helpers compile: into the kernels that call them, and nowhere else. Vectors passed through memory cost more than the work on them."""
 

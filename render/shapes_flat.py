@@ -88,25 +88,30 @@ def shear(direction: Vec) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane]:
 
     kz is the direction's largest axis; kx and ky are swapped where it is negative, which keeps the winding.
     """
-    kx, ky, kz, along = _axes(direction)
-    return kx, ky, kz, component(direction, kx) / along, component(direction, ky) / along, 1.0 / along
+    kx, ky, kz = _axes(direction)
+    return _scaled(direction, kx, ky, kz, 1.0 / component(direction, kz))
 
 
 @helper
 def shear_of(direction: Vec, inverse: Vec) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane]:
     """`shear`, where 1 / direction is known."""
-    kx, ky, kz, along = _axes(direction)
-    return kx, ky, kz, component(direction, kx) / along, component(direction, ky) / along, component(inverse, kz)
+    kx, ky, kz = _axes(direction)
+    return _scaled(direction, kx, ky, kz, component(inverse, kz))
 
 
 @helper
-def _axes(direction: Vec) -> tuple[Lane, Lane, Lane, Lane]:
+def _scaled(direction: Vec, kx: Lane, ky: Lane, kz: Lane, scale: Lane) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane]:
+    return kx, ky, kz, component(direction, kx) * scale, component(direction, ky) * scale, scale
+
+
+@helper
+def _axes(direction: Vec) -> tuple[Lane, Lane, Lane]:
     ax, ay, az = abs(direction[0]), abs(direction[1]), abs(direction[2])
     kz = lanes.where((ax >= ay) & (ax >= az), 0, lanes.where(ay >= az, 1, 2))
     along = component(direction, kz)
     after = lanes.where(kz == 2, 0, kz + 1)
     before = lanes.where(kz == 0, 2, kz - 1)
-    return lanes.where(along < 0.0, before, after), lanes.where(along < 0.0, after, before), kz, along
+    return lanes.where(along < 0.0, before, after), lanes.where(along < 0.0, after, before), kz
 
 
 class Crossing(NamedTuple):

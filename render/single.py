@@ -1,4 +1,4 @@
-"""Rays through the tree over instances one by one: what each meets there, however far apart they go."""
+"""Rays through the tree over instances, each for itself and in turns: what they meet there, however far apart they go."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ import numpy as np
 from ..compiler import ir
 from . import across, boxes, lanes, meeting, simd, walk
 from .boxes import Bundle
+from .bvh import REACH
 from .kernels import apart, helper
 from .records import Hit, Lane, Vec
-from .wide import DEPTH
+from .wide import spread64
 
 MESH = int(ir.GeometryKind.MESH)
 _LANES = across.WIDTH
-_ROWS, _FOUND, _NUMBERS = 17 * _LANES, 3 * _LANES, 2 * _LANES
+_ROWS = 17 * _LANES
 
 
 @helper
@@ -23,8 +24,8 @@ def each(
     accel: Any, ray: boxes.BoxRay, origin: Vec, direction: Vec, t_min: Lane, until: Lane, left: int,
     visible_bit: int, any_hit: bool, best: Hit,
 ) -> Hit:  # fmt: skip
-    """`best`, or what the rays whose bits are set in `left` meet first in the tree where that comes first."""
-    kept, found, numbers = simd.stack_array(np.float64, _ROWS), simd.stack_array(np.float64, _FOUND), simd.stack_array(np.int64, _NUMBERS)
+    """`best`, or what the rays whose bits are set in `left` meet first in the tree where that comes first: a step of each in turn."""
+    kept = simd.stack_array(np.float64, _ROWS)
     _store3(kept, 0, ray.near)
     _store3(kept, 3, ray.far)
     _store3(kept, 6, ray.inverse)
@@ -32,17 +33,30 @@ def each(
     _store3(kept, 12, direction)
     across.store(kept, 15, t_min)
     across.store(kept, 16, until)
-    across.store(found, 0, best.t)
-    across.store(found, 1, best.u)
-    across.store(found, 2, best.v)
-    across.store(numbers, 0, best.instance)
-    across.store(numbers, 1, best.primitive)
-    rays = walk.room()
+    rays, steps = walk.room(), walk.walks(best.t, best.instance, best.primitive, best.u, best.v)
+    inside = simd.stack_array(np.int64, _LANES)  # the instance in whose mesh each ray is, or -1
+    todo = left
+    while todo != 0:
+        k = simd.trailing_zeros(todo)
+        todo &= todo - 1
+        simd.write(inside, k, -1)
+        walk.go(steps, k, 0, k * walk.STACK)
     while left != 0:
-        k = simd.trailing_zeros(left)
-        left &= left - 1
-        _one(accel, kept, found, numbers, rays, k, visible_bit, any_hit)
-    return Hit(across.load(found, 0), across.load(numbers, 0), across.load(numbers, 1), across.load(found, 1), across.load(found, 2))
+        todo = left
+        while todo != 0:
+            k = simd.trailing_zeros(todo)
+            todo &= todo - 1
+            instance = simd.read(inside, k)
+            if instance >= 0:
+                if walk.step(accel.wide, rays, steps, k, instance, any_hit):
+                    continue
+                simd.write(inside, k, -1)
+                more = _next(kept, steps, k, simd.read(steps.place, 2 * _LANES + k), any_hit)
+            else:
+                more = _step(accel, kept, rays, steps, inside, k, visible_bit, any_hit)
+            if not more:
+                left &= ~(1 << k)
+    return walk.met(steps)
 
 
 @helper
@@ -53,64 +67,79 @@ def _store3(table: Any, row: int, value: Vec) -> None:
 
 
 @helper
-def _one(accel: Any, kept: Any, found: Any, numbers: Any, rays: walk.Rays, k: int, visible_bit: int, any_hit: bool) -> None:
-    """Write what ray k meets in the tree to its places in `found` and `numbers`, where that comes before what stands there."""
-    nodes, links = accel.top.nodes, accel.top.links
-    children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float64, DEPTH)
-    ray, t_min = _bundle(kept, k), _at(kept, 15, k)
-    limit = min(simd.read(found, k), _at(kept, 16, k))
-    top, node = np.int64(0), np.int64(0)
-    while True:
-        if node >= 0:
-            near, hits = boxes.enter_eight(nodes, node, ray, t_min, limit)
-            if hits != 0:
-                node, top = walk.nearest_first(links, node, near, hits, children, reaches, top)
-                continue
-        elif (accel.placed[~node, 0] & visible_bit) != 0:
-            i = ~node
-            t, primitive, u, v = _meet(accel, i, kept, rays, k, t_min, limit, any_hit)
-            if t < np.inf and (t < simd.read(found, k) or (t == simd.read(found, k) and i < simd.read(numbers, k))):
-                limit = t
-                simd.write(found, k, t)
-                simd.write(found, _LANES + k, u)
-                simd.write(found, 2 * _LANES + k, v)
-                simd.write(numbers, k, i)
-                simd.write(numbers, _LANES + k, primitive)
-                if any_hit:
-                    return
-        while top > 0 and simd.read(reaches, top - 1) > limit:
-            top -= 1
-        if top == 0:
-            return
-        top -= 1
-        node = np.int64(simd.read(children, top))
+def _step(accel: Any, kept: Any, rays: walk.Rays, steps: walk.Walks, inside: Any, k: int, visible_bit: int, any_hit: bool) -> bool:
+    """One node or instance of ray k's way; whether there is more of it."""
+    node, top = simd.read(steps.place, k), simd.read(steps.place, _LANES + k)
+    if node >= 0:
+        near, hits = boxes.enter_node(accel.top.nodes, node, _bundle(kept, k), _at(kept, 15, k), _limit(kept, steps, k))
+        if hits != 0:
+            node, top = walk.nearest_first(accel.top.links, node, near, hits, steps.children, steps.reaches, top)
+            walk.go(steps, k, node, top)
+            return True
+    elif (accel.placed[~node, 0] & visible_bit) != 0:
+        if accel.placed[~node, 3] != MESH:
+            _meet_shape(accel, ~node, kept, steps, k)
+        elif _enter_mesh(accel, ~node, kept, rays, k, _limit(kept, steps, k)):
+            simd.write(inside, k, ~node)
+            walk.enter(rays, steps, k, np.int64(accel.placed[~node, 4]), top)
+            return True
+    return _next(kept, steps, k, top, any_hit)
 
 
 @helper
-def _meet(accel: Any, i: int, kept: Any, rays: walk.Rays, k: int, t_min: Any, until: Any, any_hit: bool) -> tuple[Any, Any, Any, Any]:
-    """(t, primitive, u, v) of ray k's first meeting with instance i, not beyond `until`."""
-    row, g, kind = accel.placed[i, 1], accel.placed[i, 2], accel.placed[i, 3]
-    origin, direction = (_at(kept, 9, k), _at(kept, 10, k), _at(kept, 11, k)), (_at(kept, 12, k), _at(kept, 13, k), _at(kept, 14, k))
-    if kind == MESH:
-        o = lanes.sub(lanes.transform_point(accel.inverse, row, origin), (accel.origin[g, 0], accel.origin[g, 1], accel.origin[g, 2]))
-        d = lanes.transform_vector(accel.inverse, row, direction)
-        ray = boxes.local_ray(o, d)
-        enters = boxes.enter(accel.boxes, g, ray, t_min, until)
-        if not enters < np.inf:
-            return np.inf, np.int64(-1), 0.0, 0.0
-        walk.keep(rays, k, o, d, ray.inverse, enters, t_min, _at(kept, 16, k), until)
-        met = walk.down(accel.wide, np.int64(accel.placed[i, 4]), rays, k, any_hit)
-        return met.t, met.triangle, met.u, met.v
+def _next(kept: Any, steps: walk.Walks, k: int, top: int, any_hit: bool) -> bool:
+    """Take the next node or instance from ray k's stack; whether there is one."""
+    if any_hit and simd.read(steps.numbers, k) >= 0:
+        return False
+    start = k * walk.STACK
+    top = walk.pop(steps, start, top, _limit(kept, steps, k))
+    if top == start:
+        return False
+    walk.go(steps, k, np.int64(simd.read(steps.children, top - 1)), top - 1)
+    return True
+
+
+@helper
+def _limit(kept: Any, steps: walk.Walks, k: int) -> Any:
+    return min(simd.read(steps.found, k), _at(kept, 16, k))
+
+
+@helper
+def _enter_mesh(accel: Any, i: int, kept: Any, rays: walk.Rays, k: int, until: Any) -> bool:
+    """Make ray k ready for the mesh of instance i; whether it enters its box before `until`."""
+    row, g = accel.placed[i, 1], accel.placed[i, 2]
+    o = lanes.transform_point(accel.inverse, row, (_at(kept, 9, k), _at(kept, 10, k), _at(kept, 11, k)))
+    o = lanes.sub(o, (accel.origin[g, 0], accel.origin[g, 1], accel.origin[g, 2]))
+    d = lanes.transform_vector(accel.inverse, row, (_at(kept, 12, k), _at(kept, 13, k), _at(kept, 14, k)))
+    ray, t_min = boxes.local_ray(o, d), _at(kept, 15, k)
+    enters = boxes.enter(accel.boxes, g, ray, t_min, until)
+    if not enters < np.inf:
+        return False
+    walk.keep(rays, k, o, d, ray.inverse, enters, t_min, _at(kept, 16, k), until, accel.boxes[g, REACH])
+    return True
+
+
+@helper
+def _meet_shape(accel: Any, i: int, kept: Any, steps: walk.Walks, k: int) -> None:
+    """Take in instance i, a shape, where ray k meets it first."""
+    row, g = accel.placed[i, 1], accel.placed[i, 2]
     zero = across.load(kept, 15)
-    wide_origin, wide_direction = lanes.like3(zero, *origin), lanes.like3(zero, *direction)
-    o = lanes.transform_point(accel.inverse, row, wide_origin)
-    d = lanes.transform_vector(accel.inverse, row, wide_direction)
-    t, part, u, v = _meet_shape(accel, kind, g, o, d, lanes.full_like(zero, t_min), lanes.full_like(zero, _at(kept, 16, k)))
-    return across.lane(t, 0), np.int64(across.lane(part, 0)), across.lane(u, 0), across.lane(v, 0)
+    o = lanes.transform_point(accel.inverse, row, lanes.like3(zero, _at(kept, 9, k), _at(kept, 10, k), _at(kept, 11, k)))
+    d = lanes.transform_vector(accel.inverse, row, lanes.like3(zero, _at(kept, 12, k), _at(kept, 13, k), _at(kept, 14, k)))
+    t_min, t_max = lanes.full_like(zero, _at(kept, 15, k)), lanes.full_like(zero, _at(kept, 16, k))
+    at_t, part, u, v = _of_shape(accel, accel.placed[i, 3], g, o, d, t_min, t_max)
+    t, primitive = across.lane(at_t, 0), np.int64(across.lane(part, 0))
+    if walk.sooner(steps, k, t, i, primitive):
+        simd.write(steps.found, k, t)
+        simd.write(steps.found, _LANES + k, across.lane(u, 0))
+        simd.write(steps.found, 2 * _LANES + k, across.lane(v, 0))
+        simd.write(steps.found, 3 * _LANES + k, 1.0)
+        simd.write(steps.numbers, k, i)
+        simd.write(steps.numbers, _LANES + k, primitive)
 
 
 @apart
-def _meet_shape(accel, kind, g, o, d, t_min, t_max):
+def _of_shape(accel, kind, g, o, d, t_min, t_max):
     """meeting.shape as a function of its own: rays one by one call it with one ray in all lanes."""
     return meeting.shape(accel, kind, g, o, d, t_min, t_max)
 
@@ -118,9 +147,9 @@ def _meet_shape(accel, kind, g, o, d, t_min, t_max):
 @helper
 def _bundle(kept: Any, k: int) -> Bundle:
     x, y, z = _at(kept, 6, k), _at(kept, 7, k), _at(kept, 8, k)
-    inverse = (simd.f64x8(x), simd.f64x8(y), simd.f64x8(z))
-    near = (simd.f64x8(_at(kept, 0, k)), simd.f64x8(_at(kept, 1, k)), simd.f64x8(_at(kept, 2, k)))
-    far = (simd.f64x8(_at(kept, 3, k)), simd.f64x8(_at(kept, 4, k)), simd.f64x8(_at(kept, 5, k)))
+    inverse = (spread64(x), spread64(y), spread64(z))
+    near = (spread64(_at(kept, 0, k)), spread64(_at(kept, 1, k)), spread64(_at(kept, 2, k)))
+    far = (spread64(_at(kept, 3, k)), spread64(_at(kept, 4, k)), spread64(_at(kept, 5, k)))
     return Bundle(near, far, inverse, inverse, boxes.rows_of(x > 0.0, y > 0.0, z > 0.0))
 
 

@@ -1,4 +1,4 @@
-"""The tree over instances: eight children a node, made from their boxes and filled with double-precision planes.
+"""The tree over instances: as many children a node as a mesh's, made from their boxes and filled with double-precision planes.
 
 Its shape comes from halves.py and wide.py, in single precision; which boxes lie around what is computed afterwards from the
 instances' own, so that a scene with a wide ground and small things on it loses nothing.
@@ -45,7 +45,7 @@ def _links(boxes: NDArray[np.float64], threads: int) -> NDArray[np.int32]:
     middle = 0.5 * low.min(axis=0) + 0.5 * high.max(axis=0)
     size = float(np.abs(boxes - np.tile(middle, 2)).max()) or 1.0
     items = simd.aligned_empty((len(boxes), 8), np.float32)
-    items[:, :3], items[:, 4:7], items[:, 7] = (low - middle) / size, (middle - high) / size, 0.0
+    items[:, :3], items[:, 4:7], items[:, halves.COUNT] = (low - middle) / size, (middle - high) / size, 1.0
     items.view(np.int32)[:, halves.NUMBER] = np.arange(len(boxes)) | halves.TAG
     if len(boxes) < _MANY:
         return wide.links(*halves.build(items, 1, STEP, map), map)

@@ -8,7 +8,7 @@ import numpy as np
 from numba import types
 
 from . import across, boxes, bundle, lanes, meeting, simd, single, walk
-from .bvh import FINE
+from .bvh import FINE, REACH
 from .kernels import apart, helper
 from .links import FLOAT, MASK, VEC, Linked
 from .records import Hit, Lane, Vec
@@ -16,10 +16,8 @@ from .single import MESH
 from .wide import DEPTH
 
 NARROW = 0.0005  # square of the angle, in radians, that directions may stray from the first lane's to go together
-SMALL = 64  # nodes of a tree up to which rays that go apart, too, share the tests of shapes
+SMALL = 32  # nodes of a tree up to which rays that go apart, too, share the tests of shapes
 FEW = 3  # active lanes from which on that is worth it
-_LANES = across.WIDTH
-_FOUND = 3 * _LANES
 
 
 def _search(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit):
@@ -69,7 +67,7 @@ def _together(
 ) -> Hit:  # fmt: skip
     """The first hits of rays that all go where any of them does; those of one octant are tested as a bundle."""
     nodes, links = accel.top.nodes, accel.top.links
-    children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float64, DEPTH)
+    children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
     active = until > t_min
     rays = boxes.bundle(ray, active, simd.trailing_zeros(across.bits(active)))
     begin = across.least(lanes.where(active, t_min, np.inf))
@@ -78,7 +76,7 @@ def _together(
         limit = across.most(lanes.minimum(best.t, until))
         if node >= 0:
             if narrow:
-                near, hits = boxes.enter_eight(nodes, node, rays, begin, limit)
+                near, hits = boxes.enter_node(nodes, node, rays, begin, limit)
             else:
                 near, hits = boxes.enter_each(nodes, node, ray, t_min, lanes.minimum(best.t, until))
             if hits != 0:
@@ -132,40 +130,27 @@ def _mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
     if left == 0:
         return zero + np.inf, lanes.int_like(zero, -1), zero, zero
     rays = walk.room()
-    walk.keep(rays, 0, o, d, ray.inverse, lanes.where(enters < np.inf, enters, 0.0), t_min, t_max, until)
+    walk.keep(rays, 0, o, d, ray.inverse, lanes.where(enters < np.inf, enters, 0.0), t_min, t_max, until, accel.boxes[g, REACH])
     return _below(accel, g, root, rays, left, zero, any_hit)
 
 
 @helper
 def _each(accel: Any, g: int, root: int, rays: walk.Rays, left: int, zero: Lane, any_hit: bool) -> tuple[Lane, Lane, Lane, Lane]:
-    """What the rays whose bits are set in `left` meet, one after the other."""
-    found, triangle = simd.stack_array(np.float64, _FOUND), simd.stack_array(np.int64, _LANES)
-    across.store(found, 0, zero + np.inf)
-    across.store(triangle, 0, lanes.int_like(zero, -1))
-    while left != 0:
-        k = simd.trailing_zeros(left)
-        left &= left - 1
-        met = walk.down(accel.wide, root, rays, k, any_hit)
-        simd.write(found, k, met.t)
-        simd.write(triangle, k, met.triangle)
-        simd.write(found, _LANES + k, met.u)
-        simd.write(found, 2 * _LANES + k, met.v)
-    return across.load(found, 0), across.load(triangle, 0), across.load(found, 1), across.load(found, 2)
+    """What the rays whose bits are set in `left` meet, each for itself."""
+    nothing = lanes.int_like(zero, -1)
+    steps = walk.walks(zero + np.inf, nothing, nothing, zero, zero)
+    walk.turns(accel.wide, root, rays, left, any_hit, steps)
+    hit = walk.met(steps)
+    return hit.t, hit.primitive, hit.u, hit.v
 
 
 @helper
 def _bundled(accel: Any, g: int, root: int, rays: walk.Rays, left: int, zero: Lane, any_hit: bool) -> tuple[Lane, Lane, Lane, Lane]:
     """The same, together where they are alike."""
-    reach = _reach(accel.boxes, g)
+    reach = accel.boxes[g, REACH]
     if bundle.alike(rays, left, reach, accel.boxes[g, FINE], any_hit):
         return bundle.meet(accel.wide, root, rays, left, reach, any_hit)
     return _each(accel, g, root, rays, left, zero, any_hit)
 
 
 _below = _bundled if across.WIDTH >= bundle.FEW else _each
-
-
-@helper
-def _reach(bounds: Any, g: int) -> Any:
-    """The largest of a mesh's coordinates."""
-    return max(max(abs(bounds[g, 0]), abs(bounds[g, 1]), abs(bounds[g, 2])), max(abs(bounds[g, 3]), abs(bounds[g, 4]), abs(bounds[g, 5])))

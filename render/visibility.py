@@ -19,6 +19,7 @@ from .kernels import helper, kernel
 from .raster_setup import COLUMNS, to_clip
 from .records import Tile
 
+NOWHERE = -(1 << 62)  # no line of samples
 FLAT = 1e-6  # of its size, by which the corners of a polygon filled as a whole may be off its plane
 
 
@@ -343,7 +344,7 @@ def fill_polygon(tables: ir.Tables, instance: int, polygon: int, corners: int, t
     loops, first_loop = tables.pools.loops, tables.polygons.first_loop[polygon]
     first, count = tables.polygons.first_triangle[polygon], tables.polygons.triangle_count[polygon]
     x0, y0, x1, y1 = pixel_box(room, corners, samples.reach, tile)
-    found, line = 0, room.y[:corners].min() - 1
+    found, line = 0, np.int64(NOWHERE)
     for j in range(y0, y1):
         for s in range((j * samples.columns + x0) * samples.count, (j * samples.columns + x1) * samples.count):
             px, py = samples.x[s], samples.y[s]

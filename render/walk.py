@@ -1,8 +1,10 @@
-"""One ray through a mesh's tree, against eight boxes or eight triangles at a time.
+"""Rays through a mesh's tree, each for itself, against as many boxes or triangles at a time as a vector holds.
 
 Boxes are float32 and never missed through rounding: what the origin and the planes lose is in the boxes' SLACK, all else is
 relative to the distance and moves the far side out (Ize, "Robust BVH Ray Traversal", JCGT 2013). To keep the origin's part small
-a ray begins where it enters the mesh's box. Triangles are float64, so that what is met, and where, is what brute force finds.
+a ray begins where it enters the mesh's box. Triangles are sieved in float32, with all that rounding may do to them taken into
+account; those that are left are met in float64, one by one, so that what is met, and where, is what brute force finds. Several rays
+take turns, a step each, so that one moves on while others wait for memory or for a branch that was guessed wrong.
 """
 
 from __future__ import annotations
@@ -14,30 +16,35 @@ import numpy as np
 from . import across, boxes, lanes, machine, simd
 from . import shapes_flat as flat
 from .kernels import apart, helper
-from .records import Lane, Vec
-from .wide import DEPTH, LEAF, NODE, WIDTH
+from .records import Hit, Lane, Vec
+from .wide import DEPTH, LEAF, NODE, WIDTH, spread32
 
 FAR = 1.0 + 2.0**-21  # of the far side: eight roundings of float32
 STEEP = 1e12  # times the inverse of the largest component: no other is larger, so that all are finite
-_SINGLES, _DOUBLES, _INTS = 7 * across.WIDTH, 9 * across.WIDTH, 3 * across.WIDTH
+_SINGLES, _DOUBLES, _INTS = 16 * across.WIDTH, 9 * across.WIDTH, 6 * across.WIDTH
 _FAR = np.float32(FAR)
+STACK = 2 * DEPTH + 16  # one ray's, over instances and in a mesh; not so that all begin in the same part of the cache
+_STACKS, _PLACES, _FOUND, _NUMBERS = STACK * across.WIDTH, 3 * across.WIDTH, 4 * across.WIDTH, 2 * across.WIDTH
+OFF = 2.0**-20  # of a mesh's largest coordinate: what float32 does to a corner as a ray sees it
+SMALLEST, LARGEST = 1e-12, 1e17  # coordinates within which products of float32 neither vanish nor overflow
 
 
 class Rays(NamedTuple):
-    """Rays in memory, rows of lanes, for `closest` and `blocked` to take one by one."""
+    """Rays in memory, rows of lanes, for `step` and bundle.py."""
 
-    singles: Any  # float32: origin where the ray enters, 1 / direction, limit
+    singles: Any  # float32: origin where the ray enters, 1 / direction, limit, how far off a corner may be
     doubles: Any  # float64: origin in the shear's axes, the shear, where the ray enters and may begin and end
     axes: Any  # int64: the shear's axes
 
 
-class Met(NamedTuple):
-    """What one ray meets."""
+class Walks(NamedTuple):
+    """Where several rays are on their ways, and what they have met; rows of lanes in memory, and a stack for each."""
 
-    t: Any  # inf: nothing
-    triangle: Any  # or -1
-    u: Any
-    v: Any
+    children: Any  # int32: what is still to be seen
+    reaches: Any  # float32: and from where on
+    place: Any  # int64: the node or ~ leaf each is at, where its stack ends, and where that part begins which is of the mesh it is in
+    found: Any  # float64: t, weights of the second and the third corner times a total, the total
+    numbers: Any  # int64: instance and primitive, or -1
 
 
 @helper
@@ -47,14 +54,20 @@ def room() -> Rays:
 
 
 @helper
-def keep(rays: Rays, k: int, o: Vec, d: Vec, inverse: Vec, enters: Lane, t_min: Lane, t_max: Lane, until: Lane) -> None:
-    """Store rays, or ray k alone, that enter a mesh's box at `enters`; what lies between `until` and t_max may be found, but need not."""
+def keep(
+    rays: Rays, k: int, o: Vec, d: Vec, inverse: Vec, enters: Lane, t_min: Lane, t_max: Lane, until: Lane, reach: Any
+) -> None:
+    """Store rays, or ray k alone, that enter a mesh's box at `enters`; what lies between `until` and t_max may be found, but need not.
+
+    `reach` is the largest of the mesh's coordinates.
+    """
     singles, doubles, axes = rays.singles, rays.doubles, rays.axes
     most = STEEP * lanes.smallest((abs(inverse[0]), abs(inverse[1]), abs(inverse[2])))
     for j, x, slope, steep in ((0, o[0], d[0], inverse[0]), (1, o[1], d[1], inverse[1]), (2, o[2], d[2], inverse[2])):
         across.put_lane(singles, j, k, x + enters * slope)
         across.put_lane(singles, 3 + j, k, lanes.where(steep > most, most, lanes.where(steep < -most, -most, steep)))
     across.put_lane(singles, 6, k, (until - enters) * FAR)
+    across.put_lane(singles, 7, k, enters * 0.0 + OFF * reach)
     kx, ky, kz, sx, sy, sz = flat.shear_of(d, inverse)
     for j, axis, factor in ((0, kx, sx), (1, ky, sy), (2, kz, sz)):
         across.put_lane(axes, j, k, axis)
@@ -66,31 +79,44 @@ def keep(rays: Rays, k: int, o: Vec, d: Vec, inverse: Vec, enters: Lane, t_min: 
 
 
 class Box(NamedTuple):
-    """A ray as boxes want it: for eight boxes, and which of a node's rows are near and far."""
+    """A ray as boxes want it, and which of a node's rows are near."""
 
     scale: Vec  # 1 / direction
     shift: Vec  # -origin / direction
-    far_scale: Vec  # FAR times both
-    far_shift: Vec
     near: tuple[int, int, int]
-    far: tuple[int, int, int]
 
 
 @helper
-def _box(rays: Rays, k: int) -> Box:
+def ready(rays: Rays, k: int) -> None:
+    """Write what `box` and `sieve` read of ray k."""
     x, y, z = _single(rays, 3, k), _single(rays, 4, k), _single(rays, 5, k)
-    px, py, pz = -_single(rays, 0, k) * x, -_single(rays, 1, k) * y, -_single(rays, 2, k) * z
-    zero = np.float32(0.0)
+    w, zero = across.WIDTH, np.float32(0.0)
+    simd.write(rays.singles, 8 * w + k, -_single(rays, 0, k) * x)
+    simd.write(rays.singles, 9 * w + k, -_single(rays, 1, k) * y)
+    simd.write(rays.singles, 10 * w + k, -_single(rays, 2, k) * z)
     nx, ny, nz = boxes.rows_of(x > zero, y > zero, z > zero)
+    simd.write(rays.axes, 3 * w + k, nx)
+    simd.write(rays.axes, 4 * w + k, ny)
+    simd.write(rays.axes, 5 * w + k, nz)
+    simd.write(rays.singles, 11 * w + k, _single(rays, _axis(rays, 0, k), k))
+    simd.write(rays.singles, 12 * w + k, _single(rays, _axis(rays, 1, k), k))
+    simd.write(rays.singles, 13 * w + k, _single(rays, _axis(rays, 2, k), k))
+    simd.write(rays.singles, 14 * w + k, np.float32(_double(rays, 3, k)))
+    simd.write(rays.singles, 15 * w + k, np.float32(_double(rays, 4, k)))
+
+
+@helper
+def box(rays: Rays, k: int) -> Box:
     return Box(
-        _spread(x, y, z), _spread(px, py, pz), _spread(x * _FAR, y * _FAR, z * _FAR), _spread(px * _FAR, py * _FAR, pz * _FAR),
-        (nx, ny, nz), (nx ^ WIDTH, ny ^ WIDTH, nz ^ WIDTH),
-    )  # fmt: skip
+        _spread(_single(rays, 3, k), _single(rays, 4, k), _single(rays, 5, k)),
+        _spread(_single(rays, 8, k), _single(rays, 9, k), _single(rays, 10, k)),
+        (_axis(rays, 3, k), _axis(rays, 4, k), _axis(rays, 5, k)),
+    )
 
 
 @helper
 def _spread(x: Any, y: Any, z: Any) -> Vec:
-    return simd.f32x8(x), simd.f32x8(y), simd.f32x8(z)
+    return spread32(x), spread32(y), spread32(z)
 
 
 @helper
@@ -99,29 +125,35 @@ def _single(rays: Rays, row: int, k: int) -> Any:
 
 
 @helper
+def limit_of(rays: Rays, k: int) -> Any:
+    """How far beyond its entry ray k goes."""
+    return _single(rays, 6, k)
+
+
+@helper
 def _double(rays: Rays, row: int, k: int) -> Any:
     return simd.read(rays.doubles, row * across.WIDTH + k)
 
 
 @helper
-def _enter(nodes: Any, node: int, box: Box, limit: Any) -> tuple[Lane, int]:
-    """Where a ray enters a node's eight boxes, and bits of those it enters before `limit`."""
+def enter_boxes(nodes: Any, node: int, ray: Box, limit: Any) -> tuple[Lane, int]:
+    """Where a ray enters a node's boxes, and bits of those it enters before `limit`."""
     at = node * NODE
+    x, y, z = ray.near
     near = simd.maximum(
-        simd.maximum(
-            simd.fma(simd.load(nodes, at + box.near[0], 8), box.scale[0], box.shift[0]),
-            simd.fma(simd.load(nodes, at + box.near[1], 8), box.scale[1], box.shift[1]),
-        ),
-        simd.maximum(simd.fma(simd.load(nodes, at + box.near[2], 8), box.scale[2], box.shift[2]), simd.f32x8(0.0)),
+        simd.maximum(_plane(nodes, at + x, ray, 0), _plane(nodes, at + y, ray, 1)),
+        simd.maximum(_plane(nodes, at + z, ray, 2), spread32(0.0)),
     )
     far = simd.minimum(
-        simd.minimum(
-            simd.fma(simd.load(nodes, at + box.far[0], 8), box.far_scale[0], box.far_shift[0]),
-            simd.fma(simd.load(nodes, at + box.far[1], 8), box.far_scale[1], box.far_shift[1]),
-        ),
-        simd.minimum(simd.fma(simd.load(nodes, at + box.far[2], 8), box.far_scale[2], box.far_shift[2]), simd.f32x8(limit)),
+        simd.minimum(_plane(nodes, at + (x ^ WIDTH), ray, 0), _plane(nodes, at + (y ^ WIDTH), ray, 1)),
+        _plane(nodes, at + (z ^ WIDTH), ray, 2),
     )
-    return near, simd.bits(near <= far)
+    return near, simd.bits(near <= simd.minimum(far * _FAR, spread32(limit)))
+
+
+@helper
+def _plane(nodes: Any, at: int, box: Box, axis: int) -> Lane:
+    return simd.fma(simd.load(nodes, at, WIDTH), box.scale[axis], box.shift[axis])
 
 
 @helper
@@ -151,15 +183,90 @@ def nearest_first(links: Any, node: int, near: Lane, hits: int, children: Any, r
     """(the nearest child of a node among `hits`, not 0; where the stack ends with the others on it)."""
     if (hits & (hits - 1)) == 0:
         return np.int64(simd.read(links, node * WIDTH + simd.trailing_zeros(hits))), top
-    mine = simd.mask_from_bits(hits, near)
-    first = simd.trailing_zeros(simd.bits(near == simd.min_of(simd.select(mine, near, np.inf))) & hits)
+    first = _nearest(near, simd.mask_from_bits(hits, near))
     rest = hits ^ (1 << first)
-    _push(children, top, simd.load(links, node * WIDTH, 8), rest)
+    _push(children, top, simd.load(links, node * WIDTH, WIDTH), rest)
     return np.int64(simd.read(links, node * WIDTH + first)), _push(reaches, top, near, rest)
 
 
+@helper
+def _nearest(near: Lane, mine: Lane) -> int:
+    """Which of some lanes holds the least number."""
+    return simd.trailing_zeros(simd.bits(mine & (near == simd.min_of(simd.select(mine, near, np.inf)))))
+
+
+class Sieve(NamedTuple):
+    """A ray as triangles want it in single precision."""
+
+    x: int  # rows of a leaf
+    y: int
+    z: int
+    origin: Vec
+    shear: tuple[Lane, Lane]
+    off: Lane  # by how much a corner may be off
+    least: Lane  # how far off a product of two may be at least
+    all: int  # bits of all triangles where single precision has not the range, else 0
+
+
+@helper
+def sieve(rays: Rays, k: int) -> Sieve:
+    x, y, z = _axis(rays, 0, k), _axis(rays, 1, k), _axis(rays, 2, k)
+    off = _single(rays, 7, k)
+    return Sieve(
+        WIDTH * x, WIDTH * y, WIDTH * z, _spread(_single(rays, 11, k), _single(rays, 12, k), _single(rays, 13, k)),
+        (spread32(_single(rays, 14, k)), spread32(_single(rays, 15, k))), spread32(off), spread32(np.float32(2.0) * off * off),
+        unsure(off),
+    )  # fmt: skip
+
+
+@helper
+def unsure(off: Any) -> int:
+    """Bits of all triangles where single precision has not the range for a mesh."""
+    return 0 if off > OFF * np.float32(SMALLEST) and off < OFF * np.float32(LARGEST) else (1 << WIDTH) - 1
+
+
+@helper
+def _axis(rays: Rays, row: int, k: int) -> Any:
+    return simd.read(rays.axes, row * across.WIDTH + k)
+
+
+@helper
+def touched(leaves: Any, leaf: int, ray: Sieve) -> int:
+    """Bits of a leaf's triangles that the ray may pass through: all that it does, and few others.
+
+    Woop's test, where a sheared corner is off by up to OFF times the mesh's largest coordinate (twelve roundings), and a product of
+    two by that times both.
+    """
+    at = leaf * LEAF
+    a, b, c = aside(leaves, at, ray), aside(leaves, at + 3 * WIDTH, ray), aside(leaves, at + 6 * WIDTH, ray)
+    return passed(a, b, c, ray.off, ray.least) | ray.all
+
+
+@helper
+def aside(leaves: Any, at: int, ray: Sieve) -> Vec:
+    """Corners of a leaf's triangles as the ray passes them, and how far off they are along its main axis."""
+    z = simd.load(leaves, at + ray.z, WIDTH) - ray.origin[2]
+    return (
+        simd.fma(-ray.shear[0], z, simd.load(leaves, at + ray.x, WIDTH) - ray.origin[0]),
+        simd.fma(-ray.shear[1], z, simd.load(leaves, at + ray.y, WIDTH) - ray.origin[1]),
+        z,
+    )  # fmt: skip
+
+
+@helper
+def passed(a: Vec, b: Vec, c: Vec, off: Lane, least: Lane) -> int:
+    """Bits of the triangles around a ray that passes at 0, 0, where each corner may be off by `off`; `least` is twice its square."""
+    u = simd.fma(c[0], b[1], -(c[1] * b[0]))
+    v = simd.fma(a[0], c[1], -(a[1] * c[0]))
+    w = simd.fma(b[0], a[1], -(b[1] * a[0]))
+    far = (abs(a[0]) + abs(a[1])) + (abs(b[0]) + abs(b[1])) + (abs(c[0]) + abs(c[1]))
+    error = simd.fma(far, simd.fma(far, np.float32(2.0**-22), off), least)
+    low, high = simd.minimum(simd.minimum(u, v), w), simd.maximum(simd.maximum(u, v), w)
+    return simd.bits((low >= -error) | (high <= error))
+
+
 class Sheared(NamedTuple):
-    """A ray as triangles want it."""
+    """A ray as triangles want it in double precision."""
 
     x: int  # rows of a leaf
     y: int
@@ -169,18 +276,17 @@ class Sheared(NamedTuple):
 
 
 @helper
-def _sheared(rays: Rays, k: int) -> Sheared:
-    w = across.WIDTH
+def sheared(rays: Rays, k: int) -> Sheared:
     return Sheared(
-        WIDTH * simd.read(rays.axes, k), WIDTH * simd.read(rays.axes, w + k), WIDTH * simd.read(rays.axes, 2 * w + k),
+        WIDTH * _axis(rays, 0, k), WIDTH * _axis(rays, 1, k), WIDTH * _axis(rays, 2, k),
         (_double(rays, 0, k), _double(rays, 1, k), _double(rays, 2, k)), (_double(rays, 3, k), _double(rays, 4, k), _double(rays, 5, k)),
     )  # fmt: skip
 
 
 @helper
-def _triangles(leaves: Any, leaf: int, ray: Sheared) -> flat.Crossing:
-    """Eight triangles against a ray."""
-    at = leaf * LEAF
+def crossing(leaves: Any, leaf: int, j: int, ray: Sheared) -> flat.Crossing:
+    """Triangle j of a leaf against a ray."""
+    at = leaf * LEAF + j
     return flat.crossing(
         _corner(leaves, at, ray), _corner(leaves, at + 3 * WIDTH, ray), _corner(leaves, at + 6 * WIDTH, ray), ray.shear[0], ray.shear[1],
     )  # fmt: skip
@@ -189,82 +295,144 @@ def _triangles(leaves: Any, leaf: int, ray: Sheared) -> flat.Crossing:
 @helper
 def _corner(leaves: Any, at: int, ray: Sheared) -> Vec:
     return (
-        simd.to_f64(simd.load(leaves, at + ray.x, 8)) - ray.origin[0], simd.to_f64(simd.load(leaves, at + ray.y, 8)) - ray.origin[1],
-        simd.to_f64(simd.load(leaves, at + ray.z, 8)) - ray.origin[2],
+        np.float64(simd.read(leaves, at + ray.x)) - ray.origin[0], np.float64(simd.read(leaves, at + ray.y)) - ray.origin[1],
+        np.float64(simd.read(leaves, at + ray.z)) - ray.origin[2],
     )  # fmt: skip
 
 
+# --- several rays in turns ------------------------------------------------------------------------------------------------
+
+
+@helper
+def walks(t: Lane, instance: Lane, primitive: Lane, u: Lane, v: Lane) -> Walks:
+    """Where rays that have met something, or nothing, begin."""
+    made = Walks(
+        simd.stack_array(np.int32, _STACKS), simd.stack_array(np.float32, _STACKS), simd.stack_array(np.int64, _PLACES),
+        simd.stack_array(np.float64, _FOUND), simd.stack_array(np.int64, _NUMBERS),
+    )  # fmt: skip
+    across.store(made.found, 0, t)
+    across.store(made.found, 1, u)
+    across.store(made.found, 2, v)
+    across.store(made.found, 3, lanes.full_like(t, 1.0))
+    across.store(made.numbers, 0, instance)
+    across.store(made.numbers, 1, primitive)
+    return made
+
+
+@helper
+def met(steps: Walks) -> Hit:
+    """What the rays have met."""
+    total = across.load(steps.found, 3)
+    return Hit(
+        across.load(steps.found, 0), across.load(steps.numbers, 0), across.load(steps.numbers, 1),
+        across.load(steps.found, 1) / total, across.load(steps.found, 2) / total,
+    )  # fmt: skip
+
+
+@helper
+def enter(rays: Rays, steps: Walks, k: int, root: int, top: int) -> None:
+    """Let ray k begin at the root of a mesh's tree, its stack at `top`."""
+    ready(rays, k)
+    go(steps, k, root, top)
+    simd.write(steps.place, 2 * across.WIDTH + k, top)
+
+
+@helper
+def go(steps: Walks, k: int, node: int, top: int) -> None:
+    """Let ray k be at a node, its stack end at `top`."""
+    simd.write(steps.place, k, node)
+    simd.write(steps.place, across.WIDTH + k, top)
+
+
+@helper
+def pop(steps: Walks, start: int, top: int, limit: Any) -> int:
+    """Where the stack ends without what lies beyond `limit`; `start` where nothing is left."""
+    while top > start and simd.read(steps.reaches, top - 1) > limit:
+        top -= 1
+    return top
+
+
 @apart
-def down(tree, root, rays, k, any_hit):
-    """What ray k meets first in the tree at `root`; with `any_hit`, what is found first."""
-    return blocked(tree, root, rays, k) if any_hit else closest(tree, root, rays, k)
+def turns(tree, root, rays, left, any_hit, steps):
+    """What the rays whose bits are set in `left` meet: a step of each in turn, so that none waits for memory."""
+    todo = left
+    while todo != 0:
+        k = simd.trailing_zeros(todo)
+        todo &= todo - 1
+        enter(rays, steps, k, root, k * STACK)
+    while left != 0:
+        todo = left
+        while todo != 0:
+            k = simd.trailing_zeros(todo)
+            todo &= todo - 1
+            if not step(tree, rays, steps, k, 0, any_hit):
+                left &= ~(1 << k)
 
 
 @helper
-def closest(tree: Any, root: int, rays: Rays, k: int) -> Met:
-    """What ray k meets first in the tree at `root`."""
-    nodes, links, leaves, rows = tree.nodes, tree.links, tree.leaves, tree.rows
-    children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
-    box, ray, limit = _box(rays, k), _sheared(rays, k), _single(rays, 6, k)
-    enters, t_min, t_max = _double(rays, 6, k), _double(rays, 7, k), _double(rays, 8, k)
-    t, triangle, u, v = np.inf, np.int64(-1), 0.0, 0.0
-    top, node = np.int64(0), np.int64(root)
-    while True:
-        if node >= 0:
-            near, hits = _enter(nodes, node, box, limit)
-            if hits != 0:
-                node, top = nearest_first(links, node, near, hits, children, reaches, top)
-                continue
-        else:
-            leaf = ~node
-            met = _triangles(leaves, leaf, ray)
-            if simd.any_of(flat.ahead(met, ray.shear[2])):
-                at_t = flat.reached(met, ray.shear[2], t_min, t_max)
-                nearest = simd.min_of(at_t)
-                if nearest <= t and nearest < np.inf:
-                    row = simd.load(rows, leaf * WIDTH, 8)
-                    same = at_t == nearest
-                    number = np.int64(simd.min_of(simd.select(same, simd.to_i64(row), 1 << 40)))
-                    if nearest < t or number < triangle:
-                        lane = simd.trailing_zeros(simd.bits(same & (simd.to_i64(row) == number)))
-                        total = simd.lane(met.total, lane)
-                        t, triangle, u, v = nearest, number, simd.lane(met.v, lane) / total, simd.lane(met.w, lane) / total
-                        limit = np.float32((t - enters) * FAR)
-        while top > 0 and simd.read(reaches, top - 1) > limit:
-            top -= 1
-        if top == 0:
-            return Met(t, triangle, u, v)
-        top -= 1
-        node = np.int64(simd.read(children, top))
+def step(tree: Any, rays: Rays, steps: Walks, k: int, instance: int, any_hit: bool) -> bool:
+    """One node or leaf of ray k's way through a mesh; whether there is more of it."""
+    w = across.WIDTH
+    node, top, start = simd.read(steps.place, k), simd.read(steps.place, w + k), simd.read(steps.place, 2 * w + k)
+    limit = limit_of(rays, k)
+    if node >= 0:
+        near, hits = enter_boxes(tree.nodes, node, box(rays, k), limit)
+        if hits != 0:
+            node, top = nearest_first(tree.links, node, near, hits, steps.children, steps.reaches, top)
+            _fetch(tree, node)
+            go(steps, k, node, top)
+            return True
+    else:
+        hits = touched(tree.leaves, ~node, sieve(rays, k))
+        while hits != 0:
+            j = simd.trailing_zeros(hits)
+            hits &= hits - 1
+            limit = _meet(tree, ~node, j, rays, steps, k, instance, any_hit, limit)
+        simd.write(rays.singles, 6 * w + k, limit)
+    top = pop(steps, start, top, limit)
+    if top == start:
+        return False
+    node = np.int64(simd.read(steps.children, top - 1))
+    _fetch(tree, node)
+    go(steps, k, node, top - 1)
+    return True
 
 
 @helper
-def blocked(tree: Any, root: int, rays: Rays, k: int) -> Met:
-    """The first triangle found in the way of ray k in the tree at `root`."""
-    nodes, links, leaves, rows = tree.nodes, tree.links, tree.leaves, tree.rows
-    children = simd.stack_array(np.int32, DEPTH)
-    box, ray, limit = _box(rays, k), _sheared(rays, k), _single(rays, 6, k)
-    t_min, t_max = _double(rays, 7, k), _double(rays, 8, k)
-    top, node = np.int64(0), np.int64(root)
-    while True:
-        if node >= 0:
-            hits = _enter(nodes, node, box, limit)[1]
-            if hits != 0:
-                links8 = simd.load(links, node * WIDTH, 8)
-                node = np.int64(simd.read(links, node * WIDTH + simd.trailing_zeros(hits)))
-                top = _push(children, top, links8, hits & (hits - 1))
-                continue
-        else:
-            met = _triangles(leaves, ~node, ray)
-            if simd.any_of(flat.ahead(met, ray.shear[2])):
-                at_t = flat.reached(met, ray.shear[2], t_min, t_max)
-                found = simd.bits(at_t < np.inf)
-                if found != 0:
-                    lane = simd.trailing_zeros(found)
-                    total = simd.lane(met.total, lane)
-                    row = np.int64(simd.read(rows, ~node * WIDTH + lane))
-                    return Met(simd.lane(at_t, lane), row, simd.lane(met.v, lane) / total, simd.lane(met.w, lane) / total)
-        if top == 0:
-            return Met(np.inf, np.int64(-1), 0.0, 0.0)
-        top -= 1
-        node = np.int64(simd.read(children, top))
+def _meet(tree: Any, leaf: int, j: int, rays: Rays, steps: Walks, k: int, instance: int, any_hit: bool, limit: Any) -> Any:
+    """Take in triangle j of a leaf, if ray k meets it first; the limit then."""
+    w = across.WIDTH
+    ray = sheared(rays, k)
+    met = crossing(tree.leaves, leaf, j, ray)
+    if not flat.ahead(met, ray.shear[2]):
+        return limit
+    t = flat.reached(met, ray.shear[2], _double(rays, 7, k), _double(rays, 8, k))
+    number = np.int64(simd.read(tree.rows, leaf * WIDTH + j))
+    if not sooner(steps, k, t, instance, number):
+        return limit
+    simd.write(steps.found, k, t)
+    simd.write(steps.found, w + k, met.v)
+    simd.write(steps.found, 2 * w + k, met.w)
+    simd.write(steps.found, 3 * w + k, met.total)
+    simd.write(steps.numbers, k, instance)
+    simd.write(steps.numbers, w + k, number)
+    return np.float32(-np.inf) if any_hit else np.float32((t - _double(rays, 6, k)) * FAR)
+
+
+@helper
+def sooner(steps: Walks, k: int, t: Any, instance: int, primitive: int) -> bool:
+    """Whether ray k meets this before what it has met; of two at one place, that with the lower number."""
+    before = simd.read(steps.found, k)
+    if t != before:
+        return t < before
+    other = simd.read(steps.numbers, k)
+    return t < np.inf and (instance < other or (instance == other and primitive < simd.read(steps.numbers, across.WIDTH + k)))
+
+
+@helper
+def _fetch(tree: Any, node: int) -> None:
+    """Ask for a node or a leaf that will be read soon."""
+    if node < 0:
+        at = ~node * LEAF
+        for line in range(LEAF // 16):
+            simd.prefetch(tree.leaves, at + line * 16)

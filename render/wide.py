@@ -1,8 +1,8 @@
-"""Trees with eight children a node, for one ray against eight boxes or eight triangles at a time.
+"""Trees with sixteen children a node (eight without AVX-512), for one ray against as many boxes or triangles at a time.
 
 Made from binary trees, choosing which of their nodes to keep so that the whole costs least (Ylitie, Karras & Laine, "Efficient
-Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", 2017). A node is six rows of planes and eight links; a leaf, eight
-triangles side by side.
+Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", 2017). A node is six rows of planes and a row of links; a leaf,
+as many triangles side by side.
 """
 
 from __future__ import annotations
@@ -13,18 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import halves, machine, simd
-from .halves import Run, half_area
+from .halves import Part, Run, half_area
 from .kernels import helper, kernel
 
-WIDTH = 8
+WIDTH = 16 if machine.AVX512 else 8  # children of a node, and triangles of a leaf
 NODE = 6 * WIDTH  # planes of a node: rows of low x, high x, low y, high y, low z, high z; of empty places low inf, high -inf
 LEAF = 9 * WIDTH  # coordinates of a leaf: rows of x, y, z of the first corners, then of the second, of the third
-DEPTH = 1024  # of a walk's stack: seven for each of at most 48 levels, and for the halvings of what lies below
-STEP = 0.3  # what going down a level of the binary tree costs, against the test of eight triangles
-TEST = 2.0  # what that costs, against the test of eight boxes
+DEPTH = 2048  # of a walk's stack: up to fifteen for each of at most 48 levels, and for the halvings of what lies below
+STEP = 0.3  # what going down a level of the binary tree costs, against the test of a leaf
+TEST = 2.0  # what that costs, against the test of a node
 SLACK = 2.0**-22  # of the largest coordinate, by which boxes grow: what rounding to float32 does to a ray's origin, four times
 PART = -(1 << 30)  # links of the topmost nodes to parts, before those have their places
 EMPTY = -1 - (1 << 29)
+spread32, spread64 = getattr(simd, f"f32x{WIDTH}"), getattr(simd, f"f64x{WIDTH}")  # a number in as many lanes
 
 
 class Wide(NamedTuple):
@@ -58,7 +59,7 @@ def build(positions: NDArray[np.float32], triangles: NDArray[np.int32], threads:
         return _collapsed(tree, parts, _Mesh(positions, triangles), pool.map)
 
 
-def links(tree: halves.Halves, parts: list[int], run: Run) -> NDArray[np.int32]:
+def links(tree: halves.Halves, parts: list[Part], run: Run) -> NDArray[np.int32]:
     """The links alone of a tree over items without triangles: ~ an item's number where a leaf's would stand."""
     return _collapsed(tree, parts, _Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)), run).links
 
@@ -69,23 +70,25 @@ def _shares(n: int, least: int = 1 << 15) -> list[tuple[int, int]]:
     return [(k, min(k + step, n)) for k in range(0, n, step)]
 
 
-def _collapsed(tree: halves.Halves, parts: list[int], mesh: _Mesh, run: Run) -> Wide:
-    """The tree with eight children a node; its parts, on threads, then stand one behind the other."""
-    costs = np.empty((2 * len(tree.items), WIDTH), np.float32)
-    shares = np.empty((2 * len(tree.items), WIDTH), np.int8)
+def _collapsed(tree: halves.Halves, parts: list[Part], mesh: _Mesh, run: Run) -> Wide:
+    """The tree with eight or more children a node; its parts, on threads, then stand one behind the other."""
     slack = np.float32(SLACK * np.abs(tree.boxes[0][[0, 1, 2, 4, 5, 6]]).max())
-    none = np.zeros(0, np.int64)
+    width = WIDTH if len(mesh.triangles) else 1
 
-    def part(root: int, closed: NDArray[np.int64]) -> Wide:
-        kept = int(share_out(tree, root, closed, WIDTH if len(mesh.triangles) else 1, costs, shares))
+    def collapsed(part: Part, closed: NDArray[np.int64], known: NDArray[np.float32]) -> tuple[Wide, np.float32]:
+        rows = 2 * int(tree.count[part.root])
+        costs, shares = np.empty((rows, WIDTH), np.float32), np.empty((rows, WIDTH), np.int8)
+        kept = int(share_out(tree, *part, closed, known, width, costs, shares))
         made = room(kept, kept if len(mesh.triangles) else 0)
-        nodes, leaves = collapse(tree, root, closed, shares, mesh, slack, made)
-        return Wide(made.nodes[:nodes], made.links[:nodes], made.leaves[:leaves], made.rows[:leaves])
+        nodes, leaves = collapse(tree, *part, closed, shares, mesh, slack, made)
+        return Wide(made.nodes[:nodes], made.links[:nodes], made.leaves[:leaves], made.rows[:leaves]), costs[0, 0]
 
-    made = list(run(lambda root: part(root, none), parts))
-    if parts == [0]:
-        return made[0]
-    made = [part(0, np.array(parts, np.int64)), *made]
+    none = np.zeros(0)
+    below = list(run(lambda part: collapsed(part, none.astype(np.int64), none.astype(np.float32)), parts))
+    if len(parts) == 1:
+        return below[0][0]
+    closed = np.array([part.root for part in parts], np.int64)
+    made = [collapsed(Part(0, 1), closed, np.array([cost for _, cost in below], np.float32))[0], *(one for one, _ in below)]
     node = np.cumsum([0, *(len(one.nodes) for one in made)])
     leaf = np.cumsum([0, *(len(one.leaves) for one in made)])
     top = made[0].links
@@ -135,16 +138,16 @@ def boxes_of(positions, triangles, items, start, end):
             items[i, k] = min(x, min(y, z))
             items[i, 4 + k] = -max(x, max(y, z))
         numbers[i, halves.NUMBER] = i | halves.TAG
-        items[i, 7] = 0.0
+        items[i, halves.COUNT] = 1.0
 
 
 @kernel
-def share_out(tree, root, closed, width, costs, shares):
+def share_out(tree, root, free, closed, known, width, costs, shares):
     """Find what the binary tree below `root` costs at least as a wide one, and how; no more nodes or leaves than are returned.
 
-    costs[s, j - 1] is that of node s as at most j children of another; shares[s, j - 1], how many of them its first half has
-    then, 0 where one less is as good. shares[s, 7] is that of s as a node of its own. Where a leaf costs less, of up to `width` items,
-    s becomes one.
+    Rows of the tables are those of `_row`. costs[i, j - 1] is that of a node as at most j children of another; shares[i, j - 1], how
+    many of them its first half has then, 0 where one less is as good. shares[i, -1] is that of a node of its own. Where a leaf costs
+    less, of up to `width` items, the node becomes one. Those that are `closed` have costs that are `known`.
     """
     order = np.empty(2 * tree.count[root], np.int64)
     order[0], n, done = root, 1, 0
@@ -152,32 +155,39 @@ def share_out(tree, root, closed, width, costs, shares):
         s = order[done]
         done += 1
         if tree.second[s] != 0 and not _is_closed(closed, s):
-            order[n], order[n + 1] = s + 1, tree.second[s]
+            order[n], order[n + 1] = tree.second[s] - 1, tree.second[s]
             n += 2
     best = np.empty(WIDTH + 1, np.float32)
     for k in range(n - 1, -1, -1):
         s = order[k]
+        i = _row(s, root, free)
         area = half_area(simd.load(tree.boxes, s * 8, 8))
         if tree.second[s] == 0 or _is_closed(closed, s):
-            costs[s] = area * np.float32(TEST) if tree.second[s] == 0 else costs[s, 0]
+            costs[i] = area * np.float32(TEST) if tree.second[s] == 0 else known[_number(closed, s)]
             continue
-        a, b = s + 1, np.int64(tree.second[s])
+        b = _row(np.int64(tree.second[s]), root, free)
+        a = b - 1
         for j in range(2, WIDTH + 1):
             best[j] = np.inf
-            for i in range(max(1, j + 1 - WIDTH), min(j, WIDTH)):
-                cost = costs[a, i - 1] + costs[b, j - i - 1]
+            for p in range(max(1, j + 1 - WIDTH), min(j, WIDTH)):
+                cost = costs[a, p - 1] + costs[b, j - p - 1]
                 if cost < best[j]:
-                    best[j], shares[s, j - 1] = cost, i
-        costs[s, 0] = best[WIDTH] + area
-        if tree.count[s] <= width and area * np.float32(TEST) <= costs[s, 0] and s != root:
+                    best[j], shares[i, j - 1] = cost, p
+        costs[i, 0] = best[WIDTH] + area
+        if tree.count[s] <= width and area * np.float32(TEST) <= costs[i, 0] and s != root:
             tree.second[s] = 0
-            costs[s] = area * np.float32(TEST)
+            costs[i] = area * np.float32(TEST)
             continue
         for j in range(2, WIDTH):
-            costs[s, j - 1] = best[j]
-            if costs[s, j - 2] <= best[j]:
-                costs[s, j - 1], shares[s, j - 1] = costs[s, j - 2], 0
+            costs[i, j - 1] = best[j]
+            if costs[i, j - 2] <= best[j]:
+                costs[i, j - 1], shares[i, j - 1] = costs[i, j - 2], 0
     return n
+
+
+@helper
+def _row(s: int, root: int, free: int) -> int:
+    return 0 if s == root else s - free + 1
 
 
 @helper
@@ -189,7 +199,7 @@ def _is_closed(closed: Any, node: int) -> bool:
 
 
 @kernel
-def collapse(tree, root, closed, shares, mesh, slack, out):
+def collapse(tree, root, free, closed, shares, mesh, slack, out):
     """Fill `out` with the nodes and leaves below `root` of a binary tree; how many of both. Closed nodes become links to parts."""
     stack = np.empty((DEPTH, 2), np.int64)
     chosen = np.empty((WIDTH, 2), np.int64)
@@ -198,7 +208,7 @@ def collapse(tree, root, closed, shares, mesh, slack, out):
     while top > 0:
         top -= 1
         node = stack[top, 1]
-        n = _children(tree, stack[top, 0], closed, shares, chosen)
+        n = _children(tree, stack[top, 0], root, free, closed, shares, chosen)
         for i in range(WIDTH):
             if i >= n:
                 for k in range(3):
@@ -231,7 +241,7 @@ def _number(closed: Any, node: int) -> Any:
 
 
 @helper
-def _children(tree: Any, s: int, closed: Any, shares: Any, chosen: Any) -> int:
+def _children(tree: Any, s: int, root: int, free: int, closed: Any, shares: Any, chosen: Any) -> int:
     """Put the children of a node as `share_out` found them into chosen[:, 0]; how many there are."""
     chosen[0, 0], chosen[0, 1] = s, 1
     if tree.second[s] == 0:
@@ -240,13 +250,14 @@ def _children(tree: Any, s: int, closed: Any, shares: Any, chosen: Any) -> int:
     n, i = 1, 0
     while i < n:
         s, j = chosen[i, 0], chosen[i, 1]
-        while j > 1 and shares[s, j - 1] == 0:
+        row = _row(s, root, free)
+        while j > 1 and shares[row, j - 1] == 0:
             j -= 1
         if j == 1 or tree.second[s] == 0 or _is_closed(closed, s):
             i += 1
             continue
-        k = np.int64(shares[s, j - 1])
-        chosen[i, 0], chosen[i, 1] = s + 1, k
+        k = np.int64(shares[row, j - 1])
+        chosen[i, 0], chosen[i, 1] = tree.second[s] - 1, k
         chosen[n, 0], chosen[n, 1] = tree.second[s], j - k
         n += 1
     return n
@@ -266,7 +277,7 @@ def _fill(tree: Any, node: int, mesh: Any, leaves: Any, rows: Any, leaf: int) ->
             rows[leaf, j] = row
         else:
             for k in range(9):
-                leaves[leaf, k * WIDTH + j] = 0.0
+                leaves[leaf, k * WIDTH + j] = np.nan  # which nothing passes through
             rows[leaf, j] = -1
 
 

@@ -110,7 +110,8 @@ def attempt(accel: Any, i: int, origin: Vec, direction: Vec, t_min: Lane, t_max:
         t, primitive, u, v = _mesh(accel, g, np.int64(accel.placed[i, 4]), o, d, t_min, t_max, best.t, any_hit)
         found = Hit(t, found.instance, primitive, u, v)
     else:
-        t, part, u, v = meeting.shape(accel, kind, g, o, d, t_min, lanes.minimum(t_max, best.t))
+        until = lanes.minimum(t_max, best.t + 1e-15 * abs(best.t))  # and no less: of equal meetings the lowest instance counts
+        t, part, u, v = meeting.shape(accel, kind, g, o, d, t_min, until)
         found = Hit(t, found.instance, part, u, v)
     nearer = (found.t < best.t) | ((found.t == best.t) & (found.t < np.inf) & (i < best.instance))
     return Hit(

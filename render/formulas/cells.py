@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler.tapes import CHOICES, INPUTS, Op, arity
-from ..kernels import apart, helper, kernel
+from ..kernels import apart, helper, kernel, maker
 from . import interpreter
 from .calls import interpret
 from .vectors import LANES, ROW
@@ -295,7 +295,7 @@ def _known(names: Any, tapes: Any, number: int, begin: int, count: int) -> int:
     return -1
 
 
-@apart
+@maker
 def place(names, run, tapes, tape):
     """Give each value of a tape a register, and write its rows as interpreters read them. 0, or 2 where there are too few registers."""
     first, n = tapes[tape, 0], tapes[tape, 1]

@@ -23,7 +23,7 @@ from numba.core.runtime.nrt import rtsys
 from numba.extending import register_jitable
 
 from ..compiler import folders
-from . import machine
+from . import haste, machine
 from .fragments import Fragment
 
 _COMPILED_FROM = ("ir.py", "records.py")  # without kernels of their own, but their constants and types are compiled in
@@ -58,6 +58,7 @@ def _prepare_cache() -> Path:
     return folder
 
 
+haste.make()
 CACHE = _prepare_cache()
 config.CACHE_DIR = str(CACHE)  # pyright: ignore[reportAttributeAccessIssue]
 

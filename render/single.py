@@ -33,14 +33,35 @@ def each(
     _store3(kept, 12, direction)
     across.store(kept, 15, t_min)
     across.store(kept, 16, until)
-    rays, steps = walk.room(), walk.walks(best.t, best.instance, best.primitive, best.u, best.v)
-    inside = simd.stack_array(np.int64, _LANES)  # the instance in whose mesh each ray is, or -1
+    steps, inside = walk.walks(best.t, best.instance, best.primitive, best.u, best.v), simd.stack_array(np.int64, _LANES)
     todo = left
     while todo != 0:
         k = simd.trailing_zeros(todo)
         todo &= todo - 1
         simd.write(inside, k, -1)
         walk.go(steps, k, 0, k * walk.STACK)
+    turns(accel, kept, walk.room(), steps, inside, left, visible_bit, any_hit)
+    return walk.met(steps)
+
+
+@helper
+def below(accel: Any, root: int, rays: walk.Rays, left: int, zero: Lane, any_hit: bool) -> Hit:
+    """What the rays whose bits are set in `left` meet in the mesh whose tree begins at `root`, of which nobody asks what instance it is."""
+    nothing = lanes.int_like(zero, -1)
+    steps, inside = walk.walks(zero + np.inf, nothing, nothing, zero, zero), simd.stack_array(np.int64, _LANES)
+    todo = left
+    while todo != 0:
+        k = simd.trailing_zeros(todo)
+        todo &= todo - 1
+        simd.write(inside, k, 0)
+        walk.enter(rays, steps, k, root, k * walk.STACK)
+    turns(accel, simd.stack_array(np.float64, _ROWS), rays, steps, inside, left, 0, any_hit)
+    return walk.met(steps)
+
+
+@apart
+def turns(accel, kept, rays, steps, inside, left, visible_bit, any_hit):
+    """Let rays whose bits are set in `left` go on to their ends; `inside` tells the instances in whose meshes they are, or -1."""
     while left != 0:
         todo = left
         while todo != 0:
@@ -56,7 +77,6 @@ def each(
                 more = _step(accel, kept, rays, steps, inside, k, visible_bit, any_hit)
             if not more:
                 left &= ~(1 << k)
-    return walk.met(steps)
 
 
 @helper

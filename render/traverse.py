@@ -138,10 +138,7 @@ def _mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
 @helper
 def _each(accel: Any, g: int, root: int, rays: walk.Rays, left: int, zero: Lane, any_hit: bool) -> tuple[Lane, Lane, Lane, Lane]:
     """What the rays whose bits are set in `left` meet, each for itself."""
-    nothing = lanes.int_like(zero, -1)
-    steps = walk.walks(zero + np.inf, nothing, nothing, zero, zero)
-    walk.turns(accel.wide, root, rays, left, any_hit, steps)
-    hit = walk.met(steps)
+    hit = single.below(accel, root, rays, left, zero, any_hit)
     return hit.t, hit.primitive, hit.u, hit.v
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from . import across, boxes, lanes, machine, simd
 from . import shapes_flat as flat
-from .kernels import apart, helper
+from .kernels import helper
 from .records import Hit, Lane, Vec
 from .wide import DEPTH, LEAF, NODE, WIDTH, spread32
 
@@ -350,23 +350,6 @@ def pop(steps: Walks, start: int, top: int, limit: Any) -> int:
     while top > start and simd.read(steps.reaches, top - 1) > limit:
         top -= 1
     return top
-
-
-@apart
-def turns(tree, root, rays, left, any_hit, steps):
-    """What the rays whose bits are set in `left` meet: a step of each in turn, so that none waits for memory."""
-    todo = left
-    while todo != 0:
-        k = simd.trailing_zeros(todo)
-        todo &= todo - 1
-        enter(rays, steps, k, root, k * STACK)
-    while left != 0:
-        todo = left
-        while todo != 0:
-            k = simd.trailing_zeros(todo)
-            todo &= todo - 1
-            if not step(tree, rays, steps, k, 0, any_hit):
-                left &= ~(1 << k)
 
 
 @helper

@@ -53,7 +53,7 @@ def _kind_of(value: Any) -> int:
 
 
 def acquire(self: Any) -> None:
-    """_CompilerLock.acquire; events tell of the outermost one alone, and while it is held nobody looks for garbage, of which there is little."""
+    """_CompilerLock.acquire; events tell of the outermost one alone. While it is held nobody looks for garbage: there is little."""
     if self.is_locked():
         self._lock.acquire()
         return

@@ -290,7 +290,9 @@ class SceneBuilder:
     def _transforms(self) -> ir.Transforms:
         matrices = np.stack(self._matrices)
         flips = np.linalg.det(matrices[:, :, :3]) < 0
-        return ir.table_of("transforms", {"matrix": matrices, "inverse": np.stack(self._inverses), "flips": flips})
+        still = np.full(len(matrices), NONE)
+        columns = {"matrix": matrices, "inverse": np.stack(self._inverses), "flips": flips, "first_key": still, "keys": still + 1}
+        return ir.table_of("transforms", columns)
 
     def _add(self, table: str, row: tuple[Any, ...], span: Span | None, name: str) -> int:
         rows = self._rows[table]

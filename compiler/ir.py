@@ -155,6 +155,16 @@ class Transforms(NamedTuple):
     matrix: F64  # (n, 3, 4)
     inverse: F64  # (n, 3, 4)
     flips: Bool  # (n,) determinant < 0
+    first_key: I32  # (n,) row of Keys; -1: it does not move
+    keys: I32  # (n,) how many, evenly from the shutter's opening to its closing; matrix and inverse are the opening's
+
+
+class Keys(NamedTuple):
+    """Transforms that move, taken apart: matrix = [R S | move]; between two keys moves and stretches go straight and turns evenly."""
+
+    move: F64  # (n, 3)
+    turn: F64  # (n, 4) unit quaternion x, y, z, w of R; at most half a turn from the one before
+    stretch: F64  # (n, 3, 3) S
 
 
 class Pools(NamedTuple):
@@ -291,12 +301,14 @@ class Cameras(NamedTuple):
     far: F64  # inf: none
     shift: F64  # (n, 2) share of the picture's width and height
     exposure: F64  # (n,) ev, NaN when not said
+    shutter: F64  # (n,) seconds it is open; keys go to the end of the longest of all cameras
 
 
 class Tables(NamedTuple):
     """All that kernels need, in one value."""
 
     transforms: Transforms
+    keys: Keys
     pools: Pools
     attributes: Attributes
     polygons: Polygons
@@ -387,8 +399,8 @@ class Scene:
 
 _FLOAT64 = {
     "matrix", "inverse", "parameters", "bounds", "origin", "frame", "size", "color_a", "color_b", "gain", "bias", "color", "position",
-    "direction", "cos_cone", "cos_full", "angle", "coefficients", "extent", "aspect", "near", "far", "shift", "exposure", "threshold",
-    "constants",
+    "direction", "cos_cone", "cos_full", "angle", "coefficients", "extent", "aspect", "near", "far", "shift", "exposure",
+    "threshold", "move", "turn", "stretch", "shutter", "constants",
 }  # fmt: skip
 _FLOAT32 = {"positions", "texels"}
 _INT64 = {"first", "first_constant"}
@@ -396,6 +408,9 @@ _BOOL = {"flips", "normalized", "nearest", "shadows"}
 _SHAPE: dict[tuple[str, str], tuple[int, ...]] = {
     ("transforms", "matrix"): (3, 4),
     ("transforms", "inverse"): (3, 4),
+    ("keys", "move"): (3,),
+    ("keys", "turn"): (4,),
+    ("keys", "stretch"): (3, 3),
     ("pools", "positions"): (3,),
     ("pools", "triangles"): (3,),
     ("pools", "loops"): (2,),
@@ -420,7 +435,7 @@ _SHAPE: dict[tuple[str, str], tuple[int, ...]] = {
     ("cameras", "shift"): (2,),
 }
 TABLES: dict[str, type] = {
-    "transforms": Transforms, "pools": Pools, "attributes": Attributes, "polygons": Polygons, "tapes": Tapes,
+    "transforms": Transforms, "keys": Keys, "pools": Pools, "attributes": Attributes, "polygons": Polygons, "tapes": Tapes,
     "geometries": Geometries, "instances": Instances, "materials": Materials, "textures": Textures, "images": Images,
     "lights": Lights, "cameras": Cameras,
 }  # fmt: skip
@@ -454,5 +469,5 @@ def empty_tables() -> Tables:
     """Tables without a row (but the identity transform)."""
     identity = np.eye(3, 4)[None]
     made = {name: table_of(name, {}) for name in TABLES}
-    made["transforms"] = table_of("transforms", {"matrix": identity, "inverse": identity, "flips": [False]})
+    made["transforms"] = table_of("transforms", {"matrix": identity, "inverse": identity, "flips": [False], "first_key": [-1], "keys": [0]})
     return Tables(**made)

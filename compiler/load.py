@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from ..lang import evaluate, tokens
 from ..lang.diagnostics import Diagnostics, Span, suggest
-from . import defaults, folders, ir, lower, sources, store, transforms, validate
+from . import defaults, folders, ir, lower, motion, sources, store, transforms, validate
 from .build import SceneBuilder
 from .files import FileError, Files, resolved
 from .rows import InstanceData
@@ -51,9 +51,12 @@ def load(
         files.find(real.name, what="scene" if suffix in SCENE else "file")
         _refuse_unused(suffix, str(path), sets, time, code, variants, found)
         if suffix in SCENE:
-            scene = _scene(path, real, files, sets or {}, time or 0.0, found, watch)
+            start = time or 0.0
+            scene = _scene(path, real, files, sets or {}, start, found, watch)
+            scene = _blurred(scene, lambda later, said: _scene(path, real, files, sets or {}, start + later, said, watch), found)
         elif suffix in STAGES:
             scene = _stage(path, files, (time, code), variants or {}, found, watch)
+            scene = _blurred(scene, lambda later, said: _stage(path, files, (time, code), variants or {}, said, watch, later), found)
         elif suffix in MESHES:
             scene = _mesh(path, real, files, found, watch)
         elif suffix in SAVED:
@@ -71,6 +74,23 @@ def load(
         scene, _ = validate.validate(scene, found)
     found.raise_if_failed()
     return scene
+
+
+def _blurred(scene: ir.Scene, at: Callable[[float, Diagnostics], ir.Scene], found: Diagnostics) -> ir.Scene:
+    """The scene with what moves while its cameras' shutters are open; `at` compiles it so many seconds later."""
+    if found.failed or motion.shutter(scene) == 0.0:
+        return scene
+
+    def later(seconds: float) -> ir.Scene | None:
+        said = Diagnostics()
+        made = at(seconds, said)
+        if said.failed:
+            message = f"{seconds:.4g} s later, while the shutter is open, the scene has errors: it is drawn as at the opening"
+            found.warning(message, Span(scene.name))
+            return None
+        return made
+
+    return motion.blurred(scene, later, found)
 
 
 class Stopwatch:
@@ -109,12 +129,13 @@ def _scene(path: Path, real: Path, files: Files, sets: Mapping[str, str], time: 
 
 
 def _stage(
-    path: Path, files: Files, moment: tuple[float | None, float | None], variants: Mapping[str, str], found: Diagnostics, watch: Stopwatch
+    path: Path, files: Files, moment: tuple[float | None, float | None], variants: Mapping[str, str], found: Diagnostics, watch: Stopwatch,
+    later: float = 0.0,
 ) -> ir.Scene:  # fmt: skip
     with watch.stage("import"), np.errstate(all="ignore"):
         from . import usd
 
-        return usd.scene(path, SceneBuilder(found, files), time=moment[0], code=moment[1], variants=variants)
+        return usd.scene(path, SceneBuilder(found, files), time=moment[0], code=moment[1], variants=variants, later=later)
 
 
 def _mesh(path: Path, real: Path, files: Files, found: Diagnostics, watch: Stopwatch) -> ir.Scene:

@@ -32,7 +32,8 @@ def camera(lowering: Lowering, element: Element) -> None:
         return
     exposure = math.nan if args["exposure"] is None else args["exposure"]
     data = CameraData(
-        lowering.builder.transform(frame), near=near, far=far, shift=args["shift"], exposure=exposure, name=args["name"] or "", **lens
+        lowering.builder.transform(frame), near=near, far=far, shift=args["shift"], exposure=exposure, shutter=args["shutter"] or 0.0,
+        name=args["name"] or "", **lens
     )
     lowering.builder.camera(data, element.span)
 

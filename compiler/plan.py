@@ -18,6 +18,7 @@ SAMPLES_SHARP = 16  # antialiasing alone
 SAMPLES_SOFT = 64  # antialiasing and lights that have an extent
 MAX_SAMPLES = 4096  # where an adaptive render gives up
 SPECULAR_BOUNCES = 8
+RASTER_MOMENTS = 16  # at which the raster backend draws what moves
 BRUTE_FORCE_INSTANCES = 2  # up to this many analytic shapes a loop is as quick as the tree (9.2 against 8.9 million rays a second at 2)
 BACKENDS = ("ray", "raster", "reference")
 FILTERS = ("box", "tent", "gaussian", "blackman-harris")
@@ -325,6 +326,26 @@ def _opacity(scene: ir.Scene, *_: Any) -> Decision:
     return Decision("opacity", True, reason, fixed="the scene's materials")
 
 
+def moving(tables: ir.Tables, camera: int) -> bool:
+    """Whether something that has keys is seen by a camera, or the camera has, while its shutter is open."""
+    rows = np.append(tables.instances.transform, tables.cameras.transform[camera])
+    return bool(tables.cameras.shutter[camera] > 0.0 and (tables.transforms.first_key[rows] >= 0).any())
+
+
+def _motion(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    tables, row = scene.tables, done["camera"].value
+    shutter = float(tables.cameras.shutter[row])
+    if shutter <= 0.0:
+        return Decision("motion", False, "the shutter is open for no time", fixed="the camera's shutter")
+    if not moving(tables, row):
+        return Decision("motion", False, f"nothing moves in the {shutter:.4g} s that the shutter is open", fixed="the scene's motion")
+    count = int((tables.transforms.first_key[tables.instances.transform] >= 0).sum())
+    camera = ", the camera" if tables.transforms.first_key[tables.cameras.transform[row]] >= 0 else ""
+    things = f"{count} thing{'s' if count != 1 else ''}{camera}"
+    how = "each ray has a time" if done["backend"].value != "raster" else f"drawn at {RASTER_MOMENTS} moments, sample by sample in turn"
+    return Decision("motion", True, f"moving in the {shutter:.4g} s of the shutter: {things}; {how}")
+
+
 def _fill(scene: ir.Scene, *_: Any) -> Decision:
     return Decision("raster.fill", "edges", "exact edge functions; all three cover the same samples", ("edges", "areas", "scanline"))
 
@@ -359,7 +380,7 @@ def _precision(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]
 
 RULES: tuple[Callable[[ir.Scene, ir.Settings, Mapping[str, Decision]], Decision], ...] = (
     _backend, _camera, _size, _crop, _soft, _bounces, _interreflection, _shadows, _error, _budget, _samples, _filter, _seed,
-    _background, _exposure, _view, _aov, _threads, _accelerator, _horizon, _opacity, _tolerance, _fill, _shading, _precision,
+    _background, _exposure, _view, _aov, _threads, _accelerator, _horizon, _opacity, _motion, _tolerance, _fill, _shading, _precision,
 )  # fmt: skip
 
 

@@ -123,6 +123,7 @@ class CameraData:
     far: float = math.inf
     shift: tuple[float, float] = (0.0, 0.0)
     exposure: float = math.nan
+    shutter: float = 0.0
     name: str = ""
 
 

@@ -21,9 +21,11 @@ from .usd_walk import Walk
 
 
 def scene(
-    path: Path, builder: SceneBuilder, *, time: float | None = None, code: float | None = None, variants: Mapping[str, str] | None = None
-) -> ir.Scene:
-    """The scene in a stage. `time` is in seconds from the stage's start, `code` a time code; without either it is read at its earliest.
+    path: Path, builder: SceneBuilder, *, time: float | None = None, code: float | None = None, variants: Mapping[str, str] | None = None,
+    later: float = 0.0,
+) -> ir.Scene:  # fmt: skip
+    """The scene in a stage. `time` is in seconds from the stage's start, `code` a time code; without either it is read at its earliest;
+    `later` seconds are added to it.
 
     Cameras are all there, by their paths: the first is main_cam, or one that frames everything as usdrecord does. A stage without
     lights is lit from that camera. Lengths are the stage's own units. What is wrong goes to the builder's diagnostics.
@@ -31,6 +33,7 @@ def scene(
     opened = open_(path, str(path), builder.diagnostics, None, seconds=time, time=code, variants=variants)
     if opened is None or builder.diagnostics.failed:
         return builder.finish(str(path))
+    opened.wait(later)
     reports = Reports(path)
     walk = Walk(opened, builder)
     with np.errstate(all="ignore"):  # what is not finite is found by those who use it

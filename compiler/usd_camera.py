@@ -46,10 +46,17 @@ def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: 
             ir.Projection.PERSPECTIVE if perspective else ir.Projection.ORTHOGRAPHIC,
             aspect=width / height, near=max(near, 0.0) if perspective else near, far=far,
             shift=(lens.horizontalApertureOffset / width, lens.verticalApertureOffset / height),
-            exposure=exposure or math.nan, name=str(prim.GetPath()),
+            exposure=exposure or math.nan, shutter=_shutter(prim, opened), name=str(prim.GetPath()),
         ),
         span,
     )  # fmt: skip
+
+
+def _shutter(prim: Any, opened: Opened) -> float:
+    """Seconds that a camera's shutter is open; it opens at the time that is drawn."""
+    begin, end = (usd_stage.number(prim.GetAttribute(f"shutter:{name}"), opened.time) for name in ("open", "close"))
+    codes = opened.stage.GetTimeCodesPerSecond()
+    return (end - begin) / codes if codes > 0 and begin < end < math.inf else 0.0
 
 
 def upright(matrix: np.ndarray) -> np.ndarray:

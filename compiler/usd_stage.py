@@ -33,6 +33,12 @@ class Opened:
     meters_per_unit: float
     within: Files | None = None  # what it may read where a .scene uses it; a stage that is rendered itself is the user's choice
 
+    def wait(self, seconds: float) -> None:
+        """Read it so much later; a stage that is read at its earliest time, from its start."""
+        if seconds:
+            begin = self.stage.GetStartTimeCode() if self.time == Usd.TimeCode.EarliestTime() else self.time.GetValue()
+            self.time = Usd.TimeCode(begin + seconds * self.stage.GetTimeCodesPerSecond())
+
     def span(self, prim: Any) -> Span:
         return Span(f"{self.name}<{prim.GetPath()}>")
 

@@ -54,6 +54,7 @@ _FINITE = (
     ("textures", "color_b"), ("textures", "gain"), ("textures", "bias"), ("lights", "color"), ("lights", "position"),
     ("lights", "direction"), ("lights", "size"), ("lights", "cos_cone"), ("lights", "cos_full"), ("lights", "angle"),
     ("lights", "coefficients"), ("cameras", "extent"), ("cameras", "aspect"), ("cameras", "near"), ("cameras", "shift"),
+    ("cameras", "shutter"), ("keys", "move"), ("keys", "turn"), ("keys", "stretch"),
 )  # fmt: skip
 _APART = {"pools": (), "images": ("texels",)}  # columns with a length of their own; () is all of them
 
@@ -131,7 +132,7 @@ class Check:
 
 _SINGULAR = {
     "geometries": "shape", "instances": "instance", "materials": "material", "textures": "texture", "lights": "light",
-    "cameras": "camera", "attributes": "attribute", "images": "image", "transforms": "transform",
+    "cameras": "camera", "attributes": "attribute", "images": "image", "transforms": "transform", "keys": "key",
 }  # fmt: skip
 
 
@@ -237,7 +238,21 @@ def _transforms(check: Check) -> None:
         check.set("transforms", "flips", determinants < 0)
 
 
+def _keys(check: Check) -> None:
+    table, keys = check.tables["transforms"], check.tables["keys"]
+    first, count = table["first_key"], table["keys"]
+    moving = first >= 0
+    check.bad("transforms", moving & ((count < 2) | (first.astype(np.int64) + count > check.rows("keys"))), "its keys are not there")
+    check.bad("transforms", ~moving & (count != 0), "it has keys and does not move")
+    check.bad("keys", ~(np.abs(np.linalg.norm(keys["turn"], axis=1) - 1.0) < 1e-6), "its turn is no unit quaternion")
+    determinants = np.linalg.det(keys["stretch"])
+    for row in np.flatnonzero(moving).tolist() if not check.errors else ():
+        signs = np.sign(determinants[first[row] : first[row] + count[row]])
+        check.bad("transforms", (np.arange(len(first)) == row) & ((signs != signs[0]).any() or signs[0] == 0), "it flattens on its way")
+
+
 def _meaning(check: Check) -> None:
+    _keys(check)
     _shapes(check)
     _materials(check)
     _lights(check)
@@ -323,6 +338,7 @@ def _cameras(check: Check) -> None:
     check.bad("cameras", t["aspect"] < 0, "its aspect is negative")
     check.bad("cameras", ~((t["near"] >= 0) & (t["far"] > t["near"])), "its near and far are in the wrong order")
     check.bad("cameras", np.isinf(t["exposure"]), "its exposure is not finite")
+    check.bad("cameras", t["shutter"] < 0, "its shutter is open for less than no time")
 
 
 def _settings(check: Check) -> None:

@@ -541,7 +541,7 @@ CAMERA = Entry(
         Arg("name", "string", None, "for --camera", keyword=True),
         Arg("aperture", "number", None, "f-stop", keyword=True, planned=True),
         Arg("focus", "length", None, "distance in focus", keyword=True, planned=True),
-        Arg("shutter", "time", None, "how long it is open", keyword=True, planned=True),
+        Arg("shutter", "time", None, "how long it stays open from `time` on: what moves meanwhile blurs", minimum=0.0, keyword=True),
     ),
     exclusive=(("fov", "focal", "width"),),
 )

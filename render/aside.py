@@ -1,4 +1,4 @@
-"""Things that stand aside from the tree over instances, in one of their own: those that are not wholly there.
+"""Things that stand aside from the tree over instances, in one of their own: those that move, or are not wholly there.
 
 A ray first goes through the other things, as in scenes without such; then, as far as it got, by itself through this tree. A surface's
 opacity is asked inside of the walk: where it is 0 nothing is met, and to a shadow ray each surface is a share of the light that it
@@ -11,13 +11,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import types
+from numba.extending import overload
 
-from . import across, boxes, lanes, meeting, opacity, shapes, simd, surface, traverse, walk
+from . import across, boxes, lanes, meeting, opacity, placed, shapes, simd, surface, traverse, walk
 from . import shapes_flat as flat
 from .bvh import REACH
 from .handles import Handle, HandleType
-from .kernels import helper
-from .links import Linked
+from .kernels import HELPER, helper
+from .links import FLOAT, Linked
 from .records import Hit, Lane, Ray, Vec
 from .single import MESH
 from .wide import DEPTH, WIDTH, spread64
@@ -33,13 +34,27 @@ def is_used(accel: Any) -> bool:
     return found is not None and found[1] != ()
 
 
+def asks(accel: Any) -> bool:
+    """Whether some of it has an opacity that is asked."""
+    return is_used(accel) and accel.field("aside.cover")[1] != ()
+
+
+def moves(accel: Any) -> bool:
+    """Whether some of it moves."""
+    return is_used(accel) and accel.field("aside.moving")[1] != ()
+
+
 def link(accel: Handle) -> None:
     """Compile or load what goes through packed trees, and tell them where it is."""
     meeting.link(accel)
     search = traverse.search.link(accel.numba_type, *traverse.SEARCH)
     if is_used(accel.numba_type):
         accel.put("aside.plain", search)
-        accel.put("aside.cover", covering.link(accel.numba_type, _VEC, _VEC, types.float64, *(types.int64,) * 2, *(types.float64,) * 2))
+        if asks(accel.numba_type):
+            hit = types.float64, types.int64, types.int64, types.float64, types.float64, types.float64
+            accel.put("aside.cover.address", covering.link(accel.numba_type, _VEC, _VEC, *hit))
+        if moves(accel.numba_type):
+            accel.put("aside.moving.address", through_moving.link(accel.numba_type, *traverse.SEARCH, FLOAT))
         search = through_all.link(accel.numba_type, *traverse.SEARCH)
     accel.put("search", search)
 
@@ -47,15 +62,44 @@ def link(accel: Handle) -> None:
 # --- how much of a surface is there ---------------------------------------------------------------------------------------
 
 
-def _cover(accel, origin, direction, t, instance, primitive, u, v):
+def _cover(accel, origin, direction, t, instance, primitive, u, v, time):
     """How much of instance's surface is there where a ray meets it."""
     tables = accel.aside.tables
-    point = surface.at(tables, Ray(origin, direction, 0.0, np.inf), Hit(t, instance, primitive, u, v))
+    point = surface.at(tables, Ray(origin, direction, 0.0, np.inf, time), Hit(t, instance, primitive, u, v))
     return opacity.at(tables, point)
 
 
 covering = Linked(_cover)
 cover = covering.call
+
+
+def _there(accel: Any, ray: One, t: Any, i: int, primitive: int, u: Any, v: Any) -> Any:
+    """How much of instance i is there where a ray meets it, in kernels."""
+    raise NotImplementedError
+
+
+@overload(_there, jit_options=HELPER)
+def _there_in_kernels(accel, ray, t, i, primitive, u, v):
+    if not asks(accel):
+        return lambda accel, ray, t, i, primitive, u, v: 1.0
+
+    def ask(accel, ray, t, i, primitive, u, v):
+        if not accel.aside.partial[i]:
+            return 1.0
+        when = _known(ray.time)
+        return cover(accel.aside.cover.address, (accel, ray.origin, ray.direction, t, i, primitive, u, v, when))  # pyright: ignore
+
+    return ask
+
+
+def _known(time: Any) -> Any:
+    """The time, the opening's where there is none."""
+    raise NotImplementedError
+
+
+@overload(_known, jit_options=HELPER)
+def _known_in_kernels(time):
+    return (lambda time: 0.0) if isinstance(time, types.NoneType) else lambda time: time
 
 
 # --- one ray ----------------------------------------------------------------------------------------------------------------
@@ -68,6 +112,7 @@ class One(NamedTuple):
     direction: Vec
     t_min: Any
     t_max: Any
+    time: Any  # None: as at the shutter's opening
 
 
 class First(NamedTuple):
@@ -145,8 +190,8 @@ def _meet(accel: Any, i: int, ray: One, limit: Any, visible_bit: int, any_hit: b
     if (accel.placed[i, 0] & visible_bit) == 0:
         return _nothing(share)
     row, g, kind = accel.placed[i, 1], accel.placed[i, 2], accel.placed[i, 3]
-    o = lanes.transform_point(accel.inverse, row, ray.origin)
-    d = lanes.transform_vector(accel.inverse, row, ray.direction)
+    inverse = placed.at(accel.aside.tables, row, ray.time).inverse
+    o, d = lanes.point_by(inverse, ray.origin), lanes.vector_by(inverse, ray.direction)
     if kind == MESH:
         o = lanes.sub(o, (accel.origin[g, 0], accel.origin[g, 1], accel.origin[g, 2]))
         ready = boxes.local_ray(o, d)
@@ -170,9 +215,7 @@ def _on_shape(accel: Any, i: int, kind: int, g: int, o: Vec, d: Vec, ray: One, l
             onward = t
         if not t <= limit or t == np.inf:
             return _nothing(share)
-        there = 1.0
-        if accel.aside.partial[i]:
-            there = cover(accel.aside.cover, (accel, ray.origin, ray.direction, t, i, np.int64(part), u, v))  # pyright: ignore
+        there = _there(accel, ray, t, i, np.int64(part), u, v)
         if any_hit:
             share *= 1.0 - there
             if share > 0.0:
@@ -184,7 +227,7 @@ def _on_shape(accel: Any, i: int, kind: int, g: int, o: Vec, d: Vec, ray: One, l
 @helper
 def _in_mesh(accel: Any, i: int, ray: One, enters: Any, any_hit: bool, share: Any, rays: walk.Rays) -> First:
     """`_meet` for a mesh's tree, as walk.step goes through it."""
-    tree, root, asked = accel.wide, np.int64(accel.placed[i, 4]), accel.aside.partial[i]
+    tree, root = accel.wide, np.int64(accel.placed[i, 4])
     children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
     walk.ready(rays, 0)
     box, sieve, sheared, limit = walk.box(rays, 0), walk.sieve(rays, 0), walk.sheared(rays, 0), walk.limit_of(rays, 0)
@@ -208,9 +251,7 @@ def _in_mesh(accel: Any, i: int, ray: One, enters: Any, any_hit: bool, share: An
                 if t == np.inf or not (any_hit or t < best.t or (t == best.t and number < best.primitive)):
                     continue
                 u, v = met.v / met.total, met.w / met.total
-                there = 1.0
-                if asked:
-                    there = cover(accel.aside.cover, (accel, ray.origin, ray.direction, t, i, number, u, v))  # pyright: ignore
+                there = _there(accel, ray, t, i, number, u, v)
                 if any_hit:
                     share *= 1.0 - there
                     if share <= 0.0:
@@ -231,6 +272,34 @@ def _in_mesh(accel: Any, i: int, ray: One, enters: Any, any_hit: bool, share: An
 
 def _search(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit):
     """As traverse.search, through all things; with `any_hit`, u is the share of light that passes where instance is -1."""
+    return _at_opening(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit)
+
+
+def _at_opening(accel: Any, *ray: Any) -> Hit:
+    """`_both` for rays without a time, in kernels: where things move, as at the shutter's opening, without compiling all of it again."""
+    raise NotImplementedError
+
+
+@overload(_at_opening, jit_options=HELPER)
+def _at_opening_in_kernels(accel, *ray):
+    if not moves(accel):
+        return lambda accel, *ray: _both(accel, *ray, None)
+
+    def at_opening(accel, *ray):
+        return find_moving(accel.aside.moving.address, (accel,) + ray + (0.0 * ray[2],))  # pyright: ignore
+
+    return at_opening
+
+
+def _search_moving(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit, time):
+    """The same for rays that have a time."""
+    return _both(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit, time)
+
+
+@helper
+def _both(
+    accel: Any, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane, active: Lane, visible_bit: int, any_hit: bool, time: Lane | None
+) -> Hit:
     best = traverse.find(accel.aside.plain, (accel, origin, direction, t_min, t_max, active, visible_bit, any_hit))  # pyright: ignore
     until = lanes.where(active, lanes.minimum(best.t, t_max), -np.inf)
     zero = lanes.full_like(t_min, 0.0)
@@ -240,16 +309,18 @@ def _search(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit
     left = across.bits(until > t_min)
     if left == 0:
         return best
-    return _each(accel, origin, direction, t_min, t_max, until, left, visible_bit, any_hit, best)
+    return _each(accel, origin, direction, t_min, t_max, until, left, visible_bit, any_hit, time, best)
 
 
-through_all = Linked(_search)
+through_all, through_moving = Linked(_search), Linked(_search_moving)
+find_moving = through_moving.call
 
 
 @helper
 def _each(
-    accel: Any, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane, until: Lane, left: int, visible_bit: int, any_hit: bool, best: Hit
-) -> Hit:
+    accel: Any, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane, until: Lane, left: int, visible_bit: int, any_hit: bool,
+    time: Lane | None, best: Hit,
+) -> Hit:  # fmt: skip
     """`best`, or what the rays whose bits are set in `left` meet aside, where that comes first."""
     kept, found = simd.stack_array(np.float64, _KEPT), simd.stack_array(np.float64, _FOUND)
     numbers = simd.stack_array(np.int64, _NUMBERS)
@@ -267,7 +338,7 @@ def _each(
     while left != 0:
         k = simd.trailing_zeros(left)
         left &= left - 1
-        ray = One(_at3(kept, 0, k), _at3(kept, 3, k), _at(kept, 6, k), _at(kept, 7, k))
+        ray = One(_at3(kept, 0, k), _at3(kept, 3, k), _at(kept, 6, k), _at(kept, 7, k), _of(time, k))
         first = _through(accel, ray, _at(kept, 8, k), visible_bit, any_hit, rays)
         t = simd.read(found, k)
         if any_hit:
@@ -283,6 +354,16 @@ def _each(
         simd.write(numbers, k, first.instance)
         simd.write(numbers, _LANES + k, first.primitive)
     return Hit(across.load(found, 0), across.load(numbers, 0), across.load(numbers, 1), across.load(found, 1), across.load(found, 2))
+
+
+def _of(time: Lane | None, k: int) -> Any:
+    """Lane k of rays' times, in kernels."""
+    raise NotImplementedError
+
+
+@overload(_of, jit_options=HELPER)
+def _of_in_kernels(time, k):
+    return (lambda time, k: None) if isinstance(time, types.NoneType) else lambda time, k: across.lane(time, k)
 
 
 @helper

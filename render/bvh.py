@@ -14,18 +14,25 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler import plan as planner
-from . import kept, top, wide
+from . import kept, placed, top, wide
 from .formulas import fields
 from .formulas.fields import Forms
 from .top import Top
 from .wide import Wide
 
 FINE, REACH = 6, 7  # columns of `boxes`
+_SWEEP = 0.25  # radians between moments at which the place of what turns is computed
 SLACK = 1e-12  # of its coordinates, by which an instance's box grows: transforms round
 
 
 class Nothing(NamedTuple):
     """No thing stands aside."""
+
+
+class Call(NamedTuple):
+    """Where a linked kernel is."""
+
+    address: int = 0
 
 
 class Aside(NamedTuple):
@@ -36,7 +43,8 @@ class Aside(NamedTuple):
     partial: NDArray[np.bool_]  # (instances,) whether a thing's opacity is to be asked
     tables: ir.Tables
     plain: int = 0  # address of traverse.search, which goes through all other things
-    cover: int = 0  # address of aside.covering
+    cover: Any = Nothing()  # the Call of aside.covering, if some are partial
+    moving: Any = Nothing()  # the Call of aside.through_moving, if some move
 
 
 class Bvh(NamedTuple):
@@ -60,21 +68,23 @@ class Bvh(NamedTuple):
     meet: int = 0  # address of formulas.meet, where there are formula surfaces
 
 
-def build(tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool = True) -> Bvh:
+def build(tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool = True, moves: bool = True) -> Bvh:
     """The trees of a scene, the same on any number of threads (0: all).
 
-    With `brute` there is none over the instances: each is tried. Meshes' trees are taken from those that are kept, and kept, if `keep`.
+    With `moves`, things that have keys move, else they stand as at the shutter's opening. With `brute` there is none over the instances:
+    each is tried. Meshes' trees are taken from those that are kept, and kept, if `keep`.
     """
     geometries, instances = tables.geometries, tables.instances
     used = instances.geometry[geometries.kind[instances.geometry] == ir.GeometryKind.MESH]
     meshes, roots, fine = mesh_trees(tables, np.unique(used), threads, kept.tree if keep else wide.build)
-    boxes = world_bounds(tables)
+    boxes = swept_bounds(tables) if moves else world_bounds(tables)
     kind = geometries.kind[instances.geometry]
     root = roots[instances.geometry]
     drawable = (kind != ir.GeometryKind.MESH) | (root >= 0)
     bounded = np.logical_and(np.isfinite(boxes).all(axis=1), not brute)
     partial = planner.partial(tables)[instances.material]
-    plain = drawable & ~partial
+    moving = tables.transforms.first_key[instances.transform] >= 0
+    plain = drawable & ~partial & ~(moving & moves)
     inside = np.flatnonzero(plain & bounded).astype(np.int32)
     placed = np.stack([instances.visible, instances.transform, instances.geometry, kind, root], axis=1)
     return Bvh(
@@ -88,14 +98,20 @@ def build(tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool =
         parameters=geometries.parameters,
         origin=geometries.origin,
         forms=fields.forms(tables),
-        aside=_aside(tables, boxes, drawable & partial, bounded, threads) if partial.any() else Nothing(),
+        aside=_aside(tables, boxes, drawable & ~plain, bounded, partial, moves and bool(moving.any()), threads),
     )
 
 
-def _aside(tables: ir.Tables, boxes: NDArray[np.float64], which: NDArray[np.bool_], bounded: NDArray[np.bool_], threads: int) -> Aside:
+def _aside(
+    tables: ir.Tables, boxes: NDArray[np.float64], which: NDArray[np.bool_], bounded: NDArray[np.bool_], partial: NDArray[np.bool_],
+    moving: bool, threads: int,
+) -> Aside | Nothing:  # fmt: skip
     """The instances told of by `which` aside."""
+    if not which.any():
+        return Nothing()
     inside, endless = (np.flatnonzero(which & chosen).astype(np.int32) for chosen in (bounded, ~bounded))
-    return Aside(top.build(boxes, inside, threads), endless, which, tables)
+    cover, through = Call() if partial.any() else Nothing(), Call() if moving else Nothing()
+    return Aside(top.build(boxes, inside, threads), endless, partial, tables, cover=cover, moving=through)
 
 
 def world_bounds(tables: ir.Tables) -> NDArray[np.float64]:
@@ -110,6 +126,36 @@ def world_bounds(tables: ir.Tables) -> NDArray[np.float64]:
         magnitude = np.einsum("nij,nj->ni", np.abs(matrix[:, :, :3]), np.abs(middle)) + np.abs(matrix[:, :, 3]) + reach
         reach = reach + SLACK * magnitude.max(axis=1, keepdims=True, initial=0.0)
     return np.concatenate([centre - reach, centre + reach], axis=1)
+
+
+def swept_bounds(tables: ir.Tables) -> NDArray[np.float64]:
+    """As `world_bounds`, of all places that things pass between the shutter's opening and its closing.
+
+    Between moments at which a corner's place is computed, it strays from the line between them by at most h²/8 of its acceleration:
+    ω² r + 2 ω r' for a turn of ω radians and a corner at r that stretches by r' a key.
+    """
+    boxes, instances, keys = world_bounds(tables), tables.instances, tables.keys
+    first, count = tables.transforms.first_key[instances.transform], tables.transforms.keys[instances.transform]
+    for i in np.flatnonzero(first >= 0):
+        bounds = tables.geometries.bounds[instances.geometry[i]]
+        corners = np.array([[bounds[k >> axis & 1, axis] for axis in range(3)] for k in range(8)])
+        for key in range(first[i], first[i] + count[i] - 1):
+            turn = 2.0 * np.arccos(np.clip(keys.turn[key] @ keys.turn[key + 1], -1.0, 1.0))
+            parts = int(np.ceil(turn / _SWEEP)) or 1
+            with np.errstate(invalid="ignore"):
+                ends = [corners @ keys.stretch[k].T for k in (key, key + 1)]
+                reach = max(np.linalg.norm(end, axis=1).max() for end in ends)
+                stray = (turn * turn * reach + 2.0 * turn * np.linalg.norm(ends[1] - ends[0], axis=1).max()) / (8.0 * parts * parts)
+                at = _between(keys, key, np.arange(parts + 1) / parts) @ np.vstack([corners.T, np.ones(8)])
+                stray += SLACK * (np.abs(at).max() + reach)
+                boxes[i, :3] = np.minimum(boxes[i, :3], at.min(axis=(0, 2)) - stray)
+                boxes[i, 3:] = np.maximum(boxes[i, 3:], at.max(axis=(0, 2)) + stray)
+    return boxes
+
+
+def _between(keys: ir.Keys, key: int, shares: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 3, 4) places at shares (n,) of the way from a key to the next."""
+    return np.stack(placed.between(keys, key, np.full(len(shares), 2), shares), axis=1).reshape(-1, 3, 4)
 
 
 def mesh_trees(

@@ -5,11 +5,13 @@ Picture coordinates are in pixels from the top left; (0.5, 0.5) is the first pix
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import lanes
+from . import lanes, placed
 from .kernels import helper
 from .records import Lane, Ray, Tables, Vec, View
 
@@ -39,24 +41,26 @@ def image_plane(tables: Tables, view: View, x: Lane, y: Lane) -> tuple[Lane, Lan
 
 
 @helper
-def ray(tables: Tables, view: View, x: Lane, y: Lane) -> Ray:
-    """The ray through pixel coordinates x, y; its ends are the near and far planes. An orthographic one without near has no start."""
+def ray(tables: Tables, view: View, x: Lane, y: Lane, time: Any = None) -> Ray:
+    """The ray through pixel coordinates x, y; its ends are the near and far planes. An orthographic one without near has no start.
+
+    `time` as in Ray: where the camera is then.
+    """
     cameras = tables.cameras
     c = view.camera
     px, py = image_plane(tables, view, x, y)
     zero = lanes.full_like(px, 0.0)
-    row = cameras.transform[c]
-    matrix = tables.transforms.matrix
+    matrix = placed.at(tables, cameras.transform[c], time).matrix
     if cameras.projection[c] == PERSPECTIVE:
         local = (px, py, zero - 1.0)
         stretch = lanes.length(local)  # of the axis' metres to the ray's
-        origin = lanes.transform_point(matrix, row, (zero, zero, zero))
-        direction = lanes.normalize(lanes.transform_vector(matrix, row, local))
-        return Ray(origin, direction, cameras.near[c] * stretch, cameras.far[c] * stretch)
-    origin = lanes.transform_point(matrix, row, (px, py, zero))
-    direction = lanes.normalize(lanes.transform_vector(matrix, row, (zero, zero, zero - 1.0)))
+        origin = lanes.point_by(matrix, (zero, zero, zero))
+        direction = lanes.normalize(lanes.vector_by(matrix, local))
+        return Ray(origin, direction, cameras.near[c] * stretch, cameras.far[c] * stretch, time)
+    origin = lanes.point_by(matrix, (px, py, zero))
+    direction = lanes.normalize(lanes.vector_by(matrix, (zero, zero, zero - 1.0)))
     start = cameras.near[c] if cameras.near[c] > 0.0 else -np.inf
-    return Ray(origin, direction, zero + start, zero + cameras.far[c])
+    return Ray(origin, direction, zero + start, zero + cameras.far[c], time)
 
 
 @helper

@@ -8,7 +8,7 @@ from typing import Any
 
 from ..compiler import ir
 from ..compiler.plan import Plan
-from . import film, kernels, prepare, records
+from . import film, kernels, moments, prepare, records
 from .image import Image
 
 Progress = Callable[[int, int], None]  # tiles done, tiles in all
@@ -27,10 +27,16 @@ def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: 
     backend = plan["backend"]
     with kernels.timed(seconds, "build"):
         backend_of, notes_of = _backend(backend)
-        renderer = backend_of(prepare.prepare(scene, plan, view), plan, view)
+
+        def still(scene: ir.Scene) -> Any:
+            return backend_of(prepare.prepare(scene, plan, view), plan, view)
+
+        by_moments = backend == "raster" and plan["motion"]
+        renderer = moments.Renderer(scene, plan, view, still) if by_moments else still(scene)
     with kernels.timed(seconds, "render"):
         image = film.run(renderer, plan, view, progress, cancel)
-    image.metadata.update(backend=backend, seconds=seconds, notes=notes_of(scene, plan))
+    notes = notes_of(scene, plan) + (moments.notes(scene, plan) if by_moments else [])
+    image.metadata.update(backend=backend, seconds=seconds, notes=notes)
     return image
 
 

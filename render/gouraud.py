@@ -100,10 +100,10 @@ def at_vertex(
 def _vertex_from(tables: Tables, hit: Hit, side: float) -> Surface:
     """The surface at a vertex as a ray sees it that comes from straight above (side 1) or below (-1) the triangle."""
     zero = hit.t
-    any_ray = Ray((zero, zero, zero), (zero, zero, zero + 1.0), zero, zero + np.inf)
+    any_ray = Ray((zero, zero, zero), (zero, zero, zero + 1.0), zero, zero + np.inf, None)
     here = surface.at(tables, any_ray, hit)
     above = lanes.scale(here.geometric, lanes.where(here.front, side, -side))
-    ray = Ray(lanes.add(here.position, above), lanes.negate(above), zero, zero + np.inf)
+    ray = Ray(lanes.add(here.position, above), lanes.negate(above), zero, zero + np.inf, None)
     return surface.at(tables, ray, Hit(zero + 1.0, hit.instance, hit.primitive, hit.u, hit.v))
 
 

@@ -63,10 +63,7 @@ class Handle:
 
     def put(self, name: str, number: int) -> None:
         """Change a whole number of the packed tuple, or of a tuple in it ("inner.name"), before kernels have read it."""
-        found, layout = None, self.numba_type.layout
-        for part in name.split("."):
-            found = next(((word, what) for known, word, what in layout if known == part), None)
-            layout = found[1] if found and isinstance(found[1], tuple) else ()
+        found = self.numba_type.field(name)
         if found is None or found[1] != "int":
             raise ValueError(f"{name} is no whole number of this tuple")
         self._block[found[0]] = number
@@ -98,7 +95,12 @@ class HandleType(types.Type):
         super().__init__(name=f"Handle{hashlib.sha256(repr(layout).encode()).hexdigest()[:12]}")
 
     def field(self, name: str) -> tuple[int, Any] | None:
-        return next(((word, what) for known, word, what in self.layout if known == name), None)
+        """(word, what) of a field, or of one of a tuple in place: "outer.inner"."""
+        found, layout = None, self.layout
+        for part in name.split("."):
+            found = next(((word, what) for known, word, what in layout if known == part), None)
+            layout = found[1] if found and isinstance(found[1], tuple) else ()
+        return found
 
 
 def _numba_type(what: Any) -> types.Type:

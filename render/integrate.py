@@ -14,7 +14,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import across, aside, lanes, lights, materials, opacity, sampler, surface, trace
+from . import across, aside, lanes, lights, materials, opacity, placed, sampler, surface, trace
 from .handles import Handle
 from .kernels import HELPER, helper
 from .links import FLOAT, INT, VEC, Linked
@@ -93,7 +93,7 @@ def radiance(
         if lanes.not_(lanes.any_lane(active)):
             break
         waiting = lanes.where(active, waiting - 1, waiting)
-        ray, weight, left, kind, key = _pop(stack, waiting)
+        ray, weight, left, kind, key = _pop(stack, waiting, ray.time)
         hit = trace.closest(accel, tables, ray, active, OTHER_RAY)
         seen = active & (hit.instance >= 0)
         missed = active & lanes.not_(hit.instance >= 0) & (kind >= SPECULAR_RAY)
@@ -109,20 +109,29 @@ def radiance(
 
 
 def _radiance(tables, accel, gouraud, options, origin, direction, t, instance, primitive, u, v, pixel, sample, stack):
-    ray = Ray(origin, direction, 0.0 * t, 0.0 * t + np.inf)
+    ray = Ray(origin, direction, 0.0 * t, 0.0 * t + np.inf, None)
+    return _walk(tables, accel, gouraud, options, ray, Hit(t, instance, primitive, u, v), pixel, sample, stack)
+
+
+def _moving(tables, accel, gouraud, options, origin, direction, t, instance, primitive, u, v, pixel, sample, stack, time):
+    ray = Ray(origin, direction, 0.0 * t, 0.0 * t + np.inf, time)
     return _walk(tables, accel, gouraud, options, ray, Hit(t, instance, primitive, u, v), pixel, sample, stack)
 
 
 _walk = helper(radiance)
 linked = Linked(_radiance)  # one compiled body for all backends, kept on disk by itself
 call = linked.call
+linked_moving = Linked(_moving)  # the same where rays have a time
+call_moving = linked_moving.call
 
 
 def link(frame: Handle, tables: Handle, accel: Handle, gouraud: Handle) -> None:
     """Compile or load `radiance` for what a picture is drawn from, and tell its frame where it is."""
     stack = types.Array(types.float64, 3, "C")
     packed = tables.numba_type, accel.numba_type, gouraud.numba_type, frame.part("options")
-    frame.put("radiance", linked.link(*packed, VEC, VEC, FLOAT, INT, INT, FLOAT, FLOAT, INT, INT, stack))
+    kinds = *packed, VEC, VEC, FLOAT, INT, INT, FLOAT, FLOAT, INT, INT, stack
+    moving = placed.is_open(frame.part("shutter"))
+    frame.put("radiance", linked_moving.link(*kinds, FLOAT) if moving else linked.link(*kinds))
 
 
 # --- where rays leave the scene -----------------------------------------------------------------------------------------
@@ -263,7 +272,7 @@ def leaving(point: Surface, direction: Vec, distance: Lane) -> Ray:
     """A ray from a surface that does not meet the place it leaves."""
     side = lanes.sign_of(lanes.dot(direction, point.geometric))
     origin = lanes.along(point.position, point.geometric, side * point.offset)
-    return Ray(origin, direction, 0.0 * point.offset, distance)
+    return Ray(origin, direction, 0.0 * point.offset, distance, point.time)
 
 
 # --- rays that go on ----------------------------------------------------------------------------------------------------
@@ -339,7 +348,7 @@ def shown(accel: Any, *of: Any) -> Lane:
 
 @overload(shown, jit_options=HELPER)
 def _shown_in_kernels(accel, *of):
-    return (lambda accel, *of: _shown(accel, *of)) if aside.is_used(accel) else lambda accel, *of: 1.0
+    return (lambda accel, *of: _shown(accel, *of)) if aside.asks(accel) else lambda accel, *of: 1.0
 
 
 def pass_on(waiting: Lane, accel: Any, *of: Any) -> Lane:
@@ -349,7 +358,7 @@ def pass_on(waiting: Lane, accel: Any, *of: Any) -> Lane:
 
 @overload(pass_on, jit_options=HELPER)
 def _pass_on_in_kernels(waiting, accel, *of):
-    return (lambda waiting, accel, *of: _pass_on(waiting, accel, *of)) if aside.is_used(accel) else lambda waiting, accel, *of: waiting
+    return (lambda waiting, accel, *of: _pass_on(waiting, accel, *of)) if aside.asks(accel) else lambda waiting, accel, *of: waiting
 
 
 @helper
@@ -369,9 +378,9 @@ def _push(
 
 
 @helper
-def _pop(stack: Any, place: Lane) -> tuple[Ray, Vec, Lane, Lane, Lane]:
+def _pop(stack: Any, place: Lane, time: Any) -> tuple[Ray, Vec, Lane, Lane, Lane]:
     origin, direction, weight = across.take3(stack, place, 0), across.take3(stack, place, 3), across.take3(stack, place, 6)
     zero = 0.0 * origin[0]
-    ray = Ray(origin, direction, zero, zero + np.inf)
+    ray = Ray(origin, direction, zero, zero + np.inf, time)
     left, key = lanes.to_int(across.take(stack, place, 9)), lanes.to_int(across.take(stack, place, 11))
     return ray, weight, left, across.take(stack, place, 10), key

@@ -424,6 +424,41 @@ def like3(like: Lane, x: float, y: float, z: float) -> Vec:
 
 
 @helper
+def affine(matrix: Any, i: Lane) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane]:
+    """Row i of (n, 3, 4) matrices as twelve numbers, row by row."""
+    return (
+        matrix[i, 0, 0], matrix[i, 0, 1], matrix[i, 0, 2], matrix[i, 0, 3], matrix[i, 1, 0], matrix[i, 1, 1], matrix[i, 1, 2],
+        matrix[i, 1, 3], matrix[i, 2, 0], matrix[i, 2, 1], matrix[i, 2, 2], matrix[i, 2, 3],
+    )  # fmt: skip
+
+
+@helper
+def point_by(m: Any, p: Vec) -> Vec:
+    """An affine's twelve numbers applied to a point."""
+    return (
+        m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3], m[4] * p[0] + m[5] * p[1] + m[6] * p[2] + m[7],
+        m[8] * p[0] + m[9] * p[1] + m[10] * p[2] + m[11],
+    )  # fmt: skip
+
+
+@helper
+def vector_by(m: Any, v: Vec) -> Vec:
+    """An affine's twelve numbers applied to a direction."""
+    return (
+        m[0] * v[0] + m[1] * v[1] + m[2] * v[2], m[4] * v[0] + m[5] * v[1] + m[6] * v[2], m[8] * v[0] + m[9] * v[1] + m[10] * v[2],
+    )  # fmt: skip
+
+
+@helper
+def normal_by(inverse: Any, n: Vec) -> Vec:
+    """A normal by the transpose of an inverse's twelve numbers; not normalised."""
+    m = inverse
+    return (
+        m[0] * n[0] + m[4] * n[1] + m[8] * n[2], m[1] * n[0] + m[5] * n[1] + m[9] * n[2], m[2] * n[0] + m[6] * n[1] + m[10] * n[2],
+    )  # fmt: skip
+
+
+@helper
 def transform_point(matrix: Any, i: Lane, p: Vec) -> Vec:
     """Row i of (n, 3, 4) matrices applied to a point."""
     return (

@@ -15,7 +15,7 @@ from ..compiler.plan import Plan
 from . import aside, banded, bvh, gouraud, integrate, sampler, tessellate, trace
 from .formulas import fields
 from .handles import Handle
-from .records import Frame, Options, Triple, View
+from .records import Frame, Open, Options, Still, Triple, View
 
 _NEAREST = 0.01  # of a shape's size: where the eye is nearer to its box than this, the tolerance is measured at this distance
 LAYERS = 8  # of what is partly there, one behind the other, each of which sends on mirrored and other rays
@@ -48,7 +48,7 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     tables = with_vertex_shaded_meshes(scene.tables, shapes)
     shells = {int(i): shapes.of(int(i)) for i in analytic_seen(tables, endless=False)} if backend == "raster" else {}
     options = options_of(plan, tables)
-    frame = Frame(view, options, sampler.filter_table(plan["filter"]))
+    frame = Frame(view, options, sampler.filter_table(plan["filter"]), shutter_of(tables, plan, view))
     if backend == "reference":
         accel = trace.Brute()
         light = gouraud.vertex_light(tables, tables, accel, frame)
@@ -62,7 +62,15 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
 
 
 def _trees(tables: ir.Tables, plan: Plan) -> Handle:
-    return Handle(bvh.build(tables, plan["accelerator"] == "brute", int(plan["threads"])))
+    moves = plan["motion"] and plan["backend"] != "raster"
+    return Handle(bvh.build(tables, plan["accelerator"] == "brute", int(plan["threads"]), moves=moves))
+
+
+def shutter_of(tables: ir.Tables, plan: Plan, view: View) -> Still | Open:
+    """When a view's rays fly: keys go to the end of the longest of all shutters."""
+    if not plan["motion"] or plan["backend"] == "raster":
+        return Still()
+    return Open(float(tables.cameras.shutter[view.camera] / tables.cameras.shutter.max()))
 
 
 def options_of(plan: Plan, tables: ir.Tables) -> Options:

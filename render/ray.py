@@ -5,13 +5,15 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
+from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler.plan import Plan
 from . import across, aov, camera, integrate, lanes, prepare, rays, sampler, trace
 from .handles import Handle
-from .kernels import apart, helper, kernel
+from .kernels import HELPER, apart, helper, kernel
 from .records import Film, Hit, Options, Tile, View
 
 CAMERA = int(ir.Visibility.CAMERA)
@@ -127,12 +129,21 @@ def light_of(tables, accel, gouraud, frame, total, x, y, s, room):
     view, options = frame.picture, frame.options
     pixel = y * view.width + x
     dx, dy = sampler.offset(pixel, s, total, options.seed, frame.filter)
-    ray = camera.ray(tables, view, lanes.to_float(x) + 0.5 + dx, lanes.to_float(y) + 0.5 + dy)
+    time = sampler.moment(pixel, s, options.seed, frame.shutter)
+    ray = camera.ray(tables, view, lanes.to_float(x) + 0.5 + dx, lanes.to_float(y) + 0.5 + dy, time)
     hit = trace.closest(accel, tables, ray, lanes.bool_like(dx, True), CAMERA)
-    return integrate.call(  # pyright: ignore[reportCallIssue]
-        frame.radiance,
-        (
-            tables, accel, gouraud, options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive,
-            hit.u, hit.v, pixel, s, room.stack,
-        ),
-    )  # fmt: skip
+    return _follow(ray.time, frame, (
+        tables, accel, gouraud, options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive, hit.u, hit.v, pixel, s, room.stack,
+    ))  # fmt: skip
+
+
+def _follow(time: Any, frame: Any, what: Any) -> Any:
+    """What integrate.radiance makes of a ray and what it met, in kernels."""
+    raise NotImplementedError
+
+
+@overload(_follow, jit_options=HELPER)
+def _follow_in_kernels(time, frame, what):
+    if isinstance(time, types.NoneType):
+        return lambda time, frame, what: integrate.call(frame.radiance, what)  # pyright: ignore[reportCallIssue]
+    return lambda time, frame, what: integrate.call_moving(frame.radiance, what + (time,))  # pyright: ignore[reportCallIssue]

@@ -136,5 +136,5 @@ def occluded_of(accel, origin, direction, t_min, t_max, visible, blocked):
 def shares_of(accel, origin, direction, t_min, t_max, share):
     n = len(t_min)
     for start in range(0, n, across.WIDTH):
-        ray = Ray(_three(origin, start, n), _three(direction, start, n), _one(t_min, start, n), _one(t_max, start, n))
+        ray = Ray(_three(origin, start, n), _three(direction, start, n), _one(t_min, start, n), _one(t_max, start, n), None)
         _put(share, start, n, trace.let_through(accel, accel, ray, lanes.bool_like(ray.t_min, True)))

@@ -20,6 +20,7 @@ class Ray(NamedTuple):
     direction: Vec
     t_min: Lane
     t_max: Lane
+    time: Any = None  # lanes from 0, the shutter's opening, to 1; None where nothing moves (to be given in kernels)
 
 
 class Hit(NamedTuple):
@@ -47,6 +48,7 @@ class Surface(NamedTuple):
     material: Lane
     color: Vec  # the mesh's own colour (1 where it has none)
     offset: Lane  # how far a new ray's origin must be moved along ±geometric so as not to meet this surface again
+    time: Any = None  # when it was met, as in Ray
 
 
 class Triple(NamedTuple):
@@ -88,12 +90,23 @@ class View(NamedTuple):
     height: int
 
 
+class Still(NamedTuple):
+    """Nothing moves while the shutter is open."""
+
+
+class Open(NamedTuple):
+    """The shutter is open for this share of the time that keys go over."""
+
+    share: float
+
+
 class Frame(NamedTuple):
     """What all samples of a picture share, as kernels read it."""
 
     picture: View
     options: Options
     filter: NDArray[np.float64]  # sampler.filter_table
+    shutter: Any = Still()
     radiance: int = 0  # address of integrate.linked, for kernels
 
 

@@ -23,6 +23,7 @@ class Renderer:
     def __init__(self, prepared: Prepared, plan: Plan, view: View) -> None:
         self.prepared, self.view = prepared, view
         self.filter = sampler.filter_table(plan["filter"])
+        self.shutter = prepared.frame.shutter
 
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
         """Add samples first … first + count - 1, the same for every pixel of the tile, to the film."""
@@ -35,7 +36,7 @@ class Renderer:
             for s in range(int(first[0, 0]), int(first[0, 0] + count[0, 0])):
                 index = np.full(len(x), s)
                 dx, dy = sampler.offset(pixel, index, total, options.seed, self.filter)
-                ray, hit = self._first_hit(x + 0.5 + dx, y + 0.5 + dy)
+                ray, hit = self._first_hit(x + 0.5 + dx, y + 0.5 + dy, sampler.moment(pixel, index, options.seed, self.shutter))
                 rgb, alpha, sound = integrate.radiance(
                     prepared.tables, prepared.accel, prepared.gouraud, options, ray, hit, pixel, index, stack
                 )
@@ -50,9 +51,9 @@ class Renderer:
             ray, hit = self._first_hit(*aov.centres(tile))
         aov.channels_of(self.prepared.tables, self.view, ray, hit, names, out)
 
-    def _first_hit(self, x: np.ndarray, y: np.ndarray) -> tuple[Ray, Any]:
+    def _first_hit(self, x: np.ndarray, y: np.ndarray, time: np.ndarray | None = None) -> tuple[Ray, Any]:
         tables = self.prepared.tables
-        ray = camera.ray(tables, self.view, x, y)
+        ray = camera.ray(tables, self.view, x, y, time)
         active = np.ones(len(x), bool)
         return ray, trace.closest(self.prepared.accel, tables, ray, active, int(ir.Visibility.CAMERA))
 

@@ -8,6 +8,7 @@ other. All arithmetic is uint32, which wraps alike in numpy and in kernels.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba.extending import overload
@@ -15,13 +16,14 @@ from numpy.typing import NDArray
 
 from . import lanes, simd
 from .kernels import HELPER, helper
-from .records import Lane
+from .records import Lane, Open
 
 TABLE = 4096  # entries of a filter's inverse distribution
 SUBPIXEL = 256.0  # sample positions are multiples of 1/256 pixel, where the rasterizer's arithmetic is exact
 FILTER_RADIUS = {"box": 0.5, "tent": 1.0, "gaussian": 1.5, "blackman-harris": 1.65}
 FILTERS = tuple(FILTER_RADIUS)
 
+_MOMENT = 1  # the dimension of a sample's time
 _TO_UNIT = 1.0 / 4294967296.0
 
 
@@ -129,6 +131,18 @@ def offset(pixel: Lane, sample: Lane, total: int, seed: int, table: NDArray[np.f
     u, v = pair(pixel, sample, 0, seed)
     many = total > 1
     return lanes.where(many, table[lanes.to_int(u * TABLE)], 0.0), lanes.where(many, table[lanes.to_int(v * TABLE)], 0.0)
+
+
+def moment(pixel: Lane, sample: Lane, seed: int, shutter: Any) -> Lane | None:
+    """When a sample is taken, as Ray.time; None where nothing moves while the shutter is open."""
+    return pair(pixel, sample, _MOMENT, seed)[0] * shutter.share if isinstance(shutter, Open) else None
+
+
+@overload(moment, jit_options=HELPER)
+def _moment_in_kernels(pixel, sample, seed, shutter):
+    if shutter.layout:
+        return lambda pixel, sample, seed, shutter: pair(pixel, sample, _MOMENT, seed)[0] * shutter.share
+    return lambda pixel, sample, seed, shutter: None
 
 
 def filter_weight(name: str, x: NDArray[np.float64]) -> NDArray[np.float64]:

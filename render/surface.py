@@ -7,10 +7,9 @@ turned to the outside that the triangle's own corners say, so that what is lit d
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from ..compiler import ir
-from . import lanes, shapes, textures
+from . import lanes, placed, shapes, textures
 from .kernels import helper
 from .records import Hit, Lane, Ray, Surface, Tables, Vec
 
@@ -34,14 +33,14 @@ def at(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -> Surface:
     instance = lanes.where(hit.instance >= 0, hit.instance, 0)
     instances, geometries = tables.instances, tables.geometries
     g = lanes.to_int(instances.geometry[instance])
-    row = lanes.to_int(instances.transform[instance])
+    here = placed.at(tables, lanes.to_int(instances.transform[instance]), ray.time)
+    matrix, inverse = here.matrix, here.inverse
     material = lanes.to_int(instances.material[instance])
     kind = lanes.to_int(geometries.kind[g])
-    matrix, inverse = tables.transforms.matrix, tables.transforms.inverse
 
     t = lanes.where(hit.instance >= 0, hit.t, 0.0)
     world = lanes.along(ray.origin, ray.direction, t)
-    local = lanes.transform_point(inverse, row, world)
+    local = lanes.point_by(inverse, world)
     formed = kind == FORMULA
     part = lanes.where((kind == MESH) | formed, 0, hit.primitive)
     outward = shapes.normal(kind, geometries.parameters, g, part, local)
@@ -49,7 +48,7 @@ def at(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -> Surface:
     if lanes.any_lane(formed):
         outward = lanes.where3(formed, _unpacked(hit.u, hit.v), outward)
         off = lanes.to_float(hit.primitive) * geometries.parameters[g, 5] * (UNIT / ROUNDING)
-        wide = lanes.where(formed, off * mean_scale(matrix, row), wide)
+        wide = lanes.where(formed, off * mean_scale(matrix), wide)
     smooth = outward
     color = lanes.like3(t, 1.0, 1.0, 1.0)
 
@@ -62,9 +61,9 @@ def at(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -> Surface:
         triangle = lanes.where(on_mesh, lanes.clip(hit.primitive, first, last), 0)  # lanes that met something else: any of this mesh
         hit = Hit(hit.t, hit.instance, triangle, hit.u, hit.v)
         a, b, c = corners(tables, g, triangle)
-        wide = lanes.where(on_mesh, mean_scale(matrix, row) * _farthest(a, b, c), wide)
+        wide = lanes.where(on_mesh, mean_scale(matrix) * _farthest(a, b, c), wide)
         local = lanes.where3(on_mesh, _blend(a, b, c, 1.0 - hit.u - hit.v, hit.u, hit.v), local)
-        world = lanes.where3(on_mesh, lanes.transform_point(matrix, row, local), world)
+        world = lanes.where3(on_mesh, lanes.point_by(matrix, local), world)
         face = lanes.normalize(lanes.cross(lanes.sub(b, a), lanes.sub(c, a)))
         outward = lanes.where3(on_mesh, face, outward)
         smooth = lanes.where3(on_mesh, _mesh_normal(tables, g, hit, on_mesh, face), smooth)
@@ -77,24 +76,24 @@ def at(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -> Surface:
             mu, mv, mdu, mdv = _mesh_uv(tables, g, hit, on_mesh, a, b, c)
             u, v = lanes.where(on_mesh, mu, u), lanes.where(on_mesh, mv, v)
             du, dv = lanes.where(on_mesh, mdu, du), lanes.where(on_mesh, mdv, dv)
-        stretch = mean_scale(matrix, row)
+        stretch = mean_scale(matrix)
         du, dv = du * stretch, dv * stretch
 
-    geometric = lanes.normalize(lanes.transform_normal(inverse, row, outward))
+    geometric = lanes.normalize(lanes.normal_by(inverse, outward))
     shaded = geometric
     rounded = on_mesh & (tables.materials.shading[material] != FLAT)
     if lanes.any_lane(rounded):
-        shaded = lanes.where3(rounded, lanes.normalize(lanes.transform_normal(inverse, row, smooth)), geometric)
+        shaded = lanes.where3(rounded, lanes.normalize(lanes.normal_by(inverse, smooth)), geometric)
     front = lanes.dot(ray.direction, geometric) < 0.0
     side = lanes.where(front, zero + 1.0, zero - 1.0)
     return Surface(
         world, local, lanes.scale(geometric, side), lanes.scale(shaded, side), outward, (u, v), (du, dv),
-        front, instance, material, color, spacing(tables, ray, row, t, geometric, wide),
+        front, instance, material, color, spacing(here, ray, t, geometric, wide), ray.time,
     )  # fmt: skip
 
 
 @helper
-def spacing(tables: Tables, ray: Ray, row: Lane, t: Lane, normal: Vec, wide: Lane) -> Lane:
+def spacing(here: placed.Place, ray: Ray, t: Lane, normal: Vec, wide: Lane) -> Lane:
     """How far along its normal a new ray's origin must be moved so as not to meet the surface it leaves again.
 
     A bound of rounding errors, never a fixed length: the sums of absolute terms by which the point was found (world to the shape's
@@ -102,16 +101,16 @@ def spacing(tables: Tables, ray: Ray, row: Lane, t: Lane, normal: Vec, wide: Lan
     corners that may lie much farther away: `wide` is how far, in metres, 0 for other shapes.
     Pharr, Jakob, Humphreys, "Physically Based Rendering", 4th ed., section 6.8.
     """
-    m, inv = tables.transforms.matrix, tables.transforms.inverse
+    m, inv = here.matrix, here.inverse
     x = abs(ray.origin[0]) + abs(t * ray.direction[0])
     y = abs(ray.origin[1]) + abs(t * ray.direction[1])
     z = abs(ray.origin[2]) + abs(t * ray.direction[2])
-    lx = abs(inv[row, 0, 0]) * x + abs(inv[row, 0, 1]) * y + abs(inv[row, 0, 2]) * z + abs(inv[row, 0, 3])
-    ly = abs(inv[row, 1, 0]) * x + abs(inv[row, 1, 1]) * y + abs(inv[row, 1, 2]) * z + abs(inv[row, 1, 3])
-    lz = abs(inv[row, 2, 0]) * x + abs(inv[row, 2, 1]) * y + abs(inv[row, 2, 2]) * z + abs(inv[row, 2, 3])
-    wx = abs(m[row, 0, 0]) * lx + abs(m[row, 0, 1]) * ly + abs(m[row, 0, 2]) * lz + abs(m[row, 0, 3])
-    wy = abs(m[row, 1, 0]) * lx + abs(m[row, 1, 1]) * ly + abs(m[row, 1, 2]) * lz + abs(m[row, 1, 3])
-    wz = abs(m[row, 2, 0]) * lx + abs(m[row, 2, 1]) * ly + abs(m[row, 2, 2]) * lz + abs(m[row, 2, 3])
+    lx = abs(inv[0]) * x + abs(inv[1]) * y + abs(inv[2]) * z + abs(inv[3])
+    ly = abs(inv[4]) * x + abs(inv[5]) * y + abs(inv[6]) * z + abs(inv[7])
+    lz = abs(inv[8]) * x + abs(inv[9]) * y + abs(inv[10]) * z + abs(inv[11])
+    wx = abs(m[0]) * lx + abs(m[1]) * ly + abs(m[2]) * lz + abs(m[3])
+    wy = abs(m[4]) * lx + abs(m[5]) * ly + abs(m[6]) * lz + abs(m[7])
+    wz = abs(m[8]) * lx + abs(m[9]) * ly + abs(m[10]) * lz + abs(m[11])
     return ROUNDING * (abs(normal[0]) * wx + abs(normal[1]) * wy + abs(normal[2]) * wz + wide)
 
 
@@ -133,11 +132,9 @@ def leave(surface: Surface, direction: Vec) -> Vec:
 
 
 @helper
-def mean_scale(matrix: Any, row: Lane) -> Lane:
+def mean_scale(m: placed.Affine) -> Lane:
     """The mean length of a transform's three axes: how much it enlarges (exact where it does so evenly)."""
-    x = lanes.length((matrix[row, 0, 0], matrix[row, 1, 0], matrix[row, 2, 0]))
-    y = lanes.length((matrix[row, 0, 1], matrix[row, 1, 1], matrix[row, 2, 1]))
-    z = lanes.length((matrix[row, 0, 2], matrix[row, 1, 2], matrix[row, 2, 2]))
+    x, y, z = lanes.length((m[0], m[4], m[8])), lanes.length((m[1], m[5], m[9])), lanes.length((m[2], m[6], m[10]))
     return (x + y + z) / 3.0
 
 

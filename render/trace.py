@@ -11,11 +11,12 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
 from numba.extending import overload
 
 from ..compiler import ir
 from ..compiler import plan as planner
-from . import across, aside, lanes, meeting, opacity, shapes, surface, traverse
+from . import across, aside, lanes, meeting, opacity, placed, shapes, surface, traverse
 from .formulas import fields, plain
 from .kernels import HELPER
 from .records import Hit, Lane, Ray, Vec
@@ -73,27 +74,27 @@ def dimmed(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, given: Vec) ->
 
 
 def _flat(ray: Ray, active: Lane) -> tuple[np.ndarray, np.ndarray]:
-    """Rays as (8, n): origin, direction, t_min, t_max."""
-    columns = np.broadcast_arrays(*ray.origin, *ray.direction, ray.t_min, ray.t_max, active)
-    return np.stack([np.ravel(c) for c in columns[:8]]).astype(np.float64), np.ravel(columns[8]).astype(bool)
+    """Rays as (9, n): origin, direction, t_min, t_max, time (NaN: none)."""
+    columns = np.broadcast_arrays(*ray.origin, *ray.direction, ray.t_min, ray.t_max, np.nan if ray.time is None else ray.time, active)
+    return np.stack([np.ravel(c) for c in columns[:9]]).astype(np.float64), np.ravel(columns[9]).astype(bool)
 
 
 def _rows(rays: np.ndarray, lane: np.ndarray) -> Ray:
-    x, y, z, dx, dy, dz, t_min, t_max = rays[:, lane]
-    return Ray((x, y, z), (dx, dy, dz), t_min, t_max)
+    x, y, z, dx, dy, dz, t_min, t_max, time = rays[:, lane]
+    return Ray((x, y, z), (dx, dy, dz), t_min, t_max, None if np.isnan(time).any() else time)
 
 
 def _meet(tables: ir.Tables, i: int, ray: Ray, partial: bool, through: bool = False) -> tuple[Hit, np.ndarray]:
     """The first meeting of each ray with instance i, and the share of light that passes it; of things that are `partial` the
     share is that of all meetings if `through`."""
     geometry, row = tables.instances.geometry[i], tables.instances.transform[i]
-    o = lanes.transform_point(tables.transforms.inverse, row, ray.origin)
-    d = lanes.transform_vector(tables.transforms.inverse, row, ray.direction)
+    inverse = placed.at(tables, row, ray.time).inverse
+    o, d = lanes.point_by(inverse, ray.origin), lanes.vector_by(inverse, ray.direction)
     kind = tables.geometries.kind[geometry]
 
     def cover(rows: np.ndarray, t: np.ndarray, primitive: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """How much of the surface is there where rays `rows` meet it."""
-        one = Ray(_some(ray.origin, rows), _some(ray.direction, rows), 0.0, np.inf)
+        one = Ray(_some(ray.origin, rows), _some(ray.direction, rows), 0.0, np.inf, None if ray.time is None else ray.time[rows])
         return opacity.at(tables, surface.at(tables, one, Hit(t, np.full(len(rows), i), primitive, u, v)))
 
     if kind == MESH:
@@ -160,25 +161,43 @@ def _column(v: Vec, part: slice) -> Vec:
     return v[0][part, None], v[1][part, None], v[2][part, None]
 
 
-@overload(closest, jit_options=HELPER)
-def _closest_kernel(accel, tables, ray, active, visible_bit):
-    def through_trees(accel, tables, ray, active, visible_bit):
+def _find(accel: Any, ray: Ray, active: Lane, visible_bit: int, any_hit: bool) -> Hit:
+    """What a search through the trees finds, in kernels."""
+    raise NotImplementedError
+
+
+@overload(_find, jit_options=HELPER)
+def _find_in_kernels(accel, ray, active, visible_bit, any_hit):
+    if aside.moves(accel) and not isinstance(ray.types[ray.fields.index("time")], types.NoneType):
+
+        def at_its_time(accel, ray, active, visible_bit, any_hit):
+            return aside.find_moving(  # pyright: ignore[reportCallIssue]
+                accel.aside.moving.address,
+                (accel, ray.origin, ray.direction, ray.t_min, ray.t_max, active, np.int64(visible_bit), any_hit, ray.time),
+            )
+
+        return at_its_time
+
+    def through_trees(accel, ray, active, visible_bit, any_hit):
         return traverse.find(  # pyright: ignore[reportCallIssue]
-            accel.search, (accel, ray.origin, ray.direction, ray.t_min, ray.t_max, active, np.int64(visible_bit), False)
+            accel.search, (accel, ray.origin, ray.direction, ray.t_min, ray.t_max, active, np.int64(visible_bit), any_hit)
         )
 
-    return through_trees if across.is_mask(active) else None
+    return through_trees
+
+
+@overload(closest, jit_options=HELPER)
+def _closest_kernel(accel, tables, ray, active, visible_bit):
+    if not across.is_mask(active):
+        return None
+    return lambda accel, tables, ray, active, visible_bit: _find(accel, ray, active, visible_bit, False)
 
 
 @overload(occluded, jit_options=HELPER)
 def _occluded_kernel(accel, tables, ray, active):
-    def through_trees(accel, tables, ray, active):
-        found = traverse.find(  # pyright: ignore[reportCallIssue]
-            accel.search, (accel, ray.origin, ray.direction, ray.t_min, ray.t_max, active, np.int64(SHADOW), True)
-        )
-        return found.instance >= 0
-
-    return through_trees if across.is_mask(active) else None
+    if not across.is_mask(active):
+        return None
+    return lambda accel, tables, ray, active: _find(accel, ray, active, SHADOW, True).instance >= 0
 
 
 @overload(let_through, jit_options=HELPER)
@@ -187,12 +206,10 @@ def _let_through_kernel(accel, tables, ray, active):
         return None
 
     def by_opacity(accel, tables, ray, active):
-        found = traverse.find(  # pyright: ignore[reportCallIssue]
-            accel.search, (accel, ray.origin, ray.direction, ray.t_min, ray.t_max, active, np.int64(SHADOW), True)
-        )
+        found = _find(accel, ray, active, SHADOW, True)
         return lanes.where(found.instance >= 0, 0.0, found.u)
 
-    if aside.is_used(accel):
+    if aside.asks(accel):
         return by_opacity
     return lambda accel, tables, ray, active: lanes.where(occluded(accel, tables, ray, active), 0.0, 1.0)
 
@@ -201,7 +218,7 @@ def _let_through_kernel(accel, tables, ray, active):
 def _dimmed_kernel(accel, tables, ray, active, given):
     if not across.is_mask(active):
         return None
-    if aside.is_used(accel):
+    if aside.asks(accel):
         return lambda accel, tables, ray, active, given: lanes.scale(
             given, lanes.where(active, let_through(accel, tables, ray, active), 0.0)
         )

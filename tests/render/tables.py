@@ -166,7 +166,7 @@ def _each_ray(tables, accel, light, frame, columns, pixel, stack, rgb, alpha):
         for start in range(0, n, across.WIDTH):
             k = lanes.minimum(across.numbered(start), n - 1)
             origin, direction = (columns[0, k], columns[1, k], columns[2, k]), (columns[3, k], columns[4, k], columns[5, k])
-            ray = records.Ray(origin, direction, columns[6, k], columns[7, k])
+            ray = records.Ray(origin, direction, columns[6, k], columns[7, k], None)
             hit = trace.closest(accel, tables, ray, lanes.bool_like(ray.t_max, True), 1)
             color, cover, sound = integrate.call(
                 frame.radiance,

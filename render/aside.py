@@ -73,7 +73,7 @@ covering = Linked(_cover)
 cover = covering.call
 
 
-def _there(accel: Any, ray: One, t: Any, i: int, primitive: int, u: Any, v: Any) -> Any:
+def _there(accel: Any, ray: One, t: Any, i: int, primitive: Any, u: Any, v: Any) -> Any:
     """How much of instance i is there where a ray meets it, in kernels."""
     raise NotImplementedError
 

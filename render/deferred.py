@@ -263,13 +263,13 @@ def surface_of(shown: Any, meshlets: Any, tables: Any, look: Any, i: int, slot: 
         local = (middle[0] + origin[g, 0], middle[1] + origin[g, 1], middle[2] + origin[g, 2])
         outward = lanes.normalize(face)
         uv = (w * a[6] + u * b[6] + v * c[6], w * a[7] + u * b[7] + v * c[7])
-        stretch = surface.mean_scale(matrix, transform)
+        stretch = surface.mean_scale(lanes.affine(matrix, transform))
         du, dv = surface.spans(e1, e2, b[6] - a[6], b[7] - a[7], c[6] - a[6], c[7] - a[7])
         metric = (du * stretch, dv * stretch)
     color = lanes.like3(u, 1.0, 1.0, 1.0)
     if tables.geometries.colors[g] >= 0:
         color = surface.attribute_at(tables, g, tables.geometries.colors[g], u, v, row)
-    return Surface(position, local, normal, normal, outward, uv, metric, front, i, material, color, 0.0 * u), viewer
+    return Surface(position, local, normal, normal, outward, uv, metric, front, i, material, color, 0.0 * u, None), viewer
 
 
 @helper

@@ -31,7 +31,11 @@ def scene(
             },
         ),
         cameras=ir.table_of(
-            "cameras", {"projection": [0] * len(cameras), "aspect": [aspect] * len(cameras), "exposure": [math.nan] * len(cameras)}
+            "cameras",
+            {
+                "projection": [0] * len(cameras), "aspect": [aspect] * len(cameras), "exposure": [math.nan] * len(cameras),
+                "shutter": [0.0] * len(cameras),
+            },
         ),
     )
     return ir.Scene("test", tables, names=ir.Names(cameras=cameras))

@@ -39,9 +39,9 @@ def triangles(tables: ir.Tables, view: View, shells: dict[int, Any]) -> Triangle
 
 
 def can_draw(plan: Plan) -> bool:
-    """Whether a picture is drawn in bands: a few samples at fixed places, and light that needs no random numbers."""
+    """Whether a picture is drawn in bands: a few samples at fixed places of one moment, and light that needs no random numbers."""
     settled = plan["error"] == 0.0 and np.isinf(plan["budget"])
-    return bool(settled and plan["samples"] <= MOST_SAMPLES and not plan["soft lights"])
+    return bool(settled and plan["samples"] <= MOST_SAMPLES and not plan["soft lights"] and not plan["motion"])
 
 
 class Bands:

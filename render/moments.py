@@ -19,6 +19,7 @@ class Renderer:
     """Draws a scene that moves; see film.Renderer. `still` makes the renderer of a scene in which nothing does."""
 
     by_tile = True
+    whole = None
 
     def __init__(self, scene: ir.Scene, plan: Plan, view: View, still: Callable[[ir.Scene], Any]) -> None:
         cameras = scene.tables.cameras

@@ -1,7 +1,8 @@
 """Trees of meshes that were built before: in memory, and of large meshes on disk, by what they are made from.
 
 A scene that is drawn again after something moved, or was typed, builds only the tree over its instances anew; a large mesh that was
-drawn yesterday is read faster than its tree is built. Files lie beside the kernels that read them, so that none outlives its form.
+drawn yesterday is read faster than its tree is built; one whose corners moved keeps the shape of its tree where that is good.
+Files lie beside the kernels that read them, so that none outlives its form.
 """
 
 from __future__ import annotations
@@ -16,21 +17,23 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from . import kernels, wide
+from . import kernels, refit, wide
 from .wide import LEAF, NODE, WIDTH, Wide
 
 LARGE = 50_000  # triangles from which on a tree is kept on disk
 IN_MEMORY = 256 << 20  # bytes of trees at most
 ON_DISK = 2 << 30
 _known: OrderedDict[str, Wide] = OrderedDict()
+_shapes: OrderedDict[str, tuple[Wide, float]] = OrderedDict()  # by triangles alone: the tree last built for them, and what it cost
 _lock = threading.Lock()
 
 
 def tree(positions: NDArray[np.float32], triangles: NDArray[np.int32], threads: int = 0) -> Wide:
-    """The tree of a mesh as wide.build makes it, which is not to be changed."""
+    """The tree of a mesh as wide.build makes it, or one refitted to it that is nearly as good; it is not to be changed."""
     key = hashlib.sha256(_numbers(len(positions), len(triangles)))
-    key.update(np.ascontiguousarray(positions).data)
     key.update(np.ascontiguousarray(triangles).data)
+    shape = key.hexdigest()
+    key.update(np.ascontiguousarray(positions).data)
     name = key.hexdigest()
     with _lock:
         known = _known.get(name)
@@ -40,7 +43,14 @@ def tree(positions: NDArray[np.float32], triangles: NDArray[np.int32], threads: 
     file = kernels.CACHE / "trees" / name
     made = read(file) if len(triangles) >= LARGE else None
     if made is None:
+        made = _refitted(shape, positions, triangles)
+    if made is None:
         made = wide.build(positions, triangles, threads)
+        with _lock:
+            _shapes[shape] = made, refit.cost(made)
+            _shapes.move_to_end(shape)
+            while len(_shapes) > 1 and sum(each.nbytes for each, _ in _shapes.values()) > IN_MEMORY:
+                _shapes.popitem(last=False)
         if len(triangles) >= LARGE:
             write(file, made)
     with _lock:
@@ -50,10 +60,21 @@ def tree(positions: NDArray[np.float32], triangles: NDArray[np.int32], threads: 
     return made
 
 
+def _refitted(shape: str, positions: NDArray[np.float32], triangles: NDArray[np.int32]) -> Wide | None:
+    """The tree last built for these triangles round their new places, if there is one and it costs little more than it did."""
+    with _lock:
+        built = _shapes.get(shape)
+    if built is None:
+        return None
+    made = refit.refitted(built[0], positions, triangles)
+    return made if refit.cost(made) <= refit.WORSE * built[1] else None
+
+
 def forget() -> None:
     """Drop what is in memory."""
     with _lock:
         _known.clear()
+        _shapes.clear()
 
 
 def _numbers(*values: int) -> bytes:

@@ -54,7 +54,7 @@ def test_another_corner_is_another_tree(tmp_path: Path) -> None:
     moved[7, 1] = np.nextafter(moved[7, 1], np.float32(9))
     assert kept.tree(moved, triangles) is not built
     assert kept.tree(positions, triangles[::-1]) is not built
-    assert len(files(tmp_path)) == 3
+    assert len(files(tmp_path)) == 2  # the first was refitted, which is done as fast as it would be read
 
 
 def test_small_meshes_are_not_written(tmp_path: Path) -> None:

@@ -148,6 +148,7 @@ class Job:
         for name, value in image.metadata["seconds"].items():
             seconds[name] = seconds.get(name, 0.0) + value
         self._say(Diagnostic("note", message, span_of(scene, table, row)) for message, table, row in image.metadata["notes"])
+        self._say(unproved(image.metadata["unproved"]))
         partial = bool(image.metadata.get("partial"))
         if partial:
             path = path.with_name(f"{path.stem}.partial.exr")
@@ -282,3 +283,11 @@ def _summary(path: Path, figures: Mapping[str, Any]) -> str:
     error = f", √relMSE {figures['error']:.2%}" if figures["error"] is not None else ""
     total = sum(figures["seconds"].values())
     return f"{path}: {width}x{height}, {figures['backend']}, {figures['samples']:g} samples a pixel{error}, {total:.2f} s"
+
+
+def unproved(rays: int) -> list[Diagnostic]:
+    """What is said of rays whose first meeting with a formula's surface could not be proved."""
+    if not rays:
+        return []
+    message = f"{rays:,} rays passed places where a formula's surface could neither be found nor ruled out"
+    return [Diagnostic("warning", message, None, "--aov issues (in an .exr) shows where")]

@@ -60,6 +60,13 @@ class Export:
         if kind not in (ir.GeometryKind.BOX, ir.GeometryKind.RECTANGLE):
             self.note(f"a {kind.name.lower()} is carried as {triangles} triangles, {tolerance:g} pixels off at most", "instances", instance)
 
+    def carried(self, texture: int) -> int:
+        """A row of Textures, or -1, after saying so, of one that only formulas tell."""
+        if texture >= 0 and self.scene.tables.textures.kind[texture] == ir.TextureKind.FORMULA:
+            self.cannot("a pattern is not carried: it is white", "textures", texture)
+            return -1
+        return texture
+
     def note(self, message: str, table: str = "", row: int = -1) -> None:
         """Say what is carried in another form, once."""
         self._say("note", message, table, row, "")

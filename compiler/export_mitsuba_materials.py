@@ -70,7 +70,7 @@ class Materials:
     def _texture(self, material: int) -> int:
         """The texture that says which coordinates the mesh gets."""
         tables = self.tables
-        rows = [int(tables.materials.textures[material, slot]) for slot in self._slots(material)]
+        rows = [self.out.carried(int(tables.materials.textures[material, slot])) for slot in self._slots(material)]
         rows = [row for row in rows if row >= 0]
         for row in rows[1:]:
             same = tables.textures.kind[row] == tables.textures.kind[rows[0]] == ir.TextureKind.IMAGE
@@ -131,7 +131,7 @@ class Materials:
         """A material's input: an rgb, a bitmap or a checkerboard."""
         tables = self.tables
         constant = self._constant(material, slot) * scale
-        row = int(tables.materials.textures[material, slot])
+        row = self.out.carried(int(tables.materials.textures[material, slot]))
         reflects = slot != ir.Slot.EMISSION
         if row < 0:
             return rgb(name, self._below_one(constant, material) if reflects else constant)

@@ -36,7 +36,7 @@ class Finishes:
         model = self.tables.materials.model[material]
         if model == ir.MaterialModel.MIRROR:
             return -1
-        return int(self.tables.materials.textures[material, self._slot(material)])
+        return self.out.carried(int(self.tables.materials.textures[material, self._slot(material)]))
 
     def _slot(self, material: int) -> ir.Slot:
         model = self.tables.materials.model[material]

@@ -91,6 +91,7 @@ class TextureKind(IntEnum):
     IMAGE = 0
     CHECKER = 1
     STRIPES = 2
+    FORMULA = 3  # a tape of the point in the thing's own frame: one result is grey, three are red, green and blue
 
 
 class Mapping_(IntEnum):
@@ -253,6 +254,7 @@ class Textures(NamedTuple):
     wrap_v: I32
     nearest: Bool  # no interpolation between texels
     image: I32  # row of Images or -1
+    tape: I32  # row of Tapes of a FORMULA, else -1
     channel: I32  # -1: colour; 0-3: this channel for r, g and b
     frame: F64  # (n, 2, 3)
     size: F64  # (n,) a checker's or stripes' cell along the surface in metres; 0: 8 cells over u and over v

@@ -42,8 +42,18 @@ def implicit(lowering: Lowering, element: Element) -> list[Piece]:
             lowering.warn(element, "there is no surface within these bounds: nothing is drawn")
             return []
         bounds = tight
+    tape, bounds, ball = in_metres(tape, unit), bounds * unit, tuple(number * unit for number in ball)
     row = lowering.builder.formula(tape, bounds, (float(sheet), *ball), element.span)
-    return [Piece(row, transforms.scaling((unit,) * 3))]
+    return [Piece(row, transforms.identity())]
+
+
+def in_metres(tape: Tape, unit: float) -> Tape:
+    """A field of coordinates, and about a distance, in metres, of one in a file's unit."""
+    if unit == 1.0:
+        return tape
+    builder = Builder()
+    (field,) = builder.inlined(tape, [builder.scaled(name, 1.0 / unit) for name in (tapes.X, tapes.Y, tapes.Z)])
+    return builder.finish(builder.scaled(field, unit))
 
 
 def sheet_field(tape: Tape) -> Tape:

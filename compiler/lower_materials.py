@@ -7,15 +7,18 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ..lang.elements import Element
+from ..lang.formula import Formula
 from . import images, ir
 from .files import FileError
 from .images import ImageError
 from .rows import WHITE, Input, MaterialData, TextureData
+from .tapes import Builder, Op, Unfit
 
 if TYPE_CHECKING:
     from .lower import Lowering
 
 Slot = ir.Slot
+MOST_PATTERN = 509  # operations of a pattern, as kernels have room for (render/patterns.py)
 _SHADING = {"phong": ir.Shading.SMOOTH, "gouraud": ir.Shading.GOURAUD, "flat": ir.Shading.FLAT}
 _MAPPINGS = {m.name.lower(): m for m in ir.Mapping_}
 _WRAPS = {w.name.lower(): w for w in ir.Wrap}
@@ -102,6 +105,8 @@ class Materials:
 
     def _texture(self, element: Element, color: bool) -> TextureData | None:
         args = element.args
+        if element.kind == "pattern":
+            return self._pattern(element, args["formula"], color)
         common: dict[str, Any] = {"mapping": _MAPPINGS[args["mapping"]], "frame": _frame(args), "channel": -1 if color else 0}
         if element.kind == "image":
             row = self.image(element, args["file"], args["space"], color)
@@ -110,6 +115,28 @@ class Materials:
             return None if row < 0 else TextureData(ir.TextureKind.IMAGE, row, wrap_u=wrap, wrap_v=wrap, nearest=nearest, **common)
         kind = ir.TextureKind.CHECKER if element.kind == "checker" else ir.TextureKind.STRIPES
         return TextureData(kind, size=args["size"] or 0.0, color_a=args["a"], color_b=args["b"], **common)
+
+    def _pattern(self, element: Element, formula: Formula, color: bool) -> TextureData | None:
+        """A formula of the point; coordinates are in the unit of the file it is written in, frames are in metres."""
+        builder = Builder()
+        point = [builder.scaled(name, 1.0 / formula.unit) for name in (0, 1, 2)]
+        try:
+            if len(formula.parameters) != 3:
+                raise Unfit(f"a pattern's formula has three parameters, x, y and z, not {len(formula.parameters)}", "write |x, y, z| …")
+            if formula.kind == "list" or (formula.kind == "color" and not color):
+                wanted = "a number or a colour" if color else "a number"
+                raise Unfit(f"a pattern here gives {wanted}, not a {formula.kind}", "write rgb(r, g, b)" if color else "")
+            results = builder.formula(formula, point, exact=True)
+        except Unfit as unfit:
+            self._lowering.error(element, str(unfit), unfit.hint)
+            return None
+        if formula.kind == "truth":
+            results = (builder.op(Op.CHOOSE, results[0], builder.constant(1.0), builder.constant(0.0)),)
+        tape = builder.finish(*results)
+        if len(tape.code) > MOST_PATTERN:
+            self._lowering.error(element, f"the pattern has {len(tape.code)} operations: {MOST_PATTERN} at the most")
+            return None
+        return TextureData(ir.TextureKind.FORMULA, tape=self._lowering.builder.tape(tape), channel=-1)
 
     def image(self, element: Element, name: str, space: str, color: bool) -> int:
         """The row of a picture that an element names; -1 after a diagnostic."""

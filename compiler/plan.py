@@ -22,7 +22,7 @@ RASTER_MOMENTS = 16  # at which the raster backend draws what moves
 BRUTE_FORCE_INSTANCES = 2  # up to this many analytic shapes a loop is as quick as the tree (9.2 against 8.9 million rays a second at 2)
 BACKENDS = ("ray", "raster", "reference")
 FILTERS = ("box", "tent", "gaussian", "blackman-harris")
-CHANNELS = ("depth", "normal", "position", "albedo", "uv", "id")
+CHANNELS = ("depth", "normal", "position", "albedo", "uv", "id", "issues")
 
 _SOFT_LIGHTS = (ir.LightKind.SUN, ir.LightKind.SKY, ir.LightKind.DOME, ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
 

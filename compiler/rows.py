@@ -77,6 +77,7 @@ class MaterialData:
 class TextureData:
     kind: ir.TextureKind
     image: int = -1
+    tape: int = -1
     mapping: ir.Mapping_ = ir.Mapping_.UV
     wrap_u: ir.Wrap = ir.Wrap.REPEAT
     wrap_v: ir.Wrap = ir.Wrap.REPEAT

@@ -209,10 +209,11 @@ class Builder:
             names.append(self.op(Op(op), *(of(name) for name in operands[: arity(op)])))
         return tuple(of(name) for name in tape.results)
 
-    def formula(self, formula: Formula, inputs: Sequence[int] = (X, Y, Z)) -> tuple[int, ...]:
-        """The values of a formula of numbers; a truth value becomes a field that is at most 0 where it holds. Raises Unfit."""
+    def formula(self, formula: Formula, inputs: Sequence[int] = (X, Y, Z), exact: bool = False) -> tuple[int, ...]:
+        """The values of a formula of numbers; a truth value becomes a field that is at most 0 where it holds. Raises Unfit: of
+        equality, unless `exact`."""
         reader = _Reader(self, formula, inputs)
-        return tuple(reader.field(i) if formula.kind == "truth" else reader.number(i) for i in formula.results)
+        return tuple(reader.field(i, exact=exact) if formula.kind == "truth" else reader.number(i) for i in formula.results)
 
     def finish(self, *results: int) -> Tape:
         """The tape of these values: of code and constants only what they need."""
@@ -294,7 +295,7 @@ class _Reader:
             return self.inputs[int(node.value)]
         given = [self.values[i] for i in node.args]
         if node.op == "select":
-            return None if None in given[1:] else b.op(Op.CHOOSE, self.field(node.args[0]), given[1], given[2])  # type: ignore[arg-type]
+            return None if None in given[1:] else b.op(Op.CHOOSE, self.field(node.args[0], exact=True), given[1], given[2])  # type: ignore[arg-type]
         if any(name is None for name in given):
             return None
         names: list[int] = given  # type: ignore[assignment]
@@ -308,26 +309,31 @@ class _Reader:
             return b.several(_SAME[node.op], names)
         return b.op(_SAME[node.op], *names) if node.op in _SAME else None
 
-    def field(self, index: int, negated: bool = False) -> int:
+    def field(self, index: int, negated: bool = False, exact: bool = False) -> int:
         """A number that is at most 0 where a truth value holds, and undefined where what it compares is.
 
-        Where it is 0 the truth value may be either: whether a surface belongs to a solid is nothing that can be seen.
+        Where it is 0 the truth value may be either: whether a surface belongs to a solid is nothing that can be seen. Equality holds
+        nowhere else, and is refused unless `exact`: in what is asked at points, not a surface.
         """
         node, b = self.formula.nodes[index], self.builder
         if node.op == "constant":
             return b.constant(-1.0 if bool(node.value) != negated else 1.0)
         if node.op == "not":
-            return self.field(node.args[0], not negated)
+            return self.field(node.args[0], not negated, exact)
         if node.op in ("and", "or"):
             both = (node.op == "and") != negated
-            return b.op(Op.MAX if both else Op.MIN, *(self.field(i, negated) for i in node.args))
+            return b.op(Op.MAX if both else Op.MIN, *(self.field(i, negated, exact) for i in node.args))
         if node.op == "select":
-            condition = self.field(node.args[0])
-            return b.op(Op.CHOOSE, condition, self.field(node.args[1], negated), self.field(node.args[2], negated))
+            condition = self.field(node.args[0], exact=True)
+            return b.op(Op.CHOOSE, condition, self.field(node.args[1], negated, exact), self.field(node.args[2], negated, exact))
         if node.op in _OPPOSITE:
             how = _OPPOSITE[node.op] if negated else node.op
             left, right = (self.number(i) for i in node.args)
             return b.subtract(left, right) if how in ("less", "at_most") else b.subtract(right, left)
+        if exact:
+            apart = b.op(Op.ABS, b.subtract(*(self.number(i) for i in node.args)))
+            equal = (node.op == "equal") != negated
+            return apart if equal else b.op(Op.CHOOSE, apart, b.constant(1.0), b.constant(-1.0))
         sign = "==" if (node.op == "equal") != negated else "!="
         raise Unfit(
             f"`{sign}` cannot be part of a larger relation: it holds on a surface, which has no inside",

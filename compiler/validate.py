@@ -30,6 +30,7 @@ _REFERENCES = (  # table, column, table it points into, whether -1 is allowed
     ("instances", "light", "lights", True),
     ("materials", "textures", "textures", True),
     ("textures", "image", "images", True),
+    ("textures", "tape", "tapes", True),
     ("lights", "transform", "transforms", False),
     ("lights", "image", "images", True),
     ("lights", "instance", "instances", True),
@@ -302,6 +303,7 @@ def _materials(check: Check) -> None:
     textures = check.tables["textures"]
     pictureless = (textures["kind"] == ir.TextureKind.IMAGE) & (textures["image"] < 0)
     check.bad("textures", pictureless, "it has no picture")
+    check.bad("textures", (textures["kind"] == ir.TextureKind.FORMULA) & (textures["tape"] < 0), "it has no tape")
     check.bad("textures", (textures["channel"] < -1) | (textures["channel"] > 3), "its channel is none of -1 … 3")
     check.bad("textures", textures["size"] < 0, "its cell is of negative size")
 

@@ -502,7 +502,13 @@ TEXTURES = (
         "stripes of two colours across u",
         (*_COLORS, Arg("angle", "angle", 0.0, "turns them", keyword=True), *_TEXTURE),
     ),
-    *_planned("texture", "pattern"),
+    Entry(
+        "pattern",
+        "texture",
+        "a formula of the point, in the thing's own frame: a number (grey), a truth value (1 or 0) or a colour",
+        (Arg("formula", "formula", REQUIRED, "its value; x, y and z are plain numbers in the file's unit"),),
+        example="pattern(|x, y, z| 0.5 + 0.4 * noise(8 * x, 8 * y, 8 * z))",
+    ),
 )
 
 CAMERA = Entry(

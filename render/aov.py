@@ -7,9 +7,12 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from . import camera, image, lanes, materials, surface
+from .formulas import fields, plain
 from .records import Hit, Lane, Ray, Tables, Tile, Vec, View
 
 DIFFUSE = int(ir.Slot.DIFFUSE)
+FORMULA = int(ir.GeometryKind.FORMULA)
+CAMERA = int(ir.Visibility.CAMERA)
 
 
 def centres(tile: Tile) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -24,6 +27,7 @@ def channels_of(tables: Tables, view: View, ray: Ray, hit: Hit, names: tuple[str
     All lanes are numpy arrays, row by row.
     """
     n = len(hit.t)
+    whole = ray
     seen = np.flatnonzero(hit.instance >= 0)
     flat = {name: rows[0] for name, rows in image.blank(n, 1, names).items()}
     if len(seen):
@@ -32,8 +36,25 @@ def channels_of(tables: Tables, view: View, ray: Ray, hit: Hit, names: tuple[str
             found = _values(tables, view, ray, Hit(*(column[seen] for column in hit)), names)
         for name, columns in found.items():
             flat[name][seen] = np.stack(np.broadcast_arrays(*columns), axis=1)
+    if "issues" in names:
+        flat["issues"][:, 0] = doubtful(tables, whole, hit)
     for name in names:
         out[name][...] = flat[name].reshape(out[name].shape)
+
+
+def doubtful(tables: Tables, ray: Ray, hit: Hit) -> NDArray[np.bool_]:
+    """Whether rays, (n,), could not be proved to meet no formula's surface before what they hit, by the definition (formulas/plain.py)."""
+    n = len(hit.t)
+    found = np.zeros(n, bool)
+    kinds = tables.geometries.kind[tables.instances.geometry]
+    t_min, t_max = np.broadcast_to(ray.t_min, n), np.minimum(np.broadcast_to(ray.t_max, n), hit.t)
+    for i in np.flatnonzero((kinds == FORMULA) & (tables.instances.visible & CAMERA != 0)):
+        g, row = int(tables.instances.geometry[i]), tables.instances.transform[i]
+        o = lanes.transform_point(tables.transforms.inverse, row, ray.origin)
+        d = lanes.transform_vector(tables.transforms.inverse, row, ray.direction)
+        bounds, parameters = tables.geometries.bounds[g], tables.geometries.parameters[g]
+        found |= plain.meet(fields.tape_of(tables, g), parameters, bounds, o, d, t_min, t_max)[4]
+    return found
 
 
 def _values(tables: Tables, view: View, ray: Ray, hit: Hit, names: tuple[str, ...]) -> dict[str, tuple[Lane, ...]]:
@@ -45,6 +66,7 @@ def _values(tables: Tables, view: View, ray: Ray, hit: Hit, names: tuple[str, ..
         "albedo": lambda: lanes.mul(materials.color_of(tables, at, DIFFUSE), at.color),
         "uv": lambda: at.uv,
         "id": lambda: (hit.instance, at.material),
+        "issues": lambda: (0.0 * hit.t,),
     }
     return {name: values[name]() for name in names}
 

@@ -19,7 +19,7 @@ def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: 
 
     `progress(done, total)` is called from the calling thread; setting `cancel` ends the work and returns what is done, with
     `metadata["partial"]`. `metadata` also holds the "seconds" it took to "build", "compile_kernels" and "render", the samples
-    taken, the error reached and notes on what the backend does not draw, each (message, table, row).
+    taken, the error reached, notes on what the backend does not draw, each (message, table, row), and the rays "unproved".
     """
     seconds: dict[str, float] = {}
     width, height = plan["size"]
@@ -36,8 +36,15 @@ def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: 
     with kernels.timed(seconds, "render"):
         image = film.run(renderer, plan, view, progress, cancel)
     notes = notes_of(scene, plan) + (moments.notes(scene, plan) if by_moments else [])
-    image.metadata.update(backend=backend, seconds=seconds, notes=notes)
+    image.metadata.update(backend=backend, seconds=seconds, notes=notes, unproved=_unproved(renderer))
     return image
+
+
+def _unproved(renderer: Any) -> int:
+    """Rays of which a stretch could not be proved to be without a root of a formula (the reference counts none)."""
+    prepared = getattr(renderer, "prepared", None)  # of several moments there are several
+    trees = getattr(prepared.accel, "tables", None) if prepared is not None else None
+    return 0 if trees is None else int(trees.forms.unproved[0])
 
 
 def _backend(name: str) -> tuple[Any, Callable[[ir.Scene, Plan], list[tuple[str, str, int]]]]:

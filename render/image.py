@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from . import metrics
 
-WIDTHS = {"rgba": 4, "depth": 1, "normal": 3, "position": 3, "albedo": 3, "uv": 2, "id": 2}
+WIDTHS = {"rgba": 4, "depth": 1, "normal": 3, "position": 3, "albedo": 3, "uv": 2, "id": 2, "issues": 1}
 """Numbers a pixel of each channel has. rgba: scene-linear, unexposed, alpha is coverage; depth in metres along the camera's axis,
-inf where nothing is; normal and position in the world; albedo k_d; id: instance and material, -1 where nothing is."""
+inf where nothing is; normal and position in the world; albedo k_d; id: instance and material, -1 where nothing is; issues: 1 where
+the first root of a formula could not be proved."""
 
 EMPTY = {"depth": np.inf, "id": -1.0}  # what stands where nothing was hit or drawn; 0 elsewhere
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..compiler import contour, ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
-from . import aside, banded, bvh, gouraud, integrate, sampler, tessellate, trace
+from . import aside, banded, bvh, gouraud, integrate, patterns, sampler, tessellate, trace
 from .formulas import fields
 from .handles import Handle
 from .records import Frame, Open, Options, Still, Triple, View
@@ -44,6 +44,7 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     vertices.
     """
     backend = plan["backend"]
+    patterns.make_ready(scene.tables)
     shapes = _Shapes(scene.tables, view, plan["tolerance"])
     tables = with_vertex_shaded_meshes(scene.tables, shapes)
     shells = {int(i): shapes.of(int(i)) for i in analytic_seen(tables, endless=False)} if backend == "raster" else {}

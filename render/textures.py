@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 
 from ..compiler import ir
-from . import lanes
+from . import lanes, patterns
 from .kernels import helper
 from .records import Lane, Surface, Tables, Vec
 
@@ -54,6 +54,10 @@ def value(tables: Tables, texture: Lane, surface: Surface) -> Vec:
             lanes.where(kind == IMAGE, picture[0], texel[0]), lanes.where(kind == IMAGE, picture[1], texel[1]),
             lanes.where(kind == IMAGE, picture[2], texel[2]), lanes.where(kind == IMAGE, picture[3], texel[3]),
         )  # fmt: skip
+    if lanes.any_lane(kind == patterns.FORMULA):
+        r, g, b = patterns.texel(tables, row, surface.local)
+        made = kind == patterns.FORMULA
+        texel = (lanes.where(made, r, texel[0]), lanes.where(made, g, texel[1]), lanes.where(made, b, texel[2]), texel[3])
     channel = textures.channel[row]
     single = lanes.where(channel == 0, texel[0], lanes.where(channel == 1, texel[1], lanes.where(channel == 2, texel[2], texel[3])))
     color = lanes.where3(channel < 0, (texel[0], texel[1], texel[2]), (single, single, single))

@@ -19,6 +19,7 @@ from ...compiler import enclosures, tape_points, tapes
 from ...compiler.tapes import Op, arity
 from .. import kernels, machine
 from ..simd.value import I64
+from . import direct
 from .programs import EMITTERS, WIDTHS
 from .vectors import BYTES, INTERPRETER, LANES, POINTER, ROW, VectorMath, load, store
 
@@ -93,7 +94,8 @@ def _engine(program: str) -> Any:
     try:
         code = path.read_bytes()
     except OSError:
-        code = target().emit_object(optimized(str(module_of(program))))
+        made = direct.module() if program == direct.NAME else module_of(program)
+        code = target().emit_object(optimized(str(made)))
         _keep(path, code)
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from .. import across, lanes, simd
+from ..kernels import apart as apart_
 from ..kernels import helper
 from ..links import FLOAT, INT, Answering
 from ..records import Lane, Vec
@@ -22,6 +23,8 @@ NEAR = 1e-6  # of both ends' values: a bound above this share of them is above r
 ULP = 2.0**-52
 MOST_TURNS = 80  # of the root's bracketing; bisection alone needs 52
 _FAR = 1e30
+STEPS, SHORTEST = 16, 0.02  # of marching through a cell: how many at the most, and how short, as a share of the stretch
+STEEPEST = 1e90
 
 
 def _meet(forms, g, origin, direction, t_min, t_max):
@@ -150,12 +153,15 @@ def _through(forms: Any, k: int, memory: Room, start: Vec, way: Vec, end: Lane, 
                 root = _bracketed(forms, k, tape, memory, start, way, a, b, carried, far, begin, reach, certain)
                 found, inside = lanes.where(certain, root, found), (inside & lanes.not_(certain)) | (certain & in_a)
                 found_tape, active = lanes.where(certain, tape, found_tape), active & lanes.not_(certain)
+            begins = a
+            if lanes.any_lane(open_):
+                begins, open_ = _marched(forms, k, tape, memory, start, way, a, b, carried, low, high, open_)
             left = across.bits(open_)
             while left != 0:
                 j = simd.trailing_zeros(left)
                 left &= left - 1
                 root, within, doubt = search.first(
-                    forms, k, across.lane(tape, j), memory, across.lane3(start, j), across.lane3(way, j), across.lane(a, j),
+                    forms, k, across.lane(tape, j), memory, across.lane3(start, j), across.lane3(way, j), across.lane(begins, j),
                     across.lane(b, j), across.lane(begin, j), sheet != 0, zero,
                 )  # fmt: skip
                 mine = lanes.to_int(across.numbered(0)) == j
@@ -240,6 +246,30 @@ def apart(a: Lane, b: Lane, low: Lane, high: Lane, length: Lane) -> Lane:
     x = lanes.where(steep > 0.0, (size_a - size_b + most * length) / lanes.where(steep > 0.0, steep, 1.0), 0.0)
     meeting = size_a + least * lanes.clip(x, 0.0, length)
     return (meeting > NEAR * (size_a + size_b)) & (((a > 0.0) & (b > 0.0)) | ((a < 0.0) & (b < 0.0)))
+
+
+@apart_
+def _marched(forms, k, tape, memory, start, way, a, b, fa, low, high, mask):
+    """(where to go on, which lanes are still open): on from a by steps in which the formula cannot reach 0, as bounds of its slope say.
+
+    Hart, "Sphere Tracing", The Visual Computer 1996, with a bound that is proved.
+    """
+    up = fa > 0.0
+    steep = lanes.where(up, -low, high)
+    steep = lanes.where(steep > 0.0, steep, 0.0)
+    at, f = a, fa
+    least = SHORTEST * (b - a)
+    working = mask & (steep > 0.0) & (steep < STEEPEST)
+    for _ in range(STEPS):
+        step = (1.0 - 1e-9) * abs(f) / lanes.where(working, steep, 1.0)
+        working = working & (step > least)
+        if lanes.not_(lanes.any_lane(working)):
+            break
+        at = lanes.where(working, at + step, at)
+        passed = working & (at >= b)
+        mask, working = mask & lanes.not_(passed), working & lanes.not_(passed)
+        f = lanes.where(working, value_at(forms, k, tape, memory, lanes.along(start, way, lanes.minimum(at, b)), working), f)
+    return at, mask
 
 
 @helper

@@ -18,6 +18,7 @@ VECTOR: Any = ir.VectorType(F64, LANES)
 POINTER = ir.IntType(8).as_pointer()
 ROW = 8  # int32 numbers of an instruction
 INTERPRETER = ir.FunctionType(ir.VoidType(), [POINTER, I64, POINTER, POINTER, POINTER])  # code, rows, registers, constants, state
+DIRECT = ir.FunctionType(ir.VoidType(), [POINTER, I64, POINTER, POINTER])  # code, rows, constants, registers; see direct.py
 CODE = ir.FunctionType(ir.VoidType(), [POINTER, POINTER, POINTER])  # of a compiled tape: x y z, constants, out
 
 

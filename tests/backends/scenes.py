@@ -104,6 +104,14 @@ DIRECT = {  # what every backend draws whole
         "implicit(|x, y, z| y <= 0.3 * noise(3 * x, 3 * z) + 0.4 and abs(x) <= 0.5 and abs(z) <= 0.5, within: box([1.2, 2, 1.2]), "
         "translate: [1.3, 0, 1], material: lambert(#60a040))\n"
     ),
+    "patterns": CAMERA + FLOOR + LAMP + (
+        "let grain = pattern(|x, y, z| if sin(30 * hypot(x, z) + 5 * noise(3 * x, 2 * y, 3 * z)) > 0 then rgb(0.5, 0.3, 0.1) "
+        "else rgb(0.7, 0.5, 0.2))\n"
+        "let dots = pattern(|x, y, z| mod(floor(6 * x) + floor(6 * y) + floor(6 * z), 2) == 0)\n"
+        "box(0.9, center: [-0.9, 0.45, 0.2], rotate: [0, 25deg, 0], material: lambert(grain))\n"
+        "sphere(0.5, center: [0.4, 0.5, 0.3], material: phong(pattern(|x, y, z| 0.5 + 0.4 * noise(4 * x, 4 * y, 4 * z)), specular: dots))\n"
+        "union(translate: [1.3, 0.5, -0.4], material: lambert(dots)) { sphere(0.4); box([0.3, 0.9, 0.9]) }\n"
+    ),
     "OBJ": CAMERA + FLOOR + LAMP + 'mesh("a.obj", height: 1.4, rotate: [0, 25deg, 0], material: lambert(image("a.exr")))\n',
     "USD": CAMERA + FLOOR + LAMP + 'usd("a.usda", material: lambert(#909090))\n',
     "far from the origin": "group(translate: [100000, 0, -250000]) {\n" + FLOOR + LAMP + SHAPES + "}\n"

@@ -1,0 +1,159 @@
+"""Patterns: textures that are formulas of the point, in the frame of the thing they are on; the same tape in every backend.
+
+Kernels reach the function that evaluates tapes by a slot that is filled when a scene has patterns: others neither compile nor
+load it.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import llvmlite.binding as llvm
+import numpy as np
+from llvmlite import ir as lir
+from numba import types
+from numba.core.typing.templates import signature
+from numba.extending import overload
+from numba.np.arrayobj import make_array
+
+from ..compiler import enclosures, ir
+from ..compiler.tapes import Tape
+from . import across, lanes, simd
+from .formulas import interpreter
+from .formulas.direct import NAME
+from .formulas.vectors import DIRECT, LANES, POINTER
+from .kernels import HELPER
+from .records import Lane, Vec
+from .simd.value import I64
+from .simd.vector import intrinsic
+
+FORMULA = int(ir.TextureKind.FORMULA)
+MOST_ROWS = 509  # of a pattern's tape: with x, y and z as many values are kept
+_ROOM = (MOST_ROWS + 3) * LANES
+_SYMBOL = "maquette_direct_slot"
+_slot = (ctypes.c_int64 * 1)(0)
+llvm.add_symbol(_SYMBOL, ctypes.addressof(_slot))
+
+
+def make_ready(tables: ir.Tables) -> None:
+    """Make what kernels evaluate patterns with, where there are any."""
+    if (tables.textures.kind == FORMULA).any():
+        _slot[0] = interpreter.address(NAME)
+
+
+def texel(tables: Any, row: Lane, p: Vec) -> Vec:
+    """The colour of patterns (rows of Textures) at points in the things' own frames; a number is grey. 0 where it is not defined."""
+    shape = np.broadcast(*p).shape
+    found = np.zeros((3, *shape))
+    rows = np.broadcast_to(row, shape)
+    for one in np.unique(rows):
+        tape = tables.textures.tape[one]
+        if tape < 0:
+            continue
+        here = rows == one
+        values = enclosures.points(_tape(tables, int(tape)), *(np.broadcast_to(x, shape)[here] for x in p))
+        for k in range(3):
+            found[k][here] = values[min(k, len(values) - 1)]
+    found = np.where(np.isfinite(found), found, 0.0)
+    return found[0], found[1], found[2]
+
+
+def _tape(tables: ir.Tables, row: int) -> Tape:
+    tapes, pools = tables.tapes, tables.pools
+    first, begin = int(tapes.first[row]), int(tapes.first_constant[row])
+    code, constants = pools.code[first : first + int(tapes.count[row])], pools.constants[begin : begin + int(tapes.constant_count[row])]
+    return Tape(code, constants, tuple(tapes.results[row, : tapes.result_count[row]].tolist()))
+
+
+@overload(texel, jit_options=HELPER)
+def _texel(tables, row, p):
+    if not isinstance(row, simd.Vector):
+        return _of_one
+    return _of_many
+
+
+def _of_one(tables, row, p):
+    tape = np.int64(tables.textures.tape[row])
+    zero = 0.0 * p[0]
+    if tape < 0:
+        return zero, zero, zero
+    registers = simd.stack_array(np.float64, _ROOM)
+    wide = lanes.to_float(across.numbered(0)) * 0.0
+    across.store(registers, 0, wide + p[0])
+    across.store(registers, 1, wide + p[1])
+    across.store(registers, 2, wide + p[2])
+    first, begin = np.int64(tables.tapes.first[tape]), np.int64(tables.tapes.first_constant[tape])
+    _run(tables.pools.code, first, np.int64(tables.tapes.count[tape]), tables.pools.constants, begin, registers)
+    several = tables.tapes.result_count[tape] > 1
+    r = _result(tables, tape, 0, begin, registers, p[0])
+    if not several:
+        return r, r, r
+    return r, _result(tables, tape, 1, begin, registers, p[0]), _result(tables, tape, 2, begin, registers, p[0])
+
+
+def _of_many(tables, row, p):
+    zero = 0.0 * p[0]
+    found = (zero, zero, zero)
+    rest = lanes.bool_like(zero, True)
+    while lanes.any_lane(rest):
+        one, here = across.together(row, rest)
+        found = lanes.where3(here, texel(tables, one, p), found)
+        rest = rest & lanes.not_(here)
+    return found
+
+
+def _result(tables: Any, tape: Any, k: int, begin: Any, registers: Any, like: Lane) -> Lane:
+    raise NotImplementedError("in kernels only")
+
+
+@overload(_result, jit_options=HELPER)
+def _result_kernel(tables, tape, k, begin, registers, like):
+    whole = isinstance(like, simd.Vector)
+
+    def result(tables, tape, k, begin, registers, like):
+        name = np.int64(tables.tapes.results[tape, k])
+        found = lanes.full_like(like, tables.pools.constants[begin + ~name]) if name < 0 else _of_register(registers, name, like)
+        return lanes.where(lanes.is_finite(found), found, 0.0)
+
+    def number(tables, tape, k, begin, registers, like):
+        name = np.int64(tables.tapes.results[tape, k])
+        found = tables.pools.constants[begin + ~name] if name < 0 else simd.read(registers, name * LANES)
+        return found if abs(found) < np.inf else 0.0
+
+    return result if whole else number
+
+
+def _of_register(registers: Any, name: Any, like: Lane) -> Lane:
+    raise NotImplementedError("in kernels only")
+
+
+@overload(_of_register, jit_options=HELPER)
+def _of_register_kernel(registers, name, like):
+    return lambda registers, name, like: across.load(registers, name)
+
+
+@intrinsic
+def _run(typingctx, code, first, rows, constants, begin, registers):
+    """Evaluate the rows of a tape; see formulas/direct.py."""
+
+    def place(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any:
+        data = make_array(kind)(context, builder, array).data
+        return builder.bitcast(builder.gep(data, [index]), POINTER)
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        module = builder.module
+        slot = module.globals.get(_SYMBOL) or lir.GlobalVariable(module, I64, _SYMBOL)
+        function = builder.inttoptr(builder.load(slot), DIRECT.as_pointer())
+        zero = lir.Constant(I64, 0)
+        given = [
+            place(context, builder, code, args[0], builder.mul(args[1], lir.Constant(I64, 4))),
+            args[2],
+            place(context, builder, constants, args[3], args[4]),
+            place(context, builder, registers, args[5], zero),
+        ]
+        builder.call(function, given)
+        return context.get_dummy_value()
+
+    i = types.int64
+    return signature(types.void, code, i, i, constants, i, registers), generate

@@ -1,0 +1,188 @@
+"""Formulas in kernels: evaluators against numpy, interpreted and compiled alike to the bit, and rays against the definition."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from maquette.compiler import enclosures, load
+from maquette.compiler.tapes import Builder, Op, Tape, arity
+from maquette.render import rays, trace
+from maquette.render.formulas import cells, compiled, fields, interpreter, plain
+from maquette.render.formulas.calls import interpret
+from maquette.render.formulas.programs import WIDTHS
+from maquette.render.formulas.vectors import LANES
+from maquette.render.kernels import kernel
+from maquette.render.records import Ray
+
+
+@kernel
+def run(address, code, rows, registers, constants, state):
+    """A program on one vector of points or boxes."""
+    interpret(address, code, np.int64(0), np.int64(rows), registers, constants, np.int64(0), state)
+
+
+def evaluated(program: str, tape: Tape, inputs: np.ndarray) -> tuple[np.ndarray, int]:
+    """(parts of the result (width, LANES), state) of a program; inputs (3, width, LANES)."""
+    rows, _ = fields.names_of(tape)
+    n, width = len(rows), WIDTHS[program]
+    names, code, tapes = np.zeros((n, 4), np.int32), np.zeros((n, 8), np.int32), np.zeros((2, 4), np.int64)
+    names[:], tapes[0, 1] = rows, n
+    assert cells.place(names, code, tapes, 0) == 0
+    registers = np.zeros((cells.MOST_REGISTERS, width, LANES))
+    registers[:3] = inputs
+    flat, state = registers.reshape(-1), np.zeros(64, np.int64)
+    run(interpreter.address(program), code, n, flat, fields.constant_rows(tape), state)
+    return flat.reshape(registers.shape)[tapes[0, 2]], int(state[0])
+
+
+def single(op: Op) -> Tape:
+    return Tape(np.array([[op, 0, 1 if arity(op) > 1 else 0, 2 if arity(op) > 2 else 0]], np.int32), np.zeros(0), (3,))
+
+
+
+@pytest.mark.parametrize("op", list(Op), ids=lambda op: op.name.lower())
+def test_operations_at_points_are_numpys(op):
+    random = np.random.default_rng(int(op))
+    for _ in range(20):
+        p = random.uniform(-3, 3, (3, LANES))
+        found, _ = evaluated("points", single(op), p[:, None])
+        expected = enclosures.points(single(op), *p)[0]
+        assert np.allclose(found[0], expected, rtol=1e-13, atol=1e-14, equal_nan=True)
+
+
+@pytest.mark.parametrize("op", list(Op), ids=lambda op: op.name.lower())
+def test_bounds_hold_in_kernels_too(op):
+    random = np.random.default_rng(100 + int(op))
+    turn = 2 * np.pi if op == Op.ANGLE else 0.0
+    for _ in range(40):
+        low = random.uniform(-3, 3, (3, LANES))
+        high = low + 10.0 ** random.uniform(-7, 0, (3, LANES))
+        if op == Op.MOD:
+            high[1] = low[1]
+        if op == Op.POWER:
+            low[0], high[0] = abs(low[0]), abs(low[0]) + high[0] - low[0]
+        found, maybe = evaluated("boxes", single(op), np.stack([low, high], axis=1))
+        for _ in range(5):
+            value = enclosures.points(single(op), *(low + random.random(low.shape) * (high - low)))[0]
+            inside = (value >= found[0]) & (value <= found[1])
+            for off in (turn, -turn) if turn else ():
+                inside |= (value + off >= found[0]) & (value + off <= found[1])
+            undefined = np.isnan(value)
+            assert (inside | undefined).all()
+            assert (((maybe >> np.arange(LANES)) & 1 == 1) | np.isnan(found[0]))[undefined].all()
+
+
+SURFACES = {
+    "torus": "implicit(|x, y, z| (hypot(x, z) - 0.7)^2 + y^2 <= 0.09)",
+    "heart": "implicit(|x, y, z| (x^2 + 2.25 * z^2 + y^2 - 1)^3 <= x^2 * y^3 + 0.1125 * z^2 * y^3)",
+    "gyroid shell": "implicit(|x, y, z| abs(sin(9*x)*cos(9*y) + sin(9*y)*cos(9*z) + sin(9*z)*cos(9*x)) <= 0.2, within: sphere(1))",
+    "noise": "implicit(|x, y, z| y <= 0.5 * noise(2 * x, 0, 2 * z), within: 1)",
+    "teeth": "implicit(|x, y, z| hypot(x, z) + 0.05 * cos(18 * atan2(z, x)) <= 1 and abs(y) <= 0.2, within: 1.1)",
+    "blend": "difference(round: 0.1) { union(round: 0.2) { sphere(0.6); box([1.6, 0.3, 0.5]) }; cylinder(0.25, 3) }",
+    "thin": "implicit(|x, y, z| abs(x^2 + y^2 + z^2 - 1) <= 1e-6)",
+    "cusps": "implicit(|x, y, z| 4*(2.618*x^2-y^2)*(2.618*y^2-z^2)*(2.618*z^2-x^2) - 4.236*(x^2+y^2+z^2-1)^2 == 0, within: sphere(1.7))",
+    "sheet": "implicit(|x, y, z| y == 0.3 * sin(5 * x) * cos(4 * z), within: 1)",
+    "partial": "implicit(|x, y, z| y <= sqrt(0.8 - x^2 - z^2) and y >= log(x + 1.2), within: 1)",
+}  # fmt: skip
+
+
+def scene_of(tmp_path: Path, text: str) -> Any:
+    path = tmp_path / "a.scene"
+    path.write_text("camera(position: [0, 0, 5])\n" + text + "\n", encoding="utf-8")
+    return load.load(path)
+
+
+def some_rays(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rays from outside towards the middle, and some from within."""
+    random = np.random.default_rng(seed)
+    o = random.normal(size=(count, 3))
+    o *= 3 / np.linalg.norm(o, axis=1, keepdims=True)
+    d = random.normal(size=(count, 3)) * 0.45 - o
+    o[::4] = random.uniform(-0.9, 0.9, (len(o[::4]), 3))
+    d[::4] = random.normal(size=(len(o[::4]), 3))
+    return o, d / np.linalg.norm(d, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_rays_meet_what_the_definition_says(tmp_path, name):
+    tables = scene_of(tmp_path, SURFACES[name]).tables
+    g, row = int(tables.instances.geometry[0]), int(tables.instances.transform[0])
+    assert row == 0
+    o, d = some_rays(1200, 7)
+    trees = rays.trees(tables)
+    met = rays.closest(trees, o, d)
+    tape, parameters, bounds = fields.tape_of(tables, g), tables.geometries.parameters[g], tables.geometries.bounds[g]
+    n = len(o)
+    t, _, _, _, doubt = plain.meet(tape, parameters, bounds, tuple(o.T), tuple(d.T), np.zeros(n), np.full(n, np.inf))
+    sure = ~doubt
+    assert sure.mean() > 0.98
+    assert (np.isfinite(met.t) == np.isfinite(t))[sure].all()
+    both = np.isfinite(met.t) & np.isfinite(t) & sure
+    assert np.abs(met.t[both] - t[both]).max(initial=0.0) < 1e-9
+
+
+@pytest.mark.parametrize("name", ["blend", "gyroid shell", "noise"])
+def test_compiled_and_interpreted_are_the_same_to_the_bit(tmp_path, name):
+    tables = scene_of(tmp_path, SURFACES[name]).tables
+    o, d = some_rays(2000, 3)
+    trees = rays.trees(tables)
+    compiled.finish()
+    addresses = trees.tables.forms.compiled.copy()
+    assert addresses.all()
+    found = []
+    for table in (addresses, 0):
+        trees.tables.forms.compiled[:] = table
+        found.append(rays.closest(trees, o, d))
+    for one, other in zip(*found, strict=True):
+        assert np.array_equal(one, other)
+
+
+def test_leaving_a_solid_is_told_from_entering(tmp_path):
+    """In and out again: the chord of a ball as a formula, and the same as a shape."""
+    tables = scene_of(tmp_path, "implicit(|x, y, z| x^4 + y^4 + z^4 + 2*(x^2*y^2 + y^2*z^2 + z^2*x^2) <= 1)").tables
+    trees = rays.trees(tables)
+    o = np.array([[-3.0, 0.1, 0.2]])
+    d = np.array([[1.0, 0.0, 0.0]])
+    first = rays.closest(trees, o, d)
+    assert first.t[0] == pytest.approx(3 - np.sqrt(0.95), abs=1e-12)
+    inside = rays.closest(trees, o + (first.t[0] + 1e-9) * d, d)
+    assert inside.t[0] == pytest.approx(2 * np.sqrt(0.95), abs=1e-8)
+    assert np.isinf(rays.closest(trees, o + 5 * d, d).t[0])
+
+
+def test_another_number_compiles_nothing(tmp_path):
+    text = "implicit(|x, y, z| x^4 + {0} * y^4 + z^4 <= 1)"
+    one, other = (scene_of(tmp_path, text.format(k)).tables for k in (1.5, 2.5))
+    assert fields.tape_of(one, 0).structure() == fields.tape_of(other, 0).structure()
+    rays.trees(one)
+    compiled.finish()
+    before = len(compiled._engines)
+    trees = rays.trees(other)
+    assert len(compiled._engines) == before
+    assert trees.tables.forms.compiled.all()
+
+
+def test_cells_are_simpler_than_the_whole():
+    random = np.random.default_rng(4)
+    b = Builder()
+    balls = []
+    for center in random.uniform(-0.8, 0.8, (60, 3)):
+        squares = [b.op(Op.SQUARE, b.shifted(k, -float(c))) for k, c in enumerate(center)]
+        balls.append(b.shifted(b.op(Op.SQRT, b.add(b.add(squares[0], squares[1]), squares[2])), -0.1))
+    tape = b.finish(b.several(Op.MIN, balls))
+    bounds = np.array([[-1.0] * 3, [1.0] * 3])
+    made = fields.field(tape, np.array([0, 0, 0, 0, 0, 1.0, *[0.0] * 7]), bounds)
+    rows = made.tapes[made.leaf_tape, 1]
+    assert len(tape.code) > 500
+    assert rows.mean() < 40
+
+
+def test_the_reference_and_the_trees_agree_in_shadow_too(tmp_path):
+    tables = scene_of(tmp_path, SURFACES["blend"]).tables
+    o, d = some_rays(400, 12)
+    ray = Ray(tuple(o.T), tuple(d.T), np.zeros(400), np.full(400, 2.9))
+    plainly = trace.occluded(trace.Brute(), tables, ray, np.ones(400, bool))
+    assert np.array_equal(rays.occluded(rays.trees(tables), o, d, 0.0, 2.9), plainly)

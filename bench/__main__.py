@@ -12,7 +12,7 @@ from pathlib import Path
 from . import limits, report
 from .harness import Effort
 
-NAMES = ("rays", "build", "paths", "raster", "start")
+NAMES = ("rays", "build", "paths", "raster", "formulas", "start")
 
 
 def main(arguments: list[str] | None = None) -> int:

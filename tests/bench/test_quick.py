@@ -16,12 +16,13 @@ PEERS = {
     "build": {"embreex": ("Embree",)},
     "paths": {"mitsuba": ("Mitsuba llvm", "Mitsuba scalar")},
     "raster": {"moderngl": ("llvmpipe",)},
+    "formulas": {"fidget-once": ("fidget jit", "fidget vm")},
     "start": {"povray": ("POV-Ray",), "mitsuba": ("Mitsuba llvm",)},
 }
 
 
 def installed(peer: str) -> bool:
-    return bool(shutil.which(peer)) if peer == "povray" else importlib.util.find_spec(peer) is not None
+    return bool(shutil.which(peer)) if peer in ("povray", "fidget-once") else importlib.util.find_spec(peer) is not None
 
 
 @pytest.mark.parametrize("name", command.NAMES)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..lang.elements import Element
-from . import extent, tapes, transforms
+from . import extent, ir, recognize, tapes, transforms
 from .lower_pieces import Piece
 from .tapes import Builder, Op, Tape, Unfit
 
@@ -25,6 +25,11 @@ def implicit(lowering: Lowering, element: Element) -> list[Piece]:
     except Unfit as unfit:
         return lowering.refuse(element, str(unfit), unfit.hint)
     unit = formula.unit
+    cut = None if within is None else np.array(within[:2]) / unit
+    known = None if sheet or (within is not None and within[2][3] > 0) else _known(tape, cut)
+    if known is not None:
+        row = lowering.builder.geometry(ir.GeometryKind.SPHERE, (1.0,), element.span)
+        return [Piece(row, transforms.scaling((unit,) * 3) @ known)]
     if within is None:
         bounds = extent.find(sheet_field(tape) if sheet else tape)
         if bounds is None:
@@ -45,6 +50,16 @@ def implicit(lowering: Lowering, element: Element) -> list[Piece]:
     tape, bounds, ball = in_metres(tape, unit), bounds * unit, tuple(number * unit for number in ball)
     row = lowering.builder.formula(tape, bounds, (float(sheet), *ball), element.span)
     return [Piece(row, transforms.identity())]
+
+
+def _known(tape: Tape, bounds: np.ndarray | None) -> np.ndarray | None:
+    """The transform of the unit ball to a solid that is an ellipsoid, whole within its bounds."""
+    matrix = recognize.ellipsoid(tape)
+    if matrix is None:
+        return None
+    reach = np.linalg.norm(matrix[:3, :3], axis=1)  # the extreme of a linear form on the unit ball
+    inside = bounds is None or bool((matrix[:3, 3] - reach > bounds[0]).all() and (matrix[:3, 3] + reach < bounds[1]).all())
+    return matrix if inside else None
 
 
 def in_metres(tape: Tape, unit: float) -> Tape:

@@ -50,7 +50,7 @@ def test_a_files_unit_is_that_of_its_coordinates(tmp_path):
     scene, _ = loaded(tmp_path, "unit mm\nimplicit(|x, y, z| hypot(x, y, z) <= 20)")
     inside, outside = field(scene, (0.0199, 0, 0), (0.0201, 0, 0))
     assert inside < 0 < outside
-    assert np.allclose(bounds(scene), np.array([[-20] * 3, [20] * 3]), rtol=0.2)
+    assert np.allclose(bounds(scene), np.array([[-0.02] * 3, [0.02] * 3]), rtol=0.2)
 
 
 def test_a_solid_is_closed_where_its_bounds_cut_it(tmp_path):
@@ -61,7 +61,7 @@ def test_a_solid_is_closed_where_its_bounds_cut_it(tmp_path):
 
 
 def test_bounds_shrink_to_the_surface(tmp_path):
-    scene, _ = loaded(tmp_path, "implicit(|x, y, z| x^2 + 4 * y^2 + z^2 <= 1, within: 50)")
+    scene, _ = loaded(tmp_path, "implicit(|x, y, z| x^4 + 16 * y^4 + z^4 <= 1, within: 50)")
     assert np.allclose(bounds(scene), [[-1, -0.5, -1], [1, 0.5, 1]], atol=0.2)
 
 
@@ -95,6 +95,31 @@ def test_nothing_left_is_said(tmp_path):
     assert said == [
         "nothing is left of this intersection: it is not drawn", "there is no surface within these bounds: nothing is drawn"
     ]  # fmt: skip
+
+
+def test_an_ellipsoid_is_a_sphere_under_a_transform(tmp_path):
+    """Turned, moved and stretched: where the formula holds and where the shape is are the same points."""
+    relation = "2 * (x - 0.3)^2 + (y + z)^2 + 3 * (y - z - 0.2)^2 + (x - 0.3) * y <= 0.8"
+    scene, _ = loaded(tmp_path, f"unit cm\nimplicit(|x, y, z| {relation})")
+    tables = scene.tables
+    assert tables.geometries.kind.tolist() == [ir.GeometryKind.SPHERE]
+    inverse = tables.transforms.inverse[tables.instances.transform[0]]
+    p = RANDOM.uniform(-1.5, 1.5, (4000, 3))
+    x, y, z = p.T
+    holds = 2 * (x - 0.3) ** 2 + (y + z) ** 2 + 3 * (y - z - 0.2) ** 2 + (x - 0.3) * y <= 0.8
+    inside = np.linalg.norm(0.01 * p @ inverse[:, :3].T + inverse[:, 3], axis=1) <= 1
+    assert np.array_equal(holds, inside)
+    assert holds.any()
+    cut, _ = loaded(tmp_path, f"implicit(|x, y, z| {relation}, within: 0.5)")
+    assert cut.tables.geometries.kind.tolist() == [ir.GeometryKind.FORMULA]
+
+
+@pytest.mark.parametrize(
+    "relation", ["x^2 + y^2 <= 1 + z^2", "x^2 + y^2 + z^2 + 1 <= 0.5", "1 - x^2 - y^2 - z^2 <= 0", "x^2 * y + z^2 <= 1"]
+)
+def test_what_is_no_ellipsoid_is_not_taken_for_one(tmp_path, relation):
+    scene, _ = loaded(tmp_path, f"sphere(1)\nimplicit(|x, y, z| {relation}, within: 2)")
+    assert ir.GeometryKind.SPHERE not in scene.tables.geometries.kind.tolist()[1:]
 
 
 # --- solids ---

@@ -24,6 +24,10 @@ BACKENDS = ("ray", "raster", "reference")
 FILTERS = ("box", "tent", "gaussian", "blackman-harris")
 CHANNELS = ("depth", "normal", "position", "albedo", "uv", "id", "issues")
 
+TRANSPORTS = ("paths", "tree")
+PRECISIONS = ("float32", "float64")
+FLOAT32_RATIO = 5000.0  # of the largest coordinate over the smallest thing, up to which single precision does
+
 _SOFT_LIGHTS = (ir.LightKind.SUN, ir.LightKind.SKY, ir.LightKind.DOME, ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
 
 
@@ -180,6 +184,49 @@ def _interreflection(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Dec
         return Decision("interreflection", True, "bounces were asked for: matt surfaces light each other too")
     reason = "no bounces were asked for: rays go on at mirrors and glass only" if diffuse.any() else "no material is matt"
     return Decision("interreflection", False, reason)
+
+
+def _transport(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    if not done["interreflection"].value:
+        return Decision("transport", "tree", "light goes by mirrors and glass alone: every branch is followed", TRANSPORTS[1:])
+    tables = scene.tables
+    if (tables.materials.shading == ir.Shading.GOURAUD).any():
+        return Decision("transport", "tree", "some light is computed at vertices", TRANSPORTS[1:])
+    if partial(tables)[tables.instances.material].any():
+        return Decision("transport", "tree", "some things let rays through by their opacity", TRANSPORTS[1:])
+    if float(tables.cameras.shutter[done["camera"].value]) > 0.0 and moving(tables, done["camera"].value):
+        return Decision("transport", "tree", "things move while the shutter is open", TRANSPORTS[1:])
+    sky = np.isin(tables.lights.kind, (ir.LightKind.SKY, ir.LightKind.DOME))
+    if (sky & ~tables.lights.shadows).any():
+        return Decision("transport", "tree", "some sky casts no shadows", TRANSPORTS[1:])
+    return Decision("transport", "paths", "matt surfaces light each other: one random direction a surface", TRANSPORTS)
+
+
+def _path_precision(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    if done["transport"].value != "paths" or done["backend"].value != "ray":
+        return Decision("precision", "float64", "all but paths of the ray backend is computed in double precision", PRECISIONS[1:])
+    if (scene.tables.geometries.kind == ir.GeometryKind.FORMULA).any() or (scene.tables.textures.kind == ir.TextureKind.FORMULA).any():
+        return Decision("precision", "float64", "formulas are evaluated in double precision", PRECISIONS[1:])
+    largest, smallest = _extents(scene)
+    ratio = largest / smallest if smallest > 0.0 else math.inf
+    figures = f"coordinates up to {largest:.3g} m over {smallest:.3g} m, the smallest thing: {ratio:.3g}"
+    if ratio <= FLOAT32_RATIO:
+        return Decision("precision", "float32", f"{figures}; rays start 2e-6 of their coordinates off a surface", PRECISIONS)
+    return Decision("precision", "float64", f"{figures}; more than {FLOAT32_RATIO:g}, too much for float32", PRECISIONS)
+
+
+def _extents(scene: ir.Scene) -> tuple[float, float]:
+    """(largest coordinate of what is bounded and of the cameras, diagonal of the smallest thing), in metres; (0, 1) of nothing."""
+    tables = scene.tables
+    instances, matrix = tables.instances, tables.transforms.matrix[tables.instances.transform]
+    bounds = tables.geometries.bounds[instances.geometry]
+    finite = np.isfinite(bounds).all(axis=(1, 2))
+    middle, half = bounds[finite].mean(axis=1), 0.5 * (bounds[finite, 1] - bounds[finite, 0])
+    centre = np.einsum("nij,nj->ni", matrix[finite, :, :3], middle) + matrix[finite, :, 3]
+    reach = np.einsum("nij,nj->ni", np.abs(matrix[finite, :, :3]), half)
+    eyes = np.abs(tables.transforms.matrix[tables.cameras.transform, :, 3])
+    largest = max(float(np.abs(centre).max(initial=0.0) + reach.max(initial=0.0)), float(eyes.max(initial=0.0)))
+    return largest, float(np.linalg.norm(reach, axis=1).min(initial=np.inf)) if finite.any() else 1.0
 
 
 def _shadows(scene: ir.Scene, *_: Any) -> Decision:
@@ -379,7 +426,8 @@ def _precision(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]
 
 
 RULES: tuple[Callable[[ir.Scene, ir.Settings, Mapping[str, Decision]], Decision], ...] = (
-    _backend, _camera, _size, _crop, _soft, _bounces, _interreflection, _shadows, _error, _budget, _samples, _filter, _seed,
+    _backend, _camera, _size, _crop, _soft, _bounces, _interreflection, _transport, _path_precision,
+    _shadows, _error, _budget, _samples, _filter, _seed,
     _background, _exposure, _view, _aov, _threads, _accelerator, _horizon, _opacity, _motion, _tolerance, _fill, _shading, _precision,
 )  # fmt: skip
 

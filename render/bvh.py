@@ -68,19 +68,24 @@ class Bvh(NamedTuple):
     meet: int = 0  # address of formulas.meet, where there are formula surfaces
 
 
-def build(tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool = True, moves: bool = True) -> Bvh:
+def build(
+    tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool = True, moves: bool = True,
+    left_out: NDArray[np.bool_] | None = None,
+) -> Bvh:  # fmt: skip
     """The trees of a scene, the same on any number of threads (0: all).
 
     With `moves`, things that have keys move, else they stand as at the shutter's opening. With `brute` there is none over the instances:
     each is tried. Meshes' trees are taken from those that are kept, and kept, if `keep`.
+    Instances that are `left_out` are met by nothing.
     """
     geometries, instances = tables.geometries, tables.instances
-    used = instances.geometry[geometries.kind[instances.geometry] == ir.GeometryKind.MESH]
+    there = np.ones(len(instances.geometry), np.bool_) if left_out is None else ~left_out
+    used = instances.geometry[there & (geometries.kind[instances.geometry] == ir.GeometryKind.MESH)]
     meshes, roots, fine = mesh_trees(tables, np.unique(used), threads, kept.tree if keep else wide.build)
     boxes = swept_bounds(tables) if moves else world_bounds(tables)
     kind = geometries.kind[instances.geometry]
     root = roots[instances.geometry]
-    drawable = (kind != ir.GeometryKind.MESH) | (root >= 0)
+    drawable = there & ((kind != ir.GeometryKind.MESH) | (root >= 0))
     bounded = np.logical_and(np.isfinite(boxes).all(axis=1), not brute)
     partial = planner.partial(tables)[instances.material]
     moving = tables.transforms.first_key[instances.transform] >= 0

@@ -161,7 +161,7 @@ def reflected_background(tables: Tables, options: Options, direction: Vec) -> Ve
 @helper
 def _sky_in(tables: Tables, point: Surface, shader: Shader, direction: Vec) -> Vec:
     """Sky in the mirrored direction and straight behind, for backends that follow no rays."""
-    reflection, transmission, _, _ = _splits(point, shader, direction)
+    reflection, transmission, _, _ = materials.splits(point, shader, direction)
     mirrored = lights.background(tables, lanes.reflect(direction, point.normal))[0]
     behind = lights.background(tables, direction)[0]
     return lanes.add(lanes.mul(reflection, mirrored), lanes.mul(transmission, behind))
@@ -279,31 +279,12 @@ def leaving(point: Surface, direction: Vec, distance: Lane) -> Ray:
 
 
 @helper
-def _splits(point: Surface, shader: Shader, direction: Vec) -> tuple[Vec, Vec, Vec, Lane]:
-    """(reflected share, transmitted share, refracted direction, total reflection) of a ray that arrives at a surface.
-
-    Radiance is not scaled by the square of the index when it enters a medium: what a camera outside sees is unchanged by that.
-    """
-    cosine = lanes.clip(-lanes.dot(direction, point.normal), 0.0, 1.0)
-    eta = lanes.where(point.front, 1.0 / shader.ior, shader.ior)
-    share, bent, total = materials.fresnel(cosine, eta)
-    refracted = materials.refract(direction, point.normal, cosine, bent, eta)
-    let_through = lanes.where(shader.glass, 1.0 - share, lanes.where(total, 0.0, 1.0))
-    transmission = lanes.scale(shader.transmission, let_through)
-    by_fresnel = (share, share, share)
-    reflection = lanes.where3(shader.glass, by_fresnel, shader.reflection)
-    turned_back = total & lanes.not_(shader.glass)
-    reflection = lanes.where3(turned_back, lanes.add(reflection, shader.transmission), reflection)
-    return reflection, transmission, refracted, total
-
-
-@helper
 def send_on(
     options: Options, point: Surface, shader: Shader, direction: Vec, weight: Vec, going: Lane, left: Lane,
     kind: Lane, pixel: Lane, sample: Lane, key: Lane, stack: Any, waiting: Lane,
 ) -> Lane:  # fmt: skip
     """Put the rays a surface sends on upon the lanes' stacks; how many wait on each."""
-    reflection, transmission, refracted, _ = _splits(point, shader, direction)
+    reflection, transmission, refracted, _ = materials.splits(point, shader, direction)
     plain = lanes.full_like(point.offset, 0.0)
     through = lanes.where((kind == STRAIGHT_RAY) & (shader.ior == 1.0), STRAIGHT_RAY, plain + SPECULAR_RAY)
     mirrored = lanes.reflect(direction, point.normal)

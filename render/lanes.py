@@ -131,6 +131,25 @@ def _bool_like(like, value):
     return lambda like, value: bool(value)
 
 
+def roundoff(like: Lane) -> float:
+    """Half the distance from 1 to the next number of a lane's kind: 2⁻⁵³, or 2⁻²⁴ in lanes of float32."""
+    return 2.0**-53
+
+
+@on_scalars(roundoff)
+def _roundoff(like):
+    unit = 2.0**-24 if like == types.float32 else 2.0**-53
+    return lambda like: unit
+
+
+@overload(roundoff, jit_options=HELPER)
+def _roundoff_of_vectors(like):
+    if not isinstance(like, simd.Vector):
+        return None
+    unit = 2.0**-24 if like.bits == 32 else 2.0**-53
+    return lambda like: unit
+
+
 def is_finite(x: Lane) -> Lane:
     """Neither infinite nor NaN."""
     return np.isfinite(x)
@@ -142,6 +161,35 @@ def _is_finite(x):
 
 
 # --- numbers ------------------------------------------------------------------------------------------------------------
+
+
+def fma(a: Lane, b: Lane, c: Lane) -> Lane:
+    """a · b + c, rounded once in lanes of float32 (where the machine can), else twice."""
+    return a * b + c
+
+
+def _narrow(*kinds: Any) -> bool:
+    """Whether lanes of float32 are among the types."""
+    return any(isinstance(kind, simd.Vector) and kind.kind == "f" and kind.bits == 32 for kind in kinds)
+
+
+@overload(fma, jit_options=HELPER)
+def _fma(a, b, c):
+    if _narrow(a, b, c):
+        return lambda a, b, c: simd.fma(a, b, c)
+    return lambda a, b, c: a * b + c
+
+
+def inverse(x: Lane) -> Lane:
+    """1 / x; to 2 ulp in lanes of float32."""
+    return 1.0 / x
+
+
+@overload(inverse, jit_options=HELPER)
+def _inverse(x):
+    if _narrow(x):
+        return lambda x: simd.reciprocal(x)
+    return lambda x: 1.0 / x
 
 
 @helper
@@ -326,7 +374,7 @@ def scale(a: Vec, s: Lane) -> Vec:
 @helper
 def along(origin: Vec, direction: Vec, t: Lane) -> Vec:
     """origin + t · direction."""
-    return (origin[0] + t * direction[0], origin[1] + t * direction[1], origin[2] + t * direction[2])
+    return (fma(t, direction[0], origin[0]), fma(t, direction[1], origin[1]), fma(t, direction[2], origin[2]))
 
 
 @helper
@@ -336,7 +384,7 @@ def negate(a: Vec) -> Vec:
 
 @helper
 def dot(a: Vec, b: Vec) -> Lane:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return fma(a[2], b[2], fma(a[1], b[1], a[0] * b[0]))
 
 
 @helper
@@ -384,6 +432,12 @@ def lerp3(a: Vec, b: Vec, t: Lane) -> Vec:
 
 
 @helper
+def mean3(a: Vec) -> Lane:
+    """The mean of the components."""
+    return (a[0] + a[1] + a[2]) * (1.0 / 3.0)
+
+
+@helper
 def smallest(a: Vec) -> Lane:
     """The smallest component."""
     return minimum(a[0], minimum(a[1], a[2]))
@@ -414,7 +468,37 @@ def basis(n: Vec) -> tuple[Vec, Vec]:
 @helper
 def in_basis(s: Vec, t: Vec, n: Vec, x: Lane, y: Lane, z: Lane) -> Vec:
     """x s + y t + z n."""
-    return (s[0] * x + t[0] * y + n[0] * z, s[1] * x + t[1] * y + n[1] * z, s[2] * x + t[2] * y + n[2] * z)
+    return (
+        fma(n[0], z, fma(t[0], y, s[0] * x)), fma(n[1], z, fma(t[1], y, s[1] * x)), fma(n[2], z, fma(t[2], y, s[2] * x)),
+    )  # fmt: skip
+
+
+def three_at(table: Any, row: Lane, first: int) -> Vec:
+    """Numbers `first` to first + 2 of a row of a table whose rows hold four or more, counted through all its dimensions but the first."""
+    flat = table.reshape(len(table), -1)
+    return flat[row, first], flat[row, first + 1], flat[row, first + 2]
+
+
+@overload(three_at, jit_options=HELPER)
+def _three_at(table, row, first):
+    if isinstance(row, simd.Vector) and row.bits == table.dtype.bitwidth:
+
+        def together(table, row, first):  # four at a time, which begin one earlier where there is something before
+            width = 1
+            for k in table.shape[1:]:
+                width *= k
+            before = 1 if first > 0 else 0
+            found = simd.gather_rows(table, row * width + (first - before), 4)
+            if before:
+                return found[1], found[2], found[3]
+            return found[0], found[1], found[2]
+
+        return together
+    if table.ndim == 3:
+        return lambda table, row, first: (
+            table[row, first // 3, first % 3], table[row, (first + 1) // 3, (first + 1) % 3], table[row, (first + 2) // 3, (first + 2) % 3]
+        )  # fmt: skip
+    return lambda table, row, first: (table[row, first], table[row, first + 1], table[row, first + 2])
 
 
 @helper

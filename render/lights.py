@@ -25,6 +25,7 @@ RAMP = int(ir.FalloffKind.RAMP)
 REPEAT = int(ir.Wrap.REPEAT)
 CLAMP = int(ir.Wrap.CLAMP)
 FAR = math.inf
+TINY = 1e-30  # below what any length, angle or weight is; float32 holds it, too
 _SHORT = 1.0 - 1e-9  # of the way to a light: its own place does not block it
 
 
@@ -69,19 +70,18 @@ def is_soft(tables: Tables, light: int) -> bool:
 
 
 @helper
-def falloff(kind: int, a: float, b: float, c: float, distance: Lane) -> Lane:
+def falloff(kind: Lane, a: Lane, b: Lane, c: Lane, distance: Lane) -> Lane:
     """What is left of intensity at a distance in metres: 1/d², the classic polynomial, or the ramp."""
-    if kind == POLYNOMIAL:
-        return 1.0 / lanes.maximum(a + distance * (b + c * distance), 1e-300)
-    if kind == RAMP:
-        return lanes.clip((b - distance) / max(b - a, 1e-300), 0.0, 1.0)
-    return 1.0 / lanes.maximum(distance * distance, 1e-300)
+    square = 1.0 / lanes.maximum(distance * distance, TINY)
+    course = 1.0 / lanes.maximum(a + distance * (b + c * distance), TINY)
+    ramp = lanes.clip((b - distance) / lanes.maximum(b - a, TINY), 0.0, 1.0)
+    return lanes.where(kind == POLYNOMIAL, course, lanes.where(kind == RAMP, ramp, square))
 
 
 @helper
-def spot_share(cosine: Lane, cos_cone: float, cos_full: float) -> Lane:
+def spot_share(cosine: Lane, cos_cone: Lane, cos_full: Lane) -> Lane:
     """A spot's strength off its axis: smoothstep of the cosine between where it ends and where it is full (pbrt-v4 §12.2.3)."""
-    t = lanes.clip((cosine - cos_cone) / max(cos_full - cos_cone, 1e-12), 0.0, 1.0)
+    t = lanes.clip((cosine - cos_cone) / lanes.maximum(cos_full - cos_cone, 1e-12), 0.0, 1.0)
     return t * t * (3.0 - 2.0 * t)
 
 
@@ -96,7 +96,7 @@ def _from_point(tables: Tables, light: int, position: Vec) -> Arriving:
     lights = tables.lights
     way = lanes.sub((lights.position[light, 0], lights.position[light, 1], lights.position[light, 2]), position)
     distance = lanes.length(way)
-    direction = lanes.scale(way, 1.0 / lanes.maximum(distance, 1e-300))
+    direction = lanes.scale(way, 1.0 / lanes.maximum(distance, TINY))
     c = lights.coefficients
     strength = falloff(lights.falloff[light], c[light, 0], c[light, 1], c[light, 2], distance)
     if lights.kind[light] == SPOT:
@@ -113,13 +113,13 @@ def _from_afar(tables: Tables, light: int, u: Lane, v: Lane) -> Arriving:
     mean = 1.0  # cosine to the middle of a sun's disk: `color` is what a surface that faces it gets from all of it
     if lights.angle[light] > 0.0:
         half = math.sin(0.5 * lights.angle[light])
-        axis = _in_cone(axis, u * 2.0 * half * half, v)
+        axis = in_cone(axis, u * 2.0 * half * half, v)
         mean = 1.0 - half * half
     return Arriving(axis, zero + FAR, _color(tables, light, zero + 1.0 / mean))
 
 
 @helper
-def _in_cone(axis: Vec, below: Lane, v: Lane) -> Vec:
+def in_cone(axis: Vec, below: Lane, v: Lane) -> Vec:
     """The direction whose cosine with the axis is 1 - below, turned by v."""
     sine = lanes.sqrt(lanes.maximum(below * (2.0 - below), 0.0))
     a, b = lanes.basis(axis)
@@ -179,10 +179,10 @@ def _from_plate(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) -> 
         x, z = (2.0 * u - 1.0) * half_x, (2.0 * v - 1.0) * half_z
         area = 4.0 * half_x * half_z * stretch
     way = lanes.sub(lanes.transform_point(matrix, row, (x, 0.0, z)), position)
-    squared = lanes.maximum(lanes.dot(way, way), 1e-300)
+    squared = lanes.maximum(lanes.dot(way, way), TINY)
     distance = lanes.sqrt(squared)
     direction = lanes.scale(way, 1.0 / distance)
-    cosine = lanes.maximum(-lanes.dot(direction, face) / max(stretch, 1e-300), 0.0)
+    cosine = lanes.maximum(-lanes.dot(direction, face) / max(stretch, TINY), 0.0)
     return Arriving(direction, distance * _SHORT, _color(tables, light, cosine * area / squared))
 
 
@@ -193,18 +193,32 @@ def _from_sphere(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) ->
     matrix = tables.transforms.matrix
     centre = lanes.transform_point(matrix, row, (0.0, 0.0, 0.0))
     radius = tables.lights.size[light, 0] * lanes.length(lanes.transform_vector(matrix, row, (1.0, 0.0, 0.0)))
-    way = lanes.sub(centre, position)
+    direction, distance, solid = to_ball(lanes.sub(centre, position), radius + 0.0 * u, u, v)
+    return Arriving(direction, distance * _SHORT, _color(tables, light, solid))
+
+
+@helper
+def ball_height(squared: Lane, radius: Lane) -> Lane:
+    """1 - cos of half the angle that a ball fills, seen from a squared distance, without cancelling; 2, all directions, from inside."""
+    inside = squared <= radius * radius
+    sine2 = lanes.where(inside, 1.0, radius * radius / lanes.maximum(squared, TINY))
+    height = sine2 / (1.0 + lanes.sqrt(lanes.maximum(1.0 - sine2, 0.0)))
+    return lanes.where(inside, 2.0, height)
+
+
+@helper
+def to_ball(way: Vec, radius: Lane, u: Lane, v: Lane) -> tuple[Vec, Lane, Lane]:
+    """(direction, distance, solid angle) of a point of the ball whose centre is `way` off, even over the angle that it fills."""
     squared = lanes.dot(way, way)
     inside = squared <= radius * radius
-    sine2 = lanes.where(inside, 1.0, radius * radius / lanes.maximum(squared, 1e-300))
-    height = sine2 / (1.0 + lanes.sqrt(lanes.maximum(1.0 - sine2, 0.0)))  # 1 - cos of the cone's half angle, without cancelling
-    height = lanes.where(inside, 2.0, height)
+    height = ball_height(squared, radius)
     axis = lanes.where3(squared > 0.0, lanes.normalize(way), (0.0 * u, 0.0 * u + 1.0, 0.0 * u))
-    direction = _in_cone(axis, u * height, v)
+    direction = in_cone(axis, u * height, v)
     middle = lanes.dot(way, direction)
-    reach = lanes.sqrt(lanes.maximum(radius * radius - (squared - middle * middle), 0.0))
+    off = lanes.sub(way, lanes.scale(direction, middle))
+    reach = lanes.sqrt(lanes.maximum(radius * radius - lanes.dot(off, off), 0.0))
     distance = lanes.where(inside, middle + reach, middle - reach)
-    return Arriving(direction, lanes.maximum(distance, 0.0) * _SHORT, _color(tables, light, 2.0 * math.pi * height))
+    return direction, lanes.maximum(distance, 0.0), 2.0 * math.pi * height
 
 
 @helper

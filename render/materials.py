@@ -27,6 +27,17 @@ EMISSION = int(ir.Slot.EMISSION)
 PHONG = int(ir.MaterialModel.PHONG)
 BLINN_PHONG = int(ir.MaterialModel.BLINN_PHONG)
 GLASS = int(ir.MaterialModel.GLASS)
+ONLY = 1e18  # density of a direction that is the only one: mirrors', glass's and the camera's
+
+
+class Uses(NamedTuple):
+    """What a scene's materials and lights hold."""
+
+    glossy: bool  # some material has a highlight
+    sharp: bool  # some material mirrors, refracts or lets through
+    shines: bool  # some material shines
+    ambient: bool
+    sky: bool
 
 
 class Shader(NamedTuple):
@@ -48,35 +59,47 @@ class Shader(NamedTuple):
 @helper
 def at(tables: Tables, surface: Surface) -> Shader:
     """The material of a surface where it is."""
-    model = tables.materials.model[surface.material]
+    return looked_up(tables, surface, Uses(True, True, True, lights.has_ambient(tables), True))
+
+
+@helper
+def looked_up(tables: Tables, surface: Surface, uses: Uses) -> Shader:
+    """The same for a scene that holds no more than `uses` says: what it does not is not looked up, and 0."""
     zero = lanes.full_like(surface.offset, 0.0)
-    ambient = (zero, zero, zero)
-    if lights.has_ambient(tables):
+    no = lanes.bool_like(zero, False)
+    black = (zero, zero, zero)
+    ambient, specular, shininess, blinn, normalized = black, black, zero, no, no
+    reflection, transmission, ior, glass, emission = black, black, zero + 1.0, no, black
+    if uses.ambient:
         ambient = lanes.mul(color_of(tables, surface, AMBIENT), surface.color)
-    return Shader(
-        ambient,
-        lanes.mul(color_of(tables, surface, DIFFUSE), surface.color),
-        color_of(tables, surface, SPECULAR),
-        color_of(tables, surface, SHININESS)[0],
-        color_of(tables, surface, REFLECTION),
-        color_of(tables, surface, TRANSMISSION),
-        lanes.maximum(color_of(tables, surface, IOR)[0], 1e-3),
-        color_of(tables, surface, EMISSION),
-        model == BLINN_PHONG,
-        tables.materials.normalized[surface.material],
-        model == GLASS,
-    )
+    if uses.glossy:
+        specular = color_of(tables, surface, SPECULAR)
+        shininess = shininess + color_of(tables, surface, SHININESS)[0]
+        blinn = no | (tables.materials.model[surface.material] == BLINN_PHONG)
+        normalized = no | tables.materials.normalized[surface.material]
+    if uses.sharp:
+        reflection = color_of(tables, surface, REFLECTION)
+        transmission = color_of(tables, surface, TRANSMISSION)
+        ior = zero + lanes.maximum(color_of(tables, surface, IOR)[0], 1e-3)
+        glass = no | (tables.materials.model[surface.material] == GLASS)
+    if uses.shines:
+        emission = color_of(tables, surface, EMISSION)
+    diffuse = lanes.mul(color_of(tables, surface, DIFFUSE), surface.color)
+    return Shader(ambient, diffuse, specular, shininess, reflection, transmission, ior, emission, blinn, normalized, glass)
 
 
 @helper
 def color_of(tables: Tables, surface: Surface, slot: int) -> Vec:
     """A material input: its constant times its texture, if it has one."""
     m = surface.material
-    values, texture = tables.materials.values, tables.materials.textures[m, slot]
-    color = (values[m, slot, 0], values[m, slot, 1], values[m, slot, 2])
-    textured = texture >= 0
-    if lanes.any_lane(textured):
-        color = lanes.where3(textured, lanes.mul(color, textures.value(tables, texture, surface)), color)
+    zero = lanes.full_like(surface.offset, 0.0)
+    red, green, blue = lanes.three_at(tables.materials.values, m, 3 * slot)
+    color = (red + zero, green + zero, blue + zero)
+    if len(tables.textures.kind) > 0:
+        texture = tables.materials.textures[m, slot]
+        textured = texture >= 0
+        if lanes.any_lane(textured):
+            color = lanes.where3(textured, lanes.mul(color, textures.value(tables, texture, surface)), color)
     return color
 
 
@@ -101,7 +124,7 @@ def _lobe(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec, cosine: La
     if lanes.any_lane(shader.blinn):
         half = lanes.normalize(lanes.add(to_light, to_viewer))
         base = lanes.where(shader.blinn, lanes.dot(normal, half), base)
-    lobe = lanes.where(base > 0.0, lanes.fading(lanes.clip(base, 1e-30, 1.0), shader.shininess), 0.0)
+    lobe = lanes.where(base > 0.0, lanes.fading(lanes.clip(base, lights.TINY, 1.0), shader.shininess), 0.0)
     if lanes.any_lane(shader.normalized):
         lobe = lobe * lanes.where(shader.normalized, lobe_scale(shader.blinn, shader.shininess) * cosine, 1.0)
     return lobe
@@ -122,7 +145,7 @@ def sample_lobe(shader: Shader, normal: Vec, to_viewer: Vec, u: Lane, v: Lane) -
     4 V·H; Walter 2005, Notes on the Ward BRDF); the share is k_s lobe / (π density), 0 where the direction is below the surface.
     """
     n = shader.shininess
-    cosine = lanes.power(lanes.maximum(1.0 - u, 1e-300), 1.0 / (n + 1.0))
+    cosine = lanes.power(lanes.maximum(1.0 - u, lights.TINY), 1.0 / (n + 1.0))
     sine = lanes.sqrt(lanes.maximum(1.0 - cosine * cosine, 0.0))
     turn = 2.0 * math.pi * v
     mirrored = lanes.reflect(lanes.negate(to_viewer), normal)
@@ -138,6 +161,127 @@ def sample_lobe(shader: Shader, normal: Vec, to_viewer: Vec, u: Lane, v: Lane) -
     return direction, lanes.scale(shader.specular, lanes.where(above > 0.0, share, 0.0))
 
 
+# --- for paths: how directions are drawn, and how likely each is ----------------------------------------------------------
+
+
+class Scattered(NamedTuple):
+    """A direction in which a path goes on."""
+
+    direction: Vec
+    weight: Vec  # share of the radiance from there, over the density
+    density: Lane  # ONLY for mirrors and glass
+    through: Lane  # bool: straight on through a passage of index 1
+
+
+@helper
+def _chances(shader: Shader, uses: Uses) -> tuple[Lane, Lane]:
+    """How likely the matt part and the highlight are followed among the two: in proportion to what they reflect."""
+    matt = lanes.mean3(shader.diffuse)
+    if lanes.not_(uses.glossy):
+        return matt, 0.0 * matt
+    of_lobe = lanes.where(shader.normalized, 0.0 * matt + 1.0, 2.0 / (shader.shininess + 1.0))
+    return matt, lanes.mean3(shader.specular) * of_lobe
+
+
+@helper
+def share_of(shader: Shader, uses: Uses, normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Lane]:
+    """(`reflected`, density with which `scatter` takes this direction, but for what mirrors and glass take)."""
+    cosine = lanes.maximum(lanes.dot(normal, to_light), 0.0)
+    share, density = lanes.scale(shader.diffuse, cosine), cosine * (1.0 / math.pi)
+    if uses.glossy or uses.sharp:
+        matt, shiny = _chances(shader, uses)
+        share = reflected(shader, normal, to_light, to_viewer)
+        density = density * matt
+        if uses.glossy:
+            density = density + shiny * lanes.where(cosine > 0.0, lobe_density(shader, normal, to_light, to_viewer), 0.0)
+        whole = matt + shiny
+        if uses.sharp:
+            whole = whole + lanes.mean3(shader.reflection) + lanes.mean3(shader.transmission)
+        density = density / lanes.maximum(whole, lights.TINY)
+    return share, density
+
+
+@helper
+def lobe_density(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> Lane:
+    """The density of directions as `sample_lobe` spreads them."""
+    mirrored = lanes.reflect(lanes.negate(to_viewer), normal)
+    half = lanes.normalize(lanes.add(to_light, to_viewer))
+    base = lanes.where(shader.blinn, lanes.dot(normal, half), lanes.dot(mirrored, to_light))
+    lobe = lanes.where(base > 0.0, lanes.power(lanes.maximum(base, lights.TINY), shader.shininess), 0.0)
+    across = 4.0 * lanes.maximum(lanes.absolute(lanes.dot(half, to_viewer)), lights.TINY)
+    return lobe * (shader.shininess + 1.0) / (2.0 * math.pi) / lanes.where(shader.blinn, across, 1.0)
+
+
+@helper
+def scatter(shader: Shader, uses: Uses, point: Surface, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> Scattered:
+    """A direction in which light is followed; u, v spread it, `which` chooses the part of the material that sends it there."""
+    normal = point.normal
+    direction, cosine = lights.cosine_sample(normal, u, v)
+    zero = 0.0 * u
+    through = lanes.bool_like(zero, False)
+    weight, density = shader.diffuse, cosine * (1.0 / math.pi)
+    if uses.glossy or uses.sharp:
+        matt, shiny = _chances(shader, uses)
+        mirror, clear = zero, zero
+        if uses.sharp:
+            mirror, clear = lanes.mean3(shader.reflection), lanes.mean3(shader.transmission)
+        whole = lanes.maximum(matt + shiny + mirror + clear, lights.TINY)
+        which = which * whole
+        if uses.glossy:
+            lobed = (which >= matt) & (which < matt + shiny)
+            if lanes.any_lane(lobed):
+                direction = lanes.where3(lobed, sample_lobe(shader, normal, to_viewer, u, v)[0], direction)
+        share, density = share_of(shader, uses, normal, direction, to_viewer)
+        weight = lanes.scale(share, 1.0 / (math.pi * lanes.maximum(density, lights.TINY)))
+        if uses.sharp:
+            sharp = which >= matt + shiny
+            if lanes.any_lane(sharp):
+                direction, weight, through = _sharp(shader, point, to_viewer, direction, weight, which - matt - shiny, whole, sharp)
+                density = lanes.where(sharp, zero + ONLY, density)
+    sinks = (lanes.dot(direction, point.geometric) <= 0.0) & (density < ONLY)
+    weight = lanes.where3(sinks, (zero, zero, zero), weight)
+    return Scattered(direction, weight, density, through)
+
+
+@helper
+def _sharp(
+    shader: Shader, point: Surface, to_viewer: Vec, direction: Vec, weight: Vec, which: Lane, whole: Lane, here: Lane
+) -> tuple[Vec, Vec, Lane]:
+    """(direction, weight, straight through) where a mirror or a passage was chosen: `which` counts on from the matt part."""
+    arriving = lanes.negate(to_viewer)
+    reflection, transmission, refracted, _ = splits(point, shader, arriving)
+    mirror, clear = lanes.mean3(shader.reflection), lanes.mean3(shader.transmission)
+    bounce = lanes.mean3(reflection)
+    both = lanes.maximum(bounce + lanes.mean3(transmission), lights.TINY)
+    back = which * both < bounce * (mirror + clear)  # of those that were chosen, as many as Fresnel's law turns back
+    mirrored = lanes.reflect(arriving, point.normal)
+    outside = lanes.dot(mirrored, point.geometric) > 0.0  # an interpolated normal may mirror a grazing ray into the surface
+    mirrored = lanes.where3(outside, mirrored, lanes.reflect(arriving, point.geometric))
+    chance = lanes.where(back, bounce, both - bounce) / both * (mirror + clear) / whole
+    given = lanes.scale(lanes.where3(back, reflection, transmission), 1.0 / lanes.maximum(chance, lights.TINY))
+    through = here & lanes.not_(back) & (shader.ior == 1.0)
+    return lanes.where3(here, lanes.where3(back, mirrored, refracted), direction), lanes.where3(here, given, weight), through
+
+
+@helper
+def splits(point: Surface, shader: Shader, direction: Vec) -> tuple[Vec, Vec, Vec, Lane]:
+    """(reflected share, transmitted share, refracted direction, total reflection) of a ray that arrives at a surface.
+
+    Radiance is not scaled by the square of the index when it enters a medium: what a camera outside sees is unchanged by that.
+    """
+    cosine = lanes.clip(-lanes.dot(direction, point.normal), 0.0, 1.0)
+    eta = lanes.where(point.front, 1.0 / shader.ior, shader.ior)
+    share, bent, total = fresnel(cosine, eta)
+    refracted = refract(direction, point.normal, cosine, bent, eta)
+    let_through = lanes.where(shader.glass, 1.0 - share, lanes.where(total, 0.0, 1.0))
+    transmission = lanes.scale(shader.transmission, let_through)
+    by_fresnel = (share, share, share)
+    reflection = lanes.where3(shader.glass, by_fresnel, shader.reflection)
+    turned_back = total & lanes.not_(shader.glass)
+    reflection = lanes.where3(turned_back, lanes.add(reflection, shader.transmission), reflection)
+    return reflection, transmission, refracted, total
+
+
 @helper
 def fresnel(cosine: Lane, eta: Lane) -> tuple[Lane, Lane, Lane]:
     """(reflectance, cosine of the refracted ray, total) of unpolarised light between dielectrics.
@@ -148,8 +292,8 @@ def fresnel(cosine: Lane, eta: Lane) -> tuple[Lane, Lane, Lane]:
     k = 1.0 - eta * eta * lanes.maximum(1.0 - cosine * cosine, 0.0)
     total = lanes.not_(k > 0.0)
     bent = lanes.sqrt(lanes.where(total, 0.0, k))
-    across = (eta * cosine - bent) / lanes.maximum(eta * cosine + bent, 1e-300)
-    along = (cosine - eta * bent) / lanes.maximum(cosine + eta * bent, 1e-300)
+    across = (eta * cosine - bent) / lanes.maximum(eta * cosine + bent, lights.TINY)
+    along = (cosine - eta * bent) / lanes.maximum(cosine + eta * bent, lights.TINY)
     return lanes.where(total, 1.0, 0.5 * (across * across + along * along)), bent, total
 
 

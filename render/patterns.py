@@ -70,7 +70,13 @@ def _tape(tables: ir.Tables, row: int) -> Tape:
 def _texel(tables, row, p):
     if not isinstance(row, simd.Vector):
         return _of_one
-    return _of_many
+    return _of_many if row.bits == 64 else _of_none
+
+
+def _of_none(tables, row, p):
+    """In lanes of float32, which the plan's `precision` gives to no scene with patterns."""
+    zero = 0.0 * p[0]
+    return zero, zero, zero
 
 
 def _of_one(tables, row, p):

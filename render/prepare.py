@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..compiler import contour, ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
-from . import aside, banded, bvh, gouraud, integrate, patterns, sampler, tessellate, trace
+from . import aside, banded, bvh, emitters, gouraud, integrate, paths, patterns, pieces, sampler, tessellate, trace, waves
 from .formulas import fields
 from .handles import Handle
 from .records import Frame, Open, Options, Still, Triple, View
@@ -32,6 +32,7 @@ class Prepared:
     gouraud: Any  # GouraudLight, or its Handle
     options: Options
     frame: Any  # a Handle of a Frame, or the Frame itself
+    paths: Any = None  # reference: a paths.Light; ray: float32 or float64, as wide as waves are; None: transport is no matter of paths
     shells: dict[int, tessellate.Tessellation] = field(default_factory=dict)  # raster: instance -> its shape in triangles
     triangles: banded.Triangles | None = None  # raster: all there are
 
@@ -52,14 +53,48 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     frame = Frame(view, options, sampler.filter_table(plan["filter"]), shutter_of(tables, plan, view))
     if backend == "reference":
         accel = trace.Brute()
+        if plan["transport"] == "paths":
+            return Prepared(tables, tables, accel, None, options, frame, paths=_light(tables))
         light = gouraud.vertex_light(tables, tables, accel, frame)
-        return Prepared(tables, tables, accel, light, options, frame, shells)
+        return Prepared(tables, tables, accel, light, options, frame, shells=shells)
+    if plan["transport"] == "paths" and backend == "ray":
+        return _for_paths(tables, plan, options, frame)
     accel, packed, frames = _trees(tables, plan), Handle(tables), Handle(frame)
     aside.link(accel)
     light = Handle(gouraud.vertex_light(tables, packed, accel, frames))
     integrate.link(frames, packed, accel, light)
     triangles = banded.triangles(tables, view, shells) if backend == "raster" else None
-    return Prepared(tables, packed, accel, light, options, frames, shells, triangles)
+    return Prepared(tables, packed, accel, light, options, frames, shells=shells, triangles=triangles)
+
+
+def _for_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame) -> Prepared:
+    """Trees of all for the channels; pieces, trees of the rest and narrow tables for waves."""
+    kind = np.float32 if plan["precision"] == "float32" else np.float64
+    lit = tables.lights.kind
+    near = not np.isin(lit, (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN)).any()
+    tried, inside = pieces.build(tables, near)
+    accel = Handle(waves.NoTrees())
+    if not inside.all():
+        accel = Handle(bvh.build(tables, plan["accelerator"] == "brute", int(plan["threads"]), moves=False, left_out=inside))
+        aside.link(accel)
+    boxes = bvh.world_bounds(tables)[~inside]
+    low, high = boxes[:, :3].min(axis=0, initial=np.inf), boxes[:, 3:].max(axis=0, initial=-np.inf)
+    if not np.isfinite(boxes).all():
+        low, high = np.full(3, -np.inf), np.full(3, np.inf)
+    scene = waves.Scene(_as(tables, kind), _as(tried, kind), _as(_light(tables), kind), not inside.all(), low, high)
+    packed = Handle(scene)
+    return Prepared(tables, packed, accel, None, options, Handle(_as(frame, kind)), paths=kind)
+
+
+def _light(tables: ir.Tables) -> paths.Light:
+    return paths.Light(emitters.build(tables), paths.uses_of(tables))
+
+
+def _as(nest: Any, kind: type) -> Any:
+    """A nest of tuples with its float64 arrays as another kind."""
+    if isinstance(nest, np.ndarray):
+        return np.ascontiguousarray(nest, kind) if nest.dtype == np.float64 else nest
+    return type(nest)(*(_as(item, kind) for item in nest)) if hasattr(nest, "_fields") else nest
 
 
 def _trees(tables: ir.Tables, plan: Plan) -> Handle:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler.plan import Plan
-from . import across, aov, camera, integrate, lanes, prepare, rays, sampler, trace
+from . import across, aov, camera, integrate, lanes, prepare, rays, sampler, trace, waves
 from .handles import Handle
 from .kernels import HELPER, apart, helper, kernel
 from .records import Film, Hit, Options, Tile, View
@@ -28,12 +29,19 @@ class Renderer:
     def __init__(self, prepared: prepare.Prepared, plan: Plan, view: View) -> None:
         self.prepared, self.view = prepared, view
         self.frame = prepared.frame
+        self._rooms = threading.local()  # of waves, one a thread
+        self.everything = None  # trees of all things, where waves' own leave some out
         nothing, none = Tile(0, 0, 0, 0), np.zeros((0, 0), np.int64)
         self.sample(nothing, none, none, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
 
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
         """Add samples first … first + count - 1, (h, w) each, of the pixels of the tile to the film."""
         p = self.prepared
+        if p.paths is not None:
+            if not hasattr(self._rooms, "room"):
+                self._rooms.room = Handle(waves.Room.of(p.paths))
+            waves.draw_tile(p.accel, p.packed, self.frame, tile, first, count, total, film, self._rooms.room)
+            return
         draw_tile(p.packed, p.accel, p.gouraud, self.frame, tile, first, count, total, film, Handle(Room.of(p.options)))
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
@@ -43,7 +51,9 @@ class Renderer:
         with np.errstate(all="ignore"):
             ray = camera.ray(tables, self.view, x, y)
         origin, direction = (np.stack(np.broadcast_arrays(*v, x)[:3], axis=1) for v in (ray.origin, ray.direction))
-        met = rays.closest(self.prepared.accel, origin, direction, ray.t_min, ray.t_max, CAMERA)
+        if self.everything is None:
+            self.everything = self.prepared.accel if self.prepared.paths is None else rays.trees(tables)
+        met = rays.closest(self.everything, origin, direction, ray.t_min, ray.t_max, CAMERA)
         aov.channels_of(tables, self.view, ray, Hit(*met), names, out)
 
 

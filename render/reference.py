@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler.plan import Plan
-from . import aov, camera, integrate, sampler, trace
+from . import aov, camera, integrate, paths, sampler, trace
 from .prepare import Prepared
 from .records import Film, Ray, Tile, View
 
@@ -37,9 +37,12 @@ class Renderer:
                 index = np.full(len(x), s)
                 dx, dy = sampler.offset(pixel, index, total, options.seed, self.filter)
                 ray, hit = self._first_hit(x + 0.5 + dx, y + 0.5 + dy, sampler.moment(pixel, index, options.seed, self.shutter))
-                rgb, alpha, sound = integrate.radiance(
-                    prepared.tables, prepared.accel, prepared.gouraud, options, ray, hit, pixel, index, stack
-                )
+                if prepared.paths is not None:
+                    rgb, alpha, sound = paths.radiance(prepared.tables, prepared.accel, prepared.paths, options, ray, hit, pixel, index)
+                else:
+                    rgb, alpha, sound = integrate.radiance(
+                        prepared.tables, prepared.accel, prepared.gouraud, options, ray, hit, pixel, index, stack
+                    )
                 for k in range(3):
                     film.color[..., k] += np.reshape(rgb[k], shape)
                 film.alpha[:] += np.reshape(alpha, shape)

@@ -25,6 +25,7 @@ FILTERS = tuple(FILTER_RADIUS)
 
 _MOMENT = 1  # the dimension of a sample's time
 _TO_UNIT = 1.0 / 4294967296.0
+_TO_UNIT24 = 1.0 / 16777216.0  # float32 has no room for more
 
 
 def _u32(x: Lane) -> Lane:
@@ -57,14 +58,16 @@ def _plus_in_kernels(x, y):
     return lambda x, y: simd.to_u32(x + y)
 
 
-def _share(x: Lane) -> Lane:
-    """uint32 as a number in [0, 1)."""
+def _share(x: Lane, like: Lane) -> Lane:
+    """uint32 as a number in [0, 1), as wide as `like`."""
     return x * _TO_UNIT
 
 
 @overload(_share, jit_options=HELPER)
-def _share_in_kernels(x):
-    return lambda x: simd.to_f64(x) * _TO_UNIT
+def _share_in_kernels(x, like):
+    if isinstance(like, simd.Vector) and like.bits == 32:
+        return lambda x, like: simd.to_f32(simd.to_i32(x >> np.uint32(8))) * _TO_UNIT24
+    return lambda x, like: simd.to_f64(x) * _TO_UNIT
 
 
 @helper
@@ -119,7 +122,15 @@ def pair(pixel: Lane, sample: Lane, dimension: Lane, seed: int) -> tuple[Lane, L
     index = _reverse_bits(_permute(_reverse_bits(_u32(sample)), key))
     first = _permute(index, _combine(key, np.uint32(1)))  # the first dimension is the index reversed, scrambled reversed again
     second = _permute(_reverse_bits(_sobol_second(index)), _combine(key, np.uint32(2)))
-    return _share(_reverse_bits(first)), _share(_reverse_bits(second))
+    return _share(_reverse_bits(first), pixel), _share(_reverse_bits(second), pixel)
+
+
+@helper
+def scattered(pixel: Lane, sample: Lane, dimension: Lane, seed: int) -> tuple[Lane, Lane]:
+    """The same without any order among samples: for the far ends of paths, where good spread is lost anyway."""
+    high = _hash(_u32(seed >> 32) ^ np.uint32(0x3C6EF372))
+    key = _combine(_combine(_combine(_hash(_u32(seed) ^ high), _u32(pixel)), _u32(sample)), _u32(dimension))
+    return _share(key, pixel), _share(_hash(_plus(key, np.uint32(0x9E3779B9))), pixel)
 
 
 @helper

@@ -19,8 +19,8 @@ CONSTANT = int(ir.Interpolation.CONSTANT)
 FACE = int(ir.Interpolation.FACE)
 VERTEX = int(ir.Interpolation.VERTEX)
 FLAT = int(ir.Shading.FLAT)
-UNIT = 2.0 * 2.0**-53  # of a formula's largest coordinate: twice what a unit of its spacing means (formulas/meet.py)
-ROUNDING = 32.0 * 2.0**-53  # of the sums of absolute terms in `spacing`: a few operations each for the hit and for the next ray
+UNIT = 2.0  # units of roundoff of a formula's largest coordinate: twice what a unit of its spacing means (formulas/meet.py)
+ROUNDING = 32.0  # units of roundoff, of the sums of absolute terms in `spacing`: a few operations each for the hit and for the next ray
 
 
 @helper
@@ -111,7 +111,7 @@ def spacing(here: placed.Place, ray: Ray, t: Lane, normal: Vec, wide: Lane) -> L
     wx = abs(m[0]) * lx + abs(m[1]) * ly + abs(m[2]) * lz + abs(m[3])
     wy = abs(m[4]) * lx + abs(m[5]) * ly + abs(m[6]) * lz + abs(m[7])
     wz = abs(m[8]) * lx + abs(m[9]) * ly + abs(m[10]) * lz + abs(m[11])
-    return ROUNDING * (abs(normal[0]) * wx + abs(normal[1]) * wy + abs(normal[2]) * wz + wide)
+    return ROUNDING * lanes.roundoff(t) * (abs(normal[0]) * wx + abs(normal[1]) * wy + abs(normal[2]) * wz + wide)
 
 
 @helper

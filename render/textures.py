@@ -17,7 +17,7 @@ import math
 
 from ..compiler import ir
 from . import lanes, patterns
-from .kernels import helper
+from .kernels import apart, helper
 from .records import Lane, Surface, Tables, Vec
 
 LATLONG = int(ir.Mapping_.LATLONG)
@@ -35,7 +35,7 @@ _FARTHEST = 1e12  # coordinates beyond this are taken as 0: they hold no fractio
 Rgba = tuple[Lane, Lane, Lane, Lane]
 
 
-@helper
+@apart
 def value(tables: Tables, texture: Lane, surface: Surface) -> Vec:
     """The colour of each lane's texture (row of Textures) at a surface point; rows < 0 give row 0's."""
     textures = tables.textures

@@ -143,13 +143,16 @@ def where_followed(cases: list[Any]) -> list[Any]:
     return [(backend, *case) for backend in rm.EVERY for case in cases if backend != "raster" or case[-1] == 0]
 
 
+TREE = {"transport": "tree"}  # every branch followed: exact where the answer does not depend on directions; paths end by chance
+
+
 @pytest.mark.parametrize(("backend", "emitted", "albedo", "bounces"), where_followed(GLOWING))
 def test_a_glowing_enclosure(tmp_path, measured, backend, emitted, albedo, bounces):
     """e/(1 − ρ); k bounces after the first hit give e (1 − ρ^(k+1))/(1 − ρ), whatever directions are drawn: they see n = k + 1 times
     emission, and the list's 1 − ρᵏ counts those. Rays of a weight below 10⁻⁴ are not followed: at most that share of e/(1 − ρ)."""
     text = INSIDE + box_of(tmp_path, emitted, albedo) + f"render(bounces: {bounces})\n"
     answer = emitted * (1 - albedo ** (bounces + 1)) / (1 - albedo)
-    found = rm.grey(rm.picture(tmp_path, text, backend, size=(12, 12)))
+    found = rm.grey(rm.picture(tmp_path, text, backend, size=(12, 12), plan=TREE))
     cut = 1e-4 if albedo ** (bounces + 1) < 1e-4 else 0.0
     error = float(np.abs(found / answer - 1).max())
     measured.answer(29, "glowing enclosure, k bounces", backend, error, rm.SINGLE + cut, note="relative, the worst pixel")
@@ -160,7 +163,7 @@ def test_a_lamp_in_the_middle_of_a_ball(tmp_path, measured, backend, intensity, 
     """ρI/(πR²(1 − ρ)) on its wall, and with k bounces that times 1 − ρ^(k+1)."""
     text = f"sphere({radius}, material: lambert({albedo}))\npoint([0, 0, 0], intensity: {intensity})\nrender(bounces: {bounces})\n"
     answer = albedo * intensity / (math.pi * radius**2) * (1 - albedo ** (bounces + 1)) / (1 - albedo)
-    found = rm.grey(rm.picture(tmp_path, INSIDE + text, backend, size=(12, 12), samples=4))
+    found = rm.grey(rm.picture(tmp_path, INSIDE + text, backend, size=(12, 12), samples=4, plan=TREE))
     cut = 1e-4 if albedo ** (bounces + 1) < 1e-4 else 0.0
     error = float(np.abs(found / answer - 1).max())
     measured.answer(29, "lamp in a ball, k bounces", backend, error, 1e-6 + cut, note="relative, the worst pixel")
@@ -196,7 +199,7 @@ def test_facing_plates(tmp_path, measured, backend, emitted, albedo, bounces):
     text = BETWEEN + f"ambient(luminance: 1)\nrender(bounces: {bounces})\n"
     for y in (0, 1):
         text += f"plane(y: {y}, material: phong({albedo[y]}, specular: 0, k_a: {emitted[y]}))\n"
-    found = rm.grey(rm.picture(tmp_path, text, backend, size=(12, 12)))
+    found = rm.grey(rm.picture(tmp_path, text, backend, size=(12, 12), plan=TREE))
     cut = 1e-4 * max(emitted) * 2 / (1 - albedo[0] * albedo[1]) / answer if weight < 1e-4 else 0.0
     error = float(np.abs(found / answer - 1).max())
     measured.answer(30, "facing plates", backend, error, rm.SINGLE + cut, note="relative, the worst pixel")
@@ -211,7 +214,7 @@ def test_facing_plates_of_wide_triangles(tmp_path, measured, backend):
     (tmp_path / "plates.mtl").write_text("".join(lines))
     corners = "".join(f"v {x} {y} {z}\n" for y in (0, 1) for x, z in ((-s, -s), (-s, s), (s, s), (s, -s)))
     (tmp_path / "plates.obj").write_text(f"mtllib plates.mtl\n{corners}usemtl m0\nf 1 2 3 4\nusemtl m1\nf 5 8 7 6\n")
-    found = rm.grey(rm.picture(tmp_path, BETWEEN + 'mesh("plates.obj")\nrender(bounces: 4)\n', backend, size=(12, 12)))
+    found = rm.grey(rm.picture(tmp_path, BETWEEN + 'mesh("plates.obj")\nrender(bounces: 4)\n', backend, size=(12, 12), plan=TREE))
     error = float(np.abs(found / series(emitted, albedo, 4)[0] - 1).max())
     measured.answer(30, "facing plates, wide triangles", backend, error, rm.SINGLE, note="relative, the worst pixel")
 

@@ -1,0 +1,262 @@
+"""Emitters: everything that paths look for light at, one row each: lamps, shining shapes and the triangles of shining meshes.
+
+`sample` draws a point of one emitter, or a direction to it, for each lane; `density` says how likely the same direction was for a ray
+that met it by chance, so that both ways of finding light can be weighed against each other (Veach 1997, chapter 9).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..compiler import ir
+from . import lanes, lights
+from .kernels import helper
+from .records import Lane, Tables, Vec
+
+POINT, SPOT, DIRECTIONAL, SUN = lights.POINT, lights.SPOT, lights.DIRECTIONAL, lights.SUN
+SKY, DOME, RECTANGLE, DISK, SPHERE = lights.SKY, lights.DOME, lights.RECTANGLE, lights.DISK, lights.SPHERE
+TRIANGLE = 20  # one of a shining mesh; the other kinds are LightKind's
+MOST_TRIANGLES = 1 << 17  # of shining meshes that are sampled; rays still meet the others
+_AREAS = (RECTANGLE, DISK, SPHERE)
+
+
+class Emitters(NamedTuple):
+    """Rows of emitters, in the world."""
+
+    kind: NDArray[np.int32]
+    place: NDArray[np.float64]  # (n, 3) a plate's or ball's middle, a triangle's first corner, a point light's position
+    side_u: NDArray[np.float64]  # (n, 3) a plate's half edges or a disk's radii; a triangle's two edges; column 0: a ball's radius
+    side_v: NDArray[np.float64]  # (n, 3)
+    normal: NDArray[np.float64]  # (n, 3) where a plate or triangle shines to; where far light comes from, a spot's axis
+    area: NDArray[np.float64]
+    color: NDArray[np.float64]  # (n, 3) radiance, or what Lights.color is
+    both: NDArray[np.bool_]  # shines to both sides
+    light: NDArray[np.int32]  # row of Lights, or -1
+    shadows: NDArray[np.bool_]
+    weighed: NDArray[np.bool_]  # rays that go on may meet it, too: both ways are weighed
+    share: NDArray[np.float64]  # how likely it is chosen
+    upto: NDArray[np.float64]  # sum of the shares up to and with this one
+    first: NDArray[np.int32]  # (instances,) the row of an instance's first part, or -1
+    parts: NDArray[np.int32]  # (instances,) what is taken from a hit's primitive to count from `first`
+
+
+class Arriving(NamedTuple):
+    """One sample of an emitter, as seen from a point."""
+
+    direction: Vec
+    distance: Lane  # inf: endlessly far
+    light: Vec  # what a surface facing it gets, over the density: samples average to the irradiance
+    density: Lane  # of the direction, a solid angle; inf where there is only one
+
+
+def build(tables: ir.Tables) -> Emitters:
+    """The emitters of a scene. An even sky is none: rays that leave the scene see it, as often as any sampling could."""
+    rows: list[dict[str, Any]] = []
+    instances = tables.instances
+    first = np.full(len(instances.geometry), -1, np.int32)
+    parts = np.zeros(len(instances.geometry), np.int32)
+    for k, kind in enumerate(tables.lights.kind):
+        if kind in (ir.LightKind.AMBIENT, ir.LightKind.SKY, ir.LightKind.DOME) or not tables.lights.color[k].any():
+            continue
+        if kind in _AREAS:
+            i = int(tables.lights.instance[k])
+            if i >= 0:
+                first[i] = len(rows)
+            rows.append(_area(tables, k, i))
+        else:
+            axis = -tables.lights.direction[k] if kind == ir.LightKind.SPOT else tables.lights.direction[k]
+            rows.append(
+                _row(kind=kind, place=tables.lights.position[k], normal=axis, color=tables.lights.color[k], light=k,
+                     shadows=tables.lights.shadows[k])
+            )  # fmt: skip
+    for i in np.flatnonzero(_shining(tables) & (instances.light < 0)):
+        made = _shape(tables, int(i))
+        if made:
+            first[i], parts[i] = len(rows), made[0].pop("part")
+            rows.extend({name: value for name, value in row.items() if name != "part"} for row in made)
+    return _table(tables, rows, first, parts)
+
+
+def _row(**known: Any) -> dict[str, Any]:
+    nothing = np.zeros(3)
+    base = {"place": nothing, "side_u": nothing, "side_v": nothing, "normal": np.array([0.0, 1.0, 0.0]), "area": 0.0, "both": False,
+            "light": -1, "shadows": True, "weighed": False}  # fmt: skip
+    return base | known
+
+
+def _area(tables: ir.Tables, k: int, instance: int) -> dict[str, Any]:
+    lit = tables.lights
+    seen = instance >= 0 and bool(tables.instances.visible[instance] & ir.Visibility.REFLECTION)
+    weighed = bool(lit.shadows[k]) and seen
+    matrix = tables.transforms.matrix[lit.transform[k]]
+    flips = bool(tables.transforms.flips[lit.transform[k]])
+    both = lit.kind[k] == ir.LightKind.SPHERE
+    return _plate(int(lit.kind[k]), matrix, flips, lit.size[k], lit.color[k], both, light=k, shadows=lit.shadows[k], weighed=weighed)
+
+
+def _plate(kind: int, matrix: Any, flips: bool, size: Any, color: Any, both: bool, **more: Any) -> dict[str, Any]:
+    """A rectangle, disk or ball in a frame."""
+    x, z = matrix[:, 0], matrix[:, 2]
+    if kind == SPHERE:
+        radius = float(size[0]) * float(np.linalg.norm(x))
+        return _row(kind=kind, place=matrix[:, 3], side_u=np.array([radius, 0.0, 0.0]), area=4.0 * math.pi * radius**2, color=color,
+                    both=both, **more)  # fmt: skip
+    face = np.cross(z, x) * (-1.0 if flips else 1.0)
+    stretch = float(np.linalg.norm(face))
+    half = (size[0], size[0]) if kind == DISK else (size[0], size[1])
+    area = stretch * (math.pi * half[0] ** 2 if kind == DISK else 4.0 * half[0] * half[1])
+    return _row(kind=kind, place=matrix[:, 3], side_u=x * half[0], side_v=z * half[1], normal=face / max(stretch, 1e-300), area=area,
+                color=color, both=both, **more)  # fmt: skip
+
+
+def _shining(tables: ir.Tables) -> NDArray[np.bool_]:
+    """(instances,) whose material shines evenly, with no picture on it."""
+    m, slot = tables.materials, ir.Slot.EMISSION
+    even = (m.values[:, slot].max(axis=1, initial=0.0) > 0.0) & (m.textures[:, slot] < 0)
+    return even[tables.instances.material] & (tables.instances.visible & ir.Visibility.REFLECTION != 0)
+
+
+def _shape(tables: ir.Tables, i: int) -> list[dict[str, Any]]:
+    """The emitters of a shining instance; none for kinds that rays have to meet by chance."""
+    instances, geometries, pools = tables.instances, tables.geometries, tables.pools
+    g, row = int(instances.geometry[i]), int(instances.transform[i])
+    matrix, color = tables.transforms.matrix[row], tables.materials.values[instances.material[i], ir.Slot.EMISSION]
+    kinds = {ir.GeometryKind.RECTANGLE: RECTANGLE, ir.GeometryKind.DISK: DISK, ir.GeometryKind.SPHERE: SPHERE}
+    kind, p = int(geometries.kind[g]), geometries.parameters[g]
+    shared = {"color": color, "both": True, "weighed": True}
+    if kind in kinds:
+        even = matrix[:, :3].T @ matrix[:, :3]
+        if kind == ir.GeometryKind.RECTANGLE or np.allclose(even, even[0, 0] * np.eye(3), rtol=0, atol=1e-9 * even[0, 0]):
+            return [_plate(kinds[ir.GeometryKind(kind)], matrix, bool(tables.transforms.flips[row]), p[:2], **shared, part=0)]
+        return []
+    first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
+    if kind != ir.GeometryKind.MESH or not 0 < count <= MOST_TRIANGLES:
+        return []
+    corners = pools.positions[pools.triangles[first : first + count]].astype(np.float64) + geometries.origin[g]
+    corners = corners @ matrix[:, :3].T + matrix[:, 3]
+    u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    face = np.cross(u, v)
+    size = np.linalg.norm(face, axis=1)
+    return [
+        _row(kind=TRIANGLE, place=corners[k, 0], side_u=u[k], side_v=v[k], normal=face[k] / max(size[k], 1e-300), area=0.5 * size[k],
+             **shared, part=first)
+        for k in range(count)
+    ]  # fmt: skip
+
+
+def _table(tables: ir.Tables, rows: list[dict[str, Any]], first: Any, parts: Any) -> Emitters:
+    columns: dict[str, Any] = {}
+    shapes: dict[str, Any] = dict.fromkeys(("place", "side_u", "side_v", "normal", "color"), (3,))
+    types: dict[str, Any] = {"kind": np.int32, "light": np.int32, "both": bool, "shadows": bool, "weighed": bool}
+    for name in ("kind", "place", "side_u", "side_v", "normal", "area", "color", "both", "light", "shadows", "weighed"):
+        values = [row[name] for row in rows]
+        columns[name] = np.array(values, types.get(name, np.float64)).reshape(-1, *shapes.get(name, ()))
+    power = columns["color"].mean(axis=1) * np.where(columns["area"] > 0, columns["area"] * (1.0 + columns["both"]), 1.0)
+    share = power / power.sum() if len(rows) else power
+    return Emitters(**columns, share=share, upto=np.cumsum(share), first=first, parts=parts)
+
+
+# --- in lanes ------------------------------------------------------------------------------------------------------------
+
+
+@helper
+def choose(emitters: Emitters, u: Lane) -> Lane:
+    """A row for each lane, as likely as its share."""
+    count = len(emitters.kind)
+    low = lanes.int_like(u, 0)
+    step = 1
+    while step < count:
+        step *= 2
+    while step > 1:  # the last row whose sum before it is not above u
+        step //= 2
+        further = lanes.minimum(low + step, count - 1)
+        low = lanes.where((low + step < count) & (emitters.upto[further - 1] <= u), further, low)
+    return low
+
+
+@helper
+def sample(tables: Tables, emitters: Emitters, e: Lane, position: Vec, u: Lane, v: Lane) -> Arriving:
+    """Light of emitter e (a row for each lane, or one for all) at a point; u, v in [0, 1) choose where on it."""
+    kind = emitters.kind[e]
+    zero = lanes.full_like(u, 0.0)
+    color = (emitters.color[e, 0] + zero, emitters.color[e, 1] + zero, emitters.color[e, 2] + zero)
+    place = (emitters.place[e, 0] + zero, emitters.place[e, 1] + zero, emitters.place[e, 2] + zero)
+    normal = (emitters.normal[e, 0] + zero, emitters.normal[e, 1] + zero, emitters.normal[e, 2] + zero)
+    way = lanes.sub(place, position)
+    direction, distance, strength, density = normal, zero + math.inf, zero, zero + math.inf
+    flat = (kind == RECTANGLE) | (kind == DISK) | (kind == TRIANGLE)
+    if lanes.any_lane(flat):
+        a, b = _on_plate(kind, u, v)
+        side_u = (emitters.side_u[e, 0], emitters.side_u[e, 1], emitters.side_u[e, 2])
+        side_v = (emitters.side_v[e, 0], emitters.side_v[e, 1], emitters.side_v[e, 2])
+        to = lanes.add(way, lanes.add((side_u[0] * a, side_u[1] * a, side_u[2] * a), (side_v[0] * b, side_v[1] * b, side_v[2] * b)))
+        squared = lanes.maximum(lanes.dot(to, to), lights.TINY)
+        inverse = 1.0 / lanes.sqrt(squared)
+        towards = lanes.scale(to, inverse)
+        cosine = -lanes.dot(towards, normal)
+        cosine = lanes.where(emitters.both[e], lanes.absolute(cosine), lanes.maximum(cosine, 0.0))
+        solid = emitters.area[e] * cosine * inverse * inverse
+        direction = lanes.where3(flat, towards, direction)
+        distance = lanes.where(flat, squared * inverse, distance)
+        strength = lanes.where(flat, solid, strength)
+        density = lanes.where(flat, 1.0 / lanes.maximum(solid, lights.TINY), density)
+    round_ = kind == SPHERE
+    if lanes.any_lane(round_):
+        towards, reach, solid = lights.to_ball(way, emitters.side_u[e, 0] + zero, u, v)
+        direction = lanes.where3(round_, towards, direction)
+        distance = lanes.where(round_, reach, distance)
+        strength = lanes.where(round_, solid, strength)
+        density = lanes.where(round_, 1.0 / solid, density)
+    small = (kind == POINT) | (kind == SPOT)
+    if lanes.any_lane(small):
+        reach = lanes.length(way)
+        towards = lanes.scale(way, 1.0 / lanes.maximum(reach, lights.TINY))
+        row = lanes.maximum(emitters.light[e], 0)
+        c = tables.lights.coefficients
+        left = lights.falloff(tables.lights.falloff[row], c[row, 0], c[row, 1], c[row, 2], reach)
+        cone = lights.spot_share(lanes.dot(towards, normal), tables.lights.cos_cone[row], tables.lights.cos_full[row])
+        direction = lanes.where3(small, towards, direction)
+        distance = lanes.where(small, reach, distance)
+        strength = lanes.where(small, left * lanes.where(kind == SPOT, cone, zero + 1.0), strength)
+    far = (kind == DIRECTIONAL) | (kind == SUN)
+    if lanes.any_lane(far):
+        row = lanes.maximum(emitters.light[e], 0)
+        half = lanes.sin(0.5 * (tables.lights.angle[row] + zero))
+        half = lanes.where(kind == SUN, half * half, zero)
+        towards = lights.in_cone(normal, u * 2.0 * half, v)  # `color` is what a surface that faces it gets from all of it
+        direction = lanes.where3(far, towards, direction)
+        strength = lanes.where(far, 1.0 / (1.0 - half), strength)
+    return Arriving(direction, distance, lanes.scale(color, strength), density)
+
+
+@helper
+def _on_plate(kind: Lane, u: Lane, v: Lane) -> tuple[Lane, Lane]:
+    """Where on a plate u, v fall, in its half edges, radii or a triangle's edges, evenly over its area."""
+    a, b = 2.0 * u - 1.0, 2.0 * v - 1.0
+    if lanes.any_lane(kind == DISK):
+        radius, turn = lanes.sqrt(u), 2.0 * math.pi * v
+        a = lanes.where(kind == DISK, radius * lanes.cos(turn), a)
+        b = lanes.where(kind == DISK, radius * lanes.sin(turn), b)
+    if lanes.any_lane(kind == TRIANGLE):
+        root = lanes.sqrt(u)
+        a = lanes.where(kind == TRIANGLE, root * (1.0 - v), a)
+        b = lanes.where(kind == TRIANGLE, root * v, b)
+    return a, b
+
+
+@helper
+def density(emitters: Emitters, e: Lane, origin: Vec, direction: Vec, distance: Lane) -> Lane:
+    """How likely `sample` takes this direction from a point, given that it takes emitter e, which is met at a distance."""
+    kind = emitters.kind[e]
+    cosine = lanes.dot(direction, (emitters.normal[e, 0], emitters.normal[e, 1], emitters.normal[e, 2]))
+    found = distance * distance / lanes.maximum(lanes.absolute(cosine) * emitters.area[e], lights.TINY)
+    round_ = kind == SPHERE
+    if lanes.any_lane(round_):
+        way = lanes.sub((emitters.place[e, 0], emitters.place[e, 1], emitters.place[e, 2]), origin)
+        solid = 2.0 * math.pi * lights.ball_height(lanes.dot(way, way), emitters.side_u[e, 0])
+        found = lanes.where(round_, 1.0 / solid, found)
+    return found

@@ -1,0 +1,270 @@
+"""Path tracing: at each surface a path looks for light at an emitter and goes on in one direction; both ways of finding light are weighed.
+
+Kajiya 1986; multiple importance sampling by Veach's power heuristic (1997, §9.2.4); long paths end by chance, in proportion to what
+they could still bring. One source for numpy lanes (`radiance`, the reference backend) and for kernels (waves.py): `arrive` does all
+that happens where a ray meets something, and what it wants traced it gives back.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..compiler import ir
+from . import emitters, integrate, lanes, lights, materials, sampler, surface, trace
+from .emitters import Emitters
+from .kernels import apart, helper
+from .materials import ONLY, Shader, Uses
+from .records import Hit, Lane, Options, Ray, Surface, Tables, Vec
+
+OTHER_RAY = int(ir.Visibility.REFLECTION)
+PAIRS = 4  # of random numbers a surface takes: light, direction, choices, end
+SPREAD = 3  # surfaces of a path whose numbers are Sobol points; beyond them good spread gains nothing
+END_FROM = 3  # surfaces before a path may end by chance
+MOST_GOING = 0.95  # of the paths that go on, however bright
+
+
+class Path(NamedTuple):
+    """A ray that is on its way, and what it may bring."""
+
+    origin: Vec
+    direction: Vec
+    weight: Vec
+    density: Lane  # of its direction, when it was drawn
+    straight: Lane  # bool: it has met nothing but passages of index 1; where it escapes, alpha is lowered
+
+
+class Connection(NamedTuple):
+    """A ray to a sample of an emitter, and what it brings if nothing stands in its way."""
+
+    origin: Vec
+    direction: Vec
+    distance: Lane
+    light: Vec
+    wanted: Lane  # bool
+
+
+class Light(NamedTuple):
+    """What a picture's paths read beside its tables."""
+
+    emitters: Emitters
+    uses: Uses
+
+
+def uses_of(tables: ir.Tables) -> Uses:
+    """What materials and lights of a scene hold."""
+    values, slot = tables.materials.values, ir.Slot
+    model = tables.materials.model
+
+    def any_of(*slots: int) -> bool:
+        return bool(values[:, list(slots)].max(initial=0.0) > 0.0)
+
+    return Uses(
+        glossy=any_of(slot.SPECULAR),
+        sharp=any_of(slot.REFLECTION, slot.TRANSMISSION) or bool((model == ir.MaterialModel.GLASS).any()),
+        shines=any_of(slot.EMISSION),
+        ambient=bool((tables.lights.kind == ir.LightKind.AMBIENT).any()),
+        sky=bool(np.isin(tables.lights.kind, (ir.LightKind.SKY, ir.LightKind.DOME)).any()),
+    )
+
+
+@helper
+def numbers(pixel: Lane, sample: Lane, depth: int, pair: int, seed: int) -> tuple[Lane, Lane]:
+    """Two random numbers for the surface that a path meets at a depth."""
+    dimension = lanes.int_like(pixel, 1 + depth * PAIRS + pair)
+    if depth < SPREAD:
+        return sampler.pair(pixel, sample, dimension, seed)
+    return sampler.scattered(pixel, sample, dimension, seed)
+
+
+@helper
+def escape(tables: Tables, options: Options, path: Path, missed: Lane, depth: int) -> tuple[Vec, Lane]:
+    """(light, what alpha loses) of paths that leave the scene."""
+    zero = 0.0 * path.density
+    light, less = (zero, zero, zero), zero
+    if depth == 0:
+        light = integrate.camera_background(tables, options, path.direction)
+        return lanes.where3(missed, light, (zero, zero, zero)), lanes.where(missed, zero + 1.0, zero)
+    light = integrate.reflected_background(tables, options, path.direction)
+    straight = missed & path.straight
+    if lanes.any_lane(straight):
+        light = lanes.where3(straight, integrate.camera_background(tables, options, path.direction), light)
+        less = lanes.where(straight, (path.weight[0] + path.weight[1] + path.weight[2]) / 3.0, less)
+    return lanes.where3(missed, lanes.mul(path.weight, light), (zero, zero, zero)), less
+
+
+@helper
+def shine(
+    tables: Tables, light: Light, path: Path, point: Surface, shader: Shader, hit: Hit, here: Lane, lamps_only: bool
+) -> Vec:
+    """What a surface sends out by itself along paths, weighed against the chance of finding it from where they come.
+
+    A lamp's light counts as direct; a shining shape is one more surface, which the last bounce does not reach (`lamps_only`).
+    """
+    zero = 0.0 * path.density
+    lit = here & (lanes.largest(shader.emission) > 0.0)
+    if lanes.not_(lanes.any_lane(lit)):
+        return (zero, zero, zero)
+    instance = lanes.where(lit, hit.instance, 0)
+    table = light.emitters
+    row = table.first[instance]
+    among = lit & (row >= 0)
+    if lamps_only:
+        lit = lit & (tables.instances.light[instance] >= 0)
+    share = zero + 1.0
+    if len(table.kind) == 1:
+        share, dark = _weighed(table, 0, path, point, hit.t)
+        share, lit = lanes.where(among, share, 1.0), lit & lanes.not_(among & dark)
+    elif len(table.kind) > 1:
+        row = lanes.where(among, row + lanes.where(among, hit.primitive - table.parts[instance], 0), 0)
+        share, dark = _weighed_each(table, row, path, point, hit.t)
+        share, lit = lanes.where(among, share, 1.0), lit & lanes.not_(among & dark)
+    return lanes.where3(lit, lanes.scale(lanes.mul(path.weight, shader.emission), share), (zero, zero, zero))
+
+
+@helper
+def _weighed(table: Emitters, row: Lane, path: Path, point: Surface, t: Lane) -> tuple[Lane, Lane]:
+    """(what counts of an emitter that a path met by chance, whether it met the side that does not shine)."""
+    found = emitters.density(table, row, path.origin, path.direction, t) * table.share[row]
+    only = lanes.where(path.density >= ONLY, lanes.full_like(t, 1.0), 0.0)
+    return lanes.where(table.weighed[row], power(path.density, found), only), lanes.not_(table.both[row] | point.front)
+
+
+_weighed_each = apart(_weighed)
+
+
+@helper
+def power(one: Lane, other: Lane) -> Lane:
+    """The power heuristic's weight of the way whose density is `one`."""
+    ratio = other / one
+    return 1.0 / (1.0 + ratio * ratio)
+
+
+_sample_each = apart(emitters.sample)
+
+
+@helper
+def connect(
+    tables: Tables, light: Light, point: Surface, shader: Shader, viewer: Vec, weight: Vec, here: Lane, last: Lane,
+    ending: bool, pixel: Lane, sample: Lane, depth: int, seed: int,
+) -> Connection:  # fmt: skip
+    """A ray to a sample of one emitter; where no ray goes on (`last`) that is the only way to find its light.
+
+    Where bounces are `ending`, only lamps are left to be found.
+    """
+    u, v = numbers(pixel, sample, depth, 0, seed)
+    table = light.emitters
+    zero = lanes.full_like(point.offset, 0.0)
+    if len(table.kind) == 1:
+        e = 0
+        arriving = emitters.sample(tables, table, e, point.position, u, v)
+        chance = zero + 1.0
+        here = here & (lanes.not_(ending) | (table.light[0] >= 0))
+        weighed, shadows = lanes.bool_like(zero, table.weighed[0]), lanes.bool_like(zero, table.shadows[0])
+    else:
+        row = emitters.choose(table, numbers(pixel, sample, depth, 2, seed)[0])
+        arriving = _sample_each(tables, table, row, point.position, u, v)
+        chance = zero + table.share[row]
+        here = here & (lanes.bool_like(zero, lanes.not_(ending)) | (table.light[row] >= 0))
+        weighed, shadows = table.weighed[row], table.shadows[row]
+    share, density = materials.share_of(shader, light.uses, point.normal, arriving.direction, viewer)
+    factor = 1.0 / (math.pi * chance)
+    met_too = weighed & lanes.not_(last)
+    factor = factor * lanes.where(met_too, power(arriving.density * chance, density), 1.0)
+    given = lanes.scale(lanes.mul(lanes.mul(weight, share), arriving.light), factor)
+    origin = surface.leave(point, arriving.direction)
+    wanted = here & (lanes.largest(given) > 0.0)
+    distance = lanes.where(shadows, arriving.distance * (1.0 - 64.0 * lanes.roundoff(zero)), -1.0)
+    return Connection(origin, arriving.direction, distance, given, wanted)
+
+
+@helper
+def arrive(
+    tables: Tables, light: Light, options: Options, path: Path, hit: Hit, point: Surface, here: Lane,
+    pixel: Lane, sample: Lane, depth: int,
+) -> tuple[Vec, Connection, Path, Lane]:  # fmt: skip
+    """What happens at surfaces: (light sent along the path, ray to an emitter, ray that goes on, whether it does).
+
+    `depth` counts surfaces from 0; at options.bounces light is looked for for the last time, and rays that go on beyond it only see
+    what shines.
+    """
+    zero = 0.0 * path.density
+    uses = light.uses
+    shader = materials.looked_up(tables, point, uses)
+    viewer = lanes.negate(path.direction)
+    sent = (zero, zero, zero)
+    if uses.shines:
+        sent = shine(tables, light, path, point, shader, hit, here, depth > options.bounces)
+    nothing = lanes.bool_like(zero, False)
+    connection = Connection(point.position, path.direction, zero, sent, nothing)
+    onward = path
+    if depth > options.bounces:
+        return sent, connection, onward, nothing
+    if uses.ambient:
+        always = lanes.mul(lanes.mul(path.weight, shader.ambient), lights.ambient(tables))
+        sent = lanes.where3(here, lanes.add(sent, always), sent)
+    ending = depth == options.bounces
+    last = lanes.bool_like(zero, False)
+    if ending:  # matt surfaces are done when all light that they could meet has been looked for
+        last = lanes.bool_like(zero, lanes.not_(uses.sky) & lanes.not_(uses.glossy))
+    if len(light.emitters.kind) > 0:
+        connection = connect(
+            tables, light, point, shader, viewer, path.weight, here, last, ending, pixel, sample, depth, options.seed
+        )
+    u, v = numbers(pixel, sample, depth, 1, options.seed)
+    which = zero
+    if uses.glossy or uses.sharp:
+        which = numbers(pixel, sample, depth, 2, options.seed)[1]
+    taken = materials.scatter(shader, uses, point, viewer, u, v, which)
+    weight = lanes.mul(path.weight, taken.weight)
+    going = here & lanes.not_(last) & (lanes.largest(weight) > 0.0)
+    if ending:
+        going = going & (taken.density < ONLY)
+    if depth >= END_FROM:
+        keep = lanes.minimum(lanes.largest(weight), MOST_GOING)
+        going = going & (numbers(pixel, sample, depth, 3, options.seed)[0] < keep)
+        weight = lanes.scale(weight, 1.0 / lanes.maximum(keep, lights.TINY))
+    straight = path.straight & taken.through
+    onward = Path(surface.leave(point, taken.direction), taken.direction, weight, taken.density, straight)
+    return sent, connection, onward, going
+
+
+# --- the reference: all samples of a tile in numpy lanes -----------------------------------------------------------------
+
+
+def radiance(
+    tables: ir.Tables, accel: Any, light: Light, options: Options, ray: Ray, hit: Hit, pixel: Any, sample: Any
+) -> tuple[Vec, Any, Any]:
+    """(radiance, coverage, sound) of camera rays that meet `hit`; what is not finite is left out and not `sound`."""
+    shape = np.shape(hit.t)
+    zero = np.zeros(shape)
+    total: Vec = (zero, zero, zero)
+    alpha = zero + 1.0
+    active = np.ones(shape, bool)
+    origin, direction = (tuple(np.broadcast_to(c, shape) for c in v) for v in (ray.origin, ray.direction))
+    path = Path(origin, direction, (zero + 1.0, zero + 1.0, zero + 1.0), zero + ONLY, active)  # pyright: ignore[reportArgumentType]
+    depth = 0
+    while True:
+        missed = active & (hit.instance < 0)
+        if missed.any():
+            behind, less = escape(tables, options, path, missed, depth)
+            total, alpha = lanes.add(total, behind), alpha - less
+        here = active & (hit.instance >= 0)
+        if depth > options.bounces + 1 or not here.any():
+            break
+        point = surface.at(tables, Ray(path.origin, path.direction, zero, zero + np.inf), hit)
+        sent, connection, path, active = arrive(tables, light, options, path, hit, point, here, pixel, sample, depth)
+        total = lanes.add(total, sent)
+        if connection.wanted.any():
+            blocking = connection.wanted & (connection.distance > 0.0) & options.shadows
+            shadow = Ray(connection.origin, connection.direction, zero, zero + connection.distance)
+            dark = trace.occluded(accel, tables, shadow, blocking)
+            total = lanes.where3(connection.wanted & ~dark, lanes.add(total, connection.light), total)
+        if not active.any():
+            break
+        hit = trace.closest(accel, tables, Ray(path.origin, path.direction, zero, zero + np.inf), active, OTHER_RAY)
+        depth += 1
+    sound = np.isfinite(total[0] + total[1] + total[2])
+    return lanes.where3(sound, total, (zero, zero, zero)), alpha, sound

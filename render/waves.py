@@ -1,0 +1,460 @@
+"""Waves: thousands of paths at a time as structure of arrays, stage by stage, with all lanes of the machine in each.
+
+A wave holds consecutive samples, pixel by pixel, few enough to stay in the cache. At each depth all rays are met with the scene
+(`_meet`), all surfaces shaded (`_shade`), which closes up the rays that go on and those to emitters, and these are tested (`_test`).
+Rays for the trees are gathered by themselves, so that no lane waits for one that missed. Laine, Karras, Aila 2013, "Megakernels
+Considered Harmful".
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import overload
+from numpy.typing import NDArray
+
+from ..compiler import ir
+from . import across, camera, lanes, materials, paths, pieces, sampler, simd, surface, traverse
+from .kernels import HELPER, apart, helper, kernel
+from .paths import Connection, Path
+from .records import Hit, Lane, Ray, Surface, Vec
+
+CAMERA, OTHER = int(ir.Visibility.CAMERA), paths.OTHER_RAY
+SHADOW = int(ir.Visibility.SHADOW)
+SIZE = 2048  # paths of a wave
+PAD = 64  # beyond them, for stores of whole vectors
+ROW = SIZE + PAD
+STATE = 11  # rows of a path: origin, direction, weight, density, straight
+ASKED = 10  # rows of a connection: origin, direction, distance, light
+_WIDTH64 = simd.WIDTH64
+
+
+class Room(NamedTuple):
+    """What a thread's waves are kept in, each row of ROW numbers; `float` is float32 or float64, and `int` as wide."""
+
+    state: Any  # (2 · STATE · ROW,) float: rays on their way, and those that go on from them
+    whose: Any  # (2 · 3 · ROW,) int: place in the wave, pixel (y · width + x) and sample of those
+    met: Any  # (3 · ROW,) float: t, u, v of what they met
+    what: Any  # (3 · ROW,) int: piece or -1, instance or -1, primitive
+    asked: Any  # (ASKED · ROW,) float: rays to emitters
+    asker: Any  # (ROW,) int: whose they are
+    queue: Any  # (ROW,) int64: rays for the trees
+    light: Any  # (4 · ROW,) float: what paths found, red, green, blue and coverage
+    items: Any  # (4 · ROW,) int: x, y, sample and place in the tile of each path
+    near: Any  # (ROW,) float: where camera rays begin
+
+    @classmethod
+    def of(cls, kind: type) -> Room:
+        """Room for waves of float32 or float64."""
+        whole = np.int32 if kind == np.float32 else np.int64
+
+        def row(count: int, what: type) -> NDArray[Any]:
+            made = simd.aligned_empty(count * ROW, what)
+            made[:] = 0
+            return made
+
+        return cls(
+            row(2 * STATE, kind), row(2 * 3, whole), row(3, kind), row(3, whole), row(ASKED, kind), row(1, whole), row(1, np.int64),
+            row(4, kind), row(4, whole), row(1, kind),
+        )  # fmt: skip
+
+
+class NoTrees(NamedTuple):
+    """Stands for trees where all things are pieces."""
+
+
+class Scene(NamedTuple):
+    """What waves are drawn from."""
+
+    tables: Any  # as narrow as the waves' numbers
+    tried: Any  # pieces.Tried
+    light: Any  # paths.Light
+    trees: bool  # whether there are any
+    low: Any  # (3,) float64: the box around it; inf: endless
+    high: Any
+
+
+@kernel
+def draw_tile(accel, scene, frame, tile, first, count, total, film, room):
+    """Add samples first … first + count - 1 of `total` of each pixel of a tile to its film."""
+    saved = simd.flush_denormals()
+    filled = 0
+    width = tile.x1 - tile.x0
+    for y in range(tile.y0, tile.y1):
+        for x in range(tile.x0, tile.x1):
+            row, column = y - tile.y0, x - tile.x0
+            for s in range(first[row, column], first[row, column] + count[row, column]):
+                room.items[filled], room.items[ROW + filled] = x, y
+                room.items[2 * ROW + filled], room.items[3 * ROW + filled] = s, row * width + column
+                filled += 1
+                if filled == SIZE:
+                    _wave(accel, scene, frame, total, room, filled)
+                    _collect(film, room, filled, width)
+                    filled = 0
+    if filled > 0:
+        _wave(accel, scene, frame, total, room, filled)
+        _collect(film, room, filled, width)
+    simd.restore_denormals(saved)
+
+
+@apart
+def _wave(accel, scene, frame, total, room, n):
+    """The light of n samples, to the room."""
+    _begin(scene.tables, frame, total, room, n)
+    left, source = n, 0
+    for depth in range(frame.options.bounces + 2):
+        base = source * STATE * ROW
+        _meet(accel, scene, room, base, left, depth)
+        left, asked = _shade(scene, frame.options, room, source, left, depth)
+        _test(accel, scene, frame.options, room, asked)
+        source = 1 - source
+        if left == 0:
+            break
+
+
+@helper
+def _collect(film: Any, room: Any, n: int, width: int) -> None:
+    """Add what n paths found to the film, in their order; what is not finite is left out and counted."""
+    for k in range(n):
+        place = room.items[3 * ROW + k]
+        row, column = place // width, place % width
+        red, green, blue = float(room.light[k]), float(room.light[ROW + k]), float(room.light[2 * ROW + k])
+        if abs(red + green + blue) < np.inf:
+            film.color[row, column, 0] += red
+            film.color[row, column, 1] += green
+            film.color[row, column, 2] += blue
+        else:
+            film.issues[row, column] += 1
+        film.alpha[row, column] += float(room.light[3 * ROW + k])
+
+
+# --- rows ----------------------------------------------------------------------------------------------------------------
+
+
+@helper
+def _load3(rows: Any, base: int, row: int, i: int) -> Vec:
+    at = base + row * ROW + i
+    return simd.load(rows, at), simd.load(rows, at + ROW), simd.load(rows, at + 2 * ROW)
+
+
+@helper
+def _store3(rows: Any, base: int, row: int, i: int, v: Vec) -> None:
+    at = base + row * ROW + i
+    simd.store(rows, at, v[0])
+    simd.store(rows, at + ROW, v[1])
+    simd.store(rows, at + 2 * ROW, v[2])
+
+
+@helper
+def _keep(rows: Any, at: int, x: Lane, mask: Lane) -> None:
+    """Close up the lanes of a mask and write them from a place on; what follows them in the row is overwritten."""
+    simd.store(rows, at, simd.compress(x, mask))
+
+
+@helper
+def _keep3(rows: Any, at: int, v: Vec, mask: Lane) -> None:
+    _keep(rows, at, v[0], mask)
+    _keep(rows, at + ROW, v[1], mask)
+    _keep(rows, at + 2 * ROW, v[2], mask)
+
+
+@helper
+def _add(rows: Any, slot: Lane, light: Vec, mask: Lane) -> None:
+    """Add light to what the paths of a mask have found; each stands in one lane only."""
+    for k in range(3):
+        at = slot + k * ROW
+        simd.scatter(rows, at, simd.gather(rows, at, mask) + light[k], mask)
+
+
+def _for_search(x: Any) -> Any:
+    raise NotImplementedError
+
+
+@overload(_for_search, jit_options=HELPER)
+def _for_search_kernel(x):
+    """Lanes as traverse.find takes them: numbers where the machine has one lane."""
+    if _WIDTH64 > 1:
+        return lambda x: x
+    return lambda x: simd.lane(x, 0)
+
+
+def _from_search(x: Any, like: Any) -> Any:
+    raise NotImplementedError
+
+
+@overload(_from_search, jit_options=HELPER)
+def _from_search_kernel(x, like):
+    """And back."""
+    if _WIDTH64 > 1:
+        return lambda x, like: x
+    return lambda x, like: like * 0 + x
+
+
+# --- stages --------------------------------------------------------------------------------------------------------------
+
+
+@apart
+def _begin(tables, frame, total, room, n):
+    """Camera rays of n samples."""
+    view, options = frame.picture, frame.options
+    step = across.width(simd.load(room.state, 0))
+    for i in range(0, n, step):
+        x, y, s = simd.load(room.items, i), simd.load(room.items, ROW + i), simd.load(room.items, 2 * ROW + i)
+        pixel = y * view.width + x
+        dx, dy = sampler.offset(pixel, s, total, options.seed, frame.filter)
+        ray = camera.ray(tables, view, lanes.to_float(x) + 0.5 + dx, lanes.to_float(y) + 0.5 + dy, None)
+        zero = 0.0 * dx
+        _store3(room.state, 0, 0, i, (ray.origin[0] + zero, ray.origin[1] + zero, ray.origin[2] + zero))
+        _store3(room.state, 0, 3, i, ray.direction)
+        _store3(room.state, 0, 6, i, (zero + 1.0, zero + 1.0, zero + 1.0))
+        simd.store(room.state, 9 * ROW + i, zero + materials.ONLY)
+        simd.store(room.state, 10 * ROW + i, zero + 1.0)
+        simd.store(room.near, i, zero + ray.t_min)
+        simd.store(room.met, i, zero + ray.t_max)
+        _store3(room.whose, 0, 0, i, (simd.iota(x) + i, pixel, s))
+        _store3(room.light, 0, 0, i, (zero, zero, zero))
+        simd.store(room.light, 3 * ROW + i, zero + 1.0)
+
+
+@apart
+def _meet(accel, scene, room, base, n, depth):
+    """What n rays meet first: pieces by trying each, then the rest by trees, nearer than those."""
+    like = simd.load(room.state, 0)
+    step = across.width(like)
+    queued = 0
+    for i in range(0, n, step):
+        origin, direction = _load3(room.state, base, 0, i), _load3(room.state, base, 3, i)
+        near, far = 0.0 * like, 0.0 * like + np.inf
+        if depth == 0:
+            near, far = simd.load(room.near, i), simd.load(room.met, i)
+        t, piece, a, b = pieces.closest(scene.tried.seen, origin, direction, near, far)
+        simd.store(room.met, i, t)
+        simd.store(room.met, ROW + i, a)
+        simd.store(room.met, 2 * ROW + i, b)
+        simd.store(room.what, i, piece)
+        simd.store(room.what, ROW + i, lanes.int_like(t, -1))
+        if scene.trees:
+            inside = simd.first_lanes(n - i, like) & _enters(scene, origin, direction, t)
+            queued += _queue(room, queued, i, inside)
+    _pad(room, queued)
+    wide = simd.load(room.queue, 0)
+    for j in range(0, queued, _WIDTH64):
+        k = simd.load(room.queue, j)
+        origin, direction = _gather3(room.state, base, 0, k), _gather3(room.state, base, 3, k)
+        near = 0.0 * origin[0]
+        if depth == 0:
+            near = room.near[k]
+        visible = CAMERA if depth == 0 else OTHER
+        hit = _find(accel, origin, direction, near, room.met[k], visible, False)
+        nearer = _from_search(hit.instance, wide) >= 0
+        simd.scatter(room.met, k, _from_search(hit.t, near), nearer)
+        simd.scatter(room.met, k + ROW, _from_search(hit.u, near), nearer)
+        simd.scatter(room.met, k + 2 * ROW, _from_search(hit.v, near), nearer)
+        simd.scatter(room.what, k, wide * 0 - 1, nearer)
+        simd.scatter(room.what, k + ROW, _from_search(hit.instance, wide), nearer)
+        simd.scatter(room.what, k + 2 * ROW, _from_search(hit.primitive, wide), nearer)
+
+
+def _find(accel: Any, origin: Vec, direction: Vec, near: Lane, far: Lane, visible: int, any_hit: bool) -> Hit:
+    raise NotImplementedError
+
+
+@overload(_find, jit_options=HELPER)
+def _find_in_kernels(accel, origin, direction, near, far, visible, any_hit):
+    """What rays meet in the trees; not compiled where there are none."""
+    if accel.field("search") is not None:
+        return lambda accel, origin, direction, near, far, visible, any_hit: _search(
+            accel, origin, direction, near, far, visible, any_hit
+        )
+
+    def nothing(accel, origin, direction, near, far, visible, any_hit):
+        none = _for_search(lanes.int_like(near, -1))
+        zero = _for_search(near)
+        return Hit(zero, none, none, zero, zero)
+
+    return nothing
+
+
+@helper
+def _search(accel: Any, origin: Vec, direction: Vec, near: Lane, far: Lane, visible: int, any_hit: bool) -> Hit:
+    o = (_for_search(origin[0]), _for_search(origin[1]), _for_search(origin[2]))
+    d = (_for_search(direction[0]), _for_search(direction[1]), _for_search(direction[2]))
+    near, far = _for_search(near), _for_search(far)
+    every = lanes.bool_like(near, True)
+    return traverse.find(accel.search, (accel, o, d, near, far, every, np.int64(visible), any_hit))  # pyright: ignore[reportCallIssue]
+
+
+@helper
+def _gather3(rows: Any, base: int, row: int, k: Lane) -> Vec:
+    at = k + (base + row * ROW)
+    return rows[at], rows[at + ROW], rows[at + 2 * ROW]
+
+
+@helper
+def _queue(room: Any, queued: int, i: int, mask: Lane) -> int:
+    """Write down the numbers of a mask's lanes, which count from i; how many they are."""
+    left = simd.bits(mask)
+    count = 0
+    while left != 0:
+        k = simd.trailing_zeros(left)
+        left &= left - 1
+        simd.write(room.queue, queued + count, i + k)
+        count += 1
+    return count
+
+
+@helper
+def _pad(room: Any, queued: int) -> None:
+    """Repeat the last one, so that whole vectors can be read."""
+    for k in range(_WIDTH64 if queued > 0 else 0):
+        simd.write(room.queue, queued + k, simd.read(room.queue, queued - 1))
+
+
+@helper
+def _enters(scene: Any, origin: Vec, direction: Vec, t: Lane) -> Lane:
+    """Whether rays enter the box around what is in trees, nearer than t."""
+    begin, end = lanes.full_like(t, 0.0), t
+    for k in range(3):
+        inverse = 1.0 / direction[k]
+        one, other = (scene.low[k] - origin[k]) * inverse, (scene.high[k] - origin[k]) * inverse
+        begin = lanes.maximum(lanes.minimum(one, other), begin)
+        end = lanes.minimum(lanes.maximum(one, other) * 1.000001, end)
+    return begin <= end
+
+
+@apart
+def _in_full(tables, ray, hit):
+    return surface.at(tables, ray, hit)
+
+
+@helper
+def _point(tables: Any, records: Any, path: Path, hit: Hit, piece: Lane, here: Lane) -> tuple[Surface, Hit]:
+    """The surface that rays met, and the hit with the instance and primitive of what is a piece."""
+    row = lanes.maximum(piece, 0)
+    of_piece = here & (piece >= 0)
+    x, y, z, inverse, of_instance, of_primitive, of_material, is_plain = simd.gather_rows(records.rows, row * 8, 8)
+    instance = lanes.where(of_piece, lanes.to_int(of_instance), lanes.where(here, hit.instance, -1))
+    hit = Hit(hit.t, instance, lanes.where(of_piece, lanes.to_int(of_primitive), hit.primitive), hit.u, hit.v)
+    plain = of_piece & (is_plain > 0.5)
+    t = lanes.where(of_piece, hit.t, 0.0)
+    position = lanes.along(path.origin, path.direction, t)
+    outward = (x, y, z)
+    if lanes.any_lane(inverse > 0.0):
+        outward = lanes.where3(inverse > 0.0, lanes.scale(lanes.sub(position, outward), inverse), outward)
+    front = lanes.dot(path.direction, outward) < 0.0
+    zero = lanes.full_like(t, 0.0)
+    facing = lanes.scale(outward, lanes.where(front, zero + 1.0, zero - 1.0))
+    size = abs(outward[0]) * (abs(path.origin[0]) + abs(position[0])) + abs(outward[1]) * (abs(path.origin[1]) + abs(position[1]))
+    size = size + abs(outward[2]) * (abs(path.origin[2]) + abs(position[2]))
+    white = (zero + 1.0, zero + 1.0, zero + 1.0)
+    point = Surface(
+        position, position, facing, facing, outward, (zero, zero), (zero + 1.0, zero + 1.0), front, lanes.maximum(instance, 0),
+        lanes.to_int(of_material), white, size * (surface.ROUNDING * lanes.roundoff(zero)),
+    )  # fmt: skip
+    others = here & lanes.not_(plain)
+    if lanes.any_lane(others):
+        ray = Ray(path.origin, path.direction, zero, zero + np.inf, None)
+        full = _in_full(tables, ray, Hit(hit.t, lanes.where(others, instance, -1), hit.primitive, hit.u, hit.v))
+        point = Surface(
+            lanes.where3(others, full.position, position), full.local, lanes.where3(others, full.geometric, facing),
+            lanes.where3(others, full.normal, facing), full.local_normal, full.uv, full.metric, lanes.where(others, full.front, front),
+            point.instance, lanes.where(others, full.material, point.material), lanes.where3(others, full.color, white),
+            lanes.where(others, full.offset, point.offset),
+        )  # fmt: skip
+    return point, hit
+
+
+@apart
+def _shade(scene, options, room, source, n, depth):
+    """Shade what n rays met: (how many rays go on, how many to emitters)."""
+    tables, light = scene.tables, scene.light
+    like = simd.load(room.state, 0)
+    step = across.width(like)
+    base, target = source * STATE * ROW, (1 - source) * STATE * ROW
+    kept, asked = 0, 0
+    for i in range(0, n, step):
+        active = simd.first_lanes(n - i, like)
+        density = simd.load(room.state, base + 9 * ROW + i)
+        straight = simd.load(room.state, base + 10 * ROW + i) > 0.5
+        path = Path(_load3(room.state, base, 0, i), _load3(room.state, base, 3, i), _load3(room.state, base, 6, i), density, straight)
+        slot, pixel, sample = _load3(room.whose, source * 3 * ROW, 0, i)
+        piece, instance = simd.load(room.what, i), simd.load(room.what, ROW + i)
+        hit = Hit(
+            simd.load(room.met, i), instance, simd.load(room.what, 2 * ROW + i), simd.load(room.met, ROW + i),
+            simd.load(room.met, 2 * ROW + i),
+        )  # fmt: skip
+        here = active & ((piece >= 0) | (instance >= 0))
+        missed = active & lanes.not_(here)
+        if lanes.any_lane(missed):
+            behind, less = paths.escape(tables, options, path, missed, depth)
+            if depth == 0:  # slots are those of the lanes
+                _store3(room.light, 0, 0, i, behind)
+                simd.store(room.light, 3 * ROW + i, 1.0 - less)
+            elif lanes.any_lane(missed & ((lanes.largest(behind) > 0.0) | (less > 0.0))):
+                _add(room.light, slot, behind, missed)
+                at = slot + 3 * ROW
+                simd.scatter(room.light, at, simd.gather(room.light, at, missed) - less, missed)
+            if lanes.not_(lanes.any_lane(here)):
+                continue
+        point, hit = _point(tables, scene.tried.records, path, hit, piece, here)
+        sent, connection, onward, going = paths.arrive(tables, light, options, path, hit, point, here, pixel, sample, depth)
+        bright = here & (lanes.largest(sent) > 0.0)
+        if lanes.any_lane(bright):
+            _add(room.light, slot, sent, bright)
+        wanted = connection.wanted
+        if lanes.any_lane(wanted):
+            _ask(room, asked, slot, connection)
+            asked += simd.count(wanted)
+        if lanes.any_lane(going):
+            _keep3(room.state, target + kept, onward.origin, going)
+            _keep3(room.state, target + 3 * ROW + kept, onward.direction, going)
+            _keep3(room.state, target + 6 * ROW + kept, onward.weight, going)
+            _keep(room.state, target + 9 * ROW + kept, onward.density, going)
+            _keep(room.state, target + 10 * ROW + kept, lanes.where(onward.straight, 1.0, 0.0), going)
+            _keep3(room.whose, (1 - source) * 3 * ROW + kept, (slot, pixel, sample), going)
+            kept += simd.count(going)
+    return kept, asked
+
+
+@helper
+def _ask(room: Any, asked: int, slot: Lane, connection: Connection) -> None:
+    wanted = connection.wanted
+    _keep3(room.asked, asked, connection.origin, wanted)
+    _keep3(room.asked, 3 * ROW + asked, connection.direction, wanted)
+    _keep(room.asked, 6 * ROW + asked, connection.distance, wanted)
+    _keep3(room.asked, 7 * ROW + asked, connection.light, wanted)
+    _keep(room.asker, asked, slot, wanted)
+
+
+@apart
+def _test(accel, scene, options, room, n):
+    """Give n connections' light to their paths where nothing stands in the way."""
+    like = simd.load(room.state, 0)
+    step = across.width(like)
+    queued = 0
+    for i in range(0, n, step):
+        origin, direction = _load3(room.asked, 0, 0, i), _load3(room.asked, 0, 3, i)
+        distance = simd.load(room.asked, 6 * ROW + i)
+        lit = simd.first_lanes(n - i, like)
+        if options.shadows:
+            lit = lit & lanes.not_(pieces.blocked(scene.tried.blocking, origin, direction, distance))
+            if scene.trees:
+                inside = lit & (distance > 0.0) & _enters(scene, origin, direction, distance)
+                queued += _queue(room, queued, i, inside)
+                lit = lit & lanes.not_(inside)
+        if lanes.any_lane(lit):
+            _add(room.light, lanes.where(lit, simd.load(room.asker, i), 0), _load3(room.asked, 0, 7, i), lit)
+    _pad(room, queued)
+    wide = simd.load(room.queue, 0)
+    for j in range(0, queued, _WIDTH64):
+        k = simd.load(room.queue, j)
+        origin, direction = _gather3(room.asked, 0, 0, k), _gather3(room.asked, 0, 3, k)
+        hit = _find(accel, origin, direction, 0.0 * origin[0], room.asked[k + 6 * ROW], SHADOW, True)
+        lit = (_from_search(hit.instance, wide) < 0) & simd.first_lanes(queued - j, wide)
+        if lanes.any_lane(lit):
+            slot = room.asker[k]
+            for c in range(3):
+                at = slot + c * ROW
+                light = room.asked[k + (7 + c) * ROW]
+                simd.scatter(room.light, at, room.light[at] + light, lit)

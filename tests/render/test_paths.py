@@ -1,0 +1,110 @@
+"""Paths against closed forms and against each other: closed rooms, both ways of finding light, single against double precision."""
+
+from __future__ import annotations
+
+import math
+
+import maquette
+import numpy as np
+import pytest
+from maquette.compiler import ir, load
+from maquette.compiler import plan as planner
+
+INSIDE = "camera(position: [0.1, 0.05, 0], look_at: [1, 0.3, 0.2], fov: 70deg)\n"
+ROOM = """
+box([4, 3, 4], center: [0, 1.5, 0], material: lambert(0.7))
+sphere(0.5, center: [0.8, 0.5, 0.3], material: phong(0.3, specular: 0.4, shininess: 20, normalized: true))
+cylinder(0.3, 1, center: [-0.8, 0.5, -0.4], material: mirror(0.9))
+camera(position: [0, 1.4, 1.8], look_at: [0, 0.8, 0], fov: 60deg)
+render(bounces: 3)
+"""
+LAMPS = {
+    "rectangle": "area([0, 2.9, 0], size: [1, 0.8], luminance: 8)\n",
+    "disk": 'area([0, 2.9, 0], size: 1, shape: "disk", luminance: 8)\n',
+    "ball": "sphere(0.2, center: [0, 2.5, 0], material: emissive(1, luminance: 20))\n",
+    "triangles": "polygon([[-0.4, 2.8, -0.4], [0.4, 2.8, -0.4], [0, 2.8, 0.5]], material: emissive(1, luminance: 12))\n",
+    "two": "area([-1, 2.9, 0], size: 0.5, luminance: 9)\nspot([1, 2.8, 0], look_at: [0, 0, 0], cone: 60deg, intensity: 9)\n",
+}
+
+
+@pytest.fixture
+def draw(tmp_path):
+    def run(text, samples=64, seed=0, size=(16, 16), backend="ray", **plan):
+        path = tmp_path / "a.scene"
+        path.write_text(text, encoding="utf-8")
+        image = maquette.render(path, size=size, samples=samples, seed=seed, backend=backend, filter="box", threads=1, plan=plan)
+        assert image.metadata["issues"] == 0
+        return image.channels["rgba"].astype(np.float64)[..., :3]
+
+    return run
+
+
+def near(values, answer, most=0.004):
+    """Independent values have the answer as their mean, within 4 standard errors of at most a share of it."""
+    values = np.ravel(values)
+    error = values.std(ddof=1) / math.sqrt(values.size)
+    assert error <= most * answer
+    assert abs(values.mean() - answer) <= 4 * error + 1e-6 * answer
+
+
+@pytest.mark.parametrize(("albedo", "bounces"), [(0.6, 1), (0.5, 12)])
+def test_a_shining_room_looks_for_light_at_its_own_walls(draw, albedo, bounces):
+    """k bounces give e (1 − ρ^(k+1))/(1 − ρ): what shines is one more surface."""
+    text = INSIDE + f"sphere(2, material: lambert({albedo}))\nsphere(2.001, material: emissive(0.7))\nrender(bounces: {bounces})\n"
+    assert draw(text, 4).max() == 0.0  # the matt ball stands before the shining one
+    text = INSIDE + f"sphere(2, material: emissive(0.7))\nsphere(0.4, center: [1, 0.3, 0.2], material: lambert({albedo}))\n"
+    found = draw(text + f"render(bounces: {bounces})\n", 64)
+    matt = found[6:10, 6:10, 0]  # convex, in an even light of 0.7 all round
+    near(matt, 0.7 * albedo)
+
+
+@pytest.mark.parametrize(("radius", "albedo", "bounces"), [(2.0, 0.8, 12), (0.5, 0.5, 3)])
+def test_a_lamp_in_the_middle_of_a_ball(draw, radius, albedo, bounces):
+    """ρI/(πR²(1 − ρ)) on its wall, and with k bounces that times 1 − ρ^(k+1)."""
+    text = f"sphere({radius}, material: lambert({albedo}))\npoint([0, 0, 0], intensity: 4)\nrender(bounces: {bounces})\n"
+    answer = albedo * 4 / (math.pi * radius**2) * (1 - albedo ** (bounces + 1)) / (1 - albedo)
+    near(draw(INSIDE + text, 128)[..., 0], answer)
+
+
+@pytest.mark.parametrize("lamp", LAMPS)
+def test_single_and_double_precision_and_the_reference_agree(draw, lamp):
+    """The means of blocks of the picture, by z."""
+    text = ROOM + LAMPS[lamp]
+    single = np.stack([draw(text, 64, seed, precision="float32") for seed in range(6)])
+    double = np.stack([draw(text, 64, 20 + seed, precision="float64") for seed in range(6)])
+    plain = np.stack([draw(text, 16, 40 + seed, backend="reference") for seed in range(6)])
+
+    def blocks(runs):
+        return runs.reshape(len(runs), 4, 4, 4, 4, 3).mean(axis=(2, 4, 5))
+
+    for other in (double, plain):
+        a, b = blocks(single), blocks(other)
+        variance = (a.var(axis=0, ddof=1) + b.var(axis=0, ddof=1)).mean() / 6  # of few runs: that of all blocks together
+        z2 = (a.mean(axis=0) - b.mean(axis=0)) ** 2 / variance
+        assert z2.mean() < 2.5, z2
+        whole = [runs.mean(axis=(1, 2, 3)) for runs in (single, other)]
+        apart = abs(whole[0].mean() - whole[1].mean())
+        assert apart < 4.5 * math.sqrt(sum(w.var(ddof=1) / len(w) for w in whole)), whole
+
+
+def test_the_plan_chooses_transport_and_precision(tmp_path):
+    def decided(text, **settings):
+        path = tmp_path / "a.scene"
+        path.write_text(text, encoding="utf-8")
+        plan = planner.make(load.load(path), ir.Settings(**settings))
+        return plan["transport"], plan["precision"]
+
+    ball = "sphere(1, material: lambert(0.5))\n"
+    assert decided(ball) == ("tree", "float64")
+    assert decided(ball, bounces=2) == ("paths", "float32")
+    assert decided(ball, bounces=2, backend="reference") == ("paths", "float64")
+    assert decided(ball + "sphere(1mm, center: [0, 50, 0])\n", bounces=2) == ("paths", "float64")
+    assert decided('sphere(1, material: lambert(0.5, shading: "gouraud"))\n', bounces=2)[0] == "tree"
+    assert decided('sphere(1, material: lambert(0.5, opacity: 0.5))\n', bounces=2)[0] == "tree"
+
+
+def test_any_number_of_threads_gives_the_same_picture(tmp_path):
+    path = tmp_path / "a.scene"
+    path.write_text(ROOM + LAMPS["rectangle"], encoding="utf-8")
+    one, two = (maquette.render(path, size=(70, 40), samples=4, threads=n).channels["rgba"] for n in (1, 2))
+    assert np.array_equal(one, two)

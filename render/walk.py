@@ -181,18 +181,27 @@ _push = _push_packed if machine.AVX512 else _push_each
 @helper
 def nearest_first(links: Any, node: int, near: Lane, hits: int, children: Any, reaches: Any, top: int) -> tuple[Any, int]:
     """(the nearest child of a node among `hits`, not 0; where the stack ends with the others on it)."""
-    if (hits & (hits - 1)) == 0:
-        return np.int64(simd.read(links, node * WIDTH + simd.trailing_zeros(hits))), top
-    first = _nearest(near, simd.mask_from_bits(hits, near))
-    rest = hits ^ (1 << first)
-    _push(children, top, simd.load(links, node * WIDTH, WIDTH), rest)
-    return np.int64(simd.read(links, node * WIDTH + first)), _push(reaches, top, near, rest)
+    first = simd.trailing_zeros(hits)
+    if (hits & (hits - 1)) != 0:
+        mine = simd.mask_from_bits(hits, near)
+        first = simd.trailing_zeros(simd.bits(mine & (near == simd.min_of(simd.select(mine, near, np.inf)))))
+    return _taken(links, node, near, hits, first, children, reaches, top)
 
 
 @helper
-def _nearest(near: Lane, mine: Lane) -> int:
-    """Which of some lanes holds the least number."""
-    return simd.trailing_zeros(simd.bits(mine & (near == simd.min_of(simd.select(mine, near, np.inf)))))
+def any_first(links: Any, node: int, near: Lane, hits: int, children: Any, reaches: Any, top: int) -> tuple[Any, int]:
+    """The same with any child."""
+    return _taken(links, node, near, hits, simd.trailing_zeros(hits), children, reaches, top)
+
+
+@helper
+def _taken(links: Any, node: int, near: Lane, hits: int, first: int, children: Any, reaches: Any, top: int) -> tuple[Any, int]:
+    rest = hits ^ (1 << first)
+    child = np.int64(simd.read(links, node * WIDTH + first))
+    if rest == 0:
+        return child, top
+    _push(children, top, simd.load(links, node * WIDTH, WIDTH), rest)
+    return child, _push(reaches, top, near, rest)
 
 
 class Sieve(NamedTuple):
@@ -361,7 +370,10 @@ def step(tree: Any, rays: Rays, steps: Walks, k: int, instance: int, any_hit: bo
     if node >= 0:
         near, hits = enter_boxes(tree.nodes, node, box(rays, k), limit)
         if hits != 0:
-            node, top = nearest_first(tree.links, node, near, hits, steps.children, steps.reaches, top)
+            if any_hit:
+                node, top = any_first(tree.links, node, near, hits, steps.children, steps.reaches, top)
+            else:
+                node, top = nearest_first(tree.links, node, near, hits, steps.children, steps.reaches, top)
             _fetch(tree, node)
             go(steps, k, node, top)
             return True

@@ -195,6 +195,6 @@ def warm_up() -> Seconds:
 
 def size_of(built: bvh.Bvh, tables: ir.Tables) -> int:
     """Bytes a tree holds besides the scene's own tables."""
-    shared = {id(tables.transforms.inverse), id(tables.geometries.parameters), id(tables.geometries.origin)}
+    shared = {id(tables.geometries.parameters), id(tables.geometries.origin)}
     trees = built.wide.nbytes + built.top.nodes.nbytes + built.top.links.nbytes
     return trees + sum(part.nbytes for part in built if isinstance(part, np.ndarray) and id(part) not in shared)

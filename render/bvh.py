@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler import plan as planner
-from . import kept, placed, top, wide
+from . import kept, placed, simd, top, wide
 from .formulas import fields
 from .formulas.fields import Forms
 from .top import Top
 from .wide import Wide
 
+PLACED = 8  # numbers of a row of `placed`
 FINE, REACH = 6, 7  # columns of `boxes`
 _SWEEP = 0.25  # radians between moments at which the place of what turns is computed
 SLACK = 1e-12  # of its coordinates, by which an instance's box grows: transforms round
@@ -58,8 +59,8 @@ class Bvh(NamedTuple):
     top: Top  # over instances
     endless: NDArray[np.int32]  # instances outside of the tree, rising
     only: int  # the one instance in the tree, or -1
-    placed: NDArray[np.int32]  # (instances, 5) visibility, transform, geometry, kind, root of a mesh's tree
-    inverse: NDArray[np.float64]  # Transforms.inverse
+    placed: NDArray[np.int32]  # (instances, PLACED) visibility, transform, geometry, kind, root of a mesh's tree; the rest is 0
+    inverse: NDArray[np.float64]  # (instances, 4, 4) in whose first three rows their transforms' inverses stand, two cache lines each
     parameters: NDArray[np.float64]  # Geometries.parameters
     origin: NDArray[np.float64]  # Geometries.origin
     forms: Forms  # formula surfaces
@@ -91,15 +92,16 @@ def build(
     moving = tables.transforms.first_key[instances.transform] >= 0
     plain = drawable & ~partial & ~(moving & moves)
     inside = np.flatnonzero(plain & bounded).astype(np.int32)
-    placed = np.stack([instances.visible, instances.transform, instances.geometry, kind, root], axis=1)
+    rows = np.zeros((len(kind), PLACED), np.int32)
+    rows[:, :5] = np.stack([instances.visible, instances.transform, instances.geometry, kind, root], axis=1)
     return Bvh(
         wide=meshes,
         boxes=local_bounds(tables, fine),
         top=top.build(boxes, inside, threads),
         endless=np.flatnonzero(plain & ~bounded).astype(np.int32),
         only=int(inside[0]) if len(inside) == 1 else -1,
-        placed=np.ascontiguousarray(placed, np.int32),
-        inverse=tables.transforms.inverse,
+        placed=rows,
+        inverse=_inverses(tables),
         parameters=geometries.parameters,
         origin=geometries.origin,
         forms=fields.forms(tables),
@@ -117,6 +119,12 @@ def _aside(
     inside, endless = (np.flatnonzero(which & chosen).astype(np.int32) for chosen in (bounded, ~bounded))
     cover, through = Call() if partial.any() else Nothing(), Call() if moving else Nothing()
     return Aside(top.build(boxes, inside, threads), endless, partial, tables, cover=cover, moving=through)
+
+
+def _inverses(tables: ir.Tables) -> NDArray[np.float64]:
+    rows = simd.aligned_empty((len(tables.instances.transform), 4, 4), np.float64)
+    rows[:, :3], rows[:, 3] = tables.transforms.inverse[tables.instances.transform], 0.0
+    return rows
 
 
 def world_bounds(tables: ir.Tables) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ import numpy as np
 from ..compiler import ir
 from . import across, boxes, lanes, meeting, simd, walk
 from .boxes import Bundle
-from .bvh import REACH
+from .bvh import PLACED, REACH
 from .kernels import apart, helper
 from .records import Hit, Lane, Vec
 from .wide import spread64
@@ -72,7 +72,7 @@ def turns(accel, kept, rays, steps, inside, left, visible_bit, any_hit):
                 if walk.step(accel.wide, rays, steps, k, instance, any_hit):
                     continue
                 simd.write(inside, k, -1)
-                more = _next(kept, steps, k, simd.read(steps.place, 2 * _LANES + k), any_hit)
+                more = _next(accel, kept, steps, k, simd.read(steps.place, 2 * _LANES + k), any_hit)
             else:
                 more = _step(accel, kept, rays, steps, inside, k, visible_bit, any_hit)
             if not more:
@@ -94,7 +94,7 @@ def _step(accel: Any, kept: Any, rays: walk.Rays, steps: walk.Walks, inside: Any
         near, hits = boxes.enter_node(accel.top.nodes, node, _bundle(kept, k), _at(kept, 15, k), _limit(kept, steps, k))
         if hits != 0:
             node, top = walk.nearest_first(accel.top.links, node, near, hits, steps.children, steps.reaches, top)
-            walk.go(steps, k, node, top)
+            _go(accel, steps, k, node, top)
             return True
     elif (accel.placed[~node, 0] & visible_bit) != 0:
         if accel.placed[~node, 3] != MESH:
@@ -103,11 +103,11 @@ def _step(accel: Any, kept: Any, rays: walk.Rays, steps: walk.Walks, inside: Any
             simd.write(inside, k, ~node)
             walk.enter(rays, steps, k, np.int64(accel.placed[~node, 4]), top)
             return True
-    return _next(kept, steps, k, top, any_hit)
+    return _next(accel, kept, steps, k, top, any_hit)
 
 
 @helper
-def _next(kept: Any, steps: walk.Walks, k: int, top: int, any_hit: bool) -> bool:
+def _next(accel: Any, kept: Any, steps: walk.Walks, k: int, top: int, any_hit: bool) -> bool:
     """Take the next node or instance from ray k's stack; whether there is one."""
     if any_hit and simd.read(steps.numbers, k) >= 0:
         return False
@@ -115,8 +115,18 @@ def _next(kept: Any, steps: walk.Walks, k: int, top: int, any_hit: bool) -> bool
     top = walk.pop(steps, start, top, _limit(kept, steps, k))
     if top == start:
         return False
-    walk.go(steps, k, np.int64(simd.read(steps.children, top - 1)), top - 1)
+    _go(accel, steps, k, np.int64(simd.read(steps.children, top - 1)), top - 1)
     return True
+
+
+@helper
+def _go(accel: Any, steps: walk.Walks, k: int, node: int, top: int) -> None:
+    """Let ray k be at a node or an instance, and ask for what will be read of an instance."""
+    if node < 0:
+        simd.prefetch(accel.placed, ~node * PLACED)
+        simd.prefetch(accel.inverse, ~node * 16)
+        simd.prefetch(accel.inverse, ~node * 16 + 8)
+    walk.go(steps, k, node, top)
 
 
 @helper
@@ -127,10 +137,10 @@ def _limit(kept: Any, steps: walk.Walks, k: int) -> Any:
 @helper
 def _enter_mesh(accel: Any, i: int, kept: Any, rays: walk.Rays, k: int, until: Any) -> bool:
     """Make ray k ready for the mesh of instance i; whether it enters its box before `until`."""
-    row, g = accel.placed[i, 1], accel.placed[i, 2]
-    o = lanes.transform_point(accel.inverse, row, (_at(kept, 9, k), _at(kept, 10, k), _at(kept, 11, k)))
+    g = accel.placed[i, 2]
+    o = lanes.transform_point(accel.inverse, i, (_at(kept, 9, k), _at(kept, 10, k), _at(kept, 11, k)))
     o = lanes.sub(o, (accel.origin[g, 0], accel.origin[g, 1], accel.origin[g, 2]))
-    d = lanes.transform_vector(accel.inverse, row, (_at(kept, 12, k), _at(kept, 13, k), _at(kept, 14, k)))
+    d = lanes.transform_vector(accel.inverse, i, (_at(kept, 12, k), _at(kept, 13, k), _at(kept, 14, k)))
     ray, t_min = boxes.local_ray(o, d), _at(kept, 15, k)
     enters = boxes.enter(accel.boxes, g, ray, t_min, until)
     if not enters < np.inf:
@@ -142,10 +152,10 @@ def _enter_mesh(accel: Any, i: int, kept: Any, rays: walk.Rays, k: int, until: A
 @helper
 def _meet_shape(accel: Any, i: int, kept: Any, steps: walk.Walks, k: int) -> None:
     """Take in instance i, a shape, where ray k meets it first."""
-    row, g = accel.placed[i, 1], accel.placed[i, 2]
+    g = accel.placed[i, 2]
     zero = across.load(kept, 15)
-    o = lanes.transform_point(accel.inverse, row, lanes.like3(zero, _at(kept, 9, k), _at(kept, 10, k), _at(kept, 11, k)))
-    d = lanes.transform_vector(accel.inverse, row, lanes.like3(zero, _at(kept, 12, k), _at(kept, 13, k), _at(kept, 14, k)))
+    o = lanes.transform_point(accel.inverse, i, lanes.like3(zero, _at(kept, 9, k), _at(kept, 10, k), _at(kept, 11, k)))
+    d = lanes.transform_vector(accel.inverse, i, lanes.like3(zero, _at(kept, 12, k), _at(kept, 13, k), _at(kept, 14, k)))
     t_min, t_max = lanes.full_like(zero, _at(kept, 15, k)), lanes.full_like(zero, _at(kept, 16, k))
     at_t, part, u, v = _of_shape(accel, accel.placed[i, 3], g, o, d, t_min, t_max)
     t, primitive = across.lane(at_t, 0), np.int64(across.lane(part, 0))

@@ -100,9 +100,9 @@ def attempt(accel: Any, i: int, origin: Vec, direction: Vec, t_min: Lane, t_max:
     """`best`, or the hits with instance i in the lanes where that comes first."""
     if (accel.placed[i, 0] & visible_bit) == 0:
         return best
-    row, g, kind = accel.placed[i, 1], accel.placed[i, 2], accel.placed[i, 3]
-    o = lanes.transform_point(accel.inverse, row, origin)
-    d = lanes.transform_vector(accel.inverse, row, direction)
+    g, kind = accel.placed[i, 2], accel.placed[i, 3]
+    o = lanes.transform_point(accel.inverse, i, origin)
+    d = lanes.transform_vector(accel.inverse, i, direction)
     zero = lanes.full_like(t_min, 0.0)
     found = Hit(zero + np.inf, lanes.int_like(zero, i), lanes.int_like(zero, -1), zero, zero)
     if kind == MESH:

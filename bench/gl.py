@@ -18,9 +18,11 @@ _VERTEX = """
 uniform mat4 to_clip;
 in vec3 position;
 in vec3 normal;
+in vec2 place;
 out vec3 at;
 out vec3 facing;
-void main() { at = position; facing = normal; gl_Position = to_clip * vec4(position, 1.0); }
+out vec2 uv;
+void main() { at = position; facing = normal; uv = place; gl_Position = to_clip * vec4(position, 1.0); }
 """
 _FRAGMENT = """
 #version 330
@@ -31,6 +33,8 @@ uniform vec3 specular;
 uniform float shininess;
 in vec3 at;
 in vec3 facing;
+in vec2 uv;
+uniform sampler2D image;
 out vec4 color;
 void main() {
     vec3 n = normalize(facing);
@@ -38,15 +42,15 @@ void main() {
     if (!gl_FrontFacing) n = -n;
     float cosine = dot(n, light);
     float lobe = cosine > 0.0 ? pow(max(dot(n, normalize(light + v)), 0.0), shininess) : 0.0;
-    color = vec4(diffuse * max(cosine, 0.0) + specular * lobe, 1.0);
+    color = vec4(diffuse * IMAGE * max(cosine, 0.0) + specular * lobe, 1.0);
 }
 """
 
 
 class Window:
-    """A context without a window, and one mesh in it, ready to be drawn from meshes.EYE."""
+    """A context without a window, and one mesh in it, ready to be drawn from meshes.EYE; `image` is coordinates and texels."""
 
-    def __init__(self, mesh: Mesh, size: int, samples: int, uniforms: dict[str, Any]) -> None:
+    def __init__(self, mesh: Mesh, size: int, samples: int, uniforms: dict[str, Any], image: Any = None) -> None:
         moderngl = harness.need("moderngl", INSTALL)
         try:
             self.context = moderngl.create_context(standalone=True, backend="egl")
@@ -56,12 +60,20 @@ class Window:
         shape, several = (size, size), samples if samples > 1 else 0
         self.frame = gl.framebuffer([gl.renderbuffer(shape, 4, samples=several)], gl.depth_renderbuffer(shape, samples=several))
         self.resolved = gl.framebuffer([gl.renderbuffer(shape, 4)]) if several else self.frame
-        program = gl.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
+        fragment = _FRAGMENT.replace("IMAGE", "vec3(1.0)" if image is None else "texture(image, uv).rgb")
+        program = gl.program(vertex_shader=_VERTEX, fragment_shader=fragment)
         program["to_clip"].write(to_clip().T.astype(np.float32).tobytes())
         for name, value in {"eye": meshes.EYE, **uniforms}.items():
             program[name].value = value
-        vertices = gl.buffer(np.hstack([mesh.positions, mesh.normals]).astype(np.float32).tobytes())
-        self.mesh = gl.vertex_array(program, [(vertices, "3f 3f", "position", "normal")], gl.buffer(mesh.triangles.tobytes()), 4)
+        columns, layout, names = [mesh.positions, mesh.normals], "3f 3f", ["position", "normal"]
+        if image is not None:
+            coordinates, texels = image
+            columns, layout, names = [*columns, coordinates], "3f 3f 2f", [*names, "place"]
+            self.image = gl.texture(texels.shape[1::-1], 4, texels[::-1].tobytes())
+            self.image.filter = moderngl.LINEAR, moderngl.LINEAR
+            self.image.use()
+        vertices = gl.buffer(np.hstack(columns).astype(np.float32).tobytes())
+        self.mesh = gl.vertex_array(program, [(vertices, layout, *names)], gl.buffer(mesh.triangles.tobytes()), 4)
         gl.enable(moderngl.DEPTH_TEST)
         self.pixels = np.empty((*shape, 4), np.uint8)
 

@@ -25,17 +25,29 @@ ROWS = {1: 64, 4: 32}  # rows of a band by samples, where its buffer still fits 
 class Triangles(NamedTuple):
     """What a view draws as triangles: made once, kept with what else is prepared."""
 
-    model: raster_setup.Model
+    model: Handle  # of a raster_setup.Model
     ranges: NDArray[np.int64]  # (instances, 2) triangles of the model
     meshlets: Handle
     placed: NDArray[np.int64]  # (instances, 2) meshlets
+    shown: Handle  # of a bands.Projection
+    lit: Handle  # what deferred.py reads of the tables
+    look: Handle
 
 
 def triangles(tables: ir.Tables, view: View, shells: dict[int, Any]) -> Triangles:
     """The triangles of meshes and of tessellated shapes, as a model and as meshlets."""
     model, ranges = raster_setup.model(tables, view, shells)
     made, placed = meshlets.build(tables, model.positions, model.triangles, ranges, shells)
-    return Triangles(model, ranges, Handle(made), placed)
+    near, far = raster_setup.ends(tables, view)
+    shown = bands.Projection(model.matrix, model.planes, model.perspective, near, far, model.positions, model.triangles)
+    eye = tables.transforms.matrix[tables.cameras.transform[view.camera], :, 3]
+    lit, look = Handle(deferred.single(tables, eye)), Handle(_look(tables, view, eye))
+    return Triangles(Handle(model), ranges, Handle(made), placed, Handle(shown), lit, look)
+
+
+def needs_no_rays(plan: Plan) -> bool:
+    """Whether a picture takes nothing but its triangles: no trees, no integrator."""
+    return can_draw(plan) and plan["raster.precision"] == "float32" and not plan["aov"]
 
 
 def can_draw(plan: Plan) -> bool:
@@ -57,21 +69,13 @@ class Bands:
         self.splat = _splat(plan["filter"], self.pattern)
         self.margin = 4 * -(-self.splat.reach // 4)
         self.rows = ROWS.get(samples, 16)
-        near, far = raster_setup.ends(tables, view)
-        model = made.model._replace(matrix=raster_setup.clip_matrices(tables, view), planes=raster_setup.clip_planes(tables, view))
-        self.model = Handle(model)
-        shown = bands.Projection(model.matrix, model.planes, model.perspective, near, far, model.positions, model.triangles)
-        self.shown, self.places = Handle(shown), Handle(self.pattern)
+        self.places = Handle(self.pattern)
         self.weights = Handle(self.splat)
-        self.drawn = Handle(bands.drawn(self.shown, made.meshlets, made.placed, plan["crop"], self.splat.reach, self.rows))
+        self.drawn = Handle(bands.drawn(made.shown, made.meshlets, made.placed, plan["crop"], self.splat.reach, self.rows))
         how, self.fill = plan["raster.fill"], None
         if how != "edges":
-            self.fill = classic.Fill(how, tables, prepared.packed, view, self.model, made.ranges, made.meshlets.tables)
+            self.fill = classic.Fill(how, tables, prepared.packed, view, made.model, made.ranges, made.meshlets.tables)
         self.plain = plan["raster.precision"] == "float32"
-        if self.plain:
-            eye = tables.transforms.matrix[tables.cameras.transform[view.camera], :, 3]
-            self.lit = Handle(deferred.single(tables, eye))
-            self.look = Handle(_look(tables, view, eye))
         self.background = plan["background"]
         self.rgba = np.zeros((self.crop[3] - self.crop[1], self.crop[2] - self.crop[0], 4), np.float32)
         self.jobs = range(int(self.crop[1]) // self.rows, -(-int(self.crop[3]) // self.rows))
@@ -95,22 +99,22 @@ class Bands:
         band.place[:2] = (x0 & ~3) - self.margin, job * self.rows - self.margin  # on a grid of blocks that no crop moves
         band.clip[:] = x0 - reach, top - reach, x1 + reach, bottom + reach
         band.rows[:] = top, bottom
-        meshlets_, drawn = self.prepared.triangles.meshlets, self.drawn
+        made, drawn = self.prepared.triangles, self.drawn
         if self.fill is None:
-            setup.draw_band(self.shown, self.places, meshlets_, drawn, job - self.jobs[0], room.band)
+            setup.draw_band(made.shown, self.places, made.meshlets, drawn, job - self.jobs[0], room.band)
         else:
             self.fill.draw(room.band, self.pattern, drawn.tables)
         p = self.prepared
         if len(self.endless):
-            traced.draw_endless(self.model, self.endless, p.packed, p.accel, self.view, self.places, room.band)
+            traced.draw_endless(made.model, self.endless, p.packed, p.accel, self.view, self.places, room.band)
         if self.plain:
             deferred.shade_band(
-                self.shown, self.places, self.each, meshlets_, drawn, self.lit, self.look, self.weights, room.band, room.items,
+                made.shown, self.places, self.each, made.meshlets, drawn, made.lit, made.look, self.weights, room.band, room.items,
                 self.crop, self.rgba,
             )  # fmt: skip
         else:
             traced.shade_band(
-                self.model, self.places, self.each, meshlets_, drawn, p.packed, p.accel, p.gouraud, p.frame, self.weights, room.band,
+                made.model, self.places, self.each, made.meshlets, drawn, p.packed, p.accel, p.gouraud, p.frame, self.weights, room.band,
                 room.items, room.stack, self.crop, self.rgba,
             )  # fmt: skip
         self._behind(top, bottom)
@@ -137,7 +141,7 @@ class _Room:
         columns = x1 - (x0 & ~3) + margin
         self.band = Handle(bands.band_for(columns, of.rows + margin, samples))
         self.items = Handle(deferred.items_for(columns, samples))
-        self.stack = integrate.stack_for(of.prepared.options, across.WIDTH)
+        self.stack = None if of.plain else integrate.stack_for(of.prepared.options, across.WIDTH)
 
 
 def _splat(name: str, pattern: bands.Pattern) -> deferred.Splat:

@@ -66,13 +66,14 @@ class Items(NamedTuple):
     light: NDArray[np.float32]  # (16, 4), item k at place_of(k): rows of four items
     counts: NDArray[np.int64]  # (3,) of items in whole blocks, of others, which stand from `half` on, and of what was not finite
     half: int
+    plane: NDArray[np.float64]  # (12,) of the triangle that filled all lanes last: slot, instance, and `_planes`
 
 
 def items_for(columns: int, samples: int) -> Items:
     """Room for what four rows of so many pixels can show."""
     half = ((columns + 3) & ~3) * 4 * samples + 16
     columns_of = (simd.aligned_empty(2 * half, np.int32) for _ in range(6))
-    return Items(*columns_of, simd.aligned_empty((16, 4), np.float32), np.zeros(3, np.int64), half)
+    return Items(*columns_of, simd.aligned_empty((16, 4), np.float32), np.zeros(3, np.int64), half, np.full(12, -1.0))
 
 
 @apart
@@ -206,7 +207,7 @@ def light_items(shown, meshlets, drawn, tables, look, items, start, count):
         i = simd.lane(instances, simd.trailing_zeros(simd.bits(rest)))
         here = rest & (instances == i)
         mine = simd.select(here, slot, simd.lane(slot, simd.trailing_zeros(simd.bits(here))))
-        point, viewer = surface_of(shown, meshlets, tables, look, i, mine, x, y)
+        point, viewer = surface_of(shown, meshlets, tables, look, items.plane, i, mine, x, y)
         color = direct_light(tables, point, viewer, here)
         red, green, blue = simd.select(here, color[0], red), simd.select(here, color[1], green), simd.select(here, color[2], blue)
         rest = rest & ~here
@@ -221,10 +222,11 @@ def light_items(shown, meshlets, drawn, tables, look, items, start, count):
 
 
 @helper
-def surface_of(shown: Any, meshlets: Any, tables: Any, look: Any, i: int, slot: Lane, x: Lane, y: Lane) -> tuple[Surface, Vec]:
+def surface_of(shown: Any, meshlets: Any, tables: Any, look: Any, plane: Any, i: int, slot: Lane, x: Lane, y: Lane) -> tuple[Surface, Vec]:
     """The surface of instance i where triangles are seen through pixel coordinates, about the eye, and the direction to the eye."""
     one = simd.lane(slot, 0)
-    if simd.all_of(slot == one):
+    alone = simd.all_of(slot == one)
+    if alone:
         row = meshlets.corner[one, 3] + simd.i32x16(0)
         a, b, c = spread(meshlets, one, 0), spread(meshlets, one, 1), spread(meshlets, one, 2)
     else:
@@ -234,7 +236,10 @@ def surface_of(shown: Any, meshlets: Any, tables: Any, look: Any, i: int, slot: 
         b = simd.gather_rows(meshlets.record, corner[1] * RECORD, RECORD)
         c = simd.gather_rows(meshlets.record, corner[2] * RECORD, RECORD)
     e1, e2 = (b[0] - a[0], b[1] - a[1], b[2] - a[2]), (c[0] - a[0], c[1] - a[1], c[2] - a[2])
-    u, v, turned = weights_of(shown, i, (a[0], a[1], a[2]), e1, e2, x, y)
+    if alone:
+        u, v, turned = weights_in_plane(shown, meshlets, plane, i, one, x, y)
+    else:
+        u, v, turned = weights_of(shown, i, (a[0], a[1], a[2]), e1, e2, x, y)
     w = 1.0 - u - v
 
     g, transform, material = tables.instances.geometry[i], tables.instances.transform[i], tables.instances.material[i]
@@ -280,6 +285,54 @@ def spread(meshlets: Any, slot: int, corner: int) -> Any:
     return (
         zero + row[0], zero + row[1], zero + row[2], zero + row[3], zero + row[4], zero + row[5], zero + row[6], zero + row[7],
     )  # fmt: skip
+
+
+@helper
+def weights_in_plane(shown: Any, meshlets: Any, plane: Any, i: int, slot: int, x: Lane, y: Lane) -> tuple[Lane, Lane, Lane]:
+    """As `weights_of`, of one triangle: areas are linear on the screen. They are taken in float64 at the first lane's place."""
+    if plane[0] != slot or plane[1] != i:
+        plane[0], plane[1] = slot, i
+        _planes(shown, meshlets, i, slot, plane)
+    x0, y0 = np.float64(simd.lane(x, 0)), np.float64(simd.lane(y, 0))
+    dx, dy = x - simd.lane(x, 0), y - simd.lane(y, 0)
+    eu = dx * plane[3] + (dy * plane[4] + (plane[2] + plane[3] * x0 + plane[4] * y0))
+    ev = dx * plane[6] + (dy * plane[7] + (plane[5] + plane[6] * x0 + plane[7] * y0))
+    area = dx * plane[9] + (dy * plane[10] + (plane[8] + plane[9] * x0 + plane[10] * y0))
+    u, v, area = inside(eu, ev, area)
+    return u, v, area > 0.0
+
+
+@apart
+def _planes(shown, meshlets, i, slot, plane):
+    """Write c, a, b of c + a x + b y to plane[2:]: the areas that belong to a triangle's second and third corner, and the whole one.
+
+    The cross of two corners' rows (X - x W, Y - y W) is X₁Y₂ - X₂Y₁ + x (W₂Y₁ - W₁Y₂) + y (X₂W₁ - X₁W₂). Scaled,
+    so that float32 can hold them.
+    """
+    one, two, three = _row(shown, meshlets, i, slot, 0), _row(shown, meshlets, i, slot, 1), _row(shown, meshlets, i, slot, 2)
+    first, second, third = _cross(two, three), _cross(three, one), _cross(one, two)
+    for n in range(3):
+        plane[2 + n], plane[5 + n], plane[8 + n] = second[n], third[n], first[n] + second[n] + third[n]
+    largest = 1e-300
+    for n in range(2, 11):
+        largest = max(largest, abs(plane[n]))
+    for n in range(2, 11):
+        plane[n] /= largest
+
+
+@helper
+def _row(shown: Any, meshlets: Any, i: int, slot: int, corner: int) -> Vec:
+    """X, Y, W of a triangle's corner."""
+    m, at = shown.matrix, meshlets.corner[slot, corner]
+    x, y, z = np.float64(meshlets.record[at, 0]), np.float64(meshlets.record[at, 1]), np.float64(meshlets.record[at, 2])
+    w = m[i, 3, 0] * x + m[i, 3, 1] * y + m[i, 3, 2] * z + m[i, 3, 3] if shown.perspective else 1.0
+    return m[i, 0, 0] * x + m[i, 0, 1] * y + m[i, 0, 2] * z + m[i, 0, 3], m[i, 1, 0] * x + m[i, 1, 1] * y + m[i, 1, 2] * z + m[i, 1, 3], w
+
+
+@helper
+def _cross(p: Vec, q: Vec) -> Vec:
+    """c, a, b of the area that two corners make."""
+    return p[0] * q[1] - q[0] * p[1], q[2] * p[1] - p[2] * q[1], q[0] * p[2] - p[0] * q[2]
 
 
 @helper

@@ -107,8 +107,14 @@ def _in_pieces(
         renderer.channels(tile, names, {name: channels[name][window] for name in names})
         return 0
 
-    _on_threads(whole.draw, whole.jobs, threads, cancel, told)
-    _on_threads(beside, extra, threads, cancel, told)
+    for draw, jobs in ((whole.draw, whole.jobs), (beside, extra)):
+        if threads > 1:
+            _on_threads(draw, jobs, threads, cancel, told)
+            continue
+        for job in jobs:
+            if cancel.is_set():
+                break
+            told(job, draw(job))
     samples = int(plan["samples"])
     about: dict[str, Any] = {
         "size": (view.width, view.height), "crop": crop, "samples": samples, "samples_mean": float(samples), "error": None,

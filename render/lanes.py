@@ -277,22 +277,34 @@ def fading(x: Lane, y: Lane) -> Lane:
 
 @overload(fading, jit_options=HELPER)
 def _fading(x, y):
-    def any_power(x, y):
-        return np.exp(y * np.log(x))
+    if isinstance(y, simd.Vector):
 
-    def one_power(x, y):
-        left = np.int64(min(y, 1e3))
-        if left != y or left > MOST_FACTORS:
+        def by_lanes(x, y):
+            one = simd.lane(y, 0)
+            whole = np.int64(min(one, 1e3))
+            if whole <= MOST_FACTORS and simd.all_of(y == whole):
+                return _whole_power(x, whole)
             return np.exp(y * np.log(x))
-        square, found = x, 0.0 * x + 1.0
-        while left > 0:
-            if left & 1:
-                found = found * square
-            square = square * square
-            left >>= 1
-        return found
 
-    return any_power if isinstance(y, simd.Vector) else one_power
+        return by_lanes
+
+    def by_one(x, y):
+        whole = np.int64(min(y, 1e3))
+        return _whole_power(x, whole) if whole <= MOST_FACTORS and whole == y else np.exp(y * np.log(x))
+
+    return by_one
+
+
+@helper
+def _whole_power(x: Lane, n: int) -> Lane:
+    """By squaring."""
+    found = 0.0 * x + 1.0
+    while n > 0:
+        if n & 1:
+            found = found * x
+        x = x * x
+        n >>= 1
+    return found
 
 
 @helper

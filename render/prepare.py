@@ -28,8 +28,8 @@ class Prepared:
 
     tables: ir.Tables
     packed: Any  # the tables as kernels take them, a Handle; for the reference, the tables themselves
-    accel: Any  # trace.Brute, or the Handle of a bvh.Bvh
-    gouraud: Any  # GouraudLight, or its Handle
+    accel: Any  # trace.Brute, or the Handle of a bvh.Bvh; None where no rays are needed
+    gouraud: Any  # GouraudLight, or its Handle; None then, too
     options: Options
     frame: Any  # a Handle of a Frame, or the Frame itself
     paths: Any = None  # reference: a paths.Light; ray: float32 or float64, as wide as waves are; None: transport is no matter of paths
@@ -59,11 +59,13 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
         return Prepared(tables, tables, accel, light, options, frame, shells=shells)
     if plan["transport"] == "paths" and backend == "ray":
         return _for_paths(tables, plan, options, frame)
-    accel, packed, frames = _trees(tables, plan), Handle(tables), Handle(frame)
-    aside.link(accel)
+    packed, frames = Handle(tables), Handle(frame)
+    triangles = banded.triangles(tables, view, shells) if backend == "raster" else None
+    if backend == "raster" and banded.needs_no_rays(plan):
+        return Prepared(tables, packed, None, None, options, frames, shells=shells, triangles=triangles)
+    accel = trees(tables, plan)
     light = Handle(gouraud.vertex_light(tables, packed, accel, frames))
     integrate.link(frames, packed, accel, light)
-    triangles = banded.triangles(tables, view, shells) if backend == "raster" else None
     return Prepared(tables, packed, accel, light, options, frames, shells=shells, triangles=triangles)
 
 
@@ -97,9 +99,12 @@ def _as(nest: Any, kind: type) -> Any:
     return type(nest)(*(_as(item, kind) for item in nest)) if hasattr(nest, "_fields") else nest
 
 
-def _trees(tables: ir.Tables, plan: Plan) -> Handle:
+def trees(tables: ir.Tables, plan: Plan) -> Handle:
+    """Trees over a scene, ready for kernels."""
     moves = plan["motion"] and plan["backend"] != "raster"
-    return Handle(bvh.build(tables, plan["accelerator"] == "brute", int(plan["threads"]), moves=moves))
+    accel = Handle(bvh.build(tables, plan["accelerator"] == "brute", int(plan["threads"]), moves=moves))
+    aside.link(accel)
+    return accel
 
 
 def shutter_of(tables: ir.Tables, plan: Plan, view: View) -> Still | Open:

@@ -20,7 +20,7 @@ from ..compiler.plan import Plan
 from . import across, aov, banded, camera, fill, hits, integrate, lanes, raster_setup, sampler, visibility
 from .handles import Handle
 from .kernels import helper, kernel
-from .prepare import Prepared, analytic_seen
+from .prepare import Prepared, analytic_seen, trees
 from .records import Film, Hit, Lane, Ray, Tile, View
 
 BATCH = 1 << 16  # samples of a tile held in the z-buffer at a time
@@ -32,10 +32,9 @@ class Renderer:
     by_tile = True
 
     def __init__(self, prepared: Prepared, plan: Plan, view: View) -> None:
-        self.prepared, self.view = prepared, view
+        self.prepared, self.plan, self.view = prepared, plan, view
         self.how = fill.NAMES[plan["raster.fill"]]
-        self.filter = sampler.filter_table(plan["filter"])
-        self.reach = math.ceil(float(np.abs(self.filter).max()) * fill.ONE)
+        self.reach = math.ceil(sampler.FILTER_RADIUS[plan["filter"]] * fill.ONE)
         self.endless = analytic_seen(prepared.tables, endless=True)
         self.whole = banded.Bands(prepared, plan, view, self.endless) if banded.can_draw(plan) else None
         nothing = Tile(0, 0, 0, 0)
@@ -43,6 +42,11 @@ class Renderer:
             self._add(nothing, 0, 1, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
         if plan["aov"]:
             self.centres(nothing)
+
+    @functools.cached_property
+    def _accel(self) -> Any:
+        """Trees, which channels beside the picture take even where its light needs none."""
+        return self.prepared.accel or trees(self.prepared.tables, self.plan)
 
     @functools.cached_property
     def _buffer(self) -> _Buffer:
@@ -71,17 +75,17 @@ class Renderer:
         samples = scratch.tables.samples
         count = len(samples.x)
         hit = Hit(np.empty(count), np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count), np.empty(count))
-        resolve(self._buffer.model, self.prepared.packed, self.prepared.accel, self.prepared.frame, scratch, hit)
+        resolve(self._buffer.model, self.prepared.packed, self._accel, self.prepared.frame, scratch, hit)
         return camera.ray(self.prepared.tables, self.view, samples.x / fill.ONE, samples.y / fill.ONE), hit
 
     def _seen(self, tile: Tile, first: int, count: int, total: int) -> Handle:
         """A handle of visibility.Scratch with samples first … first + count - 1 of a tile and what they see."""
         room = visibility.room_for(self.prepared.tables)
         scratch = Handle(visibility.scratch_for(tile, count, self.reach if total > 1 else 0, room))
-        place_samples(tile, self.view, first, total, self.prepared.options.seed, self.filter, scratch)
+        place_samples(tile, self.view, first, total, self.prepared.options.seed, self.prepared.frame.tables.filter, scratch)
         self._buffer.draw(tile, scratch)
         if len(self.endless):
-            draw_endless(self._buffer.model, self.endless, self.prepared.packed, self.prepared.accel, self.view, scratch)
+            draw_endless(self._buffer.model, self.endless, self.prepared.packed, self._accel, self.view, scratch)
         return scratch
 
 
@@ -96,7 +100,7 @@ class _Buffer:
         by_polygon = how == fill.SCANLINE
         if by_polygon:
             visibility.flat_polygons(self.packed, self.flat)
-        self.model = Handle(prepared.triangles.model)
+        self.model = prepared.triangles.model
         found = raster_setup.clusters(self.model, prepared.triangles.ranges, tables, view, -(-reach // fill.ONE), by_polygon)
         self.box, self.whole, self.clusters = found.box, found.polygons, Handle(found)
 

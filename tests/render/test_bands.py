@@ -1,0 +1,128 @@
+"""What bands are filled with, against whole-number arithmetic: each sample that the rule gives a triangle, and no other."""
+
+import numpy as np
+import pytest
+from maquette.compiler import ir
+from maquette.compiler.rows import CameraData, MeshData
+from maquette.render import banded, bands, fill, meshlets, setup
+from maquette.render.handles import Handle
+from maquette.render.records import View
+
+from . import pictures, tables
+
+SIZE = (70, 50)
+SAMPLES = (1, 4, 16)
+
+
+def seen(points: np.ndarray, triangles: np.ndarray, samples: int) -> np.ndarray:
+    """(h, w, samples) rows of the triangles that samples see, -1 for none. A metre is a pixel; the points' z is towards the eye."""
+    width, height = SIZE
+    at = np.column_stack([points[:, 0] - width / 2, height / 2 - points[:, 1], points[:, 2]])
+    camera = CameraData(0, height / 2, ir.Projection.ORTHOGRAPHIC)
+    scene = tables.scene(meshes=[(MeshData(at, triangles), tables.matrix((0, 0, -9)), 0)], camera=camera)
+    made = banded.triangles(scene, View(0, width, height), {})
+    pattern, band = bands.pattern(samples), bands.band_for(width, height, samples)
+    places, into = Handle(pattern), Handle(band)
+    band.clip[:] = 0, 0, width, height
+    drawn = bands.drawn(made.shown, made.meshlets, made.placed, (0, 0, width, height), 0, 64)
+    setup.draw_band(made.shown, places, made.meshlets, Handle(drawn), 0, into)
+    columns, rows = band.place[2:]
+    ids = band.ids.reshape(rows // 4, columns // 4, samples, 4, 4).transpose(0, 3, 1, 4, 2).reshape(rows, columns, samples)
+    ids = ids[:height, :width]
+    if len(drawn.first) == 0:
+        return ids
+    some = np.maximum(ids, 0)
+    slot = drawn.first[some >> meshlets.SHIFT] + (some & ((1 << meshlets.SHIFT) - 1))
+    return np.where(ids >= 0, made.meshlets.tables.corner[slot, 3], -1)
+
+
+def by_rule(corners: np.ndarray, samples: int) -> np.ndarray:
+    """(h, w, samples) what fill.inside_edges says of a triangle with (3, 2) whole corners in 1/256 pixel, in Python's numbers."""
+    (ax, ay), (bx, by), (cx, cy) = corners.tolist()
+    if fill.doubled_area(ax, ay, bx, by, cx, cy) < 0:
+        bx, by, cx, cy = cx, cy, bx, by
+    pattern = bands.pattern(samples)
+    out = np.zeros((SIZE[1], SIZE[0], samples), bool)
+    if fill.doubled_area(ax, ay, bx, by, cx, cy) == 0:
+        return out
+    y, x = np.mgrid[0 : SIZE[1], 0 : SIZE[0]].astype(object) * 256
+    for s in range(samples):
+        px, py = x + int(pattern.x[s]), y + int(pattern.y[s])
+        inside = np.ones(px.shape, bool)
+        for (ux, uy), (vx, vy) in (((ax, ay), (bx, by)), ((bx, by), (cx, cy)), ((cx, cy), (ax, ay))):
+            e = (vx - ux) * (py - uy) - (vy - uy) * (px - ux)
+            inside &= (e >= (0 if fill.owns(vx - ux, vy - uy) else 1)).astype(bool)
+        out[..., s] = inside
+    return out
+
+
+@pytest.mark.parametrize("samples", SAMPLES)
+@pytest.mark.parametrize("reach", [0.6, 3.0, 25.0, 400.0, 60000.0])
+def test_triangles_of_every_size_cover_what_the_rule_says(reach: float, samples: int):
+    """From far less than a pixel to more than 32 bits can hold; corners on samples, level and upright edges among them."""
+    rng = np.random.default_rng(int(reach * 10) + samples)
+    covered = 0
+    for _ in range(16):
+        middle = rng.uniform(5, 45, 2)
+        corners = np.round((middle + rng.uniform(-reach, reach, (3, 2))) * 256).astype(np.int64)
+        snap = rng.random((3, 2)) < 0.3
+        corners[snap] = corners[snap] // 256 * 256 + 128
+        if rng.random() < 0.3:
+            corners[1, 1] = corners[0, 1]
+        if reach > 1000:
+            corners = corners // 256 * 256  # what float32 has of numbers so large
+        points = np.column_stack([corners / 256.0, np.zeros(3)])
+        expected = by_rule(corners, samples)
+        covered += expected.sum()
+        assert np.array_equal(seen(points, np.array([[0, 1, 2]]), samples) == 0, expected)
+    assert covered > 0
+
+
+@pytest.mark.parametrize("samples", SAMPLES)
+def test_fans_and_strips_share_their_samples_out(samples: int):
+    """Triangle by triangle and added up, all samples inside are covered once: corners stand on samples, edges run through them."""
+    corners = np.array([[10.5, 10.5], [50.5, 10.5], [60.5, 30.5], [40.5, 45.5], [20.5, 40.5], [5.5, 30.5]])
+    fan = np.column_stack([np.vstack([corners, [[30.5, 20.5]]]), np.zeros(7)])
+    total = np.zeros((SIZE[1], SIZE[0], samples), int)
+    for k in range(6):
+        total += seen(fan, np.array([[k, (k + 1) % 6, 6]]), samples) >= 0
+    assert total.max() == 1
+    whole = sum(by_rule(np.round(corners[[0, k, k + 1]] * 256).astype(np.int64), samples).astype(int) for k in range(1, 5))
+    assert np.array_equal(total, whole)
+
+
+def test_the_nearest_is_seen_whatever_its_size_and_order():
+    """Tiny, small and large triangles over each other: the z-buffer agrees with depths computed for each."""
+    rng = np.random.default_rng(5)
+    points, triangles = [], []
+    for k in range(300):
+        size = rng.choice([0.8, 6.0, 90.0], p=[0.5, 0.4, 0.1])
+        corners = np.round((rng.uniform(5, 45, 2) + rng.uniform(-size, size, (3, 2))) * 256) / 256
+        points.extend([*corner, float(k % 37) / 8 + (k // 37) / 64] for corner in corners)
+        triangles.append([3 * k, 3 * k + 1, 3 * k + 2])
+    points, triangles = np.array(points), np.array(triangles)
+    best, depth = np.full((SIZE[1], SIZE[0], 1), -1), np.full((SIZE[1], SIZE[0], 1), -np.inf)
+    for k, triangle in enumerate(triangles):
+        z = points[triangle[0], 2]
+        nearer = by_rule(np.round(points[triangle, :2] * 256).astype(np.int64), 1) & (z > depth)
+        best, depth = np.where(nearer, k, best), np.where(nearer, z, depth)
+    assert np.array_equal(seen(points, triangles, 1), best)
+
+
+def test_sixteen_samples_are_a_net():
+    """Each of the rows and columns of all elementary intervals of 1/16 pixel's area has one."""
+    pattern = bands.pattern(16)
+    for wide in (1, 2, 4, 8, 16):
+        cells = pattern.x * wide // 256 * 16 + pattern.y * (16 // wide) // 256
+        assert len(np.unique(cells)) == 16
+
+
+@pytest.mark.parametrize("name", ["box", "tent", "gaussian", "blackman-harris"])
+@pytest.mark.parametrize("samples", [1, 4, 5, 16])
+def test_an_even_picture_stays_even_under_every_filter(name: str, samples: int):
+    """A wall lit evenly: every pixel, those at the border too, is what one sample is."""
+    quad = MeshData(np.array([[-9.0, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
+    scene = tables.scene(meshes=[(quad, tables.matrix((0, 0, -2)), 0)], camera=CameraData(0, 0.5), lights=[])
+    drawn = pictures.picture(scene, samples=samples, filter=name, size=(21, 18)).channels["rgba"]
+    assert np.allclose(drawn[..., 3], 1.0, atol=1e-6)
+    assert np.ptp(drawn[..., :3]) < 1e-6

@@ -68,13 +68,13 @@ def _tape(tables: ir.Tables, row: int) -> Tape:
 
 @overload(texel, jit_options=HELPER)
 def _texel(tables, row, p):
-    if not isinstance(row, simd.Vector):
-        return _of_one
-    return _of_many if row.bits == 64 else _of_none
+    if isinstance(p[0], simd.Vector) and p[0].bits == 32:
+        return _of_none
+    return _of_many if isinstance(row, simd.Vector) else _of_one
 
 
 def _of_none(tables, row, p):
-    """In lanes of float32, which the plan's `precision` gives to no scene with patterns."""
+    """In lanes of float32, which the plan's `precision` and `raster.precision` give to no scene with patterns."""
     zero = 0.0 * p[0]
     return zero, zero, zero
 

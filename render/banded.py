@@ -7,6 +7,7 @@ or patterns run across triangles every sample is lit for itself.
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -78,7 +79,7 @@ class Bands:
         self.plain = plan["raster.precision"] == "float32"
         self.background = plan["background"]
         self.rgba = np.zeros((self.crop[3] - self.crop[1], self.crop[2] - self.crop[0], 4), np.float32)
-        self.jobs = range(int(self.crop[1]) // self.rows, -(-int(self.crop[3]) // self.rows))
+        self.jobs: Sequence[int] = range(int(self.crop[1]) // self.rows, -(-int(self.crop[3]) // self.rows))
         self._free: list[_Room] = []
         self._lock = threading.Lock()
 

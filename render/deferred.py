@@ -72,8 +72,8 @@ class Items(NamedTuple):
 def items_for(columns: int, samples: int) -> Items:
     """Room for what four rows of so many pixels can show."""
     half = ((columns + 3) & ~3) * 4 * samples + 16
-    columns_of = (simd.aligned_empty(2 * half, np.int32) for _ in range(6))
-    return Items(*columns_of, simd.aligned_empty((16, 4), np.float32), np.zeros(3, np.int64), half, np.full(12, -1.0))
+    ids, x, y, bits, at_x, at_y = (simd.aligned_empty(2 * half, np.int32) for _ in range(6))
+    return Items(ids, x, y, bits, at_x, at_y, simd.aligned_empty((16, 4), np.float32), np.zeros(3, np.int64), half, np.full(12, -1.0))
 
 
 @apart

@@ -35,8 +35,10 @@ class Renderer(Protocol):
     by_tile: bool
     """Whether all pixels of a tile take the same samples; else each may have its own."""
 
-    whole: Whole | None
-    """The picture in bands, where that is how the plan draws it: samples are then at fixed places, and tiles are not asked for them."""
+    @property
+    def whole(self) -> Whole | None:
+        """The picture in bands, where that is how the plan draws it: samples are then at fixed places, and tiles are not asked for them."""
+        ...
 
     def sample(self, tile: Tile, first: Counts, count: Counts, total: int, film: Film) -> None:
         """Add samples first … first + count - 1, (h, w) each, of `total` of every pixel of the tile; one in all is the pixel's centre."""
@@ -51,7 +53,11 @@ class Whole(Protocol):
     """A picture that a backend draws by itself, piece by piece."""
 
     rgba: NDArray[np.float32]
-    jobs: Sequence[int]
+
+    @property
+    def jobs(self) -> Sequence[int]:
+        """The pieces."""
+        ...
 
     def draw(self, job: int) -> int:
         """Draw one piece into `rgba`; how many samples were left out because they were not finite."""
@@ -107,7 +113,8 @@ def _in_pieces(
         renderer.channels(tile, names, {name: channels[name][window] for name in names})
         return 0
 
-    for draw, jobs in ((whole.draw, whole.jobs), (beside, extra)):
+    parts: Any = ((whole.draw, whole.jobs), (beside, extra))
+    for draw, jobs in parts:
         if threads > 1:
             _on_threads(draw, jobs, threads, cancel, told)
             continue

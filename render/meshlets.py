@@ -7,7 +7,7 @@ Triangles lie along a Z-curve, so that meshlets are small on the screen.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,10 +121,12 @@ class _Room:
             order = neighbours(corners[..., :3].mean(axis=1))
         most = max(1, -(-count // (VERTICES // 3)))  # meshlets, if no two triangles shared a vertex
         slots, vertices = count + most * LANES, 3 * count + most * LANES
-        made = Meshlets(
-            *(np.zeros(most, np.int32) for _ in range(4)), np.zeros((6, most)), *(np.zeros(slots, np.uint8) for _ in range(3)),
-            np.zeros((slots, 4), np.int32), *(np.zeros(vertices, np.float32) for _ in range(3)), np.zeros((vertices, RECORD), np.float32),
-        )  # fmt: skip
+        numbers = [np.zeros(most, np.int32) for _ in range(4)]
+        local = [np.zeros(slots, np.uint8) for _ in range(3)]
+        places = [np.zeros(vertices, np.float32) for _ in range(3)]
+        corner, record = np.zeros((slots, 4), np.int32), np.zeros((vertices, RECORD), np.float32)
+        columns: list[Any] = [*numbers, np.zeros((6, most)), *local, corner, *places, record]
+        made = Meshlets(*columns)
         total = np.zeros(3, np.int64)
         cut(source, order, made, endless, first, total)
         m, t, v = (int(n) for n in total)

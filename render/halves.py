@@ -6,8 +6,9 @@ so that the smaller of two of them encloses both. Its last number is how many th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +28,7 @@ COUNT = 7  # column that holds how many items a box is of: 1
 TAG = 0x40000000  # set in those bits: small integers are denormal floats, which are slow
 _GRAIN = 32  # parts of at least this many, so that threads come out even
 LEAF = -2
+_SAMPLES = 1 << 15  # items that are enough to find a plane by
 _SMALL = 4096  # items that are not worth a thread
 DEEPEST = 48  # below this level nodes are halved, so that no tree is much deeper
 _LATER = 0.01  # cost of an item that fills up a block, against that of the block
@@ -49,9 +51,14 @@ def numbers(items: NDArray[np.float32]) -> NDArray[np.int32]:
     return items.view(np.int32)[:, NUMBER] & ~TAG
 
 
-def pool(threads: int) -> ThreadPoolExecutor:
-    """Threads to build on."""
-    return ThreadPoolExecutor(max(threads, 1), thread_name_prefix="trees")
+@contextmanager
+def runner(threads: int) -> Iterator[Run]:
+    """What runs work on so many threads; for one, `map`, which has nobody to wait for."""
+    if threads <= 1:
+        yield map
+        return
+    with ThreadPoolExecutor(threads, thread_name_prefix="trees") as pool:
+        yield pool.map
 
 
 class Part(NamedTuple):
@@ -61,14 +68,14 @@ class Part(NamedTuple):
     free: int  # where its halves, their halves and so on have room, all that many places
 
 
-def build(items: NDArray[np.float32], width: int, step: float, run: Run) -> tuple[Halves, list[Part]]:
-    """The tree over items (n, 8), which are sorted in place, and its parts that threads may work on.
+def build(items: NDArray[np.float32], around: NDArray[np.float32], width: int, step: float, run: Run) -> tuple[Halves, list[Part]]:
+    """The tree over items (n, 8) with the box `around` them, which are sorted in place, and its parts that threads may work on.
 
     A leaf of up to `width` items costs one test; a step down costs `step` of that. `run` is `map` or that of a pool.
     """
     n = len(items)
     tree = Halves(items, simd.aligned_empty((2 * n, 8), np.float32), *np.empty((3, 2 * n), np.int32))
-    tree.boxes[0] = items.min(axis=0)
+    tree.boxes[0] = around
     tree.first[0], tree.count[0] = 0, n
     grain = max(n // _GRAIN, _SMALL)  # more than a leaf holds
     parts, wave = [], [Part(0, 1)]
@@ -132,10 +139,10 @@ def grow(items, boxes, second, first, count, root, free, width, step, once):
         low, size = simd.load(spans, 4 * top, 4), simd.load(spans, 4 * top + 4, 4) - simd.load(spans, 4 * top, 4)
         used = BINS if n > BINS else max(4, min(BINS, n + (n >> 1)))
         scale = simd.f32x4(np.float32(used) * np.float32(0.9999)) / simd.maximum(size, simd.f32x4(1e-30))
-        plane, axis = -1, 0
+        plane, axis, stride = -1, 0, max(1, n // _SAMPLES)
         if depth < DEEPEST or n <= width:
-            _fill(items, begin, n, low, scale, used, bins)
-            plane, axis = _divide(simd.load(boxes, node * 8, 8), n, size, used, width, step, bins, left, before)
+            _fill(items, begin, n, stride, low, scale, used, bins)
+            plane, axis = _divide(simd.load(boxes, node * 8, 8), n, stride, size, used, width, step, bins, left, before)
         if plane == LEAF:
             continue
         if plane < 0:
@@ -145,6 +152,8 @@ def grow(items, boxes, second, first, count, root, free, width, step, once):
         else:
             middle, inner, outer = _sort(items, begin, n, axis, simd.lane(low, axis), simd.lane(scale, axis), plane, aside)
             one, other = _enclosing(bins, axis * used, axis * used + plane), _enclosing(bins, axis * used + plane, (axis + 1) * used)
+            if stride > 1:
+                one, other = _enclosing(items, begin, middle), _enclosing(items, middle, begin + n)
         a = free + 2 * (middle - begin) - 2 if once else free
         b, free = a + 1, free + 2
         simd.store(boxes, a * 8, one)
@@ -185,10 +194,10 @@ def _areas(items: Any, begin: int, n: int) -> Any:
 
 @helper
 def _divide(
-    around: Lane, n: int, size: Lane, used: int, width: int, step: float, bins: Any, left: Any, before: Any
+    around: Lane, n: int, stride: int, size: Lane, used: int, width: int, step: float, bins: Any, left: Any, before: Any
 ) -> tuple[int, int]:
     """(the first bin of the second half of n items, its axis); LEAF: better a leaf; -1: no plane divides them."""
-    cost, axis, plane = _cheapest(bins, left, before, size, used, np.float32(1.0) / np.float32(width))
+    cost, axis, plane = _cheapest(bins, left, before, size, used, np.float32(stride), np.float32(1.0) / np.float32(width))
     if n <= width:
         alone = half_area(around) * (np.float32(1.0) + np.float32(_LATER) * np.float32(n))
         if axis < 0 or alone <= np.float32(step) * half_area(around) + cost:
@@ -231,8 +240,8 @@ def _span(items: Any, begin: int, end: int) -> Lane:
 
 
 @helper
-def _fill(items: Any, begin: int, n: int, low: Lane, scale: Lane, used: int, bins: Any) -> None:
-    """Boxes and numbers of the items in each of the three axes' bins.
+def _fill(items: Any, begin: int, n: int, stride: int, low: Lane, scale: Lane, used: int, bins: Any) -> None:
+    """Boxes and numbers of the items, or of each `stride`th, in each of the three axes' bins.
 
     Neighbours fall into one bin, where each waits for the one before. So they take turns in several sets, which are then joined.
     """
@@ -240,11 +249,11 @@ def _fill(items: Any, begin: int, n: int, low: Lane, scale: Lane, used: int, bin
     for k in range(sets):
         for j in range(k * _BINS3, k * _BINS3 + 3 * used):
             simd.store(bins, j * 8, _nothing())
-    first = simd.iota(simd.i32x4(0)) * simd.i32x4(np.int32(used))
-    for i in range(begin, begin + n):
+    first, turn = simd.iota(simd.i32x4(0)) * simd.i32x4(np.int32(used)), 0
+    for i in range(begin, begin + n, stride):
         box = simd.load(items, i * 8, 8)
         places = simd.to_i32((simd.low_half(box) - simd.high_half(box) - low) * scale) + first
-        at = (i & (sets - 1)) * _BINS3
+        at, turn = (turn & (sets - 1)) * _BINS3, turn + 1
         _put(bins, at + np.int64(simd.lane(places, 0)), box)
         _put(bins, at + np.int64(simd.lane(places, 1)), box)
         _put(bins, at + np.int64(simd.lane(places, 2)), box)
@@ -266,7 +275,7 @@ def _bin(items: Any, i: int, axis: int, base: Any, factor: Any) -> Any:
 
 
 @helper
-def _cheapest(bins: Any, left: Any, before: Any, size: Lane, used: int, share: Any) -> tuple[Any, int, int]:
+def _cheapest(bins: Any, left: Any, before: Any, size: Lane, used: int, times: Any, share: Any) -> tuple[Any, int, int]:
     """(cost, axis, first bin of the second half) of the best plane, axis -1 where none has items on both sides."""
     best, best_axis, best_plane = np.float32(np.inf), -1, 0
     for axis in range(3):
@@ -275,13 +284,13 @@ def _cheapest(bins: Any, left: Any, before: Any, size: Lane, used: int, share: A
         box = _nothing()
         for k in range(axis * used, (axis + 1) * used - 1):
             box = _joined(box, simd.load(bins, k * 8, 8))
-            n = simd.lane(box, COUNT)
+            n = simd.lane(box, COUNT) * times
             simd.write(left, k - axis * used, half_area(box) * _tests(n, share))
             simd.write(before, k - axis * used, n)
         box = _nothing()
         for plane in range(used - 1, 0, -1):
             box = _joined(box, simd.load(bins, (axis * used + plane) * 8, 8))
-            n = simd.lane(box, COUNT)
+            n = simd.lane(box, COUNT) * times
             cost = simd.read(left, plane - 1) + half_area(box) * _tests(n, share)
             if cost < best and n > np.float32(0.0) and simd.read(before, plane - 1) > np.float32(0.0):
                 best, best_axis, best_plane = cost, axis, plane

@@ -48,9 +48,9 @@ def _links(boxes: NDArray[np.float64], threads: int) -> NDArray[np.int32]:
     items[:, :3], items[:, 4:7], items[:, halves.COUNT] = (low - middle) / size, (middle - high) / size, 1.0
     items.view(np.int32)[:, halves.NUMBER] = np.arange(len(boxes)) | halves.TAG
     if len(boxes) < _MANY:
-        return wide.links(*halves.build(items, 1, STEP, map), map)
-    with halves.pool(threads or machine.cores()) as pool:
-        return wide.links(*halves.build(items, 1, STEP, pool.map), pool.map)
+        return wide.links(*halves.build(items, items.min(axis=0), 1, STEP, map), map)
+    with halves.runner(threads or machine.cores()) as run:
+        return wide.links(*halves.build(items, items.min(axis=0), 1, STEP, run), run)
 
 
 def refit(top: Top, boxes: NDArray[np.float64]) -> None:

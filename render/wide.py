@@ -52,11 +52,13 @@ def build(positions: NDArray[np.float32], triangles: NDArray[np.int32], threads:
 
     It is the same on any number of threads (0: all there are).
     """
-    with halves.pool(threads or machine.cores()) as pool:
+    with halves.runner(threads or machine.cores()) as run:
         items = simd.aligned_empty((len(triangles), 8), np.float32)
-        list(pool.map(lambda k: boxes_of(positions, triangles, items, *k), _shares(len(items))))
-        tree, parts = halves.build(items, WIDTH, STEP, pool.map)
-        return _collapsed(tree, parts, _Mesh(positions, triangles), pool.map)
+        shares = _shares(len(items))
+        around = np.empty((len(shares), 8), np.float32)
+        list(run(lambda k: boxes_of(positions, triangles, items, *shares[k], around, k), range(len(shares))))
+        tree, parts = halves.build(items, around.min(axis=0), WIDTH, STEP, run)
+        return _collapsed(tree, parts, _Mesh(positions, triangles), run)
 
 
 def links(tree: halves.Halves, parts: list[Part], run: Run) -> NDArray[np.int32]:
@@ -128,17 +130,20 @@ def fineness(tree: Wide, some: int = 512) -> float:
 
 
 @kernel
-def boxes_of(positions, triangles, items, start, end):
-    """Set the boxes of triangles start … end as halves.py wants them."""
+def boxes_of(positions, triangles, items, start, end, around, k):
+    """Set the boxes of triangles start … end as halves.py wants them, and row k of `around` to the box of all."""
+    whole = simd.f32x8(np.inf)
     numbers = items.view(np.int32)
     for i in range(start, end):
         a, b, c = triangles[i, 0], triangles[i, 1], triangles[i, 2]
-        for k in range(3):
-            x, y, z = positions[a, k], positions[b, k], positions[c, k]
-            items[i, k] = min(x, min(y, z))
-            items[i, 4 + k] = -max(x, max(y, z))
+        for j in range(3):
+            x, y, z = positions[a, j], positions[b, j], positions[c, j]
+            items[i, j] = min(x, min(y, z))
+            items[i, 4 + j] = -max(x, max(y, z))
         numbers[i, halves.NUMBER] = i | halves.TAG
         items[i, halves.COUNT] = 1.0
+        whole = simd.minimum(whole, simd.load(items, i * 8, 8))
+    simd.store(around, k * 8, whole)
 
 
 @kernel

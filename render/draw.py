@@ -44,7 +44,8 @@ def _unproved(renderer: Any) -> int:
     """Rays of which a stretch could not be proved to be without a root of a formula (the reference counts none)."""
     prepared = getattr(renderer, "prepared", None)  # of several moments there are several
     trees = getattr(prepared.accel, "tables", None) if prepared is not None else None
-    return 0 if trees is None else int(trees.forms.unproved[0])
+    forms = getattr(trees, "forms", None)  # where all things are pieces there are no trees
+    return 0 if forms is None else int(forms.unproved[0])
 
 
 def _backend(name: str) -> tuple[Any, Callable[[ir.Scene, Plan], list[tuple[str, str, int]]]]:

@@ -22,6 +22,8 @@ from .records import View
 MOST_SAMPLES = 16
 ROWS = {1: 64, 4: 32}  # rows of a band by samples, where its buffer still fits the second cache; else 16
 
+EXACT = 2.0**22  # weights are whole numbers over this, so that sums of them are exact in float32, and what is covered wholly is 1
+
 
 class Triangles(NamedTuple):
     """What a view draws as triangles: made once, kept with what else is prepared."""
@@ -156,7 +158,8 @@ def _splat(name: str, pattern: bands.Pattern) -> deferred.Splat:
     if count == 1:
         weight = np.zeros_like(weight)
         weight[0, deferred.REACH, deferred.REACH] = 1.0
-    weight /= weight.sum()
+    weight = np.round(weight / weight.sum() * EXACT) / EXACT
+    weight[np.unravel_index(weight.argmax(), weight.shape)] += 1.0 - weight.sum()
     table = np.zeros((4, 16, side * side))
     for s in range(count):
         for bits in range(16):

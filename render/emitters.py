@@ -20,6 +20,8 @@ from .records import Lane, Tables, Vec
 POINT, SPOT, DIRECTIONAL, SUN = lights.POINT, lights.SPOT, lights.DIRECTIONAL, lights.SUN
 SKY, DOME, RECTANGLE, DISK, SPHERE = lights.SKY, lights.DOME, lights.RECTANGLE, lights.DISK, lights.SPHERE
 TRIANGLE = 20  # one of a shining mesh; the other kinds are LightKind's
+FEW = 8  # emitters up to which each place asks all of them what they may give
+NEAREST = 1e-9  # square metres: what is nearer to a light is as likely to choose it as from there
 MOST_TRIANGLES = 1 << 17  # of shining meshes that are sampled; rays still meet the others
 _AREAS = (RECTANGLE, DISK, SPHERE)
 
@@ -38,7 +40,8 @@ class Emitters(NamedTuple):
     light: NDArray[np.int32]  # row of Lights, or -1
     shadows: NDArray[np.bool_]
     weighed: NDArray[np.bool_]  # rays that go on may meet it, too: both ways are weighed
-    share: NDArray[np.float64]  # how likely it is chosen
+    power: NDArray[np.float64]  # mean of the channels, times the area where there is one
+    share: NDArray[np.float64]  # how likely it is chosen where there are many
     upto: NDArray[np.float64]  # sum of the shares up to and with this one
     first: NDArray[np.int32]  # (instances,) the row of an instance's first part, or -1
     parts: NDArray[np.int32]  # (instances,) what is taken from a hit's primitive to count from `first`
@@ -157,15 +160,61 @@ def _table(tables: ir.Tables, rows: list[dict[str, Any]], first: Any, parts: Any
         columns[name] = np.array(values, types.get(name, np.float64)).reshape(-1, *shapes.get(name, ()))
     power = columns["color"].mean(axis=1) * np.where(columns["area"] > 0, columns["area"] * (1.0 + columns["both"]), 1.0)
     share = power / power.sum() if len(rows) else power
-    return Emitters(**columns, share=share, upto=np.cumsum(share), first=first, parts=parts)
+    return Emitters(**columns, power=power, share=share, upto=np.cumsum(share), first=first, parts=parts)
 
 
 # --- in lanes ------------------------------------------------------------------------------------------------------------
 
 
 @helper
-def choose(emitters: Emitters, u: Lane) -> Lane:
-    """A row for each lane, as likely as its share."""
+def choose(emitters: Emitters, position: Vec, u: Lane) -> tuple[Lane, Lane]:
+    """(a row for each lane, how likely it was): by what a few give at a place if nothing stands in the way, of many by their power."""
+    if len(emitters.kind) > FEW:
+        row = _by_share(emitters, u)
+        return row, u * 0.0 + emitters.share[row]
+    most = _reaching_all(emitters, position) * u
+    row, upto, mine = lanes.int_like(u, 0), 0.0 * u, 0.0 * u
+    for e in range(len(emitters.kind)):
+        one = _reaching(emitters, e, position)
+        here = upto <= most
+        row, mine = lanes.where(here, e, row), lanes.where(here, one, mine)
+        upto = upto + one
+    return row, mine / upto
+
+
+@helper
+def chance(emitters: Emitters, row: Lane, position: Vec) -> Lane:
+    """How likely `choose` takes a row at a place."""
+    zero = 0.0 * position[0]
+    if len(emitters.kind) > FEW:
+        return zero + emitters.share[row]
+    mine = zero
+    for e in range(len(emitters.kind)):
+        mine = lanes.where(row == e, _reaching(emitters, e, position), mine)
+    return mine / _reaching_all(emitters, position)
+
+
+@helper
+def _reaching_all(emitters: Emitters, position: Vec) -> Lane:
+    total = 0.0 * position[0]
+    for e in range(len(emitters.kind)):
+        total = total + _reaching(emitters, e, position)
+    return total
+
+
+@helper
+def _reaching(emitters: Emitters, e: int, position: Vec) -> Lane:
+    """About what reaches a place from emitter e, wherever either of them faces; not 0."""
+    kind = emitters.kind[e]
+    if kind in (DIRECTIONAL, SUN):
+        return 0.0 * position[0] + emitters.power[e]
+    place = (emitters.place[e, 0], emitters.place[e, 1], emitters.place[e, 2])
+    away = lanes.sub(position, place)
+    return emitters.power[e] / (lanes.dot(away, away) + emitters.area[e] + NEAREST)
+
+
+@helper
+def _by_share(emitters: Emitters, u: Lane) -> Lane:
     count = len(emitters.kind)
     low = lanes.int_like(u, 0)
     step = 1

@@ -127,7 +127,7 @@ def shine(
 @helper
 def _weighed(table: Emitters, row: Lane, path: Path, point: Surface, t: Lane) -> tuple[Lane, Lane]:
     """(what counts of an emitter that a path met by chance, whether it met the side that does not shine)."""
-    found = emitters.density(table, row, path.origin, path.direction, t) * table.share[row]
+    found = emitters.density(table, row, path.origin, path.direction, t) * emitters.chance(table, row, path.origin)
     only = lanes.where(path.density >= ONLY, lanes.full_like(t, 1.0), 0.0)
     return lanes.where(table.weighed[row], power(path.density, found), only), lanes.not_(table.both[row] | point.front)
 
@@ -142,7 +142,7 @@ def power(one: Lane, other: Lane) -> Lane:
     return 1.0 / (1.0 + ratio * ratio)
 
 
-_sample_each = apart(emitters.sample)
+_sample_each, _choose = apart(emitters.sample), apart(emitters.choose)
 
 
 @helper
@@ -164,9 +164,8 @@ def connect(
         here = here & (lanes.not_(ending) | (table.light[0] >= 0))
         weighed, shadows = lanes.bool_like(zero, table.weighed[0]), lanes.bool_like(zero, table.shadows[0])
     else:
-        row = emitters.choose(table, numbers(pixel, sample, depth, 2, seed)[0])
+        row, chance = _choose(table, point.position, numbers(pixel, sample, depth, 2, seed)[0])
         arriving = _sample_each(tables, table, row, point.position, u, v)
-        chance = zero + table.share[row]
         here = here & (lanes.bool_like(zero, lanes.not_(ending)) | (table.light[row] >= 0))
         weighed, shadows = table.weighed[row], table.shadows[row]
     share, density = materials.share_of(shader, light.uses, point.normal, arriving.direction, viewer)

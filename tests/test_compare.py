@@ -485,9 +485,9 @@ def test_a_warning_of_both_sides_is_told_once(scene: Path) -> None:
 
 def test_two_files_tell_their_objects_by_number(scene: Path) -> None:
     for name, backend in (("a.exr", "raster"), ("b.exr", "ray")):
-        run("render", scene, "-o", name, "--samples", "4", "--aov", "id,depth", "--backend", backend, "-q")
+        run("render", scene, "-o", name, "--samples", "32", "--aov", "id,depth", "--backend", backend, "-q")
     found = figures("a.exr", "b.exr")
     assert {row["label"] for row in found["objects"]} == {"instance 0", "instance 1", "background"}
     assert found["interior"]["error"] < 1e-6
     assert found["noise"]["a"] > 0
-    assert run("compare", "a.exr", "b.exr")[1].splitlines()[0] == "A  a.exr, raster, 4 samples, seed 0"
+    assert run("compare", "a.exr", "b.exr")[1].splitlines()[0] == "A  a.exr, raster, 32 samples, seed 0"

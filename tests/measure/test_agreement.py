@@ -17,10 +17,10 @@ LIMIT = 1e-3
 FACETS = {"materials.scene": 2}
 
 
-def both(name: str) -> compare.Comparison:
+def both(name: str, samples: int = 4) -> compare.Comparison:
     """An example in direct light, drawn by raster and by ray."""
     scene = maquette.load(EXAMPLES / name)
-    settings = [ir.Settings(backend=b, size=SIZE, samples=4, bounces=0) for b in ("raster", "ray")]
+    settings = [ir.Settings(backend=b, size=SIZE, samples=samples, bounces=0) for b in ("raster", "ray")]
     raster, ray = (sides.drawn(scene, sides.plan_of(scene, asked)) for asked in settings)
     return compare.compare(raster, ray)
 
@@ -33,7 +33,7 @@ DRAWN_BY_BOTH = (
 
 @pytest.mark.parametrize("name", DRAWN_BY_BOTH)
 def test_inside_outlines_raster_and_ray_agree(name: str) -> None:
-    found = both(name)
+    found = both(name, samples=1)  # both at the pixel's centre: of more, the rasterizer has its own places
     assert found.a.notes == found.b.notes == ()
     one, other = (carriers.outlines(side) for side in (found.a, found.b))
     assert one is not None

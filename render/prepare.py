@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler import contour, ir
+from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
-from . import aside, banded, bvh, emitters, gouraud, integrate, paths, patterns, pieces, sampler, tessellate, trace, waves
+from . import aside, bvh, emitters, gouraud, integrate, paths, patterns, pieces, sampler, tessellate, trace, waves
 from .formulas import fields
 from .handles import Handle
 from .records import Frame, Open, Options, Still, Triple, View
@@ -34,7 +34,7 @@ class Prepared:
     frame: Any  # a Handle of a Frame, or the Frame itself
     paths: Any = None  # reference: a paths.Light; ray: float32 or float64, as wide as waves are; None: transport is no matter of paths
     shells: dict[int, tessellate.Tessellation] = field(default_factory=dict)  # raster: instance -> its shape in triangles
-    triangles: banded.Triangles | None = None  # raster: all there are
+    triangles: Any = None  # raster: a banded.Triangles, of all there are
 
 
 def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
@@ -60,9 +60,13 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     if plan["transport"] == "paths" and backend == "ray":
         return _for_paths(tables, plan, options, frame)
     packed, frames = Handle(tables), Handle(frame)
-    triangles = banded.triangles(tables, view, shells) if backend == "raster" else None
-    if backend == "raster" and banded.needs_no_rays(plan):
-        return Prepared(tables, packed, None, None, options, frames, shells=shells, triangles=triangles)
+    triangles = None
+    if backend == "raster":
+        from . import banded  # a tenth of what starting takes, for others too
+
+        triangles = banded.triangles(tables, view, shells)
+        if banded.needs_no_rays(plan):
+            return Prepared(tables, packed, None, None, options, frames, shells=shells, triangles=triangles)
     accel = trees(tables, plan)
     light = Handle(gouraud.vertex_light(tables, packed, accel, frames))
     integrate.link(frames, packed, accel, light)
@@ -198,8 +202,10 @@ class _Shapes:
         return self._made[key]
 
 
-def contoured(tables: ir.Tables, g: int, tolerance: float) -> contour.Contour:
-    """A formula's surface as triangles, in its own frame; of a sheet in a ball what lies in that."""
+def contoured(tables: ir.Tables, g: int, tolerance: float) -> Any:
+    """A formula's surface as triangles, a contour.Contour in its own frame; of a sheet in a ball what lies in that."""
+    from ..compiler import contour
+
     made = contour.within(fields.tape_of(tables, g), tables.geometries.bounds[g], tolerance)
     *middle, radius = tables.geometries.parameters[g, 1:5].tolist()
     if radius > 0.0:

@@ -54,6 +54,7 @@ DOORS = {
     "cli_convert.py": "each format loads what writes it",
     "cli_job.py": "a job loads the stages it comes to",
     "render/draw.py": "a picture loads the backend that draws it",
+    "render/prepare.py": "what makes ready for a backend, or for formulas, is loaded where there is a use for it",
     "compiler/lower.py": "a mesh or a stage inside a scene loads what reads its file",
     "compiler/load.py": "each kind of file has its own front end and libraries",
 }

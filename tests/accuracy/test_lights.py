@@ -73,9 +73,8 @@ def test_a_spot_given_in_lumen_sends_that_flux(tmp_path, measured, backend, cone
     """The same the other way about: ∫ E dA is the flux that is written."""
     text = ABOVE.format(4) + FLOOR + f"spot([0, 1, 0], cone: {cone}deg, soft: {soft}deg, flux: 30lm)\n"
     scene = rm.load(tmp_path, text)
-    found = [
-        math.pi * rm.grey(rm.picture(tmp_path, scene, backend, size=(96, 96), samples=SPREAD[backend], seed=k)).mean() * 16 for k in range(6)
-    ]
+    pictures = [rm.picture(tmp_path, scene, backend, size=(96, 96), samples=SPREAD[backend], seed=k) for k in range(6)]
+    found = [math.pi * rm.grey(each).mean() * 16 for each in pictures]
     rm.within_error(measured, 13, "flux of a spot in lumen", backend, found, 30.0)
 
 

@@ -25,7 +25,7 @@ def test_flags_are_compared_by_all_their_values() -> None:
     assert haste.values(one) == all_values(one)
     assert one == other
     assert hash(one) == hash(other)
-    one.nrt = True
+    one.nrt = True  # pyright: ignore[reportAttributeAccessIssue]
     assert haste.values(one) == all_values(one)
     assert one != other
 

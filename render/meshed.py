@@ -53,7 +53,7 @@ def parts(scene: ir.Scene, tolerance: float | None = None) -> tuple[list[Part], 
     that can be reached, and what is said of what is left out."""
     tables, found, made = scene.tables, [], []
     boxes = prepare.bvh.world_bounds(tables)
-    ends = [bool(each) for each in np.isfinite(boxes).all(axis=1)]
+    ends: list[bool] = np.asarray(np.isfinite(boxes).all(axis=1)).tolist()
     if tolerance is None and any(ends):
         tolerance = float((boxes[ends, 3:].max(axis=0) - boxes[ends, :3].min(axis=0)).max()) / FINENESS
     for i in range(len(tables.instances.geometry)):

@@ -64,6 +64,11 @@ class Plan:
         return {d.name: list(d.value) if isinstance(d.value, tuple) else d.value for d in self.decisions.values()}
 
 
+def adaptive(plan: Plan) -> bool:
+    """Whether each pixel takes as many samples as it needs, until an error or a budget is reached."""
+    return plan["error"] > 0.0 or math.isfinite(plan["budget"])
+
+
 def make(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, str] | None = None) -> Plan:
     """Decide what drawing `scene` takes. `settings` are the command line's; the scene's own stand behind them.
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import ir
+from ..compiler import plan as planner
 from ..compiler.plan import Plan
 from . import across, bands, camera, classic, deferred, fill, integrate, meshlets, raster_setup, sampler, setup, traced
 from .handles import Handle
@@ -55,8 +56,7 @@ def needs_no_rays(plan: Plan) -> bool:
 
 def can_draw(plan: Plan) -> bool:
     """Whether a picture is drawn in bands: a few samples at fixed places of one moment, and light that needs no random numbers."""
-    settled = plan["error"] == 0.0 and np.isinf(plan["budget"])
-    return bool(settled and plan["samples"] <= MOST_SAMPLES and not plan["soft lights"] and not plan["motion"])
+    return bool(not planner.adaptive(plan) and plan["samples"] <= MOST_SAMPLES and not plan["soft lights"] and not plan["motion"])
 
 
 class Bands:

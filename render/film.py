@@ -17,6 +17,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiler import plan as planner
 from ..compiler.plan import Plan
 from . import adaptive, image, machine, metrics, sums
 from .records import Film, Tile, View
@@ -74,7 +75,7 @@ def run(renderer: Renderer, plan: Plan, view: View, progress: Progress | None = 
         return _in_pieces(renderer, renderer.whole, plan, view, progress, cancel or threading.Event())
     started = time.perf_counter()
     canvas = _Canvas(renderer, plan, cancel or threading.Event(), progress)
-    if plan["error"] > 0.0 or math.isfinite(plan["budget"]):
+    if planner.adaptive(plan):
         canvas.adaptive(plan["error"], started + plan["budget"])
     else:
         canvas.fixed()

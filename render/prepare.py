@@ -50,7 +50,7 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     tables = with_vertex_shaded_meshes(scene.tables, shapes)
     shells = {int(i): shapes.of(int(i)) for i in analytic_seen(tables, endless=False)} if backend == "raster" else {}
     options = options_of(plan, tables)
-    frame = Frame(view, options, sampler.filter_table(plan["filter"]), shutter_of(tables, plan, view))
+    frame = Frame(view, options, sampler.filter_table(plan["filter"]), shutter_of(tables, plan, view), order_of(plan))
     if backend == "reference":
         accel = trace.Brute()
         if plan["transport"] == "paths":
@@ -116,6 +116,11 @@ def shutter_of(tables: ir.Tables, plan: Plan, view: View) -> Still | Open:
     if not plan["motion"] or plan["backend"] == "raster":
         return Still()
     return Open(float(tables.cameras.shutter[view.camera] / tables.cameras.shutter.max()))
+
+
+def order_of(plan: Plan) -> int:
+    """How pixels share sequences of sample numbers: not where each pixel takes as many as it needs."""
+    return sampler.ALONE if planner.adaptive(plan) else sampler.order_of(int(plan["samples"]))
 
 
 def options_of(plan: Plan, tables: ir.Tables) -> Options:

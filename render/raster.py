@@ -82,7 +82,7 @@ class Renderer:
         """A handle of visibility.Scratch with samples first … first + count - 1 of a tile and what they see."""
         room = visibility.room_for(self.prepared.tables)
         scratch = Handle(visibility.scratch_for(tile, count, self.reach if total > 1 else 0, room))
-        place_samples(tile, self.view, first, total, self.prepared.options.seed, self.prepared.frame.tables.filter, scratch)
+        place_samples(tile, self.prepared.frame, first, total, scratch)
         self._buffer.draw(tile, scratch)
         if len(self.endless):
             draw_endless(self._buffer.model, self.endless, self.prepared.packed, self._accel, self.view, scratch)
@@ -132,13 +132,14 @@ def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
 
 
 @kernel
-def place_samples(tile, view, first, total, seed, table, scratch):
+def place_samples(tile, frame, first, total, scratch):
     """Write where samples first, first + 1, … of a tile's pixels lie."""
     samples = scratch.samples
     for k in range(samples.rows * samples.columns):
         x, y = tile.x0 + k % samples.columns, tile.y0 + k // samples.columns
         for s in range(samples.count):
-            dx, dy = sampler.offset(y * view.width + x, first + s, total, seed, table)
+            pixel, index = sampler.place(x, y, first + s, frame.picture.width, frame.order)
+            dx, dy = sampler.offset(pixel, index, total, frame.options.seed, frame.filter)
             samples.x[k * samples.count + s] = x * fill.ONE + fill.HALF + round(dx * fill.ONE)
             samples.y[k * samples.count + s] = y * fill.ONE + fill.HALF + round(dy * fill.ONE)
 
@@ -191,12 +192,13 @@ def shade(made, tables, accel, gouraud, frame, tile, first, scratch, stack, film
         k = lanes.minimum(across.numbered(start), count - 1)
         ray, hit = _at(made, tables, accel, frame.picture, scratch, k)
         at = k // samples.count
-        pixel = (tile.y0 + at // samples.columns) * frame.picture.width + tile.x0 + at % samples.columns
+        x, y = tile.x0 + at % samples.columns, tile.y0 + at // samples.columns
+        pixel, index = sampler.place(x, y, first + k % samples.count, frame.picture.width, frame.order)
         color, alpha, sound = integrate.call(  # pyright: ignore[reportCallIssue]
             frame.radiance,
             (
                 tables, accel, gouraud, frame.options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive,
-                hit.u, hit.v, pixel, first + k % samples.count, stack,
+                hit.u, hit.v, pixel, index, stack,
             ),
         )  # fmt: skip
         for j in range(min(count - start, across.WIDTH)):

@@ -137,7 +137,7 @@ def _add(tile: Tile, film: Film, room: Any, count: int) -> None:
 def light_of(tables, accel, gouraud, frame, total, x, y, s, room):
     """(radiance, coverage, sound) of samples s of pixels x, y."""
     view, options = frame.picture, frame.options
-    pixel = y * view.width + x
+    pixel, s = sampler.place(x, y, s, view.width, frame.order)
     dx, dy = sampler.offset(pixel, s, total, options.seed, frame.filter)
     time = sampler.moment(pixel, s, options.seed, frame.shutter)
     ray = camera.ray(tables, view, lanes.to_float(x) + 0.5 + dx, lanes.to_float(y) + 0.5 + dy, time)

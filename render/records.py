@@ -107,6 +107,7 @@ class Frame(NamedTuple):
     options: Options
     filter: NDArray[np.float64]  # sampler.filter_table
     shutter: Any = Still()
+    order: int = -1  # sampler.order_of
     radiance: int = 0  # address of integrate.linked, for kernels
 
 

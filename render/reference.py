@@ -29,12 +29,11 @@ class Renderer:
         """Add samples first … first + count - 1, the same for every pixel of the tile, to the film."""
         prepared, options = self.prepared, self.prepared.options
         x, y = _pixels(tile)
-        pixel = y * self.view.width + x
         stack = integrate.stack_for(options, len(x))
         shape = film.alpha.shape
         with np.errstate(all="ignore"):
             for s in range(int(first[0, 0]), int(first[0, 0] + count[0, 0])):
-                index = np.full(len(x), s)
+                pixel, index = sampler.place(x, y, np.full(len(x), s), self.view.width, prepared.frame.order)
                 dx, dy = sampler.offset(pixel, index, total, options.seed, self.filter)
                 ray, hit = self._first_hit(x + 0.5 + dx, y + 0.5 + dy, sampler.moment(pixel, index, options.seed, self.shutter))
                 if prepared.paths is not None:

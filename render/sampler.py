@@ -3,6 +3,11 @@
 Burley 2020, Practical Hash-based Owen Scrambling (JCGT 9, 4): each dimension pair takes the first two Sobol dimensions with the
 sample index shuffled and the points scrambled by hashes, so that pairs are well spread by themselves and independent of each
 other. All arithmetic is uint32, which wraps alike in numpy and in kernels.
+
+Where the number of samples is known beforehand the pixels of a block share one sequence, of which each takes a stretch, in the order of a
+Z-curve: what is missing in one pixel is in its neighbours, and errors are blue noise (Ahmed & Wonka 2020, Screen-Space Blue-Noise
+Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels). The shuffling of indices, which keeps halves of halves
+together, takes the place of their permutations of quadrants.
 """
 
 from __future__ import annotations
@@ -19,10 +24,13 @@ from .kernels import HELPER, helper
 from .records import Lane, Open
 
 TABLE = 4096  # entries of a filter's inverse distribution
+BLOCK_BITS = 6  # blocks of 64 x 64 pixels share a sequence
+SHARED_UP_TO = 18  # log2 of samples a pixel up to which a block's indices fit an int32
 SUBPIXEL = 256.0  # sample positions are multiples of 1/256 pixel, where the rasterizer's arithmetic is exact
 FILTER_RADIUS = {"box": 0.5, "tent": 1.0, "gaussian": 1.5, "blackman-harris": 1.65}
 FILTERS = tuple(FILTER_RADIUS)
 
+ALONE = -1  # `order` of pixels whose number of samples is not known beforehand
 _MOMENT = 1  # the dimension of a sample's time
 _TO_UNIT = 1.0 / 4294967296.0
 _TO_UNIT24 = 1.0 / 16777216.0  # float32 has no room for more
@@ -116,7 +124,7 @@ def _sobol_second(index: Lane) -> Lane:
 
 @helper
 def pair(pixel: Lane, sample: Lane, dimension: Lane, seed: int) -> tuple[Lane, Lane]:
-    """Two numbers in [0, 1) for a pixel (y · width + x), sample index, dimension pair and seed."""
+    """Two numbers in [0, 1) for a pixel and sample as `place` gives them, dimension pair and seed."""
     high = _hash(_u32(seed >> 32) ^ np.uint32(0x3C6EF372))
     key = _combine(_combine(_hash(_u32(seed) ^ high), _u32(pixel)), _u32(dimension))
     index = _reverse_bits(_permute(_reverse_bits(_u32(sample)), key))
@@ -131,6 +139,33 @@ def scattered(pixel: Lane, sample: Lane, dimension: Lane, seed: int) -> tuple[La
     high = _hash(_u32(seed >> 32) ^ np.uint32(0x3C6EF372))
     key = _combine(_combine(_combine(_hash(_u32(seed) ^ high), _u32(pixel)), _u32(sample)), _u32(dimension))
     return _share(key, pixel), _share(_hash(_plus(key, np.uint32(0x9E3779B9))), pixel)
+
+
+def order_of(samples: int) -> int:
+    """What `place` takes where each pixel is given so many samples: log2 of the stretch of a sequence that is a pixel's own."""
+    order = max(samples - 1, 0).bit_length()
+    return order if order <= SHARED_UP_TO else ALONE
+
+
+@helper
+def place(x: Lane, y: Lane, sample: Lane, width: int, order: int) -> tuple[Lane, Lane]:
+    """(pixel, sample) as the functions here take them, of a sample of the pixel x, y; ints, as their arguments.
+
+    ALONE: each pixel of a picture of this width has a sequence of its own, without end. Else blocks of pixels share one.
+    """
+    if order < 0:
+        return y * width + x, sample
+    low = (1 << BLOCK_BITS) - 1
+    block = (y >> BLOCK_BITS) * ((width + low) >> BLOCK_BITS) + (x >> BLOCK_BITS)
+    return block, ((_apart(x & low) | (_apart(y & low) << 1)) << order) | sample
+
+
+@helper
+def _apart(x: Lane) -> Lane:
+    """The lowest eight bits of an int with a zero between each two."""
+    x = (x | (x << 4)) & 0x0F0F
+    x = (x | (x << 2)) & 0x3333
+    return (x | (x << 1)) & 0x5555
 
 
 @helper

@@ -201,7 +201,7 @@ def _begin(tables, frame, total, room, n):
     step = across.width(simd.load(room.state, 0))
     for i in range(0, n, step):
         x, y, s = simd.load(room.items, i), simd.load(room.items, ROW + i), simd.load(room.items, 2 * ROW + i)
-        pixel = y * view.width + x
+        pixel, s = sampler.place(x, y, s, view.width, frame.order)
         dx, dy = sampler.offset(pixel, s, total, options.seed, frame.filter)
         ray = camera.ray(tables, view, lanes.to_float(x) + 0.5 + dx, lanes.to_float(y) + 0.5 + dy, None)
         zero = 0.0 * dx

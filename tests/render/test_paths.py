@@ -108,3 +108,26 @@ def test_any_number_of_threads_gives_the_same_picture(tmp_path):
     path.write_text(ROOM + LAMPS["rectangle"], encoding="utf-8")
     one, two = (maquette.render(path, size=(70, 40), samples=4, threads=n).channels["rgba"] for n in (1, 2))
     assert np.array_equal(one, two)
+
+
+def spectrum(error):
+    """Power of an error by frequency: below 1/16 of a cycle a pixel, and above ¼."""
+    power = np.abs(np.fft.fft2(error)) ** 2
+    f = np.fft.fftfreq(error.shape[0])[:, None], np.fft.fftfreq(error.shape[1])[None, :]
+    away = np.hypot(*f)
+    return power[away < 1 / 16].mean(), power[away > 1 / 4].mean()
+
+
+@pytest.mark.parametrize("transport", ["paths", "tree"])
+@pytest.mark.parametrize("backend", ["ray", "reference"])
+def test_the_error_of_a_soft_shadow_is_blue_noise(draw, backend, transport):
+    """A slab's shadow from a wide lamp: in the error at 4 samples slow waves have a quarter at most of the power of quick ones."""
+    text = (
+        "camera(position: [0, 1, 0.01], look_at: [0, 0, 0], fov: 60deg)\nplane(y: 0, material: lambert(0.8))\n"
+        "box([4, 0.1, 8], center: [2, 2, 0], material: lambert(0))\narea([0, 4, 0], size: [2, 2], luminance: 5)\nrender(bounces: 1)\n"
+    )
+    size = (64, 64)
+    true = draw(text, 1024, seed=99, size=size, transport="paths")[..., 1]
+    found = [draw(text, 4, seed=seed, size=size, backend=backend, transport=transport)[..., 1] - true for seed in range(3)]
+    slow, quick = np.mean([spectrum(error) for error in found], axis=0)
+    assert slow < 0.25 * quick

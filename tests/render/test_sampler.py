@@ -111,6 +111,69 @@ def test_numpy_and_kernels_are_bit_identical():
     assert np.array_equal(out, np.stack(sampler.offset(pixel, samples, 64, 7, table), axis=1))
 
 
+# --- over the picture ---
+
+SIDE = 128
+EDGES = {"a disk": lambda u, v: u * u + v * v < 0.6, "a slope": lambda u, v: u + 0.3 * v < 0.55, "even": lambda u, v: u * v}
+
+
+def errors(function, order, seed, shared):
+    """(SIDE, SIDE) errors of pixels' means of 2^order samples of a function of a pair."""
+    y, x = (c.ravel() for c in np.mgrid[:SIDE, :SIDE])
+    total = 0.0
+    for s in range(1 << order):
+        pixel, index = sampler.place(x, y, np.full(x.size, s), SIDE, order if shared else sampler.ALONE)
+        total = total + function(*sampler.pair(pixel, index, np.full(x.size, 3), seed))
+    mean = (total / (1 << order)).reshape(SIDE, SIDE)
+    grid = (np.arange(1 << 11) + 0.5) / (1 << 11)
+    return mean - np.mean(function(grid[None, :], grid[:, None]))
+
+
+def spectrum(error):
+    """Power of an error by frequency: below 1/16 of a cycle a pixel, and above ¼."""
+    power = np.abs(np.fft.fft2(error)) ** 2
+    f = np.fft.fftfreq(len(error))
+    away = np.hypot(f[:, None], f[None, :])
+    return power[away < 1 / 16].mean(), power[away > 1 / 4].mean()
+
+
+@pytest.mark.parametrize("order", [0, 2, 4])
+@pytest.mark.parametrize("name", EDGES)
+def test_errors_of_neighbours_that_share_a_sequence_are_blue_noise(name, order):
+    """Where pixels share a sequence the slow part of their error has a third at most of the power it has where each has its own."""
+    shared = np.mean([spectrum(errors(EDGES[name], order, seed, True)) for seed in range(3)], axis=0)
+    alone = np.mean([spectrum(errors(EDGES[name], order, seed, False)) for seed in range(3)], axis=0)
+    assert shared[0] < 0.33 * alone[0]
+    assert shared[0] < 0.33 * shared[1]
+    assert 0.7 < alone[0] / alone[1] < 1.4  # white
+    assert shared[1] < 2.5 * alone[1]  # nothing is gained by more noise in all
+
+
+def test_each_pixel_of_a_block_has_a_stretch_of_its_own():
+    y, x = (c.ravel() for c in np.mgrid[:64, :64])
+    pixel, index = sampler.place(x + 64, y, np.zeros(x.size, int), 200, 3)
+    assert set(pixel) == {1}
+    assert np.array_equal(np.sort(index), 8 * np.arange(64 * 64))
+    assert sampler.place(5, 130, 7, 200, 3)[0] == 2 * 4
+    assert sampler.place(5, 130, 7, 200, sampler.ALONE) == (130 * 200 + 5, 7)
+
+
+@given(st.integers(0, 127), st.integers(0, 127), st.integers(0, 1000))
+@settings(max_examples=40, deadline=None)
+def test_a_stretch_is_a_net(x, y, seed):
+    pixel, index = sampler.place(np.full(16, x), np.full(16, y), np.arange(16), SIDE, 4)
+    p = np.stack(sampler.pair(pixel, index, np.full(16, 3), seed), axis=1)
+    for wide in (1, 2, 4, 8, 16):
+        cells = np.floor(p * [wide, 16 // wide]).astype(int)
+        assert len({tuple(c) for c in cells}) == 16
+
+
+def test_stretches_are_as_long_as_what_they_are_for_or_there_are_none():
+    assert [sampler.order_of(n) for n in (1, 2, 3, 16, 100, 1 << 18)] == [0, 1, 2, 4, 7, 18]
+    assert sampler.order_of((1 << 18) + 1) == sampler.ALONE
+    assert (64 * 64 << 18) - 1 < 1 << 31
+
+
 # --- filters ---
 
 

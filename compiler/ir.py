@@ -133,6 +133,7 @@ class FalloffKind(IntEnum):
 class Projection(IntEnum):
     PERSPECTIVE = 0
     ORTHOGRAPHIC = 1
+    PANORAMIC = 2  # all around: longitude across the picture, latitude down it
 
 
 class Fit(IntEnum):
@@ -157,7 +158,7 @@ class Transforms(NamedTuple):
     inverse: F64  # (n, 3, 4)
     flips: Bool  # (n,) determinant < 0
     first_key: I32  # (n,) row of Keys; -1: it does not move
-    keys: I32  # (n,) how many, evenly from the shutter's opening to its closing; matrix and inverse are the opening's
+    keys: I32  # (n,) how many, evenly from the first opening of a shutter to the last closing; matrix and inverse are the moment's
 
 
 class Keys(NamedTuple):
@@ -296,14 +297,17 @@ class Cameras(NamedTuple):
 
     projection: I32
     transform: I32
-    extent: F64  # (n,) tan of half the field of view, or half the extent in metres, along `fit`
+    extent: F64  # (n,) tan of half the field of view, or half the extent in metres, along `fit`; of panoramas half their height, π/2
     fit: I32  # Fit
     aspect: F64  # (n,) width / height it was made for; 0: any
-    near: F64  # 0: at the eye (orthographic: no limit)
+    near: F64  # 0: at the eye; below 0, of orthographic ones: also what lies so far behind it
     far: F64  # inf: none
     shift: F64  # (n, 2) share of the picture's width and height
     exposure: F64  # (n,) ev, NaN when not said
-    shutter: F64  # (n,) seconds it is open; keys go to the end of the longest of all cameras
+    opening: F64  # (n,) seconds from the scene's moment to where the shutter opens
+    shutter: F64  # (n,) seconds it is open; keys go from the first opening of all cameras to the last closing
+    lens: F64  # (n,) radius of the aperture in metres; 0: a pinhole
+    focus: F64  # (n,) depth of the plane in focus, where there is a lens
 
 
 class Tables(NamedTuple):
@@ -402,7 +406,7 @@ class Scene:
 _FLOAT64 = {
     "matrix", "inverse", "parameters", "bounds", "origin", "frame", "size", "color_a", "color_b", "gain", "bias", "color", "position",
     "direction", "cos_cone", "cos_full", "angle", "coefficients", "extent", "aspect", "near", "far", "shift", "exposure",
-    "threshold", "move", "turn", "stretch", "shutter", "constants",
+    "threshold", "move", "turn", "stretch", "opening", "shutter", "constants", "lens", "focus",
 }  # fmt: skip
 _FLOAT32 = {"positions", "texels"}
 _INT64 = {"first", "first_constant"}

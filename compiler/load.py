@@ -78,7 +78,7 @@ def load(
 
 def _blurred(scene: ir.Scene, at: Callable[[float, Diagnostics], ir.Scene], found: Diagnostics) -> ir.Scene:
     """The scene with what moves while its cameras' shutters are open; `at` compiles it so many seconds later."""
-    if found.failed or motion.shutter(scene) == 0.0:
+    if found.failed or motion.shutters(scene) == (0.0, 0.0):
         return scene
 
     def later(seconds: float) -> ir.Scene | None:

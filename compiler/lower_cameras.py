@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from .lower import Lowering
 
 DEFAULT_FOV = math.radians(40)
+FILM_HEIGHT = 0.024  # metres of the film of which a `fov` is told, for the size of an aperture
 
 
 def camera(lowering: Lowering, element: Element) -> None:
@@ -27,8 +28,11 @@ def camera(lowering: Lowering, element: Element) -> None:
     if not near < far:
         lowering.refuse(element, f"the camera's near ({near:.6g} m) is not before its far ({far:.6g} m)")
         return
-    lens = _lens(lowering, element)
-    if lens is None:
+    lens = _projection(lowering, element)
+    if lens is None or not _focused(lowering, element, lens):
+        return
+    if near < 0.0 and lens.get("projection") != ir.Projection.ORTHOGRAPHIC:
+        lowering.refuse(element, f"the camera's near ({near:.6g} m) lies behind it", "only orthographic cameras see what is behind them")
         return
     exposure = math.nan if args["exposure"] is None else args["exposure"]
     data = CameraData(
@@ -38,13 +42,32 @@ def camera(lowering: Lowering, element: Element) -> None:
     lowering.builder.camera(data, element.span)
 
 
-def _lens(lowering: Lowering, element: Element) -> dict[str, Any] | None:
+def _focused(lowering: Lowering, element: Element, lens: dict[str, Any]) -> bool:
+    """Add the radius of an aperture and the depth in focus to what a camera has; False after a diagnostic."""
+    args = element.args
+    if args["aperture"] is None:
+        if args["focus"] is not None:
+            lowering.refuse(element, "`focus` goes with `aperture`", "write aperture: 2.8, focus: 3m")
+        return args["focus"] is None
+    if lens.get("projection", ir.Projection.PERSPECTIVE) != ir.Projection.PERSPECTIVE:
+        lowering.refuse(element, "only perspective cameras have an aperture", "leave it out: everything is in focus")
+        return False
+    focal = FILM_HEIGHT / 2 / lens["extent"] if args["focal"] is None else args["focal"]
+    lens["lens"] = focal / (2.0 * args["aperture"])
+    lens["focus"] = args["focus"] or math.dist(args["position"], args["look_at"])
+    return True
+
+
+def _projection(lowering: Lowering, element: Element) -> dict[str, Any] | None:
     """Projection, extent, fit and aspect; None after a diagnostic."""
     args = element.args
     wanted = args["projection"]
     if wanted == "panoramic":
-        lowering.refuse(element, "panoramic cameras are not built yet", 'write projection: "perspective" and a wide fov')
-        return None
+        for name in ("fov", "focal", "width", "shift"):
+            if name in element.given:
+                lowering.refuse(element, f"a panoramic camera sees all around: it has no `{name}`", "leave it out")
+                return None
+        return {"extent": math.pi / 2, "projection": ir.Projection.PANORAMIC, "aspect": 2.0}
     if "film" in element.given and args["focal"] is None:
         lowering.refuse(element, "`film` goes with `focal`", "write focal: 50mm, film: [36mm, 24mm]")
         return None

@@ -24,38 +24,39 @@ CLOSE = 1e-3  # of a thing's size, that its corners may be off between keys
 NEARLY = 1.0 - 1e-9  # cosine of half a turn between keys below which they are joined along a circle, not a line
 
 
-def shutter(scene: ir.Scene) -> float:
-    """Seconds that the longest of the cameras' shutters is open."""
-    return float(scene.tables.cameras.shutter.max(initial=0.0))
+def shutters(scene: ir.Scene) -> tuple[float, float]:
+    """Seconds from a scene's moment to where the first of its cameras' shutters opens and to where the last one closes."""
+    cameras = scene.tables.cameras
+    of = cameras.shutter > 0.0
+    if not of.any():
+        return 0.0, 0.0
+    return float(cameras.opening[of].min()), float((cameras.opening + cameras.shutter)[of].max())
 
 
 def blurred(scene: ir.Scene, at: Callable[[float], ir.Scene | None], found: Diagnostics) -> ir.Scene:
-    """The scene with keys for what moves while its shutter is open; `at(seconds)` is the scene so long after the opening.
+    """The scene with keys for what moves while its shutters are open; `at(seconds)` is the scene so long after its moment.
 
-    What changes but for its place is drawn as it is at the opening, and a warning says so.
+    What changes but for its place is drawn as it is at that moment, and a warning says so.
     """
-    length = shutter(scene)
+    start, end = shutters(scene)
+    length = end - start
     if length <= 0.0:
         return scene
-    moments: dict[float, ir.Scene] = {0.0: scene}
+    moments: dict[float, ir.Scene] = {0.0: scene} if start == 0.0 else {}
 
     def moment(share: float) -> ir.Scene:
         if share not in moments:
-            made = at(share * length)
+            made = at(start + share * length)
             moments[share] = scene if made is None else made
         return moments[share]
 
-    closing = moment(1.0)
-    if not _comparable(scene, closing):
-        found.warning("things come or go while the shutter is open: nothing blurs", hint="keep their number, and move or hide them")
-        return scene
-    for share in PROBES:
+    for share in (0.0, *PROBES, 1.0):
         if not _comparable(scene, moment(share)):
             found.warning("things come or go while the shutter is open: nothing blurs", hint="keep their number, and move or hide them")
             return scene
-    _say_what_changes(scene, [moment(share) for share in (*PROBES, 1.0)], found)
+    _say_what_changes(scene, [moment(share) for share in (0.0, *PROBES, 1.0)], found)
     placed = _Placed(scene)
-    if not any(np.abs(placed.of(moment(share)) - placed.of(scene)).max(initial=0.0) > 0 for share in (*PROBES, 1.0)):
+    if not any(np.abs(placed.of(moment(share)) - placed.of(scene)).max(initial=0.0) > 0 for share in (0.0, *PROBES, 1.0)):
         return scene
     steps = 1
     while True:

@@ -25,6 +25,7 @@ FILTERS = ("box", "tent", "gaussian", "blackman-harris")
 CHANNELS = ("depth", "normal", "position", "albedo", "uv", "id", "issues")
 
 TRANSPORTS = ("paths", "tree")
+NOISES = ("blue", "white")
 PRECISIONS = ("float32", "float64")
 FLOAT32_RATIO = 5000.0  # of the largest coordinate over the smallest thing, up to which single precision does
 
@@ -140,6 +141,23 @@ def find_camera(names: tuple[str, ...], wanted: str) -> int:
             return row
     there = ", ".join(f"`{n}`" for n in names if n) or "none with a name"
     raise PlanError(f"no camera is called `{wanted}`; the scene has: {there}. {suggest(wanted, names)}".strip())
+
+
+def _lens(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    cameras, row = scene.tables.cameras, done["camera"].value
+    fixed = "the camera"
+    if cameras.projection[row] == ir.Projection.PANORAMIC:
+        if done["backend"].value == "raster":
+            raise PlanError("the raster backend draws no panoramic pictures: write --backend ray")
+        return Decision("lens", "panorama", "the camera is panoramic: all directions, longitude by latitude", fixed=fixed)
+    radius, focus = float(cameras.lens[row]), float(cameras.focus[row])
+    if radius > 0.0:
+        how = f"; drawn from {RASTER_MOMENTS} points of it" if done["backend"].value == "raster" else ""
+        reason = f"an aperture {2e3 * radius:.3g} mm wide in focus at {focus:.3g} m: rays begin all over it{how}"
+        return Decision("lens", "thin", reason, fixed=fixed)
+    if cameras.projection[row] == ir.Projection.ORTHOGRAPHIC:
+        return Decision("lens", "pinhole", "the camera is orthographic: parallel rays, no aperture", fixed=fixed)
+    return Decision("lens", "pinhole", "the camera has no aperture: one ray for each place in the picture", fixed=fixed)
 
 
 def _size(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
@@ -268,6 +286,12 @@ def _filter(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -
     return Decision("filter", "gaussian", "the default: smooth edges", FILTERS)
 
 
+def _noise(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    if done["error"].value > 0 or math.isfinite(done["budget"].value):
+        return Decision("noise", "white", "pixels take as many samples as they need: each has a sequence of its own", NOISES[1:])
+    return Decision("noise", "blue", "pixels share sequences, so that neighbours' errors balance each other", NOISES)
+
+
 def _seed(scene: ir.Scene, asked: ir.Settings, _: Mapping[str, Decision]) -> Decision:
     return Decision("seed", asked.seed or 0, "asked for" if asked.seed else "the default", fixed="--seed")
 
@@ -384,6 +408,14 @@ def moving(tables: ir.Tables, camera: int) -> bool:
     return bool(tables.cameras.shutter[camera] > 0.0 and (tables.transforms.first_key[rows] >= 0).any())
 
 
+def open_during(tables: ir.Tables, camera: int) -> tuple[float, float]:
+    """Where a camera's shutter opens and how long it is open, as shares of the time that keys go over."""
+    cameras = tables.cameras
+    of = cameras.shutter > 0.0
+    start, end = cameras.opening[of].min(), (cameras.opening + cameras.shutter)[of].max()
+    return float((cameras.opening[camera] - start) / (end - start)), float(cameras.shutter[camera] / (end - start))
+
+
 def _motion(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
     tables, row = scene.tables, done["camera"].value
     shutter = float(tables.cameras.shutter[row])
@@ -433,8 +465,8 @@ def _precision(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]
 
 
 RULES: tuple[Callable[[ir.Scene, ir.Settings, Mapping[str, Decision]], Decision], ...] = (
-    _backend, _camera, _size, _crop, _soft, _bounces, _interreflection, _transport, _path_precision,
-    _shadows, _error, _budget, _samples, _filter, _seed,
+    _backend, _camera, _lens, _size, _crop, _soft, _bounces, _interreflection, _transport, _path_precision,
+    _shadows, _error, _budget, _samples, _filter, _noise, _seed,
     _background, _exposure, _view, _aov, _threads, _accelerator, _horizon, _opacity, _motion, _tolerance, _fill, _shading, _precision,
 )  # fmt: skip
 

@@ -124,7 +124,10 @@ class CameraData:
     far: float = math.inf
     shift: tuple[float, float] = (0.0, 0.0)
     exposure: float = math.nan
+    opening: float = 0.0
     shutter: float = 0.0
+    lens: float = 0.0
+    focus: float = 1.0
     name: str = ""
 
 

@@ -40,7 +40,8 @@ _QUIET = {  # columns left out where they have this value: what a plain row has
                  "bias": 0, "frame": ((1, 0, 0), (0, 1, 0))},
     "lights": {"position": 0, "direction": (0, 1, 0), "transform": 0, "size": 0, "cos_cone": -1, "cos_full": -1, "angle": 0, "falloff": 0,
                "coefficients": 0, "image": -1, "instance": -1, "shadows": 1},
-    "cameras": {"projection": 0, "fit": 0, "aspect": 0, "near": 0, "far": np.inf, "shift": 0, "exposure": np.nan, "shutter": 0},
+    "cameras": {"projection": 0, "fit": 0, "aspect": 0, "near": 0, "far": np.inf, "shift": 0, "exposure": np.nan,
+                "opening": 0, "shutter": 0, "lens": 0, "focus": 1},
     "transforms": {"flips": 0, "first_key": -1, "keys": 0},
 }  # fmt: skip
 

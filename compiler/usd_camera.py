@@ -18,7 +18,7 @@ from .usd_stage import Opened
 
 FILM = (20.955, 15.2908)  # mm: usdrecord's default camera
 FOCAL = 50.0  # mm
-_TENTH = 0.1  # of an orthographic camera, apertures are tenths of a scene unit
+_TENTH = 0.1  # of a scene unit: what apertures and focal lengths are told in
 
 
 def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: SceneBuilder) -> int:
@@ -36,8 +36,8 @@ def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: 
     if not near < far:
         builder.diagnostics.warning("this camera's clipping range is empty: it clips nothing", span)
         near, far = 0.0, math.inf
-    if lens.fStop > 0:
-        builder.diagnostics.note("depth of field is not drawn", span)
+    opening, shutter = _shutter(prim, opened)
+    radius, focus = _aperture(lens, unit, perspective)
     exposure = usd_stage.number(prim.GetAttribute("exposure"), opened.time)
     return builder.camera(
         CameraData(
@@ -46,17 +46,24 @@ def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: 
             ir.Projection.PERSPECTIVE if perspective else ir.Projection.ORTHOGRAPHIC,
             aspect=width / height, near=max(near, 0.0) if perspective else near, far=far,
             shift=(lens.horizontalApertureOffset / width, lens.verticalApertureOffset / height),
-            exposure=exposure or math.nan, shutter=_shutter(prim, opened), name=str(prim.GetPath()),
+            exposure=exposure or math.nan, opening=opening, shutter=shutter, lens=radius, focus=focus, name=str(prim.GetPath()),
         ),
         span,
     )  # fmt: skip
 
 
-def _shutter(prim: Any, opened: Opened) -> float:
-    """Seconds that a camera's shutter is open; it opens at the time that is drawn."""
+def _aperture(lens: Any, unit: float, perspective: bool) -> tuple[float, float]:
+    """Radius of the lens and depth in focus; (0, 1) of a pinhole, which a camera without an f-stop or a distance in focus is."""
+    if not (perspective and lens.fStop > 0 and lens.focusDistance > 0):
+        return 0.0, 1.0
+    return lens.focalLength * _TENTH * unit / (2 * lens.fStop), lens.focusDistance * unit
+
+
+def _shutter(prim: Any, opened: Opened) -> tuple[float, float]:
+    """Seconds from the time that is drawn to where a camera's shutter opens, and those it is open."""
     begin, end = (usd_stage.number(prim.GetAttribute(f"shutter:{name}"), opened.time) for name in ("open", "close"))
     codes = opened.stage.GetTimeCodesPerSecond()
-    return (end - begin) / codes if codes > 0 and begin < end < math.inf else 0.0
+    return (begin / codes, (end - begin) / codes) if codes > 0 and -math.inf < begin < end < math.inf else (0.0, 0.0)
 
 
 def upright(matrix: np.ndarray) -> np.ndarray:

@@ -55,7 +55,8 @@ _FINITE = (
     ("textures", "color_b"), ("textures", "gain"), ("textures", "bias"), ("lights", "color"), ("lights", "position"),
     ("lights", "direction"), ("lights", "size"), ("lights", "cos_cone"), ("lights", "cos_full"), ("lights", "angle"),
     ("lights", "coefficients"), ("cameras", "extent"), ("cameras", "aspect"), ("cameras", "near"), ("cameras", "shift"),
-    ("cameras", "shutter"), ("keys", "move"), ("keys", "turn"), ("keys", "stretch"),
+    ("cameras", "opening"), ("cameras", "shutter"), ("cameras", "lens"),
+    ("cameras", "focus"), ("keys", "move"), ("keys", "turn"), ("keys", "stretch"),
 )  # fmt: skip
 _APART = {"pools": (), "images": ("texels",)}  # columns with a length of their own; () is all of them
 
@@ -338,7 +339,10 @@ def _cameras(check: Check) -> None:
     t = check.tables["cameras"]
     check.bad("cameras", ~(t["extent"] > 0), "its field of view is not above 0")
     check.bad("cameras", t["aspect"] < 0, "its aspect is negative")
-    check.bad("cameras", ~((t["near"] >= 0) & (t["far"] > t["near"])), "its near and far are in the wrong order")
+    parallel = t["projection"] == ir.Projection.ORTHOGRAPHIC
+    check.bad("cameras", ~(((t["near"] >= 0) | parallel) & (t["far"] > t["near"])), "its near and far are in the wrong order")
+    check.bad("cameras", ~((t["lens"] >= 0) & (t["focus"] > 0)), "its lens has no radius, or nothing it is focused on")
+    check.bad("cameras", (t["lens"] > 0) & (t["projection"] != ir.Projection.PERSPECTIVE), "only perspective cameras have a lens")
     check.bad("cameras", np.isinf(t["exposure"]), "its exposure is not finite")
     check.bad("cameras", t["shutter"] < 0, "its shutter is open for less than no time")
 

@@ -55,8 +55,9 @@ def needs_no_rays(plan: Plan) -> bool:
 
 
 def can_draw(plan: Plan) -> bool:
-    """Whether a picture is drawn in bands: a few samples at fixed places of one moment, and light that needs no random numbers."""
-    return bool(not planner.adaptive(plan) and plan["samples"] <= MOST_SAMPLES and not plan["soft lights"] and not plan["motion"])
+    """Whether a picture is drawn in bands: a few samples at fixed places, one moment, one point, and light without random numbers."""
+    once = not plan["motion"] and plan["lens"] == "pinhole"
+    return bool(once and not planner.adaptive(plan) and plan["samples"] <= MOST_SAMPLES and not plan["soft lights"])
 
 
 class Bands:

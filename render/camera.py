@@ -1,21 +1,27 @@
 """Cameras: from a place in the picture to a ray, and the matrices that take the world to the picture.
 
+Through a pinhole a place of the picture has one ray (`ray`); a lens has many, and a panorama looks all around (`through`): what a picture
+has is known when kernels are compiled, and those of pinholes hold nothing of the others.
+
 Picture coordinates are in pixels from the top left; (0.5, 0.5) is the first pixel's centre. Cameras look down -z of their own frame.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
+from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import lanes, placed
-from .kernels import helper
-from .records import Lane, Ray, Tables, Vec, View
+from . import lanes, placed, sampler
+from .kernels import HELPER, helper
+from .records import Lane, Panorama, Pinhole, Ray, Tables, Thin, Vec, View
 
 PERSPECTIVE = int(ir.Projection.PERSPECTIVE)
+PANORAMIC = int(ir.Projection.PANORAMIC)
 HORIZONTAL = int(ir.Fit.HORIZONTAL)
 
 
@@ -42,7 +48,7 @@ def image_plane(tables: Tables, view: View, x: Lane, y: Lane) -> tuple[Lane, Lan
 
 @helper
 def ray(tables: Tables, view: View, x: Lane, y: Lane, time: Any = None) -> Ray:
-    """The ray through pixel coordinates x, y; its ends are the near and far planes. An orthographic one without near has no start.
+    """The ray of a pinhole or an orthographic camera through pixel coordinates x, y; its ends are the near and far planes.
 
     `time` as in Ray: where the camera is then.
     """
@@ -59,15 +65,76 @@ def ray(tables: Tables, view: View, x: Lane, y: Lane, time: Any = None) -> Ray:
         return Ray(origin, direction, cameras.near[c] * stretch, cameras.far[c] * stretch, time)
     origin = lanes.point_by(matrix, (px, py, zero))
     direction = lanes.normalize(lanes.vector_by(matrix, (zero, zero, zero - 1.0)))
-    start = cameras.near[c] if cameras.near[c] > 0.0 else -np.inf
-    return Ray(origin, direction, zero + start, zero + cameras.far[c], time)
+    return Ray(origin, direction, zero + cameras.near[c], zero + cameras.far[c], time)
+
+
+def lens_of(tables: Tables, view: View) -> Pinhole | Thin | Panorama:
+    """What a camera looks through, as `through` takes it."""
+    cameras, c = tables.cameras, view.camera
+    if cameras.projection[c] == PANORAMIC:
+        return Panorama(float(cameras.shift[c, 0]))
+    return Thin(float(cameras.lens[c]), float(cameras.focus[c])) if cameras.lens[c] > 0.0 else Pinhole()
+
+
+def through(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, pixel: Lane, sample: Lane, seed: int, time: Any) -> Ray:
+    """The ray of a sample (a pixel and number as sampler.place gives them) at pixel coordinates x, y."""
+    if isinstance(lens, Thin):
+        return _from_lens(tables, view, lens, x, y, sampler.on_lens(pixel, sample, seed), time)
+    return around(tables, view, lens, x, y, time) if isinstance(lens, Panorama) else ray(tables, view, x, y, time)
+
+
+@overload(through, jit_options=HELPER)
+def _through_in_kernels(tables, view, lens, x, y, pixel, sample, seed, time):
+    fields = tuple(name for name, _, _ in lens.layout)
+    if fields == Thin._fields:
+        return lambda tables, view, lens, x, y, pixel, sample, seed, time: _from_lens(
+            tables, view, lens, x, y, sampler.on_lens(pixel, sample, seed), time
+        )
+    if fields == Panorama._fields:
+        return lambda tables, view, lens, x, y, pixel, sample, seed, time: around(tables, view, lens, x, y, time)
+    return lambda tables, view, lens, x, y, pixel, sample, seed, time: ray(tables, view, x, y, time)
+
+
+def sharp(tables: Tables, view: View, x: NDArray[np.float64], y: NDArray[np.float64]) -> Ray:
+    """The ray through pixel coordinates and, where there is a lens, its middle; numpy lanes."""
+    lens = lens_of(tables, view)
+    return around(tables, view, lens, x, y) if isinstance(lens, Panorama) else ray(tables, view, x, y)
 
 
 @helper
+def _from_lens(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, place: tuple[Lane, Lane], time: Any) -> Ray:
+    """A ray from a place on a lens of radius 1 to where the pinhole's ray meets the plane in focus (Cook, Porter, Carpenter 1984)."""
+    cameras, c = tables.cameras, view.camera
+    px, py = image_plane(tables, view, x, y)
+    from_x, from_y = place[0] * lens.radius, place[1] * lens.radius
+    zero = lanes.full_like(px, 0.0)
+    local = (px - from_x / lens.focus, py - from_y / lens.focus, zero - 1.0)
+    stretch = lanes.length(local)
+    matrix = placed.at(tables, cameras.transform[c], time).matrix
+    origin = lanes.point_by(matrix, (from_x, from_y, zero))
+    direction = lanes.normalize(lanes.vector_by(matrix, local))
+    return Ray(origin, direction, cameras.near[c] * stretch, cameras.far[c] * stretch, time)
+
+
+@helper
+def around(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, time: Any = None) -> Ray:
+    """The ray of a panorama: its middle is straight ahead, its left and right edges meet behind; near and far are distances."""
+    cameras, c = tables.cameras, view.camera
+    turn = (x / view.width - 0.5 + lens.middle) * (2.0 * math.pi)
+    rise = (0.5 - y / view.height) * math.pi
+    level = lanes.cos(rise)
+    zero = lanes.full_like(turn, 0.0)
+    matrix = placed.at(tables, cameras.transform[c], time).matrix
+    origin = lanes.point_by(matrix, (zero, zero, zero))
+    direction = lanes.vector_by(matrix, (level * lanes.sin(turn), lanes.sin(rise), zero - level * lanes.cos(turn)))
+    return Ray(origin, lanes.normalize(direction), zero + cameras.near[c], zero + cameras.far[c], time)
+
+
 def depth(tables: Tables, view: View, point: Vec) -> Lane:
-    """Distance of a world point along the camera's axis, in metres."""
+    """Distance of a world point along the camera's axis, or from the middle of a panorama, in metres; numpy lanes."""
     row = tables.cameras.transform[view.camera]
-    return -lanes.transform_point(tables.transforms.inverse, row, point)[2]
+    local = lanes.transform_point(tables.transforms.inverse, row, point)
+    return lanes.length(local) if tables.cameras.projection[view.camera] == PANORAMIC else -local[2]
 
 
 def matrices(tables: Tables, view: View) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

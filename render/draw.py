@@ -31,7 +31,7 @@ def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: 
         def still(scene: ir.Scene) -> Any:
             return backend_of(prepare.prepare(scene, plan, view), plan, view)
 
-        by_moments = backend == "raster" and plan["motion"]
+        by_moments = backend == "raster" and (plan["motion"] or plan["lens"] == "thin")
         renderer = moments.Renderer(scene, plan, view, still) if by_moments else still(scene)
     with kernels.timed(seconds, "render"):
         image = film.run(renderer, plan, view, progress, cancel)

@@ -15,7 +15,7 @@ from .records import GouraudLight, Hit, Lane, Ray, Surface, Tables, Vec, View
 SOFT_SAMPLES = 64  # of lights that have an extent, at each vertex
 SOFT = [int(ir.LightKind[name]) for name in ("SUN", "SKY", "DOME", "RECTANGLE", "DISK", "SPHERE")]
 MESH = int(ir.GeometryKind.MESH)
-PERSPECTIVE = int(ir.Projection.PERSPECTIVE)
+ORTHOGRAPHIC = int(ir.Projection.ORTHOGRAPHIC)
 
 
 def vertex_light(tables: Tables, packed: Any, accel: Any, frame: Any) -> GouraudLight:
@@ -114,4 +114,4 @@ def _to_viewer(tables: Tables, view: View, point: Surface) -> Vec:
     row = cameras.transform[view.camera]
     to_eye = lanes.sub(lanes.transform_point(matrix, row, (0.0, 0.0, 0.0)), point.position)
     axis = lanes.transform_vector(matrix, row, (0.0, 0.0, 1.0))
-    return lanes.normalize(lanes.where3(cameras.projection[view.camera] == PERSPECTIVE, to_eye, axis))
+    return lanes.normalize(lanes.where3(cameras.projection[view.camera] == ORTHOGRAPHIC, axis, to_eye))

@@ -1,4 +1,7 @@
-"""Motion for a backend that draws things where they stand: a renderer for each of several moments, and samples that take turns."""
+"""Motion and lenses for a backend that draws what one point sees at one moment: renderers for several, whose samples take turns.
+
+Haeberli & Akeley 1990, The Accumulation Buffer.
+"""
 
 from __future__ import annotations
 
@@ -10,23 +13,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import ir
+from ..compiler import plan as planner
 from ..compiler.plan import RASTER_MOMENTS, Plan
-from . import placed
+from . import camera, placed, sampler
 from .records import Film, Tile, View
 
 
 class Renderer:
-    """Draws a scene that moves; see film.Renderer. `still` makes the renderer of a scene in which nothing does."""
+    """Draws a scene that moves or a lens that is wide; see film.Renderer. `still` makes the renderer of one moment and one point."""
 
     by_tile = True
     whole = None
 
     def __init__(self, scene: ir.Scene, plan: Plan, view: View, still: Callable[[ir.Scene], Any]) -> None:
-        cameras = scene.tables.cameras
-        share = float(cameras.shutter[view.camera] / cameras.shutter.max())
         count = min(RASTER_MOMENTS, plan["samples"])
-        self.moments = [still(standing(scene, share * (k + 0.5) / count)) for k in range(count)]
-        self.opening = still(standing(scene, 0.0)) if plan["aov"] else None
+        start, share = planner.open_during(scene.tables, view.camera) if plan["motion"] else (0.0, 0.0)
+        numbers = np.arange(count)
+        across, down = sampler.on_lens(np.zeros(count, int), numbers, 0)
+        self.moments = []
+        for k in numbers.tolist():
+            then = standing(scene, start + share * (k + 0.5) / count) if plan["motion"] else scene
+            self.moments.append(still(seen_from(then, view, float(across[k]), float(down[k])) if plan["lens"] == "thin" else then))
+        self.opening = still(standing(scene, start) if plan["motion"] else scene) if plan["aov"] else None
 
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
         """Add samples first … first + count - 1, the same for every pixel of the tile, to the film."""
@@ -53,6 +61,35 @@ def standing(scene: ir.Scene, time: float) -> ir.Scene:
     return replace(scene, tables=scene.tables._replace(transforms=ir.table_of("transforms", {**still, **nothing})))
 
 
+def seen_from(scene: ir.Scene, view: View, x: float, y: float) -> ir.Scene:
+    """The scene as a place on the camera's lens, of radius 1, sees it: what is in focus stays where it is in the picture."""
+    cameras, c = scene.tables.cameras, view.camera
+    aside = np.array([x, y]) * float(cameras.lens[c])
+    half = np.array(camera.half_extent(scene.tables, view))
+    shift = cameras.shift.copy()
+    shift[c] -= aside / (2.0 * float(cameras.focus[c]) * half)
+    matrix, inverse = (getattr(scene.tables.transforms, name).copy() for name in ("matrix", "inverse"))
+    row = len(matrix)
+    moved = matrix[cameras.transform[c]].copy()
+    moved[:, 3] += moved[:, :2] @ aside
+    back = inverse[cameras.transform[c]].copy()
+    back[:2, 3] -= aside
+    old = scene.tables.transforms._asdict()
+    rows = {name: np.concatenate([column, column[cameras.transform[c]][None]]) for name, column in old.items()}
+    rows["matrix"], rows["inverse"] = np.concatenate([matrix, moved[None]]), np.concatenate([inverse, back[None]])
+    transform = cameras.transform.copy()
+    transform[c] = row
+    placed_cameras = {**cameras._asdict(), "shift": shift, "transform": transform}
+    return replace(scene, tables=scene.tables._replace(
+        transforms=ir.table_of("transforms", rows), cameras=ir.table_of("cameras", placed_cameras)
+    ))  # fmt: skip
+
+
 def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
     """What is not drawn as it is."""
-    return [(f"raster draws what moves at {min(RASTER_MOMENTS, plan['samples'])} moments", "cameras", plan["camera"])]
+    count, found = min(RASTER_MOMENTS, plan["samples"]), []
+    if plan["motion"]:
+        found.append((f"raster draws what moves at {count} moments", "cameras", plan["camera"]))
+    if plan["lens"] == "thin":
+        found.append((f"raster draws what is out of focus from {count} points of the lens", "cameras", plan["camera"]))
+    return found

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
-from . import aside, bvh, emitters, gouraud, integrate, paths, patterns, pieces, sampler, tessellate, trace, waves
+from . import aside, bvh, camera, emitters, gouraud, integrate, paths, patterns, pieces, sampler, tessellate, trace, waves
 from .formulas import fields
 from .handles import Handle
-from .records import Frame, Open, Options, Still, Triple, View
+from .records import Frame, Open, Options, Pinhole, Still, Triple, View
 
 _NEAREST = 0.01  # of a shape's size: where the eye is nearer to its box than this, the tolerance is measured at this distance
 LAYERS = 8  # of what is partly there, one behind the other, each of which sends on mirrored and other rays
@@ -50,7 +50,8 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     tables = with_vertex_shaded_meshes(scene.tables, shapes)
     shells = {int(i): shapes.of(int(i)) for i in analytic_seen(tables, endless=False)} if backend == "raster" else {}
     options = options_of(plan, tables)
-    frame = Frame(view, options, sampler.filter_table(plan["filter"]), shutter_of(tables, plan, view), order_of(plan))
+    weights, lens = sampler.filter_table(plan["filter"]), camera.lens_of(tables, view) if backend != "raster" else Pinhole()
+    frame = Frame(view, options, weights, shutter_of(tables, plan, view), order_of(plan), lens)
     if backend == "reference":
         accel = trace.Brute()
         if plan["transport"] == "paths":
@@ -112,15 +113,13 @@ def trees(tables: ir.Tables, plan: Plan) -> Handle:
 
 
 def shutter_of(tables: ir.Tables, plan: Plan, view: View) -> Still | Open:
-    """When a view's rays fly: keys go to the end of the longest of all shutters."""
-    if not plan["motion"] or plan["backend"] == "raster":
-        return Still()
-    return Open(float(tables.cameras.shutter[view.camera] / tables.cameras.shutter.max()))
+    """When a view's rays fly."""
+    return Open(*planner.open_during(tables, view.camera)) if plan["motion"] and plan["backend"] != "raster" else Still()
 
 
 def order_of(plan: Plan) -> int:
-    """How pixels share sequences of sample numbers: not where each pixel takes as many as it needs."""
-    return sampler.ALONE if planner.adaptive(plan) else sampler.order_of(int(plan["samples"]))
+    """How pixels share sequences of sample numbers."""
+    return sampler.order_of(int(plan["samples"])) if plan["noise"] == "blue" else sampler.ALONE
 
 
 def options_of(plan: Plan, tables: ir.Tables) -> Options:

@@ -124,8 +124,8 @@ def clip_planes(tables: ir.Tables, view: View) -> NDArray[np.float64]:
 def ends(tables: ir.Tables, view: View) -> tuple[float, float]:
     """The depths between which things are drawn; what is in the eye itself is neither before nor behind it."""
     near, far = float(tables.cameras.near[view.camera]), float(tables.cameras.far[view.camera])
-    if tables.cameras.projection[view.camera] == ir.Projection.ORTHOGRAPHIC and near == 0.0:
-        return -np.inf, far
+    if tables.cameras.projection[view.camera] == ir.Projection.ORTHOGRAPHIC:
+        return near, far
     eye = tables.transforms.matrix[tables.cameras.transform[view.camera], :, 3]
     return max(near, ROUNDING * float(np.abs(eye).sum())), far
 

@@ -49,7 +49,7 @@ class Renderer:
         tables = self.prepared.tables
         x, y = aov.centres(tile)
         with np.errstate(all="ignore"):
-            ray = camera.ray(tables, self.view, x, y)
+            ray = camera.sharp(tables, self.view, x, y)
         origin, direction = (np.stack(np.broadcast_arrays(*v, x)[:3], axis=1) for v in (ray.origin, ray.direction))
         if self.everything is None:
             self.everything = self.prepared.accel if self.prepared.paths is None else rays.trees(tables)
@@ -140,7 +140,8 @@ def light_of(tables, accel, gouraud, frame, total, x, y, s, room):
     pixel, s = sampler.place(x, y, s, view.width, frame.order)
     dx, dy = sampler.offset(pixel, s, total, options.seed, frame.filter)
     time = sampler.moment(pixel, s, options.seed, frame.shutter)
-    ray = camera.ray(tables, view, lanes.to_float(x) + 0.5 + dx, lanes.to_float(y) + 0.5 + dy, time)
+    x, y = lanes.to_float(x) + 0.5 + dx, lanes.to_float(y) + 0.5 + dy
+    ray = camera.through(tables, view, frame.lens, x, y, pixel, s, options.seed, time)
     hit = trace.closest(accel, tables, ray, lanes.bool_like(dx, True), CAMERA)
     return _follow(ray.time, frame, (
         tables, accel, gouraud, options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive, hit.u, hit.v, pixel, s, room.stack,

@@ -95,9 +95,27 @@ class Still(NamedTuple):
 
 
 class Open(NamedTuple):
-    """The shutter is open for this share of the time that keys go over."""
+    """When the shutter is open, of the time that keys go over."""
 
+    start: float  # a share of that time
     share: float
+
+
+class Pinhole(NamedTuple):
+    """Each place of the picture has one ray."""
+
+
+class Thin(NamedTuple):
+    """Rays to a place of the picture come from all over a lens and meet in the plane it is focused on."""
+
+    radius: float  # of its aperture, metres
+    focus: float  # depth of the plane
+
+
+class Panorama(NamedTuple):
+    """The picture is all that is around."""
+
+    middle: float  # the longitude in the picture's middle, as a share of a turn to the right
 
 
 class Frame(NamedTuple):
@@ -108,6 +126,7 @@ class Frame(NamedTuple):
     filter: NDArray[np.float64]  # sampler.filter_table
     shutter: Any = Still()
     order: int = -1  # sampler.order_of
+    lens: Any = Pinhole()  # or Thin or Panorama
     radiance: int = 0  # address of integrate.linked, for kernels
 
 

@@ -22,20 +22,22 @@ class Renderer:
 
     def __init__(self, prepared: Prepared, plan: Plan, view: View) -> None:
         self.prepared, self.view = prepared, view
-        self.filter = sampler.filter_table(plan["filter"])
-        self.shutter = prepared.frame.shutter
 
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
         """Add samples first … first + count - 1, the same for every pixel of the tile, to the film."""
-        prepared, options = self.prepared, self.prepared.options
+        prepared, options, frame = self.prepared, self.prepared.options, self.prepared.frame
         x, y = _pixels(tile)
         stack = integrate.stack_for(options, len(x))
         shape = film.alpha.shape
         with np.errstate(all="ignore"):
             for s in range(int(first[0, 0]), int(first[0, 0] + count[0, 0])):
-                pixel, index = sampler.place(x, y, np.full(len(x), s), self.view.width, prepared.frame.order)
-                dx, dy = sampler.offset(pixel, index, total, options.seed, self.filter)
-                ray, hit = self._first_hit(x + 0.5 + dx, y + 0.5 + dy, sampler.moment(pixel, index, options.seed, self.shutter))
+                pixel, index = sampler.place(x, y, np.full(len(x), s), self.view.width, frame.order)
+                dx, dy = sampler.offset(pixel, index, total, options.seed, frame.filter)
+                time = sampler.moment(pixel, index, options.seed, frame.shutter)
+                ray = camera.through(
+                    prepared.tables, self.view, frame.lens, x + 0.5 + dx, y + 0.5 + dy, pixel, index, options.seed, time
+                )
+                hit = self._first_hit(ray)
                 if prepared.paths is not None:
                     rgb, alpha, sound = paths.radiance(prepared.tables, prepared.accel, prepared.paths, options, ray, hit, pixel, index)
                 else:
@@ -50,14 +52,13 @@ class Renderer:
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, Any]) -> None:
         """Write the named channels of the tile, (h, w, k) each."""
         with np.errstate(all="ignore"):
-            ray, hit = self._first_hit(*aov.centres(tile))
+            ray = camera.sharp(self.prepared.tables, self.view, *aov.centres(tile))
+            hit = self._first_hit(ray)
         aov.channels_of(self.prepared.tables, self.view, ray, hit, names, out)
 
-    def _first_hit(self, x: np.ndarray, y: np.ndarray, time: np.ndarray | None = None) -> tuple[Ray, Any]:
-        tables = self.prepared.tables
-        ray = camera.ray(tables, self.view, x, y, time)
-        active = np.ones(len(x), bool)
-        return ray, trace.closest(self.prepared.accel, tables, ray, active, int(ir.Visibility.CAMERA))
+    def _first_hit(self, ray: Ray) -> Any:
+        active = np.ones(np.shape(ray.direction[0]), bool)
+        return trace.closest(self.prepared.accel, self.prepared.tables, ray, active, int(ir.Visibility.CAMERA))
 
 
 def _pixels(tile: Tile) -> tuple[np.ndarray, np.ndarray]:

@@ -32,6 +32,7 @@ FILTERS = tuple(FILTER_RADIUS)
 
 ALONE = -1  # `order` of pixels whose number of samples is not known beforehand
 _MOMENT = 1  # the dimension of a sample's time
+_LENS = 0x10000FFF  # that of where on the lens a ray begins: far from those of surfaces
 _TO_UNIT = 1.0 / 4294967296.0
 _TO_UNIT24 = 1.0 / 16777216.0  # float32 has no room for more
 
@@ -181,14 +182,26 @@ def offset(pixel: Lane, sample: Lane, total: int, seed: int, table: NDArray[np.f
 
 def moment(pixel: Lane, sample: Lane, seed: int, shutter: Any) -> Lane | None:
     """When a sample is taken, as Ray.time; None where nothing moves while the shutter is open."""
-    return pair(pixel, sample, _MOMENT, seed)[0] * shutter.share if isinstance(shutter, Open) else None
+    return shutter.start + pair(pixel, sample, _MOMENT, seed)[0] * shutter.share if isinstance(shutter, Open) else None
 
 
 @overload(moment, jit_options=HELPER)
 def _moment_in_kernels(pixel, sample, seed, shutter):
     if shutter.layout:
-        return lambda pixel, sample, seed, shutter: pair(pixel, sample, _MOMENT, seed)[0] * shutter.share
+        return lambda pixel, sample, seed, shutter: shutter.start + pair(pixel, sample, _MOMENT, seed)[0] * shutter.share
     return lambda pixel, sample, seed, shutter: None
+
+
+@helper
+def on_lens(pixel: Lane, sample: Lane, seed: int) -> tuple[Lane, Lane]:
+    """Where on a lens of radius 1 a sample's ray begins: evenly over the disk (Shirley & Chiu 1997, which keeps what is near together)."""
+    u, v = pair(pixel, sample, _LENS, seed)
+    a, b = 2.0 * u - 1.0, 2.0 * v - 1.0
+    flat = lanes.absolute(a) > lanes.absolute(b)
+    radius, other = lanes.where(flat, a, b), lanes.where(flat, b, a)
+    ratio = 0.25 * math.pi * other / lanes.where(radius == 0.0, 1.0, radius)
+    near, far = radius * lanes.cos(ratio), radius * lanes.sin(ratio)
+    return lanes.where(flat, near, far), lanes.where(flat, far, near)
 
 
 def filter_weight(name: str, x: NDArray[np.float64]) -> NDArray[np.float64]:

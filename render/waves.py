@@ -203,7 +203,8 @@ def _begin(tables, frame, total, room, n):
         x, y, s = simd.load(room.items, i), simd.load(room.items, ROW + i), simd.load(room.items, 2 * ROW + i)
         pixel, s = sampler.place(x, y, s, view.width, frame.order)
         dx, dy = sampler.offset(pixel, s, total, options.seed, frame.filter)
-        ray = camera.ray(tables, view, lanes.to_float(x) + 0.5 + dx, lanes.to_float(y) + 0.5 + dy, None)
+        x, y = lanes.to_float(x) + 0.5 + dx, lanes.to_float(y) + 0.5 + dy
+        ray = camera.through(tables, view, frame.lens, x, y, pixel, s, options.seed, None)
         zero = 0.0 * dx
         _store3(room.state, 0, 0, i, (ray.origin[0] + zero, ray.origin[1] + zero, ray.origin[2] + zero))
         _store3(room.state, 0, 3, i, ray.direction)

@@ -35,9 +35,15 @@ def load(folder: Path, text: str) -> ir.Scene:
 
 
 def picture(folder: Path, text: str | ir.Scene, backend: str, **settings: Any) -> Image:
-    """A text or scene on a backend; 48 by 48 pixels, one sample and a box filter if not said. All of it is finite."""
+    """A text or scene on a backend; 48 by 48 pixels, one sample and a box filter if not said. All of it is finite.
+
+    Pixels are independent of each other, as those who tell errors by how far they lie apart must have it.
+    """
     scene = load(folder, text) if isinstance(text, str) else text
-    image = maquette.render(scene, **{"size": (48, 48), "samples": 1, "filter": "box", "threads": 1, **settings, "backend": backend})
+    asked = {"size": (48, 48), "samples": 1, "filter": "box", "threads": 1, **settings, "backend": backend}
+    if asked.get("error") is None and asked.get("budget") is None:
+        asked["plan"] = {"noise": "white", **asked.get("plan", {})}
+    image = maquette.render(scene, **asked)
     assert image.metadata["issues"] == 0
     assert np.isfinite(image.channels["rgba"]).all()
     return image

@@ -287,3 +287,48 @@ def test_texture_coordinates_are_perspective_correct(tmp_path, measured, backend
     off = abs(u[24] / 0.1 - 1)
     measured.answer(40, "perspective: the middle of a wall from 1 to 9 m", backend, off, rm.SINGLE, note="relative to u = 0.1")
     measured.answer(40, "perspective: u across that wall", backend, worst(u - expected), rm.SINGLE, note="of 0 … 1, the worst pixel")
+
+
+# --- 39: what is out of focus --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("backend", ["ray", "reference"])
+@pytest.mark.parametrize("z", [2.0, 9.0])
+def test_the_blur_of_an_edge_out_of_focus(tmp_path, measured, backend, z):
+    """A half-plane at depth z, its edge on the axis, through a lens of radius A in focus at zf.
+
+    A ray from a place l of the lens through s on the plane in focus is at s·z/zf + l·(1 − z/zf) at depth z: the edge blurs over a disk
+    of radius r = A |z − zf| / z there, so that s sees ½ − (t √(1 − t²) + asin t)/π of it, t = s/r.
+    """
+    lens, focus = 0.3, 4.0
+    text = f"camera(position: [0, 0, 0], look_at: [0, 0, -1], focal: 60mm, film: [36mm, 24mm], aperture: 0.1, focus: {focus}m)\n"
+    text += f"polygon([[-90, -90, {-z}], [0, -90, {-z}], [0, 90, {-z}], [-90, 90, {-z}]], material: emissive(1))\n"
+    image = rm.picture(tmp_path, text, backend, size=(48, 32), samples=256, background="transparent", crop=(16, 0, 36, 32))
+    covered = np.pad(alpha(image), ((0, 0), (16, 12)), mode="edge")
+    radius, pixel = lens * abs(z - focus) / z, focus * 36 / 60 / 48
+    for column in (24, 25, 27, 29, 31):
+        s = (column - 24 + (np.arange(512) + 0.5) / 512) * pixel
+        t = np.clip(s / radius, -1, 1)
+        answer = float(np.mean(0.5 - (t * np.sqrt(1 - t * t) + np.arcsin(t)) / math.pi))
+        name = "blur of an edge out of focus, A |z − zf| / z"
+        rm.within_error(measured, 39, name, backend, covered[:, column], answer, 1.0, "of the pixel")
+    gone = 24 + math.ceil(radius / pixel)
+    assert np.all(covered[:, gone:] == 0.0)
+    assert np.all(covered[:, : 48 - gone] == 1.0)
+
+
+def test_raster_draws_what_is_out_of_focus_from_points_of_the_lens(tmp_path):
+    """Sixteen of them: an edge's blur has sixteen steps; what is in focus is as sharp as through a pinhole."""
+    def text(aperture: str, z: float) -> str:
+        shape = f"polygon([[-90, -90, {-z}], [0.1, -90, {-z}], [0.1, 90, {-z}], [-90, 90, {-z}]], material: emissive(1))\n"
+        return f"camera(position: [0, 0, 0], look_at: [0, 0, -4], focal: 60mm, film: [36mm, 24mm]{aperture})\n" + shape
+
+    def covered(aperture: str, z: float, backend: str = "raster") -> np.ndarray:
+        image = rm.picture(tmp_path, text(aperture, z), backend, size=(48, 32), samples=64, background="transparent")
+        return alpha(image).mean(axis=0)
+
+    assert covered(", aperture: 0.1", 4.0) == pytest.approx(covered("", 4.0), abs=0.02)
+    found = covered(", aperture: 0.1", 9.0)
+    true = covered(", aperture: 0.1", 9.0, "ray")
+    assert np.abs(found - true).max() < 1.5 / 16
+    assert np.abs(found - true).mean() < 0.01

@@ -1,4 +1,4 @@
-"""Known answers 21 to 23, 33, 34, 38 and 39: furnaces, albedos of lobes, samplers against their densities; and what waits for features."""
+"""Known answers 21 to 23, 33, 34, and 38: furnaces, albedos of lobes, samplers against their densities; and what waits for features."""
 
 from __future__ import annotations
 
@@ -400,9 +400,3 @@ def test_a_moving_box(tmp_path, measured, backend):
 
 def test_multiple_importance_sampling(measured):
     measured.waits(33, "light-only, material-only, balance and power means agree", "multiple importance sampling")
-
-
-
-
-def test_depth_of_field(measured):
-    measured.waits(39, "radius of blur A |z − zf| / z on the focal plane", "depth of field")

@@ -144,4 +144,12 @@ RAYS = {  # reflected and refracted rays
         "material: phong(#303030, specular: 0.5, k_r: 0.6))\nsphere(0.3, center: [0, 0.3, 1], material: lambert(#40d040))\n"
     ),
     "interreflection": CAMERA + FLOOR + LAMP + SHAPES + "render(bounces: 2)\n",
+    "panorama": 'camera(position: [0.2, 0.7, 0.9], look_at: [0, 0.4, 0], projection: "panoramic")\n' + FLOOR + LAMP + SHAPES,
+    "depth of field": (
+        "camera(position: [1.2, 2.6, 5], look_at: [0, 0.6, 0], fov: 36deg, aperture: 0.2)\n" + FLOOR + LAMP + SHAPES
+    ),
+    "depth of field, interreflection": (
+        "camera(position: [1.2, 2.6, 5], look_at: [0, 0.6, 0], fov: 36deg, aperture: 0.2)\n" + FLOOR + LAMP + SHAPES
+        + "render(bounces: 1)\n"
+    ),
 }  # fmt: skip

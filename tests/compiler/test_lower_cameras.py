@@ -25,6 +25,29 @@ def test_a_rolled_camera(compiled) -> None:
 
 
 @pytest.mark.parametrize(
+    ("arguments", "lens", "focus"),
+    [
+        ("", 0.0, 1.0),
+        (", focal: 50mm, aperture: 2", 0.0125, 5.0),
+        (", focal: 100mm, aperture: 4, focus: 3m", 0.0125, 3.0),
+        (", fov: 90deg, aperture: 1.2", 0.005, 5.0),
+    ],
+)
+def test_apertures(compiled, arguments: str, lens: float, focus: float) -> None:
+    """focal/N across; of a `fov` that of a film 24 mm high; in focus what is looked at, unless said."""
+    c = compiled(f"camera([0, 0, 5]{arguments})" + REST).tables.cameras
+    assert c.lens[0] == pytest.approx(lens)
+    assert c.focus[0] == pytest.approx(focus)
+
+
+def test_panoramas_and_what_lies_behind(compiled) -> None:
+    c = compiled('camera([0, 0, 5], projection: "panoramic")\ncamera([0, 0, 5], width: 2, near: -3)' + REST).tables.cameras
+    assert c.projection.tolist() == [ir.Projection.PANORAMIC, ir.Projection.ORTHOGRAPHIC]
+    assert c.aspect[0] == 2
+    assert c.near.tolist() == [0, -3]
+
+
+@pytest.mark.parametrize(
     ("arguments", "extent", "fit", "aspect", "projection"),
     [
         ("", math.tan(math.radians(20)), ir.Fit.VERTICAL, 0, ir.Projection.PERSPECTIVE),
@@ -85,11 +108,16 @@ def test_nothing_said_is_nothing_set(compiled) -> None:
         ),
         ("camera([0,0,5], near: 3, far: 2)", "the camera's near (3 m) is not before its far (2 m)", ""),
         ("camera([0,0,5], film: [1, 1])", "`film` goes with `focal`", "write focal: 50mm, film: [36mm, 24mm]"),
+        ("camera([0,0,5], near: -1)", "the camera's near (-1 m) lies behind it", "only orthographic cameras see what is behind them"),
         (
-            'camera([0,0,5], projection: "panoramic")',
-            "panoramic cameras are not built yet",
-            'write projection: "perspective" and a wide fov',
+            'camera([0,0,5], projection: "panoramic", fov: 90deg)', "a panoramic camera sees all around: it has no `fov`", "leave it out",
         ),
+        (
+            'camera([0,0,5], projection: "panoramic", aperture: 2)', "only perspective cameras have an aperture",
+            "leave it out: everything is in focus",
+        ),
+        ("camera([0,0,5], width: 2, aperture: 2)", "only perspective cameras have an aperture", "leave it out: everything is in focus"),
+        ("camera([0,0,5], focus: 2)", "`focus` goes with `aperture`", "write aperture: 2.8, focus: 3m"),
         (
             'camera([0,0,5], width: 2, projection: "perspective")',
             '`width` makes a camera orthographic: it does not go with projection: "perspective"',

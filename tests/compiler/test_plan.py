@@ -34,7 +34,7 @@ def scene(
             "cameras",
             {
                 "projection": [0] * len(cameras), "aspect": [aspect] * len(cameras), "exposure": [math.nan] * len(cameras),
-                "shutter": [0.0] * len(cameras),
+                "shutter": [0.0] * len(cameras), "lens": [0.0] * len(cameras), "focus": [1.0] * len(cameras),
             },
         ),
     )

@@ -102,15 +102,78 @@ def test_depth_is_along_the_axis_and_near_and_far_are_planes():
 
 
 @pytest.mark.parametrize("projection", list(ir.Projection))
-def test_without_near_and_far_rays_have_no_end(projection):
-    """A perspective ray starts at the eye; an orthographic one has no eye and sees what lies behind its frame too."""
-    _, _, ray = rays(scene(projection=projection), [3.0], [4.0])
+def test_without_near_and_far_rays_start_at_the_camera_and_have_no_end(projection):
+    ray = camera.sharp(scene(projection=projection), VIEW, np.array([3.0]), np.array([4.0]))
     assert np.all(ray.t_max == np.inf)
-    assert np.all(ray.t_min == (0.0 if projection == ir.Projection.PERSPECTIVE else -np.inf))
+    assert np.all(ray.t_min == 0.0)
+
+
+def test_an_orthographic_camera_may_see_what_lies_behind_it():
+    _, _, ray = rays(scene(projection=ORTHO, near=-3.0, far=5.0), [3.0], [4.0])
+    assert ray.t_min == pytest.approx([-3.0])
+    assert ray.t_max == pytest.approx([5.0])
+
+
+# --- lenses and panoramas ---
+
+
+def through(tables, x, y, samples, view=VIEW, time=None):
+    """Rays of samples 0 … of pixel 7, seed 3, through one place in the picture."""
+    n = np.arange(samples)
+    lens = camera.lens_of(tables, view)
+    ray = camera.through(tables, view, lens, np.full(samples, x), np.full(samples, y), np.full(samples, 7), n, 3, time)
+    return vector(ray.origin), vector(ray.direction), ray
+
+
+def test_rays_from_all_over_a_lens_meet_in_the_plane_in_focus():
+    """Where the pinhole's ray meets the plane z = −focus of the camera's frame; their origins fill a disk of the lens' radius evenly."""
+    tables, plain = scene(lens=0.25, focus=3.0, shift=(0.1, -0.2)), scene(shift=(0.1, -0.2))
+    eye, axis = FRAME[:3, 3], -FRAME[:3, 2]
+    for x, y in ((0.5, 0.5), (40.2, 31.0)):
+        origin, direction, _ = through(tables, x, y, 4096)
+        _, straight, _ = rays(plain, [x], [y])
+        met = eye + straight[0] * 3.0 / (straight[0] @ axis)
+        closest = origin + direction * np.sum((met - origin) * direction, axis=1)[:, None]
+        assert np.abs(closest - met).max() < 1e-12
+        assert np.linalg.norm(direction, axis=1) == pytest.approx(1.0, abs=1e-14)
+        place = (origin - eye) @ FRAME[:3, :3]
+        assert np.abs(place[:, 2]).max() < 1e-14
+        radius = np.hypot(place[:, 0], place[:, 1]) / 0.25
+        assert radius.max() < 1.0
+        assert np.mean(radius**2) == pytest.approx(0.5, abs=2e-3)
+        assert np.mean(radius**4) == pytest.approx(1 / 3, abs=2e-3)
+        assert np.abs(place[:, :2].mean(axis=0)).max() < 2e-3 * 0.25
+
+
+def test_near_and_far_of_a_lens_are_planes():
+    tables = scene(lens=0.25, focus=3.0, near=1.0, far=4.0)
+    origin, direction, ray = through(tables, 3.0, 4.0, 64)
+    for t, depth in ((ray.t_min, 1.0), (ray.t_max, 4.0)):
+        assert camera.depth(tables, VIEW, tuple((origin + direction * t[:, None]).T)) == pytest.approx(depth, abs=1e-12)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.125])
+def test_the_directions_of_a_panorama(turn):
+    """Longitude (x/W − ½ + turn)·360° to the right of straight ahead, latitude (½ − y/H)·180°; all rays start at the camera."""
+    tables, view = scene(make.IDENTITY, projection=ir.Projection.PANORAMIC, shift=(turn, 0.0)), View(0, 8, 4)
+    y, x = (c.ravel() + 0.5 for c in np.mgrid[:4, :8])
+    ray = camera.sharp(tables, view, x, y)
+    longitude, latitude = (x / 8 - 0.5 + turn) * 2 * np.pi, (0.5 - y / 4) * np.pi
+    expected = np.stack([np.cos(latitude) * np.sin(longitude), np.sin(latitude), -np.cos(latitude) * np.cos(longitude)], axis=1)
+    assert vector(ray.direction) == pytest.approx(expected, abs=1e-15)
+    assert np.all(vector(ray.origin) == 0.0)
+
+
+def test_a_panorama_has_straight_ahead_in_its_middle_and_right_beside_it():
+    tables, view = scene(projection=ir.Projection.PANORAMIC), View(0, 80, 40)
+    ray = camera.sharp(tables, view, np.array([40.0, 60.0, 20.0, 40.0]), np.array([20.0, 20.0, 20.0, 0.0]))
+    right, up, back = FRAME[:3, 0], FRAME[:3, 1], FRAME[:3, 2]
+    assert vector(ray.direction) == pytest.approx(np.stack([-back, right, -right, up]), abs=1e-12)
+    assert camera.depth(tables, view, tuple(FRAME[:3, 3] + 2.5 * back)) == pytest.approx(2.5)
 
 
 def test_depth_order_of_the_matrices():
-    for projection in ir.Projection:
+    for projection in (ir.Projection.PERSPECTIVE, ORTHO):
         tables = scene(make.IDENTITY, projection=projection, near=1.0, far=100.0)
         z = pixels_of(tables, np.array([[0, 0, -1.0], [0, 0, -10], [0, 0, -99]]))[2]
         assert z[0] == pytest.approx(1.0)

@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from maquette.compiler import ir, load, motion, plan, transforms
 from maquette.lang.elements import AxisAngle
-from maquette.render import across, aside, bvh, draw, lanes, placed, trace
+from maquette.render import across, aside, bvh, camera, draw, lanes, placed, trace
 from maquette.render import rays as kernels
 from maquette.render.handles import Handle
 from maquette.render.kernels import kernel
-from maquette.render.records import Hit, Ray
+from maquette.render.records import Hit, Ray, View
 
 from .tables import matrix, scene
 from .test_opacity import textured
@@ -326,3 +326,55 @@ def test_the_saved_form_keeps_keys(tmp_path):
     made = load.load(path)
     store.save(made, tmp_path / "a.npz")
     assert store.content_hash(load.load(tmp_path / "a.npz")) == store.content_hash(replace(made))
+
+
+def test_usd_shutters_open_when_they_say(tmp_path):
+    """A ball that moves 2 m a frame, seen from a quarter of a frame before its own to a quarter after; another camera opens later."""
+    path = tmp_path / "a.usda"
+    eye = """def Camera "NAME" {
+ float focalLength = 50
+ float horizontalAperture = 36
+ float verticalAperture = 24
+ double shutter:open = OPEN
+ double shutter:close = CLOSE
+ double3 xformOp:translate = (0, 0, 20)
+ uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+"""
+    text = '#usda 1.0\n(\n startTimeCode = 0\n endTimeCode = 10\n timeCodesPerSecond = 10\n)\n'
+    text += 'def Sphere "S" {\n double3 xformOp:translate.timeSamples = { 0: (0, 0, 0), 10: (20, 0, 0) }\n'
+    text += ' uniform token[] xformOpOrder = ["xformOp:translate"]\n}\n'
+    for name, start, end in (("main_cam", -0.25, 0.25), ("late", 0.5, 0.75)):
+        text += eye.replace("NAME", name).replace("OPEN", str(start)).replace("CLOSE", str(end))
+    path.write_text(text)
+    scene = load.load(path, code=5)
+    tables = scene.tables
+    assert tables.cameras.opening == pytest.approx([-0.025, 0.05])
+    assert tables.cameras.shutter == pytest.approx([0.05, 0.025])
+    row = int(tables.instances.transform[0])
+    assert tables.transforms.matrix[row, 0, 3] == pytest.approx(10.0)
+    for moment, x in ((0.0, 9.5), (1.0, 11.5)):
+        assert placed.at(tables, row, np.array([moment])).matrix[3] == pytest.approx(x)
+    assert plan.open_during(tables, 0) == pytest.approx((0.0, 0.5))
+    assert plan.open_during(tables, 1) == pytest.approx((0.75, 0.25))
+
+
+def test_a_lens_goes_with_the_camera_that_moves(tmp_path):
+    """Each ray begins on the lens where that is at the ray's time, and meets the plane in focus as it is then."""
+    path = tmp_path / "a.scene"
+    path.write_text(
+        "sphere(1)\ncamera(position: [20 * time / 1s, 0, 5], look_at: [20 * time / 1s, 0, 0], aperture: 0.05, focus: 2m, shutter: 100ms)\n"
+    )
+    tables = load.load(path).tables
+    view, time = View(0, 40, 30), np.linspace(0, 1, 64)
+    lens, n = camera.lens_of(tables, view), np.arange(64)
+    ray = camera.through(tables, view, lens, np.full(64, 9.0), np.full(64, 4.0), n, n, 1, time)
+    radius = float(tables.cameras.lens[0])
+    away = np.hypot(ray.origin[0] - 2.0 * time, ray.origin[1])
+    assert away.max() < radius
+    assert away.max() > 0.9 * radius
+    assert ray.origin[2] == pytest.approx(np.full(64, 5.0))
+    share = 2.0 / -ray.direction[2]  # to the plane in focus
+    px, py = camera.image_plane(tables, view, 9.0, 4.0)
+    assert ray.origin[0] + share * ray.direction[0] - 2.0 * time == pytest.approx(np.full(64, 2.0 * px))
+    assert ray.origin[1] + share * ray.direction[1] == pytest.approx(np.full(64, 2.0 * py))

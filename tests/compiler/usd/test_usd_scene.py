@@ -289,6 +289,13 @@ def test_orthographic(tmp_path):
     assert (c.projection[0], c.extent[0]) == (ir.Projection.ORTHOGRAPHIC, pytest.approx(1.2))
 
 
+def test_apertures_and_focus(tmp_path):
+    """Focal lengths are tenths of a unit, distances are units; without a distance there is no depth of field."""
+    c = read(tmp_path, camera("main_cam", "float fStop = 2\n float focusDistance = 30") + 'def Cube "c" {}')[0].tables.cameras
+    assert (c.lens[0], c.focus[0]) == (pytest.approx(5.0 / 2 / 2), pytest.approx(30))
+    assert read(tmp_path, camera("main_cam", "float fStop = 2") + 'def Cube "c" {}')[0].tables.cameras.lens[0] == 0
+
+
 def test_a_camera_without_film_is_left_out(tmp_path):
     scene, messages = read(tmp_path, 'def Camera "k" { float focalLength = 0\n}\ndef Cube "c" {}')
     assert scene.names.cameras == ("frame",)

@@ -62,6 +62,9 @@ class MaterialModel(IntEnum):
     MIRROR = 3
     GLASS = 4
     EMISSIVE = 5
+    PRINCIPLED = 6  # UsdPreviewSurface, metallic workflow
+    PRINCIPLED_SPECULAR = 7  # the same, specular workflow
+    METAL = 8  # microfacets of a metal, whose reflectance SPECULAR and EDGE give
 
 
 class Shading(IntEnum):
@@ -73,15 +76,20 @@ class Shading(IntEnum):
 class Slot(IntEnum):
     """Material inputs that take a constant or a texture; the value is the column of Materials.textures."""
 
-    AMBIENT = 0  # k_a, colour
+    AMBIENT = 0  # k_a, colour; of principled ones occlusion, a number
     DIFFUSE = 1  # k_d, colour
-    SPECULAR = 2  # k_s, colour
+    SPECULAR = 2  # k_s, colour; of metals and the specular workflow reflectance along the normal
     SHININESS = 3  # n, number
     REFLECTION = 4  # k_r, colour (mirror's colour)
     TRANSMISSION = 5  # k_t, colour (glass's colour)
     IOR = 6  # number
     EMISSION = 7  # radiance, colour
     OPACITY = 8  # number from 0, not there, to 1
+    ROUGHNESS = 9  # number; its square is the microfacets' α
+    METALLIC = 10  # number
+    EDGE = 11  # colour: what is left of Schlick's reflectance at 81.8°
+    COAT = 12  # number: how much of a clear coat
+    COAT_ROUGHNESS = 13  # number
 
 
 SLOTS = len(Slot)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from ..lang.elements import Element
 from ..lang.formula import Formula
-from . import images, ir
+from . import images, ir, metals
 from .files import FileError
 from .images import ImageError
-from .rows import WHITE, Input, MaterialData, TextureData
+from .rows import WHITE, Input, MaterialData, TextureData, multiplied, scaled
 from .tapes import Builder, Op, Unfit
 
 if TYPE_CHECKING:
@@ -61,14 +61,45 @@ class Materials:
             return MaterialData(ir.MaterialModel.GLASS, inputs)
         if kind == "emissive":
             color = self._color(args["color"])
-            shining = Input(tuple(args["luminance"] * c for c in color.value), color.texture)  # type: ignore[arg-type]
+            shining = Input(scaled(color.value, args["luminance"]), color.texture)
             return MaterialData(ir.MaterialModel.EMISSIVE, {Slot.EMISSION: shining})
         shading = _SHADING[args["shading"]]
+        if kind == "principled":
+            return self._principled(args, shading)
+        if kind == "metal":
+            return self._metal(args, shading)
         diffuse = self._color(args["color"])
         if kind == "lambert":
             return MaterialData(ir.MaterialModel.LAMBERT, {Slot.AMBIENT: diffuse, Slot.DIFFUSE: diffuse}, shading)
         model = {"phong": ir.MaterialModel.PHONG, "blinn_phong": ir.MaterialModel.BLINN_PHONG}[kind]
         return MaterialData(model, self._course_inputs(args, diffuse), shading, args["normalized"])
+
+    def _principled(self, args: Any, shading: ir.Shading) -> MaterialData:
+        color = self._color(args["emission"])
+        inputs = {
+            Slot.AMBIENT: self._number(args["occlusion"]),
+            Slot.DIFFUSE: self._color(args["color"]),
+            Slot.ROUGHNESS: self._number(args["roughness"]),
+            Slot.IOR: self._number(args["ior"]),
+            Slot.METALLIC: self._number(args["metallic"]),
+            Slot.COAT: self._number(args["clearcoat"]),
+            Slot.COAT_ROUGHNESS: self._number(args["clearcoat_roughness"]),
+            Slot.EMISSION: Input(scaled(color.value, args["luminance"]), color.texture),
+        }
+        if args["specular"] is None:
+            return MaterialData(ir.MaterialModel.PRINCIPLED, inputs, shading)
+        inputs[Slot.SPECULAR] = self._color(args["specular"])
+        return MaterialData(ir.MaterialModel.PRINCIPLED_SPECULAR, inputs, shading)
+
+    def _metal(self, args: Any, shading: ir.Shading) -> MaterialData:
+        f0, edge = metals.reflectance(args["kind"])
+        color = self._color(args["color"])
+        inputs = {
+            Slot.SPECULAR: Input(multiplied(f0, color.value), color.texture),
+            Slot.EDGE: Input(edge),
+            Slot.ROUGHNESS: self._number(args["roughness"]),
+        }
+        return MaterialData(ir.MaterialModel.METAL, inputs, shading)
 
     def _course_inputs(self, args: Any, diffuse: Input) -> dict[ir.Slot, Input]:
         return {

@@ -21,7 +21,7 @@ from ..lang.diagnostics import Diagnostics, Span
 from . import images, ir
 from .build import NONE, SceneBuilder
 from .files import FileError, Files
-from .rows import BLACK, WHITE, Color, Input, MaterialData, TextureData
+from .rows import BLACK, WHITE, Color, Input, MaterialData, TextureData, scaled
 
 REFLECTING = (3, 5, 8)
 REFRACTING = (4, 6, 7, 9)
@@ -225,9 +225,9 @@ def _data(m: MtlMaterial, texture: Callable[..., int], builder: SceneBuilder) ->
         return MaterialData(ir.MaterialModel.GLASS, {ir.Slot.TRANSMISSION: Input(tint), ir.Slot.IOR: Input.number(ior)}, name=m.name)
     if illum in REFLECTING and kd == BLACK and ks != BLACK:
         return MaterialData(ir.MaterialModel.MIRROR, {ir.Slot.REFLECTION: Input(ks, texture("Ks"))}, name=m.name)
-    inputs[ir.Slot.DIFFUSE] = Input(_times(kd, opacity), map_kd)
+    inputs[ir.Slot.DIFFUSE] = Input(scaled(kd, opacity), map_kd)
     map_ka = texture("Ka")
-    inputs[ir.Slot.AMBIENT] = Input(_times(ka, opacity), map_ka if map_ka >= 0 else map_kd)
+    inputs[ir.Slot.AMBIENT] = Input(scaled(ka, opacity), map_ka if map_ka >= 0 else map_kd)
     if "Ke" in m.colors or "Ke" in m.maps:
         map_ke = texture("Ke")
         ke = m.colors.get("Ke", WHITE)
@@ -242,13 +242,9 @@ def _data(m: MtlMaterial, texture: Callable[..., int], builder: SceneBuilder) ->
         inputs[ir.Slot.REFLECTION] = Input(ks, texture("Ks"))
     if opacity < 1.0:
         model = ir.MaterialModel.BLINN_PHONG
-        inputs[ir.Slot.TRANSMISSION] = Input(_times(tint, 1.0 - opacity))
+        inputs[ir.Slot.TRANSMISSION] = Input(scaled(tint, 1.0 - opacity))
         inputs[ir.Slot.IOR] = Input.number(1.0)
     return MaterialData(model, inputs, name=m.name)
-
-
-def _times(color: Color, factor: float) -> Color:
-    return (color[0] * factor, color[1] * factor, color[2] * factor)
 
 
 def _texture(
@@ -267,6 +263,6 @@ def _texture(
     channel = reference.channel if reference.channel >= 0 or color else 0
     made = TextureData(
         ir.TextureKind.IMAGE, picture, wrap_u=wrap, wrap_v=wrap, channel=channel, frame=frame,
-        gain=_times(WHITE, reference.gain), bias=_times(WHITE, reference.base),
+        gain=scaled(WHITE, reference.gain), bias=scaled(WHITE, reference.base),
     )  # fmt: skip
     return builder.texture(made, reference.span)

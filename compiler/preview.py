@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from . import ir
-from .rows import BLACK, WHITE, Color, Input, MaterialData
+from .rows import BLACK, WHITE, Color, Input, MaterialData, scaled
 
 GREY = Input((0.18, 0.18, 0.18))
 DARK = Input(BLACK)
@@ -36,14 +36,14 @@ def material(surface: Surface) -> MaterialData:
     metallic = min(max(s.metallic, 0.0), 1.0)
     opacity = min(max(s.opacity, 0.0), 1.0)
     base = (1.0 - metallic) * opacity
-    matt = Input(_times(s.diffuse.value, base), s.diffuse.texture if base > 0 else -1)
+    matt = Input(scaled(s.diffuse.value, base), s.diffuse.texture if base > 0 else -1)
     inputs = {ir.Slot.DIFFUSE: matt, ir.Slot.AMBIENT: matt, ir.Slot.SPECULAR: _specular(s, metallic)}
     alpha = max(min(max(s.roughness, 0.0), 1.0) ** 2, SMOOTHEST)
     inputs[ir.Slot.SHININESS] = Input.number(max(2.0 / (alpha * alpha) - 2.0, 0.0))
     if s.emissive.value != BLACK:
         inputs[ir.Slot.EMISSION] = s.emissive
     if opacity < 1.0:
-        inputs[ir.Slot.TRANSMISSION] = Input(_times(WHITE, 1.0 - opacity))
+        inputs[ir.Slot.TRANSMISSION] = Input(scaled(WHITE, 1.0 - opacity))
         inputs[ir.Slot.IOR] = Input.number(1.0)
     if s.holes is not None:
         inputs[ir.Slot.OPACITY] = s.holes
@@ -58,7 +58,3 @@ def _specular(s: Surface, metallic: float) -> Input:
     dielectric = ((s.ior - 1.0) / (s.ior + 1.0)) ** 2 if s.ior > 0 else 0.04
     r, g, b = (dielectric + (d - dielectric) * metallic for d in s.diffuse.value)
     return Input((r, g, b))
-
-
-def _times(color: Color, factor: float) -> Color:
-    return (color[0] * factor, color[1] * factor, color[2] * factor)

@@ -18,6 +18,16 @@ ALL_RAYS = int(ir.Visibility.CAMERA | ir.Visibility.SHADOW | ir.Visibility.REFLE
 NO_SHADOW = int(ir.Visibility.CAMERA | ir.Visibility.REFLECTION)
 
 
+def scaled(color: Color, factor: float) -> Color:
+    """A colour times a number."""
+    return (color[0] * factor, color[1] * factor, color[2] * factor)
+
+
+def multiplied(one: Color, other: Color) -> Color:
+    """Two colours, component by component."""
+    return (one[0] * other[0], one[1] * other[1], one[2] * other[2])
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class MeshAttribute:
     """Values (n, width) of a mesh and how they belong to it: CONSTANT 1, FACE one a triangle, VERTEX one a vertex,

@@ -45,6 +45,8 @@ _QUIET = {  # columns left out where they have this value: what a plain row has
     "transforms": {"flips": 0, "first_key": -1, "keys": 0},
 }  # fmt: skip
 
+_NUMBERS = {ir.Slot.SHININESS, ir.Slot.IOR, ir.Slot.OPACITY, ir.Slot.ROUGHNESS, ir.Slot.METALLIC, ir.Slot.COAT, ir.Slot.COAT_ROUGHNESS}
+
 
 def text(scene: ir.Scene) -> str:
     """Every row of every table, a line each; pools as a count and a short hash of their content."""
@@ -173,7 +175,7 @@ def _slots(column: str, value: np.ndarray) -> Iterator[str]:
         if column == "textures" and value[slot] >= 0:
             yield f"{name}*=texture {value[slot]}"
         elif column == "values":
-            number = slot in (ir.Slot.SHININESS, ir.Slot.IOR, ir.Slot.OPACITY)
+            number = slot in _NUMBERS
             plain = 1.0 if slot in (ir.Slot.IOR, ir.Slot.OPACITY) else 0.0
             if (number and value[slot, 0] != plain) or (not number and value[slot].any()):
                 yield f"{name}={_value(value[slot, 0] if number else value[slot])}"

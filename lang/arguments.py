@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from . import habits, units
 from .convert import LIGHT_TYPES, Place, convert
 from .diagnostics import Span
-from .schema import REQUIRED, Entry
+from .entries import REQUIRED, Entry
 from .units import Quantity
 from .values import POISON, Given, Mistake, Poisoned
 

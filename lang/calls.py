@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 from . import arguments, ast, params
 from .diagnostics import Diagnostics, Span
 from .elements import Element
+from .entries import Entry
 from .limits import MAX_CALLS, MAX_ELEMENTS, Exhausted, too_many_elements
 from .parse import parse
-from .schema import SCHEMA, Entry
+from .schema import SCHEMA
 from .scope import Scope, Thunk, places_children
 from .values import (
     POISON,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from . import ast, operators, units
 from .diagnostics import Span, suggest
 from .elements import AxisAngle, Element, Euler, Falloff, Quaternion
-from .schema import Arg, Entry
+from .entries import Arg, Entry
 from .units import Quantity
 from .values import Closure, Color, Mistake, UserFunction, Value, category, describe
 

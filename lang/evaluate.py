@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
-from . import ast, builtins, calls, check, limits, operators, params, schema, units
+from . import ast, builtins, calls, check, entries, limits, operators, params, schema, units
 from .arguments import Signature
 from .convert import Place
 from .diagnostics import Diagnostics, Span, suggest
@@ -372,7 +372,7 @@ def _unplaceable(value: Value, found: str, node: ast.Node) -> tuple[str, str]:
     if found in ("material", "texture"):
         use = "sphere(material: …)" if found == "material" else "lambert(…)"
         return f"a {found} cannot be placed by itself", f"give it to something, as in {use}, or name it with `let`"
-    if isinstance(node, ast.Name | ast.Member) and isinstance(value, schema.Entry | UserFunction | FilePart | AssetPart):
+    if isinstance(node, ast.Name | ast.Member) and isinstance(value, entries.Entry | UserFunction | FilePart | AssetPart):
         name = calls.callee_name(node)
         return f"`{name}` is not called", f"write {name}()"
     if isinstance(node, ast.Call):

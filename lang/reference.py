@@ -13,8 +13,9 @@ from pathlib import Path
 
 from . import ast, builtins, params, units
 from .diagnostics import Diagnostics, Span
+from .entries import REQUIRED, TYPES, Arg, Entry
 from .parse import parse
-from .schema import REQUIRED, SCHEMA, TYPES, Arg, Entry
+from .schema import SCHEMA
 from .values import Builtin
 
 HEAD = """\

@@ -3,86 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
-REQUIRED = object()  # the default of an argument that must be given
-
-# The types an argument can have, and what the evaluator turns them into (see elements.Element.args).
-TYPES = {
-    "number": "a plain number",
-    "int": "a whole number",
-    "bool": "true or false",
-    "string": "a string",
-    "choice": "one of the strings listed",
-    "length": "a length; a bare number is in the file's unit",
-    "angle": "an angle: 30deg or 0.5rad",
-    "time": "a time: 2s",
-    "intensity": "candela (cd), or bare",
-    "illuminance": "lux (lx), or bare",
-    "luminance": "nit (cd/m²), or bare",
-    "flux": "lumen (lm)",
-    "color": "a colour",
-    "number_map": "a number or a texture",
-    "color_map": "a colour, a number (grey) or a texture",
-    "texture": "a texture",
-    "material": "a material",
-    "point": "three lengths",
-    "size3": "three lengths, or one for all",
-    "size2": "two lengths, or one for both",
-    "direction": "three numbers or lengths; its length does not matter",
-    "numbers2": "two plain numbers, or one for both",
-    "scale3": "three plain numbers, or one for all",
-    "rotation": "[x, y, z] angles, axis(v, angle) or quaternion(x, y, z, w)",
-    "matrix": "four rows of four numbers (the last may be left out); the translation column takes lengths",
-    "numbers": "a list of plain numbers",
-    "points": "a list of points",
-    "point_lists": "a list of lists of points",
-    "vectors3": "a list of three-number vectors",
-    "vectors2": "a list of two-number vectors",
-    "faces": "a list of lists of whole numbers from 0",
-    "falloff": "[constant, linear, quadratic] or ramp(start, end)",
-    "formula": "a formula |x, y, z| …",
-    "pixels": "[width, height] whole numbers",
-    "within": "a length, three lengths, two corners, or a sphere or box",
-    "strings": "a list of strings",
-}
-
-
-@dataclass(frozen=True, slots=True)
-class Arg:
-    """One argument. Positional arguments are taken in the order of the entry; `keyword` ones only by name."""
-
-    name: str
-    type: str
-    default: Any = None
-    doc: str = ""
-    aliases: tuple[str, ...] = ()
-    choices: tuple[str, ...] = ()
-    minimum: float | None = None  # in base units; violating it is an error
-    maximum: float | None = None
-    above: float | None = None  # exclusive minimum
-    keyword: bool = False
-    planned: bool = False  # known to the language, not built yet: giving it is an error that says so
-
-
-@dataclass(frozen=True, slots=True)
-class Entry:
-    """One element of the language."""
-
-    name: str
-    category: str  # shape solid block light material texture camera setting
-    doc: str
-    args: tuple[Arg, ...] = ()
-    children: bool = False
-    planned: bool = False  # known to the language, not built yet
-    exclusive: tuple[tuple[str, ...], ...] = ()  # groups of which at most one may be given
-    example: str = ""
-
-    def arg(self, name: str) -> Arg | None:
-        """The argument called `name`, by its name or an alias."""
-        return next((a for a in self.args if name == a.name or name in a.aliases), None)
-
+from .entries import REQUIRED, Arg, Entry
+from .schema_materials import MATERIALS
 
 _PLACED = (
     Arg("name", "string", None, "its name in messages and the id channel", keyword=True),
@@ -94,24 +18,6 @@ _SHAPE = (Arg("material", "material", None, "what it is made of; inherited from 
 _CENTER = Arg("center", "point", (0.0, 0.0, 0.0), "where its middle is")
 _RADIUS = Arg("radius", "length", 1.0, "radius", above=0.0)
 _CAPPED = Arg("capped", "bool", True, "closed by disks", keyword=True)
-_SHADING = Arg(
-    "shading",
-    "choice",
-    "phong",
-    "where light is computed: at every point with smooth normals, at vertices, or with the face's normal",
-    choices=("phong", "gouraud", "flat"),
-    keyword=True,
-)
-_OPACITY = (
-    Arg(
-        "opacity", "number_map", 1.0, "how much of it is there, 0 to 1; of a picture its alpha, or its first channel where it has none",
-        minimum=0.0, maximum=1.0, keyword=True,
-    ),
-    Arg(
-        "opacity_threshold", "number", 0.0, "above 0: it is there where its opacity is at least this, and elsewhere not at all",
-        minimum=0.0, maximum=1.0, keyword=True,
-    ),
-)  # fmt: skip
 _LIGHT = (
     Arg("color", "color", (1.0, 1.0, 1.0), "multiplies its strength", keyword=True),
     Arg("name", "string", None, "its name in messages", keyword=True),
@@ -144,27 +50,6 @@ def _shape(name: str, doc: str, *args: Arg, **more: Any) -> Entry:
 
 def _planned(category: str, *names: str) -> tuple[Entry, ...]:
     return tuple(Entry(n, category, "not built yet", planned=True, children=category == "solid") for n in names)
-
-
-def _course_material(name: str, lobe: str) -> Entry:
-    return Entry(
-        name,
-        "material",
-        f"the course's {lobe}: k_a L_a + Σ I (k_d max(0, N·L) + k_s lobe^n) + k_r reflected + k_t refracted",
-        (
-            Arg("color", "color_map", (0.8, 0.8, 0.8), "diffuse coefficient k_d", aliases=("k_d", "diffuse")),
-            Arg("specular", "color_map", (0.5, 0.5, 0.5), "specular coefficient k_s", aliases=("k_s",)),
-            Arg("shininess", "number_map", 32.0, "exponent n of the highlight", minimum=0.0),
-            Arg("ambient", "color_map", None, "ambient coefficient k_a; k_d when not given", aliases=("k_a",), keyword=True),
-            Arg("reflection", "color_map", (0.0, 0.0, 0.0), "mirror coefficient k_r", aliases=("k_r",), keyword=True),
-            Arg("transmission", "color_map", (0.0, 0.0, 0.0), "refraction coefficient k_t", aliases=("k_t",), keyword=True),
-            Arg("ior", "number_map", 1.5, "index of refraction for k_t", above=0.0, keyword=True),
-            Arg("normalized", "bool", False, "scales the lobe so that it conserves energy", keyword=True),
-            *_OPACITY,
-            _SHADING,
-        ),
-        example=f"sphere(1, material: {name}(#d0402a, specular: 0.4, shininess: 60))",
-    )
 
 
 SHAPES = (
@@ -439,40 +324,6 @@ LIGHTS = (
             Arg("name", "string", None, "its name in messages", keyword=True),
         ),
     ),
-)
-
-MATERIALS = (
-    Entry(
-        "lambert",
-        "material",
-        "matt: L = ρE/π",
-        (Arg("color", "color_map", (0.8, 0.8, 0.8), "albedo ρ"), *_OPACITY, _SHADING),
-        example="lambert(#c9c4bb)",
-    ),
-    _course_material("phong", "Phong model (lobe R·V)"),
-    _course_material("blinn_phong", "Blinn-Phong model (lobe N·H)"),
-    Entry("mirror", "material", "a perfect mirror", (Arg("color", "color_map", (1.0, 1.0, 1.0), "how much it reflects"), *_OPACITY)),
-    Entry(
-        "glass",
-        "material",
-        "clear glass: reflects and refracts by Fresnel's and Snell's laws",
-        (
-            Arg("color", "color_map", (1.0, 1.0, 1.0), "how much it lets through"),
-            Arg("ior", "number_map", 1.5, "index of refraction", above=0.0, keyword=True),
-            *_OPACITY,
-        ),
-    ),
-    Entry(
-        "emissive",
-        "material",
-        "shines of its own",
-        (
-            Arg("color", "color_map", (1.0, 1.0, 1.0), "its colour"),
-            Arg("luminance", "luminance", 1.0, "nit", aliases=("radiance",), minimum=0.0, keyword=True),
-            *_OPACITY,
-        ),
-    ),
-    *_planned("material", "principled", "metal", "blend"),
 )
 
 TEXTURES = (

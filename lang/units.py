@@ -19,7 +19,7 @@ ILLUMINANCE: Dimension = (-2, 2, 0, 1)
 LUMINANCE: Dimension = (-2, 0, 0, 1)
 FLUX: Dimension = (0, 2, 0, 1)
 
-# The types of schema.TYPES and `param` that are one quantity, and the unit to write them in.
+# The types of entries.TYPES and `param` that are one quantity, and the unit to write them in.
 QUANTITIES: dict[str, tuple[Dimension, str]] = {
     "length": (LENGTH, "m"),
     "angle": (ANGLE, "deg"),

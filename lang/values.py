@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 from . import ast, colors, units
 from .diagnostics import Span
 from .elements import AxisAngle, Element, Euler, Falloff, Quaternion
+from .entries import Entry
 from .formula import Formula, Term
-from .schema import SCHEMA, Entry
+from .schema import SCHEMA
 from .units import Quantity
 
 if TYPE_CHECKING:

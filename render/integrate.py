@@ -14,7 +14,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import across, aside, lanes, lights, materials, opacity, placed, sampler, surface, trace
+from . import across, aside, lanes, lights, materials, microfacet, opacity, placed, sampler, surface, trace
 from .handles import Handle
 from .kernels import HELPER, helper
 from .links import FLOAT, INT, VEC, Linked
@@ -204,8 +204,7 @@ def direct_light(
 ) -> Vec:  # fmt: skip
     """k_a L_a and the light of every lamp that nothing blocks."""
     total = lanes.mul(shader.ambient, lights.ambient(tables))
-    matt = lanes.largest(shader.diffuse) + lanes.largest(shader.specular) > 0.0
-    active = active & matt
+    active = active & materials.is_lit(shader)
     middle = lanes.full_like(point.offset, 0.5)
     horizon = lanes.like3(point.offset, options.horizon.x, options.horizon.y, options.horizon.z)
     above_ground = (point.instance != options.ground) & (options.ground >= 0)
@@ -220,9 +219,10 @@ def direct_light(
         if kind in (lights.SKY, lights.DOME):
             bounded = above_ground & tables.lights.shadows[light]
             direction, share = lights.cosine_sample_above(point.normal, horizon, bounded, u, v)
-            given = lanes.scale(lanes.mul(shader.diffuse, lights.sky_radiance(tables, light, direction)), share)
+            matt = microfacet.matt_share(shader.lobes, shader.diffuse, point.normal, direction, viewer)
+            given = lanes.scale(lanes.mul(matt, lights.sky_radiance(tables, light, direction)), share)
             total = lanes.add(total, _unblocked(tables, accel, options, point, light, direction, lights.FAR, given, active))
-            shiny = active & (lanes.largest(shader.specular) > 0.0)
+            shiny = active & materials.is_shiny(shader)
             if lanes.any_lane(shiny):
                 u, v = sampler.pair(pixel, sample, dimension + 1, options.seed)
                 direction, share = materials.sample_lobe(shader, point.normal, viewer, u, v)
@@ -292,11 +292,12 @@ def send_on(
     mirrored = lanes.where3(outside, mirrored, lanes.reflect(direction, point.geometric))
     waiting = _push(stack, waiting, point, mirrored, lanes.mul(weight, reflection), going, left, plain + SPECULAR_RAY, key, 0)
     waiting = _push(stack, waiting, point, refracted, lanes.mul(weight, transmission), going, left, through, key, 1)
-    if options.interreflection:
+    if options.interreflection or materials.has_lobes(shader):
         u, v = sampler.pair(pixel, sample, key * _LIGHTS * 2 + 1, options.seed)
-        onward = lights.cosine_sample(point.normal, u, v)[0]
+        which = sampler.pair(pixel, sample, key * _LIGHTS * 2, options.seed)[1]
+        onward, share = materials.onward(shader, point.normal, lanes.negate(direction), u, v, which, options.interreflection)
         above = going & (lanes.dot(onward, point.geometric) > 0.0)
-        waiting = _push(stack, waiting, point, onward, lanes.mul(weight, shader.diffuse), above, left, plain + DIFFUSE_RAY, key, 2)
+        waiting = _push(stack, waiting, point, onward, lanes.mul(weight, share), above, left, plain + DIFFUSE_RAY, key, 2)
     return waiting
 
 

@@ -513,6 +513,18 @@ def _three_at(table, row, first):
     return lambda table, row, first: (table[row, first], table[row, first + 1], table[row, first + 2])
 
 
+def four_at(table: Any, row: Lane) -> tuple[Lane, Lane, Lane, Lane]:
+    """A row of an (n, 4) table."""
+    return table[row, 0], table[row, 1], table[row, 2], table[row, 3]
+
+
+@overload(four_at, jit_options=HELPER)
+def _four_at(table, row):
+    if isinstance(row, simd.Vector) and row.bits == table.dtype.bitwidth:
+        return lambda table, row: simd.gather_rows(table, row * 4, 4)
+    return lambda table, row: (table[row, 0], table[row, 1], table[row, 2], table[row, 3])
+
+
 @helper
 def like3(like: Lane, x: float, y: float, z: float) -> Vec:
     """The same vector in the lanes of `like`."""

@@ -3,17 +3,21 @@
 With I = E⊥/π of a light (E⊥: irradiance facing it), L = I · (k_d max(0, N·L) + k_s lobe), lobe = max(0, R·V)ⁿ (Phong) or
 max(0, N·H)ⁿ (Blinn-Phong), both only on the side the light is on. `normalized` lobes are made a reflectance: times N·L and
 (n + 2)/2 (Phong; Lafortune and Willems 1994) or (n + 2)(n + 4) / (8 (2^(-n/2) + n)) (Blinn-Phong; Giesen 2009), so that at normal
-incidence they reflect k_s of the light and nowhere more.
+incidence they reflect k_s of the light and nowhere more. Microfacets stand in microfacet.py; here is what asks them.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from numba import types
+from numba.extending import overload
 
 from ..compiler import ir
-from . import lanes, lights, textures
-from .kernels import helper
+from . import lanes, lights, microfacet, principled
+from .inputs import color_of
+from .kernels import HELPER, helper
 from .records import Lane, Surface, Tables, Vec
 
 AMBIENT = int(ir.Slot.AMBIENT)
@@ -54,6 +58,7 @@ class Shader(NamedTuple):
     blinn: Lane  # bool: lobe of the half vector
     normalized: Lane  # bool
     glass: Lane  # bool: reflection and transmission by Fresnel's law
+    lobes: Any  # microfacet.Lobes in scenes with such materials (in whose lanes the course's are then 0), else None
 
 
 @helper
@@ -85,22 +90,25 @@ def looked_up(tables: Tables, surface: Surface, uses: Uses) -> Shader:
     if uses.shines:
         emission = color_of(tables, surface, EMISSION)
     diffuse = lanes.mul(color_of(tables, surface, DIFFUSE), surface.color)
-    return Shader(ambient, diffuse, specular, shininess, reflection, transmission, ior, emission, blinn, normalized, glass)
+    plain = Shader(ambient, diffuse, specular, shininess, reflection, transmission, ior, emission, blinn, normalized, glass, None)
+    return _with_lobes(principled.at(tables, surface), plain)
 
 
 @helper
-def color_of(tables: Tables, surface: Surface, slot: int) -> Vec:
-    """A material input: its constant times its texture, if it has one."""
-    m = surface.material
-    zero = lanes.full_like(surface.offset, 0.0)
-    red, green, blue = lanes.three_at(tables.materials.values, m, 3 * slot)
-    color = (red + zero, green + zero, blue + zero)
-    if len(tables.textures.kind) > 0:
-        texture = tables.materials.textures[m, slot]
-        textured = texture >= 0
-        if lanes.any_lane(textured):
-            color = lanes.where3(textured, lanes.mul(color, textures.value(tables, texture, surface)), color)
-    return color
+def _in_place(lobes: microfacet.Lobes, plain: Shader) -> Shader:
+    """A material's numbers where lanes with microfacets do nothing by the course's equations, but for what is a mirror and passes."""
+    zero = 0.0 * plain.ior
+    black = (zero, zero, zero)
+    here = lobes.here
+    reflection = lanes.where3(lobes.sharp, lanes.lerp3(lobes.f0, (zero + 1.0, zero + 1.0, zero + 1.0), zero + 0.05), black)
+    return Shader(
+        lanes.where3(here, lanes.mul(plain.ambient, lobes.base), plain.ambient), lanes.where3(here, black, plain.diffuse),
+        lanes.where3(here, black, plain.specular), plain.shininess, lanes.where3(here, reflection, plain.reflection), plain.transmission,
+        lanes.where(here, zero + 1.0, plain.ior), plain.emission, plain.blinn, plain.normalized, plain.glass, lobes,
+    )  # fmt: skip
+
+
+_with_lobes = microfacet.if_layered(_in_place)
 
 
 @helper
@@ -112,7 +120,27 @@ def reflected(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec
     if lanes.any_lane(shiny):
         lobe = lanes.where(shiny, _lobe(shader, normal, to_light, to_viewer, cosine), 0.0)
         light = lanes.add(light, lanes.scale(shader.specular, lobe))
-    return light
+    return microfacet.reflected(shader.lobes, light, normal, to_light, to_viewer)
+
+
+@helper
+def is_lit(shader: Shader) -> Lane:
+    """Whether light of lamps goes from it to the viewer."""
+    return lights_up(shader.lobes, lanes.largest(shader.diffuse) + lanes.largest(shader.specular) > 0.0)
+
+
+@helper
+def is_shiny(shader: Shader) -> Lane:
+    """Whether it has a highlight that is not a mirror's."""
+    return lights_up(shader.lobes, lanes.largest(shader.specular) > 0.0)
+
+
+@helper
+def _lit_by_lobes(lobes: microfacet.Lobes, plain: Lane) -> Lane:
+    return plain | lobes.here
+
+
+lights_up = microfacet.if_layered(_lit_by_lobes)
 
 
 @helper
@@ -139,7 +167,13 @@ def lobe_scale(blinn: Lane, n: Lane) -> Lane:
 
 @helper
 def sample_lobe(shader: Shader, normal: Vec, to_viewer: Vec, u: Lane, v: Lane) -> tuple[Vec, Vec]:
-    """A direction light may come from, spread as the lobe is, and what share of its radiance goes to the viewer.
+    """A direction light may come from, spread as the highlight is, and what share of its radiance goes to the viewer."""
+    return microfacet.sample_shine(shader.lobes, _of_lobe(shader, normal, to_viewer, u, v), normal, to_viewer, u, v)
+
+
+@helper
+def _of_lobe(shader: Shader, normal: Vec, to_viewer: Vec, u: Lane, v: Lane) -> tuple[Vec, Vec]:
+    """The same of the course's lobes.
 
     cosⁿ about the mirrored direction (Phong) or of the half vector (Blinn-Phong, whose density is that of the half vector over
     4 V·H; Walter 2005, Notes on the Ward BRDF); the share is k_s lobe / (π density), 0 where the direction is below the surface.
@@ -159,6 +193,27 @@ def sample_lobe(shader: Shader, normal: Vec, to_viewer: Vec, u: Lane, v: Lane) -
     share = lanes.where(shader.blinn, 8.0 * lanes.maximum(across, 0.0), 2.0) / (n + 1.0)
     share = share * lanes.where(shader.normalized, lobe_scale(shader.blinn, n) * above, 1.0)
     return direction, lanes.scale(shader.specular, lanes.where(above > 0.0, share, 0.0))
+
+
+@helper
+def onward(
+    shader: Shader, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane, interreflection: bool
+) -> tuple[Vec, Vec]:
+    """A direction for the one ray in which all but what is followed by itself goes on, and its weight: matt with interreflection alone."""
+    matt = lanes.scale(shader.diffuse, 1.0 if interreflection else 0.0)
+    plain = lights.cosine_sample(normal, u, v)[0], matt
+    return microfacet.onward(shader.lobes, plain, normal, to_viewer, u, v, which, interreflection)
+
+
+def has_lobes(shader: Shader) -> bool:
+    """Whether a scene has microfacets: known when kernels are compiled."""
+    return shader.lobes is not None
+
+
+@overload(has_lobes, jit_options=HELPER)
+def _has_lobes(shader):
+    found = not isinstance(shader.types[shader.fields.index("lobes")], types.NoneType)
+    return lambda shader: found
 
 
 # --- for paths: how directions are drawn, and how likely each is ----------------------------------------------------------
@@ -194,10 +249,11 @@ def share_of(shader: Shader, uses: Uses, normal: Vec, to_light: Vec, to_viewer: 
         density = density * matt
         if uses.glossy:
             density = density + shiny * lanes.where(cosine > 0.0, lobe_density(shader, normal, to_light, to_viewer), 0.0)
-        whole = matt + shiny
+        sharp = 0.0 * matt
         if uses.sharp:
-            whole = whole + lanes.mean3(shader.reflection) + lanes.mean3(shader.transmission)
-        density = density / lanes.maximum(whole, lights.TINY)
+            sharp = lanes.mean3(shader.reflection) + lanes.mean3(shader.transmission)
+        density = density / lanes.maximum(matt + shiny + sharp, lights.TINY)
+        share, density = microfacet.shared(shader.lobes, (share, density), normal, to_light, to_viewer, sharp)
     return share, density
 
 
@@ -225,18 +281,20 @@ def scatter(shader: Shader, uses: Uses, point: Surface, to_viewer: Vec, u: Lane,
         mirror, clear = zero, zero
         if uses.sharp:
             mirror, clear = lanes.mean3(shader.reflection), lanes.mean3(shader.transmission)
-        whole = lanes.maximum(matt + shiny + mirror + clear, lights.TINY)
+        blunt = microfacet.whole(shader.lobes, matt + shiny, normal, to_viewer)
+        whole = lanes.maximum(blunt + mirror + clear, lights.TINY)
         which = which * whole
         if uses.glossy:
             lobed = (which >= matt) & (which < matt + shiny)
             if lanes.any_lane(lobed):
-                direction = lanes.where3(lobed, sample_lobe(shader, normal, to_viewer, u, v)[0], direction)
+                direction = lanes.where3(lobed, _of_lobe(shader, normal, to_viewer, u, v)[0], direction)
+        direction = microfacet.draw(shader.lobes, direction, normal, to_viewer, u, v, which)
         share, density = share_of(shader, uses, normal, direction, to_viewer)
         weight = lanes.scale(share, 1.0 / (math.pi * lanes.maximum(density, lights.TINY)))
         if uses.sharp:
-            sharp = which >= matt + shiny
+            sharp = which >= blunt
             if lanes.any_lane(sharp):
-                direction, weight, through = _sharp(shader, point, to_viewer, direction, weight, which - matt - shiny, whole, sharp)
+                direction, weight, through = _sharp(shader, point, to_viewer, direction, weight, which - blunt, whole, sharp)
                 density = lanes.where(sharp, zero + ONLY, density)
     sinks = (lanes.dot(direction, point.geometric) <= 0.0) & (density < ONLY)
     weight = lanes.where3(sinks, (zero, zero, zero), weight)
@@ -279,6 +337,9 @@ def splits(point: Surface, shader: Shader, direction: Vec) -> tuple[Vec, Vec, Ve
     reflection = lanes.where3(shader.glass, by_fresnel, shader.reflection)
     turned_back = total & lanes.not_(shader.glass)
     reflection = lanes.where3(turned_back, lanes.add(reflection, shader.transmission), reflection)
+    viewer = lanes.negate(direction)
+    reflection = microfacet.mirrored(shader.lobes, reflection, point.normal, viewer)
+    transmission = microfacet.let_in(shader.lobes, transmission, point.normal, viewer)
     return reflection, transmission, refracted, total
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..compiler import ir
-from . import lanes, materials
+from . import inputs, lanes
 from .kernels import helper
 from .records import Lane, Surface, Tables
 
@@ -13,6 +13,6 @@ OPACITY = int(ir.Slot.OPACITY)
 @helper
 def at(tables: Tables, point: Surface) -> Lane:
     """How much of a surface is there at a point: 0 or 1 where its material has a threshold, else as much as that says."""
-    value = lanes.clip(materials.color_of(tables, point, OPACITY)[0], 0.0, 1.0)
+    value = lanes.clip(inputs.number_of(tables, point, OPACITY), 0.0, 1.0)
     threshold = tables.materials.threshold[point.material]
     return lanes.where(threshold > 0.0, lanes.where(value >= threshold, 1.0, 0.0), value)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..compiler import ir
-from . import emitters, integrate, lanes, lights, materials, sampler, surface, trace
+from . import emitters, integrate, lanes, lights, materials, principled, sampler, surface, trace
 from .emitters import Emitters
 from .kernels import apart, helper
 from .materials import ONLY, Shader, Uses
@@ -62,8 +62,8 @@ def uses_of(tables: ir.Tables) -> Uses:
         return bool(values[:, list(slots)].max(initial=0.0) > 0.0)
 
     return Uses(
-        glossy=any_of(slot.SPECULAR),
-        sharp=any_of(slot.REFLECTION, slot.TRANSMISSION) or bool((model == ir.MaterialModel.GLASS).any()),
+        glossy=any_of(slot.SPECULAR) or bool(np.isin(model, principled.MODELS).any()),
+        sharp=any_of(slot.REFLECTION, slot.TRANSMISSION) or bool((model == ir.MaterialModel.GLASS).any()) or principled.has_sharp(tables),
         shines=any_of(slot.EMISSION),
         ambient=bool((tables.lights.kind == ir.LightKind.AMBIENT).any()),
         sky=bool(np.isin(tables.lights.kind, (ir.LightKind.SKY, ir.LightKind.DOME)).any()),

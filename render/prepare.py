@@ -12,7 +12,22 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
-from . import aside, bvh, camera, emitters, gouraud, integrate, paths, patterns, pieces, sampler, tessellate, trace, waves
+from . import (
+    aside,
+    bvh,
+    camera,
+    emitters,
+    gouraud,
+    integrate,
+    paths,
+    patterns,
+    pieces,
+    principled,
+    sampler,
+    tessellate,
+    trace,
+    waves,
+)  # fmt: skip
 from .formulas import fields
 from .handles import Handle
 from .records import Frame, Open, Options, Pinhole, Still, Triple, View
@@ -47,7 +62,7 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     backend = plan["backend"]
     patterns.make_ready(scene.tables)
     shapes = _Shapes(scene.tables, view, plan["tolerance"])
-    tables = with_vertex_shaded_meshes(scene.tables, shapes)
+    tables = principled.tables_for(with_vertex_shaded_meshes(scene.tables, shapes))
     shells = {int(i): shapes.of(int(i)) for i in analytic_seen(tables, endless=False)} if backend == "raster" else {}
     options = options_of(plan, tables)
     weights, lens = sampler.filter_table(plan["filter"]), camera.lens_of(tables, view) if backend != "raster" else Pinhole()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from maquette.compiler import load, show
-from maquette.lang import schema
+from maquette.lang import entries, schema
 from maquette.lang.diagnostics import Diagnostics, SceneError
 
 NUMBERS = ("0", "1", "-1", "0.5", "3", "1e16", "1e-9", "1e308", "1e-308", "-1e200")
@@ -16,7 +16,7 @@ PLACED = ("shape", "light", "block", "camera", "setting")
 INSIDE = ("sphere(1)", "box(1e-9)", "area([0,1,0])", "sun()", "spot([0,1,0])", "mesh(points: [[0,0,0],[1,0,0],[0,1,0]], faces: [[0,1,2]])")
 
 
-def value(arg: schema.Arg, rng: random.Random) -> str:
+def value(arg: entries.Arg, rng: random.Random) -> str:
     """An expression of about the right type, with numbers from everywhere."""
 
     def n(unit: str = "") -> str:
@@ -66,7 +66,7 @@ def value(arg: schema.Arg, rng: random.Random) -> str:
 
 def element(rng: random.Random) -> str:
     entry = rng.choice([e for e in schema.SCHEMA.values() if not e.planned and e.category in PLACED])
-    given = [a for a in entry.args if not a.planned and (a.default is schema.REQUIRED or rng.random() < 0.3)]
+    given = [a for a in entry.args if not a.planned and (a.default is entries.REQUIRED or rng.random() < 0.3)]
     call = f"{entry.name}({', '.join(f'{a.name}: {value(a, rng)}' for a in given)})"
     return f"{call} {{ {rng.choice(INSIDE)} }}" if entry.children else call
 

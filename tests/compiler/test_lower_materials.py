@@ -74,7 +74,7 @@ def test_a_let_material_is_one_row_and_so_are_equal_ones(compiled) -> None:
 
 def test_a_checker_in_a_slot(compiled) -> None:
     scene = compiled("sphere(1, material: lambert(checker(#ffffff, #000000, size: 50cm)))" + REST)
-    assert scene.tables.materials.textures[0].tolist() == [0, 0, -1, -1, -1, -1, -1, -1, -1]
+    assert scene.tables.materials.textures[0].tolist() == [0, 0] + [-1] * (ir.SLOTS - 2)
     assert scene.tables.materials.values[0, Slot.DIFFUSE].tolist() == [1, 1, 1]
     t = scene.tables.textures
     assert (t.kind[0], t.size[0], t.image[0], t.channel[0]) == (ir.TextureKind.CHECKER, 0.5, -1, -1)

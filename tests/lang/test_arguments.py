@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from maquette.lang import convert, schema
+from maquette.lang import convert, entries, schema
 from maquette.lang.elements import AxisAngle, Element, Euler, Falloff, Quaternion
 from maquette.lang.formula import Formula
 
@@ -32,7 +32,7 @@ def test_positions_names_and_defaults() -> None:
 
 def test_every_argument_is_there_whether_given_or_not() -> None:
     for entry in schema.SCHEMA.values():
-        required = any(a.default is schema.REQUIRED for a in entry.args)
+        required = any(a.default is entries.REQUIRED for a in entry.args)
         if entry.planned or required or entry.category not in ("shape", "light", "block"):
             continue
         element = one(f"{entry.name}()")
@@ -48,9 +48,9 @@ def test_an_alias_is_the_argument_it_stands_for() -> None:
 
 
 def test_every_type_of_the_schema_can_be_converted() -> None:
-    assert set(convert._CONVERTERS) == set(schema.TYPES)
+    assert set(convert._CONVERTERS) == set(entries.TYPES)
     used = {a.type for e in schema.SCHEMA.values() for a in e.args}
-    assert used <= set(schema.TYPES)
+    assert used <= set(entries.TYPES)
 
 
 @pytest.fixture
@@ -58,7 +58,7 @@ def probe(monkeypatch: pytest.MonkeyPatch) -> Any:
     """What an argument of a type holds for a text, in a file in centimetres."""
 
     def convert_text(type_name: str, text: str, **limits: Any) -> Any:
-        entry = schema.Entry("probe", "shape", "for tests", (schema.Arg("value", type_name, schema.REQUIRED, **limits),))
+        entry = entries.Entry("probe", "shape", "for tests", (entries.Arg("value", type_name, entries.REQUIRED, **limits),))
         monkeypatch.setitem(schema.SCHEMA, "probe", entry)
         return one(f"unit cm\nprobe({text})").args["value"]
 

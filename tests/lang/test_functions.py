@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from maquette.lang import builtins, colors, formula, schema
+from maquette.lang import builtins, colors, entries, formula, schema
 from maquette.lang.elements import AxisAngle, Falloff, Quaternion
 from maquette.lang.formula import Formula
 from maquette.lang.noise import noise
@@ -201,7 +201,7 @@ def test_noise_is_bounded_and_repeats(x: float, y: float, z: float) -> None:
 @pytest.fixture
 def with_implicit(monkeypatch: pytest.MonkeyPatch) -> None:
     """An element that takes a formula, as the planned ones will."""
-    entry = schema.Entry("implicit", "shape", "for tests", (schema.Arg("f", "formula", schema.REQUIRED),))
+    entry = entries.Entry("implicit", "shape", "for tests", (entries.Arg("f", "formula", entries.REQUIRED),))
     monkeypatch.setitem(schema.SCHEMA, "implicit", entry)
 
 

@@ -8,7 +8,7 @@ import threading
 import time
 
 import pytest
-from maquette.lang import limits, schema
+from maquette.lang import entries, limits, schema
 from maquette.lang.diagnostics import Diagnostics
 from maquette.lang.evaluate import Source, evaluate
 
@@ -99,7 +99,7 @@ def test_elements_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_operations_of_a_formula_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    entry = schema.Entry("implicit", "shape", "for tests", (schema.Arg("f", "formula", schema.REQUIRED),))
+    entry = entries.Entry("implicit", "shape", "for tests", (entries.Arg("f", "formula", entries.REQUIRED),))
     monkeypatch.setitem(schema.SCHEMA, "implicit", entry)
     monkeypatch.setattr("maquette.lang.formula.MAX_TERMS", 500)
     _, messages = run("implicit(|x| fold(|s, k| s + sin(k * x), 0, 1..999))")

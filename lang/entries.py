@@ -1,0 +1,83 @@
+"""What the schema is made of: elements, their arguments, and the types those can have."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+REQUIRED = object()  # the default of an argument that must be given
+
+# The types an argument can have, and what the evaluator turns them into (see elements.Element.args).
+TYPES = {
+    "number": "a plain number",
+    "int": "a whole number",
+    "bool": "true or false",
+    "string": "a string",
+    "choice": "one of the strings listed",
+    "length": "a length; a bare number is in the file's unit",
+    "angle": "an angle: 30deg or 0.5rad",
+    "time": "a time: 2s",
+    "intensity": "candela (cd), or bare",
+    "illuminance": "lux (lx), or bare",
+    "luminance": "nit (cd/m²), or bare",
+    "flux": "lumen (lm)",
+    "color": "a colour",
+    "number_map": "a number or a texture",
+    "color_map": "a colour, a number (grey) or a texture",
+    "texture": "a texture",
+    "material": "a material",
+    "point": "three lengths",
+    "size3": "three lengths, or one for all",
+    "size2": "two lengths, or one for both",
+    "direction": "three numbers or lengths; its length does not matter",
+    "numbers2": "two plain numbers, or one for both",
+    "scale3": "three plain numbers, or one for all",
+    "rotation": "[x, y, z] angles, axis(v, angle) or quaternion(x, y, z, w)",
+    "matrix": "four rows of four numbers (the last may be left out); the translation column takes lengths",
+    "numbers": "a list of plain numbers",
+    "points": "a list of points",
+    "point_lists": "a list of lists of points",
+    "vectors3": "a list of three-number vectors",
+    "vectors2": "a list of two-number vectors",
+    "faces": "a list of lists of whole numbers from 0",
+    "falloff": "[constant, linear, quadratic] or ramp(start, end)",
+    "formula": "a formula |x, y, z| …",
+    "pixels": "[width, height] whole numbers",
+    "within": "a length, three lengths, two corners, or a sphere or box",
+    "strings": "a list of strings",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Arg:
+    """One argument. Positional arguments are taken in the order of the entry; `keyword` ones only by name."""
+
+    name: str
+    type: str
+    default: Any = None
+    doc: str = ""
+    aliases: tuple[str, ...] = ()
+    choices: tuple[str, ...] = ()
+    minimum: float | None = None  # in base units; violating it is an error
+    maximum: float | None = None
+    above: float | None = None  # exclusive minimum
+    keyword: bool = False
+    planned: bool = False  # known to the language, not built yet: giving it is an error that says so
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One element of the language."""
+
+    name: str
+    category: str  # shape solid block light material texture camera setting
+    doc: str
+    args: tuple[Arg, ...] = ()
+    children: bool = False
+    planned: bool = False  # known to the language, not built yet
+    exclusive: tuple[tuple[str, ...], ...] = ()  # groups of which at most one may be given
+    example: str = ""
+
+    def arg(self, name: str) -> Arg | None:
+        """The argument called `name`, by its name or an alias."""
+        return next((a for a in self.args if name == a.name or name in a.aliases), None)

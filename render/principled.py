@@ -1,0 +1,119 @@
+"""Materials with microfacets as rows say them: metallic and specular workflow (UsdPreviewSurface 2.6, glTF 2.0) and metals.
+
+`PRINCIPLED`: base = colour (1 − metallic), f0 = ((ior − 1) / (ior + 1))² (1 − metallic) + colour metallic. `PRINCIPLED_SPECULAR`: base =
+colour, f0 = SPECULAR. `METAL`: f0 = SPECULAR, and EDGE is what is left of Schlick's reflectance at 81.8°, where a metal reflects least
+(Kutz, Hašan, Edmondson 2021, Novel aspects of the Adobe Standard Material). TRANSMISSION is what of the base lets light straight
+through, AMBIENT how much of the base ambient light reaches (occlusion). α is roughness squared (Burley 2012).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import overload
+
+from ..compiler import ir
+from . import albedo, lanes, microfacet
+from .handles import HandleType
+from .inputs import color_of, number_of
+from .kernels import HELPER, helper
+from .microfacet import Lobes
+from .records import Lane, Surface, Tables, Vec
+
+PRINCIPLED = int(ir.MaterialModel.PRINCIPLED)
+SPECULAR_WORKFLOW = int(ir.MaterialModel.PRINCIPLED_SPECULAR)
+METAL = int(ir.MaterialModel.METAL)
+MODELS = (PRINCIPLED, SPECULAR_WORKFLOW, METAL)
+DIFFUSE, SPECULAR, IOR = int(ir.Slot.DIFFUSE), int(ir.Slot.SPECULAR), int(ir.Slot.IOR)
+TRANSMISSION, EDGE = int(ir.Slot.TRANSMISSION), int(ir.Slot.EDGE)
+ROUGHNESS, METALLIC = int(ir.Slot.ROUGHNESS), int(ir.Slot.METALLIC)
+COAT, COAT_ROUGHNESS = int(ir.Slot.COAT), int(ir.Slot.COAT_ROUGHNESS)
+LOWEST = 1.0 / 7.0  # cosine at which EDGE counts
+_DIP = LOWEST * (1.0 - LOWEST) ** 6
+
+
+class Layered(NamedTuple):
+    """ir.Materials of a scene that has microfacets, with what their shading reads beside the rows: a type of its own for kernels."""
+
+    model: Any
+    shading: Any
+    normalized: Any
+    threshold: Any
+    values: Any
+    textures: Any
+    albedo: albedo.Albedo
+
+
+def tables_for(tables: ir.Tables) -> ir.Tables:
+    """The same tables, or with `Layered` materials where some thing has microfacets."""
+    if not np.isin(tables.materials.model[tables.instances.material], MODELS).any():
+        return tables
+    return tables._replace(materials=Layered(*tables.materials, albedo.table()))  # pyright: ignore[reportArgumentType]
+
+
+def has_sharp(tables: ir.Tables) -> bool:
+    """Whether some highlight may be a mirror's."""
+    m = tables.materials
+    flat = (m.values[:, ROUGHNESS, 0] ** 2 < microfacet.SHARP) | (m.textures[:, ROUGHNESS] >= 0)
+    return bool((np.isin(m.model, MODELS) & flat).any())
+
+
+def at(tables: Tables, surface: Surface) -> Lobes | None:
+    """The microfacets of a surface where it is; None in scenes without any."""
+    return _at(tables, surface) if isinstance(tables.materials, Layered) else None
+
+
+@overload(at, jit_options=HELPER)
+def _at_in_kernels(tables, surface):
+    if isinstance(tables, HandleType) and tables.field("materials.albedo") is not None:
+        return lambda tables, surface: _at(tables, surface)
+    return lambda tables, surface: None
+
+
+@helper
+def _at(tables: Tables, surface: Surface) -> Lobes:
+    materials: Any = tables.materials
+    model = materials.model[surface.material]
+    zero = lanes.full_like(surface.offset, 0.0)
+    no = lanes.bool_like(zero, False)
+    metal, given = no | (model == METAL), no | (model == SPECULAR_WORKFLOW)
+    here = metal | given | (model == PRINCIPLED)
+    color = lanes.mul(color_of(tables, surface, DIFFUSE), surface.color)
+    specular = color_of(tables, surface, SPECULAR)
+    ior = lanes.maximum(number_of(tables, surface, IOR), 1e-3)
+    metallic = lanes.clip(number_of(tables, surface, METALLIC), 0.0, 1.0)
+    boundary = (ior - 1.0) / (ior + 1.0)
+    along = lanes.lerp3(lanes.like3(zero, 1.0, 1.0, 1.0), color, metallic)
+    along = lanes.mul(along, lanes.lerp3(_grey(boundary * boundary), _grey(zero + 1.0), metallic))
+    f0 = _clipped(lanes.where3(given | metal, specular, along))
+    opaque = (1.0 - metallic) * (1.0 - lanes.clip(number_of(tables, surface, TRANSMISSION), 0.0, 1.0))
+    base = lanes.scale(_clipped(color), lanes.where(metal, zero, opaque))
+    f90 = lanes.minimum(microfacet.GRAZING * lanes.largest(f0), 1.0)
+    edge = color_of(tables, surface, EDGE)
+    bend = (_bend(f0[0], edge[0]), _bend(f0[1], edge[1]), _bend(f0[2], edge[2]))
+    bend = lanes.where3(metal, bend, (zero, zero, zero))
+    roughness = lanes.clip(number_of(tables, surface, ROUGHNESS), 0.0, 1.0)
+    alpha = roughness * roughness
+    coat = lanes.clip(number_of(tables, surface, COAT), 0.0, 1.0)
+    coat_roughness = lanes.clip(number_of(tables, surface, COAT_ROUGHNESS), 0.0, 1.0)
+    return Lobes(
+        here, here & (alpha < microfacet.SHARP), base, f0, f90, bend, lanes.maximum(alpha, microfacet.SHARP),
+        lanes.where(metal, zero, coat), lanes.maximum(coat_roughness * coat_roughness, microfacet.SHARP), materials.albedo,
+    )  # fmt: skip
+
+
+@helper
+def _grey(x: Lane) -> Vec:
+    return x, x, x
+
+
+@helper
+def _clipped(color: Vec) -> Vec:
+    return lanes.clip(color[0], 0.0, 1.0), lanes.clip(color[1], 0.0, 1.0), lanes.clip(color[2], 0.0, 1.0)
+
+
+@helper
+def _bend(f0: Lane, edge: Lane) -> Lane:
+    """What Schlick's law gives too much, so that at LOWEST there is `edge` of it."""
+    return (f0 + (1.0 - f0) * (1.0 - LOWEST) ** 5) * (1.0 - lanes.clip(edge, 0.0, 1.0)) * (1.0 / _DIP)

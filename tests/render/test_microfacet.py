@@ -1,0 +1,180 @@
+"""Microfacets against what is known of them: energy, reciprocity, that directions are drawn as their density says, and closed forms."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from maquette.compiler import ir
+from maquette.compiler.rows import Input, MaterialData
+from maquette.render import albedo, lanes, materials, microfacet, paths, principled, sampler, surface
+from maquette.render.materials import Uses
+
+from . import tables as make
+from .chi2 import chi2
+
+K = ir.GeometryKind
+Model = ir.MaterialModel
+UP = (0.0, 1.0, 0.0)
+USES = Uses(glossy=True, sharp=True, shines=True, ambient=True, sky=True)
+ANGLES = (0.0, 0.6, 1.1, 1.4)
+
+
+def given(model=Model.PRINCIPLED, **slots):
+    """A material from inputs by slot name: grey numbers or colours."""
+    plain = {"roughness": 0.5, "diffuse": 0.0, "ambient": 1.0, "edge": 1.0} | slots
+    inputs = {ir.Slot[name.upper()]: Input(value if isinstance(value, tuple) else (value,) * 3) for name, value in plain.items()}
+    return MaterialData(model, inputs)
+
+
+def point_of(material):
+    """(Surface, Shader) of a plane of a material, seen from above."""
+    tables = principled.tables_for(make.scene([(K.PLANE, (), make.matrix(), 0)], materials=[material]))
+    ray = make.rays((0.3, 1, 0.2), (0, -1, 0))
+    point = surface.at(tables, ray, make.first_hit(tables, ray))
+    return point, materials.at(tables, point)
+
+
+def towards(angle, turn=0.0):
+    return (math.sin(angle) * math.cos(turn), math.cos(angle), math.sin(angle) * math.sin(turn))
+
+
+def numbers(n):
+    """n·n pairs of Sobol points and a third number each, as columns."""
+    pixel = np.zeros(n * n, np.int64)
+    sample = np.arange(n * n)
+    u, v = sampler.pair(pixel, sample, np.int64(1), 3)
+    return u, v, sampler.pair(pixel, sample, np.int64(2), 3)[0]
+
+
+def scattered(material, angle, n=90, random=False):
+    """What `scatter` gives for many random numbers: the weights' mean is the material's reflectance to this angle."""
+    point, shader = point_of(material)
+    u, v, which = np.random.default_rng(1).random((3, n * n)) if random else numbers(n)
+    lanes_of = [np.broadcast_to(x, u.shape) for x in towards(angle)]
+    wide = point._replace(**{k: tuple(np.broadcast_to(c, u.shape) for c in getattr(point, k)) for k in ("geometric", "normal")})
+    wide = wide._replace(front=np.broadcast_to(point.front, u.shape))
+    return materials.scatter(shader, USES, wide, tuple(lanes_of), u, v, which), shader
+
+
+def reflectance(material, angle, n=90):
+    weight = scattered(material, angle, n)[0].weight
+    return [float(np.mean(c)) for c in weight]
+
+
+METAL = {"model": Model.METAL, "specular": 1.0}
+LOSSLESS = {
+    "metal": METAL,
+    "white under a highlight": {"diffuse": 1.0, "ior": 1.5},
+    "white under a strong highlight": {"diffuse": 1.0, "ior": 2.4},
+    "white metal": {"diffuse": 1.0, "ior": 1.5, "metallic": 1.0},
+    "specular workflow": {"model": Model.PRINCIPLED_SPECULAR, "diffuse": 1.0, "specular": 0.3},
+    "coated white": {"diffuse": 1.0, "ior": 1.5, "coat": 1.0, "coat_roughness": 0.2},
+}
+
+
+@pytest.mark.parametrize("roughness", [0.0, 0.1, 0.35, 0.7, 1.0])
+@pytest.mark.parametrize("name", LOSSLESS)
+def test_what_loses_nothing_is_white_in_a_white_room(name, roughness):
+    for angle in ANGLES:
+        found = reflectance(given(**LOSSLESS[name], roughness=roughness), angle)[0]
+        assert 0.98 <= found <= 1.004, (angle, found)
+
+
+@pytest.mark.parametrize("roughness", [0.05, 0.4, 1.0])
+def test_nothing_gives_more_than_it_gets(roughness):
+    metal = {"model": Model.METAL, "specular": (1.0, 0.8, 0.3), "edge": 0.7}
+    for slots in ({"diffuse": (1.0, 0.5, 0.0), "coat": 0.7, "metallic": 0.3}, metal):
+        for angle in (*ANGLES, 1.55):
+            found = reflectance(given(**slots, roughness=roughness), angle)
+            assert max(found) <= 1.004
+            assert min(found) >= 0.0
+
+
+@pytest.mark.parametrize("slots", [*LOSSLESS.values(), {"diffuse": (0.9, 0.4, 0.1), "metallic": 0.5, "coat": 0.6, "coat_roughness": 0.4}])
+def test_light_may_go_either_way(slots):
+    """π f cos over cos is the same with light and viewer exchanged."""
+    shader = point_of(given(**slots, roughness=0.4))[1]
+    rng = np.random.default_rng(5)
+
+    def directions():
+        z, turn = rng.uniform(0.02, 1.0, 64), rng.uniform(0.0, 2 * math.pi, 64)
+        return np.sqrt(1 - z * z) * np.cos(turn), z, np.sqrt(1 - z * z) * np.sin(turn)
+
+    a, b = directions(), directions()
+    one, other = materials.reflected(shader, UP, a, b), materials.reflected(shader, UP, b, a)
+    for c in range(3):
+        np.testing.assert_allclose(one[c] / a[1], other[c] / b[1], rtol=1e-9)
+
+
+@pytest.mark.parametrize("angle", [0.3, 1.3])
+@pytest.mark.parametrize(
+    "slots",
+    [
+        {**METAL, "roughness": 0.3}, {**METAL, "roughness": 0.9}, {"diffuse": 0.6, "ior": 1.5, "roughness": 0.4},
+        {"diffuse": 0.4, "ior": 1.5, "roughness": 0.8, "coat": 1.0, "coat_roughness": 0.3},
+        {"diffuse": 0.5, "metallic": 0.5, "roughness": 0.0, "coat": 1.0, "coat_roughness": 0.5},
+    ],
+)  # fmt: skip
+def test_directions_are_drawn_as_their_density_says(slots, angle):
+    taken, shader = scattered(given(**slots), angle, 400, random=True)
+    blunt = (taken.density < materials.ONLY) & (taken.direction[1] > 0.0)
+    viewer = towards(angle)
+
+    def density(direction):
+        return materials.share_of(shader, USES, UP, direction, viewer)[1]
+
+    chi2(taken.direction, blunt, density)
+    again = density(taken.direction)
+    np.testing.assert_allclose(again[blunt], taken.density[blunt], rtol=1e-9)
+
+
+def test_a_white_metal_as_rough_as_can_be_gives_back_1_less_ln_2_by_one_bounce():
+    """Oracle 22: GGX, F = 1, α = 1, along the normal. With Smith's function for the viewer alone (what visible facets are), it is 1."""
+    e, _ = albedo.integrals(np.array(1.0), np.array(1.0), 200)
+    assert float(e) == pytest.approx(1.0 - math.log(2.0), abs=1e-4)
+    assert float(albedo.seen(albedo.table(), np.array([1.0]), np.array([1.0]))[0][0]) == pytest.approx(1.0 - math.log(2.0), abs=1e-3)
+
+
+def test_the_tables_are_what_quadrature_says():
+    cosine, alpha = np.meshgrid(np.linspace(0.02, 1.0, 25), np.linspace(0.08, 1.0, 20) ** 2)
+    e, b = albedo.integrals(cosine, alpha, 96)
+    found = albedo.seen(albedo.table(), cosine, alpha)
+    assert np.abs(found[0] - e).max() < 0.01
+    assert np.abs(found[1] - b).max() < 0.035
+
+
+def test_facets_cover_the_plane():
+    """∫ D cos = 1: all facets together have the area of the plane below them."""
+    cosine = (np.polynomial.legendre.leggauss(500)[0] + 1) / 2
+    weight = np.polynomial.legendre.leggauss(500)[1] / 2
+    sine = np.sqrt(1 - cosine**2)
+    half = (sine, cosine, 0 * sine)
+    for alpha in (0.1, 0.5, 1.0):
+        found = microfacet.spread(half, tuple(np.broadcast_to(c, sine.shape) for c in UP), np.full(sine.shape, alpha))
+        assert 2 * math.pi * float(np.sum(found * cosine * weight)) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_polished_one_mirrors_by_schlicks_law():
+    point, shader = point_of(given(Model.PRINCIPLED_SPECULAR, specular=(0.2, 0.5, 0.9), roughness=0.0))
+    for angle in ANGLES:
+        direction = tuple(-c for c in towards(angle))
+        found = materials.splits(point, shader, direction)[0]
+        for channel, f0 in enumerate((0.2, 0.5, 0.9)):
+            assert float(found[channel][0]) == pytest.approx(f0 + (1 - f0) * (1 - math.cos(angle)) ** 5, rel=1e-9)
+
+
+def test_every_draw_is_finite_where_it_grazes():
+    for slots in LOSSLESS.values():
+        for roughness in (0.0, 0.04, 1.0):
+            for angle in (math.pi / 2 - 1e-9, math.pi / 2, math.pi / 2 + 0.1):
+                taken, _ = scattered(given(**slots, roughness=roughness), angle, 16)
+                assert np.isfinite(np.stack(taken.weight)).all()
+                assert np.abs(lanes.length(taken.direction) - 1.0).max() < 1e-6
+
+
+def test_scenes_without_them_have_none():
+    shader = point_of(make.phong(0.5))[1]
+    assert shader.lobes is None
+    assert paths.uses_of(make.scene([(K.PLANE, (), make.matrix(), 0)], materials=[make.phong(0.5)])).glossy is False

@@ -17,6 +17,7 @@ from .wide import DEPTH
 
 NARROW = 0.0005  # square of the angle, in radians, that directions may stray from the first lane's to go together
 SMALL = 32  # nodes of a tree up to which rays that go apart, too, share the tests of shapes
+BUNDLES = across.WIDTH >= bundle.FEW
 FEW = 3  # active lanes from which on that is worth it
 
 
@@ -130,25 +131,13 @@ def _mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
     left = across.bits(enters < np.inf)
     if left == 0:
         return zero + np.inf, lanes.int_like(zero, -1), zero, zero
+    enters = lanes.where(enters < np.inf, enters, 0.0)
+    if BUNDLES and bundle.alike(left, d, ray):
+        reach, fine = accel.boxes[g, REACH], accel.boxes[g, FINE]
+        t, triangle, u, v, asked = bundle.meet(accel.wide, root, o, d, ray, enters, t_min, t_max, until, left, reach, fine, any_hit)
+        if asked:
+            return t, triangle, u, v
     rays = walk.room()
-    walk.keep(rays, 0, o, d, ray.inverse, lanes.where(enters < np.inf, enters, 0.0), t_min, t_max, until, accel.boxes[g, REACH])
-    return _below(accel, g, root, rays, left, zero, any_hit)
-
-
-@helper
-def _each(accel: Any, g: int, root: int, rays: walk.Rays, left: int, zero: Lane, any_hit: bool) -> tuple[Lane, Lane, Lane, Lane]:
-    """What the rays whose bits are set in `left` meet, each for itself."""
+    walk.keep(rays, 0, o, d, ray.inverse, enters, t_min, t_max, until, accel.boxes[g, REACH])
     hit = single.below(accel, root, rays, left, zero, any_hit)
     return hit.t, hit.primitive, hit.u, hit.v
-
-
-@helper
-def _bundled(accel: Any, g: int, root: int, rays: walk.Rays, left: int, zero: Lane, any_hit: bool) -> tuple[Lane, Lane, Lane, Lane]:
-    """The same, together where they are alike."""
-    reach = accel.boxes[g, REACH]
-    if bundle.alike(rays, left, reach, accel.boxes[g, FINE], any_hit):
-        return bundle.meet(accel.wide, root, rays, left, reach, any_hit)
-    return _each(accel, g, root, rays, left, zero, any_hit)
-
-
-_below = _bundled if across.WIDTH >= bundle.FEW else _each

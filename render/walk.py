@@ -265,13 +265,20 @@ def aside(leaves: Any, at: int, ray: Sieve) -> Vec:
 @helper
 def passed(a: Vec, b: Vec, c: Vec, off: Lane, least: Lane) -> int:
     """Bits of the triangles around a ray that passes at 0, 0, where each corner may be off by `off`; `least` is twice its square."""
+    u, v, w, error = weights(a, b, c, off, least)
+    low, high = simd.minimum(simd.minimum(u, v), w), simd.maximum(simd.maximum(u, v), w)
+    return simd.bits((low >= -error) | (high <= error))
+
+
+@helper
+def weights(a: Vec, b: Vec, c: Vec, off: Lane, least: Lane) -> tuple[Lane, Lane, Lane, Lane]:
+    """(weights of the corners of triangles that a ray passes at 0, 0, times the total; how far off each may be); see `passed`."""
     u = simd.fma(c[0], b[1], -(c[1] * b[0]))
     v = simd.fma(a[0], c[1], -(a[1] * c[0]))
     w = simd.fma(b[0], a[1], -(b[1] * a[0]))
     far = (abs(a[0]) + abs(a[1])) + (abs(b[0]) + abs(b[1])) + (abs(c[0]) + abs(c[1]))
     error = simd.fma(far, simd.fma(far, np.float32(2.0**-22), off), least)
-    low, high = simd.minimum(simd.minimum(u, v), w), simd.maximum(simd.maximum(u, v), w)
-    return simd.bits((low >= -error) | (high <= error))
+    return u, v, w, error
 
 
 class Sheared(NamedTuple):

@@ -215,16 +215,6 @@ def _interreflection(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Dec
 def _transport(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
     if not done["interreflection"].value:
         return Decision("transport", "tree", "light goes by mirrors and glass alone: every branch is followed", TRANSPORTS[1:])
-    tables = scene.tables
-    if (tables.materials.shading == ir.Shading.GOURAUD).any():
-        return Decision("transport", "tree", "some light is computed at vertices", TRANSPORTS[1:])
-    if partial(tables)[tables.instances.material].any():
-        return Decision("transport", "tree", "some things let rays through by their opacity", TRANSPORTS[1:])
-    if float(tables.cameras.shutter[done["camera"].value]) > 0.0 and moving(tables, done["camera"].value):
-        return Decision("transport", "tree", "things move while the shutter is open", TRANSPORTS[1:])
-    sky = np.isin(tables.lights.kind, (ir.LightKind.SKY, ir.LightKind.DOME))
-    if (sky & ~tables.lights.shadows).any():
-        return Decision("transport", "tree", "some sky casts no shadows", TRANSPORTS[1:])
     return Decision("transport", "paths", "matt surfaces light each other: one random direction a surface", TRANSPORTS)
 
 

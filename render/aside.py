@@ -92,6 +92,24 @@ def _there_in_kernels(accel, ray, t, i, primitive, u, v):
     return ask
 
 
+@helper
+def shown(accel: Any, ray: Ray, hit: Hit) -> Lane:
+    """How much of what rays met is there, 1 where they met nothing, in kernels of scenes where some is not."""
+    there = lanes.full_like(hit.t, 1.0)
+    left = across.bits(hit.instance >= 0)
+    while left != 0:
+        k = simd.trailing_zeros(left)
+        left &= left - 1
+        i = across.lane(hit.instance, k)
+        if accel.aside.partial[i]:
+            origin, direction = across.lane3(ray.origin, k), across.lane3(ray.direction, k)
+            one = One(origin, direction, 0.0, np.inf, _of(ray.time, k))
+            t, primitive = across.lane(hit.t, k), across.lane(hit.primitive, k)
+            share = _there(accel, one, t, i, primitive, across.lane(hit.u, k), across.lane(hit.v, k))
+            there = across.with_lane(there, k, share)
+    return there
+
+
 def _known(time: Any) -> Any:
     """The time, the opening's where there is none."""
     raise NotImplementedError

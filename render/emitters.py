@@ -13,21 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import lanes, lights
+from ..compiler import plan as planner
+from . import lanes, light_tree, lights, sky_map
 from .kernels import helper
 from .records import Lane, Tables, Vec
 
 POINT, SPOT, DIRECTIONAL, SUN = lights.POINT, lights.SPOT, lights.DIRECTIONAL, lights.SUN
 SKY, DOME, RECTANGLE, DISK, SPHERE = lights.SKY, lights.DOME, lights.RECTANGLE, lights.DISK, lights.SPHERE
 TRIANGLE = 20  # one of a shining mesh; the other kinds are LightKind's
-FEW = 8  # emitters up to which each place asks all of them what they may give
-NEAREST = 1e-9  # square metres: what is nearer to a light is as likely to choose it as from there
 MOST_TRIANGLES = 1 << 17  # of shining meshes that are sampled; rays still meet the others
 _AREAS = (RECTANGLE, DISK, SPHERE)
+_FAR = (DIRECTIONAL, SUN, DOME)
 
 
 class Emitters(NamedTuple):
-    """Rows of emitters, in the world."""
+    """Rows of emitters, in the world; those that are endlessly far stand first."""
 
     kind: NDArray[np.int32]
     place: NDArray[np.float64]  # (n, 3) a plate's or ball's middle, a triangle's first corner, a point light's position
@@ -40,11 +40,10 @@ class Emitters(NamedTuple):
     light: NDArray[np.int32]  # row of Lights, or -1
     shadows: NDArray[np.bool_]
     weighed: NDArray[np.bool_]  # rays that go on may meet it, too: both ways are weighed
-    power: NDArray[np.float64]  # mean of the channels, times the area where there is one
-    share: NDArray[np.float64]  # how likely it is chosen where there are many
-    upto: NDArray[np.float64]  # sum of the shares up to and with this one
     first: NDArray[np.int32]  # (instances,) the row of an instance's first part, or -1
     parts: NDArray[np.int32]  # (instances,) what is taken from a hit's primitive to count from `first`
+    tree: light_tree.Tree  # which of them a place looks to
+    sky: Any  # sky_map.SkyMap or Even
 
 
 class Arriving(NamedTuple):
@@ -56,13 +55,22 @@ class Arriving(NamedTuple):
     density: Lane  # of the direction, a solid angle; inf where there is only one
 
 
-def build(tables: ir.Tables) -> Emitters:
-    """The emitters of a scene. An even sky is none: rays that leave the scene see it, as often as any sampling could."""
+def build(tables: ir.Tables, moves: bool = False, horizon: NDArray[np.float64] | None = None) -> Emitters:
+    """The emitters of a scene. An even sky is none: rays that leave the scene see it, as often as any sampling could.
+
+    With `moves`, things that have keys move: rays meet those that shine by chance. Nothing comes from below a `horizon`.
+    """
     rows: list[dict[str, Any]] = []
+    sky = sky_map.build(tables, 0, horizon)
+    if isinstance(sky, sky_map.SkyMap):
+        rows.append(_row(kind=DOME, color=np.full(3, sky.power), light=int(np.flatnonzero(tables.lights.kind == ir.LightKind.DOME)[0]),
+                         weighed=True))  # fmt: skip
     instances = tables.instances
     first = np.full(len(instances.geometry), -1, np.int32)
     parts = np.zeros(len(instances.geometry), np.int32)
-    for k, kind in enumerate(tables.lights.kind):
+    order = sorted(range(len(tables.lights.kind)), key=lambda k: tables.lights.kind[k] not in _FAR)
+    for k in order:
+        kind = tables.lights.kind[k]
         if kind in (ir.LightKind.AMBIENT, ir.LightKind.SKY, ir.LightKind.DOME) or not tables.lights.color[k].any():
             continue
         if kind in _AREAS:
@@ -76,12 +84,13 @@ def build(tables: ir.Tables) -> Emitters:
                 _row(kind=kind, place=tables.lights.position[k], normal=axis, color=tables.lights.color[k], light=k,
                      shadows=tables.lights.shadows[k])
             )  # fmt: skip
-    for i in np.flatnonzero(_shining(tables) & (instances.light < 0)):
+    still = ~moves | (tables.transforms.first_key[instances.transform] < 0)
+    for i in np.flatnonzero(_shining(tables) & still & (instances.light < 0)):
         made = _shape(tables, int(i))
         if made:
             first[i], parts[i] = len(rows), made[0].pop("part")
             rows.extend({name: value for name, value in row.items() if name != "part"} for row in made)
-    return _table(tables, rows, first, parts)
+    return _table(tables, rows, first, parts, sky)
 
 
 def _row(**known: Any) -> dict[str, Any]:
@@ -117,9 +126,9 @@ def _plate(kind: int, matrix: Any, flips: bool, size: Any, color: Any, both: boo
 
 
 def _shining(tables: ir.Tables) -> NDArray[np.bool_]:
-    """(instances,) whose material shines evenly, with no picture on it."""
+    """(instances,) whose material shines evenly, with no picture on it, and is wholly there."""
     m, slot = tables.materials, ir.Slot.EMISSION
-    even = (m.values[:, slot].max(axis=1, initial=0.0) > 0.0) & (m.textures[:, slot] < 0)
+    even = (m.values[:, slot].max(axis=1, initial=0.0) > 0.0) & (m.textures[:, slot] < 0) & ~planner.partial(tables)
     return even[tables.instances.material] & (tables.instances.visible & ir.Visibility.REFLECTION != 0)
 
 
@@ -151,80 +160,39 @@ def _shape(tables: ir.Tables, i: int) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def _table(tables: ir.Tables, rows: list[dict[str, Any]], first: Any, parts: Any) -> Emitters:
+def _table(tables: ir.Tables, rows: list[dict[str, Any]], first: Any, parts: Any, sky: Any) -> Emitters:
     columns: dict[str, Any] = {}
     shapes: dict[str, Any] = dict.fromkeys(("place", "side_u", "side_v", "normal", "color"), (3,))
     types: dict[str, Any] = {"kind": np.int32, "light": np.int32, "both": bool, "shadows": bool, "weighed": bool}
     for name in ("kind", "place", "side_u", "side_v", "normal", "area", "color", "both", "light", "shadows", "weighed"):
         values = [row[name] for row in rows]
         columns[name] = np.array(values, types.get(name, np.float64)).reshape(-1, *shapes.get(name, ()))
-    power = columns["color"].mean(axis=1) * np.where(columns["area"] > 0, columns["area"] * (1.0 + columns["both"]), 1.0)
-    share = power / power.sum() if len(rows) else power
-    return Emitters(**columns, power=power, share=share, upto=np.cumsum(share), first=first, parts=parts)
+    return Emitters(**columns, first=first, parts=parts, tree=_tree(tables, columns), sky=sky)
+
+
+def _tree(tables: ir.Tables, of: dict[str, Any]) -> light_tree.Tree:
+    """The tree over all that has a place."""
+    kind, place, u, v = of["kind"], of["place"], of["side_u"], of["side_v"]
+    power = of["color"].mean(axis=1) * np.where(of["area"] > 0, of["area"] * np.where(kind == SPHERE, 0.25, 1.0), 1.0)
+    far = np.isin(kind, _FAR)
+    span = np.abs(u) + np.abs(v)
+    span = np.where((kind == DISK)[:, None], np.sqrt(u * u + v * v), span)
+    span = np.where((kind == SPHERE)[:, None], u[:, :1], span)
+    low, high = place - span, place + span
+    corners = np.stack([place, place + u, place + v])
+    low = np.where((kind == TRIANGLE)[:, None], corners.min(axis=0), low)
+    high = np.where((kind == TRIANGLE)[:, None], corners.max(axis=0), high)
+    spot = kind == SPOT
+    axis = np.where(spot[:, None], -of["normal"], of["normal"])
+    around = of["both"] | (kind == POINT)
+    edge = np.full(len(kind), 0.5 * math.pi)
+    if spot.any():
+        edge[spot] = np.arccos(np.clip(tables.lights.cos_cone[of["light"][spot]], -1.0, 1.0))
+    bounds = light_tree.Bounds(low, high, axis, np.where(around, math.pi, 0.0), edge, power)
+    return light_tree.build(power[far], light_tree.Bounds(*(column[~far] for column in bounds)))
 
 
 # --- in lanes ------------------------------------------------------------------------------------------------------------
-
-
-@helper
-def choose(emitters: Emitters, position: Vec, u: Lane) -> tuple[Lane, Lane]:
-    """(a row for each lane, how likely it was): by what a few give at a place if nothing stands in the way, of many by their power."""
-    if len(emitters.kind) > FEW:
-        row = _by_share(emitters, u)
-        return row, u * 0.0 + emitters.share[row]
-    most = _reaching_all(emitters, position) * u
-    row, upto, mine = lanes.int_like(u, 0), 0.0 * u, 0.0 * u
-    for e in range(len(emitters.kind)):
-        one = _reaching(emitters, e, position)
-        here = upto <= most
-        row, mine = lanes.where(here, e, row), lanes.where(here, one, mine)
-        upto = upto + one
-    return row, mine / upto
-
-
-@helper
-def chance(emitters: Emitters, row: Lane, position: Vec) -> Lane:
-    """How likely `choose` takes a row at a place."""
-    zero = 0.0 * position[0]
-    if len(emitters.kind) > FEW:
-        return zero + emitters.share[row]
-    mine = zero
-    for e in range(len(emitters.kind)):
-        mine = lanes.where(row == e, _reaching(emitters, e, position), mine)
-    return mine / _reaching_all(emitters, position)
-
-
-@helper
-def _reaching_all(emitters: Emitters, position: Vec) -> Lane:
-    total = 0.0 * position[0]
-    for e in range(len(emitters.kind)):
-        total = total + _reaching(emitters, e, position)
-    return total
-
-
-@helper
-def _reaching(emitters: Emitters, e: int, position: Vec) -> Lane:
-    """About what reaches a place from emitter e, wherever either of them faces; not 0."""
-    kind = emitters.kind[e]
-    if kind in (DIRECTIONAL, SUN):
-        return 0.0 * position[0] + emitters.power[e]
-    place = (emitters.place[e, 0], emitters.place[e, 1], emitters.place[e, 2])
-    away = lanes.sub(position, place)
-    return emitters.power[e] / (lanes.dot(away, away) + emitters.area[e] + NEAREST)
-
-
-@helper
-def _by_share(emitters: Emitters, u: Lane) -> Lane:
-    count = len(emitters.kind)
-    low = lanes.int_like(u, 0)
-    step = 1
-    while step < count:
-        step *= 2
-    while step > 1:  # the last row whose sum before it is not above u
-        step //= 2
-        further = lanes.minimum(low + step, count - 1)
-        low = lanes.where((low + step < count) & (emitters.upto[further - 1] <= u), further, low)
-    return low
 
 
 @helper
@@ -279,7 +247,13 @@ def sample(tables: Tables, emitters: Emitters, e: Lane, position: Vec, u: Lane, 
         towards = lights.in_cone(normal, u * 2.0 * half, v)  # `color` is what a surface that faces it gets from all of it
         direction = lanes.where3(far, towards, direction)
         strength = lanes.where(far, 1.0 / (1.0 - half), strength)
-    return Arriving(direction, distance, lanes.scale(color, strength), density)
+    light = lanes.scale(color, strength)
+    above = kind == DOME
+    if lanes.any_lane(above):
+        towards, radiance, likely = sky_map.sample(emitters.sky, tables, u, v)
+        direction, density = lanes.where3(above, towards, direction), lanes.where(above, likely, density)
+        light = lanes.where3(above, lanes.scale(radiance, 1.0 / lanes.maximum(likely, lights.TINY)), light)
+    return Arriving(direction, distance, light, density)
 
 
 @helper

@@ -189,7 +189,7 @@ def local_light(
     at_vertices = (tables.materials.shading[point.material] == GOURAUD) & (gouraud.first[point.instance] >= 0)
     if lanes.any_lane(active & at_vertices):
         there = active & at_vertices
-        total = lanes.where3(there, lanes.add(total, _from_vertices(tables, gouraud, point, hit, there)), total)
+        total = lanes.where3(there, lanes.add(total, from_vertices(tables, gouraud, point, hit, there)), total)
     here = active & lanes.not_(at_vertices)
     if lanes.any_lane(here):
         lit = direct_light(tables, accel, options, point, shader, viewer, here, pixel, sample, key)
@@ -250,7 +250,8 @@ def _unblocked(
 
 
 @helper
-def _from_vertices(tables: Tables, gouraud: GouraudLight, point: Surface, hit: Hit, here: Lane) -> Vec:
+def from_vertices(tables: Tables, gouraud: GouraudLight, point: Surface, hit: Hit, here: Lane) -> Vec:
+    """What was computed at the vertices of the triangles that rays met, in between them."""
     g = tables.instances.geometry[point.instance]
     triangle = lanes.where(here, hit.primitive, 0)
     triangles, color = tables.pools.triangles, gouraud.color

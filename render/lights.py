@@ -25,6 +25,7 @@ RAMP = int(ir.FalloffKind.RAMP)
 REPEAT = int(ir.Wrap.REPEAT)
 CLAMP = int(ir.Wrap.CLAMP)
 FAR = math.inf
+ALL, SHADOWED, OPEN = 0, 1, 2  # which skies: all, those that cast shadows, those that do not
 TINY = 1e-30  # below what any length, angle or weight is; float32 holds it, too
 _SHORT = 1.0 - 1e-9  # of the way to a light: its own place does not block it
 
@@ -242,14 +243,14 @@ def sky_radiance(tables: Tables, light: int, direction: Vec) -> Vec:
 
 
 @helper
-def background(tables: Tables, direction: Vec) -> tuple[Vec, bool]:
-    """What all skies and domes show in a direction, and whether there are any."""
+def background(tables: Tables, direction: Vec, which: int = ALL) -> tuple[Vec, bool]:
+    """What the skies and domes among `which` show in a direction, and whether there are any."""
     zero = 0.0 * direction[0]
     total = (zero, zero, zero)
     there = False
     for light in range(len(tables.lights.kind)):
         kind = tables.lights.kind[light]
-        if kind in (SKY, DOME):
+        if kind in (SKY, DOME) and (which == ALL or tables.lights.shadows[light] == (which == SHADOWED)):
             total = lanes.add(total, sky_radiance(tables, light, direction))
             there = True
     return total, there

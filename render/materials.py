@@ -41,7 +41,8 @@ class Uses(NamedTuple):
     sharp: bool  # some material mirrors, refracts or lets through
     shines: bool  # some material shines
     ambient: bool
-    sky: bool
+    sky: bool  # that casts shadows
+    open_sky: bool = False  # that casts none
 
 
 class Shader(NamedTuple):

@@ -11,19 +11,26 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba.extending import overload
 
 from ..compiler import ir
-from . import emitters, integrate, lanes, lights, materials, principled, sampler, surface, trace
+from ..compiler import plan as planner
+from . import emitters, integrate, lanes, light_tree, lights, materials, opacity, principled, sampler, sky_map, surface, trace
 from .emitters import Emitters
-from .kernels import apart, helper
+from .kernels import HELPER, apart, helper
 from .materials import ONLY, Shader, Uses
-from .records import Hit, Lane, Options, Ray, Surface, Tables, Vec
+from .records import GouraudLight, Hit, Lane, Options, Ray, Surface, Tables, Vec
 
+CAMERA_RAY = int(ir.Visibility.CAMERA)
 OTHER_RAY = int(ir.Visibility.REFLECTION)
+GOURAUD = int(ir.Shading.GOURAUD)
+FIRST = 8  # dimension of random numbers: those before are the camera's
 PAIRS = 4  # of random numbers a surface takes: light, direction, choices, end
+LAYERS = 1 << 20  # first dimension of those that let paths pass what is not wholly there
 SPREAD = 3  # surfaces of a path whose numbers are Sobol points; beyond them good spread gains nothing
 END_FROM = 3  # surfaces before a path may end by chance
 MOST_GOING = 0.95  # of the paths that go on, however bright
+LIT = 1e-18  # density of a direction from where light was computed at vertices: all that looking for light finds has been found
 
 
 class Path(NamedTuple):
@@ -46,17 +53,24 @@ class Connection(NamedTuple):
     wanted: Lane  # bool
 
 
+class NoVertices(NamedTuple):
+    """No light is computed at vertices."""
+
+
 class Light(NamedTuple):
     """What a picture's paths read beside its tables."""
 
     emitters: Emitters
     uses: Uses
+    vertices: Any = NoVertices()  # or GouraudLight
 
 
 def uses_of(tables: ir.Tables) -> Uses:
     """What materials and lights of a scene hold."""
     values, slot = tables.materials.values, ir.Slot
     model = tables.materials.model
+
+    sky = np.isin(tables.lights.kind, (ir.LightKind.SKY, ir.LightKind.DOME))
 
     def any_of(*slots: int) -> bool:
         return bool(values[:, list(slots)].max(initial=0.0) > 0.0)
@@ -66,21 +80,28 @@ def uses_of(tables: ir.Tables) -> Uses:
         sharp=any_of(slot.REFLECTION, slot.TRANSMISSION) or bool((model == ir.MaterialModel.GLASS).any()) or principled.has_sharp(tables),
         shines=any_of(slot.EMISSION),
         ambient=bool((tables.lights.kind == ir.LightKind.AMBIENT).any()),
-        sky=bool(np.isin(tables.lights.kind, (ir.LightKind.SKY, ir.LightKind.DOME)).any()),
+        sky=bool((sky & tables.lights.shadows).any()),
+        open_sky=bool((sky & ~tables.lights.shadows).any()),
     )
 
 
 @helper
 def numbers(pixel: Lane, sample: Lane, depth: int, pair: int, seed: int) -> tuple[Lane, Lane]:
     """Two random numbers for the surface that a path meets at a depth."""
-    dimension = lanes.int_like(pixel, 1 + depth * PAIRS + pair)
+    dimension = lanes.int_like(pixel, FIRST + depth * PAIRS + pair)
     if depth < SPREAD:
         return sampler.pair(pixel, sample, dimension, seed)
     return sampler.scattered(pixel, sample, dimension, seed)
 
 
 @helper
-def escape(tables: Tables, options: Options, path: Path, missed: Lane, depth: int) -> tuple[Vec, Lane]:
+def passing(pixel: Lane, sample: Lane, depth: int, layer: int, seed: int) -> Lane:
+    """The random number that lets a path pass a layer of what is not wholly there."""
+    return sampler.scattered(pixel, sample, lanes.int_like(pixel, LAYERS + depth * 1024 + layer), seed)[0]
+
+
+@helper
+def escape(tables: Tables, light_of: Light, options: Options, path: Path, missed: Lane, depth: int) -> tuple[Vec, Lane]:
     """(light, what alpha loses) of paths that leave the scene."""
     zero = 0.0 * path.density
     light, less = (zero, zero, zero), zero
@@ -88,11 +109,35 @@ def escape(tables: Tables, options: Options, path: Path, missed: Lane, depth: in
         light = integrate.camera_background(tables, options, path.direction)
         return lanes.where3(missed, light, (zero, zero, zero)), lanes.where(missed, zero + 1.0, zero)
     light = integrate.reflected_background(tables, options, path.direction)
+    soft = missed & (path.density < ONLY)
+    if lanes.any_lane(soft):
+        seen = _sky_found(tables, light_of, path, light)
+        light = lanes.where3(soft, seen, light)
     straight = missed & path.straight
     if lanes.any_lane(straight):
         light = lanes.where3(straight, integrate.camera_background(tables, options, path.direction), light)
         less = lanes.where(straight, (path.weight[0] + path.weight[1] + path.weight[2]) / 3.0, less)
     return lanes.where3(missed, lanes.mul(path.weight, light), (zero, zero, zero)), less
+
+
+@helper
+def _sky_found(tables: Tables, light_of: Light, path: Path, all_of_it: Vec) -> Vec:
+    """What of the skies counts where paths find them by chance: those that cast shadows, weighed against looking for them."""
+    zero = 0.0 * path.density
+    if lanes.not_(light_of.uses.sky):
+        return (zero, zero, zero)
+    seen = all_of_it
+    if light_of.uses.open_sky:
+        seen = lights.background(tables, path.direction, lights.SHADOWED)[0]
+    table = light_of.emitters
+    row = sky_map.row_of(table.sky)
+    share = lanes.where(path.density > LIT * 8.0, zero + 1.0, 0.0)
+    if row >= 0:
+        found = sky_map.density(table.sky, path.direction)
+        if len(table.kind) > 1:
+            found = found * light_tree.chance(table.tree, lanes.int_like(zero, row), path.origin)
+        share = share * power(path.density, found)
+    return lanes.scale(seen, share)
 
 
 @helper
@@ -127,7 +172,9 @@ def shine(
 @helper
 def _weighed(table: Emitters, row: Lane, path: Path, point: Surface, t: Lane) -> tuple[Lane, Lane]:
     """(what counts of an emitter that a path met by chance, whether it met the side that does not shine)."""
-    found = emitters.density(table, row, path.origin, path.direction, t) * emitters.chance(table, row, path.origin)
+    found = emitters.density(table, row, path.origin, path.direction, t)
+    if len(table.kind) > 1:
+        found = found * light_tree.chance(table.tree, row, path.origin)
     only = lanes.where(path.density >= ONLY, lanes.full_like(t, 1.0), 0.0)
     return lanes.where(table.weighed[row], power(path.density, found), only), lanes.not_(table.both[row] | point.front)
 
@@ -142,17 +189,17 @@ def power(one: Lane, other: Lane) -> Lane:
     return 1.0 / (1.0 + ratio * ratio)
 
 
-_sample_each, _choose = apart(emitters.sample), apart(emitters.choose)
+_sample_each, _choose = apart(emitters.sample), apart(light_tree.choose)
 
 
 @helper
 def connect(
-    tables: Tables, light: Light, point: Surface, shader: Shader, viewer: Vec, weight: Vec, here: Lane, last: Lane,
+    tables: Tables, light: Light, point: Surface, shader: Shader, viewer: Vec, weight: Vec, here: Lane, last: Lane, lit: Lane,
     ending: bool, pixel: Lane, sample: Lane, depth: int, seed: int,
 ) -> Connection:  # fmt: skip
     """A ray to a sample of one emitter; where no ray goes on (`last`) that is the only way to find its light.
 
-    Where bounces are `ending`, only lamps are left to be found.
+    Where bounces are `ending`, only lamps are left to be found, and where points are `lit` already, only what is none.
     """
     u, v = numbers(pixel, sample, depth, 0, seed)
     table = light.emitters
@@ -161,16 +208,19 @@ def connect(
         e = 0
         arriving = emitters.sample(tables, table, e, point.position, u, v)
         chance = zero + 1.0
-        here = here & (lanes.not_(ending) | (table.light[0] >= 0))
+        is_lamp = table.light[0] >= 0
+        here = here & (lanes.not_(ending) | is_lamp) & lanes.not_(lit & is_lamp)
         weighed, shadows = lanes.bool_like(zero, table.weighed[0]), lanes.bool_like(zero, table.shadows[0])
     else:
-        row, chance = _choose(table, point.position, numbers(pixel, sample, depth, 2, seed)[0])
+        row, chance = _choose(table.tree, point.position, numbers(pixel, sample, depth, 2, seed)[0])
         arriving = _sample_each(tables, table, row, point.position, u, v)
-        here = here & (lanes.bool_like(zero, lanes.not_(ending)) | (table.light[row] >= 0))
+        lamp = table.light[row] >= 0
+        here = here & (chance > 0.0) & (lanes.bool_like(zero, lanes.not_(ending)) | lamp) & lanes.not_(lit & lamp)
+        chance = lanes.where(chance > 0.0, chance, 1.0)
         weighed, shadows = table.weighed[row], table.shadows[row]
     share, density = materials.share_of(shader, light.uses, point.normal, arriving.direction, viewer)
     factor = 1.0 / (math.pi * chance)
-    met_too = weighed & lanes.not_(last)
+    met_too = weighed & lanes.not_(last | lit)
     factor = factor * lanes.where(met_too, power(arriving.density * chance, density), 1.0)
     given = lanes.scale(lanes.mul(lanes.mul(weight, share), arriving.light), factor)
     origin = surface.leave(point, arriving.direction)
@@ -201,16 +251,18 @@ def arrive(
     onward = path
     if depth > options.bounces:
         return sent, connection, onward, nothing
+    lit, known = from_vertices(light.vertices, tables, point, hit, here)
+    sent = lanes.where3(lit, lanes.add(sent, lanes.mul(path.weight, known)), sent)
     if uses.ambient:
         always = lanes.mul(lanes.mul(path.weight, shader.ambient), lights.ambient(tables))
-        sent = lanes.where3(here, lanes.add(sent, always), sent)
+        sent = lanes.where3(here & lanes.not_(lit), lanes.add(sent, always), sent)
     ending = depth == options.bounces
     last = lanes.bool_like(zero, False)
     if ending:  # matt surfaces are done when all light that they could meet has been looked for
         last = lanes.bool_like(zero, lanes.not_(uses.sky) & lanes.not_(uses.glossy))
     if len(light.emitters.kind) > 0:
         connection = connect(
-            tables, light, point, shader, viewer, path.weight, here, last, ending, pixel, sample, depth, options.seed
+            tables, light, point, shader, viewer, path.weight, here, last, lit, ending, pixel, sample, depth, options.seed
         )
     u, v = numbers(pixel, sample, depth, 1, options.seed)
     which = zero
@@ -218,6 +270,10 @@ def arrive(
         which = numbers(pixel, sample, depth, 2, options.seed)[1]
     taken = materials.scatter(shader, uses, point, viewer, u, v, which)
     weight = lanes.mul(path.weight, taken.weight)
+    if uses.open_sky:
+        soft = here & lanes.not_(lit) & (taken.density < ONLY)
+        above = lanes.mul(weight, lights.background(tables, taken.direction, lights.OPEN)[0])
+        sent = lanes.where3(soft, lanes.add(sent, above), sent)
     going = here & lanes.not_(last) & (lanes.largest(weight) > 0.0)
     if ending:
         going = going & (taken.density < ONLY)
@@ -226,8 +282,38 @@ def arrive(
         going = going & (numbers(pixel, sample, depth, 3, options.seed)[0] < keep)
         weight = lanes.scale(weight, 1.0 / lanes.maximum(keep, lights.TINY))
     straight = path.straight & taken.through
-    onward = Path(surface.leave(point, taken.direction), taken.direction, weight, taken.density, straight)
+    density = lanes.where(lit & (taken.density < ONLY), LIT, taken.density)
+    onward = Path(surface.leave(point, taken.direction), taken.direction, weight, density, straight)
     return sent, connection, onward, going
+
+
+def from_vertices(vertices: Any, tables: Tables, point: Surface, hit: Hit, here: Lane) -> tuple[Lane, Vec]:
+    """(where light is computed at vertices, and what comes from there)."""
+    if isinstance(vertices, NoVertices):
+        return np.zeros_like(here), (0.0 * point.offset, 0.0 * point.offset, 0.0 * point.offset)
+    return _from_vertices(vertices, tables, point, hit, here)
+
+
+@helper
+def _from_vertices(vertices: GouraudLight, tables: Tables, point: Surface, hit: Hit, here: Lane) -> tuple[Lane, Vec]:
+    zero = lanes.full_like(point.offset, 0.0)
+    lit = here & (tables.materials.shading[point.material] == GOURAUD) & (vertices.first[point.instance] >= 0)
+    known = (zero, zero, zero)
+    if lanes.any_lane(lit):
+        known = lanes.where3(lit, integrate.from_vertices(tables, vertices, point, hit, lit), known)
+    return lit, known
+
+
+@overload(from_vertices, jit_options=HELPER)
+def _from_vertices_in_kernels(vertices, tables, point, hit, here):
+    if vertices.layout:
+        return lambda vertices, tables, point, hit, here: _from_vertices(vertices, tables, point, hit, here)
+
+    def nowhere(vertices, tables, point, hit, here):
+        zero = lanes.full_like(point.offset, 0.0)
+        return lanes.bool_like(zero, False), (zero, zero, zero)
+
+    return nowhere
 
 
 # --- the reference: all samples of a tile in numpy lanes -----------------------------------------------------------------
@@ -246,24 +332,45 @@ def radiance(
     path = Path(origin, direction, (zero + 1.0, zero + 1.0, zero + 1.0), zero + ONLY, active)  # pyright: ignore[reportArgumentType]
     depth = 0
     while True:
+        onward = Ray(path.origin, path.direction, zero, zero + np.inf, ray.time)
+        if options.layers:
+            bit = OTHER_RAY if depth else CAMERA_RAY
+            hit = _beyond(accel, tables, options, onward if depth else ray, hit, active, bit, pixel, sample, depth)
         missed = active & (hit.instance < 0)
         if missed.any():
-            behind, less = escape(tables, options, path, missed, depth)
+            behind, less = escape(tables, light, options, path, missed, depth)
             total, alpha = lanes.add(total, behind), alpha - less
         here = active & (hit.instance >= 0)
         if depth > options.bounces + 1 or not here.any():
             break
-        point = surface.at(tables, Ray(path.origin, path.direction, zero, zero + np.inf), hit)
+        point = surface.at(tables, onward, hit)
         sent, connection, path, active = arrive(tables, light, options, path, hit, point, here, pixel, sample, depth)
         total = lanes.add(total, sent)
         if connection.wanted.any():
             blocking = connection.wanted & (connection.distance > 0.0) & options.shadows
-            shadow = Ray(connection.origin, connection.direction, zero, zero + connection.distance)
-            dark = trace.occluded(accel, tables, shadow, blocking)
-            total = lanes.where3(connection.wanted & ~dark, lanes.add(total, connection.light), total)
+            shadow = Ray(connection.origin, connection.direction, zero, zero + connection.distance, ray.time)
+            given = lanes.scale(connection.light, trace.let_through(accel, tables, shadow, blocking))
+            total = lanes.where3(connection.wanted, lanes.add(total, given), total)
         if not active.any():
             break
-        hit = trace.closest(accel, tables, Ray(path.origin, path.direction, zero, zero + np.inf), active, OTHER_RAY)
+        hit = trace.closest(accel, tables, Ray(path.origin, path.direction, zero, zero + np.inf, ray.time), active, OTHER_RAY)
         depth += 1
     sound = np.isfinite(total[0] + total[1] + total[2])
     return lanes.where3(sound, total, (zero, zero, zero)), alpha, sound
+
+
+def _beyond(
+    accel: Any, tables: ir.Tables, options: Options, ray: Ray, hit: Hit, active: Any, visible: int, pixel: Any, sample: Any, depth: int
+) -> Hit:  # fmt: skip
+    """What rays meet beyond that which chance lets them pass."""
+    partial = planner.partial(tables)[tables.instances.material]
+    passed, layer = active, 0
+    while True:
+        asked = passed & (hit.instance >= 0) & partial[np.maximum(hit.instance, 0)]
+        there = opacity.at(tables, surface.at(tables, ray, hit))
+        passed = asked & (passing(pixel, sample, depth, layer, options.seed) >= there)
+        if not passed.any():
+            return hit
+        again = trace.closest(accel, tables, ray._replace(t_min=hit.t), passed, visible)
+        hit = Hit(*(np.where(passed, new, old) for new, old in zip(again, hit, strict=True)))
+        layer += 1

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import ir
+from ..compiler import plan as planner
 from . import lanes
 from .kernels import helper
 from .records import Lane, Vec
@@ -65,15 +66,18 @@ class _Found(NamedTuple):
     cost: int = 1  # in quads
 
 
-def build(tables: ir.Tables, hull: bool) -> tuple[Tried, NDArray[np.bool_]]:
-    """The pieces to try, and which instances they are all of: those need no tree.
+def build(tables: ir.Tables, hull: bool, moves: bool = False) -> tuple[Tried, NDArray[np.bool_]]:
+    """The pieces to try, and which instances they are all of: those need no tree. What `moves` or is not wholly there is none.
 
     With `hull` (every light lies at a finite place), pieces that have the whole scene and its lights on one side block none of them.
     """
     instances = tables.instances
     made: dict[int, list[_Found]] = {}
+    stays = ~planner.partial(tables)[instances.material]
+    if moves:
+        stays &= tables.transforms.first_key[instances.transform] < 0
     for i in range(len(instances.geometry)):
-        found = _pieces_of(tables, i)
+        found = _pieces_of(tables, i) if stays[i] else []
         if found:
             made[i] = found
     chosen = _chosen(tables, made)

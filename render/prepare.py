@@ -12,22 +12,7 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
-from . import (
-    aside,
-    bvh,
-    camera,
-    emitters,
-    gouraud,
-    integrate,
-    paths,
-    patterns,
-    pieces,
-    principled,
-    sampler,
-    tessellate,
-    trace,
-    waves,
-)  # fmt: skip
+from . import aside, bvh, camera, gouraud, integrate, patterns, principled, sampler, tessellate, trace
 from .formulas import fields
 from .handles import Handle
 from .records import Frame, Open, Options, Pinhole, Still, Triple, View
@@ -70,7 +55,7 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     if backend == "reference":
         accel = trace.Brute()
         if plan["transport"] == "paths":
-            return Prepared(tables, tables, accel, None, options, frame, paths=_light(tables))
+            return Prepared(tables, tables, accel, None, options, frame, paths=_light(tables, plan, tables, accel, frame))
         light = gouraud.vertex_light(tables, tables, accel, frame)
         return Prepared(tables, tables, accel, light, options, frame, shells=shells)
     if plan["transport"] == "paths" and backend == "ray":
@@ -91,25 +76,38 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
 
 def _for_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame) -> Prepared:
     """Trees of all for the channels; pieces, trees of the rest and narrow tables for waves."""
+    from . import pieces, waves  # as with all of paths: other pictures start without
+
     kind = np.float32 if plan["precision"] == "float32" else np.float64
     lit = tables.lights.kind
-    near = not np.isin(lit, (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN)).any()
-    tried, inside = pieces.build(tables, near)
+    near = not np.isin(lit, (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN, ir.LightKind.DOME)).any() and not plan["motion"]
+    tried, inside = pieces.build(tables, near, plan["motion"])
     accel = Handle(waves.NoTrees())
     if not inside.all():
-        accel = Handle(bvh.build(tables, plan["accelerator"] == "brute", int(plan["threads"]), moves=False, left_out=inside))
+        threads = int(plan["threads"])
+        accel = Handle(bvh.build(tables, plan["accelerator"] == "brute", threads, moves=plan["motion"], left_out=inside))
         aside.link(accel)
-    boxes = bvh.world_bounds(tables)[~inside]
+    boxes = (bvh.swept_bounds if plan["motion"] else bvh.world_bounds)(tables)[~inside]
     low, high = boxes[:, :3].min(axis=0, initial=np.inf), boxes[:, 3:].max(axis=0, initial=-np.inf)
     if not np.isfinite(boxes).all():
         low, high = np.full(3, -np.inf), np.full(3, np.inf)
-    scene = waves.Scene(_as(tables, kind), _as(tried, kind), _as(_light(tables), kind), not inside.all(), low, high)
+    light = _light(tables, plan, Handle(tables), None, Handle(frame))
+    scene = waves.Scene(_as(tables, kind), _as(tried, kind), _as(light, kind), not inside.all(), low, high)
     packed = Handle(scene)
     return Prepared(tables, packed, accel, None, options, Handle(_as(frame, kind)), paths=kind)
 
 
-def _light(tables: ir.Tables) -> paths.Light:
-    return paths.Light(emitters.build(tables), paths.uses_of(tables))
+def _light(tables: ir.Tables, plan: Plan, packed: Any, accel: Any, frame: Any) -> Any:
+    """What paths look for; `packed`, `accel` and `frame` as gouraud.vertex_light takes them, without trees yet where those are None."""
+    from . import emitters, paths
+
+    horizon = None
+    if plan["horizon"]:
+        horizon = np.array(_normal(tables, planner.ground(tables)))
+    vertices: Any = paths.NoVertices()
+    if (tables.materials.shading[tables.instances.material] == ir.Shading.GOURAUD).any():
+        vertices = gouraud.vertex_light(tables, packed, trees(tables, plan) if accel is None else accel, frame)
+    return paths.Light(emitters.build(tables, plan["motion"], horizon), paths.uses_of(tables), vertices)
 
 
 def _as(nest: Any, kind: type) -> Any:

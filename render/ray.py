@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler.plan import Plan
-from . import across, aov, camera, integrate, lanes, prepare, rays, sampler, trace, waves
+from . import across, aov, camera, integrate, lanes, prepare, rays, sampler, trace
 from .handles import Handle
 from .kernels import HELPER, apart, helper, kernel
 from .records import Film, Hit, Options, Tile, View
@@ -38,6 +38,8 @@ class Renderer:
         """Add samples first … first + count - 1, (h, w) each, of the pixels of the tile to the film."""
         p = self.prepared
         if p.paths is not None:
+            from . import waves
+
             if not hasattr(self._rooms, "room"):
                 self._rooms.room = Handle(waves.Room.of(p.paths))
             waves.draw_tile(p.accel, p.packed, self.frame, tile, first, count, total, film, self._rooms.room)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler.plan import Plan
-from . import aov, camera, integrate, paths, sampler, trace
+from . import aov, camera, integrate, sampler, trace
 from .prepare import Prepared
 from .records import Film, Ray, Tile, View
 
@@ -39,6 +39,8 @@ class Renderer:
                 )
                 hit = self._first_hit(ray)
                 if prepared.paths is not None:
+                    from . import paths
+
                     rgb, alpha, sound = paths.radiance(prepared.tables, prepared.accel, prepared.paths, options, ray, hit, pixel, index)
                 else:
                     rgb, alpha, sound = integrate.radiance(

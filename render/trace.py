@@ -161,12 +161,12 @@ def _column(v: Vec, part: slice) -> Vec:
     return v[0][part, None], v[1][part, None], v[2][part, None]
 
 
-def _find(accel: Any, ray: Ray, active: Lane, visible_bit: int, any_hit: bool) -> Hit:
+def find(accel: Any, ray: Ray, active: Lane, visible_bit: int, any_hit: bool) -> Hit:
     """What a search through the trees finds, in kernels."""
     raise NotImplementedError
 
 
-@overload(_find, jit_options=HELPER)
+@overload(find, jit_options=HELPER)
 def _find_in_kernels(accel, ray, active, visible_bit, any_hit):
     if aside.moves(accel) and not isinstance(ray.types[ray.fields.index("time")], types.NoneType):
 
@@ -190,14 +190,14 @@ def _find_in_kernels(accel, ray, active, visible_bit, any_hit):
 def _closest_kernel(accel, tables, ray, active, visible_bit):
     if not across.is_mask(active):
         return None
-    return lambda accel, tables, ray, active, visible_bit: _find(accel, ray, active, visible_bit, False)
+    return lambda accel, tables, ray, active, visible_bit: find(accel, ray, active, visible_bit, False)
 
 
 @overload(occluded, jit_options=HELPER)
 def _occluded_kernel(accel, tables, ray, active):
     if not across.is_mask(active):
         return None
-    return lambda accel, tables, ray, active: _find(accel, ray, active, SHADOW, True).instance >= 0
+    return lambda accel, tables, ray, active: find(accel, ray, active, SHADOW, True).instance >= 0
 
 
 @overload(let_through, jit_options=HELPER)
@@ -206,7 +206,7 @@ def _let_through_kernel(accel, tables, ray, active):
         return None
 
     def by_opacity(accel, tables, ray, active):
-        found = _find(accel, ray, active, SHADOW, True)
+        found = find(accel, ray, active, SHADOW, True)
         return lanes.where(found.instance >= 0, 0.0, found.u)
 
     if aside.asks(accel):

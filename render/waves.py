@@ -11,17 +11,17 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
 from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import across, camera, lanes, materials, paths, pieces, sampler, simd, surface, traverse
+from . import across, aside, camera, lanes, materials, paths, pieces, sampler, simd, surface, trace
 from .kernels import HELPER, apart, helper, kernel
 from .paths import Connection, Path
 from .records import Hit, Lane, Ray, Surface, Vec
 
 CAMERA, OTHER = int(ir.Visibility.CAMERA), paths.OTHER_RAY
-SHADOW = int(ir.Visibility.SHADOW)
 SIZE = 2048  # paths of a wave
 PAD = 64  # beyond them, for stores of whole vectors
 ROW = SIZE + PAD
@@ -104,10 +104,9 @@ def _wave(accel, scene, frame, total, room, n):
     _begin(scene.tables, frame, total, room, n)
     left, source = n, 0
     for depth in range(frame.options.bounces + 2):
-        base = source * STATE * ROW
-        _meet(accel, scene, room, base, left, depth)
-        left, asked = _shade(scene, frame.options, room, source, left, depth)
-        _test(accel, scene, frame.options, room, asked)
+        _meet(accel, scene, frame, room, source, left, depth)
+        left, asked = _shade(scene, frame, room, source, left, depth)
+        _test(accel, scene, frame, room, asked)
         source = 1 - source
         if left == 0:
             break
@@ -176,6 +175,8 @@ def _for_search_kernel(x):
     """Lanes as traverse.find takes them: numbers where the machine has one lane."""
     if _WIDTH64 > 1:
         return lambda x: x
+    if isinstance(x, types.NoneType):
+        return lambda x: x
     return lambda x: simd.lane(x, 0)
 
 
@@ -204,7 +205,8 @@ def _begin(tables, frame, total, room, n):
         pixel, s = sampler.place(x, y, s, view.width, frame.order)
         dx, dy = sampler.offset(pixel, s, total, options.seed, frame.filter)
         x, y = lanes.to_float(x) + 0.5 + dx, lanes.to_float(y) + 0.5 + dy
-        ray = camera.through(tables, view, frame.lens, x, y, pixel, s, options.seed, None)
+        time = sampler.moment(pixel, s, options.seed, frame.shutter)
+        ray = camera.through(tables, view, frame.lens, x, y, pixel, s, options.seed, time)
         zero = 0.0 * dx
         _store3(room.state, 0, 0, i, (ray.origin[0] + zero, ray.origin[1] + zero, ray.origin[2] + zero))
         _store3(room.state, 0, 3, i, ray.direction)
@@ -219,8 +221,9 @@ def _begin(tables, frame, total, room, n):
 
 
 @apart
-def _meet(accel, scene, room, base, n, depth):
+def _meet(accel, scene, frame, room, source, n, depth):
     """What n rays meet first: pieces by trying each, then the rest by trees, nearer than those."""
+    base, seed = source * STATE * ROW, frame.options.seed
     like = simd.load(room.state, 0)
     step = across.width(like)
     queued = 0
@@ -247,7 +250,10 @@ def _meet(accel, scene, room, base, n, depth):
         if depth == 0:
             near = room.near[k]
         visible = CAMERA if depth == 0 else OTHER
-        hit = _find(accel, origin, direction, near, room.met[k], visible, False)
+        pixel, sample = room.whose[k + (source * 3 + 1) * ROW], room.whose[k + (source * 3 + 2) * ROW]
+        time = sampler.moment(pixel, sample, seed, frame.shutter)
+        ray = _as_searched(origin, direction, near, room.met[k], time)
+        hit = _closest(accel, ray, np.int64(visible), _for_search(pixel), _for_search(sample), depth, seed)
         nearer = _from_search(hit.instance, wide) >= 0
         simd.scatter(room.met, k, _from_search(hit.t, near), nearer)
         simd.scatter(room.met, k + ROW, _from_search(hit.u, near), nearer)
@@ -257,33 +263,61 @@ def _meet(accel, scene, room, base, n, depth):
         simd.scatter(room.what, k + 2 * ROW, _from_search(hit.primitive, wide), nearer)
 
 
-def _find(accel: Any, origin: Vec, direction: Vec, near: Lane, far: Lane, visible: int, any_hit: bool) -> Hit:
+@helper
+def _as_searched(origin: Vec, direction: Vec, near: Lane, far: Lane, time: Any) -> Ray:
+    o = (_for_search(origin[0]), _for_search(origin[1]), _for_search(origin[2]))
+    d = (_for_search(direction[0]), _for_search(direction[1]), _for_search(direction[2]))
+    return Ray(o, d, _for_search(near), _for_search(far), _for_search(time))
+
+
+def _closest(accel: Any, ray: Ray, visible: int, pixel: Lane, sample: Lane, depth: int, seed: int) -> Hit:
     raise NotImplementedError
 
 
-@overload(_find, jit_options=HELPER)
-def _find_in_kernels(accel, origin, direction, near, far, visible, any_hit):
-    """What rays meet in the trees; not compiled where there are none."""
-    if accel.field("search") is not None:
-        return lambda accel, origin, direction, near, far, visible, any_hit: _search(
-            accel, origin, direction, near, far, visible, any_hit
-        )
+@overload(_closest, jit_options=HELPER)
+def _closest_in_trees(accel, ray, visible, pixel, sample, depth, seed):
+    """What rays meet in the trees; not compiled where there are none. Chance lets them pass what is not wholly there."""
+    if accel.field("search") is None:
 
-    def nothing(accel, origin, direction, near, far, visible, any_hit):
-        none = _for_search(lanes.int_like(near, -1))
-        zero = _for_search(near)
-        return Hit(zero, none, none, zero, zero)
+        def nothing(accel, ray, visible, pixel, sample, depth, seed):
+            zero = 0.0 * ray.t_min
+            none = lanes.int_like(zero, -1)
+            return Hit(zero, none, none, zero, zero)
 
-    return nothing
+        return nothing
+
+    def first(accel, ray, visible, pixel, sample, depth, seed):
+        return trace.find(accel, ray, lanes.bool_like(ray.t_min, True), visible, False)
+
+    def beyond(accel, ray, visible, pixel, sample, depth, seed):
+        hit = trace.find(accel, ray, lanes.bool_like(ray.t_min, True), visible, False)
+        passed, layer = lanes.bool_like(ray.t_min, True), 0
+        while True:
+            passed = passed & (paths.passing(pixel, sample, depth, layer, seed) >= aside.shown(accel, ray, hit))
+            if lanes.not_(lanes.any_lane(passed)):
+                return hit
+            ray = Ray(ray.origin, ray.direction, lanes.where(passed, hit.t, ray.t_min), ray.t_max, ray.time)
+            again = trace.find(accel, ray, passed, visible, False)
+            hit = Hit(
+                lanes.where(passed, again.t, hit.t), lanes.where(passed, again.instance, hit.instance),
+                lanes.where(passed, again.primitive, hit.primitive), lanes.where(passed, again.u, hit.u),
+                lanes.where(passed, again.v, hit.v),
+            )  # fmt: skip
+            layer += 1
+
+    return beyond if aside.asks(accel) else first
 
 
-@helper
-def _search(accel: Any, origin: Vec, direction: Vec, near: Lane, far: Lane, visible: int, any_hit: bool) -> Hit:
-    o = (_for_search(origin[0]), _for_search(origin[1]), _for_search(origin[2]))
-    d = (_for_search(direction[0]), _for_search(direction[1]), _for_search(direction[2]))
-    near, far = _for_search(near), _for_search(far)
-    every = lanes.bool_like(near, True)
-    return traverse.find(accel.search, (accel, o, d, near, far, every, np.int64(visible), any_hit))  # pyright: ignore[reportCallIssue]
+def _passing(accel: Any, ray: Ray) -> Lane:
+    raise NotImplementedError
+
+
+@overload(_passing, jit_options=HELPER)
+def _passing_in_trees(accel, ray):
+    """The share of light that passes the trees, 0 to 1."""
+    if accel.field("search") is None:
+        return lambda accel, ray: 0.0 * ray.t_min + 1.0
+    return lambda accel, ray: trace.let_through(accel, None, ray, lanes.bool_like(ray.t_min, True))
 
 
 @helper
@@ -330,7 +364,7 @@ def _in_full(tables, ray, hit):
 
 
 @helper
-def _point(tables: Any, records: Any, path: Path, hit: Hit, piece: Lane, here: Lane) -> tuple[Surface, Hit]:
+def _point(tables: Any, records: Any, path: Path, hit: Hit, piece: Lane, here: Lane, time: Any) -> tuple[Surface, Hit]:
     """The surface that rays met, and the hit with the instance and primitive of what is a piece."""
     row = lanes.maximum(piece, 0)
     of_piece = here & (piece >= 0)
@@ -351,25 +385,25 @@ def _point(tables: Any, records: Any, path: Path, hit: Hit, piece: Lane, here: L
     white = (zero + 1.0, zero + 1.0, zero + 1.0)
     point = Surface(
         position, position, facing, facing, outward, (zero, zero), (zero + 1.0, zero + 1.0), front, lanes.maximum(instance, 0),
-        lanes.to_int(of_material), white, size * (surface.ROUNDING * lanes.roundoff(zero)),
+        lanes.to_int(of_material), white, size * (surface.ROUNDING * lanes.roundoff(zero)), time,
     )  # fmt: skip
     others = here & lanes.not_(plain)
     if lanes.any_lane(others):
-        ray = Ray(path.origin, path.direction, zero, zero + np.inf, None)
+        ray = Ray(path.origin, path.direction, zero, zero + np.inf, time)
         full = _in_full(tables, ray, Hit(hit.t, lanes.where(others, instance, -1), hit.primitive, hit.u, hit.v))
         point = Surface(
             lanes.where3(others, full.position, position), full.local, lanes.where3(others, full.geometric, facing),
             lanes.where3(others, full.normal, facing), full.local_normal, full.uv, full.metric, lanes.where(others, full.front, front),
             point.instance, lanes.where(others, full.material, point.material), lanes.where3(others, full.color, white),
-            lanes.where(others, full.offset, point.offset),
+            lanes.where(others, full.offset, point.offset), time,
         )  # fmt: skip
     return point, hit
 
 
 @apart
-def _shade(scene, options, room, source, n, depth):
+def _shade(scene, frame, room, source, n, depth):
     """Shade what n rays met: (how many rays go on, how many to emitters)."""
-    tables, light = scene.tables, scene.light
+    tables, light, options = scene.tables, scene.light, frame.options
     like = simd.load(room.state, 0)
     step = across.width(like)
     base, target = source * STATE * ROW, (1 - source) * STATE * ROW
@@ -388,7 +422,7 @@ def _shade(scene, options, room, source, n, depth):
         here = active & ((piece >= 0) | (instance >= 0))
         missed = active & lanes.not_(here)
         if lanes.any_lane(missed):
-            behind, less = paths.escape(tables, options, path, missed, depth)
+            behind, less = paths.escape(tables, light, options, path, missed, depth)
             if depth == 0:  # slots are those of the lanes
                 _store3(room.light, 0, 0, i, behind)
                 simd.store(room.light, 3 * ROW + i, 1.0 - less)
@@ -398,7 +432,8 @@ def _shade(scene, options, room, source, n, depth):
                 simd.scatter(room.light, at, simd.gather(room.light, at, missed) - less, missed)
             if lanes.not_(lanes.any_lane(here)):
                 continue
-        point, hit = _point(tables, scene.tried.records, path, hit, piece, here)
+        time = sampler.moment(pixel, sample, options.seed, frame.shutter)
+        point, hit = _point(tables, scene.tried.records, path, hit, piece, here, time)
         sent, connection, onward, going = paths.arrive(tables, light, options, path, hit, point, here, pixel, sample, depth)
         bright = here & (lanes.largest(sent) > 0.0)
         if lanes.any_lane(bright):
@@ -429,8 +464,9 @@ def _ask(room: Any, asked: int, slot: Lane, connection: Connection) -> None:
 
 
 @apart
-def _test(accel, scene, options, room, n):
+def _test(accel, scene, frame, room, n):
     """Give n connections' light to their paths where nothing stands in the way."""
+    options = frame.options
     like = simd.load(room.state, 0)
     step = across.width(like)
     queued = 0
@@ -451,11 +487,15 @@ def _test(accel, scene, options, room, n):
     for j in range(0, queued, _WIDTH64):
         k = simd.load(room.queue, j)
         origin, direction = _gather3(room.asked, 0, 0, k), _gather3(room.asked, 0, 3, k)
-        hit = _find(accel, origin, direction, 0.0 * origin[0], room.asked[k + 6 * ROW], SHADOW, True)
-        lit = (_from_search(hit.instance, wide) < 0) & simd.first_lanes(queued - j, wide)
+        slot = room.asker[k]
+        x, y, s = room.items[slot], room.items[slot + ROW], room.items[slot + 2 * ROW]
+        pixel, s = sampler.place(x, y, s, frame.picture.width, frame.order)
+        time = sampler.moment(pixel, s, options.seed, frame.shutter)
+        ray = _as_searched(origin, direction, 0.0 * origin[0], room.asked[k + 6 * ROW], time)
+        share = _from_search(_passing(accel, ray), origin[0])
+        lit = (share > 0.0) & simd.first_lanes(queued - j, wide)
         if lanes.any_lane(lit):
-            slot = room.asker[k]
             for c in range(3):
                 at = slot + c * ROW
-                light = room.asked[k + (7 + c) * ROW]
+                light = room.asked[k + (7 + c) * ROW] * share
                 simd.scatter(room.light, at, room.light[at] + light, lit)

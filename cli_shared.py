@@ -67,7 +67,10 @@ _PICTURE = {
     "bounces": click.option("--bounces", type=click.IntRange(0, 64), help="Surface interactions after the first hit."),
     "seed": click.option("--seed", type=click.IntRange(0, (1 << 63) - 1), help="Of the random numbers."),
     "threads": click.option("--threads", type=click.IntRange(1, 1024), help="Default: one a core. The picture does not depend on it."),
-    "aov": click.option("--aov", type=values.CHANNELS, help="More channels for an .exr: depth,normal,position,albedo,uv,id,issues."),
+    "aov": click.option(
+        "--aov", type=values.CHANNELS,
+        help="More channels for an .exr: depth,normal,position,albedo,uv,id,variance,samples,cryptomatte,lights,light:NAME,issues.",
+    ),
     "crop": click.option("--crop", type=values.CROP, help="Only these pixels, from the top left."),
     "background": click.option("--background", type=values.BACKGROUND, help="sky, transparent or #rrggbb."),
     "exposure": click.option("--exposure", type=values.EXPOSURE, help="Stops, for 8 and 16-bit pictures; + 1 is twice as bright."),

@@ -221,6 +221,7 @@ class SceneBuilder:
         if light.transform < 0:
             return NONE
         columns = {**{f.name: getattr(light, f.name) for f in fields(light)}, "instance": NONE}
+        self._names["groups"].append(light.group)
         return self._add("lights", tuple(columns[c] for c in ir.Lights._fields), span, light.name)
 
     def camera(self, camera: CameraData, span: Span | None = None) -> int:
@@ -284,7 +285,7 @@ class SceneBuilder:
         made["transforms"] = self._transforms()
         made["pools"] = ir.table_of("pools", {column: self._pooled(column) for column in ir.Pools._fields})
         made["images"] = ir.table_of("images", {**_columns("images", rows["images"]), "texels": self._pooled("texels")})
-        names = ir.Names(**{table: tuple(of) for table, of in self._names.items()})
+        names = ir.Names(**{table: tuple(of) for table, of in self._names.items() if table != "groups" or any(of)})
         return ir.Scene(name, ir.Tables(**made), names, _spans(self._spans), **about)
 
     def _transforms(self) -> ir.Transforms:

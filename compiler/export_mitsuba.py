@@ -93,6 +93,8 @@ def _integrator(out: Export, plan: Plan) -> Node:
 def _sensor(out: Export, plan: Plan) -> Node:
     scene, camera = out.scene, plan["camera"]
     width, height = plan["size"]
+    if plan["lens"] == "panorama":
+        out.cannot("panoramic cameras are not carried", "cameras", camera)
     seen = export.eye(scene, camera, (width, height))
     if not seen.regular:
         out.cannot("the camera's frame is stretched or sheared: not carried", "cameras", camera)
@@ -103,21 +105,21 @@ def _sensor(out: Export, plan: Plan) -> Node:
     if seen.perspective:
         frame = export.square(np.stack([left, up, seen.forward, position], axis=1))
         # the offsets are shares of the picture's width and height; +x to the right of the picture, +y down
+        lens = float(scene.tables.cameras.lens[camera])
+        more = {"principal_point_offset_x": float(seen.shift[0] / 2), "principal_point_offset_y": float(-seen.shift[1] / 2)}
+        if lens > 0.0:
+            more = {"aperture_radius": lens, "focus_distance": float(scene.tables.cameras.focus[camera])}
+            if seen.shift.any():
+                out.cannot("the camera's shift is not carried where it has an aperture", "cameras", camera)
         sensor = node(
-            "sensor", "perspective", fov=float(2 * np.degrees(np.arctan(half_x))), fov_axis="x",
-            principal_point_offset_x=float(seen.shift[0] / 2), principal_point_offset_y=float(-seen.shift[1] / 2),
+            "sensor", "thinlens" if lens > 0.0 else "perspective", fov=float(2 * np.degrees(np.arctan(half_x))), fov_axis="x", **more,
             near_clip=near or NEAR, far_clip=far if np.isfinite(far) else FAR, to_world=frame,
         )  # fmt: skip
     else:
         position = position + seen.shift[0] * seen.right + seen.shift[1] * seen.up
-        back = 0.0
-        if near == 0.0:  # without a near plane it sees what lies behind its eye, too
-            middle, radius = export.reach(scene.tables)
-            back = max(float((position - middle) @ seen.forward), 0.0) + 2 * radius
-            if (scene.tables.geometries.kind == ir.GeometryKind.PLANE).any():
-                back = max(back, 1e3 * radius)
+        back = max(-near, 0.0)  # with a negative near it sees what lies behind it, too
         frame = export.square(np.stack([left * half_x, up * half_x, seen.forward, position - back * seen.forward], axis=1))
-        sensor = node("sensor", "orthographic", near_clip=near or NEAR, far_clip=far + back if np.isfinite(far) else FAR, to_world=frame)
+        sensor = node("sensor", "orthographic", near_clip=max(near, NEAR), far_clip=far + back if np.isfinite(far) else FAR, to_world=frame)
     return sensor.with_(_film(plan), node("sampler", SAMPLER, sample_count=int(plan["samples"]), seed=int(plan["seed"]) & 0x7FFFFFFF))
 
 

@@ -57,16 +57,17 @@ def _camera(out: Export, plan: Plan) -> str:
     scene, row = out.scene, plan["camera"]
     seen = export.eye(scene, row, plan["size"])
     cameras = scene.tables.cameras
-    if cameras.near[row] > 0.0 or np.isfinite(cameras.far[row]):
+    if cameras.near[row] != 0.0 or np.isfinite(cameras.far[row]):
         out.cannot("near and far planes are not carried", "cameras", row)
+    if plan["lens"] != "pinhole":
+        what = "panoramic cameras are" if plan["lens"] == "panorama" else "depth of field is"
+        out.cannot(f"{what} not carried", "cameras", row)
     offset = seen.shift[0] * seen.right + seen.shift[1] * seen.up
     right, up = bracket(2 * seen.right), bracket(2 * seen.up)
     if seen.perspective:
         forward = bracket(seen.forward + offset)
         return f"camera {{ perspective location {bracket(seen.position)} direction {forward} right {right} up {up} }}"
-    middle, radius = export.reach(scene.tables)
-    back = max(float((seen.position - middle) @ seen.forward), 0.0) + 2 * radius
-    location = bracket(seen.position + offset - back * seen.forward)
+    location = bracket(seen.position + offset)
     return f"camera {{ orthographic location {location} direction {bracket(seen.forward)} right {right} up {up} }}"
 
 

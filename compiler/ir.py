@@ -373,6 +373,7 @@ class Names:
     cameras: tuple[str, ...] = ()
     images: tuple[str, ...] = ()
     attributes: tuple[str, ...] = ()
+    groups: tuple[str, ...] = ()  # of lights, "" of those in none; () if all are
 
 
 @dataclass(frozen=True, slots=True)

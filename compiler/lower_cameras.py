@@ -116,7 +116,7 @@ def _crop(lowering: Lowering, render: Element) -> tuple[int, int, int, int] | No
 def _aov(lowering: Lowering, render: Element) -> tuple[str, ...] | None:
     given = render.args["aov"]
     for name in given or ():
-        if name not in plan.CHANNELS:
+        if not plan.is_channel(name):
             hint = suggest(name, plan.CHANNELS) or f"there are {', '.join(plan.CHANNELS)}"
             return lowering.error(render, f"no channel is called `{name}`", hint)
     return tuple(given) if given else None

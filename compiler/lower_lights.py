@@ -39,7 +39,7 @@ def _color(element: Element, strength: float) -> Color:
 
 
 def _common(element: Element) -> dict[str, Any]:
-    return {"shadows": element.args["shadows"], "name": element.args["name"] or ""}
+    return {"shadows": element.args.get("shadows", True), "name": element.args["name"] or "", "group": element.args.get("group") or ""}
 
 
 def _falloff(element: Element) -> dict[str, Any]:
@@ -112,7 +112,7 @@ def _dome(lowering: Lowering, element: Element, block: np.ndarray) -> None:
 
 
 def _ambient(lowering: Lowering, element: Element, block: np.ndarray) -> None:
-    data = LightData(Kind.AMBIENT, _color(element, element.args["luminance"]), shadows=False, name=element.args["name"] or "")
+    data = LightData(Kind.AMBIENT, _color(element, element.args["luminance"]), **{**_common(element), "shadows": False})
     lowering.builder.light(data, element.span)
 
 
@@ -145,8 +145,8 @@ def shine(lowering: Lowering, element: Element, kind: ir.LightKind, frame: np.nd
     shape = {Kind.RECTANGLE: ir.GeometryKind.RECTANGLE, Kind.DISK: ir.GeometryKind.DISK, Kind.SPHERE: ir.GeometryKind.SPHERE}[kind]
     transform = builder.transform(frame, element.span)
     name = element.args["name"] or element.scope or element.kind
-    shadows = element.args.get("shadows", True)
-    row = builder.light(LightData(kind, radiance, transform=transform, size=size, shadows=shadows, name=name), element.span)
+    data = LightData(kind, radiance, transform=transform, size=size, **{**_common(element), "name": name})
+    row = builder.light(data, element.span)
     geometry = builder.geometry(shape, size if kind == Kind.RECTANGLE else size[:1], element.span)
     material = builder.material(MaterialData(ir.MaterialModel.EMISSIVE, {ir.Slot.EMISSION: Input(radiance)}), element.span)
     builder.instance(InstanceData(geometry, transform, material, row, NO_SHADOW, name), element.span)

@@ -23,7 +23,10 @@ RASTER_MOMENTS = 16  # at which the raster backend draws what moves
 BRUTE_FORCE_INSTANCES = 2  # up to this many analytic shapes a loop is as quick as the tree (9.2 against 8.9 million rays a second at 2)
 BACKENDS = ("ray", "raster", "reference")
 FILTERS = ("box", "tent", "gaussian", "blackman-harris")
-CHANNELS = ("depth", "normal", "position", "albedo", "uv", "id", "issues")
+CHANNELS = ("depth", "normal", "position", "albedo", "uv", "id", "variance", "samples", "cryptomatte", "lights", "issues")
+_MATTES = ("crypto_object", "crypto_material")  # what `cryptomatte` stands for
+LIGHT = "light:"  # before the name of a light group
+REST = "rest"  # the light group of what names none
 
 TRANSPORTS = ("paths", "tree")
 NOISES = ("blue", "white")
@@ -313,13 +316,31 @@ def _view(scene: ir.Scene, asked: ir.Settings, _: Mapping[str, Decision]) -> Dec
     return Decision("view", asked.view or "sRGB", "asked for" if asked.view else "the default", fixed="--view")
 
 
-def _aov(scene: ir.Scene, asked: ir.Settings, _: Mapping[str, Decision]) -> Decision:
+def _aov(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    found: list[str] = []
+    groups = {*scene.names.groups, REST} - {""}
     for name in asked.aov or ():
-        if name not in CHANNELS:
+        if not is_channel(name):
             raise PlanError(f"no channel is called `{name}`; there are {', '.join(CHANNELS)}. {suggest(name, CHANNELS)}".strip())
-    if asked.aov:
-        return Decision("aov", tuple(dict.fromkeys(asked.aov)), "asked for", fixed="--aov")
+        if name.startswith(LIGHT) and name.removeprefix(LIGHT) not in groups:
+            raise PlanError(f"no light has the group `{name.removeprefix(LIGHT)}`; there are {', '.join(sorted(groups))}")
+        if name == "variance" and done["samples"].value < 2:
+            raise PlanError("one sample says nothing of its variance: write --samples 2 or more")
+        expanded = {"cryptomatte": _MATTES, "lights": tuple(LIGHT + group for group in sorted(groups))}
+        found += expanded.get(name, (name,))
+    if found:
+        return Decision("aov", tuple(dict.fromkeys(found)), "asked for", fixed="--aov")
     return Decision("aov", (), "none was asked for: none is computed", fixed="--aov")
+
+
+def is_channel(name: str) -> bool:
+    """Whether a picture of some scene has a channel of this name."""
+    return name in CHANNELS or (name.startswith(LIGHT) and len(name) > len(LIGHT))
+
+
+def light_groups(plan: Plan) -> tuple[str, ...]:
+    """The light groups whose light is asked for by itself."""
+    return tuple(name.removeprefix(LIGHT) for name in plan["aov"] if name.startswith(LIGHT))
 
 
 def _threads(scene: ir.Scene, asked: ir.Settings, _: Mapping[str, Decision]) -> Decision:

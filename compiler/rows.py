@@ -119,6 +119,7 @@ class LightData:
     image: int = -1
     shadows: bool = True
     name: str = ""
+    group: str = ""  # of lights whose light is told by itself
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from ..lang.elements import ParamInfo
 from . import ir
 from .files import size
 
-VERSION = 2
+VERSION = 3
 FORMAT = "maquette ir"
 _DAMAGE = (
     OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, IndexError, zipfile.BadZipFile, NotImplementedError, MemoryError,

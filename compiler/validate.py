@@ -155,9 +155,10 @@ def _structure(check: Check) -> None:
         if len(lengths) > 1:
             check.fatal(f"the IR's table {table} has columns of different lengths: {', '.join(map(str, sorted(lengths)))}")
             return
-    for table in ir.Names.__dataclass_fields__:
-        if len(getattr(check.scene.names, table)) != check.rows(table):
-            check.fatal(f"the IR has {check.rows(table)} {table} and {len(getattr(check.scene.names, table))} names of them")
+    for names in ir.Names.__dataclass_fields__:
+        table, count = ("lights" if names == "groups" else names), len(getattr(check.scene.names, names))
+        if count != check.rows(table) and not (names == "groups" and count == 0):
+            check.fatal(f"the IR has {check.rows(table)} {table} and {count} names of them")
     for table, rows in check.spans.items():
         if table not in check.tables or np.shape(rows) != (check.rows(table), 5):
             check.fatal(f"the IR's spans of {table} do not go with its rows")

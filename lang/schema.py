@@ -20,6 +20,7 @@ _RADIUS = Arg("radius", "length", 1.0, "radius", above=0.0)
 _CAPPED = Arg("capped", "bool", True, "closed by disks", keyword=True)
 _LIGHT = (
     Arg("color", "color", (1.0, 1.0, 1.0), "multiplies its strength", keyword=True),
+    Arg("group", "string", None, "its light group: --aov light:NAME shows what the lamps of one bring", keyword=True),
     Arg("name", "string", None, "its name in messages", keyword=True),
 )
 _SHADOWS = Arg("shadows", "bool", True, "whether things block it", keyword=True)
@@ -321,7 +322,7 @@ LIGHTS = (
         (
             Arg("color", "color", (1.0, 1.0, 1.0), "its colour"),
             Arg("luminance", "luminance", 0.1, "nit", aliases=("radiance",), minimum=0.0, keyword=True),
-            Arg("name", "string", None, "its name in messages", keyword=True),
+            *_LIGHT[1:],
         ),
     ),
 )

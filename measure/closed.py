@@ -77,6 +77,8 @@ def _filled_from(tables: ir.Tables, plan: Plan) -> int:
     g = int(tables.instances.geometry[0])
     if tables.geometries.kind[g] != ir.GeometryKind.PLANE or not tables.instances.visible[0] & ir.Visibility.CAMERA:
         return 0
+    if plan["lens"] != "pinhole":
+        return 0
     x0, y0, x1, y1 = plan["crop"]
     x = np.array([x0 - MARGIN, x1 + MARGIN, x0 - MARGIN, x1 + MARGIN])
     y = np.array([y0 - MARGIN, y0 - MARGIN, y1 + MARGIN, y1 + MARGIN])

@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import camera, image, lanes, materials, surface
+from . import camera, image, lanes, materials, sampler, surface
 from .formulas import fields, plain
-from .records import Hit, Lane, Ray, Tables, Tile, Vec, View
+from .records import Frame, Hit, Lane, Ray, Tables, Tile, Vec, View
 
 DIFFUSE = int(ir.Slot.DIFFUSE)
 FORMULA = int(ir.GeometryKind.FORMULA)
+SEEN = ("depth", "normal", "position", "albedo", "uv", "id", "issues")  # what `channels_of` tells
 CAMERA = int(ir.Visibility.CAMERA)
 
 
@@ -19,6 +20,15 @@ def centres(tile: Tile) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Picture coordinates x, y of a tile's pixel centres, row by row."""
     y, x = np.mgrid[tile.y0 : tile.y1, tile.x0 : tile.x1]
     return x.ravel() + 0.5, y.ravel() + 0.5
+
+
+def sample_rays(tables: ir.Tables, view: View, frame: Frame, tile: Tile, sample: int, total: int) -> Ray:
+    """The camera's rays of one sample of each pixel of a tile, at the shutter's opening; numpy lanes."""
+    y, x = (c.ravel() for c in np.mgrid[tile.y0 : tile.y1, tile.x0 : tile.x1])
+    pixel, index = sampler.place(x, y, np.full(len(x), sample), view.width, frame.order)
+    dx, dy = sampler.offset(pixel, index, total, frame.options.seed, frame.filter)
+    lens = camera.lens_of(tables, view)
+    return camera.through(tables, view, lens, x + 0.5 + dx, y + 0.5 + dy, pixel, index, frame.options.seed, None)
 
 
 def channels_of(tables: Tables, view: View, ray: Ray, hit: Hit, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:

@@ -7,8 +7,9 @@ from collections.abc import Callable
 from typing import Any
 
 from ..compiler import ir
+from ..compiler import plan as planner
 from ..compiler.plan import Plan
-from . import film, kernels, moments, prepare, records
+from . import cryptomatte, film, groups, kernels, moments, prepare, records
 from .image import Image
 
 Progress = Callable[[int, int], None]  # tiles done, tiles in all
@@ -28,15 +29,25 @@ def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: 
     with kernels.timed(seconds, "build"):
         backend_of, notes_of = _backend(backend)
 
-        def still(scene: ir.Scene) -> Any:
-            return backend_of(prepare.prepare(scene, plan, view), plan, view)
+        def made(scene: ir.Scene, plan: Plan) -> Any:
+            def still(scene: ir.Scene) -> Any:
+                return backend_of(prepare.prepare(scene, plan, view), plan, view)
 
+            return moments.Renderer(scene, plan, view, still) if by_moments else still(scene)
+
+        lit = planner.light_groups(plan)
         by_moments = backend == "raster" and (plan["motion"] or plan["lens"] == "thin")
-        renderer = moments.Renderer(scene, plan, view, still) if by_moments else still(scene)
+        renderer = groups.Renderer(scene, plan, made) if lit else made(scene, plan)
+        layers = [name for name in plan["aov"] if name in cryptomatte.LAYERS]
+        mattes = cryptomatte.Mattes(scene, layers) if layers else None
     with kernels.timed(seconds, "render"):
-        image = film.run(renderer, plan, view, progress, cancel)
+        image = film.run(renderer, plan, view, progress, cancel, mattes)
+        if lit:
+            renderer.put(image)
     notes = notes_of(scene, plan) + (moments.notes(scene, plan) if by_moments else [])
     image.metadata.update(backend=backend, seconds=seconds, notes=notes, unproved=_unproved(renderer))
+    if mattes is not None:
+        image.metadata["attributes"] = mattes.attributes
     return image
 
 

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
-from . import adaptive, image, machine, metrics, sums
+from . import adaptive, aov, cryptomatte, image, machine, metrics, sums
+from .cryptomatte import Mattes
 from .records import Film, Tile, View
 
 TILE = 32  # pixels
@@ -49,6 +50,10 @@ class Renderer(Protocol):
         """Write the named channels, (h, w, k) each, as seen at the pixels' centres."""
         ...
 
+    def seen(self, tile: Tile, sample: int, total: int) -> NDArray[np.int64]:
+        """(h · w,) the instance that a sample of `total` of each pixel of a tile sees first, -1: none."""
+        ...
+
 
 class Whole(Protocol):
     """A picture that a backend draws by itself, piece by piece."""
@@ -65,16 +70,20 @@ class Whole(Protocol):
         ...
 
 
-def run(renderer: Renderer, plan: Plan, view: View, progress: Progress | None = None, cancel: threading.Event | None = None) -> image.Image:
+def run(
+    renderer: Renderer, plan: Plan, view: View, progress: Progress | None = None, cancel: threading.Event | None = None,
+    mattes: Mattes | None = None,
+) -> image.Image:  # fmt: skip
     """Draw plan["crop"] of a picture to plan["samples"], or until plan["error"] or plan["budget"] ends it.
 
-    `progress(done, total)` in tiles is called from this thread. Setting `cancel` ends the work; what is done is returned, with
+    `progress(done, total)` in tiles is called from this thread; `mattes` are for the channels crypto_….
+    Setting `cancel` ends the work; what is done is returned, with
     metadata["partial"]. An exception in a worker is raised here.
     """
     if renderer.whole is not None:
-        return _in_pieces(renderer, renderer.whole, plan, view, progress, cancel or threading.Event())
+        return _in_pieces(renderer, renderer.whole, plan, view, progress, cancel or threading.Event(), mattes)
     started = time.perf_counter()
-    canvas = _Canvas(renderer, plan, cancel or threading.Event(), progress)
+    canvas = _Canvas(renderer, plan, cancel or threading.Event(), progress, mattes)
     if planner.adaptive(plan):
         canvas.adaptive(plan["error"], started + plan["budget"])
     else:
@@ -92,7 +101,7 @@ def tiles(crop: tuple[int, int, int, int]) -> list[Tile]:
 
 
 def _in_pieces(
-    renderer: Renderer, whole: Whole, plan: Plan, view: View, progress: Progress | None, cancel: threading.Event
+    renderer: Renderer, whole: Whole, plan: Plan, view: View, progress: Progress | None, cancel: threading.Event, mattes: Mattes | None
 ) -> image.Image:  # fmt: skip
     """A picture that its renderer draws itself; channels beside it are drawn by tiles."""
     x0, y0, x1, y1 = crop = tuple(plan["crop"])
@@ -111,7 +120,7 @@ def _in_pieces(
 
     def beside(tile: Tile) -> int:
         window = slice(tile.y0 - y0, tile.y1 - y0), slice(tile.x0 - x0, tile.x1 - x0)
-        renderer.channels(tile, names, {name: channels[name][window] for name in names})
+        _beside(renderer, tile, {name: channels[name][window] for name in names}, int(plan["samples"]), mattes)
         return 0
 
     parts: Any = ((whole.draw, whole.jobs), (beside, extra))
@@ -124,11 +133,23 @@ def _in_pieces(
                 break
             told(job, draw(job))
     samples = int(plan["samples"])
+    if "samples" in channels:
+        channels["samples"][...] = samples
     about: dict[str, Any] = {
         "size": (view.width, view.height), "crop": crop, "samples": samples, "samples_mean": float(samples), "error": None,
         "partial": done < total, "variance": None, "rays": samples * (x1 - x0) * (y1 - y0), "issues": issues, "threads": threads,
     }  # fmt: skip
     return image.Image(x1 - x0, y1 - y0, channels, about)
+
+
+def _beside(renderer: Renderer, tile: Tile, out: dict[str, NDArray[np.float32]], samples: int, mattes: Mattes | None) -> None:
+    """Write the channels beside a tile's picture that are seen."""
+    names = tuple(name for name in out if name in aov.SEEN)
+    if names:
+        renderer.channels(tile, names, {name: out[name] for name in names})
+    if mattes is not None:
+        count = min(samples, cryptomatte.SAMPLES)
+        mattes.put(np.stack([renderer.seen(tile, s, samples) for s in range(count)]), {name: out[name] for name in mattes.channels})
 
 
 def _on_threads(
@@ -202,7 +223,10 @@ def _film(tile: Tile) -> Film:
 class _Canvas:
     """A picture being drawn."""
 
-    def __init__(self, renderer: Renderer, plan: Plan, cancel: threading.Event, progress: Progress | None) -> None:
+    def __init__(
+        self, renderer: Renderer, plan: Plan, cancel: threading.Event, progress: Progress | None, mattes: Mattes | None = None
+    ) -> None:  # fmt: skip
+        self.mattes = mattes
         self.renderer, self.cancel, self.progress = renderer, cancel, progress
         self.crop = tuple(plan["crop"])
         self.names = tuple(plan["aov"])
@@ -316,7 +340,7 @@ class _Canvas:
     def _extras(self, tile: Tile) -> None:
         if self.names:
             window = self._window(tile)
-            self.renderer.channels(tile, self.names, {name: self.channels[name][window] for name in self.names})
+            _beside(self.renderer, tile, {name: self.channels[name][window] for name in self.names}, self.most, self.mattes)
 
     def _window(self, tile: Tile) -> tuple[slice, slice]:
         x0, y0 = self.crop[:2]
@@ -357,10 +381,16 @@ class _Canvas:
         if not partial:
             self._tell(1.0)
         rays = int(self.samples.sum())
+        if "samples" in self.channels:
+            self.channels["samples"][..., 0] = self.samples
+        if "variance" in self.channels:
+            shares = self.decline.shares()[np.log2(np.maximum(self.samples, 1)).astype(int)]
+            known = np.isfinite(self.variance)
+            self.channels["variance"][...] = np.where(known, self.variance, 0.0) * shares[..., None]
         about: dict[str, Any] = {
             "size": (view.width, view.height), "crop": self.crop, "samples": int(self.samples.max()),
             "samples_mean": rays / self.samples.size, "error": error, "partial": partial,
-            "variance": self.variance if self.most > 1 else None,
+            "variance": self.variance if self.most > 1 else None, "counts": self.samples,
             "rays": rays, "issues": sum(self.issues.values()), "threads": self.threads,
         }  # fmt: skip
         return image.Image(self.width, self.height, self.channels, about)

@@ -10,10 +10,15 @@ from numpy.typing import NDArray
 
 from . import metrics
 
-WIDTHS = {"rgba": 4, "depth": 1, "normal": 3, "position": 3, "albedo": 3, "uv": 2, "id": 2, "issues": 1}
+WIDTHS = {
+    "rgba": 4, "depth": 1, "normal": 3, "position": 3, "albedo": 3, "uv": 2, "id": 2, "issues": 1, "variance": 3, "samples": 1,
+    "crypto_object": 12, "crypto_material": 12,
+}  # fmt: skip
 """Numbers a pixel of each channel has. rgba: scene-linear, unexposed, alpha is coverage; depth in metres along the camera's axis,
 inf where nothing is; normal and position in the world; albedo k_d; id: instance and material, -1 where nothing is; issues: 1 where
-the first root of a formula could not be proved."""
+the first root of a formula could not be proved; variance of the pixel's mean, as its halves tell it; samples taken; crypto_…: see
+cryptomatte.py. Light groups, `light:NAME`, have three."""
+LIGHT = 3
 
 EMPTY = {"depth": np.inf, "id": -1.0}  # what stands where nothing was hit or drawn; 0 elsewhere
 
@@ -24,8 +29,10 @@ class Image:
 
     `metadata` as film.run fills it: "size" and "crop" (x0, y0, x1, y1) of the whole picture, "samples" (the most any pixel
     has), "samples_mean", "error" (estimated √relMSE, None where unknown), "variance" (of the pixels' means, (height, width, 3), inf
-    where unknown; None after one sample), "partial", "rays" (from the camera), "issues" (samples left out because they were not
-    finite), "threads"; and as draw.draw adds: "seconds" by stage, "backend" and "notes".
+    where unknown; None after one sample), "counts" (of samples, (height, width)), "partial", "rays" (from the camera),
+    "issues" (samples left out because they were not
+    finite), "threads"; and as draw.draw adds: "seconds" by stage, "backend", "notes" and
+    "attributes", what a file is to say of its channels.
     """
 
     width: int
@@ -41,4 +48,4 @@ class Image:
 
 def blank(width: int, height: int, names: tuple[str, ...]) -> dict[str, NDArray[np.float32]]:
     """Channels of a picture with nothing in it."""
-    return {name: np.full((height, width, WIDTHS[name]), EMPTY.get(name, 0.0), np.float32) for name in names}
+    return {name: np.full((height, width, WIDTHS.get(name, LIGHT)), EMPTY.get(name, 0.0), np.float32) for name in names}

@@ -36,12 +36,18 @@ class Renderer:
             self.moments.append(still(seen_from(then, view, float(across[k]), float(down[k])) if plan["lens"] == "thin" else then))
         self.opening = still(standing(scene, start) if plan["motion"] else scene) if plan["aov"] else None
 
+    def seen(self, tile: Tile, sample: int, total: int) -> NDArray[np.int64]:
+        """The instance that a sample of each pixel sees first, from the point and at the moment whose turn it is."""
+        return self._turn(sample).seen(tile, sample, total)
+
+    def _turn(self, s: int) -> Any:
+        n = len(self.moments)
+        return self.moments[(s + s // n + s // (n * n)) % n]  # not s % n: that is where in the pixel a sample lies, too
+
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
         """Add samples first … first + count - 1, the same for every pixel of the tile, to the film."""
-        n = len(self.moments)
         for s in range(int(first[0, 0]), int(first[0, 0] + count[0, 0])):
-            turn = (s + s // n + s // (n * n)) % n  # not s % n: that is where in the pixel a sample lies, too
-            self.moments[turn].sample(tile, np.full_like(first, s), np.ones_like(count), total, film)
+            self._turn(s).sample(tile, np.full_like(first, s), np.ones_like(count), total, film)
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
         """Write the named channels of the tile, as they are at the shutter's opening."""

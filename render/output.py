@@ -13,8 +13,8 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
+from . import cryptomatte, metrics
 from . import image as images
-from . import metrics
 
 LINEAR = (".exr",)
 DEPTHS = {".png": (8, 16), ".tif": (8, 16), ".tiff": (8, 16), ".jpg": (8,), ".jpeg": (8,)}  # bits a channel, by extension
@@ -31,7 +31,12 @@ CHANNEL_NAMES: dict[str, tuple[str, ...]] = {
     "albedo": ("albedo.R", "albedo.G", "albedo.B"),
     "uv": ("uv.U", "uv.V"),
     "id": ("id.instance", "id.material"),
+    "variance": ("variance.R", "variance.G", "variance.B"),
+    "samples": ("samples.N",),
+    "issues": ("issues.N",),
+    **{name: cryptomatte.channel_names(name) for name in cryptomatte.LAYERS},
 }
+LIGHT = "light:"  # before the names of light groups, which are layers light_NAME of a file
 
 
 class FormatError(ValueError):
@@ -78,6 +83,8 @@ def write(picture: images.Image, path: Path, look: Look, about: Mapping[str, str
     if linear:
         spec.channelnames = names
         spec.attribute("compression", "zip")
+        for key, value in picture.metadata.get("attributes", {}).items():
+            spec.attribute(key, value)
         _place(spec, picture)
     if path.suffix.lower() in (".jpg", ".jpeg"):
         spec.attribute("Compression", "jpeg:95")
@@ -145,7 +152,11 @@ def views() -> tuple[str, ...]:
 
 
 def _all_names(picture: images.Image) -> tuple[str, ...]:
-    return tuple(name for channel in _ordered(picture) for name in CHANNEL_NAMES[channel])
+    return tuple(name for channel in _ordered(picture) for name in _names_of(channel))
+
+
+def _names_of(channel: str) -> tuple[str, ...]:
+    return CHANNEL_NAMES.get(channel) or tuple(f"light_{channel.removeprefix(LIGHT)}.{c}" for c in "RGB")
 
 
 def _all_channels(picture: images.Image) -> NDArray[np.float32]:
@@ -162,7 +173,8 @@ def _place(spec: Any, picture: images.Image) -> None:
 
 
 def _ordered(picture: images.Image) -> list[str]:
-    return [channel for channel in CHANNEL_NAMES if channel in picture.channels]
+    known = [channel for channel in CHANNEL_NAMES if channel in picture.channels]
+    return known + sorted(channel for channel in picture.channels if channel.startswith(LIGHT))
 
 
 def _displayed(picture: images.Image, path: Path, look: Look) -> NDArray[Any]:
@@ -202,6 +214,10 @@ def _as_image(pixels: NDArray[np.float32], spec: Any) -> images.Image:
     for channel, parts in CHANNEL_NAMES.items():
         if channel not in found and all(part in names for part in parts):
             found[channel] = pixels[..., [names.index(part) for part in parts]]
+    for part in names:
+        if part.startswith("light_") and part.endswith(".R"):
+            layer = part.removesuffix(".R")
+            found[LIGHT + layer.removeprefix("light_")] = pixels[..., [names.index(f"{layer}.{c}") for c in "RGB"]]
     return images.Image(spec.width, spec.height, found, _read_about(spec))
 
 

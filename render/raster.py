@@ -78,6 +78,10 @@ class Renderer:
         resolve(self._buffer.model, self.prepared.packed, self._accel, self.prepared.frame, scratch, hit)
         return camera.ray(self.prepared.tables, self.view, samples.x / fill.ONE, samples.y / fill.ONE), hit
 
+    def seen(self, tile: Tile, sample: int, total: int) -> NDArray[np.int64]:
+        """The instance that a sample of each pixel sees first."""
+        return np.array(self._seen(tile, sample, 1, total).tables.seen.instance, np.int64)
+
     def _seen(self, tile: Tile, first: int, count: int, total: int) -> Handle:
         """A handle of visibility.Scratch with samples first … first + count - 1 of a tile and what they see."""
         room = visibility.room_for(self.prepared.tables)

@@ -15,7 +15,7 @@ from ..compiler.plan import Plan
 from . import across, aov, camera, integrate, lanes, prepare, rays, sampler, trace
 from .handles import Handle
 from .kernels import HELPER, apart, helper, kernel
-from .records import Film, Hit, Options, Tile, View
+from .records import Film, Hit, Options, Ray, Tile, View
 
 CAMERA = int(ir.Visibility.CAMERA)
 
@@ -52,11 +52,21 @@ class Renderer:
         x, y = aov.centres(tile)
         with np.errstate(all="ignore"):
             ray = camera.sharp(tables, self.view, x, y)
-        origin, direction = (np.stack(np.broadcast_arrays(*v, x)[:3], axis=1) for v in (ray.origin, ray.direction))
+        aov.channels_of(tables, self.view, ray, Hit(*self._met(ray)), names, out)
+
+    def seen(self, tile: Tile, sample: int, total: int) -> NDArray[np.int64]:
+        """The instance that a sample of each pixel sees first."""
+        with np.errstate(all="ignore"):
+            ray = aov.sample_rays(self.prepared.tables, self.view, self.prepared.frame.tables, tile, sample, total)
+        return self._met(ray).instance
+
+    def _met(self, ray: Ray) -> rays.Met:
+        """What the camera's rays meet first, of all things."""
+        n = ray.direction[0].shape
+        origin, direction = (np.stack([np.broadcast_to(c, n) for c in v], axis=1) for v in (ray.origin, ray.direction))
         if self.everything is None:
-            self.everything = self.prepared.accel if self.prepared.paths is None else rays.trees(tables)
-        met = rays.closest(self.everything, origin, direction, ray.t_min, ray.t_max, CAMERA)
-        aov.channels_of(tables, self.view, ray, Hit(*met), names, out)
+            self.everything = self.prepared.accel if self.prepared.paths is None else rays.trees(self.prepared.tables)
+        return rays.closest(self.everything, origin, direction, ray.t_min, ray.t_max, CAMERA)
 
 
 class Room(NamedTuple):

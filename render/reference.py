@@ -58,6 +58,11 @@ class Renderer:
             hit = self._first_hit(ray)
         aov.channels_of(self.prepared.tables, self.view, ray, hit, names, out)
 
+    def seen(self, tile: Tile, sample: int, total: int) -> NDArray[np.int64]:
+        """The instance that a sample of each pixel sees first."""
+        with np.errstate(all="ignore"):
+            return self._first_hit(aov.sample_rays(self.prepared.tables, self.view, self.prepared.frame, tile, sample, total)).instance
+
     def _first_hit(self, ray: Ray) -> Any:
         active = np.ones(np.shape(ray.direction[0]), bool)
         return trace.closest(self.prepared.accel, self.prepared.tables, ray, active, int(ir.Visibility.CAMERA))

@@ -98,7 +98,8 @@ def test_planned_commands_say_so(name: str) -> None:
         (("-o", "a.bmp"), "cannot tell the picture format of a.bmp: its name must end in one of .exr, .png, .tif, .tiff, .jpg, .jpeg"),
         (("-o", "a.exr", "--bits", "8"), "a.exr holds 32-bit floats: --bits is for 8 and 16-bit pictures"),
         (("--aov", "depth"), "a.png has no room for the channels depth: write an .exr"),
-        (("-o", "a.exr", "--aov", "dept"), "no channel is called `dept`; there are depth, normal, position, albedo, uv, id, variance, samples, cryptomatte, lights, issues."),
+        (("-o", "a.exr", "--aov", "dept"), "no channel is called `dept`; there are "
+            "depth, normal, position, albedo, uv, id, variance, samples, cryptomatte, lights, issues."),
         (("--plan", "raster.fil=areas"), "no decision is called `raster.fil`; did you mean `raster.fill`?"),
         (("--plan", "raster.fill=lines"), "`raster.fill` cannot be lines; it can be: edges, areas, scanline"),
         (("--camera", "left"), "no camera is called `left`; the scene has: "),

@@ -133,7 +133,8 @@ def test_nothing_said_is_nothing_set(compiled) -> None:
         ("render(crop: [5, 0, 5, 10])", "the crop [5, 0, 5, 10] does not lie inside the picture", "x0 < x1 and y0 < y1"),
         ("render(size: [10, 100000])", "a picture of 10 by 100000 pixels is too big", "at most 65536 each way"),
         ('render(aov: ["depht"])', "no channel is called `depht`", "did you mean `depth`?"),
-        ('render(aov: ["x"])', "no channel is called `x`", "there are depth, normal, position, albedo, uv, id, variance, samples, cryptomatte, lights, issues"),
+        ('render(aov: ["x"])', "no channel is called `x`", "there are "
+            "depth, normal, position, albedo, uv, id, variance, samples, cryptomatte, lights, issues"),
     ],
 )
 def test_messages(said, text: str, message: str, hint: str) -> None:

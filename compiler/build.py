@@ -40,6 +40,7 @@ class SceneBuilder:
         self._tapes: list[Tape] = []
         self._pools: dict[str, list[np.ndarray]] = {name: [] for name in (*ir.Pools._fields, "texels")}
         self._length: dict[str, int] = dict.fromkeys(self._pools, 0)
+        self._colorful: list[bool] = []  # of each picture: whether its channels differ
         self._holes: list[bool] = []  # of each picture: whether it is not opaque everywhere
         self.transform(np.eye(4))
 
@@ -181,7 +182,7 @@ class SceneBuilder:
         for slot, given in material.inputs.items():
             values[slot], images[slot] = list(map(float, given.value)), given.texture
         how = (int(material.model), int(material.shading), bool(material.normalized), float(material.threshold))
-        row = (*how, tuple(map(tuple, values)), tuple(images))
+        row = (*how, tuple(map(tuple, values)), tuple(images), max(images) >= 0)
         key = ("material", row, material.name)
         if key not in self._known:
             self._known[key] = self._add("materials", row, span, material.name)
@@ -204,12 +205,23 @@ class SceneBuilder:
             return NONE
         return self.texture(TextureData(**{**row, "channel": 3, "gain": WHITE, "bias": BLACK}))
 
+    def with_levels(self, texture: int, gain: Color, bias: Color) -> int:
+        """The row of a texture like another, with its values in other levels."""
+        row = dict(zip(ir.Textures._fields, self._rows["textures"][texture], strict=True))
+        return self.texture(TextureData(**{**row, "gain": gain, "bias": bias}))
+
+    def channels_differ(self, texture: int) -> bool:
+        """Whether a picture's red, green and blue are not all the same: it holds directions or colours, not heights."""
+        image = self._rows["textures"][texture][ir.Textures._fields.index("image")]
+        return image >= 0 and self._colorful[image]
+
     def image(self, texels: np.ndarray, name: str = "") -> int:
         """The row of a picture: (h, w, 4) linear r, g, b, a, row 0 at the top. Callers share rows by file (see images.py)."""
         height, width, _ = texels.shape
         row = self._add("images", (self._length["texels"], width, height), None, name)
         self._pool("texels", np.asarray(texels, dtype=np.float32).reshape(-1, 4))
         self._holes.append(bool((texels[..., 3] < 1).any()))
+        self._colorful.append(bool((texels[..., 0] != texels[..., 2]).any()))
         return row
 
     def has_holes(self, image: int) -> bool:

@@ -22,6 +22,7 @@ from .rows import Input, MeshAttribute, TextureData
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _WRAPS = {33071: ir.Wrap.CLAMP, 33648: ir.Wrap.MIRROR, 10497: ir.Wrap.REPEAT}
+DATA = -2
 _UNDERSTOOD = {"KHR_materials_unlit", "KHR_texture_transform", "KHR_mesh_quantization"}
 TRIANGLES, STRIP, FAN = 4, 5, 6
 MAX_NODES = 200_000
@@ -170,28 +171,37 @@ class _Reader:
 
     def surface(self, material: dict[str, Any]) -> preview.Surface:
         """§3.9: base colour, metallic, roughness, emission and, for BLEND and MASK, opacity."""
-        for key in ("normalTexture", "extensions"):
-            if key in material:
-                what = "normal maps" if key == "normalTexture" else ", ".join(sorted(material[key]))
-                self.warn(f"of materials, {what} are not drawn")
+        if "extensions" in material:
+            self.warn(f"of materials, {', '.join(sorted(material['extensions']))} are not drawn")
         pbr = material.get("pbrMetallicRoughness", {})
-        if "metallicRoughnessTexture" in pbr:
-            self.warn("of materials, metallic and roughness pictures are not drawn: their factors count")
+        packed = pbr.get("metallicRoughnessTexture")
         r, g, b, a = pbr.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0))
         mode = material.get("alphaMode", "OPAQUE")
         picture = self.texture(pbr.get("baseColorTexture"))
         whole = mode == "OPAQUE" or (mode == "BLEND" and picture == NONE)
         holes = None if whole else Input.number(float(a), self.builder.alpha_of(picture))
         emissive = tuple(material.get("emissiveFactor", (0.0, 0.0, 0.0)))
+        occlusion = material.get("occlusionTexture")
         return preview.Surface(
             Input((r, g, b), picture),
-            float(pbr.get("metallicFactor", 1.0)), float(pbr.get("roughnessFactor", 1.0)),
-            emissive=Input(emissive, self.texture(material.get("emissiveTexture"))),
+            Input.number(float(pbr.get("metallicFactor", 1.0)), self.texture(packed, 2)),
+            Input.number(float(pbr.get("roughnessFactor", 1.0)), self.texture(packed, 1)),
+            emissive=Input(emissive, self.texture(material.get("emissiveTexture"))), normal=self.normal(material.get("normalTexture")),
+            occlusion=Input.number(1.0, self.texture(occlusion, 0)) if occlusion else preview.ALL,
             opacity=float(a) if mode == "BLEND" and holes is None else 1.0, holes=holes,
             threshold=max(float(material.get("alphaCutoff", 0.5)), LEAST_CUTOFF) if mode == "MASK" else 0.0, name=material.get("name", ""),
         )  # fmt: skip
 
-    def texture(self, reference: dict[str, Any] | None) -> int:
+    def normal(self, reference: dict[str, Any] | None) -> Input | None:
+        """A normal map, with its strength; None where there is none."""
+        row = self.texture(reference, DATA)
+        if reference is None or row == NONE:
+            return None
+        strength = float(reference.get("scale", 1.0))
+        return Input((strength, strength, 1.0), self.builder.with_levels(row, (2.0,) * 3, (-1.0,) * 3))
+
+    def texture(self, reference: dict[str, Any] | None, channel: int = -1) -> int:
+        """The row of a picture that a material refers to: a colour, one of its channels, or all of them as DATA."""
         if reference is None:
             return NONE
         if reference.get("texCoord", 0) != 0:
@@ -205,7 +215,7 @@ class _Reader:
         start = view.get("byteOffset", 0)
         title = f"{self.name}[{texture['source']}]"
         try:
-            row = images.row_from_bytes(self.builder, self.binary[start : start + view["byteLength"]], title)
+            row = images.row_from_bytes(self.builder, self.binary[start : start + view["byteLength"]], title, color=channel == -1)
         except images.ImageError as failure:
             self.diagnostics.warning(failure.message, Span(self.name), failure.hint)
             return NONE
@@ -214,7 +224,8 @@ class _Reader:
         nearest = sampler.get("magFilter") == 9728
         frame = _frame(reference.get("extensions", {}).get("KHR_texture_transform", {}))
         return self.builder.texture(
-            TextureData(ir.TextureKind.IMAGE, row, wrap_u=wrap_u, wrap_v=wrap_v, nearest=nearest, frame=frame), Span(self.name)
+            TextureData(ir.TextureKind.IMAGE, row, wrap_u=wrap_u, wrap_v=wrap_v, nearest=nearest, channel=max(channel, -1), frame=frame),
+            Span(self.name),
         )
 
 

@@ -90,6 +90,8 @@ class Slot(IntEnum):
     EDGE = 11  # colour: what is left of Schlick's reflectance at 81.8°
     COAT = 12  # number: how much of a clear coat
     COAT_ROUGHNESS = 13  # number
+    NORMAL = 14  # the normal along u, along v and outwards; a texture's only
+    BUMP = 15  # height in metres; a texture's only
 
 
 SLOTS = len(Slot)
@@ -252,6 +254,7 @@ class Materials(NamedTuple):
     threshold: F64  # (n,) above 0: there where the opacity is at least this, and elsewhere not at all; 0: as much there as it says
     values: F64  # (n, SLOTS, 3) constants; numbers stand in column 0. 1 under a texture
     textures: I32  # (n, SLOTS) row of Textures, whose value multiplies the constant, or -1
+    textured: Bool  # (n,) whether any slot has one
 
 
 class Textures(NamedTuple):
@@ -419,7 +422,7 @@ _FLOAT64 = {
 }  # fmt: skip
 _FLOAT32 = {"positions", "texels"}
 _INT64 = {"first", "first_constant"}
-_BOOL = {"flips", "normalized", "nearest", "shadows"}
+_BOOL = {"flips", "normalized", "nearest", "shadows", "textured"}
 _SHAPE: dict[tuple[str, str], tuple[int, ...]] = {
     ("transforms", "matrix"): (3, 4),
     ("transforms", "inverse"): (3, 4),

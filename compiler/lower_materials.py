@@ -11,7 +11,7 @@ from ..lang.formula import Formula
 from . import images, ir, metals
 from .files import FileError
 from .images import ImageError
-from .rows import WHITE, Input, MaterialData, TextureData, multiplied, scaled
+from .rows import BLACK, WHITE, Input, MaterialData, TextureData, multiplied, scaled
 from .tapes import Builder, Op, Unfit
 
 if TYPE_CHECKING:
@@ -29,11 +29,11 @@ class Materials:
 
     def __init__(self, lowering: Lowering) -> None:
         self._lowering = lowering
-        self._rows: dict[tuple[int, bool, bool], int] = {}  # by the element's identity; the document keeps elements alive
+        self._rows: dict[tuple[int, bool, bool, bool], int] = {}  # by the element's identity; the document keeps elements alive
 
     def row(self, element: Element) -> int:
         """The row of a material element."""
-        key = (id(element), True, False)
+        key = (id(element), True, False, False)
         if key not in self._rows:
             self._lowering.photometric |= element.photometric
             self._rows[key] = self._lowering.builder.material(self._data(element), element.span)
@@ -41,10 +41,32 @@ class Materials:
 
     def _data(self, element: Element) -> MaterialData:
         plain = self._plain(element)
+        plain = replace(plain, inputs={**plain.inputs, **self._maps(element)})
         opacity = self._opacity(element.args["opacity"])
         if opacity == Input.number(1.0):
             return plain
         return replace(plain, inputs={**plain.inputs, Slot.OPACITY: opacity}, threshold=element.args["opacity_threshold"])
+
+    def _maps(self, element: Element) -> dict[ir.Slot, Input]:
+        """What turns a material's normals."""
+        args = element.args
+        for number, texture in (("normal_strength", "normal_map"), ("bump_height", "bump_map")):
+            if args.get(number) is not None and args[texture] is None:
+                self._lowering.error(element, f"`{number}` is given without a `{texture}`", f"give a `{texture}`, or leave it out")
+        for texture in ("normal_map", "bump_map"):
+            if args.get(texture) is not None and args.get("shading") == "gouraud":
+                message = f"a `{texture}` turns no normals where light is computed at vertices"
+                self._lowering.error(element, message, 'leave out `shading: "gouraud"`')
+        found = {}
+        if args.get("normal_map") is not None:
+            strength = 1.0 if args["normal_strength"] is None else args["normal_strength"]
+            row = self.texture(args["normal_map"], color=True, directions=True)
+            found[Slot.NORMAL] = Input((strength, strength, 1.0), row) if row >= 0 else Input(BLACK)
+        if args.get("bump_map") is not None:
+            row = self.texture(args["bump_map"], color=False)
+            height = 0.01 if args["bump_height"] is None else args["bump_height"]
+            found[Slot.BUMP] = Input.number(height, row) if row >= 0 else Input(BLACK)
+        return found
 
     def _opacity(self, value: Any) -> Input:
         if isinstance(value, Element) and value.kind == "image":
@@ -121,26 +143,29 @@ class Materials:
     def _number(self, value: Any) -> Input:
         return Input.number(1.0, self.texture(value, color=False)) if isinstance(value, Element) else Input.number(value)
 
-    def texture(self, element: Element, color: bool, alpha: bool = False) -> int:
+    def texture(self, element: Element, color: bool, alpha: bool = False, directions: bool = False) -> int:
         """The row of a texture, for a colour or a number; -1, after a diagnostic, if its file cannot be read.
 
-        A number is a picture's first channel, or with `alpha` that one where the picture has it.
+        A number is a picture's first channel, or with `alpha` that one where the picture has it. `directions` are colours that stand
+        for −1 to 1.
         """
-        key = (id(element), color, alpha)
+        key = (id(element), color, alpha, directions)
         if key not in self._rows:
-            data = self._texture(element, color)
+            data = self._texture(element, color, directions)
+            if data is not None and directions:
+                data = replace(data, gain=scaled(WHITE, 2.0), bias=scaled(WHITE, -1.0))
             if data is not None and alpha and self._lowering.builder.has_holes(data.image):
                 data = replace(data, channel=3)
             self._rows[key] = -1 if data is None else self._lowering.builder.texture(data, element.span)
         return self._rows[key]
 
-    def _texture(self, element: Element, color: bool) -> TextureData | None:
+    def _texture(self, element: Element, color: bool, data: bool) -> TextureData | None:
         args = element.args
         if element.kind == "pattern":
             return self._pattern(element, args["formula"], color)
         common: dict[str, Any] = {"mapping": _MAPPINGS[args["mapping"]], "frame": _frame(args), "channel": -1 if color else 0}
         if element.kind == "image":
-            row = self.image(element, args["file"], args["space"], color)
+            row = self.image(element, args["file"], args["space"], color and not data)
             wrap = _WRAPS[args["wrap"]]
             nearest = args["filter"] == "nearest"
             return None if row < 0 else TextureData(ir.TextureKind.IMAGE, row, wrap_u=wrap, wrap_v=wrap, nearest=nearest, **common)

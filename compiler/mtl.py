@@ -5,6 +5,8 @@ Format: Wavefront's MTL Material Format (Ramey, Rose, Tyerman 1995). Where progr
 - `d` is opacity and wins over `Tr`. `Tr` is 1 − opacity, but `Tr 1` and `Tr 0` both mean opaque: some programs (MeshLab among
   them) write opacity there, and nobody writes a thing that cannot be seen.
 - `Ns 0`, or none, has no highlight. `Kd 0 0 0` under a `map_Kd` counts as white. Colours are linear; pictures are sRGB.
+- `Pr`, `Pm`, `Pc` and their maps (Exocortex' PBR extension) make a `principled` material of it. `map_bump` is a height in the mesh's unit,
+  times `-bm`; where its picture's channels differ it is a normal map, as many programs write, and so is `norm`.
 - illum 3, 5 and 8 reflect by `Ks`; 4, 6, 7 and 9 with `Ni` above 1 and a `Kd` of nothing, or `Tf`, are glass. What is half transparent
   without that is a veil: `Kd` times its opacity, and the rest goes straight through. `map_d` is a picture's opacity: its alpha where
   it has one, else its first channel; cut-outs, mostly.
@@ -18,7 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..lang.diagnostics import Diagnostics, Span
-from . import images, ir
+from . import images, ir, preview
 from .build import NONE, SceneBuilder
 from .files import FileError, Files
 from .rows import BLACK, WHITE, Color, Input, MaterialData, TextureData, scaled
@@ -27,11 +29,15 @@ REFLECTING = (3, 5, 8)
 REFRACTING = (4, 6, 7, 9)
 DEFAULT_KD: Color = (0.8, 0.8, 0.8)
 _COLORS = {"Ka", "Kd", "Ks", "Ke", "Tf"}
-_NUMBERS = {"Ns", "Ni", "d", "Tr", "illum", "sharpness"}
-_MAPS = {"map_Ka": "Ka", "map_Kd": "Kd", "map_Ks": "Ks", "map_Ke": "Ke", "map_Ns": "Ns", "map_d": "d", "map_opacity": "d"}
+_NUMBERS = {"Ns", "Ni", "d", "Tr", "illum", "sharpness", "Pr", "Pm", "Pc", "Pcr"}
+_MAPS = {"map_Ka": "Ka", "map_Kd": "Kd", "map_Ks": "Ks", "map_Ke": "Ke", "map_Ns": "Ns", "map_d": "d", "map_opacity": "d",
+         "map_bump": "bump", "map_Bump": "bump", "bump": "bump", "norm": "norm", "map_Kn": "norm", "map_Pr": "Pr", "map_Pm": "Pm",
+         "map_RMA": "RMA", "map_ORM": "ORM"}  # fmt: skip
+_PBR = {"Pr", "Pm", "Pc", "RMA", "ORM"}
+DATA = -2
+_PACKED = {"RMA": {"Pr": 0, "Pm": 1}, "ORM": {"Pr": 1, "Pm": 2}}  # which channel of a picture is what
 _NOT_DRAWN = {
-    "map_Tr", "map_bump", "map_Bump", "bump", "norm", "map_Kn", "disp", "decal", "refl", "map_refl", "map_aat",
-    "Pr", "Pm", "Ps", "Pc", "Pcr", "aniso", "anisor", "map_Pr", "map_Pm", "map_Ps", "map_RMA", "map_ORM",
+    "map_Tr", "disp", "decal", "refl", "map_refl", "map_aat", "Ps", "aniso", "anisor", "map_Ps",
 }  # fmt: skip
 _OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-texres": 1, "-imfchan": 1, "-type": 1, "-bm": 1, "-boost": 1, "-mm": 2}
 _VECTOR_OPTIONS = ("-s", "-o", "-t")
@@ -50,6 +56,7 @@ class MapReference:
     channel: int = -1
     base: float = 0.0
     gain: float = 1.0
+    height: float = 1.0  # -bm of a bump map
 
 
 @dataclass(slots=True)
@@ -166,7 +173,9 @@ def _option(made: MapReference, option: str, words: list[str]) -> str:
         made.clamp = words[0] == "on"
     elif option == "-imfchan":
         made.channel = _CHANNELS.get(words[0], -1)
-    elif option in ("-t", "-bm", "-boost"):
+    elif option == "-bm":
+        made.height = values[0]
+    elif option in ("-t", "-boost"):
         return f"the option `{option}` is not drawn"
     return ""
 
@@ -199,17 +208,17 @@ def _other_case(name: str, folder: Path) -> str:
 def row(material: MtlMaterial, builder: SceneBuilder, files: Files, diagnostics: Diagnostics) -> int:
     """The builder's row of a material. A picture that cannot be read is a warning, and its colour alone counts."""
 
-    def texture(key: str, color: bool = True) -> int:
+    def texture(key: str, color: bool = True, channel: int = NONE) -> int:
         reference = material.maps.get(key)
-        return -1 if reference is None else _texture(reference, material.folder, color, builder, files, diagnostics)
+        return -1 if reference is None else _texture(reference, material.folder, color, channel, builder, files, diagnostics)
 
     return builder.material(_data(material, texture, builder), material.span)
 
 
 def _data(m: MtlMaterial, texture: Callable[..., int], builder: SceneBuilder) -> MaterialData:
+    inputs = _maps(m, texture, builder)
     illum = int(m.numbers.get("illum", 2))
     opacity, ior = m.opacity, m.numbers.get("Ni", 1.0)
-    inputs: dict[ir.Slot, Input] = {}
     if "d" in m.maps:
         map_d = texture("d", color=False)
         channel = builder.alpha_of(map_d) if m.maps["d"].channel < 0 else NONE
@@ -222,16 +231,22 @@ def _data(m: MtlMaterial, texture: Callable[..., int], builder: SceneBuilder) ->
     ks = m.colors.get("Ks", BLACK)
     tint = m.colors.get("Tf", WHITE)
     if illum in REFRACTING and ior > 1.0 and (kd == BLACK or "Tf" in m.colors) and (opacity < 1.0 or kd == BLACK):
-        return MaterialData(ir.MaterialModel.GLASS, {ir.Slot.TRANSMISSION: Input(tint), ir.Slot.IOR: Input.number(ior)}, name=m.name)
+        inputs |= {ir.Slot.TRANSMISSION: Input(tint), ir.Slot.IOR: Input.number(ior)}
+        return MaterialData(ir.MaterialModel.GLASS, inputs, name=m.name)
     if illum in REFLECTING and kd == BLACK and ks != BLACK:
-        return MaterialData(ir.MaterialModel.MIRROR, {ir.Slot.REFLECTION: Input(ks, texture("Ks"))}, name=m.name)
-    inputs[ir.Slot.DIFFUSE] = Input(scaled(kd, opacity), map_kd)
-    map_ka = texture("Ka")
-    inputs[ir.Slot.AMBIENT] = Input(scaled(ka, opacity), map_ka if map_ka >= 0 else map_kd)
+        return MaterialData(ir.MaterialModel.MIRROR, inputs | {ir.Slot.REFLECTION: Input(ks, texture("Ks"))}, name=m.name)
+    emissive = preview.DARK
     if "Ke" in m.colors or "Ke" in m.maps:
         map_ke = texture("Ke")
         ke = m.colors.get("Ke", WHITE)
-        inputs[ir.Slot.EMISSION] = Input(WHITE if map_ke >= 0 and ke == BLACK else ke, map_ke)
+        emissive = Input(WHITE if map_ke >= 0 and ke == BLACK else ke, map_ke)
+    if not _PBR.isdisjoint({*m.numbers, *m.maps}):
+        return _principled(m, texture, Input(kd, map_kd), emissive, opacity, inputs)
+    inputs[ir.Slot.DIFFUSE] = Input(scaled(kd, opacity), map_kd)
+    map_ka = texture("Ka")
+    inputs[ir.Slot.AMBIENT] = Input(scaled(ka, opacity), map_ka if map_ka >= 0 else map_kd)
+    if emissive != preview.DARK:
+        inputs[ir.Slot.EMISSION] = emissive
     model = ir.MaterialModel.LAMBERT
     if illum >= 2 and m.numbers.get("Ns", 0.0) > 0 and (ks != BLACK or "Ks" in m.maps):
         model = ir.MaterialModel.BLINN_PHONG
@@ -247,9 +262,40 @@ def _data(m: MtlMaterial, texture: Callable[..., int], builder: SceneBuilder) ->
     return MaterialData(model, inputs, name=m.name)
 
 
+def _principled(
+    m: MtlMaterial, texture: Callable[..., int], diffuse: Input, emissive: Input, opacity: float, inputs: dict[ir.Slot, Input]
+) -> MaterialData:
+    """A material with keys of the PBR extension."""
+
+    def number(key: str, plain: float) -> Input:
+        packed, channel = next(((name, parts[key]) for name, parts in _PACKED.items() if name in m.maps and key in parts), (key, -1))
+        row = texture(packed, color=False, channel=channel)
+        return Input.number(m.numbers.get(key, 1.0 if row >= 0 else plain), row)
+
+    surface = preview.Surface(
+        diffuse, number("Pm", 0.0), number("Pr", 0.5), Input.number(m.numbers.get("Ni", 1.5)), None, emissive, number("Pc", 0.0),
+        number("Pcr", 0.01), opacity=opacity, holes=inputs.get(ir.Slot.OPACITY), normal=inputs.get(ir.Slot.NORMAL),
+        bump=inputs.get(ir.Slot.BUMP), name=m.name,
+    )  # fmt: skip
+    return preview.material(surface)
+
+
+def _maps(m: MtlMaterial, texture: Callable[..., int], builder: SceneBuilder) -> dict[ir.Slot, Input]:
+    """What turns a material's normals."""
+    for key in ("norm", "bump"):
+        row = texture(key, color=False)
+        if row >= 0 and (key == "norm" or builder.channels_differ(row)):
+            whole = texture(key, color=False, channel=DATA)
+            return {ir.Slot.NORMAL: Input(WHITE, builder.with_levels(whole, scaled(WHITE, 2.0), scaled(WHITE, -1.0)))}
+        if row >= 0:
+            return {ir.Slot.BUMP: Input.number(m.maps[key].height, row)}
+    return {}
+
+
 def _texture(
-    reference: MapReference, folder: Path | None, color: bool, builder: SceneBuilder, files: Files, diagnostics: Diagnostics
+    reference: MapReference, folder: Path | None, color: bool, channel: int, builder: SceneBuilder, files: Files, diagnostics: Diagnostics
 ) -> int:
+    """The row of a picture: a colour, a number out of the channel that the file says, or else `channel`, or all of them as DATA."""
     if folder is None:
         diagnostics.warning(f"the picture `{reference.file}` is not read: its mesh has no folder", reference.span)
         return -1
@@ -260,9 +306,10 @@ def _texture(
         return -1
     wrap = ir.Wrap.CLAMP if reference.clamp else ir.Wrap.REPEAT
     frame = ((reference.scale[0], 0.0, reference.offset[0]), (0.0, reference.scale[1], reference.offset[1]))
-    channel = reference.channel if reference.channel >= 0 or color else 0
+    if channel == NONE or reference.channel >= 0:
+        channel = reference.channel if reference.channel >= 0 or color else 0
     made = TextureData(
-        ir.TextureKind.IMAGE, picture, wrap_u=wrap, wrap_v=wrap, channel=channel, frame=frame,
+        ir.TextureKind.IMAGE, picture, wrap_u=wrap, wrap_v=wrap, channel=max(channel, -1), frame=frame,
         gain=scaled(WHITE, reference.gain), bias=scaled(WHITE, reference.base),
     )  # fmt: skip
     return builder.texture(made, reference.span)

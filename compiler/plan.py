@@ -470,6 +470,8 @@ def _precision(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]
         why = "some surface lets light through"
     elif (scene.tables.textures.kind == ir.TextureKind.FORMULA).any():
         why = "patterns are formulas, which are computed in float64"
+    elif (materials.textures[used][:, [ir.Slot.NORMAL, ir.Slot.BUMP]] >= 0).any():
+        why = "some normals are turned by maps"
     elif specular_materials(scene)[used].any() or (materials.shading[used] == ir.Shading.GOURAUD).any():
         why = "some material mirrors, refracts or is shaded at vertices"
     if why:

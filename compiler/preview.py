@@ -1,4 +1,4 @@
-"""Metallic–roughness surfaces (UsdPreviewSurface, glTF) as the models there are: a normalised Blinn–Phong lobe over a matt base."""
+"""Metallic–roughness surfaces (UsdPreviewSurface 2.6, glTF 2.0, MTL's PBR extension) as `principled` rows."""
 
 from __future__ import annotations
 
@@ -9,19 +9,25 @@ from .rows import BLACK, WHITE, Color, Input, MaterialData, scaled
 
 GREY = Input((0.18, 0.18, 0.18))
 DARK = Input(BLACK)
-SMOOTHEST = 0.02  # least α: sharper highlights fall between samples
+NOTHING, ALL = Input.number(0.0), Input.number(1.0)
+HALF, GLASS, FINE = Input.number(0.5), Input.number(1.5), Input.number(0.01)
 
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """`diffuse` and `emissive` may have textures. `specular` is the reflectance along the normal; None: from `ior` and `metallic`."""
+    """Any input may have a texture. `specular` is the reflectance along the normal; None: from `ior` and `metallic`."""
 
     diffuse: Input = GREY
-    metallic: float = 0.0
-    roughness: float = 0.5
-    ior: float = 1.5
-    specular: Color | None = None
+    metallic: Input = NOTHING
+    roughness: Input = HALF
+    ior: Input = GLASS
+    specular: Input | None = None
     emissive: Input = DARK
+    coat: Input = NOTHING
+    coat_roughness: Input = FINE
+    occlusion: Input = ALL
+    normal: Input | None = None  # a texture of directions, its factor strengths
+    bump: Input | None = None  # a texture of heights, its factor metres
     opacity: float = 1.0
     holes: Input | None = None  # opacity that varies over the surface, or is cut at `threshold`: in place of `opacity`
     threshold: float = 0.0
@@ -29,32 +35,37 @@ class Surface:
 
 
 def material(surface: Surface) -> MaterialData:
-    """The nearest course material. k_d = diffuse · (1 − metallic) · opacity, k_s the reflectance along the normal, the exponent
-    2/α² − 2 with α = roughness² (Walter et al. 2007: the Blinn–Phong lobe of the same width as a Beckmann or GGX one), and what is
-    not opaque lets straight through k_t = 1 − opacity: highlights stay, as on glass. Where there are `holes`, nothing of it stays."""
+    """The row. What is not opaque lets straight through 1 − opacity of what its highlight lets in: highlights stay, as on glass. Where
+    there are `holes`, nothing of it stays."""
     s = surface
-    metallic = min(max(s.metallic, 0.0), 1.0)
     opacity = min(max(s.opacity, 0.0), 1.0)
-    base = (1.0 - metallic) * opacity
-    matt = Input(scaled(s.diffuse.value, base), s.diffuse.texture if base > 0 else -1)
-    inputs = {ir.Slot.DIFFUSE: matt, ir.Slot.AMBIENT: matt, ir.Slot.SPECULAR: _specular(s, metallic)}
-    alpha = max(min(max(s.roughness, 0.0), 1.0) ** 2, SMOOTHEST)
-    inputs[ir.Slot.SHININESS] = Input.number(max(2.0 / (alpha * alpha) - 2.0, 0.0))
+    inputs = {
+        ir.Slot.AMBIENT: s.occlusion,
+        ir.Slot.DIFFUSE: s.diffuse,
+        ir.Slot.METALLIC: _share(s.metallic),
+        ir.Slot.ROUGHNESS: _share(s.roughness),
+        ir.Slot.IOR: s.ior if s.ior.value[0] > 0 else GLASS,
+    }
+    if s.coat.value[0] > 0:
+        inputs |= {ir.Slot.COAT: _share(s.coat), ir.Slot.COAT_ROUGHNESS: _share(s.coat_roughness)}
+    if s.specular is not None:
+        inputs[ir.Slot.SPECULAR] = s.specular
+        inputs[ir.Slot.METALLIC] = NOTHING
     if s.emissive.value != BLACK:
         inputs[ir.Slot.EMISSION] = s.emissive
     if opacity < 1.0:
         inputs[ir.Slot.TRANSMISSION] = Input(scaled(WHITE, 1.0 - opacity))
-        inputs[ir.Slot.IOR] = Input.number(1.0)
+    if s.normal is not None:
+        inputs[ir.Slot.NORMAL] = s.normal
+    if s.bump is not None:
+        inputs[ir.Slot.BUMP] = s.bump
     if s.holes is not None:
         inputs[ir.Slot.OPACITY] = s.holes
-    return MaterialData(ir.MaterialModel.BLINN_PHONG, inputs, normalized=True, name=s.name, threshold=s.threshold)
+    model = ir.MaterialModel.PRINCIPLED if s.specular is None else ir.MaterialModel.PRINCIPLED_SPECULAR
+    return MaterialData(model, inputs, name=s.name, threshold=s.threshold)
 
 
-def _specular(s: Surface, metallic: float) -> Input:
-    if s.specular is not None:
-        return Input(s.specular)
-    if metallic == 1.0:
-        return s.diffuse
-    dielectric = ((s.ior - 1.0) / (s.ior + 1.0)) ** 2 if s.ior > 0 else 0.04
-    r, g, b = (dielectric + (d - dielectric) * metallic for d in s.diffuse.value)
-    return Input((r, g, b))
+def _share(given: Input) -> Input:
+    """A number held from 0 to 1; a texture's factor may be any."""
+    value: Color = given.value if given.texture >= 0 else (min(max(given.value[0], 0.0), 1.0), 0.0, 0.0)
+    return Input(value, given.texture)

@@ -19,7 +19,7 @@ from pxr import Ar, UsdShade
 from ..lang.diagnostics import Span
 from . import images, ir, preview
 from .build import NONE, SceneBuilder, lambert
-from .rows import WHITE, Color, Input, TextureData
+from .rows import WHITE, Color, Input, MaterialData, TextureData, scaled
 from .usd_stage import Opened, primvar_mean, value
 
 DISPLAY_COLOR = "displayColor"
@@ -29,9 +29,13 @@ _SPACES = {"raw": "linear", "sRGB": "srgb", "auto": "auto"}
 _CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
 _FALLBACKS: dict[str, Any] = {
     "diffuseColor": DEFAULT_COLOR, "emissiveColor": (0.0, 0.0, 0.0), "specularColor": (0.0, 0.0, 0.0), "metallic": 0.0,
-    "roughness": 0.5, "ior": 1.5, "opacity": 1.0, "opacityThreshold": 0.0, "useSpecularWorkflow": 0,
+    "roughness": 0.5, "ior": 1.5, "opacity": 1.0, "opacityThreshold": 0.0, "useSpecularWorkflow": 0, "clearcoat": 0.0,
+    "clearcoatRoughness": 0.01, "occlusion": 1.0, "normal": None,
 }  # fmt: skip
-_NOT_DRAWN = {"normal": "normal maps", "displacement": "displacement"}
+_NUMBERS = {
+    "metallic": "metallic", "roughness": "roughness", "ior": "ior", "coat": "clearcoat", "coat_roughness": "clearcoatRoughness",
+    "occlusion": "occlusion",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +65,7 @@ class Network:
     @property
     def uv_name(self) -> str | None:
         """The primvar that its pictures take their coordinates from (the diffuse one's where they differ)."""
-        pictures = [self.inputs[k] for k in ("diffuseColor", "emissiveColor", "opacity") if isinstance(self.inputs.get(k), Picture)]
+        pictures = [given for given in self.inputs.values() if isinstance(given, Picture)]
         return pictures[0].varname if pictures else None
 
     @property
@@ -115,10 +119,9 @@ class Materials:
             self.tell(f"the surface shader `{kind}` is not drawn: its things show their displayColor", prim)
             return None
         inputs = {name: self._source(shader.GetInput(name), fallback) for name, fallback in _FALLBACKS.items()}
-        for name, what in _NOT_DRAWN.items():
-            given = shader.GetInput(name)
-            if given and (given.HasConnectedSource() or (name != "normal" and bool(value(given.GetAttr(), self.opened.time)))):
-                self.tell(f"{what} are not drawn" if what.endswith("s") else f"{what} is not drawn", prim)
+        moved = shader.GetInput("displacement")
+        if moved and (moved.HasConnectedSource() or bool(value(moved.GetAttr(), self.opened.time))):
+            self.tell("displacement is not drawn", prim)
         return Network(str(prim.GetPath()), str(prim.GetName()), inputs)
 
     def _source(self, given: Any, fallback: Any) -> Any:
@@ -182,8 +185,9 @@ class Materials:
     def plain(self, color: Color, opacity: float, name: str) -> int:
         """The row of a prim without a material: matt, in its displayColor."""
         if opacity < 1.0:
-            surface = preview.Surface(Input(color), specular=(0.0, 0.0, 0.0), opacity=opacity, name=name)
-            return self.builder.material(preview.material(surface))
+            matt, clear = Input(scaled(color, opacity)), Input(scaled(WHITE, 1.0 - opacity))
+            inputs = {ir.Slot.AMBIENT: matt, ir.Slot.DIFFUSE: matt, ir.Slot.TRANSMISSION: clear, ir.Slot.IOR: Input.number(1.0)}
+            return self.builder.material(MaterialData(ir.MaterialModel.BLINN_PHONG, inputs, name=name))
         return self.builder.material(lambert(color, name=name))
 
     def row(self, network: Network, prim: Any, colored: bool) -> int:
@@ -191,16 +195,17 @@ class Materials:
         i = network.inputs
         diffuse = Input(WHITE) if colored else self._color(i["diffuseColor"], DEFAULT_COLOR, prim)
         specular = None
-        if int(self._number(i["useSpecularWorkflow"], 0.0, prim)):
-            specular = self._color(i["specularColor"], (0.0, 0.0, 0.0), prim).value
-        threshold = min(max(self._number(i["opacityThreshold"], 0.0, prim), 0.0), 1.0)
+        if int(self._mean_of(i["useSpecularWorkflow"], 0.0, prim)):
+            specular = self._color(i["specularColor"], (0.0, 0.0, 0.0), prim)
+        threshold = min(max(self._mean_of(i["opacityThreshold"], 0.0, prim), 0.0), 1.0)
         picture = isinstance(i["opacity"], Picture)
-        opacity = 1.0 if picture else self._number(i["opacity"], 1.0, prim)
+        opacity = 1.0 if picture else self._mean_of(i["opacity"], 1.0, prim)
         holes = self._holes(i["opacity"]) if picture else Input.number(opacity) if threshold > 0 else None
+        numbers = {name: self._number(i[key], float(_FALLBACKS[key]), prim) for name, key in _NUMBERS.items()}
         surface = preview.Surface(
-            diffuse, 0.0 if specular is not None else self._number(i["metallic"], 0.0, prim), self._number(i["roughness"], 0.5, prim),
-            self._number(i["ior"], 1.5, prim), specular, self._color(i["emissiveColor"], (0.0, 0.0, 0.0), prim),
-            1.0 if threshold > 0 else opacity, holes, threshold, network.name,
+            diffuse, specular=specular, emissive=self._color(i["emissiveColor"], (0.0, 0.0, 0.0), prim),
+            opacity=1.0 if threshold > 0 else opacity, holes=holes, threshold=threshold, normal=self._normal(i["normal"]),
+            name=network.name, **numbers,
         )  # fmt: skip
         return self.builder.material(preview.material(surface), Span(f"{self.opened.name}<{network.path}>"))
 
@@ -212,6 +217,20 @@ class Materials:
             return Input(_rgb(self._primvar(source, prim), fallback))
         return Input(_rgb(source, fallback))
 
+    def _normal(self, source: Any) -> Input | None:
+        """A normal map; None where its picture is not to be had. A file that leaves its colours from 0 to 1 is read as −1 to 1."""
+        if not isinstance(source, Picture):
+            return None
+        gain, bias, _ = self._levels(source)
+        texture, _ = self._texture(source, color=False, whole=True)
+        if texture == NONE:
+            return None
+        if gain[:3] == (1.0,) * 3 and bias[:3] == (0.0,) * 3:
+            message = "the normal map has no scale of 2 and bias of -1: it is read as if it had"
+            self.tell(message, source.shader.GetPrim())
+            texture = self.builder.with_levels(texture, (2.0,) * 3, (-1.0,) * 3)
+        return Input(WHITE, texture)
+
     def _holes(self, picture: Picture) -> Input:
         """Opacity from a picture; its node's fallback where there is none to be had."""
         texture, _ = self._texture(picture)
@@ -219,9 +238,20 @@ class Materials:
             return Input.number(1.0, texture)
         return Input.number(self._levels(picture)[2][_CHANNELS.get(picture.output, 0)])
 
-    def _number(self, source: Any, fallback: float, prim: Any) -> float:
+    def _number(self, source: Any, fallback: float, prim: Any) -> Input:
+        """A number, from a picture's channel where one is wired."""
+        if not isinstance(source, Picture):
+            return Input.number(self._mean_of(source, fallback, prim))
+        texture, _ = self._texture(source, color=False)
+        if texture != NONE:
+            return Input.number(1.0, texture)
+        return Input.number(float(self._levels(source)[2][_CHANNELS.get(source.output, 0)]))
+
+    def _mean_of(self, source: Any, fallback: float, prim: Any) -> float:
+        """A number that is the same all over a surface."""
         if isinstance(source, Picture):
-            return self._mean(source, fallback)
+            self.tell(f"a picture stands where one number is wanted: its fallback is drawn (`{source.shader.GetPath().name}`)", prim)
+            return float(self._levels(source)[2][_CHANNELS.get(source.output, 0)])
         if isinstance(source, Primvar):
             source = self._primvar(source, prim)
         try:
@@ -237,30 +267,19 @@ class Materials:
             self.tell(f"the primvar `{source.name}` varies over the surface: its mean is drawn", prim)
         return source.fallback if mean is None else mean
 
-    def _mean(self, picture: Picture, fallback: float) -> float:
-        """The mean of a picture that feeds a number."""
-        what = str(picture.shader.GetPath().name)
-        self.tell(f"pictures of numbers are drawn as their mean (`{what}`)", picture.shader.GetPrim())
-        texels = self._read(picture, color=False)
-        gain, bias, missing = self._levels(picture)
-        channel = _CHANNELS.get(picture.output, 0)
-        if texels is None:
-            return float(missing[channel])
-        return float(texels[..., channel].mean()) * gain[channel] + bias[channel]
-
-    def _texture(self, picture: Picture) -> tuple[int, Color]:
-        """A texture's row, or NONE and the node's fallback where there is no picture to be had."""
+    def _texture(self, picture: Picture, color: bool = True, whole: bool = False) -> tuple[int, Color]:
+        """A texture's row, or NONE and the node's fallback where there is no picture to be had: a colour, a number, or `whole` data."""
         gain, bias, missing = self._levels(picture)
         found = self._picture(picture)
         if found is None:
             return NONE, (missing[0], missing[1], missing[2])
         try:
-            row = found.row(self.builder, _SPACES.get(self._text(picture.shader, "sourceColorSpace") or "auto", "auto"))
+            row = found.row(self.builder, _SPACES.get(self._text(picture.shader, "sourceColorSpace") or "auto", "auto"), color)
         except images.ImageError as failure:
             self.builder.diagnostics.warning(failure.message, self.opened.span(picture.shader.GetPrim()), failure.hint)
             return NONE, (missing[0], missing[1], missing[2])
         wrap_u, wrap_v = (_WRAPS.get(self._text(picture.shader, key) or "useMetadata", ir.Wrap.BLACK) for key in ("wrapS", "wrapT"))
-        channel = _CHANNELS.get(picture.output, -1)
+        channel = _CHANNELS.get(picture.output, -1 if color or whole else 0)
         if channel >= 0:
             gain, bias = (gain[channel],) * 4, (bias[channel],) * 4
         made = TextureData(
@@ -278,17 +297,6 @@ class Materials:
 
     def _picture(self, picture: Picture) -> Asset | None:
         return asset(self._source(picture.shader.GetInput("file"), None), self, picture.shader.GetPrim())
-
-    def _read(self, picture: Picture, color: bool) -> np.ndarray | None:
-        found = self._picture(picture)
-        if found is None:
-            return None
-        space = _SPACES.get(self._text(picture.shader, "sourceColorSpace") or "auto", "auto")
-        try:
-            return images.read(found.source(), found.name, "linear" if space == "auto" and not color else space)
-        except images.ImageError as failure:
-            self.builder.diagnostics.warning(failure.message, self.opened.span(picture.shader.GetPrim()), failure.hint)
-            return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -310,11 +318,11 @@ class Asset:
             raise images.ImageError(f"the package has no `{self.name}`")
         return bytes(opened.GetBuffer())
 
-    def row(self, builder: SceneBuilder, space: str) -> int:
+    def row(self, builder: SceneBuilder, space: str, color: bool = True) -> int:
         source = self.source()
         if isinstance(source, str):
-            return images.row(builder, Path(source), space)
-        return images.row_from_bytes(builder, source, self.path, space)
+            return images.row(builder, Path(source), space, color)
+        return images.row_from_bytes(builder, source, self.path, space, color)
 
 
 def asset(value: Any, materials: Materials, prim: Any) -> Asset | None:

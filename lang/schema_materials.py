@@ -24,6 +24,16 @@ _OPACITY = (
         minimum=0.0, maximum=1.0, keyword=True,
     ),
 )  # fmt: skip
+_SURFACE = (
+    *_OPACITY,
+    Arg(
+        "normal_map", "texture", None, "turns its normals: red along u, green along v, blue outwards, from −1 to 1 as 0 to 255 (OpenGL's)",
+        keyword=True,
+    ),
+    Arg("normal_strength", "number", None, "of the normal map; 1 when not given", minimum=0.0, keyword=True),
+    Arg("bump_map", "texture", None, "turns its normals as if it were so high", keyword=True),
+    Arg("bump_height", "length", None, "how high where the bump map is 1; 1 cm when not given", keyword=True),
+)  # fmt: skip
 _ROUGHNESS = Arg("roughness", "number_map", 0.5, "0: polished, 1: as rough as can be", minimum=0.0, maximum=1.0, keyword=True)
 
 
@@ -41,7 +51,7 @@ def _course_material(name: str, lobe: str) -> Entry:
             Arg("transmission", "color_map", (0.0, 0.0, 0.0), "refraction coefficient k_t", aliases=("k_t",), keyword=True),
             Arg("ior", "number_map", 1.5, "index of refraction for k_t", above=0.0, keyword=True),
             Arg("normalized", "bool", False, "scales the lobe so that it conserves energy", keyword=True),
-            *_OPACITY,
+            *_SURFACE,
             _SHADING,
         ),
         example=f"sphere(1, material: {name}(#d0402a, specular: 0.4, shininess: 60))",
@@ -53,12 +63,12 @@ MATERIALS = (
         "lambert",
         "material",
         "matt: L = ρE/π",
-        (Arg("color", "color_map", (0.8, 0.8, 0.8), "albedo ρ"), *_OPACITY, _SHADING),
+        (Arg("color", "color_map", (0.8, 0.8, 0.8), "albedo ρ"), *_SURFACE, _SHADING),
         example="lambert(#c9c4bb)",
     ),
     _course_material("phong", "Phong model (lobe R·V)"),
     _course_material("blinn_phong", "Blinn-Phong model (lobe N·H)"),
-    Entry("mirror", "material", "a perfect mirror", (Arg("color", "color_map", (1.0, 1.0, 1.0), "how much it reflects"), *_OPACITY)),
+    Entry("mirror", "material", "a perfect mirror", (Arg("color", "color_map", (1.0, 1.0, 1.0), "how much it reflects"), *_SURFACE)),
     Entry(
         "glass",
         "material",
@@ -66,7 +76,7 @@ MATERIALS = (
         (
             Arg("color", "color_map", (1.0, 1.0, 1.0), "how much it lets through"),
             Arg("ior", "number_map", 1.5, "index of refraction", above=0.0, keyword=True),
-            *_OPACITY,
+            *_SURFACE,
         ),
     ),
     Entry(
@@ -94,7 +104,7 @@ MATERIALS = (
             Arg("occlusion", "number_map", 1.0, "how much of the ambient light reaches it", minimum=0.0, maximum=1.0, keyword=True),
             Arg("emission", "color_map", (0.0, 0.0, 0.0), "colour that it shines in", aliases=("emissive",), keyword=True),
             Arg("luminance", "luminance", 1.0, "nit where `emission` is 1", aliases=("radiance",), minimum=0.0, keyword=True),
-            *_OPACITY,
+            *_SURFACE,
             _SHADING,
         ),
         exclusive=(("specular", "metallic"), ("specular", "ior")),
@@ -108,7 +118,7 @@ MATERIALS = (
             Arg("kind", "choice", REQUIRED, "which; steel is drawn as iron", choices=METALS),
             Arg("roughness", "number_map", 0.1, "0: polished, 1: as rough as can be", minimum=0.0, maximum=1.0, keyword=True),
             Arg("color", "color_map", (1.0, 1.0, 1.0), "multiplies what it reflects", keyword=True),
-            *_OPACITY,
+            *_SURFACE,
             _SHADING,
         ),
         example='sphere(1, material: metal("gold", roughness: 0.2))',

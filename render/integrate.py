@@ -14,7 +14,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import across, aside, lanes, lights, materials, microfacet, opacity, placed, sampler, surface, trace
+from . import across, aside, lanes, lights, materials, microfacet, opacity, placed, sampler, surface, tilt, trace
 from .handles import Handle
 from .kernels import HELPER, helper
 from .links import FLOAT, INT, VEC, Linked
@@ -74,7 +74,7 @@ def radiance(
         while lanes.any_lane(rest):
             instance, here = across.together(hit.instance, rest)
             meeting = Hit(hit.t, instance, hit.primitive, hit.u, hit.v)
-            point = surface.at(tables, ray, meeting)
+            point = tilt.tilted(tables, surface.at(tables, ray, meeting), meeting, ray.direction)
             shader = materials.at(tables, point)
             viewer = lanes.negate(ray.direction)
             specular = kind >= SPECULAR_RAY
@@ -243,7 +243,7 @@ def _unblocked(
 ) -> Vec:
     """What a light gives, where nothing that casts shadows stands before it; 0 elsewhere."""
     zero = lanes.full_like(point.offset, 0.0)
-    open_ = active & (lanes.largest(given) > 0.0)
+    open_ = tilt.open_to(tables, point, direction, active & (lanes.largest(given) > 0.0))
     if options.shadows and tables.lights.shadows[light] and lanes.any_lane(open_):
         return trace.dimmed(accel, tables, leaving(point, direction, zero + distance), open_, given)
     return lanes.where3(open_, given, (zero, zero, zero))

@@ -15,7 +15,7 @@ from numba.extending import overload
 
 from ..compiler import ir
 from ..compiler import plan as planner
-from . import emitters, integrate, lanes, light_tree, lights, materials, opacity, principled, sampler, sky_map, surface, trace
+from . import emitters, integrate, lanes, light_tree, lights, materials, opacity, principled, sampler, sky_map, surface, tilt, trace
 from .emitters import Emitters
 from .kernels import HELPER, apart, helper
 from .materials import ONLY, Shader, Uses
@@ -224,7 +224,7 @@ def connect(
     factor = factor * lanes.where(met_too, power(arriving.density * chance, density), 1.0)
     given = lanes.scale(lanes.mul(lanes.mul(weight, share), arriving.light), factor)
     origin = surface.leave(point, arriving.direction)
-    wanted = here & (lanes.largest(given) > 0.0)
+    wanted = tilt.open_to(tables, point, arriving.direction, here & (lanes.largest(given) > 0.0))
     distance = lanes.where(shadows, arriving.distance * (1.0 - 64.0 * lanes.roundoff(zero)), -1.0)
     return Connection(origin, arriving.direction, distance, given, wanted)
 
@@ -241,6 +241,7 @@ def arrive(
     """
     zero = 0.0 * path.density
     uses = light.uses
+    point = tilt.tilted(tables, point, hit, path.direction)
     shader = materials.looked_up(tables, point, uses)
     viewer = lanes.negate(path.direction)
     sent = (zero, zero, zero)

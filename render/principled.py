@@ -14,7 +14,7 @@ import numpy as np
 from numba.extending import overload
 
 from ..compiler import ir
-from . import albedo, lanes, microfacet
+from . import albedo, lanes, microfacet, tilt
 from .handles import HandleType
 from .inputs import color_of, number_of
 from .kernels import HELPER, helper
@@ -34,7 +34,7 @@ _DIP = LOWEST * (1.0 - LOWEST) ** 6
 
 
 class Layered(NamedTuple):
-    """ir.Materials of a scene that has microfacets, with what their shading reads beside the rows: a type of its own for kernels."""
+    """ir.Materials where a scene has microfacets or maps of normals, with what those read beside the rows: types of their own."""
 
     model: Any
     shading: Any
@@ -42,14 +42,23 @@ class Layered(NamedTuple):
     threshold: Any
     values: Any
     textures: Any
-    albedo: albedo.Albedo
+    textured: Any
+    albedo: Any  # albedo.Albedo, or Smooth
+    tangents: Any  # tilt.Tangents, or tilt.Untilted
+
+
+class Smooth(NamedTuple):
+    """No material has microfacets."""
 
 
 def tables_for(tables: ir.Tables) -> ir.Tables:
-    """The same tables, or with `Layered` materials where some thing has microfacets."""
-    if not np.isin(tables.materials.model[tables.instances.material], MODELS).any():
+    """The same tables, or with `Layered` materials where some thing has microfacets or a map of normals or heights."""
+    facets = bool(np.isin(tables.materials.model[tables.instances.material], MODELS).any())
+    tangents = tilt.tangents(tables)
+    if not facets and isinstance(tangents, tilt.Untilted):
         return tables
-    return tables._replace(materials=Layered(*tables.materials, albedo.table()))  # pyright: ignore[reportArgumentType]
+    made = Layered(*tables.materials, albedo.table() if facets else Smooth(), tangents)
+    return tables._replace(materials=made)  # pyright: ignore[reportArgumentType]
 
 
 def has_sharp(tables: ir.Tables) -> bool:
@@ -61,12 +70,13 @@ def has_sharp(tables: ir.Tables) -> bool:
 
 def at(tables: Tables, surface: Surface) -> Lobes | None:
     """The microfacets of a surface where it is; None in scenes without any."""
-    return _at(tables, surface) if isinstance(tables.materials, Layered) else None
+    return _at(tables, surface) if isinstance(getattr(tables.materials, "albedo", None), albedo.Albedo) else None
 
 
 @overload(at, jit_options=HELPER)
 def _at_in_kernels(tables, surface):
-    if isinstance(tables, HandleType) and tables.field("materials.albedo") is not None:
+    found = tables.field("materials.albedo") if isinstance(tables, HandleType) else None
+    if found is not None and found[1] != ():
         return lambda tables, surface: _at(tables, surface)
     return lambda tables, surface: None
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import ir
+from ..compiler import plan as planner
 from ..compiler.plan import Plan
 from . import across, aov, banded, camera, fill, hits, integrate, lanes, raster_setup, sampler, visibility
 from .handles import Handle
@@ -121,7 +122,7 @@ def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
     """What the raster backend does not draw of a scene: (message, table, row), once for each material and light it is about."""
     tables, found = scene.tables, []
     used = np.unique(tables.instances.material[tables.instances.visible & ir.Visibility.CAMERA != 0])
-    values = tables.materials.values
+    values, glossy = tables.materials.values, planner.glossy_materials(scene)
     for row in used.tolist():
         model = tables.materials.model[row]
         refracts = model == ir.MaterialModel.GLASS or values[row, ir.Slot.TRANSMISSION].max() > 0
@@ -132,6 +133,8 @@ def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
         elif reflects:
             name = "mirrors" if model == ir.MaterialModel.MIRROR else "k_r"
             found.append((f"raster draws {name} without other things in them: only the sky is reflected", "materials", row))
+        elif glossy[row]:
+            found.append(("raster draws highlights of lights and the sky alone: other things are not reflected", "materials", row))
     return found
 
 

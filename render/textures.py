@@ -40,7 +40,7 @@ def value(tables: Tables, texture: Lane, surface: Surface) -> Vec:
     """The colour of each lane's texture (row of Textures) at a surface point; rows < 0 give row 0's."""
     textures = tables.textures
     row = lanes.maximum(texture, 0)
-    u, v, du, dv = _place(tables, row, surface)
+    u, v, du, dv = place(tables, row, surface)
     frame = textures.frame
     s = frame[row, 0, 0] * u + frame[row, 0, 1] * v + frame[row, 0, 2]
     t = frame[row, 1, 0] * u + frame[row, 1, 1] * v + frame[row, 1, 2]
@@ -72,18 +72,14 @@ def value(tables: Tables, texture: Lane, surface: Surface) -> Vec:
 @helper
 def on(tables: Tables, material: Lane) -> Lane:
     """Whether a material has a texture in any slot."""
-    rows = tables.materials.textures
-    found = rows[material, 0] >= 0
-    for slot in range(1, rows.shape[1]):
-        found = found | (rows[material, slot] >= 0)
-    return found
+    return tables.materials.textured[material]
 
 
 # --- mappings -----------------------------------------------------------------------------------------------------------
 
 
 @helper
-def _place(tables: Tables, row: Lane, surface: Surface) -> tuple[Lane, Lane, Lane, Lane]:
+def place(tables: Tables, row: Lane, surface: Surface) -> tuple[Lane, Lane, Lane, Lane]:
     """u, v by the texture's mapping, and the metres they span."""
     mapping = tables.textures.mapping[row]
     u, v = surface.uv

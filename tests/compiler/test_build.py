@@ -155,7 +155,7 @@ def test_a_material_is_its_slots() -> None:
     m = builder.finish().tables.materials
     assert (m.model[0], m.shading[0], m.normalized[0]) == (ir.MaterialModel.PHONG, ir.Shading.FLAT, True)
     assert m.values[0, ir.Slot.DIFFUSE].tolist() == [1, 1, 1]
-    assert m.textures[0].tolist() == [-1, 7, -1, -1, -1, -1, -1, -1, -1]
+    assert m.textures[0].tolist() == [-1, 7] + [-1] * (ir.SLOTS - 2)
     assert m.values[0, ir.Slot.SHININESS].tolist() == [20, 0, 0]
     assert m.values[0, ir.Slot.IOR, 0] == 1
 

@@ -297,7 +297,7 @@ def test_map_options(tmp_path):
         ("newmtl m\nmap_Kd none.png\n", "m.mtl:2:1: warning: there is no picture `none.png`\n  looked in {folder}"),
         ("newmtl m\nKd red\n", "m.mtl:2:1: warning: `Kd` wants three numbers (spectra and CIE XYZ are not read)"),
         ("newmtl m\nNs lots\n", "m.mtl:2:1: warning: `Ns` wants a number"),
-        ("newmtl m\nmap_bump a.png\n", "m.mtl:2:1: warning: `map_bump` is not drawn"),
+        ("newmtl m\ndisp a.png\n", "m.mtl:2:1: warning: `disp` is not drawn"),
         ("newmtl m\nfoo 1\n", "m.mtl:2:1: warning: MTL has no keyword `foo`: the line is left out"),
         ("Kd 1 1 1\nnewmtl m\n", "m.mtl:1:1: warning: `Kd` stands before the first `newmtl`"),
         ("newmtl m\nmap_Kd -s 1 1\n", "m.mtl:2:1: warning: `map_Kd`: no file name follows the option `-s`"),
@@ -307,6 +307,20 @@ def test_map_options(tmp_path):
 )
 def test_library_messages(tmp_path, text, expected):
     assert material(text, tmp_path)[2] == [expected.format(folder=tmp_path)]
+
+
+def test_the_pbr_extension(tmp_path):
+    """Pr and Pm make it principled; ORM packs occlusion, roughness and metal; a map of bumps that is coloured is one of normals."""
+    write_image(tmp_path / "orm.png", np.array([[[255, 128, 0]]], np.uint8))
+    write_image(tmp_path / "h.png", np.array([[[9, 9, 9]]], np.uint8))
+    model, values, messages, _ = material("newmtl m\nKd 0.5 0.25 0\nPm 0.75\nPr 0.25\nmap_bump -bm 0.02 h.png\n", tmp_path)
+    assert (model, messages) == ("PRINCIPLED", [])
+    assert [values[name][0] for name in ("METALLIC", "ROUGHNESS", "BUMP")] == [0.75, 0.25, 0.02]
+    scene = material("newmtl m\nmap_ORM orm.png\nmap_bump orm.png\n", tmp_path)[3]
+    m, t = scene.tables.materials, scene.tables.textures
+    rows = [m.textures[0, slot] for slot in (ir.Slot.ROUGHNESS, ir.Slot.METALLIC, ir.Slot.NORMAL)]
+    assert t.channel[rows].tolist() == [1, 2, -1]
+    assert t.bias[rows[2]].tolist() == [-1, -1, -1]
 
 
 def test_a_missing_library_is_a_warning(tmp_path):

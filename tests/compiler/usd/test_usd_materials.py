@@ -59,26 +59,16 @@ def test_values(tmp_path):
     scene, messages = read(tmp_path, stage(text))
     assert messages == []
     m = scene.tables.materials
-    assert (ir.MaterialModel(m.model[0]).name, bool(m.normalized[0]), scene.names.materials[0]) == ("BLINN_PHONG", True, "m")
+    assert (ir.MaterialModel(m.model[0]).name, scene.names.materials[0]) == ("PRINCIPLED", "m")
     assert slot(scene, "DIFFUSE") == [0.5, 0.25, 0.125]
-    assert slot(scene, "SPECULAR") == pytest.approx([0.04] * 3)
-    assert slot(scene, "SHININESS")[0] == pytest.approx(2 / 0.25**2 - 2)
+    assert (slot(scene, "IOR")[0], slot(scene, "ROUGHNESS")[0], slot(scene, "METALLIC")[0]) == (1.5, 0.5, 0)
     assert slot(scene, "EMISSION") == [0, 0, 0]
 
 
 def test_defaults_are_the_specification_s(tmp_path):
     scene, _ = read(tmp_path, stage(""))
     assert slot(scene, "DIFFUSE") == pytest.approx([0.18] * 3)
-    assert slot(scene, "SHININESS")[0] == pytest.approx(30)
-
-
-def test_metals_shine_in_their_colour():
-    made = preview.material(preview.Surface(Input((1.0, 0.5, 0.0)), metallic=1.0))
-    assert made.inputs[ir.Slot.DIFFUSE].value == (0, 0, 0)
-    assert made.inputs[ir.Slot.SPECULAR].value == (1.0, 0.5, 0.0)
-    half = preview.material(preview.Surface(Input((1.0, 0.5, 0.0)), metallic=0.5))
-    assert half.inputs[ir.Slot.SPECULAR].value == pytest.approx((0.52, 0.27, 0.02))
-    assert half.inputs[ir.Slot.DIFFUSE].value == (0.5, 0.25, 0)
+    assert [slot(scene, name)[0] for name in ("ROUGHNESS", "METALLIC", "IOR", "COAT", "AMBIENT")] == [0.5, 0, 1.5, 0, 1]
 
 
 def test_specular_workflow_emission_and_opacity(tmp_path):
@@ -93,14 +83,15 @@ def test_specular_workflow_emission_and_opacity(tmp_path):
     scene, _ = read(tmp_path, stage(text))
     assert slot(scene, "SPECULAR") == pytest.approx([0.3, 0.2, 0.1])
     assert slot(scene, "EMISSION") == [4, 5, 6]
-    assert slot(scene, "DIFFUSE") == [0.25] * 3
-    assert (slot(scene, "TRANSMISSION"), slot(scene, "IOR")[0]) == ([0.75] * 3, 1)
+    assert slot(scene, "DIFFUSE") == [1, 1, 1]
+    assert slot(scene, "TRANSMISSION") == [0.75] * 3
+    assert ir.MaterialModel(scene.tables.materials.model[0]) == ir.MaterialModel.PRINCIPLED_SPECULAR
 
 
-def test_smooth_and_rough_ends():
-    assert preview.material(preview.Surface(roughness=0)).inputs[ir.Slot.SHININESS].value[0] == pytest.approx(2 / 0.02**2 - 2)
-    assert preview.material(preview.Surface(roughness=1)).inputs[ir.Slot.SHININESS].value[0] == 0
-    assert preview.material(preview.Surface(opacity=7, metallic=-3)).inputs[ir.Slot.DIFFUSE].value == (0.18, 0.18, 0.18)
+def test_numbers_beyond_their_ends_are_held():
+    made = preview.material(preview.Surface(metallic=Input.number(-3), roughness=Input.number(7), opacity=7)).inputs
+    assert (made[ir.Slot.METALLIC].value[0], made[ir.Slot.ROUGHNESS].value[0]) == (0, 1)
+    assert ir.Slot.TRANSMISSION not in made
 
 
 def test_picture(tmp_path):
@@ -204,10 +195,10 @@ def test_primvars_feed_inputs(tmp_path):
     scene, messages = read(tmp_path, stage(READ, PRIMVAR_READER, extra))
     assert messages == []
     assert slot(scene, "DIFFUSE") == [1, 0, 0]
-    assert slot(scene, "SHININESS")[0] == pytest.approx(30)
+    assert slot(scene, "ROUGHNESS")[0] == 0.5
     scene, _ = read(tmp_path, stage(READ, PRIMVAR_READER))  # neither is there
     assert slot(scene, "DIFFUSE") == [0.5] * 3
-    assert slot(scene, "SHININESS")[0] == 0
+    assert slot(scene, "ROUGHNESS")[0] == 1
 
 
 def test_a_varying_colour_is_the_mesh_s_own(tmp_path):
@@ -217,10 +208,32 @@ def test_a_varying_colour_is_the_mesh_s_own(tmp_path):
     assert slot(scene, "DIFFUSE") == [1, 1, 1]
 
 
-def test_a_picture_of_numbers_is_its_mean(tmp_path):
+def test_a_picture_of_numbers_keeps_its_channel(tmp_path):
     scene, messages = textured(tmp_path, name="roughness", kind="float", wire="g")
-    assert messages == ["x.usda</m/t>: warning: pictures of numbers are drawn as their mean (`t`)"]
-    assert slot(scene, "SHININESS")[0] == pytest.approx(2 / 0.25**4 - 2, rel=1e-4)  # one of four texels has green
+    t = scene.tables
+    assert messages == []
+    row = t.materials.textures[0, ir.Slot.ROUGHNESS]
+    assert (slot(scene, "ROUGHNESS")[0], t.textures.channel[row]) == (1, 1)
+    assert t.images.texels[:, 1].tolist() == [0, 1, 0, 0]
+
+
+def test_numbers_of_a_picture_are_as_stored_unless_it_says_srgb(tmp_path):
+    picture(tmp_path / "p.png", [(128, 128, 128)] * 4)
+    for space, value in (("auto", 128 / 255), ("raw", 128 / 255), ("sRGB", 0.2158605)):
+        nodes = TEXTURE.replace("OPTIONS", f'token inputs:sourceColorSpace = "{space}"')
+        scene, _ = read(tmp_path, stage("float inputs:metallic.connect = </m/t.outputs:g>", nodes))
+        assert scene.tables.images.texels[0, 0] == pytest.approx(value)
+
+
+@pytest.mark.parametrize("levels", [True, False])
+def test_a_normal_map(tmp_path, levels):
+    options = "float4 inputs:scale = (2, 2, 2, 2)\nfloat4 inputs:bias = (-1, -1, -1, -1)" if levels else ""
+    scene, messages = textured(tmp_path, options, name="normal", kind="normal3f")
+    t = scene.tables
+    row = t.materials.textures[0, ir.Slot.NORMAL]
+    assert (t.textures.gain[row].tolist(), t.textures.bias[row].tolist(), t.textures.channel[row]) == ([2, 2, 2], [-1, -1, -1], -1)
+    said = "x.usda</m/t>: warning: the normal map has no scale of 2 and bias of -1: it is read as if it had"
+    assert messages == ([] if levels else [said])
 
 
 @pytest.mark.parametrize(
@@ -228,8 +241,6 @@ def test_a_picture_of_numbers_is_its_mean(tmp_path):
     [
         ("color3f inputs:diffuseColor.connect = </m/t.outputs:rgb>", GONE,
             "x.usda</m/t>: warning: there is no picture `gone.png`: its fallback is drawn"),
-        ("normal3f inputs:normal.connect = </m/t.outputs:rgb>", TEXTURE.replace("OPTIONS", ""),
-            "x.usda</m>: warning: normal maps are not drawn"),
         ("float inputs:displacement = 0.5", "", "x.usda</m>: warning: displacement is not drawn"),
         ("color3f inputs:diffuseColor.connect = </m/n.outputs:out>",
             'def Shader "n" { uniform token info:id = "Noise"\ncolor3f outputs:out }',

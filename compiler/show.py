@@ -35,7 +35,7 @@ _QUIET = {  # columns left out where they have this value: what a plain row has
     "geometries": {"origin": 0, "first_vertex": 0, "vertex_count": 0, "first_triangle": 0, "triangle_count": 0, "first_polygon": 0,
                    "polygon_count": 0, "normals": -1, "uvs": -1, "colors": -1, "tape": -1},
     "instances": {"transform": 0, "light": -1, "visible": 7},
-    "materials": {"shading": 0, "normalized": 0, "threshold": 0, "textured": 0},
+    "materials": {"shading": 0, "normalized": 0, "threshold": 0},
     "textures": {"mapping": 0, "wrap_u": 0, "wrap_v": 0, "nearest": 0, "image": -1, "tape": -1, "channel": -1, "size": 0, "gain": 1,
                  "bias": 0, "frame": ((1, 0, 0), (0, 1, 0))},
     "lights": {"position": 0, "direction": (0, 1, 0), "transform": 0, "size": 0, "cos_cone": -1, "cos_full": -1, "angle": 0, "falloff": 0,
@@ -156,6 +156,8 @@ def _cell(scene: ir.Scene, table: str, column: str, value: Any, row: int) -> str
         return f"parameters={_value(value[:used])}" if used else ""
     if table == "materials" and column in ("values", "textures"):
         return " ".join(_slots(column, value))
+    if table == "materials" and column == "textured":
+        return ""  # the textures say so
     quiet = _QUIET.get(table, {}).get(column)
     if quiet is not None and _same(value, quiet):
         return ""

@@ -280,7 +280,8 @@ def plan_warnings(scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
 
 def _summary(path: Path, figures: Mapping[str, Any]) -> str:
     width, height = figures["size"]
-    error = f", √relMSE {figures['error']:.2%}" if figures["error"] is not None else ""
+    before = " before denoising" if figures["plan"]["denoise"] else ""
+    error = f", √relMSE {figures['error']:.2%}{before}" if figures["error"] is not None else ""
     total = sum(figures["seconds"].values())
     return f"{path}: {width}x{height}, {figures['backend']}, {figures['samples']:g} samples a pixel{error}, {total:.2f} s"
 

@@ -71,6 +71,9 @@ _PICTURE = {
         "--aov", type=values.CHANNELS,
         help="More channels for an .exr: depth,normal,position,albedo,uv,id,variance,samples,cryptomatte,lights,light:NAME,issues.",
     ),
+    "denoise": click.option(
+        "--denoise", is_flag=True, default=None, help="Take out the noise, with Open Image Denoise (pip install maquette[denoise])."
+    ),
     "crop": click.option("--crop", type=values.CROP, help="Only these pixels, from the top left."),
     "background": click.option("--background", type=values.BACKGROUND, help="sky, transparent or #rrggbb."),
     "exposure": click.option("--exposure", type=values.EXPOSURE, help="Stops, for 8 and 16-bit pictures; + 1 is twice as bright."),

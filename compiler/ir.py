@@ -358,6 +358,7 @@ class Settings:
     view: str | None = None
     camera: str | None = None
     threads: int | None = None
+    denoise: bool | None = None
 
     def over(self, other: Settings) -> Settings:
         """These settings where said, else those of `other`."""

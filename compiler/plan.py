@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -343,6 +344,14 @@ def light_groups(plan: Plan) -> tuple[str, ...]:
     return tuple(name.removeprefix(LIGHT) for name in plan["aov"] if name.startswith(LIGHT))
 
 
+def _denoise(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    if not asked.denoise:
+        return Decision("denoise", False, "not asked for: noise says how far off a picture may be", fixed="--denoise")
+    if importlib.util.find_spec("pyoidn") is None:
+        raise PlanError("denoising takes the package pyoidn, which is not installed: pip install maquette[denoise]")
+    return Decision("denoise", True, "asked for: Open Image Denoise, guided by albedo and normals", fixed="--denoise")
+
+
 def _threads(scene: ir.Scene, asked: ir.Settings, _: Mapping[str, Decision]) -> Decision:
     reason = "asked for" if asked.threads else "0: one a core; the picture is the same with any number"
     return Decision("threads", asked.threads or 0, reason, fixed="--threads")
@@ -483,7 +492,8 @@ def _precision(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]
 RULES: tuple[Callable[[ir.Scene, ir.Settings, Mapping[str, Decision]], Decision], ...] = (
     _backend, _camera, _lens, _size, _crop, _soft, _bounces, _interreflection, _transport, _path_precision,
     _shadows, _error, _budget, _samples, _filter, _noise, _seed,
-    _background, _exposure, _view, _aov, _threads, _accelerator, _horizon, _opacity, _motion, _tolerance, _fill, _shading, _precision,
+    _background, _exposure, _view, _aov, _denoise, _threads, _accelerator, _horizon, _opacity, _motion, _tolerance,
+    _fill, _shading, _precision,
 )  # fmt: skip
 
 

@@ -41,7 +41,7 @@ def channels_of(tables: Tables, view: View, ray: Ray, hit: Hit, names: tuple[str
     seen = np.flatnonzero(hit.instance >= 0)
     flat = {name: rows[0] for name, rows in image.blank(n, 1, names).items()}
     if len(seen):
-        ray = Ray(_some(ray.origin, seen, n), _some(ray.direction, seen, n), 0.0, np.inf)
+        ray = Ray(some(ray.origin, seen, n), some(ray.direction, seen, n), 0.0, np.inf)
         with np.errstate(all="ignore"):
             found = _values(tables, view, ray, Hit(*(column[seen] for column in hit)), names)
         for name, columns in found.items():
@@ -81,6 +81,7 @@ def _values(tables: Tables, view: View, ray: Ray, hit: Hit, names: tuple[str, ..
     return {name: values[name]() for name in names}
 
 
-def _some(v: Vec, rows: NDArray[np.intp], n: int) -> Vec:
+def some(v: Vec, rows: NDArray[np.intp], n: int) -> Vec:
+    """Some of n lanes of a vector."""
     x, y, z = (np.broadcast_to(c, n)[rows] for c in v)
     return x, y, z

@@ -57,7 +57,7 @@ def needs_no_rays(plan: Plan) -> bool:
 def can_draw(plan: Plan) -> bool:
     """Whether a picture is drawn in bands: a few samples at fixed places, one moment, one point, and light without random numbers."""
     alike = not any(name.startswith((planner.LIGHT, "crypto_", "variance")) for name in plan["aov"])  # nothing is told sample by sample
-    once = alike and not plan["motion"] and plan["lens"] == "pinhole"
+    once = alike and not plan["denoise"] and not plan["motion"] and plan["lens"] == "pinhole"
     return bool(once and not planner.adaptive(plan) and plan["samples"] <= MOST_SAMPLES and not plan["soft lights"])
 
 

@@ -44,6 +44,10 @@ def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: 
         image = film.run(renderer, plan, view, progress, cancel, mattes)
         if lit:
             renderer.put(image)
+        if plan["denoise"]:
+            from . import denoise  # and with it the package, which others do without
+
+            denoise.denoised(image, renderer, plan)
     notes = notes_of(scene, plan) + (moments.notes(scene, plan) if by_moments else [])
     image.metadata.update(backend=backend, seconds=seconds, notes=notes, unproved=_unproved(renderer))
     if mattes is not None:

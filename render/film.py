@@ -21,7 +21,7 @@ from ..compiler import plan as planner
 from ..compiler.plan import Plan
 from . import adaptive, aov, cryptomatte, image, machine, metrics, sums
 from .cryptomatte import Mattes
-from .records import Film, Tile, View
+from .records import Film, First, Tile, View
 
 TILE = 32  # pixels
 FIRST = 16  # samples a pixel before its error is asked for the first time
@@ -50,8 +50,8 @@ class Renderer(Protocol):
         """Write the named channels, (h, w, k) each, as seen at the pixels' centres."""
         ...
 
-    def seen(self, tile: Tile, sample: int, total: int) -> NDArray[np.int64]:
-        """(h · w,) the instance that a sample of `total` of each pixel of a tile sees first, -1: none."""
+    def first(self, tile: Tile, sample: int, total: int) -> First:
+        """What a sample of `total` of each pixel of a tile sees first, in numpy lanes (h · w,)."""
         ...
 
 
@@ -149,7 +149,13 @@ def _beside(renderer: Renderer, tile: Tile, out: dict[str, NDArray[np.float32]],
         renderer.channels(tile, names, {name: out[name] for name in names})
     if mattes is not None:
         count = min(samples, cryptomatte.SAMPLES)
-        mattes.put(np.stack([renderer.seen(tile, s, samples) for s in range(count)]), {name: out[name] for name in mattes.channels})
+        seen = np.stack([renderer.first(tile, s, samples).hit.instance for s in range(count)])
+        mattes.put(seen, {name: out[name] for name in mattes.channels})
+
+
+def on_threads(draw: Callable[[Any], Any], jobs: Iterable[Any], threads: int) -> None:
+    """Do jobs on several threads; the first exception ends it, here."""
+    _on_threads(draw, jobs, threads, threading.Event(), lambda job, result: None)
 
 
 def _on_threads(

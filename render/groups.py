@@ -17,7 +17,7 @@ from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
 from .image import Image
-from .records import Film, Tile
+from .records import Film, First, Tile
 
 Make = Callable[[ir.Scene, Plan], Any]
 
@@ -56,9 +56,9 @@ class Renderer:
         """Write the named channels: things are the same in all groups."""
         self.parts[0][1].channels(tile, names, out)
 
-    def seen(self, tile: Tile, sample: int, total: int) -> NDArray[np.int64]:
+    def first(self, tile: Tile, sample: int, total: int) -> First:
         """What a sample sees, the same in all groups."""
-        return self.parts[0][1].seen(tile, sample, total)
+        return self.parts[0][1].first(tile, sample, total)
 
     def put(self, image: Image) -> None:
         """Give a picture its groups' channels and make it their sum."""

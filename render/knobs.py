@@ -5,6 +5,7 @@ Data for the instruments (`maquette chart`); nothing here draws. A new backend o
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -56,12 +57,18 @@ def _by_samples(values: tuple[int, ...]) -> Knob:
     return Knob("samples", values, float, option="samples")
 
 
+def _is_noisy(scene: ir.Scene, plan: Plan) -> bool:
+    return importlib.util.find_spec("pyoidn") is not None and (plan["soft lights"] or plan["interreflection"])
+
+
+_DENOISED = Knob("samples, denoised", _SAMPLES[1:6], float, option="samples", fixed={"denoise": True}, applies=_is_noisy)
 _ERROR = Knob("error", _ERRORS, lambda error: error**-2, option="error")
 
 KNOBS: Mapping[str, tuple[Knob, ...]] = {
     "ray": (
         _by_samples(_SAMPLES),
         _ERROR,
+        _DENOISED,
         Knob("bounces", (0, 1, 2, 4, 8), lambda n: 1.0 + n, option="bounces", fixed={"samples": FIXED_SAMPLES}, applies=_light_goes_on),
     ),
     "raster": (

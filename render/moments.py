@@ -16,7 +16,7 @@ from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import RASTER_MOMENTS, Plan
 from . import camera, placed, sampler
-from .records import Film, Tile, View
+from .records import Film, First, Tile, View
 
 
 class Renderer:
@@ -36,9 +36,9 @@ class Renderer:
             self.moments.append(still(seen_from(then, view, float(across[k]), float(down[k])) if plan["lens"] == "thin" else then))
         self.opening = still(standing(scene, start) if plan["motion"] else scene) if plan["aov"] else None
 
-    def seen(self, tile: Tile, sample: int, total: int) -> NDArray[np.int64]:
-        """The instance that a sample of each pixel sees first, from the point and at the moment whose turn it is."""
-        return self._turn(sample).seen(tile, sample, total)
+    def first(self, tile: Tile, sample: int, total: int) -> First:
+        """What a sample of each pixel sees first, from the point and at the moment whose turn it is."""
+        return self._turn(sample).first(tile, sample, total)
 
     def _turn(self, s: int) -> Any:
         n = len(self.moments)

@@ -22,7 +22,7 @@ from . import across, aov, banded, camera, fill, hits, integrate, lanes, raster_
 from .handles import Handle
 from .kernels import helper, kernel
 from .prepare import Prepared, analytic_seen, trees
-from .records import Film, Hit, Lane, Ray, Tile, View
+from .records import Film, First, Hit, Lane, Ray, Tile, View
 
 BATCH = 1 << 16  # samples of a tile held in the z-buffer at a time
 
@@ -72,16 +72,19 @@ class Renderer:
 
     def centres(self, tile: Tile) -> tuple[Ray, Hit]:
         """The rays through a tile's pixel centres and what they hit, in lanes of shape (h · w,)."""
-        scratch = self._seen(tile, 0, 1, 1)
+        return self._hits(self._seen(tile, 0, 1, 1))
+
+    def _hits(self, scratch: Handle) -> tuple[Ray, Hit]:
+        """Rays through a scratch's samples and what they hit."""
         samples = scratch.tables.samples
         count = len(samples.x)
         hit = Hit(np.empty(count), np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count), np.empty(count))
         resolve(self._buffer.model, self.prepared.packed, self._accel, self.prepared.frame, scratch, hit)
         return camera.ray(self.prepared.tables, self.view, samples.x / fill.ONE, samples.y / fill.ONE), hit
 
-    def seen(self, tile: Tile, sample: int, total: int) -> NDArray[np.int64]:
-        """The instance that a sample of each pixel sees first."""
-        return np.array(self._seen(tile, sample, 1, total).tables.seen.instance, np.int64)
+    def first(self, tile: Tile, sample: int, total: int) -> First:
+        """What a sample of each pixel sees first."""
+        return First(self.prepared.tables, *self._hits(self._seen(tile, sample, 1, total)))
 
     def _seen(self, tile: Tile, first: int, count: int, total: int) -> Handle:
         """A handle of visibility.Scratch with samples first … first + count - 1 of a tile and what they see."""

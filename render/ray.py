@@ -15,7 +15,7 @@ from ..compiler.plan import Plan
 from . import across, aov, camera, integrate, lanes, prepare, rays, sampler, trace
 from .handles import Handle
 from .kernels import HELPER, apart, helper, kernel
-from .records import Film, Hit, Options, Ray, Tile, View
+from .records import Film, First, Hit, Options, Ray, Tile, View
 
 CAMERA = int(ir.Visibility.CAMERA)
 
@@ -54,11 +54,11 @@ class Renderer:
             ray = camera.sharp(tables, self.view, x, y)
         aov.channels_of(tables, self.view, ray, Hit(*self._met(ray)), names, out)
 
-    def seen(self, tile: Tile, sample: int, total: int) -> NDArray[np.int64]:
-        """The instance that a sample of each pixel sees first."""
+    def first(self, tile: Tile, sample: int, total: int) -> First:
+        """What a sample of each pixel sees first, at the shutter's opening."""
         with np.errstate(all="ignore"):
             ray = aov.sample_rays(self.prepared.tables, self.view, self.prepared.frame.tables, tile, sample, total)
-        return self._met(ray).instance
+        return First(self.prepared.tables, ray, Hit(*self._met(ray)))
 
     def _met(self, ray: Ray) -> rays.Met:
         """What the camera's rays meet first, of all things."""

@@ -33,6 +33,14 @@ class Hit(NamedTuple):
     v: Lane  # MESH: weight of its third corner
 
 
+class First(NamedTuple):
+    """What camera rays meet first, of which things."""
+
+    tables: ir.Tables
+    ray: Ray
+    hit: Hit
+
+
 class Surface(NamedTuple):
     """A point of a surface, ready to be shaded. Normals are unit and face the side the ray came from."""
 

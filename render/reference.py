@@ -11,7 +11,7 @@ from ..compiler import ir
 from ..compiler.plan import Plan
 from . import aov, camera, integrate, sampler, trace
 from .prepare import Prepared
-from .records import Film, Ray, Tile, View
+from .records import Film, First, Ray, Tile, View
 
 
 class Renderer:
@@ -58,10 +58,11 @@ class Renderer:
             hit = self._first_hit(ray)
         aov.channels_of(self.prepared.tables, self.view, ray, hit, names, out)
 
-    def seen(self, tile: Tile, sample: int, total: int) -> NDArray[np.int64]:
-        """The instance that a sample of each pixel sees first."""
+    def first(self, tile: Tile, sample: int, total: int) -> First:
+        """What a sample of each pixel sees first, at the shutter's opening."""
         with np.errstate(all="ignore"):
-            return self._first_hit(aov.sample_rays(self.prepared.tables, self.view, self.prepared.frame, tile, sample, total)).instance
+            ray = aov.sample_rays(self.prepared.tables, self.view, self.prepared.frame, tile, sample, total)
+            return First(self.prepared.tables, ray, self._first_hit(ray))
 
     def _first_hit(self, ray: Ray) -> Any:
         active = np.ones(np.shape(ray.direction[0]), bool)

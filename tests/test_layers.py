@@ -36,6 +36,7 @@ RENDER_READS = {
 # Modules that may be imported inside a function, and why: a command that does not need one must not wait for it.
 LATE = {
     "OpenImageIO": "only scenes with pictures need it",
+    "pyoidn": "an extra, for who asks for pictures without noise",
     "rich": "only a terminal sees colours",
     "trimesh": "only OFF files need it, and it takes half a second",
 }

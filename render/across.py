@@ -289,3 +289,25 @@ def put3(stack: Any, place: Lane, field: int, value: Vec, mask: Lane) -> None:
 def take3(stack: Any, place: Lane, field: int) -> Vec:
     """Read a vector from three fields."""
     return take(stack, place, field), take(stack, place, field + 1), take(stack, place, field + 2)
+
+
+def narrow(nest: Any) -> Any:
+    """A NamedTuple of numbers, or of tuples of them, with its floats as float32 (in kernels)."""
+    return nest
+
+
+@overload(narrow, jit_options=HELPER)
+def _narrow_nest(nest):
+    made: dict[str, Any] = {"single": np.float32}
+
+    def said(kind, at: str) -> str:
+        if hasattr(kind, "types"):
+            name = f"kind{len(made)}"
+            named = isinstance(kind, types.BaseNamedTuple)
+            made[name] = getattr(kind, "instance_class", None)
+            parts = "".join(f"{said(part, f'{at}[{k}]')}, " for k, part in enumerate(kind.types))
+            return f"{name}({parts})" if named else f"({parts})"
+        return f"single({at})" if isinstance(kind, types.Float) else at
+
+    exec(f"def narrowed(nest): return {said(nest, 'nest')}", made)  # Numba has no loops over tuples of several types
+    return made["narrowed"]

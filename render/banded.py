@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
-from . import across, bands, camera, classic, deferred, fill, integrate, meshlets, raster_setup, sampler, setup, traced
+from . import across, bands, camera, classic, deferred, faces, fill, integrate, meshlets, raster_setup, sampler, setup, traced
 from .handles import Handle
 from .records import View
 
@@ -77,6 +77,7 @@ class Bands:
         self.places = Handle(self.pattern)
         self.weights = Handle(self.splat)
         self.drawn = Handle(bands.drawn(made.shown, made.meshlets, made.placed, plan["crop"], self.splat.reach, self.rows))
+        self.patterned = True if _patterned(tables) else None
         how, self.fill = plan["raster.fill"], None
         if how != "edges":
             self.fill = classic.Fill(how, tables, prepared.packed, view, made.model, made.ranges, made.meshlets.tables)
@@ -112,10 +113,12 @@ class Bands:
         p = self.prepared
         if len(self.endless):
             traced.draw_endless(made.model, self.endless, p.packed, p.accel, self.view, self.places, room.band)
-        if self.plain:
+        if self.plain and len(drawn.tables.first) == 0:
+            pass  # an empty picture, maybe of an empty scene
+        elif self.plain:
             deferred.shade_band(
-                made.shown, self.places, self.each, made.meshlets, drawn, made.lit, made.look, self.weights, room.band, room.items,
-                self.crop, self.rgba,
+                made.shown, self.places, self.each, made.meshlets, drawn, made.lit, made.look, self.patterned,
+                self.weights, room.band, room.faces, room.items, self.crop, self.rgba,
             )  # fmt: skip
         else:
             traced.shade_band(
@@ -123,7 +126,7 @@ class Bands:
                 room.items, room.stack, self.crop, self.rgba,
             )  # fmt: skip
         self._behind(top, bottom)
-        return int(room.items.tables.counts[2])
+        return int(room.items.tables.counts[3])
 
     def _behind(self, top: int, bottom: int) -> None:
         """Put the background behind rows of pixels."""
@@ -146,6 +149,9 @@ class _Room:
         columns = x1 - (x0 & ~3) + margin
         self.band = Handle(bands.band_for(columns, of.rows + margin, samples))
         self.items = Handle(deferred.items_for(columns, samples))
+        if of.plain:
+            most = 2 * self.items.tables.half
+            self.faces = Handle(faces.faces_for(len(of.drawn.tables.first), most, of.patterned is not None))
         self.stack = None if of.plain else integrate.stack_for(of.prepared.options, across.WIDTH)
 
 
@@ -170,14 +176,20 @@ def _splat(name: str, pattern: bands.Pattern) -> deferred.Splat:
     return deferred.Splat(table.astype(np.float32), reach, -(-count // 4))
 
 
-def _look(tables: ir.Tables, view: View, eye: NDArray[np.float64]) -> deferred.Look:
-    """Rays through three pixel corners, and instances' places, in the world about the eye."""
+def _patterned(tables: ir.Tables) -> bool:
+    """Whether a material has a texture or a mesh colours of its own."""
+    return bool((tables.materials.textures >= 0).any() or (tables.geometries.colors >= 0).any())
+
+
+def _look(tables: ir.Tables, view: View, eye: NDArray[np.float64]) -> faces.Look:
+    """Rays through three pixel corners, in the world about the eye."""
     ray = camera.ray(tables, view, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
-    direction = np.stack([np.broadcast_to(c, 3) for c in ray.direction], axis=1)
+    start, direction = (np.stack([np.broadcast_to(c, 3) for c in vector], axis=1) for vector in (ray.origin, ray.direction))
     axis = -tables.transforms.inverse[tables.cameras.transform[view.camera], 2, :3]
     direction = direction / (direction @ axis)[:, None]
+    start = start - eye - direction * ((start - eye) @ axis)[:, None]  # from the plane of the eye on, as depths count
     steps = np.array([[1.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]])
-    place = tables.transforms.matrix[tables.instances.transform].copy()
-    origins = tables.geometries.origin[tables.instances.geometry]
-    place[:, :, 3] += np.einsum("nij,nj->ni", place[:, :, :3], origins) - eye
-    return deferred.Look((steps @ direction).astype(np.float32), place.astype(np.float32))
+    inverse = tables.transforms.inverse[tables.instances.transform]
+    local = inverse.copy()
+    local[:, :, 3] += np.einsum("nij,j->ni", inverse[:, :, :3], eye)
+    return faces.Look(*(np.ascontiguousarray(a, np.float32) for a in (steps @ direction, steps @ start, local)))

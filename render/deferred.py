@@ -1,8 +1,9 @@
 """Deferred shading of a band: what its visibility buffer holds becomes items, each triangle of each pixel once, sixteen side by side.
 
-An item is lit where its pixel's centre meets its triangle, and its light goes to the pixels that its samples count for. Weights of the
-triangle's corners are computed in float64 from the corners as they were before snapping; all else in float32, about the eye. Materials,
-textures and lights are those all backends share.
+An item is lit in the middle of the samples that see its triangle (faces.py), a place that the triangle covers, and its light goes to the
+pixels that these samples count for.
+Light is computed in float32, about the eye; materials, textures and lights are those all backends share. What is the same for all of an
+instance, which is its whole material where nothing has a pattern, is looked up once and stays a number.
 """
 
 from __future__ import annotations
@@ -13,21 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import lanes, lights, materials, simd, surface, textures
+from . import across, faces, lanes, lights, materials, simd, textures
 from .kernels import apart, helper, kernel
-from .meshlets import RECORD, SHIFT, place_of
+from .meshlets import SHIFT, place_of
 from .records import Lane, Surface, Vec
 
-FLAT = int(ir.Shading.FLAT)
 REACH = 2  # pixels on each side that a filter may reach
 SIDE = 2 * REACH + 1
-
-
-class Look(NamedTuple):
-    """Where things are seen from."""
-
-    direction: NDArray[np.float32]  # (3, 3) of rays at the picture's top left, and what a pixel right and a pixel down add to it
-    place: NDArray[np.float32]  # (instances, 3, 4) from meshes' frames about their origins to the world about the eye
 
 
 class Splat(NamedTuple):
@@ -54,37 +47,41 @@ def single(tables: ir.Tables, eye: NDArray[np.float64]) -> ir.Tables:
 
 
 class Items(NamedTuple):
-    """A thread's items of four rows of pixels, and room for their light. Of one sample a pixel, blocks that are
-    seen whole stand in front, sixteen by sixteen; with more, all are in the order of pixels, in which their light is added up."""
+    """A thread's items of four rows of pixels, and room for their light. Of one sample a pixel, blocks that one triangle fills stand
+    by themselves, and others that are seen whole in front, sixteen by sixteen; with more samples all are in the order of pixels,
+    in which their light is added up."""
 
     ids: NDArray[np.int32]
+    rows: NDArray[np.int32]  # their faces', see faces.Faces.row
     x: NDArray[np.int32]
     y: NDArray[np.int32]
     samples: NDArray[np.int32]  # bits: which of the pixel's samples see it
     at_x: NDArray[np.int32]  # where it is shaded, in 1/256 pixel
     at_y: NDArray[np.int32]
     light: NDArray[np.float32]  # (16, 4), item k at place_of(k): rows of four items
-    counts: NDArray[np.int64]  # (3,) of items in whole blocks, of others, which stand from `half` on, and of what was not finite
+    even: NDArray[np.int32]  # blocks that one triangle fills: its id
+    even_x: NDArray[np.int32]  # their first pixels
+    counts: NDArray[np.int64]  # (4,) items in whole blocks, others, which stand from `half` on, `even` blocks, and what was not finite
     half: int
-    plane: NDArray[np.float64]  # (12,) of the triangle that filled all lanes last: slot, instance, and `_planes`
 
 
 def items_for(columns: int, samples: int) -> Items:
     """Room for what four rows of so many pixels can show."""
     half = ((columns + 3) & ~3) * 4 * samples + 16
-    ids, x, y, bits, at_x, at_y = (simd.aligned_empty(2 * half, np.int32) for _ in range(6))
-    return Items(ids, x, y, bits, at_x, at_y, simd.aligned_empty((16, 4), np.float32), np.zeros(3, np.int64), half, np.full(12, -1.0))
+    ids, rows, x, y, bits, at_x, at_y = (simd.aligned_empty(2 * half, np.int32) for _ in range(7))
+    even, even_x = np.empty((columns >> 2) + 32, np.int32), np.empty((columns >> 2) + 32, np.int32)
+    return Items(ids, rows, x, y, bits, at_x, at_y, simd.aligned_empty((16, 4), np.float32), even, even_x, np.zeros(4, np.int64), half)
 
 
 @apart
-def collect(pattern, each, band, row, items):
-    """The items of a row of blocks: with `each`, one for each sample."""
+def collect(pattern, each, found, band, row, items):
+    """The items of a row of blocks: with `each`, one for each sample. `found` (a Faces or None): also the faces they see."""
     samples = len(pattern.x)
     columns = band.place[2] >> 2
     lane = simd.iota(simd.i32x16(0))
     y = (lane >> 2) + (band.place[1] + 4 * row)
     inside_y = (y >= band.clip[1]) & (y < band.clip[3])
-    whole, part = 0, items.half
+    whole, part, even = 0, items.half, 0
     for block in range(columns):
         at = (row * columns + block) * samples * 16
         x = (lane & 3) + (band.place[0] + 4 * block)
@@ -96,16 +93,30 @@ def collect(pattern, each, band, row, items):
                 seen = seen & (ids != simd.load_aligned(band.ids, at + 16 * t, simd.i32x16))
             if simd.none_of(seen):
                 continue
-            bits = simd.i32x16(1 << s)
-            for t in range(s + 1, s + 1 if each else samples):
-                bits = simd.select(ids == simd.load_aligned(band.ids, at + 16 * t, simd.i32x16), bits | (1 << t), bits)
-            at_x, at_y = (x << 8) + (pattern.x[s] if each else 128), (y << 8) + (pattern.y[s] if each else 128)
+            rows = ids
+            if found is not None:
+                one = simd.lane(ids, 0)
+                if samples == 1 and simd.all_of(seen & (ids == one)):
+                    items.even[even], items.even_x[even] = faces.row_of(found, one), simd.lane(x, 0)
+                    even += 1
+                    continue
+                rows = faces.rows_of(found, ids, seen)
+            bits, count = simd.i32x16(1 << s), simd.i32x16(1)
+            at_x, at_y = simd.i32x16(pattern.x[s]), simd.i32x16(pattern.y[s])
+            if not each and samples > 1:
+                for t in range(s + 1, samples):
+                    too = ids == simd.load_aligned(band.ids, at + 16 * t, simd.i32x16)
+                    bits, count = simd.select(too, bits | (1 << t), bits), simd.select(too, count + 1, count)
+                    at_x, at_y = simd.select(too, at_x + pattern.x[t], at_x), simd.select(too, at_y + pattern.y[t], at_y)
+                at_x, at_y = mean(at_x, count), mean(at_y, count)
+            at_x, at_y = at_x + (x << 8), at_y + (y << 8)
             if samples == 1 and simd.all_of(seen):
                 simd.store_aligned(items.at_x, whole, at_x)
                 simd.store_aligned(items.at_y, whole, at_y)
                 simd.store_aligned(items.x, whole, x)
                 simd.store_aligned(items.y, whole, y)
                 simd.store_aligned(items.ids, whole, ids)
+                simd.store_aligned(items.rows, whole, rows)
                 simd.store_aligned(items.samples, whole, bits)
                 whole += 16
             else:
@@ -114,47 +125,91 @@ def collect(pattern, each, band, row, items):
                 simd.compress_store(items.x, part, x, seen)
                 simd.compress_store(items.y, part, y, seen)
                 simd.compress_store(items.samples, part, bits, seen)
+                simd.compress_store(items.rows, part, rows, seen)
                 part += simd.compress_store(items.ids, part, ids, seen)
-    items.counts[0], items.counts[1] = whole, part - items.half
+    items.counts[0], items.counts[1], items.counts[2] = whole, part - items.half, even
+
+
+@helper
+def mean(total: Lane, count: Lane) -> Lane:
+    """Whole numbers next to total / count."""
+    return simd.to_i32(simd.to_f32(2 * total + count) / simd.to_f32(2 * count))
 
 
 @kernel
-def shade_band(shown, pattern, each, meshlets, drawn, tables, look, splat, band, items, crop, rgba):
-    """Light what a band shows and add it to the picture, (h, w, 4), of the pixels of `crop`."""
+def shade_band(shown, pattern, each, meshlets, drawn, tables, look, patterned, splat, band, found, items, crop, rgba):
+    """Light what a band shows and add it to the picture, (h, w, 4), of the pixels of `crop`; `patterned`: True or None."""
     saved = simd.flush_denormals()
-    items.counts[2] = 0
+    items.counts[3] = 0
+    known, shader = 0, even_shader(tables, 0)
     for row in range(band.place[3] >> 2):
-        collect(pattern, each, band, row, items)
-        for k in range(0, items.counts[0], 16):
-            light_items(shown, meshlets, drawn, tables, look, items, k, 16)
-            keep_items(pattern, splat, band, items, k, 16, True, crop, rgba)
-        for k in range(0, items.counts[1], 16):
-            count = min(items.counts[1] - k, 16)
-            light_items(shown, meshlets, drawn, tables, look, items, items.half + k, count)
-            keep_items(pattern, splat, band, items, items.half + k, count, False, crop, rgba)
+        faces.make_room(found, items.half)
+        collect(pattern, each, found, band, row, items)
+        faces.make_all(shown, meshlets, drawn, tables, found, patterned)
+        y = band.place[1] + 4 * row
+        for k in range(items.counts[2]):
+            face, x = items.even[k], items.even_x[k]
+            i = drawn.instance[found.owner[face] >> SHIFT]
+            if i != known:
+                known, shader = i, even_shader(tables, i)
+            color = light_block(shown, meshlets, drawn, tables, look, patterned, found, items, i, face, x, y, shader)
+            write_block(color, x, y, crop, rgba)
+        whole, part = items.counts[0], items.counts[1]
+        for group in range(0, whole + part, 16):
+            start = group if group < whole else items.half + group - whole
+            count = min(items.half + part - start, 16)
+            known, shader, color = light_items(shown, meshlets, drawn, tables, look, patterned, found, items, start, count, known, shader)
+            if group < whole:
+                write_block(color, items.x[start], items.y[start], crop, rgba)
+            else:
+                keep_light(items.light, color)
+                keep_items(pattern, splat, band, items, start, count, crop, rgba)
     simd.restore_denormals(saved)
 
 
 @apart
-def keep_items(pattern, splat, band, items, start, count, block, crop, rgba):
-    """Add the light of up to sixteen items to the picture; `block`: they are a whole block of pixels."""
+def keep_items(pattern, splat, band, items, start, count, crop, rgba):
+    """Add the light of up to sixteen items to the picture."""
     if len(pattern.x) > 1:
         splat_items(splat, band, items, start, count, crop, rgba)
-    elif block:
-        write_block(items, start, crop, rgba)
     else:
         write_items(items, start, count, crop, rgba)
 
 
 @helper
-def write_block(items: Any, start: int, crop: Any, rgba: Any) -> None:
-    """The sixteen pixels of a block, of one sample each."""
-    width = crop[2] - crop[0]
-    place = ((items.y[start] - crop[1]) * width + items.x[start] - crop[0]) * 4
-    for line in range(4):
-        for k in range(4):
-            simd.store(rgba, place + 4 * k, simd.load(items.light, 16 * k + 4 * line, simd.f32x4))
-        place += 4 * width
+def write_block(rows: Any, x: int, y: int, crop: Any, rgba: Any) -> None:
+    """The sixteen pixels of a block from (x, y) on, of one sample each: four vectors of the pixels that lie above each other."""
+    width = 4 * (crop[2] - crop[0])
+    place = (y - crop[1]) * width + 4 * (x - crop[0])
+    a, b, c, d = rows
+    left, right = simd.joined(_first(a), _first(b)), simd.joined(_first(c), _first(d))
+    simd.store(rgba, place, simd.joined(left, right))
+    left, right = simd.joined(_second(a), _second(b)), simd.joined(_second(c), _second(d))
+    simd.store(rgba, place + width, simd.joined(left, right))
+    left, right = simd.joined(_third(a), _third(b)), simd.joined(_third(c), _third(d))
+    simd.store(rgba, place + 2 * width, simd.joined(left, right))
+    left, right = simd.joined(_fourth(a), _fourth(b)), simd.joined(_fourth(c), _fourth(d))
+    simd.store(rgba, place + 3 * width, simd.joined(left, right))
+
+
+@helper
+def _first(x: Lane) -> Lane:
+    return simd.low_half(simd.low_half(x))
+
+
+@helper
+def _second(x: Lane) -> Lane:
+    return simd.high_half(simd.low_half(x))
+
+
+@helper
+def _third(x: Lane) -> Lane:
+    return simd.low_half(simd.high_half(x))
+
+
+@helper
+def _fourth(x: Lane) -> Lane:
+    return simd.high_half(simd.high_half(x))
 
 
 @helper
@@ -186,252 +241,125 @@ def splat_items(splat: Any, band: Any, items: Any, start: int, count: int, crop:
                 simd.store(rgba, place, simd.fma(light, simd.f32x4(weight), simd.load(rgba, place, simd.f32x4)))
 
 
-@apart
-def light_items(shown, meshlets, drawn, tables, look, items, start, count):
-    """The light of `count` items from `start` on, sixteen at the most, as r, g, b, 1 into items.light."""
-    ids = simd.load(items.ids, start, simd.i32x16)
-    there = simd.first_lanes(count, ids)
-    ids = simd.select(there, ids, items.ids[start])
-    x = simd.to_f32(simd.load(items.at_x, start, simd.i32x16)) * np.float32(1.0 / 256.0)
-    y = simd.to_f32(simd.load(items.at_y, start, simd.i32x16)) * np.float32(1.0 / 256.0)
-    row = ids >> SHIFT
-    first = simd.lane(row, 0)
-    if simd.all_of(row == first):
-        instances, slot = simd.i32x16(drawn.instance[first]), ids + (drawn.first[first] - (first << SHIFT))
+@helper
+def light_block(shown: Any, meshlets: Any, drawn: Any, tables: Any, look: Any, patterned: Any, found: Any, items: Any,
+                i: int, face: int, x: int, y: int, shader: Any) -> Any:  # fmt: skip
+    """The light of a block of pixels that one face of instance i fills, as `light_items` gives it."""
+    lane = simd.iota(simd.i32x16(0))
+    at_x, at_y = ((lane & 3) << 8) + (256 * x + 128), ((lane >> 2) << 8) + (256 * y + 128)
+    if faces.is_single(found, face):
+        point = faces.seen_single(shown, meshlets, drawn, tables, found, patterned, i, face, at_x, at_y)
     else:
-        instances, slot = drawn.instance[row], drawn.first[row] + (ids & ((1 << SHIFT) - 1))
+        point = faces.seen(shown, patterned, faces.spread(found, patterned, face), at_x, at_y)
+    red, green, blue = light_of(shown, tables, look, patterned, i, shader, point, at_x, at_y)
+    return rows_of(red, green, blue, lane >= 0, items)
+
+
+@helper
+def light_items(shown: Any, meshlets: Any, drawn: Any, tables: Any, look: Any, patterned: Any, found: Any, items: Any,
+                start: int, count: int, known: int, shader: Any) -> Any:  # fmt: skip
+    """The light of `count` items from `start` on, sixteen at the most, as four vectors of four items' r, g, b, 1, see `place_of`.
+
+    `shader` is what all of instance `known` looks like; the two as they are afterwards are returned before it.
+    """
+    rows = simd.load(items.rows, start, simd.i32x16)
+    there = simd.first_lanes(count, rows)
+    rows = simd.select(there, rows, items.rows[start])
+    at_x, at_y = simd.load(items.at_x, start, simd.i32x16), simd.load(items.at_y, start, simd.i32x16)
+    record = faces.gathered(found, patterned, rows)
+    instances, single = faces.instances(record), faces.singles(record)
     zero = simd.f32x16(0.0)
     red, green, blue = zero, zero, zero
     rest = there
     while simd.any_of(rest):
-        i = simd.lane(instances, simd.trailing_zeros(simd.bits(rest)))
-        here = rest & (instances == i)
-        mine = simd.select(here, slot, simd.lane(slot, simd.trailing_zeros(simd.bits(here))))
-        point, viewer = surface_of(shown, meshlets, tables, look, items.plane, i, mine, x, y)
-        color = direct_light(tables, point, viewer, here)
+        first = simd.trailing_zeros(simd.bits(rest))
+        i, face = simd.lane(instances, first), simd.lane(rows, first)
+        if i != known:
+            known, shader = i, even_shader(tables, i)
+        here = rest & (instances == i) & ~single
+        if simd.bits(single) >> first & 1:
+            here = rest & (rows == face)
+            point = faces.seen_single(shown, meshlets, drawn, tables, found, patterned, i, face, at_x, at_y)
+        else:
+            point = faces.seen(shown, patterned, record, at_x, at_y)
+        color = light_of(shown, tables, look, patterned, i, shader, point, at_x, at_y)
         red, green, blue = simd.select(here, color[0], red), simd.select(here, color[1], green), simd.select(here, color[2], blue)
         rest = rest & ~here
+    return known, shader, rows_of(red, green, blue, there, items)
+
+
+@helper
+def rows_of(red: Lane, green: Lane, blue: Lane, there: Lane, items: Any) -> Any:
+    """Colours of sixteen items as four vectors of four items'; what is not finite is counted and 0."""
     sound = simd.is_finite(red + green + blue)
-    items.counts[2] += simd.count(there & ~sound)
-    red, green, blue = simd.select(sound, red, 0.0), simd.select(sound, green, 0.0), simd.select(sound, blue, 0.0)
-    rows = simd.transpose((red, green, blue, zero + 1.0))
-    simd.store_aligned(items.light, 0, rows[0])
-    simd.store_aligned(items.light, 16, rows[1])
-    simd.store_aligned(items.light, 32, rows[2])
-    simd.store_aligned(items.light, 48, rows[3])
+    if not simd.all_of(sound):
+        items.counts[3] += simd.count(there & ~sound)
+        red, green, blue = simd.select(sound, red, 0.0), simd.select(sound, green, 0.0), simd.select(sound, blue, 0.0)
+    return simd.transpose((red, green, blue, simd.f32x16(1.0)))
 
 
 @helper
-def surface_of(shown: Any, meshlets: Any, tables: Any, look: Any, plane: Any, i: int, slot: Lane, x: Lane, y: Lane) -> tuple[Surface, Vec]:
-    """The surface of instance i where triangles are seen through pixel coordinates, about the eye, and the direction to the eye."""
-    one = simd.lane(slot, 0)
-    alone = simd.all_of(slot == one)
-    if alone:
-        row = meshlets.corner[one, 3] + simd.i32x16(0)
-        a, b, c = spread(meshlets, one, 0), spread(meshlets, one, 1), spread(meshlets, one, 2)
-    else:
-        corner = simd.gather_rows(meshlets.corner, slot << 2, 4)
-        row = corner[3]
-        a = simd.gather_rows(meshlets.record, corner[0] * RECORD, RECORD)
-        b = simd.gather_rows(meshlets.record, corner[1] * RECORD, RECORD)
-        c = simd.gather_rows(meshlets.record, corner[2] * RECORD, RECORD)
-    e1, e2 = (b[0] - a[0], b[1] - a[1], b[2] - a[2]), (c[0] - a[0], c[1] - a[1], c[2] - a[2])
-    if alone:
-        u, v, turned = weights_in_plane(shown, meshlets, plane, i, one, x, y)
-    else:
-        u, v, turned = weights_of(shown, i, (a[0], a[1], a[2]), e1, e2, x, y)
-    w = 1.0 - u - v
+def keep_light(light: Any, rows: Any) -> None:
+    """The transposed light of sixteen items to where `place_of` says."""
+    simd.store_aligned(light, 0, rows[0])
+    simd.store_aligned(light, 16, rows[1])
+    simd.store_aligned(light, 32, rows[2])
+    simd.store_aligned(light, 48, rows[3])
 
-    g, transform, material = tables.instances.geometry[i], tables.instances.transform[i], tables.instances.material[i]
-    matrix, inverse = tables.transforms.matrix, tables.transforms.inverse
-    origin = tables.geometries.origin
-    d = look.direction
-    along = (d[0, 0] + x * d[1, 0] + y * d[2, 0], d[0, 1] + x * d[1, 1] + y * d[2, 1], d[0, 2] + x * d[1, 2] + y * d[2, 2])
-    middle = (a[0] + u * e1[0] + v * e2[0], a[1] + u * e1[1] + v * e2[1], a[2] + u * e1[2] + v * e2[2])
-    position = lanes.transform_point(look.place, i, middle)
+
+@helper
+def even_shader(tables: Any, i: int) -> materials.Shader:
+    """The material of an instance without patterns, as numbers; of one with patterns, what is not asked for."""
+    none = (0.0, 0.0, 0.0)
+    plain = Surface(none, none, none, none, none, None, (1.0, 1.0), True, i, tables.instances.material[i], (1.0, 1.0, 1.0), 0.0, None)
+    return across.narrow(materials.at(tables, plain))
+
+
+@helper
+def light_of(shown: Any, tables: Any, look: Any, patterned: Any, i: int, shader: materials.Shader, point: faces.Seen,
+             at_x: Lane, at_y: Lane) -> Vec:  # fmt: skip
+    """What goes from points of instance i to the eye."""
+    x, y = simd.to_f32(at_x) * np.float32(1.0 / 256.0), simd.to_f32(at_y) * np.float32(1.0 / 256.0)
+    along = over_picture(look.direction, x, y)
     viewer = lanes.scale(along, -simd.reciprocal_sqrt(lanes.dot(along, along)))
-
-    face = lanes.cross(e1, e2)
-    normal = face
-    if tables.materials.shading[material] != FLAT:
-        n = (w * a[3] + u * b[3] + v * c[3], w * a[4] + u * b[4] + v * c[4], w * a[5] + u * b[5] + v * c[5])
-        size = lanes.dot(n, n)
-        n = lanes.scale(n, lanes.where(lanes.dot(n, face) < 0.0, -1.0, 1.0))
-        normal = lanes.where3((size > 1e-24) & (size < np.inf), n, face)
-    normal = lanes.transform_normal(inverse, transform, normal)
-    front = turned if tables.transforms.flips[transform] else ~turned
-    towards = simd.reciprocal_sqrt(lanes.dot(normal, normal))
-    normal = lanes.scale(normal, lanes.where(front, towards, -towards))
-
-    uv, metric, local, outward = (u, v), (u, v), face, face
-    if textures.on(tables, material):
-        local = (middle[0] + origin[g, 0], middle[1] + origin[g, 1], middle[2] + origin[g, 2])
-        outward = lanes.normalize(face)
-        uv = (w * a[6] + u * b[6] + v * c[6], w * a[7] + u * b[7] + v * c[7])
-        stretch = surface.mean_scale(lanes.affine(matrix, transform))
-        du, dv = surface.spans(e1, e2, b[6] - a[6], b[7] - a[7], c[6] - a[6], c[7] - a[7])
-        metric = (du * stretch, dv * stretch)
-    color = lanes.like3(u, 1.0, 1.0, 1.0)
-    if tables.geometries.colors[g] >= 0:
-        color = surface.attribute_at(tables, g, tables.geometries.colors[g], u, v, row)
-    return Surface(position, local, normal, normal, outward, uv, metric, front, i, material, color, 0.0 * u, None), viewer
+    normal = lanes.scale(point.normal, simd.reciprocal_sqrt(lanes.dot(point.normal, point.normal)))
+    position = lanes.scale(along, point.depth)
+    if not shown.perspective:
+        position = lanes.add(position, over_picture(look.start, x, y))
+    if patterned is None:
+        return direct_light(tables, shader, i, point.front, position, normal, viewer)
+    m, g = tables.instances.material[i], tables.instances.geometry[i]
+    if not (textures.on(tables, m) or tables.geometries.colors[g] >= 0):
+        return direct_light(tables, shader, i, point.front, position, normal, viewer)
+    local = lanes.transform_point(look.local, i, position)
+    outward = lanes.normalize(point.outward)
+    there = Surface(
+        position, local, normal, normal, outward, point.uv, point.metric, point.front, i, m, point.color, 0.0 * x, None
+    )  # fmt: skip
+    return direct_light(tables, materials.at(tables, there), i, point.front, position, normal, viewer)
 
 
 @helper
-def spread(meshlets: Any, slot: int, corner: int) -> Any:
-    """The record of one triangle's corner in all lanes."""
-    row = meshlets.record[meshlets.corner[slot, corner]]
-    zero = simd.f32x16(0.0)
+def over_picture(table: Any, x: Lane, y: Lane) -> Vec:
+    """Three vectors: at the picture's corner, and what a pixel right and a pixel down add."""
     return (
-        zero + row[0], zero + row[1], zero + row[2], zero + row[3], zero + row[4], zero + row[5], zero + row[6], zero + row[7],
+        simd.fma(x, table[1, 0], simd.fma(y, table[2, 0], table[0, 0])), simd.fma(x, table[1, 1], simd.fma(y, table[2, 1], table[0, 1])),
+        simd.fma(x, table[1, 2], simd.fma(y, table[2, 2], table[0, 2])),
     )  # fmt: skip
 
 
 @helper
-def weights_in_plane(shown: Any, meshlets: Any, plane: Any, i: int, slot: int, x: Lane, y: Lane) -> tuple[Lane, Lane, Lane]:
-    """As `weights_of`, of one triangle: areas are linear on the screen. They are taken in float64 at the first lane's place."""
-    if plane[0] != slot or plane[1] != i:
-        plane[0], plane[1] = slot, i
-        _planes(shown, meshlets, i, slot, plane)
-    x0, y0 = np.float64(simd.lane(x, 0)), np.float64(simd.lane(y, 0))
-    dx, dy = x - simd.lane(x, 0), y - simd.lane(y, 0)
-    eu = dx * plane[3] + (dy * plane[4] + (plane[2] + plane[3] * x0 + plane[4] * y0))
-    ev = dx * plane[6] + (dy * plane[7] + (plane[5] + plane[6] * x0 + plane[7] * y0))
-    area = dx * plane[9] + (dy * plane[10] + (plane[8] + plane[9] * x0 + plane[10] * y0))
-    u, v, area = inside(eu, ev, area)
-    return u, v, area > 0.0
-
-
-@apart
-def _planes(shown, meshlets, i, slot, plane):
-    """Write c, a, b of c + a x + b y to plane[2:]: the areas that belong to a triangle's second and third corner, and the whole one.
-
-    The cross of two corners' rows (X - x W, Y - y W) is X₁Y₂ - X₂Y₁ + x (W₂Y₁ - W₁Y₂) + y (X₂W₁ - X₁W₂). Scaled,
-    so that float32 can hold them.
-    """
-    one, two, three = _row(shown, meshlets, i, slot, 0), _row(shown, meshlets, i, slot, 1), _row(shown, meshlets, i, slot, 2)
-    first, second, third = _cross(two, three), _cross(three, one), _cross(one, two)
-    for n in range(3):
-        plane[2 + n], plane[5 + n], plane[8 + n] = second[n], third[n], first[n] + second[n] + third[n]
-    largest = 1e-300
-    for n in range(2, 11):
-        largest = max(largest, abs(plane[n]))
-    for n in range(2, 11):
-        plane[n] /= largest
-
-
-@helper
-def _row(shown: Any, meshlets: Any, i: int, slot: int, corner: int) -> Vec:
-    """X, Y, W of a triangle's corner."""
-    m, at = shown.matrix, meshlets.corner[slot, corner]
-    x, y, z = np.float64(meshlets.record[at, 0]), np.float64(meshlets.record[at, 1]), np.float64(meshlets.record[at, 2])
-    w = m[i, 3, 0] * x + m[i, 3, 1] * y + m[i, 3, 2] * z + m[i, 3, 3] if shown.perspective else 1.0
-    return m[i, 0, 0] * x + m[i, 0, 1] * y + m[i, 0, 2] * z + m[i, 0, 3], m[i, 1, 0] * x + m[i, 1, 1] * y + m[i, 1, 2] * z + m[i, 1, 3], w
-
-
-@helper
-def _cross(p: Vec, q: Vec) -> Vec:
-    """c, a, b of the area that two corners make."""
-    return p[0] * q[1] - q[0] * p[1], q[2] * p[1] - p[2] * q[1], q[0] * p[2] - p[0] * q[2]
-
-
-@helper
-def weights_of(shown: Any, i: int, a: Vec, e1: Vec, e2: Vec, x: Lane, y: Lane) -> tuple[Lane, Lane, Lane]:
-    """Weights of triangles' second and third corner at pixel coordinates, and whether they go clockwise on the screen.
-
-    As raster.weights, from a corner and two edges: with A the corner's row (X - x W, Y - y W), E1 and E2 the edges' rows, weights are
-    E2 × A, A × E1 and, in all, E1 × E2. The corner is taken to clip space in float64; edges are not long, and float32 will do for
-    them, unless they go far along the axis.
-    """
-    low = about(shown, i, _low(a), simd.low_half(x), simd.low_half(y))
-    high = about(shown, i, _high(a), simd.high_half(x), simd.high_half(y))
-    ax, ay, depth = simd.joined(low[0], high[0]), simd.joined(low[1], high[1]), simd.joined(low[2], high[2])
-    x1, y1, d1 = edge_about(shown, i, e1, x, y)
-    x2, y2, d2 = edge_about(shown, i, e2, x, y)
-    u, v, area = inside(x2 * ay - y2 * ax, ax * y1 - ay * x1, x1 * y2 - y1 * x2)
-    steep = simd.maximum(abs(d1), abs(d2)) > depth * np.float32(0.25)
-    if shown.perspective and simd.any_of(steep):
-        low = exact(shown, i, _low(a), _low(e1), _low(e2), simd.low_half(x), simd.low_half(y))
-        high = exact(shown, i, _high(a), _high(e1), _high(e2), simd.high_half(x), simd.high_half(y))
-        u, v = simd.select(steep, simd.joined(low[0], high[0]), u), simd.select(steep, simd.joined(low[1], high[1]), v)
-        area = simd.select(steep, simd.joined(low[2], high[2]), area)
-    return u, v, area > 0.0
-
-
-@helper
-def inside(eu: Lane, ev: Lane, area: Lane) -> Vec:
-    """Weights made from areas, brought inside where a sample is just outside, and the whole area; 0, 0 where it is none."""
-    turn = simd.select(area < 0.0, -1.0, 1.0)
-    ew = simd.maximum(turn * (area - eu - ev), 0.0)
-    eu, ev = simd.maximum(turn * eu, 0.0), simd.maximum(turn * ev, 0.0)
-    total = eu + ev + ew
-    scale = simd.select(total > 0.0, 1.0 / total, 0.0)
-    return eu * scale, ev * scale, area
-
-
-@helper
-def exact(shown: Any, i: int, a: Vec, e1: Vec, e2: Vec, x: Lane, y: Lane) -> Any:
-    """The same in float64."""
-    x0, y0, _ = about64(shown, i, a, x, y)
-    x1, y1, _ = about64(shown, i, lanes.add(a, e1), x, y)
-    x2, y2, _ = about64(shown, i, lanes.add(a, e2), x, y)
-    ew, eu, ev = x1 * y2 - y1 * x2, x2 * y0 - y2 * x0, x0 * y1 - y0 * x1
-    u, v, area = inside(eu, ev, ew + eu + ev)
-    return simd.to_f32(u), simd.to_f32(v), simd.to_f32(area)
-
-
-@helper
-def about(shown: Any, i: int, p: Vec, x: Lane, y: Lane) -> Vec:
-    """(X - x W, Y - y W, D) of points in clip space, in float32."""
-    cx, cy, d = about64(shown, i, p, x, y)
-    return simd.to_f32(cx), simd.to_f32(cy), simd.to_f32(d)
-
-
-@helper
-def about64(shown: Any, i: int, p: Vec, x: Lane, y: Lane) -> Vec:
-    """(X - x W, Y - y W, D) of points in clip space."""
-    m = shown.matrix
-    d = m[i, 3, 0] * p[0] + m[i, 3, 1] * p[1] + m[i, 3, 2] * p[2] + m[i, 3, 3]
-    w = d if shown.perspective else simd.f64x8(1.0)
-    cx = m[i, 0, 0] * p[0] + m[i, 0, 1] * p[1] + m[i, 0, 2] * p[2] + m[i, 0, 3] - simd.to_f64(x) * w
-    cy = m[i, 1, 0] * p[0] + m[i, 1, 1] * p[1] + m[i, 1, 2] * p[2] + m[i, 1, 3] - simd.to_f64(y) * w
-    return cx, cy, d
-
-
-@helper
-def edge_about(shown: Any, i: int, e: Vec, x: Lane, y: Lane) -> Vec:
-    """(X - x W, Y - y W, D) of directions, in float32."""
-    m = shown.matrix
-    d = e[0] * m[i, 3, 0] + e[1] * m[i, 3, 1] + e[2] * m[i, 3, 2]
-    w = d if shown.perspective else simd.f32x16(0.0)
-    cx = e[0] * m[i, 0, 0] + e[1] * m[i, 0, 1] + e[2] * m[i, 0, 2] - x * w
-    cy = e[0] * m[i, 1, 0] + e[1] * m[i, 1, 1] + e[2] * m[i, 1, 2] - y * w
-    return cx, cy, d
-
-
-@helper
-def _low(p: Any) -> Vec:
-    return simd.to_f64(simd.low_half(p[0])), simd.to_f64(simd.low_half(p[1])), simd.to_f64(simd.low_half(p[2]))
-
-
-@helper
-def _high(p: Any) -> Vec:
-    return simd.to_f64(simd.high_half(p[0])), simd.to_f64(simd.high_half(p[1])), simd.to_f64(simd.high_half(p[2]))
-
-
-@helper
-def direct_light(tables: Any, point: Surface, viewer: Vec, here: Lane) -> Vec:
+def direct_light(tables: Any, shader: materials.Shader, i: int, front: Lane, position: Vec, normal: Vec, viewer: Vec) -> Vec:
     """Emission, ambient light and that of lamps without extent and without shadows: integrate.local_light for what needs no more."""
-    shader = materials.at(tables, point)
-    zero = 0.0 * point.offset
+    zero = simd.f32x16(0.0)
     shines = lanes.bool_like(zero, True)
-    if tables.instances.light[point.instance] >= 0:
-        shines = point.front
+    if tables.instances.light[i] >= 0:
+        shines = front
     total = lanes.where3(shines, lanes.add(shader.emission, (zero, zero, zero)), (zero, zero, zero))
     total = lanes.add(total, lanes.mul(shader.ambient, lights.ambient(tables)))
     for light in range(len(tables.lights.kind)):
         if tables.lights.kind[light] != lights.AMBIENT:
-            arriving = lights.sample_sharp(tables, light, point.position)
-            share = materials.reflected(shader, point.normal, arriving.direction, viewer)
+            arriving = lights.sample_sharp(tables, light, position)
+            share = materials.reflected(shader, normal, arriving.direction, viewer)
             total = lanes.add(total, lanes.scale(lanes.mul(share, arriving.irradiance), 1.0 / np.pi))
     return total

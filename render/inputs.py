@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from . import lanes, textures
 from .kernels import helper
 from .records import Lane, Surface, Tables, Vec
@@ -14,8 +16,16 @@ def color_of(tables: Tables, surface: Surface, slot: int) -> Vec:
     zero = lanes.full_like(surface.offset, 0.0)
     red, green, blue = lanes.three_at(tables.materials.values, m, 3 * slot)
     color = (red + zero, green + zero, blue + zero)
+    return _patterned(tables, surface, surface.uv, slot, color)
+
+
+@helper
+def _patterned(tables: Tables, surface: Surface, uv: Any, slot: int, color: Vec) -> Vec:
+    """A colour times a slot's texture; surfaces without coordinates (None) have none, and nothing of this is compiled for them."""
+    if uv is None:
+        return color
     if len(tables.textures.kind) > 0:
-        texture = tables.materials.textures[m, slot]
+        texture = tables.materials.textures[surface.material, slot]
         textured = texture >= 0
         if lanes.any_lane(textured):
             color = lanes.where3(textured, lanes.mul(color, textures.value(tables, texture, surface)), color)

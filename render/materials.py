@@ -58,6 +58,7 @@ class Shader(NamedTuple):
     emission: Vec
     blinn: Lane  # bool: lobe of the half vector
     normalized: Lane  # bool
+    strength: Lane  # what makes its lobe a reflectance, but for N·L: see lobe_scale; 1 where it is not normalized
     glass: Lane  # bool: reflection and transmission by Fresnel's law
     lobes: Any  # microfacet.Lobes in scenes with such materials (in whose lanes the course's are then 0), else None
 
@@ -74,7 +75,7 @@ def looked_up(tables: Tables, surface: Surface, uses: Uses) -> Shader:
     zero = lanes.full_like(surface.offset, 0.0)
     no = lanes.bool_like(zero, False)
     black = (zero, zero, zero)
-    ambient, specular, shininess, blinn, normalized = black, black, zero, no, no
+    ambient, specular, shininess, blinn, normalized, strength = black, black, zero, no, no, zero + 1.0
     reflection, transmission, ior, glass, emission = black, black, zero + 1.0, no, black
     if uses.ambient:
         ambient = lanes.mul(color_of(tables, surface, AMBIENT), surface.color)
@@ -83,6 +84,8 @@ def looked_up(tables: Tables, surface: Surface, uses: Uses) -> Shader:
         shininess = shininess + color_of(tables, surface, SHININESS)[0]
         blinn = no | (tables.materials.model[surface.material] == BLINN_PHONG)
         normalized = no | tables.materials.normalized[surface.material]
+        if lanes.any_lane(normalized):
+            strength = lanes.where(normalized, lobe_scale(blinn, shininess), strength)
     if uses.sharp:
         reflection = color_of(tables, surface, REFLECTION)
         transmission = color_of(tables, surface, TRANSMISSION)
@@ -91,7 +94,7 @@ def looked_up(tables: Tables, surface: Surface, uses: Uses) -> Shader:
     if uses.shines:
         emission = color_of(tables, surface, EMISSION)
     diffuse = lanes.mul(color_of(tables, surface, DIFFUSE), surface.color)
-    plain = Shader(ambient, diffuse, specular, shininess, reflection, transmission, ior, emission, blinn, normalized, glass, None)
+    plain = Shader(ambient, diffuse, specular, shininess, reflection, transmission, ior, emission, blinn, normalized, strength, glass, None)
     return _with_lobes(principled.at(tables, surface), plain)
 
 
@@ -105,7 +108,8 @@ def _in_place(lobes: microfacet.Lobes, plain: Shader) -> Shader:
     return Shader(
         lanes.where3(here, lanes.mul(plain.ambient, lobes.base), plain.ambient), lanes.where3(here, black, plain.diffuse),
         lanes.where3(here, black, plain.specular), plain.shininess, lanes.where3(here, reflection, plain.reflection), plain.transmission,
-        lanes.where(here, zero + 1.0, plain.ior), plain.emission, plain.blinn, plain.normalized, plain.glass, lobes,
+        lanes.where(here, zero + 1.0, plain.ior), plain.emission, plain.blinn, plain.normalized, plain.strength,
+        plain.glass, lobes,
     )  # fmt: skip
 
 
@@ -155,7 +159,7 @@ def _lobe(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec, cosine: La
         base = lanes.where(shader.blinn, lanes.dot(normal, half), base)
     lobe = lanes.where(base > 0.0, lanes.fading(lanes.clip(base, lights.TINY, 1.0), shader.shininess), 0.0)
     if lanes.any_lane(shader.normalized):
-        lobe = lobe * lanes.where(shader.normalized, lobe_scale(shader.blinn, shader.shininess) * cosine, 1.0)
+        lobe = lobe * lanes.where(shader.normalized, shader.strength * cosine, 1.0)
     return lobe
 
 
@@ -192,7 +196,7 @@ def _of_lobe(shader: Shader, normal: Vec, to_viewer: Vec, u: Lane, v: Lane) -> t
     direction = lanes.where3(shader.blinn, lanes.reflect(lanes.negate(to_viewer), spread), spread)
     above = lanes.dot(direction, normal)
     share = lanes.where(shader.blinn, 8.0 * lanes.maximum(across, 0.0), 2.0) / (n + 1.0)
-    share = share * lanes.where(shader.normalized, lobe_scale(shader.blinn, n) * above, 1.0)
+    share = share * lanes.where(shader.normalized, shader.strength * above, 1.0)
     return direction, lanes.scale(shader.specular, lanes.where(above > 0.0, share, 0.0))
 
 

@@ -49,7 +49,7 @@ class Surface(NamedTuple):
     geometric: Vec  # the true normal
     normal: Vec  # the one light is computed with (interpolated where smooth)
     local_normal: Vec  # true normal in the geometry's own frame, facing outside
-    uv: tuple[Lane, Lane]
+    uv: Any  # two lanes; None (in kernels) where nothing has a pattern
     metric: tuple[Lane, Lane]  # metres that one unit of u and of v spans (1 where unknown)
     front: Lane  # bool: the ray came from outside
     instance: Lane

@@ -18,16 +18,16 @@ ENDLESS = (1 << 30) - 1  # ids above 1 << 30: instances without triangles
 @kernel
 def shade_band(made, pattern, each, meshlets, drawn, tables, accel, gouraud, frame, splat, band, items, stack, crop, rgba):
     """Light what a band shows and add it to the picture, (h, w, 4), of the pixels of `crop`."""
-    items.counts[2] = 0
+    items.counts[3] = 0
     for row in range(band.place[3] >> 2):
-        deferred.collect(pattern, each, band, row, items)
+        deferred.collect(pattern, each, None, band, row, items)
         for k in range(0, items.counts[0], 16):
             light_items(made, meshlets, drawn, tables, accel, gouraud, frame, items, stack, k, 16)
-            deferred.keep_items(pattern, splat, band, items, k, 16, True, crop, rgba)
-        for k in range(0, items.counts[1], 16):
-            count = min(items.counts[1] - k, 16)
-            light_items(made, meshlets, drawn, tables, accel, gouraud, frame, items, stack, items.half + k, count)
-            deferred.keep_items(pattern, splat, band, items, items.half + k, count, False, crop, rgba)
+            deferred.keep_items(pattern, splat, band, items, k, 16, crop, rgba)
+        for k in range(items.half, items.half + items.counts[1], 16):
+            count = min(items.half + items.counts[1] - k, 16)
+            light_items(made, meshlets, drawn, tables, accel, gouraud, frame, items, stack, k, count)
+            deferred.keep_items(pattern, splat, band, items, k, count, crop, rgba)
 
 
 @apart
@@ -59,7 +59,7 @@ def light_items(made, meshlets, drawn, tables, accel, gouraud, frame, items, sta
             for c in range(3):
                 items.light[place, c] = across.lane(color[c], j)
             items.light[place, 3] = across.lane(alpha, j)
-            items.counts[2] += 0 if across.lane(sound, j) else 1
+            items.counts[3] += 0 if across.lane(sound, j) else 1
 
 
 @kernel

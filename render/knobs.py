@@ -61,7 +61,7 @@ def _is_noisy(scene: ir.Scene, plan: Plan) -> bool:
     return importlib.util.find_spec("pyoidn") is not None and (plan["soft lights"] or plan["interreflection"])
 
 
-_DENOISED = Knob("samples, denoised", _SAMPLES[1:6], float, option="samples", fixed={"denoise": True}, applies=_is_noisy)
+_DENOISED = Knob("denoised samples", _SAMPLES[1:6], float, option="samples", fixed={"denoise": True}, applies=_is_noisy)
 _ERROR = Knob("error", _ERRORS, lambda error: error**-2, option="error")
 
 KNOBS: Mapping[str, tuple[Knob, ...]] = {

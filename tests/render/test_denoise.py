@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import importlib.util
+from dataclasses import replace
 from pathlib import Path
 
 import maquette
 import numpy as np
 import pytest
 from maquette.compiler import plan as planner
-from maquette.render import denoise, film, prepare, ray
+from maquette.render import denoise, film, knobs, prepare, ray
 from maquette.render.records import View
 
 SCENE = """
@@ -63,6 +64,17 @@ def test_without_its_package_it_says_what_to_install(scene, monkeypatch) -> None
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(planner.PlanError, match=r"takes the package pyoidn, which is not installed: pip install maquette\[denoise\]"):
         maquette.render(scene, denoise=True)
+
+
+@needs_package
+def test_the_chart_has_a_line_for_it(scene) -> None:
+    """Where there is noise; `256 denoised samples` are what is written beside a point."""
+    knob = next(knob for knob in knobs.KNOBS["ray"] if knob.name == "denoised samples")
+    plan = planner.make(scene, maquette.compiler.ir.Settings())
+    assert knob.applies(scene, plan)
+    assert knob.fixed == {"denoise": True}
+    sharp = replace(plan.decisions["soft lights"], value=False)
+    assert not knob.applies(scene, planner.Plan({**plan.decisions, "soft lights": sharp}))
 
 
 def test_work_on_threads_ends_with_the_first_exception() -> None:

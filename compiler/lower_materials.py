@@ -80,6 +80,7 @@ class Materials:
             return MaterialData(ir.MaterialModel.MIRROR, {Slot.REFLECTION: self._color(args["color"])})
         if kind == "glass":
             inputs = {Slot.TRANSMISSION: self._color(args["color"]), Slot.IOR: self._number(args["ior"])}
+            inputs[Slot.ROUGHNESS] = self._number(args["roughness"])
             return MaterialData(ir.MaterialModel.GLASS, inputs)
         if kind == "emissive":
             color = self._color(args["color"])

@@ -481,6 +481,8 @@ def _precision(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]
         why = "patterns are formulas, which are computed in float64"
     elif (materials.textures[used][:, [ir.Slot.NORMAL, ir.Slot.BUMP]] >= 0).any():
         why = "some normals are turned by maps"
+    elif np.isin(materials.model[used], (ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR, ir.MaterialModel.METAL)).any():
+        why = "some highlight is of microfacets"
     elif specular_materials(scene)[used].any() or (materials.shading[used] == ir.Shading.GOURAUD).any():
         why = "some material mirrors, refracts or is shaded at vertices"
     if why:
@@ -515,7 +517,8 @@ def glossy_materials(scene: ir.Scene) -> np.ndarray:
     polished = may_be(lambda x: x < POLISHED, slot.ROUGHNESS) | may_be(lambda x: x > 0.0, slot.METALLIC)
     polished |= may_be(lambda x: x > 0.0, slot.COAT) & may_be(lambda x: x < POLISHED, slot.COAT_ROUGHNESS)
     principled = np.isin(m.model, (ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR))
-    return (m.model == ir.MaterialModel.METAL) | (principled & polished)
+    frosted = (m.model == ir.MaterialModel.GLASS) & may_be(lambda x: x > 0.0, slot.ROUGHNESS)
+    return (m.model == ir.MaterialModel.METAL) | (principled & polished) | frosted
 
 
 def warnings(scene: ir.Scene, plan: Plan) -> list[str]:

@@ -72,10 +72,11 @@ MATERIALS = (
     Entry(
         "glass",
         "material",
-        "clear glass: reflects and refracts by Fresnel's and Snell's laws",
+        "glass: reflects and refracts by Fresnel's and Snell's laws, polished or rough",
         (
             Arg("color", "color_map", (1.0, 1.0, 1.0), "how much it lets through"),
             Arg("ior", "number_map", 1.5, "index of refraction", above=0.0, keyword=True),
+            Arg("roughness", "number_map", 0.0, "0: polished, 1: ground as roughly as can be", minimum=0.0, maximum=1.0, keyword=True),
             *_SURFACE,
         ),
     ),

@@ -221,20 +221,38 @@ def direct_light(
             direction, share = lights.cosine_sample_above(point.normal, horizon, bounded, u, v)
             matt = microfacet.matt_share(shader.lobes, shader.diffuse, point.normal, direction, viewer)
             given = lanes.scale(lanes.mul(matt, lights.sky_radiance(tables, light, direction)), share)
-            total = lanes.add(total, _unblocked(tables, accel, options, point, light, direction, lights.FAR, given, active))
+            open_ = _sees(tables, point, shader, direction, active)
+            total = lanes.add(total, _unblocked(tables, accel, options, point, light, direction, lights.FAR, given, open_))
             shiny = active & materials.is_shiny(shader)
             if lanes.any_lane(shiny):
                 u, v = sampler.pair(pixel, sample, dimension + 1, options.seed)
-                direction, share = materials.sample_lobe(shader, point.normal, viewer, u, v)
+                which = another(shader, pixel, sample, key, options.seed)
+                direction, share = materials.sample_lobe(shader, point.normal, viewer, u, v, which)
                 given = lanes.mul(share, lights.sky_radiance(tables, light, direction))
-                total = lanes.add(total, _unblocked(tables, accel, options, point, light, direction, lights.FAR, given, shiny))
+                open_ = _sees(tables, point, shader, direction, shiny)
+                total = lanes.add(total, _unblocked(tables, accel, options, point, light, direction, lights.FAR, given, open_))
         else:
             arriving = lights.sample(tables, light, point.position, u, v)
             share = materials.reflected(shader, point.normal, arriving.direction, viewer)
             given = lanes.scale(lanes.mul(share, arriving.irradiance), 1.0 / np.pi)
-            found = _unblocked(tables, accel, options, point, light, arriving.direction, arriving.distance, given, active)
+            open_ = _sees(tables, point, shader, arriving.direction, active)
+            found = _unblocked(tables, accel, options, point, light, arriving.direction, arriving.distance, given, open_)
             total = lanes.add(total, found)
     return total
+
+
+@helper
+def _sees(tables: Tables, point: Surface, shader: Shader, direction: Vec, active: Lane) -> Lane:
+    """Where light may come from a direction: not from behind, but through rough glass."""
+    return active & materials.is_frosted(shader, tilt.open_to(tables, point, direction, active))
+
+
+@helper
+def another(shader: Shader, pixel: Lane, sample: Lane, key: Lane, seed: int) -> Lane:
+    """A number that chooses among the parts of facets; where there are none, nobody asks."""
+    if materials.has_facets(shader):
+        return sampler.pair(pixel, sample, key * _LIGHTS * 2, seed)[1]
+    return lanes.full_like(shader.ior, 0.0)
 
 
 @helper
@@ -243,7 +261,7 @@ def _unblocked(
 ) -> Vec:
     """What a light gives, where nothing that casts shadows stands before it; 0 elsewhere."""
     zero = lanes.full_like(point.offset, 0.0)
-    open_ = tilt.open_to(tables, point, direction, active & (lanes.largest(given) > 0.0))
+    open_ = active & (lanes.largest(given) > 0.0)
     if options.shadows and tables.lights.shadows[light] and lanes.any_lane(open_):
         return trace.dimmed(accel, tables, leaving(point, direction, zero + distance), open_, given)
     return lanes.where3(open_, given, (zero, zero, zero))
@@ -293,11 +311,11 @@ def send_on(
     mirrored = lanes.where3(outside, mirrored, lanes.reflect(direction, point.geometric))
     waiting = _push(stack, waiting, point, mirrored, lanes.mul(weight, reflection), going, left, plain + SPECULAR_RAY, key, 0)
     waiting = _push(stack, waiting, point, refracted, lanes.mul(weight, transmission), going, left, through, key, 1)
-    if options.interreflection or materials.has_lobes(shader):
+    if options.interreflection or materials.has_facets(shader):
         u, v = sampler.pair(pixel, sample, key * _LIGHTS * 2 + 1, options.seed)
         which = sampler.pair(pixel, sample, key * _LIGHTS * 2, options.seed)[1]
         onward, share = materials.onward(shader, point.normal, lanes.negate(direction), u, v, which, options.interreflection)
-        above = going & (lanes.dot(onward, point.geometric) > 0.0)
+        above = going & materials.is_frosted(shader, lanes.dot(onward, point.geometric) > 0.0)
         waiting = _push(stack, waiting, point, onward, lanes.mul(weight, share), above, left, plain + DIFFUSE_RAY, key, 2)
     return waiting
 

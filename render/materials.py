@@ -15,7 +15,7 @@ from numba import types
 from numba.extending import overload
 
 from ..compiler import ir
-from . import lanes, lights, microfacet, principled
+from . import frosted, lanes, lights, microfacet, principled
 from .inputs import color_of
 from .kernels import HELPER, helper
 from .records import Lane, Surface, Tables, Vec
@@ -61,6 +61,7 @@ class Shader(NamedTuple):
     strength: Lane  # what makes its lobe a reflectance, but for N·L: see lobe_scale; 1 where it is not normalized
     glass: Lane  # bool: reflection and transmission by Fresnel's law
     lobes: Any  # microfacet.Lobes in scenes with such materials (in whose lanes the course's are then 0), else None
+    frost: Any  # frosted.Frost in scenes with rough glass, else None
 
 
 @helper
@@ -94,8 +95,11 @@ def looked_up(tables: Tables, surface: Surface, uses: Uses) -> Shader:
     if uses.shines:
         emission = color_of(tables, surface, EMISSION)
     diffuse = lanes.mul(color_of(tables, surface, DIFFUSE), surface.color)
-    plain = Shader(ambient, diffuse, specular, shininess, reflection, transmission, ior, emission, blinn, normalized, strength, glass, None)
-    return _with_lobes(principled.at(tables, surface), plain)
+    plain = Shader(
+        ambient, diffuse, specular, shininess, reflection, transmission, ior, emission, blinn, normalized, strength, glass, None, None
+    )
+    plain = _with_lobes(principled.at(tables, surface), plain)
+    return _with_frost(frosted.at(tables, surface, plain.ior, plain.transmission), plain)
 
 
 @helper
@@ -108,12 +112,26 @@ def _in_place(lobes: microfacet.Lobes, plain: Shader) -> Shader:
     return Shader(
         lanes.where3(here, lanes.mul(plain.ambient, lobes.base), plain.ambient), lanes.where3(here, black, plain.diffuse),
         lanes.where3(here, black, plain.specular), plain.shininess, lanes.where3(here, reflection, plain.reflection), plain.transmission,
-        lanes.where(here, zero + 1.0, plain.ior), plain.emission, plain.blinn, plain.normalized, plain.strength,
-        plain.glass, lobes,
+        lanes.where(here, zero + 1.0, plain.ior), plain.emission, plain.blinn, plain.normalized, plain.strength, plain.glass, lobes, None,
     )  # fmt: skip
 
 
 _with_lobes = microfacet.if_layered(_in_place)
+
+
+@helper
+def _rough(frost: frosted.Frost, plain: Shader) -> Shader:
+    """The same where rough glass is not smooth glass."""
+    zero = 0.0 * plain.ior
+    here, black = frost.here, (zero, zero, zero)
+    return Shader(
+        plain.ambient, plain.diffuse, plain.specular, plain.shininess, lanes.where3(here, black, plain.reflection),
+        lanes.where3(here, black, plain.transmission), lanes.where(here, zero + 1.0, plain.ior), plain.emission, plain.blinn,
+        plain.normalized, plain.strength, plain.glass & lanes.not_(here), plain.lobes, frost,
+    )  # fmt: skip
+
+
+_with_frost = microfacet.if_layered(_rough)
 
 
 @helper
@@ -125,19 +143,20 @@ def reflected(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec
     if lanes.any_lane(shiny):
         lobe = lanes.where(shiny, _lobe(shader, normal, to_light, to_viewer, cosine), 0.0)
         light = lanes.add(light, lanes.scale(shader.specular, lobe))
-    return microfacet.reflected(shader.lobes, light, normal, to_light, to_viewer)
+    light = microfacet.reflected(shader.lobes, light, normal, to_light, to_viewer)
+    return frosted.reflected(shader.frost, light, normal, to_light, to_viewer)
 
 
 @helper
 def is_lit(shader: Shader) -> Lane:
     """Whether light of lamps goes from it to the viewer."""
-    return lights_up(shader.lobes, lanes.largest(shader.diffuse) + lanes.largest(shader.specular) > 0.0)
+    return frosted.also(shader.frost, lights_up(shader.lobes, lanes.largest(shader.diffuse) + lanes.largest(shader.specular) > 0.0))
 
 
 @helper
 def is_shiny(shader: Shader) -> Lane:
     """Whether it has a highlight that is not a mirror's."""
-    return lights_up(shader.lobes, lanes.largest(shader.specular) > 0.0)
+    return frosted.also(shader.frost, lights_up(shader.lobes, lanes.largest(shader.specular) > 0.0))
 
 
 @helper
@@ -171,9 +190,10 @@ def lobe_scale(blinn: Lane, n: Lane) -> Lane:
 
 
 @helper
-def sample_lobe(shader: Shader, normal: Vec, to_viewer: Vec, u: Lane, v: Lane) -> tuple[Vec, Vec]:
+def sample_lobe(shader: Shader, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> tuple[Vec, Vec]:
     """A direction light may come from, spread as the highlight is, and what share of its radiance goes to the viewer."""
-    return microfacet.sample_shine(shader.lobes, _of_lobe(shader, normal, to_viewer, u, v), normal, to_viewer, u, v)
+    plain = microfacet.sample_shine(shader.lobes, _of_lobe(shader, normal, to_viewer, u, v), normal, to_viewer, u, v)
+    return frosted.onward(shader.frost, plain, normal, to_viewer, u, v, which)
 
 
 @helper
@@ -207,17 +227,24 @@ def onward(
     """A direction for the one ray in which all but what is followed by itself goes on, and its weight: matt with interreflection alone."""
     matt = lanes.scale(shader.diffuse, 1.0 if interreflection else 0.0)
     plain = lights.cosine_sample(normal, u, v)[0], matt
-    return microfacet.onward(shader.lobes, plain, normal, to_viewer, u, v, which, interreflection)
+    plain = microfacet.onward(shader.lobes, plain, normal, to_viewer, u, v, which, interreflection)
+    return frosted.onward(shader.frost, plain, normal, to_viewer, u, v, which)
 
 
-def has_lobes(shader: Shader) -> bool:
+@helper
+def is_frosted(shader: Shader, plain: Lane) -> Lane:
+    """`plain`, or whether it is rough glass, which light goes through."""
+    return frosted.also(shader.frost, plain)
+
+
+def has_facets(shader: Shader) -> bool:
     """Whether a scene has microfacets: known when kernels are compiled."""
-    return shader.lobes is not None
+    return shader.lobes is not None or shader.frost is not None
 
 
-@overload(has_lobes, jit_options=HELPER)
-def _has_lobes(shader):
-    found = not isinstance(shader.types[shader.fields.index("lobes")], types.NoneType)
+@overload(has_facets, jit_options=HELPER)
+def _has_facets(shader):
+    found = any(not isinstance(shader.types[shader.fields.index(name)], types.NoneType) for name in ("lobes", "frost"))
     return lambda shader: found
 
 
@@ -259,6 +286,7 @@ def share_of(shader: Shader, uses: Uses, normal: Vec, to_light: Vec, to_viewer: 
             sharp = lanes.mean3(shader.reflection) + lanes.mean3(shader.transmission)
         density = density / lanes.maximum(matt + shiny + sharp, lights.TINY)
         share, density = microfacet.shared(shader.lobes, (share, density), normal, to_light, to_viewer, sharp)
+        share, density = frosted.shared(shader.frost, (share, density), normal, to_light, to_viewer)
     return share, density
 
 
@@ -286,7 +314,7 @@ def scatter(shader: Shader, uses: Uses, point: Surface, to_viewer: Vec, u: Lane,
         mirror, clear = zero, zero
         if uses.sharp:
             mirror, clear = lanes.mean3(shader.reflection), lanes.mean3(shader.transmission)
-        blunt = microfacet.whole(shader.lobes, matt + shiny, normal, to_viewer)
+        blunt = frosted.one(shader.frost, microfacet.whole(shader.lobes, matt + shiny, normal, to_viewer))
         whole = lanes.maximum(blunt + mirror + clear, lights.TINY)
         which = which * whole
         if uses.glossy:
@@ -294,14 +322,16 @@ def scatter(shader: Shader, uses: Uses, point: Surface, to_viewer: Vec, u: Lane,
             if lanes.any_lane(lobed):
                 direction = lanes.where3(lobed, _of_lobe(shader, normal, to_viewer, u, v)[0], direction)
         direction = microfacet.draw(shader.lobes, direction, normal, to_viewer, u, v, which)
+        direction, meant = frosted.draw(shader.frost, (direction, lanes.bool_like(zero, True)), normal, to_viewer, u, v, which)
         share, density = share_of(shader, uses, normal, direction, to_viewer)
-        weight = lanes.scale(share, 1.0 / (math.pi * lanes.maximum(density, lights.TINY)))
+        weight = lanes.scale(share, lanes.where(meant, 1.0 / (math.pi * lanes.maximum(density, lights.TINY)), 0.0))
         if uses.sharp:
             sharp = which >= blunt
             if lanes.any_lane(sharp):
                 direction, weight, through = _sharp(shader, point, to_viewer, direction, weight, which - blunt, whole, sharp)
                 density = lanes.where(sharp, zero + ONLY, density)
     sinks = (lanes.dot(direction, point.geometric) <= 0.0) & (density < ONLY)
+    sinks = sinks & lanes.not_(is_frosted(shader, lanes.bool_like(zero, False)))
     weight = lanes.where3(sinks, (zero, zero, zero), weight)
     return Scattered(direction, weight, density, through)
 

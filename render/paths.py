@@ -15,7 +15,22 @@ from numba.extending import overload
 
 from ..compiler import ir
 from ..compiler import plan as planner
-from . import emitters, integrate, lanes, light_tree, lights, materials, opacity, principled, sampler, sky_map, surface, tilt, trace
+from . import (
+    emitters,
+    frosted,
+    integrate,
+    lanes,
+    light_tree,
+    lights,
+    materials,
+    opacity,
+    principled,
+    sampler,
+    sky_map,
+    surface,
+    tilt,
+    trace,
+)
 from .emitters import Emitters
 from .kernels import HELPER, apart, helper
 from .materials import ONLY, Shader, Uses
@@ -76,7 +91,7 @@ def uses_of(tables: ir.Tables) -> Uses:
         return bool(values[:, list(slots)].max(initial=0.0) > 0.0)
 
     return Uses(
-        glossy=any_of(slot.SPECULAR) or bool(np.isin(model, principled.MODELS).any()),
+        glossy=any_of(slot.SPECULAR) or bool(np.isin(model, principled.MODELS).any()) or frosted.is_rough(tables),
         sharp=any_of(slot.REFLECTION, slot.TRANSMISSION) or bool((model == ir.MaterialModel.GLASS).any()) or principled.has_sharp(tables),
         shines=any_of(slot.EMISSION),
         ambient=bool((tables.lights.kind == ir.LightKind.AMBIENT).any()),
@@ -224,7 +239,8 @@ def connect(
     factor = factor * lanes.where(met_too, power(arriving.density * chance, density), 1.0)
     given = lanes.scale(lanes.mul(lanes.mul(weight, share), arriving.light), factor)
     origin = surface.leave(point, arriving.direction)
-    wanted = tilt.open_to(tables, point, arriving.direction, here & (lanes.largest(given) > 0.0))
+    wanted = here & (lanes.largest(given) > 0.0)
+    wanted = wanted & materials.is_frosted(shader, tilt.open_to(tables, point, arriving.direction, wanted))
     distance = lanes.where(shadows, arriving.distance * (1.0 - 64.0 * lanes.roundoff(zero)), -1.0)
     return Connection(origin, arriving.direction, distance, given, wanted)
 

@@ -14,7 +14,7 @@ import numpy as np
 from numba.extending import overload
 
 from ..compiler import ir
-from . import albedo, lanes, microfacet, tilt
+from . import albedo, frosted, lanes, microfacet, tilt
 from .handles import HandleType
 from .inputs import color_of, number_of
 from .kernels import HELPER, helper
@@ -45,6 +45,7 @@ class Layered(NamedTuple):
     textured: Any
     albedo: Any  # albedo.Albedo, or Smooth
     tangents: Any  # tilt.Tangents, or tilt.Untilted
+    frosted: Any  # frosted.Tabled, or frosted.Clear
 
 
 class Smooth(NamedTuple):
@@ -54,10 +55,10 @@ class Smooth(NamedTuple):
 def tables_for(tables: ir.Tables) -> ir.Tables:
     """The same tables, or with `Layered` materials where some thing has microfacets or a map of normals or heights."""
     facets = bool(np.isin(tables.materials.model[tables.instances.material], MODELS).any())
-    tangents = tilt.tangents(tables)
-    if not facets and isinstance(tangents, tilt.Untilted):
+    tangents, rough = tilt.tangents(tables), frosted.tables_of(tables)
+    if not facets and isinstance(tangents, tilt.Untilted) and isinstance(rough, frosted.Clear):
         return tables
-    made = Layered(*tables.materials, albedo.table() if facets else Smooth(), tangents)
+    made = Layered(*tables.materials, albedo.table() if facets else Smooth(), tangents, rough)
     return tables._replace(materials=made)  # pyright: ignore[reportArgumentType]
 
 

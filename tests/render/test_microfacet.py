@@ -28,9 +28,10 @@ def given(model=Model.PRINCIPLED, **slots):
     return MaterialData(model, inputs)
 
 
-def point_of(material):
-    """(Surface, Shader) of a plane of a material, seen from above."""
-    tables = principled.tables_for(make.scene([(K.PLANE, (), make.matrix(), 0)], materials=[material]))
+def point_of(material, inside=False):
+    """(Surface, Shader) of a plane of a material, seen from above; `inside`: a plane that is turned over."""
+    placed = make.matrix(linear=np.diag([1.0, -1.0, -1.0])) if inside else make.matrix()
+    tables = principled.tables_for(make.scene([(K.PLANE, (), placed, 0)], materials=[material]))
     ray = make.rays((0.3, 1, 0.2), (0, -1, 0))
     point = surface.at(tables, ray, make.first_hit(tables, ray))
     return point, materials.at(tables, point)
@@ -48,9 +49,9 @@ def numbers(n):
     return u, v, sampler.pair(pixel, sample, np.int64(2), 3)[0]
 
 
-def scattered(material, angle, n=90, random=False):
+def scattered(material, angle, n=90, random=False, inside=False):
     """What `scatter` gives for many random numbers: the weights' mean is the material's reflectance to this angle."""
-    point, shader = point_of(material)
+    point, shader = point_of(material, inside)
     u, v, which = np.random.default_rng(1).random((3, n * n)) if random else numbers(n)
     lanes_of = [np.broadcast_to(x, u.shape) for x in towards(angle)]
     wide = point._replace(**{k: tuple(np.broadcast_to(c, u.shape) for c in getattr(point, k)) for k in ("geometric", "normal")})
@@ -174,7 +175,50 @@ def test_every_draw_is_finite_where_it_grazes():
                 assert np.abs(lanes.length(taken.direction) - 1.0).max() < 1e-6
 
 
+# --- rough glass ---
+
+GLASS = {"model": Model.GLASS, "transmission": 1.0, "ior": 1.5}
+sides = pytest.mark.parametrize("inside", [False, True])
+
+
+@sides
+@pytest.mark.parametrize("roughness", [0.0, 0.1, 0.35, 0.7, 1.0])
+def test_rough_glass_loses_nothing(roughness, inside):
+    for angle in (*ANGLES, 1.54):
+        taken, _ = scattered(given(**GLASS, roughness=roughness), angle, 180, inside=inside)
+        assert 0.98 <= float(np.mean(taken.weight[0])) <= 1.005, angle
+
+
+@sides
+@pytest.mark.parametrize("angle", [0.3, 1.3])
+@pytest.mark.parametrize("roughness", [0.3, 0.9])
+def test_rough_glass_sends_light_as_its_density_says(roughness, angle, inside):
+    taken, shader = scattered(given(**GLASS, roughness=roughness), angle, 400, random=True, inside=inside)
+    viewer = towards(angle)
+    chi2(taken.direction, taken.weight[0] > 0, lambda d: materials.share_of(shader, USES, UP, d, viewer)[1])
+
+
+def test_light_goes_through_rough_glass_either_way():
+    """On one side f is the same with light and viewer exchanged; through it, f over the other index squared (Veach 1997, §5.2)."""
+    outside, inside = (point_of(given(**GLASS, roughness=0.6), k)[1] for k in (False, True))
+    rng = np.random.default_rng(9)
+
+    def directions():
+        z, turn = rng.uniform(0.05, 1.0, 500), rng.uniform(0.0, 2 * math.pi, 500)
+        return np.sqrt(1 - z * z) * np.cos(turn), z, np.sqrt(1 - z * z) * np.sin(turn)
+
+    a, b = directions(), directions()
+    for shader in (outside, inside):
+        one, other = materials.reflected(shader, UP, a, b)[0], materials.reflected(shader, UP, b, a)[0]
+        np.testing.assert_allclose(one / a[1], other / b[1], rtol=1e-9)
+    below = (a[0], -a[1], a[2])
+    inward = materials.reflected(outside, UP, below, b)[0] / a[1]  # light below, inside; viewer above
+    outward = materials.reflected(inside, UP, (b[0], -b[1], b[2]), a)[0] / b[1]  # mirrored in the plane, so that the inside is up
+    np.testing.assert_allclose(inward, outward * 1.5**2, rtol=0.02)
+
+
 def test_scenes_without_them_have_none():
     shader = point_of(make.phong(0.5))[1]
     assert shader.lobes is None
+    assert shader.frost is None
     assert paths.uses_of(make.scene([(K.PLANE, (), make.matrix(), 0)], materials=[make.phong(0.5)])).glossy is False

@@ -90,7 +90,7 @@ def test_sampling_a_lobe_agrees_with_integrating_it(model, normalized):
     expected = float(np.sum(materials.reflected(material, UP, d, viewer)[0] * solid)) / math.pi
     u, v = np.meshgrid((np.arange(300) + 0.5) / 300, (np.arange(300) + 0.5) / 300)
     with np.errstate(all="ignore"):
-        direction, share = materials.sample_lobe(material, UP, viewer, u, v)
+        direction, share = materials.sample_lobe(material, UP, viewer, u, v, u)
     assert float(np.mean(share[0])) == pytest.approx(expected, rel=4e-3)
     assert np.abs(lanes.length(direction) - 1).max() < 1e-12
 

@@ -18,7 +18,7 @@ from .. import load
 from ..compiler import ir, plan
 from ..render import film, metrics, prepare, ray
 from ..render.records import View
-from . import meshes, mitsuba, report
+from . import meshes, mitsuba, path_scenes, report
 from .harness import OURS, Case, Contender, Disagreement, Effort, Missing, Peers, Result, measure
 
 SCENES = Path(__file__).resolve().parent / "scenes"
@@ -28,6 +28,10 @@ place of the two blocks. Path tracing to depth 8 (the lamp seen counts as 1), bo
 trees built before. *Rate* is a picture of 256² with 16 samples a pixel. *Error* is √relMSE of a picture of 128² against the mean of long
 runs of the same renderer with other seeds, less what those runs' own noise adds; the long runs of both must agree, block by block, within
 what their own seeds differ. Mitsuba: the `path` integrator and its independent sampler, in llvm mode, and for the rate also in scalar mode.
+
+The other scenes are written in our language and for Mitsuba by our exporter: a room with 200 small lights (depth 6), four balls of rough
+metal and four matt ones under a picture of the sky with a small sun (depth 6), glass on a table by a lamp (depth 10), and an interior of
+500,000 triangles (depth 6).
 """
 DEPTH = 8
 BLOCKS = 8  # of the picture along each side, whose means are compared
@@ -74,24 +78,35 @@ def section(quick: bool, effort: Effort) -> report.Section:
         knot = Path(folder) / "knot.ply"
         write_ply(knot, meshes.knot(*rings))
         for title, filled in (("Cornell box", None), (f"{2 * rings[0] * rings[1]:,} triangles in the box", knot)):
-            sides = [ours(filled), *_there(peers, functools.partial(theirs, filled, mitsuba.LLVM))]
-            size, samples = (32, 4) if quick else (256, 16)
-            try:
-                agreement, references = long_runs(sides, 32 if quick else 128, 16 if quick else 128)
-            except Disagreement as why:
-                found.refused.append(f"{title}: {why}")
-                found.blocks.append(f"**{title}**\n\nNo times: the long runs differ: {why}.")
-                continue
-            fast = rates(sides, size, samples, effort)
+            sides = [ours(functools.partial(_decide, _scene(filled))), *_there(peers, functools.partial(theirs, filled, mitsuba.LLVM))]
             ladder = (1, 4) if quick else (1, 4, 16, 64, 256) if filled is None else (1, 4, 16, 64)
-            told = errors(sides, references, ladder, effort)
-            # Apart, and last: changing between Mitsuba's modes makes its next picture slow.
-            scalar = _there(peers, functools.partial(theirs, filled, "scalar_rgb"))
-            slow = [rates([sides[0], *scalar], size, samples, effort)] if scalar else []
-            found.add(f"{title}: rate", [fast, *slow], "Msamples/s")
-            found.blocks.append(f"**{title}: error**\n\n{told}\n\nLong runs: {agreement}.")
+            scalar = functools.partial(_there, peers, functools.partial(theirs, filled, "scalar_rgb"))
+            _compare(found, title, sides, scalar, quick, 128, ladder, effort)
+        for setting in path_scenes.settings(Path(folder), quick):
+            sides = [ours(setting.decide), *_there(peers, functools.partial(exported, setting, Path(folder)))]
+            _compare(found, setting.title, sides, list, quick, 512, (1, 4) if quick else (1, 4, 16, 64), effort)
     found.missing = peers.missing
     return found
+
+
+def _compare(
+    found: report.Section, title: str, sides: list[Renderer], scalar: Callable[[], list[Renderer]], quick: bool, long: int,
+    ladder: Sequence[int], effort: Effort,
+) -> None:  # fmt: skip
+    """One scene: long runs of so many samples, samples a second, and errors."""
+    size, samples = (32, 4) if quick else (256, 16)
+    try:
+        agreement, references = long_runs(sides, 32 if quick else 128, 16 if quick else long)
+    except Disagreement as why:
+        found.refused.append(f"{title}: {why}")
+        found.blocks.append(f"**{title}**\n\nNo times: the long runs differ: {why}.")
+        return
+    fast = rates(sides, size, samples, effort)
+    told = errors(sides, references, ladder, effort)
+    slower = scalar()  # apart, and last: changing between Mitsuba's modes makes its next picture slow
+    slow = [rates([sides[0], *slower], size, samples, effort)] if slower else []
+    found.add(f"{title}: rate", [fast, *slow], "Msamples/s")
+    found.blocks.append(f"**{title}: error**\n\n{told}\n\nLong runs: {agreement}.")
 
 
 def _there(peers: Peers, make: Callable[[], Renderer]) -> list[Renderer]:
@@ -107,12 +122,11 @@ def _there(peers: Peers, make: Callable[[], Renderer]) -> list[Renderer]:
 # --- the two renderers ---------------------------------------------------------------------------------------------------
 
 
-def ours(filled: Path | None) -> Renderer:
+def ours(decide: Callable[[int, int, int], tuple[ir.Scene, plan.Plan]]) -> Renderer:
     """maquette: a scene of the language, prepared for each picture before the clock runs."""
-    scene = _scene(filled)
 
     def draw(size: int, samples: int, seed: int) -> Callable[[], Any]:
-        decided = _decide(scene, size, samples, seed)
+        scene, decided = decide(size, samples, seed)
         view = View(decided["camera"], size, size)
         prepared = prepare.prepare(scene, decided, view)
         return lambda: film.run(ray.Renderer(prepared, decided, view), decided, view).channels["rgba"]
@@ -130,11 +144,28 @@ def _scene(filled: Path | None) -> ir.Scene:
     return load(path)
 
 
-def _decide(scene: ir.Scene, size: int, samples: int, seed: int) -> plan.Plan:
+def _decide(scene: ir.Scene, size: int, samples: int, seed: int) -> tuple[ir.Scene, plan.Plan]:
     settings = ir.Settings(
         size=(size, size), samples=samples, seed=seed, backend="ray", bounces=DEPTH - 2, filter="box", threads=1, background=(0.0, 0.0, 0.0)
     )
-    return plan.make(scene, settings)
+    return scene, plan.make(scene, settings)
+
+
+def exported(setting: path_scenes.Setting, folder: Path) -> Renderer:
+    """Mitsuba's llvm mode on what our exporter wrote."""
+    mi = mitsuba.load()
+
+    @functools.cache
+    def made(size: int) -> Any:
+        place = folder / f"{setting.title.split()[0]}-{size}"
+        place.mkdir(exist_ok=True)
+        return mi.load_file(str(setting.exported(size, place)))
+
+    def draw(size: int, samples: int, seed: int) -> Callable[[], Any]:
+        scene = made(size)
+        return lambda: np.array(mi.render(scene, spp=samples, seed=seed))
+
+    return Renderer("Mitsuba llvm", draw, lambda rgb: np.asarray(rgb, np.float64)[..., :3])
 
 
 def theirs(filled: Path | None, variant: str) -> Renderer:

@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from ..compiler import ir
-from . import lanes, textures
+from . import lanes
 from .kernels import helper
 from .records import Lane, Tables, Vec
 
@@ -22,8 +22,6 @@ DISK = int(ir.LightKind.DISK)
 SPHERE = int(ir.LightKind.SPHERE)
 POLYNOMIAL = int(ir.FalloffKind.POLYNOMIAL)
 RAMP = int(ir.FalloffKind.RAMP)
-REPEAT = int(ir.Wrap.REPEAT)
-CLAMP = int(ir.Wrap.CLAMP)
 FAR = math.inf
 ALL, SHADOWED, OPEN = 0, 1, 2  # which skies: all, those that cast shadows, those that do not
 TINY = 1e-30  # below what any length, angle or weight is; float32 holds it, too
@@ -236,10 +234,31 @@ def sky_radiance(tables: Tables, light: int, direction: Vec) -> Vec:
     if lights.image[light] < 0:
         return _color(tables, light, 0.0 * x + 1.0)
     s, t = 0.5 - lanes.atan2(x, z) / (2.0 * math.pi), 0.5 + lanes.asin(y) / math.pi
-    image = lanes.int_like(x, lights.image[light])
-    smooth = lanes.bool_like(x, False)
-    texel = textures.look_up(tables, image, s, t, lanes.int_like(x, REPEAT), lanes.int_like(x, CLAMP), smooth)
-    return lanes.mul(_color(tables, light, 1.0), (texel[0], texel[1], texel[2]))
+    return lanes.mul(_color(tables, light, 1.0), _around(tables, lights.image[light], s, t))
+
+
+@helper
+def _around(tables: Tables, image: int, s: Lane, t: Lane) -> Vec:
+    """A picture that closes on itself, at s and t from 0 to 1: textures.look_up without divisions of whole numbers."""
+    width, height, first = tables.images.width[image], tables.images.height[image], tables.images.first[image]
+    x, y = s * width - 0.5, (1.0 - t) * height - 0.5
+    a, c = lanes.floor_int(x), lanes.floor_int(y)
+    fx, fy = x - lanes.to_float(a), y - lanes.to_float(c)
+    a = lanes.maximum(lanes.minimum(lanes.where(a < 0, a + width, a), width - 1), 0)
+    b = lanes.where(a + 1 < width, a + 1, 0)
+    d = lanes.maximum(lanes.minimum(c + 1, height - 1), 0)
+    c = lanes.maximum(lanes.minimum(c, height - 1), 0)
+    above, below = first + c * width, first + d * width
+    return lanes.lerp3(
+        lanes.lerp3(_texel(tables, above + a), _texel(tables, above + b), fx),
+        lanes.lerp3(_texel(tables, below + a), _texel(tables, below + b), fx), fy,
+    )  # fmt: skip
+
+
+@helper
+def _texel(tables: Tables, row: Lane) -> Vec:
+    texels = tables.images.texels
+    return texels[row, 0], texels[row, 1], texels[row, 2]
 
 
 @helper

@@ -1,0 +1,157 @@
+"""Scenes of light transport for the paths benchmark: ours as text, the peer's from our exporter with what that cannot carry put in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import load
+from ..compiler import export_mitsuba, ir, plan
+from ..render import meshed
+from . import meshes
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A scene. `swaps`: what stands in place of parts of the exported XML, each for the first that is left."""
+
+    title: str
+    scene: ir.Scene
+    depth: int
+    swaps: tuple[tuple[str, str], ...] = ()
+
+    def decide(self, size: int, samples: int, seed: int) -> tuple[ir.Scene, plan.Plan]:
+        """The scene, and the plan of a square picture on one thread."""
+        asked = ir.Settings(size=(size, size), samples=samples, seed=seed, backend="ray", bounces=self.depth - 2, filter="box", threads=1)
+        return self.scene, plan.make(self.scene, asked)
+
+    def exported(self, size: int, folder: Path) -> Path:
+        """The XML file for Mitsuba, with its own roulette from the fifth surface on."""
+        _, decided = self.decide(size, 16, 0)
+        made = export_mitsuba.write(self.scene, decided, "part", meshed.tessellator(self.scene, decided))
+        for name, data in made.files.items():
+            (folder / name).write_bytes(data)
+        text = made.text.replace(f'value="{export_mitsuba.NO_ROULETTE}"', 'value="5"').replace('"multijitter"', '"independent"')
+        for old, new in self.swaps:
+            if old not in text:
+                raise ValueError(f"the exported scene has no {old}")
+            text = text.replace(old, new, 1)
+        path = folder / "scene.xml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+
+def settings(folder: Path, quick: bool) -> list[Setting]:
+    """The four scenes; their files go to a folder."""
+    return [lamps(folder), glossy(folder), glass(folder), interior(folder, (100, 10) if quick else (2000, 125))]
+
+
+def _setting(folder: Path, name: str, title: str, text: str, depth: int, swaps: tuple[tuple[str, str], ...] = ()) -> Setting:
+    path = folder / f"{name}.scene"
+    path.write_text(text, encoding="utf-8")
+    return Setting(title, load(path), depth, swaps)
+
+
+_MATT = """        <bsdf type="diffuse">
+            <rgb name="reflectance" value="1, 1, 1"/>
+        </bsdf>
+"""
+_ROUGH = """        <bsdf type="roughconductor">
+            <string name="material" value="none"/>
+            <string name="distribution" value="ggx"/>
+            <float name="alpha" value="{}"/>
+        </bsdf>
+"""
+ROOM = """
+polygon([[-3, 0, 3], [3, 0, 3], [3, 0, -3], [-3, 0, -3]], material: lambert(0.5))
+polygon([[-3, 3, -3], [3, 3, -3], [3, 3, 3], [-3, 3, 3]], material: lambert(0.7))
+polygon([[-3, 0, -3], [3, 0, -3], [3, 3, -3], [-3, 3, -3]], material: lambert(0.7))
+polygon([[3, 0, 3], [-3, 0, 3], [-3, 3, 3], [3, 3, 3]], material: lambert(0.7))
+polygon([[-3, 0, 3], [-3, 0, -3], [-3, 3, -3], [-3, 3, 3]], material: lambert(rgb(0.6, 0.3, 0.25)))
+polygon([[3, 0, -3], [3, 0, 3], [3, 3, 3], [3, 3, -3]], material: lambert(rgb(0.25, 0.4, 0.6)))
+camera(position: [0, 1.5, 2.9], look_at: [0, 1.2, 0], fov: 70deg)
+"""
+
+
+def lamps(folder: Path) -> Setting:
+    """A room with 200 small lights of many strengths on its walls and ceiling, and a few things in it."""
+    rng = np.random.default_rng(7)
+    lines = [
+        ROOM, "box([1.4, 0.7, 0.8], center: [0.2, 0.35, -0.6], material: lambert(0.6))",
+        "sphere(0.35, center: [0.3, 1.05, -0.6], material: lambert(0.75))",
+        "box([0.6, 1.8, 0.6], center: [-1.8, 0.9, -1.4], material: lambert(0.4))",
+    ]  # fmt: skip
+    edge = 2.999  # lamps lie on the walls: ours block no other lamps' light, Mitsuba's do
+    for k in range(200):
+        column, line = (k // 4) % 10, k // 40  # in cells, so that no two lie on each other
+        across, up = np.array([column, line]) + rng.uniform(0.2, 0.8, 2)
+        x = z = round(-2.8 + 0.56 * float(across), 4)
+        y = round(0.3 + 0.5 * float(up), 4)
+        if k % 4 == 0:
+            z = round(-2.8 + 1.12 * float(up), 4)
+        wall = (((x, edge, z), (0, -1, 0)), ((-edge, y, z), (1, 0, 0)), ((edge, y, z), (-1, 0, 0)), ((x, y, -edge), (0, 0, 1)))
+        place, towards = wall[k % 4]
+        to = [round(p + d, 4) for p, d in zip(place, towards, strict=True)]
+        color = "rgb({:.3f}, {:.3f}, {:.3f})".format(*rng.uniform(0.2, 1.0, 3))
+        lines.append(f"area({list(place)}, look_at: {to}, size: 0.08, luminance: {rng.lognormal(2.0, 1.0):.3f}, color: {color})")
+    return _setting(folder, "lamps", "A room with 200 small lights", "\n".join(lines), 6)
+
+
+def glossy(folder: Path) -> Setting:
+    """Rough white metal and matt things under a picture of the sky with a small sun."""
+    write_sky(folder / "sky.exr")
+    lines = ['dome("sky.exr")', "polygon([[-8, 0, 8], [8, 0, 8], [8, 0, -8], [-8, 0, -8]], material: lambert(0.4))"]
+    swaps = []
+    for k, alpha in enumerate((0.015, 0.02, 0.03, 0.04)):
+        x = -2.4 + 1.6 * k
+        metal = f"principled(color: rgb(1, 1, 1), metallic: 1, roughness: {alpha**0.5:.9f})"
+        lines.append(f"sphere(0.7, center: [{x:.1f}, 0.7, 0], material: {metal})")
+        lines.append(f"sphere(0.3, center: [{x + 0.7:.1f}, 0.3, 1.3], material: lambert(rgb(0.{k + 3}, 0.5, 0.{7 - k})))")
+        swaps.append((_MATT, _ROUGH.format(alpha)))
+    lines.append("camera(position: [0, 2.2, 6], look_at: [0, 0.6, 0], fov: 55deg)")
+    return _setting(folder, "glossy", "Rough metal under a picture of the sky", "\n".join(lines), 6, tuple(swaps))
+
+
+def glass(folder: Path) -> Setting:
+    """Glasses on a table by a lamp."""
+    text = ROOM + """
+    box([2.4, 0.1, 1.4], center: [0, 0.75, 0.6], material: lambert(rgb(0.55, 0.4, 0.28)))
+    sphere(0.22, center: [-0.5, 1.02, 0.7], material: glass())
+    sphere(0.16, center: [0.35, 0.96, 0.95], material: glass(rgb(0.8, 0.95, 0.9)))
+    box([0.3, 0.45, 0.3], center: [0.25, 1.025, 0.35], rotate: [0, 30deg, 0], material: glass())
+    area([0.4, 2.7, 0.4], size: [1.2, 0.9], luminance: 12)
+    """
+    return _setting(folder, "glass", "Glass on a table", text.replace("fov: 70deg", "fov: 45deg"), 10)
+
+
+def interior(folder: Path, rings: tuple[int, int]) -> Setting:
+    """A room with a knot of many triangles and two lamps."""
+    from .paths import write_ply
+
+    mesh = meshes.knot(*rings)
+    write_ply(folder / "knot.ply", mesh)
+    text = ROOM + """
+    mesh("knot.ply", scale: 1.1, translate: [0, 1.3, -0.6], material: lambert(0.6, shading: "flat"))
+    box([0.6, 1.8, 0.6], center: [-2.2, 0.9, -1.8], material: lambert(0.4))
+    area([0, 2.98, 0.5], size: [1.2, 0.9], luminance: 6)
+    area([2.9, 1.5, -1.5], look_at: [0, 1.2, 0], size: [0.4, 0.6], luminance: 9)
+    """
+    return _setting(folder, "interior", f"An interior of {len(mesh.triangles):,} triangles", text, 6)
+
+
+def write_sky(path: Path) -> None:
+    """A latitude-longitude picture: blue above, brown below, a small sun."""
+    import OpenImageIO as oiio
+
+    height, width = 256, 512
+    up = np.linspace(1.0, -1.0, height)[:, None, None]
+    picture: Any = np.where(up > 0.0, 0.25 + np.array([0.1, 0.25, 0.6]) * up, np.array([0.12, 0.1, 0.08])) + np.zeros((height, width, 3))
+    picture[60:66, 180:186] = (400.0, 360.0, 300.0)
+    picture[90:120, 330:380] = (6.0, 6.0, 7.0)
+    out = oiio.ImageOutput.create(str(path))
+    out.open(str(path), oiio.ImageSpec(width, height, 3, "float"))
+    out.write_image(np.ascontiguousarray(picture, np.float32))
+    out.close()

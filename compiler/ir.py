@@ -92,6 +92,8 @@ class Slot(IntEnum):
     COAT_ROUGHNESS = 13  # number
     NORMAL = 14  # the normal along u, along v and outwards; a texture's only
     BUMP = 15  # height in metres; a texture's only
+    ABSORPTION = 16  # colour, natural logarithm per metre of what glass absorbs; no texture
+    PRIORITY = 17  # number: of glass that overlaps other glass the higher one is there; no texture
 
 
 SLOTS = len(Slot)

@@ -11,13 +11,14 @@ from ..lang.formula import Formula
 from . import images, ir, metals
 from .files import FileError
 from .images import ImageError
-from .rows import BLACK, WHITE, Input, MaterialData, TextureData, multiplied, scaled
+from .rows import BLACK, WHITE, Color, Input, MaterialData, TextureData, multiplied, scaled
 from .tapes import Builder, Op, Unfit
 
 if TYPE_CHECKING:
     from .lower import Lowering
 
 Slot = ir.Slot
+DARKEST = 1e-6  # of a colour inside glass: black would absorb without end
 MOST_PATTERN = 509  # operations of a pattern, as kernels have room for (render/patterns.py)
 _SHADING = {"phong": ir.Shading.SMOOTH, "gouraud": ir.Shading.GOURAUD, "flat": ir.Shading.FLAT}
 _MAPPINGS = {m.name.lower(): m for m in ir.Mapping_}
@@ -81,6 +82,8 @@ class Materials:
         if kind == "glass":
             inputs = {Slot.TRANSMISSION: self._color(args["color"]), Slot.IOR: self._number(args["ior"])}
             inputs[Slot.ROUGHNESS] = self._number(args["roughness"])
+            inputs[Slot.PRIORITY] = Input.number(args["priority"])
+            inputs[Slot.ABSORPTION] = Input(self._absorption(element))
             return MaterialData(ir.MaterialModel.GLASS, inputs)
         if kind == "emissive":
             color = self._color(args["color"])
@@ -96,6 +99,17 @@ class Materials:
             return MaterialData(ir.MaterialModel.LAMBERT, {Slot.AMBIENT: diffuse, Slot.DIFFUSE: diffuse}, shading)
         model = {"phong": ir.MaterialModel.PHONG, "blinn_phong": ir.MaterialModel.BLINN_PHONG}[kind]
         return MaterialData(model, self._course_inputs(args, diffuse), shading, args["normalized"])
+
+    def _absorption(self, element: Element) -> Color:
+        """What glass absorbs on a metre, natural logarithm: so much that of white light its `inside` is left after `depth`."""
+        color, depth = element.args["inside"], element.args["depth"]
+        if color is None:
+            if depth is not None:
+                message = "`depth` is given without `inside`"
+                self._lowering.error(element, message, "give `inside`, the colour at that depth, or leave it out")
+            return BLACK
+        r, g, b = (-math.log(max(c, DARKEST)) / (0.1 if depth is None else depth) + 0.0 for c in color)
+        return (max(r, 0.0), max(g, 0.0), max(b, 0.0))
 
     def _principled(self, args: Any, shading: ir.Shading) -> MaterialData:
         color = self._color(args["emission"])

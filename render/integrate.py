@@ -14,7 +14,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import across, aside, lanes, lights, materials, microfacet, opacity, placed, sampler, surface, tilt, trace
+from . import across, aside, lanes, lights, materials, media, microfacet, opacity, placed, sampler, surface, tilt, trace
 from .handles import Handle
 from .kernels import HELPER, helper
 from .links import FLOAT, INT, VEC, Linked
@@ -24,7 +24,7 @@ from .records import GouraudLight, Hit, Lane, Options, Ray, Surface, Tables, Vec
 CAMERA_RAY = int(ir.Visibility.CAMERA)
 OTHER_RAY = int(ir.Visibility.REFLECTION)
 GOURAUD = int(ir.Shading.GOURAUD)
-FIELDS = 12  # of a waiting ray: origin, direction, weight, bounces left, kind, key of its random numbers
+FIELDS = 13  # of a waiting ray: origin, direction, weight, bounces left, kind, key of its random numbers, media that it is in
 DIFFUSE_RAY = 0.0  # kinds of waiting rays: after a matt surface lights are not counted again where they are met
 SPECULAR_RAY = 1.0
 STRAIGHT_RAY = 2.0  # has met nothing but passages of index 1: still the camera's own ray, which lowers alpha where it escapes
@@ -69,13 +69,15 @@ def radiance(
     kind = zero + STRAIGHT_RAY
     key = lanes.int_like(hit.t, 1)
     waiting = lanes.int_like(hit.t, 0)  # rays on each lane's stack
+    inside = media.outside(tables, hit.t)
     while True:
+        weight = media.faded(inside, weight, tables, lanes.where(seen, hit.t, 0.0))
         rest = seen
         while lanes.any_lane(rest):
             instance, here = across.together(hit.instance, rest)
             meeting = Hit(hit.t, instance, hit.primitive, hit.u, hit.v)
             point = tilt.tilted(tables, surface.at(tables, ray, meeting), meeting, ray.direction)
-            shader = materials.at(tables, point)
+            shader = materials.within(tables, point, inside)
             viewer = lanes.negate(ray.direction)
             specular = kind >= SPECULAR_RAY
             light = local_light(tables, accel, gouraud, options, point, shader, viewer, meeting, here, specular, pixel, sample, key)
@@ -83,16 +85,19 @@ def radiance(
             share = lanes.scale(weight, there)
             going = here & (left > 0)
             if lanes.any_lane(going):
-                waiting = send_on(options, point, shader, ray.direction, share, going, left, kind, pixel, sample, key, stack, waiting)
+                waiting = send_on(
+                    tables, options, point, shader, ray.direction, share, going, left, kind, inside, pixel, sample, key, stack, waiting
+                )  # fmt: skip
             if options.environment:
                 light = lanes.add(light, _sky_in(tables, point, shader, ray.direction))
             total = lanes.where3(here, lanes.add(total, lanes.mul(share, light)), total)
-            waiting = pass_on(waiting, accel, point, ray.direction, weight, there, here, left, kind, key, stack)
+            waiting = pass_on(waiting, accel, point, ray.direction, weight, there, here, left, kind, inside, key, stack)
             rest = rest & lanes.not_(here)
         active = waiting > 0
         if lanes.not_(lanes.any_lane(active)):
             break
         waiting = lanes.where(active, waiting - 1, waiting)
+        inside = _inside(stack, waiting, inside)
         ray, weight, left, kind, key = _pop(stack, waiting, ray.time)
         hit = trace.closest(accel, tables, ray, active, OTHER_RAY)
         seen = active & (hit.instance >= 0)
@@ -299,8 +304,8 @@ def leaving(point: Surface, direction: Vec, distance: Lane) -> Ray:
 
 @helper
 def send_on(
-    options: Options, point: Surface, shader: Shader, direction: Vec, weight: Vec, going: Lane, left: Lane,
-    kind: Lane, pixel: Lane, sample: Lane, key: Lane, stack: Any, waiting: Lane,
+    tables: Tables, options: Options, point: Surface, shader: Shader, direction: Vec, weight: Vec, going: Lane, left: Lane,
+    kind: Lane, inside: Any, pixel: Lane, sample: Lane, key: Lane, stack: Any, waiting: Lane,
 ) -> Lane:  # fmt: skip
     """Put the rays a surface sends on upon the lanes' stacks; how many wait on each."""
     reflection, transmission, refracted, _ = materials.splits(point, shader, direction)
@@ -309,14 +314,16 @@ def send_on(
     mirrored = lanes.reflect(direction, point.normal)
     outside = lanes.dot(mirrored, point.geometric) > 0.0  # an interpolated normal may mirror a grazing ray into the surface
     mirrored = lanes.where3(outside, mirrored, lanes.reflect(direction, point.geometric))
-    waiting = _push(stack, waiting, point, mirrored, lanes.mul(weight, reflection), going, left, plain + SPECULAR_RAY, key, 0)
-    waiting = _push(stack, waiting, point, refracted, lanes.mul(weight, transmission), going, left, through, key, 1)
+    waiting = _push(stack, waiting, point, mirrored, lanes.mul(weight, reflection), going, left, plain + SPECULAR_RAY, inside, key, 0)
+    beyond = media.crossed(inside, None, tables, point, refracted)
+    waiting = _push(stack, waiting, point, refracted, lanes.mul(weight, transmission), going, left, through, beyond, key, 1)
     if options.interreflection or materials.has_facets(shader):
         u, v = sampler.pair(pixel, sample, key * _LIGHTS * 2 + 1, options.seed)
         which = sampler.pair(pixel, sample, key * _LIGHTS * 2, options.seed)[1]
         onward, share = materials.onward(shader, point.normal, lanes.negate(direction), u, v, which, options.interreflection)
         above = going & materials.is_frosted(shader, lanes.dot(onward, point.geometric) > 0.0)
-        waiting = _push(stack, waiting, point, onward, lanes.mul(weight, share), above, left, plain + DIFFUSE_RAY, key, 2)
+        beyond = media.crossed(inside, None, tables, point, onward)
+        waiting = _push(stack, waiting, point, onward, lanes.mul(weight, share), above, left, plain + DIFFUSE_RAY, beyond, key, 2)
     return waiting
 
 
@@ -334,12 +341,12 @@ def _shown(
 
 @helper
 def _pass_on(
-    waiting: Lane, accel: Any, point: Surface, direction: Vec, weight: Vec, there: Lane, here: Lane, left: Lane, kind: Lane, key: Lane,
-    stack: Any,
+    waiting: Lane, accel: Any, point: Surface, direction: Vec, weight: Vec, there: Lane, here: Lane, left: Lane, kind: Lane, inside: Any,
+    key: Lane, stack: Any,
 ) -> Lane:  # fmt: skip
     """Put the ray that passes a surface which is not wholly `there` on top of the stack, as what it was; how many wait."""
     passing = here & (there < 1.0)
-    return _push(stack, waiting, point, direction, lanes.scale(weight, 1.0 - there), passing, left + 1, kind, key, BRANCHES)
+    return _push(stack, waiting, point, direction, lanes.scale(weight, 1.0 - there), passing, left + 1, kind, inside, key, BRANCHES)
 
 
 def shown(accel: Any, *of: Any) -> Lane:
@@ -364,7 +371,8 @@ def _pass_on_in_kernels(waiting, accel, *of):
 
 @helper
 def _push(
-    stack: Any, waiting: Lane, point: Surface, direction: Vec, weight: Vec, going: Lane, left: Lane, kind: Lane, key: Lane, branch: int
+    stack: Any, waiting: Lane, point: Surface, direction: Vec, weight: Vec, going: Lane, left: Lane, kind: Lane, inside: Any, key: Lane,
+    branch: int,
 ) -> Lane:
     active = going & (lanes.largest(weight) > MIN_WEIGHT)
     if lanes.any_lane(active):
@@ -375,6 +383,7 @@ def _push(
         across.put(stack, waiting, 9, lanes.to_float(left - 1), active)
         across.put(stack, waiting, 10, kind, active)
         across.put(stack, waiting, 11, lanes.to_float((key * BRANCHES + 1 + branch) & _KEYS), active)
+        _put_inside(stack, waiting, inside, active)
     return lanes.where(active, waiting + 1, waiting)
 
 
@@ -385,3 +394,27 @@ def _pop(stack: Any, place: Lane, time: Any) -> tuple[Ray, Vec, Lane, Lane, Lane
     ray = Ray(origin, direction, zero, zero + np.inf, time)
     left, key = lanes.to_int(across.take(stack, place, 9)), lanes.to_int(across.take(stack, place, 11))
     return ray, weight, left, across.take(stack, place, 10), key
+
+
+def _inside(stack: Any, place: Lane, inside: Any) -> Any:
+    """The media that a waiting ray is in; None where there are none at all."""
+    return None if inside is None else lanes.to_int(across.take(stack, place, 12))
+
+
+@overload(_inside, jit_options=HELPER)
+def _inside_in_kernels(stack, place, inside):
+    if isinstance(inside, types.NoneType):
+        return lambda stack, place, inside: None
+    return lambda stack, place, inside: lanes.to_int(across.take(stack, place, 12))
+
+
+def _put_inside(stack: Any, place: Lane, inside: Any, active: Lane) -> None:
+    if inside is not None:
+        across.put(stack, place, 12, lanes.to_float(inside), active)
+
+
+@overload(_put_inside, jit_options=HELPER)
+def _put_inside_in_kernels(stack, place, inside, active):
+    if isinstance(inside, types.NoneType):
+        return lambda stack, place, inside, active: None
+    return lambda stack, place, inside, active: across.put(stack, place, 12, lanes.to_float(inside), active)

@@ -15,7 +15,7 @@ from numba import types
 from numba.extending import overload
 
 from ..compiler import ir
-from . import frosted, lanes, lights, microfacet, principled
+from . import frosted, lanes, lights, media, microfacet, principled
 from .inputs import color_of
 from .kernels import HELPER, helper
 from .records import Lane, Surface, Tables, Vec
@@ -66,12 +66,18 @@ class Shader(NamedTuple):
 
 @helper
 def at(tables: Tables, surface: Surface) -> Shader:
-    """The material of a surface where it is."""
-    return looked_up(tables, surface, Uses(True, True, True, lights.has_ambient(tables), True))
+    """The material of a surface where it is, in the open."""
+    return within(tables, surface, None)
 
 
 @helper
-def looked_up(tables: Tables, surface: Surface, uses: Uses) -> Shader:
+def within(tables: Tables, surface: Surface, inside: Any) -> Shader:
+    """The same for a ray that is inside of things: see media.py."""
+    return looked_up(tables, surface, Uses(True, True, True, lights.has_ambient(tables), True), inside)
+
+
+@helper
+def looked_up(tables: Tables, surface: Surface, uses: Uses, inside: Any) -> Shader:
     """The same for a scene that holds no more than `uses` says: what it does not is not looked up, and 0."""
     zero = lanes.full_like(surface.offset, 0.0)
     no = lanes.bool_like(zero, False)
@@ -92,6 +98,9 @@ def looked_up(tables: Tables, surface: Surface, uses: Uses) -> Shader:
         transmission = color_of(tables, surface, TRANSMISSION)
         ior = zero + lanes.maximum(color_of(tables, surface, IOR)[0], 1e-3)
         glass = no | (tables.materials.model[surface.material] == GLASS)
+        ior = media.ratio(inside, ior, tables, surface)
+        unseen = media.hidden(inside, no, tables, surface)
+        transmission = lanes.where3(unseen, (zero + 1.0, zero + 1.0, zero + 1.0), transmission)
     if uses.shines:
         emission = color_of(tables, surface, EMISSION)
     diffuse = lanes.mul(color_of(tables, surface, DIFFUSE), surface.color)

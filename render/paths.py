@@ -23,6 +23,7 @@ from . import (
     light_tree,
     lights,
     materials,
+    media,
     opacity,
     principled,
     sampler,
@@ -56,6 +57,7 @@ class Path(NamedTuple):
     weight: Vec
     density: Lane  # of its direction, when it was drawn
     straight: Lane  # bool: it has met nothing but passages of index 1; where it escapes, alpha is lowered
+    inside: Any  # the media it is in, see media.py; None in scenes without
 
 
 class Connection(NamedTuple):
@@ -209,7 +211,7 @@ _sample_each, _choose = apart(emitters.sample), apart(light_tree.choose)
 
 @helper
 def connect(
-    tables: Tables, light: Light, point: Surface, shader: Shader, viewer: Vec, weight: Vec, here: Lane, last: Lane, lit: Lane,
+    tables: Tables, light: Light, point: Surface, shader: Shader, viewer: Vec, path: Path, here: Lane, last: Lane, lit: Lane,
     ending: bool, pixel: Lane, sample: Lane, depth: int, seed: int,
 ) -> Connection:  # fmt: skip
     """A ray to a sample of one emitter; where no ray goes on (`last`) that is the only way to find its light.
@@ -237,7 +239,8 @@ def connect(
     factor = 1.0 / (math.pi * chance)
     met_too = weighed & lanes.not_(last | lit)
     factor = factor * lanes.where(met_too, power(arriving.density * chance, density), 1.0)
-    given = lanes.scale(lanes.mul(lanes.mul(weight, share), arriving.light), factor)
+    given = lanes.scale(lanes.mul(lanes.mul(path.weight, share), arriving.light), factor)
+    given = media.faded(media.crossed(path.inside, None, tables, point, arriving.direction), given, tables, arriving.distance)
     origin = surface.leave(point, arriving.direction)
     wanted = here & (lanes.largest(given) > 0.0)
     wanted = wanted & materials.is_frosted(shader, tilt.open_to(tables, point, arriving.direction, wanted))
@@ -257,8 +260,10 @@ def arrive(
     """
     zero = 0.0 * path.density
     uses = light.uses
+    faded = media.faded(path.inside, path.weight, tables, hit.t)
+    path = Path(path.origin, path.direction, faded, path.density, path.straight, path.inside)
     point = tilt.tilted(tables, point, hit, path.direction)
-    shader = materials.looked_up(tables, point, uses)
+    shader = materials.looked_up(tables, point, uses, path.inside)
     viewer = lanes.negate(path.direction)
     sent = (zero, zero, zero)
     if uses.shines:
@@ -279,7 +284,7 @@ def arrive(
         last = lanes.bool_like(zero, lanes.not_(uses.sky) & lanes.not_(uses.glossy))
     if len(light.emitters.kind) > 0:
         connection = connect(
-            tables, light, point, shader, viewer, path.weight, here, last, lit, ending, pixel, sample, depth, options.seed
+            tables, light, point, shader, viewer, path, here, last, lit, ending, pixel, sample, depth, options.seed
         )
     u, v = numbers(pixel, sample, depth, 1, options.seed)
     which = zero
@@ -300,7 +305,8 @@ def arrive(
         weight = lanes.scale(weight, 1.0 / lanes.maximum(keep, lights.TINY))
     straight = path.straight & taken.through
     density = lanes.where(lit & (taken.density < ONLY), LIT, taken.density)
-    onward = Path(surface.leave(point, taken.direction), taken.direction, weight, density, straight)
+    inside = media.crossed(path.inside, None, tables, point, taken.direction)
+    onward = Path(surface.leave(point, taken.direction), taken.direction, weight, density, straight, inside)
     return sent, connection, onward, going
 
 
@@ -346,7 +352,7 @@ def radiance(
     alpha = zero + 1.0
     active = np.ones(shape, bool)
     origin, direction = (tuple(np.broadcast_to(c, shape) for c in v) for v in (ray.origin, ray.direction))
-    path = Path(origin, direction, (zero + 1.0, zero + 1.0, zero + 1.0), zero + ONLY, active)  # pyright: ignore[reportArgumentType]
+    path = Path(origin, direction, (zero + 1.0, zero + 1.0, zero + 1.0), zero + ONLY, active, media.outside(tables, zero))  # pyright: ignore[reportArgumentType]
     depth = 0
     while True:
         onward = Ray(path.origin, path.direction, zero, zero + np.inf, ray.time)

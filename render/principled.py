@@ -14,7 +14,7 @@ import numpy as np
 from numba.extending import overload
 
 from ..compiler import ir
-from . import albedo, frosted, lanes, microfacet, tilt
+from . import albedo, frosted, lanes, media, microfacet, tilt
 from .handles import HandleType
 from .inputs import color_of, number_of
 from .kernels import HELPER, helper
@@ -46,6 +46,7 @@ class Layered(NamedTuple):
     albedo: Any  # albedo.Albedo, or Smooth
     tangents: Any  # tilt.Tangents, or tilt.Untilted
     frosted: Any  # frosted.Tabled, or frosted.Clear
+    media: Any  # media.Media, or media.Air
 
 
 class Smooth(NamedTuple):
@@ -53,13 +54,12 @@ class Smooth(NamedTuple):
 
 
 def tables_for(tables: ir.Tables) -> ir.Tables:
-    """The same tables, or with `Layered` materials where some thing has microfacets or a map of normals or heights."""
+    """The same tables, or with `Layered` materials where some thing has microfacets, a map of normals or heights, or a medium inside."""
     facets = bool(np.isin(tables.materials.model[tables.instances.material], MODELS).any())
-    tangents, rough = tilt.tangents(tables), frosted.tables_of(tables)
-    if not facets and isinstance(tangents, tilt.Untilted) and isinstance(rough, frosted.Clear):
+    parts = (albedo.table() if facets else Smooth(), tilt.tangents(tables), frosted.tables_of(tables), media.media(tables))
+    if all(isinstance(part, Smooth | tilt.Untilted | frosted.Clear | media.Air) for part in parts):
         return tables
-    made = Layered(*tables.materials, albedo.table() if facets else Smooth(), tangents, rough)
-    return tables._replace(materials=made)  # pyright: ignore[reportArgumentType]
+    return tables._replace(materials=Layered(*tables.materials, *parts))  # pyright: ignore[reportArgumentType]
 
 
 def has_sharp(tables: ir.Tables) -> bool:

@@ -261,7 +261,7 @@ def _frame(
     local = lanes.normalize(lanes.scale(lanes.sub(lanes.scale(s, vt), lanes.scale(t, vs)), round_))
     local = lanes.where3(det == 0.0, s, local)
     g = lanes.to_int(tables.instances.geometry[point.instance])
-    table = tables.materials.tangents
+    table: Any = tables.materials.tangents  # pyright: ignore[reportAttributeAccessIssue]
     first = lanes.to_int(table.first[g])
     given = (first >= 0) & (tables.textures.mapping[texture] == UV)
     if lanes.any_lane(given):

@@ -16,7 +16,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import across, aside, camera, lanes, materials, paths, pieces, sampler, simd, surface, trace
+from . import across, aside, camera, lanes, materials, media, paths, pieces, sampler, simd, surface, trace
 from .kernels import HELPER, apart, helper, kernel
 from .paths import Connection, Path
 from .records import Hit, Lane, Ray, Surface, Vec
@@ -43,6 +43,7 @@ class Room(NamedTuple):
     light: Any  # (4 · ROW,) float: what paths found, red, green, blue and coverage
     items: Any  # (4 · ROW,) int: x, y, sample and place in the tile of each path
     near: Any  # (ROW,) float: where camera rays begin
+    inside: Any  # (2 · ROW,) int: the media that rays are in, where a scene has any
 
     @classmethod
     def of(cls, kind: type) -> Room:
@@ -56,7 +57,7 @@ class Room(NamedTuple):
 
         return cls(
             row(2 * STATE, kind), row(2 * 3, whole), row(3, kind), row(3, whole), row(ASKED, kind), row(1, whole), row(1, np.int64),
-            row(4, kind), row(4, whole), row(1, kind),
+            row(4, kind), row(4, whole), row(1, kind), row(2, whole),
         )  # fmt: skip
 
 
@@ -412,7 +413,10 @@ def _shade(scene, frame, room, source, n, depth):
         active = simd.first_lanes(n - i, like)
         density = simd.load(room.state, base + 9 * ROW + i)
         straight = simd.load(room.state, base + 10 * ROW + i) > 0.5
-        path = Path(_load3(room.state, base, 0, i), _load3(room.state, base, 3, i), _load3(room.state, base, 6, i), density, straight)
+        inside = _inside(room, source * ROW + i, depth, media.outside(tables, density))
+        path = Path(
+            _load3(room.state, base, 0, i), _load3(room.state, base, 3, i), _load3(room.state, base, 6, i), density, straight, inside
+        )  # fmt: skip
         slot, pixel, sample = _load3(room.whose, source * 3 * ROW, 0, i)
         piece, instance = simd.load(room.what, i), simd.load(room.what, ROW + i)
         hit = Hit(
@@ -449,8 +453,32 @@ def _shade(scene, frame, room, source, n, depth):
             _keep(room.state, target + 9 * ROW + kept, onward.density, going)
             _keep(room.state, target + 10 * ROW + kept, lanes.where(onward.straight, 1.0, 0.0), going)
             _keep3(room.whose, (1 - source) * 3 * ROW + kept, (slot, pixel, sample), going)
+            _keep_inside(room, (1 - source) * ROW + kept, onward.inside, going)
             kept += simd.count(going)
     return kept, asked
+
+
+def _inside(room: Any, at: int, depth: int, outside: Any) -> Any:
+    raise NotImplementedError
+
+
+@overload(_inside, jit_options=HELPER)
+def _inside_in_kernels(room, at, depth, outside):
+    """The media that rays are in; `outside` is those of camera rays, or None where there are none at all."""
+    if isinstance(outside, types.NoneType):
+        return lambda room, at, depth, outside: None
+    return lambda room, at, depth, outside: outside if depth == 0 else simd.load(room.inside, at)
+
+
+def _keep_inside(room: Any, at: int, inside: Any, going: Lane) -> None:
+    raise NotImplementedError
+
+
+@overload(_keep_inside, jit_options=HELPER)
+def _keep_inside_in_kernels(room, at, inside, going):
+    if isinstance(inside, types.NoneType):
+        return lambda room, at, inside, going: None
+    return lambda room, at, inside, going: _keep(room.inside, at, inside, going)
 
 
 @helper

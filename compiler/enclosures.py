@@ -72,9 +72,11 @@ def hull(m: Any, a: Interval, b: Interval) -> Interval:
     return low_of(m, a[0], b[0]), high_of(m, a[1], b[1])
 
 
-def reciprocal(m: Any, a: Interval) -> Interval:
-    """1 / a; everything where a holds 0."""
+def reciprocal(m: Any, a: Interval, told: bool = True) -> Interval:
+    """1 / a; everything where a holds 0. Unless what it is used for is bounded by itself, `m` is told."""
     apart = (a[0] > 0.0) | (a[1] < 0.0)
+    if told:
+        m.unbounded(~apart)
     low, high = down(m, 1.0 / a[1]), up(m, 1.0 / a[0])
     low, high = m.where(apart, low, -m.big + 0.0 * low), m.where(apart, high, m.big + 0.0 * high)
     return _defined(m, a, _bounded(m, m.where(low == low, low, -m.big), m.where(high == high, high, m.big)))
@@ -176,6 +178,7 @@ def _sqrt(m: Any, op: int, a: Interval, *_: Any) -> Interval:
 
 def _log(m: Any, op: int, a: Interval, *_: Any) -> Interval:
     m.undefined(a[0] < 0.0)
+    m.unbounded(a[0] <= m.tiny)
     least = m.tiny + 0.0 * a[0]
     positive_low, positive_high = m.where(a[0] > m.tiny, a[0], least), m.where(a[1] > m.tiny, a[1], least)
     low = m.where(a[0] > m.tiny, down(m, m.log(positive_low), ULPS), -m.big)
@@ -212,6 +215,7 @@ def _tan(m: Any, op: int, a: Interval, *_: Any) -> Interval:
     slack = 4.0 * m.unit
     u, v = u - (abs(u) + 1.0) * slack, v + (abs(v) + 1.0) * slack
     pole = (m.floor(v) > m.floor(u)) | (abs(u) > 0.01 / m.unit**0.5) | (abs(v) > 0.01 / m.unit**0.5)
+    m.unbounded(pole)
     whole = everything(m, a)
     low, high = down(m, m.tan(a[0]), ULPS), up(m, m.tan(a[1]), ULPS)
     return _defined(m, a, _bounded(m, m.where(pole, whole[0], low), m.where(pole, whole[1], high)))
@@ -284,6 +288,7 @@ def _power(m: Any, op: int, a: Interval, b: Any, *_: Any) -> Interval:
     found = _bounded(m, high_of(m, down(m, low, ULPS), 0.0 * low), up(m, high, ULPS))
     whole = everything(m, a)
     known = (a[0] >= 0.0) | broken
+    m.unbounded(~known)
     found = m.where(known, found[0], whole[0]), m.where(known, found[1], whole[1])
     return _outside(m, a, (a[1] < 0.0) & broken, found)
 
@@ -363,6 +368,7 @@ def _sum(m: Any, parts: list[Interval]) -> Interval:
 
 def _unless(m: Any, smooth: Number, slope: Interval) -> Interval:
     """A slope, or everything where the operation may jump."""
+    m.unbounded(~smooth)
     return m.where(smooth, slope[0], -m.big + 0.0 * slope[0]), m.where(smooth, slope[1], m.big + 0.0 * slope[1])
 
 
@@ -385,7 +391,7 @@ def _partials(m: Any, op: int, boxes: list[Interval], value: Interval) -> list[I
             found = reciprocal(m, value)
             return [(0.5 * found[0], 0.5 * found[1])]
         case Op.HYPOT:
-            inverse = reciprocal(m, value)
+            inverse = reciprocal(m, value, told=False)
             return [_within_one(m, multiply(m, p, inverse), one) for p in boxes]
         case Op.EXP:
             return [value]

@@ -32,6 +32,9 @@ class NumpyMath:
     def undefined(self, mask: Number) -> None:
         self.maybe = self.maybe | mask
 
+    def unbounded(self, mask: Number) -> None:
+        """Where bounds are ±BIG: float64 has room for that."""
+
     def was_undefined(self, like: Number) -> Number:
         return self.maybe
 

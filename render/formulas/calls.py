@@ -20,43 +20,40 @@ def _place(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any
     return builder.bitcast(builder.gep(data, [index]), POINTER)
 
 
-@intrinsic
-def interpret(typingctx, address, code, first, rows, registers, constants, begin, state):
-    """Run an interpreter (interpreter.py) over `rows` instructions from row `first`; the tape's constants begin at element `begin`."""
+def _calling(kind: Any, places: Any) -> Any:
+    """What emits a call of a function of this type by its address; places(place, sig, args) are its arguments."""
+
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        zero = ir.Constant(I64, 0)
-        function = builder.inttoptr(args[0], INTERPRETER.as_pointer())
-        at = builder.mul(args[2], ir.Constant(I64, ROW))
-        given = [
-            _place(context, builder, code, args[1], at),
-            args[3],
-            _place(context, builder, registers, args[4], zero),
-            _place(context, builder, constants, args[5], args[6]),
-            _place(context, builder, state, args[7], zero),
-        ]
-        builder.call(function, given)
+        def place(number: int, index: Any = None) -> Any:
+            return _place(context, builder, sig.args[number], args[number], ir.Constant(I64, 0) if index is None else index)
+
+        builder.call(builder.inttoptr(args[0], kind.as_pointer()), places(builder, place, args))
         return context.get_dummy_value()
 
+    return generate
+
+
+@intrinsic
+def interpret(typingctx, address, code, first, rows, registers, constants, begin, state, vectors):
+    """Run an interpreter (interpreter.py) over `rows` instructions from row `first`; the tape's constants begin at element `begin`."""
+
+    def places(b: Any, place: Any, args: Any) -> list[Any]:
+        at = b.mul(args[2], ir.Constant(I64, ROW))
+        return [place(1, at), args[3], place(4), place(5, args[6]), place(7), args[8]]
+
     i = types.int64
-    return signature(types.void, i, code, i, i, registers, constants, i, state), generate
+    return signature(types.void, i, code, i, i, registers, constants, i, state, i), _calling(INTERPRETER, places)
 
 
 @intrinsic
 def compiled(typingctx, address, registers, constants, begin, out):
     """Run a tape's own code (compiled.py) on the vectors x, y and z at the beginning of `registers`."""
-    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        zero = ir.Constant(I64, 0)
-        function = builder.inttoptr(args[0], CODE.as_pointer())
-        given = [
-            _place(context, builder, registers, args[1], zero),
-            _place(context, builder, constants, args[2], args[3]),
-            _place(context, builder, out, args[4], zero),
-        ]
-        builder.call(function, given)
-        return context.get_dummy_value()
+
+    def places(b: Any, place: Any, args: Any) -> list[Any]:
+        return [place(1), place(2, args[3]), place(4)]
 
     i = types.int64
-    return signature(types.void, i, registers, constants, i, out), generate
+    return signature(types.void, i, registers, constants, i, out), _calling(CODE, places)
 
 
 @intrinsic

@@ -30,7 +30,7 @@ _STACK = CHILDREN * MOST_LEVELS
 _WIDE = 8  # vectors of a register in the largest program
 _ROOM = MOST_REGISTERS * _WIDE * LANES
 _ARITY = np.array([arity(op) for op in Op], np.int64)
-_CHOICE = np.array([op in CHOICES for op in Op], np.int64)
+CHOICE = np.array([op in CHOICES for op in Op], np.int64)
 COPY, CHOOSE = int(Op.COPY), int(Op.CHOOSE)
 _BOXES, _CELLS = 2, 8  # vectors of a value
 
@@ -48,7 +48,7 @@ def build(
     `rows` are of fields.names_of; `cell` is the size of one, `low` the lowest corner, and `count` how many there are along an axis.
     """
     code, _ = rows
-    choices = int(_CHOICE[code[:, 0]].sum()) if len(code) else 0
+    choices = int(CHOICE[code[:, 0]].sum()) if len(code) else 0
     programs = np.array([interpreter.address("boxes"), interpreter.address("cells")], np.int64)
     grid = np.empty(count**3, np.int32)
     room, leaves = 64 * len(code) + 4096, 4096
@@ -99,7 +99,7 @@ def fill(code, constants, low, cell, count, reach, programs, state, grid, names,
         for first in range(0, CHILDREN, LANES):
             _boxes(registers, low, cell, reach, x, y, z, small, known, first, min(LANES, CHILDREN - first), False, _BOXES)
             state[0] = 0
-            interpret(programs[0], run, tapes[tape, 0], tapes[tape, 1], registers, constants, 0, state)
+            interpret(programs[0], run, tapes[tape, 0], tapes[tape, 1], registers, constants, 0, state, 1)
             out = tapes[tape, 2] * _BOXES * LANES
             for k in range(min(LANES, CHILDREN - first)):
                 child = first + k
@@ -119,7 +119,7 @@ def fill(code, constants, low, cell, count, reach, programs, state, grid, names,
             if small <= SPLIT:
                 _boxes(registers, low, cell, reach, x, y, z, small, known, first, few, True, _CELLS)
                 state[0] = 0
-                interpret(programs[1], run, tapes[tape, 0], tapes[tape, 1], registers, constants, 0, state)
+                interpret(programs[1], run, tapes[tape, 0], tapes[tape, 1], registers, constants, 0, state, 1)
             out = tapes[tape, 2] * _CELLS * LANES
             for k in range(few):
                 child, kept = known[first + k] & 255, known[first + k] >> 8
@@ -220,7 +220,7 @@ def simplify(names, run, tapes, ends, tape, state, lane, scratch):
     for i in range(n):  # scratch[i]: the value that row i's is
         op = names[first + i, 0]
         scratch[i] = INPUTS + i
-        if _CHOICE[op] == 1:
+        if CHOICE[op] == 1:
             one, two = (state[1 + 2 * choice] >> lane) & 1, (state[2 + 2 * choice] >> lane) & 1
             choice += 1
             if one == 1 or two == 1:
@@ -330,6 +330,6 @@ def place(names, run, tapes, tape):
             used += 1
         run[first + i, 1] = register[i]
         run[first + i, 5] = choice
-        choice += _CHOICE[op]
+        choice += CHOICE[op]
     tapes[tape, 2] = register[n - 1]
     return 0

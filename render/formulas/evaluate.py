@@ -49,7 +49,7 @@ def value_at(forms, k, tape, memory, p, mask):
             compiled(code, registers, forms.constants, begin, memory.out)
             return across.load(memory.out, 0)
         interpret(
-            forms.programs[_POINTS], forms.code, forms.tapes[one, 0], forms.tapes[one, 1], registers, forms.constants, begin, memory.state
+            forms.programs[_POINTS], forms.code, forms.tapes[one, 0], forms.tapes[one, 1], registers, forms.constants, begin, memory.state, 1
         )
         found = lanes.where(here, across.load(registers, forms.tapes[one, 2]), found)
         rest = rest & lanes.not_(here)
@@ -58,11 +58,11 @@ def value_at(forms, k, tape, memory, p, mask):
 
 @apart
 def turns_at(forms, k, tape, memory, p, mask):
-    """The gradient at points."""
+    """(value, derivatives by x, y, z) at points."""
     registers = memory.registers
     zero = 0.0 * p[0]
     code = forms.compiled[k, 1]
-    x, y, z = zero, zero, zero
+    value, x, y, z = zero, zero, zero, zero
     rest = mask
     while lanes.any_lane(rest):
         one, here = across.together(tape, rest)
@@ -70,16 +70,17 @@ def turns_at(forms, k, tape, memory, p, mask):
         begin = forms.places[k, 5]
         if code != 0 and forms.tapes[forms.places[k, 6], 1] <= QUICKER * forms.tapes[one, 1]:
             compiled(code, registers, forms.constants, begin, memory.out)
-            return across.load(memory.out, 1), across.load(memory.out, 2), across.load(memory.out, 3)
+            return across.load(memory.out, 0), across.load(memory.out, 1), across.load(memory.out, 2), across.load(memory.out, 3)
         interpret(
-            forms.programs[_TURNS], forms.code, forms.tapes[one, 0], forms.tapes[one, 1], registers, forms.constants, begin, memory.state
+            forms.programs[_TURNS], forms.code, forms.tapes[one, 0], forms.tapes[one, 1], registers, forms.constants, begin, memory.state, 1
         )
         out = 4 * forms.tapes[one, 2]
+        value = lanes.where(here, across.load(registers, out), value)
         x = lanes.where(here, across.load(registers, out + 1), x)
         y = lanes.where(here, across.load(registers, out + 2), y)
         z = lanes.where(here, across.load(registers, out + 3), z)
         rest = rest & lanes.not_(here)
-    return x, y, z
+    return value, x, y, z
 
 
 @helper
@@ -123,6 +124,7 @@ def bounds_at(forms: Any, k: int, tape: int, memory: Room, p: Vec, q: Vec, way: 
         forms.constants,
         forms.places[k, 5],
         memory.state,
+        1,
     )
     out = 4 * forms.tapes[tape, 2]
     bits = simd.read(memory.state, 0)

@@ -15,9 +15,10 @@ from ...compiler.tapes import INPUTS, Op, Tape
 from . import cells, compiled, interpreter
 from .interpreter import PARTS
 from .programs import WIDTHS
-from .vectors import LANES, ROW
+from .vectors import LANES, ROW, SINGLE
 
 CELLS = 64  # of a grid along each axis: a power of 4
+_ROWS = ("constants", "names", "constants32")
 IN_MEMORY = 16  # fields that are kept
 PROGRAMS = tuple(WIDTHS)
 _known: OrderedDict[bytes, Field] = OrderedDict()
@@ -29,7 +30,8 @@ class Forms(NamedTuple):
 
     numbers  lowest x, y, z of the box, highest; cells in a unit along x, y, z; middle and radius of the ball that cuts it (0: none);
              largest coordinate
-    places   cells along an axis, whether it is a sheet, where its grid, leaves, tapes, and constants (elements) begin, its whole tape
+    places   cells along an axis, whether it is a sheet, where its grid, leaves, tapes, and constants (elements) begin, its whole tape,
+             where its names begin
     """
 
     of: NDArray[np.int32]  # (geometries,) row of a surface, or -1
@@ -43,6 +45,8 @@ class Forms(NamedTuple):
     tapes: NDArray[np.int64]  # (tapes, 3) first row of code, rows, register of the result
     code: NDArray[np.int32]  # (rows, ROW)
     constants: NDArray[np.float64]  # flat
+    names: NDArray[np.int32]  # (rows, 4) of whole tapes: op and the names of operands
+    constants32: NDArray[np.float32]  # flat
     programs: NDArray[np.int64]  # addresses of the interpreters, in the order of PROGRAMS
     unproved: NDArray[np.int64]  # (1,) rays of which a stretch could not be proved to be without a root
 
@@ -60,6 +64,8 @@ class Field(NamedTuple):
     tapes: NDArray[np.int64]
     code: NDArray[np.int32]
     constants: NDArray[np.float64]
+    names: NDArray[np.int32]
+    constants32: NDArray[np.float32]
     tape: Tape
 
 
@@ -83,18 +89,20 @@ def forms(tables: ir.Tables) -> Forms:
 
 def _pooled(of: NDArray[np.int32], made: list[Field]) -> Forms:
     places = np.zeros((len(made), 8), np.int64)
-    begin: dict[str, int] = dict.fromkeys(("grid", "leaves", "tapes", "code", "constants"), 0)
-    parts: dict[str, list[Any]] = {name: [] for name in ("grid", "leaf_tape", "leaf_size", "leaf_slopes", "tapes", "code", "constants")}
+    begin: dict[str, int] = dict.fromkeys(("grid", "leaves", "tapes", "code", "constants", "names"), 0)
+    parts: dict[str, list[Any]] = {name: [] for name in ("grid", "leaf_tape", "leaf_size", "leaf_slopes", "tapes", "code", *_ROWS)}
     for row, each in enumerate(made):
         places[row, :7] = each.cells, each.sheet, begin["grid"], begin["leaves"], begin["tapes"], begin["constants"], begin["tapes"]
+        places[row, 7] = begin["names"]
         parts["grid"].append(np.where(each.grid >= 0, each.grid + begin["leaves"], each.grid))
         parts["leaf_tape"].append(each.leaf_tape + begin["tapes"])
         parts["tapes"].append(each.tapes + [begin["code"], 0, 0])
-        for name in ("leaf_size", "leaf_slopes", "code", "constants"):
+        for name in ("leaf_size", "leaf_slopes", "code", *_ROWS):
             parts[name].append(getattr(each, name))
         for name, column in (("grid", each.grid), ("leaves", each.leaf_size), ("tapes", each.tapes), ("code", each.code)):
             begin[name] += len(column)
         begin["constants"] += len(each.constants)
+        begin["names"] += len(each.names)
 
     def joined(name: str, dtype: Any, width: int = 0) -> Any:
         empty = np.zeros((0, width) if width else 0, dtype)
@@ -112,6 +120,8 @@ def _pooled(of: NDArray[np.int32], made: list[Field]) -> Forms:
         tapes=joined("tapes", np.int64, 3),
         code=joined("code", np.int32, ROW),
         constants=joined("constants", np.float64),
+        names=joined("names", np.int32, 4),
+        constants32=joined("constants32", np.float32),
         programs=np.array([interpreter.address(name) for name in PROGRAMS] if made else [], np.int64),
         unproved=np.zeros(1, np.int64),
     )
@@ -141,8 +151,11 @@ def _field(tape: Tape, parameters: NDArray[np.float64], bounds: NDArray[np.float
     reach = float(np.abs(bounds).max())
     numbers = np.concatenate([low, high, 1.0 / cell, parameters[1:5], [reach]])
     constants = constant_rows(tape)
-    grid, leaf_tape, leaf_size, slopes, tapes, code = cells.build(names_of(tape), constants, low, cell, count, reach)
-    return Field(numbers, bool(parameters[0]), count, grid, leaf_tape, leaf_size, slopes, tapes, code, constants, tape)
+    names, register = names_of(tape)
+    grid, leaf_tape, leaf_size, slopes, tapes, code = cells.build((names, register), constants, low, cell, count, reach)
+    single = single_rows(tape)
+    kind = bool(parameters[0])
+    return Field(numbers, kind, count, grid, leaf_tape, leaf_size, slopes, tapes, code, constants, names, single, tape)
 
 
 def names_of(tape: Tape) -> tuple[NDArray[np.int32], int]:
@@ -157,4 +170,15 @@ def constant_rows(tape: Tape) -> NDArray[np.float64]:
     """A tape's constants as interpreters read them: for each PARTS vectors, the number in two of them."""
     rows = np.zeros((max(len(tape.constants), 1), PARTS, LANES))
     rows[: len(tape.constants), :2] = tape.constants[:, None, None]
+    return rows.ravel()
+
+
+def single_rows(tape: Tape) -> NDArray[np.float32]:
+    """The same in float32: bounds of the number, zeros, and from the sixth vector on the number and zeros."""
+    near = tape.constants.astype(np.float32)
+    rows = np.zeros((max(len(near), 1), PARTS, SINGLE.lanes), np.float32)
+    exact = near == tape.constants
+    rows[: len(near), 0] = np.where(exact, near, np.nextafter(near, np.float32(-np.inf)))[:, None]
+    rows[: len(near), 1] = np.where(exact, near, np.nextafter(near, np.float32(np.inf)))[:, None]
+    rows[: len(near), 5] = near[:, None]
     return rows.ravel()

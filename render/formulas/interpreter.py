@@ -1,14 +1,15 @@
 """Tapes evaluated without being compiled: one function for each of the programs, made once for a machine and kept on disk.
 
-A function (code, rows, registers, constants, state) goes through rows of eight int32 (op, out, a, b, c, choice, 0, 0). Operands of 0
-and more are registers of as many vectors as the program's values have; ~k is constant k, whose row of PARTS vectors holds its value
-twice, then zeros. `state` is int64 words: the lanes in which something may be undefined, then for each choice the lanes that need its
-first operand only, and those that need its second only.
+A function (code, rows, registers, constants, state, vectors) goes through rows of eight int32 (op, out, a, b, c, choice, 0, 0). Operands
+of 0 and more are registers of as many parts as the program's values have, each of them `vectors` vectors; ~k is constant k, whose row of
+PARTS vectors holds its value twice, then zeros; in float32 its bounds, zeros, and from the sixth on the value and zeros. `state` is int64 words: the lanes in which something may be undefined, then for each choice the lanes that need its
+first operand only, and those that need its second only. In float32 up to four vectors of sixteen lanes share these words.
 """
 
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,59 +21,53 @@ from ...compiler.tapes import Op, arity
 from .. import kernels, machine
 from ..simd.value import I64
 from . import direct
-from .programs import EMITTERS, WIDTHS
-from .vectors import BYTES, INTERPRETER, LANES, POINTER, ROW, VectorMath, load, store
+from .loops import over_rows, over_vectors
+from .programs import EMITTERS, WIDTHS, form_of
+from .vectors import INTERPRETER, LANES, POINTER, ROW, SINGLE, VectorMath, load, store
 
 PARTS = 8  # vectors of a constant
-_I32 = ir.IntType(32)
+SHIFTS = {"turns": 1, "points32": 5}
+"""Where in a constant's row a program finds what it wants: value, 0, 0, 0 stands from the second vector on; float32's bounds stand first."""
 
 
 def module_of(program: str) -> ir.Module:
     """The interpreter of one program as LLVM code."""
     module = ir.Module(f"maquette.{program}")
-    function = ir.Function(module, INTERPRETER, f"tape_{program}")
+    form, width = form_of(program), WIDTHS[program]
+
+    def row(b: Any, op: Op, numbers: list[Any], arguments: Any) -> None:
+        registers, constants, state, vectors = arguments[2:]
+        stride = b.mul(vectors, ir.Constant(I64, form.bytes))  # between the parts of a register
+        operands = [_operand(b, program, name, registers, constants, stride) for name in numbers[2 : 2 + arity(op)]]
+        out = b.gep(registers, [b.mul(b.mul(numbers[1], stride), ir.Constant(I64, width))])
+
+        def vector(k: Any) -> None:
+            offset = b.mul(k, ir.Constant(I64, form.bytes))
+            given = [operand(offset) for operand in operands]
+            for part, value in enumerate(EMITTERS[program](VectorMath(b, state, form, k if form == SINGLE else None), op, given, numbers[5])):
+                store(b, out, b.add(offset, b.mul(stride, ir.Constant(I64, part))), value)
+
+        over_vectors(b, vectors, vector)
+
+    function = over_rows(module, f"tape_{program}", INTERPRETER, ROW, row)
     for argument in function.args:
         if argument.type == POINTER:
             argument.add_attribute("noalias")
-    code, count, registers, constants, state = function.args
-    entry, head, again, done = (function.append_basic_block(name) for name in ("entry", "head", "again", "done"))
-    b = ir.IRBuilder(entry)
-    rows = b.bitcast(code, _I32.as_pointer())
-    b.cbranch(b.icmp_signed(">", count, ir.Constant(I64, 0)), head, done)
-    b.position_at_end(head)
-    at = b.phi(I64)
-    at.add_incoming(ir.Constant(I64, 0), entry)
-    first = b.mul(at, ir.Constant(I64, ROW))
-    fields = [b.sext(b.load(b.gep(rows, [b.add(first, ir.Constant(I64, k))])), I64) for k in range(6)]
-    switch = b.switch(b.trunc(fields[0], _I32), again)
-    for op in Op:
-        block = function.append_basic_block(op.name.lower())
-        switch.add_case(ir.Constant(_I32, int(op)), block)
-        b.position_at_end(block)
-        given = [_operand(b, program, name, registers, constants) for name in fields[2 : 2 + arity(op)]]
-        parts = EMITTERS[program](VectorMath(b, state), op, given, fields[5])
-        out = b.mul(fields[1], ir.Constant(I64, WIDTHS[program] * BYTES))
-        for k, part in enumerate(parts):
-            store(b, registers, b.add(out, ir.Constant(I64, k * BYTES)), part)
-        b.branch(again)
-    b.position_at_end(again)
-    onward = b.add(at, ir.Constant(I64, 1))
-    at.add_incoming(onward, again)
-    b.cbranch(b.icmp_signed("<", onward, count), head, done)
-    b.position_at_end(done)
-    b.ret_void()
     return module
 
 
-def _operand(b: Any, program: str, name: Any, registers: Any, constants: Any) -> list[Any]:
-    """The vectors of an operand: a register's or a constant's."""
-    width = WIDTHS[program]
+def _operand(b: Any, program: str, name: Any, registers: Any, constants: Any, stride: Any) -> Callable[[Any], list[Any]]:
+    """What gives the vectors of an operand, a register's or a constant's, at an offset in bytes into its parts."""
+    form, width = form_of(program), WIDTHS[program]
     constant = b.icmp_signed("<", name, ir.Constant(I64, 0))
-    base = b.select(constant, constants, registers)
-    shift = BYTES if program == "turns" else 0  # value, 0, 0, 0 stands from the second vector on
-    there = b.add(b.mul(b.not_(name), ir.Constant(I64, PARTS * BYTES)), ir.Constant(I64, shift))
-    offset = b.select(constant, there, b.mul(name, ir.Constant(I64, width * BYTES)))
-    return [load(b, base, b.add(offset, ir.Constant(I64, k * BYTES))) for k in range(width)]
+    there = b.add(b.mul(b.not_(name), ir.Constant(I64, PARTS * form.bytes)), ir.Constant(I64, SHIFTS.get(program, 0) * form.bytes))
+    base = b.gep(b.select(constant, constants, registers), [b.select(constant, there, b.mul(b.mul(name, stride), ir.Constant(I64, width)))])
+    step, mask = b.select(constant, ir.Constant(I64, form.bytes), stride), b.select(constant, ir.Constant(I64, 0), ir.Constant(I64, -1))
+
+    def parts(offset: Any) -> list[Any]:
+        return [load(b, base, b.add(b.and_(offset, mask), b.mul(step, ir.Constant(I64, k))), form) for k in range(width)]
+
+    return parts
 
 
 # --- from code to addresses ---------------------------------------------------------------------------------------------

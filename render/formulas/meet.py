@@ -36,7 +36,7 @@ def _meet(forms, g, origin, direction, t_min, t_max):
     size = lanes.length(direction)
     size = lanes.where(size > 0.0, size, 1.0)
     way = lanes.scale(direction, 1.0 / size)
-    enter, leave = _clipped(forms, k, origin, way, t_min * size, t_max * size)
+    enter, leave = clipped(forms, k, origin, way, t_min * size, t_max * size)
     active = enter < leave
     zero = lanes.full_like(t_min, 0.0)
     begin = lanes.where(active, enter, zero)
@@ -60,7 +60,7 @@ call = meet.call
 
 
 @helper
-def _clipped(forms: Any, k: int, o: Vec, d: Vec, low: Lane, high: Lane) -> tuple[Lane, Lane]:
+def clipped(forms: Any, k: int, o: Vec, d: Vec, low: Lane, high: Lane) -> tuple[Lane, Lane]:
     """The part of low … high that lies in a surface's box, and in its ball if it has one."""
     numbers = forms.numbers
     for axis in range(3):
@@ -150,7 +150,7 @@ def _through(forms: Any, k: int, memory: Room, start: Vec, way: Vec, end: Lane, 
             certain = here & change & one_way
             open_ = here & lanes.not_(none) & lanes.not_(certain)
             if lanes.any_lane(certain):
-                root = _bracketed(forms, k, tape, memory, start, way, a, b, carried, far, begin, reach, certain)
+                root = bracketed(forms, k, tape, memory, start, way, a, b, carried, far, begin, reach, certain)
                 found, inside = lanes.where(certain, root, found), (inside & lanes.not_(certain)) | (certain & in_a)
                 found_tape, active = lanes.where(certain, tape, found_tape), active & lanes.not_(certain)
             begins = a
@@ -273,7 +273,7 @@ def _marched(forms, k, tape, memory, start, way, a, b, fa, low, high, mask):
 
 
 @helper
-def _bracketed(
+def bracketed(
     forms: Any,
     k: int,
     tape: Lane,
@@ -321,7 +321,14 @@ def _finished(
 ) -> tuple[Lane, Lane, Lane]:
     """(spacing, u, v) of hits."""
     point = lanes.along(start, way, at)
-    x, y, z = turns_at(forms, k, tape, memory, point, hit)
+    _, x, y, z = turns_at(forms, k, tape, memory, point, hit)
+    return dressed(forms, k, way, (x, y, z), inside, error_at(forms, k, tape, memory, point, way, hit))
+
+
+@helper
+def dressed(forms: Any, k: int, way: Vec, gradient: Vec, inside: Lane, off: Lane) -> tuple[Lane, Lane, Lane]:
+    """(spacing, u, v) of hits with this gradient, where the formula is `off` from 0 at the most."""
+    x, y, z = gradient
     size = lanes.sqrt(x * x + y * y + z * z)
     usable = (size > 0.0) & (size < np.inf)
     inverse = 1.0 / lanes.where(usable, size, 1.0)
@@ -331,9 +338,9 @@ def _finished(
         against = toward * lanes.dot(normal, way)
         turned = lanes.sub(normal, lanes.scale(way, 2.0 * lanes.dot(normal, way)))
         normal = lanes.where3(against < 0.0, turned, normal)
-    off = error_at(forms, k, tape, memory, point, way, hit) * inverse
+    distance = off * inverse
     reach = forms.numbers[k, 13]
-    units = lanes.where(usable & (off < reach), off / (0.5 * ULP * reach), 0.0)
+    units = lanes.where(usable & (distance < reach), distance / (0.5 * ULP * reach), 0.0)
     u, v = packed(normal)
     return lanes.to_int(lanes.minimum(units, 1e15)), u, v
 

@@ -5,6 +5,9 @@
     boxes     lowest and highest value; notes which operand of a choice is known not to matter
     rays      lowest and highest value, lowest and highest slope along a ray
     cells     lowest and highest value, and of each of the three derivatives
+    points32  the value, in float32
+    boxes32   as boxes, in float32
+    spans32   as rays, in float32, and by how much values there may be off; notes choices, too
 
 The interpreter and compiled tapes emit the same instructions for an operation: what they compute is the same bit for bit.
 """
@@ -19,10 +22,24 @@ from llvmlite import ir
 from ...compiler import enclosures, tape_points
 from ...compiler.tapes import CHOICES, Op
 from ..simd.value import I64, Value
-from .vectors import VectorMath, bits_of, word
+from .vectors import DOUBLE, SINGLE, Form, VectorMath
 
-WIDTHS = {"points": 1, "turns": 4, "boxes": 2, "rays": 4, "cells": 8}
+WIDTHS = {"points": 1, "turns": 4, "boxes": 2, "rays": 4, "cells": 8, "points32": 1, "boxes32": 2, "spans32": 5}
 """How many vectors a value is in each program."""
+
+
+def form_of(program: str) -> Form:
+    """The numbers a program works on."""
+    return SINGLE if program.endswith("32") else DOUBLE
+
+LARGEST = 1e12
+"""Numbers beyond this are not for float32."""
+
+EXACT = frozenset({
+    Op.COPY, Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.DIVIDE, Op.NEGATE, Op.ABS, Op.SQUARE, Op.SQRT, Op.MIN, Op.MAX, Op.CHOOSE, Op.FLOOR,
+    Op.CEIL, Op.SIGN,
+})  # fmt: skip
+"""Operations that are rounded once."""
 
 Parts = list[Value]
 Emitter = Callable[..., Parts]
@@ -41,17 +58,39 @@ def _turns(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
 def _boxes(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
     operands = [(p[0], p[1]) for p in given]
     found = enclosures.interval(m, op, *operands)
-    if op in CHOICES:
-        known = enclosures.chosen(m, operands[0]) if op == Op.CHOOSE else enclosures.choices(m, op, *operands)
-        b = m.builder
-        for k, mask in enumerate(known):
-            place = b.add(b.mul(choice, ir.Constant(I64, 2)), ir.Constant(I64, 1 + k))
-            b.store(bits_of(mask), word(b, m.state, place))
+    _noted(m, op, operands, choice)
     return list(found)
+
+
+def _noted(m: VectorMath, op: Op, operands: list[Any], choice: Any) -> None:
+    """Note which operand of a choice is known not to matter."""
+    if op not in CHOICES:
+        return
+    known = enclosures.chosen(m, operands[0]) if op == Op.CHOOSE else enclosures.choices(m, op, *operands)
+    for k, mask in enumerate(known):
+        m.note(m.builder.add(m.builder.mul(choice, ir.Constant(I64, 2)), ir.Constant(I64, 1 + k)), mask)
 
 
 def _rays(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
     return _sloped(m, op, given, 1)
+
+
+def _spans(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
+    """Operands are off by what they are off, and by rounding; how that grows, bounds of the derivatives say (mean value theorem)."""
+    operands = [(p[0], p[1]) for p in given]
+    _noted(m, op, operands, choice)
+    u = 0.5 * m.unit
+    off = [p[4] + enclosures.high_of(m, abs(p[0]), abs(p[1])) * u for p in given]
+    value = enclosures.interval(m, op, *operands)
+    turns = [[(p[2], p[3]), (-e, e)] for p, e in zip(given, off, strict=True)]
+    slope, (least, most) = enclosures.slope_intervals(m, op, operands, value, turns)
+    found = enclosures.high_of(m, abs(least), abs(most))
+    if op == Op.SQRT:
+        found = enclosures.low_of(m, found, m.sqrt(off[0]))
+    size = enclosures.high_of(m, abs(value[0]), abs(value[1]))
+    if op not in EXACT:
+        found = found + size * (4.0 * enclosures.ULPS * u)
+    return [*value, *slope, m.where((found < LARGEST) & (size < LARGEST), found, m.big)]
 
 
 def _cells(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
@@ -66,4 +105,7 @@ def _sloped(m: VectorMath, op: Op, given: list[Parts], ways: int) -> Parts:
     return [*value, *(bound for slope in slopes for bound in slope)]
 
 
-EMITTERS: dict[str, Emitter] = {"points": _points, "turns": _turns, "boxes": _boxes, "rays": _rays, "cells": _cells}
+EMITTERS: dict[str, Emitter] = {
+    "points": _points, "turns": _turns, "boxes": _boxes, "rays": _rays, "cells": _cells, "points32": _points, "boxes32": _boxes,
+    "spans32": _spans,
+}  # fmt: skip

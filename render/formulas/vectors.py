@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from llvmlite import ir
 
@@ -10,25 +10,44 @@ from ...lang.noise import PERMUTATION
 from .. import across
 from ..simd import mathematics
 from ..simd.precise import shared, whole
-from ..simd.value import F64, I32, I64, Value, select
+from ..simd.value import F32, F64, I32, I64, Value, select
 
 LANES = across.WIDTH
 BYTES = 8 * LANES  # of a vector
-VECTOR: Any = ir.VectorType(F64, LANES)
 POINTER = ir.IntType(8).as_pointer()
 ROW = 8  # int32 numbers of an instruction
-INTERPRETER = ir.FunctionType(ir.VoidType(), [POINTER, I64, POINTER, POINTER, POINTER])  # code, rows, registers, constants, state
+INTERPRETER = ir.FunctionType(ir.VoidType(), [POINTER, I64, POINTER, POINTER, POINTER, I64])
+"""code, rows, registers, constants, state, vectors side by side"""
 DIRECT = ir.FunctionType(ir.VoidType(), [POINTER, I64, POINTER, POINTER])  # code, rows, constants, registers; see direct.py
 CODE = ir.FunctionType(ir.VoidType(), [POINTER, POINTER, POINTER])  # of a compiled tape: x y z, constants, out
 
 
+class Form(NamedTuple):
+    """What numbers a program works on."""
+
+    bits: int
+    lanes: int
+
+    @property
+    def bytes(self) -> int:
+        """Of a vector."""
+        return self.bits // 8 * self.lanes
+
+    @property
+    def vector(self) -> Any:
+        return ir.VectorType(F64 if self.bits == 64 else F32, self.lanes)
+
+
+DOUBLE, SINGLE = Form(64, LANES), Form(32, 16)
+
+
 class VectorMath:
-    """A mathematics on float64 vectors. `state` is where intervals note what they are unsure of; see interpreter.py."""
+    """A mathematics on vectors. `state` is where intervals note what they are unsure of, of the `number`th vector; see interpreter.py."""
 
-    unit, tiny, big = 2.0**-52, 1e-300, 1e100
-
-    def __init__(self, builder: Any, state: Any = None) -> None:
-        self.builder, self.state = builder, state
+    def __init__(self, builder: Any, state: Any = None, form: Form = DOUBLE, number: Any = None) -> None:
+        self.builder, self.state, self.form, self.number = builder, state, form, number
+        single = form.bits == 32
+        self.unit, self.tiny, self.big = (2.0**-23, 1e-36, 1e18) if single else (2.0**-52, 1e-300, 1e100)
 
     def __getattr__(self, name: str) -> Any:
         if name in ("sqrt", "floor", "ceil"):
@@ -43,23 +62,46 @@ class VectorMath:
 
     def everywhere(self, number: float) -> Value:
         """A number in every lane."""
-        return Value(self.builder, ir.Constant(VECTOR, [number] * LANES), "f", 64)
+        return Value(self.builder, ir.Constant(self.form.vector, [number] * self.form.lanes), "f", self.form.bits)
 
     # --- what is not certain ---
 
     def undefined(self, mask: Value) -> None:
-        b, place = self.builder, word(self.builder, self.state, 0)
-        b.store(b.or_(b.load(place), bits_of(mask)), place)
+        place = self._noted(0)
+        self.builder.store(self.builder.or_(self.builder.load(place), self._bits(mask)), place)
+
+    def unbounded(self, mask: Value) -> None:
+        """float32 does not reach so far that no sum brings a bound back: such lanes count as undefined."""
+        if self.form.bits == 32:
+            self.undefined(mask)
 
     def was_undefined(self, like: Value) -> Value:
+        b, lanes = self.builder, self.form.lanes
+        few = b.load(self._noted(0))
+        few = few if few.type.width == lanes else b.trunc(few, ir.IntType(lanes))
+        return Value(b, b.bitcast(few, ir.VectorType(ir.IntType(1), lanes)), "m", self.form.bits)
+
+    def note(self, place: Any, mask: Value) -> None:
+        """Keep a mask as a word of the state."""
+        self.builder.store(self._bits(mask), self._noted(place))
+
+    def _bits(self, mask: Value) -> Any:
+        b, lanes = self.builder, self.form.lanes
+        few = b.bitcast(mask.raw, ir.IntType(lanes))
+        return few if self.number is not None or lanes == 64 else b.zext(few, I64)
+
+    def _noted(self, place: Any) -> Any:
+        """Where a word stands, or, with vectors side by side, the part of it for this vector."""
         b = self.builder
-        few = b.trunc(b.load(word(b, self.state, 0)), ir.IntType(LANES))
-        return Value(b, b.bitcast(few, ir.VectorType(ir.IntType(1), LANES)), "m", 64)
+        at = b.gep(b.bitcast(self.state, I64.as_pointer()), [ir.Constant(I64, place) if isinstance(place, int) else place])
+        if self.number is None:
+            return at
+        return b.gep(b.bitcast(at, ir.IntType(self.form.lanes).as_pointer()), [self.number])
 
     # --- noise ---
 
     def index(self, x: Value) -> Value:
-        inside = abs(x) < 2.0**50
+        inside = abs(x) < (2.0**50 if x.bits == 64 else 2.0**30)
         kept = select(inside, x, x.constant(0.0))
         return whole(kept) & 255
 
@@ -73,40 +115,30 @@ class VectorMath:
 def _permuted(index: Value) -> Value:
     """Perlin's table, lane by lane."""
     b = index.builder
-    name = "maquette.permutation"
+    element = index.raw.type.element
+    name = f"maquette.permutation{index.bits}"
     if name not in b.module.globals:
-        kind = ir.ArrayType(I64, len(PERMUTATION))
+        kind = ir.ArrayType(element, len(PERMUTATION))
         table = ir.GlobalVariable(b.module, kind, name)
         table.linkage, table.global_constant = "internal", True
         table.initializer = ir.Constant(kind, list(PERMUTATION))  # pyright: ignore[reportAttributeAccessIssue]
     table = b.module.globals[name]
     raw: Any = ir.Constant(index.raw.type, ir.Undefined)
-    for k in range(LANES):
+    for k in range(index.lanes):
         lane = ir.Constant(I32, k)
-        place = b.gep(table, [ir.Constant(I64, 0), b.extract_element(index.raw, lane)])
+        place = b.gep(table, [ir.Constant(element, 0), b.extract_element(index.raw, lane)])
         raw = b.insert_element(raw, b.load(place), lane)
     return index.like(raw)
 
 
-def bits_of(mask: Value) -> Any:
-    """A mask as an int64."""
-    return mask.builder.zext(mask.builder.bitcast(mask.raw, ir.IntType(LANES)), I64) if LANES < 64 else mask.raw
-
-
-def word(builder: Any, base: Any, index: Any) -> Any:
-    """A pointer to an int64 behind a pointer."""
-    place = index if not isinstance(index, int) else ir.Constant(I64, index)
-    return builder.gep(builder.bitcast(base, I64.as_pointer()), [place])
-
-
-def load(builder: Any, base: Any, offset: Any) -> Value:
+def load(builder: Any, base: Any, offset: Any, form: Form = DOUBLE) -> Value:
     """A vector at a byte's place."""
-    loaded = builder.load(builder.bitcast(_at(builder, base, offset), VECTOR.as_pointer()), align=8)
-    return Value(builder, loaded, "f", 64)
+    loaded = builder.load(builder.bitcast(_at(builder, base, offset), form.vector.as_pointer()), align=8)
+    return Value(builder, loaded, "f", form.bits)
 
 
 def store(builder: Any, base: Any, offset: Any, value: Value) -> None:
-    builder.store(value.raw, builder.bitcast(_at(builder, base, offset), VECTOR.as_pointer()), align=8)
+    builder.store(value.raw, builder.bitcast(_at(builder, base, offset), value.raw.type.as_pointer()), align=8)
 
 
 def _at(builder: Any, base: Any, offset: Any) -> Any:

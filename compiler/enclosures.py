@@ -51,11 +51,16 @@ def _bounded(m: Any, low: Number, high: Number) -> Interval:
 
 
 def add(m: Any, a: Interval, b: Interval) -> Interval:
-    return down(m, a[0] + b[0]), up(m, a[1] + b[1])
+    return _outward(m, a[0] + b[0], a[1] + b[1])
 
 
 def subtract(m: Any, a: Interval, b: Interval) -> Interval:
-    return down(m, a[0] - b[1]), up(m, a[1] - b[0])
+    return _outward(m, a[0] - b[1], a[1] - b[0])
+
+
+def _outward(m: Any, low: Number, high: Number) -> Interval:
+    """Sums rounded outward: 0 stays 0, since small sums are exact. So what holds no negative numbers does not begin to."""
+    return low - abs(low) * (1.25 * m.unit), high + abs(high) * (1.25 * m.unit)
 
 
 def multiply(m: Any, a: Interval, b: Interval) -> Interval:

@@ -31,7 +31,7 @@ _WIDE = 8  # vectors of a register in the largest program
 _ROOM = MOST_REGISTERS * _WIDE * LANES
 _ARITY = np.array([arity(op) for op in Op], np.int64)
 CHOICE = np.array([op in CHOICES for op in Op], np.int64)
-COPY, CHOOSE = int(Op.COPY), int(Op.CHOOSE)
+COPY, CHOOSE, MIN, MAX = int(Op.COPY), int(Op.CHOOSE), int(Op.MIN), int(Op.MAX)
 _BOXES, _CELLS = 2, 8  # vectors of a value
 
 
@@ -87,7 +87,7 @@ def fill(code, constants, low, cell, count, reach, programs, state, grid, names,
         return outcome
     ends[0], ends[1] = 1, n
     registers = np.empty(_ROOM)
-    scratch = np.empty(2 * n + 8, np.int64)
+    scratch = np.empty(3 * n + 8, np.int64)
     stack = np.empty((_STACK, 5), np.int64)
     stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3], stack[0, 4] = 0, 0, 0, count, 0
     top, known = 1, np.empty(CHILDREN, np.int64)
@@ -215,48 +215,51 @@ def _smooth(registers: Any, at: int) -> bool:
 def simplify(names, run, tapes, ends, tape, state, lane, scratch):
     """The number of the tape that lane `lane` of the last evaluation needs; −1 or −2 where there is no room for it (see `fill`)."""
     first, n = tapes[tape, 0], tapes[tape, 1]
-    dropped = 0
-    choice = 0
-    for i in range(n):  # scratch[i]: the value that row i's is
+    for i in range(n):  # scratch[i]: whether row i is needed; 2 where it is but one of its operands
+        scratch[i] = 0
+    scratch[n - 1] = 1
+    visited, dropped = 0, 0
+    for i in range(n - 1, -1, -1):
+        if scratch[i] == 0:
+            continue
         op = names[first + i, 0]
-        scratch[i] = INPUTS + i
+        scratch[2 * n + visited] = i
+        visited += 1
+        column = 0
         if CHOICE[op] == 1:
+            choice = run[first + i, 5]
             one, two = (state[1 + 2 * choice] >> lane) & 1, (state[2 + 2 * choice] >> lane) & 1
-            choice += 1
             if one == 1 or two == 1:
                 column = (1 if one == 1 else 2) + (1 if op == CHOOSE else 0)
-                scratch[i] = _resolved(scratch, names[first + i, column])
-                dropped += 1
+        if column > 0:
+            name = np.int64(names[first + i, column])
+            scratch[i], scratch[n + i] = 2, name
+            dropped += 1
+            if name >= INPUTS:
+                scratch[name - INPUTS] = 1
+            continue
+        for k in range(_ARITY[op]):
+            name = np.int64(names[first + i, 1 + k])
+            if name >= INPUTS:
+                scratch[name - INPUTS] = 1
     if dropped == 0:
         return tape
-    # which rows are needed: scratch[n + i]
-    for i in range(n):
-        scratch[n + i] = 0
-    result = _resolved(scratch, INPUTS + n - 1)
-    if result >= INPUTS:
-        scratch[n + result - INPUTS] = 1
-    for i in range(n - 1, -1, -1):
-        if scratch[n + i] == 1:
-            for k in range(_ARITY[names[first + i, 0]]):
-                name = _resolved(scratch, names[first + i, 1 + k])
-                if name >= INPUTS:
-                    scratch[n + name - INPUTS] = 1
     number, begin = ends[0], ends[1]
-    if begin + n + 1 > len(names) or number >= len(tapes):
+    if begin + visited + 1 > len(names) or number >= len(tapes):
         return -1
     count = 0
-    for i in range(n):  # scratch[n + i]: the row's new name
-        if scratch[n + i] == 1:
-            op = names[first + i, 0]
-            names[begin + count, 0] = op
-            for k in range(3):
-                name = 0
-                if k < _ARITY[op]:
-                    name = _resolved(scratch, names[first + i, 1 + k])
-                    name = scratch[n + name - INPUTS] if name >= INPUTS else name
-                names[begin + count, 1 + k] = name
-            scratch[n + i] = INPUTS + count
-            count += 1
+    for place_ in range(visited - 1, -1, -1):  # scratch[n + i]: the row's new name
+        i = scratch[2 * n + place_]
+        if scratch[i] == 2:
+            scratch[n + i] = _renamed(scratch, n, scratch[n + i])
+            continue
+        op = names[first + i, 0]
+        names[begin + count, 0] = op
+        for k in range(3):
+            names[begin + count, 1 + k] = _renamed(scratch, n, np.int64(names[first + i, 1 + k])) if k < _ARITY[op] else 0
+        scratch[n + i] = INPUTS + count
+        count += 1
+    result = scratch[n + n - 1]
     if result < INPUTS:
         names[begin, 0], names[begin, 1], names[begin, 2], names[begin, 3] = COPY, result, 0, 0
         count = 1
@@ -272,8 +275,8 @@ def simplify(names, run, tapes, ends, tape, state, lane, scratch):
 
 
 @helper
-def _resolved(scratch: Any, name: int) -> int:
-    return scratch[name - INPUTS] if name >= INPUTS else name
+def _renamed(scratch: Any, n: int, name: int) -> int:
+    return scratch[n + name - INPUTS] if name >= INPUTS else name
 
 
 @helper
@@ -332,4 +335,21 @@ def place(names, run, tapes, tape):
         run[first + i, 5] = choice
         choice += CHOICE[op]
     tapes[tape, 2] = register[n - 1]
+    _mark_extremes(names, run, first, n, last)
     return 0
+
+
+@helper
+def _mark_extremes(names: Any, run: Any, first: int, n: int, inner: Any) -> None:
+    """Set run[:, 6] of those minima and maxima that go into nothing but minima and maxima, up to the result."""
+    for i in range(n):
+        inner[i] = 1
+    for i in range(n - 1, -1, -1):
+        op = names[first + i, 0]
+        chooses = inner[i] == 1 and (op == MIN or op == MAX)
+        run[first + i, 6] = 1 if chooses else 0
+        if not chooses:
+            for k in range(_ARITY[op]):
+                name = names[first + i, 1 + k]
+                if name >= INPUTS:
+                    inner[name - INPUTS] = 0

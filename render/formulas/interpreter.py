@@ -26,6 +26,8 @@ from .programs import EMITTERS, WIDTHS, form_of
 from .vectors import INTERPRETER, LANES, POINTER, ROW, SINGLE, VectorMath, load, store
 
 PARTS = 8  # vectors of a constant
+UNKNOWN, KNOWN = 256, 257
+"""Registers, in float32, that hold −∞ and ∞, and bounds that the result is known to have, which tell what of minima does not matter."""
 SHIFTS = {"turns": 1, "points32": 5}
 """Where in a constant's row a program finds what it wants: value, 0, 0, 0 stands from the second vector on; float32's bounds stand first."""
 
@@ -44,7 +46,11 @@ def module_of(program: str) -> ir.Module:
         def vector(k: Any) -> None:
             offset = b.mul(k, ir.Constant(I64, form.bytes))
             given = [operand(offset) for operand in operands]
-            for part, value in enumerate(EMITTERS[program](VectorMath(b, state, form, k if form == SINGLE else None), op, given, numbers[5])):
+            m = VectorMath(b, state, form, k if form == SINGLE else None)
+            if form == SINGLE and op in (Op.MIN, Op.MAX) and width > 1:
+                place = b.mul(b.mul(b.add(numbers[6], ir.Constant(I64, UNKNOWN)), stride), ir.Constant(I64, width))
+                m.result = [load(b, registers, b.add(b.add(place, offset), b.mul(stride, ir.Constant(I64, part))), form) for part in (0, 1)]
+            for part, value in enumerate(EMITTERS[program](m, op, given, numbers[5])):
                 store(b, out, b.add(offset, b.mul(stride, ir.Constant(I64, part))), value)
 
         over_vectors(b, vectors, vector)

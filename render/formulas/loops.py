@@ -28,7 +28,7 @@ def over_rows(module: ir.Module, name: str, kind: Any, row: int, emit: Callable[
     at = b.phi(I64)
     at.add_incoming(ir.Constant(I64, 0), entry)
     first = b.mul(at, ir.Constant(I64, row))
-    numbers = [b.sext(b.load(b.gep(rows, [b.add(first, ir.Constant(I64, k))])), I64) for k in range(min(row, 6))]
+    numbers = [b.sext(b.load(b.gep(rows, [b.add(first, ir.Constant(I64, k))])), I64) for k in range(min(row, 7))]
     switch = b.switch(b.trunc(numbers[0], _I32), again)
     for op in Op:
         block = function.append_basic_block(op.name.lower())

@@ -67,6 +67,10 @@ def _noted(m: VectorMath, op: Op, operands: list[Any], choice: Any) -> None:
     if op not in CHOICES:
         return
     known = enclosures.chosen(m, operands[0]) if op == Op.CHOOSE else enclosures.choices(m, op, *operands)
+    if m.result:  # of a minimum that the result is a minimum of, an operand above the result is of no account; so with maxima
+        low, high = m.result
+        one, two = (p[0] > high if op == Op.MIN else p[1] < low for p in operands)
+        known = known[0] | (two & ~one), known[1] | one
     for k, mask in enumerate(known):
         m.note(m.builder.add(m.builder.mul(choice, ir.Constant(I64, 2)), ir.Constant(I64, 1 + k)), mask)
 

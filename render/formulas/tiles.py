@@ -25,11 +25,11 @@ from ..kernels import helper, kernel
 from ..records import Lane, Vec
 from . import search
 from .calls import count_up, interpret
-from .cells import CHOICE, MOST_REGISTERS, place, simplify
+from .cells import CHOICE, place, simplify
 from .evaluate import room as room_of_values
 from .evaluate import turns_at, value_at
 from .fields import PROGRAMS, Forms
-from .interpreter import PARTS
+from .interpreter import KNOWN, PARTS, UNKNOWN
 from .meet import bracketed, clipped, dressed
 from .programs import WIDTHS
 from .vectors import LANES, ROW, SINGLE
@@ -44,6 +44,7 @@ _OPEN = GROUP + VECTOR
 FINEST = 2.0**-17  # of the largest coordinate: pieces of a ray that float32 does not cut
 WIDEST = 8.0  # times its diagonal, in which rays of a bundle may enter the box
 MOST_TURNS = 12
+LONG = 40  # rows of a tape for which it pays to ask for the result first
 MOST_PIECES = 400
 U = 2.0**-24
 
@@ -82,6 +83,8 @@ class Room(NamedTuple):
     packed: NDArray[np.float32]  # (6, …) rays
     kept: NDArray[np.int64]  # the state after bounds of slabs
     bounds: NDArray[np.float32]  # (10, 64) of groups in quarters, and of vectors in theirs: what `spans32` found
+    results: NDArray[np.float32]  # (2, 16) what is known of the result in slabs
+    inputs: NDArray[np.float32]  # what is put aside
     tape_of: NDArray[np.int64]  # groups' tapes in quarters, or -1
 
 
@@ -100,13 +103,14 @@ def room(forms: Forms, k: int) -> Room:
     return Room(
         forms.programs, forms.constants[begin:], forms.constants32[wide:], forms.compiled[k : k + 1], forms.numbers[k : k + 1], here,
         forms.unproved, np.ascontiguousarray(whole), np.zeros((many, 4), np.int32), np.zeros((many, ROW), np.int32),
-        np.zeros((512, 4), whole_number), np.zeros(3, whole_number), np.zeros(2 * rows + 8, whole_number),
-        np.zeros(1 + 2 * max(choices, 1), whole_number), np.zeros(MOST_REGISTERS * 16 * VECTOR, single),
+        np.zeros((512, 4), whole_number), np.zeros(3, whole_number), np.zeros(3 * rows + 8, whole_number),
+        np.zeros(1 + 2 * max(choices, 1), whole_number), np.zeros((KNOWN + 1) * PARTS_OF_SPAN * QUARTERS * VECTOR, single),
         np.zeros(8 * RAYS, single), np.zeros(9 * RAYS, double), np.zeros(12 * _STRIDE, single), np.zeros(_HULLS, np.int32),
         np.zeros(_HULLS, single), np.zeros(RAYS, single), np.zeros(VECTOR, whole_number), np.zeros(4 * VECTOR, single),
         np.zeros(2 * GROUP, single), np.zeros(9 * _OPEN, single), np.zeros(_OPEN, np.int32), np.zeros(11 * _OPEN, single),
         np.zeros(_OPEN, np.int32), np.zeros(6 * _OPEN, single), np.zeros(1 + 2 * max(choices, 1), whole_number),
-        np.zeros((2 * PARTS_OF_SPAN, QUARTERS * VECTOR), single), np.zeros(QUARTERS * VECTOR, whole_number),
+        np.zeros((2 * PARTS_OF_SPAN, QUARTERS * VECTOR), single), np.zeros(2 * VECTOR, single), np.zeros(21 * QUARTERS * VECTOR, single),
+        np.zeros(QUARTERS * VECTOR, whole_number),
     )  # fmt: skip
 
 
@@ -139,10 +143,17 @@ def trace(room, origin, direction, t_min, t_max, t, spacing, u, v):
     slack = 32.0 * U * reach
     _around(room, groups)
     _box_inputs(room, _HULLS, slab, slack)
-    room.state[0] = 0
-    _run(room, _BOXES, 0, 1)
-    out = room.tapes[0, 2] * 2 * VECTOR
-    low, high = simd.load(room.registers, out, VECTOR), simd.load(room.registers, out + VECTOR, VECTOR)
+    low, high = simd.f32x16(-np.inf), simd.f32x16(np.inf)
+    for _ in range(2):  # what is known of the result then says more of minima on the way to it
+        _known(room, 2, 1, low, high)
+        room.state[0] = 0
+        _run(room, _BOXES, 0, 1)
+        out = room.tapes[0, 2] * 2 * VECTOR
+        low, high = simd.load(room.registers, out, VECTOR), simd.load(room.registers, out + VECTOR, VECTOR)
+        if room.code[rows - 1, 6] == 0:
+            break
+    simd.store(room.results, 0, low)
+    simd.store(room.results, VECTOR, high)
     maybe = room.state[0]
     left = simd.bits((low <= 0.0) & (high >= 0.0)) | (maybe & 0xFFFF)
     # which choices are known in which slab is needed for long, while others are asked
@@ -159,6 +170,7 @@ def trace(room, origin, direction, t_min, t_max, t, spacing, u, v):
         for c in range(choices):
             room.state[c] = kept[c]
         tape = _simpler(room, 0, i)
+        _known(room, PARTS_OF_SPAN, QUARTERS, simd.f32x16(room.results[i]), simd.f32x16(room.results[VECTOR + i]))
         if not _slab(room, memory, origin, tape, i * slab, slab, groups, vectors, begin, slack, reach, t, spacing, u, v):
             break
     return True
@@ -180,6 +192,17 @@ def _run(room: Any, program: int, tape: int, vectors: int) -> None:
 
 
 @helper
+def _known(room: Any, parts: int, vectors: int, low: Any, high: Any) -> None:
+    """Tell programs whose values have so many parts the bounds of the result."""
+    for vector in range(vectors):
+        unknown, known = UNKNOWN * parts * vectors + vector, KNOWN * parts * vectors + vector
+        simd.store(room.registers, unknown * VECTOR, simd.f32x16(-np.inf))
+        simd.store(room.registers, (unknown + vectors) * VECTOR, simd.f32x16(np.inf))
+        simd.store(room.registers, known * VECTOR, low)
+        simd.store(room.registers, (known + vectors) * VECTOR, high)
+
+
+@helper
 def _simpler(room: Any, tape: int, lane: int) -> int:
     """The tape that a lane of the last bounds needs; the same where it may be undefined there, or there is no room."""
     if (room.state[0] >> lane) & 1 != 0:
@@ -198,9 +221,7 @@ def _begun(room, origin, direction, t_min, t_max, n):
     begin, end = np.inf, -np.inf
     padded = (n + VECTOR - 1) // VECTOR * VECTOR
     for first in range(0, padded, LANES):
-        rows = lanes.minimum(across.numbered(first), n - 1)
-        o, d = (origin[rows, 0], origin[rows, 1], origin[rows, 2]), (direction[rows, 0], direction[rows, 1], direction[rows, 2])
-        low, high = t_min[rows], t_max[rows]
+        o, d, low, high = _given(origin, direction, t_min, t_max, first, n)
         size = lanes.length(d)
         size = lanes.where(size > 0.0, size, 1.0)
         way = lanes.scale(d, 1.0 / size)
@@ -229,6 +250,17 @@ def _begun(room, origin, direction, t_min, t_max, n):
         across.store_row(rays, 6 * RAYS + first, enter * (1.0 - 4.0 * U))
         across.store_row(rays, 7 * RAYS + first, leave * (1.0 + 4.0 * U))
     return begin, end - begin
+
+
+@helper
+def _given(origin: Any, direction: Any, t_min: Any, t_max: Any, first: int, n: int) -> tuple[Vec, Vec, Lane, Lane]:
+    """Rays from the first on; beyond the end the last one again."""
+    if first + LANES <= n:
+        o, d = across.load_rows3(origin, first), across.load_rows3(direction, first)
+        return o, d, across.load_row(t_min, first), across.load_row(t_max, first)
+    rows = lanes.minimum(across.numbered(first), n - 1)
+    o, d = (origin[rows, 0], origin[rows, 1], origin[rows, 2]), (direction[rows, 0], direction[rows, 1], direction[rows, 2])
+    return o, d, t_min[rows], t_max[rows]
 
 
 @apart_
@@ -309,6 +341,7 @@ def _slab(room, memory, origin, tape, begin, length, groups, vectors, start, sla
     """Meet all groups in one slab; whether any ray is left."""
     quarter = length / QUARTERS
     _span_inputs(room, _HULLS, begin, quarter, slack)
+    _known_first(room, tape)
     room.state[0] = 0
     _run(room, _SPANS, tape, QUARTERS)
     maybe = room.state[0]
@@ -351,6 +384,37 @@ def _error(low: Any, high: Any, off: Any) -> Any:
 
 
 @helper
+def _known_first(room: Any, tape: int) -> None:
+    """Of long tapes that end with minima and maxima, ask for the result first: what it is decides more of these."""
+    first, rows = room.tapes[tape, 0], room.tapes[tape, 1]
+    if rows < LONG or room.code[first + rows - 1, 6] == 0:
+        return
+    registers, wide = room.registers, QUARTERS * VECTOR
+    for part in range(2):  # spans' inputs give those of boxes
+        for axis in range(3):
+            for k in range(0, wide, VECTOR):
+                x = simd.load(registers, (PARTS_OF_SPAN * axis + part) * wide + k, VECTOR)
+                simd.store(room.inputs, (2 * axis + part) * wide + k, x)
+    for k in range(0, 15 * wide, VECTOR):
+        x = simd.load(registers, k, VECTOR)
+        simd.store(room.inputs, 6 * wide + k, x)
+    for k in range(0, 6 * wide, VECTOR):
+        simd.store(registers, k, simd.load(room.inputs, k, VECTOR))
+    low, high = simd.load(registers, KNOWN * PARTS_OF_SPAN * wide, VECTOR), simd.load(registers, (KNOWN * PARTS_OF_SPAN + 1) * wide, VECTOR)
+    _known(room, 2, QUARTERS, low, high)
+    room.state[0] = 0
+    _run(room, _BOXES, tape, QUARTERS)
+    out = room.tapes[tape, 2] * 2 * wide
+    for k in range(0, 2 * wide, VECTOR):
+        simd.store(room.inputs, k, simd.load(registers, out + k, VECTOR))
+    for k in range(0, 15 * wide, VECTOR):
+        simd.store(registers, k, simd.load(room.inputs, 6 * wide + k, VECTOR))
+    _known(room, PARTS_OF_SPAN, QUARTERS, low, high)
+    for k in range(0, 2 * wide, VECTOR):
+        simd.store(registers, KNOWN * PARTS_OF_SPAN * wide + k, simd.load(room.inputs, k, VECTOR))
+
+
+@helper
 def _any_alive(room: Any, group: int, many: int) -> bool:
     found = np.int32(0)
     for vector in range(group * VECTOR, group * VECTOR + many):
@@ -370,6 +434,7 @@ def _store_bounds(room: Any, tape: int, to: int) -> None:
 @apart_
 def _finer(room, memory, origin, tape, group, many, begin, length, start, slack, reach, t, spacing, u, v):
     """Meet the vectors of a group in the quarters of a stretch."""
+    _known(room, PARTS_OF_SPAN, QUARTERS, simd.f32x16(-np.inf), simd.f32x16(np.inf))
     _span_inputs(room, group * VECTOR, begin, length, slack)
     room.state[0] = 0
     _run(room, _SPANS, tape, QUARTERS)
@@ -546,7 +611,7 @@ def _alone(room, memory, tape, opened, count, start, reach, slack, t, spacing, u
         f = simd.load(room.open, 2 * _OPEN + first, VECTOR)
         ox, oy, oz = room.rays[ray], room.rays[RAYS + ray], room.rays[2 * RAYS + ray]
         dx, dy, dz = room.rays[3 * RAYS + ray], room.rays[4 * RAYS + ray], room.rays[5 * RAYS + ray]
-        step = 0.25 * (end - at)
+        step = end - at
         given_up = working & ~working
         for _ in range(MOST_PIECES):
             to = simd.minimum(at + step, end)
@@ -560,6 +625,7 @@ def _alone(room, memory, tape, opened, count, start, reach, slack, t, spacing, u
                 simd.store(registers, (row + 2) * VECTOR, d - 2.0 * U)
                 simd.store(registers, (row + 3) * VECTOR, d + 2.0 * U)
                 simd.store(registers, (row + 4) * VECTOR, d * 0.0 + slack)
+            _known(room, PARTS_OF_SPAN, 1, simd.f32x16(-np.inf), simd.f32x16(np.inf))
             room.state[0] = 0
             _run(room, _SPANS, tape, 1)
             out = room.tapes[tape, 2] * PARTS_OF_SPAN * VECTOR

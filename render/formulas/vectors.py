@@ -46,6 +46,7 @@ class VectorMath:
 
     def __init__(self, builder: Any, state: Any = None, form: Form = DOUBLE, number: Any = None) -> None:
         self.builder, self.state, self.form, self.number = builder, state, form, number
+        self.result: list[Value] = []  # bounds that the tape's result is known to have, for operations that may be asked about them
         single = form.bits == 32
         self.unit, self.tiny, self.big = (2.0**-23, 1e-36, 1e18) if single else (2.0**-52, 1e-300, 1e100)
 

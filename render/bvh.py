@@ -26,6 +26,9 @@ _SWEEP = 0.25  # radians between moments at which the place of what turns is com
 SLACK = 1e-12  # of its coordinates, by which an instance's box grows: transforms round
 
 
+CAMERA_REST = 8  # a bit beside ir.Visibility's: seen by camera rays, and not met beforehand (primed.py)
+
+
 class Nothing(NamedTuple):
     """No thing stands aside."""
 
@@ -93,7 +96,9 @@ def build(
     plain = drawable & ~partial & ~(moving & moves)
     inside = np.flatnonzero(plain & bounded).astype(np.int32)
     rows = np.zeros((len(kind), PLACED), np.int32)
-    rows[:, :5] = np.stack([instances.visible, instances.transform, instances.geometry, kind, root], axis=1)
+    primed = plain & (kind == ir.GeometryKind.FORMULA)
+    visible = instances.visible | np.where((instances.visible & ir.Visibility.CAMERA != 0) & ~primed, CAMERA_REST, 0)
+    rows[:, :5] = np.stack([visible, instances.transform, instances.geometry, kind, root], axis=1)
     return Bvh(
         wide=meshes,
         boxes=local_bounds(tables, fine),

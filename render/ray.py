@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler.plan import Plan
-from . import across, aov, camera, integrate, lanes, prepare, rays, sampler, trace
+from . import across, aov, camera, integrate, lanes, prepare, primed, rays, sampler, trace
 from .handles import Handle
 from .kernels import HELPER, apart, helper, kernel
 from .records import Film, First, Hit, Options, Ray, Tile, View
@@ -29,7 +29,8 @@ class Renderer:
     def __init__(self, prepared: prepare.Prepared, plan: Plan, view: View) -> None:
         self.prepared, self.view = prepared, view
         self.frame = prepared.frame
-        self._rooms = threading.local()  # of waves, one a thread
+        self._rooms = threading.local()  # of waves and of bundles, one a thread
+        self.primes = prepared.paths is None and primed.is_needed(prepared.accel.tables)
         self.everything = None  # trees of all things, where waves' own leave some out
         nothing, none = Tile(0, 0, 0, 0), np.zeros((0, 0), np.int64)
         self.sample(nothing, none, none, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
@@ -44,7 +45,14 @@ class Renderer:
                 self._rooms.room = Handle(waves.Room.of(p.paths))
             waves.draw_tile(p.accel, p.packed, self.frame, tile, first, count, total, film, self._rooms.room)
             return
-        draw_tile(p.packed, p.accel, p.gouraud, self.frame, tile, first, count, total, film, Handle(Room.of(p.options)))
+        room = Room.of(p.options)
+        if self.primes:
+            from . import bundled  # what other scenes do not load
+
+            if not hasattr(self._rooms, "bundles"):
+                self._rooms.bundles = bundled.Bundles(p.accel)
+            room = room._replace(primed=self._rooms.bundles.prime(p.packed, self.frame, tile, first, count, total))
+        draw_tile(p.packed, p.accel, p.gouraud, self.frame, tile, first, count, total, film, Handle(room))
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
         """Write the named channels of the tile, (h, w, k) each."""
@@ -75,6 +83,7 @@ class Room(NamedTuple):
     items: NDArray[np.int64]  # (3, lanes) x, y and number of each sample
     light: NDArray[np.float64]  # (5, lanes) red, green, blue, coverage, and 1 where it is sound
     stack: NDArray[np.float64]
+    primed: Any = primed.Nothing()  # or a primed.Primed
 
     @classmethod
     def of(cls, options: Options) -> Room:
@@ -149,12 +158,14 @@ def _add(tile: Tile, film: Film, room: Any, count: int) -> None:
 def light_of(tables, accel, gouraud, frame, total, x, y, s, room):
     """(radiance, coverage, sound) of samples s of pixels x, y."""
     view, options = frame.picture, frame.options
+    column, row, number = x, y, s
     pixel, s = sampler.place(x, y, s, view.width, frame.order)
     dx, dy = sampler.offset(pixel, s, total, options.seed, frame.filter)
     time = sampler.moment(pixel, s, options.seed, frame.shutter)
     x, y = lanes.to_float(x) + 0.5 + dx, lanes.to_float(y) + 0.5 + dy
     ray = camera.through(tables, view, frame.lens, x, y, pixel, s, options.seed, time)
-    hit = trace.closest(accel, tables, ray, lanes.bool_like(dx, True), CAMERA)
+    hit = trace.closest(accel, tables, ray, lanes.bool_like(dx, True), primed.visible_to(room.primed))
+    hit = primed.nearer(room.primed, column, row, number, hit)
     return _follow(ray.time, frame, (
         tables, accel, gouraud, options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive, hit.u, hit.v, pixel, s, room.stack,
     ))  # fmt: skip

@@ -346,7 +346,7 @@ def _mark_extremes(names: Any, run: Any, first: int, n: int, inner: Any) -> None
         inner[i] = 1
     for i in range(n - 1, -1, -1):
         op = names[first + i, 0]
-        chooses = inner[i] == 1 and (op == MIN or op == MAX)
+        chooses = inner[i] == 1 and op in (MIN, MAX)
         run[first + i, 6] = 1 if chooses else 0
         if not chooses:
             for k in range(_ARITY[op]):

@@ -48,9 +48,8 @@ def value_at(forms, k, tape, memory, p, mask):
         if code != 0 and forms.tapes[forms.places[k, 6], 1] <= QUICKER * forms.tapes[one, 1]:
             compiled(code, registers, forms.constants, begin, memory.out)
             return across.load(memory.out, 0)
-        interpret(
-            forms.programs[_POINTS], forms.code, forms.tapes[one, 0], forms.tapes[one, 1], registers, forms.constants, begin, memory.state, 1
-        )
+        first, rows = forms.tapes[one, 0], forms.tapes[one, 1]
+        interpret(forms.programs[_POINTS], forms.code, first, rows, registers, forms.constants, begin, memory.state, 1)
         found = lanes.where(here, across.load(registers, forms.tapes[one, 2]), found)
         rest = rest & lanes.not_(here)
     return found
@@ -71,9 +70,8 @@ def turns_at(forms, k, tape, memory, p, mask):
         if code != 0 and forms.tapes[forms.places[k, 6], 1] <= QUICKER * forms.tapes[one, 1]:
             compiled(code, registers, forms.constants, begin, memory.out)
             return across.load(memory.out, 0), across.load(memory.out, 1), across.load(memory.out, 2), across.load(memory.out, 3)
-        interpret(
-            forms.programs[_TURNS], forms.code, forms.tapes[one, 0], forms.tapes[one, 1], registers, forms.constants, begin, memory.state, 1
-        )
+        first, rows = forms.tapes[one, 0], forms.tapes[one, 1]
+        interpret(forms.programs[_TURNS], forms.code, first, rows, registers, forms.constants, begin, memory.state, 1)
         out = 4 * forms.tapes[one, 2]
         value = lanes.where(here, across.load(registers, out), value)
         x = lanes.where(here, across.load(registers, out + 1), x)

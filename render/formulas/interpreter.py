@@ -1,9 +1,11 @@
 """Tapes evaluated without being compiled: one function for each of the programs, made once for a machine and kept on disk.
 
-A function (code, rows, registers, constants, state, vectors) goes through rows of eight int32 (op, out, a, b, c, choice, 0, 0). Operands
-of 0 and more are registers of as many parts as the program's values have, each of them `vectors` vectors; ~k is constant k, whose row of
-PARTS vectors holds its value twice, then zeros; in float32 its bounds, zeros, and from the sixth on the value and zeros. `state` is int64 words: the lanes in which something may be undefined, then for each choice the lanes that need its
-first operand only, and those that need its second only. In float32 up to four vectors of sixteen lanes share these words.
+A function (code, rows, registers, constants, state, vectors) goes through rows of eight int32 (op, out, a, b, c, choice, whether it is a
+minimum or maximum that goes into nothing but such, 0). Operands of 0 and more are registers of as many parts as the program's values have,
+each of them `vectors` vectors; ~k is constant k, whose row of PARTS vectors holds its value twice, then zeros; in float32 its bounds,
+zeros, and from the sixth on the value and zeros. `state` is int64 words: the lanes in which something may be undefined, then for each
+choice the lanes that need its first operand only, and those that need its second only. In float32 up to four vectors of sixteen lanes
+share these words.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ PARTS = 8  # vectors of a constant
 UNKNOWN, KNOWN = 256, 257
 """Registers, in float32, that hold −∞ and ∞, and bounds that the result is known to have, which tell what of minima does not matter."""
 SHIFTS = {"turns": 1, "points32": 5}
-"""Where in a constant's row a program finds what it wants: value, 0, 0, 0 stands from the second vector on; float32's bounds stand first."""
+"""Where in a constant's row a program finds what it wants: value, 0, 0, 0 stands from the second vector on; in float32 bounds are first."""
 
 
 def module_of(program: str) -> ir.Module:

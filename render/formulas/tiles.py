@@ -78,7 +78,7 @@ class Room(NamedTuple):
     values: NDArray[np.float32]  # (2, …) at both ends
     open: NDArray[np.float32]  # (9, …) stretches of single rays, as brackets
     open_ray: NDArray[np.int32]
-    brackets: NDArray[np.float32]  # (11, …) ends, values there, least size of the slope, side, values there as they were, how far off, first ends
+    brackets: NDArray[np.float32]  # (11, …) ends, values there, least slope, side, values as they were, how far off they are, first ends
     bracket_ray: NDArray[np.int32]
     packed: NDArray[np.float32]  # (6, …) rays
     kept: NDArray[np.int64]  # the state after bounds of slabs
@@ -186,9 +186,8 @@ def _rounded(x: float) -> float:
 @helper
 def _run(room: Any, program: int, tape: int, vectors: int) -> None:
     tapes = room.tapes
-    interpret(
-        room.programs[program], room.code, tapes[tape, 0], tapes[tape, 1], room.registers, room.constants32, 0, room.state, np.int64(vectors)
-    )  # fmt: skip
+    first, rows = tapes[tape, 0], tapes[tape, 1]
+    interpret(room.programs[program], room.code, first, rows, room.registers, room.constants32, 0, room.state, np.int64(vectors))
 
 
 @helper
@@ -552,7 +551,8 @@ def _values(room, memory, tape, count, s, a, b, to):
         f = simd.load(room.values, to + i * VECTOR, VECTOR)
         at = room.list[i] * VECTOR
         first, last = simd.load(room.rays, 6 * RAYS + at, VECTOR), simd.load(room.rays, 7 * RAYS + at, VECTOR)
-        near = ~(abs(f) > np.float32(room.slopes[3 * VECTOR + i])) & (first < b) & (last > a) & simd.mask_from_bits(room.alive[room.list[i]], f)
+        near = ~(abs(f) > np.float32(room.slopes[3 * VECTOR + i])) & (first < b) & (last > a)
+        near = near & simd.mask_from_bits(room.alive[room.list[i]], f)
         if simd.any_of(near):
             here = simd.minimum(simd.maximum(first * 0.0 + s, first), last)
             simd.store(room.values, to + i * VECTOR, _signed(room, memory, tape, at + simd.iota(simd.i32x16(0)), here, f, near))
@@ -711,7 +711,8 @@ def _finished(room, memory, tape, count, start, reach, t, spacing, u, v):
         for k in range(many):
             s = _guess(rows, k * VECTOR, turn)
             for axis in range(3):
-                o, d = simd.load(room.packed, axis * _OPEN + k * VECTOR, VECTOR), simd.load(room.packed, (3 + axis) * _OPEN + k * VECTOR, VECTOR)
+                o = simd.load(room.packed, axis * _OPEN + k * VECTOR, VECTOR)
+                d = simd.load(room.packed, (3 + axis) * _OPEN + k * VECTOR, VECTOR)
                 simd.store(registers, (axis * many + k) * VECTOR, simd.fma(d, s, o))
         _run(room, _POINTS, tape, many)
         out = room.tapes[tape, 2] * many

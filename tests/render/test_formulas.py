@@ -21,7 +21,7 @@ from maquette.render.records import Ray
 @kernel
 def run(address, code, rows, registers, constants, state):
     """A program on one vector of points or boxes."""
-    interpret(address, code, np.int64(0), np.int64(rows), registers, constants, np.int64(0), state)
+    interpret(address, code, np.int64(0), np.int64(rows), registers, constants, np.int64(0), state, np.int64(1))
 
 
 def evaluated(program: str, tape: Tape, inputs: np.ndarray) -> tuple[np.ndarray, int]:

@@ -1,0 +1,98 @@
+"""What camera rays were found beforehand to meet of formula surfaces (bundled.py), beside what trees find of everything else.
+
+The trees are asked for what has the bit bvh.CAMERA_REST, and the nearer of both counts.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import overload
+from numpy.typing import NDArray
+
+from ..compiler import ir
+from . import bvh, lanes
+from .handles import HandleType
+from .kernels import HELPER, helper
+from .records import Hit, Lane
+
+CAMERA, REST = int(ir.Visibility.CAMERA), bvh.CAMERA_REST
+
+
+class Nothing(NamedTuple):
+    """No formula surface is seen by camera rays."""
+
+
+class Primed(NamedTuple):
+    """What was found: for sample s of a pixel in slots[(s − its first) · pixels + row · columns + column]."""
+
+    rounds: int
+    rows: int
+    columns: int
+    slots: NDArray[np.int64]
+    first: NDArray[np.int64]  # (pixels,) number of the first sample
+    corner: NDArray[np.int64]  # x0, y0 of the tile
+    t: NDArray[np.float64]
+    instance: NDArray[np.int64]
+    spacing: NDArray[np.int64]
+    u: NDArray[np.float64]
+    v: NDArray[np.float64]
+
+
+def is_needed(trees: bvh.Bvh) -> bool:
+    """Whether any formula surface is seen by camera rays, and is not one that moves or is partly there."""
+    return len(instances(trees)) > 0
+
+
+def instances(trees: bvh.Bvh) -> NDArray[np.intp]:
+    """Those surfaces."""
+    return np.flatnonzero((trees.placed[:, 0] & (CAMERA | REST)) == CAMERA)
+
+
+def nearer(primed: Any, x: Lane, y: Lane, s: Lane, hit: Hit) -> Hit:
+    """`hit`, or what samples s of pixels x, y were found beforehand to meet, where that comes first."""
+    raise NotImplementedError("in kernels only")
+
+
+def is_used(primed: Any) -> bool:
+    """Whether kernels' record of this Numba type has anything that was found beforehand."""
+    return isinstance(primed, HandleType) and primed.field("slots") is not None
+
+
+@overload(nearer, jit_options=HELPER)
+def _nearer(primed, x, y, s, hit):
+    if not is_used(primed):
+        return lambda primed, x, y, s, hit: hit
+
+    def of_both(primed, x, y, s, hit):
+        row = _clipped(y - primed.corner[1], primed.rows)
+        column = _clipped(x - primed.corner[0], primed.columns)
+        at = row * primed.columns + column
+        k = _clipped(s - primed.first[at], primed.rounds)
+        slot = lanes.maximum(primed.slots[k * len(primed.first) + at], 0)
+        t, i = primed.t[slot], primed.instance[slot]
+        first = (t < hit.t) | ((t == hit.t) & (t < np.inf) & (i < hit.instance))
+        return Hit(
+            lanes.where(first, t, hit.t), lanes.where(first, i, hit.instance), lanes.where(first, primed.spacing[slot], hit.primitive),
+            lanes.where(first, primed.u[slot], hit.u), lanes.where(first, primed.v[slot], hit.v),
+        )  # fmt: skip
+
+    return of_both
+
+
+def visible_to(primed: Any) -> int:
+    """The bit of things that the trees are to be asked for."""
+    raise NotImplementedError("in kernels only")
+
+
+@overload(visible_to, jit_options=HELPER)
+def _visible_to(primed):
+    bit = REST if is_used(primed) else CAMERA
+    return lambda primed: bit
+
+
+@helper
+def _clipped(number: Lane, count: int) -> Lane:
+    """Lanes beyond a tile's samples are drawn, too, and thrown away."""
+    return lanes.maximum(lanes.minimum(number, count - 1), 0)

@@ -1,0 +1,94 @@
+"""Bundles of rays that share bounds of a formula: what they meet is what rays by themselves meet."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from maquette.render import rays
+from maquette.render.formulas import compiled, tiles
+from maquette.render.handles import Handle
+
+from .test_formulas import SURFACES, scene_of
+
+NASTY = {
+    "reciprocal": "implicit(|x, y, z| y <= 0.05 / x and y >= -0.8, within: 1)",
+    "steps": "implicit(|x, y, z| y <= 0.2 * floor(4 * x) - 0.1, within: 1)",
+    "tangent sheet": "implicit(|x, y, z| (x^2 + y^2 + z^2 - 0.64)^2 <= 1e-9)",
+    "shell": "implicit(|x, y, z| abs(x^2 + y^2 + z^2 - 0.5) <= 1e-4)",
+    "rows": "implicit(|x, y, z| hypot(mod(x, 0.5) - 0.25, mod(z, 0.5) - 0.25) <= 0.15 and abs(y) <= 0.6, within: 1)",
+    "cut": "implicit(|x, y, z| y <= 0.2 * atan2(z, x), within: 1)",
+    "balls": "union {{ {} }}".format("\n".join(f"sphere(0.12, center: [{x}, {y}, {z}])" for x, y, z in np.round(
+        np.random.default_rng(5).uniform(-0.8, 0.8, (60, 3)), 3).tolist())),
+}  # fmt: skip
+
+
+def picture(eye: tuple[float, float, float], size: int = 64, half: float = 0.45) -> tuple[np.ndarray, np.ndarray]:
+    """Rays of a pinhole camera that looks at the middle, vector by vector of 4 × 4 pixels and group by group of 16 × 16."""
+    order = np.arange(size * size).reshape(size // 16, 4, 4, size // 16, 4, 4).transpose(0, 3, 1, 4, 2, 5).ravel()
+    toward = -np.array(eye) / np.linalg.norm(eye)
+    right = np.cross(toward, [0.1, 1.0, 0.2])
+    right /= np.linalg.norm(right)
+    up = np.cross(right, toward)
+    x, y = (2 * (order % size + 0.5) / size - 1) * half, (1 - 2 * (order // size + 0.5) / size) * half
+    direction = toward + x[:, None] * right + y[:, None] * up
+    return np.tile(np.array(eye), (len(order), 1)), direction
+
+
+def met(trees: Handle, o: np.ndarray, d: np.ndarray, t_max: float = np.inf) -> tuple[np.ndarray, ...]:
+    """What a bundle meets of the first formula surface; None where it is too wide to be one."""
+    n = len(o)
+    room = Handle(tiles.room(trees.tables.forms, 0))
+    out = np.empty(n), np.zeros(n, np.int64), np.zeros(n), np.zeros(n)
+    assert tiles.trace(room, o, d, np.zeros(n), np.full(n, t_max), *out)
+    return out
+
+
+@pytest.mark.parametrize("eye", [(2.0, 1.2, 2.4), (-0.1, 2.6, 0.3), (0.25, 0.1, 0.3)], ids=["outside", "above", "within"])
+@pytest.mark.parametrize("name", [*SURFACES, *NASTY])
+def test_bundles_meet_what_rays_meet(tmp_path, name, eye):
+    tables = scene_of(tmp_path, {**SURFACES, **NASTY}[name]).tables
+    trees = rays.trees(tables)
+    compiled.finish()
+    o, d = picture(eye)
+    alone = rays.closest(trees, o, d)
+    before = trees.tables.forms.unproved.copy()
+    t, _, u, v = met(trees, o, d)
+    sure = before[0] == 0 and trees.tables.forms.unproved[0] == 0
+    differ = np.isfinite(t) != np.isfinite(alone.t)
+    both = np.isfinite(t) & np.isfinite(alone.t)
+    apart = np.abs(t[both] - alone.t[both]) > 1e-9 * (1 + alone.t[both])
+    assert int(differ.sum() + apart.sum()) <= (0 if sure else 4)
+    # normals, but for places where the formula jumps: it has none there
+    assert np.median(np.hypot(u - alone.u, v - alone.v)[both]) < 1e-5
+
+
+def test_bundles_stop_where_rays_end(tmp_path):
+    tables = scene_of(tmp_path, SURFACES["torus"]).tables
+    trees = rays.trees(tables)
+    o, d = picture((0.0, 0.0, 3.0))
+    everything = met(trees, o, d)[0]
+    near = np.quantile(everything[np.isfinite(everything)], 0.5)
+    t = met(trees, o, d, near)[0]
+    assert np.array_equal(np.isfinite(t), everything < near)
+
+
+def test_a_part_of_a_bundle_is_a_bundle(tmp_path):
+    """How many rays go together changes nothing but rounding."""
+    tables = scene_of(tmp_path, SURFACES["blend"]).tables
+    trees = rays.trees(tables)
+    o, d = picture((2.0, 1.2, 2.4))
+    whole = met(trees, o, d)[0]
+    for count in (1, 7, 100, 300, 1031):
+        part = met(trees, o[500 : 500 + count].copy(), d[500 : 500 + count].copy())[0]
+        known = np.isfinite(part)
+        assert np.array_equal(known, np.isfinite(whole[500 : 500 + count]))
+        assert np.abs(part[known] - whole[500 : 500 + count][known]).max(initial=0.0) < 1e-10
+
+
+def test_rays_that_go_all_ways_are_no_bundle(tmp_path):
+    tables = scene_of(tmp_path, SURFACES["torus"]).tables
+    trees = rays.trees(tables)
+    o = np.array([[0.0, 0.0, 1000.0], [3.0, 0.0, 0.0]])
+    d = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
+    room = Handle(tiles.room(trees.tables.forms, 0))
+    assert not tiles.trace(room, o, d, np.zeros(2), np.full(2, np.inf), np.empty(2), np.zeros(2, np.int64), np.zeros(2), np.zeros(2))

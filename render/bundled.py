@@ -27,7 +27,7 @@ class Bundles:
         self.accel = accel
         self.instances = instances(trees)
         surfaces = {int(trees.placed[i, 2]) for i in self.instances}
-        self.rooms = {g: Handle(tiles.room(trees.forms, int(trees.forms.of[g]))) for g in surfaces}
+        self.rooms = {g: Handle(tile_room.room(trees.forms, int(trees.forms.of[g]))) for g in surfaces}
         nothing = np.zeros(0)
         for handle in self.rooms.values():  # compiled, or loaded, before a picture begins
             tiles.trace(handle, np.zeros((0, 3)), np.zeros((0, 3)), nothing, nothing, nothing, np.zeros(0, np.int64), nothing, nothing)
@@ -38,8 +38,9 @@ class Bundles:
         order = _order(*count.shape)
         slots, items = _listed(order, first, count, rounds, tile)
         n = items.shape[1]
+        rows, columns = count.shape
         found = Primed(
-            rounds, *count.shape, slots.ravel(), first.ravel(), np.array([tile.x0, tile.y0]), np.full(n, np.inf), np.full(n, -1),
+            rounds, rows, columns, slots.ravel(), first.ravel(), np.array([tile.x0, tile.y0]), np.full(n, np.inf), np.full(n, -1),
             np.zeros(n, np.int64), np.zeros(n), np.zeros(n),
         )  # fmt: skip
         origin, direction, t_min, t_max = np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.empty(n)
@@ -52,8 +53,8 @@ class Bundles:
         trees, g = self.accel.tables, int(self.accel.tables.placed[i, 2])
         inverse = trees.inverse[i, :3]
         o, d = np.ascontiguousarray(origin @ inverse[:, :3].T + inverse[:, 3]), np.ascontiguousarray(direction @ inverse[:, :3].T)
-        for begin in range(0, len(o), tiles.RAYS):
-            part = slice(begin, begin + tiles.RAYS)
+        for begin in range(0, len(o), tile_room.RAYS):
+            part = slice(begin, begin + tile_room.RAYS)
             until = np.minimum(t_max[part], found.t[part])
             m = len(until)
             met = np.empty(m), np.zeros(m, np.int64), np.zeros(m), np.zeros(m)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from maquette.render import rays
-from maquette.render.formulas import compiled, tiles
+from maquette.render.formulas import compiled, tile_room, tiles
 from maquette.render.handles import Handle
 
 from .test_formulas import SURFACES, scene_of
@@ -37,7 +37,7 @@ def picture(eye: tuple[float, float, float], size: int = 64, half: float = 0.45)
 def met(trees: Handle, o: np.ndarray, d: np.ndarray, t_max: float = np.inf) -> tuple[np.ndarray, ...]:
     """What a bundle meets of the first formula surface; None where it is too wide to be one."""
     n = len(o)
-    room = Handle(tiles.room(trees.tables.forms, 0))
+    room = Handle(tile_room.room(trees.tables.forms, 0))
     out = np.empty(n), np.zeros(n, np.int64), np.zeros(n), np.zeros(n)
     assert tiles.trace(room, o, d, np.zeros(n), np.full(n, t_max), *out)
     return out
@@ -90,5 +90,5 @@ def test_rays_that_go_all_ways_are_no_bundle(tmp_path):
     trees = rays.trees(tables)
     o = np.array([[0.0, 0.0, 1000.0], [3.0, 0.0, 0.0]])
     d = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
-    room = Handle(tiles.room(trees.tables.forms, 0))
+    room = Handle(tile_room.room(trees.tables.forms, 0))
     assert not tiles.trace(room, o, d, np.zeros(2), np.full(2, np.inf), np.empty(2), np.zeros(2, np.int64), np.zeros(2), np.zeros(2))

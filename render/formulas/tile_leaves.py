@@ -1,0 +1,211 @@
+"""A stretch of some vectors of a bundle: which rays surely meet the surface there, which do not, and which are looked at by themselves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .. import across, lanes, simd
+from ..kernels import apart as apart_
+from ..kernels import helper
+from . import search
+from .calls import count_up
+from .evaluate import turns_at
+from .tile_room import (
+    FINEST,
+    GROUP,
+    MOST_PIECES,
+    OPEN,
+    PARTS_OF_SPAN,
+    POINTS,
+    RAYS,
+    SPANS,
+    VECTOR,
+    U,
+    error_of,
+    evaluate,
+    exact,
+    signed,
+    tapes_of,
+    tell,
+)
+from .tile_roots import finished, keep, met
+
+# --- leaves: a stretch of some vectors ----------------------------------------------------------------------------------
+
+
+@apart_
+def leaf(room, memory, origin, tape, count, a, b, start, reach, slack, t, spacing, u, v):
+    """Meet the vectors of the room's list between a and b, with one tape."""
+    known = True
+    for i in range(count):  # a ray that begins here has been asked nothing yet
+        first = simd.load(room.rays, 6 * RAYS + room.list[i] * VECTOR, VECTOR)
+        known = known and room.carried_at[room.list[i]] == np.float32(a) and simd.none_of((first > a) & (first < b))
+    if known:
+        for i in range(count):
+            simd.store(room.values, i * VECTOR, simd.load(room.carried, room.list[i] * VECTOR, VECTOR))
+    else:
+        _values(room, memory, tape, count, a, a, b, 0)
+    _values(room, memory, tape, count, b, a, b, GROUP)
+    opened, held = 0, 0
+    for i in range(count):
+        vector = room.list[i]
+        at = vector * VECTOR
+        first, last = simd.load(room.rays, 6 * RAYS + at, VECTOR), simd.load(room.rays, 7 * RAYS + at, VECTOR)
+        fa, fb = simd.load(room.values, i * VECTOR, VECTOR), simd.load(room.values, GROUP + i * VECTOR, VECTOR)
+        simd.store(room.carried, at, fb)
+        room.carried_at[vector] = b
+        begin, end = simd.maximum(first, a), simd.minimum(last, b)
+        live = simd.mask_from_bits(room.alive[vector], first) & (begin < end)
+        least, most = np.float32(room.slopes[i]), np.float32(room.slopes[VECTOR + i])
+        one_way, error = room.slopes[2 * VECTOR + i] > 0.0, np.float32(room.slopes[3 * VECTOR + i])
+        change = (fa <= 0.0) ^ (fb <= 0.0)
+        if one_way:
+            certain, open_ = live & change, live & ~live
+        else:
+            certain = live & ~live
+            open_ = live & ~(~change & far_from_zero(fa, fb, least, most, end - begin, error))
+        ray = at + simd.iota(simd.i32x16(0))
+        zero = first * 0.0
+        if simd.any_of(certain):
+            steep = zero + min(abs(least), abs(most))
+            held = keep(room.brackets, room.bracket_ray, held, certain, begin, end, fa, fb, steep, zero, zero + error, ray)
+        if simd.any_of(open_):
+            opened = keep(room.open, room.open_ray, opened, open_, begin, end, fa, fb, zero, zero, zero + error, ray)
+    if opened > 0:
+        held = alone(room, memory, tape, opened, held, start, reach, slack, t, spacing, u, v)
+    if held > 0:
+        finished(room, memory, tape, held, start, reach, t, spacing, u, v)
+
+
+@helper
+def far_from_zero(fa: Any, fb: Any, least: Any, most: Any, length: Any, error: float) -> Any:
+    """meet.apart in float32."""
+    up = fa > 0.0
+    falls, rises = simd.select(up, least, -most), simd.select(up, most, -least)
+    size_a, size_b = abs(fa), abs(fb)
+    steep = rises - falls
+    x = (size_a - size_b + rises * length) / simd.select(steep > 0.0, steep, 1.0)
+    x = simd.minimum(simd.maximum(x, 0.0), length)
+    meeting = size_a + falls * x
+    return meeting > 4.0 * error + 1e-5 * (size_a + size_b)
+
+
+@apart_
+def _values(room, memory, tape, count, s, a, b, to):
+    """Write the values of the list's vectors at s, or where rays begin or end between a and b, from element `to` on."""
+    for i in range(count):
+        at = room.list[i] * VECTOR
+        first, last = simd.load(room.rays, 6 * RAYS + at, VECTOR), simd.load(room.rays, 7 * RAYS + at, VECTOR)
+        here = simd.minimum(simd.maximum(first * 0.0 + s, first), last)
+        here = simd.select(first < last, here, 0.0)
+        for axis in range(3):
+            o, d = simd.load(room.rays, axis * RAYS + at, VECTOR), simd.load(room.rays, (3 + axis) * RAYS + at, VECTOR)
+            simd.store(room.registers, (axis * count + i) * VECTOR, simd.fma(d, here, o))
+    evaluate(room, POINTS, tape, count)
+    out = room.tapes[tape, 2] * count
+    for i in range(count):
+        f = simd.load(room.registers, (out + i) * VECTOR, VECTOR)
+        simd.store(room.values, to + i * VECTOR, f)
+    for i in range(count):
+        f = simd.load(room.values, to + i * VECTOR, VECTOR)
+        at = room.list[i] * VECTOR
+        first, last = simd.load(room.rays, 6 * RAYS + at, VECTOR), simd.load(room.rays, 7 * RAYS + at, VECTOR)
+        near = ~(abs(f) > np.float32(room.slopes[3 * VECTOR + i])) & (first < b) & (last > a)
+        near = near & simd.mask_from_bits(room.alive[room.list[i]], f)
+        if simd.any_of(near):
+            here = simd.minimum(simd.maximum(first * 0.0 + s, first), last)
+            simd.store(room.values, to + i * VECTOR, signed(room, memory, tape, at + simd.iota(simd.i32x16(0)), here, f, near))
+
+
+# --- rays by themselves -------------------------------------------------------------------------------------------------
+
+
+@apart_
+def alone(room, memory, tape, opened, count, start, reach, slack, t, spacing, u, v):
+    """Look for the first root in each open stretch; how many brackets there are then."""
+    number = simd.iota(simd.i32x16(0))
+    finest = FINEST * reach
+    registers = room.registers
+    for first in range(0, opened, VECTOR):
+        working = number < opened - first
+        ray = simd.select(working, simd.load(room.open_ray, first, VECTOR), room.open_ray[first])
+        at = simd.select(working, simd.load(room.open, first, VECTOR), 0.0)
+        end = simd.select(working, simd.load(room.open, OPEN + first, VECTOR), 1.0)
+        f = simd.load(room.open, 2 * OPEN + first, VECTOR)
+        ox, oy, oz = room.rays[ray], room.rays[RAYS + ray], room.rays[2 * RAYS + ray]
+        dx, dy, dz = room.rays[3 * RAYS + ray], room.rays[4 * RAYS + ray], room.rays[5 * RAYS + ray]
+        step = end - at
+        given_up = working & ~working
+        for _ in range(MOST_PIECES):
+            to = simd.minimum(at + step, end)
+            to = simd.select(end - to < 0.25 * step, end, to)
+            for axis in range(3):
+                o, d = (ox, dx) if axis == 0 else (oy, dy) if axis == 1 else (oz, dz)
+                p, q = simd.fma(d, at, o), simd.fma(d, to, o)
+                row = PARTS_OF_SPAN * axis
+                simd.store(registers, row * VECTOR, simd.minimum(p, q) - slack)
+                simd.store(registers, (row + 1) * VECTOR, simd.maximum(p, q) + slack)
+                simd.store(registers, (row + 2) * VECTOR, d - 2.0 * U)
+                simd.store(registers, (row + 3) * VECTOR, d + 2.0 * U)
+                simd.store(registers, (row + 4) * VECTOR, d * 0.0 + slack)
+            tell(room, PARTS_OF_SPAN, 1, simd.f32x16(-np.inf), simd.f32x16(np.inf))
+            room.state[0] = 0
+            evaluate(room, SPANS, tape, 1)
+            out = room.tapes[tape, 2] * PARTS_OF_SPAN * VECTOR
+            low, high = simd.load(registers, out, VECTOR), simd.load(registers, out + VECTOR, VECTOR)
+            least, most = simd.load(registers, out + 2 * VECTOR, VECTOR), simd.load(registers, out + 3 * VECTOR, VECTOR)
+            error = error_of(low, high, simd.load(registers, out + 4 * VECTOR, VECTOR))
+            sure = ~simd.mask_from_bits(room.state[0], low)
+            for axis in range(3):
+                o, d = (ox, dx) if axis == 0 else (oy, dy) if axis == 1 else (oz, dz)
+                simd.store(registers, axis * VECTOR, simd.fma(d, to, o))
+            evaluate(room, POINTS, tape, 1)
+            far = simd.load(registers, room.tapes[tape, 2] * VECTOR, VECTOR)
+            near = working & ~(sure & (abs(far) > error))
+            if simd.any_of(near):
+                far = signed(room, memory, tape, ray, to, far, near)
+            change = (f <= 0.0) ^ (far <= 0.0)
+            one_way = sure & ((least > 0.0) | (most < 0.0))
+            away = sure & ((low > 0.0) | (high < 0.0))
+            none = ~change & (away | one_way | (sure & far_from_zero(f, far, least, most, to - at, error)))
+            certain = working & change & one_way
+            if simd.any_of(certain):
+                steep = simd.minimum(abs(least), abs(most))
+                count = keep(room.brackets, room.bracket_ray, count, certain, at, to, f, far, steep, steep * 0.0, error, ray)
+                working = working & ~certain
+            passed = working & none
+            at, f = simd.select(passed, to, at), simd.select(passed, far, f)
+            step = simd.select(passed, 2.0 * step, 0.25 * step)
+            working = working & ~(passed & (at >= end))
+            tiny = working & ~passed & (step < finest)
+            given_up = given_up | tiny
+            working = working & ~tiny
+            if simd.none_of(working):
+                break
+        given_up = given_up | working
+        left = simd.bits(given_up)
+        while left != 0:
+            j = simd.trailing_zeros(left)
+            left &= left - 1
+            _by_search(room, memory, tape, np.int64(simd.lane(ray, j)), simd.lane(at, j), simd.lane(end, j), start, t, spacing, u, v)
+    return count
+
+
+@apart_
+def _by_search(room, memory, tape, ray, a, b, start, t, spacing, u, v):
+    """Meet one ray between a and b in float64."""
+    like = lanes.to_float(across.numbered(0)) * 0.0
+    x = room.exact
+    o, d = (x[ray], x[RAYS + ray], x[2 * RAYS + ray]), (x[3 * RAYS + ray], x[4 * RAYS + ray], x[5 * RAYS + ray])
+    low, high = max(np.float64(a), x[6 * RAYS + ray]), min(np.float64(b), x[7 * RAYS + ray])
+    root, inside, doubt = search.first(room, 0, tape, memory, o, d, low, high, start, room.places[0, 1] != 0, like)
+    if doubt > 0:
+        count_up(room.unproved, 0, 1)
+    if root < np.inf:
+        one = across.numbered(0) < 1
+        rays, at = lanes.int_like(like, ray), like + root
+        point = lanes.along(*exact(room, rays), at)
+        value, gx, gy, gz = turns_at(room, 0, tapes_of(like, tape), memory, point, one)
+        met(room, rays, at, abs(value), (gx, gy, gz), lanes.bool_like(like, inside), one, start, t, spacing, u, v)

@@ -1,0 +1,293 @@
+"""What the bundles of tiles.py work with: a thread's memory, its rays in float32 and the boxes around them, and programs run on these."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import across, lanes, simd
+from ..kernels import apart as apart_
+from ..kernels import helper
+from ..records import Lane, Vec
+from .calls import interpret
+from .cells import CHOICE, simplify
+from .evaluate import value_at
+from .fields import PROGRAMS, Forms
+from .interpreter import KNOWN, PARTS, UNKNOWN
+from .meet import clipped
+from .programs import WIDTHS
+from .vectors import LANES, ROW, SINGLE
+
+RAYS = 4096
+VECTOR, GROUP, SLABS, QUARTERS = 16, 256, 16, 4
+PARTS_OF_SPAN = WIDTHS["spans32"]
+POINTS, BOXES, SPANS = (PROGRAMS.index(name) for name in ("points32", "boxes32", "spans32"))
+HULLS = RAYS // VECTOR  # of vectors; those of groups stand behind them
+STRIDE = HULLS + GROUP // VECTOR
+OPEN = GROUP + VECTOR
+FINEST = 2.0**-17  # of the largest coordinate: pieces of a ray that float32 does not cut
+WIDEST = 8.0  # times its diagonal, in which rays of a bundle may enter the box
+LONG = 40  # rows of a tape for which it pays to ask for the result first
+MOST_PIECES = 400
+U = 2.0**-24
+
+
+class Room(NamedTuple):
+    """What a thread works with on one surface: its row of fields.Forms, and memory."""
+
+    programs: NDArray[np.int64]
+    constants: NDArray[np.float64]
+    constants32: NDArray[np.float32]
+    compiled: NDArray[np.int64]
+    numbers: NDArray[np.float64]
+    places: NDArray[np.int64]
+    unproved: NDArray[np.int64]
+    whole: NDArray[np.int32]  # rows of the whole tape, as names
+    names: NDArray[np.int32]
+    code: NDArray[np.int32]
+    tapes: NDArray[np.int64]
+    ends: NDArray[np.int64]
+    scratch: NDArray[np.int64]
+    state: NDArray[np.int64]
+    registers: NDArray[np.float32]
+    rays: NDArray[np.float32]  # x y z of the start, x y z of the way, first and last distance
+    exact: NDArray[np.float64]  # the same, and how long directions were
+    hulls: NDArray[np.float32]  # (12, STRIDE) lowest x y z of starts, highest; of ways
+    alive: NDArray[np.int32]  # bits of each vector's rays that have met nothing yet
+    carried_at: NDArray[np.float32]  # where each vector's values are known
+    carried: NDArray[np.float32]
+    list: NDArray[np.int64]  # vectors that are looked at
+    slopes: NDArray[np.float32]  # (4, …) their bounds: least, most; 1 where these have one sign; by how much values may be off
+    values: NDArray[np.float32]  # (2, …) at both ends
+    open: NDArray[np.float32]  # (9, …) stretches of single rays, as brackets
+    open_ray: NDArray[np.int32]
+    brackets: NDArray[np.float32]  # (11, …) ends, values there, least slope, side, values as they were, how far off they are, first ends
+    bracket_ray: NDArray[np.int32]
+    packed: NDArray[np.float32]  # (6, …) rays
+    kept: NDArray[np.int64]  # the state after bounds of slabs
+    bounds: NDArray[np.float32]  # (10, 64) of groups in quarters, and of vectors in theirs: what `spans32` found
+    results: NDArray[np.float32]  # (2, 16) what is known of the result in slabs
+    inputs: NDArray[np.float32]  # what is put aside
+    tape_of: NDArray[np.int64]  # groups' tapes in quarters, or -1
+
+
+def room(forms: Forms, k: int) -> Room:
+    """Room for surface k."""
+    places = forms.places[k]
+    first, rows = int(places[7]), int(forms.tapes[places[6], 1])
+    begin = int(places[5])
+    wide = begin // (PARTS * LANES) * PARTS * SINGLE.lanes
+    whole = forms.names[first : first + rows]
+    choices = int(CHOICE[whole[:, 0]].sum())
+    many = 24 * rows + 2048
+    single, double, whole_number = np.float32, np.float64, np.int64
+    here = np.zeros((1, 8), np.int64)
+    here[0, 1] = places[1]
+    return Room(
+        forms.programs, forms.constants[begin:], forms.constants32[wide:], forms.compiled[k : k + 1], forms.numbers[k : k + 1], here,
+        forms.unproved, np.ascontiguousarray(whole), np.zeros((many, 4), np.int32), np.zeros((many, ROW), np.int32),
+        np.zeros((512, 4), whole_number), np.zeros(3, whole_number), np.zeros(3 * rows + 8, whole_number),
+        np.zeros(1 + 2 * max(choices, 1), whole_number), np.zeros((KNOWN + 1) * PARTS_OF_SPAN * QUARTERS * VECTOR, single),
+        np.zeros(8 * RAYS, single), np.zeros(9 * RAYS, double), np.zeros(12 * STRIDE, single), np.zeros(HULLS, np.int32),
+        np.zeros(HULLS, single), np.zeros(RAYS, single), np.zeros(VECTOR, whole_number), np.zeros(4 * VECTOR, single),
+        np.zeros(2 * GROUP, single), np.zeros(9 * OPEN, single), np.zeros(OPEN, np.int32), np.zeros(11 * OPEN, single),
+        np.zeros(OPEN, np.int32), np.zeros(6 * OPEN, single), np.zeros(1 + 2 * max(choices, 1), whole_number),
+        np.zeros((2 * PARTS_OF_SPAN, QUARTERS * VECTOR), single), np.zeros(2 * VECTOR, single), np.zeros(21 * QUARTERS * VECTOR, single),
+        np.zeros(QUARTERS * VECTOR, whole_number),
+    )  # fmt: skip
+
+
+@helper
+def evaluate(room: Any, program: int, tape: int, vectors: int) -> None:
+    tapes = room.tapes
+    first, rows = tapes[tape, 0], tapes[tape, 1]
+    interpret(room.programs[program], room.code, first, rows, room.registers, room.constants32, 0, room.state, np.int64(vectors))
+
+
+@helper
+def tell(room: Any, parts: int, vectors: int, low: Any, high: Any) -> None:
+    """Tell programs whose values have so many parts the bounds of the result."""
+    for vector in range(vectors):
+        unknown, known = UNKNOWN * parts * vectors + vector, KNOWN * parts * vectors + vector
+        simd.store(room.registers, unknown * VECTOR, simd.f32x16(-np.inf))
+        simd.store(room.registers, (unknown + vectors) * VECTOR, simd.f32x16(np.inf))
+        simd.store(room.registers, known * VECTOR, low)
+        simd.store(room.registers, (known + vectors) * VECTOR, high)
+
+
+@helper
+def simpler(room: Any, tape: int, lane: int) -> int:
+    """The tape that a lane of the last bounds needs; the same where it may be undefined there, or there is no room."""
+    if (room.state[0] >> lane) & 1 != 0:
+        return tape
+    found = simplify(room.names, room.code, room.tapes, room.ends, tape, room.state, lane, room.scratch)
+    return found if found >= 0 else tape
+
+
+# --- the rays -----------------------------------------------------------------------------------------------------------
+
+
+@apart_
+def begun(room, origin, direction, t_min, t_max, n):
+    """(where the bundle begins, how long the stretch is in which it may meet the box; −1 if none does); sets the rays."""
+    exact, rays = room.exact, room.rays
+    begin, end = np.inf, -np.inf
+    padded = (n + VECTOR - 1) // VECTOR * VECTOR
+    for first in range(0, padded, LANES):
+        o, d, low, high = _given(origin, direction, t_min, t_max, first, n)
+        size = lanes.length(d)
+        size = lanes.where(size > 0.0, size, 1.0)
+        way = lanes.scale(d, 1.0 / size)
+        enter, leave = clipped(room, 0, o, way, low * size, high * size)
+        active = (enter < leave) & (across.numbered(first) < n)
+        enter, leave = lanes.where(active, enter, np.inf), lanes.where(active, leave, -np.inf)
+        begin, end = min(begin, across.least(enter)), max(end, across.most(leave))
+        for axis in range(3):
+            across.store_row(exact, axis * RAYS + first, o[0] if axis == 0 else o[1] if axis == 1 else o[2])
+            across.store_row(exact, (3 + axis) * RAYS + first, way[0] if axis == 0 else way[1] if axis == 1 else way[2])
+        across.store_row(exact, 6 * RAYS + first, enter)
+        across.store_row(exact, 7 * RAYS + first, leave)
+        across.store_row(exact, 8 * RAYS + first, size)
+    if not begin < end:
+        return 0.0, -1.0
+    for first in range(0, padded, LANES):
+        for axis in range(3):
+            way = across.load_row(exact, (3 + axis) * RAYS + first)
+            start = across.load_row(exact, axis * RAYS + first) + begin * way
+            across.store_row(exact, axis * RAYS + first, start)
+            across.store_row(rays, axis * RAYS + first, start)
+            across.store_row(rays, (3 + axis) * RAYS + first, way)
+        enter, leave = across.load_row(exact, 6 * RAYS + first) - begin, across.load_row(exact, 7 * RAYS + first) - begin
+        across.store_row(exact, 6 * RAYS + first, enter)
+        across.store_row(exact, 7 * RAYS + first, leave)
+        across.store_row(rays, 6 * RAYS + first, enter * (1.0 - 4.0 * U))
+        across.store_row(rays, 7 * RAYS + first, leave * (1.0 + 4.0 * U))
+    return begin, end - begin
+
+
+@helper
+def _given(origin: Any, direction: Any, t_min: Any, t_max: Any, first: int, n: int) -> tuple[Vec, Vec, Lane, Lane]:
+    """Rays from the first on; beyond the end the last one again."""
+    if first + LANES <= n:
+        o, d = across.load_rows3(origin, first), across.load_rows3(direction, first)
+        return o, d, across.load_row(t_min, first), across.load_row(t_max, first)
+    rows = lanes.minimum(across.numbered(first), n - 1)
+    o, d = (origin[rows, 0], origin[rows, 1], origin[rows, 2]), (direction[rows, 0], direction[rows, 1], direction[rows, 2])
+    return o, d, t_min[rows], t_max[rows]
+
+
+@apart_
+def hulled(room, vectors):
+    """Boxes around the starts and ways of each vector's rays; which rays are alive."""
+    for vector in range(vectors):
+        at = vector * VECTOR
+        there = simd.load(room.rays, 6 * RAYS + at, VECTOR) < simd.load(room.rays, 7 * RAYS + at, VECTOR)
+        room.alive[vector] = simd.bits(there)
+        room.carried_at[vector] = -1.0
+        if room.alive[vector] == 0:
+            continue
+        for part in range(2):
+            for axis in range(3):
+                x = simd.load(room.rays, (3 * part + axis) * RAYS + at, VECTOR)
+                room.hulls[(6 * part + axis) * STRIDE + vector] = simd.min_of(simd.select(there, x, np.inf))
+                room.hulls[(6 * part + 3 + axis) * STRIDE + vector] = simd.max_of(simd.select(there, x, -np.inf))
+
+
+@helper
+def around(room: Any, groups: int) -> None:
+    """Boxes around groups, which stand behind those of vectors; then, in all lanes of the inputs' first place, around all."""
+    for row in range(12):
+        high = row % 6 >= 3
+        for group in range(groups):
+            found = -np.inf if high else np.inf
+            for k in range(VECTOR):
+                vector = group * VECTOR + k
+                if room.alive[vector] != 0:
+                    x = np.float64(room.hulls[row * STRIDE + vector])
+                    found = max(found, x) if high else min(found, x)
+            room.hulls[row * STRIDE + HULLS + group] = found
+
+
+@helper
+def box_inputs(room: Any, groups_at: int, slab: float, slack: float) -> None:
+    """The boxes around all rays in each slab, as inputs of `boxes32`."""
+    number = simd.f32x16(simd.iota(simd.i32x16(0)))
+    a, b = number * slab, (number + 1.0) * slab
+    for axis in range(3):
+        o_low = simd.min_of(_groups(room, axis, groups_at, np.inf))
+        o_high = simd.max_of(_groups(room, 3 + axis, groups_at, -np.inf))
+        d_low = simd.min_of(_groups(room, 6 + axis, groups_at, np.inf))
+        d_high = simd.max_of(_groups(room, 9 + axis, groups_at, -np.inf))
+        simd.store(room.registers, (2 * axis) * VECTOR, o_low + simd.minimum(a * d_low, b * d_low) - slack)
+        simd.store(room.registers, (2 * axis + 1) * VECTOR, o_high + simd.maximum(a * d_high, b * d_high) + slack)
+
+
+@helper
+def _groups(room: Any, row: int, at: int, empty: float) -> Any:
+    x = simd.load(room.hulls, row * STRIDE + at, VECTOR)
+    return simd.select(simd.iota(simd.i32x16(0)) < room.ends[2], x, empty)
+
+
+@helper
+def span_inputs(room: Any, at: int, begin: float, length: float, slack: float) -> None:
+    """The boxes around sixteen hulls from `at` on, in each quarter of a slab, as inputs of `spans32`."""
+    for axis in range(3):
+        o_low = simd.load(room.hulls, axis * STRIDE + at, VECTOR) - slack
+        o_high = simd.load(room.hulls, (3 + axis) * STRIDE + at, VECTOR) + slack
+        d_low = simd.load(room.hulls, (6 + axis) * STRIDE + at, VECTOR) - 2.0 * U
+        d_high = simd.load(room.hulls, (9 + axis) * STRIDE + at, VECTOR) + 2.0 * U
+        for quarter in range(QUARTERS):
+            a, b = begin + quarter * length, begin + (quarter + 1) * length
+            row = (PARTS_OF_SPAN * axis * QUARTERS + quarter) * VECTOR
+            simd.store(room.registers, row, o_low + simd.minimum(d_low * a, d_low * b))
+            simd.store(room.registers, row + QUARTERS * VECTOR, o_high + simd.maximum(d_high * a, d_high * b))
+            simd.store(room.registers, row + 2 * QUARTERS * VECTOR, d_low)
+            simd.store(room.registers, row + 3 * QUARTERS * VECTOR, d_high)
+            simd.store(room.registers, row + 4 * QUARTERS * VECTOR, d_high * 0.0 + slack)
+
+
+# --- in float64, and how far float32 is from it ----------------------------------------------------------------------------
+
+
+@apart_
+def signed(room, memory, tape, ray, s, f, mask):
+    """f, in the lanes of a mask with the sign that float64 gives at distances s of rays."""
+    places, numbers, found = simd.stack_array(np.int32, 16), simd.stack_array(np.float32, 16), simd.stack_array(np.float32, 16)
+    simd.store(places, 0, ray)
+    simd.store(numbers, 0, s)
+    simd.store(found, 0, f)
+    bits = simd.bits(mask)
+    for first in range(0, VECTOR, LANES):
+        if (bits >> first) & ((1 << LANES) - 1) == 0:
+            continue
+        o, d = exact(room, numbers_of(places, first))
+        at = across.load_row(numbers, first)
+        value = value_at(room, 0, tapes_of(at, tape), memory, lanes.along(o, d, lanes.where(abs(at) < np.inf, at, 0.0)), at == at)
+        size = lanes.maximum(abs(value), 1e-30)
+        across.store_row(found, first, lanes.where(value <= 0.0, -size, size))
+    return simd.select(mask, simd.load(found, 0, VECTOR), f)
+
+
+@helper
+def tapes_of(like: Lane, tape: int) -> Lane:
+    return lanes.int_like(like, tape)
+
+
+@helper
+def numbers_of(places: Any, first: int) -> Lane:
+    return lanes.to_int(across.load_row(places, first))
+
+
+@helper
+def exact(room: Any, ray: Lane) -> tuple[Vec, Vec]:
+    """Starts and ways of rays in float64."""
+    x = room.exact
+    return (x[ray], x[RAYS + ray], x[2 * RAYS + ray]), (x[3 * RAYS + ray], x[4 * RAYS + ray], x[5 * RAYS + ray])
+
+
+@helper
+def error_of(low: Any, high: Any, off: Any) -> Any:
+    """By how much values between bounds may be off, with their own rounding."""
+    return off * 1.01 + 2.0 * U * (abs(low) + abs(high))

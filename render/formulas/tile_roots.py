@@ -1,0 +1,173 @@
+"""Roots of a bundle's rays, each in a bracket of its own: closed in on in float32 side by side, then brought to rounding in float64."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .. import across, lanes, simd
+from ..kernels import apart as apart_
+from ..kernels import helper
+from ..records import Lane, Vec
+from .evaluate import turns_at, value_at
+from .meet import bracketed, dressed
+from .tile_room import OPEN, POINTS, RAYS, VECTOR, U, evaluate, exact, numbers_of, tapes_of
+from .vectors import LANES
+
+MOST_TURNS = 12
+
+
+@helper
+def keep(rows: Any, rays: Any, count: int, mask: Any, a: Any, b: Any, c: Any, d: Any, e: Any, f: Any, off: Any, ray: Any) -> int:
+    """Write lanes of a mask behind the first `count`; how many there are then."""
+    simd.compress_store(rows, count, a, mask)
+    simd.compress_store(rows, OPEN + count, b, mask)
+    simd.compress_store(rows, 2 * OPEN + count, c, mask)
+    simd.compress_store(rows, 3 * OPEN + count, d, mask)
+    simd.compress_store(rows, 4 * OPEN + count, e, mask)
+    simd.compress_store(rows, 5 * OPEN + count, f, mask)
+    simd.compress_store(rows, 8 * OPEN + count, off, mask)
+    return count + simd.compress_store(rays, count, ray, mask)
+
+
+@apart_
+def finished(room, memory, tape, count, start, reach, t, spacing, u, v):
+    """Bring the one root in each bracket to rounding, and write what is met."""
+    rows, registers = room.brackets, room.registers
+    many = (count + VECTOR - 1) // VECTOR
+    for k in range(count, many * VECTOR):  # lanes beyond repeat the last bracket
+        room.bracket_ray[k] = room.bracket_ray[count - 1]
+        for row in range(9):
+            rows[row * OPEN + k] = rows[row * OPEN + count - 1]
+    for k in range(many):
+        ray = simd.load(room.bracket_ray, k * VECTOR, VECTOR)
+        for row in range(6):
+            simd.store(room.packed, row * OPEN + k * VECTOR, room.rays[row * RAYS + ray])
+        for row in range(2):
+            simd.store(rows, (6 + row) * OPEN + k * VECTOR, simd.load(rows, (2 + row) * OPEN + k * VECTOR, VECTOR))
+            simd.store(rows, (9 + row) * OPEN + k * VECTOR, simd.load(rows, row * OPEN + k * VECTOR, VECTOR))
+    enough = 8.0 * U * reach
+    for turn in range(MOST_TURNS):
+        working = False
+        for k in range(many):
+            s = _guess(rows, k * VECTOR, turn)
+            for axis in range(3):
+                o = simd.load(room.packed, axis * OPEN + k * VECTOR, VECTOR)
+                d = simd.load(room.packed, (3 + axis) * OPEN + k * VECTOR, VECTOR)
+                simd.store(registers, (axis * many + k) * VECTOR, simd.fma(d, s, o))
+        evaluate(room, POINTS, tape, many)
+        out = room.tapes[tape, 2] * many
+        for k in range(many):
+            f = simd.load(registers, (out + k) * VECTOR, VECTOR)
+            working = _narrowed(rows, k * VECTOR, turn, f, enough) or working
+        if not working:
+            break
+    for first in range(0, count, LANES):
+        _polished(room, memory, tape, first, count, start, reach, t, spacing, u, v)
+
+
+@helper
+def _guess(rows: Any, at: int, turn: int) -> Any:
+    """Where the line through both ends of a bracket meets 0, or now and then its middle."""
+    a, b = simd.load(rows, at, VECTOR), simd.load(rows, OPEN + at, VECTOR)
+    fa, fb = simd.load(rows, 2 * OPEN + at, VECTOR), simd.load(rows, 3 * OPEN + at, VECTOR)
+    if turn % 6 == 5:
+        return 0.5 * (a + b)
+    share = fa / (fa - fb)
+    share = simd.select((share >= 0.0) & (share <= 1.0), share, 0.5)
+    return simd.minimum(simd.maximum(simd.fma(b - a, share, a), a), b)
+
+
+@helper
+def _narrowed(rows: Any, at: int, turn: int, f: Any, enough: float) -> bool:
+    """Replace one end of a bracket by the guess, by the Illinois method; whether any lane is not there yet.
+
+    Where the value at the guess says nothing any more, the bracket closes on it.
+    """
+    s = _guess(rows, at, turn)
+    a, b = simd.load(rows, at, VECTOR), simd.load(rows, OPEN + at, VECTOR)
+    fa, fb = simd.load(rows, 2 * OPEN + at, VECTOR), simd.load(rows, 3 * OPEN + at, VECTOR)
+    side = simd.load(rows, 5 * OPEN + at, VECTOR)
+    done = (b - a <= enough) | (side == 2.0)
+    there = ~done & ~(abs(f) > 2.0 * simd.load(rows, 8 * OPEN + at, VECTOR))
+    same = (f <= 0.0) == (fa <= 0.0)
+    on_a, on_b = ~done & ~there & same, ~done & ~there & ~same
+    fb = simd.select(on_a & (side > 0.0), 0.5 * fb, fb)
+    fa = simd.select(on_b & (side < 0.0), 0.5 * fa, fa)
+    simd.store(rows, at, simd.select(on_a | there, s, a))
+    simd.store(rows, OPEN + at, simd.select(on_b | there, s, b))
+    simd.store(rows, 2 * OPEN + at, simd.select(on_a, f, fa))
+    simd.store(rows, 3 * OPEN + at, simd.select(on_b, f, fb))
+    side = simd.select(on_a, 1.0, simd.select(on_b, -1.0, side))
+    simd.store(rows, 5 * OPEN + at, simd.select(there, 2.0, side))
+    was_a, was_b = simd.load(rows, 6 * OPEN + at, VECTOR), simd.load(rows, 7 * OPEN + at, VECTOR)
+    slope = (was_b - was_a) / simd.select(b > a, b - a, 1.0)  # that of the last bracket
+    simd.store(rows, 6 * OPEN + at, simd.select(there, slope, simd.select(on_a, f, was_a)))
+    simd.store(rows, 7 * OPEN + at, simd.select(on_b, f, was_b))
+    return simd.any_of(~done & ~there)
+
+
+@apart_
+def _polished(room, memory, tape, first, count, start, reach, t, spacing, u, v):
+    """A step by the bracket's slope and one by the formula's, in float64; bracketing where these do not suffice."""
+    rows = room.brackets
+    ray = numbers_of(room.bracket_ray, first)
+    mask = across.numbered(first) < count
+    o, d = exact(room, ray)
+    a, b = across.load_row(rows, first), across.load_row(rows, OPEN + first)
+    fa, fb = across.load_row(rows, 6 * OPEN + first), across.load_row(rows, 7 * OPEN + first)
+    steep, side = across.load_row(rows, 4 * OPEN + first), across.load_row(rows, 5 * OPEN + first)
+    low, high = room.exact[6 * RAYS + ray], room.exact[7 * RAYS + ray]
+    there = side == 2.0
+    share = fa / (fa - fb)
+    at = lanes.where(there, a, a + (b - a) * lanes.where((share >= 0.0) & (share <= 1.0), share, 0.5))
+    slope = lanes.where(there, fa, (fb - fa) / lanes.where(b > a, b - a, 1.0))
+    tapes = tapes_of(at, tape)
+    f = value_at(room, 0, tapes, memory, lanes.along(o, d, at), mask)
+    slope = lanes.where(abs(slope) >= steep, slope, steep * lanes.sign_of(slope))
+    step = -f / slope
+    far = lanes.minimum(2.0 * abs(f) / steep, 1e-4 * reach)
+    at = at + lanes.clip(step, -far, far)
+    point = lanes.along(o, d, at)
+    value, gx, gy, gz = turns_at(room, 0, tapes, memory, point, mask)
+    slope = gx * d[0] + gy * d[1] + gz * d[2]
+    step = -value / slope
+    begin, end = across.load_row(rows, 9 * OPEN + first), across.load_row(rows, 10 * OPEN + first)
+    good = (abs(slope) >= 0.99 * steep) & (abs(step) <= 1e-5 * reach) & (abs(at + step - 0.5 * (begin + end)) <= 0.5 * (end - begin) + far)
+    if lanes.any_lane(mask & good & (abs(step) > 1e-7 * reach)):
+        at = at + lanes.where(good, step, 0.0)
+        value = value_at(room, 0, tapes, memory, lanes.along(o, d, at), mask)
+        step = -value / slope
+        good = good & (abs(step) <= 1e-9 * reach)
+    at = at + lanes.where(good, step, 0.0)
+    off = abs(value) * 1e-5 + 2.0**-28 * across.load_row(rows, 8 * OPEN + first)
+    bad = mask & lanes.not_(good)
+    if lanes.any_lane(bad):
+        f_begin = value_at(room, 0, tapes, memory, lanes.along(o, d, begin), bad)
+        f_end = value_at(room, 0, tapes, memory, lanes.along(o, d, end), bad)
+        root = bracketed(room, 0, tape + lanes.int_like(at, 0), memory, o, d, begin, end, f_begin, f_end, at * 0.0 + start, reach, bad)
+        at = lanes.where(bad, root, at)
+        value, gx, gy, gz = turns_at(room, 0, tapes, memory, lanes.along(o, d, at), mask)
+        off = lanes.where(bad, abs(value), off)
+    inside = slope > 0.0
+    met(room, ray, at, off, (gx, gy, gz), inside, mask & (at >= low) & (at <= high), start, t, spacing, u, v)
+
+
+@helper
+def met(
+    room: Any, ray: Lane, at: Lane, off: Lane, gradient: Vec, inside: Lane, mask: Lane, start: float, t: Any, spacing: Any, u: Any, v: Any
+) -> None:
+    """Write what rays have met, and let them rest."""
+    way = exact(room, ray)[1]
+    units, first, second = dressed(room, 0, way, gradient, inside, off)
+    size = room.exact[8 * RAYS + ray]
+    distance = (start + at) / size
+    left = across.bits(mask)
+    while left != 0:
+        j = simd.trailing_zeros(left)
+        left &= left - 1
+        one = np.int64(across.lane(ray, j))
+        t[one], spacing[one] = across.lane(distance, j), across.lane(units, j)
+        u[one], v[one] = across.lane(first, j), across.lane(second, j)
+        room.alive[one // VECTOR] &= ~(1 << (one % VECTOR))

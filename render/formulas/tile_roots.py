@@ -16,6 +16,7 @@ from .tile_room import OPEN, POINTS, RAYS, VECTOR, U, evaluate, exact, numbers_o
 from .vectors import LANES
 
 MOST_TURNS = 12
+SHARE = 0.125  # of how far values may be off, below which float32 has no more to say: bounds of that are wide
 
 
 @helper
@@ -90,7 +91,7 @@ def _narrowed(rows: Any, at: int, turn: int, f: Any, enough: float) -> bool:
     fa, fb = simd.load(rows, 2 * OPEN + at, VECTOR), simd.load(rows, 3 * OPEN + at, VECTOR)
     side = simd.load(rows, 5 * OPEN + at, VECTOR)
     done = (b - a <= enough) | (side == 2.0)
-    there = ~done & ~(abs(f) > 2.0 * simd.load(rows, 8 * OPEN + at, VECTOR))
+    there = ~done & ~(abs(f) > SHARE * simd.load(rows, 8 * OPEN + at, VECTOR))
     same = (f <= 0.0) == (fa <= 0.0)
     on_a, on_b = ~done & ~there & same, ~done & ~there & ~same
     fb = simd.select(on_a & (side > 0.0), 0.5 * fb, fb)
@@ -128,7 +129,13 @@ def _polished(room, memory, tape, first, count, start, reach, t, spacing, u, v):
     slope = lanes.where(abs(slope) >= steep, slope, steep * lanes.sign_of(slope))
     step = -f / slope
     far = lanes.minimum(2.0 * abs(f) / steep, 1e-4 * reach)
-    at = at + lanes.clip(step, -far, far)
+    step = lanes.clip(step, -far, far)
+    at = at + step
+    if lanes.any_lane(mask & (abs(step) > 2e-7 * reach)):  # the normal is that of where the gradient is asked for
+        nearer = value_at(room, 0, tapes, memory, lanes.along(o, d, at), mask)
+        secant = (nearer - f) / lanes.where(step == 0.0, 1.0, step)
+        slope = lanes.where((step != 0.0) & (abs(secant) >= steep), secant, slope)
+        at = at - lanes.clip(nearer / slope, -far, far)
     point = lanes.along(o, d, at)
     value, gx, gy, gz = turns_at(room, 0, tapes, memory, point, mask)
     slope = gx * d[0] + gy * d[1] + gz * d[2]

@@ -56,6 +56,8 @@ DOORS = {
     "cli_job.py": "a job loads the stages it comes to",
     "render/draw.py": "a picture loads the backend that draws it",
     "render/prepare.py": "what makes ready for a backend, or for formulas, is loaded where there is a use for it",
+    "render/ray.py": "what paths, or formulas, are drawn with is loaded where there are any",
+    "render/reference.py": "what paths are drawn with is loaded where there are any",
     "compiler/lower.py": "a mesh or a stage inside a scene loads what reads its file",
     "compiler/load.py": "each kind of file has its own front end and libraries",
 }

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..lang.elements import Element
-from . import ir, transforms
+from . import daylight, ir, transforms
 from .rows import NO_SHADOW, Color, Input, InstanceData, LightData, MaterialData
 
 if TYPE_CHECKING:
@@ -96,7 +96,24 @@ def _directional(lowering: Lowering, element: Element, block: np.ndarray) -> Non
 
 
 def _sky(lowering: Lowering, element: Element, block: np.ndarray) -> None:
-    lowering.builder.light(LightData(Kind.SKY, _color(element, element.args["luminance"]), **_common(element)), element.span)
+    args = element.args
+    color = _color(element, args["luminance"])
+    if args["turbidity"] is None:
+        for name in ("sun", "ground"):
+            if name in element.given:
+                lowering.error(element, f"an even sky has no `{name}`", "give it a turbidity, like turbidity: 3, for the sky of a day")
+        lowering.builder.light(LightData(Kind.SKY, color, **_common(element)), element.span)
+        return
+    sun = transforms.unit(block[:3, :3] @ np.array(args["sun"], dtype=np.float64))
+    if sun is None or sun[1] < 0.0:
+        lowering.refuse(element, "the sun of this sky stands below the horizon", "give it a direction that goes up: sun: [1, 0.5, 0.5]")
+        return
+    turbidity, ground = float(args["turbidity"]), tuple(args["ground"])
+    key = ("daylight", turbidity, *sun.tolist(), *ground)
+    builder = lowering.builder
+    image = builder.shared(key, lambda: builder.image(daylight.picture(sun, turbidity, ground), "daylight"))
+    row = builder.transform(np.eye(4), element.span)
+    builder.light(LightData(Kind.DOME, color, transform=row, image=image, **_common(element)), element.span)
 
 
 def _dome(lowering: Lowering, element: Element, block: np.ndarray) -> None:

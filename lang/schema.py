@@ -23,6 +23,7 @@ _LIGHT = (
     Arg("group", "string", None, "its light group: --aov light:NAME shows what the lamps of one bring", keyword=True),
     Arg("name", "string", None, "its name in messages", keyword=True),
 )
+_SKY_LUMINANCE = "nit; of a day's sky what an even one would have that lights level ground as much"
 _SHADOWS = Arg("shadows", "bool", True, "whether things block it", keyword=True)
 _FALLOFF = Arg("falloff", "falloff", None, "how it fades with distance; 1/d² when not given", keyword=True)
 _MAPPING = Arg(
@@ -283,8 +284,16 @@ LIGHTS = (
     Entry(
         "sky",
         "light",
-        "an even sky all around, seen as the background",
-        (Arg("luminance", "luminance", 1.0, "nit", aliases=("radiance",), minimum=0.0, keyword=True), _SHADOWS, *_LIGHT),
+        "a sky all around, seen as the background: even, or, with a turbidity, that of a day (Preetham 1999)",
+        (
+            Arg("luminance", "luminance", 1.0, _SKY_LUMINANCE, aliases=("radiance",), minimum=0.0, keyword=True),
+            Arg("turbidity", "number", None, "haze: 2 is clear, 6 hazy", minimum=1.8, maximum=10.0, keyword=True),
+            Arg("sun", "direction", (1.0, 2.0, 1.5), "where this sky's sun stands, whose own light is a `sun`", keyword=True),
+            Arg("ground", "color", (0.2, 0.2, 0.2), "matt ground below a day's horizon", keyword=True),
+            _SHADOWS,
+            *_LIGHT,
+        ),
+        example="sky(turbidity: 3, sun: [1, 0.5, 0.5])",
     ),
     Entry(
         "dome",

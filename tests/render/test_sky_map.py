@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import maquette
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 from maquette.compiler import load
-from maquette.render import sky_map
+from maquette.render import lights, sky_map
 
 
 def write(path, picture):
@@ -78,3 +79,25 @@ def test_nothing_is_drawn_from_below_the_horizon(sky_of):
     sky = sky_of(bright(), horizon=up)
     u, v = np.random.default_rng(1).random((2, 20_000))
     assert sky_map._sample(sky, u, v)[0][1].min() > -0.2
+
+
+def test_a_tilted_plate_gets_what_a_brute_force_integral_says(tmp_path):
+    """A day's sky of turbidity 3 over a white disk that looks up and aside: ∫ L max(0, n·ω) dω over 400,000 even directions."""
+    path = tmp_path / "a.scene"
+    path.write_text(
+        "sky(turbidity: 3, sun: [1, 0.3, 0.2])\ndisk(1, normal: [1, 1, 0], material: lambert(1))\n"
+        'camera(position: [3, 3, 0], look_at: [0, 0, 0], width: 0.5)\nrender(bounces: 1)\n',
+        encoding="utf-8",
+    )
+    x, y, z = directions(400_000)
+    tables = load.load(path).tables
+    facing = np.maximum((x + y) / np.sqrt(2.0), 0.0)
+    answer = [np.mean(c * facing) * 4.0 for c in lights.background(tables, (x, y, z))[0]]
+    runs = []
+    for seed in range(6):
+        image = maquette.render(path, size=(8, 8), samples=64, seed=seed, filter="box", threads=1)
+        assert image.metadata["issues"] == 0
+        runs.append(image.channels["rgba"][..., :3].astype(float).mean(axis=(0, 1)))
+    error = np.std(runs, axis=0, ddof=1) / np.sqrt(len(runs))
+    assert np.all(error < 0.002 * np.array(answer))
+    assert np.all(np.abs(np.mean(runs, axis=0) - answer) < 4.0 * error + 1e-3 * np.array(answer))

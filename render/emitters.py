@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler import plan as planner
-from . import lanes, light_tree, lights, sky_map
+from . import lanes, light_tree, lights, sky_map, solid
 from .kernels import helper
 from .records import Lane, Tables, Vec
 
@@ -37,6 +37,7 @@ class Emitters(NamedTuple):
     area: NDArray[np.float64]
     color: NDArray[np.float64]  # (n, 3) radiance, or what Lights.color is
     both: NDArray[np.bool_]  # shines to both sides
+    square: NDArray[np.bool_]  # a rectangle whose sides are at right angles
     light: NDArray[np.int32]  # row of Lights, or -1
     shadows: NDArray[np.bool_]
     weighed: NDArray[np.bool_]  # rays that go on may meet it, too: both ways are weighed
@@ -96,7 +97,7 @@ def build(tables: ir.Tables, moves: bool = False, horizon: NDArray[np.float64] |
 def _row(**known: Any) -> dict[str, Any]:
     nothing = np.zeros(3)
     base = {"place": nothing, "side_u": nothing, "side_v": nothing, "normal": np.array([0.0, 1.0, 0.0]), "area": 0.0, "both": False,
-            "light": -1, "shadows": True, "weighed": False}  # fmt: skip
+            "square": False, "light": -1, "shadows": True, "weighed": False}  # fmt: skip
     return base | known
 
 
@@ -121,8 +122,9 @@ def _plate(kind: int, matrix: Any, flips: bool, size: Any, color: Any, both: boo
     stretch = float(np.linalg.norm(face))
     half = (size[0], size[0]) if kind == DISK else (size[0], size[1])
     area = stretch * (math.pi * half[0] ** 2 if kind == DISK else 4.0 * half[0] * half[1])
+    square = kind == RECTANGLE and abs(float(x @ z)) <= 1e-6 * stretch
     return _row(kind=kind, place=matrix[:, 3], side_u=x * half[0], side_v=z * half[1], normal=face / max(stretch, 1e-300), area=area,
-                color=color, both=both, **more)  # fmt: skip
+                color=color, both=both, square=square, **more)  # fmt: skip
 
 
 def _shining(tables: ir.Tables) -> NDArray[np.bool_]:
@@ -163,8 +165,8 @@ def _shape(tables: ir.Tables, i: int) -> list[dict[str, Any]]:
 def _table(tables: ir.Tables, rows: list[dict[str, Any]], first: Any, parts: Any, sky: Any) -> Emitters:
     columns: dict[str, Any] = {}
     shapes: dict[str, Any] = dict.fromkeys(("place", "side_u", "side_v", "normal", "color"), (3,))
-    types: dict[str, Any] = {"kind": np.int32, "light": np.int32, "both": bool, "shadows": bool, "weighed": bool}
-    for name in ("kind", "place", "side_u", "side_v", "normal", "area", "color", "both", "light", "shadows", "weighed"):
+    types: dict[str, Any] = {"kind": np.int32, "light": np.int32, "both": bool, "square": bool, "shadows": bool, "weighed": bool}
+    for name in ("kind", "place", "side_u", "side_v", "normal", "area", "color", "both", "square", "light", "shadows", "weighed"):
         values = [row[name] for row in rows]
         columns[name] = np.array(values, types.get(name, np.float64)).reshape(-1, *shapes.get(name, ()))
     return Emitters(**columns, first=first, parts=parts, tree=_tree(tables, columns), sky=sky)
@@ -210,24 +212,31 @@ def sample(tables: Tables, emitters: Emitters, e: Lane, position: Vec, u: Lane, 
         a, b = _on_plate(kind, u, v)
         side_u = (emitters.side_u[e, 0], emitters.side_u[e, 1], emitters.side_u[e, 2])
         side_v = (emitters.side_v[e, 0], emitters.side_v[e, 1], emitters.side_v[e, 2])
+        wide = emitters.square[e] & solid.is_near(way, emitters.area[e])
+        filled = zero
+        if lanes.any_lane(wide):
+            rect = _rectangle(emitters, e, way)
+            x, y = solid.draw_apart(rect, u, v)
+            a, b, filled = lanes.where(wide, x, a), lanes.where(wide, y, b), rect.solid
         to = lanes.add(way, lanes.add((side_u[0] * a, side_u[1] * a, side_u[2] * a), (side_v[0] * b, side_v[1] * b, side_v[2] * b)))
         squared = lanes.maximum(lanes.dot(to, to), lights.TINY)
         inverse = 1.0 / lanes.sqrt(squared)
         towards = lanes.scale(to, inverse)
         cosine = -lanes.dot(towards, normal)
         cosine = lanes.where(emitters.both[e], lanes.absolute(cosine), lanes.maximum(cosine, 0.0))
-        solid = emitters.area[e] * cosine * inverse * inverse
+        angle = emitters.area[e] * cosine * inverse * inverse
+        angle = lanes.where(wide, lanes.where(cosine > 0.0, filled, 0.0), angle)
         direction = lanes.where3(flat, towards, direction)
         distance = lanes.where(flat, squared * inverse, distance)
-        strength = lanes.where(flat, solid, strength)
-        density = lanes.where(flat, 1.0 / lanes.maximum(solid, lights.TINY), density)
+        strength = lanes.where(flat, angle, strength)
+        density = lanes.where(flat, 1.0 / lanes.maximum(angle, lights.TINY), density)
     round_ = kind == SPHERE
     if lanes.any_lane(round_):
-        towards, reach, solid = lights.to_ball(way, emitters.side_u[e, 0] + zero, u, v)
+        towards, reach, angle = lights.to_ball(way, emitters.side_u[e, 0] + zero, u, v)
         direction = lanes.where3(round_, towards, direction)
         distance = lanes.where(round_, reach, distance)
-        strength = lanes.where(round_, solid, strength)
-        density = lanes.where(round_, 1.0 / solid, density)
+        strength = lanes.where(round_, angle, strength)
+        density = lanes.where(round_, 1.0 / angle, density)
     small = (kind == POINT) | (kind == SPOT)
     if lanes.any_lane(small):
         reach = lanes.length(way)
@@ -272,14 +281,29 @@ def _on_plate(kind: Lane, u: Lane, v: Lane) -> tuple[Lane, Lane]:
 
 
 @helper
+def _rectangle(emitters: Emitters, e: Lane, way: Vec) -> solid.Seen:
+    """A rectangle whose middle is `way` off, by the solid angle that it fills."""
+    zero = 0.0 * way[0]
+    u = (emitters.side_u[e, 0] + zero, emitters.side_u[e, 1] + zero, emitters.side_u[e, 2] + zero)
+    v = (emitters.side_v[e, 0] + zero, emitters.side_v[e, 1] + zero, emitters.side_v[e, 2] + zero)
+    half_u, half_v = lanes.length(u), lanes.length(v)
+    unit_u = lanes.scale(u, 1.0 / lanes.maximum(half_u, lights.TINY))
+    unit_v = lanes.scale(v, 1.0 / lanes.maximum(half_v, lights.TINY))
+    return solid.seen_apart(way, unit_u, unit_v, lanes.maximum(half_u, lights.TINY), lanes.maximum(half_v, lights.TINY))
+
+
+@helper
 def density(emitters: Emitters, e: Lane, origin: Vec, direction: Vec, distance: Lane) -> Lane:
     """How likely `sample` takes this direction from a point, given that it takes emitter e, which is met at a distance."""
     kind = emitters.kind[e]
     cosine = lanes.dot(direction, (emitters.normal[e, 0], emitters.normal[e, 1], emitters.normal[e, 2]))
     found = distance * distance / lanes.maximum(lanes.absolute(cosine) * emitters.area[e], lights.TINY)
     round_ = kind == SPHERE
+    way = lanes.sub((emitters.place[e, 0], emitters.place[e, 1], emitters.place[e, 2]), origin)
     if lanes.any_lane(round_):
-        way = lanes.sub((emitters.place[e, 0], emitters.place[e, 1], emitters.place[e, 2]), origin)
-        solid = 2.0 * math.pi * lights.ball_height(lanes.dot(way, way), emitters.side_u[e, 0])
-        found = lanes.where(round_, 1.0 / solid, found)
+        angle = 2.0 * math.pi * lights.ball_height(lanes.dot(way, way), emitters.side_u[e, 0])
+        found = lanes.where(round_, 1.0 / angle, found)
+    wide = emitters.square[e] & solid.is_near(way, emitters.area[e])
+    if lanes.any_lane(wide):
+        found = lanes.where(wide, 1.0 / _rectangle(emitters, e, way).solid, found)
     return found

@@ -182,11 +182,16 @@ class SceneBuilder:
         for slot, given in material.inputs.items():
             values[slot], images[slot] = list(map(float, given.value)), given.texture
         how = (int(material.model), int(material.shading), bool(material.normalized), float(material.threshold))
-        row = (*how, tuple(map(tuple, values)), tuple(images), max(images) >= 0)
+        parts = material.first, material.second
+        textured = max(images) >= 0 or any(part >= 0 and self._textured(part) for part in parts)
+        row = (*how, tuple(map(tuple, values)), tuple(images), textured, *parts)
         key = ("material", row, material.name)
         if key not in self._known:
             self._known[key] = self._add("materials", row, span, material.name)
         return self._known[key]
+
+    def _textured(self, material: int) -> bool:
+        return bool(self._rows["materials"][material][ir.Materials._fields.index("textured")])
 
     def texture(self, texture: TextureData, span: Span | None = None) -> int:
         """The row of a texture; an equal one is shared."""

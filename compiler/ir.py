@@ -65,6 +65,7 @@ class MaterialModel(IntEnum):
     PRINCIPLED = 6  # UsdPreviewSurface, metallic workflow
     PRINCIPLED_SPECULAR = 7  # the same, specular workflow
     METAL = 8  # microfacets of a metal, whose reflectance SPECULAR and EDGE give
+    BLEND = 9  # WEIGHT of the second of two materials, the rest of the first
 
 
 class Shading(IntEnum):
@@ -94,6 +95,7 @@ class Slot(IntEnum):
     BUMP = 15  # height in metres; a texture's only
     ABSORPTION = 16  # colour, natural logarithm per metre of what glass absorbs; no texture
     PRIORITY = 17  # number: of glass that overlaps other glass the higher one is there; no texture
+    WEIGHT = 18  # number: of a blend's second material
 
 
 SLOTS = len(Slot)
@@ -256,7 +258,9 @@ class Materials(NamedTuple):
     threshold: F64  # (n,) above 0: there where the opacity is at least this, and elsewhere not at all; 0: as much there as it says
     values: F64  # (n, SLOTS, 3) constants; numbers stand in column 0. 1 under a texture
     textures: I32  # (n, SLOTS) row of Textures, whose value multiplies the constant, or -1
-    textured: Bool  # (n,) whether any slot has one
+    textured: Bool  # (n,) whether any slot has one, or a blend's parts have
+    first: I32  # (n,) rows of the materials that a BLEND is of, lower than its own; -1
+    second: I32
 
 
 class Textures(NamedTuple):
@@ -468,6 +472,8 @@ def column_type(table: str, column: str) -> tuple[np.dtype[Any], tuple[int, ...]
         kind: type = np.float64
     elif table == "pools" and column == "values":
         kind = np.float32
+    elif table == "materials" and column == "first":
+        kind = np.int32
     else:
         named = ((np.float64, _FLOAT64), (np.float32, _FLOAT32), (np.int64, _INT64), (np.bool_, _BOOL))
         kind = next((t for t, names in named if column in names), np.int32)

@@ -41,7 +41,10 @@ class Materials:
         return self._rows[key]
 
     def _data(self, element: Element) -> MaterialData:
-        plain = self._plain(element)
+        if element.kind == "blend":
+            plain = self._blend(element)
+        else:
+            plain = self._plain(element)
         plain = replace(plain, inputs={**plain.inputs, **self._maps(element)})
         opacity = self._opacity(element.args["opacity"])
         if opacity == Input.number(1.0):
@@ -99,6 +102,22 @@ class Materials:
             return MaterialData(ir.MaterialModel.LAMBERT, {Slot.AMBIENT: diffuse, Slot.DIFFUSE: diffuse}, shading)
         model = {"phong": ir.MaterialModel.PHONG, "blinn_phong": ir.MaterialModel.BLINN_PHONG}[kind]
         return MaterialData(model, self._course_inputs(args, diffuse), shading, args["normalized"])
+
+    def _blend(self, element: Element) -> MaterialData:
+        """Two materials, the second by the weight; both are there wholly, and lit at each point."""
+        parts = [element.args["first"], element.args["second"]]
+        for part in parts:
+            if part.args["opacity"] != 1.0:
+                message = "a blend's materials have no opacity of their own"
+                self._lowering.error(part, message, "give the blend the opacity")
+            if part.args.get("shading") == "gouraud":
+                message = "light of a blend is computed at points, not at vertices"
+                self._lowering.error(part, message, 'leave out `shading: "gouraud"`')
+        rows = [self.row(part) for part in parts]
+        flat = all(part.args.get("shading") == "flat" for part in parts)
+        shading = ir.Shading.FLAT if flat else ir.Shading.SMOOTH
+        weight = {Slot.WEIGHT: self._number(element.args["weight"])}
+        return MaterialData(ir.MaterialModel.BLEND, weight, shading, first=rows[0], second=rows[1])
 
     def _absorption(self, element: Element) -> Color:
         """What glass absorbs on a metre, natural logarithm: so much that of white light its `inside` is left after `depth`."""

@@ -210,7 +210,7 @@ def _interreflection(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Dec
     diffuse = scene.tables.materials.values[:, ir.Slot.DIFFUSE].max(axis=1, initial=0.0) > 0
     if asked.bounces and done["bounces"].value > 0 and diffuse.any():
         return Decision("interreflection", True, "bounces were asked for: matt surfaces light each other too")
-    if done["bounces"].value > 0 and glossy_materials(scene)[scene.tables.instances.material].any():
+    if done["bounces"].value > 0 and (glossy_materials(scene) & used_materials(scene.tables)).any():
         return Decision("interreflection", True, "glossy surfaces mirror what is around them: light comes from all directions")
     reason = "no bounces were asked for: rays go on at mirrors and glass only" if diffuse.any() else "no material is matt"
     return Decision("interreflection", False, reason)
@@ -483,6 +483,8 @@ def _precision(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]
         why = "some normals are turned by maps"
     elif np.isin(materials.model[used], (ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR, ir.MaterialModel.METAL)).any():
         why = "some highlight is of microfacets"
+    elif (materials.model[used] == ir.MaterialModel.BLEND).any():
+        why = "some material is a blend"
     elif specular_materials(scene)[used].any() or (materials.shading[used] == ir.Shading.GOURAUD).any():
         why = "some material mirrors, refracts or is shaded at vertices"
     if why:
@@ -505,6 +507,17 @@ def specular_materials(scene: ir.Scene) -> np.ndarray:
     slots = m.values[:, [ir.Slot.REFLECTION, ir.Slot.TRANSMISSION]].max(axis=(1, 2), initial=0.0) > 0
     slots |= glossy_materials(scene)
     return slots | np.isin(m.model, (ir.MaterialModel.MIRROR, ir.MaterialModel.GLASS))
+
+
+def used_materials(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: those that things are made of, parts of blends among them."""
+    m = tables.materials
+    found = np.zeros(len(m.model), bool)
+    found[tables.instances.material] = True
+    for row in np.flatnonzero(m.model == ir.MaterialModel.BLEND)[::-1]:  # parts have lower rows than their blends
+        if found[row]:
+            found[[m.first[row], m.second[row]]] = True
+    return found
 
 
 def glossy_materials(scene: ir.Scene) -> np.ndarray:

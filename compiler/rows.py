@@ -81,6 +81,8 @@ class MaterialData:
     normalized: bool = False
     name: str = ""
     threshold: float = 0.0  # see ir.Materials
+    first: int = -1  # rows of a BLEND's materials
+    second: int = -1
 
 
 @dataclass(frozen=True, slots=True)

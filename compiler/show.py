@@ -35,7 +35,7 @@ _QUIET = {  # columns left out where they have this value: what a plain row has
     "geometries": {"origin": 0, "first_vertex": 0, "vertex_count": 0, "first_triangle": 0, "triangle_count": 0, "first_polygon": 0,
                    "polygon_count": 0, "normals": -1, "uvs": -1, "colors": -1, "tape": -1},
     "instances": {"transform": 0, "light": -1, "visible": 7},
-    "materials": {"shading": 0, "normalized": 0, "threshold": 0},
+    "materials": {"shading": 0, "normalized": 0, "threshold": 0, "first": -1, "second": -1},
     "textures": {"mapping": 0, "wrap_u": 0, "wrap_v": 0, "nearest": 0, "image": -1, "tape": -1, "channel": -1, "size": 0, "gain": 1,
                  "bias": 0, "frame": ((1, 0, 0), (0, 1, 0))},
     "lights": {"position": 0, "direction": (0, 1, 0), "transform": 0, "size": 0, "cos_cone": -1, "cos_full": -1, "angle": 0, "falloff": 0,
@@ -45,7 +45,10 @@ _QUIET = {  # columns left out where they have this value: what a plain row has
     "transforms": {"flips": 0, "first_key": -1, "keys": 0},
 }  # fmt: skip
 
-_NUMBERS = {ir.Slot.SHININESS, ir.Slot.IOR, ir.Slot.OPACITY, ir.Slot.ROUGHNESS, ir.Slot.METALLIC, ir.Slot.COAT, ir.Slot.COAT_ROUGHNESS}
+_NUMBERS = {
+    ir.Slot.SHININESS, ir.Slot.IOR, ir.Slot.OPACITY, ir.Slot.ROUGHNESS, ir.Slot.METALLIC, ir.Slot.COAT, ir.Slot.COAT_ROUGHNESS,
+    ir.Slot.BUMP, ir.Slot.PRIORITY, ir.Slot.WEIGHT,
+}  # fmt: skip
 
 
 def text(scene: ir.Scene) -> str:

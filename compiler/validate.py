@@ -300,7 +300,10 @@ def _shapes(check: Check) -> None:
 
 def _materials(check: Check) -> None:
     table = check.tables["materials"]
-    check.bad("materials", (table["values"] < 0).any(axis=(1, 2)), "it has a negative coefficient")
+    check.bad("materials", (np.delete(table["values"], ir.Slot.BUMP, axis=1) < 0).any(axis=(1, 2)), "it has a negative coefficient")
+    blend, own = table["model"] == ir.MaterialModel.BLEND, np.arange(len(table["model"]))
+    for part in ("first", "second"):
+        check.bad("materials", blend & ((table[part] < 0) | (table[part] >= own)), "its parts are not rows before it")
     check.bad("materials", ~(table["values"][:, ir.Slot.IOR, 0] > 0), "its index of refraction is not above 0")
     textures = check.tables["textures"]
     pictureless = (textures["kind"] == ir.TextureKind.IMAGE) & (textures["image"] < 0)

@@ -127,5 +127,16 @@ MATERIALS = (
         ),
         example='sphere(1, material: metal("gold", roughness: 0.2))',
     ),
-    Entry("blend", "material", "not built yet", planned=True),
+    Entry(
+        "blend",
+        "material",
+        "two materials, one here and the other there, or both in part",
+        (
+            Arg("first", "material", REQUIRED, "what is there where the weight is 0"),
+            Arg("second", "material", REQUIRED, "what is there where the weight is 1"),
+            Arg("weight", "number_map", 0.5, "how much of the second there is", minimum=0.0, maximum=1.0),
+            *_OPACITY,
+        ),
+        example='sphere(1, material: blend(metal("copper"), lambert(#5a9a80), pattern(|x, y, z| smoothstep(-0.2, 0.2, y))))',
+    ),
 )

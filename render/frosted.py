@@ -16,6 +16,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
+from ..compiler import plan as planner
 from . import lanes, microfacet
 from .handles import HandleType
 from .inputs import number_of
@@ -60,7 +61,7 @@ def tables_of(tables: ir.Tables) -> Tabled | Clear:
     """What kernels read of a scene's rough glass."""
     m = tables.materials
     rough = (m.model == GLASS) & ((m.values[:, ROUGHNESS, 0] > 0.0) | (m.textures[:, ROUGHNESS] >= 0))
-    if not rough[tables.instances.material].any():
+    if not (rough & planner.used_materials(tables)).any():
         return Clear()
     indices, of = np.unique(np.where(rough, m.values[:, IOR, 0], 1.5), return_inverse=True)
     made = [_table(float(index)) for index in indices]

@@ -14,7 +14,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import across, aside, lanes, lights, materials, media, microfacet, opacity, placed, sampler, surface, tilt, trace
+from . import across, aside, blends, lanes, lights, materials, media, microfacet, opacity, placed, sampler, surface, tilt, trace
 from .handles import Handle
 from .kernels import HELPER, helper
 from .links import FLOAT, INT, VEC, Linked
@@ -31,6 +31,7 @@ STRAIGHT_RAY = 2.0  # has met nothing but passages of index 1: still the camera'
 BRANCHES = 3  # rays a surface sends on at the most: reflected, refracted, diffuse
 MIN_WEIGHT = 1e-4  # rays that could add less than this share are not followed: the error stays below it for each ray cut
 _KEYS = 0x7FFFFFFF
+_BLEND = 4094  # of a surface's random dimensions, that which chooses among the parts of a blend
 _LIGHTS = 2048  # a surface's random dimensions: two a light, before them one for its diffuse ray
 
 
@@ -43,6 +44,14 @@ def stack_for(options: Options, count: int = 1) -> NDArray[np.float64]:
 def _room(bounces: Lane) -> Lane:
     """How many rays wait at the most where one has so many bounces left."""
     return (BRANCHES - 1) * (bounces + 1) + 1
+
+
+@helper
+def _drawn_part(tables: Tables, point: Surface, pixel: Lane, sample: Lane, key: Lane, seed: int) -> Surface:
+    return blends.part(tables, point, sampler.pair(pixel, sample, key * _LIGHTS * 2 + _BLEND, seed)[0])
+
+
+_part = blends.if_blended(_drawn_part)
 
 
 def radiance(
@@ -76,7 +85,8 @@ def radiance(
         while lanes.any_lane(rest):
             instance, here = across.together(hit.instance, rest)
             meeting = Hit(hit.t, instance, hit.primitive, hit.u, hit.v)
-            point = tilt.tilted(tables, surface.at(tables, ray, meeting), meeting, ray.direction)
+            point = _part(tables, surface.at(tables, ray, meeting), pixel, sample, key, options.seed)
+            point = tilt.tilted(tables, point, meeting, ray.direction)
             shader = materials.within(tables, point, inside)
             viewer = lanes.negate(ray.direction)
             specular = kind >= SPECULAR_RAY

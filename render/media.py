@@ -17,6 +17,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
+from ..compiler import plan as planner
 from . import lanes
 from .handles import HandleType
 from .kernels import HELPER, helper
@@ -47,8 +48,7 @@ def media(tables: ir.Tables) -> Media | Air:
     """What kernels read of a scene's media. Beyond MASK of them, those of the lowest priority are air."""
     values = tables.materials.values
     glass = tables.materials.model == GLASS
-    used = np.zeros(len(glass), bool)
-    used[tables.instances.material] = True
+    used = planner.used_materials(tables)
     special = (values[:, ABSORPTION].max(axis=1, initial=0.0) > 0.0) | (values[:, PRIORITY, 0] > 0.0)
     if not (glass & used & special).any():
         return Air()

@@ -16,6 +16,7 @@ from numba.extending import overload
 from ..compiler import ir
 from ..compiler import plan as planner
 from . import (
+    blends,
     emitters,
     frosted,
     integrate,
@@ -249,6 +250,14 @@ def connect(
 
 
 @helper
+def _drawn_part(tables: Tables, point: Surface, pixel: Lane, sample: Lane, depth: int, seed: int) -> Surface:
+    return blends.part(tables, point, numbers(pixel, sample, depth, 3, seed)[1])
+
+
+_part = blends.if_blended(_drawn_part)
+
+
+@helper
 def arrive(
     tables: Tables, light: Light, options: Options, path: Path, hit: Hit, point: Surface, here: Lane,
     pixel: Lane, sample: Lane, depth: int,
@@ -262,7 +271,7 @@ def arrive(
     uses = light.uses
     faded = media.faded(path.inside, path.weight, tables, hit.t)
     path = Path(path.origin, path.direction, faded, path.density, path.straight, path.inside)
-    point = tilt.tilted(tables, point, hit, path.direction)
+    point = tilt.tilted(tables, _part(tables, point, pixel, sample, depth, options.seed), hit, path.direction)
     shader = materials.looked_up(tables, point, uses, path.inside)
     viewer = lanes.negate(path.direction)
     sent = (zero, zero, zero)

@@ -14,7 +14,8 @@ import numpy as np
 from numba.extending import overload
 
 from ..compiler import ir
-from . import albedo, frosted, lanes, media, microfacet, tilt
+from ..compiler import plan as planner
+from . import albedo, blends, frosted, lanes, media, microfacet, tilt
 from .handles import HandleType
 from .inputs import color_of, number_of
 from .kernels import HELPER, helper
@@ -43,10 +44,13 @@ class Layered(NamedTuple):
     values: Any
     textures: Any
     textured: Any
+    first: Any
+    second: Any
     albedo: Any  # albedo.Albedo, or Smooth
     tangents: Any  # tilt.Tangents, or tilt.Untilted
     frosted: Any  # frosted.Tabled, or frosted.Clear
     media: Any  # media.Media, or media.Air
+    blended: Any  # blends.Blended, or blends.Plain
 
 
 class Smooth(NamedTuple):
@@ -54,10 +58,13 @@ class Smooth(NamedTuple):
 
 
 def tables_for(tables: ir.Tables) -> ir.Tables:
-    """The same tables, or with `Layered` materials where some thing has microfacets, a map of normals or heights, or a medium inside."""
-    facets = bool(np.isin(tables.materials.model[tables.instances.material], MODELS).any())
-    parts = (albedo.table() if facets else Smooth(), tilt.tangents(tables), frosted.tables_of(tables), media.media(tables))
-    if all(isinstance(part, Smooth | tilt.Untilted | frosted.Clear | media.Air) for part in parts):
+    """The same tables, or with `Layered` materials where a thing has microfacets, a map of normals or heights, a medium or a blend."""
+    facets = bool((np.isin(tables.materials.model, MODELS) & planner.used_materials(tables)).any())
+    parts = (
+        albedo.table() if facets else Smooth(), tilt.tangents(tables), frosted.tables_of(tables), media.media(tables),
+        blends.blended(tables),
+    )  # fmt: skip
+    if all(isinstance(part, Smooth | tilt.Untilted | frosted.Clear | media.Air | blends.Plain) for part in parts):
         return tables
     return tables._replace(materials=Layered(*tables.materials, *parts))  # pyright: ignore[reportArgumentType]
 

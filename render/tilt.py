@@ -19,7 +19,8 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import lanes, placed, shapes, surface, textures
+from ..compiler import plan as planner
+from . import blends, lanes, placed, shapes, surface, textures
 from .handles import HandleType
 from .inputs import color_of
 from .kernels import HELPER, apart, helper
@@ -47,11 +48,12 @@ class Tangents(NamedTuple):
 def tangents(tables: ir.Tables) -> Tangents | Untilted:
     """What kernels read of a scene's normal and bump maps."""
     maps = tables.materials.textures[:, [NORMAL, BUMP]]
-    used = tables.instances.material
-    if not (maps[used] >= 0).any():
+    if not (maps[planner.used_materials(tables)] >= 0).any():
         return Untilted()
+    used = tables.instances.material
+    blended = tables.materials.model == blends.BLEND
     kinds, uvs = tables.geometries.kind, tables.geometries.uvs
-    turned = np.unique(tables.instances.geometry[maps[used, 0] >= 0])
+    turned = np.unique(tables.instances.geometry[(maps[used, 0] >= 0) | blended[used]])
     first, found, count = np.full(len(kinds), -1, np.int64), [np.zeros((0, 4), np.float32)], 0
     for g in turned[(kinds[turned] == MESH) & (uvs[turned] >= 0)].tolist():
         flat = (tables.materials.shading[used[tables.instances.geometry == g]] == FLAT).all()

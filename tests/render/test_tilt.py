@@ -139,5 +139,5 @@ def test_scenes_without_maps_keep_their_tables():
     tables = make.scene([(K.SPHERE, (1,), make.matrix(), 0)])
     assert principled.tables_for(tables) is tables
     assert isinstance(tilt.tangents(tables), tilt.Untilted)
-    assert principled.Layered._fields[:-4] == ir.Materials._fields
+    assert principled.Layered._fields[:-5] == ir.Materials._fields
     assert records.Tables is ir.Tables

@@ -81,6 +81,7 @@ class Finishes:
         model = ir.MaterialModel(int(m.model[material]))
         if m.shading[material] == ir.Shading.GOURAUD:
             out.cannot("light at vertices (gouraud) is not carried: POV-Ray shades at every point", "materials", material)
+        self._check(material, model)
         for slot in ir.Slot:
             if m.textures[material, slot] >= 0 and slot != self._slot(material) and slot != ir.Slot.AMBIENT:
                 out.cannot(f"a texture of {slot.name.lower()} is not carried", "materials", material)
@@ -91,6 +92,20 @@ class Finishes:
         if model == ir.MaterialModel.EMISSIVE:
             return Look("finish { ambient 0 diffuse 0 emission 1 }", [], False)
         return Look(self._opaque(material, model, instance), [], False)
+
+    def _check(self, material: int, model: ir.MaterialModel) -> None:
+        """What POV-Ray has no microfacets for."""
+        names = {
+            ir.MaterialModel.PRINCIPLED: "principled", ir.MaterialModel.PRINCIPLED_SPECULAR: "principled", ir.MaterialModel.METAL: "metal",
+            ir.MaterialModel.BLEND: "blend",
+        }  # fmt: skip
+        if model in names:
+            what = {"blend": "POV-Ray gets its colour alone"}.get(names[model], "POV-Ray has no microfacets: its colour alone is")
+            self.out.cannot(f"`{names[model]}` is not carried: {what}", "materials", material, "lambert(…), phong(…) or mirror(…)")
+        if model == ir.MaterialModel.GLASS and self._value(material, ir.Slot.ROUGHNESS)[0] > 0:
+            self.out.cannot("roughness of glass is not carried", "materials", material)
+        if model == ir.MaterialModel.GLASS and self._value(material, ir.Slot.ABSORPTION).max() > 0:
+            self.out.cannot("what glass absorbs inside is not carried", "materials", material)
 
     def _opaque(self, material: int, model: ir.MaterialModel, instance: int) -> str:
         matt = 0 if model == ir.MaterialModel.MIRROR else 1

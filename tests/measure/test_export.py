@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from maquette.cli import cli
-from maquette.compiler import export, export_mitsuba, export_mitsuba_lights, export_mitsuba_materials, export_mitsuba_shapes, export_povray
+from maquette.compiler import (
+    export,
+    export_mitsuba,
+    export_mitsuba_lights,
+    export_mitsuba_materials,
+    export_mitsuba_shapes,
+    export_povray,
+    metals,
+)
 from maquette.compiler import export_povray_shapes as povray_shapes
 from maquette.measure import peers
 from maquette.render import meshed
@@ -188,6 +196,9 @@ def test_a_pattern_lies_where_its_matrix_says() -> None:
             "3:21: a highlight's colour is not carried: POV-Ray's has the light's",
         ),
         ("povray", "sphere(1, material: phong(#808080, normalized: true))", "3:21: a normalized highlight is not carried"),
+        ("povray", 'sphere(1, material: metal("gold"))', "3:21: `metal` is not carried: POV-Ray has no microfacets: its colour alone is"),
+        ("mitsuba", 'sphere(1, material: metal("gold", roughness: 0.5))',
+            "3:21: light that bounces between facets is not carried: what is rough is darker in Mitsuba"),
         ("povray", "sphere(1, material: phong(#808080, transmission: 0.5))", "3:21: k_t is not carried: in POV-Ray it weakens k_d"),
     ],
 )  # fmt: skip
@@ -195,6 +206,23 @@ def test_what_is_not_carried_is_said_with_its_place(name: str, line: str, said: 
     text = f"render(size: [8, 4])\ncamera(position: [0, 1, 4], look_at: [0, 1, 0])\n{line}\n"
     (peer,) = peers.find([name])
     assert f"{tmp_path / 'scene.scene'}:{said}" in peer.express(*scenes.compiled(tmp_path, text))
+
+
+def test_metals_keep_what_they_reflect_along_the_normal_and_at_grazing_angles() -> None:
+    """Indices for Mitsuba's conductor, from the two reflectances of a row: the measured metals' own come out again, nearly."""
+    for name in ("gold", "copper", "titanium"):
+        f0, edge = (np.array(c) for c in metals.reflectance(name))
+        n, k = export_mitsuba_materials.indices_of(f0, edge)
+        assert metals.conductor(n, k, 1.0) == pytest.approx(np.minimum(f0, 0.9999), abs=1e-9)
+        schlick = (f0 + (1 - f0) * (1 - metals.LOWEST) ** 5) * edge
+        assert metals.conductor(n, k, metals.LOWEST) == pytest.approx(schlick, abs=0.02)
+
+
+def test_microfacets_and_blends_are_written(tmp_path: Path) -> None:
+    text = 'sphere(1, material: blend(metal("gold", roughness: 0.2), glass(roughness: 0.1), 0.25))'
+    found = written("mitsuba", tmp_path, SMALL.replace("mirror(rgb(0.5, 0.75, 1))", text.split("material: ", 1)[1][:-1]))
+    for part in ('<bsdf type="blendbsdf"', '<float name="weight" value="0.25"/>', "roughconductor", "roughdielectric", 'value="0.04"'):
+        assert part in found.text, part
 
 
 def test_what_the_plan_asks_is_said(tmp_path: Path) -> None:

@@ -31,6 +31,7 @@ REST = "rest"  # the light group of what names none
 
 TRANSPORTS = ("paths", "tree")
 NOISES = ("blue", "white")
+WEIGHINGS = ("power", "balance", "lights", "surfaces")  # as in render/paths.py
 PRECISIONS = ("float32", "float64")
 FLOAT32_RATIO = 5000.0  # of the largest coordinate over the smallest thing, up to which single precision does
 
@@ -233,6 +234,13 @@ def _path_precision(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Deci
     if ratio <= FLOAT32_RATIO:
         return Decision("precision", "float32", f"{figures}; rays start 2e-6 of their coordinates off a surface", PRECISIONS)
     return Decision("precision", "float64", f"{figures}; more than {FLOAT32_RATIO:g}, too much for float32", PRECISIONS)
+
+
+def _weighing(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    if done["transport"].value != "paths":
+        return Decision("weighing", "power", "no path finds light in two ways", WEIGHINGS[:1])
+    reason = "light is looked for, and found by chance: the likelier way counts more (`lights`, `surfaces`: one way alone)"
+    return Decision("weighing", "power", reason, WEIGHINGS)
 
 
 def _extents(scene: ir.Scene) -> tuple[float, float]:
@@ -494,7 +502,7 @@ def _precision(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]
 
 
 RULES: tuple[Callable[[ir.Scene, ir.Settings, Mapping[str, Decision]], Decision], ...] = (
-    _backend, _camera, _lens, _size, _crop, _soft, _bounces, _interreflection, _transport, _path_precision,
+    _backend, _camera, _lens, _size, _crop, _soft, _bounces, _interreflection, _transport, _weighing, _path_precision,
     _shadows, _error, _budget, _samples, _filter, _noise, _seed,
     _background, _exposure, _view, _aov, _denoise, _threads, _accelerator, _horizon, _opacity, _motion, _tolerance,
     _fill, _shading, _precision,

@@ -47,6 +47,8 @@ LAYERS = 1 << 20  # first dimension of those that let paths pass what is not who
 SPREAD = 3  # surfaces of a path whose numbers are Sobol points; beyond them good spread gains nothing
 END_FROM = 3  # surfaces before a path may end by chance
 MOST_GOING = 0.95  # of the paths that go on, however bright
+WEIGHINGS = ("power", "balance", "lights", "surfaces")  # of the two ways to light: by one of Veach's heuristics, or one way alone
+BALANCE, LIGHTS_ALONE, SURFACES_ALONE = 1, 2, 3
 LIT = 1e-18  # density of a direction from where light was computed at vertices: all that looking for light finds has been found
 
 
@@ -81,6 +83,7 @@ class Light(NamedTuple):
     emitters: Emitters
     uses: Uses
     vertices: Any = NoVertices()  # or GouraudLight
+    weighing: int = 0  # one of WEIGHINGS
 
 
 def uses_of(tables: ir.Tables) -> Uses:
@@ -178,23 +181,25 @@ def shine(
         lit = lit & (tables.instances.light[instance] >= 0)
     share = zero + 1.0
     if len(table.kind) == 1:
-        share, dark = _weighed(table, 0, path, point, hit.t)
+        share, dark = _weighed(table, 0, path, point, hit.t, light.weighing)
         share, lit = lanes.where(among, share, 1.0), lit & lanes.not_(among & dark)
     elif len(table.kind) > 1:
         row = lanes.where(among, row + lanes.where(among, hit.primitive - table.parts[instance], 0), 0)
-        share, dark = _weighed_each(table, row, path, point, hit.t)
+        share, dark = _weighed_each(table, row, path, point, hit.t, light.weighing)
         share, lit = lanes.where(among, share, 1.0), lit & lanes.not_(among & dark)
     return lanes.where3(lit, lanes.scale(lanes.mul(path.weight, shader.emission), share), (zero, zero, zero))
 
 
 @helper
-def _weighed(table: Emitters, row: Lane, path: Path, point: Surface, t: Lane) -> tuple[Lane, Lane]:
+def _weighed(table: Emitters, row: Lane, path: Path, point: Surface, t: Lane, weighing: int) -> tuple[Lane, Lane]:
     """(what counts of an emitter that a path met by chance, whether it met the side that does not shine)."""
     found = emitters.density(table, row, path.origin, path.direction, t)
     if len(table.kind) > 1:
         found = found * light_tree.chance(table.tree, row, path.origin)
     only = lanes.where(path.density >= ONLY, lanes.full_like(t, 1.0), 0.0)
-    return lanes.where(table.weighed[row], power(path.density, found), only), lanes.not_(table.both[row] | point.front)
+    share = lanes.where(path.density <= LIT * 8.0, 0.0, weight(path.density, found, weighing, SURFACES_ALONE))
+    share = lanes.where(path.density >= ONLY, 1.0, share)
+    return lanes.where(table.weighed[row], share, only), lanes.not_(table.both[row] | point.front)
 
 
 _weighed_each = apart(_weighed)
@@ -205,6 +210,16 @@ def power(one: Lane, other: Lane) -> Lane:
     """The power heuristic's weight of the way whose density is `one`."""
     ratio = other / one
     return 1.0 / (1.0 + ratio * ratio)
+
+
+@helper
+def weight(one: Lane, other: Lane, weighing: int, alone: int) -> Lane:
+    """The weight of the way to light whose density is `one`; it counts in full where it is `alone`."""
+    if weighing == 0:
+        return power(one, other)
+    if weighing == BALANCE:
+        return 1.0 / (1.0 + other / one)
+    return lanes.full_like(one, 1.0 if weighing == alone else 0.0)
 
 
 _sample_each, _choose = apart(emitters.sample), apart(light_tree.choose)
@@ -239,7 +254,7 @@ def connect(
     share, density = materials.share_of(shader, light.uses, point.normal, arriving.direction, viewer)
     factor = 1.0 / (math.pi * chance)
     met_too = weighed & lanes.not_(last | lit)
-    factor = factor * lanes.where(met_too, power(arriving.density * chance, density), 1.0)
+    factor = factor * lanes.where(met_too, weight(arriving.density * chance, density, light.weighing, LIGHTS_ALONE), 1.0)
     given = lanes.scale(lanes.mul(lanes.mul(path.weight, share), arriving.light), factor)
     given = media.faded(media.crossed(path.inside, None, tables, point, arriving.direction), given, tables, arriving.distance)
     origin = surface.leave(point, arriving.direction)

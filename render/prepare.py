@@ -107,7 +107,8 @@ def _light(tables: ir.Tables, plan: Plan, packed: Any, accel: Any, frame: Any) -
     vertices: Any = paths.NoVertices()
     if (tables.materials.shading[tables.instances.material] == ir.Shading.GOURAUD).any():
         vertices = gouraud.vertex_light(tables, packed, trees(tables, plan) if accel is None else accel, frame)
-    return paths.Light(emitters.build(tables, plan["motion"], horizon), paths.uses_of(tables), vertices)
+    weighing = paths.WEIGHINGS.index(plan["weighing"])
+    return paths.Light(emitters.build(tables, plan["motion"], horizon), paths.uses_of(tables), vertices, weighing)
 
 
 def _as(nest: Any, kind: type) -> Any:

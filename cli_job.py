@@ -149,6 +149,7 @@ class Job:
             seconds[name] = seconds.get(name, 0.0) + value
         self._say(Diagnostic("note", message, span_of(scene, table, row)) for message, table, row in image.metadata["notes"])
         self._say(unproved(image.metadata["unproved"]))
+        self._say(left_out(image.metadata["issues"]))
         partial = bool(image.metadata.get("partial"))
         if partial:
             path = path.with_name(f"{path.stem}.partial.exr")
@@ -284,6 +285,15 @@ def _summary(path: Path, figures: Mapping[str, Any]) -> str:
     error = f", √relMSE {figures['error']:.2%}{before}" if figures["error"] is not None else ""
     total = sum(figures["seconds"].values())
     return f"{path}: {width}x{height}, {figures['backend']}, {figures['samples']:g} samples a pixel{error}, {total:.2f} s"
+
+
+def left_out(samples: int) -> list[Diagnostic]:
+    """What is said of samples whose light was infinite or no number."""
+    if not samples:
+        return []
+    are = "the light of 1 sample was" if samples == 1 else f"the light of {samples:,} samples was"
+    message = f"{are} infinite or no number, and left out of the picture"
+    return [Diagnostic("warning", message, None, "some strength or size is too large")]
 
 
 def unproved(rays: int) -> list[Diagnostic]:

@@ -17,7 +17,8 @@ DEFAULT_SIZE = (800, 600)
 DEFAULT_WIDTH = 960  # for cameras that bring a film's aspect, as usdrecord does
 SAMPLES_SHARP = 16  # antialiasing alone
 SAMPLES_SOFT = 64  # antialiasing and lights that have an extent
-MAX_SAMPLES = 4096  # where an adaptive render gives up
+MAX_SAMPLES = 4096  # where a render gives up that looks for an error
+ENDLESS_SAMPLES = 1 << 20  # and one that spends a budget
 SPECULAR_BOUNCES = 8
 POLISHED = 0.3  # roughness below which the highlight of what is no metal mirrors things that can be told
 RASTER_MOMENTS = 16  # at which the raster backend draws what moves
@@ -278,8 +279,10 @@ def _budget(scene: ir.Scene, asked: ir.Settings, _: Mapping[str, Decision]) -> D
 def _samples(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
     if asked.samples is not None:
         return Decision("samples", asked.samples, "asked for", fixed="--samples")
-    if done["error"].value > 0 or math.isfinite(done["budget"].value):
+    if done["error"].value > 0:
         return Decision("samples", MAX_SAMPLES, "at the most; the error or the budget ends it", fixed="--samples")
+    if math.isfinite(done["budget"].value):
+        return Decision("samples", ENDLESS_SAMPLES, "at the most; the budget ends it", fixed="--samples")
     if done["soft lights"].value or done["interreflection"].value:
         return Decision("samples", SAMPLES_SOFT, "soft light needs more than antialiasing does", fixed="--samples")
     return Decision("samples", SAMPLES_SHARP, "antialiasing; light is exact at each sample", fixed="--samples")

@@ -124,10 +124,12 @@ class Decline:
     made to complete each other, (m₁ - m₂)² / 4 has the mean V(n) - V(2n), not V(2n). With V falling as n⁻ᵖ the first is 2ᵖ - 1 times the
     second. p is 1 for independent samples, 3/2 across an edge; successive doublings of the same pixels show which, and each level of
     samples shows its own: the pixels that get most are those where nets help least. It is told from pixels that were chosen by what their
-    neighbours said (see `smoothed`), else chance alone would make it large.
+    neighbours said (see `smoothed`), else chance alone would make it large; and as pixels with a stray bright sample are chosen for what
+    they say themselves, and fall to a quarter whatever the samples are, half of what is seen beyond 1 is believed.
     """
 
     STEEPEST = 1.5
+    BELIEVED = 0.5
     LEVELS = 32  # of numbers of samples, an octave each
 
     def __init__(self) -> None:
@@ -142,7 +144,7 @@ class Decline:
         before, after = np.sum([self._shown[tile] for tile in sorted(self._shown)], axis=0).T
         known = (after > 0.0) & (before > after)
         slope = np.log2(np.divide(before, after, out=np.ones_like(before), where=known), where=known, out=np.ones_like(before))
-        return 1.0 / (2.0 ** np.clip(slope, 1.0, self.STEEPEST) - 1.0)
+        return 1.0 / (2.0 ** (1.0 + self.BELIEVED * (np.clip(slope, 1.0, self.STEEPEST) - 1.0)) - 1.0)
 
 
 def excess(relative: Map, error: float) -> float:

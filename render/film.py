@@ -244,7 +244,7 @@ class _Canvas:
         self.value = np.zeros((self.height, self.width, 3), np.float32)  # what errors are a share of
         self.samples = np.zeros((self.height, self.width), np.int64)
         self.decline = adaptive.Decline()
-        self.least = 1.0  # ε²
+        self.least = 0.0  # ε², once something is known
         self.tiles = tiles(self.crop)
         self.issues = dict.fromkeys(self.tiles, 0)
         self.drawn = dict.fromkeys(self.tiles, 0)  # samples of all pixels
@@ -253,11 +253,11 @@ class _Canvas:
 
     def fixed(self) -> None:
         """The same number of samples for every pixel; sums live only while their tile is drawn."""
-        half = -(-self.most // 2)
+        goals = dict.fromkeys(-(-self.most // share) for share in (4, 2, 1))  # each doubling tells of the error, and two how it falls
 
         def draw(tile: Tile) -> None:
             part = _Sums.of(tile.y1 - tile.y0, tile.x1 - tile.x0)
-            for goal in dict.fromkeys((half, self.most)):
+            for goal in goals:
                 self._draw(tile, part, np.full(part.samples.shape, goal))
             self._extras(tile)
 
@@ -359,7 +359,7 @@ class _Canvas:
         luminance = float(mean[:3] @ metrics.LUMINANCE)
         self.least = max((metrics.EPSILON * luminance) ** 2, float(np.finfo(np.float64).tiny))
         out = np.empty(self.samples.shape)
-        sums.relative_error(self.variance, self.value, self.samples, self.decline.shares(), self.least, out)
+        sums.relative_error(self.variance, self.value, rgba, self.samples, self.decline.shares(), self.least, out)
         return out
 
     def _work(self, draw: Callable[[Tile], None], jobs: Iterable[Tile], fraction: Callable[[], float]) -> None:
@@ -396,7 +396,7 @@ class _Canvas:
         about: dict[str, Any] = {
             "size": (view.width, view.height), "crop": self.crop, "samples": int(self.samples.max()),
             "samples_mean": rays / self.samples.size, "error": error, "partial": partial,
-            "variance": self.variance if self.most > 1 else None, "counts": self.samples,
+            "variance": self.variance if self.most > 1 else None,
             "rays": rays, "issues": sum(self.issues.values()), "threads": self.threads,
         }  # fmt: skip
         return image.Image(self.width, self.height, self.channels, about)

@@ -35,6 +35,7 @@ class Renderer:
         others = {name for name in of if name not in chosen}
         parts = [(name, {name}) for name in named] + ([("", others)] if others else [])
         self.parts = [(name, make(*lit_by(scene, plan, lamps))) for name, lamps in parts]
+        self.count = np.zeros((y1 - self.y0, x1 - self.x0), np.int64)
         self.light = {name: np.zeros((y1 - self.y0, x1 - self.x0, 3)) for name in (*chosen, "")}
         if not self.parts:
             self.parts = [("", make(scene, plan))]
@@ -43,6 +44,7 @@ class Renderer:
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
         """Add samples to the film, and to what each group has."""
         window = slice(tile.y0 - self.y0, tile.y1 - self.y0), slice(tile.x0 - self.x0, tile.x1 - self.x0)
+        self.count[window] += count
         for k, (name, renderer) in enumerate(self.parts):
             own = Film(np.zeros_like(film.color), np.zeros_like(film.alpha), np.zeros_like(film.issues))
             renderer.sample(tile, first, count, total, own)
@@ -62,7 +64,7 @@ class Renderer:
 
     def put(self, image: Image) -> None:
         """Give a picture its groups' channels and make it their sum."""
-        count = np.maximum(image.metadata["counts"], 1)[..., None]
+        count = np.maximum(self.count, 1)[..., None]
         total = np.zeros((image.height, image.width, 3), np.float32)
         for name, light in self.light.items():
             mean = (light / count).astype(np.float32)

@@ -29,7 +29,7 @@ class Image:
 
     `metadata` as film.run fills it: "size" and "crop" (x0, y0, x1, y1) of the whole picture, "samples" (the most any pixel
     has), "samples_mean", "error" (estimated √relMSE, None where unknown), "variance" (of the pixels' means, (height, width, 3), inf
-    where unknown; None after one sample), "counts" (of samples, (height, width)), "partial", "rays" (from the camera),
+    where unknown; None after one sample), "partial", "rays" (from the camera),
     "issues" (samples left out because they were not
     finite), "threads"; and as draw.draw adds: "seconds" by stage, "backend", "notes" and
     "attributes", what a file is to say of its channels.

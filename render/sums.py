@@ -8,18 +8,18 @@ import numpy as np
 
 from .kernels import helper, kernel
 
-TRUSTED = 64  # samples from which on a pixel's mean is known well enough to be what its error is a share of
+LARGEST = float(np.finfo(np.float32).max)  # that a picture can hold; what is brighter counts as not finite
 
 
 @kernel
 def take_in(film, count, color, alpha, issues, samples, variance, value, rgba, least, shown):
     """Add a film's batch of `count` (h, w) samples to a tile's sums, (h, w, …) each; pixels with none stay as they are.
 
-    Sets the picture, the variance of its means and the value it is weighed by. The old samples and the new ones have means m₁, m₂ of n₁, n₂
-    samples; for independent batches whose variance falls as 1/n, the mean of all has the variance (m₁ - m₂)² n₁ n₂ / (n₁ + n₂)²
-    (adaptive.Decline says what Sobol points make of it). The value is the mean; of few samples the geometric mean of both, lest a stray
-    bright sample excuse itself. Adds to `shown` (levels, 2), where pixels are doubled, variance / (value² + `least`) as it was and as it is
-    now, at the level of their samples.
+    Sets the picture, the variance of its means and the value it is a share of. The old samples and the new ones have means m₁, m₂ of n₁,
+    n₂ samples; for independent batches whose variance falls as 1/n, the mean of all has the variance (m₁ - m₂)² n₁ n₂ / (n₁ + n₂)²
+    (adaptive.Decline says what Sobol points make of it). The value is the geometric mean of both, lest a bright sample excuse itself, but
+    at least half of the mean: of few samples one batch may have nothing. Adds to `shown` (levels, 2), where pixels are doubled,
+    variance / (value² + `least`) as it was and as it is now, at the level of their samples.
     """
     for y in range(count.shape[0]):
         for x in range(count.shape[1]):
@@ -27,6 +27,7 @@ def take_in(film, count, color, alpha, issues, samples, variance, value, rgba, l
             if new == 0:
                 continue
             whole = float(old + new)
+            beyond = False
             weight = float(old) * float(new) / (whole * whole)
             for k in range(3):
                 total = color[y, x, k] + film.color[y, x, k]
@@ -34,16 +35,18 @@ def take_in(film, count, color, alpha, issues, samples, variance, value, rgba, l
                 if old > 0:
                     one, other = color[y, x, k] / old, film.color[y, x, k] / new
                     apart = (one - other) * (one - other) * weight
-                    known = mean if whole > TRUSTED else math.sqrt(max(one * other, 0.0))
+                    known = math.sqrt(max(one * other, 0.25 * mean * mean))
                     if old == new and variance[y, x, k] < np.inf:
                         below = known * known + least
-                        shown[level(whole), 0] += variance[y, x, k] / below
-                        shown[level(whole), 1] += apart / below
+                        if below > 0.0:
+                            shown[level(whole), 0] += variance[y, x, k] / below
+                            shown[level(whole), 1] += apart / below
                     variance[y, x, k], value[y, x, k] = apart, known
                 color[y, x, k] = total
-                rgba[y, x, k] = mean
+                rgba[y, x, k] = min(max(mean, -LARGEST), LARGEST)
+                beyond = beyond or not abs(mean) <= LARGEST
             alpha[y, x] += film.alpha[y, x]
-            issues[y, x] += film.issues[y, x]
+            issues[y, x] += film.issues[y, x] + (1 if beyond else 0)
             samples[y, x] = old + new
             rgba[y, x, 3] = alpha[y, x] / whole
 
@@ -55,12 +58,23 @@ def level(samples):
 
 
 @kernel
-def relative_error(variance, value, samples, share, least, out):
-    """Write (h, w) variance / (value² + `least`), the mean of three channels, times the `share` (levels,) for the pixel's samples."""
-    for y in range(out.shape[0]):
-        for x in range(out.shape[1]):
+def relative_error(variance, value, rgba, samples, share, least, out):
+    """Write (h, w) variance / (value² + `least`), the mean of three channels, times the `share` (levels,) for the pixel's samples.
+
+    What counts is the pixel's value or, where that is less, the mean of the eight around it, of which a stray bright sample makes little.
+    """
+    height, width = out.shape
+    for y in range(height):
+        for x in range(width):
             total = 0.0
             for k in range(3):
-                v = float(value[y, x, k])
-                total += variance[y, x, k] / (v * v + least)
+                own, around, count = float(rgba[y, x, k]), 0.0, -1
+                for j in range(max(y - 1, 0), min(y + 2, height)):
+                    for i in range(max(x - 1, 0), min(x + 2, width)):
+                        around += float(rgba[j, i, k])
+                        count += 1
+                known = float(value[y, x, k])
+                if count > 0:
+                    known = min(known, abs(around - own) / count)
+                total += variance[y, x, k] / (known * known + least)
             out[y, x] = total * share[level(samples[y, x])] / 3.0

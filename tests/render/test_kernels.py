@@ -44,10 +44,11 @@ import sys
 import numpy as np
 from maquette.render import kernels, sums
 out = np.full((2, 2), -1.0)
-sums.relative_error(np.full((2, 2, 3), 0.5), np.ones((2, 2, 3)), np.full((2, 2), 4), np.ones(32), 1.0, out)
+one = np.ones((2, 2, 3))
+sums.relative_error(0.5 * one, one, one, np.full((2, 2), 4), np.ones(32), 1.0, out)
 hits = sum(sums.relative_error.stats.cache_hits.values())
 if sys.argv[1] == "more":  # another type: it is compiled beside what was loaded
-    sums.relative_error(np.full((2, 2, 3), 0.5, np.float32), np.ones((2, 2, 3)), np.full((2, 2), 4), np.ones(32), 1.0, out)
+    sums.relative_error((0.5 * one).astype(np.float32), one, one, np.full((2, 2), 4), np.ones(32), 1.0, out)
 print(hits, len(sums.relative_error.overloads), out.tolist())
 """
 

@@ -70,6 +70,7 @@ class Bvh(NamedTuple):
     aside: Any = Nothing()  # an Aside where things stand aside of all this
     search: int = 0  # address of traverse.search, or of what goes through things aside too, for kernels
     meet: int = 0  # address of formulas.meet, where there are formula surfaces
+    rare: int = 0  # address of meeting.rare, where there are such shapes
 
 
 def build(

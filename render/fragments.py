@@ -6,23 +6,81 @@ of helpers most of a kernel's compile time goes into code that never runs.
 
 from __future__ import annotations
 
+from inspect import iscode
 from typing import Any
 
+from llvmlite import binding
 from numba import _dynfunc  # pyright: ignore[reportAttributeAccessIssue]
-from numba.core.codegen import JITCodeLibrary
+from numba.core import cgutils
+from numba.core.codegen import CodeLibrary, JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
 from numba.core.typed_passes import NativeLowering
 
 
 class _Library(JITCodeLibrary):
-    """Code that becomes part of other libraries only."""
+    """Code that becomes part of other libraries only: a module as it was written, and what else it calls."""
+
+    def __init__(self, codegen: Any, name: str) -> None:
+        CodeLibrary.__init__(self, codegen, name)
+        self._linking_libraries: list[Any] = []
+        self._final_module: Any = None
+        self._shared_module: Any = None
+
+    def add_ir_module(self, ir_module: Any) -> None:
+        module = binding.parse_assembly(cgutils.normalize_ir_text(str(ir_module)))
+        for function in module.functions:
+            if not function.is_declaration and function.linkage == binding.Linkage.external:
+                function.linkage = "linkonce_odr"  # not kept where it has become part of its callers
+        if self._final_module is None:
+            self._final_module = module
+        else:
+            self._final_module.link_in(module)
+
+    def finalize(self) -> None:
+        self._finalized = True
+
+    def own(self) -> Any:
+        """The module alone."""
+        return self._final_module
+
+    def _get_module_for_linking(self) -> Any:
+        """The module with all it calls, for libraries that are not `Whole`."""
+        if self._shared_module is None:
+            self._shared_module = self._final_module.clone()
+            _link(self._shared_module, self._linking_libraries, {self})
+        return self._shared_module
+
+
+class Whole(JITCodeLibrary):
+    """A kernel's code, with every fragment linked into it once."""
+
+    def finalize(self) -> None:
+        libraries, self._linking_libraries = self._linking_libraries, []
+        _link(self._final_module, libraries, set())
+        super().finalize()
 
     def _optimize_final_module(self) -> None:
-        pass
+        """First of all fragments become part of their callers, without marks of where their own stack ends: they hand out parts of it."""
+        inline = self._codegen._pass_builder(opt=0, loop_vectorize=False, slp_vectorize=False)
+        inline.getModulePassManager().run(self._final_module, inline)
+        passes, builder = self._codegen._module_pass_manager()
+        passes.run(self._final_module, builder)
 
-    def _finalize_final_module(self) -> None:
-        self._finalized = True
+
+def _link(module: Any, libraries: list[Any], seen: set[Any]) -> None:
+    """Link libraries and all that they call into a module, but for those `seen`."""
+    todo = list(reversed(libraries))
+    while todo:
+        library = todo.pop()
+        if library in seen:
+            continue
+        seen.add(library)
+        if isinstance(library, _Library):
+            module.link_in(library.own(), preserve=True)
+            todo += reversed(library._linking_libraries)
+        else:
+            module.link_in(library._get_module_for_linking(), preserve=True)
 
 
 @register_pass(mutates_CFG=False, analysis_only=True)
@@ -45,13 +103,32 @@ class _Register(LoweringPass):
         return True
 
 
+_FOR_OTHERS = {
+    "with_lifting", "rewrite_dynamic_raises", "inline_inlinables", "find_literally", "literal_unroll", "literal_propagation",
+    "inline_overloads", "nopython_rewrites", "nopython_supported_feature_validation", "annotate_types", "dump_parfor_diagnostics",
+}  # fmt: skip
+"""Passes for what fragments do not hold: arrays' expressions, blocks of `with`, literals that loops are unrolled over."""
+_FOR_CLOSURES = {"inline_closure_likes", "make_function_op_code_to_jit_function"}
+
+
 class Fragment(CompilerBase):
-    """Numba's usual passes, without the end."""
+    """Those of Numba's usual passes that have something to do, without the end."""
 
     def define_pipelines(self) -> list[Any]:
         self.state.flags.no_compile = True
         self.state["library"] = _Library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+        idle = _FOR_OTHERS if any(map(iscode, self.state.func_id.code.co_consts)) else _FOR_OTHERS | _FOR_CLOSURES
         passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        passes.passes = [each for each in passes.passes if each[0].name() not in idle]
         passes.add_pass_after(_Register, NativeLowering)
         passes.finalize()
         return [passes]
+
+
+class Kernel(CompilerBase):
+    """Numba's usual passes, into a library that links fragments once."""
+
+    def define_pipelines(self) -> list[Any]:
+        library = self.state["library"] = Whole(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+        library.enable_object_caching()
+        return [DefaultPassBuilder.define_nopython_pipeline(self.state)]

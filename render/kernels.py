@@ -24,7 +24,7 @@ from numba.extending import register_jitable
 
 from ..compiler import folders
 from . import haste, machine
-from .fragments import Fragment
+from .fragments import Fragment, Kernel
 
 _COMPILED_FROM = ("ir.py", "records.py")  # without kernels of their own, but their constants and types are compiled in
 _KEEP = 3  # caches of other versions that are left in place
@@ -102,7 +102,7 @@ class _Kept(FunctionCache):
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile for threads (no GIL), kept on disk, with IEEE division. Types come with the first call."""
-    dispatcher = njit(nogil=True, cache=True, error_model="numpy")(function)
+    dispatcher = njit(nogil=True, cache=True, error_model="numpy", pipeline_class=Kernel)(function)
     dispatcher._cache = _Kept(function)  # pyright: ignore[reportAttributeAccessIssue]
     return dispatcher
 

@@ -12,7 +12,7 @@ from . import across, lanes, shapes
 from .formulas import meet
 from .handles import Handle
 from .kernels import helper
-from .links import FLOAT, VEC
+from .links import FLOAT, INT, VEC, Answering
 from .records import Lane, Vec
 
 FORMULA = int(ir.GeometryKind.FORMULA)
@@ -20,9 +20,20 @@ AFTER = 8.0 * 2.0**-52  # of the largest coordinate and for each unit of a meeti
 
 
 def link(accel: Handle) -> None:
-    """Compile or load what meets formula surfaces, where the scene has any; other scenes neither compile nor load it."""
+    """Compile or load what meets formula surfaces, and shapes that are rare, where the scene has any: others neither compile nor load it."""
+    if (accel.tables.placed[:, 3] > shapes.PLANE).any():
+        accel.put("rare", rare.link(accel.part("parameters"), types.int64, types.int64, VEC, VEC, FLOAT, FLOAT))
     if len(accel.tables.forms.places):
         accel.put("meet", meet.meet.link(accel.part("forms"), types.int64, VEC, VEC, FLOAT, FLOAT))
+
+
+def _rare(parameters, kind, g, o, d, t_min, t_max):
+    t, part = shapes.rare(kind, parameters, g, o, d, t_min, t_max)
+    return t, lanes.int_like(t, 0) + part
+
+
+rare = Answering(_rare, (FLOAT, INT))
+call_rare = rare.call
 
 
 @helper
@@ -32,7 +43,10 @@ def shape(accel: Any, kind: int, g: int, o: Vec, d: Vec, t_min: Lane, t_max: Lan
     if kind == FORMULA:
         t, spacing, u, v, _ = meet.call(accel.meet, (accel.forms, np.int64(g), o, d, t_min, t_max))  # pyright: ignore[reportCallIssue]
         return t, spacing, u, v
-    t, part = shapes.intersect(kind, accel.parameters, g, o, d, t_min, t_max)
+    if kind > shapes.PLANE:
+        t, part = call_rare(accel.rare, (accel.parameters, np.int64(kind), np.int64(g), o, d, t_min, t_max))  # pyright: ignore[reportCallIssue]
+        return t, part, zero, zero
+    t, part = shapes.usual(kind, accel.parameters, g, o, d, t_min, t_max)
     return t, lanes.int_like(zero, 0) + part, zero, zero
 
 

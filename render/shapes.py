@@ -51,17 +51,35 @@ def intersect(kind: Lane, parameters, g: Lane, origin: Vec, direction: Vec, t_mi
 
     `parameters` is Geometries.parameters. Meshes are not asked here: see `triangle`.
     """
+    t, part = usual(kind, parameters, g, origin, direction, t_min, t_max)
+    if lanes.any_lane(kind > PLANE):
+        other_t, other_part = rare(kind, parameters, g, origin, direction, t_min, t_max)
+        t, part = lanes.where(kind > PLANE, other_t, t), lanes.where(kind > PLANE, other_part, part)
+    return t, part
+
+
+@helper
+def usual(kind: Lane, parameters, g: Lane, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane]:
+    """`intersect` for spheres, boxes and planes, which most scenes hold."""
     t = INF + 0.0 * (kind + t_max)
     part = kind * 0
-    p0, p1, p2 = parameters[g, 0], parameters[g, 1], parameters[g, 2]
     if lanes.any_lane(kind == SPHERE):
-        t = lanes.where(kind == SPHERE, sphere(p0, origin, direction, t_min, t_max), t)
+        t = lanes.where(kind == SPHERE, sphere(parameters[g, 0], origin, direction, t_min, t_max), t)
     if lanes.any_lane(kind == BOX):
-        s, face = box((p0, p1, p2), origin, direction, t_min, t_max)
+        s, face = box((parameters[g, 0], parameters[g, 1], parameters[g, 2]), origin, direction, t_min, t_max)
         t = lanes.where(kind == BOX, s, t)
         part = lanes.where(kind == BOX, face, part)
     if lanes.any_lane(kind == PLANE):
         t = lanes.where(kind == PLANE, plane(origin, direction, t_min, t_max), t)
+    return t, part
+
+
+@helper
+def rare(kind: Lane, parameters, g: Lane, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane]:
+    """`intersect` for all others."""
+    t = INF + 0.0 * (kind + t_max)
+    part = kind * 0
+    p0, p1, p2 = parameters[g, 0], parameters[g, 1], parameters[g, 2]
     if lanes.any_lane(kind == RECTANGLE):
         t = lanes.where(kind == RECTANGLE, rectangle(p0, p1, origin, direction, t_min, t_max), t)
     if lanes.any_lane(kind == DISK):

@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import gc
+import operator
+from functools import partial, wraps
+from inspect import signature
 
-from maquette.render import haste
-from numba.core import compiler_lock, event, ir
+import pytest
+from llvmlite import ir as llvm
+from maquette.render import haste, kernels  # noqa: F401 - which puts it in place
+from numba.core import compiler_lock, event, ir, postproc, types
 from numba.core.compiler import Flags, run_frontend
+from numba.core.errors import TypingError
+from numba.core.registry import cpu_target
 
 
 def sample(a, b):
@@ -82,3 +89,63 @@ def test_what_a_version_of_numba_has_no_more_stays_away() -> None:
     finally:
         haste.REPLACED = replaced
     assert not hasattr(Elsewhere, "values")
+
+
+def taking(x: object, loc: object = None) -> None: ...
+
+
+def keywords(x: object, **loc: object) -> None: ...
+
+
+@wraps(taking)
+def wrapped(*args: object) -> None: ...
+
+
+def test_functions_that_take_a_place_are_known_without_their_signatures() -> None:
+    for function in (taking, keywords, wrapped, slowly, partial(taking, loc=1), print):
+        if function is not print:
+            assert haste._has_loc(function) == ("loc" in signature(function).parameters)
+        if function is not keywords:  # which may take it by that name: what Numba calls has none like it
+            assert haste.has_loc(function) == haste._has_loc(function)
+
+
+def test_statements_that_end_variables_stand_where_numba_puts_them() -> None:
+    ours, theirs = run_frontend(sample), run_frontend(sample)
+    haste.post_process(postproc.PostProcessor(ours), emit_dels=True)
+    haste._post_process(postproc.PostProcessor(theirs), emit_dels=True)
+    said = [str(each) for block in ours.blocks.values() for each in block.body]
+    assert said == [str(each) for block in theirs.blocks.values() for each in block.body]
+    assert any(text.startswith("del ") for text in said)
+    block = next(iter(ours.blocks.values()))
+    assert sorted(ours.get_block_entry_vars(block)) == sorted(theirs.get_block_entry_vars(next(iter(theirs.blocks.values()))))
+
+
+def test_sizes_are_those_of_each_type() -> None:
+    data = cpu_target.target_context.target_data
+    double, three = llvm.DoubleType(), llvm.ArrayType(llvm.DoubleType(), 3)
+    named = llvm.global_context.get_identified_type("haste.named")
+    if named.is_opaque:
+        named.set_body(double, double)
+    for kind in (double, three, llvm.IntType(1), llvm.LiteralStructType([double, llvm.IntType(8)]), llvm.VectorType(double, 8), named):
+        assert haste.size_of(kind, data) == haste.size_of(kind, data) == haste._size_of(kind, data)
+
+
+def test_what_is_known_of_a_call_depends_on_what_it_is_given() -> None:
+    context = cpu_target.typing_context
+    context.refresh()
+    add = context.resolve_value_type(operator.add)
+    ints = haste.call_type(add, context, (types.int64, types.int64), {})
+    assert haste.call_type(add, context, (types.int64, types.int64), {}) is ints
+    assert ints.return_type == types.int64
+    assert haste.call_type(add, context, (types.float64, types.int64), {}).return_type == types.float64
+    with pytest.raises(TypingError, match="No implementation"):
+        haste.call_type(add, context, (types.unicode_type, types.int64), {})
+
+
+def test_events_reach_those_who_listen() -> None:
+    with event.install_recorder("haste:test") as record, event.trigger_event("haste:test", data=3):
+        pass
+    assert [each.is_start for _, each in record.buffer] == [True, False]
+    with event.trigger_event("haste:test"):
+        pass
+    assert len(record.buffer) == 2

@@ -53,7 +53,6 @@ class Group(NamedTuple):
 
     left: int  # bits of those that count; k is one of them
     k: int
-    axes: tuple[int, int, int]  # of the shear
     up: tuple[bool, bool, bool]  # toward greater x, y, z
     origin: Vec  # where they enter the mesh's box, in single precision
     inverse: Vec  # 1 / direction
@@ -84,20 +83,49 @@ def _mixed(bits: int, left: int) -> int:
     return bits * (bits ^ left)
 
 
+class Way(NamedTuple):
+    """Which way rays go that are `alike`."""
+
+    k: int  # one of them
+    axes: tuple[int, int, int]  # of the shear
+    slopes: Vec  # and its factors
+
+
 @helper
-def group(left: int, o: Vec, d: Vec, ray: boxes.BoxRay, enters: Lane, until: Lane) -> Group:
-    """For rays that are `alike` and enter a mesh's box at `enters`; nothing beyond `until` is asked for."""
+def way(left: int, d: Vec, ray: boxes.BoxRay) -> Way:
     k = simd.trailing_zeros(left)
     x, y = _main(d)
     kz = 0 if (x >> k) & 1 else (1 if (y >> k) & 1 else 2)
     kx, ky = (kz + 1) % 3, (kz + 2) % 3
-    up = (across.bits(ray.x) >> k) & 1 != 0, (across.bits(ray.y) >> k) & 1 != 0, (across.bits(ray.z) >> k) & 1 != 0
-    if not (up[0] if kz == 0 else (up[1] if kz == 1 else up[2])):
+    if not across.lane(pick((ray.x, ray.y, ray.z), kz), k):
         kx, ky = ky, kx
+    scale = pick(ray.inverse, kz)
+    return Way(k, (kx, ky, kz), (pick(d, kx) * scale, pick(d, ky) * scale, scale))
+
+
+@helper
+def may_be_close(rays: Way, left: int, o: Vec, fine: Any, any_hit: bool) -> bool:
+    """Whether the first and the last ray of a mesh, as they pass its middle, may be near enough to each other for all to be `close`."""
+    z = pick(o, rays.axes[2])
+    last = (LANES - 1) if (left >> (LANES - 1)) & 1 else rays.k
+    width = (WIDE_ANY if any_hit else WIDE) * fine * simd.population(left)
+    return (_between(pick(o, rays.axes[0]) - rays.slopes[0] * z, rays.k, last) <= width
+            and _between(pick(o, rays.axes[1]) - rays.slopes[1] * z, rays.k, last) <= width)  # fmt: skip
+
+
+@helper
+def _between(x: Lane, k: int, last: int) -> Any:
+    return abs(simd.lane(x, k) - simd.lane(x, last))
+
+
+@helper
+def group(left: int, k: int, o: Vec, d: Vec, ray: boxes.BoxRay, enters: Lane, until: Lane) -> Group:
+    """For rays that are `alike` and enter a mesh's box at `enters`; nothing beyond `until` is asked for."""
+    up = (across.bits(ray.x) >> k) & 1 != 0, (across.bits(ray.y) >> k) & 1 != 0, (across.bits(ray.z) >> k) & 1 != 0
     inverse = simd.to_f32(ray.inverse[0]), simd.to_f32(ray.inverse[1]), simd.to_f32(ray.inverse[2])
     most = _STEEP * lanes.smallest((abs(inverse[0]), abs(inverse[1]), abs(inverse[2])))
     return Group(
-        left, k, (kx, ky, kz), up,
+        left, k, up,
         (_entered(o[0], d[0], enters), _entered(o[1], d[1], enters), _entered(o[2], d[2], enters)),
         (lanes.clip(inverse[0], -most, most), lanes.clip(inverse[1], -most, most), lanes.clip(inverse[2], -most, most)),
         simd.to_f32((until - enters) * walk.FAR),
@@ -117,24 +145,24 @@ def close(core: Core, left: int, reach: Any, fine: Any, any_hit: bool) -> bool:
     """
     if walk.unsure(np.float32(0.5) * core.off) != 0:
         return False
-    width = np.float32((WIDE_ANY if any_hit else WIDE) * fine * simd.population(left))
+    width = np.float32(0.5 * (WIDE_ANY if any_hit else WIDE) * fine * simd.population(left))
     far = np.float32(2.0 * reach)
     return core.apart[0] + far * core.flare[0] <= width and core.apart[1] + far * core.flare[1] <= width
 
 
 @helper
-def core_of(rays: Group, slopes: Vec, off: Any) -> Core:
-    """`slopes`: the shear of each; `off`: by how much a corner may be off."""
-    kx, ky, kz = rays.axes
+def core_of(rays: Group, go: Way, off: Any) -> Core:
+    """`off`: by how much a corner may be off."""
+    kx, ky, kz = go.axes
     x, y, z = pick(rays.origin, kx), pick(rays.origin, ky), pick(rays.origin, kz)
     k, mine = rays.k, simd.mask_from_bits(rays.left, z)
-    sx, sy = simd.to_f32(slopes[0]), simd.to_f32(slopes[1])
+    sx, sy = simd.to_f32(go.slopes[0]), simd.to_f32(go.slopes[1])
     mz, hz = _middle(z, mine, k)
     (mx, hx), (my, hy) = _middle(simd.fma(sx, mz - z, x), mine, k), _middle(simd.fma(sy, mz - z, y), mine, k)
     (tx, fx), (ty, fy) = _middle(sx, mine, k), _middle(sy, mine, k)
     return Core(
-        rays.axes, (mx, my, mz), (tx, ty), (hx + off, hy + off), (fx * _FAR, fy * _FAR), hz + off,
-        _least(simd.to_f32(slopes[2]), mine, k), off,
+        go.axes, (mx, my, mz), (tx, ty), (hx + off, hy + off), (fx * _FAR, fy * _FAR), hz + off,
+        _least(simd.to_f32(go.slopes[2]), mine, k), off,
     )  # fmt: skip
 
 
@@ -278,21 +306,22 @@ def meet(
     nodes, links, leaves, rows = tree.nodes, tree.links, tree.leaves, tree.rows
     t, triangle = enters * 0.0 + np.inf, lanes.int_like(enters, -1)
     v, w, total = enters * 0.0, enters * 0.0, enters * 0.0 + 1.0
-    rays = group(left, o, d, ray, enters, until)
+    go = way(left, d, ray)
+    if not may_be_close(go, left, o, fine, any_hit):
+        return t, triangle, v, w, False
+    rays = group(left, go.k, o, d, ray, enters, until)
     limits = simd.select(simd.mask_from_bits(left, rays.limits), rays.limits, np.float32(-np.inf))
     limit = simd.max_of(limits)
     beam = _beam(rays)
     near, hits = _enter(nodes, root, beam, limit)
     if hits == 0:
         return t, triangle, v, w, True
-    kx, ky, kz = rays.axes
-    sz = pick(ray.inverse, kz)
-    sx, sy = pick(d, kx) * sz, pick(d, ky) * sz
-    core = core_of(rays, (sx, sy, sz), np.float32(2.0 * walk.OFF) * np.float32(reach))
+    core = core_of(rays, go, np.float32(2.0 * walk.OFF) * np.float32(reach))
     if not close(core, left, reach, fine, any_hit):
         return t, triangle, v, w, False
     middle = _sieve(core)
-    ox, oy, oz = pick(o, kx), pick(o, ky), pick(o, kz)
+    ox, oy, oz = pick(o, go.axes[0]), pick(o, go.axes[1]), pick(o, go.axes[2])
+    sx, sy, sz = go.slopes
     kx, ky, kz = middle.x, middle.y, middle.z
     t_max = lanes.where(simd.mask_from_bits(left, enters), t_max, -np.inf)
     children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)

@@ -20,7 +20,7 @@ AFTER = 8.0 * 2.0**-52  # of the largest coordinate and for each unit of a meeti
 
 
 def link(accel: Handle) -> None:
-    """Compile or load what meets formula surfaces, and shapes that are rare, where the scene has any: others neither compile nor load it."""
+    """Compile or load what meets formula surfaces, and rare shapes, where a scene has any; others do neither."""
     if (accel.tables.placed[:, 3] > shapes.PLANE).any():
         accel.put("rare", rare.link(accel.part("parameters"), types.int64, types.int64, VEC, VEC, FLOAT, FLOAT))
     if len(accel.tables.forms.places):

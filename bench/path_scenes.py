@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from . import meshes
 
 @dataclass(frozen=True)
 class Setting:
-    """A scene. `swaps`: what stands in place of parts of the exported XML, each for the first that is left."""
+    """A scene. `swaps`: patterns of the exported XML and what stands in their place, each for the first that is left."""
 
     title: str
     scene: ir.Scene
@@ -36,9 +37,9 @@ class Setting:
             (folder / name).write_bytes(data)
         text = made.text.replace(f'value="{export_mitsuba.NO_ROULETTE}"', 'value="5"').replace('"multijitter"', '"independent"')
         for old, new in self.swaps:
-            if old not in text:
+            text, count = re.subn(old, new, text, count=1, flags=re.DOTALL)
+            if not count:
                 raise ValueError(f"the exported scene has no {old}")
-            text = text.replace(old, new, 1)
         path = folder / "scene.xml"
         path.write_text(text, encoding="utf-8")
         return path
@@ -55,10 +56,7 @@ def _setting(folder: Path, name: str, title: str, text: str, depth: int, swaps: 
     return Setting(title, load(path), depth, swaps)
 
 
-_MATT = """        <bsdf type="diffuse">
-            <rgb name="reflectance" value="1, 1, 1"/>
-        </bsdf>
-"""
+_PRINCIPLED = r' *<bsdf type="principled">.*?</bsdf>\n'  # Mitsuba's own, which is slower than its rough conductor
 _ROUGH = """        <bsdf type="roughconductor">
             <string name="material" value="none"/>
             <string name="distribution" value="ggx"/>
@@ -110,7 +108,7 @@ def glossy(folder: Path) -> Setting:
         metal = f"principled(color: rgb(1, 1, 1), metallic: 1, roughness: {alpha**0.5:.9f})"
         lines.append(f"sphere(0.7, center: [{x:.1f}, 0.7, 0], material: {metal})")
         lines.append(f"sphere(0.3, center: [{x + 0.7:.1f}, 0.3, 1.3], material: lambert(rgb(0.{k + 3}, 0.5, 0.{7 - k})))")
-        swaps.append((_MATT, _ROUGH.format(alpha)))
+        swaps.append((_PRINCIPLED, _ROUGH.format(alpha)))
     lines.append("camera(position: [0, 2.2, 6], look_at: [0, 0.6, 0], fov: 55deg)")
     return _setting(folder, "glossy", "Rough metal under a picture of the sky", "\n".join(lines), 6, tuple(swaps))
 

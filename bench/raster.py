@@ -100,7 +100,7 @@ def ours(mesh: Mesh, size: int, samples: int, textured: bool = False) -> Contend
     """The raster backend from a prepared scene on: its view-dependent setup and its film."""
     scene = scene_of(mesh, textured)
     settings = ir.Settings(size=(size, size), backend="raster", samples=samples, filter="box", threads=1, background="transparent")
-    decided = plan.make(scene, settings, {"raster.shading": "pixel"})
+    decided = plan.make(scene, settings, {"raster.shading": "pixel", **({"textures": "sharp"} if textured else {})})
     view = View(decided["camera"], size, size)
     prepared, build = timed(lambda: prepare.prepare(scene, decided, view))
 

@@ -464,6 +464,23 @@ def _motion(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -
     return Decision("motion", True, f"moving in the {shutter:.4g} s of the shutter: {things}; {how}")
 
 
+def _textures(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    tables = scene.tables
+    rows = np.unique(tables.materials.textures[np.unique(tables.instances.material)])
+    rows = rows[rows >= 0]
+    if not ((tables.textures.kind[rows] == ir.TextureKind.IMAGE) & ~tables.textures.nearest[rows]).any():
+        return Decision("textures", "sharp", "no picture lies on anything", fixed="the scene's materials")
+    why = ""
+    if done["transport"].value == "paths":
+        why = "paths take many samples"
+    elif done["motion"].value or done["lens"].value != "pinhole":
+        why = "each pixel has many rays from the eye"
+    if why:
+        return Decision("textures", "sharp", why, ("sharp",))
+    reason = "pictures are looked at in the size and along the direction in which a pixel sees them"
+    return Decision("textures", "filtered", reason, ("filtered", "sharp"))
+
+
 def _fill(scene: ir.Scene, *_: Any) -> Decision:
     return Decision("raster.fill", "edges", "exact edge functions; all three cover the same samples", ("edges", "areas", "scanline"))
 
@@ -507,8 +524,8 @@ def _precision(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]
 RULES: tuple[Callable[[ir.Scene, ir.Settings, Mapping[str, Decision]], Decision], ...] = (
     _backend, _camera, _lens, _size, _crop, _soft, _bounces, _interreflection, _transport, _weighing, _path_precision,
     _shadows, _error, _budget, _samples, _filter, _noise, _seed,
-    _background, _exposure, _view, _aov, _denoise, _threads, _accelerator, _horizon, _opacity, _motion, _tolerance,
-    _fill, _shading, _precision,
+    _background, _exposure, _view, _aov, _denoise, _threads, _accelerator, _horizon, _opacity, _motion, _textures,
+    _tolerance, _fill, _shading, _precision,
 )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import across, faces, lanes, lights, materials, simd, textures
+from . import across, faces, footprints, lanes, lights, materials, simd, textures
 from .kernels import apart, helper, kernel
 from .meshlets import SHIFT, place_of
 from .records import Lane, Surface, Vec
@@ -311,7 +311,7 @@ def keep_light(light: Any, rows: Any) -> None:
 def even_shader(tables: Any, i: int) -> materials.Shader:
     """The material of an instance without patterns, as numbers; of one with patterns, what is not asked for."""
     none = (0.0, 0.0, 0.0)
-    plain = Surface(none, none, none, none, none, None, (1.0, 1.0), True, i, tables.instances.material[i], (1.0, 1.0, 1.0), 0.0, None)
+    plain = Surface(none, none, none, none, none, None, (1.0, 1.0), True, i, tables.instances.material[i], (1.0, 1.0, 1.0), 0.0, None, None)
     return across.narrow(materials.at(tables, plain))
 
 
@@ -334,7 +334,8 @@ def light_of(shown: Any, tables: Any, look: Any, patterned: Any, i: int, shader:
     local = lanes.transform_point(look.local, i, position)
     outward = lanes.normalize(point.outward)
     there = Surface(
-        position, local, normal, normal, outward, point.uv, point.metric, point.front, i, m, point.color, 0.0 * x, None
+        position, local, normal, normal, outward, point.uv, point.metric, point.front, i, m, point.color, 0.0 * x, None,
+        footprints.of_pixel(tables, point.spread),
     )  # fmt: skip
     return direct_light(tables, materials.at(tables, there), i, point.front, position, normal, viewer)
 

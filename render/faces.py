@@ -59,6 +59,7 @@ class Seen(NamedTuple):
     front: Lane  # bool: from outside
     uv: tuple[Lane, Lane]
     metric: tuple[Lane, Lane]
+    spread: Any  # how far u, v go a pixel to the right and below
     outward: Vec  # the triangle's own normal in the mesh's frame; of any length
     color: Vec
 
@@ -322,16 +323,19 @@ def seen(shown: Any, patterned: Any, record: Any, at_x: Lane, at_y: Lane) -> See
     key = simd.fma(x, first[7], simd.fma(y, second[3], first[3]))
     depth = simd.reciprocal(key) if shown.perspective else key
     zero = simd.f32x16(0.0)
-    uv, metric, outward, color = (zero, zero), (zero, zero), normal, normal
+    uv, metric, spread, outward, color = (zero, zero), (zero, zero), (zero, zero, zero, zero), normal, normal
     if patterned is not None:
         share = simd.reciprocal(simd.fma(x, q[5], simd.fma(y, q[6], q[4])))
         uv = (simd.fma(x, t[1], simd.fma(y, t[2], t[0])) * share, simd.fma(x, t[4], simd.fma(y, t[5], t[3])) * share)
         metric, outward = (t[6], t[7]), (r[0], r[1], r[2])
+        spread = (
+            (t[1] - uv[0] * q[5]) * share, (t[4] - uv[1] * q[5]) * share, (t[2] - uv[0] * q[6]) * share, (t[5] - uv[1] * q[6]) * share
+        )  # fmt: skip
         color = (
             simd.fma(x, r[4], simd.fma(y, r[5], r[3])) * share, simd.fma(x, r[7], simd.fma(y, q[0], r[6])) * share,
             simd.fma(x, q[2], simd.fma(y, q[3], q[1])) * share,
         )  # fmt: skip
-    return Seen(normal, depth, second[6] > 0.0, uv, metric, outward, color)
+    return Seen(normal, depth, second[6] > 0.0, uv, metric, spread, outward, color)
 
 
 @helper
@@ -373,15 +377,27 @@ def seen_single(shown: Any, meshlets: Any, drawn: Any, tables: Any, faces: Any, 
         normal = lanes.scale(normal, simd.select(lanes.dot(normal, face) < 0.0, simd.f32x16(-1.0), 1.0))
         normal = lanes.where3((size > 1e-24) & (size < np.inf), normal, face)
     depth = simd.fma(w, s[_DEPTHS], simd.fma(u, s[_DEPTHS + 1], v * s[_DEPTHS + 2]))
-    uv, metric, outward, color = (zero, zero), (zero, zero), normal, normal
+    uv, metric, spread, outward, color = (zero, zero), (zero, zero), (zero, zero, zero, zero), normal, normal
     if patterned is not None:
         uv = (
             w * s[_PLACES] + u * s[_PLACES + 2] + v * s[_PLACES + 4], w * s[_PLACES + 1] + u * s[_PLACES + 3] + v * s[_PLACES + 5]
         )  # fmt: skip
         metric = (zero + s[_METRIC], zero + s[_METRIC + 1])
+        right, below = _slope(s, uv, 0), _slope(s, uv, 1)
+        spread = (right[0] * scale, right[1] * scale, below[0] * scale, below[1] * scale)
         outward = (zero + s[_OWN], zero + s[_OWN + 1], zero + s[_OWN + 2])
         color = _blend(s, _COLORS, u, v, w)
-    return Seen(normal, depth, zero < s[_FRONT], uv, metric, outward, color)
+    return Seen(normal, depth, zero < s[_FRONT], uv, metric, spread, outward, color)
+
+
+@helper
+def _slope(s: Any, uv: tuple[Lane, Lane], k: int) -> tuple[Lane, Lane]:
+    """How u and v grow along x or y, times all weights: by the quotient's rule."""
+    b, c, a = s[_SLOPES + k], s[_SLOPES + 2 + k], s[_SLOPES + 4 + k]
+    return (
+        (b * s[_PLACES + 2] + c * s[_PLACES + 4] + a * s[_PLACES]) - uv[0] * (a + b + c),
+        (b * s[_PLACES + 3] + c * s[_PLACES + 5] + a * s[_PLACES + 1]) - uv[1] * (a + b + c),
+    )
 
 
 @helper

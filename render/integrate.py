@@ -14,7 +14,23 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import across, aside, blends, lanes, lights, materials, media, microfacet, opacity, placed, sampler, surface, tilt, trace
+from . import (
+    across,
+    aside,
+    blends,
+    footprints,
+    lanes,
+    lights,
+    materials,
+    media,
+    microfacet,
+    opacity,
+    placed,
+    sampler,
+    surface,
+    tilt,
+    trace,
+)  # fmt: skip
 from .handles import Handle
 from .kernels import HELPER, helper
 from .links import FLOAT, INT, VEC, Linked
@@ -85,7 +101,8 @@ def radiance(
         while lanes.any_lane(rest):
             instance, here = across.together(hit.instance, rest)
             meeting = Hit(hit.t, instance, hit.primitive, hit.u, hit.v)
-            point = _part(tables, surface.at(tables, ray, meeting), pixel, sample, key, options.seed)
+            point = footprints.on_surface(tables, ray, meeting, surface.at(tables, ray, meeting))
+            point = _part(tables, point, pixel, sample, key, options.seed)
             point = tilt.tilted(tables, point, meeting, ray.direction)
             shader = materials.within(tables, point, inside)
             viewer = lanes.negate(ray.direction)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
-from . import aside, bvh, camera, gouraud, integrate, patterns, principled, sampler, tessellate, trace
+from . import aside, bvh, camera, film, footprints, gouraud, integrate, patterns, principled, sampler, tessellate, trace
 from .formulas import fields
 from .handles import Handle
 from .records import Frame, Open, Options, Pinhole, Still, Triple, View
@@ -48,6 +48,8 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     patterns.make_ready(scene.tables)
     shapes = _Shapes(scene.tables, view, plan["tolerance"])
     tables = principled.tables_for(with_vertex_shaded_meshes(scene.tables, shapes))
+    if plan["textures"] == "filtered":
+        tables = footprints.with_pyramids(tables, view, _looks(plan))
     shells = {int(i): shapes.of(int(i)) for i in analytic_seen(tables, endless=False)} if backend == "raster" else {}
     options = options_of(plan, tables)
     weights, lens = sampler.filter_table(plan["filter"]), camera.lens_of(tables, view) if backend != "raster" else Pinhole()
@@ -72,6 +74,14 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     light = Handle(gouraud.vertex_light(tables, packed, accel, frames))
     integrate.link(frames, packed, accel, light)
     return Prepared(tables, packed, accel, light, options, frames, shells=shells, triangles=triangles)
+
+
+def _looks(plan: Plan) -> int:
+    """How many samples a pixel's textures are looked at by."""
+    if plan["backend"] == "raster" and plan["raster.shading"] == "pixel":
+        return 1
+    settled = plan["error"] == 0.0 and np.isinf(plan["budget"])
+    return int(plan["samples"]) if settled else min(int(plan["samples"]), film.FIRST)
 
 
 def _for_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame) -> Prepared:

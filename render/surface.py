@@ -88,7 +88,7 @@ def at(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -> Surface:
     side = lanes.where(front, zero + 1.0, zero - 1.0)
     return Surface(
         world, local, lanes.scale(geometric, side), lanes.scale(shaded, side), outward, (u, v), (du, dv),
-        front, instance, material, color, spacing(here, ray, t, geometric, wide), ray.time,
+        front, instance, material, color, spacing(here, ray, t, geometric, wide), ray.time, None,
     )  # fmt: skip
 
 

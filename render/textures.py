@@ -14,21 +14,27 @@ The net, seen from outside with y up; each face stands as a folded cube shows it
 from __future__ import annotations
 
 import math
+from typing import Any
+
+from numba.extending import overload
 
 from ..compiler import ir
-from . import lanes, patterns
-from .kernels import apart, helper
+from . import lanes, patterns, simd
+from .kernels import HELPER, apart, helper
 from .records import Lane, Surface, Tables, Vec
 
+UV = int(ir.Mapping_.UV)
 LATLONG = int(ir.Mapping_.LATLONG)
 PROJECTED = int(ir.Mapping_.PROJECTED)
 BOX = int(ir.Mapping_.BOX)
 NET = int(ir.Mapping_.NET)
 IMAGE = int(ir.TextureKind.IMAGE)
 CHECKER = int(ir.TextureKind.CHECKER)
+REPEAT = int(ir.Wrap.REPEAT)
 CLAMP = int(ir.Wrap.CLAMP)
 MIRROR = int(ir.Wrap.MIRROR)
 BLACK = int(ir.Wrap.BLACK)
+MOST = 16.0  # places along the long axis of what a pixel spans
 CELLS = 8.0  # of a checker without a size, over u and over v
 _FARTHEST = 1e12  # coordinates beyond this are taken as 0: they hold no fraction any more
 
@@ -49,7 +55,7 @@ def value(tables: Tables, texture: Lane, surface: Surface) -> Vec:
     kind = textures.kind[row]
     texel = _pattern(tables, row, s, t, du, dv)
     if lanes.any_lane(kind == IMAGE):
-        picture = _image(tables, row, s, t)
+        picture = _image(tables, row, s, t, surface.spread)
         texel = (
             lanes.where(kind == IMAGE, picture[0], texel[0]), lanes.where(kind == IMAGE, picture[1], texel[1]),
             lanes.where(kind == IMAGE, picture[2], texel[2]), lanes.where(kind == IMAGE, picture[3], texel[3]),
@@ -157,16 +163,86 @@ def _pattern(tables: Tables, row: Lane, s: Lane, t: Lane, du: Lane, dv: Lane) ->
 
 
 @helper
-def _image(tables: Tables, row: Lane, s: Lane, t: Lane) -> Rgba:
-    """A picture at s, t: bilinear between pixel centres, or the nearest pixel."""
+def _image(tables: Tables, row: Lane, s: Lane, t: Lane, spread: Any) -> Rgba:
+    """A picture at s, t: the nearest texel; or bilinear between centres and, where it is known what a pixel spans, over all that."""
     textures = tables.textures
-    return look_up(tables, lanes.maximum(textures.image[row], 0), s, t, textures.wrap_u[row], textures.wrap_v[row], textures.nearest[row])
+    image, wraps = lanes.maximum(textures.image[row], 0), (textures.wrap_u[row], textures.wrap_v[row])
+    if spread is None:
+        return look_up(tables, image, s, t, wraps[0], wraps[1], textures.nearest[row])
+    return _over_pixel(tables, row, image, s, t, wraps, spread)
+
+
+@apart
+def _over_pixel(tables: Any, row: Lane, image: Lane, s: Lane, t: Lane, wraps: Any, spread: Any) -> Rgba:
+    """A picture over the ellipse that a pixel is on it: up to MOST places along its long axis, in sizes that its short one asks for."""
+    textures, images = tables.textures, tables.images
+    frame, nearest = textures.frame, textures.nearest[row]
+    width, height = lanes.to_float(images.width[image]), lanes.to_float(images.height[image])
+    plain = lanes.where(nearest | (textures.mapping[row] != UV), 0.0, 1.0)
+    ax = (frame[row, 0, 0] * spread[0] + frame[row, 0, 1] * spread[1]) * width * plain
+    ay = (frame[row, 1, 0] * spread[0] + frame[row, 1, 1] * spread[1]) * height * plain
+    bx = (frame[row, 0, 0] * spread[2] + frame[row, 0, 1] * spread[3]) * width * plain
+    by = (frame[row, 1, 0] * spread[2] + frame[row, 1, 1] * spread[3]) * height * plain
+    longest, shortest, x, y = ellipse(ax, ay, bx, by)
+    whole = look_up(tables, image, s, t, wraps[0], wraps[1], nearest)
+    wide = longest > 1.0
+    if not lanes.any_lane(wide):
+        return whole
+    count = -lanes.floor(-lanes.clip(longest / lanes.maximum(shortest, 1.0), 1.0, MOST))
+    level = lanes.log(lanes.maximum(lanes.maximum(shortest, longest / count), 1.0)) * (1.0 / math.log(2.0))
+    level = lanes.minimum(level, lanes.to_float(images.levels[image] - 1))
+    low = lanes.floor(level)
+    share, lower = level - low, lanes.to_int(low)
+    upper = lanes.minimum(lower + 1, lanes.to_int(images.levels[image] - 1))
+    zero = 0.0 * s
+    red, green, blue, alpha = zero, zero, zero, zero
+    k = 0
+    while lanes.any_lane(wide & (count > k)):
+        along = ((k + 0.5) / count - 0.5) * longest
+        at_s, at_t = s + along * x / width, t + along * y / height
+        weight = lanes.where(count > k, 1.0 / count, 0.0)
+        near = _sized(tables, image, lower, at_s, at_t, wraps, nearest)
+        far = near
+        if lanes.any_lane(share > 0.0):
+            far = _sized(tables, image, upper, at_s, at_t, wraps, nearest)
+        red, green = red + weight * lanes.lerp(near[0], far[0], share), green + weight * lanes.lerp(near[1], far[1], share)
+        blue, alpha = blue + weight * lanes.lerp(near[2], far[2], share), alpha + weight * lanes.lerp(near[3], far[3], share)
+        k += 1
+    return (
+        lanes.where(wide, red, whole[0]), lanes.where(wide, green, whole[1]), lanes.where(wide, blue, whole[2]),
+        lanes.where(wide, alpha, whole[3]),
+    )  # fmt: skip
+
+
+@helper
+def ellipse(ax: Lane, ay: Lane, bx: Lane, by: Lane) -> tuple[Lane, Lane, Lane, Lane]:
+    """The long and the short axis of the ellipse that a pixel with sides (ax, ay) and (bx, by) is like, and where the long one goes."""
+    a, b, c = ax * ax + bx * bx, ax * ay + bx * by, ay * ay + by * by
+    half = 0.5 * (a - c)
+    root = lanes.sqrt(half * half + b * b)
+    x, y = lanes.where(half >= 0.0, half + root, b), lanes.where(half >= 0.0, b, root - half)
+    x, y, _ = lanes.normalize((x, y, 0.0 * x))
+    longest = lanes.sqrt(0.5 * (a + c) + root)
+    return longest, lanes.absolute(ax * by - ay * bx) / lanes.maximum(longest, 1e-18), x, y
 
 
 @helper
 def look_up(tables: Tables, image: Lane, s: Lane, t: Lane, wrap_u: Lane, wrap_v: Lane, nearest: Lane) -> Rgba:
     """Row `image` of Images at s (right) and t (up), 0 to 1 over the picture."""
-    width, height = tables.images.width[image], tables.images.height[image]
+    images = tables.images
+    return _bilinear(tables, images.first[image], images.width[image], images.height[image], s, t, wrap_u, wrap_v, nearest)
+
+
+@helper
+def _sized(tables: Any, image: Lane, level: Lane, s: Lane, t: Lane, wraps: Any, nearest: Lane) -> Rgba:
+    """The same in one of its sizes."""
+    images = tables.images
+    first, width, height = images.level_first[image, level], images.level_width[image, level], images.level_height[image, level]
+    return _bilinear(tables, first, width, height, s, t, wraps[0], wraps[1], nearest)
+
+
+@apart
+def _bilinear(tables: Tables, first: Lane, width: Lane, height: Lane, s: Lane, t: Lane, wrap_u: Lane, wrap_v: Lane, nearest: Lane) -> Rgba:
     half = lanes.where(nearest, 0.0, 0.5)
     x, y = s * width - half, (1.0 - t) * height - half
     x0, y0 = lanes.floor_int(x), lanes.floor_int(y)
@@ -175,19 +251,42 @@ def look_up(tables: Tables, image: Lane, s: Lane, t: Lane, wrap_u: Lane, wrap_v:
     b, in_b = _wrapped(x0 + 1, width, wrap_u)
     c, in_c = _wrapped(y0, height, wrap_v)
     d, in_d = _wrapped(y0 + 1, height, wrap_v)
-    first = tables.images.first[image]
-    w_ac, w_bc = (1.0 - fx) * (1.0 - fy) * in_a * in_c, fx * (1.0 - fy) * in_b * in_c
-    w_ad, w_bd = (1.0 - fx) * fy * in_a * in_d, fx * fy * in_b * in_d
     rows = (first + c * width + a, first + c * width + b, first + d * width + a, first + d * width + b)
-    weights = (w_ac, w_bc, w_ad, w_bd)
-    return (
-        _mix(tables, rows, weights, 0), _mix(tables, rows, weights, 1), _mix(tables, rows, weights, 2), _mix(tables, rows, weights, 3),
+    weights = (
+        (1.0 - fx) * (1.0 - fy) * in_a * in_c, fx * (1.0 - fy) * in_b * in_c, (1.0 - fx) * fy * in_a * in_d, fx * fy * in_b * in_d
+    )  # fmt: skip
+    return mixed(tables.images.texels, rows, weights)
+
+
+def mixed(texels: Any, rows: Rgba, weights: Rgba) -> Rgba:
+    """The weighed sum of four texels."""
+    r, g, b, a = ((weights[0] * texels[rows[0], c] + weights[1] * texels[rows[1], c])
+                  + (weights[2] * texels[rows[2], c] + weights[3] * texels[rows[3], c]) for c in range(4))  # fmt: skip
+    return r, g, b, a
+
+
+@overload(mixed, jit_options=HELPER)
+def _mixed_in_kernels(texels, rows, weights):
+    if isinstance(rows[0], simd.Vector) and rows[0].bits == 32:
+
+        def by_rows(texels, rows, weights):  # a texel's four numbers lie together
+            p, q = simd.gather_rows(texels, rows[0] << 2, 4), simd.gather_rows(texels, rows[1] << 2, 4)
+            m, n = simd.gather_rows(texels, rows[2] << 2, 4), simd.gather_rows(texels, rows[3] << 2, 4)
+            return (
+                (weights[0] * p[0] + weights[1] * q[0]) + (weights[2] * m[0] + weights[3] * n[0]),
+                (weights[0] * p[1] + weights[1] * q[1]) + (weights[2] * m[1] + weights[3] * n[1]),
+                (weights[0] * p[2] + weights[1] * q[2]) + (weights[2] * m[2] + weights[3] * n[2]),
+                (weights[0] * p[3] + weights[1] * q[3]) + (weights[2] * m[3] + weights[3] * n[3]),
+            )
+
+        return by_rows
+    return lambda texels, rows, weights: (
+        _mix(texels, rows, weights, 0), _mix(texels, rows, weights, 1), _mix(texels, rows, weights, 2), _mix(texels, rows, weights, 3)
     )  # fmt: skip
 
 
 @helper
-def _mix(tables: Tables, rows: Rgba, weights: Rgba, channel: int) -> Lane:
-    texels = tables.images.texels
+def _mix(texels: Any, rows: Rgba, weights: Rgba, channel: int) -> Lane:
     a, b = weights[0] * texels[rows[0], channel], weights[1] * texels[rows[1], channel]
     return (a + b) + (weights[2] * texels[rows[2], channel] + weights[3] * texels[rows[3], channel])
 
@@ -195,10 +294,18 @@ def _mix(tables: Tables, rows: Rgba, weights: Rgba, channel: int) -> Lane:
 @helper
 def _wrapped(i: Lane, n: Lane, wrap: Lane) -> tuple[Lane, Lane]:
     """A pixel index brought into 0 … n-1, and 1 or, outside of a picture on black, 0."""
-    repeated = i % n
-    clamped = lanes.maximum(0, lanes.minimum(i, n - 1))
-    twice = i % (2 * n)
-    mirrored = lanes.where(twice < n, twice, 2 * n - 1 - twice)
-    index = lanes.where(wrap == MIRROR, mirrored, lanes.where((wrap == CLAMP) | (wrap == BLACK), clamped, repeated))
+    index = i
+    if lanes.any_lane(wrap == MIRROR):
+        twice = _remainder(i, 2 * n)
+        index = lanes.where(wrap == MIRROR, lanes.where(twice < n, twice, 2 * n - 1 - twice), index)
+    if lanes.any_lane(wrap == REPEAT):
+        index = lanes.where(wrap == REPEAT, _remainder(i, n), index)
     outside = (wrap == BLACK) & ((i < 0) | (i >= n))
-    return index, lanes.where(outside, 0.0, 1.0)
+    return lanes.maximum(0, lanes.minimum(index, n - 1)), lanes.where(outside, 0.0, 1.0)
+
+
+@helper
+def _remainder(i: Lane, n: Lane) -> Lane:
+    """i modulo n without dividing whole numbers, which processors do one by one."""
+    rest = i - lanes.floor_int(lanes.to_float(i) / lanes.to_float(n)) * n
+    return lanes.where(rest < 0, rest + n, lanes.where(rest >= n, rest - n, rest))

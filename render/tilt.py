@@ -170,7 +170,7 @@ def _tilted(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Surface
     outward = lanes.scale(point.normal, side)
     s, t = lanes.basis(point.local_normal)
     step = STEP * _size(tables, point)
-    over_s, over_t = _moved(tables, point, hit, s, step), _moved(tables, point, hit, t, step)
+    over_s, over_t = moved(tables, point, hit, s, step), moved(tables, point, hit, t, step)
     normal = outward
     if lanes.any_lane(turned):
         x, y, z = color_of(tables, point, NORMAL)
@@ -182,7 +182,7 @@ def _tilted(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Surface
     normal = _cleared(lanes.scale(normal, side), point.geometric, lanes.negate(direction))
     return Surface(
         point.position, point.local, point.geometric, lanes.where3(turned | bumped, normal, point.normal), point.local_normal, point.uv,
-        point.metric, point.front, point.instance, point.material, point.color, point.offset, point.time,
+        point.metric, point.front, point.instance, point.material, point.color, point.offset, point.time, point.spread,
     )  # fmt: skip
 
 
@@ -208,7 +208,7 @@ def _size(tables: Tables, point: Surface) -> Lane:
 
 
 @helper
-def _moved(tables: Tables, point: Surface, hit: Hit, direction: Vec, step: Lane) -> Surface:
+def moved(tables: Tables, point: Surface, hit: Hit, direction: Vec, step: Lane) -> Surface:
     """The surface a step away along its plane, as far as textures look at it."""
     local = lanes.along(point.local, direction, step)
     g = lanes.to_int(tables.instances.geometry[point.instance])
@@ -222,7 +222,7 @@ def _moved(tables: Tables, point: Surface, hit: Hit, direction: Vec, step: Lane)
         v = lanes.where(on_mesh, point.uv[1] + step * lanes.dot(slope_v, direction), v)
     return Surface(
         point.position, local, point.geometric, point.normal, point.local_normal, (u, v), point.metric, point.front, point.instance,
-        point.material, point.color, point.offset, point.time,
+        point.material, point.color, point.offset, point.time, point.spread,
     )  # fmt: skip
 
 
@@ -318,4 +318,4 @@ def _bumped(tables: Tables, point: Surface, hit: Hit, s: Vec, t: Vec, place: pla
 
 @helper
 def _height(tables: Tables, point: Surface, hit: Hit, direction: Vec, step: Lane) -> Lane:
-    return color_of(tables, _moved(tables, point, hit, direction, step), BUMP)[0]
+    return color_of(tables, moved(tables, point, hit, direction, step), BUMP)[0]

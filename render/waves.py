@@ -386,7 +386,7 @@ def _point(tables: Any, records: Any, path: Path, hit: Hit, piece: Lane, here: L
     white = (zero + 1.0, zero + 1.0, zero + 1.0)
     point = Surface(
         position, position, facing, facing, outward, (zero, zero), (zero + 1.0, zero + 1.0), front, lanes.maximum(instance, 0),
-        lanes.to_int(of_material), white, size * (surface.ROUNDING * lanes.roundoff(zero)), time,
+        lanes.to_int(of_material), white, size * (surface.ROUNDING * lanes.roundoff(zero)), time, None,
     )  # fmt: skip
     others = here & lanes.not_(plain)
     if lanes.any_lane(others):
@@ -396,7 +396,7 @@ def _point(tables: Any, records: Any, path: Path, hit: Hit, piece: Lane, here: L
             lanes.where3(others, full.position, position), full.local, lanes.where3(others, full.geometric, facing),
             lanes.where3(others, full.normal, facing), full.local_normal, full.uv, full.metric, lanes.where(others, full.front, front),
             point.instance, lanes.where(others, full.material, point.material), lanes.where3(others, full.color, white),
-            lanes.where(others, full.offset, point.offset), time,
+            lanes.where(others, full.offset, point.offset), time, None,
         )  # fmt: skip
     return point, hit
 

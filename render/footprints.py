@@ -1,0 +1,177 @@
+"""What a pixel sees of a picture on a surface: how far texture coordinates go over it, and pictures in ever smaller sizes for that.
+
+A pixel's derivatives of texture coordinates are those of the plane that touches the surface there (Igehy 1999, Tracing Ray Differentials),
+known in closed form for rays from the eye; further rays take pictures as they are. The pixel's square becomes an ellipse on the picture:
+its short axis chooses among sizes (Williams 1983, Pyramidal Parametrics), and along its long one lie up to sixteen places (McCormack
+and others 1999, Feline).
+"""
+
+from __future__ import annotations
+
+import weakref
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import overload
+from numpy.typing import NDArray
+
+from ..compiler import ir
+from . import camera, lanes, textures, tilt
+from .handles import HandleType
+from .kernels import HELPER, apart, helper
+from .records import Hit, Lane, Ray, Surface, Tables, Vec, View
+
+MESH = int(ir.GeometryKind.MESH)
+LEVELS = 20  # sizes of a picture at the most
+
+
+class Eye(NamedTuple):
+    """Where rays of the camera come from, and how they change from pixel to pixel."""
+
+    place: NDArray[np.float64]  # (3,)
+    axis: NDArray[np.float64]  # (3,) unit
+    right: NDArray[np.float64]  # (3,) what a pixel adds to a ray's direction at depth 1; of an orthographic camera, to its start
+    down: NDArray[np.float64]
+    perspective: bool
+    step: float  # pixels: the part of one that is looked at by itself
+
+
+class Pyramids(NamedTuple):
+    """Images with their smaller sizes; the first four columns are those of ir.Images."""
+
+    first: NDArray[np.int64]
+    width: NDArray[np.int32]
+    height: NDArray[np.int32]
+    texels: NDArray[np.float32]
+    levels: NDArray[np.int32]  # (n,) how many sizes
+    level_first: NDArray[np.int64]  # (n, LEVELS)
+    level_width: NDArray[np.int32]
+    level_height: NDArray[np.int32]
+    eye: Eye
+
+
+_made: dict[int, tuple[Any, Pyramids]] = {}  # by the id of what they were made from, while it lives
+
+
+def with_pyramids(tables: ir.Tables, view: View, samples: int) -> ir.Tables:
+    """Tables whose images have smaller sizes, for pixels of this view of which `samples` parts are looked at by themselves."""
+    images = tables.images
+    key = id(images.texels)
+    if key not in _made or _made[key][0]() is not images.texels:
+        _made[key] = weakref.ref(images.texels, lambda _: _made.pop(key, None)), _pyramids(images)
+    made = _made[key][1]
+    ray = camera.ray(tables, view, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
+    start, direction = (np.stack([np.broadcast_to(c, 3) for c in vector], axis=1) for vector in (ray.origin, ray.direction))
+    matrix = tables.transforms.matrix[tables.cameras.transform[view.camera]]
+    axis = -matrix[:, 2] / np.linalg.norm(matrix[:, 2])
+    perspective = bool(tables.cameras.projection[view.camera] == ir.Projection.PERSPECTIVE)
+    moved = direction / (direction @ axis)[:, None] if perspective else start
+    step = 1.0 / np.sqrt(samples)
+    eye = Eye(matrix[:, 3].copy(), axis, (moved[1] - moved[0]) * step, (moved[2] - moved[0]) * step, perspective, float(step))
+    return tables._replace(images=made._replace(eye=eye))
+
+
+def _pyramids(images: ir.Images) -> Pyramids:
+    count = len(images.width)
+    first = np.zeros((count, LEVELS), np.int64)
+    width, height = np.ones((count, LEVELS), np.int32), np.ones((count, LEVELS), np.int32)
+    levels, parts, total = np.zeros(count, np.int32), [], 0
+    for row in range(count):
+        w, h, start = int(images.width[row]), int(images.height[row]), int(images.first[row])
+        level = images.texels[start : start + w * h].reshape(h, w, 4)
+        for k in range(LEVELS):
+            first[row, k], width[row, k], height[row, k] = total, level.shape[1], level.shape[0]
+            parts.append(level.reshape(-1, 4))
+            total += len(parts[-1])
+            levels[row] = k + 1
+            if level.shape[:2] == (1, 1):
+                break
+            level = _halved(_halved(level, 0), 1)
+    texels = np.ascontiguousarray(np.concatenate(parts) if parts else np.zeros((0, 4)), np.float32)
+    nowhere = Eye(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), True, 1.0)
+    return Pyramids(first[:, 0].copy(), images.width, images.height, texels, levels, first, width, height, nowhere)
+
+
+def _halved(level: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
+    """Half as many texels along an axis, each the mean of what it covers, so that the mean of all stays."""
+    n = level.shape[axis]
+    m = max(n // 2, 1)
+    if n == 2 * m:
+        shape = (*level.shape[:axis], m, 2, *level.shape[axis + 1 :])
+        return level.reshape(shape).mean(axis=axis + 1, dtype=np.float32)
+    edges = np.arange(m + 1) * (n / m)
+    share = np.clip(np.minimum(edges[1:, None], np.arange(1, n + 1)) - np.maximum(edges[:-1, None], np.arange(n)), 0.0, None) * (m / n)
+    return np.moveaxis(np.tensordot(share.astype(np.float32), level, axes=(1, axis)), 0, axis)
+
+
+# --- how far coordinates go ----------------------------------------------------------------------------------------------------
+
+
+def on_surface(tables: Tables, ray: Ray, hit: Hit, point: Surface) -> Surface:
+    """The surface that a ray met, with what a pixel spans on it (Surface.spread): 0 for rays that do not come from the eye.
+
+    In scenes without pictures in several sizes, the surface as it is.
+    """
+    return _on_surface(tables, ray, hit, point) if isinstance(tables.images, Pyramids) else point
+
+
+@overload(on_surface, jit_options=HELPER)
+def _on_surface_in_kernels(tables, ray, hit, point):
+    if isinstance(tables, HandleType) and tables.field("images.levels") is not None:
+        return lambda tables, ray, hit, point: _on_surface(tables, ray, hit, point)
+    return lambda tables, ray, hit, point: point
+
+
+def of_pixel(tables: Tables, spread: Any) -> Any:
+    """A Surface's spread, from how far coordinates go over a whole pixel; None in scenes without pictures in several sizes."""
+    return _of_pixel(tables, spread) if isinstance(tables.images, Pyramids) else None
+
+
+@overload(of_pixel, jit_options=HELPER)
+def _of_pixel_in_kernels(tables, spread):
+    if isinstance(tables, HandleType) and tables.field("images.levels") is not None:
+        return lambda tables, spread: _of_pixel(tables, spread)
+    return lambda tables, spread: None
+
+
+@helper
+def _of_pixel(tables: Any, spread: Any) -> Any:
+    step = tables.images.eye.step
+    return spread[0] * step, spread[1] * step, spread[2] * step, spread[3] * step
+
+
+@apart
+def _on_surface(tables: Any, ray: Ray, hit: Hit, point: Surface) -> Surface:
+    zero = 0.0 * point.offset
+    spread = (zero, zero, zero, zero)
+    eye: Any = tables.images.eye
+    d = ray.direction
+    along = d[0] * eye.axis[0] + d[1] * eye.axis[1] + d[2] * eye.axis[2]
+    from_eye = (ray.origin[0] == eye.place[0]) & (ray.origin[1] == eye.place[1]) & (ray.origin[2] == eye.place[2])
+    depth = lanes.where(lanes.is_finite(hit.t), hit.t, 0.0) * along
+    if not eye.perspective:
+        from_eye, depth = along >= 1.0 - 1e-12, zero + 1.0
+    from_eye = from_eye & textures.on(tables, point.material)
+    if lanes.any_lane(from_eye):
+        facing = lanes.minimum(lanes.dot(d, point.geometric), -1e-9)
+        u0, v0 = _over_pixel(tables, (eye.right[0], eye.right[1], eye.right[2]), depth, d, facing, hit, point)
+        u1, v1 = _over_pixel(tables, (eye.down[0], eye.down[1], eye.down[2]), depth, d, facing, hit, point)
+        spread = (
+            lanes.where(from_eye, u0, 0.0), lanes.where(from_eye, v0, 0.0), lanes.where(from_eye, u1, 0.0), lanes.where(from_eye, v1, 0.0)
+        )  # fmt: skip
+    return Surface(
+        point.position, point.local, point.geometric, point.normal, point.local_normal, point.uv, point.metric, point.front, point.instance,
+        point.material, point.color, point.offset, point.time, spread,
+    )  # fmt: skip
+
+
+@apart
+def _over_pixel(tables: Any, step: Vec, depth: Lane, d: Vec, facing: Lane, hit: Hit, point: Surface) -> tuple[Lane, Lane]:
+    """How far coordinates go from a pixel to the next, along the plane that touches the surface."""
+    moved = lanes.sub(lanes.scale(step, depth), lanes.scale(d, lanes.dot(step, point.geometric) * depth / facing))
+    inverse = tables.transforms.inverse
+    way = lanes.transform_vector(inverse, lanes.to_int(tables.instances.transform[point.instance]), moved)
+    there = tilt.moved(tables, point, hit, way, 1.0)
+    du, dv = there.uv[0] - point.uv[0], there.uv[1] - point.uv[1]
+    kind = tables.geometries.kind[tables.instances.geometry[point.instance]]
+    return lanes.where(kind == MESH, du, du - lanes.floor(du + 0.5)), dv  # others may have a seam

@@ -1,0 +1,89 @@
+"""Pictures seen in fewer pixels than they have: means, whatever the backend, the slant and the seam."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from maquette.compiler import ir
+from maquette.render import footprints
+
+FLOOR = (
+    "mesh(points: [[-40, 0, 6], [40, 0, 6], [40, 0, -4000], [-40, 0, -4000]], faces: [[0, 1, 2, 3]],\n"
+    '  uv: [[0, 0], [10, 0], [10, 500], [0, 500]], material: lambert(image("checker.png")))\n'
+    "directional(from: [0, 1, 0], irradiance: 3.14159265, shadows: false)\n"
+    "camera(position: [0, 1.5, 8], look_at: [0, 1.0, 0], fov: 40deg)\n"
+)
+
+
+def write(path: Path, values: np.ndarray) -> None:
+    """Linear values (h, w) as a picture of floats."""
+    oiio.ImageBuf(np.repeat(values[..., None], 3, axis=2).astype(np.float32)).write(str(path))
+
+
+def checker(path: Path, size: int = 128, cell: int = 8) -> None:
+    y, x = np.mgrid[0:size, 0:size] // cell
+    oiio.ImageBuf(np.repeat(((x + y) % 2 * 255).astype(np.uint8)[..., None], 3, axis=2)).write(str(path))
+
+
+@pytest.mark.parametrize(("backend", "plan"), [("ray", {}), ("reference", {}), ("raster", {"raster.precision": "float32"})])
+def test_a_checker_towards_the_horizon_becomes_its_mean(draw_on, tmp_path: Path, backend: str, plan: dict[str, str]):
+    """Where a pixel spans some hundred cells, they are ½ within 1/255 (Heckbert 1989); near the eye they are not."""
+    checker(tmp_path / "checker.png")
+    picture = draw_on(backend, FLOOR, plan, size=(64, 64)).channels["rgba"]
+    seen = picture[..., 3] > 0
+    top = int(np.flatnonzero(seen.all(axis=1))[0])
+    far = picture[top : top + 2, :, 0]
+    assert np.abs(far - 0.5).max() <= 1.0 / 255.0
+    assert np.ptp(picture[-4:, :, 0]) > 0.9
+    sharp = draw_on(backend, FLOOR, {**plan, "textures": "sharp"}, size=(64, 64)).channels["rgba"][top : top + 2, :, 0]
+    assert np.ptp(sharp) > 0.5
+
+
+@pytest.mark.parametrize("backend", ["ray", "raster"])
+@pytest.mark.parametrize("camera", ["width: 4", "fov: 30deg"])
+def test_straight_on_a_pixel_sees_the_mean_of_what_it_covers(draw_on, tmp_path: Path, backend: str, camera: str):
+    """A wave of 16 texels, 4 texels a pixel: the wave's mean over a pixel, sin(π/4)/(π/4) of its height, less what bilinear sizes blur."""
+    size = 256
+    x = np.arange(size) + 0.5
+    write(tmp_path / "wave.exr", np.tile(0.5 + 0.5 * np.sin(2 * np.pi * x / 64), (size, 1)))
+    text = (
+        "mesh(points: [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]], faces: [[0, 1, 2, 3]],\n"
+        '  uv: [[0, 0], [1, 0], [1, 1], [0, 1]], material: lambert(image("wave.exr")))\n'
+        "directional(from: [0, 0, 1], irradiance: 3.14159265, shadows: false)\n"
+        f"camera({camera}, position: [0, 0, {2 / np.tan(np.radians(15)):.9f}], look_at: [0, 0, 0])\n"
+    )
+    row = draw_on(backend, text, size=(64, 64)).channels["rgba"][32, :, 0]
+    mean = 0.5 + 0.5 * np.sinc(1 / 16) * np.sin(2 * np.pi * (np.arange(64) + 0.5) / 16)
+    assert np.abs(row - mean)[2:-2].max() < 0.03
+
+
+@pytest.mark.parametrize("backend", ["ray", "raster"])
+def test_a_seam_is_not_seen(draw_on, tmp_path: Path, backend: str):
+    """Where u leaps from 1 to 0 a pixel spans no more than beside it."""
+    size = 512
+    wave = 0.5 + 0.5 * np.cos(2 * np.pi * (np.arange(size) + 0.5) / size)
+    write(tmp_path / "round.exr", np.tile(wave, (size // 2, 1)))
+    text = (
+        'sphere(1, material: lambert(image("round.exr")))\nambient(#ffffff)\n'
+        "camera(position: [0, 0, -4], look_at: [0, 0, 0], fov: 32deg)\n"
+    )
+    picture = draw_on(backend, text, size=(64, 64)).channels["rgba"]
+    middle = picture[28:36, 30:34, 0]
+    assert middle.min() > 0.99 * middle.max() > 0.0
+
+
+@given(st.integers(1, 13), st.integers(1, 13), st.integers(0, 1000))
+def test_smaller_sizes_keep_the_mean(width: int, height: int, seed: int):
+    texels = np.random.default_rng(seed).random((width * height, 4)).astype(np.float32)
+    images = ir.Images(np.zeros(1, np.int64), np.array([width], np.int32), np.array([height], np.int32), texels)
+    made = footprints._pyramids(images)
+    last = made.levels[0] - 1
+    assert (made.level_width[0, last], made.level_height[0, last]) == (1, 1)
+    for level in range(last + 1):
+        first, count = made.level_first[0, level], made.level_width[0, level] * made.level_height[0, level]
+        assert np.allclose(made.texels[first : first + count].mean(axis=0), texels.mean(axis=0), atol=1e-6)

@@ -36,11 +36,11 @@ def test_a_checker_towards_the_horizon_becomes_its_mean(draw_on, tmp_path: Path,
     checker(tmp_path / "checker.png")
     picture = draw_on(backend, FLOOR, plan, size=(64, 64)).channels["rgba"]
     seen = picture[..., 3] > 0
-    top = int(np.flatnonzero(seen.all(axis=1))[0])
-    far = picture[top : top + 2, :, 0]
+    top = int(np.flatnonzero(seen.all(axis=1))[0])  # some hundred cells high a pixel
+    far = picture[top, :, 0]
     assert np.abs(far - 0.5).max() <= 1.0 / 255.0
     assert np.ptp(picture[-4:, :, 0]) > 0.9
-    sharp = draw_on(backend, FLOOR, {**plan, "textures": "sharp"}, size=(64, 64)).channels["rgba"][top : top + 2, :, 0]
+    sharp = draw_on(backend, FLOOR, {**plan, "textures": "sharp"}, size=(64, 64)).channels["rgba"][top, :, 0]
     assert np.ptp(sharp) > 0.5
 
 

@@ -78,6 +78,16 @@ def world_map(height: int = 384) -> Array:
     return picture
 
 
+def studs(size: int = 256) -> Array:
+    """A normal map of 4 by 4 round studs: red along u, green along v, as (size, size, 3) from 0 to 1."""
+    row = (np.arange(size) + 0.5) / size * 4 % 1 - 0.5
+    u, v = np.meshgrid(row, -row)
+    inside = np.hypot(u, v) < 0.36
+    up = np.sqrt(np.maximum(0.36**2 + 0.24**2 - u * u - v * v, 1e-4))
+    normal = np.where(inside, np.stack([u, v, up]), np.array([0.0, 0.0, 1.0])[:, None, None])
+    return np.moveaxis(normal / np.sqrt((normal**2).sum(axis=0)) * 0.5 + 0.5, 0, -1)
+
+
 class Obj:
     """Lines of an OBJ file, with counts for its indices."""
 
@@ -389,6 +399,7 @@ def main() -> None:
     ASSETS.mkdir(exist_ok=True)
     write_png(ASSETS / "net.png", die_net())
     write_png(ASSETS / "map.png", world_map())
+    write_png(ASSETS / "studs.png", studs())
     pawn().write(ASSETS / "pawn.obj")
     knot().write(ASSETS / "knot.obj")
     obj, materials = lighthouse()

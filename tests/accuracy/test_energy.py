@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from maquette.compiler import ir
 from maquette.compiler.rows import LightData
-from maquette.render import lights, materials, sampler
+from maquette.render import albedo as table
+from maquette.render import lanes, lights, materials, microfacet, sampler
 
 from ..backends.views import alpha
 from ..render import tables as make
+from ..render import test_microfacet as facets
 from ..render.test_materials import albedo, hemisphere, shader
 from . import radiometry as rm
 
@@ -97,7 +99,27 @@ def test_a_wide_floor_of_triangles_in_a_furnace(tmp_path, measured, backend, hal
 
 
 def test_the_albedo_of_ggx(measured):
-    measured.waits(22, "GGX's albedo 1 − ln 2, and its weak furnace", "the `principled` material")
+    """α = 1, F = 1, along the normal: one bounce gives back 1 − ln 2, by Smith's correlated function; with that of the viewer alone what
+    facets turn back, upwards or downwards, is all there is: 1. And with the light of further bounces a metal is white in a white room."""
+    e, _ = table.integrals(np.array(1.0), np.array(1.0), 200)
+    off = abs(float(e) - (1 - math.log(2)))
+    measured.answer(22, "GGX's albedo 1 − ln 2, by one bounce", "quadrature", off, 1e-4)
+    (x, y, z), solid = hemisphere(200)
+    half = lanes.normalize((x, y + 1.0, z))
+    down = lanes.normalize((x, 1.0 - y, z))
+    up = tuple(np.broadcast_to(c, x.shape) for c in UP)
+    one = np.ones_like(x)
+    facets = [microfacet.spread(h, up, one) * 0.5 / (1.0 + one) for h in (half, down)]
+    off = abs(float(np.sum((facets[0] + facets[1]) * solid)) - 1.0)
+    measured.answer(22, "GGX's weak furnace, light to both sides", "quadrature", off, 1e-4)
+
+
+@every
+def test_rough_metal_in_a_furnace(tmp_path, measured, backend):
+    """A metal that reflects all, α = 1, under a sky of 1."""
+    text = FURNACE + "sphere(1, material: principled(rgb(1, 1, 1), metallic: 1, roughness: 1))\n"
+    values = rm.grey(rm.picture(tmp_path, text, backend, size=(24, 24), samples=64))
+    rm.within_error(measured, 22, "furnace, rough metal with all its bounces", backend, values, 1.0)
 
 
 # --- 23: albedos at normal incidence ---------------------------------------------------------------------------------------------------
@@ -167,7 +189,17 @@ def test_a_lobe_under_an_even_sky(tmp_path, measured, backend, model, normalized
 
 
 def test_the_albedo_of_a_preview_surface(measured):
-    measured.waits(23, "UsdPreviewSurface's albedo by quadrature, at most 1", "the `principled` material")
+    """∫ f cos dω of both workflows, with and without a coat, of all roughnesses and tilts: at most 1, but for what tables are off."""
+    most = 0.0
+    for model, slots in ((ir.MaterialModel.PRINCIPLED, {"ior": 1.5}), (ir.MaterialModel.PRINCIPLED_SPECULAR, {"specular": 0.5})):
+        for coat, rough in ((0.0, 0.2), (0.0, 0.6), (0.0, 1.0), (1.0, 0.5)):
+            made = facets.given(model, diffuse=1.0, roughness=rough, coat=coat, coat_roughness=0.4, **slots)
+            shade = facets.point_of(made)[1]
+            out, solid = hemisphere(120)
+            for tilt in (0.0, 0.8, 1.3):
+                found = materials.reflected(shade, UP, out, facets.towards(tilt))[0]
+                most = max(most, float(np.sum(found * solid)) / math.pi)
+    measured.answer(23, "UsdPreviewSurface's albedo by quadrature, at most 1", "quadrature", max(most - 1.0, 0.0), 0.004)
 
 
 # --- 34: samplers against their densities, χ² ------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Known answers 24 to 28: Fresnel's shares, slabs, prisms and balls of glass; and what waits for absorption."""
+"""Known answers 24 to 28: Fresnel's shares, slabs, prisms and balls of glass, clear and absorbing."""
 
 from __future__ import annotations
 
@@ -180,8 +180,16 @@ def test_a_slab_shifts_what_is_seen_through_it(tmp_path, measured, backend, degr
     measured.answer(25, "shift by a slab of 0.7 m", backend, float(np.abs(moved - shift).max()), 2e-6, "m", "the worst of 0° to 70°")
 
 
-def test_an_absorbing_slab(measured):
-    measured.waits(25, "absorbing slab, (1 − r)²τ/(1 − r²τ²)", "absorption within glass")
+@tracers
+def test_an_absorbing_slab(tmp_path, measured, backend):
+    """Half of the light is left after its thickness: with all reflections between its faces (1 − r)²τ/(1 − r²τ²)."""
+    text = DARK + "camera(position: [0, 0, 1], width: 1, near: 1cm)\n"
+    text += f"box([40, 40, 0.1], material: glass(ior: {N}, inside: rgb(0.5, 0.5, 0.5)))\n"
+    text += "disk(30, center: [0, 0, -3], normal: [0, 0, 1], " + LAMP
+    turned, left = ((N - 1) / (N + 1)) ** 2, 0.5
+    through = (1 - turned) ** 2 * left / (1 - turned**2 * left**2)
+    off = float(np.abs(rm.grey(rm.picture(tmp_path, text, backend, size=(8, 8))) - through).max())
+    measured.answer(25, "absorbing slab, (1 − r)²τ/(1 − r²τ²)", backend, off, 1e-4, note="of the lamp")
 
 
 # --- 26: prisms ----------------------------------------------------------------------------------------------------------------------
@@ -291,5 +299,15 @@ def test_the_angle_of_the_rainbow(measured):
 # --- 28: absorption ------------------------------------------------------------------------------------------------------------------
 
 
-def test_beer_and_lamberts_law(measured):
-    measured.waits(28, "Beer–Lambert: a ball of index 1, exp(−2σ√(R² − b²))", "absorption within glass")
+@tracers
+def test_beer_and_lamberts_law(tmp_path, measured, backend):
+    """A ball of index 1 of which a third is left after a radius: what is seen through it is 3^(−2√(1 − b²)), b from its middle."""
+    text = DARK + "camera(position: [0, 0, 5], width: 2.2)\nsphere(1, material: glass(ior: 1, inside: rgb(1/3, 1/3, 1/3), depth: 1))\n"
+    text += "disk(30, center: [0, 0, -3], normal: [0, 0, 1], " + LAMP
+    image = rm.picture(tmp_path, text, backend, size=(40, 40))
+    x, y = ((c - 20) / 40 * 2.2 for c in centres(image))
+    inside = 1 - x * x - y * y
+    expected = np.where(inside > 0, 3.0 ** (-2 * np.sqrt(np.maximum(inside, 0))), 1.0)
+    sound = np.abs(inside) > 1e-3
+    off = float(np.abs(rm.grey(image) / expected - 1)[sound].max())
+    measured.answer(28, "Beer–Lambert: a ball of index 1, exp(−2σ√(R² − b²))", backend, off, rm.SINGLE, note="relative")

@@ -166,6 +166,12 @@ def test_a_polished_one_mirrors_by_schlicks_law():
             assert float(found[channel][0]) == pytest.approx(f0 + (1 - f0) * (1 - math.cos(angle)) ** 5, rel=1e-9)
 
 
+def test_what_is_half_metal_reflects_half_as_either():
+    lobes = point_of(given(diffuse=(0.9, 0.5, 0.1), metallic=0.5, ior=1.5))[1].lobes
+    assert [float(c[0]) for c in lobes.f0] == pytest.approx([0.47, 0.27, 0.07])
+    assert [float(c[0]) for c in lobes.base] == pytest.approx([0.45, 0.25, 0.05])
+
+
 def test_every_draw_is_finite_where_it_grazes():
     for slots in LOSSLESS.values():
         for roughness in (0.0, 0.04, 1.0):

@@ -6,7 +6,6 @@ of helpers most of a kernel's compile time goes into code that never runs.
 
 from __future__ import annotations
 
-from functools import cache
 from inspect import iscode
 from typing import Any
 
@@ -33,11 +32,6 @@ class _Library(JITCodeLibrary):
         for function in module.functions:
             if not function.is_declaration and function.linkage == binding.Linkage.external:
                 function.linkage = "linkonce_odr"  # not kept where it has become part of its callers
-        module.data_layout = self._codegen._data_layout
-        passes, builder = _passes(self._codegen)
-        for function in module.functions:
-            if not function.is_declaration:
-                passes.run(function, builder)
         if self._final_module is None:
             self._final_module = module
         else:
@@ -58,12 +52,6 @@ class _Library(JITCodeLibrary):
         return self._shared_module
 
 
-@cache
-def _passes(codegen: Any) -> tuple[Any, Any]:
-    """What makes a function simpler before it becomes part of others."""
-    return codegen._function_pass_manager()
-
-
 class Whole(JITCodeLibrary):
     """A kernel's code, with every fragment linked into it once."""
 
@@ -74,9 +62,10 @@ class Whole(JITCodeLibrary):
 
     def _optimize_final_module(self) -> None:
         """First of all fragments become part of their callers, without marks of where their own stack ends: they hand out parts of it."""
-        for options in ({"opt": 0, "cost": "cheap", "slp_vectorize": False}, {}):
-            passes, builder = self._codegen._module_pass_manager(**options)
-            passes.run(self._final_module, builder)
+        inline = self._codegen._pass_builder(opt=0, loop_vectorize=False, slp_vectorize=False)
+        inline.getModulePassManager().run(self._final_module, inline)
+        passes, builder = self._codegen._module_pass_manager()
+        passes.run(self._final_module, builder)
 
 
 def _link(module: Any, libraries: list[Any], seen: set[Any]) -> None:

@@ -6,48 +6,75 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numba import types
 
-from ..compiler import solids
+from ..compiler import enclosures, solids
 from ..compiler.tapes import INPUTS, Builder, Op, Tape, arity
 from ..render import across, rays
-from ..render.formulas import compiled, fields, meet, plain
+from ..render.formulas import compiled, fields, meet, plain, tile_room, tiles
 from ..render.handles import Handle
 from ..render.kernels import kernel
 from ..render.links import FLOAT, VEC
 from . import report
-from .harness import OURS, Case, Contender, Disagreement, Effort, Missing, Peers, measure
+from .harness import OURS, Case, Contender, Disagreement, Effort, Missing, Peers, Result, measure
 
 TEXT = """
-First hits and normals of orthographic pictures, one ray a pixel, on one core. Ours: the grid of cells is built anew for each picture,
-then all rays are met to rounding in double precision; the formula's own code is compiled (that happens once, in the background).
-fidget: a height map of as many voxels deep as the picture is wide, single precision, with normals, by its JIT and its interpreter; its
-process is timed from its start, which takes about 3 ms. Where two differ in what is hit, they differ at outlines. Of each model 500
-rays are checked against the definition in numpy.
+First hits and normals of orthographic pictures, one ray a pixel, on one core. Ours: rays go as bundles of 64 × 64 pixels, as camera rays
+of the ray backend do, and are met to rounding in double precision; the formula's own code is compiled (that happens once, in the
+background), and nothing is kept from picture to picture. fidget: a height map of as many voxels deep as the picture is wide, single
+precision, with normals, by its JIT and its interpreter; its process is timed from its start, which takes about 3 ms. POV-Ray: an
+isosurface to 1e-6 with the largest gradient that a model has in its box, of 128² pixels (heart: 32², Barth sextic: 64²); all of its
+process, of which half a second is its start. Where
+two differ in what is hit, they differ at outlines. Of each model 2000 rays are checked against the definition in numpy, and all rays
+against rays one by one, through a grid of cells.
 """
 MOST_APART = 6.0  # pixels for each of a row that may be hit by one and not by the other: outlines, which fidget has half a pixel off
+POVRAY_SIZES = {"heart": 32, "Barth sextic": 64}  # of pictures; all others' are 128²
+LONGEST = 20_000  # letters of a formula for POV-Ray
+CHECKED = 2000  # rays, against the definition
 BOX = np.array([[-1.0] * 3, [1.0] * 3])
 POINT = (0, 1, 2)
 
 
 def section(quick: bool, effort: Effort) -> report.Section:
-    """Every model at one size, or two."""
+    """Every model at one size, or two; and by POV-Ray."""
     peers = Peers()
     found = report.Section("formulas", "Formula surfaces", TEXT)
-    with tempfile.TemporaryDirectory() as folder:
-        for size in (32,) if quick else (512, 1024):
-            results = []
-            for name, tape in models().items():
-                desk = Desk(Path(folder), name, tape, size)
-                sides = peers.gather(desk.ours, lambda d=desk: d.fidget("jit"), lambda d=desk: d.fidget("vm"))
-                results.append(measure(Case(name, sides, desk.agree, amount=size * size), effort))
-            found.add(f"{size}²", results, "M rays/s", by="cpu")
+    for size in (32,) if quick else (512, 1024):
+        found.add(f"{size}²", against_fidget(peers, size, effort), "M rays/s", by="cpu")
+    results = against_povray(peers, quick, replace(effort, rounds=1, fewest=1))
+    if results:
+        found.add("POV-Ray", results, "M rays/s", by="cpu")
     found.missing = peers.missing
     return found
+
+
+def against_fidget(peers: Peers, size: int, effort: Effort) -> list[Result]:
+    """All models at one size."""
+    results = []
+    with tempfile.TemporaryDirectory() as folder:
+        for name, tape in models().items():
+            desk = Desk(Path(folder), name, tape, size)
+            makers = [desk.ours, lambda d=desk: d.fidget("jit"), lambda d=desk: d.fidget("vm")]
+            results.append(measure(Case(name, peers.gather(*makers), desk.agree, amount=size * size), effort))
+    return results
+
+
+def against_povray(peers: Peers, quick: bool, effort: Effort) -> list[Result]:
+    """All models that POV-Ray can be given; nothing without it."""
+    results = []
+    with tempfile.TemporaryDirectory() as folder:
+        for name, tape in models().items():
+            desk = Desk(Path(folder), name, tape, 16 if quick else POVRAY_SIZES.get(name, 128))
+            sides = peers.gather(desk.ours, desk.povray)
+            if len(sides) > 1:
+                results.append(measure(Case(name, sides, desk.agree, amount=desk.size**2), effort))
+    return results
 
 
 class Desk:
@@ -58,27 +85,45 @@ class Desk:
         self.turn = _turn()
         steps = (np.arange(size) + 0.5) / size * 2 - 1
         x, y = np.meshgrid(steps, -steps)
-        self.origin = np.stack([x.ravel(), y.ravel(), np.full(size * size, 2.5)], axis=1) @ self.turn.T
+        self.order = _order(size)
+        origin = np.stack([x.ravel(), y.ravel(), np.full(size * size, 2.5)], axis=1) @ self.turn.T
+        self.origin = np.ascontiguousarray(origin[self.order])  # bundle by bundle
         self.way = np.tile(self.turn @ [0.0, 0.0, -1.0], (size * size, 1))
         self.parameters = np.zeros(13)
         self.parameters[5] = 1.0
 
     def ours(self) -> Contender:
-        address = _linked()
-        self._trees()
-        compiled.finish()
         n = len(self.origin)
+        forms = fields._pooled(np.array([0], np.int32), [fields.field(self.tape, self.parameters, BOX)])
+        compiled.finish()
+        forms = fields._pooled(np.array([0], np.int32), [fields.field(self.tape, self.parameters, BOX)])
+        room = Handle(tile_room.room(forms, 0))
         out = np.empty(n), np.empty(n, np.int64), np.empty(n), np.empty(n)
+        ends = np.zeros(n), np.full(n, np.inf)
 
         def work() -> Any:
-            fields._known.clear()
-            trace(self._trees(), address, self.origin, self.way, *out)
+            for first in range(0, n, tile_room.RAYS):
+                part = slice(first, first + tile_room.RAYS)
+                given = (self.origin[part], self.way[part], *(end[part] for end in ends))
+                if not tiles.trace(room, *given, *(column[part] for column in out)):
+                    raise RuntimeError("no bundle")
             return out
 
-        return Contender(OURS, work, lambda found: found[0].copy())
+        return Contender(OURS, work, lambda found: self._rows(found[0]))
 
-    def _trees(self) -> Handle:
-        return Handle(fields._pooled(np.array([0], np.int32), [fields.field(self.tape, self.parameters, BOX)]))
+    def _rows(self, values: np.ndarray) -> np.ndarray:
+        """What was found bundle by bundle, in the picture's order."""
+        found = np.empty_like(values)
+        found[self.order] = values
+        return found
+
+    def one_by_one(self) -> np.ndarray:
+        """The same by single rays."""
+        n = len(self.origin)
+        forms = Handle(fields._pooled(np.array([0], np.int32), [fields.field(self.tape, self.parameters, BOX)]))
+        out = np.empty(n), np.empty(n, np.int64), np.empty(n), np.empty(n)
+        trace(forms, _linked(), self.origin, self.way, *out)
+        return self._rows(out[0])
 
     def fidget(self, how: str) -> Contender:
         program = shutil.which("fidget-once")
@@ -96,17 +141,49 @@ class Desk:
             lambda _: np.where(np.fromfile(depths, np.uint32) > 0, 1.0, np.inf),
         )
 
+    def povray(self) -> Contender:
+        """POV-Ray's isosurface."""
+        program = shutil.which("povray")
+        if program is None:
+            raise Missing("povray is not on the PATH (Debian's package povray)")
+        text = formula_of(self.tape)
+        if len(text) > LONGEST:
+            raise Missing(f"{self.name}: POV-Ray has no names for parts of a formula, and all of it is {len(text):,} letters long")
+        scene, picture = self.folder / "model.pov", self.folder / "model.png"
+        steepest = _steepest(self.tape)
+        eye, right, up = self.turn @ [0, 0, 2.5], self.turn @ [2.0, 0, 0], self.turn @ [0, 2.0, 0]
+        scene.write_text(
+            "#version 3.7;\nglobal_settings { assumed_gamma 1 }\n"
+            f"camera {{ orthographic location {_povs(eye)} direction {_povs(-eye)} right {_povs(right)} up {_povs(up)} }}\n"
+            f"isosurface {{ function {{ {text} }} contained_by {{ box {{ <-1,-1,-1>, <1,1,1> }} }} max_gradient {steepest} accuracy 1e-6\n"
+            "pigment { rgb 1 } finish { emission 1 diffuse 0 } }\n",
+            encoding="utf-8",
+        )
+        size = f"+W{self.size} +H{self.size}"
+        command = [program, f"+I{scene}", f"+O{picture}", *size.split(), "-D", "+FN", "-A", "+WT1", "-GA"]
+
+        def read(_: Any) -> np.ndarray:
+            import OpenImageIO as oiio
+
+            return np.where(oiio.ImageBuf(str(picture)).get_pixels()[:, :, 0].ravel() > 0.5, 1.0, np.inf)
+
+        return Contender("POV-Ray", lambda: subprocess.run(command, check=True, capture_output=True), read)
+
     def agree(self, answers: Mapping[str, Any]) -> str:
         """The share of pixels hit by one alone; ours by the definition."""
         t = answers[OURS]
-        pick = np.random.default_rng(1).integers(0, len(t), 500)
-        o, d = self.origin[pick], self.way[pick]
-        everywhere = np.zeros(500), np.full(500, np.inf)
+        alone = self.one_by_one()
+        differ = int((np.isfinite(t) != np.isfinite(alone)).sum())
+        if differ:
+            raise Disagreement(f"{differ} of {len(t)} rays are met by bundles and not by themselves, or the other way round")
+        pick = np.random.default_rng(1).integers(0, len(t), CHECKED)
+        o, d = self._rows(self.origin)[pick], self.way[pick]
+        everywhere = np.zeros(CHECKED), np.full(CHECKED, np.inf)
         true, _, _, _, doubt = plain.meet(self.tape, self.parameters, BOX, tuple(o.T), tuple(d.T), *everywhere)
         wrong = int(((np.isfinite(true) != np.isfinite(t[pick])) & ~doubt).sum())
         both = np.isfinite(true) & np.isfinite(t[pick])
         if wrong or np.abs(true[both] - t[pick][both]).max(initial=0.0) > 1e-8:
-            raise Disagreement(f"{wrong} of 500 rays are not as the definition has them")
+            raise Disagreement(f"{wrong} of {CHECKED} rays are not as the definition has them")
         said = [f"{np.isfinite(t).mean():.1%} hit"]
         for name, other in answers.items():
             apart = float((np.isfinite(t) != np.isfinite(other)).mean())
@@ -115,6 +192,12 @@ class Desk:
             if name != OURS:
                 said.append(f"{name} {apart:.2%} otherwise")
         return ", ".join(said)
+
+
+def _order(size: int) -> np.ndarray:
+    """A picture's pixels by squares of 64 × 64, in these of 16 × 16, in these of 4 × 4."""
+    y, x = (part.ravel() for part in np.mgrid[:size, :size])
+    return np.lexsort((x % 4, y % 4, x % 16 // 4, y % 16 // 4, x % 64 // 16, y % 64 // 16, x // 64, y // 64))
 
 
 @kernel
@@ -150,7 +233,7 @@ def models() -> dict[str, Tape]:
     """Name → tape."""
     makers = {
         "torus": _torus, "heart": _heart, "gyroid shell": _gyroid, "Barth sextic": _barth, "metaballs": _metaballs,
-        "smooth union": _smooth, "100 balls": _balls, "perforated plate": _plate,
+        "smooth union": _smooth, "100 balls": _balls, "perforated plate": _plate, "colonnade": _colonnade, "bear": _bear,
     }  # fmt: skip
     made = {}
     for name, maker in makers.items():
@@ -228,10 +311,74 @@ def _plate(b: Builder) -> int:
     return plate
 
 
+def _colonnade(b: Builder) -> int:
+    """Two rows of twelve columns with bases, capitals and rings, on steps and under a roof."""
+    parts = []
+    for x in np.linspace(-0.66, 0.66, 12):
+        for z in (-0.3, 0.3):
+            parts.append(solids.analytic(b, 6, (0.04, 0.7, 1.0), _away(b, np.array([x, 0.0, z]))))
+            parts += [solids.analytic(b, 2, (0.055, 0.02, 0.055), _away(b, np.array([x, y, z]))) for y in (-0.34, 0.34)]
+            parts += [solids.analytic(b, 8, (0.04, 0.01), _away(b, np.array([x, y, z]))) for y in (-0.31, 0.29, 0.31)]
+    for k in range(3):
+        parts.append(solids.analytic(b, 2, (0.74 + 0.05 * k, 0.02, 0.42 + 0.05 * k), _away(b, np.array([0.0, -0.38 - 0.04 * k, 0.0]))))
+    roof = [solids.analytic(b, 2, (0.76, 0.03, 0.44), _away(b, np.array([0.0, 0.39, 0.0])))]
+    slopes = [b.linear([(0.55, 2), (1.0, 1)], -0.64), b.linear([(-0.55, 2), (1.0, 1)], -0.64)]
+    roof.append(b.several(Op.MAX, [*slopes, b.linear([(-1.0, 1)], 0.42), b.shifted(b.op(Op.ABS, 0), -0.74)]))
+    parts += roof
+    return b.several(Op.MIN, parts)
+
+
+def _bear(b: Builder) -> int:
+    """Ellipsoids that blend into each other: body, head, limbs, ears, snout."""
+    blobs = [((0, -0.2, 0), (0.36, 0.42, 0.3)), ((0, 0.38, 0.03), (0.27, 0.25, 0.24)), ((0, 0.3, 0.24), (0.11, 0.09, 0.12))]
+    for side in (-1, 1):
+        blobs += [((0.2 * side, 0.58, 0), (0.09, 0.1, 0.05)), ((0.2 * side, 0.58, 0.04), (0.05, 0.06, 0.03))]
+        blobs += [((0.34 * side + 0.05 * k * side, -0.02 - 0.06 * k, 0.06 * k), (0.1, 0.11, 0.1)) for k in range(5)]
+        blobs += [((0.2 * side + 0.02 * k * side, -0.5 - 0.03 * k, 0.08 * k), (0.13, 0.14, 0.13)) for k in range(6)]
+        blobs += [((0.1 * side, 0.44, 0.22), (0.03, 0.035, 0.02)), ((0.28 * side, -0.64, 0.42), (0.1, 0.09, 0.06))]
+    found = -1
+    for center, radii in blobs:
+        point = [b.scaled(name, 1 / r) for name, r in zip(_away(b, np.array(center, float)), radii, strict=True)]
+        one = b.scaled(b.shifted(solids.length(b, point), -1.0), min(radii))
+        found = one if found < 0 else solids.union(b, found, one, 0.04)
+    return found
+
+
 _WORDS = {
     Op.ADD: "add", Op.SUBTRACT: "sub", Op.MULTIPLY: "mul", Op.DIVIDE: "div", Op.NEGATE: "neg", Op.ABS: "abs", Op.SQUARE: "square",
     Op.SQRT: "sqrt", Op.MIN: "min", Op.MAX: "max", Op.EXP: "exp", Op.LOG: "ln", Op.SIN: "sin", Op.COS: "cos", Op.COPY: "copy",
 }  # fmt: skip
+
+
+def formula_of(tape: Tape) -> str:
+    """A tape as one expression of POV-Ray's, in which what is used twice stands twice; cut off where it is long."""
+    values = ["x", "y", "z"]
+
+    def named(name: int) -> str:
+        return values[name] if name >= 0 else f"({float(tape.constants[~name])!r})"
+
+    for op, *operands in tape.code.tolist():
+        given = [named(name) for name in operands[: arity(op)]]
+        values.append(_POVRAY[Op(op)].format(*given)[: 2 * LONGEST])
+    return named(tape.results[0])
+
+
+_POVRAY = {
+    Op.ADD: "({}+{})", Op.SUBTRACT: "({}-{})", Op.MULTIPLY: "({}*{})", Op.DIVIDE: "({}/{})", Op.NEGATE: "(-{})", Op.ABS: "abs({})",
+    Op.SQUARE: "pow({},2)", Op.SQRT: "sqrt({})", Op.MIN: "min({},{})", Op.MAX: "max({},{})", Op.EXP: "exp({})", Op.SIN: "sin({})",
+    Op.COS: "cos({})", Op.COPY: "{}", Op.HYPOT: "sqrt(pow({},2)+pow({},2))",
+}  # fmt: skip
+
+
+def _povs(v: Any) -> str:
+    return "<" + ",".join(f"{float(c):.12g}" for c in v) + ">"
+
+
+def _steepest(tape: Tape) -> float:
+    """The largest gradient of a model in its box, by samples: what POV-Ray must be told. (Less leaves holes, as in the heart.)"""
+    p = np.random.default_rng(2).uniform(-1, 1, (3, 100_000))
+    _, gradient = enclosures.gradients(tape, *p)
+    return round(float(np.nanmax(np.linalg.norm(gradient, axis=0))), 2)
 
 
 def text_of(tape: Tape) -> str:

@@ -29,8 +29,8 @@ of the ray backend do, and are met to rounding in double precision; the formula'
 background), and nothing is kept from picture to picture. fidget: a height map of as many voxels deep as the picture is wide, single
 precision, with normals, by its JIT and its interpreter; its process is timed from its start, which takes about 3 ms. POV-Ray: an
 isosurface to 1e-6 with the largest gradient that a model has in its box, of 128² pixels (heart: 32², Barth sextic: 64²); all of its
-process, of which half a second is its start. Where
-two differ in what is hit, they differ at outlines. Of each model 2000 rays are checked against the definition in numpy, and all rays
+process, of which half a second is its start. Where two differ in what is hit, they differ at outlines.
+Of each model 2000 rays are checked against the definition in numpy, and all rays
 against rays one by one, through a grid of cells.
 """
 MOST_APART = 6.0  # pixels for each of a row that may be hit by one and not by the other: outlines, which fidget has half a pixel off

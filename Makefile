@@ -19,7 +19,7 @@ INPUTS := $(filter-out %.png %.md,$(wildcard examples/*)) $(wildcard examples/as
 CHARTS := $(patsubst %,examples/%.scene,hello refraction room shapes spotlights) bench/scenes/cornell.scene
 CHART_BUDGET ?= 5min
 
-.PHONY: help venv demo pictures reference charts test test-all check bench clean accuracy
+.PHONY: help venv demo pictures reference charts test test-all check bench bounds clean accuracy
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -68,6 +68,9 @@ test: check  ## the whole suite, after ruff and pyright
 
 test-all: check  ## also what takes long: statistics, soak, packaging
 	@$(BIN)/python -m pytest -q -n $(WORKERS) --long
+
+bounds: $(STAMP)  ## a million boxes for each operation of formulas: bounds must hold (half an hour)
+	@MAQUETTE_BOXES=1000000 $(BIN)/python -m pytest -q -n $(WORKERS) tests/render/test_single.py
 
 bench: $(PEERS)  ## measure against Embree, Mitsuba, llvmpipe and POV-Ray: bench/RESULTS.md (bench-rays and the like: one of them)
 	@$(BIN)/python -m maquette.bench

@@ -93,7 +93,7 @@ def _spans(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
         found = enclosures.low_of(m, found, m.sqrt(off[0]))
     size = enclosures.high_of(m, abs(value[0]), abs(value[1]))
     if op not in EXACT:
-        found = found + size * (4.0 * enclosures.ULPS * u)
+        found = found + (size * (4.0 * enclosures.ULPS * u) if op != Op.NOISE else 64.0 * m.unit)
     return [*value, *slope, m.where((found < LARGEST) & (size < LARGEST), found, m.big)]
 
 

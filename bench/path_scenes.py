@@ -149,7 +149,7 @@ def write_sky(path: Path) -> None:
     picture: Any = np.where(up > 0.0, 0.25 + np.array([0.1, 0.25, 0.6]) * up, np.array([0.12, 0.1, 0.08])) + np.zeros((height, width, 3))
     picture[60:66, 180:186] = (400.0, 360.0, 300.0)
     picture[90:120, 330:380] = (6.0, 6.0, 7.0)
-    out = oiio.ImageOutput.create(str(path))
+    out: Any = oiio.ImageOutput.create(str(path))
     out.open(str(path), oiio.ImageSpec(width, height, 3, "float"))
     out.write_image(np.ascontiguousarray(picture, np.float32))
     out.close()

@@ -271,7 +271,7 @@ def _as_searched(origin: Vec, direction: Vec, near: Lane, far: Lane, time: Any) 
     return Ray(o, d, _for_search(near), _for_search(far), _for_search(time))
 
 
-def _closest(accel: Any, ray: Ray, visible: int, pixel: Lane, sample: Lane, depth: int, seed: int) -> Hit:
+def _closest(accel: Any, ray: Ray, visible: Any, pixel: Lane, sample: Lane, depth: int, seed: int) -> Hit:
     raise NotImplementedError
 
 
@@ -318,7 +318,8 @@ def _passing_in_trees(accel, ray):
     """The share of light that passes the trees, 0 to 1."""
     if accel.field("search") is None:
         return lambda accel, ray: 0.0 * ray.t_min + 1.0
-    return lambda accel, ray: trace.let_through(accel, None, ray, lanes.bool_like(ray.t_min, True))
+    unused: Any = None  # tables, which kernels have beside their trees
+    return lambda accel, ray: trace.let_through(accel, unused, ray, lanes.bool_like(ray.t_min, True))
 
 
 @helper

@@ -2,7 +2,7 @@
 
 A block of cells is empty where the formula's bounds have one sign, else it is cut into 4 × 4 × 4; of a minimum one of whose operands is
 known to be larger everywhere in a block, only the other is evaluated there (Keeter, "Massively Parallel Rendering of Complex
-Closed-Form Implicit Surfaces", SIGGRAPH 2020). Blocks whose gradient hardly turns stay whole. A leaf knows bounds of its derivatives: a
+Closed-Form Implicit Surfaces", SIGGRAPH 2020). A leaf knows bounds of its derivatives: a
 ray along which the slope has one sign has one root in it at the most, and the values at both ends say whether.
 """
 
@@ -23,7 +23,6 @@ MOST_REGISTERS = 256
 SPLIT = 4
 CHILDREN = SPLIT**3
 MOST_LEVELS = 5
-SMOOTH = 1.0  # of the gradient's length, that its components' bounds may be apart together in a block that stays whole
 SLACK = 1e-9  # of a cell, by which boxes grow: where rays enter them is rounded
 BIG = 1e100
 _STACK = CHILDREN * MOST_LEVELS
@@ -116,27 +115,25 @@ def fill(code, constants, low, cell, count, reach, programs, state, grid, names,
                 alive += 1
         for first in range(0, alive, LANES):
             few = min(LANES, alive - first)
-            if small <= SPLIT:
+            if small == 1:
                 _boxes(registers, low, cell, reach, x, y, z, small, known, first, few, True, _CELLS)
                 state[0] = 0
                 interpret(programs[1], run, tapes[tape, 0], tapes[tape, 1], registers, constants, 0, state, 1)
             out = tapes[tape, 2] * _CELLS * LANES
             for k in range(few):
                 child, kept = known[first + k] & 255, known[first + k] >> 8
-                if small <= SPLIT:
-                    maybe = (state[0] >> k) & 1
-                    if small == 1 or (maybe == 0 and _smooth(registers, out + k)):
-                        leaf = ends[2]
-                        if leaf >= len(leaf_tape):
-                            return 1
-                        leaf_tape[leaf], leaf_size[leaf] = kept, small
-                        for j in range(6):
-                            bound = registers[out + (2 + j) * LANES + k]
-                            unknown = -BIG if j % 2 == 0 else BIG
-                            leaf_slopes[leaf, j] = unknown if maybe == 1 or not abs(bound) <= BIG else bound
-                        _mark(grid, count, x, y, z, child, small, leaf)
-                        ends[2] += 1
-                        continue
+                if small == 1:
+                    leaf, maybe = ends[2], (state[0] >> k) & 1
+                    if leaf >= len(leaf_tape):
+                        return 1
+                    leaf_tape[leaf], leaf_size[leaf] = kept, small
+                    for j in range(6):
+                        bound = registers[out + (2 + j) * LANES + k]
+                        unknown = -BIG if j % 2 == 0 else BIG
+                        leaf_slopes[leaf, j] = unknown if maybe == 1 or not abs(bound) <= BIG else bound
+                    _mark(grid, count, x, y, z, child, small, leaf)
+                    ends[2] += 1
+                    continue
                 stack[top, 0] = x + small * (child // (SPLIT * SPLIT))
                 stack[top, 1] = y + small * (child // SPLIT % SPLIT)
                 stack[top, 2] = z + small * (child % SPLIT)
@@ -195,17 +192,6 @@ def _boxes(
             registers[at + LANES] = low[axis] + (corner[axis] + size) * cell[axis] + slack
             for j in range(2, width):
                 registers[at + j * LANES] = 1.0 if (j - 2) // 2 == axis else 0.0
-
-
-@helper
-def _smooth(registers: Any, at: int) -> bool:
-    """Whether the gradient hardly turns."""
-    apart_, square = 0.0, 0.0
-    for axis in range(3):
-        least, most = registers[at + (2 + 2 * axis) * LANES], registers[at + (3 + 2 * axis) * LANES]
-        apart_ += most - least
-        square += (0.5 * (least + most)) ** 2
-    return apart_ * apart_ < SMOOTH * SMOOTH * square
 
 
 # --- simpler tapes ------------------------------------------------------------------------------------------------------

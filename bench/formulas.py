@@ -269,8 +269,9 @@ def _barth(b: Builder) -> int:
     return b.op(Op.MAX, b.linear([(-0.08, product), (0.02 * (1 + 2 * phi), ball)]), b.shifted(solids.length(b, POINT), -0.95))
 
 
-def _away(b: Builder, center: np.ndarray) -> list[int]:
-    return [b.shifted(name, -float(c)) for name, c in zip(POINT, center, strict=True)]
+def _away(b: Builder, center: np.ndarray) -> tuple[int, int, int]:
+    x, y, z = (b.shifted(name, -float(c)) for name, c in zip(POINT, center, strict=True))
+    return x, y, z
 
 
 def _metaballs(b: Builder) -> int:

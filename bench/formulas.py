@@ -165,7 +165,7 @@ class Desk:
         def read(_: Any) -> np.ndarray:
             import OpenImageIO as oiio
 
-            return np.where(oiio.ImageBuf(str(picture)).get_pixels()[:, :, 0].ravel() > 0.5, 1.0, np.inf)
+            return np.where(np.asarray(oiio.ImageBuf(str(picture)).get_pixels())[:, :, 0].ravel() > 0.5, 1.0, np.inf)
 
         return Contender("POV-Ray", lambda: subprocess.run(command, check=True, capture_output=True), read)
 

@@ -173,12 +173,9 @@ def _through(accel: Any, ray: One, limit: Any, visible_bit: int, any_hit: bool, 
             if best.share <= 0.0:
                 return best
             limit = min(limit, best.t)
-        while top > 0 and simd.read(reaches, top - 1) > limit:
-            top -= 1
-        if top == 0:
+        node, top = walk.take(children, reaches, top, limit)
+        if top < 0:
             return best
-        top -= 1
-        node = np.int64(simd.read(children, top))
 
 
 @helper
@@ -277,12 +274,9 @@ def _in_mesh(accel: Any, i: int, ray: One, enters: Any, any_hit: bool, share: An
                 elif there > 0.0:
                     best = First(t, i, number, u, v, share)
                     limit = np.float32((t - enters) * walk.FAR)
-        while top > 0 and simd.read(reaches, top - 1) > limit:
-            top -= 1
-        if top == 0:
+        node, top = walk.take(children, reaches, top, limit)
+        if top < 0:
             return First(best.t, best.instance, best.primitive, best.u, best.v, share)
-        top -= 1
-        node = np.int64(simd.read(children, top))
 
 
 # --- rays as traverse.search takes them -----------------------------------------------------------------------------------

@@ -356,12 +356,9 @@ def meet(
                         shorter = (t - enters) * walk.FAR
                     limits = simd.minimum(limits, simd.to_f32(shorter))
                     limit = simd.max_of(limits)
-        while top > 0 and simd.read(reaches, top - 1) > limit:
-            top -= 1
-        if top == 0:
+        node, top = walk.take(children, reaches, top, limit)
+        if top < 0:
             return t, triangle, v / total, w / total, True
-        top -= 1
-        node = np.int64(simd.read(children, top))
 
 
 @helper

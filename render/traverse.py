@@ -88,12 +88,9 @@ def _together(
             if any_hit:
                 until = lanes.where(best.instance >= 0, -np.inf, until)
             limit = across.most(lanes.minimum(best.t, until))
-        while top > 0 and simd.read(reaches, top - 1) > limit:
-            top -= 1
-        if top == 0:
+        node, top = walk.take(children, reaches, top, limit)
+        if top < 0:
             return best
-        top -= 1
-        node = np.int64(simd.read(children, top))
 
 
 @helper

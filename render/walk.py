@@ -204,6 +204,14 @@ def _taken(links: Any, node: int, near: Lane, hits: int, first: int, children: A
     return child, _push(reaches, top, near, rest)
 
 
+@helper
+def take(children: Any, reaches: Any, top: int, limit: Any) -> tuple[Any, int]:
+    """(the nearest node on a stack, where the stack ends without it), below 0 where nothing is left that begins before `limit`."""
+    while top > 0 and simd.read(reaches, top - 1) > limit:
+        top -= 1
+    return np.int64(simd.read(children, max(top - 1, 0))), top - 1
+
+
 class Sieve(NamedTuple):
     """A ray as triangles want it in single precision."""
 

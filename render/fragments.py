@@ -6,6 +6,7 @@ of helpers most of a kernel's compile time goes into code that never runs.
 
 from __future__ import annotations
 
+from functools import cache
 from inspect import iscode
 from typing import Any
 
@@ -29,9 +30,11 @@ class _Library(JITCodeLibrary):
 
     def add_ir_module(self, ir_module: Any) -> None:
         module = binding.parse_assembly(cgutils.normalize_ir_text(str(ir_module)))
+        module.data_layout = self._codegen._data_layout
+        passes, builder = _passes(self._codegen)
         for function in module.functions:
-            if not function.is_declaration and function.linkage == binding.Linkage.external:
-                function.linkage = "linkonce_odr"  # not kept where it has become part of its callers
+            if not function.is_declaration:
+                passes.run(function, builder)
         if self._final_module is None:
             self._final_module = module
         else:
@@ -47,9 +50,16 @@ class _Library(JITCodeLibrary):
     def _get_module_for_linking(self) -> Any:
         """The module with all it calls, for libraries that are not `Whole`."""
         if self._shared_module is None:
-            self._shared_module = self._final_module.clone()
-            _link(self._shared_module, self._linking_libraries, {self})
+            whole = self._shared_module = binding.parse_assembly("")
+            whole.name, whole.triple, whole.data_layout = self.name, self._final_module.triple, self._codegen._data_layout
+            _link(whole, [self])
         return self._shared_module
+
+
+@cache
+def _passes(codegen: Any) -> tuple[Any, Any]:
+    """What makes a function simpler before it becomes part of others."""
+    return codegen._function_pass_manager()
 
 
 class Whole(JITCodeLibrary):
@@ -57,30 +67,37 @@ class Whole(JITCodeLibrary):
 
     def finalize(self) -> None:
         libraries, self._linking_libraries = self._linking_libraries, []
-        _link(self._final_module, libraries, set())
+        _link(self._final_module, libraries)
         super().finalize()
 
     def _optimize_final_module(self) -> None:
         """First of all fragments become part of their callers, without marks of where their own stack ends: they hand out parts of it."""
-        inline = self._codegen._pass_builder(opt=0, loop_vectorize=False, slp_vectorize=False)
-        inline.getModulePassManager().run(self._final_module, inline)
-        passes, builder = self._codegen._module_pass_manager()
-        passes.run(self._final_module, builder)
+        for options in ({"opt": 0, "cost": "cheap", "slp_vectorize": False}, {}):
+            passes, builder = self._codegen._module_pass_manager(**options)
+            passes.run(self._final_module, builder)
 
 
-def _link(module: Any, libraries: list[Any], seen: set[Any]) -> None:
-    """Link libraries and all that they call into a module, but for those `seen`."""
-    todo = list(reversed(libraries))
+def _link(module: Any, libraries: list[Any]) -> None:
+    """Link libraries and all that they call into a module, of which no more is kept than it calls.
+
+    Only then may they be dropped: LLVM leaves out of a module what may be, and is not called by then.
+    """
+    own = {function.name for function in module.functions if not function.is_declaration}
+    fragments, others, todo = dict[Any, None](), dict[Any, None](), list(reversed(libraries))
     while todo:
         library = todo.pop()
-        if library in seen:
-            continue
-        seen.add(library)
-        if isinstance(library, _Library):
-            module.link_in(library.own(), preserve=True)
+        if not isinstance(library, _Library):
+            others[library] = None
+        elif library not in fragments:
+            fragments[library] = None
             todo += reversed(library._linking_libraries)
-        else:
-            module.link_in(library._get_module_for_linking(), preserve=True)
+    for library in fragments:
+        module.link_in(library.own(), preserve=True)
+    for function in module.functions:
+        if not function.is_declaration and function.name not in own:
+            function.linkage = "linkonce_odr"
+    for library in others:
+        module.link_in(library._get_module_for_linking(), preserve=True)
 
 
 @register_pass(mutates_CFG=False, analysis_only=True)

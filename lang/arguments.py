@@ -80,7 +80,7 @@ class Signature:
         self.positional = tuple(a.name for a in entry.args if not a.keyword)
         self.names = {a.name: a.name for a in entry.args} | {alias: a.name for a in entry.args for alias in a.aliases}
         self.required = tuple(a.name for a in entry.args if a.default is REQUIRED)
-        self.defaults = {a.name: a.default for a in entry.args if not a.planned}
+        self.defaults = {a.name: a.default for a in entry.args}
 
 
 def element_arguments(
@@ -103,10 +103,6 @@ def element_arguments(
             good = False
             continue
         arg = signature.args[name]
-        if arg.planned:
-            report(f"`{name}` of {entry.name} is not built yet", given.name_span, "")
-            good = False
-            continue
         try:
             args[name] = convert(given.value, arg, Place(given.span, given.node, scope))
         except Mistake as mistake:
@@ -123,7 +119,7 @@ def _other(entry: Entry, given: Given) -> str:
     if not isinstance(given.value, Quantity):
         return ""
     wanted = units.name(given.value.dimension)
-    other = next((a.name for a in entry.args if a.type == wanted and a.name != given.name and not a.planned), "")
+    other = next((a.name for a in entry.args if a.type == wanted and a.name != given.name), "")
     return f"`{other}` takes {'an' if wanted[0] in 'aeiou' else 'a'} {wanted}" if other and wanted in LIGHT_TYPES else ""
 
 

@@ -62,7 +62,6 @@ class Arg:
     maximum: float | None = None
     above: float | None = None  # exclusive minimum
     keyword: bool = False
-    planned: bool = False  # known to the language, not built yet: giving it is an error that says so
 
 
 @dataclass(frozen=True, slots=True)

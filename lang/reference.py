@@ -94,10 +94,8 @@ def _entry(entry: Entry, shared: list[Arg]) -> str:
 def _arguments(args: list[Arg]) -> str:
     positional = [a for a in args if not a.keyword]
     places = {a.name: str(n) for n, a in enumerate(positional, 1)}
-    rows = [(places.get(a.name, ""), *_row(a)) for a in (*positional, *(a for a in args if a.keyword)) if not a.planned]
-    table = _table(("", "argument", "type", "default", ""), rows)
-    planned = [f"`{a.name}`" for a in args if a.planned]
-    return table + (f"\nNot built yet: {', '.join(planned)}.\n" if planned else "")
+    rows = [(places.get(a.name, ""), *_row(a)) for a in (*positional, *(a for a in args if a.keyword))]
+    return _table(("", "argument", "type", "default", ""), rows)
 
 
 def _row(arg: Arg) -> tuple[str, ...]:

@@ -49,7 +49,7 @@ class Setting:
     def arguments(self) -> str:
         """To copy behind `maquette render SCENE`: `--backend ray --samples 64`."""
         options = [("backend", self.backend), *((n, v) for n, v in self.options.items() if n != "backend")]
-        words = [f"--{name} {shlex.quote(_written(name, value))}" for name, value in options]
+        words = [f"--{name}" if value is True else f"--{name} {shlex.quote(_written(name, value))}" for name, value in options]
         return " ".join([*words, *(f"--plan {shlex.quote(f'{name}={value}')}" for name, value in self.plan.items())])
 
 

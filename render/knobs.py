@@ -57,8 +57,13 @@ def _by_samples(values: tuple[int, ...]) -> Knob:
     return Knob("samples", values, float, option="samples")
 
 
+def can_denoise() -> bool:
+    """Whether the package for it is there."""
+    return importlib.util.find_spec("pyoidn") is not None
+
+
 def _is_noisy(scene: ir.Scene, plan: Plan) -> bool:
-    return importlib.util.find_spec("pyoidn") is not None and (plan["soft lights"] or plan["interreflection"])
+    return can_denoise() and (plan["soft lights"] or plan["interreflection"])
 
 
 _DENOISED = Knob("denoised samples", _SAMPLES[1:6], float, option="samples", fixed={"denoise": True}, applies=_is_noisy)

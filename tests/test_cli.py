@@ -237,7 +237,7 @@ def Cube "cube" {
 
     def drawn(compiled: ir.Scene, *_: object) -> Image:
         seen.append(float(compiled.tables.transforms.matrix[compiled.tables.instances.transform[0], 0, 3]))
-        return Image(1, 1, {"rgba": np.zeros((1, 1, 4), np.float32)}, {"seconds": {}, "notes": [], "unproved": 0})
+        return Image(1, 1, {"rgba": np.zeros((1, 1, 4), np.float32)}, {"seconds": {}, "notes": [], "unproved": 0, "issues": 0})
 
     monkeypatch.setattr(draw, "draw", drawn)
     assert run("render", "a.usda", "--frames", "101..109x4", "-o", "f.exr")[0] == 0

@@ -291,7 +291,7 @@ def lobe(model: ir.MaterialModel, n: float, tilt: float) -> tuple[Array, Array]:
     all that goes below in one bin."""
     viewer = np.array([math.sin(tilt), math.cos(tilt), 0.0])
     with np.errstate(all="ignore"):
-        way, share = materials.sample_lobe(shader(make.phong(0, 0.8, n, model)), UP, tuple(viewer), *numbers(3))
+        way, share = materials.sample_lobe(shader(make.phong(0, 0.8, n, model)), UP, tuple(viewer), *numbers(3), np.full(COUNT, 0.5))
     if model == PHONG:
         mirrored = np.array([-viewer[0], viewer[1], 0.0])
 

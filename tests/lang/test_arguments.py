@@ -36,7 +36,7 @@ def test_every_argument_is_there_whether_given_or_not() -> None:
         if entry.planned or required or entry.category not in ("shape", "light", "block"):
             continue
         element = one(f"{entry.name}()")
-        assert set(element.args) == {a.name for a in entry.args if not a.planned}
+        assert set(element.args) == {a.name for a in entry.args}
         assert element.given == frozenset()
         assert element.kind == entry.name
 

@@ -53,6 +53,18 @@ def of(scene: ir.Scene, backend: str, **settings: object) -> dict[str, knobs.Lad
     return {ladder.name: ladder for ladder in found}
 
 
+@pytest.fixture
+def no_denoiser(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(declared, "can_denoise", lambda: False)
+
+
+def test_where_there_is_a_denoiser_its_samples_have_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(declared, "can_denoise", lambda: True)
+    denoised = of(load(MATT, tmp_path), "ray")["denoised samples, 8 bounces"]
+    assert denoised.settings[0].arguments() == "--backend ray --denoise --samples 4 --bounces 8"
+
+
+@pytest.mark.usefixtures("no_denoiser")
 def test_a_scene_without_interreflection_of_its_own(tmp_path: Path) -> None:
     scene = load(MATT, tmp_path)
     ray = of(scene, "ray")
@@ -70,6 +82,7 @@ def test_a_scene_without_interreflection_of_its_own(tmp_path: Path) -> None:
     assert raster["tolerance"].settings[0].arguments() == "--backend raster --samples 64 --plan tolerance=3.2"
 
 
+@pytest.mark.usefixtures("no_denoiser")
 def test_when_bounces_are_asked_for_all_take_them(tmp_path: Path) -> None:
     scene = load(MATT, tmp_path)
     assert [ladder.settings[0].arguments() for ladder in of(scene, "ray", bounces=2).values()] == [

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from . import camera, image, lanes, materials, sampler, surface
-from .formulas import fields, plain
 from .records import Frame, Hit, Lane, Ray, Tables, Tile, Vec, View
 
 DIFFUSE = int(ir.Slot.DIFFUSE)
@@ -54,6 +53,8 @@ def channels_of(tables: Tables, view: View, ray: Ray, hit: Hit, names: tuple[str
 
 def doubtful(tables: Tables, ray: Ray, hit: Hit) -> NDArray[np.bool_]:
     """Whether rays, (n,), could not be proved to meet no formula's surface before what they hit, by the definition (formulas/plain.py)."""
+    from .formulas import fields, plain
+
     n = len(hit.t)
     found = np.zeros(n, bool)
     kinds = tables.geometries.kind[tables.instances.geometry]

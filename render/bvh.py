@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler import plan as planner
 from . import kept, placed, simd, top, wide
-from .formulas import fields
-from .formulas.fields import Forms
+from .formulas import forms
+from .formulas.forms import Forms
 from .top import Top
 from .wide import Wide
 
@@ -110,7 +110,7 @@ def build(
         inverse=_inverses(tables),
         parameters=geometries.parameters,
         origin=geometries.origin,
-        forms=fields.forms(tables),
+        forms=forms.of(tables),
         aside=_aside(tables, boxes, drawable & ~plain, bounded, partial, moves and bool(moving.any()), threads),
     )
 

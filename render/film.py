@@ -25,7 +25,7 @@ from .records import Film, First, Tile, View
 
 TILE = 32  # pixels
 FIRST = 16  # samples a pixel before its error is asked for the first time
-CALL = 64  # samples a pixel between looks at whether the work has been cancelled or its time is over
+CALL = 64  # samples for each pixel of a tile between looks at whether the work has been cancelled or its time is over
 
 Counts = NDArray[np.int64]
 Progress = Callable[[int, int], None]
@@ -291,7 +291,8 @@ class _Canvas:
                 break
             pace = self.spent / (now - began)
             goals = self._goals(relative, whole_sums.samples, excess, (deadline - now) * pace)
-            more = [tile for tile in self.tiles if np.any(goals[self._window(tile)] > whole_sums.samples[self._window(tile)])]
+            added = {tile: int(np.sum(goals[self._window(tile)] - whole_sums.samples[self._window(tile)])) for tile in self.tiles}
+            more = sorted((tile for tile in self.tiles if added[tile]), key=lambda tile: -added[tile])  # no thread is left with a long one
             if not more:
                 break
 
@@ -330,8 +331,9 @@ class _Canvas:
         film, count = _film(tile), goals - part.samples
         start, most = 0, int(count.max(initial=0))
         while start < most and not (self.cancel.is_set() or time.perf_counter() > deadline):
-            self.renderer.sample(tile, part.samples + start, np.clip(count - start, 0, CALL), self.most, film)
-            start += CALL
+            call = CALL * max(1, count.size // int(np.count_nonzero(count > start)))
+            self.renderer.sample(tile, part.samples + start, np.clip(count - start, 0, call), self.most, film)
+            start += call
         if start < most:
             count = np.minimum(count, start)
         window = self._window(tile)

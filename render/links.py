@@ -34,18 +34,26 @@ class Linked:
         return code.get_pointer_to_function(described.llvm_func_name)
 
 
-class Answering(Linked):
+class Promised(Linked):
+    """What callers need of a kernel whose result is declared; which kernel it is they learn by its address alone."""
+
+    def __init__(self, result: Sequence[types.Type]) -> None:
+        self.result = types.Tuple(list(result))
+        self.call = _call_of(self)
+
+
+class Answering(Promised):
     """A kernel whose result is declared, so that its callers compile without it; it takes its arguments as they are."""
 
     def __init__(self, function: Any, result: Sequence[types.Type]) -> None:
-        self.result = types.Tuple(list(result))
-        super().__init__(function)
+        super().__init__(result)
+        self.kernel = kernel(function)
 
 
 def _call_of(linked: Linked) -> Any:
     def call(typingctx, address, arguments):
         given = tuple(types.unliteral(kind) for kind in arguments.types)
-        if isinstance(linked, Answering):
+        if isinstance(linked, Promised):
             kinds, result = given, linked.result
         else:
             kinds = next((known for known in linked.kernel.overloads if _all_fit(given, known)), None)

@@ -9,10 +9,10 @@ from numba import types
 
 from ..compiler import ir
 from . import across, lanes, shapes
-from .formulas import meet
+from .formulas.forms import MET
 from .handles import Handle
 from .kernels import helper
-from .links import FLOAT, INT, VEC, Answering
+from .links import FLOAT, INT, VEC, Answering, Promised
 from .records import Lane, Vec
 
 FORMULA = int(ir.GeometryKind.FORMULA)
@@ -24,6 +24,8 @@ def link(accel: Handle) -> None:
     if (accel.tables.placed[:, 3] > shapes.PLANE).any():
         accel.put("rare", rare.link(accel.part("parameters"), types.int64, types.int64, VEC, VEC, FLOAT, FLOAT))
     if len(accel.tables.forms.places):
+        from .formulas import meet
+
         accel.put("meet", meet.meet.link(accel.part("forms"), types.int64, VEC, VEC, FLOAT, FLOAT))
 
 
@@ -32,6 +34,7 @@ def _rare(parameters, kind, g, o, d, t_min, t_max):
     return t, lanes.int_like(t, 0) + part
 
 
+call_meet = Promised(MET).call
 rare = Answering(_rare, (FLOAT, INT))
 call_rare = rare.call
 
@@ -41,7 +44,7 @@ def shape(accel: Any, kind: int, g: int, o: Vec, d: Vec, t_min: Lane, t_max: Lan
     """(t, primitive, u, v) of the first meeting of rays with shape g in its own frame, as records.Hit has them."""
     zero = lanes.full_like(t_min, 0.0)
     if kind == FORMULA:
-        t, spacing, u, v, _ = meet.call(accel.meet, (accel.forms, np.int64(g), o, d, t_min, t_max))  # pyright: ignore[reportCallIssue]
+        t, spacing, u, v, _ = call_meet(accel.meet, (accel.forms, np.int64(g), o, d, t_min, t_max))  # pyright: ignore[reportCallIssue]
         return t, spacing, u, v
     if kind > shapes.PLANE:
         t, part = call_rare(accel.rare, (accel.parameters, np.int64(kind), np.int64(g), o, d, t_min, t_max))  # pyright: ignore[reportCallIssue]
@@ -56,7 +59,7 @@ def formula(accel: Any, g: int, o: Vec, d: Vec, t_min: Any, t_max: Any) -> tuple
     zero = 0.0 * lanes.to_float(across.numbered(0))
     way, begin = lanes.like3(zero, d[0], d[1], d[2]), lanes.full_like(zero, t_min)
     start, end = lanes.like3(zero, o[0], o[1], o[2]), lanes.full_like(zero, t_max)
-    t, spacing, u, v, _ = meet.call(accel.meet, (accel.forms, np.int64(g), start, way, begin, end))  # pyright: ignore[reportCallIssue]
+    t, spacing, u, v, _ = call_meet(accel.meet, (accel.forms, np.int64(g), start, way, begin, end))  # pyright: ignore[reportCallIssue]
     reach = accel.parameters[g, 5] / max(lanes.length(d), 1e-300)
     first, units = across.lane(t, 0), across.lane(spacing, 0)
     onward = first + AFTER * (first + reach * (units + 8.0))

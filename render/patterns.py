@@ -7,7 +7,7 @@ load it.
 from __future__ import annotations
 
 import ctypes
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import llvmlite.binding as llvm
 import numpy as np
@@ -17,16 +17,16 @@ from numba.core.typing.templates import signature
 from numba.extending import overload
 from numba.np.arrayobj import make_array
 
-from ..compiler import enclosures, ir
-from ..compiler.tapes import Tape
+from ..compiler import ir
 from . import across, lanes, simd
-from .formulas import interpreter
-from .formulas.direct import NAME
 from .formulas.vectors import DIRECT, LANES, POINTER
 from .kernels import HELPER
 from .records import Lane, Vec
 from .simd.value import I64
 from .simd.vector import intrinsic
+
+if TYPE_CHECKING:
+    from ..compiler.tapes import Tape
 
 FORMULA = int(ir.TextureKind.FORMULA)
 MOST_ROWS = 509  # of a pattern's tape: with x, y and z as many values are kept
@@ -39,11 +39,15 @@ llvm.add_symbol(_SYMBOL, ctypes.addressof(_slot))
 def make_ready(tables: ir.Tables) -> None:
     """Make what kernels evaluate patterns with, where there are any."""
     if (tables.textures.kind == FORMULA).any():
-        _slot[0] = interpreter.address(NAME)
+        from .formulas import direct, interpreter  # what other scenes do not load
+
+        _slot[0] = interpreter.address(direct.NAME)
 
 
 def texel(tables: Any, row: Lane, p: Vec) -> Vec:
     """The colour of patterns (rows of Textures) at points in the things' own frames; a number is grey. 0 where it is not defined."""
+    from ..compiler import enclosures
+
     shape = np.broadcast(*p).shape
     found = np.zeros((3, *shape))
     rows = np.broadcast_to(row, shape)
@@ -60,6 +64,8 @@ def texel(tables: Any, row: Lane, p: Vec) -> Vec:
 
 
 def _tape(tables: ir.Tables, row: int) -> Tape:
+    from ..compiler.tapes import Tape
+
     tapes, pools = tables.tapes, tables.pools
     first, begin = int(tapes.first[row]), int(tapes.first_constant[row])
     code, constants = pools.code[first : first + int(tapes.count[row])], pools.constants[begin : begin + int(tapes.constant_count[row])]

@@ -13,7 +13,6 @@ from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
 from . import aside, bvh, camera, film, footprints, gouraud, integrate, patterns, principled, sampler, tessellate, trace
-from .formulas import fields
 from .handles import Handle
 from .records import Frame, Open, Options, Pinhole, Still, Triple, View
 
@@ -233,6 +232,7 @@ class _Shapes:
 def contoured(tables: ir.Tables, g: int, tolerance: float) -> Any:
     """A formula's surface as triangles, a contour.Contour in its own frame; of a sheet in a ball what lies in that."""
     from ..compiler import contour
+    from .formulas import fields
 
     made = contour.within(fields.tape_of(tables, g), tables.geometries.bounds[g], tolerance)
     *middle, radius = tables.geometries.parameters[g, 1:5].tolist()

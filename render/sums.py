@@ -64,17 +64,21 @@ def relative_error(variance, value, rgba, samples, share, least, out):
     What counts is the pixel's value or, where that is less, the mean of the eight around it, of which a stray bright sample makes little.
     """
     height, width = out.shape
+    columns = np.zeros((width + 2, 3))  # sums of up to three pixels, with none beside the picture
     for y in range(height):
+        first, last = max(y - 1, 0), min(y + 2, height)
         for x in range(width):
+            for k in range(3):
+                columns[x + 1, k] = 0.0
+                for j in range(first, last):
+                    columns[x + 1, k] += float(rgba[j, x, k])
+        for x in range(width):
+            count = (last - first) * (min(x + 2, width) - max(x - 1, 0)) - 1
             total = 0.0
             for k in range(3):
-                own, around, count = float(rgba[y, x, k]), 0.0, -1
-                for j in range(max(y - 1, 0), min(y + 2, height)):
-                    for i in range(max(x - 1, 0), min(x + 2, width)):
-                        around += float(rgba[j, i, k])
-                        count += 1
                 known = float(value[y, x, k])
                 if count > 0:
-                    known = min(known, abs(around - own) / count)
+                    around = columns[x, k] + columns[x + 1, k] + columns[x + 2, k] - float(rgba[y, x, k])
+                    known = min(known, abs(around) / count)
                 total += variance[y, x, k] / (known * known + least)
             out[y, x] = total * share[level(samples[y, x])] / 3.0

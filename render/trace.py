@@ -17,7 +17,6 @@ from numba.extending import overload
 from ..compiler import ir
 from ..compiler import plan as planner
 from . import across, aside, lanes, meeting, opacity, placed, shapes, surface, traverse
-from .formulas import fields, plain
 from .kernels import HELPER
 from .records import Hit, Lane, Ray, Vec
 
@@ -121,6 +120,8 @@ def _meet_shape(tables: ir.Tables, kind: int, g: int, ray: Ray) -> tuple[np.ndar
     if kind != meeting.FORMULA:
         t, part = shapes.intersect(kind, geometries.parameters, g, ray.origin, ray.direction, ray.t_min, ray.t_max)
         return t, part + 0 * zero.astype(np.int64), zero, zero, t
+    from .formulas import fields, plain  # by the definition
+
     tape, parameters = fields.tape_of(tables, g), geometries.parameters[g]
     found = plain.meet(tape, parameters, geometries.bounds[g], ray.origin, ray.direction, ray.t_min, ray.t_max)
     t, spacing, u, v, _ = found

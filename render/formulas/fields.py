@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ...compiler import ir
 from ...compiler.tapes import INPUTS, Op, Tape
 from . import cells, compiled, interpreter
+from .forms import Forms
 from .interpreter import PARTS
 from .programs import WIDTHS
 from .vectors import LANES, ROW, SINGLE
@@ -23,32 +24,6 @@ IN_MEMORY = 16  # fields that are kept
 PROGRAMS = tuple(WIDTHS)
 _known: OrderedDict[bytes, Field] = OrderedDict()
 _lock = threading.Lock()
-
-
-class Forms(NamedTuple):
-    """The formula surfaces of a scene, as kernels read them; rows of `numbers` and `places` are surfaces.
-
-    numbers  lowest x, y, z of the box, highest; cells in a unit along x, y, z; middle and radius of the ball that cuts it (0: none);
-             largest coordinate
-    places   cells along an axis, whether it is a sheet, where its grid, leaves, tapes, and constants (elements) begin, its whole tape,
-             where its names begin
-    """
-
-    of: NDArray[np.int32]  # (geometries,) row of a surface, or -1
-    numbers: NDArray[np.float64]  # (n, 14)
-    places: NDArray[np.int64]  # (n, 8)
-    compiled: NDArray[np.int64]  # (n, 2) addresses of the whole tapes' own code for points and turns; 0: not yet
-    grid: NDArray[np.int32]  # a leaf's number, or -1, -2, -3 … where a block of 1, 4, 16 … cells along an axis holds no surface
-    leaf_tape: NDArray[np.int32]
-    leaf_size: NDArray[np.int32]  # cells along an axis
-    leaf_slopes: NDArray[np.float64]  # (leaves, 6) bounds of the derivatives by x, y, z
-    tapes: NDArray[np.int64]  # (tapes, 3) first row of code, rows, register of the result
-    code: NDArray[np.int32]  # (rows, ROW)
-    constants: NDArray[np.float64]  # flat
-    names: NDArray[np.int32]  # (rows, 4) of whole tapes: op and the names of operands
-    constants32: NDArray[np.float32]  # flat
-    programs: NDArray[np.int64]  # addresses of the interpreters, in the order of PROGRAMS
-    unproved: NDArray[np.int64]  # (1,) rays of which a stretch could not be proved to be without a root
 
 
 class Field(NamedTuple):

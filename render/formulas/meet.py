@@ -13,11 +13,12 @@ import numpy as np
 from .. import across, lanes, simd
 from ..kernels import apart as apart_
 from ..kernels import helper
-from ..links import FLOAT, INT, Answering
+from ..links import Answering
 from ..records import Lane, Vec
 from . import search
 from .calls import count_up
 from .evaluate import Room, error_at, room, turns_at, value_at
+from .forms import MET
 
 NEAR = 1e-6  # of both ends' values: a bound above this share of them is above rounding, too
 ULP = 2.0**-52
@@ -55,7 +56,7 @@ def _meet(forms, g, origin, direction, t_min, t_max):
     return t, spacing, u, v, lanes.to_int(unproved)
 
 
-meet = Answering(_meet, (FLOAT, INT, FLOAT, FLOAT, INT))
+meet = Answering(_meet, MET)
 call = meet.call
 
 

@@ -1,0 +1,58 @@
+"""The formula surfaces of a scene as kernels read them; what makes them ready is loaded by scenes that hold some."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from ..links import FLOAT, INT
+from .vectors import ROW
+
+MET = (FLOAT, INT, FLOAT, FLOAT, INT)
+"""Types of what is said of a meeting: t, spacing, u, v, unproved; see meet.py."""
+
+
+class Forms(NamedTuple):
+    """The formula surfaces of a scene, as kernels read them; rows of `numbers` and `places` are surfaces.
+
+    numbers  lowest x, y, z of the box, highest; cells in a unit along x, y, z; middle and radius of the ball that cuts it (0: none);
+             largest coordinate
+    places   cells along an axis, whether it is a sheet, where its grid, leaves, tapes, and constants (elements) begin, its whole tape,
+             where its names begin
+    """
+
+    of: NDArray[np.int32]  # (geometries,) row of a surface, or -1
+    numbers: NDArray[np.float64]  # (n, 14)
+    places: NDArray[np.int64]  # (n, 8)
+    compiled: NDArray[np.int64]  # (n, 2) addresses of the whole tapes' own code for points and turns; 0: not yet
+    grid: NDArray[np.int32]  # a leaf's number, or -1, -2, -3 … where a block of 1, 4, 16 … cells along an axis holds no surface
+    leaf_tape: NDArray[np.int32]
+    leaf_size: NDArray[np.int32]  # cells along an axis
+    leaf_slopes: NDArray[np.float64]  # (leaves, 6) bounds of the derivatives by x, y, z
+    tapes: NDArray[np.int64]  # (tapes, 3) first row of code, rows, register of the result
+    code: NDArray[np.int32]  # (rows, ROW)
+    constants: NDArray[np.float64]  # flat
+    names: NDArray[np.int32]  # (rows, 4) of whole tapes: op and the names of operands
+    constants32: NDArray[np.float32]  # flat
+    programs: NDArray[np.int64]  # addresses of the interpreters, in the order of PROGRAMS
+    unproved: NDArray[np.int64]  # (1,) rays of which a stretch could not be proved to be without a root
+
+
+def of(tables: ir.Tables) -> Forms:
+    """All that some instance shows."""
+    kinds = tables.geometries.kind
+    if (kinds[tables.instances.geometry] == ir.GeometryKind.FORMULA).any():
+        from . import fields
+
+        return fields.forms(tables)
+    whole, floats = np.zeros(0, np.int64), np.zeros(0)
+    rows = np.zeros(0, np.int32)
+    return Forms(
+        of=np.full(len(kinds), -1, np.int32), numbers=np.zeros((0, 14)), places=np.zeros((0, 8), np.int64),
+        compiled=np.zeros((0, 2), np.int64), grid=rows, leaf_tape=rows, leaf_size=rows, leaf_slopes=np.zeros((0, 6)),
+        tapes=np.zeros((0, 3), np.int64), code=np.zeros((0, ROW), np.int32), constants=floats, names=np.zeros((0, 4), np.int32),
+        constants32=np.zeros(0, np.float32), programs=whole, unproved=np.zeros(1, np.int64),
+    )  # fmt: skip

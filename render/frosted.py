@@ -20,8 +20,8 @@ from ..compiler import plan as planner
 from . import lanes, microfacet
 from .handles import HandleType
 from .inputs import number_of
-from .kernels import HELPER, helper
-from .microfacet import LEAST, if_layered
+from .kernels import HELPER, helper, if_there
+from .microfacet import LEAST
 from .records import Lane, Surface, Tables, Vec
 
 GLASS = int(ir.MaterialModel.GLASS)
@@ -237,12 +237,12 @@ def _also(frost: Frost, plain: Lane) -> Lane:
 
 
 # Each takes the frost, what it would be without, and: the normal, a direction to the light, one to the viewer.
-reflected = if_layered(_reflected)  # π f cos
-shared = if_layered(_shared)  # (the same, density with which `draw` takes it)
-draw = if_layered(_draw)  # (a direction, whether it counts): normal, viewer, u, v, and which part, from 0 to 1
-onward = if_layered(_onward)  # (a direction, its π f cos over π times its density)
-one = if_layered(_one)  # 1 where there is rough glass
-also = if_layered(_also)  # or there is rough glass
+reflected = if_there(_reflected)  # π f cos
+shared = if_there(_shared)  # (the same, density with which `draw` takes it)
+draw = if_there(_draw)  # (a direction, whether it counts): normal, viewer, u, v, and which part, from 0 to 1
+onward = if_there(_onward)  # (a direction, its π f cos over π times its density)
+one = if_there(_one)  # 1 where there is rough glass
+also = if_there(_also)  # or there is rough glass
 
 
 # --- making the tables ---------------------------------------------------------------------------------------------------

@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from numba import config, njit
+from numba import config, njit, types
 from numba.core import event
 from numba.core.caching import FunctionCache
 from numba.core.runtime.nrt import rtsys
-from numba.extending import register_jitable
+from numba.extending import overload, register_jitable
 
 from ..compiler import folders
 from . import haste, machine
@@ -120,3 +120,21 @@ def apart(function: Callable[..., Any]) -> Any:
 def maker(function: Callable[..., Any]) -> Any:
     """`apart`, for what makes arrays of its own."""
     return register_jitable(**{**HELPER, "forceinline": False, "_nrt": True})(function)
+
+
+def if_there(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`chosen(part, plain, …)`: `plain` where `part` is None, which is a type, and else function(part, plain, …).
+
+    Kernels compile only what a scene needs of materials and media.
+    """
+
+    def chosen(part: Any, plain: Any, *of: Any) -> Any:
+        return plain if part is None else function(part, plain, *of)
+
+    @overload(chosen, jit_options=HELPER)
+    def _in_kernels(part, plain, *of):
+        if isinstance(part, types.NoneType):
+            return lambda part, plain, *of: plain
+        return lambda part, plain, *of: function(part, plain, *of)
+
+    return chosen

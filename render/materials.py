@@ -17,7 +17,7 @@ from numba.extending import overload
 from ..compiler import ir
 from . import frosted, lanes, lights, media, microfacet, principled
 from .inputs import color_of
-from .kernels import HELPER, helper
+from .kernels import HELPER, helper, if_there
 from .records import Lane, Surface, Tables, Vec
 
 AMBIENT = int(ir.Slot.AMBIENT)
@@ -125,7 +125,7 @@ def _in_place(lobes: microfacet.Lobes, plain: Shader) -> Shader:
     )  # fmt: skip
 
 
-_with_lobes = microfacet.if_layered(_in_place)
+_with_lobes = if_there(_in_place)
 
 
 @helper
@@ -140,7 +140,7 @@ def _rough(frost: frosted.Frost, plain: Shader) -> Shader:
     )  # fmt: skip
 
 
-_with_frost = microfacet.if_layered(_rough)
+_with_frost = if_there(_rough)
 
 
 @helper
@@ -173,7 +173,7 @@ def _lit_by_lobes(lobes: microfacet.Lobes, plain: Lane) -> Lane:
     return plain | lobes.here
 
 
-lights_up = microfacet.if_layered(_lit_by_lobes)
+lights_up = if_there(_lit_by_lobes)
 
 
 @helper

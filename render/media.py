@@ -12,7 +12,6 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
 from numba.extending import overload
 from numpy.typing import NDArray
 
@@ -20,7 +19,7 @@ from ..compiler import ir
 from ..compiler import plan as planner
 from . import lanes
 from .handles import HandleType
-from .kernels import HELPER, helper
+from .kernels import HELPER, helper, if_there
 from .records import Lane, Surface, Tables, Vec
 
 GLASS = int(ir.MaterialModel.GLASS)
@@ -78,21 +77,6 @@ def _outside_in_kernels(tables, like):
     if is_used(tables):
         return lambda tables, like: lanes.int_like(like, 0)
     return lambda tables, like: None
-
-
-def _gated(function: Any) -> Any:
-    """`chosen(inside, plain, …)`: `plain` where there are no media, and else function(inside, plain, …)."""
-
-    def chosen(inside: Any, plain: Any, *of: Any) -> Any:
-        return plain if inside is None else function(inside, plain, *of)
-
-    @overload(chosen, jit_options=HELPER)
-    def _in_kernels(inside, plain, *of):
-        if isinstance(inside, types.NoneType):
-            return lambda inside, plain, *of: plain
-        return lambda inside, plain, *of: function(inside, plain, *of)
-
-    return chosen
 
 
 # --- the list of media ---------------------------------------------------------------------------------------------------
@@ -171,7 +155,7 @@ def _faded(inside: Lane, plain: Vec, tables: Tables, distance: Lane) -> Vec:
 
 
 # Each takes the media of a ray, what it would be without media, and:
-ratio = _gated(_ratio)  # index inside over outside that counts at a boundary of index `plain`: tables, point
-hidden = _gated(_hidden)  # whether a boundary is none: tables, point
-crossed = _gated(_crossed)  # the media of a ray that leaves a surface: tables, point, direction
-faded = _gated(_faded)  # `plain` after a distance in metres: tables, distance
+ratio = if_there(_ratio)  # index inside over outside that counts at a boundary of index `plain`: tables, point
+hidden = if_there(_hidden)  # whether a boundary is none: tables, point
+crossed = if_there(_crossed)  # the media of a ray that leaves a surface: tables, point, direction
+faded = if_there(_faded)  # `plain` after a distance in metres: tables, distance

@@ -15,14 +15,10 @@ All of it is for materials whose rows say so; scenes without such compile nothin
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple
-
-from numba import types
-from numba.extending import overload
+from typing import NamedTuple
 
 from . import albedo, lanes
-from .kernels import HELPER, helper
+from .kernels import helper, if_there
 from .records import Lane, Vec
 
 SHARP = 1e-3  # α below which a highlight is a mirror's: nothing in a picture is so narrow
@@ -52,22 +48,6 @@ class Sight(NamedTuple):
     highlight: Vec  # reflectance of the highlight by one and by more bounces
     lost: Lane  # 1 − E: what one bounce alone would lose of it
     coat: Lane  # reflectance of the coat
-
-
-def if_layered(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`chosen(lobes, plain, …)`: `plain` where a scene has no microfacets, and else function(lobes, plain, …); kernels compile only
-    what they need."""
-
-    def chosen(lobes: Any, plain: Any, *of: Any) -> Any:
-        return plain if lobes is None else function(lobes, plain, *of)
-
-    @overload(chosen, jit_options=HELPER)
-    def _in_kernels(lobes, plain, *of):
-        if isinstance(lobes, types.NoneType):
-            return lambda lobes, plain, *of: plain
-        return lambda lobes, plain, *of: function(lobes, plain, *of)
-
-    return chosen
 
 
 # --- facets --------------------------------------------------------------------------------------------------------------
@@ -367,12 +347,12 @@ def _onward(
 
 
 # Each takes lobes, what a material without them would give, and: the normal, a direction to the light, one to the viewer.
-reflected = if_layered(_reflected)  # π f cos, for light of one direction
-shared = if_layered(_shared)  # (the same, density with which `draw` takes it among all it may do): `mirror` is what is followed beside
-matt_share = if_layered(_matt_share)  # π f of the matt part alone
-sample_shine = if_layered(_sample_shine)  # (direction of a highlight, its π f cos over π times its density): normal, viewer, u, v
-draw = if_layered(_draw)  # a direction: normal, viewer, u, v, and which part, from 0 to `whole`; matt where `plain` is
-whole = if_layered(_whole)  # what parts that `draw` follows weigh together: normal, viewer
-mirrored = if_layered(_mirrored)  # what sharp highlights reflect: normal, viewer
-onward = if_layered(_onward)  # (direction, its π f cos over π times its density): normal, viewer, u, v, which part, with the matt one
-let_in = if_layered(_let_in)  # what passes the highlights of what is under them: normal, viewer
+reflected = if_there(_reflected)  # π f cos, for light of one direction
+shared = if_there(_shared)  # (the same, density with which `draw` takes it among all it may do): `mirror` is what is followed beside
+matt_share = if_there(_matt_share)  # π f of the matt part alone
+sample_shine = if_there(_sample_shine)  # (direction of a highlight, its π f cos over π times its density): normal, viewer, u, v
+draw = if_there(_draw)  # a direction: normal, viewer, u, v, and which part, from 0 to `whole`; matt where `plain` is
+whole = if_there(_whole)  # what parts that `draw` follows weigh together: normal, viewer
+mirrored = if_there(_mirrored)  # what sharp highlights reflect: normal, viewer
+onward = if_there(_onward)  # (direction, its π f cos over π times its density): normal, viewer, u, v, which part, with the matt one
+let_in = if_there(_let_in)  # what passes the highlights of what is under them: normal, viewer

@@ -282,7 +282,7 @@ def errors(sides: Sequence[Renderer], references: Mapping[str, Reference], ladde
         contenders = [_contender(side, size, samples, effort, pictures[side.name]) for side in sides]
         result = measure(Case("", contenders, functools.partial(agree_means, samples)), effort)
         if result.refused:
-            rows.append((f"{samples}", "no times: " + result.refused))
+            rows.append((f"{samples}", f"no times: {result.refused}", *("" for _ in range(2 * len(sides) - 1))))
             continue
         cells = [f"{samples}"]
         for times in result.times:

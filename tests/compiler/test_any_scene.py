@@ -66,7 +66,7 @@ def value(arg: entries.Arg, rng: random.Random) -> str:
 
 def element(rng: random.Random) -> str:
     entry = rng.choice([e for e in schema.SCHEMA.values() if not e.planned and e.category in PLACED])
-    given = [a for a in entry.args if not a.planned and (a.default is entries.REQUIRED or rng.random() < 0.3)]
+    given = [a for a in entry.args if (a.default is entries.REQUIRED or rng.random() < 0.3)]
     call = f"{entry.name}({', '.join(f'{a.name}: {value(a, rng)}' for a in given)})"
     return f"{call} {{ {rng.choice(INSIDE)} }}" if entry.children else call
 

@@ -13,7 +13,7 @@ import pytest
 from maquette.compiler import ir
 from maquette.compiler.build import SceneBuilder, lambert
 from maquette.compiler.rows import CameraData, InstanceData, MeshData
-from maquette.render import bvh, top, trace, wide
+from maquette.render import bvh, kept, top, trace, wide
 
 from .tables import matrix, rays, scene
 from .tracing import bundles, random_rays, same, through_trees, wavy
@@ -270,6 +270,7 @@ def test_trees_of_few_triangles(n: int) -> None:
 
 
 def test_trees_of_two_meshes_stand_in_one_pool() -> None:
+    kept.forget()  # or trees would be refitted ones of other tests' meshes
     tables = scene(meshes=[(wavy(20), np.eye(4), 0), (wavy(10), np.eye(4), 0)])
     tree = bvh.build(tables)
     assert tree.placed[:, 4].tolist() == [0, len(wide.build(tables.pools.positions, tables.pools.triangles[:800]).nodes)]

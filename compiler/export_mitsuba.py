@@ -106,7 +106,7 @@ def _sensor(out: Export, plan: Plan) -> Node:
         frame = export.square(np.stack([left, up, seen.forward, position], axis=1))
         # the offsets are shares of the picture's width and height; +x to the right of the picture, +y down
         lens = float(scene.tables.cameras.lens[camera])
-        more = {"principal_point_offset_x": float(seen.shift[0] / 2), "principal_point_offset_y": float(-seen.shift[1] / 2)}
+        more: dict[str, Any] = {"principal_point_offset_x": float(seen.shift[0] / 2), "principal_point_offset_y": float(-seen.shift[1] / 2)}
         if lens > 0.0:
             more = {"aperture_radius": lens, "focus_distance": float(scene.tables.cameras.focus[camera])}
             if seen.shift.any():

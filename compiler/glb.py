@@ -198,7 +198,7 @@ class _Reader:
         if reference is None or row == NONE:
             return None
         strength = float(reference.get("scale", 1.0))
-        return Input((strength, strength, 1.0), self.builder.with_levels(row, (2.0,) * 3, (-1.0,) * 3))
+        return Input((strength, strength, 1.0), self.builder.with_levels(row, (2.0, 2.0, 2.0), (-1.0, -1.0, -1.0)))
 
     def texture(self, reference: dict[str, Any] | None, channel: int = -1) -> int:
         """The row of a picture that a material refers to: a colour, one of its channels, or all of them as DATA."""

@@ -228,7 +228,7 @@ class Materials:
         if gain[:3] == (1.0,) * 3 and bias[:3] == (0.0,) * 3:
             message = "the normal map has no scale of 2 and bias of -1: it is read as if it had"
             self.tell(message, source.shader.GetPrim())
-            texture = self.builder.with_levels(texture, (2.0,) * 3, (-1.0,) * 3)
+            texture = self.builder.with_levels(texture, (2.0, 2.0, 2.0), (-1.0, -1.0, -1.0))
         return Input(WHITE, texture)
 
     def _holes(self, picture: Picture) -> Input:

@@ -20,7 +20,7 @@ CLEAR = (int(ir.Slot.SPECULAR), int(ir.Slot.REFLECTION), int(ir.Slot.TRANSMISSIO
 
 def denoised(image: Image, renderer: film.Renderer, plan: Plan) -> None:
     """Replace a picture's color by what is left of it without noise."""
-    import pyoidn
+    import pyoidn  # pyright: ignore[reportMissingImports]
 
     albedo, normal = guides(renderer, plan)
     rgba = image.channels["rgba"]

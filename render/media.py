@@ -115,7 +115,7 @@ def added(inside: Lane, number: Lane) -> Lane:
 
 @helper
 def _ratio(inside: Lane, plain: Lane, tables: Tables, point: Surface) -> Lane:
-    table: Any = tables.materials.media
+    table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
     number = lanes.to_int(table.number[point.material])
     rest = without(inside, number)
     around = lanes.where(point.front, highest(inside), highest(rest))
@@ -126,7 +126,7 @@ def _ratio(inside: Lane, plain: Lane, tables: Tables, point: Surface) -> Lane:
 
 @helper
 def _hidden(inside: Lane, plain: Lane, tables: Tables, point: Surface) -> Lane:
-    table: Any = tables.materials.media
+    table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
     number = lanes.to_int(table.number[point.material])
     around = lanes.where(point.front, highest(inside), highest(without(inside, number)))
     return (number > 0) & (number <= around)
@@ -134,7 +134,7 @@ def _hidden(inside: Lane, plain: Lane, tables: Tables, point: Surface) -> Lane:
 
 @helper
 def _crossed(inside: Lane, plain: Any, tables: Tables, point: Surface, direction: Vec) -> Lane:
-    table: Any = tables.materials.media
+    table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
     number = lanes.to_int(table.number[point.material])
     through = (lanes.dot(direction, point.geometric) < 0.0) & (number > 0)
     return lanes.where(through, lanes.where(point.front, added(inside, number), without(inside, number)), inside)
@@ -142,7 +142,7 @@ def _crossed(inside: Lane, plain: Any, tables: Tables, point: Surface, direction
 
 @helper
 def _faded(inside: Lane, plain: Vec, tables: Tables, distance: Lane) -> Vec:
-    table: Any = tables.materials.media
+    table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
     number = highest(inside)
     if lanes.not_(lanes.any_lane(number > 0)):
         return plain

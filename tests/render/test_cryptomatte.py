@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import maquette
 import numpy as np
@@ -64,9 +65,9 @@ def test_mattes_come_back_from_a_file(tmp_path: Path, backend: str) -> None:
     path.write_text(SCENE)
     image = maquette.render(path, size=(32, 32), samples=16, filter="box", backend=backend, aov=("cryptomatte",), threads=1)
     output.write(image, tmp_path / "a.exr", output.Look(), {})
-    source = oiio.ImageInput.open(str(tmp_path / "a.exr"))
+    source: Any = oiio.ImageInput.open(str(tmp_path / "a.exr"))
     spec, pixels = source.spec(), np.asarray(source.read_image(oiio.FLOAT))
-    said = {a.name: a.value for a in spec.extra_attribs if a.name.startswith("cryptomatte/")}
+    said: dict[str, Any] = {a.name: a.value for a in spec.extra_attribs if a.name.startswith("cryptomatte/")}
     keys = {value: name.split("/")[1] for name, value in said.items() if name.endswith("/name")}
     assert set(keys) == {"CryptoObject", "CryptoMaterial"}
     names = list(spec.channelnames)

@@ -6,6 +6,7 @@ import gc
 import operator
 from functools import partial, wraps
 from inspect import signature
+from typing import Any
 
 import pytest
 from llvmlite import ir as llvm
@@ -121,7 +122,7 @@ def test_statements_that_end_variables_stand_where_numba_puts_them() -> None:
 
 
 def test_sizes_are_those_of_each_type() -> None:
-    data = cpu_target.target_context.target_data
+    data = cpu_target.target_context.target_data  # pyright: ignore[reportAttributeAccessIssue]
     double, three = llvm.DoubleType(), llvm.ArrayType(llvm.DoubleType(), 3)
     named = llvm.global_context.get_identified_type("haste.named")
     if named.is_opaque:
@@ -131,7 +132,7 @@ def test_sizes_are_those_of_each_type() -> None:
 
 
 def test_what_is_known_of_a_call_depends_on_what_it_is_given() -> None:
-    context = cpu_target.typing_context
+    context: Any = cpu_target.typing_context
     context.refresh()
     add = context.resolve_value_type(operator.add)
     ints = haste.call_type(add, context, (types.int64, types.int64), {})

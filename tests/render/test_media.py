@@ -52,7 +52,7 @@ def test_what_is_entered_is_left_again(entries, number):
 
 def glass(ior, priority=0.0, absorption=0.0):
     slots = {ir.Slot.TRANSMISSION: Input(), ir.Slot.IOR: Input.number(ior), ir.Slot.PRIORITY: Input.number(priority)}
-    return MaterialData(ir.MaterialModel.GLASS, {**slots, ir.Slot.ABSORPTION: Input((absorption,) * 3)})
+    return MaterialData(ir.MaterialModel.GLASS, {**slots, ir.Slot.ABSORPTION: Input((absorption, absorption, absorption))})
 
 
 def test_media_are_numbered_by_their_priority():

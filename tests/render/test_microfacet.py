@@ -24,7 +24,7 @@ ANGLES = (0.0, 0.6, 1.1, 1.4)
 def given(model=Model.PRINCIPLED, **slots):
     """A material from inputs by slot name: grey numbers or colours."""
     plain = {"roughness": 0.5, "diffuse": 0.0, "ambient": 1.0, "edge": 1.0} | slots
-    inputs = {ir.Slot[name.upper()]: Input(value if isinstance(value, tuple) else (value,) * 3) for name, value in plain.items()}
+    inputs = {ir.Slot[name.upper()]: Input(value if isinstance(value, tuple) else (value, value, value)) for name, value in plain.items()}
     return MaterialData(model, inputs)
 
 

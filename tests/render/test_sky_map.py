@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import maquette
 import numpy as np
 import OpenImageIO as oiio
@@ -12,7 +14,7 @@ from maquette.render import lights, sky_map
 
 def write(path, picture):
     height, width, _ = picture.shape
-    out = oiio.ImageOutput.create(str(path))
+    out: Any = oiio.ImageOutput.create(str(path))
     out.open(str(path), oiio.ImageSpec(width, height, 3, "float"))
     out.write_image(np.ascontiguousarray(picture, np.float32))
     out.close()

@@ -24,7 +24,7 @@ def mapped(texel=TILT, strength=1.0):
 
     def prepare(builder):
         image = builder.image(np.array([[[*((np.array(texel) + 1) / 2), 1.0]]]))
-        texture = builder.texture(TextureData(ir.TextureKind.IMAGE, image, gain=(2.0,) * 3, bias=(-1.0,) * 3))
+        texture = builder.texture(TextureData(ir.TextureKind.IMAGE, image, gain=(2.0, 2.0, 2.0), bias=(-1.0, -1.0, -1.0)))
         return [MaterialData(inputs={ir.Slot.DIFFUSE: Input(), ir.Slot.NORMAL: Input((strength, strength, 1.0), texture)})]
 
     return prepare

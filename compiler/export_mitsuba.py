@@ -6,6 +6,8 @@ the left, its rectangles and disks face +z, and v = 0 is the top row of a pictur
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from . import export, export_mitsuba_lights, ir

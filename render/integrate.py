@@ -32,7 +32,7 @@ from . import (
     trace,
 )  # fmt: skip
 from .handles import Handle
-from .kernels import HELPER, helper
+from .kernels import HELPER, helper, if_there
 from .links import FLOAT, INT, VEC, Linked
 from .materials import Shader
 from .records import GouraudLight, Hit, Lane, Options, Ray, Surface, Tables, Vec
@@ -124,7 +124,7 @@ def radiance(
         if lanes.not_(lanes.any_lane(active)):
             break
         waiting = lanes.where(active, waiting - 1, waiting)
-        inside = _inside(stack, waiting, inside)
+        inside = inside_of(inside, None, stack, waiting)
         ray, weight, left, kind, key = _pop(stack, waiting, ray.time)
         hit = trace.closest(accel, tables, ray, active, OTHER_RAY)
         seen = active & (hit.instance >= 0)
@@ -410,7 +410,7 @@ def _push(
         across.put(stack, waiting, 9, lanes.to_float(left - 1), active)
         across.put(stack, waiting, 10, kind, active)
         across.put(stack, waiting, 11, lanes.to_float((key * BRANCHES + 1 + branch) & _KEYS), active)
-        _put_inside(stack, waiting, inside, active)
+        keep_inside(inside, None, stack, waiting, active)
     return lanes.where(active, waiting + 1, waiting)
 
 
@@ -423,25 +423,15 @@ def _pop(stack: Any, place: Lane, time: Any) -> tuple[Ray, Vec, Lane, Lane, Lane
     return ray, weight, left, across.take(stack, place, 10), key
 
 
-def _inside(stack: Any, place: Lane, inside: Any) -> Any:
-    """The media that a waiting ray is in; None where there are none at all."""
-    return None if inside is None else lanes.to_int(across.take(stack, place, 12))
+@helper
+def _taken(inside: Lane, plain: Any, stack: Any, place: Lane) -> Lane:
+    return lanes.to_int(across.take(stack, place, 12))
 
 
-@overload(_inside, jit_options=HELPER)
-def _inside_in_kernels(stack, place, inside):
-    if isinstance(inside, types.NoneType):
-        return lambda stack, place, inside: None
-    return lambda stack, place, inside: lanes.to_int(across.take(stack, place, 12))
+@helper
+def _kept(inside: Lane, plain: Any, stack: Any, place: Lane, active: Lane) -> None:
+    across.put(stack, place, 12, lanes.to_float(inside), active)
 
 
-def _put_inside(stack: Any, place: Lane, inside: Any, active: Lane) -> None:
-    if inside is not None:
-        across.put(stack, place, 12, lanes.to_float(inside), active)
-
-
-@overload(_put_inside, jit_options=HELPER)
-def _put_inside_in_kernels(stack, place, inside, active):
-    if isinstance(inside, types.NoneType):
-        return lambda stack, place, inside, active: None
-    return lambda stack, place, inside, active: across.put(stack, place, 12, lanes.to_float(inside), active)
+inside_of = if_there(_taken)  # the media that a waiting ray is in: stack, place
+keep_inside = if_there(_kept)

@@ -34,7 +34,7 @@ class SkyMap(NamedTuple):
 
     matrix: NDArray[np.float64]  # (1, 3, 4) to the world
     inverse: NDArray[np.float64]
-    rows: NDArray[np.float64]  # (h + 1,) cumulative share of the rows, from the top
+    rows: NDArray[np.float64]  # (1, h + 1) cumulative share of the rows, from the top
     columns: NDArray[np.float64]  # (h, w + 1) cumulative share within each row
     density: NDArray[np.float64]  # (h, w) of directions, a solid angle
     power: float  # what a surface may get of it at the most
@@ -67,7 +67,7 @@ def build(tables: ir.Tables, row: int, horizon: NDArray[np.float64] | None) -> S
     rows = np.concatenate([[0.0], np.cumsum(columns[:, -1])]) / columns[:, -1].sum()
     columns /= np.maximum(columns[:, -1:], 1e-300)
     columns[:, -1], rows[-1] = 1.0, 1.0
-    return SkyMap(matrix, inverse, rows, columns, more / total, total, row)
+    return SkyMap(matrix, inverse, rows[None], columns, more / total, total, row)
 
 
 def _cells_of_one(tables: ir.Tables, light: int) -> NDArray[np.float64]:
@@ -139,25 +139,14 @@ def _search(table: Any, row: Lane, count: int, u: Lane) -> Lane:
 
 
 @helper
-def _search_rows(table: Any, count: int, u: Lane) -> Lane:
-    low = lanes.int_like(u, 0)
-    step = 1
-    while step < count:
-        step *= 2
-    while step > 1:
-        step //= 2
-        further = lanes.minimum(low + step, count - 1)
-        low = lanes.where((low + step < count) & (table[further] <= u), further, low)
-    return low
-
-
-@helper
 def _sample(sky: SkyMap, u: Lane, v: Lane) -> tuple[Vec, Lane]:
     """(direction, density) drawn by two numbers in [0, 1)."""
     height, width = sky.density.shape[0], sky.columns.shape[1] - 1
-    r = _search_rows(sky.rows, height, u)
+    all_rows = lanes.int_like(u, 0)
+    r = _search(sky.rows, all_rows, height, u)
     c = _search(sky.columns, r, width, v)
-    du = lanes.clip((u - sky.rows[r]) / lanes.maximum(sky.rows[r + 1] - sky.rows[r], lights.TINY), 0.0, 1.0)
+    above = sky.rows[all_rows, r]
+    du = lanes.clip((u - above) / lanes.maximum(sky.rows[all_rows, r + 1] - above, lights.TINY), 0.0, 1.0)
     left = sky.columns[r, c]
     dv = lanes.clip((v - left) / lanes.maximum(sky.columns[r, c + 1] - left, lights.TINY), 0.0, 1.0)
     top, bottom = lanes.cos(lanes.to_float(r) * (math.pi / height)), lanes.cos(lanes.to_float(r + 1) * (math.pi / height))

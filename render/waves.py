@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from . import across, aside, camera, lanes, materials, media, paths, pieces, sampler, simd, surface, trace
-from .kernels import HELPER, apart, helper, kernel
+from .kernels import HELPER, apart, helper, if_there, kernel
 from .paths import Connection, Path
 from .records import Hit, Lane, Ray, Surface, Vec
 
@@ -414,7 +414,7 @@ def _shade(scene, frame, room, source, n, depth):
         active = simd.first_lanes(n - i, like)
         density = simd.load(room.state, base + 9 * ROW + i)
         straight = simd.load(room.state, base + 10 * ROW + i) > 0.5
-        inside = _inside(room, source * ROW + i, depth, media.outside(tables, density))
+        inside = inside_of(media.outside(tables, density), None, room, source * ROW + i, depth)
         path = Path(
             _load3(room.state, base, 0, i), _load3(room.state, base, 3, i), _load3(room.state, base, 6, i), density, straight, inside
         )  # fmt: skip
@@ -454,32 +454,23 @@ def _shade(scene, frame, room, source, n, depth):
             _keep(room.state, target + 9 * ROW + kept, onward.density, going)
             _keep(room.state, target + 10 * ROW + kept, lanes.where(onward.straight, 1.0, 0.0), going)
             _keep3(room.whose, (1 - source) * 3 * ROW + kept, (slot, pixel, sample), going)
-            _keep_inside(room, (1 - source) * ROW + kept, onward.inside, going)
+            keep_inside(onward.inside, None, room, (1 - source) * ROW + kept, going)
             kept += simd.count(going)
     return kept, asked
 
 
-def _inside(room: Any, at: int, depth: int, outside: Any) -> Any:
-    raise NotImplementedError
+@helper
+def _carried(outside: Any, plain: Any, room: Any, at: int, depth: int) -> Lane:
+    return outside if depth == 0 else simd.load(room.inside, at)
 
 
-@overload(_inside, jit_options=HELPER)
-def _inside_in_kernels(room, at, depth, outside):
-    """The media that rays are in; `outside` is those of camera rays, or None where there are none at all."""
-    if isinstance(outside, types.NoneType):
-        return lambda room, at, depth, outside: None
-    return lambda room, at, depth, outside: outside if depth == 0 else simd.load(room.inside, at)
+@helper
+def _carry(inside: Lane, plain: Any, room: Any, at: int, going: Lane) -> None:
+    _keep(room.inside, at, inside, going)
 
 
-def _keep_inside(room: Any, at: int, inside: Any, going: Lane) -> None:
-    raise NotImplementedError
-
-
-@overload(_keep_inside, jit_options=HELPER)
-def _keep_inside_in_kernels(room, at, inside, going):
-    if isinstance(inside, types.NoneType):
-        return lambda room, at, inside, going: None
-    return lambda room, at, inside, going: _keep(room.inside, at, inside, going)
+inside_of = if_there(_carried)  # the media that rays are in, of camera rays what is outside: room, place, depth
+keep_inside = if_there(_carry)
 
 
 @helper

@@ -369,6 +369,7 @@ _POVRAY = {
     Op.ADD: "({}+{})", Op.SUBTRACT: "({}-{})", Op.MULTIPLY: "({}*{})", Op.DIVIDE: "({}/{})", Op.NEGATE: "(-{})", Op.ABS: "abs({})",
     Op.SQUARE: "pow({},2)", Op.SQRT: "sqrt({})", Op.MIN: "min({},{})", Op.MAX: "max({},{})", Op.EXP: "exp({})", Op.SIN: "sin({})",
     Op.COS: "cos({})", Op.COPY: "{}", Op.HYPOT: "sqrt(pow({},2)+pow({},2))",
+    Op.FILLET: "(max(min({0},{1}),{2})-sqrt(pow(max({2}-{0},0),2)+pow(max({2}-{1},0),2)))",
 }  # fmt: skip
 
 
@@ -387,6 +388,8 @@ def text_of(tape: Tape) -> str:
     """A tape in fidget's text form."""
     lines = [f"_v{k} var-{axis}" for k, axis in enumerate("xyz")]
     lines += [f"_c{k} const {number!r}" for k, number in enumerate(tape.constants.tolist())]
+    zero = "_zero"
+    lines += [f"{zero} const 0.0"] if (tape.code[:, 0] == Op.FILLET).any() else []
 
     def named(name: int) -> str:
         return f"_v{name}" if name >= 0 else f"_c{~name}"
@@ -396,6 +399,11 @@ def text_of(tape: Tape) -> str:
         out = f"_v{INPUTS + i}"
         if op == Op.HYPOT:
             lines += [f"{out}a square {given[0]}", f"{out}b square {given[1]}", f"{out}s add {out}a {out}b", f"{out} sqrt {out}s"]
+        elif op == Op.FILLET:
+            a, b, c = given
+            lines += [f"{out}p sub {c} {a}", f"{out}q sub {c} {b}", f"{out}r max {out}p {zero}", f"{out}s max {out}q {zero}"]
+            lines += [f"{out}t square {out}r", f"{out}u square {out}s", f"{out}v add {out}t {out}u", f"{out}h sqrt {out}v"]
+            lines += [f"{out}l min {a} {b}", f"{out}m max {out}l {c}", f"{out} sub {out}m {out}h"]
         else:
             lines.append(f"{out} {_WORDS[Op(op)]} {' '.join(given)}")
     return "\n".join(lines) + "\n"

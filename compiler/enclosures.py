@@ -111,9 +111,11 @@ def everything(m: Any, like: Interval) -> Interval:
     return nothing - m.big, nothing + m.big
 
 
-def choices(m: Any, op: int, a: Interval, b: Interval) -> tuple[Number, Number]:
+def choices(m: Any, op: int, a: Interval, b: Interval, c: Any = None) -> tuple[Number, Number]:
     """Where a choice is known: (only the first operand matters, only the second); for CHOOSE, whose operands `a` and `b` choose between,
     see `chosen`."""
+    if op == Op.FILLET:
+        return ((a[1] < b[0]) & (b[0] >= c[1])) | (b[0] != b[0]), ((b[1] < a[0]) & (a[0] >= c[1])) | (a[0] != a[0])
     if op == Op.MIN:
         return (a[1] < b[0]) | (b[0] != b[0]), (b[1] < a[0]) | (a[0] != a[0])
     return (a[0] > b[1]) | (a[0] != a[0]), (b[0] > a[1]) | (b[0] != b[0])
@@ -168,7 +170,19 @@ def interval(m: Any, op: int, a: Interval, b: Any = None, c: Any = None) -> Inte
             return down(m, m.atan(a[0]), ULPS), up(m, m.atan(a[1]), ULPS)
         case Op.CHOOSE:
             return either(m, *_with(chosen(m, a), b, c))
+        case Op.FILLET:
+            slack = fillet_slack(m, a, b, c)
+            low, high = point(m, op, a[0], b[0], c[1]) - slack, point(m, op, a[1], b[1], c[0]) + slack
+            unsure = m.was_undefined(low)
+            return low, m.where(unsure, high_of(m, a[1], m.where(b[1] != b[1], a[1], b[1])), high)
     return _PARTIAL[Op(op)](m, op, a, b, c)
+
+
+def fillet_slack(m: Any, a: Interval, b: Interval, radius: Interval) -> Number:
+    """By how much FILLET may be off: not at all away from the arc, where it is a choice. It grows with a and b and falls with the radius."""
+    p, q = radius[1] - a[0], radius[1] - b[0]
+    slack = (p + q + high_of(m, abs(radius[0]), abs(radius[1]))) * (4.0 * m.unit) + m.tiny
+    return m.where((p > 0.0) & (q > 0.0), slack, 0.0 * slack)
 
 
 def _with(known: tuple[Number, Number], a: Any, b: Any) -> tuple[Any, ...]:
@@ -348,6 +362,9 @@ def slope_intervals(m: Any, op: int, boxes: list[Interval], value: Interval, tur
             first, second = chosen(m, a)
             found = [either(m, first, turns[1][k], second, turns[2][k]) for k in ways]
             return [_unless(m, first | second, d) for d in found]
+        case Op.FILLET:
+            partial = _fillet_partials(m, *boxes)
+            return [_sum(m, [multiply(m, p, turns[n][k]) for n, p in enumerate(partial)]) for k in ways]
         case Op.FLOOR | Op.CEIL | Op.SIGN:
             still = value[0] == value[1]
             return [_unless(m, still, (0.0 * d[0], 0.0 * d[0])) for d in turns[0]]
@@ -431,6 +448,26 @@ def _partials(m: Any, op: int, boxes: list[Interval], value: Interval) -> list[I
             cut = (y[0] <= 0.0) & (y[1] >= 0.0) & (x[0] < 0.0)
             return [_unless(m, ~cut, p) for p in found]
     raise ValueError(op)
+
+
+def _fillet_partials(m: Any, a: Interval, b: Interval, radius: Interval) -> list[Interval]:
+    """Sine and cosine on the arc, 0 and 1 away from it; by the radius 1 less both."""
+    first, second = choices(m, Op.FILLET, a, b, radius)
+    zero = 0.0 * a[0]
+    one = zero + 1.0
+    below = [(radius[0] - f[1], radius[1] - f[0]) for f in (a, b)]
+
+    def share(mine: Interval, other: Interval, only: Number, never: Number) -> Interval:
+        most, least = high_of(m, other[1], zero), high_of(m, mine[1], zero)
+        low = mine[0] / m.sqrt(mine[0] * mine[0] + most * most)
+        high = least / m.sqrt(least * least + other[0] * other[0])
+        low = m.where((mine[0] > m.tiny) & ~never, low * (1.0 - 8.0 * m.unit), zero)
+        high = m.where((other[0] > m.tiny) & ~only, high * (1.0 + 8.0 * m.unit), one)
+        low, high = m.where(only, one, low), m.where(never, zero, high)
+        return m.where(low > zero, low, zero), m.where(high < one, high, one)
+
+    arc = (below[0][1] > 0.0) & (below[1][1] > 0.0)
+    return [share(*below, first, second), share(below[1], below[0], second, first), (m.where(arc, -0.4142136 * one, zero), zero)]
 
 
 def _within_one(m: Any, a: Interval, one: Number) -> Interval:

@@ -106,20 +106,14 @@ _FIELDS: dict[Kind, Callable[[Builder, Sequence[float], Point], int]] = {
 
 def union(b: Builder, first: int, second: int, radius: float) -> int:
     """Both; with a radius the inner edges where they meet are filled by arcs of it."""
-    both = b.op(Op.MIN, first, second)
-    if not radius:
-        return both
-    corner = b.op(Op.HYPOT, *(b.op(Op.MAX, b.subtract(b.constant(radius), f), b.constant(0.0)) for f in (first, second)))
-    return b.subtract(b.op(Op.MAX, both, b.constant(radius)), corner)
+    return b.op(Op.FILLET, first, second, b.constant(radius)) if radius else b.op(Op.MIN, first, second)
 
 
 def intersection(b: Builder, first: int, second: int, radius: float) -> int:
     """What is in both; with a radius the edges where they meet are rounded by arcs of it."""
-    both = b.op(Op.MAX, first, second)
     if not radius:
-        return both
-    corner = b.op(Op.HYPOT, *(b.op(Op.MAX, b.shifted(f, radius), b.constant(0.0)) for f in (first, second)))
-    return b.add(b.op(Op.MIN, both, b.constant(-radius)), corner)
+        return b.op(Op.MAX, first, second)
+    return b.op(Op.NEGATE, union(b, b.op(Op.NEGATE, first), b.op(Op.NEGATE, second), radius))
 
 
 def difference(b: Builder, first: int, second: int, radius: float) -> int:

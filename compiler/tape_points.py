@@ -86,6 +86,9 @@ def point(m: Any, op: int, a: Number, b: Number = None, c: Number = None) -> Num
             return m.where(a > 0.0, 1.0 + 0.0 * a, m.where(a < 0.0, -1.0 + 0.0 * a, a))
         case Op.CHOOSE:
             return m.where(a <= 0.0, b, c)
+        case Op.FILLET:
+            within, below, _, size = _arc(m, a, b, c)
+            return m.where(within, c - size, m.where(below, a, b))
         case Op.POWER:
             return m.power(a, b)
         case Op.ATAN2 | Op.ANGLE:
@@ -121,6 +124,11 @@ def slopes(m: Any, op: int, operands: list[Number], value: Number, turns: list[l
             return [m.where(first, turns[0][k], turns[1][k]) for k in ways]
         case Op.CHOOSE:
             return [m.where(a <= 0.0, turns[1][k], turns[2][k]) for k in ways]
+        case Op.FILLET:
+            within, below, (p, q), size = _arc(m, *operands)
+            p, q = p / size, q / size
+            arc = [p * turns[0][k] + q * turns[1][k] + (1.0 - p - q) * turns[2][k] for k in ways]
+            return [m.where(within, arc[k], m.where(below, turns[0][k], turns[1][k])) for k in ways]
         case Op.MOD:
             turn = m.floor(a / operands[1])
             return [turns[0][k] - turns[1][k] * turn for k in ways]
@@ -136,6 +144,13 @@ def slopes(m: Any, op: int, operands: list[Number], value: Number, turns: list[l
     factors = _factors(m, op, operands, value)
     found = [d * factors[0] for d in turns[0]]
     return [f + turns[1][k] * factors[1] for k, f in enumerate(found)] if len(factors) > 1 else found
+
+
+def _arc(m: Any, a: Number, b: Number, radius: Number) -> tuple[Number, Number, tuple[Number, Number], Number]:
+    """Of FILLET: (whether on the arc, whether a is the smaller one, how far both are below the radius, their hypotenuse)."""
+    p, q = radius - a, radius - b
+    size = m.sqrt(p * p + q * q)
+    return (p > 0.0) & (q > 0.0), (b != b) | (a < b), (p, q), m.where(size > m.tiny, size, m.tiny + 0.0 * size)
 
 
 def _factors(m: Any, op: int, operands: list[Number], value: Number) -> tuple[Number, ...]:

@@ -55,14 +55,15 @@ class Op(IntEnum):
     SIGN = 26
     NOISE = 27
     CHOOSE = 28  # b where a ≤ 0, else c
+    FILLET = 29  # MIN of a and b, its inner edge filled by an arc of radius c: c − √((c − a)² + (c − b)²) where both are below c
 
 
 UNARY = frozenset({
     Op.COPY, Op.NEGATE, Op.ABS, Op.SQUARE, Op.SQRT, Op.EXP, Op.LOG, Op.SIN, Op.COS, Op.TAN, Op.ASIN, Op.ACOS, Op.ATAN, Op.FLOOR, Op.CEIL,
     Op.SIGN,
 })  # fmt: skip
-TERNARY = frozenset({Op.NOISE, Op.CHOOSE})
-CHOICES = frozenset({Op.MIN, Op.MAX, Op.CHOOSE})  # of whose operands one may be known not to matter
+TERNARY = frozenset({Op.NOISE, Op.CHOOSE, Op.FILLET})
+CHOICES = frozenset({Op.MIN, Op.MAX, Op.CHOOSE, Op.FILLET})  # of whose operands one may be known not to matter
 _COMMUTES = frozenset({Op.ADD, Op.MULTIPLY, Op.HYPOT})
 
 
@@ -137,6 +138,8 @@ class Builder:
             return a
         if op == Op.SUBTRACT and x == 0.0:
             return self.op(Op.NEGATE, b)
+        if op == Op.NEGATE and a >= INPUTS and self.rows[a - INPUTS][0] == Op.NEGATE:
+            return self.rows[a - INPUTS][1]
         if op == Op.MULTIPLY and (x == 1.0 or y == 1.0):
             return b if x == 1.0 else a
         if op == Op.MULTIPLY and a == b:
@@ -259,6 +262,7 @@ _FOLD: dict[Op, Any] = {
     Op.SIN: math.sin, Op.COS: math.cos, Op.TAN: math.tan, Op.ASIN: math.asin, Op.ACOS: math.acos, Op.ATAN: math.atan,
     Op.ATAN2: math.atan2, Op.ANGLE: math.atan2, Op.FLOOR: math.floor, Op.CEIL: math.ceil, Op.MOD: lambda a, b: a - b * math.floor(a / b),
     Op.SIGN: lambda a: 0.0 if a == 0 else math.copysign(1.0, a), Op.NOISE: noise, Op.CHOOSE: lambda a, b, c: b if a <= 0 else c,
+    Op.FILLET: lambda a, b, c: c - math.sqrt((c - a) * (c - a) + (c - b) * (c - b)) if a < c and b < c else min(a, b),
 }  # fmt: skip
 
 _SAME = {

@@ -92,7 +92,9 @@ def _spans(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
     if op == Op.SQRT:
         found = enclosures.low_of(m, found, m.sqrt(off[0]))
     size = enclosures.high_of(m, abs(value[0]), abs(value[1]))
-    if op not in EXACT:
+    if op == Op.FILLET:
+        found = found + enclosures.fillet_slack(m, *operands)
+    elif op not in EXACT:
         found = found + (size * (4.0 * enclosures.ULPS * u) if op != Op.NOISE else 64.0 * m.unit)
     return [*value, *slope, m.where((found < LARGEST) & (size < LARGEST), found, m.big)]
 

@@ -171,7 +171,7 @@ def interval(m: Any, op: int, a: Interval, b: Any = None, c: Any = None) -> Inte
         case Op.CHOOSE:
             return either(m, *_with(chosen(m, a), b, c))
         case Op.FILLET:
-            slack = fillet_slack(m, a, b, c)
+            slack = fillet_slack(m, a, b, c)  # it rises with a and b, and falls with the radius
             low, high = point(m, op, a[0], b[0], c[1]) - slack, point(m, op, a[1], b[1], c[0]) + slack
             unsure = m.was_undefined(low)
             return low, m.where(unsure, high_of(m, a[1], m.where(b[1] != b[1], a[1], b[1])), high)
@@ -179,7 +179,7 @@ def interval(m: Any, op: int, a: Interval, b: Any = None, c: Any = None) -> Inte
 
 
 def fillet_slack(m: Any, a: Interval, b: Interval, radius: Interval) -> Number:
-    """By how much FILLET may be off: not at all away from the arc, where it is a choice. It grows with a and b and falls with the radius."""
+    """By how much FILLET may be off: not at all away from its arc, where it is a choice."""
     p, q = radius[1] - a[0], radius[1] - b[0]
     slack = (p + q + high_of(m, abs(radius[0]), abs(radius[1]))) * (4.0 * m.unit) + m.tiny
     return m.where((p > 0.0) & (q > 0.0), slack, 0.0 * slack)
@@ -363,7 +363,7 @@ def slope_intervals(m: Any, op: int, boxes: list[Interval], value: Interval, tur
             found = [either(m, first, turns[1][k], second, turns[2][k]) for k in ways]
             return [_unless(m, first | second, d) for d in found]
         case Op.FILLET:
-            partial = _fillet_partials(m, *boxes)
+            partial = _fillet_partials(m, boxes)
             return [_sum(m, [multiply(m, p, turns[n][k]) for n, p in enumerate(partial)]) for k in ways]
         case Op.FLOOR | Op.CEIL | Op.SIGN:
             still = value[0] == value[1]
@@ -450,12 +450,13 @@ def _partials(m: Any, op: int, boxes: list[Interval], value: Interval) -> list[I
     raise ValueError(op)
 
 
-def _fillet_partials(m: Any, a: Interval, b: Interval, radius: Interval) -> list[Interval]:
+def _fillet_partials(m: Any, boxes: list[Interval]) -> list[Interval]:
     """Sine and cosine on the arc, 0 and 1 away from it; by the radius 1 less both."""
+    a, b, radius = boxes
     first, second = choices(m, Op.FILLET, a, b, radius)
     zero = 0.0 * a[0]
     one = zero + 1.0
-    below = [(radius[0] - f[1], radius[1] - f[0]) for f in (a, b)]
+    p, q = ((radius[0] - f[1], radius[1] - f[0]) for f in (a, b))  # how far below the radius
 
     def share(mine: Interval, other: Interval, only: Number, never: Number) -> Interval:
         most, least = high_of(m, other[1], zero), high_of(m, mine[1], zero)
@@ -466,8 +467,8 @@ def _fillet_partials(m: Any, a: Interval, b: Interval, radius: Interval) -> list
         low, high = m.where(only, one, low), m.where(never, zero, high)
         return m.where(low > zero, low, zero), m.where(high < one, high, one)
 
-    arc = (below[0][1] > 0.0) & (below[1][1] > 0.0)
-    return [share(*below, first, second), share(below[1], below[0], second, first), (m.where(arc, -0.4142136 * one, zero), zero)]
+    arc = (p[1] > 0.0) & (q[1] > 0.0)
+    return [share(p, q, first, second), share(q, p, second, first), (m.where(arc, -0.4142136 * one, zero), zero)]
 
 
 def _within_one(m: Any, a: Interval, one: Number) -> Interval:

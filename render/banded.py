@@ -6,7 +6,7 @@ or patterns run across triangles every sample is lit for itself.
 
 from __future__ import annotations
 
-import threading
+import functools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -36,6 +36,7 @@ class Triangles(NamedTuple):
     shown: Handle  # of a bands.Projection
     lit: Handle  # what deferred.py reads of the tables
     look: Handle
+    rooms: dict[Any, list[_Room]]  # memory of threads that nobody uses now, by its size
 
 
 def triangles(tables: ir.Tables, view: View, shells: dict[int, Any]) -> Triangles:
@@ -46,7 +47,7 @@ def triangles(tables: ir.Tables, view: View, shells: dict[int, Any]) -> Triangle
     shown = bands.Projection(model.matrix, model.planes, model.perspective, near, far, model.positions, model.triangles)
     eye = tables.transforms.matrix[tables.cameras.transform[view.camera], :, 3]
     lit, look = Handle(deferred.single(tables, eye)), Handle(_look(tables, view, eye))
-    return Triangles(Handle(model), ranges, Handle(made), placed, Handle(shown), lit, look)
+    return Triangles(Handle(model), ranges, Handle(made), placed, Handle(shown), lit, look, {})
 
 
 def needs_no_rays(plan: Plan) -> bool:
@@ -68,14 +69,13 @@ class Bands:
         self.prepared, self.view, self.endless = prepared, view, endless
         tables, made = prepared.tables, prepared.triangles
         samples = plan["samples"]
+        x0, _, x1, _ = plan["crop"]
         self.crop = np.array(plan["crop"], np.int64)
         self.each = samples > 1 and plan["raster.shading"] == "sample"
-        self.pattern = bands.pattern(samples)
-        self.splat = _splat(plan["filter"], self.pattern)
+        self.places, self.weights = _weights(plan["filter"], samples)
+        self.pattern, self.splat = self.places.tables, self.weights.tables
         self.margin = 4 * -(-self.splat.reach // 4)
         self.rows = ROWS.get(samples, 16)
-        self.places = Handle(self.pattern)
-        self.weights = Handle(self.splat)
         self.drawn = Handle(bands.drawn(made.shown, made.meshlets, made.placed, plan["crop"], self.splat.reach, self.rows))
         self.patterned = True if _patterned(tables) else None
         how, self.fill = plan["raster.fill"], None
@@ -85,16 +85,20 @@ class Bands:
         self.background = plan["background"]
         self.rgba = np.zeros((self.crop[3] - self.crop[1], self.crop[2] - self.crop[0], 4), np.float32)
         self.jobs: Sequence[int] = range(int(self.crop[1]) // self.rows, -(-int(self.crop[3]) // self.rows))
-        self._free: list[_Room] = []
-        self._lock = threading.Lock()
+
+        columns, most = x1 - (x0 & ~3) + 2 * self.margin, int(made.placed[:, 1].sum())
+        self.size = _Size(columns, self.rows + 2 * self.margin, samples, self.plain, self.patterned is not None, most)
+        self.turn = object()
 
     def draw(self, job: int) -> int:
         """Draw a band into `rgba`; how many of its items were not finite and left out."""
-        with self._lock:
-            room = self._free.pop() if self._free else _Room(self)
+        free = self.prepared.triangles.rooms.setdefault(self.size, [])
+        try:
+            room = free.pop()
+        except IndexError:
+            room = _Room(self)
         issues = self._draw(job, room)
-        with self._lock:
-            self._free.append(room)
+        free.append(room)
         return issues
 
     def _draw(self, job: int, room: _Room) -> int:
@@ -106,8 +110,9 @@ class Bands:
         band.clip[:] = x0 - reach, top - reach, x1 + reach, bottom + reach
         band.rows[:] = top, bottom
         made, drawn = self.prepared.triangles, self.drawn
+        room.serve(self)
         if self.fill is None:
-            setup.draw_band(made.shown, self.places, made.meshlets, drawn, job - self.jobs[0], room.band)
+            setup.draw_band(room.filling, job - self.jobs[0])
         else:
             self.fill.draw(room.band, self.pattern, drawn.tables)
         p = self.prepared
@@ -116,10 +121,7 @@ class Bands:
         if self.plain and len(drawn.tables.first) == 0:
             pass  # an empty picture, maybe of an empty scene
         elif self.plain:
-            deferred.shade_band(
-                made.shown, self.places, self.each, made.meshlets, drawn, made.lit, made.look, self.patterned,
-                self.weights, room.band, room.faces, room.items, self.crop, self.rgba,
-            )  # fmt: skip
+            deferred.shade_band(room.shading, self.each, self.patterned, self.crop, self.rgba)
         else:
             traced.shade_band(
                 made.model, self.places, self.each, made.meshlets, drawn, p.packed, p.accel, p.gouraud, p.frame, self.weights, room.band,
@@ -140,19 +142,47 @@ class Bands:
             window[..., :3] += (1.0 - window[..., 3:]) * np.asarray(self.background, np.float32)
 
 
+class _Size(NamedTuple):
+    """What a thread's memory depends on."""
+
+    columns: int
+    rows: int
+    samples: int
+    plain: bool
+    patterned: bool
+    meshlets: int
+
+
 class _Room:
-    """What a thread needs to draw a band."""
+    """What a thread needs to draw a band. It is kept for the next picture: getting memory from the system takes long."""
 
     def __init__(self, of: Bands) -> None:
-        x0, _, x1, _ = (int(c) for c in of.crop)
-        samples, margin = len(of.pattern.x), 2 * of.margin
-        columns = x1 - (x0 & ~3) + margin
-        self.band = Handle(bands.band_for(columns, of.rows + margin, samples))
-        self.items = Handle(deferred.items_for(columns, samples))
-        if of.plain:
-            most = 2 * self.items.tables.half
-            self.faces = Handle(faces.faces_for(len(of.drawn.tables.first), most, of.patterned is not None))
-        self.stack = None if of.plain else integrate.stack_for(of.prepared.options, across.WIDTH)
+        size = of.size
+        self.band = Handle(bands.band_for(size.columns, size.rows, size.samples))
+        self.items = Handle(deferred.items_for(size.columns, size.samples))
+        most = 2 * self.items.tables.half
+        self.faces = Handle(faces.faces_for(size.meshlets, most, size.patterned)) if size.plain else None
+        self.stack = None if size.plain else integrate.stack_for(of.prepared.options, across.WIDTH)
+        self._turn: object = None
+
+    def serve(self, of: Bands) -> None:
+        """Be of use to a picture from now on."""
+        if self._turn is of.turn:
+            return
+        self._turn, made = of.turn, of.prepared.triangles
+        self.filling = Handle(bands.Filling(made.shown, of.places, made.meshlets, of.drawn, self.band))
+        if self.faces is not None:
+            faces.forget(self.faces.tables)
+            self.shading = Handle(deferred.Shading(
+                made.shown, of.places, made.meshlets, of.drawn, made.lit, made.look, of.weights, self.band, self.faces, self.items,
+            ))  # fmt: skip
+
+
+@functools.cache
+def _weights(name: str, samples: int) -> tuple[Handle, Handle]:
+    """Handles of a bands.Pattern and of its Splat."""
+    pattern = bands.pattern(samples)
+    return Handle(pattern), Handle(_splat(name, pattern))
 
 
 def _splat(name: str, pattern: bands.Pattern) -> deferred.Splat:

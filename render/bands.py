@@ -73,6 +73,16 @@ class Band(NamedTuple):
     room: visibility.Room
 
 
+class Filling(NamedTuple):
+    """What fills bands of one picture in one thread: a handle of each."""
+
+    shown: Handle  # Projection
+    pattern: Handle
+    meshlets: Handle
+    drawn: Handle
+    band: Handle
+
+
 def band_for(columns: int, rows: int, samples: int) -> Band:
     """A buffer of so many pixels, whose numbers are rounded up to blocks."""
     columns, rows = (columns + 3) & ~3, (rows + 3) & ~3

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from . import across, faces, footprints, lanes, lights, materials, simd, textures
+from .handles import Handle
 from .kernels import apart, helper, kernel
 from .meshlets import SHIFT, place_of
 from .records import Lane, Surface, Vec
@@ -63,6 +64,21 @@ class Items(NamedTuple):
     even_x: NDArray[np.int32]  # their first pixels
     counts: NDArray[np.int64]  # (4,) items in whole blocks, others, which stand from `half` on, `even` blocks, and what was not finite
     half: int
+
+
+class Shading(NamedTuple):
+    """What lights bands of one picture in one thread: a handle of each."""
+
+    shown: Handle  # bands.Projection
+    pattern: Handle
+    meshlets: Handle
+    drawn: Handle
+    lit: Handle  # tables, see `single`
+    look: Handle
+    splat: Handle
+    band: Handle
+    faces: Handle
+    items: Handle
 
 
 def items_for(columns: int, samples: int) -> Items:
@@ -137,8 +153,13 @@ def mean(total: Lane, count: Lane) -> Lane:
 
 
 @kernel
-def shade_band(shown, pattern, each, meshlets, drawn, tables, look, patterned, splat, band, found, items, crop, rgba):
-    """Light what a band shows and add it to the picture, (h, w, 4), of the pixels of `crop`; `patterned`: True or None."""
+def shade_band(shading, each, patterned, crop, rgba):
+    """Light what a band shows and add it to the picture, (h, w, 4), of the pixels of `crop`.
+
+    `shading` is a handle of Shading; `each` see `collect`; `patterned`: True or None.
+    """
+    shown, pattern, meshlets, drawn, tables = shading.shown, shading.pattern, shading.meshlets, shading.drawn, shading.lit
+    look, splat, band, found, items = shading.look, shading.splat, shading.band, shading.faces, shading.items
     saved = simd.flush_denormals()
     items.counts[3] = 0
     known, shader = 0, even_shader(tables, 0)

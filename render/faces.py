@@ -71,6 +71,12 @@ def faces_for(drawn: int, most: int, patterned: bool) -> Faces:
     return Faces(row, np.full(most + 16, -1, np.int32), record, np.zeros(2, np.int64), np.full(11, -1.0), np.zeros(48, np.float32))
 
 
+def forget(faces: Faces) -> None:
+    """Have none: ids are going to mean others."""
+    faces.count[:] = 0
+    faces.planes[0] = -1.0
+
+
 @helper
 def make_room(faces: Any, most: int) -> None:
     """Have room for `most` more faces; older ones go if there is none."""

@@ -1,13 +1,15 @@
 """Tables as kernels take them: one pointer for a whole nest of NamedTuples of arrays.
 
 A NamedTuple of arrays passed by value costs several words an array at each call, and a reference count up and down for each.
-A Handle is the address of one packed block: [data pointer, shape …] for an array, one word for a number, tuples in place.
+A Handle is the address of one packed block: [data pointer, shape …] for an array, one word for a number, tuples in place, and the
+address of another Handle.
 In a kernel `handle.lights.color[i, 0]` reads as on the tuple itself; its type is known from the block's structure, so that
 column places and row shapes are constants, and loads are marked as never changing, so that LLVM lifts them out of loops.
 """
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from typing import Any
 
@@ -30,8 +32,8 @@ from numba.np.arrayobj import make_array, populate_array
 
 WORD = 8  # bytes
 
-# A layout describes a packed tuple: ((name, word, what), …), `what` being a layout, ("array", dtype, row shape), or "int",
-# "float" or "bool".
+# A layout describes a packed tuple: ((name, word, what), …), `what` being a layout, ("array", dtype, row shape), ("handle", type), or
+# "int", "float" or "bool".
 Layout = tuple[tuple[str, int, Any], ...]
 
 
@@ -52,8 +54,7 @@ class Handle:
             else:
                 self._block[k] = word
         self.address = int(self._block.ctypes.data)
-        self.numba_type = HandleType(layout)
-
+        self.numba_type = _type_of(layout)
 
     def part(self, name: str) -> types.Type:
         """Numba's type of a field."""
@@ -78,6 +79,9 @@ def _pack(value: Any, words: list[int | float]) -> Layout:
                 raise ValueError(f"{name} is not contiguous")
             layout.append((name, len(words), ("array", item.dtype.str, item.shape[1:])))
             words.extend((int(item.ctypes.data), len(item)))
+        elif isinstance(item, Handle):
+            layout.append((name, len(words), ("handle", item.numba_type)))
+            words.append(item.address)
         elif hasattr(item, "_fields"):
             layout.append((name, len(words), _pack(item, words)))
         else:
@@ -95,12 +99,15 @@ class HandleType(types.Type):
         super().__init__(name=f"Handle{hashlib.sha256(repr(layout).encode()).hexdigest()[:12]}")
 
     def field(self, name: str) -> tuple[int, Any] | None:
-        """(word, what) of a field, or of one of a tuple in place: "outer.inner"."""
+        """(word, what) of a field, or of one of a tuple in place: "outer.inner"; not of what is in another block."""
         found, layout = None, self.layout
         for part in name.split("."):
             found = next(((word, what) for known, word, what in layout if known == part), None)
-            layout = found[1] if found and isinstance(found[1], tuple) else ()
+            layout = found[1] if found and isinstance(found[1], tuple) and found[1][:1] != ("handle",) else ()
         return found
+
+
+_type_of = functools.cache(HandleType)  # naming one takes longer than packing it
 
 
 def _numba_type(what: Any) -> types.Type:
@@ -112,7 +119,9 @@ def _numba_type(what: Any) -> types.Type:
         return types.boolean
     if what and what[0] == "array":
         return types.Array(numpy_support.from_dtype(np.dtype(what[1])), 1 + len(what[2]), "C")
-    return HandleType(what)
+    if what and what[0] == "handle":
+        return what[1]
+    return _type_of(what)
 
 
 @typeof_impl.register(Handle)
@@ -149,7 +158,7 @@ def _load(context: Any, builder: Any, typ: HandleType, value: Any, attr: str) ->
     found = typ.field(attr)
     assert found is not None
     word, what = found
-    if isinstance(what, tuple) and not (what and what[0] == "array"):
+    if isinstance(what, tuple) and not (what and what[0] in ("array", "handle")):
         return value  # a tuple in place: its fields' words count from the start of the whole block
     if what == "float":
         return _word(builder, value, word, llvm.DoubleType())
@@ -158,6 +167,8 @@ def _load(context: Any, builder: Any, typ: HandleType, value: Any, attr: str) ->
         return whole
     if what == "bool":
         return builder.icmp_signed("!=", whole, llvm.Constant(whole.type, 0))
+    if what[0] == "handle":
+        return builder.inttoptr(whole, llvm.IntType(8).as_pointer())
     return _array(context, builder, _numba_type(what), value, word, what[2])
 
 

@@ -25,8 +25,9 @@ STRIDE = QUEUE + 32
 
 
 @kernel
-def draw_band(shown, pattern, meshlets, drawn, number, band):
-    """Fill the band's buffer with what its meshlets show."""
+def draw_band(filling, number):
+    """Fill a buffer with what the meshlets of band `number` show; `filling` is a handle of bands.Filling."""
+    shown, pattern, meshlets, drawn, band = filling.shown, filling.pattern, filling.meshlets, filling.drawn, filling.band
     samples = len(pattern.x)
     nothing, none = simd.f32x16(NOTHING), simd.i32x16(-1)
     for k in range(0, band.place[2] * band.place[3] * samples, 16):

@@ -22,10 +22,10 @@ def seen(points: np.ndarray, triangles: np.ndarray, samples: int) -> np.ndarray:
     scene = tables.scene(meshes=[(MeshData(at, triangles), tables.matrix((0, 0, -9)), 0)], camera=camera)
     made = banded.triangles(scene, View(0, width, height), {})
     pattern, band = bands.pattern(samples), bands.band_for(width, height, samples)
-    places, into = Handle(pattern), Handle(band)
     band.clip[:] = 0, 0, width, height
     drawn = bands.drawn(made.shown, made.meshlets, made.placed, (0, 0, width, height), 0, 64)
-    setup.draw_band(made.shown, places, made.meshlets, Handle(drawn), 0, into)
+    filling = bands.Filling(made.shown, Handle(pattern), made.meshlets, Handle(drawn), Handle(band))
+    setup.draw_band(Handle(filling), 0)
     columns, rows = band.place[2:]
     ids = band.ids.reshape(rows // 4, columns // 4, samples, 4, 4).transpose(0, 3, 1, 4, 2).reshape(rows, columns, samples)
     ids = ids[:height, :width]

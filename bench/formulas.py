@@ -17,6 +17,7 @@ from ..compiler import enclosures, solids
 from ..compiler.tapes import INPUTS, Builder, Op, Tape, arity
 from ..render import across, rays
 from ..render.formulas import compiled, fields, meet, plain, tile_room, tiles
+from ..render.formulas.forms import Forms
 from ..render.handles import Handle
 from ..render.kernels import kernel
 from ..render.links import FLOAT, VEC
@@ -95,9 +96,8 @@ class Desk:
 
     def ours(self) -> Contender:
         n = len(self.origin)
-        forms = fields._pooled(np.array([0], np.int32), [fields.field(self.tape, self.parameters, BOX)])
+        forms = self.forms()
         compiled.finish()
-        forms = fields._pooled(np.array([0], np.int32), [fields.field(self.tape, self.parameters, BOX)])
         room = Handle(tile_room.room(forms, 0))
         out = np.empty(n), np.empty(n, np.int64), np.empty(n), np.empty(n)
         ends = np.zeros(n), np.full(n, np.inf)
@@ -112,6 +112,9 @@ class Desk:
 
         return Contender(OURS, work, lambda found: self._rows(found[0]))
 
+    def forms(self) -> Forms:
+        return fields.of_surfaces([fields.Surface(self.tape, self.parameters, BOX)])
+
     def _rows(self, values: np.ndarray) -> np.ndarray:
         """What was found bundle by bundle, in the picture's order."""
         found = np.empty_like(values)
@@ -121,7 +124,7 @@ class Desk:
     def one_by_one(self) -> np.ndarray:
         """The same by single rays."""
         n = len(self.origin)
-        forms = Handle(fields._pooled(np.array([0], np.int32), [fields.field(self.tape, self.parameters, BOX)]))
+        forms = Handle(self.forms())
         out = np.empty(n), np.empty(n, np.int64), np.empty(n), np.empty(n)
         trace(forms, _linked(), self.origin, self.way, *out)
         return self._rows(out[0])
@@ -216,7 +219,7 @@ def trace(forms, address, origin, direction, t, spacing, u, v):
 
 
 def _linked() -> int:
-    nothing = Handle(fields._pooled(np.zeros(0, np.int32), []))
+    nothing = Handle(fields.of_surfaces([]))
     return meet.meet.link(nothing.numba_type, types.int64, VEC, VEC, FLOAT, FLOAT)
 
 

@@ -1,9 +1,12 @@
 """Where a surface may be: a grid over its box, found by bounds of its formula, in whose cells the formula is simpler than on the whole.
 
-A block of cells is empty where the formula's bounds have one sign, else it is cut into 4 × 4 × 4; of a minimum one of whose operands is
-known to be larger everywhere in a block, only the other is evaluated there (Keeter, "Massively Parallel Rendering of Complex
-Closed-Form Implicit Surfaces", SIGGRAPH 2020). A leaf knows bounds of its derivatives: a
-ray along which the slope has one sign has one root in it at the most, and the values at both ends say whether.
+A block of cells is empty where the formula's bounds have one sign, else it is cut into 4 × 4 × 4, when the first ray comes to it; of a
+minimum one of whose operands is known to be larger everywhere in a block, only the other is evaluated there (Keeter, "Massively Parallel
+Rendering of Complex Closed-Form Implicit Surfaces", SIGGRAPH 2020). A cell that is not empty is a leaf, which knows bounds of its
+derivatives: a ray along which the slope has one sign has one root in it at the most, and the values at both ends say whether.
+
+What a grid holds of a cell: the number of its leaf; −1, −2, −3 where the block of 1, 4, 16 cells along an axis around it is empty;
+PENDING − n where block n around it is yet to be cut. What comes out does not depend on which ray, or thread, came first.
 """
 
 from __future__ import annotations
@@ -11,135 +14,133 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...compiler.tapes import CHOICES, INPUTS, Op, arity
 from ..kernels import apart, helper, kernel, maker
-from . import interpreter
-from .calls import interpret
+from .calls import claimed, interpret, released, taken
+from .forms import END_BLOCKS, END_LEAVES, END_ROWS, END_TAPES
 from .vectors import LANES, ROW
 
 MOST_REGISTERS = 256
 SPLIT = 4
 CHILDREN = SPLIT**3
-MOST_LEVELS = 5
+PENDING = -16
 SLACK = 1e-9  # of a cell, by which boxes grow: where rays enter them is rounded
 BIG = 1e100
-_STACK = CHILDREN * MOST_LEVELS
 _WIDE = 8  # vectors of a register in the largest program
 _ROOM = MOST_REGISTERS * _WIDE * LANES
 _ARITY = np.array([arity(op) for op in Op], np.int64)
 CHOICE = np.array([op in CHOICES for op in Op], np.int64)
 COPY, CHOOSE, MIN, MAX = int(Op.COPY), int(Op.CHOOSE), int(Op.MIN), int(Op.MAX)
 _BOXES, _CELLS = 2, 8  # vectors of a value
+_BOXES_AT, _CELLS_AT = 2, 4  # places in fields.PROGRAMS
 
 
-def build(
-    rows: tuple[NDArray[np.int32], int],
-    constants: NDArray[np.float64],
-    low: NDArray[np.float64],
-    cell: NDArray[np.float64],
-    count: int,
-    reach: float,
-) -> tuple[NDArray[Any], ...]:
-    """(grid, leaf_tape, leaf_size, leaf_slopes, tapes, code) of a surface; see fields.Forms. ValueError: it needs too many registers.
-
-    `rows` are of fields.names_of; `cell` is the size of one, `low` the lowest corner, and `count` how many there are along an axis.
-    """
-    code, _ = rows
-    choices = int(CHOICE[code[:, 0]].sum()) if len(code) else 0
-    programs = np.array([interpreter.address("boxes"), interpreter.address("cells")], np.int64)
-    grid = np.empty(count**3, np.int32)
-    room, leaves = 64 * len(code) + 4096, 4096
+@apart
+def ready(forms, k, number):
+    """Cut block `number` of surface k up, unless it is; where another thread is about to, wait for it."""
     while True:
-        work = (
-            np.zeros((room, 4), np.int32), np.zeros((room, ROW), np.int32), np.zeros((room // 4 + 64, 4), np.int64),
-            np.zeros(leaves, np.int32), np.zeros(leaves, np.int32), np.zeros((leaves, 6)),
-        )  # fmt: skip
-        ends = np.zeros(3, np.int64)
-        state = np.zeros(1 + 2 * max(choices, 1), np.int64)
-        outcome = fill(code, constants, low, cell, count, reach, programs, state, grid, *work, ends)
-        if outcome == 2:
-            raise ValueError(f"the formula keeps more than {MOST_REGISTERS} values at a time")
-        if outcome == 0:
-            break
-        room, leaves = 2 * room, 2 * leaves
-    tapes, used, made = ends.tolist()
-    made = max(made, 1)  # kernels look up lanes that have no leaf
-    _, run, table, leaf_tape, leaf_size, slopes = work
-    table = np.ascontiguousarray(table[:tapes, :3])
-    return grid, leaf_tape[:made].copy(), leaf_size[:made].copy(), slopes[:made].copy(), table, run[:used].copy()
+        was = claimed(forms.states, number)
+        if was == 2:
+            return
+        if was == 0:
+            _cut(forms, k, number)
+            released(forms.states, number)
+            return
 
 
-@kernel
-def fill(code, constants, low, cell, count, reach, programs, state, grid, names, run, tapes, leaf_tape, leaf_size, leaf_slopes, ends):
-    """Write the grid, its leaves and their tapes. 0: done, 1: more room is needed, 2: more registers."""
-    n = len(code)
-    if n > len(names):
-        return 1
-    for i in range(n):
-        for k in range(4):
-            names[i, k] = code[i, k]
-    tapes[0, 0], tapes[0, 1] = 0, n
-    outcome = place(names, run, tapes, 0)
-    if outcome != 0:
-        return outcome
-    ends[0], ends[1] = 1, n
+@maker
+def _cut(forms, k, number):
+    """Write what is in a block's 64 parts to the grid: leaves where these are cells, else blocks, with the tapes that they need."""
+    x, y, z, size, whole = (
+        forms.blocks[number, 0], forms.blocks[number, 1], forms.blocks[number, 2], forms.blocks[number, 3], forms.blocks[number, 4]
+    )  # fmt: skip
+    small = size // SPLIT
+    rows = forms.tapes[whole, 1]
+    names, run = np.empty(((CHILDREN + 1) * (rows + 1), 4), np.int32), np.empty(((CHILDREN + 1) * (rows + 1), ROW), np.int32)
+    tapes, ends, scratch = np.zeros((CHILDREN + 1, 4), np.int64), np.zeros(2, np.int64), np.empty(3 * rows + 8, np.int64)
+    choices = _copied(forms, whole, names, run)
+    tapes[0, 1], tapes[0, 2] = rows, forms.tapes[whole, 2]
+    ends[0], ends[1] = 1, rows
+    state = np.zeros(1 + 2 * (choices + 1), np.int64)
     registers = np.empty(_ROOM)
-    scratch = np.empty(3 * n + 8, np.int64)
-    stack = np.empty((_STACK, 5), np.int64)
-    stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3], stack[0, 4] = 0, 0, 0, count, 0
-    top, known = 1, np.empty(CHILDREN, np.int64)
-    while top > 0:
-        top -= 1
-        x, y, z, size, tape = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3], stack[top, 4]
-        small = size // SPLIT
-        alive = 0
-        for first in range(0, CHILDREN, LANES):
-            _boxes(registers, low, cell, reach, x, y, z, small, known, first, min(LANES, CHILDREN - first), False, _BOXES)
-            state[0] = 0
-            interpret(programs[0], run, tapes[tape, 0], tapes[tape, 1], registers, constants, 0, state, 1)
-            out = tapes[tape, 2] * _BOXES * LANES
-            for k in range(min(LANES, CHILDREN - first)):
-                child = first + k
-                least, most, maybe = registers[out + k], registers[out + LANES + k], (state[0] >> k) & 1
-                if not least <= 0.0 or (most < 0.0 and maybe == 0):
-                    _mark(grid, count, x, y, z, child, small, _empty(small))
-                    continue
-                kept = tape
-                if maybe == 0:
-                    kept = simplify(names, run, tapes, ends, tape, state, k, scratch)
-                    if kept < 0:
-                        return -kept
-                known[alive] = child | (kept << 8)
-                alive += 1
-        for first in range(0, alive, LANES):
-            few = min(LANES, alive - first)
-            if small == 1:
-                _boxes(registers, low, cell, reach, x, y, z, small, known, first, few, True, _CELLS)
-                state[0] = 0
-                interpret(programs[1], run, tapes[tape, 0], tapes[tape, 1], registers, constants, 0, state, 1)
-            out = tapes[tape, 2] * _CELLS * LANES
-            for k in range(few):
-                child, kept = known[first + k] & 255, known[first + k] >> 8
-                if small == 1:
-                    leaf, maybe = ends[2], (state[0] >> k) & 1
-                    if leaf >= len(leaf_tape):
-                        return 1
-                    leaf_tape[leaf], leaf_size[leaf] = kept, small
-                    for j in range(6):
-                        bound = registers[out + (2 + j) * LANES + k]
-                        unknown = -BIG if j % 2 == 0 else BIG
-                        leaf_slopes[leaf, j] = unknown if maybe == 1 or not abs(bound) <= BIG else bound
-                    _mark(grid, count, x, y, z, child, small, leaf)
-                    ends[2] += 1
-                    continue
-                stack[top, 0] = x + small * (child // (SPLIT * SPLIT))
-                stack[top, 1] = y + small * (child // SPLIT % SPLIT)
-                stack[top, 2] = z + small * (child % SPLIT)
-                stack[top, 3], stack[top, 4] = small, kept
-                top += 1
-    return 0
+    known, alive = np.empty((CHILDREN, 2), np.int64), 0
+    constants, begin = forms.constants, forms.places[k, 3]
+    for first in range(0, CHILDREN, LANES):
+        few = min(LANES, CHILDREN - first)
+        _boxes(registers, forms.numbers, k, forms.places[k, 0], x, y, z, small, known, first, few, False, _BOXES)
+        state[0] = 0
+        interpret(forms.programs[_BOXES_AT], run, 0, rows, registers, constants, begin, state, 1)
+        out = tapes[0, 2] * _BOXES * LANES
+        for lane in range(few):
+            least, most, maybe = registers[out + lane], registers[out + LANES + lane], (state[0] >> lane) & 1
+            if not least <= 0.0 or (most < 0.0 and maybe == 0):
+                _mark(forms, k, x, y, z, first + lane, small, _empty(small))
+                continue
+            known[alive, 0], known[alive, 1] = first + lane, 0
+            if maybe == 0:
+                known[alive, 1] = max(simplify(names, run, tapes, ends, 0, state, lane, scratch), 0)
+            alive += 1
+    made, placed = _kept(forms, whole, rows, names, run, tapes, ends)
+    if small > 1:
+        first_block = taken(forms.ends, END_BLOCKS, alive)
+        for i in range(alive):
+            child, block = known[i, 0], first_block + i
+            forms.blocks[block, 0] = x + small * (child // (SPLIT * SPLIT))
+            forms.blocks[block, 1] = y + small * (child // SPLIT % SPLIT)
+            forms.blocks[block, 2] = z + small * (child % SPLIT)
+            forms.blocks[block, 3] = small
+            forms.blocks[block, 4] = made + known[i, 1] - 1 if known[i, 1] > 0 and placed else whole
+            _mark(forms, k, x, y, z, child, small, PENDING - block)
+        return
+    first_leaf = taken(forms.ends, END_LEAVES, alive)
+    for first in range(0, alive, LANES):
+        few = min(LANES, alive - first)
+        _boxes(registers, forms.numbers, k, forms.places[k, 0], x, y, z, small, known, first, few, True, _CELLS)
+        state[0] = 0
+        interpret(forms.programs[_CELLS_AT], run, 0, rows, registers, constants, begin, state, 1)
+        out = tapes[0, 2] * _CELLS * LANES
+        for lane in range(few):
+            child, kept, leaf = known[first + lane, 0], known[first + lane, 1], first_leaf + first + lane
+            forms.leaf_tape[leaf] = made + kept - 1 if kept > 0 and placed else whole
+            for j in range(6):
+                bound = registers[out + (2 + j) * LANES + lane]
+                unknown = -BIG if j % 2 == 0 else BIG
+                forms.leaf_slopes[leaf, j] = unknown if (state[0] >> lane) & 1 == 1 or not abs(bound) <= BIG else bound
+    taken(forms.ends, END_LEAVES, 0)  # what leaves are is written before the grid says so
+    for i in range(alive):
+        _mark(forms, k, x, y, z, known[i, 0], small, first_leaf + i)
+
+
+@helper
+def _copied(forms: Any, tape: int, names: Any, run: Any) -> int:
+    """Copy a tape's rows to the beginning; how many choices they have."""
+    first, choices = forms.tapes[tape, 0], 0
+    for i in range(forms.tapes[tape, 1]):
+        for c in range(4):
+            names[i, c] = forms.names[first + i, c]
+        for c in range(ROW):
+            run[i, c] = forms.code[first + i, c]
+        choices += CHOICE[names[i, 0]]
+    return choices
+
+
+@helper
+def _kept(forms: Any, whole: int, rows: int, names: Any, run: Any, tapes: Any, ends: Any) -> tuple[int, bool]:
+    """Put new tapes to the others: (number of the first one, whether there was room for them)."""
+    many, length = ends[0] - 1, ends[1] - rows
+    made, begin = taken(forms.ends, END_TAPES, many), taken(forms.ends, END_ROWS, length)
+    if made + many > len(forms.tapes) or begin + length > len(forms.names):
+        return whole, False
+    for i in range(length):
+        for c in range(4):
+            forms.names[begin + i, c] = names[rows + i, c]
+        for c in range(ROW):
+            forms.code[begin + i, c] = run[rows + i, c]
+    for i in range(many):
+        forms.tapes[made + i, 0] = tapes[1 + i, 0] - rows + begin
+        forms.tapes[made + i, 1], forms.tapes[made + i, 2] = tapes[1 + i, 1], tapes[1 + i, 2]
+    return made, True
 
 
 @helper
@@ -153,22 +154,23 @@ def _empty(size: int) -> int:
 
 
 @helper
-def _mark(grid: Any, count: int, x: int, y: int, z: int, child: int, size: int, mark: int) -> None:
+def _mark(forms: Any, k: int, x: int, y: int, z: int, child: int, size: int, mark: int) -> None:
+    count, begin = forms.places[k, 0], forms.places[k, 2]
     x += size * (child // (SPLIT * SPLIT))
     y += size * (child // SPLIT % SPLIT)
     z += size * (child % SPLIT)
     for i in range(x, x + size):
         for j in range(y, y + size):
-            for k in range(z, z + size):
-                grid[(i * count + j) * count + k] = mark
+            for c in range(z, z + size):
+                forms.grid[begin + (i * count + j) * count + c] = mark
 
 
 @helper
 def _boxes(
     registers: Any,
-    low: Any,
-    cell: Any,
-    reach: float,
+    numbers: Any,
+    k: int,
+    count: int,
     x: int,
     y: int,
     z: int,
@@ -180,16 +182,17 @@ def _boxes(
     width: int,
 ) -> None:
     """Set the registers of x, y and z to the boxes of children; lanes beyond repeat the last one."""
-    for k in range(LANES):
-        child = first + min(k, few - 1)
+    for lane in range(LANES):
+        child = first + min(lane, few - 1)
         if listed:
-            child = known[child] & 255
+            child = known[child, 0]
         corner = (x + size * (child // (SPLIT * SPLIT)), y + size * (child // SPLIT % SPLIT), z + size * (child % SPLIT))
         for axis in range(3):
-            at = axis * width * LANES + k
-            slack = SLACK * cell[axis] + 4e-15 * reach
-            registers[at] = low[axis] + corner[axis] * cell[axis] - slack
-            registers[at + LANES] = low[axis] + (corner[axis] + size) * cell[axis] + slack
+            at = axis * width * LANES + lane
+            low, cell = numbers[k, axis], (numbers[k, 3 + axis] - numbers[k, axis]) / count
+            slack = SLACK * cell + 4e-15 * numbers[k, 13]
+            registers[at] = low + corner[axis] * cell - slack
+            registers[at + LANES] = low + (corner[axis] + size) * cell + slack
             for j in range(2, width):
                 registers[at + j * LANES] = 1.0 if (j - 2) // 2 == axis else 0.0
 
@@ -323,6 +326,12 @@ def place(names, run, tapes, tape):
     tapes[tape, 2] = register[n - 1]
     _mark_extremes(names, run, first, n, last)
     return 0
+
+
+@kernel
+def placed(names, run, tapes, tape):
+    """`place`, for what is no kernel."""
+    return place(names, run, tapes, tape)
 
 
 @helper

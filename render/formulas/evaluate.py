@@ -44,8 +44,8 @@ def value_at(forms, k, tape, memory, p, mask):
     rest = mask
     while lanes.any_lane(rest):
         one, here = across.together(tape, rest)
-        begin = forms.places[k, 5]
-        if code != 0 and forms.tapes[forms.places[k, 6], 1] <= QUICKER * forms.tapes[one, 1]:
+        begin = forms.places[k, 3]
+        if code != 0 and forms.tapes[forms.places[k, 4], 1] <= QUICKER * forms.tapes[one, 1]:
             compiled(code, registers, forms.constants, begin, memory.out)
             return across.load(memory.out, 0)
         first, rows = forms.tapes[one, 0], forms.tapes[one, 1]
@@ -66,8 +66,8 @@ def turns_at(forms, k, tape, memory, p, mask):
     while lanes.any_lane(rest):
         one, here = across.together(tape, rest)
         _set_turns(registers, p)
-        begin = forms.places[k, 5]
-        if code != 0 and forms.tapes[forms.places[k, 6], 1] <= QUICKER * forms.tapes[one, 1]:
+        begin = forms.places[k, 3]
+        if code != 0 and forms.tapes[forms.places[k, 4], 1] <= QUICKER * forms.tapes[one, 1]:
             compiled(code, registers, forms.constants, begin, memory.out)
             return across.load(memory.out, 0), across.load(memory.out, 1), across.load(memory.out, 2), across.load(memory.out, 3)
         first, rows = forms.tapes[one, 0], forms.tapes[one, 1]
@@ -120,7 +120,7 @@ def bounds_at(forms: Any, k: int, tape: int, memory: Room, p: Vec, q: Vec, way: 
         forms.tapes[tape, 1],
         registers,
         forms.constants,
-        forms.places[k, 5],
+        forms.places[k, 3],
         memory.state,
         1,
     )

@@ -1,11 +1,12 @@
-"""Formula surfaces ready to be traced: their tapes as interpreters run them, simplified for the cells of a grid around the surface."""
+"""Formula surfaces ready to be traced: their tapes as interpreters run them, and a grid around each that fills where rays come."""
 
 from __future__ import annotations
 
 import hashlib
 import threading
 from collections import OrderedDict
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,35 +14,26 @@ from numpy.typing import NDArray
 from ...compiler import ir
 from ...compiler.tapes import INPUTS, Op, Tape
 from . import cells, compiled, interpreter
-from .forms import Forms
+from .forms import END_BLOCKS, END_ROWS, END_TAPES, Forms
 from .interpreter import PARTS
 from .programs import WIDTHS
 from .vectors import LANES, ROW, SINGLE
 
-CELLS = 64  # of a grid along each axis: a power of 4
-_ROWS = ("constants", "names", "constants32")
-IN_MEMORY = 16  # fields that are kept
+CELLS, FEWER = 64, 16  # of a grid along each axis: powers of 4
+MANY = 32  # surfaces, beyond which each has fewer cells
+ROWS, MORE, TAPES = 1 << 20, 256, 1 << 17  # room for rows, and for each of a whole tape, and for tapes of each: used as they come
+IN_MEMORY = 4  # scenes whose surfaces are kept
 PROGRAMS = tuple(WIDTHS)
-_known: OrderedDict[bytes, Field] = OrderedDict()
+_known: OrderedDict[bytes, Forms] = OrderedDict()
 _lock = threading.Lock()
 
 
-class Field(NamedTuple):
-    """One surface; its numbers count from its own beginning."""
+class Surface(NamedTuple):
+    """A field, the row of its geometry's parameters, and its box (2, 3)."""
 
-    numbers: NDArray[np.float64]
-    sheet: bool
-    cells: int
-    grid: NDArray[np.int32]
-    leaf_tape: NDArray[np.int32]
-    leaf_size: NDArray[np.int32]
-    leaf_slopes: NDArray[np.float64]
-    tapes: NDArray[np.int64]
-    code: NDArray[np.int32]
-    constants: NDArray[np.float64]
-    names: NDArray[np.int32]
-    constants32: NDArray[np.float32]
     tape: Tape
+    parameters: NDArray[np.float64]
+    bounds: NDArray[np.float64]
 
 
 def tape_of(tables: ir.Tables, g: int) -> Tape:
@@ -58,87 +50,79 @@ def forms(tables: ir.Tables) -> Forms:
     shown = [g for g in np.unique(tables.instances.geometry).tolist() if kinds[g] == ir.GeometryKind.FORMULA]
     of = np.full(len(kinds), -1, np.int32)
     of[shown] = np.arange(len(shown))
-    made = [field(tape_of(tables, g), tables.geometries.parameters[g], tables.geometries.bounds[g]) for g in shown]
-    return _pooled(of, made)
+    surfaces = [Surface(tape_of(tables, g), tables.geometries.parameters[g], tables.geometries.bounds[g]) for g in shown]
+    return of_surfaces(surfaces)._replace(of=of)
 
 
-def _pooled(of: NDArray[np.int32], made: list[Field]) -> Forms:
-    places = np.zeros((len(made), 8), np.int64)
-    begin: dict[str, int] = dict.fromkeys(("grid", "leaves", "tapes", "code", "constants", "names"), 0)
-    parts: dict[str, list[Any]] = {name: [] for name in ("grid", "leaf_tape", "leaf_size", "leaf_slopes", "tapes", "code", *_ROWS)}
-    for row, each in enumerate(made):
-        places[row, :7] = each.cells, each.sheet, begin["grid"], begin["leaves"], begin["tapes"], begin["constants"], begin["tapes"]
-        places[row, 7] = begin["names"]
-        parts["grid"].append(np.where(each.grid >= 0, each.grid + begin["leaves"], each.grid))
-        parts["leaf_tape"].append(each.leaf_tape + begin["tapes"])
-        parts["tapes"].append(each.tapes + [begin["code"], 0, 0])
-        for name in ("leaf_size", "leaf_slopes", "code", *_ROWS):
-            parts[name].append(getattr(each, name))
-        for name, column in (("grid", each.grid), ("leaves", each.leaf_size), ("tapes", each.tapes), ("code", each.code)):
-            begin[name] += len(column)
-        begin["constants"] += len(each.constants)
-        begin["names"] += len(each.names)
+def of_surfaces(surfaces: Sequence[Surface]) -> Forms:
+    """Surfaces by number; with what is known of their grids, if pictures were made of them before."""
+    key = hashlib.blake2b(digest_size=16)
+    for tape, parameters, bounds in surfaces:
+        for part in (tape.structure(), tape.constants.tobytes(), parameters.tobytes(), bounds.tobytes()):
+            key.update(part)
+    name = key.digest()
+    with _lock:
+        made = _known.get(name)
+        if made is None:
+            made = _known[name] = _made(surfaces)
+            while len(_known) > IN_MEMORY:
+                _known.popitem(last=False)
+        _known.move_to_end(name)
+    return made._replace(unproved=np.zeros(1, np.int64))
 
-    def joined(name: str, dtype: Any, width: int = 0) -> Any:
-        empty = np.zeros((0, width) if width else 0, dtype)
-        return np.ascontiguousarray(np.concatenate([empty, *parts[name]]), dtype)
 
+def _made(surfaces: Sequence[Surface]) -> Forms:
+    n = len(surfaces)
+    count = CELLS if n <= MANY else FEWER
+    wholes = [names_of(tape) for tape, _, _ in surfaces]
+    rows = sum(map(len, wholes))
+    room = (ROWS + MORE * rows) * min(n, 1)
+    names, code = np.zeros((room, 4), np.int32), np.zeros((room, ROW), np.int32)
+    tapes, ends = np.zeros((TAPES * n, 4), np.int64), np.zeros(4, np.int64)
+    places, numbers = np.zeros((n, 5), np.int64), np.zeros((n, 14))
+    most_blocks = sum((count // cells.SPLIT**k) ** 3 for k in range(1, 4))
+    blocks = np.zeros((n * most_blocks, 5), np.int64)
+    constants = [constant_rows(tape) for tape, _, _ in surfaces]
+    begin = 0
+    for k, (_, parameters, bounds) in enumerate(surfaces):
+        (low, high), first = bounds, int(ends[END_ROWS])
+        numbers[k] = [*low, *high, *(count / (high - low)), *parameters[1:5], np.abs(bounds).max()]
+        places[k] = count, bool(parameters[0]), k * count**3, begin, k
+        begin += len(constants[k])
+        names[first : first + len(wholes[k])] = wholes[k]
+        tapes[k, :2] = first, len(wholes[k])
+        if cells.placed(names, code, tapes, k) != 0:
+            raise ValueError(f"the formula keeps more than {cells.MOST_REGISTERS} values at a time")
+        blocks[k, 3:] = count, k
+        ends[[END_BLOCKS, END_TAPES]] = k + 1
+        ends[END_ROWS] += len(wholes[k])
     return Forms(
-        of=of,
-        numbers=np.array([each.numbers for each in made], np.float64).reshape(-1, 14),
+        of=np.arange(n, dtype=np.int32),
+        numbers=numbers,
         places=places,
-        compiled=compiled.addresses([each.tape for each in made]),
-        grid=joined("grid", np.int32),
-        leaf_tape=joined("leaf_tape", np.int32),
-        leaf_size=joined("leaf_size", np.int32),
-        leaf_slopes=joined("leaf_slopes", np.float64, 6),
-        tapes=joined("tapes", np.int64, 3),
-        code=joined("code", np.int32, ROW),
-        constants=joined("constants", np.float64),
-        names=joined("names", np.int32, 4),
-        constants32=joined("constants32", np.float32),
-        programs=np.array([interpreter.address(name) for name in PROGRAMS] if made else [], np.int64),
+        compiled=compiled.addresses([tape for tape, _, _ in surfaces]),
+        grid=np.repeat(cells.PENDING - np.arange(n, dtype=np.int32), count**3),
+        blocks=blocks,
+        states=np.zeros(len(blocks), np.int64),
+        ends=ends,
+        leaf_tape=np.zeros(n * count**3, np.int32),
+        leaf_slopes=np.zeros((n * count**3, 6)),
+        tapes=tapes,
+        names=names,
+        code=code,
+        constants=np.concatenate([np.zeros(0), *constants]),
+        constants32=np.concatenate([np.zeros(0, np.float32), *(single_rows(tape) for tape, _, _ in surfaces)]),
+        programs=np.array([interpreter.address(name) for name in PROGRAMS] if n else [], np.int64),
         unproved=np.zeros(1, np.int64),
     )
 
 
-def field(tape: Tape, parameters: NDArray[np.float64], bounds: NDArray[np.float64], count: int = CELLS) -> Field:
-    """The grid of a surface in its box; taken from those that are kept if it was made before."""
-    key = hashlib.blake2b(digest_size=16)
-    for part in (tape.structure(), tape.constants.tobytes(), parameters.tobytes(), bounds.tobytes(), bytes([count])):
-        key.update(part)
-    name = key.digest()
-    with _lock:
-        if name in _known:
-            _known.move_to_end(name)
-            return _known[name]
-    made = _field(tape, parameters, bounds, count)
-    with _lock:
-        _known[name] = made
-        while len(_known) > IN_MEMORY:
-            _known.popitem(last=False)
-    return made
-
-
-def _field(tape: Tape, parameters: NDArray[np.float64], bounds: NDArray[np.float64], count: int) -> Field:
-    low, high = bounds
-    cell = (high - low) / count
-    reach = float(np.abs(bounds).max())
-    numbers = np.concatenate([low, high, 1.0 / cell, parameters[1:5], [reach]])
-    constants = constant_rows(tape)
-    names, register = names_of(tape)
-    grid, leaf_tape, leaf_size, slopes, tapes, code = cells.build((names, register), constants, low, cell, count, reach)
-    single = single_rows(tape)
-    kind = bool(parameters[0])
-    return Field(numbers, kind, count, grid, leaf_tape, leaf_size, slopes, tapes, code, constants, names, single, tape)
-
-
-def names_of(tape: Tape) -> tuple[NDArray[np.int32], int]:
-    """(rows (n, 4) of op, a, b, c; the name of the result). The result is always the last row: a copy where it was none."""
+def names_of(tape: Tape) -> NDArray[np.int32]:
+    """Rows (n, 4) of op, a, b, c. The result is always the last row: a copy where it was none."""
     code, result = tape.code, tape.results[0]
     if result != INPUTS + len(code) - 1 or not len(code):
         code = np.concatenate([code, np.array([[Op.COPY, result, 0, 0]], np.int32)])
-    return np.ascontiguousarray(code, np.int32), INPUTS + len(code) - 1
+    return np.ascontiguousarray(code, np.int32)
 
 
 def constant_rows(tape: Tape) -> NDArray[np.float64]:

@@ -15,27 +15,34 @@ MET = (FLOAT, INT, FLOAT, FLOAT, INT)
 """Types of what is said of a meeting: t, spacing, u, v, unproved; see meet.py."""
 
 
+END_BLOCKS, END_LEAVES, END_TAPES, END_ROWS = range(4)
+
+
 class Forms(NamedTuple):
     """The formula surfaces of a scene, as kernels read them; rows of `numbers` and `places` are surfaces.
 
     numbers  lowest x, y, z of the box, highest; cells in a unit along x, y, z; middle and radius of the ball that cuts it (0: none);
              largest coordinate
-    places   cells along an axis, whether it is a sheet, where its grid, leaves, tapes, and constants (elements) begin, its whole tape,
-             where its names begin
+    places   cells along an axis, whether it is a sheet, where its grid and its constants (elements) begin, its whole tape
+    blocks   x, y, z and size, in cells, of what is cut up when a ray comes to it (cells.py), and its tape
+
+    Tapes, rows, blocks and leaves grow; `ends` says how many there are.
     """
 
     of: NDArray[np.int32]  # (geometries,) row of a surface, or -1
     numbers: NDArray[np.float64]  # (n, 14)
-    places: NDArray[np.int64]  # (n, 8)
+    places: NDArray[np.int64]  # (n, 5)
     compiled: NDArray[np.int64]  # (n, 2) addresses of the whole tapes' own code for points and turns; 0: not yet
-    grid: NDArray[np.int32]  # a leaf's number, or -1, -2, -3 … where a block of 1, 4, 16 … cells along an axis holds no surface
+    grid: NDArray[np.int32]  # what is in a cell: see cells.py
+    blocks: NDArray[np.int64]  # (blocks, 5)
+    states: NDArray[np.int64]  # (blocks,) 0: to be cut up, 1: a thread is at it, 2: done
+    ends: NDArray[np.int64]  # (4,) how many blocks, leaves, tapes and rows there are
     leaf_tape: NDArray[np.int32]
-    leaf_size: NDArray[np.int32]  # cells along an axis
     leaf_slopes: NDArray[np.float64]  # (leaves, 6) bounds of the derivatives by x, y, z
-    tapes: NDArray[np.int64]  # (tapes, 3) first row of code, rows, register of the result
-    code: NDArray[np.int32]  # (rows, ROW)
+    tapes: NDArray[np.int64]  # (tapes, 3) first row, rows, register of the result
+    names: NDArray[np.int32]  # (rows, 4) op and the names of operands
+    code: NDArray[np.int32]  # (rows, ROW) the same with registers, as interpreters take it
     constants: NDArray[np.float64]  # flat
-    names: NDArray[np.int32]  # (rows, 4) of whole tapes: op and the names of operands
     constants32: NDArray[np.float32]  # flat
     programs: NDArray[np.int64]  # addresses of the interpreters, in the order of PROGRAMS
     unproved: NDArray[np.int64]  # (1,) rays of which a stretch could not be proved to be without a root
@@ -51,8 +58,9 @@ def of(tables: ir.Tables) -> Forms:
     whole, floats = np.zeros(0, np.int64), np.zeros(0)
     rows = np.zeros(0, np.int32)
     return Forms(
-        of=np.full(len(kinds), -1, np.int32), numbers=np.zeros((0, 14)), places=np.zeros((0, 8), np.int64),
-        compiled=np.zeros((0, 2), np.int64), grid=rows, leaf_tape=rows, leaf_size=rows, leaf_slopes=np.zeros((0, 6)),
-        tapes=np.zeros((0, 3), np.int64), code=np.zeros((0, ROW), np.int32), constants=floats, names=np.zeros((0, 4), np.int32),
-        constants32=np.zeros(0, np.float32), programs=whole, unproved=np.zeros(1, np.int64),
+        of=np.full(len(kinds), -1, np.int32), numbers=np.zeros((0, 14)), places=np.zeros((0, 5), np.int64),
+        compiled=np.zeros((0, 2), np.int64), grid=rows, blocks=np.zeros((0, 5), np.int64), states=whole, ends=whole, leaf_tape=rows,
+        leaf_slopes=np.zeros((0, 6)), tapes=np.zeros((0, 3), np.int64), names=np.zeros((0, 4), np.int32),
+        code=np.zeros((0, ROW), np.int32), constants=floats, constants32=np.zeros(0, np.float32), programs=whole,
+        unproved=np.zeros(1, np.int64),
     )  # fmt: skip

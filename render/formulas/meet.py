@@ -17,6 +17,7 @@ from ..links import Answering
 from ..records import Lane, Vec
 from . import search
 from .calls import count_up
+from .cells import PENDING, ready
 from .evaluate import Room, error_at, room, turns_at, value_at
 from .forms import MET
 
@@ -111,11 +112,14 @@ def _through(forms: Any, k: int, memory: Room, start: Vec, way: Vec, end: Lane, 
         nx, ny, nz, onward = x, y, z, zero
         while lanes.any_lane(looking):
             mark = lanes.to_int(forms.grid[lanes.where(looking, grid + (x * count + y) * count + z, 0)])
+            uncut = across.bits(looking & (mark <= PENDING))
+            if uncut != 0:
+                while uncut != 0:
+                    ready(forms, k, PENDING - across.lane(mark, simd.trailing_zeros(uncut)))
+                    uncut &= uncut - 1
+                continue
             full = mark >= 0
-            extent = (
-                lanes.to_int(forms.leaf_size[lanes.where(full, mark, 0)]) if lanes.any_lane(looking & full) else lanes.int_like(zero, 1)
-            )
-            extent = lanes.where(full, extent, lanes.int_like(zero, 1) << (2 * (-1 - lanes.minimum(mark, -1))))
+            extent = lanes.int_like(zero, 1) << lanes.where(full, 0, 2 * (-1 - lanes.maximum(lanes.minimum(mark, -1), PENDING)))
             px, py, pz, out = _next(q, d, x, y, z, extent)
             out = lanes.maximum(out, at)
             arrived = looking & full

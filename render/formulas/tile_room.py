@@ -76,14 +76,14 @@ class Room(NamedTuple):
 def room(forms: Forms, k: int) -> Room:
     """Room for surface k."""
     places = forms.places[k]
-    first, rows = int(places[7]), int(forms.tapes[places[6], 1])
-    begin = int(places[5])
+    first, rows = forms.tapes[places[4], :2].tolist()
+    begin = int(places[3])
     wide = begin // (PARTS * LANES) * PARTS * SINGLE.lanes
     whole = forms.names[first : first + rows]
     choices = int(CHOICE[whole[:, 0]].sum())
     many = 24 * rows + 2048
     single, double, whole_number = np.float32, np.float64, np.int64
-    here = np.zeros((1, 8), np.int64)
+    here = np.zeros((1, 5), np.int64)
     here[0, 1] = places[1]
     return Room(
         forms.programs, forms.constants[begin:], forms.constants32[wide:], forms.compiled[k : k + 1], forms.numbers[k : k + 1], here,

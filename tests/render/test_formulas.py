@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from maquette.compiler import enclosures, load
-from maquette.compiler.tapes import Builder, Op, Tape, arity
+from maquette.compiler.tapes import Op, Tape, arity
 from maquette.render import rays, trace
 from maquette.render.formulas import cells, compiled, fields, interpreter, plain
 from maquette.render.formulas.calls import interpret
+from maquette.render.formulas.forms import END_LEAVES
 from maquette.render.formulas.programs import WIDTHS
 from maquette.render.formulas.vectors import LANES
 from maquette.render.kernels import kernel
@@ -26,7 +28,7 @@ def run(address, code, rows, registers, constants, state):
 
 def evaluated(program: str, tape: Tape, inputs: np.ndarray) -> tuple[np.ndarray, int]:
     """(parts of the result (width, LANES), state) of a program; inputs (3, width, LANES)."""
-    rows, _ = fields.names_of(tape)
+    rows = fields.names_of(tape)
     n, width = len(rows), WIDTHS[program]
     names, code, tapes = np.zeros((n, 4), np.int32), np.zeros((n, 8), np.int32), np.zeros((2, 4), np.int64)
     names[:], tapes[0, 1] = rows, n
@@ -165,19 +167,37 @@ def test_another_number_compiles_nothing(tmp_path):
     assert trees.tables.forms.compiled.all()
 
 
-def test_cells_are_simpler_than_the_whole():
-    random = np.random.default_rng(4)
-    b = Builder()
-    balls = []
-    for center in random.uniform(-0.8, 0.8, (60, 3)):
-        squares = [b.op(Op.SQUARE, b.shifted(k, -float(c))) for k, c in enumerate(center)]
-        balls.append(b.shifted(b.op(Op.SQRT, b.add(b.add(squares[0], squares[1]), squares[2])), -0.1))
-    tape = b.finish(b.several(Op.MIN, balls))
-    bounds = np.array([[-1.0] * 3, [1.0] * 3])
-    made = fields.field(tape, np.array([0, 0, 0, 0, 0, 1.0, *[0.0] * 7]), bounds)
-    rows = made.tapes[made.leaf_tape, 1]
-    assert len(tape.code) > 500
-    assert rows.mean() < 40
+def test_cells_are_simpler_than_the_whole(tmp_path):
+    forms = rays.trees(scene_of(tmp_path, many_balls(60)).tables)
+    before = forms.tables.forms.ends.tolist()
+    rays.closest(forms, *some_rays(2000, 3))
+    made = forms.tables.forms
+    assert before == [1, 0, 1, made.tapes[0, 1]]  # nothing is cut up before rays come
+    leaves = int(made.ends[END_LEAVES])
+    assert leaves > 100
+    assert made.tapes[0, 1] > 500
+    assert made.tapes[made.leaf_tape[:leaves], 1].mean() < 40
+
+
+def many_balls(count: int) -> str:
+    centers = np.round(np.random.default_rng(4).uniform(-0.8, 0.8, (count, 3)), 3)
+    return "union {" + "\n".join(f"sphere(0.1, center: [{x}, {y}, {z}])" for x, y, z in centers.tolist()) + "}"
+
+
+def test_threads_that_come_to_the_same_cells_meet_the_same(tmp_path):
+    """Cells are cut up by whichever thread comes first; what is in them does not depend on it."""
+    tables = scene_of(tmp_path, many_balls(59)).tables
+    o, d = some_rays(6000, 9)
+    found = []
+    for count in (1, 4, 4, 4):
+        fields._known.clear()
+        trees, parts = rays.trees(tables), np.array_split(np.arange(len(o)), count)
+        with ThreadPoolExecutor(count) as pool:
+            met = list(pool.map(lambda part, trees=trees: rays.closest(trees, o[part], d[part]), parts))
+        found.append([np.concatenate(column) for column in zip(*met, strict=True)])
+    for other in found[1:]:
+        for a, b in zip(found[0], other, strict=True):
+            assert np.array_equal(a, b)
 
 
 def test_the_reference_and_the_trees_agree_in_shadow_too(tmp_path):

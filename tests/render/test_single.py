@@ -25,7 +25,7 @@ def run(address, code, registers, constants, state):
 
 def evaluated(program: str, tape: Tape, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(parts of the result (width, 64), lanes that are not sure) of a program; inputs (3, width, 64)."""
-    rows, _ = fields.names_of(tape)
+    rows = fields.names_of(tape)
     width = WIDTHS[program]
     names, code, tapes = np.array(rows), np.zeros((len(rows), 8), np.int32), np.zeros((1, 4), np.int64)
     tapes[0, 1] = len(rows)
@@ -89,7 +89,7 @@ def random_tape(random: np.random.Generator, rows: int = 30) -> Tape:
     b = Builder()
     names = [0, 1, 2]
     plain = [Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.MIN, Op.MAX, Op.ABS, Op.SQUARE, Op.HYPOT, Op.SIN, Op.COS, Op.ATAN, Op.NEGATE, Op.SQRT,
-             Op.DIVIDE, Op.EXP, Op.FLOOR, Op.NOISE, Op.CHOOSE]  # fmt: skip
+             Op.DIVIDE, Op.EXP, Op.FLOOR, Op.NOISE, Op.CHOOSE, Op.FILLET]  # fmt: skip
     for _ in range(rows):
         op = plain[random.integers(len(plain))]
         given = [names[random.integers(max(0, len(names) - 6), len(names))] for _ in range(arity(op))]

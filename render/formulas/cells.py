@@ -113,7 +113,7 @@ def _cut(forms, k, number):
 
 
 @helper
-def _copied(forms: Any, tape: int, names: Any, run: Any) -> int:
+def _copied(forms: Any, tape: int, names: Any, run: Any) -> Any:
     """Copy a tape's rows to the beginning; how many choices they have."""
     first, choices = forms.tapes[tape, 0], 0
     for i in range(forms.tapes[tape, 1]):

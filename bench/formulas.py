@@ -98,19 +98,20 @@ class Desk:
         n = len(self.origin)
         forms = self.forms()
         compiled.finish()
-        room = Handle(tile_room.room(forms, 0))
-        out = np.empty(n), np.empty(n, np.int64), np.empty(n), np.empty(n)
-        ends = np.zeros(n), np.full(n, np.inf)
+        given, frame = tile_room.columns(self.origin, self.way, 0.0, np.inf), np.eye(4)[:3]
+        out = np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n), np.empty(n)
 
         def work() -> Any:
+            room = Handle(tile_room.room(forms, 0))
+            out[0][:] = np.inf
             for first in range(0, n, tile_room.RAYS):
-                part = slice(first, first + tile_room.RAYS)
-                given = (self.origin[part], self.way[part], *(end[part] for end in ends))
-                if not tiles.trace(room, *given, *(column[part] for column in out)):
+                many = min(tile_room.RAYS, n - first)
+                t, instance, spacing, u, v = (column[first : first + many] for column in out)
+                if not tiles.trace(room, given, first, many, frame, tiles.Out(t, instance, spacing, u, v, 0)):
                     raise RuntimeError("no bundle")
-            return out
+            return out[0]
 
-        return Contender(OURS, work, lambda found: self._rows(found[0]))
+        return Contender(OURS, work, self._rows)
 
     def forms(self) -> Forms:
         return fields.of_surfaces([fields.Surface(self.tape, self.parameters, BOX)])

@@ -6,12 +6,12 @@ Rays through neighbouring pixels go much the same way: samples are put in square
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import across, camera, lanes, rays, sampler
+from . import across, camera, lanes, sampler, simd
 from .formulas import meet, tile_room, tiles
 from .handles import Handle
 from .kernels import kernel
@@ -19,51 +19,80 @@ from .primed import Primed, instances
 from .records import Tile
 
 
+class Desk(NamedTuple):
+    """What a tile's samples are met with and what they meet, for a number of samples and a shape of tiles."""
+
+    items: NDArray[np.int64]  # (3, n) column, row and number of samples, in the order of bundles, from the tile's corner and first ones
+    rays: NDArray[np.float64]  # as tile_room.columns has them
+    primed: Primed
+    room: Handle  # a ray.Room with `primed`
+
+
 class Bundles:
-    """What one thread needs to meet the formula surfaces of a scene's trees."""
+    """What one thread needs to meet the formula surfaces of a scene's trees; `room` is its ray.Room."""
 
-    def __init__(self, accel: Handle) -> None:
+    def __init__(self, accel: Handle, room: Any) -> None:
         trees = accel.tables
-        self.accel = accel
-        self.instances = instances(trees)
-        surfaces = {int(trees.placed[i, 2]) for i in self.instances}
-        self.rooms = {g: Handle(tile_room.room(trees.forms, int(trees.forms.of[g]))) for g in surfaces}
-        nothing = np.zeros(0)
-        for handle in self.rooms.values():  # compiled, or loaded, before a picture begins
-            tiles.trace(handle, np.zeros((0, 3)), np.zeros((0, 3)), nothing, nothing, nothing, np.zeros(0, np.int64), nothing, nothing)
+        self.accel, self.room = accel, room
+        self.instances = instances(trees).tolist()
+        self.desks: dict[tuple[int, ...], Desk] = {}
+        self.inverses = [np.ascontiguousarray(trees.inverse[i, :3]) for i in self.instances]
+        self.geometries = [int(trees.placed[i, 2]) for i in self.instances]
+        surfaces = {g: Handle(tile_room.room(trees.forms, int(trees.forms.of[g]))) for g in set(self.geometries)}
+        self.rooms = [surfaces[g] for g in self.geometries]
+        desk = _desk(np.zeros((0, 0), np.int64), room)
+        for handle, inverse in zip(self.rooms, self.inverses, strict=True):  # compiled, or loaded, before a picture begins
+            tiles.trace(handle, desk.rays, 0, 0, inverse, _out(desk.primed, slice(0), 0))
 
-    def prime(self, packed: Any, frame: Any, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int) -> Primed:
-        """Meet all samples first … first + count − 1 of `total` of a tile's pixels, (rows, columns) each."""
+    def prime(self, packed: Any, frame: Any, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int) -> Handle:
+        """Meet all samples first … first + count − 1 of `total` of a tile's pixels, (rows, columns) each; the thread's room with that."""
+        desk = self._desk(count)
+        found = desk.primed
+        found.first[:], found.corner[:] = first.ravel(), (tile.x0, tile.y0)
+        found.t[:], found.instance[:] = np.inf, -1
+        aim(packed, frame, total, tile.x0, tile.y0, found.first, count.shape[1], desk.items, desk.rays)
+        n = desk.items.shape[1]
+        for i, g, inverse, room in zip(self.instances, self.geometries, self.inverses, self.rooms, strict=True):
+            for begin in range(0, n, tile_room.RAYS):
+                many = min(tile_room.RAYS, n - begin)
+                out = _out(found, slice(begin, begin + many), i)
+                if not tiles.trace(room, desk.rays, begin, many, inverse, out):
+                    one_by_one(self.accel, g, desk.rays, begin, many, inverse, out)
+        return desk.room
+
+    def _desk(self, count: NDArray[np.int64]) -> Desk:
+        """That of tiles where all pixels take as many samples is kept."""
         rounds = int(count.max(initial=0))
-        order = _order(*count.shape)
-        slots, items = _listed(order, first, count, rounds, tile)
-        n = items.shape[1]
-        rows, columns = count.shape
-        found = Primed(
-            rounds, rows, columns, slots.ravel(), first.ravel(), np.array([tile.x0, tile.y0]), np.full(n, np.inf), np.full(n, -1),
-            np.zeros(n, np.int64), np.zeros(n), np.zeros(n),
-        )  # fmt: skip
-        origin, direction, t_min, t_max = np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.empty(n)
-        aim(packed, frame, total, items, origin, direction, t_min, t_max)
-        for i in self.instances.tolist():
-            self._meet(i, origin, direction, t_min, t_max, found)
-        return found
+        if (count != rounds).any():
+            return _desk(count, self.room)
+        key = (*count.shape, rounds)
+        if key not in self.desks:
+            self.desks[key] = _desk(count, self.room)
+        return self.desks[key]
 
-    def _meet(self, i: int, origin: Any, direction: Any, t_min: Any, t_max: Any, found: Primed) -> None:
-        trees, g = self.accel.tables, int(self.accel.tables.placed[i, 2])
-        inverse = trees.inverse[i, :3]
-        o, d = np.ascontiguousarray(origin @ inverse[:, :3].T + inverse[:, 3]), np.ascontiguousarray(direction @ inverse[:, :3].T)
-        for begin in range(0, len(o), tile_room.RAYS):
-            part = slice(begin, begin + tile_room.RAYS)
-            until = np.minimum(t_max[part], found.t[part])
-            m = len(until)
-            met = np.empty(m), np.zeros(m, np.int64), np.zeros(m), np.zeros(m)
-            if not tiles.trace(self.rooms[g], o[part], d[part], t_min[part], until, *met):
-                one_by_one(self.accel, g, o[part], d[part], t_min[part], until, *met)
-            nearer = met[0] < found.t[part]
-            for column, values in ((found.t, met[0]), (found.spacing, met[1]), (found.u, met[2]), (found.v, met[3])):
-                column[part][nearer] = values[nearer]
-            found.instance[part][nearer] = i
+
+def _desk(count: NDArray[np.int64], room: Any) -> Desk:
+    rows, columns = count.shape
+    rounds = int(count.max(initial=0))
+    y, x = _order(rows, columns)
+    slots, parts, n = np.full((rounds, rows, columns), -1, np.int64), [np.zeros((3, 0), np.int64)], 0
+    for k in range(rounds):
+        here = count[y, x] > k
+        row, column = y[here], x[here]
+        slots[k, row, column] = np.arange(n, n + len(row))
+        parts.append(np.stack([column, row, np.full(len(row), k)]))
+        n += len(row)
+    primed = Primed(
+        rounds, rows, columns, slots.ravel(), np.zeros(rows * columns, np.int64), np.zeros(2, np.int64), np.full(n, np.inf), np.full(n, -1),
+        np.zeros(n, np.int64), np.zeros(n), np.zeros(n),
+    )  # fmt: skip
+    items = np.ascontiguousarray(np.concatenate(parts, axis=1), np.int64)
+    padded = -(-n // tile_room.VECTOR) * tile_room.VECTOR
+    return Desk(items, np.zeros((8, padded)), primed, Handle(room._replace(primed=primed)))
+
+
+def _out(found: Primed, part: slice, i: int) -> tiles.Out:
+    return tiles.Out(found.t[part], found.instance[part], found.spacing[part], found.u[part], found.v[part], i)
 
 
 @lru_cache(maxsize=16)
@@ -74,26 +103,15 @@ def _order(rows: int, columns: int) -> tuple[NDArray[np.int64], NDArray[np.int64
     return y[order], x[order]
 
 
-def _listed(order: Any, first: Any, count: Any, rounds: int, tile: Tile) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(where each sample's result stands, (3, n) x, y and number of each sample), round by round."""
-    y, x = order
-    slots, parts, n = np.full((rounds, *count.shape), -1, np.int64), [], 0
-    for k in range(rounds):
-        here = count[y, x] > k
-        row, column = y[here], x[here]
-        slots[k, row, column] = np.arange(n, n + len(row))
-        parts.append(np.stack([column + tile.x0, row + tile.y0, first[row, column] + k]))
-        n += len(row)
-    return slots, np.ascontiguousarray(np.concatenate([np.zeros((3, 0), np.int64), *parts], axis=1), np.int64)
-
-
 @kernel
-def aim(tables, frame, total, items, origin, direction, t_min, t_max):
-    """The camera rays of samples: items (3, n) as in Primed.prime."""
-    n = len(t_min)
+def aim(tables, frame, total, left, top, firsts, width, items, rays):
+    """The camera rays of a desk's samples, of a tile with this corner; `firsts` are numbers of its pixels' first samples."""
+    n, stride = items.shape[1], rays.shape[1]
     for start in range(0, n, across.WIDTH):
         rows = lanes.minimum(across.numbered(start), n - 1)
-        x, y, s = items[0, rows], items[1, rows], items[2, rows]
+        x, y = items[0, rows], items[1, rows]
+        s = items[2, rows] + firsts[y * width + x]
+        x, y = x + left, y + top
         view, options = frame.picture, frame.options
         pixel, s = sampler.place(x, y, s, view.width, frame.order)
         dx, dy = sampler.offset(pixel, s, total, options.seed, frame.filter)
@@ -101,24 +119,28 @@ def aim(tables, frame, total, items, origin, direction, t_min, t_max):
         ray = camera.through(
             tables, view, frame.lens, lanes.to_float(x) + 0.5 + dx, lanes.to_float(y) + 0.5 + dy, pixel, s, options.seed, time
         )
-        for j in range(min(across.WIDTH, n - start)):
-            for axis in range(3):
-                o, d = (ray.origin[0], ray.direction[0]) if axis == 0 else (ray.origin[1], ray.direction[1])
-                if axis == 2:
-                    o, d = ray.origin[2], ray.direction[2]
-                origin[start + j, axis], direction[start + j, axis] = across.lane(o + 0.0 * dx, j), across.lane(d + 0.0 * dx, j)
-            t_min[start + j], t_max[start + j] = across.lane(ray.t_min + 0.0 * dx, j), across.lane(lanes.full_like(dx, ray.t_max), j)
+        zero = 0.0 * dx
+        for axis in range(3):
+            o, d = (ray.origin[0], ray.direction[0]) if axis == 0 else (ray.origin[1], ray.direction[1])
+            if axis == 2:
+                o, d = ray.origin[2], ray.direction[2]
+            across.store_row(rays, axis * stride + start, o + zero)
+            across.store_row(rays, (3 + axis) * stride + start, d + zero)
+        across.store_row(rays, 6 * stride + start, ray.t_min + zero)
+        across.store_row(rays, 7 * stride + start, lanes.full_like(dx, ray.t_max))
 
 
 @kernel
-def one_by_one(accel, g, origin, direction, t_min, t_max, t, spacing, u, v):
-    """Meet rays that are no bundle with one surface."""
-    n = len(t_min)
+def one_by_one(accel, g, rays, at, n, inverse, out):
+    """Meet rays that are no bundle with one surface, as tiles.trace does."""
     for start in range(0, n, across.WIDTH):
-        o, d = rays._three(origin, start, n), rays._three(direction, start, n)
-        low, high = rays._one(t_min, start, n), rays._one(t_max, start, n)
-        at, units, a, b, _ = meet.call(accel.meet, (accel.forms, np.int64(g), o, d, low, high))  # pyright: ignore[reportCallIssue]
-        rays._put(t, start, n, at)
-        rays._put(spacing, start, n, units)
-        rays._put(u, start, n, a)
-        rays._put(v, start, n, b)
+        o, d, low, high = tile_room.local(rays, at + start, inverse)
+        high = lanes.minimum(high, out.t[lanes.minimum(across.numbered(start), n - 1)])
+        t, units, u, v, _ = meet.call(accel.meet, (accel.forms, np.int64(g), o, d, low, high))  # pyright: ignore[reportCallIssue]
+        left = across.bits((t < high) & (across.numbered(start) < n))
+        while left != 0:
+            j = simd.trailing_zeros(left)
+            left &= left - 1
+            i = start + j
+            out.t[i], out.instance[i], out.spacing[i] = across.lane(t, j), out.number, across.lane(units, j)
+            out.u[i], out.v[i] = across.lane(u, j), across.lane(v, j)

@@ -37,6 +37,9 @@ class Renderer(Protocol):
     by_tile: bool
     """Whether all pixels of a tile take the same samples; else each may have its own."""
 
+    side: int
+    """Pixels of a tile's side."""
+
     @property
     def whole(self) -> Whole | None:
         """The picture in bands, where that is how the plan draws it: samples are then at fixed places, and tiles are not asked for them."""
@@ -91,10 +94,10 @@ def run(
     return canvas.finish(view)
 
 
-def tiles(crop: tuple[int, int, int, int]) -> list[Tile]:
+def tiles(crop: tuple[int, int, int, int], side: int = TILE) -> list[Tile]:
     """The tiles of a crop, from the middle outwards."""
     x0, y0, x1, y1 = crop
-    every = [Tile(x, y, min(x + TILE, x1), min(y + TILE, y1)) for y in range(y0, y1, TILE) for x in range(x0, x1, TILE)]
+    every = [Tile(x, y, min(x + side, x1), min(y + side, y1)) for y in range(y0, y1, side) for x in range(x0, x1, side)]
     corners = np.array(every)
     away = (corners[:, 0] + corners[:, 2] - x0 - x1) ** 2 + (corners[:, 1] + corners[:, 3] - y0 - y1) ** 2
     return [every[i] for i in np.argsort(away, kind="stable")]
@@ -245,7 +248,7 @@ class _Canvas:
         self.samples = np.zeros((self.height, self.width), np.int64)
         self.decline = adaptive.Decline()
         self.least = 0.0  # ε², once something is known
-        self.tiles = tiles(self.crop)
+        self.tiles = tiles(self.crop, renderer.side)
         self.issues = dict.fromkeys(self.tiles, 0)
         self.drawn = dict.fromkeys(self.tiles, 0)  # samples of all pixels
         self.spent = 0  # samples of all tiles told of

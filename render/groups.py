@@ -39,7 +39,8 @@ class Renderer:
         self.light = {name: np.zeros((y1 - self.y0, x1 - self.x0, 3)) for name in (*chosen, "")}
         if not self.parts:
             self.parts = [("", make(scene, plan))]
-        self.by_tile, self.prepared = self.parts[0][1].by_tile, getattr(self.parts[0][1], "prepared", None)
+        one = self.parts[0][1]
+        self.by_tile, self.side, self.prepared = one.by_tile, one.side, getattr(one, "prepared", None)
 
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
         """Add samples to the film, and to what each group has."""

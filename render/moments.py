@@ -16,6 +16,7 @@ from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import RASTER_MOMENTS, Plan
 from . import camera, placed, sampler
+from .film import TILE
 from .records import Film, First, Tile, View
 
 
@@ -23,6 +24,7 @@ class Renderer:
     """Draws a scene that moves or a lens that is wide; see film.Renderer. `still` makes the renderer of one moment and one point."""
 
     by_tile = True
+    side = TILE
     whole = None
 
     def __init__(self, scene: ir.Scene, plan: Plan, view: View, still: Callable[[ir.Scene], Any]) -> None:

@@ -17,6 +17,7 @@ from .handles import HandleType
 from .kernels import HELPER, helper
 from .records import Hit, Lane
 
+SIDE = 64  # pixels of a tile's side, so that its rays fill a bundle
 CAMERA, REST = int(ir.Visibility.CAMERA), bvh.CAMERA_REST
 
 

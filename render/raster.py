@@ -19,6 +19,7 @@ from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
 from . import across, aov, banded, camera, fill, hits, integrate, lanes, raster_setup, sampler, visibility
+from .film import TILE
 from .handles import Handle
 from .kernels import helper, kernel
 from .prepare import Prepared, analytic_seen, trees
@@ -31,6 +32,7 @@ class Renderer:
     """Draws one view; its methods may be called from several threads at a time."""
 
     by_tile = True
+    side = TILE
 
     def __init__(self, prepared: Prepared, plan: Plan, view: View) -> None:
         self.prepared, self.plan, self.view = prepared, plan, view

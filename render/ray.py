@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler.plan import Plan
 from . import across, aov, camera, integrate, lanes, prepare, primed, rays, sampler, trace
+from .film import TILE
 from .handles import Handle
 from .kernels import HELPER, apart, helper, kernel
 from .records import Film, First, Hit, Options, Ray, Tile, View
@@ -31,6 +32,7 @@ class Renderer:
         self.frame = prepared.frame
         self._rooms = threading.local()  # of waves and of bundles, one a thread
         self.primes = prepared.paths is None and primed.is_needed(prepared.accel.tables)
+        self.side = primed.SIDE if self.primes else TILE
         self.everything = None  # trees of all things, where waves' own leave some out
         nothing, none = Tile(0, 0, 0, 0), np.zeros((0, 0), np.int64)
         self.sample(nothing, none, none, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
@@ -45,14 +47,15 @@ class Renderer:
                 self._rooms.room = Handle(waves.Room.of(p.paths))
             waves.draw_tile(p.accel, p.packed, self.frame, tile, first, count, total, film, self._rooms.room)
             return
-        room = Room.of(p.options)
         if self.primes:
             from . import bundled  # what other scenes do not load
 
             if not hasattr(self._rooms, "bundles"):
-                self._rooms.bundles = bundled.Bundles(p.accel)
-            room = room._replace(primed=self._rooms.bundles.prime(p.packed, self.frame, tile, first, count, total))
-        draw_tile(p.packed, p.accel, p.gouraud, self.frame, tile, first, count, total, film, Handle(room))
+                self._rooms.bundles = bundled.Bundles(p.accel, Room.of(p.options))
+            room = self._rooms.bundles.prime(p.packed, self.frame, tile, first, count, total)
+        else:
+            room = Handle(Room.of(p.options))
+        draw_tile(p.packed, p.accel, p.gouraud, self.frame, tile, first, count, total, film, room)
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
         """Write the named channels of the tile, (h, w, k) each."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler.plan import Plan
 from . import aov, camera, integrate, sampler, trace
+from .film import TILE
 from .prepare import Prepared
 from .records import Film, First, Ray, Tile, View
 
@@ -18,6 +19,7 @@ class Renderer:
     """Draws tiles with numpy lanes, all pixels of a tile at once."""
 
     by_tile = True
+    side = TILE
     whole = None
 
     def __init__(self, prepared: Prepared, plan: Plan, view: View) -> None:

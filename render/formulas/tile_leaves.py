@@ -36,7 +36,7 @@ from .tile_roots import finished, keep, met
 
 
 @apart_
-def leaf(room, memory, origin, tape, count, a, b, start, reach, slack, t, spacing, u, v):
+def leaf(room, memory, tape, count, a, b, start, reach, slack, hits):
     """Meet the vectors of the room's list between a and b, with one tape."""
     known = True
     for i in range(count):  # a ray that begins here has been asked nothing yet
@@ -74,9 +74,9 @@ def leaf(room, memory, origin, tape, count, a, b, start, reach, slack, t, spacin
         if simd.any_of(open_):
             opened = keep(room.open, room.open_ray, opened, open_, begin, end, fa, fb, zero, zero, zero + error, ray)
     if opened > 0:
-        held = alone(room, memory, tape, opened, held, start, reach, slack, t, spacing, u, v)
+        held = alone(room, memory, tape, opened, held, start, reach, slack, hits)
     if held > 0:
-        finished(room, memory, tape, held, start, reach, t, spacing, u, v)
+        finished(room, memory, tape, held, start, reach, hits)
 
 
 @helper
@@ -123,7 +123,7 @@ def _values(room, memory, tape, count, s, a, b, to):
 
 
 @apart_
-def alone(room, memory, tape, opened, count, start, reach, slack, t, spacing, u, v):
+def alone(room, memory, tape, opened, count, start, reach, slack, hits):
     """Look for the first root in each open stretch; how many brackets there are then."""
     number = simd.iota(simd.i32x16(0))
     finest = FINEST * reach
@@ -189,12 +189,12 @@ def alone(room, memory, tape, opened, count, start, reach, slack, t, spacing, u,
         while left != 0:
             j = simd.trailing_zeros(left)
             left &= left - 1
-            _by_search(room, memory, tape, np.int64(simd.lane(ray, j)), simd.lane(at, j), simd.lane(end, j), start, t, spacing, u, v)
+            _by_search(room, memory, tape, np.int64(simd.lane(ray, j)), simd.lane(at, j), simd.lane(end, j), start, hits)
     return count
 
 
 @apart_
-def _by_search(room, memory, tape, ray, a, b, start, t, spacing, u, v):
+def _by_search(room, memory, tape, ray, a, b, start, hits):
     """Meet one ray between a and b in float64."""
     like = lanes.to_float(across.numbered(0)) * 0.0
     x = room.exact
@@ -208,4 +208,4 @@ def _by_search(room, memory, tape, ray, a, b, start, t, spacing, u, v):
         rays, at = lanes.int_like(like, ray), like + root
         point = lanes.along(*exact(room, rays), at)
         value, gx, gy, gz = turns_at(room, 0, tapes_of(like, tape), memory, point, one)
-        met(room, rays, at, abs(value), (gx, gy, gz), lanes.bool_like(like, inside), one, start, t, spacing, u, v)
+        met(room, rays, at, abs(value), (gx, gy, gz), lanes.bool_like(like, inside), one, start, hits)

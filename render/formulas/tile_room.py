@@ -129,19 +129,32 @@ def simpler(room: Any, tape: int, lane: int) -> int:
 # --- the rays -----------------------------------------------------------------------------------------------------------
 
 
+def columns(origin: Any, direction: Any, t_min: Any, t_max: Any) -> NDArray[np.float64]:
+    """(8, n or a few more) rays as `begun` reads them: x, y, z of origins (n, 3) and directions, first and last distance."""
+    n = len(origin)
+    made = np.zeros((8, -(-n // VECTOR) * VECTOR))
+    made[:3, :n], made[3:6, :n], made[6, :n], made[7, :n] = np.transpose(origin), np.transpose(direction), t_min, t_max
+    return made
+
+
 @apart_
-def begun(room, origin, direction, t_min, t_max, n):
-    """(where the bundle begins, how long the stretch is in which it may meet the box; −1 if none does); sets the rays."""
+def begun(room, columns, at, n, inverse, known):
+    """(where the bundle begins, how long the stretch is in which it may meet the box; −1 if none does); sets the rays, up to `known`."""
     exact, rays = room.exact, room.rays
     begin, end = np.inf, -np.inf
     padded = (n + VECTOR - 1) // VECTOR * VECTOR
     for first in range(0, padded, LANES):
-        o, d, low, high = _given(origin, direction, t_min, t_max, first, n)
+        o, d, low, high = local(columns, at + first, inverse)
+        mine = across.numbered(first) < n
+        if first + LANES <= n:
+            high = lanes.minimum(high, across.load_row(known, first))
+        else:
+            high = lanes.minimum(high, known[lanes.minimum(across.numbered(first), n - 1)])
         size = lanes.length(d)
         size = lanes.where(size > 0.0, size, 1.0)
         way = lanes.scale(d, 1.0 / size)
         enter, leave = clipped(room, 0, o, way, low * size, high * size)
-        active = (enter < leave) & (across.numbered(first) < n)
+        active = (enter < leave) & mine
         enter, leave = lanes.where(active, enter, np.inf), lanes.where(active, leave, -np.inf)
         begin, end = min(begin, across.least(enter)), max(end, across.most(leave))
         for axis in range(3):
@@ -168,14 +181,22 @@ def begun(room, origin, direction, t_min, t_max, n):
 
 
 @helper
-def _given(origin: Any, direction: Any, t_min: Any, t_max: Any, first: int, n: int) -> tuple[Vec, Vec, Lane, Lane]:
-    """Rays from the first on; beyond the end the last one again."""
-    if first + LANES <= n:
-        o, d = across.load_rows3(origin, first), across.load_rows3(direction, first)
-        return o, d, across.load_row(t_min, first), across.load_row(t_max, first)
-    rows = lanes.minimum(across.numbered(first), n - 1)
-    o, d = (origin[rows, 0], origin[rows, 1], origin[rows, 2]), (direction[rows, 0], direction[rows, 1], direction[rows, 2])
-    return o, d, t_min[rows], t_max[rows]
+def local(columns: Any, at: int, matrix: Any) -> tuple[Vec, Vec, Lane, Lane]:
+    """Origins and directions of rays `at` on in a frame to which a (3, 4) matrix leads, and their first and last distance."""
+    n = columns.shape[1]
+    o = across.load_row(columns, at), across.load_row(columns, n + at), across.load_row(columns, 2 * n + at)
+    d = across.load_row(columns, 3 * n + at), across.load_row(columns, 4 * n + at), across.load_row(columns, 5 * n + at)
+    x, y, z = _turned(matrix, o)
+    moved = x + matrix[0, 3], y + matrix[1, 3], z + matrix[2, 3]
+    return moved, _turned(matrix, d), across.load_row(columns, 6 * n + at), across.load_row(columns, 7 * n + at)
+
+
+@helper
+def _turned(matrix: Any, p: Vec) -> Vec:
+    return (
+        matrix[0, 0] * p[0] + matrix[0, 1] * p[1] + matrix[0, 2] * p[2], matrix[1, 0] * p[0] + matrix[1, 1] * p[1] + matrix[1, 2] * p[2],
+        matrix[2, 0] * p[0] + matrix[2, 1] * p[1] + matrix[2, 2] * p[2],
+    )  # fmt: skip
 
 
 @apart_

@@ -33,7 +33,7 @@ def keep(rows: Any, rays: Any, count: int, mask: Any, a: Any, b: Any, c: Any, d:
 
 
 @apart_
-def finished(room, memory, tape, count, start, reach, t, spacing, u, v):
+def finished(room, memory, tape, count, start, reach, hits):
     """Bring the one root in each bracket to rounding, and write what is met."""
     rows, registers = room.brackets, room.registers
     many = (count + VECTOR - 1) // VECTOR
@@ -65,7 +65,7 @@ def finished(room, memory, tape, count, start, reach, t, spacing, u, v):
         if not working:
             break
     for first in range(0, count, LANES):
-        _polished(room, memory, tape, first, count, start, reach, t, spacing, u, v)
+        _polished(room, memory, tape, first, count, start, reach, hits)
 
 
 @helper
@@ -110,7 +110,7 @@ def _narrowed(rows: Any, at: int, turn: int, f: Any, enough: float) -> bool:
 
 
 @apart_
-def _polished(room, memory, tape, first, count, start, reach, t, spacing, u, v):
+def _polished(room, memory, tape, first, count, start, reach, hits):
     """A step by the bracket's slope and one by the formula's, in float64; bracketing where these do not suffice."""
     rows = room.brackets
     ray = numbers_of(room.bracket_ray, first)
@@ -158,12 +158,12 @@ def _polished(room, memory, tape, first, count, start, reach, t, spacing, u, v):
         value, gx, gy, gz = turns_at(room, 0, tapes, memory, lanes.along(o, d, at), mask)
         off = lanes.where(bad, abs(value), off)
     inside = slope > 0.0
-    met(room, ray, at, off, (gx, gy, gz), inside, mask & (at >= low) & (at <= high), start, t, spacing, u, v)
+    met(room, ray, at, off, (gx, gy, gz), inside, mask & (at >= low) & (at <= high), start, hits)
 
 
 @helper
 def met(
-    room: Any, ray: Lane, at: Lane, off: Lane, gradient: Vec, inside: Lane, mask: Lane, start: float, t: Any, spacing: Any, u: Any, v: Any
+    room: Any, ray: Lane, at: Lane, off: Lane, gradient: Vec, inside: Lane, mask: Lane, start: float, hits: Any
 ) -> None:
     """Write what rays have met, and let them rest."""
     way = exact(room, ray)[1]
@@ -175,6 +175,6 @@ def met(
         j = simd.trailing_zeros(left)
         left &= left - 1
         one = np.int64(across.lane(ray, j))
-        t[one], spacing[one] = across.lane(distance, j), across.lane(units, j)
-        u[one], v[one] = across.lane(first, j), across.lane(second, j)
+        hits.t[one], hits.instance[one], hits.spacing[one] = across.lane(distance, j), hits.number, across.lane(units, j)
+        hits.u[one], hits.v[one] = across.lane(first, j), across.lane(second, j)
         room.alive[one // VECTOR] &= ~(1 << (one % VECTOR))

@@ -14,7 +14,7 @@ its sign is that of float64; and a root that is bracketed is brought to rounding
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -49,14 +49,23 @@ from .tile_room import (
 )
 
 
+class Out(NamedTuple):
+    """What rays meet: columns (n,) of which those are written that meet the surface nearer than `t` says."""
+
+    t: Any
+    instance: Any
+    spacing: Any
+    u: Any
+    v: Any
+    number: int  # for the column `instance`
+
+
 @kernel
-def trace(room, origin, direction, t_min, t_max, t, spacing, u, v):
-    """Meet rays (n, 3), n ≤ RAYS, with the room's surface, as meet.meet does; False where they go too far apart to be a bundle."""
-    n = len(t_min)
+def trace(room, rays, at, n, inverse, hits):
+    """Meet n ≤ RAYS of the columns `at` on of tile_room.columns with the room's surface, to whose frame (3, 4) `inverse` leads, as
+    meet.meet does; False where they go too far apart to be a bundle."""
     memory = room_of_values()
-    begin, length = begun(room, origin, direction, t_min, t_max, n)
-    for i in range(n):
-        t[i] = np.inf
+    begin, length = begun(room, rays, at, n, inverse, hits.t)
     if length < 0.0:
         return True
     numbers = room.numbers
@@ -106,7 +115,7 @@ def trace(room, origin, direction, t_min, t_max, t, spacing, u, v):
             room.state[c] = kept[c]
         tape = simpler(room, 0, i)
         tell(room, PARTS_OF_SPAN, QUARTERS, simd.f32x16(room.results[i]), simd.f32x16(room.results[VECTOR + i]))
-        if not _slab(room, memory, origin, tape, i * slab, slab, groups, vectors, begin, slack, reach, t, spacing, u, v):
+        if not _slab(room, memory, tape, i * slab, slab, groups, vectors, begin, slack, reach, hits):
             break
     return True
 
@@ -122,7 +131,7 @@ def _rounded(x: float) -> float:
 
 
 @apart_
-def _slab(room, memory, origin, tape, begin, length, groups, vectors, start, slack, reach, t, spacing, u, v):
+def _slab(room, memory, tape, begin, length, groups, vectors, start, slack, reach, hits):
     """Meet all groups in one slab; whether any ray is left."""
     quarter = length / QUARTERS
     span_inputs(room, HULLS, begin, quarter, slack)
@@ -154,9 +163,9 @@ def _slab(room, memory, origin, tape, begin, length, groups, vectors, start, sla
                         room.slopes[count], room.slopes[VECTOR + count], room.slopes[2 * VECTOR + count] = least, most, 1.0
                         room.slopes[3 * VECTOR + count] = error_of(stored[0, lane], stored[1, lane], stored[4, lane])
                         count += 1
-                leaf(room, memory, origin, tapes[lane], count, a, a + quarter, start, reach, slack, t, spacing, u, v)
+                leaf(room, memory, tapes[lane], count, a, a + quarter, start, reach, slack, hits)
             else:
-                _finer(room, memory, origin, tapes[lane], group, many, a, quarter / QUARTERS, start, slack, reach, t, spacing, u, v)
+                _finer(room, memory, tapes[lane], group, many, a, quarter / QUARTERS, start, slack, reach, hits)
             alive = _any_alive(room, group, many)
         left = left or alive
     return left
@@ -211,7 +220,7 @@ def _store_bounds(room: Any, tape: int, to: int) -> None:
 
 
 @apart_
-def _finer(room, memory, origin, tape, group, many, begin, length, start, slack, reach, t, spacing, u, v):
+def _finer(room, memory, tape, group, many, begin, length, start, slack, reach, hits):
     """Meet the vectors of a group in the quarters of a stretch."""
     tell(room, PARTS_OF_SPAN, QUARTERS, simd.f32x16(-np.inf), simd.f32x16(np.inf))
     span_inputs(room, group * VECTOR, begin, length, slack)
@@ -235,4 +244,4 @@ def _finer(room, memory, origin, tape, group, many, begin, length, start, slack,
                 count += 1
         if count > 0:
             a = begin + k * length
-            leaf(room, memory, origin, tape, count, a, a + length, start, reach, slack, t, spacing, u, v)
+            leaf(room, memory, tape, count, a, a + length, start, reach, slack, hits)

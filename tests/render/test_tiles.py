@@ -36,11 +36,18 @@ def picture(eye: tuple[float, float, float], size: int = 64, half: float = 0.45)
 
 def met(trees: Handle, o: np.ndarray, d: np.ndarray, t_max: float = np.inf) -> tuple[np.ndarray, ...]:
     """What a bundle meets of the first formula surface; None where it is too wide to be one."""
-    n = len(o)
+    out = nothing(len(o))
+    assert traced(trees, o, d, t_max, out)
+    return out.t, out.spacing, out.u, out.v
+
+
+def nothing(n: int) -> tiles.Out:
+    return tiles.Out(np.full(n, np.inf), np.full(n, -1), np.zeros(n, np.int64), np.zeros(n), np.zeros(n), 0)
+
+
+def traced(trees: Handle, o: np.ndarray, d: np.ndarray, t_max: float, out: tiles.Out) -> bool:
     room = Handle(tile_room.room(trees.tables.forms, 0))
-    out = np.empty(n), np.zeros(n, np.int64), np.zeros(n), np.zeros(n)
-    assert tiles.trace(room, o, d, np.zeros(n), np.full(n, t_max), *out)
-    return out
+    return tiles.trace(room, tile_room.columns(o, d, 0.0, t_max), 0, len(o), np.eye(4)[:3], out)
 
 
 @pytest.mark.parametrize("eye", [(2.0, 1.2, 2.4), (-0.1, 2.6, 0.3), (0.25, 0.1, 0.3)], ids=["outside", "above", "within"])
@@ -90,5 +97,4 @@ def test_rays_that_go_all_ways_are_no_bundle(tmp_path):
     trees = rays.trees(tables)
     o = np.array([[0.0, 0.0, 1000.0], [3.0, 0.0, 0.0]])
     d = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
-    room = Handle(tile_room.room(trees.tables.forms, 0))
-    assert not tiles.trace(room, o, d, np.zeros(2), np.full(2, np.inf), np.empty(2), np.zeros(2, np.int64), np.zeros(2), np.zeros(2))
+    assert not traced(trees, o, d, np.inf, nothing(2))

@@ -381,6 +381,24 @@ def _accelerator(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decisio
     return Decision("accelerator", "bvh", reason, choices)
 
 
+def _formulas(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    tables, choices = scene.tables, ("closed", "bounds")
+    shown = np.unique(tables.instances.geometry)
+    surfaces = shown[tables.geometries.kind[shown] == ir.GeometryKind.FORMULA].tolist()
+    if done["backend"].value == "reference":
+        return Decision("formulas", "bounds", "the reference asks bounds and nothing else", fixed="--backend")
+    if not surfaces:
+        return Decision("formulas", "bounds", "no surface is a formula", fixed="the scene's shapes")
+    from . import closed_forms, tapes  # what other scenes do not load
+
+    rows, sheets = tables.geometries.tape[surfaces].tolist(), (tables.geometries.parameters[surfaces, 0] > 0).tolist()
+    closed = sum(closed_forms.solid(tapes.stored(tables, row), sheet) is not None for row, sheet in zip(rows, sheets, strict=True))
+    if not closed:
+        return Decision("formulas", "bounds", "no surface consists of planes, quadrics and tori: roots are found by bounds", ("bounds",))
+    count = f"{closed} of {len(surfaces)}" if closed < len(surfaces) else "each" if closed > 1 else "it"
+    return Decision("formulas", "closed", f"surfaces of planes, quadrics and tori ({count}): all roots along a ray in closed form", choices)
+
+
 def _tolerance(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
     return Decision("tolerance", 0.05, "pixels a tessellated shape may be off its true outline")
 
@@ -524,7 +542,7 @@ def _precision(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]
 RULES: tuple[Callable[[ir.Scene, ir.Settings, Mapping[str, Decision]], Decision], ...] = (
     _backend, _camera, _lens, _size, _crop, _soft, _bounces, _interreflection, _transport, _weighing, _path_precision,
     _shadows, _error, _budget, _samples, _filter, _noise, _seed,
-    _background, _exposure, _view, _aov, _denoise, _threads, _accelerator, _horizon, _opacity, _motion, _textures,
+    _background, _exposure, _view, _aov, _denoise, _threads, _accelerator, _formulas, _horizon, _opacity, _motion, _textures,
     _tolerance, _fill, _shading, _precision,
 )  # fmt: skip
 

@@ -93,6 +93,14 @@ class Tape:
         return hashlib.blake2b(self.code.tobytes() + repr(self.results).encode(), digest_size=16).digest()
 
 
+def stored(tables: Any, row: int) -> Tape:
+    """Row `row` of Tapes (ir.Tables)."""
+    tapes, pools = tables.tapes, tables.pools
+    first, begin = int(tapes.first[row]), int(tapes.first_constant[row])
+    code, constants = pools.code[first : first + int(tapes.count[row])], pools.constants[begin : begin + int(tapes.constant_count[row])]
+    return Tape(code, constants, tuple(tapes.results[row, : tapes.result_count[row]].tolist()))
+
+
 @dataclass(eq=False)
 class Builder:
     """Collects operations: equal ones once, on constants at once. Methods take and give names of values."""

@@ -75,13 +75,13 @@ class Bvh(NamedTuple):
 
 def build(
     tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool = True, moves: bool = True,
-    left_out: NDArray[np.bool_] | None = None,
+    left_out: NDArray[np.bool_] | None = None, closed: bool = True,
 ) -> Bvh:  # fmt: skip
     """The trees of a scene, the same on any number of threads (0: all).
 
     With `moves`, things that have keys move, else they stand as at the shutter's opening. With `brute` there is none over the instances:
     each is tried. Meshes' trees are taken from those that are kept, and kept, if `keep`.
-    Instances that are `left_out` are met by nothing.
+    Instances that are `left_out` are met by nothing. Formulas are met by closed forms where they have these, with `closed`.
     """
     geometries, instances = tables.geometries, tables.instances
     there = np.ones(len(instances.geometry), np.bool_) if left_out is None else ~left_out
@@ -97,7 +97,8 @@ def build(
     plain = drawable & ~partial & ~(moving & moves)
     inside = np.flatnonzero(plain & bounded).astype(np.int32)
     rows = np.zeros((len(kind), PLACED), np.int32)
-    primed = plain & (kind == ir.GeometryKind.FORMULA)
+    found = forms.of(tables, closed)
+    primed = plain & (kind == ir.GeometryKind.FORMULA) & forms.have_cells(found)[instances.geometry]
     visible = instances.visible | np.where((instances.visible & ir.Visibility.CAMERA != 0) & ~primed, CAMERA_REST, 0)
     rows[:, :5] = np.stack([visible, instances.transform, instances.geometry, kind, root], axis=1)
     return Bvh(
@@ -110,7 +111,7 @@ def build(
         inverse=_inverses(tables),
         parameters=geometries.parameters,
         origin=geometries.origin,
-        forms=forms.of(tables),
+        forms=found,
         aside=_aside(tables, boxes, drawable & ~plain, bounded, partial, moves and bool(moving.any()), threads),
     )
 

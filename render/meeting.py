@@ -9,7 +9,7 @@ from numba import types
 
 from ..compiler import ir
 from . import across, lanes, shapes
-from .formulas.forms import MET
+from .formulas.forms import MET, TORUS
 from .handles import Handle
 from .kernels import helper
 from .links import FLOAT, INT, VEC, Answering, Promised
@@ -24,9 +24,28 @@ def link(accel: Handle) -> None:
     if (accel.tables.placed[:, 3] > shapes.PLANE).any():
         accel.put("rare", rare.link(accel.part("parameters"), types.int64, types.int64, VEC, VEC, FLOAT, FLOAT))
     if len(accel.tables.forms.places):
+        accel.put("meet", _formulas(accel))
+
+
+def _formulas(accel: Handle) -> int:
+    """The address of what meets formula surfaces: of the two ways, what there are surfaces for."""
+    parts, given = accel.tables.forms.parts, (accel.part("forms"), types.int64, VEC, VEC, FLOAT, FLOAT)
+    closed = parts.places[:, 1] > 0
+    if not closed.any():
         from .formulas import meet
 
-        accel.put("meet", meet.meet.link(accel.part("forms"), types.int64, VEC, VEC, FLOAT, FLOAT))
+        return meet.meet.link(*given)
+    from .formulas import exact
+
+    if (parts.kinds >= TORUS).any():
+        parts.ways[2] = exact.crossings.link(accel.part("forms.parts.numbers"), types.int64, VEC, VEC)
+    parts.ways[0] = exact.met.link(*given)
+    if closed.all():
+        return int(parts.ways[0])
+    from .formulas import meet
+
+    parts.ways[1] = meet.meet.link(*given)
+    return exact.either.link(*given)
 
 
 def _rare(parameters, kind, g, o, d, t_min, t_max):

@@ -7,7 +7,7 @@ load it.
 from __future__ import annotations
 
 import ctypes
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import llvmlite.binding as llvm
 import numpy as np
@@ -24,9 +24,6 @@ from .kernels import HELPER
 from .records import Lane, Vec
 from .simd.value import I64
 from .simd.vector import intrinsic
-
-if TYPE_CHECKING:
-    from ..compiler.tapes import Tape
 
 FORMULA = int(ir.TextureKind.FORMULA)
 MOST_ROWS = 509  # of a pattern's tape: with x, y and z as many values are kept
@@ -47,6 +44,7 @@ def make_ready(tables: ir.Tables) -> None:
 def texel(tables: Any, row: Lane, p: Vec) -> Vec:
     """The colour of patterns (rows of Textures) at points in the things' own frames; a number is grey. 0 where it is not defined."""
     from ..compiler import enclosures
+    from ..compiler.tapes import stored
 
     shape = np.broadcast(*p).shape
     found = np.zeros((3, *shape))
@@ -56,20 +54,11 @@ def texel(tables: Any, row: Lane, p: Vec) -> Vec:
         if tape < 0:
             continue
         here = rows == one
-        values = enclosures.points(_tape(tables, int(tape)), *(np.broadcast_to(x, shape)[here] for x in p))
+        values = enclosures.points(stored(tables, int(tape)), *(np.broadcast_to(x, shape)[here] for x in p))
         for k in range(3):
             found[k][here] = values[min(k, len(values) - 1)]
     found = np.where(np.isfinite(found), found, 0.0)
     return found[0], found[1], found[2]
-
-
-def _tape(tables: ir.Tables, row: int) -> Tape:
-    from ..compiler.tapes import Tape
-
-    tapes, pools = tables.tapes, tables.pools
-    first, begin = int(tapes.first[row]), int(tapes.first_constant[row])
-    code, constants = pools.code[first : first + int(tapes.count[row])], pools.constants[begin : begin + int(tapes.constant_count[row])]
-    return Tape(code, constants, tuple(tapes.results[row, : tapes.result_count[row]].tolist()))
 
 
 @overload(texel, jit_options=HELPER)

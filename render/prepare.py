@@ -93,8 +93,8 @@ def _for_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame) ->
     tried, inside = pieces.build(tables, near, plan["motion"])
     accel = Handle(waves.NoTrees())
     if not inside.all():
-        threads = int(plan["threads"])
-        accel = Handle(bvh.build(tables, plan["accelerator"] == "brute", threads, moves=plan["motion"], left_out=inside))
+        threads, brute, closed = int(plan["threads"]), plan["accelerator"] == "brute", plan["formulas"] == "closed"
+        accel = Handle(bvh.build(tables, brute, threads, moves=plan["motion"], left_out=inside, closed=closed))
         aside.link(accel)
     boxes = (bvh.swept_bounds if plan["motion"] else bvh.world_bounds)(tables)[~inside]
     low, high = boxes[:, :3].min(axis=0, initial=np.inf), boxes[:, 3:].max(axis=0, initial=-np.inf)
@@ -130,7 +130,8 @@ def _as(nest: Any, kind: type) -> Any:
 def trees(tables: ir.Tables, plan: Plan) -> Handle:
     """Trees over a scene, ready for kernels."""
     moves = plan["motion"] and plan["backend"] != "raster"
-    accel = Handle(bvh.build(tables, plan["accelerator"] == "brute", int(plan["threads"]), moves=moves))
+    brute, closed = plan["accelerator"] == "brute", plan["formulas"] == "closed"
+    accel = Handle(bvh.build(tables, brute, int(plan["threads"]), moves=moves, closed=closed))
     aside.link(accel)
     return accel
 

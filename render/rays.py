@@ -27,9 +27,9 @@ class Met(NamedTuple):
     v: NDArray[np.float64]
 
 
-def trees(tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool = True) -> Handle:
+def trees(tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool = True, closed: bool = True) -> Handle:
     """What rays go through: the trees of a scene, ready for kernels; see bvh.build. Keep it as long as rays are traced."""
-    accel = Handle(bvh.build(tables, brute, threads, keep))
+    accel = Handle(bvh.build(tables, brute, threads, keep, closed=closed))
     aside.link(accel)
     return accel
 

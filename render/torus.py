@@ -116,3 +116,31 @@ def _first_root(ring: Lane, tube: Lane, o: Vec, d: Vec, p0: Lane, p1: Lane, span
         t = (x + shift) / speed
         found = lanes.where(wanted & (t > t_min) & (t < t_max), t, found)
     return found
+
+
+@helper
+def crossings(ring: Lane, tube: Lane, origin: Vec, direction: Vec) -> tuple[Lane, Lane, Lane, Lane]:
+    """Two stretches t0 … t1, t2 … t3 of a ray, of any length of direction, that lie in a torus; inf where there is none."""
+    speed = lanes.sqrt(lanes.dot(direction, direction))
+    d = lanes.scale(direction, 1.0 / speed)
+    shift = -lanes.dot(origin, d)
+    o = (origin[0] + shift * d[0], origin[1] + shift * d[1], origin[2] + shift * d[2])
+    outer = (1.0 + 1e-9) * (ring + tube)
+    m = lanes.dot(o, o)
+    none = INF + 0.0 * m
+    near = m < outer * outer
+    if not lanes.any_lane(near):
+        return none, none, none, none
+    reach = lanes.sqrt(lanes.maximum(outer * outer - m, 0.0))
+    c1, c2, c3 = _turning_points(ring, tube, o, d, reach, outer)
+    span = (shift, speed, -none, none)
+    t0 = _first_root(ring, tube, o, d, -reach, c1, span, none)
+    t1 = _first_root(ring, tube, o, d, c1, c2, span, none)
+    t2 = _first_root(ring, tube, o, d, c2, c3, span, none)
+    t3 = _first_root(ring, tube, o, d, c3, reach, span, none)
+    t0, t1 = lanes.minimum(t0, t1), lanes.maximum(t0, t1)  # parts without a crossing to the end
+    t2, t3 = lanes.minimum(t2, t3), lanes.maximum(t2, t3)
+    t0, t2 = lanes.minimum(t0, t2), lanes.maximum(t0, t2)
+    t1, t3 = lanes.minimum(t1, t3), lanes.maximum(t1, t3)
+    t1, t2 = lanes.minimum(t1, t2), lanes.maximum(t1, t2)
+    return lanes.where(near, t0, INF), lanes.where(near, t1, INF), lanes.where(near, t2, INF), lanes.where(near, t3, INF)

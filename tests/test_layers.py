@@ -29,6 +29,7 @@ RENDER_READS = {
     "compiler.tapes",  # what tapes of the IR hold and mean
     "compiler.tape_points",
     "compiler.enclosures",
+    "compiler.closed_forms",  # solids of planes, quadrics and tori among them
     "compiler.contour",  # their surfaces as triangles
     "compiler.export_meshes",
 }
@@ -63,6 +64,7 @@ DOORS = {
     "render/trace.py": "only formulas need their definition",
     "render/ray.py": "what paths, or formulas, are drawn with is loaded where there are any",
     "render/reference.py": "what paths are drawn with is loaded where there are any",
+    "compiler/plan.py": "only formulas are looked at for closed forms",
     "compiler/lower.py": "a mesh or a stage inside a scene loads what reads its file",
     "compiler/load.py": "each kind of file has its own front end and libraries",
 }

@@ -28,11 +28,11 @@ _waiting: dict[bytes, list[tuple[NDArray[np.int64], int]]] = {}
 _lock = threading.Lock()
 
 
-def addresses(tapes: list[Tape]) -> NDArray[np.int64]:
-    """(n, 2) where each tape's code for points and for turns is: 0 until a background thread writes it there."""
+def addresses(tapes: list[Tape | None]) -> NDArray[np.int64]:
+    """(n, 2) where each tape's code for points and for turns is: 0 until a background thread writes it there, or without a tape."""
     table = np.zeros((len(tapes), len(PROGRAMS)), np.int64)
     for row, tape in enumerate(tapes):
-        if len(tape.code) > LONGEST:
+        if tape is None or len(tape.code) > LONGEST:
             continue
         key = tape.structure()
         with _lock:

@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...compiler import ir
-from ...compiler.tapes import INPUTS, Op, Tape
-from . import cells, compiled, interpreter
-from .forms import END_BLOCKS, END_ROWS, END_TAPES, Forms
+from ...compiler import closed_forms, ir
+from ...compiler.tapes import INPUTS, Op, Tape, stored
+from . import cells, compiled, interpreter, parts
+from .forms import END_BLOCKS, END_ROWS, END_TAPES, NO_PARTS, Forms
 from .interpreter import PARTS
 from .programs import WIDTHS
 from .vectors import LANES, ROW, SINGLE
@@ -38,20 +38,20 @@ class Surface(NamedTuple):
 
 def tape_of(tables: ir.Tables, g: int) -> Tape:
     """The tape of a geometry."""
-    row, tapes, pools = int(tables.geometries.tape[g]), tables.tapes, tables.pools
-    first, begin = int(tapes.first[row]), int(tapes.first_constant[row])
-    results = tuple(tapes.results[row, : tapes.result_count[row]].tolist())
-    return Tape(pools.code[first : first + int(tapes.count[row])], pools.constants[begin : begin + int(tapes.constant_count[row])], results)
+    return stored(tables, int(tables.geometries.tape[g]))
 
 
-def forms(tables: ir.Tables) -> Forms:
-    """All formula surfaces that some instance shows."""
+def forms(tables: ir.Tables, closed: bool = True) -> Forms:
+    """All formula surfaces that some instance shows; those that have closed forms by these, unless `closed` is False."""
     kinds = tables.geometries.kind
     shown = [g for g in np.unique(tables.instances.geometry).tolist() if kinds[g] == ir.GeometryKind.FORMULA]
-    of = np.full(len(kinds), -1, np.int32)
-    of[shown] = np.arange(len(shown))
     surfaces = [Surface(tape_of(tables, g), tables.geometries.parameters[g], tables.geometries.bounds[g]) for g in shown]
-    return of_surfaces(surfaces)._replace(of=of)
+    solids = [closed_forms.solid(tape, sheet=bool(parameters[0])) if closed else None for tape, parameters, _ in surfaces]
+    last = np.argsort([solid is not None for solid in solids], kind="stable").tolist()
+    of = np.full(len(kinds), -1, np.int32)
+    of[[shown[row] for row in last]] = np.arange(len(shown))
+    made = of_surfaces([surfaces[row] for row in last if solids[row] is None])
+    return parts.added(made._replace(of=of), [(surfaces[row], solid) for row in last if (solid := solids[row]) is not None])
 
 
 def of_surfaces(surfaces: Sequence[Surface]) -> Forms:
@@ -114,6 +114,7 @@ def _made(surfaces: Sequence[Surface]) -> Forms:
         constants32=np.concatenate([np.zeros(0, np.float32), *(single_rows(tape) for tape, _, _ in surfaces)]),
         programs=np.array([interpreter.address(name) for name in PROGRAMS] if n else [], np.int64),
         unproved=np.zeros(1, np.int64),
+        parts=NO_PARTS,
     )
 
 

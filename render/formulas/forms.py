@@ -16,6 +16,23 @@ MET = (FLOAT, INT, FLOAT, FLOAT, INT)
 
 
 END_BLOCKS, END_LEAVES, END_TAPES, END_ROWS = range(4)
+QUADRIC, LINEAR, TORUS, HOLE = 0, 1, 2, 3  # kinds of leaves; a hole is where a torus is not
+NUMBERS = 16  # of a leaf: coefficients of x², y², z², xy, yz, xz, x, y, z and 1; of a torus its frame, its ring and its tube
+
+
+class Parts(NamedTuple):
+    """Solids of planes, quadrics and tori as kernels read them; see exact.py."""
+
+    places: NDArray[np.int64]  # (surfaces, 3) first step, how many; first leaf; no steps: a surface that has no closed form
+    steps: NDArray[np.int32]  # (n, 2) op, leaf
+    kinds: NDArray[np.int32]  # (leaves,)
+    numbers: NDArray[np.float64]  # (leaves, NUMBERS)
+    ways: NDArray[np.int64]  # (3,) addresses: what meets these, what meets other formulas, `crossings` of tori
+
+
+NO_PARTS = Parts(
+    np.zeros((0, 3), np.int64), np.zeros((0, 2), np.int32), np.zeros(0, np.int32), np.zeros((0, NUMBERS)), np.zeros(3, np.int64)
+)  # fmt: skip
 
 
 class Forms(NamedTuple):
@@ -46,15 +63,16 @@ class Forms(NamedTuple):
     constants32: NDArray[np.float32]  # flat
     programs: NDArray[np.int64]  # addresses of the interpreters, in the order of PROGRAMS
     unproved: NDArray[np.int64]  # (1,) rays of which a stretch could not be proved to be without a root
+    parts: Parts  # of surfaces that are made of planes, quadrics and tori
 
 
-def of(tables: ir.Tables) -> Forms:
-    """All that some instance shows."""
+def of(tables: ir.Tables, closed: bool = True) -> Forms:
+    """All that some instance shows; with `closed`, by closed forms where there are any."""
     kinds = tables.geometries.kind
     if (kinds[tables.instances.geometry] == ir.GeometryKind.FORMULA).any():
         from . import fields
 
-        return fields.forms(tables)
+        return fields.forms(tables, closed)
     whole, floats = np.zeros(0, np.int64), np.zeros(0)
     rows = np.zeros(0, np.int32)
     return Forms(
@@ -62,5 +80,11 @@ def of(tables: ir.Tables) -> Forms:
         compiled=np.zeros((0, 2), np.int64), grid=rows, blocks=np.zeros((0, 5), np.int64), states=whole, ends=whole, leaf_tape=rows,
         leaf_slopes=np.zeros((0, 6)), tapes=np.zeros((0, 3), np.int64), names=np.zeros((0, 4), np.int32),
         code=np.zeros((0, ROW), np.int32), constants=floats, constants32=np.zeros(0, np.float32), programs=whole,
-        unproved=np.zeros(1, np.int64),
+        unproved=np.zeros(1, np.int64), parts=NO_PARTS,
     )  # fmt: skip
+
+
+def have_cells(forms: Forms) -> NDArray[np.bool_]:
+    """(geometries,) which are surfaces that rays meet by bounds in cells, and not by closed forms."""
+    rows = np.maximum(forms.of, 0)
+    return (forms.of >= 0) & (forms.parts.places[rows, 1] == 0) if len(forms.places) else forms.of >= 0

@@ -94,6 +94,13 @@ class SceneBuilder:
         tape = self._tapes[row["tape"]] if row["tape"] >= 0 else None
         return ir.GeometryKind(row["kind"]), row["parameters"], np.array(row["bounds"], np.float64), tape
 
+    def triangles(self, geometry: int) -> tuple[np.ndarray, np.ndarray]:
+        """(positions (n, 3), triangles (m, 3)) of a mesh's row, in its own frame."""
+        row = dict(zip(ir.Geometries._fields, self._rows["geometries"][geometry], strict=True))
+        first, begin = row["first_triangle"], row["first_vertex"]
+        triangles = _of(self._pools["triangles"], first, row["triangle_count"])
+        return _of(self._pools["positions"], begin, row["vertex_count"]).astype(np.float64) + row["origin"], triangles - begin
+
     def tape(self, tape: Tape) -> int:
         """The row of a tape; an equal one is shared."""
         key = ("tape", tape.structure(), tape.constants.tobytes())
@@ -327,6 +334,15 @@ class SceneBuilder:
 
     def _pooled(self, name: str) -> Any:
         return np.concatenate(self._pools[name]) if self._pools[name] else ()
+
+
+def _of(pieces: Sequence[np.ndarray], first: int, count: int) -> np.ndarray:
+    """Rows first … first + count − 1 of a pool, which stand in one of the pieces that were put into it."""
+    for piece in pieces:
+        if first < len(piece):
+            return piece[first : first + count]
+        first -= len(piece)
+    raise IndexError(first)
 
 
 DEFAULT_ALBEDO: Color = (0.8, 0.8, 0.8)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..lang.elements import Element
-from . import extent, ir, lower_formulas, solids, tapes, transforms
+from . import extent, ir, lower_formulas, mesh_solids, solids, tapes, transforms
 from .build import boxes_under
 from .lower_pieces import Piece
 from .solids import NoSolid, Point
@@ -19,14 +19,20 @@ if TYPE_CHECKING:
     from .lower import Lowering
 
 MOST_COPIES = 4096
-_NO_SOLIDS = "solids are made of shapes with an inside: sphere, box, cylinder, implicit with an inequality, …"
+_OF_MESHES = frozenset({"repeat", "mirrored"})
+_TAKEN = "meshes can be in union, intersection and difference, repeat and mirrored"
+_NO_SOLIDS = "solids are made of shapes with an inside: sphere, box, cylinder, implicit with an inequality, closed mesh, …"
 
 
 class Body(NamedTuple):
-    """A solid: its field at a point of the frame it stands in, and a box (2, 3) that holds it; ±inf where it is endless."""
+    """A solid: its field at a point of the frame it stands in, and a box (2, 3) that holds it; ±inf where it is endless.
+
+    Of one with meshes in it `mesh` (mesh_solids) is all there is.
+    """
 
     field: Callable[[Builder, Point], int]
     bounds: np.ndarray
+    mesh: Any = None
 
 
 class _Refused(Exception):
@@ -45,6 +51,8 @@ def solid(lowering: Lowering, element: Element) -> list[Piece]:
     if not np.isfinite(body.bounds).all():
         hint = "cut it by an intersection with a box or sphere"
         return lowering.refuse(element, f"this {element.kind} is endless", hint)
+    if body.mesh is not None:
+        return [Piece(lowering.builder.mesh(mesh_solids.mesh(body.mesh), element.span), transforms.identity())]
     builder = Builder()
     tape = builder.finish(body.field(builder, (tapes.X, tapes.Y, tapes.Z)))
     if not len(tape.code):
@@ -84,7 +92,26 @@ def _bodies(lowering: Lowering, element: Element, matrix: np.ndarray) -> list[Bo
     pieces = lowering.pieces(element)
     if not pieces:
         raise _Refused
+    if all(lowering.builder.shape(piece.geometry)[0] == ir.GeometryKind.MESH for piece in pieces):
+        return [_placed(_mesh(lowering, element, pieces), own)]
     return [_shape(lowering, element, piece, own @ piece.matrix) for piece in pieces]
+
+
+def _mesh(lowering: Lowering, element: Element, pieces: list[Piece]) -> Body:
+    """A closed mesh as a body."""
+    try:
+        made, inside_out = mesh_solids.of_pieces(lowering.builder, pieces)
+    except NoSolid as reason:
+        hint = "close it (most modelling programs have a repair for printing), or draw it beside the solid"
+        lowering.error(element, f"`{element.kind}` cannot be a part of a solid: {reason}", hint)
+        raise _Refused from None
+    if inside_out:
+        lowering.warn(element, "all triangles of this mesh face inwards: it is taken the other way round")
+    return Body(_no_field, mesh_solids.bounds(made), made)
+
+
+def _no_field(b: Builder, point: Point) -> int:
+    raise NoSolid("a mesh has no field")
 
 
 _OUTERMOST = "union, intersection or difference"
@@ -121,6 +148,9 @@ def _placed(body: Body, matrix: np.ndarray) -> Body:
     """A body in the frame that a matrix leads to; fields shrink with the least of its scales, so that they stay distances or less."""
     if np.array_equal(matrix, transforms.identity()):
         return body
+    if body.mesh is not None:
+        moved = body.mesh.transform(np.ascontiguousarray(matrix[:3]))
+        return Body(_no_field, mesh_solids.bounds(moved), moved)
     inverse = np.linalg.inv(matrix)[:3]
     least = float(np.linalg.svd(matrix[:3, :3], compute_uv=False)[-1])
     least = 1.0 if abs(least - 1.0) < 1e-12 else least
@@ -149,6 +179,8 @@ def _combined(blend: Blend, bounds_of: Callable[[list[np.ndarray], float], np.nd
             lowering.error(element, f"this {element.kind} is empty", f"put shapes in it: {element.kind} {{ sphere(1); box(1.5) }}")
             raise _Refused
         radius = element.args["round"]
+        if any(body.mesh is not None for body in bodies):
+            return _of_meshes(lowering, element, bodies)
 
         def field(b: Builder, point: Point) -> int:
             found = bodies[0].field(b, point)
@@ -159,6 +191,43 @@ def _combined(blend: Blend, bounds_of: Callable[[list[np.ndarray], float], np.nd
         return Body(field, bounds_of([body.bounds for body in bodies], radius if len(bodies) > 1 else 0.0))
 
     return make
+
+
+def _of_meshes(lowering: Lowering, element: Element, bodies: list[Body]) -> Body:
+    """Parts of which some are meshes, combined as triangles."""
+    if element.args["round"]:
+        lowering.error(element, "a solid with a mesh in it has no round edges", "leave out `round`, or make a formula of the mesh's shape")
+        raise _Refused
+    made = mesh_solids.combined(element.kind, [_triangles(lowering, element, body, bodies) for body in bodies])
+    return Body(_no_field, mesh_solids.bounds(made), made)
+
+
+def _triangles(lowering: Lowering, element: Element, body: Body, beside: list[Body]) -> Any:
+    """A part as triangles; of an endless one what lies near those that have an end, where no more is asked for."""
+    if body.mesh is not None:
+        return body.mesh
+    bounds, builder = body.bounds, Builder()
+    field = body.field(builder, (tapes.X, tapes.Y, tapes.Z))
+    if not np.isfinite(bounds).all():
+        ends = np.array([other.bounds for other in beside if np.isfinite(other.bounds).all()])
+        if element.kind == "union" or (element.kind == "difference" and body is beside[0]):
+            lowering.error(element, f"this {element.kind} is endless", "cut it by an intersection with a box or sphere")
+            raise _Refused
+        low, high = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
+        bounds = np.stack([low - 0.05 * (high - low), high + 0.05 * (high - low)])
+        half, middle = 0.5 * (bounds[1] - bounds[0]), bounds.mean(axis=0)
+        field = builder.op(Op.MAX, field, solids.analytic(builder, ir.GeometryKind.BOX, half.tolist(), _shifted(builder, middle)))
+    margin = lower_formulas.MARGIN * (bounds[1] - bounds[0])
+    try:
+        return mesh_solids.of_field(builder.finish(field), np.stack([bounds[0] - margin, bounds[1] + margin]))
+    except NoSolid as reason:
+        lowering.error(element, f"a part of this {element.kind} is no solid: {reason}")
+        raise _Refused from None
+
+
+def _shifted(b: Builder, middle: np.ndarray) -> Point:
+    x, y, z = (b.shifted(name, -float(c)) for name, c in zip((tapes.X, tapes.Y, tapes.Z), middle, strict=True))
+    return x, y, z
 
 
 def _all(bounds: list[np.ndarray], radius: float) -> np.ndarray:
@@ -176,6 +245,9 @@ def _one(change: Callable[[Lowering, Element, Body], Body]) -> Callable[[Lowerin
     together = _combined(solids.union, _all)
 
     def make(lowering: Lowering, element: Element, bodies: list[Body]) -> Body:
+        if any(body.mesh is not None for body in bodies) and element.kind not in _OF_MESHES:
+            lowering.error(element, f"`{element.kind}` of a mesh is not built yet: it needs a field", _TAKEN)
+            raise _Refused
         if len(bodies) != 1:
             plain = Element("union", {"round": 0.0}, element.span, trace=element.trace)
             return change(lowering, element, together(lowering, plain if bodies else element, bodies))
@@ -216,6 +288,10 @@ def _bend(lowering: Lowering, element: Element, body: Body) -> Body:
 
 def _repeat(lowering: Lowering, element: Element, body: Body) -> Body:
     step, count = np.array(element.args["step"]), element.args["count"]
+    if body.mesh is not None:
+        copies = [_placed(body, transforms.translation(tuple(k * step))).mesh for k in range(count)]
+        made = mesh_solids.combined("union", copies)
+        return Body(_no_field, mesh_solids.bounds(made), made)
     if count > MOST_COPIES:
         lowering.error(
             element, f"{count} copies are too many for one solid: {MOST_COPIES} at the most", "use for (…) { … } without a solid round it"
@@ -237,6 +313,9 @@ def _mirror(lowering: Lowering, element: Element, body: Body) -> Body:
     assert normal is not None  # the schema wants a direction
     turned = np.eye(4)
     turned[:3, :3] -= 2 * np.outer(normal, normal)
+    if body.mesh is not None:
+        made = mesh_solids.combined("union", [body.mesh, _placed(body, turned).mesh])
+        return Body(_no_field, mesh_solids.bounds(made), made)
 
     def field(b: Builder, point: Point) -> int:
         return b.op(Op.MIN, body.field(b, point), body.field(b, solids.moved(b, point, _clean(turned[:3]))))
@@ -247,6 +326,9 @@ def _mirror(lowering: Lowering, element: Element, body: Body) -> Body:
 def _morph(lowering: Lowering, element: Element, bodies: list[Body]) -> Body:
     if len(bodies) != 2:
         lowering.error(element, f"a morph is between two solids, got {len(bodies)}", "group several in a union")
+        raise _Refused
+    if any(body.mesh is not None for body in bodies):
+        lowering.error(element, "`morph` of a mesh is not built yet: it needs a field", _TAKEN)
         raise _Refused
     share = element.args["share"]
 

@@ -37,6 +37,7 @@ RENDER_READS = {
 # Modules that may be imported inside a function, and why: a command that does not need one must not wait for it.
 LATE = {
     "OpenImageIO": "only scenes with pictures need it",
+    "manifold3d": "only solids with meshes in them need it",
     "pyoidn": "an extra, for who asks for pictures without noise",
     "rich": "only a terminal sees colours",
     "trimesh": "only OFF files need it, and it takes half a second",
@@ -45,6 +46,7 @@ LATE = {
 ONE_FILE = {
     "matplotlib": "measure/draw.py",
     "flip_evaluator": "measure/errors.py",
+    "manifold3d": "compiler/mesh_solids.py",
 }
 # Files whose functions open the next stage's door when it is reached, so that `--help` and `check` stay quick.
 DOORS = {

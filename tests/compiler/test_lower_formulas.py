@@ -75,7 +75,7 @@ def test_bounds_shrink_to_the_surface(tmp_path):
         ("implicit(|x, y| x <= y)", "a surface's formula has three parameters, x, y and z, not 2 (write |x, y, z| …)"),
         ("union { }", "this union is empty (put shapes in it: union { sphere(1); box(1.5) })"),
         ("union { disk(1) }", "`disk` cannot be a part of a solid: a disk has no inside "
-         "(solids are made of shapes with an inside: sphere, box, cylinder, implicit with an inequality, …)"),
+         "(solids are made of shapes with an inside: sphere, box, cylinder, implicit with an inequality, closed mesh, …)"),
         ("union { sphere(1, material: mirror()) }", "a solid is of one material, and this is a part of one "
          "(give it to the union, intersection or difference instead)"),
         ("intersection { plane(y: 0); sphere(1); implicit(|x, y, z| x == 0, within: 1) }",

@@ -265,6 +265,23 @@ def _put(stack, place, field, value, mask):
     return write
 
 
+def put_at(array: Any, place: Lane, value: Lane, mask: Lane) -> None:
+    """Write array[place] in the lanes of a mask; lanes have places of their own."""
+    array[np.broadcast_to(place, np.shape(mask))[mask]] = np.broadcast_to(value, np.shape(mask))[mask]
+
+
+@overload(put_at, jit_options=HELPER)
+def _put_at(array, place, value, mask):
+    if _vector(mask):
+        return lambda array, place, value, mask: simd.scatter(array, place, value, mask)
+
+    def write(array, place, value, mask):
+        if mask:
+            array[place] = value
+
+    return write
+
+
 def take(stack: Any, place: Lane, field: int) -> Lane:
     """Read stack[place, field, lane]."""
     return stack[place, field, np.arange(stack.shape[2])]

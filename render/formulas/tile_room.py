@@ -63,7 +63,7 @@ class Room(NamedTuple):
     values: NDArray[np.float32]  # (2, …) at both ends
     open: NDArray[np.float32]  # (9, …) stretches of single rays, as brackets
     open_ray: NDArray[np.int32]
-    brackets: NDArray[np.float32]  # (11, …) ends, values there, least slope, side, values as they were, how far off they are, first ends
+    brackets: NDArray[np.float32]  # (9, …) ends, values there, least slope, side, first ends, how far off values are
     bracket_ray: NDArray[np.int32]
     packed: NDArray[np.float32]  # (6, …) rays
     kept: NDArray[np.int64]  # the state after bounds of slabs
@@ -92,7 +92,7 @@ def room(forms: Forms, k: int) -> Room:
         np.zeros(1 + 2 * max(choices, 1), whole_number), np.zeros((KNOWN + 1) * PARTS_OF_SPAN * QUARTERS * VECTOR, single),
         np.zeros(8 * RAYS, single), np.zeros(9 * RAYS, double), np.zeros(12 * STRIDE, single), np.zeros(HULLS, np.int32),
         np.zeros(HULLS, single), np.zeros(RAYS, single), np.zeros(VECTOR, whole_number), np.zeros(4 * VECTOR, single),
-        np.zeros(2 * GROUP, single), np.zeros(9 * OPEN, single), np.zeros(OPEN, np.int32), np.zeros(11 * OPEN, single),
+        np.zeros(2 * GROUP, single), np.zeros(9 * OPEN, single), np.zeros(OPEN, np.int32), np.zeros(9 * OPEN, single),
         np.zeros(OPEN, np.int32), np.zeros(6 * OPEN, single), np.zeros(1 + 2 * max(choices, 1), whole_number),
         np.zeros((2 * PARTS_OF_SPAN, QUARTERS * VECTOR), single), np.zeros(2 * VECTOR, single), np.zeros(21 * QUARTERS * VECTOR, single),
         np.zeros(QUARTERS * VECTOR, whole_number),
@@ -124,6 +124,17 @@ def simpler(room: Any, tape: int, lane: int) -> int:
         return tape
     found = simplify(room.names, room.code, room.tapes, room.ends, tape, room.state, lane, room.scratch)
     return found if found >= 0 else tape
+
+
+@helper
+def decides_alike(room: Any, tape: int, one: int, other: int) -> bool:
+    """Whether two lanes of the last bounds need the same of a tape."""
+    last = room.tapes[tape, 0] + room.tapes[tape, 1] - 1
+    state = room.state
+    for word in range(1, 1 + 2 * (room.code[last, 5] + CHOICE[room.code[last, 0]])):
+        if ((state[word] >> one) ^ (state[word] >> other)) & 1 != 0:
+            return False
+    return True
 
 
 # --- the rays -----------------------------------------------------------------------------------------------------------

@@ -46,8 +46,7 @@ def finished(room, memory, tape, count, start, reach, hits):
         for row in range(6):
             simd.store(room.packed, row * OPEN + k * VECTOR, room.rays[row * RAYS + ray])
         for row in range(2):
-            simd.store(rows, (6 + row) * OPEN + k * VECTOR, simd.load(rows, (2 + row) * OPEN + k * VECTOR, VECTOR))
-            simd.store(rows, (9 + row) * OPEN + k * VECTOR, simd.load(rows, row * OPEN + k * VECTOR, VECTOR))
+            simd.store(rows, (6 + row) * OPEN + k * VECTOR, simd.load(rows, row * OPEN + k * VECTOR, VECTOR))
     enough = 8.0 * U * reach
     for turn in range(MOST_TURNS):
         working = False
@@ -91,7 +90,8 @@ def _narrowed(rows: Any, at: int, turn: int, f: Any, enough: float) -> bool:
     fa, fb = simd.load(rows, 2 * OPEN + at, VECTOR), simd.load(rows, 3 * OPEN + at, VECTOR)
     side = simd.load(rows, 5 * OPEN + at, VECTOR)
     done = (b - a <= enough) | (side == 2.0)
-    there = ~done & ~(abs(f) > SHARE * simd.load(rows, 8 * OPEN + at, VECTOR))
+    close = 0.4 * enough * simd.load(rows, 4 * OPEN + at, VECTOR)  # as steep as it is, the root is not farther than this
+    there = ~done & ~(abs(f) > simd.maximum(SHARE * simd.load(rows, 8 * OPEN + at, VECTOR), close))
     same = (f <= 0.0) == (fa <= 0.0)
     on_a, on_b = ~done & ~there & same, ~done & ~there & ~same
     fb = simd.select(on_a & (side > 0.0), 0.5 * fb, fb)
@@ -102,10 +102,6 @@ def _narrowed(rows: Any, at: int, turn: int, f: Any, enough: float) -> bool:
     simd.store(rows, 3 * OPEN + at, simd.select(on_b, f, fb))
     side = simd.select(on_a, 1.0, simd.select(on_b, -1.0, side))
     simd.store(rows, 5 * OPEN + at, simd.select(there, 2.0, side))
-    was_a, was_b = simd.load(rows, 6 * OPEN + at, VECTOR), simd.load(rows, 7 * OPEN + at, VECTOR)
-    slope = (was_b - was_a) / simd.select(b > a, b - a, 1.0)  # that of the last bracket
-    simd.store(rows, 6 * OPEN + at, simd.select(there, slope, simd.select(on_a, f, was_a)))
-    simd.store(rows, 7 * OPEN + at, simd.select(on_b, f, was_b))
     return simd.any_of(~done & ~there)
 
 
@@ -117,30 +113,23 @@ def _polished(room, memory, tape, first, count, start, reach, hits):
     mask = across.numbered(first) < count
     o, d = exact(room, ray)
     a, b = across.load_row(rows, first), across.load_row(rows, OPEN + first)
-    fa, fb = across.load_row(rows, 6 * OPEN + first), across.load_row(rows, 7 * OPEN + first)
+    fa, fb = across.load_row(rows, 2 * OPEN + first), across.load_row(rows, 3 * OPEN + first)
     steep, side = across.load_row(rows, 4 * OPEN + first), across.load_row(rows, 5 * OPEN + first)
     low, high = room.exact[6 * RAYS + ray], room.exact[7 * RAYS + ray]
     there = side == 2.0
     share = fa / (fa - fb)
     at = lanes.where(there, a, a + (b - a) * lanes.where((share >= 0.0) & (share <= 1.0), share, 0.5))
-    slope = lanes.where(there, fa, (fb - fa) / lanes.where(b > a, b - a, 1.0))
     tapes = tapes_of(at, tape)
-    f = value_at(room, 0, tapes, memory, lanes.along(o, d, at), mask)
-    slope = lanes.where(abs(slope) >= steep, slope, steep * lanes.sign_of(slope))
-    step = -f / slope
-    far = lanes.minimum(2.0 * abs(f) / steep, 1e-4 * reach)
-    step = lanes.clip(step, -far, far)
-    at = at + step
-    if lanes.any_lane(mask & (abs(step) > 2e-7 * reach)):  # the normal is that of where the gradient is asked for
-        nearer = value_at(room, 0, tapes, memory, lanes.along(o, d, at), mask)
-        secant = (nearer - f) / lanes.where(step == 0.0, 1.0, step)
-        slope = lanes.where((step != 0.0) & (abs(secant) >= steep), secant, slope)
-        at = at - lanes.clip(nearer / slope, -far, far)
-    point = lanes.along(o, d, at)
-    value, gx, gy, gz = turns_at(room, 0, tapes, memory, point, mask)
+    value, gx, gy, gz = turns_at(room, 0, tapes, memory, lanes.along(o, d, at), mask)
     slope = gx * d[0] + gy * d[1] + gz * d[2]
-    step = -value / slope
-    begin, end = across.load_row(rows, 9 * OPEN + first), across.load_row(rows, 10 * OPEN + first)
+    far = lanes.minimum(2.0 * abs(value) / steep, 1e-4 * reach)
+    step = lanes.clip(-value / slope, -far, far)
+    if lanes.any_lane(mask & lanes.not_(abs(step) <= 2e-7 * reach)):  # the normal is that of where the gradient is asked for
+        at = at + step
+        value, gx, gy, gz = turns_at(room, 0, tapes, memory, lanes.along(o, d, at), mask)
+        slope = gx * d[0] + gy * d[1] + gz * d[2]
+        step = -value / slope
+    begin, end = across.load_row(rows, 6 * OPEN + first), across.load_row(rows, 7 * OPEN + first)
     good = (abs(slope) >= 0.99 * steep) & (abs(step) <= 1e-5 * reach) & (abs(at + step - 0.5 * (begin + end)) <= 0.5 * (end - begin) + far)
     if lanes.any_lane(mask & good & (abs(step) > 1e-7 * reach)):
         at = at + lanes.where(good, step, 0.0)
@@ -169,12 +158,13 @@ def met(
     way = exact(room, ray)[1]
     units, first, second = dressed(room, 0, way, gradient, inside, off)
     size = room.exact[8 * RAYS + ray]
-    distance = (start + at) / size
+    across.put_at(hits.t, ray, (start + at) / size, mask)
+    across.put_at(hits.instance, ray, lanes.int_like(at, hits.number), mask)
+    across.put_at(hits.spacing, ray, units, mask)
+    across.put_at(hits.u, ray, first, mask)
+    across.put_at(hits.v, ray, second, mask)
     left = across.bits(mask)
     while left != 0:
-        j = simd.trailing_zeros(left)
+        one = np.int64(across.lane(ray, simd.trailing_zeros(left)))
         left &= left - 1
-        one = np.int64(across.lane(ray, j))
-        hits.t[one], hits.instance[one], hits.spacing[one] = across.lane(distance, j), hits.number, across.lane(units, j)
-        hits.u[one], hits.v[one] = across.lane(first, j), across.lane(second, j)
         room.alive[one // VECTOR] &= ~(1 << (one % VECTOR))

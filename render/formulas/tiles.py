@@ -40,6 +40,7 @@ from .tile_room import (
     around,
     begun,
     box_inputs,
+    decides_alike,
     error_of,
     evaluate,
     hulled,
@@ -58,6 +59,9 @@ class Out(NamedTuple):
     u: Any
     v: Any
     number: int  # for the column `instance`
+
+
+ALIKE = 2  # lanes before one in which the same of a tape may be needed
 
 
 @kernel
@@ -144,7 +148,13 @@ def _slab(room, memory, tape, begin, length, groups, vectors, start, slack, reac
     for lane in range(QUARTERS * VECTOR):
         tapes[lane] = -1
         if lane % VECTOR < groups and ((stored[0, lane] <= 0.0 and stored[1, lane] >= 0.0) or (maybe >> lane) & 1 != 0):
-            tapes[lane] = simpler(room, tape, lane)
+            known = -1
+            for k in range(1, ALIKE + 1):
+                other = lane - k
+                fits = known < 0 and other >= 0 and tapes[other] >= 0 and (maybe >> other) & 1 == (maybe >> lane) & 1
+                if fits and decides_alike(room, tape, lane, other):
+                    known = tapes[other]
+            tapes[lane] = known if known >= 0 else simpler(room, tape, lane)
     left = False
     for group in range(groups):
         many = min(VECTOR, vectors - group * VECTOR)

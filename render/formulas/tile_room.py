@@ -265,19 +265,47 @@ def _groups(room: Any, row: int, at: int, empty: float) -> Any:
 @helper
 def span_inputs(room: Any, at: int, begin: float, length: float, slack: float) -> None:
     """The boxes around sixteen hulls from `at` on, in each quarter of a slab, as inputs of `spans32`."""
+    for quarter in range(QUARTERS):
+        _span(room, at, begin + quarter * length, begin + (quarter + 1) * length, slack, quarter, QUARTERS)
+
+
+@helper
+def span_input(room: Any, at: int, begin: float, length: float, slack: float) -> None:
+    """The same in one stretch."""
+    _span(room, at, begin, begin + length, slack, 0, 1)
+
+
+@helper
+def _span(room: Any, at: int, a: float, b: float, slack: float, vector: int, vectors: int) -> None:
     for axis in range(3):
-        o_low = simd.load(room.hulls, axis * STRIDE + at, VECTOR) - slack
-        o_high = simd.load(room.hulls, (3 + axis) * STRIDE + at, VECTOR) + slack
-        d_low = simd.load(room.hulls, (6 + axis) * STRIDE + at, VECTOR) - 2.0 * U
-        d_high = simd.load(room.hulls, (9 + axis) * STRIDE + at, VECTOR) + 2.0 * U
-        for quarter in range(QUARTERS):
-            a, b = begin + quarter * length, begin + (quarter + 1) * length
-            row = (PARTS_OF_SPAN * axis * QUARTERS + quarter) * VECTOR
-            simd.store(room.registers, row, o_low + simd.minimum(d_low * a, d_low * b))
-            simd.store(room.registers, row + QUARTERS * VECTOR, o_high + simd.maximum(d_high * a, d_high * b))
-            simd.store(room.registers, row + 2 * QUARTERS * VECTOR, d_low)
-            simd.store(room.registers, row + 3 * QUARTERS * VECTOR, d_high)
-            simd.store(room.registers, row + 4 * QUARTERS * VECTOR, d_high * 0.0 + slack)
+        low, high, d_low, d_high = _swept(room, at, axis, a, b, slack)
+        row = (PARTS_OF_SPAN * axis * vectors + vector) * VECTOR
+        simd.store(room.registers, row, low)
+        simd.store(room.registers, row + vectors * VECTOR, high)
+        simd.store(room.registers, row + 2 * vectors * VECTOR, d_low)
+        simd.store(room.registers, row + 3 * vectors * VECTOR, d_high)
+        simd.store(room.registers, row + 4 * vectors * VECTOR, d_high * 0.0 + slack)
+
+
+@helper
+def quarter_inputs(room: Any, at: int, begin: float, length: float, slack: float) -> None:
+    """The boxes of `span_inputs` as inputs of `boxes32`."""
+    for quarter in range(QUARTERS):
+        for axis in range(3):
+            low, high, _, _ = _swept(room, at, axis, begin + quarter * length, begin + (quarter + 1) * length, slack)
+            row = (2 * axis * QUARTERS + quarter) * VECTOR
+            simd.store(room.registers, row, low)
+            simd.store(room.registers, row + QUARTERS * VECTOR, high)
+
+
+@helper
+def _swept(room: Any, at: int, axis: int, a: float, b: float, slack: float) -> tuple[Any, Any, Any, Any]:
+    """Along an axis, the box of each of sixteen hulls between a and b, and of their ways."""
+    o_low = simd.load(room.hulls, axis * STRIDE + at, VECTOR) - slack
+    o_high = simd.load(room.hulls, (3 + axis) * STRIDE + at, VECTOR) + slack
+    d_low = simd.load(room.hulls, (6 + axis) * STRIDE + at, VECTOR) - 2.0 * U
+    d_high = simd.load(room.hulls, (9 + axis) * STRIDE + at, VECTOR) + 2.0 * U
+    return o_low + simd.minimum(d_low * a, d_low * b), o_high + simd.maximum(d_high * a, d_high * b), d_low, d_high
 
 
 # --- in float64, and how far float32 is from it ----------------------------------------------------------------------------

@@ -131,7 +131,7 @@ def _polished(room, memory, tape, first, count, start, reach, hits):
         step = -value / slope
     begin, end = across.load_row(rows, 6 * OPEN + first), across.load_row(rows, 7 * OPEN + first)
     good = (abs(slope) >= 0.99 * steep) & (abs(step) <= 1e-5 * reach) & (abs(at + step - 0.5 * (begin + end)) <= 0.5 * (end - begin) + far)
-    if lanes.any_lane(mask & good & (abs(step) > 1e-7 * reach)):
+    if lanes.any_lane(mask & good & (abs(step) > 1e-8 * reach)):
         at = at + lanes.where(good, step, 0.0)
         value = value_at(room, 0, tapes, memory, lanes.along(o, d, at), mask)
         step = -value / slope

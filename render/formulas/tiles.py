@@ -44,7 +44,9 @@ from .tile_room import (
     error_of,
     evaluate,
     hulled,
+    quarter_inputs,
     simpler,
+    span_input,
     span_inputs,
     tell,
 )
@@ -144,7 +146,7 @@ def _slab(room, memory, tape, begin, length, groups, vectors, start, slack, reac
     evaluate(room, SPANS, tape, QUARTERS)
     maybe = room.state[0]
     stored, tapes = room.bounds, room.tape_of
-    _store_bounds(room, tape, 0)
+    _store_bounds(room, tape)
     for lane in range(QUARTERS * VECTOR):
         tapes[lane] = -1
         if lane % VECTOR < groups and ((stored[0, lane] <= 0.0 and stored[1, lane] >= 0.0) or (maybe >> lane) & 1 != 0):
@@ -221,37 +223,62 @@ def _any_alive(room: Any, group: int, many: int) -> bool:
 
 
 @helper
-def _store_bounds(room: Any, tape: int, to: int) -> None:
-    """Keep what `spans32` found, in rows from `to` on."""
+def _store_bounds(room: Any, tape: int) -> None:
+    """Keep what `spans32` found."""
     rows = QUARTERS * VECTOR
     out = room.tapes[tape, 2] * PARTS_OF_SPAN * rows
     for k in range(0, PARTS_OF_SPAN * rows, VECTOR):
-        simd.store(room.bounds, to * rows + k, simd.load(room.registers, out + k, VECTOR))
+        simd.store(room.bounds, k, simd.load(room.registers, out + k, VECTOR))
 
 
 @apart_
 def _finer(room, memory, tape, group, many, begin, length, start, slack, reach, hits):
-    """Meet the vectors of a group in the quarters of a stretch."""
-    tell(room, PARTS_OF_SPAN, QUARTERS, simd.f32x16(-np.inf), simd.f32x16(np.inf))
-    span_inputs(room, group * VECTOR, begin, length, slack)
+    """Meet the vectors of a group in the quarters of a stretch: bounds of slopes are asked for where there may be a root at all."""
+    tell(room, 2, QUARTERS, simd.f32x16(-np.inf), simd.f32x16(np.inf))
+    quarter_inputs(room, group * VECTOR, begin, length, slack)
     room.state[0] = 0
-    evaluate(room, SPANS, tape, QUARTERS)
-    maybe = room.state[0]
+    evaluate(room, BOXES, tape, QUARTERS)
+    maybe, out = room.state[0], room.tapes[tape, 2] * 2 * QUARTERS
+    for k in range(QUARTERS):  # put aside
+        simd.store(room.inputs, k * VECTOR, simd.load(room.registers, (out + k) * VECTOR, VECTOR))
+        simd.store(room.inputs, (QUARTERS + k) * VECTOR, simd.load(room.registers, (out + QUARTERS + k) * VECTOR, VECTOR))
     stored = room.bounds
-    _store_bounds(room, tape, PARTS_OF_SPAN)
     for k in range(QUARTERS):
-        count = 0
-        for number in range(many):
-            lane, vector = k * VECTOR + number, group * VECTOR + number
-            unsure = (maybe >> lane) & 1 != 0
-            if room.alive[vector] != 0 and ((stored[5, lane] <= 0.0 and stored[6, lane] >= 0.0) or unsure):
+        low, high = simd.load(room.inputs, k * VECTOR, VECTOR), simd.load(room.inputs, (QUARTERS + k) * VECTOR, VECTOR)
+        left = simd.bits((low <= 0.0) & (high >= 0.0)) | ((maybe >> (k * VECTOR)) & 0xFFFF)
+        a = begin + k * length
+        if left & _alive_of(room, group, many) == 0:
+            continue
+        span_input(room, group * VECTOR, a, length, slack)
+        tell(room, PARTS_OF_SPAN, 1, low, high)
+        room.state[0] = 0
+        evaluate(room, SPANS, tape, 1)
+        out = room.tapes[tape, 2] * PARTS_OF_SPAN * VECTOR
+        for part in range(PARTS_OF_SPAN):
+            simd.store(stored, (PARTS_OF_SPAN + part) * QUARTERS * VECTOR, simd.load(room.registers, out + part * VECTOR, VECTOR))
+        count, unsure_of = 0, room.state[0]
+        left &= _alive_of(room, group, many)
+        while left != 0:
+            lane = simd.trailing_zeros(left)
+            left &= left - 1
+            unsure = (unsure_of >> lane) & 1 != 0
+            if (stored[5, lane] <= 0.0 and stored[6, lane] >= 0.0) or unsure:
                 least, most = stored[7, lane], stored[8, lane]
-                room.list[count] = vector
+                room.list[count] = group * VECTOR + lane
                 room.slopes[count], room.slopes[VECTOR + count] = (-np.inf, np.inf) if unsure else (least, most)
                 room.slopes[2 * VECTOR + count] = 1.0 if (least > 0.0 or most < 0.0) and not unsure else 0.0
                 error = error_of(stored[5, lane], stored[6, lane], stored[9, lane])
                 room.slopes[3 * VECTOR + count] = np.inf if unsure else error
                 count += 1
         if count > 0:
-            a = begin + k * length
             leaf(room, memory, tape, count, a, a + length, start, reach, slack, hits)
+
+
+@helper
+def _alive_of(room: Any, group: int, many: int) -> int:
+    """Bits of a group's vectors that have rays yet to meet something."""
+    found = 0
+    for number in range(many):
+        if room.alive[group * VECTOR + number] != 0:
+            found |= 1 << number
+    return found

@@ -9,6 +9,7 @@ from typing import Protocol
 from . import colors, limits, operators, units
 from .elements import AxisAngle, Falloff, Quaternion
 from .formula import OPERATIONS
+from .noise import offset
 from .operators import checked, has_term, record, split, unify, unify_all
 from .units import Quantity
 from .values import Builtin, Color, Mistake, Value, describe, is_placeable, kind, show
@@ -237,12 +238,25 @@ def _smoothstep(context: Context, low: Value, high: Value, value: Value) -> Valu
     return operators.multiply(operators.multiply(t, t, context), bend, context)
 
 
-@_define("noise x y? z?", "gradient noise in -1..1, 0 at whole coordinates; of one to three numbers or a list of them")
-def _noise(context: Context, *given: Value) -> Value:
-    parts: tuple[Value, ...] = _list(given[0], 0) if isinstance(given[0], tuple) and len(given) == 1 else given
-    if not 1 <= len(parts) <= 3:
-        raise Mistake(f"noise takes one to three numbers, got a list of {len(parts)}", argument=0)
-    return _apply("noise", *[_plain(p, min(i, len(given) - 1)) for i, p in enumerate(parts)], *([0.0] * (3 - len(parts))))
+@_define("noise x y? z? seed?", "gradient noise in -1..1, 0 at whole coordinates; of one to three numbers or a list; seed: 1 … for others")
+def _noise(context: Context, *given: Value, **named: Value) -> Value:
+    """Perlin's of 2002. A seed is a whole number: it moves the lattice, which repeats every 256, to another of its 2²⁴ places."""
+    if isinstance(given[0], tuple):
+        parts: tuple[Value, ...] = _list(given[0], 0)
+        beside = [*given[1:], *named.values()]
+        if len(beside) > 1 or set(named) - {"seed"} or not 1 <= len(parts) <= 3:
+            raise Mistake(f"noise takes one to three numbers, or a list of them, and a seed; got a list of {len(parts)}", argument=0)
+        seed = beside[0] if beside else 0.0
+    else:
+        four = (*given, *(None,) * (4 - len(given)))
+        parts = tuple(0.0 if part is None else part for part in (four[0], named.get("y", four[1]), named.get("z", four[2])))
+        seed = named.get("seed", four[3] if len(given) > 3 else 0.0)
+    if type(seed) is not float or seed != int(seed):
+        raise Mistake(f"a seed is a whole number, got {describe(seed)}", argument=len(given) + len(named) - 1)
+    point = [_plain(part, 0 if isinstance(given[0], tuple) else min(i, len(given) - 1)) for i, part in enumerate(parts)]
+    point += [0.0] * (3 - len(point))
+    shifted = [operators.add(part, float(by), context) if by else part for part, by in zip(point, offset(int(seed)), strict=True)]
+    return _apply("noise", *shifted)
 
 
 # --- vectors --------------------------------------------------------------------------------------------------------

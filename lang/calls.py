@@ -195,10 +195,13 @@ def _builtin(machine: Evaluator, function: Builtin, givens: list[Given], site: S
     assigned = _assign(machine, names, {n: n for n in names}, list(names[: function.required]), givens, site)
     if any(g.value is POISON for g in rest):
         raise Poisoned
-    given = [assigned[n] for n in names if n in assigned] + rest
+    gap = next((k for k, n in enumerate(names) if n not in assigned), len(names))
+    named = {n: assigned[n] for n in names[gap:] if n in assigned}
+    given = [assigned[n] for n in names[:gap]] + rest
     try:
-        return function.run(site.scope, *[g.value for g in given])
+        return function.run(site.scope, *[g.value for g in given], **{n: g.value for n, g in named.items()})
     except Mistake as mistake:
+        given += named.values()
         if mistake.argument is not None and mistake.span is None and mistake.argument < len(given):
             mistake.span = given[mistake.argument].span
         raise

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+_WORD = (1 << 64) - 1
+
 # Perlin's permutation of 0..255.
 PERMUTATION = (
     151, 160, 137, 91, 90, 15, 131, 13, 201, 95, 96, 53, 194, 233, 7, 225, 140, 36, 103, 30, 69, 142, 8, 99, 37, 240, 21, 10, 23,
@@ -50,3 +52,14 @@ def _gradient(h: int, x: float, y: float, z: float) -> float:
     u = x if h < 8 else y
     v = y if h < 4 else (x if h in (12, 14) else z)
     return (u if h & 1 == 0 else -u) + (v if h & 2 == 0 else -v)
+
+
+def offset(seed: int) -> tuple[int, int, int]:
+    """How far a seed moves the lattice: nothing for 0, and for others a place that tells nothing of the next one's (splitmix64)."""
+    if seed == 0:
+        return 0, 0, 0
+    z = (seed * 0x9E3779B97F4A7C15) & _WORD
+    z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & _WORD
+    z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & _WORD
+    z ^= z >> 31
+    return z & 255, z >> 8 & 255, z >> 16 & 255

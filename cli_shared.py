@@ -74,6 +74,10 @@ _PICTURE = {
     "denoise": click.option(
         "--denoise", is_flag=True, default=None, help="Take out the noise, with Open Image Denoise (pip install maquette[denoise])."
     ),
+    "tolerance": click.option(
+        "--tolerance", type=click.FloatRange(0, min_open=True), metavar="PIXELS",
+        help="How far the rasterizer's triangles may be off the outlines of shapes: 0.05 if not said.",
+    ),
     "crop": click.option("--crop", type=values.CROP, help="Only these pixels, from the top left."),
     "background": click.option("--background", type=values.BACKGROUND, help="sky, transparent or #rrggbb."),
     "exposure": click.option("--exposure", type=values.EXPOSURE, help="Stops, for 8 and 16-bit pictures; + 1 is twice as bright."),

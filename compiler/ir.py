@@ -365,6 +365,7 @@ class Settings:
     camera: str | None = None
     threads: int | None = None
     denoise: bool | None = None
+    tolerance: float | None = None  # pixels that a tessellated shape may be off its true outline
 
     def over(self, other: Settings) -> Settings:
         """These settings where said, else those of `other`."""

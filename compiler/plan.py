@@ -21,6 +21,7 @@ MAX_SAMPLES = 4096  # where a render gives up that looks for an error
 ENDLESS_SAMPLES = 1 << 20  # and one that spends a budget
 SPECULAR_BOUNCES = 8
 POLISHED = 0.3  # roughness below which the highlight of what is no metal mirrors things that can be told
+TOLERANCE = 0.05  # pixels
 RASTER_MOMENTS = 16  # at which the raster backend draws what moves
 BRUTE_FORCE_INSTANCES = 2  # up to this many analytic shapes a loop is as quick as the tree (9.2 against 8.9 million rays a second at 2)
 BACKENDS = ("ray", "raster", "reference")
@@ -32,6 +33,7 @@ REST = "rest"  # the light group of what names none
 
 TRANSPORTS = ("paths", "tree")
 NOISES = ("blue", "white")
+SECONDARY = ("none", "trace")  # what becomes of rays that the raster backend's mirrors, metals and glass send on
 WEIGHINGS = ("power", "balance", "lights", "surfaces")  # as in render/paths.py
 PRECISIONS = ("float32", "float64")
 FLOAT32_RATIO = 5000.0  # of the largest coordinate over the smallest thing, up to which single precision does
@@ -191,16 +193,27 @@ def _crop(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> 
 def _soft(scene: ir.Scene, *_: Any) -> Decision:
     lights = scene.tables.lights
     soft = [k for k in _SOFT_LIGHTS if np.any((lights.kind == k) & np.any(lights.color > 0, axis=1))]
-    if soft:
+    if soft and not lit_materials(scene.tables).any():
+        reason = "no surface is lit: things shine, mirror or let through"
+        soft = []
+    elif soft:
         reason = f"{', '.join(k.name.lower() for k in soft)}: sampled with random numbers"
     else:
         reason = "only point-like lights: one exact shadow ray each, no random numbers"
     return Decision("soft lights", bool(soft), reason, fixed="the scene's lights")
 
 
+def _secondary(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    reason = "mirrors, metals and glass show the sky and, below it, the ground's mean light: no ray is followed from what is seen"
+    if not (specular_materials(scene) & used_materials(scene.tables)).any():
+        reason = "no material reflects or refracts"
+    return Decision("raster.secondary", "none", reason, SECONDARY)
+
+
 def _bounces(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
-    if done["backend"].value == "raster":
-        return Decision("bounces", 0, "the raster backend follows no reflected or refracted rays", fixed="--bounces")
+    if done["backend"].value == "raster" and done["raster.secondary"].value == "none":
+        reason = "the raster backend follows no rays from what is seen: --plan raster.secondary=trace does"
+        return Decision("bounces", 0, reason, fixed="--bounces")
     if asked.bounces is not None:
         return Decision("bounces", asked.bounces, "asked for", fixed="--bounces")
     if specular_materials(scene).any():
@@ -218,9 +231,27 @@ def _interreflection(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Dec
     return Decision("interreflection", False, reason)
 
 
+def _random(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    fixed = "the scene's lights and materials"
+    why = []
+    if done["soft lights"].value:
+        why.append("soft lights")
+    if done["interreflection"].value:
+        why.append("light between surfaces")
+    if (glossy_materials(scene) & used_materials(scene.tables)).any():
+        why.append("what glossy surfaces mirror")
+    if (scene.tables.materials.model[used_materials(scene.tables)] == ir.MaterialModel.BLEND).any():
+        why.append("blends of materials")
+    if why:
+        return Decision("random numbers", True, f"{', '.join(why)}: found by samples", fixed=fixed)
+    return Decision("random numbers", False, "none but those of antialiasing: light is exact at each sample", fixed=fixed)
+
+
 def _transport(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
     if not done["interreflection"].value:
         return Decision("transport", "tree", "light goes by mirrors and glass alone: every branch is followed", TRANSPORTS[1:])
+    if done["backend"].value == "raster":
+        return Decision("transport", "tree", "rays go on from what is seen of triangles: every branch is followed", TRANSPORTS[1:])
     return Decision("transport", "paths", "matt surfaces light each other: one random direction a surface", TRANSPORTS)
 
 
@@ -283,7 +314,7 @@ def _samples(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) 
         return Decision("samples", MAX_SAMPLES, "at the most; the error or the budget ends it", fixed="--samples")
     if math.isfinite(done["budget"].value):
         return Decision("samples", ENDLESS_SAMPLES, "at the most; the budget ends it", fixed="--samples")
-    if done["soft lights"].value or done["interreflection"].value:
+    if done["random numbers"].value:
         return Decision("samples", SAMPLES_SOFT, "soft light needs more than antialiasing does", fixed="--samples")
     return Decision("samples", SAMPLES_SHARP, "antialiasing; light is exact at each sample", fixed="--samples")
 
@@ -400,7 +431,9 @@ def _formulas(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision])
 
 
 def _tolerance(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
-    return Decision("tolerance", 0.05, "pixels a tessellated shape may be off its true outline")
+    if asked.tolerance is not None:
+        return Decision("tolerance", float(asked.tolerance), "asked for: pixels a tessellated shape may be off its true outline")
+    return Decision("tolerance", TOLERANCE, "the default: pixels a tessellated shape may be off its true outline")
 
 
 def _horizon(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
@@ -540,7 +573,7 @@ def _precision(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]
 
 
 RULES: tuple[Callable[[ir.Scene, ir.Settings, Mapping[str, Decision]], Decision], ...] = (
-    _backend, _camera, _lens, _size, _crop, _soft, _bounces, _interreflection, _transport, _weighing, _path_precision,
+    _backend, _camera, _lens, _size, _crop, _soft, _secondary, _bounces, _interreflection, _random, _transport, _weighing, _path_precision,
     _shadows, _error, _budget, _samples, _filter, _noise, _seed,
     _background, _exposure, _view, _aov, _denoise, _threads, _accelerator, _formulas, _horizon, _opacity, _motion, _textures,
     _tolerance, _fill, _shading, _precision,
@@ -564,6 +597,15 @@ def used_materials(tables: ir.Tables) -> np.ndarray:
         if found[row]:
             found[[m.first[row], m.second[row]]] = True
     return found
+
+
+def lit_materials(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: those whose look depends on lights: what is matt, has a highlight or is rough glass."""
+    m, slots = tables.materials, [ir.Slot.DIFFUSE, ir.Slot.SPECULAR]
+    plain = (m.values[:, slots].max(axis=(1, 2), initial=0.0) > 0.0) | (m.textures[:, slots] >= 0).any(axis=1)
+    rough = (m.values[:, ir.Slot.ROUGHNESS, 0] > 0.0) | (m.textures[:, ir.Slot.ROUGHNESS] >= 0)
+    facets = np.isin(m.model, (ir.MaterialModel.METAL, ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR))
+    return plain | facets | (m.model == ir.MaterialModel.BLEND) | (rough & (m.model == ir.MaterialModel.GLASS))
 
 
 def glossy_materials(scene: ir.Scene) -> np.ndarray:

@@ -1,7 +1,8 @@
 """A picture in bands: each is filled with what its samples see, then what they see is lit, once for each triangle in each pixel.
 
-Samples lie at the same places in every pixel, and a pixel's filter weighs those around it; nothing here is random. Where shadows
-or patterns run across triangles every sample is lit for itself.
+Samples lie at the same places in every pixel, and a pixel's filter weighs those around it. Where shadows or patterns run across
+triangles, or light is found with random numbers, every sample is lit for itself. More than sixteen samples are drawn sixteen at a time,
+each time at other places.
 """
 
 from __future__ import annotations
@@ -16,11 +17,11 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
-from . import across, bands, camera, classic, deferred, faces, fill, integrate, meshlets, raster_setup, sampler, setup, traced
+from . import across, bands, camera, classic, deferred, faces, fill, integrate, meshlets, metrics, raster_setup, sampler, setup, traced
 from .handles import Handle
 from .records import View
 
-MOST_SAMPLES = 16
+MOST_AT_ONCE = 16  # samples of a pixel
 ROWS = {1: 64, 4: 32}  # rows of a band by samples, where its buffer still fits the second cache; else 16
 
 EXACT = 2.0**22  # weights are whole numbers over this, so that sums of them are exact in float32, and what is covered wholly is 1
@@ -56,78 +57,135 @@ def needs_no_rays(plan: Plan) -> bool:
 
 
 def can_draw(plan: Plan) -> bool:
-    """Whether a picture is drawn in bands: a few samples at fixed places, one moment, one point, and light without random numbers."""
+    """Whether a picture is drawn in bands: the same samples for all pixels, one moment, one point.
+
+    Many samples of light without random numbers are asked for where edges are finer than pixels: those are drawn at places of each
+    pixel's own, lest all pixels err alike.
+    """
     alike = not any(name.startswith((planner.LIGHT, "crypto_", "variance")) for name in plan["aov"])  # nothing is told sample by sample
     once = alike and not plan["denoise"] and not plan["motion"] and plan["lens"] == "pinhole"
-    return bool(once and not planner.adaptive(plan) and plan["samples"] <= MOST_SAMPLES and not plan["soft lights"])
+    return bool(once and not planner.adaptive(plan) and (plan["samples"] <= MOST_AT_ONCE or plan["random numbers"]))
+
+
+class Pass(NamedTuple):
+    """Some of the samples of all pixels, which are drawn together."""
+
+    first: int  # sample of the first of them
+    pattern: bands.Pattern
+    places: Handle  # of the pattern
+    weights: Handle  # of a deferred.Splat
+
+
+@functools.cache
+def passes(samples: int, random: bool, name: str) -> tuple[Pass, ...]:
+    """How so many samples under a filter of this name are drawn; `random` ones in two halves at least, which tell how far off they are."""
+    count = max(-(-samples // MOST_AT_ONCE), 2 if random and samples >= 4 else 1)  # a single sample stands for its whole pixel
+    ends = [samples * k // count for k in range(count + 1)]
+    shares = np.diff(np.round(np.array(ends) / samples * EXACT)) / EXACT
+    made = []
+    for first, end, share in zip(ends[:-1], ends[1:], shares.tolist(), strict=True):
+        pattern = bands.pattern(samples) if count == 1 else bands.pattern_from(first, end - first)
+        made.append(Pass(first, pattern, Handle(pattern), Handle(_splat(name, pattern, share, samples))))
+    return tuple(made)
 
 
 class Bands:
     """One picture to be drawn, band by band, by any number of threads."""
 
-    def __init__(self, prepared: Any, plan: Plan, view: View, endless: NDArray[np.intp]) -> None:
-        self.prepared, self.view, self.endless = prepared, view, endless
+    def __init__(self, prepared: Any, plan: Plan, view: View, exact: NDArray[np.intp]) -> None:
+        self.prepared, self.view, self.exact = prepared, view, exact
         tables, made = prepared.tables, prepared.triangles
         samples = plan["samples"]
         x0, _, x1, _ = plan["crop"]
         self.crop = np.array(plan["crop"], np.int64)
-        self.each = samples > 1 and plan["raster.shading"] == "sample"
-        self.places, self.weights = _weights(plan["filter"], samples)
-        self.pattern, self.splat = self.places.tables, self.weights.tables
-        self.margin = 4 * -(-self.splat.reach // 4)
-        self.rows = ROWS.get(samples, 16)
-        self.drawn = Handle(bands.drawn(made.shown, made.meshlets, made.placed, plan["crop"], self.splat.reach, self.rows))
+        self.each = samples > 1 and (plan["raster.shading"] == "sample" or plan["random numbers"])
+        self.passes = passes(samples, plan["random numbers"], plan["filter"])
+        self.reach = self.passes[0].weights.tables.reach
+        self.margin = 4 * -(-self.reach // 4)
+        self.boxes = raster_setup.pixel_boxes(tables, view, exact)
+        self.rows = ROWS.get(len(self.passes[0].pattern.x), 16)
+        self.drawn = Handle(bands.drawn(made.shown, made.meshlets, made.placed, plan["crop"], self.reach, self.rows))
         self.patterned = True if _patterned(tables) else None
         how, self.fill = plan["raster.fill"], None
         if how != "edges":
             self.fill = classic.Fill(how, tables, prepared.packed, view, made.model, made.ranges, made.meshlets.tables)
         self.plain = plan["raster.precision"] == "float32"
         self.background = plan["background"]
-        self.rgba = np.zeros((self.crop[3] - self.crop[1], self.crop[2] - self.crop[0], 4), np.float32)
+        shape = self.crop[3] - self.crop[1], self.crop[2] - self.crop[0]
+        self.rgba = np.zeros((*shape, 4), np.float32)
+        self.half = len(self.passes) // 2  # passes after which `apart` is told
+        self.apart = np.zeros((*shape, 3), np.float32) if self.half else None  # how far the mean of all may be off, by its halves
         self.jobs: Sequence[int] = range(int(self.crop[1]) // self.rows, -(-int(self.crop[3]) // self.rows))
 
         columns, most = x1 - (x0 & ~3) + 2 * self.margin, int(made.placed[:, 1].sum())
-        self.size = _Size(columns, self.rows + 2 * self.margin, samples, self.plain, self.patterned is not None, most)
+        self.sizes = [
+            _Size(columns, self.rows + 2 * self.margin, len(one.pattern.x), self.plain, self.patterned is not None, most)
+            for one in self.passes
+        ]
         self.turn = object()
+
+    @property
+    def error(self) -> float | None:
+        """√relMSE as the halves of the samples tell it; None where all are drawn at once."""
+        if self.apart is None or not self.apart.size:
+            return None
+        light = self.rgba[..., :3].astype(np.float64)
+        least = max((metrics.EPSILON * float(metrics.luminance(light).mean())) ** 2, float(np.finfo(np.float64).tiny))
+        around = light.copy()
+        for axis in (0, 1):
+            there = np.pad(around, [(1, 1) if a == axis else (0, 0) for a in range(3)], mode="edge")
+            around = sum(there.take(range(k, k + light.shape[axis]), axis) for k in range(3)) / 3.0
+        known = np.minimum(np.abs(light), np.abs(around))  # a stray bright sample does not excuse itself
+        return float(np.sqrt(np.mean(np.square(self.apart, dtype=np.float64) / (known * known + least))))
 
     def draw(self, job: int) -> int:
         """Draw a band into `rgba`; how many of its items were not finite and left out."""
-        free = self.prepared.triangles.rooms.setdefault(self.size, [])
-        try:
-            room = free.pop()
-        except IndexError:
-            room = _Room(self)
-        issues = self._draw(job, room)
-        free.append(room)
+        _, y0, _, y1 = (int(c) for c in self.crop)
+        top, bottom = max(job * self.rows, y0), min((job + 1) * self.rows, y1)
+        window, issues = slice(top - y0, bottom - y0), 0
+        for k, one in enumerate(self.passes):
+            if self.apart is not None and k == self.half:
+                self.apart[window] = self.rgba[window, :, :3]
+            free = self.prepared.triangles.rooms.setdefault(self.sizes[k], [])
+            try:
+                room = free.pop()
+            except IndexError:
+                room = _Room(self, self.sizes[k])
+            issues += self._draw(job, room, one, top, bottom)
+            free.append(room)
+        if self.apart is not None:
+            # of T = h A + (1 - h) B, the difference of independent halves A - B tells √(h (1 - h)) (A - B)
+            h = self.passes[self.half].first / sum(len(one.pattern.x) for one in self.passes)
+            self.apart[window] = (self.apart[window] - h * self.rgba[window, :, :3]) / np.sqrt(h * (1.0 - h))
+        self._behind(top, bottom)
         return issues
 
-    def _draw(self, job: int, room: _Room) -> int:
-        x0, y0, x1, y1 = (int(c) for c in self.crop)
-        reach = self.splat.reach
-        top, bottom = max(job * self.rows, y0), min((job + 1) * self.rows, y1)
+    def _draw(self, job: int, room: _Room, one: Pass, top: int, bottom: int) -> int:
+        """Draw a pass of a band's rows `top` to `bottom`."""
+        x0, _, x1, _ = (int(c) for c in self.crop)
         band = room.band.tables
         band.place[:2] = (x0 & ~3) - self.margin, job * self.rows - self.margin  # on a grid of blocks that no crop moves
-        band.clip[:] = x0 - reach, top - reach, x1 + reach, bottom + reach
+        band.clip[:] = x0 - self.reach, top - self.reach, x1 + self.reach, bottom + self.reach
         band.rows[:] = top, bottom
         made, drawn = self.prepared.triangles, self.drawn
-        room.serve(self)
+        room.serve(self, one)
         if self.fill is None:
             setup.draw_band(room.filling, job - self.jobs[0])
         else:
-            self.fill.draw(room.band, self.pattern, drawn.tables)
+            self.fill.draw(room.band, one.pattern, drawn.tables)
         p = self.prepared
-        if len(self.endless):
-            traced.draw_endless(made.model, self.endless, p.packed, p.accel, self.view, self.places, room.band)
+        here = (self.boxes[:, 1] < band.clip[3]) & (self.boxes[:, 3] > band.clip[1])
+        if here.any():
+            traced.draw_exact(made.model, self.exact[here], self.boxes[here], p.packed, p.accel, self.view, one.places, room.band)
         if self.plain and len(drawn.tables.first) == 0:
-            pass  # an empty picture, maybe of an empty scene
-        elif self.plain:
+            return 0  # an empty picture, maybe of an empty scene
+        if self.plain:
             deferred.shade_band(room.shading, self.each, self.patterned, self.crop, self.rgba)
         else:
             traced.shade_band(
-                made.model, self.places, self.each, made.meshlets, drawn, p.packed, p.accel, p.gouraud, p.frame, self.weights, room.band,
-                room.items, room.stack, self.crop, self.rgba,
+                made.model, one.places, self.each, one.first, made.meshlets, drawn, p.packed, p.accel, p.gouraud, p.frame, one.weights,
+                room.band, room.items, room.stack, self.crop, self.rgba,
             )  # fmt: skip
-        self._behind(top, bottom)
         return int(room.items.tables.counts[3])
 
     def _behind(self, top: int, bottom: int) -> None:
@@ -137,7 +195,7 @@ class Bands:
         if self.background == "transparent":
             return
         if self.background == "sky":
-            traced.sky_behind(self.prepared.packed, self.prepared.frame, x0, top, window)
+            traced.sky_behind(self.prepared.packed, self.prepared.frame, x0, top, window.shape[1], window.reshape(-1))
         else:
             window[..., :3] += (1.0 - window[..., 3:]) * np.asarray(self.background, np.float32)
 
@@ -156,48 +214,44 @@ class _Size(NamedTuple):
 class _Room:
     """What a thread needs to draw a band. It is kept for the next picture: getting memory from the system takes long."""
 
-    def __init__(self, of: Bands) -> None:
-        size = of.size
+    def __init__(self, of: Bands, size: _Size) -> None:
         self.band = Handle(bands.band_for(size.columns, size.rows, size.samples))
         self.items = Handle(deferred.items_for(size.columns, size.samples))
         most = 2 * self.items.tables.half
         self.faces = Handle(faces.faces_for(size.meshlets, most, size.patterned)) if size.plain else None
         self.stack = None if size.plain else integrate.stack_for(of.prepared.options, across.WIDTH)
         self._turn: object = None
+        self._pass: Pass | None = None
 
-    def serve(self, of: Bands) -> None:
-        """Be of use to a picture from now on."""
-        if self._turn is of.turn:
+    def serve(self, of: Bands, one: Pass) -> None:
+        """Be of use to a pass of a picture from now on."""
+        if self._turn is of.turn and self._pass is one:
             return
-        self._turn, made = of.turn, of.prepared.triangles
-        self.filling = Handle(bands.Filling(made.shown, of.places, made.meshlets, of.drawn, self.band))
+        made = of.prepared.triangles
+        self.filling = Handle(bands.Filling(made.shown, one.places, made.meshlets, of.drawn, self.band))
         if self.faces is not None:
-            faces.forget(self.faces.tables)
+            if self._turn is not of.turn:
+                faces.forget(self.faces.tables)
             self.shading = Handle(deferred.Shading(
-                made.shown, of.places, made.meshlets, of.drawn, made.lit, made.look, of.weights, self.band, self.faces, self.items,
+                made.shown, one.places, made.meshlets, of.drawn, made.lit, made.look, one.weights, self.band, self.faces, self.items,
             ))  # fmt: skip
+        self._turn, self._pass = of.turn, one
 
 
-@functools.cache
-def _weights(name: str, samples: int) -> tuple[Handle, Handle]:
-    """Handles of a bands.Pattern and of its Splat."""
-    pattern = bands.pattern(samples)
-    return Handle(pattern), Handle(_splat(name, pattern))
-
-
-def _splat(name: str, pattern: bands.Pattern) -> deferred.Splat:
-    """How a pixel's samples count for the pixels around it; all of what counts for a pixel adds up to 1."""
+def _splat(name: str, pattern: bands.Pattern, share: float, samples: int) -> deferred.Splat:
+    """How a pixel's samples count for the pixels around it; all of what counts for a pixel adds up to `share`."""
     side, count = deferred.SIDE, len(pattern.x)
-    reach = int(np.ceil(sampler.FILTER_RADIUS[name] - 0.5)) if count > 1 else 0
-    away = np.arange(side) - deferred.REACH
-    dx = (pattern.x / fill.ONE - 0.5)[:, None] - away
-    dy = (pattern.y / fill.ONE - 0.5)[:, None] - away
+    reach = int(np.ceil(sampler.FILTER_RADIUS[name] - 0.5)) if samples > 1 else 0
+    away = np.arange(side, dtype=np.float64) - deferred.REACH
+    inner = 0.5 - 1e-6  # a sample on a pixel's border is its own, to filters that end there
+    dx: NDArray[np.float64] = np.maximum(pattern.x / fill.ONE - 0.5, -inner)[:, None] - away
+    dy: NDArray[np.float64] = np.maximum(pattern.y / fill.ONE - 0.5, -inner)[:, None] - away
     weight = sampler.filter_weight(name, dy)[:, :, None] * sampler.filter_weight(name, dx)[:, None, :]
-    if count == 1:
+    if samples == 1:
         weight = np.zeros_like(weight)
         weight[0, deferred.REACH, deferred.REACH] = 1.0
-    weight = np.round(weight / weight.sum() * EXACT) / EXACT
-    weight[np.unravel_index(weight.argmax(), weight.shape)] += 1.0 - weight.sum()
+    weight = np.round(weight / weight.sum() * share * EXACT) / EXACT
+    weight[np.unravel_index(weight.argmax(), weight.shape)] += share - weight.sum()
     table = np.zeros((4, 16, side * side))
     for s in range(count):
         for bits in range(16):

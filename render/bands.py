@@ -6,7 +6,7 @@ depends on no other. The buffer keeps, for each sample, the nearest triangle's k
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,23 +103,29 @@ def band_for(columns: int, rows: int, samples: int) -> Band:
 def pattern(samples: int) -> Pattern:
     """The places of 1, 4 or up to 16 samples: the pixel's centre; those of Direct3D and OpenGL; a (0, 4, 2)-net (Sobol 1967)."""
     if samples == 1:
-        x, y = [128], [128]
-    elif samples == 4:
-        x, y = [96, 224, 32, 160], [224, 160, 96, 32]  # 6, 14, 2, 10 and, from below, 2, 6, 10, 14 sixteenths
-    else:
-        k = np.arange(16)
-        reverse = (k & 1) << 3 | (k & 2) << 1 | (k & 4) >> 1 | (k & 8) >> 3
-        second = k ^ (k & 0b1010) >> 1 ^ (k & 0b1100) >> 2
-        second = second ^ (second & 0b1100) >> 2
-        x, y = reverse * 16 + 8, _van_der_corput_2(k) * 16 + 8
-        x, y = x[:samples], y[:samples]
+        return _pattern_at([128], [128])
+    if samples == 4:
+        return _pattern_at([96, 224, 32, 160], [224, 160, 96, 32])  # 6, 14, 2, 10 and, from below, 2, 6, 10, 14 sixteenths
+    return pattern_from(0, samples)
+
+
+def pattern_from(first: int, samples: int) -> Pattern:
+    """Points first … first + samples - 1 of a sequence of 256: each 2ᵐ of them from a multiple of 2ᵐ on are a (0, m, 2)-net."""
+    k = np.arange(first, first + samples) & 255
+    return _pattern_at(_sobol(_IDENTITY, k) ^ 8, _sobol(_PASCAL, k) ^ 8)  # the first sixteen in the middle of sixteenths
+
+
+def _pattern_at(x: Any, y: Any) -> Pattern:
     x, y = np.array(x, np.int32), np.array(y, np.int32)
     return Pattern(x, y, int(x.min()), int(x.max()), int(y.min()), int(y.max()))
 
 
-def _van_der_corput_2(k: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The second Sobol dimension of 16 points, in sixteenths."""
-    columns = (8, 12, 10, 15)  # direction numbers of the polynomial x + 1
+_IDENTITY = (128, 64, 32, 16, 8, 4, 2, 1)  # direction numbers of Sobol's first two dimensions
+_PASCAL = (128, 192, 160, 240, 136, 204, 170, 255)
+
+
+def _sobol(columns: tuple[int, ...], k: NDArray[np.int64]) -> NDArray[np.int64]:
+    """A dimension of points k, in 1/256."""
     out = np.zeros_like(k)
     for bit, number in enumerate(columns):
         out ^= np.where(k >> bit & 1, number, 0)

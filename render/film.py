@@ -63,9 +63,17 @@ class Whole(Protocol):
 
     rgba: NDArray[np.float32]
 
+    apart: NDArray[np.float32] | None
+    """(h, w, 3) by how much what is in `rgba` may be off, as halves of the samples tell; None where they tell nothing."""
+
     @property
     def jobs(self) -> Sequence[int]:
         """The pieces."""
+        ...
+
+    @property
+    def error(self) -> float | None:
+        """√relMSE as `apart` tells it."""
         ...
 
     def draw(self, job: int) -> int:
@@ -139,8 +147,10 @@ def _in_pieces(
     if "samples" in channels:
         channels["samples"][...] = samples
     about: dict[str, Any] = {
-        "size": (view.width, view.height), "crop": crop, "samples": samples, "samples_mean": float(samples), "error": None,
-        "partial": done < total, "variance": None, "rays": samples * (x1 - x0) * (y1 - y0), "issues": issues, "threads": threads,
+        "size": (view.width, view.height), "crop": crop, "samples": samples, "samples_mean": float(samples),
+        "error": whole.error if done == total else None, "partial": done < total,
+        "variance": None if whole.apart is None else np.square(whole.apart),
+        "rays": samples * (x1 - x0) * (y1 - y0), "issues": issues, "threads": threads,
     }  # fmt: skip
     return image.Image(x1 - x0, y1 - y0, channels, about)
 

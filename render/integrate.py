@@ -35,7 +35,7 @@ from .handles import Handle
 from .kernels import HELPER, helper, if_there
 from .links import FLOAT, INT, VEC, Linked
 from .materials import Shader
-from .records import GouraudLight, Hit, Lane, Options, Ray, Surface, Tables, Vec
+from .records import Followed, GouraudLight, Hit, Lane, Options, Ray, Surface, Tables, Vec
 
 CAMERA_RAY = int(ir.Visibility.CAMERA)
 OTHER_RAY = int(ir.Visibility.REFLECTION)
@@ -115,8 +115,7 @@ def radiance(
                 waiting = send_on(
                     tables, options, point, shader, ray.direction, share, going, left, kind, inside, pixel, sample, key, stack, waiting
                 )  # fmt: skip
-            if options.environment:
-                light = lanes.add(light, _sky_in(tables, point, shader, ray.direction))
+            light = _around_in(options.environment, light, tables, options, point, shader, ray.direction)
             total = lanes.where3(here, lanes.add(total, lanes.mul(share, light)), total)
             waiting = pass_on(waiting, accel, point, ray.direction, weight, there, here, left, kind, inside, key, stack)
             rest = rest & lanes.not_(here)
@@ -190,13 +189,68 @@ def reflected_background(tables: Tables, options: Options, direction: Vec) -> Ve
     return (zero + options.color.x, zero + options.color.y, zero + options.color.z)
 
 
+# --- what stands for rays that are not followed ---------------------------------------------------------------------------
+
+
+def _unless_followed(function: Any) -> Any:
+    """`chosen(environment, plain, …)`: `plain` where rays are followed, which is a type, and else function(environment, plain, …)."""
+
+    def chosen(environment: Any, plain: Any, *of: Any) -> Any:
+        return plain if isinstance(environment, Followed) else function(environment, plain, *of)
+
+    @overload(chosen, jit_options=HELPER)
+    def _in_kernels(environment, plain, *of):
+        if environment.layout:
+            return lambda environment, plain, *of: function(environment, plain, *of)
+        return lambda environment, plain, *of: plain
+
+    return chosen
+
+
 @helper
-def _sky_in(tables: Tables, point: Surface, shader: Shader, direction: Vec) -> Vec:
-    """Sky in the mirrored direction and straight behind, for backends that follow no rays."""
+def _shown_around(around: Any, tables: Tables, options: Options, direction: Vec) -> Vec:
+    """The light that comes from a direction in which nothing is looked for."""
+    zero = 0.0 * direction[0]
+    below = lanes.dot(direction, lanes.like3(zero, around.up.x, around.up.y, around.up.z)) < 0.0
+    ground = lanes.like3(zero, around.ground.x, around.ground.y, around.ground.z)
+    return lanes.where3(below, ground, reflected_background(tables, options, direction))
+
+
+@helper
+def _in_mirrors(around: Any, light: Vec, tables: Tables, options: Options, point: Surface, shader: Shader, direction: Vec) -> Vec:
+    """More light: what mirrors and clear glass show, in the mirrored direction and straight behind."""
     reflection, transmission, _, _ = materials.splits(point, shader, direction)
-    mirrored = lights.background(tables, lanes.reflect(direction, point.normal))[0]
-    behind = lights.background(tables, direction)[0]
-    return lanes.add(lanes.mul(reflection, mirrored), lanes.mul(transmission, behind))
+    mirrored = _shown_around(around, tables, options, lanes.reflect(direction, point.normal))
+    behind = _shown_around(around, tables, options, direction)
+    return lanes.add(light, lanes.add(lanes.mul(reflection, mirrored), lanes.mul(transmission, behind)))
+
+
+@helper
+def _in_facets(
+    around: Any, light: Vec, tables: Tables, options: Options, point: Surface, shader: Shader, viewer: Vec, active: Lane,
+    pixel: Lane, sample: Lane, key: Lane,
+) -> Vec:  # fmt: skip
+    """More light: what metals, polish and rough glass show, in a direction drawn as their highlight spreads."""
+    if materials.has_facets(shader):
+        glossy = active & materials.is_glossy(shader)
+        if lanes.any_lane(glossy):
+            u, v = sampler.pair(pixel, sample, key * _LIGHTS * 2 + 1, options.seed)
+            which = another(shader, pixel, sample, key, options.seed)
+            direction, share = materials.sample_lobe(shader, point.normal, viewer, u, v, which)
+            open_ = glossy & materials.is_frosted(shader, lanes.dot(direction, point.geometric) > 0.0)
+            shown_ = lanes.mul(share, _shown_around(around, tables, options, direction))
+            light = lanes.where3(open_, lanes.add(light, shown_), light)
+    return light
+
+
+@helper
+def _but_glossy(around: Any, active: Lane, shader: Shader) -> Lane:
+    return active & lanes.not_(materials.is_glossy(shader))
+
+
+_around_in = _unless_followed(_in_mirrors)
+_around_in_facets = _unless_followed(_in_facets)
+_lit_by_skies = _unless_followed(_but_glossy)  # whose highlights look for skies: those of others have what is around them already
 
 
 # --- light at a point ---------------------------------------------------------------------------------------------------
@@ -255,7 +309,7 @@ def direct_light(
             given = lanes.scale(lanes.mul(matt, lights.sky_radiance(tables, light, direction)), share)
             open_ = _sees(tables, point, shader, direction, active)
             total = lanes.add(total, _unblocked(tables, accel, options, point, light, direction, lights.FAR, given, open_))
-            shiny = active & materials.is_shiny(shader)
+            shiny = _lit_by_skies(options.environment, active & materials.is_shiny(shader), shader)
             if lanes.any_lane(shiny):
                 u, v = sampler.pair(pixel, sample, dimension + 1, options.seed)
                 which = another(shader, pixel, sample, key, options.seed)
@@ -270,7 +324,7 @@ def direct_light(
             open_ = _sees(tables, point, shader, arriving.direction, active)
             found = _unblocked(tables, accel, options, point, light, arriving.direction, arriving.distance, given, open_)
             total = lanes.add(total, found)
-    return total
+    return _around_in_facets(options.environment, total, tables, options, point, shader, viewer, active, pixel, sample, key)
 
 
 @helper

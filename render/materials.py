@@ -246,6 +246,12 @@ def is_frosted(shader: Shader, plain: Lane) -> Lane:
     return frosted.also(shader.frost, plain)
 
 
+@helper
+def is_glossy(shader: Shader) -> Lane:
+    """Whether things could be told in its highlight, or through it: metals, polish and rough glass (of plan.glossy_materials)."""
+    return frosted.also(shader.frost, microfacet.glossy(shader.lobes, lanes.bool_like(shader.ior, False)))
+
+
 def has_facets(shader: Shader) -> bool:
     """Whether a scene has microfacets: known when kernels are compiled."""
     return shader.lobes is not None or shader.frost is not None

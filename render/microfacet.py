@@ -17,11 +17,14 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from ..compiler import plan as planner
 from . import albedo, lanes
 from .kernels import helper, if_there
 from .records import Lane, Vec
 
 SHARP = 1e-3  # α below which a highlight is a mirror's: nothing in a picture is so narrow
+POLISHED = planner.POLISHED**2  # α below which things can be told in a highlight
+METALLIC = 0.1  # reflectance along the normal beyond that of what is no metal: of an index of 1.92
 COAT = 0.04  # reflectance of a coat along its normal: index 1.5
 GRAZING = 50.0  # times f0 is the most that a highlight reflects at grazing angles: what has no boundary has no highlight
 LEAST = 1e-7
@@ -346,6 +349,12 @@ def _onward(
     return direction, lanes.where3(lobes.here, lanes.scale(share, factor), plain[1])
 
 
+@helper
+def _glossy(lobes: Lobes, plain: Lane) -> Lane:
+    polished = (lobes.alpha < POLISHED) | ((lobes.coat > 0.0) & (lobes.coat_alpha < POLISHED))
+    return lanes.where(lobes.here, polished | (lanes.largest(lobes.f0) > METALLIC), plain)
+
+
 # Each takes lobes, what a material without them would give, and: the normal, a direction to the light, one to the viewer.
 reflected = if_there(_reflected)  # π f cos, for light of one direction
 shared = if_there(_shared)  # (the same, density with which `draw` takes it among all it may do): `mirror` is what is followed beside
@@ -355,4 +364,5 @@ draw = if_there(_draw)  # a direction: normal, viewer, u, v, and which part, fro
 whole = if_there(_whole)  # what parts that `draw` follows weigh together: normal, viewer
 mirrored = if_there(_mirrored)  # what sharp highlights reflect: normal, viewer
 onward = if_there(_onward)  # (direction, its π f cos over π times its density): normal, viewer, u, v, which part, with the matt one
+glossy = if_there(_glossy)  # whether things could be told in its highlight
 let_in = if_there(_let_in)  # what passes the highlights of what is under them: normal, viewer

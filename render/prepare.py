@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
-from . import aside, bvh, camera, film, footprints, gouraud, integrate, patterns, principled, sampler, tessellate, trace
+from . import around, aside, bvh, camera, film, footprints, gouraud, integrate, patterns, principled, sampler, tessellate, trace
 from .handles import Handle
 from .records import Frame, Open, Options, Pinhole, Still, Triple, View
 
@@ -49,8 +49,10 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     tables = principled.tables_for(with_vertex_shaded_meshes(scene.tables, shapes))
     if plan["textures"] == "filtered":
         tables = footprints.with_pyramids(tables, view, _looks(plan))
-    shells = {int(i): shapes.of(int(i)) for i in analytic_seen(tables, endless=False)} if backend == "raster" else {}
+    shells = shapes.shells(tables) if backend == "raster" else {}
     options = options_of(plan, tables)
+    if backend == "raster" and plan["raster.secondary"] == "none":
+        options = options._replace(environment=around.of(scene, tables, options))
     weights, lens = sampler.filter_table(plan["filter"]), camera.lens_of(tables, view) if backend != "raster" else Pinhole()
     frame = Frame(view, options, weights, shutter_of(tables, plan, view), order_of(plan), lens)
     if backend == "reference":
@@ -112,7 +114,7 @@ def _light(tables: ir.Tables, plan: Plan, packed: Any, accel: Any, frame: Any) -
 
     horizon = None
     if plan["horizon"]:
-        horizon = np.array(_normal(tables, planner.ground(tables)))
+        horizon = np.array(around.normal(tables, planner.ground(tables)))
     vertices: Any = paths.NoVertices()
     if (tables.materials.shading[tables.instances.material] == ir.Shading.GOURAUD).any():
         vertices = gouraud.vertex_light(tables, packed, trees(tables, plan) if accel is None else accel, frame)
@@ -157,19 +159,11 @@ def options_of(plan: Plan, tables: ir.Tables) -> Options:
         interreflection=bool(plan["interreflection"]),
         shadows=bool(plan["shadows"]),
         background=2 if colored else _BACKGROUNDS[background],
-        horizon=_normal(tables, ground) if ground >= 0 else Triple(0.0, 0.0, 0.0),
+        horizon=Triple(*around.normal(tables, ground)) if ground >= 0 else Triple(0.0, 0.0, 0.0),
         ground=ground,
         layers=LAYERS if plan["opacity"] else 0,
-        environment=plan["backend"] == "raster",
         color=Triple(*(float(c) for c in background)) if colored else Triple(0.0, 0.0, 0.0),
     )
-
-
-def _normal(tables: ir.Tables, instance: int) -> Triple:
-    """The unit normal of a plane in the world."""
-    x, y, z = tables.transforms.inverse[tables.instances.transform[instance], 1, :3]
-    length = math.sqrt(x * x + y * y + z * z)
-    return Triple(float(x / length), float(y / length), float(z / length))
 
 
 # --- tessellation to the pixel -------------------------------------------------------------------------------------------
@@ -182,22 +176,25 @@ def pixel_size(tables: ir.Tables, view: View) -> float:
     return 2.0 * float(cameras.extent[view.camera]) / pixels
 
 
+def nearest_depths(tables: ir.Tables, view: View, boxes: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Depths at which (n, 6) boxes begin, or the view does if later; and depths below which their tolerance is not told for."""
+    to_camera = tables.transforms.inverse[tables.cameras.transform[view.camera]]
+    middle, half = 0.5 * (boxes[:, :3] + boxes[:, 3:]), 0.5 * (boxes[:, 3:] - boxes[:, :3])
+    depth = -(middle @ to_camera[2, :3] + to_camera[2, 3]) - half @ np.abs(to_camera[2, :3])
+    return np.maximum(depth, float(tables.cameras.near[view.camera])), _NEAREST * np.linalg.norm(half, axis=1)
+
+
 def object_tolerances(tables: ir.Tables, view: View, pixels: float) -> NDArray[np.float64]:
     """(instances,) what `pixels` are in each instance's own frame, where it is nearest to the eye and stretched most; nan if endless.
 
     Never more than asked; powers of √2, so that like instances share one tessellation.
     """
-    eye = tables.cameras.transform[view.camera]
-    to_camera = tables.transforms.inverse[eye]
     boxes = bvh.world_bounds(tables)
     with np.errstate(all="ignore"):
-        middle, half = 0.5 * (boxes[:, :3] + boxes[:, 3:]), 0.5 * (boxes[:, 3:] - boxes[:, :3])
-        depth = -(middle @ to_camera[2, :3] + to_camera[2, 3])
-        reach = half @ np.abs(to_camera[2, :3])
-        nearest = np.maximum(np.maximum(depth - reach, float(tables.cameras.near[view.camera])), _NEAREST * np.linalg.norm(half, axis=1))
-        size = np.full(len(depth), pixel_size(tables, view))
+        nearest, least = nearest_depths(tables, view, boxes)
+        size = np.full(len(boxes), pixel_size(tables, view))
         if tables.cameras.projection[view.camera] == ir.Projection.PERSPECTIVE:
-            size = size * nearest
+            size = size * np.maximum(nearest, least)
         linear = tables.transforms.matrix[tables.instances.transform][:, :, :3]
         tolerance = pixels * size / np.linalg.norm(linear, ord=2, axis=(1, 2))
         return np.where(np.isfinite(boxes).all(axis=1), 2.0 ** (np.floor(2 * np.log2(tolerance)) / 2), np.nan)
@@ -210,7 +207,26 @@ class _Shapes:
         self.tables = tables
         self.tolerances = object_tolerances(tables, view, pixels)
         self.eye = tables.transforms.matrix[tables.cameras.transform[view.camera], :, 3]
+        self.view = view
         self._made: dict[tuple[int, float], tessellate.Tessellation] = {}
+
+    def shells(self, tables: ir.Tables) -> dict[int, tessellate.Tessellation]:
+        """The tessellations of all instances that have one: not of meshes, formulas and quadrics, nor where the eye is so near to a round
+        shape that triangles within the tolerance would be too many. What has none is met by a ray for each sample."""
+        boxes = bvh.world_bounds(tables)
+        with np.errstate(all="ignore"):
+            nearest, least = nearest_depths(tables, self.view, boxes)
+        perspective = tables.cameras.projection[self.view.camera] == ir.Projection.PERSPECTIVE
+        close = perspective & ~(nearest >= least)
+        geometries, found = tables.geometries, {}
+        for i in analytic_seen(tables).tolist():
+            g = tables.instances.geometry[i]
+            kind = int(geometries.kind[g])
+            if kind in (ir.GeometryKind.FORMULA, ir.GeometryKind.QUADRIC):
+                continue
+            if kind in tessellate.FLAT or not (close[i] or tessellate.too_fine(kind, geometries.parameters[g].tolist(), self.key(i)[1])):
+                found[i] = self.of(i)
+        return found
 
     def key(self, instance: int) -> tuple[int, float]:
         """What instances with the same tessellation have in common."""
@@ -251,12 +267,10 @@ def _formula(tables: ir.Tables, g: int, tolerance: float) -> tessellate.Tessella
     return tessellate.Tessellation(positions, triangles, made.normals, uvs, np.zeros(len(triangles), np.int32))
 
 
-def analytic_seen(tables: ir.Tables, endless: bool) -> NDArray[np.intp]:
-    """The rows of instances that are no mesh and that the camera sees: quadrics without a box and formulas, or all others."""
+def analytic_seen(tables: ir.Tables) -> NDArray[np.intp]:
+    """The rows of instances that are no mesh and that the camera sees."""
     instances, geometries = tables.instances, tables.geometries
-    kind = geometries.kind[instances.geometry]
-    unbounded = ~np.isfinite(geometries.parameters[instances.geometry, 10:13]).all(axis=1) & (kind == ir.GeometryKind.QUADRIC)
-    analytic = (kind != ir.GeometryKind.MESH) & ((unbounded | (kind == ir.GeometryKind.FORMULA)) == endless)
+    analytic = geometries.kind[instances.geometry] != ir.GeometryKind.MESH
     return np.flatnonzero(analytic & (instances.visible & ir.Visibility.CAMERA != 0))
 
 

@@ -1,9 +1,10 @@
 """The raster renderer: a z-buffer finds what each sample sees, then one pass shades it, deferred, with the shading all backends share.
 
 Meshes are hit where their triangles are; of an analytic shape the z-buffer sees the tessellation, and the sample is then put
-where its ray meets the true surface, or, on the outline, where it meets the tessellation. Quadrics without a box have no
-triangles: they enter the z-buffer where each sample's ray meets them. No ray is followed after the
-first hit but those that look for shadows: mirrors and glass show the sky in their mirrored direction and straight behind.
+where its ray meets the true surface, or, on the outline, where it meets the tessellation. Formulas, quadrics and
+round shapes that the eye is so near to that the tolerance would take too many triangles have none: they enter the z-buffer where each
+sample's ray meets them. After the first hit no ray is followed but those that look for shadows, unless `raster.secondary` is `trace`:
+mirrors and glass show the sky in their mirrored direction and straight behind, and the ground's mean light below it.
 """
 
 from __future__ import annotations
@@ -38,8 +39,9 @@ class Renderer:
         self.prepared, self.plan, self.view = prepared, plan, view
         self.how = fill.NAMES[plan["raster.fill"]]
         self.reach = math.ceil(sampler.FILTER_RADIUS[plan["filter"]] * fill.ONE)
-        self.endless = analytic_seen(prepared.tables, endless=True)
-        self.whole = banded.Bands(prepared, plan, view, self.endless) if banded.can_draw(plan) else None
+        self.exact = np.array([i for i in analytic_seen(prepared.tables).tolist() if i not in prepared.shells], np.intp)
+        self.boxes = raster_setup.pixel_boxes(prepared.tables, view, self.exact)  # grown by what a filter may reach
+        self.whole = banded.Bands(prepared, plan, view, self.exact) if banded.can_draw(plan) else None
         nothing = Tile(0, 0, 0, 0)
         if self.whole is None:
             self._add(nothing, 0, 1, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
@@ -94,8 +96,9 @@ class Renderer:
         scratch = Handle(visibility.scratch_for(tile, count, self.reach if total > 1 else 0, room))
         place_samples(tile, self.prepared.frame, first, total, scratch)
         self._buffer.draw(tile, scratch)
-        if len(self.endless):
-            draw_endless(self._buffer.model, self.endless, self.prepared.packed, self._accel, self.view, scratch)
+        here = (self.boxes[:, 0] < tile.x1) & (self.boxes[:, 2] > tile.x0) & (self.boxes[:, 1] < tile.y1) & (self.boxes[:, 3] > tile.y0)
+        if here.any():
+            draw_exact(self._buffer.model, self.exact[here], self.prepared.packed, self._accel, self.view, scratch)
         return scratch
 
 
@@ -132,6 +135,8 @@ def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
         model = tables.materials.model[row]
         refracts = model == ir.MaterialModel.GLASS or values[row, ir.Slot.TRANSMISSION].max() > 0
         reflects = model == ir.MaterialModel.MIRROR or values[row, ir.Slot.REFLECTION].max() > 0
+        if plan["raster.secondary"] == "trace":
+            continue
         if refracts:
             name = "glass" if model == ir.MaterialModel.GLASS else "k_t"
             found.append((f"raster draws {name} without refraction: the sky straight behind it is seen", "materials", row))
@@ -157,14 +162,14 @@ def place_samples(tile, frame, first, total, scratch):
 
 
 @kernel
-def draw_endless(made, endless, tables, accel, view, scratch):
-    """Draw quadrics without a box into the z-buffer: at every sample where its ray meets one of them."""
+def draw_exact(made, exact, tables, accel, view, scratch):
+    """Draw shapes that have no triangles into the z-buffer: at every sample where its ray meets one of them."""
     samples, seen = scratch.samples, scratch.seen
     count = len(seen.key)
     for start in range(0, count, across.WIDTH):
         k = lanes.minimum(across.numbered(start), count - 1)
         ray = camera.ray(tables, view, lanes.to_float(samples.x[k]) / fill.ONE, lanes.to_float(samples.y[k]) / fill.ONE)
-        for instance in endless:
+        for instance in exact:
             met = hits.meet(accel, instance, ray, lanes.bool_like(ray.t_max, True))
             depth = met.t * hits.along_axis(tables, view, ray)
             for j in range(min(count - start, across.WIDTH)):

@@ -21,6 +21,7 @@ COLUMNS = 5  # X, Y, W, D, V
 CLUSTER = 128  # triangles that are placed in the picture together
 GUARD = float(1 << 20)  # pixels from the picture's middle beyond which triangles are cut: fixed-point edges stay exact in int64
 ROUNDING = 2.0**-46  # of the eye's coordinates: a bound of what depths may be off for a point in the eye
+MARGIN = 4.0  # pixels around what is seen
 _EVERYWHERE = 1 << 30
 
 
@@ -136,6 +137,23 @@ def to_clip(matrix: Any, instance: int, p: Any, row: int, out: Any, k: int) -> N
     x, y, z, w = p[row, 0], p[row, 1], p[row, 2], p[row, 3]
     for c in range(COLUMNS):
         out[k, c] = matrix[instance, c, 0] * x + matrix[instance, c, 1] * y + matrix[instance, c, 2] * z + matrix[instance, c, 3] * w
+
+
+def pixel_boxes(tables: ir.Tables, view: View, chosen: NDArray[np.intp]) -> NDArray[np.int32]:
+    """(n, 4) pixels x0 <= x < x1, y0 <= y < y1 in which instances may be seen, and what a filter may reach beyond."""
+    bounds = tables.geometries.bounds[tables.instances.geometry[chosen]]
+    corners = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), axis=-1).reshape(8, 3)
+    points = np.take_along_axis(bounds, np.broadcast_to(corners, (len(chosen), 8, 3)), axis=1)
+    found = np.empty((len(chosen), 4))
+    with np.errstate(all="ignore"):
+        matrix = clip_matrices(tables, view)[chosen]
+        clipped = np.einsum("nij,nkj->nki", matrix[:, :, :3], points) + matrix[:, None, :, 3]
+        w = clipped[..., 2:3]
+        at = clipped[..., :2] / w
+        found[:, :2], found[:, 2:] = np.floor(at.min(axis=1)) - MARGIN, np.ceil(at.max(axis=1)) + MARGIN
+        whole = ~(np.isfinite(found).all(axis=1) & (w.min(axis=(1, 2)) > 0.0))
+    found[whole] = -_EVERYWHERE, -_EVERYWHERE, _EVERYWHERE, _EVERYWHERE
+    return np.clip(found, -_EVERYWHERE, _EVERYWHERE).astype(np.int32)
 
 
 # --- clusters ------------------------------------------------------------------------------------------------------------

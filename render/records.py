@@ -68,6 +68,17 @@ class Triple(NamedTuple):
     z: float
 
 
+class Followed(NamedTuple):
+    """Rays go on from what mirrors, refracts or lets through."""
+
+
+class Around(NamedTuple):
+    """No rays go on: what mirrors or lets through shows the sky as if nothing stood before it, and a ground's mean light below."""
+
+    up: Triple  # unit normal of the ground; zero without one
+    ground: Triple  # radiance
+
+
 class Options(NamedTuple):
     """The plan as kernels read it."""
 
@@ -80,7 +91,7 @@ class Options(NamedTuple):
     horizon: Triple = Triple(0.0, 0.0, 0.0)  # unit normal of the plane that bounds the scene, or zero
     ground: int = -1  # the instance that is this plane
     layers: int = 0  # of what is less than wholly there, that rays may pass before chance decides; 0: everything is wholly there
-    environment: bool = False  # where no more rays are followed, mirrors and glass show the sky as if nothing stood before it
+    environment: Any = Followed()  # or Around
 
 
 class GouraudLight(NamedTuple):

@@ -78,6 +78,25 @@ def tessellate(kind: int, parameters: Sequence[float], tolerance: float) -> Tess
     return with_uvs(kind, parameters, outward(made))
 
 
+FLAT = (ir.GeometryKind.PLANE, ir.GeometryKind.BOX, ir.GeometryKind.RECTANGLE)
+
+
+def too_fine(kind: int, parameters: Sequence[float], tolerance: float) -> bool:
+    """Whether the cap on segments keeps a round shape from the tolerance; boxed quadrics are cut as finely as they are (see quadric.py)."""
+    match kind:
+        case ir.GeometryKind.SPHERE | ir.GeometryKind.CAPSULE:
+            most = wanted_segments(parameters[0], tolerance / 2)
+        case ir.GeometryKind.DISK | ir.GeometryKind.CYLINDER:
+            most = wanted_segments(parameters[0], tolerance)
+        case ir.GeometryKind.CONE:
+            most = wanted_segments(max(parameters[:2]), tolerance)
+        case ir.GeometryKind.TORUS:
+            most = wanted_segments(parameters[0] + parameters[1], tolerance / 2)
+        case _:
+            return False
+    return most > MAX_SEGMENTS
+
+
 def with_uvs(kind: int, parameters: Sequence[float], made: Tessellation) -> Tessellation:
     """The same with the coordinates of shapes.uv: all of them on flat parts and quadrics, whose u is made whole across its seam.
 
@@ -111,11 +130,13 @@ def _seam_doubled(made: Tessellation) -> Tessellation:
 
 def segments(radius: float, tolerance: float) -> int:
     """How many chords keep a circle of `radius` within `tolerance`: a multiple of 4 between the limits."""
+    return int(min(max(4 * math.ceil(min(wanted_segments(radius, tolerance), MAX_SEGMENTS) / 4), MIN_SEGMENTS), MAX_SEGMENTS))
+
+
+def wanted_segments(radius: float, tolerance: float) -> float:
+    """The same without limits."""
     share = min(tolerance / radius, 1.0) if radius > 0 else 1.0
-    if share < 1e-12:
-        return MAX_SEGMENTS
-    wanted = math.pi / math.acos(1.0 - share)
-    return int(min(max(4 * math.ceil(wanted / 4), MIN_SEGMENTS), MAX_SEGMENTS))
+    return math.inf if share < 1e-12 else math.pi / math.acos(1.0 - share)
 
 
 # --- surfaces of revolution ----------------------------------------------------------------------------------------------

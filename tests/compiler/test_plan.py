@@ -50,11 +50,19 @@ def test_point_lights_need_no_random_numbers_and_few_samples() -> None:
 
 
 def test_a_sky_is_soft_and_seen() -> None:
-    made = plan.make(scene(ir.LightKind.SKY), ir.Settings())
+    made = plan.make(scene(ir.LightKind.SKY, models=(ir.MaterialModel.LAMBERT,)), ir.Settings())
     assert made["soft lights"] is True
     assert made["samples"] == plan.SAMPLES_SOFT
     assert made["background"] == "sky"
     assert "sky" in made.decisions["soft lights"].reason
+
+
+def test_a_sky_that_lights_nothing_takes_no_random_numbers() -> None:
+    made = plan.make(scene(ir.LightKind.SKY), ir.Settings())
+    assert made["soft lights"] is False
+    assert made["random numbers"] is False
+    assert made["samples"] == plan.SAMPLES_SHARP
+    assert "no surface is lit" in made.decisions["soft lights"].reason
 
 
 def test_glass_takes_bounces_and_matt_things_interreflect_only_when_asked() -> None:

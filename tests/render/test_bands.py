@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.compiler.rows import CameraData, MeshData
-from maquette.render import banded, bands, fill, meshlets, setup
+from maquette.compiler.rows import CameraData, LightData, MeshData
+from maquette.render import banded, bands, fill, meshlets, metrics, setup
 from maquette.render.handles import Handle
 from maquette.render.records import View
 
@@ -115,6 +115,30 @@ def test_sixteen_samples_are_a_net():
     for wide in (1, 2, 4, 8, 16):
         cells = pattern.x * wide // 256 * 16 + pattern.y * (16 // wide) // 256
         assert len(np.unique(cells)) == 16
+
+
+def test_more_samples_lie_at_other_places():
+    """Sixteen times sixteen are all places that corners can have, and each sixteen a net."""
+    made = [one.pattern for one in banded.passes(256, False, "box")]
+    assert len(made) == 16
+    assert len({(x, y) for one in made for x, y in zip(one.x // 16, one.y // 16, strict=True)}) == 256
+    for one in made:
+        assert len(np.unique(one.x // 64 * 4 + one.y // 64)) == 16
+    assert [len(one.pattern.x) for one in banded.passes(37, False, "box")] == [12, 12, 13]
+    assert [one.first for one in banded.passes(16, True, "box")] == [0, 8]
+    assert np.array_equal(banded.passes(16, False, "box")[0].pattern.x, bands.pattern(16).x)
+
+
+def test_soft_light_is_drawn_in_bands_and_tells_its_error():
+    """Of an area light over a floor: the error told of a picture is about that against a long run, as other backends tell it."""
+    area = LightData(ir.LightKind.RECTANGLE, (5.0, 5.0, 5.0), transform=1, size=(0.8, 0.8))
+    shapes = [(ir.GeometryKind.PLANE, [], tables.matrix((0, -1, 0)), 0), (ir.GeometryKind.SPHERE, [0.5], tables.matrix((0, -0.5, -2)), 0)]
+    scene = tables.scene(shapes, camera=CameraData(0, 0.5), lights=[area], frame=tables.facing((0, 2, -2), (0, -1, -2)))
+    long = pictures.picture(scene, samples=1024, size=(32, 24)).channels["rgba"][..., :3]
+    drawn = pictures.picture(scene, samples=32, size=(32, 24))
+    told = drawn.metadata["error"]
+    error = metrics.root_relmse(drawn.channels["rgba"][..., :3], long)
+    assert 0.5 * error < told < 2.0 * error
 
 
 @pytest.mark.parametrize("name", ["box", "tent", "gaussian", "blackman-harris"])

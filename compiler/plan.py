@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..lang.diagnostics import suggest
-from . import ir
+from . import caustics, ir
 
 DEFAULT_SIZE = (800, 600)
 DEFAULT_WIDTH = 960  # for cameras that bring a film's aspect, as usdrecord does
@@ -34,6 +34,7 @@ REST = "rest"  # the light group of what names none
 TRANSPORTS = ("paths", "tree")
 NOISES = ("blue", "white")
 SECONDARY = ("none", "trace")  # what becomes of rays that the raster backend's mirrors, metals and glass send on
+CAUSTICS = ("photons", "paths")
 WEIGHINGS = ("power", "balance", "lights", "surfaces")  # as in render/paths.py
 PRECISIONS = ("float32", "float64")
 FLOAT32_RATIO = 5000.0  # of the largest coordinate over the smallest thing, up to which single precision does
@@ -532,6 +533,33 @@ def _textures(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision])
     return Decision("textures", "filtered", reason, ("filtered", "sharp"))
 
 
+def _caustics(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    name, tables = "transport.caustics", scene.tables
+    chance, none = CAUSTICS[1:], "nothing mirrors or bends light onto matt things"
+    used = used_materials(tables)
+    mirrors = caustics.gathering(tables)
+    if not mirrors.any() or not (caustics.matt_materials(tables) & used).any():
+        return Decision(name, "paths", none, chance)
+    if done["transport"].value != "paths":
+        return Decision(name, "none", "the tree looks for lamps from matt things straight: write --bounces", ("none",))
+    if done["backend"].value != "ray":
+        return Decision(name, "paths", "the ray backend alone has photons", chance, fixed="--backend")
+    if done["motion"].value:
+        return Decision(name, "paths", "things move: photons fly at other times than paths", chance)
+    lamps, shining = caustics.lamps(tables)
+    coverable = any(found.any() for found in caustics.lamps(tables, all_sizes=True))
+    endless = ~np.isfinite(caustics.balls(tables)[1][mirrors])
+    if endless.any() and (np.isin(tables.lights.kind, caustics.FAR) & lamps).any():
+        return Decision(name, "paths", "an endless thing mirrors light from endlessly far: photons cannot be aimed at it", chance)
+    count = int(lamps.sum() + shining.sum())
+    if not count:
+        reason = "all lamps are large as seen from what mirrors or bends light: paths find them by chance"
+        return Decision(name, "paths", reason, CAUSTICS if coverable else chance)
+    what = "is a small lamp" if count == 1 else f"are {count} small lamps"
+    reason = f"there {what} and {int(mirrors.sum())} things that mirror or bend light onto matt ones: photons carry it"
+    return Decision(name, "photons", reason, CAUSTICS)
+
+
 def _fill(scene: ir.Scene, *_: Any) -> Decision:
     return Decision("raster.fill", "edges", "exact edge functions; all three cover the same samples", ("edges", "areas", "scanline"))
 
@@ -575,7 +603,7 @@ def _precision(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]
 RULES: tuple[Callable[[ir.Scene, ir.Settings, Mapping[str, Decision]], Decision], ...] = (
     _backend, _camera, _lens, _size, _crop, _soft, _secondary, _bounces, _interreflection, _random, _transport, _weighing, _path_precision,
     _shadows, _error, _budget, _samples, _filter, _noise, _seed,
-    _background, _exposure, _view, _aov, _denoise, _threads, _accelerator, _formulas, _horizon, _opacity, _motion, _textures,
+    _background, _exposure, _view, _aov, _denoise, _threads, _accelerator, _formulas, _horizon, _opacity, _motion, _caustics, _textures,
     _tolerance, _fill, _shading, _precision,
 )  # fmt: skip
 

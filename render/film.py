@@ -45,6 +45,15 @@ class Renderer(Protocol):
         """The picture in bands, where that is how the plan draws it: samples are then at fixed places, and tiles are not asked for them."""
         ...
 
+    @property
+    def round(self) -> int | None:
+        """Samples a pixel may take between two calls of `refresh`; None: nothing is shared by samples, and nobody calls it."""
+        ...
+
+    def refresh(self, samples: int) -> None:
+        """Make anew what the samples of a round share, which will be so many of all pixels together."""
+        ...
+
     def sample(self, tile: Tile, first: Counts, count: Counts, total: int, film: Film) -> None:
         """Add samples first … first + count - 1, (h, w) each, of `total` of every pixel of the tile; one in all is the pixel's centre."""
         ...
@@ -265,7 +274,10 @@ class _Canvas:
         self.shown = 0  # tiles, as last told to `progress`
 
     def fixed(self) -> None:
-        """The same number of samples for every pixel; sums live only while their tile is drawn."""
+        """The same number of samples for every pixel; sums live only while their tile is drawn, or while there are rounds."""
+        if self.renderer.round is not None:
+            self._in_rounds(self.renderer.round)
+            return
         goals = dict.fromkeys(-(-self.most // share) for share in (4, 2, 1))  # each doubling tells of the error, and two how it falls
 
         def draw(tile: Tile) -> None:
@@ -276,6 +288,22 @@ class _Canvas:
 
         whole = self.most * self.width * self.height
         self._work(draw, self.tiles, lambda: self.spent / whole)
+
+    def _in_rounds(self, most: int) -> None:
+        """The same number of samples for every pixel, all tiles by turns, where samples share what is made anew in between."""
+        whole_sums = _Sums.of(self.height, self.width)
+        goals = sorted({-(-self.most // share) for share in (4, 2, 1)} | set(range(most, self.most, most)))
+        pixels, before = self.width * self.height, 0
+        for goal in goals:
+            self.renderer.refresh((goal - before) * pixels)
+
+            def draw(tile: Tile, goal: int = goal) -> None:
+                part = whole_sums.window(self._window(tile))
+                self._draw(tile, part, np.full(part.samples.shape, goal))
+
+            self._work(draw, self.tiles, lambda: self.spent / (self.most * pixels))
+            before = goal
+        self._work(self._extras, self.tiles, lambda: 1.0)
 
     def adaptive(self, error: float, deadline: float) -> None:
         """Rounds, in which the pixels where it is worth most get two or four times their samples."""
@@ -292,6 +320,8 @@ class _Canvas:
             self._extras(tile)
 
         whole = first * whole_sums.samples.size
+        if self.renderer.round is not None:
+            self.renderer.refresh(whole)
 
         def share() -> float:
             return self.spent / whole if math.isinf(deadline) else (time.perf_counter() - began) / (deadline - began)
@@ -304,6 +334,8 @@ class _Canvas:
                 break
             pace = self.spent / (now - began)
             goals = self._goals(relative, whole_sums.samples, excess, (deadline - now) * pace)
+            if self.renderer.round is not None:
+                self.renderer.refresh(int(np.sum(goals - whole_sums.samples)))
             added = {tile: int(np.sum(goals[self._window(tile)] - whole_sums.samples[self._window(tile)])) for tile in self.tiles}
             more = sorted((tile for tile in self.tiles if added[tile]), key=lambda tile: -added[tile])  # no thread is left with a long one
             if not more:

@@ -42,6 +42,17 @@ class Renderer:
         one = self.parts[0][1]
         self.by_tile, self.side, self.prepared = one.by_tile, one.side, getattr(one, "prepared", None)
 
+    @property
+    def round(self) -> int | None:
+        """The shortest of all groups'; see film.Renderer."""
+        return min((part.round for _, part in self.parts if part.round is not None), default=None)
+
+    def refresh(self, samples: int) -> None:
+        """Make anew what samples share, in each group that has such."""
+        for _, part in self.parts:
+            if part.round is not None:
+                part.refresh(samples)
+
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
         """Add samples to the film, and to what each group has."""
         window = slice(tile.y0 - self.y0, tile.y1 - self.y0), slice(tile.x0 - self.x0, tile.x1 - self.x0)

@@ -163,6 +163,20 @@ def is_lit(shader: Shader) -> Lane:
 
 
 @helper
+def has_matt(shader: Shader) -> Lane:
+    """Whether part of it spreads light evenly."""
+    return has_base(shader.lobes, lanes.largest(shader.diffuse) > 0.0)
+
+
+@helper
+def _lobes_have_base(lobes: microfacet.Lobes, plain: Lane) -> Lane:
+    return plain | (lobes.here & (lanes.largest(lobes.base) > 0.0))
+
+
+has_base = if_there(_lobes_have_base)
+
+
+@helper
 def is_shiny(shader: Shader) -> Lane:
     """Whether it has a highlight that is not a mirror's."""
     return frosted.also(shader.frost, lights_up(shader.lobes, lanes.largest(shader.specular) > 0.0))

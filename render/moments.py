@@ -25,6 +25,7 @@ class Renderer:
 
     by_tile = True
     side = TILE
+    round = None
     whole = None
 
     def __init__(self, scene: ir.Scene, plan: Plan, view: View, still: Callable[[ir.Scene], Any]) -> None:

@@ -11,6 +11,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
 from numba.extending import overload
 
 from ..compiler import ir
@@ -26,6 +27,7 @@ from . import (
     materials,
     media,
     opacity,
+    photon_map,
     principled,
     sampler,
     sky_map,
@@ -49,6 +51,7 @@ END_FROM = 3  # surfaces before a path may end by chance
 MOST_GOING = 0.95  # of the paths that go on, however bright
 WEIGHINGS = ("power", "balance", "lights", "surfaces")  # of the two ways to light: by one of Veach's heuristics, or one way alone
 BALANCE, LIGHTS_ALONE, SURFACES_ALONE = 1, 2, 3
+GATHERED = 4.0 * ONLY  # density of a mirror's or glass's direction on the way from something matt: photons bring what lamps send there
 LIT = 1e-18  # density of a direction from where light was computed at vertices: all that looking for light finds has been found
 
 
@@ -61,6 +64,7 @@ class Path(NamedTuple):
     density: Lane  # of its direction, when it was drawn
     straight: Lane  # bool: it has met nothing but passages of index 1; where it escapes, alpha is lowered
     inside: Any  # the media it is in, see media.py; None in scenes without
+    matt: Lane  # bool: it has gathered photons
 
 
 class Connection(NamedTuple):
@@ -84,6 +88,8 @@ class Light(NamedTuple):
     uses: Uses
     vertices: Any = NoVertices()  # or GouraudLight
     weighing: int = 0  # one of WEIGHINGS
+    photons: Any = photon_map.NoMaps()  # or photon_map.Maps
+    covered: Any = photon_map.NoMaps()  # or (emitters,) bool: those whose light photons bring
 
 
 def uses_of(tables: ir.Tables) -> Uses:
@@ -183,11 +189,25 @@ def shine(
     if len(table.kind) == 1:
         share, dark = _weighed(table, 0, path, point, hit.t, light.weighing)
         share, lit = lanes.where(among, share, 1.0), lit & lanes.not_(among & dark)
+        lit = lit & lanes.not_(among & brought(light.covered, 0, path.density))
     elif len(table.kind) > 1:
         row = lanes.where(among, row + lanes.where(among, hit.primitive - table.parts[instance], 0), 0)
         share, dark = _weighed_each(table, row, path, point, hit.t, light.weighing)
         share, lit = lanes.where(among, share, 1.0), lit & lanes.not_(among & dark)
+        lit = lit & lanes.not_(among & brought(light.covered, row, path.density))
     return lanes.where3(lit, lanes.scale(lanes.mul(path.weight, shader.emission), share), (zero, zero, zero))
+
+
+def brought(covered: Any, row: Any, density: Lane) -> Lane:
+    """Where photons bring the light of an emitter's row to what sent a path on."""
+    return np.zeros(np.shape(density), bool)
+
+
+@overload(brought, jit_options=HELPER)
+def _brought_in_kernels(covered, row, density):
+    if isinstance(covered, types.Array):
+        return lambda covered, row, density: (density > 2.0 * ONLY) & covered[row]
+    return lambda covered, row, density: lanes.bool_like(density, False)
 
 
 @helper
@@ -285,7 +305,7 @@ def arrive(
     zero = 0.0 * path.density
     uses = light.uses
     faded = media.faded(path.inside, path.weight, tables, hit.t)
-    path = Path(path.origin, path.direction, faded, path.density, path.straight, path.inside)
+    path = Path(path.origin, path.direction, faded, path.density, path.straight, path.inside, path.matt)
     point = tilt.tilted(tables, _part(tables, point, pixel, sample, depth, options.seed), hit, path.direction)
     shader = materials.looked_up(tables, point, uses, path.inside)
     viewer = lanes.negate(path.direction)
@@ -302,6 +322,7 @@ def arrive(
     if uses.ambient:
         always = lanes.mul(lanes.mul(path.weight, shader.ambient), lights.ambient(tables))
         sent = lanes.where3(here & lanes.not_(lit), lanes.add(sent, always), sent)
+    sent = photon_map.gathered(light.photons, sent, shader, uses, point, viewer, path.weight, here & lanes.not_(path.matt), sample)
     ending = depth == options.bounces
     last = lanes.bool_like(zero, False)
     if ending:  # matt surfaces are done when all light that they could meet has been looked for
@@ -329,8 +350,11 @@ def arrive(
         weight = lanes.scale(weight, 1.0 / lanes.maximum(keep, lights.TINY))
     straight = path.straight & taken.through
     density = lanes.where(lit & (taken.density < ONLY), LIT, taken.density)
+    after_matt = (path.density < ONLY) | (path.density > 2.0 * ONLY)
+    density = lanes.where((density >= ONLY) & after_matt, GATHERED, density)
     inside = media.crossed(path.inside, None, tables, point, taken.direction)
-    onward = Path(surface.leave(point, taken.direction), taken.direction, weight, density, straight, inside)
+    matt = photon_map.after(light.photons, path.matt, shader)
+    onward = Path(surface.leave(point, taken.direction), taken.direction, weight, density, straight, inside, matt)
     return sent, connection, onward, going
 
 
@@ -376,7 +400,7 @@ def radiance(
     alpha = zero + 1.0
     active = np.ones(shape, bool)
     origin, direction = (tuple(np.broadcast_to(c, shape) for c in v) for v in (ray.origin, ray.direction))
-    path = Path(origin, direction, (zero + 1.0, zero + 1.0, zero + 1.0), zero + ONLY, active, media.outside(tables, zero))  # pyright: ignore[reportArgumentType]
+    path = Path(origin, direction, (zero + 1.0, zero + 1.0, zero + 1.0), zero + ONLY, active, media.outside(tables, zero), ~active)  # pyright: ignore[reportArgumentType]
     depth = 0
     while True:
         onward = Ray(path.origin, path.direction, zero, zero + np.inf, ray.time)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
-from . import around, aside, bvh, camera, film, footprints, gouraud, integrate, patterns, principled, sampler, tessellate, trace
+from . import around, aside, bvh, camera, film, footprints, gouraud, integrate, machine, patterns, principled, sampler, tessellate, trace
 from .handles import Handle
 from .records import Frame, Open, Options, Pinhole, Still, Triple, View
 
@@ -32,6 +32,7 @@ class Prepared:
     options: Options
     frame: Any  # a Handle of a Frame, or the Frame itself
     paths: Any = None  # reference: a paths.Light; ray: float32 or float64, as wide as waves are; None: transport is no matter of paths
+    photons: Any = None  # a photons.Tracer, where some light is carried by them
     shells: dict[int, tessellate.Tessellation] = field(default_factory=dict)  # raster: instance -> its shape in triangles
     triangles: Any = None  # raster: a banded.Triangles, of all there are
 
@@ -103,9 +104,25 @@ def _for_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame) ->
     if not np.isfinite(boxes).all():
         low, high = np.full(3, -np.inf), np.full(3, np.inf)
     light = _light(tables, plan, Handle(tables), None, Handle(frame))
+    tracer = None
+    if plan["transport.caustics"] == "photons":
+        light, tracer = _with_photons(tables, plan, options, light, kind)
     scene = waves.Scene(_as(tables, kind), _as(tried, kind), _as(light, kind), not inside.all(), low, high)
     packed = Handle(scene)
-    return Prepared(tables, packed, accel, None, options, Handle(_as(frame, kind)), paths=kind)
+    return Prepared(tables, packed, accel, None, options, Handle(_as(frame, kind)), paths=kind, photons=tracer)
+
+
+def _with_photons(tables: ir.Tables, plan: Plan, options: Options, light: Any, kind: type) -> tuple[Any, Any]:
+    """(what paths look for beside photons, what makes these); the light as it is and None where no lamp shines on what gathers."""
+    from . import photon_map, photons
+
+    covered = photons.covered(tables, light.emitters, plan.decisions["transport.caustics"].overridden)
+    aims = photons.aims(tables, light.emitters, covered)
+    if aims is None:
+        return light, None
+    source = photons.Source(tables, light, aims, options.bounces, options.seed)
+    tracer = photons.Tracer(source, trees(tables, plan), kind, int(plan["threads"]) or machine.cores())
+    return light._replace(photons=photon_map.empty(kind), covered=covered), tracer
 
 
 def _light(tables: ir.Tables, plan: Plan, packed: Any, accel: Any, frame: Any) -> Any:

@@ -34,6 +34,7 @@ class Renderer:
 
     by_tile = True
     side = TILE
+    round = None
 
     def __init__(self, prepared: Prepared, plan: Plan, view: View) -> None:
         self.prepared, self.plan, self.view = prepared, plan, view

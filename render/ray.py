@@ -30,12 +30,25 @@ class Renderer:
     def __init__(self, prepared: prepare.Prepared, plan: Plan, view: View) -> None:
         self.prepared, self.view = prepared, view
         self.frame = prepared.frame
+        self.packed = prepared.packed  # with the photons of this round, where there are any
         self._rooms = threading.local()  # of waves and of bundles, one a thread
         self.primes = prepared.paths is None and primed.is_needed(prepared.accel.tables)
         self.side = primed.SIDE if self.primes else TILE
         self.everything = None  # trees of all things, where waves' own leave some out
         nothing, none = Tile(0, 0, 0, 0), np.zeros((0, 0), np.int64)
         self.sample(nothing, none, none, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
+
+    @property
+    def round(self) -> int | None:
+        """Samples a pixel may take before photons are drawn anew; None: there are none."""
+        crop = self.view.width * self.view.height
+        return None if self.prepared.photons is None else self.prepared.photons.most(crop)
+
+    def refresh(self, samples: int) -> None:
+        """Draw photons for the next round of so many samples of all pixels together."""
+        scene = self.prepared.packed.tables
+        maps = self.prepared.photons.make(samples)
+        self.packed = Handle(scene._replace(light=scene.light._replace(photons=maps)))
 
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
         """Add samples first … first + count - 1, (h, w) each, of the pixels of the tile to the film."""
@@ -45,7 +58,7 @@ class Renderer:
 
             if not hasattr(self._rooms, "room"):
                 self._rooms.room = Handle(waves.Room.of(p.paths))
-            waves.draw_tile(p.accel, p.packed, self.frame, tile, first, count, total, film, self._rooms.room)
+            waves.draw_tile(p.accel, self.packed, self.frame, tile, first, count, total, film, self._rooms.room)
             return
         if self.primes:
             from . import bundled  # what other scenes do not load

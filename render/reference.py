@@ -20,6 +20,7 @@ class Renderer:
 
     by_tile = True
     side = TILE
+    round = None
     whole = None
 
     def __init__(self, prepared: Prepared, plan: Plan, view: View) -> None:

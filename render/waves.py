@@ -25,7 +25,7 @@ CAMERA, OTHER = int(ir.Visibility.CAMERA), paths.OTHER_RAY
 SIZE = 2048  # paths of a wave
 PAD = 64  # beyond them, for stores of whole vectors
 ROW = SIZE + PAD
-STATE = 11  # rows of a path: origin, direction, weight, density, straight
+STATE = 11  # rows of a path: origin, direction, weight, density, and 1 where it is straight, 2 where it is matt
 ASKED = 10  # rows of a connection: origin, direction, distance, light
 _WIDTH64 = simd.WIDTH64
 
@@ -254,7 +254,7 @@ def _meet(accel, scene, frame, room, source, n, depth):
         pixel, sample = room.whose[k + (source * 3 + 1) * ROW], room.whose[k + (source * 3 + 2) * ROW]
         time = sampler.moment(pixel, sample, seed, frame.shutter)
         ray = _as_searched(origin, direction, near, room.met[k], time)
-        hit = _closest(accel, ray, np.int64(visible), _for_search(pixel), _for_search(sample), depth, seed)
+        hit = met_by_chance(accel, ray, np.int64(visible), _for_search(pixel), _for_search(sample), depth, seed)
         nearer = _from_search(hit.instance, wide) >= 0
         simd.scatter(room.met, k, _from_search(hit.t, near), nearer)
         simd.scatter(room.met, k + ROW, _from_search(hit.u, near), nearer)
@@ -271,11 +271,12 @@ def _as_searched(origin: Vec, direction: Vec, near: Lane, far: Lane, time: Any) 
     return Ray(o, d, _for_search(near), _for_search(far), _for_search(time))
 
 
-def _closest(accel: Any, ray: Ray, visible: Any, pixel: Lane, sample: Lane, depth: int, seed: int) -> Hit:
+def met_by_chance(accel: Any, ray: Ray, visible: Any, pixel: Lane, sample: Lane, depth: int, seed: int) -> Hit:
+    """What rays meet first; what is not wholly there by chance."""
     raise NotImplementedError
 
 
-@overload(_closest, jit_options=HELPER)
+@overload(met_by_chance, jit_options=HELPER)
 def _closest_in_trees(accel, ray, visible, pixel, sample, depth, seed):
     """What rays meet in the trees; not compiled where there are none. Chance lets them pass what is not wholly there."""
     if accel.field("search") is None:
@@ -413,10 +414,12 @@ def _shade(scene, frame, room, source, n, depth):
     for i in range(0, n, step):
         active = simd.first_lanes(n - i, like)
         density = simd.load(room.state, base + 9 * ROW + i)
-        straight = simd.load(room.state, base + 10 * ROW + i) > 0.5
+        code = simd.load(room.state, base + 10 * ROW + i)
+        straight = (code > 0.5) & (code < 1.5)
         inside = inside_of(media.outside(tables, density), None, room, source * ROW + i, depth)
         path = Path(
-            _load3(room.state, base, 0, i), _load3(room.state, base, 3, i), _load3(room.state, base, 6, i), density, straight, inside
+            _load3(room.state, base, 0, i), _load3(room.state, base, 3, i), _load3(room.state, base, 6, i), density, straight, inside,
+            code > 1.5,
         )  # fmt: skip
         slot, pixel, sample = _load3(room.whose, source * 3 * ROW, 0, i)
         piece, instance = simd.load(room.what, i), simd.load(room.what, ROW + i)
@@ -452,7 +455,7 @@ def _shade(scene, frame, room, source, n, depth):
             _keep3(room.state, target + 3 * ROW + kept, onward.direction, going)
             _keep3(room.state, target + 6 * ROW + kept, onward.weight, going)
             _keep(room.state, target + 9 * ROW + kept, onward.density, going)
-            _keep(room.state, target + 10 * ROW + kept, lanes.where(onward.straight, 1.0, 0.0), going)
+            _keep(room.state, target + 10 * ROW + kept, lanes.where(onward.matt, 2.0, lanes.where(onward.straight, 1.0, 0.0)), going)
             _keep3(room.whose, (1 - source) * 3 * ROW + kept, (slot, pixel, sample), going)
             keep_inside(onward.inside, None, room, (1 - source) * ROW + kept, going)
             kept += simd.count(going)

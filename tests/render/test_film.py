@@ -33,6 +33,7 @@ class Painter:
 
     whole = None
     side = film.TILE
+    round = None
 
     def __init__(self, width: Any = 0.4, wait: float = 0.0, fail_at: int = -1, by_tile: bool = False) -> None:
         self.width, self.wait, self.fail_at, self.by_tile = width, wait, fail_at, by_tile

@@ -1,0 +1,104 @@
+"""Light that mirrors and glass gather: which things do that, from which lamps, and whether paths from the eye would ever find it.
+
+A path finds a lamp behind glass by chance alone: its matt surface sends it on in a random direction, and where the lamp fills a hundredth
+of what is seen there one path in hundreds has all its light. A point it never finds.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from . import ir
+
+SMALL = 0.05  # steradians of what a gathering thing sees, below which a lamp is found too seldom (of a hemisphere one in 125)
+FLAT = 1e-3  # roughness whose square is below is none; as render/microfacet.SHARP
+LAMPS = (
+    ir.LightKind.POINT, ir.LightKind.SPOT, ir.LightKind.DIRECTIONAL, ir.LightKind.SUN, ir.LightKind.RECTANGLE, ir.LightKind.DISK,
+    ir.LightKind.SPHERE,
+)  # fmt: skip
+FAR = (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN)
+_LAYERED = (ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR, ir.MaterialModel.METAL)
+
+
+def sharp_materials(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: those that mirror, or let light through, without spreading it, anywhere; parts of blends count for the blend."""
+    m, slot = tables.materials, ir.Slot
+
+    def may_be(which: int, at_most: float = 0.0) -> np.ndarray:
+        return (m.values[:, which].max(axis=1, initial=0.0) > at_most) | (m.textures[:, which] >= 0)
+
+    flat = (m.values[:, slot.ROUGHNESS, 0] ** 2 < FLAT) | (m.textures[:, slot.ROUGHNESS] >= 0)
+    sharp = may_be(slot.REFLECTION) | (may_be(slot.TRANSMISSION) & (m.model != ir.MaterialModel.GLASS))
+    sharp |= np.isin(m.model, (*_LAYERED, ir.MaterialModel.GLASS)) & flat
+    for row in np.flatnonzero(m.model == ir.MaterialModel.BLEND):  # parts have lower rows than their blends
+        sharp[row] = sharp[m.first[row]] | sharp[m.second[row]]
+    return sharp
+
+
+def matt_materials(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: those that spread light."""
+    m, slot = tables.materials, ir.Slot
+    matt = (m.values[:, [slot.DIFFUSE, slot.SPECULAR]].max(axis=(1, 2), initial=0.0) > 0.0) | (m.textures[:, slot.DIFFUSE] >= 0)
+    matt |= np.isin(m.model, (*_LAYERED, ir.MaterialModel.BLEND))
+    return matt & ~np.isin(m.model, (ir.MaterialModel.MIRROR,))
+
+
+def balls(tables: ir.Tables) -> tuple[np.ndarray, np.ndarray]:
+    """((instances, 3) centres, (instances,) radii) of balls round things in the world; radius inf of what is endless."""
+    instances = tables.instances
+    matrix, kind = tables.transforms.matrix[instances.transform], tables.geometries.kind[instances.geometry]
+    bounds = tables.geometries.bounds[instances.geometry]
+    finite = np.isfinite(bounds).all(axis=(1, 2))
+    with np.errstate(invalid="ignore"):
+        middle, half = bounds.mean(axis=1), 0.5 * (bounds[:, 1] - bounds[:, 0])
+    middle, half = (np.where(finite[:, None], x, 0.0) for x in (middle, half))
+    centre = np.einsum("nij,nj->ni", matrix[:, :, :3], middle) + matrix[:, :, 3]
+    corners = np.array([[1, y, z] for y in (-1, 1) for z in (-1, 1)])[None] * half[:, None, :]  # half of them: the others lie across
+    radius = np.linalg.norm(np.einsum("nij,nkj->nki", matrix[:, :, :3], corners), axis=2).max(axis=1, initial=0.0)
+    stretch = np.linalg.norm(matrix[:, :, :3], ord=2, axis=(1, 2)) if len(matrix) else np.zeros(0)
+    radius = np.where(kind == ir.GeometryKind.SPHERE, stretch * half.max(axis=1, initial=0.0), radius)
+    return centre, np.where(finite, radius, np.inf)
+
+
+def gathering(tables: ir.Tables) -> np.ndarray:
+    """(instances,) bool: things that light is mirrored or bent by sharply."""
+    seen = tables.instances.visible & ir.Visibility.REFLECTION != 0
+    return sharp_materials(tables)[tables.instances.material] & seen
+
+
+def lamps(tables: ir.Tables, all_sizes: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """((lights,), (instances,)) bool: lamps and shining things that gathering things see as small, or of `all_sizes`.
+
+    Light that casts no shadows goes through all that gathers, and light that does not fade by the square of the distance is none of
+    this world: neither is among them.
+    """
+    lit = tables.lights
+    centre, radius = balls(tables)
+    mirrors = gathering(tables)
+    small = math.inf if all_sizes else SMALL
+    chosen = np.isin(lit.kind, LAMPS) & lit.shadows & (lit.color.max(axis=1, initial=0.0) > 0.0)
+    chosen &= lit.falloff == ir.FalloffKind.INVERSE_SQUARE
+    for k in np.flatnonzero(chosen):
+        kind = lit.kind[k]
+        if kind == ir.LightKind.SUN:
+            chosen[k] = 2.0 * math.pi * (1.0 - math.cos(float(lit.angle[k]))) < small
+        elif kind in (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE):
+            matrix = tables.transforms.matrix[lit.transform[k]]
+            size = float(np.linalg.norm(matrix[:, :3], 2)) * float(np.max(lit.size[k]))
+            chosen[k] = _fills(matrix[:, 3], size, centre[mirrors], radius[mirrors]) < small
+    shining = (tables.materials.values[:, ir.Slot.EMISSION].max(axis=1, initial=0.0) > 0.0)[tables.instances.material]
+    shining = shining & (tables.instances.light < 0) & np.isfinite(radius)
+    for i in np.flatnonzero(shining):
+        others = mirrors.copy()
+        others[i] = False
+        shining[i] = _fills(centre[i], radius[i], centre[others], radius[others]) < small
+    return chosen, shining
+
+
+def _fills(place: np.ndarray, size: float, centre: np.ndarray, radius: np.ndarray) -> float:
+    """About the steradians that a ball at a place fills, seen from the nearest point of any of some balls."""
+    away = np.linalg.norm(centre - place, axis=1) - np.where(np.isfinite(radius), radius, 0.0)
+    nearest = float(away.min(initial=math.inf))
+    return 4.0 * math.pi if nearest <= size else 2.0 * math.pi * (1.0 - math.sqrt(1.0 - (size / nearest) ** 2))

@@ -1,0 +1,375 @@
+"""Photons: light that goes from small lamps by way of mirrors and glass to what spreads it, the part of paths that they find too seldom.
+
+They are aimed at balls round what gathers light, by a mixture whose whole density weighs them (Veach 1997, §9.2.3), follow sharp
+reflections and refractions by chance, and are kept wherever something matt is met after one. Paths leave out just that: a lamp with
+photons that they meet by way of mirrors and glass from something matt. Random numbers are of (map, photon, dimension, seed).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..compiler import caustics, ir
+from . import across, blends, emitters, film, lanes, lights, materials, media, photon_map, sampler, surface, tilt, waves
+from .handles import Handle
+from .kernels import apart, helper, kernel
+from .paths import OTHER_RAY, Light
+from .photon_map import COLUMNS, MAPS
+from .records import Hit, Lane, Ray, Surface, Tables, Vec
+
+F64 = NDArray[np.float64]
+TARGETS = 32  # balls that lamps aim at; more are put together
+BLOCK = 8192  # photons that a thread draws at a time
+PER_SAMPLE = 0.25  # photons for each sample of a round
+LEAST, MOST = 1 << 18, 1 << 22  # of a round
+ROOM = 4  # photons kept of each that is drawn, on the average, for which there is room at first
+ORIGIN, PLACE, AIM, PART, BEND = 1 << 16, 1 << 17, 1 << 18, 1 << 19, 1 << 20  # dimensions of random numbers
+SPREAD = 6  # of the pairs of numbers that surfaces take, two each, that are Sobol points
+OFF = 1e-9  # of its coordinates, by which a photon starts off what shines
+LARGEST = 16.0  # of what normals between those of corners do to a photon's weight
+
+
+class Aims(NamedTuple):
+    """Which lamp sends how many photons to which ball."""
+
+    upto: F64  # (emitters,) chances of the rows of emitters, added up
+    within: F64  # (emitters · targets,) of a row's targets, added up to 1
+    chance: F64  # (emitters · targets,) of both together
+    centre: F64  # (targets, 3)
+    radius: F64  # (targets,) inf: all directions
+    targets: int
+    reach: float  # metres beyond which there is nothing
+
+
+class Source(NamedTuple):
+    """What photons are drawn from, as kernels read it."""
+
+    tables: Any
+    light: Light
+    aims: Aims
+    bounces: int
+    seed: int
+
+
+def covered(tables: ir.Tables, table: emitters.Emitters, all_sizes: bool) -> NDArray[np.bool_]:
+    """(emitters,) those whose light photons carry."""
+    lamps, shining = caustics.lamps(tables, all_sizes)
+    found = np.zeros(len(table.kind), bool)
+    light = table.light >= 0
+    found[light] = lamps[table.light[light]] & (table.kind[light] != emitters.DOME)
+    for i in np.flatnonzero(shining & (table.first >= 0)):
+        later = table.first[table.first > table.first[i]]
+        lamp = np.flatnonzero((np.arange(len(light)) > table.first[i]) & light)
+        end = min([len(found), *later.tolist(), *lamp.tolist()])
+        found[table.first[i] : end] = True
+    return found
+
+
+def aims(tables: ir.Tables, table: emitters.Emitters, chosen: NDArray[np.bool_]) -> Aims | None:
+    """How chosen emitters aim; None where nothing is in their light."""
+    centre, radius = caustics.balls(tables)
+    mirrors = caustics.gathering(tables)
+    # What shines itself and mirrors, too, is no reason to aim at it from itself: its own directions are as good as any.
+    centre, radius = _together(centre[mirrors], radius[mirrors])
+    flux = np.where(chosen[:, None], _flux(tables, table, centre, radius), 0.0)
+    if not flux.any():
+        return None
+    known, bounds = caustics.balls(tables)
+    ends = np.concatenate([known[np.isfinite(bounds)], table.place])
+    reach = 4.0 * float(np.abs(ends).max(initial=1.0) + bounds[np.isfinite(bounds)].max(initial=1.0))
+    flux = np.where(flux > 0.0, np.maximum(flux, 1e-3 * flux.max(axis=1, keepdims=True)), 0.0)
+    chance = flux / flux.sum()
+    of_row = chance.sum(axis=1)
+    within = np.cumsum(chance, axis=1) / np.maximum(of_row, 1e-300)[:, None]
+    return Aims(_last_is_one(np.cumsum(of_row)), np.ascontiguousarray(within.ravel()), np.ascontiguousarray(chance.ravel()),
+                np.ascontiguousarray(centre), radius, len(radius), reach)  # fmt: skip
+
+
+def _last_is_one(upto: F64) -> F64:
+    """Sums that end at 1 wherever nothing follows."""
+    return np.where(upto >= upto[-1], 1.0 + 1e-9, upto)
+
+
+def _together(centre: F64, radius: F64) -> tuple[F64, F64]:
+    """At most TARGETS balls round many: halves of halves along the widest direction, each in the ball round it."""
+    groups = [np.arange(len(radius))]
+    endless = ~np.isfinite(radius)
+    if endless.any():
+        return np.zeros((1, 3)), np.array([np.inf])
+    while len(groups) < min(TARGETS, len(radius)):
+        widest = max(range(len(groups)), key=lambda g: (len(groups[g]) > 1) * (1.0 + float(np.ptp(centre[groups[g]], axis=0).max())))
+        rows = groups.pop(widest)
+        axis = int(np.argmax(np.ptp(centre[rows], axis=0)))
+        rows = rows[np.argsort(centre[rows, axis], kind="stable")]
+        groups += [rows[: len(rows) // 2], rows[len(rows) // 2 :]]
+    middles, sizes = [], []
+    for rows in groups:
+        low, high = (centre[rows] - radius[rows, None]).min(axis=0), (centre[rows] + radius[rows, None]).max(axis=0)
+        middle = 0.5 * (low + high)
+        middles.append(middle)
+        sizes.append(float((np.linalg.norm(centre[rows] - middle, axis=1) + radius[rows]).max()))
+    return np.array(middles), np.array(sizes) * (1.0 + 1e-9)
+
+
+def _flux(tables: ir.Tables, table: emitters.Emitters, centre: F64, radius: F64) -> F64:
+    """(emitters, targets) about what each lamp sends to each ball; 0 only where surely nothing."""
+    way = centre[None] - table.place[:, None]
+    away = np.linalg.norm(way, axis=2)
+    size = np.where(table.area > 0, np.linalg.norm(np.abs(table.side_u) + np.abs(table.side_v), axis=1), 0.0)
+    grown = radius[None] + size[:, None]
+    inside = away <= grown
+    sine = np.where(inside, 1.0, grown / np.maximum(away, 1e-300))
+    solid = np.where(inside, 4.0 * math.pi, 2.0 * math.pi * (1.0 - np.sqrt(np.maximum(1.0 - sine * sine, 0.0))))
+    color = table.color.mean(axis=1)
+    found = color[:, None] * np.where(table.area > 0, table.area, 1.0)[:, None] * solid
+    flat = np.isin(table.kind, (emitters.RECTANGLE, emitters.DISK, emitters.TRIANGLE)) & ~table.both
+    height = np.sum(way * table.normal[:, None], axis=2)
+    found = np.where(flat[:, None] & (height <= -grown), 0.0, found)
+    spot = np.flatnonzero(table.kind == emitters.SPOT)
+    for e in spot:
+        edge = math.acos(float(np.clip(tables.lights.cos_cone[table.light[e]], -1.0, 1.0)))
+        off = np.arccos(np.clip(-height[e] / np.maximum(away[e], 1e-300), -1.0, 1.0))
+        found[e] = np.where(inside[e] | (off - np.arcsin(np.minimum(sine[e], 1.0)) < edge), found[e], 0.0)
+    far = np.isin(table.kind, (emitters.DIRECTIONAL, emitters.SUN))
+    return np.where(far[:, None], color[:, None] * math.pi * radius[None] ** 2, found)
+
+
+class Tracer:
+    """Makes maps of photons, round by round; see film.Renderer.refresh."""
+
+    def __init__(self, source: Source, accel: Handle, kind: type, threads: int) -> None:
+        self.source, self.accel, self.kind, self.threads = Handle(source), accel, kind, threads
+        self.maps = 0  # made so far
+        self.so_far = 0  # photons
+        known = source.aims.radius[np.isfinite(source.aims.radius)]
+        self.width = 0.5 * float(known.max()) if len(known) else 0.05 * source.aims.reach
+
+    def most(self, pixels: int) -> int:
+        """Samples of each pixel that a round may have."""
+        return max(2 * MAPS, int(MOST / PER_SAMPLE) // max(pixels, 1))
+
+    def make(self, samples: int) -> photon_map.Maps:
+        """Maps for a round of so many samples of all pixels together."""
+        each = int(np.clip(samples * PER_SAMPLE, LEAST, MOST)) // MAPS
+        jobs = [(self.maps + k, start, min(BLOCK, each - start)) for k in range(MAPS) for start in range(0, each, BLOCK)]
+        seed = self.source.tables.seed
+        shift = np.random.default_rng([seed & 0xFFFFFFFF, self.maps]).random(3)  # no cell's edge stands still
+        origin = (shift - 0.5) * 2.0 * self.width
+        found: dict[tuple[int, int], NDArray[np.float32]] = {}
+
+        def draw(job: tuple[int, int, int]) -> None:
+            number, start, count = job
+            room = ROOM * BLOCK
+            while True:
+                rows = np.empty((room + 64, COLUMNS), np.float32)
+                kept = trace_block(self.source, self.accel, number, start, count, each, origin, rows)
+                if kept <= room:
+                    break
+                room = int(kept)
+            found[number, start] = rows[:kept].copy()
+
+        film.on_threads(draw, jobs, self.threads)
+        landed = [
+            np.concatenate([found.pop((self.maps + k, start)) for start in range(0, each, BLOCK)]) for k in range(MAPS)
+        ]  # fmt: skip
+        self.maps += MAPS
+        self.so_far += MAPS * each
+        return photon_map.build(landed, each, self.so_far, self.width, origin, self.kind, self.threads)
+
+
+# --- in lanes ------------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def trace_block(source, accel, number, first, count, total, origin, rows):
+    """Draw photons first … of `total` of a map and write those that land, about `origin`: how many they are, even if `rows` has no room."""
+    kept = 0
+    for start in range(0, count, across.WIDTH):
+        index = across.numbered(first + start)
+        active = index < first + count
+        kept = _follow(source, accel, lanes.int_like(index, number), index, active, 1.0 / total, origin, rows, kept)
+    return kept
+
+
+@apart
+def _follow(source, accel, number, index, active, each, origin, rows, kept):
+    """One photon in each lane, from a lamp to where it is lost."""
+    tables, light, seed = source.tables, source.light, source.seed
+    ray, power = _sent(tables, light.emitters, source.aims, number, index, seed)
+    power = lanes.scale(power, each)
+    active = active & (lanes.largest(power) > 0.0)
+    zero = 0.0 * power[0]
+    inside = media.outside(tables, zero)
+    bent, spread = lanes.bool_like(zero, False), lanes.bool_like(zero, False)  # by a mirror or glass; then by something matt
+    for depth in range(source.bounces + 1):
+        if lanes.not_(lanes.any_lane(active)):
+            break
+        ray = Ray(ray.origin, ray.direction, zero, lanes.where(active, np.inf, 0.0), None)
+        hit = waves.met_by_chance(accel, ray, OTHER_RAY, number, index, depth, seed)
+        here = active & (hit.instance >= 0)
+        power = media.faded(inside, power, tables, lanes.where(here, hit.t, 0.0))
+        hit = Hit(lanes.where(here, hit.t, 1.0), lanes.where(here, hit.instance, -1), hit.primitive, hit.u, hit.v)
+        point = surface.at(tables, ray, hit)
+        point = tilt.tilted(tables, _part(tables, point, number, index, depth, seed), hit, ray.direction)
+        shader = materials.looked_up(tables, point, light.uses, inside)
+        lands = here & bent & materials.is_lit(shader)
+        if lanes.any_lane(lands):
+            kept = _keep(rows, kept, lands, spread, point, ray.direction, power, origin)
+        u, v = _numbers(number, index, 2 * depth, seed)
+        which, end = _numbers(number, index, 2 * depth + 1, seed)
+        taken = materials.scatter(shader, light.uses, point, lanes.negate(ray.direction), u, v, which)
+        sharp = taken.density >= materials.ONLY
+        weight = lanes.scale(taken.weight, _adjoint(point, shader, ray.direction, taken.direction, sharp))
+        keep = lanes.minimum(lanes.largest(weight), 1.0)
+        active = here & (sharp | bent) & (end < keep)
+        spread = spread | (active & lanes.not_(sharp))
+        bent = bent | active
+        power = lanes.mul(power, lanes.scale(weight, 1.0 / lanes.maximum(keep, lights.TINY)))
+        inside = media.crossed(inside, None, tables, point, taken.direction)
+        ray = Ray(surface.leave(point, taken.direction), taken.direction, zero, ray.t_max, None)
+    return kept
+
+
+@helper
+def _numbers(number: Lane, index: Lane, pair: int, seed: int) -> tuple[Lane, Lane]:
+    dimension = lanes.int_like(number, BEND + pair)
+    if pair < SPREAD:
+        return sampler.pair(number, index, dimension, seed)
+    return sampler.scattered(number, index, dimension, seed)
+
+
+@helper
+def _drawn_part(tables: Tables, point: Surface, number: Lane, index: Lane, depth: int, seed: int) -> Surface:
+    return blends.part(tables, point, sampler.scattered(number, index, lanes.int_like(number, PART + depth), seed)[0])
+
+
+_part = blends.if_blended(_drawn_part)
+
+
+@helper
+def _adjoint(point: Surface, shader: materials.Shader, arriving: Vec, leaving: Vec, sharp: Lane) -> Lane:
+    """What light that goes on is multiplied by beside the share that what is seen is.
+
+    Radiance is not scaled by the square of the index here, and so light that enters a medium is: what leaves it again is as it was.
+    """
+    through = sharp & (lanes.dot(arriving, point.geometric) * lanes.dot(leaving, point.geometric) > 0.0)
+    eta = lanes.where(through, lanes.where(point.front, 1.0 / shader.ior, shader.ior), 1.0)
+    return eta * eta * _leaning(point, arriving, leaving)
+
+
+@helper
+def _leaning(point: Surface, arriving: Vec, leaving: Vec) -> Lane:
+    """What normals that lean do to light, but not to what is seen (Veach 1997, §5.3)."""
+    bent = lanes.absolute(lanes.dot(arriving, point.normal) * lanes.dot(leaving, point.geometric))
+    true = lanes.absolute(lanes.dot(arriving, point.geometric) * lanes.dot(leaving, point.normal))
+    return lanes.minimum(bent / lanes.maximum(true, 1e-12), LARGEST)
+
+
+@helper
+def _keep(rows: Any, kept: int, lands: Lane, spread: Lane, point: Surface, direction: Vec, power: Vec, origin: Any) -> int:
+    """Write the photons of a mask's lanes, as far as there is room."""
+    for k in range(across.WIDTH):
+        if across.lane(lands, k):
+            if kept < len(rows):
+                x, y, z = across.lane3(point.position, k)
+                _write(rows, kept, 0, x - origin[0], y - origin[1], z - origin[2])
+                x, y, z = across.lane3(direction, k)
+                _write(rows, kept, 3, -x, -y, -z)
+                x, y, z = across.lane3(power, k)
+                _write(rows, kept, 6, x, y, z)
+                x, y, z = across.lane3(point.geometric, k)
+                _write(rows, kept, 9, x, y, z)
+                rows[kept, 12] = -1.0 if across.lane(spread, k) else 1.0
+            kept += 1
+    return kept
+
+
+@helper
+def _write(rows: Any, i: int, column: int, x: float, y: float, z: float) -> None:
+    rows[i, column], rows[i, column + 1], rows[i, column + 2] = x, y, z
+
+
+@helper
+def _sent(tables: Tables, table: emitters.Emitters, aim: Aims, number: Lane, index: Lane, seed: int) -> tuple[Ray, Vec]:
+    """(rays from lamps to what gathers light, their power over the density of both)."""
+    like = lanes.to_float(index)
+    a, b = sampler.pair(number, index, lanes.int_like(like, ORIGIN), seed)
+    pu, pv = sampler.pair(number, index, lanes.int_like(like, PLACE), seed)
+    du, dv = sampler.pair(number, index, lanes.int_like(like, AIM), seed)
+    e = _emitter(aim.upto, a)
+    t = lanes.int_like(like, 0)
+    for k in range(aim.targets - 1):
+        t = lanes.where(b >= aim.within[e * aim.targets + k], k + 1, t)
+    zero = 0.0 * a
+    kind = table.kind[e]
+    centre, radius = (aim.centre[t, 0], aim.centre[t, 1], aim.centre[t, 2]), aim.radius[t]
+    place = (table.place[e, 0], table.place[e, 1], table.place[e, 2])
+    normal = (table.normal[e, 0], table.normal[e, 1], table.normal[e, 2])
+    color = (table.color[e, 0], table.color[e, 1], table.color[e, 2])
+    row = lanes.maximum(lanes.to_int(table.light[e]), 0)
+    far = (kind == emitters.DIRECTIONAL) | (kind == emitters.SUN)
+    flat = (kind == emitters.RECTANGLE) | (kind == emitters.DISK) | (kind == emitters.TRIANGLE)
+    ball = kind == emitters.SPHERE
+    # Where on what has an area:
+    x, y = emitters._on_plate(kind, pu, pv)
+    side_u = (table.side_u[e, 0], table.side_u[e, 1], table.side_u[e, 2])
+    side_v = (table.side_v[e, 0], table.side_v[e, 1], table.side_v[e, 2])
+    on_plate = lanes.add(place, lanes.add(lanes.scale(side_u, x), lanes.scale(side_v, y)))
+    up = (zero, zero, zero + 1.0)
+    around = lights.in_cone(up, 2.0 * pu, pv)
+    on_ball = lanes.add(place, lanes.scale(around, side_u[0]))
+    start = lanes.where3(flat, on_plate, lanes.where3(ball, on_ball, place))
+    normal = lanes.where3(ball, around, normal)
+    # Where to: a direction in the cone of the target, or for what is far a place on its disk.
+    way = lanes.sub(centre, start)
+    height = lights.ball_height(lanes.dot(way, way), radius)
+    axis = lanes.where3(lanes.dot(way, way) > 0.0, lanes.normalize(way), up)
+    near_by = lights.in_cone(axis, du * height, dv)
+    half = lanes.sin(0.5 * (tables.lights.angle[row] + zero))
+    half = lanes.where(kind == emitters.SUN, half * half, zero)
+    to_far = lights.in_cone(normal, pu * 2.0 * half, pv)
+    s, r = lanes.basis(to_far)
+    wide, turn = lanes.where(far, radius, 0.0) * lanes.sqrt(du), 2.0 * math.pi * dv
+    beside = lanes.add(lanes.scale(s, wide * lanes.cos(turn)), lanes.scale(r, wide * lanes.sin(turn)))
+    from_far = lanes.add(lanes.add(centre, beside), lanes.scale(to_far, aim.reach))
+    direction = lanes.where3(far, lanes.negate(to_far), near_by)
+    start = lanes.where3(far, from_far, start)
+    density = zero
+    for k in range(aim.targets):
+        to = (aim.centre[k, 0] - start[0], aim.centre[k, 1] - start[1], aim.centre[k, 2] - start[2])
+        size, chance = aim.radius[k], aim.chance[e * aim.targets + k]
+        along, square = lanes.dot(to, direction), lanes.dot(to, to)
+        rise = lights.ball_height(square, zero + size)
+        aimed = along >= (1.0 - rise) * lanes.sqrt(square)
+        passes = square - along * along <= size * size
+        hits = (t == k) | lanes.where(far, passes, aimed)
+        area = lanes.where(far, math.pi * size * size, 2.0 * math.pi * rise)
+        density = density + lanes.where(hits, chance / lanes.maximum(area, lights.TINY), 0.0)
+    cosine = lanes.dot(normal, direction)
+    shines = lanes.where(table.both[e], lanes.absolute(cosine), lanes.maximum(cosine, 0.0)) * table.area[e]
+    cone = lights.spot_share(-cosine, tables.lights.cos_cone[row] + zero, tables.lights.cos_full[row] + zero)
+    strength = lanes.where(kind == emitters.SPOT, cone, zero + 1.0)
+    strength = lanes.where(flat | ball, shines, strength)
+    strength = lanes.where(far, 1.0 / (1.0 - half), strength)
+    step = OFF * (lanes.absolute(start[0]) + lanes.absolute(start[1]) + lanes.absolute(start[2]) + lanes.sqrt(table.area[e]))
+    step = lanes.where(flat | ball, step * lanes.sign_of(cosine), 0.0)
+    start = lanes.add(start, lanes.scale(normal, step))
+    return Ray(start, direction, zero, zero + np.inf, None), lanes.scale(color, strength / lanes.maximum(density, lights.TINY))
+
+
+@helper
+def _emitter(upto: Any, u: Lane) -> Lane:
+    """The first row whose sum is above u."""
+    low = lanes.int_like(u, 0)
+    high = lanes.int_like(u, len(upto) - 1)
+    step = len(upto)
+    while step > 0:
+        middle = (low + high) >> 1
+        beyond = u >= upto[middle]
+        low, high = lanes.where(beyond & (low < high), middle + 1, low), lanes.where(beyond, high, middle)
+        step >>= 1
+    return lanes.minimum(low, len(upto) - 1)

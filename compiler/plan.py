@@ -556,7 +556,8 @@ def _caustics(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision])
         reason = "all lamps are large as seen from what mirrors or bends light: paths find them by chance"
         return Decision(name, "paths", reason, CAUSTICS if coverable else chance)
     what = "is a small lamp" if count == 1 else f"are {count} small lamps"
-    reason = f"there {what} and {int(mirrors.sum())} things that mirror or bend light onto matt ones: photons carry it"
+    things = "a thing that mirrors or bends" if mirrors.sum() == 1 else f"{int(mirrors.sum())} things that mirror or bend"
+    reason = f"there {what} and {things} light onto matt ones: photons carry it"
     return Decision(name, "photons", reason, CAUSTICS)
 
 

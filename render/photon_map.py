@@ -17,7 +17,7 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from . import lanes, materials
+from . import film, lanes, materials
 from .kernels import HELPER, apart, helper, kernel
 from .materials import Shader, Uses
 from .records import Lane, Surface, Vec
@@ -68,8 +68,6 @@ def build(landed: list[NDArray[np.float32]], emitted: int, so_far: int, width: f
 
     The coarsest cells are as wide as `width`.
     """
-    from . import film
-
     near = NEIGHBOURS * emitted / FIRST * (so_far / FIRST) ** (-1.0 / 3.0)
     counts = [len(rows) for rows in landed]
     slots = 1 << max(int(max(counts)), 16).bit_length()

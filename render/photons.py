@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler import caustics, ir
+from ..compiler import ir
+from ..compiler import plan as planner
 from . import across, blends, emitters, film, lanes, lights, materials, media, photon_map, sampler, surface, tilt, waves
 from .handles import Handle
 from .kernels import apart, helper, kernel
@@ -57,7 +58,7 @@ class Source(NamedTuple):
 
 def covered(tables: ir.Tables, table: emitters.Emitters, all_sizes: bool) -> NDArray[np.bool_]:
     """(emitters,) those whose light photons carry."""
-    lamps, shining = caustics.lamps(tables, all_sizes)
+    lamps, shining = planner.caustics.lamps(tables, all_sizes)
     found = np.zeros(len(table.kind), bool)
     light = table.light >= 0
     found[light] = lamps[table.light[light]] & (table.kind[light] != emitters.DOME)
@@ -71,14 +72,14 @@ def covered(tables: ir.Tables, table: emitters.Emitters, all_sizes: bool) -> NDA
 
 def aims(tables: ir.Tables, table: emitters.Emitters, chosen: NDArray[np.bool_]) -> Aims | None:
     """How chosen emitters aim; None where nothing is in their light."""
-    centre, radius = caustics.balls(tables)
-    mirrors = caustics.gathering(tables)
+    centre, radius = planner.caustics.balls(tables)
+    mirrors = planner.caustics.gathering(tables)
     # What shines itself and mirrors, too, is no reason to aim at it from itself: its own directions are as good as any.
     centre, radius = _together(centre[mirrors], radius[mirrors])
     flux = np.where(chosen[:, None], _flux(tables, table, centre, radius), 0.0)
     if not flux.any():
         return None
-    known, bounds = caustics.balls(tables)
+    known, bounds = planner.caustics.balls(tables)
     ends = np.concatenate([known[np.isfinite(bounds)], table.place])
     reach = 4.0 * float(np.abs(ends).max(initial=1.0) + bounds[np.isfinite(bounds)].max(initial=1.0))
     flux = np.where(flux > 0.0, np.maximum(flux, 1e-3 * flux.max(axis=1, keepdims=True)), 0.0)

@@ -12,7 +12,8 @@ import numpy as np
 
 from . import ir
 
-SMALL = 0.05  # steradians of what a gathering thing sees, below which a lamp is found too seldom (of a hemisphere one in 125)
+SMALL = 0.3  # steradians of what a gathering thing sees, below which a lamp is found too seldom (of a hemisphere one in twenty)
+POLISHED = 0.54  # roughness up to which a metal gathers; its square is below render/materials.POLISHED
 FLAT = 1e-3  # roughness whose square is below is none; as render/microfacet.SHARP
 LAMPS = (
     ir.LightKind.POINT, ir.LightKind.SPOT, ir.LightKind.DIRECTIONAL, ir.LightKind.SUN, ir.LightKind.RECTANGLE, ir.LightKind.DISK,
@@ -35,6 +36,17 @@ def sharp_materials(tables: ir.Tables) -> np.ndarray:
     for row in np.flatnonzero(m.model == ir.MaterialModel.BLEND):  # parts have lower rows than their blends
         sharp[row] = sharp[m.first[row]] | sharp[m.second[row]]
     return sharp
+
+
+def polished_materials(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: metals that are not rough, but not mirrors either, anywhere; parts of blends count for the blend."""
+    m, slot = tables.materials, ir.Slot
+    polished = (m.values[:, slot.ROUGHNESS, 0] <= POLISHED) | (m.textures[:, slot.ROUGHNESS] >= 0)
+    metallic = (m.values[:, slot.METALLIC, 0] >= 1.0) | (m.textures[:, slot.METALLIC] >= 0) | (m.model == ir.MaterialModel.METAL)
+    found = np.isin(m.model, _LAYERED) & polished & metallic
+    for row in np.flatnonzero(m.model == ir.MaterialModel.BLEND):
+        found[row] = found[m.first[row]] | found[m.second[row]]
+    return found
 
 
 def matt_materials(tables: ir.Tables) -> np.ndarray:
@@ -63,9 +75,9 @@ def balls(tables: ir.Tables) -> tuple[np.ndarray, np.ndarray]:
 
 
 def gathering(tables: ir.Tables) -> np.ndarray:
-    """(instances,) bool: things that light is mirrored or bent by sharply."""
+    """(instances,) bool: things that mirror or bend light without spreading it much."""
     seen = tables.instances.visible & ir.Visibility.REFLECTION != 0
-    return sharp_materials(tables)[tables.instances.material] & seen
+    return (sharp_materials(tables) | polished_materials(tables))[tables.instances.material] & seen
 
 
 def lamps(tables: ir.Tables, all_sizes: bool = False) -> tuple[np.ndarray, np.ndarray]:

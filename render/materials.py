@@ -31,6 +31,7 @@ EMISSION = int(ir.Slot.EMISSION)
 PHONG = int(ir.MaterialModel.PHONG)
 BLINN_PHONG = int(ir.MaterialModel.BLINN_PHONG)
 GLASS = int(ir.MaterialModel.GLASS)
+POLISHED = 0.3  # α up to which what a metal mirrors is a spot of light on what stands beside it
 ONLY = 1e18  # density of a direction that is the only one: mirrors', glass's and the camera's
 
 
@@ -174,6 +175,21 @@ def _lobes_have_base(lobes: microfacet.Lobes, plain: Lane) -> Lane:
 
 
 has_base = if_there(_lobes_have_base)
+
+
+@helper
+def is_polished(shader: Shader) -> Lane:
+    """Whether all that it reflects goes about where a mirror's would: a metal that is not rough."""
+    return _are_narrow(shader.lobes, lanes.bool_like(shader.ior, False))
+
+
+@helper
+def _narrow(lobes: microfacet.Lobes, plain: Lane) -> Lane:
+    alone = (lanes.largest(lobes.base) <= 0.0) & (lobes.coat <= 0.0)
+    return lobes.here & lanes.not_(lobes.sharp) & alone & (lobes.alpha <= POLISHED)
+
+
+_are_narrow = if_there(_narrow)
 
 
 @helper

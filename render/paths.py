@@ -64,7 +64,7 @@ class Path(NamedTuple):
     density: Lane  # of its direction, when it was drawn
     straight: Lane  # bool: it has met nothing but passages of index 1; where it escapes, alpha is lowered
     inside: Any  # the media it is in, see media.py; None in scenes without
-    matt: Lane  # bool: it has gathered photons
+    phase: Lane  # what it has met, as photon_map.phase_after counts
 
 
 class Connection(NamedTuple):
@@ -189,25 +189,37 @@ def shine(
     if len(table.kind) == 1:
         share, dark = _weighed(table, 0, path, point, hit.t, light.weighing)
         share, lit = lanes.where(among, share, 1.0), lit & lanes.not_(among & dark)
-        lit = lit & lanes.not_(among & brought(light.covered, 0, path.density))
+        lit = lit & lanes.not_(among & brought(light.covered, 0, path))
     elif len(table.kind) > 1:
         row = lanes.where(among, row + lanes.where(among, hit.primitive - table.parts[instance], 0), 0)
         share, dark = _weighed_each(table, row, path, point, hit.t, light.weighing)
         share, lit = lanes.where(among, share, 1.0), lit & lanes.not_(among & dark)
-        lit = lit & lanes.not_(among & brought(light.covered, row, path.density))
+        lit = lit & lanes.not_(among & brought(light.covered, row, path))
     return lanes.where3(lit, lanes.scale(lanes.mul(path.weight, shader.emission), share), (zero, zero, zero))
 
 
-def brought(covered: Any, row: Any, density: Lane) -> Lane:
-    """Where photons bring the light of an emitter's row to what sent a path on."""
-    return np.zeros(np.shape(density), bool)
+def brought(covered: Any, row: Any, path: Path) -> Lane:
+    """Where photons bring the light of an emitter's row, which a path meets by chance, to what sent it on."""
+    return np.zeros(np.shape(path.density), bool)
 
 
 @overload(brought, jit_options=HELPER)
-def _brought_in_kernels(covered, row, density):
+def _brought_in_kernels(covered, row, path):
     if isinstance(covered, types.Array):
-        return lambda covered, row, density: (density > 2.0 * ONLY) & covered[row]
-    return lambda covered, row, density: lanes.bool_like(density, False)
+        return lambda covered, row, path: ((path.density > 2.0 * ONLY) | (path.phase > photon_map.CLEAN)) & covered[row]
+    return lambda covered, row, path: lanes.bool_like(path.density, False)
+
+
+def mirrored(covered: Any, row: Any, path: Path, shader: Shader) -> Lane:
+    """Where photons bring the light of an emitter's row that a metal sends to the matt surface before it on a path."""
+    return np.zeros(np.shape(path.density), bool)
+
+
+@overload(mirrored, jit_options=HELPER)
+def _mirrored_in_kernels(covered, row, path, shader):
+    if isinstance(covered, types.Array):
+        return lambda covered, row, path, shader: (path.phase >= photon_map.CLEAN) & materials.is_polished(shader) & covered[row]
+    return lambda covered, row, path, shader: lanes.bool_like(path.density, False)
 
 
 @helper
@@ -262,13 +274,14 @@ def connect(
         arriving = emitters.sample(tables, table, e, point.position, u, v)
         chance = zero + 1.0
         is_lamp = table.light[0] >= 0
-        here = here & (lanes.not_(ending) | is_lamp) & lanes.not_(lit & is_lamp)
+        here = here & (lanes.not_(ending) | is_lamp) & lanes.not_(lit & is_lamp) & lanes.not_(mirrored(light.covered, 0, path, shader))
         weighed, shadows = lanes.bool_like(zero, table.weighed[0]), lanes.bool_like(zero, table.shadows[0])
     else:
         row, chance = _choose(table.tree, point.position, numbers(pixel, sample, depth, 2, seed)[0])
         arriving = _sample_each(tables, table, row, point.position, u, v)
         lamp = table.light[row] >= 0
         here = here & (chance > 0.0) & (lanes.bool_like(zero, lanes.not_(ending)) | lamp) & lanes.not_(lit & lamp)
+        here = here & lanes.not_(mirrored(light.covered, row, path, shader))
         chance = lanes.where(chance > 0.0, chance, 1.0)
         weighed, shadows = table.weighed[row], table.shadows[row]
     share, density = materials.share_of(shader, light.uses, point.normal, arriving.direction, viewer)
@@ -305,7 +318,7 @@ def arrive(
     zero = 0.0 * path.density
     uses = light.uses
     faded = media.faded(path.inside, path.weight, tables, hit.t)
-    path = Path(path.origin, path.direction, faded, path.density, path.straight, path.inside, path.matt)
+    path = Path(path.origin, path.direction, faded, path.density, path.straight, path.inside, path.phase)
     point = tilt.tilted(tables, _part(tables, point, pixel, sample, depth, options.seed), hit, path.direction)
     shader = materials.looked_up(tables, point, uses, path.inside)
     viewer = lanes.negate(path.direction)
@@ -322,7 +335,7 @@ def arrive(
     if uses.ambient:
         always = lanes.mul(lanes.mul(path.weight, shader.ambient), lights.ambient(tables))
         sent = lanes.where3(here & lanes.not_(lit), lanes.add(sent, always), sent)
-    sent = photon_map.gathered(light.photons, sent, shader, uses, point, viewer, path.weight, here & lanes.not_(path.matt), sample)
+    sent = photon_map.gathered(light.photons, sent, shader, uses, point, viewer, path.weight, here & (path.phase < photon_map.MATT), sample)
     ending = depth == options.bounces
     last = lanes.bool_like(zero, False)
     if ending:  # matt surfaces are done when all light that they could meet has been looked for
@@ -353,8 +366,8 @@ def arrive(
     after_matt = (path.density < ONLY) | (path.density > 2.0 * ONLY)
     density = lanes.where((density >= ONLY) & after_matt, GATHERED, density)
     inside = media.crossed(path.inside, None, tables, point, taken.direction)
-    matt = photon_map.after(light.photons, path.matt, shader)
-    onward = Path(surface.leave(point, taken.direction), taken.direction, weight, density, straight, inside, matt)
+    phase = photon_map.phase_after(light.photons, path.phase, shader, taken.density >= ONLY)
+    onward = Path(surface.leave(point, taken.direction), taken.direction, weight, density, straight, inside, phase)
     return sent, connection, onward, going
 
 
@@ -400,7 +413,7 @@ def radiance(
     alpha = zero + 1.0
     active = np.ones(shape, bool)
     origin, direction = (tuple(np.broadcast_to(c, shape) for c in v) for v in (ray.origin, ray.direction))
-    path = Path(origin, direction, (zero + 1.0, zero + 1.0, zero + 1.0), zero + ONLY, active, media.outside(tables, zero), ~active)  # pyright: ignore[reportArgumentType]
+    path = Path(origin, direction, (zero + 1.0, zero + 1.0, zero + 1.0), zero + ONLY, active, media.outside(tables, zero), zero)  # pyright: ignore[reportArgumentType]
     depth = 0
     while True:
         onward = Ray(path.origin, path.direction, zero, zero + np.inf, ray.time)

@@ -25,12 +25,13 @@ from .records import Lane, Surface, Vec
 MAPS = 16  # that samples take turns among
 LEVELS = 12  # of cells, each half as wide as the one before
 PRESENCE = 1 << 14  # coarse cells of a map that tell which sizes are there
-COLUMNS = 13  # of a photon as it lands: place, where it came from, power, the surface's normal, and 1, or -1 of what something matt sent on
+COLUMNS = 13  # of a photon as it lands: place, where it came from, power, the surface's normal, and 1, or -1: for what is matt alone
 FLATNESS = 0.2  # of a photon's radius, how far off the surface it still counts
 FACING = 0.7  # cosine between normals up to which surfaces are one
 NEIGHBOURS = 24.0  # photons that one is spread among, for FIRST of them in a map and in all
 FIRST = 32768.0
 ENOUGH = 12  # photons in a cell that tells their density
+MATT, CLEAN = 2.0, 3.0  # phases of a path, see phase_after
 _BITS = 0x7FFFFFFF
 _PX, _PY, _PZ, _PL = 73856093, 19349663, 83492791, 40503 * 9973
 
@@ -50,7 +51,7 @@ class Maps(NamedTuple):
     toward: NDArray[np.float64]  # (3 · n,) unit, where it came from
     power: NDArray[np.float64]  # (3 · n,) over its disk: times 1 − d²/r² what it adds to the irradiance
     normal: NDArray[np.float64]  # (3 · n,)
-    inverse: NDArray[np.float64]  # (n,) 1 / r², negative of what something matt sent on
+    inverse: NDArray[np.float64]  # (n,) 1 / r², negative of photons for what is matt alone
     origin: NDArray[np.float64]  # (3,)
     cells: NDArray[np.float64]  # (LEVELS,) 1 / width
 
@@ -175,16 +176,25 @@ def _gathered_in_kernels(maps, sent, shader, uses, point, viewer, weight, here, 
     return lambda maps, sent, shader, uses, point, viewer, weight, here, sample: sent
 
 
-def after(maps: Any, matt: Lane, shader: Shader) -> Lane:
-    """`matt` of a path, or whether it has gathered all photons there are where it is now."""
-    return matt
+def phase_after(maps: Any, phase: Lane, shader: Shader, sharp: Lane) -> Lane:
+    """The phase of a path that goes on from a surface: 0, nothing matt has been met, or
+
+    MATT (2): it has gathered; CLEAN (3): and since then it has met mirrors, glass and polished metals alone; 4: a metal among them.
+    """
+    return phase
 
 
-@overload(after, jit_options=HELPER)
-def _after_in_kernels(maps, matt, shader):
-    if maps.layout:
-        return lambda maps, matt, shader: matt | materials.has_matt(shader)
-    return lambda maps, matt, shader: matt
+@overload(phase_after, jit_options=HELPER)
+def _phase_after_in_kernels(maps, phase, shader, sharp):
+    if not maps.layout:
+        return lambda maps, phase, shader, sharp: phase
+
+    def counted(maps, phase, shader, sharp):
+        clean = phase >= CLEAN
+        beside = lanes.where(materials.is_polished(shader), lanes.where(clean, 4.0, phase), lanes.where(clean, MATT, phase))
+        return lanes.where(sharp, phase, lanes.where(materials.has_matt(shader), CLEAN, beside))
+
+    return counted
 
 
 @helper

@@ -1,8 +1,9 @@
 """Photons: light that goes from small lamps by way of mirrors and glass to what spreads it, the part of paths that they find too seldom.
 
 They are aimed at balls round what gathers light, by a mixture whose whole density weighs them (Veach 1997, §9.2.3), follow sharp
-reflections and refractions by chance, and are kept wherever something matt is met after one. Paths leave out just that: a lamp with
-photons that they meet by way of mirrors and glass from something matt. Random numbers are of (map, photon, dimension, seed).
+reflections and refractions by chance, and are kept wherever something that spreads light is met after one; and those that a polished metal
+throws first where that is something matt. Paths leave out just that: a lamp with photons that they meet by way of mirrors and glass from
+what spreads light, or find by way of metals, too, from something matt. Random numbers are of (map, photon, dimension, seed).
 """
 
 from __future__ import annotations
@@ -205,7 +206,8 @@ def _follow(source, accel, number, index, active, each, origin, rows, kept):
     active = active & (lanes.largest(power) > 0.0)
     zero = 0.0 * power[0]
     inside = media.outside(tables, zero)
-    bent, spread = lanes.bool_like(zero, False), lanes.bool_like(zero, False)  # by a mirror or glass; then by something matt
+    bent, spread = lanes.bool_like(zero, False), lanes.bool_like(zero, False)  # by a mirror or glass; then by what is neither
+    thrown = lanes.bool_like(zero, False)  # by a polished metal first, and by nothing matt yet
     for depth in range(source.bounces + 1):
         if lanes.not_(lanes.any_lane(active)):
             break
@@ -217,18 +219,22 @@ def _follow(source, accel, number, index, active, each, origin, rows, kept):
         point = surface.at(tables, ray, hit)
         point = tilt.tilted(tables, _part(tables, point, number, index, depth, seed), hit, ray.direction)
         shader = materials.looked_up(tables, point, light.uses, inside)
-        lands = here & bent & materials.is_lit(shader)
+        matt = materials.has_matt(shader)
+        lands = here & materials.is_lit(shader) & (bent | (thrown & matt))
         if lanes.any_lane(lands):
-            kept = _keep(rows, kept, lands, spread, point, ray.direction, power, origin)
+            kept = _keep(rows, kept, lands, spread | thrown, point, ray.direction, power, origin)
         u, v = _numbers(number, index, 2 * depth, seed)
         which, end = _numbers(number, index, 2 * depth + 1, seed)
         taken = materials.scatter(shader, light.uses, point, lanes.negate(ray.direction), u, v, which)
         sharp = taken.density >= materials.ONLY
         weight = lanes.scale(taken.weight, _adjoint(point, shader, ray.direction, taken.direction, sharp))
         keep = lanes.minimum(lanes.largest(weight), 1.0)
-        active = here & (sharp | bent) & (end < keep)
-        spread = spread | (active & lanes.not_(sharp))
-        bent = bent | active
+        metal = materials.is_polished(shader) & lanes.not_(sharp)
+        bent = bent | (thrown & matt & lanes.not_(sharp))
+        active = here & (sharp | bent | metal) & (end < keep)
+        spread = spread | (bent & lanes.not_(sharp))
+        thrown = active & lanes.not_(bent) & (thrown | metal)
+        bent = bent | (active & lanes.not_(thrown))
         power = lanes.mul(power, lanes.scale(weight, 1.0 / lanes.maximum(keep, lights.TINY)))
         inside = media.crossed(inside, None, tables, point, taken.direction)
         ray = Ray(surface.leave(point, taken.direction), taken.direction, zero, ray.t_max, None)

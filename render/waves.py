@@ -25,7 +25,7 @@ CAMERA, OTHER = int(ir.Visibility.CAMERA), paths.OTHER_RAY
 SIZE = 2048  # paths of a wave
 PAD = 64  # beyond them, for stores of whole vectors
 ROW = SIZE + PAD
-STATE = 11  # rows of a path: origin, direction, weight, density, and 1 where it is straight, 2 where it is matt
+STATE = 11  # rows of a path: origin, direction, weight, density, and its phase, or 1 where it is straight
 ASKED = 10  # rows of a connection: origin, direction, distance, light
 _WIDTH64 = simd.WIDTH64
 
@@ -419,7 +419,7 @@ def _shade(scene, frame, room, source, n, depth):
         inside = inside_of(media.outside(tables, density), None, room, source * ROW + i, depth)
         path = Path(
             _load3(room.state, base, 0, i), _load3(room.state, base, 3, i), _load3(room.state, base, 6, i), density, straight, inside,
-            code > 1.5,
+            lanes.where(code > 1.5, code, 0.0),
         )  # fmt: skip
         slot, pixel, sample = _load3(room.whose, source * 3 * ROW, 0, i)
         piece, instance = simd.load(room.what, i), simd.load(room.what, ROW + i)
@@ -455,7 +455,7 @@ def _shade(scene, frame, room, source, n, depth):
             _keep3(room.state, target + 3 * ROW + kept, onward.direction, going)
             _keep3(room.state, target + 6 * ROW + kept, onward.weight, going)
             _keep(room.state, target + 9 * ROW + kept, onward.density, going)
-            _keep(room.state, target + 10 * ROW + kept, lanes.where(onward.matt, 2.0, lanes.where(onward.straight, 1.0, 0.0)), going)
+            _keep(room.state, target + 10 * ROW + kept, lanes.where(onward.straight, 1.0, onward.phase), going)
             _keep3(room.whose, (1 - source) * 3 * ROW + kept, (slot, pixel, sample), going)
             keep_inside(onward.inside, None, room, (1 - source) * ROW + kept, going)
             kept += simd.count(going)

@@ -76,10 +76,21 @@ def blocks(runs):
     return runs.reshape(len(runs), 4, 4, 4, 4, 3).mean(axis=(2, 4, 5))
 
 
-@pytest.mark.parametrize("lamp", ["rectangle", "ball"])
+METALS = """
+sphere(0.5, center: [0, 0.5, 0], material: metal("gold", roughness: 0.3))
+box([0.4, 1.2, 0.8], center: [1, 0.6, 0], material: metal("silver", roughness: 0.5))
+box([0.3, 0.3, 0.3], center: [-0.7, 0.15, 0.6], material: mirror(0.9))
+sphere(0.25, center: [-0.2, 0.25, 1], material: glass(ior: 1.5))
+sphere(0.25, center: [0.5, 0.25, 0.8], material: glass(ior: 1.5, roughness: 0.5))
+camera(position: [0, 3, 5], look_at: [0, 0.4, 0], fov: 38deg)
+render(bounces: 6)
+"""
+
+
+@pytest.mark.parametrize("lamp", ["rectangle", "ball", "metals"])
 def test_photons_and_chance_find_the_same_light(draw, lamp):
     """Lamps large enough for paths to find them behind glass and in mirrors: means of blocks of the picture, by z."""
-    text = FLOOR.format(0.8) + BALL.format(matt="lambert(0.6)") + LAMPS[lamp]
+    text = FLOOR.format(0.8) + (METALS + LAMPS["ball"] if lamp == "metals" else BALL.format(matt="lambert(0.6)") + LAMPS[lamp])
     ours = np.stack([draw(text, 256, seed, transport_caustics="photons") for seed in range(6)])
     others = np.stack([draw(text, 1024, 20 + seed, transport_caustics="paths") for seed in range(6)])
     a, b = blocks(ours), blocks(others)
@@ -105,7 +116,7 @@ def test_the_plan_has_photons_only_where_a_small_lamp_shines_on_what_gathers(tmp
     assert decided(floor + ball + lamp, bounces=6, backend="reference") == "paths"
     assert decided(floor + lamp, bounces=6) == "paths"
     assert decided(floor + ball.replace("glass()", "glass(roughness: 0.3)") + lamp, bounces=6) == "paths"
-    assert decided(floor + ball + "area([0, 3, 0], look_at: [0, 0, 0], size: [1, 1])\n", bounces=6) == "paths"
+    assert decided(floor + ball + "area([0, 3, 0], look_at: [0, 0, 0], size: [3, 3])\n", bounces=6) == "paths"
     assert decided(floor + ball + "area([0, 3, 0], look_at: [0, 0, 0], size: [0.1, 0.1])\n", bounces=6) == "photons"
     assert decided(floor + ball + "sky()\n", bounces=6) == "paths"
     assert decided(floor + ball + "sun()\n", bounces=6) == "photons"

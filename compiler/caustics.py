@@ -10,10 +10,11 @@ import math
 
 import numpy as np
 
-from . import ir
+from . import facts, ir
 
 SMALL = 0.3  # steradians of what a gathering thing sees, below which a lamp is found too seldom (of a hemisphere one in twenty)
 POLISHED = 0.54  # roughness up to which a metal gathers; its square is below render/materials.POLISHED
+CARRIERS = ("photons", "paths")
 FLAT = 1e-3  # roughness whose square is below is none; as render/microfacet.SHARP
 LAMPS = (
     ir.LightKind.POINT, ir.LightKind.SPOT, ir.LightKind.DIRECTIONAL, ir.LightKind.SUN, ir.LightKind.RECTANGLE, ir.LightKind.DISK,
@@ -114,3 +115,29 @@ def _fills(place: np.ndarray, size: float, centre: np.ndarray, radius: np.ndarra
     away = np.linalg.norm(centre - place, axis=1) - np.where(np.isfinite(radius), radius, 0.0)
     nearest = float(away.min(initial=math.inf))
     return 4.0 * math.pi if nearest <= size else 2.0 * math.pi * (1.0 - math.sqrt(1.0 - (size / nearest) ** 2))
+
+
+def carrier(tables: ir.Tables, transport: str, backend: str, moves: bool) -> tuple[str, str, tuple[str, ...]]:
+    """(what carries light that mirrors and glass gather: "photons", "paths" or "none"; why; what else may)."""
+    chance = CARRIERS[1:]
+    mirrors = gathering(tables)
+    if not mirrors.any() or not (matt_materials(tables) & facts.used_materials(tables)).any():
+        return "paths", "nothing mirrors or bends light onto matt things", chance
+    if transport != "paths":
+        return "none", "the tree looks for lamps from matt things straight: write --bounces", ("none",)
+    if backend != "ray":
+        return "paths", "the ray backend alone has photons", chance
+    if moves:
+        return "paths", "things move: photons fly at other times than paths", chance
+    small, shining = lamps(tables)
+    endless = ~np.isfinite(balls(tables)[1][mirrors])
+    if endless.any() and (np.isin(tables.lights.kind, FAR) & small).any():
+        return "paths", "an endless thing mirrors light from endlessly far: photons cannot be aimed at it", chance
+    count = int(small.sum() + shining.sum())
+    if not count:
+        possible = any(found.any() for found in lamps(tables, all_sizes=True))
+        reason = "all lamps are large as seen from what mirrors or bends light: paths find them by chance"
+        return "paths", reason, CARRIERS if possible else chance
+    what = "is a small lamp" if count == 1 else f"are {count} small lamps"
+    things = "a thing that mirrors or bends" if mirrors.sum() == 1 else f"{int(mirrors.sum())} things that mirror or bend"
+    return "photons", f"there {what} and {things} light onto matt ones: photons carry it", CARRIERS

@@ -12,6 +12,15 @@ import numpy as np
 
 from ..lang.diagnostics import suggest
 from . import caustics, ir
+from .facts import (  # noqa: F401: what a plan's readers ask, too
+    glossy_materials,
+    ground,
+    moving,
+    open_during,
+    partial,
+    specular_materials,
+    used_materials,
+)
 
 DEFAULT_SIZE = (800, 600)
 DEFAULT_WIDTH = 960  # for cameras that bring a film's aspect, as usdrecord does
@@ -20,7 +29,6 @@ SAMPLES_SOFT = 64  # antialiasing and lights that have an extent
 MAX_SAMPLES = 4096  # where a render gives up that looks for an error
 ENDLESS_SAMPLES = 1 << 20  # and one that spends a budget
 SPECULAR_BOUNCES = 8
-POLISHED = 0.3  # roughness below which the highlight of what is no metal mirrors things that can be told
 TOLERANCE = 0.05  # pixels
 RASTER_MOMENTS = 16  # at which the raster backend draws what moves
 BRUTE_FORCE_INSTANCES = 2  # up to this many analytic shapes a loop is as quick as the tree (9.2 against 8.9 million rays a second at 2)
@@ -34,7 +42,6 @@ REST = "rest"  # the light group of what names none
 TRANSPORTS = ("paths", "tree")
 NOISES = ("blue", "white")
 SECONDARY = ("none", "trace")  # what becomes of rays that the raster backend's mirrors, metals and glass send on
-CAUSTICS = ("photons", "paths")
 WEIGHINGS = ("power", "balance", "lights", "surfaces")  # as in render/paths.py
 PRECISIONS = ("float32", "float64")
 FLOAT32_RATIO = 5000.0  # of the largest coordinate over the smallest thing, up to which single precision does
@@ -449,35 +456,6 @@ def _horizon(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) 
     return Decision("horizon", True, f"{name} bounds the scene from below: sky under it is blocked for all, and is not sampled")
 
 
-def ground(tables: ir.Tables) -> int:
-    """The instance of a plane that casts shadows and on whose upper side everything else lies, or -1.
-
-    Things may stand on it, to 1e-9 of their coordinates.
-    """
-    instances, geometries, transforms = tables.instances, tables.geometries, tables.transforms
-    boxes, matrix = geometries.bounds[instances.geometry], transforms.matrix[instances.transform]
-    solid = (geometries.kind[instances.geometry] == ir.GeometryKind.PLANE) & (instances.visible & ir.Visibility.SHADOW != 0)
-    solid &= ~partial(tables)[instances.material]
-    for row in np.flatnonzero(solid)[:4].tolist():
-        others = np.arange(len(boxes)) != row
-        below = transforms.inverse[instances.transform[row], 1]  # height over the plane, of a point of the world
-        along = np.einsum("j,njk->nk", below[:3], matrix[others, :, :3])
-        with np.errstate(invalid="ignore"):
-            middle, half = boxes[others].mean(axis=1), 0.5 * (boxes[others, 1] - boxes[others, 0])
-            height = np.sum(along * middle, axis=1) + matrix[others, :, 3] @ below[:3] + below[3]
-            reach = np.sum(np.abs(along) * half, axis=1)
-            size = np.abs(height) + reach + np.abs(below[3])
-            if np.all(height - reach >= -1e-9 * size):  # nan and inf of what is endless are not above
-                return row
-    return -1
-
-
-def partial(tables: ir.Tables) -> np.ndarray:
-    """(materials,) bool: those that are anywhere less than wholly there."""
-    materials = tables.materials
-    return (materials.values[:, ir.Slot.OPACITY, 0] < 1.0) | (materials.textures[:, ir.Slot.OPACITY] >= 0)
-
-
 def _opacity(scene: ir.Scene, *_: Any) -> Decision:
     instances = scene.tables.instances
     count = int(partial(scene.tables)[instances.material].sum())
@@ -486,20 +464,6 @@ def _opacity(scene: ir.Scene, *_: Any) -> Decision:
     what = "is one thing" if count == 1 else f"are {count} things"
     reason = f"there {what} with an opacity: rays pass where it is 0, and go on where it is less than 1"
     return Decision("opacity", True, reason, fixed="the scene's materials")
-
-
-def moving(tables: ir.Tables, camera: int) -> bool:
-    """Whether something that has keys is seen by a camera, or the camera has, while its shutter is open."""
-    rows = np.append(tables.instances.transform, tables.cameras.transform[camera])
-    return bool(tables.cameras.shutter[camera] > 0.0 and (tables.transforms.first_key[rows] >= 0).any())
-
-
-def open_during(tables: ir.Tables, camera: int) -> tuple[float, float]:
-    """Where a camera's shutter opens and how long it is open, as shares of the time that keys go over."""
-    cameras = tables.cameras
-    of = cameras.shutter > 0.0
-    start, end = cameras.opening[of].min(), (cameras.opening + cameras.shutter)[of].max()
-    return float((cameras.opening[camera] - start) / (end - start)), float(cameras.shutter[camera] / (end - start))
 
 
 def _motion(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
@@ -534,31 +498,8 @@ def _textures(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision])
 
 
 def _caustics(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
-    name, tables = "transport.caustics", scene.tables
-    chance, none = CAUSTICS[1:], "nothing mirrors or bends light onto matt things"
-    used = used_materials(tables)
-    mirrors = caustics.gathering(tables)
-    if not mirrors.any() or not (caustics.matt_materials(tables) & used).any():
-        return Decision(name, "paths", none, chance)
-    if done["transport"].value != "paths":
-        return Decision(name, "none", "the tree looks for lamps from matt things straight: write --bounces", ("none",))
-    if done["backend"].value != "ray":
-        return Decision(name, "paths", "the ray backend alone has photons", chance, fixed="--backend")
-    if done["motion"].value:
-        return Decision(name, "paths", "things move: photons fly at other times than paths", chance)
-    lamps, shining = caustics.lamps(tables)
-    coverable = any(found.any() for found in caustics.lamps(tables, all_sizes=True))
-    endless = ~np.isfinite(caustics.balls(tables)[1][mirrors])
-    if endless.any() and (np.isin(tables.lights.kind, caustics.FAR) & lamps).any():
-        return Decision(name, "paths", "an endless thing mirrors light from endlessly far: photons cannot be aimed at it", chance)
-    count = int(lamps.sum() + shining.sum())
-    if not count:
-        reason = "all lamps are large as seen from what mirrors or bends light: paths find them by chance"
-        return Decision(name, "paths", reason, CAUSTICS if coverable else chance)
-    what = "is a small lamp" if count == 1 else f"are {count} small lamps"
-    things = "a thing that mirrors or bends" if mirrors.sum() == 1 else f"{int(mirrors.sum())} things that mirror or bend"
-    reason = f"there {what} and {things} light onto matt ones: photons carry it"
-    return Decision(name, "photons", reason, CAUSTICS)
+    value, reason, choices = caustics.carrier(scene.tables, done["transport"].value, done["backend"].value, done["motion"].value)
+    return Decision("transport.caustics", value, reason, choices, fixed="--backend" if done["backend"].value == "reference" else "")
 
 
 def _fill(scene: ir.Scene, *_: Any) -> Decision:
@@ -609,25 +550,6 @@ RULES: tuple[Callable[[ir.Scene, ir.Settings, Mapping[str, Decision]], Decision]
 )  # fmt: skip
 
 
-def specular_materials(scene: ir.Scene) -> np.ndarray:
-    """(materials,) bool: those that mirror or refract."""
-    m = scene.tables.materials
-    slots = m.values[:, [ir.Slot.REFLECTION, ir.Slot.TRANSMISSION]].max(axis=(1, 2), initial=0.0) > 0
-    slots |= glossy_materials(scene)
-    return slots | np.isin(m.model, (ir.MaterialModel.MIRROR, ir.MaterialModel.GLASS))
-
-
-def used_materials(tables: ir.Tables) -> np.ndarray:
-    """(materials,) bool: those that things are made of, parts of blends among them."""
-    m = tables.materials
-    found = np.zeros(len(m.model), bool)
-    found[tables.instances.material] = True
-    for row in np.flatnonzero(m.model == ir.MaterialModel.BLEND)[::-1]:  # parts have lower rows than their blends
-        if found[row]:
-            found[[m.first[row], m.second[row]]] = True
-    return found
-
-
 def lit_materials(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: those whose look depends on lights: what is matt, has a highlight or is rough glass."""
     m, slots = tables.materials, [ir.Slot.DIFFUSE, ir.Slot.SPECULAR]
@@ -635,20 +557,6 @@ def lit_materials(tables: ir.Tables) -> np.ndarray:
     rough = (m.values[:, ir.Slot.ROUGHNESS, 0] > 0.0) | (m.textures[:, ir.Slot.ROUGHNESS] >= 0)
     facets = np.isin(m.model, (ir.MaterialModel.METAL, ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR))
     return plain | facets | (m.model == ir.MaterialModel.BLEND) | (rough & (m.model == ir.MaterialModel.GLASS))
-
-
-def glossy_materials(scene: ir.Scene) -> np.ndarray:
-    """(materials,) bool: those with microfacets in whose highlight things can be told: metals, and what is somewhat polished."""
-    m, slot = scene.tables.materials, ir.Slot
-
-    def may_be(wanted: Callable[[np.ndarray], np.ndarray], which: int) -> np.ndarray:
-        return wanted(m.values[:, which, 0]) | (m.textures[:, which] >= 0)
-
-    polished = may_be(lambda x: x < POLISHED, slot.ROUGHNESS) | may_be(lambda x: x > 0.0, slot.METALLIC)
-    polished |= may_be(lambda x: x > 0.0, slot.COAT) & may_be(lambda x: x < POLISHED, slot.COAT_ROUGHNESS)
-    principled = np.isin(m.model, (ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR))
-    frosted = (m.model == ir.MaterialModel.GLASS) & may_be(lambda x: x > 0.0, slot.ROUGHNESS)
-    return (m.model == ir.MaterialModel.METAL) | (principled & polished) | frosted
 
 
 def warnings(scene: ir.Scene, plan: Plan) -> list[str]:

@@ -12,15 +12,9 @@ import numpy as np
 
 from ..lang.diagnostics import suggest
 from . import caustics, ir
-from .facts import (  # noqa: F401: what a plan's readers ask, too
-    glossy_materials,
-    ground,
-    moving,
-    open_during,
-    partial,
-    specular_materials,
-    used_materials,
-)
+from .facts import POLISHED as POLISHED  # what a plan's readers ask, too
+from .facts import glossy_materials, ground, moving, partial, specular_materials, used_materials
+from .facts import open_during as open_during
 
 DEFAULT_SIZE = (800, 600)
 DEFAULT_WIDTH = 960  # for cameras that bring a film's aspect, as usdrecord does

@@ -7,9 +7,13 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from . import camera, image, lanes, materials, sampler, surface
-from .records import Frame, Hit, Lane, Ray, Tables, Tile, Vec, View
+from .records import Frame, Hit, Lane, Ray, Surface, Tables, Tile, Vec, View
 
 DIFFUSE = int(ir.Slot.DIFFUSE)
+_TINTS = (
+    (ir.MaterialModel.METAL, int(ir.Slot.SPECULAR)), (ir.MaterialModel.MIRROR, int(ir.Slot.REFLECTION)),
+    (ir.MaterialModel.GLASS, int(ir.Slot.TRANSMISSION)),
+)  # fmt: skip
 FORMULA = int(ir.GeometryKind.FORMULA)
 SEEN = ("depth", "normal", "position", "albedo", "uv", "id", "issues")  # what `channels_of` tells
 CAMERA = int(ir.Visibility.CAMERA)
@@ -74,12 +78,20 @@ def _values(tables: Tables, view: View, ray: Ray, hit: Hit, names: tuple[str, ..
         "depth": lambda: (camera.depth(tables, view, at.position),),
         "normal": lambda: at.normal,
         "position": lambda: at.position,
-        "albedo": lambda: lanes.mul(materials.color_of(tables, at, DIFFUSE), at.color),
+        "albedo": lambda: _albedo(tables, at),
         "uv": lambda: at.uv,
         "id": lambda: (hit.instance, at.material),
         "issues": lambda: (0.0 * hit.t,),
     }
     return {name: values[name]() for name in names}
+
+
+def _albedo(tables: Tables, at: Surface) -> Vec:
+    """What a surface's colour is, whatever it does with light: of metals their reflectance, of mirrors and glass their tint."""
+    color, model = materials.color_of(tables, at, DIFFUSE), tables.materials.model[at.material]
+    for kind, slot in _TINTS:
+        color = lanes.where3(model == kind, materials.color_of(tables, at, slot), color)
+    return lanes.mul(color, at.color)
 
 
 def some(v: Vec, rows: NDArray[np.intp], n: int) -> Vec:

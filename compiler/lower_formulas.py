@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -48,8 +49,16 @@ def implicit(lowering: Lowering, element: Element) -> list[Piece]:
             return []
         bounds = tight
     tape, bounds, ball = in_metres(tape, unit), bounds * unit, tuple(number * unit for number in ball)
-    row = lowering.builder.formula(tape, bounds, (float(sheet), *ball), element.span)
-    return [Piece(row, transforms.identity())]
+    return drawn(lowering, element, tape, bounds, (float(sheet), *ball))
+
+
+def drawn(lowering: Lowering, element: Element, tape: Tape, bounds: np.ndarray, parameters: Sequence[float]) -> list[Piece]:
+    """A field's surface in a box; nothing, after a diagnostic, where it takes more than evaluators have room for."""
+    live = tapes.most_live(tape)
+    if live > tapes.MOST_LIVE:
+        hint = "so large a sum of things that hang together is drawn in parts: write several of them"
+        return lowering.refuse(element, f"the formula needs {live:,} values at a time, and there is room for {tapes.MOST_LIVE}", hint)
+    return [Piece(lowering.builder.formula(tape, bounds, parameters, element.span), transforms.identity())]
 
 
 def _known(tape: Tape, bounds: np.ndarray | None) -> np.ndarray | None:

@@ -63,8 +63,7 @@ def solid(lowering: Lowering, element: Element) -> list[Piece]:
     if bounds is None:
         lowering.warn(element, f"nothing is left of this {element.kind}: it is not drawn")
         return []
-    row = lowering.builder.formula(tape, bounds, (0.0,) * 5, element.span)
-    return [Piece(row, transforms.identity())]
+    return lower_formulas.drawn(lowering, element, tape, bounds, (0.0,) * 5)
 
 
 def _body(lowering: Lowering, element: Element, matrix: np.ndarray) -> Body:

@@ -20,6 +20,7 @@ from ..lang.noise import noise
 
 INPUTS = 3
 X, Y, Z = 0, 1, 2
+MOST_LIVE = 256  # values that evaluators keep at a time
 MOST_FACTORS = 64  # whole powers up to this are products
 
 
@@ -226,18 +227,32 @@ class Builder:
         reader = _Reader(self, formula, inputs)
         return tuple(reader.field(i, exact=exact) if formula.kind == "truth" else reader.number(i) for i in formula.results)
 
-    def finish(self, *results: int) -> Tape:
-        """The tape of these values: of code and constants only what they need."""
+    def _ordered(self, results: Sequence[int]) -> tuple[list[int], set[int]]:
+        """(rows that results need, in their order; all names that they need): of a row's operands that which keeps most values goes first
+        (Sethi and Ullman, "The Generation of Optimal Code for Arithmetic Expressions", Journal of the ACM 1970)."""
+        keeps: list[int] = []
+        for op, *operands in self.rows:
+            mine = sorted((keeps[name - INPUTS] for name in operands[: arity(op)] if name >= INPUTS), reverse=True)
+            keeps.append(max([1, *(count + i for i, count in enumerate(mine))]))
+        kept: list[int] = []
         needed: set[int] = set()
-        waiting = list(results)
+        waiting = [(name, False) for name in reversed(results)]
         while waiting:
-            name = waiting.pop()
-            if name not in needed:
+            name, ready = waiting.pop()
+            if ready:
+                kept.append(name)
+            elif name not in needed:
                 needed.add(name)
                 if name >= INPUTS:
+                    waiting.append((name, True))
                     op, *operands = self.rows[name - INPUTS]
-                    waiting.extend(operands[: arity(op)])
-        kept = sorted(name for name in needed if name >= INPUTS)
+                    order = sorted(operands[: arity(op)], key=lambda name: keeps[name - INPUTS] if name >= INPUTS else 0)
+                    waiting += [(operand, False) for operand in order]
+        return kept, needed
+
+    def finish(self, *results: int) -> Tape:
+        """The tape of these values: of code and constants only what they need, in an order in which few values wait for others."""
+        kept, needed = self._ordered(results)
         place = {X: X, Y: Y, Z: Z} | {name: INPUTS + i for i, name in enumerate(kept)}
         numbers = sorted((name for name in needed if name < 0), reverse=True)
         place |= {name: ~k for k, name in enumerate(numbers)}
@@ -253,6 +268,16 @@ class Builder:
             if _cut_is_hidden(tape, INPUTS + i):
                 code[i, 0] = Op.ANGLE
         return tape
+
+
+def most_live(tape: Tape) -> int:
+    """How many values have to be kept at a time, x, y and z among them."""
+    last: dict[int, int] = {name: len(tape.code) for name in tape.results}
+    for i, (op, *operands) in enumerate(tape.code.tolist()):
+        for name in operands[: arity(op)]:
+            last[name] = max(last.get(name, 0), i)
+    ends = np.bincount([last.get(INPUTS + i, i) for i in range(len(tape.code))], minlength=len(tape.code) + 1)[: len(tape.code)]
+    return INPUTS + int((np.arange(1, len(tape.code) + 1) - np.concatenate([[0], np.cumsum(ends)[:-1]])).max(initial=0))
 
 
 def fold(op: Op, *numbers: float) -> float:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .tapes import INPUTS, Op, arity
+from .tapes import INPUTS, MOST_LIVE, Op, Tape, arity, most_live
 
 if TYPE_CHECKING:
     from .validate import Check
@@ -24,9 +24,21 @@ def validate(check: Check) -> None:
         inside = 0 <= first <= first + count <= len(code) and 0 <= begin <= begin + numbers <= len(constants) and 1 <= named <= 4
         wrong[row] = not inside or not _sound(code[first : first + count], numbers, table["results"][row, :named])
     check.bad("tapes", wrong, "its code does not hold together")
+    if not wrong.any():
+        surfaces = set(check.tables["geometries"]["tape"].tolist())
+        check.bad("tapes", np.array([row in surfaces and _wide(table, pools, row) for row in range(len(wrong))], bool), _WIDE)
     check.bad(
         "tapes", ~wrong & np.array([not _finite(table, constants, row) for row in range(len(wrong))], bool), "a number of it is not finite"
     )
+
+
+_WIDE = f"it needs more than {MOST_LIVE} values at a time"
+
+
+def _wide(table: dict[str, np.ndarray], pools: dict[str, np.ndarray], row: int) -> bool:
+    first, count = int(table["first"][row]), int(table["count"][row])
+    results = tuple(table["results"][row, : int(table["result_count"][row])].tolist())
+    return count > MOST_LIVE and most_live(Tape(pools["code"][first : first + count], np.zeros(0), results)) > MOST_LIVE
 
 
 _COLUMNS = ("first", "count", "first_constant", "constant_count", "result_count")

@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from ...compiler.tapes import CHOICES, INPUTS, Op, arity
+from ...compiler.tapes import CHOICES, INPUTS, MOST_LIVE, Op, arity
 from ..kernels import apart, helper, kernel, maker
 from .calls import claimed, interpret, released, taken
 from .forms import END_BLOCKS, END_LEAVES, END_ROWS, END_TAPES
 from .vectors import LANES, ROW
 
-MOST_REGISTERS = 256
+MOST_REGISTERS = MOST_LIVE
 SPLIT = 4
 CHILDREN = SPLIT**3
 PENDING = -16

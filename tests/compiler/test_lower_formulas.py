@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from maquette.compiler import enclosures, ir, load
-from maquette.compiler.tapes import Tape
+from maquette.compiler.tapes import Tape, most_live
 from maquette.lang.diagnostics import Diagnostics, SceneError
 
 
@@ -44,6 +44,22 @@ def bounds(scene: ir.Scene) -> np.ndarray:
 
 
 # --- implicit ---
+
+
+def test_values_that_wait_for_others_are_few(tmp_path):
+    """All of a long minimum's operands could be computed before the first comparison; they are not."""
+    balls = ", ".join(f"hypot(x - {0.1 * k}, y + {0.1 * k}, z - {k}) - 0.5" for k in range(300))
+    tables = loaded(tmp_path, f"implicit(|x, y, z| min({balls}) <= 0, within: 400)")[0].tables
+    tape = Tape(tables.pools.code, tables.pools.constants, (int(tables.tapes.results[0, 0]),))
+    assert most_live(tape) < 12
+
+
+def test_more_values_at_a_time_than_there_is_room_for(tmp_path):
+    waves = [[f"sin({k} * x + y)" for k in range(first, first + 20)] for first in range(1, 300, 20)]
+    one, other = (" + ".join(f"({sign.join(row)})" for row in waves) for sign in (" + ", " - "))
+    text = f"implicit(|x, y, z| ({one}) * ({other}) <= z, within: 1)"
+    hint = "so large a sum of things that hang together is drawn in parts: write several of them"
+    assert refused(tmp_path, text) == [f"the formula needs 306 values at a time, and there is room for 256 ({hint})"]
 
 
 def test_a_files_unit_is_that_of_its_coordinates(tmp_path):

@@ -478,9 +478,13 @@ def _textures(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision])
     tables = scene.tables
     rows = np.unique(tables.materials.textures[np.unique(tables.instances.material)])
     rows = rows[rows >= 0]
-    if not ((tables.textures.kind[rows] == ir.TextureKind.IMAGE) & ~tables.textures.nearest[rows]).any():
-        return Decision("textures", "sharp", "no picture lies on anything", fixed="the scene's materials")
+    patterns = bool((tables.textures.kind[rows] == ir.TextureKind.FORMULA).any())
+    pictures = bool(((tables.textures.kind[rows] == ir.TextureKind.IMAGE) & ~tables.textures.nearest[rows]).any())
+    if not patterns and not pictures:
+        return Decision("textures", "sharp", "no picture and no pattern lies on anything", fixed="the scene's materials")
     why = ""
+    if not pictures and (done["samples"].value >= MANY_PLACES or done["error"].value or math.isfinite(done["budget"].value)):
+        why = "each pixel looks at patterns in many places anyway"
     if done["transport"].value == "paths":
         why = "paths take many samples"
     elif done["motion"].value or done["lens"].value != "pinhole":
@@ -488,6 +492,7 @@ def _textures(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision])
     if why:
         return Decision("textures", "sharp", why, ("sharp",))
     reason = "pictures are looked at in the size and along the direction in which a pixel sees them"
+    reason = "patterns are averaged over what a pixel sees of them" if patterns else reason
     return Decision("textures", "filtered", reason, ("filtered", "sharp"))
 
 
@@ -534,6 +539,9 @@ def _precision(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]
         return Decision("raster.precision", "float64", why, ("float64",))
     reason = "lamps without shadows on meshes: light in float32 is within 1e-5"
     return Decision("raster.precision", "float32", reason, ("float32", "float64"))
+
+
+MANY_PLACES = 16  # samples of a pixel, from which on patterns are not averaged over parts of it as well
 
 
 RULES: tuple[Callable[[ir.Scene, ir.Settings, Mapping[str, Decision]], Decision], ...] = (

@@ -1,4 +1,4 @@
-"""What a pixel sees of a picture on a surface: how far texture coordinates go over it, and pictures in ever smaller sizes for that.
+"""What a pixel sees of a texture on a surface: how far texture coordinates go over it, and pictures in ever smaller sizes for that.
 
 A pixel's derivatives of texture coordinates are those of the plane that touches the surface there (Igehy 1999, Tracing Ray Differentials),
 known in closed form for rays from the eye; further rays take pictures as they are. The pixel's square becomes an ellipse on the picture:
@@ -16,6 +16,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
+from ..compiler import plan as planner
 from . import camera, lanes, textures, tilt
 from .handles import HandleType
 from .kernels import HELPER, apart, helper
@@ -36,6 +37,23 @@ class Eye(NamedTuple):
     step: float  # pixels: the part of one that is looked at by itself
 
 
+class Coordinates(NamedTuple):
+    """Pictures are filtered: it is kept how far u and v go."""
+
+
+class Places(NamedTuple):
+    """So are patterns: it is kept how far places go, too."""
+
+    patterns: int = 1
+
+
+class OnlyPlaces(NamedTuple):
+    """Patterns are filtered, and there are no pictures."""
+
+    patterns: int = 1
+    alone: int = 1
+
+
 class Pyramids(NamedTuple):
     """Images with their smaller sizes; the first four columns are those of ir.Images."""
 
@@ -48,6 +66,7 @@ class Pyramids(NamedTuple):
     level_width: NDArray[np.int32]
     level_height: NDArray[np.int32]
     eye: Eye
+    kept: Coordinates | Places | OnlyPlaces
 
 
 _made: dict[int, tuple[Any, Pyramids]] = {}  # by the id of what they were made from, while it lives
@@ -68,7 +87,10 @@ def with_pyramids(tables: ir.Tables, view: View, samples: int) -> ir.Tables:
     moved = direction / (direction @ axis)[:, None] if perspective else start
     step = 1.0 / np.sqrt(samples)
     eye = Eye(matrix[:, 3].copy(), axis, (moved[1] - moved[0]) * step, (moved[2] - moved[0]) * step, perspective, float(step))
-    return tables._replace(images=made._replace(eye=eye))
+    kinds = tables.textures.kind
+    pictures, formulas = (kinds == ir.TextureKind.IMAGE).any(), (kinds == ir.TextureKind.FORMULA).any() and samples < planner.MANY_PLACES
+    kept = Coordinates() if not formulas else Places() if pictures else OnlyPlaces()
+    return tables._replace(images=made._replace(eye=eye, kept=kept))
 
 
 def _pyramids(images: ir.Images) -> Pyramids:
@@ -89,7 +111,7 @@ def _pyramids(images: ir.Images) -> Pyramids:
             level = _halved(_halved(level, 0), 1)
     texels = np.ascontiguousarray(np.concatenate(parts) if parts else np.zeros((0, 4)), np.float32)
     nowhere = Eye(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), True, 1.0)
-    return Pyramids(first[:, 0].copy(), images.width, images.height, texels, levels, first, width, height, nowhere)
+    return Pyramids(first[:, 0].copy(), images.width, images.height, texels, levels, first, width, height, nowhere, Coordinates())
 
 
 def _halved(level: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
@@ -144,6 +166,7 @@ def _of_pixel(tables: Any, spread: Any) -> Any:
 def _on_surface(tables: Any, ray: Ray, hit: Hit, point: Surface) -> Surface:
     zero = 0.0 * point.offset
     spread = (zero, zero, zero, zero)
+    right, down = (zero, zero, zero), (zero, zero, zero)
     eye: Any = tables.images.eye
     d = ray.direction
     along = d[0] * eye.axis[0] + d[1] * eye.axis[1] + d[2] * eye.axis[2]
@@ -154,23 +177,54 @@ def _on_surface(tables: Any, ray: Ray, hit: Hit, point: Surface) -> Surface:
     from_eye = from_eye & textures.on(tables, point.material)
     if lanes.any_lane(from_eye):
         facing = lanes.minimum(lanes.dot(d, point.geometric), -1e-9)
-        u0, v0 = _over_pixel(tables, (eye.right[0], eye.right[1], eye.right[2]), depth, d, facing, hit, point)
-        u1, v1 = _over_pixel(tables, (eye.down[0], eye.down[1], eye.down[2]), depth, d, facing, hit, point)
+        right = _over_pixel(tables, (eye.right[0], eye.right[1], eye.right[2]), depth, d, facing, point)
+        down = _over_pixel(tables, (eye.down[0], eye.down[1], eye.down[2]), depth, d, facing, point)
+        u0, v0 = _coordinates(tables, right, hit, point)
+        u1, v1 = _coordinates(tables, down, hit, point)
         spread = (
             lanes.where(from_eye, u0, 0.0), lanes.where(from_eye, v0, 0.0), lanes.where(from_eye, u1, 0.0), lanes.where(from_eye, v1, 0.0)
         )  # fmt: skip
+        nowhere = (zero, zero, zero)
+        right, down = lanes.where3(from_eye, right, nowhere), lanes.where3(from_eye, down, nowhere)
     return Surface(
         point.position, point.local, point.geometric, point.normal, point.local_normal, point.uv, point.metric, point.front, point.instance,
-        point.material, point.color, point.offset, point.time, spread,
+        point.material, point.color, point.offset, point.time, _kept(tables, spread, right, down),
     )  # fmt: skip
 
 
-@apart
-def _over_pixel(tables: Any, step: Vec, depth: Lane, d: Vec, facing: Lane, hit: Hit, point: Surface) -> tuple[Lane, Lane]:
-    """How far coordinates go from a pixel to the next, along the plane that touches the surface."""
+def _kept(tables: Any, spread: Any, right: Vec, down: Vec) -> Any:
+    """Surface.spread."""
+    return spread if isinstance(tables.images.kept, Coordinates) else spread + right + down
+
+
+@overload(_kept, jit_options=HELPER)
+def _kept_in_kernels(tables, spread, right, down):
+    if tables.field("images.kept.patterns") is not None:
+        return lambda tables, spread, right, down: (*spread, *right, *down)
+    return lambda tables, spread, right, down: spread
+
+
+@helper
+def _over_pixel(tables: Any, step: Vec, depth: Lane, d: Vec, facing: Lane, point: Surface) -> Vec:
+    """How far places go from a pixel to the next, along the plane that touches the surface, in the thing's own frame."""
     moved = lanes.sub(lanes.scale(step, depth), lanes.scale(d, lanes.dot(step, point.geometric) * depth / facing))
-    inverse = tables.transforms.inverse
-    way = lanes.transform_vector(inverse, lanes.to_int(tables.instances.transform[point.instance]), moved)
+    return lanes.transform_vector(tables.transforms.inverse, lanes.to_int(tables.instances.transform[point.instance]), moved)
+
+
+def _coordinates(tables: Any, way: Vec, hit: Hit, point: Surface) -> tuple[Lane, Lane]:
+    """How far texture coordinates go along a way."""
+    return _moved(tables, way, hit, point)
+
+
+@overload(_coordinates, jit_options=HELPER)
+def _coordinates_in_kernels(tables, way, hit, point):
+    if tables.field("images.kept.alone") is not None:
+        return lambda tables, way, hit, point: (0.0 * way[0], 0.0 * way[0])
+    return lambda tables, way, hit, point: _moved(tables, way, hit, point)
+
+
+@apart
+def _moved(tables: Any, way: Vec, hit: Hit, point: Surface) -> tuple[Lane, Lane]:
     there = tilt.moved(tables, point, hit, way, 1.0)
     du, dv = there.uv[0] - point.uv[0], there.uv[1] - point.uv[1]
     kind = tables.geometries.kind[tables.instances.geometry[point.instance]]

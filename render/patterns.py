@@ -1,5 +1,8 @@
 """Patterns: textures that are formulas of the point, in the frame of the thing they are on; the same tape in every backend.
 
+Where it is known what a pixel spans, a pattern is averaged over that, at the places of Roberts' R2 sequence ("The unreasonable
+effectiveness of quasirandom sequences", 2018), which are spread evenly whatever number of them is taken.
+
 Kernels reach the function that evaluates tapes by a slot that is filled when a scene has patterns: others neither compile nor
 load it.
 """
@@ -20,13 +23,17 @@ from numba.np.arrayobj import make_array
 from ..compiler import ir
 from . import across, lanes, simd
 from .formulas.vectors import DIRECT, LANES, POINTER
-from .kernels import HELPER
+from .kernels import HELPER, apart
 from .records import Lane, Vec
 from .simd.value import I64
 from .simd.vector import intrinsic
 
 FORMULA = int(ir.TextureKind.FORMULA)
 MOST_ROWS = 509  # of a pattern's tape: with x, y and z as many values are kept
+WITH_PLACES = 10  # lanes of a Surface's spread where it holds how far places go
+SOME, MOST = 16, 64  # places that are looked at: these, and if they differ much these
+ROUGH = 1 / 64  # of the mean: an error of it that asks for more places
+STEP_A, STEP_B = 0.7548776662466927, 0.5698402909980532  # the powers of the plastic number's inverse: places spread evenly, however many
 _ROOM = (MOST_ROWS + 3) * LANES
 _SYMBOL = "maquette_direct_slot"
 _slot = (ctypes.c_int64 * 1)(0)
@@ -39,6 +46,50 @@ def make_ready(tables: ir.Tables) -> None:
         from .formulas import direct, interpreter  # what other scenes do not load
 
         _slot[0] = interpreter.address(direct.NAME)
+
+
+# --- over what a pixel spans --------------------------------------------------------------------------------------------
+
+
+@apart
+def _over(tables: Any, row: Lane, p: Vec, spread: Any) -> Vec:
+    """The mean over a parallelogram about p: of SOME places, or of MOST where these differ much."""
+    right, down = (spread[4], spread[5], spread[6]), (spread[7], spread[8], spread[9])
+    wide = abs(right[0]) + abs(right[1]) + abs(right[2]) + abs(down[0]) + abs(down[1]) + abs(down[2]) > 0.0
+    zero = 0.0 * p[0]
+    total, square, count = (zero, zero, zero), zero, zero
+    open_ = lanes.bool_like(zero, True)
+    k = 0
+    while lanes.any_lane(open_):
+        number, side = (k >> 1) + 1, 1.0 - 2.0 * (k & 1)  # each place and the one opposite: what is linear over a pixel has its mean
+        a, b = side * ((0.5 + STEP_A * number) % 1.0 - 0.5), side * ((0.5 + STEP_B * number) % 1.0 - 0.5)
+        q = lanes.along(lanes.along(p, right, zero + a), down, zero + b)
+        r, g, b_ = texel(tables, row, q)
+        grey = r + g + b_
+        total = lanes.where3(open_, lanes.add(total, (r, g, b_)), total)
+        square = lanes.where(open_, square + grey * grey, square)
+        count = lanes.where(open_, count + 1.0, count)
+        k += 1
+        open_ = open_ & wide & (k < MOST)
+        if k == SOME:  # their mean's error, were they random; they are not, and so it is less
+            middle = (total[0] + total[1] + total[2]) / count
+            open_ = open_ & (square / count - middle * middle > SOME * ROUGH * ROUGH * middle * middle)
+    return lanes.scale(total, 1.0 / count)
+
+
+def seen(tables: Any, row: Lane, p: Vec, spread: Any) -> Vec:
+    """The colour of patterns at points, over what a pixel spans there (Surface.spread) where that is known."""
+    return texel(tables, row, p) if spread is None or len(spread) < WITH_PLACES else _over(tables, row, p, spread)
+
+
+@overload(seen, jit_options=HELPER)
+def _seen_in_kernels(tables, row, p, spread):
+    if isinstance(spread, types.BaseTuple) and len(spread) >= WITH_PLACES:
+        return lambda tables, row, p, spread: _over(tables, row, p, spread)
+    return lambda tables, row, p, spread: texel(tables, row, p)
+
+
+# --- at points ----------------------------------------------------------------------------------------------------------
 
 
 def texel(tables: Any, row: Lane, p: Vec) -> Vec:

@@ -57,7 +57,8 @@ class Surface(NamedTuple):
     color: Vec  # the mesh's own colour (1 where it has none)
     offset: Lane  # how far a new ray's origin must be moved along ±geometric so as not to meet this surface again
     time: Any = None  # when it was met, as in Ray
-    spread: Any = None  # how far u, v go from a pixel to the next right (two lanes) and below (two); None: not known
+    spread: Any = None  # how far u, v go from a pixel to the next right (two lanes) and below (two), and, where there are patterns, how
+    # far `local` goes (three and three); None: not known
 
 
 class Triple(NamedTuple):

@@ -61,7 +61,7 @@ def value(tables: Tables, texture: Lane, surface: Surface) -> Vec:
             lanes.where(kind == IMAGE, picture[2], texel[2]), lanes.where(kind == IMAGE, picture[3], texel[3]),
         )  # fmt: skip
     if lanes.any_lane(kind == patterns.FORMULA):
-        r, g, b = patterns.texel(tables, row, surface.local)
+        r, g, b = patterns.seen(tables, row, surface.local, surface.spread)
         made = kind == patterns.FORMULA
         texel = (lanes.where(made, r, texel[0]), lanes.where(made, g, texel[1]), lanes.where(made, b, texel[2]), texel[3])
     channel = textures.channel[row]

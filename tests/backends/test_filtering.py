@@ -87,3 +87,65 @@ def test_smaller_sizes_keep_the_mean(width: int, height: int, seed: int):
     for level in range(last + 1):
         first, count = made.level_first[0, level], made.level_width[0, level] * made.level_height[0, level]
         assert np.allclose(made.texels[first : first + count].mean(axis=0), texels.mean(axis=0), atol=1e-6)
+
+
+# --- patterns -----------------------------------------------------------------------------------------------------------
+
+EVERY = ["ray", "raster", "reference"]
+PLAIN_LIGHT = "directional(from: [0, 1, 0], irradiance: 3.14159265, shadows: false)\n"
+WALL = (
+    "polygon([[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]], material: lambert(pattern(|x, y, z| {})))\n"
+    "directional(from: [0, 0, 1], irradiance: 3.14159265, shadows: false)\ncamera(width: 4, position: [0, 0, 5], look_at: [0, 0, 0])\n"
+)
+
+
+@pytest.mark.parametrize("backend", EVERY)
+def test_a_pattern_towards_the_horizon_becomes_its_mean(draw_on, backend: str):
+    """64 places of a checker in a pixel: ½ within their spread, and that of a noise 0; near the eye they are what they are."""
+    text = (
+        "plane(y: 0, material: lambert(pattern(|x, y, z| if mod(floor(x) + floor(z), 2) == 0 then 1 else 0)))\n"
+        + PLAIN_LIGHT + "camera(position: [0, 1.5, 8], look_at: [0, 1.0, 0], fov: 40deg)\n"
+    )  # fmt: skip
+    picture = draw_on(backend, text, size=(48, 64)).channels["rgba"]
+    top = int(np.flatnonzero((picture[..., 3] > 0).all(axis=1))[0])
+    far = picture[top : top + 2, :, 0]
+    assert np.abs(far - 0.5).max() < 0.3
+    assert abs(far.mean() - 0.5) < 0.03
+    assert np.ptp(picture[-4:, :, 0]) > 0.9
+    sharp = draw_on(backend, text, {"textures": "sharp"}, size=(48, 64)).channels["rgba"][top : top + 2, :, 0]
+    assert np.abs(sharp - 0.5).max() == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("backend", EVERY)
+def test_an_edge_in_a_pattern_covers_a_share_of_its_pixels(draw_on, backend: str):
+    """A slanted edge: each pixel's value is the share of its square on the bright side, by one sample of 64 places."""
+    row = draw_on(backend, WALL.format("x + 0.25 * y <= 0.013"), size=(32, 32)).channels["rgba"][..., 0]
+    fine = (np.arange(32 * 16) + 0.5) / (32 * 16) * 4 - 2
+    x, y = np.meshgrid(fine, -fine)
+    share = (x + 0.25 * y <= 0.013).reshape(32, 16, 32, 16).mean(axis=(1, 3))
+    assert np.abs(row - share).max() < 0.05
+    assert ((row > 0.05) & (row < 0.95)).sum() > 20
+
+
+@pytest.mark.parametrize("backend", EVERY)
+def test_where_a_pattern_hardly_changes_it_is_what_it_is_at_points(draw_on, backend: str):
+    """Slow waves: their means over pixels and their middles differ by less than the curvature allows."""
+    text = WALL.format("0.5 + 0.4 * sin(2 * x) * cos(3 * y)")
+    over, at = (draw_on(backend, text, plan, size=(32, 32)).channels["rgba"][..., 0] for plan in ({}, {"textures": "sharp"}))
+    assert 0 < np.abs(over - at).max() < 0.4 * 13 / 24 * (4 / 32) ** 2 * 1.5
+
+
+def test_every_slot_takes_a_filtered_pattern(draw_on):
+    """Roughness, opacity, emission, bumps and weights: backends agree on one sample of each."""
+    fine = "pattern(|x, y, z| 0.5 + 0.5 * sign(sin(90 * x + 40 * y)))"
+    text = (
+        f"sphere(0.5, center: [-1.2, 0, 0], material: principled(#888, roughness: {fine}))\n"
+        f"sphere(0.5, material: lambert(#a53, bump_map: {fine}, bump_height: 1cm))\n"
+        f"sphere(0.5, center: [1.2, 0, 0], material: blend(lambert(#fff), lambert(#000), {fine}))\n"
+        f"sphere(0.5, center: [-0.6, 1, 0], material: emissive({fine}))\n"
+        f"sphere(0.5, center: [0.6, 1, 0], material: lambert(#48c, opacity: {fine}))\n"
+        "directional(from: [1, 2, 3], irradiance: 3, shadows: false)\ncamera(position: [0, 0.5, 6], look_at: [0, 0.5, 0], fov: 32deg)\n"
+    )
+    ray, other = (draw_on(backend, text, size=(40, 30)).channels["rgba"] for backend in ("ray", "reference"))
+    close = np.abs(ray - other).max(axis=2) < 1e-6
+    assert close.mean() > 0.995

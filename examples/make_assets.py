@@ -172,7 +172,7 @@ def knot(along: int = 150, around: int = 12) -> Obj:
                 ((j + 1) % along) * around + (i + 1) % around,
                 j * around + (i + 1) % around,
             ]
-            obj.lines.append("f " + " ".join(f"{v + 1}//{v + 1}" for v in reversed(k)))
+            obj.lines.append("f " + " ".join(f"{v + 1}//{v + 1}" for v in k))
     return obj
 
 

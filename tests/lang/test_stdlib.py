@@ -5,8 +5,9 @@ import math
 from pathlib import Path
 
 import maquette
+import numpy as np
 import pytest
-from maquette.lang import ast, parse
+from maquette.lang import ast, formula, parse
 from maquette.lang.diagnostics import Diagnostics, render_text
 from maquette.lang.evaluate import ReadError, Source, evaluate
 
@@ -38,13 +39,13 @@ def parts(file):
     prefix = "" if file.stem == "prelude" else f"{file.stem}."
     for item in items:
         if isinstance(item, ast.Let) and item.parameters is not None:
-            given = {"roughness": "0.5", "f0": "rgb(0.9, 0.8, 0.7)"}
+            given = {"roughness": "0.5", "f0": "rgb(0.9, 0.8, 0.7)", **dict.fromkeys(("x", "y", "z"), "0.3"), "k": "1", "seed": "2"}
             needed = ", ".join(f"{p.name.id}: {given[p.name.id]}" for p in item.parameters if p.default is None)
             yield f"{prefix}{item.name.id}({needed})"
 
 
 CALLS = [(file.stem, call) for file in FILES for call in parts(file)]
-VALUES = ("shininess_of", "lights.metres", "lights.direction")
+VALUES = ("shininess_of", "lights.metres", "lights.direction", "patterns.octave", "patterns.turbulence")
 
 
 def scene(name, call):
@@ -52,6 +53,8 @@ def scene(name, call):
     use = "" if name == "prelude" else f'use "std/{name}"\n'
     if call.startswith(VALUES):
         return f"{use}let it = {call}"
+    if name == "patterns":
+        return f"{use}sphere(1, material: lambert({call}))"
     return use + (f"sphere(1, material: {call})" if name in ("prelude", "materials") else call)
 
 
@@ -215,3 +218,18 @@ def test_a_turntable_goes_round_once():
     places = [evaluated('use "std/cameras"\ncameras.turntable(period: 8s)', time=t).cameras[0].args["position"] for t in (0, 2, 8)]
     assert places[0] == pytest.approx(places[2])
     assert places[1] == pytest.approx((4, 2, 0))
+
+
+@pytest.mark.parametrize(
+    "call", ["marble()", "wood(ring: 2cm)", "bricks(size: [20cm, 6cm])", "dots(size: 5cm, radius: 1cm)", "granite(grain: 5mm, seed: 4)"]
+)
+def test_patterns_give_colours_of_their_own(call):
+    """At random places each is between its two colours, and both are there."""
+    (element,) = evaluated(f'use "std/patterns"\nunit cm\nsphere(1, material: lambert(patterns.{call}))').elements
+    made = element.args["material"].args["color"].args["formula"]
+    random = np.random.default_rng(7)
+    found = np.array([formula.evaluate(made, place) for place in random.uniform(-1, 1, (400, 3))])
+    assert found.shape == (400, 3)
+    assert (found >= 0).all()
+    assert (found <= 1).all()
+    assert np.ptp(found.sum(axis=1)) > 0.3

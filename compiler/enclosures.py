@@ -424,7 +424,8 @@ def _partials(m: Any, op: int, boxes: list[Interval], value: Interval) -> list[I
         case Op.COS:
             return [negate(interval(m, Op.SIN, a))]
         case Op.TAN:
-            return [add(m, (one, one), interval(m, Op.SQUARE, value))]
+            smooth = (value[0] > -m.big) & (value[1] < m.big)  # over a pole it falls from ∞ to −∞, though it rises everywhere else
+            return [_unless(m, smooth, add(m, (one, one), interval(m, Op.SQUARE, value)))]
         case Op.ATAN:
             return [reciprocal(m, add(m, (one, one), interval(m, Op.SQUARE, a)))]
         case Op.ASIN | Op.ACOS:

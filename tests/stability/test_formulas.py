@@ -139,6 +139,53 @@ def test_a_pole(measured, load):
     assert np.isinf(t).all()
 
 
+def test_poles_of_a_tangent(load):
+    """tan rises everywhere but over its poles: rays that come to a pole from above end there, wherever they begin."""
+    o = np.stack([np.linspace(0.53, 0.9, 60), np.full(60, 0.9), np.linspace(-0.5, 0.5, 60)], axis=1)
+    t, _ = met(load, "implicit(|x, y, z| y <= 0.2 * tan(3 * x), within: 1)", o, np.tile([-1.0, 0.0, 0.0], (60, 1)))
+    assert np.allclose(o[:, 0] - t, math.pi / 6, rtol=0, atol=1e-9)
+    o[:, 0] = np.linspace(-0.3, 0.4, 60)
+    t, _ = met(load, "implicit(|x, y, z| y <= 0.2 * tan(3 * x), within: 1)", o, np.tile([1.0, 0.0, 0.0], (60, 1)))
+    assert np.allclose(o[:, 0] + t, math.atan(4.5) / 3, rtol=0, atol=1e-9)
+    t, _ = met(load, "implicit(|x, y, z| y == 0.2 * tan(3 * x), within: 1)", o, np.tile([1.0, 0.0, 0.0], (60, 1)))
+    assert np.allclose(o[:, 0] + t, math.atan(4.5) / 3, rtol=0, atol=1e-9)
+
+
+def test_far_from_the_origin(load):
+    """A formula's digits at 10⁵: what it loses there is known, and rays meet it within that."""
+    text = "implicit(|x, y, z| (hypot(x - 1e5, y, z) - 0.7)^3 <= 0.01 * (y - 0.2), within: box([3, 3, 3], center: [1e5, 0, 0]))"
+    o, d = toward_ball(1000, 0.8)
+    t, _ = met(load, text, o + [1e5, 0.0, 0.0], d)
+    near, _ = met(load, text.replace("1e5", "0"), o, d)
+    assert (np.isfinite(t) != np.isfinite(near)).sum() <= 1
+    both = np.isfinite(t) & np.isfinite(near)
+    assert both.sum() > 400
+    assert np.quantile(np.abs(t[both] - near[both]), 0.99) < 1e-9
+
+
+def test_zero_in_a_whole_region(load):
+    """A sheet that is 0 throughout a ball: no sign changes, so rays through it are counted; a solid of the same is met."""
+    o, d = toward_ball(300, 0.5)
+    text = "implicit(|x, y, z| max(x^4 + y^4 + z^4 - 0.3, 0) {}, within: 1)"
+    t, unproved = met(load, text.format("== 0"), o, d)
+    assert int(np.isfinite(t).sum()) + unproved >= 300
+    solid, unproved = met(load, text.format("<= 0"), o, d)
+    assert int(np.isfinite(solid).sum()) + unproved >= 300
+
+
+def test_a_thousand_operations(load):
+    """A hundred and fifty balls as one minimum: each ray meets the nearest of them."""
+    random = np.random.default_rng(8)
+    middles = np.round(random.uniform(-0.8, 0.8, (150, 3)), 3)
+    balls = ", ".join(f"hypot(x - ({a}), y - ({b}), z - ({c})) - 0.09" for a, b, c in middles.tolist())
+    o, d = toward_ball(3000, 1.0)
+    t, unproved = met(load, f"implicit(|x, y, z| min({balls}) <= 0, within: 1.5)", o, d)
+    true = np.min([true_sphere(o - middle, d, 0.09) for middle in middles], axis=0)
+    assert unproved == 0
+    assert np.array_equal(np.isfinite(t), np.isfinite(true))
+    assert np.allclose(t, true, rtol=0, atol=1e-9)
+
+
 def test_a_part_of_a_domain(measured, load):
     o, d = toward_ball(500, 0.2)
     t, _ = met(load, "implicit(|x, y, z| sqrt(x) == 0.5, within: 2)", o, d)

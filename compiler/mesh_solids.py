@@ -84,6 +84,26 @@ def _manifold(positions: np.ndarray, faces: np.ndarray) -> Manifold:
     return made
 
 
+def simplified(tape: Tape, made: contour.Contour, tolerance: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """(positions, triangles, how far they are off) of a contour with as few triangles as a tolerance allows: large ones where it is flat.
+
+    As it is where it encloses nothing, or is off by more than that already.
+    """
+    left = tolerance - made.furthest
+    try:
+        whole = _manifold(made.positions, made.triangles) if left > 0.0 and len(made.triangles) else None
+    except NoSolid:
+        whole = None
+    while whole is not None and left > tolerance / 32:
+        mesh = whole.simplify(left).to_mesh64()
+        positions, faces = np.asarray(mesh.vert_properties)[:, :3].copy(), np.asarray(mesh.tri_verts).astype(np.int64)
+        furthest, _ = contour.deviation(tape, positions, faces)
+        if furthest <= tolerance and contour.open_edges(faces) == 0:
+            return positions, faces, furthest
+        left /= 2
+    return made.positions, made.triangles, made.furthest
+
+
 def combined(kind: str, parts: Sequence[Manifold]) -> Manifold:
     """union, intersection or difference (the first without all others)."""
     from manifold3d import Manifold, OpType

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler import contour, ir
+from ..compiler import contour, ir, mesh_solids, tapes
 from ..compiler.export_meshes import Part
 from ..compiler.plan import Plan
 from ..lang.diagnostics import Diagnostic
@@ -45,6 +45,7 @@ def tessellator(scene: ir.Scene, plan: Plan) -> Callable[[int], Triangles]:
     return triangles
 
 
+FINER = 0.75  # of a tolerance, that a formula's contour is to keep before it is simplified by the rest
 FINENESS = 2000  # of the scene's extent, that triangles are off at the most when nothing else is asked
 
 
@@ -88,8 +89,8 @@ def _local(tables: ir.Tables, g: int, tolerance: float) -> tuple[NDArray[np.floa
         positions = tables.pools.positions[start : start + vertices].astype(np.float64) + geometries.origin[g]
         return positions, tables.pools.triangles[first : first + count].astype(np.int64) - start, 0.0
     if kind == ir.GeometryKind.FORMULA:
-        made = prepare.contoured(tables, g, tolerance)
-        return made.positions, made.triangles, made.furthest
+        tape, made = tapes.stored(tables, int(geometries.tape[g])), prepare.contoured(tables, g, FINER * tolerance)
+        return mesh_solids.simplified(tape, made, tolerance)
     mesh = tessellate.tessellate(kind, geometries.parameters[g].tolist(), tolerance)
     exact = kind in (ir.GeometryKind.BOX, ir.GeometryKind.RECTANGLE)
     return mesh.positions[:, :3], mesh.triangles.astype(np.int64), 0.0 if exact else tolerance

@@ -31,6 +31,7 @@ RENDER_READS = {
     "compiler.enclosures",
     "compiler.closed_forms",  # solids of planes, quadrics and tori among them
     "compiler.contour",  # their surfaces as triangles
+    "compiler.mesh_solids",  # fewer of them
     "compiler.export_meshes",
 }
 

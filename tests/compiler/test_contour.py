@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from maquette.cli import cli
-from maquette.compiler import contour, solids
+from maquette.compiler import contour, mesh_solids, solids
 from maquette.compiler.tapes import Builder, Op, Tape
 
 CUBE = np.array([[-1.0] * 3, [1.0] * 3])
@@ -84,6 +84,31 @@ def test_triangles_as_near_as_asked():
         assert made.furthest <= tolerance
         ring = np.hypot(made.positions[:, 0], made.positions[:, 2]) - 0.6
         assert np.abs(np.hypot(ring, made.positions[:, 1]) - 0.25).max() <= tolerance
+
+
+@pytest.mark.parametrize(
+    ("tape", "flat", "size"),
+    [(drilled(), True, 1.0 * 1.2 * 0.8 - math.pi * 0.25**2 * 1.2), (shape(8, 0.6, 0.25), False, 2 * math.pi**2 * 0.6 * 0.25**2)],
+    ids=["drilled box", "torus"],
+)
+def test_fewer_triangles_within_the_tolerance(tape, flat, size):
+    """Flat faces become a few large ones; the solid stays closed, its holes stay holes, its edges sharp."""
+    tolerance = 2e-3
+    made = contour.within(tape, CUBE, 0.75 * tolerance)
+    positions, triangles, furthest = mesh_solids.simplified(tape, made, tolerance)
+    fewer = made._replace(positions=positions, triangles=triangles)
+    assert made.furthest <= furthest <= tolerance
+    assert len(triangles) < (0.35 if flat else 0.8) * len(made.triangles)
+    assert contour.open_edges(triangles) == 0
+    assert euler(fewer) == 0
+    assert volume(fewer) == pytest.approx(size, rel=8e-3)
+    if flat:
+        for corner in ((0.5, 0.6, 0.4), (-0.5, -0.6, 0.4)):
+            assert np.linalg.norm(positions - corner, axis=1).min() < 1e-9
+        rim = np.abs(np.abs(positions[:, 1]) - 0.6) < 1e-9
+        ring = rim & (np.hypot(positions[:, 0], positions[:, 2]) < 0.3)
+        assert ring.sum() > 16
+        assert np.abs(np.hypot(positions[ring, 0], positions[ring, 2]) - 0.25).max() < tolerance
 
 
 def test_nothing_has_no_triangles():

@@ -137,16 +137,48 @@ def _store(table, row, x):
     return lambda table, row, x: simd.write(table, row, x)
 
 
-def put_lane(table: Any, row: int, k: int, x: Lane) -> None:
-    """Write a value to a row of a (rows, WIDTH) table, or a number to lane k of it; in kernels the table is flat."""
-    table[row][slice(None) if np.ndim(x) else k] = x
+def write_lanes(table: Any, row: int, k: int, x: Lane, mine: Lane) -> None:
+    """Write a value to a row of a (rows, WIDTH) table in the lanes of a mask, or a number to lane k of it; in kernels the table is flat."""
+    if np.ndim(x):
+        table[row][mine] = x[mine]
+    elif mine:
+        table[row][k] = x
 
 
-@overload(put_lane, jit_options=HELPER)
-def _put_lane(table, row, k, x):
+@overload(write_lanes, jit_options=HELPER)
+def _write_lanes(table, row, k, x, mine):
     if _vector(x):
-        return lambda table, row, k, x: simd.store(table, row * WIDTH, x)
-    return lambda table, row, k, x: simd.write(table, row * WIDTH + k, x)
+        return lambda table, row, k, x, mine: simd.masked_store(table, row * WIDTH, x, mine)
+
+    def write(table, row, k, x, mine):
+        if mine:
+            simd.write(table, row * WIDTH + k, x)
+
+    return write
+
+
+def rounded(x: Lane) -> Lane:
+    """Numbers as single precision has them, in double precision."""
+    return np.float64(np.float32(x))
+
+
+@overload(rounded, jit_options=HELPER)
+def _rounded(x):
+    if _vector(x):
+        return lambda x: simd.to_f64(simd.to_f32(x))
+    return lambda x: np.float64(np.float32(x))
+
+
+def mask_of(bits: int, like: Lane) -> Lane:
+    """The mask whose lane k is bit k of a number, in the lanes of `like`."""
+    return (bits >> np.arange(np.size(like)) & 1 != 0).reshape(np.shape(like))
+
+
+@overload(mask_of, jit_options=HELPER)
+def _mask_of(bits, like):
+    if _vector(like):
+        return lambda bits, like: simd.mask_from_bits(bits, like)
+    return lambda bits, like: bits != 0
 
 
 def numbered(first: int) -> Lane:

@@ -210,10 +210,11 @@ def _meet(accel: Any, i: int, ray: One, limit: Any, visible_bit: int, any_hit: b
     if kind == MESH:
         o = lanes.sub(o, (accel.origin[g, 0], accel.origin[g, 1], accel.origin[g, 2]))
         ready = boxes.local_ray(o, d)
-        enters = boxes.enter(accel.boxes, g, ready, ray.t_min, limit)
+        box = lanes.eight_at(accel.boxes, g, 0)
+        enters = boxes.enter(box, ready, ray.t_min, limit)
         if not enters < np.inf:
             return _nothing(share)
-        walk.keep(rays, 0, o, d, ready.inverse, enters, ray.t_min, ray.t_max, limit, accel.boxes[g, REACH])
+        walk.keep(rays, 0, True, o, d, ready.inverse, enters, ray.t_min, ray.t_max, limit, box[REACH])
         return _in_mesh(accel, i, ray, enters, any_hit, share, rays)
     return _on_shape(accel, i, kind, g, o, d, ray, limit, any_hit, share)
 
@@ -244,7 +245,6 @@ def _in_mesh(accel: Any, i: int, ray: One, enters: Any, any_hit: bool, share: An
     """`_meet` for a mesh's tree, as walk.step goes through it."""
     tree, root = accel.wide, np.int64(accel.placed[i, 4])
     children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
-    walk.ready(rays, 0)
     box, sieve, sheared, limit = walk.box(rays, 0), walk.sieve(rays, 0), walk.sheared(rays, 0), walk.limit_of(rays, 0)
     best = _nothing(share)
     top, node = np.int64(0), root

@@ -56,17 +56,14 @@ def _ready(o: Vec, inverse: Vec, share: float) -> BoxRay:
 
 
 @helper
-def enter(boxes: Any, row: int, ray: BoxRay, t_min: Lane, t_max: Lane) -> Lane:
-    """Where each ray enters a box, inf where it misses it or comes too late."""
-    low_x, low_y, low_z, high_x, high_y, high_z = (
-        boxes[row, 0], boxes[row, 1], boxes[row, 2], boxes[row, 3], boxes[row, 4], boxes[row, 5],
-    )  # fmt: skip
-    near = lanes.maximum((lanes.where(ray.x, low_x, high_x) - ray.near[0]) * ray.inverse[0], t_min)
-    far = lanes.minimum((lanes.where(ray.x, high_x, low_x) - ray.far[0]) * ray.inverse[0] * FAR, t_max)
-    near = lanes.maximum((lanes.where(ray.y, low_y, high_y) - ray.near[1]) * ray.inverse[1], near)
-    far = lanes.minimum((lanes.where(ray.y, high_y, low_y) - ray.far[1]) * ray.inverse[1] * FAR, far)
-    near = lanes.maximum((lanes.where(ray.z, low_z, high_z) - ray.near[2]) * ray.inverse[2], near)
-    far = lanes.minimum((lanes.where(ray.z, high_z, low_z) - ray.far[2]) * ray.inverse[2] * FAR, far)
+def enter(box: Any, ray: BoxRay, t_min: Lane, t_max: Lane) -> Lane:
+    """Where each ray enters a box (low x, y, z, high x, y, z, …), inf where it misses it or comes too late."""
+    near = lanes.maximum((lanes.where(ray.x, box[0], box[3]) - ray.near[0]) * ray.inverse[0], t_min)
+    far = lanes.minimum((lanes.where(ray.x, box[3], box[0]) - ray.far[0]) * ray.inverse[0] * FAR, t_max)
+    near = lanes.maximum((lanes.where(ray.y, box[1], box[4]) - ray.near[1]) * ray.inverse[1], near)
+    far = lanes.minimum((lanes.where(ray.y, box[4], box[1]) - ray.far[1]) * ray.inverse[1] * FAR, far)
+    near = lanes.maximum((lanes.where(ray.z, box[2], box[5]) - ray.near[2]) * ray.inverse[2], near)
+    far = lanes.minimum((lanes.where(ray.z, box[5], box[2]) - ray.far[2]) * ray.inverse[2] * FAR, far)
     return lanes.where(near <= far, near, np.inf)
 
 

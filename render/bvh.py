@@ -62,8 +62,8 @@ class Bvh(NamedTuple):
     top: Top  # over instances
     endless: NDArray[np.int32]  # instances outside of the tree, rising
     only: int  # the one instance in the tree, or -1
-    placed: NDArray[np.int32]  # (instances, PLACED) visibility, transform, geometry, kind, root of a mesh's tree; the rest is 0
-    inverse: NDArray[np.float64]  # (instances, 4, 4) in whose first three rows their transforms' inverses stand, two cache lines each
+    placed: NDArray[np.int64]  # (instances, PLACED) visibility, transform, geometry, kind, root of a mesh's tree; the rest is 0
+    inverse: NDArray[np.float64]  # (instances, 4, 4): three rows of their transforms' inverses, and their meshes' origins; two cache lines
     parameters: NDArray[np.float64]  # Geometries.parameters
     origin: NDArray[np.float64]  # Geometries.origin
     forms: Forms  # formula surfaces
@@ -96,11 +96,11 @@ def build(
     moving = tables.transforms.first_key[instances.transform] >= 0
     plain = drawable & ~partial & ~(moving & moves)
     inside = np.flatnonzero(plain & bounded).astype(np.int32)
-    rows = np.zeros((len(kind), PLACED), np.int32)
+    rows = simd.aligned_empty((len(kind), PLACED), np.int64)
     found = forms.of(tables, closed)
     primed = plain & (kind == ir.GeometryKind.FORMULA) & forms.have_cells(found)[instances.geometry]
     visible = instances.visible | np.where((instances.visible & ir.Visibility.CAMERA != 0) & ~primed, CAMERA_REST, 0)
-    rows[:, :5] = np.stack([visible, instances.transform, instances.geometry, kind, root], axis=1)
+    rows[:, :5], rows[:, 5:] = np.stack([visible, instances.transform, instances.geometry, kind, root], axis=1), 0
     return Bvh(
         wide=meshes,
         boxes=local_bounds(tables, fine),
@@ -130,7 +130,8 @@ def _aside(
 
 def _inverses(tables: ir.Tables) -> NDArray[np.float64]:
     rows = simd.aligned_empty((len(tables.instances.transform), 4, 4), np.float64)
-    rows[:, :3], rows[:, 3] = tables.transforms.inverse[tables.instances.transform], 0.0
+    rows[:, :3], rows[:, 3, 3] = tables.transforms.inverse[tables.instances.transform], 0.0
+    rows[:, 3, :3] = tables.geometries.origin[tables.instances.geometry]
     return rows
 
 

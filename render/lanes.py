@@ -496,11 +496,8 @@ def _three_at(table, row, first):
     if isinstance(row, simd.Vector) and row.bits == table.dtype.bitwidth:
 
         def together(table, row, first):  # four at a time, which begin one earlier where there is something before
-            width = 1
-            for k in table.shape[1:]:
-                width *= k
             before = 1 if first > 0 else 0
-            found = simd.gather_rows(table, row * width + (first - before), 4)
+            found = simd.gather_rows(table, row * _row_length(table) + (first - before), 4)
             if before:
                 return found[1], found[2], found[3]
             return found[0], found[1], found[2]
@@ -523,6 +520,34 @@ def _four_at(table, row):
     if isinstance(row, simd.Vector) and row.bits == table.dtype.bitwidth:
         return lambda table, row: simd.gather_rows(table, row * 4, 4)
     return lambda table, row: (table[row, 0], table[row, 1], table[row, 2], table[row, 3])
+
+
+def eight_at(table: Any, row: Lane, first: int) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane]:
+    """Numbers `first` to first + 7 of a row of a table, counted through all its dimensions but the first."""
+    return tuple(table.reshape(len(table), -1)[row, first + k] for k in range(8))
+
+
+@overload(eight_at, jit_options=HELPER)
+def _eight_at(table, row, first):
+    if isinstance(row, simd.Vector) and row.bits == table.dtype.bitwidth:
+        return lambda table, row, first: simd.gather_rows(table, row * _row_length(table) + first, 8)
+
+    def each(table, row, first):
+        at = row * _row_length(table) + first
+        return (
+            simd.read(table, at), simd.read(table, at + 1), simd.read(table, at + 2), simd.read(table, at + 3), simd.read(table, at + 4),
+            simd.read(table, at + 5), simd.read(table, at + 6), simd.read(table, at + 7),
+        )  # fmt: skip
+
+    return each
+
+
+@helper
+def _row_length(table: Any) -> int:
+    length = 1
+    for k in table.shape[1:]:
+        length *= k
+    return length
 
 
 @helper

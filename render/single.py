@@ -17,6 +17,7 @@ from .wide import spread64
 MESH = int(ir.GeometryKind.MESH)
 _LANES = across.WIDTH
 _ROWS = 17 * _LANES
+ENOUGH = 4  # rays that wait at instances until they are brought into their frames
 
 
 @helper
@@ -54,16 +55,20 @@ def below(accel: Any, root: int, rays: walk.Rays, left: int, zero: Lane, any_hit
         k = simd.trailing_zeros(todo)
         todo &= todo - 1
         simd.write(inside, k, 0)
-        walk.enter(rays, steps, k, root, k * walk.STACK)
+        walk.enter(steps, k, root, k * walk.STACK)
     turns(accel, simd.stack_array(np.float64, _ROWS), rays, steps, inside, left, 0, any_hit)
     return walk.met(steps)
 
 
 @apart
 def turns(accel, kept, rays, steps, inside, left, visible_bit, any_hit):
-    """Let rays whose bits are set in `left` go on to their ends; `inside` tells the instances in whose meshes they are, or -1."""
+    """Let rays whose bits are set in `left` go on to their ends; `inside` tells the instances in whose meshes they are, or -1.
+
+    Those that have come to an instance wait for others there, so that several are brought into its frame at a time.
+    """
+    wait = np.int64(0)
     while left != 0:
-        todo = left
+        todo = left & ~wait
         while todo != 0:
             k = simd.trailing_zeros(todo)
             todo &= todo - 1
@@ -74,9 +79,13 @@ def turns(accel, kept, rays, steps, inside, left, visible_bit, any_hit):
                 simd.write(inside, k, -1)
                 more = _next(accel, kept, steps, k, simd.read(steps.place, 2 * _LANES + k), any_hit)
             else:
-                more = _step(accel, kept, rays, steps, inside, k, visible_bit, any_hit)
+                more = _step(accel, kept, steps, k, any_hit)
             if not more:
                 left &= ~(1 << k)
+            elif simd.read(steps.place, k) < 0:
+                wait |= 1 << k
+        if wait != 0 and (wait == left or simd.population(wait) >= ENOUGH):
+            left, wait = _attempt(accel, kept, rays, steps, inside, left, wait, visible_bit, any_hit)
 
 
 @helper
@@ -87,22 +96,14 @@ def _store3(table: Any, row: int, value: Vec) -> None:
 
 
 @helper
-def _step(accel: Any, kept: Any, rays: walk.Rays, steps: walk.Walks, inside: Any, k: int, visible_bit: int, any_hit: bool) -> bool:
-    """One node or instance of ray k's way; whether there is more of it."""
+def _step(accel: Any, kept: Any, steps: walk.Walks, k: int, any_hit: bool) -> bool:
+    """One node of ray k's way; whether there is more of it."""
     node, top = simd.read(steps.place, k), simd.read(steps.place, _LANES + k)
-    if node >= 0:
-        near, hits = boxes.enter_node(accel.top.nodes, node, _bundle(kept, k), _at(kept, 15, k), _limit(kept, steps, k))
-        if hits != 0:
-            node, top = walk.nearest_first(accel.top.links, node, near, hits, steps.children, steps.reaches, top)
-            _go(accel, steps, k, node, top)
-            return True
-    elif (accel.placed[~node, 0] & visible_bit) != 0:
-        if accel.placed[~node, 3] != MESH:
-            _meet_shape(accel, ~node, kept, steps, k)
-        elif _enter_mesh(accel, ~node, kept, rays, k, _limit(kept, steps, k)):
-            simd.write(inside, k, ~node)
-            walk.enter(rays, steps, k, np.int64(accel.placed[~node, 4]), top)
-            return True
+    near, hits = boxes.enter_node(accel.top.nodes, node, _bundle(kept, k), _at(kept, 15, k), _limit(kept, steps, k))
+    if hits != 0:
+        node, top = walk.nearest_first(accel.top.links, node, near, hits, steps.children, steps.reaches, top)
+        _go(accel, steps, k, node, top)
+        return True
     return _next(accel, kept, steps, k, top, any_hit)
 
 
@@ -135,18 +136,41 @@ def _limit(kept: Any, steps: walk.Walks, k: int) -> Any:
 
 
 @helper
-def _enter_mesh(accel: Any, i: int, kept: Any, rays: walk.Rays, k: int, until: Any) -> bool:
-    """Make ray k ready for the mesh of instance i; whether it enters its box before `until`."""
-    g = accel.placed[i, 2]
-    o = lanes.transform_point(accel.inverse, i, (_at(kept, 9, k), _at(kept, 10, k), _at(kept, 11, k)))
-    o = lanes.sub(o, (accel.origin[g, 0], accel.origin[g, 1], accel.origin[g, 2]))
-    d = lanes.transform_vector(accel.inverse, i, (_at(kept, 12, k), _at(kept, 13, k), _at(kept, 14, k)))
-    ray, t_min = boxes.local_ray(o, d), _at(kept, 15, k)
-    enters = boxes.enter(accel.boxes, g, ray, t_min, until)
-    if not enters < np.inf:
-        return False
-    walk.keep(rays, k, o, d, ray.inverse, enters, t_min, _at(kept, 16, k), until, accel.boxes[g, REACH])
-    return True
+def _attempt(
+    accel: Any, kept: Any, rays: walk.Rays, steps: walk.Walks, inside: Any, left: int, wait: int, visible_bit: int, any_hit: bool
+) -> tuple[int, int]:
+    """Let the rays whose bits are set in `wait` enter the meshes they have come to; (`left`, `wait`) then."""
+    place = across.load(steps.place, 0)
+    here = across.mask_of(wait, place)
+    i = lanes.where(here, ~place, 0)
+    visible, _, g, kind, root, _, _, _ = lanes.eight_at(accel.placed, i, 0)
+    here = here & ((visible & visible_bit) != 0)
+    meshes = kind == MESH
+    (a, b, c, x, e, f, h, y), (l, m, n, z, u, v, w, _) = lanes.eight_at(accel.inverse, i, 0), lanes.eight_at(accel.inverse, i, 8)
+    matrix, t_min = (a, b, c, x, e, f, h, y, l, m, n, z), across.load(kept, 15)
+    o = lanes.point_by(matrix, (across.load(kept, 9), across.load(kept, 10), across.load(kept, 11)))
+    d = lanes.vector_by(matrix, (across.load(kept, 12), across.load(kept, 13), across.load(kept, 14)))
+    o = lanes.sub(o, (u, v, w))
+    t_max = across.load(kept, 16)
+    until = lanes.minimum(across.load(steps.found, 0), t_max)
+    ray, box = boxes.local_ray(o, d), lanes.eight_at(accel.boxes, g, 0)
+    enters = boxes.enter(box, ray, t_min, until)
+    go = here & meshes & (enters < np.inf)
+    walk.keep(rays, 0, go, o, d, ray.inverse, enters, t_min, t_max, until, box[REACH])
+    across.write_lanes(inside, 0, 0, i, go)
+    across.write_lanes(steps.place, 0, 0, root, go)
+    across.write_lanes(steps.place, 2, 0, across.load(steps.place, 1), go)
+    shapes, todo, wait = across.bits(here & lanes.not_(meshes)), wait & ~across.bits(go), np.int64(0)
+    while todo != 0:
+        k = simd.trailing_zeros(todo)
+        todo &= todo - 1
+        if (shapes >> k) & 1:
+            _meet_shape(accel, ~simd.read(steps.place, k), kept, steps, k)
+        if not _next(accel, kept, steps, k, simd.read(steps.place, _LANES + k), any_hit):
+            left &= ~(1 << k)
+        elif simd.read(steps.place, k) < 0:
+            wait |= 1 << k
+    return left, wait
 
 
 @helper

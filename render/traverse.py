@@ -123,18 +123,20 @@ def _mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
     """(t, triangle, u, v) of the first meeting with mesh g, whose tree begins at `root`, not beyond `nearest`."""
     until = lanes.minimum(nearest, t_max)
     ray = boxes.local_ray(o, d)
-    enters = boxes.enter(accel.boxes, g, ray, t_min, until)
+    box = lanes.eight_at(accel.boxes, g, 0)
+    enters = boxes.enter(box, ray, t_min, until)
     zero = lanes.full_like(t_min, 0.0)
     left = across.bits(enters < np.inf)
     if left == 0:
         return zero + np.inf, lanes.int_like(zero, -1), zero, zero
     enters = lanes.where(enters < np.inf, enters, 0.0)
     if BUNDLES and bundle.alike(left, d, ray):
-        reach, fine = accel.boxes[g, REACH], accel.boxes[g, FINE]
-        t, triangle, u, v, asked = bundle.meet(accel.wide, root, o, d, ray, enters, t_min, t_max, until, left, reach, fine, any_hit)
+        t, triangle, u, v, asked = bundle.meet(
+            accel.wide, root, o, d, ray, enters, t_min, t_max, until, left, box[REACH], box[FINE], any_hit
+        )
         if asked:
             return t, triangle, u, v
     rays = walk.room()
-    walk.keep(rays, 0, o, d, ray.inverse, enters, t_min, t_max, until, accel.boxes[g, REACH])
+    walk.keep(rays, 0, across.mask_of(left, enters), o, d, ray.inverse, enters, t_min, t_max, until, box[REACH])
     hit = single.below(accel, root, rays, left, zero, any_hit)
     return hit.t, hit.primitive, hit.u, hit.v

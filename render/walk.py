@@ -21,7 +21,7 @@ from .wide import DEPTH, LEAF, NODE, WIDTH, spread32
 
 FAR = 1.0 + 2.0**-21  # of the far side: eight roundings of float32
 STEEP = 1e12  # times the inverse of the largest component: no other is larger, so that all are finite
-_SINGLES, _DOUBLES, _INTS = 16 * across.WIDTH, 9 * across.WIDTH, 6 * across.WIDTH
+_SINGLES, _DOUBLES, _INTS = 13 * across.WIDTH, 9 * across.WIDTH, 6 * across.WIDTH
 _FAR = np.float32(FAR)
 STACK = 2 * DEPTH + 16  # one ray's, over instances and in a mesh; not so that all begin in the same part of the cache
 _STACKS, _PLACES, _FOUND, _NUMBERS = STACK * across.WIDTH, 3 * across.WIDTH, 4 * across.WIDTH, 2 * across.WIDTH
@@ -32,9 +32,9 @@ SMALLEST, LARGEST = 1e-12, 1e17  # coordinates within which products of float32 
 class Rays(NamedTuple):
     """Rays in memory, rows of lanes, for `step` and bundle.py."""
 
-    singles: Any  # float32: origin where the ray enters, 1 / direction, limit, how far off a corner may be
+    singles: Any  # float32: as in Box; limit, how far off a corner may be; as in Sieve
     doubles: Any  # float64: origin in the shear's axes, the shear, where the ray enters and may begin and end
-    axes: Any  # int64: the shear's axes
+    axes: Any  # int64: the shear's axes, and the rows in Box
 
 
 class Walks(NamedTuple):
@@ -55,27 +55,47 @@ def room() -> Rays:
 
 @helper
 def keep(
-    rays: Rays, k: int, o: Vec, d: Vec, inverse: Vec, enters: Lane, t_min: Lane, t_max: Lane, until: Lane, reach: Any
+    rays: Rays, k: int, mine: Lane, o: Vec, d: Vec, inverse: Vec, enters: Lane, t_min: Lane, t_max: Lane, until: Lane, reach: Lane
 ) -> None:
-    """Store rays, or ray k alone, that enter a mesh's box at `enters`; what lies between `until` and t_max may be found, but need not.
+    """Store the rays of a mask, or ray k alone, that enter a mesh's box at `enters`.
 
-    `reach` is the largest of the mesh's coordinates.
+    What lies between `until` and t_max may be found, but need not. `reach` is the largest of the mesh's coordinates.
     """
     singles, doubles, axes = rays.singles, rays.doubles, rays.axes
     most = STEEP * lanes.smallest((abs(inverse[0]), abs(inverse[1]), abs(inverse[2])))
-    for j, x, slope, steep in ((0, o[0], d[0], inverse[0]), (1, o[1], d[1], inverse[1]), (2, o[2], d[2], inverse[2])):
-        across.put_lane(singles, j, k, x + enters * slope)
-        across.put_lane(singles, 3 + j, k, lanes.where(steep > most, most, lanes.where(steep < -most, -most, steep)))
-    across.put_lane(singles, 6, k, (until - enters) * FAR)
-    across.put_lane(singles, 7, k, enters * 0.0 + OFF * reach)
-    kx, ky, kz, sx, sy, sz = flat.shear_of(d, inverse)
-    for j, axis, factor in ((0, kx, sx), (1, ky, sy), (2, kz, sz)):
-        across.put_lane(axes, j, k, axis)
-        across.put_lane(doubles, j, k, flat.component(o, axis))
-        across.put_lane(doubles, 3 + j, k, factor)
-    across.put_lane(doubles, 6, k, enters)
-    across.put_lane(doubles, 7, k, t_min)
-    across.put_lane(doubles, 8, k, t_max)
+    x, y, z = across.rounded(o[0] + enters * d[0]), across.rounded(o[1] + enters * d[1]), across.rounded(o[2] + enters * d[2])
+    sx, sy, sz = _slope(inverse[0], most), _slope(inverse[1], most), _slope(inverse[2], most)
+    _write3(singles, 0, k, (sx, sy, sz), mine)
+    _write3(singles, 3, k, (-x * sx, -y * sy, -z * sz), mine)
+    across.write_lanes(singles, 6, k, (until - enters) * FAR, mine)
+    across.write_lanes(singles, 7, k, enters * 0.0 + OFF * reach, mine)
+    kx, ky, kz, tx, ty, tz = flat.shear_of(d, inverse)
+    _write3(singles, 8, k, (flat.component((x, y, z), kx), flat.component((x, y, z), ky), flat.component((x, y, z), kz)), mine)
+    across.write_lanes(singles, 11, k, tx, mine)
+    across.write_lanes(singles, 12, k, ty, mine)
+    _write3(axes, 0, k, (kx, ky, kz), mine)
+    _write3(axes, 3, k, (_row(sx, kx, 0), _row(sy, kx, 2), _row(sz, kx, 4)), mine)
+    _write3(doubles, 0, k, (flat.component(o, kx), flat.component(o, ky), flat.component(o, kz)), mine)
+    _write3(doubles, 3, k, (tx, ty, tz), mine)
+    _write3(doubles, 6, k, (enters, t_min, t_max), mine)
+
+
+@helper
+def _write3(table: Any, row: int, k: int, v: Vec, mine: Lane) -> None:
+    across.write_lanes(table, row, k, v[0], mine)
+    across.write_lanes(table, row + 1, k, v[1], mine)
+    across.write_lanes(table, row + 2, k, v[2], mine)
+
+
+@helper
+def _slope(steep: Lane, most: Lane) -> Lane:
+    return across.rounded(lanes.clip(steep, -most, most))
+
+
+@helper
+def _row(slope: Lane, like: Lane, row: int) -> Lane:
+    """Which row of a node's planes a ray meets first that goes up an axis, or down it."""
+    return lanes.where(slope > 0.0, lanes.int_like(like, row * WIDTH), lanes.int_like(like, (row + 1) * WIDTH))
 
 
 class Box(NamedTuple):
@@ -87,29 +107,10 @@ class Box(NamedTuple):
 
 
 @helper
-def ready(rays: Rays, k: int) -> None:
-    """Write what `box` and `sieve` read of ray k."""
-    x, y, z = _single(rays, 3, k), _single(rays, 4, k), _single(rays, 5, k)
-    w, zero = across.WIDTH, np.float32(0.0)
-    simd.write(rays.singles, 8 * w + k, -_single(rays, 0, k) * x)
-    simd.write(rays.singles, 9 * w + k, -_single(rays, 1, k) * y)
-    simd.write(rays.singles, 10 * w + k, -_single(rays, 2, k) * z)
-    nx, ny, nz = boxes.rows_of(x > zero, y > zero, z > zero)
-    simd.write(rays.axes, 3 * w + k, nx)
-    simd.write(rays.axes, 4 * w + k, ny)
-    simd.write(rays.axes, 5 * w + k, nz)
-    simd.write(rays.singles, 11 * w + k, _single(rays, _axis(rays, 0, k), k))
-    simd.write(rays.singles, 12 * w + k, _single(rays, _axis(rays, 1, k), k))
-    simd.write(rays.singles, 13 * w + k, _single(rays, _axis(rays, 2, k), k))
-    simd.write(rays.singles, 14 * w + k, np.float32(_double(rays, 3, k)))
-    simd.write(rays.singles, 15 * w + k, np.float32(_double(rays, 4, k)))
-
-
-@helper
 def box(rays: Rays, k: int) -> Box:
     return Box(
+        _spread(_single(rays, 0, k), _single(rays, 1, k), _single(rays, 2, k)),
         _spread(_single(rays, 3, k), _single(rays, 4, k), _single(rays, 5, k)),
-        _spread(_single(rays, 8, k), _single(rays, 9, k), _single(rays, 10, k)),
         (_axis(rays, 3, k), _axis(rays, 4, k), _axis(rays, 5, k)),
     )
 
@@ -230,8 +231,8 @@ def sieve(rays: Rays, k: int) -> Sieve:
     x, y, z = _axis(rays, 0, k), _axis(rays, 1, k), _axis(rays, 2, k)
     off = _single(rays, 7, k)
     return Sieve(
-        WIDTH * x, WIDTH * y, WIDTH * z, _spread(_single(rays, 11, k), _single(rays, 12, k), _single(rays, 13, k)),
-        (spread32(_single(rays, 14, k)), spread32(_single(rays, 15, k))), spread32(off), spread32(np.float32(2.0) * off * off),
+        WIDTH * x, WIDTH * y, WIDTH * z, _spread(_single(rays, 8, k), _single(rays, 9, k), _single(rays, 10, k)),
+        (spread32(_single(rays, 11, k)), spread32(_single(rays, 12, k))), spread32(off), spread32(np.float32(2.0) * off * off),
         unsure(off),
     )  # fmt: skip
 
@@ -354,9 +355,8 @@ def met(steps: Walks) -> Hit:
 
 
 @helper
-def enter(rays: Rays, steps: Walks, k: int, root: int, top: int) -> None:
+def enter(steps: Walks, k: int, root: int, top: int) -> None:
     """Let ray k begin at the root of a mesh's tree, its stack at `top`."""
-    ready(rays, k)
     go(steps, k, root, top)
     simd.write(steps.place, 2 * across.WIDTH + k, top)
 

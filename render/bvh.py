@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler import plan as planner
-from . import kept, placed, simd, top, wide
+from . import kept, placed, simd, tight, top, wide
 from .formulas import forms
 from .formulas.forms import Forms
 from .top import Top
@@ -95,6 +95,8 @@ def build(
     partial = planner.partial(tables)[instances.material]
     moving = tables.transforms.first_key[instances.transform] >= 0
     plain = drawable & ~partial & ~(moving & moves)
+    still = np.flatnonzero(plain & (root >= 0))
+    tight.tighten(boxes, still, meshes, root, *_frames(tables), SLACK)
     inside = np.flatnonzero(plain & bounded).astype(np.int32)
     rows = simd.aligned_empty((len(kind), PLACED), np.int64)
     found = forms.of(tables, closed)
@@ -126,6 +128,10 @@ def _aside(
     inside, endless = (np.flatnonzero(which & chosen).astype(np.int32) for chosen in (bounded, ~bounded))
     cover, through = Call() if partial.any() else Nothing(), Call() if moving else Nothing()
     return Aside(top.build(boxes, inside, threads), endless, partial, tables, cover=cover, moving=through)
+
+
+def _frames(tables: ir.Tables) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return tables.geometries.origin[tables.instances.geometry], tables.transforms.matrix[tables.instances.transform]
 
 
 def _inverses(tables: ir.Tables) -> NDArray[np.float64]:

@@ -542,12 +542,14 @@ def _eight_at(table, row, first):
     return each
 
 
-@helper
-def _row_length(table: Any) -> int:
-    length = 1
-    for k in table.shape[1:]:
-        length *= k
-    return length
+def _row_length(table: Any) -> Any:
+    """How many numbers there are in a row of a table, counted through all its dimensions but the first."""
+    return int(np.prod(table.shape[1:]))
+
+
+@overload(_row_length, jit_options=HELPER)
+def _row_length_in_kernels(table):
+    return (lambda table: table.shape[1]) if table.ndim == 2 else (lambda table: table.shape[1] * table.shape[2])
 
 
 @helper

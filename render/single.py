@@ -17,7 +17,7 @@ from .wide import spread64
 MESH = int(ir.GeometryKind.MESH)
 _LANES = across.WIDTH
 _ROWS = 17 * _LANES
-ENOUGH = 4  # rays that wait at instances until they are brought into their frames
+ENOUGH = (5 * _LANES + 7) // 8  # rays that wait at instances until they are brought into their frames
 
 
 @helper

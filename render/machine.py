@@ -77,7 +77,7 @@ def _choose() -> tuple[str, dict[str, bool]]:
 
 ISA, FEATURES = _choose()
 X86 = llvm.get_process_triple().startswith(("x86_64", "i386", "i686"))
-AVX512 = ISA == "avx512"
+AVX512, AVX2 = ISA == "avx512", ISA == "avx2"
 FMA = bool(FEATURES.get("fma")) or ("neon" in FEATURES and not X86)
 """Whether a multiply-add that rounds once is one instruction; elsewhere it would be a library call."""
 WIDTH = BYTES[ISA] // 4

@@ -176,7 +176,7 @@ def _push_each(stack: Any, top: int, values: Lane, which: int) -> int:
     return top
 
 
-_push = _push_packed if machine.AVX512 else _push_each
+_push = _push_packed if machine.AVX512 or machine.AVX2 else _push_each
 
 
 @helper

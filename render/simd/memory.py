@@ -350,13 +350,31 @@ def scatter(typingctx, array, index, x, mask=None):
 
 def _has_compress(raw: Any) -> bool:
     width = raw.type.count * getattr(raw.type.element, "width", 64 if isinstance(raw.type.element, ir.DoubleType) else 32)
-    return machine.AVX512 and width in (128, 256, 512) and raw.type.element != I8
+    return width in ((128, 256, 512) if machine.AVX512 else (256,) if machine.AVX2 else ()) and raw.type.element != I8
 
 
 def _packed(builder: Any, raw: Any, mask: Any) -> Any:
     """The set lanes moved to the front, in a register."""
+    if not machine.AVX512:
+        return _permuted(builder, raw, mask)
     name = f"llvm.x86.avx512.mask.compress.{_suffix(raw.type.element, raw.type.count)}"
     return v.call(builder, name, raw.type, [raw, raw, mask])
+
+
+def _permuted(builder: Any, raw: Any, mask: Any) -> Any:
+    """The same with AVX2: each mask has its permutation of eight parts of 32 bits, a byte for each, in a table."""
+    count, eight = raw.type.count, ir.VectorType(I32, 8)
+    each = 8 // count
+    orders = []
+    for bits in range(1 << count):
+        parts = [each * k + j for k in range(count) if bits >> k & 1 for j in range(each)]
+        orders.append(int.from_bytes(bytes(parts + [0] * (8 - len(parts))), "little"))
+    kind = ir.ArrayType(I64, len(orders))
+    table = cgutils.global_constant(builder, f"permutations{count}", ir.Constant(kind, orders))
+    number = builder.zext(builder.bitcast(mask, ir.IntType(count)), I64)
+    row = builder.load(builder.gep(table, [ir.Constant(I64, 0), number]))
+    order = builder.zext(builder.bitcast(row, ir.VectorType(I8, 8)), eight)
+    return builder.bitcast(v.call(builder, "llvm.x86.avx2.permd", eight, [builder.bitcast(raw, eight), order]), raw.type)
 
 
 def _store_packed(builder: Any, pointer: Any, raw: Any, mask: Any) -> None:

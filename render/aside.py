@@ -165,15 +165,15 @@ def _through(accel: Any, ray: One, limit: Any, visible_bit: int, any_hit: bool, 
     while True:
         if node >= 0:
             near, hits = boxes.enter_node(nodes, node, ready, ray.t_min, limit)
-            if hits != 0:
-                node, top = walk.nearest_first(links, node, near, hits, children, reaches, top)
-                continue
+            node, top = walk.nearest_first(links, node, near, hits, children, reaches, top)
         else:
             best = _nearer(best, _meet(accel, ~node, ray, limit, visible_bit, any_hit, best.share, rays))
             if best.share <= 0.0:
                 return best
-            limit = min(limit, best.t)
-        node, top = walk.take(children, reaches, top, limit)
+            if best.t < limit:
+                limit = best.t
+                top = walk.sifted(children, reaches, 0, top, limit)
+            node, top = walk.last_of(children, top)
         if top < 0:
             return best
 
@@ -251,11 +251,9 @@ def _in_mesh(accel: Any, i: int, ray: One, enters: Any, any_hit: bool, share: An
     while True:
         if node >= 0:
             near, hits = walk.enter_boxes(tree.nodes, node, box, limit)
-            if hits != 0:
-                node, top = walk.nearest_first(tree.links, node, near, hits, children, reaches, top)
-                continue
+            node, top = walk.nearest_first(tree.links, node, near, hits, children, reaches, top)
         else:
-            leaf = ~node
+            leaf, before = ~node, limit
             hits = walk.touched(tree.leaves, leaf, sieve)
             while hits != 0:
                 j = simd.trailing_zeros(hits)
@@ -274,7 +272,9 @@ def _in_mesh(accel: Any, i: int, ray: One, enters: Any, any_hit: bool, share: An
                 elif there > 0.0:
                     best = First(t, i, number, u, v, share)
                     limit = np.float32((t - enters) * walk.FAR)
-        node, top = walk.take(children, reaches, top, limit)
+            if limit < before:
+                top = walk.sifted(children, reaches, 0, top, limit)
+            node, top = walk.last_of(children, top)
         if top < 0:
             return First(best.t, best.instance, best.primitive, best.u, best.v, share)
 

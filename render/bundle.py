@@ -329,11 +329,9 @@ def meet(
     while True:
         if node >= 0:
             near, hits = _enter(nodes, node, beam, limit)
-            if hits != 0:
-                node, top = walk.nearest_first(links, node, near, hits, children, reaches, top)
-                continue
+            node, top = walk.nearest_first(links, node, near, hits, children, reaches, top)
         else:
-            leaf = ~node
+            leaf, before = ~node, limit
             hits = _triangles(leaves, leaf, core, middle, limit)
             while hits != 0:
                 j = simd.trailing_zeros(hits)
@@ -344,7 +342,7 @@ def meet(
                     (_number(leaves, b + kx) - ox, _number(leaves, b + ky) - oy, _number(leaves, b + kz) - oz),
                     (_number(leaves, c + kx) - ox, _number(leaves, c + ky) - oy, _number(leaves, c + kz) - oz), sx, sy,
                 )  # fmt: skip
-                if lanes.any_lane(flat.ahead(met, sz)):
+                if not any_hit or lanes.any_lane(flat.ahead(met, sz)):
                     at_t, row = flat.reached(met, sz, t_min, t_max), np.int64(simd.read(rows, leaf * WIDTH + j))
                     nearer = (at_t < t) | ((at_t == t) & (at_t < np.inf) & (row < triangle))
                     t, triangle = lanes.where(nearer, at_t, t), lanes.where(nearer, row, triangle)
@@ -356,7 +354,9 @@ def meet(
                         shorter = (t - enters) * walk.FAR
                     limits = simd.minimum(limits, simd.to_f32(shorter))
                     limit = simd.max_of(limits)
-        node, top = walk.take(children, reaches, top, limit)
+            if limit < before:
+                top = walk.sifted(children, reaches, 0, top, limit)
+            node, top = walk.last_of(children, top)
         if top < 0:
             return t, triangle, v / total, w / total, True
 

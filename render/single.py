@@ -79,7 +79,7 @@ def turns(accel, kept, rays, steps, inside, left, visible_bit, any_hit):
                 simd.write(inside, k, -1)
                 more = _next(accel, kept, steps, k, simd.read(steps.place, 2 * _LANES + k), any_hit)
             else:
-                more = _step(accel, kept, steps, k, any_hit)
+                more = _step(accel, kept, steps, k)
             if not more:
                 left &= ~(1 << k)
             elif simd.read(steps.place, k) < 0:
@@ -96,38 +96,35 @@ def _store3(table: Any, row: int, value: Vec) -> None:
 
 
 @helper
-def _step(accel: Any, kept: Any, steps: walk.Walks, k: int, any_hit: bool) -> bool:
+def _step(accel: Any, kept: Any, steps: walk.Walks, k: int) -> bool:
     """One node of ray k's way; whether there is more of it."""
     node, top = simd.read(steps.place, k), simd.read(steps.place, _LANES + k)
     near, hits = boxes.enter_node(accel.top.nodes, node, _bundle(kept, k), _at(kept, 15, k), _limit(kept, steps, k))
-    if hits != 0:
-        node, top = walk.nearest_first(accel.top.links, node, near, hits, steps.children, steps.reaches, top)
-        _go(accel, steps, k, node, top)
-        return True
-    return _next(accel, kept, steps, k, top, any_hit)
+    node, top = walk.nearest_first(accel.top.links, node, near, hits, steps.children, steps.reaches, top)
+    return _go(accel, steps, k, node, top)
 
 
 @helper
 def _next(accel: Any, kept: Any, steps: walk.Walks, k: int, top: int, any_hit: bool) -> bool:
-    """Take the next node or instance from ray k's stack; whether there is one."""
+    """Take the next node or instance from ray k's stack, which ends at `top`; whether there is one."""
     if any_hit and simd.read(steps.numbers, k) >= 0:
         return False
-    start = k * walk.STACK
-    top = walk.pop(steps, start, top, _limit(kept, steps, k))
-    if top == start:
-        return False
-    _go(accel, steps, k, np.int64(simd.read(steps.children, top - 1)), top - 1)
-    return True
+    top = walk.sifted(steps.children, steps.reaches, k * walk.STACK, top, _limit(kept, steps, k))
+    node, top = walk.last_of(steps.children, top)
+    return _go(accel, steps, k, node, top)
 
 
 @helper
-def _go(accel: Any, steps: walk.Walks, k: int, node: int, top: int) -> None:
-    """Let ray k be at a node or an instance, and ask for what will be read of an instance."""
-    if node < 0:
-        simd.prefetch(accel.placed, ~node * PLACED)
-        simd.prefetch(accel.inverse, ~node * 16)
-        simd.prefetch(accel.inverse, ~node * 16 + 8)
+def _go(accel: Any, steps: walk.Walks, k: int, node: int, top: int) -> bool:
+    """Let ray k be at a node or an instance, and ask for what will be read of an instance; not where its stack had ended."""
+    if top < k * walk.STACK:
+        return False
+    instance = max(~node, 0)
+    simd.prefetch(accel.placed, instance * PLACED)
+    simd.prefetch(accel.inverse, instance * 16)
+    simd.prefetch(accel.inverse, instance * 16 + 8)
     walk.go(steps, k, node, top)
+    return True
 
 
 @helper
@@ -146,8 +143,8 @@ def _attempt(
     visible, _, g, kind, root, _, _, _ = lanes.eight_at(accel.placed, i, 0)
     here = here & ((visible & visible_bit) != 0)
     meshes = kind == MESH
-    (a, b, c, x, e, f, h, y), (l, m, n, z, u, v, w, _) = lanes.eight_at(accel.inverse, i, 0), lanes.eight_at(accel.inverse, i, 8)
-    matrix, t_min = (a, b, c, x, e, f, h, y, l, m, n, z), across.load(kept, 15)
+    (a, b, c, x, e, f, h, y), (p, q, r, z, u, v, w, _) = lanes.eight_at(accel.inverse, i, 0), lanes.eight_at(accel.inverse, i, 8)
+    matrix, t_min = (a, b, c, x, e, f, h, y, p, q, r, z), across.load(kept, 15)
     o = lanes.point_by(matrix, (across.load(kept, 9), across.load(kept, 10), across.load(kept, 11)))
     d = lanes.vector_by(matrix, (across.load(kept, 12), across.load(kept, 13), across.load(kept, 14)))
     o = lanes.sub(o, (u, v, w))

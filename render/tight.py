@@ -54,8 +54,8 @@ def farthest(nodes: Any, links: Any, root: int, x: float, y: float, z: float, ch
     """The most that x · p₀ + y · p₁ + z · p₂ is where p is in the boxes of a tree's leaves, or a little more; a stack is given."""
     sx, sy, sz = spread32(np.float32(x)), spread32(np.float32(y)), spread32(np.float32(z))
     rx, ry, rz = WIDTH if x > 0.0 else 0, (3 if y > 0.0 else 2) * WIDTH, (5 if z > 0.0 else 4) * WIDTH
-    best, rounding = np.float32(-np.inf), np.float32(0.0)
-    node, top = np.int64(root), 0
+    best, rounding, most = np.float32(-np.inf), np.float32(0.0), np.float32(np.inf)
+    node, top = np.int64(root), np.int64(0)
     while True:
         at = node * NODE
         a, b, c = simd.load(nodes, at + rx, WIDTH) * sx, simd.load(nodes, at + ry, WIDTH) * sy, simd.load(nodes, at + rz, WIDTH) * sz
@@ -63,11 +63,12 @@ def farthest(nodes: Any, links: Any, root: int, x: float, y: float, z: float, ch
         there = link > EMPTY
         reach = simd.select(there, a + b + c, np.float32(-np.inf))
         rounding = max(rounding, simd.max_of(simd.select(there, abs(a) + abs(b) + abs(c), np.float32(0.0))))
-        best = max(best, simd.max_of(simd.select(link < 0, reach, np.float32(-np.inf))))
-        inner = simd.bits((link >= 0) & (reach > best))
-        if inner != 0:
-            node, top = walk.nearest_first(links, node, -reach, inner, children, reaches, top)
-            continue
-        node, top = walk.take(children, reaches, top, -best)
+        if node == root:
+            most = simd.max_of(reach)
+        before, best = best, max(best, simd.max_of(simd.select(link < 0, reach, np.float32(-np.inf))))
+        if best > before:
+            top = walk.sifted(children, reaches, 0, top, most - best)
+        short = simd.maximum(most - reach, spread32(0.0))  # how much less far than the whole mesh a child reaches
+        node, top = walk.nearest_first(links, node, short, simd.bits((link >= 0) & (reach > best)), children, reaches, top)
         if top < 0:
             return np.float64(best) + ROUNDING * np.float64(rounding)

@@ -80,15 +80,15 @@ def _together(
                 near, hits = boxes.enter_node(nodes, node, rays, begin, limit)
             else:
                 near, hits = boxes.enter_each(nodes, node, ray, t_min, lanes.minimum(best.t, until))
-            if hits != 0:
-                node, top = walk.nearest_first(links, node, near, hits, children, reaches, top)
-                continue
+            node, top = walk.nearest_first(links, node, near, hits, children, reaches, top)
         else:
             best = attempt(accel, ~node, origin, direction, t_min, until, visible_bit, any_hit, best)
             if any_hit:
                 until = lanes.where(best.instance >= 0, -np.inf, until)
-            limit = across.most(lanes.minimum(best.t, until))
-        node, top = walk.take(children, reaches, top, limit)
+            nearer = across.most(lanes.minimum(best.t, until))
+            if nearer < limit:
+                top = walk.sifted(children, reaches, 0, top, nearer)
+            node, top = walk.last_of(children, top)
         if top < 0:
             return best
 

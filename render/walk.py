@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import across, boxes, lanes, machine, simd
+from . import across, lanes, machine, simd
 from . import shapes_flat as flat
 from .kernels import helper
 from .records import Hit, Lane, Vec
@@ -23,6 +23,7 @@ FAR = 1.0 + 2.0**-21  # of the far side: eight roundings of float32
 STEEP = 1e12  # times the inverse of the largest component: no other is larger, so that all are finite
 _SINGLES, _DOUBLES, _INTS = 13 * across.WIDTH, 9 * across.WIDTH, 6 * across.WIDTH
 _FAR = np.float32(FAR)
+_LAST = np.int32(2**31 - 1)
 STACK = 2 * DEPTH + 16  # one ray's, over instances and in a mesh; not so that all begin in the same part of the cache
 _STACKS, _PLACES, _FOUND, _NUMBERS = STACK * across.WIDTH, 3 * across.WIDTH, 4 * across.WIDTH, 2 * across.WIDTH
 OFF = 2.0**-20  # of a mesh's largest coordinate: what float32 does to a corner as a ray sees it
@@ -176,41 +177,76 @@ def _push_each(stack: Any, top: int, values: Lane, which: int) -> int:
     return top
 
 
-_push = _push_packed if machine.AVX512 or machine.AVX2 else _push_each
+_PACKS = machine.AVX512 or machine.AVX2
+_push = _push_packed if _PACKS else _push_each
+
+
+# What follows has no branch on what boxes and stacks hold: the processor would guess it wrong as often as not, at a cost of twenty
+# additions each time.
 
 
 @helper
 def nearest_first(links: Any, node: int, near: Lane, hits: int, children: Any, reaches: Any, top: int) -> tuple[Any, int]:
-    """(the nearest child of a node among `hits`, not 0; where the stack ends with the others on it)."""
-    first = simd.trailing_zeros(hits)
-    if (hits & (hits - 1)) != 0:
-        mine = simd.mask_from_bits(hits, near)
-        first = simd.trailing_zeros(simd.bits(mine & (near == simd.min_of(simd.select(mine, near, np.inf)))))
-    return _taken(links, node, near, hits, first, children, reaches, top)
+    """(the nearest child of a node among `hits` or, where there are none, what is last on a stack; where the stack ends with the others).
+
+    That is below where it began where nothing is left.
+    """
+    key = simd.select(simd.mask_from_bits(hits, near), _ranks(near), _LAST)
+    return _onward(links, node, near, hits, np.int64(simd.min_of(key) & (WIDTH - 1)), children, reaches, top)
 
 
 @helper
 def any_first(links: Any, node: int, near: Lane, hits: int, children: Any, reaches: Any, top: int) -> tuple[Any, int]:
     """The same with any child."""
-    return _taken(links, node, near, hits, simd.trailing_zeros(hits), children, reaches, top)
+    return _onward(links, node, near, hits, simd.trailing_zeros(hits) & (WIDTH - 1), children, reaches, top)
 
 
 @helper
-def _taken(links: Any, node: int, near: Lane, hits: int, first: int, children: Any, reaches: Any, top: int) -> tuple[Any, int]:
-    rest = hits ^ (1 << first)
-    child = np.int64(simd.read(links, node * WIDTH + first))
-    if rest == 0:
-        return child, top
+def _ranks(near: Lane) -> Lane:
+    """Integers that rise as what is not below 0, nearly, and tell their lanes in their last bits."""
+    return (simd.float_bits(near) & ~np.int32(WIDTH - 1)) | simd.iota(simd.to_i32(near))
+
+
+@helper
+def _onward(links: Any, node: int, near: Lane, hits: int, first: int, children: Any, reaches: Any, top: int) -> tuple[Any, int]:
+    child, last = np.int64(simd.read(links, node * WIDTH + first)), np.int64(simd.read(children, max(top - 1, 0)))
+    rest = hits & ~(1 << first)
     _push(children, top, simd.load(links, node * WIDTH, WIDTH), rest)
-    return child, _push(reaches, top, near, rest)
+    _push(reaches, top, near, rest)
+    return child if hits != 0 else last, top + simd.population(hits) - 1
 
 
 @helper
-def take(children: Any, reaches: Any, top: int, limit: Any) -> tuple[Any, int]:
-    """(the nearest node on a stack, where the stack ends without it), below 0 where nothing is left that begins before `limit`."""
-    while top > 0 and simd.read(reaches, top - 1) > limit:
-        top -= 1
+def last_of(children: Any, top: int) -> tuple[Any, int]:
+    """(what is last on a stack; where it ends without that)."""
     return np.int64(simd.read(children, max(top - 1, 0))), top - 1
+
+
+@helper
+def _sifted_packed(children: Any, reaches: Any, start: int, top: int, limit: Any) -> int:
+    """Where a stack from `start` to `top` ends without what begins beyond `limit`."""
+    end = start
+    for i in range(start, top, WIDTH):
+        reach, child = simd.load(reaches, i, WIDTH), simd.load(children, i, WIDTH)
+        near = simd.bits(reach <= limit) & ((1 << min(top - i, WIDTH)) - 1)
+        _push_packed(children, end, child, near)
+        end = _push_packed(reaches, end, reach, near)
+    return end
+
+
+@helper
+def _sifted_each(children: Any, reaches: Any, start: int, top: int, limit: Any) -> int:
+    """The same one by one."""
+    end = start
+    for i in range(start, top):
+        reach = simd.read(reaches, i)
+        simd.write(children, end, simd.read(children, i))
+        simd.write(reaches, end, reach)
+        end += 1 if reach <= limit else 0
+    return end
+
+
+sifted = _sifted_packed if _PACKS else _sifted_each
 
 
 class Sieve(NamedTuple):
@@ -369,14 +405,6 @@ def go(steps: Walks, k: int, node: int, top: int) -> None:
 
 
 @helper
-def pop(steps: Walks, start: int, top: int, limit: Any) -> int:
-    """Where the stack ends without what lies beyond `limit`; `start` where nothing is left."""
-    while top > start and simd.read(steps.reaches, top - 1) > limit:
-        top -= 1
-    return top
-
-
-@helper
 def step(tree: Any, rays: Rays, steps: Walks, k: int, instance: int, any_hit: bool) -> bool:
     """One node or leaf of ray k's way through a mesh; whether there is more of it."""
     w = across.WIDTH
@@ -384,27 +412,24 @@ def step(tree: Any, rays: Rays, steps: Walks, k: int, instance: int, any_hit: bo
     limit = limit_of(rays, k)
     if node >= 0:
         near, hits = enter_boxes(tree.nodes, node, box(rays, k), limit)
-        if hits != 0:
-            if any_hit:
-                node, top = any_first(tree.links, node, near, hits, steps.children, steps.reaches, top)
-            else:
-                node, top = nearest_first(tree.links, node, near, hits, steps.children, steps.reaches, top)
-            _fetch(tree, node)
-            go(steps, k, node, top)
-            return True
+        if any_hit:
+            node, top = any_first(tree.links, node, near, hits, steps.children, steps.reaches, top)
+        else:
+            node, top = nearest_first(tree.links, node, near, hits, steps.children, steps.reaches, top)
     else:
-        hits = touched(tree.leaves, ~node, sieve(rays, k))
+        hits, before = touched(tree.leaves, ~node, sieve(rays, k)), limit
         while hits != 0:
             j = simd.trailing_zeros(hits)
             hits &= hits - 1
             limit = _meet(tree, ~node, j, rays, steps, k, instance, any_hit, limit)
-        simd.write(rays.singles, 6 * w + k, limit)
-    top = pop(steps, start, top, limit)
-    if top == start:
+        if limit < before:
+            simd.write(rays.singles, 6 * w + k, limit)
+            top = sifted(steps.children, steps.reaches, start, top, limit)
+        node, top = last_of(steps.children, top)
+    if top < start:
         return False
-    node = np.int64(simd.read(steps.children, top - 1))
     _fetch(tree, node)
-    go(steps, k, node, top - 1)
+    go(steps, k, node, top)
     return True
 
 
@@ -441,8 +466,7 @@ def sooner(steps: Walks, k: int, t: Any, instance: int, primitive: int) -> bool:
 
 @helper
 def _fetch(tree: Any, node: int) -> None:
-    """Ask for a node or a leaf that will be read soon."""
-    if node < 0:
-        at = ~node * LEAF
-        for line in range(LEAF // 16):
-            simd.prefetch(tree.leaves, at + line * 16)
+    """Ask for a leaf that will be read soon."""
+    at = max(~node, 0) * LEAF
+    for line in range(LEAF // 16):
+        simd.prefetch(tree.leaves, at + line * 16)

@@ -96,7 +96,7 @@ def build(
     moving = tables.transforms.first_key[instances.transform] >= 0
     plain = drawable & ~partial & ~(moving & moves)
     still = np.flatnonzero(plain & (root >= 0))
-    tight.tighten(boxes, still, meshes, root, *_frames(tables), SLACK)
+    tight.tighten(boxes, still, meshes, root, *frames(tables), SLACK)
     inside = np.flatnonzero(plain & bounded).astype(np.int32)
     rows = simd.aligned_empty((len(kind), PLACED), np.int64)
     found = forms.of(tables, closed)
@@ -130,7 +130,8 @@ def _aside(
     return Aside(top.build(boxes, inside, threads), endless, partial, tables, cover=cover, moving=through)
 
 
-def _frames(tables: ir.Tables) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def frames(tables: ir.Tables) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Of each instance, where its mesh stands (instances, 3) and its matrix (instances, 3, 4)."""
     return tables.geometries.origin[tables.instances.geometry], tables.transforms.matrix[tables.instances.transform]
 
 

@@ -157,7 +157,7 @@ def _attempt(
     across.write_lanes(inside, 0, 0, i, go)
     across.write_lanes(steps.place, 0, 0, root, go)
     across.write_lanes(steps.place, 2, 0, across.load(steps.place, 1), go)
-    shapes, todo, wait = across.bits(here & lanes.not_(meshes)), wait & ~across.bits(go), np.int64(0)
+    shapes, todo, wait = across.bits(here & lanes.not_(meshes)), wait & ~across.bits(go), 0
     while todo != 0:
         k = simd.trailing_zeros(todo)
         todo &= todo - 1

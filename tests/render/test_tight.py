@@ -33,10 +33,12 @@ def boxes_of(made, places):
 def test_tight_boxes_hold_all_corners_and_little_more(knots) -> None:
     loose, close, corners = boxes_of(*knots)
     low, high = corners.min(axis=1), corners.max(axis=1)
-    assert (close[:, :3] <= low).all() and (close[:, 3:] >= high).all()
+    assert (close[:, :3] <= low).all()
+    assert (close[:, 3:] >= high).all()
     volumes = [np.prod(high - low, axis=1), np.prod(close[:, 3:] - close[:, :3], axis=1), np.prod(loose[:, 3:] - loose[:, :3], axis=1)]
     assert np.median(volumes[1] / volumes[0]) < 1.3 < 1.8 < np.median(volumes[2] / volumes[0])
-    assert (close[:, :3] >= loose[:, :3]).all() and (close[:, 3:] <= loose[:, 3:]).all()
+    assert (close[:, :3] >= loose[:, :3]).all()
+    assert (close[:, 3:] <= loose[:, 3:]).all()
     assert np.array_equal(close[0], loose[0])
 
 

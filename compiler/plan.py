@@ -35,6 +35,7 @@ REST = "rest"  # the light group of what names none
 
 TRANSPORTS = ("paths", "tree")
 NOISES = ("blue", "white")
+RASTER_SHADOWS = ("rays", "map", "none")
 SECONDARY = ("none", "trace")  # what becomes of rays that the raster backend's mirrors, metals and glass send on
 WEIGHINGS = ("power", "balance", "lights", "surfaces")  # as in render/paths.py
 PRECISIONS = ("float32", "float64")
@@ -460,6 +461,16 @@ def _opacity(scene: ir.Scene, *_: Any) -> Decision:
     return Decision("opacity", True, reason, fixed="the scene's materials")
 
 
+def _raster_shadows(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    if not done["shadows"].value:
+        return Decision("raster.shadows", "none", "no light casts any", RASTER_SHADOWS[2:])
+    reason = "each point asks the trees whether it sees a lamp: exact"
+    if done["opacity"].value:
+        return Decision("raster.shadows", "rays", f"{reason}; no map tells what lets some light through", ("rays", "none"))
+    reason += " (`map`: what lamps see is drawn once and filtered; soft lights keep rays)"
+    return Decision("raster.shadows", "rays", reason, RASTER_SHADOWS)
+
+
 def _motion(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
     tables, row = scene.tables, done["camera"].value
     shutter = float(tables.cameras.shutter[row])
@@ -508,8 +519,9 @@ def _fill(scene: ir.Scene, *_: Any) -> Decision:
 def _shading(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
     choices = ("pixel", "sample")
     textured = bool((scene.tables.materials.textures >= 0).any())
-    if done["shadows"].value or textured:
-        what = "shadows" if done["shadows"].value else "textures"
+    shadowed = done["raster.shadows"].value != "none"
+    if shadowed or textured:
+        what = "shadows" if shadowed else "textures"
         return Decision("raster.shading", "sample", f"edges of {what} run across triangles: each sample is lit", choices)
     return Decision("raster.shading", "pixel", "light has no edges within a triangle: it is lit once in each pixel", choices)
 
@@ -519,7 +531,7 @@ def _precision(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]
     shown = instances.visible & ir.Visibility.CAMERA != 0
     used = np.unique(instances.material[shown])
     why = ""
-    if done["shadows"].value or np.isin(scene.tables.lights.kind, _SOFT_LIGHTS).any():
+    if done["raster.shadows"].value != "none" or np.isin(scene.tables.lights.kind, _SOFT_LIGHTS).any():
         why = "rays go to lights"
     elif (scene.tables.geometries.kind[instances.geometry[shown]] != ir.GeometryKind.MESH).any():
         why = "rays meet shapes that are no mesh"
@@ -547,8 +559,8 @@ MANY_PLACES = 16  # samples of a pixel, from which on patterns are not averaged 
 RULES: tuple[Callable[[ir.Scene, ir.Settings, Mapping[str, Decision]], Decision], ...] = (
     _backend, _camera, _lens, _size, _crop, _soft, _secondary, _bounces, _interreflection, _random, _transport, _weighing, _path_precision,
     _shadows, _error, _budget, _samples, _filter, _noise, _seed,
-    _background, _exposure, _view, _aov, _denoise, _threads, _accelerator, _formulas, _horizon, _opacity, _motion, _caustics, _textures,
-    _tolerance, _fill, _shading, _precision,
+    _background, _exposure, _view, _aov, _denoise, _threads, _accelerator, _formulas, _horizon, _opacity,
+    _raster_shadows, _motion, _caustics, _textures, _tolerance, _fill, _shading, _precision,
 )  # fmt: skip
 
 

@@ -27,6 +27,7 @@ from . import (
     opacity,
     placed,
     sampler,
+    shadow_maps,
     surface,
     tilt,
     trace,
@@ -349,8 +350,28 @@ def _unblocked(
     zero = lanes.full_like(point.offset, 0.0)
     open_ = active & (lanes.largest(given) > 0.0)
     if options.shadows and tables.lights.shadows[light] and lanes.any_lane(open_):
-        return trace.dimmed(accel, tables, leaving(point, direction, zero + distance), open_, given)
+        return _past_shadows(options.maps, tables, accel, point, light, direction, zero + distance, given, open_)
     return lanes.where3(open_, given, (zero, zero, zero))
+
+
+@helper
+def _past_rays(
+    tables: Tables, accel: Any, point: Surface, light: int, direction: Vec, distance: Lane, given: Vec, open_: Lane
+) -> Vec:  # fmt: skip
+    return trace.dimmed(accel, tables, leaving(point, direction, distance), open_, given)
+
+
+@helper
+def _past_maps(
+    maps: Any, tables: Tables, accel: Any, point: Surface, light: int, direction: Vec, distance: Lane, given: Vec, open_: Lane
+) -> Vec:  # fmt: skip
+    if maps.first[light] < 0:
+        return _past_rays(tables, accel, point, light, direction, distance, given, open_)
+    zero = 0.0 * point.offset
+    return lanes.where3(open_, lanes.scale(given, shadow_maps.lit(maps, tables, light, point)), (zero, zero, zero))
+
+
+_past_shadows = shadow_maps.unless_traced(_past_maps, _past_rays)
 
 
 @helper

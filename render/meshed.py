@@ -29,7 +29,7 @@ class Triangles(NamedTuple):
 def tessellator(scene: ir.Scene, plan: Plan) -> Callable[[int], Triangles]:
     """A function from an instance (a row; no mesh, and nothing endless) to its triangles, plan["tolerance"] pixels off at most."""
     width, height = plan["size"]
-    made = prepare._Shapes(scene.tables, View(plan["camera"], width, height), plan["tolerance"])
+    made = prepare.Shapes(scene.tables, View(plan["camera"], width, height), plan["tolerance"])
     geometries = scene.tables.geometries
 
     def triangles(instance: int) -> Triangles:

@@ -46,7 +46,7 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     """
     backend = plan["backend"]
     patterns.make_ready(scene.tables)
-    shapes = _Shapes(scene.tables, view, plan["tolerance"])
+    shapes = Shapes(scene.tables, view, plan["tolerance"])
     tables = principled.tables_for(with_vertex_shaded_meshes(scene.tables, shapes))
     if plan["textures"] == "filtered":
         tables = footprints.with_pyramids(tables, view, _looks(plan))
@@ -55,6 +55,12 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     if backend == "raster" and plan["raster.secondary"] == "none":
         options = options._replace(environment=around.of(scene, tables, options))
     weights, lens = sampler.filter_table(plan["filter"]), camera.lens_of(tables, view) if backend != "raster" else Pinhole()
+    accel = None
+    if backend == "raster" and plan["raster.shadows"] == "map":
+        from . import shadow_views  # as with paths: other pictures start without
+
+        accel = trees(tables, plan)
+        options = options._replace(maps=shadow_views.build(tables, accel))
     frame = Frame(view, options, weights, shutter_of(tables, plan, view), order_of(plan), lens)
     if backend == "reference":
         accel = trace.Brute()
@@ -72,7 +78,7 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
         triangles = banded.triangles(tables, view, shells)
         if banded.needs_no_rays(plan):
             return Prepared(tables, packed, None, None, options, frames, shells=shells, triangles=triangles)
-    accel = trees(tables, plan)
+    accel = accel or trees(tables, plan)
     light = Handle(gouraud.vertex_light(tables, packed, accel, frames))
     integrate.link(frames, packed, accel, light)
     return Prepared(tables, packed, accel, light, options, frames, shells=shells, triangles=triangles)
@@ -174,7 +180,7 @@ def options_of(plan: Plan, tables: ir.Tables) -> Options:
         seed=int(plan["seed"]),
         bounces=int(plan["bounces"]),
         interreflection=bool(plan["interreflection"]),
-        shadows=bool(plan["shadows"]),
+        shadows=bool(plan["shadows"]) and not (plan["backend"] == "raster" and plan["raster.shadows"] == "none"),
         background=2 if colored else _BACKGROUNDS[background],
         horizon=Triple(*around.normal(tables, ground)) if ground >= 0 else Triple(0.0, 0.0, 0.0),
         ground=ground,
@@ -217,7 +223,7 @@ def object_tolerances(tables: ir.Tables, view: View, pixels: float) -> NDArray[n
         return np.where(np.isfinite(boxes).all(axis=1), 2.0 ** (np.floor(2 * np.log2(tolerance)) / 2), np.nan)
 
 
-class _Shapes:
+class Shapes:
     """Tessellations of a view's analytic instances, each made once for a geometry and a tolerance."""
 
     def __init__(self, tables: ir.Tables, view: View, pixels: float) -> None:
@@ -294,7 +300,7 @@ def analytic_seen(tables: ir.Tables) -> NDArray[np.intp]:
 # --- meshes in place of shapes shaded at vertices ------------------------------------------------------------------------
 
 
-def with_vertex_shaded_meshes(tables: ir.Tables, shapes: _Shapes) -> ir.Tables:
+def with_vertex_shaded_meshes(tables: ir.Tables, shapes: Shapes) -> ir.Tables:
     """The same scene with a mesh for each bounded analytic instance whose material is shaded at vertices (Gouraud)."""
     instances = tables.instances
     chosen = tables.materials.shading[instances.material] == ir.Shading.GOURAUD

@@ -146,6 +146,10 @@ def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
             found.append((f"raster draws {name} without other things in them: only the sky is reflected", "materials", row))
         elif glossy[row]:
             found.append(("raster draws highlights of lights and the sky alone: other things are not reflected", "materials", row))
+    if plan["raster.shadows"] == "map":
+        lights = tables.lights
+        for row in np.flatnonzero((lights.kind == ir.LightKind.SUN) & (lights.angle > 0.0) & lights.shadows).tolist():
+            found.append(("raster draws the sun's shadows from a map, without their penumbra", "lights", row))
     return found
 
 

@@ -93,8 +93,8 @@ def neighbours(points: NDArray[np.float64]) -> NDArray[np.intp]:
     return np.argsort(cell[:, 0] | (cell[:, 1] << 1) | (cell[:, 2] << 2), kind="stable")
 
 
-def clip_matrices(tables: ir.Tables, view: View) -> NDArray[np.float64]:
-    """(instances, 5, 4): from each instance's frame to clip space, the course's P · C⁻¹ · M with the picture's size in it."""
+def world_to_clip(tables: ir.Tables, view: View) -> NDArray[np.float64]:
+    """(5, 4): from the world to clip space, the course's P · C⁻¹ with the picture's size in it."""
     to_camera, projection = camera.matrices(tables, view)
     screen = np.zeros((COLUMNS, 4))
     screen[0] = 0.5 * view.width * (projection[0] + projection[3])
@@ -102,12 +102,17 @@ def clip_matrices(tables: ir.Tables, view: View) -> NDArray[np.float64]:
     screen[2] = projection[3]
     screen[3] = [0.0, 0.0, -1.0, 0.0]
     screen[4] = [0.0, 0.0, 0.0, 1.0]
+    return screen @ to_camera
+
+
+def clip_matrices(tables: ir.Tables, view: View) -> NDArray[np.float64]:
+    """(instances, 5, 4): from each instance's frame to clip space."""
     instances = tables.instances
     to_world = np.zeros((len(instances.geometry), 4, 4))
     to_world[:, 3, 3] = 1.0
     to_world[:, :3] = tables.transforms.matrix[instances.transform]
     to_world[:, :3, 3] += np.einsum("nij,nj->ni", to_world[:, :3, :3], tables.geometries.origin[instances.geometry])
-    return np.ascontiguousarray(screen @ to_camera @ to_world)
+    return np.ascontiguousarray(world_to_clip(tables, view) @ to_world)
 
 
 def clip_planes(tables: ir.Tables, view: View) -> NDArray[np.float64]:

@@ -80,6 +80,10 @@ class Around(NamedTuple):
     ground: Triple  # radiance
 
 
+class Traced(NamedTuple):
+    """Shadows are looked for by rays."""
+
+
 class Options(NamedTuple):
     """The plan as kernels read it."""
 
@@ -93,6 +97,7 @@ class Options(NamedTuple):
     ground: int = -1  # the instance that is this plane
     layers: int = 0  # of what is less than wholly there, that rays may pass before chance decides; 0: everything is wholly there
     environment: Any = Followed()  # or Around
+    maps: Any = Traced()  # or shadow_maps.Maps
 
 
 class GouraudLight(NamedTuple):

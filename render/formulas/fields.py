@@ -6,13 +6,14 @@ import hashlib
 import threading
 from collections import OrderedDict
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import closed_forms, ir
 from ...compiler.tapes import INPUTS, Op, Tape, stored
+from .. import simd
 from . import cells, compiled, interpreter, parts
 from .forms import END_BLOCKS, END_ROWS, END_TAPES, NO_PARTS, Forms
 from .interpreter import PARTS
@@ -109,12 +110,19 @@ def _made(surfaces: Sequence[Surface]) -> Forms:
         tapes=tapes,
         names=names,
         code=code,
-        constants=np.concatenate([np.zeros(0), *constants]),
-        constants32=np.concatenate([np.zeros(0, np.float32), *(single_rows(tape) for tape, _, _ in surfaces)]),
+        constants=_aligned(constants, np.float64),
+        constants32=_aligned([single_rows(tape) for tape, _, _ in surfaces], np.float32),
         programs=np.array([interpreter.address(name) for name in PROGRAMS] if n else [], np.int64),
         unproved=np.zeros(1, np.int64),
         parts=NO_PARTS,
     )
+
+
+def _aligned(rows: list[NDArray[Any]], dtype: Any) -> NDArray[Any]:
+    """Rows one after the other, from a cache line's beginning on."""
+    made = simd.aligned_empty(sum(map(len, rows)), dtype)
+    made[...] = np.concatenate([np.zeros(0, dtype), *rows])
+    return made
 
 
 def names_of(tape: Tape) -> NDArray[np.int32]:

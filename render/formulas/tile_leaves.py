@@ -19,7 +19,7 @@ from .tile_room import (
     OPEN,
     PARTS_OF_SPAN,
     POINTS,
-    RAYS,
+    SPACED,
     SPANS,
     VECTOR,
     U,
@@ -40,7 +40,7 @@ def leaf(room, memory, tape, count, a, b, start, reach, slack, hits):
     """Meet the vectors of the room's list between a and b, with one tape."""
     known = True
     for i in range(count):  # a ray that begins here has been asked nothing yet
-        first = simd.load(room.rays, 6 * RAYS + room.list[i] * VECTOR, VECTOR)
+        first = simd.load(room.rays, 6 * SPACED + room.list[i] * VECTOR, VECTOR)
         known = known and room.carried_at[room.list[i]] == np.float32(a) and simd.none_of((first > a) & (first < b))
     if known:
         for i in range(count):
@@ -52,7 +52,7 @@ def leaf(room, memory, tape, count, a, b, start, reach, slack, hits):
     for i in range(count):
         vector = room.list[i]
         at = vector * VECTOR
-        first, last = simd.load(room.rays, 6 * RAYS + at, VECTOR), simd.load(room.rays, 7 * RAYS + at, VECTOR)
+        first, last = simd.load(room.rays, 6 * SPACED + at, VECTOR), simd.load(room.rays, 7 * SPACED + at, VECTOR)
         fa, fb = simd.load(room.values, i * VECTOR, VECTOR), simd.load(room.values, GROUP + i * VECTOR, VECTOR)
         simd.store(room.carried, at, fb)
         room.carried_at[vector] = b
@@ -97,11 +97,11 @@ def _values(room, memory, tape, count, s, a, b, to):
     """Write the values of the list's vectors at s, or where rays begin or end between a and b, from element `to` on."""
     for i in range(count):
         at = room.list[i] * VECTOR
-        first, last = simd.load(room.rays, 6 * RAYS + at, VECTOR), simd.load(room.rays, 7 * RAYS + at, VECTOR)
+        first, last = simd.load(room.rays, 6 * SPACED + at, VECTOR), simd.load(room.rays, 7 * SPACED + at, VECTOR)
         here = simd.minimum(simd.maximum(first * 0.0 + s, first), last)
         here = simd.select(first < last, here, 0.0)
         for axis in range(3):
-            o, d = simd.load(room.rays, axis * RAYS + at, VECTOR), simd.load(room.rays, (3 + axis) * RAYS + at, VECTOR)
+            o, d = simd.load(room.rays, axis * SPACED + at, VECTOR), simd.load(room.rays, (3 + axis) * SPACED + at, VECTOR)
             simd.store(room.registers, (axis * count + i) * VECTOR, simd.fma(d, here, o))
     evaluate(room, POINTS, tape, count)
     out = room.tapes[tape, 2] * count
@@ -111,7 +111,7 @@ def _values(room, memory, tape, count, s, a, b, to):
     for i in range(count):
         f = simd.load(room.values, to + i * VECTOR, VECTOR)
         at = room.list[i] * VECTOR
-        first, last = simd.load(room.rays, 6 * RAYS + at, VECTOR), simd.load(room.rays, 7 * RAYS + at, VECTOR)
+        first, last = simd.load(room.rays, 6 * SPACED + at, VECTOR), simd.load(room.rays, 7 * SPACED + at, VECTOR)
         near = ~(abs(f) > np.float32(room.slopes[3 * VECTOR + i])) & (first < b) & (last > a)
         near = near & simd.mask_from_bits(room.alive[room.list[i]], f)
         if simd.any_of(near):
@@ -134,8 +134,8 @@ def alone(room, memory, tape, opened, count, start, reach, slack, hits):
         at = simd.select(working, simd.load(room.open, first, VECTOR), 0.0)
         end = simd.select(working, simd.load(room.open, OPEN + first, VECTOR), 1.0)
         f = simd.load(room.open, 2 * OPEN + first, VECTOR)
-        ox, oy, oz = room.rays[ray], room.rays[RAYS + ray], room.rays[2 * RAYS + ray]
-        dx, dy, dz = room.rays[3 * RAYS + ray], room.rays[4 * RAYS + ray], room.rays[5 * RAYS + ray]
+        ox, oy, oz = room.rays[ray], room.rays[SPACED + ray], room.rays[2 * SPACED + ray]
+        dx, dy, dz = room.rays[3 * SPACED + ray], room.rays[4 * SPACED + ray], room.rays[5 * SPACED + ray]
         step = end - at
         given_up = working & ~working
         for _ in range(MOST_PIECES):
@@ -198,8 +198,8 @@ def _by_search(room, memory, tape, ray, a, b, start, hits):
     """Meet one ray between a and b in float64."""
     like = lanes.to_float(across.numbered(0)) * 0.0
     x = room.exact
-    o, d = (x[ray], x[RAYS + ray], x[2 * RAYS + ray]), (x[3 * RAYS + ray], x[4 * RAYS + ray], x[5 * RAYS + ray])
-    low, high = max(np.float64(a), x[6 * RAYS + ray]), min(np.float64(b), x[7 * RAYS + ray])
+    o, d = (x[ray], x[SPACED + ray], x[2 * SPACED + ray]), (x[3 * SPACED + ray], x[4 * SPACED + ray], x[5 * SPACED + ray])
+    low, high = max(np.float64(a), x[6 * SPACED + ray]), min(np.float64(b), x[7 * SPACED + ray])
     root, inside, doubt = search.first(room, 0, tape, memory, o, d, low, high, start, room.places[0, 1] != 0, like)
     if doubt > 0:
         count_up(room.unproved, 0, 1)

@@ -21,6 +21,7 @@ from .programs import WIDTHS
 from .vectors import LANES, ROW, SINGLE
 
 RAYS = 4096
+SPACED = RAYS + 64  # between columns of rays: a round number would have them all in the same few places of a cache
 VECTOR, GROUP, SLABS, QUARTERS = 16, 256, 16, 4
 PARTS_OF_SPAN = WIDTHS["spans32"]
 POINTS, BOXES, SPANS = (PROGRAMS.index(name) for name in ("points32", "boxes32", "spans32"))
@@ -87,16 +88,23 @@ def room(forms: Forms, k: int) -> Room:
     here[0, 1] = places[1]
     return Room(
         forms.programs, forms.constants[begin:], forms.constants32[wide:], forms.compiled[k : k + 1], forms.numbers[k : k + 1], here,
-        forms.unproved, np.ascontiguousarray(whole), np.zeros((many, 4), np.int32), np.zeros((many, ROW), np.int32),
-        np.zeros((512, 4), whole_number), np.zeros(3, whole_number), np.zeros(3 * rows + 8, whole_number),
-        np.zeros(1 + 2 * max(choices, 1), whole_number), np.zeros((KNOWN + 1) * PARTS_OF_SPAN * QUARTERS * VECTOR, single),
-        np.zeros(8 * RAYS, single), np.zeros(9 * RAYS, double), np.zeros(12 * STRIDE, single), np.zeros(HULLS, np.int32),
-        np.zeros(HULLS, single), np.zeros(RAYS, single), np.zeros(VECTOR, whole_number), np.zeros(4 * VECTOR, single),
-        np.zeros(2 * GROUP, single), np.zeros(9 * OPEN, single), np.zeros(OPEN, np.int32), np.zeros(9 * OPEN, single),
-        np.zeros(OPEN, np.int32), np.zeros(6 * OPEN, single), np.zeros(1 + 2 * max(choices, 1), whole_number),
-        np.zeros((2 * PARTS_OF_SPAN, QUARTERS * VECTOR), single), np.zeros(2 * VECTOR, single), np.zeros(21 * QUARTERS * VECTOR, single),
-        np.zeros(QUARTERS * VECTOR, whole_number),
+        forms.unproved, np.ascontiguousarray(whole), _zeros((many, 4), np.int32), _zeros((many, ROW), np.int32),
+        _zeros((512, 4), whole_number), _zeros(3, whole_number), _zeros(3 * rows + 8, whole_number),
+        _zeros(1 + 2 * max(choices, 1), whole_number), _zeros((KNOWN + 1) * PARTS_OF_SPAN * QUARTERS * VECTOR, single),
+        _zeros(8 * SPACED, single), _zeros(9 * SPACED, double), _zeros(12 * STRIDE, single), _zeros(HULLS, np.int32),
+        _zeros(HULLS, single), _zeros(RAYS, single), _zeros(VECTOR, whole_number), _zeros(4 * VECTOR, single),
+        _zeros(2 * GROUP, single), _zeros(9 * OPEN, single), _zeros(OPEN, np.int32), _zeros(9 * OPEN, single),
+        _zeros(OPEN, np.int32), _zeros(6 * OPEN, single), _zeros(1 + 2 * max(choices, 1), whole_number),
+        _zeros((2 * PARTS_OF_SPAN, QUARTERS * VECTOR), single), _zeros(2 * VECTOR, single), _zeros(21 * QUARTERS * VECTOR, single),
+        _zeros(QUARTERS * VECTOR, whole_number),
     )  # fmt: skip
+
+
+def _zeros(shape: int | tuple[int, ...], dtype: Any) -> NDArray[Any]:
+    """Zeros that begin where a cache line does: vectors then never lie across two."""
+    made = simd.aligned_empty(shape, dtype)
+    made[...] = 0
+    return made
 
 
 @helper
@@ -169,25 +177,25 @@ def begun(room, columns, at, n, inverse, known):
         enter, leave = lanes.where(active, enter, np.inf), lanes.where(active, leave, -np.inf)
         begin, end = min(begin, across.least(enter)), max(end, across.most(leave))
         for axis in range(3):
-            across.store_row(exact, axis * RAYS + first, o[0] if axis == 0 else o[1] if axis == 1 else o[2])
-            across.store_row(exact, (3 + axis) * RAYS + first, way[0] if axis == 0 else way[1] if axis == 1 else way[2])
-        across.store_row(exact, 6 * RAYS + first, enter)
-        across.store_row(exact, 7 * RAYS + first, leave)
-        across.store_row(exact, 8 * RAYS + first, size)
+            across.store_row(exact, axis * SPACED + first, o[0] if axis == 0 else o[1] if axis == 1 else o[2])
+            across.store_row(exact, (3 + axis) * SPACED + first, way[0] if axis == 0 else way[1] if axis == 1 else way[2])
+        across.store_row(exact, 6 * SPACED + first, enter)
+        across.store_row(exact, 7 * SPACED + first, leave)
+        across.store_row(exact, 8 * SPACED + first, size)
     if not begin < end:
         return 0.0, -1.0
     for first in range(0, padded, LANES):
         for axis in range(3):
-            way = across.load_row(exact, (3 + axis) * RAYS + first)
-            start = across.load_row(exact, axis * RAYS + first) + begin * way
-            across.store_row(exact, axis * RAYS + first, start)
-            across.store_row(rays, axis * RAYS + first, start)
-            across.store_row(rays, (3 + axis) * RAYS + first, way)
-        enter, leave = across.load_row(exact, 6 * RAYS + first) - begin, across.load_row(exact, 7 * RAYS + first) - begin
-        across.store_row(exact, 6 * RAYS + first, enter)
-        across.store_row(exact, 7 * RAYS + first, leave)
-        across.store_row(rays, 6 * RAYS + first, enter * (1.0 - 4.0 * U))
-        across.store_row(rays, 7 * RAYS + first, leave * (1.0 + 4.0 * U))
+            way = across.load_row(exact, (3 + axis) * SPACED + first)
+            start = across.load_row(exact, axis * SPACED + first) + begin * way
+            across.store_row(exact, axis * SPACED + first, start)
+            across.store_row(rays, axis * SPACED + first, start)
+            across.store_row(rays, (3 + axis) * SPACED + first, way)
+        enter, leave = across.load_row(exact, 6 * SPACED + first) - begin, across.load_row(exact, 7 * SPACED + first) - begin
+        across.store_row(exact, 6 * SPACED + first, enter)
+        across.store_row(exact, 7 * SPACED + first, leave)
+        across.store_row(rays, 6 * SPACED + first, enter * (1.0 - 4.0 * U))
+        across.store_row(rays, 7 * SPACED + first, leave * (1.0 + 4.0 * U))
     return begin, end - begin
 
 
@@ -215,14 +223,14 @@ def hulled(room, vectors):
     """Boxes around the starts and ways of each vector's rays; which rays are alive."""
     for vector in range(vectors):
         at = vector * VECTOR
-        there = simd.load(room.rays, 6 * RAYS + at, VECTOR) < simd.load(room.rays, 7 * RAYS + at, VECTOR)
+        there = simd.load(room.rays, 6 * SPACED + at, VECTOR) < simd.load(room.rays, 7 * SPACED + at, VECTOR)
         room.alive[vector] = simd.bits(there)
         room.carried_at[vector] = -1.0
         if room.alive[vector] == 0:
             continue
         for part in range(2):
             for axis in range(3):
-                x = simd.load(room.rays, (3 * part + axis) * RAYS + at, VECTOR)
+                x = simd.load(room.rays, (3 * part + axis) * SPACED + at, VECTOR)
                 room.hulls[(6 * part + axis) * STRIDE + vector] = simd.min_of(simd.select(there, x, np.inf))
                 room.hulls[(6 * part + 3 + axis) * STRIDE + vector] = simd.max_of(simd.select(there, x, -np.inf))
 
@@ -344,7 +352,7 @@ def numbers_of(places: Any, first: int) -> Lane:
 def exact(room: Any, ray: Lane) -> tuple[Vec, Vec]:
     """Starts and ways of rays in float64."""
     x = room.exact
-    return (x[ray], x[RAYS + ray], x[2 * RAYS + ray]), (x[3 * RAYS + ray], x[4 * RAYS + ray], x[5 * RAYS + ray])
+    return (x[ray], x[SPACED + ray], x[2 * SPACED + ray]), (x[3 * SPACED + ray], x[4 * SPACED + ray], x[5 * SPACED + ray])
 
 
 @helper

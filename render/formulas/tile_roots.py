@@ -12,7 +12,7 @@ from ..kernels import helper
 from ..records import Lane, Vec
 from .evaluate import turns_at, value_at
 from .meet import bracketed, dressed
-from .tile_room import OPEN, POINTS, RAYS, VECTOR, U, evaluate, exact, numbers_of, tapes_of
+from .tile_room import OPEN, POINTS, SPACED, VECTOR, U, evaluate, exact, numbers_of, tapes_of
 from .vectors import LANES
 
 MOST_TURNS = 12
@@ -44,7 +44,7 @@ def finished(room, memory, tape, count, start, reach, hits):
     for k in range(many):
         ray = simd.load(room.bracket_ray, k * VECTOR, VECTOR)
         for row in range(6):
-            simd.store(room.packed, row * OPEN + k * VECTOR, room.rays[row * RAYS + ray])
+            simd.store(room.packed, row * OPEN + k * VECTOR, room.rays[row * SPACED + ray])
         for row in range(2):
             simd.store(rows, (6 + row) * OPEN + k * VECTOR, simd.load(rows, row * OPEN + k * VECTOR, VECTOR))
     enough = 8.0 * U * reach
@@ -115,7 +115,7 @@ def _polished(room, memory, tape, first, count, start, reach, hits):
     a, b = across.load_row(rows, first), across.load_row(rows, OPEN + first)
     fa, fb = across.load_row(rows, 2 * OPEN + first), across.load_row(rows, 3 * OPEN + first)
     steep, side = across.load_row(rows, 4 * OPEN + first), across.load_row(rows, 5 * OPEN + first)
-    low, high = room.exact[6 * RAYS + ray], room.exact[7 * RAYS + ray]
+    low, high = room.exact[6 * SPACED + ray], room.exact[7 * SPACED + ray]
     there = side == 2.0
     share = fa / (fa - fb)
     at = lanes.where(there, a, a + (b - a) * lanes.where((share >= 0.0) & (share <= 1.0), share, 0.5))
@@ -157,7 +157,7 @@ def met(
     """Write what rays have met, and let them rest."""
     way = exact(room, ray)[1]
     units, first, second = dressed(room, 0, way, gradient, inside, off)
-    size = room.exact[8 * RAYS + ray]
+    size = room.exact[8 * SPACED + ray]
     across.put_at(hits.t, ray, (start + at) / size, mask)
     across.put_at(hits.instance, ray, lanes.int_like(at, hits.number), mask)
     across.put_at(hits.spacing, ray, units, mask)

@@ -49,6 +49,7 @@ LAYERS = 1 << 20  # first dimension of those that let paths pass what is not who
 SPREAD = 3  # surfaces of a path whose numbers are Sobol points; beyond them good spread gains nothing
 END_FROM = 3  # surfaces before a path may end by chance
 MOST_GOING = 0.95  # of the paths that go on, however bright
+SPARED = 2.0  # times its weight is what a path goes on with: far ends are few rays, and as noisy as near ones
 WEIGHINGS = ("power", "balance", "lights", "surfaces")  # of the two ways to light: by one of Veach's heuristics, or one way alone
 BALANCE, LIGHTS_ALONE, SURFACES_ALONE = 1, 2, 3
 GATHERED = 4.0 * ONLY  # density of a mirror's or glass's direction on the way from something matt: photons bring what lamps send there
@@ -358,7 +359,7 @@ def arrive(
     if ending:
         going = going & (taken.density < ONLY)
     if depth >= END_FROM:
-        keep = lanes.minimum(lanes.largest(weight), MOST_GOING)
+        keep = lanes.minimum(SPARED * lanes.largest(weight), MOST_GOING)
         going = going & (numbers(pixel, sample, depth, 3, options.seed)[0] < keep)
         weight = lanes.scale(weight, 1.0 / lanes.maximum(keep, lights.TINY))
     straight = path.straight & taken.through

@@ -14,7 +14,7 @@ from . import lanes
 from .kernels import apart, helper
 from .records import Lane, Vec
 
-NEAR = 6.0  # squared distance over area, up to which a rectangle is drawn by its solid angle
+NEAR = 2.0
 TINY = 1e-30
 
 

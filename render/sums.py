@@ -21,12 +21,15 @@ def take_in(film, count, color, alpha, issues, samples, variance, value, rgba, l
     at least half of the mean: of few samples one batch may have nothing. Adds to `shown` (levels, 2), where pixels are doubled,
     variance / (value² + `least`) as it was and as it is now, at the level of their samples.
     """
+    known_whole, at = 0.0, 0  # neighbours mostly have as many
     for y in range(count.shape[0]):
         for x in range(count.shape[1]):
             new, old = count[y, x], samples[y, x]
             if new == 0:
                 continue
             whole = float(old + new)
+            if whole != known_whole:
+                known_whole, at = whole, level(whole)
             beyond = False
             weight = float(old) * float(new) / (whole * whole)
             for k in range(3):
@@ -39,8 +42,8 @@ def take_in(film, count, color, alpha, issues, samples, variance, value, rgba, l
                     if old == new and variance[y, x, k] < np.inf:
                         below = known * known + least
                         if below > 0.0:
-                            shown[level(whole), 0] += variance[y, x, k] / below
-                            shown[level(whole), 1] += apart / below
+                            shown[at, 0] += variance[y, x, k] / below
+                            shown[at, 1] += apart / below
                     variance[y, x, k], value[y, x, k] = apart, known
                 color[y, x, k] = total
                 rgba[y, x, k] = min(max(mean, -LARGEST), LARGEST)
@@ -65,6 +68,7 @@ def relative_error(variance, value, rgba, samples, share, least, out):
     """
     height, width = out.shape
     columns = np.zeros((width + 2, 3))  # sums of up to three pixels, with none beside the picture
+    known_samples, scale = 0, share[0] / 3.0
     for y in range(height):
         first, last = max(y - 1, 0), min(y + 2, height)
         for x in range(width):
@@ -81,4 +85,7 @@ def relative_error(variance, value, rgba, samples, share, least, out):
                     around = columns[x, k] + columns[x + 1, k] + columns[x + 2, k] - float(rgba[y, x, k])
                     known = min(known, abs(around) / count)
                 total += variance[y, x, k] / (known * known + least)
-            out[y, x] = total * share[level(samples[y, x])] / 3.0
+            if samples[y, x] != known_samples:
+                known_samples = samples[y, x]
+                scale = share[level(known_samples)] / 3.0
+            out[y, x] = total * scale

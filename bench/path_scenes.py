@@ -24,9 +24,11 @@ class Setting:
     depth: int
     swaps: tuple[tuple[str, str], ...] = ()
 
-    def decide(self, size: int, samples: int, seed: int) -> tuple[ir.Scene, plan.Plan]:
+    def decide(self, size: int, samples: int | None, seed: int, error: float | None = None) -> tuple[ir.Scene, plan.Plan]:
         """The scene, and the plan of a square picture on one thread."""
-        asked = ir.Settings(size=(size, size), samples=samples, seed=seed, backend="ray", bounces=self.depth - 2, filter="box", threads=1)
+        asked = ir.Settings(
+            size=(size, size), samples=samples, error=error, seed=seed, backend="ray", bounces=self.depth - 2, filter="box", threads=1
+        )
         return self.scene, plan.make(self.scene, asked)
 
     def exported(self, size: int, folder: Path) -> Path:

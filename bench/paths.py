@@ -27,7 +27,9 @@ The Cornell box as Mitsuba's `cornell_box()` has it, its lamp made black, and th
 place of the two blocks. Path tracing to depth 8 (the lamp seen counts as 1), box filter, 32-bit colours, one thread. Scenes are loaded and
 trees built before. *Rate* is a picture of 256² with 16 samples a pixel. *Error* is √relMSE of a picture of 128² against the mean of long
 runs of the same renderer with other seeds, less what those runs' own noise adds; the long runs of both must agree, block by block, within
-what their own seeds differ. Mitsuba: the `path` integrator and its independent sampler, in llvm mode, and for the rate also in scalar mode.
+what their own seeds differ. *Asked for* is what `--error` takes, where pixels take as many samples as they need (16 at least), beside what
+Mitsuba takes to the error that the picture has. Mitsuba: the `path` integrator and its independent sampler, in llvm mode, and for the rate
+also in scalar mode.
 
 The other scenes are written in our language and for Mitsuba by our exporter: a room with 200 small lights (depth 6), four balls of rough
 metal and four matt ones under a picture of the sky with a small sun (depth 6), glass on a table by a lamp (depth 10), and an interior of
@@ -67,6 +69,7 @@ class Renderer:
     name: str
     draw: Callable[[int, int, int], Callable[[], Any]]
     read: Callable[[Any], Picture]
+    draw_to: Callable[[int, float, int], Callable[[], Any]] | None = None  # the same, to an error in place of a number of samples
 
 
 def section(quick: bool, effort: Effort) -> report.Section:
@@ -79,12 +82,12 @@ def section(quick: bool, effort: Effort) -> report.Section:
         write_ply(knot, meshes.knot(*rings))
         for title, filled in (("Cornell box", None), (f"{2 * rings[0] * rings[1]:,} triangles in the box", knot)):
             sides = [ours(functools.partial(_decide, _scene(filled))), *_there(peers, functools.partial(theirs, filled, mitsuba.LLVM))]
-            ladder = (1, 4) if quick else (1, 4, 16, 64, 256) if filled is None else (1, 4, 16, 64)
+            ladder = (1, 4) if quick else (1, 4, 16, 64, 256)
             scalar = functools.partial(_there, peers, functools.partial(theirs, filled, "scalar_rgb"))
             _compare(found, title, sides, scalar, quick, 128, ladder, effort)
         for setting in path_scenes.settings(Path(folder), quick)[: 1 if quick else None]:
             sides = [ours(setting.decide), *_there(peers, functools.partial(exported, setting, Path(folder)))]
-            _compare(found, setting.title, sides, list, quick, 512, (1, 4) if quick else (1, 4, 16, 64), effort)
+            _compare(found, setting.title, sides, list, quick, 512, (1, 4) if quick else (1, 4, 16, 64, 256), effort)
     found.missing = peers.missing
     return found
 
@@ -122,16 +125,19 @@ def _there(peers: Peers, make: Callable[[], Renderer]) -> list[Renderer]:
 # --- the two renderers ---------------------------------------------------------------------------------------------------
 
 
-def ours(decide: Callable[[int, int, int], tuple[ir.Scene, plan.Plan]]) -> Renderer:
+def ours(decide: Callable[..., tuple[ir.Scene, plan.Plan]]) -> Renderer:
     """maquette: a scene of the language, prepared for each picture before the clock runs."""
 
-    def draw(size: int, samples: int, seed: int) -> Callable[[], Any]:
-        scene, decided = decide(size, samples, seed)
+    def draw(size: int, samples: int | None, seed: int, error: float | None = None) -> Callable[[], Any]:
+        scene, decided = decide(size, samples, seed, error)
         view = View(decided["camera"], size, size)
         prepared = prepare.prepare(scene, decided, view)
         return lambda: film.run(ray.Renderer(prepared, decided, view), decided, view).channels["rgba"]
 
-    return Renderer(OURS, draw, lambda rgba: np.asarray(rgba[..., :3], np.float64))
+    def draw_to(size: int, error: float, seed: int) -> Callable[[], Any]:
+        return draw(size, None, seed, error)
+
+    return Renderer(OURS, draw, lambda rgba: np.asarray(rgba[..., :3], np.float64), draw_to)
 
 
 def _scene(filled: Path | None) -> ir.Scene:
@@ -144,10 +150,11 @@ def _scene(filled: Path | None) -> ir.Scene:
     return load(path)
 
 
-def _decide(scene: ir.Scene, size: int, samples: int, seed: int) -> tuple[ir.Scene, plan.Plan]:
+def _decide(scene: ir.Scene, size: int, samples: int | None, seed: int, error: float | None = None) -> tuple[ir.Scene, plan.Plan]:
     settings = ir.Settings(
-        size=(size, size), samples=samples, seed=seed, backend="ray", bounces=DEPTH - 2, filter="box", threads=1, background=(0.0, 0.0, 0.0)
-    )
+        size=(size, size), samples=samples, error=error, seed=seed, backend="ray", bounces=DEPTH - 2, filter="box", threads=1,
+        background=(0.0, 0.0, 0.0),
+    )  # fmt: skip
     return scene, plan.make(scene, settings)
 
 
@@ -250,9 +257,10 @@ def rates(sides: Sequence[Renderer], size: int, samples: int, effort: Effort) ->
     return measure(Case(f"{size}², {samples} samples", contenders, functools.partial(agree_means, samples), size * size * samples), effort)
 
 
-def _contender(side: Renderer, size: int, samples: int, effort: Effort, pictures: list[Picture]) -> Contender:
+def _contender(side: Renderer, size: int, samples: int, effort: Effort, pictures: list[Picture], error: float = 0.0) -> Contender:
     """A new seed for each run; the pictures are kept."""
-    work = iter([side.draw(size, samples, seed) for seed in range(1, effort.rounds + 2)])
+    draw, much = (side.draw_to, error) if error and side.draw_to else (side.draw, samples)
+    work = iter([draw(size, much, seed) for seed in range(1, effort.rounds + 2)])  # pyright: ignore[reportArgumentType]
 
     def run() -> Any:
         picture = next(work)()
@@ -295,7 +303,29 @@ def errors(sides: Sequence[Renderer], references: Mapping[str, Reference], ladde
     tables = [report.grid(head, rows)]
     if len(sides) > 1:
         tables.append(equal_error(curves))
+    tables.append(errors_asked(sides[0], references, curves, size, effort))
     return "\n\n".join(tables)
+
+
+def errors_asked(
+    side: Renderer, references: Mapping[str, Reference], curves: Mapping[str, Sequence[tuple[float, float]]], size: int, effort: Effort
+) -> str:
+    """Table of CPU time where an error is asked for: pixels then take as many samples as they need. Others need that time for the same."""
+    rows = []
+    peers = [name for name in curves if name != OURS]
+    for asked in (0.3, 0.2, 0.1, 0.05):
+        if asked < min((error for _, error in curves[OURS]), default=1.0):
+            break  # beyond what was measured
+        pictures: list[Picture] = []
+        times = measure(Case("", [_contender(side, size, 0, effort, pictures, asked)], lambda _: ""), effort).times[0]
+        error, took = float(np.median([references[OURS].error(picture) for picture in pictures])), times.spread().median
+        longer = [time_to(error, curves[name]) for name in peers]
+        cells = [f"{asked:.0%}", f"{error:.2%}", f"{took * 1e3:.3g}"]
+        for theirs in longer:
+            cells += [f"{theirs * 1e3:.3g}", f"{theirs / took:.2f}"] if theirs else ["", ""]
+        rows.append(tuple(cells))
+    head = ["√relMSE asked for", "is", f"{OURS}, CPU ms", *(text for name in peers for text in (f"{name}, CPU ms", f"{name} × ours"))]
+    return report.grid(head, rows) if rows else ""
 
 
 def equal_error(curves: Mapping[str, Sequence[tuple[float, float]]]) -> str:

@@ -364,11 +364,12 @@ class _Canvas:
                 known[self._window(tile)] = known[self._window(tile)].mean()
         else:
             known = adaptive.smoothed(relative, samples)
-        doublings = np.full(samples.shape, adaptive.MOST_DOUBLINGS)
         if excess < 1.0:
             doublings = adaptive.doublings_for_error(known, samples, self.most, excess)
-        if np.sum(samples * (2**doublings - 1)) > affordable:
-            doublings = adaptive.doublings_for_samples(known, samples, self.most, affordable)
+            if np.sum(samples * (2**doublings - 1)) <= affordable:
+                return np.minimum(samples * 2**doublings, self.most)
+        # No more than there are in a round, lest pixels get what they don't need while others may only take four times as many.
+        doublings = adaptive.doublings_for_samples(known, samples, self.most, min(affordable, float(samples.sum())))
         return np.minimum(samples * 2**doublings, self.most)
 
     def _draw(self, tile: Tile, part: _Sums, goals: Counts, deadline: float = math.inf) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler import plan as planner
-from . import lanes
+from . import facets, lanes
 from .kernels import helper
 from .records import Lane, Vec
 
@@ -42,9 +42,16 @@ class Pieces(NamedTuple):
 
 
 class Records(NamedTuple):
-    """What a piece is a piece of. For those that are `plain`, nothing but their place and their normal is needed to shade them."""
+    """What a piece is a piece of. For those that are `plain`, nothing but their place and their normal is needed to shade them: not 0.
 
-    rows: Rows  # (k, 8) outer unit normal, or a ball's centre; 0, or 1 / a ball's radius; instance, primitive, material, 1 if plain
+    Triangles in trees have rows behind those of pieces, where they are plain (facets.py).
+    """
+
+    # (k, 8) outer unit normal, or a ball's centre; 1 / a ball's radius, or less what is `wide` to surface.spacing; instance, primitive,
+    # material, how plain
+    rows: Rows
+    first: NDArray[np.int32]  # (instances,) which rows meshes in trees have: that of a triangle is so many beyond its number
+    rounded: Any  # facets.Flat or facets.Rounded
 
 
 class Tried(NamedTuple):
@@ -89,7 +96,11 @@ def build(tables: ir.Tables, hull: bool, moves: bool = False) -> tuple[Tried, ND
         for i, piece in listed
         for part, normal in enumerate(piece.normals)
     ]
-    records = Records(np.array(rows or [(0.0,) * 8], np.float64))
+    own = np.array(rows or [(0.0,) * 8], np.float64)
+    meshes = np.flatnonzero(stays & ~inside & (tables.geometries.kind[instances.geometry] == ir.GeometryKind.MESH)).tolist()
+    how = [(i, facets.PLAIN if _is_plain(tables, i) else facets.ROUNDED) for i in meshes if _is_bare(tables, i)]
+    more, first, rounded = facets.build(tables, how, len(own))
+    records = Records(np.concatenate([own, more]), first, rounded)
     blocking = [k for k, (i, _) in enumerate(listed) if instances.visible[i] & ir.Visibility.SHADOW]
     if hull:
         points = _points(tables, inside, listed)
@@ -264,13 +275,17 @@ def _opposite(one: Any, other: Any, corner: dict[int, Any]) -> int | None:
     return alone if np.abs(b + c - a - fourth).max() <= 1e-6 * np.abs([a, b, c]).max() else None
 
 
-def _is_plain(tables: ir.Tables, i: int) -> bool:
-    """Whether a point of an instance is shaded by its normal alone: no texture, no colours or normals of its mesh, no light at vertices."""
+def _is_bare(tables: ir.Tables, i: int) -> bool:
+    """Whether an instance has no texture, no colours of its mesh, and no light at vertices."""
     instances, geometries, materials = tables.instances, tables.geometries, tables.materials
     m, g = instances.material[i], instances.geometry[i]
-    if (materials.textures[m] >= 0).any() or geometries.colors[g] >= 0 or materials.shading[m] == ir.Shading.GOURAUD:
-        return False
-    return bool(geometries.normals[g] < 0 or materials.shading[m] == ir.Shading.FLAT)
+    return not ((materials.textures[m] >= 0).any() or geometries.colors[g] >= 0 or materials.shading[m] == ir.Shading.GOURAUD)
+
+
+def _is_plain(tables: ir.Tables, i: int) -> bool:
+    """Whether, beside that, a point of it is shaded by its normal alone: its mesh has no normals, or they don't count."""
+    normals = tables.geometries.normals[tables.instances.geometry[i]]
+    return _is_bare(tables, i) and bool(normals < 0 or tables.materials.shading[tables.instances.material[i]] == ir.Shading.FLAT)
 
 
 # --- in lanes ------------------------------------------------------------------------------------------------------------

@@ -16,12 +16,12 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import across, aside, camera, lanes, materials, media, paths, pieces, sampler, simd, surface, trace
+from . import across, aside, camera, facets, lanes, materials, media, paths, pieces, sampler, simd, streams, surface, trace
 from .kernels import HELPER, apart, helper, if_there, kernel
 from .paths import Connection, Path
 from .records import Hit, Lane, Ray, Surface, Vec
 
-CAMERA, OTHER = int(ir.Visibility.CAMERA), paths.OTHER_RAY
+CAMERA, OTHER, SHADOW = int(ir.Visibility.CAMERA), paths.OTHER_RAY, trace.SHADOW
 SIZE = 2048  # paths of a wave
 PAD = 64  # beyond them, for stores of whole vectors
 ROW = SIZE + PAD
@@ -107,7 +107,7 @@ def _wave(accel, scene, frame, total, room, n):
     for depth in range(frame.options.bounces + 2):
         _meet(accel, scene, frame, room, source, left, depth)
         left, asked = _shade(scene, frame, room, source, left, depth)
-        _test(accel, scene, frame, room, asked)
+        _test(accel, scene, frame, room, asked, depth)
         source = 1 - source
         if left == 0:
             break
@@ -244,7 +244,15 @@ def _meet(accel, scene, frame, room, source, n, depth):
             queued += _queue(room, queued, i, inside)
     _pad(room, queued)
     wide = simd.load(room.queue, 0)
-    for j in range(0, queued, _WIDTH64):
+    streamed = -1
+    if depth > 0:  # rays of the eye go the same way, mostly
+        wave = streams.Wave(room.state, base, room.met, 0, ROW, room.met, room.what)
+        streamed = _streamed(accel, wave, room.queue, queued, OTHER, False)
+    _pad(room, streamed)
+    for j in range(0, streamed, _WIDTH64):
+        k = simd.load(room.queue, j)
+        simd.scatter(room.what, k, _row_of(scene, room.what[k + ROW], room.what[k + 2 * ROW]), k >= 0)
+    for j in range(0, queued if streamed < 0 else 0, _WIDTH64):
         k = simd.load(room.queue, j)
         origin, direction = _gather3(room.state, base, 0, k), _gather3(room.state, base, 3, k)
         near = 0.0 * origin[0]
@@ -259,9 +267,32 @@ def _meet(accel, scene, frame, room, source, n, depth):
         simd.scatter(room.met, k, _from_search(hit.t, near), nearer)
         simd.scatter(room.met, k + ROW, _from_search(hit.u, near), nearer)
         simd.scatter(room.met, k + 2 * ROW, _from_search(hit.v, near), nearer)
-        simd.scatter(room.what, k, wide * 0 - 1, nearer)
-        simd.scatter(room.what, k + ROW, _from_search(hit.instance, wide), nearer)
-        simd.scatter(room.what, k + 2 * ROW, _from_search(hit.primitive, wide), nearer)
+        instance, primitive = _from_search(hit.instance, wide), _from_search(hit.primitive, wide)
+        simd.scatter(room.what, k, _row_of(scene, instance, primitive), nearer)
+        simd.scatter(room.what, k + ROW, instance, nearer)
+        simd.scatter(room.what, k + 2 * ROW, primitive, nearer)
+
+
+@helper
+def _row_of(scene: Any, instance: Lane, primitive: Lane) -> Lane:
+    """The row of pieces.Records of what trees found, -1 where it has none."""
+    return lanes.maximum(scene.tried.records.first[lanes.maximum(instance, 0)] + primitive, -1)
+
+
+def _streamed(accel: Any, wave: streams.Wave, queue: Any, count: int, visible: int, any_hit: bool) -> int:
+    """streams.through, or -1 where rays go in batches."""
+    raise NotImplementedError
+
+
+@overload(_streamed, jit_options=HELPER)
+def _streamed_through_trees(accel, wave, queue, count, visible, any_hit):
+    if accel.field("search") is None or aside.is_used(accel) or across.WIDTH == 1:
+        return lambda accel, wave, queue, count, visible, any_hit: -1
+
+    def follow(accel, wave, queue, count, visible, any_hit):
+        return streams.through(accel, wave, queue, count, visible, any_hit) if streams.suits(accel) else -1
+
+    return follow
 
 
 @helper
@@ -382,12 +413,15 @@ def _point(tables: Any, records: Any, path: Path, hit: Hit, piece: Lane, here: L
         outward = lanes.where3(inverse > 0.0, lanes.scale(lanes.sub(position, outward), inverse), outward)
     front = lanes.dot(path.direction, outward) < 0.0
     zero = lanes.full_like(t, 0.0)
-    facing = lanes.scale(outward, lanes.where(front, zero + 1.0, zero - 1.0))
+    side = lanes.where(front, zero + 1.0, zero - 1.0)
+    facing = lanes.scale(outward, side)
+    rounded = plain & (is_plain > facets.PLAIN)
+    shaded = lanes.scale(facets.interpolated(records.rounded, outward, row, rounded, hit.u, hit.v), side)
     size = abs(outward[0]) * (abs(path.origin[0]) + abs(position[0])) + abs(outward[1]) * (abs(path.origin[1]) + abs(position[1]))
-    size = size + abs(outward[2]) * (abs(path.origin[2]) + abs(position[2]))
+    size = size + abs(outward[2]) * (abs(path.origin[2]) + abs(position[2])) + lanes.maximum(-inverse, 0.0)
     white = (zero + 1.0, zero + 1.0, zero + 1.0)
     point = Surface(
-        position, position, facing, facing, outward, (zero, zero), (zero + 1.0, zero + 1.0), front, lanes.maximum(instance, 0),
+        position, position, facing, shaded, outward, (zero, zero), (zero + 1.0, zero + 1.0), front, lanes.maximum(instance, 0),
         lanes.to_int(of_material), white, size * (surface.ROUNDING * lanes.roundoff(zero)), time, None,
     )  # fmt: skip
     others = here & lanes.not_(plain)
@@ -396,7 +430,7 @@ def _point(tables: Any, records: Any, path: Path, hit: Hit, piece: Lane, here: L
         full = _in_full(tables, ray, Hit(hit.t, lanes.where(others, instance, -1), hit.primitive, hit.u, hit.v))
         point = Surface(
             lanes.where3(others, full.position, position), full.local, lanes.where3(others, full.geometric, facing),
-            lanes.where3(others, full.normal, facing), full.local_normal, full.uv, full.metric, lanes.where(others, full.front, front),
+            lanes.where3(others, full.normal, shaded), full.local_normal, full.uv, full.metric, lanes.where(others, full.front, front),
             point.instance, lanes.where(others, full.material, point.material), lanes.where3(others, full.color, white),
             lanes.where(others, full.offset, point.offset), time, None,
         )  # fmt: skip
@@ -487,7 +521,7 @@ def _ask(room: Any, asked: int, slot: Lane, connection: Connection) -> None:
 
 
 @apart
-def _test(accel, scene, frame, room, n):
+def _test(accel, scene, frame, room, n, depth):
     """Give n connections' light to their paths where nothing stands in the way."""
     options = frame.options
     like = simd.load(room.state, 0)
@@ -507,7 +541,15 @@ def _test(accel, scene, frame, room, n):
             _add(room.light, lanes.where(lit, simd.load(room.asker, i), 0), _load3(room.asked, 0, 7, i), lit)
     _pad(room, queued)
     wide = simd.load(room.queue, 0)
-    for j in range(0, queued, _WIDTH64):
+    streamed = -1
+    if depth > 0:
+        wave = streams.Wave(room.asked, 0, room.asked, 6 * ROW, ROW, room.met, room.what)
+        streamed = _streamed(accel, wave, room.queue, queued, SHADOW, True)
+    _pad(room, streamed)
+    for j in range(0, streamed, _WIDTH64):
+        k = simd.load(room.queue, j)
+        _give(room, k, room.asker[k], 1.0, simd.first_lanes(streamed - j, wide))
+    for j in range(0, queued if streamed < 0 else 0, _WIDTH64):
         k = simd.load(room.queue, j)
         origin, direction = _gather3(room.asked, 0, 0, k), _gather3(room.asked, 0, 3, k)
         slot = room.asker[k]
@@ -518,7 +560,12 @@ def _test(accel, scene, frame, room, n):
         share = _from_search(_passing(accel, ray), origin[0])
         lit = (share > 0.0) & simd.first_lanes(queued - j, wide)
         if lanes.any_lane(lit):
-            for c in range(3):
-                at = slot + c * ROW
-                light = room.asked[k + (7 + c) * ROW] * share
-                simd.scatter(room.light, at, room.light[at] + light, lit)
+            _give(room, k, slot, share, lit)
+
+
+@helper
+def _give(room: Any, k: Lane, slot: Lane, share: Lane, lit: Lane) -> None:
+    """Add a share of what connections k bring to what their paths have found."""
+    for c in range(3):
+        at = slot + c * ROW
+        simd.scatter(room.light, at, room.light[at] + room.asked[k + (7 + c) * ROW] * share, lit)

@@ -309,6 +309,33 @@ def test_a_budget_ends_it_in_time_with_a_whole_picture() -> None:
     assert late.metadata["samples"] == film.FIRST // 2
 
 
+class Clockwork(Painter):
+    """Noisy in one corner; time is what its samples take: a microsecond each, and some for each call."""
+
+    now = 0.0
+
+    def __init__(self) -> None:
+        super().__init__(width=lambda x, y: np.where((x < 30) & (y < 30), 1.0, 0.05))
+
+    def sample(self, tile: Tile, first: np.ndarray, count: np.ndarray, total: int, film: Film) -> None:
+        super().sample(tile, first, count, total, film)
+        self.now += 1e-6 * float(count.sum()) + 5e-5
+
+    def perf_counter(self) -> float:
+        return self.now
+
+
+@pytest.mark.parametrize("seconds", [0.5, 2.0])
+def test_a_budget_is_spent_to_a_tenth_and_where_the_noise_is(monkeypatch: pytest.MonkeyPatch, seconds: float) -> None:
+    painter = Clockwork()
+    monkeypatch.setattr(film, "time", painter)
+    picture = draw(painter, budget=seconds, samples=100_000, threads=1)
+    assert painter.now == pytest.approx(seconds, rel=0.1)
+    assert painter.taken.sum() * 1e-6 > 0.9 * seconds
+    assert np.median(painter.taken[:30, :30]) >= 4 * np.median(painter.taken[40:, 40:])
+    assert picture.metadata["error"] < draw(samples=round(seconds * 1e6 / painter.taken.size)).metadata["error"]
+
+
 def test_luminance_is_of_the_linear_colour() -> None:
     picture = image.Image(1, 1, {"rgba": np.array([[[1.0, 2.0, 3.0, 1.0]]], np.float32)})
     assert picture.luminance[0, 0] == pytest.approx(0.2126729 + 2 * 0.7151522 + 3 * 0.0721750)

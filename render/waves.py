@@ -16,12 +16,12 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import across, aside, camera, facets, lanes, materials, media, paths, pieces, sampler, simd, streams, surface, trace
+from . import across, aside, camera, facets, lanes, materials, media, paths, pieces, sampler, simd, surface, trace
 from .kernels import HELPER, apart, helper, if_there, kernel
 from .paths import Connection, Path
 from .records import Hit, Lane, Ray, Surface, Vec
 
-CAMERA, OTHER, SHADOW = int(ir.Visibility.CAMERA), paths.OTHER_RAY, trace.SHADOW
+CAMERA, OTHER = int(ir.Visibility.CAMERA), paths.OTHER_RAY
 SIZE = 2048  # paths of a wave
 PAD = 64  # beyond them, for stores of whole vectors
 ROW = SIZE + PAD
@@ -107,7 +107,7 @@ def _wave(accel, scene, frame, total, room, n):
     for depth in range(frame.options.bounces + 2):
         _meet(accel, scene, frame, room, source, left, depth)
         left, asked = _shade(scene, frame, room, source, left, depth)
-        _test(accel, scene, frame, room, asked, depth)
+        _test(accel, scene, frame, room, asked)
         source = 1 - source
         if left == 0:
             break
@@ -244,15 +244,7 @@ def _meet(accel, scene, frame, room, source, n, depth):
             queued += _queue(room, queued, i, inside)
     _pad(room, queued)
     wide = simd.load(room.queue, 0)
-    streamed = -1
-    if depth > 0:  # rays of the eye go the same way, mostly
-        wave = streams.Wave(room.state, base, room.met, 0, ROW, room.met, room.what)
-        streamed = _streamed(accel, wave, room.queue, queued, OTHER, False)
-    _pad(room, streamed)
-    for j in range(0, streamed, _WIDTH64):
-        k = simd.load(room.queue, j)
-        simd.scatter(room.what, k, _row_of(scene, room.what[k + ROW], room.what[k + 2 * ROW]), k >= 0)
-    for j in range(0, queued if streamed < 0 else 0, _WIDTH64):
+    for j in range(0, queued, _WIDTH64):
         k = simd.load(room.queue, j)
         origin, direction = _gather3(room.state, base, 0, k), _gather3(room.state, base, 3, k)
         near = 0.0 * origin[0]
@@ -277,22 +269,6 @@ def _meet(accel, scene, frame, room, source, n, depth):
 def _row_of(scene: Any, instance: Lane, primitive: Lane) -> Lane:
     """The row of pieces.Records of what trees found, -1 where it has none."""
     return lanes.maximum(scene.tried.records.first[lanes.maximum(instance, 0)] + primitive, -1)
-
-
-def _streamed(accel: Any, wave: streams.Wave, queue: Any, count: int, visible: int, any_hit: bool) -> int:
-    """streams.through, or -1 where rays go in batches."""
-    raise NotImplementedError
-
-
-@overload(_streamed, jit_options=HELPER)
-def _streamed_through_trees(accel, wave, queue, count, visible, any_hit):
-    if accel.field("search") is None or aside.is_used(accel) or across.WIDTH == 1:
-        return lambda accel, wave, queue, count, visible, any_hit: -1
-
-    def follow(accel, wave, queue, count, visible, any_hit):
-        return streams.through(accel, wave, queue, count, visible, any_hit) if streams.suits(accel) else -1
-
-    return follow
 
 
 @helper
@@ -521,7 +497,7 @@ def _ask(room: Any, asked: int, slot: Lane, connection: Connection) -> None:
 
 
 @apart
-def _test(accel, scene, frame, room, n, depth):
+def _test(accel, scene, frame, room, n):
     """Give n connections' light to their paths where nothing stands in the way."""
     options = frame.options
     like = simd.load(room.state, 0)
@@ -541,15 +517,7 @@ def _test(accel, scene, frame, room, n, depth):
             _add(room.light, lanes.where(lit, simd.load(room.asker, i), 0), _load3(room.asked, 0, 7, i), lit)
     _pad(room, queued)
     wide = simd.load(room.queue, 0)
-    streamed = -1
-    if depth > 0:
-        wave = streams.Wave(room.asked, 0, room.asked, 6 * ROW, ROW, room.met, room.what)
-        streamed = _streamed(accel, wave, room.queue, queued, SHADOW, True)
-    _pad(room, streamed)
-    for j in range(0, streamed, _WIDTH64):
-        k = simd.load(room.queue, j)
-        _give(room, k, room.asker[k], 1.0, simd.first_lanes(streamed - j, wide))
-    for j in range(0, queued if streamed < 0 else 0, _WIDTH64):
+    for j in range(0, queued, _WIDTH64):
         k = simd.load(room.queue, j)
         origin, direction = _gather3(room.asked, 0, 0, k), _gather3(room.asked, 0, 3, k)
         slot = room.asker[k]
@@ -560,12 +528,7 @@ def _test(accel, scene, frame, room, n, depth):
         share = _from_search(_passing(accel, ray), origin[0])
         lit = (share > 0.0) & simd.first_lanes(queued - j, wide)
         if lanes.any_lane(lit):
-            _give(room, k, slot, share, lit)
-
-
-@helper
-def _give(room: Any, k: Lane, slot: Lane, share: Lane, lit: Lane) -> None:
-    """Add a share of what connections k bring to what their paths have found."""
-    for c in range(3):
-        at = slot + c * ROW
-        simd.scatter(room.light, at, room.light[at] + room.asked[k + (7 + c) * ROW] * share, lit)
+            for c in range(3):
+                at = slot + c * ROW
+                light = room.asked[k + (7 + c) * ROW] * share
+                simd.scatter(room.light, at, room.light[at] + light, lit)

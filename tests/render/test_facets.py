@@ -1,4 +1,4 @@
-"""Rays of waves through trees one after the other, and triangles shaded by rows: the same pictures as by trying everything."""
+"""Triangles of meshes as rows: what they say is what their meshes say, and pictures are the same as by trying everything."""
 
 from __future__ import annotations
 
@@ -48,20 +48,20 @@ def drawn(scene: maquette.Scene, **decisions: str) -> np.ndarray:
     return maquette.render(scene, size=SIZE, samples=SAMPLES, backend="ray", plan=decisions).channels["rgba"]
 
 
-MESH = 'mesh("{0}.obj", translate: [0, 0.8, 0], rotate: [20deg, 30deg, 0], material: lambert(0.8, shading: "{0}"))'
+MESH = 'mesh("{0}.obj", translate: [0, 0.8, 0], rotate: [20deg, 30deg, 0], material: lambert(0.8, shading: "{1}"))'
 MANY = "\n".join(
     f"sphere(0.05, center: [{0.2 * (k % 20) - 2:.2f}, {0.1 + 0.12 * (k // 50):.2f}, {0.3 * (k % 7) - 1:.2f}])" for k in range(700)
 )
 
 
-@pytest.mark.parametrize("text", [MESH.format("flat"), MANY], ids=["one mesh", "many things"])
-def test_what_streams_meet_is_what_trying_everything_meets(tmp_path: Path, text: str) -> None:
+@pytest.mark.parametrize("text", [MESH.format("flat", "flat"), MANY], ids=["one mesh", "many things"])
+def test_what_trees_meet_is_what_trying_everything_meets(tmp_path: Path, text: str) -> None:
     scene = scene_of(tmp_path, text)
     assert np.array_equal(drawn(scene), drawn(scene, accelerator="brute"))
 
 
 def test_rounded_triangles_look_as_their_meshes_say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = scene_of(tmp_path, MESH.format("smooth"))
+    scene = scene_of(tmp_path, MESH.format("smooth", "phong"))
     by_rows = drawn(scene)
     monkeypatch.setattr(facets, "MOST", 0)
     by_mesh = drawn(scene)
@@ -72,7 +72,7 @@ def test_rounded_triangles_look_as_their_meshes_say(tmp_path: Path, monkeypatch:
 @pytest.mark.parametrize("how", ["", ", scale: [-2, 2, 2]", ", scale: [1, 3, 1]"], ids=["plain", "mirrored", "stretched"])
 @pytest.mark.parametrize("name", ["flat", "smooth"])
 def test_rows_of_triangles_are_their_surfaces(tmp_path: Path, name: str, how: str) -> None:
-    scene = scene_of(tmp_path, MESH.format(name).replace("0.8, 0]", f"0.8, 0]{how}", 1))
+    scene = scene_of(tmp_path, MESH.format(name, {"flat": "flat", "smooth": "phong"}[name]).replace("0.8, 0]", f"0.8, 0]{how}", 1))
     tables = scene.tables
     tried, inside = pieces.build(tables, True)
     (i,) = np.flatnonzero(tables.geometries.triangle_count[tables.instances.geometry] == 648)

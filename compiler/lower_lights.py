@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..lang.elements import Element
-from . import daylight, ir, transforms
+from . import daylight, enclosures, ir, transforms
 from .rows import NO_SHADOW, Color, Input, InstanceData, LightData, MaterialData
 
 if TYPE_CHECKING:
     from .lower import Lowering
 
 Kind = ir.LightKind
+_DOME = 512  # texels from pole to pole of a dome that is a formula
 EVEN = 1e-6  # how far a scale may be uneven, or axes skewed, and still count as even
 
 
@@ -118,7 +119,10 @@ def _sky(lowering: Lowering, element: Element, block: np.ndarray) -> None:
 
 def _dome(lowering: Lowering, element: Element, block: np.ndarray) -> None:
     args = element.args
-    image = lowering.materials.image(element, args["file"], "auto", True)
+    if (args["file"] is None) == (args["pattern"] is None):
+        lowering.refuse(element, "a dome has a picture or a pattern", 'write dome("sky.exr") or dome(pattern: |x, y, z| …)')
+        return
+    image = _patterned(lowering, element) if args["file"] is None else lowering.materials.image(element, args["file"], "auto", True)
     turn = block if args["rotate"] is None else block @ transforms.rotation(args["rotate"])
     frame, _, _ = rigid(turn)
     frame[:3, 3] = 0.0
@@ -126,6 +130,21 @@ def _dome(lowering: Lowering, element: Element, block: np.ndarray) -> None:
         row = lowering.builder.transform(frame, element.span)
         data = LightData(Kind.DOME, _color(element, args["luminance"]), transform=row, image=image, **_common(element))
         lowering.builder.light(data, element.span)
+
+
+def _patterned(lowering: Lowering, element: Element) -> int:
+    """The picture of a dome that is a formula of the direction: -1 after a diagnostic. Less than nothing, and what is undefined, is 0."""
+    tape = lowering.materials.pattern_tape(element, element.args["pattern"], color=True, unit=1.0)
+    if tape is None:
+        return -1
+    latitude = np.pi * (0.5 - (np.arange(_DOME) + 0.5) / _DOME)[:, None]
+    turn = 2.0 * np.pi * (0.5 - (np.arange(2 * _DOME) + 0.5) / (2 * _DOME))[None]
+    x, y, z = np.cos(latitude) * np.sin(turn), np.sin(latitude) + 0.0 * turn, np.cos(latitude) * np.cos(turn)
+    values = [np.broadcast_to(v, x.size).reshape(x.shape) for v in enclosures.points(tape, x.ravel(), y.ravel(), z.ravel())]
+    rgba = np.stack([*(values if len(values) == 3 else values * 3), np.ones(x.shape)], axis=-1)
+    picture = np.where(np.isfinite(rgba), np.maximum(rgba, 0.0), 0.0).astype(np.float32)
+    key = ("pattern of a dome", tape.structure(), tape.constants.tobytes())
+    return lowering.builder.shared(key, lambda: lowering.builder.image(picture, "pattern"))
 
 
 def _ambient(lowering: Lowering, element: Element, block: np.ndarray) -> None:

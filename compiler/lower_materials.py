@@ -12,7 +12,7 @@ from . import images, ir, metals
 from .files import FileError
 from .images import ImageError
 from .rows import BLACK, WHITE, Color, Input, MaterialData, TextureData, multiplied, scaled
-from .tapes import Builder, Op, Unfit
+from .tapes import Builder, Op, Tape, Unfit
 
 if TYPE_CHECKING:
     from .lower import Lowering
@@ -208,8 +208,13 @@ class Materials:
 
     def _pattern(self, element: Element, formula: Formula, color: bool) -> TextureData | None:
         """A formula of the point; coordinates are in the unit of the file it is written in, frames are in metres."""
+        tape = self.pattern_tape(element, formula, color, formula.unit)
+        return None if tape is None else TextureData(ir.TextureKind.FORMULA, tape=self._lowering.builder.tape(tape), channel=-1)
+
+    def pattern_tape(self, element: Element, formula: Formula, color: bool, unit: float) -> Tape | None:
+        """What a pattern computes at points whose coordinates are `unit` times smaller in the formula; None after a diagnostic."""
         builder = Builder()
-        point = [builder.scaled(name, 1.0 / formula.unit) for name in (0, 1, 2)]
+        point = [builder.scaled(name, 1.0 / unit) for name in (0, 1, 2)]
         try:
             if len(formula.parameters) != 3:
                 raise Unfit(f"a pattern's formula has three parameters, x, y and z, not {len(formula.parameters)}", "write |x, y, z| …")
@@ -226,7 +231,7 @@ class Materials:
         if len(tape.code) > MOST_PATTERN:
             self._lowering.error(element, f"the pattern has {len(tape.code)} operations: {MOST_PATTERN} at the most")
             return None
-        return TextureData(ir.TextureKind.FORMULA, tape=self._lowering.builder.tape(tape), channel=-1)
+        return tape
 
     def image(self, element: Element, name: str, space: str, color: bool) -> int:
         """The row of a picture that an element names; -1 after a diagnostic."""

@@ -298,9 +298,10 @@ LIGHTS = (
     Entry(
         "dome",
         "light",
-        "a latitude-longitude picture all around, seen as the background",
+        "a latitude-longitude picture all around, or a formula of the direction, seen as the background",
         (
-            Arg("file", "string", REQUIRED, "file of the picture"),
+            Arg("file", "string", None, "file of the picture"),
+            Arg("pattern", "formula", None, "instead: what comes from direction x, y, z (of length 1), a number or a colour", keyword=True),
             Arg("luminance", "luminance", 1.0, "nit where the picture is 1", aliases=("radiance",), minimum=0.0, keyword=True),
             Arg("rotate", "rotation", None, "turns it", keyword=True),
             _SHADOWS,

@@ -43,7 +43,7 @@ def ours(mesh: Mesh, rays: Rays) -> Contender:
     """Our builder; the answer is what the rays hit."""
     tables = meshes.scene(mesh).tables
     share = size_of(bvh.build(tables, keep=False), tables) / len(mesh.triangles)
-    read = functools.partial(closest, rays)
+    read = lambda trees: closest(rays, trees)()  # noqa: E731
     return Contender(OURS, lambda: traced.trees(tables, threads=1, keep=False), read, note=f"{share:.0f} bytes a triangle")
 
 
@@ -56,7 +56,7 @@ def again(mesh: Mesh, rays: Rays) -> Contender:
         return traced.trees(tables, threads=1)
 
     trees()
-    return Contender(f"{OURS} from disk", trees, functools.partial(closest, rays))
+    return Contender(f"{OURS} from disk", trees, lambda made: closest(rays, made)())
 
 
 def theirs(mesh: Mesh, rays: Rays) -> Contender:

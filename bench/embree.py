@@ -123,11 +123,10 @@ class Scene:
 
     def intersect(self, rays: Rays) -> Callable[[], tuple[F32, NDArray[np.int32], NDArray[np.int32]]]:
         """Work that finds t (inf: nothing), triangle and instance (-1: nothing or none) of every ray."""
+        n = len(rays.limit)
+        (t, u, v), (triangle, instance) = np.zeros((3, n), np.float32), np.zeros((2, n), np.int32)
 
         def run() -> tuple[F32, NDArray[np.int32], NDArray[np.int32]]:
-            n = len(rays.limit)
-            t, u, v = np.empty((3, n), np.float32)
-            triangle, instance = np.empty((2, n), np.int32)
             self.device.closest(self.handle, rays.origin, rays.direction, rays.limit, t, triangle, instance, u, v)
             return t, triangle, instance
 
@@ -135,9 +134,9 @@ class Scene:
 
     def occluded(self, rays: Rays) -> Callable[[], NDArray[np.bool_]]:
         """Work that finds whether anything stands in every ray's way."""
+        blocked = np.zeros(len(rays.limit), np.bool_)
 
         def run() -> NDArray[np.bool_]:
-            blocked = np.empty(len(rays.limit), np.bool_)
             self.device.occluded(self.handle, rays.origin, rays.direction, rays.limit, blocked)
             return blocked
 

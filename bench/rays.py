@@ -29,21 +29,29 @@ MOST_APART = 2e-4  # share of rays that may differ: Embree's default lets rays t
 NEAR = 1e-4  # of the distance (or of the scene's size, 1), within which two hits are the same
 
 
-def closest(rays: Rays, accel: Handle) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]:
-    """Distance (inf: nothing), triangle and instance (-1) of the first hit of each ray."""
+def closest(rays: Rays, accel: Handle) -> Callable[[], tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]]:
+    """Work that finds distance (inf: nothing), triangle and instance (-1) of the first hit of each ray."""
     n = len(rays.limit)
-    (t, u, v), (triangle, instance) = np.empty((3, n), np.float32), np.empty((2, n), np.int32)
-    columns: Any = (t, instance, triangle, u, v)  # narrower than the renderer's own, as Embree's are
-    traced.closest_of(accel, rays.origin, rays.direction, np.zeros(n, np.float32), rays.limit, traced.CAMERA, traced.Met(*columns))
-    return t, triangle, instance
+    (t, u, v), (triangle, instance) = np.zeros((3, n), np.float32), np.zeros((2, n), np.int32)
+    met: Any = traced.Met(*(t, instance, triangle, u, v))  # pyright: ignore  # narrower than the renderer's own, as Embree's are
+    start = np.zeros(n, np.float32)
+
+    def run() -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]:
+        traced.closest_of(accel, rays.origin, rays.direction, start, rays.limit, traced.CAMERA, met)
+        return t, triangle, instance
+
+    return run
 
 
-def occluded(rays: Rays, accel: Handle) -> NDArray[np.bool_]:
-    """Whether anything stands in each ray's way."""
-    n = len(rays.limit)
-    blocked = np.empty(n, np.bool_)
-    traced.occluded_of(accel, rays.origin, rays.direction, np.zeros(n, np.float32), rays.limit, traced.SHADOW, blocked)
-    return blocked
+def occluded(rays: Rays, accel: Handle) -> Callable[[], NDArray[np.bool_]]:
+    """Work that finds whether anything stands in each ray's way."""
+    blocked, start = np.zeros(len(rays.limit), np.bool_), np.zeros(len(rays.limit), np.float32)
+
+    def run() -> NDArray[np.bool_]:
+        traced.occluded_of(accel, rays.origin, rays.direction, start, rays.limit, traced.SHADOW, blocked)
+        return blocked
+
+    return run
 
 
 @dataclass(eq=False)
@@ -68,8 +76,8 @@ class Sides:
 
     def ours(self, rays: Rays, any_hit: bool) -> Contender:
         if any_hit:
-            return Contender(OURS, lambda: occluded(rays, self.accel), build=self.build)
-        return Contender(OURS, lambda: closest(rays, self.accel), build=self.build)
+            return Contender(OURS, occluded(rays, self.accel), build=self.build)
+        return Contender(OURS, closest(rays, self.accel), build=self.build)
 
     def embreex(self, rays: Rays, any_hit: bool) -> Contender:
         def make() -> Callable[[Rays, bool], Contender]:
@@ -120,7 +128,7 @@ class Sides:
 
     def secondary(self, rays: Rays) -> tuple[Rays, Rays]:
         """Diffuse and shadow rays from where primary rays hit, a little off the surface."""
-        t, triangle, instance = closest(rays, self.accel)
+        t, triangle, instance = closest(rays, self.accel)()
         hit = np.flatnonzero(triangle >= 0)
         a, b, c = (self.mesh.positions[self.mesh.triangles[triangle[hit], k]].astype(np.float64) for k in range(3))
         normal = np.cross(b - a, c - a)

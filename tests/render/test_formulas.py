@@ -114,7 +114,7 @@ def test_rays_meet_what_the_definition_says(tmp_path, name):
     g, row = int(tables.instances.geometry[0]), int(tables.instances.transform[0])
     assert row == 0
     o, d = some_rays(1200, 7)
-    trees = rays.trees(tables)
+    trees = rays.trees(tables, closed=False)
     met = rays.closest(trees, o, d)
     tape, parameters, bounds = fields.tape_of(tables, g), tables.geometries.parameters[g], tables.geometries.bounds[g]
     n = len(o)
@@ -130,7 +130,7 @@ def test_rays_meet_what_the_definition_says(tmp_path, name):
 def test_compiled_and_interpreted_are_the_same_to_the_bit(tmp_path, name):
     tables = scene_of(tmp_path, SURFACES[name]).tables
     o, d = some_rays(2000, 3)
-    trees = rays.trees(tables)
+    trees = rays.trees(tables, closed=False)
     compiled.finish()
     addresses = trees.tables.forms.compiled.copy()
     assert addresses.all()
@@ -145,7 +145,7 @@ def test_compiled_and_interpreted_are_the_same_to_the_bit(tmp_path, name):
 def test_leaving_a_solid_is_told_from_entering(tmp_path):
     """In and out again: the chord of a ball as a formula, and the same as a shape."""
     tables = scene_of(tmp_path, "implicit(|x, y, z| x^4 + y^4 + z^4 + 2*(x^2*y^2 + y^2*z^2 + z^2*x^2) <= 1)").tables
-    trees = rays.trees(tables)
+    trees = rays.trees(tables, closed=False)
     o = np.array([[-3.0, 0.1, 0.2]])
     d = np.array([[1.0, 0.0, 0.0]])
     first = rays.closest(trees, o, d)
@@ -159,16 +159,16 @@ def test_another_number_compiles_nothing(tmp_path):
     text = "implicit(|x, y, z| x^4 + {0} * y^4 + z^4 <= 1)"
     one, other = (scene_of(tmp_path, text.format(k)).tables for k in (1.5, 2.5))
     assert fields.tape_of(one, 0).structure() == fields.tape_of(other, 0).structure()
-    rays.trees(one)
+    rays.trees(one, closed=False)
     compiled.finish()
     before = len(compiled._engines)
-    trees = rays.trees(other)
+    trees = rays.trees(other, closed=False)
     assert len(compiled._engines) == before
     assert trees.tables.forms.compiled.all()
 
 
 def test_cells_are_simpler_than_the_whole(tmp_path):
-    forms = rays.trees(scene_of(tmp_path, many_balls(60)).tables)
+    forms = rays.trees(scene_of(tmp_path, many_balls(60)).tables, closed=False)
     before = forms.tables.forms.ends.tolist()
     rays.closest(forms, *some_rays(2000, 3))
     made = forms.tables.forms
@@ -191,7 +191,7 @@ def test_threads_that_come_to_the_same_cells_meet_the_same(tmp_path):
     found = []
     for count in (1, 4, 4, 4):
         fields._known.clear()
-        trees, parts = rays.trees(tables), np.array_split(np.arange(len(o)), count)
+        trees, parts = rays.trees(tables, closed=False), np.array_split(np.arange(len(o)), count)
         with ThreadPoolExecutor(count) as pool:
             met = list(pool.map(lambda part, trees=trees: rays.closest(trees, o[part], d[part]), parts))
         found.append([np.concatenate(column) for column in zip(*met, strict=True)])
@@ -205,4 +205,4 @@ def test_the_reference_and_the_trees_agree_in_shadow_too(tmp_path):
     o, d = some_rays(400, 12)
     ray = Ray(tuple(o.T), tuple(d.T), np.zeros(400), np.full(400, 2.9))
     plainly = trace.occluded(trace.Brute(), tables, ray, np.ones(400, bool))
-    assert np.array_equal(rays.occluded(rays.trees(tables), o, d, 0.0, 2.9), plainly)
+    assert np.array_equal(rays.occluded(rays.trees(tables, closed=False), o, d, 0.0, 2.9), plainly)

@@ -54,7 +54,7 @@ def traced(trees: Handle, o: np.ndarray, d: np.ndarray, t_max: float, out: tiles
 @pytest.mark.parametrize("name", [*SURFACES, *NASTY])
 def test_bundles_meet_what_rays_meet(tmp_path, name, eye):
     tables = scene_of(tmp_path, {**SURFACES, **NASTY}[name]).tables
-    trees = rays.trees(tables)
+    trees = rays.trees(tables, closed=False)
     compiled.finish()
     o, d = picture(eye)
     alone = rays.closest(trees, o, d)
@@ -71,7 +71,7 @@ def test_bundles_meet_what_rays_meet(tmp_path, name, eye):
 
 def test_bundles_stop_where_rays_end(tmp_path):
     tables = scene_of(tmp_path, SURFACES["torus"]).tables
-    trees = rays.trees(tables)
+    trees = rays.trees(tables, closed=False)
     o, d = picture((0.0, 0.0, 3.0))
     everything = met(trees, o, d)[0]
     near = np.quantile(everything[np.isfinite(everything)], 0.5)
@@ -82,7 +82,7 @@ def test_bundles_stop_where_rays_end(tmp_path):
 def test_a_part_of_a_bundle_is_a_bundle(tmp_path):
     """How many rays go together changes nothing but rounding."""
     tables = scene_of(tmp_path, SURFACES["blend"]).tables
-    trees = rays.trees(tables)
+    trees = rays.trees(tables, closed=False)
     o, d = picture((2.0, 1.2, 2.4))
     whole = met(trees, o, d)[0]
     for count in (1, 7, 100, 300, 1031):
@@ -94,7 +94,7 @@ def test_a_part_of_a_bundle_is_a_bundle(tmp_path):
 
 def test_rays_that_go_all_ways_are_no_bundle(tmp_path):
     tables = scene_of(tmp_path, SURFACES["torus"]).tables
-    trees = rays.trees(tables)
+    trees = rays.trees(tables, closed=False)
     o = np.array([[0.0, 0.0, 1000.0], [3.0, 0.0, 0.0]])
     d = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
     assert not traced(trees, o, d, np.inf, nothing(2))

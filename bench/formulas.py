@@ -27,8 +27,8 @@ from .harness import OURS, Case, Contender, Disagreement, Effort, Missing, Peers
 TEXT = """
 First hits and normals of orthographic pictures, one ray a pixel, on one core. Ours: rays go as bundles of 64 × 64 pixels, as camera rays
 of the ray backend do, and are met to rounding in double precision; the formula's own code is compiled (that happens once, in the
-background), and the tape's tables are ready. Not timed: the grid of cells, which other rays need and a picture of the ray backend builds
-beside (5 to 120 ms for these models). fidget: a height map of as many voxels deep as the picture is wide, single
+background), and the tape's tables are ready. Threads' memory and simpler tapes are made anew for each picture; the grid of cells that other
+rays need fills where such rays come, and none do here. fidget: a height map of as many voxels deep as the picture is wide, single
 precision, with normals, by its JIT and its interpreter; its process is timed from its start, which takes about 3 ms. POV-Ray: an
 isosurface to 1e-6 with the largest gradient that a model has in its box, of 128² pixels (heart: 32², Barth sextic: 64²); all of its
 process, its start too. Where two differ in what is hit, they differ at outlines.

@@ -7,6 +7,7 @@ table: another number needs no other code.
 from __future__ import annotations
 
 import threading
+import time
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -22,10 +23,11 @@ from .programs import EMITTERS, WIDTHS
 from .vectors import BYTES, CODE, VectorMath, load, store
 
 PROGRAMS = ("points", "turns")
+PATIENCE = 0.1  # seconds until a thread begins to compile: what is to be drawn at once goes first
 LONGEST = 3000  # rows of a tape that is compiled: longer ones are evaluated simplified
 _engines: dict[bytes, Any] = {}
 _waiting: dict[bytes, list[tuple[NDArray[np.int64], int]]] = {}
-_lock = threading.Lock()
+_lock, _hurry = threading.Lock(), threading.Event()
 
 
 def addresses(tapes: list[Tape | None]) -> NDArray[np.int64]:
@@ -51,6 +53,7 @@ def _addresses(engine: Any) -> list[int]:
 
 
 def _compile(tape: Tape, key: bytes) -> None:
+    _hurry.wait(PATIENCE)
     engine = engine_of(tape)
     with _lock:
         _engines[key] = engine  # kept for good: an address in use must stay
@@ -60,9 +63,11 @@ def _compile(tape: Tape, key: bytes) -> None:
 
 def finish() -> None:
     """Wait until everything that was asked for is compiled."""
+    _hurry.set()
     for thread in threading.enumerate():
         if thread.name == "formula":
             thread.join()
+    _hurry.clear()
 
 
 def engine_of(tape: Tape) -> Any:
@@ -91,6 +96,7 @@ def module_of(tape: Tape) -> ir.Module:
             return values[name] if name >= 0 else [load(b, constants, ~name * PARTS * BYTES), *rest]
 
         for op, *operands in tape.code.tolist():
+            time.sleep(0)  # lets others go on: a picture is being drawn meanwhile
             given = [named(name) for name in operands[: arity(op)]]
             values.append(EMITTERS[program](m, Op(op), given, ir.Constant(I64, 0)))
         for k, part in enumerate(named(tape.results[0])):

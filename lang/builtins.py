@@ -239,24 +239,22 @@ def _smoothstep(context: Context, low: Value, high: Value, value: Value) -> Valu
 
 
 @_define("noise x y? z? seed?", "gradient noise in -1..1, 0 at whole coordinates; of one to three numbers or a list; seed: 1 … for others")
-def _noise(context: Context, *given: Value, **named: Value) -> Value:
+def _noise(context: Context, x: Value, *rest: Value, **named: Value) -> Value:
     """Perlin's of 2002. A seed is a whole number: it moves the lattice, which repeats every 256, to another of its 2²⁴ places."""
-    if isinstance(given[0], tuple):
-        parts: tuple[Value, ...] = _list(given[0], 0)
-        beside = [*given[1:], *named.values()]
-        if len(beside) > 1 or set(named) - {"seed"} or not 1 <= len(parts) <= 3:
-            raise Mistake(f"noise takes one to three numbers, or a list of them, and a seed; got a list of {len(parts)}", argument=0)
-        seed = beside[0] if beside else 0.0
+    if isinstance(x, tuple):
+        beside = [*rest, *named.values()]
+        if len(beside) > 1 or {"y", "z"} & set(named) or not 1 <= len(x) <= 3:
+            raise Mistake(f"noise takes one to three numbers, or a list of them, and a seed; got a list of {len(x)}", argument=0)
+        parts, seed = [_plain(part, 0) for part in x], beside[0] if beside else 0.0
     else:
-        four = (*given, *(None,) * (4 - len(given)))
-        parts = tuple(0.0 if part is None else part for part in (four[0], named.get("y", four[1]), named.get("z", four[2])))
-        seed = named.get("seed", four[3] if len(given) > 3 else 0.0)
+        given = {**dict(zip(("y", "z", "seed"), rest, strict=False)), **named}
+        parts = [_plain(part, i) for i, part in enumerate((x, given.get("y", 0.0), given.get("z", 0.0)))]
+        seed = given.get("seed", 0.0)
     if type(seed) is not float or seed != int(seed):
-        raise Mistake(f"a seed is a whole number, got {describe(seed)}", argument=len(given) + len(named) - 1)
-    point = [_plain(part, 0 if isinstance(given[0], tuple) else min(i, len(given) - 1)) for i, part in enumerate(parts)]
-    point += [0.0] * (3 - len(point))
-    shifted = [operators.add(part, float(by), context) if by else part for part, by in zip(point, offset(int(seed)), strict=True)]
-    return _apply("noise", *shifted)
+        raise Mistake(f"a seed is a whole number, got {describe(seed)}", argument=len(rest) + len(named))
+    parts += [0.0] * (3 - len(parts))
+    moved = [operators.add(part, float(by), context) if by else part for part, by in zip(parts, offset(int(seed)), strict=True)]
+    return _apply("noise", *moved)
 
 
 # --- vectors --------------------------------------------------------------------------------------------------------

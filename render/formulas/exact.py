@@ -173,7 +173,7 @@ def _state(forms: Any, k: int, kept: Any, stack: Any, t: Lane) -> tuple[Lane, La
     top = 0
     for row in range(first, first + count):
         if steps[row, 0] == LEAF:
-            i = np.int64(steps[row, 1])
+            i: Any = np.int64(steps[row, 1])
             a0, a1 = across.load(kept, 4 * i), across.load(kept, 4 * i + 1)
             state, until = lanes.where((t >= a0) & (t < a1), 1.0, 0.0 * t), lanes.where(t < a0, a0, lanes.where(t < a1, a1, np.inf))
             if kinds[begin + i] != LINEAR:

@@ -350,6 +350,7 @@ def holds(found: Solid, points: np.ndarray) -> np.ndarray:
 
 def _leaf_holds(leaf: Leaf, points: np.ndarray) -> np.ndarray:
     if leaf.torus is None:
+        assert leaf.form is not None  # a leaf is one of both
         one = np.concatenate([points, np.ones((len(points), 1))], axis=1)
         return np.einsum("ni,ij,nj->n", one, leaf.form, one) <= 0.0
     frame, ring, tube = leaf.torus

@@ -8,6 +8,7 @@ each time at other places.
 from __future__ import annotations
 
 import functools
+import sys
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -17,12 +18,18 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
-from . import across, bands, camera, classic, deferred, faces, fill, integrate, meshlets, metrics, raster_setup, sampler, setup, traced
+from . import across, bands, camera, classic, deferred, faces, fill, integrate, items, meshlets, raster_setup, sampler, setup, traced
 from .handles import Handle
+from .metrics import EPSILON, luminance
 from .records import View
+from .simd import aligned_empty
+from .textures import BOX, NET
 
 MOST_AT_ONCE = 16  # samples of a pixel
 ROWS = {1: 64, 4: 32}  # rows of a band by samples, where its buffer still fits the second cache; else 16
+
+KEPT_BYTES = 1 << 26  # of pictures whose memory is kept; getting it from the system takes as long as filling it
+UNUSED = 2  # references to the memory of an array that only the array and the question itself hold
 
 EXACT = 2.0**22  # weights are whole numbers over this, so that sums of them are exact in float32, and what is covered wholly is 1
 
@@ -36,8 +43,10 @@ class Triangles(NamedTuple):
     placed: NDArray[np.int64]  # (instances, 2) meshlets
     shown: Handle  # of a bands.Projection
     lit: Handle  # what deferred.py reads of the tables
+    lamps: Handle
     look: Handle
     rooms: dict[Any, list[_Room]]  # memory of threads that nobody uses now, by its size
+    pictures: list[NDArray[np.float32]]  # the last ones drawn: their memory is used again when nobody else has it any more
 
 
 def triangles(tables: ir.Tables, view: View, shells: dict[int, Any]) -> Triangles:
@@ -47,8 +56,8 @@ def triangles(tables: ir.Tables, view: View, shells: dict[int, Any]) -> Triangle
     near, far = raster_setup.ends(tables, view)
     shown = bands.Projection(model.matrix, model.planes, model.perspective, near, far, model.positions, model.triangles)
     eye = tables.transforms.matrix[tables.cameras.transform[view.camera], :, 3]
-    lit, look = Handle(deferred.single(tables, eye)), Handle(_look(tables, view, eye))
-    return Triangles(Handle(model), ranges, Handle(made), placed, Handle(shown), lit, look, {})
+    lit, lamps, look = Handle(deferred.single(tables, eye)), Handle(deferred.lamps(tables)), Handle(_look(tables, view, eye))
+    return Triangles(Handle(model), ranges, Handle(made), placed, Handle(shown), lit, lamps, look, {}, [])
 
 
 def needs_no_rays(plan: Plan) -> bool:
@@ -73,7 +82,7 @@ class Pass(NamedTuple):
     first: int  # sample of the first of them
     pattern: bands.Pattern
     places: Handle  # of the pattern
-    weights: Handle  # of a deferred.Splat
+    weights: Handle  # of an items.Splat
 
 
 @functools.cache
@@ -90,7 +99,7 @@ def passes(samples: int, random: bool, name: str) -> tuple[Pass, ...]:
 
 
 class Bands:
-    """One picture to be drawn, band by band, by any number of threads."""
+    """One picture to be drawn, band by band, by any number of threads. `rgba` is not filled before a band is drawn, or all is finished."""
 
     def __init__(self, prepared: Any, plan: Plan, view: View, exact: NDArray[np.intp]) -> None:
         self.prepared, self.view, self.exact = prepared, view, exact
@@ -105,23 +114,23 @@ class Bands:
         self.boxes = raster_setup.pixel_boxes(tables, view, exact)
         self.rows = ROWS.get(len(self.passes[0].pattern.x), 16)
         self.drawn = Handle(bands.drawn(made.shown, made.meshlets, made.placed, plan["crop"], self.reach, self.rows))
-        self.patterned = True if _patterned(tables) else None
+        self.patterned, self.colored = _patterned(tables)
         how, self.fill = plan["raster.fill"], None
         if how != "edges":
             self.fill = classic.Fill(how, tables, prepared.packed, view, made.model, made.ranges, made.meshlets.tables)
         self.plain = plan["raster.precision"] == "float32"
         self.background = plan["background"]
-        shape = self.crop[3] - self.crop[1], self.crop[2] - self.crop[0]
-        self.rgba = np.zeros((*shape, 4), np.float32)
+        shape = int(self.crop[3] - self.crop[1]), int(self.crop[2] - self.crop[0])
+        self.rgba = _picture(made.pictures, (*shape, 4))
         self.half = len(self.passes) // 2  # passes after which `apart` is told
         self.apart = np.zeros((*shape, 3), np.float32) if self.half else None  # how far the mean of all may be off, by its halves
-        self.jobs: Sequence[int] = range(int(self.crop[1]) // self.rows, -(-int(self.crop[3]) // self.rows))
-
+        self.first = int(self.crop[1]) // self.rows
+        shown = -np.diff(self.drawn.tables.start)  # those that show most come first, so that no thread is left with a long one
+        self.jobs: Sequence[int] = (self.first + np.argsort(shown, kind="stable")).tolist()
+        self._left = set(self.jobs)
         columns, most = x1 - (x0 & ~3) + 2 * self.margin, int(made.placed[:, 1].sum())
-        self.sizes = [
-            _Size(columns, self.rows + 2 * self.margin, len(one.pattern.x), self.plain, self.patterned is not None, most)
-            for one in self.passes
-        ]
+        kinds = self.plain, self.patterned is not None, self.colored is not None
+        self.sizes = [_Size(columns, self.rows + 2 * self.margin, len(one.pattern.x), *kinds, most) for one in self.passes]
         self.turn = object()
 
     @property
@@ -130,7 +139,7 @@ class Bands:
         if self.apart is None or not self.apart.size:
             return None
         light = self.rgba[..., :3].astype(np.float64)
-        least = max((metrics.EPSILON * float(metrics.luminance(light).mean())) ** 2, float(np.finfo(np.float64).tiny))
+        least = max((EPSILON * float(luminance(light).mean())) ** 2, float(np.finfo(np.float64).tiny))
         around = light.copy()
         for axis in (0, 1):
             there = np.pad(around, [(1, 1) if a == axis else (0, 0) for a in range(3)], mode="edge")
@@ -140,9 +149,8 @@ class Bands:
 
     def draw(self, job: int) -> int:
         """Draw a band into `rgba`; how many of its items were not finite and left out."""
-        _, y0, _, y1 = (int(c) for c in self.crop)
-        top, bottom = max(job * self.rows, y0), min((job + 1) * self.rows, y1)
-        window, issues = slice(top - y0, bottom - y0), 0
+        top, bottom = self._between(job)
+        window, issues = slice(top - int(self.crop[1]), bottom - int(self.crop[1])), 0
         for k, one in enumerate(self.passes):
             if self.apart is not None and k == self.half:
                 self.apart[window] = self.rgba[window, :, :3]
@@ -158,30 +166,43 @@ class Bands:
             h = self.passes[self.half].first / sum(len(one.pattern.x) for one in self.passes)
             self.apart[window] = (self.apart[window] - h * self.rgba[window, :, :3]) / np.sqrt(h * (1.0 - h))
         self._behind(top, bottom)
+        self._left.discard(job)
         return issues
+
+    def finish(self) -> None:
+        """Empty the bands that have not been drawn."""
+        for job in self._left:
+            top, bottom = self._between(job)
+            self.rgba[top - int(self.crop[1]) : bottom - int(self.crop[1])] = 0.0
+
+    def _between(self, job: int) -> tuple[int, int]:
+        """Rows of pixels that a band has."""
+        return max(job * self.rows, int(self.crop[1])), min((job + 1) * self.rows, int(self.crop[3]))
 
     def _draw(self, job: int, room: _Room, one: Pass, top: int, bottom: int) -> int:
         """Draw a pass of a band's rows `top` to `bottom`."""
-        x0, _, x1, _ = (int(c) for c in self.crop)
+        x0, y0, x1, _ = (int(c) for c in self.crop)
         band = room.band.tables
         band.place[:2] = (x0 & ~3) - self.margin, job * self.rows - self.margin  # on a grid of blocks that no crop moves
         band.clip[:] = x0 - self.reach, top - self.reach, x1 + self.reach, bottom + self.reach
         band.rows[:] = top, bottom
         made, drawn = self.prepared.triangles, self.drawn
         room.serve(self, one)
+        room.items.tables.counts[3] = 0
         if self.fill is None:
-            setup.draw_band(room.filling, job - self.jobs[0])
+            setup.draw_band(room.filling, job - self.first)
         else:
             self.fill.draw(room.band, one.pattern, drawn.tables)
         p = self.prepared
         here = (self.boxes[:, 1] < band.clip[3]) & (self.boxes[:, 3] > band.clip[1])
         if here.any():
             traced.draw_exact(made.model, self.exact[here], self.boxes[here], p.packed, p.accel, self.view, one.places, room.band)
-        if self.plain and len(drawn.tables.first) == 0:
-            return 0  # an empty picture, maybe of an empty scene
-        if self.plain:
-            deferred.shade_band(room.shading, self.each, self.patterned, self.crop, self.rgba)
-        else:
+        if self.plain and len(drawn.tables.first) > 0:
+            fresh = one.first == 0
+            deferred.shade_band(room.shading, self.each, fresh, self.patterned, self.colored, self.crop, self.rgba)
+        elif one.first == 0:
+            self.rgba[top - y0 : bottom - y0] = 0.0
+        if not self.plain:
             traced.shade_band(
                 made.model, one.places, self.each, one.first, made.meshlets, drawn, p.packed, p.accel, p.gouraud, p.frame, one.weights,
                 room.band, room.items, room.stack, self.crop, self.rgba,
@@ -200,6 +221,17 @@ class Bands:
             window[..., :3] += (1.0 - window[..., 3:]) * np.asarray(self.background, np.float32)
 
 
+def _picture(kept: list[NDArray[np.float32]], shape: tuple[int, int, int]) -> NDArray[np.float32]:
+    """Memory for a picture: that of an earlier one, or new one, which is kept unless it is large."""
+    for made in kept:
+        if made.shape == shape and sys.getrefcount(made.base) <= UNUSED:
+            return made[:]
+    made = aligned_empty(shape, np.float32)
+    if made.nbytes <= KEPT_BYTES:
+        kept[:] = [*kept[-1:], made]
+    return made[:]
+
+
 class _Size(NamedTuple):
     """What a thread's memory depends on."""
 
@@ -208,6 +240,7 @@ class _Size(NamedTuple):
     samples: int
     plain: bool
     patterned: bool
+    colored: bool
     meshlets: int
 
 
@@ -216,10 +249,11 @@ class _Room:
 
     def __init__(self, of: Bands, size: _Size) -> None:
         self.band = Handle(bands.band_for(size.columns, size.rows, size.samples))
-        self.items = Handle(deferred.items_for(size.columns, size.samples))
+        self.items = Handle(items.items_for(size.columns, size.samples))
         most = 2 * self.items.tables.half
-        self.faces = Handle(faces.faces_for(size.meshlets, most, size.patterned)) if size.plain else None
+        self.faces = Handle(faces.faces_for(size.meshlets, most, size.patterned, size.colored)) if size.plain else None
         self.stack = None if size.plain else integrate.stack_for(of.prepared.options, across.WIDTH)
+        self.points = Handle(deferred.points_for(size.patterned, size.colored))
         self._turn: object = None
         self._pass: Pass | None = None
 
@@ -233,23 +267,24 @@ class _Room:
             if self._turn is not of.turn:
                 faces.forget(self.faces.tables)
             self.shading = Handle(deferred.Shading(
-                made.shown, one.places, made.meshlets, of.drawn, made.lit, made.look, one.weights, self.band, self.faces, self.items,
+                made.shown, one.places, made.meshlets, of.drawn, made.lit, made.lamps, made.look, one.weights, self.band, self.faces,
+                self.items, self.points,
             ))  # fmt: skip
         self._turn, self._pass = of.turn, one
 
 
-def _splat(name: str, pattern: bands.Pattern, share: float, samples: int) -> deferred.Splat:
+def _splat(name: str, pattern: bands.Pattern, share: float, samples: int) -> items.Splat:
     """How a pixel's samples count for the pixels around it; all of what counts for a pixel adds up to `share`."""
-    side, count = deferred.SIDE, len(pattern.x)
+    side, count = items.SIDE, len(pattern.x)
     reach = int(np.ceil(sampler.FILTER_RADIUS[name] - 0.5)) if samples > 1 else 0
-    away = np.arange(side, dtype=np.float64) - deferred.REACH
+    away = np.arange(side, dtype=np.float64) - items.REACH
     inner = 0.5 - 1e-6  # a sample on a pixel's border is its own, to filters that end there
     dx: NDArray[np.float64] = np.maximum(pattern.x / fill.ONE - 0.5, -inner)[:, None] - away
     dy: NDArray[np.float64] = np.maximum(pattern.y / fill.ONE - 0.5, -inner)[:, None] - away
     weight = sampler.filter_weight(name, dy)[:, :, None] * sampler.filter_weight(name, dx)[:, None, :]
     if samples == 1:
         weight = np.zeros_like(weight)
-        weight[0, deferred.REACH, deferred.REACH] = 1.0
+        weight[0, items.REACH, items.REACH] = 1.0
     weight = np.round(weight / weight.sum() * share * EXACT) / EXACT
     weight[np.unravel_index(weight.argmax(), weight.shape)] += share - weight.sum()
     table = np.zeros((4, 16, side * side))
@@ -257,12 +292,14 @@ def _splat(name: str, pattern: bands.Pattern, share: float, samples: int) -> def
         for bits in range(16):
             if bits >> (s % 4) & 1:
                 table[s // 4, bits] += weight[s].ravel()
-    return deferred.Splat(table.astype(np.float32), reach, -(-count // 4))
+    return items.Splat(table.astype(np.float32), reach, -(-count // 4), reach == 0 and share == 1.0)
 
 
-def _patterned(tables: ir.Tables) -> bool:
-    """Whether a material has a texture or a mesh colours of its own."""
-    return bool((tables.materials.textures >= 0).any() or (tables.geometries.colors >= 0).any())
+def _patterned(tables: ir.Tables) -> tuple[Any, Any]:
+    """(True where a material has a texture or a mesh colours of its own, True where that takes more than coordinates), else None."""
+    boxed = np.isin(tables.textures.mapping, (BOX, NET)).any()
+    colored = bool((tables.geometries.colors >= 0).any() or boxed)
+    return (True if colored or (tables.materials.textures >= 0).any() else None), (True if colored else None)
 
 
 def _look(tables: ir.Tables, view: View, eye: NDArray[np.float64]) -> faces.Look:

@@ -17,7 +17,7 @@ from .kernels import helper, kernel
 
 ROWS = 64  # of pixels in a band at the most; a power of two
 TILE = 64  # pixels of a tile's side, in which large triangles are filled
-QUEUE = 512  # small triangles that are set up before they are filled
+QUEUE = 256  # places for small triangles that are set up, sixteen at a time, before they are filled
 LARGE = 4096  # large ones
 NOTHING = np.float32(-np.inf)
 BOX = 1 << 28  # pixels: everywhere
@@ -62,10 +62,12 @@ class Band(NamedTuple):
     key: NDArray[np.float32]  # (blocks · samples · 16,)
     ids: NDArray[np.int32]  # -1: nothing
     local: NDArray[np.int32]  # (256 · 4,) a meshlet's vertices: x, y, key's bits, 0
-    whole: NDArray[np.int32]  # (13 · (QUEUE + 32),) of small triangles, see fill_small
+    whole: NDArray[np.int32]  # (13 · (QUEUE + 32),) of small triangles that wait, see fill_small
     real: NDArray[np.float32]  # (6 · (QUEUE + 32),)
+    fours: NDArray[np.float32]  # 0, 4, 8 … pixels
     large: NDArray[np.int32]  # (LARGE + 32,) ids
-    tiny: NDArray[np.int32]  # (3 · 96,)
+    waiting: NDArray[np.int32]  # bits: which of each sixteen places have a small triangle
+    tiny: NDArray[np.int32]  # (48,) sixteen samples of tiny triangles
     hidden: NDArray[np.float32]  # (tiles,) keys below which nothing is seen in a tile
     place: NDArray[np.int64]  # (4,) x0, y0, columns, rows: multiples of 4
     clip: NDArray[np.int64]  # (4,) pixels x0 <= x < x1, y0 <= y < y1 whose samples are wanted
@@ -94,9 +96,9 @@ def band_for(columns: int, rows: int, samples: int) -> Band:
     )  # fmt: skip
     return Band(
         simd.aligned_empty(size, np.float32), simd.aligned_empty(size, np.int32), simd.aligned_empty(1024, np.int32),
-        np.empty(13 * (QUEUE + 32), np.int32), np.empty(6 * (QUEUE + 32), np.float32), np.empty(LARGE + 32, np.int32),
-        np.empty(3 * 96, np.int32), np.empty(tiles, np.float32), np.array([0, 0, columns, rows]), np.zeros(4, np.int64),
-        np.zeros(2, np.int64), room,
+        np.empty(13 * (QUEUE + 32), np.int32), np.empty(6 * (QUEUE + 32), np.float32), np.arange(0, 128, 4, np.float32),
+        np.empty(LARGE + 32, np.int32), np.empty((QUEUE >> 4) + 2, np.int32), np.empty(48, np.int32), np.empty(tiles, np.float32),
+        np.array([0, 0, columns, rows]), np.zeros(4, np.int64), np.zeros(2, np.int64), room,
     )  # fmt: skip
 
 
@@ -130,6 +132,12 @@ def _sobol(columns: tuple[int, ...], k: NDArray[np.int64]) -> NDArray[np.int64]:
     for bit, number in enumerate(columns):
         out ^= np.where(k >> bit & 1, number, 0)
     return out
+
+
+@helper
+def in_block(lane):
+    """Which pixel of its block of 4×4 a lane is: column and line. Blocks go column by column, so that transposing makes rows of pixels."""
+    return lane >> 2, lane & 3
 
 
 # --- which meshlets a band shows ----------------------------------------------------------------------------------------

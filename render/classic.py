@@ -62,7 +62,7 @@ def take(scratch, slots, meshlet, rank, samples, band):
     for k in range(len(seen.key)):
         pixel, s = k // samples, k % samples
         x, y = pixel % columns, pixel // columns
-        place = ((((y >> 2) * (columns >> 2) + (x >> 2)) * samples + s) << 4) + ((y & 3) << 2) + (x & 3)
+        place = ((((y >> 2) * (columns >> 2) + (x >> 2)) * samples + s) << 4) + ((x & 3) << 2) + (y & 3)
         band.key[place] = seen.key[k]
         band.ids[place] = -1
         if seen.instance[k] >= 0:

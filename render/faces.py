@@ -23,11 +23,14 @@ from .records import Lane, Vec
 
 FLAT = int(ir.Shading.FLAT)
 PLAIN = 16  # floats of a record: c and a of normal and key; b of them, where x and y count from, side, instance
-PATTERNED = 40  # with u, v, and the metres they span; the triangle's own normal and the colour's planes
+PICTURED = 24  # with u, v, and the metres they span
+COLORED = 40  # with the triangle's own normal and the colour's planes, too
 WIDE = 64.0  # pixels
 THIN = 1.0 / 32.0  # pixels of height, below which 1/512 pixel beside a face may lead far from what its corners hold
+KNOWN = 256  # single faces that are kept, a power of two
 SHORT = 1.5  # pixels; what is thin and short has what its middle has
 
+_NEAR = 11  # in Faces.planes: the box of pixels of `near`'s record: x0 <= x < x1, y0 <= y < y1
 # Places in Faces.single: slopes of weights, normals, whether these are all on one side, …
 _SLOPES, _NORMALS, _EVEN, _FRONT, _FACE, _DEPTHS, _PLACES, _OWN, _METRIC, _COLORS = 0, 6, 15, 16, 17, 20, 23, 29, 32, 34
 
@@ -43,20 +46,20 @@ class Look(NamedTuple):
 class Faces(NamedTuple):
     """A thread's faces."""
 
-    row: NDArray[np.int32]  # by id, where a face's record is: a face's number, valid if `owner` says so
+    row: NDArray[np.int32]  # by id, where a face's record is, plus count[2]; less than that: nowhere
     owner: NDArray[np.int32]  # id
-    record: NDArray[np.float32]  # (most, PLAIN or PATTERNED)
-    count: NDArray[np.int64]  # (2,) records, and how many of them are made
-    planes: NDArray[np.float64]  # (11,) of the single one that was computed last: id, 0, and its corners' weights
-    single: NDArray[np.float32]  # (48,) what its corners hold
+    record: NDArray[np.float32]  # (most, PLAIN, PICTURED or COLORED)
+    count: NDArray[np.int64]  # (3,) records, how many of them are made, and how many there were before they were forgotten
+    planes: NDArray[np.float64]  # (KNOWN, 16) of the last single ones: id, 0, their corners' weights, and what `near` needs
+    single: NDArray[np.float32]  # (KNOWN, 48) what their corners hold
 
 
 class Seen(NamedTuple):
     """What lanes see of faces of one instance."""
 
     normal: Vec  # in the world, towards the viewer; of any length
-    depth: Lane  # along the axis
-    front: Lane  # bool: from outside
+    key: Lane  # one over the depth along the axis; of an orthographic camera, the depth
+    facing: Lane  # > 0: from outside
     uv: tuple[Lane, Lane]
     metric: tuple[Lane, Lane]
     spread: Any  # how far u, v go a pixel to the right and below
@@ -64,51 +67,67 @@ class Seen(NamedTuple):
     color: Vec
 
 
-def faces_for(drawn: int, most: int, patterned: bool) -> Faces:
-    """Room for `most` faces at a time, of `drawn` meshlets."""
-    record = simd.aligned_empty(most * (PATTERNED if patterned else PLAIN), np.float32).reshape(most, -1)
-    row = np.zeros((drawn + 1) << SHIFT, np.int32)
-    return Faces(row, np.full(most + 16, -1, np.int32), record, np.zeros(2, np.int64), np.full(11, -1.0), np.zeros(48, np.float32))
+def faces_for(drawn: int, most: int, patterned: bool, colored: bool) -> Faces:
+    """Room for `most` faces at a time, of `drawn` meshlets, and behind them for those of `near`."""
+    most += KNOWN
+    record = simd.aligned_empty((most, COLORED if colored else PICTURED if patterned else PLAIN), np.float32)
+    row, owner = np.full((drawn + 1) << SHIFT, -1, np.int32), np.full(most + 16, -1, np.int32)
+    return Faces(row, owner, record, np.zeros(3, np.int64), np.full((KNOWN, 16), -1.0), np.zeros((KNOWN, 48), np.float32))
 
 
-def forget(faces: Faces) -> None:
-    """Have none: ids are going to mean others."""
-    faces.count[:] = 0
-    faces.planes[0] = -1.0
+@helper
+def forget(faces: Any) -> None:
+    """Have none: ids may mean others from now on."""
+    count = faces.count
+    count[2] += count[0]
+    count[0] = count[1] = 0
+    if count[2] > 1 << 30:
+        faces.row[:] = -1
+        count[2] = 0
+    for k in range(KNOWN):
+        faces.planes[k, 0] = -1.0
 
 
 @helper
 def make_room(faces: Any, most: int) -> None:
     """Have room for `most` more faces; older ones go if there is none."""
-    if faces.count[0] + most > len(faces.record):
-        faces.count[0] = faces.count[1] = 0
+    if faces.count[0] + most > len(faces.record) - KNOWN:
+        forget(faces)
 
 
 @helper
 def row_of(faces: Any, number: int) -> int:
     """The face of an id, if need be a new one, to be made by `make_all`."""
-    row = faces.row[number]
-    if row >= faces.count[0] or faces.owner[row] != number:
-        row = faces.count[0]
-        faces.row[number], faces.owner[row] = row, number
-        faces.count[0] += 1
+    row = simd.read(faces.row, number) - faces.count[2]
+    return row if row >= 0 else new_row(faces, number)
+
+
+@helper
+def new_row(faces: Any, number: int) -> int:
+    """A new face for an id."""
+    row = faces.count[0]
+    simd.write(faces.row, number, row + faces.count[2])
+    simd.write(faces.owner, row, number)
+    faces.count[0] = row + 1
     return row
 
 
 @helper
-def rows_of(faces: Any, ids: Lane, seen: Lane) -> Lane:
-    """The faces of ids in some lanes. What lies in a block is often the same few, so one is looked up for all lanes that see it."""
-    rows, rest = ids, seen
-    while simd.any_of(rest):
-        number = simd.lane(ids, simd.trailing_zeros(simd.bits(rest)))
-        here = rest & (ids == number)
-        rows = simd.select(here, row_of(faces, number), rows)
-        rest = rest & ~here
+def rows_of(faces: Any, ids: Any, at: int, seen: Lane) -> Lane:
+    """The faces of ids[at:] in the lanes that are `seen`."""
+    numbers = simd.load_aligned(ids, at, simd.i32x16)
+    rows = simd.gather(faces.row, numbers, seen) - faces.count[2]
+    lacking = seen & (rows < 0)
+    while simd.any_of(lacking):
+        number = simd.read(ids, at + simd.trailing_zeros(simd.bits(lacking)))
+        same = lacking & (numbers == number)
+        rows = simd.select(same, new_row(faces, number), rows)
+        lacking = lacking & ~same
     return rows
 
 
 @apart
-def make_all(shown, meshlets, drawn, tables, faces, patterned):
+def make_all(shown, meshlets, drawn, tables, faces, patterned, colored):
     """Make the faces that have been asked for."""
     for first in range(faces.count[1], faces.count[0], 16):
         count = min(faces.count[0] - first, 16)
@@ -122,13 +141,14 @@ def make_all(shown, meshlets, drawn, tables, faces, patterned):
             one = simd.trailing_zeros(simd.bits(rest))
             i = simd.lane(instances, one)
             here = rest & (instances == i)
-            _make_of(shown, meshlets, tables, faces, patterned, i, simd.select(here, slots, simd.lane(slots, one)), first, here)
+            _make_of(shown, meshlets, tables, faces, patterned, colored, i, simd.select(here, slots, simd.lane(slots, one)), first, here)
             rest = rest & ~here
     faces.count[1] = faces.count[0]
 
 
 @helper
-def _make_of(shown: Any, meshlets: Any, tables: Any, faces: Any, patterned: Any, i: int, slot: Lane, first: int, here: Lane) -> None:
+def _make_of(shown: Any, meshlets: Any, tables: Any, faces: Any, patterned: Any, colored: Any, i: int, slot: Lane, first: int,
+             here: Lane) -> None:  # fmt: skip
     """Write the records of faces of one instance in the lanes `here`."""
     corner = simd.gather_rows(meshlets.corner, slot << 2, 4)
     a = simd.gather_rows(meshlets.record, corner[0] * RECORD, RECORD)
@@ -191,11 +211,13 @@ def _make_of(shown: Any, meshlets: Any, tables: Any, faces: Any, patterned: Any,
     _write(faces.record, at, here, (nx[0], ny[0], nz[0], key[0], nx[1], ny[1], nz[1], key[1]))
     _write(faces.record, at + 8, here, (nx[2], ny[2], nz[2], key[2], px, py, facing, zero + np.float32(i)))
     if patterned is not None:
-        g = tables.instances.geometry[i]
         u1, v1, u2, v2 = b[6] - a[6], b[7] - a[7], c[6] - a[6], c[7] - a[7]
         u, v = _plane(area, eu, ev, a[6], u1, u2), _plane(area, eu, ev, a[7], v1, v2)
         du, dv = surface.spans(e1, e2, u1, v1, u2, v2)
         stretch = surface.mean_scale(lanes.affine(tables.transforms.matrix, transform))
+        _write(faces.record, at + 16, here, (u[0], u[1], u[2], v[0], v[1], v[2], du * stretch, dv * stretch))
+    if colored is not None:
+        g = tables.instances.geometry[i]
         red, green, blue = (zero + area[0], zero + area[1], zero + area[2]), area, area
         if tables.geometries.colors[g] >= 0:
             first_color = _color(tables, g, corner[3], 0.0, 0.0)
@@ -204,9 +226,8 @@ def _make_of(shown: Any, meshlets: Any, tables: Any, faces: Any, patterned: Any,
             red = _plane(area, eu, ev, first_color[0], b_color[0], c_color[0])
             green = _plane(area, eu, ev, first_color[1], b_color[1], c_color[1])
             blue = _plane(area, eu, ev, first_color[2], b_color[2], c_color[2])
-        _write(faces.record, at + 16, here, (u[0], u[1], u[2], v[0], v[1], v[2], du * stretch, dv * stretch))
         _write(faces.record, at + 24, here, (face[0], face[1], face[2], red[0], red[1], red[2], green[0], green[1]))
-        _write(faces.record, at + 32, here, (green[2], blue[0], blue[1], blue[2], area[0], area[1], area[2], zero))
+        _write(faces.record, at + 32, here, (green[2], blue[0], blue[1], blue[2], zero, zero, zero, zero))
 
 
 @helper
@@ -270,33 +291,37 @@ def _high(p: Any) -> Vec:
 
 
 @helper
-def gathered(faces: Any, patterned: Any, row: Lane) -> Any:
+def gathered(faces: Any, patterned: Any, colored: Any, row: Lane) -> Any:
     """The columns of records."""
     at = row * faces.record.shape[1]
     first, second = simd.gather_rows(faces.record, at, 8), simd.gather_rows(faces.record, at + 8, 8)
     if patterned is None:
         return first, second, first, first, first
-    third, fourth = simd.gather_rows(faces.record, at + 16, 8), simd.gather_rows(faces.record, at + 24, 8)
-    return first, second, third, fourth, simd.gather_rows(faces.record, at + 32, 8)
+    third = simd.gather_rows(faces.record, at + 16, 8)
+    if colored is None:
+        return first, second, third, first, first
+    return first, second, third, simd.gather_rows(faces.record, at + 24, 8), simd.gather_rows(faces.record, at + 32, 8)
 
 
 @helper
-def spread(faces: Any, patterned: Any, row: int) -> Any:
+def spread(faces: Any, patterned: Any, colored: Any, row: int) -> Any:
     """The same of one record in all lanes."""
     at = row * faces.record.shape[1]
     first, second = _spread(faces.record, at), _spread(faces.record, at + 8)
     if patterned is None:
         return first, second, first, first, first
+    if colored is None:
+        return first, second, _spread(faces.record, at + 16), first, first
     return first, second, _spread(faces.record, at + 16), _spread(faces.record, at + 24), _spread(faces.record, at + 32)
 
 
 @helper
 def _spread(table: Any, at: int) -> Any:
     """Eight numbers in all lanes."""
-    zero = simd.f32x16(0.0)
     return (
-        zero + simd.read(table, at), zero + simd.read(table, at + 1), zero + simd.read(table, at + 2), zero + simd.read(table, at + 3),
-        zero + simd.read(table, at + 4), zero + simd.read(table, at + 5), zero + simd.read(table, at + 6), zero + simd.read(table, at + 7),
+        simd.f32x16(simd.read(table, at)), simd.f32x16(simd.read(table, at + 1)), simd.f32x16(simd.read(table, at + 2)),
+        simd.f32x16(simd.read(table, at + 3)), simd.f32x16(simd.read(table, at + 4)), simd.f32x16(simd.read(table, at + 5)),
+        simd.f32x16(simd.read(table, at + 6)), simd.f32x16(simd.read(table, at + 7)),
     )  # fmt: skip
 
 
@@ -317,57 +342,47 @@ def is_single(faces: Any, row: int) -> bool:
 
 
 @helper
-def seen(shown: Any, patterned: Any, record: Any, at_x: Lane, at_y: Lane) -> Seen:
-    """What is seen of faces at places in 1/256 pixel; not of single ones."""
+def seen(shown: Any, patterned: Any, colored: Any, record: Any, at_x: Lane, at_y: Lane) -> Seen:
+    """What is seen of faces, not of single ones, at places in pixels: multiples of 1/256, which float32 has in pictures of up to 65,536."""
     first, second, t, r, q = record
-    x = simd.to_f32(at_x - (simd.to_i32(second[4]) << 8)) * np.float32(1.0 / 256.0)
-    y = simd.to_f32(at_y - (simd.to_i32(second[5]) << 8)) * np.float32(1.0 / 256.0)
+    x, y = at_x - second[4], at_y - second[5]
     normal = (
         simd.fma(x, first[4], simd.fma(y, second[0], first[0])), simd.fma(x, first[5], simd.fma(y, second[1], first[1])),
         simd.fma(x, first[6], simd.fma(y, second[2], first[2])),
     )  # fmt: skip
     key = simd.fma(x, first[7], simd.fma(y, second[3], first[3]))
-    depth = simd.reciprocal(key) if shown.perspective else key
     zero = simd.f32x16(0.0)
     uv, metric, spread, outward, color = (zero, zero), (zero, zero), (zero, zero, zero, zero), normal, normal
+    share, right, below = zero + 1.0, zero, zero  # one over what planes are divided by, and how that grows
+    if shown.perspective:
+        share, right, below = simd.reciprocal(key), first[7], second[3]
     if patterned is not None:
-        share = simd.reciprocal(simd.fma(x, q[5], simd.fma(y, q[6], q[4])))
         uv = (simd.fma(x, t[1], simd.fma(y, t[2], t[0])) * share, simd.fma(x, t[4], simd.fma(y, t[5], t[3])) * share)
-        metric, outward = (t[6], t[7]), (r[0], r[1], r[2])
+        metric = (t[6], t[7])
         spread = (
-            (t[1] - uv[0] * q[5]) * share, (t[4] - uv[1] * q[5]) * share, (t[2] - uv[0] * q[6]) * share, (t[5] - uv[1] * q[6]) * share
+            (t[1] - uv[0] * right) * share, (t[4] - uv[1] * right) * share, (t[2] - uv[0] * below) * share, (t[5] - uv[1] * below) * share
         )  # fmt: skip
+    if colored is not None:
+        outward = (r[0], r[1], r[2])
         color = (
             simd.fma(x, r[4], simd.fma(y, r[5], r[3])) * share, simd.fma(x, r[7], simd.fma(y, q[0], r[6])) * share,
             simd.fma(x, q[2], simd.fma(y, q[3], q[1])) * share,
         )  # fmt: skip
-    return Seen(normal, depth, second[6] > 0.0, uv, metric, spread, outward, color)
+    return Seen(normal, key, second[6], uv, metric, spread, outward, color)
 
 
-@helper
-def seen_single(shown: Any, meshlets: Any, drawn: Any, tables: Any, faces: Any, patterned: Any, i: int, row: int,
-                at_x: Lane, at_y: Lane) -> Seen:  # fmt: skip
+@apart
+def seen_single(shown, meshlets, drawn, tables, faces, patterned, colored, i, row, at_x, at_y):
     """The same of one face by itself."""
-    p, s, number = faces.planes, faces.single, faces.owner[row]
-    if p[0] != number:
-        p[0] = number
-        slot = drawn.first[number >> SHIFT] + (number & ((1 << SHIFT) - 1))
-        _single(shown, meshlets, tables, faces, patterned, i, slot)
-    bx, by = at_x & ~1023, at_y & ~1023  # blocks of pixels: from there on in float32
-    x, y = simd.to_f32(at_x - bx) * np.float32(1.0 / 256.0), simd.to_f32(at_y - by) * np.float32(1.0 / 256.0)
+    p, s = _known(shown, meshlets, drawn, tables, faces, patterned, colored, i, row)
+    bx, by = simd.floor(at_x * 0.25) * 4.0, simd.floor(at_y * 0.25) * 4.0  # blocks of pixels: from there on in float32
+    x, y = at_x - bx, at_y - by
     zero = simd.f32x16(0.0)
-    eu, ev, ew = zero, zero, zero
-    if simd.all_of((bx == simd.lane(bx, 0)) & (by == simd.lane(by, 0))):
-        fx, fy = simd.lane(bx, 0) * (1.0 / 256.0), simd.lane(by, 0) * (1.0 / 256.0)
-        eu = eu + np.float32(_over(p, 2, fx, fy))
-        ev = ev + np.float32(_over(p, 5, fx, fy))
-        ew = ew + np.float32(_over(p, 8, fx, fy))
-    else:
-        low_x, high_x = simd.to_f64(simd.low_half(bx)) * (1.0 / 256.0), simd.to_f64(simd.high_half(bx)) * (1.0 / 256.0)
-        low_y, high_y = simd.to_f64(simd.low_half(by)) * (1.0 / 256.0), simd.to_f64(simd.high_half(by)) * (1.0 / 256.0)
-        eu = simd.joined(simd.to_f32(_over(p, 2, low_x, low_y)), simd.to_f32(_over(p, 2, high_x, high_y)))
-        ev = simd.joined(simd.to_f32(_over(p, 5, low_x, low_y)), simd.to_f32(_over(p, 5, high_x, high_y)))
-        ew = simd.joined(simd.to_f32(_over(p, 8, low_x, low_y)), simd.to_f32(_over(p, 8, high_x, high_y)))
+    low_x, high_x = simd.to_f64(simd.low_half(bx)), simd.to_f64(simd.high_half(bx))
+    low_y, high_y = simd.to_f64(simd.low_half(by)), simd.to_f64(simd.high_half(by))
+    eu = simd.joined(simd.to_f32(_over(p, 2, low_x, low_y)), simd.to_f32(_over(p, 2, high_x, high_y)))
+    ev = simd.joined(simd.to_f32(_over(p, 5, low_x, low_y)), simd.to_f32(_over(p, 5, high_x, high_y)))
+    ew = simd.joined(simd.to_f32(_over(p, 8, low_x, low_y)), simd.to_f32(_over(p, 8, high_x, high_y)))
     eu = simd.maximum(simd.fma(x, s[_SLOPES], simd.fma(y, s[_SLOPES + 1], eu)), 0.0)
     ev = simd.maximum(simd.fma(x, s[_SLOPES + 2], simd.fma(y, s[_SLOPES + 3], ev)), 0.0)
     ew = simd.maximum(simd.fma(x, s[_SLOPES + 4], simd.fma(y, s[_SLOPES + 5], ew)), 0.0)
@@ -391,9 +406,105 @@ def seen_single(shown: Any, meshlets: Any, drawn: Any, tables: Any, faces: Any, 
         metric = (zero + s[_METRIC], zero + s[_METRIC + 1])
         right, below = _slope(s, uv, 0), _slope(s, uv, 1)
         spread = (right[0] * scale, right[1] * scale, below[0] * scale, below[1] * scale)
+    if colored is not None:
         outward = (zero + s[_OWN], zero + s[_OWN + 1], zero + s[_OWN + 2])
         color = _blend(s, _COLORS, u, v, w)
-    return Seen(normal, depth, zero < s[_FRONT], uv, metric, spread, outward, color)
+    key = simd.reciprocal(depth) if shown.perspective else depth
+    return Seen(normal, key, zero + s[_FRONT], uv, metric, spread, outward, color)
+
+
+@helper
+def _known(shown: Any, meshlets: Any, drawn: Any, tables: Any, faces: Any, patterned: Any, colored: Any, i: int,
+           row: int) -> Any:  # fmt: skip
+    """A single face's planes, and what its corners hold."""
+    number, k = faces.owner[row], row & (KNOWN - 1)
+    p, s = faces.planes[k], faces.single[k]
+    if p[0] != number:
+        p[0], p[_NEAR], p[_NEAR + 1] = number, 0.0, 0.0
+        slot = drawn.first[number >> SHIFT] + (number & ((1 << SHIFT) - 1))
+        _single(shown, meshlets, tables, p, s, patterned, colored, i, slot)
+    return p, s
+
+
+@helper
+def near(shown: Any, meshlets: Any, drawn: Any, tables: Any, faces: Any, patterned: Any, colored: Any, i: int, row: int,
+         x: int, y: int) -> int:  # fmt: skip
+    """A row with the record, as of faces that are not single, of what a single face is where it fills the block from (x, y) on.
+
+    It holds for blocks around that one, too, in a box of up to WIDE pixels in which weights do not grow too much, and is made anew for
+    others. -1 where normals go to different sides of the face.
+    """
+    k = row & (KNOWN - 1)
+    p, at, last = faces.planes, 16 * k, len(faces.record) - KNOWN + k
+    if (simd.read(p, at) == simd.read(faces.owner, row) and simd.read(p, at + _NEAR) <= x and x < simd.read(p, at + _NEAR + 1)
+            and simd.read(p, at + _NEAR + 2) <= y and y < simd.read(p, at + _NEAR + 3)):  # fmt: skip
+        return last
+    return _make_near(shown, meshlets, drawn, tables, faces, patterned, colored, i, row, x, y, last)
+
+
+@apart
+def _make_near(shown, meshlets, drawn, tables, faces, patterned, colored, i, row, x, y, last):
+    """Write that record to row `last`, and return that, or -1."""
+    p, s = _known(shown, meshlets, drawn, tables, faces, patterned, colored, i, row)
+    if s[_EVEN] == 0.0:
+        return -1
+    left, top = x & ~(int(WIDE) - 1), y & ~(int(WIDE) - 1)
+    right, bottom = left + int(WIDE), top + int(WIDE)
+    if not _level(p, left, top, right, bottom):
+        top, bottom = y, y + 4
+        if not _level(p, left, top, right, bottom):
+            left, right = x, x + 4
+    p[_NEAR], p[_NEAR + 1], p[_NEAR + 2], p[_NEAR + 3] = left, right, top, bottom
+    y = top
+    weight = _sum(p, left, y)
+    if shown.perspective:  # weights times depths are the same everywhere
+        weight = _over(p, 8, left, y) * s[_DEPTHS] + _over(p, 2, left, y) * s[_DEPTHS + 1] + _over(p, 5, left, y) * s[_DEPTHS + 2]
+    scale, record = 1.0 / weight, faces.record
+    for k in range(3):
+        _near_plane(p, s, _NORMALS + k, 3, scale, left, y, record, last, k, k + 4, k + 8)
+    if shown.perspective:
+        _near_sum(p, scale, left, y, record, last, 3, 7, 11)
+    else:
+        _near_plane(p, s, _DEPTHS, 1, scale, left, y, record, last, 3, 7, 11)
+    record[last, 12], record[last, 13], record[last, 14], record[last, 15] = left, y, s[_FRONT], i
+    if patterned is not None:
+        for k in range(2):
+            _near_plane(p, s, _PLACES + k, 2, scale, left, y, record, last, 16 + 3 * k, 17 + 3 * k, 18 + 3 * k)
+            record[last, 22 + k] = s[_METRIC + k]
+    if colored is not None:
+        for k in range(3):
+            record[last, 24 + k] = s[_OWN + k]
+            _near_plane(p, s, _COLORS + k, 3, scale, left, y, record, last, 27 + 3 * k, 28 + 3 * k, 29 + 3 * k)
+    return last
+
+
+@helper
+def _level(p: Any, x0: float, y0: float, x1: float, y1: float) -> bool:
+    """Whether the sum of weights is much the same in a box."""
+    a, b, c, d = _sum(p, x0, y0), _sum(p, x1, y0), _sum(p, x0, y1), _sum(p, x1, y1)
+    return min(min(a, b), min(c, d)) > 0.25 * max(max(a, b), max(c, d))
+
+
+@helper
+def _sum(p: Any, x: float, y: float) -> float:
+    """Of a single face's weights at a place."""
+    return _over(p, 2, x, y) + _over(p, 5, x, y) + _over(p, 8, x, y)
+
+
+@helper
+def _near_plane(p: Any, s: Any, at: int, step: int, scale: float, x: float, y: float, record: Any, row: int,
+                c: int, a: int, b: int) -> None:  # fmt: skip
+    """Write the plane about (x, y) of what corners hold at s[at], s[at + step] and s[at + 2 · step], times their weights."""
+    first, second, third = s[at] * scale, s[at + step] * scale, s[at + 2 * step] * scale
+    record[row, c] = _over(p, 8, x, y) * first + _over(p, 2, x, y) * second + _over(p, 5, x, y) * third
+    record[row, a] = p[9] * first + p[3] * second + p[6] * third
+    record[row, b] = p[10] * first + p[4] * second + p[7] * third
+
+
+@helper
+def _near_sum(p: Any, scale: float, x: float, y: float, record: Any, row: int, c: int, a: int, b: int) -> None:
+    """Write the plane of the weights' sum."""
+    record[row, c], record[row, a], record[row, b] = _sum(p, x, y) * scale, (p[3] + p[6] + p[9]) * scale, (p[4] + p[7] + p[10]) * scale
 
 
 @helper
@@ -422,13 +533,12 @@ def _blend(s: Any, at: int, u: Lane, v: Lane, w: Lane) -> Vec:
 
 
 @apart
-def _single(shown, meshlets, tables, faces, patterned, i, slot):
+def _single(shown, meshlets, tables, planes, s, patterned, colored, i, slot):
     """Fill in a face: planes of the areas that belong to its second, third and first corner, and what corners hold.
 
     The cross of two corners' rows (X - x W, Y - y W) is X₁Y₂ - X₂Y₁ + x (W₂Y₁ - W₁Y₂) + y (X₂W₁ - X₁W₂). Scaled,
     so that float32 can hold them, and positive inside.
     """
-    planes, s = faces.planes, faces.single
     one, two, three = _row(shown, meshlets, i, slot, 0), _row(shown, meshlets, i, slot, 1), _row(shown, meshlets, i, slot, 2)
     first, second, third = _cross(two, three), _cross(three, one), _cross(one, two)
     det = one[0] * first[1] + one[1] * first[2] + one[2] * first[0]
@@ -468,6 +578,7 @@ def _single(shown, meshlets, tables, faces, patterned, i, slot):
         u2, v2 = s[_PLACES + 4] - s[_PLACES], s[_PLACES + 5] - s[_PLACES + 1]
         du, dv = surface.spans(e1, e2, u1, v1, u2, v2)
         s[_METRIC], s[_METRIC + 1] = du * stretch, dv * stretch
+    if colored is not None:
         for corner in range(3):
             color = (1.0, 1.0, 1.0)
             if tables.geometries.colors[g] >= 0:

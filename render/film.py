@@ -89,6 +89,10 @@ class Whole(Protocol):
         """Draw one piece into `rgba`; how many samples were left out because they were not finite."""
         ...
 
+    def finish(self) -> None:
+        """No more pieces will be drawn: `rgba` is 0 where none was."""
+        ...
+
 
 def run(
     renderer: Renderer, plan: Plan, view: View, progress: Progress | None = None, cancel: threading.Event | None = None,
@@ -152,6 +156,7 @@ def _in_pieces(
             if cancel.is_set():
                 break
             told(job, draw(job))
+    whole.finish()
     samples = int(plan["samples"])
     if "samples" in channels:
         channels["samples"][...] = samples
@@ -183,19 +188,21 @@ def on_threads(draw: Callable[[Any], Any], jobs: Iterable[Any], threads: int) ->
 def _on_threads(
     draw: Callable[[Any], Any], jobs: Iterable[Any], threads: int, cancel: threading.Event, told: Callable[[Any, Any], None]
 ) -> None:  # fmt: skip
-    """Do jobs on several threads; told(job, result) follows each, here. The first exception ends it, here."""
+    """Do jobs on several threads, of which this is one; told(job, result) follows each, here. The first exception ends it, here."""
     take, lock = iter(jobs), threading.Lock()
     stop = threading.Event()
     results: queue.SimpleQueue[tuple[Any, Any, BaseException | None]] = queue.SimpleQueue()
     nothing = object()
 
+    def following() -> Any:
+        if stop.is_set() or cancel.is_set():
+            return nothing
+        with lock:
+            return next(take, nothing)
+
     def loop() -> None:
         try:
-            while not (stop.is_set() or cancel.is_set()):
-                with lock:
-                    job = next(take, nothing)
-                if job is nothing:
-                    break
+            while (job := following()) is not nothing:
                 results.put((job, draw(job), None))
         except BaseException as problem:  # whatever it is, it is raised in the caller's thread
             stop.set()
@@ -203,19 +210,25 @@ def _on_threads(
         else:
             results.put((nothing, None, None))
 
-    workers = [threading.Thread(target=loop, name=f"tiles {k}", daemon=True) for k in range(threads)]
+    workers = [threading.Thread(target=loop, name=f"tiles {k}", daemon=True) for k in range(1, threads)]
     failure: BaseException | None = None
     try:
         for worker in workers:
             worker.start()
         running = len(workers)
-        while running:
-            job, result, problem = results.get()
-            if job is nothing:
-                running -= 1
-                failure = failure or problem
-            else:
-                told(job, result)
+        while True:
+            mine = following()
+            if mine is not nothing:
+                told(mine, draw(mine))
+            elif not running:
+                break
+            while running and (mine is nothing or not results.empty()):
+                job, result, problem = results.get()
+                if job is nothing:
+                    running -= 1
+                    failure = failure or problem
+                else:
+                    told(job, result)
     finally:
         stop.set()
         for worker in workers:

@@ -297,13 +297,18 @@ def _fading(x, y):
 
 @helper
 def _whole_power(x: Lane, n: int) -> Lane:
-    """By squaring."""
-    found = 0.0 * x + 1.0
-    while n > 0:
-        if n & 1:
-            found = found * x
+    """By squaring: x, x², x⁴ … are multiplied where n has a bit."""
+    if n <= 0:
+        return 0.0 * x + 1.0
+    while n & 1 == 0:
         x = x * x
         n >>= 1
+    found = x
+    while n > 1:
+        x = x * x
+        n >>= 1
+        if n & 1:
+            found = found * x
     return found
 
 

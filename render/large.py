@@ -10,7 +10,7 @@ import numpy as np
 
 from . import fill as rules
 from . import simd, visibility
-from .bands import TILE
+from .bands import TILE, in_block
 from .kernels import apart, helper
 from .meshlets import SHIFT
 from .raster_setup import to_clip
@@ -124,10 +124,10 @@ def fill_tile(band, samples, s, number, zero, x, y, e0, e1, e2, dx0, dy0, dx1, d
     columns = band.place[2] >> 2
     wide, tall = min(BLOCKS, columns - (x >> 2)), min(BLOCKS, (band.place[3] - y) >> 2)
     lane = simd.iota(zero)
-    column, line = lane & 3, lane >> 2
+    column, line = in_block(lane)
     inner0, inner1, inner2 = line * dx0 - column * dy0, line * dx1 - column * dy1, line * dx2 - column * dy2
-    in_key = simd.iota(simd.i32x16(0))
-    slope = simd.fma(simd.to_f32(in_key & 3), simd.f32x16(a), simd.to_f32(in_key >> 2) * simd.f32x16(b))
+    right, down = in_block(simd.iota(simd.i32x16(0)))
+    slope = simd.fma(simd.to_f32(right), simd.f32x16(a), simd.to_f32(down) * simd.f32x16(b))
     every = (1 << wide) - 1
     ids, floor, ceiling = simd.i32x16(number), simd.f32x16(low), simd.f32x16(high)
     for row in range(tall):

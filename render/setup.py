@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from . import large, simd
-from .bands import LARGE, NOTHING, QUEUE
+from .bands import LARGE, NOTHING, QUEUE, in_block
 from .kernels import apart, helper, kernel
 from .meshlets import SHIFT
 
@@ -45,7 +45,8 @@ def draw_band(filling, number):
                 band.large[big] = row << SHIFT | k
                 big += 1
         else:
-            transform(shown, meshlets, i, m, band)
+            if not transform(shown, pattern, meshlets, i, m, band):
+                continue
             first = meshlets.first_triangle[m]
             for k in range(0, count, 16):
                 waiting, big = set_up(shown, pattern, meshlets, first + k, count - k, row << SHIFT | k, band, waiting, big)
@@ -60,18 +61,26 @@ def draw_band(filling, number):
 
 
 @helper
-def transform(shown: Any, meshlets: Any, i: int, m: int, band: Any) -> None:
-    """The vertices of a meshlet as (x, y, key, 0) in band.local, at the places that meshlets.place_of says."""
+def transform(shown: Any, pattern: Any, meshlets: Any, i: int, m: int, band: Any) -> bool:
+    """The vertices of a meshlet as (x, y, key, 0) in band.local, at the places that meshlets.place_of says.
+
+    Whether the band may show any of it: what stands behind the last vertex counts as well.
+    """
     first = meshlets.first_vertex[m]
     zero = simd.i32x16(0)
+    north, south, west = simd.i32x16(OUTSIDE), simd.i32x16(-OUTSIDE), zero
     for k in range(0, meshlets.vertices[m], 16):
         ax, ay, ak = snapped(shown, meshlets, i, first + k)
         bx, by, bk = snapped(shown, meshlets, i, first + k + 8)
-        rows = simd.transpose((simd.joined(ax, bx), simd.joined(ay, by), simd.float_bits(simd.joined(ak, bk)), zero))
+        x, y = simd.joined(ax, bx), simd.joined(ay, by)
+        north, south, west = simd.minimum(north, y), simd.maximum(south, y), simd.minimum(west, x)
+        rows = simd.transpose((x, y, simd.float_bits(simd.joined(ak, bk)), zero))
         simd.store_aligned(band.local, 4 * k, rows[0])
         simd.store_aligned(band.local, 4 * k + 16, rows[1])
         simd.store_aligned(band.local, 4 * k + 32, rows[2])
         simd.store_aligned(band.local, 4 * k + 48, rows[3])
+    above, below = simd.min_of(north) - pattern.high_y, simd.max_of(south) - pattern.low_y
+    return simd.any_of(west == CUT) or (above < band.clip[3] << 8 and below >= band.clip[1] << 8)
 
 
 @helper
@@ -142,31 +151,35 @@ def set_up(shown: Any, pattern: Any, meshlets: Any, at: int, count: int, number:
                       e0 + h0, e1 + h1, e2 + h2, h1, h2, dx0, dy0, dx1, dy1, dx2, dy2)  # fmt: skip
     rest = seen & ~tiny
     if simd.any_of(rest):
-        px, py = (left >> 2) << 10, (above >> 2) << 10  # where keys are counted from must not depend on the band, nor on the crop
-        e0 = dx0 * (py - y1) - dy0 * (px - x1) + h0
-        e1 = dx1 * (py - y2) - dy1 * (px - x2) + h1
-        e2 = dx2 * (py - y0) - dy2 * (px - x0) + h2
-        whole, real = band.whole, band.real
-        simd.compress_store(real, waiting, k0 + (simd.to_f32(e1 - h1) * k1 + simd.to_f32(e2 - h2) * k2), rest)
-        simd.compress_store(real, waiting + STRIDE, (simd.to_f32(dy1) * k1 + simd.to_f32(dy2) * k2) * -256.0, rest)
-        simd.compress_store(real, waiting + 2 * STRIDE, (simd.to_f32(dx1) * k1 + simd.to_f32(dx2) * k2) * 256.0, rest)
-        simd.compress_store(real, waiting + 3 * STRIDE, low, rest)
-        simd.compress_store(real, waiting + 4 * STRIDE, high, rest)
-        simd.compress_store(whole, waiting, e0, rest)
-        simd.compress_store(whole, waiting + STRIDE, e1, rest)
-        simd.compress_store(whole, waiting + 2 * STRIDE, e2, rest)
-        simd.compress_store(whole, waiting + 3 * STRIDE, dx0, rest)
-        simd.compress_store(whole, waiting + 4 * STRIDE, dy0, rest)
-        simd.compress_store(whole, waiting + 5 * STRIDE, dx1, rest)
-        simd.compress_store(whole, waiting + 6 * STRIDE, dy1, rest)
-        simd.compress_store(whole, waiting + 7 * STRIDE, dx2, rest)
-        simd.compress_store(whole, waiting + 8 * STRIDE, dy2, rest)
-        simd.compress_store(whole, waiting + 9 * STRIDE, (left - band.place[0]) >> 2, rest)
-        simd.compress_store(whole, waiting + 10 * STRIDE, (above - band.place[1]) >> 2, rest)
-        across, down = (right >> 2) - (left >> 2), (below >> 2) - (above >> 2)
-        simd.compress_store(whole, waiting + 12 * STRIDE, across | (down << 16), rest)
-        waiting += simd.compress_store(whole, waiting + 11 * STRIDE, ids, rest)
+        px, py = left >> 2, above >> 2  # where keys are counted from must not depend on the band, nor on the crop
+        bx, by = px - (band.place[0] >> 2), py - (band.place[1] >> 2)
+        right, below = simd.minimum((right >> 2) - px + bx, (band.place[2] >> 2) - 1), (below >> 2) - py + by
+        below = simd.minimum(below, (band.place[3] >> 2) - 1)
+        cx, cy = simd.maximum(-bx, 0), simd.maximum(-by, 0)  # blocks on the left and above that are not in the band
+        x, y = px << 10, py << 10
+        e1, e2 = dx1 * (y - y2) - dy1 * (x - x2), dx2 * (y - y0) - dy2 * (x - x0)
+        key = k0 + (simd.to_f32(e1) * k1 + simd.to_f32(e2) * k2)
+        x, y = x + (cx << 10), y + (cy << 10)
+        e0 = dx0 * (y - y1) - dy0 * (x - x1) + h0
+        e1 = dx1 * (y - y2) - dy1 * (x - x2) + h1
+        e2 = dx2 * (y - y0) - dy2 * (x - x0) + h2
+        bx, by = bx + cx, by + cy
+        simd.write(band.waiting, waiting >> 4, simd.bits(rest))
+        step_x, step_y = simd.to_f32(dy1) * k1 + simd.to_f32(dy2) * k2, simd.to_f32(dx1) * k1 + simd.to_f32(dx2) * k2
+        _queue(band.real, waiting, (key, step_x * -256.0, step_y * 256.0, low, high))
+        _queue(band.whole, waiting, (e0, e1, e2, dx0, dy0, dx1, dy1, dx2, dy2))
+        _queue(band.whole, waiting + 9 * STRIDE, (
+            by * (band.place[2] >> 2) + bx, cx | (cy << 16), ids, (right - bx) | ((below - by) << 16)
+        ))  # fmt: skip
+        waiting += 16
     return waiting, big
+
+
+@helper
+def _queue(array: Any, at: int, columns: Any) -> None:
+    """Write vectors to columns of the queue from place `at` on."""
+    for k in range(len(columns)):
+        simd.store(array, at + k * STRIDE, columns[k])
 
 
 @helper
@@ -179,7 +192,6 @@ def not_owned(dx: Any, dy: Any) -> Any:
 def fill_tiny(band: Any, samples: int, s: int, tiny: Any, ids: Any, left: Any, above: Any, k0: Any, k1: Any, k2: Any,
               e0: Any, e1: Any, e2: Any, h1: Any, h2: Any, dx0: Any, dy0: Any, dx1: Any, dy1: Any, dx2: Any, dy2: Any) -> None:  # fmt: skip
     """Sample s of the two by two pixels from (left, above) on, of sixteen triangles with edge functions e0, e1, e2 there."""
-    count = 0
     x, y = left - band.place[0], above - band.place[1]
     sx0, sx1, sx2, sy0, sy1, sy2 = dy0 << 8, dy1 << 8, dy2 << 8, dx0 << 8, dx1 << 8, dx2 << 8
     for k in range(4):
@@ -193,12 +205,20 @@ def fill_tiny(band: Any, samples: int, s: int, tiny: Any, ids: Any, left: Any, a
         if simd.any_of(on):
             key = k0 + (simd.to_f32(f1 - h1) * k1 + simd.to_f32(f2 - h2) * k2)
             block = ((py >> 2) * (band.place[2] >> 2) + (px >> 2)) * samples + s
-            simd.compress_store(band.tiny, count, simd.float_bits(key), on)
-            simd.compress_store(band.tiny, count + 96, (block << 4) + ((py & 3) << 2) + (px & 3), on)
-            count += simd.compress_store(band.tiny, count + 192, ids, on)
-    for k in range(count):
+            simd.store(band.tiny, 0, simd.float_bits(key))
+            simd.store(band.tiny, 16, (block << 4) + ((px & 3) << 2) + (py & 3))
+            simd.store(band.tiny, 32, ids)
+            keep_tiny(band, simd.bits(on))
+
+
+@helper
+def keep_tiny(band: Any, left: int) -> None:
+    """Keep those of sixteen samples in band.tiny, of the lanes `left`, that are nearest."""
+    while left:
+        k = simd.trailing_zeros(left)
+        left &= left - 1
         key = simd.bits_float(simd.read(band.tiny, k))
-        place, number = simd.read(band.tiny, k + 96), simd.read(band.tiny, k + 192)
+        place, number = simd.read(band.tiny, k + 16), simd.read(band.tiny, k + 32)
         old = simd.read(band.key, place)
         if key > old or (key == old and number < simd.read(band.ids, place)):
             simd.write(band.key, place, key)
@@ -207,40 +227,53 @@ def fill_tiny(band: Any, samples: int, s: int, tiny: Any, ids: Any, left: Any, a
 
 @apart
 def fill_small(pattern, band, count):
-    """Fill the small triangles that wait, block by block."""
+    """Fill the small triangles that wait."""
+    for start in range(0, count, 16):
+        left = simd.read(band.waiting, start >> 4)
+        while left:
+            fill_blocks(pattern, band, start + simd.trailing_zeros(left))
+            left &= left - 1
+
+
+@helper
+def fill_blocks(pattern: Any, band: Any, n: int) -> None:
+    """Fill small triangle n of the queue, block by block."""
     samples = len(pattern.x)
     whole, real = band.whole, band.real
-    lane = simd.iota(simd.i32x16(0))
-    column, line = lane & 3, lane >> 2
+    column, line = in_block(simd.iota(simd.i32x16(0)))
     across, down = simd.to_f32(column), simd.to_f32(line)
-    columns, lines = band.place[2] >> 2, band.place[3] >> 2
-    for n in range(count):
-        dx0, dy0 = simd.read(whole, n + 3 * STRIDE), simd.read(whole, n + 4 * STRIDE)
-        dx1, dy1 = simd.read(whole, n + 5 * STRIDE), simd.read(whole, n + 6 * STRIDE)
-        dx2, dy2 = simd.read(whole, n + 7 * STRIDE), simd.read(whole, n + 8 * STRIDE)
-        bx, by, size = simd.read(whole, n + 9 * STRIDE), simd.read(whole, n + 10 * STRIDE), simd.read(whole, n + 12 * STRIDE)
-        left, right = max(-bx, 0), min((size & 0xFFFF) + 1, columns - bx)
-        above, below = max(-by, 0), min((size >> 16) + 1, lines - by)
-        number = simd.i32x16(simd.read(whole, n + 11 * STRIDE))
-        step_x, step_y = simd.f32x16(simd.read(real, n + STRIDE)), simd.f32x16(simd.read(real, n + 2 * STRIDE))
-        low, high = simd.f32x16(simd.read(real, n + 3 * STRIDE)), simd.f32x16(simd.read(real, n + 4 * STRIDE))
-        inner0, inner1, inner2 = line * dx0 - column * dy0, line * dx1 - column * dy1, line * dx2 - column * dy2
-        plane = simd.fma(across, step_x, simd.fma(down, step_y, simd.f32x16(simd.read(real, n))))
-        for s in range(samples):
-            sx, sy = pattern.x[s], pattern.y[s]
-            shift0 = ((simd.read(whole, n) + sy * dx0 - sx * dy0) >> 8) - 4 * left * dy0
-            shift1 = ((simd.read(whole, n + STRIDE) + sy * dx1 - sx * dy1) >> 8) - 4 * left * dy1
-            shift2 = ((simd.read(whole, n + 2 * STRIDE) + sy * dx2 - sx * dy2) >> 8) - 4 * left * dy2
-            in_row = plane + step_x * np.float32(sx / 256.0)
-            for row in range(above, below):
-                e0, e1, e2 = inner0 + (shift0 + 4 * row * dx0), inner1 + (shift1 + 4 * row * dx1), inner2 + (shift2 + 4 * row * dx2)
-                key_row = simd.fma(step_y, simd.f32x16(sy / 256.0 + 4.0 * row), in_row)
-                place = (((by + row) * columns + bx + left) * samples + s) * 16
-                for block in range(left, right):
-                    key = simd.fma(step_x, simd.f32x16(4.0 * block), key_row)
-                    put(band, place, (e0 | e1 | e2) >= 0, simd.maximum(simd.minimum(key, high), low), number)
-                    e0, e1, e2 = e0 - 4 * dy0, e1 - 4 * dy1, e2 - 4 * dy2
-                    place += samples * 16
+    columns = band.place[2] >> 2
+    dx0, dy0 = simd.read(whole, n + 3 * STRIDE), simd.read(whole, n + 4 * STRIDE)
+    dx1, dy1 = simd.read(whole, n + 5 * STRIDE), simd.read(whole, n + 6 * STRIDE)
+    dx2, dy2 = simd.read(whole, n + 7 * STRIDE), simd.read(whole, n + 8 * STRIDE)
+    block, start, size = simd.read(whole, n + 9 * STRIDE), simd.read(whole, n + 10 * STRIDE), simd.read(whole, n + 12 * STRIDE)
+    number = simd.i32x16(simd.read(whole, n + 11 * STRIDE))
+    step_x, step_y = simd.f32x16(simd.read(real, n + STRIDE)), simd.f32x16(simd.read(real, n + 2 * STRIDE))
+    low, high = simd.f32x16(simd.read(real, n + 3 * STRIDE)), simd.f32x16(simd.read(real, n + 4 * STRIDE))
+    right0, right1, right2 = simd.i32x16(dy0), simd.i32x16(dy1), simd.i32x16(dy2)
+    below0, below1, below2 = simd.i32x16(dx0), simd.i32x16(dx1), simd.i32x16(dx2)
+    inner0, inner1, inner2 = line * below0 - column * right0, line * below1 - column * right1, line * below2 - column * right2
+    right0, right1, right2 = right0 << 2, right1 << 2, right2 << 2
+    below0, below1, below2 = below0 << 2, below1 << 2, below2 << 2
+    plane = simd.fma(across, step_x, simd.fma(down, step_y, simd.f32x16(simd.read(real, n))))
+    column_0, row_0 = start & 0xFFFF, start >> 16
+    for s in range(samples):
+        sx, sy = pattern.x[s], pattern.y[s]
+        row0 = inner0 + ((simd.read(whole, n) + sy * dx0 - sx * dy0) >> 8)
+        row1 = inner1 + ((simd.read(whole, n + STRIDE) + sy * dx1 - sx * dy1) >> 8)
+        row2 = inner2 + ((simd.read(whole, n + 2 * STRIDE) + sy * dx2 - sx * dy2) >> 8)
+        in_row = simd.fma(step_y, simd.f32x16(np.float32(sy / 256.0)), simd.fma(step_x, simd.f32x16(np.float32(sx / 256.0)), plane))
+        first = (block * samples + s) * 16
+        for row in range((size >> 16) + 1):
+            e0, e1, e2, place = row0, row1, row2, first
+            key_row = simd.fma(step_y, simd.f32x16(simd.read(band.fours, row_0 + row)), in_row)
+            for at in range(column_0, column_0 + (size & 0xFFFF) + 1):
+                key = simd.fma(step_x, simd.f32x16(simd.read(band.fours, at)), key_row)
+                put(band, place, (e0 | e1 | e2) >= 0, simd.maximum(simd.minimum(key, high), low), number)
+                e0, e1, e2 = e0 - right0, e1 - right1, e2 - right2
+                place += samples * 16
+            row0, row1, row2 = row0 + below0, row1 + below1, row2 + below2
+            first += columns * samples * 16
 
 
 @helper

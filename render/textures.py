@@ -14,7 +14,7 @@ The net, seen from outside with y up; each face stands as a folded cube shows it
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from numba.extending import overload
 
@@ -41,9 +41,26 @@ _FARTHEST = 1e12  # coordinates beyond this are taken as 0: they hold no fractio
 Rgba = tuple[Lane, Lane, Lane, Lane]
 
 
-@apart
+class Spot(NamedTuple):
+    """What of a Surface textures look at."""
+
+    local: Vec
+    local_normal: Vec
+    uv: tuple[Lane, Lane]
+    metric: tuple[Lane, Lane]
+    instance: Lane
+    spread: Any
+
+
+@helper
 def value(tables: Tables, texture: Lane, surface: Surface) -> Vec:
     """The colour of each lane's texture (row of Textures) at a surface point; rows < 0 give row 0's."""
+    spot = Spot(surface.local, surface.local_normal, surface.uv, surface.metric, surface.instance, surface.spread)
+    return _value(tables, texture, spot)
+
+
+@apart
+def _value(tables: Tables, texture: Lane, surface: Spot) -> Vec:
     textures = tables.textures
     row = lanes.maximum(texture, 0)
     u, v, du, dv = place(tables, row, surface)
@@ -52,8 +69,10 @@ def value(tables: Tables, texture: Lane, surface: Surface) -> Vec:
     t = frame[row, 1, 0] * u + frame[row, 1, 1] * v + frame[row, 1, 2]
     s = lanes.where(lanes.absolute(s) < _FARTHEST, s, 0.0)
     t = lanes.where(lanes.absolute(t) < _FARTHEST, t, 0.0)
-    kind = textures.kind[row]
-    texel = _pattern(tables, row, s, t, du, dv)
+    kind, zero = textures.kind[row], 0.0 * s
+    texel = (zero, zero, zero, zero + 1.0)
+    if lanes.any_lane((kind != IMAGE) & (kind != patterns.FORMULA)):
+        texel = _pattern(tables, row, s, t, du, dv)
     if lanes.any_lane(kind == IMAGE):
         picture = _image(tables, row, s, t, surface.spread)
         texel = (
@@ -85,7 +104,7 @@ def on(tables: Tables, material: Lane) -> Lane:
 
 
 @helper
-def place(tables: Tables, row: Lane, surface: Surface) -> tuple[Lane, Lane, Lane, Lane]:
+def place(tables: Tables, row: Lane, surface: Spot | Surface) -> tuple[Lane, Lane, Lane, Lane]:
     """u, v by the texture's mapping, and the metres they span."""
     mapping = tables.textures.mapping[row]
     u, v = surface.uv
@@ -111,7 +130,7 @@ def place(tables: Tables, row: Lane, surface: Surface) -> tuple[Lane, Lane, Lane
 
 
 @helper
-def _box_face(tables: Tables, surface: Surface) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane]:
+def _box_face(tables: Tables, surface: Spot | Surface) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane]:
     """u, v on the side of the bounding box the normal faces, the side's lengths, and its column and line (from below) in the net."""
     g = tables.instances.geometry[surface.instance]
     bounds = tables.geometries.bounds
@@ -247,15 +266,13 @@ def _bilinear(tables: Tables, first: Lane, width: Lane, height: Lane, s: Lane, t
     x, y = s * width - half, (1.0 - t) * height - half
     x0, y0 = lanes.floor_int(x), lanes.floor_int(y)
     fx, fy = lanes.where(nearest, 0.0, x - x0), lanes.where(nearest, 0.0, y - y0)
-    a, in_a = _wrapped(x0, width, wrap_u)
-    b, in_b = _wrapped(x0 + 1, width, wrap_u)
-    c, in_c = _wrapped(y0, height, wrap_v)
-    d, in_d = _wrapped(y0 + 1, height, wrap_v)
+    (a, in_a), (b, in_b) = _wrapped(x0, width, wrap_u)
+    (c, in_c), (d, in_d) = _wrapped(y0, height, wrap_v)
     rows = (first + c * width + a, first + c * width + b, first + d * width + a, first + d * width + b)
-    weights = (
-        (1.0 - fx) * (1.0 - fy) * in_a * in_c, fx * (1.0 - fy) * in_b * in_c, (1.0 - fx) * fy * in_a * in_d, fx * fy * in_b * in_d
-    )  # fmt: skip
-    return mixed(tables.images.texels, rows, weights)
+    gx, gy = 1.0 - fx, 1.0 - fy
+    if lanes.any_lane((wrap_u == BLACK) | (wrap_v == BLACK)):
+        fx, gx, fy, gy = fx * in_b, gx * in_a, fy * in_d, gy * in_c
+    return mixed(tables.images.texels, rows, (gx * gy, fx * gy, gx * fy, fx * fy))
 
 
 def mixed(texels: Any, rows: Rgba, weights: Rgba) -> Rgba:
@@ -269,20 +286,35 @@ def mixed(texels: Any, rows: Rgba, weights: Rgba) -> Rgba:
 def _mixed_in_kernels(texels, rows, weights):
     if isinstance(rows[0], simd.Vector) and rows[0].bits == 32:
 
-        def by_rows(texels, rows, weights):  # a texel's four numbers lie together
-            p, q = simd.gather_rows(texels, rows[0] << 2, 4), simd.gather_rows(texels, rows[1] << 2, 4)
-            m, n = simd.gather_rows(texels, rows[2] << 2, 4), simd.gather_rows(texels, rows[3] << 2, 4)
-            return (
-                (weights[0] * p[0] + weights[1] * q[0]) + (weights[2] * m[0] + weights[3] * n[0]),
-                (weights[0] * p[1] + weights[1] * q[1]) + (weights[2] * m[1] + weights[3] * n[1]),
-                (weights[0] * p[2] + weights[1] * q[2]) + (weights[2] * m[2] + weights[3] * n[2]),
-                (weights[0] * p[3] + weights[1] * q[3]) + (weights[2] * m[3] + weights[3] * n[3]),
-            )
-
-        return by_rows
+        return lambda texels, rows, weights: _mixed_by_rows(texels, rows, weights)
     return lambda texels, rows, weights: (
         _mix(texels, rows, weights, 0), _mix(texels, rows, weights, 1), _mix(texels, rows, weights, 2), _mix(texels, rows, weights, 3)
     )  # fmt: skip
+
+
+@helper
+def _mixed_by_rows(texels: Any, rows: Rgba, weights: Rgba) -> Rgba:
+    """A texel's four numbers lie together, and mostly those of its neighbour on the right behind them."""
+    above, below = (weights[0], weights[1]), (weights[2], weights[3])
+    if simd.all_of((rows[1] == rows[0] + 1) & (rows[3] == rows[2] + 1)):
+        return _added(_pair(simd.gather_rows(texels, rows[0] << 2, 8), above), _pair(simd.gather_rows(texels, rows[2] << 2, 8), below))
+    p, q = simd.gather_rows(texels, rows[0] << 2, 4), simd.gather_rows(texels, rows[1] << 2, 4)
+    m, n = simd.gather_rows(texels, rows[2] << 2, 4), simd.gather_rows(texels, rows[3] << 2, 4)
+    return _added(
+        _pair((p[0], p[1], p[2], p[3], q[0], q[1], q[2], q[3]), above), _pair((m[0], m[1], m[2], m[3], n[0], n[1], n[2], n[3]), below)
+    )
+
+
+@helper
+def _pair(t: Any, weights: tuple[Lane, Lane]) -> Rgba:
+    """The weighed sum of two texels that stand behind each other."""
+    a, b = weights
+    return a * t[0] + b * t[4], a * t[1] + b * t[5], a * t[2] + b * t[6], a * t[3] + b * t[7]
+
+
+@helper
+def _added(p: Rgba, q: Rgba) -> Rgba:
+    return p[0] + q[0], p[1] + q[1], p[2] + q[2], p[3] + q[3]
 
 
 @helper
@@ -292,20 +324,32 @@ def _mix(texels: Any, rows: Rgba, weights: Rgba, channel: int) -> Lane:
 
 
 @helper
-def _wrapped(i: Lane, n: Lane, wrap: Lane) -> tuple[Lane, Lane]:
-    """A pixel index brought into 0 … n-1, and 1 or, outside of a picture on black, 0."""
-    index = i
+def _wrapped(i: Lane, n: Lane, wrap: Lane) -> tuple[tuple[Lane, Lane], tuple[Lane, Lane]]:
+    """Pixel indices i and i + 1 brought into 0 … n-1, and with each 1 or, outside of a picture on black, 0."""
+    index, after = i, i + 1
     if lanes.any_lane(wrap == MIRROR):
-        twice = _remainder(i, 2 * n)
-        index = lanes.where(wrap == MIRROR, lanes.where(twice < n, twice, 2 * n - 1 - twice), index)
+        index = lanes.where(wrap == MIRROR, _mirrored(i, n), index)
+        after = lanes.where(wrap == MIRROR, _mirrored(i + 1, n), after)
     if lanes.any_lane(wrap == REPEAT):
-        index = lanes.where(wrap == REPEAT, _remainder(i, n), index)
-    outside = (wrap == BLACK) & ((i < 0) | (i >= n))
-    return lanes.maximum(0, lanes.minimum(index, n - 1)), lanes.where(outside, 0.0, 1.0)
+        rest = _remainder(i, n)
+        index = lanes.where(wrap == REPEAT, rest, index)
+        after = lanes.where(wrap == REPEAT, lanes.where(rest + 1 < n, rest + 1, 0), after)
+    last = n - 1
+    inside = lanes.where((i < 0) | (i > last), 0.0, 1.0), lanes.where((i < -1) | (i + 1 > last), 0.0, 1.0)
+    return (
+        (lanes.maximum(0, lanes.minimum(index, last)), lanes.where(wrap == BLACK, inside[0], 1.0)),
+        (lanes.maximum(0, lanes.minimum(after, last)), lanes.where(wrap == BLACK, inside[1], 1.0)),
+    )
+
+
+@helper
+def _mirrored(i: Lane, n: Lane) -> Lane:
+    twice = _remainder(i, 2 * n)
+    return lanes.where(twice < n, twice, 2 * n - 1 - twice)
 
 
 @helper
 def _remainder(i: Lane, n: Lane) -> Lane:
     """i modulo n without dividing whole numbers, which processors do one by one."""
-    rest = i - lanes.floor_int(lanes.to_float(i) / lanes.to_float(n)) * n
+    rest = i - lanes.floor_int(lanes.to_float(i) * (1.0 / lanes.to_float(n))) * n
     return lanes.where(rest < 0, rest + n, lanes.where(rest >= n, rest - n, rest))

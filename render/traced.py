@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import across, camera, deferred, fill, integrate, lanes, sampler
+from . import across, camera, fill, integrate, lanes, sampler
+from .bands import in_block
 from .hits import along_axis, hits_of, meet
+from .items import collect, keep_items
 from .kernels import apart, helper, kernel
 from .meshlets import SHIFT, place_of
 from .records import Lane
@@ -21,14 +23,14 @@ def shade_band(made, pattern, each, sample, meshlets, drawn, tables, accel, gour
     """Light what a band shows and add it to the picture, (h, w, 4), of the pixels of `crop`; `sample` is the pattern's first."""
     items.counts[3] = 0
     for row in range(band.place[3] >> 2):
-        deferred.collect(pattern, each, None, band, row, items)
+        collect(pattern, each, False, None, band, row, items)
         for k in range(0, items.counts[0], 16):
             light_items(made, sample, meshlets, drawn, tables, accel, gouraud, frame, items, stack, k, 16)
-            deferred.keep_items(pattern, splat, band, items, k, 16, crop, rgba)
+            keep_items(pattern, splat, band, items, k, 16, crop, rgba)
         for k in range(items.half, items.half + items.counts[1], 16):
             count = min(items.half + items.counts[1] - k, 16)
             light_items(made, sample, meshlets, drawn, tables, accel, gouraud, frame, items, stack, k, count)
-            deferred.keep_items(pattern, splat, band, items, k, count, crop, rgba)
+            keep_items(pattern, splat, band, items, k, count, crop, rgba)
 
 
 @apart
@@ -95,8 +97,8 @@ def draw_exact(made, exact, boxes, tables, accel, view, pattern, band):
 def draw_block(made, instance, tables, accel, view, band, place, x, y):
     """Sixteen samples of a block, the first of them at (x, y), from `place` in the buffer on."""
     for start in range(0, 16, across.WIDTH):
-        lane = across.numbered(start)
-        px, py = lanes.to_float(x + (lane & 3) * fill.ONE), lanes.to_float(y + (lane >> 2) * fill.ONE)
+        column, line = in_block(across.numbered(start))
+        px, py = lanes.to_float(x + column * fill.ONE), lanes.to_float(y + line * fill.ONE)
         ray = camera.ray(tables, view, px / fill.ONE, py / fill.ONE)
         met = meet(accel, instance, ray, lanes.bool_like(ray.t_max, True))
         depth = met.t * along_axis(tables, view, ray)

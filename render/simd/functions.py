@@ -493,15 +493,26 @@ def transpose(typingctx, rows):
 
 
 def transposed(builder: Any, rows: list[Any], lanes: int) -> list[Any]:
-    """Exchange 1×1, then 2×2 … blocks across the diagonal (Eklundh 1972)."""
-    rows, step = list(rows), 1
-    while step < len(rows):
-        for i in range(len(rows)):
-            if not i & step:
-                upper, lower = rows[i], rows[i + step]
-                first = [lanes + n - step if n & step else n for n in range(lanes)]
-                second = [lanes + n if n & step else n + step for n in range(lanes)]
-                rows[i], rows[i + step] = shuffled(builder, upper, lower, first), shuffled(builder, upper, lower, second)
-        step *= 2
-    return rows
+    """Exchange rows and columns of blocks of as many lanes as there are rows, in shuffles that every machine has as one instruction."""
 
+    def pairs(x: Any, y: Any, size: int, group: int) -> tuple[Any, Any]:
+        """In each group of lanes: the runs of `size` lanes of its first half, those of x before those of y; and of its second half."""
+        half, places = group // 2, ([], [])
+        for start in range(0, lanes, group):
+            for second in (0, 1):
+                for at in range(start + second * half, start + second * half + half, size):
+                    places[second].extend([*range(at, at + size), *range(lanes + at, lanes + at + size)])
+        return shuffled(builder, x, y, places[0]), shuffled(builder, x, y, places[1])
+
+    if len(rows) == 2:
+        even = [lanes + n - 1 if n & 1 else n for n in range(lanes)]
+        odd = [lanes + n if n & 1 else n + 1 for n in range(lanes)]
+        return [shuffled(builder, *rows, even), shuffled(builder, *rows, odd)]
+    made = []
+    for k in range(0, len(rows), 4):  # within four lanes: a0 b0 a1 b1, a2 b2 a3 b3, then a0 b0 c0 d0 …
+        (p, q), (r, s) = pairs(rows[k], rows[k + 1], 1, 4), pairs(rows[k + 2], rows[k + 3], 1, 4)
+        made.extend([*pairs(p, r, 2, 4), *pairs(q, s, 2, 4)])
+    if len(rows) == 8:
+        halves = [pairs(made[k], made[k + 4], 4, 8) for k in range(4)]
+        made = [first for first, _ in halves] + [second for _, second in halves]
+    return made

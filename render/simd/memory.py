@@ -494,9 +494,13 @@ def scatter_rows(typingctx, array, index, columns):
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
         base = make_array(array)(context, builder, value=args[0]).data
         parts = [to_memory(value(builder, builder.extract_value(args[2], j), kind), array) for j in range(k)]
+        beside = transposed(builder, parts, kind.lanes) if k in (2, 4, 8) and kind.lanes >= k else None
         for n in range(kind.lanes):
             at = value(builder, builder.extract_element(args[1], ir.Constant(I32, n)), index.scalar).to("i", 64).raw
-            row = _column(builder, parts, n)
+            if beside is None:
+                row = _column(builder, parts, n)
+            else:
+                row = shuffled(builder, beside[n % k], beside[n % k], list(range(n - n % k, n - n % k + k)))
             pointer = as_vector(builder, builder.gep(base, [at]), row.type.element, k)
             builder.store(row, pointer, align=item_bytes(array))
         return context.get_dummy_value()

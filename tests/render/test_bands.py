@@ -27,7 +27,7 @@ def seen(points: np.ndarray, triangles: np.ndarray, samples: int) -> np.ndarray:
     filling = bands.Filling(made.shown, Handle(pattern), made.meshlets, Handle(drawn), Handle(band))
     setup.draw_band(Handle(filling), 0)
     columns, rows = band.place[2:]
-    ids = band.ids.reshape(rows // 4, columns // 4, samples, 4, 4).transpose(0, 3, 1, 4, 2).reshape(rows, columns, samples)
+    ids = band.ids.reshape(rows // 4, columns // 4, samples, 4, 4).transpose(0, 4, 1, 3, 2).reshape(rows, columns, samples)
     ids = ids[:height, :width]
     if len(drawn.first) == 0:
         return ids

@@ -125,8 +125,7 @@ class Bands:
         self.half = len(self.passes) // 2  # passes after which `apart` is told
         self.apart = np.zeros((*shape, 3), np.float32) if self.half else None  # how far the mean of all may be off, by its halves
         self.first = int(self.crop[1]) // self.rows
-        shown = -np.diff(self.drawn.tables.start)  # those that show most come first, so that no thread is left with a long one
-        self.jobs: Sequence[int] = (self.first + np.argsort(shown, kind="stable")).tolist()
+        self.jobs: Sequence[int] = range(self.first, -(-int(self.crop[3]) // self.rows))
         self._left = set(self.jobs)
         columns, most = x1 - (x0 & ~3) + 2 * self.margin, int(made.placed[:, 1].sum())
         kinds = self.plain, self.patterned is not None, self.colored is not None

@@ -23,7 +23,7 @@ from .handles import Handle
 from .metrics import EPSILON, luminance
 from .records import View
 from .simd import aligned_empty
-from .textures import BOX, NET
+from .textures import IMAGE, UV
 
 MOST_AT_ONCE = 16  # samples of a pixel
 ROWS = {1: 64, 4: 32}  # rows of a band by samples, where its buffer still fits the second cache; else 16
@@ -193,8 +193,8 @@ class Bands:
         else:
             self.fill.draw(room.band, one.pattern, drawn.tables)
         p = self.prepared
-        here = (self.boxes[:, 1] < band.clip[3]) & (self.boxes[:, 3] > band.clip[1])
-        if here.any():
+        here = np.flatnonzero((self.boxes[:, 1] < band.clip[3]) & (self.boxes[:, 3] > band.clip[1])) if len(self.exact) else ()
+        if len(here):
             traced.draw_exact(made.model, self.exact[here], self.boxes[here], p.packed, p.accel, self.view, one.places, room.band)
         if self.plain and len(drawn.tables.first) > 0:
             fresh = one.first == 0
@@ -295,9 +295,9 @@ def _splat(name: str, pattern: bands.Pattern, share: float, samples: int) -> ite
 
 
 def _patterned(tables: ir.Tables) -> tuple[Any, Any]:
-    """(True where a material has a texture or a mesh colours of its own, True where that takes more than coordinates), else None."""
-    boxed = np.isin(tables.textures.mapping, (BOX, NET)).any()
-    colored = bool((tables.geometries.colors >= 0).any() or boxed)
+    """Two of True or None: whether a material has a texture or a mesh colours, and whether any is more than a picture by coordinates."""
+    more = (tables.textures.mapping != UV) | (tables.textures.kind != IMAGE)
+    colored = bool((tables.geometries.colors >= 0).any() or more.any())
     return (True if colored or (tables.materials.textures >= 0).any() else None), (True if colored else None)
 
 

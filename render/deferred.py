@@ -200,17 +200,18 @@ def keep(shading: Any, patterned: Any, colored: Any, k: int, point: faces.Seen, 
     along = over_picture(look.direction, x, y)
     _put3(points, k, _NORMAL, lanes.scale(point.normal, simd.reciprocal_sqrt(lanes.dot(point.normal, point.normal))))
     _put3(points, k, _VIEWER, lanes.scale(along, -simd.reciprocal_sqrt(lanes.dot(along, along))))
-    if patterned is not None or not shading.lamps.bare:
+    if colored is not None or not shading.lamps.bare:
         place = lanes.scale(along, simd.reciprocal(point.key) if shading.shown.perspective else point.key)
         if not shading.shown.perspective:
             place = lanes.add(place, over_picture(look.start, x, y))
         _put3(points, k, _PLACE, place)
+    if patterned is not None or not shading.lamps.bare:
         _put1(points, k, _FACING, point.facing)
     if patterned is not None:
         _put2(points, k, _UV, point.uv)
-        _put2(points, k, _METRIC, point.metric)
         _put_spread(points, k, footprints.of_pixel(shading.lit, point.spread), point.spread)
     if colored is not None:
+        _put2(points, k, _METRIC, point.metric)
         _put3(points, k, _OUTWARD, point.outward)
         _put3(points, k, _TINT, point.color)
 
@@ -291,16 +292,16 @@ def light(shading: Any, patterned: Any, colored: Any, i: int, shader: materials.
 def patterned_point(shading: Any, colored: Any, i: int, k: int) -> Surface:
     """A point of instance i, for its textures."""
     tables, points = shading.lit, shading.points
-    normal, position = _get3(points, k, _NORMAL), _get3(points, k, _PLACE)
-    zero = 0.0 * normal[0]
-    outward, color = normal, (zero + 1.0, zero + 1.0, zero + 1.0)
+    normal, zero = _get3(points, k, _NORMAL), simd.f32x16(0.0)
+    one = zero + 1.0
+    position, local, outward, color, metric = (zero, zero, zero), (zero, zero, zero), normal, (one, one, one), (one, one)
     if colored is not None:
-        outward, color = lanes.normalize(_get3(points, k, _OUTWARD)), _get3(points, k, _TINT)
+        position, outward = _get3(points, k, _PLACE), lanes.normalize(_get3(points, k, _OUTWARD))
+        local, color, metric = lanes.transform_point(shading.look.local, i, position), _get3(points, k, _TINT), _get2(points, k, _METRIC)
     spread = (_get1(points, k, _SPREAD), _get1(points, k, _SPREAD + 1), _get1(points, k, _SPREAD + 2), _get1(points, k, _SPREAD + 3))
     return Surface(
-        position, lanes.transform_point(shading.look.local, i, position), normal, normal, outward, _get2(points, k, _UV),
-        _get2(points, k, _METRIC), _get1(points, k, _FACING) > 0.0, i, tables.instances.material[i], color, zero, None,
-        footprints.of_pixel(tables, spread),
+        position, local, normal, normal, outward, _get2(points, k, _UV), metric, _get1(points, k, _FACING) > 0.0, i,
+        tables.instances.material[i], color, zero, None, footprints.of_pixel(tables, spread),
     )  # fmt: skip
 
 

@@ -23,8 +23,8 @@ from .records import Lane, Vec
 
 FLAT = int(ir.Shading.FLAT)
 PLAIN = 16  # floats of a record: c and a of normal and key; b of them, where x and y count from, side, instance
-PICTURED = 24  # with u, v, and the metres they span
-COLORED = 40  # with the triangle's own normal and the colour's planes, too
+PICTURED = 24  # with u and v
+COLORED = 40  # with the metres they span, the triangle's own normal and the colour's planes, too
 WIDE = 64.0  # pixels
 THIN = 1.0 / 32.0  # pixels of height, below which 1/512 pixel beside a face may lead far from what its corners hold
 KNOWN = 256  # single faces that are kept, a power of two
@@ -207,15 +207,15 @@ def _make_of(shown: Any, meshlets: Any, tables: Any, faces: Any, patterned: Any,
     key = area if shown.perspective else _plane(area, eu, ev, depth, d1, d2)
 
     facing = simd.select(front, one, -one) * simd.select(single, np.float32(2.0), 1.0)
-    at = (simd.iota(slot) + first) * faces.record.shape[1]
-    _write(faces.record, at, here, (nx[0], ny[0], nz[0], key[0], nx[1], ny[1], nz[1], key[1]))
-    _write(faces.record, at + 8, here, (nx[2], ny[2], nz[2], key[2], px, py, facing, zero + np.float32(i)))
+    record, at = faces.record, first * faces.record.shape[1]
+    _write(record, at, here, (nx[0], ny[0], nz[0], key[0], nx[1], ny[1], nz[1], key[1]))
+    _write(record, at + 8, here, (nx[2], ny[2], nz[2], key[2], px, py, facing, zero + np.float32(i)))
     if patterned is not None:
         u1, v1, u2, v2 = b[6] - a[6], b[7] - a[7], c[6] - a[6], c[7] - a[7]
         u, v = _plane(area, eu, ev, a[6], u1, u2), _plane(area, eu, ev, a[7], v1, v2)
         du, dv = surface.spans(e1, e2, u1, v1, u2, v2)
         stretch = surface.mean_scale(lanes.affine(tables.transforms.matrix, transform))
-        _write(faces.record, at + 16, here, (u[0], u[1], u[2], v[0], v[1], v[2], du * stretch, dv * stretch))
+        _write(record, at + 16, here, (u[0], u[1], u[2], v[0], v[1], v[2], du * stretch, dv * stretch))
     if colored is not None:
         g = tables.instances.geometry[i]
         red, green, blue = (zero + area[0], zero + area[1], zero + area[2]), area, area
@@ -226,18 +226,19 @@ def _make_of(shown: Any, meshlets: Any, tables: Any, faces: Any, patterned: Any,
             red = _plane(area, eu, ev, first_color[0], b_color[0], c_color[0])
             green = _plane(area, eu, ev, first_color[1], b_color[1], c_color[1])
             blue = _plane(area, eu, ev, first_color[2], b_color[2], c_color[2])
-        _write(faces.record, at + 24, here, (face[0], face[1], face[2], red[0], red[1], red[2], green[0], green[1]))
-        _write(faces.record, at + 32, here, (green[2], blue[0], blue[1], blue[2], zero, zero, zero, zero))
+        _write(record, at + 24, here, (face[0], face[1], face[2], red[0], red[1], red[2], green[0], green[1]))
+        _write(record, at + 32, here, (green[2], blue[0], blue[1], blue[2], zero, zero, zero, zero))
 
 
 @helper
-def _write(record: Any, at: Lane, here: Lane, columns: Any) -> None:
-    """Eight floats of records in the lanes `here`."""
+def _write(record: Any, at: int, here: Lane, columns: Any) -> None:
+    """Eight floats of sixteen records behind each other, the first from place `at` on, in the lanes `here`."""
     if simd.all_of(here):
-        simd.scatter_rows(record, at, columns)
+        simd.store_rows(record, at, record.shape[1], columns)
     else:
+        places = simd.iota(simd.i32x16(0)) * record.shape[1] + at
         for k in range(8):
-            simd.scatter(record, at + k, columns[k], here)
+            simd.scatter(record, places + k, columns[k], here)
 
 
 @helper

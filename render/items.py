@@ -116,8 +116,9 @@ def collect(pattern, each, alone, found, band, row, items):
                 simd.store_aligned(items.at_x, start, at_x)
                 simd.store_aligned(items.at_y, start, at_y)
                 simd.store_aligned(items.x, start, x)
-                simd.store_aligned(items.y, start, y)
-                simd.store_aligned(items.samples, start, bits)
+                if found is None:
+                    simd.store_aligned(items.y, start, y)
+                    simd.store_aligned(items.samples, start, bits)
                 whole += 16
             else:
                 simd.compress_store(items.at_x, start, at_x, seen)

@@ -146,6 +146,8 @@ def to_clip(matrix: Any, instance: int, p: Any, row: int, out: Any, k: int) -> N
 
 def pixel_boxes(tables: ir.Tables, view: View, chosen: NDArray[np.intp]) -> NDArray[np.int32]:
     """(n, 4) pixels x0 <= x < x1, y0 <= y < y1 in which instances may be seen, and what a filter may reach beyond."""
+    if len(chosen) == 0:
+        return np.empty((0, 4), np.int32)
     bounds = tables.geometries.bounds[tables.instances.geometry[chosen]]
     corners = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), axis=-1).reshape(8, 3)
     points = np.take_along_axis(bounds, np.broadcast_to(corners, (len(chosen), 8, 3)), axis=1)

@@ -508,6 +508,30 @@ def scatter_rows(typingctx, array, index, columns):
     return signature(types.void, array, index, columns), generate
 
 
+@intrinsic
+def store_rows(typingctx, array, i, stride, columns):
+    """`scatter_rows` to places i, i + stride …"""
+    if element_shape(array) is None or not isinstance(columns, types.UniTuple):
+        return None
+    kind, k = columns.dtype, columns.count
+    if not isinstance(i, types.Integer) or not isinstance(stride, types.Integer) or not isinstance(kind, Vector):
+        return None
+    if k not in (2, 4, 8) or kind.lanes < k:
+        return None
+
+    def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
+        start = place(context, builder, array, args[0], args[1], i)
+        parts = [to_memory(value(builder, builder.extract_value(args[3], j), kind), array) for j in range(k)]
+        beside, step = transposed(builder, parts, kind.lanes), context.cast(builder, args[2], stride, types.int64)
+        for n in range(kind.lanes):
+            row = shuffled(builder, beside[n % k], beside[n % k], list(range(n - n % k, n - n % k + k)))
+            pointer = builder.gep(start, [builder.mul(step, ir.Constant(I64, n))])
+            builder.store(row, as_vector(builder, pointer, row.type.element, k), align=item_bytes(array))
+        return context.get_dummy_value()
+
+    return signature(types.void, array, i, stride, columns), generate
+
+
 # --- memory of a kernel's own --------------------------------------------------------------------------------------------
 
 

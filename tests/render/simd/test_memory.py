@@ -27,6 +27,18 @@ def guarded(dtype, count):
     return np.full(count, GUARD, dtype) if dtype != np.bool_ else np.zeros(count, dtype)
 
 
+@pytest.mark.parametrize(("k", "lanes"), [(2, 16), (4, 16), (8, 16), (4, 8), (8, 8)])
+def test_rows_of_records_are_stored_at_even_steps(k, lanes):
+    columns = "".join(f"simd.load(x, {j * lanes}, {lanes}), " for j in range(k))
+    run = compiled(f"def run(x, out, step):\n    simd.store_rows(out, 3, step, ({columns}))")
+    x, step = numbers(np.float32, k * lanes), k + 2
+    out = np.zeros(3 + lanes * step, np.float32)
+    run(x, out, step)
+    rows = out[3:].reshape(lanes, step)
+    assert np.array_equal(rows[:, :k], x.reshape(k, lanes).T)
+    assert not out[:3].any() and not rows[:, k:].any()
+
+
 @njit
 def _copied(x, out, i, n):
     simd.store(out, i + 1, simd.load(x, i, 8))

@@ -319,26 +319,19 @@ def direct_light(shading: Any, shader: materials.Shader, i: int, first: int, las
             before = lanes.where3(_get1(points, k, _FACING) > 0.0, glow, ambient)
         _put3(points, k, _COLOR, before)
     for lamp in range(len(lamps.row)):
-        c, d, begun = lamps.color, lamps.direction, one_sided or lamp > 0
+        c, d, begun = lamps.color, lamps.direction, one_sided or lamp > 0  # else what there was before is the glow
         color = (simd.f32x16(c[lamp, 0]), simd.f32x16(c[lamp, 1]), simd.f32x16(c[lamp, 2]))
         direction = (simd.f32x16(d[lamp, 0]), simd.f32x16(d[lamp, 1]), simd.f32x16(d[lamp, 2]))
-        if lamps.far[lamp]:
-            for k in range(first, last):
-                shine(points, shader, k, direction, color, glow, begun)
-        else:
-            for k in range(first, last):
+        far = lamps.far[lamp]
+        for k in range(first, last):
+            if not far:
                 arriving = lights.sample_sharp(shading.lit, lamps.row[lamp], _get3(points, k, _PLACE))
-                shine(points, shader, k, arriving.direction, lanes.scale(arriving.irradiance, np.float32(1.0 / np.pi)), glow, begun)
-
-
-@helper
-def shine(points: Any, shader: materials.Shader, k: int, direction: Vec, color: Vec, glow: Vec, begun: bool) -> None:
-    """Add the light of a lamp to points, which have only their glow where nothing has `begun`."""
-    share = materials.reflected(shader, _get3(points, k, _NORMAL), direction, _get3(points, k, _VIEWER))
-    before = glow
-    if begun:
-        before = _get3(points, k, _COLOR)
-    _put3(points, k, _COLOR, lanes.add(before, lanes.mul(share, color)))
+                direction, color = arriving.direction, lanes.scale(arriving.irradiance, np.float32(1.0 / np.pi))
+            share = materials.reflected(shader, _get3(points, k, _NORMAL), direction, _get3(points, k, _VIEWER))
+            before = glow
+            if begun:
+                before = _get3(points, k, _COLOR)
+            _put3(points, k, _COLOR, lanes.add(before, lanes.mul(share, color)))
 
 
 # --- into the picture ----------------------------------------------------------------------------------------------------------

@@ -96,7 +96,7 @@ def band_for(columns: int, rows: int, samples: int) -> Band:
     )  # fmt: skip
     return Band(
         simd.aligned_empty(size, np.float32), simd.aligned_empty(size, np.int32), simd.aligned_empty(1024, np.int32),
-        np.empty(13 * (QUEUE + 32), np.int32), np.empty(6 * (QUEUE + 32), np.float32), np.arange(0, 128, 4, np.float32),
+        np.empty(13 * (QUEUE + 32), np.int32), np.empty(6 * (QUEUE + 32), np.float32), 4.0 * np.arange(32, dtype=np.float32),
         np.empty(LARGE + 32, np.int32), np.empty((QUEUE >> 4) + 2, np.int32), np.empty(48, np.int32), np.empty(tiles, np.float32),
         np.array([0, 0, columns, rows]), np.zeros(4, np.int64), np.zeros(2, np.int64), room,
     )  # fmt: skip

@@ -30,7 +30,7 @@ every pixel can be exact the bound is 10⁻⁵ or less: pictures are in single p
 standard errors. A larger bound has its reason in the last column or in the test: rays of a weight below 10⁻⁴ are not followed, say.
 
 `ray`, `raster` and `reference` are backends, asked for pictures. Those that are not named do not draw what is asked: `raster` follows
-no reflected, refracted or diffuse rays; its mirrors show the sky. `functions` are the renderer's own, asked directly in double
+no reflected, refracted or diffuse rays unless asked to, and was not. `functions` are the renderer's own, asked directly in double
 precision, and `quadrature` integrates them.
 u is 2⁻⁵³, the rounding of double precision; R is a radius.
 

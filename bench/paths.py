@@ -303,8 +303,9 @@ def errors(sides: Sequence[Renderer], references: Mapping[str, Reference], ladde
     tables = [report.grid(head, rows)]
     if len(sides) > 1:
         tables.append(equal_error(curves))
-    tables.append(errors_asked(sides[0], references, curves, size, effort))
-    return "\n\n".join(tables)
+    if sides[0].draw_to is not None:
+        tables.append(errors_asked(sides[0], references, curves, size, effort))
+    return "\n\n".join(table for table in tables if table)
 
 
 def errors_asked(

@@ -63,7 +63,7 @@ def balls(tables: ir.Tables) -> tuple[np.ndarray, np.ndarray]:
     instances = tables.instances
     matrix, kind = tables.transforms.matrix[instances.transform], tables.geometries.kind[instances.geometry]
     bounds = tables.geometries.bounds[instances.geometry]
-    finite = np.isfinite(bounds).all(axis=(1, 2))
+    finite = np.asarray(np.isfinite(bounds).all(axis=(1, 2)))
     with np.errstate(invalid="ignore"):
         middle, half = bounds.mean(axis=1), 0.5 * (bounds[:, 1] - bounds[:, 0])
     middle, half = (np.where(finite[:, None], x, 0.0) for x in (middle, half))

@@ -77,7 +77,8 @@ def build(landed: list[NDArray[np.float32]], emitted: int, so_far: int, width: f
     cells = (2.0 ** np.arange(LEVELS) / width).astype(kind)
     made = Maps(
         np.zeros(MAPS * (slots + 1), np.int32), slots, np.zeros(MAPS * PRESENCE, np.int32), np.zeros(n, np.int32),
-        *(np.zeros(3 * n, kind) for _ in range(4)), np.zeros(n, kind), np.asarray(origin, kind), cells,
+        np.zeros(3 * n, kind), np.zeros(3 * n, kind), np.zeros(3 * n, kind), np.zeros(3 * n, kind), np.zeros(n, kind),
+        np.asarray(origin, kind), cells,
     )  # fmt: skip
 
     def sort(k: int) -> None:
@@ -142,7 +143,7 @@ def _sort(rows, number, first, near, start, slots, present, key, place, toward, 
 
 
 @helper
-def _cell(rows: Any, i: int, inverse: float) -> tuple[int, int, int]:
+def _cell(rows: Any, i: int, inverse: float) -> Any:
     return (
         np.int64(math.floor(rows[i, 0] * inverse)), np.int64(math.floor(rows[i, 1] * inverse)), np.int64(math.floor(rows[i, 2] * inverse)),
     )  # fmt: skip

@@ -37,7 +37,7 @@ def through_a_slab(x, height, thick, n, most=4):
     theta = np.linspace(1e-6, 0.9, 20001)
     inside = np.arcsin(np.sin(theta) / n)
     r = np.asarray(materials.fresnel(np.cos(theta), np.full_like(theta, 1 / n))[0])
-    found = 0.0
+    found = np.zeros_like(x)
     for k in range(most):
         at = (height - thick) * np.tan(theta) + (2 * k + 1) * thick * np.tan(inside)
         found = found + np.interp(x, at, (1 - r) ** 2 * r ** (2 * k) * np.sin(theta) / (at * np.gradient(at, theta)))

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from . import lanes
+from . import gather, lanes
 from .kernels import helper
 from .records import Lane
 
@@ -42,8 +42,8 @@ def seen(table: Albedo, cosine: Lane, alpha: Lane) -> tuple[Lane, Lane]:
     column = lanes.sqrt(0.5 * (cosine + cosine * spread)) * (COLUMNS - 1.0)
     left = lanes.minimum(lanes.floor_int(column), COLUMNS - 2)
     x = column - lanes.to_float(left)
-    e, b, e_next, b_next = lanes.four_at(table.each, row * COLUMNS + left)
-    e_below, b_below, e_last, b_last = lanes.four_at(table.each, (row + 1) * COLUMNS + left)
+    e, b, e_next, b_next = gather.four_at(table.each, row * COLUMNS + left)
+    e_below, b_below, e_last, b_last = gather.four_at(table.each, (row + 1) * COLUMNS + left)
     return (
         lanes.lerp(lanes.lerp(e, e_next, x), lanes.lerp(e_below, e_last, x), part),
         lanes.lerp(lanes.lerp(b, b_next, x), lanes.lerp(b_below, b_last, x), part),
@@ -54,7 +54,7 @@ def seen(table: Albedo, cosine: Lane, alpha: Lane) -> tuple[Lane, Lane]:
 def means(table: Albedo, alpha: Lane) -> tuple[Lane, Lane, Lane]:
     """(mean of E, mean of B, standard deviation of B) over a hemisphere weighed by the cosine."""
     row, part = _row(alpha)
-    one, next_ = lanes.four_at(table.mean, row), lanes.four_at(table.mean, row + 1)
+    one, next_ = gather.four_at(table.mean, row), gather.four_at(table.mean, row + 1)
     return lanes.lerp(one[0], next_[0], part), lanes.lerp(one[1], next_[1], part), lanes.lerp(one[2], next_[2], part)
 
 

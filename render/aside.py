@@ -13,7 +13,7 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from . import across, boxes, lanes, meeting, opacity, placed, shapes, simd, surface, traverse, walk
+from . import across, boxes, gather, lanes, meeting, opacity, placed, shapes, simd, surface, traverse, walk
 from . import shapes_flat as flat
 from .bvh import REACH
 from .handles import Handle, HandleType
@@ -210,7 +210,7 @@ def _meet(accel: Any, i: int, ray: One, limit: Any, visible_bit: int, any_hit: b
     if kind == MESH:
         o = lanes.sub(o, (accel.origin[g, 0], accel.origin[g, 1], accel.origin[g, 2]))
         ready = boxes.local_ray(o, d)
-        box = lanes.eight_at(accel.boxes, g, 0)
+        box = gather.eight_at(accel.boxes, g, 0)
         enters = boxes.enter(box, ready, ray.t_min, limit)
         if not enters < np.inf:
             return _nothing(share)

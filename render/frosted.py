@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler import plan as planner
-from . import lanes, microfacet
+from . import gather, lanes, microfacet
 from .handles import HandleType
 from .inputs import number_of
 from .kernels import HELPER, helper, if_there
@@ -110,8 +110,8 @@ def _lost(frost: Frost, row: Lane, cosine: Lane) -> Lane:
     column = lanes.sqrt(lanes.clip(cosine, 0.0, 1.0)) * (COLUMNS - 1.0)
     left = lanes.minimum(lanes.floor_int(column), COLUMNS - 2)
     x, y = column - lanes.to_float(left), place - lanes.to_float(below)
-    one = lanes.four_at(frost.table.each, (row + below) * COLUMNS + left)
-    two = lanes.four_at(frost.table.each, (row + below + 1) * COLUMNS + left)
+    one = gather.four_at(frost.table.each, (row + below) * COLUMNS + left)
+    two = gather.four_at(frost.table.each, (row + below + 1) * COLUMNS + left)
     return lanes.lerp(lanes.lerp(one[0], one[1], x), lanes.lerp(two[0], two[1], x), y)
 
 
@@ -121,7 +121,7 @@ def _means(frost: Frost) -> tuple[Lane, Lane, Lane]:
     place = lanes.sqrt(frost.alpha) * (ROWS - 1.0)
     below = lanes.minimum(lanes.floor_int(place), ROWS - 2)
     y = place - lanes.to_float(below)
-    one, two = lanes.four_at(frost.table.mean, frost.row + below), lanes.four_at(frost.table.mean, frost.row + below + 1)
+    one, two = gather.four_at(frost.table.mean, frost.row + below), gather.four_at(frost.table.mean, frost.row + below + 1)
     return lanes.lerp(one[0], two[0], y), lanes.lerp(one[1], two[1], y), lanes.lerp(one[2], two[2], y)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from . import lanes, textures
+from . import gather, lanes, textures
 from .kernels import helper
 from .records import Lane, Surface, Tables, Vec
 
@@ -14,7 +14,7 @@ def color_of(tables: Tables, surface: Surface, slot: int) -> Vec:
     """A material input: its constant times its texture, if it has one."""
     m = surface.material
     zero = lanes.full_like(surface.offset, 0.0)
-    red, green, blue = lanes.three_at(tables.materials.values, m, 3 * slot)
+    red, green, blue = gather.three_at(tables.materials.values, m, 3 * slot)
     color = (red + zero, green + zero, blue + zero)
     return _patterned(tables, surface, surface.uv, slot, color)
 

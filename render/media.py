@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler import plan as planner
-from . import lanes
+from . import gather, lanes
 from .handles import HandleType
 from .kernels import HELPER, helper, if_there
 from .records import Lane, Surface, Tables, Vec
@@ -147,7 +147,7 @@ def _faded(inside: Lane, plain: Vec, tables: Tables, distance: Lane) -> Vec:
     if lanes.not_(lanes.any_lane(number > 0)):
         return plain
     far = lanes.where(number > 0, distance, 0.0)
-    red, green, blue = lanes.three_at(table.absorbed, number, 0)
+    red, green, blue = gather.three_at(table.absorbed, number, 0)
     return (
         plain[0] * lanes.exp(lanes.maximum(-red * far, -80.0)), plain[1] * lanes.exp(lanes.maximum(-green * far, -80.0)),
         plain[2] * lanes.exp(lanes.maximum(-blue * far, -80.0)),

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..compiler import ir
-from . import across, boxes, lanes, meeting, simd, walk
+from . import across, boxes, gather, lanes, meeting, simd, walk
 from .boxes import Bundle
 from .bvh import PLACED, REACH
 from .kernels import apart, helper
@@ -140,17 +140,17 @@ def _attempt(
     place = across.load(steps.place, 0)
     here = across.mask_of(wait, place)
     i = lanes.where(here, ~place, 0)
-    visible, _, g, kind, root, _, _, _ = lanes.eight_at(accel.placed, i, 0)
+    visible, _, g, kind, root, _, _, _ = gather.eight_at(accel.placed, i, 0)
     here = here & ((visible & visible_bit) != 0)
     meshes = kind == MESH
-    (a, b, c, x, e, f, h, y), (p, q, r, z, u, v, w, _) = lanes.eight_at(accel.inverse, i, 0), lanes.eight_at(accel.inverse, i, 8)
+    (a, b, c, x, e, f, h, y), (p, q, r, z, u, v, w, _) = gather.eight_at(accel.inverse, i, 0), gather.eight_at(accel.inverse, i, 8)
     matrix, t_min = (a, b, c, x, e, f, h, y, p, q, r, z), across.load(kept, 15)
     o = lanes.point_by(matrix, (across.load(kept, 9), across.load(kept, 10), across.load(kept, 11)))
     d = lanes.vector_by(matrix, (across.load(kept, 12), across.load(kept, 13), across.load(kept, 14)))
     o = lanes.sub(o, (u, v, w))
     t_max = across.load(kept, 16)
     until = lanes.minimum(across.load(steps.found, 0), t_max)
-    ray, box = boxes.local_ray(o, d), lanes.eight_at(accel.boxes, g, 0)
+    ray, box = boxes.local_ray(o, d), gather.eight_at(accel.boxes, g, 0)
     enters = boxes.enter(box, ray, t_min, until)
     go = here & meshes & (enters < np.inf)
     walk.keep(rays, 0, go, o, d, ray.inverse, enters, t_min, t_max, until, box[REACH])

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numba import types
 
-from . import across, boxes, bundle, lanes, meeting, simd, single, walk
+from . import across, boxes, bundle, gather, lanes, meeting, simd, single, walk
 from .bvh import FINE, REACH
 from .kernels import apart, helper
 from .links import FLOAT, MASK, VEC, Linked
@@ -123,7 +123,7 @@ def _mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
     """(t, triangle, u, v) of the first meeting with mesh g, whose tree begins at `root`, not beyond `nearest`."""
     until = lanes.minimum(nearest, t_max)
     ray = boxes.local_ray(o, d)
-    box = lanes.eight_at(accel.boxes, g, 0)
+    box = gather.eight_at(accel.boxes, g, 0)
     enters = boxes.enter(box, ray, t_min, until)
     zero = lanes.full_like(t_min, 0.0)
     left = across.bits(enters < np.inf)

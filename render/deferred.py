@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import across, faces, footprints, items, lanes, lights, materials, simd, textures
+from . import across, faces, footprints, items, lanes, lights, materials, simd, single_faces, textures
 from .bands import in_block
 from .handles import Handle
 from .kernels import apart, helper, kernel
@@ -157,7 +157,7 @@ def see(shading: Any, patterned: Any, colored: Any, group: int, groups: int, y: 
             i, rest = drawn.instance[simd.read(found.owner, face) >> SHIFT], none
             rows, instances, single = simd.i32x16(face), simd.i32x16(i), none
             if faces.is_single(found, face):
-                face = faces.near(shown, meshlets, drawn, tables, found, patterned, colored, i, face, x, y)
+                face = single_faces.near(shown, meshlets, drawn, tables, found, patterned, colored, i, face, x, y)
                 if face < 0:
                     face, single, rest = 0, ~none, ~none
             point = faces.seen(shown, patterned, colored, faces.spread(found, patterned, colored, face), at_x, at_y)
@@ -181,7 +181,7 @@ def see(shading: Any, patterned: Any, colored: Any, group: int, groups: int, y: 
             here, other = rest & (instances == i) & ~single, point
             if simd.bits(single) >> first & 1:
                 here = rest & (rows == face)
-                other = faces.seen_single(shown, meshlets, drawn, tables, found, patterned, colored, i, face, at_x, at_y)
+                other = single_faces.seen(shown, meshlets, drawn, tables, found, patterned, colored, i, face, at_x, at_y)
             keep(shading, patterned, colored, count, other, at_x, at_y, i, here, group)
             count += 1
             rest = rest & ~here

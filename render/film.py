@@ -67,6 +67,15 @@ class Renderer(Protocol):
         ...
 
 
+class Unshared:
+    """What of a Renderer whose samples share nothing."""
+
+    round: int | None = None
+
+    def refresh(self, samples: int) -> None:
+        """Nothing is made anew."""
+
+
 class Whole(Protocol):
     """A picture that a backend draws by itself, piece by piece."""
 

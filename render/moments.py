@@ -16,16 +16,15 @@ from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import RASTER_MOMENTS, Plan
 from . import camera, placed, sampler
-from .film import TILE
+from .film import TILE, Unshared
 from .records import Film, First, Tile, View
 
 
-class Renderer:
+class Renderer(Unshared):
     """Draws a scene that moves or a lens that is wide; see film.Renderer. `still` makes the renderer of one moment and one point."""
 
     by_tile = True
     side = TILE
-    round = None
     whole = None
 
     def __init__(self, scene: ir.Scene, plan: Plan, view: View, still: Callable[[ir.Scene], Any]) -> None:

@@ -20,7 +20,7 @@ from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
 from . import across, aov, banded, camera, fill, hits, integrate, lanes, raster_setup, sampler, visibility
-from .film import TILE
+from .film import TILE, Unshared
 from .handles import Handle
 from .kernels import helper, kernel
 from .prepare import Prepared, analytic_seen, trees
@@ -29,12 +29,11 @@ from .records import Film, First, Hit, Lane, Ray, Tile, View
 BATCH = 1 << 16  # samples of a tile held in the z-buffer at a time
 
 
-class Renderer:
+class Renderer(Unshared):
     """Draws one view; its methods may be called from several threads at a time."""
 
     by_tile = True
     side = TILE
-    round = None
 
     def __init__(self, prepared: Prepared, plan: Plan, view: View) -> None:
         self.prepared, self.plan, self.view = prepared, plan, view

@@ -10,17 +10,16 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler.plan import Plan
 from . import aov, camera, integrate, sampler, trace
-from .film import TILE
+from .film import TILE, Unshared
 from .prepare import Prepared
 from .records import Film, First, Ray, Tile, View
 
 
-class Renderer:
+class Renderer(Unshared):
     """Draws tiles with numpy lanes, all pixels of a tile at once."""
 
     by_tile = True
     side = TILE
-    round = None
     whole = None
 
     def __init__(self, prepared: Prepared, plan: Plan, view: View) -> None:

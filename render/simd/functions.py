@@ -507,7 +507,7 @@ def transposed(builder: Any, rows: list[Any], lanes: int) -> list[Any]:
     if len(rows) == 2:
         even = [lanes + n - 1 if n & 1 else n for n in range(lanes)]
         odd = [lanes + n if n & 1 else n + 1 for n in range(lanes)]
-        return [shuffled(builder, *rows, even), shuffled(builder, *rows, odd)]
+        return [shuffled(builder, rows[0], rows[1], even), shuffled(builder, rows[0], rows[1], odd)]
     made = []
     for k in range(0, len(rows), 4):  # within four lanes: a0 b0 a1 b1, a2 b2 a3 b3, then a0 b0 c0 d0 …
         (p, q), (r, s) = pairs(rows[k], rows[k + 1], 1, 4), pairs(rows[k + 2], rows[k + 3], 1, 4)

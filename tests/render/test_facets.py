@@ -7,6 +7,7 @@ from pathlib import Path
 import maquette
 import numpy as np
 import pytest
+from maquette.compiler import ir
 from maquette.render import facets, lanes, pieces, surface
 from maquette.render.records import Hit, Ray
 
@@ -37,14 +38,14 @@ def hill(path: Path, normals: bool) -> None:
     path.write_text("\n".join(lines))
 
 
-def scene_of(folder: Path, text: str) -> maquette.Scene:
+def scene_of(folder: Path, text: str) -> ir.Scene:
     hill(folder / "flat.obj", False)
     hill(folder / "smooth.obj", True)
     (folder / "a.scene").write_text(ROOM + text)
     return maquette.load(folder / "a.scene")
 
 
-def drawn(scene: maquette.Scene, **decisions: str) -> np.ndarray:
+def drawn(scene: ir.Scene, **decisions: str) -> np.ndarray:
     return maquette.render(scene, size=SIZE, samples=SAMPLES, backend="ray", plan=decisions).channels["rgba"]
 
 

@@ -28,12 +28,11 @@ def truth(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return 0.5 + x / 200.0 + 0.0 * y
 
 
-class Painter:
+class Painter(film.Unshared):
     """A renderer whose samples are known: `truth` plus noise of a chosen width at each pixel."""
 
     whole = None
     side = film.TILE
-    round = None
 
     def __init__(self, width: Any = 0.4, wait: float = 0.0, fail_at: int = -1, by_tile: bool = False) -> None:
         self.width, self.wait, self.fail_at, self.by_tile = width, wait, fail_at, by_tile

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import shutil
 import time
+import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,7 +19,7 @@ from typing import Any
 import numba
 from numba import config, njit, types
 from numba.core import event
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.runtime.nrt import rtsys
 from numba.extending import overload, register_jitable
 
@@ -28,6 +29,7 @@ from .fragments import Fragment, Kernel
 
 _COMPILED_FROM = ("ir.py", "records.py")  # without kernels of their own, but their constants and types are compiled in
 _KEEP = 3  # caches of other versions that are left in place
+_TRIES = 5
 _FRESH = 24 * 3600.0  # seconds in which a cache may be in use by another process
 
 
@@ -91,8 +93,29 @@ def timed(seconds: dict[str, float], part: str) -> Iterator[None]:
             seconds[part] = seconds.get(part, 0.0) + spent - compiling
 
 
+class Files(IndexDataCacheFile):
+    """A kernel's files, which several processes may write at once: none takes the name that another gives to other code.
+
+    Numba counts them, so that of two processes which compile for different types at the same time one could find the other's code
+    under its own number.
+    """
+
+    def save(self, key: Any, data: Any) -> None:
+        name = self._load_index().get(key) or self._data_name_pattern.replace("{number:d}", uuid.uuid4().hex[:12])
+        self._save_data(name, data)
+        for _ in range(_TRIES):  # another process may have read the index before this one wrote it, and write it afterwards
+            known = self._load_index()
+            if known.get(key) == name:
+                return
+            self._save_index({**known, key: name})
+
+
 class _Kept(FunctionCache):
     """Numba's cache, which loads compiled code without first getting ready to compile: that takes longer than all of a small picture."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._cache_file = Files(self._cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp())
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         rtsys.initialize(target_context)

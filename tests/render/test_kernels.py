@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -62,3 +64,23 @@ def test_what_is_kept_is_loaded_and_goes_with_what_is_compiled(tmp_path: Path) -
     assert run("same") == f"0 1 {values}\n"
     assert run("same") == f"1 1 {values}\n"
     assert run("more") == f"1 2 {values}\n"
+
+
+def test_processes_that_keep_code_at_the_same_time_never_load_each_others(tmp_path: Path) -> None:
+    turns, writers = 100, 4
+    together = threading.Barrier(writers)
+
+    def write(key: int) -> None:
+        for turn in range(turns):
+            files = kernels.Files(str(tmp_path), f"kernel{turn}", "stamp")
+            together.wait()
+            files.save(key, [key] * (3000 if key % 2 else 3))
+
+    with ThreadPoolExecutor(writers) as pool:
+        list(pool.map(write, range(writers)))
+    kept = [kernels.Files(str(tmp_path), f"kernel{turn}", "stamp") for turn in range(turns)]
+    found = [(key, code[0]) for files in kept for key in range(writers) if (code := files.load(key)) is not None]
+    assert len(found) > turns * writers // 2
+    assert all(key == code for key, code in found)
+    kept[0].save(0, ["newer"])
+    assert kept[0].load(0) == ["newer"]

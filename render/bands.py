@@ -140,6 +140,11 @@ def in_block(lane):
     return lane >> 2, lane & 3
 
 
+def by_pixels(samples: NDArray[Any], rows: int, columns: int) -> NDArray[Any]:
+    """A band's buffer of one sample a pixel as (rows, columns)."""
+    return samples.reshape(rows // 4, columns // 4, 4, 4).transpose(0, 3, 1, 2).reshape(rows, columns)
+
+
 # --- which meshlets a band shows ----------------------------------------------------------------------------------------
 
 

@@ -131,7 +131,7 @@ def _drawn(tables: ir.Tables, view: View, accel: handles.Handle) -> tuple[NDArra
         if len(exact):
             traced.draw_exact(made.model, exact, boxes, packed, accel, view, pattern, band)
         for whole, part in ((keys, rows.key), (found, rows.ids)):
-            whole[top : top + ROWS] = part.reshape(ROWS // 4, view.width // 4, 4, 4).transpose(0, 2, 1, 3).reshape(ROWS, view.width)
+            whole[top : top + ROWS] = bands.by_pixels(part, ROWS, view.width)
     mapped: Any = drawn.tables
     things = np.append(mapped.instance, 0)
     of = np.where(found > traced.EXACT, found & traced.EXACT, things[np.clip(found >> SHIFT, 0, len(things) - 1)])

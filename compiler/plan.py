@@ -516,6 +516,18 @@ def _fill(scene: ir.Scene, *_: Any) -> Decision:
     return Decision("raster.fill", "edges", "exact edge functions; all three cover the same samples", ("edges", "areas", "scanline"))
 
 
+def _places(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    samples, name = done["samples"].value, "raster.places"
+    if samples == 1:
+        return Decision(name, "shared", "a sample stands for its whole pixel, in its middle", ("shared",))
+    if done["random numbers"].value:
+        why = "light with random numbers: samples and numbers are the ray backend's, so that both err alike (`shared`: sooner, in bands)"
+        return Decision(name, "own", why, ("own", "shared"))
+    if samples > RASTER_PLACES:
+        return Decision(name, "own", f"edges finer than 1/{RASTER_PLACES} of a pixel: each pixel has places of its own", ("own",))
+    return Decision(name, "shared", "the same places in every pixel, in bands", ("shared", "own"))
+
+
 def _shading(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
     choices = ("pixel", "sample")
     textured = bool((scene.tables.materials.textures >= 0).any())
@@ -553,6 +565,7 @@ def _precision(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]
     return Decision("raster.precision", "float32", reason, ("float32", "float64"))
 
 
+RASTER_PLACES = 16  # of samples in a pixel that bands have at once
 MANY_PLACES = 16  # samples of a pixel, from which on patterns are not averaged over parts of it as well
 
 
@@ -560,7 +573,7 @@ RULES: tuple[Callable[[ir.Scene, ir.Settings, Mapping[str, Decision]], Decision]
     _backend, _camera, _lens, _size, _crop, _soft, _secondary, _bounces, _interreflection, _random, _transport, _weighing, _path_precision,
     _shadows, _error, _budget, _samples, _filter, _noise, _seed,
     _background, _exposure, _view, _aov, _denoise, _threads, _accelerator, _formulas, _horizon, _opacity,
-    _raster_shadows, _motion, _caustics, _textures, _tolerance, _fill, _shading, _precision,
+    _raster_shadows, _motion, _caustics, _textures, _tolerance, _fill, _places, _shading, _precision,
 )  # fmt: skip
 
 

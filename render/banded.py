@@ -25,7 +25,7 @@ from .records import View
 from .simd import aligned_empty
 from .textures import IMAGE, UV
 
-MOST_AT_ONCE = 16  # samples of a pixel
+MOST_AT_ONCE = planner.RASTER_PLACES
 ROWS = {1: 64, 4: 32}  # rows of a band by samples, where its buffer still fits the second cache; else 16
 
 KEPT_BYTES = 1 << 26  # of pictures whose memory is kept; getting it from the system takes as long as filling it
@@ -66,14 +66,10 @@ def needs_no_rays(plan: Plan) -> bool:
 
 
 def can_draw(plan: Plan) -> bool:
-    """Whether a picture is drawn in bands: the same samples for all pixels, one moment, one point.
-
-    Many samples of light without random numbers are asked for where edges are finer than pixels: those are drawn at places of each
-    pixel's own, lest all pixels err alike.
-    """
+    """Whether a picture is drawn in bands: samples at the same places in all pixels, one moment, one point."""
     alike = not any(name.startswith((planner.LIGHT, "crypto_", "variance")) for name in plan["aov"])  # nothing is told sample by sample
     once = alike and not plan["denoise"] and not plan["motion"] and plan["lens"] == "pinhole"
-    return bool(once and not planner.adaptive(plan) and (plan["samples"] <= MOST_AT_ONCE or plan["random numbers"]))
+    return bool(once and not planner.adaptive(plan) and plan["raster.places"] == "shared")
 
 
 class Pass(NamedTuple):

@@ -17,11 +17,11 @@ LIMIT = 1e-3
 FACETS = {"materials.scene": 2}
 
 
-def both(name: str, samples: int = 4) -> compare.Comparison:
-    """An example in direct light, drawn by raster and by ray."""
+def both(name: str, samples: int = 4, plan: dict[str, str] | None = None) -> compare.Comparison:
+    """An example in direct light, drawn by raster, as `plan` says, and by ray."""
     scene = maquette.load(EXAMPLES / name)
     settings = [ir.Settings(backend=b, size=SIZE, samples=samples, bounces=0) for b in ("raster", "ray")]
-    raster, ray = (sides.drawn(scene, sides.plan_of(scene, asked)) for asked in settings)
+    raster, ray = (sides.drawn(scene, sides.plan_of(scene, a, p)) for a, p in zip(settings, (plan, None), strict=True))
     return compare.compare(raster, ray)
 
 
@@ -31,13 +31,16 @@ DRAWN_BY_BOTH = (
 )  # fmt: skip
 
 
+MIRRORED = ("pavilion.usda",)
 REFLECTS = "raster draws highlights of lights and the sky alone: other things are not reflected"
 
 
 @pytest.mark.parametrize("name", DRAWN_BY_BOTH)
 def test_inside_outlines_raster_and_ray_agree(name: str) -> None:
-    found = both(name, samples=1)  # both at the pixel's centre: of more, the rasterizer has its own places
-    assert [note.message for note in found.a.notes] == ([REFLECTS] if name == "pavilion.usda" else [])
+    # Both at the pixel's centre: of more, the rasterizer has its own places. What mirrors is traced: else the ground's mean light stands
+    # for all that lies below the horizon.
+    found = both(name, 1, {"raster.secondary": "trace"} if name in MIRRORED else None)
+    assert found.a.notes == ()
     assert found.b.notes == ()
     one, other = (carriers.outlines(side) for side in (found.a, found.b))
     assert one is not None
@@ -66,3 +69,8 @@ def test_the_difference_lies_on_what_raster_does_not_draw(name: str) -> None:
     assert found.interior is not None
     assert found.interior.share > 0.5
     assert found.biased is True
+
+
+@pytest.mark.parametrize("name", MIRRORED)
+def test_what_is_not_mirrored_is_told(name: str) -> None:
+    assert [note.message for note in both(name, 1).a.notes] == [REFLECTS]

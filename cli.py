@@ -18,9 +18,8 @@ from . import cli_shared as shared
 from . import cli_terminal as terminal
 from .lang.diagnostics import SceneError, in_order
 
-ORDER = ["render", "check", "inspect", "explain", "chart", "compare", "watch", "convert"]  # in --help
+ORDER = ["render", "check", "inspect", "explain", "chart", "compare", "watch", "convert", "format"]  # in --help
 PLANNED = {
-    "format": "lay a scene out in the standard way",
     "sweep": "a labelled contact sheet over values of params",
     "new": "a scene to start from",
     "lsp": "the language server",
@@ -63,6 +62,8 @@ class Commands(click.Group):
             from .cli_compare import compare as command
         elif cmd_name == "convert":
             from .cli_convert import convert as command
+        elif cmd_name == "format":
+            from .cli_format import format_command as command
         else:
             return super().get_command(ctx, cmd_name)
         return command

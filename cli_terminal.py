@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -38,9 +38,9 @@ def source_text(name: str) -> str | None:
         return None
 
 
-def report(found: Iterable[diagnostics.Diagnostic]) -> None:
-    """Print diagnostics to stderr, in order, each once."""
-    cache: dict[str, str | None] = {}
+def report(found: Iterable[diagnostics.Diagnostic], texts: Mapping[str, str | None] = MappingProxyType({})) -> None:
+    """Print diagnostics to stderr, in order, each once. `texts` are sources that are in no file."""
+    cache = dict(texts)
 
     def source(name: str) -> str | None:
         if name not in cache:

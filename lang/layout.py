@@ -10,7 +10,7 @@ from .diagnostics import Diagnostics
 from .tokens import CLOSERS, OPENERS, OPERATORS, Scan, span_of
 
 # After one of these a line goes on; `|` closes the parameters of a function.
-_GOES_ON = OPERATORS | frozenset(("=", ",", ":", ".", "|", "in", "then", "else", "(", "["))
+GOES_ON = OPERATORS | frozenset(("=", ",", ":", ".", "|", "in", "then", "else", "(", "["))
 # What begins an item and can be nowhere else.
 _ITEM_WORDS = frozenset(("let", "param", "use", "unit"))
 # What may stand behind a complete value, so that a line beginning with it is no new item.
@@ -91,7 +91,7 @@ def _note_line_end(stack: list[_Open], tokens: list[Token], i: int, kept: int) -
     if not stack or stack[-1].token == "{" or stack[-1].line_end is not None:
         return
     before, behind = tokens[i - 1], tokens[i + 1]
-    if (before not in _GOES_ON and behind not in _CONTINUES) or ";" in tokens[i]:
+    if (before not in GOES_ON and behind not in _CONTINUES) or ";" in tokens[i]:
         stack[-1].line_end = (i, kept)
 
 
@@ -147,7 +147,7 @@ def _drop_line_ends(tokens: list[Token], scan: Scan, file: str, diagnostics: Dia
     stack: list[Token] = []
     for token, behind in zip(tokens, [*tokens[1:], tokens[-1]], strict=True):
         if token.type == "_NL":
-            if ";" not in token and (behind == "else" or (kept and kept[-1] in _GOES_ON) or (stack and stack[-1] != "{")):
+            if ";" not in token and (behind == "else" or (kept and kept[-1] in GOES_ON) or (stack and stack[-1] != "{")):
                 continue
             if kept and kept[-1].type == "_NL":  # a bracket that stood alone on its line is gone
                 continue

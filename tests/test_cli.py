@@ -69,6 +69,42 @@ def test_each_help_shows_an_example(name: str) -> None:
     assert f"Examples:\n    maquette {name} " in out
 
 
+def test_format_lays_scenes_out_in_place(scene: Path) -> None:
+    scene.write_bytes(b"sphere( 1 )\r\n")
+    scene.chmod(0o640)
+    assert run("format", "--check", scene) == (1, "a.scene\n", "")
+    assert scene.read_bytes() == b"sphere( 1 )\r\n"
+    assert run("format", scene) == (0, "a.scene\n", "")
+    assert scene.read_bytes() == b"sphere(1)\n"
+    assert scene.stat().st_mode & 0o777 == 0o640
+    assert run("format", scene) == run("format", "--check", scene) == (0, "", "")
+
+
+def test_format_leaves_what_has_errors_and_lays_out_the_rest(scene: Path) -> None:
+    scene.write_text("sphere((1)\n", encoding="utf-8")
+    Path("b.scene").write_text("box( 1 )\n", encoding="utf-8")
+    code, out, err = run("format", scene, "b.scene")
+    assert (code, out) == (1, "b.scene\n")
+    assert err == "a.scene:1:7: error: this `(` is not closed\n   1 | sphere((1)\n     |       ^ write `)` where it ends\n"
+    assert scene.read_text(encoding="utf-8") == "sphere((1)\n"
+    assert sorted(p.name for p in Path().iterdir()) == ["a.scene", "b.scene"]
+
+
+def test_format_reads_stdin(scene: Path) -> None:
+    done = shell("format", "-", input="sphere( 1 )")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "sphere(1)\n", "")
+    done = shell("format", "-", input="sphere( 1")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == "stdin:1:7: error: this `(` is not closed\n   1 | sphere( 1\n     |       ^ write `)` where it ends\n"
+
+
+def test_format_takes_scenes_only(scene: Path) -> None:
+    Path("a.usda").write_text("#usda 1.0\n", encoding="utf-8")
+    code, _, err = run("format", "a.usda")
+    assert code == 2
+    assert err.endswith("Error: a.usda: only .scene files are laid out\n")
+
+
 @pytest.mark.parametrize("name", list(PLANNED))
 def test_planned_commands_say_so(name: str) -> None:
     assert run(name, "a.scene") == (2, "", f"Error: `maquette {name}` ({PLANNED[name]}) is not built yet\n")

@@ -1,5 +1,6 @@
 """Properties of the parser: random text never raises, valid trees come back from their text, no comment is lost."""
 
+import re
 import string
 from pathlib import Path
 
@@ -7,6 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from maquette.lang import ast, parse
 from maquette.lang.diagnostics import Diagnostics
+from maquette.lang.format import format_text
 from maquette.lang.tokens import KEYWORDS
 
 SCENES = [path.read_text(encoding="utf-8") for path in sorted((Path(__file__).parent / "scenes").glob("*.scene"))]
@@ -178,6 +180,40 @@ def test_trees_come_back_from_their_text(read, shown, text):
     file = read(text)
     again = read("\n".join(map(written, file.items)))
     assert shown(again.items) == shown(file.items)
+
+
+@settings(max_examples=100, deadline=20_000)
+@given(scenes, st.randoms(use_true_random=False))
+def test_layout_changes_no_tree_and_loses_no_comment(read, shown, text, chance):
+    """Where there is a space in the text there may be a comment and a line end, if it is inside ( ) or [ ]."""
+    strewn, depth = "", 0
+    for part in re.split(r'("(?:\\.|[^"\\])*"|[()\[\]{} ])', text):
+        depth += (part in ("(", "[")) - (part in (")", "]"))
+        inside = depth > 0 and "{" not in text and chance.random() < 0.2
+        strewn += f" // {len(strewn)}\n" if part == " " and inside else part
+    before = read(strewn)
+    done = format_text(strewn, "t", Diagnostics())
+    assert done is not None
+    after = read(done)
+    assert shown(after.items) == shown(before.items)
+    assert comments_of(after) == comments_of(before)
+    assert format_text(done, "t", Diagnostics()) == done
+
+
+@settings(max_examples=300, deadline=20_000)
+@given(st.lists(st.sampled_from(WORDS), max_size=40), st.sampled_from(["", " "]))
+def test_layout_of_token_soup_never_raises(shown, words, between):
+    """What happens to have no error keeps its tree and its comments, and is laid out once and for all."""
+    text = between.join(words)
+    diagnostics = Diagnostics()
+    done = format_text(text, "t", diagnostics)
+    assert (done is None) == diagnostics.failed
+    if done is not None:
+        before, after = parse.parse(text, "t", diagnostics), parse.parse(done, "t", diagnostics)
+        assert not diagnostics.failed
+        assert shown(after.items) == shown(before.items)
+        assert comments_of(after) == comments_of(before)
+        assert format_text(done, "t", diagnostics) == done
 
 
 def comments_of(node: ast.Node) -> list[str]:

@@ -11,7 +11,7 @@ PENDING − n where block n around it is yet to be cut. What comes out does not 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -49,67 +49,109 @@ def ready(forms, k, number):
             return
 
 
+class _Block(NamedTuple):
+    """A block while it is cut up: the place and size of its parts, its tape, and memory; see `simplify`."""
+
+    corner: tuple[int, int, int]
+    small: int
+    whole: int
+    names: Any
+    run: Any
+    tapes: Any
+    ends: Any
+    scratch: Any
+    state: Any
+    registers: Any
+    known: Any  # (CHILDREN, 2) parts that may hold a part of the surface, and their tapes
+
+
 @maker
 def _cut(forms, k, number):
     """Write what is in a block's 64 parts to the grid: leaves where these are cells, else blocks, with the tapes that they need."""
     x, y, z, size, whole = (
         forms.blocks[number, 0], forms.blocks[number, 1], forms.blocks[number, 2], forms.blocks[number, 3], forms.blocks[number, 4]
     )  # fmt: skip
-    small = size // SPLIT
     rows = forms.tapes[whole, 1]
     names, run = np.empty(((CHILDREN + 1) * (rows + 1), 4), np.int32), np.empty(((CHILDREN + 1) * (rows + 1), ROW), np.int32)
     tapes, ends, scratch = np.zeros((CHILDREN + 1, 4), np.int64), np.zeros(2, np.int64), np.empty(3 * rows + 8, np.int64)
     choices = _copied(forms, whole, names, run)
     tapes[0, 1], tapes[0, 2] = rows, forms.tapes[whole, 2]
     ends[0], ends[1] = 1, rows
-    state = np.zeros(1 + 2 * (choices + 1), np.int64)
-    registers = np.empty(_ROOM)
-    known, alive = np.empty((CHILDREN, 2), np.int64), 0
-    constants, begin = forms.constants, forms.places[k, 3]
+    block = _Block(
+        (x, y, z), size // SPLIT, whole, names, run, tapes, ends, scratch, np.zeros(1 + 2 * (choices + 1), np.int64), np.empty(_ROOM),
+        np.empty((CHILDREN, 2), np.int64),
+    )  # fmt: skip
+    alive = _occupied(forms, k, block)
+    made, placed = _kept(forms, whole, rows, names, run, tapes, ends)
+    for i in range(alive):  # from here on the numbers of tapes are those of the grid
+        kept = block.known[i, 1]
+        block.known[i, 1] = made + kept - 1 if kept > 0 and placed else whole
+    if block.small > 1:
+        _as_blocks(forms, k, block, alive)
+    else:
+        _as_leaves(forms, k, block, alive)
+
+
+@apart
+def _occupied(forms, k, block):
+    """How many parts may hold a part of the surface, which `known` lists with their tapes; the others are marked empty."""
+    alive = 0
     for first in range(0, CHILDREN, LANES):
         few = min(LANES, CHILDREN - first)
-        _boxes(registers, forms.numbers, k, forms.places[k, 0], x, y, z, small, known, first, few, False, _BOXES)
-        state[0] = 0
-        interpret(forms.programs[_BOXES_AT], run, 0, rows, registers, constants, begin, state, 1)
-        out = tapes[0, 2] * _BOXES * LANES
+        out = _bounded(forms, k, block, first, few, False, _BOXES, _BOXES_AT)
         for lane in range(few):
-            least, most, maybe = registers[out + lane], registers[out + LANES + lane], (state[0] >> lane) & 1
+            least, most, maybe = block.registers[out + lane], block.registers[out + LANES + lane], (block.state[0] >> lane) & 1
             if not least <= 0.0 or (most < 0.0 and maybe == 0):
-                _mark(forms, k, x, y, z, first + lane, small, _empty(small))
+                _mark(forms, k, block, first + lane, _empty(block.small))
                 continue
-            known[alive, 0], known[alive, 1] = first + lane, 0
+            block.known[alive, 0], block.known[alive, 1] = first + lane, 0
             if maybe == 0:
-                known[alive, 1] = max(simplify(names, run, tapes, ends, 0, state, lane, scratch), 0)
+                found = simplify(block.names, block.run, block.tapes, block.ends, 0, block.state, lane, block.scratch)
+                block.known[alive, 1] = max(found, 0)
             alive += 1
-    made, placed = _kept(forms, whole, rows, names, run, tapes, ends)
-    if small > 1:
-        first_block = taken(forms.ends, END_BLOCKS, alive)
-        for i in range(alive):
-            child, block = known[i, 0], first_block + i
-            forms.blocks[block, 0] = x + small * (child // (SPLIT * SPLIT))
-            forms.blocks[block, 1] = y + small * (child // SPLIT % SPLIT)
-            forms.blocks[block, 2] = z + small * (child % SPLIT)
-            forms.blocks[block, 3] = small
-            forms.blocks[block, 4] = made + known[i, 1] - 1 if known[i, 1] > 0 and placed else whole
-            _mark(forms, k, x, y, z, child, small, PENDING - block)
-        return
+    return alive
+
+
+@helper
+def _as_blocks(forms: Any, k: int, block: _Block, alive: int) -> None:
+    """Put the parts to what is cut up when a ray comes to it."""
+    first, (x, y, z), small = taken(forms.ends, END_BLOCKS, alive), block.corner, block.small
+    for i in range(alive):
+        child, number = block.known[i, 0], first + i
+        forms.blocks[number, 0] = x + small * (child // (SPLIT * SPLIT))
+        forms.blocks[number, 1] = y + small * (child // SPLIT % SPLIT)
+        forms.blocks[number, 2] = z + small * (child % SPLIT)
+        forms.blocks[number, 3], forms.blocks[number, 4] = small, block.known[i, 1]
+        _mark(forms, k, block, child, PENDING - number)
+
+
+@apart
+def _as_leaves(forms, k, block, alive):
+    """Put the parts, which are cells, to the leaves, with bounds of their derivatives."""
     first_leaf = taken(forms.ends, END_LEAVES, alive)
     for first in range(0, alive, LANES):
         few = min(LANES, alive - first)
-        _boxes(registers, forms.numbers, k, forms.places[k, 0], x, y, z, small, known, first, few, True, _CELLS)
-        state[0] = 0
-        interpret(forms.programs[_CELLS_AT], run, 0, rows, registers, constants, begin, state, 1)
-        out = tapes[0, 2] * _CELLS * LANES
+        out = _bounded(forms, k, block, first, few, True, _CELLS, _CELLS_AT)
         for lane in range(few):
-            child, kept, leaf = known[first + lane, 0], known[first + lane, 1], first_leaf + first + lane
-            forms.leaf_tape[leaf] = made + kept - 1 if kept > 0 and placed else whole
+            leaf = first_leaf + first + lane
+            forms.leaf_tape[leaf] = block.known[first + lane, 1]
             for j in range(6):
-                bound = registers[out + (2 + j) * LANES + lane]
+                bound = block.registers[out + (2 + j) * LANES + lane]
                 unknown = -BIG if j % 2 == 0 else BIG
-                forms.leaf_slopes[leaf, j] = unknown if (state[0] >> lane) & 1 == 1 or not abs(bound) <= BIG else bound
+                forms.leaf_slopes[leaf, j] = unknown if (block.state[0] >> lane) & 1 == 1 or not abs(bound) <= BIG else bound
     taken(forms.ends, END_LEAVES, 0)  # what leaves are is written before the grid says so
     for i in range(alive):
-        _mark(forms, k, x, y, z, known[i, 0], small, first_leaf + i)
+        _mark(forms, k, block, block.known[i, 0], first_leaf + i)
+
+
+@helper
+def _bounded(forms: Any, k: int, block: _Block, first: int, few: int, listed: bool, width: int, program: int) -> int:
+    """Ask a program for bounds over parts `first` on, of all or of those that `known` lists; where in the registers they are."""
+    _boxes(block.registers, forms.numbers, k, forms.places[k, 0], block, first, few, listed, width)
+    block.state[0] = 0
+    rows = block.tapes[0, 1]
+    interpret(forms.programs[program], block.run, 0, rows, block.registers, forms.constants, forms.places[k, 3], block.state, 1)
+    return block.tapes[0, 2] * width * LANES
 
 
 @helper
@@ -154,8 +196,9 @@ def _empty(size: int) -> int:
 
 
 @helper
-def _mark(forms: Any, k: int, x: int, y: int, z: int, child: int, size: int, mark: int) -> None:
-    count, begin = forms.places[k, 0], forms.places[k, 2]
+def _mark(forms: Any, k: int, block: _Block, child: int, mark: int) -> None:
+    """Write what is in a part to the grid."""
+    count, begin, (x, y, z), size = forms.places[k, 0], forms.places[k, 2], block.corner, block.small
     x += size * (child // (SPLIT * SPLIT))
     y += size * (child // SPLIT % SPLIT)
     z += size * (child % SPLIT)
@@ -166,26 +209,13 @@ def _mark(forms: Any, k: int, x: int, y: int, z: int, child: int, size: int, mar
 
 
 @helper
-def _boxes(
-    registers: Any,
-    numbers: Any,
-    k: int,
-    count: int,
-    x: int,
-    y: int,
-    z: int,
-    size: int,
-    known: Any,
-    first: int,
-    few: int,
-    listed: bool,
-    width: int,
-) -> None:
-    """Set the registers of x, y and z to the boxes of children; lanes beyond repeat the last one."""
+def _boxes(registers: Any, numbers: Any, k: int, count: int, block: _Block, first: int, few: int, listed: bool, width: int) -> None:
+    """Set the registers of x, y and z to the boxes of parts; lanes beyond repeat the last one."""
+    (x, y, z), size = block.corner, block.small
     for lane in range(LANES):
         child = first + min(lane, few - 1)
         if listed:
-            child = known[child, 0]
+            child = block.known[child, 0]
         corner = (x + size * (child // (SPLIT * SPLIT)), y + size * (child // SPLIT % SPLIT), z + size * (child % SPLIT))
         for axis in range(3):
             at = axis * width * LANES + lane

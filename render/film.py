@@ -440,10 +440,6 @@ class _Canvas:
             self.spent += self.drawn[tile] - known[tile]
             self._tell(fraction())
 
-        jobs = iter(jobs)
-        if not sums.take_in.overloads and (first := next(jobs, None)) is not None:
-            draw(first)  # by itself, so that what is still to be compiled is there before other threads draw
-            told(first, None)
         _on_threads(draw, jobs, self.threads, self.cancel, told)
 
     def _tell(self, fraction: float) -> None:

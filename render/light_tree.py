@@ -173,7 +173,7 @@ def choose(tree: Tree, position: Vec, u: Lane) -> tuple[Lane, Lane]:
         before = lanes.where(here, upto, before)
         upto = upto + one
     chance = lanes.where(mine > 0.0, mine / lanes.maximum(upto, TINY), 0.0)
-    near = found >= len(tree.far)
+    near = (found >= len(tree.far)) & (mine > 0.0)  # where nothing shines, no row has been found
     if tree.tops > 0 and lanes.any_lane(near):
         left = lanes.clip((most - before) / lanes.maximum(mine, TINY), 0.0, 1.0)
         node = lanes.where(near, found - len(tree.far), tree.tops)

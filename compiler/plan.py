@@ -491,10 +491,12 @@ def _textures(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision])
     rows = rows[rows >= 0]
     patterns = bool((tables.textures.kind[rows] == ir.TextureKind.FORMULA).any())
     pictures = bool(((tables.textures.kind[rows] == ir.TextureKind.IMAGE) & ~tables.textures.nearest[rows]).any())
-    if not patterns and not pictures:
+    cells = bool(np.isin(tables.textures.kind[rows], (ir.TextureKind.CHECKER, ir.TextureKind.STRIPES)).any())
+    if not patterns and not pictures and not cells:
         return Decision("textures", "sharp", "no picture and no pattern lies on anything", fixed="the scene's materials")
     why = ""
-    if not pictures and (done["samples"].value >= MANY_PLACES or done["error"].value or math.isfinite(done["budget"].value)):
+    rounds = done["error"].value or math.isfinite(done["budget"].value)
+    if not pictures and (rounds or (not cells and done["samples"].value >= MANY_PLACES)):
         why = "each pixel looks at patterns in many places anyway"
     if done["transport"].value == "paths":
         why = "paths take many samples"
@@ -503,7 +505,7 @@ def _textures(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision])
     if why:
         return Decision("textures", "sharp", why, ("sharp",))
     reason = "pictures are looked at in the size and along the direction in which a pixel sees them"
-    reason = "patterns are averaged over what a pixel sees of them" if patterns else reason
+    reason = "patterns are averaged over what a pixel sees of them" if patterns or (cells and not pictures) else reason
     return Decision("textures", "filtered", reason, ("filtered", "sharp"))
 
 

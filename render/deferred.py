@@ -209,7 +209,7 @@ def keep(shading: Any, patterned: Any, colored: Any, k: int, point: faces.Seen, 
         _put1(points, k, _FACING, point.facing)
     if patterned is not None:
         _put2(points, k, _UV, point.uv)
-        _put_spread(points, k, footprints.of_pixel(shading.lit, point.spread), point.spread)
+        _put_spread(points, k, footprints.is_known(shading.lit), point.spread)
     if colored is not None:
         _put2(points, k, _METRIC, point.metric)
         _put3(points, k, _OUTWARD, point.outward)
@@ -299,10 +299,10 @@ def patterned_point(shading: Any, colored: Any, i: int, k: int) -> Surface:
         position, outward = _get3(points, k, _PLACE), lanes.normalize(_get3(points, k, _OUTWARD))
         local, color, metric = lanes.transform_point(shading.look.local, i, position), _get3(points, k, _TINT), _get2(points, k, _METRIC)
     spread = (_get1(points, k, _SPREAD), _get1(points, k, _SPREAD + 1), _get1(points, k, _SPREAD + 2), _get1(points, k, _SPREAD + 3))
-    return Surface(
-        position, local, normal, normal, outward, _get2(points, k, _UV), metric, _get1(points, k, _FACING) > 0.0, i,
-        tables.instances.material[i], color, zero, None, footprints.of_pixel(tables, spread),
-    )  # fmt: skip
+    uv, front, material = _get2(points, k, _UV), _get1(points, k, _FACING) > 0.0, tables.instances.material[i]
+    point = Surface(position, local, normal, normal, outward, uv, metric, front, i, material, color, zero, None, None)
+    known = footprints.of_pixel(tables, spread, point)
+    return Surface(position, local, normal, normal, outward, uv, metric, front, i, material, color, zero, None, known)
 
 
 @helper

@@ -3,12 +3,14 @@
 A pixel's derivatives of texture coordinates are those of the plane that touches the surface there (Igehy 1999, Tracing Ray Differentials),
 known in closed form for rays from the eye; further rays take pictures as they are. The pixel's square becomes an ellipse on the picture:
 its short axis chooses among sizes (Williams 1983, Pyramidal Parametrics), and along its long one lie up to sixteen places (McCormack
-and others 1999, Feline).
+and others 1999, Feline). Of checkers and stripes it becomes a parallelogram, whose mean cells.py knows.
 """
 
 from __future__ import annotations
 
+import functools
 import weakref
+from collections import namedtuple
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,6 +26,13 @@ from .records import Hit, Lane, Ray, Surface, Tables, Vec, View
 
 MESH = int(ir.GeometryKind.MESH)
 LEVELS = 20  # sizes of a picture at the most
+KEPT = {
+    "pictures": "pictures are filtered",
+    "cells": "so are checkers and stripes",
+    "formulas": "so are patterns",
+    "coordinates": "it is known how far u and v go (all but formulas need that)",
+    "places": "it is known how far places go, in the thing's own frame",
+}
 
 
 class Eye(NamedTuple):
@@ -35,23 +44,6 @@ class Eye(NamedTuple):
     down: NDArray[np.float64]
     perspective: bool
     step: float  # pixels: the part of one that is looked at by itself
-
-
-class Coordinates(NamedTuple):
-    """Pictures are filtered: it is kept how far u and v go."""
-
-
-class Places(NamedTuple):
-    """So are patterns: it is kept how far places go, too."""
-
-    patterns: int = 1
-
-
-class OnlyPlaces(NamedTuple):
-    """Patterns are filtered, and there are no pictures."""
-
-    patterns: int = 1
-    alone: int = 1
 
 
 class Pyramids(NamedTuple):
@@ -66,7 +58,7 @@ class Pyramids(NamedTuple):
     level_width: NDArray[np.int32]
     level_height: NDArray[np.int32]
     eye: Eye
-    kept: Coordinates | Places | OnlyPlaces
+    kept: Any  # a NamedTuple of what KEPT says: kernels know by its type what there is
 
 
 _made: dict[int, tuple[Any, Pyramids]] = {}  # by the id of what they were made from, while it lives
@@ -87,10 +79,23 @@ def with_pyramids(tables: ir.Tables, view: View, samples: int) -> ir.Tables:
     moved = direction / (direction @ axis)[:, None] if perspective else start
     step = 1.0 / np.sqrt(samples)
     eye = Eye(matrix[:, 3].copy(), axis, (moved[1] - moved[0]) * step, (moved[2] - moved[0]) * step, perspective, float(step))
-    kinds = tables.textures.kind
-    pictures, formulas = (kinds == ir.TextureKind.IMAGE).any(), (kinds == ir.TextureKind.FORMULA).any() and samples < planner.MANY_PLACES
-    kept = Coordinates() if not formulas else Places() if pictures else OnlyPlaces()
-    return tables._replace(images=made._replace(eye=eye, kept=kept))
+    return tables._replace(images=made._replace(eye=eye, kept=_kept_of(tables.textures, samples)))
+
+
+def _kept_of(rows: ir.Textures, samples: int) -> Any:
+    """What is known of what a pixel spans, and which textures ask for it."""
+    formula = rows.kind == ir.TextureKind.FORMULA
+    formulas = formula.any() and samples < planner.MANY_PLACES
+    pictures = (rows.kind == ir.TextureKind.IMAGE) & ~rows.nearest
+    cells = np.isin(rows.kind, (ir.TextureKind.CHECKER, ir.TextureKind.STRIPES))
+    places = formulas or (~formula & (rows.mapping != ir.Mapping_.UV)).any()
+    asked = (pictures.any(), cells.any(), formulas, (pictures | cells).any(), places)
+    return _kept_as(tuple(name for name, yes in zip(KEPT, asked, strict=True) if yes))
+
+
+@functools.cache
+def _kept_as(names: tuple[str, ...]) -> Any:
+    return namedtuple("Kept", names)(*[1] * len(names))
 
 
 def _pyramids(images: ir.Images) -> Pyramids:
@@ -111,7 +116,7 @@ def _pyramids(images: ir.Images) -> Pyramids:
             level = _halved(_halved(level, 0), 1)
     texels = np.ascontiguousarray(np.concatenate(parts) if parts else np.zeros((0, 4)), np.float32)
     nowhere = Eye(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), True, 1.0)
-    return Pyramids(first[:, 0].copy(), images.width, images.height, texels, levels, first, width, height, nowhere, Coordinates())
+    return Pyramids(first[:, 0].copy(), images.width, images.height, texels, levels, first, width, height, nowhere, _kept_as(()))
 
 
 def _halved(level: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
@@ -144,22 +149,57 @@ def _on_surface_in_kernels(tables, ray, hit, point):
     return lambda tables, ray, hit, point: point
 
 
-def of_pixel(tables: Tables, spread: Any) -> Any:
-    """A Surface's spread, from how far coordinates go over a whole pixel; None in scenes without pictures in several sizes."""
-    return _of_pixel(tables, spread) if isinstance(tables.images, Pyramids) else None
+def is_known(tables: Tables) -> Any:
+    """True, or None in scenes in which nothing asks what a pixel spans."""
+    return True if isinstance(tables.images, Pyramids) else None
+
+
+@overload(is_known, jit_options=HELPER)
+def _is_known_in_kernels(tables):
+    if isinstance(tables, HandleType) and tables.field("images.levels") is not None:
+        return lambda tables: True
+    return lambda tables: None
+
+
+def of_pixel(tables: Tables, spread: Any, point: Surface) -> Any:
+    """The same, from how far coordinates go over a whole pixel; the point's place counts from the eye."""
+    raise NotImplementedError("in kernels only")
 
 
 @overload(of_pixel, jit_options=HELPER)
-def _of_pixel_in_kernels(tables, spread):
-    if isinstance(tables, HandleType) and tables.field("images.levels") is not None:
-        return lambda tables, spread: _of_pixel(tables, spread)
-    return lambda tables, spread: None
+def _of_pixel_in_kernels(tables, spread, point):
+    if not isinstance(tables, HandleType) or tables.field("images.levels") is None:
+        return lambda tables, spread, point: None
+    if tables.field("images.kept.places") is not None:
+        return lambda tables, spread, point: (*_of_pixel(tables, spread), *_places_of_pixel(tables, point))
+    return lambda tables, spread, point: _of_pixel(tables, spread)
 
 
 @helper
 def _of_pixel(tables: Any, spread: Any) -> Any:
     step = tables.images.eye.step
     return spread[0] * step, spread[1] * step, spread[2] * step, spread[3] * step
+
+
+@helper
+def _places_of_pixel(tables: Any, point: Surface) -> Any:
+    """How far places go to the right and below, in the thing's own frame."""
+    eye = tables.images.eye
+    along, depth = (eye.axis[0], eye.axis[1], eye.axis[2]), 1.0 + 0.0 * point.offset
+    outward = lanes.transform_normal(tables.transforms.inverse, tables.instances.transform[point.instance], point.local_normal)
+    d = lanes.add(along, (depth - 1.0, depth - 1.0, depth - 1.0))
+    if eye.perspective:
+        depth = lanes.dot(point.position, along)
+        d = lanes.scale(point.position, 1.0 / depth)
+    facing = lanes.dot(d, outward)
+    facing = lanes.where(lanes.absolute(facing) > 1e-12, facing, 1e-12)
+    flat = Surface(
+        point.position, point.local, outward, point.normal, point.local_normal, point.uv, point.metric, point.front, point.instance,
+        point.material, point.color, point.offset, point.time, None,
+    )  # fmt: skip
+    right = _over_pixel(tables, (eye.right[0], eye.right[1], eye.right[2]), depth, d, facing, flat)
+    below = _over_pixel(tables, (eye.down[0], eye.down[1], eye.down[2]), depth, d, facing, flat)
+    return (*right, *below)
 
 
 @apart
@@ -194,12 +234,12 @@ def _on_surface(tables: Any, ray: Ray, hit: Hit, point: Surface) -> Surface:
 
 def _kept(tables: Any, spread: Any, right: Vec, down: Vec) -> Any:
     """Surface.spread."""
-    return spread if isinstance(tables.images.kept, Coordinates) else spread + right + down
+    return spread + right + down if hasattr(tables.images.kept, "places") else spread
 
 
 @overload(_kept, jit_options=HELPER)
 def _kept_in_kernels(tables, spread, right, down):
-    if tables.field("images.kept.patterns") is not None:
+    if tables.field("images.kept.places") is not None:
         return lambda tables, spread, right, down: (*spread, *right, *down)
     return lambda tables, spread, right, down: spread
 
@@ -218,9 +258,9 @@ def _coordinates(tables: Any, way: Vec, hit: Hit, point: Surface) -> tuple[Lane,
 
 @overload(_coordinates, jit_options=HELPER)
 def _coordinates_in_kernels(tables, way, hit, point):
-    if tables.field("images.kept.alone") is not None:
-        return lambda tables, way, hit, point: (0.0 * way[0], 0.0 * way[0])
-    return lambda tables, way, hit, point: _moved(tables, way, hit, point)
+    if tables.field("images.kept.coordinates") is not None:
+        return lambda tables, way, hit, point: _moved(tables, way, hit, point)
+    return lambda tables, way, hit, point: (0.0 * way[0], 0.0 * way[0])
 
 
 @apart

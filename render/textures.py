@@ -16,10 +16,11 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+from numba import types
 from numba.extending import overload
 
 from ..compiler import ir
-from . import lanes, patterns, simd
+from . import cells, lanes, patterns, simd
 from .kernels import HELPER, apart, helper
 from .records import Lane, Surface, Tables, Vec
 
@@ -29,13 +30,11 @@ PROJECTED = int(ir.Mapping_.PROJECTED)
 BOX = int(ir.Mapping_.BOX)
 NET = int(ir.Mapping_.NET)
 IMAGE = int(ir.TextureKind.IMAGE)
-CHECKER = int(ir.TextureKind.CHECKER)
 REPEAT = int(ir.Wrap.REPEAT)
 CLAMP = int(ir.Wrap.CLAMP)
 MIRROR = int(ir.Wrap.MIRROR)
 BLACK = int(ir.Wrap.BLACK)
 MOST = 16.0  # places along the long axis of what a pixel spans
-CELLS = 8.0  # of a checker without a size, over u and over v
 _FARTHEST = 1e12  # coordinates beyond this are taken as 0: they hold no fraction any more
 
 Rgba = tuple[Lane, Lane, Lane, Lane]
@@ -69,18 +68,20 @@ def _value(tables: Tables, texture: Lane, surface: Spot) -> Vec:
     t = frame[row, 1, 0] * u + frame[row, 1, 1] * v + frame[row, 1, 2]
     s = lanes.where(lanes.absolute(s) < _FARTHEST, s, 0.0)
     t = lanes.where(lanes.absolute(t) < _FARTHEST, t, 0.0)
+    spans = _spans(tables, row, (u, v), surface)
     kind, zero = textures.kind[row], 0.0 * s
     texel = (zero, zero, zero, zero + 1.0)
     if lanes.any_lane((kind != IMAGE) & (kind != patterns.FORMULA)):
-        texel = _pattern(tables, row, s, t, du, dv)
+        red, green, blue = cells.color(tables, row, s, t, du, dv, _if_cells(tables, spans))
+        texel = (red, green, blue, texel[3])
     if lanes.any_lane(kind == IMAGE):
-        picture = _image(tables, row, s, t, surface.spread)
+        picture = _image(tables, row, s, t, _if_pictures(tables, spans))
         texel = (
             lanes.where(kind == IMAGE, picture[0], texel[0]), lanes.where(kind == IMAGE, picture[1], texel[1]),
             lanes.where(kind == IMAGE, picture[2], texel[2]), lanes.where(kind == IMAGE, picture[3], texel[3]),
         )  # fmt: skip
     if lanes.any_lane(kind == patterns.FORMULA):
-        r, g, b = patterns.seen(tables, row, surface.local, surface.spread)
+        r, g, b = patterns.seen(tables, row, surface.local, _if_formulas(tables, surface.spread))
         made = kind == patterns.FORMULA
         texel = (lanes.where(made, r, texel[0]), lanes.where(made, g, texel[1]), lanes.where(made, b, texel[2]), texel[3])
     channel = textures.channel[row]
@@ -157,51 +158,97 @@ def _along_side(p: Lane, low: Lane, high: Lane) -> tuple[Lane, Lane]:
     return lanes.where(bounded, (p - low) / lanes.where(bounded, size, 1.0), p), lanes.where(bounded, size, 1.0)
 
 
+# --- what a pixel spans -------------------------------------------------------------------------------------------------
+
+
+def _gate(what: str) -> Any:
+    """A function of (tables, spans): spans, or None where this kind of texture is looked at in points."""
+
+    def gate(tables: Any, spans: Any) -> Any:
+        return spans if hasattr(getattr(tables.images, "kept", None), what) else None
+
+    @overload(gate, jit_options=HELPER)
+    def gate_in_kernels(tables, spans):
+        if tables.field(f"images.kept.{what}") is not None:
+            return lambda tables, spans: spans
+        return lambda tables, spans: None
+
+    return gate
+
+
+_if_cells, _if_pictures, _if_formulas = _gate("cells"), _gate("pictures"), _gate("formulas")
+
+
+def _spans(tables: Any, row: Lane, uv: tuple[Lane, Lane], surface: Spot) -> Any:
+    """How far a texture's s and t go over what is looked at, (s, t) along each of its two sides; None at a point."""
+    if surface.spread is None:
+        return None
+    return _framed(tables, row, _mapped(tables, row, uv, surface) if len(surface.spread) >= patterns.WITH_PLACES else surface.spread)
+
+
+@overload(_spans, jit_options=HELPER)
+def _spans_in_kernels(tables, row, uv, surface):
+    spread = dict(zip(surface.fields, surface.types, strict=True))["spread"]
+    if not isinstance(spread, types.BaseTuple):
+        return lambda tables, row, uv, surface: None
+    if len(spread) >= patterns.WITH_PLACES:
+        return lambda tables, row, uv, surface: _framed(tables, row, _mapped(tables, row, uv, surface))
+    return lambda tables, row, uv, surface: _framed(tables, row, surface.spread)
+
+
+@helper
+def _framed(tables: Any, row: Lane, spread: Any) -> tuple[Lane, Lane, Lane, Lane]:
+    frame = tables.textures.frame
+    return (
+        frame[row, 0, 0] * spread[0] + frame[row, 0, 1] * spread[1], frame[row, 1, 0] * spread[0] + frame[row, 1, 1] * spread[1],
+        frame[row, 0, 0] * spread[2] + frame[row, 0, 1] * spread[3], frame[row, 1, 0] * spread[2] + frame[row, 1, 1] * spread[3],
+    )  # fmt: skip
+
+
+@helper
+def _mapped(tables: Any, row: Lane, uv: tuple[Lane, Lane], surface: Spot) -> tuple[Lane, Lane, Lane, Lane]:
+    """How far u and v go, by the texture's mapping: those that look at places are asked again a pixel away."""
+    spread = surface.spread
+    u0, v0, u1, v1 = spread[0], spread[1], spread[2], spread[3]
+    other = tables.textures.mapping[row] != UV
+    if lanes.any_lane(other):
+        a0, b0 = _moved(tables, row, uv, surface, (spread[4], spread[5], spread[6]))
+        a1, b1 = _moved(tables, row, uv, surface, (spread[7], spread[8], spread[9]))
+        u0, v0 = lanes.where(other, a0, u0), lanes.where(other, b0, v0)
+        u1, v1 = lanes.where(other, a1, u1), lanes.where(other, b1, v1)
+    return u0, v0, u1, v1
+
+
+@apart
+def _moved(tables: Any, row: Lane, uv: tuple[Lane, Lane], surface: Spot, way: Vec) -> tuple[Lane, Lane]:
+    """How far u and v go along a way from a point in the thing's own frame."""
+    there = Spot(lanes.add(surface.local, way), surface.local_normal, surface.uv, surface.metric, surface.instance, None)
+    u, v, _, _ = place(tables, row, there)
+    u, v = u - uv[0], v - uv[1]
+    return lanes.where(tables.textures.mapping[row] == LATLONG, u - lanes.floor(u + 0.5), u), v  # which has a seam
+
+
 # --- kinds --------------------------------------------------------------------------------------------------------------
 
 
 @helper
-def _pattern(tables: Tables, row: Lane, s: Lane, t: Lane, du: Lane, dv: Lane) -> Rgba:
-    """Checkers and stripes, cells half open."""
-    textures = tables.textures
-    size = textures.size[row]
-    sized = size > 0.0
-    safe = lanes.where(sized, size, 1.0)
-    across = lanes.floor_int(s * lanes.where(sized, du / safe, CELLS))
-    up = lanes.floor_int(t * lanes.where(sized, dv / safe, CELLS))
-    cell = lanes.where(textures.kind[row] == CHECKER, across + up, across)
-    first = (cell & 1) == 0
-    a, b = textures.color_a, textures.color_b
-    one = lanes.full_like(s, 1.0)
-    return (
-        lanes.where(first, a[row, 0], b[row, 0]),
-        lanes.where(first, a[row, 1], b[row, 1]),
-        lanes.where(first, a[row, 2], b[row, 2]),
-        one,
-    )
-
-
-@helper
-def _image(tables: Tables, row: Lane, s: Lane, t: Lane, spread: Any) -> Rgba:
+def _image(tables: Tables, row: Lane, s: Lane, t: Lane, spans: Any) -> Rgba:
     """A picture at s, t: the nearest texel; or bilinear between centres and, where it is known what a pixel spans, over all that."""
     textures = tables.textures
     image, wraps = lanes.maximum(textures.image[row], 0), (textures.wrap_u[row], textures.wrap_v[row])
-    if spread is None:
+    if spans is None:
         return look_up(tables, image, s, t, wraps[0], wraps[1], textures.nearest[row])
-    return _over_pixel(tables, row, image, s, t, wraps, spread)
+    return _over_pixel(tables, row, image, s, t, wraps, spans)
 
 
 @apart
-def _over_pixel(tables: Any, row: Lane, image: Lane, s: Lane, t: Lane, wraps: Any, spread: Any) -> Rgba:
+def _over_pixel(tables: Any, row: Lane, image: Lane, s: Lane, t: Lane, wraps: Any, spans: Any) -> Rgba:
     """A picture over the ellipse that a pixel is on it: up to MOST places along its long axis, in sizes that its short one asks for."""
     textures, images = tables.textures, tables.images
-    frame, nearest = textures.frame, textures.nearest[row]
+    nearest = textures.nearest[row]
     width, height = lanes.to_float(images.width[image]), lanes.to_float(images.height[image])
-    plain = lanes.where(nearest | (textures.mapping[row] != UV), 0.0, 1.0)
-    ax = (frame[row, 0, 0] * spread[0] + frame[row, 0, 1] * spread[1]) * width * plain
-    ay = (frame[row, 1, 0] * spread[0] + frame[row, 1, 1] * spread[1]) * height * plain
-    bx = (frame[row, 0, 0] * spread[2] + frame[row, 0, 1] * spread[3]) * width * plain
-    by = (frame[row, 1, 0] * spread[2] + frame[row, 1, 1] * spread[3]) * height * plain
+    plain = lanes.where(nearest, 0.0, 1.0)
+    ax, ay, bx, by = spans[0] * width * plain, spans[1] * height * plain, spans[2] * width * plain, spans[3] * height * plain
     longest, shortest, x, y = ellipse(ax, ay, bx, by)
     whole = look_up(tables, image, s, t, wraps[0], wraps[1], nearest)
     wide = longest > 1.0

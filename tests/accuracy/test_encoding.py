@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from maquette.render import output
+from maquette.compiler import ir
+from maquette.render import footprints, output
 
 from ..files import write_image
-from ..stability.places import fails
 from . import radiometry as rm
 
 Array = rm.Array
@@ -26,23 +26,23 @@ every = pytest.mark.parametrize("backend", rm.EVERY)
 # --- 32: patterns finer than pixels --------------------------------------------------------------------------------------------------
 
 
-def fine_checker(folder: Path, backend: str, samples: int) -> Array:
+def fine_checker(folder: Path, backend: str, samples: int, textures: str = "filtered") -> Array:
     """(48, 48) pixels of 1.37 m on a black and white checker of 1 cm."""
     text = ABOVE.format(48 * 1.37) + "plane(y: 0, material: emissive(checker(#fff, #000, size: 1cm)))\n"
-    return rm.grey(rm.picture(folder, text, backend, samples=samples))
+    return rm.grey(rm.picture(folder, text, backend, samples=samples, plan={"textures": textures}))
 
 
-@fails("no mip levels and no EWA: a pixel's mean is as noisy as its samples")
 @every
-def test_a_pixel_that_sees_thousands_of_cells(tmp_path, measured, backend):
-    off = float(np.abs(fine_checker(tmp_path, backend, 64) - 0.5).max())
-    measured.answer(32, "checker finer than a pixel: ½ in every pixel", backend, off * 255, 1.0, "of 255", "waits for mip levels or EWA")
+@pytest.mark.parametrize("samples", [1, 64])
+def test_a_pixel_that_sees_thousands_of_cells(tmp_path, measured, backend, samples):
+    off = float(np.abs(fine_checker(tmp_path, backend, samples) - 0.5).max())
+    measured.answer(32, "checker finer than a pixel: ½ in every pixel", backend, off * 255, 1.0, "of 255", "of 1 and 64 samples")
 
 
 @every
 def test_the_mean_of_a_fine_checker(tmp_path, measured, backend):
-    """What is so today: only noise, no bias."""
-    values = fine_checker(tmp_path, backend, 128)
+    """Samples that look at points: only noise, no bias."""
+    values = fine_checker(tmp_path, backend, 128, "sharp")
     rm.within_error(measured, 32, "checker finer than a pixel: ½ in the mean", backend, values, 0.5, note="relative")
 
 
@@ -52,12 +52,16 @@ def test_the_mean_of_stripes_over_a_pixel(tmp_path, measured, backend, width):
     """A pixel from a to b sees (F(b) − F(a))/(b − a), F the integral of the stripes, which are 1 and 0 by turns.
 
     They are `width`/256 of a pixel wide, and their edges between the places that samples have, 1/256 apart. How strongly the
-    picture's differences from ½ follow those of the answers, Σ (p − ½)(q − ½)/Σ (q − ½)², is 1, row by row.
+    picture's differences from ½ follow those of the answers, Σ (p − ½)(q − ½)/Σ (q − ½)², is 1, row by row. One sample that knows
+    what its pixel spans is the answer itself.
     """
     start = 0.5 / 256  # pixels, of the first stripe that has begun before the picture does
     uv = f"[[{start / 48!r}, 0], [{1 + start / 48!r}, 0], [{1 + start / 48!r}, 1], [{start / 48!r}, 1]]"
     stripes = f"emissive(stripes(#fff, #000, size: {width / 256 * 2 / 48!r}))"
-    found = rm.grey(rm.picture(tmp_path, f"{BEFORE}polygon({SQUARE}, uv: {uv}, material: {stripes})\n", backend, samples=64))
+    text = f"{BEFORE}polygon({SQUARE}, uv: {uv}, material: {stripes})\n"
+    found, once = (
+        rm.grey(rm.picture(tmp_path, text, backend, samples=n, plan={"textures": how})) for n, how in ((64, "sharp"), (1, "filtered"))
+    )
 
     def integral(x: Array) -> Array:
         """Of stripes of width 1: a half over each pair, and more for the first of the pair that has begun."""
@@ -66,12 +70,20 @@ def test_the_mean_of_stripes_over_a_pixel(tmp_path, measured, backend, width):
 
     edges = (np.arange(49) + start) * 256 / width
     answer = np.diff(integral(edges)) * width / 256 - 0.5
+    off = float(np.abs(once - 0.5 - answer).max())
+    measured.answer(32, "stripes: a pixel's mean, by one sample", backend, off, 2e-5, note="the worst pixel")
     strength = (found - 0.5) @ answer / (answer @ answer)
     rm.within_error(measured, 32, "stripes: a pixel's mean over its interval", backend, strength, 1.0, note="relative")
 
 
-def test_mip_levels(measured):
-    measured.waits(32, "mip levels keep the mean of a picture", "mip levels")
+@pytest.mark.parametrize("size", [(64, 64), (37, 81), (1, 100)])
+def test_mip_levels(measured, size):
+    """Each is made of the one before; sides that are odd share texels out. The last is one texel: the mean."""
+    texels = np.random.default_rng(1).uniform(0, 1, (size[0] * size[1], 4)).astype(np.float32)
+    images = ir.Images(np.zeros(1, np.int64), np.array([size[1]], np.int32), np.array([size[0]], np.int32), texels)
+    last = footprints._pyramids(images).texels[-1]
+    off = float(np.abs(last / texels.astype(np.float64).mean(axis=0) - 1).max())
+    measured.answer(32, "mip levels keep the mean of a picture", "functions", off, 1e-6, note="relative")
 
 
 # --- 35: light between vertices ------------------------------------------------------------------------------------------------------

@@ -11,8 +11,6 @@ from . import cli_job as jobs
 from . import cli_shared as shared
 from . import cli_terminal as terminal
 from .lang.diagnostics import Diagnostics
-from .lang.format import format_text
-from .lang.parse import decode
 
 _FILES = click.Path(exists=True, dir_okay=False, path_type=Path, allow_dash=True)
 
@@ -38,6 +36,9 @@ def format_command(ctx: click.Context, scenes: tuple[Path, ...], only_check: boo
 
 def _laid_out(path: Path, only_check: bool) -> bool:
     """Lays out one scene. Returns whether it has no errors and, where it is only checked, is in order."""
+    from .lang.format import format_text
+    from .lang.parse import decode
+
     piped = path == Path("-")
     name = "stdin" if piped else str(path)
     data = sys.stdin.buffer.read() if piped else path.read_bytes()

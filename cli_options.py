@@ -53,11 +53,13 @@ def number(text: str, message: str) -> float | units.Quantity:
 
 
 def share(text: str) -> float:
-    """`1%` or `0.01`, above zero."""
+    """`1%` or `0.01`, above zero and below one."""
     message = "a share is written 1% or 0.01, and is more than 0"
     value = number(text, message)
     if isinstance(value, units.Quantity) or value <= 0:
         raise ValueError(message)
+    if value >= 1:
+        raise ValueError(f"that is {value:.0%}: {f'write {value:g}%' if value < 100 else 'a share is written 1% or 0.01'}")
     return value
 
 

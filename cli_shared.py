@@ -106,6 +106,8 @@ def asked(scene: Path, given: dict[str, Any]) -> tuple[jobs.Source, ir.Settings,
     """The source, settings and overrides of a command with `scene_options` and `picture_options`."""
     from .compiler import ir
 
+    if given.get("samples") is not None and given.get("error") is not None:
+        raise click.UsageError("--samples and --error exclude each other: the one fixes the work, the other the quality")
     source, overrides = source_of(scene, given), given.pop("plan_values")
     return source, ir.Settings(**given), overrides
 

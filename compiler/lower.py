@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -177,7 +179,8 @@ class Lowering:
         if path is None:
             return []
         if path not in self._meshes:
-            parts = meshes.read(path, self._shown(path), self.builder, self.builder.diagnostics, element.span, self.files)
+            with self._within(element):
+                parts = meshes.read(path, self._shown(path), self.builder, self.builder.diagnostics, element.span, self.files)
             self._meshes[path] = [
                 Piece(
                     part.geometry,
@@ -188,6 +191,16 @@ class Lowering:
                 for part in parts
             ]
         return self._meshes[path]
+
+    @contextmanager
+    def _within(self, element: Element) -> Iterator[None]:
+        """What is told meanwhile of places in other files says that it was `element` which read them."""
+        items = self.builder.diagnostics.items
+        count = len(items)
+        yield
+        for i, told in enumerate(items[count:], count):
+            if told.span is not None and element.span is not None and told.span.file != element.span.file:
+                items[i] = replace(told, trace=(*told.trace, (element.kind, element.span)))
 
     def _shown(self, path: Path) -> str:
         """A file's name in messages: as one reaches it from the scene's own."""

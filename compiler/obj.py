@@ -75,7 +75,7 @@ def _read(lines: obj_text.Lines, file: str, problems: _Problems) -> ObjMesh | No
     corners, counts, kept = _resolved(lines, faces, (points, uv_values, normal_values), problems)
     if not len(counts):
         if not any(severity == "error" for severity, _ in problems.found):
-            problems.diagnostics.error("the OBJ file has no faces that can be drawn", Span(file))
+            problems.diagnostics.error("the OBJ file has no faces that can be drawn", Span(file), "a face is a line like `f 1 2 3`")
         return None
     rows = faces.rows[kept]
     mesh = PolyMesh(

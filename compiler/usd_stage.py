@@ -119,7 +119,12 @@ def open_(
     try:
         stage = Usd.Stage.Open(str(path))
     except Tf.ErrorException as failure:
-        diagnostics.error(f"cannot read the stage `{path.name}`: {reason(failure, path)}", whole)
+        why = reason(failure, path)
+        at = re.match(rf"{re.escape(path.name)}:(\d+):(\d+): (.*)", why, re.DOTALL)
+        if at and span is None:
+            line, column = int(at[1]), int(at[2])
+            whole, why = Span(name, line, column, line, column + 1), at[3]
+        diagnostics.error(f"cannot read the stage `{path.name}`: {why}", whole)
         return None
     finally:
         reports.tell(diagnostics, whole)

@@ -375,7 +375,7 @@ def pavilion() -> str:
             material("Marble", "color3f inputs:diffuseColor = (0.78, 0.73, 0.65)", "float inputs:roughness = 0.45"),
             material("Copper", "color3f inputs:diffuseColor = (0.16, 0.42, 0.36)", "float inputs:roughness = 0.5"),
             material(
-                "Gold", "color3f inputs:diffuseColor = (0.9, 0.62, 0.2)", "float inputs:metallic = 0.7", "float inputs:roughness = 0.3"
+                "Gold", "color3f inputs:diffuseColor = (0.9, 0.62, 0.2)", "float inputs:metallic = 1", "float inputs:roughness = 0.3"
             ),
             material("Grass", "color3f inputs:diffuseColor = (0.2, 0.3, 0.1)", "float inputs:roughness = 1"),
         )

@@ -42,7 +42,7 @@ def convert(value: Value, arg: Arg, place: Place) -> Any:
     """`value` as `arg` wants it, within its limits. Raises Mistake with a span."""
     try:
         result = _CONVERTERS[arg.type](value, place, arg)
-        if result is not None and (arg.minimum is not None or arg.maximum is not None or arg.above is not None):
+        if result is not None and any(limit is not None for limit in (arg.minimum, arg.maximum, arg.above, arg.below)):
             _check_limits(result, arg, place)
     except Mistake as mistake:
         mistake.span = mistake.span or place.span
@@ -63,6 +63,8 @@ def _check_limits(result: Any, arg: Arg, place: Place) -> None:
         wanted = f"{_show(arg.minimum, arg)} or more"
     elif arg.maximum is not None and result > arg.maximum:
         wanted = f"at most {_show(arg.maximum, arg)}"
+    elif arg.below is not None and not result < arg.below:
+        wanted = f"less than {_show(arg.below, arg)}"
     else:
         return
     raise Mistake(f"`{arg.name}` must be {wanted}, got {_show(result, arg)}", span=place.span)

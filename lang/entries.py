@@ -61,6 +61,7 @@ class Arg:
     minimum: float | None = None  # in base units; violating it is an error
     maximum: float | None = None
     above: float | None = None  # exclusive minimum
+    below: float | None = None  # exclusive maximum
     keyword: bool = False
 
 

@@ -48,7 +48,12 @@ _ARGUMENTS: dict[str, tuple[str, ...]] = {
     "id": ("name",),
 }
 
-_ARGUMENT_HINTS: dict[str, str] = {"axis": "a turn about an axis is axis(v, angle)"}
+_ARGUMENT_HINTS: dict[str, str] = {
+    "axis": "a turn about an axis is axis(v, angle)",
+    "color": "write material: lambert(…), with the colour in it",
+    "colour": "write material: lambert(…), with the colour in it",
+    "texture": "write material: lambert(…), with the texture in it",
+}
 
 # What to write in place of a name that is not in the language.
 _NAMES: dict[str, str] = {
@@ -64,7 +69,7 @@ _NAMES: dict[str, str] = {
     "ball": "write sphere()",
     "background": "write render(background: …)",
     "settings": "write render(…)",
-    "material": "materials are lambert, phong, blinn_phong, mirror, glass and emissive",
+    "material": "materials are lambert, phong, blinn_phong, principled, metal, mirror, glass, emissive and blend",
     "texture": 'write image("…")',
     "import": 'write use "…"',
     "include": 'write use "…"',
@@ -88,7 +93,7 @@ def argument(callee: str, word: str, names: Mapping[str, str]) -> tuple[str, str
     near = next((n for n in _ARGUMENTS.get(word, ()) if n in names), "")
     near = f"did you mean `{near}`?" if near else suggest(word, names)
     if near:
-        return f"{message}; {near}", ""
+        return f"{message}; {near}", _ARGUMENT_HINTS.get(word, "") if "`material`" in near else ""
     known = [n for n in names if n == names[n]]
     listed = ", ".join(known[:12]) + (", …" if len(known) > 12 else "")
     return message, _ARGUMENT_HINTS.get(word) or f"it takes {listed or 'no arguments'}"

@@ -106,7 +106,7 @@ def _row(arg: Arg) -> tuple[str, ...]:
 
 def _limits(arg: Arg) -> str:
     """The allowed range, as ` ≥ 0`."""
-    limits = [(" >", arg.above), (" ≥", arg.minimum), (" ≤", arg.maximum)]
+    limits = [(" >", arg.above), (" ≥", arg.minimum), (" ≤", arg.maximum), (" <", arg.below)]
     return ",".join(f"{sign} {_number(value, arg.type)}" for sign, value in limits if value is not None)
 
 

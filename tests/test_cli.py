@@ -116,6 +116,8 @@ def test_planned_commands_say_so(name: str) -> None:
         (("--size", "800×"), "Invalid value for '--size': '800×': a size is written 800x600, or 512 for a square"),
         (("--size", "0x10"), "Invalid value for '--size': '0x10': a picture's sides are 1 to 65536 pixels"),
         (("--error", "0"), "Invalid value for '--error': '0': a share is written 1% or 0.01, and is more than 0"),
+        (("--error", "1"), "Invalid value for '--error': '1': that is 100%: write 1%"),
+        (("--error", "1%", "--samples", "8"), "--samples and --error exclude each other: the one fixes the work, the other the quality"),
         (("--budget", "3m"), "Invalid value for '--budget': '3m': a time is written 20s, 500ms or 2min"),
         (("--budget", "0s"), "Invalid value for '--budget': '0s': a budget is more than 0 seconds"),
         (("--time", "1deg"), "Invalid value for '--time': '1deg': a time is written 20s, 500ms or 2min"),

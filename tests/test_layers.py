@@ -57,6 +57,7 @@ DOORS = {
     "cli_chart.py": "drawing again loads no scene, and nobody else loads matplotlib",
     "cli_compare.py": "pictures and scenes load what they need",
     "cli_convert.py": "each format loads what writes it",
+    "cli_format.py": "`--help` loads no parser",
     "cli_job.py": "a job loads the stages it comes to",
     "render/draw.py": "a picture loads the backend that draws it",
     "render/prepare.py": "what makes ready for a backend, or for formulas, is loaded where there is a use for it",

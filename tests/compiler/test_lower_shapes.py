@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 import pytest
-from maquette.compiler import ir
+from maquette.compiler import ir, load
+from maquette.lang.diagnostics import Diagnostics, SceneError, Span
 
 Kind = ir.GeometryKind
 REST = "\ncamera([0, 1, 5])\nsun()\n"
@@ -171,6 +172,17 @@ def test_a_mesh_file_is_read_once(compiled, tmp_path) -> None:
     assert len(scene.tables.instances.geometry) == 100
     assert set(scene.tables.materials.model.tolist()) == {ir.MaterialModel.MIRROR}
     assert [name for name in scene.files if name.endswith("cube.obj")] == [str(tmp_path / "cube.obj")]
+
+
+def test_what_is_wrong_in_a_mesh_file_says_which_mesh_it_is(tmp_path) -> None:
+    (tmp_path / "cube.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\n")
+    (tmp_path / "a.scene").write_text('sphere(1)\nmesh("cube.obj")\n')
+    found = Diagnostics()
+    with pytest.raises(SceneError):
+        load.load(tmp_path / "a.scene", diagnostics=found)
+    (told,) = found.items
+    assert told.message == "the OBJ file has no faces that can be drawn"
+    assert told.trace == (("mesh", Span(str(tmp_path / "a.scene"), 2, 1, 2, 17)),)
 
 
 def test_a_file_is_looked_for_beside_the_source_that_names_it(compiled, tmp_path) -> None:

@@ -138,7 +138,7 @@ FORMS = ": v, v/vt, v//vn or v/vt/vn, whole numbers"
         (SQUARE + "fx 1 2 3\nf 1 2 3\n", ["x.obj:5:1: error: malformed line: OBJ has no keyword `fx`"]),
         ("hello\n", ["x.obj: error: this is no OBJ file: it has neither vertices nor faces"]),
         ("", ["x.obj: error: `x.obj` is empty"]),
-        (SQUARE, ["x.obj: error: the OBJ file has no faces that can be drawn"]),
+        (SQUARE, ["x.obj: error: the OBJ file has no faces that can be drawn\n  a face is a line like `f 1 2 3`"]),
         (SQUARE + "f 1 2 3\nf 1 2 9\n\nf 1 0 3\n", [
             "x.obj:6:1: warning: there is no vertex 9 (the file has 4): the face is left out; so is 1 more line"]),
         (SQUARE + "f 1 2 3\nf -5 1 2\n", ["x.obj:6:1: warning: there is no vertex -5 (the file has 4): the face is left out"]),

@@ -380,7 +380,8 @@ def test_broken_stages_are_one_short_error(tmp_path, data, suffix, capfd):
     _, messages = load(path)
     errors = [m for m in messages if ": error: " in m]
     assert len(errors) == 1
-    assert errors[0].startswith(f"x{suffix}: error: cannot read the stage `x{suffix}`")
+    place = ":2:1" if suffix == ".usda" and data.endswith(b"{") else ""  # where usd-core says what stands where
+    assert errors[0].startswith(f"x{suffix}{place}: error: cannot read the stage `x{suffix}`")
     assert all(len(line) < 420 for line in "\n".join(messages).splitlines())
     out, err = capfd.readouterr()
     assert (out, err) == ("", "")  # usd-core prints nothing of its own

@@ -171,9 +171,22 @@ class _Reader:
             case Op.SQRT | Op.HYPOT:
                 inner = self.square(names)
                 level = _number(added)
-                if inner is not None and level is not None and factor:
+                if inner is not None and level is not None and factor and (op == Op.HYPOT or self.never_negative(a)):
                     return _root_at_most(inner, factor, level)
         raise _Unknown
+
+    def never_negative(self, name: int) -> bool:
+        """Whether a value is known to have a square root everywhere."""
+        number = self.number(name)
+        if number is not None or name < INPUTS:
+            return number is not None and number >= 0.0
+        op, names = self.row(name)
+        if op in (Op.SQUARE, Op.ABS, Op.HYPOT):
+            return True
+        if op in (Op.ADD, Op.MIN, Op.MAX, Op.MULTIPLY, Op.COPY) and all(map(self.never_negative, names)):
+            return True
+        value = self.value(name)
+        return value is not None and value.is_plain and _never_negative(value.rest)
 
     def number(self, name: int) -> float | None:
         found = self.value(name)

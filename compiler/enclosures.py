@@ -4,6 +4,9 @@ Intervals are pairs (low, high), rounded outward: each bound moves by more than 
 in which nothing is defined. Where a part of it may be undefined, `m.undefined(mask)` is told. Numbers beyond ±BIG (1e100) are not told
 apart: bounds stop there, so that none is infinite and no product of bounds is undefined.
 
+A mathematics that forks (`m.forks`) goes, where an operation jumps once over a box, one of two ways: as if it had only the values on one
+side of the jump. All lanes together go all ways. What is left out is what an operation may be at the jump alone.
+
 Moore, Kearfott, Cloud, "Introduction to Interval Analysis", 2009; slopes by the chain rule on intervals (Mitchell, "Robust Ray
 Intersection with Interval Arithmetic", Graphics Interface 1990).
 """
@@ -47,6 +50,7 @@ def high_of(m: Any, a: Number, b: Number) -> Number:
 
 def _bounded(m: Any, low: Number, high: Number) -> Interval:
     """Within ±BIG; not-a-number stays."""
+    m.unbounded((low < -m.big) | (high > m.big))
     return m.where(low < -m.big, -m.big, low), m.where(high > m.big, m.big, high)
 
 
@@ -83,7 +87,10 @@ def reciprocal(m: Any, a: Interval, told: bool = True) -> Interval:
     if told:
         m.unbounded(~apart)
     low, high = down(m, 1.0 / a[1]), up(m, 1.0 / a[0])
-    low, high = m.where(apart, low, -m.big + 0.0 * low), m.where(apart, high, m.big + 0.0 * high)
+    least, most = -m.big + 0.0 * low, m.big + 0.0 * high
+    above, below = (a[0] >= 0.0, a[1] <= 0.0) if m.forks else (apart, apart)
+    whole = m.where(above, low, least), m.where(below, high, most)
+    low, high = one_side(m, (a[0] < 0.0) & (a[1] > 0.0), (least, high), (low, most), whole)
     return _defined(m, a, _bounded(m, m.where(low == low, low, -m.big), m.where(high == high, high, m.big)))
 
 
@@ -104,6 +111,15 @@ def either(m: Any, first: Number, a: Interval, second: Number, b: Interval) -> I
     whole = hull(m, a, b)
     low = m.where(first, a[0], m.where(second, b[0], whole[0]))
     return low, m.where(first, a[1], m.where(second, b[1], whole[1]))
+
+
+def one_side(m: Any, jumps: Number, one: Interval, other: Interval, whole: Interval) -> Interval:
+    """What an operation gives: where it jumps, one of its two sides in a mathematics that forks, else `whole`."""
+    if not m.forks:
+        return whole
+    second = m.fork(jumps)
+    sides = [m.where(second, other[k], one[k]) for k in range(2)]
+    return m.where(jumps, sides[0], whole[0]), m.where(jumps, sides[1], whole[1])
 
 
 def everything(m: Any, like: Interval) -> Interval:
@@ -145,7 +161,9 @@ def interval(m: Any, op: int, a: Interval, b: Any = None, c: Any = None) -> Inte
             return magnitude(m, a)
         case Op.SQUARE:
             low, high = magnitude(m, a)
-            return _bounded(m, high_of(m, down(m, low * low), 0.0 * low), up(m, high * high))
+            low, high = high_of(m, down(m, low * low), 0.0 * low), up(m, high * high)
+            m.unbounded(high > m.big)
+            return m.where(low > m.big, m.big, low), m.where(high > m.big, m.big, high)
         case Op.HYPOT:
             (la, ha), (lb, hb) = magnitude(m, a), magnitude(m, b)
             low, high = down(m, m.sqrt(la * la + lb * lb), 2), up(m, m.sqrt(ha * ha + hb * hb), 2)
@@ -162,14 +180,17 @@ def interval(m: Any, op: int, a: Interval, b: Any = None, c: Any = None) -> Inte
         case Op.EXP:
             low, high = down(m, m.exp(a[0]), ULPS), up(m, m.exp(a[1]), ULPS)
             return _bounded(m, high_of(m, low, 0.0 * a[0]), high)
-        case Op.FLOOR:
-            return m.floor(a[0]), m.floor(a[1])
-        case Op.CEIL:
-            return m.ceil(a[0]), m.ceil(a[1])
+        case Op.FLOOR | Op.CEIL | Op.SIGN:
+            low, high = (point(m, op, bound) for bound in a)
+            once = high == low + 1.0 if op != Op.SIGN else low < high
+            if op == Op.SIGN and m.forks:  # which is 0 at a place alone
+                low, high = m.where(once, -1.0 + 0.0 * low, low), m.where(once, 1.0 + 0.0 * high, high)
+            return one_side(m, once, (low, low), (high, high), (low, high))
         case Op.ATAN:
             return down(m, m.atan(a[0]), ULPS), up(m, m.atan(a[1]), ULPS)
         case Op.CHOOSE:
-            return either(m, *_with(chosen(m, a), b, c))
+            first, second = chosen(m, a)
+            return one_side(m, ~(first | second), b, c, either(m, first, b, second, c))
         case Op.FILLET:
             slack = fillet_slack(m, a, b, c)  # it rises with a and b, and falls with the radius
             low, high = point(m, op, a[0], b[0], c[1]) - slack, point(m, op, a[1], b[1], c[0]) + slack
@@ -190,24 +211,25 @@ def _with(known: tuple[Number, Number], a: Any, b: Any) -> tuple[Any, ...]:
 
 
 def _sqrt(m: Any, op: int, a: Interval, *_: Any) -> Interval:
-    m.undefined(a[0] < 0.0)
     low = high_of(m, down(m, m.sqrt(high_of(m, a[0], 0.0 * a[0]))), 0.0 * a[0])
-    return _outside(m, a, a[1] < 0.0, (low, up(m, m.sqrt(a[1]))))
+    return _outside(m, a, a[0] < 0.0, a[1] < 0.0, (low, up(m, m.sqrt(a[1]))))
 
 
 def _log(m: Any, op: int, a: Interval, *_: Any) -> Interval:
-    m.undefined(a[0] < 0.0)
     m.unbounded(a[0] <= m.tiny)
     least = m.tiny + 0.0 * a[0]
     positive_low, positive_high = m.where(a[0] > m.tiny, a[0], least), m.where(a[1] > m.tiny, a[1], least)
     low = m.where(a[0] > m.tiny, down(m, m.log(positive_low), ULPS), -m.big)
-    return _outside(m, a, a[1] < 0.0, (low, up(m, m.log(positive_high), ULPS)))
+    return _outside(m, a, a[0] < 0.0, a[1] < 0.0, (low, up(m, m.log(positive_high), ULPS)))
 
 
-def _outside(m: Any, a: Interval, never: Number, found: Interval) -> Interval:
-    """Undefined where `never`, and where the operand is."""
-    never = never | (a[0] != a[0])
+def _outside(m: Any, a: Interval, partly: Number, never: Number, found: Interval) -> Interval:
+    """Undefined where `never`, and where the operand is; in a part of the box where `partly`."""
     nan = math.nan + 0.0 * a[0]
+    if not m.forks:
+        m.undefined(partly)
+    found = one_side(m, partly & ~never, (nan, nan), found, found)
+    never = never | (a[0] != a[0])
     return m.where(never, nan, found[0]), m.where(never, nan, found[1])
 
 
@@ -237,17 +259,18 @@ def _tan(m: Any, op: int, a: Interval, *_: Any) -> Interval:
     m.unbounded(pole)
     whole = everything(m, a)
     low, high = down(m, m.tan(a[0]), ULPS), up(m, m.tan(a[1]), ULPS)
-    return _defined(m, a, _bounded(m, m.where(pole, whole[0], low), m.where(pole, whole[1], high)))
+    once = m.floor(v) == m.floor(u) + 1.0
+    found = one_side(m, once, (low, whole[1]), (whole[0], high), (m.where(pole, whole[0], low), m.where(pole, whole[1], high)))
+    return _defined(m, a, _bounded(m, *found))
 
 
 def _arc(m: Any, op: int, a: Interval, *_: Any) -> Interval:
-    m.undefined((a[0] < -1.0) | (a[1] > 1.0))
     one = 1.0 + 0.0 * a[0]
     x, y = (m.where(p < -1.0, -one, m.where(p > 1.0, one, p)) for p in a)
     if op == Op.ACOS:
         x, y = y, x
     f = m.asin if op == Op.ASIN else m.acos
-    return _outside(m, a, (a[1] < -1.0) | (a[0] > 1.0), (down(m, f(x), ULPS), up(m, f(y), ULPS)))
+    return _outside(m, a, (a[0] < -1.0) | (a[1] > 1.0), (a[1] < -1.0) | (a[0] > 1.0), (down(m, f(x), ULPS), up(m, f(y), ULPS)))
 
 
 def _angle(m: Any, op: int, y: Interval, x: Any, *_: Any) -> Interval:
@@ -259,6 +282,8 @@ def _angle(m: Any, op: int, y: Interval, x: Any, *_: Any) -> Interval:
     high = high_of(m, high_of(m, corners[0], corners[1]), high_of(m, corners[2], corners[3]))
     turn = 2.0 * math.pi
     cut, middle = across & (x[0] < 0.0), across & (x[0] <= 0.0) & (x[1] >= 0.0)
+    if op == Op.ATAN2:
+        cut = cut & (y[0] < 0.0)  # on the cut itself it is π
     half = math.pi + 0.0 * low
     if op == Op.ANGLE:  # the box lies left of the origin: its upper corners, and its lower ones one turn on
         top = high_of(m, y[1], 0.0 * y[1]) + 0.0
@@ -267,7 +292,10 @@ def _angle(m: Any, op: int, y: Interval, x: Any, *_: Any) -> Interval:
         low, high = m.where(cut, m.where(y[0] < 0.0, upper, low), low), m.where(cut & (y[0] < 0.0), lower, high)
         low, high = m.where(middle, -half, low), m.where(middle, half, high)
     else:
-        low, high = m.where(cut | middle, -half, low), m.where(cut | middle, half, high)
+        above, below = (low_of(m, p, q) for p, q in ((corners[2], corners[3]), (-corners[0], -corners[1])))
+        whole = m.where(cut | middle, -half, low), m.where(cut | middle, half, high)
+        once = cut & (x[1] < 0.0)
+        low, high = one_side(m, once, (above, half), (-half, -below), whole)
     bad = m.where(x[0] == x[0], y[0], x[0])
     return _defined(m, (bad, bad), (down(m, low, ULPS), up(m, high, ULPS)))
 
@@ -277,7 +305,10 @@ def _mod(m: Any, op: int, a: Interval, b: Any, *_: Any) -> Interval:
     within = begin == end
     slack = (high_of(m, abs(a[0]), abs(a[1])) + high_of(m, abs(b[0]), abs(b[1]))) * (4.0 * m.unit)
     low, high = m.where(b[0] < 0.0, b[0], 0.0 * b[0]) - slack, m.where(b[1] > 0.0, b[1], 0.0 * b[1]) + slack
-    low, high = m.where(within, a[0] - b[0] * begin - slack, low), m.where(within, a[1] - b[1] * end + slack, high)
+    first, last = ((a[0] - b[0] * k - slack, a[1] - b[1] * k + slack) for k in (begin, end))
+    one, other = ((high_of(m, part[0], low), low_of(m, part[1], high)) for part in (first, last))
+    whole = m.where(within, first[0], low), m.where(within, first[1], high)
+    low, high = one_side(m, (b[0] == b[1]) & (end == begin + 1.0), one, other, whole)
     m.undefined((b[0] <= 0.0) & (b[1] >= 0.0))
     bad = m.where(b[0] == b[0], a[0], b[0])
     return _defined(m, (bad, bad), (low, high))
@@ -291,15 +322,13 @@ def _periods(m: Any, a: Interval, b: Interval) -> Interval:
     return begin, m.where((b[0] == b[1]) & (b[0] != 0.0), end, begin + 1.0)
 
 
-def _sign(m: Any, op: int, a: Interval, *_: Any) -> Interval:
-    return point(m, Op.SIGN, a[0]), point(m, Op.SIGN, a[1])
-
-
 def _power(m: Any, op: int, a: Interval, b: Any, *_: Any) -> Interval:
-    """For bases of at least 0 the extremes are at the corners; others only where the exponent is known to be no whole number."""
+    """For bases of at least 0 the extremes are at the corners; others have powers for whole exponents only."""
     single = b[0] == b[1]
-    broken = single & (m.floor(b[0]) != b[0])
-    m.undefined((a[0] < 0.0) & (broken | ~single))
+    broken = (m.floor(b[0]) == m.floor(b[1])) & (m.floor(b[0]) != b[0])
+    broken = broken | ~single if m.forks else broken  # a whole number on the way is met at that place alone
+    if not m.forks:
+        m.undefined((a[0] < 0.0) & ~(broken | single))
     x, y = (m.where(p > 0.0, p, 0.0 * p) for p in a)
     corners = [m.power(p, q) for p in (x, y) for q in b]
     low = low_of(m, low_of(m, corners[0], corners[1]), low_of(m, corners[2], corners[3]))
@@ -309,7 +338,7 @@ def _power(m: Any, op: int, a: Interval, b: Any, *_: Any) -> Interval:
     known = (a[0] >= 0.0) | broken
     m.unbounded(~known)
     found = m.where(known, found[0], whole[0]), m.where(known, found[1], whole[1])
-    return _outside(m, a, (a[1] < 0.0) & broken, found)
+    return _outside(m, a, (a[0] < 0.0) & broken, (a[1] < 0.0) & broken, found)
 
 
 def _noise(m: Any, op: int, *boxes: Any) -> Interval:
@@ -336,7 +365,7 @@ def _middles(m: Any, boxes: Any) -> tuple[list[Number], list[Number]]:
 
 _PARTIAL = {
     Op.SQRT: _sqrt, Op.LOG: _log, Op.SIN: _wave, Op.COS: _wave, Op.TAN: _tan, Op.ASIN: _arc, Op.ACOS: _arc, Op.ATAN2: _angle,
-    Op.ANGLE: _angle, Op.MOD: _mod, Op.SIGN: _sign, Op.POWER: _power, Op.NOISE: _noise,
+    Op.ANGLE: _angle, Op.MOD: _mod, Op.POWER: _power, Op.NOISE: _noise,
 }  # fmt: skip
 
 
@@ -446,7 +475,7 @@ def _partials(m: Any, op: int, boxes: list[Interval], value: Interval) -> list[I
             found = [multiply(m, x, inverse), multiply(m, negate(y), inverse)]
             if op == Op.ANGLE:
                 return found
-            cut = (y[0] <= 0.0) & (y[1] >= 0.0) & (x[0] < 0.0)
+            cut = (y[0] < 0.0) & (y[1] >= 0.0) & (x[0] < 0.0)
             return [_unless(m, ~cut, p) for p in found]
     raise ValueError(op)
 
@@ -514,13 +543,14 @@ def _named(tape: Tape, values: list[Any], name: int) -> Any:
     return values[name] if name >= 0 else tape.constants[~name]
 
 
-def boxes(tape: Tape, low: Any, high: Any, along: Any = None) -> tuple[Interval, Interval, np.ndarray]:
+def boxes(tape: Tape, low: Any, high: Any, along: Any = None, ways: Any = None) -> tuple[Interval, Interval, np.ndarray]:
     """Bounds of a tape's first result over boxes with corners (3, n): ((low, high), bounds of its slope, whether parts may be undefined).
 
-    The slope is that along `along` (3, n); without it the second pair is empty (nan).
+    The slope is that along `along` (3, n); without it the second pair is empty (nan). With `ways` (n,) of whole numbers, boxes are gone
+    through one way each, by the digits of these numbers; see `one_side`.
     """
     n = np.shape(low)[-1]
-    m = NumpyMath((n,))
+    m = NumpyMath((n,), ways)
     zero = np.zeros(n)
     values: list[Interval] = [(np.asarray(low[k], np.float64), np.asarray(high[k], np.float64)) for k in range(3)]
     turns: list[Interval] = [(zero, zero) if along is None else (along[k] + zero, along[k] + zero) for k in range(3)]

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from .lower import Lowering
 
 MARGIN = 1e-3  # of its size, that a box is larger than the solid that its faces cut
+WITHIN = 2.0**-41  # of the largest coordinate, that these faces lie further in: a formula may jump right on them
 
 
 def implicit(lowering: Lowering, element: Element) -> list[Piece]:
@@ -100,6 +101,7 @@ def closed(tape: Tape, bounds: np.ndarray, ball: np.ndarray) -> tuple[Tape, np.n
         cut = builder.shifted(radius, -float(ball[3]))
     else:
         middle, half = bounds.mean(axis=0), 0.5 * (bounds[1] - bounds[0])
+        half = half - WITHIN * np.abs(bounds).max()
         faces = [builder.shifted(builder.op(Op.ABS, builder.shifted(name, -float(middle[name]))), -float(half[name])) for name in (0, 1, 2)]
         cut = builder.op(Op.MAX, builder.op(Op.MAX, faces[0], faces[1]), faces[2])
     return builder.finish(builder.op(Op.MAX, field, cut)), wider

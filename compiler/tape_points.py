@@ -17,14 +17,15 @@ Number = Any  # a numpy array, or an LLVM vector
 
 
 class NumpyMath:
-    """Arithmetic on float64 arrays. `state` collects what intervals say beside their bounds."""
+    """Arithmetic on float64 arrays. `maybe` collects what intervals say beside their bounds; with `ways` it forks (enclosures.one_side)."""
 
     unit, tiny, big = 2.0**-52, 1e-300, 1e100
     sqrt, floor, ceil, exp, log, power = np.sqrt, np.floor, np.ceil, np.exp, np.log, np.power
     sin, cos, tan, asin, acos, atan, atan2 = np.sin, np.cos, np.tan, np.arcsin, np.arccos, np.arctan, np.arctan2
 
-    def __init__(self, shape: tuple[int, ...] = ()) -> None:
+    def __init__(self, shape: tuple[int, ...] = (), ways: Any = None) -> None:
         self.maybe = np.zeros(shape, bool)  # where something was undefined
+        self.forks, self.rest = ways is not None, ways
 
     def where(self, mask: Number, yes: Number, no: Number) -> Number:
         return np.where(mask, yes, no)
@@ -37,6 +38,13 @@ class NumpyMath:
 
     def was_undefined(self, like: Number) -> Number:
         return self.maybe
+
+    def fork(self, mask: Number) -> Number:
+        """Whether the second way is gone: the last binary digit of what is left of `ways`; where none is left, both may be (`maybe`)."""
+        self.undefined(mask & (self.rest < 2))
+        second = mask & (self.rest % 2 == 1)
+        self.rest = np.where(mask & (self.rest >= 2), self.rest // 2, self.rest)
+        return second
 
     def index(self, x: Number) -> Number:
         """The whole number x modulo 256."""

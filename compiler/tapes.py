@@ -391,9 +391,26 @@ def surface(formula: Formula) -> tuple[Tape, bool]:
         return builder.finish(*builder.formula(formula)), False
     reader = _Reader(builder, formula, (X, Y, Z))
     found = builder.subtract(*(reader.number(i) for i in top.args))
-    while found >= INPUTS and builder.rows[found - INPUTS][0] in (Op.SQUARE, Op.ABS):
-        found = builder.rows[found - INPUTS][1]  # the same points, and a sign that changes there
-    return builder.finish(found), True
+    return builder.finish(_without_squares(builder, found)), True
+
+
+def _without_squares(builder: Builder, found: int) -> int:
+    """A field that is 0 at the same points, with a sign that changes there: of products' factors, squares and magnitudes are none."""
+    factors: dict[int, None] = {}
+    waiting = [found]
+    while waiting:
+        name = waiting.pop()
+        op, a, b, _ = builder.rows[name - INPUTS] if name >= INPUTS else (Op.COPY, 0, 0, 0)
+        if name >= INPUTS and op in (Op.SQUARE, Op.ABS, Op.NEGATE):
+            waiting.append(a)
+        elif name >= INPUTS and op == Op.MULTIPLY:
+            waiting += [b, a]
+        elif builder.number(name) in (None, 0.0):
+            factors[name] = None
+    first, *others = factors or {found: None}
+    for other in others:
+        first = builder.multiply(first, other)
+    return first
 
 
 def _cut_is_hidden(tape: Tape, angle: int) -> bool:

@@ -26,6 +26,7 @@ SPLIT = 4
 CHILDREN = SPLIT**3
 PENDING = -16
 SLACK = 1e-9  # of a cell, by which boxes grow: where rays enter them is rounded
+OVER = 2.0**-40 + 4e-15  # of the largest coordinate, by which they do besides: see search.py
 BIG = 1e100
 _WIDE = 8  # vectors of a register in the largest program
 _ROOM = MOST_REGISTERS * _WIDE * LANES
@@ -220,7 +221,7 @@ def _boxes(registers: Any, numbers: Any, k: int, count: int, block: _Block, firs
         for axis in range(3):
             at = axis * width * LANES + lane
             low, cell = numbers[k, axis], (numbers[k, 3 + axis] - numbers[k, axis]) / count
-            slack = SLACK * cell + 4e-15 * numbers[k, 13]
+            slack = SLACK * cell + OVER * numbers[k, 13]
             registers[at] = low + corner[axis] * cell - slack
             registers[at + LANES] = low + (corner[axis] + size) * cell + slack
             for j in range(2, width):

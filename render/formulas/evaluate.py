@@ -11,12 +11,12 @@ from ..kernels import apart, helper
 from ..records import Lane, Vec
 from .calls import compiled, interpret
 from .cells import MOST_REGISTERS
-from .vectors import LANES
+from .vectors import LANES, WAYS
 
 QUICKER = 6  # a tape's own code takes as long as an interpreter for this share of its rows
 _ROOM = MOST_REGISTERS * 4 * LANES
 _POINTS, _TURNS, _RAYS = 0, 1, 3  # places in fields.PROGRAMS
-_OUT, _STATE = 4 * LANES, 8
+_OUT, _STATE = 4 * LANES, WAYS + LANES
 
 
 class Room(NamedTuple):

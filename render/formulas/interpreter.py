@@ -48,7 +48,7 @@ def module_of(program: str) -> ir.Module:
         def vector(k: Any) -> None:
             offset = b.mul(k, ir.Constant(I64, form.bytes))
             given = [operand(offset) for operand in operands]
-            m = VectorMath(b, state, form, k if form == SINGLE else None)
+            m = VectorMath(b, state, form, k if form == SINGLE else None, forks=program == "forks")
             if form == SINGLE and op in (Op.MIN, Op.MAX) and width > 1:
                 place = b.mul(b.mul(b.add(numbers[6], ir.Constant(I64, UNKNOWN)), stride), ir.Constant(I64, width))
                 m.result = [load(b, registers, b.add(b.add(place, offset), b.mul(stride, ir.Constant(I64, part))), form) for part in (0, 1)]

@@ -104,7 +104,7 @@ def _through(forms: Any, k: int, memory: Room, start: Vec, way: Vec, end: Lane, 
     last = count - 1
     x, y, z = _cell(q[0], 0, last), _cell(q[1], 0, last), _cell(q[2], 0, last)
     at, carried, known = zero, zero, active & lanes.not_(active)  # where the ray is, and the value there where it is known
-    found, found_tape, inside, unproved = zero + np.inf, lanes.int_like(zero, 0), known, zero
+    found, found_tape, inside, unproved, spent = zero + np.inf, lanes.int_like(zero, 0), known, zero, zero
     while lanes.any_lane(active):
         # each lane on to its next leaf
         looking, here = active, known & lanes.not_(known)
@@ -165,11 +165,13 @@ def _through(forms: Any, k: int, memory: Room, start: Vec, way: Vec, end: Lane, 
             while left != 0:
                 j = simd.trailing_zeros(left)
                 left &= left - 1
-                root, within, doubt = search.first(
+                rounds = max(search.MOST_ROUNDS - int(across.lane(spent, j)), search.FEW)
+                root, within, doubt, used = search.first(
                     forms, k, across.lane(tape, j), memory, across.lane3(start, j), across.lane3(way, j), across.lane(begins, j),
-                    across.lane(b, j), across.lane(begin, j), sheet != 0, zero,
+                    across.lane(b, j), across.lane(begin, j), sheet != 0, zero, rounds,
                 )  # fmt: skip
                 mine = lanes.to_int(across.numbered(0)) == j
+                spent = lanes.where(mine, spent + used, spent)
                 unproved = lanes.where(mine & (doubt > 0), 1.0, unproved)
                 if root < np.inf:
                     found = lanes.where(mine, root, found)

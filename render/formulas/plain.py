@@ -12,7 +12,7 @@ from ...compiler import enclosures
 from ...compiler.tapes import Tape
 from ..records import Vec
 from .meet import packed
-from .search import FINEST, JUMP
+from .search import FINEST, JUMP, NEIGHBOURS
 
 PIECES = 16  # of each ray, to begin with
 BISECTIONS = 80
@@ -64,7 +64,7 @@ def _clipped(parameters: Floats, bounds: Floats, o: Floats, d: Floats, low: Floa
 def _first(tape: Tape, sheet: bool, reach: float, o: Floats, d: Floats, length: Floats, begin: Floats) -> tuple[Floats, NDArray, NDArray]:
     """(distance of the first root or inf, whether the ray is inside before it, whether not all is proved) of rays o + t d, t ≤ length."""
     n = o.shape[1]
-    root, inside, doubt = np.full(n, np.inf), np.zeros(n, bool), np.zeros(n, bool)
+    root, inside, open_ = np.full(n, np.inf), np.zeros(n, bool), [(np.zeros(0, np.int64), np.zeros(0))]
     rays = np.flatnonzero(length > 0)
     step = np.arange(PIECES)
     ray = np.repeat(rays, PIECES)
@@ -85,7 +85,9 @@ def _first(tape: Tape, sheet: bool, reach: float, o: Floats, d: Floats, length: 
         small = (b - a <= finest[ray]) & ~none
         jumps = sheet & ~((least > -JUMP) & (most < JUMP))
         crossed = change & (one_way | (small & ~jumps))
-        doubt[ray[small & ~change & ~one_way]] = True
+        left_open = np.flatnonzero(small & (sheet | ~change) & ~crossed)
+        left_open = left_open[~_passes(tape, sheet, p[:, left_open], q[:, left_open], in_a[left_open])]
+        open_.append((ray[left_open], a[left_open]))
         if crossed.any():
             at = _bisected(tape, o[:, ray[crossed]], d[:, ray[crossed]], a[crossed], b[crossed], in_a[crossed])
             order = np.argsort(at)[::-1]  # the first root of a ray is written last
@@ -96,7 +98,19 @@ def _first(tape: Tape, sheet: bool, reach: float, o: Floats, d: Floats, length: 
         middle = 0.5 * (a + b)
         ray = np.concatenate([ray[left], ray[left]])
         a, b = np.concatenate([a[left], middle[left]]), np.concatenate([middle[left], b[left]])
+    doubt, (ray, at) = np.zeros(n, bool), (np.concatenate(parts) for parts in zip(*open_, strict=True))
+    doubt[ray[at < root[ray] - NEIGHBOURS * finest[ray]]] = True  # a root makes what is next to it undecidable
     return root, inside, doubt
+
+
+def _passes(tape: Tape, sheet: bool, p: Floats, q: Floats, inside: NDArray) -> NDArray[np.bool_]:
+    """Whether boxes in which the formula jumps hold no root: see search._passes."""
+    n, ways = p.shape[1], np.arange(8, 16)
+    low, high = (np.repeat(f(p, q), len(ways), axis=1) for f in (np.minimum, np.maximum))
+    (least, most), _, maybe = enclosures.boxes(tape, low, high, ways=np.tile(ways, n))
+    outside, within = ~(least <= 0), most < 0
+    wanted = (outside | within) if sheet else np.where(np.repeat(inside, len(ways)), within, outside)
+    return (wanted & ~maybe).reshape(n, len(ways)).all(axis=1)
 
 
 def _bisected(tape: Tape, o: Floats, d: Floats, a: Floats, b: Floats, in_a: NDArray) -> Floats:

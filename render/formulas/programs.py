@@ -5,6 +5,7 @@
     boxes     lowest and highest value; notes which operand of a choice is known not to matter
     rays      lowest and highest value, lowest and highest slope along a ray
     cells     lowest and highest value, and of each of the three derivatives
+    forks     lowest and highest value where jumps are gone one way; see enclosures.one_side
     points32  the value, in float32
     boxes32   as boxes, in float32
     spans32   as rays, in float32, and by how much values there may be off; notes choices, too
@@ -14,6 +15,7 @@ The interpreter and compiled tapes emit the same instructions for an operation: 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -24,7 +26,7 @@ from ...compiler.tapes import CHOICES, Op
 from ..simd.value import I64, Value
 from .vectors import DOUBLE, SINGLE, Form, VectorMath
 
-WIDTHS = {"points": 1, "turns": 4, "boxes": 2, "rays": 4, "cells": 8, "points32": 1, "boxes32": 2, "spans32": 5}
+WIDTHS = {"points": 1, "turns": 4, "boxes": 2, "rays": 4, "cells": 8, "forks": 2, "points32": 1, "boxes32": 2, "spans32": 5}
 """How many vectors a value is in each program."""
 
 
@@ -75,6 +77,10 @@ def _noted(m: VectorMath, op: Op, operands: list[Any], choice: Any) -> None:
         m.note(m.builder.add(m.builder.mul(choice, ir.Constant(I64, 2)), ir.Constant(I64, 1 + k)), mask)
 
 
+def _forks(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
+    return list(enclosures.interval(m, op, *((p[0], p[1]) for p in given)))
+
+
 def _rays(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
     return _sloped(m, op, given, 1)
 
@@ -96,7 +102,7 @@ def _spans(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
         found = found + enclosures.fillet_slack(m, *operands)
     elif op not in EXACT:
         found = found + (size * (4.0 * enclosures.ULPS * u) if op != Op.NOISE else 64.0 * m.unit)
-    return [*value, *slope, m.where((found < LARGEST) & (size < LARGEST), found, m.big)]
+    return [*value, *slope, m.where((found < LARGEST) & (size < LARGEST), found, math.inf)]
 
 
 def _cells(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
@@ -112,6 +118,6 @@ def _sloped(m: VectorMath, op: Op, given: list[Parts], ways: int) -> Parts:
 
 
 EMITTERS: dict[str, Emitter] = {
-    "points": _points, "turns": _turns, "boxes": _boxes, "rays": _rays, "cells": _cells, "points32": _points, "boxes32": _boxes,
-    "spans32": _spans,
+    "points": _points, "turns": _turns, "boxes": _boxes, "rays": _rays, "cells": _cells, "forks": _forks, "points32": _points,
+    "boxes32": _boxes, "spans32": _spans,
 }  # fmt: skip

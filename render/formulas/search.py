@@ -3,7 +3,7 @@
 As many pieces as there are lanes are bounded at once, by intervals of the value and of the slope along the ray. From the near end on,
 each is known to hold no root, or one, or is cut up next (Mitchell, "Robust Ray Intersection with Interval Arithmetic", Graphics
 Interface 1990; Knoll and others, "Fast Ray Tracing of Arbitrary Implicit Surfaces with Interval and Affine Arithmetic", Computer
-Graphics Forum 2009).
+Graphics Forum 2009). Where the formula jumps, all ways past its jumps are bounded side by side; see enclosures.one_side.
 """
 
 from __future__ import annotations
@@ -14,21 +14,31 @@ import numpy as np
 
 from .. import across, lanes, simd
 from ..kernels import apart, helper
+from .calls import interpret
 from .evaluate import Room, bounds_at, value_at
-from .vectors import LANES
+from .fields import PROGRAMS
+from .vectors import LANES, WAYS
+
+_FORKS = PROGRAMS.index("forks")
 
 FINEST = 2.0**-44  # of the largest coordinate: shorter pieces are not told apart
-MOST_ROUNDS = 4000  # of pieces on one stretch
+MOST_ROUNDS, FEW = 3000, 40  # of pieces on one ray; on a stretch of a ray that has had as many
+SAMPLES = 64  # vectors of points by which a stretch is looked at that bounds say too little of
 JUMP = 1e90  # bounds of a slope beyond this: the formula may jump there
 _ENOUGH = 2.0**-50
+NEIGHBOURS = 64.0  # times FINEST: so far from a root bounds may be open because of it
+_OVER = 2.0**-40  # of the largest coordinate, by which a stretch is looked at beyond its end; cells.py has tapes hold so far
+_COARSER = 0.25  # of a stretch that is open at every size: pieces in it are not cut smaller
+_WAYS = tuple(np.arange(float(LANES), 2.0 * LANES).view(np.int64).tolist())
+"""What VectorMath.fork reads: a one, then the binary digits of the lane's number."""
 
 
 @apart
-def first(forms, k, tape, memory, start, way, a, b, begin, sheet, like):
-    """(distance or inf, whether the ray is inside before it, 1 where not all is proved) of the first root in a … b.
+def first(forms, k, tape, memory, start, way, a, b, begin, sheet, like, most):
+    """(distance or inf, whether the ray is inside before it, 1 where not all is proved, rounds that it took) of the first root in a … b.
 
     What is bracketed within FINEST counts as met where the sign changes, of a sheet only where the formula does not jump; where no sign
-    changes, it is left out and not proved.
+    changes, it is left out and not proved, unless a root is next to it.
     """
     number = lanes.to_float(across.numbered(0))
     o = lanes.like3(like, start[0], start[1], start[2])
@@ -37,12 +47,15 @@ def first(forms, k, tape, memory, start, way, a, b, begin, sheet, like):
     finest = FINEST * reach
     tapes = lanes.int_like(like, tape)
     everywhere = lanes.bool_like(like, True)
-    piece = (b - a) / LANES
-    at, doubt = a, 0
+    piece, over = (b - a) / LANES, min(16.0 * finest, _OVER * forms.numbers[k, 13])
+    at, doubt, open_from, used = a, 0, -1.0, 0
     value = across.lane(value_at(forms, k, tapes, memory, lanes.along(o, d, like + at), everywhere), 0)
-    for _ in range(MOST_ROUNDS):
+    while used < most:
+        used += 1
         if not at < b:
-            return np.inf, False, doubt
+            if open_from < 0.0 or over == 0.0:
+                return np.inf, False, 1 if open_from >= 0.0 else doubt, used
+            b, over = b + over, 0.0
         piece = max(piece, 0.5 * finest)
         begins, ends = at + number * piece, lanes.minimum(at + (number + 1.0) * piece, like + b)
         inside_range = begins < b
@@ -56,28 +69,91 @@ def first(forms, k, tape, memory, start, way, a, b, begin, sheet, like):
         away = lanes.not_(bounds.low <= 0.0) | ((bounds.high < 0.0) & lanes.not_(bounds.maybe))
         none = lanes.not_(change) & (away | one_way)
         open_ = across.bits(inside_range & lanes.not_(none))
+        if open_from >= 0.0 and open_ & 1 == 0:  # what was open ended without a root
+            doubt, open_from = 1, -1.0
         if open_ == 0:
             value = across.lane(far, LANES - 1)
             at = at + LANES * piece
             piece = min(4.0 * piece, (b - at) / LANES)
             continue
         j = simd.trailing_zeros(open_)
-        low, high = across.lane(begins, j), across.lane(ends, j)
+        low, high, within = across.lane(begins, j), across.lane(ends, j), across.lane(near, j) <= 0.0
         changes = ((across.bits(change) >> j) & 1) != 0
         if changes and ((across.bits(one_way) >> j) & 1) != 0:
-            within = across.lane(near, j) <= 0.0
-            return _narrowed(forms, k, tapes, memory, o, d, low, high, within, reach, number), within, doubt
-        if high - low > finest:
+            root = _narrowed(forms, k, tapes, memory, o, d, low, high, within, reach, number)
+            return root, within, _doubtful(doubt, open_from, root, finest), used
+        jumps = not (across.lane(bounds.least, j) > -JUMP and across.lane(bounds.most, j) < JUMP)
+        asked = (jumps or ((across.bits(bounds.maybe) >> j) & 1) != 0) and (sheet or not changes)
+        if asked and _passes(forms, k, tape, memory, across.lane3(p, j), across.lane3(q, j), sheet, within, like):
+            if open_from >= 0.0:
+                doubt, open_from = 1, -1.0
+            at, value, piece = high, across.lane(far, j), high - low
+            continue
+        smallest = finest if changes or open_from < 0.0 else max(finest, _COARSER * (low - open_from))
+        if high - low > smallest:
             at, value = low, across.lane(near, j)
             piece = (high - low) / LANES
             continue
-        jumps = not (across.lane(bounds.least, j) > -JUMP and across.lane(bounds.most, j) < JUMP)
         if changes and not (sheet and jumps):
-            return 0.5 * (low + high), across.lane(near, j) <= 0.0, doubt
-        if not changes:
-            doubt = 1
+            root = 0.5 * (low + high)
+            return root, within, _doubtful(doubt, open_from, root, finest), used
+        if open_from < 0.0:
+            open_from = low
         at, value = high, across.lane(far, j)
-    return np.inf, False, 1
+        piece = max(piece, _COARSER * (high - open_from))
+    root, within = _sampled(forms, k, tapes, memory, o, d, at, b, value, sheet, reach, number)
+    return root, within, 1, used
+
+
+@helper
+def _doubtful(doubt: int, open_from: float, root: float, finest: float) -> int:
+    """Whether what is open before a root is more than its neighbourhood."""
+    return 1 if open_from >= 0.0 and root - open_from > NEIGHBOURS * finest else doubt
+
+
+@apart
+def _passes(forms, k, tape, memory, p, q, sheet, within, like):
+    """Whether a piece in which the formula jumps has no root: all ways past jumps are away from 0, of a solid on the side of its ends."""
+    registers = memory.registers
+    for axis in range(3):
+        a, b = (p[0], q[0]) if axis == 0 else (p[1], q[1]) if axis == 1 else (p[2], q[2])
+        across.store(registers, 2 * axis, like + min(a, b))
+        across.store(registers, 2 * axis + 1, like + max(a, b))
+    simd.write(memory.state, 0, 0)
+    for j in range(LANES):
+        simd.write(memory.state, WAYS + j, _WAYS[j])
+    begin, rows = forms.tapes[tape, 0], forms.tapes[tape, 1]
+    interpret(forms.programs[_FORKS], forms.code, begin, rows, registers, forms.constants, forms.places[k, 3], memory.state, 1)
+    if simd.read(memory.state, 0) != 0:
+        return False
+    out = 2 * forms.tapes[tape, 2]
+    outside, inside = lanes.not_(across.load(registers, out) <= 0.0), across.load(registers, out + 1) < 0.0
+    wanted = outside | inside if sheet else inside if within else outside
+    return not lanes.any_lane(lanes.not_(wanted))
+
+
+@apart
+def _sampled(forms, k, tapes, memory, o, d, a, b, value, sheet, reach, number):
+    """(distance or inf, whether the ray is inside before it) of the first root between points side by side."""
+    everywhere = lanes.bool_like(o[0], True)
+    step = (b - a) / (SAMPLES * LANES)
+    for turn in range(SAMPLES):
+        places = a + (turn * LANES + number + 1.0) * step
+        far = value_at(forms, k, tapes, memory, lanes.along(o, d, places), everywhere)
+        near = _shifted(far, value)
+        changes = across.bits(((near <= 0.0) & lanes.not_(far <= 0.0)) | ((far <= 0.0) & lanes.not_(near <= 0.0)))
+        while changes != 0:
+            j = simd.trailing_zeros(changes)
+            changes &= changes - 1
+            high, within = across.lane(places, j), across.lane(near, j) <= 0.0
+            root = _narrowed(forms, k, tapes, memory, o, d, high - step, high, within, reach, number)
+            if not sheet:
+                return root, within
+            left = abs(across.lane(value_at(forms, k, tapes, memory, lanes.along(o, d, 0.0 * number + root), everywhere), 0))
+            if left <= 1e-3 * (abs(across.lane(near, j)) + abs(across.lane(far, j))):
+                return root, within
+        value = across.lane(far, LANES - 1)
+    return np.inf, False
 
 
 @helper

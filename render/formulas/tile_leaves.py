@@ -200,7 +200,9 @@ def _by_search(room, memory, tape, ray, a, b, start, hits):
     x = room.exact
     o, d = (x[ray], x[SPACED + ray], x[2 * SPACED + ray]), (x[3 * SPACED + ray], x[4 * SPACED + ray], x[5 * SPACED + ray])
     low, high = max(np.float64(a), x[6 * SPACED + ray]), min(np.float64(b), x[7 * SPACED + ray])
-    root, inside, doubt = search.first(room, 0, tape, memory, o, d, low, high, start, room.places[0, 1] != 0, like)
+    rounds = max(search.MOST_ROUNDS - room.spent[ray], search.FEW)
+    root, inside, doubt, used = search.first(room, 0, tape, memory, o, d, low, high, start, room.places[0, 1] != 0, like, rounds)
+    room.spent[ray] += used
     if doubt > 0:
         count_up(room.unproved, 0, 1)
     if root < np.inf:

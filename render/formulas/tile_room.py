@@ -72,6 +72,7 @@ class Room(NamedTuple):
     results: NDArray[np.float32]  # (2, 16) what is known of the result in slabs
     inputs: NDArray[np.float32]  # what is put aside
     tape_of: NDArray[np.int64]  # groups' tapes in quarters, or -1
+    spent: NDArray[np.int64]  # rounds of search.py that each ray has had
 
 
 def room(forms: Forms, k: int) -> Room:
@@ -96,7 +97,7 @@ def room(forms: Forms, k: int) -> Room:
         _zeros(2 * GROUP, single), _zeros(9 * OPEN, single), _zeros(OPEN, np.int32), _zeros(9 * OPEN, single),
         _zeros(OPEN, np.int32), _zeros(6 * OPEN, single), _zeros(1 + 2 * max(choices, 1), whole_number),
         _zeros((2 * PARTS_OF_SPAN, QUARTERS * VECTOR), single), _zeros(2 * VECTOR, single), _zeros(21 * QUARTERS * VECTOR, single),
-        _zeros(QUARTERS * VECTOR, whole_number),
+        _zeros(QUARTERS * VECTOR, whole_number), _zeros(RAYS, whole_number),
     )  # fmt: skip
 
 
@@ -225,6 +226,8 @@ def hulled(room, vectors):
         at = vector * VECTOR
         there = simd.load(room.rays, 6 * SPACED + at, VECTOR) < simd.load(room.rays, 7 * SPACED + at, VECTOR)
         room.alive[vector] = simd.bits(there)
+        for ray in range(at, at + VECTOR):
+            room.spent[ray] = 0
         room.carried_at[vector] = -1.0
         if room.alive[vector] == 0:
             continue

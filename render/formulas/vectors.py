@@ -15,6 +15,7 @@ from ..simd.value import F32, F64, I32, I64, Value, select
 LANES = across.WIDTH
 BYTES = 8 * LANES  # of a vector
 POINTER = ir.IntType(8).as_pointer()
+WAYS = 8  # word of the state
 ROW = 8  # int32 numbers of an instruction
 INTERPRETER = ir.FunctionType(ir.VoidType(), [POINTER, I64, POINTER, POINTER, POINTER, I64])
 """code, rows, registers, constants, state, vectors side by side"""
@@ -42,10 +43,11 @@ DOUBLE, SINGLE = Form(64, LANES), Form(32, 16)
 
 
 class VectorMath:
-    """A mathematics on vectors. `state` is where intervals note what they are unsure of, of the `number`th vector; see interpreter.py."""
+    """A mathematics on vectors. `state` is where intervals note what they are unsure of, of the `number`th vector; see interpreter.py.
+    One that forks (enclosures.one_side) has, from word WAYS of the state on, a vector of numbers whose digits say which ways to go."""
 
-    def __init__(self, builder: Any, state: Any = None, form: Form = DOUBLE, number: Any = None) -> None:
-        self.builder, self.state, self.form, self.number = builder, state, form, number
+    def __init__(self, builder: Any, state: Any = None, form: Form = DOUBLE, number: Any = None, forks: bool = False) -> None:
+        self.builder, self.state, self.form, self.number, self.forks = builder, state, form, number, forks
         self.result: list[Value] = []  # bounds that the tape's result is known to have, for operations that may be asked about them
         single = form.bits == 32
         self.unit, self.tiny, self.big = (2.0**-23, 1e-36, 1e18) if single else (2.0**-52, 1e-300, 1e100)
@@ -98,6 +100,15 @@ class VectorMath:
         if self.number is None:
             return at
         return b.gep(b.bitcast(at, ir.IntType(self.form.lanes).as_pointer()), [self.number])
+
+    def fork(self, mask: Value) -> Value:
+        """As NumpyMath.fork."""
+        rest = load(self.builder, self.state, 8 * WAYS)
+        left = rest >= 2.0
+        self.undefined(mask & ~left)
+        half = (rest * 0.5).call("floor")
+        store(self.builder, self.state, 8 * WAYS, self.where(mask & left, half, rest))
+        return mask & (rest - half * 2.0 > 0.0)
 
     # --- noise ---
 

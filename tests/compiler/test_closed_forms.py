@@ -57,6 +57,7 @@ def test_the_same_points_are_inside(tmp_path, text):
         "implicit(|x, y, z| sin(x) <= y, within: 1)",
         "implicit(|x, y, z| (hypot(x, 2 * z) - 0.7)^2 + y^2 <= 0.09)",  # of an oval ring
         "implicit(|x, y, z| x^3 <= y, within: 1)",
+        "implicit(|x, y, z| min(y, sqrt(x) - 1) <= 0, within: 2)",  # a root of what may be negative
         "union { " + "; ".join(f"sphere(0.1, center: [{k / 40}, 0, 0])" for k in range(60)) + " }",
     ],
 )

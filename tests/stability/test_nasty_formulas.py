@@ -1,0 +1,138 @@
+"""Formulas that make root finders miss and invent: poles, jumps, edges of domains, thin and tangent sheets, any place and any scale.
+
+Rays by themselves, and rays of a camera as bundles, are held against thousands of points of each ray (dense.py).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from maquette.render import rays
+from maquette.render.formulas import tile_room, tiles
+from maquette.render.handles import Handle
+
+from .dense import Relation
+
+TORUS = "hypot(hypot(x - {0}, z) / {1} - 0.6, y / {1}) - 0.2 - 0.05 * sin(12 * y / {1}) <= 0"
+FORMULAS = {
+    "a pole": "1 / x <= y",
+    "a pole, a sheet": "y == 0.1 / x",
+    "three poles": "1 / (x * y * z) >= 30",
+    "steps": "floor(5 * x) / 5 + floor(5 * z) / 7 >= 2 * y",
+    "rounded": "round(4 * x) / 4 >= y",
+    "signs": "sign(x) * sign(y) * sign(z) <= 0",
+    "repeated": "hypot(mod(x, 0.5) - 0.25, mod(y, 0.5) - 0.25, mod(z, 0.5) - 0.25) <= 0.15",
+    "repeated, not alike at both ends": "hypot(mod(x, 0.5) - 0.2, mod(y, 0.4) - 0.25, mod(z, 0.5) - 0.25) <= 0.15",
+    "a root's domain": "y <= sqrt(x)",
+    "a root's domain, a sheet": "y == sqrt(x * z)",
+    "a logarithm's domain": "0.2 * log(x) >= y",
+    "an arc's domain": "0.5 * asin(2 * x) >= y",
+    "an arc's domain, a sheet": "0.3 * acos(2 * x * z) == y + 0.4",
+    "a cut": "0.2 * atan2(z, x) <= y",
+    "a cut, a sheet": "0.2 * atan2(z, x) == y",
+    "a spiral": "mod(atan2(z, x) + 9 * hypot(x, z), 2 * pi) <= 1",
+    "poles of a tangent": "0.1 * tan(6 * x) <= y",
+    "poles of a tangent, a sheet": "0.1 * tan(6 * x) == y",
+    "noise": "y <= 0.4 * noise(3 * x, y, 3 * z)",
+    "ever faster waves": "0.3 * sin(0.3 / x) >= y",
+    "a square": "(y - 0.2 * sin(3 * x))^2 == 0",
+    "a square in a product": "(x^2 + y^2 + z^2 - 0.5)^2 * (2 + x) == 0",
+    "a shell of 1e-4": "abs(sin(9 * x) * cos(9 * y) + sin(9 * y) * cos(9 * z) + sin(9 * z) * cos(9 * x)) <= 1e-3",
+    "beyond float32": "exp(exp(5 * x)) <= 1e30 * (y + 1)",
+    "fine waves": "sin(300 * x) + sin(300 * y) + sin(300 * z) <= 0.5",
+    "an umbrella": "x^2 - y^2 * z == 0",
+}  # fmt: skip
+SAME = {  # of which points of rays show no change of sign
+    "(y - 0.2 * sin(3 * x))^2 == 0": "y == 0.2 * sin(3 * x)",
+    "(x^2 + y^2 + z^2 - 0.5)^2 * (2 + x) == 0": "x^2 + y^2 + z^2 == 0.5",
+}
+PLACES = {(1e5, 1.0), (0.0, 1e-3), (0.0, 1e-6), (0.0, 1e4), (0.0, 1e7), (1e3, 1e-3)}
+RAYS, POINTS = 256, 1500
+
+
+def some_rays(count: int, seed: int = 5) -> tuple[np.ndarray, np.ndarray]:
+    """Rays from all sides into −1 … 1, and every fourth from within."""
+    random = np.random.default_rng(seed)
+    o = random.normal(size=(count, 3))
+    o *= 3 / np.linalg.norm(o, axis=1, keepdims=True)
+    d = random.uniform(-0.9, 0.9, (count, 3)) - o
+    o[::4], d[::4] = random.uniform(-0.95, 0.95, (len(o[::4]), 3)), random.normal(size=(len(d[::4]), 3))
+    return o, d / np.linalg.norm(d, axis=1, keepdims=True)
+
+
+def camera_rays(size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rays of a camera, in the order of bundles."""
+    y, x = (part.ravel() for part in np.mgrid[:size, :size])
+    order = np.lexsort((x % 4, y % 4, x % 16 // 4, y % 16 // 4, x % 64 // 16, y % 64 // 16, x // 64, y // 64))
+    eye = np.array([1.3, 1.1, 2.4])
+    forward = -eye / np.linalg.norm(eye)
+    right = np.cross(forward, [0.0, 1.0, 0.0])
+    right /= np.linalg.norm(right)
+    u, v = (0.42 * ((part[order] + 0.5) / size * 2 - 1) for part in (x, -y + size - 1))
+    d = forward + u[:, None] * right + v[:, None] * np.cross(right, forward)
+    return np.tile(eye, (len(d), 1)), d / np.linalg.norm(d, axis=1, keepdims=True)
+
+
+def bundled(tables: Any, o: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """t of rays that go as bundles."""
+    surface = int(tables.forms.of[int(tables.placed[0, 2])])
+    room, columns, n = Handle(tile_room.room(tables.forms, surface)), tile_room.columns(o, d, 0.0, np.inf), len(o)
+    out = np.full(n, np.inf), np.full(n, -1), np.zeros(n, np.int64), np.zeros(n), np.zeros(n)
+    for first in range(0, n, tile_room.RAYS):
+        many = min(tile_room.RAYS, n - first)
+        t, instance, spacing, u, v = (column[first : first + many] for column in out)
+        part = tiles.Out(t, instance, spacing, u, v, 0)
+        assert tiles.trace(room, columns, first, many, np.ascontiguousarray(tables.inverse[0, :3]), part)
+    return out[0]
+
+
+def held(load: Any, text: str, count: int, points: int, middle: float = 0.0, size: float = 1.0) -> None:
+    """No ray misses the relation in a box about (middle, 0, 0), none meets what is not there, and none is left open."""
+    at = np.array([middle, 0.0, 0.0])
+    relation = Relation(SAME.get(text, text), at - size, at + size)
+    box = f"box([{2 * size!r}, {2 * size!r}, {2 * size!r}], center: [{middle!r}, 0, 0])"
+    scene, _ = load(f"camera(position: [0, 0, 5])\nimplicit(|x, y, z| {text}, within: {box})\n")
+    trees = rays.trees(scene.tables, closed=False)
+    side = int(np.sqrt(count))
+    for o, d, bundles in ((*some_rays(count), False), (*camera_rays(side), True)):
+        o = o * size + at
+        t = bundled(trees.tables, o, d) if bundles else rays.closest(trees, o, d).t
+        true = relation.first(o, d, points)
+        slack = 1e-7 * size + 1e-10 * abs(middle)
+        missed, early = t > true + slack, t < true - slack
+        invented = early.copy()
+        invented[early] = ~relation.changes(o[early], d[early], t[early], slack)
+        assert (int(missed.sum()), int(invented.sum()), int(trees.tables.forms.unproved[0])) == (0, 0, 0)
+        assert np.isfinite(t).any()
+
+
+@pytest.mark.parametrize("name", FORMULAS)
+def test_no_root_is_missed_and_none_invented(load, name):
+    held(load, FORMULAS[name], RAYS, POINTS)
+
+
+@pytest.mark.parametrize(("middle", "size"), sorted(PLACES))
+def test_at_any_place_and_any_scale(load, middle, size):
+    held(load, TORUS.format(repr(middle), repr(size)), RAYS, POINTS, middle, size)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", FORMULAS)
+def test_of_a_hundred_thousand_rays_none(load, name):
+    held(load, FORMULAS[name], 100_000, 2000)
+
+
+def test_what_cannot_be_proved_is_counted_and_looked_at(load):
+    """Waves finer than rays can be cut: bounds say nothing, points are looked at, and each ray that is not proved is counted."""
+    scene, _ = load("camera(position: [0, 0, 5])\nimplicit(|x, y, z| sin(1e7 * x) * 0.1 >= y, within: 1)\n")
+    trees = rays.trees(scene.tables)
+    o, d = some_rays(200)
+    t = rays.closest(trees, o, d).t
+    reach = (0.1 - o[:, 1]) / d[:, 1]
+    within = (reach > 0) & (np.abs(o + reach[:, None] * d) < 1).all(axis=1) & (o[:, 1] > 0.1)
+    assert within.sum() > 40
+    assert (np.isfinite(t[within])).all()
+    assert (t[within] >= reach[within] - 1e-9).all()
+    assert int(trees.tables.forms.unproved[0]) > 0

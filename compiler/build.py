@@ -114,7 +114,7 @@ class SceneBuilder:
         return self._known[key]
 
     def mesh(self, mesh: MeshData, span: Span | None = None, name: str = "") -> int:
-        """The row of a mesh, its positions stored as float32 about the middle of its bounds; an equal mesh is shared. Attributes of
+        """The row of a mesh, its positions stored as float32 about `_origin`; an equal mesh is shared. Attributes of
         a wrong length are left out with a warning; a mesh without triangles is NONE."""
         return self.shared(("mesh", _digest(mesh)), lambda: self._mesh(mesh, span, name or mesh.name))
 
@@ -124,7 +124,7 @@ class SceneBuilder:
         if not len(triangles):
             self.diagnostics.warning(f"the mesh{f' `{name}`' if name else ''} has no triangles: nothing is drawn", span)
             return NONE
-        origin = mesh_bounds(positions).mean(axis=0)
+        origin = _origin(positions)
         with np.errstate(over="ignore", invalid="ignore"):
             stored = (positions - origin).astype(np.float32)
         bounds = mesh_bounds(stored) + origin
@@ -372,6 +372,19 @@ def mesh_bounds(positions: np.ndarray) -> np.ndarray:
     """(2, 3) float64 lowest and highest corner of the positions (n, 3) that are finite; 0 if there are none."""
     finite = positions if np.isfinite(positions).all() else positions[np.isfinite(positions).all(axis=1)]
     return np.stack([finite.min(axis=0), finite.max(axis=0)]).astype(np.float64) if len(finite) else np.zeros((2, 3))
+
+
+def _origin(positions: np.ndarray) -> np.ndarray:
+    """(3,) what a mesh's positions (n, 3) are stored about: the middle of its bounds; where a few corners lie a thousand times as far
+    out as most do, which then would lose their digits, where most are."""
+    bounds = mesh_bounds(positions)
+    some = positions[:: max(1, len(positions) // 1024)]
+    some = some[np.isfinite(some).all(axis=1)]
+    if not len(some):
+        return bounds.mean(axis=0)
+    crowd = np.median(some, axis=0)
+    away = np.median(np.abs(some - crowd).max(axis=1))
+    return crowd if (bounds[1] - bounds[0]).max() > 1000.0 * away > 0.0 else bounds.mean(axis=0)
 
 
 def boxes_under(boxes: np.ndarray, matrices: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ from .records import Hit, Lane, Ray, View
 
 MESH = int(ir.GeometryKind.MESH)
 CAMERA = int(ir.Visibility.CAMERA)
+BESIDE = 1.0 / 64.0  # of all three: how far below 0 weights may go beside their triangle
 
 
 @helper
@@ -74,15 +75,21 @@ def weights(made: Any, instance: int, triangle: Lane, x: Lane, y: Lane) -> tuple
     """(depth, u, v) of triangles at pixel coordinates: perspective-correct weights of their second and third corners.
 
     The rows (X - x W, Y - y W) of the corners lie about the sample; the cross of two of them is the third's weight, undivided.
-    A sample that snapping put just outside gets the nearest weights inside.
+    A sample that snapping put just outside gets the weights that the plane has there, if need be less than 0, where these are small and
+    the plane is before the eye; else the nearest ones inside.
     """
     m, p, corners = made.matrix, made.positions, made.triangles
     x0, y0, d0, v0 = about(m, instance, p, corners[triangle, 0], x, y)
     x1, y1, d1, v1 = about(m, instance, p, corners[triangle, 1], x, y)
     x2, y2, d2, v2 = about(m, instance, p, corners[triangle, 2], x, y)
     e0, e1, e2 = x1 * y2 - y1 * x2, x2 * y0 - y2 * x0, x0 * y1 - y0 * x1
-    turn = lanes.where(e0 + e1 + e2 < 0.0, -1.0, 1.0)
-    e0, e1, e2 = lanes.maximum(turn * e0, 0.0), lanes.maximum(turn * e1, 0.0), lanes.maximum(turn * e2, 0.0)
+    whole = e0 + e1 + e2
+    turn = lanes.where(whole < 0.0, -1.0, 1.0)
+    e0, e1, e2 = turn * e0, turn * e1, turn * e2
+    least = lanes.minimum(e0, lanes.minimum(e1, e2))
+    beside = (least > turn * whole * -BESIDE) & (e0 * d0 + e1 * d1 + e2 * d2 > 0.0) & (e0 * v0 + e1 * v1 + e2 * v2 > 0.0)
+    least = lanes.where(beside, least, 0.0)
+    e0, e1, e2 = lanes.maximum(e0, least), lanes.maximum(e1, least), lanes.maximum(e2, least)
     total = e0 + e1 + e2
     thin = total == 0.0  # seen exactly from its side: its first corner
     e0, total = lanes.where(thin, 1.0, e0), lanes.where(thin, 1.0, total)

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from . import ir
+from . import ir, junctions
 
 if TYPE_CHECKING:
     from .validate import Check, Columns
 
 FLAT = 1e-12  # doubled area over squared longest edge below which a triangle is a line
+SEARCHED = 1 << 18  # triangles, up to which a mesh is searched for corners on edges: 0.1 s
 _WIDTHS = {"normals": 3, "uvs": 2, "colors": 3}
 
 
@@ -37,6 +38,7 @@ def validate(check: Check) -> None:
     _outlines(check, meshes)
     _positions(check)
     _bounds(check, meshes)
+    _junctions(check, meshes)
 
 
 def _say(check: Check, counts: np.ndarray, verbs: tuple[str, str], what: str) -> None:
@@ -191,3 +193,18 @@ def _bounds(check: Check, meshes: np.ndarray) -> None:
     wrong[~np.isin(np.arange(len(wrong)), meshes)] = False
     if check.bad("geometries", wrong, "its bounds did not hold it: computed again", "warning"):
         check.set("geometries", "bounds", np.where(wrong[:, None, None], right, bounds))
+
+
+def _junctions(check: Check, meshes: np.ndarray) -> None:
+    """Say where corners lie on edges that do not know them: rounding opens a crack there. Large meshes are not searched."""
+    table, pools = check.tables["geometries"], check.tables["pools"]
+    found = np.zeros(len(table["kind"]), dtype=np.int64)
+    for row in meshes:
+        count = int(table["triangle_count"][row])
+        if 2 <= count <= SEARCHED:
+            low, first = int(table["first_vertex"][row]), int(table["first_triangle"][row])
+            corners = pools["positions"][low : low + int(table["vertex_count"][row])]
+            found[row] = junctions.count(corners, pools["triangles"][first : first + count] - low)
+    total = int(found.sum())
+    who = "1 corner lies" if total == 1 else f"{total} corners lie"
+    check.bad("geometries", found > 0, f"{who} on the edge of a triangle that goes on: the seam may show cracks", "warning", "split the edge there")

@@ -1,0 +1,64 @@
+"""Corners of a mesh that lie on another triangle's edge (T-junctions): seams that rounding opens, so that rays and samples go through.
+
+Of a closed mesh each edge is there in both directions. What is left over has triangles on one side only, and where a corner lies on such
+an edge, its neighbour along the border and the edge's own end go the same way from a corner that both share.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+BESIDE = 1e-5  # of the longer edge: so near to it a corner counts as on it
+ULPS = 4.0  # or so many roundings of float32 coordinates
+_AWAY = 4  # edges of the border that leave a corner, that are compared with each other
+
+
+def count(positions: NDArray[np.float32], triangles: NDArray[np.int32]) -> int:
+    """How many corners lie on an edge that does not know them; positions (n, 3) finite, triangles (m, 3) rows of them."""
+    border = _open_edges(triangles.astype(np.int64), len(positions))
+    if not len(border):
+        return 0
+    used, ends = np.unique(border, return_inverse=True)
+    places, same = np.unique(positions[used], axis=0, return_inverse=True)  # seams of normals or coordinates have corners twice
+    border = _open_edges(same.reshape(-1)[ends.reshape(-1, 2)], len(places))
+    if len(border) < 3:
+        return 0
+    both = np.concatenate([border, border[:, ::-1]])
+    both = both[np.argsort(both[:, 0], kind="stable")]
+    place = places.astype(np.float64)
+    near = ULPS * 2.0**-23 * float(np.abs(place).max())
+    found = [_on(place, both[:-k], both[k:], near) for k in range(1, _AWAY)]
+    found += [_on(place, both[k:], both[:-k], near) for k in range(1, _AWAY)]
+    return len(np.unique(np.concatenate(found)))
+
+
+def _open_edges(faces: NDArray[np.int64], n: int) -> NDArray[np.int64]:
+    """(k, 2) the directed edges of faces, or edges (m, 2), that are not there the other way round as often."""
+    a, b = (faces[:, 0], faces[:, 1]) if faces.shape[1] == 2 else (faces.ravel(), np.roll(faces, -1, axis=1).ravel())
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    key, sign = low * n + high, np.where(a < b, 1, np.where(a > b, -1, 0))
+    with np.errstate(over="ignore"):
+        mixed = (key ^ (key >> 29)) * np.int64(-7046029254386353131)
+        if int(np.sum((mixed ^ (mixed >> 32)) * sign)) == 0:  # closed, most likely: without sorting
+            return np.zeros((0, 2), np.int64)
+    order = np.argsort(key, kind="stable")
+    key, sign = key[order], sign[order]
+    first = np.flatnonzero(np.concatenate([[True], key[1:] != key[:-1]]))
+    left = np.add.reduceat(sign, first)
+    key, left = key[first[left != 0]], left[left != 0]
+    edges = np.stack([key // n, key % n], axis=1)
+    return np.where(left[:, None] > 0, edges, edges[:, ::-1])
+
+
+def _on(place: NDArray[np.float64], short: NDArray[np.int64], long: NDArray[np.int64], near: float) -> NDArray[np.int64]:
+    """The far ends of those edges `short` that lie on the edges `long` from the same corner."""
+    shared = short[:, 0] == long[:, 0]
+    short, long = short[shared], long[shared]
+    a = place[short[:, 0]]
+    way, edge = place[short[:, 1]] - a, place[long[:, 1]] - a
+    length = np.sqrt((edge * edge).sum(axis=1))
+    along = (way * edge).sum(axis=1) / np.maximum(length, 1e-300)
+    beside = np.sqrt(np.maximum((way * way).sum(axis=1) - along * along, 0.0))
+    limit = np.maximum(BESIDE * length, near)
+    return short[(along > limit) & (along < length - limit) & (beside <= limit), 1]

@@ -207,4 +207,5 @@ def _junctions(check: Check, meshes: np.ndarray) -> None:
             found[row] = junctions.count(corners, pools["triangles"][first : first + count] - low)
     total = int(found.sum())
     who = "1 corner lies" if total == 1 else f"{total} corners lie"
-    check.bad("geometries", found > 0, f"{who} on the edge of a triangle that goes on: the seam may show cracks", "warning", "split the edge there")
+    what = f"{who} on the edge of a triangle that goes on: the seam may show cracks"
+    check.bad("geometries", found > 0, what, "warning", "split the edge there")

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import itertools
 
+import maquette
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from maquette.compiler import junctions
+from maquette.lang.diagnostics import Diagnostics
 
 SQUARE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
 
@@ -60,3 +62,17 @@ def test_two_grids_that_meet_with_other_steps():
 
 def test_a_closed_mesh_has_none():
     assert count([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]) == 0
+
+
+def test_it_is_told(tmp_path):
+    path = tmp_path / "a.scene"
+    path.write_text(
+        "camera(position: [0, 0, 5])\n"
+        "mesh(points: [[0, 0, 0], [1, 0, 0], [0.5, 1, 0], [0.5, -1, 0], [0.5, 0, 0]], faces: [[1, 0, 3], [0, 4, 2], [4, 1, 2]])\n"
+    )
+    found = Diagnostics()
+    maquette.load(path, diagnostics=found)
+    (said,) = found.items
+    assert said.message == "shape: 1 corner lies on the edge of a triangle that goes on: the seam may show cracks"
+    assert said.hint == "split the edge there"
+    assert said.span.line == 2

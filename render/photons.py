@@ -9,6 +9,7 @@ what spreads light, or find by way of metals, too, from something matt. Random n
 from __future__ import annotations
 
 import math
+import threading
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,22 +17,23 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler import plan as planner
-from . import across, blends, emitters, film, lanes, lights, materials, media, photon_map, sampler, surface, tilt, waves
+from . import across, blends, emitters, film, lanes, lights, materials, media, photon_map, sampler, simd, surface, tilt, waves
 from .handles import Handle
 from .kernels import apart, helper, kernel
-from .paths import OTHER_RAY, Light
 from .photon_map import COLUMNS, MAPS
-from .records import Hit, Lane, Ray, Surface, Tables, Vec
+from .records import Lane, Ray, Surface, Tables, Vec
+from .waves import ROW, STATE
 
 F64 = NDArray[np.float64]
 TARGETS = 32  # balls that lamps aim at; more are put together
 BLOCK = 8192  # photons that a thread draws at a time
 PER_SAMPLE = 0.25  # photons for each sample of a round
 LEAST, MOST = 1 << 18, 1 << 22  # of a round
-ROOM = 4  # photons kept of each that is drawn, on the average, for which there is room at first
+SPACE = 4  # photons kept of each that is drawn, on the average, for which there is room at first
 ORIGIN, PLACE, AIM, PART, BEND = 1 << 16, 1 << 17, 1 << 18, 1 << 19, 1 << 20  # dimensions of random numbers
-SPREAD = 6  # of the pairs of numbers that surfaces take, two each, that are Sobol points
-OFF = 1e-9  # of its coordinates, by which a photon starts off what shines
+WELL_SPREAD = 6  # of the pairs of numbers that surfaces take, two each, that are Sobol points
+OFF = 32.0  # units of roundoff of its coordinates, by which a photon starts off what shines
+BENT, SPREAD, THROWN = 1, 2, 4  # by a mirror or glass; then by what is neither; by a polished metal first, and by nothing matt yet
 LARGEST = 16.0  # of what normals between those of corners do to a photon's weight
 
 
@@ -45,16 +47,6 @@ class Aims(NamedTuple):
     radius: F64  # (targets,) inf: all directions
     targets: int
     reach: float  # metres beyond which there is nothing
-
-
-class Source(NamedTuple):
-    """What photons are drawn from, as kernels read it."""
-
-    tables: Any
-    light: Light
-    aims: Aims
-    bounces: int
-    seed: int
 
 
 def covered(tables: ir.Tables, table: emitters.Emitters, all_sizes: bool) -> NDArray[np.bool_]:
@@ -143,12 +135,15 @@ def _flux(tables: ir.Tables, table: emitters.Emitters, centre: F64, radius: F64)
 class Tracer:
     """Makes maps of photons, round by round; see film.Renderer.refresh."""
 
-    def __init__(self, source: Source, accel: Handle, kind: type, threads: int) -> None:
-        self.source, self.accel, self.kind, self.threads = Handle(source), accel, kind, threads
+    def __init__(self, accel: Handle, scene: Handle, frame: Handle, aims: Aims, kind: type, threads: int) -> None:
+        """`accel`, `scene` and `frame` as waves have them, `kind` the floats that those are of."""
+        self.accel, self.scene, self.frame, self.kind, self.threads = accel, scene, frame, kind, threads
+        self.aims = Handle(Aims(*(np.ascontiguousarray(part, kind) if isinstance(part, np.ndarray) else part for part in aims)))
+        self.rooms = threading.local()  # of waves, one a thread
         self.maps = 0  # made so far
         self.so_far = 0  # photons
-        known = source.aims.radius[np.isfinite(source.aims.radius)]
-        self.width = 0.5 * float(known.max()) if len(known) else 0.05 * source.aims.reach
+        known = aims.radius[np.isfinite(aims.radius)]
+        self.width = 0.5 * float(known.max()) if len(known) else 0.05 * aims.reach
 
     def most(self, pixels: int) -> int:
         """Samples of each pixel that a round may have."""
@@ -158,21 +153,25 @@ class Tracer:
         """Maps for a round of so many samples of all pixels together."""
         each = int(np.clip(samples * PER_SAMPLE, LEAST, MOST)) // MAPS
         jobs = [(self.maps + k, start, min(BLOCK, each - start)) for k in range(MAPS) for start in range(0, each, BLOCK)]
-        seed = self.source.tables.seed
+        seed = self.frame.tables.options.seed
         shift = np.random.default_rng([seed & 0xFFFFFFFF, self.maps]).random(3)  # no cell's edge stands still
-        origin = (shift - 0.5) * 2.0 * self.width
+        origin = ((shift - 0.5) * 2.0 * self.width).astype(self.kind)
         found: dict[tuple[int, int], NDArray[np.float32]] = {}
 
         def draw(job: tuple[int, int, int]) -> None:
             number, start, count = job
-            room = ROOM * BLOCK
+            if not hasattr(self.rooms, "room"):
+                self.rooms.room = Handle(waves.Room.of(self.kind))
+            space = SPACE * BLOCK
             while True:
-                rows = np.empty((room + 64, COLUMNS), np.float32)
-                kept = trace_block(self.source, self.accel, number, start, count, each, origin, rows)
-                if kept <= room:
+                rows = np.empty((COLUMNS, space + waves.PAD), np.float32)
+                kept = trace_block(
+                    self.accel, self.scene, self.frame, self.aims, number, start, count, each, origin, self.rooms.room, rows
+                )
+                if kept <= space:
                     break
-                room = int(kept)
-            found[number, start] = rows[:kept].copy()
+                space = int(kept)
+            found[number, start] = rows[:, :kept].T.copy()
 
         film.on_threads(draw, jobs, self.threads)
         landed = [
@@ -187,64 +186,99 @@ class Tracer:
 
 
 @kernel
-def trace_block(source, accel, number, first, count, total, origin, rows):
-    """Draw photons first … of `total` of a map and write those that land, about `origin`: how many they are, even if `rows` has no room."""
+def trace_block(accel, scene, frame, aims, number, first, count, total, origin, room, landed):
+    """Draw photons first … of `total` of a map and write those that land, about `origin`, to the columns of `landed`.
+
+    How many they are is returned, even if there is no room for all.
+    """
+    saved = simd.flush_denormals()
     kept = 0
-    for start in range(0, count, across.WIDTH):
-        index = across.numbered(first + start)
-        active = index < first + count
-        kept = _follow(source, accel, lanes.int_like(index, number), index, active, 1.0 / total, origin, rows, kept)
+    for start in range(0, count, waves.SIZE):
+        left, source = _begin(scene, frame, aims, room, number, first + start, min(count - start, waves.SIZE), 1.0 / total), 0
+        for depth in range(frame.options.bounces + 1):
+            if left == 0:
+                break
+            waves.meet(accel, scene, frame, room, source, left, depth + 1)
+            left, kept = _land(scene, frame, room, source, left, depth, origin, landed, kept)
+            source = 1 - source
+    simd.restore_denormals(saved)
     return kept
 
 
 @apart
-def _follow(source, accel, number, index, active, each, origin, rows, kept):
-    """One photon in each lane, from a lamp to where it is lost."""
-    tables, light, seed = source.tables, source.light, source.seed
-    ray, power = _sent(tables, light.emitters, source.aims, number, index, seed)
-    power = lanes.scale(power, each)
-    active = active & (lanes.largest(power) > 0.0)
-    zero = 0.0 * power[0]
-    inside = media.outside(tables, zero)
-    bent, spread = lanes.bool_like(zero, False), lanes.bool_like(zero, False)  # by a mirror or glass; then by what is neither
-    thrown = lanes.bool_like(zero, False)  # by a polished metal first, and by nothing matt yet
-    for depth in range(source.bounces + 1):
-        if lanes.not_(lanes.any_lane(active)):
-            break
-        ray = Ray(ray.origin, ray.direction, zero, lanes.where(active, np.inf, 0.0), None)
-        hit = waves.met_by_chance(accel, ray, OTHER_RAY, number, index, depth, seed)
-        here = active & (hit.instance >= 0)
+def _begin(scene, frame, aims, room, number, first, n, each):
+    """Photons first … first + n - 1 as they leave their lamps; how many have any power."""
+    like = simd.load(room.state, 0)
+    kept = 0
+    for i in range(0, n, across.width(like)):
+        index = simd.iota(simd.load(room.whose, 0)) + (first + i)
+        numbers = lanes.int_like(index, number)
+        ray, power = _sent(scene.tables, scene.light.emitters, aims, numbers, index, frame.options.seed)
+        going = simd.first_lanes(n - i, like) & (lanes.largest(power) > 0.0)
+        waves.keep3(room.state, kept, ray.origin, going)
+        waves.keep3(room.state, 3 * ROW + kept, ray.direction, going)
+        waves.keep3(room.state, 6 * ROW + kept, lanes.scale(power, each), going)
+        waves.keep3(room.whose, kept, (lanes.int_like(index, 0), numbers, index), going)
+        kept += simd.count(going)
+    return kept
+
+
+@apart
+def _land(scene, frame, room, source, n, depth, origin, landed, kept):
+    """What n photons do where they arrive: (how many go on, how many have landed so far)."""
+    tables, light, seed = scene.tables, scene.light, frame.options.seed
+    like = simd.load(room.state, 0)
+    base, target, going_on = source * STATE * ROW, (1 - source) * STATE * ROW, 0
+    for i in range(0, n, across.width(like)):
+        zero = 0.0 * like
+        start, direction = waves.load3(room.state, base, 0, i), waves.load3(room.state, base, 3, i)
+        power = waves.load3(room.state, base, 6, i)
+        flags, number, index = waves.load3(room.whose, source * 3 * ROW, 0, i)
+        bent, spread, thrown = (flags & BENT) != 0, (flags & SPREAD) != 0, (flags & THROWN) != 0
+        inside = waves.inside_of(media.outside(tables, zero), None, room, source * ROW + i, depth)
+        hit, piece, here = waves.found(room, i, simd.first_lanes(n - i, like))
+        if lanes.not_(lanes.any_lane(here)):
+            continue
         power = media.faded(inside, power, tables, lanes.where(here, hit.t, 0.0))
-        hit = Hit(lanes.where(here, hit.t, 1.0), lanes.where(here, hit.instance, -1), hit.primitive, hit.u, hit.v)
-        point = surface.at(tables, ray, hit)
-        point = tilt.tilted(tables, _part(tables, point, number, index, depth, seed), hit, ray.direction)
+        time = sampler.moment(number, index, seed, frame.shutter)
+        point, hit = waves.point_of(tables, scene.tried.records, start, direction, hit, piece, here, time)
+        point = tilt.tilted(tables, _part(tables, point, number, index, depth, seed), hit, direction)
         shader = materials.looked_up(tables, point, light.uses, inside)
         matt = materials.has_matt(shader)
         lands = here & materials.is_lit(shader) & (bent | (thrown & matt))
         if lanes.any_lane(lands):
-            kept = _keep(rows, kept, lands, spread | thrown, point, ray.direction, power, origin)
+            _write(landed, kept, lands, spread | thrown, point, direction, power, origin)
+            kept += simd.count(lands)
         u, v = _numbers(number, index, 2 * depth, seed)
         which, end = _numbers(number, index, 2 * depth + 1, seed)
-        taken = materials.scatter(shader, light.uses, point, lanes.negate(ray.direction), u, v, which)
+        taken = materials.scatter(shader, light.uses, point, lanes.negate(direction), u, v, which)
         sharp = taken.density >= materials.ONLY
-        weight = lanes.scale(taken.weight, _adjoint(point, shader, ray.direction, taken.direction, sharp))
-        keep = lanes.minimum(lanes.largest(weight), 1.0)
+        weight = lanes.scale(taken.weight, _adjoint(point, shader, direction, taken.direction, sharp))
+        chance = lanes.minimum(lanes.largest(weight), 1.0)
         metal = materials.is_polished(shader) & lanes.not_(sharp)
         bent = bent | (thrown & matt & lanes.not_(sharp))
-        active = here & (sharp | bent | metal) & (end < keep)
+        going = here & (sharp | bent | metal) & (end < chance)
+        if lanes.not_(lanes.any_lane(going)):
+            continue
         spread = spread | (bent & lanes.not_(sharp))
-        thrown = active & lanes.not_(bent) & (thrown | metal)
-        bent = bent | (active & lanes.not_(thrown))
-        power = lanes.mul(power, lanes.scale(weight, 1.0 / lanes.maximum(keep, lights.TINY)))
+        thrown = lanes.not_(bent) & (thrown | metal)
+        bent = bent | lanes.not_(thrown)
+        weight = lanes.mul(power, lanes.scale(weight, 1.0 / lanes.maximum(chance, lights.TINY)))
+        flags = lanes.where(bent, BENT, 0) | lanes.where(spread, SPREAD, 0) | lanes.where(thrown, THROWN, 0)
+        waves.keep3(room.state, target + going_on, surface.leave(point, taken.direction), going)
+        waves.keep3(room.state, target + 3 * ROW + going_on, taken.direction, going)
+        waves.keep3(room.state, target + 6 * ROW + going_on, weight, going)
+        waves.keep3(room.whose, (1 - source) * 3 * ROW + going_on, (lanes.to_int(flags) + 0 * number, number, index), going)
         inside = media.crossed(inside, None, tables, point, taken.direction)
-        ray = Ray(surface.leave(point, taken.direction), taken.direction, zero, ray.t_max, None)
-    return kept
+        waves.keep_inside(inside, None, room, (1 - source) * ROW + going_on, going)
+        going_on += simd.count(going)
+    return going_on, kept
 
 
 @helper
 def _numbers(number: Lane, index: Lane, pair: int, seed: int) -> tuple[Lane, Lane]:
     dimension = lanes.int_like(number, BEND + pair)
-    if pair < SPREAD:
+    if pair < WELL_SPREAD:
         return sampler.pair(number, index, dimension, seed)
     return sampler.scattered(number, index, dimension, seed)
 
@@ -277,27 +311,24 @@ def _leaning(point: Surface, arriving: Vec, leaving: Vec) -> Lane:
 
 
 @helper
-def _keep(rows: Any, kept: int, lands: Lane, spread: Lane, point: Surface, direction: Vec, power: Vec, origin: Any) -> int:
-    """Write the photons of a mask's lanes, as far as there is room."""
-    for k in range(across.WIDTH):
-        if across.lane(lands, k):
-            if kept < len(rows):
-                x, y, z = across.lane3(point.position, k)
-                _write(rows, kept, 0, x - origin[0], y - origin[1], z - origin[2])
-                x, y, z = across.lane3(direction, k)
-                _write(rows, kept, 3, -x, -y, -z)
-                x, y, z = across.lane3(power, k)
-                _write(rows, kept, 6, x, y, z)
-                x, y, z = across.lane3(point.geometric, k)
-                _write(rows, kept, 9, x, y, z)
-                rows[kept, 12] = -1.0 if across.lane(spread, k) else 1.0
-            kept += 1
-    return kept
+def _write(landed: Any, kept: int, lands: Lane, spread: Lane, point: Surface, direction: Vec, power: Vec, origin: Any) -> None:
+    """Write the photons of a mask's lanes, if there is room."""
+    room = landed.shape[1]
+    if kept + waves.PAD > room:
+        return
+    place, normal = point.position, point.geometric
+    place = (place[0] - origin[0], place[1] - origin[1], place[2] - origin[2])
+    _write3(landed, kept, place, lands)
+    _write3(landed, 3 * room + kept, lanes.negate(direction), lands)
+    _write3(landed, 6 * room + kept, power, lands)
+    _write3(landed, 9 * room + kept, normal, lands)
+    waves.keep(landed, 12 * room + kept, lanes.where(spread, -1.0 + 0.0 * place[0], 1.0), lands)
 
 
 @helper
-def _write(rows: Any, i: int, column: int, x: float, y: float, z: float) -> None:
-    rows[i, column], rows[i, column + 1], rows[i, column + 2] = x, y, z
+def _write3(landed: Any, at: int, v: Vec, lands: Lane) -> None:
+    for k in range(3):
+        waves.keep(landed, at + k * landed.shape[1], v[k], lands)
 
 
 @helper
@@ -350,11 +381,10 @@ def _sent(tables: Tables, table: emitters.Emitters, aim: Aims, number: Lane, ind
         to = (aim.centre[k, 0] - start[0], aim.centre[k, 1] - start[1], aim.centre[k, 2] - start[2])
         size, chance = aim.radius[k], aim.chance[e * aim.targets + k]
         along, square = lanes.dot(to, direction), lanes.dot(to, to)
-        rise = lights.ball_height(square, zero + size)
-        aimed = along >= (1.0 - rise) * lanes.sqrt(square)
-        passes = square - along * along <= size * size
-        hits = (t == k) | lanes.where(far, passes, aimed)
-        area = lanes.where(far, math.pi * size * size, 2.0 * math.pi * rise)
+        off = lanes.sub(to, lanes.scale(direction, along))
+        passes = (lanes.dot(off, off) <= size * size) & (far | (along > 0.0) | (square <= size * size))
+        hits = (t == k) | passes
+        area = lanes.where(far, math.pi * size * size, 2.0 * math.pi * lights.ball_height(square, zero + size))
         density = density + lanes.where(hits, chance / lanes.maximum(area, lights.TINY), 0.0)
     cosine = lanes.dot(normal, direction)
     shines = lanes.where(table.both[e], lanes.absolute(cosine), lanes.maximum(cosine, 0.0)) * table.area[e]
@@ -362,7 +392,8 @@ def _sent(tables: Tables, table: emitters.Emitters, aim: Aims, number: Lane, ind
     strength = lanes.where(kind == emitters.SPOT, cone, zero + 1.0)
     strength = lanes.where(flat | ball, shines, strength)
     strength = lanes.where(far, 1.0 / (1.0 - half), strength)
-    step = OFF * (lanes.absolute(start[0]) + lanes.absolute(start[1]) + lanes.absolute(start[2]) + lanes.sqrt(table.area[e]))
+    wide = lanes.absolute(start[0]) + lanes.absolute(start[1]) + lanes.absolute(start[2]) + lanes.sqrt(table.area[e])
+    step = OFF * lanes.roundoff(zero) * wide
     step = lanes.where(flat | ball, step * lanes.sign_of(cosine), 0.0)
     start = lanes.add(start, lanes.scale(normal, step))
     return Ray(start, direction, zero, zero + np.inf, None), lanes.scale(color, strength / lanes.maximum(density, lights.TINY))

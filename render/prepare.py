@@ -110,25 +110,25 @@ def _for_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame) ->
     if not np.isfinite(boxes).all():
         low, high = np.full(3, -np.inf), np.full(3, np.inf)
     light = _light(tables, plan, Handle(tables), None, Handle(frame))
-    tracer = None
-    if plan["transport.caustics"] == "photons":
-        light, tracer = _with_photons(tables, plan, options, light, kind)
+    light, aims = _with_photons(tables, plan, light, kind) if plan["transport.caustics"] == "photons" else (light, None)
     scene = waves.Scene(_as(tables, kind), _as(tried, kind), _as(light, kind), not inside.all(), low, high)
-    packed = Handle(scene)
-    return Prepared(tables, packed, accel, None, options, Handle(_as(frame, kind)), paths=kind, photons=tracer)
+    packed, frames, tracer = Handle(scene), Handle(_as(frame, kind)), None
+    if aims is not None:
+        from . import photons  # what few scenes need
+
+        tracer = photons.Tracer(accel, packed, frames, aims, kind, int(plan["threads"]) or machine.cores())
+    return Prepared(tables, packed, accel, None, options, frames, paths=kind, photons=tracer)
 
 
-def _with_photons(tables: ir.Tables, plan: Plan, options: Options, light: Any, kind: type) -> tuple[Any, Any]:
-    """(what paths look for beside photons, what makes these); the light as it is and None where no lamp shines on what gathers."""
+def _with_photons(tables: ir.Tables, plan: Plan, light: Any, kind: type) -> tuple[Any, Any]:
+    """(what paths look for beside photons, where those are aimed); the light as it is and None where no lamp shines on what gathers."""
     from . import photon_map, photons
 
     covered = photons.covered(tables, light.emitters, plan.decisions["transport.caustics"].overridden)
     aims = photons.aims(tables, light.emitters, covered)
     if aims is None:
         return light, None
-    source = photons.Source(tables, light, aims, options.bounces, options.seed)
-    tracer = photons.Tracer(source, trees(tables, plan), kind, int(plan["threads"]) or machine.cores())
-    return light._replace(photons=photon_map.empty(kind), covered=covered), tracer
+    return light._replace(photons=photon_map.empty(kind), covered=covered), aims
 
 
 def _light(tables: ir.Tables, plan: Plan, packed: Any, accel: Any, frame: Any) -> Any:

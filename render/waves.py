@@ -1,7 +1,7 @@
 """Waves: thousands of paths at a time as structure of arrays, stage by stage, with all lanes of the machine in each.
 
 A wave holds consecutive samples, pixel by pixel, few enough to stay in the cache. At each depth all rays are met with the scene
-(`_meet`), all surfaces shaded (`_shade`), which closes up the rays that go on and those to emitters, and these are tested (`_test`).
+(`meet`), all surfaces shaded (`_shade`), which closes up the rays that go on and those to emitters, and these are tested (`_test`).
 Rays for the trees are gathered by themselves, so that no lane waits for one that missed. Laine, Karras, Aila 2013, "Megakernels
 Considered Harmful".
 """
@@ -105,7 +105,7 @@ def _wave(accel, scene, frame, total, room, n):
     _begin(scene.tables, frame, total, room, n)
     left, source = n, 0
     for depth in range(frame.options.bounces + 2):
-        _meet(accel, scene, frame, room, source, left, depth)
+        meet(accel, scene, frame, room, source, left, depth)
         left, asked = _shade(scene, frame, room, source, left, depth)
         _test(accel, scene, frame, room, asked)
         source = 1 - source
@@ -133,7 +133,7 @@ def _collect(film: Any, room: Any, n: int, width: int) -> None:
 
 
 @helper
-def _load3(rows: Any, base: int, row: int, i: int) -> Vec:
+def load3(rows: Any, base: int, row: int, i: int) -> Vec:
     at = base + row * ROW + i
     return simd.load(rows, at), simd.load(rows, at + ROW), simd.load(rows, at + 2 * ROW)
 
@@ -147,16 +147,16 @@ def _store3(rows: Any, base: int, row: int, i: int, v: Vec) -> None:
 
 
 @helper
-def _keep(rows: Any, at: int, x: Lane, mask: Lane) -> None:
+def keep(rows: Any, at: int, x: Lane, mask: Lane) -> None:
     """Close up the lanes of a mask and write them from a place on; what follows them in the row is overwritten."""
     simd.store(rows, at, simd.compress(x, mask))
 
 
 @helper
-def _keep3(rows: Any, at: int, v: Vec, mask: Lane) -> None:
-    _keep(rows, at, v[0], mask)
-    _keep(rows, at + ROW, v[1], mask)
-    _keep(rows, at + 2 * ROW, v[2], mask)
+def keep3(rows: Any, at: int, v: Vec, mask: Lane) -> None:
+    keep(rows, at, v[0], mask)
+    keep(rows, at + ROW, v[1], mask)
+    keep(rows, at + 2 * ROW, v[2], mask)
 
 
 @helper
@@ -222,14 +222,14 @@ def _begin(tables, frame, total, room, n):
 
 
 @apart
-def _meet(accel, scene, frame, room, source, n, depth):
+def meet(accel, scene, frame, room, source, n, depth):
     """What n rays meet first: pieces by trying each, then the rest by trees, nearer than those."""
     base, seed = source * STATE * ROW, frame.options.seed
     like = simd.load(room.state, 0)
     step = across.width(like)
     queued = 0
     for i in range(0, n, step):
-        origin, direction = _load3(room.state, base, 0, i), _load3(room.state, base, 3, i)
+        origin, direction = load3(room.state, base, 0, i), load3(room.state, base, 3, i)
         near, far = 0.0 * like, 0.0 * like + np.inf
         if depth == 0:
             near, far = simd.load(room.near, i), simd.load(room.met, i)
@@ -368,13 +368,23 @@ def _enters(scene: Any, origin: Vec, direction: Vec, t: Lane) -> Lane:
     return begin <= end
 
 
+@helper
+def found(room: Any, i: int, active: Lane) -> tuple[Hit, Lane, Lane]:
+    """(what rays i … met, its piece or -1, whether there is anything)."""
+    piece, instance = simd.load(room.what, i), simd.load(room.what, ROW + i)
+    t, u, v = load3(room.met, 0, 0, i)
+    return Hit(t, instance, simd.load(room.what, 2 * ROW + i), u, v), piece, active & ((piece >= 0) | (instance >= 0))
+
+
 @apart
 def _in_full(tables, ray, hit):
     return surface.at(tables, ray, hit)
 
 
 @helper
-def _point(tables: Any, records: Any, path: Path, hit: Hit, piece: Lane, here: Lane, time: Any) -> tuple[Surface, Hit]:
+def point_of(
+    tables: Any, records: Any, origin: Vec, direction: Vec, hit: Hit, piece: Lane, here: Lane, time: Any
+) -> tuple[Surface, Hit]:  # fmt: skip
     """The surface that rays met, and the hit with the instance and primitive of what is a piece."""
     row = lanes.maximum(piece, 0)
     of_piece = here & (piece >= 0)
@@ -383,18 +393,18 @@ def _point(tables: Any, records: Any, path: Path, hit: Hit, piece: Lane, here: L
     hit = Hit(hit.t, instance, lanes.where(of_piece, lanes.to_int(of_primitive), hit.primitive), hit.u, hit.v)
     plain = of_piece & (is_plain > 0.5)
     t = lanes.where(of_piece, hit.t, 0.0)
-    position = lanes.along(path.origin, path.direction, t)
+    position = lanes.along(origin, direction, t)
     outward = (x, y, z)
     if lanes.any_lane(inverse > 0.0):
         outward = lanes.where3(inverse > 0.0, lanes.scale(lanes.sub(position, outward), inverse), outward)
-    front = lanes.dot(path.direction, outward) < 0.0
+    front = lanes.dot(direction, outward) < 0.0
     zero = lanes.full_like(t, 0.0)
     side = lanes.where(front, zero + 1.0, zero - 1.0)
     facing = lanes.scale(outward, side)
     rounded = plain & (is_plain > facets.PLAIN)
     shaded = lanes.scale(facets.interpolated(records.rounded, outward, row, rounded, hit.u, hit.v), side)
-    size = abs(outward[0]) * (abs(path.origin[0]) + abs(position[0])) + abs(outward[1]) * (abs(path.origin[1]) + abs(position[1]))
-    size = size + abs(outward[2]) * (abs(path.origin[2]) + abs(position[2])) + lanes.maximum(-inverse, 0.0)
+    size = abs(outward[0]) * (abs(origin[0]) + abs(position[0])) + abs(outward[1]) * (abs(origin[1]) + abs(position[1]))
+    size = size + abs(outward[2]) * (abs(origin[2]) + abs(position[2])) + lanes.maximum(-inverse, 0.0)
     white = (zero + 1.0, zero + 1.0, zero + 1.0)
     point = Surface(
         position, position, facing, shaded, outward, (zero, zero), (zero + 1.0, zero + 1.0), front, lanes.maximum(instance, 0),
@@ -402,7 +412,7 @@ def _point(tables: Any, records: Any, path: Path, hit: Hit, piece: Lane, here: L
     )  # fmt: skip
     others = here & lanes.not_(plain)
     if lanes.any_lane(others):
-        ray = Ray(path.origin, path.direction, zero, zero + np.inf, time)
+        ray = Ray(origin, direction, zero, zero + np.inf, time)
         full = _in_full(tables, ray, Hit(hit.t, lanes.where(others, instance, -1), hit.primitive, hit.u, hit.v))
         point = Surface(
             lanes.where3(others, full.position, position), full.local, lanes.where3(others, full.geometric, facing),
@@ -428,16 +438,11 @@ def _shade(scene, frame, room, source, n, depth):
         straight = (code > 0.5) & (code < 1.5)
         inside = inside_of(media.outside(tables, density), None, room, source * ROW + i, depth)
         path = Path(
-            _load3(room.state, base, 0, i), _load3(room.state, base, 3, i), _load3(room.state, base, 6, i), density, straight, inside,
+            load3(room.state, base, 0, i), load3(room.state, base, 3, i), load3(room.state, base, 6, i), density, straight, inside,
             lanes.where(code > 1.5, code, 0.0),
         )  # fmt: skip
-        slot, pixel, sample = _load3(room.whose, source * 3 * ROW, 0, i)
-        piece, instance = simd.load(room.what, i), simd.load(room.what, ROW + i)
-        hit = Hit(
-            simd.load(room.met, i), instance, simd.load(room.what, 2 * ROW + i), simd.load(room.met, ROW + i),
-            simd.load(room.met, 2 * ROW + i),
-        )  # fmt: skip
-        here = active & ((piece >= 0) | (instance >= 0))
+        slot, pixel, sample = load3(room.whose, source * 3 * ROW, 0, i)
+        hit, piece, here = found(room, i, active)
         missed = active & lanes.not_(here)
         if lanes.any_lane(missed):
             behind, less = paths.escape(tables, light, options, path, missed, depth)
@@ -451,7 +456,7 @@ def _shade(scene, frame, room, source, n, depth):
             if lanes.not_(lanes.any_lane(here)):
                 continue
         time = sampler.moment(pixel, sample, options.seed, frame.shutter)
-        point, hit = _point(tables, scene.tried.records, path, hit, piece, here, time)
+        point, hit = point_of(tables, scene.tried.records, path.origin, path.direction, hit, piece, here, time)
         sent, connection, onward, going = paths.arrive(tables, light, options, path, hit, point, here, pixel, sample, depth)
         bright = here & (lanes.largest(sent) > 0.0)
         if lanes.any_lane(bright):
@@ -461,12 +466,12 @@ def _shade(scene, frame, room, source, n, depth):
             _ask(room, asked, slot, connection)
             asked += simd.count(wanted)
         if lanes.any_lane(going):
-            _keep3(room.state, target + kept, onward.origin, going)
-            _keep3(room.state, target + 3 * ROW + kept, onward.direction, going)
-            _keep3(room.state, target + 6 * ROW + kept, onward.weight, going)
-            _keep(room.state, target + 9 * ROW + kept, onward.density, going)
-            _keep(room.state, target + 10 * ROW + kept, lanes.where(onward.straight, 1.0, onward.phase), going)
-            _keep3(room.whose, (1 - source) * 3 * ROW + kept, (slot, pixel, sample), going)
+            keep3(room.state, target + kept, onward.origin, going)
+            keep3(room.state, target + 3 * ROW + kept, onward.direction, going)
+            keep3(room.state, target + 6 * ROW + kept, onward.weight, going)
+            keep(room.state, target + 9 * ROW + kept, onward.density, going)
+            keep(room.state, target + 10 * ROW + kept, lanes.where(onward.straight, 1.0, onward.phase), going)
+            keep3(room.whose, (1 - source) * 3 * ROW + kept, (slot, pixel, sample), going)
             keep_inside(onward.inside, None, room, (1 - source) * ROW + kept, going)
             kept += simd.count(going)
     return kept, asked
@@ -479,7 +484,7 @@ def _carried(outside: Any, plain: Any, room: Any, at: int, depth: int) -> Lane:
 
 @helper
 def _carry(inside: Lane, plain: Any, room: Any, at: int, going: Lane) -> None:
-    _keep(room.inside, at, inside, going)
+    keep(room.inside, at, inside, going)
 
 
 inside_of = if_there(_carried)  # the media that rays are in, of camera rays what is outside: room, place, depth
@@ -489,11 +494,11 @@ keep_inside = if_there(_carry)
 @helper
 def _ask(room: Any, asked: int, slot: Lane, connection: Connection) -> None:
     wanted = connection.wanted
-    _keep3(room.asked, asked, connection.origin, wanted)
-    _keep3(room.asked, 3 * ROW + asked, connection.direction, wanted)
-    _keep(room.asked, 6 * ROW + asked, connection.distance, wanted)
-    _keep3(room.asked, 7 * ROW + asked, connection.light, wanted)
-    _keep(room.asker, asked, slot, wanted)
+    keep3(room.asked, asked, connection.origin, wanted)
+    keep3(room.asked, 3 * ROW + asked, connection.direction, wanted)
+    keep(room.asked, 6 * ROW + asked, connection.distance, wanted)
+    keep3(room.asked, 7 * ROW + asked, connection.light, wanted)
+    keep(room.asker, asked, slot, wanted)
 
 
 @apart
@@ -504,7 +509,7 @@ def _test(accel, scene, frame, room, n):
     step = across.width(like)
     queued = 0
     for i in range(0, n, step):
-        origin, direction = _load3(room.asked, 0, 0, i), _load3(room.asked, 0, 3, i)
+        origin, direction = load3(room.asked, 0, 0, i), load3(room.asked, 0, 3, i)
         distance = simd.load(room.asked, 6 * ROW + i)
         lit = simd.first_lanes(n - i, like)
         if options.shadows:
@@ -514,7 +519,7 @@ def _test(accel, scene, frame, room, n):
                 queued += _queue(room, queued, i, inside)
                 lit = lit & lanes.not_(inside)
         if lanes.any_lane(lit):
-            _add(room.light, lanes.where(lit, simd.load(room.asker, i), 0), _load3(room.asked, 0, 7, i), lit)
+            _add(room.light, lanes.where(lit, simd.load(room.asker, i), 0), load3(room.asked, 0, 7, i), lit)
     _pad(room, queued)
     wide = simd.load(room.queue, 0)
     for j in range(0, queued, _WIDTH64):

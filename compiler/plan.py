@@ -293,8 +293,12 @@ def _extents(scene: ir.Scene) -> tuple[float, float]:
 
 
 def _shadows(scene: ir.Scene, *_: Any) -> Decision:
-    casting = bool(scene.tables.lights.shadows.any())
-    return Decision("shadows", casting, "some light casts them" if casting else "no light casts any")
+    if scene.tables.lights.shadows.any():
+        return Decision("shadows", True, "some light casts them")
+    used, slot = used_materials(scene.tables), ir.Slot.EMISSION
+    if (scene.tables.materials.values[used, slot].max(initial=0.0) > 0.0) or (scene.tables.materials.textures[used, slot] >= 0).any():
+        return Decision("shadows", True, "things shine")
+    return Decision("shadows", False, "no light casts any")
 
 
 def _error(scene: ir.Scene, asked: ir.Settings, _: Mapping[str, Decision]) -> Decision:

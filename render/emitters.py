@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler import plan as planner
-from . import lanes, light_tree, lights, sky_map, solid
+from . import lanes, light_tree, lights, sky_map, solid, solid_shapes
 from .kernels import helper
 from .records import Lane, Tables, Vec
 
 POINT, SPOT, DIRECTIONAL, SUN = lights.POINT, lights.SPOT, lights.DIRECTIONAL, lights.SUN
 SKY, DOME, RECTANGLE, DISK, SPHERE = lights.SKY, lights.DOME, lights.RECTANGLE, lights.DISK, lights.SPHERE
-TRIANGLE = 20  # one of a shining mesh; the other kinds are LightKind's
+TRIANGLE, TUBE = 20, 21  # one of a shining mesh, a shining cylinder's side; the other kinds are LightKind's
 MOST_TRIANGLES = 1 << 17  # of shining meshes that are sampled; rays still meet the others
 _AREAS = (RECTANGLE, DISK, SPHERE)
 _FAR = (DIRECTIONAL, SUN, DOME)
@@ -31,13 +31,13 @@ class Emitters(NamedTuple):
 
     kind: NDArray[np.int32]
     place: NDArray[np.float64]  # (n, 3) a plate's or ball's middle, a triangle's first corner, a point light's position
-    side_u: NDArray[np.float64]  # (n, 3) a plate's half edges or a disk's radii; a triangle's two edges; column 0: a ball's radius
-    side_v: NDArray[np.float64]  # (n, 3)
-    normal: NDArray[np.float64]  # (n, 3) where a plate or triangle shines to; where far light comes from, a spot's axis
+    side_u: NDArray[np.float64]  # (n, 3) a plate's half edges or disk's radii; a triangle's two edges; column 0: a ball's or tube's radius
+    side_v: NDArray[np.float64]  # (n, 3); of a tube half its length, along its axis
+    normal: NDArray[np.float64]  # (n, 3) where a plate or triangle shines to, a tube's axis; where far light comes from, a spot's axis
     area: NDArray[np.float64]
     color: NDArray[np.float64]  # (n, 3) radiance, or what Lights.color is
     both: NDArray[np.bool_]  # shines to both sides
-    square: NDArray[np.bool_]  # a rectangle whose sides are at right angles
+    square: NDArray[np.bool_]  # a rectangle whose sides are at right angles, a disk whose radii are, and equal
     light: NDArray[np.int32]  # row of Lights, or -1
     shadows: NDArray[np.bool_]
     weighed: NDArray[np.bool_]  # rays that go on may meet it, too: both ways are weighed
@@ -45,6 +45,16 @@ class Emitters(NamedTuple):
     parts: NDArray[np.int32]  # (instances,) what is taken from a hit's primitive to count from `first`
     tree: light_tree.Tree  # which of them a place looks to
     sky: Any  # sky_map.SkyMap or Even
+    wide: solid_shapes.Wide  # what is drawn by its solid angle beside rectangles and balls
+
+
+class Reached(NamedTuple):
+    """A point of an emitter with an extent, as seen from a place."""
+
+    direction: Vec
+    distance: Lane
+    angle: Lane  # 1 over the density of the direction, a solid angle; 0 where no light comes from
+    cosine: Lane  # between the direction and the surface there
 
 
 class Arriving(NamedTuple):
@@ -54,6 +64,7 @@ class Arriving(NamedTuple):
     distance: Lane  # inf: endlessly far
     light: Vec  # what a surface facing it gets, over the density: samples average to the irradiance
     density: Lane  # of the direction, a solid angle; inf where there is only one
+    cosine: Lane  # between the direction and the surface that is seen there; 1 where there is none
 
 
 def build(tables: ir.Tables, moves: bool = False, horizon: NDArray[np.float64] | None = None) -> Emitters:
@@ -122,7 +133,7 @@ def _plate(kind: int, matrix: Any, flips: bool, size: Any, color: Any, both: boo
     stretch = float(np.linalg.norm(face))
     half = (size[0], size[0]) if kind == DISK else (size[0], size[1])
     area = stretch * (math.pi * half[0] ** 2 if kind == DISK else 4.0 * half[0] * half[1])
-    square = kind == RECTANGLE and abs(float(x @ z)) <= 1e-6 * stretch
+    square = abs(float(x @ z)) <= 1e-6 * stretch and (kind == RECTANGLE or abs(float(x @ x - z @ z)) <= 1e-6 * stretch)
     return _row(kind=kind, place=matrix[:, 3], side_u=x * half[0], side_v=z * half[1], normal=face / max(stretch, 1e-300), area=area,
                 color=color, both=both, square=square, **more)  # fmt: skip
 
@@ -147,6 +158,8 @@ def _shape(tables: ir.Tables, i: int) -> list[dict[str, Any]]:
         if kind == ir.GeometryKind.RECTANGLE or np.allclose(even, even[0, 0] * np.eye(3), rtol=0, atol=1e-9 * even[0, 0]):
             return [_plate(kinds[ir.GeometryKind(kind)], matrix, bool(tables.transforms.flips[row]), p[:2], **shared, part=0)]
         return []
+    if kind == ir.GeometryKind.CYLINDER and p[2] != 0.0:  # of one without caps the inside is seen, too
+        return _cylinder(matrix, float(p[0]), float(p[1]), shared)
     first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
     if kind != ir.GeometryKind.MESH or not 0 < count <= MOST_TRIANGLES:
         return []
@@ -162,6 +175,23 @@ def _shape(tables: ir.Tables, i: int) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
+def _cylinder(matrix: Any, radius: float, half: float, shared: dict[str, Any]) -> list[dict[str, Any]]:
+    """A closed cylinder's side, bottom and top; none of one whose outline is no circle, or that leans."""
+    even = matrix[:, :3].T @ matrix[:, :3]
+    if not np.allclose(even, np.diag([even[0, 0], even[1, 1], even[0, 0]]), rtol=0, atol=1e-9 * even[0, 0]):
+        return []
+    wide, up = math.sqrt(even[0, 0]) * radius, matrix[:, 1] * half
+    axis = up / np.linalg.norm(up)
+    side = _row(kind=TUBE, place=matrix[:, 3], side_u=np.array([wide, 0.0, 0.0]), side_v=up, normal=axis,
+                area=4.0 * math.pi * wide * float(np.linalg.norm(up)), part=0, **shared)  # fmt: skip
+    caps = [
+        _row(kind=DISK, place=matrix[:, 3] + side * up, side_u=matrix[:, 0] * radius, side_v=matrix[:, 2] * radius, normal=side * axis,
+             area=math.pi * wide**2, square=True, part=0, **shared)
+        for side in (-1.0, 1.0)
+    ]  # fmt: skip
+    return [side, *caps]
+
+
 def _table(tables: ir.Tables, rows: list[dict[str, Any]], first: Any, parts: Any, sky: Any) -> Emitters:
     columns: dict[str, Any] = {}
     shapes: dict[str, Any] = dict.fromkeys(("place", "side_u", "side_v", "normal", "color"), (3,))
@@ -169,17 +199,25 @@ def _table(tables: ir.Tables, rows: list[dict[str, Any]], first: Any, parts: Any
     for name in ("kind", "place", "side_u", "side_v", "normal", "area", "color", "both", "square", "light", "shadows", "weighed"):
         values = [row[name] for row in rows]
         columns[name] = np.array(values, types.get(name, np.float64)).reshape(-1, *shapes.get(name, ()))
-    return Emitters(**columns, first=first, parts=parts, tree=_tree(tables, columns), sky=sky)
+    disks, triangles, tubes = (
+        solid_shapes.Some(int(here.sum())) if here.any() else solid_shapes.NoLights()
+        for here in ((columns["kind"] == DISK) & columns["square"], columns["kind"] == TRIANGLE, columns["kind"] == TUBE)
+    )
+    wide = solid_shapes.Wide(disks, triangles, tubes)
+    return Emitters(**columns, first=first, parts=parts, tree=_tree(tables, columns), sky=sky, wide=wide)
 
 
 def _tree(tables: ir.Tables, of: dict[str, Any]) -> light_tree.Tree:
     """The tree over all that has a place."""
     kind, place, u, v = of["kind"], of["place"], of["side_u"], of["side_v"]
-    power = of["color"].mean(axis=1) * np.where(of["area"] > 0, of["area"] * np.where(kind == SPHERE, 0.25, 1.0), 1.0)
+    shown = np.select([kind == SPHERE, kind == TUBE], [0.25, 1.0 / math.pi], 1.0)  # of its area, from one side
+    power = of["color"].mean(axis=1) * np.where(of["area"] > 0, of["area"] * shown, 1.0)
     far = np.isin(kind, _FAR)
     span = np.abs(u) + np.abs(v)
     span = np.where((kind == DISK)[:, None], np.sqrt(u * u + v * v), span)
     span = np.where((kind == SPHERE)[:, None], u[:, :1], span)
+    round_ = u[:, :1] * np.sqrt(np.maximum(1.0 - of["normal"] ** 2, 0.0))  # the reach of a circle across an axis
+    span = np.where((kind == TUBE)[:, None], np.abs(v) + round_, span)
     low, high = place - span, place + span
     corners = np.stack([place, place + u, place + v])
     low = np.where((kind == TRIANGLE)[:, None], corners.min(axis=0), low)
@@ -206,13 +244,13 @@ def sample(tables: Tables, emitters: Emitters, e: Lane, position: Vec, u: Lane, 
     place = (emitters.place[e, 0] + zero, emitters.place[e, 1] + zero, emitters.place[e, 2] + zero)
     normal = (emitters.normal[e, 0] + zero, emitters.normal[e, 1] + zero, emitters.normal[e, 2] + zero)
     way = lanes.sub(place, position)
-    direction, distance, strength, density = normal, zero + math.inf, zero, zero + math.inf
+    direction, distance, strength, density, slant = normal, zero + math.inf, zero, zero + math.inf, zero + 1.0
     flat = (kind == RECTANGLE) | (kind == DISK) | (kind == TRIANGLE)
     if lanes.any_lane(flat):
         a, b = _on_plate(kind, u, v)
         side_u = (emitters.side_u[e, 0], emitters.side_u[e, 1], emitters.side_u[e, 2])
         side_v = (emitters.side_v[e, 0], emitters.side_v[e, 1], emitters.side_v[e, 2])
-        wide = emitters.square[e] & solid.is_near(way, emitters.area[e])
+        wide = (kind == RECTANGLE) & emitters.square[e] & solid.is_near(way, emitters.area[e])
         filled = zero
         if lanes.any_lane(wide):
             rect = _rectangle(emitters, e, way)
@@ -226,10 +264,15 @@ def sample(tables: Tables, emitters: Emitters, e: Lane, position: Vec, u: Lane, 
         cosine = lanes.where(emitters.both[e], lanes.absolute(cosine), lanes.maximum(cosine, 0.0))
         angle = emitters.area[e] * cosine * inverse * inverse
         angle = lanes.where(wide, lanes.where(cosine > 0.0, filled, 0.0), angle)
-        direction = lanes.where3(flat, towards, direction)
-        distance = lanes.where(flat, squared * inverse, distance)
-        strength = lanes.where(flat, angle, strength)
-        density = lanes.where(flat, 1.0 / lanes.maximum(angle, lights.TINY), density)
+        reached = _to_wide_disk(emitters.wide.disks, Reached(towards, squared * inverse, angle, cosine), emitters, e, way, u, v)
+        reached = _to_wide_triangle(emitters.wide.triangles, reached, emitters, e, way, u, v)
+        direction = lanes.where3(flat, reached.direction, direction)
+        distance = lanes.where(flat, reached.distance, distance)
+        strength, slant = lanes.where(flat, reached.angle, strength), lanes.where(flat, reached.cosine, slant)
+    reached = _to_any_tube(emitters.wide.tubes, Reached(direction, distance, strength, slant), emitters, e, way, u, v)
+    direction, distance, strength, slant = reached
+    flat = flat | (kind == TUBE)
+    density = lanes.where(flat, 1.0 / lanes.maximum(strength, lights.TINY), density)
     round_ = kind == SPHERE
     if lanes.any_lane(round_):
         towards, reach, angle = lights.to_ball(way, emitters.side_u[e, 0] + zero, u, v)
@@ -237,6 +280,8 @@ def sample(tables: Tables, emitters: Emitters, e: Lane, position: Vec, u: Lane, 
         distance = lanes.where(round_, reach, distance)
         strength = lanes.where(round_, angle, strength)
         density = lanes.where(round_, 1.0 / angle, density)
+        middle = lanes.absolute(lanes.dot(way, towards) - reach)
+        slant = lanes.where(round_, middle / lanes.maximum(emitters.side_u[e, 0] + zero, lights.TINY), slant)
     small = (kind == POINT) | (kind == SPOT)
     if lanes.any_lane(small):
         reach = lanes.length(way)
@@ -262,7 +307,86 @@ def sample(tables: Tables, emitters: Emitters, e: Lane, position: Vec, u: Lane, 
         towards, radiance, likely = sky_map.sample(emitters.sky, tables, u, v)
         direction, density = lanes.where3(above, towards, direction), lanes.where(above, likely, density)
         light = lanes.where3(above, lanes.scale(radiance, 1.0 / lanes.maximum(likely, lights.TINY)), light)
-    return Arriving(direction, distance, light, density)
+    return Arriving(direction, distance, light, density, slant)
+
+
+@helper
+def _to_disk(plain: Reached, emitters: Emitters, e: Lane, way: Vec, u: Lane, v: Lane) -> Reached:
+    """The same; by the solid angle where a round disk fills much of what a place sees."""
+    wide = (emitters.kind[e] == DISK) & emitters.square[e] & solid.is_near(way, emitters.area[e])
+    if lanes.any_lane(wide):
+        seen = _ellipse(emitters, e, way)
+        towards, reach, angle = solid_shapes.draw_disk(seen, u, v)
+        angle = lanes.where(_shines_to(emitters, e, towards), angle, 0.0)
+        plain = _instead(wide, plain, Reached(towards, reach, angle, lanes.dot(towards, seen.toward)))
+    return plain
+
+
+@helper
+def _to_triangle(plain: Reached, emitters: Emitters, e: Lane, way: Vec, u: Lane, v: Lane) -> Reached:
+    """The same for triangles."""
+    one, other = _sides(emitters, e, way)
+    wide = (emitters.kind[e] == TRIANGLE) & solid_shapes.fills_much(way, one, other)
+    if lanes.any_lane(wide):
+        seen = solid_shapes.corners(way, one, other)
+        towards = solid_shapes.draw_triangle(seen, u, v)
+        normal = (emitters.normal[e, 0], emitters.normal[e, 1], emitters.normal[e, 2])
+        along = lanes.dot(towards, normal)
+        reach = lanes.dot(way, normal) / lanes.where(lanes.absolute(along) > lights.TINY, along, lights.TINY)
+        angle = lanes.where(_shines_to(emitters, e, towards), seen.solid, 0.0)
+        plain = _instead(wide, plain, Reached(towards, reach, angle, lanes.absolute(along)))
+    return plain
+
+
+@helper
+def _to_tube(plain: Reached, emitters: Emitters, e: Lane, way: Vec, u: Lane, v: Lane) -> Reached:
+    """The same for the sides of cylinders, which are always drawn so."""
+    here = emitters.kind[e] == TUBE
+    if lanes.any_lane(here):
+        direction, distance, angle, cosine = solid_shapes.draw_tube(_tube(emitters, e, way), u, v)
+        plain = _instead(here, plain, Reached(direction, distance, angle, cosine))
+    return plain
+
+
+_to_wide_disk, _to_wide_triangle, _to_any_tube = (solid_shapes.if_some(each) for each in (_to_disk, _to_triangle, _to_tube))
+
+
+@helper
+def _instead(here: Lane, plain: Reached, other: Reached) -> Reached:
+    return Reached(
+        lanes.where3(here, other.direction, plain.direction), lanes.where(here, other.distance, plain.distance),
+        lanes.where(here, other.angle, plain.angle), lanes.where(here, other.cosine, plain.cosine),
+    )  # fmt: skip
+
+
+@helper
+def _shines_to(emitters: Emitters, e: Lane, direction: Vec) -> Lane:
+    """Whether what is met in a direction shows its shining side."""
+    cosine = lanes.dot(direction, (emitters.normal[e, 0], emitters.normal[e, 1], emitters.normal[e, 2]))
+    return lanes.where(emitters.both[e], cosine != 0.0, cosine < 0.0)
+
+
+@helper
+def _sides(emitters: Emitters, e: Lane, like: Vec) -> tuple[Vec, Vec]:
+    zero = 0.0 * like[0]
+    u = (emitters.side_u[e, 0] + zero, emitters.side_u[e, 1] + zero, emitters.side_u[e, 2] + zero)
+    return u, (emitters.side_v[e, 0] + zero, emitters.side_v[e, 1] + zero, emitters.side_v[e, 2] + zero)
+
+
+@helper
+def _ellipse(emitters: Emitters, e: Lane, way: Vec) -> solid_shapes.Ellipse:
+    zero = 0.0 * way[0]
+    normal = (emitters.normal[e, 0] + zero, emitters.normal[e, 1] + zero, emitters.normal[e, 2] + zero)
+    radius = lanes.sqrt(lanes.maximum(emitters.area[e] * (1.0 / math.pi) + zero, lights.TINY))
+    return solid_shapes.ellipse(way, normal, radius)
+
+
+@helper
+def _tube(emitters: Emitters, e: Lane, way: Vec) -> solid_shapes.Tube:
+    zero = 0.0 * way[0]
+    axis = (emitters.normal[e, 0] + zero, emitters.normal[e, 1] + zero, emitters.normal[e, 2] + zero)
+    half = lanes.sqrt(lanes.dot(_sides(emitters, e, way)[1], _sides(emitters, e, way)[1]))
+    return solid_shapes.tube(way, axis, emitters.side_u[e, 0] + zero, half)
 
 
 @helper
@@ -303,7 +427,37 @@ def density(emitters: Emitters, e: Lane, origin: Vec, direction: Vec, distance: 
     if lanes.any_lane(round_):
         angle = 2.0 * math.pi * lights.ball_height(lanes.dot(way, way), emitters.side_u[e, 0])
         found = lanes.where(round_, 1.0 / angle, found)
-    wide = emitters.square[e] & solid.is_near(way, emitters.area[e])
+    wide = (kind == RECTANGLE) & emitters.square[e] & solid.is_near(way, emitters.area[e])
     if lanes.any_lane(wide):
         found = lanes.where(wide, 1.0 / _rectangle(emitters, e, way).solid, found)
-    return found
+    found = _disk_density(emitters.wide.disks, found, emitters, e, way, direction)
+    found = _triangle_density(emitters.wide.triangles, found, emitters, e, way)
+    return _tube_density(emitters.wide.tubes, found, emitters, e, way, direction, distance)
+
+
+@helper
+def _of_disk(plain: Lane, emitters: Emitters, e: Lane, way: Vec, direction: Vec) -> Lane:
+    wide = (emitters.kind[e] == DISK) & emitters.square[e] & solid.is_near(way, emitters.area[e])
+    if lanes.any_lane(wide):
+        plain = lanes.where(wide, solid_shapes.disk_density(_ellipse(emitters, e, way), direction), plain)
+    return plain
+
+
+@helper
+def _of_triangle(plain: Lane, emitters: Emitters, e: Lane, way: Vec) -> Lane:
+    one, other = _sides(emitters, e, way)
+    wide = (emitters.kind[e] == TRIANGLE) & solid_shapes.fills_much(way, one, other)
+    if lanes.any_lane(wide):
+        plain = lanes.where(wide, 1.0 / solid_shapes.corners(way, one, other).solid, plain)
+    return plain
+
+
+@helper
+def _of_tube(plain: Lane, emitters: Emitters, e: Lane, way: Vec, direction: Vec, distance: Lane) -> Lane:
+    here = emitters.kind[e] == TUBE
+    if lanes.any_lane(here):
+        plain = lanes.where(here, solid_shapes.tube_density(_tube(emitters, e, way), direction, distance), plain)
+    return plain
+
+
+_disk_density, _triangle_density, _tube_density = (solid_shapes.if_some(each) for each in (_of_disk, _of_triangle, _of_tube))

@@ -53,6 +53,7 @@ SPARED = 2.0  # times its weight is what a path goes on with: far ends are few r
 WEIGHINGS = ("power", "balance", "lights", "surfaces")  # of the two ways to light: by one of Veach's heuristics, or one way alone
 BALANCE, LIGHTS_ALONE, SURFACES_ALONE = 1, 2, 3
 GATHERED = 4.0 * ONLY  # density of a mirror's or glass's direction on the way from something matt: photons bring what lamps send there
+SLANTED = 1e-3  # cosine at an emitter below which rays to it end no earlier
 LIT = 1e-18  # density of a direction from where light was computed at vertices: all that looking for light finds has been found
 
 
@@ -294,7 +295,10 @@ def connect(
     origin = surface.leave(point, arriving.direction)
     wanted = here & (lanes.largest(given) > 0.0)
     wanted = wanted & materials.is_frosted(shader, tilt.open_to(tables, point, arriving.direction, wanted))
-    distance = lanes.where(shadows, arriving.distance * (1.0 - 64.0 * lanes.roundoff(zero)), -1.0)
+    # Things that shine block no light of their own: rays end before them by all roundings, and the shift at their beginning.
+    short = (64.0 * lanes.roundoff(zero) * lanes.where(arriving.distance < math.inf, arriving.distance, 0.0) + 2.0 * point.offset)
+    reach = lanes.maximum(arriving.distance - short / lanes.maximum(arriving.cosine, SLANTED), 0.0)
+    distance = lanes.where(shadows, reach, -1.0)
     return Connection(origin, arriving.direction, distance, given, wanted)
 
 

@@ -427,10 +427,19 @@ def test_a_moving_box(tmp_path, measured, backend):
     measured.answer(38, "a moving box's area", backend, abs(area - 1), 4 * 0.5 / math.sqrt(512 * 64), "m", "of 1 m")
 
 
-@pytest.mark.parametrize("ways", [("lights", "surfaces"), ("lights", "balance"), ("surfaces", "power"), ("balance", "power")])
-def test_multiple_importance_sampling(tmp_path, measured, ways):
-    """A matt floor under a lamp: the means of two estimators, apart by less than four standard errors of 8 runs each."""
-    text = "plane(y: 0, material: lambert(0.6))\narea([0, 1, 0], size: [0.8, 0.5], luminance: 5)\n"
+LAMPS = {
+    "": "area([0, 1, 0], size: [0.8, 0.5], luminance: 5)",
+    ", a disk": "disk(0.4, center: [0, 0.3, 0], normal: [0.2, -1, 0.1], material: emissive(luminance: 5))",
+    ", a triangle": "polygon([[-0.5, 0.2, 0], [0.6, 0.3, 0.1], [0, 0.5, -0.5]], material: emissive(luminance: 5))",
+    ", a cylinder": "cylinder(0.1, 1, rotate: [20deg, 0, 70deg], translate: [0, 0.4, 0], material: emissive(luminance: 5))",
+}
+PAIRS = (("lights", "surfaces"), ("lights", "balance"), ("surfaces", "power"), ("balance", "power"))
+
+
+@pytest.mark.parametrize(("lamp", "ways"), [*(("", ways) for ways in PAIRS), *((lamp, PAIRS[0]) for lamp in list(LAMPS)[1:])])
+def test_multiple_importance_sampling(tmp_path, measured, lamp, ways):
+    """A matt floor under what shines: the means of two estimators, apart by less than four standard errors of 8 runs each."""
+    text = f"plane(y: 0, material: lambert(0.6))\n{LAMPS[lamp]}\n"
     text += "camera(position: [0, 0.6, 3], look_at: [0, 0, 0], fov: 30deg)\nrender(bounces: 1)\n"
     means, errors = [], []
     for way in ways:
@@ -440,4 +449,4 @@ def test_multiple_importance_sampling(tmp_path, measured, ways):
     error = math.hypot(*errors)
     assert error < 0.003 * means[0]
     apart = abs(means[0] - means[1]) / means[0]
-    measured.answer(33, f"{ways[0]} and {ways[1]} agree", "ray", apart, 4 * error / means[0], "", "relative")
+    measured.answer(33, f"{ways[0]} and {ways[1]} agree{lamp}", "ray", apart, 4 * error / means[0], "", "relative")

@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 BANDS, TURNS = 12, 16
-FINE = 24  # points of each cell's integral, along both sides
+FINE = 24  # points of each cell's integral, along both sides; more where densities end sharply
 
 
-def chi2(directions, counted, density, least=0.01, tests=50):
+def chi2(directions, counted, density, least=0.01, tests=50, fine=FINE):
     """Fails where `directions` (x, y, z) of `counted` lanes are not spread as density(directions) says: p < least / tests (Šidák).
 
     Counts are of all lanes; the density's integral over the sphere is the share of lanes that count.
@@ -20,13 +20,13 @@ def chi2(directions, counted, density, least=0.01, tests=50):
     band = np.minimum(((y[counted] + 1) / 2 * 2 * BANDS).astype(int), 2 * BANDS - 1)
     turn = ((np.arctan2(z, x)[counted] + math.pi) / (2 * math.pi) * TURNS).astype(int) % TURNS
     seen = np.bincount(band * TURNS + turn, minlength=2 * BANDS * TURNS)
-    nodes, weights = np.polynomial.legendre.leggauss(FINE)
+    nodes, weights = np.polynomial.legendre.leggauss(fine)
     nodes, weights = (nodes + 1) / 2, weights / 2
     cosine = -1 + (np.arange(2 * BANDS)[:, None] + nodes) / BANDS
     phi = -math.pi + (np.arange(TURNS)[:, None] + nodes) * 2 * math.pi / TURNS
     c, p = np.meshgrid(cosine.ravel(), phi.ravel(), indexing="ij")
     sine = np.sqrt(1 - c * c)
-    values = np.asarray(density((sine * np.cos(p), c, sine * np.sin(p)))).reshape(2 * BANDS, FINE, TURNS, FINE)
+    values = np.asarray(density((sine * np.cos(p), c, sine * np.sin(p)))).reshape(2 * BANDS, fine, TURNS, fine)
     expected = np.einsum("bitj,i,j->bt", values, weights, weights).ravel() * (1 / BANDS) * (2 * math.pi / TURNS) * total
     small = expected < 5.0  # cells of less than five count as one
     e = np.append(expected[~small], expected[small].sum())

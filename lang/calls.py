@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from . import arguments, ast, params
+from . import arguments, ast, habits, params
 from .diagnostics import Diagnostics, Span
 from .elements import Element
 from .entries import Entry
@@ -65,7 +65,7 @@ def call(
     function = machine.value(callee, scope)
     label = callee_name(callee)
     if type(function) is Entry and function.planned:
-        machine.fail(f"`{label}` is not built yet", callee.span, "", scope)
+        machine.fail(f"`{label}` is not built yet", callee.span, habits.instead(label), scope)
     givens = []
     for a in args:
         try:

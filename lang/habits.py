@@ -87,6 +87,21 @@ _NAMES: dict[str, str] = {
 }
 
 
+# Elements that are not built, and what of the library draws the same.
+_LIBRARY = {
+    "surface": "surfaces.parametric(|u, v| [x, y, z])",
+    "bezier": "surfaces.bezier([[…], …])",
+    "nurbs": "surfaces.nurbs([[…], …])",
+    "revolve": "surfaces.revolved([[r, y], …])",
+    "voxels": "surfaces.voxels(|x, y, z| …)",
+}
+
+
+def instead(word: str) -> str:
+    """The hint for an element that is not built."""
+    return f'the library has it: use "std/surfaces", then {_LIBRARY[word]}' if word in _LIBRARY else ""
+
+
 def argument(callee: str, word: str, names: Mapping[str, str]) -> tuple[str, str]:
     """The message and the hint for an argument that is not among `names` (aliases and all, by what they stand for)."""
     message = f"{callee} has no `{word}`"

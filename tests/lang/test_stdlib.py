@@ -33,19 +33,27 @@ def evaluated(text, time=0.0):
     return document
 
 
+GIVEN = {  # arguments of the library's functions that have no default
+    "roughness": "0.5", "f0": "rgb(0.9, 0.8, 0.7)", "x": "0.3", "y": "0.3", "z": "0.3", "k": "1", "seed": "2",
+    "at": "|u, v| [u, v, 0]", "first": "0", "across": "3", "t": "0.5", "degree": "1", "s": "1", "knots": "[0, 0, 1, 1]", "count": "4",
+    "points": "[[0, 0, 0], [1, 0, 0]]", "rows": "[[[0, 0, 0], [1, 0, 0]], [[0, 1, 0], [1, 1, 0]]]", "profile": "[[1, 0], [1, 1]]",
+    "weighted": "[[[i, j, 0, 1] for i in 0..3] for j in 0..3]", "is_full": "|x, y, z| x > 0",
+}  # fmt: skip
+
+
 def parts(file):
     """Each function and part of a file of the library, with a call of it that gives only what must be given."""
     items = parse.parse(file.read_text(encoding="utf-8"), file.name, Diagnostics()).items
     prefix = "" if file.stem == "prelude" else f"{file.stem}."
     for item in items:
         if isinstance(item, ast.Let) and item.parameters is not None:
-            given = {"roughness": "0.5", "f0": "rgb(0.9, 0.8, 0.7)", **dict.fromkeys(("x", "y", "z"), "0.3"), "k": "1", "seed": "2"}
-            needed = ", ".join(f"{p.name.id}: {given[p.name.id]}" for p in item.parameters if p.default is None)
+            needed = ", ".join(f"{p.name.id}: {GIVEN[p.name.id]}" for p in item.parameters if p.default is None)
             yield f"{prefix}{item.name.id}({needed})"
 
 
 CALLS = [(file.stem, call) for file in FILES for call in parts(file)]
-VALUES = ("shininess_of", "lights.metres", "lights.direction", "patterns.octave", "patterns.turbulence")
+VALUES = ("shininess_of", "lights.metres", "lights.direction", "patterns.octave", "patterns.turbulence",
+          "surfaces.face", "surfaces.bezier_at", "surfaces.stretch", "surfaces.spline_at", "surfaces.clamped")  # fmt: skip
 
 
 def scene(name, call):
@@ -233,3 +241,62 @@ def test_patterns_give_colours_of_their_own(call):
     assert (found >= 0).all()
     assert (found <= 1).all()
     assert np.ptp(found.sum(axis=1)) > 0.3
+
+
+# --- surfaces -------------------------------------------------------------------------------------------------------
+
+
+def mesh(call):
+    """The points of a mesh that a call makes, row after row of equal v."""
+    waiting = list(evaluated(f'use "std/surfaces"\n{call}').elements)
+    while waiting[0].kind != "mesh":
+        waiting = [*waiting[0].children, *waiting[1:]]
+    assert len(waiting) == 1
+    return waiting[0].args["points"]
+
+
+def test_quadrilaterals_of_a_surface_are_counter_clockwise_from_where_u_turns_to_v():
+    points = mesh("surfaces.parametric(|u, v| [u, v, 0], steps: 2)")
+    (made,) = evaluated('use "std/surfaces"\nsurfaces.parametric(|u, v| [u, v, 0], steps: 2)').elements
+    assert list(points) == [(u / 2, v / 2, 0.0) for v in range(3) for u in range(3)]
+    assert list(made.args["faces"]) == [(0, 1, 4, 3), (1, 2, 5, 4), (3, 4, 7, 6), (4, 5, 8, 7)]
+    assert list(made.args["uv"]) == [(u / 2, v / 2) for v in range(3) for u in range(3)]
+
+
+def test_a_bezier_patch_is_the_sum_of_bernstein_polynomials():
+    heights = [[0, 2, -1, 1], [3, 0, 1, 2], [1, 1, 4, -2]]  # of degree 3 along u and 2 along v
+    rows = [[[i / 3, j / 2, h] for i, h in enumerate(row)] for j, row in enumerate(heights)]
+    for k, (x, y, z) in enumerate(mesh(f"surfaces.bezier({rows}, steps: 4)")):
+        u, v = k % 5 / 4, k // 5 / 4
+        wanted = sum(
+            math.comb(3, i) * u**i * (1 - u) ** (3 - i) * math.comb(2, j) * v**j * (1 - v) ** (2 - j) * heights[j][i]
+            for j in range(3)
+            for i in range(4)
+        )
+        assert (x, y, z) == pytest.approx((u, v, wanted), abs=1e-12)
+
+
+def test_an_even_cubic_spline_at_its_knots_is_a_sixth_of_one_four_and_one():
+    """Four spans of a uniform cubic B-spline, whose knots run on beyond its ends."""
+    heights = [0, 5, -2, 7, 1, 3, 4]
+    rows = [[[i, j, h, 1] for i, h in enumerate(heights)] for j in range(2)]
+    points = mesh(f"surfaces.nurbs({rows}, degree: [3, 1], u_knots: {list(range(11))}, steps: 4)")
+    for k in range(5):
+        wanted = (heights[k] + 4 * heights[k + 1] + heights[k + 2]) / 6
+        assert points[k] == pytest.approx((k + 1, 0, wanted), abs=1e-12)
+
+
+def test_what_turns_about_an_axis_is_exactly_round():
+    points = mesh("surfaces.revolved([[2, 0], [2, 1], [2, 5]], steps: 12)")
+    assert [math.hypot(x, z) for x, _, z in points] == pytest.approx([2] * len(points), abs=1e-12)
+    assert sorted({round(y, 9) for _, y, _ in points})[0] == 0
+    assert max(y for _, y, _ in points) == pytest.approx(5)
+    outward = normal([points[0], points[1], points[14]])  # of the first quadrilateral
+    assert dot(outward, (points[0][0], 0, points[0][2])) > 0
+
+
+def test_voxels_are_cubes_where_the_condition_holds():
+    (made,) = evaluated('use "std/surfaces"\nsurfaces.voxels(|x, y, z| x > 0 and y > 0, count: 4, size: 2)').elements
+    centres = sorted(box.args["center"] for box in made.children)
+    assert centres == sorted(itertools.product((0.25, 0.75), (0.25, 0.75), (-0.75, -0.25, 0.25, 0.75)))
+    assert {box.args["size"] for box in made.children} == {(0.5, 0.5, 0.5)}

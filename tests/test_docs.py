@@ -1,0 +1,61 @@
+"""Every command that the pages show is one: its name, options and values are known, its files are there or plainly the reader's own."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import click
+import pytest
+from maquette.cli import cli
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGES = [*ROOT.glob("*.md"), *sorted((ROOT / "docs").glob("*.md")), ROOT / "examples" / "README.md"]
+FENCED = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
+IN_BLOCKS = re.compile(r"^(?:\.venv/bin/)?((?:maquette|make) .+)$", re.MULTILINE)
+IN_PROSE = re.compile(r"`((?:maquette|make) [^`\n]+)`")
+FILE = re.compile(r"[\w./*-]+\.(?:scene|usda|usdz|obj|stl|npz|png|exr|json)$")
+
+
+def commands() -> list[tuple[str, str]]:
+    """(page, command line): in blocks of shell commands, and between backticks."""
+    found = []
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        lines = [line for block in FENCED.findall(text) for line in IN_BLOCKS.findall(block)] + IN_PROSE.findall(FENCED.sub("", text))
+        for line in lines:
+            if "…" not in line and not re.search(r" [A-Z]+\b", line.split("#")[0]):  # A, B and SCENE stand for what is the reader's
+                found.append((page.relative_to(ROOT).as_posix(), re.split(r"\s{2,}#|\s+# |\s+>", line)[0].strip()))
+    return list(dict.fromkeys(found))
+
+
+def test_there_are_commands():
+    found = commands()
+    assert len(found) >= 60
+    assert {words.split()[1] for _, words in found if words.startswith("maquette")} >= {name for name in cli.commands if name != "watch"}
+
+
+@pytest.mark.parametrize(("page", "line"), commands(), ids=lambda text: text[:60])
+def test_a_command_of_the_pages_is_one(page, line, tmp_path, monkeypatch):
+    program, *words = shlex.split(line)
+    if program == "make":
+        targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), flags=re.MULTILINE)
+        asked = [word for word in words if re.fullmatch("[a-z][a-z-]*", word)]
+        assert [word for word in asked if word not in targets and not word.startswith("bench-")] == [], page
+        return
+    for word in words:
+        if FILE.match(word):
+            if word.startswith(("examples/", "bench/")):
+                assert "*" in word or (ROOT / word).exists(), f"{page}: {word}"
+            file = tmp_path / word.replace("*", "a")
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.touch()
+    monkeypatch.chdir(tmp_path)
+    context = click.Context(cli, info_name="maquette")
+    if words[0].startswith("-"):
+        return
+    command = cli.get_command(context, words[0])
+    assert command is not None, f"{page}: {line}"
+    if len(words) > 1:
+        command.make_context(words[0], [word for word in words[1:] if word != "<"], parent=context)

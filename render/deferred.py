@@ -118,7 +118,8 @@ def shade_band(shading, each, fresh, patterned, colored, crop, rgba):
         faces.make_all(shading.shown, shading.meshlets, shading.drawn, shading.lit, found, patterned, colored)
         y = band.place[1] + 4 * row
         whole, part, even = listed.counts[0], listed.counts[1], listed.counts[2]
-        if alone and whole + 16 * even < 4 * (crop[2] - crop[0]):
+        full = alone and whole + 16 * even >= 4 * (crop[2] - crop[0])
+        if alone and not full:
             items.clear(rgba, band, crop, y, y + 4)
         group, groups = 0, even + ((whole + part + 15) >> 4)
         while group < groups:
@@ -132,7 +133,7 @@ def shade_band(shading, each, fresh, patterned, colored, crop, rgba):
                     known, shader = i, even_shader(shading.lit, i)
                 light(shading, patterned, colored, i, shader, first, last)
                 first = last
-            put(shading, count, y, crop, rgba)
+            put(shading, count, y, crop, full, rgba)
     simd.restore_denormals(saved)
 
 
@@ -338,8 +339,8 @@ def direct_light(shading: Any, shader: materials.Shader, i: int, first: int, las
 
 
 @helper
-def put(shading: Any, count: int, y: int, crop: Any, rgba: Any) -> None:
-    """Write points into the picture; `y` is where blocks are that one face fills, or that are seen whole."""
+def put(shading: Any, count: int, y: int, crop: Any, full: bool, rgba: Any) -> None:
+    """Write points into the picture; `y` is where blocks are that one face fills, or that are seen whole; `full`: all are."""
     points, listed = shading.points, shading.items
     k = 0
     while k < count:
@@ -352,11 +353,11 @@ def put(shading: Any, count: int, y: int, crop: Any, rgba: Any) -> None:
             red, green, blue = simd.select(here, color[0], red), simd.select(here, color[1], green), simd.select(here, color[2], blue)
             k += 1
         if group < listed.counts[2]:
-            items.write_block(rows_of(red, green, blue, 16, listed), simd.read(listed.even_x, group), y, crop, rgba)
+            items.write_block(rows_of(red, green, blue, 16, listed), simd.read(listed.even_x, group), y, crop, full, rgba)
             continue
         start = items.start_of(listed, group)
         if start < listed.half:
-            items.write_block(rows_of(red, green, blue, 16, listed), simd.read(listed.x, start), y, crop, rgba)
+            items.write_block(rows_of(red, green, blue, 16, listed), simd.read(listed.x, start), y, crop, full, rgba)
         else:
             left = min(listed.half + listed.counts[1] - start, 16)
             items.keep_light(listed.light, rows_of(red, green, blue, left, listed))

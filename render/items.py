@@ -173,10 +173,16 @@ def keep_items(pattern, splat, band, items, start, count, crop, rgba):
 
 
 @helper
-def write_block(rows: Any, x: int, y: int, crop: Any, rgba: Any) -> None:
-    """The four rows of pixels of a block from (x, y) on."""
+def write_block(rows: Any, x: int, y: int, crop: Any, past: bool, rgba: Any) -> None:
+    """The four rows of pixels of a block from (x, y) on; `past`: nobody has written there before."""
     width = 4 * (crop[2] - crop[0])
     place = (y - crop[1]) * width + 4 * (x - crop[0])
+    if past and ((width | place) & 15) == 0:
+        simd.store_past(rgba, place, rows[0])
+        simd.store_past(rgba, place + width, rows[1])
+        simd.store_past(rgba, place + 2 * width, rows[2])
+        simd.store_past(rgba, place + 3 * width, rows[3])
+        return
     simd.store(rgba, place, rows[0])
     simd.store(rgba, place + width, rows[1])
     simd.store(rgba, place + 2 * width, rows[2])

@@ -18,7 +18,7 @@ from .functions import (
 from .mathematics import acos, asin, atan, atan2, cos, exp, hypot, log, power, sin, sincos, tan
 from .memory import (
     aligned_empty, compress, compress_store, gather, gather_rows, load, load3, load_aligned, masked_load, masked_store, prefetch, read,
-    scatter, scatter_rows, stack_array, store, store_aligned, store_rows, write,
+    scatter, scatter_rows, stack_array, store, store_aligned, store_past, store_rows, write,
 )
 from .operators import define
 from .value import Value

@@ -152,7 +152,7 @@ def load3(typingctx, array, i, what=None):
     return signature(types.UniTuple(result, 3), array, i, what or types.none), generate
 
 
-def _store(array: Any, index: types.Type, x: types.Type, aligned: bool) -> Any:
+def _store(array: Any, index: types.Type, x: types.Type, aligned: bool, past: bool = False) -> Any:
     if element_shape(array) is None or not isinstance(x, Vector) or not isinstance(index, types.Integer):
         return None
 
@@ -160,7 +160,9 @@ def _store(array: Any, index: types.Type, x: types.Type, aligned: bool) -> Any:
         raw = to_memory(value(builder, args[2], x), array)
         pointer = place(context, builder, array, args[0], args[1], index)
         size = item_bytes(array)
-        builder.store(raw, builder.bitcast(pointer, raw.type.as_pointer()), align=size * x.lanes if aligned else size)
+        stored = builder.store(raw, builder.bitcast(pointer, raw.type.as_pointer()), align=size * x.lanes if aligned else size)
+        if past:
+            stored.set_metadata("nontemporal", builder.module.add_metadata([ir.Constant(ir.IntType(32), 1)]))
         return context.get_dummy_value()
 
     return signature(types.void, array, index, x), generate
@@ -176,6 +178,12 @@ def store(typingctx, array, i, x):
 def store_aligned(typingctx, array, i, x):
     """`store` to an address that is a multiple of the vector's bytes."""
     return _store(array, i, x, True)
+
+
+@intrinsic
+def store_past(typingctx, array, i, x):
+    """`store_aligned` past the caches, which neither read what was there nor keep what is written."""
+    return _store(array, i, x, True, past=True)
 
 
 def zero_lanes(builder: Any, element: Any, lanes: int) -> Any:

@@ -81,6 +81,7 @@ def _natural(x, wide, out):
     simd.store(out, 0, a)
     simd.store(wide, 0, simd.load(wide, 16, simd.f32) * 2)
     simd.store_aligned(out, 32, simd.load_aligned(x, 16, 8))
+    simd.store_past(out, 40, simd.load_aligned(x, 24, 8))
     simd.prefetch(x, 1 << 40)
     simd.write(out, 50, simd.read(x, 20) + 1)
     simd.write(out, 51, 3.9)
@@ -94,6 +95,7 @@ def test_a_load_fills_a_vector_or_has_the_lanes_of_the_type_asked_for(dtype):
     lanes = simd.WIDTH if x.itemsize == 4 else simd.WIDTH64
     assert np.array_equal(out[:lanes], x[:lanes])
     assert np.array_equal(out[32:40], x[16:24])
+    assert np.array_equal(out[40:48], x[24:32])
     assert np.array_equal(wide[: simd.WIDTH], np.arange(16, 16 + simd.WIDTH) * 2.0)
     assert out[50] == x[20] + 1
     assert out[51] == dtype(3.9)

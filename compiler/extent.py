@@ -10,23 +10,24 @@ from .tapes import Tape
 FARTHEST = 1e6  # units of the formula: what reaches farther counts as endless
 ROUNDS = 48
 MOST_BOXES = 20_000
-STALE = 5  # rounds in which it does not shrink, after which it is as small as it gets
+STALE = 5  # rounds in which it does not shrink, after which it is as small as it gets; of a box that was given one is enough
 _TIGHT = 0.02  # of the extent: rounds that shrink it by less are the last
 _FACE = 8  # pieces along the edge of a face, to begin with
 
 
 def find(tape: Tape) -> np.ndarray | None:
     """(2, 3) a box around all points where a field is not above 0, or None where it reaches farther than FARTHEST, or that is not known."""
-    found = tightened(tape, np.array([[-FARTHEST] * 3, [FARTHEST] * 3]))
+    found = tightened(tape, np.array([[-FARTHEST] * 3, [FARTHEST] * 3]), STALE)
     if found is None or np.abs(found).max() >= FARTHEST:
         return None
     return found
 
 
-def tightened(tape: Tape, bounds: np.ndarray) -> np.ndarray | None:
+def tightened(tape: Tape, bounds: np.ndarray, patience: int = 1) -> np.ndarray | None:
     """(2, 3) a box, within `bounds`, around all points there where a field is not above 0; None where there are none.
 
-    Of the boxes that may hold such points only those on the outside of all of them are cut up further.
+    Of the boxes that may hold such points only those on the outside of all of them are cut up further, until that has been of no use for
+    more than `patience` rounds.
     """
     low, high = (bounds[k][:, None] for k in range(2))
     before, stale = np.inf, 0
@@ -39,7 +40,7 @@ def tightened(tape: Tape, bounds: np.ndarray) -> np.ndarray | None:
         extent = np.stack([low.min(axis=1), high.max(axis=1)])
         size = float((extent[1] - extent[0]).sum())
         stale = stale + 1 if size > (1 - _TIGHT) * before else 0
-        if stale > STALE:
+        if stale > patience:
             break
         before = min(size, before)
         outer = ((low <= extent[0][:, None]) | (high >= extent[1][:, None])).any(axis=0)

@@ -97,9 +97,9 @@ def _out(found: Primed, part: slice, i: int) -> tiles.Out:
 
 @lru_cache(maxsize=16)
 def _order(rows: int, columns: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(row, column) of a tile's pixels, by squares of 16 × 16 and in these of 4 × 4."""
+    """(row, column) of a tile's pixels, by squares of 64 × 64, in these of 16 × 16, in these of 4 × 4."""
     y, x = (part.ravel() for part in np.mgrid[:rows, :columns])
-    order = np.lexsort((x % 4, y % 4, x % 16 // 4, y % 16 // 4, x // 16, y // 16))
+    order = np.lexsort((x % 4, y % 4, x % 16 // 4, y % 16 // 4, x % 64 // 16, y % 64 // 16, x // 64, y // 64))
     return y[order], x[order]
 
 

@@ -18,6 +18,7 @@ from .kernels import HELPER, helper
 from .records import Hit, Lane
 
 SIDE = 64  # pixels of a tile's side, so that its rays fill a bundle
+QUICK = 2  # samples of a pixel, up to which tiles of large pictures hold four bundles: there is Python between tiles
 CAMERA, REST = int(ir.Visibility.CAMERA), bvh.CAMERA_REST
 
 
@@ -97,3 +98,8 @@ def _visible_to(primed):
 def _clipped(number: Lane, count: int) -> Lane:
     """Lanes beyond a tile's samples are drawn, too, and thrown away."""
     return lanes.maximum(lanes.minimum(number, count - 1), 0)
+
+
+def side(width: int, height: int, samples: int) -> int:
+    """Pixels of a tile's side in a picture."""
+    return 2 * SIDE if min(width, height) >= 8 * SIDE and samples <= QUICK else SIDE

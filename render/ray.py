@@ -33,7 +33,7 @@ class Renderer:
         self.packed = prepared.packed  # with the photons of this round, where there are any
         self._rooms = threading.local()  # of waves and of bundles, one a thread
         self.primes = prepared.paths is None and primed.is_needed(prepared.accel.tables)
-        self.side = primed.SIDE if self.primes else TILE
+        self.side = primed.side(view.width, view.height, plan["samples"]) if self.primes else TILE
         self.everything = None  # trees of all things, where waves' own leave some out
         nothing, none = Tile(0, 0, 0, 0), np.zeros((0, 0), np.int64)
         self.sample(nothing, none, none, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))

@@ -78,11 +78,11 @@ def _made(surfaces: Sequence[Surface]) -> Forms:
     wholes = [names_of(tape) for tape, _, _ in surfaces]
     rows = sum(map(len, wholes))
     room = (ROWS + MORE * rows) * min(n, 1)
-    names, code = np.zeros((room, 4), np.int32), np.zeros((room, ROW), np.int32)
-    tapes, ends = np.zeros((TAPES * n, 4), np.int64), np.zeros(4, np.int64)
+    names, code = np.empty((room, 4), np.int32), np.empty((room, ROW), np.int32)  # nothing is read of these before it is written
+    tapes, ends = np.empty((TAPES * n, 4), np.int64), np.zeros(4, np.int64)
     places, numbers = np.zeros((n, 5), np.int64), np.zeros((n, 14))
     most_blocks = sum((count // cells.SPLIT**k) ** 3 for k in range(1, 4))
-    blocks = np.zeros((n * most_blocks, 5), np.int64)
+    blocks = np.empty((n * most_blocks, 5), np.int64)
     constants = [constant_rows(tape) for tape, _, _ in surfaces]
     begin = 0
     for k, (_, parameters, bounds) in enumerate(surfaces):
@@ -93,7 +93,7 @@ def _made(surfaces: Sequence[Surface]) -> Forms:
         names[first : first + len(wholes[k])] = wholes[k]
         tapes[k, :2] = first, len(wholes[k])
         cells.placed(names, code, tapes, k)  # there are registers enough: the compiler refuses what needs more
-        blocks[k, 3:] = count, k
+        blocks[k] = 0, 0, 0, count, k
         ends[[END_BLOCKS, END_TAPES]] = k + 1
         ends[END_ROWS] += len(wholes[k])
     return Forms(
@@ -105,8 +105,8 @@ def _made(surfaces: Sequence[Surface]) -> Forms:
         blocks=blocks,
         states=np.zeros(len(blocks), np.int64),
         ends=ends,
-        leaf_tape=np.zeros(n * count**3, np.int32),
-        leaf_slopes=np.zeros((n * count**3, 6)),
+        leaf_tape=np.empty(n * count**3, np.int32),
+        leaf_slopes=np.empty((n * count**3, 6)),
         tapes=tapes,
         names=names,
         code=code,

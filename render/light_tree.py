@@ -1,9 +1,10 @@
 """A tree over lamps: which of many a place looks to for light, in proportion to what each may give there.
 
 Each node bounds the places of its lamps (a ball around their box), where they shine to (a cone of axes, and how far light spreads off
-them) and what they give together: Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting". The
-tree is complete and cut at medians of the widest of six dimensions, three of the place and three of the axis, so that children need no
-links: those of node k are 2k and 2k + 1, and a lamp's place among the leaves tells the way to it. Endlessly far lights stand beside it.
+them) and what they give together: Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting". Of
+many lamps those behind a place, as its normal says, are not asked, and those aside of it seldom. The tree is complete and cut at medians
+of the widest of six dimensions, three of the place and three of the axis, so that children need no links: those of node k are 2k and
+2k + 1, and a lamp's place among the leaves tells the way to it. Endlessly far lights stand beside it.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from . import lanes
-from .kernels import HELPER, apart, helper
+from .kernels import HELPER, apart, helper, if_there
 from .records import Lane, Vec
 
 TOPS = 8  # subtrees that each place asks one after the other, before it goes down one of them
@@ -158,16 +159,19 @@ def _node(layer: Bounds) -> NDArray[np.float64]:
 
 
 @helper
-def choose(tree: Tree, position: Vec, u: Lane) -> tuple[Lane, Lane]:
-    """(a row of emitters for each lane, how likely it was; 0 where nothing shines to a place), by one number in [0, 1)."""
-    most = _all(tree, position) * u
+def choose(tree: Tree, position: Vec, facing: Any, u: Lane) -> tuple[Lane, Lane]:
+    """(a row of emitters for each lane, how likely it was; 0 where nothing shines to a place), by one number in [0, 1).
+
+    `facing` is the normal there, 0 for what gets light from both sides; None: not asked.
+    """
+    most = _all(tree, position, facing) * u
     found, upto, mine, before = lanes.int_like(u, 0), 0.0 * u, 0.0 * u, 0.0 * u
     for e in range(len(tree.far)):
         here = (upto <= most) & (tree.far[e] > 0.0)
         found, mine, before = lanes.where(here, e, found), lanes.where(here, tree.far[e], mine), lanes.where(here, upto, before)
         upto = upto + tree.far[e]
     for k in range(tree.tops, 2 * tree.tops):
-        one = _importance(tree.nodes, k, position)
+        one = _importance(tree.nodes, k, position, facing)
         here = (upto <= most) & (one > 0.0)
         found, mine = lanes.where(here, k + len(tree.far), found), lanes.where(here, one, mine)
         before = lanes.where(here, upto, before)
@@ -177,7 +181,7 @@ def choose(tree: Tree, position: Vec, u: Lane) -> tuple[Lane, Lane]:
     if tree.tops > 0 and lanes.any_lane(near):
         left = lanes.clip((most - before) / lanes.maximum(mine, TINY), 0.0, 1.0)
         node = lanes.where(near, found - len(tree.far), tree.tops)
-        node, share = _descend(tree, tree.below, node, position, left)
+        node, share = _descend(tree, tree.below, node, position, facing, left)
         row = tree.rows[node - len(tree.rows)]
         found = lanes.where(near, lanes.maximum(row, 0), found)
         chance = lanes.where(near, lanes.where(row >= 0, chance * share, 0.0), chance)
@@ -185,30 +189,43 @@ def choose(tree: Tree, position: Vec, u: Lane) -> tuple[Lane, Lane]:
 
 
 @helper
-def chance(tree: Tree, row: Lane, position: Vec) -> Lane:
+def chance(tree: Tree, row: Lane, position: Vec, facing: Any) -> Lane:
     """How likely `choose` takes a row at a place."""
     near = row >= len(tree.far)
     mine = 0.0 * position[0]
     for e in range(len(tree.far)):
         mine = lanes.where(row == e, tree.far[e], mine)
     if tree.tops > 0 and lanes.any_lane(near):
-        found = _way_to(tree, tree.below, lanes.where(near, tree.leaf[lanes.where(near, row, 0)], 0), position)
+        found = _way_to(tree, tree.below, lanes.where(near, tree.leaf[lanes.where(near, row, 0)], 0), position, facing)
         mine = lanes.where(near, found, mine)
-    return mine / lanes.maximum(_all(tree, position), TINY)
+    return mine / lanes.maximum(_all(tree, position, facing), TINY)
 
 
 @helper
-def _all(tree: Tree, position: Vec) -> Lane:
+def _all(tree: Tree, position: Vec, facing: Any) -> Lane:
     total = 0.0 * position[0]
     for e in range(len(tree.far)):
         total = total + tree.far[e]
     for k in range(tree.tops, 2 * tree.tops):
-        total = total + _importance(tree.nodes, k, position)
+        total = total + _importance(tree.nodes, k, position, facing)
     return total
 
 
 @helper
-def _importance(nodes: Any, k: Lane, position: Vec) -> Lane:
+def _bounded(facing: Vec, plain: Lane, away: Vec, inverse: Lane, cos_ball: Lane, sin_ball: Lane, inside: Lane) -> Lane:
+    """Importance times the largest cosine that a node's ball may be seen under."""
+    cosine = lanes.clip(-lanes.dot(away, facing) * inverse, -1.0, 1.0)
+    sine = lanes.sqrt(lanes.maximum(1.0 - cosine * cosine, 0.0))
+    most = lanes.where((cosine >= cos_ball) | inside, 1.0, cosine * cos_ball + sine * sin_ball)
+    share = lanes.where(most >= -SLACK, lanes.maximum(most, SLACK), 0.0)
+    return plain * lanes.where(lanes.dot(facing, facing) > 0.5, share, 1.0)
+
+
+_seen_by = if_there(_bounded)
+
+
+@helper
+def _importance(nodes: Any, k: Lane, position: Vec, facing: Any) -> Lane:
     """About what reaches a place from a node's lamps, at the most: their power over the squared distance, times the largest cosine."""
     away = (position[0] - nodes[k, 0], position[1] - nodes[k, 1], position[2] - nodes[k, 2])
     radius2 = nodes[k, 3]
@@ -227,26 +244,27 @@ def _importance(nodes: Any, k: Lane, position: Vec) -> Lane:
     cos_ball, sin_ball = lanes.sqrt(1.0 - sin_ball2), lanes.sqrt(sin_ball2)
     off = lanes.where((off >= cos_ball) | (squared <= radius2), 1.0, off * cos_ball + off_sine * sin_ball)
     shining = off >= nodes[k, 9] - SLACK
-    return lanes.where(shining, nodes[k, 10] * lanes.maximum(off, SLACK) / near, 0.0)
+    given = lanes.where(shining, nodes[k, 10] * lanes.maximum(off, SLACK) / near, 0.0)
+    return _seen_by(facing, given, away, inverse, cos_ball, sin_ball, squared <= radius2)
 
 
-def _descend(tree: Tree, below: Any, node: Lane, position: Vec, u: Lane) -> tuple[Lane, Lane]:
+def _descend(tree: Tree, below: Any, node: Lane, position: Vec, facing: Any, u: Lane) -> tuple[Lane, Lane]:
     """(the leaf, as a node, that is chosen below one; how likely that was)."""
-    return _down(tree, below.levels, node, position, u) if isinstance(below, Deep) else (node, 1.0 + 0.0 * u)
+    return _down(tree, below.levels, node, position, facing, u) if isinstance(below, Deep) else (node, 1.0 + 0.0 * u)
 
 
 @overload(_descend, jit_options=HELPER)
-def _descend_in_kernels(tree, below, node, position, u):
+def _descend_in_kernels(tree, below, node, position, facing, u):
     if below.layout:
-        return lambda tree, below, node, position, u: _down_apart(tree, below.levels, node, position, u)
-    return lambda tree, below, node, position, u: (node, 1.0 + 0.0 * u)
+        return lambda tree, below, node, position, facing, u: _down_apart(tree, below.levels, node, position, facing, u)
+    return lambda tree, below, node, position, facing, u: (node, 1.0 + 0.0 * u)
 
 
 @helper
-def _down(tree: Tree, levels: int, node: Lane, position: Vec, u: Lane) -> tuple[Lane, Lane]:
+def _down(tree: Tree, levels: int, node: Lane, position: Vec, facing: Any, u: Lane) -> tuple[Lane, Lane]:
     share = 1.0 + 0.0 * u
     for _ in range(levels):
-        left, right = _importance(tree.nodes, 2 * node, position), _importance(tree.nodes, 2 * node + 1, position)
+        left, right = _importance(tree.nodes, 2 * node, position, facing), _importance(tree.nodes, 2 * node + 1, position, facing)
         first = _first_of(left, right)
         to_left = u < first
         mine = lanes.where(to_left, first, 1.0 - first)
@@ -266,29 +284,48 @@ def _first_of(left: Lane, right: Lane) -> Lane:
     return lanes.where(both > 0.0, left / lanes.maximum(both, TINY), 0.5)
 
 
-def _way_to(tree: Tree, below: Any, leaf: Lane, position: Vec) -> Lane:
+def _way_to(tree: Tree, below: Any, leaf: Lane, position: Vec, facing: Any) -> Lane:
     """The importance of the top above a leaf, times how likely the way from there to the leaf is taken."""
-    return _along(tree, below.levels if isinstance(below, Deep) else 0, leaf, position)
+    return _along(tree, below.levels if isinstance(below, Deep) else 0, leaf, position, facing)
 
 
 @overload(_way_to, jit_options=HELPER)
-def _way_in_kernels(tree, below, leaf, position):
+def _way_in_kernels(tree, below, leaf, position, facing):
     if below.layout:
-        return lambda tree, below, leaf, position: _along_apart(tree, below.levels, leaf, position)
-    return lambda tree, below, leaf, position: _importance(tree.nodes, leaf + tree.tops, position)
+        return lambda tree, below, leaf, position, facing: _along_apart(tree, below.levels, leaf, position, facing)
+    return lambda tree, below, leaf, position, facing: _importance(tree.nodes, leaf + tree.tops, position, facing)
 
 
 @helper
-def _along(tree: Tree, levels: int, leaf: Lane, position: Vec) -> Lane:
+def _along(tree: Tree, levels: int, leaf: Lane, position: Vec, facing: Any) -> Lane:
     node = leaf + len(tree.rows)
     share = 1.0 + 0.0 * position[0]
     for _ in range(levels):
         to_left = (node & 1) == 0
         parent = node >> 1
-        first = _first_of(_importance(tree.nodes, 2 * parent, position), _importance(tree.nodes, 2 * parent + 1, position))
+        left, right = _importance(tree.nodes, 2 * parent, position, facing), _importance(tree.nodes, 2 * parent + 1, position, facing)
+        first = _first_of(left, right)
         share = share * lanes.where(to_left, first, 1.0 - first)
         node = parent
-    return share * _importance(tree.nodes, node, position)
+    return share * _importance(tree.nodes, node, position, facing)
 
 
 _along_apart = apart(_along)
+
+
+def facing(below: Any, normal: Vec, both: Lane) -> Any:
+    """What `choose` takes of a place's normal: 0 where it gets light from `both` sides, None where lamps are few."""
+    return _unless_both(normal, both) if isinstance(below, Deep) else None
+
+
+@overload(facing, jit_options=HELPER)
+def _facing_in_kernels(below, normal, both):
+    if below.layout:
+        return lambda below, normal, both: _unless_both(normal, both)
+    return lambda below, normal, both: None
+
+
+@helper
+def _unless_both(normal: Vec, both: Lane) -> Vec:
+    zero = 0.0 * normal[0]
+    return lanes.where3(both, (zero, zero, zero), normal)

@@ -67,6 +67,7 @@ class Path(NamedTuple):
     straight: Lane  # bool: it has met nothing but passages of index 1; where it escapes, alpha is lowered
     inside: Any  # the media it is in, see media.py; None in scenes without
     phase: Lane  # what it has met, as photon_map.phase_after counts
+    facing: Any = None  # where it comes from, as light_tree.facing says
 
 
 class Connection(NamedTuple):
@@ -164,7 +165,7 @@ def _sky_found(tables: Tables, light_of: Light, path: Path, all_of_it: Vec) -> V
     if row >= 0:
         found = sky_map.density(table.sky, path.direction)
         if len(table.kind) > 1:
-            found = found * light_tree.chance(table.tree, lanes.int_like(zero, row), path.origin)
+            found = found * light_tree.chance(table.tree, lanes.int_like(zero, row), path.origin, path.facing)
         share = share * power(path.density, found)
     return lanes.scale(seen, share)
 
@@ -229,7 +230,7 @@ def _weighed(table: Emitters, row: Lane, path: Path, point: Surface, t: Lane, we
     """(what counts of an emitter that a path met by chance, whether it met the side that does not shine)."""
     found = emitters.density(table, row, path.origin, path.direction, t)
     if len(table.kind) > 1:
-        found = found * light_tree.chance(table.tree, row, path.origin)
+        found = found * light_tree.chance(table.tree, row, path.origin, path.facing)
     only = lanes.where(path.density >= ONLY, lanes.full_like(t, 1.0), 0.0)
     share = lanes.where(path.density <= LIT * 8.0, 0.0, weight(path.density, found, weighing, SURFACES_ALONE))
     share = lanes.where(path.density >= ONLY, 1.0, share)
@@ -256,6 +257,11 @@ def weight(one: Lane, other: Lane, weighing: int, alone: int) -> Lane:
     return lanes.full_like(one, 1.0 if weighing == alone else 0.0)
 
 
+@helper
+def _facing(light: Light, point: Surface, shader: Shader) -> Any:
+    return light_tree.facing(light.emitters.tree.below, point.normal, materials.is_frosted(shader, lanes.bool_like(point.offset, False)))
+
+
 _sample_each, _choose = apart(emitters.sample), apart(light_tree.choose)
 
 
@@ -279,7 +285,7 @@ def connect(
         here = here & (lanes.not_(ending) | is_lamp) & lanes.not_(lit & is_lamp) & lanes.not_(mirrored(light.covered, 0, path, shader))
         weighed, shadows = lanes.bool_like(zero, table.weighed[0]), lanes.bool_like(zero, table.shadows[0])
     else:
-        row, chance = _choose(table.tree, point.position, numbers(pixel, sample, depth, 2, seed)[0])
+        row, chance = _choose(table.tree, point.position, _facing(light, point, shader), numbers(pixel, sample, depth, 2, seed)[0])
         arriving = _sample_each(tables, table, row, point.position, u, v)
         lamp = table.light[row] >= 0
         here = here & (chance > 0.0) & (lanes.bool_like(zero, lanes.not_(ending)) | lamp) & lanes.not_(lit & lamp)
@@ -323,7 +329,7 @@ def arrive(
     zero = 0.0 * path.density
     uses = light.uses
     faded = media.faded(path.inside, path.weight, tables, hit.t)
-    path = Path(path.origin, path.direction, faded, path.density, path.straight, path.inside, path.phase)
+    path = Path(path.origin, path.direction, faded, path.density, path.straight, path.inside, path.phase, path.facing)
     point = tilt.tilted(tables, _part(tables, point, pixel, sample, depth, options.seed), hit, path.direction)
     shader = materials.looked_up(tables, point, uses, path.inside)
     viewer = lanes.negate(path.direction)
@@ -372,7 +378,8 @@ def arrive(
     density = lanes.where((density >= ONLY) & after_matt, GATHERED, density)
     inside = media.crossed(path.inside, None, tables, point, taken.direction)
     phase = photon_map.phase_after(light.photons, path.phase, shader, taken.density >= ONLY)
-    onward = Path(surface.leave(point, taken.direction), taken.direction, weight, density, straight, inside, phase)
+    origin = surface.leave(point, taken.direction)
+    onward = Path(origin, taken.direction, weight, density, straight, inside, phase, _facing(light, point, shader))
     return sent, connection, onward, going
 
 
@@ -419,6 +426,7 @@ def radiance(
     active = np.ones(shape, bool)
     origin, direction = (tuple(np.broadcast_to(c, shape) for c in v) for v in (ray.origin, ray.direction))
     path = Path(origin, direction, (zero + 1.0, zero + 1.0, zero + 1.0), zero + ONLY, active, media.outside(tables, zero), zero)  # pyright: ignore[reportArgumentType]
+    path = path._replace(facing=light_tree.facing(light.emitters.tree.below, path.direction, active))
     depth = 0
     while True:
         onward = Ray(path.origin, path.direction, zero, zero + np.inf, ray.time)

@@ -44,6 +44,7 @@ class Room(NamedTuple):
     items: Any  # (4 · ROW,) int: x, y, sample and place in the tile of each path
     near: Any  # (ROW,) float: where camera rays begin
     inside: Any  # (2 · ROW,) int: the media that rays are in, where a scene has any
+    facing: Any  # (2 · 3 · ROW,) float: the normals of where rays come from, where there are many lamps
 
     @classmethod
     def of(cls, kind: type) -> Room:
@@ -57,7 +58,7 @@ class Room(NamedTuple):
 
         return cls(
             row(2 * STATE, kind), row(2 * 3, whole), row(3, kind), row(3, whole), row(ASKED, kind), row(1, whole), row(1, np.int64),
-            row(4, kind), row(4, whole), row(1, kind), row(2, whole),
+            row(4, kind), row(4, whole), row(1, kind), row(2, whole), row(2 * 3, kind),
         )  # fmt: skip
 
 
@@ -439,7 +440,7 @@ def _shade(scene, frame, room, source, n, depth):
         inside = inside_of(media.outside(tables, density), None, room, source * ROW + i, depth)
         path = Path(
             load3(room.state, base, 0, i), load3(room.state, base, 3, i), load3(room.state, base, 6, i), density, straight, inside,
-            lanes.where(code > 1.5, code, 0.0),
+            lanes.where(code > 1.5, code, 0.0), _facing_of(scene.light.emitters.tree.below, room, source * 3 * ROW + i),
         )  # fmt: skip
         slot, pixel, sample = load3(room.whose, source * 3 * ROW, 0, i)
         hit, piece, here = found(room, i, active)
@@ -473,6 +474,7 @@ def _shade(scene, frame, room, source, n, depth):
             keep(room.state, target + 10 * ROW + kept, lanes.where(onward.straight, 1.0, onward.phase), going)
             keep3(room.whose, (1 - source) * 3 * ROW + kept, (slot, pixel, sample), going)
             keep_inside(onward.inside, None, room, (1 - source) * ROW + kept, going)
+            _keep_facing(onward.facing, None, room, (1 - source) * 3 * ROW + kept, going)
             kept += simd.count(going)
     return kept, asked
 
@@ -485,6 +487,26 @@ def _carried(outside: Any, plain: Any, room: Any, at: int, depth: int) -> Lane:
 @helper
 def _carry(inside: Lane, plain: Any, room: Any, at: int, going: Lane) -> None:
     keep(room.inside, at, inside, going)
+
+
+@helper
+def _carry_facing(facing: Vec, plain: Any, room: Any, at: int, going: Lane) -> None:
+    keep3(room.facing, at, facing, going)
+
+
+_keep_facing = if_there(_carry_facing)
+
+
+def _facing_of(below: Any, room: Any, at: int) -> Any:
+    raise NotImplementedError
+
+
+@overload(_facing_of, jit_options=HELPER)
+def _facing_of_kernel(below, room, at):
+    """The normals of where rays come from; None where lamps are few."""
+    if below.layout:
+        return lambda below, room, at: load3(room.facing, at, 0, 0)
+    return lambda below, room, at: None
 
 
 inside_of = if_there(_carried)  # the media that rays are in, of camera rays what is outside: room, place, depth

@@ -1,4 +1,4 @@
-"""What --error asks for is what a picture has: of a hundred seeds at least ninety are within it, on scenes of four kinds.
+"""What --error asks for is what a picture has: of a hundred seeds at least ninety are within it, on scenes of five kinds.
 
 The truth is the mean of pictures with other seeds and many more samples. Glass that throws light of small lamps is not among them: what
 hardly any path finds, no estimate knows of.
@@ -11,6 +11,7 @@ from pathlib import Path
 import maquette
 import numpy as np
 import pytest
+from maquette.bench import path_scenes
 from maquette.render import metrics
 
 SIZE = (48, 36)
@@ -44,6 +45,16 @@ sphere(0.3, center: [-0.3, 0.3, 1], material: phong(#d04030, specular: 0.4, shin
 sphere(0.5, center: [0.8, 0.5, -1.5], material: lambert(#4060c0))
 area([1, 3, 2], look_at: [0, 0, 0], size: [1, 1], luminance: 8)
 """,
+    "rough metal under a sky with a sun": """
+dome("sky.exr")
+polygon([[-8, 0, 8], [8, 0, 8], [8, 0, -8], [-8, 0, -8]], material: lambert(0.4))
+sphere(0.7, center: [-1.6, 0.7, 0], material: principled(metallic: 1, roughness: 0.15))
+sphere(0.7, center: [0, 0.7, 0], material: principled(color: rgb(0.8, 0.5, 0.3), metallic: 1, roughness: 0.4))
+sphere(0.7, center: [1.6, 0.7, 0], material: principled(color: rgb(0.2, 0.4, 0.8), roughness: 0.2))
+sphere(0.3, center: [0.8, 0.3, 1.3], material: lambert(rgb(0.3, 0.5, 0.7)))
+camera(position: [0, 2.2, 6], look_at: [0, 0.6, 0], fov: 40deg)
+render(bounces: 4)
+""",
 }
 
 
@@ -51,6 +62,7 @@ def within(folder: Path, name: str, asked: float, seeds: int) -> tuple[int, np.n
     """(how many pictures are within the error asked for, their errors, √relMSE of the reference itself)."""
     path = folder / "a.scene"
     path.write_text(SCENES[name])
+    path_scenes.write_sky(folder / "sky.exr")
     scene = maquette.load(path)
     many = [maquette.render(scene, size=SIZE, samples=4096, seed=10_000 + k).channels["rgba"].astype(float) for k in range(4)]
     truth = np.mean(many, axis=0)

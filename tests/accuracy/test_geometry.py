@@ -241,8 +241,13 @@ def test_barycentrics_in_pictures(tmp_path, measured, backend):
     measured.answer(11, "barycentrics of a triangle give its places", backend, off, rm.SINGLE, note="relative to its size, the worst pixel")
 
 
-def test_patches(measured):
-    measured.waits(11, "an arc of weights 1, √½, 1 is round", "`nurbs` and `bezier` patches")
+def test_patches(measured, tmp_path):
+    """Places of a NURBS surface on a circle of radius 1, relative to it: as the mesh holds them, in single precision."""
+    scene = rm.load(tmp_path, 'use "std/surfaces"\nsurfaces.revolved([[1, 0], [1, 1]], steps: 24)\n')
+    places = scene.tables.pools.positions + scene.tables.geometries.origin[0]
+    assert len(places) == 25 * 25
+    off = np.abs(np.hypot(places[:, 0], places[:, 2]) - 1).max()
+    measured.answer(11, "an arc of weights 1, √½, 1 is round", "functions", off, 1e-6, note="corners of a mesh of 24 by 24")
 
 
 def test_subdivision(measured):

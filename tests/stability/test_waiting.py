@@ -1,6 +1,6 @@
-"""Places 36 and 37: what the naive method does, and that the feature whose place it is says that it is not built yet.
+"""Places 36 and 37: NURBS with repeated knots; what the naive method does at a subdivided corner, and that it is not built yet.
 
-When one of them is built its test here fails: it then gets a place of its own, with our figure.
+When that is built its test here fails: it then gets a place of its own, with our figure.
 """
 
 from __future__ import annotations
@@ -28,9 +28,32 @@ def limit_corner() -> str:
 
 
 WAITING: list[tuple[int, str, Callable[[], str], str, str]] = [
-    (36, "NURBS with repeated knots", repeated_knots, "nurbs(points: [[0, 0, 0]])", "0/0 = 0, unit normals"),
     (37, "Catmull–Clark at a corner", limit_corner, "subdivision(points: [[0, 0, 0]])", "deep subdivision within 10⁻⁴"),
 ]
+
+
+def test_repeated_knots(measured, load):
+    """Quarters of a circle joined at double knots, with triple ones at the ends, along a profile that a triple knot breaks."""
+    profile = [[1, k, 0.3 * k] for k in range(7)]
+    rows = f"[[[p[0] * c[0], p[1], p[0] * c[1], c[2]] for c in surfaces.circle] for p in {profile}]"
+    knots = "u_knots: surfaces.circle_knots, v_knots: [0, 0, 0, 0, 0.5, 0.5, 0.5, 1, 1, 1, 1]"
+    made, said = load(f'use "std/surfaces"\nsurfaces.nurbs({rows}, degree: [2, 3], {knots}, steps: 16)\n')
+    assert said == []
+    tables = made.tables
+    places = tables.pools.positions + tables.geometries.origin[0]
+    assert len(places) == 17 * 17
+    off = float(np.abs(np.hypot(places[:, 0], places[:, 2]) - 1.0).max())
+    attributes = tables.attributes
+    row = next(k for k in range(len(attributes.first)) if made.names.attributes[k] == "normals")
+    first, count = int(attributes.first[row]), int(attributes.count[row])
+    normals = tables.pools.values[first : first + 3 * count].reshape(-1, 3)
+    long = float(np.abs(np.linalg.norm(normals, axis=1) - 1.0).max())
+    measured.place(
+        36, "NURBS with repeated knots", naive=repeated_knots(), ours=f"off the circle by {off:.1g}, normals' lengths by {long:.1g}",
+        bound="0/0 = 0, unit normals: 10⁻⁶",
+    )  # fmt: skip
+    assert off < 1e-6
+    assert long < 1e-6
 
 
 @pytest.mark.parametrize(("number", "name", "plain", "text", "bound"), WAITING, ids=[str(row[0]) for row in WAITING])

@@ -2,7 +2,8 @@
 
 A cell gets a vertex for each piece of surface in it, where the planes of the surface at its edges' roots meet best (Ju and others,
 "Dual Contouring of Hermite Data", SIGGRAPH 2002); pieces are told apart as the loops of the cell's edges (Nielson, "Dual Marching Cubes",
-Visualization 2004), so that two sheets in one cell stay two and every edge has two triangles.
+Visualization 2004), so that two sheets in one cell stay two. Two cells between whose vertices two edges would lie in the same place decide
+otherwise on the face that they share (Wenger, "Isosurfaces", 2013, 5.4), so that every edge has two triangles.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ BISECTIONS = 44
 FLATTEST = 0.1  # of the largest: directions in which planes say less than this share of it, a vertex stays in the middle of its roots
 LEAST, MOST = 16, 256  # cells along the longest axis
 _BATCH = 1 << 18
+_FAR, _HALVINGS = 4.0, 24  # times the median: places so far off are looked at more closely, at ever smaller distances
 _OFFSETS = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)])
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -64,8 +66,9 @@ def contour(tape: Tape, bounds: Floats, count: int) -> Contour:
     cells, pattern = cells[mixed], pattern[mixed]
     if not len(cells):
         return nothing
-    edges = _Edges(tape, grid, cells, pattern)
-    vertices, vertex_of = _vertices(tape, grid, cells, pattern, edges)
+    loops = _LOOPS[_is_otherwise(grid, cells, pattern).astype(np.int64), pattern]
+    edges = _Edges(tape, grid, cells, loops)
+    vertices, vertex_of = _vertices(tape, grid, cells, loops, edges)
     triangles = _triangles(grid, cells, edges, vertex_of, vertices)
     _, gradient = enclosures.gradients(tape, *vertices.T)
     length = np.linalg.norm(gradient, axis=0)
@@ -126,23 +129,26 @@ _ENDS = [(a, a | 1 << axis) for axis in range(3) for a in range(8) if not a >> a
 _AXIS = np.array([axis for axis in range(3) for a in range(8) if not a >> axis & 1])
 
 
-def _loops() -> Ints:
+_EDGE_OF = {frozenset(ends): k for k, ends in enumerate(_ENDS)}
+_FACES = [[c for c in range(8) if (c >> axis & 1) == side] for axis in range(3) for side in range(2)]
+
+
+def _loops(otherwise: bool) -> Ints:
     """(256, 12) for each pattern of corners inside which piece of surface each of its edges belongs to, -1 where none does.
 
-    On a face with four roots the edges at each corner inside go together: both cells that share the face decide alike.
+    On a face with four roots the edges at each corner inside go together, or `otherwise` those at each corner outside: both cells that
+    share the face decide alike.
     """
-    edge_of = {frozenset(ends): k for k, ends in enumerate(_ENDS)}
-    faces = [[c for c in range(8) if (c >> axis & 1) == side] for axis in range(3) for side in range(2)]
     table = np.full((256, 12), -1, np.int64)
     for pattern in range(256):
         crossed = [k for k, (a, b) in enumerate(_ENDS) if (pattern >> a & 1) != (pattern >> b & 1)]
         joined: dict[int, list[int]] = {k: [] for k in crossed}
-        for face in faces:
+        for face in _FACES:
             here = [k for k in crossed if _ENDS[k][0] in face and _ENDS[k][1] in face]
             pairs = [tuple(here)] if len(here) == 2 else []
             if len(here) == 4:
-                corners = [c for c in face if pattern >> c & 1]
-                pairs = [tuple(edge_of[frozenset((c, d))] for d in face if frozenset((c, d)) in edge_of) for c in corners]
+                corners = [c for c in face if (pattern >> c & 1) != otherwise]
+                pairs = [tuple(_EDGE_OF[frozenset((c, d))] for d in face if frozenset((c, d)) in _EDGE_OF) for c in corners]
             for one, other in pairs:
                 joined[one].append(other)
                 joined[other].append(one)
@@ -159,14 +165,40 @@ def _loops() -> Ints:
     return table
 
 
-_LOOPS = _loops()
+_LOOPS = np.stack([_loops(False), _loops(True)])
+
+
+def _joined() -> NDArray[np.bool_]:
+    """(256, 6) whether all four roots of a face belong to one piece; such a pattern has one face of four roots alone."""
+    table = np.zeros((256, 6), bool)
+    for k, face in enumerate(_FACES):
+        edges = [edge for pair, edge in _EDGE_OF.items() if pair <= set(face)]
+        pieces = _LOOPS[0][:, edges]
+        table[:, k] = (pieces >= 0).all(axis=1) & (pieces == pieces[:, :1]).all(axis=1)
+    return table
+
+
+_JOINED = _joined()
+
+
+def _is_otherwise(grid: _Grid, cells: Ints, pattern: Ints) -> NDArray[np.bool_]:
+    """(n,) which cells share a face of four roots with a cell where these are of one piece, too."""
+    found, codes = np.zeros(len(cells), bool), grid.number(cells)
+    order = np.argsort(codes)
+    for axis in range(3):
+        mine = np.flatnonzero(_JOINED[pattern, 2 * axis + 1])
+        next_ = grid.number(cells[mine] + np.eye(3, dtype=np.int64)[axis])
+        other = order[np.minimum(np.searchsorted(codes[order], next_), len(order) - 1)]
+        both = (codes[other] == next_) & _JOINED[pattern[other], 2 * axis]
+        found[mine[both]] = found[other[both]] = True
+    return found
 
 
 class _Edges:
     """The edges of the grid that the surface crosses: their roots, the normals there, and which of each cell's edges they are."""
 
-    def __init__(self, tape: Tape, grid: _Grid, cells: Ints, pattern: Ints) -> None:
-        cell, edge = np.nonzero(_LOOPS[pattern] >= 0)
+    def __init__(self, tape: Tape, grid: _Grid, cells: Ints, loops: Ints) -> None:
+        cell, edge = np.nonzero(loops >= 0)
         begin = cells[cell] + _OFFSETS[[a for a, _ in _ENDS]][edge]
         self.codes, self.index = np.unique(grid.number(begin) * 3 + _AXIS[edge], return_inverse=True)
         self.cell, self.edge = cell, edge
@@ -184,11 +216,11 @@ class _Edges:
             self.normal = np.where((length > 0) & np.isfinite(length), gradient / length, 0.0).T
 
 
-def _vertices(tape: Tape, grid: _Grid, cells: Ints, pattern: Ints, edges: _Edges) -> tuple[Floats, Ints]:
+def _vertices(tape: Tape, grid: _Grid, cells: Ints, loops: Ints, edges: _Edges) -> tuple[Floats, Ints]:
     """(positions, the vertex of each (cell, edge) of `edges`)."""
-    pieces = _LOOPS[pattern].max(axis=1) + 1
+    pieces = loops.max(axis=1) + 1
     first = np.cumsum(pieces) - pieces
-    vertex_of = first[edges.cell] + _LOOPS[pattern[edges.cell], edges.edge]
+    vertex_of = first[edges.cell] + loops[edges.cell, edges.edge]
     count = int(pieces.sum())
     root, normal = edges.root[edges.index], edges.normal[edges.index]
     number = np.bincount(vertex_of, minlength=count)
@@ -253,7 +285,8 @@ def _triangles(grid: _Grid, cells: Ints, edges: _Edges, vertex_of: Ints, vertice
 
 
 def deviation(tape: Tape, positions: Floats, triangles: Ints) -> tuple[float, float]:
-    """(largest, mean) distance of triangles' middles and edges' middles from the surface, to first order."""
+    """(largest, mean) distance of triangles' middles and edges' middles from the surface: to first order, or to a change of sign that is
+    nearer (where a formula jumps its slope says nothing)."""
     if not len(triangles):
         return 0.0, 0.0
     corners = positions[triangles]
@@ -261,8 +294,23 @@ def deviation(tape: Tape, positions: Floats, triangles: Ints) -> tuple[float, fl
     value, gradient = enclosures.gradients(tape, *places.T)
     with np.errstate(all="ignore"):
         off = np.abs(value) / np.linalg.norm(gradient, axis=0)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    far = np.flatnonzero(np.isfinite(off) & (off > _FAR * np.median(off)))
+    off[far] = _to_change(tape, places[far], np.concatenate([normals, np.repeat(normals, 3, axis=0)])[far], off[far])
     off = off[np.isfinite(off)]
     return (float(off.max()), float(off.mean())) if len(off) else (0.0, 0.0)
+
+
+def _to_change(tape: Tape, places: Floats, normals: Floats, off: Floats) -> Floats:
+    """How far from places, along normals and axes, the field has another sign, within a factor of two; `off` where it has not nearer."""
+    inside, found = _field(tape, places) <= 0, off
+    for k in range(_HALVINGS):
+        size = off * 0.5**k
+        for way in (normals, *np.eye(3)):
+            for step in (size[:, None] * way, -size[:, None] * way):
+                found = np.where((_field(tape, places + step) <= 0) != inside, size, found)
+    return found
 
 
 def open_edges(triangles: Ints) -> int:

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from maquette.cli import cli
-from maquette.compiler import contour, mesh_solids, solids
-from maquette.compiler.tapes import Builder, Op, Tape
+from maquette.compiler import contour, load, mesh_solids, solids
+from maquette.compiler.tapes import Builder, Op, Tape, stored
+from maquette.render import rays
 
 CUBE = np.array([[-1.0] * 3, [1.0] * 3])
 POINT = (0, 1, 2)
@@ -43,6 +44,87 @@ def volume(made: contour.Contour) -> float:
 
 def euler(made: contour.Contour) -> int:
     return len(np.unique(made.triangles)) - len(made.triangles) * 3 // 2 + len(made.triangles)
+
+
+def bad_fans(made: contour.Contour) -> int:
+    """Vertices whose triangles are not one ring around them."""
+    after: list[dict[int, int]] = [{} for _ in made.positions]
+    bad = set()
+    for triangle in made.triangles.tolist():
+        for k in range(3):
+            a, b, c = triangle[k], triangle[(k + 1) % 3], triangle[(k + 2) % 3]
+            if b in after[a]:
+                bad.add(a)
+            after[a][b] = c
+    for vertex, ring in enumerate(after):
+        if ring:
+            first = at = next(iter(ring))
+            length = 0
+            while length <= len(ring):
+                at, length = ring.get(at, -1), length + 1
+                if at in (first, -1):
+                    break
+            if at != first or length != len(ring):
+                bad.add(vertex)
+    return len(bad)
+
+
+def formula(tmp_path: Path, text: str) -> tuple[Tape, np.ndarray]:
+    path = tmp_path / "a.scene"
+    path.write_text("camera(position: [0, 0, 5])\n" + text + "\n", encoding="utf-8")
+    tables = load.load(path).tables
+    (row,) = np.flatnonzero(tables.geometries.tape >= 0)
+    return stored(tables, int(tables.geometries.tape[row])), tables.geometries.bounds[row]
+
+
+@pytest.mark.parametrize("count", [21, 32])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "implicit(|x, y, z| noise(4 * x, 4 * y, 4 * z) <= -0.1, within: 0.9)",
+        "implicit(|x, y, z| abs(sin(9 * x) * cos(9 * y) + sin(9 * y) * cos(9 * z) + sin(9 * z) * cos(9 * x)) <= 0.2, within: 0.5)",
+        "implicit(|x, y, z| sin(6 * x) * sin(6 * y) * sin(6 * z) >= 0, within: 1)",
+        "union { box(0.5, center: [0.25, 0.25, 0]); box(0.5, center: [-0.25, -0.25, 0]) }",
+        "implicit(|x, y, z| x^2 + z^2 <= y^2, within: 1)",
+        "implicit(|x, y, z| hypot(mod(x, 0.5) - 0.25, mod(y, 0.5) - 0.25, mod(z, 0.5) - 0.25) <= 0.25, within: 1)",
+    ],
+    ids=["noise", "gyroid", "checkers", "an edge touched", "an apex", "balls that touch"],
+)
+def test_whatever_touches_edges_have_two_triangles_and_vertices_one_ring(tmp_path, text, count):
+    """Cells of four roots on a face: where two of them would put two edges in one place they decide otherwise."""
+    made = contour.contour(*formula(tmp_path, text), count)
+    assert len(made.triangles) > 200
+    assert contour.open_edges(made.triangles) == 0
+    assert bad_fans(made) == 0
+
+
+def test_a_jump_is_no_deviation(tmp_path):
+    """The slope of steps says nothing of their fronts: the nearest change of sign does."""
+    made = contour.contour(*formula(tmp_path, "implicit(|x, y, z| floor(4 * x) / 5 >= 2 * y, within: 1)"), 48)
+    assert contour.open_edges(made.triangles) == 0
+    assert made.furthest < 2 / 48  # a cell
+
+
+def test_volumes_between_where_rays_enter_and_leave(tmp_path):
+    """∫(z_back − z_front) is the volume, by rays through the formula and by its triangles."""
+    steps = (np.arange(240) + 0.5) / 240 * 2 - 1
+    x, y = (part.ravel() for part in np.meshgrid(steps, steps))
+    o, d = np.stack([x, y, np.full_like(x, 3.0)], axis=1), np.tile([0.0, 0.0, -1.0], (len(x), 1))
+    for text, size in (
+        ("implicit(|x, y, z| (hypot(x, z) - 0.6)^2 + y^2 + 0 * noise(x, y, z) <= 0.0625)", 2 * math.pi**2 * 0.6 * 0.0625),
+        ("implicit(|x, y, z| hypot(x, y, z)^3 <= 0.512 and noise(x, y, z) <= 5)", 4 / 3 * math.pi * 0.512),
+    ):
+        tape, bounds = formula(tmp_path, text)
+        trees = rays.trees(load.load(tmp_path / "a.scene").tables, closed=False)
+        assert volume(contour.contour(tape, bounds, 64)) == pytest.approx(size, rel=4e-3)
+        total, begin = 0.0, np.zeros(len(o))
+        for _ in range(2):  # in and out, twice through a ring
+            enter = rays.closest(trees, o, d, begin).t
+            hit = np.isfinite(enter)
+            leave = rays.closest(trees, o, d, np.where(hit, enter + 1e-9, 1e9)).t
+            total += float((leave[hit] - enter[hit]).sum())
+            begin = np.where(hit, leave + 1e-9, 1e9)
+        assert total * (2 / 240) ** 2 == pytest.approx(size, rel=1e-3)
 
 
 @pytest.mark.parametrize(

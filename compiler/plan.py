@@ -524,13 +524,16 @@ def _fill(scene: ir.Scene, *_: Any) -> Decision:
 
 def _places(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
     samples, name = done["samples"].value, "raster.places"
+    if done["error"].value > 0.0 or math.isfinite(done["budget"].value):
+        return Decision(name, "own", "how many samples a pixel takes is found out while it is drawn", ("own",))
     if samples == 1:
         return Decision(name, "shared", "a sample stands for its whole pixel, in its middle", ("shared",))
     if done["random numbers"].value:
         why = "light with random numbers: samples and numbers are the ray backend's, so that both err alike (`shared`: sooner, in bands)"
         return Decision(name, "own", why, ("own", "shared"))
     if samples > RASTER_PLACES:
-        return Decision(name, "own", f"edges finer than 1/{RASTER_PLACES} of a pixel: each pixel has places of its own", ("own",))
+        why = f"edges finer than 1/{RASTER_PLACES} of a pixel: each pixel has the ray backend's places (`shared`: sooner, in bands)"
+        return Decision(name, "own", why, ("own", "shared"))
     return Decision(name, "shared", "the same places in every pixel, in bands", ("shared", "own"))
 
 

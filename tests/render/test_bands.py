@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from maquette.compiler import ir
+from maquette.compiler import ir, plan
 from maquette.compiler.rows import CameraData, LightData, MeshData
 from maquette.render import banded, bands, fill, meshlets, metrics, setup
 from maquette.render.handles import Handle
@@ -150,3 +150,23 @@ def test_an_even_picture_stays_even_under_every_filter(name: str, samples: int):
     drawn = pictures.picture(scene, samples=samples, filter=name, size=(21, 18)).channels["rgba"]
     assert np.allclose(drawn[..., 3], 1.0, atol=1e-6)
     assert np.ptp(drawn[..., :3]) < 1e-6
+
+
+def test_many_sharp_samples_in_bands_cover_what_they_should():
+    """A slanted edge through 24 pixels: 256 shared places know its coverage to 1/256 and a rounding, and ray's places about as well."""
+    quad = MeshData(np.array([[-9.0, -9, 0], [0.3, -9, 0], [-0.1, 9, 0], [-9, 9, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
+    scene = tables.scene(meshes=[(quad, tables.matrix((0, 0, -2)), 0)], camera=CameraData(0, 0.5, ir.Projection.ORTHOGRAPHIC), lights=[])
+    x = 12 + 24 * (0.1 + 0.4 / 18 * (np.arange(24 * 64) + 0.5 - 12 * 64) / 24 / 64)
+    exact = np.clip(x[:, None] - np.arange(24), 0, 1).reshape(24, 64, 24).mean(axis=1)
+    own, shared = (
+        pictures.picture(scene, overrides={"raster.places": how}, samples=256, size=(24, 24), filter="box").channels["rgba"][..., 3]
+        for how in ("own", "shared")
+    )
+    assert np.abs(shared - exact).max() < 2 / 256
+    assert np.abs(own - shared).max() < 6 / 256
+
+
+def test_places_are_not_asked_for_where_samples_are_not_counted():
+    scene = tables.scene([(ir.GeometryKind.SPHERE, [0.5], tables.matrix((0, 0, -2)), 0)], camera=CameraData(0, 0.5))
+    with pytest.raises(plan.PlanError, match=r"`raster\.places` cannot be shared; it can be: own"):
+        pictures.picture(scene, overrides={"raster.places": "shared"}, error=0.1, samples=None)

@@ -21,7 +21,7 @@ BISECTIONS = 44
 FLATTEST = 0.1  # of the largest: directions in which planes say less than this share of it, a vertex stays in the middle of its roots
 LEAST, MOST = 16, 256  # cells along the longest axis
 _BATCH = 1 << 18
-_FAR, _HALVINGS = 4.0, 24  # times the median: places so far off are looked at more closely, at ever smaller distances
+_LOOKED_AT, _HALVINGS = 1024, 12  # places at a time that are looked at more closely, at ever smaller distances
 _OFFSETS = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)])
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -296,9 +296,16 @@ def deviation(tape: Tape, positions: Floats, triangles: Ints) -> tuple[float, fl
         off = np.abs(value) / np.linalg.norm(gradient, axis=0)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    far = np.flatnonzero(np.isfinite(off) & (off > _FAR * np.median(off)))
-    off[far] = _to_change(tape, places[far], np.concatenate([normals, np.repeat(normals, 3, axis=0)])[far], off[far])
-    off = off[np.isfinite(off)]
+    normals = np.concatenate([normals, np.repeat(normals, 3, axis=0)])
+    known = np.flatnonzero(np.isfinite(off))
+    order, furthest = known[np.argsort(-off[known], kind="stable")], 0.0
+    for first in range(0, len(order), _LOOKED_AT):  # the farthest ones first, until no other can be farther
+        part = order[first : first + _LOOKED_AT]
+        if off[part[0]] <= furthest:
+            break
+        off[part] = _to_change(tape, places[part], normals[part], off[part])
+        furthest = max(furthest, float(off[part].max()))
+    off = off[known]
     return (float(off.max()), float(off.mean())) if len(off) else (0.0, 0.0)
 
 

@@ -96,6 +96,7 @@ class Desk:
 
     def _run(self, command: list[str], **more: str) -> None:
         environment = {**os.environ, **{name: value for name, value in more.items() if value}}
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)  # installed packages are compiled, and so are those that are run where they stand
         done = subprocess.run(command, env=environment, cwd=self.folder, capture_output=True, text=True, timeout=LONGEST)
         if done.returncode:
             raise RuntimeError(f"{' '.join(command)} failed:\n{done.stdout}{done.stderr}")

@@ -15,8 +15,8 @@ from numba.extending import overload
 
 from . import across, boxes, gather, lanes, meeting, opacity, placed, shapes, simd, surface, traverse, walk
 from . import shapes_flat as flat
-from .bvh import REACH
-from .handles import Handle, HandleType
+from .bvh import REACH, marks
+from .handles import Handle, HandleType, marked
 from .kernels import HELPER, helper
 from .links import FLOAT, Linked
 from .records import Hit, Lane, Ray, Vec
@@ -47,7 +47,7 @@ def moves(accel: Any) -> bool:
 def link(accel: Handle) -> None:
     """Compile or load what goes through packed trees, and tell them where it is."""
     meeting.link(accel)
-    search = traverse.search.link(accel.numba_type, *traverse.SEARCH)
+    search = traverse.search.link(marked(accel.numba_type, *marks(accel.tables)), *traverse.SEARCH)
     if is_used(accel.numba_type):
         accel.put("aside.plain", search)
         if asks(accel.numba_type):

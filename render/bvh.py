@@ -26,6 +26,7 @@ _SWEEP = 0.25  # radians between moments at which the place of what turns is com
 SLACK = 1e-12  # of its coordinates, by which an instance's box grows: transforms round
 
 
+NO_MESHES, NO_TREE = "no meshes", "no tree"  # marks of the type of trees without; see handles.marked
 CAMERA_REST = 8  # a bit beside ir.Visibility's: seen by camera rays, and not met beforehand (primed.py)
 
 
@@ -71,6 +72,12 @@ class Bvh(NamedTuple):
     search: int = 0  # address of traverse.search, or of what goes through things aside too, for kernels
     meet: int = 0  # address of formulas.meet, where there are formula surfaces
     rare: int = 0  # address of meeting.rare, where there are such shapes
+
+
+def marks(trees: Bvh) -> tuple[str, ...]:
+    """What there is none of: a third of what traversal takes to compile is for meshes, another for the tree over instances."""
+    meshes = (trees.placed[:, 3] == int(ir.GeometryKind.MESH)).any()
+    return (() if meshes else (NO_MESHES,)) + ((NO_TREE,) if trees.only >= 0 or not len(trees.top.links) else ())
 
 
 def build(

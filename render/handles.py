@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -23,12 +24,15 @@ from numba.extending import (
     infer_getattr,
     lower_getattr_generic,
     models,
+    overload,
     register_model,
     typeof_impl,
     unbox,
 )
 from numba.np import numpy_support
 from numba.np.arrayobj import make_array, populate_array
+
+from .kernels import HELPER
 
 WORD = 8  # bytes
 
@@ -108,6 +112,32 @@ class HandleType(types.Type):
 
 
 _type_of = functools.cache(HandleType)  # naming one takes longer than packing it
+
+
+def marked(kind: HandleType, *marks: str) -> HandleType:
+    """The same block under a type that tells more of what is in it, as fields without words.
+
+    A kernel that is compiled for that type, and reached by its address, leaves out what it need not ask for.
+    """
+    return _type_of(kind.layout + tuple((mark, 0, ()) for mark in marks))
+
+
+def unless(mark: str, otherwise: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Compile a helper, whose first argument is a Handle, as another where that is `marked` so."""
+
+    def made(function: Callable[..., Any]) -> Callable[..., Any]:
+        def chosen(handle: Any, *of: Any) -> Any:
+            return function(handle, *of)
+
+        @overload(chosen, jit_options=HELPER)
+        def _in_kernels(handle, *of):
+            if handle.field(mark) is None:
+                return lambda handle, *of: function(handle, *of)
+            return lambda handle, *of: otherwise(handle, *of)
+
+        return chosen
+
+    return made
 
 
 def _numba_type(what: Any) -> types.Type:

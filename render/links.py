@@ -35,18 +35,22 @@ class Linked:
 
 
 class Promised(Linked):
-    """What callers need of a kernel whose result is declared; which kernel it is they learn by its address alone."""
+    """What callers need of a kernel whose result is declared; which kernel it is they learn by its address alone.
 
-    def __init__(self, result: Sequence[types.Type]) -> None:
-        self.result = types.Tuple(list(result))
+    Its arguments are taken as they are or, behind the first, as what they are said to be.
+    """
+
+    def __init__(self, result: Sequence[types.Type] | types.Type, takes: Sequence[types.Type] = ()) -> None:
+        self.result = result if isinstance(result, types.Type) else types.Tuple(list(result))
+        self.takes = tuple(takes)
         self.call = _call_of(self)
 
 
 class Answering(Promised):
-    """A kernel whose result is declared, so that its callers compile without it; it takes its arguments as they are."""
+    """A kernel whose result is declared, so that its callers compile without it."""
 
-    def __init__(self, function: Any, result: Sequence[types.Type]) -> None:
-        super().__init__(result)
+    def __init__(self, function: Any, result: Sequence[types.Type] | types.Type, takes: Sequence[types.Type] = ()) -> None:
+        super().__init__(result, takes)
         self.kernel = kernel(function)
 
 
@@ -54,7 +58,9 @@ def _call_of(linked: Linked) -> Any:
     def call(typingctx, address, arguments):
         given = tuple(types.unliteral(kind) for kind in arguments.types)
         if isinstance(linked, Promised):
-            kinds, result = given, linked.result
+            kinds, result = (given[0], *linked.takes) if linked.takes else given, linked.result
+            if not _all_fit(given, kinds):
+                raise TypingError(f"{given} cannot be passed as {kinds}")
         else:
             kinds = next((known for known in linked.kernel.overloads if _all_fit(given, known)), None)
             if kinds is None:

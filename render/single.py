@@ -9,7 +9,8 @@ import numpy as np
 from ..compiler import ir
 from . import across, boxes, gather, lanes, meeting, simd, walk
 from .boxes import Bundle
-from .bvh import PLACED, REACH
+from .bvh import NO_MESHES, PLACED, REACH
+from .handles import unless
 from .kernels import apart, helper
 from .records import Hit, Lane, Vec
 from .wide import spread64
@@ -74,7 +75,7 @@ def turns(accel, kept, rays, steps, inside, left, visible_bit, any_hit):
             todo &= todo - 1
             instance = simd.read(inside, k)
             if instance >= 0:
-                if walk.step(accel.wide, rays, steps, k, instance, any_hit):
+                if _in_mesh(accel, rays, steps, k, instance, any_hit):
                     continue
                 simd.write(inside, k, -1)
                 more = _next(accel, kept, steps, k, simd.read(steps.place, 2 * _LANES + k), any_hit)
@@ -86,6 +87,18 @@ def turns(accel, kept, rays, steps, inside, left, visible_bit, any_hit):
                 wait |= 1 << k
         if wait != 0 and (wait == left or simd.population(wait) >= ENOUGH):
             left, wait = _attempt(accel, kept, rays, steps, inside, left, wait, visible_bit, any_hit)
+
+
+@helper
+def _no_more(accel: Any, rays: walk.Rays, steps: walk.Walks, k: int, instance: int, any_hit: bool) -> bool:
+    return False
+
+
+@unless(NO_MESHES, _no_more)
+@helper
+def _in_mesh(accel: Any, rays: walk.Rays, steps: walk.Walks, k: int, instance: int, any_hit: bool) -> bool:
+    """One step of ray k in a mesh; whether there is more of it."""
+    return walk.step(accel.wide, rays, steps, k, instance, any_hit)
 
 
 @helper
@@ -133,6 +146,24 @@ def _limit(kept: Any, steps: walk.Walks, k: int) -> Any:
 
 
 @helper
+def _no_entry(accel: Any, kept: Any, rays: walk.Rays, steps: walk.Walks, g: Lane, o: Vec, d: Vec, t_min: Lane, here: Lane) -> Lane:
+    return here & (t_min < -np.inf)
+
+
+@unless(NO_MESHES, _no_entry)
+@helper
+def _enter_mesh(accel: Any, kept: Any, rays: walk.Rays, steps: walk.Walks, g: Lane, o: Vec, d: Vec, t_min: Lane, here: Lane) -> Lane:
+    """Make rays ready for meshes g, in whose frames they are: those that enter their boxes."""
+    t_max = across.load(kept, 16)
+    until = lanes.minimum(across.load(steps.found, 0), t_max)
+    ray, box = boxes.local_ray(o, d), gather.eight_at(accel.boxes, g, 0)
+    enters = boxes.enter(box, ray, t_min, until)
+    go = here & (enters < np.inf)
+    walk.keep(rays, 0, go, o, d, ray.inverse, enters, t_min, t_max, until, box[REACH])
+    return go
+
+
+@helper
 def _attempt(
     accel: Any, kept: Any, rays: walk.Rays, steps: walk.Walks, inside: Any, left: int, wait: int, visible_bit: int, any_hit: bool
 ) -> tuple[int, int]:
@@ -147,13 +178,7 @@ def _attempt(
     matrix, t_min = (a, b, c, x, e, f, h, y, p, q, r, z), across.load(kept, 15)
     o = lanes.point_by(matrix, (across.load(kept, 9), across.load(kept, 10), across.load(kept, 11)))
     d = lanes.vector_by(matrix, (across.load(kept, 12), across.load(kept, 13), across.load(kept, 14)))
-    o = lanes.sub(o, (u, v, w))
-    t_max = across.load(kept, 16)
-    until = lanes.minimum(across.load(steps.found, 0), t_max)
-    ray, box = boxes.local_ray(o, d), gather.eight_at(accel.boxes, g, 0)
-    enters = boxes.enter(box, ray, t_min, until)
-    go = here & meshes & (enters < np.inf)
-    walk.keep(rays, 0, go, o, d, ray.inverse, enters, t_min, t_max, until, box[REACH])
+    go = _enter_mesh(accel, kept, rays, steps, g, lanes.sub(o, (u, v, w)), d, t_min, here & meshes)
     across.write_lanes(inside, 0, 0, i, go)
     across.write_lanes(steps.place, 0, 0, root, go)
     across.write_lanes(steps.place, 2, 0, across.load(steps.place, 1), go)

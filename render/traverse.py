@@ -8,9 +8,10 @@ import numpy as np
 from numba import types
 
 from . import across, boxes, bundle, gather, lanes, meeting, simd, single, walk
-from .bvh import FINE, REACH
+from .bvh import FINE, NO_MESHES, NO_TREE, REACH
+from .handles import unless
 from .kernels import apart, helper
-from .links import FLOAT, MASK, VEC, Linked
+from .links import FLOAT, INT, MASK, VEC, Answering
 from .records import Hit, Lane, Vec
 from .single import MESH
 from .wide import DEPTH
@@ -36,16 +37,33 @@ def _search(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit
     left = across.bits(until > t_min)
     if accel.only >= 0 or len(accel.top.links) == 0 or left == 0:
         return best
+    return _below(accel, origin, direction, t_min, until, left, visible_bit, any_hit, best)
+
+
+SEARCH = (VEC, VEC, FLOAT, FLOAT, MASK, types.int64, types.boolean)  # what `search` takes beside the trees; aside.link makes it ready
+HIT: Any = types.NamedTuple([FLOAT, INT, INT, FLOAT, FLOAT], Hit)
+search = Answering(_search, HIT, SEARCH)
+find = search.call  # what kernels call, with its address and its arguments
+
+
+@helper
+def _nothing_below(
+    accel: Any, origin: Vec, direction: Vec, t_min: Lane, until: Lane, left: int, visible_bit: int, any_hit: bool, best: Hit
+) -> Hit:  # fmt: skip
+    return best
+
+
+@unless(NO_TREE, _nothing_below)
+@helper
+def _below(
+    accel: Any, origin: Vec, direction: Vec, t_min: Lane, until: Lane, left: int, visible_bit: int, any_hit: bool, best: Hit
+) -> Hit:  # fmt: skip
+    """`best`, or what rays whose bits are set in `left` meet first in the tree over instances where that comes first."""
     ray = boxes.world_ray(origin, direction)
     narrow = _narrow(ray, direction, until > t_min, left)
     if narrow or len(accel.top.links) <= SMALL:
         return _together(accel, ray, origin, direction, t_min, until, visible_bit, any_hit, narrow, best)
     return single.each(accel, ray, origin, direction, t_min, until, left, visible_bit, any_hit, best)
-
-
-SEARCH = (VEC, VEC, FLOAT, FLOAT, MASK, types.int64, types.boolean)  # what `search` takes beside the trees; aside.link makes it ready
-search = Linked(_search)
-find = search.call  # what kernels call, with its address and its arguments
 
 
 @helper
@@ -104,9 +122,7 @@ def attempt(accel: Any, i: int, origin: Vec, direction: Vec, t_min: Lane, t_max:
     zero = lanes.full_like(t_min, 0.0)
     found = Hit(zero + np.inf, lanes.int_like(zero, i), lanes.int_like(zero, -1), zero, zero)
     if kind == MESH:
-        o = lanes.sub(o, (accel.origin[g, 0], accel.origin[g, 1], accel.origin[g, 2]))
-        t, primitive, u, v = _mesh(accel, g, np.int64(accel.placed[i, 4]), o, d, t_min, t_max, best.t, any_hit)
-        found = Hit(t, found.instance, primitive, u, v)
+        found = _on_mesh(accel, i, g, o, d, t_min, t_max, best.t, any_hit, found)
     else:
         until = lanes.minimum(t_max, best.t + 1e-15 * abs(best.t))  # and no less: of equal meetings the lowest instance counts
         t, part, u, v = meeting.shape(accel, kind, g, o, d, t_min, until)
@@ -116,6 +132,24 @@ def attempt(accel: Any, i: int, origin: Vec, direction: Vec, t_min: Lane, t_max:
         lanes.where(nearer, found.t, best.t), lanes.where(nearer, found.instance, best.instance),
         lanes.where(nearer, found.primitive, best.primitive), lanes.where(nearer, found.u, best.u), lanes.where(nearer, found.v, best.v),
     )  # fmt: skip
+
+
+@helper
+def _no_mesh(
+    accel: Any, i: int, g: int, o: Vec, d: Vec, t_min: Lane, t_max: Lane, nearest: Lane, any_hit: bool, nothing: Hit
+) -> Hit:  # fmt: skip
+    return nothing
+
+
+@unless(NO_MESHES, _no_mesh)
+@helper
+def _on_mesh(
+    accel: Any, i: int, g: int, o: Vec, d: Vec, t_min: Lane, t_max: Lane, nearest: Lane, any_hit: bool, nothing: Hit
+) -> Hit:  # fmt: skip
+    """What rays in the frame of instance i meet of its mesh."""
+    o = lanes.sub(o, (accel.origin[g, 0], accel.origin[g, 1], accel.origin[g, 2]))
+    t, primitive, u, v = _mesh(accel, g, np.int64(accel.placed[i, 4]), o, d, t_min, t_max, nearest, any_hit)
+    return Hit(t, nothing.instance, primitive, u, v)
 
 
 @apart

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from maquette.render.handles import Handle
-from maquette.render.kernels import kernel
+from maquette.render.handles import Handle, marked, unless
+from maquette.render.kernels import helper, kernel
 
 
 class Inner(NamedTuple):
@@ -88,3 +88,34 @@ def test_only_contiguous_arrays_are_taken() -> None:
     table = make()
     with pytest.raises(ValueError, match="frames is not contiguous"):
         Handle(table._replace(frames=table.frames.transpose(0, 2, 1)))
+
+
+class Numbers(NamedTuple):
+    numbers: np.ndarray
+
+
+@helper
+def _without(handle, x):
+    return -x
+
+
+@unless("no numbers", _without)
+@helper
+def first_and(handle, x):
+    return handle.numbers[0] + x
+
+
+@kernel
+def asked(handle, x):
+    return first_and(handle, x)
+
+
+def test_a_marked_type_is_the_same_block_with_something_left_out():
+    handle = Handle(Numbers(np.array([2.0])))
+    plain, without = handle.numba_type, marked(handle.numba_type, "no numbers")
+    assert plain.field("no numbers") is None
+    assert without.field("numbers") == plain.field("numbers")
+    assert marked(handle.numba_type, "no numbers") is without
+    assert asked(handle, 1.0) == 3.0
+    handle.numba_type = without
+    assert asked(handle, 1.0) == -1.0

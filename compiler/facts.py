@@ -85,3 +85,12 @@ def glossy_materials(scene: ir.Scene) -> np.ndarray:
     principled = np.isin(m.model, (ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR))
     frosted = (m.model == ir.MaterialModel.GLASS) & may_be(lambda x: x > 0.0, slot.ROUGHNESS)
     return (m.model == ir.MaterialModel.METAL) | (principled & polished) | frosted
+
+
+def lit_materials(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: those whose look depends on lights: what is matt, has a highlight or is rough glass."""
+    m, slots = tables.materials, [ir.Slot.DIFFUSE, ir.Slot.SPECULAR]
+    plain = (m.values[:, slots].max(axis=(1, 2), initial=0.0) > 0.0) | (m.textures[:, slots] >= 0).any(axis=1)
+    rough = (m.values[:, ir.Slot.ROUGHNESS, 0] > 0.0) | (m.textures[:, ir.Slot.ROUGHNESS] >= 0)
+    facets = np.isin(m.model, (ir.MaterialModel.METAL, ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR))
+    return plain | facets | (m.model == ir.MaterialModel.BLEND) | (rough & (m.model == ir.MaterialModel.GLASS))

@@ -13,7 +13,7 @@ import numpy as np
 from ..lang.diagnostics import suggest
 from . import caustics, ir
 from .facts import POLISHED as POLISHED  # what a plan's readers ask, too
-from .facts import glossy_materials, ground, moving, partial, specular_materials, used_materials
+from .facts import glossy_materials, ground, lit_materials, moving, partial, specular_materials, used_materials
 from .facts import open_during as open_during
 
 DEFAULT_SIZE = (800, 600)
@@ -493,9 +493,9 @@ def _textures(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision])
     tables = scene.tables
     rows = np.unique(tables.materials.textures[np.unique(tables.instances.material)])
     rows = rows[rows >= 0]
-    patterns = bool((tables.textures.kind[rows] == ir.TextureKind.FORMULA).any())
-    pictures = bool(((tables.textures.kind[rows] == ir.TextureKind.IMAGE) & ~tables.textures.nearest[rows]).any())
-    cells = bool(np.isin(tables.textures.kind[rows], (ir.TextureKind.CHECKER, ir.TextureKind.STRIPES)).any())
+    kind, plain = tables.textures.kind[rows], tables.textures.nearest[rows]
+    patterns, pictures = bool((kind == ir.TextureKind.FORMULA).any()), bool(((kind == ir.TextureKind.IMAGE) & ~plain).any())
+    cells = bool(np.isin(kind, (ir.TextureKind.CHECKER, ir.TextureKind.STRIPES)).any())
     if not patterns and not pictures and not cells:
         return Decision("textures", "sharp", "no picture and no pattern lies on anything", fixed="the scene's materials")
     why = ""
@@ -508,8 +508,9 @@ def _textures(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision])
         why = "each pixel has many rays from the eye"
     if why:
         return Decision("textures", "sharp", why, ("sharp",))
+    if patterns or not pictures:
+        return Decision("textures", "filtered", "patterns are averaged over what a pixel sees of them", ("filtered", "sharp"))
     reason = "pictures are looked at in the size and along the direction in which a pixel sees them"
-    reason = "patterns are averaged over what a pixel sees of them" if patterns or (cells and not pictures) else reason
     return Decision("textures", "filtered", reason, ("filtered", "sharp"))
 
 
@@ -529,12 +530,12 @@ def _places(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -
     if samples == 1:
         return Decision(name, "shared", "a sample stands for its whole pixel, in its middle", ("shared",))
     if done["random numbers"].value:
-        why = "light with random numbers: samples and numbers are the ray backend's, so that both err alike (`shared`: sooner, in bands)"
-        return Decision(name, "own", why, ("own", "shared"))
-    if samples > RASTER_PLACES:
-        why = f"edges finer than 1/{RASTER_PLACES} of a pixel: each pixel has the ray backend's places (`shared`: sooner, in bands)"
-        return Decision(name, "own", why, ("own", "shared"))
-    return Decision(name, "shared", "the same places in every pixel, in bands", ("shared", "own"))
+        why = "light with random numbers: samples and numbers are the ray backend's, so that both err alike"
+    elif samples > RASTER_PLACES:
+        why = f"edges finer than 1/{RASTER_PLACES} of a pixel: each pixel has the ray backend's places"
+    else:
+        return Decision(name, "shared", "the same places in every pixel, in bands", ("shared", "own"))
+    return Decision(name, "own", f"{why} (`shared`: sooner, in bands)", ("own", "shared"))
 
 
 def _shading(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
@@ -584,15 +585,6 @@ RULES: tuple[Callable[[ir.Scene, ir.Settings, Mapping[str, Decision]], Decision]
     _background, _exposure, _view, _aov, _denoise, _threads, _accelerator, _formulas, _horizon, _opacity,
     _raster_shadows, _motion, _caustics, _textures, _tolerance, _fill, _places, _shading, _precision,
 )  # fmt: skip
-
-
-def lit_materials(tables: ir.Tables) -> np.ndarray:
-    """(materials,) bool: those whose look depends on lights: what is matt, has a highlight or is rough glass."""
-    m, slots = tables.materials, [ir.Slot.DIFFUSE, ir.Slot.SPECULAR]
-    plain = (m.values[:, slots].max(axis=(1, 2), initial=0.0) > 0.0) | (m.textures[:, slots] >= 0).any(axis=1)
-    rough = (m.values[:, ir.Slot.ROUGHNESS, 0] > 0.0) | (m.textures[:, ir.Slot.ROUGHNESS] >= 0)
-    facets = np.isin(m.model, (ir.MaterialModel.METAL, ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR))
-    return plain | facets | (m.model == ir.MaterialModel.BLEND) | (rough & (m.model == ir.MaterialModel.GLASS))
 
 
 def warnings(scene: ir.Scene, plan: Plan) -> list[str]:

@@ -80,6 +80,9 @@ X86 = llvm.get_process_triple().startswith(("x86_64", "i386", "i686"))
 AVX512, AVX2 = ISA == "avx512", ISA == "avx2"
 FMA = bool(FEATURES.get("fma")) or ("neon" in FEATURES and not X86)
 """Whether a multiply-add that rounds once is one instruction; elsewhere it would be a library call."""
+CHECKED = os.environ.get("MAQUETTE_CHECKED") == "1"
+"""Whether kernels check the places they read and write; see simd/guard.py."""
+config.BOUNDSCHECK = CHECKED or config.BOUNDSCHECK  # pyright: ignore[reportAttributeAccessIssue]
 WIDTH = BYTES[ISA] // 4
 """Lanes of four bytes in a vector: 16, 8, 4 or 1."""
 WIDTH64 = max(1, BYTES[ISA] // 8)
@@ -89,7 +92,7 @@ WIDTH64 = max(1, BYTES[ISA] // 8)
 def fingerprint() -> str:
     """Tells two machines apart whose compiled code differs."""
     name = config.CPU_NAME or llvm.get_host_cpu_name()  # pyright: ignore[reportAttributeAccessIssue]
-    return " ".join((ISA, name, *sorted(feature for feature, on in FEATURES.items() if on)))
+    return " ".join(("checked " * CHECKED + ISA, name, *sorted(feature for feature, on in FEATURES.items() if on)))
 
 
 def cores() -> int:

@@ -16,6 +16,7 @@ from numba.core.typing.templates import AbstractTemplate, Signature, infer_globa
 from numba.extending import lower_builtin
 from numba.np.arrayobj import make_array
 
+from . import guard
 from .memory import element_shape, gathered
 from .value import Value
 from .vector import Vector, value
@@ -67,6 +68,7 @@ def _gather(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
     for kind, one, size in reversed(list(zip(kinds, raw, sizes, strict=True))):
         if isinstance(kind, Vector):
             part = value(builder, one, kind)
+            guard.each(builder, size, part)
             part = part * Value(builder, step, "i", 64).to(part.kind, part.bits).splat(part.lanes)
             lanes = part if lanes is None else lanes + part
         else:

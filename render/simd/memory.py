@@ -1,8 +1,8 @@
 """Vectors and arrays: load and store, gather and scatter, compress, rows of records, and scratch memory on the stack.
 
-Places are flat: element `i` of the C-contiguous array's data, whatever its shape. Nothing is checked, nothing wraps around. What is
-stored is converted to the array's type first. Arrays may be of float32, float64, int32, int64, uint32, uint64, uint8 or bool;
-uint8 becomes int32 lanes and bool a mask.
+Places are flat: element `i` of the C-contiguous array's data, whatever its shape. Nothing is checked, but where MAQUETTE_CHECKED asks for
+it (guard.py); nothing wraps around. What is stored is converted to the array's type first. Arrays may be of float32, float64, int32, int64,
+uint32, uint64, uint8 or bool; uint8 becomes int32 lanes and bool a mask.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from numba.np.arrayobj import make_array, populate_array
 from numpy.typing import NDArray
 
 from .. import machine
+from . import guard
 from . import value as v
 from .functions import CONSTRUCTED, shuffled, transposed
 from .value import I1, I8, I32, I64, Value
@@ -80,10 +81,11 @@ def to_memory(lanes: Value, array: Any) -> Any:
     return lanes.to(shape[0], shape[1]).raw
 
 
-def place(context: Any, builder: Any, array: Any, raw: Any, index: Any, index_type: types.Type) -> Any:
-    """The address of a flat place."""
-    data = make_array(array)(context, builder, value=raw).data
-    return builder.gep(data, [context.cast(builder, index, index_type, types.int64)])
+def place(context: Any, builder: Any, array: Any, raw: Any, index: Any, index_type: types.Type, count: int = 1) -> Any:
+    """The address of a flat place, from which on `count` elements are read or written (0: it is not known)."""
+    made, at = make_array(array)(context, builder, value=raw), context.cast(builder, index, index_type, types.int64)
+    guard.one(builder, made, at, count)
+    return builder.gep(made.data, [at])
 
 
 def as_vector(builder: Any, pointer: Any, element: Any, lanes: int) -> Any:
@@ -114,7 +116,7 @@ def _load(array: Any, index: types.Type, what: types.Type | None, aligned: bool)
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
         element = stored_type(context, array)
-        pointer = as_vector(builder, place(context, builder, array, args[0], args[1], index), element, result.lanes)
+        pointer = as_vector(builder, place(context, builder, array, args[0], args[1], index, result.lanes), element, result.lanes)
         size = item_bytes(array)
         loaded = builder.load(pointer, align=size * result.lanes if aligned else size)
         return from_memory(builder, loaded, array).to(result.kind, result.bits).raw
@@ -143,7 +145,7 @@ def load3(typingctx, array, i, what=None):
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
         n = result.lanes
-        pointer = as_vector(builder, place(context, builder, array, args[0], args[1], i), stored_type(context, array), 3 * n)
+        pointer = as_vector(builder, place(context, builder, array, args[0], args[1], i, 3 * n), stored_type(context, array), 3 * n)
         loaded = builder.load(pointer, align=item_bytes(array))
         columns = [shuffled(builder, loaded, loaded, list(range(k, 3 * n, 3))) for k in range(3)]
         parts = [from_memory(builder, column, array).to(result.kind, result.bits).raw for column in columns]
@@ -158,7 +160,7 @@ def _store(array: Any, index: types.Type, x: types.Type, aligned: bool, past: bo
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
         raw = to_memory(value(builder, args[2], x), array)
-        pointer = place(context, builder, array, args[0], args[1], index)
+        pointer = place(context, builder, array, args[0], args[1], index, x.lanes)
         size = item_bytes(array)
         stored = builder.store(raw, builder.bitcast(pointer, raw.type.as_pointer()), align=size * x.lanes if aligned else size)
         if past:
@@ -203,7 +205,7 @@ def masked_load(typingctx, array, i, mask):
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
         element, n = stored_type(context, array), mask.lanes
-        pointer = as_vector(builder, place(context, builder, array, args[0], args[1], i), element, n)
+        pointer = as_vector(builder, place(context, builder, array, args[0], args[1], i, 0), element, n)
         nothing = zero_lanes(builder, element, n)
         arguments = [pointer, ir.Constant(I32, item_bytes(array)), args[2], nothing]
         name = f"llvm.masked.load.{_suffix(element, n)}.p0"
@@ -220,7 +222,7 @@ def masked_store(typingctx, array, i, x, mask):
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
         raw = to_memory(value(builder, args[2], x), array)
-        pointer = place(context, builder, array, args[0], args[1], i)
+        pointer = place(context, builder, array, args[0], args[1], i, 0)
         _masked_store(builder, pointer, raw, args[3], item_bytes(array))
         return context.get_dummy_value()
 
@@ -329,8 +331,9 @@ def gather(typingctx, array, index, mask=None):
         return None
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
-        base = make_array(array)(context, builder, value=args[0]).data
-        return gathered(context, builder, array, base, value(builder, args[1], index), args[2] if mask else None).raw
+        made, places = make_array(array)(context, builder, value=args[0]), value(builder, args[1], index)
+        guard.each(builder, made.nitems, places, args[2] if mask else None)
+        return gathered(context, builder, array, made.data, places, args[2] if mask else None).raw
 
     return signature(Vector(*shape, index.lanes), array, index, mask or types.none), generate
 
@@ -343,8 +346,9 @@ def scatter(typingctx, array, index, x, mask=None):
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
         raw = to_memory(value(builder, args[2], x), array)
-        base = make_array(array)(context, builder, value=args[0]).data
-        where = addresses(builder, raw.type.element, base, args[1])
+        made = make_array(array)(context, builder, value=args[0])
+        guard.each(builder, made.nitems, value(builder, args[1], index), args[3] if mask else None)
+        where = addresses(builder, raw.type.element, made.data, args[1])
         every = args[3] if mask else ir.Constant(ir.VectorType(I1, x.lanes), [1] * x.lanes)
         name = f"llvm.masked.scatter.{_suffix(raw.type.element, x.lanes)}.v{x.lanes}p0"
         v.call(builder, name, ir.VoidType(), [raw, where, ir.Constant(I32, item_bytes(array)), every])
@@ -425,7 +429,7 @@ def compress_store(typingctx, array, i, x, mask):
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
         raw = to_memory(value(builder, args[2], x), array)
-        pointer = place(context, builder, array, args[0], args[1], i)
+        pointer = place(context, builder, array, args[0], args[1], i, 0)
         number = builder.zext(builder.bitcast(args[3], ir.IntType(x.lanes)), I64)
         total = v.call(builder, "llvm.ctpop.i64", I64, [number])
         if _has_compress(raw):
@@ -455,11 +459,12 @@ def gather_rows(typingctx, array, index, k):
     result = types.UniTuple(Vector(*shape, lanes), columns)
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
-        base = make_array(array)(context, builder, value=args[0]).data
+        made = make_array(array)(context, builder, value=args[0])
+        guard.each(builder, made.nitems, value(builder, args[1], index), count=columns)
         rows = []
         for n in range(lanes):
             at = value(builder, builder.extract_element(args[1], ir.Constant(I32, n)), index.scalar).to("i", 64).raw
-            pointer = as_vector(builder, builder.gep(base, [at]), stored_type(context, array), columns)
+            pointer = as_vector(builder, builder.gep(made.data, [at]), stored_type(context, array), columns)
             rows.append(builder.load(pointer, align=item_bytes(array)))
         return context.make_tuple(builder, result, _columns(builder, rows, columns))
 
@@ -500,7 +505,8 @@ def scatter_rows(typingctx, array, index, columns):
         return None
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
-        base = make_array(array)(context, builder, value=args[0]).data
+        made = make_array(array)(context, builder, value=args[0])
+        guard.each(builder, made.nitems, value(builder, args[1], index), count=k)
         parts = [to_memory(value(builder, builder.extract_value(args[2], j), kind), array) for j in range(k)]
         beside = transposed(builder, parts, kind.lanes) if k in (2, 4, 8) and kind.lanes >= k else None
         for n in range(kind.lanes):
@@ -509,7 +515,7 @@ def scatter_rows(typingctx, array, index, columns):
                 row = _column(builder, parts, n)
             else:
                 row = shuffled(builder, beside[n % k], beside[n % k], list(range(n - n % k, n - n % k + k)))
-            pointer = as_vector(builder, builder.gep(base, [at]), row.type.element, k)
+            pointer = as_vector(builder, builder.gep(made.data, [at]), row.type.element, k)
             builder.store(row, pointer, align=item_bytes(array))
         return context.get_dummy_value()
 
@@ -576,7 +582,7 @@ def prefetch(typingctx, array, i):
         return None
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
-        pointer = builder.bitcast(place(context, builder, array, args[0], args[1], i), I8.as_pointer())
+        pointer = builder.bitcast(place(context, builder, array, args[0], args[1], i, 0), I8.as_pointer())
         v.call(builder, "llvm.prefetch.p0", ir.VoidType(), [pointer, *(ir.Constant(I32, n) for n in (0, 3, 1))])
         return context.get_dummy_value()
 

@@ -3,7 +3,7 @@
 E(μ, α) = ∫ f cos dω of a GGX highlight that reflects everything (Smith's shadowing, height-correlated) seen under the cosine μ, and B(μ, α)
 the part of it that Schlick's (1 − cos)⁵ weighs, so that a highlight of Schlick's law reflects f0 (E − B) + f90 B: the split sum (Karis
 2013, Real Shading in Unreal Engine 4). Both are integrated over the microfacets that are seen (Dupuy and Benyoub 2023, Sampling Visible
-GGX Normals with Spherical Caps), which takes some 40 ms, once a process and only where a scene has such materials.
+GGX Normals with Spherical Caps), which takes some 80 ms, once a process and only where a scene has such materials.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from . import gather, lanes
 from .kernels import helper
 from .records import Lane
 
-COLUMNS = 32  # of directions
-ROWS = 24  # of roughness √α
+COLUMNS = 64  # of directions
+ROWS = 48  # of roughness √α
 SMOOTHEST = 1e-4  # α of the first row
-_NODES = 24  # of each integral, over the microfacets' two dimensions
+_NODES = 20  # of each integral, over the microfacets' two dimensions
 
 F64 = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ F64 = NDArray[np.float64]
 class Albedo(NamedTuple):
     """Tables as kernels read them; row j is for √α = j / (ROWS - 1)."""
 
-    each: F64  # (ROWS · COLUMNS, 4) E and B of a column and of the one after it
+    each: F64  # (ROWS · COLUMNS, 4) of a column and of the one after it E, and what B is more than (1 − μ)⁵ E, all that it is where smooth
     mean: F64  # (ROWS, 4) cosine-weighted means of E and B, standard deviation of B, 0
 
 
@@ -44,10 +44,11 @@ def seen(table: Albedo, cosine: Lane, alpha: Lane) -> tuple[Lane, Lane]:
     x = column - lanes.to_float(left)
     e, b, e_next, b_next = gather.four_at(table.each, row * COLUMNS + left)
     e_below, b_below, e_last, b_last = gather.four_at(table.each, (row + 1) * COLUMNS + left)
-    return (
-        lanes.lerp(lanes.lerp(e, e_next, x), lanes.lerp(e_below, e_last, x), part),
-        lanes.lerp(lanes.lerp(b, b_next, x), lanes.lerp(b_below, b_last, x), part),
-    )  # fmt: skip
+    whole = lanes.lerp(lanes.lerp(e, e_next, x), lanes.lerp(e_below, e_last, x), part)
+    more = lanes.lerp(lanes.lerp(b, b_next, x), lanes.lerp(b_below, b_last, x), part)
+    away = 1.0 - cosine
+    squared = away * away
+    return whole, lanes.clip(more + squared * squared * away * whole, 0.0, whole)
 
 
 @helper
@@ -74,6 +75,7 @@ def table() -> Albedo:
     alpha = np.maximum(np.linspace(0.0, 1.0, ROWS) ** 2, SMOOTHEST)
     cosine = _cosines(alpha)
     e, b = integrals(cosine, alpha[:, None])
+    b = b - (1.0 - cosine) ** 5 * e
     each = np.stack([e, b, np.roll(e, -1, 1), np.roll(b, -1, 1)], axis=-1).reshape(-1, 4)
     nodes, weights = np.polynomial.legendre.leggauss(64)
     mu = np.broadcast_to(0.5 * (nodes + 1.0), (ROWS, 64))

@@ -136,9 +136,9 @@ class Tracer:
     """Makes maps of photons, round by round; see film.Renderer.refresh."""
 
     def __init__(self, accel: Handle, scene: Handle, frame: Handle, aims: Aims, kind: type, threads: int) -> None:
-        """`accel`, `scene` and `frame` as waves have them, `kind` the floats that those are of."""
+        """`accel`, `scene` and `frame` as waves have them; `kind` is the floats that those and the aims are of."""
         self.accel, self.scene, self.frame, self.kind, self.threads = accel, scene, frame, kind, threads
-        self.aims = Handle(Aims(*(np.ascontiguousarray(part, kind) if isinstance(part, np.ndarray) else part for part in aims)))
+        self.aims = Handle(aims)
         self.rooms = threading.local()  # of waves, one a thread
         self.maps = 0  # made so far
         self.so_far = 0  # photons

@@ -116,7 +116,7 @@ def _for_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame) ->
     if aims is not None:
         from . import photons  # what few scenes need
 
-        tracer = photons.Tracer(accel, packed, frames, aims, kind, int(plan["threads"]) or machine.cores())
+        tracer = photons.Tracer(accel, packed, frames, _as(aims, kind), kind, int(plan["threads"]) or machine.cores())
     return Prepared(tables, packed, accel, None, options, frames, paths=kind, photons=tracer)
 
 

@@ -75,4 +75,5 @@ def test_it_is_told(tmp_path):
     (said,) = found.items
     assert said.message == "shape: 1 corner lies on the edge of a triangle that goes on: the seam may show cracks"
     assert said.hint == "split the edge there"
+    assert said.span is not None
     assert said.span.line == 2

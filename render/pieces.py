@@ -240,7 +240,10 @@ def _quad(matrix: Any, origin: Any, first: Any, second: Any, primitive: int, kin
 
 
 def _mesh_pieces(tables: ir.Tables, i: int, g: int, matrix: Any) -> list[_Found]:
-    """A small mesh's triangles, two that make a parallelogram as one where nothing is interpolated over them."""
+    """A small mesh's triangles, two that make a parallelogram as one where nothing is interpolated over them.
+
+    Of what shines each is an emitter of its own, and what is met must tell which.
+    """
     geometries, pools = tables.geometries, tables.pools
     first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
     if not 0 < count <= MESH_TRIANGLES or first + count > EXACT:
@@ -249,11 +252,12 @@ def _mesh_pieces(tables: ir.Tables, i: int, g: int, matrix: Any) -> list[_Found]
     at = pools.positions.astype(np.float64)
     corner = {int(v): at[v] + geometries.origin[g] for v in np.unique(triangles)}
     found, left = [], list(range(count))
+    whole = _is_plain(tables, i) and not tables.materials.values[tables.instances.material[i], ir.Slot.EMISSION].any()
     while left:
         k = left.pop(0)
         a, b, c = (corner[int(v)] for v in triangles[k])
-        partner = next((m for m in left if _opposite(triangles[k], triangles[m], corner) is not None), None)
-        if partner is not None and _is_plain(tables, i):
+        partner = next((m for m in left if _opposite(triangles[k], triangles[m], corner) is not None), None) if whole else None
+        if partner is not None:
             left.remove(partner)
             origin = _opposite(triangles[k], triangles[partner], corner)
             assert origin is not None

@@ -43,9 +43,10 @@ def one_sided(places: list[list[float]]) -> light_tree.Bounds:
 def test_where_nothing_shines_no_lamp_is_read(count):
     """Below lamps that shine upwards, and at places that are no numbers, with no far light that would be row 0."""
     tree = guarded(light_tree.build(np.zeros(0), one_sided([[k, 1.0, 0.0] for k in range(count)])))
+    facing = None if count < 20 else (np.zeros(4), np.ones(4), np.zeros(4))
     for position in (np.zeros(4), np.full(4, -3.0), np.full(4, np.nan)):
         with np.errstate(all="ignore"):
-            row, chance = light_tree.choose(tree, (position, position - 1.0, position), np.linspace(0.0, 0.9, 4))
+            row, chance = light_tree.choose(tree, (position, position - 1.0, position), facing, np.linspace(0.0, 0.9, 4))
         assert (row == 0).all()
         assert (chance == 0).all()
 

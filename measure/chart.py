@@ -27,7 +27,6 @@ OF_REFERENCE = 0.5  # of the budget
 RESERVE, MOST_RESERVED = 0.1, 2.5  # of the budget, and seconds of it at the most: for loading before measuring, and drawing after it
 BETTER = 16  # times the samples of the dearest rung the reference has at least: its noise then adds 3 % to an error at the most
 AIM = 100 * 4096  # samples a pixel of a reference that nothing is added to any more
-FOR_PEERS = {"filter": "box"}  # the pixel filter that all renderers have: with peers on the chart everybody takes it
 RUNGS, RUNS = 16, 2048  # of a ladder and of a rung, at the most: room for their seeds
 WIDE = 160  # pixels of the longer side where no size was asked for
 
@@ -90,7 +89,7 @@ class _Work:
         # A chart turns these itself, and what the scene says of them must not end a rung.
         self.scene = replace(scene, settings=replace(scene.settings, samples=None, error=None, budget=None, seed=None))
         self.settings = _sized(self.scene, replace(wanted.settings, backend=None, threads=runs.threads(wanted.settings)))
-        common = FOR_PEERS if wanted.peers and planner.make(self.scene, self.settings)["filter"] != FOR_PEERS["filter"] else {}
+        common = peers.common(planner.make(self.scene, self.settings)) if wanted.peers else {}
         self.truth = truth.of(self.scene, self.settings, common)
         self.left_out: dict[str, str] = {}
         self.versions = runs.versions()

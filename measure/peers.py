@@ -45,6 +45,15 @@ class Peer(Protocol):
         ...
 
 
+def common(plan: Plan) -> dict[str, str]:
+    """What has to be overridden in everybody's plan beside peers, so that all draw the same: what all renderers have.
+
+    That is the box filter, and textures that are looked at in points: peers have no means of them over what a pixel sees.
+    """
+    box = {} if plan["filter"] == "box" else {"filter": "box"}
+    return box if plan.decisions["textures"].fixed else {**box, "textures": "sharp"}
+
+
 def find(names: Iterable[str]) -> list[Peer]:
     """Peers by name, installed or not. Raises ValueError for a name that is none."""
     known: dict[str, Peer] = {peer.name: peer for peer in (Mitsuba(), PovRay())}

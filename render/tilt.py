@@ -231,7 +231,16 @@ def _slopes(tables: Tables, g: Lane, on_mesh: Lane, hit: Hit) -> tuple[Vec, Vec]
     """The gradients of u and v on a triangle, in the mesh's frame; 0 where the mesh has none or the triangle no area."""
     row = lanes.to_int(tables.geometries.uvs[g])
     has = on_mesh & (row >= 0)
-    g, row = lanes.where(has, g, 0), lanes.where(has, row, 0)
+    nowhere = lanes.like3(hit.u, 0.0, 0.0, 0.0)
+    u, v = nowhere, nowhere
+    if lanes.any_lane(has):  # else there need not be an attribute to look at
+        u, v = _gradients(tables, lanes.where(has, g, 0), lanes.where(has, row, 0), has, hit)
+    return u, v
+
+
+@helper
+def _gradients(tables: Tables, g: Lane, row: Lane, has: Lane, hit: Hit) -> tuple[Vec, Vec]:
+    """The same of meshes that have coordinates (`row` of Attributes); 0 in other lanes, which look at row 0."""
     first = lanes.to_int(tables.geometries.first_triangle[g])
     triangle = lanes.where(has, lanes.clip(hit.primitive, first, first + tables.geometries.triangle_count[g] - 1), 0)
     a, b, c = surface.corners(tables, g, triangle)

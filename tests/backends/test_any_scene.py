@@ -111,3 +111,19 @@ def test_any_scene_is_drawn_as_the_reference_draws_it(holes, seed):
         unsure = apart(expected, drawn(scene, "reference", "1")) | apart(expected, drawn(scene, "reference", "-1"))
         assert not (different & ~unsure).any(), np.argwhere(different & ~unsure).tolist()
     assert different.mean() < 0.03
+
+
+@pytest.mark.parametrize("backend", ["ray", "raster", "reference"])
+def test_a_checker_on_meshes_without_attributes_is_its_first_colour(backend):
+    """No mesh has normals, colours or coordinates: there is no attribute at all to look at for how far coordinates go."""
+    builder = SceneBuilder()
+    checker = builder.texture(TextureData(ir.TextureKind.CHECKER, color_a=(1.0, 0.5, 0.25), color_b=(0.0, 0.0, 0.0)))
+    white = builder.material(lambert((1.0, 1.0, 1.0), checker))
+    builder.instance(InstanceData(builder.mesh(wavy(3)), builder.transform(matrix(np.zeros(3), 4.0 * np.eye(3))), white))
+    builder.light(LightData(ir.LightKind.AMBIENT, (1.0, 1.0, 1.0)))
+    builder.camera(CameraData(builder.transform(looking([0.1, 5.0, 0.2], [0.0, 0.0, 0.0])), math.tan(0.3), name="0"))
+    scene, found = validate.validate(builder.finish("bare"))
+    assert not found.failed
+    assert len(scene.tables.attributes.first) == 0
+    rgba = drawn(scene, backend)
+    assert np.allclose(rgba, (1.0, 0.5, 0.25, 1.0), atol=1e-6)

@@ -45,11 +45,13 @@ quadric([1, -1, 1, 0.2, 0.1, -0.1, 0.05, 0, 0, -0.05], within: 1, translate: [-0
 
 
 def compiled(folder: Path, text: str, **settings: Any) -> tuple[ir.Scene, planner.Plan]:
-    """A scene of `text`, beside pictures it may use, and its plan with the box filter."""
+    """A scene of `text`, beside pictures it may use, and its plan with the box filter and with textures as peers look at them."""
     source = folder / "scene.scene"
     source.write_text(text)
     scene = maquette.load(source)
-    return scene, planner.make(scene, ir.Settings(**{"filter": "box", **settings}))
+    asked = ir.Settings(**{"filter": "box", **settings})
+    common = peers.common(planner.make(scene, asked))
+    return scene, planner.make(scene, asked, {name: value for name, value in common.items() if name != "filter"})
 
 
 def both(name: str, folder: Path, text: str, ours: int, theirs: int, **settings: Any) -> tuple[np.ndarray, np.ndarray]:

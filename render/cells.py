@@ -18,7 +18,7 @@ from .records import Lane, Vec
 
 CHECKER = int(ir.TextureKind.CHECKER)
 CELLS = 8.0  # of a checker without a size, over u and over v
-ASKEW = 0.35  # cells: so far both axes must change along one side of a parallelogram to be looked at together
+ASKEW = 0.2  # cells: so far both axes must change along one side of a parallelogram to be looked at together
 SLANTED = 0.015  # cells: so far, to be looked at in PARTS
 PARTS = 8
 ORDER = 5  # of the highest wave: what is left out is below 3 % of the contrast where a pixel spans half a cell, 1 % where it spans one

@@ -19,7 +19,7 @@ from .records import Lane, Vec
 
 MOST = 1 << 22  # triangles of all instances that have rows
 EXACT = 1 << 24  # whole numbers up to this are exact in float32
-NONE = -(1 << 30)  # of `first`, where an instance has no rows: less than any triangle's number makes up for
+NONE = -(1 << 30)  # of `first`, where an instance has no rows
 PLAIN, ROUNDED = 1.0, 2.0  # how a row is shaded: by its own normal, by those of its corners
 CORNERS = 10  # columns: three normals, and nothing
 

@@ -268,8 +268,9 @@ def meet(accel, scene, frame, room, source, n, depth):
 
 @helper
 def _row_of(scene: Any, instance: Lane, primitive: Lane) -> Lane:
-    """The row of pieces.Records of what trees found, -1 where it has none."""
-    return lanes.maximum(scene.tried.records.first[lanes.maximum(instance, 0)] + primitive, -1)
+    """The row of pieces.Records of what trees found, -1 where it has none; a formula's primitive tells its root, not a triangle."""
+    first = scene.tried.records.first[lanes.maximum(instance, 0)]
+    return lanes.where(first == facets.NONE, -1, first + primitive)
 
 
 @helper

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import maquette
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.render import facets, lanes, pieces, surface
+from maquette.render import facets, lanes, pieces, surface, waves
 from maquette.render.records import Hit, Ray
 
 ROOM = """
@@ -103,3 +104,10 @@ def test_rows_of_triangles_are_their_surfaces(tmp_path: Path, name: str, how: st
         mean /= np.linalg.norm(mean, axis=1, keepdims=True)
         mean *= np.sign(np.sum(mean * rows[:, :3], axis=1, keepdims=True))
         assert np.allclose(mean, np.stack(found.normal, axis=1) * side[:, None], atol=2e-5)
+
+
+def test_a_formulas_primitive_is_no_row():
+    """It tells which root was met, in units of its own, up to 10¹⁵: far beyond any table."""
+    scene = SimpleNamespace(tried=SimpleNamespace(records=SimpleNamespace(first=np.array([facets.NONE, -3, 7], np.int32))))
+    instance, primitive = np.array([0, 0, 0, 1, 2, -1]), np.array([10**15, 5, -1, 4, 0, -1])
+    assert waves._row_of(scene, instance, primitive).tolist() == [-1, -1, -1, 1, 7, -1]  # pyright: ignore[reportPrivateUsage]

@@ -93,10 +93,10 @@ def _wide(tables: ir.Tables, i: int, g: int, corners: tuple[NDArray[np.float32],
     return most.sum(axis=1) * np.float32(np.mean(np.linalg.norm(matrix, axis=0)))
 
 
-def _corners(tables: ir.Tables, i: int, g: int) -> NDArray[np.float32]:
+def _corners(tables: ir.Tables, i: int, g: int) -> NDArray[np.float64]:
     part, values = _range(tables, g), tables.pools.values
     row, numbers = int(tables.geometries.normals[g]), np.arange(part.start, part.stop)
-    made = np.zeros((len(numbers), CORNERS), np.float32)
+    made = np.zeros((len(numbers), CORNERS))
     for k in range(3):
         begin = surface.attribute_row(tables, g, row, numbers, k)
         made[:, 3 * k : 3 * k + 3] = values[begin[:, None] + np.arange(3)] @ _to_world(tables, i)

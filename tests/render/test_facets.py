@@ -71,6 +71,14 @@ def test_rounded_triangles_look_as_their_meshes_say(tmp_path: Path, monkeypatch:
     assert by_rows[..., :3].mean() == pytest.approx(by_mesh[..., :3].mean(), rel=0.02)
 
 
+def test_rounded_triangles_in_double_precision(tmp_path: Path) -> None:
+    """As beside formulas, and where the largest coordinate is many times the smallest thing."""
+    scene = scene_of(tmp_path, MESH.format("smooth", "phong"))
+    narrow, wide = (drawn(scene, precision=kind) for kind in ("float32", "float64"))
+    assert np.median(np.abs(narrow - wide)) < 1e-5
+    assert narrow[..., :3].mean() == pytest.approx(wide[..., :3].mean(), rel=0.02)
+
+
 @pytest.mark.parametrize("how", ["", ", scale: [-2, 2, 2]", ", scale: [1, 3, 1]"], ids=["plain", "mirrored", "stretched"])
 @pytest.mark.parametrize("name", ["flat", "smooth"])
 def test_rows_of_triangles_are_their_surfaces(tmp_path: Path, name: str, how: str) -> None:

@@ -21,6 +21,7 @@ from ..compiler.plan import Plan
 from . import across, bands, camera, classic, deferred, faces, fill, integrate, items, meshlets, raster_setup, sampler, setup, traced
 from .handles import Handle
 from .metrics import EPSILON, luminance
+from .points import points_for
 from .records import View
 from .simd import aligned_empty
 from .textures import IMAGE, UV
@@ -101,8 +102,9 @@ class Bands:
         self.prepared, self.view, self.exact = prepared, view, exact
         tables, made = prepared.tables, prepared.triangles
         samples = plan["samples"]
-        x0, _, x1, _ = plan["crop"]
-        self.crop = np.array(plan["crop"], np.int64)
+        x0, y0, x1, y1 = (int(c) for c in plan["crop"])
+        self.corners = x0, y0, x1, y1
+        self.crop = np.array(self.corners, np.int64)
         self.each = samples > 1 and (plan["raster.shading"] == "sample" or plan["random numbers"])
         self.passes = passes(samples, plan["random numbers"], plan["filter"])
         self.reach = self.passes[0].weights.tables.reach
@@ -111,17 +113,18 @@ class Bands:
         self.rows = ROWS.get(len(self.passes[0].pattern.x), 16)
         self.drawn = Handle(bands.drawn(made.shown, made.meshlets, made.placed, plan["crop"], self.reach, self.rows))
         self.patterned, self.colored = _patterned(tables)
+        self.flat = deferred.lights_flat(tables, made.lamps.tables, self.patterned is not None) or None
         how, self.fill = plan["raster.fill"], None
         if how != "edges":
             self.fill = classic.Fill(how, tables, prepared.packed, view, made.model, made.ranges, made.meshlets.tables)
         self.plain = plan["raster.precision"] == "float32"
         self.background = plan["background"]
-        shape = int(self.crop[3] - self.crop[1]), int(self.crop[2] - self.crop[0])
+        shape = y1 - y0, x1 - x0
         self.rgba = _picture(made.pictures, (*shape, 4))
         self.half = len(self.passes) // 2  # passes after which `apart` is told
         self.apart = np.zeros((*shape, 3), np.float32) if self.half else None  # how far the mean of all may be off, by its halves
-        self.first = int(self.crop[1]) // self.rows
-        self.jobs: Sequence[int] = range(self.first, -(-int(self.crop[3]) // self.rows))
+        self.first = y0 // self.rows
+        self.jobs: Sequence[int] = range(self.first, -(-y1 // self.rows))
         self._left = set(self.jobs)
         columns, most = x1 - (x0 & ~3) + 2 * self.margin, int(made.placed[:, 1].sum())
         kinds = self.plain, self.patterned is not None, self.colored is not None
@@ -145,7 +148,7 @@ class Bands:
     def draw(self, job: int) -> int:
         """Draw a band into `rgba`; how many of its items were not finite and left out."""
         top, bottom = self._between(job)
-        window, issues = slice(top - int(self.crop[1]), bottom - int(self.crop[1])), 0
+        window, issues = slice(top - self.corners[1], bottom - self.corners[1]), 0
         for k, one in enumerate(self.passes):
             if self.apart is not None and k == self.half:
                 self.apart[window] = self.rgba[window, :, :3]
@@ -168,15 +171,15 @@ class Bands:
         """Empty the bands that have not been drawn."""
         for job in self._left:
             top, bottom = self._between(job)
-            self.rgba[top - int(self.crop[1]) : bottom - int(self.crop[1])] = 0.0
+            self.rgba[top - self.corners[1] : bottom - self.corners[1]] = 0.0
 
     def _between(self, job: int) -> tuple[int, int]:
         """Rows of pixels that a band has."""
-        return max(job * self.rows, int(self.crop[1])), min((job + 1) * self.rows, int(self.crop[3]))
+        return max(job * self.rows, self.corners[1]), min((job + 1) * self.rows, self.corners[3])
 
     def _draw(self, job: int, room: _Room, one: Pass, top: int, bottom: int) -> int:
         """Draw a pass of a band's rows `top` to `bottom`."""
-        x0, y0, x1, _ = (int(c) for c in self.crop)
+        x0, y0, x1, _ = self.corners
         band = room.band.tables
         band.place[:2] = (x0 & ~3) - self.margin, job * self.rows - self.margin  # on a grid of blocks that no crop moves
         band.clip[:] = x0 - self.reach, top - self.reach, x1 + self.reach, bottom + self.reach
@@ -194,7 +197,7 @@ class Bands:
             traced.draw_exact(made.model, self.exact[here], self.boxes[here], p.packed, p.accel, self.view, one.places, room.band)
         if self.plain and len(drawn.tables.first) > 0:
             fresh = one.first == 0
-            deferred.shade_band(room.shading, self.each, fresh, self.patterned, self.colored, self.crop, self.rgba)
+            deferred.shade_band(room.shading, self.each, fresh, self.patterned, self.colored, self.flat, self.crop, self.rgba)
         elif one.first == 0:
             self.rgba[top - y0 : bottom - y0] = 0.0
         if not self.plain:
@@ -206,10 +209,10 @@ class Bands:
 
     def _behind(self, top: int, bottom: int) -> None:
         """Put the background behind rows of pixels."""
-        x0, y0, _, _ = (int(c) for c in self.crop)
-        window = self.rgba[top - y0 : bottom - y0]
         if self.background == "transparent":
             return
+        x0, y0, _, _ = self.corners
+        window = self.rgba[top - y0 : bottom - y0]
         if self.background == "sky":
             traced.sky_behind(self.prepared.packed, self.prepared.frame, x0, top, window.shape[1], window.reshape(-1))
         else:
@@ -248,7 +251,7 @@ class _Room:
         most = 2 * self.items.tables.half
         self.faces = Handle(faces.faces_for(size.meshlets, most, size.patterned, size.colored)) if size.plain else None
         self.stack = None if size.plain else integrate.stack_for(of.prepared.options, across.WIDTH)
-        self.points = Handle(deferred.points_for(size.patterned, size.colored))
+        self.points = Handle(points_for(size.patterned, size.colored))
         self._turn: object = None
         self._pass: Pass | None = None
 

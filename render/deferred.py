@@ -13,18 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import across, faces, footprints, items, lanes, lights, materials, simd, single_faces, textures
-from .bands import in_block
+from . import across, faces, footprints, items, lanes, lights, materials, principled, runs, simd, single_faces, textures
 from .handles import Handle
 from .kernels import apart, helper, kernel
-from .meshlets import SHIFT
-from .records import Lane, Surface, Vec
-
-CAPACITY = 32  # points, of sixteen lanes each, that go through a step together
-
-# Columns of a point: its normal and the direction to the viewer, unit; its light; where it is, about the eye; and what faces.Seen says.
-_NORMAL, _VIEWER, _COLOR, _PLACE, _FACING, _UV, _METRIC, _SPREAD, _OUTWARD, _TINT = 0, 3, 6, 9, 12, 13, 15, 17, 21, 24
-PLAIN, PICTURED, COLORED = 13, 21, 27
+from .points import CAPACITY, COLOR, FACING, METRIC, NORMAL, OUTWARD, PLACE, SPREAD, TINT, UV, VIEWER, get1, get2, get3, keep, put3
+from .records import Surface
 
 
 def single(tables: ir.Tables, eye: NDArray[np.float64]) -> ir.Tables:
@@ -66,19 +59,9 @@ def lamps(tables: ir.Tables) -> Lamps:
     return Lamps(np.array(lights.ambient(tables), np.float32), rows, ~near, direction, color, bare)
 
 
-class Points(NamedTuple):
-    """A thread's points that are lit together: those of one instance among sixteen items, or a block that one face fills."""
-
-    values: NDArray[np.float32]  # (CAPACITY, PLAIN, PICTURED or COLORED, 16)
-    instance: NDArray[np.int32]  # (CAPACITY,)
-    lanes: NDArray[np.int32]  # bits: which lanes are of that instance
-    group: NDArray[np.int32]  # of items, or of blocks and then items, that they belong to
-
-
-def points_for(patterned: bool, colored: bool) -> Points:
-    """Room for CAPACITY points."""
-    values = simd.aligned_empty((CAPACITY, COLORED if colored else PICTURED if patterned else PLAIN, 16), np.float32)
-    return Points(values, np.zeros(CAPACITY, np.int32), np.zeros(CAPACITY, np.int32), np.zeros(CAPACITY, np.int32))
+def lights_flat(tables: ir.Tables, known: Lamps, patterned: bool) -> bool:
+    """Whether flat faces are lit run by run: by far lamps alone, with nothing on them, and by the course's equations."""
+    return known.bare and not patterned and not isinstance(tables.materials, principled.Layered)
 
 
 class Shading(NamedTuple):
@@ -99,10 +82,11 @@ class Shading(NamedTuple):
 
 
 @kernel
-def shade_band(shading, each, fresh, patterned, colored, crop, rgba):
+def shade_band(shading, each, fresh, patterned, colored, flat, crop, rgba):
     """Light what a band shows and add it to its rows of the picture, (h, w, 4), of the pixels of `crop`; `fresh`: nothing is there yet.
 
-    `shading` is a handle of Shading; `each` see items.collect; `patterned`, `colored`: True or None, see faces.py.
+    `shading` is a handle of Shading; `each` see items.collect; `patterned`, `colored`: True or None, see faces.py; `flat`: True or None,
+    whether flat faces are lit run by run.
     """
     splat, band, found, listed = shading.splat, shading.band, shading.faces, shading.items
     saved = simd.flush_denormals()
@@ -123,7 +107,17 @@ def shade_band(shading, each, fresh, patterned, colored, crop, rgba):
             items.clear(rgba, band, crop, y, y + 4)
         group, groups = 0, even + ((whole + part + 15) >> 4)
         while group < groups:
-            group, count = see(shading, patterned, colored, group, groups, y, middle)
+            if group < even:
+                start = group
+                group, count = runs.see(shading, patterned, colored, flat, group, y, middle)
+                if flat is not None and group == start:
+                    i = runs.instance_of(shading, simd.read(listed.even, group))
+                    if i != known:
+                        known, shader = i, even_shader(shading.lit, i)
+                    group = runs.light_flat(shading, shader, group, y, middle, crop, full, rgba)
+                    continue
+            else:
+                group, count = see(shading, patterned, colored, group, groups)
             first = 0
             while first < count:
                 i, last = shading.points.instance[first], first + 1
@@ -141,39 +135,22 @@ def shade_band(shading, each, fresh, patterned, colored, crop, rgba):
 
 
 @helper
-def see(shading: Any, patterned: Any, colored: Any, group: int, groups: int, y: int, middle: tuple[float, float]) -> tuple[int, int]:
-    """Have the points of groups from `group` on, of the blocks from row y on, as many as there is room for: the next one, and how many.
-
-    `middle`: where in pixels that one face fills it is lit.
-    """
-    shown, meshlets, drawn, tables = shading.shown, shading.meshlets, shading.drawn, shading.lit
-    found, listed = shading.faces, shading.items
-    column, line = in_block(simd.iota(simd.i32x16(0)))
-    none = column < 0
+def see(shading: Any, patterned: Any, colored: Any, group: int, groups: int) -> tuple[int, int]:
+    """Have the points of items, sixteen by sixteen, from `group` on, as many as there is room for: the next one, and how many."""
+    shown, found, listed = shading.shown, shading.faces, shading.items
     count = 0
     while group < groups and count <= CAPACITY - 16:
-        if group < listed.counts[2]:
-            face, x = simd.read(listed.even, group), simd.read(listed.even_x, group)
-            at_x, at_y = simd.to_f32(column) + np.float32(x + middle[0]), simd.to_f32(line) + np.float32(y + middle[1])
-            i, rest = drawn.instance[simd.read(found.owner, face) >> SHIFT], none
-            rows, instances, single = simd.i32x16(face), simd.i32x16(i), none
-            if faces.is_single(found, face):
-                face = single_faces.near(shown, meshlets, drawn, tables, found, patterned, colored, i, face, x, y)
-                if face < 0:
-                    face, single, rest = 0, ~none, ~none
-            point = faces.seen(shown, patterned, colored, faces.spread(found, patterned, colored, face), at_x, at_y)
-        else:
-            start = items.start_of(listed, group)
-            rows = simd.load(listed.rows, start, simd.i32x16)
-            there = simd.first_lanes(listed.half + listed.counts[1] - start, rows)
-            rows = simd.select(there, rows, simd.read(listed.rows, start))
-            at_x = simd.to_f32(simd.load(listed.at_x, start, simd.i32x16)) * np.float32(1.0 / 256.0)
-            at_y = simd.to_f32(simd.load(listed.at_y, start, simd.i32x16)) * np.float32(1.0 / 256.0)
-            record = faces.gathered(found, patterned, colored, rows)
-            point = faces.seen(shown, patterned, colored, record, at_x, at_y)
-            instances, single = faces.instances(record), faces.singles(record)
-            i = simd.lane(instances, 0)
-            rest = single | (instances != i)
+        start = items.start_of(listed, group)
+        rows = simd.load(listed.rows, start, simd.i32x16)
+        there = simd.first_lanes(listed.half + listed.counts[1] - start, rows)
+        rows = simd.select(there, rows, simd.read(listed.rows, start))
+        at_x = simd.to_f32(simd.load(listed.at_x, start, simd.i32x16)) * np.float32(1.0 / 256.0)
+        at_y = simd.to_f32(simd.load(listed.at_y, start, simd.i32x16)) * np.float32(1.0 / 256.0)
+        record = faces.gathered(found, patterned, colored, rows)
+        point = faces.seen(shown, patterned, colored, record, at_x, at_y)
+        instances, single = faces.instances(record), faces.singles(record)
+        i = simd.lane(instances, 0)
+        rest = single | (instances != i)
         keep(shading, patterned, colored, count, point, at_x, at_y, i, ~rest, group)
         count += 1
         while simd.any_of(rest):
@@ -182,88 +159,14 @@ def see(shading: Any, patterned: Any, colored: Any, group: int, groups: int, y: 
             here, other = rest & (instances == i) & ~single, point
             if simd.bits(single) >> first & 1:
                 here = rest & (rows == face)
-                other = single_faces.seen(shown, meshlets, drawn, tables, found, patterned, colored, i, face, at_x, at_y)
+                other = single_faces.seen(
+                    shown, shading.meshlets, shading.drawn, shading.lit, found, patterned, colored, i, face, at_x, at_y
+                )  # fmt: skip
             keep(shading, patterned, colored, count, other, at_x, at_y, i, here, group)
             count += 1
             rest = rest & ~here
         group += 1
     return group, count
-
-
-@helper
-def keep(shading: Any, patterned: Any, colored: Any, k: int, point: faces.Seen, x: Lane, y: Lane, i: int, here: Lane,
-         group: int) -> None:  # fmt: skip
-    """Write a point."""
-    points, look = shading.points, shading.look
-    simd.write(points.instance, k, i)
-    simd.write(points.lanes, k, simd.bits(here))
-    simd.write(points.group, k, group)
-    along = over_picture(look.direction, x, y)
-    _put3(points, k, _NORMAL, lanes.scale(point.normal, simd.reciprocal_sqrt(lanes.dot(point.normal, point.normal))))
-    _put3(points, k, _VIEWER, lanes.scale(along, -simd.reciprocal_sqrt(lanes.dot(along, along))))
-    if colored is not None or not shading.lamps.bare:
-        place = lanes.scale(along, simd.reciprocal(point.key) if shading.shown.perspective else point.key)
-        if not shading.shown.perspective:
-            place = lanes.add(place, over_picture(look.start, x, y))
-        _put3(points, k, _PLACE, place)
-    if patterned is not None or not shading.lamps.bare:
-        _put1(points, k, _FACING, point.facing)
-    if patterned is not None:
-        _put2(points, k, _UV, point.uv)
-        _put_spread(points, k, footprints.is_known(shading.lit), point.spread)
-    if colored is not None:
-        _put2(points, k, _METRIC, point.metric)
-        _put3(points, k, _OUTWARD, point.outward)
-        _put3(points, k, _TINT, point.color)
-
-
-@helper
-def _put_spread(points: Any, k: int, used: Any, spread: Any) -> None:
-    if used is None:
-        return
-    _put2(points, k, _SPREAD, (spread[0], spread[1]))
-    _put2(points, k, _SPREAD + 2, (spread[2], spread[3]))
-
-
-@helper
-def _put1(points: Any, k: int, column: int, x: Lane) -> None:
-    simd.store_aligned(points.values, (k * points.values.shape[1] + column) * 16, x)
-
-
-@helper
-def _put2(points: Any, k: int, column: int, v: tuple[Lane, Lane]) -> None:
-    _put1(points, k, column, v[0])
-    _put1(points, k, column + 1, v[1])
-
-
-@helper
-def _put3(points: Any, k: int, column: int, v: Vec) -> None:
-    _put2(points, k, column, (v[0], v[1]))
-    _put1(points, k, column + 2, v[2])
-
-
-@helper
-def _get1(points: Any, k: int, column: int) -> Lane:
-    return simd.load_aligned(points.values, (k * points.values.shape[1] + column) * 16, simd.f32x16)
-
-
-@helper
-def _get2(points: Any, k: int, column: int) -> tuple[Lane, Lane]:
-    return _get1(points, k, column), _get1(points, k, column + 1)
-
-
-@helper
-def _get3(points: Any, k: int, column: int) -> Vec:
-    return _get1(points, k, column), _get1(points, k, column + 1), _get1(points, k, column + 2)
-
-
-@helper
-def over_picture(table: Any, x: Lane, y: Lane) -> Vec:
-    """Three vectors: at the picture's corner, and what a pixel right and a pixel down add."""
-    return (
-        simd.fma(x, table[1, 0], simd.fma(y, table[2, 0], table[0, 0])), simd.fma(x, table[1, 1], simd.fma(y, table[2, 1], table[0, 1])),
-        simd.fma(x, table[1, 2], simd.fma(y, table[2, 2], table[0, 2])),
-    )  # fmt: skip
 
 
 # --- their light ---------------------------------------------------------------------------------------------------------------
@@ -293,14 +196,14 @@ def light(shading: Any, patterned: Any, colored: Any, i: int, shader: materials.
 def patterned_point(shading: Any, colored: Any, i: int, k: int) -> Surface:
     """A point of instance i, for its textures."""
     tables, points = shading.lit, shading.points
-    normal, zero = _get3(points, k, _NORMAL), simd.f32x16(0.0)
+    normal, zero = get3(points, k, NORMAL), simd.f32x16(0.0)
     one = zero + 1.0
     position, local, outward, color, metric = (zero, zero, zero), (zero, zero, zero), normal, (one, one, one), (one, one)
     if colored is not None:
-        position, outward = _get3(points, k, _PLACE), lanes.normalize(_get3(points, k, _OUTWARD))
-        local, color, metric = lanes.transform_point(shading.look.local, i, position), _get3(points, k, _TINT), _get2(points, k, _METRIC)
-    spread = (_get1(points, k, _SPREAD), _get1(points, k, _SPREAD + 1), _get1(points, k, _SPREAD + 2), _get1(points, k, _SPREAD + 3))
-    uv, front, material = _get2(points, k, _UV), _get1(points, k, _FACING) > 0.0, tables.instances.material[i]
+        position, outward = get3(points, k, PLACE), lanes.normalize(get3(points, k, OUTWARD))
+        local, color, metric = lanes.transform_point(shading.look.local, i, position), get3(points, k, TINT), get2(points, k, METRIC)
+    spread = (get1(points, k, SPREAD), get1(points, k, SPREAD + 1), get1(points, k, SPREAD + 2), get1(points, k, SPREAD + 3))
+    uv, front, material = get2(points, k, UV), get1(points, k, FACING) > 0.0, tables.instances.material[i]
     point = Surface(position, local, normal, normal, outward, uv, metric, front, i, material, color, zero, None, None)
     known = footprints.of_pixel(tables, spread, point)
     return Surface(position, local, normal, normal, outward, uv, metric, front, i, material, color, zero, None, known)
@@ -317,8 +220,8 @@ def direct_light(shading: Any, shader: materials.Shader, i: int, first: int, las
     for k in range(first, last if one_sided or len(lamps.row) == 0 else first):
         before = glow
         if one_sided:
-            before = lanes.where3(_get1(points, k, _FACING) > 0.0, glow, ambient)
-        _put3(points, k, _COLOR, before)
+            before = lanes.where3(get1(points, k, FACING) > 0.0, glow, ambient)
+        put3(points, k, COLOR, before)
     for lamp in range(len(lamps.row)):
         c, d, begun = lamps.color, lamps.direction, one_sided or lamp > 0  # else what there was before is the glow
         color = (simd.f32x16(c[lamp, 0]), simd.f32x16(c[lamp, 1]), simd.f32x16(c[lamp, 2]))
@@ -326,13 +229,13 @@ def direct_light(shading: Any, shader: materials.Shader, i: int, first: int, las
         far = lamps.far[lamp]
         for k in range(first, last):
             if not far:
-                arriving = lights.sample_sharp(shading.lit, lamps.row[lamp], _get3(points, k, _PLACE))
+                arriving = lights.sample_sharp(shading.lit, lamps.row[lamp], get3(points, k, PLACE))
                 direction, color = arriving.direction, lanes.scale(arriving.irradiance, np.float32(1.0 / np.pi))
-            share = materials.reflected(shader, _get3(points, k, _NORMAL), direction, _get3(points, k, _VIEWER))
+            share = materials.reflected(shader, get3(points, k, NORMAL), direction, get3(points, k, VIEWER))
             before = glow
             if begun:
-                before = _get3(points, k, _COLOR)
-            _put3(points, k, _COLOR, lanes.add(before, lanes.mul(share, color)))
+                before = get3(points, k, COLOR)
+            put3(points, k, COLOR, lanes.add(before, lanes.mul(share, color)))
 
 
 # --- into the picture ----------------------------------------------------------------------------------------------------------
@@ -345,33 +248,20 @@ def put(shading: Any, count: int, y: int, crop: Any, full: bool, rgba: Any) -> N
     k = 0
     while k < count:
         group, here = simd.read(points.group, k), simd.mask_from_bits(simd.read(points.lanes, k), simd.f32x16(0.0))
-        color = _get3(points, k, _COLOR)
+        color = get3(points, k, COLOR)
         red, green, blue = simd.select(here, color[0], 0.0), simd.select(here, color[1], 0.0), simd.select(here, color[2], 0.0)
         k += 1
         while k < count and simd.read(points.group, k) == group:  # those of other instances among the same sixteen
-            here, color = simd.mask_from_bits(simd.read(points.lanes, k), simd.f32x16(0.0)), _get3(points, k, _COLOR)
+            here, color = simd.mask_from_bits(simd.read(points.lanes, k), simd.f32x16(0.0)), get3(points, k, COLOR)
             red, green, blue = simd.select(here, color[0], red), simd.select(here, color[1], green), simd.select(here, color[2], blue)
             k += 1
         if group < listed.counts[2]:
-            items.write_block(rows_of(red, green, blue, 16, listed), simd.read(listed.even_x, group), y, crop, full, rgba)
+            items.write_block(items.rows_of(red, green, blue, 16, listed), simd.read(listed.even_x, group), y, crop, full, rgba)
             continue
         start = items.start_of(listed, group)
         if start < listed.half:
-            items.write_block(rows_of(red, green, blue, 16, listed), simd.read(listed.x, start), y, crop, full, rgba)
+            items.write_block(items.rows_of(red, green, blue, 16, listed), simd.read(listed.x, start), y, crop, full, rgba)
         else:
             left = min(listed.half + listed.counts[1] - start, 16)
-            items.keep_light(listed.light, rows_of(red, green, blue, left, listed))
+            items.keep_light(listed.light, items.rows_of(red, green, blue, left, listed))
             items.keep_items(shading.pattern, shading.splat, shading.band, listed, start, left, crop, rgba)
-
-
-@helper
-def rows_of(red: Lane, green: Lane, blue: Lane, count: int, listed: Any) -> Any:
-    """Colours of sixteen items as r, g, b, 1 in four vectors: every fourth item's, see meshlets.place_of.
-
-    What is not finite among the first `count` is counted, and 0.
-    """
-    sound = simd.is_finite(red + green + blue)
-    if not simd.all_of(sound):
-        listed.counts[3] += simd.count(simd.first_lanes(count, red) & ~sound)
-        red, green, blue = simd.select(sound, red, 0.0), simd.select(sound, green, 0.0), simd.select(sound, blue, 0.0)
-    return simd.transpose((red, green, blue, simd.f32x16(1.0)))

@@ -28,6 +28,7 @@ COLORED = 40  # with the metres they span, the triangle's own normal and the col
 WIDE = 64.0  # pixels
 THIN = 1.0 / 32.0  # pixels of height, below which 1/512 pixel beside a face may lead far from what its corners hold
 KNOWN = 256  # single faces that are kept, a power of two
+EVEN, SINGLE = 1.25, 2.0  # sizes of a record's side, else 1: where corners have one normal; where faces are by themselves
 SHORT = 1.5  # pixels; what is thin and short has what its middle has
 
 
@@ -202,7 +203,8 @@ def _make_of(shown: Any, meshlets: Any, tables: Any, faces: Any, patterned: Any,
     nz = _plane(area, eu, ev, na[2], nb[2], nc[2])
     key = area if shown.perspective else _plane(area, eu, ev, depth, d1, d2)
 
-    facing = simd.select(front, one, -one) * simd.select(single, np.float32(2.0), 1.0)
+    level = _is_zero(nb) & _is_zero(nc)
+    facing = simd.select(front, one, -one) * simd.select(single, np.float32(SINGLE), simd.select(level, np.float32(EVEN), 1.0))
     record, at = faces.record, first * faces.record.shape[1]
     _write(record, at, here, (nx[0], ny[0], nz[0], key[0], nx[1], ny[1], nz[1], key[1]))
     _write(record, at + 8, here, (nx[2], ny[2], nz[2], key[2], px, py, facing, zero + np.float32(i)))
@@ -224,6 +226,11 @@ def _make_of(shown: Any, meshlets: Any, tables: Any, faces: Any, patterned: Any,
             blue = _plane(area, eu, ev, first_color[2], b_color[2], c_color[2])
         _write(record, at + 24, here, (face[0], face[1], face[2], red[0], red[1], red[2], green[0], green[1]))
         _write(record, at + 32, here, (green[2], blue[0], blue[1], blue[2], zero, zero, zero, zero))
+
+
+@helper
+def _is_zero(v: Vec) -> Lane:
+    return (v[0] == 0.0) & (v[1] == 0.0) & (v[2] == 0.0)
 
 
 @helper
@@ -330,12 +337,18 @@ def instances(record: Any) -> Lane:
 @helper
 def singles(record: Any) -> Lane:
     """Which faces are computed by themselves, by single_faces.py."""
-    return abs(record[1][6]) > 1.5
+    return abs(record[1][6]) == SINGLE
 
 
 @helper
 def is_single(faces: Any, row: int) -> bool:
-    return abs(faces.record[row, 14]) > 1.5
+    return abs(simd.read(faces.record, row * faces.record.shape[1] + 14)) == SINGLE
+
+
+@helper
+def is_flat(faces: Any, row: int) -> bool:
+    """Whether the corners of a face that is not single have one normal."""
+    return abs(simd.read(faces.record, row * faces.record.shape[1] + 14)) == EVEN
 
 
 @helper

@@ -44,7 +44,7 @@ Layout = tuple[tuple[str, int, Any], ...]
 class Handle:
     """A packed nest of NamedTuples. Keeps the arrays alive; `tables` is the nest itself, for numpy code."""
 
-    __slots__ = ("_block", "address", "numba_type", "tables")
+    __slots__ = ("_block", "_numba_type_", "address", "tables")  # Numba looks for its type under that name, and knows it at once
 
     def __init__(self, tables: Any) -> None:
         words: list[int | float] = []
@@ -58,7 +58,12 @@ class Handle:
             else:
                 self._block[k] = word
         self.address = int(self._block.ctypes.data)
-        self.numba_type = _type_of(layout)
+        self._numba_type_ = _type_of(layout)
+
+    @property
+    def numba_type(self) -> HandleType:
+        """What kernels see."""
+        return self._numba_type_
 
     def part(self, name: str) -> types.Type:
         """Numba's type of a field."""

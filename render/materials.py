@@ -148,13 +148,25 @@ _with_frost = if_there(_rough)
 def reflected(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
     """What of a light's I = E⊥/π goes to the viewer; all directions unit and away from the surface."""
     cosine = lanes.dot(normal, to_light)
-    light = lanes.scale(shader.diffuse, lanes.maximum(cosine, 0.0))
-    shiny = (cosine > 0.0) & (lanes.largest(shader.specular) > 0.0)
+    light = matt(shader, cosine)
+    shiny = has_highlight(shader, cosine)
     if lanes.any_lane(shiny):
-        lobe = lanes.where(shiny, _lobe(shader, normal, to_light, to_viewer, cosine), 0.0)
+        lobe = lanes.where(shiny, highlight(shader, normal, to_light, to_viewer, cosine), 0.0)
         light = lanes.add(light, lanes.scale(shader.specular, lobe))
     light = microfacet.reflected(shader.lobes, light, normal, to_light, to_viewer)
     return frosted.reflected(shader.frost, light, normal, to_light, to_viewer)
+
+
+@helper
+def matt(shader: Shader, cosine: Lane) -> Vec:
+    """What of it is spread evenly, by the course's equations."""
+    return lanes.scale(shader.diffuse, lanes.maximum(cosine, 0.0))
+
+
+@helper
+def has_highlight(shader: Shader, cosine: Lane) -> Lane:
+    """Whether it has one, by the course's equations, on this side of a surface."""
+    return (cosine > 0.0) & (lanes.largest(shader.specular) > 0.0)
 
 
 @helper
@@ -207,7 +219,7 @@ lights_up = if_there(_lit_by_lobes)
 
 
 @helper
-def _lobe(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec, cosine: Lane) -> Lane:
+def highlight(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec, cosine: Lane) -> Lane:
     """The highlight's strength, for a light on this side of the surface."""
     base = 0.0 * cosine
     if lanes.any_lane(lanes.not_(shader.blinn)):

@@ -16,8 +16,9 @@ from .kernels import apart, helper
 from .meshlets import SHIFT
 from .records import Lane, Vec
 
+_FLAT = 2.0  # in Faces.single: corners have one normal
 _NEAR = 11  # in Faces.planes: the box of pixels of `near`'s record: x0 <= x < x1, y0 <= y < y1
-# Places in Faces.single: slopes of weights, normals, whether these are all on one side, …
+# Places in Faces.single: slopes of weights, normals, whether these are all on one side or one, …
 _SLOPES, _NORMALS, _EVEN, _FRONT, _FACE, _DEPTHS, _PLACES, _OWN, _METRIC, _COLORS = 0, 6, 15, 16, 17, 20, 23, 29, 32, 34
 
 
@@ -129,6 +130,26 @@ def _make_near(shown, meshlets, drawn, tables, faces, patterned, colored, i, row
 
 
 @helper
+def is_flat(shown: Any, meshlets: Any, drawn: Any, tables: Any, faces: Any, i: int, row: int) -> bool:
+    """Whether a single face's corners have one normal."""
+    _, s = _known(shown, meshlets, drawn, tables, faces, None, None, i, row)
+    return s[_EVEN] == _FLAT
+
+
+@helper
+def normal_of(faces: Any, row: int) -> Vec:
+    """The normal of a single face of which `is_flat` has been asked; of any length."""
+    s = faces.single[row & (KNOWN - 1)]
+    return s[_NORMALS], s[_NORMALS + 1], s[_NORMALS + 2]
+
+
+@helper
+def end_of(faces: Any, row: int) -> int:
+    """Up to which x the record of `near` holds that has been asked for last."""
+    return int(simd.read(faces.planes, 16 * (row & (KNOWN - 1)) + _NEAR + 1))
+
+
+@helper
 def _level(p: Any, x0: float, y0: float, x1: float, y1: float) -> bool:
     """Whether the sum of weights is much the same in a box."""
     a, b, c, d = _sum(p, x0, y0), _sum(p, x1, y0), _sum(p, x0, y1), _sum(p, x1, y1)
@@ -210,7 +231,7 @@ def _single(shown, meshlets, tables, planes, s, patterned, colored, i, slot):
     outward = lanes.normalize(lanes.scale(lanes.transform_normal(tables.transforms.inverse, transform, face), side))
     s[_OWN], s[_OWN + 1], s[_OWN + 2] = face
     s[_FACE], s[_FACE + 1], s[_FACE + 2] = outward
-    even = True
+    even, flat = True, True
     for corner in range(3):
         at = meshlets.corner[slot, corner]
         n = (np.float64(meshlets.record[at, 3]), np.float64(meshlets.record[at, 4]), np.float64(meshlets.record[at, 5]))
@@ -219,9 +240,11 @@ def _single(shown, meshlets, tables, planes, s, patterned, colored, i, slot):
         even = even and lanes.dot(n, face) > 0.0
         n = lanes.scale(lanes.transform_normal(tables.transforms.inverse, transform, n), side)
         s[_NORMALS + 3 * corner], s[_NORMALS + 3 * corner + 1], s[_NORMALS + 3 * corner + 2] = n
+        flat = flat and s[_NORMALS + 3 * corner] == s[_NORMALS] and s[_NORMALS + 3 * corner + 1] == s[_NORMALS + 1]
+        flat = flat and s[_NORMALS + 3 * corner + 2] == s[_NORMALS + 2]
         s[_PLACES + 2 * corner], s[_PLACES + 2 * corner + 1] = meshlets.record[at, 6], meshlets.record[at, 7]
         s[_DEPTHS + corner] = _depth(shown, meshlets, i, slot, corner)
-    s[_EVEN] = 1.0 if even else 0.0
+    s[_EVEN] = _FLAT if even and flat else 1.0 if even else 0.0
     if patterned is not None:
         stretch = surface.mean_scale(lanes.affine(tables.transforms.matrix, transform))
         u1, v1 = s[_PLACES + 2] - s[_PLACES], s[_PLACES + 3] - s[_PLACES + 1]

@@ -255,7 +255,7 @@ def _plane(area: Vec, eu: Vec, ev: Vec, value: Lane, second: Lane, third: Lane) 
 
 @helper
 def _color(tables: Any, g: int, triangle: Lane, u: float, v: float) -> Vec:
-    return surface.attribute_at(tables, g, tables.geometries.colors[g], simd.f32x16(u), simd.f32x16(v), triangle)
+    return surface.attribute_at(tables, g, tables.geometries.colors[g], simd.f32x16(u), simd.f32x16(v), triangle, triangle >= 0)
 
 
 @helper

@@ -98,7 +98,7 @@ def _corners(tables: ir.Tables, i: int, g: int) -> NDArray[np.float64]:
     row, numbers = int(tables.geometries.normals[g]), np.arange(part.start, part.stop)
     made = np.zeros((len(numbers), CORNERS))
     for k in range(3):
-        begin = surface.attribute_row(tables, g, row, numbers, k)
+        begin = surface.attribute_row(tables, g, row, numbers, k, True)
         made[:, 3 * k : 3 * k + 3] = values[begin[:, None] + np.arange(3)] @ _to_world(tables, i)
     return made
 

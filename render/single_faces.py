@@ -256,7 +256,7 @@ def _single(shown, meshlets, tables, planes, s, patterned, colored, i, slot):
             color = (1.0, 1.0, 1.0)
             if tables.geometries.colors[g] >= 0:
                 u, v = (1.0 if corner == 1 else 0.0), (1.0 if corner == 2 else 0.0)
-                color = surface.attribute_at(tables, g, tables.geometries.colors[g], u, v, meshlets.corner[slot, 3])
+                color = surface.attribute_at(tables, g, tables.geometries.colors[g], u, v, meshlets.corner[slot, 3], True)
             s[_COLORS + 3 * corner], s[_COLORS + 3 * corner + 1], s[_COLORS + 3 * corner + 2] = color
 
 

@@ -182,14 +182,17 @@ def _blend(a: Vec, b: Vec, c: Vec, wa: Lane, wb: Lane, wc: Lane) -> Vec:
 
 
 @helper
-def attribute_row(tables: Tables, g: Lane, row: Lane, triangle: Lane, corner: int) -> Lane:
-    """Where in Pools.values an attribute's value at a triangle's corner starts."""
+def attribute_row(tables: Tables, g: Lane, row: Lane, triangle: Lane, corner: int, has: Lane) -> Lane:
+    """Where in Pools.values an attribute's value at a triangle's corner starts; 0 in lanes that have none.
+
+    Those may ask for one mesh's triangle and another one's attribute, whose values may be fewer.
+    """
     attributes, geometries = tables.attributes, tables.geometries
     how = attributes.interpolation[row]
     face = lanes.to_int(triangle) - geometries.first_triangle[g]
     at_vertex = lanes.to_int(tables.pools.triangles[triangle, corner]) - geometries.first_vertex[g]
     index = lanes.where(how == CONSTANT, 0, lanes.where(how == FACE, face, lanes.where(how == VERTEX, at_vertex, 3 * face + corner)))
-    return attributes.first[row] + attributes.width[row] * index
+    return lanes.where(has, attributes.first[row] + attributes.width[row] * index, 0)
 
 
 @helper
@@ -199,17 +202,17 @@ def _value3(tables: Tables, start: Lane) -> Vec:
 
 
 @helper
-def attribute3(tables: Tables, g: Lane, row: Lane, hit: Hit, triangle: Lane) -> Vec:
-    """An attribute of width 3, interpolated over the triangle."""
-    return attribute_at(tables, g, row, hit.u, hit.v, triangle)
+def attribute3(tables: Tables, g: Lane, row: Lane, hit: Hit, triangle: Lane, has: Lane) -> Vec:
+    """An attribute of width 3, interpolated over the triangle; in lanes that have none whatever comes first."""
+    return attribute_at(tables, g, row, hit.u, hit.v, triangle, has)
 
 
 @helper
-def attribute_at(tables: Tables, g: Lane, row: Lane, u: Lane, v: Lane, triangle: Lane) -> Vec:
-    """An attribute of width 3 at weights u and v of a triangle's second and third corner."""
-    a = _value3(tables, attribute_row(tables, g, row, triangle, 0))
-    b = _value3(tables, attribute_row(tables, g, row, triangle, 1))
-    c = _value3(tables, attribute_row(tables, g, row, triangle, 2))
+def attribute_at(tables: Tables, g: Lane, row: Lane, u: Lane, v: Lane, triangle: Lane, has: Lane) -> Vec:
+    """An attribute of width 3 at weights u and v of a triangle's second and third corner, in the lanes that have it."""
+    a = _value3(tables, attribute_row(tables, g, row, triangle, 0, has))
+    b = _value3(tables, attribute_row(tables, g, row, triangle, 1, has))
+    c = _value3(tables, attribute_row(tables, g, row, triangle, 2, has))
     return _blend(a, b, c, 1.0 - u - v, u, v)
 
 
@@ -220,7 +223,7 @@ def _mesh_normal(tables: Tables, g: Lane, hit: Hit, on_mesh: Lane, face: Vec) ->
     has = on_mesh & (row >= 0)
     normal = face
     if lanes.any_lane(has):
-        n = attribute3(tables, lanes.where(has, g, 0), lanes.where(has, row, 0), hit, lanes.where(has, hit.primitive, 0))
+        n = attribute3(tables, lanes.where(has, g, 0), lanes.where(has, row, 0), hit, lanes.where(has, hit.primitive, 0), has)
         size = lanes.length(n)
         good = has & (size > 1e-12) & (size < math.inf)
         n = lanes.scale(n, lanes.where(lanes.dot(n, face) < 0.0, -1.0, 1.0) / lanes.where(good, size, 1.0))
@@ -234,15 +237,15 @@ def _mesh_color(tables: Tables, g: Lane, hit: Hit, on_mesh: Lane) -> Vec:
     has = on_mesh & (row >= 0)
     color = lanes.like3(hit.u, 1.0, 1.0, 1.0)
     if lanes.any_lane(has):
-        found = attribute3(tables, lanes.where(has, g, 0), lanes.where(has, row, 0), hit, lanes.where(has, hit.primitive, 0))
+        found = attribute3(tables, lanes.where(has, g, 0), lanes.where(has, row, 0), hit, lanes.where(has, hit.primitive, 0), has)
         color = lanes.where3(has, found, color)
     return color
 
 
 @helper
-def corner_uv(tables: Tables, g: Lane, row: Lane, triangle: Lane, corner: int) -> tuple[Lane, Lane]:
-    """An attribute of width 2 at a triangle's corner."""
-    start = attribute_row(tables, g, row, triangle, corner)
+def corner_uv(tables: Tables, g: Lane, row: Lane, triangle: Lane, corner: int, has: Lane) -> tuple[Lane, Lane]:
+    """An attribute of width 2 at a triangle's corner, in the lanes that have it."""
+    start = attribute_row(tables, g, row, triangle, corner, has)
     values = tables.pools.values
     return lanes.to_float(values[start]), lanes.to_float(values[start + 1])
 
@@ -256,9 +259,9 @@ def _mesh_uv(tables: Tables, g: Lane, hit: Hit, on_mesh: Lane, a: Vec, b: Vec, c
     u, v, du, dv = zero, zero, zero + 1.0, zero + 1.0
     if lanes.any_lane(has):
         safe_g, safe_row, triangle = lanes.where(has, g, 0), lanes.where(has, row, 0), lanes.where(has, hit.primitive, 0)
-        ua, va = corner_uv(tables, safe_g, safe_row, triangle, 0)
-        ub, vb = corner_uv(tables, safe_g, safe_row, triangle, 1)
-        uc, vc = corner_uv(tables, safe_g, safe_row, triangle, 2)
+        ua, va = corner_uv(tables, safe_g, safe_row, triangle, 0, has)
+        ub, vb = corner_uv(tables, safe_g, safe_row, triangle, 1, has)
+        uc, vc = corner_uv(tables, safe_g, safe_row, triangle, 2, has)
         u = lanes.where(has, ua + (ub - ua) * hit.u + (uc - ua) * hit.v, u)
         v = lanes.where(has, va + (vb - va) * hit.u + (vc - va) * hit.v, v)
         span_u, span_v = spans(lanes.sub(b, a), lanes.sub(c, a), ub - ua, vb - va, uc - ua, vc - va)

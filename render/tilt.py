@@ -244,9 +244,9 @@ def _gradients(tables: Tables, g: Lane, row: Lane, has: Lane, hit: Hit) -> tuple
     first = lanes.to_int(tables.geometries.first_triangle[g])
     triangle = lanes.where(has, lanes.clip(hit.primitive, first, first + tables.geometries.triangle_count[g] - 1), 0)
     a, b, c = surface.corners(tables, g, triangle)
-    ua, va = surface.corner_uv(tables, g, row, triangle, 0)
-    ub, vb = surface.corner_uv(tables, g, row, triangle, 1)
-    uc, vc = surface.corner_uv(tables, g, row, triangle, 2)
+    ua, va = surface.corner_uv(tables, g, row, triangle, 0, has)
+    ub, vb = surface.corner_uv(tables, g, row, triangle, 1, has)
+    uc, vc = surface.corner_uv(tables, g, row, triangle, 2, has)
     e1, e2 = lanes.sub(b, a), lanes.sub(c, a)
     aa, ab, bb = lanes.dot(e1, e1), lanes.dot(e1, e2), lanes.dot(e2, e2)
     area = aa * bb - ab * ab

@@ -9,7 +9,11 @@ from typing import Any
 import maquette
 import numpy as np
 import pytest
+from maquette.compiler import ir
+from maquette.compiler.rows import LightData, MeshAttribute
 from maquette.render import light_tree, prepare
+
+from .tables import matrix, mesh, scene
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
@@ -66,3 +70,27 @@ def test_pictures_read_nothing_before_a_table(path, monkeypatch):
 
     monkeypatch.setattr(prepare, "prepare", watched)
     maquette.render(maquette.load(path), backend="reference", size=(24, 16), samples=1)
+
+
+@pytest.mark.parametrize("name", ["normals", "uvs", "colors"])
+def test_things_without_an_attribute_do_not_read_behind_the_last(name):
+    """A large bare mesh stands first and beside a triangle, whose attribute is all there is: lanes of both go together."""
+    side = np.linspace(-0.913, 0.937, 20)  # no edge through a pixel's centre
+    points = np.stack([*np.meshgrid(side, side), np.full((20, 20), -2.0)], axis=-1).reshape(-1, 3)
+    first = (np.arange(19)[:, None] * 20 + np.arange(19)).ravel()[::-1]
+    bare = mesh(points, np.concatenate([np.stack([first, first + 1, first + 20], axis=-1)]))
+    values = {"normals": np.tile([0.0, 0.0, 1.0], (3, 1)), "uvs": np.eye(3)[:, :2], "colors": np.full((3, 3), 0.5)}[name]
+    small = mesh([[-1.03, -1.07, -1.5], [1.09, -1.01, -1.5], [0.05, 0.03, -1.5]], [[0, 1, 2]], **{name: MeshAttribute(values)})
+    lamp = LightData(ir.LightKind.DIRECTIONAL, (3.0, 3.0, 3.0), direction=(0.0, 0.0, 1.0))
+    made = scene(meshes=[(bare, matrix(), 0), (small, matrix(), 0)], lights=[lamp])
+    assert len(made.pools.values) < 20
+    shown = [drawn(made, backend) for backend in ("reference", "ray", "raster")]
+    for picture in shown[1:]:
+        assert np.allclose(picture, shown[0], atol=1e-5)
+
+
+def drawn(made: ir.Tables, backend: str) -> np.ndarray:
+    """(h, w, 6) what a backend shows, and coordinates."""
+    whole = ir.Scene("test", made, names=ir.Names(cameras=("",)))
+    image = maquette.render(whole, backend=backend, size=(24, 24), samples=1, background=(0.0, 0.0, 0.0), aov=("uv",))
+    return np.concatenate([image.channels["rgba"], image.channels["uv"]], axis=-1)

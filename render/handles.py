@@ -62,8 +62,12 @@ class Handle:
 
     @property
     def numba_type(self) -> HandleType:
-        """What kernels see."""
+        """What kernels see it as."""
         return self._numba_type_
+
+    @numba_type.setter
+    def numba_type(self, kind: HandleType) -> None:
+        self._numba_type_ = kind
 
     def part(self, name: str) -> types.Type:
         """Numba's type of a field."""

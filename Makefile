@@ -35,7 +35,9 @@ $(STAMP): pyproject.toml constraints.txt
 	@mkdir -p $(VENV)/typing && ln -sfn ../.. $(VENV)/typing/maquette
 	@touch $@
 
-demo: $(NAMES:%=$(DEMO)/%.png)  ## render every example, and say where the pictures are
+demo: $(STAMP)  ## render every example, two at a time, and say where the pictures are
+	@echo "drawing $(words $(NAMES)) examples, two at a time; the first time kernels are compiled on the way, for some minutes"
+	@$(MAKE) --no-print-directory --output-sync -j$(WORKERS) $(NAMES:%=$(DEMO)/%.png)
 	@echo "$(words $(NAMES)) pictures are in $(CURDIR)/$(DEMO)"
 
 pictures: $(NAMES:%=examples/%.png)  ## render the pictures beside the examples again, where they are older

@@ -55,45 +55,20 @@ def test_each_thing_has_its_place(written, wanted):
     assert laid_out(written) == wanted
 
 
-def test_comments_stay_where_they_are():
-    written = """
-
-// the first
-sphere(1)// behind
-box(1, center: [0, 0, 0])     //  behind, too
-disk(1)
-
-  //between
-group() { // of a block
-let a = // of a value
-// alone
-1
-  // last in the block
-}
-[0, // of an element
-1]   // all
-// last
-"""
-    assert (
-        laid_out(written)
-        == """\
-// the first
-sphere(1)                  // behind
-box(1, center: [0, 0, 0])  //  behind, too
-disk(1)
-
-//between
-group() {  // of a block
-  let a =  // of a value
-    // alone
-    1
-  // last in the block
-}
-[0,   // of an element
-  1]  // all
-// last
-"""
-    )
+@pytest.mark.parametrize(
+    ("written", "wanted"),
+    [
+        ("\n\n// first\nbox(1)", "// first\nbox(1)\n"),
+        ("box(1)// behind\nplane()     //  too", "box(1)   // behind\nplane()  //  too\n"),
+        ("box(1)\n\n  //between\ndisk(1)", "box(1)\n\n//between\ndisk(1)\n"),
+        ("group() { // of a block\nbox(1)\n  // last in it\n}", "group() {  // of a block\n  box(1)\n  // last in it\n}\n"),
+        ("let a = // of a value\n// alone\n1", "let a =  // of a value\n  // alone\n  1\n"),
+        ("[0, // of an element\n1]   // all", "[0,   // of an element\n  1]  // all\n"),
+        ("box(1)\n// last", "box(1)\n// last\n"),
+    ],
+)
+def test_comments_stay_where_they_are(written, wanted):
+    assert laid_out(written) == wanted
 
 
 def test_comments_begin_in_one_column_only_on_lines_that_follow_each_other():

@@ -13,7 +13,10 @@ import numpy as np
 from . import facts, ir
 
 SMALL = 0.3  # steradians of what a gathering thing sees, below which a lamp is found too seldom (of a hemisphere one in twenty)
-POLISHED = 0.54  # roughness up to which a metal gathers; its square is below render/materials.POLISHED
+POLISHED = 0.54  # roughness up to which a metal or glass gathers; its square is below render/materials.POLISHED
+BRIGHT = 0.1  # reflectance of the course's lobes below which paths find their light; as render/materials.BRIGHT
+COAT = 0.04  # reflectance of a coat along its normal; as render/microfacet.COAT
+FAINT = 0.1  # of what a highlight reflects, the least that is aimed for: it reflects more of what grazes it
 CARRIERS = ("photons", "paths")
 FLAT = 1e-3  # roughness whose square is below is none; as render/microfacet.SHARP
 LAMPS = (
@@ -40,14 +43,53 @@ def sharp_materials(tables: ir.Tables) -> np.ndarray:
 
 
 def polished_materials(tables: ir.Tables) -> np.ndarray:
-    """(materials,) bool: metals that are not rough, but not mirrors either, anywhere; parts of blends count for the blend."""
+    """(materials,) bool: metals and glass neither rough nor smooth as mirrors are, anywhere; parts of blends count for the blend."""
     m, slot = tables.materials, ir.Slot
     polished = (m.values[:, slot.ROUGHNESS, 0] <= POLISHED) | (m.textures[:, slot.ROUGHNESS] >= 0)
     metallic = (m.values[:, slot.METALLIC, 0] >= 1.0) | (m.textures[:, slot.METALLIC] >= 0) | (m.model == ir.MaterialModel.METAL)
     found = np.isin(m.model, _LAYERED) & polished & metallic
+    frosted = (m.values[:, slot.ROUGHNESS, 0] > 0.0) | (m.textures[:, slot.ROUGHNESS] >= 0)
+    found |= (m.model == ir.MaterialModel.GLASS) & polished & frosted
     for row in np.flatnonzero(m.model == ir.MaterialModel.BLEND):
         found[row] = found[m.first[row]] | found[m.second[row]]
     return found
+
+
+def gleam(tables: ir.Tables) -> np.ndarray:
+    """(materials,) about what highlights reflect that are bright and narrow (render/materials.gleams) over something matt, at the most;
+
+    0 of materials without. Parts of blends count for the blend.
+    """
+    m, slot = tables.materials, ir.Slot
+
+    def most(which: int, textured: float) -> np.ndarray:
+        return np.where(m.textures[:, which] >= 0, textured, m.values[:, which].max(axis=1, initial=0.0))
+
+    def reflects(f0: np.ndarray, rough: np.ndarray) -> np.ndarray:
+        return np.where((rough <= POLISHED) & (4.0 * rough**4 <= f0), f0, 0.0)
+
+    ior = np.maximum(m.values[:, slot.IOR, 0], 1e-3)
+    boundary = np.where(m.textures[:, slot.IOR] >= 0, 1.0, ((ior - 1.0) / (ior + 1.0)) ** 2)
+    metallic = np.clip(most(slot.METALLIC, 1.0), 0.0, 1.0)
+    f0 = np.maximum(boundary, np.minimum(most(slot.DIFFUSE, 1.0), 1.0) * metallic)
+    f0 = np.where(m.model == ir.MaterialModel.PRINCIPLED_SPECULAR, most(slot.SPECULAR, 1.0), f0)
+    least = np.where(m.textures[:, slot.ROUGHNESS] >= 0, 0.0, m.values[:, slot.ROUGHNESS, 0])
+    least_coat = np.where(m.textures[:, slot.COAT_ROUGHNESS] >= 0, 0.0, m.values[:, slot.COAT_ROUGHNESS, 0])
+    layered = np.isin(m.model, (ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR))
+    found = np.where(layered, np.maximum(reflects(f0, least), reflects(COAT * most(slot.COAT, 1.0), least_coat)), 0.0)
+    specular = most(slot.SPECULAR, 1.0)
+    narrow = m.normalized & (specular >= BRIGHT) & (specular * (most(slot.SHININESS, np.inf) + 2.0) >= 8.0)
+    found = np.where(narrow & ~layered, specular, found)
+    for row in np.flatnonzero(m.model == ir.MaterialModel.BLEND):
+        found[row] = max(found[m.first[row]], found[m.second[row]])
+    return np.clip(found, 0.0, 1.0)
+
+
+def gains(tables: ir.Tables) -> np.ndarray:
+    """(instances,) about what things reflect, of those that gather light: 1, or of highlights over something matt less; 0 of others."""
+    whole = (sharp_materials(tables) | polished_materials(tables))[tables.instances.material]
+    part = gleam(tables)[tables.instances.material]
+    return np.where(whole, 1.0, np.maximum(part, FAINT)) * gathering(tables)
 
 
 def matt_materials(tables: ir.Tables) -> np.ndarray:
@@ -78,7 +120,9 @@ def balls(tables: ir.Tables) -> tuple[np.ndarray, np.ndarray]:
 def gathering(tables: ir.Tables) -> np.ndarray:
     """(instances,) bool: things that mirror or bend light without spreading it much."""
     seen = tables.instances.visible & ir.Visibility.REFLECTION != 0
-    return (sharp_materials(tables) | polished_materials(tables))[tables.instances.material] & seen
+    whole = sharp_materials(tables) | polished_materials(tables)
+    beside = (gleam(tables) > 0.0)[tables.instances.material] & np.isfinite(balls(tables)[1])  # what is endless cannot be aimed at
+    return (whole[tables.instances.material] | beside) & seen
 
 
 def lamps(tables: ir.Tables, all_sizes: bool = False) -> tuple[np.ndarray, np.ndarray]:

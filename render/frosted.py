@@ -236,6 +236,16 @@ def _also(frost: Frost, plain: Lane) -> Lane:
     return plain | frost.here
 
 
+@helper
+def _fine(frost: Frost, plain: Lane, most: float) -> Lane:
+    return plain | (frost.here & (frost.alpha <= most))
+
+
+@helper
+def _bends(frost: Frost, plain: Lane) -> Lane:
+    return lanes.where(frost.here, 1.0 / frost.ratio, plain)
+
+
 # Each takes the frost, what it would be without, and: the normal, a direction to the light, one to the viewer.
 reflected = if_there(_reflected)  # π f cos
 shared = if_there(_shared)  # (the same, density with which `draw` takes it)
@@ -243,6 +253,8 @@ draw = if_there(_draw)  # (a direction, whether it counts): normal, viewer, u, v
 onward = if_there(_onward)  # (a direction, its π f cos over π times its density)
 one = if_there(_one)  # 1 where there is rough glass
 also = if_there(_also)  # or there is rough glass
+is_fine = if_there(_fine)  # or there is glass of a roughness up to: α
+eta = if_there(_bends)  # index of this side over that of the other
 
 
 # --- making the tables ---------------------------------------------------------------------------------------------------

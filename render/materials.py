@@ -32,6 +32,7 @@ PHONG = int(ir.MaterialModel.PHONG)
 BLINN_PHONG = int(ir.MaterialModel.BLINN_PHONG)
 GLASS = int(ir.MaterialModel.GLASS)
 POLISHED = 0.3  # α up to which what a metal mirrors is a spot of light on what stands beside it
+BRIGHT = 0.1  # reflectance of the course's lobes, which grow no brighter at grazing angles, below which paths find their light well enough
 ONLY = 1e18  # density of a direction that is the only one: mirrors', glass's and the camera's
 
 
@@ -191,17 +192,47 @@ has_base = if_there(_lobes_have_base)
 
 @helper
 def is_polished(shader: Shader) -> Lane:
-    """Whether all that it reflects goes about where a mirror's would: a metal that is not rough."""
-    return _are_narrow(shader.lobes, lanes.bool_like(shader.ior, False))
+    """Whether all that it sends on goes about where a mirror or smooth glass would send it: metals and glass that are not rough."""
+    return frosted.is_fine(shader.frost, _are_narrow(shader.lobes, lanes.bool_like(shader.ior, False)), POLISHED)
 
 
 @helper
 def _narrow(lobes: microfacet.Lobes, plain: Lane) -> Lane:
-    alone = (lanes.largest(lobes.base) <= 0.0) & (lobes.coat <= 0.0)
+    alone = (lanes.largest(lobes.base) <= 0.0) & ((lobes.coat <= 0.0) | (lobes.coat_alpha <= POLISHED))
     return lobes.here & lanes.not_(lobes.sharp) & alone & (lobes.alpha <= POLISHED)
 
 
 _are_narrow = if_there(_narrow)
+
+
+@helper
+def gleams(shader: Shader) -> Lane:
+    """Whether it is matt under a highlight that is bright and narrow: one at whose peak is more light than an even surface would send.
+
+    That is where 4 α² is below its reflectance along the normal; α² of the course's lobes is 2/(n + 2) (Walter et al. 2007).
+    """
+    clear = lanes.largest(shader.reflection) + lanes.largest(shader.transmission) <= 0.0
+    bright = lanes.largest(shader.specular)
+    narrow = (bright >= BRIGHT) & (bright * (shader.shininess + 2.0) >= 8.0)
+    return clear & _have_gleam(shader.lobes, narrow & shader.normalized & (lanes.largest(shader.diffuse) > 0.0))
+
+
+@helper
+def _gleam(lobes: microfacet.Lobes, plain: Lane) -> Lane:
+    bright = (lobes.alpha <= POLISHED) & (4.0 * lobes.alpha * lobes.alpha <= lanes.largest(lobes.f0))
+    coated = (lobes.coat_alpha <= POLISHED) & (4.0 * lobes.coat_alpha * lobes.coat_alpha <= microfacet.COAT * lobes.coat)
+    found = lanes.not_(lobes.sharp) & (lanes.largest(lobes.base) > 0.0) & (bright | coated)
+    return lanes.where(lobes.here, found, plain)
+
+
+_have_gleam = if_there(_gleam)
+
+
+@helper
+def matt_part(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
+    """What of `reflected` is not a highlight's."""
+    cosine = lanes.maximum(lanes.dot(normal, to_light), 0.0)
+    return lanes.scale(microfacet.matt_share(shader.lobes, shader.diffuse, normal, to_light, to_viewer), cosine)
 
 
 @helper

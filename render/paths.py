@@ -93,6 +93,7 @@ class Light(NamedTuple):
     weighing: int = 0  # one of WEIGHINGS
     photons: Any = photon_map.NoMaps()  # or photon_map.Maps
     covered: Any = photon_map.NoMaps()  # or (emitters,) bool: those whose light photons bring
+    gleaming: Any = photon_map.NoMaps()  # or (instances,) about what highlights over something matt reflect, where photons bring that
 
 
 def uses_of(tables: ir.Tables) -> Uses:
@@ -225,6 +226,42 @@ def _mirrored_in_kernels(covered, row, path, shader):
     return lambda covered, row, path, shader: lanes.bool_like(path.density, False)
 
 
+def throws(gleaming: Any, point: Surface, shader: Shader) -> Lane:
+    """Where photons bring what a highlight sends of small lamps, and paths find what the matt part under it does."""
+    return np.zeros(np.shape(point.offset), bool)
+
+
+@overload(throws, jit_options=HELPER)
+def _throws_in_kernels(gleaming, point, shader):
+    if isinstance(gleaming, types.Array):
+        return lambda gleaming, point, shader: (gleaming[point.instance] > 0.0) & materials.gleams(shader)
+    return lambda gleaming, point, shader: lanes.bool_like(point.offset, False)
+
+
+def left_to_paths(gleaming: Any, covered: Any, share: Vec, row: Any, path: Path, point: Surface, shader: Shader, *of: Any) -> Any:
+    """(share of an emitter's light that paths are to find, whether they find it by looking for it alone)."""
+    return share, np.zeros(np.shape(path.density), bool)
+
+
+@overload(left_to_paths, jit_options=HELPER)
+def _left_in_kernels(gleaming, covered, share, row, path, point, shader, viewer, direction):
+    if isinstance(gleaming, types.Array):
+        return lambda gleaming, covered, share, row, path, point, shader, viewer, direction: _left(
+            gleaming, covered, share, row, path, point, shader, viewer, direction
+        )
+    return lambda gleaming, covered, share, row, path, point, shader, viewer, direction: (share, lanes.bool_like(path.density, False))
+
+
+@helper
+def _left(
+    gleaming: Any, covered: Any, share: Vec, row: Any, path: Path, point: Surface, shader: Shader, viewer: Vec, direction: Vec
+) -> tuple[Vec, Lane]:
+    alone = (path.phase >= photon_map.CLEAN) & covered[row] & throws(gleaming, point, shader)
+    if lanes.any_lane(alone):
+        share = lanes.where3(alone, materials.matt_part(shader, point.normal, direction, viewer), share)
+    return share, alone
+
+
 @helper
 def _weighed(table: Emitters, row: Lane, path: Path, point: Surface, t: Lane, weighing: int) -> tuple[Lane, Lane]:
     """(what counts of an emitter that a path met by chance, whether it met the side that does not shine)."""
@@ -278,8 +315,8 @@ def connect(
     table = light.emitters
     zero = lanes.full_like(point.offset, 0.0)
     if len(table.kind) == 1:
-        e = 0
-        arriving = emitters.sample(tables, table, e, point.position, u, v)
+        row = 0
+        arriving = emitters.sample(tables, table, 0, point.position, u, v)
         chance = zero + 1.0
         is_lamp = table.light[0] >= 0
         here = here & (lanes.not_(ending) | is_lamp) & lanes.not_(lit & is_lamp) & lanes.not_(mirrored(light.covered, 0, path, shader))
@@ -293,8 +330,9 @@ def connect(
         chance = lanes.where(chance > 0.0, chance, 1.0)
         weighed, shadows = table.weighed[row], table.shadows[row]
     share, density = materials.share_of(shader, light.uses, point.normal, arriving.direction, viewer)
+    share, alone = left_to_paths(light.gleaming, light.covered, share, row, path, point, shader, viewer, arriving.direction)
     factor = 1.0 / (math.pi * chance)
-    met_too = weighed & lanes.not_(last | lit)
+    met_too = weighed & lanes.not_(last | lit | alone)
     factor = factor * lanes.where(met_too, weight(arriving.density * chance, density, light.weighing, LIGHTS_ALONE), 1.0)
     given = lanes.scale(lanes.mul(lanes.mul(path.weight, share), arriving.light), factor)
     given = media.faded(media.crossed(path.inside, None, tables, point, arriving.direction), given, tables, arriving.distance)
@@ -377,7 +415,8 @@ def arrive(
     after_matt = (path.density < ONLY) | (path.density > 2.0 * ONLY)
     density = lanes.where((density >= ONLY) & after_matt, GATHERED, density)
     inside = media.crossed(path.inside, None, tables, point, taken.direction)
-    phase = photon_map.phase_after(light.photons, path.phase, shader, taken.density >= ONLY)
+    thrown = throws(light.gleaming, point, shader)
+    phase = photon_map.phase_after(light.photons, path.phase, shader, taken.density >= ONLY, thrown)
     origin = surface.leave(point, taken.direction)
     onward = Path(origin, taken.direction, weight, density, straight, inside, phase, _facing(light, point, shader))
     return sent, connection, onward, going

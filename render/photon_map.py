@@ -31,7 +31,7 @@ FACING = 0.7  # cosine between normals up to which surfaces are one
 NEIGHBOURS = 24.0  # photons that one is spread among, for FIRST of them in a map and in all
 FIRST = 32768.0
 ENOUGH = 12  # photons in a cell that tells their density
-MATT, CLEAN = 2.0, 3.0  # phases of a path, see phase_after
+MATT, CLEAN, BESIDE = 2.0, 3.0, 5.0  # phases of a path, see phase_after
 _BITS = 0x7FFFFFFF
 _PX, _PY, _PZ, _PL = 73856093, 19349663, 83492791, 40503 * 9973
 
@@ -177,23 +177,26 @@ def _gathered_in_kernels(maps, sent, shader, uses, point, viewer, weight, here, 
     return lambda maps, sent, shader, uses, point, viewer, weight, here, sample: sent
 
 
-def phase_after(maps: Any, phase: Lane, shader: Shader, sharp: Lane) -> Lane:
+def phase_after(maps: Any, phase: Lane, shader: Shader, sharp: Lane, throws: Lane) -> Lane:
     """The phase of a path that goes on from a surface: 0, nothing matt has been met, or
 
-    MATT (2): it has gathered; CLEAN (3): and since then it has met mirrors, glass and polished metals alone; 4: a metal among them.
+    MATT (2): it has gathered; CLEAN (3): and since then it has met mirrors, glass and polished metals alone; 4: a metal among them;
+    BESIDE (5): as CLEAN, but small lamps that it meets next have been seen to: by photons as its highlight `throws` them, and by looking
+    for them from what is matt under it.
     """
     return phase
 
 
 @overload(phase_after, jit_options=HELPER)
-def _phase_after_in_kernels(maps, phase, shader, sharp):
+def _phase_after_in_kernels(maps, phase, shader, sharp, throws):
     if not maps.layout:
-        return lambda maps, phase, shader, sharp: phase
+        return lambda maps, phase, shader, sharp, throws: phase
 
-    def counted(maps, phase, shader, sharp):
+    def counted(maps, phase, shader, sharp, throws):
         clean = phase >= CLEAN
         beside = lanes.where(materials.is_polished(shader), lanes.where(clean, 4.0, phase), lanes.where(clean, MATT, phase))
-        return lanes.where(sharp, phase, lanes.where(materials.has_matt(shader), CLEAN, beside))
+        matt = lanes.where(clean & throws, BESIDE, CLEAN)
+        return lanes.where(sharp, phase, lanes.where(materials.has_matt(shader), matt, beside))
 
     return counted
 
@@ -267,7 +270,7 @@ def _one(maps: Any, row: Lane, same: Lane, all_: Lane, x: Vec, shader: Shader, u
         toward = (maps.toward[row], maps.toward[row + n], maps.toward[row + 2 * n])
         cosine = lanes.dot(toward, point.geometric)
         near = near & materials.is_frosted(shader, cosine > 0.0)
-        share = _share(shader, uses, point.normal, toward, viewer)
+        share = _share(near, shader, uses, point.normal, toward, viewer)
         strength = left * (1.0 / math.pi) / lanes.maximum(lanes.absolute(cosine), 1e-2)
         power = (maps.power[row], maps.power[row + n], maps.power[row + 2 * n])
         given = lanes.scale(lanes.mul(lanes.mul(weight, share), power), strength)
@@ -276,9 +279,9 @@ def _one(maps: Any, row: Lane, same: Lane, all_: Lane, x: Vec, shader: Shader, u
 
 
 @helper
-def _share(shader: Shader, uses: Uses, normal: Vec, toward: Vec, viewer: Vec) -> Vec:
+def _share(here: Lane, shader: Shader, uses: Uses, normal: Vec, toward: Vec, viewer: Vec) -> Vec:
     """π f cos."""
-    if uses.glossy or uses.sharp:
+    if (uses.glossy or uses.sharp) and lanes.any_lane(here & materials.is_shiny(shader)):
         return _of_all(shader, normal, toward, viewer)
     return lanes.scale(shader.diffuse, lanes.maximum(lanes.dot(normal, toward), 0.0))
 

@@ -2,8 +2,8 @@
 
 They are aimed at balls round what gathers light, by a mixture whose whole density weighs them (Veach 1997, §9.2.3), follow sharp
 reflections and refractions by chance, and are kept wherever something that spreads light is met after one; and those that a polished metal
-throws first where that is something matt. Paths leave out just that: a lamp with photons that they meet by way of mirrors and glass from
-what spreads light, or find by way of metals, too, from something matt. Random numbers are of (map, photon, dimension, seed).
+or rough glass throws first, or a narrow highlight over something matt, where that is something matt. Paths leave out just that: a lamp with
+photons that they meet by way of mirrors and glass from what spreads light, or find by way of metals or in highlights, too, from something matt. Random numbers are of (map, photon, dimension, seed).
 """
 
 from __future__ import annotations
@@ -13,13 +13,32 @@ import threading
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
+from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler import plan as planner
-from . import across, blends, emitters, film, lanes, lights, materials, media, photon_map, sampler, simd, surface, tilt, waves
+from . import (
+    across,
+    blends,
+    emitters,
+    film,
+    frosted,
+    lanes,
+    lights,
+    materials,
+    media,
+    paths,
+    photon_map,
+    sampler,
+    simd,
+    surface,
+    tilt,
+    waves,
+)
 from .handles import Handle
-from .kernels import apart, helper, kernel
+from .kernels import HELPER, apart, helper, kernel
 from .photon_map import COLUMNS, MAPS
 from .records import Lane, Ray, Surface, Tables, Vec
 from .waves import ROW, STATE
@@ -68,8 +87,8 @@ def aims(tables: ir.Tables, table: emitters.Emitters, chosen: NDArray[np.bool_])
     centre, radius = planner.caustics.balls(tables)
     mirrors = planner.caustics.gathering(tables)
     # What shines itself and mirrors, too, is no reason to aim at it from itself: its own directions are as good as any.
-    centre, radius = _together(centre[mirrors], radius[mirrors])
-    flux = np.where(chosen[:, None], _flux(tables, table, centre, radius), 0.0)
+    centre, radius, gain = _together(centre[mirrors], radius[mirrors], planner.caustics.gains(tables)[mirrors])
+    flux = np.where(chosen[:, None], _flux(tables, table, centre, radius) * gain, 0.0)
     if not flux.any():
         return None
     known, bounds = planner.caustics.balls(tables)
@@ -88,25 +107,26 @@ def _last_is_one(upto: F64) -> F64:
     return np.where(upto >= upto[-1], 1.0 + 1e-9, upto)
 
 
-def _together(centre: F64, radius: F64) -> tuple[F64, F64]:
-    """At most TARGETS balls round many: halves of halves along the widest direction, each in the ball round it."""
+def _together(centre: F64, radius: F64, gain: F64) -> tuple[F64, F64, F64]:
+    """At most TARGETS balls round many: halves of halves along the widest direction, each in the ball round it; the most of its gains."""
     groups = [np.arange(len(radius))]
     endless = ~np.isfinite(radius)
     if endless.any():
-        return np.zeros((1, 3)), np.array([np.inf])
+        return np.zeros((1, 3)), np.array([np.inf]), np.ones(1)
     while len(groups) < min(TARGETS, len(radius)):
         widest = max(range(len(groups)), key=lambda g: (len(groups[g]) > 1) * (1.0 + float(np.ptp(centre[groups[g]], axis=0).max())))
         rows = groups.pop(widest)
         axis = int(np.argmax(np.ptp(centre[rows], axis=0)))
         rows = rows[np.argsort(centre[rows, axis], kind="stable")]
         groups += [rows[: len(rows) // 2], rows[len(rows) // 2 :]]
-    middles, sizes = [], []
+    middles, sizes, gains = [], [], []
     for rows in groups:
         low, high = (centre[rows] - radius[rows, None]).min(axis=0), (centre[rows] + radius[rows, None]).max(axis=0)
         middle = 0.5 * (low + high)
         middles.append(middle)
         sizes.append(float((np.linalg.norm(centre[rows] - middle, axis=1) + radius[rows]).max()))
-    return np.array(middles), np.array(sizes) * (1.0 + 1e-9)
+        gains.append(float(gain[rows].max()))
+    return np.array(middles), np.array(sizes) * (1.0 + 1e-9), np.array(gains)
 
 
 def _flux(tables: ir.Tables, table: emitters.Emitters, centre: F64, radius: F64) -> F64:
@@ -256,6 +276,11 @@ def _land(scene, frame, room, source, n, depth, origin, landed, kept):
         weight = lanes.scale(taken.weight, _adjoint(point, shader, direction, taken.direction, sharp))
         chance = lanes.minimum(lanes.largest(weight), 1.0)
         metal = materials.is_polished(shader) & lanes.not_(sharp)
+        first = here & lanes.not_(bent | thrown)
+        (to, weight, chance), gleams = _by_highlight(
+            light.gleaming, (taken.direction, weight, chance), point, shader, direction, u, v, which, first
+        )
+        metal = metal | gleams
         bent = bent | (thrown & matt & lanes.not_(sharp))
         going = here & (sharp | bent | metal) & (end < chance)
         if lanes.not_(lanes.any_lane(going)):
@@ -265,14 +290,45 @@ def _land(scene, frame, room, source, n, depth, origin, landed, kept):
         bent = bent | lanes.not_(thrown)
         weight = lanes.mul(power, lanes.scale(weight, 1.0 / lanes.maximum(chance, lights.TINY)))
         flags = lanes.where(bent, BENT, 0) | lanes.where(spread, SPREAD, 0) | lanes.where(thrown, THROWN, 0)
-        waves.keep3(room.state, target + going_on, surface.leave(point, taken.direction), going)
-        waves.keep3(room.state, target + 3 * ROW + going_on, taken.direction, going)
+        waves.keep3(room.state, target + going_on, surface.leave(point, to), going)
+        waves.keep3(room.state, target + 3 * ROW + going_on, to, going)
         waves.keep3(room.state, target + 6 * ROW + going_on, weight, going)
         waves.keep3(room.whose, (1 - source) * 3 * ROW + going_on, (lanes.to_int(flags) + 0 * number, number, index), going)
-        inside = media.crossed(inside, None, tables, point, taken.direction)
+        inside = media.crossed(inside, None, tables, point, to)
         waves.keep_inside(inside, None, room, (1 - source) * ROW + going_on, going)
         going_on += simd.count(going)
     return going_on, kept
+
+
+def _by_highlight(gleaming: Any, plain: Any, *of: Any) -> Any:
+    raise NotImplementedError
+
+
+@overload(_by_highlight, jit_options=HELPER)
+def _by_highlight_in_kernels(gleaming, plain, *of):
+    """((direction, weight, chance to go on), where that is so) of photons that a highlight throws first; not compiled where none does."""
+    if isinstance(gleaming, types.Array):
+        return lambda gleaming, plain, *of: _thrown(gleaming, plain, *of)
+    return lambda gleaming, plain, *of: (plain, lanes.bool_like(plain[2], False))
+
+
+@helper
+def _thrown(
+    gleaming: Any, plain: tuple[Vec, Vec, Lane], point: Surface, shader: materials.Shader, arriving: Vec, u: Lane, v: Lane, which: Lane,
+    first: Lane,
+) -> tuple[tuple[Vec, Vec, Lane], Lane]:  # fmt: skip
+    """The matt part's light is found by paths; fewer photons were aimed here, as the gain says, which those that are thrown make up for."""
+    here = first & paths.throws(gleaming, point, shader)
+    direction, weight = plain[0], plain[1]
+    chance = plain[2]
+    if lanes.any_lane(here):
+        to, share = materials.sample_lobe(shader, point.normal, lanes.negate(arriving), u, v, which)
+        share = lanes.scale(share, _leaning(point, arriving, to))
+        zero = 0.0 * chance
+        share = lanes.where3(lanes.dot(to, point.geometric) > 0.0, share, (zero, zero, zero))
+        direction, weight = lanes.where3(here, to, direction), lanes.where3(here, share, weight)
+        chance = lanes.where(here, lanes.minimum(lanes.largest(share) / lanes.maximum(gleaming[point.instance], lights.TINY), 1.0), chance)
+    return (direction, weight, chance), here
 
 
 @helper
@@ -297,8 +353,10 @@ def _adjoint(point: Surface, shader: materials.Shader, arriving: Vec, leaving: V
 
     Radiance is not scaled by the square of the index here, and so light that enters a medium is: what leaves it again is as it was.
     """
-    through = sharp & (lanes.dot(arriving, point.geometric) * lanes.dot(leaving, point.geometric) > 0.0)
-    eta = lanes.where(through, lanes.where(point.front, 1.0 / shader.ior, shader.ior), 1.0)
+    passes = lanes.dot(arriving, point.geometric) * lanes.dot(leaving, point.geometric) > 0.0
+    through = materials.is_frosted(shader, sharp) & passes
+    eta = frosted.eta(shader.frost, lanes.where(point.front, 1.0 / shader.ior, shader.ior))
+    eta = lanes.where(through, eta, 1.0)
     return eta * eta * _leaning(point, arriving, leaving)
 
 

@@ -128,7 +128,9 @@ def _with_photons(tables: ir.Tables, plan: Plan, light: Any, kind: type) -> tupl
     aims = photons.aims(tables, light.emitters, covered)
     if aims is None:
         return light, None
-    return light._replace(photons=photon_map.empty(kind), covered=covered), aims
+    gains = planner.caustics.gains(tables) * (planner.caustics.gleam(tables) > 0.0)[tables.instances.material]
+    gleaming = gains if gains.any() else photon_map.NoMaps()
+    return light._replace(photons=photon_map.empty(kind), covered=covered, gleaming=gleaming), aims
 
 
 def _light(tables: ir.Tables, plan: Plan, packed: Any, accel: Any, frame: Any) -> Any:

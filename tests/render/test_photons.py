@@ -87,10 +87,34 @@ render(bounces: 6)
 """
 
 
-@pytest.mark.parametrize("lamp", ["rectangle", "ball", "metals"])
+GLOSS = """
+sphere(0.5, center: [0, 0.5, 0], material: principled(rgb(0.7, 0.2, 0.1), roughness: 0.2))
+box([0.4, 1.2, 0.8], center: [1, 0.6, 0], material: principled(rgb(0.9, 0.7, 0.3), metallic: 0.7, roughness: 0.4))
+sphere(0.3, center: [-0.9, 0.3, 0.3], material: principled(rgb(0.2, 0.3, 0.7), roughness: 0.7, clearcoat: 1, clearcoat_roughness: 0.25))
+box([0.3, 0.3, 0.3], center: [-0.5, 0.15, 0.9], material: principled(rgb(0.8, 0.8, 0.8), metallic: 1, roughness: 0.3, clearcoat: 1))
+sphere(0.25, center: [0.5, 0.25, 0.9], material: blinn_phong(0.5, specular: 0.4, shininess: 150, normalized: true))
+camera(position: [0, 3, 5], look_at: [0, 0.4, 0], fov: 38deg)
+render(bounces: 6)
+"""
+FROST = """
+sphere(0.5, center: [0, 0.6, 0], material: glass(ior: 1.5, roughness: 0.3))
+box([0.2, 0.2, 0.2], center: [0, 0.6, 0], material: lambert(0.9))
+box([0.8, 0.8, 0.1], center: [1, 0.5, 0.2], material: glass(ior: 1.33, roughness: 0.4))
+camera(position: [0, 3, 5], look_at: [0, 0.4, 0], fov: 38deg)
+render(bounces: 8)
+"""
+SCENES = {
+    "metals": METALS + LAMPS["ball"],
+    "gloss": GLOSS + LAMPS["ball"],
+    "gloss under sun and sky": GLOSS + LAMPS["sun"] + "sky(luminance: 0.3)\n",
+    "frost": FROST + LAMPS["rectangle"],
+}
+
+
+@pytest.mark.parametrize("lamp", ["rectangle", "ball", *SCENES])
 def test_photons_and_chance_find_the_same_light(draw, lamp):
     """Lamps large enough for paths to find them behind glass and in mirrors: means of blocks of the picture, by z."""
-    text = FLOOR.format(0.8) + (METALS + LAMPS["ball"] if lamp == "metals" else BALL.format(matt="lambert(0.6)") + LAMPS[lamp])
+    text = FLOOR.format(0.8) + (SCENES[lamp] if lamp in SCENES else BALL.format(matt="lambert(0.6)") + LAMPS[lamp])
     ours = np.stack([draw(text, 256, seed, transport_caustics="photons") for seed in range(6)])
     others = np.stack([draw(text, 1024, 20 + seed, transport_caustics="paths") for seed in range(6)])
     a, b = blocks(ours), blocks(others)
@@ -115,7 +139,11 @@ def test_the_plan_has_photons_only_where_a_small_lamp_shines_on_what_gathers(tmp
     assert decided(floor + ball + lamp) == "none"  # a tree of mirrors and glass
     assert decided(floor + ball + lamp, bounces=6, backend="reference") == "paths"
     assert decided(floor + lamp, bounces=6) == "paths"
-    assert decided(floor + ball.replace("glass()", "glass(roughness: 0.3)") + lamp, bounces=6) == "paths"
+    assert decided(floor + ball.replace("glass()", "glass(roughness: 0.3)") + lamp, bounces=6) == "photons"
+    assert decided(floor + ball.replace("glass()", "glass(roughness: 0.7)") + lamp, bounces=6) == "paths"
+    assert decided(floor + ball.replace("glass()", "principled(roughness: 0.3)") + lamp, bounces=6) == "photons"
+    assert decided(floor + ball.replace("glass()", "principled(roughness: 0.5)") + lamp, bounces=6) == "paths"
+    assert decided("plane(y: 0, material: principled(roughness: 0.1))\nsphere(1)\n" + lamp, bounces=6) == "paths"
     assert decided(floor + ball + "area([0, 3, 0], look_at: [0, 0, 0], size: [3, 3])\n", bounces=6) == "paths"
     assert decided(floor + ball + "area([0, 3, 0], look_at: [0, 0, 0], size: [0.1, 0.1])\n", bounces=6) == "photons"
     assert decided(floor + ball + "sky()\n", bounces=6) == "paths"

@@ -21,7 +21,7 @@ MOST = 1 << 22  # triangles of all instances that have rows
 EXACT = 1 << 24  # whole numbers up to this are exact in float32
 NONE = -(1 << 30)  # of `first`, where an instance has no rows
 PLAIN, ROUNDED = 1.0, 2.0  # how a row is shaded: by its own normal, by those of its corners
-CORNERS = 10  # columns: three normals, and nothing
+CORNERS = 16  # columns: three normals; of each its product with both edges over its square, for surface.Surface.lift; and nothing
 
 
 class Flat(NamedTuple):
@@ -96,36 +96,54 @@ def _wide(tables: ir.Tables, i: int, g: int, corners: tuple[NDArray[np.float32],
 def _corners(tables: ir.Tables, i: int, g: int) -> NDArray[np.float64]:
     part, values = _range(tables, g), tables.pools.values
     row, numbers = int(tables.geometries.normals[g]), np.arange(part.start, part.stop)
+    a, b, c = (tables.pools.positions[tables.pools.triangles[part, k]] for k in range(3))
+    linear = tables.transforms.matrix[tables.instances.transform[i]][:, :3].T.astype(np.float32)
+    edges = (b - a) @ linear, (c - a) @ linear
+    face = np.cross(*edges)
+    face /= np.maximum(np.linalg.norm(face, axis=1, keepdims=True), 1e-30)
     made = np.zeros((len(numbers), CORNERS))
     for k in range(3):
         begin = surface.attribute_row(tables, g, row, numbers, k, True)
-        made[:, 3 * k : 3 * k + 3] = values[begin[:, None] + np.arange(3)] @ _to_world(tables, i)
+        normal = values[begin[:, None] + np.arange(3)] @ _to_world(tables, i)
+        made[:, 3 * k : 3 * k + 3] = normal
+        size = np.sum(normal * normal, axis=1)
+        round_ = np.sum(normal * face, axis=1) ** 2 > surface.COARSEST**2 * size
+        for j in range(2):
+            along = np.sum(normal * edges[j], axis=1) / np.maximum(size, 1e-30)
+            made[:, 9 + 2 * k + j] = np.where(round_ & np.isfinite(along), along, 0.0)
     return made
 
 
 # --- in lanes ------------------------------------------------------------------------------------------------------------
 
 
-def interpolated(rounded: Any, normal: Vec, row: Lane, here: Lane, u: Lane, v: Lane) -> Vec:
-    """`normal`, or the interpolated one on its side in the lanes `here`."""
+def interpolated(rounded: Any, normal: Vec, row: Lane, here: Lane, u: Lane, v: Lane, side: Lane) -> tuple[Vec, Vec]:
+    """(`normal`, or the interpolated one on its side in the lanes `here`; surface.Surface.lift, seen from outside where `side` is 1)."""
     raise NotImplementedError
 
 
 @helper
-def _interpolated(rounded: Any, normal: Vec, row: Lane, here: Lane, u: Lane, v: Lane) -> Vec:
+def _interpolated(rounded: Any, normal: Vec, row: Lane, here: Lane, u: Lane, v: Lane, side: Lane) -> tuple[Vec, Vec]:
     at = lanes.where(here, row - rounded.start, 0) * CORNERS
     ax, ay, az, bx, by, bz, cx, cy = simd.gather_rows(rounded.corners, at, 8)
-    cz, _ = simd.gather_rows(rounded.corners, at + 8, 2)
+    cz, a1, a2, b1, b2, c1, c2, _ = simd.gather_rows(rounded.corners, at + 8, 8)
     w = 1.0 - u - v
     found = (ax * w + bx * u + cx * v, ay * w + by * u + cy * v, az * w + bz * u + cz * v)
     size = lanes.length(found)
     good = here & (size > 1e-12) & lanes.is_finite(size)
-    scale = lanes.where(lanes.dot(found, normal) < 0.0, -1.0, 1.0) / lanes.where(good, size, 1.0)
-    return lanes.where3(good, lanes.scale(found, scale), normal)
+    turned = lanes.where(lanes.dot(found, normal) < 0.0, -1.0, 1.0)
+    scale = turned / lanes.where(good, size, 1.0)
+    side = side * turned
+    wa = side * w * lanes.maximum(-side * (u * a1 + v * a2), 0.0)
+    wb = side * u * lanes.maximum(side * ((1.0 - u) * b1 - v * b2), 0.0)
+    wc = side * v * lanes.maximum(side * ((1.0 - v) * c2 - u * c1), 0.0)
+    zero = 0.0 * u
+    lift = (ax * wa + bx * wb + cx * wc, ay * wa + by * wb + cy * wc, az * wa + bz * wb + cz * wc)
+    return lanes.where3(good, lanes.scale(found, scale), normal), lanes.where3(good, lift, (zero, zero, zero))
 
 
 @overload(interpolated, jit_options=HELPER)
-def _interpolated_in_kernels(rounded, normal, row, here, u, v):
+def _interpolated_in_kernels(rounded, normal, row, here, u, v, side):
     if rounded.layout:
-        return lambda rounded, normal, row, here, u, v: _interpolated(rounded, normal, row, here, u, v)
-    return lambda rounded, normal, row, here, u, v: normal
+        return lambda rounded, normal, row, here, u, v, side: _interpolated(rounded, normal, row, here, u, v, side)
+    return lambda rounded, normal, row, here, u, v, side: (normal, (0.0 * u, 0.0 * u, 0.0 * u))

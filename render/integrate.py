@@ -319,7 +319,8 @@ def direct_light(
                 open_ = _sees(tables, point, shader, direction, shiny)
                 total = lanes.add(total, _unblocked(tables, accel, options, point, light, direction, lights.FAR, given, open_))
         else:
-            arriving = lights.sample(tables, light, point.position, u, v)
+            unbent = materials.is_frosted(shader, lanes.bool_like(point.offset, False))
+            arriving = lights.sample(tables, light, lanes.where3(unbent, point.position, surface.lit_from(point)), u, v)
             share = materials.reflected(shader, point.normal, arriving.direction, viewer)
             given = lanes.scale(lanes.mul(share, arriving.irradiance), 1.0 / np.pi)
             open_ = _sees(tables, point, shader, arriving.direction, active)
@@ -358,7 +359,9 @@ def _unblocked(
 def _past_rays(
     tables: Tables, accel: Any, point: Surface, light: int, direction: Vec, distance: Lane, given: Vec, open_: Lane
 ) -> Vec:  # fmt: skip
-    return trace.dimmed(accel, tables, leaving(point, direction, distance), open_, given)
+    place = lanes.where3(lanes.dot(direction, point.normal) > 0.0, surface.lit_from(point), point.position)
+    ray = Ray(surface.leave_from(point, place, direction), direction, 0.0 * point.offset, distance, point.time)
+    return trace.dimmed(accel, tables, ray, open_, given)
 
 
 @helper

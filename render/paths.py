@@ -314,16 +314,18 @@ def connect(
     u, v = numbers(pixel, sample, depth, 0, seed)
     table = light.emitters
     zero = lanes.full_like(point.offset, 0.0)
+    frosted_ = materials.is_frosted(shader, lanes.bool_like(zero, False))
+    place = lanes.where3(frosted_, point.position, surface.lit_from(point))
     if len(table.kind) == 1:
         row = 0
-        arriving = emitters.sample(tables, table, 0, point.position, u, v)
+        arriving = emitters.sample(tables, table, 0, place, u, v)
         chance = zero + 1.0
         is_lamp = table.light[0] >= 0
         here = here & (lanes.not_(ending) | is_lamp) & lanes.not_(lit & is_lamp) & lanes.not_(mirrored(light.covered, 0, path, shader))
         weighed, shadows = lanes.bool_like(zero, table.weighed[0]), lanes.bool_like(zero, table.shadows[0])
     else:
-        row, chance = _choose(table.tree, point.position, _facing(light, point, shader), numbers(pixel, sample, depth, 2, seed)[0])
-        arriving = _sample_each(tables, table, row, point.position, u, v)
+        row, chance = _choose(table.tree, place, _facing(light, point, shader), numbers(pixel, sample, depth, 2, seed)[0])
+        arriving = _sample_each(tables, table, row, place, u, v)
         lamp = table.light[row] >= 0
         here = here & (chance > 0.0) & (lanes.bool_like(zero, lanes.not_(ending)) | lamp) & lanes.not_(lit & lamp)
         here = here & lanes.not_(mirrored(light.covered, row, path, shader))
@@ -332,11 +334,12 @@ def connect(
     share, density = materials.share_of(shader, light.uses, point.normal, arriving.direction, viewer)
     share, alone = left_to_paths(light.gleaming, light.covered, share, row, path, point, shader, viewer, arriving.direction)
     factor = 1.0 / (math.pi * chance)
-    met_too = weighed & lanes.not_(last | lit | alone)
+    above = frosted_ | (lanes.dot(arriving.direction, point.geometric) > 0.0)  # past its facet's edge no ray goes on by chance
+    met_too = weighed & above & lanes.not_(last | lit | alone)
     factor = factor * lanes.where(met_too, weight(arriving.density * chance, density, light.weighing, LIGHTS_ALONE), 1.0)
     given = lanes.scale(lanes.mul(lanes.mul(path.weight, share), arriving.light), factor)
     given = media.faded(media.crossed(path.inside, None, tables, point, arriving.direction), given, tables, arriving.distance)
-    origin = surface.leave(point, arriving.direction)
+    origin = surface.leave_from(point, place, arriving.direction)
     wanted = here & (lanes.largest(given) > 0.0)
     wanted = wanted & materials.is_frosted(shader, tilt.open_to(tables, point, arriving.direction, wanted))
     # Things that shine block no light of their own: rays end before them by all roundings, and the shift at their beginning.
@@ -417,7 +420,9 @@ def arrive(
     inside = media.crossed(path.inside, None, tables, point, taken.direction)
     thrown = throws(light.gleaming, point, shader)
     phase = photon_map.phase_after(light.photons, path.phase, shader, taken.density >= ONLY, thrown)
-    origin = surface.leave(point, taken.direction)
+    sunk = materials.is_frosted(shader, taken.density >= ONLY)
+    place = lanes.where3(sunk, point.position, surface.lit_from(point))  # from where light was looked for: both ways see the same
+    origin = surface.leave_at(point, place, taken.direction)
     onward = Path(origin, taken.direction, weight, density, straight, inside, phase, _facing(light, point, shader))
     return sent, connection, onward, going
 

@@ -3,7 +3,8 @@
 They are aimed at balls round what gathers light, by a mixture whose whole density weighs them (Veach 1997, §9.2.3), follow sharp
 reflections and refractions by chance, and are kept wherever something that spreads light is met after one; and those that a polished metal
 or rough glass throws first, or a narrow highlight over something matt, where that is something matt. Paths leave out just that: a lamp with
-photons that they meet by way of mirrors and glass from what spreads light, or find by way of metals or in highlights, too, from something matt. Random numbers are of (map, photon, dimension, seed).
+photons that they meet by way of mirrors and glass from what spreads light, or find by way of metals or in highlights, too, from something
+matt. Random numbers are of (map, photon, dimension, seed).
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import lanes
+from . import lanes, surface
 from .kernels import HELPER, helper
 from .records import Lane, Surface, Tables, Traced, Vec
 
@@ -56,7 +56,7 @@ def unless_traced(function: Any, by_rays: Any) -> Any:
 @helper
 def lit(maps: Any, tables: Tables, light: int, point: Surface) -> Lane:
     """The share of a lamp's light, 0 to 1, that reaches a point."""
-    p, zero = point.position, 0.0 * point.offset
+    p, zero = surface.lit_from(point), 0.0 * point.offset
     row = lanes.int_like(zero, maps.first[light])
     cube = maps.count[light] == 6
     parallel = tables.lights.kind[light] in (DIRECTIONAL, SUN)

@@ -2,6 +2,9 @@
 
 Normals face the side the ray came from. Mesh attributes are interpolated with the hit's barycentrics; an interpolated normal is first
 turned to the outside that the triangle's own corners say, so that what is lit does not depend on a file's careless normals.
+
+Light is looked for from off such triangles, where the round surface that they stand for would be (Hanika 2021, Hacking the Shadow
+Terminator, Ray Tracing Gems II, ch. 4): else facets that face away from a lamp are dark where their neighbours are lit.
 """
 
 from __future__ import annotations
@@ -10,7 +13,7 @@ import math
 
 from ..compiler import ir
 from . import lanes, placed, shapes, textures
-from .kernels import helper
+from .kernels import helper, if_there
 from .records import Hit, Lane, Ray, Surface, Tables, Vec
 
 MESH = int(ir.GeometryKind.MESH)
@@ -19,6 +22,7 @@ CONSTANT = int(ir.Interpolation.CONSTANT)
 FACE = int(ir.Interpolation.FACE)
 VERTEX = int(ir.Interpolation.VERTEX)
 FLAT = int(ir.Shading.FLAT)
+COARSEST = 0.7  # cosine between a triangle and a normal of its corners, below which they stand for an edge, not for something round
 UNIT = 2.0  # units of roundoff of a formula's largest coordinate: twice what a unit of its spacing means (formulas/meet.py)
 ROUNDING = 32.0  # units of roundoff, of the sums of absolute terms in `spacing`: a few operations each for the hit and for the next ray
 
@@ -86,9 +90,12 @@ def at(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -> Surface:
         shaded = lanes.where3(rounded, lanes.normalize(lanes.normal_by(inverse, smooth)), geometric)
     front = lanes.dot(ray.direction, geometric) < 0.0
     side = lanes.where(front, zero + 1.0, zero - 1.0)
+    lift = (zero, zero, zero)
+    if lanes.any_lane(rounded):
+        lift = _by_matrix(matrix, _mesh_lift(tables, g, hit, rounded, local, (a, b, c), outward, side))
     return Surface(
         world, local, lanes.scale(geometric, side), lanes.scale(shaded, side), outward, (u, v), (du, dv),
-        front, instance, material, color, spacing(here, ray, t, geometric, wide), ray.time, None,
+        front, instance, material, color, spacing(here, ray, t, geometric, wide), ray.time, None, lift,
     )  # fmt: skip
 
 
@@ -127,8 +134,40 @@ def _unpacked(u: Lane, v: Lane) -> Vec:
 @helper
 def leave(surface: Surface, direction: Vec) -> Vec:
     """Where a new ray in this direction starts: moved off the surface to the side that the direction goes to."""
+    return leave_at(surface, surface.position, direction)
+
+
+@helper
+def leave_at(surface: Surface, place: Vec, direction: Vec) -> Vec:
+    """The same for a place beside the surface's own."""
     side = lanes.where(lanes.dot(direction, surface.geometric) >= 0.0, surface.offset, -surface.offset)
-    return lanes.along(surface.position, surface.geometric, side)
+    return lanes.along(place, surface.geometric, side)
+
+
+@helper
+def _risen(lift: Vec, position: Vec) -> Vec:
+    return lanes.add(position, lift)
+
+
+@helper
+def _from_above(lift: Vec, above: Lane, normal: Vec, direction: Vec) -> Lane:
+    return above | ((lanes.dot(lift, lift) > 0.0) & (lanes.dot(direction, normal) > 0.0))
+
+
+_raised, _rising = if_there(_risen), if_there(_from_above)
+
+
+@helper
+def lit_from(surface: Surface) -> Vec:
+    """The place from where light is looked for: the surface's own, or above a triangle with interpolated normals."""
+    return _raised(surface.lift, surface.position)
+
+
+@helper
+def leave_from(surface: Surface, place: Vec, direction: Vec) -> Vec:
+    """The same as `leave` for a ray that starts at `lit_from`: there it is above its facet also where it goes down past its edge."""
+    above = _rising(surface.lift, lanes.dot(direction, surface.geometric) >= 0.0, surface.normal, direction)
+    return lanes.along(place, surface.geometric, lanes.where(above, surface.offset, -surface.offset))
 
 
 @helper
@@ -229,6 +268,47 @@ def _mesh_normal(tables: Tables, g: Lane, hit: Hit, on_mesh: Lane, face: Vec) ->
         n = lanes.scale(n, lanes.where(lanes.dot(n, face) < 0.0, -1.0, 1.0) / lanes.where(good, size, 1.0))
         normal = lanes.where3(good, n, face)
     return normal
+
+
+@helper
+def _mesh_lift(
+    tables: Tables, g: Lane, hit: Hit, on_mesh: Lane, place: Vec, at: tuple[Vec, Vec, Vec], face: Vec, side: Lane
+) -> Vec:  # fmt: skip
+    """From a place on a triangle to the mean of its projections on the planes through its corners, where those lie above it.
+
+    `side` is 1 where it is seen from outside, -1 from inside; all in the mesh's frame.
+    """
+    row = lanes.to_int(tables.geometries.normals[g])
+    has = on_mesh & (row >= 0)
+    zero = lanes.full_like(hit.u, 0.0)
+    lift = (zero, zero, zero)
+    if lanes.any_lane(has):
+        g, row, triangle = lanes.where(has, g, 0), lanes.where(has, row, 0), lanes.where(has, hit.primitive, 0)
+        a = _value3(tables, attribute_row(tables, g, row, triangle, 0, has))
+        b = _value3(tables, attribute_row(tables, g, row, triangle, 1, has))
+        c = _value3(tables, attribute_row(tables, g, row, triangle, 2, has))
+        w = 1.0 - hit.u - hit.v
+        side = side * lanes.where(lanes.dot(_blend(a, b, c, w, hit.u, hit.v), face) < 0.0, -1.0, 1.0)
+        a, b, c = _over(place, at[0], a, face, side), _over(place, at[1], b, face, side), _over(place, at[2], c, face, side)
+        raised = _blend(a, b, c, w, hit.u, hit.v)
+        lift = lanes.where3(has & lanes.is_finite(lanes.dot(raised, raised)), raised, lift)
+    return lift
+
+
+@helper
+def _over(place: Vec, corner: Vec, normal: Vec, face: Vec, side: Lane) -> Vec:
+    """From a place up to the plane through a corner across its normal, of any length; 0 where it is above or that is an edge."""
+    size, along = lanes.dot(normal, normal), lanes.dot(normal, face)
+    height = lanes.maximum(side * lanes.dot(lanes.sub(corner, place), normal), 0.0)
+    round_ = along * along > COARSEST * COARSEST * size
+    return lanes.scale(normal, lanes.where(round_, side * height / lanes.where(size > 0.0, size, 1.0), 0.0))
+
+
+@helper
+def _by_matrix(m: placed.Affine, v: Vec) -> Vec:
+    return (
+        m[0] * v[0] + m[1] * v[1] + m[2] * v[2], m[4] * v[0] + m[5] * v[1] + m[6] * v[2], m[8] * v[0] + m[9] * v[1] + m[10] * v[2],
+    )  # fmt: skip
 
 
 @helper

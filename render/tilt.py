@@ -182,7 +182,7 @@ def _tilted(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Surface
     normal = _cleared(lanes.scale(normal, side), point.geometric, lanes.negate(direction))
     return Surface(
         point.position, point.local, point.geometric, lanes.where3(turned | bumped, normal, point.normal), point.local_normal, point.uv,
-        point.metric, point.front, point.instance, point.material, point.color, point.offset, point.time, point.spread,
+        point.metric, point.front, point.instance, point.material, point.color, point.offset, point.time, point.spread, point.lift,
     )  # fmt: skip
 
 
@@ -222,7 +222,7 @@ def moved(tables: Tables, point: Surface, hit: Hit, direction: Vec, step: Lane) 
         v = lanes.where(on_mesh, point.uv[1] + step * lanes.dot(slope_v, direction), v)
     return Surface(
         point.position, local, point.geometric, point.normal, point.local_normal, (u, v), point.metric, point.front, point.instance,
-        point.material, point.color, point.offset, point.time, point.spread,
+        point.material, point.color, point.offset, point.time, point.spread, point.lift,
     )  # fmt: skip
 
 

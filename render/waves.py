@@ -404,13 +404,14 @@ def point_of(
     side = lanes.where(front, zero + 1.0, zero - 1.0)
     facing = lanes.scale(outward, side)
     rounded = plain & (is_plain > facets.PLAIN)
-    shaded = lanes.scale(facets.interpolated(records.rounded, outward, row, rounded, hit.u, hit.v), side)
+    shaded, lift = facets.interpolated(records.rounded, outward, row, rounded, hit.u, hit.v, side)
+    shaded = lanes.scale(shaded, side)
     size = abs(outward[0]) * (abs(origin[0]) + abs(position[0])) + abs(outward[1]) * (abs(origin[1]) + abs(position[1]))
     size = size + abs(outward[2]) * (abs(origin[2]) + abs(position[2])) + lanes.maximum(-inverse, 0.0)
     white = (zero + 1.0, zero + 1.0, zero + 1.0)
     point = Surface(
         position, position, facing, shaded, outward, (zero, zero), (zero + 1.0, zero + 1.0), front, lanes.maximum(instance, 0),
-        lanes.to_int(of_material), white, size * (surface.ROUNDING * lanes.roundoff(zero)), time, None,
+        lanes.to_int(of_material), white, size * (surface.ROUNDING * lanes.roundoff(zero)), time, None, lift,
     )  # fmt: skip
     others = here & lanes.not_(plain)
     if lanes.any_lane(others):
@@ -420,7 +421,7 @@ def point_of(
             lanes.where3(others, full.position, position), full.local, lanes.where3(others, full.geometric, facing),
             lanes.where3(others, full.normal, shaded), full.local_normal, full.uv, full.metric, lanes.where(others, full.front, front),
             point.instance, lanes.where(others, full.material, point.material), lanes.where3(others, full.color, white),
-            lanes.where(others, full.offset, point.offset), time, None,
+            lanes.where(others, full.offset, point.offset), time, None, lanes.where3(others, full.lift, lift),
         )  # fmt: skip
     return point, hit
 

@@ -6,7 +6,7 @@ ends and the bounds of the slope along the ray mostly decide: one root, or none.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -90,100 +90,192 @@ def clipped(forms: Any, k: int, o: Vec, d: Vec, low: Lane, high: Lane) -> tuple[
 # --- through the grid ---------------------------------------------------------------------------------------------------
 
 
+class Course(NamedTuple):
+    """Rays on their way through the grid of surface `k`."""
+
+    k: int
+    memory: Room
+    start: Vec
+    way: Vec
+    end: Lane
+    begin: Lane  # how far from the rays' origins `start` is
+    cells: Vec  # `start` in cells
+    pace: Vec  # `way` in cells
+
+
+class Place(NamedTuple):
+    """A cell, and the distance at which a ray enters it."""
+
+    x: Lane
+    y: Lane
+    z: Lane
+    at: Lane
+
+
+class Stretch(NamedTuple):
+    """The part of a ray from a to b that lies in a leaf, and where the ray is then."""
+
+    leaf: Lane
+    a: Lane
+    b: Lane
+    after: Place
+
+
+class Roots(NamedTuple):
+    """What is known of rays: their first roots' distances (inf: none so far) and tapes, whether they are inside before it, 1 where not all
+    is proved, and rounds of search.py spent."""
+
+    at: Lane
+    tape: Lane
+    inside: Lane
+    unproved: Lane
+    spent: Lane
+
+
+class Ends(NamedTuple):
+    """Values at both ends of a stretch, and bounds of the slope in between."""
+
+    near: Lane
+    far: Lane
+    low: Lane
+    high: Lane
+
+
 @helper
 def _through(forms: Any, k: int, memory: Room, start: Vec, way: Vec, end: Lane, begin: Lane, active: Lane) -> tuple[Lane, Lane, Lane, Lane]:
     """(distance of the first root or inf, its tape, whether the ray is inside before it, 1 where not proved) of rays from `start` to `end`,
     which lie in the box."""
-    places, numbers = forms.places, forms.numbers
-    count, sheet, grid, reach = places[k, 0], places[k, 1], places[k, 2], numbers[k, 13]
-    zero = lanes.full_like(end, 0.0)
-    q = (
-        (start[0] - numbers[k, 0]) * numbers[k, 6], (start[1] - numbers[k, 1]) * numbers[k, 7], (start[2] - numbers[k, 2]) * numbers[k, 8]
-    )  # in cells  # fmt: skip
-    d = (way[0] * numbers[k, 6], way[1] * numbers[k, 7], way[2] * numbers[k, 8])
-    last = count - 1
-    x, y, z = _cell(q[0], 0, last), _cell(q[1], 0, last), _cell(q[2], 0, last)
-    at, carried, known = zero, zero, active & lanes.not_(active)  # where the ray is, and the value there where it is known
-    found, found_tape, inside, unproved, spent = zero + np.inf, lanes.int_like(zero, 0), known, zero, zero
+    course = _course(forms, k, memory, start, way, end, begin)
+    zero, never = lanes.full_like(end, 0.0), active & lanes.not_(active)
+    last = forms.places[k, 0] - 1
+    place = Place(_cell(course.cells[0], 0, last), _cell(course.cells[1], 0, last), _cell(course.cells[2], 0, last), zero)
+    carried, known = zero, never  # the value where a ray is, and where it is known
+    roots = Roots(zero + np.inf, lanes.int_like(zero, 0), never, zero, zero)
     while lanes.any_lane(active):
-        # each lane on to its next leaf
-        looking, here = active, known & lanes.not_(known)
-        leaf, a, b = lanes.int_like(zero, 0), zero, zero
-        nx, ny, nz, onward = x, y, z, zero
-        while lanes.any_lane(looking):
-            mark = lanes.to_int(forms.grid[lanes.where(looking, grid + (x * count + y) * count + z, 0)])
-            uncut = across.bits(looking & (mark <= PENDING))
-            if uncut != 0:
-                while uncut != 0:
-                    ready(forms, k, PENDING - across.lane(mark, simd.trailing_zeros(uncut)))
-                    uncut &= uncut - 1
-                continue
-            full = mark >= 0
-            extent = lanes.int_like(zero, 1) << lanes.where(full, 0, 2 * (-1 - lanes.maximum(lanes.minimum(mark, -1), PENDING)))
-            px, py, pz, out = _next(q, d, x, y, z, extent)
-            out = lanes.maximum(out, at)
-            arrived = looking & full
-            leaf, a, b = lanes.where(arrived, mark, leaf), lanes.where(arrived, at, a), lanes.where(arrived, lanes.minimum(out, end), b)
-            nx, ny, nz, onward = (
-                lanes.where(arrived, px, nx),
-                lanes.where(arrived, py, ny),
-                lanes.where(arrived, pz, nz),
-                lanes.where(arrived, out, onward),
-            )
-            here = here | arrived
-            passing = looking & lanes.not_(full)
-            x, y, z, at = (
-                lanes.where(passing, px, x),
-                lanes.where(passing, py, y),
-                lanes.where(passing, pz, z),
-                lanes.where(passing, out, at),
-            )
-            known = known & lanes.not_(passing)
-            gone = passing & _left(px, py, pz, last, out, end)
-            active, looking = active & lanes.not_(gone), passing & lanes.not_(gone)
-        here = here & active
+        place, stretch, here, known, active = _to_leaf(forms, course, place, known, active)
         if lanes.any_lane(here):
-            tape = lanes.to_int(forms.leaf_tape[leaf])
-            if lanes.any_lane(here & lanes.not_(known)):
-                carried = lanes.where(known, carried, value_at(forms, k, tape, memory, lanes.along(start, way, a), here))
-            far = value_at(forms, k, tape, memory, lanes.along(start, way, b), here)
-            low, high = _slope(forms, leaf, way)
-            one_way = (low > 0.0) | (high < 0.0)
-            in_a, in_b = carried <= 0.0, far <= 0.0
-            change = (in_a & lanes.not_(in_b)) | (in_b & lanes.not_(in_a))
-            none = lanes.not_(change) & (one_way | apart(carried, far, low, high, b - a))
-            certain = here & change & one_way
-            open_ = here & lanes.not_(none) & lanes.not_(certain)
-            if lanes.any_lane(certain):
-                root = bracketed(forms, k, tape, memory, start, way, a, b, carried, far, begin, reach, certain)
-                found, inside = lanes.where(certain, root, found), (inside & lanes.not_(certain)) | (certain & in_a)
-                found_tape, active = lanes.where(certain, tape, found_tape), active & lanes.not_(certain)
-            begins = a
-            if lanes.any_lane(open_):
-                begins, open_ = _marched(forms, k, tape, memory, start, way, a, b, carried, low, high, open_)
-            left = across.bits(open_)
-            while left != 0:
-                j = simd.trailing_zeros(left)
-                left &= left - 1
-                rounds = max(search.MOST_ROUNDS - int(across.lane(spent, j)), search.FEW)
-                root, within, doubt, used = search.first(
-                    forms, k, across.lane(tape, j), memory, across.lane3(start, j), across.lane3(way, j), across.lane(begins, j),
-                    across.lane(b, j), across.lane(begin, j), sheet != 0, zero, rounds,
-                )  # fmt: skip
-                mine = lanes.to_int(across.numbered(0)) == j
-                spent = lanes.where(mine, spent + used, spent)
-                unproved = lanes.where(mine & (doubt > 0), 1.0, unproved)
-                if root < np.inf:
-                    found = lanes.where(mine, root, found)
-                    inside = (inside & lanes.not_(mine)) | (mine & within)
-                    found_tape, active = lanes.where(mine, tape, found_tape), active & lanes.not_(mine)
-            x, y, z, at = lanes.where(here, nx, x), lanes.where(here, ny, y), lanes.where(here, nz, z), lanes.where(here, onward, at)
-            carried, known = lanes.where(here, far, carried), known | here
-            active = active & lanes.not_(here & _left(nx, ny, nz, last, onward, end))
-    doubts = across.count(unproved > 0.0)
+            carried, roots, active = _in_leaf(forms, course, stretch, carried, known, here, roots, active)
+            place, known = _moved(here, stretch.after, place), known | here
+            active = active & lanes.not_(here & _left(stretch.after, last, end))
+    doubts = across.count(roots.unproved > 0.0)
     if doubts > 0:
         count_up(forms.unproved, 0, doubts)
-    return found, found_tape, inside, unproved
+    return roots.at, roots.tape, roots.inside, roots.unproved
+
+
+@helper
+def _course(forms: Any, k: int, memory: Room, start: Vec, way: Vec, end: Lane, begin: Lane) -> Course:
+    numbers = forms.numbers
+    cells = (
+        (start[0] - numbers[k, 0]) * numbers[k, 6], (start[1] - numbers[k, 1]) * numbers[k, 7], (start[2] - numbers[k, 2]) * numbers[k, 8]
+    )  # fmt: skip
+    pace = (way[0] * numbers[k, 6], way[1] * numbers[k, 7], way[2] * numbers[k, 8])
+    return Course(k, memory, start, way, end, begin, cells, pace)
+
+
+@helper
+def _to_leaf(forms: Any, course: Course, place: Place, known: Lane, active: Lane) -> tuple[Place, Stretch, Lane, Lane, Lane]:
+    """Each lane on to its next leaf: (places, stretches, which lanes have come to one, where values are still known, which are active)."""
+    count, grid = forms.places[course.k, 0], forms.places[course.k, 2]
+    zero = lanes.full_like(course.end, 0.0)
+    looking, here = active, active & lanes.not_(active)
+    stretch = Stretch(lanes.int_like(zero, 0), zero, zero, Place(place.x, place.y, place.z, zero))
+    while lanes.any_lane(looking):
+        mark = lanes.to_int(forms.grid[lanes.where(looking, grid + (place.x * count + place.y) * count + place.z, 0)])
+        if _cut_up(forms, course.k, mark, looking):
+            continue
+        full = mark >= 0
+        extent = lanes.int_like(zero, 1) << lanes.where(full, 0, 2 * (-1 - lanes.maximum(lanes.minimum(mark, -1), PENDING)))
+        after = _next(course.cells, course.pace, place, extent)
+        arrived, passing = looking & full, looking & lanes.not_(full)
+        stretch = Stretch(
+            lanes.where(arrived, mark, stretch.leaf), lanes.where(arrived, place.at, stretch.a),
+            lanes.where(arrived, lanes.minimum(after.at, course.end), stretch.b), _moved(arrived, after, stretch.after),
+        )  # fmt: skip
+        here = here | arrived
+        place, known = _moved(passing, after, place), known & lanes.not_(passing)
+        gone = passing & _left(after, count - 1, course.end)
+        active, looking = active & lanes.not_(gone), passing & lanes.not_(gone)
+    return place, stretch, here & active, known, active
+
+
+@helper
+def _cut_up(forms: Any, k: int, mark: Lane, looking: Lane) -> bool:
+    """Whether any lane has come to a block that nothing was known of; of all these it is known now."""
+    left = across.bits(looking & (mark <= PENDING))
+    some = left != 0
+    while left != 0:
+        ready(forms, k, PENDING - across.lane(mark, simd.trailing_zeros(left)))
+        left &= left - 1
+    return some
+
+
+@helper
+def _moved(mask: Lane, to: Place, place: Place) -> Place:
+    """`to` in the lanes of a mask, elsewhere `place`."""
+    return Place(
+        lanes.where(mask, to.x, place.x), lanes.where(mask, to.y, place.y),
+        lanes.where(mask, to.z, place.z), lanes.where(mask, to.at, place.at),
+    )  # fmt: skip
+
+
+@helper
+def _in_leaf(
+    forms: Any, course: Course, stretch: Stretch, carried: Lane, known: Lane, here: Lane, roots: Roots, active: Lane
+) -> tuple[Lane, Roots, Lane]:
+    """(values at the stretches' far ends, roots, which lanes are active) after what stretches hold, in the lanes `here`."""
+    k, memory, start, way, a, b = course.k, course.memory, course.start, course.way, stretch.a, stretch.b
+    tape = lanes.to_int(forms.leaf_tape[stretch.leaf])
+    if lanes.any_lane(here & lanes.not_(known)):
+        carried = lanes.where(known, carried, value_at(forms, k, tape, memory, lanes.along(start, way, a), here))
+    far = value_at(forms, k, tape, memory, lanes.along(start, way, b), here)
+    low, high = _slope(forms, stretch.leaf, way)
+    one_way = (low > 0.0) | (high < 0.0)
+    in_a, in_b = carried <= 0.0, far <= 0.0
+    change = (in_a & lanes.not_(in_b)) | (in_b & lanes.not_(in_a))
+    none = lanes.not_(change) & (one_way | apart(carried, far, low, high, b - a))
+    certain = here & change & one_way
+    open_ = here & lanes.not_(none) & lanes.not_(certain)
+    if lanes.any_lane(certain):
+        root = bracketed(forms, k, tape, memory, start, way, a, b, carried, far, course.begin, forms.numbers[k, 13], certain)
+        roots, active = _with(roots, certain, root, tape, in_a), active & lanes.not_(certain)
+    if lanes.any_lane(open_):
+        roots, active = _searched(forms, course, stretch, Ends(carried, far, low, high), tape, open_, roots, active)
+    return lanes.where(here, far, carried), roots, active
+
+
+@helper
+def _with(roots: Roots, mask: Lane, at: Lane, tape: Lane, inside: Lane) -> Roots:
+    """Roots with others in the lanes of a mask."""
+    return Roots(
+        lanes.where(mask, at, roots.at), lanes.where(mask, tape, roots.tape), (roots.inside & lanes.not_(mask)) | (mask & inside),
+        roots.unproved, roots.spent,
+    )  # fmt: skip
+
+
+@helper
+def _searched(
+    forms: Any, course: Course, stretch: Stretch, ends: Ends, tape: Lane, mask: Lane, roots: Roots, active: Lane
+) -> tuple[Roots, Lane]:
+    """Look for the first root in each stretch of a mask, one after the other."""
+    k, memory, start, way, a, b = course.k, course.memory, course.start, course.way, stretch.a, stretch.b
+    sheet, zero = forms.places[k, 1] != 0, lanes.full_like(a, 0.0)
+    begins, open_ = _marched(forms, k, tape, memory, start, way, a, b, ends.near, ends.low, ends.high, mask)
+    left = across.bits(open_)
+    while left != 0:
+        j = simd.trailing_zeros(left)
+        left &= left - 1
+        rounds = max(search.MOST_ROUNDS - int(across.lane(roots.spent, j)), search.FEW)
+        root, within, doubt, used = search.first(
+            forms, k, across.lane(tape, j), memory, across.lane3(start, j), across.lane3(way, j), across.lane(begins, j),
+            across.lane(b, j), across.lane(course.begin, j), sheet, zero, rounds,
+        )  # fmt: skip
+        mine = lanes.to_int(across.numbered(0)) == j
+        unproved = lanes.where(mine & (doubt > 0), 1.0, roots.unproved)
+        roots = Roots(roots.at, roots.tape, roots.inside, unproved, lanes.where(mine, roots.spent + used, roots.spent))
+        if root < np.inf:
+            roots, active = _with(roots, mine, lanes.full_like(a, root), tape, within & mine), active & lanes.not_(mine)
+    return roots, active
 
 
 @helper
@@ -192,15 +284,16 @@ def _cell(q: Lane, low: Lane, high: Lane) -> Lane:
 
 
 @helper
-def _left(x: Lane, y: Lane, z: Lane, last: int, at: Lane, end: Lane) -> Lane:
+def _left(place: Place, last: int, end: Lane) -> Lane:
     """Whether a ray is out of the grid, or at its end."""
-    return (x < 0) | (y < 0) | (z < 0) | (x > last) | (y > last) | (z > last) | (at >= end)
+    x, y, z = place.x, place.y, place.z
+    return (x < 0) | (y < 0) | (z < 0) | (x > last) | (y > last) | (z > last) | (place.at >= end)
 
 
 @helper
-def _next(q: Vec, d: Vec, x: Lane, y: Lane, z: Lane, extent: Lane) -> tuple[Lane, Lane, Lane, Lane]:
-    """The cell in which a ray is after a block of `extent` cells along an axis, and where it enters it."""
-    bx, by, bz = x & -extent, y & -extent, z & -extent
+def _next(q: Vec, d: Vec, place: Place, extent: Lane) -> Place:
+    """Where a ray is after a block of `extent` cells along an axis."""
+    bx, by, bz = place.x & -extent, place.y & -extent, place.z & -extent
     tx, ty, tz = _plane(q[0], d[0], bx, extent), _plane(q[1], d[1], by, extent), _plane(q[2], d[2], bz, extent)
     out = lanes.minimum(tx, lanes.minimum(ty, tz))
     by_x = tx <= out
@@ -208,9 +301,9 @@ def _next(q: Vec, d: Vec, x: Lane, y: Lane, z: Lane, extent: Lane) -> tuple[Lane
     by_z = lanes.not_(by_x) & lanes.not_(by_y)
     top = extent - 1
     reach = lanes.where(out < _FAR, out, 0.0)
-    return (
+    return Place(
         _stepped(by_x, q[0] + reach * d[0], d[0], bx, top), _stepped(by_y, q[1] + reach * d[1], d[1], by, top),
-        _stepped(by_z, q[2] + reach * d[2], d[2], bz, top), out,
+        _stepped(by_z, q[2] + reach * d[2], d[2], bz, top), lanes.maximum(out, place.at),
     )  # fmt: skip
 
 

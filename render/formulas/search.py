@@ -21,6 +21,7 @@ from .vectors import LANES, WAYS
 
 _FORKS = PROGRAMS.index("forks")
 
+WAYS_PAST = 8  # up to three jumps
 FINEST = 2.0**-44  # of the largest coordinate: shorter pieces are not told apart
 MOST_ROUNDS, FEW = 3000, 40  # of pieces on one ray; on a stretch of a ray that has had as many
 SAMPLES = 64  # vectors of points by which a stretch is looked at that bounds say too little of
@@ -28,9 +29,10 @@ JUMP = 1e90  # bounds of a slope beyond this: the formula may jump there
 _ENOUGH = 2.0**-50
 NEIGHBOURS = 64.0  # times FINEST: so far from a root bounds may be open because of it
 _OVER = 2.0**-40  # of the largest coordinate, by which a stretch is looked at beyond its end; cells.py has tapes hold so far
+_PARTS = max(LANES, 2)  # that an open piece is cut into
 _COARSER = 0.25  # of a stretch that is open at every size: pieces in it are not cut smaller
-_WAYS = tuple(np.arange(float(LANES), 2.0 * LANES).view(np.int64).tolist())
-"""What VectorMath.fork reads: a one, then the binary digits of the lane's number."""
+_WAYS = tuple(np.arange(float(WAYS_PAST), 2.0 * WAYS_PAST).view(np.int64).tolist())
+"""What VectorMath.fork reads: a one, then the binary digits of the way's number."""
 
 
 @apart
@@ -92,7 +94,7 @@ def first(forms, k, tape, memory, start, way, a, b, begin, sheet, like, most):
         smallest = finest if changes or open_from < 0.0 else max(finest, _COARSER * (low - open_from))
         if high - low > smallest:
             at, value = low, across.lane(near, j)
-            piece = (high - low) / LANES
+            piece = (high - low) / _PARTS
             continue
         if changes and not (sheet and jumps):
             root = 0.5 * (low + high)
@@ -115,21 +117,23 @@ def _doubtful(doubt: int, open_from: float, root: float, finest: float) -> int:
 def _passes(forms, k, tape, memory, p, q, sheet, within, like):
     """Whether a piece in which the formula jumps has no root: all ways past jumps are away from 0, of a solid on the side of its ends."""
     registers = memory.registers
-    for axis in range(3):
-        a, b = (p[0], q[0]) if axis == 0 else (p[1], q[1]) if axis == 1 else (p[2], q[2])
-        across.store(registers, 2 * axis, like + min(a, b))
-        across.store(registers, 2 * axis + 1, like + max(a, b))
-    simd.write(memory.state, 0, 0)
-    for j in range(LANES):
-        simd.write(memory.state, WAYS + j, _WAYS[j])
-    begin, rows = forms.tapes[tape, 0], forms.tapes[tape, 1]
-    interpret(forms.programs[_FORKS], forms.code, begin, rows, registers, forms.constants, forms.places[k, 3], memory.state, 1)
-    if simd.read(memory.state, 0) != 0:
-        return False
-    out = 2 * forms.tapes[tape, 2]
-    outside, inside = lanes.not_(across.load(registers, out) <= 0.0), across.load(registers, out + 1) < 0.0
-    wanted = outside | inside if sheet else inside if within else outside
-    return not lanes.any_lane(lanes.not_(wanted))
+    begin, rows, out = forms.tapes[tape, 0], forms.tapes[tape, 1], 2 * forms.tapes[tape, 2]
+    for first_way in range(0, WAYS_PAST, LANES):
+        for axis in range(3):
+            a, b = (p[0], q[0]) if axis == 0 else (p[1], q[1]) if axis == 1 else (p[2], q[2])
+            across.store(registers, 2 * axis, like + min(a, b))
+            across.store(registers, 2 * axis + 1, like + max(a, b))
+        simd.write(memory.state, 0, 0)
+        for j in range(LANES):
+            simd.write(memory.state, WAYS + j, _WAYS[first_way + j])
+        interpret(forms.programs[_FORKS], forms.code, begin, rows, registers, forms.constants, forms.places[k, 3], memory.state, 1)
+        if simd.read(memory.state, 0) != 0:
+            return False
+        outside, inside = lanes.not_(across.load(registers, out) <= 0.0), across.load(registers, out + 1) < 0.0
+        wanted = outside | inside if sheet else inside if within else outside
+        if lanes.any_lane(lanes.not_(wanted)):
+            return False
+    return True
 
 
 @apart

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...compiler import closed_forms, ir
 from ...compiler.tapes import INPUTS, Op, Tape, stored
 from .. import simd
-from . import cells, compiled, interpreter, parts
+from . import cells, compiled, interpreter, jumps, parts
 from .forms import END_BLOCKS, END_ROWS, END_TAPES, NO_PARTS, Forms
 from .interpreter import PARTS
 from .programs import WIDTHS
@@ -80,15 +80,15 @@ def _made(surfaces: Sequence[Surface]) -> Forms:
     room = (ROWS + MORE * rows) * min(n, 1)
     names, code = np.empty((room, 4), np.int32), np.empty((room, ROW), np.int32)  # nothing is read of these before it is written
     tapes, ends = np.empty((TAPES * n, 4), np.int64), np.zeros(4, np.int64)
-    places, numbers = np.zeros((n, 5), np.int64), np.zeros((n, 14))
+    places, numbers = np.zeros((n, 6), np.int64), np.zeros((n, 14))
     most_blocks = sum((count // cells.SPLIT**k) ** 3 for k in range(1, 4))
     blocks = np.empty((n * most_blocks, 5), np.int64)
     constants = [constant_rows(tape) for tape, _, _ in surfaces]
     begin = 0
-    for k, (_, parameters, bounds) in enumerate(surfaces):
+    for k, (tape, parameters, bounds) in enumerate(surfaces):
         (low, high), first = bounds, int(ends[END_ROWS])
         numbers[k] = [*low, *high, *(count / (high - low)), *parameters[1:5], np.abs(bounds).max()]
-        places[k] = count, bool(parameters[0]), k * count**3, begin, k
+        places[k] = count, bool(parameters[0]), k * count**3, begin, k, not parameters[0] and jumps.may_jump(tape)
         begin += len(constants[k])
         names[first : first + len(wholes[k])] = wholes[k]
         tapes[k, :2] = first, len(wholes[k])

@@ -15,7 +15,7 @@ from ..kernels import apart as apart_
 from ..kernels import helper
 from ..links import Answering
 from ..records import Lane, Vec
-from . import search
+from . import jumps, search
 from .calls import count_up
 from .cells import PENDING, ready
 from .evaluate import Room, error_at, room, turns_at, value_at
@@ -51,8 +51,8 @@ def _meet(forms, g, origin, direction, t_min, t_max):
     spacing, u, v, t = lanes.int_like(zero, 0), zero, zero, zero + np.inf
     if lanes.any_lane(hit):
         at = lanes.where(hit, found, zero)
-        spacing, u, v = _finished(forms, k, tape, memory, start, way, at, inside, hit)
-        t = lanes.where(hit, (begin + at) / size, t)
+        distance, spacing, u, v = _finished(forms, k, tape, memory, origin, start, way, begin, at, inside, hit)
+        t = lanes.where(hit, distance / size, t)
         u, v = lanes.where(hit, u, zero), lanes.where(hit, v, zero)
     return t, spacing, u, v, lanes.to_int(unproved)
 
@@ -268,7 +268,7 @@ def _searched(
         rounds = max(search.MOST_ROUNDS - int(across.lane(roots.spent, j)), search.FEW)
         root, within, doubt, used = search.first(
             forms, k, across.lane(tape, j), memory, across.lane3(start, j), across.lane3(way, j), across.lane(begins, j),
-            across.lane(b, j), across.lane(course.begin, j), sheet, zero, rounds,
+            across.lane(b, j), 0.0, across.lane(course.begin, j), sheet, zero, rounds,
         )  # fmt: skip
         mine = lanes.to_int(across.numbered(0)) == j
         unproved = lanes.where(mine & (doubt > 0), 1.0, roots.unproved)
@@ -417,12 +417,17 @@ def bracketed(
 
 @helper
 def _finished(
-    forms: Any, k: int, tape: Lane, memory: Room, start: Vec, way: Vec, at: Lane, inside: Lane, hit: Lane
-) -> tuple[Lane, Lane, Lane]:
-    """(spacing, u, v) of hits."""
+    forms: Any, k: int, tape: Lane, memory: Room, origin: Vec, start: Vec, way: Vec, begin: Lane, at: Lane, inside: Lane, hit: Lane
+) -> tuple[Lane, Lane, Lane, Lane]:
+    """(distance, spacing, u, v) of hits."""
     point = lanes.along(start, way, at)
     _, x, y, z = turns_at(forms, k, tape, memory, point, hit)
-    return dressed(forms, k, way, (x, y, z), inside, error_at(forms, k, tape, memory, point, way, hit))
+    off, distance, gradient = error_at(forms, k, tape, memory, point, way, hit), begin + at, (x, y, z)
+    if forms.places[k, 5] != 0:
+        found = jumps.face(forms, k, memory, origin, way, distance, inside, gradient, off, hit)
+        distance, gradient, off = found.at, found.gradient, found.off
+    spacing, u, v = dressed(forms, k, way, gradient, inside, off)
+    return distance, spacing, u, v
 
 
 @helper

@@ -99,7 +99,8 @@ def _first(tape: Tape, sheet: bool, reach: float, o: Floats, d: Floats, length: 
         ray = np.concatenate([ray[left], ray[left]])
         a, b = np.concatenate([a[left], middle[left]]), np.concatenate([middle[left], b[left]])
     doubt, (ray, at) = np.zeros(n, bool), (np.concatenate(parts) for parts in zip(*open_, strict=True))
-    doubt[ray[at < root[ray] - NEIGHBOURS * finest[ray]]] = True  # a root makes what is next to it undecidable
+    first, near = np.minimum(root, length), NEIGHBOURS * finest  # a root makes what is next to it undecidable: also one at a ray's ends
+    doubt[ray[(at > near[ray]) & (at < first[ray] - near[ray])]] = True
     return root, inside, doubt
 
 

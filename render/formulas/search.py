@@ -36,11 +36,12 @@ _WAYS = tuple(np.arange(float(WAYS_PAST), 2.0 * WAYS_PAST).view(np.int64).tolist
 
 
 @apart
-def first(forms, k, tape, memory, start, way, a, b, begin, sheet, like, most):
-    """(distance or inf, whether the ray is inside before it, 1 where not all is proved, rounds that it took) of the first root in a … b.
+def first(forms, k, tape, memory, start, way, a, b, own, begin, sheet, like, most):
+    """(distance or inf, whether the ray is inside before it, 1 where not all is proved, rounds that it took) of the first root in a … b
+    of a ray that begins at `own`.
 
     What is bracketed within FINEST counts as met where the sign changes, of a sheet only where the formula does not jump; where no sign
-    changes, it is left out and not proved, unless a root is next to it.
+    changes, it is left out and not proved, unless a root is next to it, or the ray begins there: at the surface that it leaves.
     """
     number = lanes.to_float(across.numbered(0))
     o = lanes.like3(like, start[0], start[1], start[2])
@@ -56,7 +57,7 @@ def first(forms, k, tape, memory, start, way, a, b, begin, sheet, like, most):
         used += 1
         if not at < b:
             if open_from < 0.0 or over == 0.0:
-                return np.inf, False, 1 if open_from >= 0.0 else doubt, used
+                return np.inf, False, _ended(doubt, open_from, at - own, finest), used
             b, over = b + over, 0.0
         piece = max(piece, 0.5 * finest)
         begins, ends = at + number * piece, lanes.minimum(at + (number + 1.0) * piece, like + b)
@@ -71,8 +72,8 @@ def first(forms, k, tape, memory, start, way, a, b, begin, sheet, like, most):
         away = lanes.not_(bounds.low <= 0.0) | ((bounds.high < 0.0) & lanes.not_(bounds.maybe))
         none = lanes.not_(change) & (away | one_way)
         open_ = across.bits(inside_range & lanes.not_(none))
-        if open_from >= 0.0 and open_ & 1 == 0:  # what was open ended without a root
-            doubt, open_from = 1, -1.0
+        if open_ & 1 == 0:
+            doubt, open_from = _ended(doubt, open_from, at - own, finest), -1.0
         if open_ == 0:
             value = across.lane(far, LANES - 1)
             at = at + LANES * piece
@@ -87,8 +88,7 @@ def first(forms, k, tape, memory, start, way, a, b, begin, sheet, like, most):
         jumps = not (across.lane(bounds.least, j) > -JUMP and across.lane(bounds.most, j) < JUMP)
         asked = (jumps or ((across.bits(bounds.maybe) >> j) & 1) != 0) and (sheet or not changes)
         if asked and _passes(forms, k, tape, memory, across.lane3(p, j), across.lane3(q, j), sheet, within, like):
-            if open_from >= 0.0:
-                doubt, open_from = 1, -1.0
+            doubt, open_from = _ended(doubt, open_from, low - own, finest), -1.0
             at, value, piece = high, across.lane(far, j), high - low
             continue
         smallest = finest if changes or open_from < 0.0 else max(finest, _COARSER * (low - open_from))
@@ -105,6 +105,12 @@ def first(forms, k, tape, memory, start, way, a, b, begin, sheet, like, most):
         piece = max(piece, _COARSER * (high - open_from))
     root, within = _sampled(forms, k, tapes, memory, o, d, at, b, value, sheet, reach, number)
     return root, within, 1, used
+
+
+@helper
+def _ended(doubt: int, open_from: float, at: float, finest: float) -> int:
+    """Whether anything is not proved, where what was open ended without a root `at` from a ray's beginning."""
+    return 1 if open_from >= 0.0 and at > NEIGHBOURS * finest else doubt
 
 
 @helper

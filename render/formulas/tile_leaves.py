@@ -30,7 +30,7 @@ from .tile_room import (
     tapes_of,
     tell,
 )
-from .tile_roots import finished, keep, met
+from .tile_roots import faced, finished, keep, met
 
 # --- leaves: a stretch of some vectors ----------------------------------------------------------------------------------
 
@@ -201,7 +201,9 @@ def _by_search(room, memory, tape, ray, a, b, start, hits):
     o, d = (x[ray], x[SPACED + ray], x[2 * SPACED + ray]), (x[3 * SPACED + ray], x[4 * SPACED + ray], x[5 * SPACED + ray])
     low, high = max(np.float64(a), x[6 * SPACED + ray]), min(np.float64(b), x[7 * SPACED + ray])
     rounds = max(search.MOST_ROUNDS - room.spent[ray], search.FEW)
-    root, inside, doubt, used = search.first(room, 0, tape, memory, o, d, low, high, start, room.places[0, 1] != 0, like, rounds)
+    root, inside, doubt, used = search.first(
+        room, 0, tape, memory, o, d, low, high, x[6 * SPACED + ray], start, room.places[0, 1] != 0, like, rounds
+    )
     room.spent[ray] += used
     if doubt > 0:
         count_up(room.unproved, 0, 1)
@@ -210,4 +212,6 @@ def _by_search(room, memory, tape, ray, a, b, start, hits):
         rays, at = lanes.int_like(like, ray), like + root
         point = lanes.along(*exact(room, rays), at)
         value, gx, gy, gz = turns_at(room, 0, tapes_of(like, tape), memory, point, one)
-        met(room, rays, at, abs(value), (gx, gy, gz), lanes.bool_like(like, inside), one, start, hits)
+        within = lanes.bool_like(like, inside)
+        at, gradient, off = faced(room, memory, rays, at, within, (gx, gy, gz), abs(value), one, start, hits)
+        met(room, rays, at, off, gradient, within, one, start, hits)

@@ -85,8 +85,8 @@ def room(forms: Forms, k: int) -> Room:
     choices = int(CHOICE[whole[:, 0]].sum())
     many = 24 * rows + 2048
     single, double, whole_number = np.float32, np.float64, np.int64
-    here = np.zeros((1, 5), np.int64)
-    here[0, 1] = places[1]
+    here = np.zeros((1, 6), np.int64)
+    here[0, [1, 5]] = places[[1, 5]]
     return Room(
         forms.programs, forms.constants[begin:], forms.constants32[wide:], forms.compiled[k : k + 1], forms.numbers[k : k + 1], here,
         forms.unproved, np.ascontiguousarray(whole), _zeros((many, 4), np.int32), _zeros((many, ROW), np.int32),
@@ -209,6 +209,13 @@ def local(columns: Any, at: int, matrix: Any) -> tuple[Vec, Vec, Lane, Lane]:
     x, y, z = _turned(matrix, o)
     moved = x + matrix[0, 3], y + matrix[1, 3], z + matrix[2, 3]
     return moved, _turned(matrix, d), across.load_row(columns, 6 * n + at), across.load_row(columns, 7 * n + at)
+
+
+@helper
+def own_origin(columns: Any, rays: Lane, matrix: Any) -> Vec:
+    """Where rays begin, as `local` has it."""
+    x, y, z = _turned(matrix, (columns[0, rays], columns[1, rays], columns[2, rays]))
+    return x + matrix[0, 3], y + matrix[1, 3], z + matrix[2, 3]
 
 
 @helper

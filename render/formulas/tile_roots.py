@@ -10,9 +10,10 @@ from .. import across, lanes, simd
 from ..kernels import apart as apart_
 from ..kernels import helper
 from ..records import Lane, Vec
-from .evaluate import turns_at, value_at
+from .evaluate import Room, turns_at, value_at
+from .jumps import face
 from .meet import bracketed, dressed
-from .tile_room import OPEN, POINTS, SPACED, VECTOR, U, evaluate, exact, numbers_of, tapes_of
+from .tile_room import OPEN, POINTS, SPACED, VECTOR, U, evaluate, exact, numbers_of, own_origin, tapes_of
 from .vectors import LANES
 
 MOST_TURNS = 12
@@ -139,6 +140,8 @@ def _polished(room, memory, tape, first, count, start, reach, hits):
     at = at + lanes.where(good, step, 0.0)
     off = abs(value) * 1e-5 + 2.0**-28 * across.load_row(rows, 8 * OPEN + first)
     bad = mask & lanes.not_(good)
+    if room.places[0, 5] != 0:  # the slope says nothing of a jump
+        bad = mask
     if lanes.any_lane(bad):
         f_begin = value_at(room, 0, tapes, memory, lanes.along(o, d, begin), bad)
         f_end = value_at(room, 0, tapes, memory, lanes.along(o, d, end), bad)
@@ -146,8 +149,23 @@ def _polished(room, memory, tape, first, count, start, reach, hits):
         at = lanes.where(bad, root, at)
         value, gx, gy, gz = turns_at(room, 0, tapes, memory, lanes.along(o, d, at), mask)
         off = lanes.where(bad, abs(value), off)
-    inside = slope > 0.0
-    met(room, ray, at, off, (gx, gy, gz), inside, mask & (at >= low) & (at <= high), start, hits)
+        inside = lanes.where(bad, f_begin, -slope) <= 0.0
+        at, gradient, off = faced(room, memory, ray, at, inside, (gx, gy, gz), off, bad, start, hits)
+        met(room, ray, at, off, gradient, inside, mask & (at >= low) & (at <= high), start, hits)
+    else:
+        met(room, ray, at, off, (gx, gy, gz), slope > 0.0, mask & (at >= low) & (at <= high), start, hits)
+
+
+@helper
+def faced(
+    room: Any, memory: Room, ray: Lane, at: Lane, inside: Lane, gradient: Vec, off: Lane, mask: Lane, start: float, hits: Any
+) -> tuple[Lane, Vec, Lane]:
+    """(where a root is, the gradient there, how far from 0 it may be), if the formula may jump as jumps.face has them."""
+    if room.places[0, 5] != 0:
+        origin, way = own_origin(hits.rays, ray + hits.first, hits.inverse), exact(room, ray)[1]
+        found = face(room, 0, memory, origin, way, start + at, inside, gradient, off, mask)
+        at, gradient, off = lanes.where(found.settled, found.at - start, at), found.gradient, found.off
+    return at, gradient, off
 
 
 @helper

@@ -63,14 +63,29 @@ class Out(NamedTuple):
     number: int  # for the column `instance`
 
 
+class Meeting(NamedTuple):
+    """An Out, and the rays of the bundle: those of `rays` from the column `first` on, in the frame to which `inverse` leads."""
+
+    t: Any
+    instance: Any
+    spacing: Any
+    u: Any
+    v: Any
+    number: int
+    rays: Any
+    first: int
+    inverse: Any
+
+
 ALIKE = 2  # lanes before one in which the same of a tape may be needed
 
 
 @kernel
-def trace(room, rays, at, n, inverse, hits):
+def trace(room, rays, at, n, inverse, out):
     """Meet n ≤ RAYS of the columns `at` on of tile_room.columns with the room's surface, to whose frame (3, 4) `inverse` leads, as
     meet.meet does; False where they go too far apart to be a bundle."""
     memory = room_of_values()
+    hits = Meeting(out.t, out.instance, out.spacing, out.u, out.v, out.number, rays, at, inverse)
     begin, length = begun(room, rays, at, n, inverse, hits.t)
     if length < 0.0:
         return True

@@ -92,6 +92,46 @@ def test_a_part_of_a_bundle_is_a_bundle(tmp_path):
         assert np.abs(part[known] - whole[500 : 500 + count][known]).max(initial=0.0) < 1e-10
 
 
+STEPPED = {
+    "steps and balls": "hypot(mod(x + 0.25, 0.5) - 0.25, y - 0.2, mod(z + 0.25, 0.5) - 0.25) <= 0.2 or floor(5 * y) <= floor(5 * x) - 2",
+    "rings": "y <= floor(5 * hypot(x, z)) / 8 - 0.6",
+    "slanting steps": "hypot(x, y - 0.25 * floor(2 * x), z) <= 0.15 or y <= floor(2 * x + 0.1 * z) / 4 - 0.3",
+}
+
+
+@pytest.mark.parametrize("name", STEPPED)
+def test_where_a_formula_jumps_a_root_is_the_same_in_every_bundle(tmp_path, name):
+    tables = scene_of(tmp_path, f"implicit(|x, y, z| {STEPPED[name]}, within: 1)").tables
+    trees = rays.trees(tables, closed=False)
+    o, d = picture((1.6, 1.5, 2.6))
+    whole = met(trees, o, d)
+    for count in (16, 256, 1024):
+        parts = [met(trees, o[first : first + count].copy(), d[first : first + count].copy()) for first in range(0, len(o), count)]
+        t, _, u, v = (np.concatenate(column) for column in zip(*parts, strict=True))
+        hit = np.isfinite(t)
+        assert np.array_equal(hit, np.isfinite(whole[0]))
+        assert np.abs(t[hit] - whole[0][hit]).max() < 1e-14
+        assert np.hypot(u - whole[2], v - whole[3])[hit].max() < 1e-4  # a ball's, which the gradient gives where single precision led
+    assert int(trees.tables.forms.unproved[0]) == 0
+
+
+def test_walls_between_steps_have_normals_of_their_own(tmp_path):
+    """Treads look up and risers along −x, whatever slope the formula has beside them."""
+    tables = scene_of(tmp_path, "implicit(|x, y, z| y <= 0.2 * floor(4 * x), within: 1)").tables
+    trees = rays.trees(tables, closed=False)
+    o, d = picture((-1.6, 1.5, 2.6))
+    alone = rays.closest(trees, o, d)
+    for t, _, u, v in (met(trees, o, d), (alone.t, alone.primitive, alone.u, alone.v)):
+        hit = np.isfinite(t)
+        x, y, z = (o + np.where(hit, t, 0.0)[:, None] * d).T
+        riser = hit & (np.abs(4 * x - np.rint(4 * x)) < 1e-9) & (np.abs(x) < 0.99) & (np.abs(z) < 0.99)
+        riser &= np.abs(y - 0.2 * np.rint(4 * x)) > 1e-3
+        riser &= np.abs(y - 0.2 * np.rint(4 * x) + 0.2) > 1e-3
+        assert riser.sum() > 50
+        assert np.abs(u[riser] + 1.0).max() < 1e-4
+        assert np.abs(v[riser]).max() < 1e-4
+
+
 def test_rays_that_go_all_ways_are_no_bundle(tmp_path):
     tables = scene_of(tmp_path, SURFACES["torus"]).tables
     trees = rays.trees(tables, closed=False)

@@ -1,0 +1,134 @@
+"""Where a formula jumps over 0: the same place by whatever way it was found, and the normal of the face that is there.
+
+A floor has no slope, and what has one beside it says nothing of the face between two steps. So the face is looked for on two rays beside
+the one that met it. How far off a root is when it is found depends on the stretch it was found in, and with it the side of the jump that
+is looked at; here each ray has places of its own, between which the change of sign is closed in on anew.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...compiler.tapes import Op, Tape
+from .. import lanes
+from ..kernels import apart, helper
+from ..records import Lane, Vec
+from .evaluate import Room, value_at
+
+JUMPING = (Op.FLOOR, Op.CEIL, Op.MOD, Op.SIGN, Op.CHOOSE, Op.ATAN2)
+SPACE = 2.0**-40  # of the largest coordinate, between a ray's places
+HALVINGS = 13  # of the space between two of them
+WIDER, MORE = 2.0**-16, 37  # where a root is farther from where it was looked for
+FARTHEST = 256.0  # times the largest coordinate: rays that come from farther away are not told apart so finely
+LEAST = 2.0**-30  # of slope times largest coordinate: a change of the value over the last of these halves that is a jump
+BESIDE, REACH, TURNS = 2.0**-20, 32.0, 25  # rays beside: how far away, how far up and down they are followed, and in how many halvings
+OFF = 2.0**-49  # of the largest coordinate, that faces may be off
+
+
+class Face(NamedTuple):
+    """Which lanes are settled, how far along, the formula's gradient or what stands for it, and how far from 0 it may be."""
+
+    settled: Lane
+    at: Lane
+    gradient: Vec
+    off: Lane
+
+
+def may_jump(tape: Tape) -> bool:
+    """Whether a tape has an operation whose values jump."""
+    return bool(np.isin(tape.code[:, 0], JUMPING).any())
+
+
+@apart
+def face(forms, k, memory, o, d, at, inside, gradient, off, mask):
+    """The Face of roots near `at` along rays (o, d), d of unit length, that are `inside` before them, in the lanes of a mask."""
+    reach = forms.numbers[k, 13]
+    mask = mask & (at < FARTHEST * reach)
+    low, high, found = _between_places(forms, k, memory, o, d, at, inside, SPACE * reach, HALVINGS, mask)
+    missing = mask & lanes.not_(found)
+    if lanes.any_lane(missing):  # single precision may have seen the sign change this far off
+        _, near, held = _between_places(forms, k, memory, o, d, at, inside, WIDER * reach, MORE, missing)
+        again_low, again_high, again = _between_places(forms, k, memory, o, d, near, inside, SPACE * reach, HALVINGS, held)
+        low, high, found = lanes.where(again, again_low, low), lanes.where(again, again_high, high), found | again
+    at = lanes.where(found, high, at)
+    before, after = _value(forms, k, memory, o, d, low, found), _value(forms, k, memory, o, d, high, found)
+    steep = lanes.length(gradient)
+    jumps = found & lanes.not_(abs(after - before) <= LEAST * reach * steep) & lanes.not_(abs(after) + abs(before) >= np.inf)
+    if lanes.any_lane(jumps):
+        normal = _turned(forms, k, memory, o, d, at, inside, reach, jumps)
+        gradient = lanes.where3(jumps, lanes.scale(normal, lanes.where(inside, 1.0, -1.0)), gradient)
+        off = lanes.where(jumps, OFF * reach * lanes.length(gradient), off)
+    return Face(found, at, gradient, off)
+
+
+@helper
+def _between_places(
+    forms: Any, k: int, memory: Room, o: Vec, d: Vec, at: Lane, inside: Lane, space: float, turns: int, mask: Lane
+) -> tuple[Lane, Lane, Lane]:
+    """`_closed_in` between the places near `at`, which are `space` apart."""
+    place = space * lanes.floor(lanes.where(mask, at, 0.0) / space)
+    held = _is_inside(forms, k, memory, o, d, place, mask)
+    back = (held & lanes.not_(inside)) | (inside & lanes.not_(held))  # the sign has changed here already
+    place = lanes.where(back, place - space, place)
+    low, high, found = _closed_in(forms, k, memory, o, d, place, place + space, inside, turns, mask)
+    missed = mask & lanes.not_(found)
+    if lanes.any_lane(missed):
+        next_low, next_high, later = _closed_in(forms, k, memory, o, d, place + space, place + 2.0 * space, inside, turns, missed)
+        low, high, found = lanes.where(later, next_low, low), lanes.where(later, next_high, high), found | later
+    return low, high, found
+
+
+@helper
+def _turned(forms: Any, k: int, memory: Room, o: Vec, d: Vec, at: Lane, inside: Lane, reach: float, mask: Lane) -> Vec:
+    """The normal of the face on the side of d, from where two rays beside each meet it; d at an edge."""
+    first, second = lanes.basis(d)
+    a, on_a = _leaning(forms, k, memory, o, d, at, first, inside, reach, mask)
+    b, on_b = _leaning(forms, k, memory, o, d, at, second, inside, reach, mask)
+    return lanes.where3(on_a & on_b, lanes.sub(d, lanes.add(lanes.scale(first, a), lanes.scale(second, b))), d)
+
+
+@helper
+def _leaning(
+    forms: Any, k: int, memory: Room, o: Vec, d: Vec, at: Lane, way: Vec, inside: Lane, reach: float, mask: Lane
+) -> tuple[Lane, Lane]:
+    """(how much farther the face is a unit of `way` aside, where it was found); looked for on the other side where it ends on this one."""
+    step = BESIDE * reach
+    leaning, known = 0.0 * at, mask & lanes.not_(mask)
+    for side in range(2):
+        left = mask & lanes.not_(known)
+        if lanes.any_lane(left):
+            aside = step if side == 0 else -step
+            ray = lanes.along(o, way, 0.0 * at + aside)
+            low, high, found = _closed_in(forms, k, memory, ray, d, at - REACH * step, at + REACH * step, inside, TURNS, left)
+            leaning = lanes.where(found, (0.5 * (low + high) - at) / aside, leaning)
+            known = known | found
+    return leaning, known
+
+
+@helper
+def _closed_in(
+    forms: Any, k: int, memory: Room, o: Vec, d: Vec, low: Lane, high: Lane, inside: Lane, turns: int, mask: Lane
+) -> tuple[Lane, Lane, Lane]:
+    """(low, high, mask) of the stretch between, halved again and again, in which the sign changes; in lanes where it does."""
+    at_low, at_high = _is_inside(forms, k, memory, o, d, low, mask), _is_inside(forms, k, memory, o, d, high, mask)
+    found = mask & ((at_low & inside & lanes.not_(at_high)) | (at_high & lanes.not_(at_low) & lanes.not_(inside)))
+    if lanes.any_lane(found):
+        for _ in range(turns):
+            middle = 0.5 * (low + high)
+            within = _is_inside(forms, k, memory, o, d, middle, found)
+            same = (within & inside) | (lanes.not_(within) & lanes.not_(inside))
+            low, high = lanes.where(same, middle, low), lanes.where(same, high, middle)
+    return low, high, found
+
+
+@helper
+def _is_inside(forms: Any, k: int, memory: Room, o: Vec, d: Vec, at: Lane, mask: Lane) -> Lane:
+    return _value(forms, k, memory, o, d, at, mask) <= 0.0
+
+
+@helper
+def _value(forms: Any, k: int, memory: Room, o: Vec, d: Vec, at: Lane, mask: Lane) -> Lane:
+    whole = lanes.int_like(at, forms.places[k, 4])  # a cell's tape says nothing of what is beside the cell
+    return value_at(forms, k, whole, memory, lanes.along(o, d, at), mask)

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+from numba import types
+from numba.extending import overload
+
 from ..compiler import ir
 from . import inputs, lanes
-from .kernels import helper
+from .kernels import HELPER, helper
 from .records import Lane, Surface, Tables
 
 OPACITY = int(ir.Slot.OPACITY)
@@ -12,7 +17,45 @@ OPACITY = int(ir.Slot.OPACITY)
 
 @helper
 def at(tables: Tables, point: Surface) -> Lane:
-    """How much of a surface is there at a point: 0 or 1 where its material has a threshold, else as much as that says."""
-    value = lanes.clip(inputs.number_of(tables, point, OPACITY), 0.0, 1.0)
+    """How much of a surface is there at a point: 0 or 1 where its material has a threshold, else as much as that says.
+
+    What has one is looked at in points: where a pixel spans much of a texture its mean would be all above the threshold, or all below.
+    """
     threshold = tables.materials.threshold[point.material]
-    return lanes.where(threshold > 0.0, lanes.where(value >= threshold, 1.0, 0.0), value)
+    cut = threshold > 0.0
+    value = lanes.clip(inputs.number_of(tables, _in_points(point, cut), OPACITY), 0.0, 1.0)
+    return lanes.where(cut, lanes.where(value >= threshold, 1.0, 0.0), value)
+
+
+@helper
+def _in_points(point: Surface, cut: Lane) -> Surface:
+    return Surface(
+        point.position, point.local, point.geometric, point.normal, point.local_normal, point.uv, point.metric, point.front, point.instance,
+        point.material, point.color, point.offset, point.time, _none_of(point.spread, cut),
+    )  # fmt: skip
+
+
+def _none_of(spread: Any, cut: Lane) -> Any:
+    """Surface.spread with nothing in the lanes of a mask."""
+    return None if spread is None else tuple(lanes.where(cut, 0.0, s) for s in spread)
+
+
+@overload(_none_of, jit_options=HELPER)
+def _none_of_in_kernels(spread, cut):
+    if isinstance(spread, types.NoneType):
+        return lambda spread, cut: None
+    if len(spread) == 4:
+        return lambda spread, cut: _four(spread, cut)
+    return lambda spread, cut: (
+        *_four(spread, cut), *lanes.where3(cut, _NOWHERE, spread[4:7]), *lanes.where3(cut, _NOWHERE, spread[7:10])
+    )  # fmt: skip
+
+
+_NOWHERE = (0.0, 0.0, 0.0)
+
+
+@helper
+def _four(spread: Any, cut: Lane) -> Any:
+    return (
+        lanes.where(cut, 0.0, spread[0]), lanes.where(cut, 0.0, spread[1]), lanes.where(cut, 0.0, spread[2]), lanes.where(cut, 0.0, spread[3])
+    )  # fmt: skip

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
-from . import across, aov, banded, camera, fill, hits, integrate, lanes, raster_setup, sampler, visibility
+from . import across, aov, banded, camera, fill, hits, integrate, lanes, raster_setup, rays, sampler, visibility
 from .film import TILE, Unshared
 from .handles import Handle
 from .kernels import helper, kernel
@@ -84,7 +84,20 @@ class Renderer(Unshared):
         count = len(samples.x)
         hit = Hit(np.empty(count), np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count), np.empty(count))
         resolve(self._buffer.model, self.prepared.packed, self._accel, self.prepared.frame, scratch, hit)
-        return camera.ray(self.prepared.tables, self.view, samples.x / fill.ONE, samples.y / fill.ONE), hit
+        ray = camera.ray(self.prepared.tables, self.view, samples.x / fill.ONE, samples.y / fill.ONE)
+        if self.plan["opacity"]:
+            self._pass_holes(ray, hit)
+        return ray, hit
+
+    def _pass_holes(self, ray: Ray, hit: Hit) -> None:
+        """Let rays go on that met what is not wholly there: what they meet then trees tell."""
+        tables = self.prepared.tables
+        partial = planner.partial(tables)[tables.instances.material]
+        rows = np.flatnonzero((hit.instance >= 0) & partial[hit.instance])
+        origin, direction = (np.stack(aov.some(v, rows, len(hit.t)), axis=1) for v in (ray.origin, ray.direction))
+        t_min, t_max = (np.broadcast_to(t, len(hit.t))[rows] for t in (ray.t_min, ray.t_max))
+        for column, found in zip(hit, rays.closest(self._accel, origin, direction, t_min, t_max), strict=True):
+            column[rows] = found
 
     def first(self, tile: Tile, sample: int, total: int) -> First:
         """What a sample of each pixel sees first."""

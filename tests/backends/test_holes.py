@@ -1,0 +1,37 @@
+"""What is cut out of surfaces: exactly where their formula says, however far off, and channels beside the picture see through it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import maquette
+import numpy as np
+
+SIZE = (48, 36)
+FLOOR = "plane(y: 0, material: lambert(opacity: pattern(|x, y, z| 0.5 + 0.5 * sin(9 * x)), opacity_threshold: 0.5))\n"
+VIEW = "directional([1, 2, 1])\ncamera([-1.8, 1.3, 4.8], look_at: [0, 0.7, 0], fov: 45deg)\n"
+
+
+def drawn(folder: Path, backend: str, text: str) -> dict[str, np.ndarray]:
+    (folder / "a.scene").write_text(text + VIEW)
+    return maquette.render(folder / "a.scene", size=SIZE, samples=1, backend=backend, aov=("id", "depth", "position")).channels
+
+
+def test_stripes_are_cut_out_as_far_as_the_horizon(tmp_path: Path, backend: str) -> None:
+    """Pixels there span many stripes: their mean is not what the threshold is for."""
+    place = drawn(tmp_path, backend, "plane(y: 0)\n")
+    solid = place["id"][..., 0] >= 0
+    want = solid & (np.sin(9.0 * place["position"][..., 0].astype(float)) >= 0.0)
+    near = np.abs(place["position"][..., 0]) < 1e3  # of float32
+    found = drawn(tmp_path, backend, FLOOR)
+    assert np.array_equal(found["rgba"][..., 3][near] > 0.5, want[near])
+    assert np.array_equal(found["id"][..., 0][near] == 0, want[near])
+
+
+def test_channels_tell_what_stands_behind_holes(tmp_path: Path, backend: str) -> None:
+    """A box under the floor is seen through it, and a ball that is half there hides nothing of itself."""
+    things = "box(0.5, translate: [0, -0.4, 0])\nsphere(1, center: [0, 1, 0], material: lambert(opacity: 0.5))\n"
+    found, reference = (drawn(tmp_path, name, FLOOR + things) for name in (backend, "reference"))
+    assert set(np.unique(reference["id"][..., 0])) == {-1.0, 0.0, 1.0, 2.0}
+    assert np.array_equal(found["id"], reference["id"])
+    assert np.allclose(found["depth"], reference["depth"], rtol=1e-5)

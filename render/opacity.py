@@ -56,6 +56,5 @@ _NOWHERE = (0.0, 0.0, 0.0)
 
 @helper
 def _four(spread: Any, cut: Lane) -> Any:
-    return (
-        lanes.where(cut, 0.0, spread[0]), lanes.where(cut, 0.0, spread[1]), lanes.where(cut, 0.0, spread[2]), lanes.where(cut, 0.0, spread[3])
-    )  # fmt: skip
+    a, b, c, d = spread[0], spread[1], spread[2], spread[3]
+    return lanes.where(cut, 0.0, a), lanes.where(cut, 0.0, b), lanes.where(cut, 0.0, c), lanes.where(cut, 0.0, d)

@@ -85,7 +85,7 @@ def test_the_terminator_of_a_smooth_ball(measured):
     assert ours <= free + 1e-4
 
 
-@fails("the error is that of the normals: eight segments stand so far inside of the ball that light without any shadow is off by 0.081, too")
+@fails("the rest is the normals': eight segments stand so far inside the ball that light without shadows is off by 0.081, too")
 def test_the_whole_error_at_the_terminator_halves():
     """Which asks more than shadows can do, whose own part is gone."""
     found = [terminator(8, math.radians(angle), backend) for angle in (60, 90, 110) for backend in ("ray", "raster")]

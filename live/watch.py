@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import signal
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import watchfiles
 
@@ -20,13 +23,34 @@ def follow(build: Callable[[], Iterable[Path]], stop: threading.Event | None = N
     """
     stop = stop or threading.Event()
     files: set[Path] = set()
-    _build(build, files)
-    while not stop.is_set():
-        folders = {file.parent for file in files}
-        for _ in _changes(folders, files, stop):
-            _build(build, files)
-            if {file.parent for file in files} != folders:
-                break
+    with _interrupted(stop):
+        _build(build, files)
+        while not stop.is_set():
+            folders = {file.parent for file in files}
+            for _ in _changes(folders, files, stop):
+                _build(build, files)
+                if {file.parent for file in files} != folders:
+                    break
+
+
+@contextlib.contextmanager
+def _interrupted(stop: threading.Event) -> Iterator[None]:
+    """Let Ctrl-C set `stop`, too: Python drops an interrupt that comes while a finalizer runs, and so might a library."""
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(before):
+        yield
+        return
+    interrupt = before
+
+    def interrupted(number: int, frame: Any) -> None:
+        stop.set()
+        interrupt(number, frame)
+
+    signal.signal(signal.SIGINT, interrupted)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _build(build: Callable[[], Iterable[Path]], files: set[Path]) -> None:

@@ -243,7 +243,10 @@ def _image(tables: Tables, row: Lane, s: Lane, t: Lane, spans: Any) -> Rgba:
 
 @apart
 def _over_pixel(tables: Any, row: Lane, image: Lane, s: Lane, t: Lane, wraps: Any, spans: Any) -> Rgba:
-    """A picture over the ellipse that a pixel is on it: up to MOST places along its long axis, in sizes that its short one asks for."""
+    """A picture over the ellipse that a pixel is on it: up to MOST places along its long axis, in sizes that its short one asks for.
+
+    Places stand so that what is seen there reaches from end to end of the long axis: where the ellipse becomes a circle they come together.
+    """
     textures, images = tables.textures, tables.images
     nearest = textures.nearest[row]
     width, height = lanes.to_float(images.width[image]), lanes.to_float(images.height[image])
@@ -255,16 +258,18 @@ def _over_pixel(tables: Any, row: Lane, image: Lane, s: Lane, t: Lane, wraps: An
     if not lanes.any_lane(wide):
         return whole
     count = -lanes.floor(-lanes.clip(longest / lanes.maximum(shortest, 1.0), 1.0, MOST))
-    level = lanes.log(lanes.maximum(lanes.maximum(shortest, longest / count), 1.0)) * (1.0 / math.log(2.0))
+    size = lanes.maximum(lanes.maximum(shortest, longest / count), 1.0)
+    level = lanes.log(size) * (1.0 / math.log(2.0))
     level = lanes.minimum(level, lanes.to_float(images.levels[image] - 1))
     low = lanes.floor(level)
     share, lower = level - low, lanes.to_int(low)
     upper = lanes.minimum(lower + 1, lanes.to_int(images.levels[image] - 1))
     zero = 0.0 * s
     red, green, blue, alpha = zero, zero, zero, zero
+    step = (longest - size) / lanes.maximum(count - 1.0, 1.0)
     k = 0
     while lanes.any_lane(wide & (count > k)):
-        along = ((k + 0.5) / count - 0.5) * longest
+        along = (k - 0.5 * (count - 1.0)) * step
         at_s, at_t = s + along * x / width, t + along * y / height
         weight = lanes.where(count > k, 1.0 / count, 0.0)
         near = _sized(tables, image, lower, at_s, at_t, wraps, nearest)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -151,3 +152,21 @@ def test_the_command_follows_a_part_through_an_error(tmp_path: Path) -> None:
     finally:
         process.kill()
         log.close()
+
+
+def test_an_interrupt_that_is_dropped_ends_it_all_the_same(tmp_path: Path) -> None:
+    """As one is that comes while a finalizer runs."""
+    file = tmp_path / "a.scene"
+    file.write_text("sphere(1)", encoding="utf-8")
+    builds = []
+
+    def build() -> list[Path]:
+        builds.append(1)
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        return [file]
+
+    before = signal.getsignal(signal.SIGINT)
+    watch.follow(build)
+    assert builds == [1]
+    assert signal.getsignal(signal.SIGINT) is before

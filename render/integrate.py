@@ -319,8 +319,9 @@ def direct_light(
                 open_ = _sees(tables, point, shader, direction, shiny)
                 total = lanes.add(total, _unblocked(tables, accel, options, point, light, direction, lights.FAR, given, open_))
         else:
-            unbent = materials.is_frosted(shader, lanes.bool_like(point.offset, False))
-            arriving = lights.sample(tables, light, lanes.where3(unbent, point.position, surface.lit_from(point)), u, v)
+            blocked = options.shadows and tables.lights.shadows[light]  # what nothing blocks is not looked for from elsewhere
+            here = materials.is_frosted(shader, lanes.bool_like(point.offset, not blocked))
+            arriving = lights.sample(tables, light, lanes.where3(here, point.position, surface.lit_from(point)), u, v)
             share = materials.reflected(shader, point.normal, arriving.direction, viewer)
             given = lanes.scale(lanes.mul(share, arriving.irradiance), 1.0 / np.pi)
             open_ = _sees(tables, point, shader, arriving.direction, active)

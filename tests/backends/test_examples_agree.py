@@ -18,10 +18,6 @@ APART = ("lens.scene", "motion.scene", "panorama.scene")  # whose rays start at 
 FILES = [p for p in sorted(EXAMPLES.iterdir()) if p.suffix in (".scene", ".usda", ".obj") and p.name not in APART]
 LENSES = ("cameraMoving.usda",)
 SKIES = ("domeLightYup.usda",)  # whose balls mirror the sky, which without bounces rays do not follow and the rasterizer looks up
-FILTERED = (  # filtered pictures whose edges the two blur by a few percent differently; with `textures: sharp` they are alike
-    "testPreviewSurfaceTexture.refcam.usda", "testPreviewSurfaceTexture.usda", "RoughnessTest.usdz", "TextureCoordinateTest.refcam.usda",
-    "TextureCoordinateTest.usda",
-)  # fmt: skip
 FOUND = sorted([*ASSETS.glob("mesh/*/*.obj"), *ASSETS.glob("mesh/*/*.ply"), *ASSETS.glob("usd/*/*.usd*")])
 OPEN = pytest.mark.xfail(strict=True, reason="a row of pixels shows another thing by rays than by triangles; why is not known yet")
 SAMPLES = [pytest.param(p, marks=OPEN if p.name == "RoughnessTest.usdz" else ()) for p in FOUND if p.name not in (*LENSES, *SKIES)]
@@ -29,8 +25,7 @@ SAMPLES = [pytest.param(p, marks=OPEN if p.name == "RoughnessTest.usdz" else ())
 
 def shown(path: Path, backend: str) -> Image:
     """Direct light through pixels' centres."""
-    plan = {"textures": "sharp"} if path.name in FILTERED else {}
-    return maquette.render(maquette.load(path), backend=backend, size=(120, 80), samples=1, bounces=0, aov=("id", "depth"), plan=plan)
+    return maquette.render(maquette.load(path), backend=backend, size=(120, 80), samples=1, bounces=0, aov=("id", "depth"))
 
 
 def inside(*images: Image) -> np.ndarray:

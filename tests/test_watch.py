@@ -24,6 +24,11 @@ render(size: [16, 12], samples: 1, background: #000000)
 """
 
 
+def _interruptible() -> None:
+    """Shells start what runs in their background with interrupts ignored, tests too."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def wait(condition: Callable[[], bool], seconds: float = 30.0) -> None:
     end = time.monotonic() + seconds
     while not condition():
@@ -128,7 +133,9 @@ def test_the_command_follows_a_part_through_an_error(tmp_path: Path) -> None:
     part.write_text("sphere(1, material: lambert(#ff0000))\n", encoding="utf-8")
     command = [sys.executable, "-c", "from maquette import cli; cli.main()", "watch", "a.scene", "-o", "a.png"]
     log = (tmp_path / "log").open("w")
-    process = subprocess.Popen(command, cwd=tmp_path, stdout=log, stderr=subprocess.STDOUT, env={**os.environ, "PYTHONUNBUFFERED": "1"})
+    process = subprocess.Popen(
+        command, cwd=tmp_path, stdout=log, stderr=subprocess.STDOUT, env={**os.environ, "PYTHONUNBUFFERED": "1"}, preexec_fn=_interruptible
+    )
 
     def colour() -> list[bool]:
         return [c > 0.05 for c in output.read(picture).channels["rgba"][6, 8, :3]]
@@ -166,7 +173,10 @@ def test_an_interrupt_that_is_dropped_ends_it_all_the_same(tmp_path: Path) -> No
             signal.raise_signal(signal.SIGINT)
         return [file]
 
-    before = signal.getsignal(signal.SIGINT)
-    watch.follow(build)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        watch.follow(build)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert builds == [1]
-    assert signal.getsignal(signal.SIGINT) is before

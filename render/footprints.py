@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler import plan as planner
-from . import camera, lanes, textures, tilt
+from . import camera, lanes, surface, textures, tilt
 from .handles import HandleType
 from .kernels import HELPER, apart, helper
 from .records import Hit, Lane, Ray, Surface, Tables, Vec, View
@@ -226,10 +226,7 @@ def _on_surface(tables: Any, ray: Ray, hit: Hit, point: Surface) -> Surface:
         )  # fmt: skip
         nowhere = (zero, zero, zero)
         right, down = lanes.where3(from_eye, right, nowhere), lanes.where3(from_eye, down, nowhere)
-    return Surface(
-        point.position, point.local, point.geometric, point.normal, point.local_normal, point.uv, point.metric, point.front, point.instance,
-        point.material, point.color, point.offset, point.time, _kept(tables, spread, right, down), point.lift,
-    )  # fmt: skip
+    return surface.spanning(point, _kept(tables, spread, right, down))
 
 
 def _kept(tables: Any, spread: Any, right: Vec, down: Vec) -> Any:

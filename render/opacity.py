@@ -8,7 +8,7 @@ from numba import types
 from numba.extending import overload
 
 from ..compiler import ir
-from . import inputs, lanes
+from . import inputs, lanes, surface
 from .kernels import HELPER, helper
 from .records import Lane, Surface, Tables
 
@@ -23,16 +23,8 @@ def at(tables: Tables, point: Surface) -> Lane:
     """
     threshold = tables.materials.threshold[point.material]
     cut = threshold > 0.0
-    value = lanes.clip(inputs.number_of(tables, _in_points(point, cut), OPACITY), 0.0, 1.0)
+    value = lanes.clip(inputs.number_of(tables, surface.spanning(point, _none_of(point.spread, cut)), OPACITY), 0.0, 1.0)
     return lanes.where(cut, lanes.where(value >= threshold, 1.0, 0.0), value)
-
-
-@helper
-def _in_points(point: Surface, cut: Lane) -> Surface:
-    return Surface(
-        point.position, point.local, point.geometric, point.normal, point.local_normal, point.uv, point.metric, point.front, point.instance,
-        point.material, point.color, point.offset, point.time, _none_of(point.spread, cut),
-    )  # fmt: skip
 
 
 def _none_of(spread: Any, cut: Lane) -> Any:

@@ -10,6 +10,7 @@ Terminator, Ray Tracing Gems II, ch. 4): else facets that face away from a lamp 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from ..compiler import ir
 from . import lanes, placed, shapes, textures
@@ -155,6 +156,15 @@ def _from_above(lift: Vec, above: Lane, normal: Vec, direction: Vec) -> Lane:
 
 
 _raised, _rising = if_there(_risen), if_there(_from_above)
+
+
+@helper
+def spanning(surface: Surface, spread: Any) -> Surface:
+    """The same surface with another `spread`."""
+    return Surface(
+        surface.position, surface.local, surface.geometric, surface.normal, surface.local_normal, surface.uv, surface.metric, surface.front,
+        surface.instance, surface.material, surface.color, surface.offset, surface.time, spread, surface.lift,
+    )  # fmt: skip
 
 
 @helper

@@ -18,7 +18,24 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
-from . import across, bands, camera, classic, deferred, faces, fill, integrate, items, meshlets, raster_setup, sampler, setup, traced
+from . import (
+    across,
+    bands,
+    camera,
+    classic,
+    deferred,
+    faces,
+    fill,
+    integrate,
+    items,
+    meshlets,
+    raster_setup,
+    sampler,
+    setup,
+    tessellate,
+    traced,
+    turns,
+)
 from .handles import Handle
 from .metrics import EPSILON, luminance
 from .points import points_for
@@ -31,6 +48,8 @@ ROWS = {1: 64, 4: 32}  # rows of a band by samples, where its buffer still fits 
 
 KEPT_BYTES = 1 << 26  # of pictures whose memory is kept; getting it from the system takes as long as filling it
 UNUSED = 2  # references to the memory of an array that only the array and the question itself hold
+
+FOR_MESHLET, FOR_PIXEL = 3e-6, 1.5e-9  # seconds a sample
 
 EXACT = 2.0**22  # weights are whole numbers over this, so that sums of them are exact in float32, and what is covered wholly is 1
 
@@ -46,6 +65,11 @@ class Triangles(NamedTuple):
     lit: Handle  # what deferred.py reads of the tables
     lamps: Handle
     look: Handle
+    exact: NDArray[np.intp]  # rows of instances that enter the z-buffer where each sample's ray meets them
+    boxes: NDArray[np.int32]  # (those, 4) pixels where they may be seen
+    patterned: Any  # True or None: whether a material has a texture or a mesh colours
+    colored: Any  # True or None: whether any is more than a picture by coordinates
+    flat: Any  # True or None: deferred.lights_flat
     rooms: dict[Any, list[_Room]]  # memory of threads that nobody uses now, by its size
     pictures: list[NDArray[np.float32]]  # the last ones drawn: their memory is used again when nobody else has it any more
 
@@ -58,7 +82,12 @@ def triangles(tables: ir.Tables, view: View, shells: dict[int, Any]) -> Triangle
     shown = bands.Projection(model.matrix, model.planes, model.perspective, near, far, model.positions, model.triangles)
     eye = tables.transforms.matrix[tables.cameras.transform[view.camera], :, 3]
     lit, lamps, look = Handle(deferred.single(tables, eye)), Handle(deferred.lamps(tables)), Handle(_look(tables, view, eye))
-    return Triangles(Handle(model), ranges, Handle(made), placed, Handle(shown), lit, lamps, look, {}, [])
+    exact = np.array([i for i in tessellate.analytic_seen(tables).tolist() if i not in shells], np.intp)
+    patterned, colored = _patterned(tables)
+    return Triangles(
+        Handle(model), ranges, Handle(made), placed, Handle(shown), lit, lamps, look, exact, raster_setup.pixel_boxes(tables, view, exact),
+        patterned, colored, deferred.lights_flat(tables, lamps.tables, patterned is not None) or None, {}, [],
+    )  # fmt: skip
 
 
 def needs_no_rays(plan: Plan) -> bool:
@@ -98,9 +127,9 @@ def passes(samples: int, random: bool, name: str) -> tuple[Pass, ...]:
 class Bands:
     """One picture to be drawn, band by band, by any number of threads. `rgba` is not filled before a band is drawn, or all is finished."""
 
-    def __init__(self, prepared: Any, plan: Plan, view: View, exact: NDArray[np.intp]) -> None:
-        self.prepared, self.view, self.exact = prepared, view, exact
-        tables, made = prepared.tables, prepared.triangles
+    def __init__(self, prepared: Any, plan: Plan, view: View) -> None:
+        self.prepared, self.view = prepared, view
+        made = prepared.triangles
         samples = plan["samples"]
         x0, y0, x1, y1 = (int(c) for c in plan["crop"])
         self.corners = x0, y0, x1, y1
@@ -109,14 +138,12 @@ class Bands:
         self.passes = passes(samples, plan["random numbers"], plan["filter"])
         self.reach = self.passes[0].weights.tables.reach
         self.margin = 4 * -(-self.reach // 4)
-        self.boxes = raster_setup.pixel_boxes(tables, view, exact)
         self.rows = ROWS.get(len(self.passes[0].pattern.x), 16)
         self.drawn = Handle(bands.drawn(made.shown, made.meshlets, made.placed, plan["crop"], self.reach, self.rows))
-        self.patterned, self.colored = _patterned(tables)
-        self.flat = deferred.lights_flat(tables, made.lamps.tables, self.patterned is not None) or None
-        how, self.fill = plan["raster.fill"], None
-        if how != "edges":
-            self.fill = classic.Fill(how, tables, prepared.packed, view, made.model, made.ranges, made.meshlets.tables)
+        self.fill = None
+        if plan["raster.fill"] != "edges":
+            meshlets = made.meshlets.tables
+            self.fill = classic.Fill(plan["raster.fill"], prepared.tables, prepared.packed, view, made.model, made.ranges, meshlets)
         self.plain = plan["raster.precision"] == "float32"
         self.background = plan["background"]
         shape = y1 - y0, x1 - x0
@@ -124,11 +151,16 @@ class Bands:
         self.half = len(self.passes) // 2  # passes after which `apart` is told
         self.apart = np.zeros((*shape, 3), np.float32) if self.half else None  # how far the mean of all may be off, by its halves
         self.first = y0 // self.rows
-        self.jobs: Sequence[int] = range(self.first, -(-y1 // self.rows))
-        self._left = set(self.jobs)
+        self._drawn = np.zeros(-(-y1 // self.rows) - self.first, np.bool_)
         columns, most = x1 - (x0 & ~3) + 2 * self.margin, int(made.placed[:, 1].sum())
-        kinds = self.plain, self.patterned is not None, self.colored is not None
+        kinds = self.plain, made.patterned is not None, made.colored is not None
         self.sizes = [_Size(columns, self.rows + 2 * self.margin, len(one.pattern.x), *kinds, most) for one in self.passes]
+        self._turns = None
+        if self.plain and self.fill is None and not len(made.exact) and len(self.passes) == 1 and len(self.drawn.tables.first) > 0:
+            layout = self.first, len(self._drawn), self.rows, self.margin, self.reach
+            how = self.each, True, made.patterned, made.colored, made.flat, self.crop, self.rgba
+            self._turns = turns.Turns(layout, int(plan["threads"]), self._cost(), how)
+        self.jobs: Sequence[int] = range(self._turns.jobs if self._turns else len(self._drawn))
         self.turn = object()
 
     @property
@@ -146,58 +178,78 @@ class Bands:
         return float(np.sqrt(np.mean(np.square(self.apart, dtype=np.float64) / (known * known + least))))
 
     def draw(self, job: int) -> int:
-        """Draw a band into `rgba`; how many of its items were not finite and left out."""
-        top, bottom = self._between(job)
+        """Draw a band into `rgba`, or those that are a turn's; how many of their items were not finite and left out."""
+        if self._turns is None:
+            return self._draw_passes(job)
+        one, free, room = self.passes[0], *self._room(0)
+        room.serve(self, one)
+        numbers, issues = self._turns.draw(room.filling, room.shading)
+        free.append(room)
+        for number in numbers.tolist():
+            self._behind(*self._between(number))
+        self._drawn[numbers] = True
+        return issues
+
+    def _draw_passes(self, number: int) -> int:
+        """Draw a band, pass by pass."""
+        top, bottom = self._between(number)
         window, issues = slice(top - self.corners[1], bottom - self.corners[1]), 0
         for k, one in enumerate(self.passes):
             if self.apart is not None and k == self.half:
                 self.apart[window] = self.rgba[window, :, :3]
-            free = self.prepared.triangles.rooms.setdefault(self.sizes[k], [])
-            try:
-                room = free.pop()
-            except IndexError:
-                room = _Room(self, self.sizes[k])
-            issues += self._draw(job, room, one, top, bottom)
+            free, room = self._room(k)
+            issues += self._draw(number, room, one, top, bottom)
             free.append(room)
         if self.apart is not None:
             # of T = h A + (1 - h) B, the difference of independent halves A - B tells √(h (1 - h)) (A - B)
             h = self.passes[self.half].first / sum(len(one.pattern.x) for one in self.passes)
             self.apart[window] = (self.apart[window] - h * self.rgba[window, :, :3]) / np.sqrt(h * (1.0 - h))
         self._behind(top, bottom)
-        self._left.discard(job)
+        self._drawn[number] = True
         return issues
+
+    def _cost(self) -> float:
+        """Seconds that one thread takes, about."""
+        x0, y0, x1, y1 = self.corners
+        return self.sizes[0].samples * (len(self.drawn.tables.order) * FOR_MESHLET + (x1 - x0) * (y1 - y0) * FOR_PIXEL)
+
+    def _room(self, k: int) -> tuple[list[_Room], _Room]:
+        """Memory for pass k that nobody uses, and where to put it afterwards."""
+        free = self.prepared.triangles.rooms.setdefault(self.sizes[k], [])
+        try:
+            return free, free.pop()
+        except IndexError:
+            return free, _Room(self, self.sizes[k])
 
     def finish(self) -> None:
         """Empty the bands that have not been drawn."""
-        for job in self._left:
-            top, bottom = self._between(job)
+        for number in np.flatnonzero(~self._drawn).tolist():
+            top, bottom = self._between(number)
             self.rgba[top - self.corners[1] : bottom - self.corners[1]] = 0.0
 
-    def _between(self, job: int) -> tuple[int, int]:
+    def _between(self, number: int) -> tuple[int, int]:
         """Rows of pixels that a band has."""
-        return max(job * self.rows, self.corners[1]), min((job + 1) * self.rows, self.corners[3])
+        return max((self.first + number) * self.rows, self.corners[1]), min((self.first + number + 1) * self.rows, self.corners[3])
 
-    def _draw(self, job: int, room: _Room, one: Pass, top: int, bottom: int) -> int:
+    def _draw(self, number: int, room: _Room, one: Pass, top: int, bottom: int) -> int:
         """Draw a pass of a band's rows `top` to `bottom`."""
-        x0, y0, x1, _ = self.corners
+        _, y0, _, _ = self.corners
         band = room.band.tables
-        band.place[:2] = (x0 & ~3) - self.margin, job * self.rows - self.margin  # on a grid of blocks that no crop moves
-        band.clip[:] = x0 - self.reach, top - self.reach, x1 + self.reach, bottom + self.reach
-        band.rows[:] = top, bottom
+        turns.aim(band, self.first + number, self.rows, self.margin, self.reach, self.crop)
         made, drawn = self.prepared.triangles, self.drawn
         room.serve(self, one)
         room.items.tables.counts[3] = 0
         if self.fill is None:
-            setup.draw_band(room.filling, job - self.first)
+            setup.draw_band(room.filling, number)
         else:
             self.fill.draw(room.band, one.pattern, drawn.tables)
         p = self.prepared
-        here = np.flatnonzero((self.boxes[:, 1] < band.clip[3]) & (self.boxes[:, 3] > band.clip[1])) if len(self.exact) else ()
+        here = np.flatnonzero((made.boxes[:, 1] < band.clip[3]) & (made.boxes[:, 3] > band.clip[1])) if len(made.exact) else ()
         if len(here):
-            traced.draw_exact(made.model, self.exact[here], self.boxes[here], p.packed, p.accel, self.view, one.places, room.band)
+            traced.draw_exact(made.model, made.exact[here], made.boxes[here], p.packed, p.accel, self.view, one.places, room.band)
         if self.plain and len(drawn.tables.first) > 0:
             fresh = one.first == 0
-            deferred.shade_band(room.shading, self.each, fresh, self.patterned, self.colored, self.flat, self.crop, self.rgba)
+            deferred.shade_band(room.shading, self.each, fresh, made.patterned, made.colored, made.flat, self.crop, self.rgba)
         elif one.first == 0:
             self.rgba[top - y0 : bottom - y0] = 0.0
         if not self.plain:
@@ -252,6 +304,8 @@ class _Room:
         self.faces = Handle(faces.faces_for(size.meshlets, most, size.patterned, size.colored)) if size.plain else None
         self.stack = None if size.plain else integrate.stack_for(of.prepared.options, across.WIDTH)
         self.points = Handle(points_for(size.patterned, size.colored))
+        self.filling: Any = None
+        self.shading: Any = None
         self._turn: object = None
         self._pass: Pass | None = None
 
@@ -260,10 +314,16 @@ class _Room:
         if self._turn is of.turn and self._pass is one:
             return
         made = of.prepared.triangles
+        if self.faces is not None and self._turn is not of.turn:
+            faces.forget(self.faces.tables)
+        if self._pass is one:
+            self.filling.point("drawn", of.drawn)
+            if self.shading is not None:
+                self.shading.point("drawn", of.drawn)
+            self._turn = of.turn
+            return
         self.filling = Handle(bands.Filling(made.shown, one.places, made.meshlets, of.drawn, self.band))
         if self.faces is not None:
-            if self._turn is not of.turn:
-                faces.forget(self.faces.tables)
             self.shading = Handle(deferred.Shading(
                 made.shown, one.places, made.meshlets, of.drawn, made.lit, made.lamps, made.look, one.weights, self.band, self.faces,
                 self.items, self.points,

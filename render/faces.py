@@ -81,8 +81,7 @@ def forget(faces: Any) -> None:
     if count[2] > 1 << 30:
         faces.row[:] = -1
         count[2] = 0
-    for k in range(KNOWN):
-        faces.planes[k, 0] = -1.0
+    faces.planes[:, 0] = -1.0
 
 
 @helper

@@ -82,6 +82,14 @@ class Handle:
             raise ValueError(f"{name} is no whole number of this tuple")
         self._block[found[0]] = number
 
+    def point(self, name: str, other: Handle) -> None:
+        """Let a field that is a Handle be another one of the same type, while no kernel runs that reads it."""
+        found = self.numba_type.field(name)
+        if found is None or found[1] != ("handle", other.numba_type):
+            raise ValueError(f"{name} is no handle of that type")
+        self._block[found[0]] = other.address
+        self.tables = self.tables._replace(**{name: other})
+
 
 def _pack(value: Any, words: list[int | float]) -> Layout:
     """Append the words of a NamedTuple; its layout, places counting from the block's start."""

@@ -7,6 +7,7 @@ addresses into the handles that kernels are given.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from operator import attrgetter
 from typing import Any
@@ -29,9 +30,15 @@ class Linked:
 
     def link(self, *kinds: types.Type) -> int:
         """Compile it, or load it from disk, for arguments of these types; its address."""
-        self.kernel.compile(kinds)
-        code, described = attrgetter("library", "fndesc")(self.kernel.overloads[kinds])
-        return code.get_pointer_to_function(described.llvm_func_name)
+        return address_of(self.kernel, *kinds)
+
+
+@functools.cache
+def address_of(made: Any, *kinds: types.Type) -> int:
+    """The address of a kernel, compiled or loaded from disk for arguments of these types."""
+    made.compile(kinds)
+    code, described = attrgetter("library", "fndesc")(made.overloads[kinds])
+    return code.get_pointer_to_function(described.llvm_func_name)
 
 
 class Promised(Linked):

@@ -244,7 +244,7 @@ class Shapes:
         perspective = tables.cameras.projection[self.view.camera] == ir.Projection.PERSPECTIVE
         close = perspective & ~(nearest >= least)
         geometries, found = tables.geometries, {}
-        for i in analytic_seen(tables).tolist():
+        for i in tessellate.analytic_seen(tables).tolist():
             g = tables.instances.geometry[i]
             kind = int(geometries.kind[g])
             if kind in (ir.GeometryKind.FORMULA, ir.GeometryKind.QUADRIC):
@@ -290,13 +290,6 @@ def _formula(tables: ir.Tables, g: int, tolerance: float) -> tessellate.Tessella
     triangles = made.triangles.astype(np.int32)
     uvs = np.stack([made.positions[:, 0], -made.positions[:, 2]], axis=1)  # as shapes.uv has them
     return tessellate.Tessellation(positions, triangles, made.normals, uvs, np.zeros(len(triangles), np.int32))
-
-
-def analytic_seen(tables: ir.Tables) -> NDArray[np.intp]:
-    """The rows of instances that are no mesh and that the camera sees."""
-    instances, geometries = tables.instances, tables.geometries
-    analytic = geometries.kind[instances.geometry] != ir.GeometryKind.MESH
-    return np.flatnonzero(analytic & (instances.visible & ir.Visibility.CAMERA != 0))
 
 
 # --- meshes in place of shapes shaded at vertices ------------------------------------------------------------------------

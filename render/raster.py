@@ -23,7 +23,7 @@ from . import across, aov, banded, camera, fill, hits, integrate, lanes, raster_
 from .film import TILE, Unshared
 from .handles import Handle
 from .kernels import helper, kernel
-from .prepare import Prepared, analytic_seen, trees
+from .prepare import Prepared, trees
 from .records import Film, First, Hit, Lane, Ray, Tile, View
 
 BATCH = 1 << 16  # samples of a tile held in the z-buffer at a time
@@ -39,9 +39,7 @@ class Renderer(Unshared):
         self.prepared, self.plan, self.view = prepared, plan, view
         self.how = fill.NAMES[plan["raster.fill"]]
         self.reach = math.ceil(sampler.FILTER_RADIUS[plan["filter"]] * fill.ONE)
-        self.exact = np.array([i for i in analytic_seen(prepared.tables).tolist() if i not in prepared.shells], np.intp)
-        self.boxes = raster_setup.pixel_boxes(prepared.tables, view, self.exact)  # grown by what a filter may reach
-        self.whole = banded.Bands(prepared, plan, view, self.exact) if banded.can_draw(plan) else None
+        self.whole = banded.Bands(prepared, plan, view) if banded.can_draw(plan) else None
         nothing = Tile(0, 0, 0, 0)
         if self.whole is None:
             self._add(nothing, 0, 1, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
@@ -109,9 +107,10 @@ class Renderer(Unshared):
         scratch = Handle(visibility.scratch_for(tile, count, self.reach if total > 1 else 0, room))
         place_samples(tile, self.prepared.frame, first, total, scratch)
         self._buffer.draw(tile, scratch)
-        here = (self.boxes[:, 0] < tile.x1) & (self.boxes[:, 2] > tile.x0) & (self.boxes[:, 1] < tile.y1) & (self.boxes[:, 3] > tile.y0)
+        made = self.prepared.triangles
+        here = (made.boxes[:, 0] < tile.x1) & (made.boxes[:, 2] > tile.x0) & (made.boxes[:, 1] < tile.y1) & (made.boxes[:, 3] > tile.y0)
         if here.any():
-            draw_exact(self._buffer.model, self.exact[here], self.prepared.packed, self._accel, self.view, scratch)
+            draw_exact(self._buffer.model, made.exact[here], self.prepared.packed, self._accel, self.view, scratch)
         return scratch
 
 

@@ -116,9 +116,7 @@ def _with_cameras(tables: ir.Tables, made: list[_View]) -> ir.Tables:
 def _drawn(tables: ir.Tables, view: View, accel: handles.Handle) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
     """(keys, instances) of a map's texels, row by row."""
     shells = prepare.Shapes(tables, view, NARROW).shells(tables)
-    exact = np.array([i for i in prepare.analytic_seen(tables).tolist() if i not in shells], np.intp)
     made, packed, pattern = banded.triangles(tables, view, shells), handles.Handle(tables), handles.Handle(bands.pattern(1))
-    boxes = raster_setup.pixel_boxes(tables, view, exact)
     drawn = handles.Handle(bands.drawn(made.shown, made.meshlets, made.placed, (0, 0, view.width, view.height), 0, ROWS))
     band = handles.Handle(bands.band_for(view.width, ROWS, 1))
     filling = handles.Handle(bands.Filling(made.shown, pattern, made.meshlets, drawn, band))
@@ -128,8 +126,8 @@ def _drawn(tables: ir.Tables, view: View, accel: handles.Handle) -> tuple[NDArra
         rows.place[:2] = 0, top
         rows.clip[:] = 0, top, view.width, top + ROWS
         setup.draw_band(filling, number)
-        if len(exact):
-            traced.draw_exact(made.model, exact, boxes, packed, accel, view, pattern, band)
+        if len(made.exact):
+            traced.draw_exact(made.model, made.exact, made.boxes, packed, accel, view, pattern, band)
         for whole, part in ((keys, rows.key), (found, rows.ids)):
             whole[top : top + ROWS] = bands.by_pixels(part, ROWS, view.width)
     mapped: Any = drawn.tables

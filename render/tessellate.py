@@ -42,6 +42,13 @@ class Profile(NamedTuple):
     part: int
 
 
+def analytic_seen(tables: ir.Tables) -> NDArray[np.intp]:
+    """The rows of instances that are no mesh and that the camera sees."""
+    instances, geometries = tables.instances, tables.geometries
+    analytic = geometries.kind[instances.geometry] != ir.GeometryKind.MESH
+    return np.flatnonzero(analytic & (instances.visible & ir.Visibility.CAMERA != 0))
+
+
 def tessellate(kind: int, parameters: Sequence[float], tolerance: float) -> Tessellation:
     """A shape of `kind` (ir.GeometryKind, but no mesh and no endless quadric) as triangles off the surface by `tolerance` metres at most.
 

@@ -16,8 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...compiler.tapes import CHOICES, INPUTS, MOST_LIVE, Op, arity
+from ..atomics import claimed, released, taken
 from ..kernels import apart, helper, kernel, maker
-from .calls import claimed, interpret, released, taken
+from .calls import interpret
 from .forms import END_BLOCKS, END_LEAVES, END_ROWS, END_TAPES
 from .vectors import LANES, ROW
 

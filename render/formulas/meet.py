@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import across, lanes, simd
+from ..atomics import count_up
 from ..kernels import apart as apart_
 from ..kernels import helper
 from ..links import Answering
 from ..records import Lane, Vec
 from . import jumps, search
-from .calls import count_up
 from .cells import PENDING, ready
 from .evaluate import Room, error_at, room, turns_at, value_at
 from .forms import MET

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from .. import across, lanes, simd
+from ..atomics import count_up
 from ..kernels import apart as apart_
 from ..kernels import helper
 from . import search
-from .calls import count_up
 from .evaluate import turns_at
 from .tile_room import (
     FINEST,

@@ -1,10 +1,12 @@
 """What bands are filled with, against whole-number arithmetic: each sample that the rule gives a triangle, and no other."""
 
+import threading
+
 import numpy as np
 import pytest
 from maquette.compiler import ir, plan
 from maquette.compiler.rows import CameraData, LightData, MeshData
-from maquette.render import banded, bands, fill, meshlets, metrics, setup
+from maquette.render import banded, bands, fill, film, meshlets, metrics, prepare, raster, setup, turns
 from maquette.render.handles import Handle
 from maquette.render.records import View
 
@@ -170,3 +172,42 @@ def test_places_are_not_asked_for_where_samples_are_not_counted():
     scene = tables.scene([(ir.GeometryKind.SPHERE, [0.5], tables.matrix((0, 0, -2)), 0)], camera=CameraData(0, 0.5))
     with pytest.raises(plan.PlanError, match=r"`raster\.places` cannot be shared; it can be: own"):
         pictures.picture(scene, overrides={"raster.places": "shared"}, error=0.1, samples=None)
+
+
+def a_mesh_in_bands(threads: int = 1) -> tuple:
+    """(prepared, plan, view) of 300 triangles in five bands, on white."""
+    points = np.random.default_rng(2).uniform(-1, 1, (900, 3))
+    triangles = np.arange(900).reshape(-1, 3)
+    sun = LightData(ir.LightKind.DIRECTIONAL, (1.0, 1.0, 1.0), direction=(0.0, 0.6, 0.8), shadows=False)
+    scene = tables.scene(meshes=[(MeshData(points, triangles), tables.matrix((0, 0, -4)), 0)], lights=[sun])
+    made, decided, view = pictures.planned(scene, "raster", size=(90, 300), background=(1.0, 1.0, 1.0), threads=threads)
+    return prepare.prepare(made, decided, view), decided, view
+
+
+@pytest.mark.parametrize("seconds", [1e-9, 3e-4, 1.0])
+def test_bands_are_the_same_however_many_are_drawn_at_once(seconds: float, monkeypatch: pytest.MonkeyPatch):
+    """Turn by turn, some at once and all at once, by one thread and by several: the picture that single bands make."""
+    prepared, decided, view = a_mesh_in_bands()
+    alone = raster.Renderer(prepared, decided, view).whole
+    assert alone is not None
+    alone._turns = None
+    for number in range(5):
+        alone.draw(number)
+    monkeypatch.setattr(turns, "AT_ONCE", seconds)
+    for threads in (1, 2, 5):
+        prepared, decided, view = a_mesh_in_bands(threads)
+        whole = film.run(raster.Renderer(prepared, decided, view), decided, view)
+        assert np.array_equal(whole.channels["rgba"], alone.rgba)
+    assert len(np.unique(alone.rgba)) > 100
+
+
+def test_what_no_turn_has_drawn_is_empty(monkeypatch: pytest.MonkeyPatch):
+    """Cancelled after its first turn, a picture has that band, and 0 elsewhere."""
+    monkeypatch.setattr(turns, "AT_ONCE", 1e-9)
+    prepared, decided, view = a_mesh_in_bands()
+    cancel = threading.Event()
+    cut = film.run(raster.Renderer(prepared, decided, view), decided, view, lambda done, total: cancel.set(), cancel)
+    rows = np.flatnonzero((cut.channels["rgba"][..., 3] > 0.0).any(axis=1) | (cut.channels["rgba"][..., 0] > 0.0).any(axis=1))
+    assert cut.metadata["partial"]
+    assert rows.min() == 0
+    assert rows.max() == banded.ROWS[1] - 1

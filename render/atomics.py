@@ -1,0 +1,61 @@
+"""Counters and states that several threads change at the same time, in kernels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core.typing.templates import signature
+from numba.np.arrayobj import make_array
+
+from .simd.value import I64
+from .simd.vector import intrinsic
+
+
+@intrinsic
+def count_up(typingctx, counters, index, by):
+    """counters[index] += by, whatever other threads do."""
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        data = make_array(counters)(context, builder, args[0]).data
+        builder.atomic_rmw("add", builder.gep(data, [args[1]]), args[2], "monotonic")
+        return context.get_dummy_value()
+
+    return signature(types.void, counters, types.int64, types.int64), generate
+
+
+@intrinsic
+def taken(typingctx, counters, index, by):
+    """counters[index] as it was before `by` was added to it, whatever other threads do."""
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        data = make_array(counters)(context, builder, args[0]).data
+        return builder.atomic_rmw("add", builder.gep(data, [args[1]]), args[2], "acq_rel")
+
+    return signature(types.int64, counters, types.int64, types.int64), generate
+
+
+@intrinsic
+def claimed(typingctx, states, index):
+    """states[index] (0 free, 1 taken, 2 done) as it was, taken now if it was free."""
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        data = make_array(states)(context, builder, args[0]).data
+        zero, one = ir.Constant(I64, 0), ir.Constant(I64, 1)
+        found = builder.cmpxchg(builder.gep(data, [args[1]]), zero, one, "acq_rel", "acquire")
+        return builder.extract_value(found, 0)
+
+    return signature(types.int64, states, types.int64), generate
+
+
+@intrinsic
+def released(typingctx, states, index):
+    """states[index] = 2, after all that was written before."""
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        data = make_array(states)(context, builder, args[0]).data
+        builder.atomic_rmw("max", builder.gep(data, [args[1]]), ir.Constant(I64, 2), "acq_rel")
+        return context.get_dummy_value()
+
+    return signature(types.void, states, types.int64), generate

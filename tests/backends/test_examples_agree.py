@@ -18,8 +18,7 @@ APART = ("lens.scene", "motion.scene", "panorama.scene")  # whose rays start at 
 FILES = [p for p in sorted(EXAMPLES.iterdir()) if p.suffix in (".scene", ".usda", ".obj") and p.name not in APART]
 LENSES = ("cameraMoving.usda",)
 FOUND = sorted([*ASSETS.glob("mesh/*/*.obj"), *ASSETS.glob("mesh/*/*.ply"), *ASSETS.glob("usd/*/*.usd*")])
-OPEN = pytest.mark.xfail(strict=True, reason="a row of pixels shows another thing by rays than by triangles; why is not known yet")
-SAMPLES = [pytest.param(p, marks=OPEN if p.name == "RoughnessTest.usdz" else ()) for p in FOUND if p.name not in LENSES]
+SAMPLES = [p for p in FOUND if p.name not in LENSES]
 
 
 def shown(path: Path, backend: str) -> Image:

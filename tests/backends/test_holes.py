@@ -28,6 +28,16 @@ def test_stripes_are_cut_out_as_far_as_the_horizon(tmp_path: Path, backend: str)
     assert np.array_equal(found["id"][..., 0][near] == 0, want[near])
 
 
+def test_what_is_there_in_half_of_its_points_covers_half_of_far_pixels(tmp_path: Path, backend: str) -> None:
+    """Stripes of all and nothing without a threshold: their mean over a pixel is not taken twice, by the samples and within each."""
+    stripes = "pattern(|x, y, z| 0.5 + 0.5 * sign(sin(4000 * x)))"
+    (tmp_path / "a.scene").write_text(f"plane(y: 0, material: lambert(opacity: {stripes}))\n{VIEW}")
+    plan = {"textures": "filtered"}
+    picture = maquette.render(tmp_path / "a.scene", size=(96, 72), samples=1, backend=backend, background="transparent", plan=plan)
+    rows = picture.channels["rgba"][36:, :, 3]  # each pixel has many stripes
+    assert abs(rows.mean() - 0.5) < 0.05
+
+
 def test_channels_tell_what_stands_behind_holes(tmp_path: Path, backend: str) -> None:
     """A box under the floor is seen through it, and a ball that is half there hides nothing of itself."""
     things = "box(0.5, translate: [0, -0.4, 0])\nsphere(1, center: [0, 1, 0], material: lambert(opacity: 0.5))\n"

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler import plan as planner
-from . import gather, lanes, microfacet
+from . import albedo, gather, lanes, microfacet
 from .handles import HandleType
 from .inputs import number_of
 from .kernels import HELPER, helper, if_there
@@ -26,8 +26,10 @@ from .records import Lane, Surface, Tables, Vec
 
 GLASS = int(ir.MaterialModel.GLASS)
 ROUGHNESS, IOR = int(ir.Slot.ROUGHNESS), int(ir.Slot.IOR)
-COLUMNS, ROWS = 24, 16  # of the tables: square roots of cosines evenly, and of roughness α
-NODES = 24
+COLUMNS, ROWS = 32, 20  # of the tables, as albedo.py has them
+NODES = (377, 233), (987, 610)  # of each integral: numbers of Fibonacci one after the other, from outside and from inside,
+MISSED = 6e-4, 2.5e-3  # and the most of E that those and straight lines between rows and columns miss
+ROUNDED = 2e-4  # and of a mean's rest
 SAME = 1e-3  # indices whose ratio is nearer to 1 than this bend nothing: what is between them is clear
 
 F64 = NDArray[np.float64]
@@ -42,7 +44,7 @@ class Tabled(NamedTuple):
 
     of: NDArray[np.int64]  # (materials,) which of the tables is a material's
     each: F64  # (k · 2 · ROWS · COLUMNS, 4) 1 − E of a column and of the next, from outside, then from inside; 0, 0
-    mean: F64  # (k · 2 · ROWS, 4) mean of 1 − E on this side and on the other; what goes through of what is lost here; 0
+    mean: F64  # (k · 2 · ROWS, 4) mean of 1 − E on this side and on the other; what goes through of what is lost here, over the latter; 0
 
 
 class Frost(NamedTuple):
@@ -105,11 +107,10 @@ def _at(tables: Tables, surface: Surface, ior: Lane, tint: Vec) -> Frost:
 @helper
 def _lost(frost: Frost, row: Lane, cosine: Lane) -> Lane:
     """1 − E under a cosine, on the side whose rows begin at `row`."""
-    place = lanes.sqrt(frost.alpha) * (ROWS - 1.0)
-    below = lanes.minimum(lanes.floor_int(place), ROWS - 2)
-    column = lanes.sqrt(lanes.clip(cosine, 0.0, 1.0)) * (COLUMNS - 1.0)
+    below, y = albedo.row_of(frost.alpha, ROWS)
+    column = albedo.column_of(lanes.clip(cosine, 0.0, 1.0), frost.alpha) * (COLUMNS - 1.0)
     left = lanes.minimum(lanes.floor_int(column), COLUMNS - 2)
-    x, y = column - lanes.to_float(left), place - lanes.to_float(below)
+    x = column - lanes.to_float(left)
     one = gather.four_at(frost.table.each, (row + below) * COLUMNS + left)
     two = gather.four_at(frost.table.each, (row + below + 1) * COLUMNS + left)
     return lanes.lerp(lanes.lerp(one[0], one[1], x), lanes.lerp(two[0], two[1], x), y)
@@ -118,11 +119,10 @@ def _lost(frost: Frost, row: Lane, cosine: Lane) -> Lane:
 @helper
 def _means(frost: Frost) -> tuple[Lane, Lane, Lane]:
     """(mean of what is lost on this side, on the other, share of it that goes through)."""
-    place = lanes.sqrt(frost.alpha) * (ROWS - 1.0)
-    below = lanes.minimum(lanes.floor_int(place), ROWS - 2)
-    y = place - lanes.to_float(below)
+    below, y = albedo.row_of(frost.alpha, ROWS)
     one, two = gather.four_at(frost.table.mean, frost.row + below), gather.four_at(frost.table.mean, frost.row + below + 1)
-    return lanes.lerp(one[0], two[0], y), lanes.lerp(one[1], two[1], y), lanes.lerp(one[2], two[2], y)
+    other = lanes.lerp(one[1], two[1], y)
+    return lanes.lerp(one[0], two[0], y), other, lanes.minimum(lanes.lerp(one[2], two[2], y) * other, 1.0)
 
 
 # --- two directions ------------------------------------------------------------------------------------------------------
@@ -262,45 +262,59 @@ eta = if_there(_bends)  # index of this side over that of the other
 
 def _table(index: float) -> tuple[F64, F64]:
     """(each, mean) of a glass of this index."""
-    cosine = np.linspace(0.0, 1.0, COLUMNS) ** 2
-    alpha = np.maximum(np.linspace(0.0, 1.0, ROWS) ** 2, 1e-4)
-    mu, a = np.meshgrid(np.maximum(cosine, 1e-4), alpha)
-    lost = np.stack([1.0 - integral(mu, a, ratio) for ratio in (index, 1.0 / index)])
-    lost = np.clip(lost, 0.0, 1.0)
+    alpha = albedo.alphas(ROWS)
+    cosine = albedo.cosines(alpha, COLUMNS)
+    sides = zip((index, 1.0 / index), NODES, MISSED, strict=True)
+    rows = list(zip(cosine, alpha, strict=True))  # one by one they stay in the cache
+    sent = [albedo.raised(np.stack([integral(*row, ratio, *nodes) for row in rows])) + missed for ratio, nodes, missed in sides]
+    lost = np.clip(1.0 - np.stack(sent), 0.0, 1.0)
     nodes, weights = np.polynomial.legendre.leggauss(64)
     at = 0.5 * (nodes + 1.0)
-    means = np.array([[np.interp(np.sqrt(at), np.sqrt(cosine), row) @ (weights * at) for row in side] for side in lost])
-    clear = [float(np.sum(weights * at * (1.0 - np.asarray(reflectance(at, np.full(64, r)))))) for r in (index, 1.0 / index)]
+    means = np.array([[np.interp(albedo.column_of(at, a), np.linspace(0.0, 1.0, COLUMNS), row) @ (weights * at)
+                       for a, row in zip(alpha, side, strict=True)] for side in lost])  # fmt: skip
+    means = means + np.minimum(ROUNDED, 0.05 * means)
     # Light may go either way: x_out · mean_out = index² · x_in · mean_in; x is about what Fresnel's law lets through, and at most 1.
-    with np.errstate(all="ignore"):
-        inward, outward = clear[0] * means[1] / means[0], np.full(ROWS, clear[1])
-        inward = np.where(means[0] > 1e-9, inward, clear[0])
-    scale = np.minimum(1.0, 1.0 / np.maximum(inward, outward))
-    through = np.stack([inward * scale, outward * scale])
+    clear = float(np.sum(weights * at * (1.0 - np.asarray(reflectance(at, np.full(64, max(index, 1.0 / index)))))))
+    outward = np.full(ROWS, clear / max(index, 1.0) ** 2)
+    ratio = np.divide(means[1], means[0], out=np.ones(ROWS), where=means[0] > 1e-9)
+    inward = index**2 * outward * ratio
+    other = means[::-1]
+    over = np.divide(np.stack([inward, outward]), other, out=np.zeros_like(other), where=other > 1e-9)
+    between = 0.2503 * (over[:, 1:] + over[:, :-1]) * (other[:, 1:] + other[:, :-1])  # the most that there is from row to row
+    most = np.pad(between, ((0, 0), (0, 1))), np.pad(between, ((0, 0), (1, 0))), over * other
+    over = over / np.maximum(np.max(most, axis=(0, 1)), 1.0)  # the same for both ways
     each = np.stack([lost, np.concatenate([lost[..., 1:], lost[..., -1:]], axis=-1), 0 * lost, 0 * lost], axis=-1)
-    mean = np.stack([means, means[::-1], through, 0 * means], axis=-1)
+    mean = np.stack([means, other, over, 0 * means], axis=-1)
     return np.ascontiguousarray(each.reshape(-1, 4)), np.ascontiguousarray(mean.reshape(-1, 4))
 
 
-def integral(cosine: Any, alpha: Any, ratio: float, nodes: int = NODES) -> F64:
-    """E by quadrature over the facets that are seen: what one meeting sends on, to either side."""
-    u, turn = np.meshgrid((np.arange(nodes) + 0.5) / nodes, (np.arange(nodes) + 0.5) / nodes, indexing="ij")
-    mu, a = (x[..., None, None] for x in np.broadcast_arrays(np.asarray(cosine, float), np.asarray(alpha, float)))
-    zero = 0.0 * (mu + u)
-    viewer = (np.sqrt(1.0 - mu * mu) + zero, zero, mu + zero)
-    up = (zero, zero, zero + 1.0)
-    half = microfacet.facet(up, viewer, a + zero, u + zero, turn + zero)
-    out = np.clip(lanes.dot(half, viewer), LEAST, 1.0)
-    turned = reflectance(out, ratio + zero)
+def integral(cosine: Any, alpha: Any, ratio: float, nodes: int = 987, step: int = 610) -> F64:
+    """E by quadrature over the facets that are seen: what one meeting sends on, to either side.
 
-    def hidden(c: Any) -> Any:
-        c = np.clip(np.abs(c), 1e-9, 1.0)
-        return 0.5 * (np.sqrt(1.0 + a * a * (1.0 - c * c) / (c * c)) - 1.0)
-
-    mirrored = 2.0 * out * half[2] - mu
+    Nodes are a lattice of Fibonacci (Niederreiter and Sloan 1994), closer where facets stand steeply: the critical angle and both horizons
+    make kinks that run across the facets anyhow, which defeat rules for smooth functions.
+    """
+    k = np.arange(nodes)
+    turned = np.cos(2.0 * np.pi * (k * step % nodes) / nodes)
+    height = ((k + 0.5) / nodes) ** 2  # over the depth of the cap of facets that are seen
+    weight = 2.0 * np.sqrt(height) / nodes
+    mu, a = (x[..., None] for x in np.broadcast_arrays(np.asarray(cosine, float), np.asarray(alpha, float)))
+    sine = np.sqrt(1.0 - mu * mu)
+    length = np.sqrt((a * sine) ** 2 + mu * mu)
+    z = height * (1.0 + mu / length) - mu / length
+    flat = np.sqrt(np.maximum(1.0 - z * z, 0.0))
+    x, up = a * (flat * turned + a * sine / length), z + mu / length
+    size = np.sqrt(np.maximum(x * x + (a * flat) ** 2 * (1.0 - turned * turned) + up * up, 1e-30))
+    up = up / size
+    out = np.clip(sine * x / size + mu * up, LEAST, 1.0)
+    turned_back = reflectance(out, np.full_like(out, ratio))
     bent = np.sqrt(np.maximum(1.0 - (1.0 - out * out) / ratio**2, 0.0))
-    refracted = -mu / ratio + (out / ratio - bent) * half[2]
-    near = 1.0 + hidden(mu)
-    back = np.where(mirrored > 0, turned * near / (near + hidden(mirrored)), 0.0)
-    on = np.where(refracted < 0, (1.0 - turned) * near / (near + hidden(refracted)), 0.0)
-    return (back + on).mean(axis=(-2, -1))
+    square = a * a
+    near = np.sqrt(square + (1.0 - square) * mu * mu) / mu
+
+    def passes(c: F64) -> F64:
+        c = np.maximum(c, 1e-12)
+        return (1.0 + near) * c / (near * c + np.sqrt(square + (1.0 - square) * c * c))
+
+    mirrored, refracted = passes(2.0 * out * up - mu), passes((mu - out * up) / ratio + bent * up)
+    return ((turned_back * mirrored + (1.0 - turned_back) * refracted) * weight).sum(axis=-1)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from maquette.compiler import ir
 from maquette.compiler.rows import Input, MaterialData
-from maquette.render import albedo, lanes, materials, microfacet, paths, principled, sampler, surface
+from maquette.render import albedo, frosted, lanes, materials, microfacet, paths, principled, sampler, surface
 from maquette.render.materials import Uses
 
 from . import tables as make
@@ -64,6 +64,12 @@ def reflectance(material, angle, n=90):
     return [float(np.mean(c)) for c in weight]
 
 
+def energy(material, angle, inside=False, n=300):
+    """(Reflectance, standard error of as many independent samples: these are Sobol points, and nearer)."""
+    weight = scattered(material, angle, n, inside=inside)[0].weight[0]
+    return float(np.mean(weight)), float(np.std(weight)) / n
+
+
 METAL = {"model": Model.METAL, "specular": 1.0}
 LOSSLESS = {
     "metal": METAL,
@@ -79,21 +85,52 @@ LOSSLESS = {
 @pytest.mark.parametrize("name", LOSSLESS)
 def test_what_loses_nothing_is_white_in_a_white_room(name, roughness):
     for angle in ANGLES:
-        found = reflectance(given(**LOSSLESS[name], roughness=roughness), angle)[0]
-        assert 0.98 <= found <= 1.004, (angle, found)
+        found, error = energy(given(**LOSSLESS[name], roughness=roughness), angle)
+        assert 0.98 <= found <= 1 + 3 * error, (angle, found, error)
+
+
+def whole(name, roughness, cosine):
+    """At the most, what a material of `LOSSLESS` sends on under cosines: its highlights by quadrature, the matt part by its own law.
+
+    What is under a coat counts by the lesser of what it lets through on both ways: by that of this way, at the most.
+    """
+    lobes = point_of(given(**LOSSLESS[name], roughness=roughness))[1].lobes
+    numbers_ = (lobes.alpha, lobes.f90, lobes.coat_alpha, lobes.coat, lobes.f0[0])
+    alpha, f90, alpha_coat, coat_share, f0 = (float(np.ravel(x)[0]) for x in numbers_)
+    e, b = albedo.integrals(cosine, np.full_like(cosine, alpha), 60, 40)
+    c, g = albedo.integrals(cosine, np.full_like(cosine, alpha_coat), 60, 40)
+    coat = coat_share * (microfacet.COAT * (c - g) + g)
+    highlight = f0 * (e - b) + f90 * b
+    all_, out = microfacet.viewed(lobes, UP, (np.sqrt(1 - cosine**2), cosine, 0 * cosine))
+    nodes, weights = np.polynomial.legendre.leggauss(200)
+    matt = np.zeros_like(cosine)
+    for mu, w in zip(0.5 * (nodes + 1), weights, strict=True):
+        matt += w * mu * microfacet._under(lobes, all_, out, microfacet.sight(lobes, np.asarray(mu), all_.bounced))[0]
+    return coat + (1 - coat) * highlight + matt
+
+
+@pytest.mark.parametrize("name", LOSSLESS)
+def test_nothing_sends_on_more_than_it_gets(name):
+    """By quadrature, at many roughnesses and cosines: tables are never more than the truth where they say what is lost."""
+    cosine = np.concatenate([np.geomspace(0.02, 0.1, 6), np.linspace(0.13, 1, 14)])
+    for roughness in (0.035, 0.05, 0.1, 0.2, 0.33, 0.5, 0.61, 0.75, 0.9, 1.0):
+        found = whole(name, roughness, cosine)
+        assert found.max() <= 1 + 1e-6, (roughness, cosine[found.argmax()], found.max())
+        assert found.min() >= 0.98, (roughness, cosine[found.argmin()], found.min())
 
 
 @pytest.mark.parametrize("name", ["metal", "white under a highlight"])
 @pytest.mark.parametrize(("roughness", "angle"), [(0.03, 1.55), (0.1, 1.5), (0.2, 1.5)])
 def test_nothing_is_gained_at_grazing_angles(name, roughness, angle):
     """Where a polished highlight's E and B bend most; tables too coarse there gave 1.026."""
-    assert 0.99 <= reflectance(given(**LOSSLESS[name], roughness=roughness), angle, 300)[0] <= 1.004
+    found, error = energy(given(**LOSSLESS[name], roughness=roughness), angle)
+    assert 0.99 <= found <= 1 + 3 * error
 
 
 def test_tables_are_near_to_their_integrals():
     root, angle = np.meshgrid([0.03, 0.06, 0.1, 0.2, 0.35, 0.7, 1.0], [0.0, 0.6, 1.1, 1.4, 1.5, 1.55])
     alpha, cosine = root.ravel() ** 2, np.cos(angle.ravel())
-    for told, true in zip(albedo.seen(albedo.table(), cosine, alpha), albedo.integrals(cosine, alpha, 200), strict=True):
+    for told, true in zip(albedo.seen(albedo.table(), cosine, alpha), albedo.integrals(cosine, alpha, 60, 40), strict=True):
         assert np.abs(told - true).max() < 0.003
 
 
@@ -147,14 +184,14 @@ def test_directions_are_drawn_as_their_density_says(slots, angle):
 
 def test_a_white_metal_as_rough_as_can_be_gives_back_1_less_ln_2_by_one_bounce():
     """Oracle 22: GGX, F = 1, α = 1, along the normal. With Smith's function for the viewer alone (what visible facets are), it is 1."""
-    e, _ = albedo.integrals(np.array(1.0), np.array(1.0), 200)
+    e, _ = albedo.integrals(np.array(1.0), np.array(1.0))
     assert float(e) == pytest.approx(1.0 - math.log(2.0), abs=1e-4)
     assert float(albedo.seen(albedo.table(), np.array([1.0]), np.array([1.0]))[0][0]) == pytest.approx(1.0 - math.log(2.0), abs=1e-3)
 
 
 def test_the_tables_are_what_quadrature_says():
     cosine, alpha = np.meshgrid(np.linspace(0.02, 1.0, 25), np.linspace(0.08, 1.0, 20) ** 2)
-    e, b = albedo.integrals(cosine, alpha, 96)
+    e, b = albedo.integrals(cosine, alpha, 60, 40)
     found = albedo.seen(albedo.table(), cosine, alpha)
     assert np.abs(found[0] - e).max() < 0.01
     assert np.abs(found[1] - b).max() < 0.035
@@ -205,8 +242,25 @@ sides = pytest.mark.parametrize("inside", [False, True])
 @pytest.mark.parametrize("roughness", [0.0, 0.1, 0.35, 0.7, 1.0])
 def test_rough_glass_loses_nothing(roughness, inside):
     for angle in (*ANGLES, 1.54):
-        taken, _ = scattered(given(**GLASS, roughness=roughness), angle, 180, inside=inside)
-        assert 0.98 <= float(np.mean(taken.weight[0])) <= 1.005, angle
+        found, error = energy(given(**GLASS, roughness=roughness), angle, inside)
+        assert 0.98 <= found <= 1 + 3 * error, angle
+
+
+@pytest.mark.parametrize("ratio", [1.33, 1.5, 2.4, 1 / 1.33, 1 / 1.5, 1 / 2.4])
+def test_rough_glass_sends_on_no_more_than_it_gets(ratio):
+    """By quadrature: what one meeting sends on, and what is tabled as lost to further ones, which come back in full at the most."""
+    cosine = np.concatenate([np.geomspace(0.01, 0.1, 6), np.linspace(0.13, 1, 12)])
+    made = frosted.Tabled(np.zeros(1, np.int64), *frosted._table(max(ratio, 1 / ratio)))
+    row, other = (0, frosted.ROWS) if ratio > 1 else (frosted.ROWS, 0)
+    nodes, weights = np.polynomial.legendre.leggauss(100)
+    for alpha in np.linspace(0.033, 1, 12) ** 2:
+        frost = frosted.Frost(np.True_, np.asarray(alpha), ratio, (1, 1, 1), row, other, made)
+        lost = frosted._lost(frost, row, cosine)
+        found = frosted.integral(cosine, np.full_like(cosine, alpha), ratio, 17711, 10946) + lost
+        assert found.max() <= 1 + 1e-6, (alpha, cosine[found.argmax()], found.max())
+        assert found.min() >= 0.99, (alpha, cosine[found.argmin()], found.min())
+        mean = weights @ (0.5 * (nodes + 1) * frosted._lost(frost, row, 0.5 * (nodes + 1)))
+        assert mean <= float(frosted._means(frost)[0])
 
 
 @sides
@@ -234,7 +288,7 @@ def test_light_goes_through_rough_glass_either_way():
     below = (a[0], -a[1], a[2])
     inward = materials.reflected(outside, UP, below, b)[0] / a[1]  # light below, inside; viewer above
     outward = materials.reflected(inside, UP, (b[0], -b[1], b[2]), a)[0] / b[1]  # mirrored in the plane, so that the inside is up
-    np.testing.assert_allclose(inward, outward * 1.5**2, rtol=0.02)
+    np.testing.assert_allclose(inward, outward * 1.5**2, rtol=1e-6)
 
 
 def test_scenes_without_them_have_none():

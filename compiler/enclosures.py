@@ -87,10 +87,14 @@ def reciprocal(m: Any, a: Interval, told: bool = True) -> Interval:
     if told:
         m.unbounded(~apart)
     low, high = down(m, 1.0 / a[1]), up(m, 1.0 / a[0])
-    least, most = -m.big + 0.0 * low, m.big + 0.0 * high
+    least, most = -m.big + 0.0 * a[0], m.big + 0.0 * a[1]
     above, below = (a[0] >= 0.0, a[1] <= 0.0) if m.forks else (apart, apart)
     whole = m.where(above, low, least), m.where(below, high, most)
-    low, high = one_side(m, (a[0] < 0.0) & (a[1] > 0.0), (least, high), (low, most), whole)
+    if m.forks:  # over the pole, and at it: a place alone has both infinities for its sides
+        on = (a[0] == 0.0) & (a[1] == 0.0)
+        before, behind = (least, m.where(on, least, high)), (m.where(on, most, low), most)
+        whole = one_side(m, on | ((a[0] < 0.0) & (a[1] > 0.0)), before, behind, whole)
+    low, high = whole
     return _defined(m, a, _bounded(m, m.where(low == low, low, -m.big), m.where(high == high, high, m.big)))
 
 
@@ -154,6 +158,8 @@ def interval(m: Any, op: int, a: Interval, b: Any = None, c: Any = None) -> Inte
         case Op.MULTIPLY:
             return multiply(m, a, b)
         case Op.DIVIDE:
+            if not m.forks:  # ∞ itself has no sine, and none is left of ∞ − ∞
+                m.undefined((b[0] <= 0.0) & (b[1] >= 0.0))
             return multiply(m, a, reciprocal(m, b))
         case Op.NEGATE:
             return negate(a)

@@ -8,14 +8,15 @@ Graphics Forum 2009). Where the formula jumps, all ways past its jumps are bound
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .. import across, lanes, simd
 from ..kernels import apart, helper
+from ..records import Lane, Vec
 from .calls import interpret
-from .evaluate import Room, bounds_at, value_at
+from .evaluate import Bounds, Room, bounds_at, value_at
 from .fields import PROGRAMS
 from .vectors import LANES, WAYS
 
@@ -49,10 +50,9 @@ def first(forms, k, tape, memory, start, way, a, b, own, begin, sheet, like, mos
     reach = forms.numbers[k, 13] + begin
     finest = FINEST * reach
     tapes = lanes.int_like(like, tape)
-    everywhere = lanes.bool_like(like, True)
     piece, over = (b - a) / LANES, min(16.0 * finest, _OVER * forms.numbers[k, 13])
     at, doubt, open_from, used = a, 0, -1.0, 0
-    value = across.lane(value_at(forms, k, tapes, memory, lanes.along(o, d, like + at), everywhere), 0)
+    value = _one_value(forms, k, tapes, memory, o, d, at)
     while used < most:
         used += 1
         if not at < b:
@@ -60,51 +60,50 @@ def first(forms, k, tape, memory, start, way, a, b, own, begin, sheet, like, mos
                 return np.inf, False, _ended(doubt, open_from, at - own, finest), used
             b, over = b + over, 0.0
         piece = max(piece, 0.5 * finest)
-        begins, ends = at + number * piece, lanes.minimum(at + (number + 1.0) * piece, like + b)
-        inside_range = begins < b
-        p, q = lanes.along(o, d, begins), lanes.along(o, d, ends)
-        bounds = bounds_at(forms, k, tape, memory, p, q, d)
-        far = value_at(forms, k, tapes, memory, q, everywhere)
-        near = _shifted(far, value)
-        in_near, in_far = near <= 0.0, far <= 0.0
-        change = (in_near & lanes.not_(in_far)) | (in_far & lanes.not_(in_near))
-        one_way = ((bounds.least > 0.0) | (bounds.most < 0.0)) & lanes.not_(bounds.maybe)
-        away = lanes.not_(bounds.low <= 0.0) | ((bounds.high < 0.0) & lanes.not_(bounds.maybe))
-        none = lanes.not_(change) & (away | one_way)
-        open_ = across.bits(inside_range & lanes.not_(none))
-        if open_ & 1 == 0:
+        x = _pieces(forms, k, tape, tapes, memory, o, d, at, piece, b, value)
+        if x.open & 1 == 0:
             doubt, open_from = _ended(doubt, open_from, at - own, finest), -1.0
-        if open_ == 0:
-            value = across.lane(far, LANES - 1)
+        if x.open == 0:
+            value = across.lane(x.far, LANES - 1)
             at = at + LANES * piece
             piece = min(4.0 * piece, (b - at) / LANES)
             continue
-        j = simd.trailing_zeros(open_)
-        low, high, within = across.lane(begins, j), across.lane(ends, j), across.lane(near, j) <= 0.0
-        changes = ((across.bits(change) >> j) & 1) != 0
-        if changes and ((across.bits(one_way) >> j) & 1) != 0:
+        j = simd.trailing_zeros(x.open)
+        low, high, within = across.lane(x.begins, j), across.lane(x.ends, j), across.lane(x.near, j) <= 0.0
+        changes = ((across.bits(x.change) >> j) & 1) != 0
+        if changes and ((across.bits(x.one_way) >> j) & 1) != 0:
             root = _narrowed(forms, k, tapes, memory, o, d, low, high, within, reach, number)
             return root, within, _doubtful(doubt, open_from, root, finest), used
-        jumps = not (across.lane(bounds.least, j) > -JUMP and across.lane(bounds.most, j) < JUMP)
-        asked = (jumps or ((across.bits(bounds.maybe) >> j) & 1) != 0) and (sheet or not changes)
-        if asked and _passes(forms, k, tape, memory, across.lane3(p, j), across.lane3(q, j), sheet, within, like):
+        jumps = not (across.lane(x.bounds.least, j) > -JUMP and across.lane(x.bounds.most, j) < JUMP)
+        asked = (jumps or ((across.bits(x.bounds.maybe) >> j) & 1) != 0) and (sheet or not changes)
+        if asked and _passes(forms, k, tape, memory, across.lane3(x.p, j), across.lane3(x.q, j), sheet, within, like):
             doubt, open_from = _ended(doubt, open_from, low - own, finest), -1.0
-            at, value, piece = high, across.lane(far, j), high - low
+            at, value, piece = high, across.lane(x.far, j), high - low
             continue
         smallest = finest if changes or open_from < 0.0 else max(finest, _COARSER * (low - open_from))
         if high - low > smallest:
-            at, value = low, across.lane(near, j)
+            at, value = low, across.lane(x.near, j)
             piece = (high - low) / _PARTS
             continue
         if changes and not (sheet and jumps):
-            root = 0.5 * (low + high)
-            return root, within, _doubtful(doubt, open_from, root, finest), used
+            after = _one_value(forms, k, tapes, memory, o, d, high + finest)
+            if (_one_value(forms, k, tapes, memory, o, d, low - finest) <= 0.0) != (after <= 0.0):
+                root = 0.5 * (low + high)
+                return root, within, _doubtful(doubt, open_from, root, finest), used
+            at, value, piece = high + finest, after, max(piece, finest)  # a gap at a place alone, as where the formula is undefined
+            continue
         if open_from < 0.0:
             open_from = low
-        at, value = high, across.lane(far, j)
+        at, value = high, across.lane(x.far, j)
         piece = max(piece, _COARSER * (high - open_from))
     root, within = _sampled(forms, k, tapes, memory, o, d, at, b, value, sheet, reach, number)
     return root, within, 1, used
+
+
+@helper
+def _one_value(forms: Any, k: int, tapes: Lane, memory: Room, o: Vec, d: Vec, at: float) -> float:
+    place = lanes.along(o, d, 0.0 * o[0] + at)
+    return across.lane(value_at(forms, k, tapes, memory, place, lanes.bool_like(o[0], True)), 0)
 
 
 @helper
@@ -117,6 +116,41 @@ def _ended(doubt: int, open_from: float, at: float, finest: float) -> int:
 def _doubtful(doubt: int, open_from: float, root: float, finest: float) -> int:
     """Whether what is open before a root is more than its neighbourhood."""
     return 1 if open_from >= 0.0 and root - open_from > NEIGHBOURS * finest else doubt
+
+
+class _Pieces(NamedTuple):
+    """Of a stretch, one a lane."""
+
+    begins: Lane
+    ends: Lane
+    p: Vec
+    q: Vec
+    near: Lane
+    far: Lane
+    bounds: Bounds
+    change: Lane  # mask: the sign
+    one_way: Lane  # mask: the slope has one sign all along
+    open: int  # bits: whatever may have a root
+
+
+@helper
+def _pieces(
+    forms: Any, k: int, tape: int, tapes: Lane, memory: Room, o: Vec, d: Vec, at: float, piece: float, b: float, value: float
+) -> _Pieces:
+    """The pieces from `at`, where the formula has a `value`, up to b at the most."""
+    number = lanes.to_float(across.numbered(0))
+    begins, ends = at + number * piece, lanes.minimum(at + (number + 1.0) * piece, 0.0 * number + b)
+    p, q = lanes.along(o, d, begins), lanes.along(o, d, ends)
+    bounds = bounds_at(forms, k, tape, memory, p, q, d)
+    far = value_at(forms, k, tapes, memory, q, lanes.bool_like(number, True))
+    near = _shifted(far, value)
+    in_near, in_far = near <= 0.0, far <= 0.0
+    change = (in_near & lanes.not_(in_far)) | (in_far & lanes.not_(in_near))
+    one_way = ((bounds.least > 0.0) | (bounds.most < 0.0)) & lanes.not_(bounds.maybe)
+    away = lanes.not_(bounds.low <= 0.0) | ((bounds.high < 0.0) & lanes.not_(bounds.maybe))
+    none = lanes.not_(change) & (away | one_way)
+    open_ = across.bits((begins < b) & lanes.not_(none))
+    return _Pieces(begins, ends, p, q, near, far, bounds, change, one_way, open_)
 
 
 @apart
@@ -159,8 +193,7 @@ def _sampled(forms, k, tapes, memory, o, d, a, b, value, sheet, reach, number):
             root = _narrowed(forms, k, tapes, memory, o, d, high - step, high, within, reach, number)
             if not sheet:
                 return root, within
-            left = abs(across.lane(value_at(forms, k, tapes, memory, lanes.along(o, d, 0.0 * number + root), everywhere), 0))
-            if left <= 1e-3 * (abs(across.lane(near, j)) + abs(across.lane(far, j))):
+            if abs(_one_value(forms, k, tapes, memory, o, d, root)) <= 1e-3 * (abs(across.lane(near, j)) + abs(across.lane(far, j))):
                 return root, within
         value = across.lane(far, LANES - 1)
     return np.inf, False

@@ -124,6 +124,15 @@ def test_of_a_hundred_thousand_rays_none(load, name):
     held(load, FORMULAS[name], 100_000, 2000)
 
 
+def test_a_piece_of_a_ray_that_is_a_pole_and_no_more(load):
+    """Cells end at x = 0, where this ray's next place of 2⁻⁵⁷ is 0 again: over [0, 0] the quotient is ∞ or −∞, and never everything."""
+    scene, _ = load("camera(position: [0, 0, 5])\nimplicit(|x, y, z| y == 0.1 / x, within: 1)\n")
+    trees = rays.trees(scene.tables)
+    o, d = (-0.004344910221465104, -0.12356906380563382, 0.0024898018508214825), (0.6124182099490664, -0.7838712353804453, 0.1024198343384512)
+    assert rays.closest(trees, [o], [d]).t[0] == np.inf
+    assert int(trees.tables.forms.unproved[0]) == 0
+
+
 def test_what_cannot_be_proved_is_counted_and_looked_at(load):
     """Waves finer than rays can be cut: bounds say nothing, points are looked at, and each ray that is not proved is counted."""
     scene, _ = load("camera(position: [0, 0, 5])\nimplicit(|x, y, z| sin(1e7 * x) * 0.1 >= y, within: 1)\n")

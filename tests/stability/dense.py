@@ -92,7 +92,7 @@ class Relation:
     def changes(self, o: np.ndarray, d: np.ndarray, t: np.ndarray, reach: float) -> np.ndarray:
         """(n,) whether the relation changes within `reach` of t: there is a surface, though it may be too thin for `first`."""
         found = np.zeros(len(t), bool)
-        for size in reach * np.array([1e-3, 1e-2, 1e-1, 1.0]):
+        for size in reach * np.array([1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0]):
             value = self(o[:, None] + (t[:, None] + np.linspace(-size, size, 81))[..., None] * d[:, None])
             found |= np.nanmin(value, axis=1) * np.nanmax(value, axis=1) <= 0 if self.sheet else value.any(axis=1) & ~value.all(axis=1)
         return found

@@ -128,8 +128,20 @@ def test_a_piece_of_a_ray_that_is_a_pole_and_no_more(load):
     """Cells end at x = 0, where this ray's next place of 2⁻⁵⁷ is 0 again: over [0, 0] the quotient is ∞ or −∞, and never everything."""
     scene, _ = load("camera(position: [0, 0, 5])\nimplicit(|x, y, z| y == 0.1 / x, within: 1)\n")
     trees = rays.trees(scene.tables)
-    o, d = (-0.004344910221465104, -0.12356906380563382, 0.0024898018508214825), (0.6124182099490664, -0.7838712353804453, 0.1024198343384512)
+    o = -0.004344910221465104, -0.12356906380563382, 0.0024898018508214825
+    d = 0.6124182099490664, -0.7838712353804453, 0.1024198343384512
     assert rays.closest(trees, [o], [d]).t[0] == np.inf
+    assert int(trees.tables.forms.unproved[0]) == 0
+
+
+def test_what_is_undefined_at_a_place_alone_is_no_surface(load):
+    """These rays' places at x = 0, where cells end, are 0 to the last bit: sin(∞) is undefined there, and inside on both sides."""
+    scene, _ = load("camera(position: [0, 0, 5])\nimplicit(|x, y, z| 0.3 * sin(0.3 / x) >= y, within: box([2, 2, 2]))\n")
+    trees = rays.trees(scene.tables)
+    o, d = some_rays(100_000)
+    number = [8564, 12244, 18696, 43640, 83060, 88284, 88432, 97036, 98400]
+    met = rays.closest(trees, o[number], d[number])
+    assert (abs(o[number] + met.t[:, None] * d[number]).max(axis=1) > 1 - 1e-9).all()  # not before they leave the box
     assert int(trees.tables.forms.unproved[0]) == 0
 
 

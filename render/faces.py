@@ -210,9 +210,12 @@ def _make_of(shown: Any, meshlets: Any, tables: Any, faces: Any, patterned: Any,
     if patterned is not None:
         u1, v1, u2, v2 = b[6] - a[6], b[7] - a[7], c[6] - a[6], c[7] - a[7]
         u, v = _plane(area, eu, ev, a[6], u1, u2), _plane(area, eu, ev, a[7], v1, v2)
-        du, dv = surface.spans(e1, e2, u1, v1, u2, v2)
-        stretch = surface.mean_scale(lanes.affine(tables.transforms.matrix, transform))
-        _write(record, at + 16, here, (u[0], u[1], u[2], v[0], v[1], v[2], du * stretch, dv * stretch))
+        du, dv = zero, zero  # which only bumps ask for
+        if colored is not None:
+            du, dv = surface.spans(e1, e2, u1, v1, u2, v2)
+            stretch = surface.mean_scale(lanes.affine(tables.transforms.matrix, transform))
+            du, dv = du * stretch, dv * stretch
+        _write(record, at + 16, here, (u[0], u[1], u[2], v[0], v[1], v[2], du, dv))
     if colored is not None:
         g = tables.instances.geometry[i]
         red, green, blue = (zero + area[0], zero + area[1], zero + area[2]), area, area
@@ -297,13 +300,13 @@ def _high(p: Any) -> Vec:
 def gathered(faces: Any, patterned: Any, colored: Any, row: Lane) -> Any:
     """The columns of records."""
     at = row * faces.record.shape[1]
-    first, second = simd.gather_rows(faces.record, at, 8), simd.gather_rows(faces.record, at + 8, 8)
+    first, second = simd.gather_rows(faces.record, at, 8), simd.gather_rows(faces.record, at, 8, 8)
     if patterned is None:
         return first, second, first, first, first
-    third = simd.gather_rows(faces.record, at + 16, 8)
+    third = simd.gather_rows(faces.record, at, 8, 16)
     if colored is None:
         return first, second, third, first, first
-    return first, second, third, simd.gather_rows(faces.record, at + 24, 8), simd.gather_rows(faces.record, at + 32, 8)
+    return first, second, third, simd.gather_rows(faces.record, at, 8, 24), simd.gather_rows(faces.record, at, 8, 32)
 
 
 @helper

@@ -126,7 +126,7 @@ def interpolated(rounded: Any, normal: Vec, row: Lane, here: Lane, u: Lane, v: L
 def _interpolated(rounded: Any, normal: Vec, row: Lane, here: Lane, u: Lane, v: Lane, side: Lane) -> tuple[Vec, Vec]:
     at = lanes.where(here, row - rounded.start, 0) * CORNERS
     ax, ay, az, bx, by, bz, cx, cy = simd.gather_rows(rounded.corners, at, 8)
-    cz, a1, a2, b1, b2, c1, c2, _ = simd.gather_rows(rounded.corners, at + 8, 8)
+    cz, a1, a2, b1, b2, c1, c2, _ = simd.gather_rows(rounded.corners, at, 8, 8)
     w = 1.0 - u - v
     found = (ax * w + bx * u + cx * v, ay * w + by * u + cy * v, az * w + bz * u + cz * v)
     size = lanes.length(found)

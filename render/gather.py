@@ -24,7 +24,7 @@ def _three_at(table, row, first):
 
         def together(table, row, first):  # four at a time, which begin one earlier where there is something before
             before = 1 if first > 0 else 0
-            found = simd.gather_rows(table, row * _row_length(table) + (first - before), 4)
+            found = simd.gather_rows(table, row * _row_length(table), 4, first - before)
             if before:
                 return found[1], found[2], found[3]
             return found[0], found[1], found[2]
@@ -57,7 +57,7 @@ def eight_at(table: Any, row: Lane, first: int) -> tuple[Lane, Lane, Lane, Lane,
 @overload(eight_at, jit_options=HELPER)
 def _eight_at(table, row, first):
     if isinstance(row, simd.Vector) and row.bits == table.dtype.bitwidth:
-        return lambda table, row, first: simd.gather_rows(table, row * _row_length(table) + first, 8)
+        return lambda table, row, first: simd.gather_rows(table, row * _row_length(table), 8, first)
 
     def each(table, row, first):
         at = row * _row_length(table) + first

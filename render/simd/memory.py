@@ -448,10 +448,15 @@ def compress_store(typingctx, array, i, x, mask):
 
 
 @intrinsic(prefer_literal=True)
-def gather_rows(typingctx, array, index, k):
-    """The k elements (2, 4 or 8, constant) from each place of an index vector, as k vectors: records to structure of arrays."""
+def gather_rows(typingctx, array, index, k, first=None):
+    """The k elements (2, 4 or 8, constant) from each place of an index vector on, as k vectors: records to structure of arrays.
+
+    `first`, the same for all, is added to the places: several parts of a record share the work of taking places out of the vector.
+    """
     shape = element_shape(array)
     if shape is None or not _is_index(index) or not isinstance(k, types.IntegerLiteral) or _is_small(array):
+        return None
+    if not isinstance(first or types.none, types.Integer | types.NoneType):
         return None
     columns, lanes = k.literal_value, index.lanes
     if columns not in (2, 4, 8):
@@ -460,15 +465,17 @@ def gather_rows(typingctx, array, index, k):
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
         made = make_array(array)(context, builder, value=args[0])
-        guard.each(builder, made.nitems, value(builder, args[1], index), count=columns)
+        further = context.cast(builder, args[3], first, types.int64) if isinstance(first, types.Integer) else ir.Constant(I64, 0)
+        guard.each(builder, builder.sub(made.nitems, further), value(builder, args[1], index), count=columns)
         rows = []
         for n in range(lanes):
             at = value(builder, builder.extract_element(args[1], ir.Constant(I32, n)), index.scalar).to("i", 64).raw
-            pointer = as_vector(builder, builder.gep(made.data, [at]), stored_type(context, array), columns)
+            place = builder.gep(builder.gep(made.data, [at]), [further])
+            pointer = as_vector(builder, place, stored_type(context, array), columns)
             rows.append(builder.load(pointer, align=item_bytes(array)))
         return context.make_tuple(builder, result, _columns(builder, rows, columns))
 
-    return signature(result, array, index, k), generate
+    return signature(result, array, index, k, first or types.none), generate
 
 
 def _columns(builder: Any, rows: list[Any], k: int) -> list[Any]:

@@ -187,6 +187,18 @@ def test_rows_of_records_become_columns_and_rows_again(k, lanes, dtype):
     assert np.count_nonzero(back) == np.count_nonzero(rows)
 
 
+def test_parts_of_records_lie_as_far_behind_as_said():
+    """Constant and not: `first` elements behind the places."""
+    x, places = numbers(np.float32, 320), (np.random.default_rng(4).permutation(20)[:16] * 16).astype(np.int32)
+    run = compiled(
+        "def run(x, places, first, out):\n    i = simd.load(places, 0, 16)\n    a = simd.gather_rows(x, i, 4, 8)\n"
+        "    b = simd.gather_rows(x, i, 2, first)\n    simd.store(out, 0, a[3])\n    simd.store(out, 16, b[1])"
+    )
+    out = np.zeros(32, np.float32)
+    run(x, places, 5, out)
+    assert np.array_equal(out, np.concatenate([x[places + 11], x[places + 6]]))
+
+
 @njit
 def _on_the_stack(n):
     room = simd.stack_array(np.int32, 64)

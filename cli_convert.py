@@ -70,19 +70,26 @@ def convert(scene: Path, output: Path, deviation: float | None, **given: Any) ->
 
 def _triangles(scene: ir.Scene, output: Path, ending: str, tolerance: float | None) -> None:
     from .compiler import export_meshes
-    from .render import meshed
+    from .render import printed
 
-    parts, found = meshed.parts(scene, tolerance)
+    parts, found = printed.parts(scene, tolerance)
     terminal.report(found)
     if not parts:
         raise click.ClickException("there is nothing with an end that could be written")
+    moved = None
+    if ending in export_meshes.SINGLE:
+        parts, moved = export_meshes.centred(parts)
+    parts, crowded = export_meshes.separated(parts, ending)
     partial = output.with_name(f".{output.name}.part")
     partial.write_bytes(export_meshes.encoded(parts, ending))
     partial.replace(output)
     count = sum(len(part.triangles) for part in parts)
     off = max(part.deviation for part in parts)
     leaks = sum(part.open_edges for part in parts)
-    closed = "closed" if leaks == 0 else f"{leaks} open edges"
+    closed = f"{leaks} open edges" if leaks else f"{crowded} edges of more than two triangles" if crowded else "closed"
+    if moved is not None:
+        way = ", ".join(f"{x + 0.0:.9g}" for x in moved.tolist())
+        click.echo(f"moved by [{way}] metres: {ending} has too few digits to hold things so far away", err=True)
     click.echo(f"{output}: {count} triangles, {closed}, off the true surface by {off * 1000:.3g} mm at the most", err=True)
 
 

@@ -22,6 +22,7 @@ FLATTEST = 0.1  # of the largest: directions in which planes say less than this 
 LEAST, MOST = 16, 256  # cells along the longest axis
 _BATCH = 1 << 18
 _LOOKED_AT, _HALVINGS = 1024, 12  # places at a time that are looked at more closely, at ever smaller distances
+_BEYOND = (1.0001, 1.01, 1.1)  # of the way to where the slope says that a surface is
 _OFFSETS = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)])
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -35,19 +36,21 @@ class Contour(NamedTuple):
     normals: Floats  # (n, 3) of the field
     furthest: float
     mean: float
+    missing: float = 0.0  # there are parts thinner than this that it does not have; 0 where none were found, or looked for
 
 
-def within(tape: Tape, bounds: Floats, tolerance: float, most: int = MOST) -> Contour:
-    """The surface in a box, with cells halved until it is off by `tolerance` at the most, or `most` cells lie along the longest axis."""
+def within(tape: Tape, bounds: Floats, tolerance: float, most: int = MOST, whole: bool = False) -> Contour:
+    """The surface in a box, with cells halved until it is off by `tolerance` at the most, and, if asked for the `whole`, until nothing is
+    found between the corners of cells, or `most` cells lie along the longest axis."""
     count = LEAST
     while True:
-        made = contour(tape, bounds, count)
-        if made.furthest <= tolerance or 2 * count > most:
+        made = contour(tape, bounds, count, whole)
+        if (made.furthest <= tolerance and made.missing == 0.0) or 2 * count > most:
             return made
         count *= 2
 
 
-def contour(tape: Tape, bounds: Floats, count: int) -> Contour:
+def contour(tape: Tape, bounds: Floats, count: int, whole: bool = False) -> Contour:
     """The surface in a box (2, 3), with `count` cells along its longest axis."""
     extent = bounds[1] - bounds[0]
     size = float(extent.max()) / count
@@ -63,9 +66,10 @@ def contour(tape: Tape, bounds: Floats, count: int) -> Contour:
     inside = _field(tape, grid.place(grid.cell(codes))) <= 0
     pattern = (inside[index.reshape(-1, 8)] << np.arange(8)).sum(axis=1)
     mixed = (pattern != 0) & (pattern != 255)
+    missing = size if whole and _is_missing(tape, grid, cells, pattern, mixed) else 0.0
     cells, pattern = cells[mixed], pattern[mixed]
     if not len(cells):
-        return nothing
+        return nothing._replace(missing=missing)
     loops = _LOOPS[_is_otherwise(grid, cells, pattern).astype(np.int64), pattern]
     edges = _Edges(tape, grid, cells, loops)
     vertices, vertex_of = _vertices(tape, grid, cells, loops, edges)
@@ -75,7 +79,7 @@ def contour(tape: Tape, bounds: Floats, count: int) -> Contour:
     with np.errstate(all="ignore"):
         normals = np.where((length > 0) & np.isfinite(length), gradient / length, np.array([[0.0], [1.0], [0.0]])).T
     furthest, mean = deviation(tape, vertices, triangles)
-    return Contour(vertices, triangles, normals, furthest, mean)
+    return Contour(vertices, triangles, normals, furthest, mean, missing)
 
 
 class _Grid(NamedTuple):
@@ -120,6 +124,28 @@ def _may_hold(tape: Tape, grid: _Grid, cells: Ints, size: int) -> NDArray[np.boo
     slack = 1e-9 * grid.size
     (least, most), _, maybe = enclosures.boxes(tape, (grid.place(cells) - slack).T, (grid.place(cells + size) + slack).T)
     return (least <= 0) & (~(most < 0) | maybe)
+
+
+def _is_missing(tape: Tape, grid: _Grid, cells: Ints, pattern: Ints, mixed: NDArray[np.bool_]) -> bool:
+    """Whether a cell away from all that are inside and outside at corners is both: looked for from its middle down the slope."""
+    near = np.zeros(grid.shape + 2, bool)
+    near[tuple(cells[mixed].T + 1)] = True
+    for axis in range(3):
+        there = np.moveaxis(near, axis, 0)
+        there[1:-1] = there[:-2] | there[1:-1] | there[2:]
+    lone = ~near[tuple(cells.T + 1)]
+    cells, inside = cells[lone], pattern[lone] != 0
+    for first in range(0, len(cells), _BATCH):
+        low, high = (grid.place(cells[first : first + _BATCH] + k) for k in (0, 1))
+        middle = 0.5 * (low + high)
+        value, gradient = enclosures.gradients(tape, *middle.T)
+        with np.errstate(all="ignore"):
+            step = np.nan_to_num((value / (gradient**2).sum(axis=0) * gradient).T, posinf=0.0, neginf=0.0)
+        for share in _BEYOND:
+            other = (_field(tape, np.clip(middle - share * step, low, high)) <= 0) != inside[first : first + _BATCH]
+            if other.any():
+                return True
+    return False
 
 
 # --- the pieces of surface in a cell ------------------------------------------------------------------------------------
@@ -326,4 +352,4 @@ def open_edges(triangles: Ints) -> int:
     n = int(triangles.max(initial=0)) + 1
     there, counts = np.unique(sides[:, 0] * n + sides[:, 1], return_counts=True)
     back = np.unique(sides[:, 1] * n + sides[:, 0])
-    return int((counts != 1).sum() + len(np.setxor1d(there, back, assume_unique=True)))
+    return int((counts != 1).sum() + len(np.setdiff1d(there, back, assume_unique=True)))

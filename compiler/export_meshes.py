@@ -11,6 +11,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
+SINGLE = (".stl", ".ply")  # which hold numbers in single precision
 PRINTED = (".stl", ".3mf")  # in millimetres and with z up, as printers' programs take them; the others are in metres, y up
 _MM = 1000.0
 
@@ -23,6 +24,69 @@ class Part(NamedTuple):
     triangles: NDArray[np.int64]  # (m, 3)
     deviation: float  # metres its triangles are off the true surface at the most
     open_edges: int  # without a triangle on either side
+
+
+APART = 2.0**-20  # of the largest coordinate: by so much, or a little more, edges that touch are pulled apart
+WELDED = 2.0**-23  # of it: corners nearer than this become one
+_TURNS = 4
+FAR = 64.0  # times a thing's extent: from so far away single precision no longer holds it
+
+
+def separated(parts: Sequence[Part], ending: str) -> tuple[list[Part], int]:
+    """(parts of which no edge lies where another does, on how many edges it still does).
+
+    Programs tell corners of files apart by where they are, in single precision or so: an edge along which two things touch, or one touches
+    itself, has four triangles there. Its corners go inwards by a millionth.
+    """
+    parts = list(parts)
+    low, high = _box(parts)
+    middle = np.zeros(3) if ending in SINGLE else 0.5 * (low + high)
+    reach = float(np.maximum(high - middle, middle - low).max())
+    for turn in range(_TURNS):
+        found = _crowded(parts, middle, reach)
+        if not any(mask.any() for mask in found):
+            return parts, 0
+        step = APART * reach * 4.0**turn
+        for i, (part, mask) in enumerate(zip(parts, found, strict=True)):
+            corners = np.unique(part.triangles[mask.any(axis=1)])
+            if len(corners):
+                moved = part.positions.copy()
+                moved[corners] -= step * _normals(part)[corners]
+                parts[i] = part._replace(positions=moved)
+    return parts, sum(int(mask.sum()) for mask in _crowded(parts, middle, reach)) // 2
+
+
+def _crowded(parts: Sequence[Part], middle: NDArray[np.float64], reach: float) -> list[NDArray[np.bool_]]:
+    """For each part (m, 3) which of its triangles' sides another triangle has in the same direction, as files have corners."""
+    positions, triangles = _joined(parts)
+    _, place = np.unique(np.round((positions - middle) / (WELDED * reach)).astype(np.int64), axis=0, return_inverse=True)
+    sides = place.reshape(-1)[triangles]
+    key = sides * np.int64(len(positions)) + np.roll(sides, -1, axis=1)
+    _, index, count = np.unique(key, return_inverse=True, return_counts=True)
+    found = (count[index.reshape(key.shape)] > 1) & (sides != np.roll(sides, -1, axis=1))
+    return np.split(found, np.cumsum([len(part.triangles) for part in parts])[:-1])
+
+
+def _normals(part: Part) -> NDArray[np.float64]:
+    """(n, 3) at each corner, by the areas of the triangles around it."""
+    a, b, c = (part.positions[part.triangles[:, k]] for k in range(3))
+    faces = np.cross(b - a, c - a)
+    total = np.stack([sum(np.bincount(part.triangles[:, k], faces[:, i], len(part.positions)) for k in range(3)) for i in range(3)], axis=1)
+    return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300)
+
+
+def centred(parts: Sequence[Part]) -> tuple[list[Part], NDArray[np.float64] | None]:
+    """(parts, by how much they were moved to the origin, if they are too far from it for single precision)."""
+    low, high = _box(parts)
+    if max(np.abs(low).max(), np.abs(high).max()) <= FAR * (high - low).max():
+        return list(parts), None
+    middle = 0.5 * (low + high)
+    return [part._replace(positions=part.positions - middle) for part in parts], -middle
+
+
+def _box(parts: Sequence[Part]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    ends = np.array([[part.positions.min(axis=0), part.positions.max(axis=0)] for part in parts])
+    return ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
 
 
 def encoded(parts: Sequence[Part], ending: str) -> bytes:
@@ -47,7 +111,7 @@ def _obj(parts: Sequence[Part]) -> bytes:
     lines, first = [], 1
     for part in parts:
         lines.append(f"o {part.name}")
-        lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in part.positions.tolist()]
+        lines += [f"v {x:.12g} {y:.12g} {z:.12g}" for x, y, z in part.positions.tolist()]
         lines += [f"f {a} {b} {c}" for a, b, c in (part.triangles + first).tolist()]
         first += len(part.positions)
     return ("\n".join(lines) + "\n").encode()
@@ -74,7 +138,7 @@ def _3mf(parts: Sequence[Part]) -> bytes:
     """The 3MF core: a zip archive of a model in XML, an object for each part."""
     objects, items = [], []
     for number, part in enumerate(parts, 1):
-        vertices = "".join(f'<vertex x="{x:.7g}" y="{y:.7g}" z="{z:.7g}"/>' for x, y, z in part.positions.tolist())
+        vertices = "".join(f'<vertex x="{x:.12g}" y="{y:.12g}" z="{z:.12g}"/>' for x, y, z in part.positions.tolist())
         triangles = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in part.triangles.tolist())
         mesh = f"<mesh><vertices>{vertices}</vertices><triangles>{triangles}</triangles></mesh>"
         objects.append(f'<object id="{number}" type="model" name={quoteattr(part.name)}>{mesh}</object>')

@@ -39,14 +39,14 @@ def of_pieces(builder: SceneBuilder, pieces: Sequence[Piece]) -> tuple[Manifold,
     joined, index = np.unique(np.concatenate(positions), axis=0, return_inverse=True)
     faces = index.reshape(-1)[np.concatenate(triangles)]
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
-    leaks, edges = contour.open_edges(faces), _edges(faces)
+    leaks, sides = contour.open_edges(faces), edges(faces)
     if leaks:
-        crowded = int((edges > 2).sum())
+        crowded = int((sides > 2).sum())
         if crowded:
-            raise NoSolid(f"{crowded} of the mesh's {len(edges)} edges {_have(crowded)} more than two triangles")
-        bare = int((edges == 1).sum())
+            raise NoSolid(f"{crowded} of the mesh's {len(sides)} edges {_have(crowded)} more than two triangles")
+        bare = int((sides == 1).sum())
         if bare:
-            raise NoSolid(f"the mesh is open: {bare} of its {len(edges)} edges {_have(bare)} a triangle on one side only")
+            raise NoSolid(f"the mesh is open: {bare} of its {len(sides)} edges {_have(bare)} a triangle on one side only")
         raise NoSolid("neighbouring triangles of the mesh face opposite sides")
     inside_out = volume(joined, faces) < 0
     return _manifold(joined, faces[:, ::-1] if inside_out else faces), inside_out
@@ -56,7 +56,7 @@ def _have(count: int) -> str:
     return "has" if count == 1 else "have"
 
 
-def _edges(faces: np.ndarray) -> np.ndarray:
+def edges(faces: np.ndarray) -> np.ndarray:
     """How many triangles each edge has."""
     sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     return np.unique(sides, axis=0, return_counts=True)[1]
@@ -87,18 +87,18 @@ def _manifold(positions: np.ndarray, faces: np.ndarray) -> Manifold:
 def simplified(tape: Tape, made: contour.Contour, tolerance: float) -> tuple[np.ndarray, np.ndarray, float]:
     """(positions, triangles, how far they are off) of a contour with as few triangles as a tolerance allows: large ones where it is flat.
 
-    As it is where it encloses nothing, or is off by more than that already.
+    As it is where it encloses nothing. Where it is off by more than that already, it stays off by as much.
     """
-    left = tolerance - made.furthest
+    left, limit = max(tolerance - made.furthest, 0.5 * tolerance), max(tolerance, made.furthest)
     try:
-        whole = _manifold(made.positions, made.triangles) if left > 0.0 and len(made.triangles) else None
+        whole = _manifold(made.positions, made.triangles) if tolerance > 0.0 and len(made.triangles) else None
     except NoSolid:
         whole = None
     while whole is not None and left > tolerance / 32:
         mesh = whole.simplify(left).to_mesh64()
         positions, faces = np.asarray(mesh.vert_properties)[:, :3].copy(), np.asarray(mesh.tri_verts).astype(np.int64)
         furthest, _ = contour.deviation(tape, positions, faces)
-        if furthest <= tolerance and contour.open_edges(faces) == 0:
+        if furthest <= limit and contour.open_edges(faces) == 0:
             return positions, faces, furthest
         left /= 2
     return made.positions, made.triangles, made.furthest

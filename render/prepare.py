@@ -271,12 +271,12 @@ class Shapes:
         return self._made[key]
 
 
-def contoured(tables: ir.Tables, g: int, tolerance: float) -> Any:
-    """A formula's surface as triangles, a contour.Contour in its own frame; of a sheet in a ball what lies in that."""
+def contoured(tables: ir.Tables, g: int, tolerance: float, whole: bool = False) -> Any:
+    """A formula's surface as triangles, a contour.Contour in its own frame; of a sheet in a ball what lies in that. See contour.within."""
     from ..compiler import contour
     from .formulas import fields
 
-    made = contour.within(fields.tape_of(tables, g), tables.geometries.bounds[g], tolerance)
+    made = contour.within(fields.tape_of(tables, g), tables.geometries.bounds[g], tolerance, whole=whole)
     *middle, radius = tables.geometries.parameters[g, 1:5].tolist()
     if radius > 0.0:
         inside = np.linalg.norm(made.positions[made.triangles].mean(axis=1) - middle, axis=1) <= radius

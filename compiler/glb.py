@@ -215,7 +215,8 @@ class _Reader:
         start = view.get("byteOffset", 0)
         title = f"{self.name}[{texture['source']}]"
         try:
-            row = images.row_from_bytes(self.builder, self.binary[start : start + view["byteLength"]], title, color=channel == -1)
+            data = self.binary[start : start + view["byteLength"]]
+            row = images.row_from_bytes(self.builder, data, title, color=channel == -1, span=Span(self.name))
         except images.ImageError as failure:
             self.diagnostics.warning(failure.message, Span(self.name), failure.hint)
             return NONE

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..lang.diagnostics import Span
+
 if TYPE_CHECKING:
     from .build import SceneBuilder
 
@@ -29,28 +31,49 @@ class ImageError(Exception):
         self.hint = hint
 
 
-def row(builder: SceneBuilder, path: Path, space: str = "auto", color: bool = True) -> int:
+def row(builder: SceneBuilder, path: Path, space: str = "auto", color: bool = True, span: Span | None = None) -> int:
     """The row of ir.Images with the picture in a file, read once for each space. ImageError if it cannot be read.
 
     `path` was allowed by Files. `space` "auto": stored as sRGB if it holds whole numbers (8 or 16 bit) and is used as a
-    `color`, linear otherwise.
+    `color`, linear otherwise. What is odd about it is said of `span`.
     """
-    return _row(builder, str(path), space, color, lambda: str(path), path.name)
+    return _row(builder, str(path), space, color, lambda: str(path), path.name, span)
 
 
-def row_from_bytes(builder: SceneBuilder, data: bytes, name: str, space: str = "auto", color: bool = True) -> int:
+def row_from_bytes(
+    builder: SceneBuilder, data: bytes, name: str, space: str = "auto", color: bool = True, span: Span | None = None
+) -> int:  # fmt: skip
     """As `row`, for a picture's file held in memory (of a .usdz or .glb); `name` with its ending tells it from others."""
-    return _row(builder, name, space, color, lambda: data, name)
+    return _row(builder, name, space, color, lambda: data, name, span)
 
 
-def _row(builder: SceneBuilder, key: str, space: str, color: bool, source: Any, name: str) -> int:
+def _row(builder: SceneBuilder, key: str, space: str, color: bool, source: Any, name: str, span: Span | None) -> int:
     space = "linear" if space == "auto" and not color else space
     limit = min(MAX_TEXELS, MAX_ALL_TEXELS - builder.texels)
-    return builder.shared(("image", key, space), lambda: builder.image(read(source(), name, space, limit), key))
+
+    def made() -> int:
+        texels = _decoded(source(), name, space, limit)
+        odd = int(np.count_nonzero(~np.isfinite(texels).all(axis=2)))
+        if odd:
+            message = f"{odd:,} of {texels.shape[0] * texels.shape[1]:,} pixels of the picture `{name}` are infinite or no numbers"
+            hint = f"they are drawn as {LARGEST:.1e} and as 0; half floats end at 65504: write it as float"
+            builder.diagnostics.warning(message, span, hint)
+        return builder.image(_sound(texels), key)
+
+    return builder.shared(("image", key, space), made)
 
 
 def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_TEXELS) -> np.ndarray:
-    """(h, w, 4) float32 linear r, g, b and unassociated alpha, from a path or a file's bytes. ImageError if that fails."""
+    """(h, w, 4) float32 linear r, g, b and unassociated alpha, finite, from a path or a file's bytes. ImageError if that fails."""
+    return _sound(_decoded(source, name, space, limit))
+
+
+def _sound(texels: np.ndarray) -> np.ndarray:
+    """The same without what is not finite, in place."""
+    return np.nan_to_num(texels, copy=False, nan=0.0, posinf=LARGEST, neginf=0.0)
+
+
+def _decoded(source: str | bytes, name: str, space: str, limit: int) -> np.ndarray:
     import OpenImageIO as oiio
 
     with _on_disk(source) as path, np.errstate(all="ignore"):
@@ -103,7 +126,7 @@ def _linear(pixels: np.ndarray, spec: Any, space: str) -> np.ndarray:
         made[..., 3] = pixels[..., alpha_at] / np.float32(top)
         if not spec.get_int_attribute("oiio:UnassociatedAlpha", 0):
             made[..., :3] /= np.where(made[..., 3:] > 0, made[..., 3:], 1.0)
-    return np.nan_to_num(made, copy=False, nan=0.0, posinf=LARGEST, neginf=0.0)
+    return made
 
 
 def _decode(values: np.ndarray, space: str) -> np.ndarray:

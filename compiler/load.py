@@ -11,7 +11,7 @@ import numpy as np
 
 from ..lang import evaluate, tokens
 from ..lang.diagnostics import Diagnostics, Span, suggest
-from . import defaults, folders, ir, lower, motion, sources, store, transforms, validate
+from . import buried, defaults, folders, ir, lower, motion, sources, store, transforms, validate
 from .build import SceneBuilder
 from .files import FileError, Files, resolved
 from .rows import InstanceData
@@ -73,6 +73,7 @@ def load(
     with watch.stage("validate"):
         scene, _ = validate.validate(scene, found)
     found.raise_if_failed()
+    buried.tell(scene, found)
     return scene
 
 

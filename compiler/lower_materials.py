@@ -238,7 +238,7 @@ class Materials:
         lowering = self._lowering
         try:
             path = lowering.files.find(name, lowering.folder(element), "picture")
-            return images.row(lowering.builder, path, space, color)
+            return images.row(lowering.builder, path, space, color, element.span)
         except (FileError, ImageError) as failure:
             lowering.error(element, failure.message, failure.hint)
             return -1

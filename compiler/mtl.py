@@ -300,7 +300,7 @@ def _texture(
         diagnostics.warning(f"the picture `{reference.file}` is not read: its mesh has no folder", reference.span)
         return -1
     try:
-        picture = images.row(builder, find(reference.file, folder, files, "picture"), color=color)
+        picture = images.row(builder, find(reference.file, folder, files, "picture"), color=color, span=reference.span)
     except (FileError, images.ImageError) as failure:
         diagnostics.warning(failure.message, reference.span, failure.hint)
         return -1

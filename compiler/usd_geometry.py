@@ -101,6 +101,7 @@ class Faces:
 
     mesh: polymesh.PolyMesh
     rows: np.ndarray  # rows of the prim's faces that are drawn
+    subdivided: bool  # whether it is the cage of a subdivision surface
 
     def part(self, faces: np.ndarray | None) -> polymesh.PolyMesh:
         """Those of the prim's `faces` that are drawn (None: all)."""
@@ -147,7 +148,7 @@ def mesh(prim: Any, time: Any, uv_name: str | None, color_name: str | None, diag
         kept = polymesh.flipped(kept)
     if subdivided:
         kept = replace(kept, normals=_smooth(kept))
-    return Faces(kept, rows)
+    return Faces(kept, rows, subdivided)
 
 
 def _smooth(mesh: polymesh.PolyMesh) -> MeshAttribute:

@@ -168,7 +168,7 @@ def _dome(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Ma
             materials.tell(f"the dome's format `{written}` is read as latlong", it.prim)
         found = asset(value, materials, it.prim)
         try:
-            image = found.row(builder, "auto") if found else -1
+            image = found.row(builder, "auto", span=it.span) if found else -1
         except images.ImageError as failure:
             builder.diagnostics.warning(failure.message, it.span, failure.hint)
     if image < 0:

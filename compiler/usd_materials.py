@@ -274,7 +274,8 @@ class Materials:
         if found is None:
             return NONE, (missing[0], missing[1], missing[2])
         try:
-            row = found.row(self.builder, _SPACES.get(self._text(picture.shader, "sourceColorSpace") or "auto", "auto"), color)
+            space = _SPACES.get(self._text(picture.shader, "sourceColorSpace") or "auto", "auto")
+            row = found.row(self.builder, space, color, self.opened.span(picture.shader.GetPrim()))
         except images.ImageError as failure:
             self.builder.diagnostics.warning(failure.message, self.opened.span(picture.shader.GetPrim()), failure.hint)
             return NONE, (missing[0], missing[1], missing[2])
@@ -318,11 +319,11 @@ class Asset:
             raise images.ImageError(f"the package has no `{self.name}`")
         return bytes(opened.GetBuffer())
 
-    def row(self, builder: SceneBuilder, space: str, color: bool = True) -> int:
+    def row(self, builder: SceneBuilder, space: str, color: bool = True, span: Span | None = None) -> int:
         source = self.source()
         if isinstance(source, str):
-            return images.row(builder, Path(source), space, color)
-        return images.row_from_bytes(builder, source, self.path, space, color)
+            return images.row(builder, Path(source), space, color, span)
+        return images.row_from_bytes(builder, source, self.path, space, color, span)
 
 
 def asset(value: Any, materials: Materials, prim: Any) -> Asset | None:

@@ -23,6 +23,7 @@ _NOT_DRAWN = {
     "Points", "BasisCurves", "NurbsCurves", "HermiteCurves", "NurbsPatch", "TetMesh", "Volume", "ParticleField",
     "ParticleField3DGaussianSplat", "PortalLight", "GeometryLight", "PluginLight",
 }  # fmt: skip
+CAGES = "subdivision surfaces, as meshes are that do not say otherwise, are drawn as their cages with smooth normals"
 _UV_NAMES = ("st", "UVMap", "uv", "map1", "Texture_uv")
 
 
@@ -62,6 +63,7 @@ class Walk:
     _geometries: dict[Any, int] = field(default_factory=dict)
     _faces: dict[Any, usd_geometry.Faces | None] = field(default_factory=dict)
     _count: int = 0
+    _told_cages: bool = False
 
     def __post_init__(self) -> None:
         self.materials = Materials(self.opened, self.builder)
@@ -193,6 +195,9 @@ class Walk:
             if read not in self._faces:
                 self._faces[read] = usd_geometry.mesh(prim, self.opened.time, uv_name, color_name, self.builder.diagnostics, span)
             found = self._faces[read]
+            if found is not None and found.subdivided and not self._told_cages:
+                self._told_cages = True
+                self.builder.diagnostics.note(CAGES, span)
             self._geometries[key] = NONE if found is None else usd_geometry.row(found, faces, self.builder, span, str(prim.GetName()))
         if self._geometries[key] == NONE:
             return []

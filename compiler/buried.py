@@ -1,0 +1,102 @@
+"""Lamps inside of things that no light leaves: what they light nobody sees, and it is said."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..lang.diagnostics import Diagnostics
+from . import enclosures, facts, ir, solids, tapes
+
+_PLACED = (ir.LightKind.POINT, ir.LightKind.SPOT, ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
+MOST_LAMPS = 64  # that are looked for
+MOST_TRIANGLES = 1 << 21  # of meshes, in all
+
+
+def tell(scene: ir.Scene, diagnostics: Diagnostics) -> None:
+    """Warn of each lamp in a closed opaque thing that the first camera is outside of."""
+    tables = scene.tables
+    lights = tables.lights
+    rows = np.flatnonzero(np.isin(lights.kind, _PLACED) & lights.shadows)[:MOST_LAMPS]
+    if not len(rows) or not len(tables.cameras.transform):
+        return
+    at = np.stack([_corners(tables, int(row)) for row in rows])
+    eye = tables.transforms.matrix[tables.cameras.transform[0], :, 3]
+    left = MOST_TRIANGLES
+    for instance in _opaque(tables).tolist():
+        g = tables.instances.geometry[instance]
+        inverse = tables.transforms.inverse[tables.instances.transform[instance]]
+        local = np.vstack([at.reshape(-1, 3), eye]) @ inverse[:, :3].T + inverse[:, 3]
+        low, high = tables.geometries.bounds[g]
+        near = ((local > low) & (local < high)).all(axis=1)
+        if not near[:-1].reshape(len(rows), -1).all(axis=1).any():
+            continue
+        left -= int(tables.geometries.triangle_count[g])
+        if left < 0:
+            return
+        inside = near & _inside(tables, int(g), local)
+        buried = inside[:-1].reshape(len(rows), -1).all(axis=1) & ~inside[-1] & (lights.instance[rows] != instance)
+        for row in rows[buried].tolist():
+            hint = "move it out, or make that of glass, or write `shadows: false`"
+            diagnostics.warning("this lamp is inside of an opaque solid: nothing outside is lit by it", scene.spans.at("lights", row), hint)
+
+
+_AROUND = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], np.float64)
+_SQUARE = np.array([[1, 0, 1], [1, 0, -1], [-1, 0, 1], [-1, 0, -1], [1, 0, 0], [0, 0, 1]], np.float64)
+
+
+def _corners(tables: ir.Tables, row: int) -> np.ndarray:
+    """(6, 3) points of a lamp in the world that stand for all of it: the same six times of one without extent."""
+    lights = tables.lights
+    kind, (x, z) = lights.kind[row], lights.size[row].tolist()
+    if kind in _PLACED[:2]:
+        return np.tile(lights.position[row], (6, 1))
+    local = _SQUARE * [x, 0.0, z] if kind == ir.LightKind.RECTANGLE else _AROUND * [x, x if kind == ir.LightKind.SPHERE else 0.0, x]
+    matrix = tables.transforms.matrix[lights.transform[row]]
+    return local @ matrix[:, :3].T + matrix[:, 3]
+
+
+def _opaque(tables: ir.Tables) -> np.ndarray:
+    """Rows of instances that cast shadows and let no light through; mixtures of materials are not looked into."""
+    materials, instances = tables.materials, tables.instances
+    through = facts.partial(tables) | np.isin(materials.model, (ir.MaterialModel.GLASS, ir.MaterialModel.BLEND))
+    through |= (materials.values[:, ir.Slot.TRANSMISSION] > 0.0).any(axis=1) | (materials.textures[:, ir.Slot.TRANSMISSION] >= 0)
+    return np.flatnonzero((instances.visible & ir.Visibility.SHADOW != 0) & ~through[instances.material])
+
+
+def _inside(tables: ir.Tables, g: int, points: np.ndarray) -> np.ndarray:
+    """Which of (n, 3) points in a geometry's frame are inside of it; of none where it encloses nothing."""
+    kind, parameters = tables.geometries.kind[g], tables.geometries.parameters[g]
+    if kind == ir.GeometryKind.MESH:
+        return _in_mesh(tables, g, points)
+    if kind == ir.GeometryKind.FORMULA:
+        if parameters[0]:
+            return np.zeros(len(points), np.bool_)
+        tape = tapes.stored(tables, int(tables.geometries.tape[g]))
+    else:
+        builder = tapes.Builder()
+        try:
+            tape = builder.finish(solids.analytic(builder, int(kind), parameters.tolist(), (0, 1, 2)))
+        except solids.NoSolid:
+            return np.zeros(len(points), np.bool_)
+    with np.errstate(all="ignore"):
+        inside = np.broadcast_to(enclosures.points(tape, *points.T)[0], len(points)) < 0.0
+    if kind == ir.GeometryKind.FORMULA and parameters[4] > 0.0:
+        inside = inside & (np.linalg.norm(points - parameters[1:4], axis=1) < parameters[4])
+    return inside
+
+
+def _in_mesh(tables: ir.Tables, g: int, points: np.ndarray) -> np.ndarray:
+    """By the winding number: the solid angle of all triangles over 4π, which is 1 inside of a closed mesh (van Oosterom 1983)."""
+    first = int(tables.geometries.first_triangle[g])
+    rows = tables.pools.triangles[first : first + int(tables.geometries.triangle_count[g])]
+    corners = tables.pools.positions[rows].astype(np.float64) + tables.geometries.origin[g]
+    found = np.zeros(len(points), np.bool_)
+    for k, point in enumerate(points):
+        a, b, c = (corners - point).transpose(1, 0, 2)
+        la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+        over = np.einsum("ij,ij->i", a, np.cross(b, c))
+        under = la * lb * lc + np.einsum("ij,ij->i", a, b) * lc + np.einsum("ij,ij->i", b, c) * la + np.einsum("ij,ij->i", c, a) * lb
+        found[k] = abs(np.arctan2(over, under).sum() / (2.0 * math.pi)) > 0.99
+    return found

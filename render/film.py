@@ -284,7 +284,7 @@ class _Canvas:
         self.threads = int(plan["threads"]) or machine.cores()
         self.width, self.height = self.crop[2] - self.crop[0], self.crop[3] - self.crop[1]
         self.channels = image.blank(self.width, self.height, ("rgba", *self.names))
-        self.variance = np.full((self.height, self.width, 3), np.inf, np.float32)  # of the means; inf where one batch says nothing
+        self.variance = np.full((self.height, self.width, 3), np.inf)  # of the means; inf where one batch says nothing
         self.value = np.zeros((self.height, self.width, 3), np.float32)  # what errors are a share of
         self.samples = np.zeros((self.height, self.width), np.int64)
         self.decline = adaptive.Decline()

@@ -141,11 +141,15 @@ class Job:
         self.files = tuple(Path(file) for file in scene.files)
         plan = make_plan(scene, self.settings, self.overrides)
         check_output(path, plan["aov"], self.bits, plan["view"])
+        parts = _strips_of(plan)
         self._say(found.items)
         self._say(plan_warnings(scene, plan))
         with terminal.Progress(self.quiet) as progress, interruptible() as cancel:
             progress.begin(what, "compiling kernels (the first time only)" if kernels.is_cold() else "")
-            image = draw.draw(scene, plan, progress, cancel)
+            if len(parts) > 1:
+                image = self._in_strips(scene, plan, parts, path, progress, cancel)
+            else:
+                image = draw.draw(scene, plan, progress, cancel)
         for name, value in image.metadata["seconds"].items():
             seconds[name] = seconds.get(name, 0.0) + value
         self._say(Diagnostic("note", message, span_of(scene, table, row)) for message, table, row in image.metadata["notes"])
@@ -153,9 +157,10 @@ class Job:
         self._say(left_out(image.metadata["issues"]))
         partial = bool(image.metadata.get("partial"))
         if partial:
-            path = path.with_name(f"{path.stem}.partial.exr")
-        with timed(seconds, "write"):
-            self._write(image, path, plan)
+            path = _partial(path, len(parts) > 1)
+        if len(parts) == 1:
+            with timed(seconds, "write"):
+                self._write(image, path, plan)
         if partial:
             click.echo(f"interrupted: what was done is in {path}", err=True)
             raise KeyboardInterrupt
@@ -174,17 +179,37 @@ class Job:
                 if not self.quiet and path.suffix.lower() not in output.LINEAR:
                     click.echo(f"exposure: metered, {self.exposure:g} ev (--exposure {self.exposure:g} fixes it)", err=True)
             exposure = self.exposure
-        look = output.Look(exposure, plan["view"], self.bits or 8, alpha=plan["background"] == "transparent")
-        about = {
-            "command": shlex.join(["maquette", *sys.argv[1:]]),
-            "version": __version__,
-            "backend": plan["backend"],
-            "seed": plan["seed"],
-            "samples": plain(image.metadata.get("samples", plan["samples"])),
-            "exposure": exposure,
-        }
+        look, about = self._said_of(plan, exposure)
+        about["samples"] = plain(image.metadata.get("samples", plan["samples"]))
         error = image.metadata.get("error")
         output.write(image, path, look, about if error is None else {**about, "error": float(error)})
+
+    def _said_of(self, plan: Plan, exposure: float) -> tuple[Any, dict[str, Any]]:
+        """How light becomes numbers in a file, and what it says of its picture."""
+        from .render import output
+
+        look = output.Look(exposure, plan["view"], self.bits or 8, alpha=plan["background"] == "transparent")
+        about = {
+            "command": shlex.join(["maquette", *sys.argv[1:]]), "version": __version__, "backend": plan["backend"],
+            "seed": plan["seed"], "samples": plain(plan["samples"]), "exposure": exposure,
+        }  # fmt: skip
+        return look, about
+
+    def _in_strips(self, scene: ir.Scene, plan: Plan, parts: list[Plan], path: Path, progress: Any, cancel: Any) -> Image:
+        """Draw and write a picture that is too large to be held; what is told of it, without its pixels. A partial one is moved aside."""
+        from .render import output, strips
+        from .render.image import Image
+
+        look, about = self._said_of(plan, plan["exposure"])
+        _, y0, _, y1 = plan["crop"]
+        told: list[dict[str, Any]] = []
+        with output.Strips(path, look, about, y1 - y0) as file:
+            for image in strips.images(scene, parts, progress, cancel):
+                file.add(image)
+                told.append(image.metadata)
+            if cancel.is_set():
+                file.path = _partial(path, True)
+        return Image(0, 0, {}, strips.joined(told, plan))
 
     def _figures(self, scene: ir.Scene, plan: Plan, image: Image, seconds: Mapping[str, float]) -> dict[str, Any]:
         warnings = [d.to_json() for d in self.said if d.severity == "warning"]
@@ -207,6 +232,21 @@ class Job:
         new = [d for d in found if d not in self.said and not (self.quiet and d.severity == "note")]
         self.said.update(new)
         terminal.report(new)
+
+
+def _strips_of(plan: Plan) -> list[Plan]:
+    """The plan, or those of its strips where its picture is too large to be held; what then cannot be had is a usage error."""
+    from .render import strips
+
+    parts = strips.plans(plan)
+    if len(parts) > 1 and (why := strips.refusal(plan)):
+        raise click.UsageError(f"a picture of {plan['size'][0]} by {plan['size'][1]} pixels is drawn strip by strip: {why}")
+    return parts
+
+
+def _partial(path: Path, in_strips: bool) -> Path:
+    """Where a picture goes that was interrupted: to what keeps all that is known, or, in strips, to the kind of file it was begun as."""
+    return path.with_name(f"{path.stem}.partial{path.suffix if in_strips else '.exr'}")
 
 
 def span_of(scene: ir.Scene, table: str, row: int) -> Span | None:

@@ -75,26 +75,68 @@ def write(picture: images.Image, path: Path, look: Look, about: Mapping[str, str
     EXR: float32, scene-linear, unexposed, associated alpha, every channel by name. Others: exposed, seen through the view,
     unassociated alpha where `look.alpha`, else the picture over black. Keys of `about` become `maquette:key` attributes.
     """
-    path = Path(path)
-    linear = path.suffix.lower() in LINEAR
-    pixels, names = (_all_channels(picture), _all_names(picture)) if linear else (_displayed(picture, path, look), ())
-    height, width, channels = pixels.shape
-    spec = oiio.ImageSpec(width, height, channels, {np.float32: "float", np.uint8: "uint8", np.uint16: "uint16"}[pixels.dtype.type])
-    if linear:
-        spec.channelnames = names
-        spec.attribute("compression", "zip")
-        for key, value in picture.metadata.get("attributes", {}).items():
-            spec.attribute(key, value)
-        _place(spec, picture)
-    if path.suffix.lower() in (".jpg", ".jpeg"):
-        spec.attribute("Compression", "jpeg:95")
-    spec.attribute("oiio:ColorSpace", WORKING_SPACE if linear else "srgb_rec709_scene")
-    spec.attribute("oiio:UnassociatedAlpha", 0 if linear else 1)
-    spec.attribute("Software", f"maquette {about.get('version', '')}".strip())
-    spec.attribute("ImageDescription", str(about.get("command", "")))
-    for key, value in about.items():
-        spec.attribute(f"{ABOUT}{key}", value if linear else str(value))
-    _write_whole(path, spec, pixels)
+    with Strips(path, look, about, picture.height) as file:
+        file.add(picture)
+
+
+class Strips:
+    """A file that is written strip by strip, from the top down, as `write` writes a whole picture.
+
+    A context: what has not got all of its rows when it ends is removed, and the old file stays.
+    """
+
+    def __init__(self, path: Path, look: Look, about: Mapping[str, str | int | float], height: int) -> None:
+        self.path, self.look, self.about, self.height = Path(path), look, about, height
+        self._partial = self.path.with_name(f".{self.path.stem}.{os.getpid()}{self.path.suffix}")
+        self._target: Any = None
+        self._top = self._rows = 0
+
+    def __enter__(self) -> Strips:
+        return self
+
+    def add(self, picture: images.Image) -> None:
+        """Write the next rows."""
+        linear = self.path.suffix.lower() in LINEAR
+        pixels = _all_channels(picture) if linear else _displayed(picture, self.path, self.look)
+        if self._target is None:
+            spec = self._spec(picture, pixels, linear)
+            self._target, self._top = oiio.ImageOutput.create(str(self._partial)), spec.y
+            if self._target is None or not self._target.open(str(self._partial), spec):
+                raise OSError(f"cannot write {self.path}: {self._target.geterror() if self._target else oiio.geterror()}")
+        begin = self._top + self._rows
+        self._rows += picture.height
+        if not self._target.write_scanlines(begin, begin + picture.height, 0, pixels):
+            raise OSError(f"cannot write {self.path}: {self._target.geterror()}")
+
+    def _spec(self, picture: images.Image, pixels: NDArray[Any], linear: bool) -> Any:
+        _, width, channels = pixels.shape
+        kind = {np.float32: "float", np.uint8: "uint8", np.uint16: "uint16"}[pixels.dtype.type]
+        spec = oiio.ImageSpec(width, self.height, channels, kind)
+        if linear:
+            spec.channelnames = _all_names(picture)
+            spec.attribute("compression", "zip")
+            for key, value in picture.metadata.get("attributes", {}).items():
+                spec.attribute(key, value)
+            _place(spec, picture)
+        if self.path.suffix.lower() in (".jpg", ".jpeg"):
+            spec.attribute("Compression", "jpeg:95")
+        spec.attribute("oiio:ColorSpace", WORKING_SPACE if linear else "srgb_rec709_scene")
+        spec.attribute("oiio:UnassociatedAlpha", 0 if linear else 1)
+        spec.attribute("Software", f"maquette {self.about.get('version', '')}".strip())
+        spec.attribute("ImageDescription", str(self.about.get("command", "")))
+        for key, value in self.about.items():
+            spec.attribute(f"{ABOUT}{key}", value if linear else str(value))
+        return spec
+
+    def __exit__(self, kind: Any, *_: Any) -> None:
+        try:
+            closed = self._target is not None and self._target.close()
+            if kind is None:
+                if not closed or self._rows < self.height:
+                    raise OSError(f"cannot write {self.path}: {self._target.geterror() if self._target else 'there is nothing'}")
+                self._partial.replace(self.path)
+        finally:
+            self._partial.unlink(missing_ok=True)
 
 
 def read(path: Path) -> images.Image:
@@ -230,18 +272,3 @@ def _read_about(spec: Any) -> dict[str, Any]:
         "bits": {oiio.UINT8: 8, oiio.UINT16: 16}.get(spec.format.basetype, 0),
         "about": {a.name.removeprefix(ABOUT): str(a.value) for a in spec.extra_attribs if a.name.startswith(ABOUT)},
     }
-
-
-def _write_whole(path: Path, spec: Any, pixels: NDArray[Any]) -> None:
-    partial = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
-    try:
-        target = oiio.ImageOutput.create(str(partial))
-        if target is None or not target.open(str(partial), spec):
-            raise OSError(f"cannot write {path}: {target.geterror() if target else oiio.geterror()}")
-        written = target.write_image(pixels)
-        closed = target.close()
-        if not (written and closed):
-            raise OSError(f"cannot write {path}: {target.geterror()}")
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
+import pytest
 
 
 def write_image(path: Path, pixels: Any, **attributes: object) -> Path:
@@ -22,3 +23,10 @@ def write_image(path: Path, pixels: Any, **attributes: object) -> Path:
     assert out.write_image(values), out.geterror()
     out.close()
     return path
+
+
+def standing_by(folder: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> Path:
+    """A folder that is the current one from now on, with a text as its a.scene."""
+    monkeypatch.chdir(folder)
+    (folder / "a.scene").write_text(text, encoding="utf-8")
+    return folder

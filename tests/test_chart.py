@@ -23,6 +23,7 @@ from maquette.measure import chart as engine
 from maquette.measure import jsonform
 from maquette.measure.records import Chart, NothingMeasured, Wanted
 
+from .files import standing_by
 from .measure import charts
 
 SCENE = """\
@@ -42,9 +43,7 @@ def run(*arguments: object) -> tuple[int, str, str]:
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The current folder, with a.scene."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "a.scene").write_text(SCENE, encoding="utf-8")
-    return tmp_path
+    return standing_by(tmp_path, monkeypatch, SCENE)
 
 
 @pytest.fixture

@@ -19,6 +19,8 @@ from maquette.compiler import ir
 from maquette.render import draw, output
 from maquette.render.image import Image
 
+from .files import standing_by
+
 SCENE = """\
 param radius = 1 in 0.2..2  "sphere radius"
 sphere(center: [0, radius, 0], radius: radius, material: lambert(#d0402a))
@@ -37,8 +39,7 @@ plane(y: 0
 @pytest.fixture
 def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A small scene as a.scene in the current folder."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "a.scene").write_text(SCENE, encoding="utf-8")
+    standing_by(tmp_path, monkeypatch, SCENE)
     return Path("a.scene")
 
 

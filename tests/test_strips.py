@@ -12,6 +12,8 @@ from click.testing import CliRunner
 from maquette.cli import cli
 from maquette.render import draw, strips
 
+from .files import standing_by
+
 SCENE = """\
 sphere(1, center: [0, 1, 0], material: phong(#d0402a, specular: 0.3))
 plane(y: 0, material: lambert(checker(#eee, #333)))
@@ -23,9 +25,7 @@ render(size: [80, 150])
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "a.scene").write_text(SCENE, encoding="utf-8")
-    return tmp_path
+    return standing_by(tmp_path, monkeypatch, SCENE)
 
 
 @pytest.fixture

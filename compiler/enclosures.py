@@ -324,7 +324,9 @@ def _periods(m: Any, a: Interval, b: Interval) -> Interval:
     """The numbers of the first and last period of b, a single number, that a reaches; not equal where b is none."""
     u, v = a[0] / b[0], a[1] / b[0]
     u, v = low_of(m, u, v), high_of(m, u, v)
-    begin, end = m.floor(down(m, u)), m.floor(up(m, v))
+    alone = a[1] - a[0] <= abs(a[0] + a[1]) * (4.0 * m.unit)  # one number but for rounding, as a sum of floors: it has one period
+    middle = 0.5 * (u + v)
+    begin, end = m.floor(m.where(alone, middle, down(m, u))), m.floor(m.where(alone, middle, up(m, v)))
     return begin, m.where((b[0] == b[1]) & (b[0] != 0.0), end, begin + 1.0)
 
 

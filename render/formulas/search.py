@@ -92,10 +92,10 @@ def first(forms, k, tape, memory, start, way, a, b, own, begin, sheet, like, mos
                 return root, within, _doubtful(doubt, open_from, root, finest), used
             at, value, piece = high + finest, after, max(piece, finest)  # a gap at a place alone, as where the formula is undefined
             continue
-        if open_from < 0.0:
+        if open_from < 0.0 and not (jumps and not sheet and forms.places[k, 5] != 0):  # a solid's jump that thin has no inside
             open_from = low
         at, value = high, across.lane(x.far, j)
-        piece = max(piece, _COARSER * (high - open_from))
+        piece = max(piece, _COARSER * (high - open_from)) if open_from >= 0.0 else finest
     root, within = _sampled(forms, k, tapes, memory, o, d, at, b, value, sheet, reach, number)
     return root, within, 1, used
 

@@ -311,23 +311,25 @@ def _mod(m: Any, op: int, a: Interval, b: Any, *_: Any) -> Interval:
     within = begin == end
     slack = (high_of(m, abs(a[0]), abs(a[1])) + high_of(m, abs(b[0]), abs(b[1]))) * (4.0 * m.unit)
     low, high = m.where(b[0] < 0.0, b[0], 0.0 * b[0]) - slack, m.where(b[1] > 0.0, b[1], 0.0 * b[1]) + slack
-    first, last = ((a[0] - b[0] * k - slack, a[1] - b[1] * k + slack) for k in (begin, end))
+    times = [(b[0] * k, b[1] * k) for k in (begin, end)]
+    first, last = ((a[0] - high_of(m, p, q) - slack, a[1] - low_of(m, p, q) + slack) for p, q in times)
     one, other = ((high_of(m, part[0], low), low_of(m, part[1], high)) for part in (first, last))
     whole = m.where(within, first[0], low), m.where(within, first[1], high)
-    low, high = one_side(m, (b[0] == b[1]) & (end == begin + 1.0), one, other, whole)
+    low, high = one_side(m, end == begin + 1.0, one, other, whole)
     m.undefined((b[0] <= 0.0) & (b[1] >= 0.0))
     bad = m.where(b[0] == b[0], a[0], b[0])
     return _defined(m, (bad, bad), (low, high))
 
 
 def _periods(m: Any, a: Interval, b: Interval) -> Interval:
-    """The numbers of the first and last period of b, a single number, that a reaches; not equal where b is none."""
-    u, v = a[0] / b[0], a[1] / b[0]
-    u, v = low_of(m, u, v), high_of(m, u, v)
-    alone = a[1] - a[0] <= abs(a[0] + a[1]) * (4.0 * m.unit)  # one number but for rounding, as a sum of floors: it has one period
+    """The numbers of the first and last period of b that a reaches; far apart where b may be 0."""
+    corners = [p / q for p in a for q in b]
+    u, v = low_of(m, low_of(m, *corners[:2]), low_of(m, *corners[2:])), high_of(m, high_of(m, *corners[:2]), high_of(m, *corners[2:]))
+    # One number but for rounding, as a sum of floors is, has one period.
+    alone = (b[0] == b[1]) & (a[1] - a[0] <= abs(a[0] + a[1]) * (4.0 * m.unit))
     middle = 0.5 * (u + v)
     begin, end = m.floor(m.where(alone, middle, down(m, u))), m.floor(m.where(alone, middle, up(m, v)))
-    return begin, m.where((b[0] == b[1]) & (b[0] != 0.0), end, begin + 1.0)
+    return begin, m.where((b[0] > 0.0) | (b[1] < 0.0), end, begin + 2.0)
 
 
 def _power(m: Any, op: int, a: Interval, b: Any, *_: Any) -> Interval:

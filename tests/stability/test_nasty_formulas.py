@@ -25,6 +25,8 @@ FORMULAS = {
     "signs": "sign(x) * sign(y) * sign(z) <= 0",
     "repeated": "hypot(mod(x, 0.5) - 0.25, mod(y, 0.5) - 0.25, mod(z, 0.5) - 0.25) <= 0.15",
     "repeated, not alike at both ends": "hypot(mod(x, 0.5) - 0.2, mod(y, 0.4) - 0.25, mod(z, 0.5) - 0.25) <= 0.15",
+    "a period that varies": "mod(x, 0.2 + 0.1 * y) <= 0.05",
+    "a period that varies, a sheet": "mod(x + 0.1 * z, 0.3 + 0.1 * y) == 0.1",
     "a root's domain": "y <= sqrt(x)",
     "a root's domain, a sheet": "y == sqrt(x * z)",
     "a logarithm's domain": "0.2 * log(x) >= y",
@@ -131,6 +133,17 @@ def test_a_piece_of_a_ray_that_is_a_pole_and_no_more(load):
     o = -0.004344910221465104, -0.12356906380563382, 0.0024898018508214825
     d = 0.6124182099490664, -0.7838712353804453, 0.1024198343384512
     assert rays.closest(trees, [o], [d]).t[0] == np.inf
+    assert int(trees.tables.forms.unproved[0]) == 0
+
+
+def test_rays_through_an_axis_on_which_angles_have_no_end(load):
+    """Rays that meet the axis of atan2 to the last bit, and never what is cut from around it."""
+    scene, _ = load("camera(position: [0, 0, 5])\nimplicit(|x, y, z| atan2(z, x) >= 3, within: box([2, 2, 2]))\n")
+    trees = rays.trees(scene.tables)
+    y, turn = np.linspace(-0.9, 0.9, 40), np.linspace(0.3, 2.6, 40)
+    way = np.stack([-np.cos(turn), 0 * turn, -np.sin(turn)], axis=1)
+    met = rays.closest(trees, y[:, None] * [0.0, 1.0, 0.0] - 1.5 * way, way)
+    assert np.isinf(met.t).all()
     assert int(trees.tables.forms.unproved[0]) == 0
 
 

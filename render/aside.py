@@ -93,9 +93,10 @@ def _there_in_kernels(accel, ray, t, i, primitive, u, v):
 
 
 @helper
-def shown(accel: Any, ray: Ray, hit: Hit) -> Lane:
-    """How much of what rays met is there, 1 where they met nothing, in kernels of scenes where some is not."""
-    there = lanes.full_like(hit.t, 1.0)
+def shown(accel: Any, ray: Ray, hit: Hit) -> tuple[Lane, Lane]:
+    """(How much of what rays met is there, 1 where they met nothing; where those that pass may meet the next thing), in kernels of scenes
+    where some is not."""
+    there, onward = lanes.full_like(hit.t, 1.0), hit.t
     left = across.bits(hit.instance >= 0)
     while left != 0:
         k = simd.trailing_zeros(left)
@@ -107,7 +108,10 @@ def shown(accel: Any, ray: Ray, hit: Hit) -> Lane:
             t, primitive = across.lane(hit.t, k), across.lane(hit.primitive, k)
             share = _there(accel, one, t, i, primitive, across.lane(hit.u, k), across.lane(hit.v, k))
             there = across.with_lane(there, k, share)
-    return there
+            if accel.placed[i, 3] == meeting.FORMULA:
+                d = lanes.vector_by(placed.at(accel.aside.tables, accel.placed[i, 1], one.time).inverse, direction)
+                onward = across.with_lane(onward, k, meeting.after(accel.parameters[accel.placed[i, 2], 5], d, t, primitive))
+    return there, onward
 
 
 def _known(time: Any) -> Any:

@@ -79,7 +79,11 @@ def formula(accel: Any, g: int, o: Vec, d: Vec, t_min: Any, t_max: Any) -> tuple
     way, begin = lanes.like3(zero, d[0], d[1], d[2]), lanes.full_like(zero, t_min)
     start, end = lanes.like3(zero, o[0], o[1], o[2]), lanes.full_like(zero, t_max)
     t, spacing, u, v, _ = call_meet(accel.meet, (accel.forms, np.int64(g), start, way, begin, end))  # pyright: ignore[reportCallIssue]
-    reach = accel.parameters[g, 5] / max(lanes.length(d), 1e-300)
     first, units = across.lane(t, 0), across.lane(spacing, 0)
-    onward = first + AFTER * (first + reach * (units + 8.0))
-    return first, np.int64(units), across.lane(u, 0), across.lane(v, 0), onward
+    return first, np.int64(units), across.lane(u, 0), across.lane(v, 0), after(accel.parameters[g, 5], d, first, units)
+
+
+@helper
+def after(reach: Any, d: Vec, t: Lane, spacing: Lane) -> Lane:
+    """Where the next meeting of rays with a formula's surface may be; `reach` is its largest coordinate, d is in its own frame."""
+    return t + AFTER * (t + reach / lanes.maximum(lanes.length(d), 1e-300) * (spacing + 8.0))

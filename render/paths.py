@@ -512,6 +512,6 @@ def _beyond(
         passed = asked & (passing(pixel, sample, depth, layer, options.seed) >= there)
         if not passed.any():
             return hit
-        again = trace.closest(accel, tables, ray._replace(t_min=hit.t), passed, visible)
+        again = trace.closest(accel, tables, ray._replace(t_min=trace.beyond(tables, ray, hit)), passed, visible)
         hit = Hit(*(np.where(passed, new, old) for new, old in zip(again, hit, strict=True)))
         layer += 1

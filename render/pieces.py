@@ -411,7 +411,7 @@ def closest(pieces: Any, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) 
 def blocked(pieces: Any, origin: Vec, direction: Vec, t_max: Lane) -> Lane:
     """Whether any piece stands between 0 and t_max."""
     forms = pieces.forms
-    hit = t_max < 0.0
+    hit = lanes.bool_like(t_max, False)
     for k in range(pieces.triangles):
         t, _, _, there = _quad_at(forms, k, origin, direction, False)
         hit = hit | (there & (t > 0.0) & (t < t_max))

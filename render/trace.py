@@ -125,8 +125,20 @@ def _meet_shape(tables: ir.Tables, kind: int, g: int, ray: Ray) -> tuple[np.ndar
     tape, parameters = fields.tape_of(tables, g), geometries.parameters[g]
     found = plain.meet(tape, parameters, geometries.bounds[g], ray.origin, ray.direction, ray.t_min, ray.t_max)
     t, spacing, u, v, _ = found
-    reach = parameters[5] / np.maximum(lanes.length(ray.direction), 1e-300)
-    return t, spacing, u, v, t + meeting.AFTER * (t + reach * (spacing + 8.0))
+    return t, spacing, u, v, meeting.after(parameters[5], ray.direction, t, spacing)
+
+
+def beyond(tables: ir.Tables, ray: Ray, hit: Hit) -> np.ndarray:
+    """Where rays that pass what they met may meet the next thing, in the reference; see aside.shown."""
+    onward = np.array(hit.t, float)
+    geometry = tables.instances.geometry[np.maximum(hit.instance, 0)]
+    formulas = (hit.instance >= 0) & (tables.geometries.kind[geometry] == meeting.FORMULA)
+    for i in np.unique(hit.instance[formulas]):
+        rows, g = np.flatnonzero(hit.instance == i), int(tables.instances.geometry[i])
+        inverse = placed.at(tables, tables.instances.transform[i], None if ray.time is None else ray.time[rows]).inverse
+        d = lanes.vector_by(inverse, _some(ray.direction, rows))
+        onward[rows] = meeting.after(tables.geometries.parameters[g, 5], d, onward[rows], hit.primitive[rows])
+    return onward
 
 
 def _some(v: Vec, rows: np.ndarray) -> Vec:

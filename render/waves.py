@@ -304,10 +304,11 @@ def _closest_in_trees(accel, ray, visible, pixel, sample, depth, seed):
         hit = trace.find(accel, ray, lanes.bool_like(ray.t_min, True), visible, False)
         passed, layer = lanes.bool_like(ray.t_min, True), 0
         while True:
-            passed = passed & (paths.passing(pixel, sample, depth, layer, seed) >= aside.shown(accel, ray, hit))
+            there, onward = aside.shown(accel, ray, hit)
+            passed = passed & (paths.passing(pixel, sample, depth, layer, seed) >= there)
             if lanes.not_(lanes.any_lane(passed)):
                 return hit
-            ray = Ray(ray.origin, ray.direction, lanes.where(passed, hit.t, ray.t_min), ray.t_max, ray.time)
+            ray = Ray(ray.origin, ray.direction, lanes.where(passed, onward, ray.t_min), ray.t_max, ray.time)
             again = trace.find(accel, ray, passed, visible, False)
             hit = Hit(
                 lanes.where(passed, again.t, hit.t), lanes.where(passed, again.instance, hit.instance),

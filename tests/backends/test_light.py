@@ -91,6 +91,14 @@ def test_the_shadow_of_a_disk_under_a_point_light(draw):
     assert np.count_nonzero(floor & (radius < 0.6)) > 50
 
 
+def test_a_light_without_shadows_shines_beside_one_that_casts_them(draw):
+    """Where surfaces light each other, too: each takes one of the lights by chance, of equal power here."""
+    text = ABOVE.format(1).replace("10", "0.9") + FLOOR + "disk(3, center: [0, 1, 0], material: lambert(0))\n"
+    lights = "directional(from: [0, 1, 0], illuminance: 1, shadows: false)\ndirectional(from: [0, 1, 0], illuminance: 1)\n"
+    image = draw(text + lights, bounces=1, samples=64)
+    assert float(grey(image).mean()) == pytest.approx(1 / math.pi, rel=0.02)
+
+
 def test_no_surface_shades_itself(draw):
     """All points of a ball that face the lamp are lit; far from the origin, too, where a fixed distance would be lost in rounding."""
     for at in ([0, 0, 0], [1e5, 1e5, -1e5]):

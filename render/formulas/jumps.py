@@ -23,7 +23,8 @@ HALVINGS = 13  # of the space between two of them
 WIDER, MORE = 2.0**-16, 37  # where a root is farther from where it was looked for
 FARTHEST = 256.0  # times the largest coordinate: rays that come from farther away are not told apart so finely
 LEAST = 2.0**-30  # of slope times largest coordinate: a change of the value over the last of these halves that is a jump
-BESIDE, REACH, TURNS = 2.0**-20, 32.0, 25  # rays beside: how far away, how far up and down they are followed, and in how many halvings
+BESIDE, REACH, TURNS = 2.0**-20, 32.0, 33  # rays beside: how far away, how far up and down they are followed, and in how many halvings
+CLOSER = 2.0**-12  # of how far away, where faces are seen nearly edge-on
 OFF = 2.0**-49  # of the largest coordinate, that faces may be off
 
 
@@ -93,13 +94,16 @@ def _turned(forms: Any, k: int, memory: Room, o: Vec, d: Vec, at: Lane, inside: 
 def _leaning(
     forms: Any, k: int, memory: Room, o: Vec, d: Vec, at: Lane, way: Vec, inside: Lane, reach: float, mask: Lane
 ) -> tuple[Lane, Lane]:
-    """(how much farther the face is a unit of `way` aside, where it was found); looked for on the other side where it ends on this one."""
+    """(how much farther the face is a unit of `way` aside, where it was found); looked for on the other side where it ends on this one,
+
+    and closer by where it leaves the stretch that is followed.
+    """
     step = BESIDE * reach
     leaning, known = 0.0 * at, mask & lanes.not_(mask)
-    for side in range(2):
+    for turn in range(4):
         left = mask & lanes.not_(known)
         if lanes.any_lane(left):
-            aside = step if side == 0 else -step
+            aside = (step if turn < 2 else CLOSER * step) * (1.0 if turn % 2 == 0 else -1.0)
             ray = lanes.along(o, way, 0.0 * at + aside)
             low, high, found = _closed_in(forms, k, memory, ray, d, at - REACH * step, at + REACH * step, inside, TURNS, left)
             leaning = lanes.where(found, (0.5 * (low + high) - at) / aside, leaning)

@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from ...compiler import enclosures
 from ...compiler.tapes import Tape
 from ..records import Vec
+from . import jumps
 from .meet import packed
 from .search import FINEST, JUMP, NEIGHBOURS
 
 PIECES = 16  # of each ray, to begin with
 BISECTIONS = 80
+APART = 2.0**-48  # of the largest coordinate, before and behind a root, where its jump is looked at
 _BATCH = 1 << 15
 Floats = NDArray[np.float64]
 
@@ -123,6 +125,21 @@ def _bisected(tape: Tape, o: Floats, d: Floats, a: Floats, b: Floats, in_a: NDAr
     return 0.5 * (a + b)
 
 
+def _on_faces(
+    tape: Tape, normal: Floats, start: Floats, way: Floats, at: Floats, reach: float, size: Floats, toward: Floats
+) -> Floats:  # fmt: skip
+    """The same normals, but of faces where the formula jumps over 0."""
+    if not jumps.may_jump(tape):
+        return normal
+    before, after = start + (at - APART * reach) * way, start + (at + APART * reach) * way
+    apart = np.abs(enclosures.points(tape, *after)[0] - enclosures.points(tape, *before)[0])
+    turn = enclosures.faces(tape, before, after)
+    turn = turn / np.linalg.norm(turn, axis=0)
+    turn = np.where(toward * (turn * way).sum(axis=0) < 0, -turn, turn)
+    here = np.isfinite(turn).all(axis=0) & ~(apart <= jumps.LEAST * reach * size) & (apart < np.inf)
+    return np.where(here, turn, normal)
+
+
 def _finished(
     tape: Tape, parameters: Floats, start: Floats, way: Floats, at: Floats, inside: NDArray
 ) -> tuple[NDArray[np.int64], Floats, Floats]:
@@ -132,6 +149,7 @@ def _finished(
         size = np.linalg.norm(gradient, axis=0)
         usable = (size > 0) & np.isfinite(size)
         normal = np.where(usable, gradient / size, toward * way)
+        normal = _on_faces(tape, normal, start, way, at, reach, size, toward)
         if not parameters[0]:
             along = (normal * way).sum(axis=0)
             normal = np.where(toward * along < 0, normal - 2 * along * way, normal)

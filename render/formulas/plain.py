@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...compiler import enclosures
 from ...compiler.tapes import Tape
 from ..records import Vec
-from . import jumps
+from . import jumps, plain_faces
 from .meet import packed
 from .search import FINEST, JUMP, NEIGHBOURS
 
@@ -133,7 +133,7 @@ def _on_faces(
         return normal
     before, after = start + (at - APART * reach) * way, start + (at + APART * reach) * way
     apart = np.abs(enclosures.points(tape, *after)[0] - enclosures.points(tape, *before)[0])
-    turn = enclosures.faces(tape, before, after)
+    turn = plain_faces.faces(tape, before, after)
     turn = turn / np.linalg.norm(turn, axis=0)
     turn = np.where(toward * (turn * way).sum(axis=0) < 0, -turn, turn)
     here = np.isfinite(turn).all(axis=0) & ~(apart <= jumps.LEAST * reach * size) & (apart < np.inf)

@@ -52,28 +52,21 @@ def _row(builder: SceneBuilder, key: str, space: str, color: bool, source: Any, 
     limit = min(MAX_TEXELS, MAX_ALL_TEXELS - builder.texels)
 
     def made() -> int:
-        texels = _decoded(source(), name, space, limit)
-        odd = int(np.count_nonzero(~np.isfinite(texels).all(axis=2)))
+        texels, odd = read(source(), name, space, limit)
         if odd:
             message = f"{odd:,} of {texels.shape[0] * texels.shape[1]:,} pixels of the picture `{name}` are infinite or no numbers"
             hint = f"they are drawn as {LARGEST:.1e} and as 0; half floats end at 65504: write it as float"
             builder.diagnostics.warning(message, span, hint)
-        return builder.image(_sound(texels), key)
+        return builder.image(texels, key)
 
     return builder.shared(("image", key, space), made)
 
 
-def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_TEXELS) -> np.ndarray:
-    """(h, w, 4) float32 linear r, g, b and unassociated alpha, finite, from a path or a file's bytes. ImageError if that fails."""
-    return _sound(_decoded(source, name, space, limit))
+def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_TEXELS) -> tuple[np.ndarray, int]:
+    """(h, w, 4) float32 linear r, g, b and unassociated alpha, from a path or a file's bytes; how many pixels were not finite.
 
-
-def _sound(texels: np.ndarray) -> np.ndarray:
-    """The same without what is not finite, in place."""
-    return np.nan_to_num(texels, copy=False, nan=0.0, posinf=LARGEST, neginf=0.0)
-
-
-def _decoded(source: str | bytes, name: str, space: str, limit: int) -> np.ndarray:
+    Infinite is the largest number, what is none is 0. ImageError if it cannot be read.
+    """
     import OpenImageIO as oiio
 
     with _on_disk(source) as path, np.errstate(all="ignore"):
@@ -96,7 +89,9 @@ def _decoded(source: str | bytes, name: str, space: str, limit: int) -> np.ndarr
             picture.close()
     if pixels.ndim == 4:  # a volume's first slice
         pixels = pixels[0]
-    return _linear(pixels.reshape(spec.height, spec.width, -1), spec, space)
+    texels = _linear(pixels.reshape(spec.height, spec.width, -1), spec, space)
+    odd = int(np.count_nonzero(~np.isfinite(texels).all(axis=2)))
+    return np.nan_to_num(texels, copy=False, nan=0.0, posinf=LARGEST, neginf=0.0), odd
 
 
 def _stored_type(spec: Any) -> str:

@@ -13,13 +13,17 @@ from .simd.value import I64
 from .simd.vector import intrinsic
 
 
+def _element(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any:
+    """Where array[index] is."""
+    return builder.gep(make_array(kind)(context, builder, array).data, [index])
+
+
 @intrinsic
 def count_up(typingctx, counters, index, by):
     """counters[index] += by, whatever other threads do."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        data = make_array(counters)(context, builder, args[0]).data
-        builder.atomic_rmw("add", builder.gep(data, [args[1]]), args[2], "monotonic")
+        builder.atomic_rmw("add", _element(context, builder, counters, *args[:2]), args[2], "monotonic")
         return context.get_dummy_value()
 
     return signature(types.void, counters, types.int64, types.int64), generate
@@ -30,8 +34,7 @@ def taken(typingctx, counters, index, by):
     """counters[index] as it was before `by` was added to it, whatever other threads do."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        data = make_array(counters)(context, builder, args[0]).data
-        return builder.atomic_rmw("add", builder.gep(data, [args[1]]), args[2], "acq_rel")
+        return builder.atomic_rmw("add", _element(context, builder, counters, *args[:2]), args[2], "acq_rel")
 
     return signature(types.int64, counters, types.int64, types.int64), generate
 
@@ -41,9 +44,8 @@ def claimed(typingctx, states, index):
     """states[index] (0 free, 1 taken, 2 done) as it was, taken now if it was free."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        data = make_array(states)(context, builder, args[0]).data
         zero, one = ir.Constant(I64, 0), ir.Constant(I64, 1)
-        found = builder.cmpxchg(builder.gep(data, [args[1]]), zero, one, "acq_rel", "acquire")
+        found = builder.cmpxchg(_element(context, builder, states, *args), zero, one, "acq_rel", "acquire")
         return builder.extract_value(found, 0)
 
     return signature(types.int64, states, types.int64), generate
@@ -54,8 +56,7 @@ def released(typingctx, states, index):
     """states[index] = 2, after all that was written before."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        data = make_array(states)(context, builder, args[0]).data
-        builder.atomic_rmw("max", builder.gep(data, [args[1]]), ir.Constant(I64, 2), "acq_rel")
+        builder.atomic_rmw("max", _element(context, builder, states, *args), ir.Constant(I64, 2), "acq_rel")
         return context.get_dummy_value()
 
     return signature(types.void, states, types.int64), generate

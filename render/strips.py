@@ -21,6 +21,7 @@ from .image import Image
 
 HELD = 1 << 27  # pixels of a picture that is held whole: 2 GiB of red, green, blue and coverage
 STRIP = 1 << 24  # of a strip
+STEPS = 100  # of progress in a strip
 
 
 def plans(plan: Plan) -> list[Plan]:
@@ -52,9 +53,6 @@ def images(
             progress(before * STEPS + done * STEPS // total, len(strips) * STEPS)
 
         yield draw.draw(scene, plan, told, cancel)
-
-
-STEPS = 100  # of progress in a strip
 
 
 def joined(about: Sequence[dict[str, Any]], plan: Plan) -> dict[str, Any]:

@@ -28,11 +28,15 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return standing_by(tmp_path, monkeypatch, SCENE)
 
 
-@pytest.fixture
-def small(monkeypatch: pytest.MonkeyPatch) -> None:
+def hold_less(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is held whole is less than the picture: strips of 32 rows."""
     monkeypatch.setattr(strips, "HELD", 80 * 40)
     monkeypatch.setattr(strips, "STRIP", 80 * 40)
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    hold_less(monkeypatch)
 
 
 def run(*arguments: object) -> tuple[int, str]:
@@ -61,10 +65,8 @@ def pixels(path: str) -> tuple[np.ndarray, tuple[str, ...]]:
 def test_strips_make_the_file_that_the_whole_makes(folder, monkeypatch, backend, name, more):
     whole = run("--backend", backend, "-o", name, *more)
     first = pixels(name)
-    with monkeypatch.context() as small:
-        small.setattr(strips, "HELD", 80 * 40)
-        small.setattr(strips, "STRIP", 80 * 40)
-        parts = run("--backend", backend, "-o", "b" + name, *more)
+    hold_less(monkeypatch)
+    parts = run("--backend", backend, "-o", "b" + name, *more)
     second = pixels("b" + name)
     assert whole[0] == parts[0] == 0
     assert first[1] == second[1]

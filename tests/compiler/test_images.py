@@ -15,10 +15,12 @@ def linear(value: float) -> float:
     return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4
 
 
-def read(path: Path, space: str = "auto") -> np.ndarray:
-    """Read from disk, checked to be the same from memory."""
-    made = images.read(str(path), path.name, space)
-    assert np.array_equal(made, images.read(path.read_bytes(), path.name, space))
+def read(path: Path, space: str = "auto", odd: int = 0) -> np.ndarray:
+    """Read from disk, checked to be the same from memory; `odd` pixels are not finite."""
+    made, found = images.read(str(path), path.name, space)
+    held, again = images.read(path.read_bytes(), path.name, space)
+    assert np.array_equal(made, held)
+    assert found == again == odd
     assert (made.dtype, made.shape[2]) == (np.float32, 4)
     return made
 
@@ -65,8 +67,8 @@ def test_grey_and_grey_with_alpha(tmp_path: Path) -> None:
 
 
 def test_what_is_not_finite_is_made_finite(tmp_path: Path) -> None:
-    pixels = np.array([[[np.nan, np.inf, 1.0]]], dtype=np.float32)
-    made = read(write_image(tmp_path / "a.exr", pixels))
+    pixels = np.array([[[np.nan, np.inf, 1.0], [0.5, 0.5, 0.5]]], dtype=np.float32)
+    made = read(write_image(tmp_path / "a.exr", pixels), odd=1)
     assert made[0, 0].tolist() == [0, images.LARGEST, 1, 1]
 
 

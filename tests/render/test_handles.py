@@ -90,6 +90,40 @@ def test_only_contiguous_arrays_are_taken() -> None:
         Handle(table._replace(frames=table.frames.transpose(0, 2, 1)))
 
 
+class Other(NamedTuple):
+    other: Handle
+    count: int
+
+
+@kernel
+def other_row(t, i):
+    return t.other.rows[i]
+
+
+def test_a_handle_in_a_handle_can_be_another_one() -> None:
+    """What read the first reads the second, which is kept alive."""
+    first, second = make(3), make(4)
+    second.rows[1] = 42
+    pointing = Handle(Other(Handle(first), 5))
+    assert other_row(pointing, 1) == 1
+    pointing.point("other", Handle(second))
+    assert pointing.tables.other.tables is second
+    gc.collect()
+    assert other_row(pointing, 1) == 42
+
+
+@pytest.mark.parametrize("name", ["count", "nothing"])
+def test_only_a_handle_can_be_another_one(name) -> None:
+    with pytest.raises(ValueError, match=f"{name} is no handle of that type"):
+        Handle(Other(Handle(make()), 5)).point(name, Handle(make()))
+
+
+def test_a_handle_of_another_type_is_refused() -> None:
+    pointing = Handle(Other(Handle(make()), 5))
+    with pytest.raises(ValueError, match="other is no handle of that type"):
+        pointing.point("other", Handle(make()._replace(rows=np.arange(4, dtype=np.int64))))
+
+
 class Numbers(NamedTuple):
     numbers: np.ndarray
 

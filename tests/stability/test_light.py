@@ -41,10 +41,10 @@ def mean_and_error(values: np.ndarray) -> tuple[float, float]:
 
 
 class Terminator(NamedTuple):
-    """Errors near the terminator: √mean², or for `dark_…` sums of squares. The naive shadow calls a place dark where its facet faces away
+    """Errors near the terminator: √mean², or for `dark_…` sums of squares.
 
-    from the sun, though its interpolated normal does not; light without any shadow is what no shadow can better: the rest is the
-    normals', on facets inside the ball.
+    The naive shadow calls a place dark where its facet faces away from the sun, though its interpolated normal does not; light
+    without any shadow is what no shadow can better: the rest is the normals', on facets inside the ball.
     """
 
     ours: float  # against the analytic ball, where the sun is less than 30° up
@@ -91,9 +91,9 @@ def terminator(segments: int, angle: float, backend: str, size: int = 96) -> Ter
 
 
 def test_the_terminator_of_a_smooth_ball(measured):
-    """Rays to light start off the facets (Hanika 2021): what shadows add to the error of interpolated normals is gone, and where facets
+    """Rays to light start off the facets (Hanika 2021): what shadows add to the error of interpolated normals is gone.
 
-    were dark by mistake the error against the analytic ball is less than half.
+    Where facets were dark by mistake the error against the analytic ball is less than half.
     """
     found = [terminator(8, math.radians(angle), backend) for angle in (30, 60, 90, 110) for backend in ("ray", "raster")]
     ours, naive = (math.sqrt(sum(squares)) for squares in zip(*((f.dark_ours, f.dark_naive) for f in found), strict=True))

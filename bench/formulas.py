@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numba import types
 
-from ..compiler import enclosures, solids
+from ..compiler import solids, tape_walks
 from ..compiler.tapes import INPUTS, Builder, Op, Tape, arity
 from ..render import across, rays
 from ..render.formulas import compiled, fields, meet, plain, tile_room, tiles
@@ -384,7 +384,7 @@ def _povs(v: Any) -> str:
 def _steepest(tape: Tape) -> float:
     """The largest gradient of a model in its box, by samples: what POV-Ray must be told. (Less leaves holes, as in the heart.)"""
     p = np.random.default_rng(2).uniform(-1, 1, (3, 100_000))
-    _, gradient = enclosures.gradients(tape, *p)
+    _, gradient = tape_walks.gradients(tape, *p)
     return round(float(np.nanmax(np.linalg.norm(gradient, axis=0))), 2)
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ..lang.diagnostics import Diagnostics
-from . import enclosures, facts, ir, solids, tapes
+from . import facts, ir, solids, tape_walks, tapes
 
 _PLACED = (ir.LightKind.POINT, ir.LightKind.SPOT, ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
 AHEAD = 1e-6  # of its distance from the origin, and metres: so far in front of the eye it is looked whether a camera is inside
@@ -89,7 +89,7 @@ def _inside(tables: ir.Tables, g: int, points: np.ndarray) -> np.ndarray:
         except solids.NoSolid:
             return np.zeros(len(points), np.bool_)
     with np.errstate(all="ignore"):
-        inside = np.broadcast_to(enclosures.points(tape, *points.T)[0], len(points)) < 0.0
+        inside = np.broadcast_to(tape_walks.points(tape, *points.T)[0], len(points)) < 0.0
     if kind == ir.GeometryKind.FORMULA and parameters[4] > 0.0:
         inside = inside & (np.linalg.norm(points - parameters[1:4], axis=1) < parameters[4])
     return inside

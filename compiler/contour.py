@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from . import enclosures
+from . import tape_walks
 from .tapes import Tape
 
 BLOCK = 8  # cells along an axis of the blocks that bounds are first asked about
@@ -74,7 +74,7 @@ def contour(tape: Tape, bounds: Floats, count: int, whole: bool = False) -> Cont
     edges = _Edges(tape, grid, cells, loops)
     vertices, vertex_of = _vertices(tape, grid, cells, loops, edges)
     triangles = _triangles(grid, cells, edges, vertex_of, vertices)
-    _, gradient = enclosures.gradients(tape, *vertices.T)
+    _, gradient = tape_walks.gradients(tape, *vertices.T)
     length = np.linalg.norm(gradient, axis=0)
     with np.errstate(all="ignore"):
         normals = np.where((length > 0) & np.isfinite(length), gradient / length, np.array([[0.0], [1.0], [0.0]])).T
@@ -101,7 +101,7 @@ class _Grid(NamedTuple):
 
 
 def _field(tape: Tape, points: Floats) -> Floats:
-    parts = [enclosures.points(tape, *points[k : k + _BATCH].T)[0] for k in range(0, len(points), _BATCH)]
+    parts = [tape_walks.points(tape, *points[k : k + _BATCH].T)[0] for k in range(0, len(points), _BATCH)]
     return np.concatenate(parts) if parts else np.zeros(0)
 
 
@@ -122,7 +122,7 @@ def _cells(tape: Tape, grid: _Grid) -> Ints:
 
 def _may_hold(tape: Tape, grid: _Grid, cells: Ints, size: int) -> NDArray[np.bool_]:
     slack = 1e-9 * grid.size
-    (least, most), _, maybe = enclosures.boxes(tape, (grid.place(cells) - slack).T, (grid.place(cells + size) + slack).T)
+    (least, most), _, maybe = tape_walks.boxes(tape, (grid.place(cells) - slack).T, (grid.place(cells + size) + slack).T)
     return (least <= 0) & (~(most < 0) | maybe)
 
 
@@ -138,7 +138,7 @@ def _is_missing(tape: Tape, grid: _Grid, cells: Ints, pattern: Ints, mixed: NDAr
     for first in range(0, len(cells), _BATCH):
         low, high = (grid.place(cells[first : first + _BATCH] + k) for k in (0, 1))
         middle = 0.5 * (low + high)
-        value, gradient = enclosures.gradients(tape, *middle.T)
+        value, gradient = tape_walks.gradients(tape, *middle.T)
         with np.errstate(all="ignore"):
             step = np.nan_to_num((value / (gradient**2).sum(axis=0) * gradient).T, posinf=0.0, neginf=0.0)
         for share in _BEYOND:
@@ -236,7 +236,7 @@ class _Edges:
             same = ((_field(tape, middle) <= 0) == self.rising)[:, None]
             a, b = np.where(same, middle, a), np.where(same, b, middle)
         self.root = 0.5 * (a + b)
-        _, gradient = enclosures.gradients(tape, *np.where(self.rising[:, None], a, b).T)  # on the side where it is defined
+        _, gradient = tape_walks.gradients(tape, *np.where(self.rising[:, None], a, b).T)  # on the side where it is defined
         length = np.linalg.norm(gradient, axis=0)
         with np.errstate(all="ignore"):
             self.normal = np.where((length > 0) & np.isfinite(length), gradient / length, 0.0).T
@@ -271,7 +271,7 @@ def _vertices(tape: Tape, grid: _Grid, cells: Ints, loops: Ints, edges: _Edges) 
 
 def _nearer(tape: Tape, points: Floats, low: Floats, high: Floats) -> Floats:
     for _ in range(2):
-        value, gradient = enclosures.gradients(tape, *points.T)
+        value, gradient = tape_walks.gradients(tape, *points.T)
         with np.errstate(all="ignore"):
             step = (value / (gradient**2).sum(axis=0) * gradient).T
         points = np.where(np.isfinite(step).all(axis=1)[:, None], np.clip(points - step, low, high), points)
@@ -317,7 +317,7 @@ def deviation(tape: Tape, positions: Floats, triangles: Ints) -> tuple[float, fl
         return 0.0, 0.0
     corners = positions[triangles]
     places = np.concatenate([corners.mean(axis=1), 0.5 * (corners + np.roll(corners, 1, axis=1)).reshape(-1, 3)])
-    value, gradient = enclosures.gradients(tape, *places.T)
+    value, gradient = tape_walks.gradients(tape, *places.T)
     with np.errstate(all="ignore"):
         off = np.abs(value) / np.linalg.norm(gradient, axis=0)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

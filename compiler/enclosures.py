@@ -16,10 +16,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
-from .tape_points import Number, NumpyMath, noise, point, slopes
-from .tapes import Op, Tape, arity
+from .tape_points import Number, noise, point
+from .tapes import Op
 
 Interval = tuple[Number, Number]
 
@@ -513,73 +511,3 @@ def _fillet_partials(m: Any, boxes: list[Interval]) -> list[Interval]:
 
 def _within_one(m: Any, a: Interval, one: Number) -> Interval:
     return m.where(a[0] > -one, a[0], -one), m.where(a[1] < one, a[1], one)
-
-
-# --- whole tapes, in numpy ----------------------------------------------------------------------------------------------
-
-
-def points(tape: Tape, x: Any, y: Any, z: Any) -> list[np.ndarray]:
-    """The results of a tape at points: the definition of what a formula is. Quiet about what is not defined: that is nan."""
-    m = NumpyMath()
-    values: list[Any] = list(np.broadcast_arrays(*(np.asarray(p, np.float64) for p in (x, y, z))))
-    shape = values[0].shape
-    with np.errstate(all="ignore"):
-        for op, *operands in tape.code.tolist():
-            values.append(point(m, op, *(operand(tape, values, name) for name in operands[: arity(op)])))
-        return [np.broadcast_to(operand(tape, values, name), shape) for name in tape.results]
-
-
-def gradients(tape: Tape, x: Any, y: Any, z: Any) -> tuple[np.ndarray, np.ndarray]:
-    """(value, (3, …) gradient) of a tape's first result."""
-    m = NumpyMath()
-    values: list[Any] = list(np.broadcast_arrays(*(np.asarray(p, np.float64) for p in (x, y, z))))
-    zero = np.zeros(values[0].shape)
-    turns: list[list[Any]] = [[zero + (k == n) for n in range(3)] for k in range(3)]
-
-    def turn(name: int) -> list[Any]:
-        return turns[name] if name >= 0 else [zero, zero, zero]
-
-    with np.errstate(all="ignore"):
-        for op, *operands in tape.code.tolist():
-            given = [operand(tape, values, name) + zero for name in operands[: arity(op)]]
-            value = point(m, op, *given)
-            turns.append(slopes(m, op, given, value, [turn(name) for name in operands[: arity(op)]]))
-            values.append(value)
-        result = tape.results[0]
-        return operand(tape, values, result) + zero, np.stack(np.broadcast_arrays(*turn(result)))
-
-
-def operand(tape: Tape, values: list[Any], name: int) -> Any:
-    """What a name of a tape stands for: a value so far, or a constant."""
-    return values[name] if name >= 0 else tape.constants[~name]
-
-
-def boxes(tape: Tape, low: Any, high: Any, along: Any = None, ways: Any = None) -> tuple[Interval, Interval, np.ndarray]:
-    """Bounds of a tape's first result over boxes with corners (3, n): ((low, high), bounds of its slope, whether parts may be undefined).
-
-    The slope is that along `along` (3, n); without it the second pair is empty (nan). With `ways` (n,) of whole numbers, boxes are gone
-    through one way each, by the digits of these numbers; see `one_side`.
-    """
-    n = np.shape(low)[-1]
-    m = NumpyMath((n,), ways)
-    zero = np.zeros(n)
-    values: list[Interval] = [(np.asarray(low[k], np.float64), np.asarray(high[k], np.float64)) for k in range(3)]
-    turns: list[Interval] = [(zero, zero) if along is None else (along[k] + zero, along[k] + zero) for k in range(3)]
-
-    def named(name: int) -> Interval:
-        return values[name] if name >= 0 else (zero + tape.constants[~name],) * 2
-
-    def turn(name: int) -> Interval:
-        return turns[name] if name >= 0 else (zero, zero)
-
-    with np.errstate(all="ignore"):
-        for op, *operands in tape.code.tolist():
-            used = operands[: arity(op)]
-            given = [named(name) for name in used]
-            value = interval(m, op, *given)
-            if along is not None:
-                turns.append(slope_intervals(m, op, given, value, [[turn(name)] for name in used])[0])
-            values.append(value)
-    result = tape.results[0]
-    slope = turn(result) if along is not None else (zero + np.nan, zero + np.nan)
-    return named(result), slope, m.maybe

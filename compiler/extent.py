@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import enclosures
+from . import tape_walks
 from .tapes import Tape
 
 FARTHEST = 1e6  # units of the formula: what reaches farther counts as endless
@@ -71,7 +71,7 @@ def leaves_open(tape: Tape, bounds: np.ndarray) -> bool:
         a, b = a[:, keep], b[:, keep]
         if not a.shape[1]:
             return False
-        middle = enclosures.points(tape, *(0.5 * (a + b)))[0]
+        middle = tape_walks.points(tape, *(0.5 * (a + b)))[0]
         if (middle <= 0).any() or a.shape[1] > MOST_BOXES // 8:
             return True
         a, b = _cut(a, b, np.ones(a.shape[1], bool))
@@ -84,7 +84,7 @@ def leaves_open(tape: Tape, bounds: np.ndarray) -> bool:
 
 
 def _may_hold(tape: Tape, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    (least, _), _, _ = enclosures.boxes(tape, low, high)
+    (least, _), _, _ = tape_walks.boxes(tape, low, high)
     return least <= 0.0
 
 

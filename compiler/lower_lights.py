@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..lang.elements import Element
-from . import daylight, enclosures, ir, transforms
+from . import daylight, ir, tape_walks, transforms
 from .rows import NO_SHADOW, Color, Input, InstanceData, LightData, MaterialData
 
 if TYPE_CHECKING:
@@ -140,7 +140,7 @@ def _patterned(lowering: Lowering, element: Element) -> int:
     latitude = np.pi * (0.5 - (np.arange(_DOME) + 0.5) / _DOME)[:, None]
     turn = 2.0 * np.pi * (0.5 - (np.arange(2 * _DOME) + 0.5) / (2 * _DOME))[None]
     x, y, z = np.cos(latitude) * np.sin(turn), np.sin(latitude) + 0.0 * turn, np.cos(latitude) * np.cos(turn)
-    values = [np.broadcast_to(v, x.size).reshape(x.shape) for v in enclosures.points(tape, x.ravel(), y.ravel(), z.ravel())]
+    values = [np.broadcast_to(v, x.size).reshape(x.shape) for v in tape_walks.points(tape, x.ravel(), y.ravel(), z.ravel())]
     rgba = np.stack([*(values if len(values) == 3 else values * 3), np.ones(x.shape)], axis=-1)
     picture = np.where(np.isfinite(rgba), np.maximum(rgba, 0.0), 0.0).astype(np.float32)
     key = ("pattern of a dome", tape.structure(), tape.constants.tobytes())

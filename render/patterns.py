@@ -94,7 +94,7 @@ def _seen_in_kernels(tables, row, p, spread):
 
 def texel(tables: Any, row: Lane, p: Vec) -> Vec:
     """The colour of patterns (rows of Textures) at points in the things' own frames; a number is grey. 0 where it is not defined."""
-    from ..compiler import enclosures
+    from ..compiler import tape_walks
     from ..compiler.tapes import stored
 
     shape = np.broadcast(*p).shape
@@ -105,7 +105,7 @@ def texel(tables: Any, row: Lane, p: Vec) -> Vec:
         if tape < 0:
             continue
         here = rows == one
-        values = enclosures.points(stored(tables, int(tape)), *(np.broadcast_to(x, shape)[here] for x in p))
+        values = tape_walks.points(stored(tables, int(tape)), *(np.broadcast_to(x, shape)[here] for x in p))
         for k in range(3):
             found[k][here] = values[min(k, len(values) - 1)]
     found = np.where(np.isfinite(found), found, 0.0)

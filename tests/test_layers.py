@@ -29,6 +29,7 @@ RENDER_READS = {
     "compiler.tapes",  # what tapes of the IR hold and mean
     "compiler.tape_points",
     "compiler.enclosures",
+    "compiler.tape_walks",
     "compiler.closed_forms",  # solids of planes, quadrics and tori among them
     "compiler.contour",  # their surfaces as triangles
     "compiler.mesh_solids",  # fewer of them

@@ -94,9 +94,9 @@ def _turned(forms: Any, k: int, memory: Room, o: Vec, d: Vec, at: Lane, inside: 
 def _leaning(
     forms: Any, k: int, memory: Room, o: Vec, d: Vec, at: Lane, way: Vec, inside: Lane, reach: float, mask: Lane
 ) -> tuple[Lane, Lane]:
-    """(how much farther the face is a unit of `way` aside, where it was found); looked for on the other side where it ends on this one,
+    """(how much farther the face is a unit of `way` aside, where it was found).
 
-    and closer by where it leaves the stretch that is followed.
+    It is looked for on the other side where it ends on this one, and closer by where it leaves the stretch that is followed.
     """
     step = BESIDE * reach
     leaning, known = 0.0 * at, mask & lanes.not_(mask)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ...compiler import enclosures
+from ...compiler import tape_walks
 from ...compiler.tapes import Tape
 from ..records import Vec
 from . import jumps, plain_faces
@@ -77,9 +77,9 @@ def _first(tape: Tape, sheet: bool, reach: float, o: Floats, d: Floats, length: 
         keep = a < root[ray]
         ray, a, b = ray[keep], a[keep], b[keep]
         p, q, way = o[:, ray] + a * d[:, ray], o[:, ray] + b * d[:, ray], d[:, ray]
-        (low, high), (least, most), maybe = enclosures.boxes(tape, np.minimum(p, q), np.maximum(p, q), way)
+        (low, high), (least, most), maybe = tape_walks.boxes(tape, np.minimum(p, q), np.maximum(p, q), way)
         with np.errstate(invalid="ignore"):
-            in_a, in_b = (enclosures.points(tape, *x)[0] <= 0 for x in (p, q))
+            in_a, in_b = (tape_walks.points(tape, *x)[0] <= 0 for x in (p, q))
             change = in_a != in_b
             one_way = ((least > 0) | (most < 0)) & ~maybe
             away = ~(low <= 0) | ((high < 0) & ~maybe)
@@ -110,7 +110,7 @@ def _passes(tape: Tape, sheet: bool, p: Floats, q: Floats, inside: NDArray) -> N
     """Whether boxes in which the formula jumps hold no root: see search._passes."""
     n, ways = p.shape[1], np.arange(8, 16)
     low, high = (np.repeat(f(p, q), len(ways), axis=1) for f in (np.minimum, np.maximum))
-    (least, most), _, maybe = enclosures.boxes(tape, low, high, ways=np.tile(ways, n))
+    (least, most), _, maybe = tape_walks.boxes(tape, low, high, ways=np.tile(ways, n))
     outside, within = ~(least <= 0), most < 0
     wanted = (outside | within) if sheet else np.where(np.repeat(inside, len(ways)), within, outside)
     return (wanted & ~maybe).reshape(n, len(ways)).all(axis=1)
@@ -120,7 +120,7 @@ def _bisected(tape: Tape, o: Floats, d: Floats, a: Floats, b: Floats, in_a: NDAr
     for _ in range(BISECTIONS):
         middle = 0.5 * (a + b)
         with np.errstate(invalid="ignore"):
-            same = (enclosures.points(tape, *(o + middle * d))[0] <= 0) == in_a
+            same = (tape_walks.points(tape, *(o + middle * d))[0] <= 0) == in_a
         a, b = np.where(same, middle, a), np.where(same, b, middle)
     return 0.5 * (a + b)
 
@@ -132,7 +132,7 @@ def _on_faces(
     if not jumps.may_jump(tape):
         return normal
     before, after = start + (at - APART * reach) * way, start + (at + APART * reach) * way
-    apart = np.abs(enclosures.points(tape, *after)[0] - enclosures.points(tape, *before)[0])
+    apart = np.abs(tape_walks.points(tape, *after)[0] - tape_walks.points(tape, *before)[0])
     turn = plain_faces.faces(tape, before, after)
     turn = turn / np.linalg.norm(turn, axis=0)
     turn = np.where(toward * (turn * way).sum(axis=0) < 0, -turn, turn)
@@ -144,7 +144,7 @@ def _finished(
     tape: Tape, parameters: Floats, start: Floats, way: Floats, at: Floats, inside: NDArray
 ) -> tuple[NDArray[np.int64], Floats, Floats]:
     point, reach, toward = start + at * way, parameters[5], np.where(inside, 1.0, -1.0)
-    _, gradient = enclosures.gradients(tape, *point)
+    _, gradient = tape_walks.gradients(tape, *point)
     with np.errstate(all="ignore"):
         size = np.linalg.norm(gradient, axis=0)
         usable = (size > 0) & np.isfinite(size)
@@ -153,7 +153,7 @@ def _finished(
         if not parameters[0]:
             along = (normal * way).sum(axis=0)
             normal = np.where(toward * along < 0, normal - 2 * along * way, normal)
-        (low, high), _, _ = enclosures.boxes(tape, point, point)
+        (low, high), _, _ = tape_walks.boxes(tape, point, point)
         off = np.maximum(np.abs(low), np.abs(high)) / size
         units = np.where(usable & (off < reach), off / (2.0**-53 * reach), 0.0)
     u, v = packed((normal[0], normal[1], normal[2]))

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ...compiler.enclosures import operand
-from ...compiler.tape_points import NumpyMath, point, slopes
-from ...compiler.tapes import Op, Tape, arity
+from ...compiler.tape_points import NumpyMath, slopes
+from ...compiler.tape_walks import gradients
+from ...compiler.tapes import Op, Tape
 
 
 def faces(tape: Tape, before: np.ndarray, after: np.ndarray) -> np.ndarray:
@@ -16,24 +16,17 @@ def faces(tape: Tape, before: np.ndarray, after: np.ndarray) -> np.ndarray:
 
     That is what a floor or a sign is taken of, a choice made by, or an angle's cut counted from: the face there is a level of it.
     """
-    m = NumpyMath()
-    both: list[Any] = [np.stack([np.asarray(before[k], np.float64), np.asarray(after[k], np.float64)]) for k in range(3)]
-    shape = both[0].shape
-    turns: list[list[Any]] = [[np.full(shape, float(k == n)) for n in range(3)] for k in range(3)]
-    found = np.full((3, shape[1]), np.nan)
-    still = [np.zeros(shape)] * 3
-    with np.errstate(all="ignore"):
-        for op, *operands in tape.code.tolist():
-            names = operands[: arity(op)]
-            given, ways = [operand(tape, both, name) + still[0] for name in names], [turns[name] if name >= 0 else still for name in names]
-            jumped = _side(op, given)
-            if jumped is not None:
-                of = slopes(m, Op.DIVIDE, given, given[0] / given[1], ways) if op == Op.MOD else ways[0]
-                fresh = (jumped[0] != jumped[1]) & np.isnan(found[0])
-                found = np.where(fresh, np.stack([np.broadcast_to(turn, shape)[1] for turn in of]), found)
-            value = point(m, op, *given)
-            turns.append(slopes(m, op, given, value, ways))
-            both.append(value)
+    shape = np.shape(before[0])
+    found = np.full((3, *shape), np.nan)
+
+    def look(op: int, given: list[Any], ways: list[list[Any]]) -> None:
+        step = _side(op, given)
+        if step is not None:
+            of = slopes(NumpyMath(), Op.DIVIDE, given, given[0] / given[1], ways) if op == Op.MOD else ways[0]
+            fresh = (step[0] != step[1]) & np.isnan(found[0])
+            np.copyto(found, np.stack([np.broadcast_to(turn, (2, *shape))[1] for turn in of]), where=fresh)
+
+    gradients(tape, *np.stack([before, after], axis=1), look=look)
     return found
 
 

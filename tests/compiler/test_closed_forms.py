@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from maquette.compiler import closed_forms, enclosures, load, tapes
+from maquette.compiler import closed_forms, load, tape_walks, tapes
 from maquette.compiler.tapes import Builder, Op, Tape
 
 SOLIDS = {  # how many relations each is
@@ -42,7 +42,7 @@ def test_the_same_points_are_inside(tmp_path, text):
     assert found is not None
     assert len(found.leaves) == SOLIDS[text]
     points = np.random.default_rng(5).uniform(-1.6, 1.6, (20_000, 3))
-    field = enclosures.points(tape, *points.T)[0]
+    field = tape_walks.points(tape, *points.T)[0]
     clear = np.abs(field) > 1e-9
     inside = closed_forms.holds(found, points)
     assert 100 < inside.sum() < 19_900
@@ -91,6 +91,6 @@ def test_whatever_is_recognised_holds_at_the_same_points(data):
         return
     points = np.random.default_rng(1).uniform(-2, 2, (500, 3))
     with np.errstate(all="ignore"):
-        field = enclosures.points(tape, *points.T)[0]
+        field = tape_walks.points(tape, *points.T)[0]
     clear = np.abs(field) > 1e-6 * (1 + np.abs(field))
     assert (closed_forms.holds(found, points) == (field <= 0))[clear & ~np.isnan(field)].all()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from maquette.compiler import enclosures, ir, load
+from maquette.compiler import ir, load, tape_walks
 from maquette.compiler.tapes import Tape, most_live
 from maquette.lang.diagnostics import Diagnostics, SceneError
 
@@ -36,7 +36,7 @@ def field(scene: ir.Scene, *points: tuple[float, float, float]) -> list[float]:
     tape = Tape(
         pools.code[first : first + tapes.count[t]], pools.constants[begin : begin + tapes.constant_count[t]], (int(tapes.results[t, 0]),)
     )
-    return enclosures.points(tape, *local.T)[0].tolist()
+    return tape_walks.points(tape, *local.T)[0].tolist()
 
 
 def bounds(scene: ir.Scene) -> np.ndarray:

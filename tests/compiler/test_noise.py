@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from maquette.compiler import enclosures, load, tapes
+from maquette.compiler import load, tape_walks, tapes
 from maquette.compiler.tape_points import NumpyMath, noise
 from maquette.lang import noise as plain
 from maquette.lang.diagnostics import SceneError
@@ -85,7 +85,7 @@ def value(folder: Path, expression: str, point: tuple[float, float, float]) -> f
     path = folder / "a.scene"
     path.write_text(f"sphere(1, material: lambert(pattern(|x, y, z| {expression})))\n", encoding="utf-8")
     tables = load.load(path).tables
-    return float(enclosures.points(tapes.stored(tables, int(tables.textures.tape[0])), *np.array([point]).T)[0][0])
+    return float(tape_walks.points(tapes.stored(tables, int(tables.textures.tape[0])), *np.array([point]).T)[0][0])
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from maquette.compiler import enclosures, extent
+from maquette.compiler import extent, tape_walks
 from maquette.compiler.tapes import Builder, Op, Tape, Unfit, arity, surface
 from maquette.lang import formula as formulas
 
@@ -40,7 +40,7 @@ def test_a_field_is_at_most_0_where_the_relation_holds(relation):
     tape, sheet = tape_of(relation)
     whole = recorded(relation)
     points = np.random.default_rng(5).uniform(-2, 2, (300, 3))
-    found = enclosures.points(tape, *points.T)[0]
+    found = tape_walks.points(tape, *points.T)[0]
     assert not sheet
     for p, field in zip(points, found, strict=True):
         assert (field <= 0) == formulas.evaluate(whole, p)
@@ -49,7 +49,7 @@ def test_a_field_is_at_most_0_where_the_relation_holds(relation):
 def test_sheets_have_a_field_whose_sign_changes():
     for relation in ("x^2 == 4", "(x - 1)^2 == 0", "abs(x - y) == 0"):
         tape, sheet = tape_of(relation)
-        signs = np.sign(enclosures.points(tape, *np.random.default_rng(1).uniform(-4, 4, (3, 400)))[0])
+        signs = np.sign(tape_walks.points(tape, *np.random.default_rng(1).uniform(-4, 4, (3, 400)))[0])
         assert sheet
         assert {-1.0, 1.0} <= set(signs.tolist())
 
@@ -110,11 +110,11 @@ def check(tape: Tape, low: np.ndarray, high: np.ndarray, random: np.random.Gener
     way = random.normal(size=low.shape)
     if turn == 0.0 and tape.code[0, 0] == Op.MOD:
         way[1] = 0.0
-    (least, most), (down, up), maybe = enclosures.boxes(tape, low, high, way)
+    (least, most), (down, up), maybe = tape_walks.boxes(tape, low, high, way)
     for _ in range(4):
         share = random.random(low.shape)
         at = np.clip(low + np.where(random.random(low.shape) < 0.3, np.round(share), share) * (high - low), low, high)
-        value, gradient = enclosures.gradients(tape, *at)
+        value, gradient = tape_walks.gradients(tape, *at)
         slope = (gradient * way).sum(axis=0)
         defined = np.isfinite(value)
         inside = (value >= least) & (value <= most)
@@ -159,9 +159,9 @@ def test_bounds_of_whole_tapes_hold(tape, seed):
 
 
 def check_values(tape: Tape, low: np.ndarray, high: np.ndarray, random: np.random.Generator) -> None:
-    (least, most), _, maybe = enclosures.boxes(tape, low, high)
+    (least, most), _, maybe = tape_walks.boxes(tape, low, high)
     for _ in range(3):
-        value = enclosures.points(tape, *(low + random.random(low.shape) * (high - low)))[0]
+        value = tape_walks.points(tape, *(low + random.random(low.shape) * (high - low)))[0]
         defined = np.isfinite(value) & (np.abs(value) < 1e80)
         assert ((value >= least) & (value <= most) | maybe)[defined].all()
         assert (~(value > 0) | ~(most < 0) | maybe)[defined].all()

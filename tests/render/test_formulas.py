@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from maquette.compiler import enclosures, load
+from maquette.compiler import load, tape_walks
 from maquette.compiler.tapes import Op, Tape, arity
 from maquette.render import rays, trace
 from maquette.render.formulas import cells, compiled, fields, interpreter, plain
@@ -51,7 +51,7 @@ def test_operations_at_points_are_numpys(op):
     for _ in range(20):
         p = random.uniform(-3, 3, (3, LANES))
         found, _ = evaluated("points", single(op), p[:, None])
-        expected = enclosures.points(single(op), *p)[0]
+        expected = tape_walks.points(single(op), *p)[0]
         assert np.allclose(found[0], expected, rtol=1e-13, atol=1e-14, equal_nan=True)
 
 
@@ -68,7 +68,7 @@ def test_bounds_hold_in_kernels_too(op):
             low[0], high[0] = abs(low[0]), abs(low[0]) + high[0] - low[0]
         found, maybe = evaluated("boxes", single(op), np.stack([low, high], axis=1))
         for _ in range(5):
-            value = enclosures.points(single(op), *(low + random.random(low.shape) * (high - low)))[0]
+            value = tape_walks.points(single(op), *(low + random.random(low.shape) * (high - low)))[0]
             inside = (value >= found[0]) & (value <= found[1])
             for off in (turn, -turn) if turn else ():
                 inside |= (value + off >= found[0]) & (value + off <= found[1])

@@ -6,7 +6,7 @@ import os
 
 import numpy as np
 import pytest
-from maquette.compiler import enclosures
+from maquette.compiler import tape_walks
 from maquette.compiler.tapes import Builder, Op, Tape, arity
 from maquette.render.formulas import cells, fields, interpreter
 from maquette.render.formulas.calls import interpret
@@ -48,7 +48,7 @@ def hold(tape: Tape, low: np.ndarray, high: np.ndarray, random: np.random.Genera
     (least, most, falls, rises, off), unsure = evaluated("spans32", tape, spans)
     for share in (0.0, 1.0, random.random(low.shape), random.random(low.shape)):
         p = np.clip((low + share * (high.astype(np.float64) - low)).astype(np.float32), low, high)
-        value, gradient = enclosures.gradients(tape, *p.astype(np.float64))
+        value, gradient = tape_walks.gradients(tape, *p.astype(np.float64))
         sure = ~unsure & np.isfinite(value)
         inside = (value >= least) & (value <= most)
         for other in (turn, -turn) if turn else ():

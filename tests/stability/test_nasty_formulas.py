@@ -131,47 +131,48 @@ def test_of_a_hundred_thousand_rays_none(load, name):
     held(load, FORMULAS[name], 100_000, 2000)
 
 
+def met(load: Any, text: str, within: str, o: Any, d: Any) -> tuple[np.ndarray, int]:
+    """(t of rays, how many of them are not proved)."""
+    scene, _ = load(f"camera(position: [0, 0, 5])\nimplicit(|x, y, z| {text}, within: {within})\n")
+    trees = rays.trees(scene.tables)
+    t = rays.closest(trees, o, d).t
+    return t, int(trees.tables.forms.unproved[0])
+
+
 def test_a_piece_of_a_ray_that_is_a_pole_and_no_more(load):
     """Cells end at x = 0, where this ray's next place of 2⁻⁵⁷ is 0 again: over [0, 0] the quotient is ∞ or −∞, and never everything."""
-    scene, _ = load("camera(position: [0, 0, 5])\nimplicit(|x, y, z| y == 0.1 / x, within: 1)\n")
-    trees = rays.trees(scene.tables)
     o = -0.004344910221465104, -0.12356906380563382, 0.0024898018508214825
     d = 0.6124182099490664, -0.7838712353804453, 0.1024198343384512
-    assert rays.closest(trees, [o], [d]).t[0] == np.inf
-    assert int(trees.tables.forms.unproved[0]) == 0
+    t, unproved = met(load, "y == 0.1 / x", "1", [o], [d])
+    assert t[0] == np.inf
+    assert unproved == 0
 
 
 def test_rays_through_an_axis_on_which_angles_have_no_end(load):
     """Rays that meet the axis of atan2 to the last bit, and never what is cut from around it."""
-    scene, _ = load("camera(position: [0, 0, 5])\nimplicit(|x, y, z| atan2(z, x) >= 3, within: box([2, 2, 2]))\n")
-    trees = rays.trees(scene.tables)
     y, turn = np.linspace(-0.9, 0.9, 40), np.linspace(0.3, 2.6, 40)
     way = np.stack([-np.cos(turn), 0 * turn, -np.sin(turn)], axis=1)
-    met = rays.closest(trees, y[:, None] * [0.0, 1.0, 0.0] - 1.5 * way, way)
-    assert np.isinf(met.t).all()
-    assert int(trees.tables.forms.unproved[0]) == 0
+    t, unproved = met(load, "atan2(z, x) >= 3", "box([2, 2, 2])", y[:, None] * [0.0, 1.0, 0.0] - 1.5 * way, way)
+    assert np.isinf(t).all()
+    assert unproved == 0
 
 
 def test_what_is_undefined_at_a_place_alone_is_no_surface(load):
     """These rays' places at x = 0, where cells end, are 0 to the last bit: sin(∞) is undefined there, and inside on both sides."""
-    scene, _ = load("camera(position: [0, 0, 5])\nimplicit(|x, y, z| 0.3 * sin(0.3 / x) >= y, within: box([2, 2, 2]))\n")
-    trees = rays.trees(scene.tables)
     o, d = some_rays(100_000)
     number = [8564, 12244, 18696, 43640, 83060, 88284, 88432, 97036, 98400]
-    met = rays.closest(trees, o[number], d[number])
-    assert (abs(o[number] + met.t[:, None] * d[number]).max(axis=1) > 1 - 1e-9).all()  # not before they leave the box
-    assert int(trees.tables.forms.unproved[0]) == 0
+    t, unproved = met(load, "0.3 * sin(0.3 / x) >= y", "box([2, 2, 2])", o[number], d[number])
+    assert (abs(o[number] + t[:, None] * d[number]).max(axis=1) > 1 - 1e-9).all()  # not before they leave the box
+    assert unproved == 0
 
 
 def test_what_cannot_be_proved_is_counted_and_looked_at(load):
     """Waves finer than rays can be cut: bounds say nothing, points are looked at, and each ray that is not proved is counted."""
-    scene, _ = load("camera(position: [0, 0, 5])\nimplicit(|x, y, z| sin(1e7 * x) * 0.1 >= y, within: 1)\n")
-    trees = rays.trees(scene.tables)
     o, d = some_rays(200)
-    t = rays.closest(trees, o, d).t
+    t, unproved = met(load, "sin(1e7 * x) * 0.1 >= y", "1", o, d)
     reach = (0.1 - o[:, 1]) / d[:, 1]
     within = (reach > 0) & (np.abs(o + reach[:, None] * d) < 1).all(axis=1) & (o[:, 1] > 0.1)
     assert within.sum() > 40
     assert (np.isfinite(t[within])).all()
     assert (t[within] >= reach[within] - 1e-9).all()
-    assert int(trees.tables.forms.unproved[0]) > 0
+    assert unproved > 0

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from .compiler import ir
     from .compiler.plan import Plan
     from .render.image import Image
+    from .render.truncation import Cut
 
 STAGES = ("import", "parse", "evaluate", "lower", "validate", "compile_kernels", "build", "render", "write")
 
@@ -155,6 +156,7 @@ class Job:
         self._say(Diagnostic("note", message, span_of(scene, table, row)) for message, table, row in image.metadata["notes"])
         self._say(unproved(image.metadata["unproved"]))
         self._say(left_out(image.metadata["issues"]))
+        self._say(cut_off(image.metadata.get("cut"), scene, plan))
         partial = bool(image.metadata.get("partial"))
         if partial:
             path = _partial(path, len(parts) > 1)
@@ -222,6 +224,7 @@ class Job:
                 "seconds": {stage: seconds[stage] for stage in STAGES},
                 "rays": image.metadata.get("rays"),
                 "error": image.metadata.get("error"),
+                "cut": cut.share if (cut := image.metadata.get("cut")) else None,
                 "plan": plan.values(),
                 "warnings": warnings,
             }
@@ -337,6 +340,19 @@ def left_out(samples: int) -> list[Diagnostic]:
     are = "the light of 1 sample was" if samples == 1 else f"the light of {samples:,} samples was"
     message = f"{are} infinite or no number, and left out of the picture"
     return [Diagnostic("warning", message, None, "some strength or size is too large")]
+
+
+def cut_off(cut: Cut | None, scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
+    """What is said of a limit on bounces that leaves out more light than is allowed: a warning where an error was asked for."""
+    from .compiler import plan as planner
+
+    if cut is None or not cut.matters:
+        return []
+    than = "is the error asked for" if plan["error"] else "noise hides"
+    message = f"the limit of {plan['bounces']} bounces leaves out {cut.share:.1%} of a place's light (± {cut.error:.1%}), more than {than}"
+    enough = cut.enough or planner.MAX_BOUNCES
+    hint = f"render(bounces: {enough}) or --bounces {enough} leaves out less" + ("" if cut.enough else "; light goes on and on here")
+    return [Diagnostic("warning" if plan["error"] else "note", message, scene.spans.at("settings", 0), hint)]
 
 
 def unproved(rays: int) -> list[Diagnostic]:

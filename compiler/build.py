@@ -16,7 +16,7 @@ from .rows import BLACK, WHITE, CameraData, Color, Input, InstanceData, LightDat
 from .tapes import Tape
 
 NONE = -1  # the row of what was not accepted; the diagnostics say why
-SPANNED = ("geometries", "instances", "materials", "textures", "lights", "cameras")
+SPANNED = ("geometries", "instances", "materials", "textures", "lights", "cameras", "settings")
 _EXPECTED = {ir.Interpolation.FACE: "one a triangle", ir.Interpolation.VERTEX: "one a vertex", ir.Interpolation.CORNER: "one a corner"}
 
 
@@ -294,6 +294,10 @@ class SceneBuilder:
         return len(self._matrices) if table == "transforms" else len(self._rows[table])
 
     # --- the end ---
+
+    def asked(self, span: Span) -> None:
+        """Where the scene says how it is to be drawn."""
+        self._spans["settings"].append(span)
 
     def finish(self, name: str = "", **about: Any) -> ir.Scene:
         """The scene. `about` are further fields of ir.Scene (settings, photometric, duration, fps, defaults, files, params).

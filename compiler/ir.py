@@ -391,7 +391,8 @@ class Names:
 class Spans:
     """For each row of a table, (source, line, column, end line, end column); `sources` are the names to show.
 
-    Tables: geometries, instances, materials, textures, lights, cameras. Line 0: the whole file or prim; source -1: not known.
+    Tables: geometries, instances, materials, textures, lights, cameras; and settings, of one row where the scene has any. Line 0: the
+    whole file or prim; source -1: not known.
     """
 
     sources: tuple[str, ...] = ()

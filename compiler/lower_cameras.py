@@ -92,6 +92,7 @@ def settings(lowering: Lowering, render: Element | None, cameras: tuple[Element,
     if render is None:
         return ir.Settings(view=view)
     args = render.args
+    lowering.builder.asked(render.span)
     if args["size"] is not None and max(args["size"]) > validate.MAX_SIZE:
         width, height = args["size"]
         lowering.error(render, f"a picture of {width} by {height} pixels is too big", f"at most {validate.MAX_SIZE} each way")

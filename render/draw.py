@@ -9,7 +9,7 @@ from typing import Any
 from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
-from . import cryptomatte, film, groups, kernels, moments, prepare, records
+from . import cryptomatte, film, groups, kernels, moments, prepare, records, truncation
 from .image import Image
 
 Progress = Callable[[int, int], None]  # tiles done, tiles in all
@@ -20,7 +20,8 @@ def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: 
 
     `progress(done, total)` is called from the calling thread; setting `cancel` ends the work and returns what is done, with
     `metadata["partial"]`. `metadata` also holds the "seconds" it took to "build", "compile_kernels" and "render", the samples
-    taken, the error reached, notes on what the backend does not draw, each (message, table, row), and the rays "unproved".
+    taken, the error reached, notes on what the backend does not draw, each (message, table, row), the rays "unproved", and
+    what the limit on bounces "cut": a truncation.Cut, None where it was not measured.
     """
     seconds: dict[str, float] = {}
     width, height = plan["size"]
@@ -49,10 +50,18 @@ def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: 
 
             denoise.denoised(image, renderer, plan)
     notes = notes_of(scene, plan) + (moments.notes(scene, plan) if by_moments else [])
-    image.metadata.update(backend=backend, seconds=seconds, notes=notes, unproved=_unproved(renderer))
+    image.metadata.update(backend=backend, seconds=seconds, notes=notes, unproved=_unproved(renderer), cut=_cut(renderer, plan, image))
     if mattes is not None:
         image.metadata["attributes"] = mattes.attributes
     return image
+
+
+def _cut(renderer: Any, plan: Plan, image: Image) -> truncation.Cut | None:
+    """What the limit on bounces leaves out, where the whole picture was drawn by one renderer: of light groups each has its own."""
+    if image.metadata["partial"] or not truncation.measurable(plan) or not hasattr(renderer, "limit"):
+        return None
+    allowed = plan["error"] or max(image.metadata["error"] or 0.0, planner.UNSEEN)
+    return truncation.measured(renderer, plan, image.metadata["rays"], allowed)
 
 
 def _unproved(renderer: Any) -> int:

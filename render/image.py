@@ -31,7 +31,7 @@ class Image:
     has), "samples_mean", "error" (estimated √relMSE, None where unknown), "variance" (of the pixels' means, (height, width, 3), inf
     where unknown; None after one sample), "partial", "rays" (from the camera),
     "issues" (samples left out because they were not
-    finite), "threads"; and as draw.draw adds: "seconds" by stage, "backend", "notes" and
+    finite), "threads"; and as draw.draw adds: "seconds" by stage, "backend", "notes", "unproved", "cut" and
     "attributes", what a file is to say of its channels.
     """
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -49,6 +50,14 @@ class Renderer:
         scene = self.prepared.packed.tables
         maps = self.prepared.photons.make(samples)
         self.packed = Handle(scene._replace(light=scene.light._replace(photons=maps)))
+
+    def limit(self, bounces: int) -> None:
+        """Follow rays for so many bounces from now on, while no thread draws."""
+        p = self.prepared
+        self.frame.put("options.bounces", bounces)
+        self.prepared = replace(p, options=p.options._replace(bounces=bounces))
+        if self.primes:
+            self._rooms = threading.local()  # bundles have room for as many rays as wait
 
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
         """Add samples first … first + count - 1, (h, w) each, of the pixels of the tile to the film."""

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..compiler import ir
 from ..compiler.plan import Plan
-from . import draw, film
+from . import draw, film, truncation
 from .image import Image
 
 HELD = 1 << 27  # pixels of a picture that is held whole: 2 GiB of red, green, blue and coverage
@@ -70,6 +70,7 @@ def joined(about: Sequence[dict[str, Any]], plan: Plan) -> dict[str, Any]:
         "samples_mean": float(np.average([one["samples_mean"] for one in about], weights=pixels)),
         "error": math.sqrt(float(np.average(np.square(errors), weights=pixels))) if known else None,
         "partial": any(one["partial"] for one in about), "seconds": seconds, "variance": None,
+        "cut": truncation.joined([one["cut"] for one in about], pixels),
     }  # fmt: skip
 
 

@@ -298,7 +298,7 @@ def test_photometric_scenes_are_metered(scene: Path) -> None:
 def test_stats(scene: Path) -> None:
     assert run("render", scene, "--stats", "stats.json", "--samples", "2")[0] == 0
     stats = json.loads(Path("stats.json").read_text(encoding="utf-8"))
-    assert list(stats) == ["scene", "backend", "size", "samples", "seconds", "rays", "error", "plan", "warnings"]
+    assert list(stats) == ["scene", "backend", "size", "samples", "seconds", "rays", "error", "cut", "plan", "warnings"]
     assert list(stats["seconds"]) == ["import", "parse", "evaluate", "lower", "validate", "compile_kernels", "build", "render", "write"]
     assert (stats["scene"], stats["backend"], stats["size"], stats["samples"]) == ("a.scene", "ray", [32, 24], 2)
     assert [stage for stage, took in stats["seconds"].items() if took <= 0 and stage != "compile_kernels"] == []  # may be in memory

@@ -53,7 +53,7 @@ def _mean_light(tables: ir.Tables, options: Options, ground: int, up: NDArray[np
     with np.errstate(all="ignore"):
         viewer = lanes.negate(ray.direction)
         light: Any = integrate.direct_light(
-            tables, trace.Brute(), unshadowed, point, shader, viewer, everywhere, np.arange(PLACES), lane, lane + 1
+            tables, trace.Brute(), unshadowed, point, shader, viewer, everywhere, None, np.arange(PLACES), lane, lane + 1
         )
     found = [np.broadcast_to(c, PLACES) for c in lanes.add(light, shader.emission)]
     return [float(np.mean(c, where=np.isfinite(c))) for c in found]

@@ -91,7 +91,7 @@ def at_vertex(
     total = (zero, zero, zero)
     for s in range(samples):
         sample = lanes.int_like(zero, s)
-        found = integrate.direct_light(tables, accel, frame.options, point, shader, viewer, everywhere, vertex, sample, key)
+        found = integrate.direct_light(tables, accel, frame.options, point, shader, viewer, everywhere, None, vertex, sample, key)
         total = lanes.add(total, found)
     return lanes.scale(total, 1.0 / samples)
 

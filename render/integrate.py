@@ -108,7 +108,7 @@ def radiance(
             shader = materials.within(tables, point, inside)
             viewer = lanes.negate(ray.direction)
             specular = kind >= SPECULAR_RAY
-            light = local_light(tables, accel, gouraud, options, point, shader, viewer, meeting, here, specular, pixel, sample, key)
+            light = local_light(tables, accel, gouraud, options, point, shader, viewer, meeting, here, specular, inside, pixel, sample, key)
             there = shown(accel, tables, options, point, left, pixel, sample, key, stack, waiting)
             share = lanes.scale(weight, there)
             going = here & (left > 0)
@@ -260,7 +260,7 @@ _lit_by_skies = _unless_followed(_but_glossy)  # whose highlights look for skies
 @helper
 def local_light(
     tables: Tables, accel: Any, gouraud: GouraudLight, options: Options, point: Surface, shader: Shader, viewer: Vec, hit: Hit,
-    active: Lane, specular: Lane, pixel: Lane, sample: Lane, key: Lane,
+    active: Lane, specular: Lane, inside: Any, pixel: Lane, sample: Lane, key: Lane,
 ) -> Vec:  # fmt: skip
     """What a point sends to the viewer by itself: emission, ambient and direct light, or light computed at vertices.
 
@@ -279,7 +279,7 @@ def local_light(
         total = lanes.where3(there, lanes.add(total, from_vertices(tables, gouraud, point, hit, there)), total)
     here = active & lanes.not_(at_vertices)
     if lanes.any_lane(here):
-        lit = direct_light(tables, accel, options, point, shader, viewer, here, pixel, sample, key)
+        lit = direct_light(tables, accel, options, point, shader, viewer, here, inside, pixel, sample, key)
         total = lanes.where3(here, lanes.add(total, lit), total)
     return total
 
@@ -287,9 +287,9 @@ def local_light(
 @helper
 def direct_light(
     tables: Tables, accel: Any, options: Options, point: Surface, shader: Shader, viewer: Vec,
-    active: Lane, pixel: Lane, sample: Lane, key: Lane,
+    active: Lane, inside: Any, pixel: Lane, sample: Lane, key: Lane,
 ) -> Vec:  # fmt: skip
-    """k_a L_a and the light of every lamp that nothing blocks."""
+    """k_a L_a and the light of every lamp that nothing blocks; of lamps less what the media that a ray is `inside` of take on the way."""
     total = lanes.mul(shader.ambient, lights.ambient(tables))
     active = active & materials.is_lit(shader)
     middle = lanes.full_like(point.offset, 0.5)
@@ -324,6 +324,7 @@ def direct_light(
             arriving = lights.sample(tables, light, lanes.where3(here, point.position, surface.lit_from(point)), u, v)
             share = materials.reflected(shader, point.normal, arriving.direction, viewer)
             given = lanes.scale(lanes.mul(share, arriving.irradiance), 1.0 / np.pi)
+            given = media.faded(media.crossed(inside, None, tables, point, arriving.direction), given, tables, arriving.distance)
             open_ = _sees(tables, point, shader, arriving.direction, active)
             found = _unblocked(tables, accel, options, point, light, arriving.direction, arriving.distance, given, open_)
             total = lanes.add(total, found)

@@ -90,6 +90,26 @@ def test_an_absorbing_slab_behind_another_that_it_overlaps(tmp_path, backend, tr
         assert abs(found.mean() - 1) < 5 * found.std() / 8
 
 
+@pytest.mark.parametrize("lamp", ["point([0.5, 2, 0], intensity: 10)", "spot([0.5, 2, 0], look_at: [0, 0, 0], cone: 60deg, intensity: 10)"])
+@pytest.mark.parametrize("transport", ["tree", "paths"])
+@pytest.mark.parametrize("backend", ["ray", "reference"])
+def test_a_lamp_in_a_medium_fades_on_the_way(tmp_path, backend, transport, lamp):
+    """A white floor and a lamp in a medium of index 1 that ends 4 m above the floor: e^(-σ d) reaches it, e^(-σ 4 m) of that leaves."""
+    from ..accuracy import radiometry as rm
+
+    text = (
+        f"camera(position: [0, 6, 0], look_at: [0, 0, 0], up: [0, 0, -1], width: 0.002)\n{lamp}\n"
+        "box([8, 8, 8], material: glass(ior: 1, inside: rgb(0.5, 0.7, 0.9), depth: 1m))\n"
+        "disk(3, center: [0, 0, 0], normal: [0, 1, 0], material: lambert(1))\n"
+    )
+    away = math.hypot(0.5, 2)
+    arrives = 10 / away**2 * (2 / away) / math.pi
+    image = rm.picture(tmp_path, text, backend, size=(4, 4), bounces=2, plan={"transport": transport})
+    for k, left in enumerate((0.5, 0.7, 0.9)):
+        found = image.channels["rgba"][..., k].astype(float)
+        assert found == pytest.approx(arrives * left ** (away + 4), rel=1e-3)  # pixels off the middle are that much nearer or farther
+
+
 def test_a_glass_of_water_without_a_gap_of_air():
     """Water of a lower priority that stands into its glass: the boundary of the water inside of the glass is none."""
     tables = principled.tables_for(

@@ -132,11 +132,12 @@ def _polished(room, memory, tape, first, count, start, reach, hits):
         step = -value / slope
     begin, end = across.load_row(rows, 6 * OPEN + first), across.load_row(rows, 7 * OPEN + first)
     good = (abs(slope) >= 0.99 * steep) & (abs(step) <= 1e-5 * reach) & (abs(at + step - 0.5 * (begin + end)) <= 0.5 * (end - begin) + far)
-    if lanes.any_lane(mask & good & (abs(step) > 1e-8 * reach)):
+    nearly = abs(value) <= 1e-8 * reach * steep  # so steep everywhere, the root is not farther; the slope here may be another face's
+    if lanes.any_lane(mask & good & lanes.not_(nearly)):
         at = at + lanes.where(good, step, 0.0)
         value = value_at(room, 0, tapes, memory, lanes.along(o, d, at), mask)
         step = -value / slope
-        good = good & (abs(step) <= 1e-9 * reach)
+        good = good & (abs(value) <= 1e-9 * reach * steep)
     at = at + lanes.where(good, step, 0.0)
     off = abs(value) * 1e-5 + 2.0**-28 * across.load_row(rows, 8 * OPEN + first)
     bad = mask & lanes.not_(good)

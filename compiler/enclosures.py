@@ -86,7 +86,7 @@ def reciprocal(m: Any, a: Interval, told: bool = True) -> Interval:
         m.unbounded(~apart)
     low, high = down(m, 1.0 / a[1]), up(m, 1.0 / a[0])
     least, most = -m.big + 0.0 * a[0], m.big + 0.0 * a[1]
-    above, below = (a[0] >= 0.0, a[1] <= 0.0) if m.forks else (apart, apart)
+    above, below = (apart | (a[0] >= 0.0), apart | (a[1] <= 0.0)) if m.forks else (apart, apart)
     whole = m.where(above, low, least), m.where(below, high, most)
     if m.forks:  # over the pole, and at it: a place alone has both infinities for its sides
         on = (a[0] == 0.0) & (a[1] == 0.0)

@@ -66,6 +66,10 @@ UNARY = frozenset({
 TERNARY = frozenset({Op.NOISE, Op.CHOOSE, Op.FILLET})
 CHOICES = frozenset({Op.MIN, Op.MAX, Op.CHOOSE, Op.FILLET})  # of whose operands one may be known not to matter
 _COMMUTES = frozenset({Op.ADD, Op.MULTIPLY, Op.HYPOT})
+_STEPS = frozenset({Op.FLOOR, Op.CEIL, Op.SIGN})  # whole numbers, of anything
+_KEEP_WHOLE = frozenset({
+    Op.COPY, Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.NEGATE, Op.ABS, Op.SQUARE, Op.MIN, Op.MAX, Op.MOD, Op.CHOOSE,
+})  # fmt: skip
 
 
 def arity(op: int) -> int:
@@ -109,6 +113,8 @@ class Builder:
     rows: list[tuple[int, int, int, int]] = field(default_factory=list)
     constants: list[float] = field(default_factory=list)
     _known: dict[Any, int] = field(default_factory=dict)
+    _whole: set[int] = field(default_factory=set)  # what is a whole number wherever it is defined
+    _flat: set[int] = field(default_factory=set)  # what may be the same number all over a region
 
     def constant(self, number: float) -> int:
         number = float(number) + 0.0  # −0 and 0 are the same
@@ -128,11 +134,37 @@ class Builder:
             return simpler
         if op in _COMMUTES and b < a:
             a, b = b, a
+        if op == Op.MOD and a in self._whole and self.rows[a - INPUTS][0] not in _STEPS:
+            a = self.op(Op.FLOOR, self.shifted(a, 0.5))  # changes nothing, but that its bounds are one number again
         row = (int(op), a, b, c)
         if row not in self._known:
             self.rows.append(row)
             self._known[row] = INPUTS + len(self.rows) - 1
+            self._marked(op, (a, b, c)[: arity(op)])
         return self._known[row]
+
+    def _marked(self, op: Op, used: tuple[int, ...]) -> None:
+        """Note whether the last row is whole, and whether it may be flat."""
+        name, values = INPUTS + len(self.rows) - 1, used[1:] if op == Op.CHOOSE else used
+        whole = [a in self._whole or (a < 0 and self.constants[~a].is_integer()) for a in values]
+        flat = [a in self._flat for a in values]
+        if op in _STEPS or (op in _KEEP_WHOLE and all(whole)):
+            self._whole.add(name)
+        one_suffices = op in CHOICES or op == Op.MULTIPLY
+        if op in _STEPS or (any(flat) and (one_suffices or all(f or a < 0 for f, a in zip(flat, values, strict=True)))):
+            self._flat.add(name)
+
+    def below(self, a: int, b: int, strictly: bool) -> int:
+        """A field that is at most 0 where a ≤ b, or a < b. Steps are equal all over regions, so there it says which, and is never 0."""
+        field = self.subtract(a, b)
+        if field in self._whole:
+            return self.shifted(field, 0.5 if strictly else -0.5)
+        if field not in self._flat:
+            return field
+        one, other = self.constant(1.0), self.constant(-1.0)
+        if strictly:
+            return self.op(Op.MAX, field, self.op(Op.CHOOSE, self.subtract(b, a), one, other))
+        return self.op(Op.MIN, field, self.op(Op.CHOOSE, field, other, one))
 
     def _simpler(self, op: Op, a: int, b: int, c: int) -> int | None:
         used = (a, b, c)[: arity(op)]
@@ -349,8 +381,8 @@ class _Reader:
     def field(self, index: int, negated: bool = False, exact: bool = False) -> int:
         """A number that is at most 0 where a truth value holds, and undefined where what it compares is.
 
-        Where it is 0 the truth value may be either: whether a surface belongs to a solid is nothing that can be seen. Equality holds
-        nowhere else, and is refused unless `exact`: in what is asked at points, not a surface.
+        Where it is 0 the truth value may be either, for whether a surface belongs to a solid is nothing that can be seen; over no region is
+        it 0 because of steps. Equality holds nowhere else, and is refused unless `exact`: in what is asked at points, not a surface.
         """
         node, b = self.formula.nodes[index], self.builder
         if node.op == "constant":
@@ -366,7 +398,8 @@ class _Reader:
         if node.op in _OPPOSITE:
             how = _OPPOSITE[node.op] if negated else node.op
             left, right = (self.number(i) for i in node.args)
-            return b.subtract(left, right) if how in ("less", "at_most") else b.subtract(right, left)
+            strictly = how in ("less", "greater")
+            return b.below(left, right, strictly) if how in ("less", "at_most") else b.below(right, left, strictly)
         if exact:
             apart = b.op(Op.ABS, b.subtract(*(self.number(i) for i in node.args)))
             equal = (node.op == "equal") != negated

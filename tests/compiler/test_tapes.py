@@ -34,6 +34,9 @@ def recorded(relation: str) -> formulas.Formula:
         "x^2 + y^2 <= z", "x < 1 and y > 0.2 or not (z >= x)", "hypot(x, y, z) <= 1", "if x < y then z < 1 else z > 2",
         "(if x < y then z else -z) <= 0.3", "min(x, y, z) <= 0 and max(x, y) > -1", "x^-2 <= y", "mod(x, 0.7) <= 0.3", "round(x) <= y",
         "noise(x, y, z) <= 0.1", "sign(x) * y <= 0.4", "clamp(x, 0, 1) <= y", "x^2.5 <= y", "atan2(y, x) <= 1",
+        "floor(3 * x) < 2", "floor(3 * x) > 2", "not (ceil(3 * x) <= 2)", "floor(5 * x) / 5 < 0.4", "floor(5 * x) / 5 <= 0.4",
+        "mod(floor(3 * x) + floor(3 * y) - floor(3 * z), 2) < 1", "floor(x) + floor(y) + floor(z) <= 0", "sign(x) * sign(y) < 1",
+        "(if floor(x) < 0 then y else z) < 0.5", "max(floor(x), 0.2 * y) < 1", "sqrt(floor(3 * x)) < 1", "sqrt(floor(3 * x)) <= 1",
     ],
 )  # fmt: skip
 def test_a_field_is_at_most_0_where_the_relation_holds(relation):
@@ -44,6 +47,20 @@ def test_a_field_is_at_most_0_where_the_relation_holds(relation):
     assert not sheet
     for p, field in zip(points, found, strict=True):
         assert (field <= 0) == formulas.evaluate(whole, p)
+
+
+@pytest.mark.parametrize(
+    "numbers", ["floor(5 * x)", "floor(x) / 5", "sign(y) * 3 / 7", "mod(floor(3 * x) - floor(3 * y) - 2, 4)", "1 / floor(x + 1)"]
+)
+def test_past_a_jump_steps_are_one_number_on_each_side(numbers):
+    """Boxes around x = y = 1, of which all ways past jumps are gone: bounds are as narrow as rounding makes them."""
+    tape, _ = tape_of(f"{numbers} <= 0.1234")
+    low, high = np.array([[1 - 1e-12], [0.9], [0.3]]) + np.zeros((1, 8)), np.array([[1 + 1e-12], [0.95], [0.3]]) + np.zeros((1, 8))
+    (least, most), _, maybe = tape_walks.boxes(tape, low, high, ways=np.arange(8, 16))
+    assert (most - least < 1e-13).all()
+    assert not maybe.any()
+    sides = {float(tape_walks.points(tape, x, 0.92, 0.3)[0]) for x in (1 - 1e-13, 1 + 1e-13)}
+    assert all(any(a <= side <= b for a, b in zip(least, most, strict=True)) for side in sides)
 
 
 def test_sheets_have_a_field_whose_sign_changes():

@@ -1,4 +1,4 @@
-"""What all contenders are kept to alike: one core, and on request narrower vectors. Read when libraries load, so set before them."""
+"""What all contenders are kept to alike: one core or two, and on request narrower vectors. Read when libraries load, so set before them."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ NAMES = {"avx512": "AVX-512", "avx2": "AVX2", "sse": "SSE"}
 SIMD = "MAQUETTE_SIMD"
 
 
-def limit(environment: MutableMapping[str, str], simd: str = "") -> None:
-    """Keep this process and all it starts to one core, and to the vectors of `simd`, one of WIDTHS, if it is given."""
+def limit(environment: MutableMapping[str, str], simd: str = "", cores: int = 1) -> None:
+    """Keep this process and all it starts to so many cores, and to the vectors of `simd`, one of WIDTHS, if it is given."""
     if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+        os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[-cores:])
     environment["NUMBA_NUM_THREADS"] = environment["OMP_NUM_THREADS"] = "1"
     environment["LP_NUM_THREADS"] = "0"  # llvmpipe: rasterize in the calling thread
     environment["LIBGL_ALWAYS_SOFTWARE"] = "1"

@@ -254,7 +254,7 @@ def block_z2(a: Picture, b: Picture) -> float:
 def rates(sides: Sequence[Renderer], size: int, samples: int, effort: Effort) -> Result:
     """Samples a second."""
     contenders = [_contender(side, size, samples, effort, []) for side in sides]
-    return measure(Case(f"{size}², {samples} samples", contenders, functools.partial(agree_means, samples), size * size * samples), effort)
+    return measure(Case(f"{size}², {samples} samples", contenders, agree_means, size * size * samples), effort)
 
 
 def _contender(side: Renderer, size: int, samples: int, effort: Effort, pictures: list[Picture], error: float = 0.0) -> Contender:
@@ -270,15 +270,21 @@ def _contender(side: Renderer, size: int, samples: int, effort: Effort, pictures
     return Contender(side.name, run, side.read)
 
 
-def agree_means(samples: int, answers: Mapping[str, Any]) -> str:
-    """The pictures' means, within what so few samples leave open."""
+def agree_means(answers: Mapping[str, Any]) -> str:
+    """The pictures' means, within what their noise leaves open: four standard errors, as neighbouring pixels tell them."""
     mean = {name: float(answer.mean()) for name, answer in answers.items()}
-    pixels = answers[OURS].shape[0] ** 2
-    open_ = MOST_OFF + 12.0 / math.sqrt(pixels * samples)
     text = ", ".join(f"{name} {value:.5f}" for name, value in mean.items())
-    if any(abs(value / mean[OURS] - 1.0) > open_ for value in mean.values()):
-        raise Disagreement(f"means {text}")
+    for name, value in mean.items():
+        open_ = MOST_OFF * mean[OURS] + 4.0 * math.hypot(_standard_error(answers[OURS]), _standard_error(answers[name]))
+        if abs(value - mean[OURS]) > open_:
+            raise Disagreement(f"means {text}")
     return f"means {text}"
+
+
+def _standard_error(picture: Picture) -> float:
+    """Of the mean of a noisy picture (h, w, 3)."""
+    light = picture.mean(axis=2, dtype=np.float64)
+    return float(np.sqrt(np.mean(np.diff(light, axis=1) ** 2) / 2.0 / light.size))
 
 
 def errors(sides: Sequence[Renderer], references: Mapping[str, Reference], ladder: Sequence[int], effort: Effort) -> str:
@@ -288,7 +294,7 @@ def errors(sides: Sequence[Renderer], references: Mapping[str, Reference], ladde
     for samples in ladder:
         pictures: dict[str, list[Picture]] = {side.name: [] for side in sides}
         contenders = [_contender(side, size, samples, effort, pictures[side.name]) for side in sides]
-        result = measure(Case("", contenders, functools.partial(agree_means, samples)), effort)
+        result = measure(Case("", contenders, agree_means), effort)
         if result.refused:
             rows.append((f"{samples}", f"no times: {result.refused}", *("" for _ in range(2 * len(sides) - 1))))
             continue

@@ -76,17 +76,10 @@ def section(quick: bool, effort: Effort) -> report.Section:
     """Measure every mesh at 1 and at 4 samples."""
     peers = Peers()
     found = report.Section("raster", "Triangles on a grid of pixels", TEXT, versions=report.version_of("moderngl"))
-    size = 64 if quick else 1024
-    sizes = meshes.TINY if quick else meshes.SIZES
-    everything: dict[str, tuple[Mesh, bool]] = {}
-    for name, rings in sizes.items():
-        everything[f"{name} triangles"] = meshes.knot(*rings), False
-        everything[f"{name} triangles, textured"] = meshes.knot(*rings), True
-    everything["200 large triangles"] = big_triangles(200), False
-    everything["a room round the eye"] = room(), False
+    size = side(quick)
     for samples in (1, 4):
         results = []
-        for name, (mesh, textured) in everything.items():
+        for name, (mesh, textured) in cases(quick).items():
             contenders = peers.gather(
                 functools.partial(ours, mesh, size, samples, textured), functools.partial(theirs, mesh, size, samples, textured, found)
             )
@@ -96,10 +89,26 @@ def section(quick: bool, effort: Effort) -> report.Section:
     return found
 
 
-def ours(mesh: Mesh, size: int, samples: int, textured: bool = False) -> Contender:
+def side(quick: bool) -> int:
+    """Pixels of a picture's side."""
+    return 64 if quick else 1024
+
+
+def cases(quick: bool) -> dict[str, tuple[Mesh, bool]]:
+    """The meshes, and whether a picture is on them."""
+    everything: dict[str, tuple[Mesh, bool]] = {}
+    for name, rings in (meshes.TINY if quick else meshes.SIZES).items():
+        everything[f"{name} triangles"] = meshes.knot(*rings), False
+        everything[f"{name} triangles, textured"] = meshes.knot(*rings), True
+    everything["200 large triangles"] = big_triangles(200), False
+    everything["a room round the eye"] = room(), False
+    return everything
+
+
+def ours(mesh: Mesh, size: int, samples: int, textured: bool = False, threads: int = 1, name: str = OURS) -> Contender:
     """The raster backend from a prepared scene on: its view-dependent setup and its film."""
     scene = scene_of(mesh, textured)
-    settings = ir.Settings(size=(size, size), backend="raster", samples=samples, filter="box", threads=1, background="transparent")
+    settings = ir.Settings(size=(size, size), backend="raster", samples=samples, filter="box", threads=threads, background="transparent")
     decided = plan.make(scene, settings, {"raster.shading": "pixel", **({"textures": "sharp"} if textured else {})})
     view = View(decided["camera"], size, size)
     prepared, build = timed(lambda: prepare.prepare(scene, decided, view))
@@ -107,7 +116,7 @@ def ours(mesh: Mesh, size: int, samples: int, textured: bool = False) -> Contend
     def frame() -> NDArray[np.float32]:
         return film.run(raster.Renderer(prepared, decided, view), decided, view).channels["rgba"]
 
-    return Contender(OURS, frame, build=build)
+    return Contender(name, frame, build=build)
 
 
 def scene_of(mesh: Mesh, textured: bool) -> ir.Scene:

@@ -7,9 +7,9 @@ each time at other places.
 
 from __future__ import annotations
 
+import contextlib
 import functools
-import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,36 +18,14 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
-from . import (
-    across,
-    bands,
-    camera,
-    classic,
-    deferred,
-    faces,
-    fill,
-    integrate,
-    items,
-    meshlets,
-    raster_setup,
-    sampler,
-    setup,
-    tessellate,
-    traced,
-    turns,
-)
+from . import bands, camera, classic, deferred, faces, fill, items, listing, meshlets, raster_setup, rooms, sampler, setup, traced, turns
 from .handles import Handle
 from .metrics import EPSILON, luminance
-from .points import points_for
 from .records import View
-from .simd import aligned_empty
 from .textures import IMAGE, UV
 
 MOST_AT_ONCE = planner.RASTER_PLACES
 ROWS = {1: 64, 4: 32}  # rows of a band by samples, where its buffer still fits the second cache; else 16
-
-KEPT_BYTES = 1 << 26  # of pictures whose memory is kept; getting it from the system takes as long as filling it
-UNUSED = 2  # references to the memory of an array that only the array and the question itself hold
 
 FOR_MESHLET, FOR_PIXEL = 3e-6, 1.5e-9  # seconds a sample
 
@@ -70,8 +48,7 @@ class Triangles(NamedTuple):
     patterned: Any  # True or None: whether a material has a texture or a mesh colours
     colored: Any  # True or None: whether any is more than a picture by coordinates
     flat: Any  # True or None: deferred.lights_flat
-    rooms: dict[Any, list[_Room]]  # memory of threads that nobody uses now, by its size
-    pictures: list[NDArray[np.float32]]  # the last ones drawn: their memory is used again when nobody else has it any more
+    kept: rooms.Kept
 
 
 def triangles(tables: ir.Tables, view: View, shells: dict[int, Any]) -> Triangles:
@@ -82,11 +59,11 @@ def triangles(tables: ir.Tables, view: View, shells: dict[int, Any]) -> Triangle
     shown = bands.Projection(model.matrix, model.planes, model.perspective, near, far, model.positions, model.triangles)
     eye = tables.transforms.matrix[tables.cameras.transform[view.camera], :, 3]
     lit, lamps, look = Handle(deferred.single(tables, eye)), Handle(deferred.lamps(tables)), Handle(_look(tables, view, eye))
-    exact = np.array([i for i in tessellate.analytic_seen(tables).tolist() if i not in shells], np.intp)
+    exact = raster_setup.untessellated(tables, shells)
     patterned, colored = _patterned(tables)
     return Triangles(
         Handle(model), ranges, Handle(made), placed, Handle(shown), lit, lamps, look, exact, raster_setup.pixel_boxes(tables, view, exact),
-        patterned, colored, deferred.lights_flat(tables, lamps.tables, patterned is not None) or None, {}, [],
+        patterned, colored, deferred.lights_flat(tables, lamps.tables, patterned is not None) or None, rooms.Kept(),
     )  # fmt: skip
 
 
@@ -139,29 +116,30 @@ class Bands:
         self.reach = self.passes[0].weights.tables.reach
         self.margin = 4 * -(-self.reach // 4)
         self.rows = ROWS.get(len(self.passes[0].pattern.x), 16)
-        self.drawn = Handle(bands.drawn(made.shown, made.meshlets, made.placed, plan["crop"], self.reach, self.rows))
+        known = made.kept.take(listing.bands_of(self.corners, self.rows))
+        self.drawn = listing.drawn(made.shown, made.meshlets, made.placed, self.corners, self.reach, self.rows, known)
         self.fill = None
         if plan["raster.fill"] != "edges":
             meshlets = made.meshlets.tables
             self.fill = classic.Fill(plan["raster.fill"], prepared.tables, prepared.packed, view, made.model, made.ranges, meshlets)
         self.plain = plan["raster.precision"] == "float32"
         self.background = plan["background"]
+        self.backed = self.background != "transparent"
         shape = y1 - y0, x1 - x0
-        self.rgba = _picture(made.pictures, (*shape, 4))
+        self.rgba = made.kept.picture((*shape, 4))
         self.half = len(self.passes) // 2  # passes after which `apart` is told
         self.apart = np.zeros((*shape, 3), np.float32) if self.half else None  # how far the mean of all may be off, by its halves
         self.first = y0 // self.rows
         self._drawn = np.zeros(-(-y1 // self.rows) - self.first, np.bool_)
-        columns, most = x1 - (x0 & ~3) + 2 * self.margin, int(made.placed[:, 1].sum())
+        columns, most = x1 - (x0 & ~3) + 2 * self.margin, len(self.drawn.tables.instance)
         kinds = self.plain, made.patterned is not None, made.colored is not None
-        self.sizes = [_Size(columns, self.rows + 2 * self.margin, len(one.pattern.x), *kinds, most) for one in self.passes]
+        self.sizes = [rooms.Size(columns, self.rows + 2 * self.margin, len(one.pattern.x), *kinds, most) for one in self.passes]
         self._turns = None
-        if self.plain and self.fill is None and not len(made.exact) and len(self.passes) == 1 and len(self.drawn.tables.first) > 0:
+        if self.plain and self.fill is None and not len(made.exact) and len(self.passes) == 1 and self.drawn.tables.count[0] > 0:
             layout = self.first, len(self._drawn), self.rows, self.margin, self.reach
             how = self.each, True, made.patterned, made.colored, made.flat, self.crop, self.rgba
             self._turns = turns.Turns(layout, int(plan["threads"]), self._cost(), how)
         self.jobs: Sequence[int] = range(self._turns.jobs if self._turns else len(self._drawn))
-        self.turn = object()
 
     @property
     def error(self) -> float | None:
@@ -181,12 +159,11 @@ class Bands:
         """Draw a band into `rgba`, or those that are a turn's; how many of their items were not finite and left out."""
         if self._turns is None:
             return self._draw_passes(job)
-        one, free, room = self.passes[0], *self._room(0)
-        room.serve(self, one)
-        numbers, issues = self._turns.draw(room.filling, room.shading)
-        free.append(room)
-        for number in numbers.tolist():
-            self._behind(*self._between(number))
+        with self._room(0) as room:
+            numbers, issues = self._turns.draw(room.filling, room.shading)
+        if self.backed:
+            for number in numbers.tolist():
+                self._behind(*self._between(number))
         self._drawn[numbers] = True
         return issues
 
@@ -197,32 +174,36 @@ class Bands:
         for k, one in enumerate(self.passes):
             if self.apart is not None and k == self.half:
                 self.apart[window] = self.rgba[window, :, :3]
-            free, room = self._room(k)
-            issues += self._draw(number, room, one, top, bottom)
-            free.append(room)
+            with self._room(k) as room:
+                issues += self._draw(number, room, one, top, bottom)
         if self.apart is not None:
             # of T = h A + (1 - h) B, the difference of independent halves A - B tells √(h (1 - h)) (A - B)
             h = self.passes[self.half].first / sum(len(one.pattern.x) for one in self.passes)
             self.apart[window] = (self.apart[window] - h * self.rgba[window, :, :3]) / np.sqrt(h * (1.0 - h))
-        self._behind(top, bottom)
+        if self.backed:
+            self._behind(top, bottom)
         self._drawn[number] = True
         return issues
 
     def _cost(self) -> float:
         """Seconds that one thread takes, about."""
         x0, y0, x1, y1 = self.corners
-        return self.sizes[0].samples * (len(self.drawn.tables.order) * FOR_MESHLET + (x1 - x0) * (y1 - y0) * FOR_PIXEL)
+        return self.sizes[0].samples * (int(self.drawn.tables.start[-1]) * FOR_MESHLET + (x1 - x0) * (y1 - y0) * FOR_PIXEL)
 
-    def _room(self, k: int) -> tuple[list[_Room], _Room]:
-        """Memory for pass k that nobody uses, and where to put it afterwards."""
-        free = self.prepared.triangles.rooms.setdefault(self.sizes[k], [])
-        try:
-            return free, free.pop()
-        except IndexError:
-            return free, _Room(self, self.sizes[k])
+    @contextlib.contextmanager
+    def _room(self, k: int) -> Iterator[rooms.Room]:
+        """Memory for pass k that nobody else uses."""
+        made, size = self.prepared.triangles, self.sizes[k]
+        room = made.kept.take(size) or rooms.Room(size, self.prepared.options)
+        room.serve(self, made, self.drawn, self.passes[k])
+        yield room
+        made.kept.give(size, room)
 
     def finish(self) -> None:
-        """Empty the bands that have not been drawn."""
+        """Empty the bands that have not been drawn; no more will be."""
+        self.prepared.triangles.kept.give(listing.bands_of(self.corners, self.rows), self.drawn)
+        if self._drawn.all():
+            return
         for number in np.flatnonzero(~self._drawn).tolist():
             top, bottom = self._between(number)
             self.rgba[top - self.corners[1] : bottom - self.corners[1]] = 0.0
@@ -231,13 +212,12 @@ class Bands:
         """Rows of pixels that a band has."""
         return max((self.first + number) * self.rows, self.corners[1]), min((self.first + number + 1) * self.rows, self.corners[3])
 
-    def _draw(self, number: int, room: _Room, one: Pass, top: int, bottom: int) -> int:
+    def _draw(self, number: int, room: rooms.Room, one: Pass, top: int, bottom: int) -> int:
         """Draw a pass of a band's rows `top` to `bottom`."""
         _, y0, _, _ = self.corners
         band = room.band.tables
         turns.aim(band, self.first + number, self.rows, self.margin, self.reach, self.crop)
         made, drawn = self.prepared.triangles, self.drawn
-        room.serve(self, one)
         room.items.tables.counts[3] = 0
         if self.fill is None:
             setup.draw_band(room.filling, number)
@@ -247,7 +227,7 @@ class Bands:
         here = np.flatnonzero((made.boxes[:, 1] < band.clip[3]) & (made.boxes[:, 3] > band.clip[1])) if len(made.exact) else ()
         if len(here):
             traced.draw_exact(made.model, made.exact[here], made.boxes[here], p.packed, p.accel, self.view, one.places, room.band)
-        if self.plain and len(drawn.tables.first) > 0:
+        if self.plain and drawn.tables.count[0] > 0:
             fresh = one.first == 0
             deferred.shade_band(room.shading, self.each, fresh, made.patterned, made.colored, made.flat, self.crop, self.rgba)
         elif one.first == 0:
@@ -261,74 +241,12 @@ class Bands:
 
     def _behind(self, top: int, bottom: int) -> None:
         """Put the background behind rows of pixels."""
-        if self.background == "transparent":
-            return
         x0, y0, _, _ = self.corners
         window = self.rgba[top - y0 : bottom - y0]
         if self.background == "sky":
             traced.sky_behind(self.prepared.packed, self.prepared.frame, x0, top, window.shape[1], window.reshape(-1))
         else:
             window[..., :3] += (1.0 - window[..., 3:]) * np.asarray(self.background, np.float32)
-
-
-def _picture(kept: list[NDArray[np.float32]], shape: tuple[int, int, int]) -> NDArray[np.float32]:
-    """Memory for a picture: that of an earlier one, or new one, which is kept unless it is large."""
-    for made in kept:
-        if made.shape == shape and sys.getrefcount(made.base) <= UNUSED:
-            return made[:]
-    made = aligned_empty(shape, np.float32)
-    if made.nbytes <= KEPT_BYTES:
-        kept[:] = [*kept[-1:], made]
-    return made[:]
-
-
-class _Size(NamedTuple):
-    """What a thread's memory depends on."""
-
-    columns: int
-    rows: int
-    samples: int
-    plain: bool
-    patterned: bool
-    colored: bool
-    meshlets: int
-
-
-class _Room:
-    """What a thread needs to draw a band. It is kept for the next picture: getting memory from the system takes long."""
-
-    def __init__(self, of: Bands, size: _Size) -> None:
-        self.band = Handle(bands.band_for(size.columns, size.rows, size.samples))
-        self.items = Handle(items.items_for(size.columns, size.samples))
-        most = 2 * self.items.tables.half
-        self.faces = Handle(faces.faces_for(size.meshlets, most, size.patterned, size.colored)) if size.plain else None
-        self.stack = None if size.plain else integrate.stack_for(of.prepared.options, across.WIDTH)
-        self.points = Handle(points_for(size.patterned, size.colored))
-        self.filling: Any = None
-        self.shading: Any = None
-        self._turn: object = None
-        self._pass: Pass | None = None
-
-    def serve(self, of: Bands, one: Pass) -> None:
-        """Be of use to a pass of a picture from now on."""
-        if self._turn is of.turn and self._pass is one:
-            return
-        made = of.prepared.triangles
-        if self.faces is not None and self._turn is not of.turn:
-            faces.forget(self.faces.tables)
-        if self._pass is one:
-            self.filling.point("drawn", of.drawn)
-            if self.shading is not None:
-                self.shading.point("drawn", of.drawn)
-            self._turn = of.turn
-            return
-        self.filling = Handle(bands.Filling(made.shown, one.places, made.meshlets, of.drawn, self.band))
-        if self.faces is not None:
-            self.shading = Handle(deferred.Shading(
-                made.shown, one.places, made.meshlets, of.drawn, made.lit, made.lamps, made.look, one.weights, self.band, self.faces,
-                self.items, self.points,
-            ))  # fmt: skip
-        self._turn, self._pass = of.turn, one
 
 
 def _splat(name: str, pattern: bands.Pattern, share: float, samples: int) -> items.Splat:

@@ -1,4 +1,4 @@
-"""What a picture's bands hold: the meshlets that may be seen in each, and the visibility buffer of the one that is being drawn.
+"""The visibility buffer of a band of a picture, and the places of samples in it.
 
 A band is as wide as the picture and so high that its buffer stays in the processor's second cache. Threads take bands; what is in one
 depends on no other. The buffer keeps, for each sample, the nearest triangle's key (larger is nearer) and id, in blocks of 4×4 pixels.
@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 
 from . import simd, visibility
 from .handles import Handle
-from .kernels import helper, kernel
+from .kernels import helper
 
 ROWS = 64  # of pixels in a band at the most; a power of two
 TILE = 64  # pixels of a tile's side, in which large triangles are filled
 QUEUE = 256  # places for small triangles that are set up, sixteen at a time, before they are filled
 LARGE = 4096  # large ones
 NOTHING = np.float32(-np.inf)
-BOX = 1 << 28  # pixels: everywhere
 
 
 class Projection(NamedTuple):
@@ -44,16 +43,6 @@ class Pattern(NamedTuple):
     high_x: int
     low_y: int
     high_y: int
-
-
-class Drawn(NamedTuple):
-    """Meshlets of instances that may be seen, in the order of ids."""
-
-    instance: NDArray[np.int32]
-    meshlet: NDArray[np.int32]
-    first: NDArray[np.int32]  # the meshlet's first triangle
-    start: NDArray[np.int64]  # (bands + 1,) where each band's begin
-    order: NDArray[np.int32]  # rows of this table, band by band
 
 
 class Band(NamedTuple):
@@ -143,93 +132,3 @@ def in_block(lane):
 def by_pixels(samples: NDArray[Any], rows: int, columns: int) -> NDArray[Any]:
     """A band's buffer of one sample a pixel as (rows, columns)."""
     return samples.reshape(rows // 4, columns // 4, 4, 4).transpose(0, 3, 1, 2).reshape(rows, columns)
-
-
-# --- which meshlets a band shows ----------------------------------------------------------------------------------------
-
-
-def drawn(handle, meshlets: Handle, ranges, crop: tuple[int, int, int, int], margin: int, rows: int) -> Drawn:
-    """The meshlets of all instances that may touch a crop grown by `margin` pixels, in bands of `rows` rows from the picture's top on."""
-    x0, y0, x1, y1 = crop
-    most = int(ranges[:, 1].sum())
-    instance, meshlet = np.empty(most + 16, np.int32), np.empty(most + 16, np.int32)
-    low, high = np.empty(most + 16, np.int32), np.empty(most + 16, np.int32)
-    window = np.array([x0 - margin, y0 - margin, x1 + margin, y1 + margin], np.float64)
-    found = cull(handle, meshlets, ranges, window, instance, meshlet, low, high)
-    first = y0 // rows
-    bands = -(-y1 // rows) - first
-    start = np.zeros(bands + 1, np.int64)
-    sort_into(low, high, found, first * rows, margin, rows, start, np.empty(0, np.int32))
-    order = np.empty(int(start[-1]), np.int32)
-    sort_into(low, high, found, first * rows, margin, rows, start, order)
-    return Drawn(instance[:found], meshlet[:found], meshlets.tables.first_triangle[meshlet[:found]], start, order)
-
-
-@kernel
-def cull(shown, meshlets, ranges, window, instance, meshlet, low, high):
-    """List meshlets of which something may lie inside the window, with the rows of pixels they touch; how many."""
-    found = 0
-    for i in range(len(ranges)):
-        first, last = ranges[i, 0], ranges[i, 0] + ranges[i, 1]
-        for m in range(first, last, 8):
-            seen, top, bottom = in_window(shown, meshlets.box, i, m, window)
-            numbers = simd.i32x8(m) + simd.iota(simd.i32x8(0))
-            seen = seen & (numbers < last)
-            simd.compress_store(low, found, top, seen)
-            simd.compress_store(high, found, bottom, seen)
-            count = simd.compress_store(meshlet, found, numbers, seen)
-            for k in range(found, found + count):
-                instance[k] = i
-            found += count
-    return found
-
-
-@helper
-def in_window(shown, box, i: int, m: int, window):
-    """Whether each of eight boxes may be seen, and its first and last row of pixels."""
-    count = len(box) // 6
-    matrix = shown.matrix
-    far, near = simd.f64x8(-np.inf), simd.f64x8(np.inf)
-    left, right, above, below = near, near, near, near  # how far inside each border the innermost corner is, negative: outside
-    left, right, above, below = far, far, far, far
-    top, bottom = near, far
-    for k in range(8):
-        x = simd.load(box, (3 if k & 1 else 0) * count + m, simd.f64x8)
-        y = simd.load(box, (4 if k & 2 else 1) * count + m, simd.f64x8)
-        z = simd.load(box, (5 if k & 4 else 2) * count + m, simd.f64x8)
-        px = matrix[i, 0, 0] * x + matrix[i, 0, 1] * y + matrix[i, 0, 2] * z + matrix[i, 0, 3]
-        py = matrix[i, 1, 0] * x + matrix[i, 1, 1] * y + matrix[i, 1, 2] * z + matrix[i, 1, 3]
-        d = matrix[i, 3, 0] * x + matrix[i, 3, 1] * y + matrix[i, 3, 2] * z + matrix[i, 3, 3]
-        w = d if shown.perspective else simd.f64x8(1.0)
-        left, right = simd.maximum(left, px - window[0] * w), simd.maximum(right, window[2] * w - px)
-        above, below = simd.maximum(above, py - window[1] * w), simd.maximum(below, window[3] * w - py)
-        near, far = simd.minimum(near, d), simd.maximum(far, d)
-        row = py / w
-        top, bottom = simd.minimum(top, row), simd.maximum(bottom, row)
-    slack = -1e-9 * (abs(near) + abs(far)) - 2.0
-    seen = (left >= slack) & (right >= slack) & (above >= slack) & (below >= slack) & (far >= shown.near) & (near <= shown.far)
-    endless = simd.load(box, m, simd.f64x8) == -np.inf
-    whole = endless | (near < shown.near) if shown.perspective else endless
-    top = simd.select(whole, float(-BOX), simd.maximum(top - 2.0, float(-BOX)))
-    bottom = simd.select(whole, float(BOX), simd.minimum(bottom + 2.0, float(BOX)))
-    return seen | endless, simd.to_i32(simd.floor(top)), simd.to_i32(simd.floor(bottom))
-
-
-@kernel
-def sort_into(low, high, found, y0, margin, rows, start, order):
-    """Count each band's meshlets into start[1:], as sums; or, with room in `order`, write their numbers there."""
-    bands = len(start) - 1
-    place = start.copy()
-    count = np.zeros(bands + 1, np.int64)
-    for n in range(found):
-        first = max((max(low[n], y0 - margin) - margin - y0) // rows, 0)
-        last = min((high[n] + margin - y0) // rows, bands - 1)
-        for band in range(first, last + 1):
-            if len(order) > 0:
-                order[place[band]] = n
-                place[band] += 1
-            else:
-                count[band + 1] += 1
-    if len(order) == 0:
-        for band in range(bands):
-            start[band + 1] = start[band] + count[band + 1]

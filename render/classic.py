@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from . import fill, raster_setup, visibility
-from .bands import Drawn, Pattern
+from .bands import Pattern
 from .handles import Handle
 from .kernels import kernel
+from .listing import Drawn
 from .meshlets import SHIFT, Meshlets
 from .records import Tile, View
 
@@ -50,7 +51,8 @@ class Fill:
         visibility.draw(self.model, self.clusters, np.flatnonzero(here & ~self.whole), tile, self.how, packed)
         if self.whole.any():
             visibility.draw_whole(self.model, self.clusters, np.flatnonzero(here & self.whole), self.packed, self.flat, tile, packed)
-        rank = drawn.instance.astype(np.int64) << 32 | drawn.meshlet
+        count = int(drawn.count[0])
+        rank = drawn.instance[:count].astype(np.int64) << 32 | drawn.meshlet[:count]
         take(packed, self.slots, self.meshlet, rank, len(pattern.x), band)
 
 

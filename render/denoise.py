@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler.plan import Plan
-from . import aov, film, lanes, machine, materials, surface
+from . import aov, film, lanes, machine, materials, surface, workers
 from .image import Image
 from .records import First, Hit, Ray, Tile
 
@@ -41,7 +41,7 @@ def guides(renderer: film.Renderer, plan: Plan) -> tuple[NDArray[np.float32], ND
             window += _seen(renderer.first(tile, s, int(plan["samples"]))).reshape(window.shape) / count
 
     threads = int(plan["threads"]) or machine.cores()
-    film.on_threads(draw, film.tiles((x0, y0, x1, y1)), threads)
+    workers.on_threads(draw, film.tiles((x0, y0, x1, y1)), threads)
     albedo, normal = found.astype(np.float32)
     return np.clip(albedo, 0.0, 1.0), normal
 

@@ -6,9 +6,7 @@ is the same bit for bit with any number of threads (a budget of seconds apart, w
 
 from __future__ import annotations
 
-import _thread
 import math
-import queue
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -20,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
-from . import adaptive, aov, cryptomatte, image, machine, metrics, sums
+from . import adaptive, aov, cryptomatte, image, machine, metrics, sums, workers
 from .cryptomatte import Mattes
 from .records import Film, First, Tile, View
 
@@ -160,7 +158,7 @@ def _in_pieces(
     parts: Any = ((whole.draw, whole.jobs), (beside, extra))
     for draw, jobs in parts:
         if threads > 1 and len(jobs) > 1:
-            _on_threads(draw, jobs, threads, cancel, told)
+            workers.on_threads(draw, jobs, min(threads, len(jobs)), cancel, told)
             continue
         for job in jobs:
             if cancel.is_set():
@@ -188,62 +186,6 @@ def _beside(renderer: Renderer, tile: Tile, out: dict[str, NDArray[np.float32]],
         count = min(samples, cryptomatte.SAMPLES)
         seen = np.stack([renderer.first(tile, s, samples).hit.instance for s in range(count)])
         mattes.put(seen, {name: out[name] for name in mattes.channels})
-
-
-def on_threads(draw: Callable[[Any], Any], jobs: Iterable[Any], threads: int) -> None:
-    """Do jobs on several threads; the first exception ends it, here."""
-    _on_threads(draw, jobs, threads, threading.Event(), lambda job, result: None)
-
-
-def _on_threads(
-    draw: Callable[[Any], Any], jobs: Iterable[Any], threads: int, cancel: threading.Event, told: Callable[[Any, Any], None]
-) -> None:  # fmt: skip
-    """Do jobs on several threads, of which this is one; told(job, result) follows each, here. The first exception ends it, here."""
-    take, lock = iter(jobs), threading.Lock()
-    stop = threading.Event()
-    results: queue.SimpleQueue[tuple[Any, Any, BaseException | None]] = queue.SimpleQueue()
-    nothing = object()
-
-    def following() -> Any:
-        if stop.is_set() or cancel.is_set():
-            return nothing
-        with lock:
-            return next(take, nothing)
-
-    def loop() -> None:
-        try:
-            while (job := following()) is not nothing:
-                results.put((job, draw(job), None))
-        except BaseException as problem:  # whatever it is, it is raised in the caller's thread
-            stop.set()
-            results.put((nothing, None, problem))
-        else:
-            results.put((nothing, None, None))
-
-    running, failure = 0, None
-    try:
-        for _ in range(1, threads):
-            _thread.start_new_thread(loop, ())  # a Thread's start waits until that has begun: 0.2 ms, as long as a twentieth of a frame
-            running += 1
-        while True:
-            mine = following()
-            if mine is not nothing:
-                told(mine, draw(mine))
-            elif not running:
-                break
-            while running and (mine is nothing or not results.empty()):
-                job, result, problem = results.get()
-                if job is nothing:
-                    running -= 1
-                    failure = failure or problem
-                else:
-                    told(job, result)
-    finally:
-        stop.set()
-        while running:
-            running -= results.get()[0] is nothing
-    if failure is not None:
-        raise failure
 
 
 @dataclass(eq=False)
@@ -440,7 +382,7 @@ class _Canvas:
             self.spent += self.drawn[tile] - known[tile]
             self._tell(fraction())
 
-        _on_threads(draw, jobs, self.threads, self.cancel, told)
+        workers.on_threads(draw, jobs, self.threads, self.cancel, told)
 
     def _tell(self, fraction: float) -> None:
         done = int(min(fraction, 1.0) * len(self.tiles) + 1e-9)

@@ -6,9 +6,6 @@ so that the smaller of two of them encloses both. Its last number is how many th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +14,7 @@ from numpy.typing import NDArray
 from . import simd
 from .kernels import helper, kernel
 from .records import Lane
+from .workers import Workers
 
 BINS = 16
 _BINS3 = 3 * BINS  # of three axes
@@ -32,8 +30,6 @@ _SAMPLES = 1 << 15  # items that are enough to find a plane by
 _SMALL = 4096  # items that are not worth a thread
 DEEPEST = 48  # below this level nodes are halved, so that no tree is much deeper
 _LATER = 0.01  # cost of an item that fills up a block, against that of the block
-
-Run = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]  # `map`, or a pool's
 
 
 class Halves(NamedTuple):
@@ -51,16 +47,6 @@ def numbers(items: NDArray[np.float32]) -> NDArray[np.int32]:
     return items.view(np.int32)[:, NUMBER] & ~TAG
 
 
-@contextmanager
-def runner(threads: int) -> Iterator[Run]:
-    """What runs work on so many threads; for one, `map`, which has nobody to wait for."""
-    if threads <= 1:
-        yield map
-        return
-    with ThreadPoolExecutor(threads, thread_name_prefix="trees") as pool:
-        yield pool.map
-
-
 class Part(NamedTuple):
     """A node and all below it, for one thread."""
 
@@ -68,24 +54,29 @@ class Part(NamedTuple):
     free: int  # where its halves, their halves and so on have room, all that many places
 
 
-def build(items: NDArray[np.float32], around: NDArray[np.float32], width: int, step: float, run: Run) -> tuple[Halves, list[Part]]:
+def build(items: NDArray[np.float32], around: NDArray[np.float32], width: int, step: float, by: Workers) -> tuple[Halves, list[Part]]:
     """The tree over items (n, 8) with the box `around` them, which are sorted in place, and its parts that threads may work on.
 
-    A leaf of up to `width` items costs one test; a step down costs `step` of that. `run` is `map` or that of a pool.
+    A leaf of up to `width` items costs one test; a step down costs `step` of that.
     """
     n = len(items)
     tree = Halves(items, simd.aligned_empty((2 * n, 8), np.float32), *np.empty((3, 2 * n), np.int32))
+    aside = simd.aligned_empty((n, 8), np.float32)
     tree.boxes[0] = around
     tree.first[0], tree.count[0] = 0, n
     grain = max(n // _GRAIN, _SMALL)  # more than a leaf holds
-    parts, wave = [], [Part(0, 1)]
-    while wave:
-        parts += [part for part in wave if tree.count[part.root] <= grain]
-        wave = [part for part in wave if tree.count[part.root] > grain]
-        list(run(lambda part: grow(*tree, *part, width, step, True), wave))
-        halves = [(int(tree.second[part.root]), part.free) for part in wave]
-        wave = [half for second, free in halves for half in (Part(second - 1, free), Part(second, second + 1))]
-    list(run(lambda part: grow(*tree, *part, width, step, False), sorted(parts, key=lambda part: -tree.count[part.root])))
+    parts: list[Part] = []
+
+    def divide(part: Part) -> tuple[Part, ...]:
+        if tree.count[part.root] <= grain:
+            grow(*tree, aside, *part, width, step, False)
+            parts.append(part)
+            return ()
+        grow(*tree, aside, *part, width, step, True)
+        second = int(tree.second[part.root])
+        return Part(second - 1, part.free), Part(second, second + 1)
+
+    by.spread(divide, Part(0, 1), lambda part: int(tree.count[part.root]))
     return tree, sorted(parts)
 
 
@@ -115,16 +106,16 @@ def _joined(a: Lane, b: Lane) -> Lane:
 
 
 @kernel
-def grow(items, boxes, second, first, count, root, free, width, step, once):
+def grow(items, boxes, second, first, count, aside, root, free, width, step, once):
     """Divide the node `root` and, unless `once`, all below it, side by side from the place `free` on.
 
-    With `once`, its halves stand so that the first one has room before them, the second one behind.
+    `aside` has as much room as there are items. With `once`, its halves stand so that the first one has room before them, the
+    second one behind.
     """
     stack = simd.stack_array(np.int32, 256)
     bins = simd.stack_array(np.float32, _ROOM)
     left, before = simd.stack_array(np.float32, BINS), simd.stack_array(np.float32, BINS)
     spans = simd.stack_array(np.float32, 1024)  # of middles, a row of eight for each two numbers of the stack
-    aside = np.empty((count[root], 8), np.float32)
     simd.write(stack, 0, root)
     simd.write(stack, 1, 0)
     simd.store(spans, 0, _span(items, np.int64(first[root]), np.int64(first[root]) + np.int64(count[root])))
@@ -213,7 +204,7 @@ def _sort(items: Any, begin: int, n: int, axis: int, base: Any, factor: Any, pla
     for i in range(begin, begin + n):
         box, front = simd.load(items, i * 8, 8), np.int64(_bin(items, i, axis, base, factor) < plane)
         simd.store(items, first * 8, box)  # over one that has its place already, or itself
-        simd.store(aside, others * 8, box)
+        simd.store(aside, (begin + others) * 8, box)
         first, others = first + front, others + 1 - front
         middle = simd.low_half(box) - simd.high_half(box)
         mine = simd.mask_from_bits(-front, middle)
@@ -221,7 +212,7 @@ def _sort(items: Any, begin: int, n: int, axis: int, base: Any, factor: Any, pla
     inner = simd.joined(low, high)
     low, high = simd.f32x4(np.inf), simd.f32x4(-np.inf)
     for k in range(others):
-        box = simd.load(aside, k * 8, 8)
+        box = simd.load(aside, (begin + k) * 8, 8)
         simd.store(items, (first + k) * 8, box)
         middle = simd.low_half(box) - simd.high_half(box)
         low, high = simd.minimum(low, middle), simd.maximum(high, middle)

@@ -17,7 +17,7 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from . import film, lanes, materials
+from . import lanes, materials, workers
 from .kernels import HELPER, apart, helper, kernel
 from .materials import Shader, Uses
 from .records import Lane, Surface, Vec
@@ -85,7 +85,7 @@ def build(landed: list[NDArray[np.float32]], emitted: int, so_far: int, width: f
         _sort(landed[k].astype(kind), k, int(first[k]), near, made.start, slots, made.present, made.key, made.place, made.toward,
               made.power, made.normal, made.inverse, cells)  # fmt: skip
 
-    film.on_threads(sort, range(len(landed)), max(threads, 1))
+    workers.on_threads(sort, range(len(landed)), max(threads, 1))
     return made
 
 

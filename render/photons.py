@@ -24,7 +24,6 @@ from . import (
     across,
     blends,
     emitters,
-    film,
     frosted,
     lanes,
     lights,
@@ -37,6 +36,7 @@ from . import (
     surface,
     tilt,
     waves,
+    workers,
 )
 from .handles import Handle
 from .kernels import HELPER, apart, helper, kernel
@@ -194,7 +194,7 @@ class Tracer:
                 space = int(kept)
             found[number, start] = rows[:, :kept].T.copy()
 
-        film.on_threads(draw, jobs, self.threads)
+        workers.on_threads(draw, jobs, self.threads)
         landed = [
             np.concatenate([found.pop((self.maps + k, start)) for start in range(0, each, BLOCK)]) for k in range(MAPS)
         ]  # fmt: skip

@@ -6,6 +6,7 @@ point's own homogeneous coordinate (1, or 0 for points at infinity). A perspecti
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from ..compiler import ir
 from . import camera, handles
 from .kernels import helper, kernel
 from .records import View
-from .tessellate import Tessellation
+from .tessellate import Tessellation, analytic_seen
 
 COLUMNS = 5  # X, Y, W, D, V
 CLUSTER = 128  # triangles that are placed in the picture together
@@ -142,6 +143,11 @@ def to_clip(matrix: Any, instance: int, p: Any, row: int, out: Any, k: int) -> N
     x, y, z, w = p[row, 0], p[row, 1], p[row, 2], p[row, 3]
     for c in range(COLUMNS):
         out[k, c] = matrix[instance, c, 0] * x + matrix[instance, c, 1] * y + matrix[instance, c, 2] * z + matrix[instance, c, 3] * w
+
+
+def untessellated(tables: ir.Tables, shells: Mapping[int, Tessellation]) -> NDArray[np.intp]:
+    """The rows of instances that the camera sees and that have no triangles: they enter the z-buffer where each sample's ray meets them."""
+    return np.array([i for i in analytic_seen(tables).tolist() if i not in shells], np.intp)
 
 
 def pixel_boxes(tables: ir.Tables, view: View, chosen: NDArray[np.intp]) -> NDArray[np.int32]:

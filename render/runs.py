@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from . import faces, items, lanes, materials, simd, single_faces
-from .bands import BOX, in_block
+from .bands import in_block
 from .kernels import apart, helper
+from .listing import EVERYWHERE
 from .meshlets import SHIFT
 from .points import CAPACITY, keep, over_picture
 
@@ -71,7 +72,7 @@ def is_flat(shading: Any, i: int, face: int) -> bool:
 def record_of(shading: Any, patterned: Any, colored: Any, i: int, face: int, x: int, y: int) -> tuple[int, int]:
     """The row of a face's record that holds in the block from (x, y) on, or -1, and up to which x it holds there."""
     if not faces.is_single(shading.faces, face):
-        return face, BOX
+        return face, EVERYWHERE
     row = single_faces.near(
         shading.shown, shading.meshlets, shading.drawn, shading.lit, shading.faces, patterned, colored, i, face, x, y
     )  # fmt: skip
@@ -93,7 +94,7 @@ def light_flat(shading, shader, group, y, middle, crop, full, rgba):
     """Light a flat face's run of blocks from `group` on into the picture; the next one. Its material is `shader`, in numbers."""
     found, listed, lamps, look = shading.faces, shading.items, shading.lamps, shading.look
     face = simd.read(listed.even, group)
-    last = end_of(listed, face, BOX, group, BOX)
+    last = end_of(listed, face, EVERYWHERE, group, EVERYWHERE)
     normal = _unit_normal(found, face)
     even = lanes.add(shader.emission, lanes.mul(shader.ambient, (lamps.ambient[0], lamps.ambient[1], lamps.ambient[2])))
     for k in range(len(lamps.row)):

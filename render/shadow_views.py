@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import banded, bands, bvh, handles, prepare, raster_setup, setup, traced
+from . import banded, bands, bvh, handles, listing, prepare, raster_setup, setup, traced
 from .meshlets import SHIFT
 from .records import Traced, View
 from .shadow_maps import Maps
@@ -117,7 +117,7 @@ def _drawn(tables: ir.Tables, view: View, accel: handles.Handle) -> tuple[NDArra
     """(keys, instances) of a map's texels, row by row."""
     shells = prepare.Shapes(tables, view, NARROW).shells(tables)
     made, packed, pattern = banded.triangles(tables, view, shells), handles.Handle(tables), handles.Handle(bands.pattern(1))
-    drawn = handles.Handle(bands.drawn(made.shown, made.meshlets, made.placed, (0, 0, view.width, view.height), 0, ROWS))
+    drawn = listing.drawn(made.shown, made.meshlets, made.placed, (0, 0, view.width, view.height), 0, ROWS)
     band = handles.Handle(bands.band_for(view.width, ROWS, 1))
     filling = handles.Handle(bands.Filling(made.shown, pattern, made.meshlets, drawn, band))
     keys, found = np.empty((view.height, view.width), np.float32), np.empty((view.height, view.width), np.int32)
@@ -131,6 +131,6 @@ def _drawn(tables: ir.Tables, view: View, accel: handles.Handle) -> tuple[NDArra
         for whole, part in ((keys, rows.key), (found, rows.ids)):
             whole[top : top + ROWS] = bands.by_pixels(part, ROWS, view.width)
     mapped: Any = drawn.tables
-    things = np.append(mapped.instance, 0)
-    of = np.where(found > traced.EXACT, found & traced.EXACT, things[np.clip(found >> SHIFT, 0, len(things) - 1)])
+    exact = found > traced.EXACT
+    of = np.where(exact, found & traced.EXACT, mapped.instance[np.where(exact, 0, np.maximum(found, 0) >> SHIFT)])
     return np.where(found >= 0, keys, -np.inf).astype(np.float32).ravel(), np.where(found >= 0, of, -1).astype(np.int32).ravel()

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from . import halves, machine, simd, wide
 from .kernels import kernel
 from .wide import EMPTY, NODE, STEP, WIDTH
+from .workers import Workers
 
 _MANY = 4096  # instances from which on threads are worth starting
 
@@ -47,10 +48,8 @@ def _links(boxes: NDArray[np.float64], threads: int) -> NDArray[np.int32]:
     items = simd.aligned_empty((len(boxes), 8), np.float32)
     items[:, :3], items[:, 4:7], items[:, halves.COUNT] = (low - middle) / size, (middle - high) / size, 1.0
     items.view(np.int32)[:, halves.NUMBER] = np.arange(len(boxes)) | halves.TAG
-    if len(boxes) < _MANY:
-        return wide.links(*halves.build(items, items.min(axis=0), 1, STEP, map), map)
-    with halves.runner(threads or machine.cores()) as run:
-        return wide.links(*halves.build(items, items.min(axis=0), 1, STEP, run), run)
+    by = Workers(1 if len(boxes) < _MANY else threads or machine.cores())
+    return wide.links(*halves.build(items, items.min(axis=0), 1, STEP, by), by)
 
 
 def refit(top: Top, boxes: NDArray[np.float64]) -> None:

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import halves, machine, simd
-from .halves import Part, Run, half_area
+from .halves import Part, half_area
 from .kernels import helper, kernel
+from .workers import Workers
 
 WIDTH = 16 if machine.AVX512 else 8  # children of a node, and triangles of a leaf
 NODE = 6 * WIDTH  # planes of a node: rows of low x, high x, low y, high y, low z, high z; of empty places low inf, high -inf
@@ -23,7 +24,6 @@ DEPTH = 2048  # of a walk's stack: up to fifteen for each of at most 48 levels, 
 STEP = 0.3  # what going down a level of the binary tree costs, against the test of a leaf
 TEST = 3.0  # what that costs, against the test of a node
 SLACK = 2.0**-22  # of the largest coordinate, by which boxes grow: what rounding to float32 does to a ray's origin, four times
-PART = -(1 << 30)  # links of the topmost nodes to parts, before those have their places
 EMPTY = -1 - (1 << 29)
 spread32, spread64 = getattr(simd, f"f32x{WIDTH}"), getattr(simd, f"f64x{WIDTH}")  # a number in as many lanes
 
@@ -52,18 +52,18 @@ def build(positions: NDArray[np.float32], triangles: NDArray[np.int32], threads:
 
     It is the same on any number of threads (0: all there are).
     """
-    with halves.runner(threads or machine.cores()) as run:
-        items = simd.aligned_empty((len(triangles), 8), np.float32)
-        shares = _shares(len(items))
-        around = np.empty((len(shares), 8), np.float32)
-        list(run(lambda k: boxes_of(positions, triangles, items, *shares[k], around, k), range(len(shares))))
-        tree, parts = halves.build(items, around.min(axis=0), WIDTH, STEP, run)
-        return _collapsed(tree, parts, _Mesh(positions, triangles), run)
+    by = Workers(threads or machine.cores())
+    items = simd.aligned_empty((len(triangles), 8), np.float32)
+    shares = _shares(len(items))
+    around = np.empty((len(shares), 8), np.float32)
+    by.map(lambda k: boxes_of(positions, triangles, items, *shares[k], around, k), range(len(shares)))
+    tree, parts = halves.build(items, around.min(axis=0), WIDTH, STEP, by)
+    return _collapsed(tree, parts, _Mesh(positions, triangles), by)
 
 
-def links(tree: halves.Halves, parts: list[Part], run: Run) -> NDArray[np.int32]:
+def links(tree: halves.Halves, parts: list[Part], by: Workers) -> NDArray[np.int32]:
     """The links alone of a tree over items without triangles: ~ an item's number where a leaf's would stand."""
-    return _collapsed(tree, parts, _Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)), run).links
+    return _collapsed(tree, parts, _Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)), by).links
 
 
 def _shares(n: int, least: int = 1 << 15) -> list[tuple[int, int]]:
@@ -72,31 +72,46 @@ def _shares(n: int, least: int = 1 << 15) -> list[tuple[int, int]]:
     return [(k, min(k + step, n)) for k in range(0, n, step)]
 
 
-def _collapsed(tree: halves.Halves, parts: list[Part], mesh: _Mesh, run: Run) -> Wide:
-    """The tree with eight or more children a node; its parts, on threads, then stand one behind the other."""
+class _Choice(NamedTuple):
+    """Rows of the nodes of a binary tree below one of them, level by level, and which of them a wide one keeps."""
+
+    node: NDArray[np.int32]
+    below: NDArray[np.int32]  # row of the first half, before that of the second; 0 where there are none
+    share: NDArray[np.int8]  # (n, WIDTH) see share_out
+    cost: NDArray[np.float32]  # (n, WIDTH)
+
+
+def _choice(rows: int) -> _Choice:
+    share, cost = np.empty((rows, WIDTH), np.int8), np.empty((rows, WIDTH), np.float32)
+    return _Choice(np.empty(rows, np.int32), np.empty(rows, np.int32), share, cost)
+
+
+def _collapsed(tree: halves.Halves, parts: list[Part], mesh: _Mesh, by: Workers) -> Wide:
+    """The tree with eight or more children a node; its parts, on threads, stand one behind the other, after what is above them."""
     slack = np.float32(SLACK * np.abs(tree.boxes[0][[0, 1, 2, 4, 5, 6]]).max())
     width = WIDTH if len(mesh.triangles) else 1
+    none, most = np.zeros(0, np.int32), 2 * max(int(tree.count[part.root]) for part in parts)
+    free: list[_Choice] = []
 
-    def collapsed(part: Part, closed: NDArray[np.int64], known: NDArray[np.float32]) -> tuple[Wide, np.float32]:
-        rows = 2 * int(tree.count[part.root])
-        costs, shares = np.empty((rows, WIDTH), np.float32), np.empty((rows, WIDTH), np.int8)
-        kept = int(share_out(tree, *part, closed, known, width, costs, shares))
-        made = room(kept, kept if len(mesh.triangles) else 0)
-        nodes, leaves = collapse(tree, *part, closed, shares, mesh, slack, made)
-        return Wide(made.nodes[:nodes], made.links[:nodes], made.leaves[:leaves], made.rows[:leaves]), costs[0, 0]
+    def chosen(root: int, closed: NDArray[np.int32], known: NDArray[np.float32]) -> tuple[_Choice, int, int]:
+        try:
+            found = free.pop()
+        except IndexError:
+            found = _choice(max(most, 2 * len(parts)))
+        n, nodes, leaves = share_out(tree, root, closed, known, width, found)
+        kept = _Choice(found.node[:n].copy(), found.below[:n].copy(), found.share[:n].copy(), found.cost[:1].copy())
+        free.append(found)
+        return kept, nodes, leaves
 
-    none = np.zeros(0)
-    below = list(run(lambda part: collapsed(part, none.astype(np.int64), none.astype(np.float32)), parts))
-    if len(parts) == 1:
-        return below[0][0]
-    closed = np.array([part.root for part in parts], np.int64)
-    made = [collapsed(Part(0, 1), closed, np.array([cost for _, cost in below], np.float32))[0], *(one for one, _ in below)]
-    node = np.cumsum([0, *(len(one.nodes) for one in made)])
-    leaf = np.cumsum([0, *(len(one.leaves) for one in made)])
-    top = made[0].links
-    np.copyto(top, node[np.clip(PART - top, 0, len(parts) - 1) + 1], where=top <= PART, casting="unsafe")
-    whole = room(int(node[-1]), int(leaf[-1]))
-    list(run(lambda k: join(whole, made[k], node[k], leaf[k], 0), range(len(made))))
+    made = by.map(lambda part: chosen(part.root, none, np.zeros(0, np.float32)), parts)
+    closed = none
+    if len(parts) > 1:
+        closed = np.array([part.root for part in parts], np.int32)
+        made.insert(0, chosen(0, closed, np.array([choice.cost[0, 0] for choice, _, _ in made])))
+    ends = np.cumsum([(0, 0), *((nodes, leaves) for _, nodes, leaves in made)], axis=0)
+    whole = room(int(ends[-1, 0]), int(ends[-1, 1]) if len(mesh.triangles) else 0)
+    places = ends[1:-1, 0].copy()
+    by.map(lambda k: collapse(tree, made[k][0], none if k else closed, places, mesh, slack, whole, *ends[k]), range(len(made)))
     return whole
 
 
@@ -123,9 +138,8 @@ def pooled(trees: list[Wide], rows: list[int]) -> Wide:
 def fineness(tree: Wide, some: int = 512) -> float:
     """How wide leaves are: the median of the largest sides of some of their boxes."""
     step = max(1, len(tree.leaves) // some)
-    corners = tree.leaves[::step].reshape(-1, 3, 3, WIDTH)
-    there = (tree.rows[::step] >= 0)[:, None, None]
-    low, high = np.where(there, corners, np.inf).min(axis=(1, 3)), np.where(there, corners, -np.inf).max(axis=(1, 3))
+    corners = np.ascontiguousarray(tree.leaves[::step]).reshape(-1, 3, 3, WIDTH)
+    low, high = (least.reduce(least.reduce(corners, axis=1), axis=-1) for least in (np.fmin, np.fmax))  # empty places are nan
     return float(np.median((high - low).max(axis=1)))
 
 
@@ -147,52 +161,65 @@ def boxes_of(positions, triangles, items, start, end, around, k):
 
 
 @kernel
-def share_out(tree, root, free, closed, known, width, costs, shares):
-    """Find what the binary tree below `root` costs at least as a wide one, and how; no more nodes or leaves than are returned.
+def share_out(tree, root, closed, known, width, found):
+    """Find what the binary tree below `root` costs at least as a wide one, and how: how many rows, wide nodes and leaves that takes.
 
-    Rows of the tables are those of `_row`. costs[i, j - 1] is that of a node as at most j children of another; shares[i, j - 1], how
-    many of them its first half has then, 0 where one less is as good. shares[i, -1] is that of a node of its own. Where a leaf costs
-    less, of up to `width` items, the node becomes one. Those that are `closed` have costs that are `known`.
+    cost[i, j - 1] is that of a node as at most j children of another; share[i, j - 1], how many of them its first half has then, 0 where
+    one less is as good. share[i, -1] is that of a node of its own. Where a leaf costs less, of up to `width` items, the node becomes one.
+    Those that are `closed` have costs that are `known`.
     """
-    order = np.empty(2 * tree.count[root], np.int64)
-    order[0], n, done = root, 1, 0
+    node, below, share, cost = found
+    node[0], n, done = root, 1, 0
     while done < n:
-        s = order[done]
-        done += 1
+        s = np.int64(node[done])
+        below[done] = 0
         if tree.second[s] != 0 and not _is_closed(closed, s):
-            order[n], order[n + 1] = tree.second[s] - 1, tree.second[s]
+            below[done] = n
+            node[n], node[n + 1] = tree.second[s] - 1, tree.second[s]
             n += 2
+        done += 1
     best = np.empty(WIDTH + 1, np.float32)
-    for k in range(n - 1, -1, -1):
-        s = order[k]
-        i = _row(s, root, free)
+    for i in range(n - 1, -1, -1):
+        s, a = np.int64(node[i]), np.int64(below[i])
         area = half_area(simd.load(tree.boxes, s * 8, 8))
-        if tree.second[s] == 0 or _is_closed(closed, s):
-            costs[i] = area * np.float32(TEST) if tree.second[s] == 0 else known[_number(closed, s)]
+        if a == 0:
+            cost[i] = area * np.float32(TEST) if tree.second[s] == 0 else known[_number(closed, s)]
             continue
-        b = _row(np.int64(tree.second[s]), root, free)
-        a = b - 1
+        b = a + 1
         for j in range(2, WIDTH + 1):
             best[j] = np.inf
             for p in range(max(1, j + 1 - WIDTH), min(j, WIDTH)):
-                cost = costs[a, p - 1] + costs[b, j - p - 1]
-                if cost < best[j]:
-                    best[j], shares[i, j - 1] = cost, p
-        costs[i, 0] = best[WIDTH] + area
-        if tree.count[s] <= width and area * np.float32(TEST) <= costs[i, 0] and s != root:
-            tree.second[s] = 0
-            costs[i] = area * np.float32(TEST)
+                both = cost[a, p - 1] + cost[b, j - p - 1]
+                if both < best[j]:
+                    best[j], share[i, j - 1] = both, p
+        cost[i, 0] = best[WIDTH] + area
+        if tree.count[s] <= width and area * np.float32(TEST) <= cost[i, 0] and i > 0:
+            below[i] = 0
+            cost[i] = area * np.float32(TEST)
             continue
         for j in range(2, WIDTH):
-            costs[i, j - 1] = best[j]
-            if costs[i, j - 2] <= best[j]:
-                costs[i, j - 1], shares[i, j - 1] = costs[i, j - 2], 0
-    return n
+            cost[i, j - 1] = best[j]
+            if cost[i, j - 2] <= best[j]:
+                cost[i, j - 1], share[i, j - 1] = cost[i, j - 2], 0
+    nodes, leaves = _counted(found, closed, np.empty(DEPTH, np.int64), np.empty((WIDTH, 2), np.int64))
+    return n, nodes, leaves
 
 
 @helper
-def _row(s: int, root: int, free: int) -> int:
-    return 0 if s == root else s - free + 1
+def _counted(found: Any, closed: Any, stack: Any, chosen: Any) -> tuple[int, int]:
+    """How many nodes and leaves a wide tree has."""
+    stack[0] = 0
+    top, nodes, leaves = 1, 1, 0
+    while top > 0:
+        top -= 1
+        for k in range(_children(found, stack[top], chosen)):
+            row = chosen[k, 0]
+            if found.below[row] == 0:
+                leaves += 0 if _is_closed(closed, np.int64(found.node[row])) else 1
+            else:
+                stack[top] = row
+                nodes, top = nodes + 1, top + 1
+    return nodes, leaves
 
 
 @helper
@@ -204,40 +231,40 @@ def _is_closed(closed: Any, node: int) -> bool:
 
 
 @kernel
-def collapse(tree, root, free, closed, shares, mesh, slack, out):
-    """Fill `out` with the nodes and leaves below `root` of a binary tree; how many of both. Closed nodes become links to parts."""
+def collapse(tree, found, closed, places, mesh, slack, out, first, ends):
+    """Put the nodes and leaves that were chosen into `out`, from node `first` and leaf `ends` on; closed nodes stand at `places`."""
     stack = np.empty((DEPTH, 2), np.int64)
     chosen = np.empty((WIDTH, 2), np.int64)
-    stack[0, 0], stack[0, 1] = root, 0
-    top, used, ends = 1, 1, 0
+    stack[0, 0], stack[0, 1] = 0, first
+    top, used = 1, first + 1
     while top > 0:
         top -= 1
         node = stack[top, 1]
-        n = _children(tree, stack[top, 0], root, free, closed, shares, chosen)
+        n = _children(found, stack[top, 0], chosen)
         for i in range(WIDTH):
             if i >= n:
                 for k in range(3):
                     out.nodes[node, 2 * k * WIDTH + i], out.nodes[node, (2 * k + 1) * WIDTH + i] = np.inf, -np.inf
                 out.links[node, i] = EMPTY
                 continue
-            child = chosen[i, 0]
+            row = chosen[i, 0]
+            child = np.int64(found.node[row])
             for k in range(3):
                 out.nodes[node, 2 * k * WIDTH + i] = tree.boxes[child, k] - slack
                 out.nodes[node, (2 * k + 1) * WIDTH + i] = slack - tree.boxes[child, 4 + k]
-            if _is_closed(closed, child):
-                out.links[node, i] = PART - _number(closed, child)
-            elif tree.second[child] == 0 and len(mesh.triangles) == 0:
+            if found.below[row] != 0:
+                out.links[node, i] = used
+                stack[top, 0], stack[top, 1] = row, used
+                used += 1
+                top += 1
+            elif _is_closed(closed, child):
+                out.links[node, i] = places[_number(closed, child)]
+            elif len(mesh.triangles) == 0:
                 out.links[node, i] = -1 - (simd.float_bits(tree.items[tree.first[child], halves.NUMBER]) & ~halves.TAG)
-            elif tree.second[child] == 0:
+            else:
                 _fill(tree, child, mesh, out.leaves, out.rows, ends)
                 out.links[node, i] = -1 - ends
                 ends += 1
-            else:
-                out.links[node, i] = used
-                stack[top, 0], stack[top, 1] = child, used
-                used += 1
-                top += 1
-    return used, ends
 
 
 @helper
@@ -246,24 +273,24 @@ def _number(closed: Any, node: int) -> Any:
 
 
 @helper
-def _children(tree: Any, s: int, root: int, free: int, closed: Any, shares: Any, chosen: Any) -> int:
-    """Put the children of a node as `share_out` found them into chosen[:, 0]; how many there are."""
-    chosen[0, 0], chosen[0, 1] = s, 1
-    if tree.second[s] == 0:
+def _children(found: Any, row: int, chosen: Any) -> int:
+    """Put the rows of the children of a node as `share_out` found them into chosen[:, 0]; how many there are."""
+    chosen[0, 0], chosen[0, 1] = row, 1
+    if found.below[row] == 0:
         return 1
     chosen[0, 1] = WIDTH
     n, i = 1, 0
     while i < n:
-        s, j = chosen[i, 0], chosen[i, 1]
-        row = _row(s, root, free)
-        while j > 1 and shares[row, j - 1] == 0:
+        row, j = chosen[i, 0], chosen[i, 1]
+        while j > 1 and found.share[row, j - 1] == 0:
             j -= 1
-        if j == 1 or tree.second[s] == 0 or _is_closed(closed, s):
+        half = np.int64(found.below[row])
+        if j == 1 or half == 0:
             i += 1
             continue
-        k = np.int64(shares[row, j - 1])
-        chosen[i, 0], chosen[i, 1] = tree.second[s] - 1, k
-        chosen[n, 0], chosen[n, 1] = tree.second[s], j - k
+        k = np.int64(found.share[row, j - 1])
+        chosen[i, 0], chosen[i, 1] = half, k
+        chosen[n, 0], chosen[n, 1] = half + 1, j - k
         n += 1
     return n
 

@@ -152,9 +152,18 @@ def test_errors_do_not_hold_the_noise_of_their_reference() -> None:
 
 def test_means_that_differ_are_refused() -> None:
     ours = np.ones((64, 64, 3))
-    assert paths.agree_means(16, {"maquette": ours, "peer": ours * 1.01}) == "means maquette 1.00000, peer 1.01000"
+    assert paths.agree_means({"maquette": ours, "peer": ours * 1.001}) == "means maquette 1.00000, peer 1.00100"
     with pytest.raises(Disagreement):
-        paths.agree_means(16, {"maquette": ours, "peer": ours * 1.2})
+        paths.agree_means({"maquette": ours, "peer": ours * 1.01})
+
+
+def test_means_of_noisy_pictures_may_differ_by_what_the_noise_leaves_open() -> None:
+    """Of 64² pixels of variance 1 each, by four times √2 / 64."""
+    ours, noise = np.ones((64, 64, 3)), RNG.normal(0.0, 1.0, (64, 64, 1))
+    noise -= noise.mean()
+    paths.agree_means({"maquette": ours + noise, "peer": ours * 1.08 + noise[::-1]})
+    with pytest.raises(Disagreement):
+        paths.agree_means({"maquette": ours + noise, "peer": ours * 1.1 + noise[::-1]})
 
 
 def test_time_to_an_error_is_read_between_points_alone() -> None:

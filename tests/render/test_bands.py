@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from maquette.compiler import ir, plan
 from maquette.compiler.rows import CameraData, LightData, MeshData
-from maquette.render import banded, bands, fill, film, meshlets, metrics, prepare, raster, setup, turns
+from maquette.render import banded, bands, fill, film, listing, meshlets, metrics, prepare, raster, setup, turns
 from maquette.render.handles import Handle
 from maquette.render.records import View
 
@@ -25,16 +25,14 @@ def seen(points: np.ndarray, triangles: np.ndarray, samples: int) -> np.ndarray:
     made = banded.triangles(scene, View(0, width, height), {})
     pattern, band = bands.pattern(samples), bands.band_for(width, height, samples)
     band.clip[:] = 0, 0, width, height
-    drawn = bands.drawn(made.shown, made.meshlets, made.placed, (0, 0, width, height), 0, 64)
-    filling = bands.Filling(made.shown, Handle(pattern), made.meshlets, Handle(drawn), Handle(band))
+    drawn = listing.drawn(made.shown, made.meshlets, made.placed, (0, 0, width, height), 0, 64)
+    filling = bands.Filling(made.shown, Handle(pattern), made.meshlets, drawn, Handle(band))
     setup.draw_band(Handle(filling), 0)
     columns, rows = band.place[2:]
     ids = band.ids.reshape(rows // 4, columns // 4, samples, 4, 4).transpose(0, 4, 1, 3, 2).reshape(rows, columns, samples)
     ids = ids[:height, :width]
-    if len(drawn.first) == 0:
-        return ids
     some = np.maximum(ids, 0)
-    slot = drawn.first[some >> meshlets.SHIFT] + (some & ((1 << meshlets.SHIFT) - 1))
+    slot = drawn.tables.first[some >> meshlets.SHIFT] + (some & ((1 << meshlets.SHIFT) - 1))
     return np.where(ids >= 0, made.meshlets.tables.corner[slot, 3], -1)
 
 

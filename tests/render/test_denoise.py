@@ -10,7 +10,7 @@ import maquette
 import numpy as np
 import pytest
 from maquette.compiler import plan as planner
-from maquette.render import denoise, film, knobs, prepare, ray
+from maquette.render import denoise, knobs, prepare, ray
 from maquette.render.records import View
 
 SCENE = """
@@ -75,11 +75,3 @@ def test_the_chart_has_a_line_for_it(scene) -> None:
     assert knob.fixed == {"denoise": True}
     sharp = replace(plan.decisions["soft lights"], value=False)
     assert not knob.applies(scene, planner.Plan({**plan.decisions, "soft lights": sharp}))
-
-
-def test_work_on_threads_ends_with_the_first_exception() -> None:
-    def fail(job: int) -> None:
-        raise ArithmeticError(str(job))
-
-    with pytest.raises(ArithmeticError):
-        film.on_threads(fail, range(4), 2)

@@ -1,0 +1,134 @@
+"""Two threads against one: frames, pictures by rays, and trees, beside what two threads of arithmetic gain on the machine."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import load
+from ..compiler import ir, plan
+from ..render import film, machine, prepare, ray, simd, workers
+from ..render import rays as traced
+from ..render.kernels import kernel
+from ..render.records import View
+from . import meshes, raster, report
+from .harness import OURS, Case, Contender, Disagreement, Effort, Missing, Peers, measure
+from .rays import closest
+
+TEXT = """
+The same work by two threads (maquette) and by one, in turns, by wall time: *× ours* is how many times as fast two are. *arithmetic* is
+multiplications in registers, in eight pieces: what the machine itself gives at that time (two processors of a virtual machine may be one
+core, and both are slower while both are busy). Frames and meshes are those of *raster* at one sample; pictures by rays are drawn from a
+prepared scene; trees are built of a mesh in memory. What one and two threads make is the same, bit for bit.
+"""
+ONE = "one thread"
+PIECES = 8
+Make = Callable[[int], tuple[Callable[[], Any], Callable[[Any], Any]]]
+"""What to run on so many threads, and how to read its answer."""
+Cases = Mapping[str, Make]
+HERE = Path(__file__).resolve().parent
+
+
+def section(quick: bool, effort: Effort) -> report.Section:
+    """Measure everything that threads share."""
+    peers = Peers()
+    found = report.Section("threads", "Two threads", TEXT)
+    for title, cases in (("Arithmetic", arithmetic(quick)), ("Frames", frames(quick)), ("Rays", pictures(quick)), ("Trees", trees(quick))):
+        results = []
+        for name, make in cases.items():
+            contenders = peers.gather(*(functools.partial(_by, make, *who) for who in ((2, OURS), (1, ONE))))
+            results.append(measure(Case(name, contenders, same), effort))
+        found.add(title, results, "", by="wall")
+    found.missing = peers.missing
+    return found
+
+
+def _by(make: Make, threads: int, name: str) -> Contender:
+    if machine.cores() < 2:
+        raise Missing("there is one core alone")
+    return Contender(name, *make(threads))
+
+
+def same(answers: Mapping[str, Any]) -> str:
+    """Whether all that was made is the same, bit for bit."""
+    mine = answers[OURS]
+    for theirs in answers.values():
+        if not np.array_equal(mine, theirs):
+            raise Disagreement("one and two threads made different things")
+    return "the same, bit for bit"
+
+
+@kernel
+def multiply(times, out):
+    """Sixteen running products, four times over."""
+    a, b, c, d = simd.f32x16(1.0), simd.f32x16(2.0), simd.f32x16(3.0), simd.f32x16(4.0)
+    for _ in range(times):
+        a, b, c, d = a * 0.999 + 0.001, b * 0.999 + 0.001, c * 0.999 + 0.001, d * 0.999 + 0.001
+    simd.store(out, 0, a + b + c + d)
+
+
+def arithmetic(quick: bool) -> Cases:
+    """As long as a frame, and as a picture."""
+
+    def make(times: int, threads: int) -> tuple[Callable[[], Any], Callable[[Any], Any]]:
+        def run() -> NDArray[np.float32]:
+            out = np.zeros((PIECES, 16), np.float32)
+            workers.on_threads(lambda k: multiply(times // PIECES, out[k]), range(PIECES), threads)
+            return out
+
+        return run, _itself
+
+    most = 1 << (10 if quick else 20)
+    return {"short": functools.partial(make, most), "long": functools.partial(make, 16 * most)}
+
+
+def frames(quick: bool) -> Cases:
+    """Those of raster at one sample."""
+
+    def make(mesh: meshes.Mesh, textured: bool, threads: int) -> tuple[Callable[[], Any], Callable[[Any], Any]]:
+        return raster.ours(mesh, raster.side(quick), 1, textured, threads).run, _itself
+
+    return {name: functools.partial(make, *case) for name, case in raster.cases(quick).items()}
+
+
+def pictures(quick: bool) -> Cases:
+    """A box lit by paths, and the largest mesh."""
+    side = 32 if quick else 256
+
+    def make(scene: ir.Scene, asked: ir.Settings, threads: int) -> tuple[Callable[[], Any], Callable[[Any], Any]]:
+        decided = plan.make(scene, replace(asked, size=(side, side), backend="ray", threads=threads))
+        view = View(decided["camera"], side, side)
+        prepared = prepare.prepare(scene, decided, view)
+        return lambda: film.run(ray.Renderer(prepared, decided, view), decided, view).channels["rgba"], _itself
+
+    box = load(HERE / "scenes" / "cornell.scene")
+    mesh = meshes.knot(*list(_sizes(quick).values())[-1])
+    return {
+        "Cornell box, 64 paths a pixel": functools.partial(make, box, ir.Settings(samples=2 if quick else 64, bounces=6)),
+        "1M triangles, 16 samples a pixel": functools.partial(make, raster.scene_of(mesh, False), ir.Settings(samples=2 if quick else 16)),
+    }
+
+
+def trees(quick: bool) -> Cases:
+    """Of the meshes; what rays then hit is compared."""
+    rays = meshes.primary(64 if quick else 256)
+
+    def make(size: tuple[int, int], threads: int) -> tuple[Callable[[], Any], Callable[[Any], Any]]:
+        tables = meshes.scene(meshes.knot(*size)).tables
+        return lambda: traced.trees(tables, threads=threads, keep=False), lambda made: np.stack(closest(rays, made)())
+
+    return {f"{name} triangles": functools.partial(make, size) for name, size in _sizes(quick).items()}
+
+
+def _sizes(quick: bool) -> dict[str, tuple[int, int]]:
+    return meshes.TINY if quick else meshes.SIZES
+
+
+def _itself(answer: Any) -> Any:
+    return answer

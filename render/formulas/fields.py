@@ -88,7 +88,7 @@ def _made(surfaces: Sequence[Surface]) -> Forms:
     for k, (tape, parameters, bounds) in enumerate(surfaces):
         (low, high), first = bounds, int(ends[END_ROWS])
         numbers[k] = [*low, *high, *(count / (high - low)), *parameters[1:5], np.abs(bounds).max()]
-        places[k] = count, bool(parameters[0]), k * count**3, begin, k, not parameters[0] and jumps.may_jump(tape)
+        places[k] = count, bool(parameters[0]), k * count**3, begin, k, 0 if parameters[0] else jumps.kind_of(tape, bounds)
         begin += len(constants[k])
         names[first : first + len(wholes[k])] = wholes[k]
         tapes[k, :2] = first, len(wholes[k])

@@ -1,6 +1,7 @@
-"""Where a formula jumps over 0: the same place by whatever way it was found, and the normal of the face that is there.
+"""Where a formula jumps over 0, or ends: the same place by whatever way it was found, and the normal of the face that is there.
 
-A floor has no slope, and what has one beside it says nothing of the face between two steps. So the face is looked for on two rays beside
+A floor has no slope, and what has one beside it says nothing of the face between two steps; a root's slope at the edge of where it is
+defined points inwards, as steep as a root is near. So the face is looked for on two rays beside
 the one that met it. How far off a root is when it is found depends on the stretch it was found in, and with it the side of the jump that
 is looked at; here each ray has places of its own, between which the change of sign is closed in on anew.
 """
@@ -11,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...compiler.tape_walks import boxes
 from ...compiler.tapes import Op, Tape
 from .. import lanes
 from ..kernels import apart, helper
@@ -18,6 +20,8 @@ from ..records import Lane, Vec
 from .evaluate import Room, value_at
 
 JUMPING = (Op.FLOOR, Op.CEIL, Op.MOD, Op.SIGN, Op.CHOOSE, Op.ATAN2)
+ENDING = (Op.SQRT, Op.LOG, Op.POWER, Op.ASIN, Op.ACOS)
+NEVER, JUMPS, ENDS = 0, 1, 2  # what a tape may do
 SPACE = 2.0**-40  # of the largest coordinate, between a ray's places
 HALVINGS = 13  # of the space between two of them
 WIDER, MORE = 2.0**-16, 37  # where a root is farther from where it was looked for
@@ -37,9 +41,12 @@ class Face(NamedTuple):
     off: Lane
 
 
-def may_jump(tape: Tape) -> bool:
-    """Whether a tape has an operation whose values jump."""
-    return bool(np.isin(tape.code[:, 0], JUMPING).any())
+def kind_of(tape: Tape, bounds: np.ndarray) -> int:
+    """Whether a tape has an operation whose values jump, or else one that may end to be defined somewhere in a box (2, 3)."""
+    if np.isin(tape.code[:, 0], JUMPING).any():
+        return JUMPS
+    ending = np.isin(tape.code[:, 0], ENDING).any() and boxes(tape, bounds[0][:, None], bounds[1][:, None])[2].any()
+    return ENDS if ending else NEVER
 
 
 @apart

@@ -128,15 +128,15 @@ def _bisected(tape: Tape, o: Floats, d: Floats, a: Floats, b: Floats, in_a: NDAr
 def _on_faces(
     tape: Tape, normal: Floats, start: Floats, way: Floats, at: Floats, reach: float, size: Floats, toward: Floats
 ) -> Floats:  # fmt: skip
-    """The same normals, but of faces where the formula jumps over 0."""
-    if not jumps.may_jump(tape):
+    """The same normals, but of faces where the formula jumps over 0 or ends to be defined."""
+    if not np.isin(tape.code[:, 0], jumps.JUMPING + jumps.ENDING).any():
         return normal
     before, after = start + (at - APART * reach) * way, start + (at + APART * reach) * way
     apart = np.abs(tape_walks.points(tape, *after)[0] - tape_walks.points(tape, *before)[0])
     turn = plain_faces.faces(tape, before, after)
     turn = turn / np.linalg.norm(turn, axis=0)
     turn = np.where(toward * (turn * way).sum(axis=0) < 0, -turn, turn)
-    here = np.isfinite(turn).all(axis=0) & ~(apart <= jumps.LEAST * reach * size) & (apart < np.inf)
+    here = np.isfinite(turn).all(axis=0) & ~(apart <= jumps.LEAST * reach * size) & ~(apart >= np.inf)
     return np.where(here, turn, normal)
 
 

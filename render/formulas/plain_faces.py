@@ -1,4 +1,4 @@
-"""The faces where formulas jump, for the definition: what a jump is taken of, whose level the face is."""
+"""The faces where formulas jump or end, for the definition: what a jump or a root is taken of, whose level the face is."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from ...compiler.tapes import Op, Tape
 
 
 def faces(tape: Tape, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """(3, n) gradients of what makes a tape jump between points (3, n) next to each other; nan where nothing jumps.
+    """(3, n) gradients of what makes a tape jump or end between points (3, n) next to each other; nan where nothing does.
 
-    That is what a floor or a sign is taken of, a choice made by, or an angle's cut counted from: the face there is a level of it.
+    That is what a floor or a sign is taken of, a choice made by, or an angle's cut counted from, or what a root or a logarithm is taken
+    of where it ends: the face there is a level of it.
     """
     shape = np.shape(before[0])
     found = np.full((3, *shape), np.nan)
@@ -31,7 +32,7 @@ def faces(tape: Tape, before: np.ndarray, after: np.ndarray) -> np.ndarray:
 
 
 def _side(op: int, given: list[Any]) -> Any:
-    """Which step of an operation that jumps it is on; None of others."""
+    """Which step of an operation that jumps it is on, or whether one that ends is defined; None of others."""
     match op:
         case Op.FLOOR | Op.CEIL:
             return np.floor(given[0]) if op == Op.FLOOR else np.ceil(given[0])
@@ -43,4 +44,10 @@ def _side(op: int, given: list[Any]) -> Any:
             return given[0] <= 0.0
         case Op.ATAN2:
             return np.signbit(given[0]) & (given[1] < 0.0)
+        case Op.SQRT | Op.POWER:
+            return given[0] < 0.0
+        case Op.LOG:
+            return given[0] <= 0.0
+        case Op.ASIN | Op.ACOS:
+            return np.abs(given[0]) > 1.0
     return None

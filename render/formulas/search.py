@@ -18,6 +18,7 @@ from ..records import Lane, Vec
 from .calls import interpret
 from .evaluate import Bounds, Room, bounds_at, value_at
 from .fields import PROGRAMS
+from .jumps import JUMPS
 from .vectors import LANES, WAYS
 
 _FORKS = PROGRAMS.index("forks")
@@ -92,7 +93,7 @@ def first(forms, k, tape, memory, start, way, a, b, own, begin, sheet, like, mos
                 return root, within, _doubtful(doubt, open_from, root, finest), used
             at, value, piece = high + finest, after, max(piece, finest)  # a gap at a place alone, as where the formula is undefined
             continue
-        if open_from < 0.0 and not (jumps and not sheet and forms.places[k, 5] != 0):  # a solid's jump that thin has no inside
+        if open_from < 0.0 and not (jumps and not sheet and forms.places[k, 5] == JUMPS):  # a solid's jump that thin has no inside
             open_from = low
         at, value = high, across.lane(x.far, j)
         piece = max(piece, _COARSER * (high - open_from)) if open_from >= 0.0 else finest

@@ -1,4 +1,7 @@
-"""Faces where formulas jump: each has the normal of what the jump is taken of, also where it is seen nearly edge-on, in every backend."""
+"""Faces where formulas jump, or end to be defined: each has the normal of what that is decided by, also where it is seen nearly edge-on.
+
+In every backend.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +17,11 @@ FACES = {  # what is solid, how far places are from its faces, their normal
     "floor": ("y <= 0.2 * floor(4 * x)", lambda x, y, z: 4 * x - np.rint(4 * x), (-1, 0, 0)),
     "ceil": ("y <= 0.2 * ceil(3 * x)", lambda x, y, z: 3 * x - np.rint(3 * x), (-1, 0, 0)),
     "sign": ("y <= 0.3 * sign(x - z)", lambda x, y, z: x - z, (-H, 0, H)),
+    "root": ("sqrt(x) + y * y + z * z <= 0.5", lambda x, y, z: x, (-1, 0, 0)),
+    "root of a slope": ("sqrt(x - z) + y * y + x * x <= 0.5", lambda x, y, z: x - z, (-H, 0, H)),
+    "logarithm": ("log(x) + 4 * y * y + 4 * z * z <= 0", lambda x, y, z: x, (-1, 0, 0)),
+    "arc cosine": ("y <= 0.2 * acos(2 * x - 1) - 0.3", lambda x, y, z: x, (-1, 0, 0)),
+    "power": ("x ^ 1.5 + y * y + z * z <= 0.5", lambda x, y, z: x, (-1, 0, 0)),
     "angle": ("z <= 0.15 * atan2(y, x)", lambda x, y, z: np.where(x < 0, y, 1), (0, -1, 0)),
 }
 EYES = {"in front": "[-2.6, 1.4, 3.1]", "edge-on": "[-0.35, 0.5, 4.4]"}

@@ -1,9 +1,11 @@
 """What a pixel sees of a texture on a surface: how far texture coordinates go over it, and pictures in ever smaller sizes for that.
 
 A pixel's derivatives of texture coordinates are those of the plane that touches the surface there (Igehy 1999, Tracing Ray Differentials),
-known in closed form for rays from the eye; further rays take pictures as they are. The pixel's square becomes an ellipse on the picture:
-its short axis chooses among sizes (Williams 1983, Pyramidal Parametrics), and along its long one lie up to sixteen places (McCormack
-and others 1999, Feline). Of checkers and stripes it becomes a parallelogram, whose mean cells.py knows.
+known in closed form for rays from the eye. Rays that go on have a cone as wide as the pixel, which planes leave as it is and balls that
+mirror widen (Amanatides, "Ray Tracing with Cones", 1984; Akenine-Möller and others 2019, Texture Level of Detail Strategies for Real-Time
+Ray Tracing); from all else that is curved on they take pictures as they are. The pixel's square becomes an ellipse on the picture: its
+short axis chooses among sizes (Williams 1983, Pyramidal Parametrics), and along its long one lie up to sixteen places (McCormack and
+others 1999, Feline). Of checkers and stripes it becomes a parallelogram, whose mean cells.py knows.
 """
 
 from __future__ import annotations
@@ -14,14 +16,15 @@ from collections import namedtuple
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
 from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler import plan as planner
-from . import camera, lanes, surface, textures, tilt
+from . import across, camera, lanes, surface, textures, tilt
 from .handles import HandleType
-from .kernels import HELPER, apart, helper
+from .kernels import HELPER, apart, helper, if_there
 from .records import Hit, Lane, Ray, Surface, Tables, Vec, View
 
 MESH = int(ir.GeometryKind.MESH)
@@ -32,7 +35,11 @@ KEPT = {
     "formulas": "so are patterns",
     "coordinates": "it is known how far u and v go (all but formulas need that)",
     "places": "it is known how far places go, in the thing's own frame",
+    "cones": "so it is where rays go on to; the last numbers of a spread are how wide the ray is, and wider a metre on, and if mirrored",
 }
+WITH_CONE = (7, 13)  # lanes of a Surface's spread where its last three are of the ray's cone
+SPHERE = int(ir.GeometryKind.SPHERE)
+BOX, PLANE, RECTANGLE, DISK = (int(getattr(ir.GeometryKind, name)) for name in ("BOX", "PLANE", "RECTANGLE", "DISK"))
 
 
 class Eye(NamedTuple):
@@ -64,8 +71,9 @@ class Pyramids(NamedTuple):
 _made: dict[int, tuple[Any, Pyramids]] = {}  # by the id of what they were made from, while it lives
 
 
-def with_pyramids(tables: ir.Tables, view: View, samples: int) -> ir.Tables:
-    """Tables whose images have smaller sizes, for pixels of this view of which `samples` parts are looked at by themselves."""
+def with_pyramids(tables: ir.Tables, view: View, samples: int, further: bool) -> ir.Tables:
+    """Tables whose images have smaller sizes, for pixels of this view of which `samples` parts are looked at by themselves; `further`
+    if rays go on."""
     images = tables.images
     key = id(images.texels)
     if key not in _made or _made[key][0]() is not images.texels:
@@ -79,10 +87,10 @@ def with_pyramids(tables: ir.Tables, view: View, samples: int) -> ir.Tables:
     moved = direction / (direction @ axis)[:, None] if perspective else start
     step = 1.0 / np.sqrt(samples)
     eye = Eye(matrix[:, 3].copy(), axis, (moved[1] - moved[0]) * step, (moved[2] - moved[0]) * step, perspective, float(step))
-    return tables._replace(images=made._replace(eye=eye, kept=_kept_of(tables.textures, samples)))
+    return tables._replace(images=made._replace(eye=eye, kept=_kept_of(tables.textures, samples, further)))
 
 
-def _kept_of(rows: ir.Textures, samples: int) -> Any:
+def _kept_of(rows: ir.Textures, samples: int, further: bool) -> Any:
     """What is known of what a pixel spans, and which textures ask for it."""
     formula = rows.kind == ir.TextureKind.FORMULA
     formulas = formula.any() and samples < planner.MANY_PLACES
@@ -90,6 +98,7 @@ def _kept_of(rows: ir.Textures, samples: int) -> Any:
     cells = np.isin(rows.kind, (ir.TextureKind.CHECKER, ir.TextureKind.STRIPES))
     places = formulas or (~formula & (rows.mapping != ir.Mapping_.UV)).any()
     asked = (pictures.any(), cells.any(), formulas, (pictures | cells).any(), places)
+    asked += (further and bool(pictures.any() or cells.any() or formulas),)
     return _kept_as(tuple(name for name, yes in zip(KEPT, asked, strict=True) if yes))
 
 
@@ -134,19 +143,19 @@ def _halved(level: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
 # --- how far coordinates go ----------------------------------------------------------------------------------------------------
 
 
-def on_surface(tables: Tables, ray: Ray, hit: Hit, point: Surface) -> Surface:
-    """The surface that a ray met, with what a pixel spans on it (Surface.spread): 0 for rays that do not come from the eye.
+def on_surface(tables: Tables, ray: Ray, hit: Hit, point: Surface, cone: Any) -> Surface:
+    """The surface that a ray met, with what a pixel spans on it (Surface.spread), by the ray's cone where it does not come from the eye.
 
     In scenes without pictures in several sizes, the surface as it is.
     """
-    return _on_surface(tables, ray, hit, point) if isinstance(tables.images, Pyramids) else point
+    return _on_surface(tables, ray, hit, point, cone) if isinstance(tables.images, Pyramids) else point
 
 
 @overload(on_surface, jit_options=HELPER)
-def _on_surface_in_kernels(tables, ray, hit, point):
+def _on_surface_in_kernels(tables, ray, hit, point, cone):
     if isinstance(tables, HandleType) and tables.field("images.levels") is not None:
-        return lambda tables, ray, hit, point: _on_surface(tables, ray, hit, point)
-    return lambda tables, ray, hit, point: point
+        return lambda tables, ray, hit, point, cone: _on_surface(tables, ray, hit, point, cone)
+    return lambda tables, ray, hit, point, cone: point
 
 
 def is_known(tables: Tables) -> Any:
@@ -203,7 +212,7 @@ def _places_of_pixel(tables: Any, point: Surface) -> Any:
 
 
 @apart
-def _on_surface(tables: Any, ray: Ray, hit: Hit, point: Surface) -> Surface:
+def _on_surface(tables: Any, ray: Ray, hit: Hit, point: Surface, cone: Any) -> Surface:
     zero = 0.0 * point.offset
     spread = (zero, zero, zero, zero)
     right, down = (zero, zero, zero), (zero, zero, zero)
@@ -211,22 +220,122 @@ def _on_surface(tables: Any, ray: Ray, hit: Hit, point: Surface) -> Surface:
     d = ray.direction
     along = d[0] * eye.axis[0] + d[1] * eye.axis[1] + d[2] * eye.axis[2]
     from_eye = (ray.origin[0] == eye.place[0]) & (ray.origin[1] == eye.place[1]) & (ray.origin[2] == eye.place[2])
-    depth = lanes.where(lanes.is_finite(hit.t), hit.t, 0.0) * along
+    distance = lanes.where(lanes.is_finite(hit.t), hit.t, 0.0)
+    depth = distance * along
     if not eye.perspective:
         from_eye, depth = along >= 1.0 - 1e-12, zero + 1.0
-    from_eye = from_eye & textures.on(tables, point.material)
-    if lanes.any_lane(from_eye):
+    wide = width_at(cone, zero, distance)
+    known = (from_eye | (wide > 0.0)) & textures.on(tables, point.material)
+    if lanes.any_lane(known):
         facing = lanes.minimum(lanes.dot(d, point.geometric), -1e-9)
-        right = _over_pixel(tables, (eye.right[0], eye.right[1], eye.right[2]), depth, d, facing, point)
-        down = _over_pixel(tables, (eye.down[0], eye.down[1], eye.down[2]), depth, d, facing, point)
+        to_right = lanes.like3(zero, eye.right[0], eye.right[1], eye.right[2])
+        below = lanes.like3(zero, eye.down[0], eye.down[1], eye.down[2])
+        to_right, below, depth = _of_cone(cone, (to_right, below, depth), from_eye, d, wide)
+        right = _over_pixel(tables, to_right, depth, d, facing, point)
+        down = _over_pixel(tables, below, depth, d, facing, point)
         u0, v0 = _coordinates(tables, right, hit, point)
         u1, v1 = _coordinates(tables, down, hit, point)
         spread = (
-            lanes.where(from_eye, u0, 0.0), lanes.where(from_eye, v0, 0.0), lanes.where(from_eye, u1, 0.0), lanes.where(from_eye, v1, 0.0)
+            lanes.where(known, u0, 0.0), lanes.where(known, v0, 0.0), lanes.where(known, u1, 0.0), lanes.where(known, v1, 0.0)
         )  # fmt: skip
         nowhere = (zero, zero, zero)
-        right, down = lanes.where3(from_eye, right, nowhere), lanes.where3(from_eye, down, nowhere)
-    return surface.spanning(point, _kept(tables, spread, right, down))
+        right, down = lanes.where3(known, right, nowhere), lanes.where3(known, down, nowhere)
+    return surface.spanning(point, _with_cone(cone, _kept(tables, spread, right, down), tables, point, wide))
+
+
+# --- rays that go on ----------------------------------------------------------------------------------------------------
+
+
+def cone_of_eye(tables: Tables, ray: Ray) -> Any:
+    """(how wide camera rays are where they begin, how much wider a metre on), by the area of their pixels; None if nothing asks for it."""
+    return _cone_of_eye(tables, ray) if hasattr(getattr(tables.images, "kept", None), "cones") else None
+
+
+@overload(cone_of_eye, jit_options=HELPER)
+def _cone_of_eye_in_kernels(tables, ray):
+    if isinstance(tables, HandleType) and tables.field("images.levels") is not None and tables.field("images.kept.cones") is not None:
+        return lambda tables, ray: _cone_of_eye(tables, ray)
+    return lambda tables, ray: None
+
+
+@helper
+def _cone_of_eye(tables: Any, ray: Ray) -> tuple[Lane, Lane]:
+    eye = tables.images.eye
+    zero = 0.0 * ray.direction[0]
+    across = lanes.cross((eye.right[0], eye.right[1], eye.right[2]), (eye.down[0], eye.down[1], eye.down[2]))
+    side = lanes.sqrt(zero + lanes.length(across))
+    if not eye.perspective:
+        return side, zero
+    along = ray.direction[0] * eye.axis[0] + ray.direction[1] * eye.axis[1] + ray.direction[2] * eye.axis[2]
+    return zero, side * along * lanes.sqrt(lanes.maximum(along, 0.0))  # askew, the pixel is farther away, and seen at an angle
+
+
+@helper
+def _width_at(cone: Any, plain: Any, distance: Lane) -> Lane:
+    return lanes.absolute(cone[0] + cone[1] * distance)
+
+
+@helper
+def _steps_of_cone(cone: Any, plain: Any, from_eye: Lane, d: Vec, wide: Lane) -> tuple[Vec, Vec, Lane]:
+    right, down, depth = plain
+    first, second = lanes.basis(d)
+    right = lanes.where3(from_eye, right, lanes.scale(first, wide))
+    return right, lanes.where3(from_eye, down, lanes.scale(second, wide)), lanes.where(from_eye, depth, 1.0)
+
+
+@helper
+def _spread_with_cone(cone: Any, plain: Any, tables: Any, point: Surface, wide: Lane) -> Any:
+    g = lanes.to_int(tables.instances.geometry[point.instance])
+    kind = lanes.to_int(tables.geometries.kind[g])
+    flat, ball = (kind == MESH) | (kind == BOX) | (kind == PLANE) | (kind == RECTANGLE) | (kind == DISK), kind == SPHERE
+    wide, on = lanes.where(flat | ball, wide, 0.0), lanes.where(flat | ball, cone[1], 0.0)
+    bent = 0.0 * wide
+    if lanes.any_lane(ball):
+        first, second = lanes.basis(point.geometric)
+        matrix, rows = tables.transforms.inverse, lanes.to_int(tables.instances.transform[point.instance])
+        one, other = lanes.transform_vector(matrix, rows, first), lanes.transform_vector(matrix, rows, second)
+        size = lanes.sqrt(lanes.length(one) * lanes.length(other))
+        curved = size / lanes.where(ball, tables.geometries.parameters[g, 0], 1.0)
+        bent = lanes.where(ball, 2.0 * wide * lanes.where(point.front, curved, -curved), 0.0)
+    return *plain, wide, on, on + bent
+
+
+@helper
+def _put_cone(point: Surface, direction: Vec, stack: Any, place: Lane, field: int, active: Lane) -> None:
+    wide, on, mirrored = point.spread[-3], point.spread[-2], point.spread[-1]
+    back = lanes.dot(direction, point.geometric) > 0.0
+    known = lanes.dot(point.normal, point.geometric) > 1.0 - 1e-9  # no interpolated and no turned normal
+    known = known & (back | (mirrored == on))
+    across.put(stack, place, field, lanes.where(known, wide, 0.0), active)
+    across.put(stack, place, field + 1, lanes.where(known, lanes.where(back, mirrored, on), 0.0), active)
+
+
+def put_cone(point: Surface, direction: Vec, stack: Any, place: Lane, field: int, active: Lane) -> None:
+    """Write the cone of rays that leave a surface in a direction to two fields, where it is known."""
+    if point.spread is not None and len(point.spread) in WITH_CONE:
+        _put_cone(point, direction, stack, place, field, active)
+
+
+@overload(put_cone, jit_options=HELPER)
+def _put_cone_in_kernels(point, direction, stack, place, field, active):
+    spread = dict(zip(point.fields, point.types, strict=True))["spread"]
+    if isinstance(spread, types.BaseTuple) and len(spread) in WITH_CONE:
+        return lambda point, direction, stack, place, field, active: _put_cone(point, direction, stack, place, field, active)
+    return lambda point, direction, stack, place, field, active: None
+
+
+@helper
+def _take_cone(cone: Any, plain: Any, stack: Any, place: Lane, field: int) -> tuple[Lane, Lane]:
+    return across.take(stack, place, field), across.take(stack, place, field + 1)
+
+
+width_at = if_there(_width_at)
+_of_cone = if_there(_steps_of_cone)
+_with_cone = if_there(_spread_with_cone)
+take_cone = if_there(_take_cone)  # of rays that waited: None, stack, place, its first field
+
+
+# --- along a surface ----------------------------------------------------------------------------------------------------
 
 
 def _kept(tables: Any, spread: Any, right: Vec, down: Vec) -> Any:

@@ -41,7 +41,8 @@ from .records import Followed, GouraudLight, Hit, Lane, Options, Ray, Surface, T
 CAMERA_RAY = int(ir.Visibility.CAMERA)
 OTHER_RAY = int(ir.Visibility.REFLECTION)
 GOURAUD = int(ir.Shading.GOURAUD)
-FIELDS = 13  # of a waiting ray: origin, direction, weight, bounces left, kind, key of its random numbers, media that it is in
+FIELDS = 15  # of a waiting ray: origin, direction, weight, bounces left, kind, key of its random numbers, media that it is in, and
+CONE = 13  # how wide it is, and wider a metre on
 DIFFUSE_RAY = 0.0  # kinds of waiting rays: after a matt surface lights are not counted again where they are met
 SPECULAR_RAY = 1.0
 STRAIGHT_RAY = 2.0  # has met nothing but passages of index 1: still the camera's own ray, which lowers alpha where it escapes
@@ -96,13 +97,14 @@ def radiance(
     key = lanes.int_like(hit.t, 1)
     waiting = lanes.int_like(hit.t, 0)  # rays on each lane's stack
     inside = media.outside(tables, hit.t)
+    cone = footprints.cone_of_eye(tables, ray)
     while True:
         weight = media.faded(inside, weight, tables, lanes.where(seen, hit.t, 0.0))
         rest = seen
         while lanes.any_lane(rest):
             instance, here = across.together(hit.instance, rest)
             meeting = Hit(hit.t, instance, hit.primitive, hit.u, hit.v)
-            point = footprints.on_surface(tables, ray, meeting, surface.at(tables, ray, meeting))
+            point = footprints.on_surface(tables, ray, meeting, surface.at(tables, ray, meeting), cone)
             point = _part(tables, point, pixel, sample, key, options.seed)
             point = tilt.tilted(tables, point, meeting, ray.direction)
             shader = materials.within(tables, point, inside)
@@ -124,7 +126,7 @@ def radiance(
         if lanes.not_(lanes.any_lane(active)):
             break
         waiting = lanes.where(active, waiting - 1, waiting)
-        inside = inside_of(inside, None, stack, waiting)
+        inside, cone = inside_of(inside, None, stack, waiting), footprints.take_cone(cone, None, stack, waiting, CONE)
         ray, weight, left, kind, key = _pop(stack, waiting, ray.time)
         hit = trace.closest(accel, tables, ray, active, OTHER_RAY)
         seen = active & (hit.instance >= 0)
@@ -491,6 +493,7 @@ def _push(
         across.put(stack, waiting, 10, kind, active)
         across.put(stack, waiting, 11, lanes.to_float((key * BRANCHES + 1 + branch) & _KEYS), active)
         keep_inside(inside, None, stack, waiting, active)
+        footprints.put_cone(point, direction, stack, waiting, CONE, active)
     return lanes.where(active, waiting + 1, waiting)
 
 

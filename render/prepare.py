@@ -49,7 +49,8 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     shapes = Shapes(scene.tables, view, plan["tolerance"])
     tables = principled.tables_for(with_vertex_shaded_meshes(scene.tables, shapes))
     if plan["textures"] == "filtered":
-        tables = footprints.with_pyramids(tables, view, _looks(plan))
+        further = bool(plan["bounces"] > 0) and plan["transport"] == "tree"
+        tables = footprints.with_pyramids(tables, view, _looks(plan), further)
     shells = shapes.shells(tables) if backend == "raster" else {}
     options = options_of(plan, tables)
     if backend == "raster" and plan["raster.secondary"] == "none":

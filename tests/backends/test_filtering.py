@@ -150,3 +150,51 @@ def test_every_slot_takes_a_filtered_pattern(draw_on):
     ray, other = (draw_on(backend, text, plan, size=(40, 30)).channels["rgba"] for backend in ("ray", "reference"))
     close = np.abs(ray - other).max(axis=2) < 1e-6
     assert close.mean() > 0.995
+
+
+# --- in mirrors and behind glass ---
+
+MIRRORED = (
+    "directional(from: [0, 1, 0], irradiance: 3.14159265, shadows: false)\n"
+    "plane(y: 0, material: lambert({texture}))\n{what}\n"
+    "camera(position: [0, 1.2, {z}], look_at: [0, 0.6, {at}], fov: 50deg)\n"
+)
+TILES = {
+    "pattern": "pattern(|x, y, z| if mod(floor(5 * x) + floor(5 * z), 2) < 1 then 1 else 0)",
+    "checker": "checker(#ffffff, #000000, size: 0.2)",
+}
+SIDE = "box([40, 9, 0.2], center: [0, 4.5, -2.1], material: mirror())"
+
+
+@pytest.mark.parametrize("texture", TILES)
+def test_a_mirror_shows_what_an_eye_behind_it_would_see(draw_on, texture: str):
+    """The floor in a wall that mirrors at z = −2, and from the eye's image: alike but for pixels that are no squares across their rays."""
+    size = {"size": (64, 48), "samples": 1}
+    mirrored = draw_on("reference", MIRRORED.format(texture=TILES[texture], what=SIDE, z=4, at=0), {}, **size).channels["rgba"][..., 0]
+    image = draw_on("reference", MIRRORED.format(texture=TILES[texture], what="", z=-8, at=-4), {}, **size).channels["rgba"][:, ::-1, 0]
+    rows = slice(17, 26)  # of the wall, below the horizon
+    apart = (mirrored - image)[rows]
+    assert np.sqrt((apart**2).mean()) < 0.05
+    assert abs(apart.mean()) < 5e-3
+    assert np.ptp(mirrored[rows][-3:]) > 0.2
+
+
+@pytest.mark.parametrize("texture", TILES)
+@pytest.mark.parametrize(
+    "what", [SIDE, "sphere(0.9, center: [0, 0.9, 0], material: mirror())", "box([9, 3, 0.1], center: [0, 1.5, 0], material: glass())"]
+)
+def test_one_sample_of_what_is_mirrored_is_near_the_mean_of_many(draw_on, texture: str, what: str):
+    text, size = MIRRORED.format(texture=TILES[texture], what=what, z=4, at=0), {"size": (64, 48)}
+    many = draw_on("reference", text, {}, samples=64, **size).channels["rgba"][..., 0]
+    one, sharp = (draw_on("reference", text, plan, samples=1, **size).channels["rgba"][..., 0] for plan in ({}, {"textures": "sharp"}))
+    part = (slice(17, 26), slice(24, 40))
+    error, before = (float(np.sqrt(((seen - many)[part] ** 2).mean())) for seen in (one, sharp))
+    assert error < 0.4 * before
+    assert abs((one - many)[part].mean()) < 0.02
+
+
+def test_rays_and_the_reference_filter_what_is_mirrored_alike(draw_on):
+    things = SIDE + "\nsphere(0.6, center: [-1, 0.6, 0], material: mirror())\nbox([0.8, 1.2, 0.1], center: [1, 0.6, 0], material: glass())"
+    text = MIRRORED.format(texture=TILES["pattern"], what=things, z=4, at=0)
+    ray, reference = (draw_on(backend, text, {}, size=(64, 48), samples=1).channels["rgba"] for backend in ("ray", "reference"))
+    assert np.abs(ray - reference).max() < 1e-5

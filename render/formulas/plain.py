@@ -137,7 +137,7 @@ def _on_faces(
     turn = turn / np.linalg.norm(turn, axis=0)
     turn = np.where(toward * (turn * way).sum(axis=0) < 0, -turn, turn)
     here = np.isfinite(turn).all(axis=0) & ~(apart <= jumps.LEAST * reach * size) & ~(apart >= np.inf)
-    return np.where(here, turn, normal)
+    return np.where(here, turn, normal), here
 
 
 def _finished(
@@ -149,12 +149,12 @@ def _finished(
         size = np.linalg.norm(gradient, axis=0)
         usable = (size > 0) & np.isfinite(size)
         normal = np.where(usable, gradient / size, toward * way)
-        normal = _on_faces(tape, normal, start, way, at, reach, size, toward)
+        normal, faced = _on_faces(tape, normal, start, way, at, reach, size, toward)
         if not parameters[0]:
             along = (normal * way).sum(axis=0)
             normal = np.where(toward * along < 0, normal - 2 * along * way, normal)
         (low, high), _, _ = tape_walks.boxes(tape, point, point)
-        off = np.maximum(np.abs(low), np.abs(high)) / size
-        units = np.where(usable & (off < reach), off / (2.0**-53 * reach), 0.0)
+        off = np.where(faced, jumps.OFF * reach, np.maximum(np.abs(low), np.abs(high)) / size)
+        units = np.where((usable | faced) & (off < reach), off / (2.0**-53 * reach), 0.0)
     u, v = packed((normal[0], normal[1], normal[2]))
     return np.minimum(units, 1e15).astype(np.int64), u, v

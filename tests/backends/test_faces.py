@@ -43,3 +43,23 @@ def test_faces_have_normals_of_their_own(tmp_path: Path, backend: str, name: str
     right = np.abs(drawn["normal"] - np.array(normal)).max(axis=-1) < 2e-3
     assert face.sum() >= (100 if eye == "in front" else 5)
     assert (face & ~right).sum() <= max(0.03 * face.sum(), 1)  # at edges
+
+
+def test_what_leaves_a_face_leaves_it_whichever_side_rounding_put_it_on(tmp_path: Path, backend: str) -> None:
+    """Cubes in a chequer's order, of whose visible faces those up to the box's edge are lit: no pixel of theirs is in its own shadow."""
+    text = "mod(floor(5 * x) + floor(5 * y) + floor(5 * z), 2) < 1"
+    scene = f"implicit(|x, y, z| {text}, within: 1)\ndirectional([1, 2, 1.5])\ncamera([1.9, 1.6, 2.6], look_at: [0, 0, 0], fov: 50deg)\n"
+    (tmp_path / "a.scene").write_text(scene, encoding="utf-8")
+    drawn = maquette.render(tmp_path / "a.scene", size=(48, 36), samples=1, backend=backend, aov=("normal", "position")).channels
+    position, normal = drawn["position"].astype(float), drawn["normal"].astype(float)
+    seen = (drawn["rgba"][..., 3] > 0.5) & (np.abs(normal).max(axis=-1) > 0.999)
+    to_sun = np.array([1.0, 2.0, 1.5]) / np.linalg.norm([1.0, 2.0, 1.5])
+    o = position[seen] + 1e-6 * normal[seen]
+    leaves = ((np.sign(to_sun) - o) / to_sun).min(axis=1)
+    t = leaves[:, None] * (np.arange(400) + 0.5) / 400
+    points = o[:, None] + t[..., None] * to_sun
+    clear = ~(np.floor(5 * points).sum(axis=-1) % 2 < 1).any(axis=1)
+    light = drawn["rgba"][seen][:, 0]
+    lit = (normal[seen] @ to_sun > 1e-3) & clear
+    assert lit.sum() > 100
+    assert (light[lit] > 0.01).all()

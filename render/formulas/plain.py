@@ -127,10 +127,10 @@ def _bisected(tape: Tape, o: Floats, d: Floats, a: Floats, b: Floats, in_a: NDAr
 
 def _on_faces(
     tape: Tape, normal: Floats, start: Floats, way: Floats, at: Floats, reach: float, size: Floats, toward: Floats
-) -> Floats:  # fmt: skip
-    """The same normals, but of faces where the formula jumps over 0 or ends to be defined."""
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """The same normals, but of faces where the formula jumps over 0 or ends to be defined; and which these are."""
     if not np.isin(tape.code[:, 0], jumps.JUMPING + jumps.ENDING).any():
-        return normal
+        return normal, np.zeros(len(at), bool)
     before, after = start + (at - APART * reach) * way, start + (at + APART * reach) * way
     apart = np.abs(tape_walks.points(tape, *after)[0] - tape_walks.points(tape, *before)[0])
     turn = plain_faces.faces(tape, before, after)

@@ -17,8 +17,9 @@ QUARTIC = "implicit(|x, y, z| (x^2 + y^2 + z^2)^2 <= 0.2401, material: glass())\
 
 @pytest.mark.parametrize(("shape", "formula"), [(BALL, QUARTIC)], ids=["ball"])
 def test_a_ball_of_glass_is_a_ball_of_glass(draw_on, shape, formula):
-    one, other = (rgb(draw_on("ray", ROOM + text, samples=1)) for text in (shape, formula))
+    sharp = {"textures": "sharp"}  # the floor is filtered in what a ball mirrors, and not in a formula, whose bend is not known
+    one, other = (rgb(draw_on("ray", ROOM + text, sharp, samples=1)) for text in (shape, formula))
     apart = np.abs(one - other).max(axis=-1) > 1e-3 * np.abs(one).max()
     assert apart.mean() < 0.005  # where a square of the floor begins
-    floor = rgb(draw_on("ray", ROOM, samples=1))
+    floor = rgb(draw_on("ray", ROOM, sharp, samples=1))
     assert (np.abs(one - floor).max(axis=-1) > 1e-3).mean() > 0.1

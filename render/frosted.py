@@ -213,6 +213,14 @@ def _shared(frost: Frost, plain: tuple[Vec, Lane], normal: Vec, to_light: Vec, t
 
 
 @helper
+def _divided(frost: Frost, plain: tuple[Vec, Vec, Lane], normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Vec, Lane]:
+    share, density = both(frost, normal, to_light, to_viewer)
+    none = (0.0 * density, 0.0 * density, 0.0 * density)
+    here = frost.here
+    return lanes.where3(here, none, plain[0]), lanes.where3(here, share, plain[1]), lanes.where(here, density, plain[2])
+
+
+@helper
 def _draw(frost: Frost, plain: tuple[Vec, Lane], normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> tuple[Vec, Lane]:
     direction, sound = _drawn(frost, normal, to_viewer, u, v, lanes.clip(which, 0.0, 1.0))
     return lanes.where3(frost.here, direction, plain[0]), lanes.where(frost.here, sound, plain[1])
@@ -249,6 +257,7 @@ def _bends(frost: Frost, plain: Lane) -> Lane:
 # Each takes the frost, what it would be without, and: the normal, a direction to the light, one to the viewer.
 reflected = if_there(_reflected)  # π f cos
 shared = if_there(_shared)  # (the same, density with which `draw` takes it)
+divided = if_there(_divided)  # (nothing, π f cos, density with which `onward` takes it)
 draw = if_there(_draw)  # (a direction, whether it counts): normal, viewer, u, v, and which part, from 0 to 1
 onward = if_there(_onward)  # (a direction, its π f cos over π times its density)
 one = if_there(_one)  # 1 where there is rough glass

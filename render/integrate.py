@@ -19,6 +19,7 @@ from . import (
     aside,
     blends,
     footprints,
+    highlights,
     lanes,
     lights,
     materials,
@@ -324,13 +325,50 @@ def direct_light(
             blocked = options.shadows and tables.lights.shadows[light]  # what nothing blocks is not looked for from elsewhere
             here = materials.is_frosted(shader, lanes.bool_like(point.offset, not blocked))
             arriving = lights.sample(tables, light, lanes.where3(here, point.position, surface.lit_from(point)), u, v)
-            share = materials.reflected(shader, point.normal, arriving.direction, viewer)
+            share = highlights.reflected(options.lamps, shader, tables, light, point.normal, arriving, viewer, active)
             given = lanes.scale(lanes.mul(share, arriving.irradiance), 1.0 / np.pi)
             given = media.faded(media.crossed(inside, None, tables, point, arriving.direction), given, tables, arriving.distance)
             open_ = _sees(tables, point, shader, arriving.direction, active)
             found = _unblocked(tables, accel, options, point, light, arriving.direction, arriving.distance, given, open_)
             total = lanes.add(total, found)
+    total = _with_lamps_met(options.lamps, shader, total, tables, accel, options, point, viewer, active, inside, pixel, sample, key)
     return _around_in_facets(options.environment, total, tables, options, point, shader, viewer, active, pixel, sample, key)
+
+
+@helper
+def _lamps_met(
+    lamps: Any, shader: Shader, total: Vec, tables: Tables, accel: Any, options: Options, point: Surface, viewer: Vec,
+    active: Lane, inside: Any, pixel: Lane, sample: Lane, key: Lane,
+) -> Vec:  # fmt: skip
+    """More light: that of lamps in a direction drawn as a narrow highlight spreads."""
+    glossy = active & materials.is_glossy(shader)
+    if lanes.any_lane(glossy):
+        u, v = sampler.pair(pixel, sample, key * _LIGHTS * 2 + 1, options.seed)
+        direction, share = materials.sample_lobe(shader, point.normal, viewer, u, v, another(shader, pixel, sample, key, options.seed))
+        _, _, density = materials.divided(shader, point.normal, direction, viewer)
+        glossy = _sees(tables, point, shader, direction, glossy)
+        for k in range(len(lamps.rows)):
+            light = lamps.rows[k]
+            blocked = options.shadows and tables.lights.shadows[light]
+            here = materials.is_frosted(shader, lanes.bool_like(point.offset, not blocked))
+            place = lanes.where3(here, point.position, surface.lit_from(point))
+            distance, solid, bright = highlights.meet(tables, light, place, direction)
+            color = (tables.lights.color[light, 0], tables.lights.color[light, 1], tables.lights.color[light, 2])
+            given = lanes.mul(lanes.scale(share, bright * highlights.weight(density, solid)), color)
+            given = media.faded(media.crossed(inside, None, tables, point, direction), given, tables, distance)
+            total = lanes.add(total, _unblocked(tables, accel, options, point, light, direction, distance, given, glossy))
+    return total
+
+
+@helper
+def _no_lamps_met(
+    lamps: Any, shader: Shader, total: Vec, tables: Tables, accel: Any, options: Options, point: Surface, viewer: Vec,
+    active: Lane, inside: Any, pixel: Lane, sample: Lane, key: Lane,
+) -> Vec:  # fmt: skip
+    return total
+
+
+_with_lamps_met = highlights.if_met(_lamps_met, _no_lamps_met)
 
 
 @helper

@@ -25,7 +25,7 @@ RAMP = int(ir.FalloffKind.RAMP)
 FAR = math.inf
 ALL, SHADOWED, OPEN = 0, 1, 2  # which skies: all, those that cast shadows, those that do not
 TINY = 1e-30  # below what any length, angle or weight is; float32 holds it, too
-_SHORT = 1.0 - 1e-9  # of the way to a light: its own place does not block it
+SHORT = 1.0 - 1e-9  # of the way to a light: its own place does not block it
 
 
 class Arriving(NamedTuple):
@@ -101,7 +101,7 @@ def _from_point(tables: Tables, light: int, position: Vec) -> Arriving:
     if lights.kind[light] == SPOT:
         axis = (lights.direction[light, 0], lights.direction[light, 1], lights.direction[light, 2])
         strength = strength * spot_share(-lanes.dot(direction, axis), lights.cos_cone[light], lights.cos_full[light])
-    return Arriving(direction, distance * _SHORT, _color(tables, light, strength))
+    return Arriving(direction, distance * SHORT, _color(tables, light, strength))
 
 
 @helper
@@ -162,27 +162,34 @@ def cosine_sample_above(normal: Vec, horizon: Vec, bounded: Lane, u: Lane, v: La
 @helper
 def _from_plate(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) -> Arriving:
     lights, row = tables.lights, tables.lights.transform[light]
-    matrix = tables.transforms.matrix
     half_x, half_z = lights.size[light, 0], lights.size[light, 1]
+    face, area = face_of(tables, light)
+    if lights.kind[light] == DISK:
+        radius, turn = half_x * lanes.sqrt(u), 2.0 * math.pi * v
+        x, z = radius * lanes.cos(turn), radius * lanes.sin(turn)
+    else:
+        x, z = (2.0 * u - 1.0) * half_x, (2.0 * v - 1.0) * half_z
+    way = lanes.sub(lanes.transform_point(tables.transforms.matrix, row, (x, 0.0, z)), position)
+    squared = lanes.maximum(lanes.dot(way, way), TINY)
+    distance = lanes.sqrt(squared)
+    direction = lanes.scale(way, 1.0 / distance)
+    cosine = lanes.maximum(-lanes.dot(direction, face), 0.0)
+    return Arriving(direction, distance * SHORT, _color(tables, light, cosine * area / squared))
+
+
+@helper
+def face_of(tables: Tables, light: int) -> tuple[tuple[float, float, float], float]:
+    """The side of a rectangle or disk that shines, as a unit normal, and its area."""
+    matrix, row = tables.transforms.matrix, tables.lights.transform[light]
+    half_x, half_z = tables.lights.size[light, 0], tables.lights.size[light, 1]
     side_x = lanes.transform_vector(matrix, row, (1.0, 0.0, 0.0))
     side_z = lanes.transform_vector(matrix, row, (0.0, 0.0, 1.0))
     face = lanes.cross(side_z, side_x)
     stretch = lanes.length(face)
     if tables.transforms.flips[row]:
         face = lanes.negate(face)
-    if lights.kind[light] == DISK:
-        radius, turn = half_x * lanes.sqrt(u), 2.0 * math.pi * v
-        x, z = radius * lanes.cos(turn), radius * lanes.sin(turn)
-        area = math.pi * half_x * half_x * stretch
-    else:
-        x, z = (2.0 * u - 1.0) * half_x, (2.0 * v - 1.0) * half_z
-        area = 4.0 * half_x * half_z * stretch
-    way = lanes.sub(lanes.transform_point(matrix, row, (x, 0.0, z)), position)
-    squared = lanes.maximum(lanes.dot(way, way), TINY)
-    distance = lanes.sqrt(squared)
-    direction = lanes.scale(way, 1.0 / distance)
-    cosine = lanes.maximum(-lanes.dot(direction, face) / max(stretch, TINY), 0.0)
-    return Arriving(direction, distance * _SHORT, _color(tables, light, cosine * area / squared))
+    area = (math.pi * half_x * half_x if tables.lights.kind[light] == DISK else 4.0 * half_x * half_z) * stretch
+    return lanes.scale(face, 1.0 / max(stretch, TINY)), area
 
 
 @helper
@@ -193,7 +200,7 @@ def _from_sphere(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) ->
     centre = lanes.transform_point(matrix, row, (0.0, 0.0, 0.0))
     radius = tables.lights.size[light, 0] * lanes.length(lanes.transform_vector(matrix, row, (1.0, 0.0, 0.0)))
     direction, distance, solid = to_ball(lanes.sub(centre, position), radius + 0.0 * u, u, v)
-    return Arriving(direction, distance * _SHORT, _color(tables, light, solid))
+    return Arriving(direction, distance * SHORT, _color(tables, light, solid))
 
 
 @helper

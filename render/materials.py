@@ -148,14 +148,32 @@ _with_frost = if_there(_rough)
 @helper
 def reflected(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
     """What of a light's I = E⊥/π goes to the viewer; all directions unit and away from the surface."""
+    light = _by_course(shader, normal, to_light, to_viewer)
+    light = microfacet.reflected(shader.lobes, light, normal, to_light, to_viewer)
+    return frosted.reflected(shader.frost, light, normal, to_light, to_viewer)
+
+
+@helper
+def divided(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Vec, Lane]:
+    """`reflected` as (what no highlight reflects, what one does, the density with which `sample_lobe` takes the direction).
+
+    Highlights of the course's equations stand among the first.
+    """
+    none = 0.0 * normal[0]
+    plain = _by_course(shader, normal, to_light, to_viewer), (none, none, none), none
+    found = microfacet.divided(shader.lobes, plain, normal, to_light, to_viewer)
+    return frosted.divided(shader.frost, found, normal, to_light, to_viewer)
+
+
+@helper
+def _by_course(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
     cosine = lanes.dot(normal, to_light)
     light = matt(shader, cosine)
     shiny = has_highlight(shader, cosine)
     if lanes.any_lane(shiny):
         lobe = lanes.where(shiny, highlight(shader, normal, to_light, to_viewer, cosine), 0.0)
         light = lanes.add(light, lanes.scale(shader.specular, lobe))
-    light = microfacet.reflected(shader.lobes, light, normal, to_light, to_viewer)
-    return frosted.reflected(shader.frost, light, normal, to_light, to_viewer)
+    return light
 
 
 @helper
@@ -330,9 +348,14 @@ def has_facets(shader: Shader) -> bool:
     return shader.lobes is not None or shader.frost is not None
 
 
+def have_facets(shader: Any) -> bool:
+    """The same of Numba's type of a Shader."""
+    return any(not isinstance(shader.types[shader.fields.index(name)], types.NoneType) for name in ("lobes", "frost"))
+
+
 @overload(has_facets, jit_options=HELPER)
 def _has_facets(shader):
-    found = any(not isinstance(shader.types[shader.fields.index(name)], types.NoneType) for name in ("lobes", "frost"))
+    found = have_facets(shader)
     return lambda shader: found
 
 

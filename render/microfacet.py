@@ -303,6 +303,17 @@ def _sample_shine(lobes: Lobes, plain: tuple[Vec, Vec], normal: Vec, to_viewer: 
 
 
 @helper
+def _divided(lobes: Lobes, plain: tuple[Vec, Vec, Lane], normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Vec, Lane]:
+    all_, out = viewed(lobes, normal, to_viewer)
+    _, shiny, coat = chances(lobes, all_, out)
+    found = parts(lobes, normal, to_light, to_viewer, out, all_)
+    shine = lanes.add(found.highlight, (found.coat, found.coat, found.coat))
+    density = (shiny * found.highlight_density + coat * found.coat_density) / lanes.maximum(shiny + coat, LEAST)
+    here = lobes.here
+    return lanes.where3(here, found.matt, plain[0]), lanes.where3(here, shine, plain[1]), lanes.where(here, density, plain[2])
+
+
+@helper
 def _draw(lobes: Lobes, plain: Vec, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> Vec:
     all_, out = viewed(lobes, normal, to_viewer)
     matt, shiny, _ = chances(lobes, all_, out)
@@ -360,6 +371,7 @@ reflected = if_there(_reflected)  # π f cos, for light of one direction
 shared = if_there(_shared)  # (the same, density with which `draw` takes it among all it may do): `mirror` is what is followed beside
 matt_share = if_there(_matt_share)  # π f of the matt part alone
 sample_shine = if_there(_sample_shine)  # (direction of a highlight, its π f cos over π times its density): normal, viewer, u, v
+divided = if_there(_divided)  # (π f cos of the matt part, that of the highlight, density with which `sample_shine` takes it)
 draw = if_there(_draw)  # a direction: normal, viewer, u, v, and which part, from 0 to `whole`; matt where `plain` is
 whole = if_there(_whole)  # what parts that `draw` follows weigh together: normal, viewer
 mirrored = if_there(_mirrored)  # what sharp highlights reflect: normal, viewer

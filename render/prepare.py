@@ -12,7 +12,23 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
-from . import around, aside, bvh, camera, film, footprints, gouraud, integrate, machine, patterns, principled, sampler, tessellate, trace
+from . import (
+    around,
+    aside,
+    bvh,
+    camera,
+    film,
+    footprints,
+    gouraud,
+    highlights,
+    integrate,
+    machine,
+    patterns,
+    principled,
+    sampler,
+    tessellate,
+    trace,
+)
 from .handles import Handle
 from .records import Frame, Open, Options, Pinhole, Still, Triple, View
 
@@ -53,6 +69,8 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
         tables = footprints.with_pyramids(tables, view, _looks(plan), further)
     shells = shapes.shells(tables) if backend == "raster" else {}
     options = options_of(plan, tables)
+    if backend == "raster" or plan["transport"] != "paths":
+        options = options._replace(lamps=highlights.of(tables))
     if backend == "raster" and plan["raster.secondary"] == "none":
         options = options._replace(environment=around.of(scene, tables, options))
     weights, lens = sampler.filter_table(plan["filter"]), camera.lens_of(tables, view) if backend != "raster" else Pinhole()

@@ -85,6 +85,10 @@ class Traced(NamedTuple):
     """Shadows are looked for by rays."""
 
 
+class Unmet(NamedTuple):
+    """No lamp is looked for along highlights."""
+
+
 class Options(NamedTuple):
     """The plan as kernels read it."""
 
@@ -99,6 +103,7 @@ class Options(NamedTuple):
     layers: int = 0  # of what is less than wholly there, that rays may pass before chance decides; 0: everything is wholly there
     environment: Any = Followed()  # or Around
     maps: Any = Traced()  # or shadow_maps.Maps
+    lamps: Any = Unmet()  # or highlights.Lamps
 
 
 class GouraudLight(NamedTuple):

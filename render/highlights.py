@@ -1,0 +1,153 @@
+"""Lamps met along highlights: where these are narrow, samples of lamps seldom fall into them, and rays along them often meet lamps.
+
+Light that both ways find is shared out between them (Veach and Guibas 1995, "Optimally Combining Sampling Techniques", power heuristic).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import overload
+from numpy.typing import NDArray
+
+from ..compiler import ir
+from . import lanes, lights, materials, principled
+from .kernels import HELPER, helper
+from .lights import Arriving
+from .materials import Shader
+from .records import Lane, Tables, Unmet, Vec
+
+
+class Lamps(NamedTuple):
+    """Those that have an extent."""
+
+    rows: NDArray[np.int64]  # of lights
+
+
+def of(tables: ir.Tables) -> Lamps | Unmet:
+    """The lamps that rays along highlights can meet; none where no material has microfacets."""
+    if not isinstance(tables.materials, principled.Layered):
+        return Unmet()
+    kinds = tables.lights.kind
+    wide = np.isin(kinds, (lights.RECTANGLE, lights.DISK, lights.SPHERE)) | ((kinds == lights.SUN) & (tables.lights.angle > 0.0))
+    rows = np.flatnonzero(wide)
+    return Lamps(rows.astype(np.int64)) if len(rows) else Unmet()
+
+
+def if_met(function: Any, otherwise: Any) -> Any:
+    """`chosen(lamps, shader, …)`: `function` where there are lamps to meet and materials with microfacets, which types tell, and else
+    `otherwise`."""
+
+    def chosen(lamps: Any, shader: Shader, *of: Any) -> Any:
+        met = not isinstance(lamps, Unmet) and materials.has_facets(shader)
+        return function(lamps, shader, *of) if met else otherwise(lamps, shader, *of)
+
+    @overload(chosen, jit_options=HELPER)
+    def _in_kernels(lamps, shader, *of):
+        if lamps.layout and materials.have_facets(shader):
+            return lambda lamps, shader, *of: function(lamps, shader, *of)
+        return lambda lamps, shader, *of: otherwise(lamps, shader, *of)
+
+    return chosen
+
+
+@helper
+def _plainly(
+    lamps: Any, shader: Shader, tables: Tables, light: int, normal: Vec, arriving: Arriving, viewer: Vec, active: Lane
+) -> Vec:  # fmt: skip
+    return materials.reflected(shader, normal, arriving.direction, viewer)
+
+
+@helper
+def _shared_out(
+    lamps: Any, shader: Shader, tables: Tables, light: int, normal: Vec, arriving: Arriving, viewer: Vec, active: Lane
+) -> Vec:  # fmt: skip
+    """`materials.reflected` of a sample of a lamp, less what is left to rays along the highlight."""
+    glossy = active & materials.is_glossy(shader)
+    if lights.is_soft(tables, light) and lanes.any_lane(glossy):
+        matt, shine, density = materials.divided(shader, normal, arriving.direction, viewer)
+        ratio = density * solid_angle(tables, light, arriving)
+        weight = lanes.where(glossy, 1.0 / (1.0 + ratio * ratio), 1.0)
+        return lanes.add(matt, lanes.scale(shine, weight))
+    return materials.reflected(shader, normal, arriving.direction, viewer)
+
+
+@helper
+def solid_angle(tables: Tables, light: int, arriving: Arriving) -> Lane:
+    """One over the density of a sample of a lamp with an extent, in sr."""
+    color = tables.lights.color
+    brightest = max(color[light, 0], max(color[light, 1], color[light, 2]))
+    found = lanes.largest(arriving.irradiance) / max(brightest, lights.TINY)
+    if tables.lights.kind[light] == lights.SUN:
+        half = math.sin(0.5 * tables.lights.angle[light])
+        return 0.0 * found + 4.0 * math.pi * half * half
+    return found
+
+
+@helper
+def meet(tables: Tables, light: int, place: Vec, direction: Vec) -> tuple[Lane, Lane, Lane]:
+    """(distance, solid angle as its samples count, radiance over the lamp's colour) of a lamp in a direction; 0 where it is not."""
+    kind = tables.lights.kind[light]
+    if kind == lights.SUN:
+        return _meet_sun(tables, light, direction)
+    if kind == lights.SPHERE:
+        return _meet_ball(tables, light, place, direction)
+    return _meet_plate(tables, light, place, direction)
+
+
+@helper
+def _meet_sun(tables: Tables, light: int, direction: Vec) -> tuple[Lane, Lane, Lane]:
+    axis = (tables.lights.direction[light, 0], tables.lights.direction[light, 1], tables.lights.direction[light, 2])
+    half = math.sin(0.5 * tables.lights.angle[light])
+    off = lanes.sub(direction, axis)
+    inside = lanes.dot(off, off) <= 4.0 * half * half  # of a chord, without cancelling
+    solid = 4.0 * math.pi * half * half
+    zero = 0.0 * off[0]
+    return zero + lights.FAR, lanes.where(inside, zero + solid, zero), zero + 1.0 / (solid * (1.0 - half * half))
+
+
+@helper
+def _meet_ball(tables: Tables, light: int, place: Vec, direction: Vec) -> tuple[Lane, Lane, Lane]:
+    row, matrix = tables.lights.transform[light], tables.transforms.matrix
+    radius = tables.lights.size[light, 0] * lanes.length(lanes.transform_vector(matrix, row, (1.0, 0.0, 0.0)))
+    way = lanes.sub(lanes.transform_point(matrix, row, (0.0, 0.0, 0.0)), place)
+    squared, middle = lanes.dot(way, way), lanes.dot(way, direction)
+    off = lanes.sub(way, lanes.scale(direction, middle))
+    left = radius * radius - lanes.dot(off, off)
+    outside = squared > radius * radius
+    reach = lanes.sqrt(lanes.maximum(left, 0.0))
+    distance = lanes.where(outside, middle - reach, middle + reach)
+    solid = 2.0 * math.pi * lights.ball_height(squared, radius + 0.0 * squared)
+    met = (left >= 0.0) & (distance > 0.0)
+    return distance * lights.SHORT, lanes.where(met, solid, 0.0), 0.0 * distance + 1.0
+
+
+@helper
+def _meet_plate(tables: Tables, light: int, place: Vec, direction: Vec) -> tuple[Lane, Lane, Lane]:
+    row, inverse = tables.lights.transform[light], tables.transforms.inverse
+    half_x, half_z = tables.lights.size[light, 0], tables.lights.size[light, 1]
+    start, along = lanes.transform_point(inverse, row, place), lanes.transform_vector(inverse, row, direction)
+    towards = lanes.absolute(along[1]) > lights.TINY
+    distance = lanes.where(towards, -start[1] / lanes.where(towards, along[1], 1.0), 0.0)
+    x, z = start[0] + distance * along[0], start[2] + distance * along[2]
+    face, area = lights.face_of(tables, light)
+    if tables.lights.kind[light] == lights.DISK:
+        inside = x * x + z * z <= half_x * half_x
+    else:
+        inside = (lanes.absolute(x) <= half_x) & (lanes.absolute(z) <= half_z)
+    cosine = -lanes.dot(direction, face)
+    met = inside & (distance > 0.0) & (cosine > 0.0)
+    solid = cosine * area / lanes.maximum(distance * distance, lights.TINY)
+    return distance * lights.SHORT, lanes.where(met, solid, 0.0), 0.0 * distance + 1.0
+
+
+@helper
+def weight(density: Lane, solid: Lane) -> Lane:
+    """What of a lamp's light counts along a highlight whose rays have this density, 0 where they are not on it."""
+    ratio = density * solid
+    return ratio * ratio / (1.0 + ratio * ratio)
+
+
+reflected = if_met(_shared_out, _plainly)

@@ -399,7 +399,10 @@ def point_of(
     position = lanes.along(origin, direction, t)
     outward = (x, y, z)
     if lanes.any_lane(inverse > 0.0):
-        outward = lanes.where3(inverse > 0.0, lanes.scale(lanes.sub(position, outward), inverse), outward)
+        curved = lanes.scale(lanes.sub(position, outward), inverse)
+        # Of unit length again: else each surface doubles what the one before was off, and after four of them rays leave a ball from inside.
+        curved = lanes.scale(curved, 1.5 - 0.5 * lanes.dot(curved, curved))
+        outward = lanes.where3(inverse > 0.0, curved, outward)
     front = lanes.dot(direction, outward) < 0.0
     zero = lanes.full_like(t, 0.0)
     side = lanes.where(front, zero + 1.0, zero - 1.0)

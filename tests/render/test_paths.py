@@ -58,6 +58,13 @@ def test_a_shining_room_looks_for_light_at_its_own_walls(draw, albedo, bounces):
     near(matt, 0.7 * albedo)
 
 
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_no_light_leaks_into_a_ball(draw, precision):
+    """Rays that graze its inside, surface after surface, stay in: of 160,000 samples none finds the light around it."""
+    text = INSIDE + "sphere(2, material: lambert(0.9))\nsphere(2.001, material: emissive(0.7))\nrender(bounces: 12)\n"
+    assert draw(text, 16, size=(100, 100), precision=precision).max() == 0.0
+
+
 @pytest.mark.parametrize(("radius", "albedo", "bounces"), [(2.0, 0.8, 12), (0.5, 0.5, 3)])
 def test_a_lamp_in_the_middle_of_a_ball(draw, radius, albedo, bounces):
     """ρI/(πR²(1 − ρ)) on its wall, and with k bounces that times 1 − ρ^(k+1)."""

@@ -73,7 +73,8 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
         options = options._replace(lamps=highlights.of(tables))
     if backend == "raster" and plan["raster.secondary"] == "none":
         options = options._replace(environment=around.of(scene, tables, options))
-    weights, lens = sampler.filter_table(plan["filter"]), camera.lens_of(tables, view) if backend != "raster" else Pinhole()
+    weights = sampler.filter_table(plan["filter"], on_grid=plan["transport"] != "paths")  # the rasterizer draws no paths
+    lens = camera.lens_of(tables, view) if backend != "raster" else Pinhole()
     accel = None
     if backend == "raster" and plan["raster.shadows"] == "map":
         from . import shadow_views  # as with paths: other pictures start without

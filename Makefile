@@ -66,10 +66,10 @@ accuracy: $(STAMP)  ## measure the known answers and the failing places again: d
 	@$(BIN)/python tests/accuracy/answers.py build/answers build/places > build/accuracy.md && mv build/accuracy.md docs/accuracy.md
 
 test: check  ## the whole suite, after ruff and pyright
-	@$(BIN)/python -m pytest -q -n $(WORKERS)
+	@$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal
 
 test-all: check  ## also what takes long: statistics, soak, packaging
-	@$(BIN)/python -m pytest -q -n $(WORKERS) --long
+	@$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal --long
 
 bounds: $(STAMP)  ## a million boxes for each operation of formulas: bounds must hold (half an hour)
 	@MAQUETTE_BOXES=1000000 $(BIN)/python -m pytest -q -n $(WORKERS) tests/render/test_single.py

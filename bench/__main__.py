@@ -13,6 +13,7 @@ from . import limits, report
 from .harness import Effort
 
 NAMES = ("rays", "build", "paths", "raster", "formulas", "start", "threads")
+PARTS = {"paths": ("cornell", "knot", "lamps", "glossy", "glass", "interior")}  # that can be measured one at a time
 CORES = {"threads": 2}  # that a benchmark is kept to; else one
 
 
@@ -23,6 +24,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--quick", action="store_true", help="tiny sizes and two rounds: does it run? The times mean nothing")
     parser.add_argument("--simd", choices=list(limits.WIDTHS), default="", help="keep everybody to these vectors: sections of their own")
     parser.add_argument("--results", type=Path, help="the file to write (bench/RESULTS.md, but none with --quick)")
+    parser.add_argument("--only", metavar="PART", default="", help=f"one scene of paths: {', '.join(PARTS['paths'])}")
     asked = parser.parse_args(arguments)
     if asked.results is None and not asked.quick:
         asked.results = report.RESULTS
@@ -30,13 +32,15 @@ def main(arguments: list[str] | None = None) -> int:
     unknown = [name for name in names if name not in NAMES]
     if unknown:
         parser.error(f"no benchmark is called {unknown[0]}; there are: {', '.join(NAMES)}")
+    if asked.only and any(asked.only not in PARTS.get(name, ()) for name in names):
+        parser.error(f"no part of {names[0]} is called {asked.only}")
     if len(names) > 1:
         return max(_apart(name, asked) for name in names)
     known = limits.simd()
     limits.limit(os.environ, asked.simd, CORES.get(names[0], 1))
     if limits.simd() != known:  # kernels' vectors were chosen when this module was imported
         return subprocess.run([sys.executable, "-m", "maquette.bench", *(sys.argv[1:] if arguments is None else arguments)]).returncode
-    return run(names[0], asked.quick, asked.results)
+    return run(names[0], asked.quick, asked.results, asked.only)
 
 
 def _apart(name: str, asked: argparse.Namespace) -> int:
@@ -44,24 +48,29 @@ def _apart(name: str, asked: argparse.Namespace) -> int:
     command = [sys.executable, "-m", "maquette.bench", name]
     command += ["--quick"] if asked.quick else []
     command += ["--simd", asked.simd] if asked.simd else []
+    command += ["--only", asked.only] if asked.only else []
     command += ["--results", str(asked.results)] if asked.results else []
     return subprocess.run(command).returncode
 
 
-def run(name: str, quick: bool, results: Path | None) -> int:
-    """Run one benchmark in this process."""
+def run(name: str, quick: bool, results: Path | None, only: str = "") -> int:
+    """Run one benchmark, or one part of it, in this process."""
     print(f"{name}:", flush=True)
     module = importlib.import_module(f".{name}", __package__)
-    section: report.Section = module.section(quick, Effort(rounds=2, fewest=1) if quick else Effort())
-    for line in (*(f"not measured: {why}" for why in section.missing), *section.blocks):
+    effort = Effort(rounds=2, fewest=1) if quick else Effort()
+    section: report.Section = module.section(quick, effort, only) if only else module.section(quick, effort)
+    whole = [section, *section.parts]
+    for line in (*(f"not measured: {why}" for why in section.missing), *(line for one in whole for line in one.blocks)):
         print(line, end="\n\n", flush=True)
     if limits.simd():
-        section.key, section.title = f"{section.key} {limits.simd()}", f"{section.title}, {limits.NAMES[limits.simd()]} for all"
+        for one in whole:
+            one.key, one.title = f"{one.key} {limits.simd()}", f"{one.title}, {limits.NAMES[limits.simd()]} for all"
     if results is not None:
         report.write(section, results)
-    for line in section.refused:
+    refused = [line for one in whole for line in one.refused]
+    for line in refused:
         print(f"answers differ: {line}", file=sys.stderr)
-    return 1 if section.refused else 0
+    return 1 if refused else 0
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,3 +147,15 @@ def _sphere(rng: np.random.Generator, count: int) -> NDArray[np.float64]:
 
 def _f32(values: NDArray[np.float64]) -> F32:
     return np.ascontiguousarray(values, dtype=np.float32)
+
+
+def write_ply(path: Path, mesh: Mesh) -> None:
+    """A binary PLY of positions and triangles: shaded flat, since renderers differ in what smooth normals do at grazing angles."""
+    head = (
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(mesh.positions)}\n"
+        + "".join(f"property float {name}\n" for name in ("x", "y", "z"))
+        + f"element face {len(mesh.triangles)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    faces = np.empty(len(mesh.triangles), [("count", "u1"), ("corners", "<i4", 3)])
+    faces["count"], faces["corners"] = 3, mesh.triangles
+    path.write_bytes(head.encode() + mesh.positions.astype("<f4").tobytes() + faces.tobytes())

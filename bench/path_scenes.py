@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -47,11 +48,6 @@ class Setting:
         return path
 
 
-def settings(folder: Path, quick: bool) -> list[Setting]:
-    """The four scenes; their files go to a folder."""
-    return [lamps(folder), glossy(folder), glass(folder), interior(folder, (100, 10) if quick else (2000, 125))]
-
-
 def _setting(folder: Path, name: str, title: str, text: str, depth: int, swaps: tuple[tuple[str, str], ...] = ()) -> Setting:
     path = folder / f"{name}.scene"
     path.write_text(text, encoding="utf-8")
@@ -76,7 +72,7 @@ camera(position: [0, 1.5, 2.9], look_at: [0, 1.2, 0], fov: 70deg)
 """
 
 
-def lamps(folder: Path) -> Setting:
+def lamps(folder: Path, _quick: bool = False) -> Setting:
     """A room with 200 small lights of many strengths on its walls and ceiling, and a few things in it."""
     rng = np.random.default_rng(7)
     lines = [
@@ -100,7 +96,7 @@ def lamps(folder: Path) -> Setting:
     return _setting(folder, "lamps", "A room with 200 small lights", "\n".join(lines), 6)
 
 
-def glossy(folder: Path) -> Setting:
+def glossy(folder: Path, _quick: bool = False) -> Setting:
     """Rough white metal and matt things under a picture of the sky with a small sun."""
     write_sky(folder / "sky.exr")
     lines = ['dome("sky.exr")', "polygon([[-8, 0, 8], [8, 0, 8], [8, 0, -8], [-8, 0, -8]], material: lambert(0.4))"]
@@ -115,7 +111,7 @@ def glossy(folder: Path) -> Setting:
     return _setting(folder, "glossy", "Rough metal under a picture of the sky", "\n".join(lines), 6, tuple(swaps))
 
 
-def glass(folder: Path) -> Setting:
+def glass(folder: Path, _quick: bool = False) -> Setting:
     """Glasses on a table by a lamp."""
     text = ROOM + """
     box([2.4, 0.1, 1.4], center: [0, 0.75, 0.6], material: lambert(rgb(0.55, 0.4, 0.28)))
@@ -127,12 +123,10 @@ def glass(folder: Path) -> Setting:
     return _setting(folder, "glass", "Glass on a table", text.replace("fov: 70deg", "fov: 45deg"), 10)
 
 
-def interior(folder: Path, rings: tuple[int, int]) -> Setting:
+def interior(folder: Path, quick: bool = False) -> Setting:
     """A room with a knot of many triangles and two lamps."""
-    from .paths import write_ply
-
-    mesh = meshes.knot(*rings)
-    write_ply(folder / "knot.ply", mesh)
+    mesh = meshes.knot(*((100, 10) if quick else (2000, 125)))
+    meshes.write_ply(folder / "knot.ply", mesh)
     text = ROOM + """
     mesh("knot.ply", scale: 1.1, translate: [0, 1.3, -0.6], material: lambert(0.6, shading: "flat"))
     box([0.6, 1.8, 0.6], center: [-2.2, 0.9, -1.8], material: lambert(0.4))
@@ -155,3 +149,6 @@ def write_sky(path: Path) -> None:
     out.open(str(path), oiio.ImageSpec(width, height, 3, "float"))
     out.write_image(np.ascontiguousarray(picture, np.float32))
     out.close()
+
+
+SETTINGS: dict[str, Callable[[Path, bool], Setting]] = {"lamps": lamps, "glossy": glossy, "glass": glass, "interior": interior}

@@ -35,6 +35,10 @@ The other scenes are written in our language and for Mitsuba by our exporter: a 
 metal and four matt ones under a picture of the sky with a small sun (depth 6), glass on a table by a lamp (depth 10), and an interior of
 500,000 triangles (depth 6).
 """
+NAMES = ("cornell", "knot", *path_scenes.SETTINGS)  # as `--only` takes them
+LARGE = ("knot", "interior")  # whose long runs are 256 samples a pixel, not 512
+LADDER = (1, 4, 16, 64, 256)  # samples a pixel
+ERRORS = (0.5, 0.3, 0.2, 0.1, 0.05, 0.03, 0.02, 0.01)  # for which times are compared
 DEPTH = 8
 BLOCKS = 8  # of the picture along each side, whose means are compared
 SEEDS = 4  # of long runs
@@ -72,28 +76,39 @@ class Renderer:
     draw_to: Callable[[int, float, int], Callable[[], Any]] | None = None  # the same, to an error in place of a number of samples
 
 
-def section(quick: bool, effort: Effort) -> report.Section:
-    """Measure both scenes."""
+def section(quick: bool, effort: Effort, only: str = "") -> report.Section:
+    """Measure all scenes, or the one of NAMES that is asked for; each is a part with its own machine and day."""
     peers = Peers()
     found = report.Section("paths", "Paths", TEXT, versions=report.version_of("mitsuba", "drjit"))
-    rings = (100, 10) if quick else meshes.SIZES["70k"]
     with tempfile.TemporaryDirectory() as folder:
-        knot = Path(folder) / "knot.ply"
-        write_ply(knot, meshes.knot(*rings))
-        for title, filled in (("Cornell box", None), (f"{2 * rings[0] * rings[1]:,} triangles in the box", knot)):
-            sides = [ours(functools.partial(_decide, _scene(filled))), *_there(peers, functools.partial(theirs, filled, mitsuba.LLVM))]
-            ladder = (1, 4) if quick else (1, 4, 16, 64, 256)
-            scalar = functools.partial(_there, peers, functools.partial(theirs, filled, "scalar_rgb"))
-            _compare(found, title, sides, scalar, quick, 128, ladder, effort)
-        for setting in path_scenes.settings(Path(folder), quick)[: 1 if quick else None]:
-            sides = [ours(setting.decide), *_there(peers, functools.partial(exported, setting, Path(folder)))]
-            _compare(found, setting.title, sides, list, quick, 512, (1, 4) if quick else (1, 4, 16, 64, 256), effort)
+        for k, name in enumerate(NAMES):
+            if only not in ("", name) or (quick and not only and k > 2):
+                continue
+            title, sides, scalar = _scene_of(name, Path(folder), quick, peers)
+            part = report.Section(f"paths {k + 1} {name}", title, "", versions=found.versions, level=3)
+            ladder = (1, 4) if quick else (*LADDER, 1024) if name == "cornell" else LADDER
+            _compare(part, sides, scalar, quick, 256 if name in LARGE else 512, ladder, effort)
+            found.parts.append(part)
     found.missing = peers.missing
     return found
 
 
+def _scene_of(name: str, folder: Path, quick: bool, peers: Peers) -> tuple[str, list[Renderer], Callable[[], list[Renderer]]]:
+    """(title, the renderers that are there, what makes those that are measured for their rate alone)."""
+    if name in path_scenes.SETTINGS:
+        setting = path_scenes.SETTINGS[name](folder, quick)
+        return setting.title, [ours(setting.decide), *_there(peers, functools.partial(exported, setting, folder))], list
+    filled, title = None, "Cornell box"
+    if name == "knot":
+        rings = (100, 10) if quick else meshes.SIZES["70k"]
+        filled, title = folder / "knot.ply", f"{2 * rings[0] * rings[1]:,} triangles in the box"
+        meshes.write_ply(filled, meshes.knot(*rings))
+    sides = [ours(functools.partial(_decide, _scene(filled))), *_there(peers, functools.partial(theirs, filled, mitsuba.LLVM))]
+    return title, sides, functools.partial(_there, peers, functools.partial(theirs, filled, "scalar_rgb"))
+
+
 def _compare(
-    found: report.Section, title: str, sides: list[Renderer], scalar: Callable[[], list[Renderer]], quick: bool, long: int,
+    found: report.Section, sides: list[Renderer], scalar: Callable[[], list[Renderer]], quick: bool, long: int,
     ladder: Sequence[int], effort: Effort,
 ) -> None:  # fmt: skip
     """One scene: long runs of so many samples, samples a second, and errors."""
@@ -101,15 +116,15 @@ def _compare(
     try:
         agreement, references = long_runs(sides, 32 if quick else 128, 16 if quick else long)
     except Disagreement as why:
-        found.refused.append(f"{title}: {why}")
-        found.blocks.append(f"**{title}**\n\nNo times: the long runs differ: {why}.")
+        found.refused.append(f"{found.title}: {why}")
+        found.blocks.append(f"No times: the long runs differ: {why}.")
         return
     fast = rates(sides, size, samples, effort)
     told = errors(sides, references, ladder, effort)
     slower = scalar()  # apart, and last: changing between Mitsuba's modes makes its next picture slow
     slow = [rates([sides[0], *slower], size, samples, effort)] if slower else []
-    found.add(f"{title}: rate", [fast, *slow], "Msamples/s")
-    found.blocks.append(f"**{title}: error**\n\n{told}\n\nLong runs: {agreement}.")
+    found.add("Rate", [fast, *slow], "Msamples/s")
+    found.blocks.append(f"**Error**\n\n{told}\n\nLong runs: {agreement}.")
 
 
 def _there(peers: Peers, make: Callable[[], Renderer]) -> list[Renderer]:
@@ -197,18 +212,6 @@ def theirs(filled: Path | None, variant: str) -> Renderer:
         return lambda: np.array(mi.render(scene, spp=samples, seed=seed))
 
     return Renderer(f"Mitsuba {variant.split('_')[0]}", draw, lambda rgb: np.asarray(rgb, np.float64))
-
-
-def write_ply(path: Path, mesh: meshes.Mesh) -> None:
-    """A binary PLY of positions and triangles: shaded flat, since renderers differ in what smooth normals do at grazing angles."""
-    head = (
-        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(mesh.positions)}\n"
-        + "".join(f"property float {name}\n" for name in ("x", "y", "z"))
-        + f"element face {len(mesh.triangles)}\nproperty list uchar int vertex_indices\nend_header\n"
-    )
-    faces = np.empty(len(mesh.triangles), [("count", "u1"), ("corners", "<i4", 3)])
-    faces["count"], faces["corners"] = 3, mesh.triangles
-    path.write_bytes(head.encode() + mesh.positions.astype("<f4").tobytes() + faces.tobytes())
 
 
 # --- what is measured ----------------------------------------------------------------------------------------------------
@@ -339,7 +342,7 @@ def equal_error(curves: Mapping[str, Sequence[tuple[float, float]]]) -> str:
     """CPU time to round errors, interpolated between measured points alone (linear in both logarithms)."""
     names = list(curves)
     rows = []
-    for error in (0.5, 0.2, 0.1, 0.05, 0.02, 0.01):
+    for error in ERRORS:
         took = {name: time_to(error, curve) for name, curve in curves.items()}
         if all(value is not None for value in took.values()):
             shown = {name: value or 0.0 for name, value in took.items()}

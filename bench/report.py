@@ -30,7 +30,9 @@ maquette is faster. *Build* comes before (trees, uploads, loading); *compile* is
 
 @dataclass(slots=True)
 class Section:
-    """What one benchmark has to say: `key` is its name on the command line, `text` what is timed, `blocks` tables and remarks."""
+    """What one benchmark has to say: `key` is its name on the command line, `text` what is timed, `blocks` tables and remarks.
+
+    `parts` can be measured one at a time: each is written as a section of its own, behind this one."""
 
     key: str
     title: str
@@ -39,6 +41,8 @@ class Section:
     versions: dict[str, str] = field(default_factory=dict)
     missing: Sequence[str] = ()
     refused: list[str] = field(default_factory=list)
+    parts: list[Section] = field(default_factory=list)
+    level: int = 2  # of its heading
 
     def add(self, title: str, results: Sequence[harness.Result], unit: str, scale: float = 1e6, by: str = "cpu") -> None:
         """Append one table of the cases that belong together. Rates are in `scale` units a second; rates and ratios by CPU or wall time."""
@@ -87,9 +91,10 @@ def _ms(seconds: float) -> str:
 
 
 def write(section: Section, path: Path = RESULTS, machine: str | None = None) -> None:
-    """Put a section into the file in its place, instead of the one of the same key."""
+    """Put a section and its parts into the file in their places, instead of those of the same keys."""
     sections = read(path)
-    sections[section.key] = render(section, machine if machine is not None else machine_line())
+    for one in (section, *section.parts):
+        sections[one.key] = render(one, machine if machine is not None else machine_line())
     rank = {key: k for k, key in enumerate(ORDER)}
     keys = sorted(sections, key=lambda key: (rank.get(key.split(" ")[0], len(ORDER)), key))
     part = path.with_suffix(".part")
@@ -109,13 +114,13 @@ def render(section: Section, machine: str) -> str:
     """A section as markdown."""
     versions = {**version_of("maquette", "numba", "numpy"), **section.versions}
     lines = [
-        f"<!-- section {section.key} -->\n## {section.title}",
+        f"<!-- section {section.key} -->\n{'#' * section.level} {section.title}",
         section.text.strip(),
         f"{machine}. {', '.join(f'{name} {version}' for name, version in versions.items())}.",
         *(f"Not measured: {why}." for why in section.missing),
         *section.blocks,
     ]
-    return "\n\n".join(lines)
+    return "\n\n".join(line for line in lines if line)
 
 
 # --- what it ran on ------------------------------------------------------------------------------------------------------

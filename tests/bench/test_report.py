@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from maquette.bench import report
+from maquette.bench import __main__ as command
+from maquette.bench import paths, report
 from maquette.bench.harness import Case, Contender, Result, Seconds, Times
 
 CASES = Case("primary", [], lambda answers: "")
@@ -80,3 +81,19 @@ def test_the_machine_is_named() -> None:
     assert " of " in line
     assert " cores, load " in line
     assert ", Python 3." in line
+
+
+def test_a_part_measured_anew_leaves_the_others(tmp_path: Path) -> None:
+    path = tmp_path / "RESULTS.md"
+    for machine, names in (("old machine", ("1 box", "2 knot")), ("new machine", ("2 knot",))):
+        whole = report.Section("paths", "Paths", "What is timed.")
+        whole.parts = [report.Section(f"paths {name}", name, "", blocks=["**Rate**"], level=3) for name in names]
+        report.write(whole, path, machine=machine)
+    parts = report.read(path)
+    assert list(parts) == ["paths", "paths 1 box", "paths 2 knot"]
+    assert "### 1 box\n\nold machine" in parts["paths 1 box"]
+    assert "### 2 knot\n\nnew machine" in parts["paths 2 knot"]
+
+
+def test_parts_are_those_that_the_command_names() -> None:
+    assert command.PARTS["paths"] == paths.NAMES

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import itertools
 import math
@@ -78,7 +79,7 @@ class Renderer:
 
 def section(quick: bool, effort: Effort, only: str = "") -> report.Section:
     """Measure all scenes, or the one of NAMES that is asked for; each is a part with its own machine and day."""
-    peers = Peers()
+    peers, effort = Peers(), dataclasses.replace(effort, seconds=effort.seconds / 2.0)  # a scene has a dozen cases
     found = report.Section("paths", "Paths", TEXT, versions=report.version_of("mitsuba", "drjit"))
     with tempfile.TemporaryDirectory() as folder:
         for k, name in enumerate(NAMES):

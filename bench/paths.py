@@ -37,7 +37,7 @@ metal and four matt ones under a picture of the sky with a small sun (depth 6), 
 500,000 triangles (depth 6).
 """
 NAMES = ("cornell", "knot", *path_scenes.SETTINGS)  # as `--only` takes them
-LARGE = ("knot", "interior")  # whose long runs are 256 samples a pixel, not 512
+SLOW = ("knot", "lamps", "interior")  # whose long runs are 256 samples a pixel, not 512
 LADDER = (1, 4, 16, 64, 256)  # samples a pixel
 ERRORS = (0.5, 0.3, 0.2, 0.1, 0.05, 0.03, 0.02, 0.01)  # for which times are compared
 DEPTH = 8
@@ -88,7 +88,7 @@ def section(quick: bool, effort: Effort, only: str = "") -> report.Section:
             title, sides, scalar = _scene_of(name, Path(folder), quick, peers)
             part = report.Section(f"paths {k + 1} {name}", title, "", versions=found.versions, level=3)
             ladder = (1, 4) if quick else (*LADDER, 1024) if name == "cornell" else LADDER
-            _compare(part, sides, scalar, quick, 256 if name in LARGE else 512, ladder, effort)
+            _compare(part, sides, scalar, quick, 256 if name in SLOW else 512, ladder, effort)
             found.parts.append(part)
     found.missing = peers.missing
     return found

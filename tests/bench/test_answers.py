@@ -173,7 +173,8 @@ def test_time_to_an_error_is_read_between_points_alone() -> None:
     assert paths.time_to(0.5, curve) is None
     assert paths.time_to(0.05, curve) is None
     table = paths.equal_error({"maquette": curve, "peer": [(2.0 * t, e) for t, e in curve]})
-    assert table.splitlines()[2] == "| 20% | 4e+03 | 8e+03 | 2.00 |"
+    rows = ["| 30% | 1.78e+03 | 3.56e+03 | 2.00 |", "| 20% | 4e+03 | 8e+03 | 2.00 |", "| 10% | 1.6e+04 | 3.2e+04 | 2.00 |"]
+    assert table.splitlines()[2:] == rows  # to 30 %: 4 to the power of log₂ 4/3
 
 
 def test_the_mesh_in_the_box_is_the_same_in_its_file(tmp_path: Path) -> None:

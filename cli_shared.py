@@ -12,6 +12,7 @@ import click
 from . import cli_job as jobs
 from . import cli_options as values
 from . import cli_terminal as terminal
+from .lang.schema import MAX_BOUNCES
 
 if TYPE_CHECKING:
     from .compiler import ir
@@ -64,7 +65,7 @@ _PICTURE = {
     "samples": click.option("--samples", type=click.IntRange(1, 1 << 20), help="Samples a pixel."),
     "error": click.option("--error", type=values.SHARE, help="Render until √relMSE is below this: 1%."),
     "budget": click.option("--budget", type=values.DURATION, help="Render for at most this long: 20s."),
-    "bounces": click.option("--bounces", type=click.IntRange(0, 64), help="Surface interactions after the first hit."),
+    "bounces": click.option("--bounces", type=click.IntRange(0, MAX_BOUNCES), help="Surface interactions after the first hit."),
     "seed": click.option("--seed", type=click.IntRange(0, (1 << 63) - 1), help="Of the random numbers."),
     "threads": click.option("--threads", type=click.IntRange(1, 1024), help="Default: one a core. The picture does not depend on it."),
     "aov": click.option(

@@ -28,7 +28,7 @@ def section(quick: bool, effort: Effort) -> report.Section:
     rays = meshes.primary(64 if quick else 256)
     found = report.Section("build", "Building trees", TEXT)
     results = []
-    for name, size in (meshes.TINY if quick else meshes.SIZES).items():
+    for name, size in meshes.sizes(quick).items():
         mesh = meshes.knot(*size)
         kept_too = [functools.partial(again, mesh, rays)] if len(mesh.triangles) >= kept.LARGE else []
         contenders = peers.gather(functools.partial(ours, mesh, rays), *kept_too, functools.partial(theirs, mesh, rays))

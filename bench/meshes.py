@@ -15,6 +15,13 @@ from ..compiler.rows import CameraData, InstanceData, MaterialData, MeshAttribut
 F32 = NDArray[np.float32]
 SIZES = {"70k": (350, 100), "400k": (1000, 200), "1M": (2000, 250)}  # rings along a knot, corners of a ring
 TINY = {"2k": (100, 10)}
+
+
+def sizes(quick: bool) -> dict[str, tuple[int, int]]:
+    """The meshes of a benchmark, or of one that is only to run."""
+    return TINY if quick else SIZES
+
+
 OUTSIDE = 1e-4  # share of the scene's size by which secondary rays start off the surface
 
 

@@ -97,7 +97,7 @@ def side(quick: bool) -> int:
 def cases(quick: bool) -> dict[str, tuple[Mesh, bool]]:
     """The meshes, and whether a picture is on them."""
     everything: dict[str, tuple[Mesh, bool]] = {}
-    for name, rings in (meshes.TINY if quick else meshes.SIZES).items():
+    for name, rings in meshes.sizes(quick).items():
         everything[f"{name} triangles"] = meshes.knot(*rings), False
         everything[f"{name} triangles, textured"] = meshes.knot(*rings), True
     everything["200 large triangles"] = big_triangles(200), False

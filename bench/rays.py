@@ -180,7 +180,7 @@ def section(quick: bool, effort: Effort) -> report.Section:
     warm_up()
     found = report.Section("rays", "Rays", TEXT)
     resolution = 64 if quick else 512
-    sizes = meshes.TINY if quick else meshes.SIZES
+    sizes = meshes.sizes(quick)
     count = 100 if quick else INSTANCES
     scenes: list[tuple[str, tuple[int, int], NDArray[np.float64] | None]]
     scenes = [(f"{name} triangles", rings, None) for name, rings in sizes.items()]

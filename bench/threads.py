@@ -108,7 +108,7 @@ def pictures(quick: bool) -> Cases:
         return lambda: film.run(ray.Renderer(prepared, decided, view), decided, view).channels["rgba"], _itself
 
     box = load(HERE / "scenes" / "cornell.scene")
-    mesh = meshes.knot(*list(_sizes(quick).values())[-1])
+    mesh = meshes.knot(*list(meshes.sizes(quick).values())[-1])
     return {
         "Cornell box, 64 paths a pixel": functools.partial(make, box, ir.Settings(samples=2 if quick else 64, bounces=6)),
         "1M triangles, 16 samples a pixel": functools.partial(make, raster.scene_of(mesh, False), ir.Settings(samples=2 if quick else 16)),
@@ -123,11 +123,7 @@ def trees(quick: bool) -> Cases:
         tables = meshes.scene(meshes.knot(*size)).tables
         return lambda: traced.trees(tables, threads=threads, keep=False), lambda made: np.stack(closest(rays, made)())
 
-    return {f"{name} triangles": functools.partial(make, size) for name, size in _sizes(quick).items()}
-
-
-def _sizes(quick: bool) -> dict[str, tuple[int, int]]:
-    return meshes.TINY if quick else meshes.SIZES
+    return {f"{name} triangles": functools.partial(make, size) for name, size in meshes.sizes(quick).items()}
 
 
 def _itself(answer: Any) -> Any:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..lang.diagnostics import suggest
+from ..lang.schema import MAX_BOUNCES as MAX_BOUNCES
 from . import caustics, ir
 from .facts import POLISHED as POLISHED  # what a plan's readers ask, too
 from .facts import glossy_materials, ground, lit_materials, moving, partial, specular_materials, used_materials
@@ -23,7 +24,6 @@ SAMPLES_SOFT = 64  # antialiasing and lights that have an extent
 MAX_SAMPLES = 4096  # where a render gives up that looks for an error
 ENDLESS_SAMPLES = 1 << 20  # and one that spends a budget
 SPECULAR_BOUNCES = 8
-MAX_BOUNCES = 64  # that can be asked for
 UNSEEN = 0.02  # of a place's light, that may be missing where no error was asked for
 TOLERANCE = 0.05  # pixels
 RASTER_MOMENTS = 16  # at which the raster backend draws what moves

@@ -8,6 +8,8 @@ from typing import Any
 from .entries import REQUIRED, Arg, Entry
 from .schema_materials import MATERIALS
 
+MAX_BOUNCES = 64  # that can be asked for
+
 _PLACED = (
     Arg("name", "string", None, "its name in messages and the id channel", keyword=True),
     Arg("translate", "point", None, "moves it, after scale and rotate", keyword=True),
@@ -143,8 +145,7 @@ SHAPES = (
             "length",
             None,
             "scaled evenly to this height and set with its base at y = 0, its middle at x = z = 0",
-            above=0.0,
-            keyword=True,
+            above=0.0, keyword=True,
         ),
         exclusive=(("file", "points"),),
         example='mesh("bunny.obj", height: 35cm)',
@@ -433,7 +434,7 @@ SETTINGS = (
             Arg("samples", "int", None, "samples a pixel", minimum=1, maximum=1 << 20, keyword=True),
             Arg("error", "number", None, "render until √relMSE is below this: 1%", above=0.0, below=1.0, keyword=True),
             Arg("budget", "time", None, "render for this long", above=0.0, keyword=True),
-            Arg("bounces", "int", None, "surface interactions after the first hit", minimum=0, maximum=64, keyword=True),
+            Arg("bounces", "int", None, "surface interactions after the first hit", minimum=0, maximum=MAX_BOUNCES, keyword=True),
             Arg("seed", "int", None, "of the random numbers", minimum=0, keyword=True),
             Arg("filter", "choice", None, "pixel filter", choices=("box", "tent", "gaussian", "blackman-harris"), keyword=True),
             Arg("background", "color", None, "a colour in place of the sky", keyword=True),

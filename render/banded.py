@@ -116,7 +116,8 @@ class Bands:
         self.reach = self.passes[0].weights.tables.reach
         self.margin = 4 * -(-self.reach // 4)
         self.rows = ROWS.get(len(self.passes[0].pattern.x), 16)
-        known = made.kept.take(listing.bands_of(self.corners, self.rows))
+        self.first, self.bands = y0 // self.rows, listing.bands_of(self.corners, self.rows)
+        known = made.kept.take(self.bands)
         self.drawn = listing.drawn(made.shown, made.meshlets, made.placed, self.corners, self.reach, self.rows, known)
         self.fill = None
         if plan["raster.fill"] != "edges":
@@ -124,22 +125,21 @@ class Bands:
             self.fill = classic.Fill(plan["raster.fill"], prepared.tables, prepared.packed, view, made.model, made.ranges, meshlets)
         self.plain = plan["raster.precision"] == "float32"
         self.background = plan["background"]
-        self.backed = self.background != "transparent"
         shape = y1 - y0, x1 - x0
         self.rgba = made.kept.picture((*shape, 4))
         self.half = len(self.passes) // 2  # passes after which `apart` is told
         self.apart = np.zeros((*shape, 3), np.float32) if self.half else None  # how far the mean of all may be off, by its halves
-        self.first = y0 // self.rows
-        self._drawn = np.zeros(-(-y1 // self.rows) - self.first, np.bool_)
+        self._drawn = np.zeros(self.bands, np.bool_)
+        self._turn = object()
         columns, most = x1 - (x0 & ~3) + 2 * self.margin, len(self.drawn.tables.instance)
         kinds = self.plain, made.patterned is not None, made.colored is not None
         self.sizes = [rooms.Size(columns, self.rows + 2 * self.margin, len(one.pattern.x), *kinds, most) for one in self.passes]
         self._turns = None
         if self.plain and self.fill is None and not len(made.exact) and len(self.passes) == 1 and self.drawn.tables.count[0] > 0:
-            layout = self.first, len(self._drawn), self.rows, self.margin, self.reach
+            layout = self.first, self.bands, self.rows, self.margin, self.reach
             how = self.each, True, made.patterned, made.colored, made.flat, self.crop, self.rgba
             self._turns = turns.Turns(layout, int(plan["threads"]), self._cost(), how)
-        self.jobs: Sequence[int] = range(self._turns.jobs if self._turns else len(self._drawn))
+        self.jobs: Sequence[int] = range(self._turns.jobs if self._turns else self.bands)
 
     @property
     def error(self) -> float | None:
@@ -161,10 +161,8 @@ class Bands:
             return self._draw_passes(job)
         with self._room(0) as room:
             numbers, issues = self._turns.draw(room.filling, room.shading)
-        if self.backed:
-            for number in numbers.tolist():
-                self._behind(*self._between(number))
-        self._drawn[numbers] = True
+        for number in numbers.tolist():
+            self._complete(number)
         return issues
 
     def _draw_passes(self, number: int) -> int:
@@ -180,9 +178,7 @@ class Bands:
             # of T = h A + (1 - h) B, the difference of independent halves A - B tells √(h (1 - h)) (A - B)
             h = self.passes[self.half].first / sum(len(one.pattern.x) for one in self.passes)
             self.apart[window] = (self.apart[window] - h * self.rgba[window, :, :3]) / np.sqrt(h * (1.0 - h))
-        if self.backed:
-            self._behind(top, bottom)
-        self._drawn[number] = True
+        self._complete(number)
         return issues
 
     def _cost(self) -> float:
@@ -195,13 +191,13 @@ class Bands:
         """Memory for pass k that nobody else uses."""
         made, size = self.prepared.triangles, self.sizes[k]
         room = made.kept.take(size) or rooms.Room(size, self.prepared.options)
-        room.serve(self, made, self.drawn, self.passes[k])
+        room.serve(self._turn, made, self.drawn, self.passes[k])
         yield room
         made.kept.give(size, room)
 
     def finish(self) -> None:
         """Empty the bands that have not been drawn; no more will be."""
-        self.prepared.triangles.kept.give(listing.bands_of(self.corners, self.rows), self.drawn)
+        self.prepared.triangles.kept.give(self.bands, self.drawn)
         if self._drawn.all():
             return
         for number in np.flatnonzero(~self._drawn).tolist():
@@ -239,8 +235,12 @@ class Bands:
             )  # fmt: skip
         return int(room.items.tables.counts[3])
 
-    def _behind(self, top: int, bottom: int) -> None:
-        """Put the background behind rows of pixels."""
+    def _complete(self, number: int) -> None:
+        """Put the background behind a band, which is drawn now."""
+        top, bottom = self._between(number)
+        self._drawn[number] = True
+        if self.background == "transparent":
+            return
         x0, y0, _, _ = self.corners
         window = self.rgba[top - y0 : bottom - y0]
         if self.background == "sky":

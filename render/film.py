@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Protocol
 
@@ -157,13 +157,7 @@ def _in_pieces(
 
     parts: Any = ((whole.draw, whole.jobs), (beside, extra))
     for draw, jobs in parts:
-        if threads > 1 and len(jobs) > 1:
-            workers.on_threads(draw, jobs, min(threads, len(jobs)), cancel, told)
-            continue
-        for job in jobs:
-            if cancel.is_set():
-                break
-            told(job, draw(job))
+        workers.on_threads(draw, jobs, threads, cancel, told)
     whole.finish()
     samples = int(plan["samples"])
     if "samples" in channels:
@@ -374,7 +368,7 @@ class _Canvas:
         sums.relative_error(self.variance, self.value, rgba, self.samples, self.decline.shares(), self.least, out)
         return out
 
-    def _work(self, draw: Callable[[Tile], None], jobs: Iterable[Tile], fraction: Callable[[], float]) -> None:
+    def _work(self, draw: Callable[[Tile], None], jobs: Sequence[Tile], fraction: Callable[[], float]) -> None:
         """Draw tiles on all threads; `fraction` of the whole is told on after each. The first exception ends it, here."""
         known = dict(self.drawn)
 

@@ -9,12 +9,11 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
 from . import lanes, lights, materials, principled
-from .kernels import HELPER, helper
+from .kernels import either, helper
 from .lights import Arriving
 from .materials import Shader
 from .records import Lane, Tables, Unmet, Vec
@@ -36,27 +35,8 @@ def of(tables: ir.Tables) -> Lamps | Unmet:
     return Lamps(rows.astype(np.int64)) if len(rows) else Unmet()
 
 
-def if_met(function: Any, otherwise: Any) -> Any:
-    """`chosen(lamps, shader, …)`: `function` where there are lamps to meet and materials with microfacets, which types tell, and else
-    `otherwise`."""
-
-    def chosen(lamps: Any, shader: Shader, *of: Any) -> Any:
-        met = not isinstance(lamps, Unmet) and materials.has_facets(shader)
-        return function(lamps, shader, *of) if met else otherwise(lamps, shader, *of)
-
-    @overload(chosen, jit_options=HELPER)
-    def _in_kernels(lamps, shader, *of):
-        if lamps.layout and materials.have_facets(shader):
-            return lambda lamps, shader, *of: function(lamps, shader, *of)
-        return lambda lamps, shader, *of: otherwise(lamps, shader, *of)
-
-    return chosen
-
-
 @helper
-def _plainly(
-    lamps: Any, shader: Shader, tables: Tables, light: int, normal: Vec, arriving: Arriving, viewer: Vec, active: Lane
-) -> Vec:  # fmt: skip
+def _plainly(shader: Shader, tables: Tables, light: int, normal: Vec, arriving: Arriving, viewer: Vec, active: Lane) -> Vec:
     return materials.reflected(shader, normal, arriving.direction, viewer)
 
 
@@ -81,9 +61,14 @@ def solid_angle(tables: Tables, light: int, arriving: Arriving) -> Lane:
     brightest = max(color[light, 0], max(color[light, 1], color[light, 2]))
     found = lanes.largest(arriving.irradiance) / max(brightest, lights.TINY)
     if tables.lights.kind[light] == lights.SUN:
-        half = math.sin(0.5 * tables.lights.angle[light])
-        return 0.0 * found + 4.0 * math.pi * half * half
+        return 0.0 * found + 4.0 * math.pi * _half_chord(tables, light) ** 2
     return found
+
+
+@helper
+def _half_chord(tables: Tables, light: int) -> float:
+    """Half of the chord of a sun's disk, on a unit sphere: its square is half of 1 - cos of half the disk's angle."""
+    return math.sin(0.5 * tables.lights.angle[light])
 
 
 @helper
@@ -100,7 +85,7 @@ def meet(tables: Tables, light: int, place: Vec, direction: Vec) -> tuple[Lane, 
 @helper
 def _meet_sun(tables: Tables, light: int, direction: Vec) -> tuple[Lane, Lane, Lane]:
     axis = (tables.lights.direction[light, 0], tables.lights.direction[light, 1], tables.lights.direction[light, 2])
-    half = math.sin(0.5 * tables.lights.angle[light])
+    half = _half_chord(tables, light)
     off = lanes.sub(direction, axis)
     inside = lanes.dot(off, off) <= 4.0 * half * half  # of a chord, without cancelling
     solid = 4.0 * math.pi * half * half
@@ -150,4 +135,4 @@ def weight(density: Lane, solid: Lane) -> Lane:
     return ratio * ratio / (1.0 + ratio * ratio)
 
 
-reflected = if_met(_shared_out, _plainly)
+reflected = either(_shared_out, _plainly)

@@ -34,10 +34,10 @@ from . import (
     trace,
 )  # fmt: skip
 from .handles import Handle
-from .kernels import HELPER, helper, if_there
+from .kernels import HELPER, either, helper, if_there
 from .links import FLOAT, INT, VEC, Linked
 from .materials import Shader
-from .records import Followed, GouraudLight, Hit, Lane, Options, Ray, Surface, Tables, Vec
+from .records import GouraudLight, Hit, Lane, Options, Ray, Surface, Tables, Vec
 
 CAMERA_RAY = int(ir.Visibility.CAMERA)
 OTHER_RAY = int(ir.Visibility.REFLECTION)
@@ -196,21 +196,6 @@ def reflected_background(tables: Tables, options: Options, direction: Vec) -> Ve
 # --- what stands for rays that are not followed ---------------------------------------------------------------------------
 
 
-def _unless_followed(function: Any) -> Any:
-    """`chosen(environment, plain, …)`: `plain` where rays are followed, which is a type, and else function(environment, plain, …)."""
-
-    def chosen(environment: Any, plain: Any, *of: Any) -> Any:
-        return plain if isinstance(environment, Followed) else function(environment, plain, *of)
-
-    @overload(chosen, jit_options=HELPER)
-    def _in_kernels(environment, plain, *of):
-        if environment.layout:
-            return lambda environment, plain, *of: function(environment, plain, *of)
-        return lambda environment, plain, *of: plain
-
-    return chosen
-
-
 @helper
 def _shown_around(around: Any, tables: Tables, options: Options, direction: Vec) -> Vec:
     """The light that comes from a direction in which nothing is looked for."""
@@ -230,21 +215,12 @@ def _in_mirrors(around: Any, light: Vec, tables: Tables, options: Options, point
 
 
 @helper
-def _in_facets(
-    around: Any, light: Vec, tables: Tables, options: Options, point: Surface, shader: Shader, viewer: Vec, active: Lane,
-    pixel: Lane, sample: Lane, key: Lane,
+def _on_highlights(
+    around: Any, light: Vec, tables: Tables, options: Options, point: Surface, shader: Shader, active: Lane, direction: Vec, share: Vec
 ) -> Vec:  # fmt: skip
-    """More light: what metals, polish and rough glass show, in a direction drawn as their highlight spreads."""
-    if materials.has_facets(shader):
-        glossy = active & materials.is_glossy(shader)
-        if lanes.any_lane(glossy):
-            u, v = sampler.pair(pixel, sample, key * _LIGHTS * 2 + 1, options.seed)
-            which = another(shader, pixel, sample, key, options.seed)
-            direction, share = materials.sample_lobe(shader, point.normal, viewer, u, v, which)
-            open_ = glossy & materials.is_frosted(shader, lanes.dot(direction, point.geometric) > 0.0)
-            shown_ = lanes.mul(share, _shown_around(around, tables, options, direction))
-            light = lanes.where3(open_, lanes.add(light, shown_), light)
-    return light
+    """More light: what metals, polish and rough glass show in a direction of their highlight."""
+    open_ = active & materials.is_frosted(shader, lanes.dot(direction, point.geometric) > 0.0)
+    return lanes.where3(open_, lanes.add(light, lanes.mul(share, _shown_around(around, tables, options, direction))), light)
 
 
 @helper
@@ -252,9 +228,9 @@ def _but_glossy(around: Any, active: Lane, shader: Shader) -> Lane:
     return active & lanes.not_(materials.is_glossy(shader))
 
 
-_around_in = _unless_followed(_in_mirrors)
-_around_in_facets = _unless_followed(_in_facets)
-_lit_by_skies = _unless_followed(_but_glossy)  # whose highlights look for skies: those of others have what is around them already
+_around_in = if_there(_in_mirrors)
+_around_on = if_there(_on_highlights)
+_lit_by_skies = if_there(_but_glossy)  # whose highlights look for skies: those of others have what is around them already
 
 
 # --- light at a point ---------------------------------------------------------------------------------------------------
@@ -322,53 +298,60 @@ def direct_light(
                 open_ = _sees(tables, point, shader, direction, shiny)
                 total = lanes.add(total, _unblocked(tables, accel, options, point, light, direction, lights.FAR, given, open_))
         else:
-            blocked = options.shadows and tables.lights.shadows[light]  # what nothing blocks is not looked for from elsewhere
-            here = materials.is_frosted(shader, lanes.bool_like(point.offset, not blocked))
-            arriving = lights.sample(tables, light, lanes.where3(here, point.position, surface.lit_from(point)), u, v)
+            arriving = lights.sample(tables, light, _lit_place(tables, options, point, shader, light), u, v)
             share = highlights.reflected(options.lamps, shader, tables, light, point.normal, arriving, viewer, active)
             given = lanes.scale(lanes.mul(share, arriving.irradiance), 1.0 / np.pi)
             given = media.faded(media.crossed(inside, None, tables, point, arriving.direction), given, tables, arriving.distance)
             open_ = _sees(tables, point, shader, arriving.direction, active)
             found = _unblocked(tables, accel, options, point, light, arriving.direction, arriving.distance, given, open_)
             total = lanes.add(total, found)
-    total = _with_lamps_met(options.lamps, shader, total, tables, accel, options, point, viewer, active, inside, pixel, sample, key)
-    return _around_in_facets(options.environment, total, tables, options, point, shader, viewer, active, pixel, sample, key)
+    if materials.has_facets(shader):
+        total = _along_highlights(total, tables, accel, options, point, shader, viewer, active, inside, pixel, sample, key)
+    return total
 
 
 @helper
-def _lamps_met(
-    lamps: Any, shader: Shader, total: Vec, tables: Tables, accel: Any, options: Options, point: Surface, viewer: Vec,
-    active: Lane, inside: Any, pixel: Lane, sample: Lane, key: Lane,
+def _along_highlights(
+    total: Vec, tables: Tables, accel: Any, options: Options, point: Surface, shader: Shader, viewer: Vec, active: Lane, inside: Any,
+    pixel: Lane, sample: Lane, key: Lane,
 ) -> Vec:  # fmt: skip
-    """More light: that of lamps in a direction drawn as a narrow highlight spreads."""
+    """More light: that from a direction drawn as a narrow highlight spreads, of lamps and of what stands for rays that are not followed."""
     glossy = active & materials.is_glossy(shader)
     if lanes.any_lane(glossy):
         u, v = sampler.pair(pixel, sample, key * _LIGHTS * 2 + 1, options.seed)
         direction, share = materials.sample_lobe(shader, point.normal, viewer, u, v, another(shader, pixel, sample, key, options.seed))
-        _, _, density = materials.divided(shader, point.normal, direction, viewer)
-        glossy = _sees(tables, point, shader, direction, glossy)
-        for k in range(len(lamps.rows)):
-            light = lamps.rows[k]
-            blocked = options.shadows and tables.lights.shadows[light]
-            here = materials.is_frosted(shader, lanes.bool_like(point.offset, not blocked))
-            place = lanes.where3(here, point.position, surface.lit_from(point))
-            distance, solid, bright = highlights.meet(tables, light, place, direction)
-            color = (tables.lights.color[light, 0], tables.lights.color[light, 1], tables.lights.color[light, 2])
-            given = lanes.mul(lanes.scale(share, bright * highlights.weight(density, solid)), color)
-            given = media.faded(media.crossed(inside, None, tables, point, direction), given, tables, distance)
-            total = lanes.add(total, _unblocked(tables, accel, options, point, light, direction, distance, given, glossy))
+        total = _lamps_on(options.lamps, total, tables, accel, options, point, shader, viewer, glossy, inside, direction, share)
+        total = _around_on(options.environment, total, tables, options, point, shader, glossy, direction, share)
     return total
 
 
 @helper
-def _no_lamps_met(
-    lamps: Any, shader: Shader, total: Vec, tables: Tables, accel: Any, options: Options, point: Surface, viewer: Vec,
-    active: Lane, inside: Any, pixel: Lane, sample: Lane, key: Lane,
+def _lamps_met(
+    lamps: Any, total: Vec, tables: Tables, accel: Any, options: Options, point: Surface, shader: Shader, viewer: Vec,
+    active: Lane, inside: Any, direction: Vec, share: Vec,
 ) -> Vec:  # fmt: skip
+    """More light: that of lamps in a direction of a highlight, as far as it is not left to samples of them."""
+    _, _, density = materials.divided(shader, point.normal, direction, viewer)
+    open_ = _sees(tables, point, shader, direction, active)
+    for k in range(len(lamps.rows)):
+        light = lamps.rows[k]
+        distance, solid, bright = highlights.meet(tables, light, _lit_place(tables, options, point, shader, light), direction)
+        color = (tables.lights.color[light, 0], tables.lights.color[light, 1], tables.lights.color[light, 2])
+        given = lanes.mul(lanes.scale(share, bright * highlights.weight(density, solid)), color)
+        given = media.faded(media.crossed(inside, None, tables, point, direction), given, tables, distance)
+        total = lanes.add(total, _unblocked(tables, accel, options, point, light, direction, distance, given, open_))
     return total
 
 
-_with_lamps_met = highlights.if_met(_lamps_met, _no_lamps_met)
+_lamps_on = if_there(_lamps_met)
+
+
+@helper
+def _lit_place(tables: Tables, options: Options, point: Surface, shader: Shader, light: int) -> Vec:
+    """Where a lamp is looked for from: what nothing blocks is not looked for from elsewhere, nor through rough glass."""
+    blocked = options.shadows and tables.lights.shadows[light]
+    here = materials.is_frosted(shader, lanes.bool_like(point.offset, not blocked))
+    return lanes.where3(here, point.position, surface.lit_from(point))
 
 
 @helper
@@ -416,7 +399,7 @@ def _past_maps(
     return lanes.where3(open_, lanes.scale(given, shadow_maps.lit(maps, tables, light, point)), (zero, zero, zero))
 
 
-_past_shadows = shadow_maps.unless_traced(_past_maps, _past_rays)
+_past_shadows = either(_past_maps, _past_rays)
 
 
 @helper

@@ -146,18 +146,40 @@ def maker(function: Callable[..., Any]) -> Any:
 
 
 def if_there(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`chosen(part, plain, …)`: `plain` where `part` is None, which is a type, and else function(part, plain, …).
+    """`chosen(part, plain, …)`: `plain` where `part` is None or a NamedTuple without fields, which are types, and else
+    function(part, plain, …).
 
     Kernels compile only what a scene needs of materials and media.
     """
 
     def chosen(part: Any, plain: Any, *of: Any) -> Any:
-        return plain if part is None else function(part, plain, *of)
+        return plain if _is_nothing(part) else function(part, plain, *of)
 
     @overload(chosen, jit_options=HELPER)
     def _in_kernels(part, plain, *of):
-        if isinstance(part, types.NoneType):
+        if _is_no_type(part):
             return lambda part, plain, *of: plain
         return lambda part, plain, *of: function(part, plain, *of)
 
     return chosen
+
+
+def either(function: Callable[..., Any], otherwise: Callable[..., Any]) -> Callable[..., Any]:
+    """`chosen(part, …)`: otherwise(…) where `if_there` would give what is plain, and else function(part, …)."""
+
+    def chosen(part: Any, *of: Any) -> Any:
+        return otherwise(*of) if _is_nothing(part) else function(part, *of)
+
+    @overload(chosen, jit_options=HELPER)
+    def _in_kernels(part, *of):
+        return (lambda part, *of: otherwise(*of)) if _is_no_type(part) else (lambda part, *of: function(part, *of))
+
+    return chosen
+
+
+def _is_nothing(part: Any) -> bool:
+    return part is None or (isinstance(part, tuple) and not part)
+
+
+def _is_no_type(kind: Any) -> bool:
+    return isinstance(kind, types.NoneType) or getattr(kind, "layout", None) == ()  # of a handle, see handles.py

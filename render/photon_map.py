@@ -85,7 +85,7 @@ def build(landed: list[NDArray[np.float32]], emitted: int, so_far: int, width: f
         _sort(landed[k].astype(kind), k, int(first[k]), near, made.start, slots, made.present, made.key, made.place, made.toward,
               made.power, made.normal, made.inverse, cells)  # fmt: skip
 
-    workers.on_threads(sort, range(len(landed)), max(threads, 1))
+    workers.on_threads(sort, range(len(landed)), threads)
     return made
 
 

@@ -30,7 +30,7 @@ from . import (
     trace,
 )
 from .handles import Handle
-from .records import Frame, Open, Options, Pinhole, Still, Triple, View
+from .records import Frame, Open, Options, Pinhole, Still, Triple, Unmet, View
 
 _NEAREST = 0.01  # of a shape's size: where the eye is nearer to its box than this, the tolerance is measured at this distance
 LAYERS = 8  # of what is partly there, one behind the other, each of which sends on mirrored and other rays
@@ -69,8 +69,6 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
         tables = footprints.with_pyramids(tables, view, _looks(plan), further)
     shells = shapes.shells(tables) if backend == "raster" else {}
     options = options_of(plan, tables)
-    if backend == "raster" or plan["transport"] != "paths":
-        options = options._replace(lamps=highlights.of(tables))
     if backend == "raster" and plan["raster.secondary"] == "none":
         options = options._replace(environment=around.of(scene, tables, options))
     weights = sampler.filter_table(plan["filter"], on_grid=plan["transport"] != "paths")  # the rasterizer draws no paths
@@ -208,6 +206,7 @@ def options_of(plan: Plan, tables: ir.Tables) -> Options:
         ground=ground,
         layers=LAYERS if plan["opacity"] else 0,
         color=Triple(*(float(c) for c in background)) if colored else Triple(0.0, 0.0, 0.0),
+        lamps=Unmet() if plan["transport"] == "paths" else highlights.of(tables),
     )
 
 

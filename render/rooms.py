@@ -73,13 +73,13 @@ class Room:
         self.points = Handle(points_for(size.patterned, size.colored))
         self.filling: Any = None
         self.shading: Any = None
-        self._picture: object = None
+        self._turn: object = None
         self._pass: Pass | None = None
         self._drawn: Handle | None = None
 
-    def serve(self, picture: object, made: Triangles, drawn: Handle, one: Pass) -> None:
-        """Be of use to a pass of a picture from now on."""
-        if self.faces is not None and self._picture is not picture:
+    def serve(self, turn: object, made: Triangles, drawn: Handle, one: Pass) -> None:
+        """Be of use to a pass of a picture from now on; `turn` stands for the picture, which is not kept."""
+        if self.faces is not None and self._turn is not turn:
             faces.forget(self.faces.tables)
         if self._pass is not one:
             self._make(made, drawn, one)
@@ -87,7 +87,7 @@ class Room:
             for handle in (self.filling, self.shading):
                 if handle is not None:
                     handle.point("drawn", drawn)
-        self._picture, self._pass, self._drawn = picture, one, drawn
+        self._turn, self._pass, self._drawn = turn, one, drawn
 
     def _make(self, made: Triangles, drawn: Handle, one: Pass) -> None:
         self.filling = Handle(bands.Filling(made.shown, one.places, made.meshlets, drawn, self.band))

@@ -12,13 +12,12 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
 from . import lanes, surface
-from .kernels import HELPER, helper
-from .records import Lane, Surface, Tables, Traced, Vec
+from .kernels import helper
+from .records import Lane, Surface, Tables, Vec
 
 DIRECTIONAL, SUN = int(ir.LightKind.DIRECTIONAL), int(ir.LightKind.SUN)
 ROUNDING = 2.0**-21  # of keys: float32 has 2⁻²⁴, and what is compared has been rounded a few times
@@ -38,19 +37,6 @@ class Maps(NamedTuple):
     start: NDArray[np.int64]  # (maps,) first texel
     key: NDArray[np.float32]  # larger is nearer; -inf: nothing
     instance: NDArray[np.int32]
-
-
-def unless_traced(function: Any, by_rays: Any) -> Any:
-    """`chosen(maps, …)`: by_rays(…) where maps is Traced, which is a type, and else function(maps, …)."""
-
-    def chosen(maps: Any, *of: Any) -> Any:
-        return by_rays(*of) if isinstance(maps, Traced) else function(maps, *of)
-
-    @overload(chosen, jit_options=HELPER)
-    def _in_kernels(maps, *of):
-        return (lambda maps, *of: function(maps, *of)) if maps.layout else (lambda maps, *of: by_rays(*of))
-
-    return chosen
 
 
 @helper

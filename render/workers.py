@@ -13,7 +13,7 @@ import heapq
 import os
 import queue
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 _core_of_caller = getattr(ctypes.CDLL(None), "sched_getcpu", None) if hasattr(os, "sched_setaffinity") else None
@@ -69,10 +69,11 @@ def _begin(work: Callable[[], Any], report: Callable[[Any], None], threads: int)
 
 
 def on_threads(
-    draw: Callable[[Any], Any], jobs: Iterable[Any], threads: int, cancel: threading.Event | None = None,
+    draw: Callable[[Any], Any], jobs: Sequence[Any], threads: int, cancel: threading.Event | None = None,
     told: Callable[[Any, Any], None] | None = None,
 ) -> None:  # fmt: skip
-    """Do jobs on several threads, of which this is one; told(job, result) follows each, here. The first exception ends it, here.
+    """Do jobs on several threads, of which this is one, but no more than there are jobs; told(job, result) follows each, here. The first
+    exception ends it, here.
 
     Setting `cancel` ends it after the jobs that have begun.
     """
@@ -96,7 +97,7 @@ def on_threads(
             return nothing, None, problem
         return nothing, None, None
 
-    running, failure = threads - 1, None
+    running, failure = max(1, min(threads, len(jobs))) - 1, None
     _begin(loop, results.put, running)
     try:
         while True:
@@ -131,14 +132,12 @@ class Workers:
     def map(self, function: Callable[[Any], Any], items: Iterable[Any]) -> list[Any]:
         """function(item) of all items."""
         given = list(items)
-        if self.threads <= 1 or len(given) <= 1:
-            return [function(item) for item in given]
-        made = [None] * len(given)
+        made: list[Any] = [None] * len(given)
 
         def make(k: int) -> None:
             made[k] = function(given[k])
 
-        on_threads(make, range(len(given)), min(self.threads, len(given)))
+        on_threads(make, range(len(given)), self.threads)
         return made
 
     def spread(self, function: Callable[[Any], Iterable[Any]], first: Any, weight: Callable[[Any], float]) -> None:

@@ -1,6 +1,8 @@
 """What bands are filled with, against whole-number arithmetic: each sample that the rule gives a triangle, and no other."""
 
+import gc
 import threading
+import weakref
 
 import numpy as np
 import pytest
@@ -197,6 +199,17 @@ def test_bands_are_the_same_however_many_are_drawn_at_once(seconds: float, monke
         whole = film.run(raster.Renderer(prepared, decided, view), decided, view)
         assert np.array_equal(whole.channels["rgba"], alone.rgba)
     assert len(np.unique(alone.rgba)) > 100
+
+
+def test_memory_that_is_kept_for_the_next_picture_does_not_keep_the_last():
+    prepared, decided, view = a_mesh_in_bands()
+    renderer = raster.Renderer(prepared, decided, view)
+    film.run(renderer, decided, view)
+    gone = weakref.ref(renderer.whole)
+    assert gone() is not None
+    del renderer
+    gc.collect()
+    assert gone() is None
 
 
 def test_what_no_turn_has_drawn_is_empty(monkeypatch: pytest.MonkeyPatch):

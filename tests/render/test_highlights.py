@@ -43,14 +43,24 @@ def prepared(folder: Path, text: str) -> tuple[Any, View]:
     return prepare.prepare(scene, decided, view), view
 
 
-@pytest.mark.parametrize("lamp", LAMPS)
-def test_samples_of_lamps_are_met(tmp_path, lamp):
-    tables = tables_of(tmp_path, LAMPS[lamp] + METAL)
+@pytest.fixture(params=LAMPS)
+def lit(request, tmp_path) -> tuple[Any, int]:
+    """The tables of a scene with a lamp that highlights meet, and its row."""
+    tables = tables_of(tmp_path, LAMPS[request.param] + METAL)
     lamps: Any = highlights.of(tables)
     (row,) = lamps.rows
+    return tables, int(row)
+
+
+def place_of(count: int) -> tuple[Any, ...]:
+    return tuple(np.repeat(p, count) for p in PLACE)
+
+
+def test_samples_of_lamps_are_met(lit):
+    tables, row = lit
     rng = np.random.default_rng(3)
     u, v = rng.uniform(0.001, 0.999, (2, 500))
-    place = tuple(np.repeat(p, 500) for p in PLACE)
+    place = place_of(500)
     arriving = lights.sample(tables, row, place, u, v)
     distance, solid, bright = (np.broadcast_to(x, 500) for x in highlights.meet(tables, row, place, arriving.direction))
     assert np.all(solid > 0.0)
@@ -60,18 +70,14 @@ def test_samples_of_lamps_are_met(tmp_path, lamp):
     assert color[1] * bright * solid == pytest.approx(np.broadcast_to(arriving.irradiance[1], 500), rel=1e-6)
 
 
-@pytest.mark.parametrize("lamp", LAMPS)
-def test_directions_that_meet_a_lamp_fill_its_solid_angle(tmp_path, lamp):
+def test_directions_that_meet_a_lamp_fill_its_solid_angle(lit):
     """∫ dω over those that meet it, from even directions, and 1 = ∫ density dω."""
-    tables = tables_of(tmp_path, LAMPS[lamp] + METAL)
-    lamps: Any = highlights.of(tables)
-    (row,) = lamps.rows
+    tables, row = lit
     rng = np.random.default_rng(5)
     n = 400_000
     direction = rng.normal(size=(3, n))
     direction /= np.linalg.norm(direction, axis=0)
-    place = tuple(np.repeat(p, n) for p in PLACE)
-    _, solid, _ = highlights.meet(tables, row, place, tuple(direction))
+    _, solid, _ = highlights.meet(tables, row, place_of(n), tuple(direction))
     met = solid > 0.0
     density = np.where(met, 1.0 / np.where(met, solid, 1.0), 0.0) * 4.0 * np.pi
     assert density.mean() == pytest.approx(1.0, abs=5.0 * density.std() / np.sqrt(n))

@@ -21,6 +21,7 @@ from .values import PLACEABLE, AssetPart, Closure, Color, FilePart, Given, Mista
 __all__ = ["Evaluator", "ReadError", "Reader", "Source", "evaluate"]
 
 SHOWN_CALLS = 12  # of a chain of calls in a message
+_sound: set[tuple[str, str, frozenset[str]]] = set()  # files of the library in which the checks found nothing: text, name, names around it
 
 
 def evaluate(
@@ -120,7 +121,12 @@ class Evaluator:
         if self.loader.prelude and self.loader.prelude is not module:
             outer |= check.names_of(self.loader.prelude.file) | self.loader.prelude.broken
         main = len(self.loader.chain) == 1 and module is not self.loader.prelude
-        check.check_file(module, outer, self.report, self.diagnostics, main)
+        known = module.source.text, module.source.name, frozenset(outer)
+        if main or known not in _sound:
+            before = len(self.diagnostics.items)
+            check.check_file(module, outer, self.report, self.diagnostics, main)
+            if module.library and not module.broken and len(self.diagnostics.items) == before:
+                _sound.add(known)
 
     def module_scope(self, module: Module, outer: Scope) -> Scope:
         """The scope of a file with the defaults of its `param`s; made once."""

@@ -84,7 +84,7 @@ class Loader:
         self.chain.append((source, span))
         before = len(self.diagnostics.items)
         started = clock.perf_counter()
-        file = _parse_library(source.text, source.name, self.diagnostics) if library else parse(source.text, source.name, self.diagnostics)
+        file = _parsed(source.text, source.name, self.diagnostics)
         self.parsing += clock.perf_counter() - started
         unit = self._unit(file)
         module = Module(source, file, unit, units.UNITS[unit][0], library, set(file.broken))
@@ -153,16 +153,20 @@ class Loader:
 PRELUDE = "std/prelude"
 
 
+LONGEST_KEPT = 100_000  # characters: trees take some hundred times the room of their text
+
+
 @lru_cache(maxsize=32)
-def _parse_cached(text: str, name: str) -> ast.File | None:
+def _parse_kept(text: str, name: str) -> ast.File | None:
     diagnostics = Diagnostics()
     file = parse(text, name, diagnostics)
     return None if diagnostics.items else file
 
 
-def _parse_library(text: str, name: str, diagnostics: Diagnostics) -> ast.File:
-    """The tree of a file of the library, kept from one evaluation to the next. A file with errors is parsed again to report them."""
-    return _parse_cached(text, name) or parse(text, name, diagnostics)
+def _parsed(text: str, name: str, diagnostics: Diagnostics) -> ast.File:
+    """The tree of a file, kept from one evaluation to the next. A file with errors is parsed again to report them."""
+    kept = _parse_kept(text, name) if len(text) <= LONGEST_KEPT else None
+    return kept or parse(text, name, diagnostics)
 
 
 def is_asset(path: str) -> bool:

@@ -70,7 +70,9 @@ def grammar(kept: str | None = None) -> Lark:
     if not _made:
         text = Path(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
         options: Any = {"parser": "lalr", "lexer": "basic", "keep_all_tokens": True, "maybe_placeholders": False, "cache": kept or False}
-        _made.append(Lark(text, postlex=_KeepMistakes(), **options))
+        made = Lark(text, postlex=_KeepMistakes(), **options)
+        made.lexer = made._build_lexer()  # pyright: ignore[reportPrivateUsage]  # else `lex` makes one each time, in half a millisecond
+        _made.append(made)
     return _made[0]
 
 

@@ -84,5 +84,5 @@ def _made_of(point: Surface, material: Lane) -> Surface:
     """The surface with another material."""
     return Surface(
         point.position, point.local, point.geometric, point.normal, point.local_normal, point.uv, point.metric, point.front, point.instance,
-        material, point.color, point.offset, point.time, point.spread, point.lift,
+        material, point.color, point.offset, point.time, point.spread, point.lift, point.known,
     )  # fmt: skip

@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from . import across, camera, lanes, sampler, simd
+from . import across, camera, hidden, lanes, sampler, simd
 from .formulas import meet, tile_room, tiles
 from .handles import Handle
 from .kernels import kernel
-from .primed import Primed, instances
+from .primed import Nothing, Primed, instances
 from .records import Tile
 
 
@@ -24,25 +24,29 @@ class Desk(NamedTuple):
 
     items: NDArray[np.int64]  # (3, n) column, row and number of samples, in the order of bundles, from the tile's corner and first ones
     rays: NDArray[np.float64]  # as tile_room.columns has them
+    onward: NDArray[np.float64]  # the same, to a lamp
+    shade: NDArray[np.float64]  # (n,) where those meet something
     primed: Primed
     room: Handle  # a ray.Room with `primed`
 
 
 class Bundles:
-    """What one thread needs to meet the formula surfaces of a scene's trees; `room` is its ray.Room."""
+    """What one thread needs to meet the formula surfaces of a scene's trees; `room` is its ray.Room, `lamps` those of hidden.lamps."""
 
-    def __init__(self, accel: Handle, room: Any) -> None:
+    def __init__(self, accel: Handle, packed: Handle, room: Any, lamps: list[int]) -> None:
         trees = accel.tables
-        self.accel, self.room = accel, room
+        self.accel, self.room, self.lamps = accel, room, lamps
         self.instances = instances(trees).tolist()
+        self.casting = [k for k, i in enumerate(self.instances) if trees.placed[i, 0] & hidden.CASTS]
         self.desks: dict[tuple[int, ...], Desk] = {}
         self.inverses = [np.ascontiguousarray(trees.inverse[i, :3]) for i in self.instances]
         self.geometries = [int(trees.placed[i, 2]) for i in self.instances]
         surfaces = {g: Handle(tile_room.room(trees.forms, int(trees.forms.of[g]))) for g in set(self.geometries)}
         self.rooms = [surfaces[g] for g in self.geometries]
-        desk = _desk(np.zeros((0, 0), np.int64), room)
+        desk = _desk(np.zeros((0, 0), np.int64), room, bool(lamps))
         for handle, inverse in zip(self.rooms, self.inverses, strict=True):  # compiled, or loaded, before a picture begins
             tiles.trace(handle, desk.rays, 0, 0, inverse, _out(desk.primed, slice(0), 0))
+        self._look_for_lamps(packed, desk)
 
     def prime(self, packed: Any, frame: Any, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int) -> Handle:
         """Meet all samples first … first + count − 1 of `total` of a tile's pixels, (rows, columns) each; the thread's room with that."""
@@ -52,26 +56,43 @@ class Bundles:
         found.t[:], found.instance[:] = np.inf, -1
         aim(packed, frame, total, tile.x0, tile.y0, found.first, count.shape[1], desk.items, desk.rays)
         n = desk.items.shape[1]
-        for i, g, inverse, room in zip(self.instances, self.geometries, self.inverses, self.rooms, strict=True):
-            for begin in range(0, n, tile_room.RAYS):
-                many = min(tile_room.RAYS, n - begin)
-                out = _out(found, slice(begin, begin + many), i)
-                if not tiles.trace(room, desk.rays, begin, many, inverse, out):
-                    one_by_one(self.accel, g, desk.rays, begin, many, inverse, out)
+        for k, i in enumerate(self.instances):
+            self._meet(k, desk.rays, n, found, i)
+        self._look_for_lamps(packed, desk)
         return desk.room
+
+    def _meet(self, k: int, rays: NDArray[np.float64], n: int, found: Any, number: int) -> None:
+        """Meet n rays with the k-th surface, as columns of `found` tell; see tiles.Out."""
+        for begin in range(0, n, tile_room.RAYS):
+            many = min(tile_room.RAYS, n - begin)
+            out = _out(found, slice(begin, begin + many), number)
+            if not tiles.trace(self.rooms[k], rays, begin, many, self.inverses[k], out):
+                one_by_one(self.accel, self.geometries[k], rays, begin, many, self.inverses[k], out)
+
+    def _look_for_lamps(self, packed: Handle, desk: Desk) -> None:
+        """Find which lamps surfaces hide from what has been met."""
+        found = desk.primed
+        if self.lamps:
+            found.hidden[:] = 0
+        for lamp in self.lamps:
+            desk.shade[:] = np.inf
+            if hidden.aim(packed, lamp, desk.rays, _out(found, slice(None), 0), desk.onward) > 0:
+                for k in self.casting:
+                    self._meet(k, desk.onward, len(desk.shade), found._replace(t=desk.shade), tile_room.ANY)
+            hidden.tell(lamp, desk.onward, desk.shade, found.hidden)
 
     def _desk(self, count: NDArray[np.int64]) -> Desk:
         """That of tiles where all pixels take as many samples is kept."""
         rounds = int(count.max(initial=0))
         if (count != rounds).any():
-            return _desk(count, self.room)
+            return _desk(count, self.room, bool(self.lamps))
         key = (*count.shape, rounds)
         if key not in self.desks:
-            self.desks[key] = _desk(count, self.room)
+            self.desks[key] = _desk(count, self.room, bool(self.lamps))
         return self.desks[key]
 
 
-def _desk(count: NDArray[np.int64], room: Any) -> Desk:
+def _desk(count: NDArray[np.int64], room: Any, lamps: bool) -> Desk:
     rows, columns = count.shape
     rounds = int(count.max(initial=0))
     y, x = _order(rows, columns)
@@ -84,14 +105,15 @@ def _desk(count: NDArray[np.int64], room: Any) -> Desk:
         n += len(row)
     primed = Primed(
         rounds, rows, columns, slots.ravel(), np.zeros(rows * columns, np.int64), np.zeros(2, np.int64), np.full(n, np.inf), np.full(n, -1),
-        np.zeros(n, np.int64), np.zeros(n), np.zeros(n),
+        np.zeros(n, np.int64), np.zeros(n), np.zeros(n), np.zeros(n, np.int64) if lamps else Nothing(),
     )  # fmt: skip
     items = np.ascontiguousarray(np.concatenate(parts, axis=1), np.int64)
     padded = -(-n // tile_room.VECTOR) * tile_room.VECTOR
-    return Desk(items, np.zeros((8, padded)), primed, Handle(room._replace(primed=primed)))
+    onward, shade = (np.zeros((8, padded)), np.zeros(n)) if lamps else (np.zeros((8, 0)), np.zeros(0))
+    return Desk(items, np.zeros((8, padded)), onward, shade, primed, Handle(room._replace(primed=primed)))
 
 
-def _out(found: Primed, part: slice, i: int) -> tiles.Out:
+def _out(found: Any, part: slice, i: int) -> tiles.Out:
     return tiles.Out(found.t[part], found.instance[part], found.spacing[part], found.u[part], found.v[part], i)
 
 
@@ -142,5 +164,8 @@ def one_by_one(accel, g, rays, at, n, inverse, out):
             j = simd.trailing_zeros(left)
             left &= left - 1
             i = start + j
+            if out.number == tile_room.ANY:
+                out.t[i] = -np.inf
+                continue
             out.t[i], out.instance[i], out.spacing[i] = across.lane(t, j), out.number, across.lane(units, j)
             out.u[i], out.v[i] = across.lane(u, j), across.lane(v, j)

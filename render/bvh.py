@@ -27,7 +27,7 @@ SLACK = 1e-12  # of its coordinates, by which an instance's box grows: transform
 
 
 NO_MESHES, NO_TREE = "no meshes", "no tree"  # marks of the type of trees without; see handles.marked
-CAMERA_REST = 8  # a bit beside ir.Visibility's: seen by camera rays, and not met beforehand (primed.py)
+CAMERA_REST, SHADOW_REST = 8, 16  # bits beside ir.Visibility's: seen by camera rays, or casts shadows, and not met beforehand (primed.py)
 
 
 class Nothing(NamedTuple):
@@ -108,7 +108,9 @@ def build(
     rows = simd.aligned_empty((len(kind), PLACED), np.int64)
     found = forms.of(tables, closed)
     primed = plain & (kind == ir.GeometryKind.FORMULA) & forms.have_cells(found)[instances.geometry]
-    visible = instances.visible | np.where((instances.visible & ir.Visibility.CAMERA != 0) & ~primed, CAMERA_REST, 0)
+    primed &= instances.visible & ir.Visibility.CAMERA != 0
+    rest = ((ir.Visibility.CAMERA, CAMERA_REST), (ir.Visibility.SHADOW, SHADOW_REST))
+    visible = instances.visible + sum(np.where((instances.visible & bit != 0) & ~primed, more, 0) for bit, more in rest)
     rows[:, :5], rows[:, 5:] = np.stack([visible, instances.transform, instances.geometry, kind, root], axis=1), 0
     return Bvh(
         wide=meshes,

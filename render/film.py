@@ -220,8 +220,9 @@ class _Canvas:
         self.threads = int(plan["threads"]) or machine.cores()
         self.width, self.height = self.crop[2] - self.crop[0], self.crop[3] - self.crop[1]
         self.channels = image.blank(self.width, self.height, ("rgba", *self.names))
-        self.variance = np.full((self.height, self.width, 3), np.inf)  # of the means; inf where one batch says nothing
-        self.value = np.zeros((self.height, self.width, 3), np.float32)  # what errors are a share of
+        several = (self.height, self.width, 3) if self.most > 1 else (0, 0, 3)  # one sample tells nothing of its error
+        self.variance = np.full(several, np.inf)  # of the means; inf where one batch says nothing
+        self.value = np.zeros(several, np.float32)  # what errors are a share of
         self.samples = np.zeros((self.height, self.width), np.int64)
         self.decline = adaptive.Decline()
         self.least = 0.0  # ε², once something is known
@@ -229,12 +230,16 @@ class _Canvas:
         self.issues = dict.fromkeys(self.tiles, 0)
         self.drawn = dict.fromkeys(self.tiles, 0)  # samples of all pixels
         self.spent = 0  # samples of all tiles told of
+        self._kept = threading.local()
         self.shown = 0  # tiles, as last told to `progress`
 
     def fixed(self) -> None:
         """The same number of samples for every pixel; sums live only while their tile is drawn, or while there are rounds."""
         if self.renderer.round is not None:
             self._in_rounds(self.renderer.round)
+            return
+        if self.most == 1:
+            self._work(self._once, self.tiles, lambda: self.spent / (self.width * self.height))
             return
         goals = dict.fromkeys(-(-self.most // share) for share in (4, 2, 1))  # each doubling tells of the error, and two how it falls
 
@@ -246,6 +251,22 @@ class _Canvas:
 
         whole = self.most * self.width * self.height
         self._work(draw, self.tiles, lambda: self.spent / whole)
+
+    def _once(self, tile: Tile) -> None:
+        """The one sample of each pixel of a tile, by way of memory that the thread keeps."""
+        shape = tile.y1 - tile.y0, tile.x1 - tile.x0
+        films = self._kept.__dict__
+        if shape not in films:
+            films[shape] = _film(tile), np.zeros(shape, np.int64), np.ones(shape, np.int64)
+        film, first, count = films[shape]
+        for part in film:
+            part[...] = 0
+        window = self._window(tile)
+        self.renderer.sample(tile, first, count, 1, film)
+        self.issues[tile] = sums.take_first(film, self.channels["rgba"][window])
+        self.samples[window] = 1
+        self.drawn[tile] = first.size
+        self._extras(tile)
 
     def _in_rounds(self, most: int) -> None:
         """The same number of samples for every pixel, all tiles by turns, where samples share what is made anew in between."""
@@ -388,14 +409,14 @@ class _Canvas:
         """The picture with what is known about it."""
         partial = self.cancel.is_set() and bool(self.samples.min() == 0 or self.samples.min() < self.most)
         error = None
-        if np.isfinite(self.variance).all():
+        if self.most > 1 and np.isfinite(self.variance).all():
             error = math.sqrt(float(np.mean(self._relative())))
         if not partial:
             self._tell(1.0)
         rays = int(self.samples.sum())
         if "samples" in self.channels:
             self.channels["samples"][..., 0] = self.samples
-        if "variance" in self.channels:
+        if "variance" in self.channels and self.most > 1:
             shares = self.decline.shares()[np.log2(np.maximum(self.samples, 1)).astype(int)]
             known = np.where(np.isfinite(self.variance), self.variance, 0.0) * shares[..., None]
             self.channels["variance"][...] = np.minimum(known, sums.LARGEST)

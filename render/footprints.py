@@ -204,7 +204,7 @@ def _places_of_pixel(tables: Any, point: Surface) -> Any:
     facing = lanes.where(lanes.absolute(facing) > 1e-12, facing, 1e-12)
     flat = Surface(
         point.position, point.local, outward, point.normal, point.local_normal, point.uv, point.metric, point.front, point.instance,
-        point.material, point.color, point.offset, point.time, None, point.lift,
+        point.material, point.color, point.offset, point.time, None, point.lift, point.known,
     )  # fmt: skip
     right = _over_pixel(tables, (eye.right[0], eye.right[1], eye.right[2]), depth, d, facing, flat)
     below = _over_pixel(tables, (eye.down[0], eye.down[1], eye.down[2]), depth, d, facing, flat)

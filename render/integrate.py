@@ -19,6 +19,7 @@ from . import (
     aside,
     blends,
     footprints,
+    hidden,
     highlights,
     lanes,
     lights,
@@ -83,8 +84,10 @@ def radiance(
     pixel: Lane,
     sample: Lane,
     stack: Any,
+    known: Any = None,
 ) -> tuple[Vec, Lane, Lane]:
-    """(radiance, coverage, sound) of a camera ray that meets `hit`; what is not finite is left out and not `sound`.
+    """(radiance, coverage, sound) of a camera ray that meets `hit`, where this much is `known` of lamps (hidden.py); what is not finite
+    is left out and not `sound`.
 
     Coverage is less than 1 where something lets the ray straight through (by its opacity, or with an index of refraction of 1) to nothing.
     """
@@ -107,7 +110,7 @@ def radiance(
             meeting = Hit(hit.t, instance, hit.primitive, hit.u, hit.v)
             point = footprints.on_surface(tables, ray, meeting, surface.at(tables, ray, meeting), cone)
             point = _part(tables, point, pixel, sample, key, options.seed)
-            point = tilt.tilted(tables, point, meeting, ray.direction)
+            point = surface.told(known, tilt.tilted(tables, point, meeting, ray.direction))
             shader = materials.within(tables, point, inside)
             viewer = lanes.negate(ray.direction)
             specular = kind >= SPECULAR_RAY
@@ -129,7 +132,7 @@ def radiance(
         waiting = lanes.where(active, waiting - 1, waiting)
         inside, cone = inside_of(inside, None, stack, waiting), footprints.take_cone(cone, None, stack, waiting, CONE)
         ray, weight, left, kind, key = _pop(stack, waiting, ray.time)
-        hit = trace.closest(accel, tables, ray, active, OTHER_RAY)
+        hit, known = trace.closest(accel, tables, ray, active, OTHER_RAY), hidden.forgotten(known)
         seen = active & (hit.instance >= 0)
         missed = active & lanes.not_(hit.instance >= 0) & (kind >= SPECULAR_RAY)
         if lanes.any_lane(missed):
@@ -145,12 +148,17 @@ def radiance(
 
 def _radiance(tables, accel, gouraud, options, origin, direction, t, instance, primitive, u, v, pixel, sample, stack):
     ray = Ray(origin, direction, 0.0 * t, 0.0 * t + np.inf, None)
-    return _walk(tables, accel, gouraud, options, ray, Hit(t, instance, primitive, u, v), pixel, sample, stack)
+    return _walk(tables, accel, gouraud, options, ray, Hit(t, instance, primitive, u, v), pixel, sample, stack, None)
+
+
+def _told(tables, accel, gouraud, options, origin, direction, t, instance, primitive, u, v, pixel, sample, stack, known):
+    ray = Ray(origin, direction, 0.0 * t, 0.0 * t + np.inf, None)
+    return _walk(tables, accel, gouraud, options, ray, Hit(t, instance, primitive, u, v), pixel, sample, stack, known)
 
 
 def _moving(tables, accel, gouraud, options, origin, direction, t, instance, primitive, u, v, pixel, sample, stack, time):
     ray = Ray(origin, direction, 0.0 * t, 0.0 * t + np.inf, time)
-    return _walk(tables, accel, gouraud, options, ray, Hit(t, instance, primitive, u, v), pixel, sample, stack)
+    return _walk(tables, accel, gouraud, options, ray, Hit(t, instance, primitive, u, v), pixel, sample, stack, None)
 
 
 _walk = helper(radiance)
@@ -158,15 +166,18 @@ linked = Linked(_radiance)  # one compiled body for all backends, kept on disk b
 call = linked.call
 linked_moving = Linked(_moving)  # the same where rays have a time
 call_moving = linked_moving.call
+linked_told = Linked(_told)  # the same where something is known of lamps
+call_told = linked_told.call
 
 
-def link(frame: Handle, tables: Handle, accel: Handle, gouraud: Handle) -> None:
-    """Compile or load `radiance` for what a picture is drawn from, and tell its frame where it is."""
+def link(frame: Handle, tables: Handle, accel: Handle, gouraud: Handle, told: bool = False) -> None:
+    """Compile or load `radiance` for what a picture is drawn from, and tell its frame where it is; `told` as hidden.py tells."""
     stack = types.Array(types.float64, 3, "C")
     packed = tables.numba_type, accel.numba_type, gouraud.numba_type, frame.part("options")
     kinds = *packed, VEC, VEC, FLOAT, INT, INT, FLOAT, FLOAT, INT, INT, stack
     moving = placed.is_open(frame.part("shutter"))
-    frame.put("radiance", linked_moving.link(*kinds, FLOAT) if moving else linked.link(*kinds))
+    made = linked_told.link(*kinds, INT) if told else linked_moving.link(*kinds, FLOAT) if moving else linked.link(*kinds)
+    frame.put("radiance", made)
 
 
 # --- where rays leave the scene -----------------------------------------------------------------------------------------
@@ -386,7 +397,7 @@ def _past_rays(
 ) -> Vec:  # fmt: skip
     place = lanes.where3(lanes.dot(direction, point.normal) > 0.0, surface.lit_from(point), point.position)
     ray = Ray(surface.leave_from(point, place, direction), direction, 0.0 * point.offset, distance, point.time)
-    return trace.dimmed(accel, tables, ray, open_, given)
+    return hidden.dimmed(point, accel, tables, light, ray, open_, given)
 
 
 @helper

@@ -20,6 +20,7 @@ from . import (
     film,
     footprints,
     gouraud,
+    hidden,
     highlights,
     integrate,
     machine,
@@ -51,6 +52,7 @@ class Prepared:
     photons: Any = None  # a photons.Tracer, where some light is carried by them
     shells: dict[int, tessellate.Tessellation] = field(default_factory=dict)  # raster: instance -> its shape in triangles
     triangles: Any = None  # raster: a banded.Triangles, of all there are
+    lamps: list[int] = field(default_factory=list)  # ray: those that are asked for beforehand (hidden.py)
 
 
 def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
@@ -98,8 +100,10 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
             return Prepared(tables, packed, None, None, options, frames, shells=shells, triangles=triangles)
     accel = accel or trees(tables, plan)
     light = Handle(gouraud.vertex_light(tables, packed, accel, frames))
-    integrate.link(frames, packed, accel, light)
-    return Prepared(tables, packed, accel, light, options, frames, shells=shells, triangles=triangles)
+    still = backend == "ray" and not plan["motion"]
+    lamps = hidden.lamps(accel.tables, tables, options) if still else []
+    integrate.link(frames, packed, accel, light, bool(lamps))
+    return Prepared(tables, packed, accel, light, options, frames, shells=shells, triangles=triangles, lamps=lamps)
 
 
 def _looks(plan: Plan) -> int:

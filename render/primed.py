@@ -40,6 +40,7 @@ class Primed(NamedTuple):
     spacing: NDArray[np.int64]
     u: NDArray[np.float64]
     v: NDArray[np.float64]
+    hidden: Any = Nothing()  # (samples,) lamps, as hidden.py has them, where these are asked for
 
 
 def is_needed(trees: bvh.Bvh) -> bool:
@@ -52,8 +53,9 @@ def instances(trees: bvh.Bvh) -> NDArray[np.intp]:
     return np.flatnonzero((trees.placed[:, 0] & (CAMERA | REST)) == CAMERA)
 
 
-def nearer(primed: Any, x: Lane, y: Lane, s: Lane, hit: Hit) -> Hit:
-    """`hit`, or what samples s of pixels x, y were found beforehand to meet, where that comes first."""
+def nearer(primed: Any, x: Lane, y: Lane, s: Lane, hit: Hit) -> tuple[Hit, Any]:
+    """`hit`, or what samples s of pixels x, y were found beforehand to meet, where that comes first; what is known there of lamps, or
+    None."""
     raise NotImplementedError("in kernels only")
 
 
@@ -65,7 +67,7 @@ def is_used(primed: Any) -> bool:
 @overload(nearer, jit_options=HELPER)
 def _nearer(primed, x, y, s, hit):
     if not is_used(primed):
-        return lambda primed, x, y, s, hit: hit
+        return lambda primed, x, y, s, hit: (hit, None)
 
     def of_both(primed, x, y, s, hit):
         row = _clipped(y - primed.corner[1], primed.rows)
@@ -75,12 +77,25 @@ def _nearer(primed, x, y, s, hit):
         slot = lanes.maximum(primed.slots[k * len(primed.first) + at], 0)
         t, i = primed.t[slot], primed.instance[slot]
         first = (t < hit.t) | ((t == hit.t) & (t < np.inf) & (i < hit.instance))
-        return Hit(
+        both = Hit(
             lanes.where(first, t, hit.t), lanes.where(first, i, hit.instance), lanes.where(first, primed.spacing[slot], hit.primitive),
             lanes.where(first, primed.u[slot], hit.u), lanes.where(first, primed.v[slot], hit.v),
         )  # fmt: skip
+        return both, _known(primed, first, slot)
 
     return of_both
+
+
+def _known(primed: Any, first: Lane, slot: Lane) -> Any:
+    """What is known of lamps in the lanes of a mask, in kernels."""
+    raise NotImplementedError
+
+
+@overload(_known, jit_options=HELPER)
+def _known_in_kernels(primed, first, slot):
+    if primed.field("hidden")[1] == ():
+        return lambda primed, first, slot: None
+    return lambda primed, first, slot: lanes.where(first, primed.hidden[slot], 0)
 
 
 def visible_to(primed: Any) -> int:

@@ -73,7 +73,7 @@ class Renderer:
             from . import bundled  # what other scenes do not load
 
             if not hasattr(self._rooms, "bundles"):
-                self._rooms.bundles = bundled.Bundles(p.accel, Room.of(p.options))
+                self._rooms.bundles = bundled.Bundles(p.accel, p.packed, Room.of(p.options), p.lamps)
             room = self._rooms.bundles.prime(p.packed, self.frame, tile, first, count, total)
         else:
             room = Handle(Room.of(p.options))
@@ -190,19 +190,21 @@ def light_of(tables, accel, gouraud, frame, total, x, y, s, room):
     x, y = lanes.to_float(x) + 0.5 + dx, lanes.to_float(y) + 0.5 + dy
     ray = camera.through(tables, view, frame.lens, x, y, pixel, s, options.seed, time)
     hit = trace.closest(accel, tables, ray, lanes.bool_like(dx, True), primed.visible_to(room.primed))
-    hit = primed.nearer(room.primed, column, row, number, hit)
-    return _follow(ray.time, frame, (
+    hit, known = primed.nearer(room.primed, column, row, number, hit)
+    return _follow(ray.time, known, frame, (
         tables, accel, gouraud, options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive, hit.u, hit.v, pixel, s, room.stack,
     ))  # fmt: skip
 
 
-def _follow(time: Any, frame: Any, what: Any) -> Any:
+def _follow(time: Any, known: Any, frame: Any, what: Any) -> Any:
     """What integrate.radiance makes of a ray and what it met, in kernels."""
     raise NotImplementedError
 
 
 @overload(_follow, jit_options=HELPER)
-def _follow_in_kernels(time, frame, what):
+def _follow_in_kernels(time, known, frame, what):
+    if not isinstance(known, types.NoneType):
+        return lambda time, known, frame, what: integrate.call_told(frame.radiance, what + (known,))  # pyright: ignore[reportCallIssue]
     if isinstance(time, types.NoneType):
-        return lambda time, frame, what: integrate.call(frame.radiance, what)  # pyright: ignore[reportCallIssue]
-    return lambda time, frame, what: integrate.call_moving(frame.radiance, what + (time,))  # pyright: ignore[reportCallIssue]
+        return lambda time, known, frame, what: integrate.call(frame.radiance, what)  # pyright: ignore[reportCallIssue]
+    return lambda time, known, frame, what: integrate.call_moving(frame.radiance, what + (time,))  # pyright: ignore[reportCallIssue]

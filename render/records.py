@@ -60,6 +60,7 @@ class Surface(NamedTuple):
     spread: Any = None  # how far u, v go from a pixel to the next right (two lanes) and below (two), and, where there are patterns, how
     # far `local` goes (three and three); None: not known
     lift: Any = None  # Vec to where light is looked for from, off coarse triangles whose normals are interpolated: surface.lit_from
+    known: Any = None  # what is known of lamps' shadows here, as hidden.py has it; None: nothing
 
 
 class Triple(NamedTuple):

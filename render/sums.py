@@ -54,6 +54,22 @@ def take_in(film, count, color, alpha, issues, samples, variance, value, rgba, l
             rgba[y, x, 3] = alpha[y, x] / whole
 
 
+@kernel
+def take_first(film, rgba):
+    """Set the picture of a tile from a film's one sample of each pixel; how many samples of all are no numbers that a picture can hold."""
+    issues = 0
+    for y in range(rgba.shape[0]):
+        for x in range(rgba.shape[1]):
+            beyond = False
+            for k in range(3):
+                value = film.color[y, x, k]
+                rgba[y, x, k] = min(max(value, -LARGEST), LARGEST)
+                beyond = beyond or not abs(value) <= LARGEST
+            rgba[y, x, 3] = film.alpha[y, x]
+            issues += film.issues[y, x] + (1 if beyond else 0)
+    return issues
+
+
 @helper
 def level(samples):
     """log₂ of a number of samples, rounded down."""

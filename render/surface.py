@@ -51,9 +51,8 @@ def at(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -> Surface:
     outward = shapes.normal(kind, geometries.parameters, g, part, local)
     wide = lanes.full_like(t, 0.0)
     if lanes.any_lane(formed):
-        outward = lanes.where3(formed, _unpacked(hit.u, hit.v), outward)
-        off = lanes.to_float(hit.primitive) * geometries.parameters[g, 5] * (UNIT / ROUNDING)
-        wide = lanes.where(formed, off * mean_scale(matrix), wide)
+        outward = lanes.where3(formed, unpacked(hit.u, hit.v), outward)
+        wide = lanes.where(formed, _off(tables, g, hit, matrix), wide)
     smooth = outward
     color = lanes.like3(t, 1.0, 1.0, 1.0)
 
@@ -96,7 +95,7 @@ def at(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -> Surface:
         lift = _by_matrix(matrix, _mesh_lift(tables, g, hit, rounded, local, (a, b, c), outward, side))
     return Surface(
         world, local, lanes.scale(geometric, side), lanes.scale(shaded, side), outward, (u, v), (du, dv),
-        front, instance, material, color, spacing(here, ray, t, geometric, wide), ray.time, None, lift,
+        front, instance, material, color, spacing(here, ray, t, geometric, wide), ray.time, None, lift, None,
     )  # fmt: skip
 
 
@@ -123,7 +122,26 @@ def spacing(here: placed.Place, ray: Ray, t: Lane, normal: Vec, wide: Lane) -> L
 
 
 @helper
-def _unpacked(u: Lane, v: Lane) -> Vec:
+def off_formula(tables: Tables, ray: Ray, hit: Hit) -> tuple[Vec, Vec, Lane]:
+    """(position, geometric, offset) as in `at`, where rays met formula surfaces that do not move."""
+    instance = lanes.where(hit.instance >= 0, hit.instance, 0)
+    g = lanes.to_int(tables.instances.geometry[instance])
+    here = placed.at(tables, lanes.to_int(tables.instances.transform[instance]), None)
+    t = lanes.where(hit.instance >= 0, hit.t, 0.0)
+    geometric = lanes.normalize(lanes.normal_by(here.inverse, unpacked(hit.u, hit.v)))
+    offset = spacing(here, ray, t, geometric, _off(tables, g, hit, here.matrix))
+    side = lanes.where(lanes.dot(ray.direction, geometric) < 0.0, 1.0, -1.0)
+    return lanes.along(ray.origin, ray.direction, t), lanes.scale(geometric, side), offset
+
+
+@helper
+def _off(tables: Tables, g: Lane, hit: Hit, matrix: placed.Affine) -> Lane:
+    """How far, in metres, a hit may be off a formula's surface, as `spacing` takes it."""
+    return lanes.to_float(hit.primitive) * tables.geometries.parameters[g, 5] * (UNIT / ROUNDING) * mean_scale(matrix)
+
+
+@helper
+def unpacked(u: Lane, v: Lane) -> Vec:
     """The unit vector that formulas.meet packed into two numbers."""
     z = 1.0 - abs(u) - abs(v)
     below = z < 0.0
@@ -164,7 +182,19 @@ def spanning(surface: Surface, spread: Any) -> Surface:
     return Surface(
         surface.position, surface.local, surface.geometric, surface.normal, surface.local_normal, surface.uv, surface.metric, surface.front,
         surface.instance, surface.material, surface.color, surface.offset, surface.time, spread, surface.lift,
+        surface.known,
     )  # fmt: skip
+
+
+@helper
+def _told(known: Any, surface: Surface) -> Surface:
+    return Surface(
+        surface.position, surface.local, surface.geometric, surface.normal, surface.local_normal, surface.uv, surface.metric, surface.front,
+        surface.instance, surface.material, surface.color, surface.offset, surface.time, surface.spread, surface.lift, known,
+    )  # fmt: skip
+
+
+told = if_there(_told)  # the same surface with what is `known` of shadows on it
 
 
 @helper

@@ -183,6 +183,7 @@ def _tilted(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Surface
     return Surface(
         point.position, point.local, point.geometric, lanes.where3(turned | bumped, normal, point.normal), point.local_normal, point.uv,
         point.metric, point.front, point.instance, point.material, point.color, point.offset, point.time, point.spread, point.lift,
+        point.known,
     )  # fmt: skip
 
 
@@ -223,6 +224,7 @@ def moved(tables: Tables, point: Surface, hit: Hit, direction: Vec, step: Lane) 
     return Surface(
         point.position, local, point.geometric, point.normal, point.local_normal, (u, v), point.metric, point.front, point.instance,
         point.material, point.color, point.offset, point.time, point.spread, point.lift,
+        point.known,
     )  # fmt: skip
 
 

@@ -199,6 +199,27 @@ def _find_in_kernels(accel, ray, active, visible_bit, any_hit):
     return through_trees
 
 
+def past(accel: Any, ray: Ray, active: Lane, visible_bit: int) -> Lane:
+    """The share of light that passes what has one of `visible_bit`, in kernels; 0 where not active."""
+    raise NotImplementedError
+
+
+@overload(past, jit_options=HELPER)
+def _past_in_kernels(accel, ray, active, visible_bit):
+    if aside.asks(accel):
+
+        def by_opacity(accel, ray, active, visible_bit):
+            found = find(accel, ray, active, visible_bit, True)
+            return lanes.where(active & lanes.not_(found.instance >= 0), found.u, 0.0)
+
+        return by_opacity
+
+    def in_full(accel, ray, active, visible_bit):
+        return lanes.where(active & lanes.not_(find(accel, ray, active, visible_bit, True).instance >= 0), 1.0, 0.0)
+
+    return in_full
+
+
 @overload(closest, jit_options=HELPER)
 def _closest_kernel(accel, tables, ray, active, visible_bit):
     if not across.is_mask(active):

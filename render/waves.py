@@ -415,7 +415,7 @@ def point_of(
     white = (zero + 1.0, zero + 1.0, zero + 1.0)
     point = Surface(
         position, position, facing, shaded, outward, (zero, zero), (zero + 1.0, zero + 1.0), front, lanes.maximum(instance, 0),
-        lanes.to_int(of_material), white, size * (surface.ROUNDING * lanes.roundoff(zero)), time, None, lift,
+        lanes.to_int(of_material), white, size * (surface.ROUNDING * lanes.roundoff(zero)), time, None, lift, None,
     )  # fmt: skip
     others = here & lanes.not_(plain)
     if lanes.any_lane(others):
@@ -425,7 +425,7 @@ def point_of(
             lanes.where3(others, full.position, position), full.local, lanes.where3(others, full.geometric, facing),
             lanes.where3(others, full.normal, shaded), full.local_normal, full.uv, full.metric, lanes.where(others, full.front, front),
             point.instance, lanes.where(others, full.material, point.material), lanes.where3(others, full.color, white),
-            lanes.where(others, full.offset, point.offset), time, None, lanes.where3(others, full.lift, lift),
+            lanes.where(others, full.offset, point.offset), time, None, lanes.where3(others, full.lift, lift), None,
         )  # fmt: skip
     return point, hit
 

@@ -13,6 +13,7 @@ from ..kernels import helper
 from . import search
 from .evaluate import turns_at
 from .tile_room import (
+    ANY,
     FINEST,
     GROUP,
     MOST_PIECES,
@@ -30,7 +31,7 @@ from .tile_room import (
     tapes_of,
     tell,
 )
-from .tile_roots import faced, finished, keep, met
+from .tile_roots import faced, finished, keep, met, stopped
 
 # --- leaves: a stretch of some vectors ----------------------------------------------------------------------------------
 
@@ -75,7 +76,10 @@ def leaf(room, memory, tape, count, a, b, start, reach, slack, hits):
             opened = keep(room.open, room.open_ray, opened, open_, begin, end, fa, fb, zero, zero, zero + error, ray)
     if opened > 0:
         held = alone(room, memory, tape, opened, held, start, reach, slack, hits)
-    if held > 0:
+    if held > 0 and hits.number == ANY:
+        for k in range(held):
+            stopped(room, hits, np.int64(room.bracket_ray[k]))
+    elif held > 0:
         finished(room, memory, tape, held, start, reach, hits)
 
 
@@ -207,7 +211,9 @@ def _by_search(room, memory, tape, ray, a, b, start, hits):
     room.spent[ray] += used
     if doubt > 0:
         count_up(room.unproved, 0, 1)
-    if root < np.inf:
+    if root < np.inf and hits.number == ANY:
+        stopped(room, hits, ray)
+    elif root < np.inf:
         one = across.numbered(0) < 1
         rays, at = lanes.int_like(like, ray), like + root
         point = lanes.along(*exact(room, rays), at)

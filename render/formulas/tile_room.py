@@ -32,6 +32,7 @@ FINEST = 2.0**-17  # of the largest coordinate: pieces of a ray that float32 doe
 WIDEST = 8.0  # times its diagonal, in which rays of a bundle may enter the box
 LONG = 40  # rows of a tape for which it pays to ask for the result first
 MOST_PIECES = 400
+ANY = -2  # in place of an instance: where a ray meets anything its distance becomes −inf, and nothing else is asked or told
 U = 2.0**-24
 
 

@@ -187,3 +187,10 @@ def met(
         one = np.int64(across.lane(ray, simd.trailing_zeros(left)))
         left &= left - 1
         room.alive[one // VECTOR] &= ~(1 << (one % VECTOR))
+
+
+@helper
+def stopped(room: Any, hits: Any, ray: int) -> None:
+    """Write that a ray has met something, and let it rest."""
+    hits.t[ray] = -np.inf
+    room.alive[ray // VECTOR] &= ~(1 << (ray % VECTOR))

@@ -60,7 +60,7 @@ class Out(NamedTuple):
     spacing: Any
     u: Any
     v: Any
-    number: int  # for the column `instance`
+    number: int  # for the column `instance`; or tile_room.ANY
 
 
 class Meeting(NamedTuple):

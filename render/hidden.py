@@ -1,0 +1,114 @@
+"""Which lamps formula surfaces hide from what camera rays meet of them, found for a tile at a time before that is shaded (bundled.py).
+
+Rays from neighbouring places to a lamp without extent go much the same way, as camera rays do. What was found is a whole number for each
+sample: bit 2 l says that lamp l has been asked for, bit 2 l + 1 that a formula surface hides it. Trees are then asked for what has the
+bit bvh.SHADOW_REST.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.extending import overload
+
+from ..compiler import ir
+from . import across, bvh, lanes, lights, surface, trace
+from .kernels import HELPER, helper, kernel
+from .primed import instances
+from .records import Hit, Lane, Options, Ray, Surface, Tables, Vec
+
+LAMPS = 31  # two bits each
+CASTS, REST = int(ir.Visibility.SHADOW), bvh.SHADOW_REST
+
+
+def lamps(trees: bvh.Bvh, tables: ir.Tables, options: Options) -> list[int]:
+    """The lamps that are asked for beforehand: none where no formula surface that camera rays meet so casts shadows."""
+    if not options.shadows or not (trees.placed[instances(trees), 0] & CASTS).any():
+        return []
+    return [k for k in range(len(tables.lights.kind)) if is_asked(tables, k)]
+
+
+@helper
+def is_asked(tables: Tables, light: int) -> bool:
+    """Whether a light is a lamp that is asked for."""
+    sharp = tables.lights.kind[light] != lights.AMBIENT and not lights.is_soft(tables, light)
+    return sharp and tables.lights.shadows[light] and light < LAMPS
+
+
+@kernel
+def aim(tables, light, rays, found, out):
+    """Rays to a lamp from where camera rays met surfaces, one for each that it may light; how many. As tile_room.columns has them, all."""
+    n, stride, many = len(found.t), rays.shape[1], 0
+    for start in range(0, n, across.WIDTH):
+        rows = lanes.minimum(across.numbered(start), n - 1)
+        origin = across.load_row(rays, start), across.load_row(rays, stride + start), across.load_row(rays, 2 * stride + start)
+        direction = (
+            across.load_row(rays, 3 * stride + start), across.load_row(rays, 4 * stride + start), across.load_row(rays, 5 * stride + start)
+        )  # fmt: skip
+        instance = found.instance[rows]
+        met = (instance >= 0) & (across.numbered(start) < n)
+        ends = lanes.full_like(origin[0], -1.0)
+        if lanes.any_lane(met):
+            hit = Hit(found.t[rows], instance, found.spacing[rows], found.u[rows], found.v[rows])
+            position, geometric, offset = surface.off_formula(tables, Ray(origin, direction, 0.0, np.inf, None), hit)
+            arriving = lights.sample_sharp(tables, light, position)
+            lit = met & (lanes.dot(arriving.direction, geometric) > 0.0) & (lanes.largest(arriving.irradiance) > 0.0)
+            ends = lanes.where(lit, arriving.distance, ends)
+            origin, direction = lanes.along(position, geometric, offset), arriving.direction
+            many += across.count(lit)
+        for axis in range(3):
+            o, d = (origin[0], direction[0]) if axis == 0 else (origin[1], direction[1]) if axis == 1 else (origin[2], direction[2])
+            across.store_row(out, axis * stride + start, o)
+            across.store_row(out, (3 + axis) * stride + start, d)
+        across.store_row(out, 6 * stride + start, lanes.full_like(ends, 0.0))
+        across.store_row(out, 7 * stride + start, ends)
+    return many
+
+
+@kernel
+def tell(light, rays, t, hidden):
+    """Put to `hidden` what rays to a lamp met, `t` being inf where that is nothing."""
+    for i in range(len(t)):
+        if rays[7, i] > 0.0:
+            hidden[i] |= (3 if t[i] < np.inf else 1) << (2 * light)
+
+
+# --- where it is shaded -------------------------------------------------------------------------------------------------
+
+
+def forgotten(known: Any) -> Any:
+    """What is known where other rays meet something: nothing."""
+    return None
+
+
+@overload(forgotten, jit_options=HELPER)
+def _forgotten(known):
+    return (lambda known: None) if isinstance(known, types.NoneType) else lambda known: lanes.int_like(known, 0)
+
+
+def dimmed(point: Surface, accel: Any, tables: Tables, light: int, ray: Ray, active: Lane, given: Vec) -> Vec:
+    """What of a lamp's light that is `given` passes to a point; nothing where not active."""
+    return trace.dimmed(accel, tables, ray, active, given)
+
+
+@overload(dimmed, jit_options=HELPER)
+def _dimmed_in_kernels(point, accel, tables, light, ray, active, given):
+    if not isinstance(point.types[point.fields.index("known")], types.NoneType):
+        return lambda point, accel, tables, light, ray, active, given: _by_rest(point.known, accel, tables, light, ray, active, given)
+    return lambda point, accel, tables, light, ray, active, given: trace.dimmed(accel, tables, ray, active, given)
+
+
+@helper
+def _by_rest(known: Lane, accel: Any, tables: Tables, light: int, ray: Ray, active: Lane, given: Vec) -> Vec:
+    told = lanes.bool_like(ray.t_min, False)
+    if is_asked(tables, light):
+        bits = known >> (2 * light)
+        told = (bits & 1) != 0
+        active = active & ((bits & 2) == 0)
+    total = lanes.scale(given, trace.past(accel, ray, active & told, REST))
+    rest = active & lanes.not_(told)
+    if lanes.any_lane(rest):
+        total = lanes.add(total, lanes.scale(given, trace.past(accel, ray, rest, CASTS)))
+    return total

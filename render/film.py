@@ -255,10 +255,10 @@ class _Canvas:
     def _once(self, tile: Tile) -> None:
         """The one sample of each pixel of a tile, by way of memory that the thread keeps."""
         shape = tile.y1 - tile.y0, tile.x1 - tile.x0
-        films = self._kept.__dict__
-        if shape not in films:
-            films[shape] = _film(tile), np.zeros(shape, np.int64), np.ones(shape, np.int64)
-        film, first, count = films[shape]
+        if getattr(self._kept, "shape", None) != shape:
+            self._kept.shape, self._kept.film = shape, _film(tile)
+            self._kept.counts = np.zeros(shape, np.int64), np.ones(shape, np.int64)
+        film, (first, count) = self._kept.film, self._kept.counts
         for part in film:
             part[...] = 0
         window = self._window(tile)

@@ -53,12 +53,17 @@ class Diagnostic:
         }
 
 
+SHOWN = 8  # messages that an exception shows
+
+
 class SceneError(Exception):
     """Input that cannot go on: carries every diagnostic found so far, errors and warnings alike."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         self.diagnostics = tuple(diagnostics)
-        super().__init__("; ".join(d.message for d in self.diagnostics if d.severity == "error"))
+        errors = [d.message for d in self.diagnostics if d.severity == "error"]
+        more = [f"and {len(errors) - SHOWN} more"] if len(errors) > SHOWN else []
+        super().__init__("; ".join(errors[:SHOWN] + more))
 
 
 @dataclass(slots=True)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler import plan as planner
-from . import facets, lanes
+from . import bvh, facets, lanes
 from .kernels import helper
 from .records import Lane, Vec
 
@@ -26,6 +26,7 @@ SHARE = 0.25  # of the scene's diagonal, from which on a thing is large
 MESH_TRIANGLES = 24  # of a mesh that may be tried piece by piece
 EXACT = 1 << 24  # whole numbers up to this are exact in float32
 EDGE = 1e-6  # by which pieces reach beyond their edges, so that no ray passes between two
+_TRIED = ir.GeometryKind.BOX, ir.GeometryKind.RECTANGLE, ir.GeometryKind.PLANE, ir.GeometryKind.DISK, ir.GeometryKind.SPHERE
 _CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
 
 
@@ -78,27 +79,29 @@ def build(tables: ir.Tables, hull: bool, moves: bool = False) -> tuple[Tried, ND
 
     With `hull` (every light lies at a finite place), pieces that have the whole scene and its lights on one side block none of them.
     """
-    instances = tables.instances
+    instances, plain = tables.instances, _is_plain(tables)
     made: dict[int, list[_Found]] = {}
     stays = ~planner.partial(tables)[instances.material]
     if moves:
         stays &= tables.transforms.first_key[instances.transform] < 0
-    for i in range(len(instances.geometry)):
-        found = _pieces_of(tables, i) if stays[i] else []
+    boxes = bvh.world_bounds(tables)
+    eligible, many = _eligible(tables, boxes)
+    for i in np.flatnonzero(stays & eligible).tolist():
+        found = _pieces_of(tables, i)
         if found:
             made[i] = found
-    chosen = _chosen(tables, made)
+    chosen = _chosen(boxes, made, many)
     inside = np.zeros(len(instances.geometry), bool)
     inside[chosen] = True
     listed = [(i, piece) for i in chosen for piece in made[i]]
     rows = [
-        (*normal, i, piece.primitive + part, instances.material[i], _is_plain(tables, i))
+        (*normal, i, piece.primitive + part, instances.material[i], plain[i])
         for i, piece in listed
         for part, normal in enumerate(piece.normals)
     ]
     own = np.array(rows or [(0.0,) * 8], np.float64)
-    meshes = np.flatnonzero(stays & ~inside & (tables.geometries.kind[instances.geometry] == ir.GeometryKind.MESH)).tolist()
-    how = [(i, facets.PLAIN if _is_plain(tables, i) else facets.ROUNDED) for i in meshes if _is_bare(tables, i)]
+    meshes = stays & ~inside & _is_bare(tables) & (tables.geometries.kind[instances.geometry] == ir.GeometryKind.MESH)
+    how = [(i, facets.PLAIN if plain[i] else facets.ROUNDED) for i in np.flatnonzero(meshes).tolist()]
     more, first, rounded = facets.build(tables, how, len(own))
     records = Records(np.concatenate([own, more]), first, rounded)
     blocking = [k for k, (i, _) in enumerate(listed) if instances.visible[i] & ir.Visibility.SHADOW]
@@ -125,18 +128,33 @@ def _tables(listed: list[tuple[int, _Found]], rows: list[int]) -> Pieces:
     )
 
 
-def _chosen(tables: ir.Tables, made: dict[int, list[_Found]]) -> list[int]:
+def _eligible(tables: ir.Tables, boxes: Rows) -> tuple[NDArray[np.bool_], bool]:
+    """(instances,) whose pieces are to be looked at, and whether things are so many that these are the large ones alone."""
+    geometry = tables.instances.geometry
+    small = (tables.geometries.kind == ir.GeometryKind.MESH) & (tables.geometries.triangle_count <= MESH_TRIANGLES)
+    eligible = (np.isin(tables.geometries.kind, _TRIED) | small)[geometry]
+    finite = np.isfinite(boxes).all(axis=1)
+    if np.count_nonzero(eligible) <= MOST or not finite.any():
+        return eligible, False
+    whole = np.linalg.norm(boxes[finite, 3:].max(axis=0) - boxes[finite, :3].min(axis=0))
+    large = np.linalg.norm(boxes[:, 3:] - boxes[:, :3], axis=1) >= 0.99 * SHARE * whole  # `_chosen` measures what is in the boxes
+    return eligible & (large | ~finite), True
+
+
+def _chosen(boxes: Rows, made: dict[int, list[_Found]], many: bool) -> list[int]:
     """The instances whose pieces are tried: all where they are few, else the large ones."""
     cost = {i: sum(piece.cost for piece in found) for i, found in made.items()}
-    count = sum(cost.values())
-    if count <= MOST and len(made) == len(tables.instances.geometry):
+    many = many or sum(cost.values()) > MOST
+    if not many and len(made) == len(boxes):
         return list(made)
     finite = {i: np.concatenate([p.corners for p in found]) for i, found in made.items() if all(p.corners is not None for p in found)}
     if not finite:
         return [i for i in made if i not in finite][:LARGE]
-    whole = np.concatenate([*finite.values(), *_far_corners(tables, made)])
+    rest = np.delete(boxes, list(made), axis=0)
+    rest = rest[np.isfinite(rest).all(axis=1)]
+    whole = np.concatenate([*finite.values(), rest[:, :3], rest[:, 3:]])
     least = SHARE * np.linalg.norm(np.ptp(whole, axis=0))
-    chosen, left = [], LARGE if count > MOST else MOST
+    chosen, left = [], LARGE if many else MOST
     for i in made:
         large = i not in finite or np.linalg.norm(np.ptp(finite[i], axis=0)) >= least
         if large and cost[i] <= left:
@@ -145,39 +163,40 @@ def _chosen(tables: ir.Tables, made: dict[int, list[_Found]]) -> list[int]:
     return chosen
 
 
-def _far_corners(tables: ir.Tables, made: dict[int, list[_Found]]) -> list[Rows]:
-    """Corners of the boxes of what is not in pieces."""
-    return [_box_corners(tables, i) for i in range(len(tables.instances.geometry)) if i not in made and _is_finite(tables, i)]
-
-
-def _is_finite(tables: ir.Tables, i: int) -> bool:
-    return bool(np.isfinite(tables.geometries.bounds[tables.instances.geometry[i]]).all())
-
-
-def _box_corners(tables: ir.Tables, i: int) -> Rows:
-    low, high = tables.geometries.bounds[tables.instances.geometry[i]]
-    matrix = tables.transforms.matrix[tables.instances.transform[i]]
-    return (low + _CORNERS * (high - low)) @ matrix[:, :3].T + matrix[:, 3]
+def _box_corners(tables: ir.Tables, which: NDArray[np.bool_]) -> Rows:
+    """(8 n, 3) the corners of instances' boxes."""
+    bounds = tables.geometries.bounds[tables.instances.geometry[which]]
+    matrix = tables.transforms.matrix[tables.instances.transform[which]]
+    corners = bounds[:, :1] + _CORNERS * (bounds[:, 1:] - bounds[:, :1])
+    return (corners @ matrix[:, :, :3].transpose(0, 2, 1) + matrix[:, None, :, 3]).reshape(-1, 3)
 
 
 def _points(tables: ir.Tables, inside: NDArray[np.bool_], listed: list[tuple[int, _Found]]) -> Rows | None:
     """Points whose hull holds the scene and its lights; None where it has no end."""
-    found = []
-    for i in np.flatnonzero(~inside):
-        if not _is_finite(tables, int(i)):
-            return None
-        found.append(_box_corners(tables, int(i)))
+    if not np.isfinite(tables.geometries.bounds[tables.instances.geometry[~inside]]).all():
+        return None
+    found = [_box_corners(tables, ~inside)]
     for _, piece in listed:
         if piece.corners is None:
             return None
         found.append(piece.corners)
     found.append(tables.lights.position[np.isin(tables.lights.kind, (ir.LightKind.POINT, ir.LightKind.SPOT))])
-    for kind, row, size in zip(tables.lights.kind, tables.lights.transform, tables.lights.size, strict=True):
-        if kind in (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE):
-            matrix = tables.transforms.matrix[row]
-            reach = np.linalg.norm(matrix[:, :3], 2) * float(np.hypot(*size))
-            found.append(matrix[:, 3] + reach * (2.0 * _CORNERS - 1.0) * (kind == ir.LightKind.SPHERE))
+    found.append(_lamp_corners(tables))
     return np.concatenate(found)
+
+
+def _lamp_corners(tables: ir.Tables) -> Rows:
+    """(n, 3) corners around lamps with an extent."""
+    lit = tables.lights
+    wide = np.isin(lit.kind, (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE))
+    kind, matrix, size = lit.kind[wide], tables.transforms.matrix[lit.transform[wide]], lit.size[wide]
+    sides = np.array([[x, z] for x in (-1.0, 1.0) for z in (-1.0, 1.0)])
+    half = np.where((kind == ir.LightKind.DISK)[:, None], size[:, :1], size)
+    flat = matrix[:, None, :, 3] + np.einsum("kj,nj,nij->nki", sides, half, matrix[:, :, [0, 2]])
+    ball = kind == ir.LightKind.SPHERE
+    reach = np.linalg.norm(matrix[ball, :, 0], axis=1) * size[ball, 0]
+    around = matrix[ball, None, :, 3] + reach[:, None, None] * (2.0 * _CORNERS - 1.0)
+    return np.concatenate([flat[~ball].reshape(-1, 3), around.reshape(-1, 3)])
 
 
 def _bounds(piece: _Found, points: Rows) -> bool:
@@ -252,7 +271,7 @@ def _mesh_pieces(tables: ir.Tables, i: int, g: int, matrix: Any) -> list[_Found]
     at = pools.positions.astype(np.float64)
     corner = {int(v): at[v] + geometries.origin[g] for v in np.unique(triangles)}
     found, left = [], list(range(count))
-    whole = _is_plain(tables, i) and not tables.materials.values[tables.instances.material[i], ir.Slot.EMISSION].any()
+    whole = _is_plain(tables)[i] and not tables.materials.values[tables.instances.material[i], ir.Slot.EMISSION].any()
     while left:
         k = left.pop(0)
         a, b, c = (corner[int(v)] for v in triangles[k])
@@ -279,17 +298,17 @@ def _opposite(one: Any, other: Any, corner: dict[int, Any]) -> int | None:
     return alone if np.abs(b + c - a - fourth).max() <= 1e-6 * np.abs([a, b, c]).max() else None
 
 
-def _is_bare(tables: ir.Tables, i: int) -> bool:
-    """Whether an instance has no texture, no colours of its mesh, and no light at vertices."""
-    instances, geometries, materials = tables.instances, tables.geometries, tables.materials
-    m, g = instances.material[i], instances.geometry[i]
-    return not ((materials.textures[m] >= 0).any() or geometries.colors[g] >= 0 or materials.shading[m] == ir.Shading.GOURAUD)
+def _is_bare(tables: ir.Tables) -> NDArray[np.bool_]:
+    """(instances,) which have no texture, no colours of their mesh, and no light at vertices."""
+    materials = tables.materials
+    bare = (materials.textures < 0).all(axis=1) & (materials.shading != ir.Shading.GOURAUD)
+    return bare[tables.instances.material] & (tables.geometries.colors[tables.instances.geometry] < 0)
 
 
-def _is_plain(tables: ir.Tables, i: int) -> bool:
-    """Whether, beside that, a point of it is shaded by its normal alone: its mesh has no normals, or they don't count."""
-    normals = tables.geometries.normals[tables.instances.geometry[i]]
-    return _is_bare(tables, i) and bool(normals < 0 or tables.materials.shading[tables.instances.material[i]] == ir.Shading.FLAT)
+def _is_plain(tables: ir.Tables) -> NDArray[np.bool_]:
+    """(instances,) of which, beside that, a point is shaded by its normal alone: their meshes have no normals, or they don't count."""
+    flat = tables.materials.shading[tables.instances.material] == ir.Shading.FLAT
+    return _is_bare(tables) & (flat | (tables.geometries.normals[tables.instances.geometry] < 0))
 
 
 # --- in lanes ------------------------------------------------------------------------------------------------------------

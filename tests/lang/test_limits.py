@@ -9,7 +9,7 @@ import time
 
 import pytest
 from maquette.lang import entries, limits, schema
-from maquette.lang.diagnostics import Diagnostics
+from maquette.lang.diagnostics import SHOWN, Diagnostics, SceneError
 from maquette.lang.evaluate import Source, evaluate
 
 from .evaluating import Files, elements, run
@@ -140,6 +140,15 @@ def test_many_elements_are_quick() -> None:
     start = time.process_time()
     assert len(elements("let red = lambert(#f00)\nfor (k in 1..10000) { sphere(10cm, [k, 0, 2 * k], material: red) }")) == 10_000
     assert time.process_time() - start < 3  # some 0.2 s on a machine that has nothing else to do
+
+
+def test_an_exception_shows_the_first_of_many_errors() -> None:
+    diagnostics = Diagnostics()
+    evaluate(Source("a.scene", "sphere(none)\n" * (SHOWN + 3), "a.scene"), Files({}), diagnostics)
+    with pytest.raises(SceneError) as raised:
+        diagnostics.raise_if_failed()
+    assert str(raised.value) == "; ".join(["there is no `none` here"] * SHOWN + ["and 3 more"])
+    assert len(raised.value.diagnostics) == SHOWN + 3
 
 
 def test_a_small_thread_is_enough() -> None:

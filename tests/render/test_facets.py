@@ -9,7 +9,7 @@ import maquette
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.render import facets, lanes, pieces, surface, waves
+from maquette.render import facets, lanes, lights, pieces, surface, waves
 from maquette.render.records import Hit, Ray
 
 ROOM = """
@@ -119,3 +119,40 @@ def test_a_formulas_primitive_is_no_row():
     scene = SimpleNamespace(tried=SimpleNamespace(records=SimpleNamespace(first=np.array([facets.NONE, -3, 7], np.int32))))
     instance, primitive = np.array([0, 0, 0, 1, 2, -1]), np.array([10**15, 5, -1, 4, 0, -1])
     assert waves._row_of(scene, instance, primitive).tolist() == [-1, -1, -1, 1, 7, -1]  # pyright: ignore[reportPrivateUsage]
+
+
+def test_of_many_things_the_large_are_tried(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same as where the pieces of all things are looked at."""
+    tables = scene_of(tmp_path, MANY + "\nbox([2, 2, 1], center: [0, 1, -2])\nbox(0.5)\nplane(translate: [0, -1, 0])").tables
+    quick, inside = pieces.build(tables, True)
+    every = np.ones(len(tables.instances.geometry), bool)
+    monkeypatch.setattr(pieces, "_eligible", lambda tables, boxes: (every, False))
+    slow, also = pieces.build(tables, True)
+    assert np.array_equal(inside, also)
+    assert 4 <= np.count_nonzero(inside) <= 6
+    for part in ("seen", "blocking"):
+        for a, b in zip(getattr(quick, part), getattr(slow, part), strict=True):
+            assert np.array_equal(a, b)
+
+
+LAMPS = """
+group(rotate: [20deg, 40deg, 10deg], scale: [2, 1, 3]) { area([0.2, 2.9, 0], size: [1, 0.5], luminance: 5) }
+area([-1, 2.5, 1], look_at: [0.3, 0, 0], size: 1, luminance: 5, shape: "disk")
+sphere(0.4, center: [1, 2, 1], material: emissive(luminance: 3))
+"""
+
+
+def test_lamps_lie_between_their_corners(tmp_path: Path) -> None:
+    tables = scene_of(tmp_path, LAMPS).tables
+    corners = pieces._lamp_corners(tables)
+    u, v = np.random.default_rng(2).uniform(0, 1, (2, 4000))
+    origin = tuple(np.full(4000, x) for x in (0.1, 0.4, 2.5))
+    met = []
+    for row in np.flatnonzero(np.isin(tables.lights.kind, (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE))):
+        arriving = lights.sample(tables, int(row), origin, u, v)
+        met.append(np.stack([o + arriving.distance * d for o, d in zip(origin, arriving.direction, strict=True)], axis=1))
+    points = np.concatenate(met)
+    assert len(met) == 4
+    assert (points >= corners.min(axis=0) - 1e-9).all()
+    assert (points <= corners.max(axis=0) + 1e-9).all()
+    assert np.abs(np.ptp(points, axis=0) / np.ptp(corners, axis=0) - 1.0).max() < 0.1

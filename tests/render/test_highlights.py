@@ -17,7 +17,7 @@ from . import tables as make
 LAMPS = {
     "rectangle": "area([0.4, 3, 0.3], look_at: [0, 0.2, 0], size: [1.2, 0.5], luminance: 3)",
     "turned": "group(rotate: [20deg, 40deg, -10deg], scale: [1, 1.5, 2]) { area([0.4, 3, 0.3], size: [1, 0.6], look_at: [0, 0, 0]) }",
-    "disk": "disk(0.5, translate: [0.2, 3, 0], rotate: [180deg, 0, 0], material: emissive(luminance: 3))",
+    "disk": "area([0.2, 3, 0], look_at: [0, 0, 0], size: 1, luminance: 3, shape: \"disk\")",
     "ball": "sphere(0.6, center: [0.2, 2.5, 0.4], material: emissive(luminance: 2))",
     "sun": "sun(from: [0.2, 1, 0.3], illuminance: 2, angle: 8deg)",
 }

@@ -181,5 +181,7 @@ class TreeBuilder(Transformer):
 
 
 def _broken(item: ast.Item) -> bool:
-    head = item.expression if isinstance(item, ast.ElementItem) else None
-    return isinstance(head, ast.WithChildren) and isinstance(head.target, ast.Name) and head.target.id == BROKEN
+    head: ast.Node | None = item.expression if isinstance(item, ast.ElementItem) else None
+    while head is not None and not isinstance(head, ast.Name):
+        head = next(ast.children(head), None)  # of `{ … }.a { … }(1)` the first of all
+    return head is not None and head.id == BROKEN

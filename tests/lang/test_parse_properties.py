@@ -4,7 +4,7 @@ import re
 import string
 from pathlib import Path
 
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from maquette.lang import ast, parse
 from maquette.lang.diagnostics import Diagnostics
@@ -21,6 +21,8 @@ WORDS = [
 
 @settings(max_examples=400, deadline=20_000)
 @given(st.lists(st.sampled_from(WORDS), max_size=60), st.sampled_from(["", " "]))
+@example(["50%", "group() {", "}", "{"], "")
+@example(["50%", "group() {", "}", "[1]"], "")
 def test_token_soup_never_raises(words, between):
     text = between.join(words)
     diagnostics = Diagnostics()

@@ -80,7 +80,7 @@ def lamps(folder: Path, _quick: bool = False) -> Setting:
         "sphere(0.35, center: [0.3, 1.05, -0.6], material: lambert(0.75))",
         "box([0.6, 1.8, 0.6], center: [-1.8, 0.9, -1.4], material: lambert(0.4))",
     ]  # fmt: skip
-    edge = 2.999  # lamps lie on the walls: ours block no other lamps' light, Mitsuba's do
+    edge = 2.999  # lamps lie on the walls
     for k in range(200):
         column, line = (k // 4) % 10, k // 40  # in cells, so that no two lie on each other
         across, up = np.array([column, line]) + rng.uniform(0.2, 0.8, 2)

@@ -66,11 +66,12 @@ def _corners(tables: ir.Tables, row: int) -> np.ndarray:
 
 
 def _opaque(tables: ir.Tables) -> np.ndarray:
-    """Rows of instances that cast shadows and let no light through; mixtures of materials are not looked into."""
+    """Rows of instances that cast shadows and let no light through, but lamps, which do not block those in them (bodies.py); mixtures of
+    materials are not looked into."""
     materials, instances = tables.materials, tables.instances
     through = facts.partial(tables) | np.isin(materials.model, (ir.MaterialModel.GLASS, ir.MaterialModel.BLEND))
     through |= (materials.values[:, ir.Slot.TRANSMISSION] > 0.0).any(axis=1) | (materials.textures[:, ir.Slot.TRANSMISSION] >= 0)
-    return np.flatnonzero((instances.visible & ir.Visibility.SHADOW != 0) & ~through[instances.material])
+    return np.flatnonzero((instances.visible & ir.Visibility.SHADOW != 0) & (instances.light < 0) & ~through[instances.material])
 
 
 def _inside(tables: ir.Tables, g: int, points: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import export, ir
+from . import bodies, export, ir
 from .export import F64, Export
 from .export_mitsuba_materials import pfm
 from .export_mitsuba_shapes import Shapes
@@ -44,8 +44,8 @@ def _area(out: Export, shapes: Shapes, row: int, count: int) -> list[Node]:
     if instance < 0:
         out.cannot("an area light that is not seen is not carried", "lights", row)
         return []
-    if count > 1:
-        out.cannot("an area light's own shape blocks other lights in Mitsuba, and not here", "lights", row)
+    if count > 1 and not bodies.that_block(tables)[instance]:
+        out.cannot("an area light's own shape blocks other lights in Mitsuba, and this one does not here", "lights", row)
     return shapes.of_light(instance, rgb("radiance", tables.lights.color[row]))
 
 

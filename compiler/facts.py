@@ -40,6 +40,12 @@ def partial(tables: ir.Tables) -> np.ndarray:
     return (materials.values[:, ir.Slot.OPACITY, 0] < 1.0) | (materials.textures[:, ir.Slot.OPACITY] >= 0)
 
 
+def shines(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: those that give light."""
+    materials, slot = tables.materials, ir.Slot.EMISSION
+    return (materials.values[:, slot].max(axis=1, initial=0.0) > 0.0) | (materials.textures[:, slot] >= 0)
+
+
 def moving(tables: ir.Tables, camera: int) -> bool:
     """Whether something that has keys is seen by a camera, or the camera has, while its shutter is open."""
     rows = np.append(tables.instances.transform, tables.cameras.transform[camera])

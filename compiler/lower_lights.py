@@ -10,7 +10,7 @@ import numpy as np
 
 from ..lang.elements import Element
 from . import daylight, ir, tape_walks, transforms
-from .rows import NO_SHADOW, Color, Input, InstanceData, LightData, MaterialData
+from .rows import ALL_RAYS, NO_SHADOW, Color, Input, InstanceData, LightData, MaterialData
 
 if TYPE_CHECKING:
     from .lower import Lowering
@@ -176,7 +176,7 @@ def _area(lowering: Lowering, element: Element, block: np.ndarray) -> None:
 
 
 def shine(lowering: Lowering, element: Element, kind: ir.LightKind, frame: np.ndarray, size: tuple[float, float], radiance: Color) -> None:
-    """Add an area light and the instance by which it is seen. Its shape casts no shadow: it would stand in its own light."""
+    """Add an area light and the instance by which it is seen. What nothing blocks blocks nothing; else see bodies.py."""
     builder = lowering.builder
     shape = {Kind.RECTANGLE: ir.GeometryKind.RECTANGLE, Kind.DISK: ir.GeometryKind.DISK, Kind.SPHERE: ir.GeometryKind.SPHERE}[kind]
     transform = builder.transform(frame, element.span)
@@ -185,7 +185,8 @@ def shine(lowering: Lowering, element: Element, kind: ir.LightKind, frame: np.nd
     row = builder.light(data, element.span)
     geometry = builder.geometry(shape, size if kind == Kind.RECTANGLE else size[:1], element.span)
     material = builder.material(MaterialData(ir.MaterialModel.EMISSIVE, {ir.Slot.EMISSION: Input(radiance)}), element.span)
-    builder.instance(InstanceData(geometry, transform, material, row, NO_SHADOW, name), element.span)
+    visible = ALL_RAYS if data.shadows else NO_SHADOW
+    builder.instance(InstanceData(geometry, transform, material, row, visible, name), element.span)
 
 
 def rigid(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:

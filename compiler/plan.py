@@ -12,9 +12,9 @@ import numpy as np
 
 from ..lang.diagnostics import suggest
 from ..lang.schema import MAX_BOUNCES as MAX_BOUNCES
-from . import caustics, ir
+from . import bodies, caustics, ir
 from .facts import POLISHED as POLISHED  # what a plan's readers ask, too
-from .facts import glossy_materials, ground, lit_materials, moving, partial, specular_materials, used_materials
+from .facts import glossy_materials, ground, lit_materials, moving, partial, shines, specular_materials, used_materials
 from .facts import open_during as open_during
 
 DEFAULT_SIZE = (800, 600)
@@ -26,6 +26,8 @@ ENDLESS_SAMPLES = 1 << 20  # and one that spends a budget
 SPECULAR_BOUNCES = 8
 UNSEEN = 0.02  # of a place's light, that may be missing where no error was asked for
 TOLERANCE = 0.05  # pixels
+RASTER_PLACES = 16  # of samples in a pixel that bands have at once
+MANY_PLACES = 16  # samples of a pixel, from which on patterns are not averaged over parts of it as well
 RASTER_MOMENTS = 16  # at which the raster backend draws what moves
 BRUTE_FORCE_INSTANCES = 2  # up to this many analytic shapes a loop is as quick as the tree (9.2 against 8.9 million rays a second at 2)
 BACKENDS = ("ray", "raster", "reference")
@@ -297,10 +299,15 @@ def _extents(scene: ir.Scene) -> tuple[float, float]:
 def _shadows(scene: ir.Scene, *_: Any) -> Decision:
     if scene.tables.lights.shadows.any():
         return Decision("shadows", True, "some light casts them")
-    used, slot = used_materials(scene.tables), ir.Slot.EMISSION
-    if (scene.tables.materials.values[used, slot].max(initial=0.0) > 0.0) or (scene.tables.materials.textures[used, slot] >= 0).any():
+    if shines(scene.tables)[used_materials(scene.tables)].any():
         return Decision("shadows", True, "things shine")
     return Decision("shadows", False, "no light casts any")
+
+
+def _bodies(scene: ir.Scene, *_: Any) -> Decision:
+    if bodies.that_block(scene.tables).any():
+        return Decision("shadows.lamps", True, "lamps' shapes stand in the light of others")
+    return Decision("shadows.lamps", False, "no lamp's shape stands in the light of another", fixed="the scene's lights")
 
 
 def _error(scene: ir.Scene, asked: ir.Settings, _: Mapping[str, Decision]) -> Decision:
@@ -577,13 +584,9 @@ def _precision(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]
     return Decision("raster.precision", "float32", reason, ("float32", "float64"))
 
 
-RASTER_PLACES = 16  # of samples in a pixel that bands have at once
-MANY_PLACES = 16  # samples of a pixel, from which on patterns are not averaged over parts of it as well
-
-
 RULES: tuple[Callable[[ir.Scene, ir.Settings, Mapping[str, Decision]], Decision], ...] = (
     _backend, _camera, _lens, _size, _crop, _soft, _secondary, _bounces, _interreflection, _random, _transport, _weighing, _path_precision,
-    _shadows, _error, _budget, _samples, _filter, _noise, _seed,
+    _shadows, _bodies, _error, _budget, _samples, _filter, _noise, _seed,
     _background, _exposure, _view, _aov, _denoise, _threads, _accelerator, _formulas, _horizon, _opacity,
     _raster_shadows, _motion, _caustics, _textures, _tolerance, _fill, _places, _shading, _precision,
 )  # fmt: skip

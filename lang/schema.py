@@ -312,7 +312,7 @@ LIGHTS = (
     Entry(
         "area",
         "light",
-        "a shining rectangle or disk, seen as it is; it shines to the side it looks at",
+        "a shining rectangle or disk, seen as it is, that blocks the light of others; it shines to the side it looks at",
         (
             Arg("position", "point", REQUIRED, "its middle"),
             Arg("look_at", "point", None, "what it is turned to; straight down when not given", keyword=True),

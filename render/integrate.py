@@ -50,6 +50,7 @@ SPECULAR_RAY = 1.0
 STRAIGHT_RAY = 2.0  # has met nothing but passages of index 1: still the camera's own ray, which lowers alpha where it escapes
 BRANCHES = 3  # rays a surface sends on at the most: reflected, refracted, diffuse
 MIN_WEIGHT = 1e-4  # rays that could add less than this share are not followed: the error stays below it for each ray cut
+BESIDE = 4096.0  # roundings of a place before which rays to lamps end: at lamps that are met more steeply than at 1/4096 none is left
 _KEYS = 0x7FFFFFFF
 _BLEND = 4094  # of a surface's random dimensions, that which chooses among the parts of a blend
 _LIGHTS = 2048  # a surface's random dimensions: two a light, before them one for its diffuse ray
@@ -299,7 +300,8 @@ def direct_light(
             matt = microfacet.matt_share(shader.lobes, shader.diffuse, point.normal, direction, viewer)
             given = lanes.scale(lanes.mul(matt, lights.sky_radiance(tables, light, direction)), share)
             open_ = _sees(tables, point, shader, direction, active)
-            total = lanes.add(total, _unblocked(tables, accel, options, point, light, direction, lights.FAR, given, open_))
+            place = _beside(point, direction)
+            total = lanes.add(total, _unblocked(tables, accel, options, point, place, light, direction, lights.FAR, given, open_))
             shiny = _lit_by_skies(options.environment, active & materials.is_shiny(shader), shader)
             if lanes.any_lane(shiny):
                 u, v = sampler.pair(pixel, sample, dimension + 1, options.seed)
@@ -307,14 +309,16 @@ def direct_light(
                 direction, share = materials.sample_lobe(shader, point.normal, viewer, u, v, which)
                 given = lanes.mul(share, lights.sky_radiance(tables, light, direction))
                 open_ = _sees(tables, point, shader, direction, shiny)
-                total = lanes.add(total, _unblocked(tables, accel, options, point, light, direction, lights.FAR, given, open_))
+                place = _beside(point, direction)
+                total = lanes.add(total, _unblocked(tables, accel, options, point, place, light, direction, lights.FAR, given, open_))
         else:
-            arriving = lights.sample(tables, light, _lit_place(tables, options, point, shader, light), u, v)
+            place = _lit_place(tables, options, point, shader, light)
+            arriving = lights.sample(tables, light, place, u, v)
             share = highlights.reflected(options.lamps, shader, tables, light, point.normal, arriving, viewer, active)
             given = lanes.scale(lanes.mul(share, arriving.irradiance), 1.0 / np.pi)
             given = media.faded(media.crossed(inside, None, tables, point, arriving.direction), given, tables, arriving.distance)
             open_ = _sees(tables, point, shader, arriving.direction, active)
-            found = _unblocked(tables, accel, options, point, light, arriving.direction, arriving.distance, given, open_)
+            found = _unblocked(tables, accel, options, point, place, light, arriving.direction, arriving.distance, given, open_)
             total = lanes.add(total, found)
     if materials.has_facets(shader):
         total = _along_highlights(total, tables, accel, options, point, shader, viewer, active, inside, pixel, sample, key)
@@ -346,11 +350,12 @@ def _lamps_met(
     open_ = _sees(tables, point, shader, direction, active)
     for k in range(len(lamps.rows)):
         light = lamps.rows[k]
-        distance, solid, bright = highlights.meet(tables, light, _lit_place(tables, options, point, shader, light), direction)
+        place = _lit_place(tables, options, point, shader, light)
+        distance, solid, bright = highlights.meet(tables, light, place, direction)
         color = (tables.lights.color[light, 0], tables.lights.color[light, 1], tables.lights.color[light, 2])
         given = lanes.mul(lanes.scale(share, bright * highlights.weight(density, solid)), color)
         given = media.faded(media.crossed(inside, None, tables, point, direction), given, tables, distance)
-        total = lanes.add(total, _unblocked(tables, accel, options, point, light, direction, distance, given, open_))
+        total = lanes.add(total, _unblocked(tables, accel, options, point, place, light, direction, distance, given, open_))
     return total
 
 
@@ -380,32 +385,40 @@ def another(shader: Shader, pixel: Lane, sample: Lane, key: Lane, seed: int) -> 
 
 
 @helper
+def _beside(point: Surface, direction: Vec) -> Vec:
+    """From where light of a direction is looked for, on either side of a surface."""
+    return lanes.where3(lanes.dot(direction, point.normal) > 0.0, surface.lit_from(point), point.position)
+
+
+@helper
 def _unblocked(
-    tables: Tables, accel: Any, options: Options, point: Surface, light: int, direction: Vec, distance: Lane, given: Vec, active: Lane
-) -> Vec:
-    """What a light gives, where nothing that casts shadows stands before it; 0 elsewhere."""
+    tables: Tables, accel: Any, options: Options, point: Surface, place: Vec, light: int, direction: Vec, distance: Lane, given: Vec,
+    active: Lane,
+) -> Vec:  # fmt: skip
+    """What a light gives, looked for from a `place`, where nothing that casts shadows stands before it; 0 elsewhere."""
     zero = lanes.full_like(point.offset, 0.0)
     open_ = active & (lanes.largest(given) > 0.0)
     if options.shadows and tables.lights.shadows[light] and lanes.any_lane(open_):
-        return _past_shadows(options.maps, tables, accel, point, light, direction, zero + distance, given, open_)
+        return _past_shadows(options.maps, tables, accel, point, place, light, direction, zero + distance, given, open_)
     return lanes.where3(open_, given, (zero, zero, zero))
 
 
 @helper
 def _past_rays(
-    tables: Tables, accel: Any, point: Surface, light: int, direction: Vec, distance: Lane, given: Vec, open_: Lane
+    tables: Tables, accel: Any, point: Surface, place: Vec, light: int, direction: Vec, distance: Lane, given: Vec, open_: Lane
 ) -> Vec:  # fmt: skip
-    place = lanes.where3(lanes.dot(direction, point.normal) > 0.0, surface.lit_from(point), point.position)
-    ray = Ray(surface.leave_from(point, place, direction), direction, 0.0 * point.offset, distance, point.time)
+    reach = lanes.maximum(distance - BESIDE * point.offset, 0.0)  # a lamp's own shape does not block its light
+    ray = Ray(surface.leave_from(point, place, direction), direction, 0.0 * point.offset, reach, point.time)
     return hidden.dimmed(point, accel, tables, light, ray, open_, given)
 
 
 @helper
 def _past_maps(
-    maps: Any, tables: Tables, accel: Any, point: Surface, light: int, direction: Vec, distance: Lane, given: Vec, open_: Lane
+    maps: Any, tables: Tables, accel: Any, point: Surface, place: Vec, light: int, direction: Vec, distance: Lane, given: Vec,
+    open_: Lane,
 ) -> Vec:  # fmt: skip
     if maps.first[light] < 0:
-        return _past_rays(tables, accel, point, light, direction, distance, given, open_)
+        return _past_rays(tables, accel, point, place, light, direction, distance, given, open_)
     zero = 0.0 * point.offset
     return lanes.where3(open_, lanes.scale(given, shadow_maps.lit(maps, tables, light, point)), (zero, zero, zero))
 

@@ -65,7 +65,8 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     backend = plan["backend"]
     patterns.make_ready(scene.tables)
     shapes = Shapes(scene.tables, view, plan["tolerance"])
-    tables = principled.tables_for(with_vertex_shaded_meshes(scene.tables, shapes))
+    lit = planner.bodies.let_through(scene.tables, bool(plan["shadows.lamps"]))
+    tables = principled.tables_for(with_vertex_shaded_meshes(lit, shapes))
     if plan["textures"] == "filtered":
         further = bool(plan["bounces"] > 0) and plan["transport"] == "tree"
         tables = footprints.with_pyramids(tables, view, _looks(plan), further)

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 import pytest
-from maquette.compiler import ir, lower_lights, transforms
-from maquette.compiler.rows import NO_SHADOW
+from maquette.compiler import bodies, ir, lower_lights, transforms
+from maquette.compiler.rows import ALL_RAYS, NO_SHADOW
 from maquette.lang.elements import Euler
 
 Kind = ir.LightKind
@@ -104,11 +104,11 @@ def test_blocks_move_lights(compiled) -> None:
     assert lights.direction[2] == pytest.approx([0, 1, 0], abs=1e-15)
 
 
-def test_an_area_light_is_seen_shines_and_casts_no_shadow(compiled) -> None:
+def test_an_area_light_is_seen_and_shines(compiled) -> None:
     scene = compiled('area([0, 3, 0], look_at: [0, 0, 0], size: [2, 1], luminance: 4, color: rgb(1, 0.5, 0), name: "lamp")' + BALL)
     t = scene.tables
     assert t.lights.instance.tolist() == [0]
-    assert (t.instances.light[0], t.instances.visible[0]) == (0, NO_SHADOW)
+    assert (t.instances.light[0], t.instances.visible[0]) == (0, ALL_RAYS)
     assert t.geometries.kind[t.instances.geometry[0]] == ir.GeometryKind.RECTANGLE
     assert t.geometries.parameters[t.instances.geometry[0], :2].tolist() == t.lights.size[0].tolist() == [1, 0.5]
     assert t.materials.model[t.instances.material[0]] == ir.MaterialModel.EMISSIVE
@@ -116,6 +116,25 @@ def test_an_area_light_is_seen_shines_and_casts_no_shadow(compiled) -> None:
     assert t.transforms.matrix[t.lights.transform[0]] @ [0, 1, 0, 0] == pytest.approx([0, -1, 0])
     assert scene.names.lights == ("lamp",)
     assert scene.names.instances[0] == "lamp"
+
+
+def test_which_lamps_shapes_stand_in_the_light_of_others(compiled) -> None:
+    """Not one alone, nor a ball that shows another lamp, nor a lamp that nothing blocks."""
+    lamp, glow = "area([0, 3, 0]{})\n", "sphere(0.2, center: [2, 0, 0], material: emissive(#ffffff))\n"
+    for text, blocking in (
+        (lamp.format(""), [False]),
+        (lamp.format("") + "ambient()\n", [False]),
+        (lamp.format("") + "point([2, 0, 0])\n", [True]),
+        (lamp.format("") + "box(0.1, center: [2, 0, 0], material: emissive(#ffffff))\nrender(bounces: 1)\n", [True, False]),
+        (lamp.format("") + glow, [True, True]),
+        (glow + "point([2, 0.1, 0])\n", [False]),
+        (lamp.format(", shadows: false") + glow + "point([5, 0, 0])\n", [False, True]),
+    ):
+        tables = compiled(text + BALL).tables
+        assert bodies.that_block(tables).tolist()[: len(blocking)] == blocking
+        shadow = bodies.let_through(tables, True).instances.visible & ir.Visibility.SHADOW != 0
+        assert shadow[tables.instances.light >= 0].tolist() == [b for b, k in zip(blocking, tables.instances.light, strict=False) if k >= 0]
+    assert compiled(lamp.format(", shadows: false") + BALL).tables.instances.visible[0] == NO_SHADOW
 
 
 def test_an_area_light_without_look_at_shines_down(compiled) -> None:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from operator import itemgetter
 from typing import Any
 
-from lark import Lark, Token
-from lark.exceptions import UnexpectedToken
+from lark import Token
 
 from . import ast, explain, layout, tokens
+from .automaton import Automaton, Unexpected
 from .comments import Comments
 from .diagnostics import Diagnostics, Span, in_order
 from .tree import BROKEN, MAX_DEPTH, TooDeep, TreeBuilder
@@ -70,7 +68,7 @@ class _Level:
     """A list of items being read: the file, or a block."""
 
     depth: int  # brackets open around it
-    height: int  # of the parser's stack where its current item began
+    height: int  # of the parser's stack of values where its current item began
     first: int  # token the current item begins with
     broken: bool = False  # the current item has an error already
 
@@ -86,14 +84,8 @@ class _Parsing:
     broken: set[str] = field(default_factory=set)  # names that broken items would have bound
 
     def run(self) -> tuple[tuple[ast.Item, ...], tuple[ast.Comment, ...], set[str]]:
-        lark = tokens.grammar()
-        builder = TreeBuilder(self.file, Comments(self.scan.comments))
-        self.parser = lark.parse_interactive()
-        state = self.parser.parser_state
-        # The tree is built while parsing, by a builder of this parse's own: a tree is never walked recursively.
-        state.parse_conf.callbacks = _callbacks(lark, builder)
-        self.stacks: tuple[list[Any], list[Any]] = (state.state_stack, state.value_stack)
-        self.levels = [_Level(0, len(state.state_stack), 0)]
+        self.parser = Automaton(tokens.grammar(), TreeBuilder(self.file, Comments(self.scan.comments)))
+        self.levels = [_Level(0, 0, 0)]
         self.depths = _depths(self.stream)
         self.wrong = sorted(self.scan.wrong)
         i = 0
@@ -104,8 +96,8 @@ class _Parsing:
                 i = self._recover(i)
                 continue
             try:
-                result = self.parser.feed_token(token)
-            except UnexpectedToken as e:
+                result = self.parser.feed(token)
+            except Unexpected as e:
                 self._report(i, e.expected)
                 is_value = token == "{" and "NUMBER" in e.expected
                 i = self._recover(i, blocks=not is_value)
@@ -121,7 +113,7 @@ class _Parsing:
     def _drops_item(self, i: int) -> bool:
         """Whether the item that token `i` ends, if it does, has a mistake that was repaired: it is left out too."""
         level, token = self.levels[-1], self.stream[i]
-        ends = token.type in ("_NL", "$END") or (token == "}" and self.depths[i] < level.depth)
+        ends = token.type in ("_NL", "$END") or (token.type == "RBRACE" and self.depths[i] < level.depth)
         if not ends or not self.wrong or i == level.first:
             return False
         first, last = self._wrong_between(level.first, i)
@@ -137,20 +129,19 @@ class _Parsing:
     def _follow(self, i: int) -> None:
         """Keeps account of the blocks and items token `i` opens and closes."""
         level, token = self.levels[-1], self.stream[i]
-        if token == "{":
-            self.levels.append(_Level(self.depths[i] + 1, len(self.stacks[0]), i + 1))
-        elif token == "}":
+        if token.type == "LBRACE":
+            self.levels.append(_Level(self.depths[i] + 1, len(self.parser.values), i + 1))
+        elif token.type == "RBRACE":
             self.levels.pop()
         elif token.type == "_NL":
-            level.height, level.first, level.broken = len(self.stacks[0]), i + 1, False
+            level.height, level.first, level.broken = len(self.parser.values), i + 1, False
 
     def _recover(self, i: int, blocks: bool = True) -> int:
         """Takes back the current item and skips the rest of it, up to a block of its own whose items can still be read."""
         level = self.levels[-1]
         level.broken = True
         self._remember_names(level)
-        for stack in self.stacks:
-            del stack[level.height - (stack is self.stacks[1]) :]
+        del self.parser.values[level.height :], self.parser.states[level.height + 1 :]
         while i < len(self.stream):
             token, depth = self.stream[i], self.depths[i]
             if token.type == "$END" or (token == "}" and depth < level.depth):
@@ -159,7 +150,7 @@ class _Parsing:
                 level.first, level.broken = i + 1, False
                 return i + 1
             if blocks and depth == level.depth and token == "{":
-                self.parser.feed_token(Token("NAME", BROKEN, token.start_pos, token.line, token.column, token.line, token.column))
+                self.parser.feed(Token("NAME", BROKEN, token.start_pos, token.line, token.column, token.line, token.column))
                 return i
             i += 1
         return i
@@ -193,20 +184,11 @@ class _Parsing:
         return level.broken or first < last
 
 
-def _callbacks(lark: Lark, builder: TreeBuilder) -> dict[Any, Callable[[list[Any]], Any]]:
-    """What lark calls for each rule. The ladder of operators mostly hands one value up: those rules take a short cut."""
-    callbacks = lark._parse_tree_builder.create_callback(builder)
-    for rule in callbacks:
-        if rule.options.expand1 and rule.alias is None and len(rule.expansion) == 1:
-            callbacks[rule] = itemgetter(0)
-    return callbacks
-
-
 def _depths(stream: list[Token]) -> list[int]:
     """For each token how many brackets are open around it; an opener and its closer count as outside."""
     depths, depth = [], 0
-    for token in stream:
-        depth -= token in tokens.CLOSERS
+    for text in map(str, stream):
+        depth -= text in tokens.CLOSERS
         depths.append(depth)
-        depth += token in tokens.OPENERS
+        depth += text in tokens.OPENERS
     return depths

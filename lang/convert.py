@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from . import ast, operators, units
+from . import ast, habits, operators, units
 from .diagnostics import Span, suggest
 from .elements import AxisAngle, Element, Euler, Falloff, Quaternion
 from .entries import Arg, Entry
@@ -282,7 +282,7 @@ def _choice(value: Value, place: Place, arg: Arg) -> str:
         raise _wrong(value, f"one of {listed}")
     if value not in arg.choices:
         near = suggest(value, arg.choices).replace("`", '"')
-        raise Mistake(f'`{arg.name}` is one of {listed}, not "{value}"' + (f"; {near}" if near else ""))
+        raise Mistake(f'`{arg.name}` is one of {listed}, not "{value}"' + (f"; {near}" if near else ""), habits.choice(arg.name, value))
     return value
 
 

@@ -30,6 +30,7 @@ _ARGUMENTS: dict[str, tuple[str, ...]] = {
     "resolution": ("size",),
     "angle": ("cone", "fov", "rotate"),
     "rotation": ("rotate",),
+    **dict.fromkeys(("sun_direction", "sun_elevation", "elevation", "azimuth"), ("sun", "from")),
     "offset": ("translate",),
     "spp": ("samples",),
     "strength": ("intensity", "illuminance", "luminance"),
@@ -48,11 +49,13 @@ _ARGUMENTS: dict[str, tuple[str, ...]] = {
     "id": ("name",),
 }
 
-_ARGUMENT_HINTS: dict[str, str] = {
-    "axis": "a turn about an axis is axis(v, angle)",
-    "color": "write material: lambert(…), with the colour in it",
-    "colour": "write material: lambert(…), with the colour in it",
-    "texture": "write material: lambert(…), with the texture in it",
+_ARGUMENT_HINTS = {"axis": "a turn about an axis is axis(v, angle)"}
+_COLORED = "write material: lambert(…), with the colour in it"
+_ANGLE = "the direction to it: [cos(e), sin(e), 0] at an elevation of e"
+_NEAR_HINTS: dict[str, dict[str, str]] = {  # of what is meant, by the word that was written
+    "did you mean `material`?": {"color": _COLORED, "colour": _COLORED, "texture": "write material: lambert(…), with the texture in it"},
+    "did you mean `sun`?": dict.fromkeys(("sun_elevation", "elevation", "azimuth"), _ANGLE),
+    "did you mean `from`?": dict.fromkeys(("sun_elevation", "elevation", "azimuth"), _ANGLE),
 }
 
 # What to write in place of a name that is not in the language.
@@ -81,11 +84,38 @@ _NAMES: dict[str, str] = {
     "degrees": "write 30deg",
     "radians": "write 0.5rad",
     "PI": "write pi",
+    "tau": "write 2 * pi",
+    "mix": "write lerp(a, b, t)",
+    "fract": "write mod(x, 1)",
+    "saturate": "write clamp(x, 0, 1)",
+    "norm": "write length(v)",
+    "distance": "write length(a - b)",
+    "ln": "write log(x)",
+    "log10": "write log(x) / log(10)",
+    "hsl": "write hsv(hue, saturation, value)",
+    "perlin": "write noise(x, y, z)",
+    "simplex": "write noise(x, y, z)",
+    **dict.fromkeys(("random", "rand"), "noise(x, y, z, seed) is the same each time, and 0 where x, y and z are whole"),
+    "checkerboard": "write checker(a, b)",
+    "fresnel": "principled, glass and metal have it",
     **dict.fromkeys(
         "red green blue yellow orange purple pink brown white black grey gray cyan magenta".split(), "colours are written #rrggbb"
     ),
 }
 
+
+# What files of the library have that nothing must be written for but `use`.
+SHELVES = {
+    "patterns": "wood marble bricks dots granite turbulence",
+    "materials": "clay plaster paper slate asphalt grey_card porcelain lacquer enamel tiles planks striped_cloth squared_cloth water ice "
+    "crown_glass flint_glass acrylic sapphire diamond bottle_glass amber_glass silver_mirror bronze_mirror grey_mirror",
+    "lights": "softbox three_point studio daylight overcast moonlight rim_only",
+    "cameras": "isometric product standing turntable",
+    "room": "panel bulb window downlight standing_lamp table picture",
+    "shapes": "crate slab stairs column tetrahedron octahedron icosahedron",
+    "surfaces": "parametric revolved voxels",
+}
+_SHELF = {word: shelf for shelf, words in SHELVES.items() for word in words.split()}
 
 # Elements that are not built, and what of the library draws the same.
 _LIBRARY = {
@@ -108,14 +138,21 @@ def argument(callee: str, word: str, names: Mapping[str, str]) -> tuple[str, str
     near = next((n for n in _ARGUMENTS.get(word, ()) if n in names), "")
     near = f"did you mean `{near}`?" if near else suggest(word, names)
     if near:
-        return f"{message}; {near}", _ARGUMENT_HINTS.get(word, "") if "`material`" in near else ""
+        return f"{message}; {near}", _NEAR_HINTS.get(near, {}).get(word, "")
     known = [n for n in names if n == names[n]]
     listed = ", ".join(known[:12]) + (", …" if len(known) > 12 else "")
     return message, _ARGUMENT_HINTS.get(word) or f"it takes {listed or 'no arguments'}"
 
 
+def choice(argument: str, word: str) -> str:
+    """The hint for a word that is not among an argument's."""
+    return f"write {word}() in its place" if argument == "kind" and word in ("brass", "platinum") else ""
+
+
 def name(word: str, known: Iterable[str]) -> tuple[str, str]:
     """The message and the hint for a name that is not among `known`."""
     hint = _NAMES.get(word, "")
+    if not hint and word in _SHELF:
+        hint = f'write use "std/{_SHELF[word]}" first, then {_SHELF[word]}.{word}(…)'
     near = "" if hint else suggest(word, known)
     return f"there is no `{word}` here" + (f"; {near}" if near else ""), hint

@@ -2,17 +2,24 @@
 
 import itertools
 import math
+import re
 from pathlib import Path
 
 import maquette
 import numpy as np
 import pytest
-from maquette.lang import ast, formula, parse
+from maquette.lang import ast, formula, habits, parse
 from maquette.lang.diagnostics import Diagnostics, render_text
 from maquette.lang.evaluate import ReadError, Source, evaluate
 
 LIBRARY = Path(maquette.__file__).parent / "stdlib"
 FILES = sorted(LIBRARY.glob("*.scene"))
+
+
+@pytest.mark.parametrize("shelf", habits.SHELVES)
+def test_what_hints_say_is_in_the_library_is_there(shelf):
+    text = (LIBRARY / f"{shelf}.scene").read_text(encoding="utf-8")
+    assert set(habits.SHELVES[shelf].split()) <= set(re.findall(r"^let (\w+)\(", text, re.MULTILINE))
 
 
 class Reader:

@@ -75,13 +75,16 @@ def _nearer(primed, x, y, s, hit):
         at = row * primed.columns + column
         k = _clipped(s - primed.first[at], primed.rounds)
         slot = lanes.maximum(primed.slots[k * len(primed.first) + at], 0)
-        t, i = primed.t[slot], primed.instance[slot]
-        first = (t < hit.t) | ((t == hit.t) & (t < np.inf) & (i < hit.instance))
-        both = Hit(
-            lanes.where(first, t, hit.t), lanes.where(first, i, hit.instance), lanes.where(first, primed.spacing[slot], hit.primitive),
-            lanes.where(first, primed.u[slot], hit.u), lanes.where(first, primed.v[slot], hit.v),
-        )  # fmt: skip
-        return both, _known(primed, first, slot)
+        t = primed.t[slot]
+        first = (t <= hit.t) & (t < np.inf)
+        if lanes.any_lane(first):
+            i = primed.instance[slot]
+            first = first & ((t < hit.t) | (i < hit.instance))
+            hit = Hit(
+                lanes.where(first, t, hit.t), lanes.where(first, i, hit.instance), lanes.where(first, primed.spacing[slot], hit.primitive),
+                lanes.where(first, primed.u[slot], hit.u), lanes.where(first, primed.v[slot], hit.v),
+            )  # fmt: skip
+        return hit, _known(primed, first, slot)
 
     return of_both
 

@@ -175,9 +175,11 @@ def offset(pixel: Lane, sample: Lane, total: int, seed: int, table: NDArray[np.f
 
     One sample in all is the centre. `table` is from `filter_table`.
     """
+    if total <= 1:
+        zero = 0.0 * lanes.to_float(pixel)
+        return zero, zero
     u, v = pair(pixel, sample, 0, seed)
-    many = total > 1
-    return lanes.where(many, table[lanes.to_int(u * TABLE)], 0.0), lanes.where(many, table[lanes.to_int(v * TABLE)], 0.0)
+    return table[lanes.to_int(u * TABLE)], table[lanes.to_int(v * TABLE)]
 
 
 def moment(pixel: Lane, sample: Lane, seed: int, shutter: Any) -> Lane | None:

@@ -10,71 +10,19 @@ import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from enum import IntEnum
 from typing import Any
 
 import numpy as np
 
 from ..lang.formula import Formula, Node
-from ..lang.noise import noise
+from . import plateaus
+from .operations import COMMUTES, KEEP_WHOLE, STEPS, Op, arity, fold
+from .plateaus import Levels
 
 INPUTS = 3
 X, Y, Z = 0, 1, 2
 MOST_LIVE = 256  # values that evaluators keep at a time
 MOST_FACTORS = 64  # whole powers up to this are products
-
-
-class Op(IntEnum):
-    """The operations. Rows hold (op, a, b, c); operands that an operation does not have are 0."""
-
-    COPY = 0
-    ADD = 1
-    SUBTRACT = 2
-    MULTIPLY = 3
-    DIVIDE = 4
-    NEGATE = 5
-    ABS = 6
-    SQUARE = 7
-    SQRT = 8
-    HYPOT = 9
-    MIN = 10  # the other operand where one is undefined
-    MAX = 11  # undefined where either operand is
-    EXP = 12
-    LOG = 13
-    POWER = 14
-    SIN = 15
-    COS = 16
-    TAN = 17
-    ASIN = 18
-    ACOS = 19
-    ATAN = 20
-    ATAN2 = 21
-    ANGLE = 22  # atan2 whose multiples only go into sines and cosines, so that its cut cannot be seen
-    FLOOR = 23
-    CEIL = 24
-    MOD = 25  # a − b ⌊a / b⌋
-    SIGN = 26
-    NOISE = 27
-    CHOOSE = 28  # b where a ≤ 0, else c
-    FILLET = 29  # MIN of a and b, its inner edge filled by an arc of radius c: c − √((c − a)² + (c − b)²) where both are below c
-
-
-UNARY = frozenset({
-    Op.COPY, Op.NEGATE, Op.ABS, Op.SQUARE, Op.SQRT, Op.EXP, Op.LOG, Op.SIN, Op.COS, Op.TAN, Op.ASIN, Op.ACOS, Op.ATAN, Op.FLOOR, Op.CEIL,
-    Op.SIGN,
-})  # fmt: skip
-TERNARY = frozenset({Op.NOISE, Op.CHOOSE, Op.FILLET})
-CHOICES = frozenset({Op.MIN, Op.MAX, Op.CHOOSE, Op.FILLET})  # of whose operands one may be known not to matter
-_COMMUTES = frozenset({Op.ADD, Op.MULTIPLY, Op.HYPOT})
-_STEPS = frozenset({Op.FLOOR, Op.CEIL, Op.SIGN})  # whole numbers, of anything
-_KEEP_WHOLE = frozenset({
-    Op.COPY, Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.NEGATE, Op.ABS, Op.SQUARE, Op.MIN, Op.MAX, Op.MOD, Op.CHOOSE,
-})  # fmt: skip
-
-
-def arity(op: int) -> int:
-    """How many operands an operation has."""
-    return 1 if op in UNARY else 3 if op in TERNARY else 2
 
 
 class Unfit(ValueError):
@@ -114,7 +62,8 @@ class Builder:
     constants: list[float] = field(default_factory=list)
     _known: dict[Any, int] = field(default_factory=dict)
     _whole: set[int] = field(default_factory=set)  # what is a whole number wherever it is defined
-    _flat: set[int] = field(default_factory=set)  # what may be the same number all over a region
+    _flat: dict[int, Levels] = field(default_factory=dict)  # what may be the same number all over a region, and which
+    _ways: dict[int, frozenset[int]] = field(default_factory=dict)  # of minima and the like, the values that they may be
 
     def constant(self, number: float) -> int:
         number = float(number) + 0.0  # −0 and 0 are the same
@@ -132,9 +81,9 @@ class Builder:
         simpler = self._simpler(op, a, b, c)
         if simpler is not None:
             return simpler
-        if op in _COMMUTES and b < a:
+        if op in COMMUTES and b < a:
             a, b = b, a
-        if op == Op.MOD and a in self._whole and self.rows[a - INPUTS][0] not in _STEPS:
+        if op == Op.MOD and a in self._whole and self.rows[a - INPUTS][0] not in STEPS:
             a = self.op(Op.FLOOR, self.shifted(a, 0.5))  # changes nothing, but that its bounds are one number again
         row = (int(op), a, b, c)
         if row not in self._known:
@@ -147,24 +96,41 @@ class Builder:
         """Note whether the last row is whole, and whether it may be flat."""
         name, values = INPUTS + len(self.rows) - 1, used[1:] if op == Op.CHOOSE else used
         whole = [a in self._whole or (a < 0 and self.constants[~a].is_integer()) for a in values]
-        flat = [a in self._flat for a in values]
-        if op in _STEPS or (op in _KEEP_WHOLE and all(whole)):
+        if op in STEPS or (op in KEEP_WHOLE and all(whole)):
             self._whole.add(name)
-        one_suffices = op in CHOICES or op == Op.MULTIPLY
-        if op in _STEPS or (any(flat) and (one_suffices or all(f or a < 0 for f, a in zip(flat, values, strict=True)))):
-            self._flat.add(name)
+        levels = plateaus.levels(op, [self.levels(a) for a in values])
+        if op in (Op.MIN, Op.MAX, Op.CHOOSE, Op.ABS):
+            self._ways[name] = frozenset().union(*({a} | self._ways.get(a, frozenset()) for a in values))
+        if op == Op.SUBTRACT and (values[0] in self._ways.get(values[1], ()) or values[1] in self._ways.get(values[0], ())):
+            levels = plateaus.both(levels, frozenset({0.0}))
+        if levels is None or levels:
+            self._flat[name] = levels
+
+    def levels(self, name: int) -> Levels:
+        """The numbers that a value may be all over a region."""
+        return frozenset({self.constants[~name]}) if name < 0 else self._flat.get(name, frozenset())
+
+    def row(self, name: int) -> tuple[Op, int, int]:
+        """(operation, first operand, second one) of a value; of a coordinate a copy of itself."""
+        return (Op(self.rows[name - INPUTS][0]), *self.rows[name - INPUTS][1:3]) if name >= INPUTS else (Op.COPY, name, 0)
+
+    def is_whole(self, name: int) -> bool:
+        """Whether a value is a whole number wherever it is defined."""
+        return name in self._whole
 
     def below(self, a: int, b: int, strictly: bool) -> int:
-        """A field that is at most 0 where a ≤ b, or a < b. Steps are equal all over regions, so there it says which, and is never 0."""
+        """A field that is at most 0 where a ≤ b, or a < b. Where both are equal all over a region it says which, and is never 0."""
+        against = plateaus.against_own(self, a, b, strictly)
+        if against is not None:
+            return against
         field = self.subtract(a, b)
+        levels = self.levels(field)
+        if field < 0:
+            holds = self.constants[~field] < 0.0 or (self.constants[~field] == 0.0 and not strictly)
+            return self.constant(-1.0 if holds else 1.0)
         if field in self._whole:
             return self.shifted(field, 0.5 if strictly else -0.5)
-        if field not in self._flat:
-            return field
-        one, other = self.constant(1.0), self.constant(-1.0)
-        if strictly:
-            return self.op(Op.MAX, field, self.op(Op.CHOOSE, self.subtract(b, a), one, other))
-        return self.op(Op.MIN, field, self.op(Op.CHOOSE, field, other, one))
+        return plateaus.parted(self, field, strictly) if levels is None or 0.0 in levels else field
 
     def _simpler(self, op: Op, a: int, b: int, c: int) -> int | None:
         used = (a, b, c)[: arity(op)]
@@ -312,24 +278,6 @@ def most_live(tape: Tape) -> int:
     return INPUTS + int((np.arange(1, len(tape.code) + 1) - np.concatenate([[0], np.cumsum(ends)[:-1]])).max(initial=0))
 
 
-def fold(op: Op, *numbers: float) -> float:
-    """An operation on plain numbers; nan where it is not defined, or infinite."""
-    try:
-        return float(_FOLD[op](*numbers))
-    except (ArithmeticError, ValueError):
-        return math.nan
-
-
-_FOLD: dict[Op, Any] = {
-    Op.COPY: lambda a: a, Op.ADD: lambda a, b: a + b, Op.SUBTRACT: lambda a, b: a - b, Op.MULTIPLY: lambda a, b: a * b,
-    Op.DIVIDE: lambda a, b: a / b, Op.NEGATE: lambda a: -a, Op.ABS: abs, Op.SQUARE: lambda a: a * a, Op.SQRT: math.sqrt,
-    Op.HYPOT: lambda a, b: math.sqrt(a * a + b * b), Op.MIN: min, Op.MAX: max, Op.EXP: math.exp, Op.LOG: math.log, Op.POWER: math.pow,
-    Op.SIN: math.sin, Op.COS: math.cos, Op.TAN: math.tan, Op.ASIN: math.asin, Op.ACOS: math.acos, Op.ATAN: math.atan,
-    Op.ATAN2: math.atan2, Op.ANGLE: math.atan2, Op.FLOOR: math.floor, Op.CEIL: math.ceil, Op.MOD: lambda a, b: a - b * math.floor(a / b),
-    Op.SIGN: lambda a: 0.0 if a == 0 else math.copysign(1.0, a), Op.NOISE: noise, Op.CHOOSE: lambda a, b, c: b if a <= 0 else c,
-    Op.FILLET: lambda a, b, c: c - math.sqrt((c - a) * (c - a) + (c - b) * (c - b)) if a < c and b < c else min(a, b),
-}  # fmt: skip
-
 _SAME = {
     "add": Op.ADD, "subtract": Op.SUBTRACT, "multiply": Op.MULTIPLY, "divide": Op.DIVIDE, "negate": Op.NEGATE, "abs": Op.ABS,
     "sqrt": Op.SQRT, "exp": Op.EXP, "log": Op.LOG, "sin": Op.SIN, "cos": Op.COS, "tan": Op.TAN, "asin": Op.ASIN, "acos": Op.ACOS,
@@ -423,12 +371,26 @@ def surface(formula: Formula) -> tuple[Tape, bool]:
     if top.op != "equal":
         return builder.finish(*builder.formula(formula)), False
     reader = _Reader(builder, formula, (X, Y, Z))
-    found = builder.subtract(*(reader.number(i) for i in top.args))
-    return builder.finish(_without_squares(builder, found)), True
+    found = _without_squares(builder, builder.subtract(*(reader.number(i) for i in top.args)))
+    levels = builder.levels(found)
+    if levels is None or 0.0 in levels:
+        hint = "write an inequality: <= 0 for the solid that it is"
+        raise Unfit("both sides of this `==` are equal all over a region, or nowhere: that is no surface", hint)
+    if builder.row(found)[0] == Op.MOD:
+        hint = "half a period on it passes through what it is compared with: mod(a + b / 2, b) == b / 2"
+        raise Unfit("a `mod` that is compared with 0 jumps where it is 0, and passes through it nowhere", hint)
+    return builder.finish(found), True
+
+
+_NEVER_BELOW = frozenset({Op.SQUARE, Op.ABS, Op.SQRT, Op.HYPOT})
 
 
 def _without_squares(builder: Builder, found: int) -> int:
-    """A field that is 0 at the same points, with a sign that changes there: of products' factors, squares and magnitudes are none."""
+    """A field that is 0 at the same points, with a sign that changes there.
+
+    Of products' factors, squares and magnitudes have none; a least of such is 0 where any of them is, as their product; a root is 0 where
+    what it is of is.
+    """
     factors: dict[int, None] = {}
     waiting = [found]
     while waiting:
@@ -436,8 +398,10 @@ def _without_squares(builder: Builder, found: int) -> int:
         op, a, b, _ = builder.rows[name - INPUTS] if name >= INPUTS else (Op.COPY, 0, 0, 0)
         if name >= INPUTS and op in (Op.SQUARE, Op.ABS, Op.NEGATE):
             waiting.append(a)
-        elif name >= INPUTS and op == Op.MULTIPLY:
+        elif op == Op.MULTIPLY or (op == Op.MIN and all(builder.row(part)[0] in _NEVER_BELOW for part in (a, b))):
             waiting += [b, a]
+        elif op == Op.SQRT and name == found:
+            waiting.append(a)
         elif builder.number(name) in (None, 0.0):
             factors[name] = None
     first, *others = factors or {found: None}

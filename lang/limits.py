@@ -14,7 +14,7 @@ MAX_ELEMENTS = 200_000  # elements made, and elements placed with what their blo
 MAX_TERMS = 50_000  # operations in one formula
 MAX_FILES = 200  # files used
 
-_STACK = 12_000  # Python frames: enough for MAX_CALLS calls with some 50 nested expressions in each
+_STACK = 40_000  # Python frames: enough for MAX_CALLS calls with some 50 nested expressions in each, or for one that is as deep as may be
 
 
 class Exhausted(Exception):

@@ -12,7 +12,7 @@ from . import ast
 from .comments import Comments, Place
 from .diagnostics import Span
 
-MAX_DEPTH = 200  # nodes below each other, so that later stages may walk the tree recursively
+MAX_DEPTH = 1000  # nodes below each other, so that later stages may walk the tree recursively
 BROKEN = "\0"  # the name that stands for the head of an item that could not be read
 
 _NUMBER = re.compile(r"(\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)(.*)", re.DOTALL)

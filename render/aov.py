@@ -34,10 +34,13 @@ def sample_rays(tables: ir.Tables, view: View, frame: Frame, tile: Tile, sample:
     return camera.through(tables, view, lens, x + 0.5 + dx, y + 0.5 + dy, pixel, index, frame.options.seed, None)
 
 
-def channels_of(tables: Tables, view: View, ray: Ray, hit: Hit, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
+def channels_of(
+    tables: Tables, view: View, ray: Ray, hit: Hit, names: tuple[str, ...], out: dict[str, NDArray[np.float32]],
+    issues: NDArray[np.bool_] | None = None,
+) -> None:  # fmt: skip
     """Write the named channels, (h, w, k) each, of h · w rays and what they hit, as image.WIDTHS describes them.
 
-    All lanes are numpy arrays, row by row.
+    All lanes are numpy arrays, row by row. Where there are `issues` is asked here unless it is known.
     """
     n = len(hit.t)
     whole = ray
@@ -50,7 +53,7 @@ def channels_of(tables: Tables, view: View, ray: Ray, hit: Hit, names: tuple[str
         for name, columns in found.items():
             flat[name][seen] = np.stack(np.broadcast_arrays(*columns), axis=1)
     if "issues" in names:
-        flat["issues"][:, 0] = doubtful(tables, whole, hit)
+        flat["issues"][:, 0] = doubtful(tables, whole, hit) if issues is None else issues
     for name in names:
         out[name][...] = flat[name].reshape(out[name].shape)
 

@@ -31,6 +31,7 @@ class Renderer:
     def __init__(self, prepared: prepare.Prepared, plan: Plan, view: View) -> None:
         self.prepared, self.view = prepared, view
         self.frame = prepared.frame
+        self.closed = plan["formulas"] == "closed"
         self.packed = prepared.packed  # with the photons of this round, where there are any
         self._rooms = threading.local()  # of waves and of bundles, one a thread
         self.primes = prepared.paths is None and primed.is_needed(prepared.accel.tables)
@@ -85,7 +86,8 @@ class Renderer:
         x, y = aov.centres(tile)
         with np.errstate(all="ignore"):
             ray = camera.sharp(tables, self.view, x, y)
-        aov.channels_of(tables, self.view, ray, Hit(*self._met(ray)), names, out)
+        hit = Hit(*self._met(ray))
+        aov.channels_of(tables, self.view, ray, hit, names, out, self._unproved(ray) if "issues" in names else None)
 
     def first(self, tile: Tile, sample: int, total: int) -> First:
         """What a sample of each pixel sees first, at the shutter's opening."""
@@ -95,11 +97,24 @@ class Renderer:
 
     def _met(self, ray: Ray) -> rays.Met:
         """What the camera's rays meet first, of all things."""
-        n = ray.direction[0].shape
-        origin, direction = (np.stack([np.broadcast_to(c, n) for c in v], axis=1) for v in (ray.origin, ray.direction))
+        origin, direction = _rows(ray)
         if self.everything is None:
             self.everything = self.prepared.accel if self.prepared.paths is None else rays.trees(self.prepared.tables)
         return rays.closest(self.everything, origin, direction, ray.t_min, ray.t_max, CAMERA)
+
+
+    def _unproved(self, ray: Ray) -> NDArray[np.bool_]:
+        """Whether what rays meet of formulas' surfaces could not be proved, by trees of this thread's own that count it."""
+        if not hasattr(self._rooms, "counting"):
+            self._rooms.counting = rays.trees(self.prepared.tables, closed=self.closed)
+        return rays.unproved(self._rooms.counting, *_rows(ray), ray.t_min, ray.t_max)
+
+
+def _rows(ray: Ray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Origins and directions, (n, 3) each."""
+    n = ray.direction[0].shape
+    origin, direction = (np.stack([np.broadcast_to(c, n) for c in v], axis=1) for v in (ray.origin, ray.direction))
+    return origin, direction
 
 
 class Room(NamedTuple):

@@ -45,6 +45,29 @@ def closest(
     return met
 
 
+def unproved(accel: Handle, origin: ArrayLike, direction: ArrayLike, t_min: ArrayLike, t_max: ArrayLike) -> NDArray[np.bool_]:
+    """(n,) whether a stretch before what a ray meets could not be proved to be without a formula's root.
+
+    Trees count that for all rays: those that do are halved. Nobody else may trace through these trees meanwhile.
+    """
+    o, d, begin, end = _columns(origin, direction, t_min, t_max)
+    n, counted = len(o), accel.tables.forms.unproved
+    found, waiting = np.zeros(n, np.bool_), [(0, n)]
+    while waiting:
+        first, last = waiting.pop()
+        before = int(counted[0])
+        part = slice(first, last)
+        closest(accel, o[part], d[part], begin[part], end[part])
+        if counted[0] == before:
+            continue
+        if last - first == 1:
+            found[first] = True
+        else:
+            middle = (first + last) // 2
+            waiting += [(first, middle), (middle, last)]
+    return found
+
+
 def occluded(
     accel: Handle, origin: ArrayLike, direction: ArrayLike, t_min: ArrayLike = 0.0, t_max: ArrayLike = np.inf, visible: int = SHADOW
 ) -> NDArray[np.bool_]:

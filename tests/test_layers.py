@@ -27,6 +27,7 @@ RENDER_READS = {
     "compiler.plan",
     "compiler.folders",  # only names a folder, for what both keep on disk
     "compiler.tapes",  # what tapes of the IR hold and mean
+    "compiler.operations",
     "compiler.tape_points",
     "compiler.enclosures",
     "compiler.tape_walks",

@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...compiler.tapes import CHOICES, INPUTS, MOST_LIVE, Op, arity
+from ...compiler.operations import CHOICES, Op, arity
+from ...compiler.tapes import INPUTS, MOST_LIVE
 from ..atomics import claimed, released, taken
 from ..kernels import apart, helper, kernel, maker
 from .calls import interpret

@@ -24,6 +24,7 @@ from .forms import MET
 NEAR = 1e-6  # of both ends' values: a bound above this share of them is above rounding, too
 ULP = 2.0**-52
 MOST_TURNS = 80  # of the root's bracketing; bisection alone needs 52
+PATIENCE = 24  # turns after which it does: of a value that is 1e-19 before a face and 0.1 behind it no line tells where that is
 _FAR = 1e30
 STEPS, SHORTEST = 16, 0.02  # of marching through a cell: how many at the most, and how short, as a share of the stretch
 STEEPEST = 1e90
@@ -397,7 +398,7 @@ def bracketed(
             break
         width = b - a
         share = fa / (fa - fb)
-        good = (share > 0.0) & (share < 1.0) & (turn % 8 != 7)
+        good = (share > 0.0) & (share < 1.0) & (turn % 8 != 7) & (turn < PATIENCE)
         step = lanes.clip(width * lanes.where(good, share, 0.5), 0.25 * enough, width - 0.25 * enough)
         middle = a + step
         f = value_at(forms, k, tape, memory, lanes.along(start, way, middle), working)

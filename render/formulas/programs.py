@@ -22,7 +22,7 @@ from typing import Any
 from llvmlite import ir
 
 from ...compiler import enclosures, tape_points
-from ...compiler.tapes import CHOICES, Op
+from ...compiler.operations import CHOICES, Op
 from ..simd.value import I64, Value
 from .vectors import DOUBLE, SINGLE, Form, VectorMath
 

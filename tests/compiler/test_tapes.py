@@ -37,6 +37,14 @@ def recorded(relation: str) -> formulas.Formula:
         "floor(3 * x) < 2", "floor(3 * x) > 2", "not (ceil(3 * x) <= 2)", "floor(5 * x) / 5 < 0.4", "floor(5 * x) / 5 <= 0.4",
         "mod(floor(3 * x) + floor(3 * y) - floor(3 * z), 2) < 1", "floor(x) + floor(y) + floor(z) <= 0", "sign(x) * sign(y) < 1",
         "(if floor(x) < 0 then y else z) < 0.5", "max(floor(x), 0.2 * y) < 1", "sqrt(floor(3 * x)) < 1", "sqrt(floor(3 * x)) <= 1",
+        "1 - floor(5 * x) / 3 >= 0.2", "0.25 > -floor(4 * x) / 4", "floor(4 * x) / 4 < floor(2 * z) / 2",
+        "floor(4 * x) / 4 + floor(z) / 2 < 0.5",
+        "sin(floor(6 * x)) < sin(floor(6 * y))", "max(floor(4 * x) / 3, -0.2) + min(floor(3 * z) / 7, 0.3) >= 0.3",
+        "clamp(x, -0.5, 0.5) < 0.5", "clamp(x, -0.5, 0.5) <= -0.5", "max(x, 0) * y < 0",
+        "not (max(x, y, 0) <= 0)", "min(x, 1) + max(y, 2) < 3",
+        "max(x, y) > x", "min(x, y) < x", "max(x, y) <= x", "min(x, y) >= x", "max(x, y) < x", "min(x, y) > x",
+        "abs(x) > x", "abs(x) <= x",
+        "y > abs(y)", "(if x < 0 then 1 else 2) < 2", "abs(x) < abs(y)",
     ],
 )  # fmt: skip
 def test_a_field_is_at_most_0_where_the_relation_holds(relation):
@@ -63,8 +71,35 @@ def test_past_a_jump_steps_are_one_number_on_each_side(numbers):
     assert all(any(a <= side <= b for a, b in zip(least, most, strict=True)) for side in sides)
 
 
+@pytest.mark.parametrize(
+    ("relation", "rows"),
+    [
+        ("floor(5 * x) / 5 < 0.4", ["MULTIPLY", "FLOOR", "ADD"]),
+        ("max(x, y) > x", ["SUBTRACT"]),
+        ("max(abs(x) - 1, 0)^2 + max(abs(y) - 1, 0)^2 < 0.01", 2 * ["ABS", "SUBTRACT", "MAX", "SQUARE"] + ["ADD", "SUBTRACT"]),
+        ("min(x, y) < 0.5", ["MIN", "SUBTRACT"]),
+    ],
+)
+def test_what_is_equal_over_no_region_needs_no_more(relation, rows):
+    """Rounded boxes have plateaus, but not at the number that they are compared with; a step is compared as a whole number."""
+    tape, _ = tape_of(relation)
+    assert sorted(Op(row[0]).name for row in tape.code) == sorted(rows)
+
+
+@pytest.mark.parametrize(
+    "relation",
+    ["floor(5 * x) / 5 < 0.4", "floor(4 * x) / 3 + floor(3 * z) / 7 <= 1 / 3", "clamp(x, -0.5, 0.5) < 0.5", "abs(x) > x",
+     "max(x, 0) * y < 0"],
+)  # fmt: skip
+def test_bounds_tell_on_which_side_a_plateau_is(relation):
+    tape, _ = tape_of(relation)
+    low = np.random.default_rng(3).uniform(-2, 2, (3, 3000))
+    (least, most), _, _ = tape_walks.boxes(tape, low, low + 1e-6)
+    assert ((least > 0) | (most < 0)).mean() > 0.99
+
+
 def test_sheets_have_a_field_whose_sign_changes():
-    for relation in ("x^2 == 4", "(x - 1)^2 == 0", "abs(x - y) == 0"):
+    for relation in ("x^2 == 4", "(x - 1)^2 == 0", "abs(x - y) == 0", "sqrt(x^2 + y^2 - 4) == 0", "min(abs(x), abs(y - z)) == 0"):
         tape, sheet = tape_of(relation)
         signs = np.sign(tape_walks.points(tape, *np.random.default_rng(1).uniform(-4, 4, (3, 400)))[0])
         assert sheet
@@ -76,6 +111,9 @@ def test_sheets_have_a_field_whose_sign_changes():
     [
         ("x", "a surface's formula is a relation, and this one gives a number"),
         ("x == 1 and y < 2", "`==` cannot be part of a larger relation: it holds on a surface, which has no inside"),
+        ("floor(x) == 0", "both sides of this `==` are equal all over a region, or nowhere: that is no surface"),
+        ("max(x^2 - 1, 0) == 0", "both sides of this `==` are equal all over a region, or nowhere: that is no surface"),
+        ("mod(y, 0.1) == 0", "a `mod` that is compared with 0 jumps where it is 0, and passes through it nowhere"),
         ("x != 1", "`!=` cannot be part of a larger relation: it holds on a surface, which has no inside"),
     ],
 )

@@ -6,7 +6,7 @@ import pytest
 from maquette.lang import ast, parse
 from maquette.lang.diagnostics import Diagnostics, render_text
 
-DEEP = "operators, calls and blocks more than 200 deep"
+DEEP = "operators, calls and blocks more than 1000 deep"
 NAME_PARTS = "give parts of it a name with `let`; add up long lists with `fold`"
 BRACKETS = "brackets more than 200 deep"
 
@@ -46,14 +46,14 @@ def test_depth(text, message):
 
 
 def test_the_message_says_what_to_do():
-    text = "let x = 1" + "+1" * 300
+    text = "let x = 1" + "+1" * 1500
     diagnostics = Diagnostics()
     parse.parse(text, "t", diagnostics)
     assert [(d.message, d.hint) for d in diagnostics.items] == [(DEEP, NAME_PARTS)]
 
 
 def test_what_follows_is_read():
-    file, messages = answer("box()\nlet x = 1" + "+1" * 300 + "\nsphere(1)\nlet y = 2 2")
+    file, messages = answer("box()\nlet x = 1" + "+1" * 1500 + "\nsphere(1)\nlet y = 2 2")
     assert [type(i).__name__ for i in file.items] == ["ElementItem", "ElementItem"]
     assert messages == [f"t:2:1: {DEEP}", "t:4:11: an operator or the end of the line is missing before `2`"]
     assert file.broken == {"x", "y"}
@@ -66,7 +66,7 @@ def test_what_stands_before_too_many_brackets_is_read():
 
 
 def test_depth_within_the_limit_is_fine():
-    for text in ("let x = 1" + "+1" * 190, "let x = " + "(" * 180 + "1" + ")" * 180, "let x = " + "[" * 190 + "]" * 190):
+    for text in ("let x = 1" + "+1" * 990, "let x = " + "(" * 180 + "1" + ")" * 180, "let x = " + "[" * 190 + "]" * 190):
         assert answer(text)[1] == []
 
 

@@ -1,4 +1,4 @@
-"""The channel of colours: of metals, mirrors and glass what they tint light with."""
+"""Channels beside the picture: colours of metals, mirrors and glass, and where a formula's root could not be proved."""
 
 from __future__ import annotations
 
@@ -28,3 +28,20 @@ def test_gold_is_not_black(tmp_path):
     red, green, blue = seen(tmp_path, 'metal("gold")')
     assert np.all(np.array([red, green, blue]) > 0.2)
     assert red > green > blue
+
+
+def test_pixels_that_are_not_proved_are_seen(tmp_path):
+    """Waves finer than rays can be cut lie left of a box with round edges: their pixels are counted and shown, and none of the box."""
+    path = tmp_path / "doubtful.scene"
+    path.write_text(
+        "camera(position: [0, 2.5, 6], look_at: [0, 0, 0])\n"
+        "implicit(|x, y, z| 0.1 * sin(1e7 * x) >= y, within: 0.8, translate: [-1, 0, 0])\n"
+        "implicit(|x, y, z| x^4 + y^4 + z^4 <= 0.2, within: 1, translate: [1, 0, 0])\n",
+        encoding="utf-8",
+    )
+    image = maquette.render(path, size=(24, 24), samples=1, backend="ray", aov=("issues", "id"))
+    doubtful, thing = image.channels["issues"][..., 0], image.channels["id"][..., 0]
+    assert image.metadata["unproved"] > 0
+    assert doubtful[:, :12].sum() > 10
+    assert (thing == 1).sum() > 10
+    assert not doubtful[:, 12:].any()

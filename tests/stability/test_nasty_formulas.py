@@ -50,10 +50,32 @@ FORMULAS = {
     "beyond float32": "exp(exp(5 * x)) <= 1e30 * (y + 1)",
     "fine waves": "sin(300 * x) + sin(300 * y) + sin(300 * z) <= 0.5",
     "an umbrella": "x^2 - y^2 * z == 0",
+    "fifths of steps": "floor(5 * x) / 5 < 0.4",
+    "thirds and sevenths of steps": "floor(5 * x) / 3 + floor(5 * z) / 7 <= 0.4",
+    "steps against steps": "floor(4 * x) / 4 < floor(2 * z) / 2",
+    "a plateau that does not belong to it": "max(min(x, 0.5), -0.5) < 0.5",
+    "a plateau that does": "max(min(x, 0.5), -0.5) <= -0.5",
+    "a magnitude against its own": "abs(x) > x",
+    "a root of what is compared": "sqrt(x^2 + y^2 + z^2 - 0.3) == 0",
+    "the lesser of two sheets": "min(abs(x - 0.2 * y), abs(hypot(y, z) - 0.4)) == 0",
+    "a tower of powers": "exp(exp(exp(exp(x)))) <= exp(40 * y)",
+    "squares of 1e-9": "(1e-9 * x)^2 + (1e-9 * y)^2 <= 2.5e-19",
+    "products of steps": "floor(4 * x * y) / 4 == z",
+    "periods in periods": "mod(x + mod(y, 0.31), 0.4) <= 0.15",
+    "tangents of poles": "tan(0.5 / x) * 0.1 <= y",
+    "products of tangents": "tan(3 * x) * tan(3 * z) >= y",
+    "roots of products": "sqrt(x * y * z) >= 0.1",
+    "a logarithm of a logarithm": "log(log(3 * x)) <= y",
+    "two angles": "atan2(y, x) + atan2(z, x) <= 0.4",
+    "magnitudes of magnitudes": "abs(abs(abs(x) - 0.5) - 0.25) + abs(abs(y) - 0.4) + abs(z) <= 0.2",
+    "needles": "hypot(mod(x, 0.2) - 0.1, mod(z, 0.2) - 0.1) <= 1e-3",
+    "a crease of magnitudes": "abs(abs(x) - abs(y)) == 0.3 * abs(z)",
 }  # fmt: skip
 SAME = {  # of which points of rays show no change of sign
     "(y - 0.2 * sin(3 * x))^2 == 0": "y == 0.2 * sin(3 * x)",
     "(x^2 + y^2 + z^2 - 0.5)^2 * (2 + x) == 0": "x^2 + y^2 + z^2 == 0.5",
+    "sqrt(x^2 + y^2 + z^2 - 0.3) == 0": "x^2 + y^2 + z^2 == 0.3",
+    "min(abs(x - 0.2 * y), abs(hypot(y, z) - 0.4)) == 0": "(x - 0.2 * y) * (hypot(y, z) - 0.4) == 0",
 }
 PLACES = {(1e5, 1.0), (0.0, 1e-3), (0.0, 1e-6), (0.0, 1e4), (0.0, 1e7), (1e3, 1e-3)}
 RAYS, POINTS = 256, 1500
@@ -133,6 +155,13 @@ LONG = [pytest.param(name, marks=ENDLESS if name == "ever faster waves" else ())
 @pytest.mark.parametrize("name", LONG)
 def test_of_a_hundred_thousand_rays_none(load, name):
     held(load, FORMULAS[name], 100_000, 2000)
+
+
+def test_a_model_of_a_thousand_operations_written_as_one_sum(load):
+    random, axes = np.random.default_rng(11), ("x", "y", "z")
+    numbers = random.uniform([0.01, 1.0, 0.0], [0.06, 14.0, 6.0], (250, 3))
+    terms = (f"{a:.3f} * sin({f:.2f} * {axes[k % 3]} + {p:.3f})" for k, (a, f, p) in enumerate(numbers))
+    held(load, f"y + {' + '.join(terms)} <= 0", 144, POINTS)
 
 
 def met(load: Any, text: str, within: str, o: Any, d: Any) -> tuple[np.ndarray, int]:

@@ -33,6 +33,8 @@ from .tile_room import (
 )
 from .tile_roots import faced, finished, keep, met, stopped
 
+COUNTED = 1 << 40  # is added to what a ray has spent once it counts as unproved
+
 # --- leaves: a stretch of some vectors ----------------------------------------------------------------------------------
 
 
@@ -204,12 +206,13 @@ def _by_search(room, memory, tape, ray, a, b, start, hits):
     x = room.exact
     o, d = (x[ray], x[SPACED + ray], x[2 * SPACED + ray]), (x[3 * SPACED + ray], x[4 * SPACED + ray], x[5 * SPACED + ray])
     low, high = max(np.float64(a), x[6 * SPACED + ray]), min(np.float64(b), x[7 * SPACED + ray])
-    rounds = max(search.MOST_ROUNDS - room.spent[ray], search.FEW)
+    rounds = max(search.MOST_ROUNDS - room.spent[ray] % COUNTED, search.FEW)
     root, inside, doubt, used = search.first(
         room, 0, tape, memory, o, d, low, high, x[6 * SPACED + ray], start, room.places[0, 1] != 0, like, rounds
     )
     room.spent[ray] += used
-    if doubt > 0:
+    if doubt > 0 and room.spent[ray] < COUNTED:
+        room.spent[ray] += COUNTED
         count_up(room.unproved, 0, 1)
     if root < np.inf and hits.number == ANY:
         stopped(room, hits, ray)

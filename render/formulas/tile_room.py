@@ -73,7 +73,7 @@ class Room(NamedTuple):
     results: NDArray[np.float32]  # (2, 16) what is known of the result in slabs
     inputs: NDArray[np.float32]  # what is put aside
     tape_of: NDArray[np.int64]  # groups' tapes in quarters, or -1
-    spent: NDArray[np.int64]  # rounds of search.py that each ray has had
+    spent: NDArray[np.int64]  # rounds of search.py that each ray has had, and tile_leaves.COUNTED once it is not proved
 
 
 def room(forms: Forms, k: int) -> Room:

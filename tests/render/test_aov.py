@@ -34,14 +34,15 @@ def test_pixels_that_are_not_proved_are_seen(tmp_path):
     """Waves finer than rays can be cut lie left of a box with round edges: their pixels are counted and shown, and none of the box."""
     path = tmp_path / "doubtful.scene"
     path.write_text(
-        "camera(position: [0, 2.5, 6], look_at: [0, 0, 0])\n"
+        "camera(position: [0, 2.5, 6], look_at: [0, 0, 0])\ndirectional(from: [1, 2, 3], shadows: false)\n"
         "implicit(|x, y, z| 0.1 * sin(1e7 * x) >= y, within: 0.8, translate: [-1, 0, 0])\n"
         "implicit(|x, y, z| x^4 + y^4 + z^4 <= 0.2, within: 1, translate: [1, 0, 0])\n",
         encoding="utf-8",
     )
+    counted = maquette.render(path, size=(24, 24), samples=1, backend="ray").metadata["unproved"]
     image = maquette.render(path, size=(24, 24), samples=1, backend="ray", aov=("issues", "id"))
     doubtful, thing = image.channels["issues"][..., 0], image.channels["id"][..., 0]
-    assert image.metadata["unproved"] > 0
+    assert abs(counted - doubtful.sum()) <= 2  # rays as a bundle and one by one need not leave the same open
     assert doubtful[:, :12].sum() > 10
     assert (thing == 1).sum() > 10
     assert not doubtful[:, 12:].any()

@@ -14,7 +14,8 @@ from . import facts, ir
 
 SMALL = 0.3  # steradians of what a gathering thing sees, below which a lamp is found too seldom (of a hemisphere one in twenty)
 POLISHED = 0.54  # roughness up to which a metal or glass gathers; its square is below render/materials.POLISHED
-BRIGHT = 0.1  # reflectance of the course's lobes below which paths find their light; as render/materials.BRIGHT
+BRIGHT = 0.1  # reflectance of the course's lobes below which paths find their light but that of the narrowest; as render/materials.BRIGHT
+PEAK, FAINT_PEAK = 8.0, 200.0  # 8 times what lobes that throw photons send at their peak, over what an even surface does; of faint ones
 COAT = 0.04  # reflectance of a coat along its normal; as render/microfacet.COAT
 FAINT = 0.1  # of what a highlight reflects, the least that is aimed for: it reflects more of what grazes it
 CARRIERS = ("photons", "paths")
@@ -78,7 +79,7 @@ def gleam(tables: ir.Tables) -> np.ndarray:
     layered = np.isin(m.model, (ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR))
     found = np.where(layered, np.maximum(reflects(f0, least), reflects(COAT * most(slot.COAT, 1.0), least_coat)), 0.0)
     specular = most(slot.SPECULAR, 1.0)
-    narrow = m.normalized & (specular >= BRIGHT) & (specular * (most(slot.SHININESS, np.inf) + 2.0) >= 8.0)
+    narrow = m.normalized & (specular * (most(slot.SHININESS, np.inf) + 2.0) >= np.where(specular >= BRIGHT, PEAK, FAINT_PEAK))
     found = np.where(narrow & ~layered, specular, found)
     for row in np.flatnonzero(m.model == ir.MaterialModel.BLEND):
         found[row] = max(found[m.first[row]], found[m.second[row]])

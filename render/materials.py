@@ -33,6 +33,7 @@ BLINN_PHONG = int(ir.MaterialModel.BLINN_PHONG)
 GLASS = int(ir.MaterialModel.GLASS)
 POLISHED = 0.3  # α up to which what a metal mirrors is a spot of light on what stands beside it
 BRIGHT = 0.1  # reflectance of the course's lobes, which grow no brighter at grazing angles, below which paths find their light well enough
+PEAK, FAINT_PEAK = 8.0, 200.0  # but of the narrowest; as compiler/caustics has them
 ONLY = 1e18  # density of a direction that is the only one: mirrors', glass's and the camera's
 
 
@@ -231,7 +232,7 @@ def gleams(shader: Shader) -> Lane:
     """
     clear = lanes.largest(shader.reflection) + lanes.largest(shader.transmission) <= 0.0
     bright = lanes.largest(shader.specular)
-    narrow = (bright >= BRIGHT) & (bright * (shader.shininess + 2.0) >= 8.0)
+    narrow = bright * (shader.shininess + 2.0) >= lanes.where(bright >= BRIGHT, PEAK, FAINT_PEAK)
     return clear & _have_gleam(shader.lobes, narrow & shader.normalized & (lanes.largest(shader.diffuse) > 0.0))
 
 

@@ -48,7 +48,7 @@ F64 = NDArray[np.float64]
 TARGETS = 32  # balls that lamps aim at; more are put together
 BLOCK = 8192  # photons that a thread draws at a time
 PER_SAMPLE = 0.25  # photons for each sample of a round
-LEAST, MOST = 1 << 18, 1 << 22  # of a round
+LEAST, FEWEST, MOST = 1 << 18, 1 << 14, 1 << 22  # of a round; FEWEST also where their light is faint
 SPACE = 4  # photons kept of each that is drawn, on the average, for which there is room at first
 ORIGIN, PLACE, AIM, PART, BEND = 1 << 16, 1 << 17, 1 << 18, 1 << 19, 1 << 20  # dimensions of random numbers
 WELL_SPREAD = 6  # of the pairs of numbers that surfaces take, two each, that are Sobol points
@@ -67,6 +67,7 @@ class Aims(NamedTuple):
     radius: F64  # (targets,) inf: all directions
     targets: int
     reach: float  # metres beyond which there is nothing
+    effort: float  # share of the usual number of photons: faint light needs fewer for the same noise, by the square of what is reflected
 
 
 def covered(tables: ir.Tables, table: emitters.Emitters, all_sizes: bool) -> NDArray[np.bool_]:
@@ -100,7 +101,7 @@ def aims(tables: ir.Tables, table: emitters.Emitters, chosen: NDArray[np.bool_])
     of_row = chance.sum(axis=1)
     within = np.cumsum(chance, axis=1) / np.maximum(of_row, 1e-300)[:, None]
     return Aims(_last_is_one(np.cumsum(of_row)), np.ascontiguousarray(within.ravel()), np.ascontiguousarray(chance.ravel()),
-                np.ascontiguousarray(centre), radius, len(radius), reach)  # fmt: skip
+                np.ascontiguousarray(centre), radius, len(radius), reach, float(gain.max()) ** 2)  # fmt: skip
 
 
 def _last_is_one(upto: F64) -> F64:
@@ -161,6 +162,7 @@ class Tracer:
         self.accel, self.scene, self.frame, self.kind, self.threads = accel, scene, frame, kind, threads
         self.aims = Handle(aims)
         self.rooms = threading.local()  # of waves, one a thread
+        self.effort = aims.effort
         self.maps = 0  # made so far
         self.so_far = 0  # photons
         known = aims.radius[np.isfinite(aims.radius)]
@@ -168,11 +170,11 @@ class Tracer:
 
     def most(self, pixels: int) -> int:
         """Samples of each pixel that a round may have."""
-        return max(2 * MAPS, int(MOST / PER_SAMPLE) // max(pixels, 1))
+        return max(2 * MAPS, int(MOST / (PER_SAMPLE * self.effort)) // max(pixels, 1))
 
     def make(self, samples: int) -> photon_map.Maps:
         """Maps for a round of so many samples of all pixels together."""
-        each = int(np.clip(samples * PER_SAMPLE, LEAST, MOST)) // MAPS
+        each = int(np.clip(samples * PER_SAMPLE * self.effort, max(LEAST * self.effort, FEWEST), MOST)) // MAPS
         jobs = [(self.maps + k, start, min(BLOCK, each - start)) for k in range(MAPS) for start in range(0, each, BLOCK)]
         seed = self.frame.tables.options.seed
         shift = np.random.default_rng([seed & 0xFFFFFFFF, self.maps]).random(3)  # no cell's edge stands still

@@ -18,10 +18,9 @@ from . import cli_shared as shared
 from . import cli_terminal as terminal
 from .lang.diagnostics import SceneError, in_order
 
-ORDER = ["render", "check", "inspect", "explain", "chart", "compare", "watch", "convert", "format"]  # in --help
+ORDER = ["new", "render", "check", "inspect", "explain", "chart", "compare", "watch", "convert", "format"]  # in --help
 PLANNED = {
     "sweep": "a labelled contact sheet over values of params",
-    "new": "a scene to start from",
     "lsp": "the language server",
 }
 
@@ -62,6 +61,8 @@ class Commands(click.Group):
             from .cli_compare import compare as command
         elif cmd_name == "convert":
             from .cli_convert import convert as command
+        elif cmd_name == "new":
+            from .cli_new import new_command as command
         elif cmd_name == "format":
             from .cli_format import format_command as command
         else:

@@ -373,9 +373,8 @@ def surface(formula: Formula) -> tuple[Tape, bool]:
     reader = _Reader(builder, formula, (X, Y, Z))
     found = _without_squares(builder, builder.subtract(*(reader.number(i) for i in top.args)))
     levels = builder.levels(found)
-    if levels is None or 0.0 in levels:
-        hint = "write an inequality: <= 0 for the solid that it is"
-        raise Unfit("both sides of this `==` are equal all over a region, or nowhere: that is no surface", hint)
+    if levels is not None and 0.0 in levels:
+        raise Unfit("both sides of this `==` are equal all over a region: that is no surface", "write <= for the solid that it is")
     if builder.row(found)[0] == Op.MOD:
         hint = "half a period on it passes through what it is compared with: mod(a + b / 2, b) == b / 2"
         raise Unfit("a `mod` that is compared with 0 jumps where it is 0, and passes through it nowhere", hint)

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from maquette.lang.diagnostics import SceneError
 from maquette.render import rays
 
 from . import naive
@@ -164,10 +165,12 @@ def test_far_from_the_origin(load):
 
 
 def test_zero_in_a_whole_region(load):
-    """A sheet that is 0 throughout a ball: no sign changes, so rays through it are counted; a solid of the same is met."""
+    """A sheet that is 0 throughout a ball is refused, or where that cannot be told its rays are counted; a solid of the same is met."""
     o, d = toward_ball(300, 0.5)
     text = "implicit(|x, y, z| max(x^4 + y^4 + z^4 - 0.3, 0) {}, within: 1)"
-    t, unproved = met(load, text.format("== 0"), o, d)
+    with pytest.raises(SceneError, match="equal all over a region"):
+        met(load, text.format("== 0"), o, d)
+    t, unproved = met(load, text.format("* (2 + floor(x)) == 0 * z"), o, d)
     assert int(np.isfinite(t).sum()) + unproved >= 300
     solid, unproved = met(load, text.format("<= 0"), o, d)
     assert int(np.isfinite(solid).sum()) + unproved >= 300

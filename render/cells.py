@@ -19,8 +19,10 @@ from .records import Lane, Vec
 CHECKER = int(ir.TextureKind.CHECKER)
 CELLS = 8.0  # of a checker without a size, over u and over v
 ASKEW = 0.2  # cells: so far both axes must change along one side of a parallelogram to be looked at together
-SLANTED = 0.015  # cells: so far, to be looked at in PARTS
-PARTS = 8
+THIN, LONG = 0.14, 4.5  # cells: unless its other side is so short, |x| + |y|, and this no longer: of a line waves would be cut short
+BOTH = 0.11  # the same where the other side changes half as much, too
+SLANTED = 0.002  # cells: so far, to be looked at in PARTS
+PARTS = 8  # and twice as many where both axes change much
 ORDER = 5  # of the highest wave: what is left out is below 3 % of the contrast where a pixel spans half a cell, 1 % where it spans one
 _LONGEST = 4096.0  # cells that a side counts as at most
 _LEAST = 1e-30
@@ -65,13 +67,17 @@ def _share(checker: Lane, x: Lane, y: Lane, spans: Any) -> Lane:
 def _mean(checker: Lane, x: Lane, y: Lane, spans: Any) -> Lane:
     """The same over a parallelogram about x, y."""
     px, py, qx, qy = spans
-    longest = lanes.maximum(lanes.absolute(px) + lanes.absolute(py), lanes.absolute(qx) + lanes.absolute(qy))
+    p_long, q_long = lanes.absolute(px) + lanes.absolute(py), lanes.absolute(qx) + lanes.absolute(qy)
+    longest = lanes.maximum(p_long, q_long)
     shrink = _LONGEST / lanes.maximum(longest, _LONGEST)
     px, py, qx, qy = px * shrink, py * shrink, qx * shrink, qy * shrink
     x, y = x - 2.0 * lanes.floor(0.5 * x), y - 2.0 * lanes.floor(0.5 * y)
     p_slant = lanes.where(checker, lanes.minimum(lanes.absolute(px), lanes.absolute(py)), 0.0)
     q_slant = lanes.where(checker, lanes.minimum(lanes.absolute(qx), lanes.absolute(qy)), 0.0)
-    askew = lanes.maximum(p_slant, q_slant) > ASKEW
+    thin = lanes.where(p_slant > q_slant, q_long, p_long) < THIN
+    slant = lanes.maximum(p_slant, q_slant)
+    alone = slant > 2.0 * lanes.minimum(p_slant, q_slant)
+    askew = (slant > lanes.where(alone, ASKEW, BOTH)) & lanes.not_(thin & (slant < LONG))
     mean = _by_axes(checker, x, y, px, py, qx, qy, lanes.where(askew, 0.0, p_slant), lanes.where(askew, 0.0, q_slant))
     if lanes.any_lane(askew):
         mean = lanes.where(askew, lanes.clip(_waves(x, y, px, py, qx, qy), -1.0, 1.0), mean)
@@ -82,18 +88,19 @@ def _mean(checker: Lane, x: Lane, y: Lane, spans: Any) -> Lane:
 def _by_axes(checker: Lane, x: Lane, y: Lane, px: Lane, py: Lane, qx: Lane, qy: Lane, p_slant: Lane, q_slant: Lane) -> Lane:
     """The same from both axes by themselves; the side that goes along both of them, if one does, in parts."""
     by_p, by_q = p_slant > lanes.maximum(2.0 * q_slant, SLANTED), q_slant > lanes.maximum(2.0 * p_slant, SLANTED)
-    share = lanes.where(by_p | by_q, 1.0 / PARTS, 1.0)
+    count = lanes.where(by_p | by_q, lanes.where(lanes.maximum(p_slant, q_slant) > ASKEW, 2.0 * PARTS, 1.0 * PARTS), 1.0)
+    share = 1.0 / count
     step_x, step_y = lanes.where(by_p, px, qx) * share, lanes.where(by_p, py, qy) * share
     px, py = lanes.where(by_p, px * share, px), lanes.where(by_p, py * share, py)
     qx, qy = lanes.where(by_q, qx * share, qx), lanes.where(by_q, qy * share, qy)
     total = 0.0 * x
     k = 0
-    while k < PARTS and (k == 0 or lanes.any_lane(share < 1.0)):
-        away = lanes.where(share < 1.0, k - 0.5 * (PARTS - 1), 0.0)
+    while k < 2 * PARTS and lanes.any_lane(count > k):
+        away = k - 0.5 * (count - 1.0)
         part = along_axis(x + away * step_x, lanes.absolute(px), lanes.absolute(qx))
         if lanes.any_lane(checker):
             part = part * lanes.where(checker, along_axis(y + away * step_y, lanes.absolute(py), lanes.absolute(qy)), 1.0)
-        total = lanes.where((share < 1.0) | (k == 0), total + part, total)
+        total = lanes.where(count > k, total + part, total)
         k += 1
     return total * share
 

@@ -32,7 +32,7 @@ def test_each_part_is_chosen_as_often_as_it_weighs():
     class Point:
         material = np.full(10_000, 4)
         offset = np.zeros(10_000)
-        position = local = geometric = normal = local_normal = uv = metric = front = instance = color = time = spread = lift = None
+        position = local = geometric = normal = local_normal = uv = metric = front = instance = color = time = spread = lift = known = None
 
     point = blends.part(tables, Point, (np.arange(10_000) + 0.5) / 10_000)
     assert np.bincount(point.material, minlength=5).tolist() == [750, 2250, 7000, 0, 0]

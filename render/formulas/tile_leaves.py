@@ -33,6 +33,7 @@ from .tile_room import (
 )
 from .tile_roots import faced, finished, keep, met, stopped
 
+STEP = 4  # row of a stretch that is open: how long the next piece of it is
 COUNTED = 1 << 40  # is added to what a ray has spent once it counts as unproved
 
 # --- leaves: a stretch of some vectors ----------------------------------------------------------------------------------
@@ -75,7 +76,7 @@ def leaf(room, memory, tape, count, a, b, start, reach, slack, hits):
             steep = zero + min(abs(least), abs(most))
             held = keep(room.brackets, room.bracket_ray, held, certain, begin, end, fa, fb, steep, zero, zero + error, ray)
         if simd.any_of(open_):
-            opened = keep(room.open, room.open_ray, opened, open_, begin, end, fa, fb, zero, zero, zero + error, ray)
+            opened = keep(room.open, room.open_ray, opened, open_, begin, end, fa, fb, end - begin, zero, zero + error, ray)
     if opened > 0:
         held = alone(room, memory, tape, opened, held, start, reach, slack, hits)
     if held > 0 and hits.number == ANY:
@@ -130,73 +131,75 @@ def _values(room, memory, tape, count, s, a, b, to):
 
 @apart_
 def alone(room, memory, tape, opened, count, start, reach, slack, hits):
-    """Look for the first root in each open stretch; how many brackets there are then."""
-    number = simd.iota(simd.i32x16(0))
-    finest = FINEST * reach
-    registers = room.registers
-    for first in range(0, opened, VECTOR):
-        working = number < opened - first
-        ray = simd.select(working, simd.load(room.open_ray, first, VECTOR), room.open_ray[first])
-        at = simd.select(working, simd.load(room.open, first, VECTOR), 0.0)
-        end = simd.select(working, simd.load(room.open, OPEN + first, VECTOR), 1.0)
-        f = simd.load(room.open, 2 * OPEN + first, VECTOR)
-        ox, oy, oz = room.rays[ray], room.rays[SPACED + ray], room.rays[2 * SPACED + ray]
-        dx, dy, dz = room.rays[3 * SPACED + ray], room.rays[4 * SPACED + ray], room.rays[5 * SPACED + ray]
-        step = end - at
-        given_up = working & ~working
-        for _ in range(MOST_PIECES):
+    """Look for the first root in each open stretch; how many brackets there are then. Round by round: what is still open closes up."""
+    turns = 0
+    while opened > 0:
+        left = 0
+        for first in range(0, opened, VECTOR):
+            working = simd.iota(simd.i32x16(0)) < opened - first
+            ray = simd.select(working, simd.load(room.open_ray, first, VECTOR), room.open_ray[first])
+            at = simd.select(working, simd.load(room.open, first, VECTOR), 0.0)
+            end = simd.select(working, simd.load(room.open, OPEN + first, VECTOR), 1.0)
+            f, step = simd.load(room.open, 2 * OPEN + first, VECTOR), simd.load(room.open, STEP * OPEN + first, VECTOR)
             to = simd.minimum(at + step, end)
             to = simd.select(end - to < 0.25 * step, end, to)
-            for axis in range(3):
-                o, d = (ox, dx) if axis == 0 else (oy, dy) if axis == 1 else (oz, dz)
-                p, q = simd.fma(d, at, o), simd.fma(d, to, o)
-                row = PARTS_OF_SPAN * axis
-                simd.store(registers, row * VECTOR, simd.minimum(p, q) - slack)
-                simd.store(registers, (row + 1) * VECTOR, simd.maximum(p, q) + slack)
-                simd.store(registers, (row + 2) * VECTOR, d - 2.0 * U)
-                simd.store(registers, (row + 3) * VECTOR, d + 2.0 * U)
-                simd.store(registers, (row + 4) * VECTOR, d * 0.0 + slack)
-            tell(room, PARTS_OF_SPAN, 1, simd.f32x16(-np.inf), simd.f32x16(np.inf))
-            room.state[0] = 0
-            evaluate(room, SPANS, tape, 1)
-            out = room.tapes[tape, 2] * PARTS_OF_SPAN * VECTOR
-            low, high = simd.load(registers, out, VECTOR), simd.load(registers, out + VECTOR, VECTOR)
-            least, most = simd.load(registers, out + 2 * VECTOR, VECTOR), simd.load(registers, out + 3 * VECTOR, VECTOR)
-            error = error_of(low, high, simd.load(registers, out + 4 * VECTOR, VECTOR))
-            sure = ~simd.mask_from_bits(room.state[0], low)
-            for axis in range(3):
-                o, d = (ox, dx) if axis == 0 else (oy, dy) if axis == 1 else (oz, dz)
-                simd.store(registers, axis * VECTOR, simd.fma(d, to, o))
-            evaluate(room, POINTS, tape, 1)
-            far = simd.load(registers, room.tapes[tape, 2] * VECTOR, VECTOR)
+            low, high, least, most, error, far, sure = _piece(room, tape, ray, at, to, slack)
             near = working & ~(sure & (abs(far) > error))
             if simd.any_of(near):
                 far = signed(room, memory, tape, ray, to, far, near)
             change = (f <= 0.0) ^ (far <= 0.0)
             one_way = sure & ((least > 0.0) | (most < 0.0))
             away = sure & ((low > 0.0) | (high < 0.0))
-            none = ~change & (away | one_way | (sure & far_from_zero(f, far, least, most, to - at, error)))
+            passed = working & ~change & (away | one_way | (sure & far_from_zero(f, far, least, most, to - at, error)))
             certain = working & change & one_way
             if simd.any_of(certain):
                 steep = simd.minimum(abs(least), abs(most))
                 count = keep(room.brackets, room.bracket_ray, count, certain, at, to, f, far, steep, steep * 0.0, error, ray)
-                working = working & ~certain
-            passed = working & none
             at, f = simd.select(passed, to, at), simd.select(passed, far, f)
             step = simd.select(passed, 2.0 * step, 0.25 * step)
-            working = working & ~(passed & (at >= end))
-            tiny = working & ~passed & (step < finest)
-            given_up = given_up | tiny
-            working = working & ~tiny
-            if simd.none_of(working):
-                break
-        given_up = given_up | working
-        left = simd.bits(given_up)
-        while left != 0:
-            j = simd.trailing_zeros(left)
-            left &= left - 1
-            _by_search(room, memory, tape, np.int64(simd.lane(ray, j)), simd.lane(at, j), simd.lane(end, j), start, hits)
+            working = working & ~certain & ~(passed & (at >= end))
+            given_up = working & ~passed & (step < FINEST * reach) if turns < MOST_PIECES else working
+            working = working & ~given_up
+            simd.compress_store(room.open, left, at, working)
+            simd.compress_store(room.open, OPEN + left, end, working)
+            simd.compress_store(room.open, 2 * OPEN + left, f, working)
+            simd.compress_store(room.open, STEP * OPEN + left, step, working)
+            left += simd.compress_store(room.open_ray, left, ray, working)
+            bits = simd.bits(given_up)
+            while bits != 0:
+                j = simd.trailing_zeros(bits)
+                bits &= bits - 1
+                _by_search(room, memory, tape, np.int64(simd.lane(ray, j)), simd.lane(at, j), simd.lane(end, j), start, hits)
+        opened, turns = left, turns + 1
     return count
+
+
+@helper
+def _piece(room: Any, tape: int, ray: Any, at: Any, to: Any, slack: float) -> Any:
+    """(low, high, least, most, error, far, sure) of values and slopes between distances of sixteen rays, and the values at the ends."""
+    registers = room.registers
+    for axis in range(3):
+        o, d = room.rays[axis * SPACED + ray], room.rays[(3 + axis) * SPACED + ray]
+        p, q = simd.fma(d, at, o), simd.fma(d, to, o)
+        row = PARTS_OF_SPAN * axis
+        simd.store(registers, row * VECTOR, simd.minimum(p, q) - slack)
+        simd.store(registers, (row + 1) * VECTOR, simd.maximum(p, q) + slack)
+        simd.store(registers, (row + 2) * VECTOR, d - 2.0 * U)
+        simd.store(registers, (row + 3) * VECTOR, d + 2.0 * U)
+        simd.store(registers, (row + 4) * VECTOR, d * 0.0 + slack)
+        simd.store(room.packed, axis * VECTOR, q)
+    tell(room, PARTS_OF_SPAN, 1, simd.f32x16(-np.inf), simd.f32x16(np.inf))
+    room.state[0] = 0
+    evaluate(room, SPANS, tape, 1)
+    out = room.tapes[tape, 2] * PARTS_OF_SPAN * VECTOR
+    low, high = simd.load(registers, out, VECTOR), simd.load(registers, out + VECTOR, VECTOR)
+    least, most = simd.load(registers, out + 2 * VECTOR, VECTOR), simd.load(registers, out + 3 * VECTOR, VECTOR)
+    error = error_of(low, high, simd.load(registers, out + 4 * VECTOR, VECTOR))
+    sure = ~simd.mask_from_bits(room.state[0], low)
+    for axis in range(3):
+        simd.store(registers, axis * VECTOR, simd.load(room.packed, axis * VECTOR, VECTOR))
+    evaluate(room, POINTS, tape, 1)
+    return low, high, least, most, error, simd.load(registers, room.tapes[tape, 2] * VECTOR, VECTOR), sure
 
 
 @apart_

@@ -100,3 +100,16 @@ def lit_materials(tables: ir.Tables) -> np.ndarray:
     rough = (m.values[:, ir.Slot.ROUGHNESS, 0] > 0.0) | (m.textures[:, ir.Slot.ROUGHNESS] >= 0)
     facets = np.isin(m.model, (ir.MaterialModel.METAL, ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR))
     return plain | facets | (m.model == ir.MaterialModel.BLEND) | (rough & (m.model == ir.MaterialModel.GLASS))
+
+
+def extents(tables: ir.Tables) -> tuple[float, float]:
+    """(largest coordinate of what is bounded and of the cameras, diagonal of the smallest thing), in metres; (0, 1) of nothing."""
+    instances, matrix = tables.instances, tables.transforms.matrix[tables.instances.transform]
+    bounds = tables.geometries.bounds[instances.geometry]
+    finite = np.isfinite(bounds).all(axis=(1, 2))
+    middle, half = bounds[finite].mean(axis=1), 0.5 * (bounds[finite, 1] - bounds[finite, 0])
+    centre = np.einsum("nij,nj->ni", matrix[finite, :, :3], middle) + matrix[finite, :, 3]
+    reach = np.einsum("nij,nj->ni", np.abs(matrix[finite, :, :3]), half)
+    eyes = np.abs(tables.transforms.matrix[tables.cameras.transform, :, 3])
+    largest = max(float(np.abs(centre).max(initial=0.0) + reach.max(initial=0.0)), float(eyes.max(initial=0.0)))
+    return largest, float(np.linalg.norm(reach, axis=1).min(initial=np.inf)) if finite.any() else 1.0

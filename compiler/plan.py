@@ -12,9 +12,9 @@ import numpy as np
 
 from ..lang.diagnostics import suggest
 from ..lang.schema import MAX_BOUNCES as MAX_BOUNCES
-from . import bodies, caustics, ir
+from . import bodies, caustics, ir, reuse
 from .facts import POLISHED as POLISHED  # what a plan's readers ask, too
-from .facts import glossy_materials, ground, lit_materials, moving, partial, shines, specular_materials, used_materials
+from .facts import extents, glossy_materials, ground, lit_materials, moving, partial, shines, specular_materials, used_materials
 from .facts import open_during as open_during
 
 DEFAULT_SIZE = (800, 600)
@@ -267,7 +267,7 @@ def _path_precision(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Deci
         return Decision("precision", "float64", "all but paths of the ray backend is computed in double precision", PRECISIONS[1:])
     if (scene.tables.geometries.kind == ir.GeometryKind.FORMULA).any() or (scene.tables.textures.kind == ir.TextureKind.FORMULA).any():
         return Decision("precision", "float64", "formulas are evaluated in double precision", PRECISIONS[1:])
-    largest, smallest = _extents(scene)
+    largest, smallest = extents(scene.tables)
     ratio = largest / smallest if smallest > 0.0 else math.inf
     figures = f"coordinates up to {largest:.3g} m over {smallest:.3g} m, the smallest thing: {ratio:.3g}"
     if ratio <= FLOAT32_RATIO:
@@ -280,20 +280,6 @@ def _weighing(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision])
         return Decision("weighing", "power", "no path finds light in two ways", WEIGHINGS[:1])
     reason = "light is looked for, and found by chance: the likelier way counts more (`lights`, `surfaces`: one way alone)"
     return Decision("weighing", "power", reason, WEIGHINGS)
-
-
-def _extents(scene: ir.Scene) -> tuple[float, float]:
-    """(largest coordinate of what is bounded and of the cameras, diagonal of the smallest thing), in metres; (0, 1) of nothing."""
-    tables = scene.tables
-    instances, matrix = tables.instances, tables.transforms.matrix[tables.instances.transform]
-    bounds = tables.geometries.bounds[instances.geometry]
-    finite = np.isfinite(bounds).all(axis=(1, 2))
-    middle, half = bounds[finite].mean(axis=1), 0.5 * (bounds[finite, 1] - bounds[finite, 0])
-    centre = np.einsum("nij,nj->ni", matrix[finite, :, :3], middle) + matrix[finite, :, 3]
-    reach = np.einsum("nij,nj->ni", np.abs(matrix[finite, :, :3]), half)
-    eyes = np.abs(tables.transforms.matrix[tables.cameras.transform, :, 3])
-    largest = max(float(np.abs(centre).max(initial=0.0) + reach.max(initial=0.0)), float(eyes.max(initial=0.0)))
-    return largest, float(np.linalg.norm(reach, axis=1).min(initial=np.inf)) if finite.any() else 1.0
 
 
 def _shadows(scene: ir.Scene, *_: Any) -> Decision:
@@ -528,6 +514,11 @@ def _caustics(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision])
     return Decision("transport.caustics", value, reason, choices, fixed="--backend" if done["backend"].value == "reference" else "")
 
 
+def _reuse(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
+    found = reuse.by_blocks(scene.tables, done["transport"].value, done["backend"].value, done["motion"].value)
+    return Decision("transport.reuse", *found)
+
+
 def _fill(scene: ir.Scene, *_: Any) -> Decision:
     return Decision("raster.fill", "edges", "exact edge functions; all three cover the same samples", ("edges", "areas", "scanline"))
 
@@ -588,7 +579,7 @@ RULES: tuple[Callable[[ir.Scene, ir.Settings, Mapping[str, Decision]], Decision]
     _backend, _camera, _lens, _size, _crop, _soft, _secondary, _bounces, _interreflection, _random, _transport, _weighing, _path_precision,
     _shadows, _bodies, _error, _budget, _samples, _filter, _noise, _seed,
     _background, _exposure, _view, _aov, _denoise, _threads, _accelerator, _formulas, _horizon, _opacity,
-    _raster_shadows, _motion, _caustics, _textures, _tolerance, _fill, _places, _shading, _precision,
+    _raster_shadows, _motion, _caustics, _reuse, _textures, _tolerance, _fill, _places, _shading, _precision,
 )  # fmt: skip
 
 

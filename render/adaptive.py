@@ -117,6 +117,27 @@ def _doublings(places: Counts, threshold: int) -> Counts:
     return np.where((places <= threshold) & (places < _PLACES), np.clip(steps, 0, MOST_DOUBLINGS), 0)
 
 
+class Blocks:
+    """A crop in blocks of so many pixels a side, which are the picture's: those at its edges are cut off. Of 1 they are the pixels."""
+
+    def __init__(self, crop: tuple[int, int, int, int], side: int) -> None:
+        x0, y0, x1, y1 = crop
+        self.side = side
+        self.rows, self.columns = (np.arange(y0, y1) // side - y0 // side, np.arange(x0, x1) // side - x0 // side)
+
+    def means(self, values: NDArray[Any]) -> NDArray[Any]:
+        """(rows, columns) the mean over each block of (h, w)."""
+        if self.side == 1:
+            return values
+        starts = [np.flatnonzero(np.diff(places, prepend=-1)) for places in (self.rows, self.columns)]
+        total = np.add.reduceat(np.add.reduceat(values, starts[0], axis=0), starts[1], axis=1)
+        return total / np.multiply.outer(np.bincount(self.rows), np.bincount(self.columns))
+
+    def spread(self, values: NDArray[Any]) -> NDArray[Any]:
+        """(h, w) each block's value for all of its pixels."""
+        return values if self.side == 1 else values[np.ix_(self.rows, self.columns)]
+
+
 class Decline:
     """How variance falls with samples, as the doublings of a picture show it, and what follows for its error.
 

@@ -36,6 +36,9 @@ class Renderer(Protocol):
     by_tile: bool
     """Whether all pixels of a tile take the same samples; else each may have its own."""
 
+    block: int
+    """Pixels of the side of blocks of the picture in which all take the same samples; 1: each has its own."""
+
     side: int
     """Pixels of a tile's side."""
 
@@ -306,13 +309,16 @@ class _Canvas:
             return self.spent / whole if math.isinf(deadline) else (time.perf_counter() - began) / (deadline - began)
 
         self._work(begin, self.tiles, lambda: 0.5 * share())
+        blocks = adaptive.Blocks(self.crop, self.renderer.block)
         while self.most > 1 and not self.cancel.is_set() and (now := time.perf_counter()) < deadline:
-            relative = self._relative()
+            relative = blocks.means(self._relative())
             excess = adaptive.excess(relative, error) if error > 0.0 else 1.0
             if excess <= 0.0:
                 break
             pace = self.spent / (now - began)
-            goals = self._goals(relative, whole_sums.samples, excess, (deadline - now) * pace)
+            samples = blocks.means(whole_sums.samples).astype(np.int64)
+            goals = blocks.spread(self._goals(relative, samples, excess, (deadline - now) * pace / self.renderer.block**2))
+            goals = np.maximum(goals, whole_sums.samples)
             if self.renderer.round is not None:
                 self.renderer.refresh(int(np.sum(goals - whole_sums.samples)))
             added = {tile: int(np.sum(goals[self._window(tile)] - whole_sums.samples[self._window(tile)])) for tile in self.tiles}

@@ -40,7 +40,7 @@ class Renderer:
         if not self.parts:
             self.parts = [("", make(scene, plan))]
         one = self.parts[0][1]
-        self.by_tile, self.side, self.prepared = one.by_tile, one.side, getattr(one, "prepared", None)
+        self.by_tile, self.block, self.side, self.prepared = one.by_tile, one.block, one.side, getattr(one, "prepared", None)
 
     @property
     def round(self) -> int | None:

@@ -24,6 +24,7 @@ class Renderer(Unshared):
     """Draws a scene that moves or a lens that is wide; see film.Renderer. `still` makes the renderer of one moment and one point."""
 
     by_tile = True
+    block = 1
     side = TILE
     whole = None
 

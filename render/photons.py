@@ -42,7 +42,8 @@ from .handles import Handle
 from .kernels import HELPER, apart, helper, kernel
 from .photon_map import COLUMNS, MAPS
 from .records import Lane, Ray, Surface, Tables, Vec
-from .waves import ROW, STATE
+from .rows import PAD, ROW, SIZE, keep, keep3, load3
+from .waves import STATE
 
 F64 = NDArray[np.float64]
 TARGETS = 32  # balls that lamps aim at; more are put together
@@ -187,7 +188,7 @@ class Tracer:
                 self.rooms.room = Handle(waves.Room.of(self.kind))
             space = SPACE * BLOCK
             while True:
-                rows = np.empty((COLUMNS, space + waves.PAD), np.float32)
+                rows = np.empty((COLUMNS, space + PAD), np.float32)
                 kept = trace_block(
                     self.accel, self.scene, self.frame, self.aims, number, start, count, each, origin, self.rooms.room, rows
                 )
@@ -216,8 +217,8 @@ def trace_block(accel, scene, frame, aims, number, first, count, total, origin, 
     """
     saved = simd.flush_denormals()
     kept = 0
-    for start in range(0, count, waves.SIZE):
-        left, source = _begin(scene, frame, aims, room, number, first + start, min(count - start, waves.SIZE), 1.0 / total), 0
+    for start in range(0, count, SIZE):
+        left, source = _begin(scene, frame, aims, room, number, first + start, min(count - start, SIZE), 1.0 / total), 0
         for depth in range(frame.options.bounces + 1):
             if left == 0:
                 break
@@ -238,10 +239,10 @@ def _begin(scene, frame, aims, room, number, first, n, each):
         numbers = lanes.int_like(index, number)
         ray, power = _sent(scene.tables, scene.light.emitters, aims, numbers, index, frame.options.seed)
         going = simd.first_lanes(n - i, like) & (lanes.largest(power) > 0.0)
-        waves.keep3(room.state, kept, ray.origin, going)
-        waves.keep3(room.state, 3 * ROW + kept, ray.direction, going)
-        waves.keep3(room.state, 6 * ROW + kept, lanes.scale(power, each), going)
-        waves.keep3(room.whose, kept, (lanes.int_like(index, 0), numbers, index), going)
+        keep3(room.state, kept, ray.origin, going)
+        keep3(room.state, 3 * ROW + kept, ray.direction, going)
+        keep3(room.state, 6 * ROW + kept, lanes.scale(power, each), going)
+        keep3(room.whose, kept, (lanes.int_like(index, 0), numbers, index), going)
         kept += simd.count(going)
     return kept
 
@@ -254,9 +255,9 @@ def _land(scene, frame, room, source, n, depth, origin, landed, kept):
     base, target, going_on = source * STATE * ROW, (1 - source) * STATE * ROW, 0
     for i in range(0, n, across.width(like)):
         zero = 0.0 * like
-        start, direction = waves.load3(room.state, base, 0, i), waves.load3(room.state, base, 3, i)
-        power = waves.load3(room.state, base, 6, i)
-        flags, number, index = waves.load3(room.whose, source * 3 * ROW, 0, i)
+        start, direction = load3(room.state, base, 0, i), load3(room.state, base, 3, i)
+        power = load3(room.state, base, 6, i)
+        flags, number, index = load3(room.whose, source * 3 * ROW, 0, i)
         bent, spread, thrown = (flags & BENT) != 0, (flags & SPREAD) != 0, (flags & THROWN) != 0
         inside = waves.inside_of(media.outside(tables, zero), None, room, source * ROW + i, depth)
         hit, piece, here = waves.found(room, i, simd.first_lanes(n - i, like))
@@ -293,10 +294,10 @@ def _land(scene, frame, room, source, n, depth, origin, landed, kept):
         bent = bent | lanes.not_(thrown)
         weight = lanes.mul(power, lanes.scale(weight, 1.0 / lanes.maximum(chance, lights.TINY)))
         flags = lanes.where(bent, BENT, 0) | lanes.where(spread, SPREAD, 0) | lanes.where(thrown, THROWN, 0)
-        waves.keep3(room.state, target + going_on, surface.leave(point, to), going)
-        waves.keep3(room.state, target + 3 * ROW + going_on, to, going)
-        waves.keep3(room.state, target + 6 * ROW + going_on, weight, going)
-        waves.keep3(room.whose, (1 - source) * 3 * ROW + going_on, (lanes.to_int(flags) + 0 * number, number, index), going)
+        keep3(room.state, target + going_on, surface.leave(point, to), going)
+        keep3(room.state, target + 3 * ROW + going_on, to, going)
+        keep3(room.state, target + 6 * ROW + going_on, weight, going)
+        keep3(room.whose, (1 - source) * 3 * ROW + going_on, (lanes.to_int(flags) + 0 * number, number, index), going)
         inside = media.crossed(inside, None, tables, point, to)
         waves.keep_inside(inside, None, room, (1 - source) * ROW + going_on, going)
         going_on += simd.count(going)
@@ -375,7 +376,7 @@ def _leaning(point: Surface, arriving: Vec, leaving: Vec) -> Lane:
 def _write(landed: Any, kept: int, lands: Lane, spread: Lane, point: Surface, direction: Vec, power: Vec, origin: Any) -> None:
     """Write the photons of a mask's lanes, if there is room."""
     room = landed.shape[1]
-    if kept + waves.PAD > room:
+    if kept + PAD > room:
         return
     place, normal = point.position, point.geometric
     place = (place[0] - origin[0], place[1] - origin[1], place[2] - origin[2])
@@ -383,13 +384,13 @@ def _write(landed: Any, kept: int, lands: Lane, spread: Lane, point: Surface, di
     _write3(landed, 3 * room + kept, lanes.negate(direction), lands)
     _write3(landed, 6 * room + kept, power, lands)
     _write3(landed, 9 * room + kept, normal, lands)
-    waves.keep(landed, 12 * room + kept, lanes.where(spread, -1.0 + 0.0 * place[0], 1.0), lands)
+    keep(landed, 12 * room + kept, lanes.where(spread, -1.0 + 0.0 * place[0], 1.0), lands)
 
 
 @helper
 def _write3(landed: Any, at: int, v: Vec, lands: Lane) -> None:
     for k in range(3):
-        waves.keep(landed, at + k * landed.shape[1], v[k], lands)
+        keep(landed, at + k * landed.shape[1], v[k], lands)
 
 
 @helper

@@ -56,10 +56,11 @@ class Records(NamedTuple):
 
 
 class Tried(NamedTuple):
-    """The pieces of a scene: those that rays meet, those that may stand before a light, and what they are."""
+    """The pieces of a scene: those that rays meet, those that may stand before a light or between two surfaces, and what they are."""
 
     seen: Pieces
     blocking: Pieces
+    between: Pieces
     records: Records
 
 
@@ -104,13 +105,11 @@ def build(tables: ir.Tables, hull: bool, moves: bool = False) -> tuple[Tried, ND
     how = [(i, facets.PLAIN if plain[i] else facets.ROUNDED) for i in np.flatnonzero(meshes).tolist()]
     more, first, rounded = facets.build(tables, how, len(own))
     records = Records(np.concatenate([own, more]), first, rounded)
-    blocking = [k for k, (i, _) in enumerate(listed) if instances.visible[i] & ir.Visibility.SHADOW]
-    if hull:
-        points = _points(tables, inside, listed)
-        if points is not None:
-            blocking = [k for k in blocking if not _bounds(listed[k][1], points)]
-    seen = _tables(listed, list(range(len(listed))))
-    return Tried(seen, _tables(listed, blocking), records), inside
+    every = list(range(len(listed)))
+    points = _points(tables, inside, listed)
+    between = every if points is None else [k for k in every if not _bounds(listed[k][1], points)]
+    blocking = [k for k in (between if hull else every) if instances.visible[listed[k][0]] & ir.Visibility.SHADOW]
+    return Tried(_tables(listed, every), _tables(listed, blocking), _tables(listed, between), records), inside
 
 
 def _tables(listed: list[tuple[int, _Found]], rows: list[int]) -> Pieces:

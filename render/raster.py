@@ -33,6 +33,7 @@ class Renderer(Unshared):
     """Draws one view; its methods may be called from several threads at a time."""
 
     by_tile = True
+    block = 1
     side = TILE
 
     def __init__(self, prepared: Prepared, plan: Plan, view: View) -> None:

@@ -27,6 +27,7 @@ class Renderer:
 
     by_tile = False
     whole = None
+    block = 1  # pixels of the side of what takes the same samples
 
     def __init__(self, prepared: prepare.Prepared, plan: Plan, view: View) -> None:
         self.prepared, self.view = prepared, view
@@ -34,10 +35,15 @@ class Renderer:
         self.closed = plan["formulas"] == "closed"
         self.packed = prepared.packed  # with the photons of this round, where there are any
         self._rooms = threading.local()  # of waves and of bundles, one a thread
+        self.reuses = prepared.paths is not None and plan["transport.reuse"] == "blocks"
+        if self.reuses:
+            from . import reuse
+
+            self.block = reuse.SIDE
         self.primes = prepared.paths is None and primed.is_needed(prepared.accel.tables)
         self.side = primed.side(view.width, view.height, plan["samples"]) if self.primes else TILE
         self.everything = None  # trees of all things, where waves' own leave some out
-        nothing, none = Tile(0, 0, 0, 0), np.zeros((0, 0), np.int64)
+        nothing, none = Tile(0, 0, 0, 0), np.zeros((0, 0), np.int64)  # compiles
         self.sample(nothing, none, none, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
 
     @property
@@ -64,11 +70,12 @@ class Renderer:
         """Add samples first … first + count - 1, (h, w) each, of the pixels of the tile to the film."""
         p = self.prepared
         if p.paths is not None:
-            from . import waves
+            from . import blocks, waves
 
             if not hasattr(self._rooms, "room"):
-                self._rooms.room = Handle(waves.Room.of(p.paths))
-            waves.draw_tile(p.accel, self.packed, self.frame, tile, first, count, total, film, self._rooms.room)
+                self._rooms.room = Handle(waves.Room.of(p.paths, self.reuses))
+            drawn = blocks.draw_tile if self.reuses else waves.draw_tile
+            drawn(p.accel, self.packed, self.frame, tile, first, count, total, film, self._rooms.room)
             return
         if self.primes:
             from . import bundled  # what other scenes do not load

@@ -19,6 +19,7 @@ class Renderer(Unshared):
     """Draws tiles with numpy lanes, all pixels of a tile at once."""
 
     by_tile = True
+    block = 1
     side = TILE
     whole = None
 

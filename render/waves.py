@@ -11,20 +11,18 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
 from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import across, aside, camera, facets, lanes, materials, media, paths, pieces, sampler, simd, surface, trace
+from . import across, aside, camera, facets, lanes, materials, media, paths, pieces, reuse, sampler, simd, surface, trace
 from .kernels import HELPER, apart, helper, if_there, kernel
 from .paths import Connection, Path
 from .records import Hit, Lane, Ray, Surface, Vec
+from .rows import ROW, SIZE, add, gather3, keep, keep3, load3, store3
+from .tree_lanes import as_searched, enters, for_search, from_search, pad, queue_up
 
 CAMERA, OTHER = int(ir.Visibility.CAMERA), paths.OTHER_RAY
-SIZE = 2048  # paths of a wave
-PAD = 64  # beyond them, for stores of whole vectors
-ROW = SIZE + PAD
 STATE = 11  # rows of a path: origin, direction, weight, density, and its phase, or 1 where it is straight
 ASKED = 10  # rows of a connection: origin, direction, distance, light
 _WIDTH64 = simd.WIDTH64
@@ -45,10 +43,11 @@ class Room(NamedTuple):
     near: Any  # (ROW,) float: where camera rays begin
     inside: Any  # (2 · ROW,) int: the media that rays are in, where a scene has any
     facing: Any  # (2 · 3 · ROW,) float: the normals of where rays come from, where there are many lamps
+    shared: Any  # reuse.Shared, or reuse.Alone
 
     @classmethod
-    def of(cls, kind: type) -> Room:
-        """Room for waves of float32 or float64."""
+    def of(cls, kind: type, reuses: bool = False) -> Room:
+        """Room for waves of float32 or float64, whose paths may be shared by the pixels of a block."""
         whole = np.int32 if kind == np.float32 else np.int64
 
         def row(count: int, what: type) -> NDArray[Any]:
@@ -58,7 +57,7 @@ class Room(NamedTuple):
 
         return cls(
             row(2 * STATE, kind), row(2 * 3, whole), row(3, kind), row(3, whole), row(ASKED, kind), row(1, whole), row(1, np.int64),
-            row(4, kind), row(4, whole), row(1, kind), row(2, whole), row(2 * 3, kind),
+            row(4, kind), row(4, whole), row(1, kind), row(2, whole), row(2 * 3, kind), reuse.Shared.of(kind) if reuses else reuse.Alone(),
         )  # fmt: skip
 
 
@@ -91,34 +90,40 @@ def draw_tile(accel, scene, frame, tile, first, count, total, film, room):
                 room.items[2 * ROW + filled], room.items[3 * ROW + filled] = s, row * width + column
                 filled += 1
                 if filled == SIZE:
-                    _wave(accel, scene, frame, total, room, filled)
-                    _collect(film, room, filled, width)
+                    draw(accel, scene, frame, total, room, filled)
+                    collect(film, room, filled, width)
                     filled = 0
     if filled > 0:
-        _wave(accel, scene, frame, total, room, filled)
-        _collect(film, room, filled, width)
+        draw(accel, scene, frame, total, room, filled)
+        collect(film, room, filled, width)
     simd.restore_denormals(saved)
 
 
 @apart
-def _wave(accel, scene, frame, total, room, n):
+def draw(accel, scene, frame, total, room, n):
     """The light of n samples, to the room."""
     _begin(scene.tables, frame, total, room, n)
+    reuse.cleared(room.shared, 0, n)
     left, source = n, 0
     for depth in range(frame.options.bounces + 2):
         meet(accel, scene, frame, room, source, left, depth)
         left, asked = _shade(scene, frame, room, source, left, depth)
         _test(accel, scene, frame, room, asked)
         source = 1 - source
+        if depth == 0:
+            reuse.parted_light(room.shared, 0, room.light, n)
         if left == 0:
             break
+    reuse.joined(room.shared, 0, accel, scene, room, frame.options.shadows, n)
 
 
 @helper
-def _collect(film: Any, room: Any, n: int, width: int) -> None:
-    """Add what n paths found to the film, in their order; what is not finite is left out and counted."""
+def collect(film: Any, room: Any, n: int, width: int) -> None:
+    """Add what n paths found to the film, in their order; what is not finite is left out and counted, what has no place left out."""
     for k in range(n):
         place = room.items[3 * ROW + k]
+        if place < 0:
+            continue
         row, column = place // width, place % width
         red, green, blue = float(room.light[k]), float(room.light[ROW + k]), float(room.light[2 * ROW + k])
         if abs(red + green + blue) < np.inf:
@@ -128,70 +133,6 @@ def _collect(film: Any, room: Any, n: int, width: int) -> None:
         else:
             film.issues[row, column] += 1
         film.alpha[row, column] += float(room.light[3 * ROW + k])
-
-
-# --- rows ----------------------------------------------------------------------------------------------------------------
-
-
-@helper
-def load3(rows: Any, base: int, row: int, i: int) -> Vec:
-    at = base + row * ROW + i
-    return simd.load(rows, at), simd.load(rows, at + ROW), simd.load(rows, at + 2 * ROW)
-
-
-@helper
-def _store3(rows: Any, base: int, row: int, i: int, v: Vec) -> None:
-    at = base + row * ROW + i
-    simd.store(rows, at, v[0])
-    simd.store(rows, at + ROW, v[1])
-    simd.store(rows, at + 2 * ROW, v[2])
-
-
-@helper
-def keep(rows: Any, at: int, x: Lane, mask: Lane) -> None:
-    """Close up the lanes of a mask and write them from a place on; what follows them in the row is overwritten."""
-    simd.store(rows, at, simd.compress(x, mask))
-
-
-@helper
-def keep3(rows: Any, at: int, v: Vec, mask: Lane) -> None:
-    keep(rows, at, v[0], mask)
-    keep(rows, at + ROW, v[1], mask)
-    keep(rows, at + 2 * ROW, v[2], mask)
-
-
-@helper
-def _add(rows: Any, slot: Lane, light: Vec, mask: Lane) -> None:
-    """Add light to what the paths of a mask have found; each stands in one lane only."""
-    for k in range(3):
-        at = slot + k * ROW
-        simd.scatter(rows, at, simd.gather(rows, at, mask) + light[k], mask)
-
-
-def _for_search(x: Any) -> Any:
-    raise NotImplementedError
-
-
-@overload(_for_search, jit_options=HELPER)
-def _for_search_kernel(x):
-    """Lanes as traverse.find takes them: numbers where the machine has one lane."""
-    if _WIDTH64 > 1:
-        return lambda x: x
-    if isinstance(x, types.NoneType):
-        return lambda x: x
-    return lambda x: simd.lane(x, 0)
-
-
-def _from_search(x: Any, like: Any) -> Any:
-    raise NotImplementedError
-
-
-@overload(_from_search, jit_options=HELPER)
-def _from_search_kernel(x, like):
-    """And back."""
-    if _WIDTH64 > 1:
-        return lambda x, like: x
-    return lambda x, like: like * 0 + x
 
 
 # --- stages --------------------------------------------------------------------------------------------------------------
@@ -210,15 +151,15 @@ def _begin(tables, frame, total, room, n):
         time = sampler.moment(pixel, s, options.seed, frame.shutter)
         ray = camera.through(tables, view, frame.lens, x, y, pixel, s, options.seed, time)
         zero = 0.0 * dx
-        _store3(room.state, 0, 0, i, (ray.origin[0] + zero, ray.origin[1] + zero, ray.origin[2] + zero))
-        _store3(room.state, 0, 3, i, ray.direction)
-        _store3(room.state, 0, 6, i, (zero + 1.0, zero + 1.0, zero + 1.0))
+        store3(room.state, 0, 0, i, (ray.origin[0] + zero, ray.origin[1] + zero, ray.origin[2] + zero))
+        store3(room.state, 0, 3, i, ray.direction)
+        store3(room.state, 0, 6, i, (zero + 1.0, zero + 1.0, zero + 1.0))
         simd.store(room.state, 9 * ROW + i, zero + materials.ONLY)
         simd.store(room.state, 10 * ROW + i, zero + 1.0)
         simd.store(room.near, i, zero + ray.t_min)
         simd.store(room.met, i, zero + ray.t_max)
-        _store3(room.whose, 0, 0, i, (simd.iota(x) + i, pixel, s))
-        _store3(room.light, 0, 0, i, (zero, zero, zero))
+        store3(room.whose, 0, 0, i, (simd.iota(x) + i, pixel, s))
+        store3(room.light, 0, 0, i, (zero, zero, zero))
         simd.store(room.light, 3 * ROW + i, zero + 1.0)
 
 
@@ -241,26 +182,26 @@ def meet(accel, scene, frame, room, source, n, depth):
         simd.store(room.what, i, piece)
         simd.store(room.what, ROW + i, lanes.int_like(t, -1))
         if scene.trees:
-            inside = simd.first_lanes(n - i, like) & _enters(scene, origin, direction, t)
-            queued += _queue(room, queued, i, inside)
-    _pad(room, queued)
+            inside = simd.first_lanes(n - i, like) & enters(scene, origin, direction, t)
+            queued += queue_up(room, queued, i, inside)
+    pad(room, queued)
     wide = simd.load(room.queue, 0)
     for j in range(0, queued, _WIDTH64):
         k = simd.load(room.queue, j)
-        origin, direction = _gather3(room.state, base, 0, k), _gather3(room.state, base, 3, k)
+        origin, direction = gather3(room.state, base, 0, k), gather3(room.state, base, 3, k)
         near = 0.0 * origin[0]
         if depth == 0:
             near = room.near[k]
         visible = CAMERA if depth == 0 else OTHER
         pixel, sample = room.whose[k + (source * 3 + 1) * ROW], room.whose[k + (source * 3 + 2) * ROW]
         time = sampler.moment(pixel, sample, seed, frame.shutter)
-        ray = _as_searched(origin, direction, near, room.met[k], time)
-        hit = met_by_chance(accel, ray, np.int64(visible), _for_search(pixel), _for_search(sample), depth, seed)
-        nearer = _from_search(hit.instance, wide) >= 0
-        simd.scatter(room.met, k, _from_search(hit.t, near), nearer)
-        simd.scatter(room.met, k + ROW, _from_search(hit.u, near), nearer)
-        simd.scatter(room.met, k + 2 * ROW, _from_search(hit.v, near), nearer)
-        instance, primitive = _from_search(hit.instance, wide), _from_search(hit.primitive, wide)
+        ray = as_searched(origin, direction, near, room.met[k], time)
+        hit = met_by_chance(accel, ray, np.int64(visible), for_search(pixel), for_search(sample), depth, seed)
+        nearer = from_search(hit.instance, wide) >= 0
+        simd.scatter(room.met, k, from_search(hit.t, near), nearer)
+        simd.scatter(room.met, k + ROW, from_search(hit.u, near), nearer)
+        simd.scatter(room.met, k + 2 * ROW, from_search(hit.v, near), nearer)
+        instance, primitive = from_search(hit.instance, wide), from_search(hit.primitive, wide)
         simd.scatter(room.what, k, _row_of(scene, instance, primitive), nearer)
         simd.scatter(room.what, k + ROW, instance, nearer)
         simd.scatter(room.what, k + 2 * ROW, primitive, nearer)
@@ -271,13 +212,6 @@ def _row_of(scene: Any, instance: Lane, primitive: Lane) -> Lane:
     """The row of pieces.Records of what trees found, -1 where it has none; a formula's primitive tells its root, not a triangle."""
     first = scene.tried.records.first[lanes.maximum(instance, 0)]
     return lanes.where(first == facets.NONE, -1, first + primitive)
-
-
-@helper
-def _as_searched(origin: Vec, direction: Vec, near: Lane, far: Lane, time: Any) -> Ray:
-    o = (_for_search(origin[0]), _for_search(origin[1]), _for_search(origin[2]))
-    d = (_for_search(direction[0]), _for_search(direction[1]), _for_search(direction[2]))
-    return Ray(o, d, _for_search(near), _for_search(far), _for_search(time))
 
 
 def met_by_chance(accel: Any, ray: Ray, visible: Any, pixel: Lane, sample: Lane, depth: int, seed: int) -> Hit:
@@ -331,44 +265,6 @@ def _passing_in_trees(accel, ray):
         return lambda accel, ray: 0.0 * ray.t_min + 1.0
     unused: Any = None  # tables, which kernels have beside their trees
     return lambda accel, ray: trace.let_through(accel, unused, ray, lanes.bool_like(ray.t_min, True))
-
-
-@helper
-def _gather3(rows: Any, base: int, row: int, k: Lane) -> Vec:
-    at = k + (base + row * ROW)
-    return rows[at], rows[at + ROW], rows[at + 2 * ROW]
-
-
-@helper
-def _queue(room: Any, queued: int, i: int, mask: Lane) -> int:
-    """Write down the numbers of a mask's lanes, which count from i; how many they are."""
-    left = simd.bits(mask)
-    count = 0
-    while left != 0:
-        k = simd.trailing_zeros(left)
-        left &= left - 1
-        simd.write(room.queue, queued + count, i + k)
-        count += 1
-    return count
-
-
-@helper
-def _pad(room: Any, queued: int) -> None:
-    """Repeat the last one, so that whole vectors can be read."""
-    for k in range(_WIDTH64 if queued > 0 else 0):
-        simd.write(room.queue, queued + k, simd.read(room.queue, queued - 1))
-
-
-@helper
-def _enters(scene: Any, origin: Vec, direction: Vec, t: Lane) -> Lane:
-    """Whether rays enter the box around what is in trees, nearer than t."""
-    begin, end = lanes.full_like(t, 0.0), t
-    for k in range(3):
-        inverse = 1.0 / direction[k]
-        one, other = (scene.low[k] - origin[k]) * inverse, (scene.high[k] - origin[k]) * inverse
-        begin = lanes.maximum(lanes.minimum(one, other), begin)
-        end = lanes.minimum(lanes.maximum(one, other) * 1.000001, end)
-    return begin <= end
 
 
 @helper
@@ -454,10 +350,10 @@ def _shade(scene, frame, room, source, n, depth):
         if lanes.any_lane(missed):
             behind, less = paths.escape(tables, light, options, path, missed, depth)
             if depth == 0:  # slots are those of the lanes
-                _store3(room.light, 0, 0, i, behind)
+                store3(room.light, 0, 0, i, behind)
                 simd.store(room.light, 3 * ROW + i, 1.0 - less)
             elif lanes.any_lane(missed & ((lanes.largest(behind) > 0.0) | (less > 0.0))):
-                _add(room.light, slot, behind, missed)
+                reuse.found(room.shared, room.light, slot, behind, missed, depth)
                 at = slot + 3 * ROW
                 simd.scatter(room.light, at, simd.gather(room.light, at, missed) - less, missed)
             if lanes.not_(lanes.any_lane(here)):
@@ -467,7 +363,8 @@ def _shade(scene, frame, room, source, n, depth):
         sent, connection, onward, going = paths.arrive(tables, light, options, path, hit, point, here, pixel, sample, depth)
         bright = here & (lanes.largest(sent) > 0.0)
         if lanes.any_lane(bright):
-            _add(room.light, slot, sent, bright)
+            reuse.found(room.shared, room.light, slot, sent, bright, depth)
+        onward = reuse.parted(room.shared, onward, i, slot, point, here, going, depth)
         wanted = connection.wanted
         if lanes.any_lane(wanted):
             _ask(room, asked, slot, connection)
@@ -543,22 +440,22 @@ def _test(accel, scene, frame, room, n):
         if options.shadows:
             lit = lit & lanes.not_(pieces.blocked(scene.tried.blocking, origin, direction, distance))
             if scene.trees:
-                inside = lit & (distance > 0.0) & _enters(scene, origin, direction, distance)
-                queued += _queue(room, queued, i, inside)
+                inside = lit & (distance > 0.0) & enters(scene, origin, direction, distance)
+                queued += queue_up(room, queued, i, inside)
                 lit = lit & lanes.not_(inside)
         if lanes.any_lane(lit):
-            _add(room.light, lanes.where(lit, simd.load(room.asker, i), 0), load3(room.asked, 0, 7, i), lit)
-    _pad(room, queued)
+            add(room.light, lanes.where(lit, simd.load(room.asker, i), 0), load3(room.asked, 0, 7, i), lit)
+    pad(room, queued)
     wide = simd.load(room.queue, 0)
     for j in range(0, queued, _WIDTH64):
         k = simd.load(room.queue, j)
-        origin, direction = _gather3(room.asked, 0, 0, k), _gather3(room.asked, 0, 3, k)
+        origin, direction = gather3(room.asked, 0, 0, k), gather3(room.asked, 0, 3, k)
         slot = room.asker[k]
         x, y, s = room.items[slot], room.items[slot + ROW], room.items[slot + 2 * ROW]
         pixel, s = sampler.place(x, y, s, frame.picture.width, frame.order)
         time = sampler.moment(pixel, s, options.seed, frame.shutter)
-        ray = _as_searched(origin, direction, 0.0 * origin[0], room.asked[k + 6 * ROW], time)
-        share = _from_search(_passing(accel, ray), origin[0])
+        ray = as_searched(origin, direction, 0.0 * origin[0], room.asked[k + 6 * ROW], time)
+        share = from_search(_passing(accel, ray), origin[0])
         lit = (share > 0.0) & simd.first_lanes(queued - j, wide)
         if lanes.any_lane(lit):
             for c in range(3):

@@ -14,8 +14,8 @@ from . import facts, ir
 
 SMALL = 0.3  # steradians of what a gathering thing sees, below which a lamp is found too seldom (of a hemisphere one in twenty)
 POLISHED = 0.54  # roughness up to which a metal or glass gathers; its square is below render/materials.POLISHED
-BRIGHT = 0.1  # reflectance of the course's lobes below which paths find their light but that of the narrowest; as render/materials.BRIGHT
-PEAK, FAINT_PEAK = 8.0, 200.0  # 8 times what lobes that throw photons send at their peak, over what an even surface does; of faint ones
+BRIGHT = 0.1  # reflectance of the course's lobes, which grow no brighter at grazing angles, below which paths find their light well enough
+PEAK, FAINT_PEAK = 8.0, 200.0  # but that of the narrowest: 8 times what is sent at the peak, over what an even surface does; of faint ones
 COAT = 0.04  # reflectance of a coat along its normal; as render/microfacet.COAT
 FAINT = 0.1  # of what a highlight reflects, the least that is aimed for: it reflects more of what grazes it
 CARRIERS = ("photons", "paths")

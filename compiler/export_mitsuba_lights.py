@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from . import bodies, export, ir
 from .export import F64, Export
@@ -21,13 +22,14 @@ def lights(out: Export, plan: Plan, shapes: Shapes) -> list[Node]:
     """Emitters, and the shapes of area lights."""
     tables = out.scene.tables
     shining = [row for row in range(len(tables.lights.kind)) if tables.lights.color[row].max() > 0]
+    blocks = bodies.that_block(tables) | (len(shining) < 2)
     made: list[Node] = []
     for row in shining:
         kind = ir.LightKind(int(tables.lights.kind[row]))
         if not tables.lights.shadows[row] and kind != ir.LightKind.AMBIENT and plan["shadows"]:
             out.cannot("a light without shadows is not carried", "lights", row)
         if kind in _AREA:
-            made += _area(out, shapes, row, len(shining))
+            made += _area(out, shapes, row, blocks)
         elif kind == ir.LightKind.AMBIENT:
             out.cannot("ambient light is not carried: Mitsuba has none", "lights", row)
         elif kind in (ir.LightKind.POINT, ir.LightKind.SPOT):
@@ -38,13 +40,14 @@ def lights(out: Export, plan: Plan, shapes: Shapes) -> list[Node]:
     return made
 
 
-def _area(out: Export, shapes: Shapes, row: int, count: int) -> list[Node]:
+def _area(out: Export, shapes: Shapes, row: int, blocks: NDArray[np.bool_]) -> list[Node]:
+    """An area light; `blocks` as bodies.that_block, or true where there is nothing to block."""
     tables = out.scene.tables
     instance = int(tables.lights.instance[row])
     if instance < 0:
         out.cannot("an area light that is not seen is not carried", "lights", row)
         return []
-    if count > 1 and not bodies.that_block(tables)[instance]:
+    if not blocks[instance]:
         out.cannot("an area light's own shape blocks other lights in Mitsuba, and this one does not here", "lights", row)
     return shapes.of_light(instance, rgb("radiance", tables.lights.color[row]))
 

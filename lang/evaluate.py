@@ -122,11 +122,12 @@ class Evaluator:
             outer |= check.names_of(self.loader.prelude.file) | self.loader.prelude.broken
         main = len(self.loader.chain) == 1 and module is not self.loader.prelude
         known = module.source.text, module.source.name, frozenset(outer)
-        if main or known not in _sound:
-            before = len(self.diagnostics.items)
-            check.check_file(module, outer, self.report, self.diagnostics, main)
-            if module.library and not module.broken and len(self.diagnostics.items) == before:
-                _sound.add(known)
+        if not main and known in _sound:
+            return
+        before = len(self.diagnostics.items)
+        check.check_file(module, outer, self.report, self.diagnostics, main)
+        if module.of_library and not module.broken and len(self.diagnostics.items) == before:
+            _sound.add(known)
 
     def module_scope(self, module: Module, outer: Scope) -> Scope:
         """The scope of a file with the defaults of its `param`s; made once."""

@@ -55,7 +55,7 @@ class Module:
     file: ast.File
     unit: str
     scale: float
-    library: bool
+    of_library: bool
     broken: set[str] = field(default_factory=set)
     uses: dict[int, Module] = field(default_factory=dict)  # by the id of the `use` item
 

@@ -16,10 +16,11 @@ from ..compiler import ir
 from . import lanes
 from .handles import HandleType
 from .inputs import number_of
-from .kernels import HELPER, helper
+from .kernels import HELPER, helper, replacing
 from .records import Lane, Surface, Tables
 
 BLEND, WEIGHT = int(ir.MaterialModel.BLEND), int(ir.Slot.WEIGHT)
+_of_material = replacing(Surface, "material")
 
 
 class Plain(NamedTuple):
@@ -67,7 +68,7 @@ def if_blended(function: Callable[..., Any]) -> Callable[..., Any]:
 def part(tables: Tables, point: Surface, u: Lane) -> Surface:
     """The surface with one of the materials that its own is a blend of; u from 0 to 1 chooses."""
     materials: Any = tables.materials
-    point = _made_of(point, lanes.int_like(point.offset, 0) + point.material)
+    point = _of_material(point, lanes.int_like(point.offset, 0) + point.material)
     for _ in range(materials.blended.deep):
         row = point.material
         mixed = materials.model[row] == BLEND
@@ -75,14 +76,5 @@ def part(tables: Tables, point: Surface, u: Lane) -> Surface:
         second = u < weight
         u = lanes.where(mixed, lanes.where(second, u / lanes.maximum(weight, 1e-9), (u - weight) / lanes.maximum(1.0 - weight, 1e-9)), u)
         taken = lanes.where(second, lanes.to_int(materials.second[row]), lanes.to_int(materials.first[row]))
-        point = _made_of(point, lanes.where(mixed, taken, row))
+        point = _of_material(point, lanes.where(mixed, taken, row))
     return point
-
-
-@helper
-def _made_of(point: Surface, material: Lane) -> Surface:
-    """The surface with another material."""
-    return Surface(
-        point.position, point.local, point.geometric, point.normal, point.local_normal, point.uv, point.metric, point.front, point.instance,
-        material, point.color, point.offset, point.time, point.spread, point.lift, point.known,
-    )  # fmt: skip

@@ -128,7 +128,7 @@ def _order(rows: int, columns: int) -> tuple[NDArray[np.int64], NDArray[np.int64
 @kernel
 def aim(tables, frame, total, left, top, firsts, width, items, rays):
     """The camera rays of a desk's samples, of a tile with this corner; `firsts` are numbers of its pixels' first samples."""
-    n, stride = items.shape[1], rays.shape[1]
+    n = items.shape[1]
     for start in range(0, n, across.WIDTH):
         rows = lanes.minimum(across.numbered(start), n - 1)
         x, y = items[0, rows], items[1, rows]
@@ -141,15 +141,9 @@ def aim(tables, frame, total, left, top, firsts, width, items, rays):
         ray = camera.through(
             tables, view, frame.lens, lanes.to_float(x) + 0.5 + dx, lanes.to_float(y) + 0.5 + dy, pixel, s, options.seed, time
         )
-        zero = 0.0 * dx
-        for axis in range(3):
-            o, d = (ray.origin[0], ray.direction[0]) if axis == 0 else (ray.origin[1], ray.direction[1])
-            if axis == 2:
-                o, d = ray.origin[2], ray.direction[2]
-            across.store_row(rays, axis * stride + start, o + zero)
-            across.store_row(rays, (3 + axis) * stride + start, d + zero)
-        across.store_row(rays, 6 * stride + start, ray.t_min + zero)
-        across.store_row(rays, 7 * stride + start, lanes.full_like(dx, ray.t_max))
+        zero = (0.0 * dx, 0.0 * dx, 0.0 * dx)
+        far = lanes.full_like(dx, ray.t_max)
+        tile_room.put(rays, start, lanes.add(ray.origin, zero), lanes.add(ray.direction, zero), ray.t_min + zero[0], far)
 
 
 @kernel

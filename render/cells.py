@@ -95,7 +95,7 @@ def _by_axes(checker: Lane, x: Lane, y: Lane, px: Lane, py: Lane, qx: Lane, qy: 
     qx, qy = lanes.where(by_q, qx * share, qx), lanes.where(by_q, qy * share, qy)
     total = 0.0 * x
     k = 0
-    while k < 2 * PARTS and lanes.any_lane(count > k):
+    while lanes.any_lane(count > k):
         away = k - 0.5 * (count - 1.0)
         part = along_axis(x + away * step_x, lanes.absolute(px), lanes.absolute(qx))
         if lanes.any_lane(checker):

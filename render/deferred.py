@@ -18,6 +18,7 @@ from .handles import Handle
 from .kernels import apart, helper, kernel
 from .points import CAPACITY, COLOR, FACING, METRIC, NORMAL, OUTWARD, PLACE, SPREAD, TINT, UV, VIEWER, get1, get2, get3, keep, put3
 from .records import Surface
+from .surface import spanning
 
 
 def single(tables: ir.Tables, eye: NDArray[np.float64]) -> ir.Tables:
@@ -205,8 +206,7 @@ def patterned_point(shading: Any, colored: Any, i: int, k: int) -> Surface:
     spread = (get1(points, k, SPREAD), get1(points, k, SPREAD + 1), get1(points, k, SPREAD + 2), get1(points, k, SPREAD + 3))
     uv, front, material = get2(points, k, UV), get1(points, k, FACING) > 0.0, tables.instances.material[i]
     point = Surface(position, local, normal, normal, outward, uv, metric, front, i, material, color, zero, None, None)
-    known = footprints.of_pixel(tables, spread, point)
-    return Surface(position, local, normal, normal, outward, uv, metric, front, i, material, color, zero, None, known)
+    return spanning(point, footprints.of_pixel(tables, spread, point))
 
 
 @helper

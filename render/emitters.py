@@ -129,7 +129,7 @@ def _plate(kind: int, matrix: Any, flips: bool, size: Any, color: Any, both: boo
         radius = float(size[0]) * float(np.linalg.norm(x))
         return _row(kind=kind, place=matrix[:, 3], side_u=np.array([radius, 0.0, 0.0]), area=4.0 * math.pi * radius**2, color=color,
                     both=both, **more)  # fmt: skip
-    face = np.array([z[1] * x[2] - z[2] * x[1], z[2] * x[0] - z[0] * x[2], z[0] * x[1] - z[1] * x[0]]) * (-1.0 if flips else 1.0)
+    face = np.array(lanes.cross(tuple(z), tuple(x))) * (-1.0 if flips else 1.0)  # np.cross takes ten times as long
     stretch = math.sqrt(float(face @ face))
     half = (size[0], size[0]) if kind == DISK else (size[0], size[1])
     area = stretch * (math.pi * half[0] ** 2 if kind == DISK else 4.0 * half[0] * half[1])

@@ -24,7 +24,7 @@ from ..compiler import ir
 from ..compiler import plan as planner
 from . import across, camera, lanes, surface, textures, tilt
 from .handles import HandleType
-from .kernels import HELPER, apart, helper, if_there
+from .kernels import HELPER, apart, helper, if_there, replacing
 from .records import Hit, Lane, Ray, Surface, Tables, Vec, View
 
 MESH = int(ir.GeometryKind.MESH)
@@ -40,6 +40,7 @@ KEPT = {
 WITH_CONE = (7, 13)  # lanes of a Surface's spread where its last three are of the ray's cone
 SPHERE = int(ir.GeometryKind.SPHERE)
 BOX, PLANE, RECTANGLE, DISK = (int(getattr(ir.GeometryKind, name)) for name in ("BOX", "PLANE", "RECTANGLE", "DISK"))
+_lying = replacing(Surface, "geometric", "spread")
 
 
 class Eye(NamedTuple):
@@ -202,10 +203,7 @@ def _places_of_pixel(tables: Any, point: Surface) -> Any:
         d = lanes.scale(point.position, 1.0 / depth)
     facing = lanes.dot(d, outward)
     facing = lanes.where(lanes.absolute(facing) > 1e-12, facing, 1e-12)
-    flat = Surface(
-        point.position, point.local, outward, point.normal, point.local_normal, point.uv, point.metric, point.front, point.instance,
-        point.material, point.color, point.offset, point.time, None, point.lift, point.known,
-    )  # fmt: skip
+    flat = _lying(point, outward, None)
     right = _over_pixel(tables, (eye.right[0], eye.right[1], eye.right[2]), depth, d, facing, flat)
     below = _over_pixel(tables, (eye.down[0], eye.down[1], eye.down[2]), depth, d, facing, flat)
     return (*right, *below)

@@ -15,6 +15,7 @@ from numba.extending import overload
 
 from ..compiler import ir
 from . import across, bvh, lanes, lights, surface, trace
+from .formulas import tile_room
 from .kernels import HELPER, helper, kernel
 from .primed import instances
 from .records import Hit, Lane, Options, Ray, Surface, Tables, Vec
@@ -40,13 +41,10 @@ def is_asked(tables: Tables, light: int) -> bool:
 @kernel
 def aim(tables, light, rays, found, out):
     """Rays to a lamp from where camera rays met surfaces, one for each that it may light; how many. As tile_room.columns has them, all."""
-    n, stride, many = len(found.t), rays.shape[1], 0
+    n, many = len(found.t), 0
     for start in range(0, n, across.WIDTH):
         rows = lanes.minimum(across.numbered(start), n - 1)
-        origin = across.load_row(rays, start), across.load_row(rays, stride + start), across.load_row(rays, 2 * stride + start)
-        direction = (
-            across.load_row(rays, 3 * stride + start), across.load_row(rays, 4 * stride + start), across.load_row(rays, 5 * stride + start)
-        )  # fmt: skip
+        origin, direction, _, _ = tile_room.get(rays, start)
         instance = found.instance[rows]
         met = (instance >= 0) & (across.numbered(start) < n)
         ends = lanes.full_like(origin[0], -1.0)
@@ -58,12 +56,7 @@ def aim(tables, light, rays, found, out):
             ends = lanes.where(lit, arriving.distance, ends)
             origin, direction = lanes.along(position, geometric, offset), arriving.direction
             many += across.count(lit)
-        for axis in range(3):
-            o, d = (origin[0], direction[0]) if axis == 0 else (origin[1], direction[1]) if axis == 1 else (origin[2], direction[2])
-            across.store_row(out, axis * stride + start, o)
-            across.store_row(out, (3 + axis) * stride + start, d)
-        across.store_row(out, 6 * stride + start, lanes.full_like(ends, 0.0))
-        across.store_row(out, 7 * stride + start, ends)
+        tile_room.put(out, start, origin, direction, lanes.full_like(ends, 0.0), ends)
     return many
 
 
@@ -107,8 +100,8 @@ def _by_rest(known: Lane, accel: Any, tables: Tables, light: int, ray: Ray, acti
         bits = known >> (2 * light)
         told = (bits & 1) != 0
         active = active & ((bits & 2) == 0)
-    total = lanes.scale(given, trace.past(accel, ray, active & told, REST))
+    total = trace.dimmed(accel, tables, ray, active & told, given, REST)
     rest = active & lanes.not_(told)
     if lanes.any_lane(rest):
-        total = lanes.add(total, lanes.scale(given, trace.past(accel, ray, rest, CASTS)))
+        total = lanes.add(total, trace.dimmed(accel, tables, ray, rest, given))
     return total

@@ -147,38 +147,22 @@ def radiance(
     return lanes.where3(sound, total, (zero, zero, zero)), lanes.clip(alpha, 0.0, 1.0), sound
 
 
-def _radiance(tables, accel, gouraud, options, origin, direction, t, instance, primitive, u, v, pixel, sample, stack):
-    ray = Ray(origin, direction, 0.0 * t, 0.0 * t + np.inf, None)
-    return _walk(tables, accel, gouraud, options, ray, Hit(t, instance, primitive, u, v), pixel, sample, stack, None)
-
-
-def _told(tables, accel, gouraud, options, origin, direction, t, instance, primitive, u, v, pixel, sample, stack, known):
-    ray = Ray(origin, direction, 0.0 * t, 0.0 * t + np.inf, None)
-    return _walk(tables, accel, gouraud, options, ray, Hit(t, instance, primitive, u, v), pixel, sample, stack, known)
-
-
-def _moving(tables, accel, gouraud, options, origin, direction, t, instance, primitive, u, v, pixel, sample, stack, time):
+def _radiance(tables, accel, gouraud, options, origin, direction, t, instance, primitive, u, v, pixel, sample, stack, time, known):
     ray = Ray(origin, direction, 0.0 * t, 0.0 * t + np.inf, time)
-    return _walk(tables, accel, gouraud, options, ray, Hit(t, instance, primitive, u, v), pixel, sample, stack, None)
+    return _walk(tables, accel, gouraud, options, ray, Hit(t, instance, primitive, u, v), pixel, sample, stack, known)
 
 
 _walk = helper(radiance)
 linked = Linked(_radiance)  # one compiled body for all backends, kept on disk by itself
 call = linked.call
-linked_moving = Linked(_moving)  # the same where rays have a time
-call_moving = linked_moving.call
-linked_told = Linked(_told)  # the same where something is known of lamps
-call_told = linked_told.call
 
 
 def link(frame: Handle, tables: Handle, accel: Handle, gouraud: Handle, told: bool = False) -> None:
     """Compile or load `radiance` for what a picture is drawn from, and tell its frame where it is; `told` as hidden.py tells."""
     stack = types.Array(types.float64, 3, "C")
     packed = tables.numba_type, accel.numba_type, gouraud.numba_type, frame.part("options")
-    kinds = *packed, VEC, VEC, FLOAT, INT, INT, FLOAT, FLOAT, INT, INT, stack
-    moving = placed.is_open(frame.part("shutter"))
-    made = linked_told.link(*kinds, INT) if told else linked_moving.link(*kinds, FLOAT) if moving else linked.link(*kinds)
-    frame.put("radiance", made)
+    time, known = FLOAT if placed.is_open(frame.part("shutter")) else types.none, INT if told else types.none
+    frame.put("radiance", linked.link(*packed, VEC, VEC, FLOAT, INT, INT, FLOAT, FLOAT, INT, INT, stack, time, known))
 
 
 # --- where rays leave the scene -----------------------------------------------------------------------------------------

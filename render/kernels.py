@@ -145,6 +145,15 @@ def maker(function: Callable[..., Any]) -> Any:
     return register_jitable(**{**HELPER, "forceinline": False, "_nrt": True})(function)
 
 
+def replacing(kind: Any, *names: str) -> Any:
+    """A helper `changed(record, value, …)`: a NamedTuple of this kind with other values in the fields of these names."""
+    values = [f"value_{name}" for name in names]
+    parts = ", ".join(f"value_{name}" if name in names else f"record.{name}" for name in kind._fields)
+    made: dict[str, Any] = {"kind": kind}
+    exec(f"def changed(record, {', '.join(values)}):\n    return kind({parts})\n", made)  # kernels know no _replace
+    return helper(made["changed"])
+
+
 def if_there(function: Callable[..., Any]) -> Callable[..., Any]:
     """`chosen(part, plain, …)`: `plain` where `part` is None or a NamedTuple without fields, which are types, and else
     function(part, plain, …).

@@ -15,6 +15,7 @@ from numba import types
 from numba.extending import overload
 
 from ..compiler import ir
+from ..compiler import plan as planner
 from . import frosted, lanes, lights, media, microfacet, principled
 from .inputs import color_of
 from .kernels import HELPER, helper, if_there
@@ -32,8 +33,7 @@ PHONG = int(ir.MaterialModel.PHONG)
 BLINN_PHONG = int(ir.MaterialModel.BLINN_PHONG)
 GLASS = int(ir.MaterialModel.GLASS)
 POLISHED = 0.3  # α up to which what a metal mirrors is a spot of light on what stands beside it
-BRIGHT = 0.1  # reflectance of the course's lobes, which grow no brighter at grazing angles, below which paths find their light well enough
-PEAK, FAINT_PEAK = 8.0, 200.0  # but of the narrowest; as compiler/caustics has them
+BRIGHT, PEAK, FAINT_PEAK = planner.caustics.BRIGHT, planner.caustics.PEAK, planner.caustics.FAINT_PEAK
 ONLY = 1e18  # density of a direction that is the only one: mirrors', glass's and the camera's
 
 

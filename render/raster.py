@@ -232,7 +232,7 @@ def shade(made, tables, accel, gouraud, frame, tile, first, scratch, stack, film
             frame.radiance,
             (
                 tables, accel, gouraud, frame.options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive,
-                hit.u, hit.v, pixel, index, stack,
+                hit.u, hit.v, pixel, index, stack, None, None,
             ),
         )  # fmt: skip
         for j in range(min(count - start, across.WIDTH)):

@@ -7,8 +7,6 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
@@ -16,7 +14,7 @@ from ..compiler.plan import Plan
 from . import across, aov, camera, integrate, lanes, prepare, primed, rays, sampler, trace
 from .film import TILE
 from .handles import Handle
-from .kernels import HELPER, apart, helper, kernel
+from .kernels import apart, helper, kernel
 from .records import Film, First, Hit, Options, Ray, Tile, View
 
 CAMERA = int(ir.Visibility.CAMERA)
@@ -108,7 +106,6 @@ class Renderer:
         if self.everything is None:
             self.everything = self.prepared.accel if self.prepared.paths is None else rays.trees(self.prepared.tables)
         return rays.closest(self.everything, origin, direction, ray.t_min, ray.t_max, CAMERA)
-
 
     def _unproved(self, ray: Ray) -> NDArray[np.bool_]:
         """Whether what rays meet of formulas' surfaces could not be proved, by trees of this thread's own that count it."""
@@ -213,20 +210,7 @@ def light_of(tables, accel, gouraud, frame, total, x, y, s, room):
     ray = camera.through(tables, view, frame.lens, x, y, pixel, s, options.seed, time)
     hit = trace.closest(accel, tables, ray, lanes.bool_like(dx, True), primed.visible_to(room.primed))
     hit, known = primed.nearer(room.primed, column, row, number, hit)
-    return _follow(ray.time, known, frame, (
+    return integrate.call(frame.radiance, (  # pyright: ignore[reportCallIssue]
         tables, accel, gouraud, options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive, hit.u, hit.v, pixel, s, room.stack,
+        ray.time, known,
     ))  # fmt: skip
-
-
-def _follow(time: Any, known: Any, frame: Any, what: Any) -> Any:
-    """What integrate.radiance makes of a ray and what it met, in kernels."""
-    raise NotImplementedError
-
-
-@overload(_follow, jit_options=HELPER)
-def _follow_in_kernels(time, known, frame, what):
-    if not isinstance(known, types.NoneType):
-        return lambda time, known, frame, what: integrate.call_told(frame.radiance, what + (known,))  # pyright: ignore[reportCallIssue]
-    if isinstance(time, types.NoneType):
-        return lambda time, known, frame, what: integrate.call(frame.radiance, what)  # pyright: ignore[reportCallIssue]
-    return lambda time, known, frame, what: integrate.call_moving(frame.radiance, what + (time,))  # pyright: ignore[reportCallIssue]

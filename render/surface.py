@@ -14,7 +14,7 @@ from typing import Any
 
 from ..compiler import ir
 from . import lanes, placed, shapes, textures
-from .kernels import helper, if_there
+from .kernels import helper, if_there, replacing
 from .records import Hit, Lane, Ray, Surface, Tables, Vec
 
 MESH = int(ir.GeometryKind.MESH)
@@ -176,22 +176,13 @@ def _from_above(lift: Vec, above: Lane, normal: Vec, direction: Vec) -> Lane:
 _raised, _rising = if_there(_risen), if_there(_from_above)
 
 
-@helper
-def spanning(surface: Surface, spread: Any) -> Surface:
-    """The same surface with another `spread`."""
-    return Surface(
-        surface.position, surface.local, surface.geometric, surface.normal, surface.local_normal, surface.uv, surface.metric, surface.front,
-        surface.instance, surface.material, surface.color, surface.offset, surface.time, spread, surface.lift,
-        surface.known,
-    )  # fmt: skip
+spanning = replacing(Surface, "spread")  # the same surface with another `spread`
+_with_known = replacing(Surface, "known")
 
 
 @helper
 def _told(known: Any, surface: Surface) -> Surface:
-    return Surface(
-        surface.position, surface.local, surface.geometric, surface.normal, surface.local_normal, surface.uv, surface.metric, surface.front,
-        surface.instance, surface.material, surface.color, surface.offset, surface.time, surface.spread, surface.lift, known,
-    )  # fmt: skip
+    return _with_known(surface, known)
 
 
 told = if_there(_told)  # the same surface with what is `known` of shadows on it

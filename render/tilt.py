@@ -23,7 +23,7 @@ from ..compiler import plan as planner
 from . import blends, lanes, placed, shapes, surface, textures
 from .handles import HandleType
 from .inputs import color_of
-from .kernels import HELPER, apart, helper
+from .kernels import HELPER, apart, helper, replacing
 from .records import Hit, Lane, Surface, Tables, Vec
 
 NORMAL, BUMP = int(ir.Slot.NORMAL), int(ir.Slot.BUMP)
@@ -32,6 +32,7 @@ FLAT = int(ir.Shading.FLAT)
 UV = int(ir.Mapping_.UV)
 STEP = 2.0**-10  # of a thing's size: over which u, v and heights that are no picture's are differenced
 CLEAR = 0.01  # sine of the angle at which the mirrored direction leaves the surface at least
+_turned_to, _put_to = replacing(Surface, "normal"), replacing(Surface, "local", "uv")
 
 
 class Untilted(NamedTuple):
@@ -180,11 +181,7 @@ def _tilted(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Surface
     if lanes.any_lane(bumped):
         normal = lanes.where3(bumped, _bumped(tables, point, hit, s, t, place, normal), normal)
     normal = _cleared(lanes.scale(normal, side), point.geometric, lanes.negate(direction))
-    return Surface(
-        point.position, point.local, point.geometric, lanes.where3(turned | bumped, normal, point.normal), point.local_normal, point.uv,
-        point.metric, point.front, point.instance, point.material, point.color, point.offset, point.time, point.spread, point.lift,
-        point.known,
-    )  # fmt: skip
+    return _turned_to(point, lanes.where3(turned | bumped, normal, point.normal))
 
 
 @helper
@@ -221,11 +218,7 @@ def moved(tables: Tables, point: Surface, hit: Hit, direction: Vec, step: Lane) 
         slope_u, slope_v = _slopes(tables, g, on_mesh, hit)
         u = lanes.where(on_mesh, point.uv[0] + step * lanes.dot(slope_u, direction), u)
         v = lanes.where(on_mesh, point.uv[1] + step * lanes.dot(slope_v, direction), v)
-    return Surface(
-        point.position, local, point.geometric, point.normal, point.local_normal, (u, v), point.metric, point.front, point.instance,
-        point.material, point.color, point.offset, point.time, point.spread, point.lift,
-        point.known,
-    )  # fmt: skip
+    return _put_to(point, local, (u, v))
 
 
 @helper

@@ -54,22 +54,22 @@ def occluded(accel: Any, tables: ir.Tables, ray: Ray, active: Lane) -> Lane:
     return np.ravel(active) & (let_through(accel, tables, ray, active) <= 0.0)
 
 
-def let_through(accel: Any, tables: ir.Tables, ray: Ray, active: Lane) -> Lane:
-    """The share of light, 0 to 1, that passes what casts shadows between t_min and t_max; 1 where not active."""
+def let_through(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, visible_bit: int = SHADOW) -> Lane:
+    """The share of light, 0 to 1, that passes what has `visible_bit`, what casts shadows, between t_min and t_max; 1 where not active."""
     rays, active = _flat(ray, active)
     share = np.ones(len(active))
     partial = planner.partial(tables)[tables.instances.material]
     with np.errstate(all="ignore"):
-        for i in np.flatnonzero(tables.instances.visible & SHADOW):
+        for i in np.flatnonzero(tables.instances.visible & visible_bit):
             lane = np.flatnonzero(active & (share > 0.0))
             if len(lane):
                 share[lane] *= _meet(tables, int(i), _rows(rays, lane), partial[i], through=True)[1]
     return share
 
 
-def dimmed(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, given: Vec) -> Vec:
-    """What of `given` passes between t_min and t_max; nothing where not active."""
-    return lanes.scale(given, np.where(active, let_through(accel, tables, ray, active), 0.0))
+def dimmed(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, given: Vec, visible_bit: int = SHADOW) -> Vec:
+    """What of `given` passes what has `visible_bit` between t_min and t_max; nothing where not active."""
+    return lanes.scale(given, np.where(active, let_through(accel, tables, ray, active, visible_bit), 0.0))
 
 
 def _flat(ray: Ray, active: Lane) -> tuple[np.ndarray, np.ndarray]:
@@ -199,27 +199,6 @@ def _find_in_kernels(accel, ray, active, visible_bit, any_hit):
     return through_trees
 
 
-def past(accel: Any, ray: Ray, active: Lane, visible_bit: int) -> Lane:
-    """The share of light that passes what has one of `visible_bit`, in kernels; 0 where not active."""
-    raise NotImplementedError
-
-
-@overload(past, jit_options=HELPER)
-def _past_in_kernels(accel, ray, active, visible_bit):
-    if aside.asks(accel):
-
-        def by_opacity(accel, ray, active, visible_bit):
-            found = find(accel, ray, active, visible_bit, True)
-            return lanes.where(active & lanes.not_(found.instance >= 0), found.u, 0.0)
-
-        return by_opacity
-
-    def in_full(accel, ray, active, visible_bit):
-        return lanes.where(active & lanes.not_(find(accel, ray, active, visible_bit, True).instance >= 0), 1.0, 0.0)
-
-    return in_full
-
-
 @overload(closest, jit_options=HELPER)
 def _closest_kernel(accel, tables, ray, active, visible_bit):
     if not across.is_mask(active):
@@ -235,30 +214,31 @@ def _occluded_kernel(accel, tables, ray, active):
 
 
 @overload(let_through, jit_options=HELPER)
-def _let_through_kernel(accel, tables, ray, active):
+def _let_through_kernel(accel, tables, ray, active, visible_bit=SHADOW):
     if not across.is_mask(active):
         return None
 
-    def by_opacity(accel, tables, ray, active):
-        found = find(accel, ray, active, SHADOW, True)
+    def by_opacity(accel, tables, ray, active, visible_bit=SHADOW):
+        found = find(accel, ray, active, visible_bit, True)
         return lanes.where(found.instance >= 0, 0.0, found.u)
 
-    if aside.asks(accel):
-        return by_opacity
-    return lambda accel, tables, ray, active: lanes.where(occluded(accel, tables, ray, active), 0.0, 1.0)
+    def in_full(accel, tables, ray, active, visible_bit=SHADOW):
+        return lanes.where(find(accel, ray, active, visible_bit, True).instance >= 0, 0.0, 1.0)
+
+    return by_opacity if aside.asks(accel) else in_full
 
 
 @overload(dimmed, jit_options=HELPER)
-def _dimmed_kernel(accel, tables, ray, active, given):
+def _dimmed_kernel(accel, tables, ray, active, given, visible_bit=SHADOW):
     if not across.is_mask(active):
         return None
-    if aside.asks(accel):
-        return lambda accel, tables, ray, active, given: lanes.scale(
-            given, lanes.where(active, let_through(accel, tables, ray, active), 0.0)
-        )
 
-    def in_full(accel, tables, ray, active, given):
+    def by_opacity(accel, tables, ray, active, given, visible_bit=SHADOW):
+        return lanes.scale(given, lanes.where(active, let_through(accel, tables, ray, active, visible_bit), 0.0))
+
+    def in_full(accel, tables, ray, active, given, visible_bit=SHADOW):
         zero = lanes.full_like(given[0], 0.0)
-        return lanes.where3(active & lanes.not_(occluded(accel, tables, ray, active)), given, (zero, zero, zero))
+        met = find(accel, ray, active, visible_bit, True).instance >= 0
+        return lanes.where3(active & lanes.not_(met), given, (zero, zero, zero))
 
-    return in_full
+    return by_opacity if aside.asks(accel) else in_full

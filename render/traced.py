@@ -54,7 +54,7 @@ def light_items(made, sample, meshlets, drawn, tables, accel, gouraud, frame, it
             frame.radiance,
             (
                 tables, accel, gouraud, frame.options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive,
-                hit.u, hit.v, pixel, index, stack,
+                hit.u, hit.v, pixel, index, stack, None, None,
             ),
         )  # fmt: skip
         for j in range(min(count - first, across.WIDTH)):

@@ -172,7 +172,7 @@ def _each_ray(tables, accel, light, frame, columns, pixel, stack, rgb, alpha):
                 frame.radiance,
                 (
                     tables, accel, light, frame.options, origin, direction, hit.t, hit.instance, hit.primitive, hit.u, hit.v,
-                    pixel + k, lanes.int_like(k, s), stack,
+                    pixel + k, lanes.int_like(k, s), stack, None, None,
                 ),
             )  # fmt: skip
             for j in range(min(n - start, across.WIDTH)):

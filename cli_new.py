@@ -10,10 +10,10 @@ import click
 
 from . import cli_job as jobs
 from . import cli_shared as shared
+from .lang.modules import MESH_SUFFIXES, USD_SUFFIXES
 
 _TEMPLATES = Path(__file__).parent / "stdlib" / "new"
 KINDS = {"still": "a still life in the sun", "room": "a room by lamps", "part": "a part to print", "formula": "a surface by a formula"}
-_MESHES, _STAGES = (".obj", ".ply", ".stl", ".glb", ".off"), (".usd", ".usda", ".usdc", ".usdz")
 _MESH = 'mesh("FILE", height: 1m, material: lambert(#c8c2b8))'  # in thing.scene
 
 
@@ -41,14 +41,15 @@ def _text(path: Path, source: str) -> str:
     else:
         file = Path(source)
         ending = file.suffix.lower()
-        if ending not in (*_MESHES, *_STAGES):
-            raise click.UsageError(f"--from is one of {', '.join(KINDS)}, or a file that ends in {' '.join((*_MESHES, *_STAGES))}")
+        if ending not in (*MESH_SUFFIXES, *USD_SUFFIXES):
+            known = " ".join(MESH_SUFFIXES + USD_SUFFIXES)
+            raise click.UsageError(f"--from is one of {', '.join(KINDS)}, or a file that ends in {known}")
         if not file.is_file():
             raise FileNotFoundError(f"there is no file {file}")
         shown = os.path.relpath(file.resolve(), path.resolve().parent)
         if shown.startswith(os.pardir):
             raise PermissionError(f"a scene reads files of its own folder: put {path.name} beside {file.name}, or above it")
         written = json.dumps(Path(shown).as_posix(), ensure_ascii=False)
-        thing = _MESH.replace('"FILE"', written) if ending in _MESHES else f"usd({written})"
+        thing = _MESH.replace('"FILE"', written) if ending in MESH_SUFFIXES else f"usd({written})"
         text = (_TEMPLATES / "thing.scene").read_text(encoding="utf-8").replace(_MESH, thing)
     return text.replace("NAME", path.stem)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..lang import evaluate, tokens
+from ..lang import evaluate, modules, tokens
 from ..lang.diagnostics import Diagnostics, Span, suggest
 from . import buried, defaults, folders, ir, lower, motion, sources, store, transforms, validate
 from .build import SceneBuilder
@@ -17,8 +17,7 @@ from .files import FileError, Files, resolved
 from .rows import InstanceData
 
 SCENE = (".scene",)
-STAGES = (".usd", ".usda", ".usdc", ".usdz")
-MESHES = (".obj", ".ply", ".stl", ".glb", ".off")
+STAGES, MESHES = modules.USD_SUFFIXES, modules.MESH_SUFFIXES
 SAVED = (".npz",)
 
 

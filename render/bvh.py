@@ -63,6 +63,7 @@ class Bvh(NamedTuple):
     top: Top  # over instances
     endless: NDArray[np.int32]  # instances outside of the tree, rising
     only: int  # the one instance in the tree, or -1
+    alone: int  # the same if there is nothing else and it is a mesh, or -1
     placed: NDArray[np.int64]  # (instances, PLACED) visibility, transform, geometry, kind, root of a mesh's tree; the rest is 0
     inverse: NDArray[np.float64]  # (instances, 4, 4): three rows of their transforms' inverses, and their meshes' origins; two cache lines
     parameters: NDArray[np.float64]  # Geometries.parameters
@@ -112,18 +113,22 @@ def build(
     rest = ((ir.Visibility.CAMERA, CAMERA_REST), (ir.Visibility.SHADOW, SHADOW_REST))
     visible = instances.visible + sum(np.where((instances.visible & bit != 0) & ~primed, more, 0) for bit, more in rest)
     rows[:, :5], rows[:, 5:] = np.stack([visible, instances.transform, instances.geometry, kind, root], axis=1), 0
+    endless = np.flatnonzero(plain & ~bounded).astype(np.int32)
+    aside = _aside(tables, boxes, drawable & ~plain, bounded, partial, moves and bool(moving.any()), threads)
+    only = int(inside[0]) if len(inside) == 1 else -1
     return Bvh(
         wide=meshes,
         boxes=local_bounds(tables, fine),
         top=top.build(boxes, inside, threads),
-        endless=np.flatnonzero(plain & ~bounded).astype(np.int32),
-        only=int(inside[0]) if len(inside) == 1 else -1,
+        endless=endless,
+        only=only,
+        alone=only if only >= 0 and root[only] >= 0 and not len(endless) and isinstance(aside, Nothing) else -1,
         placed=rows,
         inverse=_inverses(tables),
         parameters=geometries.parameters,
         origin=geometries.origin,
         forms=found,
-        aside=_aside(tables, boxes, drawable & ~plain, bounded, partial, moves and bool(moving.any()), threads),
+        aside=aside,
     )
 
 

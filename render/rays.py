@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..compiler import ir
-from . import across, aside, bvh, lanes, simd, trace, traverse
+from . import across, aside, bvh, lanes, simd, trace, twofold
 from .handles import Handle
 from .kernels import helper, kernel
-from .records import Lane, Ray, Vec
+from .records import Hit, Lane, Ray, Vec
 
 _LANES = across.WIDTH
 CAMERA, SHADOW = int(ir.Visibility.CAMERA), int(ir.Visibility.SHADOW)
@@ -120,6 +120,11 @@ def _one(numbers: Any, start: int, n: int) -> Lane:
 
 
 @helper
+def _ray(origin: Any, direction: Any, t_min: Any, t_max: Any, start: int, n: int) -> Ray:
+    return Ray(_three(origin, start, n), _three(direction, start, n), _one(t_min, start, n), _one(t_max, start, n), None)
+
+
+@helper
 def _put(numbers: Any, start: int, n: int, x: Lane) -> None:
     """Write a value to numbers `start` on, as far as there are any."""
     if start + across.WIDTH <= n:
@@ -132,32 +137,37 @@ def _put(numbers: Any, start: int, n: int, x: Lane) -> None:
 @kernel
 def closest_of(accel, origin, direction, t_min, t_max, visible, met):
     n = len(t_min)
-    for start in range(0, n, across.WIDTH):
-        o, d = _three(origin, start, n), _three(direction, start, n)
-        active = lanes.bool_like(o[0], True)
-        least, most = _one(t_min, start, n), _one(t_max, start, n)
-        hit = traverse.find(accel.search, (accel, o, d, least, most, active, visible, False))  # pyright: ignore[reportCallIssue]
-        _put(met.t, start, n, hit.t)
-        _put(met.u, start, n, hit.u)
-        _put(met.v, start, n, hit.v)
-        _put(met.instance, start, n, hit.instance)
-        _put(met.primitive, start, n, hit.primitive)
+    for start in range(0, n, 2 * across.WIDTH):
+        after = start + across.WIDTH
+        first, second = _ray(origin, direction, t_min, t_max, start, n), _ray(origin, direction, t_min, t_max, after, n)
+        one, two = twofold.find(accel, first, second, visible, False)
+        _put_hit(met, start, n, one)
+        _put_hit(met, after, n, two)
+
+
+@helper
+def _put_hit(met: Any, start: int, n: int, hit: Hit) -> None:
+    _put(met.t, start, n, hit.t)
+    _put(met.u, start, n, hit.u)
+    _put(met.v, start, n, hit.v)
+    _put(met.instance, start, n, hit.instance)
+    _put(met.primitive, start, n, hit.primitive)
 
 
 @kernel
 def occluded_of(accel, origin, direction, t_min, t_max, visible, blocked):
     n = len(t_min)
-    for start in range(0, n, across.WIDTH):
-        o, d = _three(origin, start, n), _three(direction, start, n)
-        active = lanes.bool_like(o[0], True)
-        least, most = _one(t_min, start, n), _one(t_max, start, n)
-        hit = traverse.find(accel.search, (accel, o, d, least, most, active, visible, True))  # pyright: ignore[reportCallIssue]
-        _put(blocked, start, n, hit.instance >= 0)
+    for start in range(0, n, 2 * across.WIDTH):
+        after = start + across.WIDTH
+        first, second = _ray(origin, direction, t_min, t_max, start, n), _ray(origin, direction, t_min, t_max, after, n)
+        one, two = twofold.find(accel, first, second, visible, True)
+        _put(blocked, start, n, one.instance >= 0)
+        _put(blocked, after, n, two.instance >= 0)
 
 
 @kernel
 def shares_of(accel, origin, direction, t_min, t_max, share):
     n = len(t_min)
     for start in range(0, n, across.WIDTH):
-        ray = Ray(_three(origin, start, n), _three(direction, start, n), _one(t_min, start, n), _one(t_max, start, n), None)
+        ray = _ray(origin, direction, t_min, t_max, start, n)
         _put(share, start, n, trace.let_through(accel, accel, ray, lanes.bool_like(ray.t_min, True)))

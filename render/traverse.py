@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numba import types
 
-from . import across, boxes, bundle, gather, lanes, meeting, simd, single, walk
-from .bvh import FINE, NO_MESHES, NO_TREE, REACH
+from . import across, boxes, bundle, bundle_walk, gather, lanes, meeting, simd, single, walk
+from .bvh import NO_MESHES, NO_TREE, REACH
 from .handles import unless
 from .kernels import apart, helper
 from .links import FLOAT, INT, MASK, VEC, Answering
@@ -117,8 +117,7 @@ def attempt(accel: Any, i: int, origin: Vec, direction: Vec, t_min: Lane, t_max:
     if (accel.placed[i, 0] & visible_bit) == 0:
         return best
     g, kind = accel.placed[i, 2], accel.placed[i, 3]
-    o = lanes.transform_point(accel.inverse, i, origin)
-    d = lanes.transform_vector(accel.inverse, i, direction)
+    o, d = lanes.transform_point(accel.inverse, i, origin), lanes.transform_vector(accel.inverse, i, direction)
     zero = lanes.full_like(t_min, 0.0)
     found = Hit(zero + np.inf, lanes.int_like(zero, i), lanes.int_like(zero, -1), zero, zero)
     if kind == MESH:
@@ -156,21 +155,33 @@ def _on_mesh(
 def _mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
     """(t, triangle, u, v) of the first meeting with mesh g, whose tree begins at `root`, not beyond `nearest`."""
     until = lanes.minimum(nearest, t_max)
-    ray = boxes.local_ray(o, d)
-    box = gather.eight_at(accel.boxes, g, 0)
-    enters = boxes.enter(box, ray, t_min, until)
     zero = lanes.full_like(t_min, 0.0)
-    left = across.bits(enters < np.inf)
+    ray, enters, left = entering(accel, g, o, d, t_min, until)
     if left == 0:
         return zero + np.inf, lanes.int_like(zero, -1), zero, zero
-    enters = lanes.where(enters < np.inf, enters, 0.0)
     if BUNDLES and bundle.alike(left, d, ray):
-        t, triangle, u, v, asked = bundle.meet(
-            accel.wide, root, o, d, ray, enters, t_min, t_max, until, left, box[REACH], box[FINE], any_hit
-        )
+        t, triangle, u, v, asked = bundle_walk.meet(accel, g, root, o, d, ray, enters, t_min, t_max, until, left, any_hit)
         if asked:
             return t, triangle, u, v
     rays = walk.room()
-    walk.keep(rays, 0, across.mask_of(left, enters), o, d, ray.inverse, enters, t_min, t_max, until, box[REACH])
+    walk.keep(rays, 0, across.mask_of(left, enters), o, d, ray.inverse, enters, t_min, t_max, until, accel.boxes[g, REACH])
     hit = single.below(accel, root, rays, left, zero, any_hit)
     return hit.t, hit.primitive, hit.u, hit.v
+
+
+@helper
+def in_frame(accel: Any, i: int, origin: Vec, direction: Vec) -> tuple[Any, Vec, Vec]:
+    """(Geometry of instance i, a mesh; origins and directions of rays in the mesh's frame.)"""
+    g = np.int64(accel.placed[i, 2])
+    o = lanes.transform_point(accel.inverse, i, origin)
+    o = lanes.sub(o, (accel.origin[g, 0], accel.origin[g, 1], accel.origin[g, 2]))
+    return g, o, lanes.transform_vector(accel.inverse, i, direction)
+
+
+@helper
+def entering(accel: Any, g: int, o: Vec, d: Vec, t_min: Lane, until: Lane) -> tuple[boxes.BoxRay, Lane, int]:
+    """(rays made ready for the boxes of mesh g, where they enter the one around it, 0 where they don't, bits of those that do)."""
+    ray = boxes.local_ray(o, d)
+    enters = boxes.enter(gather.eight_at(accel.boxes, g, 0), ray, t_min, until)
+    there = enters < np.inf
+    return ray, lanes.where(there, enters, 0.0), across.bits(there)

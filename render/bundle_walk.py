@@ -1,0 +1,125 @@
+"""Rays that go one way through a mesh's tree: boxes and triangles are tested against all of them at once.
+
+Intervals of origins and of inverse directions hold all rays, so that one test says whether any of them may enter a box (Reshetov,
+Soupikov & Hurley, "Multi-Level Ray Tracing Algorithm", 2005). What they meet in leaves: bundle_leaves.py.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from . import boxes, bundle, lanes, simd, walk
+from . import bundle_leaves as triangles
+from .bvh import FINE, REACH
+from .kernels import helper
+from .records import Lane, Vec
+from .wide import DEPTH, NODE, WIDTH, spread32
+
+_FAR = np.float32(walk.FAR)
+
+
+class Beam(NamedTuple):
+    """Rays as intervals, for a node's boxes: t of a plane from below and from above where it is not behind; see walk.Box for the rows."""
+
+    first: Vec  # least 1 / direction
+    first_shift: Vec
+    last: Vec
+    last_shift: Vec
+    near: tuple[int, int, int]
+
+
+@helper
+def _beam(rays: bundle.Group) -> Beam:
+    ax, bx, cx, dx = _interval(rays, 0)
+    ay, by, cy, dy = _interval(rays, 1)
+    az, bz, cz, dz = _interval(rays, 2)
+    return Beam((ax, ay, az), (bx, by, bz), (cx, cy, cz), (dx, dy, dz), boxes.rows_of(rays.up[0], rays.up[1], rays.up[2]))
+
+
+@helper
+def _interval(rays: bundle.Group, axis: int) -> tuple[Lane, Lane, Lane, Lane]:
+    """What a beam holds of an axis. t of a plane ahead is least for the ray that begins nearest to it and is the steepest."""
+    origin, inverse = rays.origin[axis], rays.inverse[axis]
+    mine = simd.mask_from_bits(rays.left, origin)
+    origin, inverse = simd.select(mine, origin, simd.lane(origin, rays.k)), simd.select(mine, inverse, simd.lane(inverse, rays.k))
+    low, high, least, most = simd.min_of(origin), simd.max_of(origin), simd.min_of(inverse), simd.max_of(inverse)
+    if not rays.up[axis]:
+        low, high, least, most = high, low, most, least
+    return spread32(least), spread32(-high * least), spread32(most), spread32(-low * most)
+
+
+@helper
+def _enter(nodes: Any, node: int, beam: Beam, limit: Any) -> tuple[Lane, int]:
+    """Where the first ray may enter a node's boxes, and bits of those that one may enter before `limit`."""
+    at = node * NODE
+    x, y, z = beam.near
+    near = simd.maximum(
+        simd.maximum(_plane(nodes, at + x, beam.first, beam.first_shift, 0), _plane(nodes, at + y, beam.first, beam.first_shift, 1)),
+        simd.maximum(_plane(nodes, at + z, beam.first, beam.first_shift, 2), spread32(0.0)),
+    )
+    far = simd.minimum(
+        simd.minimum(
+            _plane(nodes, at + (x ^ WIDTH), beam.last, beam.last_shift, 0), _plane(nodes, at + (y ^ WIDTH), beam.last, beam.last_shift, 1)
+        ),
+        _plane(nodes, at + (z ^ WIDTH), beam.last, beam.last_shift, 2),
+    )
+    return near, simd.bits(near <= simd.minimum(far * _FAR, spread32(limit)))
+
+
+@helper
+def _plane(nodes: Any, at: int, scale: Vec, shift: Vec, axis: int) -> Lane:
+    return simd.fma(simd.load(nodes, at, WIDTH), scale[axis], shift[axis])
+
+
+@helper
+def meet(
+    accel: Any, g: int, root: int, o: Vec, d: Vec, ray: boxes.BoxRay, enters: Lane, t_min: Lane, t_max: Lane, until: Lane, left: int,
+    any_hit: bool,
+) -> tuple[Lane, Lane, Lane, Lane, bool]:  # fmt: skip
+    """(t, triangle, u, v) of what rays that are `bundle.alike` meet first of mesh g, and whether they were asked: not if too far apart.
+
+    Those count whose bits are set in `left`, and enter the mesh's box at `enters`; its tree begins at `root`. Nothing beyond `until` is
+    asked for. With `any_hit`, t < inf and the triangle tell that something is met.
+    """
+    tree, fine, reach = accel.wide, accel.boxes[g, FINE], accel.boxes[g, REACH]
+    unmet, go = nothing(enters), bundle.way(left, d, ray)
+    if not bundle.may_be_close(go, left, o, fine, any_hit):
+        return *unmet, False
+    rays = bundle.group(left, go.k, o, d, ray, enters, until)
+    limits = simd.select(simd.mask_from_bits(left, rays.limits), rays.limits, np.float32(-np.inf))
+    beam, limit = _beam(rays), simd.max_of(limits)
+    near, hits = _enter(tree.nodes, root, beam, limit)
+    if hits == 0:
+        return *unmet, True
+    core = bundle.core_of(rays, go, np.float32(2.0 * walk.OFF) * np.float32(reach))
+    if not bundle.close(core, left, reach, fine, any_hit):
+        return *unmet, False
+    middle, asked = triangles.sieve(core), triangles.rays_of(rays, go, core, o, enters, t_min, t_max)
+    found = triangles.nothing(asked, limits)
+    children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
+    node, top = walk.nearest_first(tree.links, root, near, hits, children, reaches, np.int64(0))
+    while top >= 0:
+        if node >= 0:
+            near, hits = _enter(tree.nodes, node, beam, limit)
+            node, top = walk.nearest_first(tree.links, node, near, hits, children, reaches, top)
+        else:
+            leaf, before = ~node, limit
+            hits = triangles.sifted(tree.leaves, leaf, core, middle, limit)
+            while hits != 0:
+                found = triangles.take(tree.leaves, tree.rows, leaf, simd.trailing_zeros(hits), asked, found, any_hit)
+                hits &= hits - 1
+            limit = simd.max_of(found.limits)
+            if limit < before:
+                top = walk.sifted(children, reaches, 0, top, limit)
+            node, top = walk.last_of(children, top)
+    found = triangles.settled(tree.leaves, tree.rows, asked, found, any_hit)
+    return found.t, found.triangle, found.v / found.total, found.w / found.total, True
+
+
+@helper
+def nothing(enters: Lane) -> tuple[Lane, Lane, Lane, Lane]:
+    """(t, triangle, u, v) of rays that meet nothing."""
+    zero = 0.0 * enters
+    return zero + np.inf, lanes.int_like(zero, -1), zero, zero

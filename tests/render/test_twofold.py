@@ -1,0 +1,89 @@
+"""Two vectors of rays as one bundle: what they meet of a mesh that stands alone is, to the last bit, what each meets by itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from maquette.bench import meshes
+from maquette.render import across, aside, bvh, rays, simd, twofold
+from maquette.render.handles import Handle
+from maquette.render.kernels import kernel
+from numpy.typing import NDArray
+
+from .tables import matrix, mesh, scene
+
+F64 = NDArray[np.float64]
+COUNT = 16 * 500
+MADE = meshes.knot(200, 40)  # inside of the unit sphere
+PLACES = {
+    "as it is": np.eye(4),
+    "far away": matrix((1e5, -3e4, 2e5)),
+    "tiny, turned and mirrored": np.array([[0.0, 3e-4, 0.0, 0.1], [-2e-4, 0.0, 1e-4, 0.2], [0.0, 0.0, -3e-4, -0.1], [0, 0, 0, 1]]),
+}
+
+
+def trees(place: NDArray[np.float64], alone: bool) -> Handle:
+    """Trees of a mesh, that say that it stands alone, or do not."""
+    tables = scene(meshes=[(mesh(MADE.positions.astype(np.float64), MADE.triangles), place, 0)])
+    built = bvh.build(tables, keep=False)
+    assert built.alone == 0
+    accel = Handle(built if alone else built._replace(alone=-1))
+    aside.link(accel)
+    return accel
+
+
+def aimed(place: NDArray[np.float64], spread: float, at_edges: bool) -> tuple[F64, F64, F64, F64]:
+    """(origins, directions, least and most t) of rays, sixteen by sixteen to places near each other, or to ends and middles of edges."""
+    random = np.random.default_rng(5)
+    few = random.integers(0, len(MADE.triangles), COUNT // 16)
+    corners = MADE.positions[MADE.triangles[few]].astype(np.float64)
+    eye = np.repeat(3.0 * random.normal(size=(COUNT // 16, 3)), 16, axis=0) + 1e-3 * random.normal(size=(COUNT, 3))
+    aim = np.repeat(corners.mean(axis=1), 16, axis=0) + spread * random.normal(size=(COUNT, 3))
+    if at_edges:
+        share = random.choice([0.0, 0.5, 1.0], COUNT)[:, None]
+        aim = np.repeat(corners[:, 0], 16, axis=0) * share + np.repeat(corners[:, 1], 16, axis=0) * (1.0 - share)
+    least = np.where(np.arange(COUNT) % 48 < 16, random.uniform(0.0, 1.2, COUNT), 0.0)
+    most = np.where(np.arange(COUNT) % 48 < 32, random.uniform(0.8, 1.5, COUNT), np.inf)
+    d = (aim - eye) @ place[:3, :3].T
+    return eye @ place[:3, :3].T + place[:3, 3], d, least, most
+
+
+@pytest.mark.parametrize("place", PLACES.values(), ids=PLACES.keys())
+@pytest.mark.parametrize(("spread", "at_edges"), [(1e-3, False), (0.02, False), (0.0, True)], ids=["near", "apart", "at edges"])
+def test_each_ray_meets_what_it_meets_by_itself(place, spread, at_edges):
+    asked = aimed(place, spread, at_edges)
+    apart, together = trees(place, alone=False), trees(place, alone=True)
+    met = rays.closest(apart, *asked)
+    assert COUNT // 5 < (met.instance >= 0).sum() < COUNT
+    for one, other in zip(met, rays.closest(together, *asked), strict=True):
+        np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(rays.occluded(apart, *asked), rays.occluded(together, *asked))
+
+
+@pytest.mark.parametrize("n", [1, across.WIDTH, across.WIDTH + 1, 2 * across.WIDTH - 1, 4 * across.WIDTH + 3])
+def test_any_number_of_rays(n):
+    o, d, least, most = aimed(np.eye(4), 1e-3, False)
+    one, other = (rays.closest(trees(np.eye(4), alone), o[:n], d[:n], least[:n], most[:n]) for alone in (False, True))
+    assert len(one.t) == n
+    for a, b in zip(one, other, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+@kernel
+def count(accel, origin, direction, least, most):
+    """Of how many pairs of vectors of rays are one bundle."""
+    found = 0
+    for start in range(0, len(least), 2 * across.WIDTH):
+        after = start + across.WIDTH
+        o = twofold.joined3(across.load_rows3(origin, start), across.load_rows3(origin, after))
+        d = twofold.joined3(across.load_rows3(direction, start), across.load_rows3(direction, after))
+        t_min = simd.joined(across.load_row(least, start), across.load_row(least, after))
+        t_max = simd.joined(across.load_row(most, start), across.load_row(most, after))
+        found += twofold.as_bundle(accel, 0, o, d, t_min, t_max, False)[1]
+    return found
+
+
+@pytest.mark.skipif(across.WIDTH == 1, reason="there are no vectors")
+def test_rays_near_each_other_are_one_bundle():
+    near, apart = (count(trees(np.eye(4), alone=True), *aimed(np.eye(4), spread, False)) for spread in (1e-3, 0.3))
+    assert apart < 0.5 * COUNT / (2 * across.WIDTH) < 0.9 * COUNT / (2 * across.WIDTH) < near

@@ -15,6 +15,7 @@ from . import cli_job as jobs
 from . import cli_options as values
 from . import cli_shared as shared
 from . import cli_terminal as terminal
+from .lang import endings
 from .lang.diagnostics import suggest
 
 if TYPE_CHECKING:
@@ -165,9 +166,8 @@ def _was_given(ctx: click.Context, name: str | None) -> bool:
 
 
 def _is_scene(path: Path) -> bool:
-    from .compiler import load
 
-    return path.suffix.lower() in (*load.SCENE, *load.STAGES, *load.MESHES, *load.SAVED)
+    return path.suffix.lower() in (*endings.SCENE, *endings.USD, *endings.MESH, *endings.SAVED)
 
 
 @dataclass(frozen=True, slots=True)

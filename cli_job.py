@@ -22,6 +22,7 @@ import click
 from . import __version__
 from . import cli_options as values
 from . import cli_terminal as terminal
+from .lang import endings
 from .lang.diagnostics import Diagnostic, Diagnostics, SceneError, Span
 
 if TYPE_CHECKING:
@@ -57,9 +58,8 @@ class Source:
 
     def moments(self, frames: tuple[int, ...]) -> list[dict[str, float]]:
         """What `load` takes for each frame: of a stage they are time codes, elsewhere they follow at the scene's own rate."""
-        from .compiler import load
 
-        if self.path.suffix.lower() in load.STAGES:
+        if self.path.suffix.lower() in endings.USD:
             return [{"code": float(number)} for number in frames]
         scene, _ = self.load({})
         return [{"time": number / scene.fps} for number in frames]

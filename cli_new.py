@@ -10,7 +10,7 @@ import click
 
 from . import cli_job as jobs
 from . import cli_shared as shared
-from .lang.modules import MESH_SUFFIXES, USD_SUFFIXES
+from .lang import endings
 
 _TEMPLATES = Path(__file__).parent / "stdlib" / "new"
 KINDS = {"still": "a still life in the sun", "room": "a room by lamps", "part": "a part to print", "formula": "a surface by a formula"}
@@ -41,8 +41,8 @@ def _text(path: Path, source: str) -> str:
     else:
         file = Path(source)
         ending = file.suffix.lower()
-        if ending not in (*MESH_SUFFIXES, *USD_SUFFIXES):
-            known = " ".join(MESH_SUFFIXES + USD_SUFFIXES)
+        if ending not in endings.MESH + endings.USD:
+            known = " ".join(endings.MESH + endings.USD)
             raise click.UsageError(f"--from is one of {', '.join(KINDS)}, or a file that ends in {known}")
         if not file.is_file():
             raise FileNotFoundError(f"there is no file {file}")
@@ -50,6 +50,6 @@ def _text(path: Path, source: str) -> str:
         if shown.startswith(os.pardir):
             raise PermissionError(f"a scene reads files of its own folder: put {path.name} beside {file.name}, or above it")
         written = json.dumps(Path(shown).as_posix(), ensure_ascii=False)
-        thing = _MESH.replace('"FILE"', written) if ending in MESH_SUFFIXES else f"usd({written})"
+        thing = _MESH.replace('"FILE"', written) if ending in endings.MESH else f"usd({written})"
         text = (_TEMPLATES / "thing.scene").read_text(encoding="utf-8").replace(_MESH, thing)
     return text.replace("NAME", path.stem)

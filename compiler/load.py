@@ -9,16 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ..lang import evaluate, modules, tokens
+from ..lang import endings, evaluate, tokens
 from ..lang.diagnostics import Diagnostics, Span, suggest
 from . import buried, defaults, folders, ir, lower, motion, sources, store, transforms, validate
 from .build import SceneBuilder
 from .files import FileError, Files, resolved
 from .rows import InstanceData
-
-SCENE = (".scene",)
-STAGES, MESHES = modules.USD_SUFFIXES, modules.MESH_SUFFIXES
-SAVED = (".npz",)
 
 
 def load(
@@ -47,22 +43,22 @@ def load(
     try:
         real = resolved(path)
         files = Files(real.parent, allow)
-        files.find(real.name, what="scene" if suffix in SCENE else "file")
+        files.find(real.name, what="scene" if suffix in endings.SCENE else "file")
         _refuse_unused(suffix, str(path), sets, time, code, variants, found)
-        if suffix in SCENE:
+        if suffix in endings.SCENE:
             start = time or 0.0
             scene = _scene(path, real, files, sets or {}, start, found, watch)
             scene = _blurred(scene, lambda later, said: _scene(path, real, files, sets or {}, start + later, said, watch), found)
-        elif suffix in STAGES:
+        elif suffix in endings.USD:
             scene = _stage(path, files, (time, code), variants or {}, found, watch)
             scene = _blurred(scene, lambda later, said: _stage(path, files, (time, code), variants or {}, said, watch, later), found)
-        elif suffix in MESHES:
+        elif suffix in endings.MESH:
             scene = _mesh(path, real, files, found, watch)
-        elif suffix in SAVED:
+        elif suffix in endings.SAVED:
             with watch.stage("import"):
                 scene = store.load(path)
         else:
-            known = (*SCENE, *STAGES, *MESHES, *SAVED)
+            known = (*endings.SCENE, *endings.USD, *endings.MESH, *endings.SAVED)
             hint = suggest(suffix, known) or f"scenes are {', '.join(known)}"
             found.error(f"`{path.name}` is no kind of scene that is known", Span(str(path)), hint)
     except FileError as failure:
@@ -159,12 +155,12 @@ def _refuse_unused(
     variants: Mapping[str, str] | None, found: Diagnostics,
 ) -> None:  # fmt: skip
     """Nothing that was asked for is ignored: say what this kind of file cannot take."""
-    if variants and suffix not in STAGES:
+    if variants and suffix not in endings.USD:
         found.error("only USD stages have variants", Span(name), "leave out --variant")
-    if code is not None and suffix not in STAGES:
+    if code is not None and suffix not in endings.USD:
         found.error("only USD stages have time codes", Span(name), "give the time in seconds")
-    if suffix not in SCENE:
+    if suffix not in endings.SCENE:
         for param in sets or {}:
             found.error(f"there is no param `{param}`: only .scene files have params", Span(name), "leave out --set")
-    if time and suffix not in (*SCENE, *STAGES):
+    if time and suffix not in (*endings.SCENE, *endings.USD):
         found.error("nothing moves in this kind of file: it has no time", Span(name), "leave out --time")

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ..lang import endings
 from ..lang.diagnostics import Diagnostics, Span
-from ..lang.modules import MESH_SUFFIXES
 from . import glb, mtl, obj, off, ply, polymesh, stl
 from .build import SceneBuilder
 from .files import FileError, Files
@@ -24,8 +24,8 @@ def read(
     """
     format_ = Path(name).suffix.lower()
     whole = Span(name)
-    if format_ not in MESH_SUFFIXES:
-        diagnostics.error(f"`{name}` is no mesh file that is known", span or whole, f"known are {', '.join(MESH_SUFFIXES)}, and USD")
+    if format_ not in endings.MESH:
+        diagnostics.error(f"`{name}` is no mesh file that is known", span or whole, f"known are {', '.join(endings.MESH)}, and USD")
         return []
     folder = source.parent if isinstance(source, Path) else None
     if files is None:

@@ -35,10 +35,8 @@ def _number(machine: Evaluator, node: ast.Number, scope: Scope) -> Value:
     value = units.literal(node.value, node.unit)
     if value is None:
         number = node.text.removesuffix(node.unit)
-        hint = suggest(node.unit, [u for u in units.UNITS if u.isascii()])
-        if node.unit == "K":
-            hint = f"write kelvin({number})"
-        elif scope.find(node.unit) is not None:
+        hint = habits.unit(node.unit, number, [u for u in units.UNITS if u.isascii()])
+        if scope.find(node.unit) is not None:
             hint = f"write {number} * {node.unit}"
         machine.fail(f"unknown unit `{node.unit}`", node.span, hint, scope)
     if not math.isfinite(operators.split(value)[0]):

@@ -127,6 +127,31 @@ _LIBRARY = {
 }
 
 
+# What to write in place of a unit that is not in the language; {} is the number before it.
+_WATT = "light is told as seen: a light bulb has 800lm (15 lm for each watt, 100 for a watt of LED)"
+_UNITS: dict[str, str] = {
+    "K": "write kelvin({})",
+    **dict.fromkeys(("W", "w", "watt", "kW", "mW"), _WATT),
+    **dict.fromkeys(("lux", "Lux"), "write {}lx"),
+    **dict.fromkeys(("lumen", "lumens"), "write {}lm"),
+    **dict.fromkeys(("candela", "candelas"), "write {}cd"),
+    **dict.fromkeys(("nits",), "write {}nit"),
+    **dict.fromkeys(("degree", "degrees", "d"), "write {}deg"),
+    **dict.fromkeys(("radian", "radians"), "write {}rad"),
+    **dict.fromkeys(("meter", "meters", "metre", "metres", "M"), "write {}m"),
+    **dict.fromkeys(("inch", "inches"), "write {}in"),
+    **dict.fromkeys(("foot", "feet"), "write {}ft"),
+    **dict.fromkeys(("sec", "second", "seconds"), "write {}s"),
+    **dict.fromkeys(("px", "pixel", "pixels"), "sizes of pictures are plain numbers: write {}"),
+    "f": "numbers have no types: write {}",
+}
+
+
+def unit(word: str, number: str, known: Iterable[str]) -> str:
+    """The hint for a unit that is not among `known`, after a number as it was written."""
+    return _UNITS[word].format(number) if word in _UNITS else suggest(word, known)
+
+
 def instead(word: str) -> str:
     """The hint for an element that is not built."""
     return f'the library has it: use "std/surfaces", then {_LIBRARY[word]}' if word in _LIBRARY else ""

@@ -8,14 +8,11 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Protocol
 
-from . import ast, units
+from . import ast, endings, units
 from .diagnostics import Diagnostics, Span
 from .limits import MAX_FILES
 from .parse import parse
 from .tokens import KEYWORDS
-
-USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
-MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb", ".off")
 
 
 class ReadError(Exception):
@@ -138,7 +135,7 @@ class Loader:
     def _read(self, use: ast.Use, path: str, module: Module) -> Module:
         library = path.startswith("std/")
         if not library and not path.endswith(".scene"):
-            known = "a file ends with one of " + " ".join((".scene", *USD_SUFFIXES, *MESH_SUFFIXES))
+            known = "a file ends with one of " + " ".join((*endings.SCENE, *endings.USD, *endings.MESH))
             raise ReadError(f'cannot use "{path}"', known if "." in path.rsplit("/", 1)[-1] else f'write "{path}.scene"')
         source = self.reader.scene(path, module.source.path, use.path.span)
         if any(s.path == source.path for s, _ in self.chain):
@@ -171,12 +168,12 @@ def _parsed(text: str, name: str, diagnostics: Diagnostics) -> ast.File:
 
 def is_asset(path: str) -> bool:
     """Whether `use` of this path binds a mesh or USD file rather than a scene."""
-    return path.lower().endswith(USD_SUFFIXES + MESH_SUFFIXES)
+    return path.lower().endswith(endings.USD + endings.MESH)
 
 
 def asset_kind(path: str) -> str:
     """The element that a mesh or USD file becomes."""
-    return "usd" if path.lower().endswith(USD_SUFFIXES) else "mesh"
+    return "usd" if path.lower().endswith(endings.USD) else "mesh"
 
 
 def use_name(use: ast.Use) -> str:

@@ -177,7 +177,9 @@ def see(shading: Any, patterned: Any, colored: Any, group: int, groups: int) -> 
 def even_shader(tables, i):
     """The material of an instance without patterns, as numbers; of one with patterns, what is not asked for."""
     none = (0.0, 0.0, 0.0)
-    plain = Surface(none, none, none, none, none, None, (1.0, 1.0), True, i, tables.instances.material[i], (1.0, 1.0, 1.0), 0.0, None, None)
+    plain = Surface(
+        none, none, none, none, none, None, (1.0, 1.0), True, i, tables.instances.material[i], (1.0, 1.0, 1.0), 0.0, None, None, None, None
+    )
     return across.narrow(materials.at(tables, plain))
 
 
@@ -205,7 +207,7 @@ def patterned_point(shading: Any, colored: Any, i: int, k: int) -> Surface:
         local, color, metric = lanes.transform_point(shading.look.local, i, position), get3(points, k, TINT), get2(points, k, METRIC)
     spread = (get1(points, k, SPREAD), get1(points, k, SPREAD + 1), get1(points, k, SPREAD + 2), get1(points, k, SPREAD + 3))
     uv, front, material = get2(points, k, UV), get1(points, k, FACING) > 0.0, tables.instances.material[i]
-    point = Surface(position, local, normal, normal, outward, uv, metric, front, i, material, color, zero, None, None)
+    point = Surface(position, local, normal, normal, outward, uv, metric, front, i, material, color, zero, None, None, None, None)
     return spanning(point, footprints.of_pixel(tables, spread, point))
 
 

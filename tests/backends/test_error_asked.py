@@ -1,4 +1,4 @@
-"""What --error asks for is what a picture has: of a hundred seeds at least ninety are within it, on scenes of five kinds.
+"""What --error asks for is what a picture has: of a hundred seeds at least ninety are within it, on scenes of six kinds.
 
 The truth is the mean of pictures with other seeds and many more samples. Glass that throws light of small lamps is not among them: what
 hardly any path finds, no estimate knows of.
@@ -28,6 +28,14 @@ sky(luminance: 0.2)
 box([4, 3, 4], center: [0, 1.5, 0], material: lambert(0.7))
 sphere(0.5, center: [0.8, 0.5, 0.3], material: lambert(#d04030))
 cylinder(0.3, 1, center: [-0.8, 0.5, -0.4], material: mirror(0.9))
+camera(position: [0, 1.4, 1.8], look_at: [0, 0.8, 0], fov: 60deg)
+area([0, 2.9, 0], size: [1, 0.8], luminance: 8)
+render(bounces: 3)
+""",
+    "a matt room, whose pixels share paths": """
+box([4, 3, 4], center: [0, 1.5, 0], material: lambert(0.7))
+sphere(0.5, center: [0.8, 0.5, 0.3], material: lambert(#d04030))
+box([0.6, 1, 0.6], center: [-0.8, 0.5, -0.4], material: lambert(0.5))
 camera(position: [0, 1.4, 1.8], look_at: [0, 0.8, 0], fov: 60deg)
 area([0, 2.9, 0], size: [1, 0.8], luminance: 8)
 render(bounces: 3)

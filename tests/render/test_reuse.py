@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from maquette.compiler import load
 from maquette.compiler import plan as planner
+from maquette.render import adaptive
 
 ROOM = """
 box([4, 3, 4], center: [0, 1.5, 0], material: lambert(0.7))
@@ -111,3 +112,29 @@ def test_the_plan_says_where(tmp_path):
         assert "not matt" in plan.decisions["transport.reuse"].reason
     assert decided(text + "sky()\n")["transport.reuse"] == "none"
     assert decided(text.replace("bounces: 3", "bounces: 0"))["transport.reuse"] == "none"
+
+
+def test_blocks_are_the_pictures():
+    """Of a crop from column 3 and row 6 the first blocks are one column wide and two rows high."""
+    blocks = adaptive.Blocks((3, 6, 10, 13), 4)
+    values = np.arange(49.0).reshape(7, 7)
+    means = blocks.means(values)
+    assert means.shape == (3, 3)
+    assert means[0, 0] == values[:2, :1].mean()
+    assert means[1, 1] == values[2:6, 1:5].mean()
+    assert means[2, 2] == values[6:, 5:].mean()
+    spread = blocks.spread(means)
+    assert spread.shape == values.shape
+    assert np.array_equal(blocks.means(spread), means)
+
+
+def test_pixels_of_a_block_take_the_same_samples_where_an_error_is_asked_for(tmp_path):
+    path = tmp_path / "c.scene"
+    path.write_text(ROOM + LAMPS["rectangle"] + "render(bounces: 3)\n", encoding="utf-8")
+    image = maquette.render(path, size=(42, 30), crop=(3, 2, 41, 29), error=0.03, backend="ray", aov=("samples",), threads=1)
+    taken = image.channels["samples"][..., 0]
+    assert image.metadata["error"] <= 0.03
+    assert np.ptp(taken) > 0
+    for y in range(2, 26, 4):  # rows and columns of the picture 4, 8 …
+        for x in range(1, 33, 4):
+            assert np.ptp(taken[y : y + 4, x : x + 4]) == 0

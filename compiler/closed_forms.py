@@ -21,6 +21,7 @@ MOST_LEAVES = 48  # beyond, most of them are far from any ray: bounds in cells t
 MOST_DEPTH = 12  # values that wait on the stack while a solid's relations are combined
 LEAF, BOTH, EITHER = 0, 1, 2  # what a step does: look at leaf `number`, combine the two last by `and`, by `or`
 _TINY = 1e-12
+THIN = 2.0**-12  # of how far a solid reaches: of slabs thinner than this, as one relation of a square, rounding would take too much
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,12 +64,13 @@ class _Unknown(Exception):
     """A field that is something else."""
 
 
-def solid(tape: Tape, sheet: bool = False) -> Solid | None:
+def solid(tape: Tape, sheet: bool = False, reach: float = 1.0) -> Solid | None:
     """Where a field is at most 0, of planes, quadrics and tori; None where it is made of anything else, or of too much.
 
-    Of a sheet the field must have both signs: where it only touches 0 there is no side that rays could come to.
+    Of a sheet the field must have both signs: where it only touches 0 there is no side that rays could come to. `reach` is the largest
+    coordinate of interest.
     """
-    reader = _Reader(tape)
+    reader = _Reader(tape, THIN * reach)
     try:
         tree = reader.holds(tape.results[0], 1.0, np.zeros((4, 4)))
     except _Unknown:
@@ -125,8 +127,8 @@ def _depth(tree: Tree) -> int:
 class _Reader:
     """What the values of a tape are."""
 
-    def __init__(self, tape: Tape) -> None:
-        self.tape = tape
+    def __init__(self, tape: Tape, thin: float) -> None:
+        self.tape, self.thin = tape, thin
         self.known: dict[int, Root | None] = {}
         self.seen = 0
 
@@ -155,7 +157,7 @@ class _Reader:
             case Op.ABS:
                 whole, level = self.value(a), _number(added)
                 if whole is not None and whole.is_plain and not whole.rest[:3, :3].any() and level is not None and factor:
-                    return _slab(whole.rest, factor, level)
+                    return _slab(whole.rest, factor, level, self.thin)
                 how = BOTH if factor > 0.0 else EITHER
                 return _joined(how, self.holds(a, factor, added), self.holds(a, -factor, added))
             case Op.ADD | Op.SUBTRACT:
@@ -311,13 +313,17 @@ def _root_at_most(inner: Root, factor: float, level: float) -> Tree:
     return _at_most_0(Root(sign * inner.k, inner.under, sign * (inner.rest - _constant(bound**2))))
 
 
-def _slab(line: Quadratic, factor: float, level: float) -> Tree:
-    """factor · |line| + level is at most 0: one relation of the square instead of two."""
+def _slab(line: Quadratic, factor: float, level: float, thin: float) -> Tree:
+    """factor · |line| + level is at most 0: one relation of the square instead of two, unless it is thin."""
     bound = -level / factor
     if bound < 0.0:
         return factor < 0.0
     whole = np.append(2 * line[:3, 3], line[3, 3])
-    return _leaf(math.copysign(1.0, factor) * (np.outer(whole, whole) - _constant(bound**2)))
+    sign = math.copysign(1.0, factor)
+    if 0.0 < bound < thin * float(np.linalg.norm(whole[:3])):
+        sides = [_leaf(sign * (side * line - _constant(bound))) for side in (1.0, -1.0)]
+        return _joined(BOTH if sign > 0.0 else EITHER, *sides)
+    return _leaf(sign * (np.outer(whole, whole) - _constant(bound**2)))
 
 
 def _torus(k: float, under: Quadratic, rest: Quadratic) -> Torus | None:

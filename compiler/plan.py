@@ -425,7 +425,9 @@ def _formulas(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision])
     from . import closed_forms, tapes  # what other scenes do not load
 
     rows, sheets = tables.geometries.tape[surfaces].tolist(), (tables.geometries.parameters[surfaces, 0] > 0).tolist()
-    closed = sum(closed_forms.solid(tapes.stored(tables, row), sheet) is not None for row, sheet in zip(rows, sheets, strict=True))
+    reaches = np.abs(tables.geometries.bounds[surfaces]).max(axis=(1, 2)).tolist()
+    given = [(tapes.stored(tables, row), *rest) for row, *rest in zip(rows, sheets, reaches, strict=True)]
+    closed = sum(closed_forms.solid(*one) is not None for one in given)
     if not closed:
         return Decision("formulas", "bounds", "no surface consists of planes, quadrics and tori: roots are found by bounds", ("bounds",))
     count = f"{closed} of {len(surfaces)}" if closed < len(surfaces) else "each" if closed > 1 else "it"

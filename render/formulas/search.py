@@ -30,6 +30,7 @@ SAMPLES = 64  # vectors of points by which a stretch is looked at that bounds sa
 JUMP = 1e90  # bounds of a slope beyond this: the formula may jump there
 _ENOUGH = 2.0**-50
 NEIGHBOURS = 64.0  # times FINEST: so far from a root bounds may be open because of it
+GAP = 4.0  # times FINEST: what is open no longer than that, in a solid, is no place where a ray leaves it
 _OVER = 2.0**-40  # of the largest coordinate, by which a stretch is looked at beyond its end; cells.py has tapes hold so far
 _PARTS = max(LANES, 2)  # that an open piece is cut into
 _COARSER = 0.25  # of a stretch that is open at every size: pieces in it are not cut smaller
@@ -43,7 +44,8 @@ def first(forms, k, tape, memory, start, way, a, b, own, begin, sheet, like, mos
     of a ray that begins at `own`.
 
     What is bracketed within FINEST counts as met where the sign changes, of a sheet only where the formula does not jump; where no sign
-    changes, it is left out and not proved, unless a root is next to it, or the ray begins there: at the surface that it leaves.
+    changes, it is left out and not proved, unless a root is next to it, or the ray begins there: at the surface that it leaves, or it is
+    no more than a gap in a solid, as where parts of one share a face.
     """
     number = lanes.to_float(across.numbered(0))
     o = lanes.like3(like, start[0], start[1], start[2])
@@ -53,17 +55,18 @@ def first(forms, k, tape, memory, start, way, a, b, own, begin, sheet, like, mos
     tapes = lanes.int_like(like, tape)
     piece, over = (b - a) / LANES, min(16.0 * finest, _OVER * forms.numbers[k, 13])
     at, doubt, open_from, used = a, 0, -1.0, 0
+    known = own + NEIGHBOURS * finest  # what is open up to here need not be proved, nor a gap
     value = _one_value(forms, k, tapes, memory, o, d, at)
     while used < most:
         used += 1
         if not at < b:
             if open_from < 0.0 or over == 0.0:
-                return np.inf, False, _ended(doubt, open_from, at - own, finest), used
+                return np.inf, False, _ended(doubt, open_from, at, known), used
             b, over = b + over, 0.0
         piece = max(piece, 0.5 * finest)
         x = _pieces(forms, k, tape, tapes, memory, o, d, at, piece, b, value)
         if x.open & 1 == 0:
-            doubt, open_from = _ended(doubt, open_from, at - own, finest), -1.0
+            doubt, open_from = _ended(doubt, open_from, at, known), -1.0
         if x.open == 0:
             value = across.lane(x.far, LANES - 1)
             at = at + LANES * piece
@@ -78,7 +81,7 @@ def first(forms, k, tape, memory, start, way, a, b, own, begin, sheet, like, mos
         jumps = not (across.lane(x.bounds.least, j) > -JUMP and across.lane(x.bounds.most, j) < JUMP)
         asked = (jumps or ((across.bits(x.bounds.maybe) >> j) & 1) != 0) and (sheet or not changes)
         if asked and _passes(forms, k, tape, memory, across.lane3(x.p, j), across.lane3(x.q, j), sheet, within, like):
-            doubt, open_from = _ended(doubt, open_from, low - own, finest), -1.0
+            doubt, open_from = _ended(doubt, open_from, low, known), -1.0
             at, value, piece = high, across.lane(x.far, j), high - low
             continue
         smallest = finest if changes or open_from < 0.0 else max(finest, _COARSER * (low - open_from))
@@ -94,7 +97,7 @@ def first(forms, k, tape, memory, start, way, a, b, own, begin, sheet, like, mos
             at, value, piece = high + finest, after, max(piece, finest)  # a gap at a place alone, as where the formula is undefined
             continue
         if open_from < 0.0 and not (jumps and not sheet and forms.places[k, 5] == JUMPS):  # a solid's jump that thin has no inside
-            open_from = low
+            open_from, known = low, max(known, low + GAP * finest if within and not sheet else 0.0)
         at, value = high, across.lane(x.far, j)
         piece = max(piece, _COARSER * (high - open_from)) if open_from >= 0.0 else finest
     root, within = _sampled(forms, k, tapes, memory, o, d, at, b, value, sheet, reach, number)
@@ -108,9 +111,9 @@ def _one_value(forms: Any, k: int, tapes: Lane, memory: Room, o: Vec, d: Vec, at
 
 
 @helper
-def _ended(doubt: int, open_from: float, at: float, finest: float) -> int:
-    """Whether anything is not proved, where what was open ended without a root `at` from a ray's beginning."""
-    return 1 if open_from >= 0.0 and at > NEIGHBOURS * finest else doubt
+def _ended(doubt: int, open_from: float, at: float, known: float) -> int:
+    """Whether anything is not proved, where what was open ended without a root."""
+    return 1 if open_from >= 0.0 and at > known else doubt
 
 
 @helper

@@ -70,6 +70,13 @@ FORMULAS = {
     "magnitudes of magnitudes": "abs(abs(abs(x) - 0.5) - 0.25) + abs(abs(y) - 0.4) + abs(z) <= 0.2",
     "needles": "hypot(mod(x, 0.2) - 0.1, mod(z, 0.2) - 0.1) <= 1e-3",
     "a crease of magnitudes": "abs(abs(x) - abs(y)) == 0.3 * abs(z)",
+    "boxes that share a face": "max(min(abs(x - 0.4), abs(x + 0.4)) - 0.4, abs(y) - 0.5, abs(z) - 0.5) <= 0",
+    "powers of powers": "abs(x)^abs(y) >= 0.7 + 0.2 * z",
+    "a period by a period": "mod(x, 0.1 + mod(y, 0.3)) <= 0.05",
+    "a seam of an angle": "abs(abs(atan2(z, x)) - pi) <= 1e-3",
+    "tangents of products": "tan(5 * x * y) == z",
+    "a pole in a logarithm's place": "log(abs(sin(7 * x))) * 0.2 >= y - 0.2",
+    "a shell of noise": "abs(hypot(x, y, z) - 0.7 - 0.1 * noise(9 * x, 9 * y, 9 * z)) <= 1e-4",
 }  # fmt: skip
 SAME = {  # of which points of rays show no change of sign
     "(y - 0.2 * sin(3 * x))^2 == 0": "y == 0.2 * sin(3 * x)",
@@ -164,12 +171,28 @@ def test_a_model_of_a_thousand_operations_written_as_one_sum(load):
     held(load, f"y + {' + '.join(terms)} <= 0", 144, POINTS)
 
 
-def met(load: Any, text: str, within: str, o: Any, d: Any) -> tuple[np.ndarray, int]:
+def met(load: Any, text: str, within: str, o: Any, d: Any, closed: bool = True) -> tuple[np.ndarray, int]:
     """(t of rays, how many of them are not proved)."""
     scene, _ = load(f"camera(position: [0, 0, 5])\nimplicit(|x, y, z| {text}, within: {within})\n")
-    trees = rays.trees(scene.tables)
+    trees = rays.trees(scene.tables, closed=closed)
     t = rays.closest(trees, o, d).t
     return t, int(trees.tables.forms.unproved[0])
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_a_gap_in_a_solid_is_met_and_a_face_that_two_parts_share_is_none(load, closed):
+    """From within, at right angles and at a slant; gaps and slabs of a millionth and less of a solid, and the box's faces at ±1."""
+    y, way = np.linspace(-0.4, 0.4, 64), np.array([-1.0, 0.0, 0.3]) / np.hypot(1.0, 0.3)
+    o = np.stack([np.full(64, 0.5), y, 0.5 * y], axis=1)
+    for d in (np.tile([-1.0, 0.0, 0.0], (64, 1)), np.tile(way, (64, 1))):
+        for thin in (1e-6, 1e-9, 1e-11):
+            for relation in (">=", "<="):
+                t, unproved = met(load, f"abs(x) {relation} {thin!r}", "box([2, 2, 2])", o, d, closed)
+                assert np.abs(o[:, 0] + t * d[:, 0] - thin).max() <= 1e-13
+                assert unproved == 0
+        t, unproved = met(load, "min(max(x, -0.6), max(-x, -0.6)) <= 0", "box([2, 2, 2])", o, d, closed)
+        assert np.abs(o[:, 0] + t * d[:, 0] + 1.0).max() <= 1e-9
+        assert unproved == 0
 
 
 def test_a_root_between_two_faces_is_not_taken_by_the_slope_of_the_other(load):

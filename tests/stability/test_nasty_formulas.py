@@ -60,7 +60,7 @@ FORMULAS = {
     "the lesser of two sheets": "min(abs(x - 0.2 * y), abs(hypot(y, z) - 0.4)) == 0",
     "a tower of powers": "exp(exp(exp(exp(x)))) <= exp(40 * y)",
     "squares of 1e-9": "(1e-9 * x)^2 + (1e-9 * y)^2 <= 2.5e-19",
-    "products of steps": "floor(4 * x * y) / 4 == z",
+    "products of steps": "floor(4 * x * y) / 4 == z + 0.05",
     "periods in periods": "mod(x + mod(y, 0.31), 0.4) <= 0.15",
     "tangents of poles": "tan(0.5 / x) * 0.1 <= y",
     "products of tangents": "tan(3 * x) * tan(3 * z) >= y",

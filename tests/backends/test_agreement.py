@@ -42,7 +42,8 @@ def _show(different: np.ndarray, limit: int) -> str:
 def test_ray_agrees_with_the_reference(draw_on, name):
     """Same rays, same formulas, same random numbers: only where rounding decides between lit and dark may a pixel differ."""
     samples = 1 if name in scenes.DIRECT else 4
-    plan = {"precision": "float64"} if "interreflection" in name else {}  # paths in float32 have a test of their own
+    alone = {"precision": "float64", "transport.reuse": "none"}  # paths in float32, and those that pixels share, have tests of their own
+    plan = alone if "interreflection" in name else {}
     a = draw_on("ray", EVERYTHING[name], plan, samples=samples, aov=CHANNELS)
     b = draw_on("reference", EVERYTHING[name], samples=samples, aov=CHANNELS)
     inside = _interior(a, b)

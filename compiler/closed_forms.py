@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from . import recognize
+from . import ir, recognize
 from .recognize import Quadratic
-from .tapes import INPUTS, Op, Tape, arity
+from .tapes import INPUTS, Op, Tape, arity, stored
 
 MOST_LEAVES = 48  # beyond, most of them are far from any ray: bounds in cells tell which matter
 MOST_DEPTH = 12  # values that wait on the stack while a solid's relations are combined
@@ -62,6 +62,13 @@ class Solid(NamedTuple):
 
 class _Unknown(Exception):
     """A field that is something else."""
+
+
+def of_geometry(tables: ir.Tables, g: int) -> Solid | None:
+    """`solid` of geometry g, a formula surface."""
+    geometries = tables.geometries
+    reach = float(np.abs(geometries.bounds[g]).max())
+    return solid(stored(tables, int(geometries.tape[g])), bool(geometries.parameters[g, 0]), reach)
 
 
 def solid(tape: Tape, sheet: bool = False, reach: float = 1.0) -> Solid | None:

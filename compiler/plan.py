@@ -422,12 +422,9 @@ def _formulas(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision])
         return Decision("formulas", "bounds", "the reference asks bounds and nothing else", fixed="--backend")
     if not surfaces:
         return Decision("formulas", "bounds", "no surface is a formula", fixed="the scene's shapes")
-    from . import closed_forms, tapes  # what other scenes do not load
+    from . import closed_forms  # what other scenes do not load
 
-    rows, sheets = tables.geometries.tape[surfaces].tolist(), (tables.geometries.parameters[surfaces, 0] > 0).tolist()
-    reaches = np.abs(tables.geometries.bounds[surfaces]).max(axis=(1, 2)).tolist()
-    given = [(tapes.stored(tables, row), *rest) for row, *rest in zip(rows, sheets, reaches, strict=True)]
-    closed = sum(closed_forms.solid(*one) is not None for one in given)
+    closed = sum(closed_forms.of_geometry(tables, g) is not None for g in surfaces)
     if not closed:
         return Decision("formulas", "bounds", "no surface consists of planes, quadrics and tori: roots are found by bounds", ("bounds",))
     count = f"{closed} of {len(surfaces)}" if closed < len(surfaces) else "each" if closed > 1 else "it"

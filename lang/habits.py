@@ -135,7 +135,7 @@ _UNITS: dict[str, str] = {
     **dict.fromkeys(("lux", "Lux"), "write {}lx"),
     **dict.fromkeys(("lumen", "lumens"), "write {}lm"),
     **dict.fromkeys(("candela", "candelas"), "write {}cd"),
-    **dict.fromkeys(("nits",), "write {}nit"),
+    "nits": "write {}nit",
     **dict.fromkeys(("degree", "degrees", "d"), "write {}deg"),
     **dict.fromkeys(("radian", "radians"), "write {}rad"),
     **dict.fromkeys(("meter", "meters", "metre", "metres", "M"), "write {}m"),

@@ -34,10 +34,6 @@ def draw_tile(accel, scene, frame, tile, first, count, total, film, room):
                     room.items[2 * ROW + filled], room.items[3 * ROW + filled] = s, row * width + column if inside else -1
                     filled += 1
                 if filled == SIZE:
-                    waves.draw(accel, scene, frame, total, room, filled)
-                    waves.collect(film, room, filled, width)
-                    filled = 0
-    if filled > 0:
-        waves.draw(accel, scene, frame, total, room, filled)
-        waves.collect(film, room, filled, width)
+                    filled = waves.drawn(accel, scene, frame, total, film, room, filled, width)
+    waves.drawn(accel, scene, frame, total, film, room, filled, width)
     simd.restore_denormals(saved)

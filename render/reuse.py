@@ -88,18 +88,12 @@ def _found_in_kernels(shared, light, slot, sent, mask, depth):
 
     def own(shared, light, slot, sent, mask, depth):
         if depth == 1:  # of shining things and skies, which others look for themselves
-            albedo = _gathered(shared.rows, slot, ALBEDO, mask)
+            albedo = gather3(shared.rows, 0, ALBEDO, lanes.where(mask, slot, 0))
             add(shared.rows, slot + OWN * ROW, lanes.mul(albedo, sent), mask)
         else:
             add(light, slot, sent, mask)
 
     return own
-
-
-@helper
-def _gathered(rows: Any, slot: Lane, row: int, mask: Lane) -> Vec:
-    at = slot + row * ROW
-    return simd.gather(rows, at, mask), simd.gather(rows, at + ROW, mask), simd.gather(rows, at + 2 * ROW, mask)
 
 
 @helper

@@ -117,7 +117,7 @@ def attempt(accel: Any, i: int, origin: Vec, direction: Vec, t_min: Lane, t_max:
     if (accel.placed[i, 0] & visible_bit) == 0:
         return best
     g, kind = accel.placed[i, 2], accel.placed[i, 3]
-    o, d = lanes.transform_point(accel.inverse, i, origin), lanes.transform_vector(accel.inverse, i, direction)
+    o, d = in_frame(accel, i, origin, direction)
     zero = lanes.full_like(t_min, 0.0)
     found = Hit(zero + np.inf, lanes.int_like(zero, i), lanes.int_like(zero, -1), zero, zero)
     if kind == MESH:
@@ -146,8 +146,7 @@ def _on_mesh(
     accel: Any, i: int, g: int, o: Vec, d: Vec, t_min: Lane, t_max: Lane, nearest: Lane, any_hit: bool, nothing: Hit
 ) -> Hit:  # fmt: skip
     """What rays in the frame of instance i meet of its mesh."""
-    o = lanes.sub(o, (accel.origin[g, 0], accel.origin[g, 1], accel.origin[g, 2]))
-    t, primitive, u, v = _mesh(accel, g, np.int64(accel.placed[i, 4]), o, d, t_min, t_max, nearest, any_hit)
+    t, primitive, u, v = _mesh(accel, g, np.int64(accel.placed[i, 4]), from_middle(accel, g, o), d, t_min, t_max, nearest, any_hit)
     return Hit(t, nothing.instance, primitive, u, v)
 
 
@@ -158,7 +157,7 @@ def _mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
     zero = lanes.full_like(t_min, 0.0)
     ray, enters, left = entering(accel, g, o, d, t_min, until)
     if left == 0:
-        return zero + np.inf, lanes.int_like(zero, -1), zero, zero
+        return bundle_walk.nothing(enters)
     if BUNDLES and bundle.alike(left, d, ray):
         t, triangle, u, v, asked = bundle_walk.meet(accel, g, root, o, d, ray, enters, t_min, t_max, until, left, any_hit)
         if asked:
@@ -170,12 +169,15 @@ def _mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
 
 
 @helper
-def in_frame(accel: Any, i: int, origin: Vec, direction: Vec) -> tuple[Any, Vec, Vec]:
-    """(Geometry of instance i, a mesh; origins and directions of rays in the mesh's frame.)"""
-    g = np.int64(accel.placed[i, 2])
-    o = lanes.transform_point(accel.inverse, i, origin)
-    o = lanes.sub(o, (accel.origin[g, 0], accel.origin[g, 1], accel.origin[g, 2]))
-    return g, o, lanes.transform_vector(accel.inverse, i, direction)
+def in_frame(accel: Any, i: int, origin: Vec, direction: Vec) -> tuple[Vec, Vec]:
+    """Origins and directions of rays in the frame of instance i."""
+    return lanes.transform_point(accel.inverse, i, origin), lanes.transform_vector(accel.inverse, i, direction)
+
+
+@helper
+def from_middle(accel: Any, g: int, o: Vec) -> Vec:
+    """Origins relative to that of mesh g, as its boxes and corners are."""
+    return lanes.sub(o, (accel.origin[g, 0], accel.origin[g, 1], accel.origin[g, 2]))
 
 
 @helper

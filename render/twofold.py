@@ -51,7 +51,9 @@ def _both(accel: Any, first: Ray, second: Ray, visible_bit: int, any_hit: bool) 
 @helper
 def as_bundle(accel: Any, i: int, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane, any_hit: bool) -> tuple[Hit, bool]:
     """(What rays meet of instance i, a mesh; whether they were asked.)"""
-    g, o, d = traverse.in_frame(accel, i, origin, direction)
+    g = np.int64(accel.placed[i, 2])
+    o, d = traverse.in_frame(accel, i, origin, direction)
+    o = traverse.from_middle(accel, g, o)
     ray, enters, left = traverse.entering(accel, g, o, d, t_min, t_max)
     t, triangle, u, v = bundle_walk.nothing(enters)
     asked = left == 0

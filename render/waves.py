@@ -90,17 +90,22 @@ def draw_tile(accel, scene, frame, tile, first, count, total, film, room):
                 room.items[2 * ROW + filled], room.items[3 * ROW + filled] = s, row * width + column
                 filled += 1
                 if filled == SIZE:
-                    draw(accel, scene, frame, total, room, filled)
-                    collect(film, room, filled, width)
-                    filled = 0
-    if filled > 0:
-        draw(accel, scene, frame, total, room, filled)
-        collect(film, room, filled, width)
+                    filled = drawn(accel, scene, frame, total, film, room, filled, width)
+    drawn(accel, scene, frame, total, film, room, filled, width)
     simd.restore_denormals(saved)
 
 
+@helper
+def drawn(accel: Any, scene: Any, frame: Any, total: int, film: Any, room: Any, n: int, width: int) -> int:
+    """Draw the room's n samples, to the film; how many wait then: 0."""
+    if n > 0:
+        _wave(accel, scene, frame, total, room, n)
+        _collect(film, room, n, width)
+    return 0
+
+
 @apart
-def draw(accel, scene, frame, total, room, n):
+def _wave(accel, scene, frame, total, room, n):
     """The light of n samples, to the room."""
     _begin(scene.tables, frame, total, room, n)
     reuse.cleared(room.shared, 0, n)
@@ -118,7 +123,7 @@ def draw(accel, scene, frame, total, room, n):
 
 
 @helper
-def collect(film: Any, room: Any, n: int, width: int) -> None:
+def _collect(film: Any, room: Any, n: int, width: int) -> None:
     """Add what n paths found to the film, in their order; what is not finite is left out and counted, what has no place left out."""
     for k in range(n):
         place = room.items[3 * ROW + k]

@@ -47,11 +47,7 @@ def forms(tables: ir.Tables, closed: bool = True) -> Forms:
     kinds = tables.geometries.kind
     shown = [g for g in np.unique(tables.instances.geometry).tolist() if kinds[g] == ir.GeometryKind.FORMULA]
     surfaces = [Surface(tape_of(tables, g), tables.geometries.parameters[g], tables.geometries.bounds[g]) for g in shown]
-    reaches = [float(np.abs(bounds).max()) for _, _, bounds in surfaces]
-    solids = [
-        closed_forms.solid(tape, bool(parameters[0]), reach) if closed else None
-        for (tape, parameters, _), reach in zip(surfaces, reaches, strict=True)
-    ]
+    solids = [closed_forms.of_geometry(tables, g) if closed else None for g in shown]
     last = np.argsort([solid is not None for solid in solids], kind="stable").tolist()
     of = np.full(len(kinds), -1, np.int32)
     of[[shown[row] for row in last]] = np.arange(len(shown))

@@ -162,8 +162,9 @@ def columns(origin: Any, direction: Any, t_min: Any, t_max: Any) -> NDArray[np.f
 def begun(room, columns, at, n, inverse, known):
     """(where the bundle begins, how long the stretch is in which it may meet the box; −1 if none does); sets the rays, up to `known`."""
     exact, rays = room.exact, room.rays
-    begin, end = np.inf, -np.inf
     padded = (n + VECTOR - 1) // VECTOR * VECTOR
+    soonest = lanes.full_like(lanes.to_float(across.numbered(0)), np.inf)
+    latest = -soonest
     for first in range(0, padded, LANES):
         o, d, low, high = local(columns, at + first, inverse)
         mine = across.numbered(first) < n
@@ -177,13 +178,14 @@ def begun(room, columns, at, n, inverse, known):
         enter, leave = clipped(room, 0, o, way, low * size, high * size)
         active = (enter < leave) & mine
         enter, leave = lanes.where(active, enter, np.inf), lanes.where(active, leave, -np.inf)
-        begin, end = min(begin, across.least(enter)), max(end, across.most(leave))
+        soonest, latest = lanes.minimum(soonest, enter), lanes.maximum(latest, leave)
         for axis in range(3):
             across.store_row(exact, axis * SPACED + first, o[0] if axis == 0 else o[1] if axis == 1 else o[2])
             across.store_row(exact, (3 + axis) * SPACED + first, way[0] if axis == 0 else way[1] if axis == 1 else way[2])
         across.store_row(exact, 6 * SPACED + first, enter)
         across.store_row(exact, 7 * SPACED + first, leave)
         across.store_row(exact, 8 * SPACED + first, size)
+    begin, end = across.least(soonest), across.most(latest)
     if not begin < end:
         return 0.0, -1.0
     for first in range(0, padded, LANES):

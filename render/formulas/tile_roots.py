@@ -182,11 +182,11 @@ def met(
     across.put_at(hits.spacing, ray, units, mask)
     across.put_at(hits.u, ray, first, mask)
     across.put_at(hits.v, ray, second, mask)
-    left = across.bits(mask)
-    while left != 0:
-        one = np.int64(across.lane(ray, simd.trailing_zeros(left)))
-        left &= left - 1
-        room.alive[one // VECTOR] &= ~(1 << (one % VECTOR))
+    bit, rest = lanes.int_like(at, 1) << (ray & (VECTOR - 1)), mask
+    while lanes.any_lane(rest):
+        first, here = across.together(ray & -VECTOR, rest)
+        room.alive[first // VECTOR] &= ~across.total(lanes.where(here, bit, 0))
+        rest = rest & lanes.not_(here)
 
 
 @helper

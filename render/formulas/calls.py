@@ -11,7 +11,7 @@ from numba.np.arrayobj import make_array
 
 from ..simd.value import I64
 from ..simd.vector import intrinsic
-from .vectors import CODE, INTERPRETER, POINTER, ROW
+from .vectors import CODE, INTERPRETER, POINTER, ROW, ROWS
 
 
 def _place(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any:
@@ -54,3 +54,15 @@ def compiled(typingctx, address, registers, constants, begin, out):
 
     i = types.int64
     return signature(types.void, i, registers, constants, i, out), _calling(CODE, places)
+
+
+@intrinsic
+def compiled_rows(typingctx, address, registers, constants, out, vectors):
+    """Run a tape's own code for float32 on `vectors` vectors of x, as many of y and of z at the beginning of `registers`; the values go to
+    its element `out` on."""
+
+    def places(b: Any, place: Any, args: Any) -> list[Any]:
+        return [place(1), place(2), place(1, args[3]), args[4]]
+
+    i = types.int64
+    return signature(types.void, i, registers, constants, i, i), _calling(ROWS, places)

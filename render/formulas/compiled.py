@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -18,20 +19,22 @@ from numpy.typing import NDArray
 from ...compiler.tapes import Op, Tape, arity
 from ..simd.value import I64
 from . import interpreter
-from .interpreter import PARTS
+from .interpreter import PARTS, SHIFTS
+from .loops import over_vectors
 from .programs import EMITTERS, WIDTHS
-from .vectors import BYTES, CODE, VectorMath, load, store
+from .vectors import BYTES, CODE, ROWS, SINGLE, VectorMath, load, store
 
-PROGRAMS = ("points", "turns")
+PROGRAMS = ("points", "turns", "points32")
 PATIENCE = 0.1  # seconds until a thread begins to compile: what is to be drawn at once goes first
 LONGEST = 3000  # rows of a tape that is compiled: longer ones are evaluated simplified
+LONGEST_ROWS = 300  # the same of float32, whose interpreter takes many vectors at once
 _engines: dict[bytes, Any] = {}
 _waiting: dict[bytes, list[tuple[NDArray[np.int64], int]]] = {}
 _lock, _hurry = threading.Lock(), threading.Event()
 
 
 def addresses(tapes: list[Tape | None]) -> NDArray[np.int64]:
-    """(n, 2) where each tape's code for points and for turns is: 0 until a background thread writes it there, or without a tape."""
+    """(n, 3) where each tape's code for each of PROGRAMS is: 0 until a background thread writes it there, or without a tape."""
     table = np.zeros((len(tapes), len(PROGRAMS)), np.int64)
     for row, tape in enumerate(tapes):
         if tape is None or len(tape.code) > LONGEST:
@@ -49,7 +52,7 @@ def addresses(tapes: list[Tape | None]) -> NDArray[np.int64]:
 
 
 def _addresses(engine: Any) -> list[int]:
-    return [engine.get_function_address(f"tape_{name}") for name in PROGRAMS]
+    return [engine.get_function_address(f"tape_{name}") for name in PROGRAMS]  # 0 for those that it does not have
 
 
 def _compile(tape: Tape, key: bytes) -> None:
@@ -71,7 +74,7 @@ def finish() -> None:
 
 
 def engine_of(tape: Tape) -> Any:
-    """A tape's code, with its functions tape_points and tape_turns (x y z, constants, out)."""
+    """A tape's code, with its functions tape_points and tape_turns (x y z, constants, out), and tape_points32 if it is short."""
     module = llvm.parse_assembly(str(module_of(tape)))
     engine = llvm.create_mcjit_compiler(module, interpreter.target())
     engine.finalize_object()
@@ -79,27 +82,57 @@ def engine_of(tape: Tape) -> Any:
 
 
 def module_of(tape: Tape) -> ir.Module:
-    """LLVM code of a tape for one vector of points."""
+    """LLVM code of a tape: for one vector of points, and for many in float32."""
     module = ir.Module("maquette.formula")
-    for program in PROGRAMS:
+    for program in PROGRAMS[:2]:
         function = ir.Function(module, CODE, f"tape_{program}")
         inputs, constants, out = function.args
         b = ir.IRBuilder(function.append_basic_block("entry"))
         m, width = VectorMath(b), WIDTHS[program]
         zero, one = (m.everywhere(number) for number in (0.0, 1.0))
-        values: list[Any] = []
+        given = []
         for axis in range(3):
             turns = [one if k == axis else zero for k in range(width - 1)]
-            values.append([load(b, inputs, axis * width * BYTES), *turns])
+            given.append([load(b, inputs, axis * width * BYTES), *turns])
 
-        def named(name: int, b: Any = b, values: list[Any] = values, constants: Any = constants, rest: Any = (zero,) * (width - 1)) -> Any:
-            return values[name] if name >= 0 else [load(b, constants, ~name * PARTS * BYTES), *rest]
+        def constant(k: int, b: Any = b, constants: Any = constants, rest: Any = (zero,) * (width - 1)) -> Any:
+            return [load(b, constants, k * PARTS * BYTES), *rest]
 
-        for op, *operands in tape.code.tolist():
-            time.sleep(0)  # lets others go on: a picture is being drawn meanwhile
-            given = [named(name) for name in operands[: arity(op)]]
-            values.append(EMITTERS[program](m, Op(op), given, ir.Constant(I64, 0)))
-        for k, part in enumerate(named(tape.results[0])):
+        for k, part in enumerate(_result(tape, program, m, given, constant)):
             store(b, out, k * BYTES, part)
         b.ret_void()
+    if len(tape.code) <= LONGEST_ROWS:
+        _add_rows(module, tape)
     return module
+
+
+def _add_rows(module: ir.Module, tape: Tape) -> None:
+    """The function for many vectors."""
+    program, size = PROGRAMS[2], SINGLE.bytes
+    function = ir.Function(module, ROWS, f"tape_{program}")
+    inputs, constants, out, vectors = function.args
+    b = ir.IRBuilder(function.append_basic_block("entry"))
+    stride = b.mul(vectors, ir.Constant(I64, size))
+
+    def vector(k: Any) -> None:
+        offset = b.mul(k, ir.Constant(I64, size))
+        given = [[load(b, inputs, b.add(offset, b.mul(stride, ir.Constant(I64, axis))), SINGLE)] for axis in range(3)]
+        m = VectorMath(b, form=SINGLE)
+        (value,) = _result(tape, program, m, given, lambda k: [load(b, constants, (k * PARTS + SHIFTS[program]) * size, SINGLE)])
+        store(b, out, offset, value)
+
+    over_vectors(b, vectors, vector)
+    b.ret_void()
+
+
+def _result(tape: Tape, program: str, m: VectorMath, given: list[Any], constant: Callable[[int], Any]) -> Any:
+    """Emit a tape for its inputs; its result."""
+    values = list(given)
+
+    def named(name: int) -> Any:
+        return values[name] if name >= 0 else constant(~name)
+
+    for op, *operands in tape.code.tolist():
+        time.sleep(0)  # lets others go on: a picture is being drawn meanwhile
+        values.append(EMITTERS[program](m, Op(op), [named(name) for name in operands[: arity(op)]], ir.Constant(I64, 0)))
+    return named(tape.results[0])

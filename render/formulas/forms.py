@@ -49,7 +49,7 @@ class Forms(NamedTuple):
     of: NDArray[np.int32]  # (geometries,) row of a surface, or -1
     numbers: NDArray[np.float64]  # (n, 14)
     places: NDArray[np.int64]  # (n, 5)
-    compiled: NDArray[np.int64]  # (n, 2) addresses of the whole tapes' own code for points and turns; 0: not yet
+    compiled: NDArray[np.int64]  # (n, 3) addresses of the whole tapes' own code for points, turns and points in float32; 0: none yet
     grid: NDArray[np.int32]  # what is in a cell: see cells.py
     blocks: NDArray[np.int64]  # (blocks, 5)
     states: NDArray[np.int64]  # (blocks,) 0: to be cut up, 1: a thread is at it, 2: done
@@ -77,7 +77,7 @@ def of(tables: ir.Tables, closed: bool = True) -> Forms:
     rows = np.zeros(0, np.int32)
     return Forms(
         of=np.full(len(kinds), -1, np.int32), numbers=np.zeros((0, 14)), places=np.zeros((0, 5), np.int64),
-        compiled=np.zeros((0, 2), np.int64), grid=rows, blocks=np.zeros((0, 5), np.int64), states=whole, ends=whole, leaf_tape=rows,
+        compiled=np.zeros((0, 3), np.int64), grid=rows, blocks=np.zeros((0, 5), np.int64), states=whole, ends=whole, leaf_tape=rows,
         leaf_slopes=np.zeros((0, 6)), tapes=np.zeros((0, 3), np.int64), names=np.zeros((0, 4), np.int32),
         code=np.zeros((0, ROW), np.int32), constants=floats, constants32=np.zeros(0, np.float32), programs=whole,
         unproved=np.zeros(1, np.int64), parts=NO_PARTS,

@@ -19,13 +19,13 @@ from .tile_room import (
     MOST_PIECES,
     OPEN,
     PARTS_OF_SPAN,
-    POINTS,
     SPACED,
     SPANS,
     VECTOR,
     U,
     error_of,
     evaluate,
+    evaluate_points,
     exact,
     signed,
     tapes_of,
@@ -110,7 +110,7 @@ def _values(room, memory, tape, count, s, a, b, to):
         for axis in range(3):
             o, d = simd.load(room.rays, axis * SPACED + at, VECTOR), simd.load(room.rays, (3 + axis) * SPACED + at, VECTOR)
             simd.store(room.registers, (axis * count + i) * VECTOR, simd.fma(d, here, o))
-    evaluate(room, POINTS, tape, count)
+    evaluate_points(room, tape, count)
     out = room.tapes[tape, 2] * count
     for i in range(count):
         f = simd.load(room.registers, (out + i) * VECTOR, VECTOR)
@@ -198,7 +198,7 @@ def _piece(room: Any, tape: int, ray: Any, at: Any, to: Any, slack: float) -> An
     sure = ~simd.mask_from_bits(room.state[0], low)
     for axis in range(3):
         simd.store(registers, axis * VECTOR, simd.load(room.packed, axis * VECTOR, VECTOR))
-    evaluate(room, POINTS, tape, 1)
+    evaluate_points(room, tape, 1)
     return low, high, least, most, error, simd.load(registers, room.tapes[tape, 2] * VECTOR, VECTOR), sure
 
 

@@ -13,7 +13,7 @@ from ..records import Lane, Vec
 from .evaluate import Room, turns_at, value_at
 from .jumps import face
 from .meet import bracketed, dressed
-from .tile_room import OPEN, POINTS, SPACED, VECTOR, U, evaluate, exact, numbers_of, own_origin, tapes_of
+from .tile_room import OPEN, SPACED, VECTOR, U, evaluate_points, exact, numbers_of, own_origin, tapes_of
 from .vectors import LANES
 
 MOST_TURNS = 12
@@ -57,7 +57,7 @@ def finished(room, memory, tape, count, start, reach, hits):
                 o = simd.load(room.packed, axis * OPEN + k * VECTOR, VECTOR)
                 d = simd.load(room.packed, (3 + axis) * OPEN + k * VECTOR, VECTOR)
                 simd.store(registers, (axis * many + k) * VECTOR, simd.fma(d, s, o))
-        evaluate(room, POINTS, tape, many)
+        evaluate_points(room, tape, many)
         out = room.tapes[tape, 2] * many
         for k in range(many):
             f = simd.load(registers, (out + k) * VECTOR, VECTOR)

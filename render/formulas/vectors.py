@@ -21,6 +21,7 @@ INTERPRETER = ir.FunctionType(ir.VoidType(), [POINTER, I64, POINTER, POINTER, PO
 """code, rows, registers, constants, state, vectors side by side"""
 DIRECT = ir.FunctionType(ir.VoidType(), [POINTER, I64, POINTER, POINTER])  # code, rows, constants, registers; see direct.py
 CODE = ir.FunctionType(ir.VoidType(), [POINTER, POINTER, POINTER])  # of a compiled tape: x y z, constants, out
+ROWS = ir.FunctionType(ir.VoidType(), [POINTER, POINTER, POINTER, I64])  # the same of many vectors: all x, all y, all z; how many
 
 
 class Form(NamedTuple):

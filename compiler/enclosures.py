@@ -399,9 +399,6 @@ def slope_intervals(m: Any, op: int, boxes: list[Interval], value: Interval, tur
             first, second = chosen(m, a)
             found = [either(m, first, turns[1][k], second, turns[2][k]) for k in ways]
             return [_unless(m, first | second, d) for d in found]
-        case Op.FILLET:
-            partial = _fillet_partials(m, boxes)
-            return [_sum(m, [multiply(m, p, turns[n][k]) for n, p in enumerate(partial)]) for k in ways]
         case Op.FLOOR | Op.CEIL | Op.SIGN:
             still = value[0] == value[1]
             return [_unless(m, still, (0.0 * d[0], 0.0 * d[0])) for d in turns[0]]
@@ -409,13 +406,39 @@ def slope_intervals(m: Any, op: int, boxes: list[Interval], value: Interval, tur
             begin, end = _periods(m, a, boxes[1])
             found = [subtract(m, turns[0][k], multiply(m, turns[1][k], (begin, begin))) for k in ways]
             return [_unless(m, begin == end, d) for d in found]
-        case Op.NOISE:
-            middle, half = _middles(m, boxes)
-            reach = NOISE_CURVE * (half[0] + half[1] + half[2]) + 64.0 * m.unit
-            partial = [(way - reach, way + reach) for way in noise(m, *middle)[1:]]
-            return [_sum(m, [multiply(m, p, turns[n][k]) for n, p in enumerate(partial)]) for k in ways]
     partial = _partials(m, op, boxes, value)
     return [_sum(m, [multiply(m, p, turns[n][k]) for n, p in enumerate(partial)]) for k in ways]
+
+
+def spread(m: Any, op: int, boxes: list[Interval], value: Interval, off: list[Number]) -> Number:
+    """How far an operation's result moves where its operands do by `off` at the most: bit for bit what slope_intervals says of slopes
+    −off … off, where none is infinite."""
+    match op:
+        case Op.COPY | Op.NEGATE:
+            return off[0]
+        case Op.ADD | Op.SUBTRACT:
+            return _spread_sum(m, off)
+        case Op.MIN | Op.MAX:
+            first, second = choices(m, op, boxes[0], boxes[1])
+            return m.where(first, off[0], m.where(second, off[1], high_of(m, *off)))
+        case Op.CHOOSE | Op.FLOOR | Op.CEIL | Op.SIGN | Op.MOD:
+            ((least, most),) = slope_intervals(m, op, boxes, value, [[(-e, e)] for e in off])
+            return high_of(m, abs(least), abs(most))
+    parts = []
+    for (low, high), e in zip(_partials(m, op, boxes, value), off, strict=True):
+        part = e * high_of(m, abs(low), abs(high))
+        part = part + (part * (1.25 * m.unit) + m.tiny)
+        m.unbounded(part > m.big)
+        parts.append(m.where(part > m.big, m.big, part))
+    return _spread_sum(m, parts)
+
+
+def _spread_sum(m: Any, parts: list[Number]) -> Number:
+    total = parts[0]
+    for part in parts[1:]:
+        total = total + part
+        total = total + total * (1.25 * m.unit)
+    return total
 
 
 def _sum(m: Any, parts: list[Interval]) -> Interval:
@@ -485,6 +508,12 @@ def _partials(m: Any, op: int, boxes: list[Interval], value: Interval) -> list[I
                 return found
             cut = (y[0] < 0.0) & (y[1] >= 0.0) & (x[0] < 0.0)
             return [_unless(m, ~cut, p) for p in found]
+        case Op.FILLET:
+            return _fillet_partials(m, boxes)
+        case Op.NOISE:
+            middle, half = _middles(m, boxes)
+            reach = NOISE_CURVE * (half[0] + half[1] + half[2]) + 64.0 * m.unit
+            return [(way - reach, way + reach) for way in noise(m, *middle)[1:]]
     raise ValueError(op)
 
 

@@ -92,9 +92,8 @@ def _spans(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
     u = 0.5 * m.unit
     off = [p[4] + enclosures.high_of(m, abs(p[0]), abs(p[1])) * u for p in given]
     value = enclosures.interval(m, op, *operands)
-    turns = [[(p[2], p[3]), (-e, e)] for p, e in zip(given, off, strict=True)]
-    slope, (least, most) = enclosures.slope_intervals(m, op, operands, value, turns)
-    found = enclosures.high_of(m, abs(least), abs(most))
+    (slope,) = enclosures.slope_intervals(m, op, operands, value, [[(p[2], p[3])] for p in given])
+    found = enclosures.spread(m, op, operands, value, off)
     if op == Op.SQRT:
         found = enclosures.low_of(m, found, m.sqrt(off[0]))
     size = enclosures.high_of(m, abs(value[0]), abs(value[1]))

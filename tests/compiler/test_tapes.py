@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from maquette.compiler import extent, tape_walks
+from maquette.compiler import enclosures, extent, tape_walks
+from maquette.compiler.tape_points import NumpyMath
 from maquette.compiler.tapes import Builder, Op, Tape, Unfit, arity, surface
 from maquette.lang import formula as formulas
 
@@ -188,6 +189,20 @@ def test_bounds_of_an_operation_hold(op, scale):
     random = np.random.default_rng(int(op))
     low, high = boxes_for(op, scale, BOXES, random)
     check(single(op), low, high, random, 2 * np.pi if op == Op.ANGLE else 0.0)
+
+
+@pytest.mark.parametrize("op", list(Op), ids=lambda op: op.name.lower())
+def test_an_operation_spreads_what_it_is_given_as_its_slopes_say(op):
+    random = np.random.default_rng(int(op))
+    low, high = boxes_for(op, 1.0, BOXES, random)
+    boxes = list(zip(low, high, strict=True))[: arity(op)]
+    off = list(10.0 ** random.uniform(-9, 0, (len(boxes), BOXES)))
+    m = NumpyMath((BOXES,))
+    with np.errstate(all="ignore"):
+        value = enclosures.interval(m, op, *boxes)
+        ((least, most),) = enclosures.slope_intervals(m, op, boxes, value, [[(-e, e)] for e in off])
+        found = enclosures.spread(m, op, boxes, value, off)
+    np.testing.assert_array_equal(found, np.maximum(np.abs(least), np.abs(most)))
 
 
 SMOOTH = [op for op in Op if op not in (Op.ANGLE, Op.MOD, Op.POWER, Op.COPY)]

@@ -122,8 +122,10 @@ def gathering(tables: ir.Tables) -> np.ndarray:
     """(instances,) bool: things that mirror or bend light without spreading it much."""
     seen = tables.instances.visible & ir.Visibility.REFLECTION != 0
     whole = sharp_materials(tables) | polished_materials(tables)
-    beside = (gleam(tables) > 0.0)[tables.instances.material] & np.isfinite(balls(tables)[1])  # what is endless cannot be aimed at
-    return (whole[tables.instances.material] | beside) & seen
+    found, gleaming = whole[tables.instances.material], gleam(tables) > 0.0
+    if gleaming.any():
+        found = found | (gleaming[tables.instances.material] & np.isfinite(balls(tables)[1]))  # what is endless cannot be aimed at
+    return found & seen
 
 
 def lamps(tables: ir.Tables, all_sizes: bool = False) -> tuple[np.ndarray, np.ndarray]:

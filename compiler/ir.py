@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from enum import IntEnum
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -468,6 +469,7 @@ TABLES: dict[str, type] = {
 }  # fmt: skip
 
 
+@cache
 def column_type(table: str, column: str) -> tuple[np.dtype[Any], tuple[int, ...]]:
     """The dtype of a column and the shape of one row of it."""
     if table == "materials" and column == "values":

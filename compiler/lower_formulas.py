@@ -41,10 +41,12 @@ def implicit(lowering: Lowering, element: Element) -> list[Piece]:
     else:
         low, high, ball = ((np.array(part) / unit) for part in within)
         bounds = np.stack([low, high])
-        if not sheet:
-            tape, bounds = closed(tape, bounds, ball)
-            ball = (0.0, 0.0, 0.0, 0.0)
         tight = extent.tightened(sheet_field(tape) if sheet else tape, bounds)
+        if not sheet:
+            if tight is not None and (ball[3] or (tight[0] <= bounds[0]).any() or (tight[1] >= bounds[1]).any()):
+                tape, bounds = closed(tape, bounds, ball)
+                tight = extent.tightened(tape, bounds)
+            ball = (0.0, 0.0, 0.0, 0.0)
         if tight is None:
             lowering.warn(element, "there is no surface within these bounds: nothing is drawn")
             return []

@@ -232,3 +232,14 @@ def children(node: Node) -> Iterator[Node]:
             yield value
         elif isinstance(value, tuple):
             yield from (v for v in value if isinstance(v, Node))
+
+
+def places_children(node: Node) -> bool:
+    """Whether `children` stands anywhere in `node`, other than in functions defined in it."""
+    waiting = [node]
+    while waiting:
+        n = waiting.pop()
+        if isinstance(n, Name) and n.id == "children":
+            return True
+        waiting.extend(c for c in children(n) if not (isinstance(c, Let) and c.parameters is not None))
+    return False

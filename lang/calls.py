@@ -12,7 +12,7 @@ from .entries import Entry
 from .limits import MAX_CALLS, MAX_ELEMENTS, Exhausted, too_many_elements
 from .parse import parse
 from .schema import SCHEMA
-from .scope import Scope, Thunk, places_children
+from .scope import Scope, Thunk
 from .values import (
     POISON,
     AssetPart,
@@ -132,7 +132,7 @@ def _takes_children(function: Value) -> bool:
     if isinstance(function, UserFunction):
         return function.takes_children
     if isinstance(function, FilePart):
-        return any(places_children(i) for i in function.module.file.items if not (isinstance(i, ast.Let) and i.parameters is not None))
+        return any(ast.places_children(i) for i in function.module.file.items if not (isinstance(i, ast.Let) and i.parameters is not None))
     return False
 
 

@@ -108,15 +108,4 @@ def bind_block(items: tuple[ast.Item, ...], scope: Scope) -> None:
             if item.parameters is None:
                 scope.names[name] = Thunk(name, item.value, scope)
             else:
-                scope.names[name] = UserFunction(item, scope, places_children(item.value))
-
-
-def places_children(node: ast.Node) -> bool:
-    """Whether `children` stands anywhere in `node`, other than in functions defined in it."""
-    waiting = [node]
-    while waiting:
-        n = waiting.pop()
-        if isinstance(n, ast.Name) and n.id == "children":
-            return True
-        waiting.extend(c for c in ast.children(n) if not (isinstance(c, ast.Let) and c.parameters is not None))
-    return False
+                scope.names[name] = UserFunction(item, scope)

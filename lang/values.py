@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from . import ast, colors, units
@@ -73,13 +74,16 @@ class Builtin:
     doc: str = ""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class UserFunction:
     """`let name(parameters) = …`, with the scope it stands in."""
 
     let: ast.Let
     scope: Scope
-    takes_children: bool
+
+    @cached_property
+    def takes_children(self) -> bool:
+        return ast.places_children(self.let.value)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

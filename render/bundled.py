@@ -5,6 +5,7 @@ Rays through neighbouring pixels go much the same way: samples are put in square
 
 from __future__ import annotations
 
+import weakref
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -30,6 +31,10 @@ class Desk(NamedTuple):
     room: Handle  # a ray.Room with `primed`
 
 
+SPARE, SMALL = 4, 4 * tile_room.RAYS  # kinds of desks that are kept when their picture is drawn, and samples of each at the most
+_spare: dict[tuple[int, ...], list[Desk]] = {}  # getting memory anew for each picture takes as long as filling it
+
+
 class Bundles:
     """What one thread needs to meet the formula surfaces of a scene's trees; `room` is its ray.Room, `lamps` those of hidden.lamps."""
 
@@ -39,6 +44,7 @@ class Bundles:
         self.instances = instances(trees).tolist()
         self.casting = [k for k, i in enumerate(self.instances) if trees.placed[i, 0] & hidden.CASTS]
         self.desks: dict[tuple[int, ...], Desk] = {}
+        weakref.finalize(self, _put_by, self.desks).atexit = False
         self.inverses = [np.ascontiguousarray(trees.inverse[i, :3]) for i in self.instances]
         self.geometries = [int(trees.placed[i, 2]) for i in self.instances]
         surfaces = {g: Handle(tile_room.room(trees.forms, int(trees.forms.of[g]))) for g in set(self.geometries)}
@@ -86,10 +92,33 @@ class Bundles:
         rounds = int(count.max(initial=0))
         if (count != rounds).any():
             return _desk(count, self.room, bool(self.lamps))
-        key = (*count.shape, rounds)
+        key = (*count.shape, rounds, len(self.lamps) > 0)
         if key not in self.desks:
-            self.desks[key] = _desk(count, self.room, bool(self.lamps))
+            spare = _taken(key)
+            self.desks[key] = _desk(count, self.room, key[-1]) if spare is None else _with(self.room, spare)
         return self.desks[key]
+
+
+def _put_by(desks: dict[tuple[int, ...], Desk]) -> None:
+    """Keep the desks of bundles that are no more, one or two of a kind."""
+    for key, desk in desks.items():
+        if desk.items.shape[1] <= SMALL:
+            _spare[key] = [desk, *_spare.pop(key, [])][:2]
+    for key in tuple(_spare)[:-SPARE]:
+        _spare.pop(key, None)
+
+
+def _taken(key: tuple[int, ...]) -> Desk | None:
+    """A desk of this kind that nobody uses."""
+    try:
+        return _spare[key].pop()
+    except LookupError:
+        return None
+
+
+def _with(room: Any, desk: Desk) -> Desk:
+    """A desk for another room."""
+    return desk._replace(room=Handle(room._replace(primed=desk.primed)))
 
 
 def _desk(count: NDArray[np.int64], room: Any, lamps: bool) -> Desk:

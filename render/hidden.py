@@ -40,7 +40,8 @@ def is_asked(tables: Tables, light: int) -> bool:
 
 @kernel
 def aim(tables, light, rays, found, out):
-    """Rays to a lamp from where camera rays met surfaces, one for each that it may light; how many. As tile_room.columns has them, all."""
+    """Rays to a lamp from where camera rays met surfaces, one for each that it may light; how many. As tile_room.columns has them, all;
+    where there is none, its last distance is less than its first, and the rest says nothing."""
     n, many = len(found.t), 0
     for start in range(0, n, across.WIDTH):
         rows = lanes.minimum(across.numbered(start), n - 1)
@@ -56,7 +57,9 @@ def aim(tables, light, rays, found, out):
             ends = lanes.where(lit, arriving.distance, ends)
             origin, direction = lanes.along(position, geometric, offset), arriving.direction
             many += across.count(lit)
-        tile_room.put(out, start, origin, direction, lanes.full_like(ends, 0.0), ends)
+            tile_room.put(out, start, origin, direction, lanes.full_like(ends, 0.0), ends)
+        else:
+            across.store_row(out, 7 * out.shape[1] + start, ends)
     return many
 
 

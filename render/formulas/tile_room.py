@@ -183,6 +183,10 @@ def begun(room, columns, at, n, inverse, known):
             high = lanes.minimum(high, across.load_row(known, first))
         else:
             high = lanes.minimum(high, known[lanes.minimum(across.numbered(first), n - 1)])
+        if not lanes.any_lane(mine & (low < high) & _near(room, o, d)):  # dividing is most of what is done here
+            across.store_row(exact, 6 * SPACED + first, lanes.full_like(soonest, np.inf))
+            across.store_row(exact, 7 * SPACED + first, lanes.full_like(soonest, -np.inf))
+            continue
         size = lanes.length(d)
         size = lanes.where(size > 0.0, size, 1.0)
         way = lanes.scale(d, 1.0 / size)
@@ -200,6 +204,10 @@ def begun(room, columns, at, n, inverse, known):
     if not begin < end:
         return 0.0, -1.0
     for first in range(0, padded, LANES):
+        if not lanes.any_lane(across.load_row(exact, 6 * SPACED + first) < np.inf):
+            across.store_row(rays, 6 * SPACED + first, lanes.full_like(soonest, np.inf))
+            across.store_row(rays, 7 * SPACED + first, lanes.full_like(soonest, -np.inf))
+            continue
         for axis in range(3):
             way = across.load_row(exact, (3 + axis) * SPACED + first)
             start = across.load_row(exact, axis * SPACED + first) + begin * way
@@ -212,6 +220,16 @@ def begun(room, columns, at, n, inverse, known):
         across.store_row(rays, 6 * SPACED + first, enter * (1.0 - 4.0 * U))
         across.store_row(rays, 7 * SPACED + first, leave * (1.0 + 4.0 * U))
     return begin, end - begin
+
+
+@helper
+def _near(room: Any, o: Vec, d: Vec) -> Lane:
+    """Whether the lines of rays may meet the ball around the box, with room for rounding."""
+    low, high = (room.numbers[0, 0], room.numbers[0, 1], room.numbers[0, 2]), (room.numbers[0, 3], room.numbers[0, 4], room.numbers[0, 5])
+    edges = lanes.sub(high, low)
+    f = lanes.sub(lanes.scale(lanes.add(low, high), 0.5), o)
+    off = lanes.cross(f, d)
+    return lanes.dot(off, off) <= ((0.25 + 1e-9) * lanes.dot(edges, edges) + 1e-20 * lanes.dot(f, f)) * lanes.dot(d, d)
 
 
 @helper

@@ -1,8 +1,9 @@
 """Bounds of what the operations of tapes give over boxes of points, and of their slopes: one source for numpy and for LLVM vectors.
 
 Intervals are pairs (low, high), rounded outward: each bound moves by more than its operation's error. Not-a-number twice is an interval
-in which nothing is defined. Where a part of it may be undefined, `m.undefined(mask)` is told. Numbers beyond ±BIG (1e100) are not told
-apart: bounds stop there, so that none is infinite and no product of bounds is undefined.
+in which nothing is defined. Where a part of it may be undefined, `m.undefined(mask)` is told. Numbers beyond `m.big` are not told
+apart: a lower bound stops there, and an upper one at `m.most`, so that none is infinite and no product of bounds is undefined. That these
+two are far from each other keeps the difference of two such numbers open on both sides.
 
 A mathematics that forks (`m.forks`) goes, where an operation jumps once over a box, one of two ways: as if it had only the values on one
 side of the jump. All lanes together go all ways. What is left out is what an operation may be at the jump alone.
@@ -22,6 +23,8 @@ from .tapes import Op
 Interval = tuple[Number, Number]
 
 ULPS = 4  # by which the elementary functions may be off, with room (docs/simd.md)
+LEAST = 2.3e-308  # no number is closer to 0 and keeps its digits
+LEAST_LOG = -746.0  # of numbers above 0
 NOISE_BOUND = 1.5  # of |noise|
 NOISE_CURVE = 24.0  # of its second derivatives: fade″ ≤ 5.8, fade′ ≤ 1.9, differences of corners ≤ 4
 
@@ -47,9 +50,10 @@ def high_of(m: Any, a: Number, b: Number) -> Number:
 
 
 def _bounded(m: Any, low: Number, high: Number) -> Interval:
-    """Within ±BIG; not-a-number stays."""
+    """Within ±`m.most`, and of what lies beyond `m.big` altogether that alone; not-a-number stays."""
     m.unbounded((low < -m.big) | (high > m.big))
-    return m.where(low < -m.big, -m.big, low), m.where(high > m.big, m.big, high)
+    low, high = m.where(low < -m.most, -m.most, low), m.where(high > m.most, m.most, high)
+    return m.where(low > m.big, m.big, low), m.where(high < -m.big, -m.big, high)
 
 
 def add(m: Any, a: Interval, b: Interval) -> Interval:
@@ -61,14 +65,16 @@ def subtract(m: Any, a: Interval, b: Interval) -> Interval:
 
 
 def _outward(m: Any, low: Number, high: Number) -> Interval:
-    """Sums rounded outward: 0 stays 0, since small sums are exact. So what holds no negative numbers does not begin to."""
+    """Sums rounded outward: 0 stays 0, since small sums are exact. So what holds no negative numbers does not begin to; nor does a product
+    with 0, if what products lose when they are too small for floating point is lost at points, too (`m.lost`: where it is not)."""
     return low - abs(low) * (1.25 * m.unit), high + abs(high) * (1.25 * m.unit)
 
 
 def multiply(m: Any, a: Interval, b: Interval) -> Interval:
     p, q, r, s = a[0] * b[0], a[0] * b[1], a[1] * b[0], a[1] * b[1]
     low, high = low_of(m, low_of(m, p, q), low_of(m, r, s)), high_of(m, high_of(m, p, q), high_of(m, r, s))
-    return _bounded(m, down(m, low), up(m, high))
+    low, high = _bounded(m, low, high)  # first: there is nothing below ∞
+    return (down(m, low), up(m, high)) if m.lost else _outward(m, low, high)
 
 
 def negate(a: Interval) -> Interval:
@@ -85,7 +91,7 @@ def reciprocal(m: Any, a: Interval, told: bool = True) -> Interval:
     if told:
         m.unbounded(~apart)
     low, high = down(m, 1.0 / a[1]), up(m, 1.0 / a[0])
-    least, most = -m.big + 0.0 * a[0], m.big + 0.0 * a[1]
+    least, most = -m.most + 0.0 * a[0], m.most + 0.0 * a[1]
     above, below = (apart | (a[0] >= 0.0), apart | (a[1] <= 0.0)) if m.forks else (apart, apart)
     whole = m.where(above, low, least), m.where(below, high, most)
     if m.forks:  # over the pole, and at it: a place alone has both infinities for its sides
@@ -93,7 +99,7 @@ def reciprocal(m: Any, a: Interval, told: bool = True) -> Interval:
         before, behind = (least, m.where(on, least, high)), (m.where(on, most, low), most)
         whole = one_side(m, on | ((a[0] < 0.0) & (a[1] > 0.0)), before, behind, whole)
     low, high = whole
-    return _defined(m, a, _bounded(m, m.where(low == low, low, -m.big), m.where(high == high, high, m.big)))
+    return _defined(m, a, _bounded(m, m.where(low == low, low, -m.most), m.where(high == high, high, m.most)))
 
 
 def magnitude(m: Any, a: Interval) -> Interval:
@@ -126,7 +132,7 @@ def one_side(m: Any, jumps: Number, one: Interval, other: Interval, whole: Inter
 
 def everything(m: Any, like: Interval) -> Interval:
     nothing = m.where(like[0] == like[0], 0.0 * like[0], like[0])
-    return nothing - m.big, nothing + m.big
+    return nothing - m.most, nothing + m.most
 
 
 def choices(m: Any, op: int, a: Interval, b: Interval, c: Any = None) -> tuple[Number, Number]:
@@ -165,13 +171,16 @@ def interval(m: Any, op: int, a: Interval, b: Any = None, c: Any = None) -> Inte
             return magnitude(m, a)
         case Op.SQUARE:
             low, high = magnitude(m, a)
-            low, high = high_of(m, down(m, low * low), 0.0 * low), up(m, high * high)
+            low, high = low * low, high * high
             m.unbounded(high > m.big)
-            return m.where(low > m.big, m.big, low), m.where(high > m.big, m.big, high)
+            low, high = m.where(low > m.big, m.big, low), m.where(high > m.most, m.most, high)
+            return (high_of(m, down(m, low), 0.0 * low), up(m, high)) if m.lost else _outward(m, low, high)
         case Op.HYPOT:
             (la, ha), (lb, hb) = magnitude(m, a), magnitude(m, b)
-            low, high = down(m, m.sqrt(la * la + lb * lb), 2), up(m, m.sqrt(ha * ha + hb * hb), 2)
-            return high_of(m, low, 0.0 * low), high
+            low, high = m.sqrt(la * la + lb * lb), m.sqrt(ha * ha + hb * hb)
+            low, high = (low, high) if m.lost else _bounded(m, low, high)
+            low = down(m, low, 2)
+            return high_of(m, low, 0.0 * low), up(m, high, 2)
         case Op.MIN:
             low = m.where(b[0] != b[0], a[0], low_of(m, a[0], b[0]))
             high = m.where(b[1] != b[1], a[1], low_of(m, a[1], b[1]))
@@ -182,8 +191,8 @@ def interval(m: Any, op: int, a: Interval, b: Any = None, c: Any = None) -> Inte
             bad_too = bad != bad
             return m.where(bad_too, bad, high_of(m, a[0], b[0])), m.where(bad_too, bad, high_of(m, a[1], b[1]))
         case Op.EXP:
-            low, high = down(m, m.exp(a[0]), ULPS), up(m, m.exp(a[1]), ULPS)
-            return _bounded(m, high_of(m, low, 0.0 * a[0]), high)
+            low, high = _bounded(m, m.exp(a[0]), m.exp(a[1]))
+            return high_of(m, down(m, low, ULPS), 0.0 * a[0]), up(m, high, ULPS)
         case Op.FLOOR | Op.CEIL | Op.SIGN:
             low, high = (point(m, op, bound) for bound in a)
             once = high == low + 1.0 if op != Op.SIGN else low < high
@@ -194,10 +203,17 @@ def interval(m: Any, op: int, a: Interval, b: Any = None, c: Any = None) -> Inte
             return down(m, m.atan(a[0]), ULPS), up(m, m.atan(a[1]), ULPS)
         case Op.CHOOSE:
             first, second = chosen(m, a)
-            return one_side(m, ~(first | second), b, c, either(m, first, b, second, c))
+            no_b, no_c = b[0] != b[0], c[0] != c[0]
+            if not m.forks:  # where the other way is gone, nothing is defined
+                m.undefined(~(first | second) & (no_b | no_c))
+            whole = either(m, first | (no_c & ~second), b, second | (no_b & ~first), c)
+            return one_side(m, ~(first | second), b, c, whole)
         case Op.FILLET:
             slack = fillet_slack(m, a, b, c)  # it rises with a and b, and falls with the radius
+            no_a, no_b = a[0] != a[0], b[0] != b[0]
             low, high = point(m, op, a[0], b[0], c[1]) - slack, point(m, op, a[1], b[1], c[0]) + slack
+            low, high = (low, high) if m.lost else _bounded(m, low, high)
+            low, high = m.where(no_b, a[0], m.where(no_a, b[0], low)), m.where(no_b, a[1], m.where(no_a, b[1], high))
             unsure = m.was_undefined(low)
             return low, m.where(unsure, high_of(m, a[1], m.where(b[1] != b[1], a[1], b[1])), high)
     return _PARTIAL[Op(op)](m, op, a, b, c)
@@ -223,15 +239,15 @@ def _log(m: Any, op: int, a: Interval, *_: Any) -> Interval:
     m.unbounded(a[0] <= m.tiny)
     least = m.tiny + 0.0 * a[0]
     positive_low, positive_high = m.where(a[0] > m.tiny, a[0], least), m.where(a[1] > m.tiny, a[1], least)
-    low = m.where(a[0] > m.tiny, down(m, m.log(positive_low), ULPS), -m.big)
+    low = m.where(a[0] > m.tiny, down(m, m.log(positive_low), ULPS), LEAST_LOG if m.forks else -m.most)  # 0 is met at a place alone
     return _outside(m, a, a[0] < 0.0, a[1] < 0.0, (low, up(m, m.log(positive_high), ULPS)))
 
 
 def _outside(m: Any, a: Interval, partly: Number, never: Number, found: Interval) -> Interval:
-    """Undefined where `never`, and where the operand is; in a part of the box where `partly`."""
+    """Undefined where `never`, and where the operand is; in a part of the box where `partly`. Only of that is there any doubt."""
     nan = math.nan + 0.0 * a[0]
     if not m.forks:
-        m.undefined(partly)
+        m.undefined(partly & ~never)
     found = one_side(m, partly & ~never, (nan, nan), found, found)
     never = never | (a[0] != a[0])
     return m.where(never, nan, found[0]), m.where(never, nan, found[1])
@@ -333,20 +349,36 @@ def _periods(m: Any, a: Interval, b: Interval) -> Interval:
 def _power(m: Any, op: int, a: Interval, b: Any, *_: Any) -> Interval:
     """For bases of at least 0 the extremes are at the corners; others have powers for whole exponents only."""
     single = b[0] == b[1]
+    whole = single & (m.floor(b[0]) == b[0])
     broken = (m.floor(b[0]) == m.floor(b[1])) & (m.floor(b[0]) != b[0])
     broken = broken | ~single if m.forks else broken  # a whole number on the way is met at that place alone
     if not m.forks:
         m.undefined((a[0] < 0.0) & ~(broken | single))
-    x, y = (m.where(p > 0.0, p, 0.0 * p) for p in a)
+    least = m.where(a[1] > 0.0, LEAST, 0.0 * a[0]) if m.forks else 0.0 * a[0]  # 0 is met at a place alone
+    x, y = m.where(whole, abs(a[0]), m.where(a[0] > 0.0, a[0], least)), m.where(whole, abs(a[1]), m.where(a[1] > 0.0, a[1], 0.0 * a[1]))
     corners = [m.power(p, q) for p in (x, y) for q in b]
     low = low_of(m, low_of(m, corners[0], corners[1]), low_of(m, corners[2], corners[3]))
     high = high_of(m, high_of(m, corners[0], corners[1]), high_of(m, corners[2], corners[3]))
-    found = _bounded(m, high_of(m, down(m, low, ULPS), 0.0 * low), up(m, high, ULPS))
-    whole = everything(m, a)
-    known = (a[0] >= 0.0) | broken
+    low, high = _bounded(m, low, high)
+    found = high_of(m, down(m, low, ULPS), 0.0 * low), up(m, high, ULPS)
+    ends = (up(m, _bounded(m, corners[k], corners[k])[1], ULPS) for k in (0, 2))
+    found = either(m, ~whole | (a[0] >= 0.0), found, whole & (a[0] < 0.0), _whole_power(m, a, b[0], found, *ends))
+    whole_line = everything(m, a)
+    known = (a[0] >= 0.0) | broken | whole
     m.unbounded(~known)
-    found = m.where(known, found[0], whole[0]), m.where(known, found[1], whole[1])
+    found = m.where(known, found[0], whole_line[0]), m.where(known, found[1], whole_line[1])
     return _outside(m, a, (a[0] < 0.0) & broken, (a[1] < 0.0) & broken, found)
+
+
+def _whole_power(m: Any, a: Interval, n: Number, size: Interval, first: Number, last: Number) -> Interval:
+    """Powers by one whole number n of bases some of which are below 0, by bounds of the ends' magnitudes and by each end's own."""
+    over, odd, falls = a[1] > 0.0, m.floor(0.5 * n) != 0.5 * n, n < 0.0
+    m.unbounded(over & falls)
+    low, high = everything(m, a)
+    even = m.where(over & (n > 0.0), 0.0 * size[0], size[0]), m.where(over & falls, high, size[1])
+    through = m.where(falls, low, -first), m.where(falls, high, last)
+    low, high = m.where(over, through[0], -size[1]), m.where(over, through[1], -size[0])
+    return m.where(odd, low, even[0]), m.where(odd, high, even[1])
 
 
 def _noise(m: Any, op: int, *boxes: Any) -> Interval:
@@ -381,7 +413,7 @@ _PARTIAL = {
 
 
 def slope_intervals(m: Any, op: int, boxes: list[Interval], value: Interval, turns: list[list[Interval]]) -> list[Interval]:
-    """Bounds of derivatives along several ways over boxes of operands; everything (±BIG) where the operation may jump."""
+    """Bounds of derivatives along several ways over boxes of operands; everything (±`m.most`) where the operation may jump."""
     ways = range(len(turns[0]))
     a = boxes[0]
     match op:
@@ -427,9 +459,9 @@ def spread(m: Any, op: int, boxes: list[Interval], value: Interval, off: list[Nu
     parts = []
     for (low, high), e in zip(_partials(m, op, boxes, value), off, strict=True):
         part = e * high_of(m, abs(low), abs(high))
-        part = part + (part * (1.25 * m.unit) + m.tiny)
         m.unbounded(part > m.big)
-        parts.append(m.where(part > m.big, m.big, part))
+        part = m.where(part > m.most, m.most, part)
+        parts.append(up(m, part) if m.lost else part + part * (1.25 * m.unit))
     return _spread_sum(m, parts)
 
 
@@ -451,7 +483,7 @@ def _sum(m: Any, parts: list[Interval]) -> Interval:
 def _unless(m: Any, smooth: Number, slope: Interval) -> Interval:
     """A slope, or everything where the operation may jump."""
     m.unbounded(~smooth)
-    return m.where(smooth, slope[0], -m.big + 0.0 * slope[0]), m.where(smooth, slope[1], m.big + 0.0 * slope[1])
+    return m.where(smooth, slope[0], -m.most + 0.0 * slope[0]), m.where(smooth, slope[1], m.most + 0.0 * slope[1])
 
 
 def _partials(m: Any, op: int, boxes: list[Interval], value: Interval) -> list[Interval]:
@@ -496,10 +528,11 @@ def _partials(m: Any, op: int, boxes: list[Interval], value: Interval) -> list[I
             found = reciprocal(m, (high_of(m, down(m, root[0]), zero), up(m, root[1])))
             return [found if op == Op.ASIN else negate(found)]
         case Op.POWER:
+            smooth = (a[0] > 0.0) | ((a[1] < 0.0) & (boxes[1][0] == boxes[1][1]))
+            by_base = multiply(m, boxes[1], multiply(m, value, reciprocal(m, (m.where(smooth, a[0], one), m.where(smooth, a[1], one)))))
             safe = (m.where(a[0] > 0.0, a[0], one), m.where(a[0] > 0.0, a[1], one))
-            by_base = multiply(m, boxes[1], multiply(m, value, reciprocal(m, safe)))
             by_exponent = multiply(m, value, _log(m, Op.LOG, safe))
-            return [_unless(m, a[0] > 0.0, by_base), _unless(m, (a[0] > 0.0), by_exponent)]
+            return [_unless(m, smooth, by_base), _unless(m, a[0] > 0.0, by_exponent)]
         case Op.ATAN2 | Op.ANGLE:
             y, x = boxes
             inverse = reciprocal(m, add(m, interval(m, Op.SQUARE, y), interval(m, Op.SQUARE, x)))

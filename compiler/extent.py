@@ -12,6 +12,9 @@ ROUNDS = 48
 MOST_BOXES = 20_000
 STALE = 5  # rounds in which it does not shrink, after which it is as small as it gets; of a box that was given one is enough
 _TIGHT = 0.02  # of the extent: rounds that shrink it by less are the last
+_PLACES, _SOME = 256, 4  # where a field is asked whether it is 0, and how many of these are more than chance
+_NOUGHT = 1e-9  # of what is usual: values below this may be 0
+_SPREAD = 0.8191725133961645 ** np.arange(1, 4)  # an additive recurrence that fills boxes evenly (Roberts 2018)
 _FACE = 8  # pieces along the edge of a face, to begin with
 
 
@@ -107,3 +110,16 @@ def _cut(low: np.ndarray, high: np.ndarray, chosen: np.ndarray) -> tuple[np.ndar
         highs.append(np.where(bit, b, middle))
     a, b = (np.stack(rows, axis=2).reshape(3, -1) for rows in (lows, highs))
     return np.concatenate([a, low[:, ~chosen]], axis=1), np.concatenate([b, high[:, ~chosen]], axis=1)
+
+
+def zero_all_over(tape: Tape, bounds: np.ndarray) -> bool:
+    """Whether a field is 0 in a part of a box (2, 3): for all that can be told it is at some of a few places spread over it."""
+    share = (np.arange(_PLACES)[:, None] * _SPREAD + 0.5) % 1.0
+    place = (bounds[0] + share * (bounds[1] - bounds[0])).T
+    with np.errstate(invalid="ignore"):
+        value = np.abs(tape_walks.points(tape, *place)[0])
+        near = place[:, value <= _NOUGHT * np.median(value[np.isfinite(value)])] if np.isfinite(value).any() else place[:, :0]
+    if near.shape[1] < _SOME:
+        return False
+    (low, high), _, _ = tape_walks.boxes(tape, near, near)
+    return int(((low <= 0) & (high >= 0)).sum()) >= _SOME

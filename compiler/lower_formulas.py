@@ -32,15 +32,17 @@ def implicit(lowering: Lowering, element: Element) -> list[Piece]:
     if known is not None:
         row = lowering.builder.geometry(ir.GeometryKind.SPHERE, (1.0,), element.span)
         return [Piece(row, transforms.scaling((unit,) * 3) @ known)]
-    if within is None:
-        bounds = extent.find(sheet_field(tape) if sheet else tape)
-        if bounds is None:
-            hint = "write within: and how far from the origin it is to be drawn, like within: 2"
-            return lowering.refuse(element, "it is not known how far this surface reaches: it may be endless", hint)
-        ball = (0.0, 0.0, 0.0, 0.0)
-    else:
-        low, high, ball = ((np.array(part) / unit) for part in within)
-        bounds = np.stack([low, high])
+    bounds = extent.find(sheet_field(tape) if sheet else tape) if cut is None else cut
+    if bounds is None:
+        hint = "write within: and how far from the origin it is to be drawn, like within: 2"
+        return lowering.refuse(element, "it is not known how far this surface reaches: it may be endless", hint)
+    if extent.zero_all_over(tape, bounds):
+        if sheet:
+            return lowering.refuse(element, *tapes.EVERYWHERE)
+        tape, _ = tapes.surface(formula, parted=True)
+    ball = (0.0, 0.0, 0.0, 0.0)
+    if within is not None:
+        ball = np.array(within[2]) / unit
         tight = extent.tightened(sheet_field(tape) if sheet else tape, bounds)
         if not sheet:
             if tight is not None and (ball[3] or (tight[0] <= bounds[0]).any() or (tight[1] >= bounds[1]).any()):

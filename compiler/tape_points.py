@@ -19,7 +19,7 @@ Number = Any  # a numpy array, or an LLVM vector
 class NumpyMath:
     """Arithmetic on float64 arrays. `maybe` collects what intervals say beside their bounds; with `ways` it forks (enclosures.one_side)."""
 
-    unit, tiny, big = 2.0**-52, 1e-300, 1e100
+    unit, tiny, big, most, lost = 2.0**-52, 1e-300, 1e290, 1e300, False
     sqrt, floor, ceil, exp, log, power = np.sqrt, np.floor, np.ceil, np.exp, np.log, np.power
     sin, cos, tan, asin, acos, atan, atan2 = np.sin, np.cos, np.tan, np.arcsin, np.arccos, np.arctan, np.arctan2
 
@@ -34,7 +34,7 @@ class NumpyMath:
         self.maybe = self.maybe | mask
 
     def unbounded(self, mask: Number) -> None:
-        """Where bounds are ±BIG: float64 has room for that."""
+        """Where bounds are beyond `big`: float64 has room for that."""
 
     def was_undefined(self, like: Number) -> Number:
         return self.maybe

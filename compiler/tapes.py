@@ -60,6 +60,7 @@ class Builder:
 
     rows: list[tuple[int, int, int, int]] = field(default_factory=list)
     constants: list[float] = field(default_factory=list)
+    parted: bool = False  # whether what is compared may be equal all over a region without anything in it saying so
     _known: dict[Any, int] = field(default_factory=dict)
     _whole: set[int] = field(default_factory=set)  # what is a whole number wherever it is defined
     _flat: dict[int, Levels] = field(default_factory=dict)  # what may be the same number all over a region, and which
@@ -120,6 +121,8 @@ class Builder:
 
     def below(self, a: int, b: int, strictly: bool) -> int:
         """A field that is at most 0 where a ≤ b, or a < b. Where both are equal all over a region it says which, and is never 0."""
+        while self.row(a)[0] == Op.EXP == self.row(b)[0]:  # which rise, and are defined everywhere
+            a, b = self.row(a)[1], self.row(b)[1]
         against = plateaus.against_own(self, a, b, strictly)
         if against is not None:
             return against
@@ -130,7 +133,7 @@ class Builder:
             return self.constant(-1.0 if holds else 1.0)
         if field in self._whole:
             return self.shifted(field, 0.5 if strictly else -0.5)
-        return plateaus.parted(self, field, strictly) if levels is None or 0.0 in levels else field
+        return plateaus.parted(self, field, strictly) if self.parted or levels is None or 0.0 in levels else field
 
     def _simpler(self, op: Op, a: int, b: int, c: int) -> int | None:
         used = (a, b, c)[: arity(op)]
@@ -284,6 +287,7 @@ _SAME = {
     "atan": Op.ATAN, "atan2": Op.ATAN2, "hypot": Op.HYPOT, "min": Op.MIN, "max": Op.MAX, "floor": Op.FLOOR, "ceil": Op.CEIL,
     "mod": Op.MOD, "sign": Op.SIGN,
 }  # fmt: skip
+EVERYWHERE = "both sides of this `==` are equal all over a region: that is no surface", "write <= for the solid that it is"
 _OPPOSITE = {"less": "at_least", "at_most": "greater", "greater": "at_most", "at_least": "less"}
 
 
@@ -359,14 +363,15 @@ class _Reader:
         )
 
 
-def surface(formula: Formula) -> tuple[Tape, bool]:
-    """The field of a relation, and whether it is a sheet (`==`); else it is a solid, where its field is at most 0. Raises Unfit."""
+def surface(formula: Formula, parted: bool = False) -> tuple[Tape, bool]:
+    """The field of a relation, and whether it is a sheet (`==`); else it is a solid, where its field is at most 0; see Builder.parted.
+    Raises Unfit."""
     if len(formula.parameters) != 3:
         raise Unfit(f"a surface's formula has three parameters, x, y and z, not {len(formula.parameters)}", "write |x, y, z| …")
     if formula.kind != "truth":
         message = f"a surface's formula is a relation, and this one gives a {formula.kind}"
         raise Unfit(message, "write … <= 0 for a solid, … == 0 for a sheet")
-    builder = Builder()
+    builder = Builder(parted=parted)
     top = formula.nodes[formula.results[0]]
     if top.op != "equal":
         return builder.finish(*builder.formula(formula)), False
@@ -374,7 +379,7 @@ def surface(formula: Formula) -> tuple[Tape, bool]:
     found = _without_squares(builder, builder.subtract(*(reader.number(i) for i in top.args)))
     levels = builder.levels(found)
     if levels is not None and 0.0 in levels:
-        raise Unfit("both sides of this `==` are equal all over a region: that is no surface", "write <= for the solid that it is")
+        raise Unfit(*EVERYWHERE)
     if builder.row(found)[0] == Op.MOD:
         hint = "half a period on it passes through what it is compared with: mod(a + b / 2, b) == b / 2"
         raise Unfit("a `mod` that is compared with 0 jumps where it is 0, and passes through it nowhere", hint)

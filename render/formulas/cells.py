@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...compiler.operations import CHOICES, Op, arity
+from ...compiler.tape_points import NumpyMath
 from ...compiler.tapes import INPUTS, MOST_LIVE
 from ..atomics import claimed, released, taken
 from ..kernels import apart, helper, kernel, maker
@@ -29,7 +30,7 @@ CHILDREN = SPLIT**3
 PENDING = -16
 SLACK = 1e-9  # of a cell, by which boxes grow: where rays enter them is rounded
 OVER = 2.0**-40 + 4e-15  # of the largest coordinate, by which they do besides: see search.py
-BIG = 1e100
+BIG = NumpyMath.most
 _WIDE = 8  # vectors of a register in the largest program
 _ROOM = MOST_REGISTERS * _WIDE * LANES
 _ARITY = np.array([arity(op) for op in Op], np.int64)

@@ -21,7 +21,6 @@ from .cells import PENDING, ready
 from .evaluate import Room, error_at, room, turns_at, value_at
 from .forms import MET
 
-NEAR = 1e-6  # of both ends' values: a bound above this share of them is above rounding, too
 ULP = 2.0**-52
 MOST_TURNS = 80  # of the root's bracketing; bisection alone needs 52
 PATIENCE = 24  # turns after which it does: of a value that is 1e-19 before a face and 0.1 behind it no line tells where that is
@@ -234,7 +233,7 @@ def _in_leaf(
     one_way = (low > 0.0) | (high < 0.0)
     in_a, in_b = carried <= 0.0, far <= 0.0
     change = (in_a & lanes.not_(in_b)) | (in_b & lanes.not_(in_a))
-    none = lanes.not_(change) & (one_way | apart(carried, far, low, high, b - a))
+    none = lanes.not_(change) & (one_way | search.apart(carried, far, low, high, b - a))
     certain = here & change & one_way
     open_ = here & lanes.not_(none) & lanes.not_(certain)
     if lanes.any_lane(certain):
@@ -332,21 +331,6 @@ def _slope(forms: Any, leaf: Lane, way: Vec) -> tuple[Lane, Lane]:
         all_ = all_ + abs(p) + abs(q)
     slack = 8.0 * ULP * all_
     return low - slack, high + slack
-
-
-@helper
-def apart(a: Lane, b: Lane, low: Lane, high: Lane, length: Lane) -> Lane:
-    """Whether values a and b of one sign, at the ends of a stretch over which slopes lie between low and high, leave no room for a root.
-
-    |f| falls from both ends with the steepest slopes at the most: the two lines meet above 0 (Piyavskii 1972; Shubert 1972).
-    """
-    up = a > 0.0
-    least, most = lanes.where(up, low, -high), lanes.where(up, high, -low)
-    size_a, size_b = abs(a), abs(b)
-    steep = most - least
-    x = lanes.where(steep > 0.0, (size_a - size_b + most * length) / lanes.where(steep > 0.0, steep, 1.0), 0.0)
-    meeting = size_a + least * lanes.clip(x, 0.0, length)
-    return (meeting > NEAR * (size_a + size_b)) & (((a > 0.0) & (b > 0.0)) | ((a < 0.0) & (b < 0.0)))
 
 
 @apart_

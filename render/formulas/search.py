@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import across, lanes, simd
-from ..kernels import apart, helper
+from ..kernels import apart as apart_
+from ..kernels import helper
 from ..records import Lane, Vec
 from .calls import interpret
 from .evaluate import Bounds, Room, bounds_at, value_at
@@ -28,6 +29,7 @@ FINEST = 2.0**-44  # of the largest coordinate: shorter pieces are not told apar
 MOST_ROUNDS, FEW = 3000, 40  # of pieces on one ray; on a stretch of a ray that has had as many
 SAMPLES = 64  # vectors of points by which a stretch is looked at that bounds say too little of
 JUMP = 1e90  # bounds of a slope beyond this: the formula may jump there
+NEAR = 1e-6  # of both ends' values: a bound above this share of them is above rounding, too
 _ENOUGH = 2.0**-50
 NEIGHBOURS = 64.0  # times FINEST: so far from a root bounds may be open because of it
 GAP = 4.0  # times FINEST: what is open no longer than that, in a solid, is no place where a ray leaves it
@@ -38,7 +40,7 @@ _WAYS = tuple(np.arange(float(WAYS_PAST), 2.0 * WAYS_PAST).view(np.int64).tolist
 """What VectorMath.fork reads: a one, then the binary digits of the way's number."""
 
 
-@apart
+@apart_
 def first(forms, k, tape, memory, start, way, a, b, own, begin, sheet, like, most):
     """(distance or inf, whether the ray is inside before it, 1 where not all is proved, rounds that it took) of the first root in a … b
     of a ray that begins at `own`.
@@ -152,12 +154,28 @@ def _pieces(
     change = (in_near & lanes.not_(in_far)) | (in_far & lanes.not_(in_near))
     one_way = ((bounds.least > 0.0) | (bounds.most < 0.0)) & lanes.not_(bounds.maybe)
     away = lanes.not_(bounds.low <= 0.0) | ((bounds.high < 0.0) & lanes.not_(bounds.maybe))
-    none = lanes.not_(change) & (away | one_way)
+    above = apart(near, far, bounds.least, bounds.most, ends - begins) & lanes.not_(bounds.maybe)
+    none = lanes.not_(change) & (away | one_way | above)
     open_ = across.bits((begins < b) & lanes.not_(none))
     return _Pieces(begins, ends, p, q, near, far, bounds, change, one_way, open_)
 
 
-@apart
+@helper
+def apart(a: Lane, b: Lane, low: Lane, high: Lane, length: Lane) -> Lane:
+    """Whether values a and b of one sign, at the ends of a stretch over which slopes lie between low and high, leave no room for a root.
+
+    |f| falls from both ends with the steepest slopes at the most: the two lines meet above 0 (Piyavskii 1972; Shubert 1972).
+    """
+    up = a > 0.0
+    least, most = lanes.where(up, low, -high), lanes.where(up, high, -low)
+    size_a, size_b = abs(a), abs(b)
+    steep = most - least
+    x = lanes.where(steep > 0.0, (size_a - size_b + most * length) / lanes.where(steep > 0.0, steep, 1.0), 0.0)
+    meeting = size_a + least * lanes.clip(x, 0.0, length)
+    return (meeting > NEAR * (size_a + size_b)) & (((a > 0.0) & (b > 0.0)) | ((a < 0.0) & (b < 0.0)))
+
+
+@apart_
 def _passes(forms, k, tape, memory, p, q, sheet, within, like):
     """Whether a piece in which the formula jumps has no root: all ways past jumps are away from 0, of a solid on the side of its ends."""
     registers = memory.registers
@@ -180,7 +198,7 @@ def _passes(forms, k, tape, memory, p, q, sheet, within, like):
     return True
 
 
-@apart
+@apart_
 def _sampled(forms, k, tapes, memory, o, d, a, b, value, sheet, reach, number):
     """(distance or inf, whether the ray is inside before it) of the first root between points side by side."""
     everywhere = lanes.bool_like(o[0], True)

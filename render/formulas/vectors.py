@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from llvmlite import ir
 
+from ...compiler.tape_points import NumpyMath
 from ...lang.noise import PERMUTATION
 from .. import across
 from ..simd import mathematics
@@ -51,7 +52,10 @@ class VectorMath:
         self.builder, self.state, self.form, self.number, self.forks = builder, state, form, number, forks
         self.result: list[Value] = []  # bounds that the tape's result is known to have, for operations that may be asked about them
         single = form.bits == 32
-        self.unit, self.tiny, self.big = (2.0**-23, 1e-36, 1e18) if single else (2.0**-52, 1e-300, 1e100)
+        if single:  # where products are too small for it they are not for the points in float64 that it stands for
+            self.unit, self.tiny, self.big, self.most, self.lost = 2.0**-23, 1e-36, 1e18, 1e18, True
+        else:
+            self.unit, self.tiny, self.big, self.most, self.lost = NumpyMath.unit, NumpyMath.tiny, NumpyMath.big, NumpyMath.most, False
 
     def __getattr__(self, name: str) -> Any:
         if name in ("sqrt", "floor", "ceil"):

@@ -77,12 +77,26 @@ FORMULAS = {
     "tangents of products": "tan(5 * x * y) == z",
     "a pole in a logarithm's place": "log(abs(sin(7 * x))) * 0.2 >= y - 0.2",
     "a shell of noise": "abs(hypot(x, y, z) - 0.7 - 0.1 * noise(9 * x, 9 * y, 9 * z)) <= 1e-4",
+    "beyond 1e100": "exp(400 * x) - exp(400 * z) <= 1e10 * y",
+    "quotients of exponentials": "exp(300 * x) / exp(300 * y) >= z + 0.5",
+    "a step of exponentials": "1 / (1 + exp(-2000 * x)) <= y + 0.5",
+    "exponentials that overflow": "exp(900 * x) <= exp(900 * y)",
+    "products with steps": "mod(x * floor(6 * y), 0.3) <= 0.1",
+    "one of two that are never both defined": "min(sqrt(x), sqrt(-x)) <= y",
+    "what vanishes beside its logarithm": "x * log(x) + y * log(y) <= z - 0.5",
+    "powers of itself": "abs(x)^x + abs(z)^z <= 1.8 + y",
+    "whole powers of negatives": "x^floor(3 * y) <= 0.5",
+    "equal all over octants": "abs(x) + abs(y) + abs(z) <= abs(x + y + z)",
+    "nowhere equal but at octants": "abs(x) + abs(y) + abs(z) > abs(x + y + z)",
 }  # fmt: skip
-SAME = {  # of which points of rays show no change of sign
+SAME = {  # of which points of rays show no change of sign, or one by rounding alone
     "(y - 0.2 * sin(3 * x))^2 == 0": "y == 0.2 * sin(3 * x)",
     "(x^2 + y^2 + z^2 - 0.5)^2 * (2 + x) == 0": "x^2 + y^2 + z^2 == 0.5",
     "sqrt(x^2 + y^2 + z^2 - 0.3) == 0": "x^2 + y^2 + z^2 == 0.3",
     "min(abs(x - 0.2 * y), abs(hypot(y, z) - 0.4)) == 0": "(x - 0.2 * y) * (hypot(y, z) - 0.4) == 0",
+    "exp(900 * x) <= exp(900 * y)": "x <= y",
+    "abs(x) + abs(y) + abs(z) <= abs(x + y + z)": "x * y >= 0 and y * z >= 0 and x * z >= 0",
+    "abs(x) + abs(y) + abs(z) > abs(x + y + z)": "min(x * y, y * z, x * z) < 0",
 }
 PLACES = {(1e5, 1.0), (0.0, 1e-3), (0.0, 1e-6), (0.0, 1e4), (0.0, 1e7), (1e3, 1e-3)}
 RAYS, POINTS = 256, 1500
@@ -214,6 +228,16 @@ def test_a_piece_of_a_ray_that_is_a_pole_and_no_more(load):
     d = 0.6124182099490664, -0.7838712353804453, 0.1024198343384512
     t, unproved = met(load, "y == 0.1 / x", "1", [o], [d])
     assert t[0] == np.inf
+    assert unproved == 0
+
+
+def test_rays_that_leave_a_surface_beside_which_another_way_is_undefined(load):
+    o, d = some_rays(2000)
+    text = "min(sqrt(x), sqrt(-x)) <= y", "box([2, 2, 2])"
+    t, _ = met(load, *text, o, d)
+    p = (o + t[:, None] * d)[np.isfinite(t)]
+    again, unproved = met(load, *text, p, np.random.default_rng(4).normal(size=p.shape))
+    assert np.isfinite(again).any()
     assert unproved == 0
 
 

@@ -86,6 +86,17 @@ class Builder:
             a, b = b, a
         if op == Op.MOD and a in self._whole and self.rows[a - INPUTS][0] not in STEPS:
             a = self.op(Op.FLOOR, self.shifted(a, 0.5))  # changes nothing, but that its bounds are one number again
+        if op in (Op.LOG, Op.POWER) and self._stays_0(a):  # bounds take 0 for a place alone: see enclosures.LEAST
+            there = self._row(op, self.op(Op.MIN, a, self.constant(0.0)), b, c)
+            return self.op(Op.CHOOSE, a, there, self._row(op, a, b, c))
+        return self._row(op, a, b, c)
+
+    def _stays_0(self, name: int) -> bool:
+        """Whether a value may be 0 all over a region."""
+        levels = self.levels(name)
+        return levels is None or 0.0 in levels
+
+    def _row(self, op: Op, a: int, b: int, c: int) -> int:
         row = (int(op), a, b, c)
         if row not in self._known:
             self.rows.append(row)
@@ -160,6 +171,11 @@ class Builder:
             return self.op(Op.MULTIPLY, a, self.constant(1.0 / y))  # by a power of two: exact
         if op in (Op.MIN, Op.MAX) and a == b:
             return a
+        if op == Op.SQRT and self.row(a)[0] == Op.SQUARE:
+            return self.op(Op.ABS, self.row(a)[1])
+        if op == Op.DIVIDE and (self.row(b)[:2] == (Op.ABS, a) or self.row(a)[:2] == (Op.ABS, b)):
+            of = a if self.row(b)[:2] == (Op.ABS, a) else b
+            return None if self._stays_0(of) else self.op(Op.SIGN, of)
         return None
 
     # --- what is made of several operations ---

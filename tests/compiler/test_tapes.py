@@ -241,6 +241,17 @@ def test_numbers_too_large_for_bounds_are_not_taken_for_equal():
         assert least[0] < 0 < most[0]
 
 
+def test_what_may_stay_0_has_logarithms_and_powers_of_0_by_themselves():
+    """Bounds take 0 for a place alone: where it is a plateau, what is there is chosen."""
+    for relation, chosen in (("log(max(x, 0)) <= y", 1), ("max(x, 0)^y <= z", 1), ("log(x * x) <= y", 0), ("abs(x)^y <= z", 0)):
+        tape, _ = tape_of(relation)
+        assert (tape.code[:, 0] == Op.CHOOSE).sum() == chosen
+        x, y, z = np.random.default_rng(2).uniform(-1, 1, (3, 200))
+        with np.errstate(all="ignore"):
+            holds = eval(relation.replace("^", "**"), {"log": np.log, "max": np.maximum, "abs": np.abs, "x": x, "y": y, "z": z})
+        assert np.array_equal(tape_walks.points(tape, x, y, z)[0] <= 0, holds)
+
+
 SMOOTH = [op for op in Op if op not in (Op.ANGLE, Op.MOD, Op.POWER, Op.COPY)]
 
 

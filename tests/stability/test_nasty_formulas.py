@@ -86,6 +86,8 @@ FORMULAS = {
     "what vanishes beside its logarithm": "x * log(x) + y * log(y) <= z - 0.5",
     "powers of itself": "abs(x)^x + abs(z)^z <= 1.8 + y",
     "whole powers of negatives": "x^floor(3 * y) <= 0.5",
+    "a power of a plateau": "max(0.5 - hypot(x, z), 0)^abs(y) >= 0.7",
+    "signs by quotients": "x / abs(x) + sqrt(y^2) / y <= z",
     "equal all over octants": "abs(x) + abs(y) + abs(z) <= abs(x + y + z)",
     "nowhere equal but at octants": "abs(x) + abs(y) + abs(z) > abs(x + y + z)",
 }  # fmt: skip

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from . import across, camera, hidden, lanes, sampler, simd
+from . import across, camera, columns, hidden, lanes, sampler, simd
 from .formulas import meet, tile_room, tiles
 from .handles import Handle
 from .kernels import kernel
@@ -23,11 +23,9 @@ from .records import Tile
 class Desk(NamedTuple):
     """What a tile's samples are met with and what they meet, for a number of samples and a shape of tiles."""
 
-    items: NDArray[np.int64]  # (3, n) column, row and number of samples, in the order of bundles, from the tile's corner and first ones
-    rays: NDArray[np.float64]  # as tile_room.columns has them
-    onward: NDArray[np.float64]  # the same, to a lamp
+    onward: NDArray[np.float64]  # rays to a lamp, as columns.py has them
     shade: NDArray[np.float64]  # (n,) where those meet something
-    primed: Primed
+    primed: Primed  # samples in the order of bundles
     room: Handle  # a ray.Room with `primed`
 
 
@@ -51,7 +49,7 @@ class Bundles:
         self.rooms = [surfaces[g] for g in self.geometries]
         desk = _desk(np.zeros((0, 0), np.int64), room, bool(lamps))
         for handle, inverse in zip(self.rooms, self.inverses, strict=True):  # compiled, or loaded, before a picture begins
-            tiles.trace(handle, desk.rays, 0, 0, inverse, _out(desk.primed, slice(0), 0))
+            tiles.trace(handle, desk.primed.rays, 0, 0, inverse, _out(desk.primed, slice(0), 0))
         self._look_for_lamps(packed, desk)
 
     def prime(self, packed: Any, frame: Any, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int) -> Handle:
@@ -60,10 +58,10 @@ class Bundles:
         found = desk.primed
         found.first[:], found.corner[:] = first.ravel(), (tile.x0, tile.y0)
         found.t[:], found.instance[:] = np.inf, -1
-        aim(packed, frame, total, tile.x0, tile.y0, found.first, count.shape[1], desk.items, desk.rays)
-        n = desk.items.shape[1]
+        aim(packed, frame, total, tile.x0, tile.y0, found.first, count.shape[1], found.items, found.rays)
+        n = found.items.shape[1]
         for k, i in enumerate(self.instances):
-            self._meet(k, desk.rays, n, found, i)
+            self._meet(k, found.rays, n, found, i)
         self._look_for_lamps(packed, desk)
         return desk.room
 
@@ -82,7 +80,7 @@ class Bundles:
             found.hidden[:] = 0
         for lamp in self.lamps:
             desk.shade[:] = np.inf
-            if hidden.aim(packed, lamp, desk.rays, _out(found, slice(None), 0), desk.onward) > 0:
+            if hidden.aim(packed, lamp, found.rays, _out(found, slice(None), 0), desk.onward) > 0:
                 for k in self.casting:
                     self._meet(k, desk.onward, len(desk.shade), found._replace(t=desk.shade), tile_room.ANY)
             hidden.tell(lamp, desk.onward, desk.shade, found.hidden)
@@ -102,7 +100,7 @@ class Bundles:
 def _put_by(desks: dict[tuple[int, ...], Desk]) -> None:
     """Keep the desks of bundles that are no more, one or two of a kind."""
     for key, desk in desks.items():
-        if desk.items.shape[1] <= SMALL:
+        if desk.primed.items.shape[1] <= SMALL:
             _spare[key] = [desk, *_spare.pop(key, [])][:2]
     for key in tuple(_spare)[:-SPARE]:
         _spare.pop(key, None)
@@ -132,14 +130,14 @@ def _desk(count: NDArray[np.int64], room: Any, lamps: bool) -> Desk:
         slots[k, row, column] = np.arange(n, n + len(row))
         parts.append(np.stack([column, row, np.full(len(row), k)]))
         n += len(row)
-    primed = Primed(
-        rounds, rows, columns, slots.ravel(), np.zeros(rows * columns, np.int64), np.zeros(2, np.int64), np.full(n, np.inf), np.full(n, -1),
-        np.zeros(n, np.int64), np.zeros(n), np.zeros(n), np.zeros(n, np.int64) if lamps else Nothing(),
-    )  # fmt: skip
     items = np.ascontiguousarray(np.concatenate(parts, axis=1), np.int64)
     padded = -(-n // tile_room.VECTOR) * tile_room.VECTOR
+    primed = Primed(
+        rounds, rows, columns, slots.ravel(), np.zeros(rows * columns, np.int64), np.zeros(2, np.int64), items, np.zeros((8, padded)),
+        np.full(n, np.inf), np.full(n, -1), np.zeros(n, np.int64), np.zeros(n), np.zeros(n), np.zeros(n, np.int64) if lamps else Nothing(),
+    )  # fmt: skip
     onward, shade = (np.zeros((8, padded)), np.zeros(n)) if lamps else (np.zeros((8, 0)), np.zeros(0))
-    return Desk(items, np.zeros((8, padded)), onward, shade, primed, Handle(room._replace(primed=primed)))
+    return Desk(onward, shade, primed, Handle(room._replace(primed=primed)))
 
 
 def _out(found: Any, part: slice, i: int) -> tiles.Out:
@@ -172,7 +170,7 @@ def aim(tables, frame, total, left, top, firsts, width, items, rays):
         )
         zero = (0.0 * dx, 0.0 * dx, 0.0 * dx)
         far = lanes.full_like(dx, ray.t_max)
-        tile_room.put(rays, start, lanes.add(ray.origin, zero), lanes.add(ray.direction, zero), ray.t_min + zero[0], far)
+        columns.put(rays, start, lanes.add(ray.origin, zero), lanes.add(ray.direction, zero), ray.t_min + zero[0], far)
 
 
 @kernel

@@ -14,8 +14,7 @@ from numba import types
 from numba.extending import overload
 
 from ..compiler import ir
-from . import across, bvh, lanes, lights, surface, trace
-from .formulas import tile_room
+from . import across, bvh, columns, lanes, lights, surface, trace
 from .kernels import HELPER, helper, kernel
 from .primed import instances
 from .records import Hit, Lane, Options, Ray, Surface, Tables, Vec
@@ -40,12 +39,12 @@ def is_asked(tables: Tables, light: int) -> bool:
 
 @kernel
 def aim(tables, light, rays, found, out):
-    """Rays to a lamp from where camera rays met surfaces, one for each that it may light; how many. As tile_room.columns has them, all;
+    """Rays to a lamp from where camera rays met surfaces, one for each that it may light; how many. As columns.py has them, all;
     where there is none, its last distance is less than its first, and the rest says nothing."""
     n, many = len(found.t), 0
     for start in range(0, n, across.WIDTH):
         rows = lanes.minimum(across.numbered(start), n - 1)
-        origin, direction, _, _ = tile_room.get(rays, start)
+        origin, direction, _, _ = columns.get(rays, start)
         instance = found.instance[rows]
         met = (instance >= 0) & (across.numbered(start) < n)
         ends = lanes.full_like(origin[0], -1.0)
@@ -57,7 +56,7 @@ def aim(tables, light, rays, found, out):
             ends = lanes.where(lit, arriving.distance, ends)
             origin, direction = lanes.along(position, geometric, offset), arriving.direction
             many += across.count(lit)
-            tile_room.put(out, start, origin, direction, lanes.full_like(ends, 0.0), ends)
+            columns.put(out, start, origin, direction, lanes.full_like(ends, 0.0), ends)
         else:
             across.store_row(out, 7 * out.shape[1] + start, ends)
     return many

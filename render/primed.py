@@ -35,6 +35,8 @@ class Primed(NamedTuple):
     slots: NDArray[np.int64]
     first: NDArray[np.int64]  # (pixels,) number of the first sample
     corner: NDArray[np.int64]  # x0, y0 of the tile
+    items: NDArray[np.int64]  # (3, samples) column, row and number of samples, from the tile's corner and first ones
+    rays: NDArray[np.float64]  # of samples, as columns.py has them
     t: NDArray[np.float64]
     instance: NDArray[np.int64]
     spacing: NDArray[np.int64]
@@ -53,40 +55,34 @@ def instances(trees: bvh.Bvh) -> NDArray[np.intp]:
     return np.flatnonzero((trees.placed[:, 0] & (CAMERA | REST)) == CAMERA)
 
 
-def nearer(primed: Any, x: Lane, y: Lane, s: Lane, hit: Hit) -> tuple[Hit, Any]:
-    """`hit`, or what samples s of pixels x, y were found beforehand to meet, where that comes first; what is known there of lamps, or
-    None."""
-    raise NotImplementedError("in kernels only")
-
-
 def is_used(primed: Any) -> bool:
     """Whether kernels' record of this Numba type has anything that was found beforehand."""
     return isinstance(primed, HandleType) and primed.field("slots") is not None
 
 
-@overload(nearer, jit_options=HELPER)
-def _nearer(primed, x, y, s, hit):
-    if not is_used(primed):
-        return lambda primed, x, y, s, hit: (hit, None)
+@helper
+def slot_of(primed: Any, x: Lane, y: Lane, s: Lane) -> Lane:
+    """The slots of samples s of pixels x, y."""
+    row = _clipped(y - primed.corner[1], primed.rows)
+    column = _clipped(x - primed.corner[0], primed.columns)
+    at = row * primed.columns + column
+    k = _clipped(s - primed.first[at], primed.rounds)
+    return lanes.maximum(primed.slots[k * len(primed.first) + at], 0)
 
-    def of_both(primed, x, y, s, hit):
-        row = _clipped(y - primed.corner[1], primed.rows)
-        column = _clipped(x - primed.corner[0], primed.columns)
-        at = row * primed.columns + column
-        k = _clipped(s - primed.first[at], primed.rounds)
-        slot = lanes.maximum(primed.slots[k * len(primed.first) + at], 0)
-        t = primed.t[slot]
-        first = (t <= hit.t) & (t < np.inf)
-        if lanes.any_lane(first):
-            i = primed.instance[slot]
-            first = first & ((t < hit.t) | (i < hit.instance))
-            hit = Hit(
-                lanes.where(first, t, hit.t), lanes.where(first, i, hit.instance), lanes.where(first, primed.spacing[slot], hit.primitive),
-                lanes.where(first, primed.u[slot], hit.u), lanes.where(first, primed.v[slot], hit.v),
-            )  # fmt: skip
-        return hit, _known(primed, first, slot)
 
-    return of_both
+@helper
+def nearer_in(primed: Any, slot: Lane, hit: Hit) -> tuple[Hit, Any]:
+    """`hit`, or what samples in these slots were found beforehand to meet, where that comes first; what is known there of lamps."""
+    t = primed.t[slot]
+    first = (t <= hit.t) & (t < np.inf)
+    if lanes.any_lane(first):
+        i = primed.instance[slot]
+        first = first & ((t < hit.t) | (i < hit.instance))
+        hit = Hit(
+            lanes.where(first, t, hit.t), lanes.where(first, i, hit.instance), lanes.where(first, primed.spacing[slot], hit.primitive),
+            lanes.where(first, primed.u[slot], hit.u), lanes.where(first, primed.v[slot], hit.v),
+        )  # fmt: skip
+    return hit, _known(primed, first, slot)
 
 
 def _known(primed: Any, first: Lane, slot: Lane) -> Any:
@@ -99,17 +95,6 @@ def _known_in_kernels(primed, first, slot):
     if primed.field("hidden")[1] == ():
         return lambda primed, first, slot: None
     return lambda primed, first, slot: lanes.where(first, primed.hidden[slot], 0)
-
-
-def visible_to(primed: Any) -> int:
-    """The bit of things that the trees are to be asked for."""
-    raise NotImplementedError("in kernels only")
-
-
-@overload(visible_to, jit_options=HELPER)
-def _visible_to(primed):
-    bit = REST if is_used(primed) else CAMERA
-    return lambda primed: bit
 
 
 @helper

@@ -7,15 +7,17 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..compiler.plan import Plan
-from . import across, aov, camera, integrate, lanes, prepare, primed, rays, sampler, trace
+from . import across, aov, camera, columns, integrate, lanes, prepare, primed, rays, sampler, trace
 from .film import TILE
 from .handles import Handle
-from .kernels import apart, helper, kernel
-from .records import Film, First, Hit, Options, Ray, Tile, View
+from .kernels import HELPER, apart, helper, kernel
+from .primed import REST, is_used, nearer_in, slot_of
+from .records import Film, First, Hit, Lane, Options, Ray, Tile, View
 
 CAMERA = int(ir.Visibility.CAMERA)
 
@@ -141,6 +143,8 @@ def draw_tile(tables, accel, gouraud, frame, tile, first, count, total, film, ro
 
     A pixel's samples fill the lanes as often as they can; what is left over waits for that of other pixels.
     """
+    if draw_found(room.primed, tables, accel, gouraud, frame, film, room):
+        return
     waiting = 0
     for y in range(tile.y0, tile.y1):
         for x in range(tile.x0, tile.x1):
@@ -175,27 +179,102 @@ def draw_tile(tables, accel, gouraud, frame, tile, first, count, total, film, ro
         _add(tile, film, room, waiting)
 
 
+def draw_found(primed: Any, tables: Any, accel: Any, gouraud: Any, frame: Any, film: Film, room: Any) -> bool:
+    """Whether each pixel of a tile has one sample of which it is known what it meets of formulas; adds those, in the order of bundles."""
+    raise NotImplementedError("in kernels only")
+
+
+@overload(draw_found, jit_options=HELPER)
+def _draw_found(primed, tables, accel, gouraud, frame, film, room):
+    if not is_used(primed):
+        return lambda primed, tables, accel, gouraud, frame, film, room: False
+
+    def drawn(primed, tables, accel, gouraud, frame, film, room):
+        if primed.rounds != 1:
+            return False
+        n = primed.items.shape[1]
+        for start in range(0, n, across.WIDTH):
+            draw_row(tables, accel, gouraud, frame, start, room)
+            for k in range(min(across.WIDTH, n - start)):
+                _add_one(film, room, k, primed.items[1, start + k], primed.items[0, start + k])
+        return True
+
+    return drawn
+
+
 @apart
-def draw_waiting(tables, accel, gouraud, frame, total, room):
-    """Write the light of the room's samples to the room."""
-    x, y, s = across.load(room.items, 0), across.load(room.items, 1), across.load(room.items, 2)
-    color, alpha, sound = light_of(tables, accel, gouraud, frame, total, x, y, s, room)
+def draw_row(tables, accel, gouraud, frame, start, room):
+    """Write the light of samples that were met beforehand, from number `start` on, to the room: as `light_of`, by their known rays."""
+    view, options, found = frame.picture, frame.options, room.primed
+    slot = lanes.minimum(across.numbered(start), found.items.shape[1] - 1)
+    x, y = found.items[0, slot], found.items[1, slot]
+    s = found.first[y * found.columns + x]
+    pixel, s = sampler.place(x + found.corner[0], y + found.corner[1], s, view.width, frame.order)
+    origin, direction, t_min, t_max = columns.get(found.rays, start)
+    ray = Ray(origin, direction, t_min, t_max, sampler.moment(pixel, s, options.seed, frame.shutter))
+    hit, known = first_of_both(accel, tables, ray, found, slot)
+    _put_light(room, integrate.call(frame.radiance, (  # pyright: ignore[reportCallIssue]
+        tables, accel, gouraud, options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive, hit.u, hit.v, pixel, s, room.stack,
+        ray.time, known,
+    )))  # fmt: skip
+
+
+@helper
+def _put_light(room: Any, light: Any) -> None:
+    color, alpha, sound = light
     for k in range(3):
         across.store(room.light, k, color[k])
     across.store(room.light, 3, alpha)
     across.store(room.light, 4, lanes.where(sound, 1.0, 0.0))
 
 
+@apart
+def draw_waiting(tables, accel, gouraud, frame, total, room):
+    """Write the light of the room's samples to the room."""
+    x, y, s = across.load(room.items, 0), across.load(room.items, 1), across.load(room.items, 2)
+    _put_light(room, light_of(tables, accel, gouraud, frame, total, x, y, s, room))
+
+
 @helper
 def _add(tile: Tile, film: Film, room: Any, count: int) -> None:
     """Add the light of the room's first `count` samples to the film, in their order."""
     for k in range(count):
-        row, column = room.items[1, k] - tile.y0, room.items[0, k] - tile.x0
-        film.color[row, column, 0] += room.light[0, k]
-        film.color[row, column, 1] += room.light[1, k]
-        film.color[row, column, 2] += room.light[2, k]
-        film.alpha[row, column] += room.light[3, k]
-        film.issues[row, column] += 0 if room.light[4, k] > 0.5 else 1
+        _add_one(film, room, k, room.items[1, k] - tile.y0, room.items[0, k] - tile.x0)
+
+
+@helper
+def _add_one(film: Film, room: Any, k: int, row: int, column: int) -> None:
+    """Add the light of the room's sample k to a pixel."""
+    film.color[row, column, 0] += room.light[0, k]
+    film.color[row, column, 1] += room.light[1, k]
+    film.color[row, column, 2] += room.light[2, k]
+    film.alpha[row, column] += room.light[3, k]
+    film.issues[row, column] += 0 if room.light[4, k] > 0.5 else 1
+
+
+def met_first(primed: Any, accel: Any, tables: Any, ray: Ray, x: Lane, y: Lane, s: Lane) -> tuple[Hit, Any]:
+    """What rays of samples s of pixels x, y meet first, beforehand or in trees; what is known there of lamps, or None."""
+    raise NotImplementedError("in kernels only")
+
+
+@overload(met_first, jit_options=HELPER)
+def _met_first(primed, accel, tables, ray, x, y, s):
+    if not is_used(primed):
+        return lambda primed, accel, tables, ray, x, y, s: (trace.closest(accel, tables, ray, lanes.bool_like(x, True), CAMERA), None)
+
+    def of_both(primed, accel, tables, ray, x, y, s):
+        near, far = lanes.full_like(ray.direction[0], ray.t_min), lanes.full_like(ray.direction[0], ray.t_max)
+        origin = lanes.add(ray.origin, lanes.like3(near, 0.0, 0.0, 0.0))
+        return first_of_both(accel, tables, Ray(origin, ray.direction, near, far, ray.time), primed, slot_of(primed, x, y, s))
+
+    return of_both
+
+
+@apart
+def first_of_both(accel, tables, ray, found, slot):
+    """`met_first` for samples in these slots."""
+    hit = trace.closest(accel, tables, ray, lanes.bool_like(ray.t_min, True), REST)
+    return nearer_in(found, slot, hit)
 
 
 @apart
@@ -208,8 +287,7 @@ def light_of(tables, accel, gouraud, frame, total, x, y, s, room):
     time = sampler.moment(pixel, s, options.seed, frame.shutter)
     x, y = lanes.to_float(x) + 0.5 + dx, lanes.to_float(y) + 0.5 + dy
     ray = camera.through(tables, view, frame.lens, x, y, pixel, s, options.seed, time)
-    hit = trace.closest(accel, tables, ray, lanes.bool_like(dx, True), primed.visible_to(room.primed))
-    hit, known = primed.nearer(room.primed, column, row, number, hit)
+    hit, known = met_first(room.primed, accel, tables, ray, column, row, number)
     return integrate.call(frame.radiance, (  # pyright: ignore[reportCallIssue]
         tables, accel, gouraud, options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive, hit.u, hit.v, pixel, s, room.stack,
         ray.time, known,

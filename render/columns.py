@@ -1,0 +1,30 @@
+"""Rays of a bundle as columns (8, n or a few more): x, y, z of origins and directions, first and last distance."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from . import across
+from .kernels import helper
+from .records import Lane, Vec
+
+
+@helper
+def get(columns: Any, at: int) -> tuple[Vec, Vec, Lane, Lane]:
+    """Origins and directions of rays `at` on, and their first and last distance."""
+    n = columns.shape[1]
+    o = across.load_row(columns, at), across.load_row(columns, n + at), across.load_row(columns, 2 * n + at)
+    d = across.load_row(columns, 3 * n + at), across.load_row(columns, 4 * n + at), across.load_row(columns, 5 * n + at)
+    return o, d, across.load_row(columns, 6 * n + at), across.load_row(columns, 7 * n + at)
+
+
+@helper
+def put(columns: Any, at: int, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> None:
+    """Write rays `at` on, all lanes of each, as `get` reads them."""
+    n = columns.shape[1]
+    for axis in range(3):
+        o, d = (origin[0], direction[0]) if axis == 0 else (origin[1], direction[1]) if axis == 1 else (origin[2], direction[2])
+        across.store_row(columns, axis * n + at, o)
+        across.store_row(columns, (3 + axis) * n + at, d)
+    across.store_row(columns, 6 * n + at, t_min)
+    across.store_row(columns, 7 * n + at, t_max)

@@ -258,7 +258,7 @@ def _in_mesh(accel: Any, i: int, ray: One, enters: Any, any_hit: bool, share: An
             node, top = walk.nearest_first(tree.links, node, near, hits, children, reaches, top)
         else:
             leaf, before = ~node, limit
-            hits = walk.touched(tree.leaves, leaf, sieve)
+            hits = walk.touched(tree.leaves, leaf, sieve, limit)
             while hits != 0:
                 j = simd.trailing_zeros(hits)
                 hits &= hits - 1

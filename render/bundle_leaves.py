@@ -3,7 +3,10 @@
 Triangles are sieved as the rays' middle sees them, with a rectangle that holds the others. What passes is met by all rays side by side
 in single precision, with what rounding may do to it: a ray that is sure to pass through a triangle, before all it has met, keeps its
 place alone, and meets it in double precision at the end, when it is the first; where that is not sure, rays meet it in double precision
-at once. So what each meets is, to the last bit, what it would meet by itself.
+as soon as the leaf is done. So what each meets is, to the last bit, what it would meet by itself.
+
+Depth is along the main axis, the way the rays go, from where the middle one begins. The loop over triangles has no branch but its own:
+processors guess what a ray meets wrong as often as not.
 """
 
 from __future__ import annotations
@@ -20,19 +23,34 @@ from .kernels import HELPER, helper, replacing
 from .records import Lane, Vec
 from .wide import LEAF, WIDTH, spread32
 
-_FAR, _BEYOND = np.float32(walk.FAR), np.float32(1e30)
-_ROUNDED = np.float32(2.0**-21)  # of t: what single precision does to it
+_FAR = np.float32(walk.FAR)
+_EDGE = 6 * WIDTH  # numbers of an edge of a leaf's triangles: see `_keep_edge`
+_ERROR, _FIRST, _LAST = 3 * _EDGE, 3 * _EDGE + WIDTH, 3 * _EDGE + 2 * WIDTH  # how far off edges may be; depths a triangle lies between
+EDGES = _LAST + WIDTH  # float32 numbers of a leaf's triangles as the middle ray sees them
+
+
+class Middle(NamedTuple):
+    """The middle ray as a leaf's triangles want it; see walk.Sieve."""
+
+    x: int
+    y: int
+    z: int
+    origin: Vec
+    shear: tuple[Lane, Lane]
+    off: Lane
 
 
 class Rays(NamedTuple):
-    """Rays as triangles want them: in single precision from where they enter the mesh's box, in double from their origins."""
+    """Rays as triangles want them: in single precision beside the middle one, in double from their origins."""
 
     rows: tuple[int, int, int]  # of a leaf, for the shear's axes
-    near: Vec  # origin
-    slopes: Vec  # the shear
-    begins: Lane  # t within which what is met is sure to count
-    ends: Lane
-    off: Lane  # by how much a corner may be off
+    aside: tuple[Lane, Lane]  # x and -y of where a ray passes at depth 0
+    slant: tuple[Lane, Lane]  # x and -y of how much that grows for each unit of the main axis
+    turn: Lane  # their cross product
+    ahead: Lane  # the depth at which it enters the mesh's box
+    scale: Lane  # t of a unit of depth
+    along: Lane  # depth of a unit of t
+    begins: Lane  # depth from which on what is met is sure to count
     far: Vec  # origin, in double precision
     shear: Vec
     t_min: Lane
@@ -49,50 +67,64 @@ class Found(NamedTuple):
     w: Lane
     total: Lane
     place: Lane  # int32: the leaf · WIDTH + triangle that is sure, or -1
-    nearest: Lane  # float32: t before which nothing of it lies, from where a ray enters
-    limits: Lane  # float32: how far each is still to go
+    nearest: Lane  # float32: depth before which nothing of it lies; or beyond which nothing is sure to count
+    deepest: Lane  # float32: down to which depth each is still to go
+    limits: Lane  # float32: and to which t, from where it enters
 
 
-_sure_of = replacing(Found, "place", "nearest", "limits")
-_exact_of = replacing(Found, "t", "triangle", "v", "w", "total", "limits")
+_sure_of = replacing(Found, "place", "nearest", "deepest", "limits")
+_exact_of = replacing(Found, "t", "triangle", "v", "w", "total", "deepest", "limits")
 
 
 @helper
-def rays_of(group: Group, go: Way, core: Core, o: Vec, enters: Lane, t_min: Lane, t_max: Lane) -> Rays:
+def rays_of(group: Group, go: Way, core: Core, o: Vec, d: Vec, enters: Lane, t_min: Lane, t_max: Lane) -> Rays:
     kx, ky, kz = go.axes
-    begins, ends = simd.to_f32(t_min - enters), simd.minimum(simd.to_f32(t_max - enters), lanes.full_like(group.limits, _BEYOND))
+    far = pick(o, kx), pick(o, ky), pick(o, kz)
+    x, dx = _beside(far, go.slopes, core, 0)
+    y, dy = _beside(far, go.slopes, core, 1)
+    deep, along = far[2] + enters * pick(d, kz) - np.float64(core.origin[2]), abs(simd.to_f32(pick(d, kz)))
+    ahead = simd.to_f32(deep if core.scale > np.float32(0.0) else -deep)
     return Rays(
-        (WIDTH * kx, WIDTH * ky, WIDTH * kz),
-        (pick(group.origin, kx), pick(group.origin, ky), pick(group.origin, kz)),
-        (simd.to_f32(go.slopes[0]), simd.to_f32(go.slopes[1]), simd.to_f32(go.slopes[2])),
-        begins + abs(begins) * _ROUNDED, ends - abs(ends) * _ROUNDED, lanes.full_like(begins, core.off),
-        (pick(o, kx), pick(o, ky), pick(o, kz)), go.slopes, t_min,
-        lanes.where(simd.mask_from_bits(group.left, enters), t_max, -np.inf), enters,
+        (WIDTH * kx, WIDTH * ky, WIDTH * kz), (x, -y), (dx, -dy), simd.fma(x, dy, -(y * dx)), ahead, abs(simd.to_f32(go.slopes[2])), along,
+        simd.fma(simd.to_f32(t_min - enters), along, ahead + core.off),
+        far, go.slopes, t_min, lanes.where(simd.mask_from_bits(group.left, enters), t_max, -np.inf), enters,
     )  # fmt: skip
 
 
 @helper
-def nothing(rays: Rays, limits: Lane) -> Found:
+def _beside(origin: Vec, slopes: Vec, core: Core, axis: int) -> tuple[Lane, Lane]:
+    """How far rays are from the middle one, along an axis of the shear, where that begins; and how much that grows."""
+    middle, slope = np.float64(core.origin[axis]), np.float64(core.shear[axis])
+    at = simd.fma(slopes[axis], np.float64(core.origin[2]) - origin[2], origin[axis])
+    return simd.to_f32(at - middle), simd.to_f32(slopes[axis] - slope)
+
+
+@helper
+def nothing(rays: Rays, core: Core, limits: Lane) -> Found:
     zero = 0.0 * rays.enters
     return Found(
         zero + np.inf, lanes.int_like(zero, -1), zero, zero, zero + 1.0, simd.to_i32(lanes.full_like(limits, np.float32(-1.0))),
-        lanes.full_like(limits, np.float32(np.inf)), limits,
+        simd.fma(simd.to_f32(rays.t_max - rays.enters), rays.along, rays.ahead - core.off), _depth(rays, core, limits), limits,
     )  # fmt: skip
 
 
 @helper
-def sieve(core: Core) -> walk.Sieve:
+def _depth(rays: Rays, core: Core, t: Lane) -> Lane:
+    """The depth that rays have reached at t, at most."""
+    return simd.fma(t, rays.along, rays.ahead + core.off)
+
+
+@helper
+def middle(core: Core) -> Middle:
     kx, ky, kz = core.axes
     x, y, z = core.origin
-    return walk.Sieve(
-        WIDTH * kx, WIDTH * ky, WIDTH * kz, (spread32(x), spread32(y), spread32(z)), (spread32(core.shear[0]), spread32(core.shear[1])),
-        spread32(core.off), spread32(np.float32(0.0)), 0,
-    )  # fmt: skip
+    shear = spread32(core.shear[0]), spread32(core.shear[1])
+    return Middle(WIDTH * kx, WIDTH * ky, WIDTH * kz, (spread32(x), spread32(y), spread32(z)), shear, spread32(core.off))
 
 
 @helper
-def sifted(leaves: Any, leaf: int, core: Core, ray: walk.Sieve, limit: Any) -> int:
-    """Bits of a leaf's triangles that one of the rays may meet before `limit`.
+def sifted(leaves: Any, leaf: int, core: Core, ray: Middle, limit: Any, edges: Any) -> int:
+    """Bits of a leaf's triangles that one of the rays may meet before `limit`, of which `edges` then holds what `_passed` wants.
 
     Seen along the middle ray the others pass through a rectangle, as large as it is where the farther end of a triangle lies; a
     triangle is left out where one of the rectangle's axes or one of its own edges parts the two. What the rays go apart along the
@@ -105,8 +137,52 @@ def sifted(leaves: Any, leaf: int, core: Core, ray: walk.Sieve, limit: Any) -> i
     wide, tall = simd.fma(away, core.flare[0], spread32(core.apart[0])), simd.fma(away, core.flare[1], spread32(core.apart[1]))
     off = simd.fma(long, max(core.flare[0], core.flare[1]), ray.off)
     hits = simd.bits(_spans(a[0], b[0], c[0], wide + off) & _spans(a[1], b[1], c[1], tall + off) & _parted(a, b, c, wide, tall, off))
-    first = low if core.scale > np.float32(0.0) else high
-    return hits & simd.bits((first * core.scale - core.early * abs(core.scale)) <= limit * _FAR)
+    up = core.scale > np.float32(0.0)
+    first = low if up else high
+    hits &= simd.bits((first * core.scale - core.early * abs(core.scale)) <= limit * _FAR)
+    if hits != 0:
+        _keep_edge(edges, 0, c, b)
+        _keep_edge(edges, _EDGE, a, c)
+        _keep_edge(edges, 2 * _EDGE, b, a)
+        simd.store(edges, _ERROR, _error(a, b, c, simd.fma(long, core.flare[0], wide) + simd.fma(long, core.flare[1], tall), ray.off))
+        simd.store(edges, _FIRST, (low if up else -high) - ray.off)
+        simd.store(edges, _LAST, (high if up else -low) + ray.off)
+    return hits
+
+
+@helper
+def _keep_edge(edges: Any, at: int, p: Vec, q: Vec) -> None:
+    """Of an edge from p to q of all triangles, what `_passed` wants."""
+    simd.store(edges, at, simd.fma(p[0], q[1], -(p[1] * q[0])))
+    simd.store(edges, at + WIDTH, p[1] - q[1])
+    simd.store(edges, at + 2 * WIDTH, p[0] - q[0])
+    simd.store(edges, at + 3 * WIDTH, simd.fma(q[2], p[1], -(p[2] * q[1])))
+    simd.store(edges, at + 4 * WIDTH, simd.fma(q[2], p[0], -(p[2] * q[0])))
+    simd.store(edges, at + 5 * WIDTH, q[2] - p[2])
+
+
+@helper
+def _passed(edges: Any, at: int, rays: Rays) -> Lane:
+    """Twice the area of where rays pass and an edge from p to q, which are as the middle ray sees them.
+
+    A ray that is `aside` by s and slants by d sees a corner at p - s - d z. The cross product of two of those is
+    p × q + s × (p - q) + d × (q_z p - p_z q) + (s × d) (q_z - p_z).
+    """
+    area = simd.fma(rays.turn, simd.read(edges, at + 5 * WIDTH), simd.read(edges, at))
+    area = simd.fma(rays.aside[0], simd.read(edges, at + WIDTH), area)
+    area = simd.fma(rays.aside[1], simd.read(edges, at + 2 * WIDTH), area)
+    area = simd.fma(rays.slant[0], simd.read(edges, at + 3 * WIDTH), area)
+    return simd.fma(rays.slant[1], simd.read(edges, at + 4 * WIDTH), area)
+
+
+@helper
+def _error(a: Vec, b: Vec, c: Vec, apart: Lane, off: Lane) -> Lane:
+    """How far off the area of two corners and a ray may be that passes `apart` from the middle one at most (the sum of both axes).
+
+    Its four terms come to at most a quarter of the square of what is `far`, and are rounded ten times; each corner may be off by `off`.
+    """
+    far = (abs(a[0]) + abs(a[1])) + (abs(b[0]) + abs(b[1])) + (abs(c[0]) + abs(c[1])) + np.float32(4.0) * apart
+    return simd.fma(far, simd.fma(far, np.float32(2.0**-21), off), np.float32(2.0) * off * off)
 
 
 @helper
@@ -128,8 +204,7 @@ def _spans(a: Lane, b: Lane, c: Lane, half: Lane) -> Lane:
 @helper
 def _parted(a: Vec, b: Vec, c: Vec, wide: Lane, tall: Lane, off: Lane) -> Lane:
     """Whether no edge has a rectangle around 0, 0 wholly on the other side than the triangle, whose corners may be off by `off`."""
-    far = (abs(a[0]) + abs(a[1])) + (abs(b[0]) + abs(b[1])) + (abs(c[0]) + abs(c[1])) + np.float32(4.0) * (wide + tall)
-    error = simd.fma(far, simd.fma(far, np.float32(2.0**-21), off), np.float32(2.0) * off * off)
+    error = _error(a, b, c, wide + tall, off)
     u, eu = _edge(c, b, wide, tall, error)
     v, ev = _edge(a, c, wide, tall, error)
     w, ew = _edge(b, a, wide, tall, error)
@@ -143,66 +218,63 @@ def _edge(p: Vec, q: Vec, wide: Lane, tall: Lane, error: Lane) -> tuple[Lane, La
     return simd.fma(p[0], q[1], -(p[1] * q[0])), simd.fma(abs(p[1] - q[1]), wide, simd.fma(abs(p[0] - q[0]), tall, error))
 
 
-def take(leaves: Any, numbers: Any, leaf: int, j: int, rays: Rays, found: Found, any_hit: bool) -> Found:
-    """What rays have met, with triangle j of a leaf: in kernels."""
+def take(leaves: Any, numbers: Any, leaf: int, hits: int, rays: Rays, core: Core, found: Found, any_hit: bool, edges: Any) -> Found:
+    """What rays have met, with those triangles of a leaf whose bits are set in `hits`: in kernels."""
     raise NotImplementedError
 
 
 @overload(take, jit_options=HELPER)
-def _take(leaves, numbers, leaf, j, rays, found, any_hit):
+def _take(leaves, numbers, leaf, hits, rays, core, found, any_hit, edges):
     """As many rays as a vector has doubles are met in double precision as fast as in single."""
     if rays.types[Rays._fields.index("enters")].lanes <= across.WIDTH:
-        return lambda leaves, numbers, leaf, j, rays, found, any_hit: _take_exactly(leaves, numbers, leaf, j, rays, found, any_hit)
-    return lambda leaves, numbers, leaf, j, rays, found, any_hit: _take_if_sure(leaves, numbers, leaf, j, rays, found, any_hit)
+        return lambda leaves, numbers, leaf, hits, rays, core, found, any_hit, edges: _exactly(
+            leaves, numbers, leaf, hits, rays, core, found, any_hit
+        )
+    return lambda leaves, numbers, leaf, hits, rays, core, found, any_hit, edges: _if_sure(
+        leaves, numbers, leaf, hits, rays, core, found, any_hit, edges
+    )
 
 
 @helper
-def _take_exactly(leaves: Any, numbers: Any, leaf: int, j: int, rays: Rays, found: Found, any_hit: bool) -> Found:
+def _exactly(leaves: Any, numbers: Any, leaf: int, hits: int, rays: Rays, core: Core, found: Found, any_hit: bool) -> Found:
+    """`take` in double precision."""
+    while hits != 0:
+        k = simd.trailing_zeros(hits)
+        hits &= hits - 1
+        found = _take_exactly(leaves, numbers, leaf, k, rays, core, found, any_hit)
+    return found
+
+
+@helper
+def _take_exactly(leaves: Any, numbers: Any, leaf: int, j: int, rays: Rays, core: Core, found: Found, any_hit: bool) -> Found:
     met = _crossing_of(leaves, leaf * LEAF + j, rays)
     if any_hit and not lanes.any_lane(flat.ahead(met, rays.shear[2])):
         return found
     number = lanes.int_like(rays.enters, np.int64(simd.read(numbers, leaf * WIDTH + j)))
-    return _taken(found, rays, met, number, any_hit)
+    return _taken(found, rays, core, met, number, any_hit)
 
 
 @helper
-def _take_if_sure(leaves: Any, numbers: Any, leaf: int, j: int, rays: Rays, found: Found, any_hit: bool) -> Found:
-    may, sure, first, last = _judged(leaves, leaf * LEAF + j, rays)
-    may = may & (first <= found.limits)
-    if not lanes.any_lane(may):
-        return found
-    sure = sure & may & (last < found.nearest)
-    if lanes.any_lane(may & lanes.not_(sure)):
-        found = _take_exactly(leaves, numbers, leaf, j, rays, found, any_hit)
-    until = last * _FAR if not any_hit else lanes.full_like(last, np.float32(-np.inf))
-    return _sure_of(
-        found, simd.select(sure, np.int32(leaf * WIDTH + j), found.place), simd.select(sure, first, found.nearest),
-        simd.select(sure, simd.minimum(found.limits, until), found.limits),
-    )  # fmt: skip
-
-
-@helper
-def _judged(leaves: Any, at: int, rays: Rays) -> tuple[Lane, Lane, Lane, Lane]:
-    """(which rays may pass through a triangle, which are sure to and before what they may go to, t it lies between) in single precision."""
-    kx, ky, kz = rays.rows
-    x, y, z = rays.near
-    az, bz, cz = simd.read(leaves, at + kz), simd.read(leaves, at + 3 * WIDTH + kz), simd.read(leaves, at + 6 * WIDTH + kz)
-    a = _sheared(rays, simd.read(leaves, at + kx) - x, simd.read(leaves, at + ky) - y, az - z)
-    b = _sheared(rays, simd.read(leaves, at + 3 * WIDTH + kx) - x, simd.read(leaves, at + 3 * WIDTH + ky) - y, bz - z)
-    c = _sheared(rays, simd.read(leaves, at + 6 * WIDTH + kx) - x, simd.read(leaves, at + 6 * WIDTH + ky) - y, cz - z)
-    u, v, w, error = walk.weights(a, b, c, rays.off, np.float32(2.0) * rays.off * rays.off)
-    low, high = _least_of(u, v, w), _most_of(u, v, w)
-    scale = rays.slopes[2]
-    one, other = (min(min(az, bz), cz) - (z + rays.off)) * scale, (max(max(az, bz), cz) - (z - rays.off)) * scale
-    first, last = simd.minimum(one, other), simd.maximum(one, other)
-    first, last = first - abs(first) * _ROUNDED, last + abs(last) * _ROUNDED
-    sure = ((low > error) | (high < -error)) & (first > rays.begins) & (last < rays.ends)
-    return (low >= -error) | (high <= error), sure, first, last
-
-
-@helper
-def _sheared(rays: Rays, x: Lane, y: Lane, z: Lane) -> tuple[Lane, Lane]:
-    return simd.fma(-rays.slopes[0], z, x), simd.fma(-rays.slopes[1], z, y)
+def _if_sure(leaves: Any, numbers: Any, leaf: int, hits: int, rays: Rays, core: Core, found: Found, any_hit: bool, edges: Any) -> Found:
+    """`take` in single precision where that is sure."""
+    place, nearest, deepest, unsure = found.place, found.nearest, found.deepest, 0
+    while hits != 0:
+        k = simd.trailing_zeros(hits)
+        hits &= hits - 1
+        u, v, w = _passed(edges, k, rays), _passed(edges, _EDGE + k, rays), _passed(edges, 2 * _EDGE + k, rays)
+        inside, error = simd.maximum(_least_of(u, v, w), -_most_of(u, v, w)), simd.read(edges, _ERROR + k)
+        first, last = simd.read(edges, _FIRST + k), simd.read(edges, _LAST + k)
+        may = (inside >= -error) & (deepest >= first)
+        sure = may & (inside > error) & (rays.begins < first) & (nearest > last)
+        unsure |= (1 if lanes.any_lane(may & lanes.not_(sure)) else 0) << k
+        place = simd.select(sure, np.int32(leaf * WIDTH + k), place)
+        nearest = simd.select(sure, first, nearest)
+        deepest = simd.select(sure, simd.minimum(deepest, last) if not any_hit else lanes.full_like(nearest, np.float32(-np.inf)), deepest)
+    limits = simd.minimum(found.limits, (deepest - (rays.ahead - core.off)) * (rays.scale * _FAR))
+    found = _sure_of(found, place, nearest, deepest, limits)
+    if unsure != 0:
+        found = _exactly(leaves, numbers, leaf, unsure, rays, core, found, any_hit)
+    return found
 
 
 @helper
@@ -221,7 +293,7 @@ def _corner(leaves: Any, at: int, rays: Rays) -> Vec:
 
 
 @helper
-def _taken(found: Found, rays: Rays, met: flat.Crossing, number: Lane, any_hit: bool) -> Found:
+def _taken(found: Found, rays: Rays, core: Core, met: flat.Crossing, number: Lane, any_hit: bool) -> Found:
     """What rays have met, with where each passes a triangle."""
     t = flat.reached(met, rays.shear[2], rays.t_min, rays.t_max)
     nearer = (t < found.t) | ((t == found.t) & (t < np.inf) & (number < found.triangle))
@@ -229,12 +301,13 @@ def _taken(found: Found, rays: Rays, met: flat.Crossing, number: Lane, any_hit: 
     until = simd.to_f32((t - rays.enters) * walk.FAR) if not any_hit else simd.to_f32(lanes.where(t < np.inf, -np.inf, t))
     return _exact_of(
         found, t, lanes.where(nearer, number, found.triangle), lanes.where(nearer, met.v, found.v), lanes.where(nearer, met.w, found.w),
-        lanes.where(nearer, met.total, found.total), simd.minimum(found.limits, until),
+        lanes.where(nearer, met.total, found.total), simd.minimum(found.deepest, _depth(rays, core, until)),
+        simd.minimum(found.limits, until),
     )  # fmt: skip
 
 
 @helper
-def settled(leaves: Any, numbers: Any, rays: Rays, found: Found, any_hit: bool) -> Found:
+def settled(leaves: Any, numbers: Any, rays: Rays, core: Core, found: Found, any_hit: bool) -> Found:
     """What rays have met, with what was sure, each its own triangle, in double precision. With `any_hit`, only that there is something."""
     mine = found.place >= np.int32(0)
     if not lanes.any_lane(mine):
@@ -245,12 +318,12 @@ def settled(leaves: Any, numbers: Any, rays: Rays, found: Found, any_hit: bool) 
     if any_hit:
         return _exact_of(
             found, lanes.where(mine64, rays.enters, found.t), lanes.where(mine64, number, found.triangle), found.v, found.w, found.total,
-            found.limits,
+            found.deepest, found.limits,
         )  # fmt: skip
     at = place // np.int32(WIDTH) * np.int32(LEAF) + (place & np.int32(WIDTH - 1))
     b, c = at + np.int32(3 * WIDTH), at + np.int32(6 * WIDTH)
     met = flat.crossing(_corners(leaves, at, rays), _corners(leaves, b, rays), _corners(leaves, c, rays), rays.shear[0], rays.shear[1])
-    return _taken(found, rays, flat.Crossing(met.v, met.w, met.total, met.depth, met.inside & mine64), number, any_hit)
+    return _taken(found, rays, core, flat.Crossing(met.v, met.w, met.total, met.depth, met.inside & mine64), number, any_hit)
 
 
 @helper

@@ -12,6 +12,7 @@ import numpy as np
 
 from . import boxes, bundle, lanes, simd, walk
 from . import bundle_leaves as triangles
+from .bundle_leaves import EDGES
 from .bvh import FINE, REACH
 from .kernels import helper
 from .records import Lane, Vec
@@ -96,26 +97,33 @@ def meet(
     core = bundle.core_of(rays, go, np.float32(2.0 * walk.OFF) * np.float32(reach))
     if not bundle.close(core, left, reach, fine, any_hit):
         return *unmet, False
-    middle, asked = triangles.sieve(core), triangles.rays_of(rays, go, core, o, enters, t_min, t_max)
-    found = triangles.nothing(asked, limits)
+    middle, asked = triangles.middle(core), triangles.rays_of(rays, go, core, o, d, enters, t_min, t_max)
+    found = triangles.nothing(asked, core, limits)
+    edges = simd.stack_array(np.float32, EDGES)
     children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
     node, top = walk.nearest_first(tree.links, root, near, hits, children, reaches, np.int64(0))
     while top >= 0:
         if node >= 0:
             near, hits = _enter(tree.nodes, node, beam, limit)
             node, top = walk.nearest_first(tree.links, node, near, hits, children, reaches, top)
+            _fetch_last(tree, children, top)
         else:
             leaf, before = ~node, limit
-            hits = triangles.sifted(tree.leaves, leaf, core, middle, limit)
-            while hits != 0:
-                found = triangles.take(tree.leaves, tree.rows, leaf, simd.trailing_zeros(hits), asked, found, any_hit)
-                hits &= hits - 1
+            _fetch_last(tree, children, top)
+            hits = triangles.sifted(tree.leaves, leaf, core, middle, limit, edges)
+            found = triangles.take(tree.leaves, tree.rows, leaf, hits, asked, core, found, any_hit, edges)
             limit = simd.max_of(found.limits)
             if limit < before:
                 top = walk.sifted(children, reaches, 0, top, limit)
             node, top = walk.last_of(children, top)
-    found = triangles.settled(tree.leaves, tree.rows, asked, found, any_hit)
+    found = triangles.settled(tree.leaves, tree.rows, asked, core, found, any_hit)
     return found.t, found.triangle, found.v / found.total, found.w / found.total, True
+
+
+@helper
+def _fetch_last(tree: Any, children: Any, top: int) -> None:
+    """Ask for what is last on the stack, which will be read soon."""
+    walk.fetch(tree, np.int64(simd.read(children, max(top - 1, 0))) if top > 0 else 0)
 
 
 @helper

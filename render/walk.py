@@ -21,7 +21,7 @@ from .wide import DEPTH, LEAF, NODE, WIDTH, spread32
 
 FAR = 1.0 + 2.0**-21  # of the far side: eight roundings of float32
 STEEP = 1e12  # times the inverse of the largest component: no other is larger, so that all are finite
-_SINGLES, _DOUBLES, _INTS = 13 * across.WIDTH, 9 * across.WIDTH, 6 * across.WIDTH
+_SINGLES, _DOUBLES, _INTS = 15 * across.WIDTH, 9 * across.WIDTH, 6 * across.WIDTH
 _FAR = np.float32(FAR)
 _LAST = np.int32(2**31 - 1)
 STACK = 2 * DEPTH + 16  # one ray's, over instances and in a mesh; not so that all begin in the same part of the cache
@@ -74,6 +74,9 @@ def keep(
     _write3(singles, 8, k, (flat.component((x, y, z), kx), flat.component((x, y, z), ky), flat.component((x, y, z), kz)), mine)
     across.write_lanes(singles, 11, k, tx, mine)
     across.write_lanes(singles, 12, k, ty, mine)
+    along = flat.component(d, kz)
+    across.write_lanes(singles, 13, k, (t_min - enters) * along, mine)
+    across.write_lanes(singles, 14, k, along, mine)
     _write3(axes, 0, k, (kx, ky, kz), mine)
     _write3(axes, 3, k, (_row(sx, kx, 0), _row(sy, kx, 2), _row(sz, kx, 4)), mine)
     _write3(doubles, 0, k, (flat.component(o, kx), flat.component(o, ky), flat.component(o, kz)), mine)
@@ -259,6 +262,8 @@ class Sieve(NamedTuple):
     shear: tuple[Lane, Lane]
     off: Lane  # by how much a corner may be off
     least: Lane  # how far off a product of two may be at least
+    begin: Any  # along its main axis, from where it enters the mesh's box: where it begins
+    along: Any  # and how far it goes for each unit of t
     all: int  # bits of all triangles where single precision has not the range, else 0
 
 
@@ -269,7 +274,7 @@ def sieve(rays: Rays, k: int) -> Sieve:
     return Sieve(
         WIDTH * x, WIDTH * y, WIDTH * z, _spread(_single(rays, 8, k), _single(rays, 9, k), _single(rays, 10, k)),
         (spread32(_single(rays, 11, k)), spread32(_single(rays, 12, k))), spread32(off), spread32(np.float32(2.0) * off * off),
-        unsure(off),
+        _single(rays, 13, k), _single(rays, 14, k), unsure(off),
     )  # fmt: skip
 
 
@@ -285,15 +290,18 @@ def _axis(rays: Rays, row: int, k: int) -> Any:
 
 
 @helper
-def touched(leaves: Any, leaf: int, ray: Sieve) -> int:
-    """Bits of a leaf's triangles that the ray may pass through: all that it does, and few others.
+def touched(leaves: Any, leaf: int, ray: Sieve, limit: Any) -> int:
+    """Bits of a leaf's triangles that the ray may pass through before `limit`: all that it does, and few others.
 
     Woop's test, where a sheared corner is off by up to OFF times the mesh's largest coordinate (twelve roundings), and a product of
     two by that times both.
     """
     at = leaf * LEAF
     a, b, c = aside(leaves, at, ray), aside(leaves, at + 3 * WIDTH, ray), aside(leaves, at + 6 * WIDTH, ray)
-    return passed(a, b, c, ray.off, ray.least) | ray.all
+    end = ray.along * limit
+    low, high = simd.minimum(simd.minimum(a[2], b[2]), c[2]), simd.maximum(simd.maximum(a[2], b[2]), c[2])
+    near = (low - ray.off <= max(ray.begin, end)) & (high + ray.off >= min(ray.begin, end))
+    return (passed(a, b, c, ray.off, ray.least) & simd.bits(near)) | ray.all
 
 
 @helper
@@ -417,7 +425,7 @@ def step(tree: Any, rays: Rays, steps: Walks, k: int, instance: int, any_hit: bo
         else:
             node, top = nearest_first(tree.links, node, near, hits, steps.children, steps.reaches, top)
     else:
-        hits, before = touched(tree.leaves, ~node, sieve(rays, k)), limit
+        hits, before = touched(tree.leaves, ~node, sieve(rays, k), limit), limit
         while hits != 0:
             j = simd.trailing_zeros(hits)
             hits &= hits - 1
@@ -428,7 +436,7 @@ def step(tree: Any, rays: Rays, steps: Walks, k: int, instance: int, any_hit: bo
         node, top = last_of(steps.children, top)
     if top < start:
         return False
-    _fetch(tree, node)
+    fetch(tree, node)
     go(steps, k, node, top)
     return True
 
@@ -465,8 +473,8 @@ def sooner(steps: Walks, k: int, t: Any, instance: int, primitive: int) -> bool:
 
 
 @helper
-def _fetch(tree: Any, node: int) -> None:
-    """Ask for a leaf that will be read soon."""
+def fetch(tree: Any, node: int) -> None:
+    """Ask for a leaf that will be read soon; of a node, which others have read before, nothing."""
     at = max(~node, 0) * LEAF
     for line in range(LEAF // 16):
         simd.prefetch(tree.leaves, at + line * 16)

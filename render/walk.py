@@ -298,10 +298,12 @@ def touched(leaves: Any, leaf: int, ray: Sieve, limit: Any) -> int:
     """
     at = leaf * LEAF
     a, b, c = aside(leaves, at, ray), aside(leaves, at + 3 * WIDTH, ray), aside(leaves, at + 6 * WIDTH, ray)
-    end = ray.along * limit
+    u, v, w, error = weights(a, b, c, ray.off, ray.least)
+    inside = simd.maximum(simd.minimum(simd.minimum(u, v), w), -simd.maximum(simd.maximum(u, v), w))
     low, high = simd.minimum(simd.minimum(a[2], b[2]), c[2]), simd.maximum(simd.maximum(a[2], b[2]), c[2])
-    near = (low - ray.off <= max(ray.begin, end)) & (high + ray.off >= min(ray.begin, end))
-    return (passed(a, b, c, ray.off, ray.least) & simd.bits(near)) | ray.all
+    end = ray.along * limit
+    may = (inside >= -error) & (low - ray.off <= max(ray.begin, end)) & (high + ray.off >= min(ray.begin, end))
+    return simd.bits(may) | ray.all
 
 
 @helper
@@ -316,16 +318,11 @@ def aside(leaves: Any, at: int, ray: Sieve) -> Vec:
 
 
 @helper
-def passed(a: Vec, b: Vec, c: Vec, off: Lane, least: Lane) -> int:
-    """Bits of the triangles around a ray that passes at 0, 0, where each corner may be off by `off`; `least` is twice its square."""
-    u, v, w, error = weights(a, b, c, off, least)
-    low, high = simd.minimum(simd.minimum(u, v), w), simd.maximum(simd.maximum(u, v), w)
-    return simd.bits((low >= -error) | (high <= error))
-
-
-@helper
 def weights(a: Vec, b: Vec, c: Vec, off: Lane, least: Lane) -> tuple[Lane, Lane, Lane, Lane]:
-    """(weights of the corners of triangles that a ray passes at 0, 0, times the total; how far off each may be); see `passed`."""
+    """(weights of the corners of triangles that a ray passes at 0, 0, times the total; how far off each may be).
+
+    Each corner may be off by `off`; `least` is twice its square.
+    """
     u = simd.fma(c[0], b[1], -(c[1] * b[0]))
     v = simd.fma(a[0], c[1], -(a[1] * c[0]))
     w = simd.fma(b[0], a[1], -(b[1] * a[0]))

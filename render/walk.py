@@ -473,5 +473,5 @@ def sooner(steps: Walks, k: int, t: Any, instance: int, primitive: int) -> bool:
 def fetch(tree: Any, node: int) -> None:
     """Ask for a leaf that will be read soon; of a node, which others have read before, nothing."""
     at = max(~node, 0) * LEAF
-    for line in range(LEAF // 16):
+    for line in range((LEAF + 15) // 16):
         simd.prefetch(tree.leaves, at + line * 16)

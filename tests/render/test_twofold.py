@@ -87,3 +87,39 @@ def count(accel, origin, direction, least, most):
 def test_rays_near_each_other_are_one_bundle():
     near, apart = (count(trees(np.eye(4), alone=True), *aimed(np.eye(4), spread, False)) for spread in (1e-3, 0.3))
     assert apart < 0.5 * COUNT / (2 * across.WIDTH) < 0.9 * COUNT / (2 * across.WIDTH) < near
+
+
+def sheets(gap: float, count: int = 96) -> tuple[F64, NDArray[np.int32]]:
+    """(corners, triangles) of triangles one behind the other, a little askew."""
+    random = np.random.default_rng(9)
+    corners = np.array([[-1.0, -1.0, 0.0], [1.2, -0.9, 0.0], [0.1, 1.3, 0.0]]) + random.normal(scale=1e-3, size=(count, 3, 3))
+    corners[:, :, 2] = gap * (np.arange(count)[:, None] + random.uniform(-0.2, 0.2, (count, 3)))
+    return corners.astype(np.float32).astype(np.float64).reshape(-1, 3), np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+
+
+@pytest.mark.parametrize("spread", [1e-3, 0.5], ids=["as bundles", "each by itself"])
+@pytest.mark.parametrize("gap", [1e-6, 1e-3], ids=["closer than single precision tells", "apart"])
+@pytest.mark.parametrize("towards", [1.0, -1.0], ids=["up", "down"])
+def test_stretches_that_begin_and_end_in_triangles(gap, spread, towards):
+    """From one sheet to another a ray meets what lies between, and of the two themselves nothing: t_min < t < t_max."""
+    corners, triangles = sheets(gap)
+    tables = scene(meshes=[(mesh(corners, triangles), np.eye(4), 0)])
+    accel = rays.trees(tables, keep=False)
+    random = np.random.default_rng(4)
+    n = 16 * 60
+    middle = np.repeat(random.uniform(-0.1, 0.1, (n // 16, 3)), 16, axis=0) + 1e-4 * random.normal(size=(n, 3))
+    d = np.repeat(random.normal(scale=0.2, size=(n // 16, 3)), 16, axis=0) + spread * random.uniform(-0.3, 0.3, (n, 3))
+    d[:, 2] = towards
+    o = middle - 0.5 * d + [0.0, 0.0, gap * 48]
+    crossings = [np.zeros(n)]
+    for _ in range(12):
+        crossings.append(rays.closest(accel, o, d, crossings[-1]).t)
+    begin, end = crossings[4], crossings[9]
+    assert np.isfinite(end).all()
+    assert (np.diff(crossings, axis=0) > 0.0).all()
+    for least, most, expected in (
+        (begin, end, crossings[5]), (begin, crossings[5], np.full(n, np.inf)), (np.nextafter(begin, 0.0), end, begin),
+        (begin, np.nextafter(crossings[5], np.inf), crossings[5]),
+    ):  # fmt: skip
+        np.testing.assert_array_equal(rays.closest(accel, o, d, least, most).t, expected)
+        np.testing.assert_array_equal(rays.occluded(accel, o, d, least, most), np.isfinite(expected))

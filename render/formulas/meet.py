@@ -27,6 +27,8 @@ PATIENCE = 24  # turns after which it does: of a value that is 1e-19 before a fa
 _FAR = 1e30
 STEPS, SHORTEST = 16, 0.02  # of marching through a cell: how many at the most, and how short, as a share of the stretch
 STEEPEST = 1e90
+BACK = 2.0**-42  # of the largest coordinate: how far before a root at which a gradient vanishes it is looked at
+MANIFOLD = 4.0  # roots that fall together: of so many a place may be as many times as far off as value and gradient say
 
 
 def _meet(forms, g, origin, direction, t_min, t_max):
@@ -405,14 +407,32 @@ def _finished(
     forms: Any, k: int, tape: Lane, memory: Room, origin: Vec, start: Vec, way: Vec, begin: Lane, at: Lane, inside: Lane, hit: Lane
 ) -> tuple[Lane, Lane, Lane, Lane]:
     """(distance, spacing, u, v) of hits."""
-    point = lanes.along(start, way, at)
-    _, x, y, z = turns_at(forms, k, tape, memory, point, hit)
-    off, distance, gradient = error_at(forms, k, tape, memory, point, way, hit), begin + at, (x, y, z)
+    point, distance = lanes.along(start, way, at), begin + at
+    far = distance + forms.numbers[k, 13]
+    gradient = gradient_at(forms, k, tape, memory, start, way, at, far, hit)
+    off = MANIFOLD * error_at(forms, k, tape, memory, point, way, hit) + closed_in(gradient, far)
     if forms.places[k, 5] != 0:
         found = jumps.face(forms, k, memory, origin, way, distance, inside, gradient, off, hit)
         distance, gradient, off = found.at, found.gradient, found.off
     spacing, u, v = dressed(forms, k, way, gradient, inside, off)
     return distance, spacing, u, v
+
+
+@apart_
+def gradient_at(forms, k, tape, memory, start, way, at, far, mask):
+    """The gradient at roots, or, where it vanishes, as it is on the side that the ray comes from; `far` is their largest coordinate."""
+    _, x, y, z = turns_at(forms, k, tape, memory, lanes.along(start, way, at), mask)
+    gone = mask & lanes.not_(x * x + y * y + z * z > 0.0)
+    if lanes.any_lane(gone):
+        _, bx, by, bz = turns_at(forms, k, tape, memory, lanes.along(start, way, at - BACK * far), gone)
+        x, y, z = lanes.where3(gone, (bx, by, bz), (x, y, z))
+    return x, y, z
+
+
+@helper
+def closed_in(gradient: Vec, far: Lane) -> Lane:
+    """What a formula may be off 0 amid a stretch in which its sign changes, if that is no longer than search.FINEST."""
+    return 0.5 * search.FINEST * far * lanes.length(gradient)
 
 
 @helper

@@ -12,7 +12,7 @@ from ...compiler import tape_walks
 from ...compiler.tapes import Tape
 from ..records import Vec
 from . import jumps, plain_faces
-from .meet import packed
+from .meet import BACK, packed
 from .search import FINEST, JUMP, NEIGHBOURS
 
 PIECES = 16  # of each ray, to begin with
@@ -146,6 +146,8 @@ def _finished(
     point, reach, toward = start + at * way, parameters[5], np.where(inside, 1.0, -1.0)
     _, gradient = tape_walks.gradients(tape, *point)
     with np.errstate(all="ignore"):
+        _, before = tape_walks.gradients(tape, *(start + (at - BACK * reach) * way))
+        gradient = np.where((gradient == 0.0).all(axis=0), before, gradient)
         size = np.linalg.norm(gradient, axis=0)
         usable = (size > 0) & np.isfinite(size)
         normal = np.where(usable, gradient / size, toward * way)

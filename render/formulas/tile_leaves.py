@@ -11,7 +11,8 @@ from ..atomics import count_up
 from ..kernels import apart as apart_
 from ..kernels import helper
 from . import search
-from .evaluate import turns_at
+from .evaluate import value_at
+from .meet import MANIFOLD, closed_in, gradient_at
 from .tile_room import (
     ANY,
     FINEST,
@@ -222,8 +223,10 @@ def _by_search(room, memory, tape, ray, a, b, start, hits):
     elif root < np.inf:
         one = across.numbered(0) < 1
         rays, at = lanes.int_like(like, ray), like + root
-        point = lanes.along(*exact(room, rays), at)
-        value, gx, gy, gz = turns_at(room, 0, tapes_of(like, tape), memory, point, one)
-        within = lanes.bool_like(like, inside)
-        at, gradient, off = faced(room, memory, rays, at, within, (gx, gy, gz), abs(value), one, start, hits)
+        origin, way = exact(room, rays)
+        tapes, far = tapes_of(like, tape), start + at + room.numbers[0, 13]
+        value = value_at(room, 0, tapes, memory, lanes.along(origin, way, at), one)
+        gradient = gradient_at(room, 0, tapes, memory, origin, way, at, far, one)
+        within, off = lanes.bool_like(like, inside), MANIFOLD * abs(value) + closed_in(gradient, far)
+        at, gradient, off = faced(room, memory, rays, at, within, gradient, off, one, start, hits)
         met(room, rays, at, off, gradient, within, one, start, hits)

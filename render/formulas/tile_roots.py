@@ -12,11 +12,13 @@ from ..kernels import helper
 from ..records import Lane, Vec
 from .evaluate import Room, turns_at, value_at
 from .jumps import face
-from .meet import bracketed, dressed
+from .meet import MANIFOLD, bracketed, dressed, gradient_at
 from .tile_room import OPEN, SPACED, VECTOR, U, evaluate_points, exact, numbers_of, own_origin, tapes_of
 from .vectors import LANES
 
 MOST_TURNS = 12
+MOST_STEPS = 5  # of Newton's
+STRAIGHT = 2.0**-18  # of a value, that a step leaves at the most where the slope hardly changes: the gradient then neither does
 SHARE = 0.125  # of how far values may be off, below which float32 has no more to say: bounds of that are wide
 
 
@@ -108,7 +110,10 @@ def _narrowed(rows: Any, at: int, turn: int, f: Any, enough: float) -> bool:
 
 @apart_
 def _polished(room, memory, tape, first, count, start, reach, hits):
-    """A step by the bracket's slope and one by the formula's, in float64; bracketing where these do not suffice."""
+    """Steps of Newton's from where float32 says, in float64, until one leaves next to nothing; bracketing where these do not suffice.
+
+    Near places where the gradient vanishes it changes within a step: how far off a root still is, only the value there tells.
+    """
     rows = room.brackets
     ray = numbers_of(room.bracket_ray, first)
     mask = across.numbered(first) < count
@@ -121,25 +126,27 @@ def _polished(room, memory, tape, first, count, start, reach, hits):
     share = fa / (fa - fb)
     at = lanes.where(there, a, a + (b - a) * lanes.where((share >= 0.0) & (share <= 1.0), share, 0.5))
     tapes = tapes_of(at, tape)
-    value, gx, gy, gz = turns_at(room, 0, tapes, memory, lanes.along(o, d, at), mask)
-    slope = gx * d[0] + gy * d[1] + gz * d[2]
-    far = lanes.minimum(2.0 * abs(value) / steep, 1e-4 * reach)
-    step = lanes.clip(-value / slope, -far, far)
-    if lanes.any_lane(mask & lanes.not_(abs(step) <= 2e-7 * reach)):  # the normal is that of where the gradient is asked for
-        at = at + step
-        value, gx, gy, gz = turns_at(room, 0, tapes, memory, lanes.along(o, d, at), mask)
-        slope = gx * d[0] + gy * d[1] + gz * d[2]
-        step = -value / slope
     begin, end = across.load_row(rows, 6 * OPEN + first), across.load_row(rows, 7 * OPEN + first)
-    good = (abs(slope) >= 0.99 * steep) & (abs(step) <= 1e-5 * reach) & (abs(at + step - 0.5 * (begin + end)) <= 0.5 * (end - begin) + far)
-    nearly = abs(value) <= 1e-8 * reach * steep  # so steep everywhere, the root is not farther; the slope here may be another face's
-    if lanes.any_lane(mask & good & lanes.not_(nearly)):
+    rounding, least = 2.0**-28 * across.load_row(rows, 8 * OPEN + first), 0.99 * steep
+    slope, gradient = 0.0 * at, d
+    far, off, good, settled = 0.0 * at + 1e-4 * reach, 0.0 * at, mask, mask
+    for turn in range(MOST_STEPS):
+        value, gx, gy, gz = turns_at(room, 0, tapes, memory, lanes.along(o, d, at), mask)
+        gradient = (gx, gy, gz)
+        slope = lanes.dot(gradient, d)
+        if turn == 0:
+            far = lanes.minimum(2.0 * abs(value) / steep, far)
+        step = lanes.clip(-value / slope, -far, far)
+        good = good & (abs(slope) >= least) & (abs(at + step - 0.5 * (begin + end)) <= 0.5 * (end - begin) + far)
         at = at + lanes.where(good, step, 0.0)
-        value = value_at(room, 0, tapes, memory, lanes.along(o, d, at), mask)
-        step = -value / slope
-        good = good & (abs(value) <= 1e-9 * reach * steep)
-    at = at + lanes.where(good, step, 0.0)
-    off = abs(value) * 1e-5 + 2.0**-28 * across.load_row(rows, 8 * OPEN + first)
+        rest = value_at(room, 0, tapes, memory, lanes.along(o, d, at), mask)
+        straight = abs(rest) <= STRAIGHT * abs(value)
+        settled = straight | (abs(rest) <= rounding)
+        off = lanes.where(straight, 4.0 * STRAIGHT, 1.0) * abs(rest) + rounding
+        at = at - lanes.where(good & straight, rest / slope, 0.0)
+        if not lanes.any_lane(mask & good & lanes.not_(settled)):
+            break
+    good = good & settled
     bad = mask & lanes.not_(good)
     if room.places[0, 5] != 0:  # the slope says nothing of a jump
         bad = mask
@@ -148,13 +155,14 @@ def _polished(room, memory, tape, first, count, start, reach, hits):
         f_end = value_at(room, 0, tapes, memory, lanes.along(o, d, end), bad)
         root = bracketed(room, 0, tape + lanes.int_like(at, 0), memory, o, d, begin, end, f_begin, f_end, at * 0.0 + start, reach, bad)
         at = lanes.where(bad, root, at)
-        value, gx, gy, gz = turns_at(room, 0, tapes, memory, lanes.along(o, d, at), mask)
-        off = lanes.where(bad, abs(value), off)
+        value = value_at(room, 0, tapes, memory, lanes.along(o, d, at), bad)
+        gradient = lanes.where3(bad, gradient_at(room, 0, tapes, memory, o, d, at, start + at + reach, bad), gradient)
+        off = lanes.where(bad, MANIFOLD * abs(value), off)
         inside = lanes.where(bad, f_begin, -slope) <= 0.0
-        at, gradient, off = faced(room, memory, ray, at, inside, (gx, gy, gz), off, bad, start, hits)
+        at, gradient, off = faced(room, memory, ray, at, inside, gradient, off, bad, start, hits)
         met(room, ray, at, off, gradient, inside, mask & (at >= low) & (at <= high), start, hits)
     else:
-        met(room, ray, at, off, (gx, gy, gz), slope > 0.0, mask & (at >= low) & (at <= high), start, hits)
+        met(room, ray, at, off, gradient, slope > 0.0, mask & (at >= low) & (at <= high), start, hits)
 
 
 @helper

@@ -141,7 +141,7 @@ def _polished(room, memory, tape, first, count, start, reach, hits):
         at = at + lanes.where(good, step, 0.0)
         rest = value_at(room, 0, tapes, memory, lanes.along(o, d, at), mask)
         straight = abs(rest) <= STRAIGHT * abs(value)
-        settled = straight | (abs(rest) <= rounding)
+        settled = (straight | (abs(rest) <= rounding)) & (abs(rest) <= 1e-9 * reach * steep)  # so steep everywhere, it is not farther
         off = lanes.where(straight, 4.0 * STRAIGHT, 1.0) * abs(rest) + rounding
         at = at - lanes.where(good & straight, rest / slope, 0.0)
         if not lanes.any_lane(mask & good & lanes.not_(settled)):

@@ -35,7 +35,7 @@ def test_pixels_that_are_not_proved_are_seen(tmp_path):
     path = tmp_path / "doubtful.scene"
     path.write_text(
         "camera(position: [0, 2.5, 6], look_at: [0, 0, 0])\ndirectional(from: [1, 2, 3], shadows: false)\n"
-        "implicit(|x, y, z| 0.1 * sin(1e7 * x) >= y, within: 0.8, translate: [-1, 0, 0])\n"
+        "implicit(|x, y, z| 0.1 * sin(1e8 * x) >= y, within: 0.8, translate: [-1, 0, 0])\n"
         "implicit(|x, y, z| x^4 + y^4 + z^4 <= 0.2, within: 1, translate: [1, 0, 0])\n",
         encoding="utf-8",
     )

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 from . import habits, units
 from .convert import LIGHT_TYPES, Place, convert
 from .diagnostics import Span
-from .entries import REQUIRED, Entry
+from .entries import REQUIRED, Arg, Entry
 from .units import Quantity
-from .values import POISON, Given, Mistake, Poisoned
+from .values import POISON, Element, Given, Mistake, Poisoned
 
 if TYPE_CHECKING:
     from .scope import Scope
@@ -22,11 +22,12 @@ Report = Callable[[str, Span, str], None]
 
 
 def assign(
-    callee: str, positional: Sequence[str], names: Mapping[str, str], givens: Iterable[Given], report: Report
+    callee: str, positional: Sequence[str], names: Mapping[str, str], givens: Iterable[Given], report: Report, holds: bool = False
 ) -> tuple[dict[str, Given], bool]:
     """Each argument at the name of its parameter, and whether all have one: what is unknown, given twice or too much is reported.
 
-    `positional` are the parameters that can be given by position, in order; `names` maps names and aliases to parameters.
+    `positional` are the parameters that can be given by position, in order; `names` maps names and aliases to parameters. What
+    `holds` others has them in braces.
     """
     assigned: dict[str, Given] = {}
     good = True
@@ -39,6 +40,8 @@ def assign(
             name = names.get(given.name)
         problem = _problem(callee, given, name, positional, names, assigned)
         if problem:
+            if holds and name is None and isinstance(given.value, Element):
+                problem = problem[0], f"what it holds stands in braces: {callee} {{ … }}"
             if given.name is not None or place == len(positional) + 1:  # of arguments too many, the first
                 report(problem[0], given.name_span, problem[1])
             good = False
@@ -91,7 +94,7 @@ def element_arguments(
     None after reporting everything that is wrong with them.
     """
     entry = signature.entry
-    assigned, good = assign(entry.name, signature.positional, signature.names, givens, report)
+    assigned, good = assign(entry.name, signature.positional, signature.names, givens, report, entry.children)
     if good:  # an argument with a misspelt name is not missing as well
         good = not missing(entry.name, signature.required, assigned, span, report)
     if entry.exclusive and _exclude(entry, assigned, report):
@@ -106,7 +109,7 @@ def element_arguments(
         try:
             args[name] = convert(given.value, arg, Place(given.span, given.node, scope))
         except Mistake as mistake:
-            report(mistake.message, mistake.span or given.span, mistake.hint or _other(entry, given))
+            report(mistake.message, mistake.span or given.span, mistake.hint or _other(entry, given, arg))
             good = False
         except Poisoned:
             good = False
@@ -114,13 +117,15 @@ def element_arguments(
     return (args, frozenset(assigned), photometric) if good else None
 
 
-def _other(entry: Entry, given: Given) -> str:
-    """Which argument of the entry would take a quantity that this one does not."""
+def _other(entry: Entry, given: Given, arg: Arg) -> str:
+    """Which argument of the entry would take a quantity that this one does not, or the unit of what it takes."""
     if not isinstance(given.value, Quantity):
         return ""
     wanted = units.name(given.value.dimension)
     other = next((a.name for a in entry.args if a.type == wanted and a.name != given.name), "")
-    return f"`{other}` takes {'an' if wanted[0] in 'aeiou' else 'a'} {wanted}" if other and wanted in LIGHT_TYPES else ""
+    if other and wanted in LIGHT_TYPES:
+        return f"`{other}` takes {'an' if wanted[0] in 'aeiou' else 'a'} {wanted}"
+    return f"its unit is {units.QUANTITIES[arg.type][1]}" if arg.type in LIGHT_TYPES else ""
 
 
 def _exclude(entry: Entry, assigned: Mapping[str, Given], report: Report) -> bool:

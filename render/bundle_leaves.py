@@ -132,7 +132,7 @@ def sifted(leaves: Any, leaf: int, core: Core, ray: Middle, limit: Any, edges: A
     """
     at, half = leaf * LEAF, np.float32(0.5)
     a, b, c = walk.aside(leaves, at, ray), walk.aside(leaves, at + 3 * WIDTH, ray), walk.aside(leaves, at + 6 * WIDTH, ray)
-    low, high = _least_of(a[2], b[2], c[2]), _most_of(a[2], b[2], c[2])
+    low, high = walk.least_of(a[2], b[2], c[2]), walk.most_of(a[2], b[2], c[2])
     away, long = half * abs(low + high), half * (high - low)
     wide, tall = simd.fma(away, core.flare[0], spread32(core.apart[0])), simd.fma(away, core.flare[1], spread32(core.apart[1]))
     off = simd.fma(long, max(core.flare[0], core.flare[1]), ray.off)
@@ -153,7 +153,7 @@ def sifted(leaves: Any, leaf: int, core: Core, ray: Middle, limit: Any, edges: A
 @helper
 def _keep_edge(edges: Any, at: int, p: Vec, q: Vec) -> None:
     """Of an edge from p to q of all triangles, what `_passed` wants."""
-    simd.store(edges, at, simd.fma(p[0], q[1], -(p[1] * q[0])))
+    simd.store(edges, at, walk.cross(p, q))
     simd.store(edges, at + WIDTH, p[1] - q[1])
     simd.store(edges, at + 2 * WIDTH, p[0] - q[0])
     simd.store(edges, at + 3 * WIDTH, simd.fma(q[2], p[1], -(p[2] * q[1])))
@@ -186,19 +186,9 @@ def _error(a: Vec, b: Vec, c: Vec, apart: Lane, off: Lane) -> Lane:
 
 
 @helper
-def _least_of(a: Lane, b: Lane, c: Lane) -> Lane:
-    return simd.minimum(simd.minimum(a, b), c)
-
-
-@helper
-def _most_of(a: Lane, b: Lane, c: Lane) -> Lane:
-    return simd.maximum(simd.maximum(a, b), c)
-
-
-@helper
 def _spans(a: Lane, b: Lane, c: Lane, half: Lane) -> Lane:
     """Whether what lies around a, b, c meets -half … half."""
-    return simd.maximum(_least_of(a, b, c), -_most_of(a, b, c)) <= half
+    return walk.inside(a, b, c) <= half
 
 
 @helper
@@ -208,14 +198,14 @@ def _parted(a: Vec, b: Vec, c: Vec, wide: Lane, tall: Lane, off: Lane) -> Lane:
     u, eu = _edge(c, b, wide, tall, error)
     v, ev = _edge(a, c, wide, tall, error)
     w, ew = _edge(b, a, wide, tall, error)
-    low, high = _least_of(u + eu, v + ev, w + ew), _most_of(u - eu, v - ev, w - ew)
+    low, high = walk.least_of(u + eu, v + ev, w + ew), walk.most_of(u - eu, v - ev, w - ew)
     return (low >= np.float32(0.0)) | (high <= np.float32(0.0))
 
 
 @helper
 def _edge(p: Vec, q: Vec, wide: Lane, tall: Lane, error: Lane) -> tuple[Lane, Lane]:
     """Twice the area of 0, 0 and an edge, and by how much it may be off for the rectangle's other points."""
-    return simd.fma(p[0], q[1], -(p[1] * q[0])), simd.fma(abs(p[1] - q[1]), wide, simd.fma(abs(p[0] - q[0]), tall, error))
+    return walk.cross(p, q), simd.fma(abs(p[1] - q[1]), wide, simd.fma(abs(p[0] - q[0]), tall, error))
 
 
 def take(leaves: Any, numbers: Any, leaf: int, hits: int, rays: Rays, core: Core, found: Found, any_hit: bool, edges: Any) -> Found:
@@ -262,7 +252,7 @@ def _if_sure(leaves: Any, numbers: Any, leaf: int, hits: int, rays: Rays, core: 
         k = simd.trailing_zeros(hits)
         hits &= hits - 1
         u, v, w = _passed(edges, k, rays), _passed(edges, _EDGE + k, rays), _passed(edges, 2 * _EDGE + k, rays)
-        inside, error = simd.maximum(_least_of(u, v, w), -_most_of(u, v, w)), simd.read(edges, _ERROR + k)
+        inside, error = walk.inside(u, v, w), simd.read(edges, _ERROR + k)
         first, last = simd.read(edges, _FIRST + k), simd.read(edges, _LAST + k)
         may = (inside >= -error) & (deepest >= first)
         sure = may & (inside > error) & (rays.begins < first) & (nearest > last)

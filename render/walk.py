@@ -299,10 +299,9 @@ def touched(leaves: Any, leaf: int, ray: Sieve, limit: Any) -> int:
     at = leaf * LEAF
     a, b, c = aside(leaves, at, ray), aside(leaves, at + 3 * WIDTH, ray), aside(leaves, at + 6 * WIDTH, ray)
     u, v, w, error = weights(a, b, c, ray.off, ray.least)
-    inside = simd.maximum(simd.minimum(simd.minimum(u, v), w), -simd.maximum(simd.maximum(u, v), w))
-    low, high = simd.minimum(simd.minimum(a[2], b[2]), c[2]), simd.maximum(simd.maximum(a[2], b[2]), c[2])
+    low, high = least_of(a[2], b[2], c[2]), most_of(a[2], b[2], c[2])
     end = ray.along * limit
-    may = (inside >= -error) & (low - ray.off <= max(ray.begin, end)) & (high + ray.off >= min(ray.begin, end))
+    may = (inside(u, v, w) >= -error) & (low - ray.off <= max(ray.begin, end)) & (high + ray.off >= min(ray.begin, end))
     return simd.bits(may) | ray.all
 
 
@@ -318,14 +317,34 @@ def aside(leaves: Any, at: int, ray: Sieve) -> Vec:
 
 
 @helper
+def least_of(a: Lane, b: Lane, c: Lane) -> Lane:
+    return simd.minimum(simd.minimum(a, b), c)
+
+
+@helper
+def most_of(a: Lane, b: Lane, c: Lane) -> Lane:
+    return simd.maximum(simd.maximum(a, b), c)
+
+
+@helper
+def inside(u: Lane, v: Lane, w: Lane) -> Lane:
+    """The least of three weights of one sign, or by how much, below 0, they fall short of having one."""
+    return simd.maximum(least_of(u, v, w), -most_of(u, v, w))
+
+
+@helper
+def cross(p: Vec, q: Vec) -> Lane:
+    """p × q across the ray."""
+    return simd.fma(p[0], q[1], -(p[1] * q[0]))
+
+
+@helper
 def weights(a: Vec, b: Vec, c: Vec, off: Lane, least: Lane) -> tuple[Lane, Lane, Lane, Lane]:
     """(weights of the corners of triangles that a ray passes at 0, 0, times the total; how far off each may be).
 
     Each corner may be off by `off`; `least` is twice its square.
     """
-    u = simd.fma(c[0], b[1], -(c[1] * b[0]))
-    v = simd.fma(a[0], c[1], -(a[1] * c[0]))
-    w = simd.fma(b[0], a[1], -(b[1] * a[0]))
+    u, v, w = cross(c, b), cross(a, c), cross(b, a)
     far = (abs(a[0]) + abs(a[1])) + (abs(b[0]) + abs(b[1])) + (abs(c[0]) + abs(c[1]))
     error = simd.fma(far, simd.fma(far, np.float32(2.0**-22), off), least)
     return u, v, w, error

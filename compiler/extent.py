@@ -10,7 +10,9 @@ from .tapes import Tape
 FARTHEST = 1e6  # units of the formula: what reaches farther counts as endless
 ROUNDS = 48
 MOST_BOXES = 20_000
-STALE = 5  # rounds in which it does not shrink, after which it is as small as it gets; of a box that was given one is enough
+STALE = 5  # rounds in which it does not shrink, after which it is as small as it gets
+_GRID, _FINER, _MOST_OUTER = 8, 2, 256  # boxes along an axis of one that was given; how often the outer ones are cut, and how many at most
+_SMALL = 0.6  # of the extent: what is left of it, for which there is another grid
 _TIGHT = 0.02  # of the extent: rounds that shrink it by less are the last
 _PLACES, _SOME = 256, 4  # where a field is asked whether it is 0, and how many of these are more than chance
 _NOUGHT = 1e-9  # of what is usual: values below this may be 0
@@ -19,37 +21,81 @@ _FACE = 8  # pieces along the edge of a face, to begin with
 
 
 def find(tape: Tape) -> np.ndarray | None:
-    """(2, 3) a box around all points where a field is not above 0, or None where it reaches farther than FARTHEST, or that is not known."""
-    found = tightened(tape, np.array([[-FARTHEST] * 3, [FARTHEST] * 3]), STALE)
-    if found is None or np.abs(found).max() >= FARTHEST:
-        return None
-    return found
+    """(2, 3) a box around all points where a field is not above 0, or None where it reaches farther than FARTHEST, or that is not known.
 
-
-def tightened(tape: Tape, bounds: np.ndarray, patience: int = 1) -> np.ndarray | None:
-    """(2, 3) a box, within `bounds`, around all points there where a field is not above 0; None where there are none.
-
-    Of the boxes that may hold such points only those on the outside of all of them are cut up further, until that has been of no use for
-    more than `patience` rounds.
+    Of the boxes that may hold such points only those on the outside of all of them are cut up further, until that is of no use any more.
     """
-    low, high = (bounds[k][:, None] for k in range(2))
+    low, high = np.full((3, 1), -FARTHEST), np.full((3, 1), FARTHEST)
     before, stale = np.inf, 0
+    bounds = np.stack([low[:, 0], high[:, 0]])
     extent = bounds
     for _ in range(ROUNDS):
         keep = _may_hold(tape, low, high)
         low, high = low[:, keep], high[:, keep]
         if not low.shape[1]:
             return None
-        extent = np.stack([low.min(axis=1), high.max(axis=1)])
-        size = float((extent[1] - extent[0]).sum())
+        extent = _around(low, high)
+        size = _size(extent)
         stale = stale + 1 if size > (1 - _TIGHT) * before else 0
-        if stale > patience:
+        if stale > STALE:
             break
         before = min(size, before)
-        outer = ((low <= extent[0][:, None]) | (high >= extent[1][:, None])).any(axis=0)
+        outer = _outer(low, high, extent)
         if low.shape[1] + 7 * int(outer.sum()) > MOST_BOXES:
             break
         low, high = _cut(low, high, outer)
+    found = _wider(extent, bounds)
+    return None if np.abs(found).max() >= FARTHEST else found
+
+
+def tightened(tape: Tape, bounds: np.ndarray) -> np.ndarray | None:
+    """(2, 3) a box, within `bounds`, around all points there where a field is not above 0; None where there are none.
+
+    A grid says which parts may hold such points; another does where these are but a small part of the whole. Of its cells, those on the
+    outside of all of them are cut up further, where these are few.
+    """
+    low, high = bounds[0][:, None], bounds[1][:, None]
+    for _ in range(ROUNDS):
+        whole = _around(low, high)
+        low, high = _gridded(whole)
+        keep = _may_hold(tape, low, high)
+        low, high = low[:, keep], high[:, keep]
+        if not low.shape[1]:
+            return None
+        if _size(_around(low, high)) > _SMALL * _size(whole):
+            break
+    for _ in range(_FINER):
+        outer = _outer(low, high, _around(low, high)) if low.shape[1] else np.zeros(0, bool)
+        if not 0 < outer.sum() <= _MOST_OUTER:
+            break
+        a, b = _cut(low[:, outer], high[:, outer], np.ones(int(outer.sum()), bool))
+        keep = _may_hold(tape, a, b)
+        low, high = np.concatenate([low[:, ~outer], a[:, keep]], axis=1), np.concatenate([high[:, ~outer], b[:, keep]], axis=1)
+    return _wider(_around(low, high), bounds) if low.shape[1] else None
+
+
+def _gridded(bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The cells (3, n) of a grid in a box, their lowest and highest corners."""
+    places, axes = np.indices((_GRID,) * 3).reshape(3, -1), np.arange(3)[:, None]
+    edges = np.linspace(bounds[0], bounds[1], _GRID + 1, axis=1)
+    return edges[axes, places], edges[axes, places + 1]
+
+
+def _around(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """(2, 3) the box around boxes."""
+    return np.stack([low.min(axis=1), high.max(axis=1)])
+
+
+def _size(box: np.ndarray) -> float:
+    return float((box[1] - box[0]).sum())
+
+
+def _outer(low: np.ndarray, high: np.ndarray, extent: np.ndarray) -> np.ndarray:
+    """Which boxes reach as far as the one around them all."""
+    return ((low <= extent[0][:, None]) | (high >= extent[1][:, None])).any(axis=0)
+
+
+def _wider(extent: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     margin = 0.01 * (extent[1] - extent[0]) + 1e-9
     return np.stack([np.maximum(extent[0] - margin, bounds[0]), np.minimum(extent[1] + margin, bounds[1])])
 

@@ -46,8 +46,9 @@ def implicit(lowering: Lowering, element: Element) -> list[Piece]:
         tight = extent.tightened(sheet_field(tape) if sheet else tape, bounds)
         if not sheet:
             if tight is not None and (ball[3] or (tight[0] <= bounds[0]).any() or (tight[1] >= bounds[1]).any()):
-                tape, bounds = closed(tape, bounds, ball)
-                tight = extent.tightened(tape, bounds)
+                whole, bounds = closed(tape, bounds, ball)
+                if whole is not tape:
+                    tape, tight = whole, extent.tightened(whole, bounds)
             ball = (0.0, 0.0, 0.0, 0.0)
         if tight is None:
             lowering.warn(element, "there is no surface within these bounds: nothing is drawn")

@@ -81,6 +81,19 @@ def test_bounds_shrink_to_the_surface(tmp_path):
     assert np.allclose(bounds(scene), [[-1, -0.5, -1], [1, 0.5, 1]], atol=0.2)
 
 
+@pytest.mark.parametrize("within", [1.5, 3, 20])
+def test_bounds_are_close_to_a_heart_and_cut_nothing_off(tmp_path, within):
+    relation = "(x^2 + 2.25 * z^2 + y^2 - 1)^3 <= 0.9 * x^2 * y^3 + 0.1125 * z^2 * y^3"
+    scene, _ = loaded(tmp_path, f"implicit(|x, y, z| {relation}, within: {within})")
+    x, y, z = p = RANDOM.uniform(-1.5, 1.5, (3, 100_000))
+    heart = p[:, (x**2 + 2.25 * z**2 + y**2 - 1) ** 3 <= 0.9 * x**2 * y**3 + 0.1125 * z**2 * y**3].T
+    low, high = bounds(scene)
+    assert len(heart) > 1000
+    assert ((heart > low) & (heart < high)).all()
+    assert (heart.min(axis=0) - low < 0.6).all()
+    assert (high - heart.max(axis=0) < 0.6).all()
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -50,7 +50,7 @@ def aim(tables, light, rays, found, out):
         ends = lanes.full_like(origin[0], -1.0)
         if lanes.any_lane(met):
             hit = Hit(found.t[rows], instance, found.spacing[rows], found.u[rows], found.v[rows])
-            position, geometric, offset = surface.off_formula(tables, Ray(origin, direction, 0.0, np.inf, None), hit)
+            position, geometric, offset = _off(tables, Ray(origin, direction, 0.0, np.inf, None), hit, met)
             arriving = lights.sample_sharp(tables, light, position)
             lit = met & (lanes.dot(arriving.direction, geometric) > 0.0) & (lanes.largest(arriving.irradiance) > 0.0)
             ends = lanes.where(lit, arriving.distance, ends)
@@ -60,6 +60,21 @@ def aim(tables, light, rays, found, out):
         else:
             across.store_row(out, 7 * out.shape[1] + start, ends)
     return many
+
+
+@helper
+def _off(tables: Tables, ray: Ray, hit: Hit, met: Lane) -> tuple[Vec, Vec, Lane]:
+    """surface.off_formula in the lanes of a mask: mostly they have met one thing, and its place is read once for all of them."""
+    offset = lanes.full_like(hit.t, 0.0)
+    position = geometric = (offset, offset, offset)
+    rest = met
+    while lanes.any_lane(rest):
+        instance, here = across.together(hit.instance, rest)
+        p, normal, far = surface.off_formula(tables, instance, ray, hit)
+        position, geometric = lanes.where3(here, p, position), lanes.where3(here, normal, geometric)
+        offset = lanes.where(here, far, offset)
+        rest = rest & lanes.not_(here)
+    return position, geometric, offset
 
 
 @kernel

@@ -122,11 +122,9 @@ def spacing(here: placed.Place, ray: Ray, t: Lane, normal: Vec, wide: Lane) -> L
 
 
 @helper
-def off_formula(tables: Tables, ray: Ray, hit: Hit) -> tuple[Vec, Vec, Lane]:
-    """(position, geometric, offset) as in `at`, where rays met formula surfaces that do not move."""
-    instance = lanes.where(hit.instance >= 0, hit.instance, 0)
-    g = lanes.to_int(tables.instances.geometry[instance])
-    here = placed.at(tables, lanes.to_int(tables.instances.transform[instance]), None)
+def off_formula(tables: Tables, instance: int, ray: Ray, hit: Hit) -> tuple[Vec, Vec, Lane]:
+    """(position, geometric, offset) as in `at`, where rays met an instance of a formula surface that does not move."""
+    g, here = tables.instances.geometry[instance], placed.at(tables, tables.instances.transform[instance], None)
     t = lanes.where(hit.instance >= 0, hit.t, 0.0)
     geometric = lanes.normalize(lanes.normal_by(here.inverse, unpacked(hit.u, hit.v)))
     offset = spacing(here, ray, t, geometric, _off(tables, g, hit, here.matrix))
@@ -135,7 +133,7 @@ def off_formula(tables: Tables, ray: Ray, hit: Hit) -> tuple[Vec, Vec, Lane]:
 
 
 @helper
-def _off(tables: Tables, g: Lane, hit: Hit, matrix: placed.Affine) -> Lane:
+def _off(tables: Tables, g: Any, hit: Hit, matrix: placed.Affine) -> Lane:
     """How far, in metres, a hit may be off a formula's surface, as `spacing` takes it."""
     return lanes.to_float(hit.primitive) * tables.geometries.parameters[g, 5] * (UNIT / ROUNDING) * mean_scale(matrix)
 

@@ -52,6 +52,8 @@ def leaf(room, memory, tape, count, a, b, start, reach, slack, hits):
             simd.store(room.values, i * VECTOR, simd.load(room.carried, room.list[i] * VECTOR, VECTOR))
     else:
         _values(room, memory, tape, count, a, a, b, 0)
+    if _all_rise(room, count, a, b):
+        return
     _values(room, memory, tape, count, b, a, b, GROUP)
     opened, held = 0, 0
     for i in range(count):
@@ -85,6 +87,40 @@ def leaf(room, memory, tape, count, a, b, start, reach, slack, hits):
             stopped(room, hits, np.int64(room.bracket_ray[k]))
     elif held > 0:
         finished(room, memory, tape, held, start, reach, hits)
+
+
+@helper
+def rises(room: Any, vector: int, a: float, b: float) -> bool:
+    """Whether a vector's rays are all known to be outside at a, so that they have no root before b: for where values rise in between.
+
+    What is known of their values, a lower bound, is then so at b.
+    """
+    if room.carried_at[vector] != np.float32(a):
+        return False
+    at = vector * VECTOR
+    first, known = simd.load(room.rays, 6 * SPACED + at, VECTOR), simd.load(room.carried, at, VECTOR)
+    live = simd.mask_from_bits(room.alive[vector], first)
+    if simd.any_of(live & (((first >= a) & (first < b)) | ~(known > 0.0))):
+        return False
+    room.carried_at[vector] = b
+    return True
+
+
+@helper
+def _all_rise(room: Any, count: int, a: float, b: float) -> bool:
+    """`rises` for the list's vectors, in all of which values do, by what has been found at a or where rays begin after that."""
+    for i in range(count):
+        if not (room.slopes[i] > 0.0 and room.slopes[2 * VECTOR + i] > 0.0):
+            return False
+        at = room.list[i] * VECTOR
+        first, last = simd.load(room.rays, 6 * SPACED + at, VECTOR), simd.load(room.rays, 7 * SPACED + at, VECTOR)
+        live = simd.mask_from_bits(room.alive[room.list[i]], first) & (first < b) & (last > a)
+        if simd.any_of(live & ~(simd.load(room.values, i * VECTOR, VECTOR) > 0.0)):
+            return False
+    for i in range(count):
+        simd.store(room.carried, room.list[i] * VECTOR, simd.load(room.values, i * VECTOR, VECTOR))
+        room.carried_at[room.list[i]] = b
+    return True
 
 
 @helper

@@ -24,7 +24,7 @@ from ..kernels import helper, kernel
 from .cells import place
 from .evaluate import room as room_of_values
 from .interpreter import KNOWN
-from .tile_leaves import leaf
+from .tile_leaves import leaf, rises
 from .tile_room import (
     BOXES,
     GROUP,
@@ -185,12 +185,13 @@ def _slab(room, memory, tape, begin, length, groups, vectors, start, slack, reac
             if (least > 0.0 or most < 0.0) and (maybe >> lane) & 1 == 0:
                 count = 0
                 for vector in range(group * VECTOR, group * VECTOR + many):
-                    if room.alive[vector] != 0:
+                    if room.alive[vector] != 0 and not (least > 0.0 and rises(room, vector, a, a + quarter)):
                         room.list[count] = vector
                         room.slopes[count], room.slopes[VECTOR + count], room.slopes[2 * VECTOR + count] = least, most, 1.0
                         room.slopes[3 * VECTOR + count] = error_of(stored[0, lane], stored[1, lane], stored[4, lane])
                         count += 1
-                leaf(room, memory, tapes[lane], count, a, a + quarter, start, reach, slack, hits)
+                if count > 0:
+                    leaf(room, memory, tapes[lane], count, a, a + quarter, start, reach, slack, hits)
             else:
                 _finer(room, memory, tapes[lane], group, many, a, quarter / QUARTERS, start, slack, reach, hits)
             alive = _any_alive(room, group, many)
@@ -279,6 +280,8 @@ def _finer(room, memory, tape, group, many, begin, length, start, slack, reach, 
             unsure = (unsure_of >> lane) & 1 != 0
             if (stored[5, lane] <= 0.0 and stored[6, lane] >= 0.0) or unsure:
                 least, most = stored[7, lane], stored[8, lane]
+                if least > 0.0 and not unsure and rises(room, group * VECTOR + lane, a, a + length):
+                    continue
                 room.list[count] = group * VECTOR + lane
                 room.slopes[count], room.slopes[VECTOR + count] = (-np.inf, np.inf) if unsure else (least, most)
                 room.slopes[2 * VECTOR + count] = 1.0 if (least > 0.0 or most < 0.0) and not unsure else 0.0

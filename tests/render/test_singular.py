@@ -101,7 +101,7 @@ def test_where_a_gradient_vanishes_hits_lie_on_the_surface_have_its_normal_and_d
         t, spacing, u, v = found(trees, o, d, bundled)
         hit = np.isfinite(t)
         ray = Ray(tuple(o[hit].T), tuple(d[hit].T), 0.0, np.inf, None)
-        place, normal, offset = surface.off_formula(tables, ray, Hit(t[hit], np.zeros(hit.sum(), int), spacing[hit], u[hit], v[hit]))
+        place, normal, offset = surface.off_formula(tables, 0, ray, Hit(t[hit], np.zeros(hit.sum(), int), spacing[hit], u[hit], v[hit]))
         place, normal, way = np.array(place), np.array(normal), d[hit].T
         value, gradient = seen.smooth(place)
         steep = np.linalg.norm(gradient, axis=0)

@@ -1,7 +1,7 @@
 """Where bundles of rays that go much the same way meet a formula's surface: as rays of cells.py do, bounds shared by all of a bundle.
 
 A bundle is up to 4096 rays: vectors of 16 rays, groups of 16 vectors (a group is a square of 16 × 16 pixels, a vector one of 4 × 4).
-The stretch in which they may meet the box is cut into 16 slabs. Bounds over the box around all rays in a slab say where there is no
+The stretch in which they may meet the box is cut into 8 slabs. Bounds over the box around all rays in a slab say where there is no
 surface, and which rows of the tape matter in the others; these are cut into groups and quarters, of which the same is asked, and bounds
 of the slopes along all their rays. Where these have one sign, the values at a ray's both ends decide; groups where they do not are cut
 into vectors and quarters again, and rays that then are still open go on by themselves. (Duff, "Interval Arithmetic and Recursive

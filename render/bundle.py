@@ -11,8 +11,9 @@ from .kernels import helper
 from .records import Lane, Vec
 
 FEW = 3  # rays from which on it is worth it
+BUNDLES = across.WIDTH >= FEW
 WIDE = 0.2  # leaves of the mesh for each of them that they may be apart
-WIDE_ANY = 0.15  # the same for any hit, which a ray by itself finds sooner
+WIDE_ANY = 0.09  # the same for any hit, which a ray by itself finds sooner
 _FAR, _STEEP = np.float32(walk.FAR), np.float32(walk.STEEP)
 
 

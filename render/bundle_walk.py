@@ -32,7 +32,7 @@ class Beam(NamedTuple):
 
 
 @helper
-def _beam(rays: bundle.Group) -> Beam:
+def beam_of(rays: bundle.Group) -> Beam:
     ax, bx, cx, dx = _interval(rays, 0)
     ay, by, cy, dy = _interval(rays, 1)
     az, bz, cz, dz = _interval(rays, 2)
@@ -52,7 +52,7 @@ def _interval(rays: bundle.Group, axis: int) -> tuple[Lane, Lane, Lane, Lane]:
 
 
 @helper
-def _enter(nodes: Any, node: int, beam: Beam, limit: Any) -> tuple[Lane, int]:
+def enter(nodes: Any, node: int, beam: Beam, limit: Any) -> tuple[Lane, int]:
     """Where the first ray may enter a node's boxes, and bits of those that one may enter before `limit`."""
     at = node * NODE
     x, y, z = beam.near
@@ -90,8 +90,8 @@ def meet(
         return *unmet, False
     rays = bundle.group(left, go.k, o, d, ray, enters, until)
     limits = simd.select(simd.mask_from_bits(left, rays.limits), rays.limits, np.float32(-np.inf))
-    beam, limit = _beam(rays), simd.max_of(limits)
-    near, hits = _enter(tree.nodes, root, beam, limit)
+    beam, limit = beam_of(rays), simd.max_of(limits)
+    near, hits = enter(tree.nodes, root, beam, limit)
     if hits == 0:
         return *unmet, True
     core = bundle.core_of(rays, go, np.float32(2.0 * walk.OFF) * np.float32(reach))
@@ -104,7 +104,7 @@ def meet(
     node, top = walk.nearest_first(tree.links, root, near, hits, children, reaches, np.int64(0))
     while top >= 0:
         if node >= 0:
-            near, hits = _enter(tree.nodes, node, beam, limit)
+            near, hits = enter(tree.nodes, node, beam, limit)
             node, top = walk.nearest_first(tree.links, node, near, hits, children, reaches, top)
             _fetch_last(tree, children, top)
         else:

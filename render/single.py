@@ -35,7 +35,8 @@ def each(
     _store3(kept, 12, direction)
     across.store(kept, 15, t_min)
     across.store(kept, 16, until)
-    steps, inside = walk.walks(best.t, best.instance, best.primitive, best.u, best.v), simd.stack_array(np.int64, _LANES)
+    steps, inside = walk.ways(), simd.stack_array(np.int64, _LANES)
+    walk.set_out(steps, 0, best.t, best.instance, best.primitive, best.u, best.v)
     todo = left
     while todo != 0:
         k = simd.trailing_zeros(todo)
@@ -43,22 +44,7 @@ def each(
         simd.write(inside, k, -1)
         walk.go(steps, k, 0, k * walk.STACK)
     turns(accel, kept, walk.room(), steps, inside, left, visible_bit, any_hit)
-    return walk.met(steps)
-
-
-@helper
-def below(accel: Any, root: int, rays: walk.Rays, left: int, zero: Lane, any_hit: bool) -> Hit:
-    """What the rays whose bits are set in `left` meet in the mesh whose tree begins at `root`, of which nobody asks what instance it is."""
-    nothing = lanes.int_like(zero, -1)
-    steps, inside = walk.walks(zero + np.inf, nothing, nothing, zero, zero), simd.stack_array(np.int64, _LANES)
-    todo = left
-    while todo != 0:
-        k = simd.trailing_zeros(todo)
-        todo &= todo - 1
-        simd.write(inside, k, 0)
-        walk.enter(steps, k, root, k * walk.STACK)
-    turns(accel, simd.stack_array(np.float64, _ROWS), rays, steps, inside, left, 0, any_hit)
-    return walk.met(steps)
+    return walk.met(steps, 0)
 
 
 @apart
@@ -78,7 +64,7 @@ def turns(accel, kept, rays, steps, inside, left, visible_bit, any_hit):
                 if _in_mesh(accel, rays, steps, k, instance, any_hit):
                     continue
                 simd.write(inside, k, -1)
-                more = _next(accel, kept, steps, k, simd.read(steps.place, 2 * _LANES + k), any_hit)
+                more = _next(accel, kept, steps, k, simd.read(steps.place, 2 * walk.RAYS + k), any_hit)
             else:
                 more = _step(accel, kept, steps, k)
             if not more:
@@ -111,7 +97,7 @@ def _store3(table: Any, row: int, value: Vec) -> None:
 @helper
 def _step(accel: Any, kept: Any, steps: walk.Walks, k: int) -> bool:
     """One node of ray k's way; whether there is more of it."""
-    node, top = simd.read(steps.place, k), simd.read(steps.place, _LANES + k)
+    node, top = simd.read(steps.place, k), simd.read(steps.place, walk.RAYS + k)
     near, hits = boxes.enter_node(accel.top.nodes, node, _bundle(kept, k), _at(kept, 15, k), _limit(kept, steps, k))
     node, top = walk.nearest_first(accel.top.links, node, near, hits, steps.children, steps.reaches, top)
     return _go(accel, steps, k, node, top)
@@ -181,14 +167,14 @@ def _attempt(
     go = _enter_mesh(accel, kept, rays, steps, g, lanes.sub(o, (u, v, w)), d, t_min, here & meshes)
     across.write_lanes(inside, 0, 0, i, go)
     across.write_lanes(steps.place, 0, 0, root, go)
-    across.write_lanes(steps.place, 2, 0, across.load(steps.place, 1), go)
+    across.write_lanes(steps.place, 4, 0, across.load(steps.place, 2), go)
     shapes, todo, wait = across.bits(here & lanes.not_(meshes)), wait & ~across.bits(go), 0
     while todo != 0:
         k = simd.trailing_zeros(todo)
         todo &= todo - 1
         if (shapes >> k) & 1:
             _meet_shape(accel, ~simd.read(steps.place, k), kept, steps, k)
-        if not _next(accel, kept, steps, k, simd.read(steps.place, _LANES + k), any_hit):
+        if not _next(accel, kept, steps, k, simd.read(steps.place, walk.RAYS + k), any_hit):
             left &= ~(1 << k)
         elif simd.read(steps.place, k) < 0:
             wait |= 1 << k
@@ -207,11 +193,11 @@ def _meet_shape(accel: Any, i: int, kept: Any, steps: walk.Walks, k: int) -> Non
     t, primitive = across.lane(at_t, 0), np.int64(across.lane(part, 0))
     if walk.sooner(steps, k, t, i, primitive):
         simd.write(steps.found, k, t)
-        simd.write(steps.found, _LANES + k, across.lane(u, 0))
-        simd.write(steps.found, 2 * _LANES + k, across.lane(v, 0))
-        simd.write(steps.found, 3 * _LANES + k, 1.0)
+        simd.write(steps.found, walk.RAYS + k, across.lane(u, 0))
+        simd.write(steps.found, 2 * walk.RAYS + k, across.lane(v, 0))
+        simd.write(steps.found, 3 * walk.RAYS + k, 1.0)
         simd.write(steps.numbers, k, i)
-        simd.write(steps.numbers, _LANES + k, primitive)
+        simd.write(steps.numbers, walk.RAYS + k, primitive)
 
 
 @apart

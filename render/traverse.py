@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numba import types
 
-from . import across, boxes, bundle, bundle_walk, gather, lanes, meeting, simd, single, walk
+from . import across, boxes, bundle, bundle_walk, gather, in_mesh, lanes, meeting, shared_root, simd, single, walk
+from .bundle import BUNDLES
 from .bvh import NO_MESHES, NO_TREE, REACH
 from .handles import unless
 from .kernels import apart, helper
@@ -18,7 +19,6 @@ from .wide import DEPTH
 
 NARROW = 0.0005  # square of the angle, in radians, that directions may stray from the first lane's to go together
 SMALL = 32  # nodes of a tree up to which rays that go apart, too, share the tests of shapes
-BUNDLES = across.WIDTH >= bundle.FEW
 FEW = 3  # active lanes from which on that is worth it
 
 
@@ -154,17 +154,18 @@ def _on_mesh(
 def _mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
     """(t, triangle, u, v) of the first meeting with mesh g, whose tree begins at `root`, not beyond `nearest`."""
     until = lanes.minimum(nearest, t_max)
-    zero = lanes.full_like(t_min, 0.0)
     ray, enters, left = entering(accel, g, o, d, t_min, until)
     if left == 0:
         return bundle_walk.nothing(enters)
-    if BUNDLES and bundle.alike(left, d, ray):
+    alike = BUNDLES and bundle.alike(left, d, ray)
+    if BUNDLES and alike:
         t, triangle, u, v, asked = bundle_walk.meet(accel, g, root, o, d, ray, enters, t_min, t_max, until, left, any_hit)
         if asked:
             return t, triangle, u, v
-    rays = walk.room()
+    begins, rays = shared_root.room(), walk.room()
+    shared_root.make(begins, accel.wide, root, o, d, ray, enters, until, left, alike)
     walk.keep(rays, 0, across.mask_of(left, enters), o, d, ray.inverse, enters, t_min, t_max, until, accel.boxes[g, REACH])
-    hit = single.below(accel, root, rays, left, zero, any_hit)
+    hit = in_mesh.one(accel.wide, begins, rays, left, enters, any_hit)
     return hit.t, hit.primitive, hit.u, hit.v
 
 

@@ -1,17 +1,18 @@
 """Two vectors of rays at once: where a scene is one mesh, those that go one way through it are one bundle, twice as large.
 
-A node's boxes and most triangles are then tested in single precision against all of them, at what one vector of doubles costs.
+A node's boxes and most triangles are then tested in single precision against all of them, at what one vector of doubles costs. Others
+go each for itself, in twice as many turns, so that there is more to do while one waits.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba.extending import overload
 
-from . import across, bundle, bundle_walk, lanes, simd, trace, traverse
-from .bvh import NO_MESHES
+from . import across, boxes, bundle, bundle_walk, in_mesh, lanes, shared_root, simd, trace, traverse, walk
+from .bvh import NO_MESHES, REACH
 from .handles import unless
 from .kernels import HELPER, helper
 from .records import Hit, Lane, Ray, Vec
@@ -35,38 +36,88 @@ def _each(accel: Any, first: Ray, second: Ray, visible_bit: int, any_hit: bool) 
     return trace.find(accel, first, all_, visible_bit, any_hit), trace.find(accel, second, all_, visible_bit, any_hit)
 
 
+class Seen(NamedTuple):
+    """Two vectors of rays as a mesh sees them; those whose bits are set in `left` enter its box."""
+
+    o: Vec
+    d: Vec
+    ray: boxes.BoxRay
+    enters: Lane
+    t_min: Lane
+    t_max: Lane
+    left: int
+    alike: bool  # see bundle.py
+
+
 @unless(NO_MESHES, _each)
 @helper
 def _both(accel: Any, first: Ray, second: Ray, visible_bit: int, any_hit: bool) -> tuple[Hit, Hit]:
     i = np.int64(accel.alone)
-    if i >= 0 and accel.placed[i, 0] & visible_bit != 0:
-        t_min, t_max = simd.joined(first.t_min, second.t_min), simd.joined(first.t_max, second.t_max)
-        o, d = joined3(first.origin, second.origin), joined3(first.direction, second.direction)
-        hit, asked = as_bundle(accel, i, o, d, t_min, t_max, any_hit)
-        if asked:
-            return _halves(hit)
-    return _each(accel, first, second, visible_bit, any_hit)
+    if i < 0 or accel.placed[i, 0] & visible_bit == 0:
+        return _each(accel, first, second, visible_bit, any_hit)
+    rays = seen(accel, i, first, second)
+    hit, asked = as_bundle(accel, i, rays, any_hit)
+    one, two = _halves(hit) if asked else _in_turns(accel, i, rays, any_hit)
+    return _of_instance(one, i), _of_instance(two, i)
 
 
 @helper
-def as_bundle(accel: Any, i: int, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane, any_hit: bool) -> tuple[Hit, bool]:
-    """(What rays meet of instance i, a mesh; whether they were asked.)"""
+def seen(accel: Any, i: int, first: Ray, second: Ray) -> Seen:
+    """Rays as the mesh of instance i sees them."""
     g = np.int64(accel.placed[i, 2])
-    o, d = traverse.in_frame(accel, i, origin, direction)
+    o, d = traverse.in_frame(accel, i, _joined3(first.origin, second.origin), _joined3(first.direction, second.direction))
     o = traverse.from_middle(accel, g, o)
+    t_min, t_max = simd.joined(first.t_min, second.t_min), simd.joined(first.t_max, second.t_max)
     ray, enters, left = traverse.entering(accel, g, o, d, t_min, t_max)
-    t, triangle, u, v = bundle_walk.nothing(enters)
-    asked = left == 0
-    if not asked and bundle.alike(left, d, ray):
-        root = np.int64(accel.placed[i, 4])
-        t, triangle, u, v, asked = bundle_walk.meet(accel, g, root, o, d, ray, enters, t_min, t_max, t_max, left, any_hit)
-    instance = lanes.where(t < np.inf, lanes.int_like(t, i), lanes.int_like(t, -1))
-    return Hit(t, instance, triangle, u, v), asked
+    return Seen(o, d, ray, enters, t_min, t_max, left, bundle.alike(left, d, ray))
 
 
 @helper
-def joined3(a: Vec, b: Vec) -> Vec:
+def as_bundle(accel: Any, i: int, rays: Seen, any_hit: bool) -> tuple[Hit, bool]:
+    """(What rays meet of the mesh of instance i, if they go as one; whether they do, or there are none.)"""
+    t, triangle, u, v = bundle_walk.nothing(rays.enters)
+    asked = rays.left == 0
+    if rays.alike:
+        g, root = np.int64(accel.placed[i, 2]), np.int64(accel.placed[i, 4])
+        t, triangle, u, v, asked = bundle_walk.meet(
+            accel, g, root, rays.o, rays.d, rays.ray, rays.enters, rays.t_min, rays.t_max, rays.t_max, rays.left, any_hit
+        )
+    return Hit(t, triangle, triangle, u, v), asked
+
+
+@helper
+def _in_turns(accel: Any, i: int, rays: Seen, any_hit: bool) -> tuple[Hit, Hit]:
+    """The same of each for itself."""
+    root, reach = np.int64(accel.placed[i, 4]), accel.boxes[np.int64(accel.placed[i, 2]), REACH]
+    begins, kept, low, high = shared_root.room(), walk.room(), simd.low_half, simd.high_half
+    shared_root.make(begins, accel.wide, root, rays.o, rays.d, rays.ray, rays.enters, rays.t_max, rays.left, rays.alike)
+    enters, t_min, t_max = low(rays.enters), low(rays.t_min), low(rays.t_max)
+    mine = across.mask_of(rays.left & ((1 << across.WIDTH) - 1), enters)
+    walk.keep(kept, 0, mine, _low3(rays.o), _low3(rays.d), _low3(rays.ray.inverse), enters, t_min, t_max, t_max, reach)
+    enters, t_min, t_max = high(rays.enters), high(rays.t_min), high(rays.t_max)
+    mine = across.mask_of(rays.left >> across.WIDTH, enters)
+    walk.keep(kept, 1, mine, _high3(rays.o), _high3(rays.d), _high3(rays.ray.inverse), enters, t_min, t_max, t_max, reach)
+    return in_mesh.two(accel.wide, begins, kept, rays.left, enters, any_hit)
+
+
+@helper
+def _of_instance(hit: Hit, i: int) -> Hit:
+    return Hit(hit.t, lanes.where(hit.t < np.inf, lanes.int_like(hit.t, i), lanes.int_like(hit.t, -1)), hit.primitive, hit.u, hit.v)
+
+
+@helper
+def _joined3(a: Vec, b: Vec) -> Vec:
     return simd.joined(a[0], b[0]), simd.joined(a[1], b[1]), simd.joined(a[2], b[2])
+
+
+@helper
+def _low3(a: Vec) -> Vec:
+    return simd.low_half(a[0]), simd.low_half(a[1]), simd.low_half(a[2])
+
+
+@helper
+def _high3(a: Vec) -> Vec:
+    return simd.high_half(a[0]), simd.high_half(a[1]), simd.high_half(a[2])
 
 
 @helper

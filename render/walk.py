@@ -21,11 +21,12 @@ from .wide import DEPTH, LEAF, NODE, WIDTH, spread32
 
 FAR = 1.0 + 2.0**-21  # of the far side: eight roundings of float32
 STEEP = 1e12  # times the inverse of the largest component: no other is larger, so that all are finite
-_SINGLES, _DOUBLES, _INTS = 15 * across.WIDTH, 9 * across.WIDTH, 6 * across.WIDTH
+RAYS = 2 * across.WIDTH  # that have room
+_SINGLES, _DOUBLES, _INTS = 15 * RAYS, 9 * RAYS, 6 * RAYS
 _FAR = np.float32(FAR)
 _LAST = np.int32(2**31 - 1)
 STACK = 2 * DEPTH + 16  # one ray's, over instances and in a mesh; not so that all begin in the same part of the cache
-_STACKS, _PLACES, _FOUND, _NUMBERS = STACK * across.WIDTH, 3 * across.WIDTH, 4 * across.WIDTH, 2 * across.WIDTH
+_STACKS, _PLACES, _FOUND, _NUMBERS = STACK * RAYS, 3 * RAYS, 4 * RAYS, 2 * RAYS
 OFF = 2.0**-20  # of a mesh's largest coordinate: what float32 does to a corner as a ray sees it
 SMALLEST, LARGEST = 1e-12, 1e17  # coordinates within which products of float32 neither vanish nor overflow
 
@@ -56,9 +57,9 @@ def room() -> Rays:
 
 @helper
 def keep(
-    rays: Rays, k: int, mine: Lane, o: Vec, d: Vec, inverse: Vec, enters: Lane, t_min: Lane, t_max: Lane, until: Lane, reach: Lane
+    rays: Rays, part: int, mine: Lane, o: Vec, d: Vec, inverse: Vec, enters: Lane, t_min: Lane, t_max: Lane, until: Lane, reach: Lane
 ) -> None:
-    """Store the rays of a mask, or ray k alone, that enter a mesh's box at `enters`.
+    """Store the rays of a mask as the first or the second vector of them, that enter a mesh's box at `enters`.
 
     What lies between `until` and t_max may be found, but need not. `reach` is the largest of the mesh's coordinates.
     """
@@ -66,29 +67,29 @@ def keep(
     most = STEEP * lanes.smallest((abs(inverse[0]), abs(inverse[1]), abs(inverse[2])))
     x, y, z = across.rounded(o[0] + enters * d[0]), across.rounded(o[1] + enters * d[1]), across.rounded(o[2] + enters * d[2])
     sx, sy, sz = _slope(inverse[0], most), _slope(inverse[1], most), _slope(inverse[2], most)
-    _write3(singles, 0, k, (sx, sy, sz), mine)
-    _write3(singles, 3, k, (-x * sx, -y * sy, -z * sz), mine)
-    across.write_lanes(singles, 6, k, (until - enters) * FAR, mine)
-    across.write_lanes(singles, 7, k, enters * 0.0 + OFF * reach, mine)
+    _write3(singles, part, (sx, sy, sz), mine)
+    _write3(singles, 6 + part, (-x * sx, -y * sy, -z * sz), mine)
+    across.write_lanes(singles, 12 + part, 0, (until - enters) * FAR, mine)
+    across.write_lanes(singles, 14 + part, 0, enters * 0.0 + OFF * reach, mine)
     kx, ky, kz, tx, ty, tz = flat.shear_of(d, inverse)
-    _write3(singles, 8, k, (flat.component((x, y, z), kx), flat.component((x, y, z), ky), flat.component((x, y, z), kz)), mine)
-    across.write_lanes(singles, 11, k, tx, mine)
-    across.write_lanes(singles, 12, k, ty, mine)
+    _write3(singles, 16 + part, (flat.component((x, y, z), kx), flat.component((x, y, z), ky), flat.component((x, y, z), kz)), mine)
+    across.write_lanes(singles, 22 + part, 0, tx, mine)
+    across.write_lanes(singles, 24 + part, 0, ty, mine)
     along = flat.component(d, kz)
-    across.write_lanes(singles, 13, k, (t_min - enters) * along, mine)
-    across.write_lanes(singles, 14, k, along, mine)
-    _write3(axes, 0, k, (kx, ky, kz), mine)
-    _write3(axes, 3, k, (_row(sx, kx, 0), _row(sy, kx, 2), _row(sz, kx, 4)), mine)
-    _write3(doubles, 0, k, (flat.component(o, kx), flat.component(o, ky), flat.component(o, kz)), mine)
-    _write3(doubles, 3, k, (tx, ty, tz), mine)
-    _write3(doubles, 6, k, (enters, t_min, t_max), mine)
+    across.write_lanes(singles, 26 + part, 0, (t_min - enters) * along, mine)
+    across.write_lanes(singles, 28 + part, 0, along, mine)
+    _write3(axes, part, (kx, ky, kz), mine)
+    _write3(axes, 6 + part, (_row(sx, kx, 0), _row(sy, kx, 2), _row(sz, kx, 4)), mine)
+    _write3(doubles, part, (flat.component(o, kx), flat.component(o, ky), flat.component(o, kz)), mine)
+    _write3(doubles, 6 + part, (tx, ty, tz), mine)
+    _write3(doubles, 12 + part, (enters, t_min, t_max), mine)
 
 
 @helper
-def _write3(table: Any, row: int, k: int, v: Vec, mine: Lane) -> None:
-    across.write_lanes(table, row, k, v[0], mine)
-    across.write_lanes(table, row + 1, k, v[1], mine)
-    across.write_lanes(table, row + 2, k, v[2], mine)
+def _write3(table: Any, row: int, v: Vec, mine: Lane) -> None:
+    across.write_lanes(table, row, 0, v[0], mine)
+    across.write_lanes(table, row + 2, 0, v[1], mine)
+    across.write_lanes(table, row + 4, 0, v[2], mine)
 
 
 @helper
@@ -126,7 +127,7 @@ def _spread(x: Any, y: Any, z: Any) -> Vec:
 
 @helper
 def _single(rays: Rays, row: int, k: int) -> Any:
-    return simd.read(rays.singles, row * across.WIDTH + k)
+    return simd.read(rays.singles, row * RAYS + k)
 
 
 @helper
@@ -137,7 +138,7 @@ def limit_of(rays: Rays, k: int) -> Any:
 
 @helper
 def _double(rays: Rays, row: int, k: int) -> Any:
-    return simd.read(rays.doubles, row * across.WIDTH + k)
+    return simd.read(rays.doubles, row * RAYS + k)
 
 
 @helper
@@ -181,7 +182,7 @@ def _push_each(stack: Any, top: int, values: Lane, which: int) -> int:
 
 
 _PACKS = machine.AVX512 or machine.AVX2
-_push = _push_packed if _PACKS else _push_each
+push = _push_packed if _PACKS else _push_each
 
 
 # What follows has no branch on what boxes and stacks hold: the processor would guess it wrong as often as not, at a cost of twenty
@@ -214,8 +215,8 @@ def _ranks(near: Lane) -> Lane:
 def _onward(links: Any, node: int, near: Lane, hits: int, first: int, children: Any, reaches: Any, top: int) -> tuple[Any, int]:
     child, last = np.int64(simd.read(links, node * WIDTH + first)), np.int64(simd.read(children, max(top - 1, 0)))
     rest = hits & ~(1 << first)
-    _push(children, top, simd.load(links, node * WIDTH, WIDTH), rest)
-    _push(reaches, top, near, rest)
+    push(children, top, simd.load(links, node * WIDTH, WIDTH), rest)
+    push(reaches, top, near, rest)
     return child if hits != 0 else last, top + simd.population(hits) - 1
 
 
@@ -286,7 +287,7 @@ def unsure(off: Any) -> int:
 
 @helper
 def _axis(rays: Rays, row: int, k: int) -> Any:
-    return simd.read(rays.axes, row * across.WIDTH + k)
+    return simd.read(rays.axes, row * RAYS + k)
 
 
 @helper
@@ -389,28 +390,32 @@ def _corner(leaves: Any, at: int, ray: Sheared) -> Vec:
 
 
 @helper
-def walks(t: Lane, instance: Lane, primitive: Lane, u: Lane, v: Lane) -> Walks:
-    """Where rays that have met something, or nothing, begin."""
-    made = Walks(
+def ways() -> Walks:
+    """Where rays' ways are kept."""
+    return Walks(
         simd.stack_array(np.int32, _STACKS), simd.stack_array(np.float32, _STACKS), simd.stack_array(np.int64, _PLACES),
         simd.stack_array(np.float64, _FOUND), simd.stack_array(np.int64, _NUMBERS),
     )  # fmt: skip
-    across.store(made.found, 0, t)
-    across.store(made.found, 1, u)
-    across.store(made.found, 2, v)
-    across.store(made.found, 3, lanes.full_like(t, 1.0))
-    across.store(made.numbers, 0, instance)
-    across.store(made.numbers, 1, primitive)
-    return made
 
 
 @helper
-def met(steps: Walks) -> Hit:
-    """What the rays have met."""
-    total = across.load(steps.found, 3)
+def set_out(made: Walks, part: int, t: Lane, instance: Lane, primitive: Lane, u: Lane, v: Lane) -> None:
+    """Let a vector of rays have met something, or nothing."""
+    across.store(made.found, 0 + part, t)
+    across.store(made.found, 2 + part, u)
+    across.store(made.found, 4 + part, v)
+    across.store(made.found, 6 + part, lanes.full_like(t, 1.0))
+    across.store(made.numbers, 0 + part, instance)
+    across.store(made.numbers, 2 + part, primitive)
+
+
+@helper
+def met(steps: Walks, part: int) -> Hit:
+    """What a vector of rays has met."""
+    total = across.load(steps.found, 6 + part)
     return Hit(
-        across.load(steps.found, 0), across.load(steps.numbers, 0), across.load(steps.numbers, 1),
-        across.load(steps.found, 1) / total, across.load(steps.found, 2) / total,
+        across.load(steps.found, 0 + part), across.load(steps.numbers, 0 + part), across.load(steps.numbers, 2 + part),
+        across.load(steps.found, 2 + part) / total, across.load(steps.found, 4 + part) / total,
     )  # fmt: skip
 
 
@@ -418,49 +423,74 @@ def met(steps: Walks) -> Hit:
 def enter(steps: Walks, k: int, root: int, top: int) -> None:
     """Let ray k begin at the root of a mesh's tree, its stack at `top`."""
     go(steps, k, root, top)
-    simd.write(steps.place, 2 * across.WIDTH + k, top)
+    simd.write(steps.place, 2 * RAYS + k, top)
 
 
 @helper
 def go(steps: Walks, k: int, node: int, top: int) -> None:
     """Let ray k be at a node, its stack end at `top`."""
     simd.write(steps.place, k, node)
-    simd.write(steps.place, across.WIDTH + k, top)
+    simd.write(steps.place, RAYS + k, top)
 
 
 @helper
 def step(tree: Any, rays: Rays, steps: Walks, k: int, instance: int, any_hit: bool) -> bool:
     """One node or leaf of ray k's way through a mesh; whether there is more of it."""
-    w = across.WIDTH
-    node, top, start = simd.read(steps.place, k), simd.read(steps.place, w + k), simd.read(steps.place, 2 * w + k)
-    limit = limit_of(rays, k)
-    if node >= 0:
-        near, hits = enter_boxes(tree.nodes, node, box(rays, k), limit)
-        if any_hit:
-            node, top = any_first(tree.links, node, near, hits, steps.children, steps.reaches, top)
-        else:
-            node, top = nearest_first(tree.links, node, near, hits, steps.children, steps.reaches, top)
+    if simd.read(steps.place, k) >= 0:
+        _, more = pass_node(tree, rays, steps, k, any_hit)
     else:
-        hits, before = touched(tree.leaves, ~node, sieve(rays, k), limit), limit
-        while hits != 0:
-            j = simd.trailing_zeros(hits)
-            hits &= hits - 1
-            limit = _meet(tree, ~node, j, rays, steps, k, instance, any_hit, limit)
-        if limit < before:
-            simd.write(rays.singles, 6 * w + k, limit)
-            top = sifted(steps.children, steps.reaches, start, top, limit)
-        node, top = last_of(steps.children, top)
-    if top < start:
-        return False
+        _, more = pass_leaf(tree, rays, steps, k, instance, any_hit)
+    return more
+
+
+@helper
+def pass_node(tree: Any, rays: Rays, steps: Walks, k: int, any_hit: bool) -> tuple[Any, bool]:
+    """(where ray k goes on after the node it is at; whether it does)."""
+    return pass_boxes(tree, tree.nodes, tree.links, simd.read(steps.place, k), rays, steps, k, simd.read(steps.place, RAYS + k), any_hit)
+
+
+@helper
+def pass_boxes(
+    tree: Any, nodes: Any, links: Any, node: int, rays: Rays, steps: Walks, k: int, top: int, any_hit: bool
+) -> tuple[Any, bool]:
+    """The same after any node, its stack ending at `top`."""
+    start = simd.read(steps.place, 2 * RAYS + k)
+    near, hits = enter_boxes(nodes, node, box(rays, k), limit_of(rays, k))
+    if any_hit:
+        next_, top = any_first(links, node, near, hits, steps.children, steps.reaches, top)
+    else:
+        next_, top = nearest_first(links, node, near, hits, steps.children, steps.reaches, top)
+    return _on(tree, steps, k, next_, top), top >= start
+
+
+@helper
+def pass_leaf(tree: Any, rays: Rays, steps: Walks, k: int, instance: int, any_hit: bool) -> tuple[Any, bool]:
+    """The same after the leaf it is at."""
+    leaf, top, start = ~simd.read(steps.place, k), simd.read(steps.place, RAYS + k), simd.read(steps.place, 2 * RAYS + k)
+    limit = limit_of(rays, k)
+    hits, before = touched(tree.leaves, leaf, sieve(rays, k), limit), limit
+    while hits != 0:
+        j = simd.trailing_zeros(hits)
+        hits &= hits - 1
+        limit = _meet(tree, leaf, j, rays, steps, k, instance, any_hit, limit)
+    if limit < before:
+        simd.write(rays.singles, 6 * RAYS + k, limit)
+        top = sifted(steps.children, steps.reaches, start, top, limit)
+    node, top = last_of(steps.children, top)
+    return _on(tree, steps, k, node, top), top >= start
+
+
+@helper
+def _on(tree: Any, steps: Walks, k: int, node: Any, top: int) -> Any:
+    """Let ray k be at a node or a leaf that will be read soon."""
     fetch(tree, node)
     go(steps, k, node, top)
-    return True
+    return node
 
 
 @helper
 def _meet(tree: Any, leaf: int, j: int, rays: Rays, steps: Walks, k: int, instance: int, any_hit: bool, limit: Any) -> Any:
     """Take in triangle j of a leaf, if ray k meets it first; the limit then."""
-    w = across.WIDTH
     ray = sheared(rays, k)
     met = crossing(tree.leaves, leaf, j, ray)
     if not flat.ahead(met, ray.shear[2]):
@@ -470,11 +500,11 @@ def _meet(tree: Any, leaf: int, j: int, rays: Rays, steps: Walks, k: int, instan
     if not sooner(steps, k, t, instance, number):
         return limit
     simd.write(steps.found, k, t)
-    simd.write(steps.found, w + k, met.v)
-    simd.write(steps.found, 2 * w + k, met.w)
-    simd.write(steps.found, 3 * w + k, met.total)
+    simd.write(steps.found, RAYS + k, met.v)
+    simd.write(steps.found, 2 * RAYS + k, met.w)
+    simd.write(steps.found, 3 * RAYS + k, met.total)
     simd.write(steps.numbers, k, instance)
-    simd.write(steps.numbers, w + k, number)
+    simd.write(steps.numbers, RAYS + k, number)
     return np.float32(-np.inf) if any_hit else np.float32((t - _double(rays, 6, k)) * FAR)
 
 
@@ -485,7 +515,7 @@ def sooner(steps: Walks, k: int, t: Any, instance: int, primitive: int) -> bool:
     if t != before:
         return t < before
     other = simd.read(steps.numbers, k)
-    return t < np.inf and (instance < other or (instance == other and primitive < simd.read(steps.numbers, across.WIDTH + k)))
+    return t < np.inf and (instance < other or (instance == other and primitive < simd.read(steps.numbers, RAYS + k)))
 
 
 @helper

@@ -566,7 +566,10 @@ def entry_alloca(builder: Any, element: Any, count: int) -> Any:
 
 @intrinsic(prefer_literal=True)
 def stack_array(typingctx, dtype, count):
-    """An array of `count` (constant) numbers on the stack, 64-byte aligned and not filled, gone when the function returns."""
+    """An array of `count` (constant) numbers on the stack, 64-byte aligned and not filled, gone when the function returns.
+
+    A helper, of which nothing is left in who calls it, may return one that it has not written to.
+    """
     if not isinstance(dtype, types.NumberClass) or not isinstance(count, types.IntegerLiteral):
         return None
     array, n = types.Array(dtype.dtype, 1, "C"), count.literal_value

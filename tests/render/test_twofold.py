@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from maquette.bench import meshes
-from maquette.render import across, aside, bvh, rays, simd, twofold
+from maquette.render import across, aside, bvh, rays, twofold
 from maquette.render.handles import Handle
-from maquette.render.kernels import kernel
+from maquette.render.kernels import helper, kernel
+from maquette.render.records import Ray
 from numpy.typing import NDArray
 
 from .tables import matrix, mesh, scene
@@ -69,17 +70,19 @@ def test_any_number_of_rays(n):
         np.testing.assert_array_equal(a, b)
 
 
+@helper
+def taken(origin, direction, least, most, start):
+    o, d = across.load_rows3(origin, start), across.load_rows3(direction, start)
+    return Ray(o, d, across.load_row(least, start), across.load_row(most, start), None)
+
+
 @kernel
 def count(accel, origin, direction, least, most):
     """Of how many pairs of vectors of rays are one bundle."""
     found = 0
     for start in range(0, len(least), 2 * across.WIDTH):
-        after = start + across.WIDTH
-        o = twofold.joined3(across.load_rows3(origin, start), across.load_rows3(origin, after))
-        d = twofold.joined3(across.load_rows3(direction, start), across.load_rows3(direction, after))
-        t_min = simd.joined(across.load_row(least, start), across.load_row(least, after))
-        t_max = simd.joined(across.load_row(most, start), across.load_row(most, after))
-        found += twofold.as_bundle(accel, 0, o, d, t_min, t_max, False)[1]
+        first, second = taken(origin, direction, least, most, start), taken(origin, direction, least, most, start + across.WIDTH)
+        found += twofold.as_bundle(accel, 0, twofold.seen(accel, 0, first, second), False)[1]
     return found
 
 

@@ -169,13 +169,21 @@ def _clean(matrix: np.ndarray) -> np.ndarray:
 
 # --- what there is ------------------------------------------------------------------------------------------------------
 
+
+def _wrong_behind(lowering: Lowering, element: Element) -> bool:
+    """Whether an error is told of behind this element's name: it may have cost the element what stands in its braces."""
+    span, found = element.span, lowering.builder.diagnostics.items
+    return span is not None and any(d.severity == "error" and d.span is not None and d.span > span for d in found)
+
+
 Blend = Callable[[Builder, int, int, float], int]
 
 
 def _combined(blend: Blend, bounds_of: Callable[[list[np.ndarray], float], np.ndarray]) -> Callable[[Lowering, Element, list[Body]], Body]:
     def make(lowering: Lowering, element: Element, bodies: list[Body]) -> Body:
         if not bodies:
-            lowering.error(element, f"this {element.kind} is empty", f"put shapes in it: {element.kind} {{ sphere(1); box(1.5) }}")
+            if not _wrong_behind(lowering, element):
+                lowering.error(element, f"this {element.kind} is empty", f"put shapes in it: {element.kind} {{ sphere(1); box(1.5) }}")
             raise _Refused
         radius = element.args["round"]
         if any(body.mesh is not None for body in bodies):

@@ -319,6 +319,8 @@ def _list_in_parentheses(place: Place) -> Answer | None:
         assert i is not None
         return "a list is written in square brackets", "write [x, y, z]", place.stream[i]
     if place.token == "," and place.inside() == "":
+        if place.near(-1) in (")", "}") and place.near(1).type == "NAME" and place.start not in KEYWORDS:
+            return "things are not parted by `,` but by `;` or the end of the line", "write ; here, or a new line", place.token
         return "a `,` stands only inside ( ) and [ ]", "write 1.5 for a fraction, [1, 5] for a list", place.token
     return None
 

@@ -51,9 +51,14 @@ def high_of(m: Any, a: Number, b: Number) -> Number:
 
 def _bounded(m: Any, low: Number, high: Number) -> Interval:
     """Within ±`m.most`, and of what lies beyond `m.big` altogether that alone; not-a-number stays."""
-    m.unbounded((low < -m.big) | (high > m.big))
+    m.unbounded(_large(m, (low, high)))
     low, high = m.where(low < -m.most, -m.most, low), m.where(high > m.most, m.most, high)
     return m.where(low > m.big, m.big, low), m.where(high < -m.big, -m.big, high)
+
+
+def _large(m: Any, a: Interval) -> Number:
+    """Whether a number may be larger than floating point can tell."""
+    return (a[0] < -m.big) | (a[1] > m.big)
 
 
 def add(m: Any, a: Interval, b: Interval) -> Interval:
@@ -100,6 +105,19 @@ def reciprocal(m: Any, a: Interval, told: bool = True) -> Interval:
         whole = one_side(m, on | ((a[0] < 0.0) & (a[1] > 0.0)), before, behind, whole)
     low, high = whole
     return _defined(m, a, _bounded(m, m.where(low == low, low, -m.most), m.where(high == high, high, m.most)))
+
+
+def _quotient(m: Any, a: Interval, b: Interval) -> Interval:
+    """a / b; next to a pole without end, however small a is."""
+    if not m.forks:  # ∞ itself has no sine, and none is left of ∞ − ∞
+        m.undefined((b[0] <= 0.0) & (b[1] >= 0.0))
+    m.undefined(_large(m, a) & _large(m, b))  # nor of ∞ / ∞
+    inverse = reciprocal(m, b)
+    low, high = multiply(m, a, inverse)
+    if m.lost:
+        return low, high
+    endless = _large(m, inverse)
+    return m.where(endless & (low < 0.0), -m.most, low), m.where(endless & (high > 0.0), m.most, high)
 
 
 def magnitude(m: Any, a: Interval) -> Interval:
@@ -162,9 +180,7 @@ def interval(m: Any, op: int, a: Interval, b: Any = None, c: Any = None) -> Inte
         case Op.MULTIPLY:
             return multiply(m, a, b)
         case Op.DIVIDE:
-            if not m.forks:  # ∞ itself has no sine, and none is left of ∞ − ∞
-                m.undefined((b[0] <= 0.0) & (b[1] >= 0.0))
-            return multiply(m, a, reciprocal(m, b))
+            return _quotient(m, a, b)
         case Op.NEGATE:
             return negate(a)
         case Op.ABS:

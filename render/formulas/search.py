@@ -30,6 +30,7 @@ MOST_ROUNDS, FEW = 3000, 40  # of pieces on one ray; on a stretch of a ray that 
 SAMPLES = 64  # vectors of points by which a stretch is looked at that bounds say too little of
 JUMP = 1e90  # bounds of a slope beyond this: the formula may jump there
 NEAR = 1e-6  # of both ends' values: a bound above this share of them is above rounding, too
+LARGEST = 1e290  # of values: bounds tell larger ones not apart, and say nothing of their slopes
 _ENOUGH = 2.0**-50
 NEIGHBOURS = 64.0  # times FINEST: so far from a root bounds may be open because of it
 GAP = 4.0  # times FINEST: what is open no longer than that, in a solid, is no place where a ray leaves it
@@ -172,7 +173,8 @@ def apart(a: Lane, b: Lane, low: Lane, high: Lane, length: Lane) -> Lane:
     steep = most - least
     x = lanes.where(steep > 0.0, (size_a - size_b + most * length) / lanes.where(steep > 0.0, steep, 1.0), 0.0)
     meeting = size_a + least * lanes.clip(x, 0.0, length)
-    return (meeting > NEAR * (size_a + size_b)) & (((a > 0.0) & (b > 0.0)) | ((a < 0.0) & (b < 0.0)))
+    ends = size_a + size_b
+    return (meeting > NEAR * ends) & (ends < LARGEST) & (((a > 0.0) & (b > 0.0)) | ((a < 0.0) & (b < 0.0)))
 
 
 @apart_

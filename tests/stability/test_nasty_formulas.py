@@ -261,6 +261,23 @@ def test_what_is_undefined_at_a_place_alone_is_no_surface(load):
     assert unproved == 0
 
 
+@pytest.mark.parametrize("text", ["exp(800 * x) / exp(800 * y) >= z + 0.5", "exp(720 * x) - exp(720 * y) <= z"])
+def test_where_numbers_overflow_and_vanish_no_root_is_missed_in_silence(load, text):
+    """Beyond 1e308 there is ∞ − ∞ and ∞ / ∞, below 1e-308 there is 0 / 0; each ray by itself, so that it is known which one is counted."""
+    scene, _ = load(f"camera(position: [0, 0, 5])\nimplicit(|x, y, z| {text}, within: box([2, 2, 2]))\n")
+    trees = rays.trees(scene.tables, closed=False)
+    o, d = some_rays(20_000)
+    true = Relation(text, np.full(3, -1.0), np.ones(3)).first(o, d, POINTS)
+    wrong = np.flatnonzero(rays.closest(trees, o, d).t > true + 1e-7)
+    counts = trees.tables.forms.unproved
+    for i in wrong:
+        before = int(counts[0])
+        rays.closest(trees, o[i : i + 1], d[i : i + 1])
+        assert int(counts[0]) > before
+    assert len(wrong) < 20
+    assert np.isfinite(true).sum() > 10_000
+
+
 def test_what_cannot_be_proved_is_counted_and_looked_at(load):
     """Waves finer than rays can be cut: bounds say nothing, points are looked at, and each ray that is not proved is counted."""
     o, d = some_rays(200)

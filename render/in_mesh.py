@@ -10,8 +10,6 @@ from . import lanes, shared_root, simd, walk
 from .kernels import apart, helper
 from .records import Hit, Lane
 
-MANY = 5 * walk.RAYS // 8  # rays that wait at leaves until these are met
-
 
 @helper
 def one(tree: Any, root: shared_root.Root, rays: walk.Rays, left: int, like: Lane, any_hit: bool) -> Hit:
@@ -41,45 +39,22 @@ def _unmet(steps: walk.Walks, part: int, like: Lane) -> None:
 
 @helper
 def _through(tree: Any, root: shared_root.Root, rays: walk.Rays, steps: walk.Walks, left: int, any_hit: bool) -> None:
-    todo, leaves = left, 0
+    todo = left
     while todo != 0:
         k = simd.trailing_zeros(todo)
         todo &= todo - 1
-        start = k * walk.STACK
-        walk.enter(steps, k, 0, start)
-        node, more = walk.pass_boxes(tree, root.nodes, root.links, 0, rays, steps, k, start, any_hit)
-        left &= ~(_bit(not more) << k)
-        leaves |= _bit(node < 0) << k
-    _turns(tree, rays, steps, left, leaves & left, any_hit)
-
-
-@helper
-def _bit(true: Any) -> int:
-    return 1 if true else 0
+        if not walk.begin(tree, root.nodes, root.links, rays, steps, k, any_hit):
+            left &= ~(1 << k)
+    _turns(tree, rays, steps, left, any_hit)
 
 
 @apart
-def _turns(tree, rays, steps, left, leaves, any_hit):
-    """Let rays whose bits are set in `left` go on to their ends, of which those in `leaves` are at one.
-
-    Those that come to a leaf wait for others there: in either loop nothing is to be guessed.
-    """
+def _turns(tree, rays, steps, left, any_hit):
+    """Let rays whose bits are set in `left` go on to their ends: a step of each, and again."""
     while left != 0:
-        todo = left & ~leaves
+        todo = left
         while todo != 0:
             k = simd.trailing_zeros(todo)
             todo &= todo - 1
-            node, more = walk.pass_node(tree, rays, steps, k, any_hit)
-            left &= ~(_bit(not more) << k)
-            leaves |= _bit(node < 0) << k
-        leaves &= left
-        if leaves != left and simd.population(leaves) < MANY:
-            continue
-        todo = leaves
-        while todo != 0:
-            k = simd.trailing_zeros(todo)
-            todo &= todo - 1
-            node, more = walk.pass_leaf(tree, rays, steps, k, 0, any_hit)
-            left &= ~(_bit(not more) << k)
-            leaves &= ~(_bit(node >= 0) << k)
-        leaves &= left
+            if not walk.step(tree, rays, steps, k, 0, any_hit):
+                left &= ~(1 << k)

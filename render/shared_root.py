@@ -16,6 +16,7 @@ from .records import Lane, Vec
 from .walk import push
 from .wide import NODE, WIDTH
 
+FEW = 6  # rays from which on it is worth it
 TRIES = 12  # nodes that are opened at most
 _ROW = 2 * WIDTH  # what is appended to a row is a whole vector
 _ROWS = 6 * _ROW
@@ -38,9 +39,9 @@ def room() -> Root:
 def make(made: Root, tree: Any, root: int, o: Vec, d: Vec, ray: boxes.BoxRay, enters: Lane, until: Lane, left: int, alike: bool) -> None:
     """Make the root of the rays whose bits are set in `left`, which enter a mesh's box at `enters` and end at `until`.
 
-    It is that of the tree where they are not `bundle.alike`.
+    It is that of the tree where they are few or not `bundle.alike`.
     """
-    if BUNDLES and alike:
+    if BUNDLES and alike and simd.population(left) >= FEW:
         rays = bundle.group(left, simd.trailing_zeros(left), o, d, ray, enters, until)
         limits = simd.select(simd.mask_from_bits(left, rays.limits), rays.limits, np.float32(-np.inf))
         _gather(tree, root, bundle_walk.beam_of(rays), simd.max_of(limits), made)

@@ -434,39 +434,45 @@ def go(steps: Walks, k: int, node: int, top: int) -> None:
 
 
 @helper
+def begin(tree: Any, nodes: Any, links: Any, rays: Rays, steps: Walks, k: int, any_hit: bool) -> bool:
+    """Let ray k begin at node 0 of some that are not a tree's but lead to its; whether it enters anything there."""
+    start = k * STACK
+    node, top = _pass_node(nodes, links, 0, rays, steps, k, start, any_hit)
+    fetch(tree, node)
+    enter(steps, k, node, start)
+    simd.write(steps.place, RAYS + k, top)
+    return top >= start
+
+
+@helper
 def step(tree: Any, rays: Rays, steps: Walks, k: int, instance: int, any_hit: bool) -> bool:
     """One node or leaf of ray k's way through a mesh; whether there is more of it."""
-    if simd.read(steps.place, k) >= 0:
-        _, more = pass_node(tree, rays, steps, k, any_hit)
+    node, top, start = simd.read(steps.place, k), simd.read(steps.place, RAYS + k), simd.read(steps.place, 2 * RAYS + k)
+    if node >= 0:
+        node, top = _pass_node(tree.nodes, tree.links, node, rays, steps, k, top, any_hit)
     else:
-        _, more = pass_leaf(tree, rays, steps, k, instance, any_hit)
-    return more
+        node, top = _pass_leaf(tree, ~node, rays, steps, k, instance, start, top, any_hit)
+    if top < start:
+        return False
+    fetch(tree, node)
+    go(steps, k, node, top)
+    return True
 
 
 @helper
-def pass_node(tree: Any, rays: Rays, steps: Walks, k: int, any_hit: bool) -> tuple[Any, bool]:
-    """(where ray k goes on after the node it is at; whether it does)."""
-    return pass_boxes(tree, tree.nodes, tree.links, simd.read(steps.place, k), rays, steps, k, simd.read(steps.place, RAYS + k), any_hit)
-
-
-@helper
-def pass_boxes(
-    tree: Any, nodes: Any, links: Any, node: int, rays: Rays, steps: Walks, k: int, top: int, any_hit: bool
-) -> tuple[Any, bool]:
-    """The same after any node, its stack ending at `top`."""
-    start = simd.read(steps.place, 2 * RAYS + k)
+def _pass_node(nodes: Any, links: Any, node: int, rays: Rays, steps: Walks, k: int, top: int, any_hit: bool) -> tuple[Any, int]:
+    """(where ray k goes on after a node; where its stack ends then)."""
     near, hits = enter_boxes(nodes, node, box(rays, k), limit_of(rays, k))
     if any_hit:
-        next_, top = any_first(links, node, near, hits, steps.children, steps.reaches, top)
-    else:
-        next_, top = nearest_first(links, node, near, hits, steps.children, steps.reaches, top)
-    return _on(tree, steps, k, next_, top), top >= start
+        return any_first(links, node, near, hits, steps.children, steps.reaches, top)
+    return nearest_first(links, node, near, hits, steps.children, steps.reaches, top)
 
 
 @helper
-def pass_leaf(tree: Any, rays: Rays, steps: Walks, k: int, instance: int, any_hit: bool) -> tuple[Any, bool]:
-    """The same after the leaf it is at."""
-    leaf, top, start = ~simd.read(steps.place, k), simd.read(steps.place, RAYS + k), simd.read(steps.place, 2 * RAYS + k)
+def _pass_leaf(
+    tree: Any, leaf: int, rays: Rays, steps: Walks, k: int, instance: int, start: int, top: int, any_hit: bool
+) -> tuple[Any, int]:
+    """The same after a leaf, its stack in the mesh beginning at `start`."""
     limit = limit_of(rays, k)
     hits, before = touched(tree.leaves, leaf, sieve(rays, k), limit), limit
     while hits != 0:
@@ -476,16 +482,7 @@ def pass_leaf(tree: Any, rays: Rays, steps: Walks, k: int, instance: int, any_hi
     if limit < before:
         simd.write(rays.singles, 6 * RAYS + k, limit)
         top = sifted(steps.children, steps.reaches, start, top, limit)
-    node, top = last_of(steps.children, top)
-    return _on(tree, steps, k, node, top), top >= start
-
-
-@helper
-def _on(tree: Any, steps: Walks, k: int, node: Any, top: int) -> Any:
-    """Let ray k be at a node or a leaf that will be read soon."""
-    fetch(tree, node)
-    go(steps, k, node, top)
-    return node
+    return last_of(steps.children, top)
 
 
 @helper

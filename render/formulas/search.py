@@ -99,7 +99,10 @@ def first(forms, k, tape, memory, start, way, a, b, own, begin, sheet, like, mos
                 return root, within, _doubtful(doubt, open_from, root, finest), used
             at, value, piece = high + finest, after, max(piece, finest)  # a gap at a place alone, as where the formula is undefined
             continue
-        if open_from < 0.0 and not (jumps and not sheet and forms.places[k, 5] == JUMPS):  # a solid's jump that thin has no inside
+        if jumps and not sheet and forms.places[k, 5] == JUMPS:  # a solid's jump that thin has no inside, nor what is beside it
+            known = max(known, high + NEIGHBOURS * finest)
+            open_from = -1.0 if low - open_from <= NEIGHBOURS * finest else open_from
+        elif open_from < 0.0:
             open_from, known = low, max(known, low + GAP * finest if within and not sheet else 0.0)
         at, value = high, across.lane(x.far, j)
         piece = max(piece, _COARSER * (high - open_from)) if open_from >= 0.0 else finest

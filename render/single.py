@@ -141,7 +141,7 @@ def _no_entry(accel: Any, kept: Any, rays: walk.Rays, steps: walk.Walks, g: Lane
 def _enter_mesh(accel: Any, kept: Any, rays: walk.Rays, steps: walk.Walks, g: Lane, o: Vec, d: Vec, t_min: Lane, here: Lane) -> Lane:
     """Make rays ready for meshes g, in whose frames they are: those that enter their boxes."""
     t_max = across.load(kept, 16)
-    until = lanes.minimum(across.load(steps.found, 0), t_max)
+    until = lanes.minimum(across.load(steps.found, walk.vector(0, 0)), t_max)
     ray, box = boxes.local_ray(o, d), gather.eight_at(accel.boxes, g, 0)
     enters = boxes.enter(box, ray, t_min, until)
     go = here & (enters < np.inf)
@@ -154,7 +154,7 @@ def _attempt(
     accel: Any, kept: Any, rays: walk.Rays, steps: walk.Walks, inside: Any, left: int, wait: int, visible_bit: int, any_hit: bool
 ) -> tuple[int, int]:
     """Let the rays whose bits are set in `wait` enter the meshes they have come to; (`left`, `wait`) then."""
-    place = across.load(steps.place, 0)
+    place = across.load(steps.place, walk.vector(0, 0))
     here = across.mask_of(wait, place)
     i = lanes.where(here, ~place, 0)
     visible, _, g, kind, root, _, _, _ = gather.eight_at(accel.placed, i, 0)
@@ -166,8 +166,8 @@ def _attempt(
     d = lanes.vector_by(matrix, (across.load(kept, 12), across.load(kept, 13), across.load(kept, 14)))
     go = _enter_mesh(accel, kept, rays, steps, g, lanes.sub(o, (u, v, w)), d, t_min, here & meshes)
     across.write_lanes(inside, 0, 0, i, go)
-    across.write_lanes(steps.place, 0, 0, root, go)
-    across.write_lanes(steps.place, 4, 0, across.load(steps.place, 2), go)
+    across.write_lanes(steps.place, walk.vector(0, 0), 0, root, go)
+    across.write_lanes(steps.place, walk.vector(2, 0), 0, across.load(steps.place, walk.vector(1, 0)), go)
     shapes, todo, wait = across.bits(here & lanes.not_(meshes)), wait & ~across.bits(go), 0
     while todo != 0:
         k = simd.trailing_zeros(todo)

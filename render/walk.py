@@ -67,29 +67,40 @@ def keep(
     most = STEEP * lanes.smallest((abs(inverse[0]), abs(inverse[1]), abs(inverse[2])))
     x, y, z = across.rounded(o[0] + enters * d[0]), across.rounded(o[1] + enters * d[1]), across.rounded(o[2] + enters * d[2])
     sx, sy, sz = _slope(inverse[0], most), _slope(inverse[1], most), _slope(inverse[2], most)
-    _write3(singles, part, (sx, sy, sz), mine)
-    _write3(singles, 6 + part, (-x * sx, -y * sy, -z * sz), mine)
-    across.write_lanes(singles, 12 + part, 0, (until - enters) * FAR, mine)
-    across.write_lanes(singles, 14 + part, 0, enters * 0.0 + OFF * reach, mine)
+    _put3(singles, 0, part, (sx, sy, sz), mine)
+    _put3(singles, 3, part, (-x * sx, -y * sy, -z * sz), mine)
+    _put(singles, 6, part, (until - enters) * FAR, mine)
+    _put(singles, 7, part, enters * 0.0 + OFF * reach, mine)
     kx, ky, kz, tx, ty, tz = flat.shear_of(d, inverse)
-    _write3(singles, 16 + part, (flat.component((x, y, z), kx), flat.component((x, y, z), ky), flat.component((x, y, z), kz)), mine)
-    across.write_lanes(singles, 22 + part, 0, tx, mine)
-    across.write_lanes(singles, 24 + part, 0, ty, mine)
+    _put3(singles, 8, part, (flat.component((x, y, z), kx), flat.component((x, y, z), ky), flat.component((x, y, z), kz)), mine)
+    _put(singles, 11, part, tx, mine)
+    _put(singles, 12, part, ty, mine)
     along = flat.component(d, kz)
-    across.write_lanes(singles, 26 + part, 0, (t_min - enters) * along, mine)
-    across.write_lanes(singles, 28 + part, 0, along, mine)
-    _write3(axes, part, (kx, ky, kz), mine)
-    _write3(axes, 6 + part, (_row(sx, kx, 0), _row(sy, kx, 2), _row(sz, kx, 4)), mine)
-    _write3(doubles, part, (flat.component(o, kx), flat.component(o, ky), flat.component(o, kz)), mine)
-    _write3(doubles, 6 + part, (tx, ty, tz), mine)
-    _write3(doubles, 12 + part, (enters, t_min, t_max), mine)
+    _put(singles, 13, part, (t_min - enters) * along, mine)
+    _put(singles, 14, part, along, mine)
+    _put3(axes, 0, part, (kx, ky, kz), mine)
+    _put3(axes, 3, part, (_row(sx, kx, 0), _row(sy, kx, 2), _row(sz, kx, 4)), mine)
+    _put3(doubles, 0, part, (flat.component(o, kx), flat.component(o, ky), flat.component(o, kz)), mine)
+    _put3(doubles, 3, part, (tx, ty, tz), mine)
+    _put3(doubles, 6, part, (enters, t_min, t_max), mine)
 
 
 @helper
-def _write3(table: Any, row: int, v: Vec, mine: Lane) -> None:
-    across.write_lanes(table, row, 0, v[0], mine)
-    across.write_lanes(table, row + 2, 0, v[1], mine)
-    across.write_lanes(table, row + 4, 0, v[2], mine)
+def vector(row: int, part: int) -> int:
+    """Which vector of a table is that of the first (0) or the second (1) vector of rays in a row."""
+    return 2 * row + part
+
+
+@helper
+def _put(table: Any, row: int, part: int, x: Lane, mine: Lane) -> None:
+    across.write_lanes(table, vector(row, part), 0, x, mine)
+
+
+@helper
+def _put3(table: Any, row: int, part: int, v: Vec, mine: Lane) -> None:
+    _put(table, row, part, v[0], mine)
+    _put(table, row + 1, part, v[1], mine)
+    _put(table, row + 2, part, v[2], mine)
 
 
 @helper
@@ -401,29 +412,22 @@ def ways() -> Walks:
 @helper
 def set_out(made: Walks, part: int, t: Lane, instance: Lane, primitive: Lane, u: Lane, v: Lane) -> None:
     """Let a vector of rays have met something, or nothing."""
-    across.store(made.found, 0 + part, t)
-    across.store(made.found, 2 + part, u)
-    across.store(made.found, 4 + part, v)
-    across.store(made.found, 6 + part, lanes.full_like(t, 1.0))
-    across.store(made.numbers, 0 + part, instance)
-    across.store(made.numbers, 2 + part, primitive)
+    across.store(made.found, vector(0, part), t)
+    across.store(made.found, vector(1, part), u)
+    across.store(made.found, vector(2, part), v)
+    across.store(made.found, vector(3, part), lanes.full_like(t, 1.0))
+    across.store(made.numbers, vector(0, part), instance)
+    across.store(made.numbers, vector(1, part), primitive)
 
 
 @helper
 def met(steps: Walks, part: int) -> Hit:
     """What a vector of rays has met."""
-    total = across.load(steps.found, 6 + part)
+    total = across.load(steps.found, vector(3, part))
     return Hit(
-        across.load(steps.found, 0 + part), across.load(steps.numbers, 0 + part), across.load(steps.numbers, 2 + part),
-        across.load(steps.found, 2 + part) / total, across.load(steps.found, 4 + part) / total,
+        across.load(steps.found, vector(0, part)), across.load(steps.numbers, vector(0, part)), across.load(steps.numbers, vector(1, part)),
+        across.load(steps.found, vector(1, part)) / total, across.load(steps.found, vector(2, part)) / total,
     )  # fmt: skip
-
-
-@helper
-def enter(steps: Walks, k: int, root: int, top: int) -> None:
-    """Let ray k begin at the root of a mesh's tree, its stack at `top`."""
-    go(steps, k, root, top)
-    simd.write(steps.place, 2 * RAYS + k, top)
 
 
 @helper
@@ -439,8 +443,8 @@ def begin(tree: Any, nodes: Any, links: Any, rays: Rays, steps: Walks, k: int, a
     start = k * STACK
     node, top = _pass_node(nodes, links, 0, rays, steps, k, start, any_hit)
     fetch(tree, node)
-    enter(steps, k, node, start)
-    simd.write(steps.place, RAYS + k, top)
+    go(steps, k, node, top)
+    simd.write(steps.place, 2 * RAYS + k, start)
     return top >= start
 
 

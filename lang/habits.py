@@ -180,4 +180,6 @@ def name(word: str, known: Iterable[str]) -> tuple[str, str]:
     if not hint and word in _SHELF:
         hint = f'write use "std/{_SHELF[word]}" first, then {_SHELF[word]}.{word}(…)'
     near = "" if hint else suggest(word, known)
-    return f"there is no `{word}` here" + (f"; {near}" if near else ""), hint
+    if near:
+        return f"there is no `{word}` here; {near}", ""
+    return f"there is no `{word}` here", hint or "let, param or use make a name known"

@@ -101,7 +101,7 @@ def scan(text: str, file: str, diagnostics: Diagnostics) -> Scan:
                 break
             continue
         if token.type == "COMMENT":
-            result.comments.append(ast.Comment(span_of(token, file), str(token)))
+            result.comments.append(ast.Comment(span_of(token, file), str(token).rstrip()))
             continue
         if token in OPENERS:
             depth += 1
@@ -169,13 +169,13 @@ def _block_comment(token: Token, file: str, diagnostics: Diagnostics) -> ast.Com
     span = span_of(token, file)
     opening = Span(file, span.line, span.column, span.line, span.column + 2)
     diagnostics.error("`/* … */` is no comment here", opening, "begin each line of a comment with `//`")
-    return ast.Comment(span, str(token))
+    return ast.Comment(span, str(token).rstrip())
 
 
 def _hash_comment(token: Token, file: str, diagnostics: Diagnostics) -> ast.Comment:
     span = span_of(token, file)
     diagnostics.error("`#` begins no comment", Span(file, span.line, span.column, span.line, span.column + 1), "write `//`")
-    return ast.Comment(span, str(token))
+    return ast.Comment(span, str(token).rstrip())
 
 
 def _bad_color(token: Token, file: str, diagnostics: Diagnostics) -> Token:

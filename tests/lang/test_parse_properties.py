@@ -203,6 +203,7 @@ def test_layout_changes_no_tree_and_loses_no_comment(read, shown, text, chance):
 
 
 @settings(max_examples=300, deadline=20_000)
+@example(["/", "/", "# "], "")
 @given(st.lists(st.sampled_from(WORDS), max_size=40), st.sampled_from(["", " "]))
 def test_layout_of_token_soup_never_raises(shown, words, between):
     """What happens to have no error keeps its tree and its comments, and is laid out once and for all."""

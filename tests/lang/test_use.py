@@ -81,7 +81,7 @@ def test_assets() -> None:
 
 def test_nothing_leaks_from_a_used_file() -> None:
     _, messages = run('use "gear.scene"\ngear()\nrim(3)', {"gear.scene": GEAR})
-    assert messages == ["a.scene:3:1: error: there is no `rim` here\n   3 | rim(3)\n     | ^^^"]
+    assert messages == ["a.scene:3:1: error: there is no `rim` here\n   3 | rim(3)\n     | ^^^ let, param or use make a name known"]
 
 
 PRELUDE = {
@@ -177,7 +177,8 @@ rotate([0, tilt, 0]) { box(name: shade) }
             "--set tilt:1:12: error: angle wanted, got the bare number 24\n"
             "   1 | let tilt = 24\n     |            ^^ write 24deg or 24rad",
         ),
-        ("n", "nought", "--set n:1:9: error: there is no `nought` here\n   1 | let n = nought\n     |         ^^^^^^"),
+        ("n", "nought",
+         "--set n:1:9: error: there is no `nought` here\n   1 | let n = nought\n     |         ^^^^^^ let, param or use make a name known"),
         ("n", "1; cone()", "--set n:1:9: error: `1; cone()` is not one value\n   1 | let n = 1; cone()\n     |         ^^^^^^^^^"),
         (
             "shade",

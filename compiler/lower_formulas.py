@@ -37,9 +37,10 @@ def implicit(lowering: Lowering, element: Element) -> list[Piece]:
         hint = "write within: and how far from the origin it is to be drawn, like within: 2"
         return lowering.refuse(element, "it is not known how far this surface reaches: it may be endless", hint)
     if extent.zero_all_over(tape, bounds):
-        if sheet:
-            return lowering.refuse(element, *tapes.EVERYWHERE)
-        tape, _ = tapes.surface(formula, parted=True)
+        try:
+            tape, sheet = tapes.surface(formula, parted=True)
+        except Unfit as unfit:
+            return lowering.refuse(element, str(unfit), unfit.hint)
     ball = (0.0, 0.0, 0.0, 0.0)
     if within is not None:
         ball = np.array(within[2]) / unit

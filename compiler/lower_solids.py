@@ -124,7 +124,8 @@ def _shape(lowering: Lowering, element: Element, piece: Piece, matrix: np.ndarra
         raise _Refused
     if kind == ir.GeometryKind.FORMULA:
         if parameters[0]:
-            lowering.error(element, "`==` gives a sheet, which has no inside", "write an inequality")
+            hint = "write an inequality that holds in a region: neither == nor a square <= 0"
+            lowering.error(element, "this is a sheet, which has no inside", hint)
             raise _Refused
         made = tape
 

@@ -171,12 +171,21 @@ class Builder:
             return self.op(Op.MULTIPLY, a, self.constant(1.0 / y))  # by a power of two: exact
         if op in (Op.MIN, Op.MAX) and a == b:
             return a
+        if op in (Op.MIN, Op.MAX) and self._opposite(a, b):
+            size = self.op(Op.ABS, b if self.row(a)[0] == Op.NEGATE else a)
+            return size if op == Op.MAX else self.op(Op.NEGATE, size)
         if op == Op.SQRT and self.row(a)[0] == Op.SQUARE:
             return self.op(Op.ABS, self.row(a)[1])
         if op == Op.DIVIDE and (self.row(b)[:2] == (Op.ABS, a) or self.row(a)[:2] == (Op.ABS, b)):
             of = a if self.row(b)[:2] == (Op.ABS, a) else b
             return None if self._stays_0(of) else self.op(Op.SIGN, of)
         return None
+
+    def _opposite(self, a: int, b: int) -> bool:
+        """Whether one value is the other's negative, to the bit."""
+        one, other = self.row(a), self.row(b)
+        turned = one[0] == Op.SUBTRACT and other == (Op.SUBTRACT, one[2], one[1])
+        return turned or one[:2] == (Op.NEGATE, b) or other[:2] == (Op.NEGATE, a)
 
     # --- what is made of several operations ---
 
@@ -313,6 +322,7 @@ class _Reader:
     def __init__(self, builder: Builder, formula: Formula, inputs: Sequence[int]) -> None:
         self.builder, self.formula, self.inputs = builder, formula, inputs
         self.values: list[int | None] = []
+        self._fields: dict[tuple[int, bool, bool], int] = {}
         for node in formula.nodes:  # in the order to do them: no recursion, however deep
             self.values.append(self._value(node))
 
@@ -346,13 +356,24 @@ class _Reader:
             return b.several(_SAME[node.op], names)
         return b.op(_SAME[node.op], *names) if node.op in _SAME else None
 
+    def of_truths(self, node: Node) -> bool:
+        """Whether it compares truth values, not numbers."""
+        return self.values[node.args[0]] is None
+
     def field(self, index: int, negated: bool = False, exact: bool = False) -> int:
         """A number that is at most 0 where a truth value holds, and undefined where what it compares is.
 
         Where it is 0 the truth value may be either, for whether a surface belongs to a solid is nothing that can be seen; over no region is
-        it 0 because of steps. Equality holds nowhere else, and is refused unless `exact`: in what is asked at points, not a surface.
+        it 0 because of steps. Equality of numbers holds nowhere else, and is refused unless `exact`: in what is asked at points, not a
+        surface.
         """
-        node, b = self.formula.nodes[index], self.builder
+        key = index, negated, exact
+        if key not in self._fields:
+            self._fields[key] = self._field(self.formula.nodes[index], negated, exact)
+        return self._fields[key]
+
+    def _field(self, node: Node, negated: bool, exact: bool) -> int:
+        b = self.builder
         if node.op == "constant":
             return b.constant(-1.0 if bool(node.value) != negated else 1.0)
         if node.op == "not":
@@ -368,6 +389,12 @@ class _Reader:
             left, right = (self.number(i) for i in node.args)
             strictly = how in ("less", "greater")
             return b.below(left, right, strictly) if how in ("less", "at_most") else b.below(right, left, strictly)
+        if self.of_truths(node):
+            first, second = node.args
+            alike = (node.op == "equal") != negated
+            both = b.op(Op.MAX, self.field(first, False, exact), self.field(second, not alike, exact))
+            neither = b.op(Op.MAX, self.field(first, True, exact), self.field(second, alike, exact))
+            return b.op(Op.MIN, both, neither)
         if exact:
             apart = b.op(Op.ABS, b.subtract(*(self.number(i) for i in node.args)))
             equal = (node.op == "equal") != negated
@@ -380,8 +407,8 @@ class _Reader:
 
 
 def surface(formula: Formula, parted: bool = False) -> tuple[Tape, bool]:
-    """The field of a relation, and whether it is a sheet (`==`); else it is a solid, where its field is at most 0; see Builder.parted.
-    Raises Unfit."""
+    """The field of a relation, and whether it is a sheet (`==`, or what is never below 0 at most 0); else it is a solid, where its field is
+    at most 0. With `parted` both sides are known to be equal all over a region: see Builder. Raises Unfit."""
     if len(formula.parameters) != 3:
         raise Unfit(f"a surface's formula has three parameters, x, y and z, not {len(formula.parameters)}", "write |x, y, z| …")
     if formula.kind != "truth":
@@ -389,10 +416,16 @@ def surface(formula: Formula, parted: bool = False) -> tuple[Tape, bool]:
         raise Unfit(message, "write … <= 0 for a solid, … == 0 for a sheet")
     builder = Builder(parted=parted)
     top = formula.nodes[formula.results[0]]
-    if top.op != "equal":
-        return builder.finish(*builder.formula(formula)), False
     reader = _Reader(builder, formula, (X, Y, Z))
-    found = _without_squares(builder, builder.subtract(*(reader.number(i) for i in top.args)))
+    if top.op == "equal" and not reader.of_truths(top):
+        found = builder.subtract(*(reader.number(i) for i in top.args))
+        if parted:
+            raise Unfit(*EVERYWHERE)
+    else:
+        found = reader.field(formula.results[0])
+        if parted or top.op not in ("at_most", "at_least") or not _never_below(builder, found):
+            return builder.finish(found), False
+    found = _without_squares(builder, found)
     levels = builder.levels(found)
     if levels is not None and 0.0 in levels:
         raise Unfit(*EVERYWHERE)
@@ -403,6 +436,18 @@ def surface(formula: Formula, parted: bool = False) -> tuple[Tape, bool]:
 
 
 _NEVER_BELOW = frozenset({Op.SQUARE, Op.ABS, Op.SQRT, Op.HYPOT})
+
+
+def _never_below(builder: Builder, name: int) -> bool:
+    """Whether a value is a square, magnitude or root, or a product or the least of such; HYPOT is 0 on no surface."""
+    waiting = [name]
+    while waiting:
+        op, a, b = builder.row(waiting.pop())
+        if op in (Op.MULTIPLY, Op.MIN):
+            waiting += [a, b]
+        elif op not in (Op.SQUARE, Op.ABS, Op.SQRT):
+            return False
+    return True
 
 
 def _without_squares(builder: Builder, found: int) -> int:

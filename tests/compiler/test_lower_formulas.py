@@ -110,7 +110,9 @@ def test_bounds_are_close_to_a_heart_and_cut_nothing_off(tmp_path, within):
         ("union { sphere(1, material: mirror()) }", "a solid is of one material, and this is a part of one "
          "(give it to the union, intersection or difference instead)"),
         ("intersection { plane(y: 0); sphere(1); implicit(|x, y, z| x == 0, within: 1) }",
-         "`==` gives a sheet, which has no inside (write an inequality)"),
+         "this is a sheet, which has no inside (write an inequality that holds in a region: neither == nor a square <= 0)"),
+        ("union { implicit(|x, y, z| (x + y)^2 <= 0, within: 1); sphere(1) }",
+         "this is a sheet, which has no inside (write an inequality that holds in a region: neither == nor a square <= 0)"),
         ("union { plane(y: 0) }", "this union is endless (cut it by an intersection with a box or sphere)"),
         ("morph { sphere(1) }", "a morph is between two solids, got 1 (group several in a union)"),
         ("bend(200deg, over: 1) { box(3) }", "bent this far its ends go through each other (a smaller angle, or over a greater length)"),
@@ -118,6 +120,22 @@ def test_bounds_are_close_to_a_heart_and_cut_nothing_off(tmp_path, within):
 )  # fmt: skip
 def test_what_is_refused(tmp_path, text, message):
     assert refused(tmp_path, text) == [message]
+
+
+@pytest.mark.parametrize(
+    ("relation", "sheet"),
+    [
+        ("(x^2 + y^2 - 0.5)^2 * abs(z - y) <= 0", True),
+        ("0 >= max(y^3 - x, x - y^3)", True),
+        ("0 >= max(y^3 - x, -(y^3 - x))", True),
+        ("max(x^2 + y^2 - 0.5, 0)^2 <= 0", False),
+        ("abs(abs(x) + abs(y) - abs(x + y)) <= 0", False),
+        ("(x > 0) == (y^3 > 0)", False),
+    ],
+)
+def test_what_is_never_below_0_is_a_sheet_where_it_is_0_on_a_surface_alone(tmp_path, relation, sheet):
+    tables = loaded(tmp_path, f"implicit(|x, y, z| {relation}, within: 1)")[0].tables
+    assert bool(tables.geometries.parameters[0, 0]) is sheet
 
 
 def test_nothing_left_is_said(tmp_path):

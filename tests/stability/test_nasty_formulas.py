@@ -90,12 +90,18 @@ FORMULAS = {
     "signs by quotients": "x / abs(x) + sqrt(y^2) / y <= z",
     "equal all over octants": "abs(x) + abs(y) + abs(z) <= abs(x + y + z)",
     "nowhere equal but at octants": "abs(x) + abs(y) + abs(z) > abs(x + y + z)",
+    "truths that are alike": "(x > 0.1) == (y^2 + z^2 > 0.3)",
+    "a square that is at most 0": "(x^2 + y^2 - 0.5)^2 <= 0",
+    "what is at most 0, as is its negative": "max(abs(y) - 0.3, -(abs(y) - 0.3)) <= 0",
 }  # fmt: skip
 SAME = {  # of which points of rays show no change of sign, or one by rounding alone
     "(y - 0.2 * sin(3 * x))^2 == 0": "y == 0.2 * sin(3 * x)",
     "(x^2 + y^2 + z^2 - 0.5)^2 * (2 + x) == 0": "x^2 + y^2 + z^2 == 0.5",
     "sqrt(x^2 + y^2 + z^2 - 0.3) == 0": "x^2 + y^2 + z^2 == 0.3",
     "min(abs(x - 0.2 * y), abs(hypot(y, z) - 0.4)) == 0": "(x - 0.2 * y) * (hypot(y, z) - 0.4) == 0",
+    "(x > 0.1) == (y^2 + z^2 > 0.3)": "(x - 0.1) * (y^2 + z^2 - 0.3) >= 0",
+    "(x^2 + y^2 - 0.5)^2 <= 0": "x^2 + y^2 == 0.5",
+    "max(abs(y) - 0.3, -(abs(y) - 0.3)) <= 0": "abs(y) == 0.3",
     "exp(900 * x) <= exp(900 * y)": "x <= y",
     "abs(x) + abs(y) + abs(z) <= abs(x + y + z)": "x * y >= 0 and y * z >= 0 and x * z >= 0",
     "abs(x) + abs(y) + abs(z) > abs(x + y + z)": "min(x * y, y * z, x * z) < 0",

@@ -14,6 +14,7 @@ STALE = 5  # rounds in which it does not shrink, after which it is as small as i
 _GRID, _FINER, _MOST_OUTER = 8, 2, 256  # boxes along an axis of one that was given; how often the outer ones are cut, and how many at most
 _SMALL = 0.6  # of the extent: what is left of it, for which there is another grid
 _TIGHT = 0.02  # of the extent: rounds that shrink it by less are the last
+_PARTS = 4  # along each axis of a box of which it is asked whether it is inside
 _PLACES, _SOME = 256, 4  # where a field is asked whether it is 0, and how many of these are more than chance
 _NOUGHT = 1e-9  # of what is usual: values below this may be 0
 _SPREAD = 0.8191725133961645 ** np.arange(1, 4)  # an additive recurrence that fills boxes evenly (Roberts 2018)
@@ -156,6 +157,15 @@ def _cut(low: np.ndarray, high: np.ndarray, chosen: np.ndarray) -> tuple[np.ndar
         highs.append(np.where(bit, b, middle))
     a, b = (np.stack(rows, axis=2).reshape(3, -1) for rows in (lows, highs))
     return np.concatenate([a, low[:, ~chosen]], axis=1), np.concatenate([b, high[:, ~chosen]], axis=1)
+
+
+def all_inside(tape: Tape, bounds: np.ndarray) -> bool:
+    """Whether a field is sure to be at most 0 everywhere in a box (2, 3): asked of its parts, `_PARTS` along each axis."""
+    edges = bounds[0] + np.linspace(0.0, 1.0, _PARTS + 1)[:, None] * (bounds[1] - bounds[0])
+    at = np.stack(np.meshgrid(*[np.arange(_PARTS)] * 3, indexing="ij")).reshape(3, -1)
+    low, high = (np.stack([edges[at[axis] + side, axis] for axis in range(3)]) for side in (0, 1))
+    (_, most), _, maybe = tape_walks.boxes(tape, low, high)
+    return bool(((most <= 0) & ~maybe).all())
 
 
 def zero_all_over(tape: Tape, bounds: np.ndarray) -> bool:

@@ -43,6 +43,9 @@ def implicit(lowering: Lowering, element: Element) -> list[Piece]:
             return lowering.refuse(element, str(unfit), unfit.hint)
     ball = (0.0, 0.0, 0.0, 0.0)
     if within is not None:
+        if not sheet and extent.all_inside(tape, bounds):
+            hint = "give `within` more room, or write a box or sphere"
+            lowering.warn(element, "all within these bounds is inside: what is drawn is their own box or ball", hint)
         ball = np.array(within[2]) / unit
         tight = extent.tightened(sheet_field(tape) if sheet else tape, bounds)
         if not sheet:

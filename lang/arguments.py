@@ -40,7 +40,7 @@ def assign(
             name = names.get(given.name)
         problem = _problem(callee, given, name, positional, names, assigned)
         if problem:
-            if holds and name is None and isinstance(given.value, Element):
+            if holds and name is None and _is_of_elements(given.value):
                 problem = problem[0], f"what it holds stands in braces: {callee} {{ … }}"
             if given.name is not None or place == len(positional) + 1:  # of arguments too many, the first
                 report(problem[0], given.name_span, problem[1])
@@ -48,6 +48,10 @@ def assign(
         elif name is not None:
             assigned[name] = given
     return assigned, good
+
+
+def _is_of_elements(value: object) -> bool:
+    return isinstance(value, Element) or (isinstance(value, tuple) and bool(value) and all(isinstance(item, Element) for item in value))
 
 
 def _problem(
@@ -58,7 +62,7 @@ def _problem(
             return f"{callee} takes no arguments", ""
         keywords = [n for n in names if n not in positional and n == names[n]]
         takes = f"{callee} takes {len(positional) or 'no'} argument{'s' * (len(positional) != 1)} by position"
-        return takes, f"by name it takes {', '.join(keywords)}" if keywords else ""
+        return takes, habits.too_many(callee, keywords)
     if name is None:
         return habits.argument(callee, given.name or "", names)
     if name in assigned:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Protocol
 
-from . import colors, limits, operators, units
+from . import colors, habits, limits, operators, units
 from .elements import AxisAngle, Falloff, Quaternion
 from .formula import OPERATIONS
 from .noise import offset
@@ -56,7 +56,7 @@ def _plain(value: Value, argument: int = 0, hint: str = "") -> Value:
 
 def _list(value: Value, argument: int) -> tuple[Value, ...]:
     if not isinstance(value, tuple):
-        raise Mistake(f"list wanted, got {describe(value)}", argument=argument)
+        raise Mistake(f"list wanted, got {describe(value)}", habits.NO_POINT if has_term(value) else "", argument)
     return value
 
 

@@ -95,6 +95,8 @@ class _Checker:
         match node:
             case ast.Name():
                 self._name(node, chain)
+            case ast.Member(object=ast.Name() as name) if node.name.id in habits.FILES and not self._is_known(name.id, chain):
+                self.report(f"there is no `{name.id}` here", name.span, f'a file stands in quotes: write "{name.id}.{node.name.id}"')
             case ast.Member():
                 self._visit(node.object, chain)
             case ast.Argument():
@@ -148,6 +150,9 @@ class _Checker:
             near = suggest(name.id, params.TYPES)
             hint = "" if near else "one of " + ", ".join(params.TYPES)
             self.report(f"there is no type `{name.id}`" + (f"; {near}" if near else ""), name.span, hint)
+
+    def _is_known(self, name: str, chain: Chain) -> bool:
+        return name in self.outer or any(name in scope for scope in chain)
 
     def _name(self, name: ast.Name, chain: Chain) -> None:
         for scope in chain:

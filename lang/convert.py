@@ -325,7 +325,8 @@ def _falloff(value: Value, place: Place, arg: Arg) -> Falloff:
 def _formula(value: Value, place: Place, arg: Arg) -> Any:
     if isinstance(value, Closure | UserFunction):
         return place.scope.machine.formula(value, place)
-    raise _wrong(value, "formula |x, y, z| …")
+    hint = "write it without quotes, behind |x, y, z|" if isinstance(value, str) else ""
+    raise _wrong(value, "formula |x, y, z| …", hint)
 
 
 def _within(value: Value, place: Place, arg: Arg) -> Any:

@@ -43,6 +43,8 @@ _PAIRS = {
     ":=": "write `=` after let and param, `:` in arguments",
 }
 
+_SOLIDS = {"+": "union", "-": "difference", "*": "intersection", "/": "difference"}  # what signs between solids are meant for
+
 Answer = tuple[str, str, Token]  # message, hint, where
 
 
@@ -243,7 +245,9 @@ def _line_start(place: Place) -> Answer | None:
     token = place.token
     if place.at != place.first:
         if token in OPERATORS and place.inside() == "" and place.start not in KEYWORDS:
-            return "this line is a value, and only elements can be placed", "write let name = … to keep it", token
+            both = place.near(-1) == ")" and place.near(1).type == "NAME" and place.near(2) == "("
+            hint = f"solids are combined as {_SOLIDS[token]} {{ …; … }}" if both and token in _SOLIDS else "write let name = … to keep it"
+            return "this line is a value, and only elements can be placed", hint, token
         return None
     if token in OPERATORS or token in (",", "=", ":", ".", "|"):
         return f"a line can't begin with `{token}`", f"end the line above with the `{token}`" if token not in ("|", "not") else "", token
@@ -369,7 +373,9 @@ def _missing_value(place: Place) -> Answer | None:
     if before in ("(", "[") and (_is_end(token) or token == ","):
         return f"a value is missing after `{before}`", "", before
     if token in OPERATORS or token in (",", "="):
-        return f"a value is missing before `{token}`", "", token
+        magnitude = before == "|" and place.near(-3) == "|" and place.near(-4) == "|"
+        hint = f"a magnitude is written abs({place.near(-2)})" if magnitude else "write `!=`" if (before, token) == ("<", ">") else ""
+        return f"a value is missing before `{token}`", hint, token
     if token == "{":
         return "a value can't begin with `{`", "a list is written [a, b], a part group() { … }", token
     return None
@@ -382,6 +388,10 @@ def _two_values(place: Place) -> Answer | None:
     if token == "if":
         return "a choice begins with its `if`", "write if condition then a else b", token
     inside = place.inside()
+    if token == "|" and before in ("x", "y", "z"):
+        return "the `|` before a formula's parameters is missing", "write |x, y, z| …", token
+    if before in ("x", "y", "z") and "VBAR" in place.expected and "COMMA" in place.expected:
+        return "the `|` behind a formula's parameters is missing", "write |x, y, z| …", token
     if inside == "call" and before.type == "NAME" and place.near(-2) in ("(", ","):
         return f"`:` is missing after `{before}`", f"write {before}: {token}" if token.type in _VALUE else "", token
     if "VBAR" in place.expected and "COMMA" in place.expected:

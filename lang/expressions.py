@@ -173,6 +173,8 @@ def _member(machine: Evaluator, node: ast.Member, scope: Scope) -> Value:
         hint = f"write [{'xyz'.index(name)}]"
     elif isinstance(owner, Color):
         hint = "a colour has r, g and b"
+    elif operators.has_term(owner):
+        hint = habits.NO_POINT
     machine.fail(f"{kind(owner)} has no `{name}`", node.name.span, hint, scope)
 
 

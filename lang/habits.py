@@ -32,6 +32,7 @@ _ARGUMENTS: dict[str, tuple[str, ...]] = {
     "rotation": ("rotate",),
     **dict.fromkeys(("sun_direction", "sun_elevation", "elevation", "azimuth"), ("sun", "from")),
     "offset": ("translate",),
+    **dict.fromkeys(("smooth", "blend", "fillet"), ("round",)),
     "spp": ("samples",),
     "strength": ("intensity", "illuminance", "luminance"),
     "brightness": ("intensity", "illuminance", "luminance"),
@@ -67,6 +68,8 @@ _NAMES: dict[str, str] = {
     "vec3": "write [x, y, z]",
     "vector": "write [x, y, z]",
     "light": "lights are point, spot, directional, sun, sky, dome, area and ambient",
+    "subtract": "write difference { … }",
+    **dict.fromkeys(("combine", "merge", "unite"), "write union { … }"),
     "cube": "write box()",
     "cuboid": "write box()",
     "ball": "write sphere()",
@@ -85,6 +88,10 @@ _NAMES: dict[str, str] = {
     "radians": "write 0.5rad",
     "PI": "write pi",
     "tau": "write 2 * pi",
+    "e": "write exp(x) for a power of e",
+    **dict.fromkeys(("Math", "math", "np"), "functions stand by themselves: write sin(x)"),
+    "lambda": "a function is written |x| x + 1",
+    **dict.fromkeys(("x", "y", "z"), "a formula begins with its parameters: write |x, y, z| before it"),
     "mix": "write lerp(a, b, t)",
     "fract": "write mod(x, 1)",
     "saturate": "write clamp(x, 0, 1)",
@@ -103,6 +110,13 @@ _NAMES: dict[str, str] = {
     ),
 }
 
+
+# What files of pictures, meshes and scenes end with.
+FILES = frozenset("png jpg jpeg tif tiff exr hdr obj ply stl off glb gltf usd usda usdc usdz scene".split())
+
+_RAISED = {"²": 2, "³": 3}
+NO_POINT = "a formula's parameters are numbers: write |x, y, z| …, and [x, y, z] for a point"
+_BY_POSITION = {"atan": "the angle of a direction is atan2(y, x)"}  # of a function that was given more than it takes
 
 # What files of the library have that nothing must be written for but `use`.
 SHELVES = {
@@ -169,6 +183,12 @@ def argument(callee: str, word: str, names: Mapping[str, str]) -> tuple[str, str
     return message, _ARGUMENT_HINTS.get(word) or f"it takes {listed or 'no arguments'}"
 
 
+def too_many(callee: str, keywords: Iterable[str]) -> str:
+    """The hint for an argument by position that is one too many; what is left is given by name, as `keywords`."""
+    named = ", ".join(keywords)
+    return _BY_POSITION.get(callee) or (f"by name it takes {named}" if named else "")
+
+
 def choice(argument: str, word: str) -> str:
     """The hint for a word that is not among an argument's."""
     return f"write {word}() in its place" if argument == "kind" and word in ("brass", "platinum") else ""
@@ -179,6 +199,8 @@ def name(word: str, known: Iterable[str]) -> tuple[str, str]:
     hint = _NAMES.get(word, "")
     if not hint and word in _SHELF:
         hint = f'write use "std/{_SHELF[word]}" first, then {_SHELF[word]}.{word}(…)'
+    if word[-1] in _RAISED and word[:-1]:
+        hint = f"write {word[:-1]}^{_RAISED[word[-1]]}"
     near = "" if hint else suggest(word, known)
     if near:
         return f"there is no `{word}` here; {near}", ""

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from . import limits, units
+from .elements import Element
 from .formula import OPERATIONS, Graph, Term
 from .units import Dimension, Quantity
 from .values import Color, Mistake, Value, kind
@@ -131,7 +132,9 @@ def _sum(op: str, a: Value, b: Value, context: Context) -> Value:
         return a + b
     if op == "add" and (isinstance(a, str) or isinstance(b, str)):
         raise Mistake(f"cannot add {kind(a)} and {kind(b)}", "write string(…) to make a string of it")
-    raise Mistake(f"cannot {op} {kind(a)} and {kind(b)}")
+    both = isinstance(a, Element) and isinstance(b, Element)
+    hint = f"solids are combined as {'union' if op == 'add' else 'difference'} {{ …; … }}" if both else ""
+    raise Mistake(f"cannot {op} {kind(a)} and {kind(b)}", hint)
 
 
 def _elementwise(op: str, a: tuple[Value, ...], b: tuple[Value, ...], context: Context) -> Value:
@@ -235,6 +238,8 @@ def equal(a: Value, b: Value, context: Context) -> Value:
     """Whether two values of one kind are equal; lists item by item."""
     context.meter.step()
     if isinstance(a, Term) or isinstance(b, Term):
+        if _is_truth(a) != _is_truth(b):
+            raise Mistake(f"cannot compare {kind(a)} and {kind(b)}")
         return record("equal", a, b)
     if is_scalar(a) and is_scalar(b):
         x, y, _ = unify(a, b, context, "compare")
@@ -246,6 +251,10 @@ def equal(a: Value, b: Value, context: Context) -> Value:
     if type(a) is type(b) and isinstance(a, bool | str):
         return a == b
     raise Mistake(f"cannot compare {kind(a)} and {kind(b)}")
+
+
+def _is_truth(value: Value) -> bool:
+    return value.truth if isinstance(value, Term) else isinstance(value, bool)
 
 
 def _all_equal(a: tuple[Value, ...], b: tuple[Value, ...], context: Context) -> Value:

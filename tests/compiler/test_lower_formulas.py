@@ -146,6 +146,12 @@ def test_nothing_left_is_said(tmp_path):
     ]  # fmt: skip
 
 
+def test_bounds_that_lie_in_a_solid_are_warned_about(tmp_path):
+    solid = "implicit(|x, y, z| x^4 + y^4 + z^4 <= 1, within: {})"
+    assert loaded(tmp_path, solid.format(0.1))[1] == ["all within these bounds is inside: what is drawn is their own box or ball"]
+    assert loaded(tmp_path, solid.format(0.9))[1] == []
+
+
 def test_an_ellipsoid_is_a_sphere_under_a_transform(tmp_path):
     """Turned, moved and stretched: where the formula holds and where the shape is are the same points."""
     relation = "2 * (x - 0.3)^2 + (y + z)^2 + 3 * (y - z - 0.2)^2 + (x - 0.3) * y <= 0.8"

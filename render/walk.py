@@ -301,20 +301,47 @@ def _axis(rays: Rays, row: int, k: int) -> Any:
     return simd.read(rays.axes, row * RAYS + k)
 
 
-@helper
-def touched(leaves: Any, leaf: int, ray: Sieve, limit: Any) -> int:
-    """Bits of a leaf's triangles that the ray may pass through before `limit`: all that it does, and few others.
+class Passed(NamedTuple):
+    """A leaf's triangles as a ray passes them in single precision, where a sheared corner is off by up to OFF times the mesh's largest
+    coordinate (twelve roundings), and a product of two by that times both."""
 
-    Woop's test, where a sheared corner is off by up to OFF times the mesh's largest coordinate (twelve roundings), and a product of
-    two by that times both.
-    """
+    inside: Lane  # Woop's test, see `inside`
+    error: Lane  # how far off that may be
+    low: Lane  # between which they lie along the main axis
+    high: Lane
+
+
+@helper
+def _passed(leaves: Any, leaf: int, ray: Sieve) -> Passed:
     at = leaf * LEAF
     a, b, c = aside(leaves, at, ray), aside(leaves, at + 3 * WIDTH, ray), aside(leaves, at + 6 * WIDTH, ray)
     u, v, w, error = weights(a, b, c, ray.off, ray.least)
-    low, high = least_of(a[2], b[2], c[2]), most_of(a[2], b[2], c[2])
+    return Passed(inside(u, v, w), error, least_of(a[2], b[2], c[2]), most_of(a[2], b[2], c[2]))
+
+
+@helper
+def _may_meet(seen: Passed, ray: Sieve, limit: Any) -> int:
+    """Bits of the triangles that the ray may pass through before `limit`: all that it does, and few others."""
     end = ray.along * limit
-    may = (inside(u, v, w) >= -error) & (low - ray.off <= max(ray.begin, end)) & (high + ray.off >= min(ray.begin, end))
+    may = (seen.inside >= -seen.error) & (seen.low - ray.off <= max(ray.begin, end)) & (seen.high + ray.off >= min(ray.begin, end))
     return simd.bits(may) | ray.all
+
+
+@helper
+def _surely_meets(seen: Passed, ray: Sieve, limit: Any) -> int:
+    """Bits of those that it is sure to.
+
+    Where it begins and ends is off by 2⁻²⁰ of itself, which is below three times `off` as long as it is near the mesh.
+    """
+    end, off = ray.along * limit, np.float32(4.0) * ray.off
+    sure = (seen.inside > seen.error) & (seen.low - off > min(ray.begin, end)) & (seen.high + off < max(ray.begin, end))
+    return simd.bits(sure) & ~ray.all
+
+
+@helper
+def touched(leaves: Any, leaf: int, ray: Sieve, limit: Any) -> int:
+    """Bits of a leaf's triangles that the ray may pass through before `limit`."""
+    return _may_meet(_passed(leaves, leaf, ray), ray, limit)
 
 
 @helper
@@ -477,8 +504,14 @@ def _pass_leaf(
     tree: Any, leaf: int, rays: Rays, steps: Walks, k: int, instance: int, start: int, top: int, any_hit: bool
 ) -> tuple[Any, int]:
     """The same after a leaf, its stack in the mesh beginning at `start`."""
-    limit = limit_of(rays, k)
-    hits, before = touched(tree.leaves, leaf, sieve(rays, k), limit), limit
+    limit, ray = limit_of(rays, k), sieve(rays, k)
+    seen, before = _passed(tree.leaves, leaf, ray), limit
+    hits = _may_meet(seen, ray, limit)
+    if any_hit and hits != 0:
+        sure = _surely_meets(seen, ray, limit)
+        if sure != 0:
+            limit = _has_met(tree, leaf, simd.trailing_zeros(sure), rays, steps, k, instance)
+            hits = 0
     while hits != 0:
         j = simd.trailing_zeros(hits)
         hits &= hits - 1
@@ -507,6 +540,15 @@ def _meet(tree: Any, leaf: int, j: int, rays: Rays, steps: Walks, k: int, instan
     simd.write(steps.numbers, k, instance)
     simd.write(steps.numbers, RAYS + k, number)
     return np.float32(-np.inf) if any_hit else np.float32((t - _double(rays, 6, k)) * FAR)
+
+
+@helper
+def _has_met(tree: Any, leaf: int, j: int, rays: Rays, steps: Walks, k: int, instance: int) -> Any:
+    """Take in that ray k meets triangle j of a leaf, wherever; the limit then."""
+    simd.write(steps.found, k, _double(rays, 6, k))
+    simd.write(steps.numbers, k, instance)
+    simd.write(steps.numbers, RAYS + k, np.int64(simd.read(tree.rows, leaf * WIDTH + j)))
+    return np.float32(-np.inf)
 
 
 @helper

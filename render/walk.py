@@ -504,22 +504,43 @@ def _pass_leaf(
     tree: Any, leaf: int, rays: Rays, steps: Walks, k: int, instance: int, start: int, top: int, any_hit: bool
 ) -> tuple[Any, int]:
     """The same after a leaf, its stack in the mesh beginning at `start`."""
-    limit, ray = limit_of(rays, k), sieve(rays, k)
-    seen, before = _passed(tree.leaves, leaf, ray), limit
-    hits = _may_meet(seen, ray, limit)
-    if any_hit and hits != 0:
-        sure = _surely_meets(seen, ray, limit)
-        if sure != 0:
-            limit = _has_met(tree, leaf, simd.trailing_zeros(sure), rays, steps, k, instance)
-            hits = 0
-    while hits != 0:
-        j = simd.trailing_zeros(hits)
-        hits &= hits - 1
-        limit = _meet(tree, leaf, j, rays, steps, k, instance, any_hit, limit)
+    if any_hit:
+        return _pass_leaf_any(tree, leaf, rays, steps, k, instance, top)
+    limit = limit_of(rays, k)
+    hits, before = touched(tree.leaves, leaf, sieve(rays, k), limit), limit
+    limit = _meet_all(tree, leaf, hits, rays, steps, k, instance, any_hit, limit)
     if limit < before:
         simd.write(rays.singles, 6 * RAYS + k, limit)
         top = sifted(steps.children, steps.reaches, start, top, limit)
     return last_of(steps.children, top)
+
+
+@helper
+def _pass_leaf_any(tree: Any, leaf: int, rays: Rays, steps: Walks, k: int, instance: int, top: int) -> tuple[Any, int]:
+    """The same where any meeting will do, with no branch on what is usual."""
+    limit, ray = limit_of(rays, k), sieve(rays, k)
+    seen = _passed(tree.leaves, leaf, ray)
+    may, sure = _may_meet(seen, ray, limit), _surely_meets(seen, ray, limit)
+    ends = sure != 0
+    before = simd.read(steps.found, k), simd.read(steps.numbers, k), simd.read(steps.numbers, RAYS + k)
+    number = np.int64(simd.read(tree.rows, leaf * WIDTH + (simd.trailing_zeros(sure) & (WIDTH - 1))))
+    simd.write(steps.found, k, _double(rays, 6, k) if ends else before[0])
+    simd.write(steps.numbers, k, instance if ends else before[1])
+    simd.write(steps.numbers, RAYS + k, number if ends else before[2])
+    if may != 0 and sure == 0:
+        ends = _meet_all(tree, leaf, may, rays, steps, k, instance, True, limit) < limit
+    node, top = last_of(steps.children, top)
+    return node, -1 if ends else top
+
+
+@helper
+def _meet_all(tree: Any, leaf: int, hits: int, rays: Rays, steps: Walks, k: int, instance: int, any_hit: bool, limit: Any) -> Any:
+    """Take in those triangles of a leaf, whose bits are set in `hits`, that ray k meets first; the limit then."""
+    while hits != 0:
+        j = simd.trailing_zeros(hits)
+        hits &= hits - 1
+        limit = _meet(tree, leaf, j, rays, steps, k, instance, any_hit, limit)
+    return limit
 
 
 @helper
@@ -540,15 +561,6 @@ def _meet(tree: Any, leaf: int, j: int, rays: Rays, steps: Walks, k: int, instan
     simd.write(steps.numbers, k, instance)
     simd.write(steps.numbers, RAYS + k, number)
     return np.float32(-np.inf) if any_hit else np.float32((t - _double(rays, 6, k)) * FAR)
-
-
-@helper
-def _has_met(tree: Any, leaf: int, j: int, rays: Rays, steps: Walks, k: int, instance: int) -> Any:
-    """Take in that ray k meets triangle j of a leaf, wherever; the limit then."""
-    simd.write(steps.found, k, _double(rays, 6, k))
-    simd.write(steps.numbers, k, instance)
-    simd.write(steps.numbers, RAYS + k, np.int64(simd.read(tree.rows, leaf * WIDTH + j)))
-    return np.float32(-np.inf)
 
 
 @helper

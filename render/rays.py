@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..compiler import ir
 from . import across, aside, bvh, by_place, lanes, simd, trace, traverse, twofold
-from .bvh import NO_TREE
 from .by_place import BLOCK
-from .handles import Handle, unless
+from .handles import Handle
 from .kernels import helper, kernel
 from .records import Hit, Lane, Ray, Vec
 
@@ -157,16 +156,8 @@ def _put_hit(met: Any, start: int, n: int, hit: Hit) -> None:
 
 
 @helper
-def _in_order(accel: Any, origin: Any, direction: Any, t_min: Any, t_max: Any, visible: int, blocked: Any) -> bool:
-    return False
-
-
-@unless(NO_TREE, _in_order)
-@helper
-def _by_place(accel: Any, origin: Any, direction: Any, t_min: Any, t_max: Any, visible: int, blocked: Any) -> bool:
-    """Let those begin side by side that are near each other, where many things stand; whether they do."""
-    if across.WIDTH == 1 or len(accel.top.links) <= traverse.SMALL:
-        return False
+def _by_place(accel: Any, origin: Any, direction: Any, t_min: Any, t_max: Any, visible: int, blocked: Any) -> None:
+    """`occluded_of`, rays that begin near each other side by side."""
     rows, n = simd.stack_array(np.int64, BLOCK), len(t_min)
     for start in range(0, n, BLOCK):
         count = min(BLOCK, n - start)
@@ -174,9 +165,8 @@ def _by_place(accel: Any, origin: Any, direction: Any, t_min: Any, t_max: Any, v
         for k in range(0, count, across.WIDTH):
             row = across.load(rows, k // across.WIDTH)
             ray = Ray(_at3(origin, row), _at3(direction, row), lanes.to_float(t_min[row]), lanes.to_float(t_max[row]), None)
-            everywhere = lanes.bool_like(ray.t_min, True)
-            across.put_at(blocked, row, trace.find(accel, ray, everywhere, visible, True).instance >= 0, everywhere)
-    return True
+            all_ = lanes.bool_like(ray.t_min, True)
+            across.put_at(blocked, row, trace.find(accel, ray, all_, visible, True).instance >= 0, all_)
 
 
 @helper
@@ -186,7 +176,8 @@ def _at3(columns: Any, row: Lane) -> Vec:
 
 @kernel
 def occluded_of(accel, origin, direction, t_min, t_max, visible, blocked):
-    if _by_place(accel, origin, direction, t_min, t_max, visible, blocked):
+    if across.WIDTH > 1 and len(accel.top.links) > traverse.SMALL:
+        _by_place(accel, origin, direction, t_min, t_max, visible, blocked)
         return
     n = len(t_min)
     for start in range(0, n, 2 * across.WIDTH):

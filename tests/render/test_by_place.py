@@ -1,0 +1,91 @@
+"""Shadow rays by the array, sorted by where they begin: what each is told is what it is told by itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from maquette.bench import meshes
+from maquette.render import across, by_place, rays, simd, traverse
+from maquette.render.by_place import BLOCK
+from maquette.render.handles import Handle
+from maquette.render.kernels import kernel
+from numpy.typing import NDArray
+
+from .tables import matrix, mesh, scene
+
+F64 = NDArray[np.float64]
+KNOT = meshes.knot(60, 20)
+
+
+def crowd(place: F64) -> Handle:
+    """Trees of a thousand small knots."""
+    made = mesh(KNOT.positions.astype(np.float64), KNOT.triangles)
+    places = [place @ np.vstack([each, [0.0, 0.0, 0.0, 1.0]]) for each in meshes.boulders(1000)]
+    accel = rays.trees(scene(meshes=[(made, each, 0) for each in places]), keep=False)
+    assert len(accel.tables.top.links) > traverse.SMALL
+    return accel
+
+
+def shot(n: int, place: F64) -> tuple[F64, F64]:
+    """Origins and directions of rays from places that are seen from one point, as those to a lamp are."""
+    random = np.random.default_rng(7)
+    o = random.uniform(-1.0, 1.0, (n, 3))
+    return o @ place[:3, :3].T + place[:3, 3], ([2.0, 3.0, 1.5] - o) @ place[:3, :3].T
+
+
+@kernel
+def sorted_rows(origin, first, n, found):
+    rows = simd.stack_array(np.int64, BLOCK)
+    by_place.order(origin, first, n, rows)
+    for k in range(len(found)):
+        found[k] = simd.read(rows, k)
+
+
+@pytest.mark.parametrize("n", [1, 2, across.WIDTH, 100, BLOCK])
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_each_row_comes_once_and_the_last_fills_up(n, kind):
+    origin = np.random.default_rng(n).normal(size=(n + 7, 3)).astype(kind)
+    found = np.zeros(-(-n // across.WIDTH) * across.WIDTH, np.int64)
+    sorted_rows(origin, 5, n, found)
+    assert sorted(found[:n]) == list(range(5, 5 + n))
+    assert (found[n:] == found[n - 1]).all()
+
+
+def test_neighbours_are_near_each_other():
+    random = np.random.default_rng(3)
+    origin = random.uniform(size=(BLOCK, 3))
+    found = np.zeros(BLOCK, np.int64)
+    sorted_rows(origin, 0, BLOCK, found)
+    apart = np.linalg.norm(np.diff(origin[found], axis=0), axis=1).mean()
+    assert apart < 0.4 * np.linalg.norm(np.diff(origin, axis=0), axis=1).mean()
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300])
+def test_places_without_order_are_rows_too(bad):
+    origin = np.random.default_rng(1).normal(size=(64, 3))
+    origin[::5, 1] = bad
+    found = np.zeros(64, np.int64)
+    sorted_rows(origin, 0, 64, found)
+    assert sorted(found) == list(range(64))
+
+
+@pytest.mark.parametrize("n", [1, BLOCK - 1, BLOCK, BLOCK + 1, 3000])
+def test_any_number_of_rays(n):
+    accel = crowd(np.eye(4))
+    o, d = shot(n, np.eye(4))
+    np.testing.assert_array_equal(rays.occluded(accel, o, d, 0.0, 1.0), rays.closest(accel, o, d, 0.0, 1.0).instance >= 0)
+
+
+@pytest.mark.parametrize("place", [np.eye(4), matrix((1e5, -3e4, 2e5)), np.diag([1e-3, 1e-3, 1e-3, 1.0])], ids=["as it is", "far", "tiny"])
+def test_rays_that_end_or_begin_about_where_they_meet_something(place):
+    """What counts is t_min < t < t_max, however close t is to these, and at edges, where single precision tells nothing."""
+    accel = crowd(place)
+    o, d = shot(4000, place)
+    met = rays.closest(accel, o, d)
+    hit = np.flatnonzero(met.instance >= 0)
+    assert len(hit) > 1000
+    o, d, t = o[hit], d[hit], met.t[hit]
+    for off in (0.0, 1e-16, 1e-12, 1e-8, 1e-6, 1e-4):
+        for t_min, t_max in ((0.0, t * (1.0 + off)), (0.0, t * (1.0 - off)), (t * (1.0 - off), np.inf), (t * (1.0 + off), np.inf)):
+            blocked = rays.occluded(accel, o, d, t_min, t_max)
+            np.testing.assert_array_equal(blocked, rays.closest(accel, o, d, t_min, t_max).instance >= 0)

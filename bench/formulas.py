@@ -104,11 +104,8 @@ class Desk:
         def work() -> Any:
             room = Handle(tile_room.room(forms, 0))
             out[0][:] = np.inf
-            for first in range(0, n, tile_room.RAYS):
-                many = min(tile_room.RAYS, n - first)
-                t, instance, spacing, u, v = (column[first : first + many] for column in out)
-                if not tiles.trace(room, given, first, many, frame, tiles.Out(t, instance, spacing, u, v, 0)):
-                    raise RuntimeError("no bundle")
+            if tiles.trace(room, given, 0, n, frame, tiles.Out(*out, 0)) < n:
+                raise RuntimeError("no bundle")
             return out[0]
 
         return Contender(OURS, work, self._rows)

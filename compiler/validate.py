@@ -105,9 +105,9 @@ class Check:
 
     def bad(self, table: str, rows: Any, message: str, severity: str = "error", hint: str = "") -> bool:
         """Say `message` for the rows (a mask), once, at the first of them; whether there are any."""
-        where = np.flatnonzero(rows)
-        if not len(where):
+        if not np.count_nonzero(rows):  # as mostly, and so looked at first
             return False
+        where = np.flatnonzero(rows)
         more = f" (and {len(where) - 1} more)" if len(where) > 1 else ""
         names = getattr(self.scene.names, table, ())
         name = f" `{names[where[0]]}`" if where[0] < len(names) and names[where[0]] else ""

@@ -110,7 +110,7 @@ def _load_row(numbers, first):
     if WIDTH > 1:
         what = getattr(simd, f"f64x{WIDTH}")
         return lambda numbers, first: simd.load(numbers, first, what)
-    return lambda numbers, first: np.float64(numbers[first])
+    return lambda numbers, first: np.float64(simd.read(numbers, first))  # whatever the array's shape, as `load` has it
 
 
 def store_row(numbers: Any, first: int, x: Lane) -> None:

@@ -49,7 +49,7 @@ class Bundles:
         self.rooms = [surfaces[g] for g in self.geometries]
         desk = _desk(np.zeros((0, 0), np.int64), room, bool(lamps))
         for handle, inverse in zip(self.rooms, self.inverses, strict=True):  # compiled, or loaded, before a picture begins
-            tiles.trace(handle, desk.primed.rays, 0, 0, inverse, _out(desk.primed, slice(0), 0))
+            tiles.trace(handle, desk.primed.rays, 0, 0, inverse, _out(desk.primed, 0))
         self._look_for_lamps(packed, desk)
 
     def prime(self, packed: Any, frame: Any, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int) -> Handle:
@@ -67,11 +67,11 @@ class Bundles:
 
     def _meet(self, k: int, rays: NDArray[np.float64], n: int, found: Any, number: int) -> None:
         """Meet n rays with the k-th surface, as columns of `found` tell; see tiles.Out."""
-        for begin in range(0, n, tile_room.RAYS):
-            many = min(tile_room.RAYS, n - begin)
-            out = _out(found, slice(begin, begin + many), number)
-            if not tiles.trace(self.rooms[k], rays, begin, many, self.inverses[k], out):
-                one_by_one(self.accel, self.geometries[k], rays, begin, many, self.inverses[k], out)
+        out, done = _out(found, number), 0
+        while (done := tiles.trace(self.rooms[k], rays, done, n, self.inverses[k], out)) < n:
+            many = min(tile_room.RAYS, n - done)
+            one_by_one(self.accel, self.geometries[k], rays, done, many, self.inverses[k], out)
+            done += many
 
     def _look_for_lamps(self, packed: Handle, desk: Desk) -> None:
         """Find which lamps surfaces hide from what has been met."""
@@ -80,7 +80,7 @@ class Bundles:
             found.hidden[:] = 0
         for lamp in self.lamps:
             desk.shade[:] = np.inf
-            if hidden.aim(packed, lamp, found.rays, _out(found, slice(None), 0), desk.onward) > 0:
+            if hidden.aim(packed, lamp, found.rays, _out(found, 0), desk.onward) > 0:
                 for k in self.casting:
                     self._meet(k, desk.onward, len(desk.shade), found._replace(t=desk.shade), tile_room.ANY)
             hidden.tell(lamp, desk.onward, desk.shade, found.hidden)
@@ -140,8 +140,8 @@ def _desk(count: NDArray[np.int64], room: Any, lamps: bool) -> Desk:
     return Desk(onward, shade, primed, Handle(room._replace(primed=primed)))
 
 
-def _out(found: Any, part: slice, i: int) -> tiles.Out:
-    return tiles.Out(found.t[part], found.instance[part], found.spacing[part], found.u[part], found.v[part], i)
+def _out(found: Any, i: int) -> tiles.Out:
+    return tiles.Out(found.t, found.instance, found.spacing, found.u, found.v, i)
 
 
 @lru_cache(maxsize=16)
@@ -175,16 +175,16 @@ def aim(tables, frame, total, left, top, firsts, width, items, rays):
 
 @kernel
 def one_by_one(accel, g, rays, at, n, inverse, out):
-    """Meet rays that are no bundle with one surface, as tiles.trace does."""
+    """Meet n rays `at` on, which are no bundle, with one surface, as tiles.trace does."""
     for start in range(0, n, across.WIDTH):
         o, d, low, high = tile_room.local(rays, at + start, inverse)
-        high = lanes.minimum(high, out.t[lanes.minimum(across.numbered(start), n - 1)])
+        high = lanes.minimum(high, out.t[at + lanes.minimum(across.numbered(start), n - 1)])
         t, units, u, v, _ = meet.call(accel.meet, (accel.forms, np.int64(g), o, d, low, high))  # pyright: ignore[reportCallIssue]
         left = across.bits((t < high) & (across.numbered(start) < n))
         while left != 0:
             j = simd.trailing_zeros(left)
             left &= left - 1
-            i = start + j
+            i = at + start + j
             if out.number == tile_room.ANY:
                 out.t[i] = -np.inf
                 continue

@@ -262,8 +262,6 @@ class _Canvas:
             self._kept.shape, self._kept.film = shape, _film(tile)
             self._kept.counts = np.zeros(shape, np.int64), np.ones(shape, np.int64)
         film, (first, count) = self._kept.film, self._kept.counts
-        for part in film:
-            part[...] = 0
         window = self._window(tile)
         self.renderer.sample(tile, first, count, 1, film)
         self.issues[tile] = sums.take_first(film, self.channels["rgba"][window])

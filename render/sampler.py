@@ -13,6 +13,7 @@ together, takes the place of their permutations of quadrants.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -221,6 +222,7 @@ def filter_weight(name: str, x: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(np.abs(x) <= radius, weight, 0.0)
 
 
+@lru_cache(maxsize=16)
 def filter_table(name: str, on_grid: bool = True) -> NDArray[np.float64]:
     """(TABLE,) places at even steps of a pixel filter's cumulative distribution, in pixels from the centre.
 
@@ -232,4 +234,6 @@ def filter_table(name: str, on_grid: bool = True) -> NDArray[np.float64]:
     weight = filter_weight(name, x)
     total = np.concatenate([[0.0], np.cumsum((weight[1:] + weight[:-1]) / 2)])
     places = np.interp((np.arange(TABLE) + 0.5) / TABLE, total / total[-1], x)
-    return np.floor(places * SUBPIXEL + 0.5) / SUBPIXEL if on_grid else places
+    made = np.floor(places * SUBPIXEL + 0.5) / SUBPIXEL if on_grid else places
+    made.flags.writeable = False  # all pictures share it
+    return made

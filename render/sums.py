@@ -56,17 +56,20 @@ def take_in(film, count, color, alpha, issues, samples, variance, value, rgba, l
 
 @kernel
 def take_first(film, rgba):
-    """Set the picture of a tile from a film's one sample of each pixel; how many samples of all are no numbers that a picture can hold."""
+    """Set the picture of a tile from a film's one sample of each pixel, and empty the film; how many samples of all are no numbers that a
+    picture can hold."""
     issues = 0
     for y in range(rgba.shape[0]):
         for x in range(rgba.shape[1]):
             beyond = False
             for k in range(3):
                 value = film.color[y, x, k]
+                film.color[y, x, k] = 0.0
                 rgba[y, x, k] = min(max(value, -LARGEST), LARGEST)
                 beyond = beyond or not abs(value) <= LARGEST
             rgba[y, x, 3] = film.alpha[y, x]
             issues += film.issues[y, x] + (1 if beyond else 0)
+            film.alpha[y, x], film.issues[y, x] = 0.0, 0
     return issues
 
 

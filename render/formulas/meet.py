@@ -27,6 +27,7 @@ PATIENCE = 24  # turns after which it does: of a value that is 1e-19 before a fa
 _FAR = 1e30
 STEPS, SHORTEST = 16, 0.02  # of marching through a cell: how many at the most, and how short, as a share of the stretch
 STEEPEST = 1e90
+SMALLEST = 1e-290  # products of a unit vector's parts that have all their digits
 BACK = 2.0**-42  # of the largest coordinate: how far before a root at which a gradient vanishes it is looked at
 MANIFOLD = 4.0  # roots that fall together: of so many a place may be as many times as far off as value and gradient say
 
@@ -66,12 +67,11 @@ call = meet.call
 @helper
 def clipped(forms: Any, k: int, o: Vec, d: Vec, low: Lane, high: Lane) -> tuple[Lane, Lane]:
     """The part of low … high that lies in a surface's box, and in its ball if it has one."""
-    numbers = forms.numbers
+    numbers, inverses = forms.numbers, _inverses(d)
     for axis in range(3):
-        x, dx = (o[0], d[0]) if axis == 0 else (o[1], d[1]) if axis == 1 else (o[2], d[2])
+        x, dx, inverse = (o[0], d[0], inverses[0]) if axis == 0 else (o[1], d[1], inverses[1]) if axis == 1 else (o[2], d[2], inverses[2])
         near, far = numbers[k, axis] - x, numbers[k, 3 + axis] - x
         still = dx == 0.0
-        inverse = 1.0 / lanes.where(still, 1.0, dx)
         first, second = near * inverse, far * inverse
         within = (near <= 0.0) & (far >= 0.0)
         first = lanes.where(still, lanes.where(within, -np.inf, np.inf), first)
@@ -87,6 +87,19 @@ def clipped(forms: Any, k: int, o: Vec, d: Vec, low: Lane, high: Lane) -> tuple[
         low = lanes.where(rest > 0.0, lanes.maximum(low, along - half), np.inf)
         high = lanes.minimum(high, along + half)
     return low, high
+
+
+@helper
+def _inverses(d: Vec) -> Vec:
+    """1 / d of each axis of unit vectors, anything where that is 0: by one division, which takes longer than all else here."""
+    x, y, z = lanes.where(d[0] == 0.0, 1.0, d[0]), lanes.where(d[1] == 0.0, 1.0, d[1]), lanes.where(d[2] == 0.0, 1.0, d[2])
+    whole = x * y * z
+    inverse = 1.0 / whole
+    first, second, third = y * z * inverse, x * z * inverse, x * y * inverse
+    small = abs(whole) < SMALLEST
+    if lanes.any_lane(small):
+        first, second, third = lanes.where3(small, (1.0 / x, 1.0 / y, 1.0 / z), (first, second, third))
+    return first, second, third
 
 
 # --- through the grid ---------------------------------------------------------------------------------------------------

@@ -12,8 +12,9 @@ from ..columns import get
 from ..kernels import apart as apart_
 from ..kernels import helper
 from ..records import Lane, Vec
-from .calls import compiled_rows, interpret
+from .calls import compiled_bounds, compiled_rows, interpret
 from .cells import CHOICE, simplify
+from .compiled import SINGLES
 from .evaluate import value_at
 from .fields import PROGRAMS, Forms
 from .interpreter import KNOWN, PARTS, UNKNOWN
@@ -24,7 +25,7 @@ from .vectors import LANES, ROW, SINGLE
 RAYS = 4096
 SPACED = RAYS + 64  # between columns of rays: a round number would have them all in the same few places of a cache
 VECTOR, GROUP, SLABS, QUARTERS = 16, 256, 8, 4  # with sixteen slabs a gyroid takes three tenths more
-PARTS_OF_SPAN = WIDTHS["spans32"]
+PARTS_OF_BOX, PARTS_OF_SPAN = WIDTHS["boxes32"], WIDTHS["spans32"]
 POINTS, BOXES, SPANS = (PROGRAMS.index(name) for name in ("points32", "boxes32", "spans32"))
 HULLS = RAYS // VECTOR  # of vectors; those of groups stand behind them
 STRIDE = HULLS + GROUP // VECTOR
@@ -36,6 +37,7 @@ MOST_PIECES = 400
 QUICKER = 4  # a formula's own code takes as long as the interpreter for this share of its rows
 ANY = -2  # in place of an instance: where a ray meets anything its distance becomes −inf, and nothing else is asked or told
 U = 2.0**-24
+ROUNDED = 2.0**-50  # of the square of a length of 1
 
 
 class Room(NamedTuple):
@@ -113,8 +115,15 @@ def _zeros(shape: int | tuple[int, ...], dtype: Any) -> NDArray[Any]:
 
 @helper
 def evaluate(room: Any, program: int, tape: int, vectors: int) -> None:
+    """Run a program on the vectors at the beginning of the registers: of bounds by the formula's own code, where there is any, the same bit
+    for bit. What has such code has no choices, so that every tape is the whole one."""
     tapes = room.tapes
     first, rows = tapes[tape, 0], tapes[tape, 1]
+    code = room.compiled[0, SINGLES + program - POINTS]
+    if program != POINTS and code != 0:
+        out = tapes[tape, 2] * (PARTS_OF_SPAN if program == SPANS else PARTS_OF_BOX) * vectors * VECTOR
+        compiled_bounds(code, room.registers, room.constants32, out, room.state, np.int64(vectors))
+        return
     interpret(room.programs[program], room.code, first, rows, room.registers, room.constants32, 0, room.state, np.int64(vectors))
 
 
@@ -172,7 +181,8 @@ def columns(origin: Any, direction: Any, t_min: Any, t_max: Any) -> NDArray[np.f
 
 @apart_
 def begun(room, columns, at, n, inverse, known):
-    """(where the bundle begins, how long the stretch is in which it may meet the box; −1 if none does); sets the rays, up to `known`."""
+    """(where the bundle begins, how long the stretch is in which it may meet the box; −1 if none does); sets the rays, up to what is
+    `known` of them."""
     exact, rays = room.exact, room.rays
     padded = (n + VECTOR - 1) // VECTOR * VECTOR
     soonest = lanes.full_like(lanes.to_float(across.numbered(0)), np.inf)
@@ -181,16 +191,14 @@ def begun(room, columns, at, n, inverse, known):
         o, d, low, high = local(columns, at + first, inverse)
         mine = across.numbered(first) < n
         if first + LANES <= n:
-            high = lanes.minimum(high, across.load_row(known, first))
+            high = lanes.minimum(high, across.load_row(known, at + first))
         else:
-            high = lanes.minimum(high, known[lanes.minimum(across.numbered(first), n - 1)])
+            high = lanes.minimum(high, known[at + lanes.minimum(across.numbered(first), n - 1)])
         if not lanes.any_lane(mine & (low < high) & _near(room, o, d)):  # dividing is most of what is done here
             across.store_row(exact, 6 * SPACED + first, lanes.full_like(soonest, np.inf))
             across.store_row(exact, 7 * SPACED + first, lanes.full_like(soonest, -np.inf))
             continue
-        size = lanes.length(d)
-        size = lanes.where(size > 0.0, size, 1.0)
-        way = lanes.scale(d, 1.0 / size)
+        way, size = _of_unit_length(d)
         enter, leave = clipped(room, 0, o, way, low * size, high * size)
         active = (enter < leave) & mine
         enter, leave = lanes.where(active, enter, np.inf), lanes.where(active, leave, -np.inf)
@@ -221,6 +229,19 @@ def begun(room, columns, at, n, inverse, known):
         across.store_row(rays, 6 * SPACED + first, enter * (1.0 - 4.0 * U))
         across.store_row(rays, 7 * SPACED + first, leave * (1.0 + 4.0 * U))
     return begin, end - begin
+
+
+@helper
+def _of_unit_length(d: Vec) -> tuple[Vec, Lane]:
+    """(unit vectors, how long they were): those that are so but for rounding, as mostly, stay as they are."""
+    square = lanes.dot(d, d)
+    size = lanes.full_like(square, 1.0)
+    other = abs(square - 1.0) > ROUNDED
+    if lanes.any_lane(other):
+        length = lanes.sqrt(square)
+        size = lanes.where(other & (length > 0.0), length, 1.0)
+        d = lanes.where3(other, lanes.scale(d, 1.0 / size), d)
+    return d, size
 
 
 @helper

@@ -171,7 +171,7 @@ def faced(
 ) -> tuple[Lane, Vec, Lane]:
     """(where a root is, the gradient there, how far from 0 it may be), if the formula may jump as jumps.face has them."""
     if room.places[0, 5] != 0:
-        origin, way = own_origin(hits.rays, ray + hits.first, hits.inverse), exact(room, ray)[1]
+        origin, way = own_origin(hits.rays, hits.first + ray, hits.inverse), exact(room, ray)[1]
         found = face(room, 0, memory, origin, way, start + at, inside, gradient, off, mask)
         at, gradient, off = lanes.where(found.settled, found.at - start, at), found.gradient, found.off
     return at, gradient, off
@@ -184,12 +184,12 @@ def met(
     """Write what rays have met, and let them rest."""
     way = exact(room, ray)[1]
     units, first, second = dressed(room, 0, way, gradient, inside, off)
-    size = room.exact[8 * SPACED + ray]
-    across.put_at(hits.t, ray, (start + at) / size, mask)
-    across.put_at(hits.instance, ray, lanes.int_like(at, hits.number), mask)
-    across.put_at(hits.spacing, ray, units, mask)
-    across.put_at(hits.u, ray, first, mask)
-    across.put_at(hits.v, ray, second, mask)
+    size, place = room.exact[8 * SPACED + ray], hits.first + ray
+    across.put_at(hits.t, place, (start + at) / size, mask)
+    across.put_at(hits.instance, place, lanes.int_like(at, hits.number), mask)
+    across.put_at(hits.spacing, place, units, mask)
+    across.put_at(hits.u, place, first, mask)
+    across.put_at(hits.v, place, second, mask)
     bit, rest = lanes.int_like(at, 1) << (ray & (VECTOR - 1)), mask
     while lanes.any_lane(rest):
         first, here = across.together(ray & -VECTOR, rest)
@@ -200,5 +200,5 @@ def met(
 @helper
 def stopped(room: Any, hits: Any, ray: int) -> None:
     """Write that a ray has met something, and let it rest."""
-    hits.t[ray] = -np.inf
+    hits.t[hits.first + ray] = -np.inf
     room.alive[ray // VECTOR] &= ~(1 << (ray % VECTOR))

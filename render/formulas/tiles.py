@@ -32,6 +32,7 @@ from .tile_room import (
     LONG,
     PARTS_OF_SPAN,
     QUARTERS,
+    RAYS,
     SLABS,
     SPANS,
     VECTOR,
@@ -81,12 +82,22 @@ ALIKE = 2  # lanes before one in which the same of a tape may be needed
 
 
 @kernel
-def trace(room, rays, at, n, inverse, out):
-    """Meet n ≤ RAYS of the columns `at` on of tile_room.columns with the room's surface, to whose frame (3, 4) `inverse` leads, as
-    meet.meet does; False where they go too far apart to be a bundle."""
+def trace(room, rays, first, n, inverse, out):
+    """Meet the columns first … n − 1 of tile_room.columns with the room's surface, to whose frame (3, 4) `inverse` leads, as meet.meet
+    does, up to RAYS at a time; n, or the first column of some that go too far apart to be a bundle."""
     memory = room_of_values()
-    hits = Meeting(out.t, out.instance, out.spacing, out.u, out.v, out.number, rays, at, inverse)
-    begin, length = begun(room, rays, at, n, inverse, hits.t)
+    while first < n:
+        hits = Meeting(out.t, out.instance, out.spacing, out.u, out.v, out.number, rays, first, inverse)
+        if not _bundle(room, memory, min(RAYS, n - first), hits):
+            return first
+        first += RAYS
+    return n
+
+
+@apart_
+def _bundle(room, memory, n, hits):
+    """Meet n ≤ RAYS; False where they go too far apart."""
+    begin, length = begun(room, hits.rays, hits.first, n, hits.inverse, hits.t)
     if length < 0.0:
         return True
     numbers = room.numbers

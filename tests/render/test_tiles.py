@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from maquette.render import rays
@@ -47,7 +51,7 @@ def nothing(n: int) -> tiles.Out:
 
 def traced(trees: Handle, o: np.ndarray, d: np.ndarray, t_max: float, out: tiles.Out) -> bool:
     room = Handle(tile_room.room(trees.tables.forms, 0))
-    return tiles.trace(room, tile_room.columns(o, d, 0.0, t_max), 0, len(o), np.eye(4)[:3], out)
+    return tiles.trace(room, tile_room.columns(o, d, 0.0, t_max), 0, len(o), np.eye(4)[:3], out) == len(o)
 
 
 @pytest.mark.parametrize("eye", [(2.0, 1.2, 2.4), (-0.1, 2.6, 0.3), (0.25, 0.1, 0.3)], ids=["outside", "above", "within"])
@@ -67,6 +71,42 @@ def test_bundles_meet_what_rays_meet(tmp_path, name, eye):
     assert int(differ.sum() + apart.sum()) <= (0 if sure else 4)
     # normals, but for places where the formula jumps: it has none there
     assert np.median(np.hypot(u - alone.u, v - alone.v)[both]) < 1e-5
+
+
+def test_bounds_compiled_and_interpreted_are_the_same_to_the_bit(tmp_path):
+    """Of a formula without choices, whose bounds have code of their own; the root is not defined everywhere."""
+    tables = scene_of(tmp_path, "implicit(|x, y, z| x^4 + 2 * y^4 + z^4 + 0.1 * sin(9 * y) + 0.1 * sqrt(x + 0.4) <= 0.2, within: 1)").tables
+    trees = rays.trees(tables, closed=False)
+    compiled.finish()
+    addresses = trees.tables.forms.compiled.copy()
+    assert addresses.all()
+    without = addresses.copy()
+    without[:, compiled.SINGLES + 1 :] = 0
+    o, d = picture((1.5, 1.2, 2.4))
+    found = []
+    for table in (addresses, without):
+        trees.tables.forms.compiled[:] = table
+        found.append(met(trees, o, d))
+    assert 0 < np.isfinite(found[0][0]).sum() < len(o)
+    for one, other in zip(*found, strict=True):
+        assert np.array_equal(one, other)
+
+
+def test_bundles_follow_one_another(tmp_path):
+    """More rays than go together are met as they are bundle by bundle, and none before the first one asked for."""
+    tables = scene_of(tmp_path, SURFACES["torus"]).tables
+    trees = rays.trees(tables, closed=False)
+    o, d = picture((2.0, 1.2, 2.4), size=96)
+    whole = met(trees, o, d)
+    first = tile_room.RAYS
+    assert len(o) > 2 * first
+    behind = met(trees, o[first:].copy(), d[first:].copy())
+    for one, other in zip(whole, behind, strict=True):
+        assert np.array_equal(one[first:], other)
+    rest, room = nothing(len(o)), Handle(tile_room.room(trees.tables.forms, 0))
+    assert tiles.trace(room, tile_room.columns(o, d, 0.0, np.inf), first, len(o), np.eye(4)[:3], rest) == len(o)
+    assert np.isinf(rest.t[:first]).all()
+    assert np.array_equal(rest.t[first:], behind[0])
 
 
 def test_bundles_stop_where_rays_end(tmp_path):
@@ -138,3 +178,11 @@ def test_rays_that_go_all_ways_are_no_bundle(tmp_path):
     o = np.array([[0.0, 0.0, 1000.0], [3.0, 0.0, 0.0]])
     d = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
     assert not traced(trees, o, d, np.inf, nothing(2))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("isa", ["avx2", "sse", "scalar"])
+def test_bundles_on_narrower_machines(isa):
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", __file__]
+    done = subprocess.run(command, env={**os.environ, "MAQUETTE_SIMD": isa}, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stdout

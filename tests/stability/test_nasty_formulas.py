@@ -138,11 +138,7 @@ def bundled(tables: Any, o: np.ndarray, d: np.ndarray) -> np.ndarray:
     surface = int(tables.forms.of[int(tables.placed[0, 2])])
     room, columns, n = Handle(tile_room.room(tables.forms, surface)), tile_room.columns(o, d, 0.0, np.inf), len(o)
     out = np.full(n, np.inf), np.full(n, -1), np.zeros(n, np.int64), np.zeros(n), np.zeros(n)
-    for first in range(0, n, tile_room.RAYS):
-        many = min(tile_room.RAYS, n - first)
-        t, instance, spacing, u, v = (column[first : first + many] for column in out)
-        part = tiles.Out(t, instance, spacing, u, v, 0)
-        assert tiles.trace(room, columns, first, many, np.ascontiguousarray(tables.inverse[0, :3]), part)
+    assert tiles.trace(room, columns, 0, n, np.ascontiguousarray(tables.inverse[0, :3]), tiles.Out(*out, 0)) == n
     return out[0]
 
 

@@ -11,7 +11,7 @@ from numba.np.arrayobj import make_array
 
 from ..simd.value import I64
 from ..simd.vector import intrinsic
-from .vectors import BOUNDS, CODE, INTERPRETER, POINTER, ROW, ROWS
+from .vectors import CODE, INTERPRETER, POINTER, ROW, ROWS
 
 
 def _place(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any:
@@ -66,14 +66,3 @@ def compiled_rows(typingctx, address, registers, constants, out, vectors):
 
     i = types.int64
     return signature(types.void, i, registers, constants, i, i), _calling(ROWS, places)
-
-
-@intrinsic
-def compiled_bounds(typingctx, address, registers, constants, out, state, vectors):
-    """The same of bounds in float32, with a tape's code for these: values of as many parts as they have, and the interpreters' state."""
-
-    def places(b: Any, place: Any, args: Any) -> list[Any]:
-        return [place(1), place(2), place(1, args[3]), place(4), args[5]]
-
-    i = types.int64
-    return signature(types.void, i, registers, constants, i, state, i), _calling(BOUNDS, places)

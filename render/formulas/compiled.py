@@ -16,22 +16,19 @@ import numpy as np
 from llvmlite import ir
 from numpy.typing import NDArray
 
-from ...compiler.operations import CHOICES
 from ...compiler.tapes import Op, Tape, arity
 from ..simd.value import I64
 from . import interpreter
 from .interpreter import PARTS, SHIFTS
 from .loops import over_vectors
 from .programs import EMITTERS, WIDTHS
-from .vectors import BOUNDS, BYTES, CODE, ROWS, SINGLE, VectorMath, load, store
+from .vectors import BYTES, CODE, ROWS, SINGLE, VectorMath, load, store
 
-PROGRAMS = ("points", "turns", "points32", "boxes32", "spans32")
-SINGLES = 2  # from which place on they are of float32
+PROGRAMS = ("points", "turns", "points32")
 PATIENCE = 0.1  # seconds until a thread begins to compile: what is to be drawn at once goes first
 LONGEST = 3000  # rows of a tape that is compiled: longer ones are evaluated simplified
 LONGEST_ROWS = 300  # the same of float32, whose interpreter takes many vectors at once
-LONGEST_BOUNDS = 48  # the same of bounds, which are ten times as much code; without choices: bounds tell what of these is left
-_engines: dict[bytes, list[Any]] = {}
+_engines: dict[bytes, Any] = {}
 _waiting: dict[bytes, list[tuple[NDArray[np.int64], int]]] = {}
 _lock, _hurry = threading.Lock(), threading.Event()
 
@@ -44,36 +41,27 @@ def addresses(tapes: list[Tape | None]) -> NDArray[np.int64]:
             continue
         key = tape.structure()
         with _lock:
-            table[row] = _addresses(_engines.get(key, []))
-            begin = key not in _engines and key not in _waiting
-            if begin or key in _waiting:
-                _waiting.setdefault(key, []).append((table, row))
+            if key in _engines:
+                table[row] = _addresses(_engines[key])
+                continue
+            begin = key not in _waiting
+            _waiting.setdefault(key, []).append((table, row))
         if begin:
             threading.Thread(target=_compile, args=(tape, key), name="formula", daemon=True).start()
     return table
 
 
-def _addresses(engines: list[Any]) -> list[int]:
-    return [max((engine.get_function_address(f"tape_{name}") for engine in engines), default=0) for name in PROGRAMS]  # 0: there is none
+def _addresses(engine: Any) -> list[int]:
+    return [engine.get_function_address(f"tape_{name}") for name in PROGRAMS]  # 0 for those that it does not have
 
 
 def _compile(tape: Tape, key: bytes) -> None:
     _hurry.wait(PATIENCE)
-    engines = [engine_of(module_of(tape))]
-    _tell(key, engines)
-    if len(tape.code) <= LONGEST_BOUNDS and CHOICES.isdisjoint(tape.code[:, 0].tolist()):
-        engines.append(engine_of(bounds_of(tape)))
-        _tell(key, engines)
+    engine = engine_of(tape)
     with _lock:
-        _waiting.pop(key)
-
-
-def _tell(key: bytes, engines: list[Any]) -> None:
-    """Write where code is to all that wait for it."""
-    with _lock:
-        _engines[key] = engines  # kept for good: an address in use must stay
-        for table, row in _waiting[key]:
-            table[row] = _addresses(engines)
+        _engines[key] = engine  # kept for good: an address in use must stay
+        for table, row in _waiting.pop(key):
+            table[row] = _addresses(engine)
 
 
 def finish() -> None:
@@ -85,18 +73,18 @@ def finish() -> None:
     _hurry.clear()
 
 
-def engine_of(module: ir.Module) -> Any:
-    """The code of a module."""
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(str(module)), interpreter.target())
+def engine_of(tape: Tape) -> Any:
+    """A tape's code, with its functions tape_points and tape_turns (x y z, constants, out), and tape_points32 if it is short."""
+    module = llvm.parse_assembly(str(module_of(tape)))
+    engine = llvm.create_mcjit_compiler(module, interpreter.target())
     engine.finalize_object()
     return engine
 
 
 def module_of(tape: Tape) -> ir.Module:
-    """LLVM code of a tape: for one vector of points, tape_points and tape_turns (x y z, constants, out), and if it is short for many in
-    float32, tape_points32."""
+    """LLVM code of a tape: for one vector of points, and for many in float32."""
     module = ir.Module("maquette.formula")
-    for program in PROGRAMS[:SINGLES]:
+    for program in PROGRAMS[:2]:
         function = ir.Function(module, CODE, f"tape_{program}")
         inputs, constants, out = function.args
         b = ir.IRBuilder(function.append_basic_block("entry"))
@@ -120,7 +108,7 @@ def module_of(tape: Tape) -> ir.Module:
 
 def _add_rows(module: ir.Module, tape: Tape) -> None:
     """The function for many vectors."""
-    program, size = PROGRAMS[SINGLES], SINGLE.bytes
+    program, size = PROGRAMS[2], SINGLE.bytes
     function = ir.Function(module, ROWS, f"tape_{program}")
     inputs, constants, out, vectors = function.args
     b = ir.IRBuilder(function.append_basic_block("entry"))
@@ -132,37 +120,6 @@ def _add_rows(module: ir.Module, tape: Tape) -> None:
         m = VectorMath(b, form=SINGLE)
         (value,) = _result(tape, program, m, given, lambda k: [load(b, constants, (k * PARTS + SHIFTS[program]) * size, SINGLE)])
         store(b, out, offset, value)
-
-    over_vectors(b, vectors, vector)
-    b.ret_void()
-
-
-def bounds_of(tape: Tape) -> ir.Module:
-    """LLVM code of a tape's bounds for many vectors of float32, tape_boxes32 and tape_spans32 (see calls.compiled_bounds)."""
-    module = ir.Module("maquette.bounds")
-    for program in PROGRAMS[SINGLES + 1 :]:
-        _add_bounds(module, tape, program)
-    return module
-
-
-def _add_bounds(module: ir.Module, tape: Tape, program: str) -> None:
-    function = ir.Function(module, BOUNDS, f"tape_{program}")
-    inputs, constants, out, state, vectors = function.args
-    width, size = WIDTHS[program], SINGLE.bytes
-    b = ir.IRBuilder(function.append_basic_block("entry"))
-    stride = b.mul(vectors, ir.Constant(I64, size))
-
-    def vector(k: Any) -> None:
-        offset = b.mul(k, ir.Constant(I64, size))
-        places = [b.add(offset, b.mul(stride, ir.Constant(I64, part))) for part in range(3 * width)]
-        read = [load(b, inputs, place, SINGLE) for place in places]
-        given = [read[axis * width : (axis + 1) * width] for axis in range(3)]
-        found = _result(
-            tape, program, VectorMath(b, state, SINGLE, k), given,
-            lambda k: [load(b, constants, (k * PARTS + part) * size, SINGLE) for part in range(width)],
-        )  # fmt: skip
-        for place, part in zip(places, found, strict=False):
-            store(b, out, place, part)
 
     over_vectors(b, vectors, vector)
     b.ret_void()

@@ -12,9 +12,8 @@ from ..columns import get
 from ..kernels import apart as apart_
 from ..kernels import helper
 from ..records import Lane, Vec
-from .calls import compiled_bounds, compiled_rows, interpret
+from .calls import compiled_rows, interpret
 from .cells import CHOICE, simplify
-from .compiled import SINGLES
 from .evaluate import value_at
 from .fields import PROGRAMS, Forms
 from .interpreter import KNOWN, PARTS, UNKNOWN
@@ -25,7 +24,7 @@ from .vectors import LANES, ROW, SINGLE
 RAYS = 4096
 SPACED = RAYS + 64  # between columns of rays: a round number would have them all in the same few places of a cache
 VECTOR, GROUP, SLABS, QUARTERS = 16, 256, 8, 4  # with sixteen slabs a gyroid takes three tenths more
-PARTS_OF_BOX, PARTS_OF_SPAN = WIDTHS["boxes32"], WIDTHS["spans32"]
+PARTS_OF_SPAN = WIDTHS["spans32"]
 POINTS, BOXES, SPANS = (PROGRAMS.index(name) for name in ("points32", "boxes32", "spans32"))
 HULLS = RAYS // VECTOR  # of vectors; those of groups stand behind them
 STRIDE = HULLS + GROUP // VECTOR
@@ -115,15 +114,8 @@ def _zeros(shape: int | tuple[int, ...], dtype: Any) -> NDArray[Any]:
 
 @helper
 def evaluate(room: Any, program: int, tape: int, vectors: int) -> None:
-    """Run a program on the vectors at the beginning of the registers: of bounds by the formula's own code, where there is any, the same bit
-    for bit. What has such code has no choices, so that every tape is the whole one."""
     tapes = room.tapes
     first, rows = tapes[tape, 0], tapes[tape, 1]
-    code = room.compiled[0, SINGLES + program - POINTS]
-    if program != POINTS and code != 0:
-        out = tapes[tape, 2] * (PARTS_OF_SPAN if program == SPANS else PARTS_OF_BOX) * vectors * VECTOR
-        compiled_bounds(code, room.registers, room.constants32, out, room.state, np.int64(vectors))
-        return
     interpret(room.programs[program], room.code, first, rows, room.registers, room.constants32, 0, room.state, np.int64(vectors))
 
 

@@ -24,8 +24,6 @@ DIRECT = ir.FunctionType(ir.VoidType(), [POINTER, I64, POINTER, POINTER])  # cod
 CODE = ir.FunctionType(ir.VoidType(), [POINTER, POINTER, POINTER])  # of a compiled tape: x y z, constants, out
 ROWS = ir.FunctionType(ir.VoidType(), [POINTER, POINTER, POINTER, I64])  # the same of many vectors: all x, all y, all z; how many
 
-BOUNDS = ir.FunctionType(ir.VoidType(), [POINTER, POINTER, POINTER, POINTER, I64])  # of bounds: all parts of x, …; then the state
-
 
 class Form(NamedTuple):
     """What numbers a program works on."""

@@ -73,25 +73,6 @@ def test_bundles_meet_what_rays_meet(tmp_path, name, eye):
     assert np.median(np.hypot(u - alone.u, v - alone.v)[both]) < 1e-5
 
 
-def test_bounds_compiled_and_interpreted_are_the_same_to_the_bit(tmp_path):
-    """Of a formula without choices, whose bounds have code of their own; the root is not defined everywhere."""
-    tables = scene_of(tmp_path, "implicit(|x, y, z| x^4 + 2 * y^4 + z^4 + 0.1 * sin(9 * y) + 0.1 * sqrt(x + 0.4) <= 0.2, within: 1)").tables
-    trees = rays.trees(tables, closed=False)
-    compiled.finish()
-    addresses = trees.tables.forms.compiled.copy()
-    assert addresses.all()
-    without = addresses.copy()
-    without[:, compiled.SINGLES + 1 :] = 0
-    o, d = picture((1.5, 1.2, 2.4))
-    found = []
-    for table in (addresses, without):
-        trees.tables.forms.compiled[:] = table
-        found.append(met(trees, o, d))
-    assert 0 < np.isfinite(found[0][0]).sum() < len(o)
-    for one, other in zip(*found, strict=True):
-        assert np.array_equal(one, other)
-
-
 def test_bundles_follow_one_another(tmp_path):
     """More rays than go together are met as they are bundle by bundle, and none before the first one asked for."""
     tables = scene_of(tmp_path, SURFACES["torus"]).tables

@@ -6,6 +6,7 @@ so that the smaller of two of them encloses both. Its last number is how many th
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -54,30 +55,37 @@ class Part(NamedTuple):
     free: int  # where its halves, their halves and so on have room, all that many places
 
 
-def build(items: NDArray[np.float32], around: NDArray[np.float32], width: int, step: float, by: Workers) -> tuple[Halves, list[Part]]:
-    """The tree over items (n, 8) with the box `around` them, which are sorted in place, and its parts that threads may work on.
+def most_of(n: int) -> int:
+    """How many of n items a part of their tree holds at most: more than a leaf does."""
+    return min(n, max(n // _GRAIN, _SMALL))
 
-    A leaf of up to `width` items costs one test; a step down costs `step` of that.
+
+def build(
+    items: NDArray[np.float32], around: NDArray[np.float32], width: int, step: float, by: Workers, then: Callable[[Halves, Part], Any]
+) -> tuple[Halves, list[tuple[Part, Any]]]:
+    """The tree over items (n, 8) with the box `around` them, which are sorted in place; its parts, and what `then` makes of each.
+
+    A leaf of up to `width` items costs one test; a step down costs `step` of that. Parts are grown and taken further by threads.
     """
     n = len(items)
-    tree = Halves(items, simd.aligned_empty((2 * n, 8), np.float32), *np.empty((3, 2 * n), np.int32))
-    aside = simd.aligned_empty((n, 8), np.float32)
+    tree = Halves(items, simd.paged_empty((2 * n, 8), np.float32), *simd.paged_empty((3, 2 * n), np.int32))
+    aside = simd.paged_empty((n, 8), np.float32)
     tree.boxes[0] = around
     tree.first[0], tree.count[0] = 0, n
-    grain = max(n // _GRAIN, _SMALL)  # more than a leaf holds
-    parts: list[Part] = []
+    most = most_of(n)
+    parts: list[tuple[Part, Any]] = []
 
     def divide(part: Part) -> tuple[Part, ...]:
-        if tree.count[part.root] <= grain:
+        if tree.count[part.root] <= most:
             grow(*tree, aside, *part, width, step, False)
-            parts.append(part)
+            parts.append((part, then(tree, part)))
             return ()
         grow(*tree, aside, *part, width, step, True)
         second = int(tree.second[part.root])
         return Part(second - 1, part.free), Part(second, second + 1)
 
     by.spread(divide, Part(0, 1), lambda part: int(tree.count[part.root]))
-    return tree, sorted(parts)
+    return tree, sorted(parts, key=lambda made: made[0])
 
 
 @helper

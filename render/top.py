@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from . import halves, machine, simd, wide
 from .kernels import kernel
-from .wide import EMPTY, NODE, STEP, WIDTH
+from .wide import EMPTY, NODE, WIDTH
 from .workers import Workers
 
 _MANY = 4096  # instances from which on threads are worth starting
@@ -45,11 +45,11 @@ def _links(boxes: NDArray[np.float64], threads: int) -> NDArray[np.int32]:
     low, high = boxes[:, :3], boxes[:, 3:]
     middle = 0.5 * low.min(axis=0) + 0.5 * high.max(axis=0)
     size = float(np.abs(boxes - np.tile(middle, 2)).max()) or 1.0
-    items = simd.aligned_empty((len(boxes), 8), np.float32)
+    items = simd.paged_empty((len(boxes), 8), np.float32)
     items[:, :3], items[:, 4:7], items[:, halves.COUNT] = (low - middle) / size, (middle - high) / size, 1.0
     items.view(np.int32)[:, halves.NUMBER] = np.arange(len(boxes)) | halves.TAG
     by = Workers(1 if len(boxes) < _MANY else threads or machine.cores())
-    return wide.links(*halves.build(items, items.min(axis=0), 1, STEP, by), by)
+    return wide.links(items, items.min(axis=0), by)
 
 
 def refit(top: Top, boxes: NDArray[np.float64]) -> None:

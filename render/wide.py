@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import halves, machine, simd
-from .halves import Part, half_area
+from .halves import half_area
 from .kernels import helper, kernel
 from .workers import Workers
 
@@ -53,17 +53,16 @@ def build(positions: NDArray[np.float32], triangles: NDArray[np.int32], threads:
     It is the same on any number of threads (0: all there are).
     """
     by = Workers(threads or machine.cores())
-    items = simd.aligned_empty((len(triangles), 8), np.float32)
+    items = simd.paged_empty((len(triangles), 8), np.float32)
     shares = _shares(len(items))
     around = np.empty((len(shares), 8), np.float32)
     by.map(lambda k: boxes_of(positions, triangles, items, *shares[k], around, k), range(len(shares)))
-    tree, parts = halves.build(items, around.min(axis=0), WIDTH, STEP, by)
-    return _collapsed(tree, parts, _Mesh(positions, triangles), by)
+    return _collapsed(items, around.min(axis=0), _Mesh(positions, triangles), by)
 
 
-def links(tree: halves.Halves, parts: list[Part], by: Workers) -> NDArray[np.int32]:
-    """The links alone of a tree over items without triangles: ~ an item's number where a leaf's would stand."""
-    return _collapsed(tree, parts, _Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)), by).links
+def links(items: NDArray[np.float32], around: NDArray[np.float32], by: Workers) -> NDArray[np.int32]:
+    """The links alone of a tree over items without triangles: ~ an item's number where a leaf's would stand; as halves.build."""
+    return _collapsed(items, around, _Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)), by).links
 
 
 def _shares(n: int, least: int = 1 << 15) -> list[tuple[int, int]]:
@@ -82,35 +81,36 @@ class _Choice(NamedTuple):
 
 
 def _choice(rows: int) -> _Choice:
-    share, cost = np.empty((rows, WIDTH), np.int8), np.empty((rows, WIDTH), np.float32)
+    share, cost = simd.paged_empty((rows, WIDTH), np.int8), simd.paged_empty((rows, WIDTH), np.float32)
     return _Choice(np.empty(rows, np.int32), np.empty(rows, np.int32), share, cost)
 
 
-def _collapsed(tree: halves.Halves, parts: list[Part], mesh: _Mesh, by: Workers) -> Wide:
+def _collapsed(items: NDArray[np.float32], around: NDArray[np.float32], mesh: _Mesh, by: Workers) -> Wide:
     """The tree with eight or more children a node; its parts, on threads, stand one behind the other, after what is above them."""
-    slack = np.float32(SLACK * np.abs(tree.boxes[0][[0, 1, 2, 4, 5, 6]]).max())
     width = WIDTH if len(mesh.triangles) else 1
-    none, most = np.zeros(0, np.int32), 2 * max(int(tree.count[part.root]) for part in parts)
+    none, most = np.zeros(0, np.int32), 2 * halves.most_of(len(items))
     free: list[_Choice] = []
 
-    def chosen(root: int, closed: NDArray[np.int32], known: NDArray[np.float32]) -> tuple[_Choice, int, int]:
+    def chosen(tree: halves.Halves, root: int, closed: NDArray[np.int32], known: NDArray[np.float32]) -> tuple[_Choice, int, int]:
         try:
             found = free.pop()
         except IndexError:
-            found = _choice(max(most, 2 * len(parts)))
+            found = _choice(most)
         n, nodes, leaves = share_out(tree, root, closed, known, width, found)
         kept = _Choice(found.node[:n].copy(), found.below[:n].copy(), found.share[:n].copy(), found.cost[:1].copy())
         free.append(found)
         return kept, nodes, leaves
 
-    made = by.map(lambda part: chosen(part.root, none, np.zeros(0, np.float32)), parts)
-    closed = none
+    tree, parts = halves.build(items, around, width, STEP, by, lambda tree, part: chosen(tree, part.root, none, np.zeros(0, np.float32)))
+    made, closed = [found for _, found in parts], none
     if len(parts) > 1:
-        closed = np.array([part.root for part in parts], np.int32)
-        made.insert(0, chosen(0, closed, np.array([choice.cost[0, 0] for choice, _, _ in made])))
+        closed = np.array([part.root for part, _ in parts], np.int32)
+        free[:] = [_choice(2 * len(parts))]
+        made.insert(0, chosen(tree, 0, closed, np.array([choice.cost[0, 0] for choice, _, _ in made])))
     ends = np.cumsum([(0, 0), *((nodes, leaves) for _, nodes, leaves in made)], axis=0)
     whole = room(int(ends[-1, 0]), int(ends[-1, 1]) if len(mesh.triangles) else 0)
     places = ends[1:-1, 0].copy()
+    slack = np.float32(SLACK * np.abs(tree.boxes[0][[0, 1, 2, 4, 5, 6]]).max())
     by.map(lambda k: collapse(tree, made[k][0], none if k else closed, places, mesh, slack, whole, *ends[k]), range(len(made)))
     return whole
 

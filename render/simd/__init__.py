@@ -6,6 +6,7 @@ from . import indexing, operators
 from .denormals import (
     flush_denormals, restore_denormals,
 )
+from .arrays import aligned_empty, paged_empty
 from .functions import CONSTRUCTED, mask_bits, select_signature
 from .functions import (
     absolute, all_of, any_of, bits, bits_float, ceil, copysign, count, f32, f32x1, f32x16, f32x2, f32x4, f32x8, f64, f64x1,
@@ -17,8 +18,8 @@ from .functions import (
 )
 from .mathematics import acos, asin, atan, atan2, cos, exp, hypot, log, power, sin, sincos, tan
 from .memory import (
-    aligned_empty, compress, compress_store, gather, gather_rows, load, load3, load_aligned, masked_load, masked_store, prefetch, read,
-    scatter, scatter_rows, stack_array, store, store_aligned, store_past, store_rows, write,
+    compress, compress_store, gather, gather_rows, load, load3, load_aligned, masked_load, masked_store,
+    prefetch, read, scatter, scatter_rows, stack_array, store, store_aligned, store_past, store_rows, write,
 )
 from .operators import define
 from .value import Value

@@ -10,32 +10,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.errors import TypingError
 from numba.core.typing.templates import Signature, signature
 from numba.np.arrayobj import make_array, populate_array
-from numpy.typing import NDArray
 
 from .. import machine
 from . import guard
 from . import value as v
+from .arrays import CACHE_LINE
 from .functions import CONSTRUCTED, shuffled, transposed
 from .value import I1, I8, I32, I64, Value
 from .vector import Vector, intrinsic, shape_of, value
-
-CACHE_LINE = 64
-
-
-def aligned_empty(shape: int | tuple[int, ...], dtype: Any, alignment: int = CACHE_LINE) -> NDArray[Any]:
-    """An array like np.empty whose data start at a multiple of `alignment` bytes, as `load_aligned` wants."""
-    whole = (shape,) if isinstance(shape, int) else shape
-    size = int(np.prod(whole)) * np.dtype(dtype).itemsize
-    block = np.empty(size + alignment, np.uint8)
-    start = -block.ctypes.data % alignment
-    return block[start : start + size].view(dtype).reshape(whole)
-
 
 # --- elements ------------------------------------------------------------------------------------------------------------
 

@@ -111,6 +111,15 @@ def test_aligned_arrays_are_aligned(alignment):
         assert made.dtype == np.float32
 
 
+@pytest.mark.parametrize("rows", [3, 1 << 19])
+def test_arrays_without_huge_pages_are_aligned_and_hold_what_is_written(rows):
+    made = simd.paged_empty((rows, 5), np.float32)
+    made[:] = np.arange(5)
+    assert made.ctypes.data % 64 == 0
+    assert (made.shape, made.dtype, made.flags.c_contiguous) == ((rows, 5), np.float32, True)
+    assert made[-1].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+
+
 def test_lanes_that_are_not_constant_are_an_error():
     @njit
     def wrong(x, n):

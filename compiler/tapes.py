@@ -22,6 +22,7 @@ from .plateaus import Levels
 INPUTS = 3
 X, Y, Z = 0, 1, 2
 MOST_LIVE = 256  # values that evaluators keep at a time
+HUGE = 1e35  # stands for what is divided by 0 all over a region
 MOST_FACTORS = 64  # whole powers up to this are products
 
 
@@ -89,12 +90,21 @@ class Builder:
         if op in (Op.LOG, Op.POWER) and self._stays_0(a):  # bounds take 0 for a place alone: see enclosures.LEAST
             there = self._row(op, self.op(Op.MIN, a, self.constant(0.0)), b, c)
             return self.op(Op.CHOOSE, a, there, self._row(op, a, b, c))
+        if op == Op.DIVIDE and self._stays_above_0(b) and not self._stays_0(a):  # ∞ there, whose bounds would be everything
+            there = self.scaled(self.op(Op.SIGN, a), HUGE)
+            return self.op(Op.CHOOSE, self.op(Op.ABS, b), there, self._row(op, a, b, c))
         return self._row(op, a, b, c)
 
     def _stays_0(self, name: int) -> bool:
         """Whether a value may be 0 all over a region."""
         levels = self.levels(name)
         return levels is None or 0.0 in levels
+
+    def _stays_above_0(self, name: int) -> bool:
+        """Whether a value may be +0 all over a region, and −0 at places alone: what is divided by it has the sign that it had."""
+        op, a, b = self.row(name)
+        clipped = op in (Op.MIN, Op.MAX) and 0.0 in (self.number(a), self.number(b))
+        return name >= INPUTS and self._stays_0(name) and (clipped or op in (Op.FLOOR, Op.SIGN, Op.ABS, Op.SQUARE, Op.ADD, Op.SUBTRACT))
 
     def _row(self, op: Op, a: int, b: int, c: int) -> int:
         row = (int(op), a, b, c)

@@ -197,8 +197,9 @@ def section(quick: bool, effort: Effort) -> report.Section:
 
 
 def warm_up() -> Seconds:
-    """Compile the tree's kernels on a mesh of no size, so that no build below holds that."""
-    return timed(lambda: traced.trees(meshes.scene(meshes.knot(8, 4)).tables, keep=False))[1]
+    """Compile the trees' kernels on a mesh of no size, alone and among others, so that no build below holds that."""
+    scenes = [meshes.scene(meshes.knot(8, 4), places) for places in (None, meshes.boulders(100))]
+    return timed(lambda: [traced.trees(scene.tables, keep=False) for scene in scenes])[1]
 
 
 def size_of(built: bvh.Bvh, tables: ir.Tables) -> int:

@@ -89,3 +89,15 @@ def test_rays_that_end_or_begin_about_where_they_meet_something(place):
         for t_min, t_max in ((0.0, t * (1.0 + off)), (0.0, t * (1.0 - off)), (t * (1.0 - off), np.inf), (t * (1.0 + off), np.inf)):
             blocked = rays.occluded(accel, o, d, t_min, t_max)
             np.testing.assert_array_equal(blocked, rays.closest(accel, o, d, t_min, t_max).instance >= 0)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e300])
+def test_rays_from_nowhere_meet_nothing_and_disturb_nobody(bad):
+    accel = crowd(np.eye(4))
+    o, d = shot(600, np.eye(4))
+    sound = rays.occluded(accel, o, d, 0.0, 1.0)
+    o[::7] = bad
+    blocked = rays.occluded(accel, o, d, 0.0, 1.0)
+    assert not blocked[::7].any()
+    kept = np.arange(600) % 7 != 0
+    np.testing.assert_array_equal(blocked[kept], sound[kept])

@@ -279,7 +279,8 @@ def _string(value: Value, place: Place, arg: Arg) -> str:
 def _choice(value: Value, place: Place, arg: Arg) -> str:
     listed = ", ".join(f'"{c}"' for c in arg.choices)
     if not isinstance(value, str):
-        raise _wrong(value, f"one of {listed}")
+        named = next((c for c in arg.choices if describe(value).endswith(f" `{c}`")), "")
+        raise _wrong(value, f"one of {listed}", f'write it in quotes: "{named}"' if named else "")
     if value not in arg.choices:
         near = suggest(value, arg.choices).replace("`", '"')
         raise Mistake(f'`{arg.name}` is one of {listed}, not "{value}"' + (f"; {near}" if near else ""), habits.choice(arg.name, value))

@@ -324,7 +324,8 @@ class Evaluator:
             raise Poisoned
         if thunk.state == Thunk.RUNNING:
             names = [t.label for t in self._running[self._running.index(thunk) :]]
-            self.fail(f"`{thunk.label}` is defined by itself: {' → '.join([*names, thunk.label])}", span, "", scope)
+            hint = f"`{thunk.label}` means the one that is being defined; give that another name" if len(names) == 1 else ""
+            self.fail(f"`{thunk.label}` is defined by itself: {' → '.join([*names, thunk.label])}", span, hint, scope)
         thunk.state = Thunk.RUNNING
         self._running.append(thunk)
         try:

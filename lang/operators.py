@@ -321,7 +321,9 @@ def span_of(start: Value, stop: Value) -> tuple[float, ...]:
     """`start..stop`: whole steps from start, with the end; empty where it descends."""
     for end in (start, stop):
         if type(end) is not float:
-            raise Mistake(f"a range runs over plain numbers, got {kind(end)}")
+            corners = isinstance(start, tuple) and isinstance(stop, tuple)
+            hint = "two corners are a list of both: [[-1, -1, -1], [1, 1, 1]]" if corners else ""
+            raise Mistake(f"a range runs over plain numbers, got {kind(end)}", hint)
     limits.check_list(stop - start + 1)
     count = math.floor(stop - start + 1e-9) + 1
     return tuple([start + k for k in range(count)])

@@ -94,7 +94,10 @@ def first(forms, k, tape, memory, start, way, a, b, own, begin, sheet, like, mos
             continue
         if changes and not (sheet and jumps):
             after = _one_value(forms, k, tapes, memory, o, d, high + finest)
-            if (_one_value(forms, k, tapes, memory, o, d, low - finest) <= 0.0) != (after <= 0.0):
+            before = within  # by what is known of the ray: where a surface is nearly grazed, rounding has values change sign again and again
+            if low <= a + finest:  # it may begin at a place alone
+                before = _one_value(forms, k, tapes, memory, o, d, low - finest) <= 0.0
+            if before != (after <= 0.0):
                 root = 0.5 * (low + high)
                 return root, within, _doubtful(doubt, open_from, root, finest), used
             at, value, piece = high + finest, after, max(piece, finest)  # a gap at a place alone, as where the formula is undefined

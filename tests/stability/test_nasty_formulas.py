@@ -13,6 +13,7 @@ from maquette.render import rays
 from maquette.render.formulas import tile_room, tiles
 from maquette.render.handles import Handle
 
+from . import dense
 from .dense import Relation
 from .places import fails
 
@@ -227,6 +228,20 @@ def test_a_root_between_two_faces_is_not_taken_by_the_slope_of_the_other(load):
         x, y, _ = o[289] + middle * d[289]
         low, high = (low, middle) if 0.3 * np.sin(0.3 / x) >= y else (middle, high)
     assert abs(t - low) < 1e-11
+
+
+def test_a_step_that_is_nearly_grazed_is_met_from_wherever_a_ray_begins(load):
+    """For 7e-4 the noise is 4.5e-6 below where the floor steps: around both ends it rises and falls by rounding in pieces that are finest."""
+    text = "floor(6 * noise(2 * x, 2 * y, 2 * z)) <= -4"
+    o, d = (part[171] for part in camera_rays(44))
+    low, high = 1.951, 1.9516
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if 6 * dense.NAMES["noise"](*(2 * (o + middle * d))) < -3 else (middle, high)
+    begin = np.linspace(0.0, 1.951, 2000)
+    t, unproved = met(load, text, "box([2, 2, 2])", o + begin[:, None] * d, np.tile(d, (len(begin), 1)))
+    assert np.abs(t + begin - low).max() < 1e-12
+    assert unproved < 10
 
 
 def test_a_piece_of_a_ray_that_is_a_pole_and_no_more(load):

@@ -94,7 +94,7 @@ def first(forms, k, tape, memory, start, way, a, b, own, begin, sheet, like, mos
             continue
         if changes and not (sheet and jumps):
             after = _one_value(forms, k, tapes, memory, o, d, high + finest)
-            before = within  # by what is known of the ray: where a surface is nearly grazed, rounding has values change sign again and again
+            before = within  # as the ray knows: where it nearly grazes a surface, rounding has values change sign again and again
             if low <= a + finest:  # it may begin at a place alone
                 before = _one_value(forms, k, tapes, memory, o, d, low - finest) <= 0.0
             if before != (after <= 0.0):

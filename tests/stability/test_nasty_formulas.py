@@ -231,7 +231,7 @@ def test_a_root_between_two_faces_is_not_taken_by_the_slope_of_the_other(load):
 
 
 def test_a_step_that_is_nearly_grazed_is_met_from_wherever_a_ray_begins(load):
-    """For 7e-4 the noise is 4.5e-6 below where the floor steps: around both ends it rises and falls by rounding in pieces that are finest."""
+    """For 7e-4 the noise is 4.5e-6 below where the floor steps: around both ends rounding moves it in the finest pieces."""
     text = "floor(6 * noise(2 * x, 2 * y, 2 * z)) <= -4"
     o, d = (part[171] for part in camera_rays(44))
     low, high = 1.951, 1.9516

@@ -21,7 +21,7 @@ from .kernels import HELPER, helper
 from .links import FLOAT, Linked
 from .records import Hit, Lane, Ray, Vec
 from .single import MESH
-from .wide import DEPTH, WIDTH, spread64
+from .wide import DEPTH, spread64, triangle_of
 
 _LANES = across.WIDTH
 _KEPT, _FOUND, _NUMBERS = 9 * _LANES, 3 * _LANES, 2 * _LANES
@@ -264,7 +264,7 @@ def _in_mesh(accel: Any, i: int, ray: One, enters: Any, any_hit: bool, share: An
                 hits &= hits - 1
                 met = walk.crossing(tree.leaves, leaf, j, sheared)
                 t = flat.reached(met, sheared.shear[2], ray.t_min, ray.t_max)
-                number = np.int64(simd.read(tree.rows, leaf * WIDTH + j))
+                number = np.int64(triangle_of(tree.leaves, leaf, j))
                 if t == np.inf or not (any_hit or t < best.t or (t == best.t and number < best.primitive)):
                     continue
                 u, v = met.v / met.total, met.w / met.total

@@ -21,7 +21,7 @@ from . import shapes_flat as flat
 from .bundle import Core, Group, Way, pick
 from .kernels import HELPER, helper, replacing
 from .records import Lane, Vec
-from .wide import LEAF, WIDTH, spread32
+from .wide import LEAF, WHICH, WIDTH, spread32, triangle_of
 
 _FAR = np.float32(walk.FAR)
 _EDGE = 6 * WIDTH  # numbers of an edge of a leaf's triangles: see `_keep_edge`
@@ -208,44 +208,40 @@ def _edge(p: Vec, q: Vec, wide: Lane, tall: Lane, error: Lane) -> tuple[Lane, La
     return walk.cross(p, q), simd.fma(abs(p[1] - q[1]), wide, simd.fma(abs(p[0] - q[0]), tall, error))
 
 
-def take(leaves: Any, numbers: Any, leaf: int, hits: int, rays: Rays, core: Core, found: Found, any_hit: bool, edges: Any) -> Found:
+def take(leaves: Any, leaf: int, hits: int, rays: Rays, core: Core, found: Found, any_hit: bool, edges: Any) -> Found:
     """What rays have met, with those triangles of a leaf whose bits are set in `hits`: in kernels."""
     raise NotImplementedError
 
 
 @overload(take, jit_options=HELPER)
-def _take(leaves, numbers, leaf, hits, rays, core, found, any_hit, edges):
+def _take(leaves, leaf, hits, rays, core, found, any_hit, edges):
     """As many rays as a vector has doubles are met in double precision as fast as in single."""
     if rays.types[Rays._fields.index("enters")].lanes <= across.WIDTH:
-        return lambda leaves, numbers, leaf, hits, rays, core, found, any_hit, edges: _exactly(
-            leaves, numbers, leaf, hits, rays, core, found, any_hit
-        )
-    return lambda leaves, numbers, leaf, hits, rays, core, found, any_hit, edges: _if_sure(
-        leaves, numbers, leaf, hits, rays, core, found, any_hit, edges
-    )
+        return lambda leaves, leaf, hits, rays, core, found, any_hit, edges: _exactly(leaves, leaf, hits, rays, core, found, any_hit)
+    return lambda leaves, leaf, hits, rays, core, found, any_hit, edges: _if_sure(leaves, leaf, hits, rays, core, found, any_hit, edges)
 
 
 @helper
-def _exactly(leaves: Any, numbers: Any, leaf: int, hits: int, rays: Rays, core: Core, found: Found, any_hit: bool) -> Found:
+def _exactly(leaves: Any, leaf: int, hits: int, rays: Rays, core: Core, found: Found, any_hit: bool) -> Found:
     """`take` in double precision."""
     while hits != 0:
         k = simd.trailing_zeros(hits)
         hits &= hits - 1
-        found = _take_exactly(leaves, numbers, leaf, k, rays, core, found, any_hit)
+        found = _take_exactly(leaves, leaf, k, rays, core, found, any_hit)
     return found
 
 
 @helper
-def _take_exactly(leaves: Any, numbers: Any, leaf: int, j: int, rays: Rays, core: Core, found: Found, any_hit: bool) -> Found:
+def _take_exactly(leaves: Any, leaf: int, j: int, rays: Rays, core: Core, found: Found, any_hit: bool) -> Found:
     met = _crossing_of(leaves, leaf * LEAF + j, rays)
     if any_hit and not lanes.any_lane(flat.ahead(met, rays.shear[2])):
         return found
-    number = lanes.int_like(rays.enters, np.int64(simd.read(numbers, leaf * WIDTH + j)))
+    number = lanes.int_like(rays.enters, np.int64(triangle_of(leaves, leaf, j)))
     return _taken(found, rays, core, met, number, any_hit)
 
 
 @helper
-def _if_sure(leaves: Any, numbers: Any, leaf: int, hits: int, rays: Rays, core: Core, found: Found, any_hit: bool, edges: Any) -> Found:
+def _if_sure(leaves: Any, leaf: int, hits: int, rays: Rays, core: Core, found: Found, any_hit: bool, edges: Any) -> Found:
     """`take` in single precision where that is sure."""
     place, nearest, deepest, unsure = found.place, found.nearest, found.deepest, 0
     while hits != 0:
@@ -263,7 +259,7 @@ def _if_sure(leaves: Any, numbers: Any, leaf: int, hits: int, rays: Rays, core: 
     limits = simd.minimum(found.limits, (deepest - (rays.ahead - core.off)) * (rays.scale * _FAR))
     found = _sure_of(found, place, nearest, deepest, limits)
     if unsure != 0:
-        found = _exactly(leaves, numbers, leaf, unsure, rays, core, found, any_hit)
+        found = _exactly(leaves, leaf, unsure, rays, core, found, any_hit)
     return found
 
 
@@ -297,20 +293,20 @@ def _taken(found: Found, rays: Rays, core: Core, met: flat.Crossing, number: Lan
 
 
 @helper
-def settled(leaves: Any, numbers: Any, rays: Rays, core: Core, found: Found, any_hit: bool) -> Found:
+def settled(leaves: Any, rays: Rays, core: Core, found: Found, any_hit: bool) -> Found:
     """What rays have met, with what was sure, each its own triangle, in double precision. With `any_hit`, only that there is something."""
     mine = found.place >= np.int32(0)
     if not lanes.any_lane(mine):
         return found
     place = simd.maximum(found.place, 0 * found.place)
-    number = simd.to_i64(simd.gather(numbers, place))
+    at = place // np.int32(WIDTH) * np.int32(LEAF) + (place & np.int32(WIDTH - 1))
+    number = simd.to_i64(simd.float_bits(simd.gather(leaves, at + np.int32(WHICH))))
     mine64 = simd.mask_from_bits(simd.bits(mine), rays.enters)
     if any_hit:
         return _exact_of(
             found, lanes.where(mine64, rays.enters, found.t), lanes.where(mine64, number, found.triangle), found.v, found.w, found.total,
             found.deepest, found.limits,
         )  # fmt: skip
-    at = place // np.int32(WIDTH) * np.int32(LEAF) + (place & np.int32(WIDTH - 1))
     b, c = at + np.int32(3 * WIDTH), at + np.int32(6 * WIDTH)
     met = flat.crossing(_corners(leaves, at, rays), _corners(leaves, b, rays), _corners(leaves, c, rays), rays.shear[0], rays.shear[1])
     return _taken(found, rays, core, flat.Crossing(met.v, met.w, met.total, met.depth, met.inside & mine64), number, any_hit)

@@ -111,12 +111,12 @@ def meet(
             leaf, before = ~node, limit
             _fetch_last(tree, children, top)
             hits = triangles.sifted(tree.leaves, leaf, core, middle, limit, edges)
-            found = triangles.take(tree.leaves, tree.rows, leaf, hits, asked, core, found, any_hit, edges)
+            found = triangles.take(tree.leaves, leaf, hits, asked, core, found, any_hit, edges)
             limit = simd.max_of(found.limits)
             if limit < before:
                 top = walk.sifted(children, reaches, 0, top, limit)
             node, top = walk.last_of(children, top)
-    found = triangles.settled(tree.leaves, tree.rows, asked, core, found, any_hit)
+    found = triangles.settled(tree.leaves, asked, core, found, any_hit)
     return found.t, found.triangle, found.v / found.total, found.w / found.total, True
 
 

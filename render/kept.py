@@ -86,7 +86,7 @@ def read(file: Path) -> Wide | None:
     try:
         with file.open("rb", buffering=0) as stream:
             nodes, leaves = (int(n) for n in np.frombuffer(stream.read(16), np.int64))
-            if nodes < 1 or leaves < 0 or os.fstat(stream.fileno()).st_size != 16 + 4 * (nodes * (NODE + WIDTH) + leaves * (LEAF + WIDTH)):
+            if nodes < 1 or leaves < 0 or os.fstat(stream.fileno()).st_size != 16 + 4 * (nodes * (NODE + WIDTH) + leaves * LEAF):
                 return None
             made = wide.room(nodes, leaves)
             for part in made:

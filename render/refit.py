@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from . import wide
 from .kernels import kernel
-from .wide import EMPTY, SLACK, TEST, WIDTH, Wide
+from .wide import EMPTY, SLACK, TEST, WIDTH, Wide, triangle_of
 
 WORSE = 1.25  # times what a tree cost when it was built: beyond that a refitted one is built anew
 
@@ -30,7 +30,7 @@ def refitted(tree: Wide, positions: NDArray[np.float32], triangles: NDArray[np.i
     Rays meet in it what they meet in one that is built. `tree` stays as it is.
     """
     made = wide.room(len(tree.nodes), len(tree.leaves))
-    made.links[...], made.rows[...] = tree.links, tree.rows
+    made.links[...], made.rows[...] = tree.links, tree.rows  # the latter in its leaves
     fit(made, positions, triangles)
     return made
 
@@ -45,7 +45,7 @@ def fit(tree, positions, triangles):
         for k in range(3):
             around[first + leaf, k], around[first + leaf, 3 + k] = np.inf, -np.inf
         for j in range(WIDTH):
-            row = tree.rows[leaf, j]
+            row = triangle_of(tree.leaves, leaf, j)
             for corner in range(3):
                 for k in range(3):
                     x = np.float32(np.nan)

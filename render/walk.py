@@ -17,7 +17,7 @@ from . import across, lanes, machine, simd
 from . import shapes_flat as flat
 from .kernels import helper
 from .records import Hit, Lane, Vec
-from .wide import DEPTH, LEAF, NODE, WIDTH, spread32
+from .wide import DEPTH, LEAF, NODE, WIDTH, spread32, triangle_of
 
 FAR = 1.0 + 2.0**-21  # of the far side: eight roundings of float32
 STEEP = 1e12  # times the inverse of the largest component: no other is larger, so that all are finite
@@ -523,7 +523,7 @@ def _pass_leaf_any(tree: Any, leaf: int, rays: Rays, steps: Walks, k: int, insta
     may, sure = _may_meet(seen, ray, limit), _surely_meets(seen, ray, limit)
     ends = sure != 0
     before = simd.read(steps.found, k), simd.read(steps.numbers, k), simd.read(steps.numbers, RAYS + k)
-    number = np.int64(simd.read(tree.rows, leaf * WIDTH + (simd.trailing_zeros(sure) & (WIDTH - 1))))
+    number = np.int64(triangle_of(tree.leaves, leaf, simd.trailing_zeros(sure) & (WIDTH - 1)))
     simd.write(steps.found, k, _double(rays, 6, k) if ends else before[0])
     simd.write(steps.numbers, k, instance if ends else before[1])
     simd.write(steps.numbers, RAYS + k, number if ends else before[2])
@@ -551,7 +551,7 @@ def _meet(tree: Any, leaf: int, j: int, rays: Rays, steps: Walks, k: int, instan
     if not flat.ahead(met, ray.shear[2]):
         return limit
     t = flat.reached(met, ray.shear[2], _double(rays, 7, k), _double(rays, 8, k))
-    number = np.int64(simd.read(tree.rows, leaf * WIDTH + j))
+    number = np.int64(triangle_of(tree.leaves, leaf, j))
     if not sooner(steps, k, t, instance, number):
         return limit
     simd.write(steps.found, k, t)

@@ -19,7 +19,8 @@ from .workers import Workers
 
 WIDTH = 16 if machine.AVX512 else 8  # children of a node, and triangles of a leaf
 NODE = 6 * WIDTH  # planes of a node: rows of low x, high x, low y, high y, low z, high z; of empty places low inf, high -inf
-LEAF = 9 * WIDTH  # coordinates of a leaf: rows of x, y, z of the first corners, then of the second, of the third
+LEAF = 10 * WIDTH  # of a leaf: rows of x, y, z of the first corners, then of the second, of the third; which triangles, as bits of int32
+WHICH = 9 * WIDTH
 DEPTH = 2048  # of a walk's stack: up to fifteen for each of at most 48 levels, and for the halvings of what lies below
 STEP = 0.3  # what going down a level of the binary tree costs, against the test of a leaf
 TEST = 3.0  # what that costs, against the test of a node
@@ -34,7 +35,16 @@ class Wide(NamedTuple):
     nodes: NDArray[np.float32]  # (n, NODE)
     links: NDArray[np.int32]  # (n, WIDTH)
     leaves: NDArray[np.float32]  # (l, LEAF)
-    rows: NDArray[np.int32]  # (l, WIDTH) which triangle, -1 where there is none
+
+    @property
+    def rows(self) -> NDArray[np.int32]:
+        """(l, WIDTH) which triangle, -1 where there is none."""
+        return self.leaves.view(np.int32)[:, WHICH:]
+
+    @property
+    def corners(self) -> NDArray[np.float32]:
+        """(l, 3, 3, WIDTH) x, y, z of the triangles' first, second and third corners, nan where there is none."""
+        return self.leaves[:, :WHICH].reshape(-1, 3, 3, WIDTH)
 
     @property
     def nbytes(self) -> int:
@@ -119,8 +129,8 @@ def room(nodes: int, leaves: int) -> Wide:
     """A tree's arrays, not filled."""
     return Wide(
         simd.aligned_empty((nodes, NODE), np.float32), simd.aligned_empty((nodes, WIDTH), np.int32),
-        simd.aligned_empty((leaves, LEAF), np.float32), simd.aligned_empty((leaves, WIDTH), np.int32),
-    )  # fmt: skip
+        simd.aligned_empty((leaves, LEAF), np.float32),
+    )
 
 
 def pooled(trees: list[Wide], rows: list[int]) -> Wide:
@@ -138,7 +148,7 @@ def pooled(trees: list[Wide], rows: list[int]) -> Wide:
 def fineness(tree: Wide, some: int = 512) -> float:
     """How wide leaves are: the median of the largest sides of some of their boxes."""
     step = max(1, len(tree.leaves) // some)
-    corners = np.ascontiguousarray(tree.leaves[::step]).reshape(-1, 3, 3, WIDTH)
+    corners = tree.corners[::step]
     low, high = (least.reduce(least.reduce(corners, axis=1), axis=-1) for least in (np.fmin, np.fmax))  # empty places are nan
     return float(np.median((high - low).max(axis=1)))
 
@@ -262,7 +272,7 @@ def collapse(tree, found, closed, places, mesh, slack, out, first, ends):
             elif len(mesh.triangles) == 0:
                 out.links[node, i] = -1 - (simd.float_bits(tree.items[tree.first[child], halves.NUMBER]) & ~halves.TAG)
             else:
-                _fill(tree, child, mesh, out.leaves, out.rows, ends)
+                _fill(tree, child, mesh, out.leaves, ends)
                 out.links[node, i] = -1 - ends
                 ends += 1
 
@@ -296,7 +306,19 @@ def _children(found: Any, row: int, chosen: Any) -> int:
 
 
 @helper
-def _fill(tree: Any, node: int, mesh: Any, leaves: Any, rows: Any, leaf: int) -> None:
+def triangle_of(leaves: Any, leaf: int, j: int) -> Any:
+    """Which triangle is the j-th of a leaf, -1 where there is none."""
+    return simd.float_bits(simd.read(leaves, leaf * LEAF + WHICH + j))
+
+
+@helper
+def set_triangle(leaves: Any, leaf: int, j: int, row: Any) -> None:
+    """Say which it is."""
+    leaves.view(np.int32)[leaf, WHICH + j] = row
+
+
+@helper
+def _fill(tree: Any, node: int, mesh: Any, leaves: Any, leaf: int) -> None:
     """Put a binary leaf's triangles side by side."""
     first, n = tree.first[node], tree.count[node]
     for j in range(WIDTH):
@@ -306,11 +328,11 @@ def _fill(tree: Any, node: int, mesh: Any, leaves: Any, rows: Any, leaf: int) ->
                 v = mesh.triangles[row, corner]
                 for k in range(3):
                     leaves[leaf, (3 * corner + k) * WIDTH + j] = mesh.positions[v, k]
-            rows[leaf, j] = row
+            set_triangle(leaves, leaf, j, row)
         else:
             for k in range(9):
                 leaves[leaf, k * WIDTH + j] = np.nan  # which nothing passes through
-            rows[leaf, j] = -1
+            set_triangle(leaves, leaf, j, -1)
 
 
 @kernel
@@ -327,7 +349,8 @@ def join(whole, part, node, leaf, row):
                 link -= leaf
             whole.links[node + i, k] = link
     for i in range(len(part.leaves)):
-        for k in range(LEAF):
+        for k in range(WHICH):
             whole.leaves[leaf + i, k] = part.leaves[i, k]
-        for k in range(WIDTH):
-            whole.rows[leaf + i, k] = part.rows[i, k] + row if part.rows[i, k] >= 0 else -1
+        for j in range(WIDTH):
+            number = triangle_of(part.leaves, i, j)
+            set_triangle(whole.leaves, leaf + i, j, number + row if number >= 0 else -1)

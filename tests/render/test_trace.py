@@ -204,7 +204,7 @@ def check_wide(tree: wide.Wide, triangles: np.ndarray) -> int:
                 stack.append((link, low, high, depth + 1))
                 continue
             rows = tree.rows[~link]
-            held = tree.leaves[~link].reshape(3, 3, wide.WIDTH)[:, :, rows >= 0]
+            held = tree.corners[~link][:, :, rows >= 0]
             rows = rows[rows >= 0]
             np.testing.assert_array_equal(held.transpose(2, 0, 1), triangles[rows])
             assert np.all(held > low[:, None])

@@ -346,7 +346,8 @@ def _mod(m: Any, op: int, a: Interval, b: Any, *_: Any) -> Interval:
     one, other = ((high_of(m, part[0], low), low_of(m, part[1], high)) for part in (first, last))
     whole = m.where(within, first[0], low), m.where(within, first[1], high)
     low, high = one_side(m, end == begin + 1.0, one, other, whole)
-    m.undefined((b[0] <= 0.0) & (b[1] >= 0.0))
+    if not m.forks:  # what b is 0 at is a place alone: tapes.Builder chooses where it stays so
+        m.undefined((b[0] <= 0.0) & (b[1] >= 0.0))
     bad = m.where(b[0] == b[0], a[0], b[0])
     return _defined(m, (bad, bad), (low, high))
 
@@ -359,7 +360,8 @@ def _periods(m: Any, a: Interval, b: Interval) -> Interval:
     alone = (b[0] == b[1]) & (a[1] - a[0] <= abs(a[0] + a[1]) * (4.0 * m.unit))
     middle = 0.5 * (u + v)
     begin, end = m.floor(m.where(alone, middle, down(m, u))), m.floor(m.where(alone, middle, up(m, v)))
-    return begin, m.where((b[0] > 0.0) | (b[1] < 0.0), end, begin + 2.0)
+    apart = (b[0] > 0.0) | (b[1] < 0.0)
+    return m.where(apart, begin, 0.0 * begin), m.where(apart, end, 2.0 + 0.0 * end)
 
 
 def _power(m: Any, op: int, a: Interval, b: Any, *_: Any) -> Interval:

@@ -21,6 +21,7 @@ MOST = 16  # levels that are kept apart
 APART = 2.0**-40  # of what is compared: what differs by less is equal but for rounding
 TINY = 1e-30
 FARTHEST = 2**52
+INPUTS = 3
 
 
 def both(one: Levels, other: Levels) -> Levels:
@@ -72,6 +73,29 @@ def against_own(b: Builder, left: int, right: int, strictly: bool) -> int | None
             return b.constant(1.0)
         return b.below(own, other, strictly) if above else b.below(other, own, strictly)
     return None
+
+
+def sign_of_0(b: Builder, name: int) -> int:
+    """1 where a value may be +0 all over a region, and −0 at places alone; −1 the other way round; 0 where neither is known.
+
+    What is divided by it has there the sign that it had, or the other one.
+    """
+    if name < INPUTS or not b.stays_0(name):
+        return 0
+    op, one, other = b.row(name)
+    if op in (Op.ABS, Op.SQUARE):
+        return 1
+    if op in (Op.MIN, Op.MAX):
+        return 1 if 0.0 in (b.number(one), b.number(other)) else 0
+    if op == Op.NEGATE:
+        return -sign_of_0(b, one)
+    if op in (Op.FLOOR, Op.CEIL, Op.SIGN):
+        mine = -1 if op == Op.CEIL else 1
+        return mine if not b.stays_0(one) or sign_of_0(b, one) == mine else 0
+    if op in (Op.ADD, Op.SUBTRACT):  # −0 only of two such; numbers that cancel leave +0
+        turned = 1 if op == Op.ADD else -1
+        return 1 if any(not b.stays_0(x) or sign_of_0(b, x) == sign for x, sign in ((one, 1), (other, turned))) else 0
+    return 0
 
 
 def parted(b: Builder, field: int, strictly: bool) -> int:

@@ -87,24 +87,25 @@ class Builder:
             a, b = b, a
         if op == Op.MOD and a in self._whole and self.rows[a - INPUTS][0] not in STEPS:
             a = self.op(Op.FLOOR, self.shifted(a, 0.5))  # changes nothing, but that its bounds are one number again
-        if op in (Op.LOG, Op.POWER) and self._stays_0(a):  # bounds take 0 for a place alone: see enclosures.LEAST
+        if op in (Op.LOG, Op.POWER) and self.stays_0(a):  # bounds take 0 for a place alone: see enclosures.LEAST
             there = self._row(op, self.op(Op.MIN, a, self.constant(0.0)), b, c)
             return self.op(Op.CHOOSE, a, there, self._row(op, a, b, c))
-        if op == Op.DIVIDE and self._stays_above_0(b) and not self._stays_0(a):  # ∞ there, whose bounds would be everything
-            there = self.scaled(self.op(Op.SIGN, a), HUGE)
+        if op == Op.MOD and self.stays_0(b):  # undefined there
+            return self.op(Op.CHOOSE, self.op(Op.ABS, b), self._undefined(), self._row(op, a, b, c))
+        if op == Op.DIVIDE and (sign := plateaus.sign_of_0(self, b)):  # ∞ there, whose bounds would be everything
+            there = self.scaled(self.op(Op.SIGN, a), sign * HUGE)
+            if self.stays_0(a):
+                there = self.op(Op.CHOOSE, self.op(Op.ABS, a), self._undefined(), there)
             return self.op(Op.CHOOSE, self.op(Op.ABS, b), there, self._row(op, a, b, c))
         return self._row(op, a, b, c)
 
-    def _stays_0(self, name: int) -> bool:
+    def stays_0(self, name: int) -> bool:
         """Whether a value may be 0 all over a region."""
         levels = self.levels(name)
         return levels is None or 0.0 in levels
 
-    def _stays_above_0(self, name: int) -> bool:
-        """Whether a value may be +0 all over a region, and −0 at places alone: what is divided by it has the sign that it had."""
-        op, a, b = self.row(name)
-        clipped = op in (Op.MIN, Op.MAX) and 0.0 in (self.number(a), self.number(b))
-        return name >= INPUTS and self._stays_0(name) and (clipped or op in (Op.FLOOR, Op.SIGN, Op.ABS, Op.SQUARE, Op.ADD, Op.SUBTRACT))
+    def _undefined(self) -> int:
+        return self.op(Op.SQRT, self.constant(-1.0))
 
     def _row(self, op: Op, a: int, b: int, c: int) -> int:
         row = (int(op), a, b, c)
@@ -184,11 +185,13 @@ class Builder:
         if op in (Op.MIN, Op.MAX) and self._opposite(a, b):
             size = self.op(Op.ABS, b if self.row(a)[0] == Op.NEGATE else a)
             return size if op == Op.MAX else self.op(Op.NEGATE, size)
+        if op == Op.CHOOSE and c >= INPUTS and self.rows[c - INPUTS][:2] == (Op.CHOOSE, a):
+            return self.op(Op.CHOOSE, a, b, self.rows[c - INPUTS][3])
         if op == Op.SQRT and self.row(a)[0] == Op.SQUARE:
             return self.op(Op.ABS, self.row(a)[1])
         if op == Op.DIVIDE and (self.row(b)[:2] == (Op.ABS, a) or self.row(a)[:2] == (Op.ABS, b)):
             of = a if self.row(b)[:2] == (Op.ABS, a) else b
-            return None if self._stays_0(of) else self.op(Op.SIGN, of)
+            return None if self.stays_0(of) else self.op(Op.SIGN, of)
         return None
 
     def _opposite(self, a: int, b: int) -> bool:

@@ -157,6 +157,10 @@ class Builder:
             return self.shifted(field, 0.5 if strictly else -0.5)
         return plateaus.parted(self, field, strictly) if self.parted or levels is None or 0.0 in levels else field
 
+    def zero(self, whole: int) -> int:
+        """A field that is at most 0 where a whole number is 0."""
+        return self.shifted(self.op(Op.ABS, whole), -0.5)
+
     def _simpler(self, op: Op, a: int, b: int, c: int) -> int | None:
         used = (a, b, c)[: arity(op)]
         if all(name < 0 for name in used):
@@ -408,11 +412,13 @@ class _Reader:
             both = b.op(Op.MAX, self.field(first, False, exact), self.field(second, not alike, exact))
             neither = b.op(Op.MAX, self.field(first, True, exact), self.field(second, alike, exact))
             return b.op(Op.MIN, both, neither)
+        difference, equal = b.subtract(*(self.number(i) for i in node.args)), (node.op == "equal") != negated
+        if b.is_whole(difference):
+            return b.zero(difference) if equal else b.op(Op.NEGATE, b.zero(difference))
         if exact:
-            apart = b.op(Op.ABS, b.subtract(*(self.number(i) for i in node.args)))
-            equal = (node.op == "equal") != negated
+            apart = b.op(Op.ABS, difference)
             return apart if equal else b.op(Op.CHOOSE, apart, b.constant(1.0), b.constant(-1.0))
-        sign = "==" if (node.op == "equal") != negated else "!="
+        sign = "==" if equal else "!="
         raise Unfit(
             f"`{sign}` cannot be part of a larger relation: it holds on a surface, which has no inside",
             "write an inequality there, like abs(a - b) <= 0.01",
@@ -420,8 +426,8 @@ class _Reader:
 
 
 def surface(formula: Formula, parted: bool = False) -> tuple[Tape, bool]:
-    """The field of a relation, and whether it is a sheet (`==`, or what is never below 0 at most 0); else it is a solid, where its field is
-    at most 0. With `parted` both sides are known to be equal all over a region: see Builder. Raises Unfit."""
+    """The field of a relation, and whether it is a sheet (`==`, but of whole numbers, or what is never below 0 at most 0); else it is a
+    solid, where its field is at most 0. With `parted` both sides are known to be equal all over a region: see Builder. Raises Unfit."""
     if len(formula.parameters) != 3:
         raise Unfit(f"a surface's formula has three parameters, x, y and z, not {len(formula.parameters)}", "write |x, y, z| …")
     if formula.kind != "truth":
@@ -432,6 +438,8 @@ def surface(formula: Formula, parted: bool = False) -> tuple[Tape, bool]:
     reader = _Reader(builder, formula, (X, Y, Z))
     if top.op == "equal" and not reader.of_truths(top):
         found = builder.subtract(*(reader.number(i) for i in top.args))
+        if builder.is_whole(found):
+            return builder.finish(builder.zero(found)), False
         if parted:
             raise Unfit(*EVERYWHERE)
     else:

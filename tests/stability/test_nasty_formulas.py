@@ -102,6 +102,9 @@ FORMULAS = {
     "a period that steps": "mod(x, floor(3 * y)) <= 0.3",
     "a period that steps, a sheet": "mod(x + 0.05, floor(3 * y)) == z",
     "a period that is 0 on a plateau": "mod(x, max(y, 0)) <= 0.1",
+    "steps that are equal": "floor(4 * x) == floor(4 * y)",
+    "an odd number of steps, and more": "mod(floor(5 * x) + floor(5 * y) + floor(5 * z), 2) == 1 and hypot(x, y, z) <= 0.8",
+    "steps that are not equal": "round(3 * x) != round(2 * z)",
     "divided by a plateau at 0": "0.1 / max(hypot(x, z) - 0.5, 0) >= y + 1",
     "truths that are alike": "(x > 0.1) == (y^2 + z^2 > 0.3)",
     "a square that is at most 0": "(x^2 + y^2 - 0.5)^2 <= 0",
@@ -116,6 +119,10 @@ SAME = {  # of which points of rays show no change of sign, or one by rounding a
     "(x^2 + y^2 - 0.5)^2 <= 0": "x^2 + y^2 == 0.5",
     "max(abs(y) - 0.3, -(abs(y) - 0.3)) <= 0": "abs(y) == 0.3",
     "exp(900 * x) <= exp(900 * y)": "x <= y",
+    "floor(4 * x) == floor(4 * y)": "abs(floor(4 * x) - floor(4 * y)) <= 0.5",
+    "mod(floor(5 * x) + floor(5 * y) + floor(5 * z), 2) == 1 and hypot(x, y, z) <= 0.8": (
+        "abs(mod(floor(5 * x) + floor(5 * y) + floor(5 * z), 2) - 1) <= 0.5 and hypot(x, y, z) <= 0.8"
+    ),
     "abs(x) + abs(y) + abs(z) <= abs(x + y + z)": "x * y >= 0 and y * z >= 0 and x * z >= 0",
     "abs(x) + abs(y) + abs(z) > abs(x + y + z)": "min(x * y, y * z, x * z) < 0",
 }

@@ -13,18 +13,21 @@ from . import limits, report
 from .harness import Effort
 
 NAMES = ("rays", "build", "paths", "raster", "formulas", "start", "threads")
-PARTS = {"paths": ("cornell", "knot", "lamps", "glossy", "glass", "interior")}  # that can be measured one at a time
+PARTS = {  # that can be measured one at a time
+    "paths": ("cornell", "knot", "lamps", "glossy", "glass", "interior"), "formulas": ("512", "1024", "povray"),
+}  # fmt: skip
 CORES = {"threads": 2}  # that a benchmark is kept to; else one
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run what is asked for; 1 if some answers differed or a benchmark failed."""
+    parts = "; of ".join(f"{name}: {', '.join(parts)}" for name, parts in PARTS.items())
     parser = argparse.ArgumentParser(prog="python -m maquette.bench", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"which: {', '.join(NAMES)}; all when none is given")
     parser.add_argument("--quick", action="store_true", help="tiny sizes and two rounds: does it run? The times mean nothing")
     parser.add_argument("--simd", choices=list(limits.WIDTHS), default="", help="keep everybody to these vectors: sections of their own")
     parser.add_argument("--results", type=Path, help="the file to write (bench/RESULTS.md, but none with --quick)")
-    parser.add_argument("--only", metavar="PART", default="", help=f"one scene of paths: {', '.join(PARTS['paths'])}")
+    parser.add_argument("--only", metavar="PART", default="", help=f"one part of {parts}")
     asked = parser.parse_args(arguments)
     if asked.results is None and not asked.quick:
         asked.results = report.RESULTS
@@ -60,7 +63,7 @@ def run(name: str, quick: bool, results: Path | None, only: str = "") -> int:
     effort = Effort(rounds=2, fewest=1) if quick else Effort()
     section: report.Section = module.section(quick, effort, only) if only else module.section(quick, effort)
     whole = [section, *section.parts]
-    for line in (*(f"not measured: {why}" for why in section.missing), *(line for one in whole for line in one.blocks)):
+    for line in (*(f"not measured: {why}" for one in whole for why in one.missing), *(line for one in whole for line in one.blocks)):
         print(line, end="\n\n", flush=True)
     if limits.simd():
         for one in whole:

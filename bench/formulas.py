@@ -39,20 +39,30 @@ MOST_APART = 6.0  # pixels for each of a row that may be hit by one and not by t
 POVRAY_SIZES = {"heart": 32, "Barth sextic": 64}  # of pictures; all others' are 128²
 LONGEST = 20_000  # letters of a formula for POV-Ray
 CHECKED = 2000  # rays, against the definition
+NAMES = ("512", "1024", "povray")  # of the parts: pictures' sizes against fidget, and POV-Ray
 BOX = np.array([[-1.0] * 3, [1.0] * 3])
 POINT = (0, 1, 2)
 
 
-def section(quick: bool, effort: Effort) -> report.Section:
-    """Every model at one size, or two; and by POV-Ray."""
-    peers = Peers()
+def section(quick: bool, effort: Effort, only: str = "") -> report.Section:
+    """Every model at one size, or two; and by POV-Ray. Or the one of NAMES that is asked for: a part has its own machine and day."""
     found = report.Section("formulas", "Formula surfaces", TEXT)
-    for size in (32,) if quick else (512, 1024):
-        found.add(f"{size}²", against_fidget(peers, size, effort), "M rays/s", by="cpu")
-    results = against_povray(peers, quick, replace(effort, rounds=1, fewest=1))
-    if results:
-        found.add("POV-Ray", results, "M rays/s", by="cpu")
-    found.missing = peers.missing
+    for k, name in enumerate(NAMES):
+        if only not in ("", name) or (quick and not only and name == "1024"):
+            continue
+        peers = Peers()
+        if name == "povray":
+            title, results = "POV-Ray", against_povray(peers, quick, replace(effort, rounds=1, fewest=1))
+        else:
+            title = f"{32 if quick else name}²"
+            less = effort if name == "512" else replace(effort, fewest=min(effort.fewest, 2), seconds=effort.seconds / 2)
+            results = against_fidget(peers, 32 if quick else int(name), less)
+        if not results:
+            found.missing = [*found.missing, *peers.missing]
+            continue
+        part = report.Section(f"formulas {k + 1} {name}", title, "", missing=peers.missing, level=3)
+        part.add("Each model", results, "M rays/s", by="cpu")
+        found.parts.append(part)
     return found
 
 

@@ -87,6 +87,18 @@ def _load(table, row):
     return lambda table, row: simd.read(table, row)
 
 
+def load_at(numbers: Any, first: int) -> Lane:
+    """WIDTH numbers from the first on, as they are."""
+    return np.asarray(numbers).ravel()[first : first + WIDTH]
+
+
+@overload(load_at, jit_options=HELPER)
+def _load_at(numbers, first):
+    if WIDTH > 1:
+        return lambda numbers, first: simd.load(numbers, first, WIDTH)
+    return lambda numbers, first: simd.read(numbers, first)
+
+
 def load_rows3(rows: Any, first: int) -> Vec:
     """The columns of WIDTH rows of three numbers, as float64; in kernels of whatever numbers there are."""
     return tuple(np.asarray(rows[first : first + WIDTH], np.float64).T)

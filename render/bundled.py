@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from . import across, camera, columns, hidden, lanes, sampler, simd
+from . import across, camera, columns, hidden, lanes, primed, sampler, simd
 from .formulas import meet, tile_room, tiles
 from .handles import Handle
 from .kernels import kernel
@@ -56,9 +56,8 @@ class Bundles:
         """Meet all samples first … first + count − 1 of `total` of a tile's pixels, (rows, columns) each; the thread's room with that."""
         desk = self._desk(count)
         found = desk.primed
-        found.first[:], found.corner[:] = first.ravel(), (tile.x0, tile.y0)
-        found.t[:], found.instance[:] = np.inf, -1
-        aim(packed, frame, total, tile.x0, tile.y0, found.first, count.shape[1], found.items, found.rays)
+        primed.begin(first, tile.x0, tile.y0, found.first, found.corner, found.t, found.instance)
+        aim(packed, frame, total, found.first, found.corner, count.shape[1], found.items, found.rays)
         n = found.items.shape[1]
         for k, i in enumerate(self.instances):
             self._meet(k, found.rays, n, found, i)
@@ -133,7 +132,7 @@ def _desk(count: NDArray[np.int64], room: Any, lamps: bool) -> Desk:
     items = np.ascontiguousarray(np.concatenate(parts, axis=1), np.int64)
     padded = -(-n // tile_room.VECTOR) * tile_room.VECTOR
     primed = Primed(
-        rounds, rows, columns, slots.ravel(), np.zeros(rows * columns, np.int64), np.zeros(2, np.int64), items, np.zeros((8, padded)),
+        rounds, rows, columns, slots.ravel(), np.zeros(rows * columns, np.int64), np.zeros(3, np.int64), items, np.zeros((8, padded)),
         np.full(n, np.inf), np.full(n, -1), np.zeros(n, np.int64), np.zeros(n), np.zeros(n), np.zeros(n, np.int64) if lamps else Nothing(),
     )  # fmt: skip
     onward, shade = (np.zeros((8, padded)), np.zeros(n)) if lamps else (np.zeros((8, 0)), np.zeros(0))
@@ -153,14 +152,13 @@ def _order(rows: int, columns: int) -> tuple[NDArray[np.int64], NDArray[np.int64
 
 
 @kernel
-def aim(tables, frame, total, left, top, firsts, width, items, rays):
-    """The camera rays of a desk's samples, of a tile with this corner; `firsts` are numbers of its pixels' first samples."""
+def aim(tables, frame, total, first, corner, width, items, rays):
+    """The camera rays of a desk's samples; `first`, `corner` and so on are parts of its Primed."""
     n = items.shape[1]
     for start in range(0, n, across.WIDTH):
-        rows = lanes.minimum(across.numbered(start), n - 1)
-        x, y = items[0, rows], items[1, rows]
-        s = items[2, rows] + firsts[y * width + x]
-        x, y = x + left, y + top
+        x, y, s = primed.pixels(items, start)
+        s += primed.first_samples(corner, first, width, x, y)
+        x, y = x + corner[0], y + corner[1]
         view, options = frame.picture, frame.options
         pixel, s = sampler.place(x, y, s, view.width, frame.order)
         dx, dy = sampler.offset(pixel, s, total, options.seed, frame.filter)

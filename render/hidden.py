@@ -16,7 +16,7 @@ from numba.extending import overload
 from ..compiler import ir
 from . import across, bvh, columns, lanes, lights, surface, trace
 from .kernels import HELPER, helper, kernel
-from .primed import instances
+from .primed import instances, taken
 from .records import Hit, Lane, Options, Ray, Surface, Tables, Vec
 
 LAMPS = 31  # two bits each
@@ -43,13 +43,12 @@ def aim(tables, light, rays, found, out):
     where there is none, its last distance is less than its first, and the rest says nothing."""
     n, many = len(found.t), 0
     for start in range(0, n, across.WIDTH):
-        rows = lanes.minimum(across.numbered(start), n - 1)
         origin, direction, _, _ = columns.get(rays, start)
-        instance = found.instance[rows]
+        instance = taken(found.instance, start)
         met = (instance >= 0) & (across.numbered(start) < n)
         ends = lanes.full_like(origin[0], -1.0)
         if lanes.any_lane(met):
-            hit = Hit(found.t[rows], instance, found.spacing[rows], found.u[rows], found.v[rows])
+            hit = Hit(taken(found.t, start), instance, taken(found.spacing, start), taken(found.u, start), taken(found.v, start))
             position, geometric, offset = _off(tables, Ray(origin, direction, 0.0, np.inf, None), hit, met)
             arriving = lights.sample_sharp(tables, light, position)
             lit = met & (lanes.dot(arriving.direction, geometric) > 0.0) & (lanes.largest(arriving.irradiance) > 0.0)

@@ -8,13 +8,14 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
 from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import bvh, lanes
+from . import across, bvh, lanes
 from .handles import HandleType
-from .kernels import HELPER, helper
+from .kernels import HELPER, helper, kernel
 from .records import Hit, Lane
 
 SIDE = 64  # pixels of a tile's side, so that its rays fill a bundle
@@ -34,7 +35,7 @@ class Primed(NamedTuple):
     columns: int
     slots: NDArray[np.int64]
     first: NDArray[np.int64]  # (pixels,) number of the first sample
-    corner: NDArray[np.int64]  # x0, y0 of the tile
+    corner: NDArray[np.int64]  # x0, y0 of the tile; the number of all pixels' first sample, or -1
     items: NDArray[np.int64]  # (3, samples) column, row and number of samples, from the tile's corner and first ones
     rays: NDArray[np.float64]  # of samples, as columns.py has them
     t: NDArray[np.float64]
@@ -70,17 +71,73 @@ def slot_of(primed: Any, x: Lane, y: Lane, s: Lane) -> Lane:
     return lanes.maximum(primed.slots[k * len(primed.first) + at], 0)
 
 
+def taken(column: Any, slot: Any) -> Lane:
+    """What stands in the slots of a column; of a number, in as many as there are lanes from there on, the last again beyond the end."""
+    raise NotImplementedError("in kernels only")
+
+
+@overload(taken, jit_options=HELPER)
+def _taken(column, slot):
+    if not isinstance(slot, types.Integer):
+        return lambda column, slot: column[slot]
+    return lambda column, slot: _in_a_row(column, slot)
+
+
 @helper
-def nearer_in(primed: Any, slot: Lane, hit: Hit) -> tuple[Hit, Any]:
-    """`hit`, or what samples in these slots were found beforehand to meet, where that comes first; what is known there of lamps."""
-    t = primed.t[slot]
+def _in_a_row(column: Any, start: int) -> Lane:
+    n = len(column)
+    if start + across.WIDTH <= n:  # several times as fast as from places of lanes
+        return across.load_at(column, start)
+    return column[lanes.minimum(across.numbered(start), n - 1)]
+
+
+@helper
+def pixels(items: Any, start: int) -> tuple[Lane, Lane, Lane]:
+    """The columns, rows and numbers of samples from `start` on; the last again beyond the end."""
+    n = items.shape[1]
+    if start + across.WIDTH <= n:
+        return across.load_at(items, start), across.load_at(items, n + start), across.load_at(items, 2 * n + start)
+    slot = lanes.minimum(across.numbered(start), n - 1)
+    return items[0, slot], items[1, slot], items[2, slot]
+
+
+@helper
+def first_samples(corner: Any, first: Any, columns: int, x: Lane, y: Lane) -> Lane:
+    """Numbers of the first samples of a tile's pixels, by these parts of a Primed."""
+    found = lanes.int_like(x, corner[2])
+    if corner[2] < 0:
+        found = first[y * columns + x]
+    return found
+
+
+@kernel
+def begin(firsts, left, top, first, corner, t, instance):
+    """Set parts of a Primed for a tile with this corner, nothing met yet; `firsts` (rows, columns) are its pixels' first samples."""
+    rows, columns = firsts.shape
+    same = firsts[0, 0] if rows * columns > 0 else -1
+    for row in range(rows):
+        for column in range(columns):
+            number = firsts[row, column]
+            first[row * columns + column] = number
+            same = same if number == same else -1
+    corner[0], corner[1], corner[2] = left, top, same
+    for i in range(len(t)):
+        t[i], instance[i] = np.inf, -1
+
+
+@helper
+def nearer_in(primed: Any, slot: Any, hit: Hit) -> tuple[Hit, Any]:
+    """`hit`, or what samples in these slots, or from this one on, were found beforehand to meet, where that comes first; what is known
+    there of lamps."""
+    t = taken(primed.t, slot)
     first = (t <= hit.t) & (t < np.inf)
     if lanes.any_lane(first):
-        i = primed.instance[slot]
+        i = taken(primed.instance, slot)
         first = first & ((t < hit.t) | (i < hit.instance))
+        spacing, u, v = taken(primed.spacing, slot), taken(primed.u, slot), taken(primed.v, slot)
         hit = Hit(
-            lanes.where(first, t, hit.t), lanes.where(first, i, hit.instance), lanes.where(first, primed.spacing[slot], hit.primitive),
-            lanes.where(first, primed.u[slot], hit.u), lanes.where(first, primed.v[slot], hit.v),
+            lanes.where(first, t, hit.t), lanes.where(first, i, hit.instance), lanes.where(first, spacing, hit.primitive),
+            lanes.where(first, u, hit.u), lanes.where(first, v, hit.v),
         )  # fmt: skip
     return hit, _known(primed, first, slot)
 
@@ -94,7 +151,7 @@ def _known(primed: Any, first: Lane, slot: Lane) -> Any:
 def _known_in_kernels(primed, first, slot):
     if primed.field("hidden")[1] == ():
         return lambda primed, first, slot: None
-    return lambda primed, first, slot: lanes.where(first, primed.hidden[slot], 0)
+    return lambda primed, first, slot: lanes.where(first, taken(primed.hidden, slot), 0)
 
 
 @helper

@@ -16,7 +16,7 @@ from . import across, aov, camera, columns, integrate, lanes, prepare, primed, r
 from .film import TILE
 from .handles import Handle
 from .kernels import HELPER, apart, helper, kernel
-from .primed import REST, is_used, nearer_in, slot_of
+from .primed import REST, first_samples, is_used, nearer_in, pixels, slot_of
 from .records import Film, First, Hit, Lane, Options, Ray, Tile, View
 
 CAMERA = int(ir.Visibility.CAMERA)
@@ -194,9 +194,9 @@ def _draw_found(primed, tables, accel, gouraud, frame, film, room):
             return False
         n = primed.items.shape[1]
         for start in range(0, n, across.WIDTH):
-            draw_row(tables, accel, gouraud, frame, start, room)
-            for k in range(min(across.WIDTH, n - start)):
-                _add_one(film, room, k, primed.items[1, start + k], primed.items[0, start + k])
+            if draw_row(tables, accel, gouraud, frame, start, room):
+                for k in range(min(across.WIDTH, n - start)):
+                    _add_one(film, room, k, primed.items[1, start + k], primed.items[0, start + k])
         return True
 
     return drawn
@@ -204,28 +204,31 @@ def _draw_found(primed, tables, accel, gouraud, frame, film, room):
 
 @apart
 def draw_row(tables, accel, gouraud, frame, start, room):
-    """Write the light of samples that were met beforehand, from number `start` on, to the room: as `light_of`, by their known rays."""
+    """Write the light of samples that were met beforehand, from number `start` on, to the room: as `light_of`, by their known rays;
+    whether there is any."""
     view, options, found = frame.picture, frame.options, room.primed
-    slot = lanes.minimum(across.numbered(start), found.items.shape[1] - 1)
-    x, y = found.items[0, slot], found.items[1, slot]
-    s = found.first[y * found.columns + x]
+    x, y, _ = pixels(found.items, start)
+    s = first_samples(found.corner, found.first, found.columns, x, y)
     pixel, s = sampler.place(x + found.corner[0], y + found.corner[1], s, view.width, frame.order)
     origin, direction, t_min, t_max = columns.get(found.rays, start)
     ray = Ray(origin, direction, t_min, t_max, sampler.moment(pixel, s, options.seed, frame.shutter))
-    hit, known = first_of_both(accel, tables, ray, found, slot)
-    _put_light(room, integrate.call(frame.radiance, (  # pyright: ignore[reportCallIssue]
+    hit, known = first_of_both(accel, tables, ray, found, start)
+    return _put_light(room, integrate.call(frame.radiance, (  # pyright: ignore[reportCallIssue]
         tables, accel, gouraud, options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive, hit.u, hit.v, pixel, s, room.stack,
         ray.time, known,
     )))  # fmt: skip
 
 
 @helper
-def _put_light(room: Any, light: Any) -> None:
+def _put_light(room: Any, light: Any) -> bool:
+    """Write samples' light to the room; whether adding it changes anything."""
     color, alpha, sound = light
     for k in range(3):
         across.store(room.light, k, color[k])
     across.store(room.light, 3, alpha)
     across.store(room.light, 4, lanes.where(sound, 1.0, 0.0))
+    dark = (color[0] == 0.0) & (color[1] == 0.0) & (color[2] == 0.0) & (alpha == 0.0) & sound
+    return lanes.any_lane(lanes.not_(dark))
 
 
 @apart
@@ -272,7 +275,7 @@ def _met_first(primed, accel, tables, ray, x, y, s):
 
 @apart
 def first_of_both(accel, tables, ray, found, slot):
-    """`met_first` for samples in these slots."""
+    """`met_first` for samples in these slots, or from this one on."""
     hit = trace.closest(accel, tables, ray, lanes.bool_like(ray.t_min, True), REST)
     return nearer_in(found, slot, hit)
 

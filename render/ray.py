@@ -252,7 +252,8 @@ def _add_one(film: Film, room: Any, k: int, row: int, column: int) -> None:
     film.color[row, column, 1] += room.light[1, k]
     film.color[row, column, 2] += room.light[2, k]
     film.alpha[row, column] += room.light[3, k]
-    film.issues[row, column] += 0 if room.light[4, k] > 0.5 else 1
+    if not room.light[4, k] > 0.5:  # seldom: memory that nobody reads or writes need not come near
+        film.issues[row, column] += 1
 
 
 def met_first(primed: Any, accel: Any, tables: Any, ray: Ray, x: Lane, y: Lane, s: Lane) -> tuple[Hit, Any]:

@@ -333,7 +333,8 @@ def _mirror(lowering: Lowering, element: Element, body: Body) -> Body:
 
 def _morph(lowering: Lowering, element: Element, bodies: list[Body]) -> Body:
     if len(bodies) != 2:
-        lowering.error(element, f"a morph is between two solids, got {len(bodies)}", "group several in a union")
+        hint = "group several in a union" if len(bodies) > 2 else "write morph(0.5) { sphere(1); box(1.5) }"
+        lowering.error(element, f"a morph is between two solids, got {len(bodies)}", hint)
         raise _Refused
     if any(body.mesh is not None for body in bodies):
         lowering.error(element, "`morph` of a mesh is not built yet: it needs a field", _TAKEN)

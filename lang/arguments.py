@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from . import habits, units
+from . import ast, habits, units
 from .convert import LIGHT_TYPES, Place, convert
 from .diagnostics import Span
 from .entries import REQUIRED, Arg, Entry
@@ -76,6 +77,23 @@ def missing(callee: str, required: Iterable[str], assigned: Mapping[str, Given],
     if absent:
         report(f"{callee} needs {' and '.join(absent)}", span, "")
     return bool(absent)
+
+
+def fraction(givens: Sequence[Given]) -> tuple[bool, str, tuple[Span, ...]] | None:
+    """Of a fraction that is written with a comma, and so has become two arguments: whether it ends a formula, what to write, and where
+    both are."""
+    for given, after in pairwise(givens):
+        one, other = given.node, after.node
+        whole = one
+        while isinstance(whole, ast.Function | ast.Binary | ast.Unary):
+            whole = whole.body if isinstance(whole, ast.Function) else whole.right if isinstance(whole, ast.Binary) else whole.operand
+        digits = [node.text for node in (whole, other) if isinstance(node, ast.Number) and node.text.isdigit()]
+        near = (after.span.line, after.span.column) == (given.span.end_line, given.span.end_column + 1)
+        thousand = len(digits) == 2 and digits[0] != "0" and len(digits[1]) == 3
+        if len(digits) == 2 and not thousand and near and given.name is None and after.name is None:
+            hint = f"a fraction is written with a point: {'.'.join(digits)}"
+            return whole is not one, hint, (given.span, after.span, after.name_span)
+    return None
 
 
 class Signature:

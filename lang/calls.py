@@ -150,13 +150,17 @@ def make_element(machine: Evaluator, entry: Entry, givens: list[Given], site: Si
     if signature is None:
         signature = machine.signatures[entry.name] = arguments.Signature(entry)
 
+    fraction = arguments.fraction(givens)
+
     def report(message: str, span: Span, hint: str) -> None:
-        machine.report(message, span, hint, scope.trace)
+        machine.report(message, span, fraction[1] if fraction and (span in fraction[2] or not hint) else hint, scope.trace)
 
     bound = arguments.element_arguments(signature, givens, site.callee, scope, report)
     if bound is None:
         raise Poisoned
     args, given, photometric = bound
+    if fraction and fraction[0]:
+        machine.diagnostics.warning("the formula ends at this comma", fraction[2][1], fraction[1])
     machine.meter.element()
     children = site.children or ()
     element = Element(entry.name, args, site.span, given, children, scope.path, scope.trace, photometric)

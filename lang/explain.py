@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -317,14 +318,26 @@ def _number_goes_on(place: Place) -> Answer | None:
     return f"`{number}{token}` is no number", "a number is digits with a unit behind them: 1000mm", number
 
 
+def _arrow(place: Place, at: int) -> bool:
+    """Whether the bracket that opens at `at` closes before an arrow, as that of another language's parameters."""
+    behind = itertools.dropwhile(lambda token: token != ")", place.stream[at:])
+    return tuple(itertools.islice(behind, 1, 3)) in (("=", ">"), ("-", ">"))
+
+
 def _list_in_parentheses(place: Place) -> Answer | None:
+    before, behind = place.near(-1), place.near(1)
     if place.token == "," and place.inside() == "group":
         i = place.opener()
         assert i is not None
+        if _arrow(place, i):
+            return "a function's parameters stand between bars", "write |x, y, z| …, without an arrow", place.stream[i]
         return "a list is written in square brackets", "write [x, y, z]", place.stream[i]
     if place.token == "," and place.inside() == "":
         if place.near(-1) in (")", "}") and place.near(1).type == "NAME" and place.start not in KEYWORDS:
             return "things are not parted by `,` but by `;` or the end of the line", "write ; here, or a new line", place.token
+        near = before.type == behind.type == "NUMBER" and before.end_pos == behind.start_pos - 1
+        if near and (before == "0" or len(behind) != 3):  # not a thousand
+            return "a fraction is written with a point", f"write {before}.{behind}; a list is [{before}, {behind}]", before
         return "a `,` stands only inside ( ) and [ ]", "write 1.5 for a fraction, [1, 5] for a list", place.token
     return None
 
@@ -392,6 +405,8 @@ def _two_values(place: Place) -> Answer | None:
         return "the `|` before a formula's parameters is missing", "write |x, y, z| …", token
     if before in ("x", "y", "z") and "VBAR" in place.expected and "COMMA" in place.expected:
         return "the `|` behind a formula's parameters is missing", "write |x, y, z| …", token
+    if before == "lambda":
+        return "a function is written |x| x + 1", "write |x, y, z| … in place of lambda x, y, z: …", before
     if inside == "call" and before.type == "NAME" and place.near(-2) in ("(", ","):
         return f"`:` is missing after `{before}`", f"write {before}: {token}" if token.type in _VALUE else "", token
     if "VBAR" in place.expected and "COMMA" in place.expected:

@@ -170,6 +170,8 @@ def divide(a: Value, b: Value, context: Context) -> Value:
         raise Mistake(f"cannot divide {kind(a)} by {kind(b)}")
     if is_scalar(a):
         if has_term(a, b):
+            if not has_term(b) and split(b)[0] == 0:
+                raise Mistake("division by 0")
             return record("divide", a, b)
         x, da = split(a)
         y, db = split(b)

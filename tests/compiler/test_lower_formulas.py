@@ -114,7 +114,7 @@ def test_bounds_are_close_to_a_heart_and_cut_nothing_off(tmp_path, within):
         ("union { implicit(|x, y, z| (x + y)^2 <= 0, within: 1); sphere(1) }",
          "this is a sheet, which has no inside (write an inequality that holds in a region: neither == nor a square <= 0)"),
         ("union { plane(y: 0) }", "this union is endless (cut it by an intersection with a box or sphere)"),
-        ("morph { sphere(1) }", "a morph is between two solids, got 1 (group several in a union)"),
+        ("morph { sphere(1) }", "a morph is between two solids, got 1 (write morph(0.5) { sphere(1); box(1.5) })"),
         ("bend(200deg, over: 1) { box(3) }", "bent this far its ends go through each other (a smaller angle, or over a greater length)"),
     ],
 )  # fmt: skip

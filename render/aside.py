@@ -15,6 +15,7 @@ from numba.extending import overload
 
 from . import across, boxes, gather, lanes, meeting, opacity, placed, shapes, simd, surface, traverse, walk
 from . import shapes_flat as flat
+from . import top as over
 from .bvh import REACH, marks
 from .handles import Handle, HandleType, marked
 from .kernels import HELPER, helper
@@ -164,7 +165,7 @@ def _through(accel: Any, ray: One, limit: Any, visible_bit: int, any_hit: bool, 
     if len(links) == 0 or best.share <= 0.0:
         return best
     children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
-    ready = _bundle(boxes.world_ray(ray.origin, ray.direction))
+    ready = _bundle(boxes.world_ray(*over.local(accel.aside.top, ray.origin, ray.direction)))
     top, node = np.int64(0), np.int64(0)
     while True:
         if node >= 0:

@@ -41,7 +41,7 @@ def local_ray(o: Vec, d: Vec) -> BoxRay:
 
 @helper
 def world_ray(o: Vec, d: Vec) -> BoxRay:
-    """For boxes in the world, which have some slack. All numbers are finite, so that there is no NaN."""
+    """For boxes of the tree over instances, in its frame, which have some slack. All numbers are finite, so that there is no NaN."""
     x, y, z = 1.0 / d[0], 1.0 / d[1], 1.0 / d[2]
     most = STEEP * lanes.smallest((abs(x), abs(y), abs(z)))
     return _ready(o, (lanes.clip(x, -most, most), lanes.clip(y, -most, most), lanes.clip(z, -most, most)), WORLD_ERROR)
@@ -119,8 +119,8 @@ def enter_node(nodes: Any, node: int, rays: Bundle, t_min: Any, t_max: Any) -> t
 
 @helper
 def _slabs(nodes: Any, at: int, rays: Bundle, k: int, near: Lane, far: Lane) -> tuple[Lane, Lane]:
-    lo = simd.load(nodes, at + rays.rows[k], WIDTH) - rays.near[k]
-    hi = simd.load(nodes, at + (rays.rows[k] ^ WIDTH), WIDTH) - rays.far[k]
+    lo = simd.to_f64(simd.load(nodes, at + rays.rows[k], WIDTH)) - rays.near[k]
+    hi = simd.to_f64(simd.load(nodes, at + (rays.rows[k] ^ WIDTH), WIDTH)) - rays.far[k]
     near = simd.maximum(near, simd.minimum(lo * rays.least[k], lo * rays.most[k]))
     return near, simd.minimum(far, simd.maximum(hi * rays.least[k], hi * rays.most[k]) * FAR)
 
@@ -152,6 +152,6 @@ def _sooner(t: Lane) -> Lane:
 
 @helper
 def _side(nodes: Any, at: int, behind: Lane, ahead: Lane, inverse: Lane, up: Lane, near: Lane, far: Lane) -> tuple[Lane, Lane]:
-    low, high = simd.read(nodes, at), simd.read(nodes, at + WIDTH)
+    low, high = np.float64(simd.read(nodes, at)), np.float64(simd.read(nodes, at + WIDTH))
     near = lanes.maximum((lanes.where(up, low, high) - behind) * inverse, near)
     return near, lanes.minimum((lanes.where(up, high, low) - ahead) * inverse * FAR, far)

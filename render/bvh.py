@@ -106,6 +106,9 @@ def build(
     still = np.flatnonzero(plain & (root >= 0))
     tight.tighten(boxes, still, meshes, root, *frames(tables), SLACK)
     inside = np.flatnonzero(plain & bounded).astype(np.int32)
+    large = inside[top.too_large(boxes[inside])]
+    bounded[large] = False
+    inside = np.flatnonzero(plain & bounded).astype(np.int32)
     rows = simd.aligned_empty((len(kind), PLACED), np.int64)
     found = forms.of(tables, closed)
     primed = plain & (kind == ir.GeometryKind.FORMULA) & forms.have_cells(found)[instances.geometry]

@@ -15,6 +15,7 @@ from .kernels import helper, kernel
 from .records import Hit, Lane, Ray, Vec
 
 _LANES = across.WIDTH
+SHORTEST, LONGEST = 1e-20, 1e20  # directions, so that float32 has their inverses in all frames
 CAMERA, SHADOW = int(ir.Visibility.CAMERA), int(ir.Visibility.SHADOW)
 
 
@@ -38,7 +39,10 @@ def trees(tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool =
 def closest(
     accel: Handle, origin: ArrayLike, direction: ArrayLike, t_min: ArrayLike = 0.0, t_max: ArrayLike = np.inf, visible: int = CAMERA
 ) -> Met:
-    """The first hits of rays with origins and directions (n, 3), between t_min and t_max (n,), with what has a bit of `visible`."""
+    """The first hits of rays with origins and directions (n, 3), between t_min and t_max (n,), with what has a bit of `visible`.
+
+    Directions are of any length from SHORTEST to LONGEST; rays whose are not meet nothing.
+    """
     columns = _columns(origin, direction, t_min, t_max)
     n = len(columns[0])
     met = Met(np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n), np.empty(n))
@@ -122,7 +126,15 @@ def _one(numbers: Any, start: int, n: int) -> Lane:
 
 @helper
 def _ray(origin: Any, direction: Any, t_min: Any, t_max: Any, start: int, n: int) -> Ray:
-    return Ray(_three(origin, start, n), _three(direction, start, n), _one(t_min, start, n), _one(t_max, start, n), None)
+    d = _three(direction, start, n)
+    return Ray(_three(origin, start, n), d, _one(t_min, start, n), _if_sound(d, _one(t_max, start, n)), None)
+
+
+@helper
+def _if_sound(d: Vec, t_max: Lane) -> Lane:
+    """How far rays go, -inf where their directions are too short or too long."""
+    length = lanes.largest((abs(d[0]), abs(d[1]), abs(d[2])))
+    return lanes.where((length >= SHORTEST) & (length <= LONGEST), t_max, -np.inf)
 
 
 @helper
@@ -164,7 +176,8 @@ def _by_place(accel: Any, origin: Any, direction: Any, t_min: Any, t_max: Any, v
         by_place.order(origin, start, count, rows)
         for k in range(0, count, across.WIDTH):
             row = across.load(rows, k // across.WIDTH)
-            ray = Ray(_at3(origin, row), _at3(direction, row), lanes.to_float(t_min[row]), lanes.to_float(t_max[row]), None)
+            d = _at3(direction, row)
+            ray = Ray(_at3(origin, row), d, lanes.to_float(t_min[row]), _if_sound(d, lanes.to_float(t_max[row])), None)
             all_ = lanes.bool_like(ray.t_min, True)
             across.put_at(blocked, row, trace.find(accel, ray, all_, visible, True).instance >= 0, all_)
 

@@ -8,33 +8,42 @@ import numpy as np
 
 from ..compiler import ir
 from . import across, boxes, gather, lanes, meeting, simd, walk
-from .boxes import Bundle
 from .bvh import NO_MESHES, PLACED, REACH
 from .handles import unless
 from .kernels import apart, helper
 from .records import Hit, Lane, Vec
-from .wide import spread64
 
 MESH = int(ir.GeometryKind.MESH)
 _LANES = across.WIDTH
-_ROWS = 17 * _LANES
+_ROWS = 10 * _LANES
+_D, _T_MIN, _UNTIL, _ENTERS, _PACE = 3, 6, 7, 8, 9  # rows of what is kept, after origins
+_CUBE = (-1.0, -1.0, -1.0, 1.0, 1.0, 1.0)  # what a tree holds
 ENOUGH = (5 * _LANES + 7) // 8  # rays that wait at instances until they are brought into their frames
 
 
 @helper
 def each(
-    accel: Any, ray: boxes.BoxRay, origin: Vec, direction: Vec, t_min: Lane, until: Lane, left: int,
+    accel: Any, ray: boxes.BoxRay, o: Vec, d: Vec, origin: Vec, direction: Vec, t_min: Lane, until: Lane, left: int,
     visible_bit: int, any_hit: bool, best: Hit,
 ) -> Hit:  # fmt: skip
-    """`best`, or what the rays whose bits are set in `left` meet first in the tree where that comes first: a step of each in turn."""
-    kept = simd.stack_array(np.float64, _ROWS)
-    _store3(kept, 0, ray.near)
-    _store3(kept, 3, ray.far)
-    _store3(kept, 6, ray.inverse)
-    _store3(kept, 9, origin)
-    _store3(kept, 12, direction)
-    across.store(kept, 15, t_min)
-    across.store(kept, 16, until)
+    """`best`, or what the rays whose bits are set in `left` meet first in the tree where that comes first: a step of each in turn.
+
+    In the tree's frame they are o + t d.
+    """
+    kept, upper = simd.stack_array(np.float64, _ROWS), walk.room()
+    nearest = lanes.minimum(until, best.t)
+    enters = boxes.enter(_CUBE, ray, t_min, nearest)
+    enters, entered = lanes.where(enters < np.inf, enters, 0.0), enters < np.inf
+    entry, pace = lanes.add(o, lanes.scale(d, enters)), lanes.largest((abs(d[0]), abs(d[1]), abs(d[2])))
+    sound = (abs(entry[0]) + abs(entry[1]) + abs(entry[2]) < 4.0) & (pace > 0.0)  # not of rays that are no numbers or go nowhere
+    left &= across.bits(entered & sound)
+    _store3(kept, 0, origin)
+    _store3(kept, _D, direction)
+    across.store(kept, _T_MIN, t_min)
+    across.store(kept, _UNTIL, until)
+    across.store(kept, _ENTERS, enters)
+    across.store(kept, _PACE, pace)
+    walk.keep_boxes(upper, entry, lanes.scale(ray.inverse, pace), (nearest - enters) * pace)
     steps, inside = walk.ways(), simd.stack_array(np.int64, _LANES)
     walk.set_out(steps, 0, best.t, best.instance, best.primitive, best.u, best.v)
     todo = left
@@ -43,12 +52,12 @@ def each(
         todo &= todo - 1
         simd.write(inside, k, -1)
         walk.go(steps, k, 0, k * walk.STACK)
-    turns(accel, kept, walk.room(), steps, inside, left, visible_bit, any_hit)
+    turns(accel, kept, upper, walk.room(), steps, inside, left, visible_bit, any_hit)
     return walk.met(steps, 0)
 
 
 @apart
-def turns(accel, kept, rays, steps, inside, left, visible_bit, any_hit):
+def turns(accel, kept, upper, rays, steps, inside, left, visible_bit, any_hit):
     """Let rays whose bits are set in `left` go on to their ends; `inside` tells the instances in whose meshes they are, or -1.
 
     Those that have come to an instance wait for others there, so that several are brought into its frame at a time.
@@ -64,15 +73,15 @@ def turns(accel, kept, rays, steps, inside, left, visible_bit, any_hit):
                 if _in_mesh(accel, rays, steps, k, instance, any_hit):
                     continue
                 simd.write(inside, k, -1)
-                more = _next(accel, kept, steps, k, simd.read(steps.place, 2 * walk.RAYS + k), any_hit)
+                more = _next(accel, kept, upper, steps, k, simd.read(steps.place, 2 * walk.RAYS + k), any_hit)
             else:
-                more = _step(accel, kept, steps, k)
+                more = _step(accel, upper, steps, k)
             if not more:
                 left &= ~(1 << k)
             elif simd.read(steps.place, k) < 0:
                 wait |= 1 << k
         if wait != 0 and (wait == left or simd.population(wait) >= ENOUGH):
-            left, wait = _attempt(accel, kept, rays, steps, inside, left, wait, visible_bit, any_hit)
+            left, wait = _attempt(accel, kept, upper, rays, steps, inside, left, wait, visible_bit, any_hit)
 
 
 @helper
@@ -95,20 +104,22 @@ def _store3(table: Any, row: int, value: Vec) -> None:
 
 
 @helper
-def _step(accel: Any, kept: Any, steps: walk.Walks, k: int) -> bool:
+def _step(accel: Any, upper: walk.Rays, steps: walk.Walks, k: int) -> bool:
     """One node of ray k's way; whether there is more of it."""
     node, top = simd.read(steps.place, k), simd.read(steps.place, walk.RAYS + k)
-    near, hits = boxes.enter_node(accel.top.nodes, node, _bundle(kept, k), _at(kept, 15, k), _limit(kept, steps, k))
+    near, hits = walk.enter_boxes(accel.top.nodes, node, walk.box(upper, k), walk.limit_of(upper, k))
     node, top = walk.nearest_first(accel.top.links, node, near, hits, steps.children, steps.reaches, top)
     return _go(accel, steps, k, node, top)
 
 
 @helper
-def _next(accel: Any, kept: Any, steps: walk.Walks, k: int, top: int, any_hit: bool) -> bool:
+def _next(accel: Any, kept: Any, upper: walk.Rays, steps: walk.Walks, k: int, top: int, any_hit: bool) -> bool:
     """Take the next node or instance from ray k's stack, which ends at `top`; whether there is one."""
     if any_hit and simd.read(steps.numbers, k) >= 0:
         return False
-    top = walk.sifted(steps.children, steps.reaches, k * walk.STACK, top, _limit(kept, steps, k))
+    limit = np.float32((min(simd.read(steps.found, k), _at(kept, _UNTIL, k)) - _at(kept, _ENTERS, k)) * _at(kept, _PACE, k) * walk.FAR)
+    walk.set_limit(upper, k, limit)
+    top = walk.sifted(steps.children, steps.reaches, k * walk.STACK, top, limit)
     node, top = walk.last_of(steps.children, top)
     return _go(accel, steps, k, node, top)
 
@@ -127,11 +138,6 @@ def _go(accel: Any, steps: walk.Walks, k: int, node: int, top: int) -> bool:
 
 
 @helper
-def _limit(kept: Any, steps: walk.Walks, k: int) -> Any:
-    return min(simd.read(steps.found, k), _at(kept, 16, k))
-
-
-@helper
 def _no_entry(accel: Any, kept: Any, rays: walk.Rays, steps: walk.Walks, g: Lane, o: Vec, d: Vec, t_min: Lane, here: Lane) -> Lane:
     return here & (t_min < -np.inf)
 
@@ -140,7 +146,7 @@ def _no_entry(accel: Any, kept: Any, rays: walk.Rays, steps: walk.Walks, g: Lane
 @helper
 def _enter_mesh(accel: Any, kept: Any, rays: walk.Rays, steps: walk.Walks, g: Lane, o: Vec, d: Vec, t_min: Lane, here: Lane) -> Lane:
     """Make rays ready for meshes g, in whose frames they are: those that enter their boxes."""
-    t_max = across.load(kept, 16)
+    t_max = across.load(kept, _UNTIL)
     until = lanes.minimum(across.load(steps.found, walk.vector(0, 0)), t_max)
     ray, box = boxes.local_ray(o, d), gather.eight_at(accel.boxes, g, 0)
     enters = boxes.enter(box, ray, t_min, until)
@@ -151,7 +157,8 @@ def _enter_mesh(accel: Any, kept: Any, rays: walk.Rays, steps: walk.Walks, g: La
 
 @helper
 def _attempt(
-    accel: Any, kept: Any, rays: walk.Rays, steps: walk.Walks, inside: Any, left: int, wait: int, visible_bit: int, any_hit: bool
+    accel: Any, kept: Any, upper: walk.Rays, rays: walk.Rays, steps: walk.Walks, inside: Any, left: int, wait: int, visible_bit: int,
+    any_hit: bool,
 ) -> tuple[int, int]:
     """Let the rays whose bits are set in `wait` enter the meshes they have come to; (`left`, `wait`) then."""
     place = across.load(steps.place, walk.vector(0, 0))
@@ -161,9 +168,9 @@ def _attempt(
     here = here & ((visible & visible_bit) != 0)
     meshes = kind == MESH
     (a, b, c, x, e, f, h, y), (p, q, r, z, u, v, w, _) = gather.eight_at(accel.inverse, i, 0), gather.eight_at(accel.inverse, i, 8)
-    matrix, t_min = (a, b, c, x, e, f, h, y, p, q, r, z), across.load(kept, 15)
-    o = lanes.point_by(matrix, (across.load(kept, 9), across.load(kept, 10), across.load(kept, 11)))
-    d = lanes.vector_by(matrix, (across.load(kept, 12), across.load(kept, 13), across.load(kept, 14)))
+    matrix, t_min = (a, b, c, x, e, f, h, y, p, q, r, z), across.load(kept, _T_MIN)
+    o = lanes.point_by(matrix, (across.load(kept, 0), across.load(kept, 1), across.load(kept, 2)))
+    d = lanes.vector_by(matrix, (across.load(kept, _D), across.load(kept, _D + 1), across.load(kept, _D + 2)))
     go = _enter_mesh(accel, kept, rays, steps, g, lanes.sub(o, (u, v, w)), d, t_min, here & meshes)
     across.write_lanes(inside, 0, 0, i, go)
     across.write_lanes(steps.place, walk.vector(0, 0), 0, root, go)
@@ -174,7 +181,7 @@ def _attempt(
         todo &= todo - 1
         if (shapes >> k) & 1:
             _meet_shape(accel, ~simd.read(steps.place, k), kept, steps, k)
-        if not _next(accel, kept, steps, k, simd.read(steps.place, walk.RAYS + k), any_hit):
+        if not _next(accel, kept, upper, steps, k, simd.read(steps.place, walk.RAYS + k), any_hit):
             left &= ~(1 << k)
         elif simd.read(steps.place, k) < 0:
             wait |= 1 << k
@@ -185,10 +192,10 @@ def _attempt(
 def _meet_shape(accel: Any, i: int, kept: Any, steps: walk.Walks, k: int) -> None:
     """Take in instance i, a shape, where ray k meets it first."""
     g = accel.placed[i, 2]
-    zero = across.load(kept, 15)
-    o = lanes.transform_point(accel.inverse, i, lanes.like3(zero, _at(kept, 9, k), _at(kept, 10, k), _at(kept, 11, k)))
-    d = lanes.transform_vector(accel.inverse, i, lanes.like3(zero, _at(kept, 12, k), _at(kept, 13, k), _at(kept, 14, k)))
-    t_min, t_max = lanes.full_like(zero, _at(kept, 15, k)), lanes.full_like(zero, _at(kept, 16, k))
+    zero = across.load(kept, _T_MIN)
+    o = lanes.transform_point(accel.inverse, i, lanes.like3(zero, _at(kept, 0, k), _at(kept, 1, k), _at(kept, 2, k)))
+    d = lanes.transform_vector(accel.inverse, i, lanes.like3(zero, _at(kept, _D, k), _at(kept, _D + 1, k), _at(kept, _D + 2, k)))
+    t_min, t_max = lanes.full_like(zero, _at(kept, _T_MIN, k)), lanes.full_like(zero, _at(kept, _UNTIL, k))
     at_t, part, u, v = _of_shape(accel, accel.placed[i, 3], g, o, d, t_min, t_max)
     t, primitive = across.lane(at_t, 0), np.int64(across.lane(part, 0))
     if walk.sooner(steps, k, t, i, primitive):
@@ -204,15 +211,6 @@ def _meet_shape(accel: Any, i: int, kept: Any, steps: walk.Walks, k: int) -> Non
 def _of_shape(accel, kind, g, o, d, t_min, t_max):
     """meeting.shape as a function of its own: rays one by one call it with one ray in all lanes."""
     return meeting.shape(accel, kind, g, o, d, t_min, t_max)
-
-
-@helper
-def _bundle(kept: Any, k: int) -> Bundle:
-    x, y, z = _at(kept, 6, k), _at(kept, 7, k), _at(kept, 8, k)
-    inverse = (spread64(x), spread64(y), spread64(z))
-    near = (spread64(_at(kept, 0, k)), spread64(_at(kept, 1, k)), spread64(_at(kept, 2, k)))
-    far = (spread64(_at(kept, 3, k)), spread64(_at(kept, 4, k)), spread64(_at(kept, 5, k)))
-    return Bundle(near, far, inverse, inverse, boxes.rows_of(x > 0.0, y > 0.0, z > 0.0))
 
 
 @helper

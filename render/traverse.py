@@ -8,6 +8,7 @@ import numpy as np
 from numba import types
 
 from . import across, boxes, bundle, bundle_walk, gather, in_mesh, lanes, meeting, shared_root, simd, single, walk
+from . import top as over
 from .bundle import BUNDLES
 from .bvh import NO_MESHES, NO_TREE, REACH
 from .handles import unless
@@ -59,11 +60,12 @@ def _below(
     accel: Any, origin: Vec, direction: Vec, t_min: Lane, until: Lane, left: int, visible_bit: int, any_hit: bool, best: Hit
 ) -> Hit:  # fmt: skip
     """`best`, or what rays whose bits are set in `left` meet first in the tree over instances where that comes first."""
-    ray = boxes.world_ray(origin, direction)
+    o, d = over.local(accel.top, origin, direction)
+    ray = boxes.world_ray(o, d)
     narrow = _narrow(ray, direction, until > t_min, left)
     if narrow or len(accel.top.links) <= SMALL:
         return _together(accel, ray, origin, direction, t_min, until, visible_bit, any_hit, narrow, best)
-    return single.each(accel, ray, origin, direction, t_min, until, left, visible_bit, any_hit, best)
+    return single.each(accel, ray, o, d, origin, direction, t_min, until, left, visible_bit, any_hit, best)
 
 
 @helper

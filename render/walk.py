@@ -86,6 +86,18 @@ def keep(
 
 
 @helper
+def keep_boxes(rays: Rays, entry: Vec, inverse: Vec, limit: Lane) -> None:
+    """Store as the first vector of rays what boxes ask: where they enter, 1 / direction (its largest component 1), how far they go."""
+    x, y, z = across.rounded(entry[0]), across.rounded(entry[1]), across.rounded(entry[2])
+    sx, sy, sz = _slope(inverse[0], STEEP), _slope(inverse[1], STEEP), _slope(inverse[2], STEEP)
+    all_ = lanes.bool_like(limit, True)
+    _put3(rays.singles, 0, 0, (sx, sy, sz), all_)
+    _put3(rays.singles, 3, 0, (-x * sx, -y * sy, -z * sz), all_)
+    _put(rays.singles, 6, 0, limit * FAR, all_)
+    _put3(rays.axes, 3, 0, (_row(sx, limit, 0), _row(sy, limit, 2), _row(sz, limit, 4)), all_)
+
+
+@helper
 def vector(row: int, part: int) -> int:
     """Which vector of a table is that of the first (0) or the second (1) vector of rays in a row."""
     return 2 * row + part
@@ -145,6 +157,11 @@ def _single(rays: Rays, row: int, k: int) -> Any:
 def limit_of(rays: Rays, k: int) -> Any:
     """How far beyond its entry ray k goes."""
     return _single(rays, 6, k)
+
+
+@helper
+def set_limit(rays: Rays, k: int, limit: Any) -> None:
+    simd.write(rays.singles, 6 * RAYS + k, limit)
 
 
 @helper
@@ -510,7 +527,7 @@ def _pass_leaf(
     hits, before = touched(tree.leaves, leaf, sieve(rays, k), limit), limit
     limit = _meet_all(tree, leaf, hits, rays, steps, k, instance, any_hit, limit)
     if limit < before:
-        simd.write(rays.singles, 6 * RAYS + k, limit)
+        set_limit(rays, k, limit)
         top = sifted(steps.children, steps.reaches, start, top, limit)
     return last_of(steps.children, top)
 

@@ -94,10 +94,36 @@ def test_rays_that_end_or_begin_about_where_they_meet_something(place):
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e300])
 def test_rays_from_nowhere_meet_nothing_and_disturb_nobody(bad):
     accel = crowd(np.eye(4))
-    o, d = shot(600, np.eye(4))
-    sound = rays.occluded(accel, o, d, 0.0, 1.0)
-    o[::7] = bad
-    blocked = rays.occluded(accel, o, d, 0.0, 1.0)
-    assert not blocked[::7].any()
+    sound = rays.occluded(accel, *shot(600, np.eye(4)), 0.0, 1.0)
     kept = np.arange(600) % 7 != 0
-    np.testing.assert_array_equal(blocked[kept], sound[kept])
+    for which in (0, 1):  # origins, directions
+        ray = shot(600, np.eye(4))
+        ray[which][::7] = bad
+        blocked = rays.occluded(accel, *ray, 0.0, 1.0)
+        assert not blocked[::7].any()
+        np.testing.assert_array_equal(blocked[kept], sound[kept])
+
+
+@pytest.mark.parametrize("length", [0.0, 1e-300, 1e-40, 1e40, 1e300])
+@pytest.mark.parametrize("alone", [True, False])
+def test_rays_without_a_direction_meet_nothing_and_disturb_nobody(length, alone):
+    made = mesh(KNOT.positions.astype(np.float64), KNOT.triangles)
+    accel = rays.trees(scene(meshes=[(made, np.eye(4), 0)]), keep=False) if alone else crowd(np.eye(4))
+    o, d = shot(600, np.eye(4))
+    sound = rays.closest(accel, o, d).t
+    d[::7] *= length
+    kept = np.arange(600) % 7 != 0
+    met, blocked = rays.closest(accel, o, d).t, rays.occluded(accel, o, d)
+    assert (met[::7] == np.inf).all()
+    assert not blocked[::7].any()
+    np.testing.assert_array_equal(met[kept], sound[kept])
+    np.testing.assert_array_equal(blocked[kept], sound[kept] < np.inf)
+
+
+@pytest.mark.parametrize("length", [1e-18, 1e-6, 1e6, 1e18])
+def test_directions_may_have_any_length(length):
+    accel = crowd(np.eye(4))
+    o, d = shot(600, np.eye(4))
+    once, scaled = rays.closest(accel, o, d), rays.closest(accel, o, length * d)
+    np.testing.assert_array_equal(once.instance, scaled.instance)
+    np.testing.assert_allclose(scaled.t * length, once.t, rtol=1e-12)

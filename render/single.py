@@ -105,10 +105,12 @@ def _store3(table: Any, row: int, value: Vec) -> None:
 
 @helper
 def _step(accel: Any, upper: walk.Rays, steps: walk.Walks, k: int) -> bool:
-    """One node of ray k's way; whether there is more of it."""
+    """One node of ray k's way, or two; whether there is more of it."""
     node, top = simd.read(steps.place, k), simd.read(steps.place, walk.RAYS + k)
-    near, hits = walk.enter_boxes(accel.top.nodes, node, walk.box(upper, k), walk.limit_of(upper, k))
-    node, top = walk.nearest_first(accel.top.links, node, near, hits, steps.children, steps.reaches, top)
+    ray, limit = walk.box(upper, k), walk.limit_of(upper, k)
+    node, top = walk.pass_boxes(accel.top.nodes, accel.top.links, node, ray, limit, steps, top, False)
+    if node >= 0 and top >= k * walk.STACK:
+        node, top = walk.pass_boxes(accel.top.nodes, accel.top.links, node, ray, limit, steps, top, False)
     return _go(accel, steps, k, node, top)
 
 

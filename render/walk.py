@@ -213,8 +213,7 @@ _PACKS = machine.AVX512 or machine.AVX2
 push = _push_packed if _PACKS else _push_each
 
 
-# What follows has no branch on what boxes and stacks hold: the processor would guess it wrong as often as not, at a cost of twenty
-# additions each time.
+# What follows has no branch on what boxes and stacks hold: to guess one wrong, as often as not, costs as much as twenty additions.
 
 
 @helper
@@ -485,7 +484,7 @@ def go(steps: Walks, k: int, node: int, top: int) -> None:
 def begin(tree: Any, nodes: Any, links: Any, rays: Rays, steps: Walks, k: int, any_hit: bool) -> bool:
     """Let ray k begin at node 0 of some that are not a tree's but lead to its; whether it enters anything there."""
     start = k * STACK
-    node, top = _pass_node(nodes, links, 0, rays, steps, k, start, any_hit)
+    node, top = pass_boxes(nodes, links, 0, box(rays, k), limit_of(rays, k), steps, start, any_hit)
     fetch(tree, node)
     go(steps, k, node, top)
     simd.write(steps.place, 2 * RAYS + k, start)
@@ -494,10 +493,13 @@ def begin(tree: Any, nodes: Any, links: Any, rays: Rays, steps: Walks, k: int, a
 
 @helper
 def step(tree: Any, rays: Rays, steps: Walks, k: int, instance: int, any_hit: bool) -> bool:
-    """One node or leaf of ray k's way through a mesh; whether there is more of it."""
+    """One node or leaf of ray k's way through a mesh, or two nodes where any meeting will do; whether there is more of it."""
     node, top, start = simd.read(steps.place, k), simd.read(steps.place, RAYS + k), simd.read(steps.place, 2 * RAYS + k)
     if node >= 0:
-        node, top = _pass_node(tree.nodes, tree.links, node, rays, steps, k, top, any_hit)
+        ray, limit = box(rays, k), limit_of(rays, k)
+        node, top = pass_boxes(tree.nodes, tree.links, node, ray, limit, steps, top, any_hit)
+        if any_hit and node >= 0 and top >= start:
+            node, top = pass_boxes(tree.nodes, tree.links, node, ray, limit, steps, top, any_hit)
     else:
         node, top = _pass_leaf(tree, ~node, rays, steps, k, instance, start, top, any_hit)
     if top < start:
@@ -508,9 +510,9 @@ def step(tree: Any, rays: Rays, steps: Walks, k: int, instance: int, any_hit: bo
 
 
 @helper
-def _pass_node(nodes: Any, links: Any, node: int, rays: Rays, steps: Walks, k: int, top: int, any_hit: bool) -> tuple[Any, int]:
-    """(where ray k goes on after a node; where its stack ends then)."""
-    near, hits = enter_boxes(nodes, node, box(rays, k), limit_of(rays, k))
+def pass_boxes(nodes: Any, links: Any, node: int, ray: Box, limit: Any, steps: Walks, top: int, any_hit: bool) -> tuple[Any, int]:
+    """(where a ray goes on after a node; where its stack ends then)."""
+    near, hits = enter_boxes(nodes, node, ray, limit)
     if any_hit:
         return any_first(links, node, near, hits, steps.children, steps.reaches, top)
     return nearest_first(links, node, near, hits, steps.children, steps.reaches, top)

@@ -335,7 +335,7 @@ def _list_in_parentheses(place: Place) -> Answer | None:
     if place.token == "," and place.inside() == "":
         if place.near(-1) in (")", "}") and place.near(1).type == "NAME" and place.start not in KEYWORDS:
             return "things are not parted by `,` but by `;` or the end of the line", "write ; here, or a new line", place.token
-        near = before.type == behind.type == "NUMBER" and before.end_pos == behind.start_pos - 1
+        near = before.type == behind.type == "NUMBER" and before.end_pos == (behind.start_pos or 0) - 1
         if near and (before == "0" or len(behind) != 3):  # not a thousand
             return "a fraction is written with a point", f"write {before}.{behind}; a list is [{before}, {behind}]", before
         return "a `,` stands only inside ( ) and [ ]", "write 1.5 for a fraction, [1, 5] for a list", place.token

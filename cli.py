@@ -107,8 +107,7 @@ def render(
     output = output or Path(f"{scene.stem}.png")
     depth = int(bits) if bits else None
     jobs.check_output(output, settings.aov or (), depth, settings.view or "sRGB")
-    if stats:
-        jobs.check_folder(stats)
+    jobs.check_stats(stats, scene, output)
     pictures = jobs.Job(source, settings, overrides, output, depth, quiet).run(frames)
     if stats:
         jobs.write_json(stats, pictures[0] if frames is None else {"frames": pictures})
@@ -192,20 +191,30 @@ def explain(scene: Path, as_json: bool, **given: Any) -> None:
 @click.option("-o", "--output", type=shared.OUT, required=True, help="The picture that follows the scene.")
 @shared.scene_options
 @shared.picture_options
-@shared.examples("maquette watch room.scene -o room.png --size 400x300 --samples 16")
+@click.option("--stats", type=shared.OUT, help="After every redraw write render's figures and what each redraw cost to this JSON file.")
+@shared.examples(
+    "maquette watch room.scene -o room.png --size 400x300 --samples 16",
+    "maquette watch part.scene -o part.png --stats part.json",
+)
 @click.pass_context
-def watch(ctx: click.Context, scene: Path, output: Path, **given: Any) -> None:
+def watch(ctx: click.Context, scene: Path, output: Path, stats: Path | None, **given: Any) -> None:
     """Render SCENE again at every save.
 
     Whenever it, or a file it uses, is saved. Errors are printed and the last picture stays. Ctrl-C ends it (exit code 0).
+
+    The file of --stats is replaced as a whole after every redraw, and stays as it is after an error. It holds what `render --stats`
+    writes of the last picture, what that redraw cost (`redraw`), and what each one so far did (`redraws`, the last thousand):
+    seconds from the save to the picture (`total`) in parts (wait, read, draw, write), and CPU seconds of all threads.
     """
+    from .cli_watch import Redraws
     from .live import watch as live
 
     source, settings, overrides = shared.asked(scene, given)
     jobs.check_output(output, settings.aov or (), None, settings.view or "sRGB")
-    job = jobs.Job(source, settings, overrides, output)
+    jobs.check_stats(stats, scene, output)
+    redraws = Redraws(jobs.Job(source, settings, overrides, output), stats)
     try:
-        live.follow(job.build)
+        live.follow(redraws.build)
     except KeyboardInterrupt:
         ctx.exit(0)
 

@@ -86,6 +86,15 @@ def check_folder(path: Path) -> None:
         raise PermissionError(f"the folder {folder} is not writable")
 
 
+def check_stats(stats: Path | None, *others: Path) -> None:
+    """See that figures can be written, and do not replace the scene or its picture: a usage error if they would."""
+    if stats is None:
+        return
+    check_folder(stats)
+    if taken := next((other for other in others if other.resolve() == stats.resolve()), None):
+        raise click.UsageError(f"--stats {stats} would replace {taken}: give the figures a file of their own, as {stats.stem}.json")
+
+
 def check_output(path: Path, aov: tuple[str, ...] = (), bits: int | None = None, view: str = "sRGB") -> None:
     """See that `path` can be written: a name that cannot be is a usage error, a folder that cannot be written to an OSError."""
     from .render import output
@@ -95,6 +104,21 @@ def check_output(path: Path, aov: tuple[str, ...] = (), bits: int | None = None,
     except output.FormatError as error:
         raise click.UsageError(str(error)) from None
     check_folder(path)
+
+
+class Laps:
+    """Seconds, and CPU seconds of all threads, of one part after the other."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self.cpu: dict[str, float] = {}
+        self._last = time.perf_counter(), time.process_time()
+
+    def end(self, part: str) -> None:
+        """What passed since the last part is this one's."""
+        (seconds, cpu), now = self._last, (time.perf_counter(), time.process_time())
+        self.seconds[part], self.cpu[part] = now[0] - seconds, now[1] - cpu
+        self._last = now
 
 
 @dataclass(slots=True)
@@ -110,32 +134,44 @@ class Job:
     files: tuple[Path, ...] = ()  # what the last scene was read from
     exposure: float | None = None  # metered, at the first picture
     said: set[Diagnostic] = field(default_factory=set)
+    laps: Laps = field(default_factory=Laps)  # of the last picture
 
     def run(self, frames: tuple[int, ...] | None) -> list[dict[str, Any]]:
         """Render everything; returns the figures of each picture (`--stats`). Raises KeyboardInterrupt after a partial one."""
         if frames is None:
-            return [self._picture(self.output, {}, "rendering")]
+            return [self._told(self.output, self._picture(self.output, {}, "rendering"))]
         pictures = []
         for i, (number, moment) in enumerate(zip(frames, self.source.moments(frames), strict=True), 1):
-            pictures.append(self._picture(values.numbered(self.output, number), moment, f"frame {number} ({i} of {len(frames)})"))
+            path = values.numbered(self.output, number)
+            pictures.append(self._told(path, self._picture(path, moment, f"frame {number} ({i} of {len(frames)})")))
         return pictures
 
-    def build(self) -> tuple[Path, ...]:
-        """Render once for `watch`: what is wrong is printed; returns the files to watch. Raises KeyboardInterrupt."""
+    def _told(self, path: Path, figures: dict[str, Any]) -> dict[str, Any]:
+        if not self.quiet:
+            click.echo(summary(path, figures))
+        return figures
+
+    def build(self) -> dict[str, Any] | None:
+        """Render once for `watch`, which tells of it: the figures, or None where something is wrong, which is printed.
+
+        `files` are then those to watch, if any are known. Raises KeyboardInterrupt.
+        """
         self.exposure = None
         self.said.clear()
         try:
-            self._picture(self.output, {}, "rendering")
+            return self._picture(self.output, {}, "rendering")
         except SceneError as error:
             terminal.report(error.diagnostics)
             named = (Path(d.span.file) for d in error.diagnostics if d.span)
             self.files = tuple(dict.fromkeys((self.source.path, *self.files, *(path for path in named if path.is_file()))))
         except click.UsageError as error:
             click.echo(f"error: {error.format_message()}", err=True)
-        return self.files or (self.source.path,)
+        return None
 
     def _picture(self, path: Path, moment: Mapping[str, float], what: str) -> dict[str, Any]:
+        """Draw and write one picture; its figures. Raises KeyboardInterrupt after a partial one."""
         seconds: dict[str, float] = dict.fromkeys(STAGES, 0.0)
+        self.laps = Laps()
         with timed(seconds, "import"):
             from .render import draw, kernels
         scene, found = self.source.load(seconds, **moment)
@@ -145,6 +181,7 @@ class Job:
         parts = _strips_of(plan)
         self._say(found.items)
         self._say(plan_warnings(scene, plan))
+        self.laps.end("read")
         with terminal.Progress(self.quiet) as progress, interruptible() as cancel:
             progress.begin(what, "compiling kernels (the first time only)" if kernels.is_cold() else "")
             if len(parts) > 1:
@@ -153,6 +190,7 @@ class Job:
                 image = draw.draw(scene, plan, progress, cancel)
         for name, value in image.metadata["seconds"].items():
             seconds[name] = seconds.get(name, 0.0) + value
+        self.laps.end("draw")
         self._say(Diagnostic("note", message, span_of(scene, table, row)) for message, table, row in image.metadata["notes"])
         self._say(unproved(image.metadata["unproved"]))
         self._say(left_out(image.metadata["issues"]))
@@ -163,13 +201,11 @@ class Job:
         if len(parts) == 1:
             with timed(seconds, "write"):
                 self._write(image, path, plan)
+        self.laps.end("write")
         if partial:
             click.echo(f"interrupted: what was done is in {path}", err=True)
             raise KeyboardInterrupt
-        figures = self._figures(scene, plan, image, seconds)
-        if not self.quiet:
-            click.echo(_summary(path, figures))
-        return figures
+        return self._figures(scene, plan, image, seconds)
 
     def _write(self, image: Image, path: Path, plan: Plan) -> None:
         from .render import output
@@ -325,7 +361,8 @@ def plan_warnings(scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
     return [Diagnostic("warning", text) for text in planner.warnings(scene, plan)]
 
 
-def _summary(path: Path, figures: Mapping[str, Any]) -> str:
+def summary(path: Path, figures: Mapping[str, Any]) -> str:
+    """A picture in one line."""
     width, height = figures["size"]
     before = " before denoising" if figures["plan"]["denoise"] else ""
     error = f", √relMSE {figures['error']:.2%}{before}" if figures["error"] is not None else ""

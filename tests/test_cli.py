@@ -307,6 +307,16 @@ def test_stats(scene: Path) -> None:
     assert stats["warnings"] == []
 
 
+@pytest.mark.parametrize("command", ["render", "watch"])
+@pytest.mark.parametrize("file", ["a.scene", "a.png"])
+def test_stats_replace_neither_scene_nor_picture(scene: Path, command: str, file: str) -> None:
+    before = scene.read_bytes()
+    code, _, err = run(command, "a.scene", "-o", "a.png", "--stats", file)
+    assert code == 2
+    assert f"--stats {file} would replace {file}: give the figures a file of their own, as a.json" in err
+    assert scene.read_bytes() == before
+
+
 def test_ctrl_c_leaves_what_is_done(scene: Path) -> None:
     tell = "t.Progress.__call__ = lambda self, done, total: print('begun', flush=True)"
     code = f"from maquette import cli, cli_terminal as t; {tell}; cli.main()"

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
+import pytest
 from maquette.live import watch
 from maquette.render import output
 
@@ -131,11 +134,6 @@ def test_the_command_follows_a_part_through_an_error(tmp_path: Path) -> None:
     scene, part, picture = tmp_path / "a.scene", tmp_path / "part.scene", tmp_path / "a.png"
     scene.write_text(SCENE, encoding="utf-8")
     part.write_text("sphere(1, material: lambert(#ff0000))\n", encoding="utf-8")
-    command = [sys.executable, "-c", "from maquette import cli; cli.main()", "watch", "a.scene", "-o", "a.png"]
-    log = (tmp_path / "log").open("w")
-    process = subprocess.Popen(
-        command, cwd=tmp_path, stdout=log, stderr=subprocess.STDOUT, env={**os.environ, "PYTHONUNBUFFERED": "1"}, preexec_fn=_interruptible
-    )
 
     def colour() -> list[bool]:
         return [c > 0.05 for c in output.read(picture).channels["rgba"][6, 8, :3]]
@@ -143,7 +141,7 @@ def test_the_command_follows_a_part_through_an_error(tmp_path: Path) -> None:
     def said(text: str) -> bool:
         return text in (tmp_path / "log").read_text(encoding="utf-8")
 
-    try:
+    with command(tmp_path) as process:
         wait(picture.exists, 90)
         assert colour() == [True, False, False]
         time.sleep(1)
@@ -156,9 +154,68 @@ def test_the_command_follows_a_part_through_an_error(tmp_path: Path) -> None:
         process.send_signal(signal.SIGINT)
         assert process.wait(timeout=20) == 0
         assert not said("Traceback")
-    finally:
-        process.kill()
-        log.close()
+
+
+EDITS = [f"x^2 + y^2 + z^2 < {0.3 + 0.05 * k:.2f}" for k in range(10)] + [
+    "abs(abs(x^2 + y^2 + z^2 - 0.7) - 0.1) < 0.01", "max(abs(x), abs(y), abs(z)) < 0.6", "1 / x < y", "floor(3 * x) / 3 < y",
+    "sqrt(x - 0.2) > y", "x^4 + y^4 + z^4 < 0.4", "min(x^2 + y^2, y^2 + z^2) < 0.1", "sin(9 * x) * sin(9 * y) < z", "y < 0.2",
+    "x * y * z < 0.01",
+]  # fmt: skip
+
+
+def test_stats_tell_what_each_redraw_cost(tmp_path: Path) -> None:
+    scene, stats, picture = tmp_path / "a.scene", tmp_path / "cost.json", tmp_path / "a.png"
+
+    def save(formula: str) -> None:
+        surface = f"implicit(|x, y, z| {formula}, within: box(2), material: lambert(#ff0000))"
+        scene.write_text(SCENE.replace('use "part.scene"\npart()', surface), encoding="utf-8")
+
+    def told() -> dict[str, Any]:  # never half a file
+        return json.loads(stats.read_text(encoding="utf-8")) if stats.exists() else {"redraw": {"number": 0}}
+
+    save(EDITS[0])
+    with command(tmp_path, "--stats", "cost.json", "--backend", "ray"):
+        wait(lambda: told()["redraw"]["number"] == 1, 300)
+        time.sleep(1)
+        for number, formula in enumerate(EDITS[1:], 2):
+            if number == 8:
+                before = stats.read_bytes(), picture.read_bytes()
+                save("x^2 + y^2 + z^2 <")
+                wait(lambda: "a.scene:1:" in (tmp_path / "log").read_text(encoding="utf-8"))
+                time.sleep(0.3)
+                assert (stats.read_bytes(), picture.read_bytes()) == before
+            save(formula)
+            wait(lambda number=number: told()["redraw"]["number"] == number, 120)
+        figures = told()
+    assert list(figures)[:5] == ["scene", "backend", "size", "samples", "seconds"]
+    assert figures["warnings"] == []
+    assert figures["redraw"] == figures["redraws"][-1]
+    assert [row["number"] for row in figures["redraws"]] == list(range(1, 21))
+    for row in figures["redraws"]:
+        assert list(row) == ["number", "total", "seconds", "cpu_total", "cpu_seconds"]
+        assert list(row["seconds"]) == ["wait", "read", "draw", "write"]
+        assert list(row["cpu_seconds"]) == ["idle", "read", "draw", "write"]
+        assert row["total"] == pytest.approx(sum(row["seconds"].values()))
+        assert row["cpu_total"] > 0
+        assert min(row["seconds"].values()) >= 0
+        assert (row["number"] == 1 or 0 < row["seconds"]["wait"] < 10)
+    lines = (tmp_path / "log").read_text(encoding="utf-8").splitlines()
+    assert sum(line.endswith(" s after the save") for line in lines) == 19
+    assert not any("Traceback" in line for line in lines)
+
+
+@contextlib.contextmanager
+def command(folder: Path, *more: str) -> Iterator[subprocess.Popen[bytes]]:
+    """`maquette watch a.scene -o a.png` in a folder, which says what it says into `log`."""
+    line = [sys.executable, "-c", "from maquette import cli; cli.main()", "watch", "a.scene", "-o", "a.png", *more]
+    with (folder / "log").open("w") as log:
+        environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+        process = subprocess.Popen(line, cwd=folder, stdout=log, stderr=subprocess.STDOUT, env=environment, preexec_fn=_interruptible)
+        try:
+            yield process
+        finally:
+            process.kill()
+            process.wait()
 
 
 def test_an_interrupt_that_is_dropped_ends_it_all_the_same(tmp_path: Path) -> None:

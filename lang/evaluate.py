@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NoReturn
@@ -76,7 +77,15 @@ class Evaluator:
     # --- messages ---
 
     def report(self, message: str, span: Span | None, hint: str = "", trace: tuple[tuple[str, Span], ...] = ()) -> None:
-        """An error at `span`; the second one there says nothing that the first does not."""
+        """An error at `span`; the second one there says nothing that the first does not.
+
+        What goes wrong within the library is told where it was called from outside, with what may be given there.
+        """
+        calls = [k for k, (_, at) in enumerate(trace) if not _of_library(at)]
+        if span and _of_library(span) and calls:
+            (name, at), inner = trace[calls[0]], trace[calls[0] - 1][1] if calls[0] else span
+            message, span, trace = f"{name} cannot be made so: {message}", at, trace[calls[0] + 1 :]
+            hint = _takes(name, self.loader.sources.get(inner.file))
         key = (span, "" if span else message)
         if key not in self._reported:
             self._reported.add(key)
@@ -386,6 +395,16 @@ def _unplaceable(value: Value, found: str, node: ast.Node) -> tuple[str, str]:
     if isinstance(node, ast.Call):
         return f"{calls.callee_name(node.function)} gives {kind(value)}, which cannot be placed", "name it with `let` to use it"
     return f"{kind(value)} cannot be placed", "shapes, lights and blocks can"
+
+
+def _of_library(span: Span) -> bool:
+    return span.file.startswith("std/") and not span.file.endswith(".scene")
+
+
+def _takes(name: str, text: str | None) -> str:
+    """What a function of the library takes, as its text says it."""
+    found = re.search(rf"^let {re.escape(name.rpartition('.')[2])}\(([^)]*)\)", text or "", re.MULTILINE)
+    return f"it takes {' '.join(found[1].split())}" if found else ""
 
 
 def _shorten(trace: tuple[tuple[str, Span], ...]) -> tuple[tuple[str, Span], ...]:

@@ -307,3 +307,36 @@ def test_voxels_are_cubes_where_the_condition_holds():
     centres = sorted(box.args["center"] for box in made.children)
     assert centres == sorted(itertools.product((0.25, 0.75), (0.25, 0.75), (-0.75, -0.25, 0.25, 0.75)))
     assert {box.args["size"] for box in made.children} == {(0.5, 0.5, 0.5)}
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (
+            "sphere(1, material: gold(#888888))",
+            """\
+t.scene:1:21: error: gold cannot be made so: cannot raise a colour to a number
+   1 | sphere(1, material: gold(#888888))
+     |                     ^^^^ it takes roughness = 0.1""",
+        ),
+        (
+            'let mine(r) = paint(roughness: r)\nsphere(1, material: mine("rough"))',
+            """\
+t.scene:1:15: error: paint cannot be made so: number wanted, got the string "rough"
+   1 | let mine(r) = paint(roughness: r)
+     |               ^^^^^ it takes color = #e8e4dc, roughness = 0.6
+  in mine, called at t.scene:2:21""",
+        ),
+        (
+            'use "std/materials"\nsphere(1, material: materials.clay("red"))',
+            """\
+t.scene:2:21: error: materials.clay cannot be made so: colour, number or texture wanted, got the string "red"
+   2 | sphere(1, material: materials.clay("red"))
+     |                     ^^^^^^^^^^^^^^ it takes color = #b5654a""",
+        ),
+    ],
+)
+def test_what_goes_wrong_within_the_library_is_told_once_and_where_it_was_called(text, told):
+    diagnostics = Diagnostics()
+    document = evaluate(Source("t.scene", text, "t.scene"), Reader(), diagnostics)
+    assert [render_text(d, document.sources.get) for d in diagnostics.items] == [told]

@@ -71,11 +71,18 @@ def _problem(
     return None
 
 
-def missing(callee: str, required: Iterable[str], assigned: Mapping[str, Given], span: Span, report: Report) -> bool:
-    """Report the required parameters that are not there; whether there were any."""
-    absent = [f"`{name}`" for name in required if name not in assigned]
+_EXAMPLES = {"length": "10cm", "angle": "30deg", "time": "2s", "int": "3", "point": "[0, 1, 5]", "direction": "[0, 1, 0]", "scale3": "2"}
+
+
+def missing(
+    callee: str, required: Iterable[str], assigned: Mapping[str, Given], span: Span, report: Report, args: Mapping[str, Arg] | None = None
+) -> bool:
+    """Report the required parameters that are not there, and how each is written; whether there were any."""
+    absent = [name for name in required if name not in assigned]
     if absent:
-        report(f"{callee} needs {' and '.join(absent)}", span, "")
+        examples = [f"{name}: {_EXAMPLES.get(args[name].type, '')}" for name in absent] if args else []
+        hint = f"such as {callee}({', '.join(examples)})" if examples and not any(e.endswith(": ") for e in examples) else ""
+        report(f"{callee} needs {' and '.join(f'`{name}`' for name in absent)}", span, hint)
     return bool(absent)
 
 
@@ -118,7 +125,7 @@ def element_arguments(
     entry = signature.entry
     assigned, good = assign(entry.name, signature.positional, signature.names, givens, report, entry.children)
     if good:  # an argument with a misspelt name is not missing as well
-        good = not missing(entry.name, signature.required, assigned, span, report)
+        good = not missing(entry.name, signature.required, assigned, span, report, signature.args)
     if entry.exclusive and _exclude(entry, assigned, report):
         good = False
     args = signature.defaults.copy()

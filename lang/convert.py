@@ -152,7 +152,7 @@ def _exactly(count: int, item: Item, wanted: str, hint: str = "") -> Item:
     def convert_list(value: Value, place: Place, arg: Arg) -> tuple[Any, ...]:
         if isinstance(value, tuple) and len(value) == count:
             return _each(value, place, arg, item)
-        raise _wrong(value, wanted, hint if isinstance(value, float | Quantity) else "")
+        raise _wrong(value, wanted, hint if isinstance(value, float | Quantity | tuple) else "")
 
     return convert_list
 

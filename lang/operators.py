@@ -171,7 +171,7 @@ def divide(a: Value, b: Value, context: Context) -> Value:
     if is_scalar(a):
         if has_term(a, b):
             if not has_term(b) and split(b)[0] == 0:
-                raise Mistake("division by 0")
+                raise Mistake("division by 0", "a formula that divides by 0 has a value nowhere: divide by another number")
             return record("divide", a, b)
         x, da = split(a)
         y, db = split(b)

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import threading
 import time
+import weakref
+from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any
 
@@ -28,24 +30,30 @@ PROGRAMS = ("points", "turns", "points32")
 PATIENCE = 0.1  # seconds until a thread begins to compile: what is to be drawn at once goes first
 LONGEST = 3000  # rows of a tape that is compiled: longer ones are evaluated simplified
 LONGEST_ROWS = 300  # the same of float32, whose interpreter takes many vectors at once
-_engines: dict[bytes, Any] = {}
-_waiting: dict[bytes, list[tuple[NDArray[np.int64], int]]] = {}
+RECENT = 16  # formulas whose code is kept though no table has its address: each takes two megabytes
+_engines: weakref.WeakValueDictionary[bytes, Any] = weakref.WeakValueDictionary()  # all that are in use, or recent
+_recent: OrderedDict[bytes, Any] = OrderedDict()
+_waiting: dict[bytes, list[tuple[weakref.ref[NDArray[np.int64]], int]]] = {}
 _lock, _hurry = threading.Lock(), threading.Event()
 
 
 def addresses(tapes: list[Tape | None]) -> NDArray[np.int64]:
-    """(n, 3) where each tape's code for each of PROGRAMS is: 0 until a background thread writes it there, or without a tape."""
+    """(n, 3) where each tape's code for each of PROGRAMS is: 0 until a background thread writes it there, or without a tape.
+
+    The code is there as long as the table: kernels have its rows from the table itself, or from a view of it.
+    """
     table = np.zeros((len(tapes), len(PROGRAMS)), np.int64)
     for row, tape in enumerate(tapes):
         if tape is None or len(tape.code) > LONGEST:
             continue
         key = tape.structure()
         with _lock:
-            if key in _engines:
-                table[row] = _addresses(_engines[key])
+            engine = _engines.get(key)
+            if engine is not None:
+                _lend(key, engine, table, row)
                 continue
             begin = key not in _waiting
-            _waiting.setdefault(key, []).append((table, row))
+            _waiting.setdefault(key, []).append((weakref.ref(table), row))
         if begin:
             threading.Thread(target=_compile, args=(tape, key), name="formula", daemon=True).start()
     return table
@@ -55,13 +63,33 @@ def _addresses(engine: Any) -> list[int]:
     return [engine.get_function_address(f"tape_{name}") for name in PROGRAMS]  # 0 for those that it does not have
 
 
+def _lend(key: bytes, engine: Any, table: NDArray[np.int64], row: int) -> None:
+    """Write a tape's addresses into a table, and see that its code lives at least as long."""
+    weakref.finalize(table, _returned, engine).atexit = False
+    table[row] = _addresses(engine)
+    _recent[key] = engine
+    _recent.move_to_end(key)
+    while len(_recent) > RECENT:
+        _recent.popitem(last=False)
+
+
+def _returned(engine: Any) -> None:
+    """A table is no more. It may be another thread's collector that says so, at any place: nothing is to be locked here."""
+
+
 def _compile(tape: Tape, key: bytes) -> None:
     _hurry.wait(PATIENCE)
+    with _lock:
+        if not any(table() is not None for table, _ in _waiting[key]):  # it was changed again meanwhile
+            del _waiting[key]
+            return
     engine = engine_of(tape)
     with _lock:
-        _engines[key] = engine  # kept for good: an address in use must stay
-        for table, row in _waiting.pop(key):
-            table[row] = _addresses(engine)
+        _engines[key] = engine
+        for there, row in _waiting.pop(key):
+            table = there()
+            if table is not None:
+                _lend(key, engine, table, row)
 
 
 def finish() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -165,6 +167,68 @@ def test_another_number_compiles_nothing(tmp_path):
     trees = rays.trees(other, closed=False)
     assert len(compiled._engines) == before
     assert trees.tables.forms.compiled.all()
+
+
+def different(count: int) -> list[Tape]:
+    """Tapes none of which is another one with other numbers."""
+    return [Tape(np.array([[Op.ADD, k % 3, k // 3 % 3, 0], [Op.SIN, 3, 0, 0]] + [[Op.COS, 4, 0, 0]] * (k // 9), np.int32), np.zeros(0),
+                 (4,)) for k in range(count)]  # fmt: skip
+
+
+def test_code_is_kept_as_long_as_a_table_has_its_address_and_no_longer():
+    """Hundreds of formulas, one after the other, leave no more than the recent ones."""
+    tapes = different(3 * compiled.RECENT)
+    assert len({tape.structure() for tape in tapes}) == len(tapes)
+    first = compiled.addresses([tapes[0]])
+    compiled.finish()
+    place, view = first.copy(), first[:1]
+    del first
+    made = []
+    for tape in tapes[1:]:
+        table = compiled.addresses([tape])
+        compiled.finish()
+        assert table.all()
+        made.append(weakref.ref(compiled._engines[tape.structure()]))
+        del table
+    gc.collect()
+    alive = [k for k, engine in enumerate(made) if engine() is not None]
+    assert alive == list(range(len(made)))[-compiled.RECENT :]
+    assert (compiled.addresses([tapes[0]]) == place).all()  # a view of its table was there all the time
+    assert (view == place).all()
+    del view
+
+
+def test_what_was_changed_before_it_was_compiled_is_not(monkeypatch):
+    monkeypatch.setattr(compiled, "PATIENCE", 0.5)
+    tape = Tape(np.array([[Op.EXP, 0, 0, 0], [Op.SIN, 3, 0, 0], [Op.EXP, 4, 0, 0]], np.int32), np.zeros(0), (5,))
+    table = compiled.addresses([tape])
+    del table
+    compiled.finish()
+    assert tape.structure() not in compiled._engines
+    assert tape.structure() not in compiled._waiting
+    table = compiled.addresses([tape])
+    compiled.finish()
+    assert table.all()
+
+
+def test_code_that_is_let_go_while_rays_are_met_is_there_to_their_end(tmp_path):
+    """Threads that meet one formula while others come and go by hundreds meet what they always do."""
+    tables = scene_of(tmp_path, SURFACES["blend"]).tables
+    o, d = some_rays(500, 4)
+    trees = rays.trees(tables, closed=False)
+    compiled.finish()
+    expected = rays.closest(trees, o, d).t
+
+    def come_and_go() -> None:
+        for tape in different(3 * compiled.RECENT):
+            compiled.addresses([tape])
+            compiled.finish()
+
+    with ThreadPoolExecutor(1) as pool:
+        coming = pool.submit(come_and_go)
+        while not coming.done():
+            assert np.array_equal(rays.closest(trees, o, d).t, expected)
+        coming.result()
 
 
 def test_cells_are_simpler_than_the_whole(tmp_path):

@@ -221,8 +221,9 @@ def test_code_that_is_let_go_while_rays_are_met_is_there_to_their_end(tmp_path):
 
     def come_and_go() -> None:
         for tape in different(3 * compiled.RECENT):
-            compiled.addresses([tape])
+            table = compiled.addresses([tape])
             compiled.finish()
+            assert table.all()
 
     with ThreadPoolExecutor(1) as pool:
         coming = pool.submit(come_and_go)

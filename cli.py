@@ -221,6 +221,7 @@ def watch(ctx: click.Context, scene: Path, output: Path, stats: Path | None, **g
 
 def main() -> None:
     """The `maquette` command. Ends without taking the process apart piece by piece: that takes a sixth of a second."""
+    shared.collect_seldom()
     try:
         cli(prog_name="maquette")
     except SystemExit as stop:

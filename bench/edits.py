@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .. import cli_shared
 from ..compiler import ir, load
 from ..compiler import plan as planner
 from ..compiler.tapes import Builder, Op, Tape
@@ -67,6 +68,7 @@ def timed(label: str, work: Callable[[], float]) -> None:
 
 
 if __name__ == "__main__":
+    cli_shared.collect_seldom()  # as the command line does
     for name, relation in SMALL.items():
         for shadows in (False, True):
             how = "with shadows" if shadows else "without shadows"

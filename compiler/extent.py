@@ -159,8 +159,18 @@ def _cut(low: np.ndarray, high: np.ndarray, chosen: np.ndarray) -> tuple[np.ndar
     return np.concatenate([a, low[:, ~chosen]], axis=1), np.concatenate([b, high[:, ~chosen]], axis=1)
 
 
-def all_inside(tape: Tape, bounds: np.ndarray) -> bool:
-    """Whether a field is sure to be at most 0 everywhere in a box (2, 3): asked of its parts, `_PARTS` along each axis."""
+def some_of(tape: Tape, bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A few places (3, n) spread over a box (2, 3), and what a field is there."""
+    share = (np.arange(_PLACES)[:, None] * _SPREAD + 0.5) % 1.0
+    place = (bounds[0] + share * (bounds[1] - bounds[0])).T
+    return place, tape_walks.points(tape, *place)[0]
+
+
+def all_inside(tape: Tape, bounds: np.ndarray, some: np.ndarray) -> bool:
+    """Whether a field is sure to be at most 0 everywhere in a box (2, 3), by `some` of its values, and if these are by its parts,
+    `_PARTS` along each axis."""
+    if not (some <= 0).all():
+        return False
     edges = bounds[0] + np.linspace(0.0, 1.0, _PARTS + 1)[:, None] * (bounds[1] - bounds[0])
     at = np.stack(np.meshgrid(*[np.arange(_PARTS)] * 3, indexing="ij")).reshape(3, -1)
     low, high = (np.stack([edges[at[axis] + side, axis] for axis in range(3)]) for side in (0, 1))
@@ -168,13 +178,14 @@ def all_inside(tape: Tape, bounds: np.ndarray) -> bool:
     return bool(((most <= 0) & ~maybe).all())
 
 
-def zero_all_over(tape: Tape, bounds: np.ndarray) -> bool:
-    """Whether a field is 0 in a part of a box (2, 3): for all that can be told it is at some of a few places spread over it."""
-    share = (np.arange(_PLACES)[:, None] * _SPREAD + 0.5) % 1.0
-    place = (bounds[0] + share * (bounds[1] - bounds[0])).T
-    with np.errstate(invalid="ignore"):
-        value = np.abs(tape_walks.points(tape, *place)[0])
-        near = place[:, value <= _NOUGHT * np.median(value[np.isfinite(value)])] if np.isfinite(value).any() else place[:, :0]
+def zero_all_over(tape: Tape, place: np.ndarray, values: np.ndarray) -> bool:
+    """Whether a field is 0 in a part of a box: for all that can be told it is at some of a few places (3, n) spread over it, where it is
+    `values`."""
+    size = np.abs(values)
+    finite = np.isfinite(size)
+    if not finite.any():
+        return False
+    near = place[:, size <= _NOUGHT * np.median(size[finite])]
     if near.shape[1] < _SOME:
         return False
     (low, high), _, _ = tape_walks.boxes(tape, near, near)

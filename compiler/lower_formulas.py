@@ -36,14 +36,15 @@ def implicit(lowering: Lowering, element: Element) -> list[Piece]:
     if bounds is None:
         hint = "write within: and how far from the origin it is to be drawn, like within: 2"
         return lowering.refuse(element, "it is not known how far this surface reaches: it may be endless", hint)
-    if extent.zero_all_over(tape, bounds):
+    places, values = extent.some_of(tape, bounds)
+    if extent.zero_all_over(tape, places, values):
         try:
             tape, sheet = tapes.surface(formula, parted=True)
         except Unfit as unfit:
             return lowering.refuse(element, str(unfit), unfit.hint)
     ball = (0.0, 0.0, 0.0, 0.0)
     if within is not None:
-        if not sheet and extent.all_inside(tape, bounds):
+        if not sheet and extent.all_inside(tape, bounds, values):
             hint = "give `within` more room, or write a box or sphere"
             lowering.warn(element, "all within these bounds is inside: what is drawn is their own box or ball", hint)
         ball = np.array(within[2]) / unit

@@ -34,11 +34,12 @@ _spare: dict[tuple[int, ...], list[Desk]] = {}  # getting memory anew for each p
 
 
 class Bundles:
-    """What one thread needs to meet the formula surfaces of a scene's trees; `room` is its ray.Room, `lamps` those of hidden.lamps."""
+    """What one thread needs to meet the formula surfaces of a scene's trees; `room` is its ray.Room, `lamps` those of hidden.lamps,
+    `black` is Primed.black."""
 
-    def __init__(self, accel: Handle, packed: Handle, room: Any, lamps: list[int]) -> None:
+    def __init__(self, accel: Handle, packed: Handle, room: Any, lamps: list[int], black: bool) -> None:
         trees = accel.tables
-        self.accel, self.room, self.lamps = accel, room, lamps
+        self.accel, self.room, self.lamps, self.black = accel, room, lamps, black
         self.instances = instances(trees).tolist()
         self.casting = [k for k, i in enumerate(self.instances) if trees.placed[i, 0] & hidden.CASTS]
         self.desks: dict[tuple[int, ...], Desk] = {}
@@ -47,7 +48,7 @@ class Bundles:
         self.geometries = [int(trees.placed[i, 2]) for i in self.instances]
         surfaces = {g: Handle(tile_room.room(trees.forms, int(trees.forms.of[g]))) for g in set(self.geometries)}
         self.rooms = [surfaces[g] for g in self.geometries]
-        desk = _desk(np.zeros((0, 0), np.int64), room, bool(lamps))
+        desk = _desk(np.zeros((0, 0), np.int64), room, bool(lamps), black)
         for handle, inverse in zip(self.rooms, self.inverses, strict=True):  # compiled, or loaded, before a picture begins
             tiles.trace(handle, desk.primed.rays, 0, 0, inverse, _out(desk.primed, 0))
         self._look_for_lamps(packed, desk)
@@ -86,13 +87,13 @@ class Bundles:
 
     def _desk(self, count: NDArray[np.int64]) -> Desk:
         """That of tiles where all pixels take as many samples is kept."""
-        rounds = int(count.max(initial=0))
+        rounds = int(count.flat[0]) if count.size else 0
         if (count != rounds).any():
-            return _desk(count, self.room, bool(self.lamps))
+            return _desk(count, self.room, bool(self.lamps), self.black)
         key = (*count.shape, rounds, len(self.lamps) > 0)
         if key not in self.desks:
             spare = _taken(key)
-            self.desks[key] = _desk(count, self.room, key[-1]) if spare is None else _with(self.room, spare)
+            self.desks[key] = _desk(count, self.room, key[-1], self.black) if spare is None else _with(self.room, spare, self.black)
         return self.desks[key]
 
 
@@ -113,12 +114,13 @@ def _taken(key: tuple[int, ...]) -> Desk | None:
         return None
 
 
-def _with(room: Any, desk: Desk) -> Desk:
+def _with(room: Any, desk: Desk, black: bool) -> Desk:
     """A desk for another room."""
-    return desk._replace(room=Handle(room._replace(primed=desk.primed)))
+    primed = desk.primed._replace(black=black)
+    return desk._replace(primed=primed, room=Handle(room._replace(primed=primed)))
 
 
-def _desk(count: NDArray[np.int64], room: Any, lamps: bool) -> Desk:
+def _desk(count: NDArray[np.int64], room: Any, lamps: bool, black: bool) -> Desk:
     rows, columns = count.shape
     rounds = int(count.max(initial=0))
     y, x = _order(rows, columns)
@@ -133,7 +135,8 @@ def _desk(count: NDArray[np.int64], room: Any, lamps: bool) -> Desk:
     padded = -(-n // tile_room.VECTOR) * tile_room.VECTOR
     primed = Primed(
         rounds, rows, columns, slots.ravel(), np.zeros(rows * columns, np.int64), np.zeros(3, np.int64), items, np.zeros((8, padded)),
-        np.full(n, np.inf), np.full(n, -1), np.zeros(n, np.int64), np.zeros(n), np.zeros(n), np.zeros(n, np.int64) if lamps else Nothing(),
+        np.full(n, np.inf), np.full(n, -1), np.zeros(n, np.int64), np.zeros(n), np.zeros(n), black,
+        np.zeros(n, np.int64) if lamps else Nothing(),
     )  # fmt: skip
     onward, shade = (np.zeros((8, padded)), np.zeros(n)) if lamps else (np.zeros((8, 0)), np.zeros(0))
     return Desk(onward, shade, primed, Handle(room._replace(primed=primed)))

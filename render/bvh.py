@@ -69,6 +69,7 @@ class Bvh(NamedTuple):
     parameters: NDArray[np.float64]  # Geometries.parameters
     origin: NDArray[np.float64]  # Geometries.origin
     forms: Forms  # formula surfaces
+    rest: int  # those of CAMERA_REST and SHADOW_REST that some instance has
     aside: Any = Nothing()  # an Aside where things stand aside of all this
     search: int = 0  # address of traverse.search, or of what goes through things aside too, for kernels
     meet: int = 0  # address of formulas.meet, where there are formula surfaces
@@ -131,6 +132,7 @@ def build(
         parameters=geometries.parameters,
         origin=geometries.origin,
         forms=found,
+        rest=int(np.bitwise_or.reduce(visible[drawable], initial=0)) & (CAMERA_REST | SHADOW_REST),
         aside=aside,
     )
 

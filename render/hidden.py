@@ -116,7 +116,10 @@ def _by_rest(known: Lane, accel: Any, tables: Tables, light: int, ray: Ray, acti
         bits = known >> (2 * light)
         told = (bits & 1) != 0
         active = active & ((bits & 2) == 0)
-    total = trace.dimmed(accel, tables, ray, active & told, given, REST)
+    zero = lanes.full_like(ray.t_min, 0.0)
+    total = lanes.where3(active & told, given, (zero, zero, zero))
+    if accel.rest & REST != 0:
+        total = trace.dimmed(accel, tables, ray, active & told, given, REST)
     rest = active & lanes.not_(told)
     if lanes.any_lane(rest):
         total = lanes.add(total, trace.dimmed(accel, tables, ray, rest, given))

@@ -179,6 +179,12 @@ def camera_background(tables: Tables, options: Options, direction: Vec) -> Vec:
     return (zero + options.color.x, zero + options.color.y, zero + options.color.z)
 
 
+def is_black(tables: Tables, options: Options) -> bool:
+    """Whether the camera sees no light where nothing is."""
+    skies = bool(((tables.lights.kind == lights.SKY) | (tables.lights.kind == lights.DOME)).any())
+    return not (skies if options.background == 0 else options.background == 2 and any(options.color))
+
+
 @helper
 def reflected_background(tables: Tables, options: Options, direction: Vec) -> Vec:
     """What mirrors and glass show where nothing is: the sky, or the background's colour in a scene without one."""

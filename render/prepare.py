@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -253,11 +254,15 @@ class Shapes:
     """Tessellations of a view's analytic instances, each made once for a geometry and a tolerance."""
 
     def __init__(self, tables: ir.Tables, view: View, pixels: float) -> None:
-        self.tables = tables
-        self.tolerances = object_tolerances(tables, view, pixels)
+        self.tables, self.pixels = tables, pixels
         self.eye = tables.transforms.matrix[tables.cameras.transform[view.camera], :, 3]
         self.view = view
         self._made: dict[tuple[int, float], tessellate.Tessellation] = {}
+
+    @cached_property
+    def tolerances(self) -> NDArray[np.float64]:
+        """Those of instances; see object_tolerances."""
+        return object_tolerances(self.tables, self.view, self.pixels)
 
     def shells(self, tables: ir.Tables) -> dict[int, tessellate.Tessellation]:
         """The tessellations of all instances that have one: not of meshes, formulas and quadrics, nor where the eye is so near to a round
@@ -323,7 +328,9 @@ def with_vertex_shaded_meshes(tables: ir.Tables, shapes: Shapes) -> ir.Tables:
     """The same scene with a mesh for each bounded analytic instance whose material is shaded at vertices (Gouraud)."""
     instances = tables.instances
     chosen = tables.materials.shading[instances.material] == ir.Shading.GOURAUD
-    chosen &= (tables.geometries.kind[instances.geometry] != ir.GeometryKind.MESH) & np.isfinite(shapes.tolerances)
+    chosen &= tables.geometries.kind[instances.geometry] != ir.GeometryKind.MESH
+    if chosen.any():
+        chosen &= np.isfinite(shapes.tolerances)
     if not chosen.any():
         return tables
     geometry = instances.geometry.copy()

@@ -43,6 +43,7 @@ class Primed(NamedTuple):
     spacing: NDArray[np.int64]
     u: NDArray[np.float64]
     v: NDArray[np.float64]
+    black: bool = False  # whether a camera ray that meets none of these brings no light, and meets nothing else
     hidden: Any = Nothing()  # (samples,) lamps, as hidden.py has them, where these are asked for
 
 

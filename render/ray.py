@@ -16,7 +16,7 @@ from . import across, aov, camera, columns, integrate, lanes, prepare, primed, r
 from .film import TILE
 from .handles import Handle
 from .kernels import HELPER, apart, helper, kernel
-from .primed import REST, first_samples, is_used, nearer_in, pixels, slot_of
+from .primed import REST, first_samples, is_used, nearer_in, pixels, slot_of, taken
 from .records import Film, First, Hit, Lane, Options, Ray, Tile, View
 
 CAMERA = int(ir.Visibility.CAMERA)
@@ -42,6 +42,7 @@ class Renderer:
             self.block = reuse.SIDE
         self.primes = prepared.paths is None and primed.is_needed(prepared.accel.tables)
         self.side = primed.side(view.width, view.height, plan["samples"]) if self.primes else TILE
+        self.black = self.primes and not prepared.accel.tables.rest & REST and integrate.is_black(prepared.tables, prepared.options)
         self.everything = None  # trees of all things, where waves' own leave some out
         nothing, none = Tile(0, 0, 0, 0), np.zeros((0, 0), np.int64)  # compiles
         self.sample(nothing, none, none, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
@@ -81,7 +82,7 @@ class Renderer:
             from . import bundled  # what other scenes do not load
 
             if not hasattr(self._rooms, "bundles"):
-                self._rooms.bundles = bundled.Bundles(p.accel, p.packed, Room.of(p.options), p.lamps)
+                self._rooms.bundles = bundled.Bundles(p.accel, p.packed, Room.of(p.options), p.lamps, self.black)
             room = self._rooms.bundles.prime(p.packed, self.frame, tile, first, count, total)
         else:
             room = Handle(Room.of(p.options))
@@ -194,6 +195,8 @@ def _draw_found(primed, tables, accel, gouraud, frame, film, room):
             return False
         n = primed.items.shape[1]
         for start in range(0, n, across.WIDTH):
+            if primed.black and not lanes.any_lane(taken(primed.t, start) < np.inf):
+                continue
             if draw_row(tables, accel, gouraud, frame, start, room):
                 for k in range(min(across.WIDTH, n - start)):
                     _add_one(film, room, k, primed.items[1, start + k], primed.items[0, start + k])
@@ -277,7 +280,10 @@ def _met_first(primed, accel, tables, ray, x, y, s):
 @apart
 def first_of_both(accel, tables, ray, found, slot):
     """`met_first` for samples in these slots, or from this one on."""
-    hit = trace.closest(accel, tables, ray, lanes.bool_like(ray.t_min, True), REST)
+    zero, none = lanes.full_like(ray.t_min, 0.0), lanes.int_like(ray.t_min, -1)
+    hit = Hit(zero + np.inf, none, none, zero, zero)
+    if accel.rest & REST != 0:
+        hit = trace.closest(accel, tables, ray, lanes.bool_like(ray.t_min, True), REST)
     return nearer_in(found, slot, hit)
 
 

@@ -51,9 +51,9 @@ def high_of(m: Any, a: Number, b: Number) -> Number:
 
 def _bounded(m: Any, low: Number, high: Number) -> Interval:
     """Within ±`m.most`, and of what lies beyond `m.big` altogether that alone; not-a-number stays."""
-    m.unbounded(_large(m, (low, high)))
-    low, high = m.where(low < -m.most, -m.most, low), m.where(high > m.most, m.most, high)
-    return m.where(low > m.big, m.big, low), m.where(high < -m.big, -m.big, high)
+    if m.tells:
+        m.unbounded(_large(m, (low, high)))
+    return m.clipped(low, -m.most, m.big), m.clipped(high, -m.big, m.most)
 
 
 def _large(m: Any, a: Interval) -> Number:
@@ -77,7 +77,7 @@ def _outward(m: Any, low: Number, high: Number) -> Interval:
 
 def multiply(m: Any, a: Interval, b: Interval) -> Interval:
     p, q, r, s = a[0] * b[0], a[0] * b[1], a[1] * b[0], a[1] * b[1]
-    low, high = low_of(m, low_of(m, p, q), low_of(m, r, s)), high_of(m, high_of(m, p, q), high_of(m, r, s))
+    low, high = m.least(m.least(p, q), m.least(r, s)), m.largest(m.largest(p, q), m.largest(r, s))
     low, high = _bounded(m, low, high)  # first: there is nothing below ∞
     return (down(m, low), up(m, high)) if m.lost else _outward(m, low, high)
 
@@ -122,8 +122,7 @@ def _quotient(m: Any, a: Interval, b: Interval) -> Interval:
 
 def magnitude(m: Any, a: Interval) -> Interval:
     """|a|."""
-    low = m.where(a[0] > 0.0, a[0], m.where(a[1] < 0.0, -a[1], 0.0 * a[0]))
-    return _defined(m, a, (low, high_of(m, -a[0], a[1])))
+    return m.largest(m.largest(a[0], -a[1]), 0.0 * a[0]), m.largest(-a[0], a[1])
 
 
 def _defined(m: Any, a: Interval, result: Interval) -> Interval:
@@ -189,7 +188,7 @@ def interval(m: Any, op: int, a: Interval, b: Any = None, c: Any = None) -> Inte
             low, high = magnitude(m, a)
             low, high = low * low, high * high
             m.unbounded(high > m.big)
-            low, high = m.where(low > m.big, m.big, low), m.where(high > m.most, m.most, high)
+            low, high = m.least(m.big, low), m.least(m.most, high)
             return (high_of(m, down(m, low), 0.0 * low), up(m, high)) if m.lost else _outward(m, low, high)
         case Op.HYPOT:
             (la, ha), (lb, hb) = magnitude(m, a), magnitude(m, b)

@@ -19,9 +19,10 @@ Number = Any  # a numpy array, or an LLVM vector
 class NumpyMath:
     """Arithmetic on float64 arrays. `maybe` collects what intervals say beside their bounds; with `ways` it forks (enclosures.one_side)."""
 
-    unit, tiny, big, most, lost = 2.0**-52, 1e-300, 1e290, 1e300, False
+    unit, tiny, big, most, lost, tells = 2.0**-52, 1e-300, 1e290, 1e300, False, False
     sqrt, floor, ceil, exp, log, power = np.sqrt, np.floor, np.ceil, np.exp, np.log, np.power
     sin, cos, tan, asin, acos, atan, atan2 = np.sin, np.cos, np.tan, np.arcsin, np.arccos, np.arctan, np.arctan2
+    least, largest = np.minimum, np.maximum  # of numbers that are none only together
 
     def __init__(self, shape: tuple[int, ...] = (), ways: Any = None) -> None:
         self.maybe = np.zeros(shape, bool)  # where something was undefined
@@ -29,6 +30,10 @@ class NumpyMath:
 
     def where(self, mask: Number, yes: Number, no: Number) -> Number:
         return np.where(mask, yes, no)
+
+    def clipped(self, x: Number, low: float, high: float) -> Number:
+        """A number, or the nearest one between these; not-a-number stays."""
+        return np.minimum(np.maximum(x, low), high)
 
     def undefined(self, mask: Number) -> None:
         self.maybe = self.maybe | mask

@@ -12,10 +12,7 @@ from .records import Lane, Surface, Tables, Vec
 @helper
 def color_of(tables: Tables, surface: Surface, slot: int) -> Vec:
     """A material input: its constant times its texture, if it has one."""
-    m = surface.material
-    zero = lanes.full_like(surface.offset, 0.0)
-    red, green, blue = gather.three_at(tables.materials.values, m, 3 * slot)
-    color = (red + zero, green + zero, blue + zero)
+    color = lanes.like3(surface.offset, *gather.three_at(tables.materials.values, surface.material, 3 * slot))
     return _patterned(tables, surface, surface.uv, slot, color)
 
 

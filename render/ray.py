@@ -79,9 +79,9 @@ class Renderer:
             drawn(p.accel, self.packed, self.frame, tile, first, count, total, film, self._rooms.room)
             return
         if self.primes:
-            from . import bundled  # what other scenes do not load
-
             if not hasattr(self._rooms, "bundles"):
+                from . import bundled  # what other scenes do not load
+
                 self._rooms.bundles = bundled.Bundles(p.accel, p.packed, Room.of(p.options), p.lamps, self.black)
             room = self._rooms.bundles.prime(p.packed, self.frame, tile, first, count, total)
         else:

@@ -29,6 +29,7 @@ from .tile_room import (
     evaluate_points,
     exact,
     signed,
+    single,
     tapes_of,
     tell,
 )
@@ -216,7 +217,7 @@ def _piece(room: Any, tape: int, ray: Any, at: Any, to: Any, slack: float) -> An
     """(low, high, least, most, error, far, sure) of values and slopes between distances of sixteen rays, and the values at the ends."""
     registers = room.registers
     for axis in range(3):
-        o, d = room.rays[axis * SPACED + ray], room.rays[(3 + axis) * SPACED + ray]
+        o, d = single(room.rays, axis, ray), single(room.rays, 3 + axis, ray)
         p, q = simd.fma(d, at, o), simd.fma(d, to, o)
         row = PARTS_OF_SPAN * axis
         simd.store(registers, row * VECTOR, simd.minimum(p, q) - slack)
@@ -265,4 +266,4 @@ def _by_search(room, memory, tape, ray, a, b, start, hits):
         gradient = gradient_at(room, 0, tapes, memory, origin, way, at, far, one)
         within, off = lanes.bool_like(like, inside), MANIFOLD * abs(value) + closed_in(gradient, far)
         at, gradient, off = faced(room, memory, rays, at, within, gradient, off, one, start, hits)
-        met(room, rays, at, off, gradient, within, one, start, hits)
+        met(room, rays, way, at, off, gradient, within, one, start, hits)

@@ -13,7 +13,7 @@ from ..records import Lane, Vec
 from .evaluate import Room, turns_at, value_at
 from .jumps import face
 from .meet import MANIFOLD, bracketed, dressed, gradient_at
-from .tile_room import OPEN, SPACED, VECTOR, U, evaluate_points, exact, numbers_of, own_origin, tapes_of
+from .tile_room import OPEN, SPACED, VECTOR, U, evaluate_points, exact, in_a_row, numbers_of, own_origin, single, tapes_of
 from .vectors import LANES
 
 MOST_TURNS = 12
@@ -47,7 +47,7 @@ def finished(room, memory, tape, count, start, reach, hits):
     for k in range(many):
         ray = simd.load(room.bracket_ray, k * VECTOR, VECTOR)
         for row in range(6):
-            simd.store(room.packed, row * OPEN + k * VECTOR, room.rays[row * SPACED + ray])
+            simd.store(room.packed, row * OPEN + k * VECTOR, single(room.rays, row, ray))
         for row in range(2):
             simd.store(rows, (6 + row) * OPEN + k * VECTOR, simd.load(rows, row * OPEN + k * VECTOR, VECTOR))
     enough = 8.0 * U * reach
@@ -160,9 +160,9 @@ def _polished(room, memory, tape, first, count, start, reach, hits):
         off = lanes.where(bad, MANIFOLD * abs(value), off)
         inside = lanes.where(bad, f_begin, -slope) <= 0.0
         at, gradient, off = faced(room, memory, ray, at, inside, gradient, off, bad, start, hits)
-        met(room, ray, at, off, gradient, inside, mask & (at >= low) & (at <= high), start, hits)
+        met(room, ray, d, at, off, gradient, inside, mask & (at >= low) & (at <= high), start, hits)
     else:
-        met(room, ray, at, off, gradient, slope > 0.0, mask & (at >= low) & (at <= high), start, hits)
+        met(room, ray, d, at, off, gradient, slope > 0.0, mask & (at >= low) & (at <= high), start, hits)
 
 
 @helper
@@ -179,17 +179,25 @@ def faced(
 
 @helper
 def met(
-    room: Any, ray: Lane, at: Lane, off: Lane, gradient: Vec, inside: Lane, mask: Lane, start: float, hits: Any
+    room: Any, ray: Lane, way: Vec, at: Lane, off: Lane, gradient: Vec, inside: Lane, mask: Lane, start: float, hits: Any
 ) -> None:
     """Write what rays have met, and let them rest."""
-    way = exact(room, ray)[1]
-    units, first, second = dressed(room, 0, way, gradient, inside, off)
-    size, place = room.exact[8 * SPACED + ray], hits.first + ray
-    across.put_at(hits.t, place, (start + at) / size, mask)
-    across.put_at(hits.instance, place, lanes.int_like(at, hits.number), mask)
-    across.put_at(hits.spacing, place, units, mask)
-    across.put_at(hits.u, place, first, mask)
-    across.put_at(hits.v, place, second, mask)
+    units, u, v = dressed(room, 0, way, gradient, inside, off)
+    number, column = lanes.int_like(at, hits.number), hits.first + ray
+    if in_a_row(ray) and lanes.not_(lanes.any_lane(lanes.not_(mask))):
+        begin = across.lane(column, 0)
+        t = (start + at) / across.load_row(room.exact, 8 * SPACED + across.lane(ray, 0))
+        across.store_row(hits.t, begin, t)
+        across.store_row(hits.instance, begin, number)
+        across.store_row(hits.spacing, begin, units)
+        across.store_row(hits.u, begin, u)
+        across.store_row(hits.v, begin, v)
+    else:
+        across.put_at(hits.t, column, (start + at) / room.exact[8 * SPACED + ray], mask)
+        across.put_at(hits.instance, column, number, mask)
+        across.put_at(hits.spacing, column, units, mask)
+        across.put_at(hits.u, column, u, mask)
+        across.put_at(hits.v, column, v, mask)
     bit, rest = lanes.int_like(at, 1) << (ray & (VECTOR - 1)), mask
     while lanes.any_lane(rest):
         first, here = across.together(ray & -VECTOR, rest)

@@ -50,6 +50,7 @@ class VectorMath:
 
     def __init__(self, builder: Any, state: Any = None, form: Form = DOUBLE, number: Any = None, forks: bool = False) -> None:
         self.builder, self.state, self.form, self.number, self.forks = builder, state, form, number, forks
+        self.tells = True  # that something is unbounded
         self.result: list[Value] = []  # bounds that the tape's result is known to have, for operations that may be asked about them
         single = form.bits == 32
         if single:  # where products are too small for it they are not for the points in float64 that it stands for
@@ -67,6 +68,16 @@ class VectorMath:
         if not isinstance(like, Value):
             like = self.everywhere(0.0)
         return select(mask, *(v if isinstance(v, Value) else like.constant(v) for v in (yes, no)))
+
+    def least(self, a: Any, b: Value) -> Value:
+        return self.where(a < b, a, b)
+
+    def largest(self, a: Value, b: Value) -> Value:
+        return self.where(a > b, a, b)
+
+    def clipped(self, x: Value, low: float, high: float) -> Value:
+        x = self.where(x < low, low, x)
+        return self.where(x > high, high, x)
 
     def everywhere(self, number: float) -> Value:
         """A number in every lane."""

@@ -7,9 +7,10 @@ where x² + z² ≤ r² and r ≥ 0. Minima and maxima are the relations' combin
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from .recognize import Quadratic
 from .tapes import INPUTS, Op, Tape, arity, stored
 
 MOST_LEAVES = 48  # beyond, most of them are far from any ray: bounds in cells tell which matter
+MOST_KNOWN = 64  # answers that are kept
 MOST_DEPTH = 12  # values that wait on the stack while a solid's relations are combined
 LEAF, BOTH, EITHER = 0, 1, 2  # what a step does: look at leaf `number`, combine the two last by `and`, by `or`
 _TINY = 1e-12
@@ -60,15 +62,26 @@ class Solid(NamedTuple):
     steps: tuple[tuple[int, int], ...]
 
 
+_known: dict[tuple[Any, ...], Solid | None] = {}
+
+
 class _Unknown(Exception):
     """A field that is something else."""
 
 
 def of_geometry(tables: ir.Tables, g: int) -> Solid | None:
-    """`solid` of geometry g, a formula surface."""
+    """`solid` of geometry g, a formula surface; those asked for last are known, since planning asks and then drawing."""
     geometries = tables.geometries
+    tape, sheet = stored(tables, int(geometries.tape[g])), bool(geometries.parameters[g, 0])
     reach = float(np.abs(geometries.bounds[g]).max())
-    return solid(stored(tables, int(geometries.tape[g])), bool(geometries.parameters[g, 0]), reach)
+    key = tape.structure(), tape.constants.tobytes(), sheet, reach
+    with contextlib.suppress(KeyError):
+        return _known[key]
+    found = solid(tape, sheet, reach)
+    if len(_known) >= MOST_KNOWN:
+        _known.clear()
+    _known[key] = found
+    return found
 
 
 def solid(tape: Tape, sheet: bool = False, reach: float = 1.0) -> Solid | None:

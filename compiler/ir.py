@@ -486,6 +486,15 @@ def column_type(table: str, column: str) -> tuple[np.dtype[Any], tuple[int, ...]
 
 def table_of(table: str, columns: Mapping[str, Any]) -> Any:
     """A table from lists or arrays by column name, checked for row shape, made contiguous, typed and read-only."""
+    return _filled(table, columns) if columns else _without_rows(table)
+
+
+@cache
+def _without_rows(table: str) -> Any:
+    return _filled(table, {})
+
+
+def _filled(table: str, columns: Mapping[str, Any]) -> Any:
     made = {}
     for column in TABLES[table]._fields:  # type: ignore[attr-defined]
         dtype, shape = column_type(table, column)

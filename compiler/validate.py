@@ -252,6 +252,8 @@ def _keys(check: Check) -> None:
     table, keys = check.tables["transforms"], check.tables["keys"]
     first, count = table["first_key"], table["keys"]
     moving = first >= 0
+    if not (moving.any() or count.any() or check.rows("keys")):
+        return
     check.bad("transforms", moving & ((count < 2) | (first.astype(np.int64) + count > check.rows("keys"))), "its keys are not there")
     check.bad("transforms", ~moving & (count != 0), "it has keys and does not move")
     check.bad("keys", ~(np.abs(np.linalg.norm(keys["turn"], axis=1) - 1.0) < 1e-6), "its turn is no unit quaternion")

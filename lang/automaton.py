@@ -6,14 +6,18 @@ kind of the token that follows, and is looked up from then on (Pager, "Eliminati
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from operator import itemgetter
 from typing import Any
 
 from lark import Lark, Token
 from lark.parsers.lalr_analysis import Shift
 
+from .comments import Comments
 from .tree import TreeBuilder
+
+Callbacks = dict[Any, Callable[[list[Any]], Any]]  # by rule
 
 
 class Unexpected(Exception):
@@ -27,11 +31,11 @@ class Unexpected(Exception):
 class Automaton:
     """One parse. `states` and `values` are its stacks; a state more than values, the one it began in."""
 
-    def __init__(self, lark: Lark, builder: TreeBuilder) -> None:
+    def __init__(self, lark: Lark, made: Callbacks) -> None:
         conf = lark.parse_interactive().parser_state.parse_conf
         self._rows, self._end = conf.states, conf.end_state
-        # The tree is built while parsing, by a builder of this parse's own: a tree is never walked recursively.
-        self._made = _callbacks(lark, builder)
+        # The tree is built while parsing, by a builder that nobody else uses meanwhile: a tree is never walked recursively.
+        self._made = made
         self._chains = _chains.setdefault(id(conf.states), {})
         self.states: list[Any] = [conf.start_state]
         self.values: list[Any] = []
@@ -81,10 +85,20 @@ def _is_unit(rule: Any) -> bool:
     return rule.options.expand1 and rule.alias is None and len(rule.expansion) == 1
 
 
-def _callbacks(lark: Lark, builder: TreeBuilder) -> dict[Any, Callable[[list[Any]], Any]]:
-    """What is made of each rule's parts."""
-    callbacks = lark._parse_tree_builder.create_callback(builder)
-    for rule in callbacks:
-        if _is_unit(rule):
-            callbacks[rule] = itemgetter(0)
-    return callbacks
+@contextmanager
+def building(lark: Lark, file: str, comments: Comments) -> Iterator[Callbacks]:
+    """What is made of each rule's parts, by a tree builder for a file: one that is idle, for lark takes long to make these."""
+    try:
+        builder, made = _idle.pop()
+    except IndexError:
+        builder = TreeBuilder()
+        made = lark._parse_tree_builder.create_callback(builder)
+        made.update((rule, itemgetter(0)) for rule in made if _is_unit(rule))
+    builder.begin(file, comments)
+    try:
+        yield made
+    finally:
+        _idle.append((builder, made))
+
+
+_idle: list[tuple[TreeBuilder, Callbacks]] = []

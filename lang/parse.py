@@ -9,10 +9,10 @@ from typing import Any
 from lark import Token
 
 from . import ast, explain, layout, tokens
-from .automaton import Automaton, Unexpected
+from .automaton import Automaton, Unexpected, building
 from .comments import Comments
 from .diagnostics import Diagnostics, Span, in_order
-from .tree import BROKEN, MAX_DEPTH, TooDeep, TreeBuilder
+from .tree import BROKEN, MAX_DEPTH, TooDeep
 
 MAX_BYTES = 4_000_000
 MAX_ERRORS = 100  # syntax errors shown for a file
@@ -84,7 +84,12 @@ class _Parsing:
     broken: set[str] = field(default_factory=set)  # names that broken items would have bound
 
     def run(self) -> tuple[tuple[ast.Item, ...], tuple[ast.Comment, ...], set[str]]:
-        self.parser = Automaton(tokens.grammar(), TreeBuilder(self.file, Comments(self.scan.comments)))
+        lark = tokens.grammar()
+        with building(lark, self.file, Comments(self.scan.comments)) as made:
+            return self._run(Automaton(lark, made))
+
+    def _run(self, parser: Automaton) -> tuple[tuple[ast.Item, ...], tuple[ast.Comment, ...], set[str]]:
+        self.parser = parser
         self.levels = [_Level(0, 0, 0)]
         self.depths = _depths(self.stream)
         self.wrong = sorted(self.scan.wrong)

@@ -30,11 +30,13 @@ class TooDeep(Exception):
 class TreeBuilder(Transformer):
     """lark hands each method the parts of its rule: tokens, and the nodes made of the rules below."""
 
-    def __init__(self, file: str, comments: Comments) -> None:
-        super().__init__()
-        self.file = file
-        self.comments = comments
-        self.depths: dict[int, int] = {}  # by id(node); an id used again is written again
+    file: str
+    comments: Comments
+    depths: dict[int, int]  # by id(node); an id used again is written again
+
+    def begin(self, file: str, comments: Comments) -> None:
+        """Be ready for a file's tree."""
+        self.file, self.comments, self.depths = file, comments, {}
 
     # --- helpers --------------------------------------------------------------------------------------------------
 

@@ -43,6 +43,7 @@ class Bundles:
         self.instances = instances(trees).tolist()
         self.casting = [k for k, i in enumerate(self.instances) if trees.placed[i, 0] & hidden.CASTS]
         self.desks: dict[tuple[int, ...], Desk] = {}
+        self.counted: tuple[Any, Any] = None, None  # the last counts of samples, and the desk for them
         weakref.finalize(self, _put_by, self.desks).atexit = False
         self.inverses = [np.ascontiguousarray(trees.inverse[i, :3]) for i in self.instances]
         self.geometries = [int(trees.placed[i, 2]) for i in self.instances]
@@ -87,6 +88,13 @@ class Bundles:
 
     def _desk(self, count: NDArray[np.int64]) -> Desk:
         """That of tiles where all pixels take as many samples is kept."""
+        if count is self.counted[0]:  # as mostly: the film's own
+            return self.counted[1]
+        desk = self._desk_for(count)
+        self.counted = count, desk
+        return desk
+
+    def _desk_for(self, count: NDArray[np.int64]) -> Desk:
         rounds = int(count.flat[0]) if count.size else 0
         if (count != rounds).any():
             return _desk(count, self.room, bool(self.lamps), self.black)

@@ -52,6 +52,12 @@ class Renderer(Protocol):
         """Samples a pixel may take between two calls of `refresh`; None: nothing is shared by samples, and nobody calls it."""
         ...
 
+    @property
+    def single(self) -> Callable[[Tile, NDArray[np.float32]], int] | None:
+        """What sets a tile's pixels, (h, w, 4) zeros before, where they have but one sample, and tells how many were left out; None:
+        `sample` is asked."""
+        ...
+
     def refresh(self, samples: int) -> None:
         """Make anew what the samples of a round share, which will be so many of all pixels together."""
         ...
@@ -73,6 +79,7 @@ class Unshared:
     """What of a Renderer whose samples share nothing."""
 
     round: int | None = None
+    single: Callable[[Tile, NDArray[np.float32]], int] | None = None
 
     def refresh(self, samples: int) -> None:
         """Nothing is made anew."""
@@ -226,7 +233,7 @@ class _Canvas:
         several = (self.height, self.width, 3) if self.most > 1 else (0, 0, 3)  # one sample tells nothing of its error
         self.variance = np.full(several, np.inf)  # of the means; inf where one batch says nothing
         self.value = np.zeros(several, np.float32)  # what errors are a share of
-        self.samples = np.zeros((self.height, self.width), np.int64)
+        self.samples = np.zeros((self.height, self.width), np.int64 if self.most > 1 else np.int8)
         self.decline = adaptive.Decline()
         self.least = 0.0  # ε², once something is known
         self.tiles = tiles(self.crop, renderer.side)
@@ -258,15 +265,18 @@ class _Canvas:
     def _once(self, tile: Tile) -> None:
         """The one sample of each pixel of a tile, by way of memory that the thread keeps."""
         shape = tile.y1 - tile.y0, tile.x1 - tile.x0
-        if getattr(self._kept, "shape", None) != shape:
-            self._kept.shape, self._kept.film = shape, _film(tile)
-            self._kept.counts = np.zeros(shape, np.int64), np.ones(shape, np.int64)
-        film, (first, count) = self._kept.film, self._kept.counts
         window = self._window(tile)
-        self.renderer.sample(tile, first, count, 1, film)
-        self.issues[tile] = sums.take_first(film, self.channels["rgba"][window])
+        if self.renderer.single is not None:
+            self.issues[tile] = self.renderer.single(tile, self.channels["rgba"][window])
+        else:
+            if getattr(self._kept, "shape", None) != shape:
+                self._kept.shape, self._kept.film = shape, _film(tile)
+                self._kept.counts = np.zeros(shape, np.int64), np.ones(shape, np.int64)
+            first, count = self._kept.counts
+            self.renderer.sample(tile, first, count, 1, self._kept.film)
+            self.issues[tile] = sums.take_first(self._kept.film, self.channels["rgba"][window])
         self.samples[window] = 1
-        self.drawn[tile] = first.size
+        self.drawn[tile] = shape[0] * shape[1]
         self._extras(tile)
 
     def _in_rounds(self, most: int) -> None:

@@ -39,6 +39,7 @@ class Renderer:
         self.light = {name: np.zeros((y1 - self.y0, x1 - self.x0, 3)) for name in (*chosen, "")}
         if not self.parts:
             self.parts = [("", make(scene, plan))]
+        self.single = None  # each group's light is kept apart
         one = self.parts[0][1]
         self.by_tile, self.block, self.side, self.prepared = one.by_tile, one.block, one.side, getattr(one, "prepared", None)
 

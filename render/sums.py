@@ -54,6 +54,12 @@ def take_in(film, count, color, alpha, issues, samples, variance, value, rgba, l
             rgba[y, x, 3] = alpha[y, x] / whole
 
 
+@helper
+def held(value):
+    """A number, or the nearest one that a picture can hold."""
+    return min(max(value, -LARGEST), LARGEST)
+
+
 @kernel
 def take_first(film, rgba):
     """Set the picture of a tile from a film's one sample of each pixel, and empty the film; how many samples of all are no numbers that a
@@ -61,15 +67,13 @@ def take_first(film, rgba):
     issues = 0
     for y in range(rgba.shape[0]):
         for x in range(rgba.shape[1]):
-            beyond = False
-            for k in range(3):
-                value = film.color[y, x, k]
-                film.color[y, x, k] = 0.0
-                rgba[y, x, k] = min(max(value, -LARGEST), LARGEST)
-                beyond = beyond or not abs(value) <= LARGEST
-            rgba[y, x, 3] = film.alpha[y, x]
-            issues += film.issues[y, x] + (1 if beyond else 0)
-            film.alpha[y, x], film.issues[y, x] = 0.0, 0
+            red, green, blue = film.color[y, x, 0], film.color[y, x, 1], film.color[y, x, 2]
+            if not (abs(red) <= LARGEST and abs(green) <= LARGEST and abs(blue) <= LARGEST):
+                red, green, blue = held(red), held(green), held(blue)
+                issues += 1
+            rgba[y, x, 0], rgba[y, x, 1], rgba[y, x, 2], rgba[y, x, 3] = red, green, blue, film.alpha[y, x]
+            issues += film.issues[y, x]
+    film.color[...], film.alpha[...], film.issues[...] = 0.0, 0.0, 0
     return issues
 
 

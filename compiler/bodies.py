@@ -30,11 +30,11 @@ def that_block(tables: ir.Tables) -> np.ndarray:
 def _holds_another(tables: ir.Tables, row: int) -> bool:
     """Whether another lamp's place is in the ball of a row of Lights."""
     lights, transforms = tables.lights, tables.transforms
-    area = np.isin(lights.kind, _AREAS)
+    area = ir.among(lights.kind, _AREAS)
     places = np.where(area[:, None], transforms.matrix[lights.transform, :, 3], lights.position)
     matrix = transforms.matrix[lights.transform[row]]
     radius = lights.size[row, 0] * np.linalg.norm(matrix[:, 0])
-    inside = np.isin(lights.kind, _PLACED) & (np.linalg.norm(places - matrix[:, 3], axis=1) < radius)
+    inside = ir.among(lights.kind, _PLACED) & (np.linalg.norm(places - matrix[:, 3], axis=1) < radius)
     inside[row] = False
     return bool(inside.any())
 

@@ -9,7 +9,7 @@ Triangles are counter-clockwise from outside. Image row 0 is the top row; v = 0 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from enum import IntEnum
 from functools import cache
@@ -467,6 +467,14 @@ TABLES: dict[str, type] = {
     "geometries": Geometries, "instances": Instances, "materials": Materials, "textures": Textures, "images": Images,
     "lights": Lights, "cameras": Cameras,
 }  # fmt: skip
+
+
+def among(column: np.ndarray, kinds: Iterable[int]) -> np.ndarray:
+    """Which numbers of a column are one of a few; np.isin takes several times as long."""
+    found = np.zeros(np.shape(column), bool)
+    for kind in kinds:
+        found |= column == kind
+    return found
 
 
 @cache

@@ -341,7 +341,7 @@ def _background(scene: ir.Scene, asked: ir.Settings, _: Mapping[str, Decision]) 
     if asked.background is not None:
         return Decision("background", asked.background, "asked for", fixed="--background")
     kinds = scene.tables.lights.kind
-    if np.isin(kinds, (ir.LightKind.SKY, ir.LightKind.DOME)).any():
+    if ir.among(kinds, (ir.LightKind.SKY, ir.LightKind.DOME)).any():
         return Decision("background", "sky", "the scene has a sky", fixed="--background")
     return Decision("background", "transparent", "the scene has no sky", fixed="--background")
 
@@ -439,7 +439,7 @@ def _tolerance(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]
 
 def _horizon(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]) -> Decision:
     lights = scene.tables.lights
-    if not (np.isin(lights.kind, (ir.LightKind.SKY, ir.LightKind.DOME)) & lights.shadows).any():
+    if not (ir.among(lights.kind, (ir.LightKind.SKY, ir.LightKind.DOME)) & lights.shadows).any():
         return Decision("horizon", False, "no sky casts shadows")
     row = ground(scene.tables)
     if row < 0:
@@ -489,7 +489,7 @@ def _textures(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision])
     rows = rows[rows >= 0]
     kind, plain = tables.textures.kind[rows], tables.textures.nearest[rows]
     patterns, pictures = bool((kind == ir.TextureKind.FORMULA).any()), bool(((kind == ir.TextureKind.IMAGE) & ~plain).any())
-    cells = bool(np.isin(kind, (ir.TextureKind.CHECKER, ir.TextureKind.STRIPES)).any())
+    cells = bool(ir.among(kind, (ir.TextureKind.CHECKER, ir.TextureKind.STRIPES)).any())
     if not patterns and not pictures and not cells:
         return Decision("textures", "sharp", "no picture and no pattern lies on anything", fixed="the scene's materials")
     why = ""
@@ -552,7 +552,7 @@ def _precision(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]
     shown = instances.visible & ir.Visibility.CAMERA != 0
     used = np.unique(instances.material[shown])
     why = ""
-    if done["raster.shadows"].value != "none" or np.isin(scene.tables.lights.kind, _SOFT_LIGHTS).any():
+    if done["raster.shadows"].value != "none" or ir.among(scene.tables.lights.kind, _SOFT_LIGHTS).any():
         why = "rays go to lights"
     elif (scene.tables.geometries.kind[instances.geometry[shown]] != ir.GeometryKind.MESH).any():
         why = "rays meet shapes that are no mesh"
@@ -562,7 +562,7 @@ def _precision(scene: ir.Scene, asked: ir.Settings, done: Mapping[str, Decision]
         why = "patterns are formulas, which are computed in float64"
     elif (materials.textures[used][:, [ir.Slot.NORMAL, ir.Slot.BUMP]] >= 0).any():
         why = "some normals are turned by maps"
-    elif np.isin(materials.model[used], (ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR, ir.MaterialModel.METAL)).any():
+    elif ir.among(materials.model[used], (ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR, ir.MaterialModel.METAL)).any():
         why = "some highlight is of microfacets"
     elif (materials.model[used] == ir.MaterialModel.BLEND).any():
         why = "some material is a blend"

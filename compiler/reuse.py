@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from . import facts, ir
 
 SHARED = ("blocks", "none")
@@ -23,7 +21,7 @@ def by_blocks(tables: ir.Tables, transport: str, backend: str, moves: bool) -> t
         why = "each path has a time of its own"
     elif not is_matt(tables):
         why = "something is not matt, even and wholly there: what it sends depends on where it is seen from"
-    elif np.isin(tables.lights.kind, _SKIES).any():
+    elif ir.among(tables.lights.kind, _SKIES).any():
         why = "light comes from the sky, which each pixel looks for by itself"
     elif len(tables.lights.kind) > MANY:
         why = "lamps are so many that most noise is of which one the first surface looks for"
@@ -36,7 +34,7 @@ def is_matt(tables: ir.Tables) -> bool:
     """Whether all things send the same light in all directions, by normals of their own, and every ray may meet them."""
     m, instances, slot = tables.materials, tables.instances, ir.Slot
     other = [slot.SPECULAR, slot.REFLECTION, slot.TRANSMISSION]
-    plain = np.isin(m.model, _MATT) & (m.shading != ir.Shading.GOURAUD) & ~facts.partial(tables)
+    plain = ir.among(m.model, _MATT) & (m.shading != ir.Shading.GOURAUD) & ~facts.partial(tables)
     plain &= m.values[:, other].max(axis=(1, 2), initial=0.0) <= 0.0
     plain &= (m.textures[:, [*other, slot.NORMAL, slot.BUMP]] < 0).all(axis=1)
     rounded = (tables.geometries.normals[instances.geometry] >= 0) & (m.shading[instances.material] != ir.Shading.FLAT)

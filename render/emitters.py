@@ -212,7 +212,7 @@ def _tree(tables: ir.Tables, of: dict[str, Any]) -> light_tree.Tree:
     kind, place, u, v = of["kind"], of["place"], of["side_u"], of["side_v"]
     shown = np.select([kind == SPHERE, kind == TUBE], [0.25, 1.0 / math.pi], 1.0)  # of its area, from one side
     power = of["color"].mean(axis=1) * np.where(of["area"] > 0, of["area"] * shown, 1.0)
-    far = np.isin(kind, _FAR)
+    far = ir.among(kind, _FAR)
     span = np.abs(u) + np.abs(v)
     span = np.where((kind == DISK)[:, None], np.sqrt(u * u + v * v), span)
     span = np.where((kind == SPHERE)[:, None], u[:, :1], span)

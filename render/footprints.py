@@ -96,7 +96,7 @@ def _kept_of(rows: ir.Textures, samples: int, further: bool) -> Any:
     formula = rows.kind == ir.TextureKind.FORMULA
     formulas = formula.any() and samples < planner.MANY_PLACES
     pictures = (rows.kind == ir.TextureKind.IMAGE) & ~rows.nearest
-    cells = np.isin(rows.kind, (ir.TextureKind.CHECKER, ir.TextureKind.STRIPES))
+    cells = ir.among(rows.kind, (ir.TextureKind.CHECKER, ir.TextureKind.STRIPES))
     places = formulas or (~formula & (rows.mapping != ir.Mapping_.UV)).any()
     asked = (pictures.any(), cells.any(), formulas, (pictures | cells).any(), places)
     asked += (further and bool(pictures.any() or cells.any() or formulas),)

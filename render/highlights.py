@@ -30,7 +30,7 @@ def of(tables: ir.Tables) -> Lamps | Unmet:
     if not isinstance(tables.materials, principled.Layered):
         return Unmet()
     kinds = tables.lights.kind
-    wide = np.isin(kinds, (lights.RECTANGLE, lights.DISK, lights.SPHERE)) | ((kinds == lights.SUN) & (tables.lights.angle > 0.0))
+    wide = ir.among(kinds, (lights.RECTANGLE, lights.DISK, lights.SPHERE)) | ((kinds == lights.SUN) & (tables.lights.angle > 0.0))
     rows = np.flatnonzero(wide)
     return Lamps(rows.astype(np.int64)) if len(rows) else Unmet()
 

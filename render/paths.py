@@ -101,13 +101,13 @@ def uses_of(tables: ir.Tables) -> Uses:
     values, slot = tables.materials.values, ir.Slot
     model = tables.materials.model
 
-    sky = np.isin(tables.lights.kind, (ir.LightKind.SKY, ir.LightKind.DOME))
+    sky = ir.among(tables.lights.kind, (ir.LightKind.SKY, ir.LightKind.DOME))
 
     def any_of(*slots: int) -> bool:
         return bool(values[:, list(slots)].max(initial=0.0) > 0.0)
 
     return Uses(
-        glossy=any_of(slot.SPECULAR) or bool(np.isin(model, principled.MODELS).any()) or frosted.is_rough(tables),
+        glossy=any_of(slot.SPECULAR) or bool(ir.among(model, principled.MODELS).any()) or frosted.is_rough(tables),
         sharp=any_of(slot.REFLECTION, slot.TRANSMISSION) or bool((model == ir.MaterialModel.GLASS).any()) or principled.has_sharp(tables),
         shines=any_of(slot.EMISSION),
         ambient=bool((tables.lights.kind == ir.LightKind.AMBIENT).any()),

@@ -131,7 +131,7 @@ def _eligible(tables: ir.Tables, boxes: Rows) -> tuple[NDArray[np.bool_], bool]:
     """(instances,) whose pieces are to be looked at, and whether things are so many that these are the large ones alone."""
     geometry = tables.instances.geometry
     small = (tables.geometries.kind == ir.GeometryKind.MESH) & (tables.geometries.triangle_count <= MESH_TRIANGLES)
-    eligible = (np.isin(tables.geometries.kind, _TRIED) | small)[geometry]
+    eligible = (ir.among(tables.geometries.kind, _TRIED) | small)[geometry]
     finite = np.isfinite(boxes).all(axis=1)
     if np.count_nonzero(eligible) <= MOST or not finite.any():
         return eligible, False
@@ -179,7 +179,7 @@ def _points(tables: ir.Tables, inside: NDArray[np.bool_], listed: list[tuple[int
         if piece.corners is None:
             return None
         found.append(piece.corners)
-    found.append(tables.lights.position[np.isin(tables.lights.kind, (ir.LightKind.POINT, ir.LightKind.SPOT))])
+    found.append(tables.lights.position[ir.among(tables.lights.kind, (ir.LightKind.POINT, ir.LightKind.SPOT))])
     found.append(_lamp_corners(tables))
     return np.concatenate(found)
 
@@ -187,7 +187,7 @@ def _points(tables: ir.Tables, inside: NDArray[np.bool_], listed: list[tuple[int
 def _lamp_corners(tables: ir.Tables) -> Rows:
     """(n, 3) corners around lamps with an extent."""
     lit = tables.lights
-    wide = np.isin(lit.kind, (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE))
+    wide = ir.among(lit.kind, (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE))
     kind, matrix, size = lit.kind[wide], tables.transforms.matrix[lit.transform[wide]], lit.size[wide]
     sides = np.array([[x, z] for x in (-1.0, 1.0) for z in (-1.0, 1.0)])
     half = np.where((kind == ir.LightKind.DISK)[:, None], size[:, :1], size)

@@ -122,7 +122,7 @@ def _for_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame) ->
 
     kind = np.float32 if plan["precision"] == "float32" else np.float64
     lit = tables.lights.kind
-    near = not np.isin(lit, (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN, ir.LightKind.DOME)).any() and not plan["motion"]
+    near = not ir.among(lit, (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN, ir.LightKind.DOME)).any() and not plan["motion"]
     tried, inside = pieces.build(tables, near, plan["motion"])
     accel = Handle(waves.NoTrees())
     if not inside.all():

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
 from numba.extending import overload
 
 from ..compiler import ir
@@ -59,7 +58,7 @@ class Smooth(NamedTuple):
 
 def tables_for(tables: ir.Tables) -> ir.Tables:
     """The same tables, or with `Layered` materials where a thing has microfacets, a map of normals or heights, a medium or a blend."""
-    facets = bool((np.isin(tables.materials.model, MODELS) & planner.used_materials(tables)).any())
+    facets = bool((ir.among(tables.materials.model, MODELS) & planner.used_materials(tables)).any())
     parts = (
         albedo.table() if facets else Smooth(), tilt.tangents(tables), frosted.tables_of(tables), media.media(tables),
         blends.blended(tables),
@@ -73,7 +72,7 @@ def has_sharp(tables: ir.Tables) -> bool:
     """Whether some highlight may be a mirror's."""
     m = tables.materials
     flat = (m.values[:, ROUGHNESS, 0] ** 2 < microfacet.SHARP) | (m.textures[:, ROUGHNESS] >= 0)
-    return bool((np.isin(m.model, MODELS) & flat).any())
+    return bool((ir.among(m.model, MODELS) & flat).any())
 
 
 def at(tables: Tables, surface: Surface) -> Lobes | None:

@@ -13,9 +13,9 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from . import cryptomatte, metrics
+from . import cryptomatte, metrics, srgb
 from . import image as images
-from .srgb import codes, decode_srgb, encode_srgb
+from .srgb import decode_srgb, encode_srgb
 
 LINEAR = (".exr",)
 DEPTHS = {".png": (8, 16), ".tif": (8, 16), ".tiff": (8, 16), ".jpg": (8,), ".jpeg": (8,)}  # bits a channel, by extension
@@ -214,8 +214,9 @@ def _ordered(picture: images.Image) -> list[str]:
 
 def _displayed(picture: images.Image, path: Path, look: Look) -> NDArray[Any]:
     keep = look.alpha and path.suffix.lower() in WITH_ALPHA
-    if look.bits == 8 and look.view == "sRGB" and not keep:
-        return codes(picture.channels["rgba"][..., :3], look.exposure)
+    if look.bits == 8 and look.view == "sRGB":
+        rgba = picture.channels["rgba"]
+        return srgb.codes_with_alpha(rgba, look.exposure) if keep else srgb.codes(rgba[..., :3], look.exposure)
     rgba = np.asarray(picture.channels["rgba"], dtype=np.float64)
     rgb, alpha = rgba[..., :3] * 2.0**look.exposure, np.clip(rgba[..., 3:4], 0.0, 1.0)
     if keep:

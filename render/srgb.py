@@ -44,6 +44,20 @@ def codes(rgb: NDArray[np.float32], exposure: float) -> NDArray[np.uint8]:
     return code
 
 
+def codes_with_alpha(rgba: NDArray[np.float32], exposure: float) -> NDArray[np.uint8]:
+    """The same of light that is multiplied by its coverage, and the coverage: light is divided by it where it is a part of a pixel."""
+    coverage = rgba[..., 3]
+    found = np.empty(rgba.shape, np.uint8)
+    found[..., :3] = codes(rgba[..., :3], exposure)
+    found[..., 3] = np.where(coverage >= 1.0, 255, 0)
+    parts = (coverage > 0.0) & (coverage < 1.0)
+    if parts.any():
+        light = rgba[parts].astype(np.float64)
+        found[parts, :3] = _by_the_curve(light[:, :3] * 2.0**exposure / light[:, 3:], 1.0)
+        found[parts, 3] = np.rint(light[:, 3] * 255)
+    return found
+
+
 class Table(NamedTuple):
     """By the upper half of a float32's bits: the lower of the codes that light with these bits can have, and the brightest light of it."""
 

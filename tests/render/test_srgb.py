@@ -54,3 +54,18 @@ def test_rows_of_pixels_with_more_channels() -> None:
     found = srgb.codes(rgba[..., :3], 0.5)
     assert np.array_equal(found, by_the_curve(rgba[..., :3], 0.5))
     assert found.flags.c_contiguous
+
+
+@pytest.mark.parametrize("stops", STOPS)
+def test_light_and_coverage(stops: float) -> None:
+    """Associated alpha of all kinds, and what stands in a file: 0 and 1 and beyond, edges, and coverage that is none."""
+    random = np.random.default_rng(3)
+    alpha = random.choice(np.array([0.0, 1.0, 0.5, 1e-30, 1.0 - 2.0**-24, 2.0, -1.0, -0.0, 0.3], np.float32), (40, 50))
+    alpha[:20] = np.where(alpha[:20] == 0.5, random.random((20, 50), dtype=np.float32), alpha[:20])
+    rgba = np.concatenate([random.random((40, 50, 3), dtype=np.float32) * alpha[..., None], alpha[..., None]], axis=2)
+    rgba[0, :3, 0] = np.nan, np.inf, -np.inf
+    covered = np.clip(rgba[..., 3:].astype(np.float64), 0.0, 1.0)
+    with np.errstate(all="ignore"):
+        light = rgba[..., :3].astype(np.float64) * 2.0**stops / np.where(covered > 0, covered, 1.0)
+        expected = np.rint(np.concatenate([srgb.encode_srgb(light), covered], axis=2) * 255).astype(np.uint8)
+        assert np.array_equal(srgb.codes_with_alpha(rgba, stops), expected)

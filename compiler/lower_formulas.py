@@ -23,7 +23,7 @@ def implicit(lowering: Lowering, element: Element) -> list[Piece]:
     """The surface of an `implicit`; nothing, after a diagnostic, where there is none that could be drawn."""
     formula, within = element.args["formula"], element.args["within"]
     try:
-        tape, sheet = tapes.surface(formula)
+        tape, sheet, left_out = tapes.surface(formula)
     except Unfit as unfit:
         return lowering.refuse(element, str(unfit), unfit.hint)
     unit = formula.unit
@@ -39,9 +39,12 @@ def implicit(lowering: Lowering, element: Element) -> list[Piece]:
     places, values = extent.some_of(tape, bounds)
     if extent.zero_all_over(tape, places, values):
         try:
-            tape, sheet = tapes.surface(formula, parted=True)
+            tape, sheet, left_out = tapes.surface(formula, parted=True)
         except Unfit as unfit:
             return lowering.refuse(element, str(unfit), unfit.hint)
+    if left_out:
+        hint = "write < instead of <= if none is meant; if it is, draw it beside this with =="
+        lowering.warn(element, "where a squared factor is 0 this holds on a sheet, too, of which nothing is drawn", hint)
     ball = (0.0, 0.0, 0.0, 0.0)
     if within is not None:
         if not sheet and extent.all_inside(tape, bounds, values):

@@ -10,12 +10,12 @@ import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..lang.formula import Formula, Node
-from . import plateaus
+from . import evens, plateaus
 from .operations import COMMUTES, KEEP_WHOLE, STEPS, Op, arity, fold
 from .plateaus import Levels
 
@@ -330,6 +330,7 @@ _SAME = {
     "mod": Op.MOD, "sign": Op.SIGN,
 }  # fmt: skip
 EVERYWHERE = "both sides of this `==` are equal all over a region: that is no surface", "write <= for the solid that it is"
+NO_INSIDE = "this relation holds on a surface alone, which has no inside", "write how thick it is to be, like abs(y) <= 0.01"
 _OPPOSITE = {"less": "at_least", "at_most": "greater", "greater": "at_most", "at_least": "less"}
 
 
@@ -405,7 +406,11 @@ class _Reader:
             how = _OPPOSITE[node.op] if negated else node.op
             left, right = (self.number(i) for i in node.args)
             strictly = how in ("less", "greater")
-            return b.below(left, right, strictly) if how in ("less", "at_most") else b.below(right, left, strictly)
+            found = b.below(left, right, strictly) if how in ("less", "at_most") else b.below(right, left, strictly)
+            if not strictly or exact:
+                return found
+            inside = evens.with_inside(b, found)[0]  # what holds on sheets alone is no part of it
+            return b.constant(1.0) if inside is None else inside
         if self.of_truths(node):
             first, second = node.args
             alike = (node.op == "equal") != negated
@@ -425,9 +430,17 @@ class _Reader:
         )
 
 
-def surface(formula: Formula, parted: bool = False) -> tuple[Tape, bool]:
+class Surface(NamedTuple):
     """The field of a relation, and whether it is a sheet (`==`, but of whole numbers, or what is never below 0 at most 0); else it is a
-    solid, where its field is at most 0. With `parted` both sides are known to be equal all over a region: see Builder. Raises Unfit."""
+    solid, where its field is at most 0. `left_out`: the relation holds on sheets besides, too, where a square in a product is 0."""
+
+    tape: Tape
+    sheet: bool
+    left_out: bool = False
+
+
+def surface(formula: Formula, parted: bool = False) -> Surface:
+    """What a relation is. With `parted` both sides are known to be equal all over a region: see Builder. Raises Unfit."""
     if len(formula.parameters) != 3:
         raise Unfit(f"a surface's formula has three parameters, x, y and z, not {len(formula.parameters)}", "write |x, y, z| …")
     if formula.kind != "truth":
@@ -439,13 +452,18 @@ def surface(formula: Formula, parted: bool = False) -> tuple[Tape, bool]:
     if top.op == "equal" and not reader.of_truths(top):
         found = builder.subtract(*(reader.number(i) for i in top.args))
         if builder.is_whole(found):
-            return builder.finish(builder.zero(found)), False
+            return Surface(builder.finish(builder.zero(found)), False)
         if parted:
             raise Unfit(*EVERYWHERE)
     else:
         found = reader.field(formula.results[0])
-        if parted or top.op not in ("at_most", "at_least") or not _never_below(builder, found):
-            return builder.finish(found), False
+        if parted:
+            return Surface(builder.finish(found), False)
+        if top.op not in ("at_most", "at_least") or not _never_below(builder, found):
+            solid, left_out = evens.with_inside(builder, found)
+            if solid is None:
+                raise Unfit(*NO_INSIDE)
+            return Surface(builder.finish(solid), False, left_out)
     found = _without_squares(builder, found)
     levels = builder.levels(found)
     if levels is not None and 0.0 in levels:
@@ -453,7 +471,7 @@ def surface(formula: Formula, parted: bool = False) -> tuple[Tape, bool]:
     if builder.row(found)[0] == Op.MOD:
         hint = "half a period on it passes through what it is compared with: mod(a + b / 2, b) == b / 2"
         raise Unfit("a `mod` that is compared with 0 jumps where it is 0, and passes through it nowhere", hint)
-    return builder.finish(found), True
+    return Surface(builder.finish(found), True)
 
 
 _NEVER_BELOW = frozenset({Op.SQUARE, Op.ABS, Op.SQRT, Op.HYPOT})

@@ -142,7 +142,8 @@ def constant_rows(tape: Tape) -> NDArray[np.float64]:
 
 def single_rows(tape: Tape) -> NDArray[np.float32]:
     """The same in float32: bounds of the number, zeros, and from the sixth vector on the number and zeros."""
-    near = tape.constants.astype(np.float32)
+    with np.errstate(over="ignore"):
+        near = tape.constants.astype(np.float32)
     rows = np.zeros((max(len(near), 1), PARTS, SINGLE.lanes), np.float32)
     exact = near == tape.constants
     rows[: len(near), 0] = np.where(exact, near, np.nextafter(near, np.float32(-np.inf)))[:, None]

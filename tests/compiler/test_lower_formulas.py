@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from maquette.compiler import ir, load, tape_walks
-from maquette.compiler.tapes import Tape, most_live
+from maquette.compiler.tapes import Tape, most_live, stored
 from maquette.lang.diagnostics import Diagnostics, SceneError
 
 
@@ -120,6 +120,36 @@ def test_bounds_are_close_to_a_heart_and_cut_nothing_off(tmp_path, within):
 )  # fmt: skip
 def test_what_is_refused(tmp_path, text, message):
     assert refused(tmp_path, text) == [message]
+
+
+@pytest.mark.parametrize(
+    ("relation", "same", "left_out"),
+    [
+        ("(y - 0.2)^2 * (y + 0.2) <= 0", "y + 0.2 <= 0", True),
+        ("(y - 0.2)^2 * (y + 0.2) < 0", "y + 0.2 < 0", False),
+        ("-2 * (x - 0.1)^4 * y * abs(z) <= 0", "-y <= 0", True),
+        ("(y - 0.2 * x)^3 <= 0", "y - 0.2 * x <= 0", False),
+        ("(x * y)^2 * x * z <= 0", "x * z <= 0", True),
+        ("min((y - 0.2)^2, x - z) <= 0", "x - z <= 0", True),
+        ("x - z <= 0 or abs(y) < 0", "min(x - z, 1) <= 0", False),
+        ("max(x - z, -(y^2)) <= 0", "max(x - z, -1) <= 0", False),
+        ("max(x, 0)^2 * (y - 0.1) <= 0", "max(x, 0)^2 * (y - 0.1) <= 0", False),
+        ("sqrt(x)^2 * y <= 0", "sqrt(x)^2 * y <= 0", False),
+    ],
+)
+def test_squares_in_a_solids_product_are_no_part_of_what_has_an_inside(tmp_path, relation, same, left_out):
+    """(y − 0.2)² (y + 0.2) is at most 0 on a plane, too, which has no inside: that is said. Where a factor has plateaus at 0 it stays."""
+    made, said = loaded(tmp_path, f"implicit(|x, y, z| {relation}, within: 1)")
+    plain = loaded(tmp_path, f"implicit(|x, y, z| {same}, within: 1)")[0]
+    assert stored(made.tables, 0).structure() == stored(plain.tables, 0).structure()
+    assert said == (["where a squared factor is 0 this holds on a sheet, too, of which nothing is drawn"] if left_out else [])
+
+
+@pytest.mark.parametrize("relation", ["abs(y) <= 0 and hypot(x, z) <= 0.5", "max((x - y)^2, z) <= 0", "x^2 <= 0 or (y - z)^2 <= 0"])
+def test_what_holds_on_a_surface_alone_is_refused_in_a_larger_relation(tmp_path, relation):
+    text = f"implicit(|x, y, z| {relation}, within: 1)"
+    hint = "write how thick it is to be, like abs(y) <= 0.01"
+    assert refused(tmp_path, text) == [f"this relation holds on a surface alone, which has no inside ({hint})"]
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ BOXES = 30_000
 
 def tape_of(relation: str) -> tuple[Tape, bool]:
     (element,) = elements(f"implicit(|x, y, z| {relation}, within: 9)")
-    return surface(element.args["formula"])
+    return surface(element.args["formula"])[:2]
 
 
 def recorded(relation: str) -> formulas.Formula:

@@ -108,6 +108,14 @@ FORMULAS = {
     "divided by a plateau at 0": "0.1 / max(hypot(x, z) - 0.5, 0) >= y + 1",
     "truths that are alike": "(x > 0.1) == (y^2 + z^2 > 0.3)",
     "a square that is at most 0": "(x^2 + y^2 - 0.5)^2 <= 0",
+    "a double root beside a solid": "(y - 0.2)^2 * (y + 0.2 * sin(3 * x)) <= 0",
+    "a magnitude in a product": "abs(y - 0.2 * x) * (hypot(x, z) - 0.5) < 0",
+    "the cube of a cone": "(x^2 + z^2 - y^2)^3 <= 1e-6",
+    "sheets that touch": "(y - 0.1 * x^2) * (y - 0.3 * x^2) == 0",
+    "the inverse of a pattern": "hypot(mod(x / (x^2 + y^2 + z^2), 1) - 0.5, y, mod(z / (x^2 + y^2 + z^2), 1) - 0.5) <= 0.3",
+    "noise with a pole": "noise(3 * x, 3 * y, 3 * z) / (x - 0.2) <= 0.3",
+    "an angle where it steps": "sin(floor(5 * x) + 3 * atan2(y, z)) >= z",
+    "a tower of waves": "sin(3 * cos(4 * sin(5 * x + y) + z)) <= 0.2",
     "what is at most 0, as is its negative": "max(abs(y) - 0.3, -(abs(y) - 0.3)) <= 0",
 }  # fmt: skip
 SAME = {  # of which points of rays show no change of sign, or one by rounding alone

@@ -1,0 +1,81 @@
+"""Relations that hold on a surface alone, in a part or as a whole: what is left of them has an inside.
+
+(y − 1)² · y ≤ 0 holds where y ≤ 0, and on the plane y = 1, which no sign tells from what is around it. Squares and magnitudes that are
+factors change no sign, and a part that is never below 0 has no inside.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from .operations import Op, arity
+
+if TYPE_CHECKING:
+    from .tapes import Builder
+
+INPUTS = 3
+SMOOTH = frozenset({Op.COPY, Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.NEGATE, Op.SQUARE, Op.EXP, Op.SIN, Op.COS, Op.ATAN, Op.HYPOT})
+
+
+def with_inside(b: Builder, field: int) -> tuple[int | None, bool]:
+    """(a field that is at most 0 in the inside of where another one is, and around it; whether sheets beside it are left out): None where
+    it has no inside."""
+    op, one, other = b.row(field)
+    if op not in (Op.MIN, Op.MAX):
+        return _of_factors(b, field)
+    (first, cut), (second, cut_too) = with_inside(b, one), with_inside(b, other)
+    if first is None or second is None:
+        left = None if op == Op.MAX else second if first is None else first
+        return left, left is not None
+    return (field if (first, second) == (one, other) else b.op(op, first, second)), cut or cut_too
+
+
+def _of_factors(b: Builder, field: int) -> tuple[int | None, bool]:
+    """The same of a product: each factor once that it holds an odd number of times, and none that it holds an even number of times."""
+    times: dict[int, int] = {}
+    negative, waiting = False, [(field, 1)]
+    while waiting:
+        name, count = waiting.pop()
+        op, one, other = b.row(name)
+        number = b.number(name)
+        if number == 0.0:
+            return field, False
+        if op == Op.NEGATE or (number or 0.0) < 0.0:
+            negative ^= count % 2 == 1
+        if op == Op.MULTIPLY:
+            waiting += [(other, count), (one, count)]
+        elif op in (Op.SQUARE, Op.ABS) and _is_smooth(b, one):
+            waiting.append((one, 2 * count))
+        elif op == Op.NEGATE:
+            waiting.append((one, count))
+        elif number is None:
+            times[name] = times.get(name, 0) + count
+    if all(count == 1 for count in times.values()):
+        return field, False
+    kept = [name for name, count in times.items() if count % 2]
+    others = [name for name, count in times.items() if count % 2 == 0]
+    left_out = any(_is_smooth(b, name) for name in others)
+    kept += [b.op(Op.SQUARE, name) for name in others if not _is_smooth(b, name)]
+    if not kept:
+        return (b.constant(-1.0), False) if negative else (None, False)
+    product = kept[0]
+    for name in kept[1:]:
+        product = b.multiply(product, name)
+    return b.op(Op.NEGATE, product) if negative else product, left_out
+
+
+def _is_smooth(b: Builder, name: int) -> bool:
+    """Whether a value is defined everywhere, and 0 over no region, as sums and products of smooth functions are."""
+    waiting, seen = [name], {name}
+    while waiting:
+        name = waiting.pop()
+        if name < INPUTS:
+            continue
+        op, *operands = b.rows[name - INPUTS]
+        used = operands[: arity(op)]
+        by_number = op == Op.DIVIDE and b.number(used[1])
+        if not (by_number or op in SMOOTH) or (op == Op.HYPOT and (used[0] == used[1] or min(used) < 0)):
+            return False
+        waiting += [other for other in used if other not in seen]
+        seen.update(used)
+    return True

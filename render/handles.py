@@ -99,7 +99,7 @@ def _pack(value: Any, words: list[int | float]) -> Layout:
             if not item.flags.c_contiguous:
                 raise ValueError(f"{name} is not contiguous")
             layout.append((name, len(words), ("array", item.dtype.str, item.shape[1:])))
-            words.extend((int(item.ctypes.data), len(item)))
+            words.extend((int(item.ctypes.data) if item.size else 0, len(item)))  # asking for an address takes longer than all else here
         elif isinstance(item, Handle):
             layout.append((name, len(words), ("handle", item.numba_type)))
             words.append(item.address)

@@ -126,7 +126,7 @@ def off_formula(tables: Tables, instance: int, ray: Ray, hit: Hit) -> tuple[Vec,
     """(position, geometric, offset) as in `at`, where rays met an instance of a formula surface that does not move."""
     g, here = tables.instances.geometry[instance], placed.at(tables, tables.instances.transform[instance], None)
     t = lanes.where(hit.instance >= 0, hit.t, 0.0)
-    geometric = lanes.normalize(lanes.normal_by(here.inverse, unpacked(hit.u, hit.v)))
+    geometric = lanes.normalize(lanes.normal_by(here.inverse, _unfolded(hit.u, hit.v)))
     offset = spacing(here, ray, t, geometric, _off(tables, g, hit, here.matrix))
     side = lanes.where(lanes.dot(ray.direction, geometric) < 0.0, 1.0, -1.0)
     return lanes.along(ray.origin, ray.direction, t), lanes.scale(geometric, side), offset
@@ -141,11 +141,17 @@ def _off(tables: Tables, g: Any, hit: Hit, matrix: placed.Affine) -> Lane:
 @helper
 def unpacked(u: Lane, v: Lane) -> Vec:
     """The unit vector that formulas.meet packed into two numbers."""
+    return lanes.normalize(_unfolded(u, v))
+
+
+@helper
+def _unfolded(u: Lane, v: Lane) -> Vec:
+    """A vector in its direction."""
     z = 1.0 - abs(u) - abs(v)
     below = z < 0.0
     x = lanes.where(below, (1.0 - abs(v)) * lanes.sign_of(u), u)
     y = lanes.where(below, (1.0 - abs(u)) * lanes.sign_of(v), v)
-    return lanes.normalize((x, y, z))
+    return x, y, z
 
 
 @helper

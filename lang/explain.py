@@ -430,6 +430,10 @@ def _separator(place: Place) -> Answer | None:
             return f"`{token}` can't stand inside brackets", "write it on a line of its own", token
         return f"`{token}` begins an item", "write it on a line of its own", token
     if token == "," and place.inside() == "index":
+        at = place.opener() or 0
+        before = place.stream[at - 1]
+        if before.type == "NAME" and (at - 1 == place.first or before.end_pos != place.stream[at].start_pos):
+            return "arguments are written in parentheses", f"write {before}([…, …])", place.stream[at]
         return "an index is one number", "write list[i][j]", token
     if token == "for" and place.inside() == "call":
         return "a `for` inside a value stands in a list", "write [f(k) for k in 0..5]", token

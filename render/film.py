@@ -427,7 +427,7 @@ class _Canvas:
             error = math.sqrt(float(np.mean(self._relative())))
         if not partial:
             self._tell(1.0)
-        rays = int(self.samples.sum())
+        rays = int(self.samples.sum() if self.most > 1 else np.count_nonzero(self.samples))
         if "samples" in self.channels:
             self.channels["samples"][..., 0] = self.samples
         if "variance" in self.channels and self.most > 1:

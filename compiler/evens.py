@@ -44,7 +44,7 @@ def _of_factors(b: Builder, field: int) -> tuple[int | None, bool]:
             negative ^= count % 2 == 1
         if op == Op.MULTIPLY:
             waiting += [(other, count), (one, count)]
-        elif op in (Op.SQUARE, Op.ABS) and _is_smooth(b, one):
+        elif op in (Op.SQUARE, Op.ABS) and is_smooth(b, one):
             waiting.append((one, 2 * count))
         elif op == Op.NEGATE:
             waiting.append((one, count))
@@ -54,8 +54,8 @@ def _of_factors(b: Builder, field: int) -> tuple[int | None, bool]:
         return field, False
     kept = [name for name, count in times.items() if count % 2]
     others = [name for name, count in times.items() if count % 2 == 0]
-    left_out = any(_is_smooth(b, name) for name in others)
-    kept += [b.op(Op.SQUARE, name) for name in others if not _is_smooth(b, name)]
+    left_out = any(is_smooth(b, name) for name in others)
+    kept += [b.op(Op.SQUARE, name) for name in others if not is_smooth(b, name)]
     if not kept:
         return (b.constant(-1.0), False) if negative else (None, False)
     product = kept[0]
@@ -64,7 +64,7 @@ def _of_factors(b: Builder, field: int) -> tuple[int | None, bool]:
     return b.op(Op.NEGATE, product) if negative else product, left_out
 
 
-def _is_smooth(b: Builder, name: int) -> bool:
+def is_smooth(b: Builder, name: int) -> bool:
     """Whether a value is defined everywhere, and 0 over no region, as sums and products of smooth functions are."""
     waiting, seen = [name], {name}
     while waiting:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..lang.formula import Formula, Node
-from . import evens, plateaus
+from . import evens, plateaus, quotients
 from .operations import COMMUTES, KEEP_WHOLE, STEPS, Op, arity, fold
 from .plateaus import Levels
 
@@ -366,6 +366,8 @@ class _Reader:
         names: list[int] = given  # type: ignore[assignment]
         if node.op == "power":
             return b.power(*names)
+        if node.op == "divide":
+            return quotients.divided(b, *names)
         if node.op == "round":
             return b.op(Op.FLOOR, b.shifted(names[0], 0.5))
         if node.op == "noise":

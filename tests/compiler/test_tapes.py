@@ -306,3 +306,33 @@ def test_a_surface_that_ends_is_found(relation, half):
 @pytest.mark.parametrize("relation", ["x <= 1", "x^2 + y^2 <= 1", "sin(x) <= y", "x^2 - y^2 <= z", "hypot(x, y, z) >= 1"])
 def test_one_that_does_not_is_not(relation):
     assert extent.find(tape_of(relation)[0]) is None
+
+
+@pytest.mark.parametrize(
+    ("relation", "same"),
+    [
+        ("x * y / x <= z", "y <= z"),
+        ("x^2 * abs(y) / (3 * x * y) <= z", "x * sign(y) / 3 <= z"),
+        ("x / (x^3 * y) <= z", "1 / (x^2 * y) <= z"),
+        ("max(x, 0) / max(x, 0) <= z", None),
+        ("sqrt(x) * y / sqrt(x) <= z", None),
+        ("1 / x <= z", None),
+    ],
+)
+def test_factors_of_both_sides_of_a_quotient_go_where_they_are_0_at_places_alone(relation, same):
+    tape = tape_of(relation)[0]
+    if same is None:
+        assert Op.DIVIDE in tape.code[:, 0]
+    else:
+        assert tape.structure() == tape_of(same)[0].structure()
+
+
+def test_a_sine_over_its_angle_is_1_where_that_is_0_and_bounds_know():
+    tape = tape_of("sin(5 * x * y) / (2 * x * y) <= 0")[0]
+    at = np.array([0.0, 1e-200, 1e-9, 1e-3, 0.1, 2.0]), np.array([3.0, 1.0, 1.0, 1.0, 1.0, 0.7])
+    expected = 2.5 * np.sinc(5 * at[0] * at[1] / np.pi)
+    np.testing.assert_allclose(tape_walks.points(tape, *at, np.zeros(6))[0], expected, rtol=1e-14)
+    corners = (np.tile(np.array([corner]).T, 8) for corner in ([-1e-3, 0.5, 0.0], [1e-3, 1.0, 0.0]))
+    (low, high), _, _ = tape_walks.boxes(tape, *corners, ways=np.arange(8, 16))  # on every side of what jumps, see search._passes
+    assert (low > 2.4999).all()
+    assert (high < 2.5001).all()

@@ -116,6 +116,10 @@ FORMULAS = {
     "noise with a pole": "noise(3 * x, 3 * y, 3 * z) / (x - 0.2) <= 0.3",
     "an angle where it steps": "sin(floor(5 * x) + 3 * atan2(y, z)) >= z",
     "a tower of waves": "sin(3 * cos(4 * sin(5 * x + y) + z)) <= 0.2",
+    "a sine over its angle": "sin(9 * x) / x <= 9 * y",
+    "a sine over its angle, a sheet": "sin(9 * x) / (3 * x) == 9 * y",
+    "a sine over what is 0 on two planes": "-sin(5 * x * y) / (x * y) <= 5 * z",
+    "a value over itself": "x^2 * y / (abs(x) * x) <= z",
     "what is at most 0, as is its negative": "max(abs(y) - 0.3, -(abs(y) - 0.3)) <= 0",
 }  # fmt: skip
 SAME = {  # of which points of rays show no change of sign, or one by rounding alone

@@ -150,7 +150,7 @@ class _Reader:
     def __init__(self, tape: Tape, thin: float) -> None:
         self.tape, self.thin = tape, thin
         self.known: dict[int, Root | None] = {}
-        self.seen = 0
+        self.seen = self.leaves = 0
 
     def row(self, name: int) -> tuple[Op, list[int]]:
         op, *operands = self.tape.code[name - INPUTS].tolist()
@@ -163,7 +163,11 @@ class _Reader:
             raise _Unknown
         value = self.value(name)
         if value is not None:
-            return _at_most_0(Root(factor * value.k, value.under, factor * value.rest + added))
+            found = _at_most_0(Root(factor * value.k, value.under, factor * value.rest + added))
+            self.leaves += not isinstance(found, bool)
+            if self.leaves > MOST_LEAVES:
+                raise _Unknown
+            return found
         op, names = self.row(name)
         a, b = names[0], names[-1]
         match op:
@@ -231,10 +235,13 @@ class _Reader:
         if op in (Op.SQRT, Op.HYPOT):
             inner = self.square(names)
             return Root(1.0, inner.rest, np.zeros((4, 4))) if inner is not None and inner.is_plain and _never_negative(inner.rest) else None
-        values = [self.value(operand) for operand in names]
-        if any(value is None for value in values):
-            return None
-        return _applied(op, values)  # type: ignore[arg-type]
+        values = []
+        for operand in names:
+            value = self.value(operand)
+            if value is None:
+                return None
+            values.append(value)
+        return _applied(op, values)
 
     def square(self, names: list[int]) -> Root | None:
         """What SQRT (one name) or HYPOT (two) takes the root of."""

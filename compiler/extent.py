@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import tape_walks
+from .tape_batches import batches
 from .tapes import Tape
 
 FARTHEST = 1e6  # units of the formula: what reaches farther counts as endless
@@ -12,6 +12,8 @@ ROUNDS = 48
 MOST_BOXES = 20_000
 STALE = 5  # rounds in which it does not shrink, after which it is as small as it gets
 _GRID, _FINER, _MOST_OUTER = 8, 2, 256  # boxes along an axis of one that was given; how often the outer ones are cut, and how many at most
+_CELLS = np.indices((_GRID,) * 3).reshape(3, -1)
+_EIGHTHS = ((np.arange(8) >> np.arange(3)[:, None]) & 1)[:, None]  # which half of each axis each of them has
 _SMALL = 0.6  # of the extent: what is left of it, for which there is another grid
 _TIGHT = 0.02  # of the extent: rounds that shrink it by less are the last
 _PARTS = 4  # along each axis of a box of which it is asked whether it is inside
@@ -49,8 +51,8 @@ def find(tape: Tape) -> np.ndarray | None:
     return None if np.abs(found).max() >= FARTHEST else found
 
 
-def tightened(tape: Tape, bounds: np.ndarray) -> np.ndarray | None:
-    """(2, 3) a box, within `bounds`, around all points there where a field is not above 0; None where there are none.
+def tightened(tape: Tape, bounds: np.ndarray, limits: np.ndarray | None = None) -> np.ndarray | None:
+    """(2, 3) a box, within `limits` or these bounds, around all points in `bounds` where a field is not above 0; None where there are none.
 
     A grid says which parts may hold such points; another does where these are but a small part of the whole. Of its cells, those on the
     outside of all of them are cut up further, where these are few.
@@ -72,14 +74,13 @@ def tightened(tape: Tape, bounds: np.ndarray) -> np.ndarray | None:
         a, b = _cut(low[:, outer], high[:, outer], np.ones(int(outer.sum()), bool))
         keep = _may_hold(tape, a, b)
         low, high = np.concatenate([low[:, ~outer], a[:, keep]], axis=1), np.concatenate([high[:, ~outer], b[:, keep]], axis=1)
-    return _wider(_around(low, high), bounds) if low.shape[1] else None
+    return _wider(_around(low, high), bounds if limits is None else limits) if low.shape[1] else None
 
 
 def _gridded(bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The cells (3, n) of a grid in a box, their lowest and highest corners."""
-    places, axes = np.indices((_GRID,) * 3).reshape(3, -1), np.arange(3)[:, None]
-    edges = np.linspace(bounds[0], bounds[1], _GRID + 1, axis=1)
-    return edges[axes, places], edges[axes, places + 1]
+    edges, axes = np.linspace(bounds[0], bounds[1], _GRID + 1, axis=1), np.arange(3)[:, None]
+    return edges[axes, _CELLS], edges[axes, _CELLS + 1]
 
 
 def _around(low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -117,13 +118,12 @@ def leaves_open(tape: Tape, bounds: np.ndarray) -> bool:
             high.append(b)
     a, b = np.concatenate(low, axis=1), np.concatenate(high, axis=1)
     for _ in range(5):
+        if (batches(tape).points(0.5 * (a + b)) <= 0).any():
+            return True
         keep = _may_hold(tape, a, b)
         a, b = a[:, keep], b[:, keep]
-        if not a.shape[1]:
-            return False
-        middle = tape_walks.points(tape, *(0.5 * (a + b)))[0]
-        if (middle <= 0).any() or a.shape[1] > MOST_BOXES // 8:
-            return True
+        if not a.shape[1] or a.shape[1] > MOST_BOXES // 8:
+            return a.shape[1] > 0
         a, b = _cut(a, b, np.ones(a.shape[1], bool))
         flat = a == b  # of a face's own axis both halves are the same
         odd = np.zeros(a.shape[1], bool)
@@ -134,7 +134,7 @@ def leaves_open(tape: Tape, bounds: np.ndarray) -> bool:
 
 
 def _may_hold(tape: Tape, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    (least, _), _, _ = tape_walks.boxes(tape, low, high)
+    (least, _), _ = batches(tape).boxes(low, high)
     return least <= 0.0
 
 
@@ -150,12 +150,7 @@ def _cut(low: np.ndarray, high: np.ndarray, chosen: np.ndarray) -> tuple[np.ndar
         (a < 0) & (b > 0), np.where((a + b == 0) | (far < 8 * near), 0.0, 0.5 * (a + b)), np.where(far > 4 * near, geometric, 0.5 * (a + b))
     )
     middle = np.where((middle > a) & (middle < b), middle, 0.5 * (a + b))
-    lows, highs = [], []
-    for part in range(8):
-        bit = (part >> np.arange(3)[:, None]) & 1
-        lows.append(np.where(bit, middle, a))
-        highs.append(np.where(bit, b, middle))
-    a, b = (np.stack(rows, axis=2).reshape(3, -1) for rows in (lows, highs))
+    a, b = (np.where(side == _EIGHTHS, p[:, :, None], middle[:, :, None]).reshape(3, -1) for side, p in ((0, a), (1, b)))
     return np.concatenate([a, low[:, ~chosen]], axis=1), np.concatenate([b, high[:, ~chosen]], axis=1)
 
 
@@ -163,7 +158,7 @@ def some_of(tape: Tape, bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A few places (3, n) spread over a box (2, 3), and what a field is there."""
     share = (np.arange(_PLACES)[:, None] * _SPREAD + 0.5) % 1.0
     place = (bounds[0] + share * (bounds[1] - bounds[0])).T
-    return place, tape_walks.points(tape, *place)[0]
+    return place, batches(tape).points(place)
 
 
 def all_inside(tape: Tape, bounds: np.ndarray, some: np.ndarray) -> bool:
@@ -174,7 +169,7 @@ def all_inside(tape: Tape, bounds: np.ndarray, some: np.ndarray) -> bool:
     edges = bounds[0] + np.linspace(0.0, 1.0, _PARTS + 1)[:, None] * (bounds[1] - bounds[0])
     at = np.stack(np.meshgrid(*[np.arange(_PARTS)] * 3, indexing="ij")).reshape(3, -1)
     low, high = (np.stack([edges[at[axis] + side, axis] for axis in range(3)]) for side in (0, 1))
-    (_, most), _, maybe = tape_walks.boxes(tape, low, high)
+    (_, most), maybe = batches(tape).boxes(low, high)
     return bool(((most <= 0) & ~maybe).all())
 
 
@@ -188,5 +183,5 @@ def zero_all_over(tape: Tape, place: np.ndarray, values: np.ndarray) -> bool:
     near = place[:, size <= _NOUGHT * np.median(size[finite])]
     if near.shape[1] < _SOME:
         return False
-    (low, high), _, _ = tape_walks.boxes(tape, near, near)
+    (low, high), _ = batches(tape).boxes(near, near)
     return int(((low <= 0) & (high >= 0)).sum()) >= _SOME

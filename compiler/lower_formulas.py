@@ -51,13 +51,17 @@ def implicit(lowering: Lowering, element: Element) -> list[Piece]:
             hint = "give `within` more room, or write a box or sphere"
             lowering.warn(element, "all within these bounds is inside: what is drawn is their own box or ball", hint)
         ball = np.array(within[2]) / unit
-        tight = extent.tightened(sheet_field(tape) if sheet else tape, bounds)
-        if not sheet:
-            if tight is not None and (ball[3] or (tight[0] <= bounds[0]).any() or (tight[1] >= bounds[1]).any()):
-                whole, bounds = closed(tape, bounds, ball)
-                if whole is not tape:
-                    tape, tight = whole, extent.tightened(whole, bounds)
-            ball = (0.0, 0.0, 0.0, 0.0)
+        wider = bounds if sheet else _wider(bounds)
+        tight = extent.tightened(sheet_field(tape) if sheet else tape, bounds, wider)
+        if not sheet and tight is not None:
+            if ball[3]:
+                tape = _cut(tape, bounds, ball)
+                tight = extent.tightened(tape, wider, wider)
+            elif ((tight[0] <= bounds[0]) | (tight[1] >= bounds[1])).any() and extent.leaves_open(tape, bounds):
+                tape = _cut(tape, bounds, ball)
+            else:
+                tight = np.clip(tight, *bounds)
+        ball = ball if sheet else (0.0, 0.0, 0.0, 0.0)
         if tight is None:
             lowering.warn(element, "there is no surface within these bounds: nothing is drawn")
             return []
@@ -100,14 +104,15 @@ def sheet_field(tape: Tape) -> Tape:
     return builder.finish(builder.op(Op.ABS, *builder.inlined(tape, (tapes.X, tapes.Y, tapes.Z))))
 
 
-def closed(tape: Tape, bounds: np.ndarray, ball: np.ndarray) -> tuple[Tape, np.ndarray]:
-    """A solid cut by its box, or by the ball in it, and a box that holds what is left; the same tape where it lies inside anyway."""
+def _wider(bounds: np.ndarray) -> np.ndarray:
+    """A box that holds what is cut by another, and its faces."""
     margin = MARGIN * (bounds[1] - bounds[0])
-    wider = np.stack([bounds[0] - margin, bounds[1] + margin])
-    if not ball[3] and not extent.leaves_open(tape, bounds):
-        return tape, bounds
-    builder = Builder()
-    (field,) = builder.inlined(tape, (tapes.X, tapes.Y, tapes.Z))
+    return np.stack([bounds[0] - margin, bounds[1] + margin])
+
+
+def _cut(tape: Tape, bounds: np.ndarray, ball: np.ndarray) -> Tape:
+    """A solid cut by its box, or by the ball in it."""
+    builder, (field,) = Builder.of(tape)
     if ball[3]:
         squares = [builder.op(Op.SQUARE, builder.shifted(name, -float(c))) for name, c in zip((0, 1, 2), ball[:3], strict=True)]
         radius = builder.op(Op.SQRT, builder.add(builder.add(squares[0], squares[1]), squares[2]))
@@ -117,4 +122,4 @@ def closed(tape: Tape, bounds: np.ndarray, ball: np.ndarray) -> tuple[Tape, np.n
         half = half - WITHIN * np.abs(bounds).max()
         faces = [builder.shifted(builder.op(Op.ABS, builder.shifted(name, -float(middle[name]))), -float(half[name])) for name in (0, 1, 2)]
         cut = builder.op(Op.MAX, builder.op(Op.MAX, faces[0], faces[1]), faces[2])
-    return builder.finish(builder.op(Op.MAX, field, cut)), wider
+    return builder.finish(builder.op(Op.MAX, field, cut))

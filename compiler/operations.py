@@ -59,7 +59,10 @@ KEEP_WHOLE = frozenset({
 
 def arity(op: int) -> int:
     """How many operands an operation has."""
-    return 1 if op in UNARY else 3 if op in TERNARY else 2
+    return _ARITIES[op]
+
+
+_ARITIES = tuple(1 if op in UNARY else 3 if op in TERNARY else 2 for op in Op)
 
 
 def fold(op: Op, *numbers: float) -> float:

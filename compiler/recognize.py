@@ -52,6 +52,8 @@ def quadratic(tape: Tape) -> Quadratic | None:
 
     for op, *operands in tape.code.tolist():
         known.append(_applied(Op(op), [named(name) for name in operands[: arity(op)]]))
+        if known[-1] is None and len(tape.results) == 1:
+            return None  # a tape has nothing that its results do not need
     return named(tape.results[0])
 
 

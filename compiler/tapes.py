@@ -67,6 +67,14 @@ class Builder:
     _flat: dict[int, Levels] = field(default_factory=dict)  # what may be the same number all over a region, and which
     _ways: dict[int, frozenset[int]] = field(default_factory=dict)  # of minima and the like, the values that they may be
 
+    @classmethod
+    def of(cls, tape: Tape) -> tuple[Builder, tuple[int, ...]]:
+        """(a builder with a tape's operations as they are, the tape's results), to add to: what may be flat of these is not known."""
+        builder = cls([tuple(row) for row in tape.code.tolist()], tape.constants.tolist())
+        builder._known |= {number: ~k for k, number in enumerate(builder.constants)}
+        builder._known |= {row: INPUTS + i for i, row in enumerate(builder.rows)}
+        return builder, tape.results
+
     def constant(self, number: float) -> int:
         number = float(number) + 0.0  # −0 and 0 are the same
         if number not in self._known:
@@ -118,10 +126,10 @@ class Builder:
     def _marked(self, op: Op, used: tuple[int, ...]) -> None:
         """Note whether the last row is whole, and whether it may be flat."""
         name, values = INPUTS + len(self.rows) - 1, used[1:] if op == Op.CHOOSE else used
-        whole = [a in self._whole or (a < 0 and self.constants[~a].is_integer()) for a in values]
-        if op in STEPS or (op in KEEP_WHOLE and all(whole)):
+        if op in STEPS or (op in KEEP_WHOLE and all(a in self._whole or (a < 0 and self.constants[~a].is_integer()) for a in values)):
             self._whole.add(name)
-        levels = plateaus.levels(op, [self.levels(a) for a in values])
+        steep = op not in STEPS and not any(a < 0 or a in self._flat for a in values)
+        levels = plateaus.NOWHERE if steep else plateaus.levels(op, [self.levels(a) for a in values])
         if op in (Op.MIN, Op.MAX, Op.CHOOSE, Op.ABS):
             self._ways[name] = frozenset().union(*({a} | self._ways.get(a, frozenset()) for a in values))
         if op == Op.SUBTRACT and (values[0] in self._ways.get(values[1], ()) or values[1] in self._ways.get(values[0], ())):
@@ -273,10 +281,13 @@ class Builder:
     def _ordered(self, results: Sequence[int]) -> tuple[list[int], set[int]]:
         """(rows that results need, in their order; all names that they need): of a row's operands that which keeps most values goes first
         (Sethi and Ullman, "The Generation of Optimal Code for Arithmetic Expressions", Journal of the ACM 1970)."""
-        keeps: list[int] = []
-        for op, *operands in self.rows:
-            mine = sorted((keeps[name - INPUTS] for name in operands[: arity(op)] if name >= INPUTS), reverse=True)
-            keeps.append(max([1, *(count + i for i, count in enumerate(mine))]))
+        operands = [row[1 : 1 + arity(row[0])] for row in self.rows]
+        keeps = [0] * INPUTS
+        for used in operands:
+            most = 1
+            for i, count in enumerate(sorted([keeps[name] for name in used if name >= INPUTS], reverse=True)):
+                most = max(most, count + i)
+            keeps.append(most)
         kept: list[int] = []
         needed: set[int] = set()
         waiting = [(name, False) for name in reversed(results)]
@@ -288,9 +299,10 @@ class Builder:
                 needed.add(name)
                 if name >= INPUTS:
                     waiting.append((name, True))
-                    op, *operands = self.rows[name - INPUTS]
-                    order = sorted(operands[: arity(op)], key=lambda name: keeps[name - INPUTS] if name >= INPUTS else 0)
-                    waiting += [(operand, False) for operand in order]
+                    used = operands[name - INPUTS]
+                    if len(used) > 1:
+                        used = sorted(used, key=lambda name: keeps[name] if name >= 0 else 0)
+                    waiting += [(operand, False) for operand in used]
         return kept, needed
 
     def finish(self, *results: int) -> Tape:

@@ -93,6 +93,11 @@ class _Checker:
 
     def _visit(self, node: ast.Node, chain: Chain) -> None:
         match node:
+            case ast.Number():
+                pass
+            case ast.Binary():
+                self._visit(node.left, chain)
+                self._visit(node.right, chain)
             case ast.Name():
                 self._name(node, chain)
             case ast.Member(object=ast.Name() as name) if node.name.id in habits.FILES and not self._is_known(name.id, chain):

@@ -170,7 +170,7 @@ class Graph:
         return self._term(op, args, 0.0)
 
     def _term(self, op: str, args: tuple[Term, ...], value: float | bool) -> Term:
-        key = (op, type(value), value, math.copysign(1.0, value), *(a.index for a in args))
+        key = (op, *[a.index for a in args]) if args else (op, type(value), value, math.copysign(1.0, value))
         term = self._known.get(key)
         if term is None:
             if len(self.terms) >= MAX_TERMS:

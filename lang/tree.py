@@ -48,7 +48,7 @@ class TreeBuilder(Transformer):
 
     def _made(self, node: Any, *below: Any) -> Any:
         """`node`, once it is sure to be no deeper than MAX_DEPTH."""
-        depth = 1 + max((self.depths.get(id(b), 0) for b in below), default=0)
+        depth = 1 + max([self.depths.get(id(b), 0) for b in below], default=0)
         if depth > MAX_DEPTH:
             raise TooDeep(node.span)
         self.depths[id(node)] = depth

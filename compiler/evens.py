@@ -20,14 +20,27 @@ SMOOTH = frozenset({Op.COPY, Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.NEGATE, Op.SQU
 def with_inside(b: Builder, field: int) -> tuple[int | None, bool]:
     """(a field that is at most 0 in the inside of where another one is, and around it; whether sheets beside it are left out): None where
     it has no inside."""
-    op, one, other = b.row(field)
-    if op not in (Op.MIN, Op.MAX):
-        return _of_factors(b, field)
-    (first, cut), (second, cut_too) = with_inside(b, one), with_inside(b, other)
+    known: dict[int, tuple[int | None, bool]] = {}
+    waiting = [field]
+    while waiting:  # no recursion, however deep, and nothing twice
+        name = waiting[-1]
+        op, one, other = b.row(name)
+        parts = [part for part in (one, other) if part not in known] if op in (Op.MIN, Op.MAX) else []
+        if parts:
+            waiting += parts
+            continue
+        waiting.pop()
+        known[name] = _of_parts(b, op, name, known[one], known[other]) if op in (Op.MIN, Op.MAX) else _of_factors(b, name)
+    return known[field]
+
+
+def _of_parts(b: Builder, op: Op, field: int, one: tuple[int | None, bool], other: tuple[int | None, bool]) -> tuple[int | None, bool]:
+    """The same of the least or largest of two parts of which it is known."""
+    (first, cut), (second, cut_too) = one, other
     if first is None or second is None:
         left = None if op == Op.MAX else second if first is None else first
         return left, left is not None
-    return (field if (first, second) == (one, other) else b.op(op, first, second)), cut or cut_too
+    return (field if (first, second) == b.row(field)[1:] else b.op(op, first, second)), cut or cut_too
 
 
 def _of_factors(b: Builder, field: int) -> tuple[int | None, bool]:

@@ -145,6 +145,15 @@ def test_squares_in_a_solids_product_are_no_part_of_what_has_an_inside(tmp_path,
     assert said == (["where a squared factor is 0 this holds on a sheet, too, of which nothing is drawn"] if left_out else [])
 
 
+def test_truths_compared_again_and_again_are_read_once_each(tmp_path):
+    text = "(x > 0)"
+    for k in range(30):  # each of which is used twice: 2³⁰ ways to the first
+        text = f"({text} == (y > {k / 40 - 0.5:.3f}))"
+    made, said = loaded(tmp_path, f"implicit(|x, y, z| {text}, within: 1)")
+    assert len(stored(made.tables, 0).code) < 500
+    assert said == []
+
+
 @pytest.mark.parametrize("relation", ["abs(y) <= 0 and hypot(x, z) <= 0.5", "max((x - y)^2, z) <= 0", "x^2 <= 0 or (y - z)^2 <= 0"])
 def test_what_holds_on_a_surface_alone_is_refused_in_a_larger_relation(tmp_path, relation):
     text = f"implicit(|x, y, z| {relation}, within: 1)"

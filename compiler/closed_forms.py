@@ -92,7 +92,8 @@ def solid(tape: Tape, sheet: bool = False, reach: float = 1.0) -> Solid | None:
     """
     reader = _Reader(tape, THIN * reach)
     try:
-        tree = reader.holds(tape.results[0], 1.0, np.zeros((4, 4)))
+        with np.errstate(over="ignore", invalid="ignore"):  # what is beyond all numbers is found out, and has none
+            tree = reader.holds(tape.results[0], 1.0, np.zeros((4, 4)))
     except _Unknown:
         return None
     if isinstance(tree, bool):
@@ -298,6 +299,8 @@ def _applied(op: Op, values: list[Root]) -> Root | None:
 
 
 def _never_negative(form: Quadratic) -> bool:
+    if not np.isfinite(form).all():
+        raise _Unknown
     values = np.linalg.eigvalsh(form)
     return bool(values[0] >= -_TINY * np.abs(values).max())
 

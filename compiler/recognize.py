@@ -12,8 +12,9 @@ _TINY = 1e-12
 
 def ellipsoid(tape: Tape) -> np.ndarray | None:
     """(4, 4) the matrix that leads from the unit ball to where a field is at most 0, where that is an ellipsoid; else None."""
-    q = quadratic(tape)
-    if q is None:
+    with np.errstate(over="ignore", invalid="ignore"):
+        q = quadratic(tape)
+    if q is None or not np.isfinite(q).all():
         return None
     form, linear, rest = q[:3, :3], q[:3, 3], q[3, 3]
     values, axes = np.linalg.eigh(form)

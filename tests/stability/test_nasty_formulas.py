@@ -339,3 +339,11 @@ def test_what_cannot_be_proved_is_counted_and_looked_at(load):
     assert (np.isfinite(t[within])).all()
     assert (t[within] >= reach[within] - 1e-9).all()
     assert unproved > 0
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("text", ["(1e160 * x)^2 <= (1e160 * y)^2", "hypot(1e200 * x, 1e200 * y) <= 5e199", "abs(1e160 * x + y) <= 3e159"])
+def test_numbers_beyond_float64_bring_no_warning_of_pythons(load, text):
+    """Nor an error of its algebra's, where closed forms are looked for."""
+    t, _ = met(load, text, "box([2, 2, 2])", *some_rays(64))
+    assert not np.isnan(t).any()

@@ -378,7 +378,8 @@ def formula_of(tape: Tape) -> str:
 
 _POVRAY = {
     Op.ADD: "({}+{})", Op.SUBTRACT: "({}-{})", Op.MULTIPLY: "({}*{})", Op.DIVIDE: "({}/{})", Op.NEGATE: "(-{})", Op.ABS: "abs({})",
-    Op.SQUARE: "pow({},2)", Op.SQRT: "sqrt({})", Op.MIN: "min({},{})", Op.MAX: "max({},{})", Op.EXP: "exp({})", Op.SIN: "sin({})",
+    Op.SQUARE: "pow({},2)", Op.CUBE: "pow({},3)",
+    Op.SQRT: "sqrt({})", Op.MIN: "min({},{})", Op.MAX: "max({},{})", Op.EXP: "exp({})", Op.SIN: "sin({})",
     Op.COS: "cos({})", Op.COPY: "{}", Op.HYPOT: "sqrt(pow({},2)+pow({},2))",
     Op.FILLET: "(max(min({0},{1}),{2})-sqrt(pow(max({2}-{0},0),2)+pow(max({2}-{1},0),2)))",
 }  # fmt: skip
@@ -410,6 +411,8 @@ def text_of(tape: Tape) -> str:
         out = f"_v{INPUTS + i}"
         if op == Op.HYPOT:
             lines += [f"{out}a square {given[0]}", f"{out}b square {given[1]}", f"{out}s add {out}a {out}b", f"{out} sqrt {out}s"]
+        elif op == Op.CUBE:
+            lines += [f"{out}s square {given[0]}", f"{out} mul {out}s {given[0]}"]
         elif op == Op.FILLET:
             a, b, c = given
             lines += [f"{out}p sub {c} {a}", f"{out}q sub {c} {b}", f"{out}r max {out}p {zero}", f"{out}s max {out}q {zero}"]

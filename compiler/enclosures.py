@@ -190,6 +190,9 @@ def interval(m: Any, op: int, a: Interval, b: Any = None, c: Any = None) -> Inte
             m.unbounded(high > m.big)
             low, high = m.least(m.big, low), m.least(m.most, high)
             return (high_of(m, down(m, low), 0.0 * low), up(m, high)) if m.lost else _outward(m, low, high)
+        case Op.CUBE:
+            low, high = _bounded(m, a[0] * a[0] * a[0], a[1] * a[1] * a[1])
+            return (down(m, low, 1), up(m, high, 1)) if m.lost else (low - abs(low) * (2.25 * m.unit), high + abs(high) * (2.25 * m.unit))
         case Op.HYPOT:
             (la, ha), (lb, hb) = magnitude(m, a), magnitude(m, b)
             low, high = m.sqrt(la * la + lb * lb), m.sqrt(ha * ha + hb * hb)
@@ -518,6 +521,9 @@ def _partials(m: Any, op: int, boxes: list[Interval], value: Interval) -> list[I
             return [(m.where(up_, one, -one), m.where(down_, -one, one))]
         case Op.SQUARE:
             return [(a[0] + a[0], a[1] + a[1])]
+        case Op.CUBE:
+            low, high = interval(m, Op.SQUARE, a)
+            return [_outward(m, 3.0 * low, 3.0 * high)]
         case Op.SQRT:
             found = reciprocal(m, value)
             return [(0.5 * found[0], 0.5 * found[1])]

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from .tapes import Builder
 
 INPUTS = 3
-SMOOTH = frozenset({Op.COPY, Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.NEGATE, Op.SQUARE, Op.EXP, Op.SIN, Op.COS, Op.ATAN, Op.HYPOT})
+SMOOTH = frozenset({Op.COPY, Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.NEGATE, Op.SQUARE, Op.CUBE, Op.EXP, Op.SIN, Op.COS, Op.ATAN, Op.HYPOT})
 
 
 def with_inside(b: Builder, field: int) -> tuple[int | None, bool]:
@@ -59,6 +59,8 @@ def _of_factors(b: Builder, field: int) -> tuple[int | None, bool]:
             waiting += [(other, count), (one, count)]
         elif op in (Op.SQUARE, Op.ABS) and is_smooth(b, one):
             waiting.append((one, 2 * count))
+        elif op == Op.CUBE:
+            waiting.append((one, 3 * count))
         elif op == Op.NEGATE:
             waiting.append((one, count))
         elif number is None:

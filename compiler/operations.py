@@ -42,18 +42,19 @@ class Op(IntEnum):
     NOISE = 27
     CHOOSE = 28  # b where a ≤ 0, else c
     FILLET = 29  # MIN of a and b, its inner edge filled by an arc of radius c: c − √((c − a)² + (c − b)²) where both are below c
+    CUBE = 30  # a a a: what rises everywhere, which a product with a square would not tell
 
 
 UNARY = frozenset({
     Op.COPY, Op.NEGATE, Op.ABS, Op.SQUARE, Op.SQRT, Op.EXP, Op.LOG, Op.SIN, Op.COS, Op.TAN, Op.ASIN, Op.ACOS, Op.ATAN, Op.FLOOR, Op.CEIL,
-    Op.SIGN,
+    Op.SIGN, Op.CUBE,
 })  # fmt: skip
 TERNARY = frozenset({Op.NOISE, Op.CHOOSE, Op.FILLET})
 CHOICES = frozenset({Op.MIN, Op.MAX, Op.CHOOSE, Op.FILLET})  # of whose operands one may be known not to matter
 COMMUTES = frozenset({Op.ADD, Op.MULTIPLY, Op.HYPOT})
 STEPS = frozenset({Op.FLOOR, Op.CEIL, Op.SIGN})  # whole numbers, of anything
 KEEP_WHOLE = frozenset({
-    Op.COPY, Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.NEGATE, Op.ABS, Op.SQUARE, Op.MIN, Op.MAX, Op.MOD, Op.CHOOSE,
+    Op.COPY, Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.NEGATE, Op.ABS, Op.SQUARE, Op.CUBE, Op.MIN, Op.MAX, Op.MOD, Op.CHOOSE,
 })  # fmt: skip
 
 
@@ -76,6 +77,7 @@ def fold(op: Op, *numbers: float) -> float:
 _FOLD: dict[Op, Any] = {
     Op.COPY: lambda a: a, Op.ADD: lambda a, b: a + b, Op.SUBTRACT: lambda a, b: a - b, Op.MULTIPLY: lambda a, b: a * b,
     Op.DIVIDE: lambda a, b: a / b, Op.NEGATE: lambda a: -a, Op.ABS: abs, Op.SQUARE: lambda a: a * a, Op.SQRT: math.sqrt,
+    Op.CUBE: lambda a: a * a * a,
     Op.HYPOT: lambda a, b: math.sqrt(a * a + b * b), Op.MIN: min, Op.MAX: max, Op.EXP: math.exp, Op.LOG: math.log, Op.POWER: math.pow,
     Op.SIN: math.sin, Op.COS: math.cos, Op.TAN: math.tan, Op.ASIN: math.asin, Op.ACOS: math.acos, Op.ATAN: math.atan,
     Op.ATAN2: math.atan2, Op.ANGLE: math.atan2, Op.FLOOR: math.floor, Op.CEIL: math.ceil, Op.MOD: lambda a, b: a - b * math.floor(a / b),

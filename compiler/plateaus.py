@@ -85,6 +85,8 @@ def sign_of_0(b: Builder, name: int) -> int:
     op, one, other = b.row(name)
     if op in (Op.ABS, Op.SQUARE):
         return 1
+    if op == Op.CUBE:
+        return sign_of_0(b, one)
     if op in (Op.MIN, Op.MAX):
         return 1 if 0.0 in (b.number(one), b.number(other)) else 0
     if op == Op.NEGATE:

@@ -72,6 +72,8 @@ def _factors(b: Builder, name: int) -> Factors:
             waiting += [(other, count), (one, count)]
         elif op == Op.SQUARE:
             waiting.append((one, 2 * count))
+        elif op == Op.CUBE:
+            waiting.append((one, 3 * count))
         elif op == Op.NEGATE:
             waiting += [(one, count), (b.constant(-1.0), count)]
         else:

@@ -87,6 +87,8 @@ def point(m: Any, op: int, a: Number, b: Number = None, c: Number = None) -> Num
             return abs(a)
         case Op.SQUARE:
             return a * a
+        case Op.CUBE:
+            return a * a * a
         case Op.HYPOT:
             return m.sqrt(a * a + b * b)
         case Op.MIN:
@@ -177,6 +179,8 @@ def _factors(m: Any, op: int, operands: list[Number], value: Number) -> tuple[Nu
             return (m.where(a < 0.0, -1.0 + 0.0 * a, 1.0 + 0.0 * a),)
         case Op.SQUARE:
             return (a + a,)
+        case Op.CUBE:
+            return (3.0 * (a * a),)
         case Op.SQRT:
             return (0.5 / m.where(value > least, value, least + 0.0 * value),)
         case Op.HYPOT:

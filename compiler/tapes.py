@@ -188,6 +188,8 @@ class Builder:
             return b if x == 1.0 else a
         if op == Op.MULTIPLY and a == b:
             return self.op(Op.SQUARE, a)
+        if op == Op.MULTIPLY and (self.row(a)[:2] == (Op.SQUARE, b) or self.row(b)[:2] == (Op.SQUARE, a)):
+            return self.op(Op.CUBE, b if self.row(a)[:2] == (Op.SQUARE, b) else a)
         if op == Op.MULTIPLY and (x == -1.0 or y == -1.0):
             return self.op(Op.NEGATE, b if x == -1.0 else a)
         if op == Op.DIVIDE and y is not None and y != 0.0 and math.frexp(y)[0] in (0.5, -0.5):
@@ -237,6 +239,8 @@ class Builder:
         if exponent is None or exponent != int(exponent) or not abs(exponent) <= MOST_FACTORS or exponent == 0.0:
             return self.op(Op.POWER, a, b)
         product, square, left = None, a, abs(int(exponent))
+        while left % 3 == 0:
+            square, left = self.op(Op.CUBE, square), left // 3
         while left:
             if left & 1:
                 product = square if product is None else self.multiply(product, square)
@@ -514,7 +518,7 @@ def _without_squares(builder: Builder, found: int) -> int:
     while waiting:
         name = waiting.pop()
         op, a, b, _ = builder.rows[name - INPUTS] if name >= INPUTS else (Op.COPY, 0, 0, 0)
-        if name >= INPUTS and op in (Op.SQUARE, Op.ABS, Op.NEGATE):
+        if name >= INPUTS and op in (Op.SQUARE, Op.CUBE, Op.ABS, Op.NEGATE):
             waiting.append(a)
         elif op == Op.MULTIPLY or (op == Op.MIN and all(builder.row(part)[0] in _NEVER_BELOW for part in (a, b))):
             waiting += [b, a]

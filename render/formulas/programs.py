@@ -99,6 +99,8 @@ def _spans(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
     size = enclosures.high_of(m, abs(value[0]), abs(value[1]))
     if op == Op.FILLET:
         found = found + enclosures.fillet_slack(m, *operands)
+    elif op == Op.CUBE:
+        found = found + size * u  # rounded twice
     elif op not in EXACT:
         found = found + (size * (4.0 * enclosures.ULPS * u) if op != Op.NOISE else 64.0 * m.unit)
     return [*value, *slope, m.where((found < LARGEST) & (size < LARGEST), found, math.inf)]

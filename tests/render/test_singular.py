@@ -62,7 +62,7 @@ SURFACES = {
         heart, (0, 0.8, 3), lambda a: (np.cos(1 + a), 0, np.sin(1 + a) / 1.5),
     ),
     "ball": Singular(
-        "implicit(|x, y, z| (x^2 + y^2 + z^2 - 0.64)^3 <= 0, within: 1)",
+        "implicit(|x, y, z| atan((x^2 + y^2 + z^2 - 0.64)^3) <= 0, within: 1)",
         ball, (0.3, 0.8, 3), lambda a: (0.8 * np.sin(a), 0.0, 0.8 * np.cos(a)),
     ),
     "cusp": Singular("implicit(|x, y, z| x^2 <= y^3, within: 1)", cusp, (0.7, -1.1, 2), lambda a: (0, 0, a), edged=True),

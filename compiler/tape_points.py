@@ -107,7 +107,7 @@ def point(m: Any, op: int, a: Number, b: Number = None, c: Number = None) -> Num
         case Op.POWER:
             return m.power(a, b)
         case Op.ATAN2 | Op.ANGLE:
-            return m.atan2(a, b)
+            return m.atan2(a + 0.0, b + 0.0)  # −0, as of ceil(−½), is 0: on the cut the angle is π, whatever came to it
         case Op.NOISE:
             return noise(m, a, b, c)[0]
         case _:

@@ -276,6 +276,15 @@ def test_bounds_of_whole_tapes_hold(tape, seed):
     check_values(tape, low, low + 10.0 ** random.uniform(-6, 0, (3, 200)), random)
 
 
+def test_the_angle_of_a_zero_with_a_sign_is_that_of_zero():
+    """ceil(−½) is −0: on the cut the angle is π all the same, as bounds have it."""
+    builder = Builder()
+    tape = builder.finish(builder.op(Op.ATAN2, builder.op(Op.CEIL, 0), 0))
+    x = np.linspace(-0.9, -0.1, 9)
+    assert (tape_walks.points(tape, x, 0 * x, 0 * x)[0] == np.pi).all()
+    check_values(tape, np.stack([x - 0.05, 0 * x, 0 * x]), np.stack([x + 0.05, 0 * x, 0 * x]), np.random.default_rng(1))
+
+
 def check_values(tape: Tape, low: np.ndarray, high: np.ndarray, random: np.random.Generator) -> None:
     (least, most), _, maybe = tape_walks.boxes(tape, low, high)
     for _ in range(3):

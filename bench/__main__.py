@@ -12,7 +12,7 @@ from pathlib import Path
 from . import limits, report
 from .harness import Effort
 
-NAMES = ("rays", "build", "paths", "raster", "formulas", "start", "threads")
+NAMES = ("rays", "build", "paths", "raster", "formulas", "edits", "start", "threads")
 PARTS = {  # that can be measured one at a time
     "paths": ("cornell", "knot", "lamps", "glossy", "glass", "interior"), "formulas": ("512", "1024", "povray"),
 }  # fmt: skip

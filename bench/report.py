@@ -16,7 +16,8 @@ from ..render.machine import cores
 from . import harness
 
 RESULTS = Path(__file__).resolve().parent / "RESULTS.md"
-ORDER = ("rays", "build", "paths", "raster", "formulas", "start", "threads")  # of the sections; others follow in the order of their names
+ORDER = ("rays", "build", "paths", "raster", "formulas", "edits", "start", "threads")
+"""Of the sections; others follow in the order of their names."""
 HEAD = """# Benchmarks: measured results
 
 Written by `make bench`; a section is replaced when its benchmark runs again. Nothing here is written by hand.

@@ -17,6 +17,7 @@ PEERS = {
     "paths": {"mitsuba": ("Mitsuba llvm", "Mitsuba scalar")},
     "raster": {"moderngl": ("llvmpipe",)},
     "formulas": {"fidget-once": ("fidget jit", "fidget vm")},
+    "edits": {},
     "threads": {},
     "start": {"povray": ("POV-Ray",), "mitsuba": ("Mitsuba llvm",)},
 }

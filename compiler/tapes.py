@@ -192,6 +192,9 @@ class Builder:
             return self.op(Op.CUBE, b if self.row(a)[:2] == (Op.SQUARE, b) else a)
         if op == Op.MULTIPLY and (x == -1.0 or y == -1.0):
             return self.op(Op.NEGATE, b if x == -1.0 else a)
+        if op in (Op.ADD, Op.SUBTRACT) and (shared := self._shared(a, b)):
+            factor, one, other = shared
+            return self.op(Op.MULTIPLY, factor, self.op(op, one, other))  # whose bounds are never wider
         if op == Op.DIVIDE and y is not None and y != 0.0 and math.frexp(y)[0] in (0.5, -0.5):
             return self.op(Op.MULTIPLY, a, self.constant(1.0 / y))  # by a power of two: exact
         if op in (Op.MIN, Op.MAX) and a == b:
@@ -208,10 +211,21 @@ class Builder:
             return None if self.stays_0(of) else self.op(Op.SIGN, of)
         return None
 
+    def _shared(self, a: int, b: int) -> tuple[int, int, int] | None:
+        """(what two products share, the rest of one, of the other), unless it is a constant: others may be equal by chance."""
+        one, other = self.row(a), self.row(b)
+        if one[0] == Op.MULTIPLY == other[0]:
+            for k, m in ((1, 1), (1, 2), (2, 1), (2, 2)):
+                if one[k] == other[m] >= 0:
+                    return one[k], one[3 - k], other[3 - m]
+        return None
+
     def _opposite(self, a: int, b: int) -> bool:
         """Whether one value is the other's negative, to the bit."""
         one, other = self.row(a), self.row(b)
         turned = one[0] == Op.SUBTRACT and other == (Op.SUBTRACT, one[2], one[1])
+        if shared := self._shared(a, b):
+            turned = self._opposite(*shared[1:])
         return turned or one[:2] == (Op.NEGATE, b) or other[:2] == (Op.NEGATE, a)
 
     # --- what is made of several operations ---

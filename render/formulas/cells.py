@@ -22,6 +22,7 @@ from ..atomics import claimed, released, taken
 from ..kernels import apart, helper, kernel, maker
 from .calls import interpret
 from .forms import END_BLOCKS, END_LEAVES, END_ROWS, END_TAPES
+from .programs import SCALE
 from .vectors import LANES, ROW
 
 MOST_REGISTERS = MOST_LIVE
@@ -34,8 +35,8 @@ BIG = NumpyMath.most
 _WIDE = 8  # vectors of a register in the largest program
 _ROOM = MOST_REGISTERS * _WIDE * LANES
 _ARITY = np.array([arity(op) for op in Op], np.int64)
-CHOICE = np.array([op in CHOICES for op in Op], np.int64)
-COPY, CHOOSE, MIN, MAX = int(Op.COPY), int(Op.CHOOSE), int(Op.MIN), int(Op.MAX)
+CHOICE = np.array([op in CHOICES for op in (*Op, SCALE)], np.int64)
+COPY, CHOOSE, MIN, MAX, MULTIPLY = int(Op.COPY), int(Op.CHOOSE), int(Op.MIN), int(Op.MAX), int(Op.MULTIPLY)
 _BOXES, _CELLS = 2, 8  # vectors of a value
 _BOXES_AT, _CELLS_AT = 2, 4  # places in fields.PROGRAMS
 
@@ -340,6 +341,9 @@ def place(names, run, tapes, tape):
         for k in range(_ARITY[op]):
             name = names[first + i, 1 + k]
             run[first + i, 2 + k] = register[name - INPUTS] if name >= INPUTS else name
+        one, other = run[first + i, 2], run[first + i, 3]
+        if op == MULTIPLY and (one < 0) != (other < 0):
+            run[first + i, 0], run[first + i, 2], run[first + i, 3] = SCALE, max(one, other), min(one, other)
         for k in range(_ARITY[op]):
             name = names[first + i, 1 + k]
             if name >= INPUTS and last[name - INPUTS] == i:

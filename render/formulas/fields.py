@@ -17,7 +17,7 @@ from .. import simd
 from . import cells, compiled, interpreter, jumps, parts
 from .forms import END_BLOCKS, END_ROWS, END_TAPES, NO_PARTS, Forms
 from .interpreter import PARTS
-from .programs import WIDTHS
+from .programs import LARGEST_PART, NEAREST, WIDTHS
 from .vectors import LANES, ROW, SINGLE
 
 CELLS, FEWER = 64, 16  # of a grid along each axis: powers of 4
@@ -141,12 +141,14 @@ def constant_rows(tape: Tape) -> NDArray[np.float64]:
 
 
 def single_rows(tape: Tape) -> NDArray[np.float32]:
-    """The same in float32: bounds of the number, zeros, and from the sixth vector on the number and zeros."""
+    """The same in float32: bounds of the number, zeros, the number nearest to it, and its largest magnitude (see programs.NEAREST)."""
     with np.errstate(over="ignore"):
         near = tape.constants.astype(np.float32)
-    rows = np.zeros((max(len(near), 1), PARTS, SINGLE.lanes), np.float32)
+    rows, most = np.zeros((max(len(near), 1), PARTS, SINGLE.lanes), np.float32), np.finfo(np.float32).max
     exact = near == tape.constants
     rows[: len(near), 0] = np.where(exact, near, np.nextafter(near, np.float32(-np.inf)))[:, None]
     rows[: len(near), 1] = np.where(exact, near, np.nextafter(near, np.float32(np.inf)))[:, None]
-    rows[: len(near), 5] = near[:, None]
+    rows[: len(near), NEAREST] = np.clip(near, -most, most)[:, None]  # so that 0 times it is 0
+    normal = exact | ((np.abs(near) > 1e-30) & np.isfinite(near))  # else what is left of it is not within rounding
+    rows[: len(near), LARGEST_PART] = np.where(normal, np.abs(rows[: len(near), :2, 0]).max(1), np.inf)[:, None]
     return rows.ravel()

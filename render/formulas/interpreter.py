@@ -1,30 +1,31 @@
 """Tapes evaluated without being compiled: one function for each of the programs, made once for a machine and kept on disk.
 
 A function (code, rows, registers, constants, state, vectors) goes through rows of eight int32 (op, out, a, b, c, choice, whether it is a
-minimum or maximum that goes into nothing but such, 0). Operands of 0 and more are registers of as many parts as the program's values have,
-each of them `vectors` vectors; ~k is constant k, whose row of PARTS vectors holds its value twice, then zeros; in float32 its bounds,
-zeros, and from the sixth on the value and zeros. `state` is int64 words: the lanes in which something may be undefined, then for each
-choice the lanes that need its first operand only, and those that need its second only. In float32 up to four vectors of sixteen lanes
-share these words.
+minimum or maximum that goes into nothing but such, 0), where op is one of Op or SCALE. Operands of 0 and more are registers of as many
+parts as the program's values have, each of them `vectors` vectors; ~k is constant k, whose row of PARTS vectors holds its value twice,
+then zeros; in float32 its bounds, zeros, and what programs.NEAREST says. `state` is int64 words: the lanes in which something may be
+undefined, then for each choice the lanes that need its first operand only, and those that need its second only. In float32 up to four
+vectors of sixteen lanes share these words.
 """
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import llvmlite.binding as llvm
 from llvmlite import ir
 
-from ...compiler import enclosures, tape_points, tapes
+from ...compiler import enclosures, operations, tape_points, tapes
 from ...compiler.tapes import Op, arity
 from .. import kernels, machine
 from ..simd.value import I64
 from . import direct
 from .loops import over_rows, over_vectors
-from .programs import EMITTERS, WIDTHS, form_of
+from .programs import EMITTERS, LARGEST_PART, NEAREST, SCALE, WIDTHS, form_of, scaled
 from .vectors import INTERPRETER, LANES, POINTER, ROW, SINGLE, VectorMath, load, store
 
 PARTS = 8  # vectors of a constant
@@ -39,7 +40,10 @@ def module_of(program: str) -> ir.Module:
     module = ir.Module(f"maquette.{program}")
     form, width = form_of(program), WIDTHS[program]
 
-    def row(b: Any, op: Op, numbers: list[Any], arguments: Any) -> None:
+    def row(b: Any, op: Any, numbers: list[Any], arguments: Any) -> None:
+        if op == SCALE and program == "spans32":
+            return _scale(b, numbers, arguments)
+        op = Op.MULTIPLY if op == SCALE else op
         registers, constants, state, vectors = arguments[2:]
         stride = b.mul(vectors, ir.Constant(I64, form.bytes))  # between the parts of a register
         operands = [_operand(b, program, name, registers, constants, stride) for name in numbers[2 : 2 + arity(op)]]
@@ -57,11 +61,29 @@ def module_of(program: str) -> ir.Module:
 
         over_vectors(b, vectors, vector)
 
-    function = over_rows(module, f"tape_{program}", INTERPRETER, ROW, row)
+    function = over_rows(module, f"tape_{program}", INTERPRETER, ROW, row, (SCALE,))
     for argument in function.args:
         if argument.type == POINTER:
             argument.add_attribute("noalias")
     return module
+
+
+def _scale(b: Any, numbers: list[Any], arguments: Any) -> None:
+    """A register times a constant, in spans32."""
+    registers, constants, state, vectors = arguments[2:]
+    size = SINGLE.bytes
+    stride, width = b.mul(vectors, ir.Constant(I64, size)), ir.Constant(I64, WIDTHS["spans32"])
+    there, out = (b.gep(registers, [b.mul(b.mul(name, stride), width)]) for name in (numbers[2], numbers[1]))
+    number = b.gep(constants, [b.mul(b.not_(numbers[3]), ir.Constant(I64, PARTS * size))])
+    nearest, largest = (load(b, number, part * size, SINGLE) for part in (NEAREST, LARGEST_PART))
+
+    def vector(k: Any) -> None:
+        places = [b.add(b.mul(k, ir.Constant(I64, size)), b.mul(stride, ir.Constant(I64, part))) for part in range(WIDTHS["spans32"])]
+        found = scaled(VectorMath(b, state, SINGLE, k), [load(b, there, place, SINGLE) for place in places], nearest, largest)
+        for place, value in zip(places, found, strict=True):
+            store(b, out, place, value)
+
+    over_vectors(b, vectors, vector)
 
 
 def _operand(b: Any, program: str, name: Any, registers: Any, constants: Any, stride: Any) -> Callable[[Any], list[Any]]:
@@ -105,11 +127,15 @@ def _engine(program: str) -> Any:
     return engine
 
 
+@cache
 def _sources() -> str:
-    """Tells versions of what the code is made from apart, beside the folder's own name (see kernels.py)."""
+    """Tells versions of what the code is made from apart, beside the folder's own name (see kernels.py): of the operations, and of what
+    here and in simd/ emits code for them."""
+    here = Path(__file__).resolve().parent
+    emitting = [path for folder in (here, here.parent / "simd") for path in sorted(folder.glob("*.py"))]
     digest = hashlib.sha256(f"{LANES}".encode())
-    for module in (tapes, tape_points, enclosures):
-        digest.update(Path(str(module.__file__)).read_bytes())
+    for path in (*(Path(str(module.__file__)) for module in (tapes, operations, tape_points, enclosures)), *emitting):
+        digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
 

@@ -13,10 +13,13 @@ from ..simd.value import I64
 _I32 = ir.IntType(32)
 
 
-def over_rows(module: ir.Module, name: str, kind: Any, row: int, emit: Callable[[Any, Op, list[Any], Any], None]) -> Any:
+Row = Callable[[Any, Any, list[Any], Any], None]
+
+
+def over_rows(module: ir.Module, name: str, kind: Any, row: int, emit: Row, more: tuple[int, ...] = ()) -> Any:
     """Add function `name` of type `kind`, whose first arguments are rows of `row` int32 numbers and how many there are.
 
-    `emit(builder, operation, numbers of the row as int64, arguments)` writes what a row does.
+    `emit(builder, operation, numbers of the row as int64, arguments)` writes what a row does: one of Op, or of `more`.
     """
     function = ir.Function(module, kind, name)
     code, count = function.args[:2]
@@ -30,8 +33,8 @@ def over_rows(module: ir.Module, name: str, kind: Any, row: int, emit: Callable[
     first = b.mul(at, ir.Constant(I64, row))
     numbers = [b.sext(b.load(b.gep(rows, [b.add(first, ir.Constant(I64, k))])), I64) for k in range(min(row, 7))]
     switch = b.switch(b.trunc(numbers[0], _I32), again)
-    for op in Op:
-        block = function.append_basic_block(op.name.lower())
+    for op in (*Op, *more):
+        block = function.append_basic_block(op.name.lower() if isinstance(op, Op) else f"more{op}")
         switch.add_case(ir.Constant(_I32, int(op)), block)
         b.position_at_end(block)
         emit(b, op, [at, *numbers[1:]], function.args)

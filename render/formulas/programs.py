@@ -43,6 +43,13 @@ EXACT = frozenset({
 })  # fmt: skip
 """Operations that are rounded once."""
 
+SCALE = len(Op)
+"""MULTIPLY of a register by a constant, as rows for interpreters have it (`cells.place`): in spans32 it takes a third of the work."""
+
+NEAREST, LARGEST_PART = 5, 6
+"""Where in a constant's row for float32 the nearest number to it stands, and what its magnitude is at most: ∞ where the nearest one is
+not known to be within rounding."""
+
 Parts = list[Value]
 Emitter = Callable[..., Parts]
 
@@ -104,6 +111,23 @@ def _spans(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
     elif op not in EXACT:
         found = found + (size * (4.0 * enclosures.ULPS * u) if op != Op.NOISE else 64.0 * m.unit)
     return [*value, *slope, m.where((found < LARGEST) & (size < LARGEST), found, math.inf)]
+
+
+def scaled(m: VectorMath, given: Parts, nearest: Value, largest: Value) -> Parts:
+    """As _spans of a product with a constant, by the number nearest to it and its largest magnitude."""
+    ends = [part * nearest for part in given[:4]]
+    size, steepness = (enclosures.high_of(m, abs(ends[k]), abs(ends[k + 1])) for k in (0, 2))
+    off = largest * (given[4] + enclosures.high_of(m, abs(given[0]), abs(given[1])) * m.unit)
+    m.unbounded((size > m.big) | (steepness > m.big) | (off > m.big))
+    ends = [m.clipped(end, -m.big, m.big) for end in ends]
+    found = [*_widened(m, *ends[:2]), *_widened(m, *ends[2:])]
+    off = off + (off * (4.0 * m.unit) + m.tiny)
+    return [*found, m.where((off < LARGEST) & (size < LARGEST), off, math.inf)]
+
+
+def _widened(m: VectorMath, one: Value, other: Value) -> Parts:
+    """Bounds of what lies between two products of which either factor was rounded."""
+    return [enclosures.down(m, m.least(one, other), 1), enclosures.up(m, m.largest(one, other), 1)]
 
 
 def _cells(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:

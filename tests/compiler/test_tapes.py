@@ -132,6 +132,21 @@ def test_equal_operations_are_one_and_numbers_stand_in_a_table():
     assert sorted(other.constants) == [5.0, 7.0]
 
 
+@pytest.mark.parametrize(
+    ("relation", "operations"),
+    [
+        ("x * y + z * y <= 1", "ADD MULTIPLY SUBTRACT"),
+        ("sin(x) * y - cos(z) * sin(x) <= 1", "SIN COS SUBTRACT MULTIPLY SUBTRACT"),
+        ("0.3 * x^2 * y^3 + 0.1 * z^2 * y^3 <= 1", "SQUARE MULTIPLY SQUARE MULTIPLY ADD CUBE MULTIPLY SUBTRACT"),
+        ("0.3 * x + 0.3 * y <= 1", "MULTIPLY MULTIPLY ADD SUBTRACT"),  # numbers may be equal by chance
+        ("max(x * y - x * z, x * z - x * y) <= 1", "SUBTRACT MULTIPLY ABS SUBTRACT"),
+    ],
+)
+def test_what_products_share_is_multiplied_once(relation, operations):
+    tape, _ = tape_of(relation)
+    assert sorted(Op(row[0]).name for row in tape.code) == sorted(operations.split())
+
+
 def test_the_cut_of_atan2_is_hidden_where_only_waves_see_it():
     def angle(relation: str) -> Op:
         return Op(next(row[0] for row in tape_of(relation)[0].code if row[0] in (Op.ATAN2, Op.ANGLE)))

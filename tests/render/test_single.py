@@ -84,6 +84,21 @@ def test_of_each_operation(op):
         hold(Tape(code, np.zeros(0), (3,)), low, high, random, 2 * np.pi if op == Op.ANGLE else 0.0)
 
 
+@pytest.mark.parametrize("constant", [0.0, 0.3, -2.25, 1 / 3, -1e-7, 1e-18, 3.3e-30, 1e-31, -1e-40, 1e-46, 1e9, -1.1e13, 1e17, 1e19, 1e39])
+def test_of_products_with_a_constant(constant):
+    random = np.random.default_rng(5)
+    b = Builder()
+    number = b.constant(constant)
+    tapes = [b.finish(b.op(Op.ADD, b.op(Op.MULTIPLY, *pair), 1)) for pair in ((0, number), (number, 0))]
+    for _ in range(0, BOXES // 10, SIDE_BY_SIDE):
+        low = (random.uniform(-3, 3, (3, SIDE_BY_SIDE)) * 10.0 ** random.uniform(-12, 9, (3, SIDE_BY_SIDE))).astype(np.float32)
+        low[:, ::5] = 0.0
+        high = low + (abs(low) * 10.0 ** random.uniform(-6, 1, low.shape)).astype(np.float32)
+        high[:, ::7] = low[:, ::7]
+        for tape in tapes:
+            hold(tape, low, high, random)
+
+
 def random_tape(random: np.random.Generator, rows: int = 30) -> Tape:
     """Any operations on any values before them."""
     b = Builder()

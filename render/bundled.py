@@ -25,6 +25,7 @@ class Desk(NamedTuple):
 
     onward: NDArray[np.float64]  # rays to a lamp, as columns.py has them
     shade: NDArray[np.float64]  # (n,) where those meet something
+    rays: NDArray[np.float64]  # those of `primed`, as columns.py has them
     primed: Primed  # samples in the order of bundles
     room: Handle  # a ray.Room with `primed`
 
@@ -51,7 +52,7 @@ class Bundles:
         self.rooms = [surfaces[g] for g in self.geometries]
         desk = _desk(np.zeros((0, 0), np.int64), room, bool(lamps), black)
         for handle, inverse in zip(self.rooms, self.inverses, strict=True):  # compiled, or loaded, before a picture begins
-            tiles.trace(handle, desk.primed.rays, 0, 0, inverse, _out(desk.primed, 0))
+            tiles.trace(handle, desk.rays, 0, 0, inverse, _out(desk.primed, 0))
         self._look_for_lamps(packed, desk)
 
     def prime(self, packed: Any, frame: Any, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int) -> Handle:
@@ -59,10 +60,10 @@ class Bundles:
         desk = self._desk(count)
         found = desk.primed
         primed.begin(first, tile.x0, tile.y0, found.first, found.corner, found.t, found.instance)
-        aim(packed, frame, total, found.first, found.corner, count.shape[1], found.items, found.rays)
-        n = found.items.shape[1]
+        aim(packed, frame, total, found.first, found.corner, count.shape[1], found.items, desk.rays)
+        n = len(found.t)
         for k, i in enumerate(self.instances):
-            self._meet(k, found.rays, n, found, i)
+            self._meet(k, desk.rays, n, found, i)
         self._look_for_lamps(packed, desk)
         return desk.room
 
@@ -81,7 +82,7 @@ class Bundles:
             found.hidden[:] = 0
         for lamp in self.lamps:
             desk.shade[:] = np.inf
-            if hidden.aim(packed, lamp, found.rays, _out(found, 0), desk.onward) > 0:
+            if hidden.aim(packed, lamp, desk.rays, _out(found, 0), desk.onward) > 0:
                 for k in self.casting:
                     self._meet(k, desk.onward, len(desk.shade), found._replace(t=desk.shade), tile_room.ANY)
             hidden.tell(lamp, desk.onward, desk.shade, found.hidden)
@@ -108,7 +109,7 @@ class Bundles:
 def _put_by(desks: dict[tuple[int, ...], Desk]) -> None:
     """Keep the desks of bundles that are no more, one or two of a kind."""
     for key, desk in desks.items():
-        if desk.primed.items.shape[1] <= SMALL:
+        if len(desk.primed.t) <= SMALL:
             _spare[key] = [desk, *_spare.pop(key, [])][:2]
     for key in tuple(_spare)[:-SPARE]:
         _spare.pop(key, None)
@@ -139,15 +140,15 @@ def _desk(count: NDArray[np.int64], room: Any, lamps: bool, black: bool) -> Desk
         slots[k, row, column] = np.arange(n, n + len(row))
         parts.append(np.stack([column, row, np.full(len(row), k)]))
         n += len(row)
-    items = np.ascontiguousarray(np.concatenate(parts, axis=1), np.int64)
-    padded = -(-n // tile_room.VECTOR) * tile_room.VECTOR
+    items = np.ascontiguousarray(np.concatenate(parts, axis=1), np.int64).ravel()
+    rays = np.zeros((8, -(-n // tile_room.VECTOR) * tile_room.VECTOR))
     primed = Primed(
-        rounds, rows, columns, slots.ravel(), np.zeros(rows * columns, np.int64), np.zeros(3, np.int64), items, np.zeros((8, padded)),
+        rounds, rows, columns, slots.ravel(), np.zeros(rows * columns, np.int64), np.zeros(3, np.int64), items, rays.ravel(),
         np.full(n, np.inf), np.full(n, -1), np.zeros(n, np.int64), np.zeros(n), np.zeros(n), black,
         np.zeros(n, np.int64) if lamps else Nothing(),
     )  # fmt: skip
-    onward, shade = (np.zeros((8, padded)), np.zeros(n)) if lamps else (np.zeros((8, 0)), np.zeros(0))
-    return Desk(onward, shade, primed, Handle(room._replace(primed=primed)))
+    onward, shade = (np.zeros_like(rays), np.zeros(n)) if lamps else (np.zeros((8, 0)), np.zeros(0))
+    return Desk(onward, shade, rays, primed, Handle(room._replace(primed=primed)))
 
 
 def _out(found: Any, i: int) -> tiles.Out:
@@ -165,7 +166,7 @@ def _order(rows: int, columns: int) -> tuple[NDArray[np.int64], NDArray[np.int64
 @kernel
 def aim(tables, frame, total, first, corner, width, items, rays):
     """The camera rays of a desk's samples; `first`, `corner` and so on are parts of its Primed."""
-    n = items.shape[1]
+    n = len(items) // 3
     for start in range(0, n, across.WIDTH):
         x, y, s = primed.pixels(items, start)
         s += primed.first_samples(corner, first, width, x, y)

@@ -12,7 +12,12 @@ from .records import Lane, Vec
 @helper
 def get(columns: Any, at: int) -> tuple[Vec, Vec, Lane, Lane]:
     """Origins and directions of rays `at` on, and their first and last distance."""
-    n = columns.shape[1]
+    return get_of(columns, columns.shape[1], at)
+
+
+@helper
+def get_of(columns: Any, n: int, at: int) -> tuple[Vec, Vec, Lane, Lane]:
+    """The same of columns of n rays, one behind the other."""
     o = across.load_row(columns, at), across.load_row(columns, n + at), across.load_row(columns, 2 * n + at)
     d = across.load_row(columns, 3 * n + at), across.load_row(columns, 4 * n + at), across.load_row(columns, 5 * n + at)
     return o, d, across.load_row(columns, 6 * n + at), across.load_row(columns, 7 * n + at)

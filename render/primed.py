@@ -36,8 +36,8 @@ class Primed(NamedTuple):
     slots: NDArray[np.int64]
     first: NDArray[np.int64]  # (pixels,) number of the first sample
     corner: NDArray[np.int64]  # x0, y0 of the tile; the number of all pixels' first sample, or -1
-    items: NDArray[np.int64]  # (3, samples) column, row and number of samples, from the tile's corner and first ones
-    rays: NDArray[np.float64]  # of samples, as columns.py has them
+    items: NDArray[np.int64]  # (3 · samples,) columns, rows and numbers of samples, from the tile's corner and first ones
+    rays: NDArray[np.float64]  # of samples, as columns.py has them, one column behind the other: shapes of rows are types
     t: NDArray[np.float64]
     instance: NDArray[np.int64]
     spacing: NDArray[np.int64]
@@ -95,11 +95,11 @@ def _in_a_row(column: Any, start: int) -> Lane:
 @helper
 def pixels(items: Any, start: int) -> tuple[Lane, Lane, Lane]:
     """The columns, rows and numbers of samples from `start` on; the last again beyond the end."""
-    n = items.shape[1]
+    n = len(items) // 3
     if start + across.WIDTH <= n:
         return across.load_at(items, start), across.load_at(items, n + start), across.load_at(items, 2 * n + start)
     slot = lanes.minimum(across.numbered(start), n - 1)
-    return items[0, slot], items[1, slot], items[2, slot]
+    return items[slot], items[n + slot], items[2 * n + slot]
 
 
 @helper

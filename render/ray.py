@@ -215,13 +215,13 @@ def _draw_found(primed, tables, accel, gouraud, frame, film, room):
     def drawn(primed, tables, accel, gouraud, frame, film, room):
         if primed.rounds != 1:
             return False
-        n = primed.items.shape[1]
+        n = len(primed.t)
         for start in range(0, n, across.WIDTH):
             if primed.black and not lanes.any_lane(taken(primed.t, start) < np.inf):
                 continue
             if draw_row(tables, accel, gouraud, frame, start, room):
                 for k in range(min(across.WIDTH, n - start)):
-                    _add_one(film, room, k, primed.items[1, start + k], primed.items[0, start + k])
+                    _add_one(film, room, k, primed.items[n + start + k], primed.items[start + k])
         return True
 
     return drawn
@@ -232,13 +232,13 @@ def draw_single(tables, accel, gouraud, frame, rgba, room):
     """Set the pixels of a tile (h, w, 4), which are 0, by their one sample each, of which it is known what it meets of formulas; how many
     samples are no numbers that a picture can hold."""
     found, light, issues = room.primed, room.light, 0
-    n = found.items.shape[1]
+    n = len(found.t)
     for start in range(0, n, across.WIDTH):
         if found.black and not lanes.any_lane(taken(found.t, start) < np.inf):
             continue
         if draw_row(tables, accel, gouraud, frame, start, room):
             for k in range(min(across.WIDTH, n - start)):
-                row, column = found.items[1, start + k], found.items[0, start + k]
+                row, column = found.items[n + start + k], found.items[start + k]
                 red, green, blue = light[0, k] + 0.0, light[1, k] + 0.0, light[2, k] + 0.0
                 if not (abs(red) <= LARGEST and abs(green) <= LARGEST and abs(blue) <= LARGEST and light[4, k] > 0.5):
                     red, green, blue = held(red), held(green), held(blue)
@@ -256,7 +256,7 @@ def draw_row(tables, accel, gouraud, frame, start, room):
     x, y, _ = pixels(found.items, start)
     s = first_samples(found.corner, found.first, found.columns, x, y)
     pixel, s = sampler.place(x + found.corner[0], y + found.corner[1], s, view.width, frame.order)
-    origin, direction, t_min, t_max = columns.get(found.rays, start)
+    origin, direction, t_min, t_max = columns.get_of(found.rays, len(found.rays) // 8, start)
     ray = Ray(origin, direction, t_min, t_max, sampler.moment(pixel, s, options.seed, frame.shutter))
     hit, known = first_of_both(accel, tables, ray, found, start)
     return _put_light(room, integrate.call(frame.radiance, (  # pyright: ignore[reportCallIssue]

@@ -62,7 +62,7 @@ def build(positions: NDArray[np.float32], triangles: NDArray[np.int32], threads:
 
     It is the same on any number of threads (0: all there are).
     """
-    by = Workers(threads or machine.cores())
+    by, positions, triangles = Workers(threads or machine.cores()), _read_only(positions), _read_only(triangles)
     items = simd.paged_empty((len(triangles), 8), np.float32)
     shares = _shares(len(items))
     around = np.empty((len(shares), 8), np.float32)
@@ -72,7 +72,14 @@ def build(positions: NDArray[np.float32], triangles: NDArray[np.int32], threads:
 
 def links(items: NDArray[np.float32], around: NDArray[np.float32], by: Workers) -> NDArray[np.int32]:
     """The links alone of a tree over items without triangles: ~ an item's number where a leaf's would stand; as halves.build."""
-    return _collapsed(items, around, _Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)), by).links
+    return _collapsed(items, around, _Mesh(_read_only(np.zeros((0, 3), np.float32)), _read_only(np.zeros((0, 3), np.int32))), by).links
+
+
+def _read_only(numbers: NDArray[Any]) -> NDArray[Any]:
+    """An array that is not written to, as some meshes' are: kernels would compile once for these and once for others."""
+    view = numbers.view()
+    view.flags.writeable = False
+    return view
 
 
 def _shares(n: int, least: int = 1 << 15) -> list[tuple[int, int]]:

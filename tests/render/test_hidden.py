@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from maquette.compiler import ir, load
 from maquette.compiler import plan as planner
-from maquette.render import draw, hidden, image, prepare
+from maquette.render import bundled, draw, hidden, image, prepare, ray
 
 VIEW = "camera(position: [0.3, 1.4, 3], look_at: [0, -0.1, 0], fov: 42deg)\nplane(y: -0.9)\n"
 LAMPS = {
@@ -80,3 +80,11 @@ def test_what_is_told_of_a_lamp(tmp_path, monkeypatch):
     asked, blocked = (np.concatenate(part) for part in zip(*told, strict=True))
     assert 100 < blocked.sum() < asked.sum()
     assert not (blocked & ~asked).any()
+
+
+@pytest.mark.parametrize("lamps", [False, True])
+def test_what_a_tile_met_is_of_one_type_whatever_its_samples(lamps: bool) -> None:
+    """Else the kernel that draws tiles would be compiled anew for each number of samples."""
+    room = ray.Room(np.zeros((3, 8), np.int64), np.zeros((5, 8)), np.zeros((1, 1, 8)))
+    kinds = {bundled._desk(np.full((2, 3), count), room, lamps, False).room.numba_type for count in (0, 1, 2)}
+    assert len(kinds) == 1

@@ -268,6 +268,16 @@ def test_a_tree_is_the_same_on_any_number_of_threads() -> None:
             np.testing.assert_array_equal(a, b)
 
 
+def test_trees_of_arrays_that_may_be_written_to_or_not_compile_once() -> None:
+    positions, triangles = np.eye(3, dtype=np.float32), np.arange(3, dtype=np.int32)[None]
+    wide.build(positions, triangles)
+    before = len(wide.collapse.signatures), len(wide.boxes_of.signatures)
+    for each in (positions, triangles):
+        each.flags.writeable = False
+        wide.build(positions, triangles)
+    assert (len(wide.collapse.signatures), len(wide.boxes_of.signatures)) == before
+
+
 @pytest.mark.parametrize("n", [1, 2, 7, 8, 9, 60])
 def test_trees_of_few_triangles(n: int) -> None:
     corners = np.random.default_rng(n).uniform(-1, 1, (n, 3, 3)).astype(np.float32)

@@ -9,13 +9,16 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from types import FunctionType
 from typing import Any
 
 from llvmlite.ir import Type
-from numba.core import analysis, base, compiler_lock, event, ir, postproc, transforms
+from numba.core import analysis, base, compiler_lock, errors, event, ir, lowering, postproc, transforms, typeinfer, types
 from numba.core.targetconfig import TargetConfig
+from numba.core.types.abstract import Type as NumbaType
 from numba.core.types.functions import BaseFunction
+from numba.core.typing.context import BaseContext as Typing
 
 _NONE, _VARIABLE, _INSTRUCTION, _SEVERAL, _NAMED = range(5)
 _defaults: dict[type, dict[str, Any]] = {}
@@ -161,6 +164,95 @@ _size_of = Type.get_abi_size
 _sizes: dict[str, int] = {}
 
 
+def install_timer(kind: str, callback: Callable[[float], None]) -> AbstractContextManager[Any]:
+    """event.install_timer, but for what LLVM takes, of which nobody asks: each of its calls would be told to every function on its way."""
+    return nullcontext() if kind == "numba:llvm_lock" else _install_timer(kind, callback)
+
+
+_install_timer = event.install_timer
+
+
+class ErrorContext:
+    """errors.new_error_context without a generator for each statement."""
+
+    __slots__ = ("args", "kwargs", "message")
+
+    def __init__(self, fmt_: str, *args: Any, **kwargs: Any) -> None:
+        self.message, self.args, self.kwargs = fmt_, args, kwargs
+
+    def __enter__(self) -> None:
+        loc = self.kwargs.get("loc")
+        if loc is not None and not loc.filename.startswith(errors._numba_path):
+            errors.loc_info.update(self.kwargs)
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        if isinstance(error, errors.NumbaError):
+            error.add_context(errors._format_msg(self.message, self.args, self.kwargs))
+
+
+def refresh(self: Any) -> None:
+    """BaseContext.refresh of targets: where no registry has got longer nothing is looked for."""
+    known = _registered(self)
+    if self.__dict__.get("_refreshed") != known:
+        _refresh(self)
+        self._refreshed = _registered(self)
+
+
+_refresh = base.BaseContext.refresh
+
+
+def refresh_typing(self: Any) -> None:
+    """BaseContext.refresh of typing, likewise."""
+    known = _lengths(self)
+    if self.__dict__.get("_refreshed") != known:
+        self.__dict__.pop("_found_attributes", None)
+        _refresh_typing(self)
+        self._refreshed = _lengths(self)
+
+
+_refresh_typing = Typing.refresh
+
+
+def _registered(target: Any) -> tuple[int, ...]:
+    return _lengths(target) + _lengths(target.typing_context)
+
+
+def _lengths(context: Any) -> tuple[int, ...]:
+    """How much each registry that a context has loaded holds."""
+    return tuple(len(getattr(known, name)) for known, loader in context._registries.items() for name in loader.registry_items)
+
+
+def resolve_getattr(self: Any, typ: Any, attr: str) -> Any:
+    """BaseContext.resolve_getattr: types of attributes are looked for once; those of modules' own are asked of the module."""
+    known = self.__dict__.setdefault("_found_attributes", {})
+    of_module = isinstance(typ, types.Module)
+    found = known.get((typ, attr))
+    if found is None:
+        if of_module and self.find_matching_getattr_template(typ, attr) is None:
+            found = known[typ, attr] = _OF_MODULE
+        else:
+            found = _resolve_getattr(self, typ, attr)
+            if found is not None:
+                known[typ, attr] = found
+    return self.resolve_module_constants(typ, attr) if found is _OF_MODULE else found
+
+
+_resolve_getattr = Typing.resolve_getattr
+_OF_MODULE = object()
+
+
+def resolve_value_type(self: Any, val: Any) -> Any:
+    """BaseContext.resolve_value_type: plain functions are no constants, and need not be asked whether they are buffers."""
+    if type(val) is FunctionType and "_numba_type_" not in val.__dict__:
+        found = self._get_global_type(val)
+        if found is not None:
+            return found
+    return _resolve_value_type(self, val)
+
+
+_resolve_value_type = Typing.resolve_value_type
+
+
 REPLACED: tuple[tuple[Any, str, Callable[..., Any], tuple[str, ...]], ...] = (
     (TargetConfig, "values", values, ("options", "values")),
     (ir.Inst, "_rec_list_vars", variables, ("_rec_list_vars", "list_vars")),
@@ -168,6 +260,15 @@ REPLACED: tuple[tuple[Any, str, Callable[..., Any], tuple[str, ...]], ...] = (
     (base, "_has_loc", has_loc, ("_has_loc",)),
     (event, "start_event", start_event, ("start_event", "_registered")),
     (event, "end_event", end_event, ("end_event", "_registered")),
+    (event, "install_timer", install_timer, ("install_timer",)),
+    (typeinfer, "new_error_context", ErrorContext, ("new_error_context",)),
+    (lowering, "new_error_context", ErrorContext, ("new_error_context",)),
+    (base.BaseContext, "refresh", refresh, ("refresh", "load_additional_registries", "install_registry")),
+    (Typing, "refresh", refresh_typing, ("refresh", "load_additional_registries", "install_registry")),
+    (Typing, "resolve_getattr", resolve_getattr, ("resolve_getattr", "find_matching_getattr_template", "resolve_module_constants")),
+    (Typing, "resolve_value_type", resolve_value_type, ("resolve_value_type", "_get_global_type")),
+    (type(NumbaType), "__instancecheck__", type.__instancecheck__, ("__instancecheck__",)),
+    (type(NumbaType), "__subclasscheck__", type.__subclasscheck__, ("__subclasscheck__",)),
     (Type, "get_abi_size", size_of, ("get_abi_size",)),
     (BaseFunction, "get_call_type", call_type, ("get_call_type",)),
     (compiler_lock._CompilerLock, "acquire", acquire, ("acquire", "release", "is_locked")),

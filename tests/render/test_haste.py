@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import gc
+import math
 import operator
 from functools import partial, wraps
 from inspect import signature
 from typing import Any
 
+import numba
+import numpy as np
 import pytest
 from llvmlite import ir as llvm
 from maquette.render import haste, kernels  # noqa: F401 - which puts it in place
+from numba import extending
 from numba.core import compiler_lock, event, ir, postproc, types
 from numba.core.compiler import Flags, run_frontend
 from numba.core.errors import TypingError
@@ -150,3 +154,67 @@ def test_events_reach_those_who_listen() -> None:
     with event.trigger_event("haste:test"):
         pass
     assert len(record.buffer) == 2
+
+
+class Later:
+    """Something that kernels come to know while they compile."""
+
+
+def later(a: float) -> float:
+    raise NotImplementedError
+
+
+def test_what_is_registered_between_two_kernels_is_known_to_the_second() -> None:
+    numba.njit(lambda a: abs(a))(1.0)  # whatever is known before
+    extending.overload(later)(lambda a: lambda a: 2.0 * a)
+    assert numba.njit(lambda a: later(a))(3.0) == 6.0
+    extending.overload_attribute(types.Float, "twice")(lambda a: lambda a: 2.0 * a)
+    assert numba.njit(lambda a: a.twice)(4.0) == 8.0
+
+
+@pytest.mark.parametrize(("of", "name"), [
+    (types.Module(np), "sqrt"), (types.Module(np), "pi"), (types.Module(math), "pi"),
+    (types.float64[:, ::1], "shape"), (types.float64[:, ::1], "ravel"), (types.float64, "real"), (types.float64, "nothing"),
+])  # fmt: skip
+def test_attributes_have_the_same_types(of: types.Type, name: str) -> None:
+    typing = cpu_target.typing_context
+    expected = haste._resolve_getattr(typing, of, name)
+    for _ in range(2):
+        found = typing.resolve_getattr(of, name)
+        assert type(found) is type(expected)
+        assert str(found) == str(expected)
+
+
+@pytest.mark.parametrize("value", [math.sqrt, np.sqrt, np, sample, 1, 2.5, (1, 2), np.float32, max, operator.add, later])
+def test_constants_have_the_same_types(value: object) -> None:
+    typing = cpu_target.typing_context
+    try:
+        expected: object = haste._resolve_value_type(typing, value)
+    except ValueError:
+        with pytest.raises(ValueError, match="Numba type"):
+            typing.resolve_value_type(value)
+    else:
+        assert typing.resolve_value_type(value) == expected
+
+
+def test_errors_still_tell_where_they_come_from() -> None:
+    with pytest.raises(TypingError, match=r"(?s)unknown to Numba.*During: typing of call at.*test_haste"):
+        numba.njit(lambda a: unknown_to_numba(a))(1.0)
+
+
+def unknown_to_numba(a: float) -> float:
+    raise NotImplementedError
+
+
+@extending.overload(unknown_to_numba)
+def _unknown(a):
+    raise TypingError("unknown to Numba")
+
+
+def test_types_are_asked_for_their_class_as_ever() -> None:
+    assert isinstance(types.float64, types.Number)
+    assert not isinstance(types.float64, types.Array)
+    assert isinstance(types.float64[:], types.Buffer)
+    assert not isinstance(1, types.Type)
+    assert issubclass(types.Array, types.Type)
+    assert not issubclass(types.Array, types.Number)

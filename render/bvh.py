@@ -111,7 +111,7 @@ def build(
     bounded[large] = False
     inside = np.flatnonzero(plain & bounded).astype(np.int32)
     rows = simd.aligned_empty((len(kind), PLACED), np.int64)
-    found = forms.of(tables, closed)
+    found = forms.of(tables, closed, threads)
     primed = plain & (kind == ir.GeometryKind.FORMULA) & forms.have_cells(found)[instances.geometry]
     primed &= instances.visible & ir.Visibility.CAMERA != 0
     rest = ((ir.Visibility.CAMERA, CAMERA_REST), (ir.Visibility.SHADOW, SHADOW_REST))

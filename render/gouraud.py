@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,12 @@ def vertex_light(tables: Tables, packed: Any, accel: Any, frame: Any) -> Gouraud
             out = light.color[start : start + counts[i]]
             run(packed, accel, frame, samples, side, int(i), corners[used, 0], corners[used, 1], used, out)
     return light
+
+
+@functools.cache
+def none() -> Handle:
+    """Light at no vertex."""
+    return Handle(GouraudLight(np.zeros(0, np.int64), np.zeros((0, 3))))
 
 
 def _a_corner_of_each_vertex(tables: Tables, g: int) -> np.ndarray:

@@ -159,10 +159,15 @@ call = linked.call
 
 def link(frame: Handle, tables: Handle, accel: Handle, gouraud: Handle, told: bool = False) -> None:
     """Compile or load `radiance` for what a picture is drawn from, and tell its frame where it is; `told` as hidden.py tells."""
+    frame.put("radiance", linked.link(*kinds(frame, tables, accel, gouraud, told)))
+
+
+def kinds(frame: Handle, tables: Handle, accel: Handle, gouraud: Handle, told: bool) -> tuple[types.Type, ...]:
+    """Numba's types of what `radiance` is then called with."""
     stack = types.Array(types.float64, 3, "C")
     packed = tables.numba_type, accel.numba_type, gouraud.numba_type, frame.part("options")
     time, known = FLOAT if placed.is_open(frame.part("shutter")) else types.none, INT if told else types.none
-    frame.put("radiance", linked.link(*packed, VEC, VEC, FLOAT, INT, INT, FLOAT, FLOAT, INT, INT, stack, time, known))
+    return (*packed, VEC, VEC, FLOAT, INT, INT, FLOAT, FLOAT, INT, INT, stack, time, known)
 
 
 # --- where rays leave the scene -----------------------------------------------------------------------------------------

@@ -117,10 +117,25 @@ class _Kept(FunctionCache):
         super().__init__(function)
         self._cache_file = Files(self._cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp())
 
+    def knows(self, sig: Any, target_context: Any) -> bool:
+        """Whether code for these types is on disk."""
+        return self._index_key(sig, target_context.codegen()) in self._cache_file._load_index()
+
     def load_overload(self, sig: Any, target_context: Any) -> Any:
+        for wait in WAITED_FOR:
+            wait(self._py_func, sig)
         rtsys.initialize(target_context)
         with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)
+
+
+WAITED_FOR: list[Callable[[Any, Any], None]] = []
+"""Called with a kernel's function and types before it is looked for on disk."""
+
+
+def is_kept(dispatcher: Any, kinds: tuple[types.Type, ...]) -> bool:
+    """Whether a kernel is compiled for these types, here or on disk."""
+    return kinds in dispatcher.overloads or dispatcher._cache.knows(kinds, dispatcher.targetctx)
 
 
 def kernel(function: Callable[..., Any]) -> Any:

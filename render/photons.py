@@ -169,6 +169,11 @@ class Tracer:
         known = aims.radius[np.isfinite(aims.radius)]
         self.width = 0.5 * float(known.max()) if len(known) else 0.05 * aims.reach
 
+    def ready(self) -> None:
+        """Compile, or load, what draws photons."""
+        nothing = np.zeros(3, self.kind), Handle(waves.Room.of(self.kind)), np.zeros((COLUMNS, PAD), np.float32)
+        trace_block(self.accel, self.scene, self.frame, self.aims, 0, 0, 0, 1, *nothing)
+
     def most(self, pixels: int) -> int:
         """Samples of each pixel that a round may have."""
         return max(2 * MAPS, int(MOST / (PER_SAMPLE * self.effort)) // max(pixels, 1))

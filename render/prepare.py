@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -14,6 +15,7 @@ from ..compiler import ir
 from ..compiler import plan as planner
 from ..compiler.plan import Plan
 from . import (
+    ahead,
     around,
     aside,
     bvh,
@@ -31,8 +33,8 @@ from . import (
     tessellate,
     trace,
 )
-from .handles import Handle
-from .records import Frame, Open, Options, Pinhole, Still, Triple, Unmet, View
+from .handles import Handle, HandleType
+from .records import Film, Frame, Open, Options, Pinhole, Still, Tile, Triple, Unmet, View
 
 _NEAREST = 0.01  # of a shape's size: where the eye is nearer to its box than this, the tolerance is measured at this distance
 LAYERS = 8  # of what is partly there, one behind the other, each of which sends on mirrored and other rays
@@ -100,10 +102,16 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
         triangles = banded.triangles(tables, view, shells)
         if banded.needs_no_rays(plan):
             return Prepared(tables, packed, None, None, options, frames, shells=shells, triangles=triangles)
-    accel = accel or trees(tables, plan)
-    light = Handle(gouraud.vertex_light(tables, packed, accel, frames))
+    fresh = accel is None
+    accel = accel or _not_linked(tables, plan)
     still = backend == "ray" and not plan["motion"]
     lamps = hidden.lamps(accel.tables, tables, options) if still else []
+    if fresh:
+        if _takes_long(accel):
+            kinds = integrate.kinds(frames, packed, accel, gouraud.none(), bool(lamps))
+            ahead.start(int(plan["threads"]), integrate.linked.kernel, *kinds)
+        aside.link(accel)
+    light = Handle(gouraud.vertex_light(tables, packed, accel, frames))
     integrate.link(frames, packed, accel, light, bool(lamps))
     return Prepared(tables, packed, accel, light, options, frames, shells=shells, triangles=triangles, lamps=lamps)
 
@@ -120,15 +128,15 @@ def _for_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame) ->
     """Trees of all for the channels; pieces, trees of the rest and narrow tables for waves."""
     from . import pieces, waves  # as with all of paths: other pictures start without
 
+    threads = int(plan["threads"])
     kind = np.float32 if plan["precision"] == "float32" else np.float64
     lit = tables.lights.kind
     near = not ir.among(lit, (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN, ir.LightKind.DOME)).any() and not plan["motion"]
     tried, inside = pieces.build(tables, near, plan["motion"])
     accel = Handle(waves.NoTrees())
     if not inside.all():
-        threads, brute, closed = int(plan["threads"]), plan["accelerator"] == "brute", plan["formulas"] == "closed"
+        brute, closed = plan["accelerator"] == "brute", plan["formulas"] == "closed"
         accel = Handle(bvh.build(tables, brute, threads, moves=plan["motion"], left_out=inside, closed=closed))
-        aside.link(accel)
     boxes = (bvh.swept_bounds if plan["motion"] else bvh.world_bounds)(tables)[~inside]
     low, high = boxes[:, :3].min(axis=0, initial=np.inf), boxes[:, 3:].max(axis=0, initial=-np.inf)
     if not np.isfinite(boxes).all():
@@ -137,11 +145,32 @@ def _for_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame) ->
     light, aims = _with_photons(tables, plan, light, kind) if plan["transport.caustics"] == "photons" else (light, None)
     scene = waves.Scene(_as(tables, kind), _as(tried, kind), _as(light, kind), not inside.all(), low, high)
     packed, frames, tracer = Handle(scene), Handle(_as(frame, kind)), None
+    if not inside.all() or aims is not None:
+        _tiles_ahead(threads, accel, packed, frames, kind, plan["transport.reuse"] == "blocks")
+    if not inside.all():
+        aside.link(accel)
     if aims is not None:
         from . import photons  # what few scenes need
 
-        tracer = photons.Tracer(accel, packed, frames, _as(aims, kind), kind, int(plan["threads"]) or machine.cores())
+        tracer = photons.Tracer(accel, packed, frames, _as(aims, kind), kind, threads or machine.cores())
+        tracer.ready()
     return Prepared(tables, packed, accel, None, options, frames, paths=kind, photons=tracer)
+
+
+def _tiles_ahead(threads: int, accel: Handle, packed: Handle, frames: Handle, kind: type, reuses: bool) -> None:
+    """Let what draws tiles of paths be compiled beside everything else; see ahead.start."""
+    from . import blocks, waves
+
+    none, film = np.zeros((0, 0), np.int64), Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64))
+    made = blocks.draw_tile if reuses else waves.draw_tile
+    ahead.start(threads, made, accel, packed, frames, Tile(0, 0, 0, 0), none, none, 1, film, _room_type(kind, reuses))
+
+
+@functools.cache
+def _room_type(kind: type, reuses: bool) -> HandleType:
+    from . import waves
+
+    return Handle(waves.Room.of(kind, reuses)).numba_type
 
 
 def _with_photons(tables: ir.Tables, plan: Plan, light: Any, kind: type) -> tuple[Any, Any]:
@@ -180,11 +209,22 @@ def _as(nest: Any, kind: type) -> Any:
 
 def trees(tables: ir.Tables, plan: Plan) -> Handle:
     """Trees over a scene, ready for kernels."""
-    moves = plan["motion"] and plan["backend"] != "raster"
-    brute, closed = plan["accelerator"] == "brute", plan["formulas"] == "closed"
-    accel = Handle(bvh.build(tables, brute, int(plan["threads"]), moves=moves, closed=closed))
+    accel = _not_linked(tables, plan)
     aside.link(accel)
     return accel
+
+
+def _not_linked(tables: ir.Tables, plan: Plan) -> Handle:
+    """The same before aside.link."""
+    moves = plan["motion"] and plan["backend"] != "raster"
+    brute, closed = plan["accelerator"] == "brute", plan["formulas"] == "closed"
+    return Handle(bvh.build(tables, brute, int(plan["threads"]), moves=moves, closed=closed))
+
+
+def _takes_long(accel: Handle) -> bool:
+    """Whether what goes through trees takes long to compile, and nothing else needs it to be compiled before."""
+    kinds = accel.tables.placed[:, 3]
+    return not aside.is_used(accel.numba_type) and bool(ir.among(kinds, (ir.GeometryKind.MESH, ir.GeometryKind.FORMULA)).any())
 
 
 def shutter_of(tables: ir.Tables, plan: Plan, view: View) -> Still | Open:

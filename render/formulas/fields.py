@@ -42,7 +42,7 @@ def tape_of(tables: ir.Tables, g: int) -> Tape:
     return stored(tables, int(tables.geometries.tape[g]))
 
 
-def forms(tables: ir.Tables, closed: bool = True) -> Forms:
+def forms(tables: ir.Tables, closed: bool = True, threads: int = 1) -> Forms:
     """All formula surfaces that some instance shows; those that have closed forms by these, unless `closed` is False."""
     kinds = tables.geometries.kind
     shown = [g for g in np.unique(tables.instances.geometry).tolist() if kinds[g] == ir.GeometryKind.FORMULA]
@@ -51,11 +51,11 @@ def forms(tables: ir.Tables, closed: bool = True) -> Forms:
     last = np.argsort([solid is not None for solid in solids], kind="stable").tolist()
     of = np.full(len(kinds), -1, np.int32)
     of[[shown[row] for row in last]] = np.arange(len(shown))
-    made = of_surfaces([surfaces[row] for row in last if solids[row] is None])
+    made = of_surfaces([surfaces[row] for row in last if solids[row] is None], threads)
     return parts.added(made._replace(of=of), [(surfaces[row], solid) for row in last if (solid := solids[row]) is not None])
 
 
-def of_surfaces(surfaces: Sequence[Surface]) -> Forms:
+def of_surfaces(surfaces: Sequence[Surface], threads: int = 1) -> Forms:
     """Surfaces by number; with what is known of their grids, if pictures were made of them before."""
     key = hashlib.blake2b(digest_size=16)
     for tape, parameters, bounds in surfaces:
@@ -65,6 +65,7 @@ def of_surfaces(surfaces: Sequence[Surface]) -> Forms:
     with _lock:
         made = _known.get(name)
         if made is None:
+            interpreter.make_ready(threads if surfaces else 1)
             made = _known[name] = _made(surfaces)
             while len(_known) > IN_MEMORY:
                 _known.popitem(last=False)

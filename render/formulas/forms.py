@@ -66,13 +66,13 @@ class Forms(NamedTuple):
     parts: Parts  # of surfaces that are made of planes, quadrics and tori
 
 
-def of(tables: ir.Tables, closed: bool = True) -> Forms:
+def of(tables: ir.Tables, closed: bool = True, threads: int = 1) -> Forms:
     """All that some instance shows; with `closed`, by closed forms where there are any."""
     kinds = tables.geometries.kind
     if (kinds[tables.instances.geometry] == ir.GeometryKind.FORMULA).any():
         from . import fields
 
-        return fields.forms(tables, closed)
+        return fields.forms(tables, closed, threads)
     whole, floats = np.zeros(0, np.int64), np.zeros(0)
     rows = np.zeros(0, np.int32)
     return Forms(

@@ -21,7 +21,7 @@ from llvmlite import ir
 
 from ...compiler import enclosures, operations, tape_points, tapes
 from ...compiler.tapes import Op, arity
-from .. import kernels, machine
+from .. import ahead, kernels, machine
 from ..simd.value import I64
 from . import direct
 from .loops import over_rows, over_vectors
@@ -103,6 +103,7 @@ def _operand(b: Any, program: str, name: Any, registers: Any, constants: Any, st
 # --- from code to addresses ---------------------------------------------------------------------------------------------
 
 _engines: dict[str, Any] = {}
+SEVERAL = 3  # as many are made here alone
 
 
 def address(program: str) -> int:
@@ -112,9 +113,26 @@ def address(program: str) -> int:
     return _engines[program].get_function_address(f"tape_{program}")
 
 
+def make_ready(threads: int) -> None:
+    """Let another process make those that come last, of several that are to be made."""
+    missing = [program for program in WIDTHS if program not in _engines and not _path(program).exists()]
+    if len(missing) > SEVERAL:
+        ahead.call(threads, make, tuple(reversed(missing)))
+
+
+def make(programs: tuple[str, ...]) -> None:
+    """Make what is not on disk by then."""
+    for program in programs:
+        if not _path(program).exists():
+            address(program)
+
+
+def _path(program: str) -> Path:
+    return kernels.CACHE / f"tape_{program}-{_sources()}.o"
+
+
 def _engine(program: str) -> Any:
-    name = f"tape_{program}-{_sources()}.o"
-    path = kernels.CACHE / name
+    path = _path(program)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target())
     try:
         code = path.read_bytes()

@@ -138,7 +138,7 @@ def _engine(program: str) -> Any:
         code = path.read_bytes()
     except OSError:
         made = direct.module() if program == direct.NAME else module_of(program)
-        code = target().emit_object(optimized(str(made)))
+        code = target(1).emit_object(optimized(str(made)))  # more would take twice as long, and pictures as long
         _keep(path, code)
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()

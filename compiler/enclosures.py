@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from .tape_points import Number, noise, point
+from .tape_points import Number, hypotenuse, noise, point
 from .tapes import Op
 
 Interval = tuple[Number, Number]
@@ -195,10 +195,12 @@ def interval(m: Any, op: int, a: Interval, b: Any = None, c: Any = None) -> Inte
             return (down(m, low, 1), up(m, high, 1)) if m.lost else (low - abs(low) * (2.25 * m.unit), high + abs(high) * (2.25 * m.unit))
         case Op.HYPOT:
             (la, ha), (lb, hb) = magnitude(m, a), magnitude(m, b)
-            low, high = m.sqrt(la * la + lb * lb), m.sqrt(ha * ha + hb * hb)
-            low, high = (low, high) if m.lost else _bounded(m, low, high)
-            low = down(m, low, 2)
-            return high_of(m, low, 0.0 * low), up(m, high, 2)
+            if m.lost:  # squares too small for it take no more than 2⁻⁶² from the root
+                low, high = m.sqrt(la * la + lb * lb), m.sqrt(ha * ha + hb * hb)
+                low, high = _bounded(m, low - 2.0**-62, high + 2.0**-62)
+            else:
+                low, high = _bounded(m, hypotenuse(m, la, lb), hypotenuse(m, ha, hb))
+            return high_of(m, down(m, low, 2), 0.0 * low), up(m, high, 2)
         case Op.MIN:
             low = m.where(b[0] != b[0], a[0], low_of(m, a[0], b[0]))
             high = m.where(b[1] != b[1], a[1], low_of(m, a[1], b[1]))

@@ -82,9 +82,9 @@ _FOLD: dict[Op, Any] = {
     Op.COPY: lambda a: a, Op.ADD: lambda a, b: a + b, Op.SUBTRACT: lambda a, b: a - b, Op.MULTIPLY: lambda a, b: a * b,
     Op.DIVIDE: lambda a, b: a / b, Op.NEGATE: lambda a: -a, Op.ABS: abs, Op.SQUARE: lambda a: a * a, Op.SQRT: math.sqrt,
     Op.CUBE: lambda a: a * a * a,
-    Op.HYPOT: lambda a, b: math.sqrt(a * a + b * b), Op.MIN: min, Op.MAX: max, Op.EXP: math.exp, Op.LOG: math.log, Op.POWER: math.pow,
+    Op.HYPOT: math.hypot, Op.MIN: min, Op.MAX: max, Op.EXP: math.exp, Op.LOG: math.log, Op.POWER: math.pow,
     Op.SIN: math.sin, Op.COS: math.cos, Op.TAN: math.tan, Op.ASIN: math.asin, Op.ACOS: math.acos, Op.ATAN: math.atan,
     Op.ATAN2: _angle, Op.ANGLE: _angle, Op.FLOOR: math.floor, Op.CEIL: math.ceil, Op.MOD: lambda a, b: a - b * math.floor(a / b),
     Op.SIGN: lambda a: 0.0 if a == 0 else math.copysign(1.0, a), Op.NOISE: noise, Op.CHOOSE: lambda a, b, c: b if a <= 0 else c,
-    Op.FILLET: lambda a, b, c: c - math.sqrt((c - a) * (c - a) + (c - b) * (c - b)) if a < c and b < c else min(a, b),
+    Op.FILLET: lambda a, b, c: c - math.hypot(c - a, c - b) if a < c and b < c else min(a, b),
 }  # fmt: skip

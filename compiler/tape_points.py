@@ -20,6 +20,7 @@ class NumpyMath:
     """Arithmetic on float64 arrays. `maybe` collects what intervals say beside their bounds; with `ways` it forks (enclosures.one_side)."""
 
     unit, tiny, big, most, lost, tells = 2.0**-52, 1e-300, 1e290, 1e300, False, False
+    squares = (2.0**-400, 2.0**600), (2.0**500, 2.0**-600)  # numbers below and above are scaled before they are squared (hypotenuse)
     sqrt, floor, ceil, exp, log, power = np.sqrt, np.floor, np.ceil, np.exp, np.log, np.power
     sin, cos, tan, asin, acos, atan, atan2 = np.sin, np.cos, np.tan, np.arcsin, np.arccos, np.arctan, np.arctan2
     least, largest = np.minimum, np.maximum  # of numbers that are none only together
@@ -90,7 +91,7 @@ def point(m: Any, op: int, a: Number, b: Number = None, c: Number = None) -> Num
         case Op.CUBE:
             return a * a * a
         case Op.HYPOT:
-            return m.sqrt(a * a + b * b)
+            return hypotenuse(m, a, b)
         case Op.MIN:
             return m.where(b != b, a, m.where(a < b, a, b))
         case Op.MAX:
@@ -161,10 +162,21 @@ def slopes(m: Any, op: int, operands: list[Number], value: Number, turns: list[l
     return [f + turns[1][k] * factors[1] for k, f in enumerate(found)] if len(factors) > 1 else found
 
 
+def hypotenuse(m: Any, a: Number, b: Number) -> Number:
+    """√(a² + b²); where squares would be too large or too small for floating point, of both by a power of two."""
+    size = m.largest(abs(a), abs(b))
+    (least, grow), (most, shrink) = m.squares
+    small, large = size < least, size > most
+    by = m.where(large, shrink, m.where(small, grow, 1.0))
+    back = m.where(large, 1.0 / shrink, m.where(small, 1.0 / grow, 1.0))
+    a, b = a * by, b * by
+    return m.sqrt(a * a + b * b) * back
+
+
 def _arc(m: Any, a: Number, b: Number, radius: Number) -> tuple[Number, Number, tuple[Number, Number], Number]:
     """Of FILLET: (whether on the arc, whether a is the smaller one, how far both are below the radius, their hypotenuse)."""
     p, q = radius - a, radius - b
-    size = m.sqrt(p * p + q * q)
+    size = hypotenuse(m, p, q)
     return (p > 0.0) & (q > 0.0), (b != b) | (a < b), (p, q), m.where(size > m.tiny, size, m.tiny + 0.0 * size)
 
 

@@ -55,8 +55,10 @@ class VectorMath:
         single = form.bits == 32
         if single:  # where products are too small for it they are not for the points in float64 that it stands for
             self.unit, self.tiny, self.big, self.most, self.lost = 2.0**-23, 1e-36, 1e18, 1e18, True
+            self.squares = (2.0**-40, 2.0**70), (2.0**62, 2.0**-70)
         else:
             self.unit, self.tiny, self.big, self.most, self.lost = NumpyMath.unit, NumpyMath.tiny, NumpyMath.big, NumpyMath.most, False
+            self.squares = NumpyMath.squares
 
     def __getattr__(self, name: str) -> Any:
         if name in ("sqrt", "floor", "ceil"):

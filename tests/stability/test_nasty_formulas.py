@@ -347,3 +347,15 @@ def test_numbers_beyond_float64_bring_no_warning_of_pythons(load, text):
     """Nor an error of its algebra's, where closed forms are looked for."""
     t, _ = met(load, text, "box([2, 2, 2])", *some_rays(64))
     assert not np.isnan(t).any()
+
+
+HYPOT = "hypot({0!r} * x, {0!r} * y, {0!r} * z) / {0!r} + 0.1 * sin(9 * x) <= 0.5", "hypot({0!r} * x, {0!r} * y) <= {1!r}"
+
+
+@pytest.mark.parametrize("scale", [1e-290, 1e-170, 1e-40, 1e-30, 1e-22, 1e-19, 1e19, 1e22, 1e30, 1e36, 1e40, 1e154, 1e160, 1e290])
+@pytest.mark.parametrize("text", HYPOT)
+def test_a_hypotenuse_of_numbers_whose_squares_floating_point_cannot_tell(load, text, scale):
+    """In float32 squares of 1e-22 are 0 and of 1e22 ∞, in float64 those of 1e-170 and 1e160."""
+    text = text.format(scale, 0.5 * scale)
+    SAME[text] = "hypot(x, y, z) + 0.1 * sin(9 * x) <= 0.5" if "sin" in text else "hypot(x, y) <= 0.5"
+    held(load, text, RAYS, POINTS)

@@ -252,7 +252,7 @@ def _with(known: tuple[Number, Number], a: Any, b: Any) -> tuple[Any, ...]:
 
 def _sqrt(m: Any, op: int, a: Interval, *_: Any) -> Interval:
     low = high_of(m, down(m, m.sqrt(high_of(m, a[0], 0.0 * a[0]))), 0.0 * a[0])
-    return _outside(m, a, a[0] < 0.0, a[1] < 0.0, (low, up(m, m.sqrt(a[1]))))
+    return _outside(m, a, a[0] < 0.0, a[1] < 0.0, (low, m.where(a[1] > m.big, m.most, up(m, m.sqrt(a[1])))))  # of ∞, too
 
 
 def _log(m: Any, op: int, a: Interval, *_: Any) -> Interval:

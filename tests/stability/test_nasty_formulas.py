@@ -359,3 +359,16 @@ def test_a_hypotenuse_of_numbers_whose_squares_floating_point_cannot_tell(load, 
     text = text.format(scale, 0.5 * scale)
     SAME[text] = "hypot(x, y, z) + 0.1 * sin(9 * x) <= 0.5" if "sin" in text else "hypot(x, y) <= 0.5"
     held(load, text, RAYS, POINTS)
+
+
+def test_a_root_of_squares_that_overflow_misses_nothing_in_silence(load):
+    """Beyond 1e154 points have √∞ where bounds end at 1e300; each ray by itself, so that it is known which one is counted."""
+    text = "sqrt((1e160 * x)^2 + (1e160 * y)^2) <= 5e159"
+    scene, _ = load(f"camera(position: [0, 0, 5])\nimplicit(|x, y, z| {text}, within: box([2, 2, 2]))\n")
+    trees, (o, d) = rays.trees(scene.tables, closed=False), some_rays(200)
+    true = Relation("hypot(x, y) <= 0.5", np.full(3, -1.0), np.ones(3)).first(o, d, POINTS)
+    counts = trees.tables.forms.unproved
+    for i in np.flatnonzero(rays.closest(trees, o, d).t > true + 1e-7):
+        before = int(counts[0])
+        rays.closest(trees, o[i : i + 1], d[i : i + 1])
+        assert int(counts[0]) > before

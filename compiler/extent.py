@@ -177,10 +177,11 @@ def zero_all_over(tape: Tape, place: np.ndarray, values: np.ndarray) -> bool:
     """Whether a field is 0 in a part of a box: for all that can be told it is at some of a few places (3, n) spread over it, where it is
     `values`."""
     size = np.abs(values)
-    finite = np.isfinite(size)
-    if not finite.any():
+    finite = size[np.isfinite(size)]
+    if not len(finite):
         return False
-    near = place[:, size <= _NOUGHT * np.median(size[finite])]
+    middle = len(finite) // 2
+    near = place[:, size <= _NOUGHT * np.partition(finite, middle)[middle]]
     if near.shape[1] < _SOME:
         return False
     (low, high), _ = batches(tape).boxes(near, near)

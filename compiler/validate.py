@@ -179,6 +179,8 @@ def _references(check: Check) -> None:
         check.bad(table, wrong if wrong.ndim == 1 else wrong.any(axis=1), f"its {column} is no row of {target}")
     for table, column, kinds in _CHOICES:
         values = check.tables[table][column]
+        if not len(values):
+            continue
         wrong = (values < 0) | (values >= len(kinds))
         if wrong.any():
             check.bad(table, wrong, f"its {column} is none of {', '.join(k.name.lower() for k in kinds)}")
@@ -191,11 +193,12 @@ def _references(check: Check) -> None:
     floats = attributes["count"].astype(np.int64) * attributes["width"]
     outside = ~_inside(attributes["first"], floats, len(pools["values"])) | (attributes["width"] < 1) | (attributes["count"] < 1)
     check.bad("attributes", outside, "its values are not in the pool")
-    for what, length in (
+    meshes = geometries["kind"] == Kind.MESH
+    for what, length in () if not meshes.any() else (
         ("vertex", len(pools["positions"])), ("triangle", len(pools["triangles"])), ("polygon", check.rows("polygons")),
     ):  # fmt: skip
         outside = ~_inside(geometries[f"first_{what}"], geometries[f"{what}_count"], length)
-        check.bad("geometries", outside & (geometries["kind"] == Kind.MESH), f"its range of {what} rows is not in the pool")
+        check.bad("geometries", outside & meshes, f"its range of {what} rows is not in the pool")
 
 
 def _inside(first: np.ndarray, count: np.ndarray, length: int) -> np.ndarray:
@@ -272,7 +275,7 @@ def _meaning(check: Check) -> None:
     _settings(check)
 
 
-_POSITIVE = {  # parameters that are above 0, and those that are 0 or more
+_POSITIVE: dict[int, tuple[tuple[int, ...], tuple[int, ...]]] = {  # parameters that are above 0, and those that are 0 or more
     Kind.SPHERE: ((0,), ()), Kind.BOX: ((0, 1, 2), ()), Kind.RECTANGLE: ((0, 1), ()), Kind.DISK: ((0,), ()), Kind.CYLINDER: ((0, 1), ()),
     Kind.CONE: ((2,), (0, 1)), Kind.TORUS: ((0, 1), ()), Kind.CAPSULE: ((0,), (1,)), Kind.QUADRIC: ((10, 11, 12), ()),
     Kind.FORMULA: ((5,), (0, 4)),
@@ -286,13 +289,14 @@ def _shapes(check: Check) -> None:
     endless[10:] = True  # a quadric's box
     finite = (np.isfinite(parameters) | ((kinds == Kind.QUADRIC)[:, None] & endless & (parameters == np.inf))).all(axis=1)
     good = finite.copy()
-    for kind, (above, least) in _POSITIVE.items():
-        of = kinds == kind
-        if not of.any():
-            continue
+    present = frozenset(kinds.tolist())
+    for kind in present & _POSITIVE.keys():
+        (above, least), of = _POSITIVE[kind], kinds == kind
         good &= ~of | ((parameters[:, above] > 0).all(axis=1) & (parameters[:, least] >= 0).all(axis=1))
-    good &= ~(kinds == Kind.CONE) | (parameters[:, :2].max(axis=1, initial=0.0) > 0)
-    good &= ~(kinds == Kind.QUADRIC) | parameters[:, :9].any(axis=1)
+    if Kind.CONE in present:
+        good &= ~(kinds == Kind.CONE) | (parameters[:, :2].max(axis=1, initial=0.0) > 0)
+    if Kind.QUADRIC in present:
+        good &= ~(kinds == Kind.QUADRIC) | parameters[:, :9].any(axis=1)
     check.bad("geometries", ~good & (kinds != Kind.MESH), "its measures are not finite, or not above 0")
     moved = (kinds != Kind.MESH) & table["origin"].any(axis=1)
     check.bad("geometries", moved, "only meshes have an origin")
@@ -309,14 +313,19 @@ def _shapes(check: Check) -> None:
         check.set("geometries", "bounds", right)
 
 
+_WEIGHTS = [int(slot) for slot in ir.Slot if slot != ir.Slot.BUMP]
+
+
 def _materials(check: Check) -> None:
     table = check.tables["materials"]
-    check.bad("materials", (np.delete(table["values"], ir.Slot.BUMP, axis=1) < 0).any(axis=(1, 2)), "it has a negative coefficient")
+    check.bad("materials", (table["values"] < 0)[:, _WEIGHTS].any(axis=(1, 2)), "it has a negative coefficient")
     blend, own = table["model"] == ir.MaterialModel.BLEND, np.arange(len(table["model"]))
     for part in ("first", "second"):
         check.bad("materials", blend & ((table[part] < 0) | (table[part] >= own)), "its parts are not rows before it")
     check.bad("materials", ~(table["values"][:, ir.Slot.IOR, 0] > 0), "its index of refraction is not above 0")
     textures = check.tables["textures"]
+    if not len(textures["kind"]):
+        return
     pictureless = (textures["kind"] == ir.TextureKind.IMAGE) & (textures["image"] < 0)
     check.bad("textures", pictureless, "it has no picture")
     check.bad("textures", (textures["kind"] == ir.TextureKind.FORMULA) & (textures["tape"] < 0), "it has no tape")
@@ -327,9 +336,11 @@ def _materials(check: Check) -> None:
 def _lights(check: Check) -> None:
     t = check.tables["lights"]
     kind = t["kind"]
-    area = np.isin(kind, (Light.RECTANGLE, Light.DISK, Light.SPHERE))
+    if not len(kind):
+        return
+    area = ir.among(kind, (Light.RECTANGLE, Light.DISK, Light.SPHERE))
     check.bad("lights", (t["color"] < 0).any(axis=1), "its strength is negative")
-    directed = np.isin(kind, (Light.SPOT, Light.DIRECTIONAL, Light.SUN))
+    directed = ir.among(kind, (Light.SPOT, Light.DIRECTIONAL, Light.SUN))
     lengths = np.linalg.norm(t["direction"], axis=1)
     check.bad("lights", directed & ~(np.abs(lengths - 1) < 1e-6), "its direction is not of length 1")
     check.bad("lights", (kind == Light.DOME) & (t["image"] < 0), "a dome has a picture")

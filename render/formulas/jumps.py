@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...compiler.ir import among
 from ...compiler.tape_walks import boxes
 from ...compiler.tapes import Op, Tape
 from .. import lanes
@@ -43,9 +44,9 @@ class Face(NamedTuple):
 
 def kind_of(tape: Tape, bounds: np.ndarray) -> int:
     """Whether a tape has an operation whose values jump, or else one that may end to be defined somewhere in a box (2, 3)."""
-    if np.isin(tape.code[:, 0], JUMPING).any():
+    if among(tape.code[:, 0], JUMPING).any():
         return JUMPS
-    ending = np.isin(tape.code[:, 0], ENDING).any() and boxes(tape, bounds[0][:, None], bounds[1][:, None])[2].any()
+    ending = among(tape.code[:, 0], ENDING).any() and boxes(tape, bounds[0][:, None], bounds[1][:, None])[2].any()
     return ENDS if ending else NEVER
 
 

@@ -77,4 +77,4 @@ def test_vectors_can_be_limited_for_all(tmp_path: Path) -> None:
 def test_names_that_are_none_are_answered(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         command.main(["speed"])
-    assert "no benchmark is called speed; there are: rays, build, paths, raster, formulas, start" in capsys.readouterr().err
+    assert "no benchmark is called speed; there are: rays, build, paths, raster, formulas, edits, start" in capsys.readouterr().err

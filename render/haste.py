@@ -182,12 +182,12 @@ class ErrorContext:
 
     def __enter__(self) -> None:
         loc = self.kwargs.get("loc")
-        if loc is not None and not loc.filename.startswith(errors._numba_path):
-            errors.loc_info.update(self.kwargs)
+        if loc is not None and not loc.filename.startswith(errors._numba_path):  # pyright: ignore[reportAttributeAccessIssue]
+            errors.loc_info.update(self.kwargs)  # pyright: ignore[reportAttributeAccessIssue]
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
         if isinstance(error, errors.NumbaError):
-            error.add_context(errors._format_msg(self.message, self.args, self.kwargs))
+            error.add_context(errors._format_msg(self.message, self.args, self.kwargs))  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def refresh(self: Any) -> None:

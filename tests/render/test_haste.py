@@ -177,7 +177,7 @@ def test_what_is_registered_between_two_kernels_is_known_to_the_second() -> None
     (types.float64[:, ::1], "shape"), (types.float64[:, ::1], "ravel"), (types.float64, "real"), (types.float64, "nothing"),
 ])  # fmt: skip
 def test_attributes_have_the_same_types(of: types.Type, name: str) -> None:
-    typing = cpu_target.typing_context
+    typing: Any = cpu_target.typing_context
     expected = haste._resolve_getattr(typing, of, name)
     for _ in range(2):
         found = typing.resolve_getattr(of, name)
@@ -187,7 +187,7 @@ def test_attributes_have_the_same_types(of: types.Type, name: str) -> None:
 
 @pytest.mark.parametrize("value", [math.sqrt, np.sqrt, np, sample, 1, 2.5, (1, 2), np.float32, max, operator.add, later])
 def test_constants_have_the_same_types(value: object) -> None:
-    typing = cpu_target.typing_context
+    typing: Any = cpu_target.typing_context
     try:
         expected: object = haste._resolve_value_type(typing, value)
     except ValueError:

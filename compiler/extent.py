@@ -71,9 +71,9 @@ def tightened(tape: Tape, bounds: np.ndarray, limits: np.ndarray | None = None) 
         outer = _outer(low, high, _around(low, high)) if low.shape[1] else np.zeros(0, bool)
         if not 0 < outer.sum() <= _MOST_OUTER:
             break
-        a, b = _cut(low[:, outer], high[:, outer], np.ones(int(outer.sum()), bool))
+        a, b = _halved(low[:, outer], high[:, outer])
         keep = _may_hold(tape, a, b)
-        low, high = np.concatenate([low[:, ~outer], a[:, keep]], axis=1), np.concatenate([high[:, ~outer], b[:, keep]], axis=1)
+        low, high = (np.concatenate([p[:, ~outer], part[:, keep]], axis=1) for p, part in ((low, a), (high, b)))
     return _wider(_around(low, high), bounds if limits is None else limits) if low.shape[1] else None
 
 
@@ -85,7 +85,7 @@ def _gridded(bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _around(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """(2, 3) the box around boxes."""
-    return np.stack([low.min(axis=1), high.max(axis=1)])
+    return np.stack([np.minimum.reduce(low, axis=1), np.maximum.reduce(high, axis=1)])
 
 
 def _size(box: np.ndarray) -> float:
@@ -150,8 +150,19 @@ def _cut(low: np.ndarray, high: np.ndarray, chosen: np.ndarray) -> tuple[np.ndar
         (a < 0) & (b > 0), np.where((a + b == 0) | (far < 8 * near), 0.0, 0.5 * (a + b)), np.where(far > 4 * near, geometric, 0.5 * (a + b))
     )
     middle = np.where((middle > a) & (middle < b), middle, 0.5 * (a + b))
-    a, b = (np.where(side == _EIGHTHS, p[:, :, None], middle[:, :, None]).reshape(3, -1) for side, p in ((0, a), (1, b)))
+    a, b = _eighths(a, middle, b)
     return np.concatenate([a, low[:, ~chosen]], axis=1), np.concatenate([b, high[:, ~chosen]], axis=1)
+
+
+def _halved(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Boxes, each cut in eight in its middle."""
+    return _eighths(low, 0.5 * (low + high), high)
+
+
+def _eighths(low: np.ndarray, middle: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The eighths of boxes that are cut there, those of each side by side."""
+    (a, b), cut = (p[:, :, None] for p in (low, high)), middle[:, :, None]
+    return np.where(_EIGHTHS == 0, a, cut).reshape(3, -1), np.where(_EIGHTHS == 1, b, cut).reshape(3, -1)
 
 
 def some_of(tape: Tape, bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +14,7 @@ from ..columns import get
 from ..kernels import apart as apart_
 from ..kernels import helper
 from ..records import Lane, Vec
+from ..simd.arrays import CACHE_LINE
 from .calls import compiled_rows, interpret
 from .cells import CHOICE, simplify
 from .evaluate import value_at
@@ -86,30 +89,34 @@ def room(forms: Forms, k: int) -> Room:
     begin = int(places[3])
     wide = begin // (PARTS * LANES) * PARTS * SINGLE.lanes
     whole = forms.names[first : first + rows]
-    choices = int(CHOICE[whole[:, 0]].sum())
+    choices = 1 + 2 * max(int(CHOICE[whole[:, 0]].sum()), 1)
     many = 24 * rows + 2048
-    single, double, whole_number = np.float32, np.float64, np.int64
-    here = np.zeros((1, 6), np.int64)
+    single, double, half, number = np.float32, np.float64, np.int32, np.int64
+    here = np.zeros((1, 6), number)
     here[0, [1, 5]] = places[[1, 5]]
+    memory: Any = _zeros((
+        ((many, 4), half), ((many, ROW), half), ((512, 4), number), (3, number), (3 * rows + 8, number), (choices, number),
+        ((KNOWN + 1) * PARTS_OF_SPAN * QUARTERS * VECTOR, single), (8 * SPACED, single), (9 * SPACED, double), (12 * STRIDE, single),
+        (HULLS, half), (HULLS, single), (RAYS, single), (VECTOR, number), (4 * VECTOR, single), (2 * GROUP, single),
+        (9 * OPEN, single), (OPEN, half), (9 * OPEN, single), (OPEN, half), (6 * OPEN, single), (choices, number),
+        ((2 * PARTS_OF_SPAN, QUARTERS * VECTOR), single), (2 * VECTOR, single), (21 * QUARTERS * VECTOR, single),
+        (QUARTERS * VECTOR, number), (RAYS, number),
+    ))  # fmt: skip
     return Room(
         forms.programs, forms.constants[begin:], forms.constants32[wide:], forms.compiled[k : k + 1], forms.numbers[k : k + 1], here,
-        forms.unproved, np.ascontiguousarray(whole), _zeros((many, 4), np.int32), _zeros((many, ROW), np.int32),
-        _zeros((512, 4), whole_number), _zeros(3, whole_number), _zeros(3 * rows + 8, whole_number),
-        _zeros(1 + 2 * max(choices, 1), whole_number), _zeros((KNOWN + 1) * PARTS_OF_SPAN * QUARTERS * VECTOR, single),
-        _zeros(8 * SPACED, single), _zeros(9 * SPACED, double), _zeros(12 * STRIDE, single), _zeros(HULLS, np.int32),
-        _zeros(HULLS, single), _zeros(RAYS, single), _zeros(VECTOR, whole_number), _zeros(4 * VECTOR, single),
-        _zeros(2 * GROUP, single), _zeros(9 * OPEN, single), _zeros(OPEN, np.int32), _zeros(9 * OPEN, single),
-        _zeros(OPEN, np.int32), _zeros(6 * OPEN, single), _zeros(1 + 2 * max(choices, 1), whole_number),
-        _zeros((2 * PARTS_OF_SPAN, QUARTERS * VECTOR), single), _zeros(2 * VECTOR, single), _zeros(21 * QUARTERS * VECTOR, single),
-        _zeros(QUARTERS * VECTOR, whole_number), _zeros(RAYS, whole_number),
+        forms.unproved, np.ascontiguousarray(whole), *memory,
     )  # fmt: skip
 
 
-def _zeros(shape: int | tuple[int, ...], dtype: Any) -> NDArray[Any]:
-    """Zeros that begin where a cache line does: vectors then never lie across two."""
-    made = simd.aligned_empty(shape, dtype)
-    made[...] = 0
-    return made
+def _zeros(parts: Sequence[tuple[Any, Any]]) -> list[NDArray[Any]]:
+    """Zeros of these shapes and types, one behind the other; each begins where a cache line does: vectors then never lie across two."""
+    places, size = [], 0
+    for shape, dtype in parts:
+        places.append(size)
+        size += -(-np.dtype(dtype).itemsize * (shape if isinstance(shape, int) else math.prod(shape)) // CACHE_LINE) * CACHE_LINE
+    block = simd.aligned_empty(size, np.uint8)
+    block[...] = 0
+    return [np.ndarray(shape, dtype, block, place) for place, (shape, dtype) in zip(places, parts, strict=True)]
 
 
 @helper

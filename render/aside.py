@@ -13,7 +13,7 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from . import across, boxes, gather, lanes, meeting, opacity, placed, shapes, simd, surface, traverse, walk
+from . import across, boxes, gather, lanes, meeting, opacity, placed, shapes, sieve, simd, surface, traverse, walk
 from . import shapes_flat as flat
 from . import top as over
 from .bvh import REACH, marks
@@ -250,7 +250,7 @@ def _in_mesh(accel: Any, i: int, ray: One, enters: Any, any_hit: bool, share: An
     """`_meet` for a mesh's tree, as walk.step goes through it."""
     tree, root = accel.wide, np.int64(accel.placed[i, 4])
     children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
-    box, sieve, sheared, limit = walk.box(rays, 0), walk.sieve(rays, 0), walk.sheared(rays, 0), walk.limit_of(rays, 0)
+    box, sifted, sheared, limit = walk.box(rays, 0), walk.sieve_of(rays, 0), walk.sheared(rays, 0), walk.limit_of(rays, 0)
     best = _nothing(share)
     top, node = np.int64(0), root
     while True:
@@ -259,7 +259,7 @@ def _in_mesh(accel: Any, i: int, ray: One, enters: Any, any_hit: bool, share: An
             node, top = walk.nearest_first(tree.links, node, near, hits, children, reaches, top)
         else:
             leaf, before = ~node, limit
-            hits = walk.touched(tree.leaves, leaf, sieve, limit)
+            hits = sieve.touched(tree.leaves, leaf, sifted, limit)
             while hits != 0:
                 j = simd.trailing_zeros(hits)
                 hits &= hits - 1

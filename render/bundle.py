@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import across, boxes, lanes, simd, walk
+from . import across, boxes, lanes, sieve, simd, walk
 from .kernels import helper
 from .records import Lane, Vec
 
@@ -126,7 +126,7 @@ def close(core: Core, left: int, reach: Any, fine: Any, any_hit: bool) -> bool:
 
     `reach` is the largest of the mesh's coordinates, `fine` how wide its leaves are.
     """
-    if walk.unsure(np.float32(0.5) * core.off) != 0:
+    if sieve.unsure(np.float32(0.5) * core.off) != 0:
         return False
     width = np.float32(0.5 * (WIDE_ANY if any_hit else WIDE) * fine * simd.population(left))
     far = np.float32(2.0 * reach)

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.extending import overload
 
-from . import across, lanes, simd, walk
+from . import across, lanes, sieve, simd, walk
 from . import shapes_flat as flat
 from .bundle import Core, Group, Way, pick
 from .kernels import HELPER, helper, replacing
@@ -26,15 +26,17 @@ from .wide import LEAF, WHICH, WIDTH, spread32, triangle_of
 _FAR = np.float32(walk.FAR)
 _EDGE = 6 * WIDTH  # numbers of an edge of a leaf's triangles: see `_keep_edge`
 _ERROR, _FIRST, _LAST = 3 * _EDGE, 3 * _EDGE + WIDTH, 3 * _EDGE + 2 * WIDTH  # how far off edges may be; depths a triangle lies between
-EDGES = _LAST + WIDTH  # float32 numbers of a leaf's triangles as the middle ray sees them
+_CORNERS = _LAST + WIDTH  # depths of corners a, b, c
+EDGES = _CORNERS + 3 * WIDTH  # float32 numbers of a leaf's triangles as the middle ray sees them
 
 
 class Middle(NamedTuple):
-    """The middle ray as a leaf's triangles want it; see walk.Sieve."""
+    """The middle ray as a leaf's triangles want it; see sieve.Sieve."""
 
     x: int
     y: int
     z: int
+    way: Lane
     origin: Vec
     shear: tuple[Lane, Lane]
     off: Lane
@@ -119,7 +121,7 @@ def middle(core: Core) -> Middle:
     kx, ky, kz = core.axes
     x, y, z = core.origin
     shear = spread32(core.shear[0]), spread32(core.shear[1])
-    return Middle(WIDTH * kx, WIDTH * ky, WIDTH * kz, (spread32(x), spread32(y), spread32(z)), shear, spread32(core.off))
+    return Middle(WIDTH * kx, WIDTH * ky, WIDTH * kz, spread32(1.0), (spread32(x), spread32(y), spread32(z)), shear, spread32(core.off))
 
 
 @helper
@@ -131,8 +133,8 @@ def sifted(leaves: Any, leaf: int, core: Core, ray: Middle, limit: Any, edges: A
     triangle itself counts with rounding, as what may move its corners.
     """
     at, half = leaf * LEAF, np.float32(0.5)
-    a, b, c = walk.aside(leaves, at, ray), walk.aside(leaves, at + 3 * WIDTH, ray), walk.aside(leaves, at + 6 * WIDTH, ray)
-    low, high = walk.least_of(a[2], b[2], c[2]), walk.most_of(a[2], b[2], c[2])
+    a, b, c = sieve.aside(leaves, at, ray), sieve.aside(leaves, at + 3 * WIDTH, ray), sieve.aside(leaves, at + 6 * WIDTH, ray)
+    low, high = sieve.least_of(a[2], b[2], c[2]), sieve.most_of(a[2], b[2], c[2])
     away, long = half * abs(low + high), half * (high - low)
     wide, tall = simd.fma(away, core.flare[0], spread32(core.apart[0])), simd.fma(away, core.flare[1], spread32(core.apart[1]))
     off = simd.fma(long, max(core.flare[0], core.flare[1]), ray.off)
@@ -147,13 +149,16 @@ def sifted(leaves: Any, leaf: int, core: Core, ray: Middle, limit: Any, edges: A
         simd.store(edges, _ERROR, _error(a, b, c, simd.fma(long, core.flare[0], wide) + simd.fma(long, core.flare[1], tall), ray.off))
         simd.store(edges, _FIRST, (low if up else -high) - ray.off)
         simd.store(edges, _LAST, (high if up else -low) + ray.off)
+        simd.store(edges, _CORNERS, a[2] if up else -a[2])
+        simd.store(edges, _CORNERS + WIDTH, b[2] if up else -b[2])
+        simd.store(edges, _CORNERS + 2 * WIDTH, c[2] if up else -c[2])
     return hits
 
 
 @helper
 def _keep_edge(edges: Any, at: int, p: Vec, q: Vec) -> None:
     """Of an edge from p to q of all triangles, what `_passed` wants."""
-    simd.store(edges, at, walk.cross(p, q))
+    simd.store(edges, at, sieve.cross(p, q))
     simd.store(edges, at + WIDTH, p[1] - q[1])
     simd.store(edges, at + 2 * WIDTH, p[0] - q[0])
     simd.store(edges, at + 3 * WIDTH, simd.fma(q[2], p[1], -(p[2] * q[1])))
@@ -188,7 +193,7 @@ def _error(a: Vec, b: Vec, c: Vec, apart: Lane, off: Lane) -> Lane:
 @helper
 def _spans(a: Lane, b: Lane, c: Lane, half: Lane) -> Lane:
     """Whether what lies around a, b, c meets -half … half."""
-    return walk.inside(a, b, c) <= half
+    return sieve.inside(a, b, c) <= half
 
 
 @helper
@@ -198,14 +203,14 @@ def _parted(a: Vec, b: Vec, c: Vec, wide: Lane, tall: Lane, off: Lane) -> Lane:
     u, eu = _edge(c, b, wide, tall, error)
     v, ev = _edge(a, c, wide, tall, error)
     w, ew = _edge(b, a, wide, tall, error)
-    low, high = walk.least_of(u + eu, v + ev, w + ew), walk.most_of(u - eu, v - ev, w - ew)
+    low, high = sieve.least_of(u + eu, v + ev, w + ew), sieve.most_of(u - eu, v - ev, w - ew)
     return (low >= np.float32(0.0)) | (high <= np.float32(0.0))
 
 
 @helper
 def _edge(p: Vec, q: Vec, wide: Lane, tall: Lane, error: Lane) -> tuple[Lane, Lane]:
     """Twice the area of 0, 0 and an edge, and by how much it may be off for the rectangle's other points."""
-    return walk.cross(p, q), simd.fma(abs(p[1] - q[1]), wide, simd.fma(abs(p[0] - q[0]), tall, error))
+    return sieve.cross(p, q), simd.fma(abs(p[1] - q[1]), wide, simd.fma(abs(p[0] - q[0]), tall, error))
 
 
 def take(leaves: Any, leaf: int, hits: int, rays: Rays, core: Core, found: Found, any_hit: bool, edges: Any) -> Found:
@@ -215,10 +220,17 @@ def take(leaves: Any, leaf: int, hits: int, rays: Rays, core: Core, found: Found
 
 @overload(take, jit_options=HELPER)
 def _take(leaves, leaf, hits, rays, core, found, any_hit, edges):
-    """As many rays as a vector has doubles are met in double precision as fast as in single."""
     if rays.types[Rays._fields.index("enters")].lanes <= across.WIDTH:
-        return lambda leaves, leaf, hits, rays, core, found, any_hit, edges: _exactly(leaves, leaf, hits, rays, core, found, any_hit)
+        return lambda leaves, leaf, hits, rays, core, found, any_hit, edges: _few(leaves, leaf, hits, rays, core, found, any_hit, edges)
     return lambda leaves, leaf, hits, rays, core, found, any_hit, edges: _if_sure(leaves, leaf, hits, rays, core, found, any_hit, edges)
+
+
+@helper
+def _few(leaves: Any, leaf: int, hits: int, rays: Rays, core: Core, found: Found, any_hit: bool, edges: Any) -> Found:
+    """`take` for no more rays than a vector has doubles, which are met in double precision as fast as in single: only ends are sooner."""
+    if any_hit:
+        return _if_sure(leaves, leaf, hits, rays, core, found, any_hit, edges)
+    return _exactly(leaves, leaf, hits, rays, core, found, any_hit)
 
 
 @helper
@@ -248,10 +260,14 @@ def _if_sure(leaves: Any, leaf: int, hits: int, rays: Rays, core: Core, found: F
         k = simd.trailing_zeros(hits)
         hits &= hits - 1
         u, v, w = _passed(edges, k, rays), _passed(edges, _EDGE + k, rays), _passed(edges, 2 * _EDGE + k, rays)
-        inside, error = walk.inside(u, v, w), simd.read(edges, _ERROR + k)
+        inside, error = sieve.inside(u, v, w), simd.read(edges, _ERROR + k)
         first, last = simd.read(edges, _FIRST + k), simd.read(edges, _LAST + k)
         may = (inside >= -error) & (deepest >= first)
-        sure = may & (inside > error) & (rays.begins < first) & (nearest > last)
+        ahead = rays.begins < first
+        if any_hit:
+            lead, blur = _lead(edges, k, u, v, w, error, first, last, rays, core)
+            may, ahead = may & (lead >= -blur), ahead | (lead > blur)
+        sure = may & (inside > error) & ahead & (nearest > last)
         unsure |= (1 if lanes.any_lane(may & lanes.not_(sure)) else 0) << k
         place = simd.select(sure, np.int32(leaf * WIDTH + k), place)
         nearest = simd.select(sure, first, nearest)
@@ -261,6 +277,14 @@ def _if_sure(leaves: Any, leaf: int, hits: int, rays: Rays, core: Core, found: F
     if unsure != 0:
         found = _exactly(leaves, leaf, unsure, rays, core, found, any_hit)
     return found
+
+
+@helper
+def _lead(edges: Any, k: int, u: Lane, v: Lane, w: Lane, error: Lane, first: Lane, last: Lane, rays: Rays, core: Core) -> tuple[Lane, Lane]:
+    """sieve.lead_of for triangle k, from where rays enter the mesh's box."""
+    a, b, c = simd.read(edges, _CORNERS + k), simd.read(edges, _CORNERS + WIDTH + k), simd.read(edges, _CORNERS + 2 * WIDTH + k)
+    depth = simd.fma(w, c - rays.ahead, simd.fma(v, b - rays.ahead, u * (a - rays.ahead)))
+    return sieve.lead_of(u, v, w, error, depth, simd.maximum(last - rays.ahead, rays.ahead - first), core.off)
 
 
 @helper

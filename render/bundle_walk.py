@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import boxes, bundle, lanes, simd, walk
+from . import boxes, bundle, lanes, sieve, simd, walk
 from . import bundle_leaves as triangles
 from .bundle_leaves import EDGES
 from .bvh import FINE, REACH
@@ -94,7 +94,7 @@ def meet(
     near, hits = enter(tree.nodes, root, beam, limit)
     if hits == 0:
         return *unmet, True
-    core = bundle.core_of(rays, go, np.float32(2.0 * walk.OFF) * np.float32(reach))
+    core = bundle.core_of(rays, go, np.float32(2.0 * sieve.OFF) * np.float32(reach))
     if not bundle.close(core, left, reach, fine, any_hit):
         return *unmet, False
     middle, asked = triangles.middle(core), triangles.rays_of(rays, go, core, o, d, enters, t_min, t_max)

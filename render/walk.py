@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import across, lanes, machine, simd
+from . import across, lanes, machine, sieve, simd
 from . import shapes_flat as flat
 from .kernels import helper
 from .records import Hit, Lane, Vec
@@ -22,13 +22,11 @@ from .wide import DEPTH, LEAF, NODE, WIDTH, spread32, triangle_of
 FAR = 1.0 + 2.0**-21  # of the far side: eight roundings of float32
 STEEP = 1e12  # times the inverse of the largest component: no other is larger, so that all are finite
 RAYS = 2 * across.WIDTH  # that have room
-_SINGLES, _DOUBLES, _INTS = 15 * RAYS, 9 * RAYS, 6 * RAYS
+_SINGLES, _DOUBLES, _INTS = 14 * RAYS, 9 * RAYS, 6 * RAYS
 _FAR = np.float32(FAR)
 _LAST = np.int32(2**31 - 1)
 STACK = 2 * DEPTH + 16  # one ray's, over instances and in a mesh; not so that all begin in the same part of the cache
 _STACKS, _PLACES, _FOUND, _NUMBERS = STACK * RAYS, 3 * RAYS, 4 * RAYS, 2 * RAYS
-OFF = 2.0**-20  # of a mesh's largest coordinate: what float32 does to a corner as a ray sees it
-SMALLEST, LARGEST = 1e-12, 1e17  # coordinates within which products of float32 neither vanish nor overflow
 
 
 class Rays(NamedTuple):
@@ -70,14 +68,12 @@ def keep(
     _put3(singles, 0, part, (sx, sy, sz), mine)
     _put3(singles, 3, part, (-x * sx, -y * sy, -z * sz), mine)
     _put(singles, 6, part, (until - enters) * FAR, mine)
-    _put(singles, 7, part, enters * 0.0 + OFF * reach, mine)
+    _put(singles, 7, part, enters * 0.0 + sieve.OFF * reach, mine)
     kx, ky, kz, tx, ty, tz = flat.shear_of(d, inverse)
     _put3(singles, 8, part, (flat.component((x, y, z), kx), flat.component((x, y, z), ky), flat.component((x, y, z), kz)), mine)
     _put(singles, 11, part, tx, mine)
     _put(singles, 12, part, ty, mine)
-    along = flat.component(d, kz)
-    _put(singles, 13, part, (t_min - enters) * along, mine)
-    _put(singles, 14, part, along, mine)
+    _put(singles, 13, part, flat.component(d, kz), mine)
     _put3(axes, 0, part, (kx, ky, kz), mine)
     _put3(axes, 3, part, (_row(sx, kx, 0), _row(sy, kx, 2), _row(sz, kx, 4)), mine)
     _put3(doubles, 0, part, (flat.component(o, kx), flat.component(o, ky), flat.component(o, kz)), mine)
@@ -280,129 +276,21 @@ def _sifted_each(children: Any, reaches: Any, start: int, top: int, limit: Any) 
 sifted = _sifted_packed if _PACKS else _sifted_each
 
 
-class Sieve(NamedTuple):
-    """A ray as triangles want it in single precision."""
-
-    x: int  # rows of a leaf
-    y: int
-    z: int
-    origin: Vec
-    shear: tuple[Lane, Lane]
-    off: Lane  # by how much a corner may be off
-    least: Lane  # how far off a product of two may be at least
-    begin: Any  # along its main axis, from where it enters the mesh's box: where it begins
-    along: Any  # and how far it goes for each unit of t
-    all: int  # bits of all triangles where single precision has not the range, else 0
-
-
 @helper
-def sieve(rays: Rays, k: int) -> Sieve:
+def sieve_of(rays: Rays, k: int) -> sieve.Sieve:
     x, y, z = _axis(rays, 0, k), _axis(rays, 1, k), _axis(rays, 2, k)
-    off = _single(rays, 7, k)
-    return Sieve(
-        WIDTH * x, WIDTH * y, WIDTH * z, _spread(_single(rays, 8, k), _single(rays, 9, k), _single(rays, 10, k)),
-        (spread32(_single(rays, 11, k)), spread32(_single(rays, 12, k))), spread32(off), spread32(np.float32(2.0) * off * off),
-        _single(rays, 13, k), _single(rays, 14, k), unsure(off),
+    off, along = _single(rays, 7, k), _single(rays, 13, k)
+    way = np.float32(1.0) if along > np.float32(0.0) else np.float32(-1.0)
+    return sieve.Sieve(
+        WIDTH * x, WIDTH * y, WIDTH * z, spread32(way), _spread(_single(rays, 8, k), _single(rays, 9, k), way * _single(rays, 10, k)),
+        (spread32(way * _single(rays, 11, k)), spread32(way * _single(rays, 12, k))), spread32(off), spread32(np.float32(2.0) * off * off),
+        abs(along), sieve.unsure(off),
     )  # fmt: skip
-
-
-@helper
-def unsure(off: Any) -> int:
-    """Bits of all triangles where single precision has not the range for a mesh."""
-    return 0 if off > OFF * np.float32(SMALLEST) and off < OFF * np.float32(LARGEST) else (1 << WIDTH) - 1
 
 
 @helper
 def _axis(rays: Rays, row: int, k: int) -> Any:
     return simd.read(rays.axes, row * RAYS + k)
-
-
-class Passed(NamedTuple):
-    """A leaf's triangles as a ray passes them in single precision, where a sheared corner is off by up to OFF times the mesh's largest
-    coordinate (twelve roundings), and a product of two by that times both."""
-
-    inside: Lane  # Woop's test, see `inside`
-    error: Lane  # how far off that may be
-    low: Lane  # between which they lie along the main axis
-    high: Lane
-
-
-@helper
-def _passed(leaves: Any, leaf: int, ray: Sieve) -> Passed:
-    at = leaf * LEAF
-    a, b, c = aside(leaves, at, ray), aside(leaves, at + 3 * WIDTH, ray), aside(leaves, at + 6 * WIDTH, ray)
-    u, v, w, error = weights(a, b, c, ray.off, ray.least)
-    return Passed(inside(u, v, w), error, least_of(a[2], b[2], c[2]), most_of(a[2], b[2], c[2]))
-
-
-@helper
-def _may_meet(seen: Passed, ray: Sieve, limit: Any) -> int:
-    """Bits of the triangles that the ray may pass through before `limit`: all that it does, and few others."""
-    end = ray.along * limit
-    may = (seen.inside >= -seen.error) & (seen.low - ray.off <= max(ray.begin, end)) & (seen.high + ray.off >= min(ray.begin, end))
-    return simd.bits(may) | ray.all
-
-
-@helper
-def _surely_meets(seen: Passed, ray: Sieve, limit: Any) -> int:
-    """Bits of those that it is sure to.
-
-    Where it begins and ends is off by 2⁻²⁰ of itself, which is below three times `off` as long as it is near the mesh.
-    """
-    end, off = ray.along * limit, np.float32(4.0) * ray.off
-    sure = (seen.inside > seen.error) & (seen.low - off > min(ray.begin, end)) & (seen.high + off < max(ray.begin, end))
-    return simd.bits(sure) & ~ray.all
-
-
-@helper
-def touched(leaves: Any, leaf: int, ray: Sieve, limit: Any) -> int:
-    """Bits of a leaf's triangles that the ray may pass through before `limit`."""
-    return _may_meet(_passed(leaves, leaf, ray), ray, limit)
-
-
-@helper
-def aside(leaves: Any, at: int, ray: Sieve) -> Vec:
-    """Corners of a leaf's triangles as the ray passes them, and how far off they are along its main axis."""
-    z = simd.load(leaves, at + ray.z, WIDTH) - ray.origin[2]
-    return (
-        simd.fma(-ray.shear[0], z, simd.load(leaves, at + ray.x, WIDTH) - ray.origin[0]),
-        simd.fma(-ray.shear[1], z, simd.load(leaves, at + ray.y, WIDTH) - ray.origin[1]),
-        z,
-    )  # fmt: skip
-
-
-@helper
-def least_of(a: Lane, b: Lane, c: Lane) -> Lane:
-    return simd.minimum(simd.minimum(a, b), c)
-
-
-@helper
-def most_of(a: Lane, b: Lane, c: Lane) -> Lane:
-    return simd.maximum(simd.maximum(a, b), c)
-
-
-@helper
-def inside(u: Lane, v: Lane, w: Lane) -> Lane:
-    """The least of three weights of one sign, or by how much, below 0, they fall short of having one."""
-    return simd.maximum(least_of(u, v, w), -most_of(u, v, w))
-
-
-@helper
-def cross(p: Vec, q: Vec) -> Lane:
-    """p × q across the ray."""
-    return simd.fma(p[0], q[1], -(p[1] * q[0]))
-
-
-@helper
-def weights(a: Vec, b: Vec, c: Vec, off: Lane, least: Lane) -> tuple[Lane, Lane, Lane, Lane]:
-    """(weights of the corners of triangles that a ray passes at 0, 0, times the total; how far off each may be).
-
-    Each corner may be off by `off`; `least` is twice its square.
-    """
-    u, v, w = cross(c, b), cross(a, c), cross(b, a)
-    far = (abs(a[0]) + abs(a[1])) + (abs(b[0]) + abs(b[1])) + (abs(c[0]) + abs(c[1]))
-    error = simd.fma(far, simd.fma(far, np.float32(2.0**-22), off), least)
-    return u, v, w, error
 
 
 class Sheared(NamedTuple):
@@ -526,7 +414,7 @@ def _pass_leaf(
     if any_hit:
         return _pass_leaf_any(tree, leaf, rays, steps, k, instance, top)
     limit = limit_of(rays, k)
-    hits, before = touched(tree.leaves, leaf, sieve(rays, k), limit), limit
+    hits, before = sieve.touched(tree.leaves, leaf, sieve_of(rays, k), limit), limit
     limit = _meet_all(tree, leaf, hits, rays, steps, k, instance, any_hit, limit)
     if limit < before:
         set_limit(rays, k, limit)
@@ -537,9 +425,9 @@ def _pass_leaf(
 @helper
 def _pass_leaf_any(tree: Any, leaf: int, rays: Rays, steps: Walks, k: int, instance: int, top: int) -> tuple[Any, int]:
     """The same where any meeting will do, with no branch on what is usual."""
-    limit, ray = limit_of(rays, k), sieve(rays, k)
-    seen = _passed(tree.leaves, leaf, ray)
-    may, sure = _may_meet(seen, ray, limit), _surely_meets(seen, ray, limit)
+    limit, ray = limit_of(rays, k), sieve_of(rays, k)
+    seen = sieve.passed(tree.leaves, leaf, ray)
+    may, sure = sieve.may_meet(seen, ray, limit), sieve.surely_meets(seen, ray, limit)
     ends = sure != 0
     before = simd.read(steps.found, k), simd.read(steps.numbers, k), simd.read(steps.numbers, RAYS + k)
     number = np.int64(triangle_of(tree.leaves, leaf, simd.trailing_zeros(sure) & (WIDTH - 1)))

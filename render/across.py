@@ -372,3 +372,26 @@ def _narrow_nest(nest):
 
     exec(f"def narrowed(nest): return {said(nest, 'nest')}", made)  # Numba has no loops over tuples of several types
     return made["narrowed"]
+
+
+# --- two vectors side by side -------------------------------------------------------------------------------------------
+
+
+def is_twice(x: Any) -> bool:
+    """Whether a value of this Numba type is two vectors of lanes side by side."""
+    return isinstance(x, simd.Vector) and x.lanes > WIDTH
+
+
+@helper
+def joined3(a: Vec, b: Vec) -> Vec:
+    return simd.joined(a[0], b[0]), simd.joined(a[1], b[1]), simd.joined(a[2], b[2])
+
+
+@helper
+def low3(a: Vec) -> Vec:
+    return simd.low_half(a[0]), simd.low_half(a[1]), simd.low_half(a[2])
+
+
+@helper
+def high3(a: Vec) -> Vec:
+    return simd.high_half(a[0]), simd.high_half(a[1]), simd.high_half(a[2])

@@ -23,7 +23,7 @@ _SIDE, _CELLS = 1 << BITS, 1 << (3 * BITS // 2)  # and numbers that are counted 
 def order(origin: Any, first: int, n: int, rows: Any) -> None:
     """Set the first n numbers of `rows`, of BLOCK, to first … first + n - 1, the rows of origins (…, 3), in their order.
 
-    What is left of the last vector of them is set to the last one.
+    What is left of the last two vectors of them is set to the last one.
     """
     codes, passed = simd.stack_array(np.int64, BLOCK), simd.stack_array(np.int64, BLOCK)
     _codes(origin, first, n, codes)
@@ -34,7 +34,7 @@ def order(origin: Any, first: int, n: int, rows: Any) -> None:
     last = first + simd.read(passed, n - 1)
     for k in range(n):
         simd.write(rows, k, first + simd.read(passed, k))
-    for k in range(n, (n + across.WIDTH - 1) // across.WIDTH * across.WIDTH):
+    for k in range(n, (n + 2 * across.WIDTH - 1) // (2 * across.WIDTH) * 2 * across.WIDTH):
         simd.write(rows, k, last)
 
 

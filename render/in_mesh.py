@@ -5,15 +5,51 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numba.extending import overload
 
-from . import lanes, shared_root, simd, walk
-from .kernels import apart, helper
-from .records import Hit, Lane
+from . import across, boxes, lanes, shared_root, simd, walk
+from .kernels import HELPER, apart, helper
+from .records import Hit, Lane, Vec
+
+
+def meet(
+    tree: Any, begins: Any, o: Vec, d: Vec, ray: boxes.BoxRay, enters: Lane, t_min: Lane, t_max: Lane, until: Lane, reach: Lane,
+    left: int, alike: bool, any_hit: bool,
+) -> Hit:  # fmt: skip
+    """What the rays whose bits are set in `left` meet, of a vector or two side by side; of which instance nobody asks. In kernels.
+
+    The mesh's tree begins at `begins`; the rest is as shared_root.make and walk.keep want it.
+    """
+    raise NotImplementedError
+
+
+@overload(meet, jit_options=HELPER)
+def _meet(tree, begins, o, d, ray, enters, t_min, t_max, until, reach, left, alike, any_hit):
+    if across.is_twice(enters):
+
+        def of_two(tree, begins, o, d, ray, enters, t_min, t_max, until, reach, left, alike, any_hit):
+            root, rays, low, high = shared_root.room(), walk.room(), simd.low_half, simd.high_half
+            shared_root.make(root, tree, begins, o, d, ray, enters, until, left, alike)
+            like, steep = low(enters), across.low3(ray.inverse)
+            mine = across.mask_of(left & ((1 << across.WIDTH) - 1), like)
+            walk.keep(rays, 0, mine, across.low3(o), across.low3(d), steep, like, low(t_min), low(t_max), low(until), reach)
+            mine, steep = across.mask_of(left >> across.WIDTH, like), across.high3(ray.inverse)
+            walk.keep(rays, 1, mine, across.high3(o), across.high3(d), steep, high(enters), high(t_min), high(t_max), high(until), reach)
+            return _two(tree, root, rays, left, like, any_hit)
+
+        return of_two
+
+    def of_one(tree, begins, o, d, ray, enters, t_min, t_max, until, reach, left, alike, any_hit):
+        root, rays = shared_root.room(), walk.room()
+        shared_root.make(root, tree, begins, o, d, ray, enters, until, left, alike)
+        walk.keep(rays, 0, across.mask_of(left, enters), o, d, ray.inverse, enters, t_min, t_max, until, reach)
+        return _one(tree, root, rays, left, enters, any_hit)
+
+    return of_one
 
 
 @helper
-def one(tree: Any, root: shared_root.Root, rays: walk.Rays, left: int, like: Lane, any_hit: bool) -> Hit:
-    """What the rays whose bits are set in `left` meet, all in the first vector; of which instance nobody asks."""
+def _one(tree: Any, root: shared_root.Root, rays: walk.Rays, left: int, like: Lane, any_hit: bool) -> Hit:
     steps = walk.ways()
     _unmet(steps, 0, like)
     _through(tree, root, rays, steps, left, any_hit)
@@ -21,13 +57,16 @@ def one(tree: Any, root: shared_root.Root, rays: walk.Rays, left: int, like: Lan
 
 
 @helper
-def two(tree: Any, root: shared_root.Root, rays: walk.Rays, left: int, like: Lane, any_hit: bool) -> tuple[Hit, Hit]:
-    """The same of two vectors of rays."""
+def _two(tree: Any, root: shared_root.Root, rays: walk.Rays, left: int, like: Lane, any_hit: bool) -> Hit:
     steps = walk.ways()
     _unmet(steps, 0, like)
     _unmet(steps, 1, like)
     _through(tree, root, rays, steps, left, any_hit)
-    return walk.met(steps, 0), walk.met(steps, 1)
+    a, b = walk.met(steps, 0), walk.met(steps, 1)
+    return Hit(
+        simd.joined(a.t, b.t), simd.joined(a.instance, b.instance), simd.joined(a.primitive, b.primitive), simd.joined(a.u, b.u),
+        simd.joined(a.v, b.v),
+    )  # fmt: skip
 
 
 @helper

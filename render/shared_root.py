@@ -9,14 +9,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import boxes, bundle, bundle_walk, simd
+from . import across, boxes, bundle, bundle_walk, simd
 from .bundle import BUNDLES
 from .kernels import helper
 from .records import Lane, Vec
 from .walk import push
 from .wide import NODE, WIDTH
 
-FEW = 6  # rays from which on it is worth it
+FEW = 3 * across.WIDTH // 2  # rays from which on it is worth it: most of two vectors
 TRIES = 12  # nodes that are opened at most
 _ROW = 2 * WIDTH  # what is appended to a row is a whole vector
 _ROWS = 6 * _ROW

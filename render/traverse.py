@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 from numba import types
+from numba.extending import overload
 
-from . import across, boxes, bundle, bundle_walk, gather, in_mesh, lanes, meeting, shared_root, simd, single, walk
+from . import across, boxes, bundle, bundle_walk, gather, in_mesh, lanes, meeting, simd, single, walk
 from . import top as over
 from .bundle import BUNDLES
 from .bvh import NO_MESHES, NO_TREE, REACH
 from .handles import unless
-from .kernels import apart, helper
+from .kernels import HELPER, apart, helper
 from .links import FLOAT, INT, MASK, VEC, Answering
 from .records import Hit, Lane, Vec
 from .single import MESH
@@ -62,14 +63,14 @@ def _below(
     """`best`, or what rays whose bits are set in `left` meet first in the tree over instances where that comes first."""
     o, d = over.local(accel.top, origin, direction)
     ray = boxes.world_ray(o, d)
-    narrow = _narrow(ray, direction, until > t_min, left)
+    narrow = is_narrow(ray, direction, until > t_min, left)
     if narrow or len(accel.top.links) <= SMALL:
-        return _together(accel, ray, origin, direction, t_min, until, visible_bit, any_hit, narrow, best)
+        return together(accel, ray, origin, direction, t_min, until, visible_bit, any_hit, narrow, best)
     return single.each(accel, ray, o, d, origin, direction, t_min, until, left, visible_bit, any_hit, best)
 
 
 @helper
-def _narrow(ray: boxes.BoxRay, direction: Vec, active: Lane, left: int) -> bool:
+def is_narrow(ray: boxes.BoxRay, direction: Vec, active: Lane, left: int) -> bool:
     """Whether the active lanes, bits of `left`, are several rays of one octant that go nearly the same way."""
     if simd.population(left) < FEW:
         return False
@@ -82,7 +83,7 @@ def _narrow(ray: boxes.BoxRay, direction: Vec, active: Lane, left: int) -> bool:
 
 
 @helper
-def _together(
+def together(
     accel: Any, ray: boxes.BoxRay, origin: Vec, direction: Vec, t_min: Lane, until: Lane,
     visible_bit: int, any_hit: bool, narrow: bool, best: Hit,
 ) -> Hit:  # fmt: skip
@@ -126,13 +127,32 @@ def attempt(accel: Any, i: int, origin: Vec, direction: Vec, t_min: Lane, t_max:
         found = _on_mesh(accel, i, g, o, d, t_min, t_max, best.t, any_hit, found)
     else:
         until = lanes.minimum(t_max, best.t + 1e-15 * abs(best.t))  # and no less: of equal meetings the lowest instance counts
-        t, part, u, v = meeting.shape(accel, kind, g, o, d, t_min, until)
+        t, part, u, v = _of_shape(accel, kind, g, o, d, t_min, until)
         found = Hit(t, found.instance, part, u, v)
     nearer = (found.t < best.t) | ((found.t == best.t) & (found.t < np.inf) & (i < best.instance))
     return Hit(
         lanes.where(nearer, found.t, best.t), lanes.where(nearer, found.instance, best.instance),
         lanes.where(nearer, found.primitive, best.primitive), lanes.where(nearer, found.u, best.u), lanes.where(nearer, found.v, best.v),
     )  # fmt: skip
+
+
+def _of_shape(accel: Any, kind: int, g: int, o: Vec, d: Vec, t_min: Lane, until: Lane) -> tuple[Lane, Lane, Lane, Lane]:
+    """meeting.shape of one vector of rays, or of two side by side, in kernels."""
+    raise NotImplementedError
+
+
+@overload(_of_shape, jit_options=HELPER)
+def _of_shape_in_kernels(accel, kind, g, o, d, t_min, until):
+    if not across.is_twice(t_min):
+        return lambda accel, kind, g, o, d, t_min, until: meeting.shape(accel, kind, g, o, d, t_min, until)
+
+    def of_two(accel, kind, g, o, d, t_min, until):
+        low, high, join = simd.low_half, simd.high_half, simd.joined
+        t, part, u, v = meeting.shape(accel, kind, g, across.low3(o), across.low3(d), low(t_min), low(until))
+        t2, part2, u2, v2 = meeting.shape(accel, kind, g, across.high3(o), across.high3(d), high(t_min), high(until))
+        return join(t, t2), join(part, part2), join(u, u2), join(v, v2)
+
+    return of_two
 
 
 @helper
@@ -164,10 +184,7 @@ def _mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
         t, triangle, u, v, asked = bundle_walk.meet(accel, g, root, o, d, ray, enters, t_min, t_max, until, left, any_hit)
         if asked:
             return t, triangle, u, v
-    begins, rays = shared_root.room(), walk.room()
-    shared_root.make(begins, accel.wide, root, o, d, ray, enters, until, left, alike)
-    walk.keep(rays, 0, across.mask_of(left, enters), o, d, ray.inverse, enters, t_min, t_max, until, accel.boxes[g, REACH])
-    hit = in_mesh.one(accel.wide, begins, rays, left, enters, any_hit)
+    hit = in_mesh.meet(accel.wide, root, o, d, ray, enters, t_min, t_max, until, accel.boxes[g, REACH], left, alike, any_hit)
     return hit.t, hit.primitive, hit.u, hit.v
 
 

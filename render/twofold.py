@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.extending import overload
 
-from . import across, boxes, bundle, bundle_walk, in_mesh, lanes, shared_root, simd, trace, traverse, walk
+from . import across, aside, boxes, bundle, bundle_walk, in_mesh, lanes, simd, trace, traverse
+from . import top as over
 from .bvh import NO_MESHES, REACH
 from .handles import unless
 from .kernels import HELPER, helper
@@ -25,7 +26,7 @@ def find(accel: Any, first: Ray, second: Ray, visible_bit: int, any_hit: bool) -
 
 @overload(find, jit_options=HELPER)
 def _find(accel, first, second, visible_bit, any_hit):
-    if across.WIDTH == 1:
+    if across.WIDTH == 1 or aside.is_used(accel):
         return lambda accel, first, second, visible_bit, any_hit: _each(accel, first, second, visible_bit, any_hit)
     return lambda accel, first, second, visible_bit, any_hit: _both(accel, first, second, visible_bit, any_hit)
 
@@ -53,19 +54,40 @@ class Seen(NamedTuple):
 @helper
 def _both(accel: Any, first: Ray, second: Ray, visible_bit: int, any_hit: bool) -> tuple[Hit, Hit]:
     i = np.int64(accel.alone)
-    if i < 0 or accel.placed[i, 0] & visible_bit == 0:
+    if i < 0:
+        return _among(accel, first, second, visible_bit, any_hit)
+    if accel.placed[i, 0] & visible_bit == 0:
         return _each(accel, first, second, visible_bit, any_hit)
     rays = seen(accel, i, first, second)
     hit, asked = as_bundle(accel, i, rays, any_hit)
-    one, two = _halves(hit) if asked else _in_turns(accel, i, rays, any_hit)
+    if not asked:
+        hit = _in_turns(accel, i, rays, any_hit)
+    one, two = _halves(hit)
     return _of_instance(one, i), _of_instance(two, i)
+
+
+@helper
+def _among(accel: Any, first: Ray, second: Ray, visible_bit: int, any_hit: bool) -> tuple[Hit, Hit]:
+    """What they meet among many things: shadow rays that go one way, both together; of others nearest things are not the same."""
+    if not any_hit or len(accel.endless) > 0 or accel.only >= 0 or len(accel.top.links) == 0:
+        return _each(accel, first, second, visible_bit, any_hit)
+    origin, direction = across.joined3(first.origin, second.origin), across.joined3(first.direction, second.direction)
+    t_min, t_max = simd.joined(first.t_min, second.t_min), simd.joined(first.t_max, second.t_max)
+    o, d = over.local(accel.top, origin, direction)
+    ray, active = boxes.world_ray(o, d), t_max > t_min
+    if not traverse.is_narrow(ray, direction, active, across.bits(active)):
+        return _each(accel, first, second, visible_bit, any_hit)
+    zero = 0.0 * t_min
+    nothing = Hit(zero + np.inf, lanes.int_like(zero, -1), lanes.int_like(zero, -1), zero, zero)
+    until = lanes.where(active, t_max, zero - np.inf)
+    return _halves(traverse.together(accel, ray, origin, direction, t_min, until, visible_bit, any_hit, True, nothing))
 
 
 @helper
 def seen(accel: Any, i: int, first: Ray, second: Ray) -> Seen:
     """Rays as the mesh of instance i sees them."""
     g = np.int64(accel.placed[i, 2])
-    o, d = traverse.in_frame(accel, i, _joined3(first.origin, second.origin), _joined3(first.direction, second.direction))
+    o, d = traverse.in_frame(accel, i, across.joined3(first.origin, second.origin), across.joined3(first.direction, second.direction))
     o = traverse.from_middle(accel, g, o)
     t_min, t_max = simd.joined(first.t_min, second.t_min), simd.joined(first.t_max, second.t_max)
     ray, enters, left = traverse.entering(accel, g, o, d, t_min, t_max)
@@ -86,38 +108,17 @@ def as_bundle(accel: Any, i: int, rays: Seen, any_hit: bool) -> tuple[Hit, bool]
 
 
 @helper
-def _in_turns(accel: Any, i: int, rays: Seen, any_hit: bool) -> tuple[Hit, Hit]:
+def _in_turns(accel: Any, i: int, rays: Seen, any_hit: bool) -> Hit:
     """The same of each for itself."""
     root, reach = np.int64(accel.placed[i, 4]), accel.boxes[np.int64(accel.placed[i, 2]), REACH]
-    begins, kept, low, high = shared_root.room(), walk.room(), simd.low_half, simd.high_half
-    shared_root.make(begins, accel.wide, root, rays.o, rays.d, rays.ray, rays.enters, rays.t_max, rays.left, rays.alike)
-    enters, t_min, t_max = low(rays.enters), low(rays.t_min), low(rays.t_max)
-    mine = across.mask_of(rays.left & ((1 << across.WIDTH) - 1), enters)
-    walk.keep(kept, 0, mine, _low3(rays.o), _low3(rays.d), _low3(rays.ray.inverse), enters, t_min, t_max, t_max, reach)
-    enters, t_min, t_max = high(rays.enters), high(rays.t_min), high(rays.t_max)
-    mine = across.mask_of(rays.left >> across.WIDTH, enters)
-    walk.keep(kept, 1, mine, _high3(rays.o), _high3(rays.d), _high3(rays.ray.inverse), enters, t_min, t_max, t_max, reach)
-    return in_mesh.two(accel.wide, begins, kept, rays.left, enters, any_hit)
+    return in_mesh.meet(
+        accel.wide, root, rays.o, rays.d, rays.ray, rays.enters, rays.t_min, rays.t_max, rays.t_max, reach, rays.left, rays.alike, any_hit
+    )
 
 
 @helper
 def _of_instance(hit: Hit, i: int) -> Hit:
     return Hit(hit.t, lanes.where(hit.t < np.inf, lanes.int_like(hit.t, i), lanes.int_like(hit.t, -1)), hit.primitive, hit.u, hit.v)
-
-
-@helper
-def _joined3(a: Vec, b: Vec) -> Vec:
-    return simd.joined(a[0], b[0]), simd.joined(a[1], b[1]), simd.joined(a[2], b[2])
-
-
-@helper
-def _low3(a: Vec) -> Vec:
-    return simd.low_half(a[0]), simd.low_half(a[1]), simd.low_half(a[2])
-
-
-@helper
-def _high3(a: Vec) -> Vec:
-    return simd.high_half(a[0]), simd.high_half(a[1]), simd.high_half(a[2])
 
 
 @helper

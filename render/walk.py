@@ -223,9 +223,12 @@ def nearest_first(links: Any, node: int, near: Lane, hits: int, children: Any, r
 
 
 @helper
-def any_first(links: Any, node: int, near: Lane, hits: int, children: Any, reaches: Any, top: int) -> tuple[Any, int]:
-    """The same with any child."""
-    return _onward(links, node, near, hits, simd.trailing_zeros(hits) & (WIDTH - 1), children, reaches, top)
+def any_first(links: Any, node: int, hits: int, children: Any, top: int) -> tuple[Any, int]:
+    """The same with any child, of a stack that does not tell from where on."""
+    first = simd.trailing_zeros(hits) & (WIDTH - 1)
+    child, last = np.int64(simd.read(links, node * WIDTH + first)), np.int64(simd.read(children, max(top - 1, 0)))
+    push(children, top, simd.load(links, node * WIDTH, WIDTH), hits & ~(1 << first))
+    return child if hits != 0 else last, top + simd.population(hits) - 1
 
 
 @helper
@@ -402,7 +405,7 @@ def pass_boxes(nodes: Any, links: Any, node: int, ray: Box, limit: Any, steps: W
     """(where a ray goes on after a node; where its stack ends then)."""
     near, hits = enter_boxes(nodes, node, ray, limit)
     if any_hit:
-        return any_first(links, node, near, hits, steps.children, steps.reaches, top)
+        return any_first(links, node, hits, steps.children, top)
     return nearest_first(links, node, near, hits, steps.children, steps.reaches, top)
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from maquette.bench import meshes
-from maquette.render import across, by_place, rays, simd, traverse
+from maquette.compiler.ir import GeometryKind as K
+from maquette.render import across, boxes, by_place, rays, simd, traverse
 from maquette.render.by_place import BLOCK
 from maquette.render.handles import Handle
 from maquette.render.kernels import kernel
@@ -45,7 +46,7 @@ def sorted_rows(origin, first, n, found):
 @pytest.mark.parametrize("kind", [np.float32, np.float64])
 def test_each_row_comes_once_and_the_last_fills_up(n, kind):
     origin = np.random.default_rng(n).normal(size=(n + 7, 3)).astype(kind)
-    found = np.zeros(-(-n // across.WIDTH) * across.WIDTH, np.int64)
+    found = np.zeros(-(-n // (2 * across.WIDTH)) * 2 * across.WIDTH, np.int64)
     sorted_rows(origin, 5, n, found)
     assert sorted(found[:n]) == list(range(5, 5 + n))
     assert (found[n:] == found[n - 1]).all()
@@ -89,6 +90,43 @@ def test_rays_that_end_or_begin_about_where_they_meet_something(place):
         for t_min, t_max in ((0.0, t * (1.0 + off)), (0.0, t * (1.0 - off)), (t * (1.0 - off), np.inf), (t * (1.0 + off), np.inf)):
             blocked = rays.occluded(accel, o, d, t_min, t_max)
             np.testing.assert_array_equal(blocked, rays.closest(accel, o, d, t_min, t_max).instance >= 0)
+
+
+@kernel
+def together(accel, origin, direction):
+    """Of how many pairs of vectors of rays all go one way."""
+    found = 0
+    for start in range(0, len(origin), 2 * across.WIDTH):
+        d = across.load_rows3(direction, start)
+        d = across.joined3(d, across.load_rows3(direction, start + across.WIDTH))
+        o = across.load_rows3(origin, start)
+        o = across.joined3(o, across.load_rows3(origin, start + across.WIDTH))
+        all_ = d[0] == d[0]
+        found += traverse.is_narrow(boxes.world_ray(o, d), d, all_, across.bits(all_))
+    return found
+
+
+@pytest.mark.skipif(across.WIDTH < 4, reason="there are no bundles")
+@pytest.mark.parametrize("spread", [1e-4, 0.01, 0.2])
+def test_pairs_of_vectors_among_many_things_of_all_kinds(spread):
+    """Shadow rays that go one way do so two vectors at a time: meshes meet both at once, other shapes one after the other."""
+    random = np.random.default_rng(2)
+    places = [np.vstack([each, [0.0, 0.0, 0.0, 1.0]]) for each in meshes.boulders(1200)]
+    kinds = [(K.SPHERE, [0.7]), (K.BOX, [0.5, 0.4, 0.6]), (K.TORUS, [0.6, 0.2]), (K.CYLINDER, [0.4, 0.7])]
+    made = mesh(KNOT.positions.astype(np.float64), KNOT.triangles)
+    shapes = [(kind, numbers, each, 0) for (kind, numbers), each in zip(kinds * 200, places, strict=False)]
+    tables = scene(shapes, meshes=[(made, each, 0) for each in places[800:]])
+    accel = rays.trees(tables, keep=False)
+    assert len(accel.tables.top.links) > traverse.SMALL
+    n = 16 * 400
+    o = np.repeat(random.uniform(-1.0, 1.0, (n // 16, 3)), 16, axis=0) + spread * random.uniform(-1.0, 1.0, (n, 3))
+    d = [2.0, 3.0, 1.5] - o
+    pairs = n // (2 * across.WIDTH)
+    assert together(accel, o, d) > 0.9 * pairs if spread < 0.1 else together(accel, o, d) < 0.1 * pairs
+    t_max = random.choice([-1.0, 0.3, 1.0, np.inf], n)
+    blocked, met = rays.occluded(accel, o, d, 0.0, t_max), rays.closest(accel, o, d, 0.0, t_max)
+    np.testing.assert_array_equal(blocked, met.instance >= 0)
+    assert (np.bincount(tables.geometries.kind[tables.instances.geometry[met.instance[blocked]]], minlength=3) > 20).sum() == 5
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e300])

@@ -169,7 +169,7 @@ def _through(accel: Any, ray: One, limit: Any, visible_bit: int, any_hit: bool, 
     top, node = np.int64(0), np.int64(0)
     while True:
         if node >= 0:
-            near, hits = boxes.enter_node(nodes, node, ready, ray.t_min, limit)
+            near, _, hits = boxes.enter_node(nodes, node, ready, ray.t_min, limit)
             node, top = walk.nearest_first(links, node, near, hits, children, reaches, top)
         else:
             best = _nearer(best, _meet(accel, ~node, ray, limit, visible_bit, any_hit, best.share, rays))
@@ -255,7 +255,7 @@ def _in_mesh(accel: Any, i: int, ray: One, enters: Any, any_hit: bool, share: An
     top, node = np.int64(0), root
     while True:
         if node >= 0:
-            near, hits = walk.enter_boxes(tree.nodes, node, box, limit)
+            near, _, hits = walk.enter_boxes(tree.nodes, node, box, limit)
             node, top = walk.nearest_first(tree.links, node, near, hits, children, reaches, top)
         else:
             leaf, before = ~node, limit

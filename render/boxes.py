@@ -104,9 +104,10 @@ def rows_of(x: Any, y: Any, z: Any) -> tuple[int, int, int]:
 
 
 @helper
-def enter_node(nodes: Any, node: int, rays: Bundle, t_min: Any, t_max: Any) -> tuple[Lane, int]:
-    """Where the first of some rays may enter a node's boxes, and bits of those that one may enter between t_min and t_max.
+def enter_node(nodes: Any, node: int, rays: Bundle, t_min: Any, t_max: Any) -> tuple[Lane, Lane, int]:
+    """Where the first of some rays may enter a node's boxes, where the last one leaves them, and bits of those that one may enter.
 
+    That is between t_min and t_max.
     For a single ray, `least` and `most` are one value, and the compiler leaves the second product out.
     """
     at = node * NODE
@@ -114,7 +115,7 @@ def enter_node(nodes: Any, node: int, rays: Bundle, t_min: Any, t_max: Any) -> t
     near, far = _slabs(nodes, at, rays, 0, near, far)
     near, far = _slabs(nodes, at, rays, 1, near, far)
     near, far = _slabs(nodes, at, rays, 2, near, far)
-    return _sooner(near), simd.bits(near <= far)
+    return _sooner(near), simd.to_f32(far), simd.bits(near <= far)
 
 
 @helper

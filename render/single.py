@@ -75,7 +75,7 @@ def turns(accel, kept, upper, rays, steps, inside, left, visible_bit, any_hit):
                 simd.write(inside, k, -1)
                 more = _next(accel, kept, upper, steps, k, simd.read(steps.place, 2 * walk.RAYS + k), any_hit)
             else:
-                more = _step(accel, upper, steps, k)
+                more = _step(accel, upper, steps, k, any_hit)
             if not more:
                 left &= ~(1 << k)
             elif simd.read(steps.place, k) < 0:
@@ -104,24 +104,26 @@ def _store3(table: Any, row: int, value: Vec) -> None:
 
 
 @helper
-def _step(accel: Any, upper: walk.Rays, steps: walk.Walks, k: int) -> bool:
+def _step(accel: Any, upper: walk.Rays, steps: walk.Walks, k: int, any_hit: bool) -> bool:
     """One node of ray k's way, or two; whether there is more of it."""
     node, top = simd.read(steps.place, k), simd.read(steps.place, walk.RAYS + k)
     ray, limit = walk.box(upper, k), walk.limit_of(upper, k)
-    node, top = walk.pass_boxes(accel.top.nodes, accel.top.links, node, ray, limit, steps, top, False)
+    node, top = walk.pass_things(accel.top.nodes, accel.top.links, node, ray, limit, steps, top, any_hit)
     if node >= 0 and top >= k * walk.STACK:
-        node, top = walk.pass_boxes(accel.top.nodes, accel.top.links, node, ray, limit, steps, top, False)
+        node, top = walk.pass_things(accel.top.nodes, accel.top.links, node, ray, limit, steps, top, any_hit)
     return _go(accel, steps, k, node, top)
 
 
 @helper
 def _next(accel: Any, kept: Any, upper: walk.Rays, steps: walk.Walks, k: int, top: int, any_hit: bool) -> bool:
     """Take the next node or instance from ray k's stack, which ends at `top`; whether there is one."""
-    if any_hit and simd.read(steps.numbers, k) >= 0:
-        return False
-    limit = np.float32((min(simd.read(steps.found, k), _at(kept, _UNTIL, k)) - _at(kept, _ENTERS, k)) * _at(kept, _PACE, k) * walk.FAR)
-    walk.set_limit(upper, k, limit)
-    top = walk.sifted(steps.children, steps.reaches, k * walk.STACK, top, limit)
+    if any_hit:
+        if simd.read(steps.numbers, k) >= 0:
+            return False
+    else:
+        limit = np.float32((min(simd.read(steps.found, k), _at(kept, _UNTIL, k)) - _at(kept, _ENTERS, k)) * _at(kept, _PACE, k) * walk.FAR)
+        walk.set_limit(upper, k, limit)
+        top = walk.sifted(steps.children, steps.reaches, k * walk.STACK, top, limit)
     node, top = walk.last_of(steps.children, top)
     return _go(accel, steps, k, node, top)
 

@@ -96,19 +96,20 @@ def together(
     top, node = np.int64(0), np.int64(0)
     while True:
         limit = across.most(lanes.minimum(best.t, until))
-        if node >= 0:
-            if narrow:
-                near, hits = boxes.enter_node(nodes, node, rays, begin, limit)
-            else:
-                near, hits = boxes.enter_each(nodes, node, ray, t_min, lanes.minimum(best.t, until))
+        if node >= 0 and narrow:
+            near, far, hits = boxes.enter_node(nodes, node, rays, begin, limit)
+            node, top = walk.thing_first(links, node, near, far, hits, children, reaches, top, any_hit)
+        elif node >= 0:
+            near, hits = boxes.enter_each(nodes, node, ray, t_min, lanes.minimum(best.t, until))
             node, top = walk.nearest_first(links, node, near, hits, children, reaches, top)
         else:
             best = attempt(accel, ~node, origin, direction, t_min, until, visible_bit, any_hit, best)
             if any_hit:
                 until = lanes.where(best.instance >= 0, -np.inf, until)
-            nearer = across.most(lanes.minimum(best.t, until))
-            if nearer < limit:
-                top = walk.sifted(children, reaches, 0, top, nearer)
+                top = top if across.most(until) > -np.inf else 0
+            else:
+                nearer = across.most(lanes.minimum(best.t, until))
+                top = walk.sifted(children, reaches, 0, top, nearer) if nearer < limit else top
             node, top = walk.last_of(children, top)
         if top < 0:
             return best

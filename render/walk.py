@@ -166,8 +166,8 @@ def _double(rays: Rays, row: int, k: int) -> Any:
 
 
 @helper
-def enter_boxes(nodes: Any, node: int, ray: Box, limit: Any) -> tuple[Lane, int]:
-    """Where a ray enters a node's boxes, and bits of those it enters before `limit`."""
+def enter_boxes(nodes: Any, node: int, ray: Box, limit: Any) -> tuple[Lane, Lane, int]:
+    """Where a ray enters a node's boxes and leaves them or ends, and bits of those it enters before `limit`."""
     at = node * NODE
     x, y, z = ray.near
     near = simd.maximum(
@@ -178,7 +178,8 @@ def enter_boxes(nodes: Any, node: int, ray: Box, limit: Any) -> tuple[Lane, int]
         simd.minimum(_plane(nodes, at + (x ^ WIDTH), ray, 0), _plane(nodes, at + (y ^ WIDTH), ray, 1)),
         _plane(nodes, at + (z ^ WIDTH), ray, 2),
     )
-    return near, simd.bits(near <= simd.minimum(far * _FAR, spread32(limit)))
+    far = simd.minimum(far * _FAR, spread32(limit))
+    return near, far, simd.bits(near <= far)
 
 
 @helper
@@ -225,7 +226,22 @@ def nearest_first(links: Any, node: int, near: Lane, hits: int, children: Any, r
 @helper
 def any_first(links: Any, node: int, hits: int, children: Any, top: int) -> tuple[Any, int]:
     """The same with any child, of a stack that does not tell from where on."""
-    first = simd.trailing_zeros(hits) & (WIDTH - 1)
+    return _on_to(links, node, hits, simd.trailing_zeros(hits) & (WIDTH - 1), children, top)
+
+
+@helper
+def thing_first(
+    links: Any, node: int, near: Lane, far: Lane, hits: int, children: Any, reaches: Any, top: int, any_hit: bool
+) -> tuple[Any, int]:
+    """The same in a tree over instances: the nearest child or, where any hit will do, the one rays are in for longest, likely to be met."""
+    if any_hit:
+        key = simd.select(simd.mask_from_bits(hits, near), _ranks(far - near), np.int32(0))
+        return _on_to(links, node, hits, np.int64(simd.max_of(key) & (WIDTH - 1)), children, top)
+    return nearest_first(links, node, near, hits, children, reaches, top)
+
+
+@helper
+def _on_to(links: Any, node: int, hits: int, first: int, children: Any, top: int) -> tuple[Any, int]:
     child, last = np.int64(simd.read(links, node * WIDTH + first)), np.int64(simd.read(children, max(top - 1, 0)))
     push(children, top, simd.load(links, node * WIDTH, WIDTH), hits & ~(1 << first))
     return child if hits != 0 else last, top + simd.population(hits) - 1
@@ -403,10 +419,17 @@ def step(tree: Any, rays: Rays, steps: Walks, k: int, instance: int, any_hit: bo
 @helper
 def pass_boxes(nodes: Any, links: Any, node: int, ray: Box, limit: Any, steps: Walks, top: int, any_hit: bool) -> tuple[Any, int]:
     """(where a ray goes on after a node; where its stack ends then)."""
-    near, hits = enter_boxes(nodes, node, ray, limit)
+    near, _, hits = enter_boxes(nodes, node, ray, limit)
     if any_hit:
         return any_first(links, node, hits, steps.children, top)
     return nearest_first(links, node, near, hits, steps.children, steps.reaches, top)
+
+
+@helper
+def pass_things(nodes: Any, links: Any, node: int, ray: Box, limit: Any, steps: Walks, top: int, any_hit: bool) -> tuple[Any, int]:
+    """The same in the tree over instances."""
+    near, far, hits = enter_boxes(nodes, node, ray, limit)
+    return thing_first(links, node, near, far, hits, steps.children, steps.reaches, top, any_hit)
 
 
 @helper

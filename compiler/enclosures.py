@@ -79,7 +79,12 @@ def multiply(m: Any, a: Interval, b: Interval) -> Interval:
     p, q, r, s = a[0] * b[0], a[0] * b[1], a[1] * b[0], a[1] * b[1]
     low, high = m.least(m.least(p, q), m.least(r, s)), m.largest(m.largest(p, q), m.largest(r, s))
     low, high = _bounded(m, low, high)  # first: there is nothing below ∞
-    return (down(m, low), up(m, high)) if m.lost else _outward(m, low, high)
+    return (down(m, low), up(m, high)) if m.lost else _endless(m, _large(m, a) | _large(m, b), _outward(m, low, high))
+
+
+def _endless(m: Any, mask: Number, a: Interval) -> Interval:
+    """Where something may be ∞, so may what small numbers make of it."""
+    return m.where(mask & (a[0] < 0.0), -m.most, a[0]), m.where(mask & (a[1] > 0.0), m.most, a[1])
 
 
 def negate(a: Interval) -> Interval:
@@ -112,12 +117,7 @@ def _quotient(m: Any, a: Interval, b: Interval) -> Interval:
     if not m.forks:  # ∞ itself has no sine, and none is left of ∞ − ∞
         m.undefined((b[0] <= 0.0) & (b[1] >= 0.0))
     m.undefined(_large(m, a) & _large(m, b))  # nor of ∞ / ∞
-    inverse = reciprocal(m, b)
-    low, high = multiply(m, a, inverse)
-    if m.lost:
-        return low, high
-    endless = _large(m, inverse)
-    return m.where(endless & (low < 0.0), -m.most, low), m.where(endless & (high > 0.0), m.most, high)
+    return multiply(m, a, reciprocal(m, b))
 
 
 def magnitude(m: Any, a: Interval) -> Interval:
@@ -260,7 +260,7 @@ def _log(m: Any, op: int, a: Interval, *_: Any) -> Interval:
     least = m.tiny + 0.0 * a[0]
     positive_low, positive_high = m.where(a[0] > m.tiny, a[0], least), m.where(a[1] > m.tiny, a[1], least)
     low = m.where(a[0] > m.tiny, down(m, m.log(positive_low), ULPS), LEAST_LOG if m.forks else -m.most)  # 0 is met at a place alone
-    return _outside(m, a, a[0] < 0.0, a[1] < 0.0, (low, up(m, m.log(positive_high), ULPS)))
+    return _outside(m, a, a[0] < 0.0, a[1] < 0.0, (low, m.where(a[1] > m.big, m.most, up(m, m.log(positive_high), ULPS))))
 
 
 def _outside(m: Any, a: Interval, partly: Number, never: Number, found: Interval) -> Interval:
@@ -378,7 +378,7 @@ def _power(m: Any, op: int, a: Interval, b: Any, *_: Any) -> Interval:
         m.undefined((a[0] < 0.0) & ~(broken | single))
     least = m.where(a[1] > 0.0, LEAST, 0.0 * a[0]) if m.forks else 0.0 * a[0]  # 0 is met at a place alone
     x, y = m.where(whole, abs(a[0]), m.where(a[0] > 0.0, a[0], least)), m.where(whole, abs(a[1]), m.where(a[1] > 0.0, a[1], 0.0 * a[1]))
-    corners = [m.power(p, q) for p in (x, y) for q in b]
+    corners = [m.power(m.where(p > m.big, math.inf, p), q) for p in (x, y) for q in b]  # powers below 1 make less of what stands for ∞
     low = low_of(m, low_of(m, corners[0], corners[1]), low_of(m, corners[2], corners[3]))
     high = high_of(m, high_of(m, corners[0], corners[1]), high_of(m, corners[2], corners[3]))
     low, high = _bounded(m, low, high)

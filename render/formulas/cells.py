@@ -31,7 +31,7 @@ CHILDREN = SPLIT**3
 PENDING = -16
 SLACK = 1e-9  # of a cell, by which boxes grow: where rays enter them is rounded
 OVER = 2.0**-40 + 4e-15  # of the largest coordinate, by which they do besides: see search.py
-BIG = NumpyMath.most
+BIG, LARGEST = NumpyMath.most, NumpyMath.big
 _WIDE = 8  # vectors of a register in the largest program
 _ROOM = MOST_REGISTERS * _WIDE * LANES
 _ARITY = np.array([arity(op) for op in Op], np.int64)
@@ -140,10 +140,12 @@ def _as_leaves(forms, k, block, alive):
         for lane in range(few):
             leaf = first_leaf + first + lane
             forms.leaf_tape[leaf] = block.known[first + lane, 1]
-            for j in range(6):
-                bound = block.registers[out + (2 + j) * LANES + lane]
-                unknown = -BIG if j % 2 == 0 else BIG
-                forms.leaf_slopes[leaf, j] = unknown if (block.state[0] >> lane) & 1 == 1 or not abs(bound) <= BIG else bound
+            finite = abs(block.registers[out + lane]) < LARGEST and abs(block.registers[out + LANES + lane]) < LARGEST
+            sure = (block.state[0] >> lane) & 1 == 0 and finite  # ∞ − ∞ has no slope
+            for j in range(3):
+                least, most = block.registers[out + (2 + 2 * j) * LANES + lane], block.registers[out + (3 + 2 * j) * LANES + lane]
+                known = sure and abs(least) < LARGEST and abs(most) < LARGEST
+                forms.leaf_slopes[leaf, 2 * j], forms.leaf_slopes[leaf, 2 * j + 1] = (least, most) if known else (-BIG, BIG)
     taken(forms.ends, END_LEAVES, 0)  # what leaves are is written before the grid says so
     for i in range(alive):
         _mark(forms, k, block, block.known[i, 0], first_leaf + i)

@@ -13,7 +13,7 @@ from ...compiler.tapes import Tape
 from ..records import Vec
 from . import jumps, plain_faces
 from .meet import BACK, packed
-from .search import FINEST, JUMP, NEIGHBOURS
+from .search import FINEST, JUMP, LARGEST, NEIGHBOURS
 
 PIECES = 16  # of each ray, to begin with
 BISECTIONS = 80
@@ -81,7 +81,8 @@ def _first(tape: Tape, sheet: bool, reach: float, o: Floats, d: Floats, length: 
         with np.errstate(invalid="ignore"):
             in_a, in_b = (tape_walks.points(tape, *x)[0] <= 0 for x in (p, q))
             change = in_a != in_b
-            one_way = ((least > 0) | (most < 0)) & ~maybe
+            finite = np.maximum.reduce([abs(bound) for bound in (low, high, least, most)]) < LARGEST  # ∞ − ∞ has no slope
+            one_way = ((least > 0) | (most < 0)) & finite & ~maybe
             away = ~(low <= 0) | ((high < 0) & ~maybe)
         none = ~change & (away | one_way)
         small = (b - a <= finest[ray]) & ~none

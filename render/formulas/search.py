@@ -159,7 +159,8 @@ def _pieces(
     near = _shifted(far, value)
     in_near, in_far = near <= 0.0, far <= 0.0
     change = (in_near & lanes.not_(in_far)) | (in_far & lanes.not_(in_near))
-    one_way = ((bounds.least > 0.0) | (bounds.most < 0.0)) & lanes.not_(bounds.maybe)
+    finite = (abs(bounds.low) < LARGEST) & (abs(bounds.high) < LARGEST) & (abs(bounds.least) < LARGEST) & (abs(bounds.most) < LARGEST)
+    one_way = ((bounds.least > 0.0) | (bounds.most < 0.0)) & finite & lanes.not_(bounds.maybe)
     away = lanes.not_(bounds.low <= 0.0) | ((bounds.high < 0.0) & lanes.not_(bounds.maybe))
     above = apart(near, far, bounds.least, bounds.most, ends - begins) & lanes.not_(bounds.maybe)
     none = lanes.not_(change) & (away | one_way | above)

@@ -361,14 +361,28 @@ def test_a_hypotenuse_of_numbers_whose_squares_floating_point_cannot_tell(load, 
     held(load, text, RAYS, POINTS)
 
 
-def test_a_root_of_squares_that_overflow_misses_nothing_in_silence(load):
-    """Beyond 1e154 points have √∞ where bounds end at 1e300; each ray by itself, so that it is known which one is counted."""
-    text = "sqrt((1e160 * x)^2 + (1e160 * y)^2) <= 5e159"
+OVERFLOW = {  # and what is true, or "" for what floating point has
+    "sqrt((1e160 * x)^2 + (1e160 * y)^2) <= 5e159": "hypot(x, y) <= 0.5",
+    "(1e160 * x)^2 <= (1e160 * y)^2": "x^2 <= y^2",
+    "1e300 * x * 1e10 <= 1e300 * y * 1e10": "x <= y",
+    "log((1e160 * x)^2 + (1e160 * y)^2 + 1) <= 705": "",
+    "((1e160 * x)^2 + (1e160 * y)^2)^0.3 <= 6e91": "",
+    "(1e160 * x)^2 * 1e-200 <= 2.5e119 * (y + 1)": "",
+    "1e-200 * exp(900 * x) <= 1e105 + y": "",
+}
+
+
+@pytest.mark.parametrize("text", OVERFLOW)
+def test_where_numbers_overflow_nothing_is_missed_in_silence(load, text):
+    """Points have ∞ where bounds end at 1e300, and ∞ − ∞ nowhere; each ray by itself, so that it is known which one is counted."""
     scene, _ = load(f"camera(position: [0, 0, 5])\nimplicit(|x, y, z| {text}, within: box([2, 2, 2]))\n")
     trees, (o, d) = rays.trees(scene.tables, closed=False), some_rays(200)
-    true = Relation("hypot(x, y) <= 0.5", np.full(3, -1.0), np.ones(3)).first(o, d, POINTS)
-    counts = trees.tables.forms.unproved
-    for i in np.flatnonzero(rays.closest(trees, o, d).t > true + 1e-7):
+    relation, found = Relation(OVERFLOW[text] or text, np.full(3, -1.0), np.ones(3)), rays.closest(trees, o, d).t
+    true, counts = relation.first(o, d, POINTS), trees.tables.forms.unproved
+    if not OVERFLOW[text]:
+        early = found < true - 1e-7
+        assert relation.changes(o[early], d[early], found[early], 1e-7).all()
+    for i in np.flatnonzero(found > true + 1e-7):
         before = int(counts[0])
         rays.closest(trees, o[i : i + 1], d[i : i + 1])
         assert int(counts[0]) > before

@@ -278,8 +278,7 @@ def _wave(m: Any, op: int, a: Interval, *_: Any) -> Interval:
     f = m.sin if op == Op.SIN else m.cos
     crest, trough = (0.25, 0.75) if op == Op.SIN else (0.0, 0.5)
     turn = 0.5 / math.pi
-    u, v = a[0] * turn, a[1] * turn
-    slack = 4.0 * m.unit
+    u, v, slack = a[0] * turn, a[1] * turn, 4.0 * m.unit
     u, v = u - (abs(u) + 1.0) * slack, v + (abs(v) + 1.0) * slack
     far = (abs(u) > 0.01 / m.unit**0.5) | (abs(v) > 0.01 / m.unit**0.5)
     begin, end = f(a[0]), f(a[1])
@@ -479,11 +478,12 @@ def spread(m: Any, op: int, boxes: list[Interval], value: Interval, off: list[Nu
             ((least, most),) = slope_intervals(m, op, boxes, value, [[(-e, e)] for e in off])
             return high_of(m, abs(least), abs(most))
     parts = []
-    for (low, high), e in zip(_partials(m, op, boxes, value), off, strict=True):
-        part = e * high_of(m, abs(low), abs(high))
+    for size, e in zip((high_of(m, abs(low), abs(high)) for low, high in _partials(m, op, boxes, value)), off, strict=True):
+        part = e * size
         m.unbounded(part > m.big)
         part = m.where(part > m.most, m.most, part)
-        parts.append(up(m, part) if m.lost else part + part * (1.25 * m.unit))
+        rounded = up(m, part) if m.lost else part + part * (1.25 * m.unit)
+        parts.append(rounded if m.lost else _endless(m, (size > m.big) | (e > m.big), (rounded, rounded))[1])
     return _spread_sum(m, parts)
 
 

@@ -25,6 +25,7 @@ Interval = tuple[Number, Number]
 ULPS = 4  # by which the elementary functions may be off, with room (docs/simd.md)
 LEAST = 2.3e-308  # no number is closer to 0 and keeps its digits
 LEAST_LOG = -746.0  # of numbers above 0
+OVERFLOW = 1e-5  # times the most that bounds tell: what is beyond may stand for ∞, or for what is left of it
 NOISE_BOUND = 1.5  # of |noise|
 NOISE_CURVE = 24.0  # of its second derivatives: fade″ ≤ 5.8, fade′ ≤ 1.9, differences of corners ≤ 4
 
@@ -79,7 +80,12 @@ def multiply(m: Any, a: Interval, b: Interval) -> Interval:
     p, q, r, s = a[0] * b[0], a[0] * b[1], a[1] * b[0], a[1] * b[1]
     low, high = m.least(m.least(p, q), m.least(r, s)), m.largest(m.largest(p, q), m.largest(r, s))
     low, high = _bounded(m, low, high)  # first: there is nothing below ∞
-    return (down(m, low), up(m, high)) if m.lost else _endless(m, _large(m, a) | _large(m, b), _outward(m, low, high))
+    return (down(m, low), up(m, high)) if m.lost else _endless(m, _overflown(m, a) | _overflown(m, b), _outward(m, low, high))
+
+
+def _overflown(m: Any, a: Interval) -> Number:
+    """Whether a number may be ∞."""
+    return (a[0] < -OVERFLOW * m.most) | (a[1] > OVERFLOW * m.most)
 
 
 def _endless(m: Any, mask: Number, a: Interval) -> Interval:
@@ -483,7 +489,7 @@ def spread(m: Any, op: int, boxes: list[Interval], value: Interval, off: list[Nu
         m.unbounded(part > m.big)
         part = m.where(part > m.most, m.most, part)
         rounded = up(m, part) if m.lost else part + part * (1.25 * m.unit)
-        parts.append(rounded if m.lost else _endless(m, (size > m.big) | (e > m.big), (rounded, rounded))[1])
+        parts.append(rounded if m.lost else _endless(m, (size > OVERFLOW * m.most) | (e > OVERFLOW * m.most), (rounded, rounded))[1])
     return _spread_sum(m, parts)
 
 

@@ -19,7 +19,8 @@ Levels = frozenset[float] | None  # the numbers that a value may be all over reg
 NOWHERE: frozenset[float] = frozenset()
 MOST = 16  # levels that are kept apart
 APART = 2.0**-40  # of what is compared: what differs by less is equal but for rounding
-TINY = 1e-30
+TINY = 1e-30  # beside what steps add up to, so that float32 has it
+VANISHING = 1e-300  # beside what may be equal because floating point ends there
 FARTHEST = 2**52
 INPUTS = 3
 
@@ -110,7 +111,7 @@ def parted(b: Builder, field: int, strictly: bool) -> int:
     if len(terms) > 1:
         for term in terms:
             scale = b.add(scale, b.op(Op.ABS, term))
-    apart = b.shifted(b.scaled(scale, APART), TINY)
+    apart = b.shifted(b.scaled(scale, APART), VANISHING if b.parted else TINY)
     return b.add(field, apart) if strictly else b.subtract(field, apart)
 
 

@@ -79,8 +79,8 @@ def _made(surfaces: Sequence[Surface]) -> Forms:
     wholes = [names_of(tape) for tape, _, _ in surfaces]
     rows = sum(map(len, wholes))
     room = (ROWS + MORE * rows) * min(n, 1)
-    names, code = np.empty((room, 4), np.int32), np.empty((room, ROW), np.int32)  # nothing is read of these before it is written
-    tapes, ends = np.empty((TAPES * n, 4), np.int64), np.zeros(4, np.int64)
+    names, code = simd.paged_empty((room, 4), np.int32), simd.paged_empty((room, ROW), np.int32)  # only what is written of these is read
+    tapes, ends = simd.paged_empty((TAPES * n, 4), np.int64), np.zeros(4, np.int64)
     places, numbers = np.zeros((n, 6), np.int64), np.zeros((n, 14))
     most_blocks = sum((count // cells.SPLIT**k) ** 3 for k in range(1, 4))
     blocks = np.empty((n * most_blocks, 5), np.int64)
@@ -106,8 +106,8 @@ def _made(surfaces: Sequence[Surface]) -> Forms:
         blocks=blocks,
         states=np.zeros(len(blocks), np.int64),
         ends=ends,
-        leaf_tape=np.empty(n * count**3, np.int32),
-        leaf_slopes=np.empty((n * count**3, 6)),
+        leaf_tape=simd.paged_empty((n * count**3,), np.int32),
+        leaf_slopes=simd.paged_empty((n * count**3, 6), np.float64),
         tapes=tapes,
         names=names,
         code=code,

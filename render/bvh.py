@@ -26,6 +26,8 @@ _SWEEP = 0.25  # radians between moments at which the place of what turns is com
 SLACK = 1e-12  # of its coordinates, by which an instance's box grows: transforms round
 
 
+MESH, FORMULA = int(ir.GeometryKind.MESH), int(ir.GeometryKind.FORMULA)
+CAMERA, SHADOW = int(ir.Visibility.CAMERA), int(ir.Visibility.SHADOW)
 NO_MESHES, NO_TREE = "no meshes", "no tree"  # marks of the type of trees without; see handles.marked
 CAMERA_REST, SHADOW_REST = 8, 16  # bits beside ir.Visibility's: seen by camera rays, or casts shadows, and not met beforehand (primed.py)
 
@@ -78,7 +80,7 @@ class Bvh(NamedTuple):
 
 def marks(trees: Bvh) -> tuple[str, ...]:
     """What there is none of: a third of what traversal takes to compile is for meshes, another for the tree over instances."""
-    meshes = (trees.placed[:, 3] == int(ir.GeometryKind.MESH)).any()
+    meshes = (trees.placed[:, 3] == MESH).any()
     return (() if meshes else (NO_MESHES,)) + ((NO_TREE,) if trees.only >= 0 or not len(trees.top.links) else ())
 
 
@@ -99,7 +101,7 @@ def build(
     boxes = swept_bounds(tables) if moves else world_bounds(tables)
     kind = geometries.kind[instances.geometry]
     root = roots[instances.geometry]
-    drawable = there & ((kind != ir.GeometryKind.MESH) | (root >= 0))
+    drawable = there & ((kind != MESH) | (root >= 0))
     bounded = np.logical_and(np.isfinite(boxes).all(axis=1), not brute)
     partial = planner.partial(tables)[instances.material]
     moving = tables.transforms.first_key[instances.transform] >= 0
@@ -112,9 +114,9 @@ def build(
     inside = np.flatnonzero(plain & bounded).astype(np.int32)
     rows = simd.aligned_empty((len(kind), PLACED), np.int64)
     found = forms.of(tables, closed, threads)
-    primed = plain & (kind == ir.GeometryKind.FORMULA) & forms.have_cells(found)[instances.geometry]
-    primed &= instances.visible & ir.Visibility.CAMERA != 0
-    rest = ((ir.Visibility.CAMERA, CAMERA_REST), (ir.Visibility.SHADOW, SHADOW_REST))
+    primed = plain & (kind == FORMULA) & forms.have_cells(found)[instances.geometry]
+    primed &= instances.visible & CAMERA != 0
+    rest = ((CAMERA, CAMERA_REST), (SHADOW, SHADOW_REST))
     visible = instances.visible + sum(np.where((instances.visible & bit != 0) & ~primed, more, 0) for bit, more in rest)
     rows[:, :5], rows[:, 5:] = np.stack([visible, instances.transform, instances.geometry, kind, root], axis=1), 0
     endless = np.flatnonzero(plain & ~bounded).astype(np.int32)

@@ -156,7 +156,7 @@ def fineness(tree: Wide, some: int = 512) -> float:
     """How wide leaves are: the median of the largest sides of some of their boxes."""
     step = max(1, len(tree.leaves) // some)
     corners = np.ascontiguousarray(np.moveaxis(tree.corners[::step], 0, -1))  # long rows are quick to reduce
-    low, high = (least.reduce(least.reduce(corners, axis=0), axis=1) for least in (np.fmin, np.fmax))  # empty places are nan
+    low, high = (least.reduce(corners, axis=(0, 2)) for least in (np.fmin, np.fmax))  # empty places are nan
     return float(np.median((high - low).max(axis=0)))
 
 

@@ -1,4 +1,4 @@
-"""Bounds of what the operations of tapes give over boxes of points, and of their slopes: one source for numpy and for LLVM vectors.
+"""Bounds of what the operations of tapes give over boxes of points: one source for numpy and for LLVM vectors. Of slopes: slopes.py.
 
 Intervals are pairs (low, high), rounded outward: each bound moves by more than its operation's error. Not-a-number twice is an interval
 in which nothing is defined. Where a part of it may be undefined, `m.undefined(mask)` is told. Numbers beyond `m.big` are not told
@@ -8,8 +8,7 @@ two are far from each other keeps the difference of two such numbers open on bot
 A mathematics that forks (`m.forks`) goes, where an operation jumps once over a box, one of two ways: as if it had only the values on one
 side of the jump. All lanes together go all ways. What is left out is what an operation may be at the jump alone.
 
-Moore, Kearfott, Cloud, "Introduction to Interval Analysis", 2009; slopes by the chain rule on intervals (Mitchell, "Robust Ray
-Intersection with Interval Arithmetic", Graphics Interface 1990).
+Moore, Kearfott, Cloud, "Introduction to Interval Analysis", 2009.
 """
 
 from __future__ import annotations
@@ -28,9 +27,6 @@ LEAST_LOG = -746.0  # of numbers above 0
 OVERFLOW = 1e-5  # times the most that bounds tell: what is beyond may stand for ∞, or for what is left of it
 NOISE_BOUND = 1.5  # of |noise|
 NOISE_CURVE = 24.0  # of its second derivatives: fade″ ≤ 5.8, fade′ ≤ 1.9, differences of corners ≤ 4
-
-
-# --- intervals ----------------------------------------------------------------------------------------------------------
 
 
 def down(m: Any, x: Number, ulps: int = 0) -> Number:
@@ -63,14 +59,14 @@ def _large(m: Any, a: Interval) -> Number:
 
 
 def add(m: Any, a: Interval, b: Interval) -> Interval:
-    return _outward(m, a[0] + b[0], a[1] + b[1])
+    return outward(m, a[0] + b[0], a[1] + b[1])
 
 
 def subtract(m: Any, a: Interval, b: Interval) -> Interval:
-    return _outward(m, a[0] - b[1], a[1] - b[0])
+    return outward(m, a[0] - b[1], a[1] - b[0])
 
 
-def _outward(m: Any, low: Number, high: Number) -> Interval:
+def outward(m: Any, low: Number, high: Number) -> Interval:
     """Sums rounded outward: 0 stays 0, since small sums are exact. So what holds no negative numbers does not begin to; nor does a product
     with 0, if what products lose when they are too small for floating point is lost at points, too (`m.lost`: where it is not)."""
     return low - abs(low) * (1.25 * m.unit), high + abs(high) * (1.25 * m.unit)
@@ -80,7 +76,7 @@ def multiply(m: Any, a: Interval, b: Interval) -> Interval:
     p, q, r, s = a[0] * b[0], a[0] * b[1], a[1] * b[0], a[1] * b[1]
     low, high = m.least(m.least(p, q), m.least(r, s)), m.largest(m.largest(p, q), m.largest(r, s))
     low, high = _bounded(m, low, high)  # first: there is nothing below ∞
-    return (down(m, low), up(m, high)) if m.lost else _endless(m, _overflown(m, a) | _overflown(m, b), _outward(m, low, high))
+    return (down(m, low), up(m, high)) if m.lost else endless(m, _overflown(m, a) | _overflown(m, b), outward(m, low, high))
 
 
 def _overflown(m: Any, a: Interval) -> Number:
@@ -88,7 +84,7 @@ def _overflown(m: Any, a: Interval) -> Number:
     return (a[0] < -OVERFLOW * m.most) | (a[1] > OVERFLOW * m.most)
 
 
-def _endless(m: Any, mask: Number, a: Interval) -> Interval:
+def endless(m: Any, mask: Number, a: Interval) -> Interval:
     """Where something may be ∞, so may what small numbers make of it."""
     return m.where(mask & (a[0] < 0.0), -m.most, a[0]), m.where(mask & (a[1] > 0.0), m.most, a[1])
 
@@ -195,7 +191,7 @@ def interval(m: Any, op: int, a: Interval, b: Any = None, c: Any = None) -> Inte
             low, high = low * low, high * high
             m.unbounded(high > m.big)
             low, high = m.least(m.big, low), m.least(m.most, high)
-            return (high_of(m, down(m, low), 0.0 * low), up(m, high)) if m.lost else _outward(m, low, high)
+            return (high_of(m, down(m, low), 0.0 * low), up(m, high)) if m.lost else outward(m, low, high)
         case Op.CUBE:
             low, high = _bounded(m, a[0] * a[0] * a[0], a[1] * a[1] * a[1])
             return (down(m, low, 1), up(m, high, 1)) if m.lost else (low - abs(low) * (2.25 * m.unit), high + abs(high) * (2.25 * m.unit))
@@ -252,7 +248,7 @@ def fillet_slack(m: Any, a: Interval, b: Interval, radius: Interval) -> Number:
     return m.where((p > 0.0) & (q > 0.0), slack, 0.0 * slack)
 
 
-def _with(known: tuple[Number, Number], a: Any, b: Any) -> tuple[Any, ...]:
+def given(known: tuple[Number, Number], a: Any, b: Any) -> tuple[Any, ...]:
     return known[0], a, known[1], b
 
 
@@ -261,7 +257,7 @@ def _sqrt(m: Any, op: int, a: Interval, *_: Any) -> Interval:
     return _outside(m, a, a[0] < 0.0, a[1] < 0.0, (low, m.where(a[1] > m.big, m.most, up(m, m.sqrt(a[1])))))  # of ∞, too
 
 
-def _log(m: Any, op: int, a: Interval, *_: Any) -> Interval:
+def log(m: Any, op: int, a: Interval, *_: Any) -> Interval:
     m.unbounded(a[0] <= m.tiny)
     least = m.tiny + 0.0 * a[0]
     positive_low, positive_high = m.where(a[0] > m.tiny, a[0], least), m.where(a[1] > m.tiny, a[1], least)
@@ -346,7 +342,7 @@ def _angle(m: Any, op: int, y: Interval, x: Any, *_: Any) -> Interval:
 
 
 def _mod(m: Any, op: int, a: Interval, b: Any, *_: Any) -> Interval:
-    begin, end = _periods(m, a, b)
+    begin, end = periods(m, a, b)
     within = begin == end
     slack = (high_of(m, abs(a[0]), abs(a[1])) + high_of(m, abs(b[0]), abs(b[1]))) * (4.0 * m.unit)
     low, high = m.where(b[0] < 0.0, b[0], 0.0 * b[0]) - slack, m.where(b[1] > 0.0, b[1], 0.0 * b[1]) + slack
@@ -361,7 +357,7 @@ def _mod(m: Any, op: int, a: Interval, b: Any, *_: Any) -> Interval:
     return _defined(m, (bad, bad), (low, high))
 
 
-def _periods(m: Any, a: Interval, b: Interval) -> Interval:
+def periods(m: Any, a: Interval, b: Interval) -> Interval:
     """The numbers of the first and last period of b that a reaches; far apart where b may be 0."""
     corners = [p / q for p in a for q in b]
     u, v = low_of(m, low_of(m, *corners[:2]), low_of(m, *corners[2:])), high_of(m, high_of(m, *corners[:2]), high_of(m, *corners[2:]))
@@ -410,7 +406,7 @@ def _whole_power(m: Any, a: Interval, n: Number, size: Interval, first: Number, 
 
 def _noise(m: Any, op: int, *boxes: Any) -> Interval:
     """By the mean value: the slope within the box is that at its middle, give or take its bends."""
-    middle, half = _middles(m, boxes)
+    middle, half = middles(m, boxes)
     value, *ways = noise(m, *middle)
     reach = NOISE_CURVE * (half[0] + half[1] + half[2])
     span = sum((abs(way) + reach) * h for way, h in zip(ways, half, strict=True))
@@ -425,182 +421,12 @@ def _all_defined(m: Any, boxes: Any, found: Interval) -> Interval:
     return found
 
 
-def _middles(m: Any, boxes: Any) -> tuple[list[Number], list[Number]]:
+def middles(m: Any, boxes: Any) -> tuple[list[Number], list[Number]]:
     middle = [0.5 * (low + high) for low, high in boxes]
     return middle, [up(m, 0.5 * (high - low), 2) for low, high in boxes]
 
 
 _PARTIAL = {
-    Op.SQRT: _sqrt, Op.LOG: _log, Op.SIN: _wave, Op.COS: _wave, Op.TAN: _tan, Op.ASIN: _arc, Op.ACOS: _arc, Op.ATAN2: _angle,
+    Op.SQRT: _sqrt, Op.LOG: log, Op.SIN: _wave, Op.COS: _wave, Op.TAN: _tan, Op.ASIN: _arc, Op.ACOS: _arc, Op.ATAN2: _angle,
     Op.ANGLE: _angle, Op.MOD: _mod, Op.POWER: _power, Op.NOISE: _noise,
 }  # fmt: skip
-
-
-# --- bounds of slopes ---------------------------------------------------------------------------------------------------
-
-
-def slope_intervals(m: Any, op: int, boxes: list[Interval], value: Interval, turns: list[list[Interval]]) -> list[Interval]:
-    """Bounds of derivatives along several ways over boxes of operands; everything (±`m.most`) where the operation may jump."""
-    ways = range(len(turns[0]))
-    a = boxes[0]
-    match op:
-        case Op.COPY:
-            return turns[0]
-        case Op.ADD:
-            return [add(m, turns[0][k], turns[1][k]) for k in ways]
-        case Op.SUBTRACT:
-            return [subtract(m, turns[0][k], turns[1][k]) for k in ways]
-        case Op.NEGATE:
-            return [negate(d) for d in turns[0]]
-        case Op.MIN | Op.MAX:
-            return [either(m, *_with(choices(m, op, a, boxes[1]), turns[0][k], turns[1][k])) for k in ways]
-        case Op.CHOOSE:
-            first, second = chosen(m, a)
-            found = [either(m, first, turns[1][k], second, turns[2][k]) for k in ways]
-            return [_unless(m, first | second, d) for d in found]
-        case Op.FLOOR | Op.CEIL | Op.SIGN:
-            still = value[0] == value[1]
-            return [_unless(m, still, (0.0 * d[0], 0.0 * d[0])) for d in turns[0]]
-        case Op.MOD:
-            begin, end = _periods(m, a, boxes[1])
-            found = [subtract(m, turns[0][k], multiply(m, turns[1][k], (begin, begin))) for k in ways]
-            return [_unless(m, begin == end, d) for d in found]
-    partial = _partials(m, op, boxes, value)
-    return [_sum(m, [multiply(m, p, turns[n][k]) for n, p in enumerate(partial)]) for k in ways]
-
-
-def spread(m: Any, op: int, boxes: list[Interval], value: Interval, off: list[Number]) -> Number:
-    """How far an operation's result moves where its operands do by `off` at the most: bit for bit what slope_intervals says of slopes
-    −off … off, where none is infinite."""
-    match op:
-        case Op.COPY | Op.NEGATE:
-            return off[0]
-        case Op.ADD | Op.SUBTRACT:
-            return _spread_sum(m, off)
-        case Op.MIN | Op.MAX:
-            first, second = choices(m, op, boxes[0], boxes[1])
-            return m.where(first, off[0], m.where(second, off[1], high_of(m, *off)))
-        case Op.CHOOSE | Op.FLOOR | Op.CEIL | Op.SIGN | Op.MOD:
-            ((least, most),) = slope_intervals(m, op, boxes, value, [[(-e, e)] for e in off])
-            return high_of(m, abs(least), abs(most))
-    parts = []
-    for size, e in zip((high_of(m, abs(low), abs(high)) for low, high in _partials(m, op, boxes, value)), off, strict=True):
-        part = e * size
-        m.unbounded(part > m.big)
-        part = m.where(part > m.most, m.most, part)
-        rounded = up(m, part) if m.lost else part + part * (1.25 * m.unit)
-        parts.append(rounded if m.lost else _endless(m, (size > OVERFLOW * m.most) | (e > OVERFLOW * m.most), (rounded, rounded))[1])
-    return _spread_sum(m, parts)
-
-
-def _spread_sum(m: Any, parts: list[Number]) -> Number:
-    total = parts[0]
-    for part in parts[1:]:
-        total = total + part
-        total = total + total * (1.25 * m.unit)
-    return total
-
-
-def _sum(m: Any, parts: list[Interval]) -> Interval:
-    total = parts[0]
-    for part in parts[1:]:
-        total = add(m, total, part)
-    return total
-
-
-def _unless(m: Any, smooth: Number, slope: Interval) -> Interval:
-    """A slope, or everything where the operation may jump."""
-    m.unbounded(~smooth)
-    return m.where(smooth, slope[0], -m.most + 0.0 * slope[0]), m.where(smooth, slope[1], m.most + 0.0 * slope[1])
-
-
-def _partials(m: Any, op: int, boxes: list[Interval], value: Interval) -> list[Interval]:
-    """Bounds of an operation's partial derivatives by its operands."""
-    a = boxes[0]
-    one = 1.0 + 0.0 * a[0]
-    match op:
-        case Op.MULTIPLY:
-            return [boxes[1], a]
-        case Op.DIVIDE:
-            inverse = reciprocal(m, boxes[1])
-            return [inverse, multiply(m, negate(value), inverse)]
-        case Op.ABS:
-            up_, down_ = a[0] > 0.0, a[1] < 0.0
-            return [(m.where(up_, one, -one), m.where(down_, -one, one))]
-        case Op.SQUARE:
-            return [(a[0] + a[0], a[1] + a[1])]
-        case Op.CUBE:
-            low, high = interval(m, Op.SQUARE, a)
-            return [_outward(m, 3.0 * low, 3.0 * high)]
-        case Op.SQRT:
-            found = reciprocal(m, value)
-            return [(0.5 * found[0], 0.5 * found[1])]
-        case Op.HYPOT:
-            inverse = reciprocal(m, value, told=False)
-            return [_within_one(m, multiply(m, p, inverse), one) for p in boxes]
-        case Op.EXP:
-            return [value]
-        case Op.LOG:
-            return [reciprocal(m, a)]
-        case Op.SIN:
-            return [interval(m, Op.COS, a)]
-        case Op.COS:
-            return [negate(interval(m, Op.SIN, a))]
-        case Op.TAN:
-            smooth = (value[0] > -m.big) & (value[1] < m.big)  # over a pole it falls from ∞ to −∞, though it rises everywhere else
-            return [_unless(m, smooth, add(m, (one, one), interval(m, Op.SQUARE, value)))]
-        case Op.ATAN:
-            return [reciprocal(m, add(m, (one, one), interval(m, Op.SQUARE, a)))]
-        case Op.ASIN | Op.ACOS:
-            x, y = (m.where(p < -1.0, -one, m.where(p > 1.0, one, p)) for p in a)
-            rest = subtract(m, (one, one), interval(m, Op.SQUARE, (x, y)))
-            zero = 0.0 * one
-            root = m.sqrt(high_of(m, rest[0], zero)), m.sqrt(high_of(m, rest[1], zero))
-            found = reciprocal(m, (high_of(m, down(m, root[0]), zero), up(m, root[1])))
-            return [found if op == Op.ASIN else negate(found)]
-        case Op.POWER:
-            smooth = (a[0] > 0.0) | ((a[1] < 0.0) & (boxes[1][0] == boxes[1][1]))
-            by_base = multiply(m, boxes[1], multiply(m, value, reciprocal(m, (m.where(smooth, a[0], one), m.where(smooth, a[1], one)))))
-            safe = (m.where(a[0] > 0.0, a[0], one), m.where(a[0] > 0.0, a[1], one))
-            by_exponent = multiply(m, value, _log(m, Op.LOG, safe))
-            return [_unless(m, smooth, by_base), _unless(m, a[0] > 0.0, by_exponent)]
-        case Op.ATAN2 | Op.ANGLE:
-            y, x = boxes
-            inverse = reciprocal(m, add(m, interval(m, Op.SQUARE, y), interval(m, Op.SQUARE, x)))
-            found = [multiply(m, x, inverse), multiply(m, negate(y), inverse)]
-            if op == Op.ANGLE:
-                return found
-            cut = (y[0] < 0.0) & (y[1] >= 0.0) & (x[0] < 0.0)
-            return [_unless(m, ~cut, p) for p in found]
-        case Op.FILLET:
-            return _fillet_partials(m, boxes)
-        case Op.NOISE:
-            middle, half = _middles(m, boxes)
-            reach = NOISE_CURVE * (half[0] + half[1] + half[2]) + 64.0 * m.unit
-            return [(way - reach, way + reach) for way in noise(m, *middle)[1:]]
-    raise ValueError(op)
-
-
-def _fillet_partials(m: Any, boxes: list[Interval]) -> list[Interval]:
-    """Sine and cosine on the arc, 0 and 1 away from it; by the radius 1 less both."""
-    a, b, radius = boxes
-    first, second = choices(m, Op.FILLET, a, b, radius)
-    zero = 0.0 * a[0]
-    one = zero + 1.0
-    p, q = ((radius[0] - f[1], radius[1] - f[0]) for f in (a, b))  # how far below the radius
-
-    def share(mine: Interval, other: Interval, only: Number, never: Number) -> Interval:
-        most, least = high_of(m, other[1], zero), high_of(m, mine[1], zero)
-        low = mine[0] / m.sqrt(mine[0] * mine[0] + most * most)
-        high = least / m.sqrt(least * least + other[0] * other[0])
-        low = m.where((mine[0] > m.tiny) & ~never, low * (1.0 - 8.0 * m.unit), zero)
-        high = m.where((other[0] > m.tiny) & ~only, high * (1.0 + 8.0 * m.unit), one)
-        low, high = m.where(only, one, low), m.where(never, zero, high)
-        return m.where(low > zero, low, zero), m.where(high < one, high, one)
-
-    arc = (p[1] > 0.0) & (q[1] > 0.0)
-    return [share(p, q, first, second), share(q, p, second, first), (m.where(arc, -0.4142136 * one, zero), zero)]
-
-
-def _within_one(m: Any, a: Interval, one: Number) -> Interval:
-    return m.where(a[0] > -one, a[0], -one), m.where(a[1] < one, a[1], one)

@@ -72,6 +72,9 @@ class Files:
             resolved = Path(path).resolve()
         except (OSError, ValueError, RuntimeError):
             return False
+        return self._holds(resolved)
+
+    def _holds(self, resolved: Path) -> bool:
         return any(resolved.is_relative_to(folder) for folder in self._allowed)
 
     def _inside(self, name: str, folder: Path) -> Path:
@@ -83,7 +86,7 @@ class Files:
             path = (folder / name).resolve()
         except (OSError, RuntimeError):
             raise FileError(f"`{name}` leads round in a circle of links") from None
-        if not self.allows(path):
+        if not self._holds(path):
             raise FileError(f"`{name}` lies outside of the scene's folder", f"use --allow {path.parent} to let scenes read it")
         return path
 

@@ -27,7 +27,13 @@ I64 = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 
 
-class GeometryKind(IntEnum):
+class Kind(IntEnum):
+    """Numbers with names. Columns are compared with them: where nothing says how, numpy takes three times as long to find that out."""
+
+    __array_ufunc__ = np.ndarray.__array_ufunc__
+
+
+class GeometryKind(Kind):
     """What a geometry is, in its own frame. `parameters` hold the numbers named, in this order."""
 
     MESH = 0  # a range of triangles
@@ -47,7 +53,7 @@ class GeometryKind(IntEnum):
 PARAMETERS = 13  # columns of Geometries.parameters
 
 
-class Interpolation(IntEnum):
+class Interpolation(Kind):
     """How an attribute's values belong to a mesh; `first + index` is the value's row."""
 
     CONSTANT = 0  # one value
@@ -56,7 +62,7 @@ class Interpolation(IntEnum):
     CORNER = 3  # one a triangle corner: 3 · triangle + corner
 
 
-class MaterialModel(IntEnum):
+class MaterialModel(Kind):
     LAMBERT = 0
     PHONG = 1
     BLINN_PHONG = 2
@@ -69,13 +75,13 @@ class MaterialModel(IntEnum):
     BLEND = 9  # WEIGHT of the second of two materials, the rest of the first
 
 
-class Shading(IntEnum):
+class Shading(Kind):
     SMOOTH = 0  # normals interpolated, light computed at the point ("phong")
     GOURAUD = 1  # light computed at vertices, colours interpolated
     FLAT = 2  # the face's own normal
 
 
-class Slot(IntEnum):
+class Slot(Kind):
     """Material inputs that take a constant or a texture; the value is the column of Materials.textures."""
 
     AMBIENT = 0  # k_a, colour; of principled ones occlusion, a number
@@ -102,14 +108,14 @@ class Slot(IntEnum):
 SLOTS = len(Slot)
 
 
-class TextureKind(IntEnum):
+class TextureKind(Kind):
     IMAGE = 0
     CHECKER = 1
     STRIPES = 2
     FORMULA = 3  # a tape of the point in the thing's own frame: one result is grey, three are red, green and blue
 
 
-class Mapping_(IntEnum):
+class Mapping_(Kind):
     """How a surface point finds texture coordinates. p is the point in the geometry's own frame."""
 
     UV = 0  # the surface's own coordinates (mesh attribute, or the shape's parametrisation)
@@ -119,14 +125,14 @@ class Mapping_(IntEnum):
     NET = 4  # one picture of a box's unfolded net (a cross of 4 by 3 cells) on its six sides
 
 
-class Wrap(IntEnum):
+class Wrap(Kind):
     REPEAT = 0
     CLAMP = 1
     MIRROR = 2
     BLACK = 3
 
 
-class LightKind(IntEnum):
+class LightKind(Kind):
     POINT = 0
     SPOT = 1
     DIRECTIONAL = 2
@@ -139,26 +145,26 @@ class LightKind(IntEnum):
     SPHERE = 9
 
 
-class FalloffKind(IntEnum):
+class FalloffKind(Kind):
     INVERSE_SQUARE = 0
     POLYNOMIAL = 1  # 1 / (a + b d + c d²)
     RAMP = 2  # 1 up to a, then linear to 0 at b
 
 
-class Projection(IntEnum):
+class Projection(Kind):
     PERSPECTIVE = 0
     ORTHOGRAPHIC = 1
     PANORAMIC = 2  # all around: longitude across the picture, latitude down it
 
 
-class Fit(IntEnum):
+class Fit(Kind):
     """Which extent of a camera is kept when the picture's aspect differs from the film's."""
 
     VERTICAL = 0
     HORIZONTAL = 1
 
 
-class Visibility(IntEnum):
+class Visibility(Kind):
     """Bits of Instances.visible."""
 
     CAMERA = 1  # primary rays

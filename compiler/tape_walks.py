@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from .enclosures import Interval, interval, slope_intervals
+from .enclosures import Interval, interval
+from .slope_bounds import slope_intervals
 from .tape_points import NumpyMath, point, slopes
 from .tapes import Tape, arity
 

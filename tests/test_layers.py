@@ -30,6 +30,7 @@ RENDER_READS = {
     "compiler.operations",
     "compiler.tape_points",
     "compiler.enclosures",
+    "compiler.slope_bounds",
     "compiler.tape_walks",
     "compiler.closed_forms",  # solids of planes, quadrics and tori among them
     "compiler.contour",  # their surfaces as triangles

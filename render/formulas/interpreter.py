@@ -19,7 +19,7 @@ from typing import Any
 import llvmlite.binding as llvm
 from llvmlite import ir
 
-from ...compiler import enclosures, operations, tape_points, tapes
+from ...compiler import enclosures, operations, slope_bounds, tape_points, tapes
 from ...compiler.tapes import Op, arity
 from .. import ahead, kernels, machine
 from ..simd.value import I64
@@ -152,7 +152,7 @@ def _sources() -> str:
     here = Path(__file__).resolve().parent
     emitting = [path for folder in (here, here.parent / "simd") for path in sorted(folder.glob("*.py"))]
     digest = hashlib.sha256(f"{LANES}".encode())
-    for path in (*(Path(str(module.__file__)) for module in (tapes, operations, tape_points, enclosures)), *emitting):
+    for path in (*(Path(str(module.__file__)) for module in (tapes, operations, tape_points, enclosures, slope_bounds)), *emitting):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 

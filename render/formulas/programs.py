@@ -21,7 +21,7 @@ from typing import Any
 
 from llvmlite import ir
 
-from ...compiler import enclosures, tape_points
+from ...compiler import enclosures, slope_bounds, tape_points
 from ...compiler.operations import CHOICES, Op
 from ..simd.value import I64, Value
 from .vectors import DOUBLE, SINGLE, Form, VectorMath
@@ -99,8 +99,8 @@ def _spans(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
     u = 0.5 * m.unit
     off = [p[4] + enclosures.high_of(m, abs(p[0]), abs(p[1])) * u for p in given]
     value = enclosures.interval(m, op, *operands)
-    (slope,) = enclosures.slope_intervals(m, op, operands, value, [[(p[2], p[3])] for p in given])
-    found = enclosures.spread(m, op, operands, value, off)
+    (slope,) = slope_bounds.slope_intervals(m, op, operands, value, [[(p[2], p[3])] for p in given])
+    found = slope_bounds.spread(m, op, operands, value, off)
     if op == Op.SQRT:
         found = enclosures.low_of(m, found, m.sqrt(off[0]))
     size = enclosures.high_of(m, abs(value[0]), abs(value[1]))
@@ -138,7 +138,7 @@ def _sloped(m: VectorMath, op: Op, given: list[Parts], ways: int) -> Parts:
     operands = [(p[0], p[1]) for p in given]
     value = enclosures.interval(m, op, *operands)
     turns = [[(p[2 + 2 * k], p[3 + 2 * k]) for k in range(ways)] for p in given]
-    slopes = enclosures.slope_intervals(m, op, operands, value, turns)
+    slopes = slope_bounds.slope_intervals(m, op, operands, value, turns)
     return [*value, *(bound for slope in slopes for bound in slope)]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from maquette.compiler import enclosures, extent, tape_walks
+from maquette.compiler import enclosures, extent, slope_bounds, tape_walks
 from maquette.compiler.tape_points import NumpyMath
 from maquette.compiler.tapes import Builder, Op, Tape, Unfit, arity, surface
 from maquette.lang import formula as formulas
@@ -215,8 +215,8 @@ def test_an_operation_spreads_what_it_is_given_as_its_slopes_say(op):
     m = NumpyMath((BOXES,))
     with np.errstate(all="ignore"):
         value = enclosures.interval(m, op, *boxes)
-        ((least, most),) = enclosures.slope_intervals(m, op, boxes, value, [[(-e, e)] for e in off])
-        found = enclosures.spread(m, op, boxes, value, off)
+        ((least, most),) = slope_bounds.slope_intervals(m, op, boxes, value, [[(-e, e)] for e in off])
+        found = slope_bounds.spread(m, op, boxes, value, off)
     np.testing.assert_array_equal(found, np.maximum(np.abs(least), np.abs(most)))
 
 

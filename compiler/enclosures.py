@@ -316,7 +316,7 @@ def _arc(m: Any, op: int, a: Interval, *_: Any) -> Interval:
 
 def _angle(m: Any, op: int, y: Interval, x: Any, *_: Any) -> Interval:
     """The angle of a box: of its corners, unless it holds the origin, or crosses the cut of atan2; then all angles, or, where the cut does
-    not matter, those from its upper edge on to its lower one."""
+    not matter, those from its upper edge on to its lower one. Of what is flat, y = 0 alone, it jumps from π to 0 where x does not."""
     across = (y[0] <= 0.0) & (y[1] >= 0.0)  # + 0.0 below: −0 counts as 0
     corners = [m.atan2(p + 0.0, q + 0.0) for p in y for q in x]
     low = low_of(m, low_of(m, corners[0], corners[1]), low_of(m, corners[2], corners[3]))
@@ -325,18 +325,21 @@ def _angle(m: Any, op: int, y: Interval, x: Any, *_: Any) -> Interval:
     cut, middle = across & (x[0] < 0.0), across & (x[0] <= 0.0) & (x[1] >= 0.0)
     if op == Op.ATAN2:
         cut = cut & (y[0] < 0.0)  # on the cut itself it is π
-    half = math.pi + 0.0 * low
+    zero = 0.0 * low
+    half = math.pi + zero
+    flat = (y[0] == 0.0) & (y[1] == 0.0) & (x[0] < 0.0) & (x[1] >= 0.0)
     if op == Op.ANGLE:  # the box lies left of the origin: its upper corners, and its lower ones one turn on
         top = high_of(m, y[1], 0.0 * y[1]) + 0.0
         upper = low_of(m, m.atan2(top, x[0]), m.atan2(top, x[1]))
         lower = high_of(m, -m.atan2(-y[0], x[0]), -m.atan2(-y[0], x[1])) + turn
         low, high = m.where(cut, m.where(y[0] < 0.0, upper, low), low), m.where(cut & (y[0] < 0.0), lower, high)
-        low, high = m.where(middle, -half, low), m.where(middle, half, high)
+        whole = m.where(middle, -half, low), m.where(middle, half, high)
+        low, high = one_side(m, flat, (half, half), (zero, zero), whole)
     else:
         above, below = (low_of(m, p, q) for p, q in ((corners[2], corners[3]), (-corners[0], -corners[1])))
-        whole = m.where(cut | middle, -half, low), m.where(cut | middle, half, high)
-        once = cut & (x[1] < 0.0)
-        low, high = one_side(m, once, (above, half), (-half, -below), whole)
+        whole = m.where(cut | middle, m.where(flat, zero, -half), low), m.where(cut | middle, half, high)
+        one, other = (m.where(flat, half, above), half), (m.where(flat, zero, -half), m.where(flat, zero, -below))
+        low, high = one_side(m, flat | (cut & (x[1] < 0.0)), one, other, whole)
     bad = m.where(x[0] == x[0], y[0], x[0])
     return _defined(m, (bad, bad), (down(m, low, ULPS), up(m, high, ULPS)))
 

@@ -1,4 +1,4 @@
-"""Quotients of what is 0 at the same place: x · y / x, |x| / x and sin(x) / x.
+"""Quotients of what is 0 at the same place: x · y / x, |x| / x and sin(x) / x; and remainders, as of 3 x by x.
 
 Bounds of 0 / 0 are everything, however short the piece of a ray, so that none that passes there could be proved. What both sides have for
 a factor goes, where it is 0 at places alone; of a sine over its angle it is known how near to 1 it stays.
@@ -40,6 +40,17 @@ def divided(b: Builder, over: int, under: int) -> int:
     for name in found:
         top = b.multiply(top, name)
     return b.op(Op.DIVIDE, top, _product(b, below))
+
+
+def remaindered(b: Builder, over: int, under: int) -> int:
+    """over modulo under: what both have for a factor goes before it, f p − f q ⌊f p / (f q)⌋ = f (p − q ⌊p / q⌋)."""
+    above, below = _factors(b, over), _factors(b, under)
+    both = {name: min(count, below[name]) for name, count in above.items() if name >= 0 and name in below and is_smooth(b, name)}
+    if not both:
+        return b.op(Op.MOD, over, under)
+    for name, count in both.items():
+        above[name], below[name] = above[name] - count, below[name] - count
+    return b.multiply(_product(b, both), b.op(Op.MOD, _product(b, above), _product(b, below)))
 
 
 def _cancelled(b: Builder, above: Factors, below: Factors, found: list[int]) -> None:

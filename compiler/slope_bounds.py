@@ -163,10 +163,10 @@ def _partials(m: Any, op: int, boxes: list[Interval], value: Interval) -> list[I
             y, x = boxes
             inverse = reciprocal(m, add(m, interval(m, Op.SQUARE, y), interval(m, Op.SQUARE, x)))
             found = [multiply(m, x, inverse), multiply(m, negate(y), inverse)]
-            if op == Op.ANGLE:
-                return found
-            cut = (y[0] < 0.0) & (y[1] >= 0.0) & (x[0] < 0.0)
-            return [_unless(m, ~cut, p) for p in found]
+            jumps = (y[0] <= 0.0) & (y[1] >= 0.0) & (x[0] <= 0.0) & (x[1] >= 0.0)  # at the origin, even where y is 0 alone
+            if op == Op.ATAN2:
+                jumps = jumps | ((y[0] < 0.0) & (y[1] >= 0.0) & (x[0] < 0.0))
+            return [_unless(m, ~jumps, p) for p in found]
         case Op.FILLET:
             return _fillet_partials(m, boxes)
         case Op.NOISE:

@@ -398,6 +398,8 @@ class _Reader:
             return b.power(*names)
         if node.op == "divide":
             return quotients.divided(b, *names)
+        if node.op == "mod":
+            return quotients.remaindered(b, *names)
         if node.op == "round":
             return b.op(Op.FLOOR, b.shifted(names[0], 0.5))
         if node.op == "noise":

@@ -120,7 +120,7 @@ def _atan2(context: Context, y: Value, x: Value) -> Value:
     if has_term(_scalar(y), _scalar(x, 1)):
         return record("atan2", y, x)
     a, b, _ = unify(y, x, context, "compare")
-    return units.quantity(math.atan2(a, b), units.ANGLE)
+    return units.quantity(OPERATIONS["atan2"](a, b), units.ANGLE)
 
 
 def _on_plain(name: str, doc: str) -> None:

@@ -25,6 +25,16 @@ def round_half_up(a: float) -> float:
     return float(math.floor(a + 0.5))
 
 
+def modulo(a: float, b: float) -> float:
+    """a − b·⌊a/b⌋ as surfaces have it: mod(1, 0.1) is 0, where the remainder of the exact binary numbers would be nearly 0.1."""
+    turns = a / b
+    return a - b * math.floor(turns) if math.isfinite(turns) else a % b
+
+
+def angle(y: float, x: float) -> float:
+    return math.atan2(y + 0.0, x + 0.0)  # −0 is 0
+
+
 # Every operation a formula can hold, on plain numbers and truth values. They raise where they are not defined.
 OPERATIONS: dict[str, Callable[..., Any]] = {
     "add": operator.add,
@@ -43,14 +53,14 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
     "asin": math.asin,
     "acos": math.acos,
     "atan": math.atan,
-    "atan2": math.atan2,
+    "atan2": angle,
     "hypot": math.hypot,
     "min": min,
     "max": max,
     "floor": lambda a: float(math.floor(a)),
     "ceil": lambda a: float(math.ceil(a)),
     "round": round_half_up,
-    "mod": operator.mod,  # with the sign of the divisor: a − b·⌊a/b⌋
+    "mod": modulo,
     "sign": sign,
     "noise": noise,
     "less": operator.lt,

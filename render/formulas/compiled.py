@@ -6,6 +6,7 @@ table: another number needs no other code.
 
 from __future__ import annotations
 
+import atexit
 import threading
 import time
 import weakref
@@ -34,7 +35,11 @@ RECENT = 16  # formulas whose code is kept though no table has its address: each
 _engines: weakref.WeakValueDictionary[bytes, Any] = weakref.WeakValueDictionary()  # all that are in use, or recent
 _recent: OrderedDict[bytes, Any] = OrderedDict()
 _waiting: dict[bytes, list[tuple[weakref.ref[NDArray[np.int64]], int]]] = {}
-_lock, _hurry = threading.Lock(), threading.Event()
+_lock, _hurry, _closing = threading.Lock(), threading.Event(), threading.Event()
+
+
+class _Ended(Exception):
+    """The process ends."""
 
 
 def addresses(tapes: list[Tape | None]) -> NDArray[np.int64]:
@@ -83,7 +88,10 @@ def _compile(tape: Tape, key: bytes) -> None:
         if not any(table() is not None for table, _ in _waiting[key]):  # it was changed again meanwhile
             del _waiting[key]
             return
-    engine = engine_of(tape)
+    try:
+        engine = engine_of(tape)
+    except _Ended:
+        return
     with _lock:
         _engines[key] = engine
         for there, row in _waiting.pop(key):
@@ -99,6 +107,13 @@ def finish() -> None:
         if thread.name == "formula":
             thread.join()
     _hurry.clear()
+
+
+@atexit.register
+def _end() -> None:
+    """Let no thread be in LLVM when that is taken down: the process would be aborted."""
+    _closing.set()
+    finish()
 
 
 def engine_of(tape: Tape) -> Any:
@@ -161,6 +176,8 @@ def _result(tape: Tape, program: str, m: VectorMath, given: list[Any], constant:
         return values[name] if name >= 0 else constant(~name)
 
     for op, *operands in tape.code.tolist():
+        if _closing.is_set():
+            raise _Ended
         time.sleep(0)  # lets others go on: a picture is being drawn meanwhile
         values.append(EMITTERS[program](m, Op(op), [named(name) for name in operands[: arity(op)]], ir.Constant(I64, 0)))
     return named(tape.results[0])

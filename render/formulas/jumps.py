@@ -25,7 +25,7 @@ ENDING = (Op.SQRT, Op.LOG, Op.POWER, Op.ASIN, Op.ACOS)
 NEVER, JUMPS, ENDS = 0, 1, 2  # what a tape may do
 SPACE = 2.0**-40  # of the largest coordinate, between a ray's places
 HALVINGS = 13  # of the space between two of them
-WIDER, MORE = 2.0**-16, 37  # where a root is farther from where it was looked for
+WIDER, TIMES = 256.0, 3  # where a root is farther from where it was looked for: by how much more space, and how often
 FARTHEST = 256.0  # times the largest coordinate: rays that come from farther away are not told apart so finely
 LEAST = 2.0**-30  # of slope times largest coordinate: a change of the value over the last of these halves that is a jump
 BESIDE, REACH, TURNS = 2.0**-20, 32.0, 33  # rays beside: how far away, how far up and down they are followed, and in how many halvings
@@ -56,9 +56,13 @@ def face(forms, k, memory, o, d, at, inside, gradient, off, mask):
     reach = forms.numbers[k, 13]
     mask = mask & (at < FARTHEST * reach)
     low, high, found = _between_places(forms, k, memory, o, d, at, inside, SPACE * reach, HALVINGS, mask)
-    missing = mask & lanes.not_(found)
-    if lanes.any_lane(missing):  # single precision may have seen the sign change this far off
-        _, near, held = _between_places(forms, k, memory, o, d, at, inside, WIDER * reach, MORE, missing)
+    space, turns = SPACE * reach, HALVINGS
+    for _ in range(TIMES):  # single precision may have seen the sign change this far off; where roots are dense, there are nearer ones
+        missing = mask & lanes.not_(found)
+        if not lanes.any_lane(missing):
+            break
+        space, turns = WIDER * space, turns + 8
+        _, near, held = _between_places(forms, k, memory, o, d, at, inside, space, turns, missing)
         again_low, again_high, again = _between_places(forms, k, memory, o, d, near, inside, SPACE * reach, HALVINGS, held)
         low, high, found = lanes.where(again, again_low, low), lanes.where(again, again_high, high), found | again
     at = lanes.where(found, high, at)

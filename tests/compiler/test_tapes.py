@@ -341,12 +341,15 @@ def test_one_that_does_not_is_not(relation):
         ("max(x, 0) / max(x, 0) <= z", None),
         ("sqrt(x) * y / sqrt(x) <= z", None),
         ("1 / x <= z", None),
+        ("mod(5 * x * y, x) <= z", "x * mod(5 * y, 1) <= z"),
+        ("mod(2 * x, x^2) <= z", "x * mod(2, x) <= z"),
+        ("mod(x, max(x, 0)) <= z", None),
     ],
 )
 def test_factors_of_both_sides_of_a_quotient_go_where_they_are_0_at_places_alone(relation, same):
     tape = tape_of(relation)[0]
     if same is None:
-        assert Op.DIVIDE in tape.code[:, 0]
+        assert {Op.DIVIDE, Op.MOD} & set(tape.code[:, 0].tolist())
     else:
         assert tape.structure() == tape_of(same)[0].structure()
 

@@ -45,6 +45,8 @@ from .evaluating import elements, mistake, run, unhurried, value
         ("round(2.5)", 3),
         ("round(-2.5)", -2),
         ("mod(-1, 3)", 2),
+        ("mod(1, 0.1)", 0),
+        ("atan2(-0, -1) > 0rad", True),
         ("sign(-2)", -1),
         ("pow(2, 10)", 1024),
         ("dot([1, 2, 3], [4, 5, 6])", 32),

@@ -29,7 +29,8 @@ def _noise(*point: Any) -> Any:
 
 NAMES = {
     "abs": np.abs, "sqrt": np.sqrt, "exp": np.exp, "log": np.log, "sin": np.sin, "cos": np.cos, "tan": np.tan, "asin": np.arcsin,
-    "acos": np.arccos, "atan2": np.arctan2, "floor": np.floor, "ceil": np.ceil, "sign": np.sign, "noise": _noise, "pi": np.pi,
+    "acos": np.arccos, "atan2": lambda y, x: np.arctan2(y + 0.0, x + 0.0),  # −0 is 0
+    "floor": np.floor, "ceil": np.ceil, "sign": np.sign, "noise": _noise, "pi": np.pi,
     "hypot": lambda *numbers: np.sqrt(sum(x * x for x in numbers)), "min": _folded(np.fmin), "max": _folded(np.maximum),
     "mod": lambda a, b: a - b * np.floor(a / b), "round": lambda a: np.floor(a + 0.5),
 }  # fmt: skip

@@ -38,6 +38,7 @@ HERE = Path(__file__).resolve().parent
 def section(quick: bool, effort: Effort) -> report.Section:
     """Measure everything that threads share."""
     peers = Peers()
+    effort = effort if quick else replace(effort, rounds=31, fewest=7, seconds=5.0)  # of what takes milliseconds seven rounds are chance
     found = report.Section("threads", "Two threads", TEXT)
     for title, cases in (("Arithmetic", arithmetic(quick)), ("Frames", frames(quick)), ("Rays", pictures(quick)), ("Trees", trees(quick))):
         results = []

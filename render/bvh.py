@@ -110,15 +110,17 @@ def build(
     tight.tighten(boxes, still, meshes, root, *frames(tables), SLACK)
     inside = np.flatnonzero(plain & bounded).astype(np.int32)
     large = inside[top.too_large(boxes[inside])]
-    bounded[large] = False
-    inside = np.flatnonzero(plain & bounded).astype(np.int32)
+    if len(large):
+        bounded[large] = False
+        inside = np.flatnonzero(plain & bounded).astype(np.int32)
     rows = simd.aligned_empty((len(kind), PLACED), np.int64)
     found = forms.of(tables, closed, threads)
     primed = plain & (kind == FORMULA) & forms.have_cells(found)[instances.geometry]
     primed &= instances.visible & CAMERA != 0
     rest = ((CAMERA, CAMERA_REST), (SHADOW, SHADOW_REST))
     visible = instances.visible + sum(np.where((instances.visible & bit != 0) & ~primed, more, 0) for bit, more in rest)
-    rows[:, :5], rows[:, 5:] = np.stack([visible, instances.transform, instances.geometry, kind, root], axis=1), 0
+    for k, column in enumerate((visible, instances.transform, instances.geometry, kind, root, 0, 0, 0)):
+        rows[:, k] = column
     endless = np.flatnonzero(plain & ~bounded).astype(np.int32)
     aside = _aside(tables, boxes, drawable & ~plain, bounded, partial, moves and bool(moving.any()), threads)
     only = int(inside[0]) if len(inside) == 1 else -1
@@ -231,4 +233,5 @@ def mesh_trees(
 def local_bounds(tables: ir.Tables, fine: NDArray[np.float64]) -> NDArray[np.float64]:
     """(geometries, 8) as Bvh.boxes."""
     low, high = (tables.geometries.bounds[:, k] - tables.geometries.origin for k in range(2))
-    return np.stack([*low.T, *high.T, fine, np.maximum(np.abs(low), np.abs(high)).max(axis=1)], axis=1)
+    most = np.maximum(np.abs(low), np.abs(high)).max(axis=1)
+    return np.concatenate([low, high, fine[:, None], most[:, None]], axis=1)

@@ -27,8 +27,8 @@ COUNT = 7  # column that holds how many items a box is of: 1
 TAG = 0x40000000  # set in those bits: small integers are denormal floats, which are slow
 _GRAIN = 32  # parts of at least this many, so that threads come out even
 LEAF = -2
-_SAMPLES = 1 << 15  # items that are enough to find a plane by
-_SMALL = 4096  # items that are not worth a thread
+_SAMPLES = 1 << 13  # items that are enough to find a plane by
+_SMALL = 8192  # items that are not worth a thread
 DEEPEST = 48  # below this level nodes are halved, so that no tree is much deeper
 _LATER = 0.01  # cost of an item that fills up a block, against that of the block
 
@@ -52,7 +52,7 @@ class Part(NamedTuple):
     """A node and all below it, for one thread."""
 
     root: int
-    free: int  # where its halves, their halves and so on have room, all that many places
+    free: int  # where its halves, their halves and so on have room, all that many places; until then, the node's span stands there
 
 
 def most_of(n: int) -> int:
@@ -60,31 +60,39 @@ def most_of(n: int) -> int:
     return min(n, max(n // _GRAIN, _SMALL))
 
 
+def around(items: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(2, 8) the box around items (n, 8), and their span: the box around their middles, doubled."""
+    middles = items[:, :4] - items[:, 4:]
+    return np.stack([items.min(axis=0), np.concatenate([middles, -middles], axis=1).min(axis=0)])
+
+
 def build(
     items: NDArray[np.float32], around: NDArray[np.float32], width: int, step: float, by: Workers, then: Callable[[Halves, Part], Any]
 ) -> tuple[Halves, list[tuple[Part, Any]]]:
-    """The tree over items (n, 8) with the box `around` them, which are sorted in place; its parts, and what `then` makes of each.
+    """The tree over items (n, 8), which are sorted in place, with what is `around` them; its parts, and what `then` makes of each.
 
     A leaf of up to `width` items costs one test; a step down costs `step` of that. Parts are grown and taken further by threads.
     """
     n = len(items)
     tree = Halves(items, simd.paged_empty((2 * n, 8), np.float32), *simd.paged_empty((3, 2 * n), np.int32))
-    aside = simd.paged_empty((n, 8), np.float32)
-    tree.boxes[0] = around
+    tree.boxes[:2] = around
     tree.first[0], tree.count[0] = 0, n
     most = most_of(n)
     parts: list[tuple[Part, Any]] = []
 
     def divide(part: Part) -> tuple[Part, ...]:
         if tree.count[part.root] <= most:
-            grow(*tree, aside, *part, width, step, False)
+            grow(*tree, *part, width, step, False)
             parts.append((part, then(tree, part)))
             return ()
-        grow(*tree, aside, *part, width, step, True)
+        grow(*tree, *part, width, step, True)
         second = int(tree.second[part.root])
         return Part(second - 1, part.free), Part(second, second + 1)
 
-    by.spread(divide, Part(0, 1), lambda part: int(tree.count[part.root]))
+    if n <= most:
+        divide(Part(0, 1))
+    else:
+        by.spread(divide, Part(0, 1), lambda part: int(tree.count[part.root]), most)
     return tree, sorted(parts, key=lambda made: made[0])
 
 
@@ -114,19 +122,19 @@ def _joined(a: Lane, b: Lane) -> Lane:
 
 
 @kernel
-def grow(items, boxes, second, first, count, aside, root, free, width, step, once):
+def grow(items, boxes, second, first, count, root, free, width, step, once):
     """Divide the node `root` and, unless `once`, all below it, side by side from the place `free` on.
 
-    `aside` has as much room as there are items. With `once`, its halves stand so that the first one has room before them, the
-    second one behind.
+    With `once`, its halves stand so that the first one has room before them, the second one behind. `free` is where its span stands,
+    and then those of its halves.
     """
     stack = simd.stack_array(np.int32, 256)
     bins = simd.stack_array(np.float32, _ROOM)
     left, before = simd.stack_array(np.float32, BINS), simd.stack_array(np.float32, BINS)
-    spans = simd.stack_array(np.float32, 1024)  # of middles, a row of eight for each two numbers of the stack
+    spans = simd.stack_array(np.float32, 1024)  # for each two numbers of the stack
     simd.write(stack, 0, root)
     simd.write(stack, 1, 0)
-    simd.store(spans, 0, _span(items, np.int64(first[root]), np.int64(first[root]) + np.int64(count[root])))
+    simd.store(spans, 0, simd.load(boxes, free * 8, 8))
     top = 2
     while top > 0:
         top -= 2
@@ -135,7 +143,8 @@ def grow(items, boxes, second, first, count, aside, root, free, width, step, onc
         second[node] = 0
         if n == 1 or (n <= width and _areas(items, begin, n) >= half_area(simd.load(boxes, node * 8, 8))):
             continue  # what fills its box as well as a surface does is not worth a closer look
-        low, size = simd.load(spans, 4 * top, 4), simd.load(spans, 4 * top + 4, 4) - simd.load(spans, 4 * top, 4)
+        low = simd.load(spans, 4 * top, 4)
+        size = simd.f32x4(0.0) - low - simd.load(spans, 4 * top + 4, 4)
         used = BINS if n > BINS else max(4, min(BINS, n + (n >> 1)))
         scale = simd.f32x4(np.float32(used) * np.float32(0.9999)) / simd.maximum(size, simd.f32x4(1e-30))
         plane, axis, stride = -1, 0, max(1, n // _SAMPLES)
@@ -149,18 +158,19 @@ def grow(items, boxes, second, first, count, aside, root, free, width, step, onc
             one, other = _enclosing(items, begin, middle), _enclosing(items, middle, begin + n)
             inner, outer = _span(items, begin, middle), _span(items, middle, begin + n)
         else:
-            middle, inner, outer = _sort(items, begin, n, axis, simd.lane(low, axis), simd.lane(scale, axis), plane, aside)
-            one, other = _enclosing(bins, axis * used, axis * used + plane), _enclosing(bins, axis * used + plane, (axis + 1) * used)
-            if stride > 1:
-                one, other = _enclosing(items, begin, middle), _enclosing(items, middle, begin + n)
+            middle, one, other, inner, outer = _sort(items, begin, n, axis, simd.lane(low, axis), simd.lane(scale, axis), plane)
         a = free + 2 * (middle - begin) - 2 if once else free
-        b, free = a + 1, free + 2
+        b, free_first, free = a + 1, free, a + 2
         simd.store(boxes, a * 8, one)
         simd.store(boxes, b * 8, other)
         second[node] = b
         first[a], count[a], first[b], count[b] = begin, middle - begin, middle, begin + n - middle
         second[a], second[b] = 0, 0
         if once:
+            if middle > begin + 1:
+                simd.store(boxes, free_first * 8, inner)
+            if middle < begin + n - 1:
+                simd.store(boxes, free * 8, outer)
             return
         larger, smaller = a, b  # the smaller one next: the stack stays below 32
         if count[b] > count[a]:
@@ -205,37 +215,39 @@ def _divide(
 
 
 @helper
-def _sort(items: Any, begin: int, n: int, axis: int, base: Any, factor: Any, plane: int, aside: Any) -> tuple[Any, Lane, Lane]:
-    """Bring the items of bins before `plane` to the front, in their order, without a branch; where the others begin, and both spans."""
-    first, others = np.int64(begin), np.int64(0)
-    low, high = simd.f32x4(np.inf), simd.f32x4(-np.inf)
+def _sort(items: Any, begin: int, n: int, axis: int, base: Any, factor: Any, plane: int) -> tuple[Any, Lane, Lane, Lane, Lane]:
+    """Bring the items of bins before `plane` to the front, without a branch; where the others begin, and both boxes and spans.
+
+    Each item changes places with the first of the others, and stays there if it is to be in front.
+    """
+    first = np.int64(begin)
+    none = simd.f32x8(np.inf)
+    one, other, inner, outer = none, none, none, none
     for i in range(begin, begin + n):
         box, front = simd.load(items, i * 8, 8), np.int64(_bin(items, i, axis, base, factor) < plane)
-        simd.store(items, first * 8, box)  # over one that has its place already, or itself
-        simd.store(aside, (begin + others) * 8, box)
-        first, others = first + front, others + 1 - front
-        middle = simd.low_half(box) - simd.high_half(box)
-        mine = simd.mask_from_bits(-front, middle)
-        low, high = simd.select(mine, simd.minimum(low, middle), low), simd.select(mine, simd.maximum(high, middle), high)
-    inner = simd.joined(low, high)
-    low, high = simd.f32x4(np.inf), simd.f32x4(-np.inf)
-    for k in range(others):
-        box = simd.load(aside, (begin + k) * 8, 8)
-        simd.store(items, (first + k) * 8, box)
-        middle = simd.low_half(box) - simd.high_half(box)
-        low, high = simd.minimum(low, middle), simd.maximum(high, middle)
-    return first, inner, simd.joined(low, high)
+        simd.store(items, i * 8, simd.load(items, first * 8, 8))
+        simd.store(items, first * 8, box)
+        first += front
+        middle, mine = middle_of(box), simd.mask_from_bits(-front, box)
+        one, inner = simd.select(mine, simd.minimum(one, box), one), simd.select(mine, simd.minimum(inner, middle), inner)
+        other, outer = simd.select(mine, other, simd.minimum(other, box)), simd.select(mine, outer, simd.minimum(outer, middle))
+    return first, one, other, inner, outer
 
 
 @helper
 def _span(items: Any, begin: int, end: int) -> Lane:
-    """The lowest and highest of the items' middles, doubled."""
-    low, high = simd.f32x4(np.inf), simd.f32x4(-np.inf)
+    """The box around the middles of items begin … end, doubled."""
+    span = simd.f32x8(np.inf)
     for i in range(begin, end):
-        box = simd.load(items, i * 8, 8)
-        middle = simd.low_half(box) - simd.high_half(box)
-        low, high = simd.minimum(low, middle), simd.maximum(high, middle)
-    return simd.joined(low, high)
+        span = simd.minimum(span, middle_of(simd.load(items, i * 8, 8)))
+    return span
+
+
+@helper
+def middle_of(box: Lane) -> Lane:
+    """A box's middle, doubled, as a box."""
+    middle = simd.low_half(box) - simd.high_half(box)
+    return simd.joined(middle, simd.f32x4(0.0) - middle)
 
 
 @helper

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import struct
 from collections.abc import Callable
 from typing import Any
 
@@ -35,6 +36,7 @@ from numba.np.arrayobj import make_array, populate_array
 from .kernels import HELPER
 
 WORD = 8  # bytes
+_BITS, _FLOAT = struct.Struct("q"), struct.Struct("d")
 
 # A layout describes a packed tuple: ((name, word, what), …), `what` being a layout, ("array", dtype, row shape), ("handle", type), or
 # "int", "float" or "bool".
@@ -47,16 +49,10 @@ class Handle:
     __slots__ = ("_block", "_numba_type_", "address", "tables")  # Numba looks for its type under that name, and knows it at once
 
     def __init__(self, tables: Any) -> None:
-        words: list[int | float] = []
+        words: list[int] = []
         layout = _pack(tables, words)
         self.tables = tables
-        self._block = np.zeros(max(len(words), 1), np.int64)
-        floats = self._block.view(np.float64)
-        for k, word in enumerate(words):
-            if isinstance(word, float):
-                floats[k] = word
-            else:
-                self._block[k] = word
+        self._block = np.array(words or [0], np.int64)
         self.address = int(self._block.ctypes.data)
         self._numba_type_ = _type_of(layout)
 
@@ -91,7 +87,7 @@ class Handle:
         self.tables = self.tables._replace(**{name: other})
 
 
-def _pack(value: Any, words: list[int | float]) -> Layout:
+def _pack(value: Any, words: list[int]) -> Layout:
     """Append the words of a NamedTuple; its layout, places counting from the block's start."""
     layout = []
     for name, item in zip(value._fields, value, strict=True):
@@ -108,7 +104,7 @@ def _pack(value: Any, words: list[int | float]) -> Layout:
         else:
             kind = "bool" if isinstance(item, bool | np.bool_) else "int" if isinstance(item, int | np.integer) else "float"
             layout.append((name, len(words), kind))
-            words.append(float(item) if kind == "float" else int(item))
+            words.append(_BITS.unpack(_FLOAT.pack(item))[0] if kind == "float" else int(item))
     return tuple(layout)
 
 
@@ -131,6 +127,7 @@ class HandleType(types.Type):
 _type_of = functools.cache(HandleType)  # naming one takes longer than packing it
 
 
+@functools.cache
 def marked(kind: HandleType, *marks: str) -> HandleType:
     """The same block under a type that tells more of what is in it, as fields without words.
 

@@ -29,6 +29,8 @@ def tighten(
     Of instance i in `which` the mesh's tree has its root at roots[i], and stands at origins[i] (instances, 3) in the frame that
     matrices[i] (instances, 3, 4) brings to the world; what is found grows by `slack` of its coordinates.
     """
+    if len(which) < SOME:
+        return
     turned = which[np.count_nonzero(matrices[which, :, :3], axis=(1, 2)) > 3]
     if len(turned) >= SOME:
         shrink(boxes, turned, tree.nodes, tree.links, roots, origins, matrices, slack)

@@ -7,6 +7,7 @@ things, the few that make the scene so wide stay outside of the tree (`too_large
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -72,7 +73,7 @@ def _links(boxes: NDArray[np.float64], threads: int) -> NDArray[np.int32]:
     items[:, :3], items[:, 4:7], items[:, halves.COUNT] = (low - middle) / size, (middle - high) / size, 1.0
     items.view(np.int32)[:, halves.NUMBER] = np.arange(len(boxes)) | halves.TAG
     by = Workers(1 if len(boxes) < _MANY else threads or machine.cores())
-    return wide.links(items, items.min(axis=0), by)
+    return wide.links(items, halves.around(items), by)
 
 
 def refit(top: Top, boxes: NDArray[np.float64]) -> None:
@@ -81,8 +82,8 @@ def refit(top: Top, boxes: NDArray[np.float64]) -> None:
     low, high = inside[:, :3].min(axis=0), inside[:, 3:].max(axis=0)
     middle = 0.5 * low + 0.5 * high
     top.frame[:3] = middle
-    top.frame[3] = np.ldexp(1.0, -int(np.frexp(np.maximum(middle - low, high - middle).max())[1]))
-    local = (boxes - np.tile(middle, 2)) * top.frame[3]
+    top.frame[3] = math.ldexp(1.0, -math.frexp(float(np.maximum(middle - low, high - middle).max()))[1])
+    local = ((boxes.reshape(-1, 2, 3) - middle) * top.frame[3]).reshape(-1, 6)
     if len(top.links) > 1:
         enclose(top.nodes, top.links, local)
         return

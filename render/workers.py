@@ -10,6 +10,7 @@ from __future__ import annotations
 import _thread
 import ctypes
 import heapq
+import math
 import os
 import queue
 import threading
@@ -140,8 +141,13 @@ class Workers:
         on_threads(make, range(len(given)), self.threads)
         return made
 
-    def spread(self, function: Callable[[Any], Iterable[Any]], first: Any, weight: Callable[[Any], float]) -> None:
-        """Call function(first), then function(item) for all items that it returns, the heaviest first."""
+    def spread(
+        self, function: Callable[[Any], Iterable[Any]], first: Any, weight: Callable[[Any], float], light: float = -math.inf
+    ) -> None:
+        """Call function(first), then function(item) for all items that it returns, the heaviest first.
+
+        For items that weigh no more than `light` it returns none: nobody waits for what comes of them.
+        """
         waiting, number = [(-weight(first), 0, first)], 1
         busy, failed = 0, False
         changed = threading.Condition()
@@ -154,8 +160,9 @@ class Workers:
                         changed.wait()
                     if failed or not waiting:
                         return
-                    item = heapq.heappop(waiting)[2]
-                    busy += 1
+                    key, _, item = heapq.heappop(waiting)
+                    heavy = -key > light
+                    busy += heavy
                 more: list[Any] = []
                 failed_here = True
                 try:
@@ -163,9 +170,9 @@ class Workers:
                     failed_here = False
                 finally:
                     with changed:
-                        busy, failed = busy - 1, failed or failed_here
-                        for key, item in more:
-                            heapq.heappush(waiting, (key, number, item))
+                        busy, failed = busy - heavy, failed or failed_here
+                        for each, item in more:
+                            heapq.heappush(waiting, (each, number, item))
                             number += 1
                         changed.notify_all()
 

@@ -66,6 +66,15 @@ class Forms(NamedTuple):
     parts: Parts  # of surfaces that are made of planes, quadrics and tori
 
 
+_ROWS, _NUMBERS, _FLOATS = np.zeros(0, np.int32), np.zeros(0, np.int64), np.zeros(0)
+NO_FORMS = Forms(
+    of=_ROWS, numbers=np.zeros((0, 14)), places=np.zeros((0, 5), np.int64), compiled=np.zeros((0, 3), np.int64), grid=_ROWS,
+    blocks=np.zeros((0, 5), np.int64), states=_NUMBERS, ends=_NUMBERS, leaf_tape=_ROWS, leaf_slopes=np.zeros((0, 6)),
+    tapes=np.zeros((0, 3), np.int64), names=np.zeros((0, 4), np.int32), code=np.zeros((0, ROW), np.int32), constants=_FLOATS,
+    constants32=np.zeros(0, np.float32), programs=_NUMBERS, unproved=np.zeros(1, np.int64), parts=NO_PARTS,
+)  # fmt: skip
+
+
 def of(tables: ir.Tables, closed: bool = True, threads: int = 1) -> Forms:
     """All that some instance shows; with `closed`, by closed forms where there are any."""
     kinds = tables.geometries.kind
@@ -73,15 +82,7 @@ def of(tables: ir.Tables, closed: bool = True, threads: int = 1) -> Forms:
         from . import fields
 
         return fields.forms(tables, closed, threads)
-    whole, floats = np.zeros(0, np.int64), np.zeros(0)
-    rows = np.zeros(0, np.int32)
-    return Forms(
-        of=np.full(len(kinds), -1, np.int32), numbers=np.zeros((0, 14)), places=np.zeros((0, 5), np.int64),
-        compiled=np.zeros((0, 3), np.int64), grid=rows, blocks=np.zeros((0, 5), np.int64), states=whole, ends=whole, leaf_tape=rows,
-        leaf_slopes=np.zeros((0, 6)), tapes=np.zeros((0, 3), np.int64), names=np.zeros((0, 4), np.int32),
-        code=np.zeros((0, ROW), np.int32), constants=floats, constants32=np.zeros(0, np.float32), programs=whole,
-        unproved=np.zeros(1, np.int64), parts=NO_PARTS,
-    )  # fmt: skip
+    return NO_FORMS._replace(of=np.full(len(kinds), -1, np.int32))
 
 
 def have_cells(forms: Forms) -> NDArray[np.bool_]:

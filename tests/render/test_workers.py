@@ -120,3 +120,31 @@ def test_what_spreads_ends_with_the_first_exception():
 
     with pytest.raises(ArithmeticError):
         workers.Workers(3).spread(fail, 0, lambda k: k)
+
+
+def test_nobody_waits_for_what_is_too_light_to_bring_more():
+    """The thread that has nothing left to do ends, although the other one is at its last, light item."""
+    ended, told = threading.Event(), []
+
+    def halve(weight: int) -> tuple[int, ...]:
+        if weight > 1:
+            return (1,)
+        told.append(ended.wait(10.0))
+        return ()
+
+    given = []
+    real, spread = workers.on_threads, workers.Workers(2)
+
+    def on_threads(draw, jobs, threads):  # each loop tells when it ends
+        def loop(job):
+            given.append(job)
+            draw(job)
+            ended.set()
+
+        real(loop, jobs, threads)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(workers, "on_threads", on_threads)
+        spread.spread(halve, 2, float, 1.0)
+    assert told == [True]
+    assert sorted(given) == [0, 1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import signal
 import threading
 import time
@@ -14,22 +15,27 @@ import watchfiles
 
 DEBOUNCE = 200  # milliseconds: an editor's several writes of one save count once
 STEP = 50
+LOOK = 1000  # milliseconds after which files are looked at even where nothing was told: network disks tell nothing
+
+Stamp = tuple[int, int, int] | None  # what a save changes; None where there is no file
 
 
 def follow(build: Callable[[], Iterable[Path]], stop: threading.Event | None = None) -> None:
-    """Call `build`, which returns the files it read, and again after each change to one of them, until `stop` or Ctrl-C.
+    """Call `build`, which returns the files it read, and again once after each save of any of them, until `stop` or Ctrl-C.
 
-    The folders are watched, not the files: editors save by renaming a new file over the old one. Raises KeyboardInterrupt.
+    The folders are watched, not the files: editors save by renaming a new file over the old one. What is told of them only
+    says when to look: whether to build is decided by comparing the files with what they were when they were last read, so that
+    a save is neither lost between two watches nor built twice. Raises KeyboardInterrupt.
     """
     stop = stop or threading.Event()
-    files: set[Path] = set()
     with _interrupted(stop):
-        _build(build, files)
+        read = _build(build, {})
         while not stop.is_set():
-            folders = {file.parent for file in files}
-            for _ in _changes(folders, files, stop):
-                _build(build, files)
-                if {file.parent for file in files} != folders:
+            folders = {file.parent for file in read}
+            for _ in itertools.chain([()], _told(folders, stop)):
+                if {file: _stamp(file) for file in read} != read:
+                    read = _build(build, read)
+                if {file.parent for file in read} != folders:
                     break
 
 
@@ -53,25 +59,32 @@ def _interrupted(stop: threading.Event) -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def _build(build: Callable[[], Iterable[Path]], files: set[Path]) -> None:
-    """Build until no file read was saved while the build ran, so that no save falls between building and watching."""
-    while True:
-        began = time.time_ns()
-        read = {Path(file).resolve() for file in build()}
-        files.clear()
-        files.update(read)
-        ended = time.time_ns()
-        if not any(file.exists() and began < file.stat().st_mtime_ns < ended for file in files):
-            return
+def _build(build: Callable[[], Iterable[Path]], known: Iterable[Path]) -> dict[Path, Stamp | str]:
+    """The files that were read, each as it was before: one that is saved meanwhile differs afterwards."""
+    began = time.time_ns()
+    before = {file: _stamp(file) for file in known}
+    read = {Path(file).resolve() for file in build()}
+    return {file: before[file] if file in before else _as_of(began, file) for file in read}
 
 
-def _changes(folders: set[Path], files: set[Path], stop: threading.Event) -> Iterable[object]:
-    """Saves of any of `files`, which may grow and shrink meanwhile; folders that have gone are left out."""
+def _as_of(began: int, file: Path) -> Stamp | str:
+    """A file that was not known before: if it is newer than that, nobody can say which of its texts was read."""
+    stamp = _stamp(file)
+    return "unknown" if stamp and stamp[0] > began else stamp
 
-    def wanted(_: watchfiles.Change, path: str) -> bool:
-        return Path(path).resolve() in files
 
+def _stamp(file: Path) -> Stamp:
+    try:
+        status = file.stat()
+    except OSError:
+        return None
+    return status.st_mtime_ns, status.st_size, status.st_ino
+
+
+def _told(folders: set[Path], stop: threading.Event) -> Iterable[object]:
+    """Something each time that something happens in `folders`, and each second; folders that have gone are left out."""
     there = sorted(str(folder) for folder in folders if folder.is_dir())
     return watchfiles.watch(
-        *there, watch_filter=wanted, recursive=False, debounce=DEBOUNCE, step=STEP, stop_event=stop, raise_interrupt=True
-    )
+        *there, watch_filter=None, recursive=False, debounce=DEBOUNCE, step=STEP, rust_timeout=LOOK, yield_on_timeout=True,
+        stop_event=stop, raise_interrupt=True,
+    )  # fmt: skip

@@ -130,6 +130,56 @@ def test_a_save_during_the_build_is_not_lost(tmp_path: Path) -> None:
         wait(lambda: seen[-1] == "2")
 
 
+def test_a_save_during_a_later_build_builds_once_more(tmp_path: Path) -> None:
+    file = tmp_path / "a.scene"
+    file.write_text("1", encoding="utf-8")
+    seen: list[str] = []
+
+    def slow() -> list[Path]:
+        seen.append(file.read_text(encoding="utf-8"))
+        if seen[-1] == "2":
+            time.sleep(0.05)
+            file.write_text("3", encoding="utf-8")
+            time.sleep(0.05)
+        return [file]
+
+    with Follower(slow):
+        file.write_text("2", encoding="utf-8")
+        wait(lambda: seen[-1] == "3")
+        time.sleep(0.8)
+    assert seen == ["1", "2", "3"]
+
+
+def test_what_is_saved_as_it_was_and_what_goes(tmp_path: Path) -> None:
+    """A file renamed over another may be as old and as long; one that is gone, and one that comes again, count."""
+    file, new = tmp_path / "a.scene", tmp_path / "b"
+    for path, text in ((file, "1"), (new, "2")):
+        path.write_text(text, encoding="utf-8")
+        os.utime(path, ns=(0, 10**18))
+    with Follower(lambda: [file]) as follower:
+        new.replace(file)
+        wait(lambda: follower.count == 2)
+        file.unlink()
+        wait(lambda: follower.count == 3)
+        time.sleep(0.3)
+        file.write_text("3", encoding="utf-8")
+        wait(lambda: follower.count == 4)
+        time.sleep(0.6)
+        assert follower.count == 4
+
+
+def test_files_are_looked_at_where_nothing_is_told(tmp_path: Path) -> None:
+    """A folder that comes later is not watched, and network disks tell nothing."""
+    file, part = tmp_path / "a.scene", tmp_path / "later" / "b.scene"
+    file.write_text("1", encoding="utf-8")
+    with Follower(lambda: [file, part]) as follower:
+        part.parent.mkdir()
+        part.write_text("1", encoding="utf-8")
+        wait(lambda: follower.count == 2)
+        part.write_text("22", encoding="utf-8")
+        wait(lambda: follower.count == 3)
+
+
 def test_the_command_follows_a_part_through_an_error(tmp_path: Path) -> None:
     scene, part, picture = tmp_path / "a.scene", tmp_path / "part.scene", tmp_path / "a.png"
     scene.write_text(SCENE, encoding="utf-8")

@@ -40,6 +40,16 @@ def taken(typingctx, counters, index, by):
 
 
 @intrinsic
+def seen(typingctx, counters, index):
+    """counters[index] now, and all that was written before it became that."""
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.load_atomic(_element(context, builder, counters, *args), "acquire", 8)
+
+    return signature(types.int64, counters, types.int64), generate
+
+
+@intrinsic
 def claimed(typingctx, states, index):
     """states[index] (0 free, 1 taken, 2 done) as it was, taken now if it was free."""
 

@@ -1,4 +1,4 @@
-"""Binary trees over boxes by binned surface area heuristic: float32, eight numbers at a time, their parts on threads.
+"""Binary trees over boxes by binned surface area heuristic: float32, eight numbers at a time.
 
 Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007. A box is one vector (low x, y, z, _, -high x, y, z, _),
 so that the smaller of two of them encloses both. Its last number is how many things are in it.
@@ -6,16 +6,15 @@ so that the smaller of two of them encloses both. Its last number is how many th
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import simd
-from .kernels import helper, kernel
+from .kernels import apart, helper
 from .records import Lane
-from .workers import Workers
+from .scratch import Scratch
 
 BINS = 16
 _BINS3 = 3 * BINS  # of three axes
@@ -25,10 +24,8 @@ _ROOM = 8 * _SETS * _BINS3
 NUMBER = 3  # column of an item's box that holds its number, as bits
 COUNT = 7  # column that holds how many items a box is of: 1
 TAG = 0x40000000  # set in those bits: small integers are denormal floats, which are slow
-_GRAIN = 32  # parts of at least this many, so that threads come out even
 LEAF = -2
 _SAMPLES = 1 << 13  # items that are enough to find a plane by
-_SMALL = 8192  # items that are not worth a thread
 DEEPEST = 48  # below this level nodes are halved, so that no tree is much deeper
 _LATER = 0.01  # cost of an item that fills up a block, against that of the block
 
@@ -43,21 +40,21 @@ class Halves(NamedTuple):
     count: NDArray[np.int32]  # (2 n,) how many there are
 
 
-def numbers(items: NDArray[np.float32]) -> NDArray[np.int32]:
-    """The items' numbers."""
-    return items.view(np.int32)[:, NUMBER] & ~TAG
+class Room(NamedTuple):
+    """What dividing nodes needs, on the stack of a kernel."""
+
+    nodes: Any
+    bins: Any
+    left: Any
+    before: Any
+    spans: Any
 
 
-class Part(NamedTuple):
-    """A node and all below it, for one thread."""
-
-    root: int
-    free: int  # where its halves, their halves and so on have room, all that many places; until then, the node's span stands there
-
-
-def most_of(n: int) -> int:
-    """How many of n items a part of their tree holds at most: more than a leaf does."""
-    return min(n, max(n // _GRAIN, _SMALL))
+def empty(n: int, memory: Scratch) -> Halves:
+    """A tree over n items, not filled."""
+    return Halves(
+        memory.empty((n, 8), np.float32), memory.empty((2 * n, 8), np.float32), *(memory.empty((2 * n,), np.int32) for _ in range(3))
+    )
 
 
 def around(items: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -66,34 +63,16 @@ def around(items: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.stack([items.min(axis=0), np.concatenate([middles, -middles], axis=1).min(axis=0)])
 
 
-def build(
-    items: NDArray[np.float32], around: NDArray[np.float32], width: int, step: float, by: Workers, then: Callable[[Halves, Part], Any]
-) -> tuple[Halves, list[tuple[Part, Any]]]:
-    """The tree over items (n, 8), which are sorted in place, with what is `around` them; its parts, and what `then` makes of each.
-
-    A leaf of up to `width` items costs one test; a step down costs `step` of that. Parts are grown and taken further by threads.
-    """
-    n = len(items)
-    tree = Halves(items, simd.paged_empty((2 * n, 8), np.float32), *simd.paged_empty((3, 2 * n), np.int32))
-    tree.boxes[:2] = around
-    tree.first[0], tree.count[0] = 0, n
-    most = most_of(n)
-    parts: list[tuple[Part, Any]] = []
-
-    def divide(part: Part) -> tuple[Part, ...]:
-        if tree.count[part.root] <= most:
-            grow(*tree, *part, width, step, False)
-            parts.append((part, then(tree, part)))
-            return ()
-        grow(*tree, *part, width, step, True)
-        second = int(tree.second[part.root])
-        return Part(second - 1, part.free), Part(second, second + 1)
-
-    if n <= most:
-        divide(Part(0, 1))
-    else:
-        by.spread(divide, Part(0, 1), lambda part: int(tree.count[part.root]), most)
-    return tree, sorted(parts, key=lambda made: made[0])
+@helper
+def room() -> Room:
+    """The memory that `grow` wants."""
+    return Room(
+        simd.stack_array(np.int32, 256),
+        simd.stack_array(np.float32, _ROOM),
+        simd.stack_array(np.float32, BINS),
+        simd.stack_array(np.float32, BINS),
+        simd.stack_array(np.float32, 1024),  # for each two numbers of the stack
+    )
 
 
 @helper
@@ -121,19 +100,18 @@ def _joined(a: Lane, b: Lane) -> Lane:
     return simd.select(_is_count(a), a + b, simd.minimum(a, b))
 
 
-@kernel
-def grow(items, boxes, second, first, count, root, free, width, step, once):
-    """Divide the node `root` and, unless `once`, all below it, side by side from the place `free` on.
+@apart
+def grow(tree: Halves, root: int, free: Any, depth: int, width: int, step: Any, once: bool, room: Room) -> int:
+    """Divide the node `root`, so many levels down, and unless `once` all below it, side by side from the place `free` on, where its
+    span stands. The end of what was filled.
 
-    With `once`, its halves stand so that the first one has room before them, the second one behind. `free` is where its span stands,
-    and then those of its halves.
+    A leaf of up to `width` items costs one test; a step down costs `step` of that. With `once`, its halves stand so that the first one
+    has room before them, the second one behind, and their spans where those begin.
     """
-    stack = simd.stack_array(np.int32, 256)
-    bins = simd.stack_array(np.float32, _ROOM)
-    left, before = simd.stack_array(np.float32, BINS), simd.stack_array(np.float32, BINS)
-    spans = simd.stack_array(np.float32, 1024)  # for each two numbers of the stack
+    items, boxes, second, first, count = tree.items, tree.boxes, tree.second, tree.first, tree.count
+    stack, bins, left, before, spans = room
     simd.write(stack, 0, root)
-    simd.write(stack, 1, 0)
+    simd.write(stack, 1, depth)
     simd.store(spans, 0, simd.load(boxes, free * 8, 8))
     top = 2
     while top > 0:
@@ -171,7 +149,7 @@ def grow(items, boxes, second, first, count, root, free, width, step, once):
                 simd.store(boxes, free_first * 8, inner)
             if middle < begin + n - 1:
                 simd.store(boxes, free * 8, outer)
-            return
+            return free
         larger, smaller = a, b  # the smaller one next: the stack stays below 32
         if count[b] > count[a]:
             larger, smaller, inner, outer = b, a, outer, inner
@@ -182,6 +160,7 @@ def grow(items, boxes, second, first, count, root, free, width, step, once):
         simd.write(stack, top + 2, smaller)
         simd.write(stack, top + 3, depth + 1)
         top += 4
+    return free
 
 
 @helper

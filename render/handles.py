@@ -9,6 +9,7 @@ column places and row shapes are constants, and loads are marked as never changi
 
 from __future__ import annotations
 
+import ctypes
 import functools
 import hashlib
 import struct
@@ -32,10 +33,12 @@ from numba.extending import (
 )
 from numba.np import numpy_support
 from numba.np.arrayobj import make_array, populate_array
+from numpy.typing import NDArray
 
 from .kernels import HELPER
 
 WORD = 8  # bytes
+_BYTE = ctypes.c_char
 _BITS, _FLOAT = struct.Struct("q"), struct.Struct("d")
 
 # A layout describes a packed tuple: ((name, word, what), …), `what` being a layout, ("array", dtype, row shape), ("handle", type), or
@@ -95,7 +98,7 @@ def _pack(value: Any, words: list[int]) -> Layout:
             if not item.flags.c_contiguous:
                 raise ValueError(f"{name} is not contiguous")
             layout.append((name, len(words), ("array", item.dtype.str, item.shape[1:])))
-            words.extend((int(item.ctypes.data) if item.size else 0, len(item)))  # asking for an address takes longer than all else here
+            words.extend((_address(item), len(item)))
         elif isinstance(item, Handle):
             layout.append((name, len(words), ("handle", item.numba_type)))
             words.append(item.address)
@@ -106,6 +109,15 @@ def _pack(value: Any, words: list[int]) -> Layout:
             layout.append((name, len(words), kind))
             words.append(_BITS.unpack(_FLOAT.pack(item))[0] if kind == "float" else int(item))
     return tuple(layout)
+
+
+def _address(array: NDArray[Any]) -> int:
+    """Where an array's elements begin; 0 where it has none. numpy's own way takes three times as long, and longer than all else here."""
+    if not array.size:
+        return 0
+    if not array.flags.writeable:
+        return int(array.ctypes.data)
+    return ctypes.addressof(_BYTE.from_buffer(array))  # pyright: ignore[reportArgumentType]
 
 
 class HandleType(types.Type):

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import wide
+from .choice import TEST
 from .kernels import kernel
-from .wide import EMPTY, SLACK, TEST, WIDTH, Wide, triangle_of
+from .wide import EMPTY, SLACK, WIDTH, Wide, triangle_of
 
 WORSE = 1.25  # times what a tree cost when it was built: beyond that a refitted one is built anew
 

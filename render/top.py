@@ -1,6 +1,6 @@
 """The tree over instances: nodes as those of a mesh's tree, in a frame in which all things lie between -1 and 1.
 
-Its shape comes from halves.py and wide.py; which boxes lie around what is computed afterwards from the instances' own. Planes are
+Its shape comes from growing.py and choice.py; which boxes lie around what is computed afterwards from the instances' own. Planes are
 single precision and moved out by what that does to them and to a ray, a two-millionth of the scene. Where that would be much for most
 things, the few that make the scene so wide stay outside of the tree (`too_large`).
 """
@@ -13,13 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from . import halves, machine, simd, wide
+from . import halves, simd, wide
 from .kernels import helper, kernel
 from .records import Vec
 from .wide import EMPTY, NODE, WIDTH
-from .workers import Workers
 
-_MANY = 4096  # instances from which on threads are worth starting
 SLACK = 2.0**-21  # by which boxes grow in the tree's frame: three roundings of planes and origins to float32, and four more
 _FEW = 8  # things that may stay outside of the tree
 _SMALL, _LARGE = 32.0 * SLACK, 0.25  # shares of the whole: of what is small beside the slack, and of what is large beside all others
@@ -72,8 +70,7 @@ def _links(boxes: NDArray[np.float64], threads: int) -> NDArray[np.int32]:
     items = simd.paged_empty((len(boxes), 8), np.float32)
     items[:, :3], items[:, 4:7], items[:, halves.COUNT] = (low - middle) / size, (middle - high) / size, 1.0
     items.view(np.int32)[:, halves.NUMBER] = np.arange(len(boxes)) | halves.TAG
-    by = Workers(1 if len(boxes) < _MANY else threads or machine.cores())
-    return wide.links(items, halves.around(items), by)
+    return wide.links(items, halves.around(items), threads)
 
 
 def refit(top: Top, boxes: NDArray[np.float64]) -> None:

@@ -9,12 +9,10 @@ from __future__ import annotations
 
 import _thread
 import ctypes
-import heapq
-import math
 import os
 import queue
 import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 _core_of_caller = getattr(ctypes.CDLL(None), "sched_getcpu", None) if hasattr(os, "sched_setaffinity") else None
@@ -122,58 +120,3 @@ def on_threads(
             running -= results.get()[0] is nothing
     if failure is not None:
         raise failure
-
-
-class Workers:
-    """So many threads, this one among them."""
-
-    def __init__(self, threads: int) -> None:
-        self.threads = threads
-
-    def map(self, function: Callable[[Any], Any], items: Iterable[Any]) -> list[Any]:
-        """function(item) of all items."""
-        given = list(items)
-        made: list[Any] = [None] * len(given)
-
-        def make(k: int) -> None:
-            made[k] = function(given[k])
-
-        on_threads(make, range(len(given)), self.threads)
-        return made
-
-    def spread(
-        self, function: Callable[[Any], Iterable[Any]], first: Any, weight: Callable[[Any], float], light: float = -math.inf
-    ) -> None:
-        """Call function(first), then function(item) for all items that it returns, the heaviest first.
-
-        For items that weigh no more than `light` it returns none: nobody waits for what comes of them.
-        """
-        waiting, number = [(-weight(first), 0, first)], 1
-        busy, failed = 0, False
-        changed = threading.Condition()
-
-        def work(_: int) -> None:
-            nonlocal number, busy, failed
-            while True:
-                with changed:
-                    while not waiting and busy and not failed:
-                        changed.wait()
-                    if failed or not waiting:
-                        return
-                    key, _, item = heapq.heappop(waiting)
-                    heavy = -key > light
-                    busy += heavy
-                more: list[Any] = []
-                failed_here = True
-                try:
-                    more = [(-weight(item), item) for item in function(item)]
-                    failed_here = False
-                finally:
-                    with changed:
-                        busy, failed = busy - heavy, failed or failed_here
-                        for each, item in more:
-                            heapq.heappush(waiting, (each, number, item))
-                            number += 1
-                        changed.notify_all()
-
-        on_threads(work, range(self.threads), self.threads)

@@ -6,7 +6,7 @@ from . import indexing, operators
 from .denormals import (
     flush_denormals, restore_denormals,
 )
-from .arrays import aligned_empty, paged_empty
+from .arrays import CACHE_LINE, aligned_empty, paged_empty
 from .functions import CONSTRUCTED, mask_bits, select_signature
 from .functions import (
     absolute, all_of, any_of, bits, bits_float, ceil, copysign, count, f32, f32x1, f32x16, f32x2, f32x4, f32x8, f64, f64x1,

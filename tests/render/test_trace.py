@@ -13,7 +13,7 @@ import pytest
 from maquette.compiler import ir
 from maquette.compiler.build import SceneBuilder, lambert
 from maquette.compiler.rows import CameraData, InstanceData, MeshData
-from maquette.render import bvh, kept, top, trace, wide
+from maquette.render import bvh, growing, kept, top, trace, wide
 
 from .tables import matrix, rays, scene
 from .tracing import bundles, random_rays, same, through_trees, wavy
@@ -271,11 +271,11 @@ def test_a_tree_is_the_same_on_any_number_of_threads() -> None:
 def test_trees_of_arrays_that_may_be_written_to_or_not_compile_once() -> None:
     positions, triangles = np.eye(3, dtype=np.float32), np.arange(3, dtype=np.int32)[None]
     wide.build(positions, triangles)
-    before = len(wide.collapse.signatures), len(wide.boxes_of.signatures)
+    before = len(wide.collapse.signatures), len(growing.take_part.signatures)
     for each in (positions, triangles):
         each.flags.writeable = False
         wide.build(positions, triangles)
-    assert (len(wide.collapse.signatures), len(wide.boxes_of.signatures)) == before
+    assert (len(wide.collapse.signatures), len(growing.take_part.signatures)) == before
 
 
 @pytest.mark.parametrize("n", [1, 2, 7, 8, 9, 60])

@@ -76,7 +76,8 @@ def test_parts_are_all_there_is_one_behind_the_other() -> None:
     own = own[np.argsort(own[:, growing.NODE])]
     np.testing.assert_array_equal(np.diff([*parts[1:, 1], nodes]), own[:, growing.NODES])
     np.testing.assert_array_equal(np.diff([*parts[1:, 2], leaves]), own[:, growing.LEAVES])
-    np.testing.assert_array_equal(np.sort(growth.tree.items.view(np.int32)[:, halves.NUMBER] & ~halves.TAG), np.arange(len(sheet.triangles)))
+    numbers = growth.tree.items.view(np.int32)[:, halves.NUMBER] & ~halves.TAG
+    np.testing.assert_array_equal(np.sort(numbers), np.arange(len(sheet.triangles)))
 
 
 def test_boxes_that_shrink_without_end_are_halved_at_last() -> None:

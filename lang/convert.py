@@ -50,6 +50,9 @@ def convert(value: Value, arg: Arg, place: Place) -> Any:
     return result
 
 
+_BY_CORNERS = "what reaches from corner a to corner b has size b - a and center (a + b) / 2"
+
+
 def _check_limits(result: Any, arg: Arg, place: Place) -> None:
     if isinstance(result, tuple):
         for i, part in enumerate(result):
@@ -67,7 +70,8 @@ def _check_limits(result: Any, arg: Arg, place: Place) -> None:
         wanted = f"less than {_show(arg.below, arg)}"
     else:
         return
-    raise Mistake(f"`{arg.name}` must be {wanted}, got {_show(result, arg)}", span=place.span)
+    hint = _BY_CORNERS if arg.type == "size3" and arg.name == "size" else ""
+    raise Mistake(f"`{arg.name}` must be {wanted}, got {_show(result, arg)}", hint, span=place.span)
 
 
 def _show(value: float, arg: Arg) -> str:

@@ -217,6 +217,8 @@ def name(word: str, known: Iterable[str]) -> tuple[str, str]:
     hint = _NAMES.get(word, "")
     if not hint and word in _SHELF:
         hint = f'write use "std/{_SHELF[word]}" first, then {_SHELF[word]}.{word}(…)'
+    if not hint and word in SHELVES:
+        hint = f'write use "std/{word}" first'
     if word[-1] in _RAISED and word[:-1]:
         hint = f"write {word[:-1]}^{_RAISED[word[-1]]}"
     near = "" if hint else suggest(word, known)

@@ -17,9 +17,9 @@ from .functions import (
     u32, u32x1, u32x16, u32x2, u32x4, u32x8, u64, u64x1, u64x16, u64x2, u64x4, u64x8, with_lane,
 )
 from .mathematics import acos, asin, atan, atan2, cos, exp, hypot, log, power, sin, sincos, tan
+from .gathering import compress, compress_store, gather, gather_rows, scatter, scatter_rows, store_rows
 from .memory import (
-    compress, compress_store, gather, gather_rows, load, load3, load_aligned, masked_load, masked_store,
-    prefetch, read, scatter, scatter_rows, stack_array, store, store_aligned, store_past, store_rows, write,
+    load, load3, load_aligned, masked_load, masked_store, prefetch, read, stack_array, store, store_aligned, store_past, write,
 )
 from .operators import define
 from .value import Value

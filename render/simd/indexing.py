@@ -17,7 +17,8 @@ from numba.extending import lower_builtin
 from numba.np.arrayobj import make_array
 
 from . import guard
-from .memory import element_shape, gathered
+from .gathering import gathered
+from .memory import element_shape
 from .value import Value
 from .vector import Vector, value
 

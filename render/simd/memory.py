@@ -1,4 +1,4 @@
-"""Vectors and arrays: load and store, gather and scatter, compress, rows of records, and scratch memory on the stack.
+"""Vectors and arrays: load and store, single elements, and scratch memory on the stack.
 
 Places are flat: element `i` of the C-contiguous array's data, whatever its shape. Nothing is checked, but where MAQUETTE_CHECKED asks for
 it (guard.py); nothing wraps around. What is stored is converted to the array's type first. Arrays may be of float32, float64, int32, int64,

@@ -50,9 +50,6 @@ def convert(value: Value, arg: Arg, place: Place) -> Any:
     return result
 
 
-_BY_CORNERS = "what reaches from corner a to corner b has size b - a and center (a + b) / 2"
-
-
 def _check_limits(result: Any, arg: Arg, place: Place) -> None:
     if isinstance(result, tuple):
         for i, part in enumerate(result):
@@ -70,7 +67,7 @@ def _check_limits(result: Any, arg: Arg, place: Place) -> None:
         wanted = f"less than {_show(arg.below, arg)}"
     else:
         return
-    hint = _BY_CORNERS if arg.type == "size3" and arg.name == "size" else ""
+    hint = habits.BY_CORNERS if arg.type == "size3" and arg.name == "size" and place.node is not None else ""
     raise Mistake(f"`{arg.name}` must be {wanted}, got {_show(result, arg)}", hint, span=place.span)
 
 

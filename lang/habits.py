@@ -134,6 +134,7 @@ FILES = frozenset("png jpg jpeg tif tiff exr hdr obj ply stl off glb gltf usd us
 
 _RAISED = {"²": 2, "³": 3}
 NO_POINT = "a formula's parameters are numbers: write |x, y, z| …, and [x, y, z] for a point"
+BY_CORNERS = "what reaches from corner a to corner b has size b - a and center (a + b) / 2"  # of a size written as a list
 _BY_POSITION = {"atan": "the angle of a direction is atan2(y, x)"}  # of a function that was given more than it takes
 
 # What files of the library have that nothing must be written for but `use`.

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import choice, halves, simd, workers
-from .atomics import seen, taken
-from .choice import Choice
+from .atomics import released, seen, taken
 from .halves import Halves
 from .handles import Handle
 from .kernels import apart, helper, kernel, maker
@@ -37,11 +36,11 @@ class Mesh(NamedTuple):
 
 
 class Growth(NamedTuple):
-    """A binary tree, which of its nodes a wide one keeps, and what threads share that make them."""
+    """A binary tree, how its nodes share out children, and what threads need that grow it."""
 
     mesh: Mesh
     tree: Halves
-    choice: Choice
+    share: NDArray[np.uint8]  # see choice.empty
     width: int  # items of a leaf
     around: NDArray[np.float32]  # (pieces, 2, 8) box and span of each piece of the items; none where those of all are known
     tasks: NDArray[np.int64]
@@ -61,24 +60,23 @@ def bytes_of(n: int) -> int:
 
 def of_mesh(mesh: Mesh, threads: int, memory: Scratch) -> Handle:
     """The Growth of a tree over a mesh's triangles."""
-    n = len(mesh.triangles)
-    growth = _empty(mesh, n, choice.WIDTH, -(-n // _PIECE), memory)
-    return _grown(growth, threads)
+    return _grown(_empty(mesh, len(mesh.triangles), memory), threads)
 
 
 def of_items(items: NDArray[np.float32], around: NDArray[np.float32], threads: int, memory: Scratch) -> Handle:
     """The Growth of a tree over items (n, 8), each a leaf, with what is `around` them (2, 8)."""
-    growth = _empty(Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)), len(items), 1, 0, memory)
+    growth = _empty(Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)), len(items), memory)
     growth.tree.items[:], growth.tree.boxes[:2], growth.ready[0] = items, around, 1
     return _grown(growth, threads)
 
 
-def _empty(mesh: Mesh, n: int, width: int, pieces: int, memory: Scratch) -> Growth:
+def _empty(mesh: Mesh, n: int, memory: Scratch) -> Growth:
+    found = len(mesh.triangles)
     most = 2 * (n // PART) * (halves.DEEPEST + n.bit_length()) + 1  # no level has more than n // PART nodes to divide
     growth = Growth(
-        mesh, halves.empty(n, memory), choice.empty(n, memory), width, np.empty((pieces, 2, 8), np.float32), np.zeros((most, 8), np.int64),
-        np.empty(most, np.float32), np.zeros(most, np.int64), np.zeros(6 * 8, np.int64), np.empty((most + 1, 3), np.int64),
-        np.empty(3, np.int64),
+        mesh, halves.empty(n, memory), choice.empty(n, memory), choice.WIDTH if found else 1,
+        np.empty((-(-found // _PIECE), 2, 8), np.float32), np.zeros((most, 8), np.int64), np.empty(most, np.float32), np.zeros(most, np.int64), np.zeros(6 * 8, np.int64),
+        np.empty((most + 1, 3), np.int64), np.empty(3, np.int64),
     )  # fmt: skip
     growth.tasks[0, FREE], growth.counters[MADE], growth.counters[LEFT] = 1, 1, n
     growth.tree.first[0], growth.tree.count[0] = 0, n
@@ -149,7 +147,7 @@ def _find_boxes(growth: Any) -> None:
                 for piece in range(pieces):
                     box = simd.minimum(box, simd.load(around, piece * 16 + j * 8, 8))
                 simd.store(growth.tree.boxes, j * 8, box)
-            taken(growth.ready, 0, 1)
+            released(growth.ready, 0)
 
 
 @helper
@@ -180,31 +178,31 @@ def _hand_on(growth: Any, k: int) -> None:
     for j in range(2):
         tasks[slot + j, NODE], tasks[slot + j, FREE] = second - 1 + j, second + 1 if j else tasks[k, FREE]
         tasks[slot + j, LEVEL] = tasks[k, LEVEL] + 1
-        taken(growth.ready, slot + j, 1)
+        released(growth.ready, slot + j)
 
 
 @helper
 def _choose(growth: Any, k: int, end: int, cost: Any, stack: Any, children: Any) -> int:
     """Choose what is kept of a part that has been grown; how many items were left before that."""
-    tree, chosen, tasks = growth.tree, growth.choice, growth.tasks
+    tree, share, tasks = growth.tree, growth.share, growth.tasks
     node = tasks[k, NODE]
-    choice.choose(tree, chosen, node, tasks[k, FREE], end, growth.width, cost)
-    tasks[k, NODES], tasks[k, LEAVES] = choice.counted(tree, chosen, node, stack, children)
+    choice.choose(tree, share, node, tasks[k, FREE], end, growth.width, cost)
+    tasks[k, NODES], tasks[k, LEAVES] = choice.counted(tree, share, node, stack, children)
     growth.cost[k] = choice.cost_of(cost, 0)
     if k > 0:
-        choice.set_apart(chosen, node)
+        choice.set_apart(share, node)
     return taken(growth.counters, LEFT, -np.int64(tree.count[node]))
 
 
 @apart
 def _arrange(growth: Any, stack: Any, children: Any) -> None:
     """Choose what is kept above the parts, and say where those stand: behind that, one behind the other."""
-    tree, chosen, tasks, parts = growth.tree, growth.choice, growth.tasks, growth.parts
+    tree, share, tasks, parts = growth.tree, growth.share, growth.tasks, growth.parts
     made = node = leaf = 0
     if tasks[0, BELOW] > 0:
         _choose_above(growth)
         parts[0, 0], parts[0, 1], parts[0, 2] = 0, 0, 0
-        made, node = 1, choice.counted(tree, chosen, 0, stack, children)[0]
+        made, node = 1, choice.counted(tree, share, 0, stack, children)[0]
     stack[0], top = 0, 1
     while top > 0:
         top -= 1
@@ -227,4 +225,4 @@ def _choose_above(growth: Any) -> None:
         if below == 0:
             choice.set_cost(cost, k, growth.cost[k])
         else:
-            choice.share_out(growth.tree, growth.choice, tasks[k, NODE], cost, k, below, below + 1)
+            choice.share_out(growth.tree, growth.share, tasks[k, NODE], cost, k, below, below + 1)

@@ -1,6 +1,6 @@
 """Memory for what is thrown away soon: asked of the system once, and kept for the next time.
 
-To fill memory that the system has just given takes a tenth of the time of building a tree, by as many interruptions as it has pages.
+To fill memory that the system has just given takes a sixth of the time of building a tree, by as many interruptions as it has pages.
 """
 
 from __future__ import annotations

@@ -128,7 +128,7 @@ def _collapse(growth: Any, root: int, first: int, leaf: int, slack: Any, out: An
     while top > 0:
         top -= 1
         node = stack[top, 1]
-        n = choice.children(tree, growth.choice, stack[top, 0], children)
+        n = choice.children(tree, growth.share, stack[top, 0], children)
         for i in range(WIDTH):
             if i >= n:
                 for k in range(3):
@@ -139,7 +139,7 @@ def _collapse(growth: Any, root: int, first: int, leaf: int, slack: Any, out: An
             for k in range(3):
                 out.nodes[node, 2 * k * WIDTH + i] = tree.boxes[child, k] - slack
                 out.nodes[node, (2 * k + 1) * WIDTH + i] = slack - tree.boxes[child, 4 + k]
-            if child != root and choice.is_apart(growth.choice, child):
+            if child != root and choice.is_apart(growth.share, child):
                 out.links[node, i] = _part(growth, child)
             elif tree.second[child] != 0:
                 out.links[node, i] = used

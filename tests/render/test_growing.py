@@ -20,7 +20,7 @@ def grown(mesh: Mesh, threads: int = 1):
     with scratch.borrowed(growing.bytes_of(len(mesh.triangles))) as memory:
         growth = growing.of_mesh(mesh, threads, memory).tables
         tree = halves.Halves(*(part.copy() for part in growth.tree))
-        return growth._replace(tree=tree, choice=choice.Choice(growth.choice.share.copy()))
+        return growth._replace(tree=tree, share=growth.share.copy())
 
 
 def area(box: np.ndarray) -> float:
@@ -110,7 +110,7 @@ def test_who_waits_gives_its_core_away_and_comes_back_for_the_same_task() -> Non
     items[:, halves.COUNT], items[:, 0], items[:, 4] = 1.0, np.arange(9), -np.arange(9)
     items.view(np.int32)[:, halves.NUMBER] = np.arange(9) | halves.TAG
     with scratch.borrowed(growing.bytes_of(9)) as memory:
-        growth = growing._empty(Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)), 9, 1, 0, memory)
+        growth = growing._empty(Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)), 9, memory)
         growth.tree.items[:], growth.tree.boxes[:2] = items, halves.around(items)
         shared, mine = growing.Handle(growth), np.full(1, -1)
         assert not growing.take_part(shared, mine)

@@ -75,8 +75,8 @@ def _empty(mesh: Mesh, n: int, memory: Scratch) -> Growth:
     most = 2 * (n // PART) * (halves.DEEPEST + n.bit_length()) + 1  # no level has more than n // PART nodes to divide
     growth = Growth(
         mesh, halves.empty(n, memory), choice.empty(n, memory), choice.WIDTH if found else 1,
-        np.empty((-(-found // _PIECE), 2, 8), np.float32), np.zeros((most, 8), np.int64), np.empty(most, np.float32), np.zeros(most, np.int64), np.zeros(6 * 8, np.int64),
-        np.empty((most + 1, 3), np.int64), np.empty(3, np.int64),
+        np.empty((-(-found // _PIECE), 2, 8), np.float32), np.zeros((most, 8), np.int64), np.empty(most, np.float32),
+        np.zeros(most, np.int64), np.zeros(6 * 8, np.int64), np.empty((most + 1, 3), np.int64), np.empty(3, np.int64),
     )  # fmt: skip
     growth.tasks[0, FREE], growth.counters[MADE], growth.counters[LEFT] = 1, 1, n
     growth.tree.first[0], growth.tree.count[0] = 0, n

@@ -51,7 +51,7 @@ endef
 $(foreach folder,$(DEMO) examples,$(foreach kind,$(KINDS),$(eval $(call rule,$(folder),$(kind)))))
 
 reference: $(STAMP)  ## write docs/reference.md from the schema again
-	@mkdir -p build && $(BIN)/python -m maquette.lang.reference > build/reference.md && mv build/reference.md docs/reference.md
+	@mkdir -p build && $(BIN)/python -m maquette.lang.reference_page > build/reference.md && mv build/reference.md docs/reference.md
 
 charts: $(PEERS)  ## measure the charts of docs/charts.md again, peers too: half an hour on a quiet machine
 	@mkdir -p docs/charts
@@ -72,7 +72,7 @@ test-all: check  ## also what takes long: statistics, soak, packaging
 	@$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal --long
 
 bounds: $(STAMP)  ## a million boxes for each operation of formulas: bounds must hold (half an hour)
-	@MAQUETTE_BOXES=1000000 $(BIN)/python -m pytest -q -n $(WORKERS) tests/render/test_single.py
+	@MAQUETTE_BOXES=1000000 $(BIN)/python -m pytest -q -n $(WORKERS) tests/render/formula/test_single_precision.py
 
 bench: $(PEERS)  ## measure against Embree, Mitsuba, llvmpipe and POV-Ray: bench/RESULTS.md (bench-rays and the like: one of them)
 	@$(BIN)/python -m maquette.bench

@@ -19,8 +19,8 @@ from . import render as _package  # noqa: F401
 if TYPE_CHECKING:
     from .compiler import ir
     from .lang.diagnostics import Diagnostics
-    from .render.image import Image
-    from .render.metrics import Difference
+    from .render.image.image import Image
+    from .render.image.metrics import Difference
 
 __all__ = ["__version__", "compare", "load", "render"]
 
@@ -57,17 +57,17 @@ def render(scene: ir.Scene | str | Path, *, plan: Mapping[str, str] | None = Non
     on; they go before the scene's own. `plan` overrides decisions by name. The Image holds float32 linear channels.
     """
     from .compiler import ir
-    from .compiler import plan as planner
-    from .render import draw
+    from .compiler.plan import plan as planner
+    from .render import render_scene
 
     if not isinstance(scene, ir.Scene):
         scene = load(scene)
-    return draw.draw(scene, planner.make(scene, ir.Settings(**settings), plan))
+    return render_scene.draw(scene, planner.make(scene, ir.Settings(**settings), plan))
 
 
 def compare(image: Image | str | Path, reference: Image | str | Path) -> Difference:
     """√relMSE and the largest difference between two pictures or files of pictures, in linear light."""
-    from .render import metrics, output
+    from .render.image import image_files, metrics
 
-    a, b = (output.read(Path(p)) if isinstance(p, str | Path) else p for p in (image, reference))
+    a, b = (image_files.read(Path(p)) if isinstance(p, str | Path) else p for p in (image, reference))
     return metrics.difference(a.channels["rgba"], b.channels["rgba"])

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import functools
 
-from ..render import bvh, kept
-from ..render import rays as traced
-from ..render.handles import Handle
+from ..render.accel import ray_queries as traced
+from ..render.accel import scene_bvh
+from ..render.accel.build import tree_cache
+from ..render.jit.packed_struct import Handle
 from . import embree, meshes, report
 from .harness import OURS, Case, Contender, Effort, Peers, measure
 from .meshes import Mesh, Rays
@@ -30,7 +31,7 @@ def section(quick: bool, effort: Effort) -> report.Section:
     results = []
     for name, size in meshes.sizes(quick).items():
         mesh = meshes.knot(*size)
-        kept_too = [functools.partial(again, mesh, rays)] if len(mesh.triangles) >= kept.LARGE else []
+        kept_too = [functools.partial(again, mesh, rays)] if len(mesh.triangles) >= tree_cache.LARGE else []
         contenders = peers.gather(functools.partial(ours, mesh, rays), *kept_too, functools.partial(theirs, mesh, rays))
         results.append(measure(Case(f"{name} triangles", contenders, agree_closest, len(mesh.triangles)), effort))
     found.add("One mesh", results, "Mtriangles/s")
@@ -42,7 +43,7 @@ def section(quick: bool, effort: Effort) -> report.Section:
 def ours(mesh: Mesh, rays: Rays) -> Contender:
     """Our builder; the answer is what the rays hit."""
     tables = meshes.scene(mesh).tables
-    share = size_of(bvh.build(tables, keep=False), tables) / len(mesh.triangles)
+    share = size_of(scene_bvh.build(tables, keep=False), tables) / len(mesh.triangles)
     read = lambda trees: closest(rays, trees)()  # noqa: E731
     return Contender(OURS, lambda: traced.trees(tables, threads=1, keep=False), read, note=f"{share:.0f} bytes a triangle")
 
@@ -52,7 +53,7 @@ def again(mesh: Mesh, rays: Rays) -> Contender:
     tables = meshes.scene(mesh).tables
 
     def trees() -> Handle:
-        kept.forget()
+        tree_cache.forget()
         return traced.trees(tables, threads=1)
 
     trees()

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import cli_shared
+from ..cli import common_options
 from ..compiler import ir, load
-from ..compiler import plan as planner
-from ..compiler.tapes import Builder, Op, Tape
-from ..render import draw
-from ..render.formulas import fields, tile_room
+from ..compiler.formula.tape import Builder, Op, Tape
+from ..compiler.plan import plan as planner
+from ..render import render_scene
+from ..render.formula import packet_state, scene_surfaces
 from .harness import Effort
 from .report import Section, grid
 
@@ -44,7 +44,7 @@ def slider(relation: str, shadows: bool, redraws: int = 15, size: int = 512) -> 
         for k in range(redraws + 2):  # the first ones load kernels
             begun = time.process_time()
             scene = load.load(path, sets={"k": f"{0.3 + 0.002 * (k % (redraws + 1)):.4f}"})
-            drawn = draw.draw(scene, planner.make(scene, ir.Settings(size=(size, size), samples=1, threads=1, backend="ray")))
+            drawn = render_scene.draw(scene, planner.make(scene, ir.Settings(size=(size, size), samples=1, threads=1, backend="ray")))
             spent.append(time.process_time() - begun)
             if k in (0, redraws + 1):
                 pictures.append(drawn.channels["rgba"])
@@ -58,7 +58,7 @@ def stall(operations: int = 200, formulas: int = 15) -> list[float]:
     for seed in range(formulas + 1):
         tape = _strange(operations, seed)
         begun = time.perf_counter()
-        tile_room.room(fields.of_surfaces([fields.Surface(tape, np.array([0.0] * 5 + [1.0] + [0.0] * 7), BOX)]), 0)
+        packet_state.room(scene_surfaces.of_surfaces([scene_surfaces.Surface(tape, np.array([0.0] * 5 + [1.0] + [0.0] * 7), BOX)]), 0)
         spent.append(time.perf_counter() - begun)
     return spent[1:]
 
@@ -74,7 +74,7 @@ def _strange(operations: int, seed: int) -> Tape:
 
 def section(quick: bool, effort: Effort) -> Section:
     """What edits cost, for RESULTS.md."""
-    cli_shared.collect_seldom()  # as the command line does
+    common_options.collect_seldom()  # as the command line does
     found = Section("edits", "Edits of a formula", TEXT)
     rows: list[tuple[str, ...]] = []
     for name, relation in SMALL.items():

@@ -13,14 +13,15 @@ from typing import Any
 import numpy as np
 from numba import types
 
-from ..compiler import solids, tape_walks
-from ..compiler.tapes import INPUTS, Builder, Op, Tape, arity
-from ..render import across, rays
-from ..render.formulas import compiled, fields, meet, plain, tile_room, tiles
-from ..render.formulas.forms import Forms
-from ..render.handles import Handle
-from ..render.kernels import kernel
-from ..render.links import FLOAT, VEC
+from ..compiler.formula import numpy_interpreter, solid_fields
+from ..compiler.formula.tape import INPUTS, Builder, Op, Tape, arity
+from ..render.accel import ray_queries
+from ..render.formula import intersect, numpy_reference, packet_state, packets, scene_surfaces, tape_jit
+from ..render.formula.tables import Forms
+from ..render.jit.function_pointer import FLOAT, VEC
+from ..render.jit.kernel import kernel
+from ..render.jit.packed_struct import Handle
+from ..render.lanes import crosslane
 from . import report
 from .harness import OURS, Case, Contender, Disagreement, Effort, Missing, Peers, Result, measure
 
@@ -107,21 +108,21 @@ class Desk:
     def ours(self) -> Contender:
         n = len(self.origin)
         forms = self.forms()
-        compiled.finish()
-        given, frame = tile_room.columns(self.origin, self.way, 0.0, np.inf), np.eye(4)[:3]
+        tape_jit.finish()
+        given, frame = packet_state.columns(self.origin, self.way, 0.0, np.inf), np.eye(4)[:3]
         out = np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n), np.empty(n)
 
         def work() -> Any:
-            room = Handle(tile_room.room(forms, 0))
+            room = Handle(packet_state.room(forms, 0))
             out[0][:] = np.inf
-            if tiles.trace(room, given, 0, n, frame, tiles.Out(*out, 0)) < n:
+            if packets.trace(room, given, 0, n, frame, packets.Out(*out, 0)) < n:
                 raise RuntimeError("no bundle")
             return out[0]
 
         return Contender(OURS, work, self._rows)
 
     def forms(self) -> Forms:
-        return fields.of_surfaces([fields.Surface(self.tape, self.parameters, BOX)])
+        return scene_surfaces.of_surfaces([scene_surfaces.Surface(self.tape, self.parameters, BOX)])
 
     def _rows(self, values: np.ndarray) -> np.ndarray:
         """What was found bundle by bundle, in the picture's order."""
@@ -191,7 +192,7 @@ class Desk:
         pick = np.random.default_rng(1).integers(0, len(t), CHECKED)
         o, d = self._rows(self.origin)[pick], self.way[pick]
         everywhere = np.zeros(CHECKED), np.full(CHECKED, np.inf)
-        true, _, _, _, doubt = plain.meet(self.tape, self.parameters, BOX, tuple(o.T), tuple(d.T), *everywhere)
+        true, _, _, _, doubt = numpy_reference.meet(self.tape, self.parameters, BOX, tuple(o.T), tuple(d.T), *everywhere)
         wrong = int(((np.isfinite(true) != np.isfinite(t[pick])) & ~doubt).sum())
         both = np.isfinite(true) & np.isfinite(t[pick])
         if wrong or np.abs(true[both] - t[pick][both]).max(initial=0.0) > 1e-8:
@@ -216,19 +217,19 @@ def _order(size: int) -> np.ndarray:
 def trace(forms, address, origin, direction, t, spacing, u, v):
     """Meet rays with the one surface there is."""
     n = len(t)
-    for start in range(0, n, across.WIDTH):
-        o, d = rays._three(origin, start, n), rays._three(direction, start, n)
+    for start in range(0, n, crosslane.WIDTH):
+        o, d = ray_queries._three(origin, start, n), ray_queries._three(direction, start, n)
         zero = 0.0 * o[0]
-        at, units, a, b, _ = meet.call(address, (forms, np.int64(0), o, d, zero, zero + np.inf))
-        rays._put(t, start, n, at)
-        rays._put(spacing, start, n, units)
-        rays._put(u, start, n, a)
-        rays._put(v, start, n, b)
+        at, units, a, b, _ = intersect.call(address, (forms, np.int64(0), o, d, zero, zero + np.inf))
+        ray_queries._put(t, start, n, at)
+        ray_queries._put(spacing, start, n, units)
+        ray_queries._put(u, start, n, a)
+        ray_queries._put(v, start, n, b)
 
 
 def _linked() -> int:
-    nothing = Handle(fields.of_surfaces([]))
-    return meet.meet.link(nothing.numba_type, types.int64, VEC, VEC, FLOAT, FLOAT)
+    nothing = Handle(scene_surfaces.of_surfaces([]))
+    return intersect.meet.link(nothing.numba_type, types.int64, VEC, VEC, FLOAT, FLOAT)
 
 
 def _turn() -> np.ndarray:
@@ -255,7 +256,7 @@ def models() -> dict[str, Tape]:
 
 
 def _torus(b: Builder) -> int:
-    return solids.analytic(b, 8, (0.6, 0.25), POINT)
+    return solid_fields.analytic(b, 8, (0.6, 0.25), POINT)
 
 
 def _heart(b: Builder) -> int:
@@ -269,7 +270,7 @@ def _gyroid(b: Builder) -> int:
     p = [b.scaled(name, 12.0) for name in POINT]
     waves = [b.multiply(b.op(Op.SIN, p[k]), b.op(Op.COS, p[(k + 1) % 3])) for k in range(3)]
     shell = b.scaled(b.shifted(b.op(Op.ABS, b.add(b.add(waves[0], waves[1]), waves[2])), -0.2), 1 / 12)
-    return b.op(Op.MAX, b.shifted(solids.length(b, POINT), -0.9), shell)
+    return b.op(Op.MAX, b.shifted(solid_fields.length(b, POINT), -0.9), shell)
 
 
 def _barth(b: Builder) -> int:
@@ -278,7 +279,7 @@ def _barth(b: Builder) -> int:
     pairs = [b.linear([(phi**2, p), (-1.0, q)]) for p, q in ((x, y), (y, z), (z, x))]
     ball = b.op(Op.SQUARE, b.linear([(1.0, x), (1.0, y), (1.0, z)], -1.0))
     product = b.multiply(b.multiply(pairs[0], pairs[1]), pairs[2])
-    return b.op(Op.MAX, b.linear([(-0.08, product), (0.02 * (1 + 2 * phi), ball)]), b.shifted(solids.length(b, POINT), -0.95))
+    return b.op(Op.MAX, b.linear([(-0.08, product), (0.02 * (1 + 2 * phi), ball)]), b.shifted(solid_fields.length(b, POINT), -0.95))
 
 
 def _away(b: Builder, center: np.ndarray) -> tuple[int, int, int]:
@@ -289,7 +290,7 @@ def _away(b: Builder, center: np.ndarray) -> tuple[int, int, int]:
 def _metaballs(b: Builder) -> int:
     random, total = np.random.default_rng(3), b.constant(0.0)
     for center, sharp in zip(random.uniform(-0.55, 0.55, (8, 3)), random.uniform(12, 30, 8), strict=True):
-        square = b.op(Op.SQUARE, solids.length(b, _away(b, center)))
+        square = b.op(Op.SQUARE, solid_fields.length(b, _away(b, center)))
         total = b.add(total, b.op(Op.EXP, b.scaled(square, -float(sharp))))
     return b.subtract(b.constant(0.4), total)
 
@@ -297,13 +298,13 @@ def _metaballs(b: Builder) -> int:
 def _spheres(b: Builder, count: int, spread: float, low: float, high: float) -> list[int]:
     random = np.random.default_rng(7)
     centers, radii = random.uniform(-spread, spread, (count, 3)), random.uniform(low, high, count)
-    return [b.shifted(solids.length(b, _away(b, c)), -float(r)) for c, r in zip(centers, radii, strict=True)]
+    return [b.shifted(solid_fields.length(b, _away(b, c)), -float(r)) for c, r in zip(centers, radii, strict=True)]
 
 
 def _smooth(b: Builder) -> int:
     first, *others = _spheres(b, 8, 0.5, 0.1, 0.25)
     for other in others:
-        first = solids.union(b, first, other, 0.1)
+        first = solid_fields.union(b, first, other, 0.1)
     return first
 
 
@@ -316,11 +317,11 @@ def _balls(b: Builder) -> int:
 
 def _plate(b: Builder) -> int:
     """A thick plate with 64 holes through it and a rim: the large tape of an engineer."""
-    plate = solids.analytic(b, 2, (0.6, 0.15, 0.6), POINT)
+    plate = solid_fields.analytic(b, 2, (0.6, 0.15, 0.6), POINT)
     for i in range(8):
         for k in range(8):
             point = (b.shifted(0, 0.14 * (i - 3.5)), 1, b.shifted(2, 0.14 * (k - 3.5)))
-            plate = solids.difference(b, plate, solids.analytic(b, 6, (0.045, 0.3, 1.0), point), 0.0)
+            plate = solid_fields.difference(b, plate, solid_fields.analytic(b, 6, (0.045, 0.3, 1.0), point), 0.0)
     return plate
 
 
@@ -329,12 +330,14 @@ def _colonnade(b: Builder) -> int:
     parts = []
     for x in np.linspace(-0.66, 0.66, 12):
         for z in (-0.3, 0.3):
-            parts.append(solids.analytic(b, 6, (0.04, 0.7, 1.0), _away(b, np.array([x, 0.0, z]))))
-            parts += [solids.analytic(b, 2, (0.055, 0.02, 0.055), _away(b, np.array([x, y, z]))) for y in (-0.34, 0.34)]
-            parts += [solids.analytic(b, 8, (0.04, 0.01), _away(b, np.array([x, y, z]))) for y in (-0.31, 0.29, 0.31)]
+            parts.append(solid_fields.analytic(b, 6, (0.04, 0.7, 1.0), _away(b, np.array([x, 0.0, z]))))
+            parts += [solid_fields.analytic(b, 2, (0.055, 0.02, 0.055), _away(b, np.array([x, y, z]))) for y in (-0.34, 0.34)]
+            parts += [solid_fields.analytic(b, 8, (0.04, 0.01), _away(b, np.array([x, y, z]))) for y in (-0.31, 0.29, 0.31)]
     for k in range(3):
-        parts.append(solids.analytic(b, 2, (0.74 + 0.05 * k, 0.02, 0.42 + 0.05 * k), _away(b, np.array([0.0, -0.38 - 0.04 * k, 0.0]))))
-    roof = [solids.analytic(b, 2, (0.76, 0.03, 0.44), _away(b, np.array([0.0, 0.39, 0.0])))]
+        parts.append(
+            solid_fields.analytic(b, 2, (0.74 + 0.05 * k, 0.02, 0.42 + 0.05 * k), _away(b, np.array([0.0, -0.38 - 0.04 * k, 0.0])))
+        )
+    roof = [solid_fields.analytic(b, 2, (0.76, 0.03, 0.44), _away(b, np.array([0.0, 0.39, 0.0])))]
     slopes = [b.linear([(0.55, 2), (1.0, 1)], -0.64), b.linear([(-0.55, 2), (1.0, 1)], -0.64)]
     roof.append(b.several(Op.MAX, [*slopes, b.linear([(-1.0, 1)], 0.42), b.shifted(b.op(Op.ABS, 0), -0.74)]))
     parts += roof
@@ -352,8 +355,8 @@ def _bear(b: Builder) -> int:
     found = -1
     for center, radii in blobs:
         point = [b.scaled(name, 1 / r) for name, r in zip(_away(b, np.array(center, float)), radii, strict=True)]
-        one = b.scaled(b.shifted(solids.length(b, point), -1.0), min(radii))
-        found = one if found < 0 else solids.union(b, found, one, 0.04)
+        one = b.scaled(b.shifted(solid_fields.length(b, point), -1.0), min(radii))
+        found = one if found < 0 else solid_fields.union(b, found, one, 0.04)
     return found
 
 
@@ -392,7 +395,7 @@ def _povs(v: Any) -> str:
 def _steepest(tape: Tape) -> float:
     """The largest gradient of a model in its box, by samples: what POV-Ray must be told. (Less leaves holes, as in the heart.)"""
     p = np.random.default_rng(2).uniform(-1, 1, (3, 100_000))
-    _, gradient = tape_walks.gradients(tape, *p)
+    _, gradient = numpy_interpreter.gradients(tape, *p)
     return round(float(np.nanmax(np.linalg.norm(gradient, axis=0))), 2)
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from ..compiler.build import SceneBuilder
-from ..compiler.rows import CameraData, InstanceData, MaterialData, MeshAttribute, MeshData
+from ..compiler.scene.builder import SceneBuilder
+from ..compiler.scene.row_records import CameraData, InstanceData, MaterialData, MeshAttribute, MeshData
 
 F32 = NDArray[np.float32]
 SIZES = {"70k": (350, 100), "400k": (1000, 200), "1M": (2000, 250)}  # rings along a knot, corners of a ring

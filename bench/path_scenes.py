@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 
 from .. import load
-from ..compiler import export_mitsuba, ir, plan
-from ..render import meshed
+from ..compiler import ir
+from ..compiler.exporters.mitsuba import scene as mitsuba_scene
+from ..compiler.plan import plan
+from ..render.tessellation import scene_meshes
 from . import meshes
 
 
@@ -35,10 +37,10 @@ class Setting:
     def exported(self, size: int, folder: Path) -> Path:
         """The XML file for Mitsuba, with its own roulette from the fifth surface on."""
         _, decided = self.decide(size, 16, 0)
-        made = export_mitsuba.write(self.scene, decided, "part", meshed.tessellator(self.scene, decided))
+        made = mitsuba_scene.write(self.scene, decided, "part", scene_meshes.tessellator(self.scene, decided))
         for name, data in made.files.items():
             (folder / name).write_bytes(data)
-        text = made.text.replace(f'value="{export_mitsuba.NO_ROULETTE}"', 'value="5"').replace('"multijitter"', '"independent"')
+        text = made.text.replace(f'value="{mitsuba_scene.NO_ROULETTE}"', 'value="5"').replace('"multijitter"', '"independent"')
         for old, new in self.swaps:
             text, count = re.subn(old, new, text, count=1, flags=re.DOTALL)
             if not count:

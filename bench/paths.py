@@ -16,9 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import load
-from ..compiler import ir, plan
-from ..render import film, metrics, prepare, ray
-from ..render.records import View
+from ..compiler import ir
+from ..compiler.plan import plan
+from ..render.backends import prepare, ray
+from ..render.film import film
+from ..render.image import metrics
+from ..render.types import View
 from . import meshes, mitsuba, path_scenes, report
 from .harness import OURS, Case, Contender, Disagreement, Effort, Missing, Peers, Result, measure
 

@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler import ir, plan
-from ..compiler.build import SceneBuilder
-from ..compiler.rows import CameraData, Input, InstanceData, LightData, MaterialData, MeshAttribute, MeshData, TextureData
-from ..render import film, prepare, raster
-from ..render.records import View
+from ..compiler import ir
+from ..compiler.plan import plan
+from ..compiler.scene.builder import SceneBuilder
+from ..compiler.scene.row_records import CameraData, Input, InstanceData, LightData, MaterialData, MeshAttribute, MeshData, TextureData
+from ..render.backends import prepare, raster
+from ..render.film import film
+from ..render.types import View
 from . import gl, meshes, report
 from .harness import OURS, Case, Contender, Disagreement, Effort, Peers, measure, timed
 from .meshes import Mesh

@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
-from ..render.machine import cores
+from ..render.simd.target import cores
 from . import harness
 
 RESULTS = Path(__file__).resolve().parent / "RESULTS.md"

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..render import output
+from ..render.image import image_files
 from . import limits, mitsuba, report
 from .harness import OURS, Case, Contender, Disagreement, Effort, Missing, Peers, measure
 
@@ -120,8 +120,8 @@ def _povray_version() -> dict[str, str]:
 
 def _pixels(path: Path, linear: bool = False) -> NDArray[np.float64]:
     """The picture's linear colours. `linear`: a file of integers that are linear already, whatever it says of itself."""
-    rgb = np.asarray(output.read(path).channels["rgba"][..., :3], dtype=np.float64)
-    return output.encode_srgb(rgb) if linear else rgb
+    rgb = np.asarray(image_files.read(path).channels["rgba"][..., :3], dtype=np.float64)
+    return image_files.encode_srgb(rgb) if linear else rgb
 
 
 def agree(answers: Mapping[str, Any]) -> str:

@@ -12,11 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import load
-from ..compiler import ir, plan
-from ..render import film, machine, prepare, ray, simd, workers
-from ..render import rays as traced
-from ..render.kernels import kernel
-from ..render.records import View
+from ..compiler import ir
+from ..compiler.plan import plan
+from ..render import simd
+from ..render.accel import ray_queries as traced
+from ..render.backends import prepare, ray
+from ..render.film import film
+from ..render.jit import thread_pool
+from ..render.jit.kernel import kernel
+from ..render.simd import target
+from ..render.types import View
 from . import meshes, raster, report
 from .harness import OURS, Case, Contender, Disagreement, Effort, Missing, Peers, measure
 from .rays import closest
@@ -51,7 +56,7 @@ def section(quick: bool, effort: Effort) -> report.Section:
 
 
 def _by(make: Make, threads: int, name: str) -> Contender:
-    if machine.cores() < 2:
+    if target.cores() < 2:
         raise Missing("there is one core alone")
     return Contender(name, *make(threads))
 
@@ -80,7 +85,7 @@ def arithmetic(quick: bool) -> Cases:
     def make(times: int, threads: int) -> tuple[Callable[[], Any], Callable[[Any], Any]]:
         def run() -> NDArray[np.float32]:
             out = np.zeros((PIECES, 16), np.float32)
-            workers.on_threads(lambda k: multiply(times // PIECES, out[k]), range(PIECES), threads)
+            thread_pool.on_threads(lambda k: multiply(times // PIECES, out[k]), range(PIECES), threads)
             return out
 
         return run, _itself

@@ -9,12 +9,18 @@ from pathlib import Path
 
 import numpy as np
 
-from ..lang import endings, evaluate, tokens
+from ..lang import file_types
 from ..lang.diagnostics import Diagnostics, Span, suggest
-from . import buried, defaults, folders, ir, lower, motion, sources, store, transforms, validate
-from .build import SceneBuilder
-from .files import FileError, Files, resolved
-from .rows import InstanceData
+from ..lang.eval import evaluator
+from ..lang.syntax import lexer
+from . import ir
+from .io import cache_dirs, source_files
+from .io.sandbox import FileError, Files, resolved
+from .lower import lowering
+from .plan import enclosed_lights
+from .scene import defaults, motion_keys, serialize, transforms, validate
+from .scene.builder import SceneBuilder
+from .scene.row_records import InstanceData
 
 
 def load(
@@ -43,22 +49,22 @@ def load(
     try:
         real = resolved(path)
         files = Files(real.parent, allow)
-        files.find(real.name, what="scene" if suffix in endings.SCENE else "file")
+        files.find(real.name, what="scene" if suffix in file_types.SCENE else "file")
         _refuse_unused(suffix, str(path), sets, time, code, variants, found)
-        if suffix in endings.SCENE:
+        if suffix in file_types.SCENE:
             start = time or 0.0
             scene = _scene(path, real, files, sets or {}, start, found, watch)
             scene = _blurred(scene, lambda later, said: _scene(path, real, files, sets or {}, start + later, said, watch), found)
-        elif suffix in endings.USD:
+        elif suffix in file_types.USD:
             scene = _stage(path, files, (time, code), variants or {}, found, watch)
             scene = _blurred(scene, lambda later, said: _stage(path, files, (time, code), variants or {}, said, watch, later), found)
-        elif suffix in endings.MESH:
+        elif suffix in file_types.MESH:
             scene = _mesh(path, real, files, found, watch)
-        elif suffix in endings.SAVED:
+        elif suffix in file_types.SAVED:
             with watch.stage("import"):
-                scene = store.load(path)
+                scene = serialize.load(path)
         else:
-            known = (*endings.SCENE, *endings.USD, *endings.MESH, *endings.SAVED)
+            known = (*file_types.SCENE, *file_types.USD, *file_types.MESH, *file_types.SAVED)
             hint = suggest(suffix, known) or f"scenes are {', '.join(known)}"
             found.error(f"`{path.name}` is no kind of scene that is known", Span(str(path)), hint)
     except FileError as failure:
@@ -68,13 +74,13 @@ def load(
     with watch.stage("validate"):
         scene, _ = validate.validate(scene, found)
     found.raise_if_failed()
-    buried.tell(scene, found)
+    enclosed_lights.tell(scene, found)
     return scene
 
 
 def _blurred(scene: ir.Scene, at: Callable[[float, Diagnostics], ir.Scene], found: Diagnostics) -> ir.Scene:
     """The scene with what moves while its cameras' shutters are open; `at` compiles it so many seconds later."""
-    if found.failed or motion.shutters(scene) == (0.0, 0.0):
+    if found.failed or motion_keys.shutters(scene) == (0.0, 0.0):
         return scene
 
     def later(seconds: float) -> ir.Scene | None:
@@ -86,7 +92,7 @@ def _blurred(scene: ir.Scene, at: Callable[[float, Diagnostics], ir.Scene], foun
             return None
         return made
 
-    return motion.blurred(scene, later, found)
+    return motion_keys.blurred(scene, later, found)
 
 
 class Stopwatch:
@@ -112,16 +118,16 @@ class Stopwatch:
 
 
 def _scene(path: Path, real: Path, files: Files, sets: Mapping[str, str], time: float, found: Diagnostics, watch: Stopwatch) -> ir.Scene:
-    reader = sources.SceneReader(files)
+    reader = source_files.SceneReader(files)
     parsing: dict[str, float] = {}
     with watch.stage("parse"):
-        tokens.grammar(folders.parser_tables())
+        lexer.grammar(cache_dirs.parser_tables())
     with watch.stage("evaluate"):
         source = reader.main(str(path), real)
-        document = evaluate.evaluate(source, reader, found, sets=sets, time=time, seconds=parsing)
+        document = evaluator.evaluate(source, reader, found, sets=sets, time=time, seconds=parsing)
     watch.move("evaluate", "parse", parsing["parse"])
     with watch.stage("lower"):
-        return lower.lower(document, SceneBuilder(found, files), reader.folder)
+        return lowering.lower(document, SceneBuilder(found, files), reader.folder)
 
 
 def _stage(
@@ -129,18 +135,18 @@ def _stage(
     later: float = 0.0,
 ) -> ir.Scene:  # fmt: skip
     with watch.stage("import"), np.errstate(all="ignore"):
-        from . import usd
+        from .importers.usd import load as usd_load
 
-        return usd.scene(path, SceneBuilder(found, files), time=moment[0], code=moment[1], variants=variants, later=later)
+        return usd_load.scene(path, SceneBuilder(found, files), time=moment[0], code=moment[1], variants=variants, later=later)
 
 
 def _mesh(path: Path, real: Path, files: Files, found: Diagnostics, watch: Stopwatch) -> ir.Scene:
     """A bare mesh file: its own materials or grey, the default camera and lights."""
     builder = SceneBuilder(found, files)
     with watch.stage("import"), np.errstate(all="ignore"):
-        from . import meshes
+        from .importers import mesh_files
 
-        parts = meshes.read(real, str(path), builder, found, None, files)
+        parts = mesh_files.read(real, str(path), builder, found, None, files)
     with watch.stage("lower"):
         for part in parts:
             row = builder.transform(transforms.identity() if part.transform is None else part.transform)
@@ -155,12 +161,12 @@ def _refuse_unused(
     variants: Mapping[str, str] | None, found: Diagnostics,
 ) -> None:  # fmt: skip
     """Nothing that was asked for is ignored: say what this kind of file cannot take."""
-    if variants and suffix not in endings.USD:
+    if variants and suffix not in file_types.USD:
         found.error("only USD stages have variants", Span(name), "leave out --variant")
-    if code is not None and suffix not in endings.USD:
+    if code is not None and suffix not in file_types.USD:
         found.error("only USD stages have time codes", Span(name), "give the time in seconds")
-    if suffix not in endings.SCENE:
+    if suffix not in file_types.SCENE:
         for param in sets or {}:
             found.error(f"there is no param `{param}`: only .scene files have params", Span(name), "leave out --set")
-    if time and suffix not in (*endings.SCENE, *endings.USD):
+    if time and suffix not in (*file_types.SCENE, *file_types.USD):
         found.error("nothing moves in this kind of file: it has no time", Span(name), "leave out --time")

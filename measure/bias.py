@@ -4,7 +4,7 @@ With runs I₁ … I_N of a pixel, their mean Ī and variance s², and a referen
 
     bias² = ⟨(Ī − R)² − v⟩ with v = s²/N + σ_R²,   noise² = ⟨s²⟩,
 
-where ⟨⟩ is the mean over pixels and channels weighed as in √relMSE (render/metrics.py): by 1 / (R² + ε²). Both are unbiased, and
+where ⟨⟩ is the mean over pixels and channels weighed as in √relMSE (render/image/metrics.py): by 1 / (R² + ε²). Both are unbiased, and
 noise² + bias² is the relMSE one run is expected to have. Celarek et al. 2019, "Quantifying the error of light transport algorithms".
 
 A bias that is small beside the noise of single pixels is looked for in means over blocks of them, where noise cancels and most biases
@@ -24,7 +24,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ..render import metrics
+from ..render.image import metrics
 from .records import Reference
 
 RARE = 7.0  # x above: noise is called a bias once in e⁷ = 1100 times at each size of blocks

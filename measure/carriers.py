@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..lang.diagnostics import Span
-from ..render import metrics
+from ..render.image import metrics
 from . import changes
 from .sides import Side
 

@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from ..compiler import ir, show
+from ..compiler import ir
+from ..compiler.scene import dump
 from ..lang.diagnostics import Span
 
 TABLES = ("images", "textures", "materials", "geometries", "lights", "cameras", "instances")  # what a table refers to comes first
@@ -249,7 +250,7 @@ def _cells(a: ir.Scene, b: ir.Scene, table: str, row_a: int, row_b: int, pairs: 
 def _plain_cells(scene: ir.Scene, table: str, row: int) -> dict[str, str]:
     """The row as text, without places and references; its name too."""
     left_out = {*_PLACES.get(table, ()), *_REFERENCES.get(table, {})}
-    cells = {column: text for column, text in show.cells(scene, table, row).items() if column not in left_out and not column.endswith("*")}
+    cells = {column: text for column, text in dump.cells(scene, table, row).items() if column not in left_out and not column.endswith("*")}
     names = getattr(scene.names, table, ())
     return {"name": names[row], **cells} if row < len(names) and names[row] else cells
 
@@ -264,5 +265,5 @@ def _short(values: np.ndarray | None) -> str:
     if values is None:
         return ""
     if values.size > 9:
-        return f"{len(values)} #{show.short_hash(values)}"
+        return f"{len(values)} #{dump.short_hash(values)}"
     return f"[{' '.join(f'{v + 0.0:.6g}' for v in values.ravel())}]"

@@ -16,8 +16,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from ..compiler import ir
-from ..compiler import plan as planner
-from ..render import output
+from ..compiler.plan import plan as planner
+from ..render.image import image_files
 from . import contest, figures, keep, knobs, pareto, peer_run, peers, reference, runs, truth, wording
 from .contest import Contestant, Rung
 from .records import Chart, NothingMeasured, Reference, Setting, Wanted
@@ -108,7 +108,7 @@ class _Work:
             against = self._reference()
         except runs.Cancelled:
             raise NothingMeasured("interrupted before anything was measured") from None
-        self.exposure = output.metered(against.rgb) if plan["exposure"] == "metered" else float(plan["exposure"])
+        self.exposure = image_files.metered(against.rgb) if plan["exposure"] == "metered" else float(plan["exposure"])
         self.floor = figures.floor(against, self.exposure)
         try:
             while self._climb(climbs, against):

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler import store
-from ..render import metrics
+from ..compiler.scene import serialize
+from ..render.image import metrics
 from . import carriers, changes, errors
 from .sides import Side, alike, exposure_said, without_shared_endless
 
@@ -179,7 +179,7 @@ def _flip(a: Side, b: Side, stops: float) -> float:
 
 def _changes(a: Side, b: Side) -> tuple[list[changes.Change], dict[int, int]]:
     """What changed between two versions of a scene, and which instance of A is which of B."""
-    if a.scene is None or b.scene is None or a.scene is b.scene or store.content_hash(a.scene) == store.content_hash(b.scene):
+    if a.scene is None or b.scene is None or a.scene is b.scene or serialize.content_hash(a.scene) == serialize.content_hash(b.scene):
         ids = a.ids
         both = ids is not None and b.ids is not None
         return [], {k: k for k in range(int(ids.max(initial=-1)) + 1)} if both and ids is not None else {}

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..compiler import ir
-from ..compiler import plan as planner
+from ..compiler.plan import plan as planner
 from . import bias, errors, knobs, runs
 from .peers import Peer
 from .records import Reference, Run, Setting, Spread

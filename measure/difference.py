@@ -9,8 +9,8 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from ..render import metrics, output
-from ..render.image import Image
+from ..render.image import image_files, metrics
+from ..render.image.image import Image
 from .compare import Comparison
 
 STRIP = 22  # pixels of a label's height
@@ -28,7 +28,7 @@ def write(found: Comparison, path: Path, together: bool = False) -> None:
     """
     if together:
         _save(side_by_side(found), path)
-    elif path.suffix.lower() in output.LINEAR:
+    elif path.suffix.lower() in image_files.LINEAR:
         _save((found.a.rgb - found.b.rgb).astype(np.float32), path)
     else:
         _save(metrics.false_colour(found.a.rgb, found.b.rgb), path)
@@ -63,7 +63,7 @@ def _label(text: str, width: int, size: int) -> NDArray[np.float32]:
     oiio.ImageBufAlgo.fill(strip, (0.0, 0.0, 0.0))
     oiio.ImageBufAlgo.render_text(strip, GAP, STRIP - 7, text, size, "", (1.0, 1.0, 1.0))
     ink = np.asarray(strip.get_pixels(oiio.FLOAT)).reshape(STRIP, width, 3)
-    return (FIELD + (1.0 - FIELD) * output.decode_srgb(ink)).astype(np.float32)
+    return (FIELD + (1.0 - FIELD) * image_files.decode_srgb(ink)).astype(np.float32)
 
 
 def _length(text: str, size: int) -> int:
@@ -72,4 +72,6 @@ def _length(text: str, size: int) -> int:
 
 def _save(rgb: NDArray[np.float32], path: Path) -> None:
     rgba = np.concatenate([rgb, np.ones_like(rgb[..., :1])], axis=2).astype(np.float32)
-    output.write(Image(rgb.shape[1], rgb.shape[0], {"rgba": rgba}, {}), path, output.Look(), {"version": metadata.version("maquette")})
+    image_files.write(
+        Image(rgb.shape[1], rgb.shape[0], {"rgba": rgba}, {}), path, image_files.Look(), {"version": metadata.version("maquette")}
+    )

@@ -6,7 +6,7 @@ import numpy as np
 from flip_evaluator import evaluate
 from numpy.typing import NDArray
 
-from ..render import metrics
+from ..render.image import metrics
 
 PIXELS_PER_DEGREE = 67.02  # of the viewer: FLIP's own default, a 0.7 m wide display of 3840 pixels seen from 0.7 m
 

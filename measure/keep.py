@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..render import output
-from ..render.image import Image
+from ..render.image import image_files
+from ..render.image.image import Image
 from .records import Reference, Run, Setting
 
 INDEX = "index.json"
@@ -54,4 +54,4 @@ class Keeper:
         height, width = alpha.shape
         rgba = np.dstack([rgb, alpha]).astype(np.float32)
         picture = Image(width, height, {"rgba": rgba}, {"size": (width, height), "crop": (0, 0, width, height)})
-        output.write(picture, self.folder / name, output.Look(), {})
+        image_files.write(picture, self.folder / name, image_files.Look(), {})

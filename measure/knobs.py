@@ -7,8 +7,8 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from ..compiler import ir
-from ..compiler import plan as planner
-from ..render import knobs
+from ..compiler.plan import plan as planner
+from ..render import quality_settings
 from . import truth
 from .records import Setting
 
@@ -40,7 +40,7 @@ def ladders(scene: ir.Scene, light: truth.Truth, backend: str) -> list[Ladder]:
     less = truth.differs(full, own)
     other = full["interreflection"] != own["interreflection"]
     made = []
-    for knob in knobs.KNOBS[backend]:
+    for knob in quality_settings.KNOBS[backend]:
         if not knob.applies(scene, full):
             continue
         if knob.option == "bounces":
@@ -61,7 +61,9 @@ def _common(settings: ir.Settings) -> dict[str, Any]:
     return {name: value for name, value in said if value is not None}
 
 
-def _ladder(knob: knobs.Knob, backend: str, name: str, options: Mapping[str, Any], plan: Mapping[str, str], light: str) -> Ladder:
+def _ladder(
+    knob: quality_settings.Knob, backend: str, name: str, options: Mapping[str, Any], plan: Mapping[str, str], light: str
+) -> Ladder:
     settings = []
     for value in knob.values:
         turned = {knob.option: value} if knob.option else {}
@@ -70,7 +72,7 @@ def _ladder(knob: knobs.Knob, backend: str, name: str, options: Mapping[str, Any
     return Ladder(backend, name, tuple(settings), _costs(knob.cost, knob.values), light)
 
 
-def _depths(knob: knobs.Knob, backend: str, light: truth.Truth, options: Mapping[str, Any], full: planner.Plan) -> Ladder:
+def _depths(knob: quality_settings.Knob, backend: str, light: truth.Truth, options: Mapping[str, Any], full: planner.Plan) -> Ladder:
     """Depths below the truth's, which other ladders climb with."""
     values = tuple(v for v in knob.values if v < full["bounces"])
     plans = [{**light.common, **(light.plan if v else {})} for v in values]

@@ -14,9 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..compiler import export_mitsuba, ir
-from ..compiler.plan import Plan
-from ..render import meshed
+from ..compiler import ir
+from ..compiler.exporters.mitsuba import scene as mitsuba_scene
+from ..compiler.plan.plan import Plan
+from ..render.tessellation import scene_meshes
 from . import peer_run
 from .records import Run, Setting
 
@@ -41,7 +42,7 @@ class Mitsuba:
         return f"Mitsuba {metadata.version('mitsuba')} {variant()}"
 
     def express(self, scene: ir.Scene, plan: Plan) -> list[str]:
-        return export_mitsuba.write(scene, plan, "scene", meshed.tessellator(scene, plan)).lost
+        return mitsuba_scene.write(scene, plan, "scene", scene_meshes.tessellator(scene, plan)).lost
 
     def ladder(self, scene: ir.Scene, plan: Plan) -> tuple[Setting, ...]:
         return tuple(Setting(self.name, "samples", n, {"samples": n}) for n in SAMPLES)
@@ -51,7 +52,7 @@ class Mitsuba:
             "variant": variant(), "samples": int(setting.options["samples"]), "seed": seed, "threads": peer_run.threads(plan),
         }  # fmt: skip
         with tempfile.TemporaryDirectory(prefix="maquette-mitsuba-") as folder:
-            made = export_mitsuba.write(scene, plan, "scene", meshed.tessellator(scene, plan))
+            made = mitsuba_scene.write(scene, plan, "scene", scene_meshes.tessellator(scene, plan))
             made.save(Path(folder) / "scene.xml")
             peer_run.call("Mitsuba", [sys.executable, str(RUNNER), "scene.xml", "out.npz", json.dumps(asked)], Path(folder), _environment())
             with np.load(Path(folder) / "out.npz", allow_pickle=False) as data:

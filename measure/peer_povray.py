@@ -12,9 +12,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler import export_povray, ir
-from ..compiler.plan import Plan
-from ..render import meshed, output
+from ..compiler import ir
+from ..compiler.exporters.povray import scene as povray_scene
+from ..compiler.plan.plan import Plan
+from ..render.image import image_files
+from ..render.tessellation import scene_meshes
 from . import peer_run
 from .records import Run, Setting
 
@@ -40,7 +42,7 @@ class PovRay:
         return f"POV-Ray {found.group(1) if found else '(version unknown)'}"
 
     def express(self, scene: ir.Scene, plan: Plan) -> list[str]:
-        return export_povray.write(scene, plan, "scene", meshed.tessellator(scene, plan)).lost
+        return povray_scene.write(scene, plan, "scene", scene_meshes.tessellator(scene, plan)).lost
 
     def ladder(self, scene: ir.Scene, plan: Plan) -> tuple[Setting, ...]:
         return tuple(Setting(self.name, "samples", n * n, {"samples": n * n}) for n in GRIDS)
@@ -49,7 +51,7 @@ class PovRay:
         across = max(round(int(setting.options["samples"]) ** 0.5), 1)
         with tempfile.TemporaryDirectory(prefix="maquette-povray-") as name:
             folder = Path(name)
-            export_povray.write(scene, plan, "scene", meshed.tessellator(scene, plan)).save(folder / "scene.pov")
+            povray_scene.write(scene, plan, "scene", scene_meshes.tessellator(scene, plan)).save(folder / "scene.pov")
             started = time.perf_counter()
             said = peer_run.call("POV-Ray", ["povray", *arguments(plan, across)], folder)
             whole = time.perf_counter() - started
@@ -74,7 +76,7 @@ def arguments(plan: Plan, across: int) -> list[str]:
 def _read(path: Path, plan: Plan) -> NDArray[np.float32]:
     if not path.is_file():
         raise peer_run.PeerError("POV-Ray wrote no picture")
-    rgb = output.read(path).channels["rgba"][..., :3]
+    rgb = image_files.read(path).channels["rgba"][..., :3]
     x0, y0, x1, y1 = plan["crop"]
     if rgb.shape[:2] != (y1 - y0, x1 - x0):
         rgb = rgb[y0:y1, x0:x1]

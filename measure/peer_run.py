@@ -7,8 +7,8 @@ import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from ..compiler.plan import Plan
-from ..render import machine
+from ..compiler.plan.plan import Plan
+from ..render.simd import target
 
 LIMIT = 3600.0  # seconds after which a peer is given up
 _SHOWN = 1200  # characters of a failed program's last words
@@ -20,7 +20,7 @@ class PeerError(RuntimeError):
 
 def threads(plan: Plan) -> int:
     """As many as our own backends take."""
-    return int(plan["threads"]) or machine.cores()
+    return int(plan["threads"]) or target.cores()
 
 
 def call(name: str, command: Sequence[str], folder: Path, environment: Mapping[str, str] | None = None) -> str:

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from typing import Protocol
 
 from ..compiler import ir
-from ..compiler.plan import Plan
+from ..compiler.plan.plan import Plan
 from ..lang.diagnostics import suggest
 from .peer_mitsuba import Mitsuba
 from .peer_povray import PovRay

@@ -22,9 +22,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler import folders, ir, store
-from ..compiler.plan import Plan
-from ..render import kernels
+from ..compiler import ir
+from ..compiler.io import cache_dirs
+from ..compiler.plan.plan import Plan
+from ..compiler.scene import serialize
+from ..render.jit import cache_key
 from . import bias, closed, runs
 from .records import NothingMeasured, Reference
 from .truth import Truth
@@ -87,12 +89,12 @@ def make(
 def key(scene: ir.Scene, plan: Plan) -> str:
     """What names the file: a hash of everything the picture depends on but its samples."""
     decided = {name: plan[name] for name in DEFINING}
-    return hashlib.sha256(f"{store.content_hash(scene)} {json.dumps(decided)} {kernels.CACHE.name}".encode()).hexdigest()[:32]
+    return hashlib.sha256(f"{serialize.content_hash(scene)} {json.dumps(decided)} {cache_key.version()}".encode()).hexdigest()[:32]
 
 
 def default_folder() -> Path:
     """Beside the compiled kernels: MAQUETTE_CACHE, else the user's cache folder."""
-    return folders.cache_root() / "references"
+    return cache_dirs.cache_root() / "references"
 
 
 def load(path: Path, shape: tuple[int, int, int]) -> LongRun | None:

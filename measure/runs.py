@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from ..compiler import ir
-from ..compiler import plan as planner
-from ..render import draw
-from ..render.machine import cores
+from ..compiler.plan import plan as planner
+from ..render import render_scene
+from ..render.simd.target import cores
 from .records import Run, Setting
 
 WITH_VERSIONS = ("maquette", "numpy", "numba", "flip-evaluator")
@@ -40,7 +40,7 @@ def plan_of(scene: ir.Scene, settings: ir.Settings, setting: Setting, seed: int)
 def run(scene: ir.Scene, plan: planner.Plan, cancel: threading.Event | None = None) -> Run:
     """Draw once, without any display of progress. CPU seconds are those of building and rendering. Raises Cancelled."""
     before = time.process_time()
-    image = draw.draw(scene, plan, None, cancel)
+    image = render_scene.draw(scene, plan, None, cancel)
     cpu = time.process_time() - before
     if image.metadata["partial"]:
         raise Cancelled
@@ -57,7 +57,7 @@ def threads(settings: ir.Settings) -> int:
 @functools.cache
 def import_seconds() -> float:
     """What loading the renderer takes in a process of its own, seconds; 0 where none can be started."""
-    code = "import time; t = time.perf_counter(); import maquette.render.draw; print(time.perf_counter() - t)"
+    code = "import time; t = time.perf_counter(); import maquette.render.render_scene; print(time.perf_counter() - t)"
     try:
         done = subprocess.run(
             [sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}, timeout=60,

@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from ..compiler import plan as planner
+from ..compiler.plan import plan as planner
 from ..lang.diagnostics import Diagnostic
-from ..render import draw, output, sampler
-from ..render.image import Image
+from ..render import render_scene
+from ..render.image import image_files
+from ..render.image.image import Image
+from ..render.sampling import sobol
 
 KNOWN = ("id", "depth")  # channels that tell which object a pixel shows
 
@@ -75,7 +77,7 @@ class Side:
         """How many pixels from its centre a pixel takes light from, rounded up."""
         if self.plan is None:
             return 2  # the default filter's
-        return math.ceil(float(np.abs(sampler.filter_table(self.plan["filter"])).max())) if self.plan["samples"] > 1 else 1
+        return math.ceil(float(np.abs(sobol.filter_table(self.plan["filter"])).max())) if self.plan["samples"] > 1 else 1
 
     def about(self) -> str:
         """The name with what is known of how it came to be: "hello.scene, ray, 16 samples, seed 0"."""
@@ -90,7 +92,7 @@ class Side:
 
 def picture(path: Path) -> Side:
     """A picture's file. Raises output.FormatError where there is none to read."""
-    image = output.read(path)
+    image = image_files.read(path)
     try:
         noise = float(image.metadata["about"]["error"])
     except (KeyError, ValueError):
@@ -104,10 +106,14 @@ def plan_of(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, str]
 
 
 def drawn(
-    scene: ir.Scene, plan: planner.Plan, name: str = "", progress: draw.Progress | None = None, cancel: threading.Event | None = None
+    scene: ir.Scene,
+    plan: planner.Plan,
+    name: str = "",
+    progress: render_scene.Progress | None = None,
+    cancel: threading.Event | None = None,
 ) -> Side:
     """A scene, drawn as a plan of `plan_of` says. metadata["partial"] of its image tells that `cancel` ended it."""
-    image = draw.draw(scene, plan, progress, cancel)
+    image = render_scene.draw(scene, plan, progress, cancel)
     notes = tuple(Diagnostic("note", message, scene.spans.at(table, row)) for message, table, row in image.metadata["notes"])
     return Side(name or scene.name, image, _noise(plan, image), scene, plan, notes)
 
@@ -146,7 +152,7 @@ def exposure_said(side: Side) -> float | None:
     """The stops a picture was written with, or a render's own plan has; None where nobody said."""
     if side.plan is not None:
         asked = side.plan["exposure"]
-        return output.metered(side.image.channels["rgba"]) if asked == "metered" else float(asked)
+        return image_files.metered(side.image.channels["rgba"]) if asked == "metered" else float(asked)
     try:
         return float(side.image.metadata["about"]["exposure"])
     except (KeyError, ValueError):

@@ -16,9 +16,11 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from . import lanes, placed, sampler
-from .kernels import HELPER, helper
-from .records import Lane, Panorama, Pinhole, Ray, Tables, Thin, Vec, View
+from .geometry import instance_transform
+from .jit.kernel import HELPER, helper
+from .lanes import ops
+from .sampling import sobol
+from .types import Lane, Panorama, Pinhole, Ray, Tables, Thin, Vec, View
 
 PERSPECTIVE = int(ir.Projection.PERSPECTIVE)
 PANORAMIC = int(ir.Projection.PANORAMIC)
@@ -55,16 +57,16 @@ def ray(tables: Tables, view: View, x: Lane, y: Lane, time: Any = None) -> Ray:
     cameras = tables.cameras
     c = view.camera
     px, py = image_plane(tables, view, x, y)
-    zero = lanes.full_like(px, 0.0)
-    matrix = placed.at(tables, cameras.transform[c], time).matrix
+    zero = ops.full_like(px, 0.0)
+    matrix = instance_transform.at(tables, cameras.transform[c], time).matrix
     if cameras.projection[c] == PERSPECTIVE:
         local = (px, py, zero - 1.0)
-        stretch = lanes.length(local)  # of the axis' metres to the ray's
-        origin = lanes.point_by(matrix, (zero, zero, zero))
-        direction = lanes.normalize(lanes.vector_by(matrix, local))
+        stretch = ops.length(local)  # of the axis' metres to the ray's
+        origin = ops.point_by(matrix, (zero, zero, zero))
+        direction = ops.normalize(ops.vector_by(matrix, local))
         return Ray(origin, direction, cameras.near[c] * stretch, cameras.far[c] * stretch, time)
-    origin = lanes.point_by(matrix, (px, py, zero))
-    direction = lanes.normalize(lanes.vector_by(matrix, (zero, zero, zero - 1.0)))
+    origin = ops.point_by(matrix, (px, py, zero))
+    direction = ops.normalize(ops.vector_by(matrix, (zero, zero, zero - 1.0)))
     return Ray(origin, direction, zero + cameras.near[c], zero + cameras.far[c], time)
 
 
@@ -79,7 +81,7 @@ def lens_of(tables: Tables, view: View) -> Pinhole | Thin | Panorama:
 def through(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, pixel: Lane, sample: Lane, seed: int, time: Any) -> Ray:
     """The ray of a sample (a pixel and number as sampler.place gives them) at pixel coordinates x, y."""
     if isinstance(lens, Thin):
-        return _from_lens(tables, view, lens, x, y, sampler.on_lens(pixel, sample, seed), time)
+        return _from_lens(tables, view, lens, x, y, sobol.on_lens(pixel, sample, seed), time)
     return around(tables, view, lens, x, y, time) if isinstance(lens, Panorama) else ray(tables, view, x, y, time)
 
 
@@ -88,7 +90,7 @@ def _through_in_kernels(tables, view, lens, x, y, pixel, sample, seed, time):
     fields = tuple(name for name, _, _ in lens.layout)
     if fields == Thin._fields:
         return lambda tables, view, lens, x, y, pixel, sample, seed, time: _from_lens(
-            tables, view, lens, x, y, sampler.on_lens(pixel, sample, seed), time
+            tables, view, lens, x, y, sobol.on_lens(pixel, sample, seed), time
         )
     if fields == Panorama._fields:
         return lambda tables, view, lens, x, y, pixel, sample, seed, time: around(tables, view, lens, x, y, time)
@@ -107,12 +109,12 @@ def _from_lens(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, place: t
     cameras, c = tables.cameras, view.camera
     px, py = image_plane(tables, view, x, y)
     from_x, from_y = place[0] * lens.radius, place[1] * lens.radius
-    zero = lanes.full_like(px, 0.0)
+    zero = ops.full_like(px, 0.0)
     local = (px - from_x / lens.focus, py - from_y / lens.focus, zero - 1.0)
-    stretch = lanes.length(local)
-    matrix = placed.at(tables, cameras.transform[c], time).matrix
-    origin = lanes.point_by(matrix, (from_x, from_y, zero))
-    direction = lanes.normalize(lanes.vector_by(matrix, local))
+    stretch = ops.length(local)
+    matrix = instance_transform.at(tables, cameras.transform[c], time).matrix
+    origin = ops.point_by(matrix, (from_x, from_y, zero))
+    direction = ops.normalize(ops.vector_by(matrix, local))
     return Ray(origin, direction, cameras.near[c] * stretch, cameras.far[c] * stretch, time)
 
 
@@ -122,19 +124,19 @@ def around(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, time: Any = 
     cameras, c = tables.cameras, view.camera
     turn = (x / view.width - 0.5 + lens.middle) * (2.0 * math.pi)
     rise = (0.5 - y / view.height) * math.pi
-    level = lanes.cos(rise)
-    zero = lanes.full_like(turn, 0.0)
-    matrix = placed.at(tables, cameras.transform[c], time).matrix
-    origin = lanes.point_by(matrix, (zero, zero, zero))
-    direction = lanes.vector_by(matrix, (level * lanes.sin(turn), lanes.sin(rise), zero - level * lanes.cos(turn)))
-    return Ray(origin, lanes.normalize(direction), zero + cameras.near[c], zero + cameras.far[c], time)
+    level = ops.cos(rise)
+    zero = ops.full_like(turn, 0.0)
+    matrix = instance_transform.at(tables, cameras.transform[c], time).matrix
+    origin = ops.point_by(matrix, (zero, zero, zero))
+    direction = ops.vector_by(matrix, (level * ops.sin(turn), ops.sin(rise), zero - level * ops.cos(turn)))
+    return Ray(origin, ops.normalize(direction), zero + cameras.near[c], zero + cameras.far[c], time)
 
 
 def depth(tables: Tables, view: View, point: Vec) -> Lane:
     """Distance of a world point along the camera's axis, or from the middle of a panorama, in metres; numpy lanes."""
     row = tables.cameras.transform[view.camera]
-    local = lanes.transform_point(tables.transforms.inverse, row, point)
-    return lanes.length(local) if tables.cameras.projection[view.camera] == PANORAMIC else -local[2]
+    local = ops.transform_point(tables.transforms.inverse, row, point)
+    return ops.length(local) if tables.cameras.projection[view.camera] == PANORAMIC else -local[2]
 
 
 def matrices(tables: Tables, view: View) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

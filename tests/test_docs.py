@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 import pytest
-from maquette.cli import cli
+from maquette.cli.main import cli
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = [*ROOT.glob("*.md"), *sorted((ROOT / "docs").glob("*.md")), ROOT / "examples" / "README.md"]

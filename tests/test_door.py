@@ -6,9 +6,9 @@ from pathlib import Path
 
 import maquette
 import pytest
-from maquette.compiler.plan import PlanError
+from maquette.compiler.plan.plan import PlanError
 from maquette.lang.diagnostics import Diagnostics, SceneError, in_order
-from maquette.render.image import Image
+from maquette.render.image.image import Image
 
 SCENE = """\
 param radius = 1 in 0.2..2
@@ -56,7 +56,7 @@ def test_warnings_are_handed_over(path: Path) -> None:
 
 
 def test_the_name_render_is_the_function() -> None:
-    from maquette.render import draw
+    from maquette.render import render_scene
 
     assert callable(maquette.render)
-    assert callable(draw.draw)
+    assert callable(render_scene.draw)

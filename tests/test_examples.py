@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from maquette.compiler import ir, load
-from maquette.compiler import plan as planner
+from maquette.compiler.plan import plan as planner
 from maquette.lang.diagnostics import Diagnostics, SceneError, render_text
-from maquette.render.draw import draw
+from maquette.render.render_scene import draw
 
 ROOT = Path(__file__).resolve().parent.parent
 EXAMPLES = ROOT / "examples"

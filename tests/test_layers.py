@@ -50,29 +50,29 @@ LATE = {
 ONE_FILE = {
     "matplotlib": "measure/draw.py",
     "flip_evaluator": "measure/errors.py",
-    "manifold3d": "compiler/mesh_solids.py",
+    "manifold3d": "compiler/mesh/mesh_csg.py",
 }
 # Files whose functions open the next stage's door when it is reached, so that `--help` and `check` stay quick.
 DOORS = {
     "__init__.py": "`import maquette` loads no numpy",
-    "cli.py": "each command loads its own stages",
-    "cli_shared.py": "settings are asked for once numpy is needed anyway",
-    "cli_chart.py": "drawing again loads no scene, and nobody else loads matplotlib",
-    "cli_compare.py": "pictures and scenes load what they need",
-    "cli_convert.py": "each format loads what writes it",
-    "cli_format.py": "`--help` loads no parser",
-    "cli_job.py": "a job loads the stages it comes to",
-    "render/draw.py": "a picture loads the backend that draws it",
-    "render/prepare.py": "what makes ready for a backend, or for formulas, is loaded where there is a use for it",
-    "render/aov.py": "only formulas' surfaces that could not be proved need their definition",
-    "render/formulas/forms.py": "what makes formulas ready is loaded where there are some",
-    "render/meeting.py": "what meets formulas is loaded where there are some",
-    "render/patterns.py": "tapes are run where a scene has patterns",
-    "render/trace.py": "only formulas need their definition",
-    "render/ray.py": "what paths, or formulas, are drawn with is loaded where there are any",
-    "render/reference.py": "what paths are drawn with is loaded where there are any",
-    "compiler/plan.py": "only formulas are looked at for closed forms",
-    "compiler/lower.py": "a mesh or a stage inside a scene loads what reads its file",
+    "cli/main.py": "each command loads its own stages",
+    "cli/common_options.py": "settings are asked for once numpy is needed anyway",
+    "cli/chart.py": "drawing again loads no scene, and nobody else loads matplotlib",
+    "cli/compare.py": "pictures and scenes load what they need",
+    "cli/convert.py": "each format loads what writes it",
+    "cli/format.py": "`--help` loads no parser",
+    "cli/render_job.py": "a job loads the stages it comes to",
+    "render/render_scene.py": "a picture loads the backend that draws it",
+    "render/backends/prepare.py": "what makes ready for a backend, or for formulas, is loaded where there is a use for it",
+    "render/film/aov.py": "only formulas' surfaces that could not be proved need their definition",
+    "render/formula/tables.py": "what makes formulas ready is loaded where there are some",
+    "render/accel/traverse/shape_hit.py": "what meets formulas is loaded where there are some",
+    "render/texture/procedural.py": "tapes are run where a scene has patterns",
+    "render/accel/intersect.py": "only formulas need their definition",
+    "render/backends/ray.py": "what paths, or formulas, are drawn with is loaded where there are any",
+    "render/backends/reference.py": "what paths are drawn with is loaded where there are any",
+    "compiler/plan/plan.py": "only formulas are looked at for closed forms",
+    "compiler/lower/lowering.py": "a mesh or a stage inside a scene loads what reads its file",
     "compiler/load.py": "each kind of file has its own front end and libraries",
 }
 
@@ -169,9 +169,7 @@ def test_imports_inside_the_package_are_relative() -> None:
 
 def test_imports_in_functions_have_a_reason() -> None:
     wrong = [
-        f"{i.file}:{i.line} {i.target}"
-        for i in IMPORTS
-        if i.hidden and not (i.file in DOORS if i.own else i.target.split(".")[0] in LATE)
+        f"{i.file}:{i.line} {i.target}" for i in IMPORTS if i.hidden and not (i.file in DOORS if i.own else i.target.split(".")[0] in LATE)
     ]
     assert not wrong, listed(wrong)
 
@@ -222,7 +220,10 @@ def test_numba_is_not_reached_without_drawing(layer: str) -> None:
 
 def test_lang_knows_no_arrays_and_no_disk() -> None:
     banned = {"numpy", "os", "pathlib", "io", "shutil", "tempfile", "importlib"}
-    own = {"lang/tokens.py", "lang/reference.py"}  # the grammar stands in a file of its own; the reference page reads the library
+    own = {
+        "lang/syntax/lexer.py",
+        "lang/reference_page.py",
+    }  # the grammar stands in a file of its own; the reference page reads the library
     lang = [i for i in IMPORTS if i.file.startswith("lang/") and not (i.file in own and i.target == "pathlib")]
     wrong = [f"{i.file}:{i.line} {i.target}" for i in lang if i.target.split(".")[0] in banned]
     assert not wrong, listed(wrong)

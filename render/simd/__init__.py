@@ -1,12 +1,12 @@
 """Vector values in kernels: write code on 16, 8, 4 or 1 lanes at a time as if they were numbers. See docs/simd.md."""
 
 # ruff: noqa: F401, I001 - the names are this package's face, set in paragraphs
-from ..machine import WIDTH, WIDTH64
-from . import indexing, operators
+from .target import WIDTH, WIDTH64
+from . import vector_indexing, operators
 from .denormals import (
     flush_denormals, restore_denormals,
 )
-from .arrays import CACHE_LINE, aligned_empty, paged_empty
+from .aligned_arrays import CACHE_LINE, aligned_empty, paged_empty
 from .functions import CONSTRUCTED, mask_bits, select_signature
 from .functions import (
     absolute, all_of, any_of, bits, bits_float, ceil, copysign, count, f32, f32x1, f32x16, f32x2, f32x4, f32x8, f64, f64x1,
@@ -16,12 +16,12 @@ from .functions import (
     reciprocal_sqrt, rint, select, sqrt, sum_of, to_f32, to_f64, to_i32, to_i64, to_u32, to_u64, trailing_zeros, transpose, trunc,
     u32, u32x1, u32x16, u32x2, u32x4, u32x8, u64, u64x1, u64x16, u64x2, u64x4, u64x8, with_lane,
 )
-from .mathematics import acos, asin, atan, atan2, cos, exp, hypot, log, power, sin, sincos, tan
-from .gathering import compress, compress_store, gather, gather_rows, scatter, scatter_rows, store_rows
+from .elementary import acos, asin, atan, atan2, cos, exp, hypot, log, power, sin, sincos, tan
+from .gather_scatter import compress, compress_store, gather, gather_rows, scatter, scatter_rows, store_rows
 from .memory import (
     load, load3, load_aligned, masked_load, masked_store, prefetch, read, stack_array, store, store_aligned, store_past, write,
 )
 from .operators import define
-from .value import Value
-from .value import select as choose
-from .vector import Vector
+from .llvm_expr import Value
+from .llvm_expr import select as choose
+from .vector_type import Vector

@@ -16,10 +16,10 @@ from llvmlite import ir
 from numba.core import types
 from numba.core.typing.templates import Signature, signature
 
-from .. import machine
+from . import target
+from .llvm_expr import I8, I32, call
 from .memory import entry_alloca
-from .value import I8, I32, call
-from .vector import intrinsic
+from .vector_type import intrinsic
 
 FLUSH = 0x8040  # MXCSR: results (bit 15) and operands (bit 6) that are denormal become zero
 
@@ -34,7 +34,7 @@ def flush_denormals(typingctx):
     """Take denormals as zero from here on, in this thread; the setting before, for `restore_denormals` (int32)."""
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
-        if not machine.X86:
+        if not target.X86:
             return ir.Constant(I32, 0)
         word = entry_alloca(builder, I32, 1)
         _control(builder, "stmxcsr", word)
@@ -53,7 +53,7 @@ def restore_denormals(typingctx, saved):
         return None
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
-        if machine.X86:
+        if target.X86:
             word = entry_alloca(builder, I32, 1)
             builder.store(context.cast(builder, args[0], sig.args[0], types.int32), word)
             _control(builder, "ldmxcsr", word)

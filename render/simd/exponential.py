@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 
-from .precise import fast_two_sum, number, polynomial, power_of_two, two_product, two_sum, whole
-from .value import Value, fma, maximum, minimum, select
+from .llvm_expr import Value, fma, maximum, minimum, select
+from .polynomials import fast_two_sum, number, polynomial, power_of_two, two_product, two_sum, whole
 
 _EXP_32 = (1.9875691500e-4, 1.3981999507e-3, 8.3334519073e-3, 4.1665795894e-2, 1.6666665459e-1, 5.0000001201e-1)
 _EXP_64_P = (1.26177193074810590878e-4, 3.02994407707441961300e-2, 9.99999999999999999910e-1)

@@ -12,10 +12,10 @@ from llvmlite import ir
 from numba.core import types
 from numba.core.typing.templates import Signature, signature
 
-from .. import machine
-from . import value as v
-from .value import I1, I32, I64, Value
-from .vector import Vector, intrinsic, meet, shape_of, type_for, value
+from . import llvm_expr as v
+from . import target as simd_target
+from .llvm_expr import I1, I32, I64, Value
+from .vector_type import Vector, intrinsic, meet, shape_of, type_for, value
 
 Lowering = tuple[Signature, Callable[..., Any]] | None
 
@@ -72,8 +72,8 @@ i64x16, i64x8, i64x4, i64x2, i64x1 = (_constructor("i", 64, n) for n in (16, 8, 
 u64x16, u64x8, u64x4, u64x2, u64x1 = (_constructor("u", 64, n) for n in (16, 8, 4, 2, 1))
 m64x16, m64x8, m64x4, m64x2, m64x1 = (_constructor("m", 64, n) for n in (16, 8, 4, 2, 1))
 
-f32, i32, u32, m32 = (_constructor(kind, 32, machine.WIDTH) for kind in "fium")
-f64, i64, u64, m64 = (_constructor(kind, 64, machine.WIDTH64) for kind in "fium")
+f32, i32, u32, m32 = (_constructor(kind, 32, simd_target.WIDTH) for kind in "fium")
+f64, i64, u64, m64 = (_constructor(kind, 64, simd_target.WIDTH64) for kind in "fium")
 
 
 def _converted(kind: str, bits: int, context: Any, x: types.Type) -> Lowering:
@@ -244,7 +244,7 @@ def is_finite(typingctx, x):
 
 def _estimate(x: Value, name: str) -> Value | None:
     """The processor's estimate of 1 / x or 1 / √x, of relative error 2⁻¹⁴ or less; None where it has none."""
-    if not machine.AVX512 or x.kind != "f" or x.lanes * x.bits not in (128, 256, 512):
+    if not simd_target.AVX512 or x.kind != "f" or x.lanes * x.bits not in (128, 256, 512):
         return None
     b, every = x.builder, ir.IntType(8 if x.lanes <= 8 else 16)
     whole = f"llvm.x86.avx512.{name}14.p{'s' if x.bits == 32 else 'd'}.{x.lanes * x.bits}"

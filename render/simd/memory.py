@@ -15,13 +15,12 @@ from numba.core.errors import TypingError
 from numba.core.typing.templates import Signature, signature
 from numba.np.arrayobj import make_array, populate_array
 
-from .. import machine
-from . import guard
-from . import value as v
-from .arrays import CACHE_LINE
+from . import bounds_check, target
+from . import llvm_expr as v
+from .aligned_arrays import CACHE_LINE
 from .functions import CONSTRUCTED, shuffled
-from .value import I8, I32, Value
-from .vector import Vector, intrinsic, shape_of, value
+from .llvm_expr import I8, I32, Value
+from .vector_type import Vector, intrinsic, shape_of, value
 
 # --- elements ------------------------------------------------------------------------------------------------------------
 
@@ -70,7 +69,7 @@ def to_memory(lanes: Value, array: Any) -> Any:
 def place(context: Any, builder: Any, array: Any, raw: Any, index: Any, index_type: types.Type, count: int = 1) -> Any:
     """The address of a flat place, from which on `count` elements are read or written (0: it is not known)."""
     made, at = make_array(array)(context, builder, value=raw), context.cast(builder, index, index_type, types.int64)
-    guard.one(builder, made, at, count)
+    bounds_check.one(builder, made, at, count)
     return builder.gep(made.data, [at])
 
 
@@ -84,7 +83,7 @@ def vector_asked(array: Any, what: types.Type | None) -> Vector | None:
     if shape is None:
         return None
     if what is None or isinstance(what, types.NoneType):
-        return Vector(*shape, machine.WIDTH64 if shape[1] == 64 else machine.WIDTH)
+        return Vector(*shape, target.WIDTH64 if shape[1] == 64 else target.WIDTH)
     if isinstance(what, types.IntegerLiteral):
         return Vector(*shape, what.literal_value)
     if isinstance(what, types.Function):

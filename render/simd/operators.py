@@ -11,8 +11,8 @@ from numba.core import types
 from numba.core.typing.templates import AbstractTemplate, Signature, infer_global, signature
 from numba.extending import lower_builtin
 
-from .value import maximum, minimum
-from .vector import Vector, meet, promoted, value
+from .llvm_expr import maximum, minimum
+from .vector_type import Vector, meet, promoted, value
 
 Emit = Callable[..., Any]  # of Values, a Value
 Typing = Callable[..., Signature | None]

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 
-from .. import machine
-from .precise import fast_two_sum, monic, polynomial, two_product, two_sum, whole
-from .value import Value, fma, maximum, minimum, select
+from . import target
+from .llvm_expr import Value, fma, maximum, minimum, select
+from .polynomials import fast_two_sum, monic, polynomial, two_product, two_sum, whole
 
 PI_LOW = 1.2246467991473532e-16  # what math.pi lacks to π
 FARTHEST = {32: 1.0e5, 64: 1.6e6}
@@ -52,7 +52,7 @@ def reduced(x: Value) -> tuple[Value, Value, Value]:
 
 def _reduced_32(x: Value) -> tuple[Value, Value, Value]:
     first, second, third = (x.constant(-part) for part in _PARTS_32)
-    if machine.FMA:
+    if target.FMA:
         k = (x * (2.0 / math.pi)).call("nearbyint")
         t = fma(k, first, x)  # exact
         product, product_rest = two_product(k, second)

@@ -11,7 +11,7 @@ import maquette
 import numpy as np
 from maquette.compiler import ir
 from maquette.lang.diagnostics import Diagnostics
-from maquette.render.image import Image
+from maquette.render.image.image import Image
 from numpy.typing import ArrayLike, NDArray
 
 EVERY = ("ray", "raster", "reference")

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from maquette.render import sampler
+from maquette.render.sampling import sobol
 
 from ..backends.views import alpha, centres, channel
 from . import radiometry as rm
@@ -147,10 +147,10 @@ def test_where_samples_of_a_filter_lie(measured, filter_):
 
     Midway between the grid's places the share of those up to a is off by half a step of 4096, and by what 16384 trapezoids are off.
     """
-    places = np.sort(sampler.filter_table(filter_))
+    places = np.sort(sobol.filter_table(filter_))
     a = np.arange(-511.5, 512) / 256
     off = worst(np.searchsorted(places, a) / len(places) - share(filter_, a))
-    measured.answer(4, f"half-plane under the {filter_} filter", "functions", off, 0.5 / sampler.TABLE + 1e-6, note="of the pixel")
+    measured.answer(4, f"half-plane under the {filter_} filter", "functions", off, 0.5 / sobol.TABLE + 1e-6, note="of the pixel")
 
 
 @every

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.render import footprints, output
+from maquette.render.image import image_files
+from maquette.render.surface import texture_footprint
 
 from ..files import write_image
 from . import radiometry as rm
@@ -81,7 +82,7 @@ def test_mip_levels(measured, size):
     """Each is made of the one before; sides that are odd share texels out. The last is one texel: the mean."""
     texels = np.random.default_rng(1).uniform(0, 1, (size[0] * size[1], 4)).astype(np.float32)
     images = ir.Images(np.zeros(1, np.int64), np.array([size[1]], np.int32), np.array([size[0]], np.int32), texels)
-    last = footprints._pyramids(images).texels[-1]
+    last = texture_footprint._pyramids(images).texels[-1]
     off = float(np.abs(last / texels.astype(np.float64).mean(axis=0) - 1).max())
     measured.answer(32, "mip levels keep the mean of a picture", "functions", off, 1e-6, note="relative")
 
@@ -150,7 +151,7 @@ def test_each_fall_off(tmp_path, measured, backend, falloff):
 def test_the_codes_of_light(measured):
     """1.055 v^(1/2.4) − 0.055, of 255; below 0.0031308 12.92 v (IEC 61966-2-1)."""
     known = {0.0: 0.0, 0.0031308: 10.31475, 0.18: 117.646, 0.5: 187.516, 1.0: 255.0}
-    found = output.encode_srgb(np.array(list(known))) * 255
+    found = image_files.encode_srgb(np.array(list(known))) * 255
     closed = [255 * (12.92 * v if v <= 0.0031308 else 1.055 * v ** (1 / 2.4) - 0.055) for v in known]
     assert closed == pytest.approx(list(known.values()), abs=5e-4)
     off = float(np.abs(found - closed).max())
@@ -159,7 +160,7 @@ def test_the_codes_of_light(measured):
 
 def test_every_code_comes_back_from_light(measured):
     codes = np.arange(256)
-    wrong = np.count_nonzero(np.rint(output.encode_srgb(output.decode_srgb(codes / 255)) * 255) != codes)
+    wrong = np.count_nonzero(np.rint(image_files.encode_srgb(image_files.decode_srgb(codes / 255)) * 255) != codes)
     measured.answer(37, "sRGB: 256 codes there and back", "functions", wrong, 0, "codes wrong")
 
 
@@ -170,8 +171,8 @@ def test_every_code_comes_back_from_a_picture(tmp_path, measured, backend):
     write_image(tmp_path / "a.png", codes)
     text = f'{BEFORE}polygon({SQUARE}, uv: [[0, 0], [1, 0], [1, 1], [0, 1]], material: emissive(image("a.png", filter: "nearest")))\n'
     image = rm.picture(tmp_path, text, backend, size=(16, 16))
-    output.write(image, tmp_path / "b.png", output.Look(), {})
-    again = np.rint(output.encode_srgb(output.read(tmp_path / "b.png").channels["rgba"][..., :3]) * 255)
+    image_files.write(image, tmp_path / "b.png", image_files.Look(), {})
+    again = np.rint(image_files.encode_srgb(image_files.read(tmp_path / "b.png").channels["rgba"][..., :3]) * 255)
     measured.answer(37, "sRGB: 256 codes there and back", backend, np.count_nonzero(again[..., 0] != codes[..., 0]), 0, "codes wrong")
 
 

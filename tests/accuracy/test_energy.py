@@ -9,14 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.compiler.rows import LightData
-from maquette.render import albedo as table
-from maquette.render import lanes, lights, materials, microfacet, sampler
+from maquette.compiler.scene.row_records import LightData
+from maquette.render.lanes import ops
+from maquette.render.light import lights
+from maquette.render.material import bsdf, microfacet
+from maquette.render.material import energy_compensation as table
+from maquette.render.sampling import sobol
 
 from ..backends.views import alpha
 from ..render import tables as make
-from ..render import test_microfacet as facets
-from ..render.test_materials import albedo, hemisphere, shader
+from ..render.material import test_microfacet as facets
+from ..render.material.test_bsdf import albedo, hemisphere, shader
 from . import radiometry as rm
 
 Array = rm.Array
@@ -105,8 +108,8 @@ def test_the_albedo_of_ggx(measured):
     off = abs(float(e) - (1 - math.log(2)))
     measured.answer(22, "GGX's albedo 1 − ln 2, by one bounce", "quadrature", off, 1e-4)
     (x, y, z), solid = hemisphere(200)
-    half = lanes.normalize((x, y + 1.0, z))
-    down = lanes.normalize((x, 1.0 - y, z))
+    half = ops.normalize((x, y + 1.0, z))
+    down = ops.normalize((x, 1.0 - y, z))
     up = tuple(np.broadcast_to(c, x.shape) for c in UP)
     one = np.ones_like(x)
     facets = [microfacet.spread(h, up, one) * 0.5 / (1.0 + one) for h in (half, down)]
@@ -197,7 +200,7 @@ def test_the_albedo_of_a_preview_surface(measured):
             shade = facets.point_of(made)[1]
             out, solid = hemisphere(120)
             for tilt in (0.0, 0.8, 1.3):
-                found = materials.reflected(shade, UP, out, facets.towards(tilt))[0]
+                found = bsdf.reflected(shade, UP, out, facets.towards(tilt))[0]
                 most = max(most, float(np.sum(found * solid)) / math.pi)
     measured.answer(23, "UsdPreviewSurface's albedo by quadrature, at most 1", "quadrature", max(most - 1.0, 0.0), 0.004)
 
@@ -211,7 +214,7 @@ SAMPLERS: dict[str, Callable[[], tuple[Array, Array]]] = {}  # name: numbers fou
 def numbers(dimension: int) -> tuple[Array, Array]:
     """Independent pairs of the renderer's own: a sample each of a million pixels."""
     with np.errstate(all="ignore"):
-        u, v = sampler.pair(np.arange(COUNT), np.zeros(COUNT, int), np.full(COUNT, dimension), 5)
+        u, v = sobol.pair(np.arange(COUNT), np.zeros(COUNT, int), np.full(COUNT, dimension), 5)
     return np.asarray(u, float), np.asarray(v, float)
 
 
@@ -291,7 +294,7 @@ def lobe(model: ir.MaterialModel, n: float, tilt: float) -> tuple[Array, Array]:
     all that goes below in one bin."""
     viewer = np.array([math.sin(tilt), math.cos(tilt), 0.0])
     with np.errstate(all="ignore"):
-        way, share = materials.sample_lobe(shader(make.phong(0, 0.8, n, model)), UP, tuple(viewer), *numbers(3), np.full(COUNT, 0.5))
+        way, share = bsdf.sample_lobe(shader(make.phong(0, 0.8, n, model)), UP, tuple(viewer), *numbers(3), np.full(COUNT, 0.5))
     if model == PHONG:
         mirrored = np.array([-viewer[0], viewer[1], 0.0])
 
@@ -310,7 +313,7 @@ def lobe(model: ir.MaterialModel, n: float, tilt: float) -> tuple[Array, Array]:
     d = np.stack(np.broadcast_arrays(*way), axis=-1)[:5000]
     above = d[:, 1] > 1e-6
     with np.errstate(all="ignore"):
-        value = materials.reflected(shader(make.phong(0, 0.8, n, model)), UP, tuple(d[above].T), tuple(viewer))[0]
+        value = bsdf.reflected(shader(make.phong(0, 0.8, n, model)), UP, tuple(d[above].T), tuple(viewer))[0]
     assert np.allclose(share[0][:5000][above], value / (math.pi * density(d[above])), rtol=1e-6)  # what a sample is given
     return directions(axis, way, 0.0, density)
 

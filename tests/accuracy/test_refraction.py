@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from maquette.render import lanes, materials
-from maquette.render.image import Image
+from maquette.render.image.image import Image
+from maquette.render.lanes import ops
+from maquette.render.material import bsdf
 
 from ..backends.views import centres, rgb
 from ..files import write_image
@@ -51,10 +52,10 @@ def ends(image: Image, half: float) -> Array:
 
 def refracted(d: Any, normal: Any, eta: float) -> Any:
     """The renderer's own, by Snell's law; `normal` is on the incoming side."""
-    cosine = np.float64(-lanes.dot(d, normal))
-    _, bent, total = materials.fresnel(cosine, np.float64(eta))
+    cosine = np.float64(-ops.dot(d, normal))
+    _, bent, total = bsdf.fresnel(cosine, np.float64(eta))
     assert not total
-    return materials.refract(d, normal, cosine, bent, eta)
+    return bsdf.refract(d, normal, cosine, bent, eta)
 
 
 # --- 24: Fresnel ---------------------------------------------------------------------------------------------------------------------
@@ -62,7 +63,7 @@ def refracted(d: Any, normal: Any, eta: float) -> Any:
 
 def reflectance(cosine: Any, n1: float, n2: float) -> Any:
     """The renderer's own."""
-    return materials.fresnel(np.asarray(cosine, float), np.full(np.shape(cosine), n1 / n2))[0]
+    return bsdf.fresnel(np.asarray(cosine, float), np.full(np.shape(cosine), n1 / n2))[0]
 
 
 def fresnel(angle: float, n1: float, n2: float) -> float:
@@ -99,7 +100,7 @@ def test_the_critical_angle(measured):
     low, high = 0.0, 90.0
     while high - low > 1e-12:
         middle = (low + high) / 2
-        total = bool(materials.fresnel(np.float64(math.cos(math.radians(middle))), np.float64(N))[2])
+        total = bool(bsdf.fresnel(np.float64(math.cos(math.radians(middle))), np.float64(N))[2])
         low, high = (low, middle) if total else (middle, high)
     assert high == pytest.approx(41.8103, abs=5e-5)
     measured.answer(24, "critical angle 41.8103°", "functions", abs(high - math.degrees(math.asin(1 / N))), 1e-6, "°")
@@ -205,7 +206,7 @@ def test_the_least_deviation_of_a_prism(measured):
         left, right = ((s * math.cos(APEX / 2), math.sin(APEX / 2), 0.0) for s in (-1, 1))  # outward normals
         d = start = (math.cos(incidence - APEX / 2), math.sin(incidence - APEX / 2), 0.0)
         d = refracted(refracted(d, left, 1 / N), (-right[0], -right[1], 0.0), N)
-        return math.acos(min(1.0, lanes.dot(start, d)))
+        return math.acos(min(1.0, ops.dot(start, d)))
 
     assert math.degrees(LEAST) == pytest.approx(37.1808, abs=5e-5)
     symmetric = (LEAST + APEX) / 2
@@ -246,15 +247,15 @@ def through_ball(height: float, n: float, reflections: int = 0) -> tuple[Any, An
 
     def met() -> Any:
         t, _ = hit(K.SPHERE, [1.0], o, d, 1e-6)
-        return tuple(float(c) for c in lanes.along(o, d, t[0]))
+        return tuple(float(c) for c in ops.along(o, d, t[0]))
 
     o = met()
     d = refracted(d, o, 1 / n)
     for _ in range(reflections):
         o = met()
-        d = lanes.reflect(d, o)
+        d = ops.reflect(d, o)
     o = met()
-    return o, refracted(d, lanes.negate(o), n)
+    return o, refracted(d, ops.negate(o), n)
 
 
 @pytest.mark.parametrize(("height", "expected"), [(1e-5, 0.5), (0.3, 0.461978), (0.7, focus(0.7))])

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 from maquette.compiler import ir, load
-from maquette.compiler import plan as planner
+from maquette.compiler.plan import plan as planner
 from maquette.lang.diagnostics import Diagnostics
-from maquette.render.draw import draw as draw_scene
-from maquette.render.image import Image
+from maquette.render.image.image import Image
+from maquette.render.render_scene import draw as draw_scene
 
 from . import scenes
 

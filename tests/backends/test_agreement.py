@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from maquette.render.image import Image
+from maquette.render.image.image import Image
 
 from . import scenes
 from .views import channel, rgb

@@ -13,13 +13,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from maquette.compiler import ir, plan, transforms, validate
-from maquette.compiler.build import SceneBuilder, lambert
-from maquette.compiler.rows import CameraData, Input, InstanceData, LightData, MaterialData, TextureData
-from maquette.render import draw
+from maquette.compiler import ir
+from maquette.compiler.plan import plan
+from maquette.compiler.scene import transforms, validate
+from maquette.compiler.scene.builder import SceneBuilder, lambert
+from maquette.compiler.scene.row_records import CameraData, Input, InstanceData, LightData, MaterialData, TextureData
+from maquette.render import render_scene
 
+from ..render.geometry.test_analytic_shapes import SHAPES
 from ..render.tables import looking, matrix
-from ..render.test_shapes import SHAPES
 from ..render.tracing import wavy
 
 Slot, Model = ir.Slot, ir.MaterialModel
@@ -88,7 +90,7 @@ def drawn(scene: ir.Scene, backend: str, camera: str = "0") -> np.ndarray:
     """(h, w, 4)."""
     asked = ir.Settings(size=SIZE, samples=1, bounces=4, backend=backend, camera=camera, background=(0.2, 0.3, 0.4))
     decided = plan.make(scene, asked, {"interreflection": "off"})
-    image = draw.draw(scene, decided)
+    image = render_scene.draw(scene, decided)
     assert np.isfinite(image.channels["rgba"]).all()
     assert image.metadata["issues"] == 0  # no sample was left out
     return image.channels["rgba"].astype(float)

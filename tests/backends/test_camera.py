@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from maquette.compiler import plan as planner
+from maquette.compiler.plan import plan as planner
 
 from .views import alpha, centres, channel
 

@@ -12,7 +12,7 @@ import maquette
 import numpy as np
 import pytest
 from maquette.bench import path_scenes
-from maquette.render import metrics
+from maquette.render.image import metrics
 
 SIZE = (48, 36)
 SCENES = {

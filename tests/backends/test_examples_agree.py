@@ -7,7 +7,7 @@ from pathlib import Path
 import maquette
 import numpy as np
 import pytest
-from maquette.render.image import Image
+from maquette.render.image.image import Image
 
 from ..conftest import ASSETS
 from .views import rgb

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from maquette.compiler import plan as planner
+from maquette.compiler.plan import plan as planner
 
 from . import scenes
 from .views import rgb

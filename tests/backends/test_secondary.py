@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from maquette.compiler import load
-from maquette.compiler import plan as planner
-from maquette.compiler.plan import PlanError
+from maquette.compiler.plan import plan as planner
+from maquette.compiler.plan.plan import PlanError
 
 from . import scenes
 from .test_agreement import _interior, _relative, _show

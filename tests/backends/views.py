@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from maquette.render.image import Image
+from maquette.render.image.image import Image
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]

@@ -7,16 +7,17 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from maquette.compiler import load, show
-from maquette.lang import entries, schema
+from maquette.compiler import load
+from maquette.compiler.scene import dump
 from maquette.lang.diagnostics import Diagnostics, SceneError
+from maquette.lang.schema import argument_types, elements
 
 NUMBERS = ("0", "1", "-1", "0.5", "3", "1e16", "1e-9", "1e308", "1e-308", "-1e200")
 PLACED = ("shape", "light", "block", "camera", "setting")
 INSIDE = ("sphere(1)", "box(1e-9)", "area([0,1,0])", "sun()", "spot([0,1,0])", "mesh(points: [[0,0,0],[1,0,0],[0,1,0]], faces: [[0,1,2]])")
 
 
-def value(arg: entries.Arg, rng: random.Random) -> str:
+def value(arg: argument_types.Arg, rng: random.Random) -> str:
     """An expression of about the right type, with numbers from everywhere."""
 
     def n(unit: str = "") -> str:
@@ -65,8 +66,8 @@ def value(arg: entries.Arg, rng: random.Random) -> str:
 
 
 def element(rng: random.Random) -> str:
-    entry = rng.choice([e for e in schema.SCHEMA.values() if not e.planned and e.category in PLACED])
-    given = [a for a in entry.args if (a.default is entries.REQUIRED or rng.random() < 0.3)]
+    entry = rng.choice([e for e in elements.SCHEMA.values() if not e.planned and e.category in PLACED])
+    given = [a for a in entry.args if (a.default is argument_types.REQUIRED or rng.random() < 0.3)]
     call = f"{entry.name}({', '.join(f'{a.name}: {value(a, rng)}' for a in given)})"
     return f"{call} {{ {rng.choice(INSIDE)} }}" if entry.children else call
 
@@ -80,7 +81,7 @@ def test_any_scene_is_answered(tmp_path: Path, seed: int) -> None:
         path.write_text("\n".join(element(rng) for _ in range(rng.randint(1, 3))))
         found = Diagnostics()
         try:
-            show.text(load.load(path, diagnostics=found))
+            dump.text(load.load(path, diagnostics=found))
             compiled += 1
         except SceneError as error:
             found = Diagnostics(list(error.diagnostics))

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from maquette.compiler import ir, load, show, store
+from maquette.compiler import ir, load
+from maquette.compiler.scene import dump, serialize
 from maquette.lang.diagnostics import Diagnostics, SceneError
 
 HELLO = """param radius = 1 in 0.2..2  "sphere radius"
@@ -89,10 +90,10 @@ def test_a_stage_in_a_scene(compiled, tmp_path: Path) -> None:
 
 def test_a_saved_scene_is_a_scene(hello: Path, tmp_path: Path) -> None:
     scene = load.load(hello)
-    store.save(scene, tmp_path / "hello.npz")
+    serialize.save(scene, tmp_path / "hello.npz")
     again = load.load(tmp_path / "hello.npz")
-    assert store.content_hash(again) == store.content_hash(scene)
-    assert show.text(again) == show.text(scene)
+    assert serialize.content_hash(again) == serialize.content_hash(scene)
+    assert dump.text(again) == dump.text(scene)
     assert again.params == scene.params
 
 

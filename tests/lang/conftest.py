@@ -3,8 +3,8 @@
 from dataclasses import fields
 
 import pytest
-from maquette.lang import ast, parse
 from maquette.lang.diagnostics import Diagnostics, render_text
+from maquette.lang.syntax import ast, parser
 
 
 @pytest.fixture(scope="session")
@@ -22,7 +22,7 @@ def shown():
 def _read(text: str) -> ast.File:
     """The tree of text that has no error."""
     diagnostics = Diagnostics()
-    file = parse.parse(text, "t", diagnostics)
+    file = parser.parse(text, "t", diagnostics)
     assert [render_text(d, lambda _: text) for d in diagnostics.items] == []
     return file
 

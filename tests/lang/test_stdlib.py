@@ -8,18 +8,20 @@ from pathlib import Path
 import maquette
 import numpy as np
 import pytest
-from maquette.lang import ast, formula, habits, parse
+from maquette.lang import formula_graph
 from maquette.lang.diagnostics import Diagnostics, render_text
-from maquette.lang.evaluate import ReadError, Source, evaluate
+from maquette.lang.eval import suggestions
+from maquette.lang.eval.evaluator import ReadError, Source, evaluate
+from maquette.lang.syntax import ast, parser
 
 LIBRARY = Path(maquette.__file__).parent / "stdlib"
 FILES = sorted(LIBRARY.glob("*.scene"))
 
 
-@pytest.mark.parametrize("shelf", habits.SHELVES)
+@pytest.mark.parametrize("shelf", suggestions.SHELVES)
 def test_what_hints_say_is_in_the_library_is_there(shelf):
     text = (LIBRARY / f"{shelf}.scene").read_text(encoding="utf-8")
-    assert set(habits.SHELVES[shelf].split()) <= set(re.findall(r"^let (\w+)\(", text, re.MULTILINE))
+    assert set(suggestions.SHELVES[shelf].split()) <= set(re.findall(r"^let (\w+)\(", text, re.MULTILINE))
 
 
 class Reader:
@@ -50,7 +52,7 @@ GIVEN = {  # arguments of the library's functions that have no default
 
 def parts(file):
     """Each function and part of a file of the library, with a call of it that gives only what must be given."""
-    items = parse.parse(file.read_text(encoding="utf-8"), file.name, Diagnostics()).items
+    items = parser.parse(file.read_text(encoding="utf-8"), file.name, Diagnostics()).items
     prefix = "" if file.stem == "prelude" else f"{file.stem}."
     for item in items:
         if isinstance(item, ast.Let) and item.parameters is not None:
@@ -88,7 +90,7 @@ def test_every_part_evaluates_with_its_defaults(name, call):
 
 def test_every_part_has_a_line_of_documentation():
     for file in FILES:
-        items = parse.parse(file.read_text(encoding="utf-8"), file.name, Diagnostics()).items
+        items = parser.parse(file.read_text(encoding="utf-8"), file.name, Diagnostics()).items
         missing = [i.name.id for i in items if isinstance(i, ast.Let) and i.parameters is not None and not i.before]
         assert missing == [], file.name
 
@@ -243,7 +245,7 @@ def test_patterns_give_colours_of_their_own(call):
     (element,) = evaluated(f'use "std/patterns"\nunit cm\nsphere(1, material: lambert(patterns.{call}))').elements
     made = element.args["material"].args["color"].args["formula"]
     random = np.random.default_rng(7)
-    found = np.array([formula.evaluate(made, place) for place in random.uniform(-1, 1, (400, 3))])
+    found = np.array([formula_graph.evaluate(made, place) for place in random.uniform(-1, 1, (400, 3))])
     assert found.shape == (400, 3)
     assert (found >= 0).all()
     assert (found <= 1).all()

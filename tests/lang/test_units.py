@@ -7,12 +7,13 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from maquette.lang import operators, units
+from maquette.lang import units
+from maquette.lang.eval import operators
+from maquette.lang.eval.values import Mistake
 from maquette.lang.limits import Meter
 from maquette.lang.units import Quantity
-from maquette.lang.values import Mistake
 
-from .evaluating import mistake, unhurried, value
+from .eval.evaluating import mistake, unhurried, value
 
 
 class Metres:

@@ -8,10 +8,11 @@ from typing import Any
 import maquette
 import numpy as np
 from maquette.compiler import ir
-from maquette.compiler import plan as planner
+from maquette.compiler.plan import plan as planner
 from maquette.measure import peers
 from maquette.measure.records import Setting
-from maquette.render import draw, metrics
+from maquette.render import render_scene
+from maquette.render.image import metrics
 
 VIEW = "render(size: [96, 64])\ncamera(position: [0.5, 1.6, 5], look_at: [0, 0.8, 0], fov: 40deg)\n"
 FLOOR = "plane(y: 0, material: lambert(#cccccc))\n"
@@ -64,7 +65,7 @@ def both(name: str, folder: Path, text: str, ours: int, theirs: int, **settings:
     assert run.seconds["render"] >= 0  # POV-Ray tells of milliseconds, of which a small picture takes less than one on a quick machine
     assert sum(run.seconds.values()) > 0
     assert run.cpu >= 0
-    picture = draw.draw(scene, plan).channels["rgba"][..., :3]
+    picture = render_scene.draw(scene, plan).channels["rgba"][..., :3]
     assert run.rgb.shape == picture.shape
     return picture.astype(np.float64), run.rgb.astype(np.float64)
 

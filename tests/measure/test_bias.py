@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from maquette.measure import bias
 from maquette.measure.records import Reference
-from maquette.render import metrics
+from maquette.render.image import metrics
 
 SHAPE = (48, 64, 3)
 TRUTH = np.random.default_rng(1).uniform(0.2, 2.0, SHAPE)

@@ -13,8 +13,8 @@ import pytest
 from maquette.compiler import ir
 from maquette.measure import carriers, compare, errors, sides
 from maquette.measure.sides import Side
-from maquette.render import metrics, output
-from maquette.render.image import Image
+from maquette.render.image import image_files, metrics
+from maquette.render.image.image import Image
 
 SCENE = """\
 sphere(0.6, center: [-0.8, 0, 0], material: lambert(#c04030), name: "ball")
@@ -150,7 +150,7 @@ def test_one_sample_has_noise_only_where_light_is_soft(scene: ir.Scene, tmp_path
 def test_a_render_is_exposed_and_clipped_like_the_picture_it_is_held_against(scene: ir.Scene, tmp_path: Path) -> None:
     render = drawn(scene, samples=2)
     path = tmp_path / "shown.png"
-    output.write(render.image, path, output.Look(exposure=1.5, bits=16), {"exposure": 1.5})
+    image_files.write(render.image, path, image_files.Look(exposure=1.5, bits=16), {"exposure": 1.5})
     found = compare.compare(render, sides.picture(path))
     assert found.error < 0.01  # 16 bits a channel
     assert found.a.changes == (f"exposed by +1.5 stops and clipped to 0..1, as {path} holds 16 bits a channel",)
@@ -164,7 +164,7 @@ def test_a_render_is_exposed_and_clipped_like_the_picture_it_is_held_against(sce
 def test_variance_is_exposed_too(scene: ir.Scene, tmp_path: Path) -> None:
     render = drawn(scene, samples=8)
     path = tmp_path / "shown.png"
-    output.write(render.image, path, output.Look(exposure=-2.0), {"exposure": -2.0})
+    image_files.write(render.image, path, image_files.Look(exposure=-2.0), {"exposure": -2.0})
     a, _ = sides.alike(render, sides.picture(path))
     assert a.variance is not None
     assert render.variance is not None
@@ -199,7 +199,7 @@ def test_flip_is_nothing_alike_and_near_one_for_black_and_white() -> None:
 
 def test_flip_is_its_authors_of_the_pictures_in_srgb() -> None:
     a, b = np.random.default_rng(1).random((2, 20, 30, 3), np.float32)
-    known, seen = (output.encode_srgb(rgb).astype(np.float32) for rgb in (b, a))
+    known, seen = (image_files.encode_srgb(rgb).astype(np.float32) for rgb in (b, a))
     _, theirs, _ = flip_evaluator.evaluate(known, seen, "LDR", applyMagma=False)
     assert errors.flip(a, b) == pytest.approx(theirs, rel=1e-4)
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from maquette.measure import errors
-from maquette.render import metrics
+from maquette.render.image import metrics
 
 SHAPE = (40, 50, 3)
 GREY = np.full(SHAPE, 0.5)

@@ -8,19 +8,15 @@ import maquette
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from maquette.cli import cli
-from maquette.compiler import (
-    export,
-    export_mitsuba,
-    export_mitsuba_lights,
-    export_mitsuba_materials,
-    export_mitsuba_shapes,
-    export_povray,
-    metals,
-)
-from maquette.compiler import export_povray_shapes as povray_shapes
+from maquette.cli.main import cli
+from maquette.compiler.exporters import common
+from maquette.compiler.exporters.mitsuba import lights, materials, shapes
+from maquette.compiler.exporters.mitsuba import scene as mitsuba_scene
+from maquette.compiler.exporters.povray import scene as povray_scene
+from maquette.compiler.exporters.povray import shapes as povray_shapes
+from maquette.compiler.scene import metals
 from maquette.measure import peers
-from maquette.render import meshed
+from maquette.render.tessellation import scene_meshes
 
 from . import peer_scenes as scenes
 
@@ -113,12 +109,12 @@ sphere {
   matrix <1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 0>
 }
 """
-WRITERS = {"mitsuba": export_mitsuba.write, "povray": export_povray.write}
+WRITERS = {"mitsuba": mitsuba_scene.write, "povray": povray_scene.write}
 
 
-def written(name: str, folder: Path, text: str, **settings: object) -> export.Export:
+def written(name: str, folder: Path, text: str, **settings: object) -> common.Export:
     scene, plan = scenes.compiled(folder, text, **settings)
-    return WRITERS[name](scene, plan, "small", meshed.tessellator(scene, plan))
+    return WRITERS[name](scene, plan, "small", scene_meshes.tessellator(scene, plan))
 
 
 @pytest.mark.parametrize(("name", "whole"), [("mitsuba", MITSUBA), ("povray", POVRAY)])
@@ -136,24 +132,24 @@ def test_a_plane_is_a_wide_square_with_cells_for_coordinates(tmp_path: Path) -> 
 
 
 def test_meshes_keep_their_corners(tmp_path: Path) -> None:
-    shell = export.Shell(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]], np.int32))
-    data = export_mitsuba_shapes.ply(shell)
+    shell = common.Shell(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]], np.int32))
+    data = shapes.ply(shell)
     assert data.startswith(
         b"ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
     )
     assert data.endswith(b"\x03" + np.array([0, 1, 2], "<i4").tobytes())
-    turned = export.flipped(shell)
+    turned = common.flipped(shell)
     assert turned.triangles.tolist() == [[2, 1, 0]]
 
 
 def test_pictures_keep_their_rows() -> None:
     pixels = np.arange(12, dtype=np.float32).reshape(2, 2, 3)
-    assert export_mitsuba_materials.pfm(pixels) == b"PF\n2 2\n-1.0\n" + pixels[::-1].tobytes()
+    assert materials.pfm(pixels) == b"PF\n2 2\n-1.0\n" + pixels[::-1].tobytes()
 
 
 def test_a_dome_is_the_same_between_its_rows() -> None:
     pixels = np.array([1.0, 3.0, 7.0])[:, None, None] * np.ones((3, 4, 3))
-    assert export_mitsuba_lights.envmap_rows(pixels)[:, 0, 0].tolist() == [1, 1, 2, 3, 5, 7, 7]
+    assert lights.envmap_rows(pixels)[:, 0, 0].tolist() == [1, 1, 2, 3, 5, 7, 7]
 
 
 def test_a_pattern_lies_where_its_matrix_says() -> None:
@@ -212,7 +208,7 @@ def test_metals_keep_what_they_reflect_along_the_normal_and_at_grazing_angles() 
     """Indices for Mitsuba's conductor, from the two reflectances of a row: the measured metals' own come out again, nearly."""
     for name in ("gold", "copper", "titanium"):
         f0, edge = (np.array(c) for c in metals.reflectance(name))
-        n, k = export_mitsuba_materials.indices_of(f0, edge)
+        n, k = materials.indices_of(f0, edge)
         assert metals.conductor(n, k, 1.0) == pytest.approx(np.minimum(f0, 0.9999), abs=1e-9)
         schlick = (f0 + (1 - f0) * (1 - metals.LOWEST) ** 5) * edge
         assert metals.conductor(n, k, metals.LOWEST) == pytest.approx(schlick, abs=0.02)

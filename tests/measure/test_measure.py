@@ -16,10 +16,10 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from maquette.compiler import ir
-from maquette.compiler.plan import Plan
+from maquette.compiler.plan.plan import Plan
 from maquette.measure import chart, contest, jsonform, peer_run, peers, reference, runs
 from maquette.measure.records import Chart, Curve, NothingMeasured, Point, Run, Setting, Wanted
-from maquette.render import knobs as declared
+from maquette.render import quality_settings as declared
 
 SCENE = """\
 plane(y: 0, material: lambert(0.7))

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from maquette.bench import paths
 from maquette.compiler import ir
-from maquette.compiler import plan as planner
+from maquette.compiler.plan import plan as planner
 from maquette.measure import peers
 from maquette.measure.records import Setting
-from maquette.render import albedo, draw
+from maquette.render import render_scene
+from maquette.render.material import energy_compensation
 
 MITSUBA = peers.find(["mitsuba"])[0]
 RUNS = 12  # of each renderer, with seeds of their own
@@ -44,7 +45,7 @@ def t_of(ours: np.ndarray, theirs: np.ndarray, nothing: float) -> tuple[np.ndarr
 
 def runs_of(scene: ir.Scene, plan: Callable[[int], planner.Plan]) -> np.ndarray:
     """Grey of our runs, (n, h, w)."""
-    return np.array([draw.draw(scene, plan(k)).channels["rgba"][..., :3].mean(axis=-1) for k in range(1, RUNS + 1)], float)
+    return np.array([render_scene.draw(scene, plan(k)).channels["rgba"][..., :3].mean(axis=-1) for k in range(1, RUNS + 1)], float)
 
 
 def runs_of_theirs(scene: ir.Scene, plan: Callable[[int], planner.Plan], samples: int) -> np.ndarray:
@@ -109,10 +110,10 @@ def test_veachs_plates_are_mitsubas(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     def plan(seed: int) -> planner.Plan:
         return planner.make(scene, ir.Settings(size=(60, 40), bounces=2, filter="box", samples=512, seed=seed, backend="ray"))
 
-    whole, real = runs_of(scene, plan), albedo.table()
-    once = albedo.Albedo(real.each.copy(), real.mean.copy())
+    whole, real = runs_of(scene, plan), energy_compensation.table()
+    once = energy_compensation.Albedo(real.each.copy(), real.mean.copy())
     once.each[:, [0, 2]] = once.mean[:, 0] = 1.0
-    monkeypatch.setattr(albedo, "table", lambda: once)
+    monkeypatch.setattr(energy_compensation, "table", lambda: once)
     ours, theirs = runs_of(scene, plan), runs_of_theirs(scene, plan, 512)
     t, error = t_of(ours, theirs, 3e-3)
     least = float(student(t, 2 * RUNS - 2).min())

@@ -7,9 +7,9 @@ from pathlib import Path
 import maquette
 import pytest
 from maquette.compiler import ir
-from maquette.compiler import plan as planner
+from maquette.compiler.plan import plan as planner
 from maquette.measure import knobs, truth
-from maquette.render import knobs as declared
+from maquette.render import quality_settings as declared
 
 CAMERA = "camera(position: [0, 1, 5], look_at: [0, 1, 0])\npoint([0, 3, 3], intensity: 9)\n"
 MATT = CAMERA + "sphere(1, center: [0, 1, 0], material: lambert(#808080))\n"  # albedo 0.216

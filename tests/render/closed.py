@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 from maquette.compiler import ir
-from maquette.render import shapes
+from maquette.render.geometry import analytic_shapes
 
 K = ir.GeometryKind
 INF = math.inf
@@ -25,14 +25,14 @@ def hit(kind: int, parameters: list[float], origin, direction, t_min: float = 0.
     o, d = np.broadcast_arrays(np.atleast_2d(np.asarray(origin, float)), np.atleast_2d(np.asarray(direction, float)))
     n = np.zeros(len(o))
     with np.errstate(all="ignore"):
-        t, part = shapes.intersect(int(kind), table(parameters), 0, tuple(o.T), tuple(d.T), n + t_min, n + t_max)
+        t, part = analytic_shapes.intersect(int(kind), table(parameters), 0, tuple(o.T), tuple(d.T), n + t_min, n + t_max)
     return np.broadcast_to(t, n.shape), np.broadcast_to(part, n.shape)
 
 
 def after(kind: int, parameters: list[float], o: np.ndarray, d: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(t, part) of what rays meet beyond `at`."""
     with np.errstate(all="ignore"):
-        t, part = shapes.intersect(int(kind), table(parameters), 0, tuple(o.T), tuple(d.T), at, np.full(len(o), INF))
+        t, part = analytic_shapes.intersect(int(kind), table(parameters), 0, tuple(o.T), tuple(d.T), at, np.full(len(o), INF))
     return np.broadcast_to(t, at.shape), np.broadcast_to(part, at.shape)
 
 

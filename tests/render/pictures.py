@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from maquette.compiler import ir, plan
-from maquette.render import film, prepare, raster, ray
-from maquette.render.image import Image
-from maquette.render.records import View
+from maquette.compiler import ir
+from maquette.compiler.plan import plan
+from maquette.render.backends import prepare, raster, ray
+from maquette.render.film import film
+from maquette.render.image.image import Image
+from maquette.render.types import View
 
 BACKENDS = {"raster": raster.Renderer, "ray": ray.Renderer}
 

@@ -8,15 +8,19 @@ from typing import Any
 
 import numpy as np
 from maquette.compiler import ir
-from maquette.compiler.build import SceneBuilder, lambert
-from maquette.compiler.rows import CameraData, Input, InstanceData, LightData, MaterialData, MeshData
-from maquette.render import across, aside, bvh, integrate, lanes, records, trace
-from maquette.render.handles import Handle
-from maquette.render.kernels import kernel
-from maquette.render.records import GouraudLight, Hit, Options, Ray
+from maquette.compiler.scene.builder import SceneBuilder, lambert
+from maquette.compiler.scene.row_records import CameraData, Input, InstanceData, LightData, MaterialData, MeshData
+from maquette.render import types
+from maquette.render.accel import intersect, scene_bvh
+from maquette.render.accel.traverse import motion_alpha
+from maquette.render.integrator import whitted
+from maquette.render.jit.kernel import kernel
+from maquette.render.jit.packed_struct import Handle
+from maquette.render.lanes import crosslane, ops
+from maquette.render.types import GouraudLight, Hit, Options, Ray
 
 IDENTITY = np.eye(4)
-OPTIONS = Options(seed=0, bounces=0, interreflection=False, shadows=True, background=0, color=records.Triple(0.0, 0.0, 0.0))
+OPTIONS = Options(seed=0, bounces=0, interreflection=False, shadows=True, background=0, color=types.Triple(0.0, 0.0, 0.0))
 
 
 def matrix(translate: Any = (0, 0, 0), linear: Any = None) -> np.ndarray:
@@ -120,7 +124,7 @@ def rays(origin: Any, direction: Any, t_min: float = 0.0, t_max: float = np.inf)
 
 def first_hit(tables: ir.Tables, ray: Ray) -> Hit:
     """What rays meet, by brute force."""
-    return trace.closest(trace.Brute(), tables, ray, np.ones(len(ray.t_min), bool), int(ir.Visibility.CAMERA))
+    return intersect.closest(intersect.Brute(), tables, ray, np.ones(len(ray.t_min), bool), int(ir.Visibility.CAMERA))
 
 
 def radiance(
@@ -129,13 +133,13 @@ def radiance(
     """(rgb (samples, n, 3), alpha (samples, n)) along rays by the numpy lanes; every sample must be finite."""
     n = len(ray.t_min)
     hit = first_hit(tables, ray)
-    stack = integrate.stack_for(options, n)
+    stack = whitted.stack_for(options, n)
     rgb, alpha = np.zeros((samples, n, 3)), np.zeros((samples, n))
     pixels = pixel + np.arange(n)
     with np.errstate(all="ignore"):
         for s in range(samples):
-            color, alpha[s], sound = integrate.radiance(
-                tables, trace.Brute(), light or no_gouraud(tables), options, ray, hit, pixels, np.full(n, s), stack
+            color, alpha[s], sound = whitted.radiance(
+                tables, intersect.Brute(), light or no_gouraud(tables), options, ray, hit, pixels, np.full(n, s), stack
             )
             assert np.all(sound)
             rgb[s] = np.stack(np.broadcast_arrays(*color, hit.t)[:3], axis=1)
@@ -148,12 +152,12 @@ def radiance_in_kernel(
     """The same by the compiled integrator through the trees."""
     n = len(ray.t_min)
     rgb, alpha = np.zeros((samples, n, 3)), np.zeros((samples, n))
-    stack = integrate.stack_for(options, across.WIDTH)
+    stack = whitted.stack_for(options, crosslane.WIDTH)
     columns = np.stack([*ray.origin, *ray.direction, ray.t_min, ray.t_max])
-    frame = Handle(records.Frame(records.View(0, 1, 1), options, np.zeros(1)))
-    packed = Handle(tables), Handle(bvh.build(tables)), Handle(light or no_gouraud(tables))  # kept until the kernel is done
-    aside.link(packed[1])
-    integrate.link(frame, *packed)
+    frame = Handle(types.Frame(types.View(0, 1, 1), options, np.zeros(1)))
+    packed = Handle(tables), Handle(scene_bvh.build(tables)), Handle(light or no_gouraud(tables))  # kept until the kernel is done
+    motion_alpha.link(packed[1])
+    whitted.link(frame, *packed)
     issues = _each_ray(*packed, frame, columns, pixel, stack, rgb, alpha)
     assert issues == 0
     return rgb, alpha
@@ -163,21 +167,21 @@ def radiance_in_kernel(
 def _each_ray(tables, accel, light, frame, columns, pixel, stack, rgb, alpha):
     n, issues = rgb.shape[1], 0
     for s in range(rgb.shape[0]):
-        for start in range(0, n, across.WIDTH):
-            k = lanes.minimum(across.numbered(start), n - 1)
+        for start in range(0, n, crosslane.WIDTH):
+            k = ops.minimum(crosslane.numbered(start), n - 1)
             origin, direction = (columns[0, k], columns[1, k], columns[2, k]), (columns[3, k], columns[4, k], columns[5, k])
-            ray = records.Ray(origin, direction, columns[6, k], columns[7, k], None)
-            hit = trace.closest(accel, tables, ray, lanes.bool_like(ray.t_max, True), 1)
-            color, cover, sound = integrate.call(
+            ray = types.Ray(origin, direction, columns[6, k], columns[7, k], None)
+            hit = intersect.closest(accel, tables, ray, ops.bool_like(ray.t_max, True), 1)
+            color, cover, sound = whitted.call(
                 frame.radiance,
                 (
                     tables, accel, light, frame.options, origin, direction, hit.t, hit.instance, hit.primitive, hit.u, hit.v,
-                    pixel + k, lanes.int_like(k, s), stack, None, None,
+                    pixel + k, ops.int_like(k, s), stack, None, None,
                 ),
             )  # fmt: skip
-            for j in range(min(n - start, across.WIDTH)):
-                alpha[s, start + j] = across.lane(cover, j)
+            for j in range(min(n - start, crosslane.WIDTH)):
+                alpha[s, start + j] = crosslane.lane(cover, j)
                 for c in range(3):
-                    rgb[s, start + j, c] = across.lane(color[c], j)
-                issues += 0 if across.lane(sound, j) else 1
+                    rgb[s, start + j, c] = crosslane.lane(color[c], j)
+                issues += 0 if crosslane.lane(sound, j) else 1
     return issues

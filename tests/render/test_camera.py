@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from maquette.compiler import ir
-from maquette.compiler.rows import CameraData
+from maquette.compiler.scene.row_records import CameraData
 from maquette.render import camera
-from maquette.render.kernels import kernel
-from maquette.render.records import Ray, View
+from maquette.render.jit.kernel import kernel
+from maquette.render.types import Ray, View
 
 from . import tables as make
 

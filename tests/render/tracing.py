@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from maquette.compiler import ir
-from maquette.compiler.rows import MeshData
-from maquette.render import rays as kernels
-from maquette.render import trace
-from maquette.render.records import Ray
+from maquette.compiler.scene.row_records import MeshData
+from maquette.render.accel import intersect
+from maquette.render.accel import ray_queries as kernels
+from maquette.render.types import Ray
 
 from .tables import rays
 
@@ -21,8 +21,8 @@ def through_trees(tables: ir.Tables, ray: Ray, bit: int = 1, brute: bool = False
 
 def by_brute_force(tables: ir.Tables, ray: Ray, bit: int = 1) -> tuple[np.ndarray, ...]:
     active = np.ones(len(ray.t_min), bool)
-    hit = trace.closest(trace.Brute(), tables, ray, active, bit)
-    return (*hit, trace.occluded(trace.Brute(), tables, ray, active))
+    hit = intersect.closest(intersect.Brute(), tables, ray, active, bit)
+    return (*hit, intersect.occluded(intersect.Brute(), tables, ray, active))
 
 
 def same(tables: ir.Tables, ray: Ray, bit: int = 1) -> tuple[np.ndarray, ...]:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from maquette.compiler import ir
 from maquette.lang.diagnostics import Diagnostics
-from maquette.render.image import Image
+from maquette.render.image.image import Image
 
 from . import places
 

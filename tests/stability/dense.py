@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from maquette.compiler.tape_points import NumpyMath
-from maquette.compiler.tape_points import noise as gradient_noise
+from maquette.compiler.formula.point_semantics import NumpyMath
+from maquette.compiler.formula.point_semantics import noise as gradient_noise
 
 BISECTIONS = 60
 

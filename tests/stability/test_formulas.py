@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from maquette.lang.diagnostics import SceneError
-from maquette.render import rays
+from maquette.render.accel import ray_queries
 
 from . import naive
 
@@ -60,8 +60,8 @@ def met(load, text: str, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, int]
     """(t of rays, how many could not be proved)."""
     scene, said = load(EYE + text + "\n")
     assert said == []
-    trees = rays.trees(scene.tables)
-    t = rays.closest(trees, o, d / np.linalg.norm(d, axis=1, keepdims=True)).t
+    trees = ray_queries.trees(scene.tables)
+    t = ray_queries.closest(trees, o, d / np.linalg.norm(d, axis=1, keepdims=True)).t
     return t, int(trees.tables.forms.unproved[0])
 
 

@@ -10,16 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from maquette.compiler import ir
-from maquette.compiler import plan as planner
-from maquette.compiler.rows import CameraData, LightData, MeshAttribute, MeshData
-from maquette.render import materials
-from maquette.render.image import Image
-from maquette.render.records import Tile
+from maquette.compiler.plan import plan as planner
+from maquette.compiler.scene.row_records import CameraData, LightData, MeshAttribute, MeshData
+from maquette.render.image.image import Image
+from maquette.render.material import bsdf
+from maquette.render.types import Tile
 
 from ..render import pictures
 from ..render.closed import K
+from ..render.material.test_bsdf import albedo, shader
 from ..render.tables import looking, phong, scene
-from ..render.test_materials import albedo, shader
 from . import naive
 from .meshes import ball
 
@@ -122,7 +122,7 @@ def test_the_terminator_gets_better_with_segments(backend):
 def split(sine: np.ndarray, n: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(reflected, transmitted, total) from inside an index n: R by the shared function, T by Fresnel's amplitudes from its angle."""
     cosine = np.sqrt(np.maximum(1 - sine * sine, 0))
-    share, bent, total = materials.fresnel(cosine, np.full_like(cosine, n))
+    share, bent, total = bsdf.fresnel(cosine, np.full_like(cosine, n))
     across, along = 2 * n * cosine / (n * cosine + bent), 2 * n * cosine / (cosine + n * bent)
     through = bent / (n * cosine) * 0.5 * (across**2 + along**2)  # Hecht, Optics, section 4.6.3
     return share, np.where(total, 0.0, through), total
@@ -352,7 +352,7 @@ def test_powers_of_negative_cosines(measured, model, exponent):
     view[:, 1] = np.abs(view[:, 1])
     plain = naive.phong(np.tile(UP, (20_000, 1)), light, view, exponent)
     with np.errstate(all="ignore"):
-        ours = np.asarray(materials.reflected(shader(phong(1.0, 1.0, exponent, model)), UP, tuple(light.T), tuple(view.T))[0])
+        ours = np.asarray(bsdf.reflected(shader(phong(1.0, 1.0, exponent, model)), UP, tuple(light.T), tuple(view.T))[0])
     if exponent == 2.5 and model == ir.MaterialModel.PHONG:
         measured.place(
             49, "N·L + (R·V)^2.5 for any directions",

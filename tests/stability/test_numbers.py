@@ -14,10 +14,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from maquette.compiler import ir
-from maquette.compiler.build import SceneBuilder
-from maquette.compiler.rows import CameraData, Input, MaterialData, TextureData
-from maquette.render import image, metrics, output
-from maquette.render.records import Film, Tile
+from maquette.compiler.scene.builder import SceneBuilder
+from maquette.compiler.scene.row_records import CameraData, Input, MaterialData, TextureData
+from maquette.render.image import image, image_files, metrics
+from maquette.render.types import Film, Tile
 
 from ..files import write_image
 from ..render import pictures
@@ -138,12 +138,12 @@ def written(tmp_path: Path, values: np.ndarray) -> tuple[np.ndarray, str]:
     rgba = np.repeat(values.astype(np.float32)[None, :, None], 4, axis=2)
     rgba[..., 3] = 1
     path = tmp_path / "a.exr"
-    output.write(image.Image(len(values), 1, {"rgba": rgba}, {}), path, output.Look(), {"version": "0"})
+    image_files.write(image.Image(len(values), 1, {"rgba": rgba}, {}), path, image_files.Look(), {"version": "0"})
     source = oiio.ImageInput.open(str(path))
     assert source is not None
     kind = str(source.spec().format)
     source.close()
-    return output.read(path).channels["rgba"][0, :, 0], kind
+    return image_files.read(path).channels["rgba"][0, :, 0], kind
 
 
 def test_values_beyond_half_floats(measured, tmp_path):

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from maquette.lang.diagnostics import SceneError
-from maquette.render import rays
+from maquette.render.accel import ray_queries
 
 from .dense import NAMES, Relation
 from .test_nasty_formulas import bundled, camera_rays, some_rays
@@ -64,12 +64,12 @@ def held(load, text: str) -> str:
         return ""
     if not len(scene.tables.geometries.kind):
         return ""
-    trees = rays.trees(scene.tables, closed=False)
+    trees = ray_queries.trees(scene.tables, closed=False)
     counted, true, field = trees.tables.forms.unproved, Relation(text, np.full(3, -HALF), np.full(3, HALF)), difference(text)
     for (o, d), alone in ((some_rays(200), True), (camera_rays(12), False)):
 
         def met(part: slice, o=o, d=d, alone=alone) -> np.ndarray:
-            return rays.closest(trees, o[part], d[part]).t if alone else bundled(trees.tables, o[part], d[part])
+            return ray_queries.closest(trees, o[part], d[part]).t if alone else bundled(trees.tables, o[part], d[part])
 
         found, first = met(slice(None)), true.first(o, d, POINTS)
         early = found < first - APART

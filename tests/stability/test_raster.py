@@ -12,13 +12,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from maquette.compiler import ir
-from maquette.compiler.rows import CameraData
-from maquette.render import fill
-from maquette.render.image import Image
-from maquette.render.kernels import kernel
+from maquette.compiler.scene.row_records import CameraData
+from maquette.render.image.image import Image
+from maquette.render.jit.kernel import kernel
+from maquette.render.raster import coverage as raster_coverage
 
 from ..render import pictures
-from ..render.filling import covered, exactly, random_triangles, star
+from ..render.raster.filling import covered, exactly, random_triangles, star
 from ..render.tables import matrix, mesh, scene
 from . import exact, naive
 
@@ -216,19 +216,19 @@ def test_a_small_triangle_alone_has_its_area(edge):
 def fan(corners: int, radius: float) -> np.ndarray:
     """(n, 3, 2) fixed-point triangles about one point, clockwise on the screen."""
     turn = np.linspace(0, 2 * np.pi, corners, endpoint=False)
-    rim = np.rint(radius * fill.ONE * np.stack([np.cos(turn), np.sin(turn)], axis=1)).astype(np.int64)
+    rim = np.rint(radius * raster_coverage.ONE * np.stack([np.cos(turn), np.sin(turn)], axis=1)).astype(np.int64)
     return np.stack([np.zeros_like(rim), rim, np.roll(rim, -1, axis=0)], axis=1)
 
 
 @pytest.mark.parametrize(("corners", "radius"), [(24, 8.0), (4, 8.0), (7, 11.3), (360, 20.0)])
 def test_a_fan_covers_each_sample_once(measured, corners, radius):
     triangles = fan(corners, radius)
-    at = np.arange(-math.floor(radius), math.ceil(radius) + 1) * fill.HALF
+    at = np.arange(-math.floor(radius), math.ceil(radius) + 1) * raster_coverage.HALF
     samples = np.stack(np.meshgrid(at, at), axis=-1).reshape(-1, 2)
-    samples = samples[(samples**2).sum(axis=1) < (0.9 * radius * fill.ONE * math.cos(math.pi / corners)) ** 2]
+    samples = samples[(samples**2).sum(axis=1) < (0.9 * radius * raster_coverage.ONE * math.cos(math.pi / corners)) ** 2]
     repeated = np.repeat(samples[None], corners, axis=0)
     closed, open_ = (naive.half_planes(triangles, repeated, closed=closed).sum(axis=0) for closed in (True, False))
-    counts = [covered(how, triangles.reshape(-1, 6), repeated).sum(axis=0) for how in fill.NAMES.values()]
+    counts = [covered(how, triangles.reshape(-1, 6), repeated).sum(axis=0) for how in raster_coverage.NAMES.values()]
     if corners == 24:
         measured.place(
             19, "a fan of 24 triangles, samples on its edges and its middle",
@@ -301,7 +301,7 @@ def test_the_nearer_one_is_seen_at_any_distance(backend, z, step):
 
 def floor_to(near: float, far: float, backend: str, size: int = 48) -> tuple[float, float, float]:
     """(largest error of v, of u, of v by affine weights) on a floor from `near` to `far`, its corners a ratio far/near of w apart."""
-    from maquette.compiler.rows import MeshAttribute
+    from maquette.compiler.scene.row_records import MeshAttribute
 
     h = 0.5 * near
     points = np.array([[-far, -h, -near], [far, -h, -near], [far, -h, -far], [-far, -h, -far]])
@@ -359,20 +359,20 @@ def ten_thousand():
     return triangles, samples, np.array([[exactly(t, s) for s in row] for t, row in pairs])
 
 
-@pytest.mark.parametrize("name", fill.NAMES)
+@pytest.mark.parametrize("name", raster_coverage.NAMES)
 def test_every_sample_of_ten_thousand_triangles(name, ten_thousand):
     triangles, samples, expected = ten_thousand
     assert 0.2 < expected.mean() < 0.6
-    assert np.array_equal(covered(fill.NAMES[name], triangles, samples), expected)
+    assert np.array_equal(covered(raster_coverage.NAMES[name], triangles, samples), expected)
 
 
 def test_lines_with_slopes(measured, ten_thousand):
     triangles, samples, expected = ten_thousand
-    some = zip(triangles[:2000].reshape(-1, 3, 2) / fill.ONE, samples[:2000] / fill.ONE, strict=True)
+    some = zip(triangles[:2000].reshape(-1, 3, 2) / raster_coverage.ONE, samples[:2000] / raster_coverage.ONE, strict=True)
     answers = [[naive.lines(t, s) for s in row] for t, row in some]
     known = np.array([[-1 if a is None else int(a) for a in row] for row in answers])
     wrong = float(np.mean(known[known >= 0] != expected[:2000][known >= 0]))
-    ours = int(np.sum(covered(fill.EDGES, triangles, samples) != expected))
+    ours = int(np.sum(covered(raster_coverage.EDGES, triangles, samples) != expected))
     measured.place(
         46, "edge lines y = a x + b, 10⁴ triangles", naive=f"{np.mean(known == -1):.0%} divide by 0, {wrong:.0%} of the others are wrong",
         ours=f"{ours} of {expected.size} samples differ from fractions", bound="0",
@@ -386,7 +386,7 @@ def test_areas_that_must_be_equal(measured, ten_thousand):
     """S1 + S2 + S3 == S, in a unit in which the corners are not whole numbers."""
     triangles, samples, expected = ten_thousand
     plain = naive.equal_areas(triangles.reshape(-1, 3, 2) / 3.0, samples / 3.0)
-    ours = int(np.sum(covered(fill.AREAS, triangles, samples) != expected))
+    ours = int(np.sum(covered(raster_coverage.AREAS, triangles, samples) != expected))
     measured.place(
         47, "S1 + S2 + S3 = S by equality, 10⁴ triangles", naive=f"misses {np.mean(~plain[expected]):.0%} of the samples inside",
         ours=f"{ours} of {expected.size} samples differ from fractions", bound="0: the same samples as 46",
@@ -400,18 +400,18 @@ def test_areas_that_must_be_equal(measured, ten_thousand):
 def test_the_three_fills_agree_on_any_triangles(seed):
     triangles, samples = random_triangles(60, seed)
     expected = np.array([[exactly(t, s) for s in row] for t, row in zip(triangles, samples, strict=True)])
-    for how in fill.NAMES.values():
+    for how in raster_coverage.NAMES.values():
         assert np.array_equal(covered(how, triangles, samples), expected)
 
 
-@pytest.mark.parametrize("name", fill.NAMES)
+@pytest.mark.parametrize("name", raster_coverage.NAMES)
 def test_far_corners_do_not_overflow(name):
     """Corners at the guard band, 2²⁰ pixels away, still give exact answers."""
-    far = fill.ONE << 20
+    far = raster_coverage.ONE << 20
     triangles = np.array([[-far, -far, far, far - 1, -far + 1, far], [far, -far, -far, far, far, far]])
     samples = np.array([[[0, 0], [1, 0], [-1, 0], [0, 1], [7, -7]]] * 2)
     expected = [[exactly(t, s) for s in row] for t, row in zip(triangles, samples, strict=True)]
-    assert covered(fill.NAMES[name], triangles, samples).tolist() == expected
+    assert covered(raster_coverage.NAMES[name], triangles, samples).tolist() == expected
 
 
 @kernel
@@ -421,8 +421,8 @@ def cover_loops(x, y, starts, counts, samples, out):
     for k in range(len(samples)):
         found = 0
         for loop in range(len(starts)):
-            found = fill.crossings(x, y, starts[loop], counts[loop], samples[k, 1], room, found)
-        out[k] = fill.inside_crossings(room, found, samples[k, 0])
+            found = raster_coverage.crossings(x, y, starts[loop], counts[loop], samples[k, 1], room, found)
+        out[k] = raster_coverage.inside_crossings(room, found, samples[k, 0])
 
 
 def holed(seed: int) -> tuple[list[np.ndarray], np.ndarray, np.ndarray, np.ndarray]:
@@ -434,7 +434,7 @@ def holed(seed: int) -> tuple[list[np.ndarray], np.ndarray, np.ndarray, np.ndarr
     triangles = points[mapbox_earcut.triangulate_float64(points.astype(np.float64), ends).reshape(-1, 3)].reshape(-1, 6)
     grid = np.stack(np.meshgrid(np.arange(-5000, 5000, 331), np.unique(points[:, 1])), axis=-1).reshape(-1, 2)  # on every corner's line
     samples = np.concatenate([grid, points, points + [1, 0], points - [1, 0]])
-    owners = np.sum([covered(fill.EDGES, t[None], samples[None])[0] for t in triangles], axis=0)
+    owners = np.sum([covered(raster_coverage.EDGES, t[None], samples[None])[0] for t in triangles], axis=0)
     return loops, samples, owners == 1, owners
 
 

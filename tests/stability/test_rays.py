@@ -11,13 +11,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from maquette.compiler import ir
-from maquette.compiler.rows import MeshData
-from maquette.render import bvh, shapes, surface, trace
-from maquette.render.records import Hit, Ray
+from maquette.compiler.scene.row_records import MeshData
+from maquette.render.accel import intersect, scene_bvh
+from maquette.render.geometry import analytic_shapes
+from maquette.render.surface import interaction
+from maquette.render.types import Hit, Ray
 
 from ..render.closed import INF, K, hit
+from ..render.geometry.test_analytic_shapes import SHAPES
 from ..render.tables import matrix, mesh, rays, scene
-from ..render.test_shapes import SHAPES
 from ..render.tracing import same, through_trees
 from . import exact, naive
 from .meshes import ball
@@ -113,7 +115,7 @@ def test_no_ray_slips_between_two_triangles():
     o = 2.0 * random.integers(-(2**30), 2**30, size=(n, 3))
     d = 0.5 * (a + b) - o
     sides = [(a, b, left), (b, a, right)]
-    ours = [shapes.triangle(*(tuple(x.T) for x in (*side, o, d)), np.zeros(n), np.full(n, INF))[0] < INF for side in sides]
+    ours = [analytic_shapes.triangle(*(tuple(x.T) for x in (*side, o, d)), np.zeros(n), np.full(n, INF))[0] < INF for side in sides]
     # the two lie on both sides of the edge as the ray sees it, else a ray beside the edge misses both by right
     across = np.cross(b - a, d)
     opposite = np.sign(np.sum(across * (left - a), 1)) != np.sign(np.sum(across * (right - a), 1))
@@ -209,7 +211,7 @@ def test_a_triangle_without_area_is_never_met(name):
     """Even where nobody drops it."""
     o, d = (0.0, 0.0, 5.0), (0.0, 0.0, -1.0)
     with np.errstate(all="ignore"):
-        t, _, _ = shapes.triangle(*(tuple(np.array([float(x)]) for x in c) for c in NONE[name]), o, d, 0.0, INF)
+        t, _, _ = analytic_shapes.triangle(*(tuple(np.array([float(x)]) for x in c) for c in NONE[name]), o, d, 0.0, INF)
     assert t[0] == INF
 
 
@@ -221,9 +223,9 @@ def test_duplicate_triangles(measured, count):
     tables = scene(meshes=[(MeshData(np.eye(3), np.tile([0, 1, 2], (count, 1))), np.eye(4), 0)])
     with pytest.raises(RecursionError):
         naive.split(np.tile(np.eye(3).mean(0), (8, 1)), 4)
-    bvh.build(scene(meshes=[(MeshData(np.eye(3), np.array([[0, 1, 2]])), np.eye(4), 0)]))  # compiled
+    scene_bvh.build(scene(meshes=[(MeshData(np.eye(3), np.array([[0, 1, 2]])), np.eye(4), 0)]))  # compiled
     began = time.process_time()
-    tree = bvh.build(tables)
+    tree = scene_bvh.build(tables)
     spent = time.process_time() - began
     ray = rays(np.random.default_rng(1).uniform(1, 2, (200, 3)), -np.ones(3))
     if count == 1000:
@@ -382,17 +384,17 @@ def met_again(name: str, size: float, far: float, seed: int, n: int = 1000) -> t
         local = 0.9 * random.uniform(-1, 1, (n, 3))
     aim, o = placed[:3, 3] + local @ placed[:3, :3].T, placed[:3, 3] + 4 * size * random.normal(size=(n, 3))
     ray = rays(o, aim - o)
-    met = trace.closest(trace.Brute(), tables, ray, np.ones(n, bool), 1)
+    met = intersect.closest(intersect.Brute(), tables, ray, np.ones(n, bool), 1)
     seen = np.flatnonzero(met.instance >= 0)
     one = Ray(tuple(c[seen] for c in ray.origin), tuple(c[seen] for c in ray.direction), 0.0, np.inf)
     with np.errstate(all="ignore"):
-        at = surface.at(tables, one, Hit(*(c[seen] for c in met)))
+        at = interaction.at(tables, one, Hit(*(c[seen] for c in met)))
     normal, place = (np.stack(np.broadcast_arrays(*v), axis=1) for v in (at.geometric, at.position))
     out = random.normal(size=normal.shape)
     out = out / np.linalg.norm(out, axis=1, keepdims=True) + 1.2 * normal
     out /= np.linalg.norm(out, axis=1, keepdims=True)
     at_once = 0.02 * size * (parameters[1] if kind == K.TORUS else 1.0)  # nearer than any other part of the shape
-    ours = through_trees(tables, as_rays(np.stack(np.broadcast_arrays(*surface.leave(at, tuple(out.T))), axis=1), out))[0]
+    ours = through_trees(tables, as_rays(np.stack(np.broadcast_arrays(*interaction.leave(at, tuple(out.T))), axis=1), out))[0]
     plain = through_trees(tables, as_rays(naive.leave(place, out).astype(float), out))[0]
     free = np.broadcast_to(at.front, len(seen)) | (kind not in (K.BOX, K.CYLINDER, K.CONE))  # from inside, the next face may be near
     return int(np.sum(free & (ours < at_once))), int(np.sum(free & (plain < at_once))), len(seen)

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from maquette.compiler import ir, transforms
-from maquette.render import shapes_round
+from maquette.compiler import ir
+from maquette.compiler.scene import transforms
+from maquette.render.geometry import round_shapes
 
 from ..render.closed import INF, K, after, equation, hit
+from ..render.geometry.test_analytic_shapes import SHAPES
 from ..render.tables import matrix, rays, scene
-from ..render.test_shapes import SHAPES
 from ..render.tracing import through_trees
 from . import exact, naive
 
@@ -162,7 +163,7 @@ def ours_of(a: float, b: float, c: float) -> tuple[float, float]:
     one = np.ones(1)
     half = -0.5 * b
     with np.errstate(all="ignore"):
-        low, high = shapes_round._ordered_roots(a * one, half * one, c * one, (half * half - a * c) * one)
+        low, high = round_shapes._ordered_roots(a * one, half * one, c * one, (half * half - a * c) * one)
     return float(low[0]), float(high[0])
 
 

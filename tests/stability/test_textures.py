@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from maquette.compiler import ir
-from maquette.compiler.rows import TextureData
+from maquette.compiler.scene.row_records import TextureData
 
 from ..files import write_image
-from ..render.test_textures import at
+from ..render.texture.test_textures import at
 from . import naive
 
 W = ir.Wrap

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from maquette.compiler import ir, transforms
-from maquette.compiler.rows import CameraData
+from maquette.compiler import ir
+from maquette.compiler.scene import transforms
+from maquette.compiler.scene.row_records import CameraData
 from maquette.lang.diagnostics import SceneError
 from maquette.lang.elements import AxisAngle, Euler, Quaternion
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from maquette.render import machine, simd
+from maquette.render import simd
+from maquette.render.simd import target as simd_target
 from numba import njit
 
 from .values import COUNT, FLOATS, INTS, TYPES, awkward, compiled, over, same, widths
@@ -34,7 +35,7 @@ def test_a_fused_multiply_add_rounds_once_where_there_is_one(dtype, kind):
     with np.errstate(all="ignore"):
         twice = x * y + z
         once = (x.astype(np.longdouble) * y + z).astype(dtype)
-    if not machine.FMA:
+    if not simd_target.FMA:
         same(out, twice)
     elif dtype == np.float32:
         usual = np.isfinite(once)

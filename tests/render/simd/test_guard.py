@@ -16,7 +16,7 @@ KERNELS = '''
 import sys
 import numpy as np
 from maquette.render import simd
-from maquette.render.kernels import kernel
+from maquette.render.jit.kernel import kernel
 
 @kernel
 def gathered(table, i):

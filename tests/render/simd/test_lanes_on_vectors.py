@@ -4,35 +4,37 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from maquette.render import lanes, sampler, simd
-from maquette.render.kernels import helper, kernel
+from maquette.render import simd
+from maquette.render.jit.kernel import helper, kernel
+from maquette.render.lanes import ops
+from maquette.render.sampling import sobol
 
 X = np.array([-2.5, -1.0, -0.0, 0.0, 0.3, 1.0, 7.25, 1e30, -1e30, np.inf, -np.inf, np.nan])
 
 
 def one_number(x, y):
     """Every operation on numbers, as a tuple."""
-    k = lanes.floor_int(x)
+    k = ops.floor_int(x)
     return (
-        lanes.where(x > y, x, y), lanes.where(x > 0.0, 1.0, y), lanes.minimum(x, y), lanes.maximum(x, y), lanes.clip(x, -1.0, 1.0),
-        lanes.sqrt(abs(x)), lanes.sin(y), lanes.cos(y), lanes.asin(x), lanes.acos(x), lanes.atan2(y, x), lanes.hypot(x, y),
-        lanes.exp(-abs(y)), lanes.log(abs(y)), lanes.floor(x), lanes.power(abs(y), 1.5), lanes.lerp(x, y, 0.25), lanes.sign_of(x),
-        lanes.absolute(x), lanes.to_float(k), lanes.to_float(lanes.to_int(lanes.clip(x, -9.0, 9.0))),
-        lanes.where(lanes.is_finite(x), 1.0, 0.0), lanes.where(lanes.not_(x > 0.0), 1.0, 0.0), lanes.full_like(x, 3.0),
-        lanes.to_float(lanes.int_like(x, 5) % 3), lanes.where(lanes.bool_like(x, True), x, y),
+        ops.where(x > y, x, y), ops.where(x > 0.0, 1.0, y), ops.minimum(x, y), ops.maximum(x, y), ops.clip(x, -1.0, 1.0),
+        ops.sqrt(abs(x)), ops.sin(y), ops.cos(y), ops.asin(x), ops.acos(x), ops.atan2(y, x), ops.hypot(x, y),
+        ops.exp(-abs(y)), ops.log(abs(y)), ops.floor(x), ops.power(abs(y), 1.5), ops.lerp(x, y, 0.25), ops.sign_of(x),
+        ops.absolute(x), ops.to_float(k), ops.to_float(ops.to_int(ops.clip(x, -9.0, 9.0))),
+        ops.where(ops.is_finite(x), 1.0, 0.0), ops.where(ops.not_(x > 0.0), 1.0, 0.0), ops.full_like(x, 3.0),
+        ops.to_float(ops.int_like(x, 5) % 3), ops.where(ops.bool_like(x, True), x, y),
     )  # fmt: skip
 
 
 def one_vector(a, b, matrix, row):
     """Every operation on vectors, as a tuple of numbers."""
-    n = lanes.normalize(a)
-    s, t = lanes.basis(n)
+    n = ops.normalize(a)
+    s, t = ops.basis(n)
     found = (
-        lanes.add(a, b), lanes.sub(a, b), lanes.mul(a, b), lanes.scale(a, 2.0), lanes.negate(a), lanes.cross(a, b), n, s, t,
-        lanes.reflect(b, n), lanes.in_basis(s, t, n, 0.1, 0.2, 0.3), lanes.along(a, b, 0.7), lanes.where3(a[0] > b[0], a, b),
-        lanes.lerp3(a, b, 0.3), lanes.like3(a[0], 1.0, 2.0, 3.0), lanes.transform_point(matrix, row, a),
-        lanes.transform_vector(matrix, row, a), lanes.transform_normal(matrix, row, a), lanes.transform_point(matrix, 0, a),
-        (lanes.dot(a, b), lanes.length(a), lanes.largest(a)),
+        ops.add(a, b), ops.sub(a, b), ops.mul(a, b), ops.scale(a, 2.0), ops.negate(a), ops.cross(a, b), n, s, t,
+        ops.reflect(b, n), ops.in_basis(s, t, n, 0.1, 0.2, 0.3), ops.along(a, b, 0.7), ops.where3(a[0] > b[0], a, b),
+        ops.lerp3(a, b, 0.3), ops.like3(a[0], 1.0, 2.0, 3.0), ops.transform_point(matrix, row, a),
+        ops.transform_vector(matrix, row, a), ops.transform_normal(matrix, row, a), ops.transform_point(matrix, 0, a),
+        (ops.dot(a, b), ops.length(a), ops.largest(a)),
     )  # fmt: skip
     return found
 
@@ -40,8 +42,8 @@ def one_vector(a, b, matrix, row):
 def skipping(x):
     """Work that only some lanes need, under an `if`; a variable that is a number before it."""
     found = 0.0
-    if lanes.any_lane(x > 1.0):
-        found = lanes.where(x > 1.0, lanes.sqrt(lanes.maximum(x, 0.0)), 0.5)
+    if ops.any_lane(x > 1.0):
+        found = ops.where(x > 1.0, ops.sqrt(ops.maximum(x, 0.0)), 0.5)
     return found
 
 
@@ -80,7 +82,7 @@ def _skipped(x, out, like):
 def _pairs(pixels, out, like):
     n = len(pixels)
     for i in range(0, n, like):
-        u, v = sampler.pair(simd.load(pixels, i), 3, 5, 7)
+        u, v = sobol.pair(simd.load(pixels, i), 3, 5, 7)
         simd.store(out, i, u)
         simd.store(out, n + i, v)
 
@@ -122,4 +124,4 @@ def test_random_numbers_are_the_same_to_the_bit():
     pixels = np.arange(64) * 977
     out = np.zeros((2, 64))
     _pairs(pixels, out, simd.WIDTH64)
-    assert np.array_equal(out, np.stack(sampler.pair(pixels, 3, 5, 7)))
+    assert np.array_equal(out, np.stack(sobol.pair(pixels, 3, 5, 7)))

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from maquette.render import simd
-from maquette.render.handles import Handle
+from maquette.render.jit.packed_struct import Handle
 from numba import njit
 from numba.core.errors import TypingError
 

@@ -1,0 +1,5 @@
+"""The `maquette` command: options, printing, exit codes.
+
+May import: Everything below.
+Begin with `main.py`.
+"""

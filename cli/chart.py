@@ -1,0 +1,210 @@
+"""`maquette chart`: error against time of a scene, measured or drawn again from its chart.json; its options, files and exit codes."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..lang.diagnostics import suggest
+from . import common_options as shared
+from . import option_types as values
+from . import render_job as jobs
+from . import terminal
+
+if TYPE_CHECKING:
+    from ..measure.records import Chart
+
+KINDS = (".svg", ".png", ".html")
+BACKENDS = ("ray", "raster", "reference")
+PEERS = ("mitsuba", "povray")
+METRICS = ("relmse", "flip", "max", "silhouette")
+BUDGET = 60.0  # seconds
+
+
+def _among(known: Sequence[str], what: str) -> Any:
+    """A callback that reads names between commas, each known and given once."""
+
+    def read(ctx: click.Context, param: click.Parameter, text: str | None) -> tuple[str, ...]:
+        names = tuple(name.strip() for name in (text or "").split(",") if name.strip())
+        if text is not None and not names:
+            raise click.BadParameter(f"write names between commas, as in {','.join(known[:2])}", ctx, param)
+        for i, name in enumerate(names):
+            if name not in known:
+                hint = suggest(name, known)
+                there = f"no {what} is called `{name}`; there are {', '.join(known)}"
+                raise click.BadParameter(f"{there}; {hint}" if hint else there, ctx, param)
+            if name in names[:i]:
+                raise click.BadParameter(f"`{name}` is given twice", ctx, param)
+        return names
+
+    return read
+
+
+@click.command()
+@click.argument("scene", type=shared.FILE)
+@click.option(
+    "-o", "--output", "outputs", type=shared.OUT, multiple=True,
+    help="The chart: .svg, .png or .html, several if given several times. Default: SCENE.chart.svg in this folder.",
+)  # fmt: skip
+@shared.scene_options
+@click.option("--size", type=values.SIZE, help="Pixels: 320x240, or 256 for a square. Default: the scene's, at most 160 wide or high.")
+@click.option("--camera", metavar="NAME", help="The camera to look through.")
+@click.option("--backends", metavar="NAMES", callback=_among(BACKENDS, "backend"), help="Only these: ray,raster,reference.")
+@click.option("--peers", metavar="NAMES", callback=_among(PEERS, "peer"), help="Also other renderers that are installed: mitsuba,povray.")
+@click.option("--metric", type=click.Choice(METRICS), help="The error that is charted. Default: relmse. All are in chart.json.")
+@click.option("--budget", type=values.DURATION, help=f"Take at most this long, reference and all. Default: {BUDGET:g}s.")
+@click.option("--seeds", type=click.IntRange(2, 1024), help="Renders a setting that differ in their random numbers.")
+@click.option("--repeats", type=click.IntRange(1, 1024), help="Renders a setting that are timed, at the least.")
+@click.option("--threads", type=click.IntRange(1, 1024), help="The same for everyone. Default: one a core.")
+@click.option("--bounces", type=click.IntRange(0, 64), help="Surface interactions after the first hit, of the reference too.")
+@click.option("--keep", type=shared.OUT, help="Keep the raw images (.exr) and the reference in this folder.")
+@click.option("--json", "numbers", type=shared.OUT, help="Every number. Default: beside the first chart, as .json.")
+@click.option("-q", "--quiet", is_flag=True, help="No progress bar, no notes.")
+@shared.examples(
+    "maquette chart room.scene -o room.svg",
+    "maquette chart room.scene -o room.html -o room.png --size 200x150 --backends ray,raster --budget 5min",
+    "maquette chart hello.scene -o hello.svg --peers mitsuba,povray --metric flip --keep raw",
+    "maquette chart room.json -o room.html",
+)
+@click.pass_context
+def chart(
+    ctx: click.Context, scene: Path, outputs: tuple[Path, ...], metric: str | None, numbers: Path | None, quiet: bool, **given: Any
+) -> None:  # fmt: skip
+    """Measure error against time over backends and settings.
+
+    Every backend climbs its ladders of settings, several seeds each; the chart has a line a ladder, every point, quartiles
+    as bars, the Pareto front, the knee, and the reference's own uncertainty. The table says what to take for which
+    error. SCENE may also be the .json of an earlier chart: then nothing is measured, and it is drawn again.
+
+    Exit code: 0; 1 where nothing could be measured; 2 for wrong usage; 130 where Ctrl-C ended it, with what was
+    measured drawn.
+    """
+    outputs = outputs or (Path(f"{scene.stem.removesuffix('.chart')}.chart.svg"),)
+    _check_outputs(outputs)
+    again = scene.suffix.lower() == ".json"
+    if again:
+        _check_again(ctx)
+        measured, partial = _read(scene), False
+    else:
+        numbers = numbers or outputs[0].with_suffix(".json")
+        _check_numbers(numbers, ctx)
+        measured, partial = _measure(scene, metric or "relmse", quiet, given)
+    for path in outputs:
+        _draw(measured, path)
+    if numbers:
+        from ..measure import jsonform
+
+        jobs.write_whole(numbers, jsonform.text(measured).encode())
+    _say(measured, (*outputs, *((numbers,) if numbers else ())), quiet)
+    if partial:
+        click.echo("interrupted: the chart holds what was measured until then", err=True)
+        ctx.exit(130)
+
+
+def _check_outputs(outputs: Sequence[Path]) -> None:
+    for i, path in enumerate(outputs):
+        if path.suffix.lower() not in KINDS:
+            raise click.UsageError(f"a chart is written as {', '.join(KINDS[:-1])} or {KINDS[-1]}: {path} is none of them")
+        if path in outputs[:i]:
+            raise click.UsageError(f"{path} is given twice")
+        jobs.check_folder(path)
+
+
+def _check_again(ctx: click.Context) -> None:
+    """Options of measuring have no meaning for a chart that is measured."""
+    drawing = ("scene", "outputs", "numbers", "quiet")
+    for option in ctx.command.params:
+        if option.name and option.name not in drawing and ctx.get_parameter_source(option.name) is click.core.ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"{option.opts[0]} is for measuring, and {ctx.params['scene']} is measured: it is only drawn again")
+
+
+def _check_numbers(path: Path, ctx: click.Context) -> None:
+    """The .json beside the chart was not asked for by name: nothing but an older chart is written over."""
+    from ..measure import jsonform
+
+    jobs.check_folder(path)
+    if ctx.params["numbers"] is None and path.exists():
+        try:
+            jsonform.read(path.read_text(encoding="utf-8"))
+        except (jsonform.FormatError, UnicodeDecodeError):
+            raise click.UsageError(f"{path} is there already and is no chart: say where the numbers go with --json FILE") from None
+
+
+def _read(path: Path) -> Chart:
+    from ..measure import jsonform
+
+    try:
+        return jsonform.read(path.read_text(encoding="utf-8"))
+    except (jsonform.FormatError, UnicodeDecodeError) as error:
+        raise click.ClickException(f"{path}: {error}") from None
+
+
+def _measure(path: Path, metric: str, quiet: bool, given: dict[str, Any]) -> tuple[Chart, bool]:
+    """The chart, and whether Ctrl-C ended it. Raises ClickException where there is nothing to chart."""
+    from ..compiler import ir
+    from ..compiler.plan import plan as planner
+    from ..measure import chart as engine
+    from ..measure import records
+
+    source = shared.source_of(path, given)
+    named = _as_typed(source)
+    scene, found = source.load({})
+    terminal.report(d for d in found.items if not (quiet and d.severity == "note"))
+    settings = ir.Settings(size=given["size"], camera=given["camera"], threads=given["threads"], bounces=given["bounces"])
+    wanted = records.Wanted(
+        name=named, settings=settings, backends=given["backends"] or BACKENDS, peers=given["peers"], metric=metric,
+        budget=given["budget"] or BUDGET, seeds=given["seeds"], repeats=given["repeats"], keep=given["keep"],
+    )  # fmt: skip
+    with terminal.Progress(quiet) as progress, jobs.interruptible() as cancel:
+        progress.begin("measuring")
+        try:
+            measured = engine.measure(scene, wanted, progress, cancel)
+        except planner.PlanError as error:
+            raise click.UsageError(str(error)) from None
+        except records.NothingMeasured as error:
+            if cancel.is_set():
+                raise KeyboardInterrupt from None
+            raise click.ClickException(str(error)) from None
+    return measured, cancel.is_set()
+
+
+def _as_typed(source: jobs.Source) -> str:
+    """The scene with its options, as behind `maquette render`."""
+    words = [str(source.path)]
+    for name, value in source.sets.items():
+        words += ["--set", f"{name}={value}"]
+    if source.time is not None:
+        words += ["--time", f"{source.time:g}s"]
+    for folder in source.allow:
+        words += ["--allow", str(folder)]
+    for name, value in source.variants.items():
+        words += ["--variant", f"{name}={value}"]
+    return shlex.join(words)
+
+
+def _draw(measured: Chart, path: Path) -> None:
+    """Write the chart as the file's name says."""
+    from ..measure import draw, page
+
+    kind = path.suffix.lower()
+    if kind == ".png":
+        data = draw.png(measured)
+    else:
+        drawing = draw.svg(measured)
+        data = (drawing if kind == ".svg" else page.html(measured, drawing)).encode()
+    jobs.write_whole(path, data)
+
+
+def _say(measured: Chart, files: Sequence[Path], quiet: bool) -> None:
+    """What to take for which error, to stdout; where everything is, to stderr."""
+    from ..measure import table
+
+    terminal.table(table.HEADINGS, table.advice(measured))
+    for line in table.remarks(measured):
+        click.echo(line)
+    if not quiet:
+        click.echo(f"in {', '.join(map(str, files))}", err=True)

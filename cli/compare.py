@@ -1,0 +1,295 @@
+"""`maquette compare`: two pictures, two scenes, or one scene on two backends; its options, what it prints and its exit code."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..lang import file_types
+from ..lang.diagnostics import suggest
+from . import common_options as shared
+from . import compare_report as reports
+from . import option_types as values
+from . import render_job as jobs
+from . import terminal
+
+if TYPE_CHECKING:
+    from ..compiler import ir
+    from ..compiler.plan.plan import Plan
+    from ..measure.compare import Comparison
+    from ..measure.sides import Side
+
+BACKENDS = ("auto", "ray", "raster", "reference")
+KNOBS = ("samples", "error", "budget", "bounces", "seed")  # options that --backends may give one side alone; other names are decisions
+FIGURES = {
+    "relmse": "√relMSE", "flip": "FLIP", "maximum": "the maximum", "silhouette": "the silhouette difference", "bias": "the bias",
+    "noise": "the difference over what noise alone makes", "significance": "the difference of the means in standard errors",
+}  # fmt: skip
+OF_SCENES = (  # parameters that mean nothing where both are pictures
+    "sets", "at", "allow", "variants", "backend", "size", "camera", "samples", "error", "budget", "bounces", "seed", "threads", "crop",
+    "background", "plan_values",
+)  # fmt: skip
+SHARES = ("relmse", "flip", "bias")  # shown in per cent
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """One item of --backends: a backend with options and decisions of its own; `knobs` as they were written."""
+
+    backend: str
+    knobs: tuple[str, ...]
+    options: Mapping[str, Any]
+    decisions: Mapping[str, str]
+
+
+def _backends(ctx: click.Context, param: click.Parameter, text: str | None) -> tuple[Wanted, ...] | None:
+    """`raster,ray` or `ray:samples=4,ray:samples=64:seed=2`."""
+    if text is None:
+        return None
+    items = [item.strip() for item in text.split(",")]
+    if len(items) != 2 or not all(items):
+        raise click.BadParameter(f"{text!r}: two are compared, as in raster,ray; the second is the one measured against", ctx, param)
+    types = {option.name or "": option.type for option in ctx.command.params}
+    return _wanted(ctx, param, items[0], types), _wanted(ctx, param, items[1], types)
+
+
+def _wanted(ctx: click.Context, param: click.Parameter, item: str, types: Mapping[str, click.ParamType]) -> Wanted:
+    backend, *knobs = item.split(":")
+    if backend not in BACKENDS:
+        there = f"no backend is called `{backend}`; there are {', '.join(BACKENDS)}"
+        raise click.BadParameter(f"{there}. {suggest(backend, BACKENDS)}".rstrip(" ."), ctx, param)
+    options, decisions = {}, {}
+    for knob in knobs:
+        try:
+            name, value = values.assignment(knob)
+        except ValueError:
+            raise click.BadParameter(f"{knob!r} in {item!r}: write it as name=value, as in ray:samples=4", ctx, param) from None
+        if name in options or name in decisions:
+            raise click.BadParameter(f"`{name}` is given twice in {item!r}", ctx, param)
+        if name in KNOBS:
+            options[name] = _knob(types[name], value, f"{knob!r} in {item!r}", param, ctx)
+        else:
+            decisions[name] = value
+    return Wanted(backend, tuple(knobs), options, decisions)
+
+
+def _knob(kind: click.ParamType, value: str, where: str, param: click.Parameter, ctx: click.Context) -> Any:
+    try:
+        return kind.convert(value, param, ctx)
+    except click.BadParameter as error:
+        raise click.BadParameter(f"{where}: {error.message}", ctx, param) from None
+
+
+@click.command()
+@click.argument("first", metavar="A", type=shared.FILE)
+@click.argument("second", metavar="[B]", type=shared.FILE, required=False)
+@click.option("--backends", metavar="A,B", callback=_backends, help="Draw scene A in two ways: raster,ray or ray:samples=4,ray:samples=64.")
+@click.option("-o", "--output", type=shared.OUT, help="A picture of A − B: false colours, or the signed difference itself in an .exr.")
+@click.option("--side-by-side", is_flag=True, help="The picture is A, B and A − B beside each other, with labels.")
+@click.option("--threshold", type=values.LIMIT, help="Exit with 1 when the metric is above this: 1%, or 0 for identical.")
+@click.option("--metric", type=click.Choice(tuple(FIGURES)), help="What --threshold is about. Default: relmse.")
+@click.option("--json", "as_json", is_flag=True, help="All figures as JSON on stdout.")
+@click.option("-q", "--quiet", is_flag=True, help="No progress bar.")
+@shared.scene_options
+@shared.picture_options_but("aov", "view")
+@shared.examples(
+    "maquette compare out.exr reference.exr --threshold 1% -o difference.png",
+    "maquette compare room.scene --backends raster,ray --size 400x300",
+    "maquette compare room.scene --backends ray:samples=16,ray:samples=1024:seed=1 --json",
+    "maquette compare before.scene after.scene -o both.png --side-by-side",
+    "maquette compare room.scene accepted.exr --metric flip --threshold 0.02",
+)
+@click.pass_context
+def compare(
+    ctx: click.Context, first: Path, second: Path | None, backends: tuple[Wanted, ...] | None, output: Path | None, side_by_side: bool,
+    threshold: float | None, metric: str | None, as_json: bool, quiet: bool, **given: Any,
+) -> None:  # fmt: skip
+    """Measure how far A is from B.
+
+    Each is a picture or a scene; a scene is drawn, at the picture's size if the other is one. B is the one measured
+    against. In linear light: √relMSE is √mean((A − B)² / (B² + ε²)) with ε = 1% of the mean luminance of B. Exit
+    code: 0; 1 where --threshold is exceeded or the two cannot be compared; 2 for wrong usage.
+    """
+    from ..measure import compare as measure
+    from ..measure import difference
+
+    _check_usage(ctx, first, second, backends, output, side_by_side, (threshold, metric))
+    exposure = given["exposure"]
+    a, b = _sides(_Given(first, second or first, backends or (), given), quiet)
+    if exposure is not None and a.bits and b.bits:
+        raise click.UsageError(f"--exposure is for linear light, and both {first} and {second} were exposed when they were written")
+    found = measure.compare(a, b, exposure)
+    if output:
+        difference.write(found, output, side_by_side)
+    if as_json:
+        click.echo(json.dumps(jobs.plain(found.to_json()), indent=2))
+    else:
+        reports.show(found)
+    _judge(ctx, found, metric or "relmse", threshold)
+
+
+def _check_usage(
+    ctx: click.Context, first: Path, second: Path | None, backends: object, output: Path | None, side_by_side: bool,
+    judged: tuple[float | None, str | None],
+) -> None:  # fmt: skip
+    """What cannot be meant is said before anything is drawn."""
+    if backends and second:
+        raise click.UsageError("--backends draws one scene in two ways: give one scene, or leave out --backends")
+    if backends and not _is_scene(first):
+        raise click.UsageError(f"--backends draws a scene, and {first} is a picture")
+    if backends and _was_given(ctx, "backend"):
+        raise click.UsageError("--backend and --backends exclude each other")
+    if not backends and not second:
+        what = "it can be drawn in two ways by --backends raster,ray" if _is_scene(first) else "a second picture, or a scene"
+        raise click.UsageError(f"{first} is compared with what? Give B; {what}")
+    if second and not _is_scene(first) and not _is_scene(second):
+        options = [option for option in ctx.command.params if option.name in OF_SCENES and _was_given(ctx, option.name)]
+        if options:
+            raise click.UsageError(f"{options[0].opts[0]} is for scenes, and both {first} and {second} are pictures")
+    if judged[1] and judged[0] is None:
+        raise click.UsageError("--metric chooses what --threshold is about: give --threshold too")
+    if side_by_side and not output:
+        raise click.UsageError("--side-by-side is a picture: give its file with -o")
+    if output:
+        jobs.check_output(output)
+        if side_by_side and output.suffix.lower() == ".exr":
+            raise click.UsageError(f"--side-by-side is to be looked at: {output.name} cannot be an .exr; write a .png")
+
+
+def _was_given(ctx: click.Context, name: str | None) -> bool:
+    return name is not None and ctx.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
+
+
+def _is_scene(path: Path) -> bool:
+
+    return path.suffix.lower() in (*file_types.SCENE, *file_types.USD, *file_types.MESH, *file_types.SAVED)
+
+
+@dataclass(frozen=True, slots=True)
+class _Given:
+    """What was asked: two files (the same where `backends` draw it in two ways) and the options."""
+
+    first: Path
+    second: Path
+    backends: tuple[Wanted, ...]
+    options: dict[str, Any]
+
+    def name(self, k: int) -> str:
+        """What side k is called: its file, and what --backends says of it but for what is shown of every render."""
+        knobs = [knob for knob in self.backends[k].knobs if not knob.startswith(("samples=", "seed="))] if self.backends else []
+        return " ".join([str((self.first, self.second)[k]), *knobs])
+
+
+def _sides(given: _Given, quiet: bool) -> tuple[Side, Side]:
+    """Both sides, read or drawn; nothing is drawn before it is known that both can be had and have one size."""
+    from ..measure import sides
+    from ..render.image import image_files as pictures
+
+    paths = (given.first, given.second)
+    try:
+        ready = [None if _is_scene(path) else sides.picture(path) for path in paths]
+    except pictures.FormatError as error:
+        raise click.ClickException(str(error)) from None
+    scenes: dict[Path, ir.Scene] = {}
+    plans: list[tuple[ir.Scene, Plan] | None] = []
+    for k, path in enumerate(paths):
+        if ready[k] is not None:
+            plans.append(None)
+            continue
+        if path not in scenes:
+            scenes[path] = shared.load(shared.source_of(path, dict(given.options)))
+        plans.append((scenes[path], _plan(given, k, scenes[path], ready[1 - k])))
+    _check_sizes(paths, ready, plans)
+    terminal.report(warning for planned in plans if planned for warning in jobs.plan_warnings(*planned))
+    for k, planned in enumerate(plans):
+        if planned is not None:
+            ready[k] = _draw(given.name(k), *planned, "AB"[k], quiet)
+    a, b = ready
+    assert a is not None
+    assert b is not None
+    return a, b
+
+
+def _plan(given: _Given, k: int, scene: ir.Scene, other: Side | None) -> Plan:
+    """How side k is drawn: at the size of the other where that is a picture."""
+    from ..compiler import ir
+    from ..compiler.plan import plan as planner
+    from ..measure import sides
+
+    options = {name: value for name, value in given.options.items() if name in ir.Settings.__dataclass_fields__}
+    settings, decisions = ir.Settings(**options), dict(given.options["plan_values"])
+    if given.backends:
+        wanted = given.backends[k]
+        settings = replace(settings, backend=wanted.backend, **wanted.options)
+        decisions |= wanted.decisions
+    if other is not None:
+        size, crop = other.image.metadata["size"], other.image.metadata["crop"]
+        part = None if crop == (0, 0, *size) else crop
+        settings = replace(settings, size=settings.size or size, crop=settings.crop or part)
+    try:
+        return sides.plan_of(scene, settings, decisions)
+    except planner.PlanError as error:
+        raise click.UsageError(str(error)) from None
+
+
+def _check_sizes(paths: tuple[Path, Path], ready: list[Side | None], plans: list[tuple[ir.Scene, Plan] | None]) -> None:
+    shapes, said = [], []
+    for path, side, planned in zip(paths, ready, plans, strict=True):
+        if side is not None:
+            shapes.append((side.image.width, side.image.height))
+        elif planned is not None:
+            x0, y0, x1, y1 = planned[1]["crop"]
+            shapes.append((x1 - x0, y1 - y0))
+        said.append(f"{path} {'is' if side is not None else 'is drawn at'} {shapes[-1][0]}x{shapes[-1][1]}")
+    if shapes[0] == shapes[1]:
+        return
+    if all(plans):
+        least = min(shapes)
+        fix = f"--size {least[0]}x{least[1]} draws both alike"
+    elif any(plans):
+        fix = "leave out --size and --crop, and the scene is drawn at the picture's size"
+    else:
+        fix = "render both with the same --size"
+    raise click.ClickException(f"sizes differ: {said[0]} and {said[1]} pixels; {fix}")
+
+
+def _draw(name: str, scene: ir.Scene, plan: Plan, letter: str, quiet: bool) -> Side:
+    from ..measure import sides
+    from ..render.jit import kernel
+
+    with terminal.Progress(quiet) as progress, jobs.interruptible() as cancel:
+        progress.begin(f"drawing {letter} ({plan['backend']})", "compiling kernels (the first time only)" if kernel.is_cold() else "")
+        side = sides.drawn(scene, plan, name, progress, cancel)
+    if side.image.metadata["partial"]:
+        raise KeyboardInterrupt
+    return side
+
+
+def _judge(ctx: click.Context, found: Comparison, metric: str, threshold: float | None) -> None:
+    if threshold is None:
+        return
+    value = found.value(metric)
+    if value is None:
+        raise click.ClickException(f"{_why_unknown(found, metric)}; choose another --metric")
+    if not value <= threshold:  # also where it is no number
+        said, limit = (reports.percent(v) if metric in SHARES else f"{v:.6g}" for v in (value, threshold))
+        click.echo(f"{FIGURES[metric]} is {said}, above the threshold of {limit}", err=True)
+        ctx.exit(1)
+
+
+def _why_unknown(found: Comparison, metric: str) -> str:
+    """Why a figure is not known of these two, and what would tell it."""
+    sides = (found.a, found.b)
+    if metric == "silhouette":
+        name = next(side.name for side in sides if side.coverage is None)
+        return f"{name} has no alpha, which tells the silhouette: compare an .exr"
+    if metric == "significance":
+        name = next(side.name for side in sides if side.variance is None)
+        return f"the variance of {name} is not known, only a render of several samples tells it: compare scenes"
+    name = next(side.name for side in sides if side.noise is None)
+    return f"the noise of {name} is not known, only a render of several samples tells it"

@@ -1,0 +1,109 @@
+"""What `maquette compare` prints: the figures, where the difference comes from, noise, what is not drawn, what changed."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import click
+
+from . import terminal
+
+if TYPE_CHECKING:
+    from ..measure.compare import Comparison
+
+OBJECTS = 8  # that are listed
+CHANGES = 12
+FOLLOW = ("geometries", "materials", "textures")  # they come and go with objects, and are not told twice
+
+
+def show(found: Comparison) -> None:
+    """Print a comparison to stdout."""
+    for letter, side in (("A", found.a), ("B", found.b)):
+        click.echo(f"{letter}  {side.about()}")
+        for change in side.changes:
+            click.echo(f"   {change}")
+    for name, text in (*_figures(found), *_places(found), *_noise(found)):
+        click.echo(f"{name:<12}{text}")
+    _objects(found)
+    for line in (*_not_drawn(found), *_changes(found)):
+        click.echo(line)
+
+
+def percent(value: float) -> str:
+    """Three digits of a share: 0.0312%, 3.12%, 312%."""
+    return f"{100 * value:.0f}%" if 10 <= abs(value) < math.inf else f"{100 * value:.3g}%"
+
+
+def _with_doubt(value: float, doubt: float | None) -> str:
+    return f"{'+' if value > 0 else ''}{percent(value)}" + (f" ± {percent(doubt)}" if doubt else "")
+
+
+def _figures(found: Comparison) -> Iterator[tuple[str, str]]:
+    yield "√relMSE", f"{found.error:.6g} ({found.error:.4%})"
+    yield "FLIP", f"{found.flip:.4g}" + (f" (at {found.exposure:+g} stops)" if found.exposure else "")
+    on = f" on {found.largest_on}" if found.largest_on and found.maximum else ""
+    yield "maximum", f"{found.maximum:.6g} at pixel {found.at[0]},{found.at[1]}{on}"
+    doubts = found.bias.doubt or (None, None, None)
+    colours = zip(("red", "green", "blue"), found.bias.channels, doubts, strict=True)
+    yield "bias", ", ".join(f"{name} {_with_doubt(value, doubt)}" for name, value, doubt in colours)
+    if found.silhouette is not None:
+        yield "silhouette", f"{found.silhouette:.4g} pixels apart"
+    yield "differing", f"{found.differing} of {found.pixels} pixels"
+
+
+def _places(found: Comparison) -> Iterator[tuple[str, str]]:
+    """How the squared error is parted between the pixels that outlines cross and the rest."""
+    for name, region in (("outlines", found.outline), ("inside", found.interior)):
+        if region is not None and found.error > 0:
+            of = f"{percent(region.pixels / found.pixels)} of the pixels"
+            yield name, f"{percent(region.share)} of the squared error on {of}, √relMSE {percent(region.error)} there"
+
+
+def _noise(found: Comparison) -> Iterator[tuple[str, str]]:
+    noise = found.noise
+    if noise.a is None and noise.b is None:
+        return
+    shown = ["not known" if n is None else "none" if n == 0 else percent(n) for n in (noise.a, noise.b)]
+    yield "noise", f"A {shown[0]}, B {shown[1]} (estimated √relMSE of each)"
+    if found.error > 0 and noise.ratio is not None and (noise.a or noise.b):
+        yield from (("", line) for line in _verdict(found))
+
+
+def _verdict(found: Comparison) -> Iterator[str]:
+    """Whether the difference may be an accident."""
+    size = f"the difference is {found.noise.ratio:.3g} times what noise alone makes"
+    if found.noise.shared:
+        yield f"{size}; the random numbers are the same: what is left is drawn differently"
+    else:
+        yield f"{size}: {'within' if found.within_noise else 'above'} the noise"
+    if found.biased or (found.biased is not None and not found.noise.shared):
+        verdict = "a bias" if found.biased else "no bias is to be seen"
+        yield f"the means differ by {found.bias.significance:.3g} standard errors: {verdict}"
+
+
+def _objects(found: Comparison) -> None:
+    shown = [carrier for carrier in found.carriers if carrier.share > 0][:OBJECTS]
+    if not shown:
+        return
+    rows = [(str(c), percent(c.share), percent(c.pixels / found.pixels), percent(c.error), _with_doubt(c.bias, c.doubt)) for c in shown]
+    click.echo()
+    terminal.table(("object at the pixel's centre", "of the squared error", "of the pixels", "√relMSE", "bias"), rows)
+    rest = [carrier for carrier in found.carriers[len(shown) :] if carrier.share > 0]
+    if rest:
+        click.echo(f"… {len(rest)} more with {percent(sum(carrier.share for carrier in rest))}")
+
+
+def _not_drawn(found: Comparison) -> list[str]:
+    sides = (("A", found.a), ("B", found.b))
+    lines = [f"  {letter}: {note.message}{f' ({note.span})' if note.span else ''}" for letter, side in sides for note in side.notes]
+    return ["", "not drawn", *lines] if lines else []
+
+
+def _changes(found: Comparison) -> list[str]:
+    told = Counter(str(change) for change in found.changes if change.what == "changed" or change.table not in FOLLOW)
+    lines = [f"  {f'{count} × ' if count > 1 else ''}{line}" for line, count in told.items()]
+    rest = [f"  … {len(lines) - CHANGES} more"] if len(lines) > CHANGES else []
+    return ["", "what changed from A to B", *lines[:CHANGES], *rest] if lines else []

@@ -1,0 +1,102 @@
+"""The `convert` command: a compiled scene as its tables (.npz), for another renderer (.xml: Mitsuba 3, .pov: POV-Ray), or its triangles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from . import common_options as shared
+from . import option_types as options
+from . import render_job as jobs
+from . import terminal
+
+if TYPE_CHECKING:
+    from ..compiler import ir
+    from ..compiler.exporters.common import Export
+    from ..compiler.plan.plan import Plan
+
+MESHES = {".stl": "triangles for printing", ".3mf": "the same", ".obj": "triangles", ".ply": "triangles"}
+ENDINGS = {".npz": "a saved IR", ".xml": "Mitsuba 3", ".pov": "POV-Ray 3.7", **MESHES}
+
+
+@click.command()
+@click.argument("scene", metavar="IN", type=shared.FILE)
+@click.argument("output", metavar="OUT", type=shared.OUT)
+@shared.scene_options
+@shared.picture_options_but("backend", "error", "budget", "aov", "exposure", "view", "threads")
+@click.option(
+    "--deviation", metavar="LENGTH", type=options.Value("length", options.length),
+    help="how far triangles may be off the true surface (0.05mm); a 2000th of the scene when not given",
+)
+@shared.examples(
+    "maquette convert part.scene part.stl --deviation 0.05mm",
+    "maquette convert room.scene room.npz",
+    "maquette convert hello.scene hello.xml --size 400x300 --plan filter=box",
+    "maquette convert hello.scene hello.pov",
+)
+def convert(scene: Path, output: Path, deviation: float | None, **given: Any) -> None:
+    """Write IN for other programs.
+
+    OUT.npz is a saved IR, which every command reads as a scene. OUT.xml is Mitsuba 3's, OUT.pov POV-Ray 3.7's, each with its meshes
+    and pictures beside it (OUT.0.ply, …): what the format cannot carry is said with its place, and left out. OUT.stl and OUT.3mf hold
+    all solid things as triangles in millimetres, z up, for printing; OUT.obj and OUT.ply in metres, y up.
+    """
+    ending = output.suffix.lower()
+    if ending not in ENDINGS:
+        known = ", ".join(f"{e} ({what})" for e, what in ENDINGS.items())
+        raise click.UsageError(f"writing {ending or 'a file without an extension'} is not built yet: OUT ends in {known}")
+    source, settings, overrides = shared.asked(scene, given)
+    if ending == ".npz" and (overrides or any(value is not None for value in given.values())):
+        raise click.UsageError("a saved IR is the scene before it is planned: options of the picture belong to `maquette render OUT.npz`")
+    if deviation is not None and ending not in MESHES:
+        raise click.UsageError(f"--deviation is of triangles: OUT ends in {', '.join(MESHES)}")
+    jobs.check_folder(output)
+    compiled = shared.load(source)
+    if ending in MESHES:
+        _triangles(compiled, output, ending, deviation)
+        return
+    if ending == ".npz":
+        from ..compiler.scene import serialize
+
+        serialize.save(compiled, output)
+        return
+    plan = jobs.make_plan(compiled, settings, overrides)
+    made = _exported(compiled, plan, ending, output.stem)
+    made.save(output)
+    terminal.report(made.found)
+
+
+def _triangles(scene: ir.Scene, output: Path, ending: str, tolerance: float | None) -> None:
+    from ..compiler.exporters import mesh_files
+    from ..render.tessellation import printable_mesh
+
+    parts, found = printable_mesh.parts(scene, tolerance)
+    terminal.report(found)
+    if not parts:
+        raise click.ClickException("there is nothing with an end that could be written")
+    moved = None
+    if ending in mesh_files.SINGLE:
+        parts, moved = mesh_files.centred(parts)
+    parts, crowded = mesh_files.separated(parts, ending)
+    partial = output.with_name(f".{output.name}.part")
+    partial.write_bytes(mesh_files.encoded(parts, ending))
+    partial.replace(output)
+    count = sum(len(part.triangles) for part in parts)
+    off = max(part.deviation for part in parts)
+    leaks = sum(part.open_edges for part in parts)
+    closed = f"{leaks} open edges" if leaks else f"{crowded} edges of more than two triangles" if crowded else "closed"
+    if moved is not None:
+        way = ", ".join(f"{x + 0.0:.9g}" for x in moved.tolist())
+        click.echo(f"moved by [{way}] metres: {ending} has too few digits to hold things so far away", err=True)
+    click.echo(f"{output}: {count} triangles, {closed}, off the true surface by {off * 1000:.3g} mm at the most", err=True)
+
+
+def _exported(scene: ir.Scene, plan: Plan, ending: str, name: str) -> Export:
+    from ..compiler.exporters.mitsuba import scene as mitsuba_scene
+    from ..compiler.exporters.povray import scene as povray_scene
+    from ..render.tessellation import scene_meshes
+
+    write = mitsuba_scene.write if ending == ".xml" else povray_scene.write
+    return write(scene, plan, name, scene_meshes.tessellator(scene, plan))

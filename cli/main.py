@@ -1,0 +1,233 @@
+"""The `maquette` command: every option, all printing and all exit codes. 0 done, 1 errors, 2 wrong usage, 130 interrupted."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .. import __version__
+from ..lang.diagnostics import SceneError, in_order
+from . import common_options as shared
+from . import option_types as values
+from . import render_job as jobs
+from . import terminal
+
+ORDER = ["new", "render", "check", "inspect", "explain", "chart", "compare", "watch", "convert", "format"]  # in --help
+PLANNED = {
+    "sweep": "a labelled contact sheet over values of params",
+    "lsp": "the language server",
+}
+
+
+class Commands(click.Group):
+    """The command group: turns every failure into a message on stderr and an exit code, never a traceback."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except (click.ClickException, click.exceptions.Exit):
+            raise
+        except SceneError as error:
+            terminal.report(error.diagnostics)
+            ctx.exit(1)
+        except (KeyboardInterrupt, click.Abort):
+            ctx.exit(130)
+        except OSError as error:
+            named = f"{error.filename}: {error.strerror}" if error.filename else str(error)
+            click.echo(f"error: {named}", err=True)
+            ctx.exit(1)
+        except Exception as error:
+            if os.environ.get("MAQUETTE_TRACEBACK"):
+                raise
+            click.echo(f"internal error: {type(error).__name__}: {error}", err=True)
+            click.echo("This is a fault of maquette, not of the scene. MAQUETTE_TRACEBACK=1 shows where it is.", err=True)
+            ctx.exit(1)
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return ORDER
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name in PLANNED:
+            raise click.UsageError(f"`maquette {cmd_name}` ({PLANNED[cmd_name]}) is not built yet")
+        if cmd_name == "chart":
+            from .chart import chart as command
+        elif cmd_name == "compare":
+            from .compare import compare as command
+        elif cmd_name == "convert":
+            from .convert import convert as command
+        elif cmd_name == "new":
+            from .new import new_command as command
+        elif cmd_name == "format":
+            from .format import format_command as command
+        else:
+            return super().get_command(ctx, cmd_name)
+        return command
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Planned, not built yet"):
+            formatter.write_dl(list(PLANNED.items()))
+        super().format_epilog(ctx, formatter)
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(__version__, prog_name="maquette")
+@shared.examples("maquette render examples/hello.scene -o hello.png", "maquette watch room.scene -o room.png --size 400x300")
+def cli() -> None:
+    """Compile scenes (.scene, USD, OBJ, PLY, STL, GLB) and render them."""
+
+
+@cli.command()
+@click.argument("scene", type=shared.FILE)
+@click.option("-o", "--output", type=shared.OUT, help="The picture: .exr, .png, .tif or .jpg. Default: SCENE.png in this folder.")
+@shared.scene_options
+@click.option("--frames", type=values.FRAMES, help="1..24, 1..240x10 or 1,5,10, numbered into out.####.png.")
+@shared.picture_options
+@click.option("--bits", type=click.Choice(["8", "16"]), help="Bits a channel of .png and .tif. Default: 8.")
+@click.option("--stats", type=shared.OUT, help="Write seconds, rays, error, plan and warnings to this JSON file.")
+@click.option("-q", "--quiet", is_flag=True, help="No progress, notes or figures; errors and warnings only.")
+@shared.examples(
+    "maquette render hello.scene -o hello.png",
+    "maquette render room.scene -o room.exr --error 0.5% --aov depth,normal --stats room.json",
+    "maquette render gear.scene -o gear.####.png --frames 1..48 --set teeth=24",
+    "maquette render robot.usdz -o robot.png --size 960x540 --backend raster",
+)
+def render(
+    scene: Path, output: Path | None, frames: tuple[int, ...] | None, bits: str | None, stats: Path | None, quiet: bool, **given: Any
+) -> None:
+    """Render SCENE to a picture."""
+    if frames and given["at"] is not None:
+        raise click.UsageError("--time and --frames exclude each other")
+    source, settings, overrides = shared.asked(scene, given)
+    output = output or Path(f"{scene.stem}.png")
+    depth = int(bits) if bits else None
+    jobs.check_output(output, settings.aov or (), depth, settings.view or "sRGB")
+    jobs.check_stats(stats, scene, output)
+    pictures = jobs.Job(source, settings, overrides, output, depth, quiet).run(frames)
+    if stats:
+        jobs.write_json(stats, pictures[0] if frames is None else {"frames": pictures})
+
+
+@cli.command()
+@click.argument("scenes", type=shared.FILE, nargs=-1, required=True)
+@shared.scene_options
+@click.option("--json", "as_json", is_flag=True, help="All diagnostics as a JSON list on stdout.")
+@shared.examples("maquette check room.scene", "maquette check examples/*.scene --json")
+@click.pass_context
+def check(ctx: click.Context, scenes: tuple[Path, ...], as_json: bool, **given: Any) -> None:
+    """Find what is wrong in SCENES, without drawing them."""
+    failed, data = False, []
+    for path in scenes:
+        try:
+            _, found = shared.source_of(path, dict(given)).load({})
+            diagnostics = tuple(found.items)
+        except SceneError as error:
+            diagnostics = error.diagnostics
+        errors = sum(d.severity == "error" for d in diagnostics)
+        failed = failed or errors > 0
+        if as_json:
+            data += [d.to_json() for d in in_order(diagnostics)]
+        else:
+            terminal.report(diagnostics)
+            click.echo(f"{path}: {errors or 'no'} error{'' if errors == 1 else 's'}")
+    if as_json:
+        click.echo(json.dumps(data, indent=2))
+    ctx.exit(1 if failed else 0)
+
+
+@cli.command()
+@click.argument("scene", type=shared.FILE)
+@shared.scene_options
+@click.option("--ir", "as_ir", is_flag=True, help="Every row of every table.")
+@click.option("--json", "as_json", is_flag=True, help="The tables as JSON.")
+@shared.examples("maquette inspect room.scene", "maquette inspect gear.scene --ir --set teeth=6")
+def inspect(scene: Path, as_ir: bool, as_json: bool, **given: Any) -> None:
+    """Show what SCENE compiles to.
+
+    Rows of each table, names of cameras and lights, params, what was added because it was missing, and the files read.
+    """
+    from ..compiler.scene import dump
+
+    if as_ir and as_json:
+        raise click.UsageError("--ir and --json exclude each other")
+    compiled = shared.load(shared.source_of(scene, given))
+    if as_ir:
+        click.echo(dump.text(compiled))
+    elif as_json:
+        click.echo(json.dumps(dump.data(compiled), indent=1))
+    else:
+        terminal.inspect(compiled)
+
+
+@cli.command()
+@click.argument("scene", type=shared.FILE)
+@shared.scene_options
+@shared.picture_options
+@click.option("--json", "as_json", is_flag=True, help="The decisions as JSON.")
+@shared.examples("maquette explain room.scene", "maquette explain room.scene --backend raster --plan raster.fill=areas")
+def explain(scene: Path, as_json: bool, **given: Any) -> None:
+    """Show how SCENE would be rendered, and why.
+
+    Each decision of the plan: its value, the reason, and the option that changes it.
+    """
+    source, settings, overrides = shared.asked(scene, given)
+    compiled = shared.load(source)
+    plan = jobs.make_plan(compiled, settings, overrides)
+    if as_json:
+        rows = [{"name": d.name, "value": d.value, "reason": d.reason, "overridden": d.overridden} for d in plan.decisions.values()]
+        click.echo(json.dumps(jobs.plain(rows), indent=2))
+    else:
+        terminal.explain(compiled, plan)
+    terminal.report(jobs.plan_warnings(compiled, plan))
+
+
+@cli.command()
+@click.argument("scene", type=shared.FILE)
+@click.option("-o", "--output", type=shared.OUT, required=True, help="The picture that follows the scene.")
+@shared.scene_options
+@shared.picture_options
+@click.option("--stats", type=shared.OUT, help="After every redraw write render's figures and what each redraw cost to this JSON file.")
+@shared.examples(
+    "maquette watch room.scene -o room.png --size 400x300 --samples 16",
+    "maquette watch part.scene -o part.png --stats part.json",
+)
+@click.pass_context
+def watch(ctx: click.Context, scene: Path, output: Path, stats: Path | None, **given: Any) -> None:
+    """Render SCENE again at every save.
+
+    Whenever it, or a file it uses, is saved. Errors are printed and the last picture stays. Ctrl-C ends it (exit code 0).
+
+    The file of --stats is replaced as a whole after every redraw, and stays as it is after an error. It holds what `render --stats`
+    writes of the last picture, what that redraw cost (`redraw`), and what each one so far did (`redraws`, the last thousand):
+    seconds from the save to the picture (`total`) in parts (wait, read, draw, write), and CPU seconds of all threads.
+    """
+    from ..live import watch as live
+    from .watch_stats import Redraws
+
+    source, settings, overrides = shared.asked(scene, given)
+    jobs.check_output(output, settings.aov or (), None, settings.view or "sRGB")
+    jobs.check_stats(stats, scene, output)
+    redraws = Redraws(jobs.Job(source, settings, overrides, output), stats)
+    try:
+        live.follow(redraws.build)
+    except KeyboardInterrupt:
+        ctx.exit(0)
+
+
+def main() -> None:
+    """The `maquette` command. Ends without taking the process apart piece by piece: that takes a sixth of a second."""
+    shared.collect_seldom()
+    try:
+        cli(prog_name="maquette")
+    except SystemExit as stop:
+        if stop.code is not None and not isinstance(stop.code, int):
+            raise
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(OSError, ValueError):
+                stream.flush()
+        os._exit(stop.code or 0)

@@ -1,0 +1,55 @@
+"""The `new` command: a scene to start from, of the library's or round a file."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import click
+
+from ..lang import file_types
+from . import common_options as shared
+from . import render_job as jobs
+
+_TEMPLATES = Path(__file__).parent.parent / "stdlib" / "new"
+KINDS = {"still": "a still life in the sun", "room": "a room by lamps", "part": "a part to print", "formula": "a surface by a formula"}
+_MESH = 'mesh("FILE", height: 1m, material: lambert(#c8c2b8))'  # in thing.scene
+
+
+@click.command("new")
+@click.argument("name", type=click.Path(path_type=Path))
+@click.option(
+    "--from", "source", default="still", metavar="KIND|FILE",
+    help="; ".join(f"{kind}: {what}" for kind, what in KINDS.items()) + "; or a mesh or USD file to show. Default: still.",
+)
+@shared.examples("maquette new vase", "maquette new lamp --from room", "maquette new chair --from models/chair.obj")
+def new_command(name: Path, source: str) -> None:
+    """Write NAME.scene, to start from. A file of that name stays as it is."""
+    path = name if name.suffix == ".scene" else name.with_name(f"{name.name}.scene")
+    text = _text(path, source)
+    jobs.check_folder(path)
+    if path.exists():
+        raise FileExistsError(f"{path} is there already: choose another name")
+    jobs.write_whole(path.resolve(), text.encode())
+    click.echo(f"{path}: see it with  maquette watch {path} -o {path.with_suffix('.png')}")
+
+
+def _text(path: Path, source: str) -> str:
+    if source in KINDS:
+        text = (_TEMPLATES / f"{source}.scene").read_text(encoding="utf-8")
+    else:
+        file = Path(source)
+        ending = file.suffix.lower()
+        if ending not in file_types.MESH + file_types.USD:
+            known = " ".join(file_types.MESH + file_types.USD)
+            raise click.UsageError(f"--from is one of {', '.join(KINDS)}, or a file that ends in {known}")
+        if not file.is_file():
+            raise FileNotFoundError(f"there is no file {file}")
+        shown = os.path.relpath(file.resolve(), path.resolve().parent)
+        if shown.startswith(os.pardir):
+            raise PermissionError(f"a scene reads files of its own folder: put {path.name} beside {file.name}, or above it")
+        written = json.dumps(Path(shown).as_posix(), ensure_ascii=False)
+        thing = _MESH.replace('"FILE"', written) if ending in file_types.MESH else f"usd({written})"
+        text = (_TEMPLATES / "thing.scene").read_text(encoding="utf-8").replace(_MESH, thing)
+    return text.replace("NAME", path.stem)

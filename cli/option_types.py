@@ -1,0 +1,193 @@
+"""What the command line's values look like: sizes, shares, times, frames, colours; each wrong one is a clear usage error."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..lang import colors, units
+
+MAX_SIDE = 1 << 16
+MAX_FRAMES = 1_000_000
+
+
+class Value(click.ParamType):
+    """A value read by one function, which raises ValueError with what would have been right."""
+
+    def __init__(self, name: str, read: Callable[[str], Any]) -> None:
+        self.name = name
+        self._read = read
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if not isinstance(value, str):
+            return value
+        try:
+            return self._read(value.strip())
+        except ValueError as error:
+            return self.fail(f"{value!r}: {error}", param, ctx)
+
+
+def size(text: str) -> tuple[int, int]:
+    """`800x600`, or `512` for a square."""
+    match = re.fullmatch(r"(\d+)(?:[xX×](\d+))?", text)
+    if not match:
+        raise ValueError("a size is written 800x600, or 512 for a square")
+    width, height = int(match[1]), int(match[2] or match[1])
+    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE):
+        raise ValueError(f"a picture's sides are 1 to {MAX_SIDE} pixels")
+    return width, height
+
+
+def number(text: str, message: str) -> float | units.Quantity:
+    """A number with a unit of the language, as in a scene: `1%`, `20s`, `0.5`. Raises ValueError(message)."""
+    match = re.fullmatch(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([a-zA-Zµ°]+|%)?", text)
+    value = units.literal(float(match[1]), match[2] or "") if match else None
+    if value is None or not math.isfinite(value.value if isinstance(value, units.Quantity) else value):
+        raise ValueError(message)
+    return value
+
+
+def share(text: str) -> float:
+    """`1%` or `0.01`, above zero and below one."""
+    message = "a share is written 1% or 0.01, and is more than 0"
+    value = number(text, message)
+    if isinstance(value, units.Quantity) or value <= 0:
+        raise ValueError(message)
+    if value >= 1:
+        raise ValueError(f"that is {value:.0%}: {f'write {value:g}%' if value < 100 else 'a share is written 1% or 0.01'}")
+    return value
+
+
+def limit(text: str) -> float:
+    """`1%` or `0.01`, or 0 for none at all."""
+    message = "a limit is written 1% or 0.01, or 0"
+    value = number(text, message)
+    if isinstance(value, units.Quantity) or value < 0:
+        raise ValueError(message)
+    return value
+
+
+def seconds(text: str) -> float:
+    """`20s`, `500ms`, `2min`, or a bare number of seconds."""
+    message = "a time is written 20s, 500ms or 2min"
+    value = number(text, message)
+    if not isinstance(value, units.Quantity):
+        return value
+    if value.dimension != units.TIME:
+        raise ValueError(message)
+    return value.value
+
+
+def length(text: str) -> float:
+    """`0.05mm`, `2cm`, or a bare number of metres; above zero."""
+    message = "a length is written 0.05mm or 2cm, and is more than 0"
+    value = number(text, message)
+    if isinstance(value, units.Quantity) and value.dimension != units.LENGTH:
+        raise ValueError(message)
+    metres = value.value if isinstance(value, units.Quantity) else value
+    if metres <= 0:
+        raise ValueError(message)
+    return metres
+
+
+def duration(text: str) -> float:
+    """A time above zero."""
+    value = seconds(text)
+    if value <= 0:
+        raise ValueError("a budget is more than 0 seconds")
+    return value
+
+
+def exposure(text: str) -> float:
+    """Stops: `-1.5`, or `-1.5ev` as in a scene."""
+    message = "an exposure is a number of stops, like -1.5 or 2ev"
+    value = number(text, message)
+    if isinstance(value, units.Quantity) or abs(value) > 100:
+        raise ValueError(message)
+    return value
+
+
+def frames(text: str) -> tuple[int, ...]:
+    """`1..24`, `1..240x10` or `1,5,10`."""
+    message = "frames are written 1..24, 1..240x10 or 1,5,10"
+    match = re.fullmatch(r"(-?\d+)\.\.(-?\d+)(?:x(\d+))?", text)
+    if match:
+        first, last, step = int(match[1]), int(match[2]), int(match[3] or 1)
+        if last < first or step < 1:
+            raise ValueError(f"{message}, upwards")
+        if (last - first) // step >= MAX_FRAMES:
+            raise ValueError(f"at most {MAX_FRAMES} frames at a time")
+        return tuple(range(first, last + 1, step))
+    if re.fullmatch(r"-?\d+(,-?\d+)*", text):
+        return tuple(dict.fromkeys(int(n) for n in text.split(",")))
+    raise ValueError(message)
+
+
+def crop(text: str) -> tuple[int, int, int, int]:
+    """`x0,y0,x1,y1` in pixels from the top left; x1 and y1 are outside."""
+    if not re.fullmatch(r"\d+(,\d+){3}", text):
+        raise ValueError("a crop is written x0,y0,x1,y1, in pixels from the top left")
+    x0, y0, x1, y1 = (int(n) for n in text.split(","))
+    if not (x0 < x1 and y0 < y1):
+        raise ValueError("a crop has x0 < x1 and y0 < y1")
+    return x0, y0, x1, y1
+
+
+def background(text: str) -> str | tuple[float, float, float]:
+    """`sky`, `transparent`, or an sRGB colour `#rrggbb` (returned linear)."""
+    if text in ("sky", "transparent"):
+        return text
+    if not re.fullmatch(r"#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6})", text):
+        raise ValueError("a background is sky, transparent or a colour like #87b5e0")
+    return colors.from_hex(text)
+
+
+def channels(text: str) -> tuple[str, ...]:
+    """Names between commas."""
+    found = tuple(name.strip() for name in text.split(",") if name.strip())
+    if not found:
+        raise ValueError("channels are written depth,normal,albedo")
+    return found
+
+
+def assignment(text: str) -> tuple[str, str]:
+    """`name=value`."""
+    name, equals, value = text.partition("=")
+    if not equals or not name.strip() or not value.strip():
+        raise ValueError("write it as name=value")
+    return name.strip(), value.strip()
+
+
+def variant(text: str) -> tuple[str, str]:
+    """`/prim:set=name`."""
+    if not re.fullmatch(r"/[^:=]*:[^=]+=.+", text):
+        raise ValueError("a variant is written /prim:set=name")
+    return assignment(text)
+
+
+def numbered(path: Path, frame: int) -> Path:
+    """The file of one frame: `out.####.png` -> `out.0007.png`; a name without # gets four digits before its extension."""
+    marks = re.search(r"#+", path.name)
+    if not marks:
+        return path.with_name(f"{path.stem}.{frame:04d}{path.suffix}")
+    digits = f"{frame:0{len(marks[0])}d}"
+    return path.with_name(path.name[: marks.start()] + digits + path.name[marks.end() :])
+
+
+SIZE = Value("WxH", size)
+SHARE = Value("share", share)
+LIMIT = Value("share", limit)
+SECONDS = Value("time", seconds)
+DURATION = Value("time", duration)
+EXPOSURE = Value("ev", exposure)
+FRAMES = Value("frames", frames)
+CROP = Value("x0,y0,x1,y1", crop)
+BACKGROUND = Value("background", background)
+CHANNELS = Value("names", channels)
+ASSIGNMENT = Value("name=value", assignment)
+VARIANT = Value("/prim:set=name", variant)

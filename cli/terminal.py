@@ -1,0 +1,179 @@
+"""What the command line shows people: diagnostics with their source lines, the progress bar, tables of the plan and the scene."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType, TracebackType
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..compiler.io import sandbox
+from ..lang import diagnostics
+
+if TYPE_CHECKING:
+    from ..compiler import ir
+    from ..compiler.plan.plan import Plan
+
+MAX_QUOTED = 4 << 20  # bytes: no line of a larger file is quoted
+_STYLES = {"error": "bold red", "warning": "bold yellow", "note": "bold cyan"}
+
+
+def coloured(stream: Any) -> bool:
+    """Whether colour and movement are wanted on `stream`: a terminal, and NO_COLOR is not set."""
+    return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+
+
+def source_text(name: str) -> str | None:
+    """The text of a file by its shown name (a path, or `std/room` of the library), for quoting; None where there is none."""
+    try:
+        if name.startswith("std/"):
+            name = str(sandbox.LIBRARY / f"{name[4:].removesuffix('.scene')}.scene")
+        path = Path(name)
+        return path.read_text(encoding="utf-8", errors="replace") if path.stat().st_size <= MAX_QUOTED else None
+    except (OSError, ValueError):
+        return None
+
+
+def report(found: Iterable[diagnostics.Diagnostic], texts: Mapping[str, str | None] = MappingProxyType({})) -> None:
+    """Print diagnostics to stderr, in order, each once. `texts` are sources that are in no file."""
+    cache = dict(texts)
+
+    def source(name: str) -> str | None:
+        if name not in cache:
+            cache[name] = source_text(name)
+        return cache[name]
+
+    for d in diagnostics.in_order(found):
+        text = diagnostics.render_text(d, source)
+        if coloured(sys.stderr):
+            _print_coloured(d, text)
+        else:
+            click.echo(text, err=True)
+
+
+def _print_coloured(d: diagnostics.Diagnostic, text: str) -> None:
+    from rich.console import Console
+    from rich.text import Text
+
+    style = _STYLES[d.severity]
+    place = f"{d.span}: " if d.span else ""
+    first, *rest = text.removeprefix(place).split("\n")
+    shown = Text.assemble((place, "bold"), (f"{d.severity}:", style), first.removeprefix(f"{d.severity}:"))
+    for line in rest:
+        shown.append("\n")
+        shown.append(line, style=style if line.partition("| ")[2].lstrip(" ").startswith("^") else "")
+    Console(stderr=True, highlight=False, soft_wrap=True).print(shown)
+
+
+class Progress:
+    """A progress bar on stderr where that is a terminal, nothing elsewhere. Begin it, then call it with (done, total)."""
+
+    def __init__(self, quiet: bool) -> None:
+        self._bar: Any = None
+        self._task: Any = None
+        self._what = ""
+        if not quiet and coloured(sys.stderr):
+            from rich import progress as bars
+            from rich.console import Console
+
+            columns = (bars.TextColumn("{task.description}"), bars.BarColumn(), bars.TaskProgressColumn(), bars.TimeRemainingColumn())
+            self._bar = bars.Progress(*columns, console=Console(stderr=True), transient=True)
+
+    def __enter__(self) -> Progress:
+        if self._bar:
+            self._bar.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        if self._bar:
+            self._bar.stop()
+
+    def begin(self, what: str, until_first: str = "") -> None:
+        """Start the bar. `until_first` is shown in place of `what` until something is done."""
+        self._what = what
+        if self._bar:
+            self._task = self._bar.add_task(until_first or what, total=None)
+
+    def __call__(self, done: float, total: float) -> None:
+        if self._bar:
+            self._bar.update(self._task, completed=done, total=total, description=self._what if done else None)
+
+
+def table(headings: Sequence[str], rows: Iterable[Sequence[str]], marked: Iterable[bool] = ()) -> None:
+    """Print a table to stdout, rows with a mark in bold; in plain columns where stdout is not a terminal."""
+    rows = [tuple(row) for row in rows]
+    if coloured(sys.stdout):
+        from rich.console import Console
+        from rich.table import Table
+
+        shown = Table(box=None, header_style="bold", pad_edge=False)
+        for heading in headings:
+            shown.add_column(heading, overflow="fold")
+        for row, bold in zip(rows, [*marked] or [False] * len(rows), strict=True):
+            shown.add_row(*row, style="bold" if bold else "")
+        Console(highlight=False).print(shown)
+        return
+    widths = [max(len(row[i]) for row in (tuple(headings), *rows)) for i in range(len(headings))]
+    for row in (tuple(headings), *rows):
+        click.echo("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+
+
+def show_value(value: Any) -> str:
+    """A plan's value as a person writes it on the command line."""
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, tuple):
+        return ",".join(show_value(v) for v in value) or "none"
+    return str(value)
+
+
+def explain(scene: ir.Scene, plan: Plan) -> None:
+    """Print every decision of the plan with its reason and its switch, and what was added to the scene."""
+    decisions = list(plan.decisions.values())
+    rows = [(d.name, show_value(d.value), d.reason, d.fixed or _switch(d)) for d in decisions]
+    table(("decision", "value", "reason", "changed by"), rows, [d.overridden for d in decisions])
+    for added in scene.defaults:
+        click.echo(f"added: {added}")
+
+
+def _switch(decision: Any) -> str:
+    if isinstance(decision.value, bool):
+        return f"--plan {decision.name}=on|off"
+    return f"--plan {decision.name}={'|'.join(map(str, decision.choices)) or '…'}"
+
+
+def inspect(scene: ir.Scene) -> None:
+    """Print what the scene holds: rows of each table, names of cameras and lights, params, files."""
+    click.echo(f"{scene.name}")
+    tables = scene.tables._asdict()
+    rows = [(name, str(len(rows[0])), _names(scene, name)) for name, rows in tables.items() if name != "pools" and len(rows[0])]
+    pools = scene.tables.pools
+    rows += [("vertices", str(len(pools.positions)), ""), ("triangles", str(len(pools.triangles)), "")]
+    table(("table", "rows", "names"), rows)
+    for param in scene.params:
+        unit = f" {param.unit}" if param.unit else ""
+        within = f" in {_range(param.range)}" if param.range else ""
+        click.echo(f"param {param.name}: {param.type} = {show_value(param.value)}{unit}{within}  {param.doc}".rstrip())
+    if scene.duration is not None:
+        click.echo(f"animation: {scene.duration:g} s at {scene.fps:g} frames a second")
+    for added in scene.defaults:
+        click.echo(f"added: {added}")
+    for file in scene.files:
+        click.echo(f"file: {file}")
+
+
+def _range(values: tuple[Any, ...]) -> str:
+    if len(values) == 2 and all(isinstance(v, int | float) for v in values):
+        return f"{show_value(values[0])}..{show_value(values[1])}"
+    return f"[{', '.join(map(show_value, values))}]"
+
+
+def _names(scene: ir.Scene, table_name: str, most: int = 8) -> str:
+    names = [name for name in dict.fromkeys(getattr(scene.names, table_name, ())) if name]
+    return ", ".join(names[:most]) + (f", … {len(names) - most} more" if len(names) > most else "")

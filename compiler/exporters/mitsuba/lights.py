@@ -1,0 +1,165 @@
+"""Lights as Mitsuba's emitters. Units agree: intensity in cd, irradiance in lx, radiance in nit, scene-linear."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import ir
+from ...plan import light_shapes
+from ...plan.plan import Plan, specular_materials
+from .. import common
+from ..common import F64, Export
+from .materials import pfm
+from .shapes import Shapes
+from .xml import Node, node, rgb, value, vector
+
+SUN_DISTANCE = 1e4  # radii of the scene
+SPOT_PIXELS = 1024  # across the picture that shapes a spot's edge
+WIDEST_SPOT = np.radians(80.0)
+_AREA = (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
+
+
+def lights(out: Export, plan: Plan, shapes: Shapes) -> list[Node]:
+    """Emitters, and the shapes of area lights."""
+    tables = out.scene.tables
+    shining = [row for row in range(len(tables.lights.kind)) if tables.lights.color[row].max() > 0]
+    blocks = light_shapes.that_block(tables) | (len(shining) < 2)
+    made: list[Node] = []
+    for row in shining:
+        kind = ir.LightKind(int(tables.lights.kind[row]))
+        if not tables.lights.shadows[row] and kind != ir.LightKind.AMBIENT and plan["shadows"]:
+            out.cannot("a light without shadows is not carried", "lights", row)
+        if kind in _AREA:
+            made += _area(out, shapes, row, blocks)
+        elif kind == ir.LightKind.AMBIENT:
+            out.cannot("ambient light is not carried: Mitsuba has none", "lights", row)
+        elif kind in (ir.LightKind.POINT, ir.LightKind.SPOT):
+            made.append(_lamp(out, shapes.name, row))
+        elif kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
+            made.append(_far(out, plan, shapes, row))
+    made += _sky(out, plan, shapes.name, shining)
+    return made
+
+
+def _area(out: Export, shapes: Shapes, row: int, blocks: NDArray[np.bool_]) -> list[Node]:
+    """An area light; `blocks` as bodies.that_block, or true where there is nothing to block."""
+    tables = out.scene.tables
+    instance = int(tables.lights.instance[row])
+    if instance < 0:
+        out.cannot("an area light that is not seen is not carried", "lights", row)
+        return []
+    if not blocks[instance]:
+        out.cannot("an area light's own shape blocks other lights in Mitsuba, and this one does not here", "lights", row)
+    return shapes.of_light(instance, rgb("radiance", tables.lights.color[row]))
+
+
+def _lamp(out: Export, name: str, row: int) -> Node:
+    lights = out.scene.tables.lights
+    color = lights.color[row]
+    a, b, c = lights.coefficients[row]
+    if lights.falloff[row] == ir.FalloffKind.POLYNOMIAL and a == b == 0.0:
+        color = color / c
+    elif lights.falloff[row] != ir.FalloffKind.INVERSE_SQUARE:
+        out.cannot("a fall-off other than 1/d² is not carried", "lights", row)
+    if lights.kind[row] == ir.LightKind.POINT:
+        return node("emitter", "point").with_(Node("point", vector("position", lights.position[row]).attributes), rgb("intensity", color))
+    return _spot(out, name, row, color)
+
+
+def _spot(out: Export, name: str, row: int, color: F64) -> Node:
+    """A spot whose edge is a picture: Mitsuba's own falls off evenly over the angle, ours by smoothstep of the cosine."""
+    lights = out.scene.tables.lights
+    cone = float(np.arccos(np.clip(lights.cos_cone[row], -1.0, 1.0)))
+    if cone > WIDEST_SPOT:
+        out.cannot(f"a spot wider than {np.degrees(WIDEST_SPOT):.0f}° is not carried", "lights", row)
+        cone = WIDEST_SPOT
+    frame = np.eye(4)
+    frame[:3, :3], frame[:3, 3] = frame_along(lights.direction[row]), lights.position[row]
+    degrees = float(np.degrees(cone))
+    given = node("emitter", "spot", cutoff_angle=degrees, beam_width=degrees, to_world=frame).with_(rgb("intensity", color))
+    file = f"{name}.{len(out.files)}.pfm"
+    out.files[file] = pfm(spot_picture(cone, float(lights.cos_cone[row]), float(lights.cos_full[row])))
+    return given.with_(value("texture", node("texture", "bitmap", filename=file, raw=True, wrap_mode="clamp")))
+
+
+def spot_picture(cone: float, cos_cone: float, cos_full: float) -> np.ndarray:
+    """(n, n, 3) a spot's strength over the square about its cone, on a plane across its axis."""
+    place = ((np.arange(SPOT_PIXELS) + 0.5) / SPOT_PIXELS * 2.0 - 1.0) * np.tan(cone)
+    cosine = 1.0 / np.sqrt(1.0 + place[:, None] ** 2 + place[None] ** 2)
+    t = np.clip((cosine - cos_cone) / max(cos_full - cos_cone, 1e-12), 0.0, 1.0)
+    return np.repeat((t * t * (3.0 - 2.0 * t))[..., None], 3, axis=2).astype(np.float32)
+
+
+def _far(out: Export, plan: Plan, shapes: Shapes, row: int) -> Node:
+    """Light from one direction; a sun with a size is a bright disk far away, which must not be seen."""
+    tables = out.scene.tables
+    direction, angle = tables.lights.direction[row], float(tables.lights.angle[row])
+    if tables.lights.kind[row] == ir.LightKind.DIRECTIONAL or angle <= 0.0:
+        return node("emitter", "directional").with_(vector("direction", -direction), rgb("irradiance", tables.lights.color[row]))
+    if specular_materials(out.scene)[np.unique(tables.instances.material)].any() and plan["bounces"] > 0:
+        out.cannot("a sun's disk is seen in mirrors and glass in Mitsuba, and not here", "lights", row, "angle: 0deg")
+    if _in_view(common.eye(out.scene, plan["camera"], plan["size"]), direction, angle):
+        out.cannot("the sun's disk is in the picture in Mitsuba, and not here", "lights", row, "angle: 0deg")
+    distance = SUN_DISTANCE * shapes.radius
+    if (tables.geometries.kind == ir.GeometryKind.PLANE).any():
+        distance = 1e6 * shapes.radius  # beyond where the plane ends
+    frame = np.eye(4)
+    frame[:3, :3] = frame_along(-direction) * [distance * np.tan(angle), distance * np.tan(angle), 1.0]
+    frame[:3, 3] = shapes.middle + distance * direction
+    radiance = tables.lights.color[row] / (np.pi * np.sin(angle) ** 2)
+    out.note("a sun with a size is carried as a bright disk far away", "lights", row)
+    emitter = node("emitter", "area").with_(rgb("radiance", radiance))
+    return node("shape", "disk", to_world=frame).with_(node("bsdf", "diffuse").with_(rgb("reflectance", common.BLACK)), emitter)
+
+
+def _in_view(seen: common.Eye, direction: F64, angle: float) -> bool:
+    along = float(direction @ seen.forward)
+    if not seen.perspective:
+        return along > np.cos(angle)
+    if along <= 0.0:
+        return False
+    at = [float(direction @ axis / (axis @ axis)) / along for axis in (seen.right, seen.up)]
+    reach = [float(np.tan(angle) / np.linalg.norm(axis)) / along**2 for axis in (seen.right, seen.up)]
+    return all(abs(at[k] - seen.shift[k]) <= 1.0 + reach[k] for k in range(2))
+
+
+def _sky(out: Export, plan: Plan, name: str, shining: list[int]) -> list[Node]:
+    """Skies add up to one constant; a dome's picture is an envmap. Mitsuba has room for one of them."""
+    tables = out.scene.tables
+    skies = [row for row in shining if tables.lights.kind[row] in (ir.LightKind.SKY, ir.LightKind.DOME)]
+    pictures = [row for row in skies if tables.lights.kind[row] == ir.LightKind.DOME and tables.lights.image[row] >= 0]
+    if not pictures:
+        total = tables.lights.color[skies].sum(axis=0)
+        return [node("emitter", "constant").with_(rgb("radiance", total))] if skies else []
+    for row in pictures[1:]:
+        out.cannot("a second dome is not carried: Mitsuba has one", "lights", row)
+    constant = tables.lights.color[[row for row in skies if row not in pictures]].sum(axis=0)
+    row = pictures[0]
+    matrix = common.square(tables.transforms.matrix[tables.lights.transform[row]])
+    if common.even_scale(matrix) is None:
+        out.cannot("a dome under a transform that stretches it is not carried", "lights", row)
+    matrix = matrix.copy()
+    matrix[:3, 3] = 0.0
+    file = f"{name}.{len(out.files)}.pfm"
+    radiance = common.pixels(tables.images, int(tables.lights.image[row]))[..., :3] * tables.lights.color[row] + constant
+    out.files[file] = pfm(envmap_rows(radiance))
+    return [node("emitter", "envmap", filename=file, to_world=matrix)]
+
+
+def envmap_rows(pixels: np.ndarray) -> np.ndarray:
+    """A latitude-longitude picture with rows where Mitsuba has them: the first and last at the poles, two for each of ours, between
+    which it interpolates to the same."""
+    below = np.concatenate([pixels, pixels[-1:]])
+    above = np.concatenate([pixels[:1], pixels])
+    rows = np.empty((2 * len(pixels) + 1, *pixels.shape[1:]), np.float32)
+    rows[1::2], rows[0::2] = pixels, (above + below) / 2
+    return rows
+
+
+def frame_along(axis: F64) -> F64:
+    """(3, 3) a rotation that takes +z to a unit axis."""
+    side = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    x = np.cross(side, axis)
+    x = x / np.linalg.norm(x)
+    return np.stack([x, np.cross(axis, x), axis], axis=1)

@@ -1,0 +1,193 @@
+"""Instances as Mitsuba's shapes: spheres, boxes, disks, rectangles and cylinders as they are, all others as meshes (PLY)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ... import ir
+from ...plan.plan import Plan
+from .. import common
+from ..common import F64, Export, Shell
+from .materials import Look, Materials
+from .xml import Node, node, vector
+
+TURN = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # from the x, y plane and +z to the x, z plane and +y
+_CLOSED = (ir.GeometryKind.SPHERE, ir.GeometryKind.BOX, ir.GeometryKind.TORUS, ir.GeometryKind.CAPSULE)
+_CAPPED = {ir.GeometryKind.CYLINDER: 2, ir.GeometryKind.CONE: 3}  # the column of parameters that says so
+_EVERYWHERE = ir.Visibility.CAMERA | ir.Visibility.SHADOW | ir.Visibility.REFLECTION
+
+
+class Shapes:
+    """The shapes of a scene, and the materials they use."""
+
+    def __init__(self, out: Export, plan: Plan, name: str, tessellate: common.Tessellate) -> None:
+        self.out, self.plan, self.name, self.tessellate = out, plan, name, tessellate
+        self.tables = out.scene.tables
+        self.materials = Materials(out, name)
+        self.middle, self.radius = common.reach(self.tables)
+        self._meshes: dict[tuple[int | float, ...], str] = {}
+
+    def nodes(self) -> list[Node]:
+        """Shapes in the order of the instances, but those of lights: `of_light` has them."""
+        seen = np.flatnonzero(self.tables.instances.light < 0).tolist()
+        return [shape for i in seen for shape in self.of(i)]
+
+    def of(self, i: int) -> list[Node]:
+        tables = self.tables
+        instances, geometries = tables.instances, tables.geometries
+        g, material = int(instances.geometry[i]), int(instances.material[i])
+        look = self.materials.look(material, int(geometries.colors[g]) >= 0, i)
+        if instances.visible[i] & _EVERYWHERE != _EVERYWHERE:
+            self.out.cannot("Mitsuba shows everything to the camera, in mirrors and in shadows: this shows in some only", "instances", i)
+        inside: list[Node] = [look.bsdf]
+        if look.emission is not None:
+            self._check_emission(i, g)
+            inside.append(node("emitter", "area").with_(look.emission))
+        shapes = self._native(i, g) if look.texture < 0 else None
+        if shapes is None:
+            mesh = self._mesh(i, g, look)
+            shapes = [] if mesh is None else [mesh]
+        return [shape.with_(*inside) for shape in shapes]
+
+    def of_light(self, i: int, radiance: Node) -> list[Node]:
+        """The shape of an area light: black, with the light on its front."""
+        black = self.materials.look(int(self.tables.instances.material[i]), False, i).bsdf
+        g = int(self.tables.instances.geometry[i])
+        shapes = self._native(i, g)
+        if shapes is None:
+            self.out.cannot("an area light under a transform that shears it, or stretches a round one, is not carried", "instances", i)
+            return []
+        return [shape.with_(black, node("emitter", "area").with_(radiance)) for shape in shapes]
+
+    def _check_emission(self, i: int, g: int) -> None:
+        geometries = self.tables.geometries
+        kind = ir.GeometryKind(int(geometries.kind[g]))
+        capped = _CAPPED.get(kind)
+        if kind not in _CLOSED and not (capped is not None and geometries.parameters[g, capped] > 0):
+            self.out.cannot("what shines on both sides here shines on its front only in Mitsuba", "instances", i)
+        if not self.plan["interreflection"]:
+            self.out.cannot("what shines of itself lights other things in Mitsuba, here only with bounces", "instances", i, "--bounces 1")
+
+    # --- shapes Mitsuba has ---
+
+    def _native(self, i: int, g: int) -> list[Node] | None:
+        """The shape where Mitsuba has it under this transform; None where it does not."""
+        kind, p = self.tables.geometries.kind[g], self.tables.geometries.parameters[g]
+        matrix = common.world(self.tables, i)
+        scale = common.even_scale(matrix)
+        if kind == ir.GeometryKind.BOX:
+            return [node("shape", "cube", to_world=_right_handed(matrix @ np.diag([*p[:3], 1.0])))]
+        if kind == ir.GeometryKind.RECTANGLE and _square(matrix):
+            return [node("shape", "rectangle", to_world=_right_handed(matrix @ TURN @ np.diag([p[0], p[1], 1.0, 1.0])))]
+        if scale is None:
+            return None
+        if kind == ir.GeometryKind.SPHERE:
+            return [node("shape", "sphere", radius=float(p[0]) * scale).with_(_point("center", matrix[:3, 3]))]
+        if kind == ir.GeometryKind.DISK:
+            return [node("shape", "disk", to_world=_right_handed(matrix @ TURN @ np.diag([p[0], p[0], 1.0, 1.0])))]
+        if kind == ir.GeometryKind.CYLINDER:
+            return self._cylinder(matrix, float(p[0]), float(p[1]), p[2] > 0, scale)
+        return None
+
+    def _cylinder(self, matrix: F64, radius: float, half: float, capped: bool, scale: float) -> list[Node]:
+        low, high = ((matrix @ [0.0, y, 0.0, 1.0])[:3] for y in (-half, half))
+        made = [node("shape", "cylinder", radius=radius * scale).with_(_point("p0", low), _point("p1", high))]
+        for up in (-1.0, 1.0) if capped else ():
+            cap = np.eye(4)
+            cap[1, 3] = up * half
+            turned = TURN if up > 0 else TURN @ np.diag([1.0, -1.0, -1.0, 1.0])
+            made.append(node("shape", "disk", to_world=_right_handed(matrix @ cap @ turned @ np.diag([radius, radius, 1.0, 1.0]))))
+        return made
+
+    # --- all others ---
+
+    def _mesh(self, i: int, g: int, look: Look) -> Node | None:
+        tables = self.tables
+        material, matrix = int(tables.instances.material[i]), common.world(tables, i)
+        colored = int(tables.geometries.colors[g]) >= 0
+        flat = bool(tables.materials.shading[material] == ir.Shading.FLAT)
+        turned = bool(tables.transforms.flips[tables.instances.transform[i]])
+        sized = look.texture >= 0 and tables.textures.kind[look.texture] != ir.TextureKind.IMAGE
+        shared = tables.geometries.kind[g] == ir.GeometryKind.MESH  # other shapes are as fine as the pixels they cover
+        scale = common.mean_scale(matrix) if sized else 0.0
+        key = (g, look.texture, flat, turned, material if colored else -1, -1 if shared else i, scale)
+        if key not in self._meshes:
+            shell = self._shell(i, g, matrix)
+            if shell is None:
+                return None
+            shell = self._placed(shell, look.texture, i, g, matrix)
+            if colored and shell.colors is not None:
+                shell = shell._replace(colors=shell.colors * tables.materials.values[material, ir.Slot.DIFFUSE])
+            if flat:
+                shell = shell._replace(normals=None)
+            self._meshes[key] = f"{self.name}.{len(self.out.files)}.ply"
+            self.out.files[self._meshes[key]] = ply(common.flipped(shell) if turned else shell)
+        return node("shape", "ply", filename=self._meshes[key], face_normals=self._faceted(g, flat), to_world=matrix)
+
+    def _faceted(self, g: int, flat: bool) -> bool:
+        """Whether faces keep their own normals: Mitsuba makes up smooth ones for a mesh without any."""
+        geometries = self.tables.geometries
+        return flat or bool(geometries.kind[g] == ir.GeometryKind.MESH and geometries.normals[g] < 0)
+
+    def _shell(self, i: int, g: int, matrix: F64) -> Shell | None:
+        kind = ir.GeometryKind(int(self.tables.geometries.kind[g]))
+        if kind == ir.GeometryKind.MESH:
+            return common.mesh(self.tables, g)
+        if kind == ir.GeometryKind.PLANE:
+            inverse = np.linalg.inv(matrix)
+            x, _, z = (inverse @ [*self.middle, 1.0])[:3]
+            reach = self.radius / min(np.linalg.norm(matrix[:3, :3], axis=0))
+            self.out.note("an endless plane is carried as a square that ends 10⁵ times the scene's radius away", "instances", i)
+            return common.plane(float(x), float(z), float(reach))
+        if kind == ir.GeometryKind.QUADRIC and not np.isfinite(self.tables.geometries.bounds[g]).all():
+            self.out.cannot("an endless quadric is not carried", "instances", i, "within: gives it a box")
+            return None
+        shell = Shell(*self.tessellate(i))
+        self.out.tessellated(kind, i, len(shell.triangles), self.plan["tolerance"])
+        return shell
+
+    def _placed(self, shell: Shell, texture: int, i: int, g: int, matrix: F64) -> Shell:
+        """The shell with the coordinates its texture wants; v down, in cells of two for a checkerboard."""
+        if texture < 0:
+            return shell._replace(uvs=None)
+        tables = self.tables
+        if not common.follows_uv(tables, texture, int(tables.geometries.kind[g])):
+            name = ir.Mapping_(int(tables.textures.mapping[texture])).name.lower()
+            self.out.cannot(f"the mapping {name} is not carried: Mitsuba takes a surface's own coordinates", "textures", texture)
+        if tables.textures.kind[texture] != ir.TextureKind.IMAGE:
+            cells = common.with_cells(tables, texture, shell, common.mean_scale(matrix))
+            return cells._replace(uvs=None if cells.uvs is None else cells.uvs / 2)
+        frame = common.texture_place(tables, texture)
+        uvs = np.zeros((len(shell.positions), 2)) if shell.uvs is None else shell.uvs
+        st = uvs @ frame[:2, :2].T + frame[:2, 2]
+        return shell._replace(uvs=np.stack([st[:, 0], 1.0 - st[:, 1]], axis=1))
+
+
+def _right_handed(matrix: F64) -> F64:
+    """The same place of a shape that is alike on both sides of its x = 0, by a transform that does not mirror."""
+    return matrix @ np.diag([-1.0, 1.0, 1.0, 1.0]) if np.linalg.det(matrix[:3, :3]) < 0 else matrix
+
+
+def _square(matrix: F64) -> bool:
+    """Whether a transform keeps the axes at right angles."""
+    gram = matrix[:3, :3].T @ matrix[:3, :3]
+    return bool(np.abs(gram - np.diag(np.diag(gram))).max() <= 1e-9 * np.diag(gram).max())
+
+
+def _point(name: str, at: F64) -> Node:
+    return Node("point", vector(name, at).attributes)
+
+
+def ply(shell: Shell) -> bytes:
+    """A binary PLY: positions, then normals, u, v and colours (color_r, color_g, color_b) where there are any; triangles."""
+    named: list[tuple[str, F64]] = [(axis, shell.positions[:, k]) for k, axis in enumerate("xyz")]
+    for names, values in (("nx ny nz", shell.normals), ("u v", shell.uvs), ("r g b", shell.colors)):
+        if values is not None:
+            named += [(column, values[:, k]) for k, column in enumerate(names.split())]
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(shell.positions)}"]
+    header += [f"property float {column}" for column, _ in named]
+    header += [f"element face {len(shell.triangles)}", "property list uchar int vertex_indices", "end_header"]
+    faces = np.empty(len(shell.triangles), np.dtype([("n", "u1"), ("corners", "<i4", 3)]))
+    faces["n"], faces["corners"] = 3, shell.triangles
+    vertices = np.stack([values for _, values in named], axis=1).astype("<f4")
+    return ("\n".join(header) + "\n").encode() + vertices.tobytes() + faces.tobytes()

@@ -1,0 +1,64 @@
+"""Elements of Mitsuba's XML, typed by their Python values."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from ..common import number, numbers
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """One element with its attributes and children."""
+
+    tag: str
+    attributes: dict[str, str]
+    children: Sequence[Node] = ()
+
+    def with_(self, *children: Node) -> Node:
+        return Node(self.tag, self.attributes, (*self.children, *children))
+
+    def lines(self, indent: str = "") -> list[str]:
+        head = f"{indent}<{self.tag}" + "".join(f" {k}={quoteattr(v)}" for k, v in self.attributes.items())
+        if not self.children:
+            return [head + "/>"]
+        return [head + ">", *(line for child in self.children for line in child.lines(indent + "    ")), f"{indent}</{self.tag}>"]
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines())
+
+
+def node(tag: str, kind: str, name: str = "", **given: Any) -> Node:
+    """A plugin: `<tag type="kind">` with `given` for its parameters; `name` is what its parent calls it."""
+    attributes = {"type": kind} | ({"name": name} if name else {})
+    return Node(tag, attributes, tuple(value(key, v) for key, v in given.items()))
+
+
+def value(name: str, given: Any) -> Node:
+    """A parameter: bool, int, float, str, a (4, 4) transform or a child Node."""
+    if isinstance(given, Node):
+        return Node(given.tag, {**given.attributes, "name": name}, given.children)
+    if isinstance(given, bool):
+        return Node("boolean", {"name": name, "value": "true" if given else "false"})
+    if isinstance(given, int):
+        return Node("integer", {"name": name, "value": str(given)})
+    if isinstance(given, str):
+        return Node("string", {"name": name, "value": given})
+    if isinstance(given, np.ndarray):
+        return Node("transform", {"name": name}, (Node("matrix", {"value": numbers(given, " ")}),))
+    return Node("float", {"name": name, "value": number(given)})
+
+
+def rgb(name: str, color: Any) -> Node:
+    """A linear colour."""
+    return Node("rgb", {"name": name, "value": numbers(color)})
+
+
+def vector(name: str, given: Any) -> Node:
+    x, y, z = (number(v) for v in given)
+    return Node("vector", {"name": name, "x": x, "y": y, "z": z})

@@ -1,0 +1,187 @@
+"""Instances as POV-Ray's objects: analytic shapes as they are, meshes and shapes with pictures on them as mesh2."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ... import ir
+from ...plan.plan import Plan
+from .. import common
+from ..common import F64, Export, Shell, number
+from .materials import Finishes
+
+_UP = "<0, 1, 0>"
+
+
+def bracket(values: Any) -> str:
+    """A vector: <x, y, z>."""
+    return f"<{common.numbers(values)}>"
+
+
+def objects(out: Export, plan: Plan, finishes: Finishes, tessellate: common.Tessellate) -> list[str]:
+    """All instances, each an object with its texture and place."""
+    tables, made = out.scene.tables, []
+    for i, light in enumerate(tables.instances.light.tolist()):
+        if light < 0:
+            made += _Object(out, plan, finishes, tessellate, i).text()
+    return made
+
+
+class _Object:
+    """One instance."""
+
+    def __init__(self, out: Export, plan: Plan, finishes: Finishes, tessellate: common.Tessellate, i: int) -> None:
+        self.out, self.plan, self.finishes, self.tessellate, self.i = out, plan, finishes, tessellate, i
+        self.tables = out.scene.tables
+        self.g = int(self.tables.instances.geometry[i])
+        self.material = int(self.tables.instances.material[i])
+        self.kind = ir.GeometryKind(int(self.tables.geometries.kind[self.g]))
+        self.matrix = common.world(self.tables, i)
+
+    def text(self) -> list[str]:
+        texture = self.finishes.texture_of(self.material)
+        look = self.finishes.look(self.material, self.i)
+        if texture >= 0 and not common.follows_uv(self.tables, texture, self.kind):
+            name = ir.Mapping_(int(self.tables.textures.mapping[texture])).name.lower()
+            self.out.cannot(f"the mapping {name} is not carried: only a surface's own coordinates are", "textures", texture)
+        shape = self._shape(texture)
+        if shape is None:
+            return []
+        head, body = shape
+        pigment = self.finishes.pigment(self.material)
+        if texture >= 0:
+            pigment = pigment.replace("PLACE", self._place(texture))
+        mapping = "uv_mapping " if texture >= 0 and self.kind != ir.GeometryKind.PLANE else ""
+        flags = self._flags(look.glass)
+        place = f"  matrix <{common.numbers(self.matrix[:3].T)}>"
+        texture_lines = ["  texture {", f"    {mapping}pigment {{ {pigment} }}", f"    {look.finish}", "  }"]
+        lines = [f"{head} {{", *body, *texture_lines, *look.more, place, *flags, "}"]
+        if look.glass and self.tables.instances.visible[self.i] & ir.Visibility.SHADOW:
+            # shadow rays stop at glass here, and go through it there: a twin that is seen by them alone stands in its place
+            lines += [f"{head} {{", *body, "  pigment { rgb 0 }", place, "  no_image no_reflection", "}"]
+        return ["\n".join(lines)]
+
+    def _flags(self, glass: bool) -> list[str]:
+        visible = int(self.tables.instances.visible[self.i])
+        flags = []
+        if not visible & ir.Visibility.CAMERA:
+            flags.append("no_image")
+        if not visible & ir.Visibility.REFLECTION:
+            flags.append("no_reflection")
+        if glass or not visible & ir.Visibility.SHADOW:
+            flags.append("no_shadow")
+        return [f"  {' '.join(flags)}"] if flags else []
+
+    # --- shapes ---
+
+    def _shape(self, texture: int) -> tuple[str, list[str]] | None:
+        p, kind = self.tables.geometries.parameters[self.g], self.kind
+        if kind == ir.GeometryKind.MESH:
+            return self._mesh(common.mesh(self.tables, self.g), texture)
+        if kind == ir.GeometryKind.PLANE:
+            return "plane", [f"  {_UP}, 0"]
+        if texture >= 0:
+            return self._meshed(texture)
+        return self._native(kind, [float(v) for v in p])
+
+    def _native(self, kind: ir.GeometryKind, p: list[float]) -> tuple[str, list[str]] | None:
+        match kind:
+            case ir.GeometryKind.SPHERE:
+                return "sphere", [f"  0, {number(p[0])}"]
+            case ir.GeometryKind.BOX:
+                return "box", [f"  {bracket([-v for v in p[:3]])}, {bracket(p[:3])}"]
+            case ir.GeometryKind.DISK:
+                return "disc", [f"  0, {_UP}, {number(p[0])}"]
+            case ir.GeometryKind.CYLINDER:
+                return "cylinder", [f"  {_axis(-p[1])}, {_axis(p[1])}, {number(p[0])}{_open(p[2])}"]
+            case ir.GeometryKind.CONE:
+                return "cone", [f"  {_axis(-p[2])}, {number(p[0])}, {_axis(p[2])}, {number(p[1])}{_open(p[3])}"]
+            case ir.GeometryKind.TORUS:
+                return "torus", [f"  {number(p[0])}, {number(p[1])} sturm"]
+            case ir.GeometryKind.QUADRIC:
+                return self._quadric(p)
+            case ir.GeometryKind.RECTANGLE | ir.GeometryKind.CAPSULE | ir.GeometryKind.FORMULA:
+                return self._meshed(-1)
+        raise AssertionError(kind)
+
+    def _quadric(self, p: list[float]) -> tuple[str, list[str]]:
+        """A … J stand in another order there: x² y² z², xy xz yz, x y z, 1."""
+        a, b, c, d, e, f, g, h, i, j = p[:10]
+        text = f"{bracket([a, b, c])}, {bracket([d, f, e])}, {bracket([g, h, i])}, {number(j)}"
+        half = np.array(p[10:13])
+        if not np.isfinite(half).all():
+            return "quadric", [f"  {text}"]
+        return "quadric", [f"  {text}", f"  clipped_by {{ box {{ {bracket(-half)}, {bracket(half)} }} }}"]
+
+    def _meshed(self, texture: int) -> tuple[str, list[str]] | None:
+        if self.kind == ir.GeometryKind.QUADRIC and not np.isfinite(self.tables.geometries.bounds[self.g]).all():
+            self.out.cannot("a texture on an endless quadric is not carried", "instances", self.i)
+            return None
+        shell = Shell(*self.tessellate(self.i))
+        self.out.tessellated(self.kind, self.i, len(shell.triangles), self.plan["tolerance"])
+        return self._mesh(shell, texture)
+
+    def _mesh(self, shell: Shell, texture: int) -> tuple[str, list[str]]:
+        if int(self.tables.geometries.colors[self.g]) >= 0:
+            self.out.cannot("the mesh's colours are not carried", "instances", self.i)
+        if self.tables.materials.shading[self.material] == ir.Shading.FLAT:
+            shell = shell._replace(normals=None)
+        if texture >= 0 and self.tables.textures.kind[texture] != ir.TextureKind.IMAGE:
+            shell = common.with_cells(self.tables, texture, shell, common.mean_scale(self.matrix))
+        elif texture >= 0 and shell.uvs is not None:
+            frame = common.texture_place(self.tables, texture)
+            shell = shell._replace(uvs=shell.uvs @ frame[:2, :2].T + frame[:2, 2])
+        body = [_list("vertex_vectors", shell.positions)]
+        if shell.normals is not None:
+            body.append(_list("normal_vectors", shell.normals))
+        if texture >= 0 and shell.uvs is not None:
+            body.append(_list("uv_vectors", shell.uvs))
+        body.append(_list("face_indices", shell.triangles))
+        return "mesh2", [*body, "  inside_vector <0.1234, 1, 0.0567>"]  # glass must know which side is out
+
+    # --- textures ---
+
+    def _place(self, texture: int) -> str:
+        """Where a pigment lies: on a mesh its coordinates say so; on a plane a matrix takes x, z to cells or to the picture."""
+        if self.kind != ir.GeometryKind.PLANE:
+            return ""
+        tables = self.tables
+        frame = common.texture_place(tables, texture)  # of u = x, v = -z
+        if tables.textures.kind[texture] != ir.TextureKind.IMAGE:
+            size = float(tables.textures.size[texture])
+            frame[:2] *= common.mean_scale(self.matrix) / size if size > 0.0 else 8.0
+            if tables.textures.kind[texture] == ir.TextureKind.STRIPES:
+                frame[1] = [0.0, 0.0, 0.5]
+        return pattern_matrix(frame)
+
+
+def pattern_matrix(frame: F64) -> str:
+    """The `matrix` that lays a pattern over x, z of a plane so that (frame · (x, -z, 1), 0.5) is the pattern's point."""
+    take = np.eye(4)
+    take[:2, 0], take[:2, 2], take[:2, 3] = frame[:2, 0], -frame[:2, 1], frame[:2, 2]
+    take[1, 1] = 0.0
+    take[2] = [0.0, 1.0, 0.0, 0.5]
+    if abs(np.linalg.det(take[:3, :3])) < 1e-12:  # stripes: all of the second axis lies in one cell
+        across = np.array([take[0, 2], 0.0, -take[0, 0]])
+        take[1, :3] = across * 1e-9
+    back = np.linalg.inv(take)
+    return f"matrix <{', '.join(f'{v + 0.0:.17g}' for v in back[:3].T.ravel())}>"  # all digits: POV-Ray inverts it again
+
+
+def _axis(y: float) -> str:
+    return f"<0, {number(y)}, 0>"
+
+
+def _open(capped: float) -> str:
+    return "" if capped > 0 else " open"
+
+
+def _list(name: str, rows: Any) -> str:
+    """`name { count, <…>, <…> }`, a row a line."""
+    array = np.asarray(rows)
+    shown = (f"<{', '.join(map(str, row))}>" for row in array.tolist())
+    if array.dtype.kind == "f":
+        shown = (f"<{', '.join(f'{v:.9g}' for v in row)}>" for row in array.tolist())
+    return f"  {name} {{ {len(array)},\n    " + ",\n    ".join(shown) + "\n  }"

@@ -1,0 +1,409 @@
+"""Solids of planes, quadrics and tori found in tapes: relations that `and`, `or` and `not` combine, of each of which rays know all roots.
+
+A field whose value is k √Q + P, with Q and P polynomials of second degree or less, is at most 0 where polynomials are: hypot(x, z) ≤ r
+where x² + z² ≤ r² and r ≥ 0. Minima and maxima are the relations' combinations, whatever is added to all of them (Appel and others'
+`Roth diagrams`: Roth, "Ray casting for modeling solids", 1982).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import ir
+from . import quadric_recognition
+from .quadric_recognition import Quadratic
+from .tape import INPUTS, Op, Tape, arity, stored
+
+MOST_LEAVES = 48  # beyond, most of them are far from any ray: bounds in cells tell which matter
+MOST_KNOWN = 64  # answers that are kept
+MOST_DEPTH = 12  # values that wait on the stack while a solid's relations are combined
+LEAF, BOTH, EITHER = 0, 1, 2  # what a step does: look at leaf `number`, combine the two last by `and`, by `or`
+_TINY = 1e-12
+THIN = 2.0**-12  # of how far a solid reaches: of slabs thinner than this, as one relation of a square, rounding would take too much
+
+
+@dataclass(frozen=True, eq=False)
+class Root:
+    """k √under + rest, at points where `under` is not below 0; a polynomial where k is 0."""
+
+    k: float
+    under: Quadratic
+    rest: Quadratic
+
+    @property
+    def is_plain(self) -> bool:
+        return self.k == 0.0
+
+
+class Torus(NamedTuple):
+    """Where a ring of a radius about an axis is near: `frame` (3, 4) leads from the shape's frame to one whose y is the axis."""
+
+    frame: np.ndarray
+    ring: float
+    tube: float
+
+
+class Leaf(NamedTuple):
+    """A relation: a polynomial is at most 0; or, a point is in a torus, or not inside of it."""
+
+    form: Quadratic | None
+    torus: Torus | None = None
+    outside: bool = False
+
+
+class Solid(NamedTuple):
+    """Relations and how they combine: steps (op, number) as they are done with a stack."""
+
+    leaves: tuple[Leaf, ...]
+    steps: tuple[tuple[int, int], ...]
+
+
+_known: dict[tuple[Any, ...], Solid | None] = {}
+
+
+class _Unknown(Exception):
+    """A field that is something else."""
+
+
+def of_geometry(tables: ir.Tables, g: int) -> Solid | None:
+    """`solid` of geometry g, a formula surface; those asked for last are known, since planning asks and then drawing."""
+    geometries = tables.geometries
+    tape, sheet = stored(tables, int(geometries.tape[g])), bool(geometries.parameters[g, 0])
+    reach = float(np.abs(geometries.bounds[g]).max())
+    key = tape.structure(), tape.constants.tobytes(), sheet, reach
+    with contextlib.suppress(KeyError):
+        return _known[key]
+    found = solid(tape, sheet, reach)
+    if len(_known) >= MOST_KNOWN:
+        _known.clear()
+    _known[key] = found
+    return found
+
+
+def solid(tape: Tape, sheet: bool = False, reach: float = 1.0) -> Solid | None:
+    """Where a field is at most 0, of planes, quadrics and tori; None where it is made of anything else, or of too much.
+
+    Of a sheet the field must have both signs: where it only touches 0 there is no side that rays could come to. `reach` is the largest
+    coordinate of interest.
+    """
+    reader = _Reader(tape, THIN * reach)
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):  # what is beyond all numbers is found out, and has none
+            tree = reader.holds(tape.results[0], 1.0, np.zeros((4, 4)))
+    except _Unknown:
+        return None
+    if isinstance(tree, bool):
+        return None
+    leaves: list[Leaf] = []
+    steps: list[tuple[int, int]] = []
+    deepest = _written(tree, leaves, steps)
+    if len(leaves) > MOST_LEAVES or deepest > MOST_DEPTH or (sheet and not all(map(_has_both_signs, leaves))):
+        return None
+    return Solid(tuple(leaves), tuple(steps))
+
+
+def _has_both_signs(leaf: Leaf) -> bool:
+    if leaf.form is None:
+        return True
+    values = np.linalg.eigvalsh(leaf.form)
+    return bool(values[0] < -_TINY * np.abs(values).max() and values[-1] > _TINY * np.abs(values).max())
+
+
+Tree = bool | Leaf | tuple[int, "Tree", "Tree"]
+
+
+def _joined(op: int, one: Tree, other: Tree) -> Tree:
+    for a, b in ((one, other), (other, one)):
+        if isinstance(a, bool):
+            return b if a == (op == BOTH) else a
+    return op, one, other
+
+
+def _written(tree: Tree, leaves: list[Leaf], steps: list[tuple[int, int]]) -> int:
+    """Append a tree's steps; how many values wait at the most."""
+    if isinstance(tree, Leaf):
+        steps.append((LEAF, len(leaves)))
+        leaves.append(tree)
+        return 1
+    assert not isinstance(tree, bool)
+    op, one, other = tree
+    deep, rest = _depth(one), _depth(other)
+    first, second = (one, other) if deep >= rest else (other, one)
+    found = max(_written(first, leaves, steps), 1 + _written(second, leaves, steps))
+    steps.append((op, 0))
+    return found
+
+
+def _depth(tree: Tree) -> int:
+    if not isinstance(tree, tuple) or isinstance(tree, Leaf):
+        return 1
+    one, other = sorted(map(_depth, tree[1:]))
+    return max(other, one + 1)
+
+
+class _Reader:
+    """What the values of a tape are."""
+
+    def __init__(self, tape: Tape, thin: float) -> None:
+        self.tape, self.thin = tape, thin
+        self.known: dict[int, Root | None] = {}
+        self.seen = self.leaves = 0
+
+    def row(self, name: int) -> tuple[Op, list[int]]:
+        op, *operands = self.tape.code[name - INPUTS].tolist()
+        return Op(op), operands[: arity(op)]
+
+    def holds(self, name: int, factor: float, added: Quadratic) -> Tree:
+        """Where factor · value + added is at most 0."""
+        self.seen += 1
+        if self.seen > 8 * MOST_LEAVES:
+            raise _Unknown
+        value = self.value(name)
+        if value is not None:
+            found = _at_most_0(Root(factor * value.k, value.under, factor * value.rest + added))
+            self.leaves += not isinstance(found, bool)
+            if self.leaves > MOST_LEAVES:
+                raise _Unknown
+            return found
+        op, names = self.row(name)
+        a, b = names[0], names[-1]
+        match op:
+            case Op.COPY:
+                return self.holds(a, factor, added)
+            case Op.NEGATE:
+                return self.holds(a, -factor, added)
+            case Op.MIN | Op.MAX:
+                how = BOTH if (op == Op.MAX) == (factor > 0.0) else EITHER
+                return _joined(how, self.holds(a, factor, added), self.holds(b, factor, added))
+            case Op.ABS:
+                whole, level = self.value(a), _number(added)
+                if whole is not None and whole.is_plain and not whole.rest[:3, :3].any() and level is not None and factor:
+                    return _slab(whole.rest, factor, level, self.thin)
+                how = BOTH if factor > 0.0 else EITHER
+                return _joined(how, self.holds(a, factor, added), self.holds(a, -factor, added))
+            case Op.ADD | Op.SUBTRACT:
+                sign = 1.0 if op == Op.ADD else -1.0
+                for one, other, own, its in ((a, b, 1.0, sign), (b, a, sign, 1.0)):
+                    plain = self.value(one)
+                    if plain is not None and plain.is_plain:
+                        return self.holds(other, factor * its, added + factor * own * plain.rest)
+            case Op.MULTIPLY | Op.DIVIDE:
+                one, other = (a, self.number(b)) if op == Op.DIVIDE or self.number(a) is None else (b, self.number(a))
+                if other:
+                    return self.holds(one, factor / other if op == Op.DIVIDE else factor * other, added)
+            case Op.SQRT | Op.HYPOT:
+                inner = self.square(names)
+                level = _number(added)
+                if inner is not None and level is not None and factor and (op == Op.HYPOT or self.never_negative(a)):
+                    return _root_at_most(inner, factor, level)
+        raise _Unknown
+
+    def never_negative(self, name: int) -> bool:
+        """Whether a value is known to have a square root everywhere."""
+        number = self.number(name)
+        if number is not None or name < INPUTS:
+            return number is not None and number >= 0.0
+        op, names = self.row(name)
+        if op in (Op.SQUARE, Op.ABS, Op.HYPOT):
+            return True
+        if op in (Op.ADD, Op.MIN, Op.MAX, Op.MULTIPLY, Op.COPY) and all(map(self.never_negative, names)):
+            return True
+        value = self.value(name)
+        return value is not None and value.is_plain and _never_negative(value.rest)
+
+    def number(self, name: int) -> float | None:
+        found = self.value(name)
+        return _number(found.rest) if found is not None and found.is_plain else None
+
+    def value(self, name: int) -> Root | None:
+        """A value as k √Q + P, where it is that."""
+        if name not in self.known:
+            self.known[name] = self._value(name)
+        return self.known[name]
+
+    def _value(self, name: int) -> Root | None:
+        if name < 0:
+            return _plain(_constant(float(self.tape.constants[~name])))
+        if name < INPUTS:
+            one = np.zeros((4, 4))
+            one[name, 3] = one[3, name] = 0.5
+            return _plain(one)
+        op, names = self.row(name)
+        if op in (Op.SQRT, Op.HYPOT):
+            inner = self.square(names)
+            return Root(1.0, inner.rest, np.zeros((4, 4))) if inner is not None and inner.is_plain and _never_negative(inner.rest) else None
+        values = []
+        for operand in names:
+            value = self.value(operand)
+            if value is None:
+                return None
+            values.append(value)
+        return _applied(op, values)
+
+    def square(self, names: list[int]) -> Root | None:
+        """What SQRT (one name) or HYPOT (two) takes the root of."""
+        values = [self.value(name) for name in names]
+        if len(values) == 1 or None in values:
+            return None if None in values else values[0]
+        one, other = (_applied(Op.SQUARE, [value]) for value in values)  # type: ignore[list-item]
+        return None if one is None or other is None else _applied(Op.ADD, [one, other])
+
+
+def _constant(number: float) -> Quadratic:
+    form = np.zeros((4, 4))
+    form[3, 3] = number
+    return form
+
+
+def _plain(form: Quadratic) -> Root:
+    return Root(0.0, np.zeros((4, 4)), form)
+
+
+def _number(form: Quadratic) -> float | None:
+    """The value of a polynomial that is a number."""
+    return None if form[:3].any() else float(form[3, 3])
+
+
+def _applied(op: Op, values: list[Root]) -> Root | None:
+    a, b = values[0], values[-1]
+    match op:
+        case Op.COPY:
+            return a
+        case Op.NEGATE:
+            return Root(-a.k, a.under, -a.rest)
+        case Op.ADD | Op.SUBTRACT:
+            b = Root(-b.k, b.under, -b.rest) if op == Op.SUBTRACT else b
+            if a.is_plain or b.is_plain or np.array_equal(a.under, b.under):
+                return Root(a.k + b.k, b.under if a.is_plain else a.under, a.rest + b.rest)
+        case Op.SQUARE:
+            shift = _number(a.rest)
+            if not a.is_plain and shift is not None:
+                return Root(2 * a.k * shift, a.under, a.k**2 * a.under + _constant(shift**2))
+            if a.is_plain:
+                found = quadric_recognition._applied(op, [a.rest])
+                return None if found is None else _plain(found)
+        case Op.MULTIPLY | Op.DIVIDE:
+            one, other = (a, b) if op == Op.DIVIDE or _number(b.rest) is not None else (b, a)
+            number = _number(other.rest) if other.is_plain else None
+            if number is not None and (number or op == Op.MULTIPLY):
+                factor = 1.0 / number if op == Op.DIVIDE else number
+                return replace(one, k=factor * one.k, rest=factor * one.rest)
+            if op == Op.MULTIPLY and a.is_plain and b.is_plain:
+                found = quadric_recognition._applied(op, [a.rest, b.rest])
+                return None if found is None else _plain(found)
+    return None
+
+
+def _never_negative(form: Quadratic) -> bool:
+    if not np.isfinite(form).all():
+        raise _Unknown
+    values = np.linalg.eigvalsh(form)
+    return bool(values[0] >= -_TINY * np.abs(values).max())
+
+
+# --- relations -----------------------------------------------------------------------------------------------------------
+
+
+def _leaf(form: Quadratic) -> Tree:
+    """A polynomial is at most 0."""
+    if not np.isfinite(form).all():
+        raise _Unknown
+    number = _number(form)
+    if number is not None:
+        return number <= 0.0
+    size = np.abs(form[:3, :3]).max() or np.abs(form[:3, 3]).max()
+    return Leaf(form / size)
+
+
+def _at_most_0(value: Root) -> Tree:
+    """k √Q + P is at most 0."""
+    k, under, rest = value.k, value.under, value.rest
+    if not k:
+        return _leaf(rest)
+    if not rest[:3, :3].any():
+        line = np.append(2 * rest[:3, 3], rest[3, 3]) / k
+        square = np.outer(line, line)
+        return _joined(BOTH, _leaf(rest), _leaf(under - square)) if k > 0 else _joined(EITHER, _leaf(rest), _leaf(square - under))
+    found = _torus(-abs(k), under, rest if k < 0 else -rest)
+    if found is None:
+        raise _Unknown
+    return Leaf(None, found, outside=k > 0)
+
+
+def _root_at_most(inner: Root, factor: float, level: float) -> Tree:
+    """factor · √inner + level is at most 0."""
+    bound = -level / factor
+    if bound < 0.0:
+        return factor < 0.0
+    sign = math.copysign(1.0, factor)
+    return _at_most_0(Root(sign * inner.k, inner.under, sign * (inner.rest - _constant(bound**2))))
+
+
+def _slab(line: Quadratic, factor: float, level: float, thin: float) -> Tree:
+    """factor · |line| + level is at most 0: one relation of the square instead of two, unless it is thin."""
+    bound = -level / factor
+    if bound < 0.0:
+        return factor < 0.0
+    whole = np.append(2 * line[:3, 3], line[3, 3])
+    sign = math.copysign(1.0, factor)
+    if 0.0 < bound < thin * float(np.linalg.norm(whole[:3])):
+        sides = [_leaf(sign * (side * line - _constant(bound))) for side in (1.0, -1.0)]
+        return _joined(BOTH if sign > 0.0 else EITHER, *sides)
+    return _leaf(sign * (np.outer(whole, whole) - _constant(bound**2)))
+
+
+def _torus(k: float, under: Quadratic, rest: Quadratic) -> Torus | None:
+    """|p − c|² + R² − r² − 2 R ρ, ρ the distance from an axis, is at most 0: k √(λ ρ²) + α |p − c|² + β with k below 0."""
+    scale = float(np.trace(rest[:3, :3])) / 3
+    values, axes = np.linalg.eigh(under[:3, :3])
+    if not (scale > 0.0 and values[1] > 0.0):
+        return None
+    even = np.abs(rest[:3, :3] - scale * np.eye(3)).max() < _TINY * scale
+    level = 0.5 * (values[1] + values[2])
+    if not even or abs(values[0]) > _TINY * level or values[2] - values[1] > _TINY * level:
+        return None
+    center = -rest[:3, 3] / scale
+    axis = axes[:, 0]
+    expected = np.zeros((4, 4))
+    flat = level * (np.eye(3) - np.outer(axis, axis))
+    expected[:3, :3], expected[:3, 3] = flat, -flat @ center
+    expected[3, :3], expected[3, 3] = expected[:3, 3], center @ flat @ center
+    if np.abs(expected - under).max() > 1e-10 * np.abs(under).max():
+        return None
+    ring = -0.5 * k * math.sqrt(level) / scale
+    square = ring**2 - (rest[3, 3] / scale - center @ center)
+    if not square > 0.0:
+        return None
+    axis = np.where(np.abs(axis) < _TINY, 0.0, axis)
+    x = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    x /= np.linalg.norm(x)
+    turned = np.stack([x, axis, np.cross(x, axis)])
+    return Torus(np.concatenate([turned, -(turned @ center)[:, None]], axis=1), ring, math.sqrt(square))
+
+
+def holds(found: Solid, points: np.ndarray) -> np.ndarray:
+    """Whether points (n, 3) are in a solid: what its relations say, one by one."""
+    waiting: list[np.ndarray] = []
+    for op, number in found.steps:
+        if op == LEAF:
+            waiting.append(_leaf_holds(found.leaves[number], points))
+        else:
+            b, a = waiting.pop(), waiting.pop()
+            waiting.append(a & b if op == BOTH else a | b)
+    return waiting[0]
+
+
+def _leaf_holds(leaf: Leaf, points: np.ndarray) -> np.ndarray:
+    if leaf.torus is None:
+        assert leaf.form is not None  # a leaf is one of both
+        one = np.concatenate([points, np.ones((len(points), 1))], axis=1)
+        return np.einsum("ni,ij,nj->n", one, leaf.form, one) <= 0.0
+    frame, ring, tube = leaf.torus
+    x, y, z = (points @ frame[:, :3].T + frame[:, 3]).T
+    inside = np.hypot(np.hypot(x, z) - ring, y) <= tube
+    return ~inside if leaf.outside else inside

@@ -1,0 +1,201 @@
+"""Bounds of how fast the operations of tapes change over boxes of points, and how far errors spread: as enclosures.py, by the chain rule.
+
+Mitchell, "Robust Ray Intersection with Interval Arithmetic", Graphics Interface 1990.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .interval_semantics import (  # fmt: skip
+    NOISE_CURVE,
+    OVERFLOW,
+    Interval,
+    add,
+    choices,
+    chosen,
+    down,
+    either,
+    endless,
+    given,
+    high_of,
+    interval,
+    log,
+    middles,
+    multiply,
+    negate,
+    outward,
+    periods,
+    reciprocal,
+    subtract,
+    up,
+)
+from .point_semantics import Number, noise
+from .tape import Op
+
+
+def slope_intervals(m: Any, op: int, boxes: list[Interval], value: Interval, turns: list[list[Interval]]) -> list[Interval]:
+    """Bounds of derivatives along several ways over boxes of operands; everything (±`m.most`) where the operation may jump."""
+    ways = range(len(turns[0]))
+    a = boxes[0]
+    match op:
+        case Op.COPY:
+            return turns[0]
+        case Op.ADD:
+            return [add(m, turns[0][k], turns[1][k]) for k in ways]
+        case Op.SUBTRACT:
+            return [subtract(m, turns[0][k], turns[1][k]) for k in ways]
+        case Op.NEGATE:
+            return [negate(d) for d in turns[0]]
+        case Op.MIN | Op.MAX:
+            return [either(m, *given(choices(m, op, a, boxes[1]), turns[0][k], turns[1][k])) for k in ways]
+        case Op.CHOOSE:
+            first, second = chosen(m, a)
+            found = [either(m, first, turns[1][k], second, turns[2][k]) for k in ways]
+            return [_unless(m, first | second, d) for d in found]
+        case Op.FLOOR | Op.CEIL | Op.SIGN:
+            still = value[0] == value[1]
+            return [_unless(m, still, (0.0 * d[0], 0.0 * d[0])) for d in turns[0]]
+        case Op.MOD:
+            begin, end = periods(m, a, boxes[1])
+            found = [subtract(m, turns[0][k], multiply(m, turns[1][k], (begin, begin))) for k in ways]
+            return [_unless(m, begin == end, d) for d in found]
+    partial = _partials(m, op, boxes, value)
+    return [_sum(m, [multiply(m, p, turns[n][k]) for n, p in enumerate(partial)]) for k in ways]
+
+
+def spread(m: Any, op: int, boxes: list[Interval], value: Interval, off: list[Number]) -> Number:
+    """How far an operation's result moves where its operands do by `off` at the most: bit for bit what slope_intervals says of slopes
+    −off … off, where none is infinite."""
+    match op:
+        case Op.COPY | Op.NEGATE:
+            return off[0]
+        case Op.ADD | Op.SUBTRACT:
+            return _spread_sum(m, off)
+        case Op.MIN | Op.MAX:
+            first, second = choices(m, op, boxes[0], boxes[1])
+            return m.where(first, off[0], m.where(second, off[1], high_of(m, *off)))
+        case Op.CHOOSE | Op.FLOOR | Op.CEIL | Op.SIGN | Op.MOD:
+            ((least, most),) = slope_intervals(m, op, boxes, value, [[(-e, e)] for e in off])
+            return high_of(m, abs(least), abs(most))
+    parts = []
+    for size, e in zip((high_of(m, abs(low), abs(high)) for low, high in _partials(m, op, boxes, value)), off, strict=True):
+        part = e * size
+        m.unbounded(part > m.big)
+        part = m.where(part > m.most, m.most, part)
+        rounded = up(m, part) if m.lost else part + part * (1.25 * m.unit)
+        parts.append(rounded if m.lost else endless(m, (size > OVERFLOW * m.most) | (e > OVERFLOW * m.most), (rounded, rounded))[1])
+    return _spread_sum(m, parts)
+
+
+def _spread_sum(m: Any, parts: list[Number]) -> Number:
+    total = parts[0]
+    for part in parts[1:]:
+        total = total + part
+        total = total + total * (1.25 * m.unit)
+    return total
+
+
+def _sum(m: Any, parts: list[Interval]) -> Interval:
+    total = parts[0]
+    for part in parts[1:]:
+        total = add(m, total, part)
+    return total
+
+
+def _unless(m: Any, smooth: Number, slope: Interval) -> Interval:
+    """A slope, or everything where the operation may jump."""
+    m.unbounded(~smooth)
+    return m.where(smooth, slope[0], -m.most + 0.0 * slope[0]), m.where(smooth, slope[1], m.most + 0.0 * slope[1])
+
+
+def _partials(m: Any, op: int, boxes: list[Interval], value: Interval) -> list[Interval]:
+    """Bounds of an operation's partial derivatives by its operands."""
+    a = boxes[0]
+    one = 1.0 + 0.0 * a[0]
+    match op:
+        case Op.MULTIPLY:
+            return [boxes[1], a]
+        case Op.DIVIDE:
+            inverse = reciprocal(m, boxes[1])
+            return [inverse, multiply(m, negate(value), inverse)]
+        case Op.ABS:
+            up_, down_ = a[0] > 0.0, a[1] < 0.0
+            return [(m.where(up_, one, -one), m.where(down_, -one, one))]
+        case Op.SQUARE:
+            return [(a[0] + a[0], a[1] + a[1])]
+        case Op.CUBE:
+            low, high = interval(m, Op.SQUARE, a)
+            return [outward(m, 3.0 * low, 3.0 * high)]
+        case Op.SQRT:
+            found = reciprocal(m, value)
+            return [(0.5 * found[0], 0.5 * found[1])]
+        case Op.HYPOT:
+            inverse = reciprocal(m, value, told=False)
+            return [_within_one(m, multiply(m, p, inverse), one) for p in boxes]
+        case Op.EXP:
+            return [value]
+        case Op.LOG:
+            return [reciprocal(m, a)]
+        case Op.SIN:
+            return [interval(m, Op.COS, a)]
+        case Op.COS:
+            return [negate(interval(m, Op.SIN, a))]
+        case Op.TAN:
+            smooth = (value[0] > -m.big) & (value[1] < m.big)  # over a pole it falls from ∞ to −∞, though it rises everywhere else
+            return [_unless(m, smooth, add(m, (one, one), interval(m, Op.SQUARE, value)))]
+        case Op.ATAN:
+            return [reciprocal(m, add(m, (one, one), interval(m, Op.SQUARE, a)))]
+        case Op.ASIN | Op.ACOS:
+            x, y = (m.where(p < -1.0, -one, m.where(p > 1.0, one, p)) for p in a)
+            rest = subtract(m, (one, one), interval(m, Op.SQUARE, (x, y)))
+            zero = 0.0 * one
+            root = m.sqrt(high_of(m, rest[0], zero)), m.sqrt(high_of(m, rest[1], zero))
+            found = reciprocal(m, (high_of(m, down(m, root[0]), zero), up(m, root[1])))
+            return [found if op == Op.ASIN else negate(found)]
+        case Op.POWER:
+            smooth = (a[0] > 0.0) | ((a[1] < 0.0) & (boxes[1][0] == boxes[1][1]))
+            by_base = multiply(m, boxes[1], multiply(m, value, reciprocal(m, (m.where(smooth, a[0], one), m.where(smooth, a[1], one)))))
+            safe = (m.where(a[0] > 0.0, a[0], one), m.where(a[0] > 0.0, a[1], one))
+            by_exponent = multiply(m, value, log(m, Op.LOG, safe))
+            return [_unless(m, smooth, by_base), _unless(m, a[0] > 0.0, by_exponent)]
+        case Op.ATAN2 | Op.ANGLE:
+            y, x = boxes
+            inverse = reciprocal(m, add(m, interval(m, Op.SQUARE, y), interval(m, Op.SQUARE, x)))
+            found = [multiply(m, x, inverse), multiply(m, negate(y), inverse)]
+            jumps = (y[0] <= 0.0) & (y[1] >= 0.0) & (x[0] <= 0.0) & (x[1] >= 0.0)  # at the origin, even where y is 0 alone
+            if op == Op.ATAN2:
+                jumps = jumps | ((y[0] < 0.0) & (y[1] >= 0.0) & (x[0] < 0.0))
+            return [_unless(m, ~jumps, p) for p in found]
+        case Op.FILLET:
+            return _fillet_partials(m, boxes)
+        case Op.NOISE:
+            middle, half = middles(m, boxes)
+            reach = NOISE_CURVE * (half[0] + half[1] + half[2]) + 64.0 * m.unit
+            return [(way - reach, way + reach) for way in noise(m, *middle)[1:]]
+    raise ValueError(op)
+
+
+def _fillet_partials(m: Any, boxes: list[Interval]) -> list[Interval]:
+    """Sine and cosine on the arc, 0 and 1 away from it; by the radius 1 less both."""
+    a, b, radius = boxes
+    first, second = choices(m, Op.FILLET, a, b, radius)
+    zero = 0.0 * a[0]
+    one = zero + 1.0
+    p, q = ((radius[0] - f[1], radius[1] - f[0]) for f in (a, b))  # how far below the radius
+
+    def share(mine: Interval, other: Interval, only: Number, never: Number) -> Interval:
+        most, least = high_of(m, other[1], zero), high_of(m, mine[1], zero)
+        low = mine[0] / m.sqrt(mine[0] * mine[0] + most * most)
+        high = least / m.sqrt(least * least + other[0] * other[0])
+        low = m.where((mine[0] > m.tiny) & ~never, low * (1.0 - 8.0 * m.unit), zero)
+        high = m.where((other[0] > m.tiny) & ~only, high * (1.0 + 8.0 * m.unit), one)
+        low, high = m.where(only, one, low), m.where(never, zero, high)
+        return m.where(low > zero, low, zero), m.where(high < one, high, one)
+
+    arc = (p[1] > 0.0) & (q[1] > 0.0)
+    return [share(p, q, first, second), share(q, p, second, first), (m.where(arc, -0.4142136 * one, zero), zero)]
+
+
+def _within_one(m: Any, a: Interval, one: Number) -> Interval:
+    return m.where(a[0] > -one, a[0], -one), m.where(a[1] < one, a[1], one)

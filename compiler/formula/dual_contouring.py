@@ -1,0 +1,355 @@
+"""Formula surfaces as triangles: dual contouring on the cells that bounds of the formula leave, sharp edges and corners kept.
+
+A cell gets a vertex for each piece of surface in it, where the planes of the surface at its edges' roots meet best (Ju and others,
+"Dual Contouring of Hermite Data", SIGGRAPH 2002); pieces are told apart as the loops of the cell's edges (Nielson, "Dual Marching Cubes",
+Visualization 2004), so that two sheets in one cell stay two. Two cells between whose vertices two edges would lie in the same place decide
+otherwise on the face that they share (Wenger, "Isosurfaces", 2013, 5.4), so that every edge has two triangles.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import numpy_interpreter
+from .tape import Tape
+
+BLOCK = 8  # cells along an axis of the blocks that bounds are first asked about
+BISECTIONS = 44
+FLATTEST = 0.1  # of the largest: directions in which planes say less than this share of it, a vertex stays in the middle of its roots
+LEAST, MOST = 16, 256  # cells along the longest axis
+_BATCH = 1 << 18
+_LOOKED_AT, _HALVINGS = 1024, 12  # places at a time that are looked at more closely, at ever smaller distances
+_BEYOND = (1.0001, 1.01, 1.1)  # of the way to where the slope says that a surface is
+_OFFSETS = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)])
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Contour(NamedTuple):
+    """Triangles of a surface, counter-clockwise from outside, and how far they are off it by the field's value over its slope."""
+
+    positions: Floats  # (n, 3)
+    triangles: Ints  # (m, 3)
+    normals: Floats  # (n, 3) of the field
+    furthest: float
+    mean: float
+    missing: float = 0.0  # there are parts thinner than this that it does not have; 0 where none were found, or looked for
+
+
+def within(tape: Tape, bounds: Floats, tolerance: float, most: int = MOST, whole: bool = False) -> Contour:
+    """The surface in a box, with cells halved until it is off by `tolerance` at the most, and, if asked for the `whole`, until nothing is
+    found between the corners of cells, or `most` cells lie along the longest axis."""
+    count = LEAST
+    while True:
+        made = contour(tape, bounds, count, whole)
+        if (made.furthest <= tolerance and made.missing == 0.0) or 2 * count > most:
+            return made
+        count *= 2
+
+
+def contour(tape: Tape, bounds: Floats, count: int, whole: bool = False) -> Contour:
+    """The surface in a box (2, 3), with `count` cells along its longest axis."""
+    extent = bounds[1] - bounds[0]
+    size = float(extent.max()) / count
+    shape = np.ceil(extent / size - 1e-9).astype(np.int64) + 2  # a cell more on each side
+    low = bounds.mean(axis=0) - 0.5 * size * shape
+    grid = _Grid(low, size, shape)
+    cells = _cells(tape, grid)
+    nothing = Contour(np.zeros((0, 3)), np.zeros((0, 3), np.int64), np.zeros((0, 3)), 0.0, 0.0)
+    if not len(cells):
+        return nothing
+    corners = cells[:, None, :] + _OFFSETS
+    codes, index = np.unique(grid.number(corners.reshape(-1, 3)), return_inverse=True)
+    inside = _field(tape, grid.place(grid.cell(codes))) <= 0
+    pattern = (inside[index.reshape(-1, 8)] << np.arange(8)).sum(axis=1)
+    mixed = (pattern != 0) & (pattern != 255)
+    missing = size if whole and _is_missing(tape, grid, cells, pattern, mixed) else 0.0
+    cells, pattern = cells[mixed], pattern[mixed]
+    if not len(cells):
+        return nothing._replace(missing=missing)
+    loops = _LOOPS[_is_otherwise(grid, cells, pattern).astype(np.int64), pattern]
+    edges = _Edges(tape, grid, cells, loops)
+    vertices, vertex_of = _vertices(tape, grid, cells, loops, edges)
+    triangles = _triangles(grid, cells, edges, vertex_of, vertices)
+    _, gradient = numpy_interpreter.gradients(tape, *vertices.T)
+    length = np.linalg.norm(gradient, axis=0)
+    with np.errstate(all="ignore"):
+        normals = np.where((length > 0) & np.isfinite(length), gradient / length, np.array([[0.0], [1.0], [0.0]])).T
+    furthest, mean = deviation(tape, vertices, triangles)
+    return Contour(vertices, triangles, normals, furthest, mean, missing)
+
+
+class _Grid(NamedTuple):
+    low: Floats
+    size: float
+    shape: Ints  # cells along each axis
+
+    def number(self, corner: Ints) -> Ints:
+        """One whole number for each corner (n, 3)."""
+        return (corner[:, 0] * (self.shape[1] + 1) + corner[:, 1]) * (self.shape[2] + 1) + corner[:, 2]
+
+    def cell(self, number: Ints) -> Ints:
+        first, z = np.divmod(number, self.shape[2] + 1)
+        x, y = np.divmod(first, self.shape[1] + 1)
+        return np.stack([x, y, z], axis=1)
+
+    def place(self, corner: NDArray) -> Floats:
+        return self.low + self.size * corner
+
+
+def _field(tape: Tape, points: Floats) -> Floats:
+    parts = [numpy_interpreter.points(tape, *points[k : k + _BATCH].T)[0] for k in range(0, len(points), _BATCH)]
+    return np.concatenate(parts) if parts else np.zeros(0)
+
+
+def _cells(tape: Tape, grid: _Grid) -> Ints:
+    """Cells (n, 3) that may hold a part of the surface."""
+    blocks = -(-grid.shape // BLOCK)
+    cells = np.stack(np.meshgrid(*map(np.arange, blocks), indexing="ij"), axis=-1).reshape(-1, 3) * BLOCK
+    size = BLOCK
+    while True:
+        keep = [_may_hold(tape, grid, cells[k : k + _BATCH], size) for k in range(0, len(cells), _BATCH)]
+        cells = cells[np.concatenate(keep)] if keep else cells
+        if size == 1 or not len(cells):
+            return cells
+        size //= 2
+        cells = (cells[:, None, :] + size * _OFFSETS).reshape(-1, 3)
+        cells = cells[(cells < grid.shape).all(axis=1)]
+
+
+def _may_hold(tape: Tape, grid: _Grid, cells: Ints, size: int) -> NDArray[np.bool_]:
+    slack = 1e-9 * grid.size
+    (least, most), _, maybe = numpy_interpreter.boxes(tape, (grid.place(cells) - slack).T, (grid.place(cells + size) + slack).T)
+    return (least <= 0) & (~(most < 0) | maybe)
+
+
+def _is_missing(tape: Tape, grid: _Grid, cells: Ints, pattern: Ints, mixed: NDArray[np.bool_]) -> bool:
+    """Whether a cell away from all that are inside and outside at corners is both: looked for from its middle down the slope."""
+    near = np.zeros(grid.shape + 2, bool)
+    near[tuple(cells[mixed].T + 1)] = True
+    for axis in range(3):
+        there = np.moveaxis(near, axis, 0)
+        there[1:-1] = there[:-2] | there[1:-1] | there[2:]
+    lone = ~near[tuple(cells.T + 1)]
+    cells, inside = cells[lone], pattern[lone] != 0
+    for first in range(0, len(cells), _BATCH):
+        low, high = (grid.place(cells[first : first + _BATCH] + k) for k in (0, 1))
+        middle = 0.5 * (low + high)
+        value, gradient = numpy_interpreter.gradients(tape, *middle.T)
+        with np.errstate(all="ignore"):
+            step = np.nan_to_num((value / (gradient**2).sum(axis=0) * gradient).T, posinf=0.0, neginf=0.0)
+        for share in _BEYOND:
+            other = (_field(tape, np.clip(middle - share * step, low, high)) <= 0) != inside[first : first + _BATCH]
+            if other.any():
+                return True
+    return False
+
+
+# --- the pieces of surface in a cell ------------------------------------------------------------------------------------
+
+# Edges of a cell by number: 4 · axis + place, between corners that differ in that axis alone.
+_ENDS = [(a, a | 1 << axis) for axis in range(3) for a in range(8) if not a >> axis & 1]
+_AXIS = np.array([axis for axis in range(3) for a in range(8) if not a >> axis & 1])
+
+
+_EDGE_OF = {frozenset(ends): k for k, ends in enumerate(_ENDS)}
+_FACES = [[c for c in range(8) if (c >> axis & 1) == side] for axis in range(3) for side in range(2)]
+
+
+def _loops(otherwise: bool) -> Ints:
+    """(256, 12) for each pattern of corners inside which piece of surface each of its edges belongs to, -1 where none does.
+
+    On a face with four roots the edges at each corner inside go together, or `otherwise` those at each corner outside: both cells that
+    share the face decide alike.
+    """
+    table = np.full((256, 12), -1, np.int64)
+    for pattern in range(256):
+        crossed = [k for k, (a, b) in enumerate(_ENDS) if (pattern >> a & 1) != (pattern >> b & 1)]
+        joined: dict[int, list[int]] = {k: [] for k in crossed}
+        for face in _FACES:
+            here = [k for k in crossed if _ENDS[k][0] in face and _ENDS[k][1] in face]
+            pairs = [tuple(here)] if len(here) == 2 else []
+            if len(here) == 4:
+                corners = [c for c in face if (pattern >> c & 1) != otherwise]
+                pairs = [tuple(_EDGE_OF[frozenset((c, d))] for d in face if frozenset((c, d)) in _EDGE_OF) for c in corners]
+            for one, other in pairs:
+                joined[one].append(other)
+                joined[other].append(one)
+        piece = 0
+        for start in crossed:
+            if table[pattern, start] < 0:
+                waiting = [start]
+                while waiting:
+                    k = waiting.pop()
+                    if table[pattern, k] < 0:
+                        table[pattern, k] = piece
+                        waiting.extend(joined[k])
+                piece += 1
+    return table
+
+
+_LOOPS = np.stack([_loops(False), _loops(True)])
+
+
+def _joined() -> NDArray[np.bool_]:
+    """(256, 6) whether all four roots of a face belong to one piece; such a pattern has one face of four roots alone."""
+    table = np.zeros((256, 6), bool)
+    for k, face in enumerate(_FACES):
+        edges = [edge for pair, edge in _EDGE_OF.items() if pair <= set(face)]
+        pieces = _LOOPS[0][:, edges]
+        table[:, k] = (pieces >= 0).all(axis=1) & (pieces == pieces[:, :1]).all(axis=1)
+    return table
+
+
+_JOINED = _joined()
+
+
+def _is_otherwise(grid: _Grid, cells: Ints, pattern: Ints) -> NDArray[np.bool_]:
+    """(n,) which cells share a face of four roots with a cell where these are of one piece, too."""
+    found, codes = np.zeros(len(cells), bool), grid.number(cells)
+    order = np.argsort(codes)
+    for axis in range(3):
+        mine = np.flatnonzero(_JOINED[pattern, 2 * axis + 1])
+        next_ = grid.number(cells[mine] + np.eye(3, dtype=np.int64)[axis])
+        other = order[np.minimum(np.searchsorted(codes[order], next_), len(order) - 1)]
+        both = (codes[other] == next_) & _JOINED[pattern[other], 2 * axis]
+        found[mine[both]] = found[other[both]] = True
+    return found
+
+
+class _Edges:
+    """The edges of the grid that the surface crosses: their roots, the normals there, and which of each cell's edges they are."""
+
+    def __init__(self, tape: Tape, grid: _Grid, cells: Ints, loops: Ints) -> None:
+        cell, edge = np.nonzero(loops >= 0)
+        begin = cells[cell] + _OFFSETS[[a for a, _ in _ENDS]][edge]
+        self.codes, self.index = np.unique(grid.number(begin) * 3 + _AXIS[edge], return_inverse=True)
+        self.cell, self.edge = cell, edge
+        self.begin, self.axis = grid.cell(self.codes // 3), self.codes % 3
+        a, b = grid.place(self.begin), grid.place(self.begin + np.eye(3, dtype=np.int64)[self.axis])
+        self.rising = _field(tape, a) <= 0  # inside at its beginning
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (a + b)
+            same = ((_field(tape, middle) <= 0) == self.rising)[:, None]
+            a, b = np.where(same, middle, a), np.where(same, b, middle)
+        self.root = 0.5 * (a + b)
+        _, gradient = numpy_interpreter.gradients(tape, *np.where(self.rising[:, None], a, b).T)  # on the side where it is defined
+        length = np.linalg.norm(gradient, axis=0)
+        with np.errstate(all="ignore"):
+            self.normal = np.where((length > 0) & np.isfinite(length), gradient / length, 0.0).T
+
+
+def _vertices(tape: Tape, grid: _Grid, cells: Ints, loops: Ints, edges: _Edges) -> tuple[Floats, Ints]:
+    """(positions, the vertex of each (cell, edge) of `edges`)."""
+    pieces = loops.max(axis=1) + 1
+    first = np.cumsum(pieces) - pieces
+    vertex_of = first[edges.cell] + loops[edges.cell, edges.edge]
+    count = int(pieces.sum())
+    root, normal = edges.root[edges.index], edges.normal[edges.index]
+    number = np.bincount(vertex_of, minlength=count)
+    middle = np.stack([np.bincount(vertex_of, root[:, k], count) for k in range(3)], axis=1) / number[:, None]
+    apart = ((root - middle[vertex_of]) * normal).sum(axis=1)
+    matrix = np.zeros((count, 3, 3))
+    right = np.zeros((count, 3))
+    for i in range(3):
+        right[:, i] = np.bincount(vertex_of, normal[:, i] * apart, count)
+        for j in range(3):
+            matrix[:, i, j] = np.bincount(vertex_of, normal[:, i] * normal[:, j], count)
+    values, vectors = np.linalg.eigh(matrix)
+    used = values > FLATTEST * values[:, -1:]
+    inverse = np.where(used, 1.0 / np.where(used, values, 1.0), 0.0)
+    moved = np.einsum("nij,nj,nkj,nk->ni", vectors, inverse, vectors, right)
+    owner = np.repeat(cells, pieces, axis=0)
+    low, high = grid.place(owner), grid.place(owner + 1)
+    found = np.clip(middle + moved, low, high)
+    smooth = used.sum(axis=1) == 1  # hardly bent: onto the surface itself
+    return np.where(smooth[:, None], _nearer(tape, found, low, high), found), vertex_of
+
+
+def _nearer(tape: Tape, points: Floats, low: Floats, high: Floats) -> Floats:
+    for _ in range(2):
+        value, gradient = numpy_interpreter.gradients(tape, *points.T)
+        with np.errstate(all="ignore"):
+            step = (value / (gradient**2).sum(axis=0) * gradient).T
+        points = np.where(np.isfinite(step).all(axis=1)[:, None], np.clip(points - step, low, high), points)
+    return points
+
+
+def _triangles(grid: _Grid, cells: Ints, edges: _Edges, vertex_of: Ints, vertices: Floats) -> Ints:
+    """Two triangles around each edge that four cells share."""
+    around = np.full((len(edges.codes), 4), -1, np.int64)
+    other = np.array([[1, 2], [2, 0], [0, 1]])[edges.axis[edges.index]]  # u, v with axis = u × v
+    offset = edges.begin[edges.index] - cells[edges.cell]
+    u, v = (np.take_along_axis(offset, other[:, k : k + 1], axis=1)[:, 0] for k in range(2))
+    turn = np.where(v == 1, np.where(u == 1, 0, 1), np.where(u == 1, 3, 2))  # cells (-u -v), (+u -v), (+u +v), (-u +v)
+    around[edges.index, turn] = vertex_of
+    whole = (around >= 0).all(axis=1)
+    quads, rising = around[whole], edges.rising[whole]
+    quads = np.where(rising[:, None], quads, quads[:, ::-1])
+    p = vertices[quads]
+    wanted = np.where(rising, 1.0, -1.0)[:, None] * np.eye(3)[edges.axis[whole]]
+
+    def flatness(cut: int) -> Floats:
+        """How alike, and to the right side, the two triangles along a diagonal face."""
+        a, b, c, d = (p[:, (cut + k) % 4] for k in range(4))
+        one, two = np.cross(b - a, c - a), np.cross(c - a, d - a)
+        lengths = np.linalg.norm(one, axis=1) * np.linalg.norm(two, axis=1)
+        alike = (one * two).sum(axis=1) / np.where(lengths > 0, lengths, 1.0)
+        return alike + np.minimum((one * wanted).sum(axis=1), 0.0) + np.minimum((two * wanted).sum(axis=1), 0.0)
+
+    swap = flatness(1) > flatness(0) + 1e-9
+    quads = np.where(swap[:, None], np.roll(quads, -1, axis=1), quads)
+    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    distinct = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+    return triangles[distinct]
+
+
+# --- how good it is -----------------------------------------------------------------------------------------------------
+
+
+def deviation(tape: Tape, positions: Floats, triangles: Ints) -> tuple[float, float]:
+    """(largest, mean) distance of triangles' middles and edges' middles from the surface: to first order, or to a change of sign that is
+    nearer (where a formula jumps its slope says nothing)."""
+    if not len(triangles):
+        return 0.0, 0.0
+    corners = positions[triangles]
+    places = np.concatenate([corners.mean(axis=1), 0.5 * (corners + np.roll(corners, 1, axis=1)).reshape(-1, 3)])
+    value, gradient = numpy_interpreter.gradients(tape, *places.T)
+    with np.errstate(all="ignore"):
+        off = np.abs(value) / np.linalg.norm(gradient, axis=0)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    normals = np.concatenate([normals, np.repeat(normals, 3, axis=0)])
+    known = np.flatnonzero(np.isfinite(off))
+    order, furthest = known[np.argsort(-off[known], kind="stable")], 0.0
+    for first in range(0, len(order), _LOOKED_AT):  # the farthest ones first, until no other can be farther
+        part = order[first : first + _LOOKED_AT]
+        if off[part[0]] <= furthest:
+            break
+        off[part] = _to_change(tape, places[part], normals[part], off[part])
+        furthest = max(furthest, float(off[part].max()))
+    off = off[known]
+    return (float(off.max()), float(off.mean())) if len(off) else (0.0, 0.0)
+
+
+def _to_change(tape: Tape, places: Floats, normals: Floats, off: Floats) -> Floats:
+    """How far from places, along normals and axes, the field has another sign, within a factor of two; `off` where it has not nearer."""
+    inside, found = _field(tape, places) <= 0, off
+    for k in range(_HALVINGS):
+        size = off * 0.5**k
+        for way in (normals, *np.eye(3)):
+            for step in (size[:, None] * way, -size[:, None] * way):
+                found = np.where((_field(tape, places + step) <= 0) != inside, size, found)
+    return found
+
+
+def open_edges(triangles: Ints) -> int:
+    """Edges that do not have one triangle on either side: 0 for a closed mesh."""
+    sides = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    n = int(triangles.max(initial=0)) + 1
+    there, counts = np.unique(sides[:, 0] * n + sides[:, 1], return_counts=True)
+    back = np.unique(sides[:, 1] * n + sides[:, 0])
+    return int((counts != 1).sum() + len(np.setdiff1d(there, back, assume_unique=True)))

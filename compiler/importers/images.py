@@ -1,0 +1,155 @@
+"""Pictures as textures: any file OpenImageIO reads, from disk or from memory, becomes linear float32 r, g, b, a."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...lang.diagnostics import Span
+
+if TYPE_CHECKING:
+    from ..scene.builder import SceneBuilder
+
+MAX_TEXELS = 1 << 26  # of one picture: 8192 × 8192, 1 GiB
+MAX_ALL_TEXELS = 1 << 27  # of all pictures of a scene
+LARGEST = float(np.finfo(np.float32).max)
+SPACES = ("auto", "srgb", "linear")
+
+
+class ImageError(Exception):
+    """A picture that cannot be read. The span is added by whoever asked."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+
+
+def row(builder: SceneBuilder, path: Path, space: str = "auto", color: bool = True, span: Span | None = None) -> int:
+    """The row of ir.Images with the picture in a file, read once for each space. ImageError if it cannot be read.
+
+    `path` was allowed by Files. `space` "auto": stored as sRGB if it holds whole numbers (8 or 16 bit) and is used as a
+    `color`, linear otherwise. What is odd about it is said of `span`.
+    """
+    return _row(builder, str(path), space, color, lambda: str(path), path.name, span)
+
+
+def row_from_bytes(
+    builder: SceneBuilder, data: bytes, name: str, space: str = "auto", color: bool = True, span: Span | None = None
+) -> int:  # fmt: skip
+    """As `row`, for a picture's file held in memory (of a .usdz or .glb); `name` with its ending tells it from others."""
+    return _row(builder, name, space, color, lambda: data, name, span)
+
+
+def _row(builder: SceneBuilder, key: str, space: str, color: bool, source: Any, name: str, span: Span | None) -> int:
+    space = "linear" if space == "auto" and not color else space
+    limit = min(MAX_TEXELS, MAX_ALL_TEXELS - builder.texels)
+
+    def made() -> int:
+        texels, odd = read(source(), name, space, limit)
+        if odd:
+            message = f"{odd:,} of {texels.shape[0] * texels.shape[1]:,} pixels of the picture `{name}` are infinite or no numbers"
+            hint = f"they are drawn as {LARGEST:.1e} and as 0; half floats end at 65504: write it as float"
+            builder.diagnostics.warning(message, span, hint)
+        return builder.image(texels, key)
+
+    return builder.shared(("image", key, space), made)
+
+
+def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_TEXELS) -> tuple[np.ndarray, int]:
+    """(h, w, 4) float32 linear r, g, b and unassociated alpha, from a path or a file's bytes; how many pixels were not finite.
+
+    Infinite is the largest number, what is none is 0. ImageError if it cannot be read.
+    """
+    import OpenImageIO as oiio
+
+    with _on_disk(source) as path, np.errstate(all="ignore"):
+        config = oiio.ImageSpec()
+        config.attribute("oiio:UnassociatedAlpha", 1)
+        picture = oiio.ImageInput.open(path, config)
+        if picture is None:
+            raise ImageError(f"cannot read the picture `{name}`", _reason(oiio.geterror()))
+        try:
+            spec = picture.spec()
+            if spec.width * spec.height * max(1, spec.depth) > limit:
+                raise ImageError(
+                    f"the picture `{name}` is too big: {spec.width} by {spec.height} pixels",
+                    f"at most {MAX_TEXELS:,} in one and {MAX_ALL_TEXELS:,} in all pictures of a scene",
+                )
+            pixels = picture.read_image(0, 0, 0, min(spec.nchannels, 4), _stored_type(spec))
+            if pixels is None:
+                raise ImageError(f"the picture `{name}` is damaged", _reason(picture.geterror()))
+        finally:
+            picture.close()
+    if pixels.ndim == 4:  # a volume's first slice
+        pixels = pixels[0]
+    texels = _linear(pixels.reshape(spec.height, spec.width, -1), spec, space)
+    odd = int(np.count_nonzero(~np.isfinite(texels).all(axis=2)))
+    return np.nan_to_num(texels, copy=False, nan=0.0, posinf=LARGEST, neginf=0.0), odd
+
+
+def _stored_type(spec: Any) -> str:
+    return {"uint8": "uint8", "uint16": "uint16"}.get(str(spec.format), "float")
+
+
+def _linear(pixels: np.ndarray, spec: Any, space: str) -> np.ndarray:
+    whole = pixels.dtype != np.float32
+    if space == "auto":
+        space = "srgb" if whole else "linear"
+    top = float(np.iinfo(pixels.dtype).max) if whole else 1.0
+    alpha_at = spec.alpha_channel if 0 <= spec.alpha_channel < pixels.shape[2] else -1
+    colors = [c for c in range(pixels.shape[2]) if c != alpha_at][:3]
+    if len(colors) == 2:
+        colors = [*colors, -1]  # two channels and no third: blue is 0
+    made = np.ones((*pixels.shape[:2], 4), dtype=np.float32)
+    table = _decode(np.arange(top + 1) / top, space).astype(np.float32) if whole else None
+    for k in range(3):
+        channel = colors[min(k, len(colors) - 1)] if colors else -1
+        if channel < 0:
+            made[..., k] = 0.0 if colors else 1.0
+        elif table is not None:
+            made[..., k] = table[pixels[..., channel]]
+        else:
+            made[..., k] = _decode(pixels[..., channel], space)
+    if alpha_at >= 0:
+        made[..., 3] = pixels[..., alpha_at] / np.float32(top)
+        if not spec.get_int_attribute("oiio:UnassociatedAlpha", 0):
+            made[..., :3] /= np.where(made[..., 3:] > 0, made[..., 3:], 1.0)
+    return made
+
+
+def _decode(values: np.ndarray, space: str) -> np.ndarray:
+    """sRGB to linear (IEC 61966-2-1), or values as they are."""
+    if space != "srgb":
+        return values
+    return np.where(values <= 0.04045, values / 12.92, ((np.maximum(values, 0.0) + 0.055) / 1.055) ** 2.4)
+
+
+@contextmanager
+def _on_disk(source: str | bytes) -> Iterator[str]:
+    """A path for what may be in memory: a memory file where the system has them, else a temporary one."""
+    if isinstance(source, str):
+        yield source
+    elif hasattr(os, "memfd_create"):
+        handle = os.memfd_create("picture")
+        with os.fdopen(handle, "wb") as file:
+            file.write(source)
+            file.flush()
+            yield f"/proc/self/fd/{handle}"
+    else:
+        with tempfile.NamedTemporaryFile(suffix=".picture") as file:
+            file.write(source)
+            file.flush()
+            yield file.name
+
+
+def _reason(text: str) -> str:
+    """The first line of a library's message, without memory files' names."""
+    line = next((part.strip() for part in text.splitlines() if part.strip()), "")
+    return "" if "/proc/self/fd" in line else line

@@ -1,0 +1,317 @@
+"""Reads MTL material libraries and makes the course's materials of them.
+
+Format: Wavefront's MTL Material Format (Ramey, Rose, Tyerman 1995). Where programs differ from it, these rules hold:
+
+- `d` is opacity and wins over `Tr`. `Tr` is 1 − opacity, but `Tr 1` and `Tr 0` both mean opaque: some programs (MeshLab among
+  them) write opacity there, and nobody writes a thing that cannot be seen.
+- `Ns 0`, or none, has no highlight. `Kd 0 0 0` under a `map_Kd` counts as white. Colours are linear; pictures are sRGB.
+- `Pr`, `Pm`, `Pc` and their maps (Exocortex' PBR extension) make a `principled` material of it. `map_bump` is a height in the mesh's unit,
+  times `-bm`; where its picture's channels differ it is a normal map, as many programs write, and so is `norm`.
+- illum 3, 5 and 8 reflect by `Ks`; 4, 6, 7 and 9 with `Ni` above 1 and a `Kd` of nothing, or `Tf`, are glass. What is half transparent
+  without that is a veil: `Kd` times its opacity, and the rest goes straight through. `map_d` is a picture's opacity: its alpha where
+  it has one, else its first channel; cut-outs, mostly.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ...lang.diagnostics import Diagnostics, Span
+from .. import ir
+from ..io.sandbox import FileError, Files
+from ..scene import metallic_roughness
+from ..scene.builder import NONE, SceneBuilder
+from ..scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, scaled
+from . import images
+
+REFLECTING = (3, 5, 8)
+REFRACTING = (4, 6, 7, 9)
+DEFAULT_KD: Color = (0.8, 0.8, 0.8)
+_COLORS = {"Ka", "Kd", "Ks", "Ke", "Tf"}
+_NUMBERS = {"Ns", "Ni", "d", "Tr", "illum", "sharpness", "Pr", "Pm", "Pc", "Pcr"}
+_MAPS = {"map_Ka": "Ka", "map_Kd": "Kd", "map_Ks": "Ks", "map_Ke": "Ke", "map_Ns": "Ns", "map_d": "d", "map_opacity": "d",
+         "map_bump": "bump", "map_Bump": "bump", "bump": "bump", "norm": "norm", "map_Kn": "norm", "map_Pr": "Pr", "map_Pm": "Pm",
+         "map_RMA": "RMA", "map_ORM": "ORM"}  # fmt: skip
+_PBR = {"Pr", "Pm", "Pc", "RMA", "ORM"}
+DATA = -2
+_PACKED = {"RMA": {"Pr": 0, "Pm": 1}, "ORM": {"Pr": 1, "Pm": 2}}  # which channel of a picture is what
+_NOT_DRAWN = {
+    "map_Tr", "disp", "decal", "refl", "map_refl", "map_aat", "Ps", "aniso", "anisor", "map_Ps",
+}  # fmt: skip
+_OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-texres": 1, "-imfchan": 1, "-type": 1, "-bm": 1, "-boost": 1, "-mm": 2}
+_VECTOR_OPTIONS = ("-s", "-o", "-t")
+_CHANNELS = {"r": 0, "g": 1, "b": 2, "m": 3, "l": -1, "z": -1}
+
+
+@dataclass(slots=True)
+class MapReference:
+    """A picture as a map_… line names it. uv' = scale · uv + offset; value = gain · texel + base."""
+
+    file: str
+    span: Span
+    scale: tuple[float, float] = (1.0, 1.0)
+    offset: tuple[float, float] = (0.0, 0.0)
+    clamp: bool = False
+    channel: int = -1
+    base: float = 0.0
+    gain: float = 1.0
+    height: float = 1.0  # -bm of a bump map
+
+
+@dataclass(slots=True)
+class MtlMaterial:
+    name: str
+    span: Span
+    folder: Path | None
+    colors: dict[str, Color] = field(default_factory=dict)
+    numbers: dict[str, float] = field(default_factory=dict)
+    maps: dict[str, MapReference] = field(default_factory=dict)
+
+    @property
+    def opacity(self) -> float:
+        """See the rules at the top."""
+        opaque = self.numbers.get("d", 1.0 if self.numbers.get("Tr", 0.0) in (0.0, 1.0) else 1.0 - self.numbers["Tr"])
+        return min(max(opaque, 0.0), 1.0)
+
+
+def parse(data: bytes, file: str, folder: Path | None, diagnostics: Diagnostics) -> dict[str, MtlMaterial]:
+    """The materials of a library by name. Malformed lines are warnings: the rest of the material counts."""
+    text = data.decode("utf-8-sig", errors="replace").replace("\r\n", "\n").replace("\r", "\n")
+    found: dict[str, MtlMaterial] = {}
+    current: MtlMaterial | None = None
+    warned: set[str] = set()
+    for number, line in enumerate(text.split("\n"), 1):
+        words = line.split(maxsplit=1)
+        if not words or words[0].startswith("#"):
+            continue
+        keyword, rest = words[0], words[1].strip() if len(words) > 1 else ""
+        start = line.index(keyword) + 1
+        span = Span(file, number, start, number, len(line.rstrip()) + 1)
+        if keyword == "newmtl":
+            current = found[rest] = MtlMaterial(rest, span, folder)
+            continue
+        message = "" if current is not None else f"`{keyword}` stands before the first `newmtl`"
+        message = message or _line(current, keyword, rest, span)  # type: ignore[arg-type]
+        if message and message not in warned:
+            warned.add(message)
+            diagnostics.warning(message, span)
+    return found
+
+
+def _line(material: MtlMaterial, keyword: str, rest: str, span: Span) -> str:
+    """Takes one line in; what is wrong with it, or ""."""
+    if keyword in _COLORS:
+        color = _color(rest)
+        if color is None:
+            return f"`{keyword}` wants three numbers (spectra and CIE XYZ are not read)"
+        material.colors[keyword] = color
+    elif keyword in _NUMBERS:
+        number = _number(rest.split("#")[0].replace("-halo", "").strip())
+        if number is None:
+            return f"`{keyword}` wants a number"
+        material.numbers[keyword] = number
+    elif keyword in _MAPS:
+        reference, problem = map_reference(rest, span)
+        if reference is not None:
+            material.maps[_MAPS[keyword]] = reference
+        return f"`{keyword}`: {problem}" if problem else ""
+    elif keyword in _NOT_DRAWN:
+        return f"`{keyword}` is not drawn"
+    else:
+        return f"MTL has no keyword `{keyword[:40]}`: the line is left out"
+    return ""
+
+
+def _number(text: str) -> float | None:
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def _color(text: str) -> Color | None:
+    numbers = [_number(w) for w in text.split("#")[0].split()]
+    if len(numbers) == 1:
+        numbers *= 3
+    if len(numbers) < 3 or any(n is None for n in numbers[:3]):
+        return None
+    return (float(numbers[0] or 0), float(numbers[1] or 0), float(numbers[2] or 0))
+
+
+def map_reference(text: str, span: Span) -> tuple[MapReference | None, str]:
+    """A map_… line's options and file name (which may hold blanks), and what is wrong with them or ""."""
+    made = MapReference("", span)
+    problem = ""
+    while text.startswith("-"):
+        words = text.split()
+        option = words[0]
+        count = _OPTIONS.get(option, 0)
+        if option in _VECTOR_OPTIONS:
+            count = next((k for k in range(3) if k + 1 >= len(words) or _number(words[k + 1]) is None), 3)
+        if not count or len(words) <= count + 1:
+            return None, f"no file name follows the option `{option}`" if count else f"the option `{option}` is not known"
+        problem = problem or _option(made, option, words[1 : count + 1])
+        text = text.split(maxsplit=count + 1)[-1]
+    made.file = text.strip().strip('"')
+    return (made, problem) if made.file else (None, "no file name")
+
+
+def _option(made: MapReference, option: str, words: list[str]) -> str:
+    numbers = [_number(w) for w in words]
+    if option in ("-s", "-o", "-mm", "-t", "-bm", "-boost") and any(n is None for n in numbers):
+        return f"the option `{option}` wants numbers"
+    values = [n or 0.0 for n in numbers]
+    if option == "-s":
+        made.scale = (values[0], values[1] if len(values) > 1 else 1.0)
+    elif option == "-o":
+        made.offset = (values[0], values[1] if len(values) > 1 else 0.0)
+    elif option == "-mm":
+        made.base, made.gain = values
+    elif option == "-clamp":
+        made.clamp = words[0] == "on"
+    elif option == "-imfchan":
+        made.channel = _CHANNELS.get(words[0], -1)
+    elif option == "-bm":
+        made.height = values[0]
+    elif option in ("-t", "-boost"):
+        return f"the option `{option}` is not drawn"
+    return ""
+
+
+def find(name: str, folder: Path | None, files: Files, what: str) -> Path:
+    """The file that an OBJ or MTL file means by `name`: as written, with its back-slashes turned, in other case, or by its last part
+    beside the file that names it. FileError where there is none."""
+    turned = name.replace("\\", "/").strip()
+    failure: FileError | None = None
+    for tried in dict.fromkeys((turned, turned.rsplit("/", 1)[-1])):
+        for spelled in (lambda t: t, lambda t: _other_case(t, folder or files.root)):
+            try:
+                return files.find(spelled(tried), folder, what)
+            except FileError as e:
+                failure = failure or e
+    raise failure or FileError(f"there is no {what} `{name}`")
+
+
+def _other_case(name: str, folder: Path) -> str:
+    """The name as the disk spells it, where only upper and lower case differ."""
+    at, spelled = folder, []
+    for part in name.split("/"):
+        if part not in ("", ".", "..") and not (at / part).exists() and at.is_dir():
+            part = next((p.name for p in at.iterdir() if p.name.lower() == part.lower()), part)
+        spelled.append(part)
+        at = at / part
+    return "/".join(spelled)
+
+
+def row(material: MtlMaterial, builder: SceneBuilder, files: Files, diagnostics: Diagnostics) -> int:
+    """The builder's row of a material. A picture that cannot be read is a warning, and its colour alone counts."""
+
+    def texture(key: str, color: bool = True, channel: int = NONE) -> int:
+        reference = material.maps.get(key)
+        return -1 if reference is None else _texture(reference, material.folder, color, channel, builder, files, diagnostics)
+
+    return builder.material(_data(material, texture, builder), material.span)
+
+
+def _data(m: MtlMaterial, texture: Callable[..., int], builder: SceneBuilder) -> MaterialData:
+    inputs = _maps(m, texture, builder)
+    illum = int(m.numbers.get("illum", 2))
+    opacity, ior = m.opacity, m.numbers.get("Ni", 1.0)
+    if "d" in m.maps:
+        map_d = texture("d", color=False)
+        channel = builder.alpha_of(map_d) if m.maps["d"].channel < 0 else NONE
+        inputs[ir.Slot.OPACITY] = Input.number(1.0, channel if channel != NONE else map_d)
+    map_kd = texture("Kd")
+    kd = m.colors.get("Kd", WHITE if map_kd >= 0 else DEFAULT_KD)
+    if map_kd >= 0 and kd == BLACK:
+        kd = WHITE
+    ka = m.colors.get("Ka", kd)
+    ks = m.colors.get("Ks", BLACK)
+    tint = m.colors.get("Tf", WHITE)
+    if illum in REFRACTING and ior > 1.0 and (kd == BLACK or "Tf" in m.colors) and (opacity < 1.0 or kd == BLACK):
+        inputs |= {ir.Slot.TRANSMISSION: Input(tint), ir.Slot.IOR: Input.number(ior)}
+        return MaterialData(ir.MaterialModel.GLASS, inputs, name=m.name)
+    if illum in REFLECTING and kd == BLACK and ks != BLACK:
+        return MaterialData(ir.MaterialModel.MIRROR, inputs | {ir.Slot.REFLECTION: Input(ks, texture("Ks"))}, name=m.name)
+    emissive = metallic_roughness.DARK
+    if "Ke" in m.colors or "Ke" in m.maps:
+        map_ke = texture("Ke")
+        ke = m.colors.get("Ke", WHITE)
+        emissive = Input(WHITE if map_ke >= 0 and ke == BLACK else ke, map_ke)
+    if not _PBR.isdisjoint({*m.numbers, *m.maps}):
+        return _principled(m, texture, Input(kd, map_kd), emissive, opacity, inputs)
+    inputs[ir.Slot.DIFFUSE] = Input(scaled(kd, opacity), map_kd)
+    map_ka = texture("Ka")
+    inputs[ir.Slot.AMBIENT] = Input(scaled(ka, opacity), map_ka if map_ka >= 0 else map_kd)
+    if emissive != metallic_roughness.DARK:
+        inputs[ir.Slot.EMISSION] = emissive
+    model = ir.MaterialModel.LAMBERT
+    if illum >= 2 and m.numbers.get("Ns", 0.0) > 0 and (ks != BLACK or "Ks" in m.maps):
+        model = ir.MaterialModel.BLINN_PHONG
+        inputs[ir.Slot.SPECULAR] = Input(ks, texture("Ks"))
+        inputs[ir.Slot.SHININESS] = Input.number(m.numbers["Ns"], texture("Ns", color=False))
+    if illum in REFLECTING and ks != BLACK:
+        model = ir.MaterialModel.BLINN_PHONG
+        inputs[ir.Slot.REFLECTION] = Input(ks, texture("Ks"))
+    if opacity < 1.0:
+        model = ir.MaterialModel.BLINN_PHONG
+        inputs[ir.Slot.TRANSMISSION] = Input(scaled(tint, 1.0 - opacity))
+        inputs[ir.Slot.IOR] = Input.number(1.0)
+    return MaterialData(model, inputs, name=m.name)
+
+
+def _principled(
+    m: MtlMaterial, texture: Callable[..., int], diffuse: Input, emissive: Input, opacity: float, inputs: dict[ir.Slot, Input]
+) -> MaterialData:
+    """A material with keys of the PBR extension."""
+
+    def number(key: str, plain: float) -> Input:
+        packed, channel = next(((name, parts[key]) for name, parts in _PACKED.items() if name in m.maps and key in parts), (key, -1))
+        row = texture(packed, color=False, channel=channel)
+        return Input.number(m.numbers.get(key, 1.0 if row >= 0 else plain), row)
+
+    surface = metallic_roughness.Surface(
+        diffuse, number("Pm", 0.0), number("Pr", 0.5), Input.number(m.numbers.get("Ni", 1.5)), None, emissive, number("Pc", 0.0),
+        number("Pcr", 0.01), opacity=opacity, holes=inputs.get(ir.Slot.OPACITY), normal=inputs.get(ir.Slot.NORMAL),
+        bump=inputs.get(ir.Slot.BUMP), name=m.name,
+    )  # fmt: skip
+    return metallic_roughness.material(surface)
+
+
+def _maps(m: MtlMaterial, texture: Callable[..., int], builder: SceneBuilder) -> dict[ir.Slot, Input]:
+    """What turns a material's normals."""
+    for key in ("norm", "bump"):
+        row = texture(key, color=False)
+        if row >= 0 and (key == "norm" or builder.channels_differ(row)):
+            whole = texture(key, color=False, channel=DATA)
+            return {ir.Slot.NORMAL: Input(WHITE, builder.with_levels(whole, scaled(WHITE, 2.0), scaled(WHITE, -1.0)))}
+        if row >= 0:
+            return {ir.Slot.BUMP: Input.number(m.maps[key].height, row)}
+    return {}
+
+
+def _texture(
+    reference: MapReference, folder: Path | None, color: bool, channel: int, builder: SceneBuilder, files: Files, diagnostics: Diagnostics
+) -> int:
+    """The row of a picture: a colour, a number out of the channel that the file says, or else `channel`, or all of them as DATA."""
+    if folder is None:
+        diagnostics.warning(f"the picture `{reference.file}` is not read: its mesh has no folder", reference.span)
+        return -1
+    try:
+        picture = images.row(builder, find(reference.file, folder, files, "picture"), color=color, span=reference.span)
+    except (FileError, images.ImageError) as failure:
+        diagnostics.warning(failure.message, reference.span, failure.hint)
+        return -1
+    wrap = ir.Wrap.CLAMP if reference.clamp else ir.Wrap.REPEAT
+    frame = ((reference.scale[0], 0.0, reference.offset[0]), (0.0, reference.scale[1], reference.offset[1]))
+    if channel == NONE or reference.channel >= 0:
+        channel = reference.channel if reference.channel >= 0 or color else 0
+    made = TextureData(
+        ir.TextureKind.IMAGE, picture, wrap_u=wrap, wrap_v=wrap, channel=max(channel, -1), frame=frame,
+        gain=scaled(WHITE, reference.gain), bias=scaled(WHITE, reference.base),
+    )  # fmt: skip
+    return builder.texture(made, reference.span)

@@ -1,0 +1,213 @@
+"""Reads OBJ files: faces of any shape, groups of faces by material, smoothing groups, vertex colours.
+
+Format: Wavefront's Object Files, version 3.0 (Appendix B1 of the Advanced Visualizer manual), as written by today's programs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...lang.diagnostics import Diagnostics, Span
+from .. import ir
+from ..mesh.polygon_mesh import PolyMesh
+from ..scene.row_records import MeshAttribute
+from . import obj_lexer
+
+_CURVES = frozenset(
+    "vp cstype deg bmat step curv curv2 surf parm trim hole scrv sp end con bsp bzp cdc cdp res mg ctech stech shadow_obj trace_obj "
+    "call csh maplib usemap c_interp d_interp lod bevel".split()
+)
+_POINTS_AND_LINES = {"p": "points", "l": "lines"}
+
+
+@dataclass(slots=True)
+class ObjMesh:
+    """What an OBJ file holds. `materials[k]` is the name that faces with material[f] = k ask for, "" for none."""
+
+    mesh: PolyMesh
+    material: np.ndarray  # (f,) rows of materials
+    materials: list[str]
+    libraries: list[tuple[str, Span]]
+    uses: dict[str, Span]  # where each material is first asked for
+
+
+@dataclass(slots=True)
+class _Problems:
+    """Says each kind of trouble once, at its first line, with how many more there are."""
+
+    file: str
+    diagnostics: Diagnostics
+    found: dict[tuple[str, str], list[tuple[int, str]]] = field(default_factory=dict)
+
+    def add(self, severity: str, kind: str, line: int, message: str) -> None:
+        self.found.setdefault((severity, kind), []).append((line, message))
+
+    def report(self) -> None:
+        for (severity, _), places in sorted(self.found.items(), key=lambda item: item[1][0][0]):
+            line, message = places[0]
+            more = len({at for at, _ in places}) - 1
+            also = f"; so {'is' if more == 1 else 'are'} {more} more line{'s' if more > 1 else ''}" if more else ""
+            (self.diagnostics.error if severity == "error" else self.diagnostics.warning)(message + also, Span(self.file, line, 1, line, 1))
+
+
+def read(data: bytes, file: str, diagnostics: Diagnostics) -> ObjMesh | None:
+    """The mesh of an OBJ file's text, or None and an error where there is none to be had. `file` is the name to show."""
+    lines = obj_lexer.split(data)
+    problems = _Problems(file, diagnostics)
+    found = _read(lines, file, problems)
+    problems.report()
+    return found
+
+
+def _read(lines: obj_lexer.Lines, file: str, problems: _Problems) -> ObjMesh | None:
+    def malformed(line: int, message: str) -> None:
+        problems.add("error", "malformed", line, f"malformed line: {message}")
+
+    if not np.isin(lines.keys, (0, 3)).any():
+        problems.diagnostics.error("this is no OBJ file: it has neither vertices nor faces", Span(file))
+        return None
+    points, tints = _vertices(*obj_lexer.numbers(lines, 0, 3, malformed))
+    uv_values = _columns(*obj_lexer.numbers(lines, 1, 1, malformed), width=2)
+    normal_values = _columns(*obj_lexer.numbers(lines, 2, 3, malformed), width=3)
+    faces = obj_lexer.faces(lines, malformed)
+    state = _State.read(lines, file, problems)
+    corners, counts, kept = _resolved(lines, faces, (points, uv_values, normal_values), problems)
+    if not len(counts):
+        if not any(severity == "error" for severity, _ in problems.found):
+            problems.diagnostics.error("the OBJ file has no faces that can be drawn", Span(file), "a face is a line like `f 1 2 3`")
+        return None
+    rows = faces.rows[kept]
+    mesh = PolyMesh(
+        points, counts, corners[:, 0],
+        _by_corner(normal_values, corners[:, 2], missing=0.0), _by_corner(uv_values, corners[:, 1], missing=0.0),
+        None if tints is None else MeshAttribute(tints), state.at(state.smoothing, rows) if state.smoothing else None,
+    )  # fmt: skip
+    asked = state.at(state.material, rows) if state.material else np.zeros(len(rows), dtype=np.int64)
+    return ObjMesh(mesh, asked, state.names, state.libraries, state.uses)
+
+
+@dataclass(slots=True)
+class _State:
+    """What the lines between the faces say; each list holds (row of Lines, value from there on)."""
+
+    names: list[str] = field(default_factory=lambda: [""])
+    material: list[tuple[int, int]] = field(default_factory=list)
+    smoothing: list[tuple[int, int]] = field(default_factory=list)
+    libraries: list[tuple[str, Span]] = field(default_factory=list)
+    uses: dict[str, Span] = field(default_factory=dict)
+
+    @staticmethod
+    def at(events: list[tuple[int, int]], rows: np.ndarray) -> np.ndarray:
+        """The value in force at each of `rows`; 0 before the first."""
+        where = np.array([row for row, _ in events])
+        values = np.array([0] + [value for _, value in events], dtype=np.int64)
+        return values[np.searchsorted(where, rows)]
+
+    @classmethod
+    def read(cls, lines: obj_lexer.Lines, file: str, problems: _Problems) -> _State:
+        state = cls()
+        numbered = {"": 0}
+        for row, keyword, rest in obj_lexer.others(lines):
+            line = int(lines.numbers[row])
+            if keyword == "usemtl":
+                if rest not in numbered:
+                    numbered[rest] = len(state.names)
+                    state.names.append(rest)
+                    state.uses[rest] = Span(file, line, 1, line, len("usemtl ") + len(rest) + 1)
+                state.material.append((row, numbered[rest]))
+            elif keyword == "mtllib":
+                state.libraries.append((rest, Span(file, line, 1, line, len("mtllib ") + len(rest) + 1)))
+            elif keyword == "s":
+                state.smoothing.append((row, int(rest) if rest.isdecimal() and len(rest) < 10 else 0))
+            elif keyword in _POINTS_AND_LINES:
+                problems.add("warning", keyword, line, f"{_POINTS_AND_LINES[keyword]} (`{keyword}`) are not drawn")
+            elif keyword in _CURVES:
+                problems.add("warning", keyword, line, f"`{keyword}` (free-form curves and display attributes) is not drawn")
+            elif keyword not in ("o", "g"):
+                shown = keyword[:40]
+                problems.add("error", "malformed", line, f"malformed line: OBJ has no keyword `{shown}`")
+        return state
+
+
+def _vertices(values: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+    """Points (n, 3), and linear colours (n, 3) where `v x y z r g b` gives some (sRGB, as programs that paint vertices write them)."""
+    points = _columns(values, counts, 3)
+    tinted = (counts == 6) | (counts == 7)
+    if not tinted.any():
+        return points, None
+    firsts = np.cumsum(counts) - counts
+    tints = np.ones((len(counts), 3))
+    tints[tinted] = values[firsts[tinted][:, None] + np.arange(3, 6)]
+    if np.nanmax(tints) > 1:  # written as 0 to 255
+        tints[tinted] /= 255.0
+    return points, linear(tints)
+
+
+def linear(tints: np.ndarray) -> np.ndarray:
+    """Linear colours from sRGB ones, clipped to 0…1."""
+    clipped = np.clip(np.nan_to_num(tints), 0.0, 1.0)
+    return np.where(clipped <= 0.04045, clipped / 12.92, ((clipped + 0.055) / 1.055) ** 2.4)
+
+
+def _columns(values: np.ndarray, counts: np.ndarray, width: int) -> np.ndarray:
+    """(n, width): the first numbers of each line, 0 where a line has fewer."""
+    if len(counts) and (counts == counts[0]).all():
+        table = values.reshape(-1, counts[0])[:, :width]
+        return np.pad(table, ((0, 0), (0, width - table.shape[1])))
+    firsts = np.cumsum(counts) - counts
+    table = np.zeros((len(counts), width))
+    for k in range(width):
+        there = counts > k
+        table[there, k] = values[firsts[there] + k]
+    return table
+
+
+def _resolved(
+    lines: obj_lexer.Lines, faces: obj_lexer.Faces, values: tuple[np.ndarray, ...], problems: _Problems
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Corners as rows from 0 (−1: not written), corner counts, and which faces were kept.
+
+    A face is left out if one of its vertices does not exist or is not finite; a texture coordinate or normal that does not is as if
+    not written. Negative indices count back from what the file had given so far.
+    """
+    face_of = np.repeat(np.arange(len(faces.rows)), faces.counts)
+    corners = np.full_like(faces.corners, -1)
+    bad_face = np.zeros(len(faces.rows), dtype=bool)
+    for k, (key, what) in enumerate(((0, "vertex"), (1, "texture coordinate"), (2, "normal"))):
+        written = faces.corners[:, k]
+        given = np.cumsum(lines.keys == key)[faces.rows][face_of]
+        rows = np.where(written > 0, written - 1, given + written)
+        bad = (written != obj_lexer.NONE) & ((rows < 0) | (rows >= len(values[k]))) & (written != obj_lexer.BAD)
+        if k == 0:
+            bad |= written == obj_lexer.NONE
+        rows[(written == obj_lexer.NONE) | bad | (written == obj_lexer.BAD)] = -1
+        corners[:, k] = rows
+        for at in np.flatnonzero(bad):
+            line = int(lines.numbers[faces.rows[face_of[at]]])
+            effect = "the face is left out" if k == 0 else "the face is drawn without"
+            problems.add("warning", what, line, f"there is no {what} {written[at]} (the file has {len(values[k])}): {effect}")
+        if k == 0:
+            bad_face[face_of[(rows < 0)]] = True
+    finite = np.asarray(np.isfinite(values[0]).all(axis=1))
+    for at in np.flatnonzero((corners[:, 0] >= 0) & ~finite[corners[:, 0]]) if not finite.all() else ():
+        bad_face[face_of[at]] = True
+        if ("error", "malformed") in problems.found:
+            continue  # said already
+        line = int(lines.numbers[faces.rows[face_of[at]]])
+        problems.add("warning", "finite", line, f"vertex {corners[at, 0] + 1} of this face is not finite: the face is left out")
+    for at in np.flatnonzero(faces.counts < 3):
+        line = int(lines.numbers[faces.rows[at]])
+        problems.add("warning", "short", line, f"a face needs 3 corners or more, this one has {faces.counts[at]}: it is left out")
+    kept = ~bad_face & (faces.counts >= 3)
+    return corners[kept[face_of]], faces.counts[kept], np.flatnonzero(kept)
+
+
+def _by_corner(values: np.ndarray, rows: np.ndarray, missing: float) -> MeshAttribute | None:
+    """Values at corners; `missing` where a corner has none; None where no corner has one."""
+    if not len(values) or not (rows >= 0).any():
+        return None
+    taken = values[rows]
+    taken[rows < 0] = missing
+    return MeshAttribute(np.clip(np.nan_to_num(taken), -1e30, 1e30).astype(np.float32), ir.Interpolation.CORNER)

@@ -1,0 +1,27 @@
+"""Reads OFF files, through trimesh: the mesh format without materials, outlines or packages that a general reader keeps whole."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+
+from ..mesh.polygon_mesh import PolyMesh
+
+
+class OffError(Exception):
+    """An OFF file that cannot be read."""
+
+
+def read(data: bytes) -> PolyMesh:
+    """The mesh of an OFF file, its faces cut into triangles; OffError if there is none."""
+    import trimesh
+
+    try:
+        mesh = trimesh.load_mesh(io.BytesIO(data), file_type="off", process=False)
+        points, faces = np.array(mesh.vertices, np.float64), np.array(mesh.faces, np.int64)
+    except Exception as failure:  # its parser raises whatever it meets
+        raise OffError(f"the OFF file cannot be read: {failure}") from None
+    if points.ndim != 2 or points.shape[1] != 3 or faces.ndim != 2 or not len(faces):
+        raise OffError("the OFF file holds no faces")
+    return PolyMesh(points, np.full(len(faces), 3), faces.reshape(-1))

@@ -1,0 +1,242 @@
+"""Reads PLY files, ASCII and binary: polygons, normals, texture coordinates and colours of vertices or faces.
+
+Format: the Stanford Polygon File Format (Turk 1994); property names as today's programs write them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ...lang.diagnostics import Diagnostics, Span
+from .. import ir
+from ..mesh.polygon_mesh import PolyMesh
+from ..scene.row_records import MeshAttribute
+from .obj import linear
+
+_TYPES = {
+    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2",
+    "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
+}  # fmt: skip
+_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
+_UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
+MAX_HEADER = 1 << 16
+
+
+class PlyError(Exception):
+    """A PLY file that cannot be read."""
+
+
+@dataclass(slots=True)
+class _Element:
+    """`properties` are (name, type, type of the count or "" for a scalar)."""
+
+    name: str
+    count: int
+    properties: list[tuple[str, str, str]] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class _Data:
+    """Scalars by name (n,), lists by name as (counts (n,), values)."""
+
+    scalars: dict[str, np.ndarray] = field(default_factory=dict)
+    lists: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+
+
+def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
+    """The mesh of a PLY file. PlyError if there is none to be had; faces with bad indices are left out with a warning."""
+    order, elements, body = _header(data)
+    with np.errstate(all="ignore"):
+        found = _ascii(body, elements) if order == "ascii" else _binary(body, elements, _ORDERS[order])
+    vertices, faces = found.get("vertex"), found.get("face")
+    if vertices is None or any(axis not in vertices.scalars for axis in "xyz"):
+        raise PlyError("the PLY file has no vertices with x, y and z")
+    listed = next((faces.lists[n] for n in ("vertex_indices", "vertex_index") if n in faces.lists), None) if faces else None
+    if faces is None or listed is None or not len(listed[0]):
+        raise PlyError("the PLY file has no faces: clouds of points and triangle strips are not drawn")
+    points = _stacked(vertices, "xyz")
+    assert points is not None
+    counts, indices = listed[0], listed[1].astype(np.int64)
+    owner = np.repeat(np.arange(len(counts)), counts)
+    sound = np.asarray(np.isfinite(points).all(axis=1))
+    inside = (indices >= 0) & (indices < len(points))
+    bad = ~inside
+    bad[inside] = ~sound[indices[inside]]
+    kept = np.ones(len(counts), dtype=bool)
+    kept[owner[bad]] = False
+    if not kept.all():
+        lost = int(np.count_nonzero(~kept))
+        diagnostics.warning(f"{lost} of {len(kept)} faces use vertices that do not exist or are not finite: they are left out", span)
+    return _mesh(points, counts, indices, kept, owner, vertices, faces)
+
+
+def _mesh(
+    points: np.ndarray, counts: np.ndarray, indices: np.ndarray, kept: np.ndarray, owner: np.ndarray, vertices: _Data, faces: _Data
+) -> PolyMesh:
+    uvs = next((uv for names in _UV_NAMES if (uv := _stacked(vertices, names)) is not None), None)
+    uv = None if uvs is None else MeshAttribute(np.nan_to_num(uvs))
+    corner_uvs = faces.lists.get("texcoord")
+    if corner_uvs is not None and np.array_equal(corner_uvs[0], 2 * counts):
+        uv = MeshAttribute(np.nan_to_num(corner_uvs[1].reshape(-1, 2)[kept[owner]]), ir.Interpolation.CORNER)
+    color = _colors(vertices)
+    tint = None if color is None else MeshAttribute(color)
+    if tint is None and (color := _colors(faces)) is not None:
+        tint = MeshAttribute(color[kept], ir.Interpolation.FACE)
+    normals = _stacked(vertices, ("nx", "ny", "nz"))
+    normal = None if normals is None else MeshAttribute(normals)
+    return PolyMesh(points, counts[kept], indices[kept[owner]], normal, uv, tint)
+
+
+def _stacked(data: _Data, names: Any) -> np.ndarray | None:
+    if any(name not in data.scalars for name in names):
+        return None
+    return np.stack([data.scalars[name].astype(np.float64) for name in names], axis=1)
+
+
+def _colors(data: _Data) -> np.ndarray | None:
+    """Linear colours from red, green and blue: sRGB, whole numbers to 255 (65535) or floats to 1."""
+    names = next((n for n in (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue")) if n[0] in data.scalars), None)
+    tints = _stacked(data, names) if names else None
+    if names is None or tints is None:
+        return None
+    kind = data.scalars[names[0]].dtype
+    return linear(tints / np.iinfo(kind).max if kind.kind in "iu" else tints)
+
+
+def _header(data: bytes) -> tuple[str, list[_Element], bytes]:
+    end = data.find(b"end_header", 0, MAX_HEADER)
+    if not data.startswith(b"ply") or end < 0:
+        raise PlyError("this is no PLY file: it does not begin with a PLY header")
+    body = data[end + len(b"end_header") :]
+    body = body.removeprefix(b"\r").removeprefix(b"\n") if body[:2] != b"\r\n" else body[2:]
+    order, elements = "", []
+    for line in data[:end].decode("latin-1").splitlines()[1:]:
+        words = line.split()
+        if not words or words[0] in ("comment", "obj_info"):
+            continue
+        if words[0] == "format" and len(words) > 1:
+            order = words[1]
+        elif words[0] == "element" and len(words) == 3 and words[2].isdecimal():
+            elements.append(_Element(words[1], int(words[2])))
+        elif words[0] == "property" and elements and len(words) == 3 and words[1] in _TYPES:
+            elements[-1].properties.append((words[2], _TYPES[words[1]], ""))
+        elif words[0] == "property" and elements and len(words) == 5 and words[1] == "list" and {words[2], words[3]} <= set(_TYPES):
+            elements[-1].properties.append((words[4], _TYPES[words[3]], _TYPES[words[2]]))
+        else:
+            raise PlyError(f"the PLY header has a line that says nothing: `{line[:60]}`")
+    if order not in _ORDERS:
+        raise PlyError(f"the PLY file has no format that is known: `{order}`")
+    return order, elements, body
+
+
+def _binary(body: bytes, elements: list[_Element], order: str) -> dict[str, _Data]:
+    found, at = {}, 0
+    for element in elements:
+        if not element.properties:
+            continue
+        data, at = _rows_alike(body, at, element, order) or _rows_one_by_one(body, at, element, order)
+        found[element.name] = data
+    return found
+
+
+def _rows_alike(body: bytes, at: int, element: _Element, order: str) -> tuple[_Data, int] | None:
+    """All rows at once, if the lists of all rows are as long as those of the first; else None."""
+    fields: list[Any] = []
+    offset = at
+    for name, kind, counted in element.properties:
+        if counted:
+            size = np.dtype(order + counted).itemsize
+            if element.count and offset + size > len(body):
+                return None
+            length = int(np.frombuffer(body, order + counted, 1, offset)[0]) if element.count else 0
+            if not 0 <= length <= 1 << 16:
+                return None
+            fields += [(f"#{name}", order + counted), (name, order + kind, (length,))]
+            offset += size + length * np.dtype(kind).itemsize
+        else:
+            fields.append((name, order + kind))
+            offset += np.dtype(kind).itemsize
+    try:
+        row = np.dtype(fields)
+    except ValueError:
+        raise PlyError(f"the PLY element `{element.name}` has two properties of one name") from None
+    if row.itemsize * element.count > len(body) - at:
+        return None
+    table = np.frombuffer(body, row, element.count, at)
+    data = _Data()
+    for name, _, counted in element.properties:
+        if not counted:
+            data.scalars[name] = table[name].astype(table[name].dtype.newbyteorder("="))
+            continue
+        counts = table[f"#{name}"].astype(np.int64)
+        if element.count and (counts != counts[0]).any():
+            return None
+        data.lists[name] = (counts, table[name].reshape(-1))
+    return data, at + row.itemsize * element.count
+
+
+def _rows_one_by_one(body: bytes, at: int, element: _Element, order: str) -> tuple[_Data, int]:
+    values: dict[str, list[Any]] = {name: [] for name, _, _ in element.properties}
+    types = [(name, np.dtype(order + kind), np.dtype(order + counted) if counted else None) for name, kind, counted in element.properties]
+    try:
+        for _ in range(element.count):
+            for name, kind, counted in types:
+                length = 1
+                if counted is not None:
+                    length = int(np.frombuffer(body, counted, 1, at)[0])
+                    at += counted.itemsize
+                values[name].append(np.frombuffer(body, kind, length, at))
+                at += kind.itemsize * length
+    except ValueError:
+        raise PlyError(f"the PLY file ends in the middle of its `{element.name}` rows") from None
+    return _gathered(element, values), at
+
+
+def _ascii(body: bytes, elements: list[_Element]) -> dict[str, _Data]:
+    """Rows of numbers, one a line in principle; read as one stream, as many as each element's properties say."""
+    try:
+        stream = np.array(body.split(), dtype=np.float64)
+    except ValueError:
+        raise PlyError("the PLY file has something among its numbers that is no number") from None
+    found, at = {}, 0
+    for element in elements:
+        if not any(counted for _, _, counted in element.properties):
+            width = len(element.properties)
+            table = stream[at : at + width * element.count]
+            if len(table) < width * element.count:
+                raise PlyError(f"the PLY file ends in the middle of its `{element.name}` rows")
+            columns = table.reshape(element.count, width)
+            found[element.name] = _Data({name: _typed(columns[:, k], kind) for k, (name, kind, _) in enumerate(element.properties)})
+            at += width * element.count
+            continue
+        values: dict[str, list[Any]] = {name: [] for name, _, _ in element.properties}
+        for _ in range(element.count):
+            for name, _, counted in element.properties:
+                length = 1
+                if counted and at < len(stream):
+                    length = int(min(max(np.nan_to_num(stream[at]), 0), len(stream)))
+                    at += 1
+                if at + length > len(stream):
+                    raise PlyError(f"the PLY file ends in the middle of its `{element.name}` rows")
+                values[name].append(stream[at : at + length])
+                at += length
+        found[element.name] = _gathered(element, values)
+    return found
+
+
+def _gathered(element: _Element, values: dict[str, list[Any]]) -> _Data:
+    data = _Data()
+    for name, kind, counted in element.properties:
+        joined = _typed(np.concatenate(values[name]) if values[name] else np.zeros(0), kind)
+        if counted:
+            data.lists[name] = (np.array([len(v) for v in values[name]], dtype=np.int64), joined)
+        else:
+            data.scalars[name] = joined
+    return data
+
+
+def _typed(values: np.ndarray, kind: str) -> np.ndarray:
+    return (np.nan_to_num(values) if kind[0] in "iu" else values).astype(kind)

@@ -1,0 +1,53 @@
+"""Reads STL files, binary and ASCII: a soup of triangles whose equal corners are welded into vertices."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from ..mesh.polygon_mesh import PolyMesh
+
+_VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
+_ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_HEADER = 84
+
+
+class StlError(Exception):
+    """An STL file that cannot be read."""
+
+
+def read(data: bytes) -> PolyMesh:
+    """The mesh of an STL file; StlError if there is none. Winding gives the outside, the normals written are not used."""
+    corners = _binary(data)
+    if corners is None:
+        corners = _ascii(data)
+    corners = corners[np.isfinite(corners).all(axis=(1, 2))]
+    points, rows = np.unique(corners.reshape(-1, 3) + 0.0, axis=0, return_inverse=True)
+    return PolyMesh(points, np.full(len(corners), 3), rows.reshape(-1))
+
+
+def _binary(data: bytes) -> np.ndarray | None:
+    """(t, 3, 3), or None if the length is not what a binary file of that many triangles has (some ASCII files fit nothing else)."""
+    if len(data) < _HEADER:
+        return None
+    count = int(np.frombuffer(data, "<u4", 1, 80)[0])
+    room = (len(data) - _HEADER) // _ROW.itemsize
+    if count > room or (data[:5].lower() == b"solid" and count != room):
+        if data[:5].lower() == b"solid":
+            return None
+        raise StlError(f"the STL file ends early: it promises {count} triangles and holds {room}")
+    with np.errstate(invalid="ignore"):  # signalling NaN
+        return np.frombuffer(data, _ROW, count, _HEADER)["corners"].astype(np.float64)
+
+
+def _ascii(data: bytes) -> np.ndarray:
+    if not data.lstrip()[:5].lower() == b"solid":
+        raise StlError("this is no STL file: it is neither binary nor does it begin with `solid`")
+    try:
+        numbers = np.array([m.groups() for m in _VERTEX.finditer(data.lower())], dtype=np.float64)
+    except ValueError:
+        raise StlError("the STL file has a vertex that is not three numbers") from None
+    if not len(numbers) or len(numbers) % 3:
+        raise StlError(f"the STL file has {len(numbers)} vertices, which make no whole number of triangles")
+    return numbers.reshape(-1, 3, 3)

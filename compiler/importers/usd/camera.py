@@ -1,0 +1,97 @@
+"""USD's cameras, and the one that frames a stage without a main camera, as usdrecord does."""
+
+# pyright: reportAttributeAccessIssue=false
+# (usd-core makes its modules' names at run time)
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from pxr import Gf, UsdGeom
+
+from ... import ir
+from ...scene.builder import SceneBuilder
+from ...scene.row_records import CameraData
+from . import stage
+from .stage import Opened
+
+FILM = (20.955, 15.2908)  # mm: usdrecord's default camera
+FOCAL = 50.0  # mm
+_TENTH = 0.1  # of a scene unit: what apertures and focal lengths are told in
+
+
+def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: SceneBuilder) -> int:
+    """The row of a Camera prim under the matrix (4, 4), whose scale does not count but for `unit`, the stage's own."""
+    lens = UsdGeom.Camera(prim).GetCamera(opened.time)
+    width, height = lens.horizontalAperture, lens.verticalAperture
+    span = opened.span(prim)
+    perspective = lens.projection == Gf.Camera.Perspective
+    if not (width > 0 and height > 0) or (perspective and not lens.focalLength > 0):
+        builder.diagnostics.warning("this camera has no aperture or focal length: it is left out", span)
+        return -1
+    if len(lens.clippingPlanes):
+        builder.diagnostics.warning("clipping planes are not drawn", span)
+    near, far = lens.clippingRange.min * unit, lens.clippingRange.max * unit
+    if not near < far:
+        builder.diagnostics.warning("this camera's clipping range is empty: it clips nothing", span)
+        near, far = 0.0, math.inf
+    opening, shutter = _shutter(prim, opened)
+    radius, focus = _aperture(lens, unit, perspective)
+    exposure = stage.number(prim.GetAttribute("exposure"), opened.time)
+    return builder.camera(
+        CameraData(
+            builder.transform(upright(matrix), span),
+            height / (2 * lens.focalLength) if perspective else height * _TENTH / 2 * unit,
+            ir.Projection.PERSPECTIVE if perspective else ir.Projection.ORTHOGRAPHIC,
+            aspect=width / height, near=max(near, 0.0) if perspective else near, far=far,
+            shift=(lens.horizontalApertureOffset / width, lens.verticalApertureOffset / height),
+            exposure=exposure or math.nan, opening=opening, shutter=shutter, lens=radius, focus=focus, name=str(prim.GetPath()),
+        ),
+        span,
+    )  # fmt: skip
+
+
+def _aperture(lens: Any, unit: float, perspective: bool) -> tuple[float, float]:
+    """Radius of the lens and depth in focus; (0, 1) of a pinhole, which a camera without an f-stop or a distance in focus is."""
+    if not (perspective and lens.fStop > 0 and lens.focusDistance > 0):
+        return 0.0, 1.0
+    return lens.focalLength * _TENTH * unit / (2 * lens.fStop), lens.focusDistance * unit
+
+
+def _shutter(prim: Any, opened: Opened) -> tuple[float, float]:
+    """Seconds from the time that is drawn to where a camera's shutter opens, and those it is open."""
+    begin, end = (stage.number(prim.GetAttribute(f"shutter:{name}"), opened.time) for name in ("open", "close"))
+    codes = opened.stage.GetTimeCodesPerSecond()
+    return (begin / codes, (end - begin) / codes) if codes > 0 and -math.inf < begin < end < math.inf else (0.0, 0.0)
+
+
+def upright(matrix: np.ndarray) -> np.ndarray:
+    """The frame of a camera without scale: −z as it looks, x as near as can be, right-handed."""
+    made = np.eye(4)
+    z = matrix[:3, 2] / max(np.linalg.norm(matrix[:3, 2]), 1e-300)
+    y = matrix[:3, 1] - (matrix[:3, 1] @ z) * z
+    y = y / max(np.linalg.norm(y), 1e-300)
+    made[:3, 0], made[:3, 1], made[:3, 2], made[:3, 3] = np.cross(y, z), y, z, matrix[:3, 3]
+    return made
+
+
+def frame(builder: SceneBuilder) -> np.ndarray | None:
+    """Adds the camera that looks along −z at the bounds of what is drawn (usdAppUtils/frameRecorder.cpp); its place (4, 4).
+
+    The bounds' half diagonal across fills half the film's width, from in front of the bounds. None where nothing has bounds.
+    """
+    bounds = builder.world_bounds()
+    if bounds is None:
+        return None
+    size = bounds[1] - bounds[0]
+    target = bounds.mean(axis=0)
+    tangent = FILM[0] / 2 / FOCAL
+    distance = math.hypot(size[0], size[1]) / 2 / tangent + size[2] / 2
+    if not distance > 0:
+        distance = 1.0
+    place = np.eye(4)
+    place[:3, 3] = target + np.array([0.0, 0.0, distance])
+    builder.camera(CameraData(builder.transform(place), FILM[1] / 2 / FOCAL, aspect=FILM[0] / FILM[1], name="frame"))
+    return place

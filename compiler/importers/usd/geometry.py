@@ -1,0 +1,230 @@
+"""USD's meshes and shapes as geometries of the IR: primvars, holes, orientation, subsets, axes."""
+
+# pyright: reportAttributeAccessIssue=false
+# (usd-core makes its modules' names at run time)
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from pxr import UsdGeom
+
+from ....lang.diagnostics import Diagnostics, Span
+from ... import ir
+from ...mesh import polygon_mesh, triangulate, vertex_normals
+from ...scene.builder import NONE, SceneBuilder
+from ...scene.row_records import MeshAttribute
+from . import stage
+
+Kind = ir.GeometryKind
+_At = ir.Interpolation
+# From the IR's y to the axis that a shape names.
+_AXES = {
+    "Y": np.eye(4),
+    "Z": np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]]),
+    "X": np.array([[0.0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),
+}
+_INTERPOLATIONS = {"constant": _At.CONSTANT, "uniform": _At.FACE, "varying": _At.VERTEX, "vertex": _At.VERTEX, "faceVarying": _At.CORNER}
+SHAPES = ("Cube", "Sphere", "Cylinder", "Cylinder_1", "Cone", "Capsule", "Capsule_1", "Plane")
+_SEGMENTS, _RINGS = 48, 12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shape:
+    """A geometry's row and where it stands in its prim's frame (4, 4)."""
+
+    geometry: int
+    matrix: np.ndarray
+
+
+def shape(prim: Any, time: Any, builder: SceneBuilder, span: Span) -> Shape | None:
+    """A prim of one of SHAPES, its schema's fallbacks where nothing is written. None if it has no size."""
+    name = str(prim.GetTypeName())
+
+    def number(attribute: str) -> float:
+        return stage.number(prim.GetAttribute(attribute), time)
+
+    axis = prim.GetAttribute("axis")
+    turn = _AXES.get(str(axis.Get(time)) if axis else "Y", _AXES["Z"])
+    made: tuple[Kind, tuple[float, ...]]
+    if name == "Cube":
+        made = (Kind.BOX, (number("size") / 2,) * 3)
+    elif name == "Sphere":
+        made = (Kind.SPHERE, (number("radius"),))
+    elif name == "Plane":
+        width, length = number("width") / 2, number("length") / 2
+        made = (Kind.RECTANGLE, (length, width) if str(axis.Get(time)) == "X" else (width, length))
+    elif name in ("Cylinder", "Capsule"):
+        radius, half = number("radius"), number("height") / 2
+        made = (Kind.CYLINDER, (radius, half, 1.0)) if name == "Cylinder" else (Kind.CAPSULE, (radius, half))
+    elif name == "Cone":
+        made = (Kind.CONE, (number("radius"), 0.0, number("height") / 2, 1.0))
+    else:
+        bottom, top, half = number("radiusBottom"), number("radiusTop"), number("height") / 2
+        if name == "Cylinder_1":
+            made = (Kind.CYLINDER, (bottom, half, 1.0)) if bottom == top else (Kind.CONE, (bottom, top, half, 1.0))
+        elif bottom == top:
+            made = (Kind.CAPSULE, (bottom, half))
+        else:
+            return Shape(builder.mesh(_uneven_capsule(bottom, top, half), span, str(prim.GetName())), turn)
+    if not all(math.isfinite(p) and p >= 0 for p in made[1]) or max(made[1][:2]) <= 0:
+        builder.diagnostics.warning(f"this {name} has no size: it is not drawn", span)
+        return None
+    return Shape(builder.geometry(made[0], made[1], span, str(prim.GetName())), turn)
+
+
+def _uneven_capsule(bottom: float, top: float, half: float) -> Any:
+    """A capsule of two radii: the smooth hull of two balls, as a mesh about y."""
+    slope = math.asin(max(-1.0, min(1.0, (bottom - top) / max(2 * half, 1e-12))))
+    low = np.linspace(-math.pi / 2, slope, _RINGS + 1)
+    high = np.linspace(slope, math.pi / 2, _RINGS + 1)
+    angle = np.concatenate([low, high])
+    radius = np.concatenate([np.full(_RINGS + 1, bottom), np.full(_RINGS + 1, top)])
+    middle = np.concatenate([np.full(_RINGS + 1, -half), np.full(_RINGS + 1, half)])
+    turn = np.linspace(0.0, 2 * math.pi, _SEGMENTS, endpoint=False)
+    outward = np.stack([np.outer(np.cos(angle), np.cos(turn)), np.outer(np.sin(angle), np.ones(_SEGMENTS)),
+                        -np.outer(np.cos(angle), np.sin(turn))], axis=-1)  # fmt: skip
+    points = outward * radius[:, None, None] + np.array([0.0, 1.0, 0.0]) * middle[:, None, None]
+    rows = np.arange(len(angle) - 1)[:, None] * _SEGMENTS
+    column = np.arange(_SEGMENTS)
+    quads = np.stack(
+        [rows + column, rows + np.roll(column, -1), rows + _SEGMENTS + np.roll(column, -1), rows + _SEGMENTS + column], axis=-1
+    )
+    mesh = polygon_mesh.PolyMesh(
+        points.reshape(-1, 3), np.full(quads.size // 4, 4), quads.reshape(-1), MeshAttribute(outward.reshape(-1, 3))
+    )
+    return polygon_mesh.assemble(mesh)[0]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Faces:
+    """A mesh prim read at a time, ready to be cut into the parts that materials ask for."""
+
+    mesh: polygon_mesh.PolyMesh
+    rows: np.ndarray  # rows of the prim's faces that are drawn
+    subdivided: bool  # whether it is the cage of a subdivision surface
+
+    def part(self, faces: np.ndarray | None) -> polygon_mesh.PolyMesh:
+        """Those of the prim's `faces` that are drawn (None: all)."""
+        if faces is None:
+            return self.mesh
+        return polygon_mesh.subset(self.mesh, np.flatnonzero(np.isin(self.rows, faces)))
+
+
+def mesh(prim: Any, time: Any, uv_name: str | None, color_name: str | None, diagnostics: Diagnostics, span: Span) -> Faces | None:
+    """A Mesh prim as polygons counter-clockwise from outside, with the texture coordinates and colours of the primvars named.
+
+    Subdivision surfaces are drawn as their cages with smooth normals (as usdrecord at low complexity); other meshes with the
+    normals they have, or flat. None where there is nothing to draw, with a warning where the data contradict each other.
+    """
+    schema = UsdGeom.Mesh(prim)
+    points = stage.numbers(schema.GetPointsAttr(), time, np.float64, 3)
+    counts = stage.numbers(schema.GetFaceVertexCountsAttr(), time, np.int64)
+    indices = stage.numbers(schema.GetFaceVertexIndicesAttr(), time, np.int64)
+    if not len(points) or not len(counts):
+        return None
+    if (counts < 0).any() or counts.sum() != len(indices):
+        diagnostics.warning(f"the face counts add up to {counts.sum()} and there are {len(indices)} indices: it is not drawn", span)
+        return None
+    subdivided = schema.GetSubdivisionSchemeAttr().Get(time) != UsdGeom.Tokens.none
+    api = UsdGeom.PrimvarsAPI(prim)
+    sound = _sound(indices, points)
+    given = None if subdivided else _normals(schema, api, time, len(points), counts, diagnostics, span)
+    whole = polygon_mesh.PolyMesh(
+        points, counts, indices, given,
+        primvar(api, uv_name, time, 2, len(points), counts, diagnostics, span) if uv_name else None,
+        primvar(api, color_name, time, 3, len(points), counts, diagnostics, span) if color_name else None,
+    )  # fmt: skip
+    bad = np.repeat(np.arange(len(counts)), counts)[~sound]
+    drawn = np.ones(len(counts), dtype=bool)
+    drawn[bad] = False
+    if len(bad):
+        lost = int(np.count_nonzero(~drawn))
+        diagnostics.warning(f"{lost} of {len(counts)} faces use points that do not exist or are not finite: they are left out", span)
+    holes = stage.numbers(schema.GetHoleIndicesAttr(), time, np.int64)
+    drawn[holes[(holes >= 0) & (holes < len(counts))]] = False
+    rows = np.flatnonzero(drawn)
+    kept = whole if drawn.all() else polygon_mesh.subset(whole, rows)
+    if schema.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded:
+        kept = polygon_mesh.flipped(kept)
+    if subdivided:
+        kept = replace(kept, normals=_smooth(kept))
+    return Faces(kept, rows, subdivided)
+
+
+def _smooth(mesh: polygon_mesh.PolyMesh) -> MeshAttribute:
+    """Normals of a whole cage, before it is cut by material."""
+    cut = triangulate.faces(mesh.points, mesh.indices, mesh.counts)
+    return MeshAttribute(vertex_normals.vertex_normals(mesh.points, np.asarray(mesh.indices)[cut.corners]))
+
+
+def _sound(indices: np.ndarray, points: np.ndarray) -> np.ndarray:
+    inside = (indices >= 0) & (indices < len(points))
+    inside[inside] = np.isfinite(points[indices[inside]]).all(axis=1)
+    return inside
+
+
+def _normals(
+    schema: Any, api: Any, time: Any, points: int, counts: np.ndarray, diagnostics: Diagnostics, span: Span
+) -> MeshAttribute | None:
+    """primvars:normals, else normals."""
+    found = api.GetPrimvar("normals")
+    if found and found.HasValue():
+        return primvar(api, "normals", time, 3, points, counts, diagnostics, span)
+    values = stage.numbers(schema.GetNormalsAttr(), time, np.float32, 3)
+    if not len(values):
+        return None
+    return _attribute("normals", values, str(schema.GetNormalsInterpolation()), points, counts, diagnostics, span)
+
+
+def primvar(
+    api: Any, name: str, time: Any, width: int, points: int, counts: np.ndarray, diagnostics: Diagnostics, span: Span
+) -> MeshAttribute | None:
+    """A primvar of a mesh or inherited by it, its indices resolved. None if there is none, with a warning if it does not fit."""
+    found = api.FindPrimvarWithInheritance(name)
+    if not found or not found.HasValue():
+        return None
+    flat = found.ComputeFlattened(time)
+    if flat is None:
+        diagnostics.warning(f"the indices of the primvar `{name}` do not fit it: it is left out", span)
+        return None
+    try:
+        values = np.array(flat, dtype=np.float32)
+    except (TypeError, ValueError):
+        values = np.zeros((1, 0), np.float32)
+    values = values.reshape(len(values), -1) if values.size else values.reshape(-1, width)
+    if values.shape[1] == 1 and width == 3:
+        values = np.repeat(values, 3, axis=1)
+    if values.shape[1] < width:
+        diagnostics.warning(f"the primvar `{name}` has the wrong type: it is left out", span)
+        return None
+    return _attribute(name, values[:, :width], str(found.GetInterpolation()), points, counts, diagnostics, span)
+
+
+def _attribute(
+    name: str, values: np.ndarray, interpolation: str, points: int, counts: np.ndarray, diagnostics: Diagnostics, span: Span
+) -> MeshAttribute | None:
+    kind = _INTERPOLATIONS.get(interpolation, _At.CONSTANT)
+    wanted = {_At.CONSTANT: 1, _At.FACE: len(counts), _At.VERTEX: points, _At.CORNER: int(counts.sum())}[kind]
+    if len(values) != wanted:
+        if len(values) == 1:
+            return MeshAttribute(values, _At.CONSTANT)
+        diagnostics.warning(
+            f"`{name}` has {len(values)} values where its interpolation `{interpolation}` wants {wanted}: it is left out", span
+        )
+        return None
+    return MeshAttribute(np.nan_to_num(values), kind)
+
+
+def row(faces: Faces, chosen: np.ndarray | None, builder: SceneBuilder, span: Span, name: str) -> int:
+    """The builder's row of the `chosen` faces of a mesh prim (None: all), or NONE where none of them has area."""
+    part = faces.part(chosen)
+    if not len(part.counts):
+        return NONE
+    made, dropped = polygon_mesh.assemble(part, 0.0, name)
+    if dropped:
+        builder.diagnostics.note(f"{dropped} of {len(part.counts)} faces have no area: they are left out", span)
+    return builder.mesh(made, span, name) if len(made.triangles) else NONE

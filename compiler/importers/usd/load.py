@@ -1,0 +1,121 @@
+"""The door for USD: a stage becomes a scene of its own, or is placed in one."""
+
+# pyright: reportAttributeAccessIssue=false
+# (usd-core makes its modules' names at run time)
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from pxr import UsdUtils
+
+from ....lang.diagnostics import Span, suggest
+from ... import ir
+from ...scene import defaults
+from ...scene.builder import SceneBuilder
+from ...scene.row_records import LightData
+from . import camera
+from .stage import Opened, Reports, open_
+from .traverse import Walk
+
+
+def scene(
+    path: Path, builder: SceneBuilder, *, time: float | None = None, code: float | None = None, variants: Mapping[str, str] | None = None,
+    later: float = 0.0,
+) -> ir.Scene:  # fmt: skip
+    """The scene in a stage. `time` is in seconds from the stage's start, `code` a time code; without either it is read at its earliest;
+    `later` seconds are added to it.
+
+    Cameras are all there, by their paths: the first is main_cam, or one that frames everything as usdrecord does. A stage without
+    lights is lit from that camera. Lengths are the stage's own units. What is wrong goes to the builder's diagnostics.
+    """
+    opened = open_(path, str(path), builder.diagnostics, None, seconds=time, time=code, variants=variants)
+    if opened is None or builder.diagnostics.failed:
+        return builder.finish(str(path))
+    opened.wait(later)
+    reports = Reports(path)
+    walk = Walk(opened, builder)
+    with np.errstate(all="ignore"):  # what is not finite is found by those who use it
+        walk.run(opened.stage.GetPseudoRoot(), opened.frame, opened.frame)
+        walk.place()
+        said = _cameras(walk)
+    said += defaults.add(builder, ir.Settings())
+    reports.tell(builder.diagnostics, Span(opened.name))
+    stage = opened.stage
+    codes = stage.GetTimeCodesPerSecond()
+    duration = (stage.GetEndTimeCode() - stage.GetStartTimeCode()) / codes if stage.HasAuthoredTimeCodeRange() and codes > 0 else None
+    return builder.finish(
+        str(path), duration=duration or None, fps=stage.GetFramesPerSecond(), defaults=tuple(said),
+        files=tuple(dict.fromkeys((*opened.files, *builder.files.read))),
+    )  # fmt: skip
+
+
+def place(
+    builder: SceneBuilder, path: Path, span: Span, matrix: np.ndarray, material: int = -1, prim: str | None = None, name: str = "",
+    variants: Mapping[str, str] | None = None,
+) -> None:  # fmt: skip
+    """Places a stage, or one `prim` of it, in a scene: shapes and lights, in metres, under `matrix` (4, 4). Cameras stay behind.
+
+    `material` (a row) is for what has neither a material nor a displayColor; `name` goes before the prims' paths.
+    """
+    opened = open_(path, str(path), builder.diagnostics, span, variants=variants)
+    if opened is None:
+        return
+    opened.within = builder.files
+    outside = [file for file in opened.files if opened.fenced_off(file)]
+    if outside:
+        message = f"`{path.name}` reads `{Path(outside[0]).name}`, which lies outside of the scene's folder"
+        builder.diagnostics.error(message, span, f"use --allow {Path(outside[0]).parent} to let scenes read it")
+        return
+    root = opened.stage.GetPrimAtPath(prim) if prim and prim.startswith("/") else None
+    if prim and not root:
+        known = [str(p.GetPath()) for p in opened.stage.Traverse()]
+        builder.diagnostics.error(f"the stage has no prim `{prim}`", span, suggest(prim, known) or _first(opened))
+        return
+    reports = Reports(path)
+    unit = opened.meters_per_unit * float(abs(np.linalg.det(matrix[:3, :3]))) ** (1 / 3)
+    base = matrix @ np.diag([opened.meters_per_unit] * 3 + [1.0]) @ opened.frame
+    walk = Walk(opened, builder, unit=unit, material=material, prefix=name)
+    with np.errstate(all="ignore"):
+        walk.run(root or opened.stage.GetPseudoRoot(), base, base)
+        walk.place()
+    reports.tell(builder.diagnostics, span)
+
+
+def _first(opened: Opened) -> str:
+    names = [str(p.GetPath()) for p in opened.stage.GetPseudoRoot().GetChildren()]
+    return f"it has {', '.join(names[:12])}" if names else "it has none at all"
+
+
+def _cameras(walk: Walk) -> list[str]:
+    """Adds the cameras, the one that is used by default first, and light from there if the stage has none; says what was not in it."""
+    main = UsdUtils.GetPrimaryCameraName()
+    cameras = sorted(walk.cameras, key=lambda item: item[0].GetName() != main)
+    said, eye = [], None
+    if cameras and cameras[0][0].GetName() == main:
+        eye = cameras[0][1]
+    else:
+        eye = camera.frame(walk.builder)
+        if eye is not None:
+            x, y, z = (f"{c:.4g}" for c in eye[:3, 3])
+            said.append(f"camera: none is called {main}; one at [{x}, {y}, {z}] frames everything, as usdrecord does")
+    for prim, matrix in cameras:
+        camera.camera(prim, matrix, walk.unit, walk.opened, walk.builder)
+    if eye is not None and not walk.builder.count("lights"):
+        _head_light(eye, walk.builder)
+        said.append("light: the stage has none; it is lit from its first camera, as usdrecord does")
+    return said
+
+
+def _head_light(eye: np.ndarray, builder: SceneBuilder) -> None:
+    """Light from a camera that does not grow weaker with distance; a white matt surface facing it shows 1."""
+    x, y, z = (float(c) for c in eye[:3, 3])
+    white = (math.pi, math.pi, math.pi)
+    kind, even = ir.FalloffKind.POLYNOMIAL, (1.0, 0.0, 0.0)
+    light = LightData(
+        ir.LightKind.POINT, white, position=(x, y, z), falloff=kind, coefficients=even, shadows=False, name="head light"
+    )  # fmt: skip
+    builder.light(light)

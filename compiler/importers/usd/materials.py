@@ -1,0 +1,367 @@
+"""USD's materials: UsdPreviewSurface networks as preview.Surface, with their pictures and primvars.
+
+Node by node after the UsdPreviewSurface Specification, version 2.6.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (usd-core makes its modules' names at run time)
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pxr import Ar, UsdShade
+
+from ....lang.diagnostics import Span
+from ... import ir
+from ...scene import metallic_roughness
+from ...scene.builder import NONE, SceneBuilder, lambert
+from ...scene.row_records import WHITE, Color, Input, MaterialData, TextureData, scaled
+from .. import images
+from .stage import Opened, primvar_mean, value
+
+DISPLAY_COLOR = "displayColor"
+DEFAULT_COLOR: Color = (0.18, 0.18, 0.18)
+_WRAPS = {"repeat": ir.Wrap.REPEAT, "clamp": ir.Wrap.CLAMP, "mirror": ir.Wrap.MIRROR, "black": ir.Wrap.BLACK, "useMetadata": ir.Wrap.BLACK}
+_SPACES = {"raw": "linear", "sRGB": "srgb", "auto": "auto"}
+_CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
+_FALLBACKS: dict[str, Any] = {
+    "diffuseColor": DEFAULT_COLOR, "emissiveColor": (0.0, 0.0, 0.0), "specularColor": (0.0, 0.0, 0.0), "metallic": 0.0,
+    "roughness": 0.5, "ior": 1.5, "opacity": 1.0, "opacityThreshold": 0.0, "useSpecularWorkflow": 0, "clearcoat": 0.0,
+    "clearcoatRoughness": 0.01, "occlusion": 1.0, "normal": None,
+}  # fmt: skip
+_NUMBERS = {
+    "metallic": "metallic", "roughness": "roughness", "ior": "ior", "coat": "clearcoat", "coat_roughness": "clearcoatRoughness",
+    "occlusion": "occlusion",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A UsdUVTexture as wired: its node, the output taken, the primvar that gives its coordinates and their frame."""
+
+    shader: Any
+    output: str
+    varname: str
+    frame: tuple[tuple[float, float, float], tuple[float, float, float]]
+
+
+@dataclass(frozen=True, slots=True)
+class Primvar:
+    name: str
+    fallback: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Network:
+    """A material's surface: for each input of UsdPreviewSurface its value, Picture or Primvar."""
+
+    path: str
+    name: str
+    inputs: dict[str, Any]
+
+    @property
+    def uv_name(self) -> str | None:
+        """The primvar that its pictures take their coordinates from (the diffuse one's where they differ)."""
+        pictures = [given for given in self.inputs.values() if isinstance(given, Picture)]
+        return pictures[0].varname if pictures else None
+
+    @property
+    def color_name(self) -> str | None:
+        """The primvar that is its colour."""
+        source = self.inputs.get("diffuseColor")
+        return source.name if isinstance(source, Primvar) else None
+
+
+@dataclass(slots=True)
+class Materials:
+    """The materials of one stage, each network read once and each row made once."""
+
+    opened: Opened
+    builder: SceneBuilder
+    networks: dict[str, Network | None] = field(default_factory=dict)
+    bindings: dict[tuple[str, str], Any] = field(default_factory=dict)
+    told: set[str] = field(default_factory=set)
+
+    def tell(self, message: str, prim: Any) -> None:
+        """A warning, once for each message."""
+        if message not in self.told:
+            self.told.add(message)
+            self.builder.diagnostics.warning(message, self.opened.span(prim))
+
+    def bound(self, prim: Any) -> Network | None:
+        """The network bound to a prim, full before preview before all-purpose; None without one that is understood."""
+        api = UsdShade.MaterialBindingAPI(prim)
+        material, relation = api.ComputeBoundMaterial(UsdShade.Tokens.full)
+        if material and not str(relation.GetName()).startswith("material:binding:full"):
+            preferred, other = api.ComputeBoundMaterial(UsdShade.Tokens.preview)
+            if preferred and ":preview" in str(other.GetName()):
+                material = preferred
+        if not material:
+            return None
+        path = str(material.GetPath())
+        if path not in self.networks:
+            self.networks[path] = self._network(material)
+        return self.networks[path]
+
+    def _network(self, material: Any) -> Network | None:
+        prim = material.GetPrim()
+        shader, _, _ = material.ComputeSurfaceSource()
+        if not shader:
+            others = [o.GetBaseName() for o in material.GetSurfaceOutputs() if o.HasConnectedSource()]
+            what = f"only surfaces that are not drawn ({', '.join(others)})" if others else "no surface"
+            self.tell(f"the material has {what}: its things show their displayColor", prim)
+            return None
+        kind = shader.GetIdAttr().Get()
+        if kind != "UsdPreviewSurface":
+            self.tell(f"the surface shader `{kind}` is not drawn: its things show their displayColor", prim)
+            return None
+        inputs = {name: self._source(shader.GetInput(name), fallback) for name, fallback in _FALLBACKS.items()}
+        moved = shader.GetInput("displacement")
+        if moved and (moved.HasConnectedSource() or bool(value(moved.GetAttr(), self.opened.time))):
+            self.tell("displacement is not drawn", prim)
+        return Network(str(prim.GetPath()), str(prim.GetName()), inputs)
+
+    def _source(self, given: Any, fallback: Any) -> Any:
+        """What an input comes from: a value, Picture or Primvar, through node graphs and interfaces."""
+        if not given:
+            return fallback
+        for attribute in given.GetValueProducingAttributes():
+            node = self._node(attribute)
+            if node is None:
+                found = value(attribute, self.opened.time)
+                return fallback if found is None else found
+            kind = str(node.GetIdAttr().Get())
+            output = str(attribute.GetName()).rpartition(":")[2]
+            if kind == "UsdUVTexture":
+                varname, frame = self._coordinates(node)
+                return Picture(node, output, varname, frame)
+            if kind.startswith("UsdPrimvarReader_"):
+                name = self._text(node, "varname")
+                return Primvar(name, self._source(node.GetInput("fallback"), fallback))
+            self.tell(f"the shader `{kind}` is not drawn: the input it feeds takes its default", node.GetPrim())
+        return fallback
+
+    def _node(self, attribute: Any) -> Any:
+        """The shader whose output an attribute is, or None for a value."""
+        shader = UsdShade.Shader(attribute.GetPrim())
+        return shader if shader and UsdShade.Output.IsOutput(attribute) else None
+
+    def _text(self, node: Any, name: str) -> str:
+        value = self._source(node.GetInput(name), "")
+        return str(value)
+
+    def _coordinates(self, node: Any) -> tuple[str, Any]:
+        """The primvar of a texture's st input, and the frame of the UsdTransform2d nodes on the way: scaled, turned, moved."""
+        frame = np.eye(3)
+        given = node.GetInput("st")
+        for _ in range(16):
+            attributes = given.GetValueProducingAttributes() if given else []
+            source = self._node(attributes[0]) if attributes else None
+            if source is None:
+                return "st", _rows(frame)
+            kind = str(source.GetIdAttr().Get())
+            if kind == "UsdTransform2d":
+                frame = frame @ self._transform2d(source)
+                given = source.GetInput("in")
+                continue
+            if kind.startswith("UsdPrimvarReader"):
+                return self._text(source, "varname") or "st", _rows(frame)
+            self.tell(f"the shader `{kind}` gives no texture coordinates: `st` is taken", source.GetPrim())
+            break
+        return "st", _rows(frame)
+
+    def _transform2d(self, node: Any) -> np.ndarray:
+        turn = math.radians(float(self._source(node.GetInput("rotation"), 0.0)))
+        sx, sy = self._source(node.GetInput("scale"), (1.0, 1.0))
+        tx, ty = self._source(node.GetInput("translation"), (0.0, 0.0))
+        c, s = math.cos(turn), math.sin(turn)
+        return np.array([[c * sx, -s * sy, tx], [s * sx, c * sy, ty], [0.0, 0.0, 1.0]])
+
+    # --- rows ---
+
+    def plain(self, color: Color, opacity: float, name: str) -> int:
+        """The row of a prim without a material: matt, in its displayColor."""
+        if opacity < 1.0:
+            matt, clear = Input(scaled(color, opacity)), Input(scaled(WHITE, 1.0 - opacity))
+            inputs = {ir.Slot.AMBIENT: matt, ir.Slot.DIFFUSE: matt, ir.Slot.TRANSMISSION: clear, ir.Slot.IOR: Input.number(1.0)}
+            return self.builder.material(MaterialData(ir.MaterialModel.BLINN_PHONG, inputs, name=name))
+        return self.builder.material(lambert(color, name=name))
+
+    def row(self, network: Network, prim: Any, colored: bool) -> int:
+        """The row of a network for a prim, whose primvars it may read. `colored`: the mesh itself carries the colour."""
+        i = network.inputs
+        diffuse = Input(WHITE) if colored else self._color(i["diffuseColor"], DEFAULT_COLOR, prim)
+        specular = None
+        if int(self._mean_of(i["useSpecularWorkflow"], 0.0, prim)):
+            specular = self._color(i["specularColor"], (0.0, 0.0, 0.0), prim)
+        threshold = min(max(self._mean_of(i["opacityThreshold"], 0.0, prim), 0.0), 1.0)
+        picture = isinstance(i["opacity"], Picture)
+        opacity = 1.0 if picture else self._mean_of(i["opacity"], 1.0, prim)
+        holes = self._holes(i["opacity"]) if picture else Input.number(opacity) if threshold > 0 else None
+        numbers = {name: self._number(i[key], float(_FALLBACKS[key]), prim) for name, key in _NUMBERS.items()}
+        surface = metallic_roughness.Surface(
+            diffuse, specular=specular, emissive=self._color(i["emissiveColor"], (0.0, 0.0, 0.0), prim),
+            opacity=1.0 if threshold > 0 else opacity, holes=holes, threshold=threshold, normal=self._normal(i["normal"]),
+            name=network.name, **numbers,
+        )  # fmt: skip
+        return self.builder.material(metallic_roughness.material(surface), Span(f"{self.opened.name}<{network.path}>"))
+
+    def _color(self, source: Any, fallback: Color, prim: Any) -> Input:
+        if isinstance(source, Picture):
+            texture, value = self._texture(source)
+            return Input(WHITE, texture) if texture != NONE else Input(value)
+        if isinstance(source, Primvar):
+            return Input(_rgb(self._primvar(source, prim), fallback))
+        return Input(_rgb(source, fallback))
+
+    def _normal(self, source: Any) -> Input | None:
+        """A normal map; None where its picture is not to be had. A file that leaves its colours from 0 to 1 is read as −1 to 1."""
+        if not isinstance(source, Picture):
+            return None
+        gain, bias, _ = self._levels(source)
+        texture, _ = self._texture(source, color=False, whole=True)
+        if texture == NONE:
+            return None
+        if gain[:3] == (1.0,) * 3 and bias[:3] == (0.0,) * 3:
+            message = "the normal map has no scale of 2 and bias of -1: it is read as if it had"
+            self.tell(message, source.shader.GetPrim())
+            texture = self.builder.with_levels(texture, (2.0, 2.0, 2.0), (-1.0, -1.0, -1.0))
+        return Input(WHITE, texture)
+
+    def _holes(self, picture: Picture) -> Input:
+        """Opacity from a picture; its node's fallback where there is none to be had."""
+        texture, _ = self._texture(picture)
+        if texture != NONE:
+            return Input.number(1.0, texture)
+        return Input.number(self._levels(picture)[2][_CHANNELS.get(picture.output, 0)])
+
+    def _number(self, source: Any, fallback: float, prim: Any) -> Input:
+        """A number, from a picture's channel where one is wired."""
+        if not isinstance(source, Picture):
+            return Input.number(self._mean_of(source, fallback, prim))
+        texture, _ = self._texture(source, color=False)
+        if texture != NONE:
+            return Input.number(1.0, texture)
+        return Input.number(float(self._levels(source)[2][_CHANNELS.get(source.output, 0)]))
+
+    def _mean_of(self, source: Any, fallback: float, prim: Any) -> float:
+        """A number that is the same all over a surface."""
+        if isinstance(source, Picture):
+            self.tell(f"a picture stands where one number is wanted: its fallback is drawn (`{source.shader.GetPath().name}`)", prim)
+            return float(self._levels(source)[2][_CHANNELS.get(source.output, 0)])
+        if isinstance(source, Primvar):
+            source = self._primvar(source, prim)
+        try:
+            value = float(np.mean(np.array(source, dtype=np.float64)))
+        except (TypeError, ValueError):
+            return fallback
+        return value if math.isfinite(value) else fallback
+
+    def _primvar(self, source: Primvar, prim: Any) -> Any:
+        """A primvar's constant value on a prim, or its mean with a warning where it varies."""
+        mean, count = primvar_mean(prim, source.name, self.opened.time)
+        if count > 1:
+            self.tell(f"the primvar `{source.name}` varies over the surface: its mean is drawn", prim)
+        return source.fallback if mean is None else mean
+
+    def _texture(self, picture: Picture, color: bool = True, whole: bool = False) -> tuple[int, Color]:
+        """A texture's row, or NONE and the node's fallback where there is no picture to be had: a colour, a number, or `whole` data."""
+        gain, bias, missing = self._levels(picture)
+        found = self._picture(picture)
+        if found is None:
+            return NONE, (missing[0], missing[1], missing[2])
+        try:
+            space = _SPACES.get(self._text(picture.shader, "sourceColorSpace") or "auto", "auto")
+            row = found.row(self.builder, space, color, self.opened.span(picture.shader.GetPrim()))
+        except images.ImageError as failure:
+            self.builder.diagnostics.warning(failure.message, self.opened.span(picture.shader.GetPrim()), failure.hint)
+            return NONE, (missing[0], missing[1], missing[2])
+        wrap_u, wrap_v = (_WRAPS.get(self._text(picture.shader, key) or "useMetadata", ir.Wrap.BLACK) for key in ("wrapS", "wrapT"))
+        channel = _CHANNELS.get(picture.output, -1 if color or whole else 0)
+        if channel >= 0:
+            gain, bias = (gain[channel],) * 4, (bias[channel],) * 4
+        made = TextureData(
+            ir.TextureKind.IMAGE, row, wrap_u=wrap_u, wrap_v=wrap_v, channel=channel, frame=picture.frame,
+            gain=(gain[0], gain[1], gain[2]), bias=(bias[0], bias[1], bias[2]),
+        )  # fmt: skip
+        return self.builder.texture(made, self.opened.span(picture.shader.GetPrim())), WHITE
+
+    def _levels(self, picture: Picture) -> tuple[Any, Any, Any]:
+        """scale, bias and fallback of a UsdUVTexture, four floats each."""
+        defaults = {"scale": (1.0,) * 4, "bias": (0.0,) * 4, "fallback": (0.0, 0.0, 0.0, 1.0)}
+        found = {k: self._source(picture.shader.GetInput(k), v) for k, v in defaults.items()}
+        scale, bias, fallback = (tuple(map(float, v)) if len(v) == 4 else defaults[k] for k, v in found.items())
+        return scale, bias, fallback
+
+    def _picture(self, picture: Picture) -> Asset | None:
+        return asset(self._source(picture.shader.GetInput("file"), None), self, picture.shader.GetPrim())
+
+
+@dataclass(frozen=True, slots=True)
+class Asset:
+    """A file that a stage names, on disk or inside of a package."""
+
+    path: str
+
+    @property
+    def name(self) -> str:
+        return self.path.rsplit("/", 1)[-1].rstrip("]")
+
+    def source(self) -> str | bytes:
+        """Its path, or its bytes out of the package."""
+        if not self.path.endswith("]"):
+            return self.path
+        opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(self.path))
+        if opened is None:
+            raise images.ImageError(f"the package has no `{self.name}`")
+        return bytes(opened.GetBuffer())
+
+    def row(self, builder: SceneBuilder, space: str, color: bool = True, span: Span | None = None) -> int:
+        source = self.source()
+        if isinstance(source, str):
+            return images.row(builder, Path(source), space, color, span)
+        return images.row_from_bytes(builder, source, self.path, space, color, span)
+
+
+def asset(value: Any, materials: Materials, prim: Any) -> Asset | None:
+    """The file that an asset-valued attribute names, or None and a warning where it names none that is there."""
+    written = str(getattr(value, "path", value) or "")
+    if not written:
+        materials.tell("the texture names no file: its fallback is drawn", prim)
+        return None
+    resolved = str(getattr(value, "resolvedPath", "") or "")
+    if "<UDIM>" in written and not resolved:
+        first = next((tile for tile in UsdShade.UdimUtils.ResolveUdimTilePaths(written, _layer(prim))), None)
+        materials.tell("of tiled pictures (UDIM) the first tile alone is drawn", prim)
+        resolved = str(first[0]) if first else ""
+    if not resolved:
+        materials.builder.diagnostics.warning(f"there is no picture `{written}`: its fallback is drawn", materials.opened.span(prim))
+        return None
+    if materials.opened.fenced_off(resolved):
+        message = f"the picture `{written}` lies outside of the scene's folder: its fallback is drawn"
+        hint = f"use --allow {Path(resolved).parent} to let scenes read it"
+        materials.builder.diagnostics.warning(message, materials.opened.span(prim), hint)
+        return None
+    return Asset(resolved)
+
+
+def _layer(prim: Any) -> Any:
+    return prim.GetPrimStack()[0].layer if prim.GetPrimStack() else prim.GetStage().GetRootLayer()
+
+
+def _rgb(value: Any, fallback: Color) -> Color:
+    try:
+        numbers = [float(v) for v in value][:3] if hasattr(value, "__len__") else [float(value)] * 3
+    except (TypeError, ValueError):
+        return fallback
+    return (numbers[0], numbers[1], numbers[2]) if len(numbers) == 3 and all(map(math.isfinite, numbers)) else fallback
+
+
+def _rows(frame: np.ndarray) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    u, v = (frame[:2] + 0.0).tolist()
+    return (u[0], u[1], u[2]), (v[0], v[1], v[2])

@@ -1,0 +1,190 @@
+"""Opens USD stages: errors as diagnostics, variants chosen, the time to read at, the frame that makes y point up."""
+
+# pyright: reportAttributeAccessIssue=false
+# (usd-core makes its modules' names at run time)
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
+
+from ....lang.diagnostics import Diagnostics, Span, suggest
+from ...io.sandbox import Files
+
+Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # −90° about x
+MAX_WARNINGS = 20
+
+
+@dataclass(slots=True)
+class Opened:
+    """A stage ready to be read. `frame` (4, 4) turns its up axis to y; `time` is a Usd.TimeCode."""
+
+    stage: Any
+    path: Path
+    name: str
+    time: Any
+    frame: np.ndarray
+    meters_per_unit: float
+    within: Files | None = None  # what it may read where a .scene uses it; a stage that is rendered itself is the user's choice
+
+    def wait(self, seconds: float) -> None:
+        """Read it so much later; a stage that is read at its earliest time, from its start."""
+        if seconds:
+            begin = self.stage.GetStartTimeCode() if self.time == Usd.TimeCode.EarliestTime() else self.time.GetValue()
+            self.time = Usd.TimeCode(begin + seconds * self.stage.GetTimeCodesPerSecond())
+
+    def span(self, prim: Any) -> Span:
+        return Span(f"{self.name}<{prim.GetPath()}>")
+
+    def fenced_off(self, path: str) -> bool:
+        """Whether a layer or picture (of a package: `x.usdz[y.png]`) is one that the scene using this stage may not read."""
+        return self.within is not None and not self.within.allows(path.split("[", 1)[0])
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The layers that were read from disk, the stage's own first."""
+        layers = sorted(layer.realPath for layer in self.stage.GetUsedLayers())
+        return tuple(dict.fromkeys(path for path in (self.stage.GetRootLayer().realPath, *layers) if path))
+
+
+def value(attribute: Any, time: Any) -> Any:
+    """An attribute's value; None where there is none, or one of a type that its schema does not have."""
+    found = attribute.Get(time) if attribute else None
+    return None if isinstance(found, Sdf.UnregisteredValue) else found
+
+
+def number(attribute: Any, time: Any, fallback: float = 0.0) -> float:
+    """An attribute's value as a float; `fallback` where it is none."""
+    try:
+        return float(value(attribute, time))
+    except (TypeError, ValueError):
+        return fallback
+
+
+def numbers(attribute: Any, time: Any, dtype: type, width: int = 0) -> np.ndarray:
+    """An attribute's value as an array (n,) or (n, width), empty where it is none."""
+    found = value(attribute, time)
+    try:
+        made = np.array(found if found is not None else (), dtype=dtype)
+        return made.reshape(-1, width) if width else made.reshape(-1)
+    except (TypeError, ValueError, OverflowError):
+        return np.zeros((0, width) if width else 0, dtype)
+
+
+def primvar_mean(prim: Any, name: str, time: Any) -> tuple[np.ndarray | None, int]:
+    """The value of a prim's own or inherited primvar, (width,), its mean where it has many, and how many it has; None without one."""
+    found = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name) if name else None
+    flat = found.ComputeFlattened(time) if found and found.HasValue() else None
+    try:
+        values = np.array(flat if flat is not None else (), dtype=np.float64)
+    except (TypeError, ValueError):
+        return None, 0
+    if found is None or not values.size or not np.isfinite(values).all():
+        return None, 0
+    if not found.GetTypeName().isArray:
+        return values.reshape(-1), 1
+    return values.reshape(len(values), -1).mean(axis=0), len(values)
+
+
+class Reports:
+    """Collects what usd-core has to say, which it else prints, as warnings."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._delegate = UsdUtils.CoalescingDiagnosticDelegate()
+
+    def tell(self, diagnostics: Diagnostics, span: Span) -> None:
+        said = dict.fromkeys(_plain(d.commentary, self._path) for d in self._delegate.TakeUncoalescedDiagnostics())
+        for count, message in enumerate(said):
+            if count == MAX_WARNINGS:
+                diagnostics.warning(f"usd-core has {len(said) - count} more warnings", span)
+                break
+            diagnostics.warning(message, span)
+
+
+def open_(
+    path: Path, name: str, diagnostics: Diagnostics, span: Span | None, *, seconds: float | None = None, time: float | None = None,
+    variants: Mapping[str, str] | None = None,
+) -> Opened | None:  # fmt: skip
+    """The stage in a file, or None and an error. `seconds` count from the stage's start, `time` is a time code; without either it is
+    read at its earliest time, as usdrecord does. `variants` are {"/prim:set": "name"}."""
+    reports = Reports(path)
+    whole = span or Span(name)
+    try:
+        stage = Usd.Stage.Open(str(path))
+    except Tf.ErrorException as failure:
+        why = reason(failure, path)
+        at = re.match(rf"{re.escape(path.name)}:(\d+):(\d+): (.*)", why, re.DOTALL)
+        if at and span is None:
+            line, column = int(at[1]), int(at[2])
+            whole, why = Span(name, line, column, line, column + 1), at[3]
+        diagnostics.error(f"cannot read the stage `{path.name}`: {why}", whole)
+        return None
+    finally:
+        reports.tell(diagnostics, whole)
+    if stage is None:
+        diagnostics.error(f"cannot read the stage `{path.name}`", whole)
+        return None
+    for where, choice in (variants or {}).items():
+        _choose(stage, where, choice, diagnostics, whole)
+    code = Usd.TimeCode.EarliestTime()
+    if seconds is not None:
+        code = Usd.TimeCode(stage.GetStartTimeCode() + seconds * stage.GetTimeCodesPerSecond())
+    if time is not None:
+        code = Usd.TimeCode(time)
+    frame = Z_UP if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else np.eye(4)
+    meters = UsdGeom.GetStageMetersPerUnit(stage)
+    return Opened(stage, path, name, code, frame, meters if meters > 0 else 1.0)
+
+
+def _choose(stage: Any, where: str, choice: str, diagnostics: Diagnostics, span: Span) -> None:
+    """Select a variant in the session layer, so that no file changes."""
+    path, _, set_name = where.rpartition(":")
+    if not Sdf.Path.IsValidPathString(path) or not Sdf.Path(path).IsAbsoluteRootOrPrimPath():
+        diagnostics.error(f"`{where}` names no variant set", span, "write --variant /prim:set=name")
+        return
+    prim = stage.GetPrimAtPath(path)
+    if not prim:
+        known = [str(p.GetPath()) for p in stage.TraverseAll() if p.HasVariantSets()]
+        diagnostics.error(f"the stage has no prim `{path}`", span, suggest(path, known) or _listed("prims with variants", known))
+        return
+    sets = prim.GetVariantSets()
+    if set_name not in sets.GetNames():
+        names = list(sets.GetNames())
+        hint = suggest(set_name, names) or _listed("it has", names)
+        diagnostics.error(f"`{path}` has no variant set `{set_name}`", span, hint)
+        return
+    names = list(sets.GetVariantSet(set_name).GetVariantNames())
+    if choice not in names:
+        hint = suggest(choice, names) or _listed("it has", names)
+        diagnostics.error(f"the variant set `{where}` has no variant `{choice}`", span, hint)
+        return
+    with Usd.EditContext(stage, stage.GetSessionLayer()):
+        sets.GetVariantSet(set_name).SetVariantSelection(choice)
+
+
+def _listed(what: str, names: list[str]) -> str:
+    return f"{what}: {', '.join(names[:12])}" if names else ""
+
+
+def reason(failure: Exception, path: Path) -> str:
+    """The first of usd-core's messages: its lines are `Error in 'function' at line n in file f : 'message'`."""
+    lines = str(failure).strip().splitlines() or ["no reason given"]
+    first = next((line for line in lines if "Error in" in line), lines[-1])
+    return _plain(first.partition(" : '")[2].rstrip("'") or first, path)
+
+
+def _plain(message: str, path: Path) -> str:
+    """A message on one line, with files as seen from the stage's folder and without usd-core's own objects."""
+    line = " ".join(message.split())
+    line = re.sub(r" \(instantiating stage on stage .*?>\)", "", line)
+    line = re.sub(r" matching \S*pxrInternal\S*", "", line)
+    for folder in (path.parent, path.resolve().parent):
+        line = line.replace(f"{folder}/", "")
+    return line if len(line) <= 300 else line[:299] + "…"

@@ -1,0 +1,293 @@
+"""Walks a USD stage and gathers what is drawn: pieces of geometry with materials and places, lights and cameras."""
+
+# pyright: reportAttributeAccessIssue=false
+# (usd-core makes its modules' names at run time)
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from pxr import Tf, Usd, UsdGeom, UsdShade
+
+from ...scene import transforms
+from ...scene.builder import NONE, SceneBuilder
+from ...scene.row_records import InstanceData
+from . import geometry as geometry_module
+from . import lights
+from .materials import DEFAULT_COLOR, DISPLAY_COLOR, Materials, Network
+from .stage import Opened, numbers, primvar_mean, reason
+
+MAX_INSTANCES = 4_000_000
+MAX_NESTING = 32  # instancers inside of instancers
+_NOT_DRAWN = {
+    "Points", "BasisCurves", "NurbsCurves", "HermiteCurves", "NurbsPatch", "TetMesh", "Volume", "ParticleField",
+    "ParticleField3DGaussianSplat", "PortalLight", "GeometryLight", "PluginLight",
+}  # fmt: skip
+CAGES = "subdivision surfaces, as meshes are that do not say otherwise, are drawn as their cages with smooth normals"
+_UV_NAMES = ("st", "UVMap", "uv", "map1", "Texture_uv")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """A geometry with its material in the frame it was gathered for; `prim` is whose it is."""
+
+    geometry: int
+    material: int
+    matrix: np.ndarray  # (4, 4)
+    prim: Any
+    name: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Here:
+    """What a prim inherits on the way down."""
+
+    matrix: np.ndarray
+    base: np.ndarray  # the frame that !resetXformStack! goes back to
+    purpose: str
+    instancers: int = 0
+
+
+@dataclass(slots=True)
+class Walk:
+    """One pass over a stage. `pieces` hold what is drawn by purpose; lights go to the builder as they are met."""
+
+    opened: Opened
+    builder: SceneBuilder
+    unit: float = 1.0
+    material: int = NONE  # of what has none of its own
+    prefix: str = ""  # before the names of instances
+    pieces: dict[str, list[Piece]] = field(default_factory=lambda: {"default": [], "render": [], "proxy": [], "guide": []})
+    cameras: list[tuple[Any, np.ndarray]] = field(default_factory=list)
+    materials: Materials = field(init=False)
+    _geometries: dict[Any, int] = field(default_factory=dict)
+    _faces: dict[Any, geometry_module.Faces | None] = field(default_factory=dict)
+    _count: int = 0
+    _told_cages: bool = False
+
+    def __post_init__(self) -> None:
+        self.materials = Materials(self.opened, self.builder)
+
+    def run(self, root: Any, matrix: np.ndarray, base: np.ndarray) -> None:
+        """Gather everything at `root` and below; `matrix` (4, 4) is its parent's place, `base` the world's."""
+        purpose = "default"
+        if not root.IsPseudoRoot():
+            imageable = UsdGeom.Imageable(root)
+            if imageable and imageable.ComputeVisibility(self.opened.time) == UsdGeom.Tokens.invisible:
+                self.builder.diagnostics.warning("this prim is invisible: nothing of it is drawn", self.opened.span(root))
+                return
+            purpose = str(imageable.ComputePurpose()) if imageable else purpose
+        self._below(root, _Here(matrix, base, purpose), self.pieces)
+
+    def drawn(self) -> list[Piece]:
+        """What is for the eye: default and render, or proxies where there is nothing else."""
+        return self.pieces["default"] + self.pieces["render"] or self.pieces["proxy"]
+
+    def place(self) -> None:
+        """Make instances of all that is drawn."""
+        for piece in self.drawn():
+            span = self.opened.span(piece.prim)
+            row = self.builder.transform(piece.matrix, span)
+            material = piece.material if piece.material != NONE else self.material
+            self.builder.instance(InstanceData(piece.geometry, row, material, name=self.prefix + piece.name), span)
+
+    def _below(self, root: Any, here: _Here, into: dict[str, list[Piece]]) -> None:
+        """A prim and all below it, without recursion but for instancers."""
+        predicate = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
+        waiting = [(root, here)]
+        while waiting:
+            prim, above = waiting.pop()
+            try:
+                now = self._state(prim, above)
+                kind = str(prim.GetTypeName())
+                if now is not None and kind == "PointInstancer":
+                    self._instancer(UsdGeom.PointInstancer(prim), now, into)
+                elif now is not None:
+                    self._prim(prim, kind, now, into)
+            except Tf.ErrorException as failure:
+                message = f"this prim, and what is below it, is left out: {reason(failure, self.opened.path)}"
+                self.builder.diagnostics.warning(message, self.opened.span(prim))
+                continue
+            if now is None or kind == "PointInstancer":
+                continue
+            waiting += [(child, now) for child in reversed(prim.GetFilteredChildren(predicate))]
+
+    def _state(self, prim: Any, above: _Here) -> _Here | None:
+        """What holds at a prim, or None where it is invisible."""
+        imageable = UsdGeom.Imageable(prim) if not prim.IsPseudoRoot() else None
+        if not imageable:
+            return above
+        if imageable.GetVisibilityAttr().Get(self.opened.time) == UsdGeom.Tokens.invisible:
+            return None
+        authored = imageable.GetPurposeAttr()
+        purpose = str(authored.Get()) if authored.HasAuthoredValue() else above.purpose
+        matrix, base = above.matrix, above.base
+        xformable = UsdGeom.Xformable(prim)
+        if xformable:
+            local = np.array(xformable.GetLocalTransformation(self.opened.time)).T
+            matrix = (base if xformable.GetResetXformStack() else matrix) @ local
+        return _Here(matrix, base, purpose, above.instancers)
+
+    def _prim(self, prim: Any, kind: str, here: _Here, into: dict[str, list[Piece]]) -> None:
+        if kind == "Mesh":
+            into.setdefault(here.purpose, []).extend(self._mesh(prim, here.matrix))
+        elif kind in geometry_module.SHAPES:
+            into.setdefault(here.purpose, []).extend(self._shape(prim, here.matrix))
+        elif kind == "Camera":
+            self.cameras.append((prim, here.matrix))
+        elif kind in lights.KINDS:
+            self._light(prim, here)
+        elif kind == "SkelRoot":
+            self.materials.tell("skinned meshes are drawn in their rest pose", prim)
+        elif kind in _NOT_DRAWN:
+            self.materials.tell(f"{kind} is not drawn", prim)
+        elif kind and not prim.IsA(Usd.Typed):
+            self.materials.tell(f"`{kind}` is not known: it is not drawn", prim)
+
+    def _light(self, prim: Any, here: _Here) -> None:
+        if here.instancers:
+            self.materials.tell("lights inside of point instancers are not drawn", prim)
+        elif transforms.inverse(here.matrix) is not None:
+            lights.light(prim, here.matrix, self.unit, self.opened, self.builder, self.materials)
+
+    # --- geometry with its material ---
+
+    def _source(self, prim: Any) -> str:
+        """Where a prim's geometry comes from: one path for all native instances."""
+        own = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
+        return str(own.GetPath())
+
+    def _shape(self, prim: Any, matrix: np.ndarray) -> list[Piece]:
+        key = self._source(prim)
+        if key not in self._faces:
+            self._faces[key] = geometry_module.shape(prim, self.opened.time, self.builder, self.opened.span(prim))  # type: ignore[assignment]
+        shape: Any = self._faces[key]
+        if shape is None or shape.geometry == NONE:
+            return []
+        row = self._material(self.materials.bound(prim), prim, False)
+        return [Piece(shape.geometry, row, matrix @ shape.matrix, prim, str(prim.GetPath()))]
+
+    def _mesh(self, prim: Any, matrix: np.ndarray) -> list[Piece]:
+        """A mesh's pieces: one for each subset with a material, and the faces in none."""
+        subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
+        if not subsets:
+            return self._part(prim, prim, None, "", matrix)
+        pieces, taken = [], []
+        for subset in subsets:
+            faces = numbers(subset.GetIndicesAttr(), self.opened.time, np.int64)
+            taken.append(faces)
+            name = str(subset.GetPrim().GetName())
+            pieces += self._part(prim, subset.GetPrim(), faces, name, matrix)
+        count = len(numbers(prim.GetAttribute("faceVertexCounts"), self.opened.time, np.int64))
+        rest = np.setdiff1d(np.arange(count), np.concatenate(taken))
+        return pieces + (self._part(prim, prim, rest, "rest", matrix) if len(rest) else [])
+
+    def _part(self, prim: Any, owner: Any, faces: np.ndarray | None, name: str, matrix: np.ndarray) -> list[Piece]:
+        network = self.materials.bound(owner)
+        uv_name = (network.uv_name if network else None) or self._uv_name(prim)
+        color_name = network.color_name if network else DISPLAY_COLOR
+        if color_name is not None and not self._varies(prim, color_name):
+            color_name = None
+        key = (self._source(prim), name, uv_name, color_name)
+        if key not in self._geometries:
+            read = (self._source(prim), uv_name, color_name)
+            span = self.opened.span(prim)
+            if read not in self._faces:
+                self._faces[read] = geometry_module.mesh(prim, self.opened.time, uv_name, color_name, self.builder.diagnostics, span)
+            found = self._faces[read]
+            if found is not None and found.subdivided and not self._told_cages:
+                self._told_cages = True
+                self.builder.diagnostics.note(CAGES, span)
+            self._geometries[key] = NONE if found is None else geometry_module.row(found, faces, self.builder, span, str(prim.GetName()))
+        if self._geometries[key] == NONE:
+            return []
+        row = self._material(network, prim, color_name is not None)
+        return [Piece(self._geometries[key], row, matrix, prim, str(owner.GetPath()))]
+
+    def _uv_name(self, prim: Any) -> str | None:
+        """A mesh's texture coordinates where no material names some: for the uv channel."""
+        for name in _UV_NAMES:
+            attribute = prim.GetAttribute(f"primvars:{name}")
+            if attribute and attribute.HasAuthoredValue():
+                return name
+        return None
+
+    def _varies(self, prim: Any, name: str) -> bool:
+        found = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
+        return bool(found) and found.HasValue() and str(found.GetInterpolation()) != "constant"
+
+    def _material(self, network: Network | None, prim: Any, colored: bool) -> int:
+        if network is not None:
+            return self.materials.row(network, prim, colored)
+        color, _ = (np.ones(3), 1) if colored else primvar_mean(prim, DISPLAY_COLOR, self.opened.time)
+        opacity, _ = primvar_mean(prim, "displayOpacity", self.opened.time)
+        if color is None and self.material != NONE:
+            return self.material
+        r, g, b = DEFAULT_COLOR if color is None or len(color) != 3 else map(float, color)
+        alpha = 1.0 if opacity is None else float(np.clip(opacity[0], 0.0, 1.0))
+        return self.materials.plain((r, g, b), alpha, DISPLAY_COLOR)
+
+    # --- point instancers ---
+
+    def _instancer(self, instancer: Any, here: _Here, into: dict[str, list[Piece]]) -> None:
+        """Each prototype is gathered once, in its own frame, and placed where the instancer says."""
+        prim, time = instancer.GetPrim(), self.opened.time
+        if here.instancers >= MAX_NESTING:
+            self.materials.tell("point instancers contain each other", prim)
+            return
+        indices = numbers(instancer.GetProtoIndicesAttr(), time, np.int64)
+        targets = instancer.GetPrototypesRel().GetForwardedTargets()
+        if not len(indices) or not targets:
+            return
+        places = self._places(instancer, len(indices))
+        if places is None:
+            return
+        ids = np.arange(len(indices))
+        mask = instancer.ComputeMaskAtTime(time)
+        if len(mask) == len(indices):
+            ids = np.flatnonzero(np.array(mask, dtype=bool))
+            indices = indices[ids]
+        if len(places) != len(indices) or (indices < 0).any() or (indices >= len(targets)).any():
+            message = (
+                f"{len(indices)} instances have {len(places)} places and {len(targets)} prototypes, which do not fit: they are left out"
+            )
+            self.builder.diagnostics.warning(message, self.opened.span(prim))
+            return
+        for which, target in enumerate(targets):
+            chosen = np.flatnonzero(indices == which)
+            prototype = prim.GetStage().GetPrimAtPath(target)
+            if not len(chosen) or not prototype:
+                continue
+            gathered: dict[str, list[Piece]] = {}
+            inside = _Here(np.eye(4), np.eye(4), here.purpose, here.instancers + 1)
+            self._below(prototype, inside, gathered)
+            self._spread(gathered, here.matrix @ places[chosen], ids[chosen], prim, into)
+
+    def _places(self, instancer: Any, count: int) -> np.ndarray | None:
+        """(n, 4, 4) of the instances that are not masked, without the prototypes' own transforms; None if they do not fit."""
+        time, kind = self.opened.time, UsdGeom.PointInstancer
+        matrices = instancer.ComputeInstanceTransformsAtTime(time, time, kind.ExcludeProtoXform, kind.ApplyMask)
+        if not matrices and count:
+            positions = numbers(instancer.GetPositionsAttr(), time, np.float32, 3)
+            if len(positions) != count:
+                message = f"the instancer has {count} instances and {len(positions)} positions: they are left out"
+                self.builder.diagnostics.warning(message, self.opened.span(instancer.GetPrim()))
+            return None
+        return np.array(matrices, dtype=np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)
+
+    def _spread(
+        self, gathered: dict[str, list[Piece]], places: np.ndarray, numbers: np.ndarray, prim: Any, into: dict[str, list[Piece]]
+    ) -> None:
+        for purpose, pieces in gathered.items():
+            self._count += len(pieces) * len(places)
+            if self._count > MAX_INSTANCES:
+                message = f"the stage has more than {MAX_INSTANCES:,} instances: the rest is left out"
+                self.materials.tell(message, prim)
+                return
+            to = into.setdefault(purpose, [])
+            for piece in pieces:
+                whole = places @ piece.matrix
+                path = str(prim.GetPath())
+                to += [Piece(piece.geometry, piece.material, m, piece.prim, f"{path}[{k}]") for m, k in zip(whole, numbers, strict=True)]

@@ -1,0 +1,124 @@
+"""Which files a scene may read: those below its own folder, the library, and what `--allow` adds. Lists every file read."""
+
+from __future__ import annotations
+
+import stat
+from collections.abc import Iterable
+from pathlib import Path
+
+from ...lang.diagnostics import suggest
+
+LIBRARY = Path(__file__).resolve().parents[2] / "stdlib"
+MAX_SOURCE = 16 << 20  # bytes of a .scene file
+MAX_DATA = 2 << 30  # bytes of a mesh, picture or stage
+
+
+class FileError(Exception):
+    """A file that is not there, or may not be read. The span is added by whoever asked."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+
+
+class Files:
+    """The files of one scene. Names in a scene are relative to the file they stand in."""
+
+    def __init__(self, root: Path | str, allow: Iterable[Path | str] = ()) -> None:
+        """`root` is the scene's own folder; everything below it may be read, and below each path of `allow`."""
+        self.root = Path(root).resolve()
+        self._allowed = (self.root, LIBRARY, *(Path(a).expanduser().resolve() for a in allow))
+        self._read: dict[str, None] = {}
+
+    @property
+    def read(self) -> tuple[str, ...]:
+        """Every file found so far, in the order first asked for."""
+        return tuple(self._read)
+
+    def find(self, name: str, folder: Path | str | None = None, what: str = "file", limit: int = MAX_DATA) -> Path:
+        """The file called `name`, seen from `folder` (the scene's own when not said). FileError if it cannot be read.
+
+        What lies outside of the allowed folders is refused before it is looked at, also where a symbolic link leads there.
+        """
+        path = self._inside(name, self.root if folder is None else Path(folder))
+        try:
+            status = path.stat()
+        except FileNotFoundError:
+            raise FileError(f"there is no {what} `{name}`", self._near(name, path)) from None
+        except OSError as failure:
+            raise FileError(f"cannot open `{name}`: {failure.strerror}") from None
+        if stat.S_ISDIR(status.st_mode):
+            raise FileError(f"`{name}` is a folder, not a {what}")
+        if not stat.S_ISREG(status.st_mode):
+            raise FileError(f"`{name}` is not an ordinary file")
+        if status.st_size > limit:
+            raise FileError(f"`{name}` is too big: {size(status.st_size)}", f"the limit is {size(limit)}")
+        self._read.setdefault(str(path))
+        return path
+
+    def text(self, name: str, folder: Path | str | None = None, what: str = "file") -> tuple[Path, str]:
+        """The path and text of a source file. FileError if it is not UTF-8."""
+        path = self.find(name, folder, what, MAX_SOURCE)
+        try:
+            data = path.read_bytes()
+        except OSError as failure:
+            raise FileError(f"cannot read `{name}`: {failure.strerror}") from None
+        return path, decode(data, name)
+
+    def allows(self, path: Path | str) -> bool:
+        """Whether a file may be read, wherever its links lead."""
+        try:
+            resolved = Path(path).resolve()
+        except (OSError, ValueError, RuntimeError):
+            return False
+        return self._holds(resolved)
+
+    def _holds(self, resolved: Path) -> bool:
+        return any(resolved.is_relative_to(folder) for folder in self._allowed)
+
+    def _inside(self, name: str, folder: Path) -> Path:
+        if not name or "\0" in name:
+            raise FileError("a file's name cannot be empty" if not name else "a file's name cannot hold a zero byte")
+        if "://" in name:
+            raise FileError(f"`{name}` is an address: a scene reads files only", "save it beside the scene")
+        try:
+            path = (folder / name).resolve()
+        except (OSError, RuntimeError):
+            raise FileError(f"`{name}` leads round in a circle of links") from None
+        if not self._holds(path):
+            raise FileError(f"`{name}` lies outside of the scene's folder", f"use --allow {path.parent} to let scenes read it")
+        return path
+
+    def _near(self, name: str, path: Path) -> str:
+        if path.parent.is_dir():
+            near = suggest(path.name, sorted(p.name for p in path.parent.iterdir())[:10_000])
+            return near or f"looked in {path.parent}"
+        return f"there is no folder {path.parent}"
+
+
+def resolved(path: Path) -> Path:
+    """Where a path leads that the user named: a scene reached by a link has the files beside its target. FileError for a circle."""
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError):
+        raise FileError(f"`{path}` leads round in a circle of links") from None
+
+
+def decode(data: bytes, name: str) -> str:
+    """The text of a source file; FileError where it is not text."""
+    if b"\0" in data[:65536]:
+        raise FileError(f"`{name}` is not a text file")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as failure:
+        line = data[: failure.start].count(b"\n") + 1
+        raise FileError(f"`{name}` is not UTF-8 text (line {line})", "save it as UTF-8") from None
+
+
+def size(count: int) -> str:
+    """A number of bytes as people read it."""
+    for unit, step in (("GB", 1 << 30), ("MB", 1 << 20), ("kB", 1 << 10)):
+        if count >= step:
+            return f"{count / step:.3g} {unit}"
+    return f"{count} byte{'s' * (count != 1)}"

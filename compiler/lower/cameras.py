@@ -1,0 +1,125 @@
+"""Cameras and settings of the language: frames, fields of view, and what `render(…)` and `animate(…)` ask for."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from ...lang.diagnostics import suggest
+from ...lang.elements import Element
+from .. import ir
+from ..plan import plan
+from ..scene import transforms, validate
+from ..scene.row_records import CameraData
+
+if TYPE_CHECKING:
+    from .lowering import Lowering
+
+DEFAULT_FOV = math.radians(40)
+FILM_HEIGHT = 0.024  # metres of the film of which a `fov` is told, for the size of an aperture
+
+
+def camera(lowering: Lowering, element: Element) -> None:
+    """Add a camera."""
+    args = element.args
+    frame = transforms.looking(args["position"], args["look_at"], args["up"])
+    if frame is None:
+        lowering.refuse(element, "the camera looks at where it is: it has no direction", "give it another position or look_at")
+        return
+    near, far = args["near"] or 0.0, args["far"] or math.inf
+    if not near < far:
+        lowering.refuse(element, f"the camera's near ({near:.6g} m) is not before its far ({far:.6g} m)")
+        return
+    lens = _projection(lowering, element)
+    if lens is None or not _focused(lowering, element, lens):
+        return
+    if near < 0.0 and lens.get("projection") != ir.Projection.ORTHOGRAPHIC:
+        lowering.refuse(element, f"the camera's near ({near:.6g} m) lies behind it", "only orthographic cameras see what is behind them")
+        return
+    exposure = math.nan if args["exposure"] is None else args["exposure"]
+    data = CameraData(
+        lowering.builder.transform(frame), near=near, far=far, shift=args["shift"], exposure=exposure, shutter=args["shutter"] or 0.0,
+        name=args["name"] or "", **lens
+    )
+    lowering.builder.camera(data, element.span)
+
+
+def _focused(lowering: Lowering, element: Element, lens: dict[str, Any]) -> bool:
+    """Add the radius of an aperture and the depth in focus to what a camera has; False after a diagnostic."""
+    args = element.args
+    if args["aperture"] is None:
+        if args["focus"] is not None:
+            lowering.refuse(element, "`focus` goes with `aperture`", "write aperture: 2.8, focus: 3m")
+        return args["focus"] is None
+    if lens.get("projection", ir.Projection.PERSPECTIVE) != ir.Projection.PERSPECTIVE:
+        lowering.refuse(element, "only perspective cameras have an aperture", "leave it out: everything is in focus")
+        return False
+    focal = FILM_HEIGHT / 2 / lens["extent"] if args["focal"] is None else args["focal"]
+    lens["lens"] = focal / (2.0 * args["aperture"])
+    lens["focus"] = args["focus"] or math.dist(args["position"], args["look_at"])
+    return True
+
+
+def _projection(lowering: Lowering, element: Element) -> dict[str, Any] | None:
+    """Projection, extent, fit and aspect; None after a diagnostic."""
+    args = element.args
+    wanted = args["projection"]
+    if wanted == "panoramic":
+        for name in ("fov", "focal", "width", "shift"):
+            if name in element.given:
+                lowering.refuse(element, f"a panoramic camera sees all around: it has no `{name}`", "leave it out")
+                return None
+        return {"extent": math.pi / 2, "projection": ir.Projection.PANORAMIC, "aspect": 2.0}
+    if "film" in element.given and args["focal"] is None:
+        lowering.refuse(element, "`film` goes with `focal`", "write focal: 50mm, film: [36mm, 24mm]")
+        return None
+    if args["width"] is not None:
+        if wanted == "perspective":
+            message = '`width` makes a camera orthographic: it does not go with projection: "perspective"'
+            lowering.refuse(element, message, "write fov instead")
+            return None
+        return {"extent": args["width"] / 2, "projection": ir.Projection.ORTHOGRAPHIC, "fit": ir.Fit.HORIZONTAL}
+    if wanted == "orthographic":
+        lowering.refuse(element, "an orthographic camera has a `width`", "write width: 4m")
+        return None
+    if args["focal"] is not None:
+        width, height = args["film"]
+        return {"extent": height / 2 / args["focal"], "aspect": width / height}
+    return {"extent": math.tan((args["fov"] or DEFAULT_FOV) / 2)}
+
+
+def settings(lowering: Lowering, render: Element | None, cameras: tuple[Element, ...]) -> ir.Settings:
+    """What the scene itself asks of a render."""
+    view = next((c.args["view"] for c in cameras if c.args["view"] is not None), None)
+    if render is None:
+        return ir.Settings(view=view)
+    args = render.args
+    lowering.builder.asked(render.span)
+    if args["size"] is not None and max(args["size"]) > validate.MAX_SIZE:
+        width, height = args["size"]
+        lowering.error(render, f"a picture of {width} by {height} pixels is too big", f"at most {validate.MAX_SIZE} each way")
+    same = ("size", "backend", "samples", "error", "budget", "bounces", "seed", "filter", "background")
+    return ir.Settings(**{name: args[name] for name in same}, crop=_crop(lowering, render), aov=_aov(lowering, render), view=view)
+
+
+def _crop(lowering: Lowering, render: Element) -> tuple[int, int, int, int] | None:
+    given = render.args["crop"]
+    if given is None:
+        return None
+    if len(given) != 4 or any(value != int(value) for value in given):
+        return lowering.error(render, "a crop is the four whole numbers x0, y0, x1, y1", "pixels, from the top left")
+    x0, y0, x1, y1 = map(int, given)
+    width, height = render.args["size"] or (math.inf, math.inf)
+    if not (0 <= x0 < x1 <= width and 0 <= y0 < y1 <= height):
+        inside = f" of {width} by {height} pixels" if render.args["size"] else ""
+        return lowering.error(render, f"the crop [{x0}, {y0}, {x1}, {y1}] does not lie inside the picture{inside}", "x0 < x1 and y0 < y1")
+    return (x0, y0, x1, y1)
+
+
+def _aov(lowering: Lowering, render: Element) -> tuple[str, ...] | None:
+    given = render.args["aov"]
+    for name in given or ():
+        if not plan.is_channel(name):
+            hint = suggest(name, plan.CHANNELS) or f"there are {', '.join(plan.CHANNELS)}"
+            return lowering.error(render, f"no channel is called `{name}`", hint)
+    return tuple(given) if given else None

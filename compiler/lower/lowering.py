@@ -1,0 +1,251 @@
+"""Elements to IR: blocks compose transforms and hand down materials, each element becomes rows of the builder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ...lang.diagnostics import Span
+from ...lang.elements import Document, Element
+from .. import ir
+from ..io.sandbox import FileError
+from ..scene import defaults, transforms
+from ..scene.builder import SceneBuilder
+from ..scene.piece import Piece
+from ..scene.row_records import InstanceData
+from . import cameras, lights, materials, shapes
+
+LARGEST = 1e18  # metres, or any other number of what is placed: products of a few stay finite
+MAX_EMISSIVE_SPHERES = 64  # that are sampled as lights; more only shine for the eye and for bounced rays
+Folder = Callable[[str], Path | None]
+
+
+def lower(document: Document, builder: SceneBuilder, folder: Folder | None = None) -> ir.Scene:
+    """The scene of an evaluated document. What is wrong goes to the builder's diagnostics, with what could be lowered returned.
+
+    `folder(shown file name)` is where the files that a source names are looked for (the scene's own folder when None).
+    """
+    with np.errstate(all="ignore"):  # what overflows is found where it is used
+        return _lower(document, builder, folder)
+
+
+def _lower(document: Document, builder: SceneBuilder, folder: Folder | None) -> ir.Scene:
+    lowering = Lowering(document, builder, folder)
+    lowering.place()
+    for element in document.cameras:
+        if not lowering.beyond(element):
+            cameras.camera(lowering, element)
+    settings = cameras.settings(lowering, document.settings.get("render"), document.cameras)
+    if lowering.unsampled is not None and not settings.bounces:
+        hint = "render(bounces: 1) or more; area lights and round spheres are sampled without"
+        builder.diagnostics.note("this shines, but lights other things only where bounces are followed", lowering.unsampled.span, hint)
+    animate = document.settings.get("animate")
+    return builder.finish(
+        document.name,
+        settings=settings,
+        photometric=lowering.photometric,
+        duration=animate.args["duration"] if animate else None,
+        fps=animate.args["fps"] if animate else 24.0,
+        defaults=defaults.add(builder, settings, Span(document.name)),
+        files=tuple(dict.fromkeys((*document.files, *builder.files.read))),
+        params=document.params,
+    )
+
+
+class Lowering:
+    """The state of lowering one document: its builder and what elements share."""
+
+    def __init__(self, document: Document, builder: SceneBuilder, folder: Folder | None) -> None:
+        self.document = document
+        self.builder = builder
+        self.files = builder.files
+        self.photometric = False
+        self.materials = materials.Materials(self)
+        self._folder = folder
+        self._emissive = 0
+        self.unsampled: Element | None = None  # the first shape that shines and is not sampled as a light
+        self._meshes: dict[Path, list[Piece]] = {}
+
+    # --- what the rooms beside this one say and ask ---
+
+    def error(self, element: Element, message: str, hint: str = "") -> None:
+        self.builder.diagnostics.error(message, element.span, hint, element.trace)
+
+    def warn(self, element: Element, message: str, hint: str = "") -> None:
+        self.builder.diagnostics.warning(message, element.span, hint, element.trace)
+
+    def is_shape(self, element: Element) -> bool:
+        return element.kind in shapes.KINDS
+
+    def pieces(self, element: Element) -> list[Piece]:
+        """What a shape is made of."""
+        return shapes.pieces(self, element)
+
+    def block(self, element: Element) -> np.ndarray | None:
+        """The transform of a block; None for what is none."""
+        return _BLOCKS[element.kind](element) if element.kind in _BLOCKS else None
+
+    def refuse(self, element: Element, message: str, hint: str = "") -> list[Piece]:
+        """An error, and no pieces."""
+        self.error(element, message, hint)
+        return []
+
+    def folder(self, element: Element) -> Path | None:
+        """Where the files that an element names are looked for: beside the source it was written in."""
+        return self._folder(element.span.file) if self._folder else None
+
+    def beyond(self, element: Element) -> bool:
+        """Whether an element has numbers too big to be reckoned with; says so."""
+        for name, value in element.args.items():
+            number = _biggest(value)
+            if number > LARGEST:
+                self.error(element, f"`{name}` holds {number:.6g}: that is too big to be drawn", f"at most {LARGEST:g}")
+                return True
+        return False
+
+    # --- placing ---
+
+    def place(self) -> None:
+        """Place every element of the document, in order, without recursion."""
+        waiting: list[tuple[Element, np.ndarray, Element | None, str]] = [
+            (element, transforms.identity(), None, "") for element in reversed(self.document.elements)
+        ]
+        while waiting:
+            element, block, material, path = waiting.pop()
+            if self.beyond(element):
+                continue
+            if element.kind in lights.KINDS:
+                if transforms.inverse(block) is None:
+                    self.warn(element, "the block around this light flattens it to nothing: it is left out", "a scale must not be 0")
+                else:
+                    lights.light(self, element, block)
+                continue
+            matrix = block @ _BLOCKS.get(element.kind, _own_transform)(element)
+            material = element.args.get("material") or material
+            if not np.abs(matrix).max() <= LARGEST**2:
+                self.error(element, "the blocks around this make it bigger, or move it farther, than can be drawn")
+            elif element.kind in _BLOCKS:
+                name = element.args.get("name")
+                inner_path = f"{path}{name}/" if name else path
+                waiting.extend((child, matrix, material, inner_path) for child in reversed(element.children))
+            elif element.kind == "usd":
+                self._usd(element, matrix, material, path)
+            elif element.kind in shapes.KINDS:
+                self._shape(element, matrix, material, path)
+            else:
+                self.error(element, f"`{element.kind}` is not built yet")
+
+    def _shape(self, element: Element, matrix: np.ndarray, material: Element | None, path: str) -> None:
+        name = path + (element.args["name"] or element.scope or element.kind)
+        own = element.args["material"]
+        for piece in self.pieces(element):
+            placed = matrix @ piece.matrix
+            if material is not None and material.kind == "emissive" and self._shining_sphere(element, material, placed):
+                continue
+            if material is not None and material.kind == "emissive" and self.unsampled is None:
+                self.unsampled = element
+            row = piece.material if own is None and piece.material >= 0 else -1
+            if row < 0 and material is not None:
+                row = self.materials.row(material)
+            label = f"{name}/{piece.name}" if piece.name else name
+            transform = self.builder.transform(placed, element.span)
+            self.builder.instance(InstanceData(piece.geometry, transform, row, name=label), element.span)
+
+    def _shining_sphere(self, element: Element, material: Element, matrix: np.ndarray) -> bool:
+        """Make an evenly scaled sphere of one emitted colour a light; whether it is one now."""
+        color = material.args["color"]
+        if element.kind != "sphere" or isinstance(color, Element) or transforms.inverse(matrix) is None:
+            return False
+        frame, scale, _ = lights.rigid(matrix)
+        skewed = np.abs(matrix[:3, :3].T @ matrix[:3, :3] - np.diag(scale**2)).max()
+        if self._emissive >= MAX_EMISSIVE_SPHERES or np.ptp(scale) > 1e-6 * scale[0] or skewed > 1e-6 * scale[0] ** 2:
+            return False
+        self._emissive += 1
+        self.photometric |= material.photometric
+        radiance = tuple(material.args["luminance"] * c for c in color)
+        size = (element.args["radius"] * float(scale.mean()), 0.0)
+        lights.shine(self, element, ir.LightKind.SPHERE, frame, size, radiance)  # type: ignore[arg-type]
+        return True
+
+    # --- files ---
+
+    def mesh_file(self, element: Element) -> list[Piece]:
+        """The pieces of a mesh file, read once however often it is used."""
+        from ..importers import mesh_files
+
+        path = self._find(element, "mesh")
+        if path is None:
+            return []
+        if path not in self._meshes:
+            with self._within(element):
+                parts = mesh_files.read(path, self._shown(path), self.builder, self.builder.diagnostics, element.span, self.files)
+            self._meshes[path] = [
+                Piece(
+                    part.geometry,
+                    transforms.identity() if part.transform is None else transforms.from_rows(part.transform),
+                    -1 if part.material is None else part.material,
+                    part.name,
+                )
+                for part in parts
+            ]
+        return self._meshes[path]
+
+    @contextmanager
+    def _within(self, element: Element) -> Iterator[None]:
+        """What is told meanwhile of places in other files says that it was `element` which read them."""
+        items = self.builder.diagnostics.items
+        count = len(items)
+        yield
+        for i, told in enumerate(items[count:], count):
+            if told.span is not None and element.span is not None and told.span.file != element.span.file:
+                items[i] = replace(told, trace=(*told.trace, (element.kind, element.span)))
+
+    def _shown(self, path: Path) -> str:
+        """A file's name in messages: as one reaches it from the scene's own."""
+        beside = Path(self.document.name).parent
+        return str(beside / path.relative_to(self.files.root)) if path.is_relative_to(self.files.root) else str(path)
+
+    def _find(self, element: Element, what: str) -> Path | None:
+        try:
+            return self.files.find(element.args["file"], self.folder(element), what)
+        except FileError as failure:
+            self.error(element, failure.message, failure.hint)
+            return None
+
+    def _usd(self, element: Element, matrix: np.ndarray, material: Element | None, path: str) -> None:
+        from ..importers.usd import load
+
+        file = self._find(element, "stage")
+        if file is not None:
+            row = -1 if material is None else self.materials.row(material)
+            load.place(self.builder, file, element.span, matrix, row, element.args["prim"], path + (element.args["name"] or element.scope))
+
+
+def _biggest(value: object) -> float:
+    """The largest magnitude in a number or nested tuples of numbers; 0 for anything else."""
+    if isinstance(value, float):
+        return abs(value)
+    return max(map(_biggest, value), default=0.0) if isinstance(value, tuple) else 0.0
+
+
+def _own_transform(element: Element) -> np.ndarray:
+    args = element.args
+    return transforms.place(args["translate"], args["rotate"], args["scale"])
+
+
+def _transform_block(element: Element) -> np.ndarray:
+    matrix = element.args["matrix"]
+    return _own_transform(element) if matrix is None else transforms.from_rows(matrix)
+
+
+_BLOCKS: dict[str, Callable[[Element], np.ndarray]] = {
+    "group": _own_transform,
+    "transform": _transform_block,
+    "translate": lambda element: transforms.translation(element.args["by"]),
+    "rotate": lambda element: transforms.rotation(element.args["by"]),
+    "scale": lambda element: transforms.scaling(element.args["by"]),
+}

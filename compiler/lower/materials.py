@@ -1,0 +1,256 @@
+"""Materials and textures of the language as rows: each element once, equal ones shared."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from ...lang.elements import Element
+from ...lang.formula_graph import Formula
+from .. import ir
+from ..formula.tape import Builder, Op, Tape, Unfit
+from ..importers import images
+from ..importers.images import ImageError
+from ..io.sandbox import FileError
+from ..scene import metals
+from ..scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, multiplied, scaled
+
+if TYPE_CHECKING:
+    from .lowering import Lowering
+
+Slot = ir.Slot
+DARKEST = 1e-6  # of a colour inside glass: black would absorb without end
+MOST_PATTERN = 509  # operations of a pattern, as kernels have room for (render/texture/procedural.py)
+_SHADING = {"phong": ir.Shading.SMOOTH, "gouraud": ir.Shading.GOURAUD, "flat": ir.Shading.FLAT}
+_MAPPINGS = {m.name.lower(): m for m in ir.Mapping_}
+_WRAPS = {w.name.lower(): w for w in ir.Wrap}
+
+
+class Materials:
+    """Rows of the material elements of one scene."""
+
+    def __init__(self, lowering: Lowering) -> None:
+        self._lowering = lowering
+        self._rows: dict[tuple[int, bool, bool, bool], int] = {}  # by the element's identity; the document keeps elements alive
+
+    def row(self, element: Element) -> int:
+        """The row of a material element."""
+        key = (id(element), True, False, False)
+        if key not in self._rows:
+            self._lowering.photometric |= element.photometric
+            self._rows[key] = self._lowering.builder.material(self._data(element), element.span)
+        return self._rows[key]
+
+    def _data(self, element: Element) -> MaterialData:
+        if element.kind == "blend":
+            plain = self._blend(element)
+        else:
+            plain = self._plain(element)
+        plain = replace(plain, inputs={**plain.inputs, **self._maps(element)})
+        opacity = self._opacity(element.args["opacity"])
+        if opacity == Input.number(1.0):
+            return plain
+        return replace(plain, inputs={**plain.inputs, Slot.OPACITY: opacity}, threshold=element.args["opacity_threshold"])
+
+    def _maps(self, element: Element) -> dict[ir.Slot, Input]:
+        """What turns a material's normals."""
+        args = element.args
+        for number, texture in (("normal_strength", "normal_map"), ("bump_height", "bump_map")):
+            if args.get(number) is not None and args[texture] is None:
+                self._lowering.error(element, f"`{number}` is given without a `{texture}`", f"give a `{texture}`, or leave it out")
+        for texture in ("normal_map", "bump_map"):
+            if args.get(texture) is not None and args.get("shading") == "gouraud":
+                message = f"a `{texture}` turns no normals where light is computed at vertices"
+                self._lowering.error(element, message, 'leave out `shading: "gouraud"`')
+        found = {}
+        if args.get("normal_map") is not None:
+            strength = 1.0 if args["normal_strength"] is None else args["normal_strength"]
+            row = self.texture(args["normal_map"], color=True, directions=True)
+            found[Slot.NORMAL] = Input((strength, strength, 1.0), row) if row >= 0 else Input(BLACK)
+        if args.get("bump_map") is not None:
+            row = self.texture(args["bump_map"], color=False)
+            height = 0.01 if args["bump_height"] is None else args["bump_height"]
+            found[Slot.BUMP] = Input.number(height, row) if row >= 0 else Input(BLACK)
+        return found
+
+    def _opacity(self, value: Any) -> Input:
+        if isinstance(value, Element) and value.kind == "image":
+            return Input.number(1.0, self.texture(value, color=False, alpha=True))
+        return self._number(value)
+
+    def _plain(self, element: Element) -> MaterialData:
+        """A material, all of it there."""
+        kind, args = element.kind, element.args
+        if kind == "mirror":
+            return MaterialData(ir.MaterialModel.MIRROR, {Slot.REFLECTION: self._color(args["color"])})
+        if kind == "glass":
+            inputs = {Slot.TRANSMISSION: self._color(args["color"]), Slot.IOR: self._number(args["ior"])}
+            inputs[Slot.ROUGHNESS] = self._number(args["roughness"])
+            inputs[Slot.PRIORITY] = Input.number(args["priority"])
+            inputs[Slot.ABSORPTION] = Input(self._absorption(element))
+            return MaterialData(ir.MaterialModel.GLASS, inputs)
+        if kind == "emissive":
+            color = self._color(args["color"])
+            shining = Input(scaled(color.value, args["luminance"]), color.texture)
+            return MaterialData(ir.MaterialModel.EMISSIVE, {Slot.EMISSION: shining})
+        shading = _SHADING[args["shading"]]
+        if kind == "principled":
+            return self._principled(args, shading)
+        if kind == "metal":
+            return self._metal(args, shading)
+        diffuse = self._color(args["color"])
+        if kind == "lambert":
+            return MaterialData(ir.MaterialModel.LAMBERT, {Slot.AMBIENT: diffuse, Slot.DIFFUSE: diffuse}, shading)
+        model = {"phong": ir.MaterialModel.PHONG, "blinn_phong": ir.MaterialModel.BLINN_PHONG}[kind]
+        return MaterialData(model, self._course_inputs(args, diffuse), shading, args["normalized"])
+
+    def _blend(self, element: Element) -> MaterialData:
+        """Two materials, the second by the weight; both are there wholly, and lit at each point."""
+        parts = [element.args["first"], element.args["second"]]
+        for part in parts:
+            if part.args["opacity"] != 1.0:
+                message = "a blend's materials have no opacity of their own"
+                self._lowering.error(part, message, "give the blend the opacity")
+            if part.args.get("shading") == "gouraud":
+                message = "light of a blend is computed at points, not at vertices"
+                self._lowering.error(part, message, 'leave out `shading: "gouraud"`')
+        rows = [self.row(part) for part in parts]
+        flat = all(part.args.get("shading") == "flat" for part in parts)
+        shading = ir.Shading.FLAT if flat else ir.Shading.SMOOTH
+        weight = {Slot.WEIGHT: self._number(element.args["weight"])}
+        return MaterialData(ir.MaterialModel.BLEND, weight, shading, first=rows[0], second=rows[1])
+
+    def _absorption(self, element: Element) -> Color:
+        """What glass absorbs on a metre, natural logarithm: so much that of white light its `inside` is left after `depth`."""
+        color, depth = element.args["inside"], element.args["depth"]
+        if color is None:
+            if depth is not None:
+                message = "`depth` is given without `inside`"
+                self._lowering.error(element, message, "give `inside`, the colour at that depth, or leave it out")
+            return BLACK
+        r, g, b = (-math.log(max(c, DARKEST)) / (0.1 if depth is None else depth) + 0.0 for c in color)
+        return (max(r, 0.0), max(g, 0.0), max(b, 0.0))
+
+    def _principled(self, args: Any, shading: ir.Shading) -> MaterialData:
+        color = self._color(args["emission"])
+        inputs = {
+            Slot.AMBIENT: self._number(args["occlusion"]),
+            Slot.DIFFUSE: self._color(args["color"]),
+            Slot.ROUGHNESS: self._number(args["roughness"]),
+            Slot.IOR: self._number(args["ior"]),
+            Slot.METALLIC: self._number(args["metallic"]),
+            Slot.COAT: self._number(args["clearcoat"]),
+            Slot.COAT_ROUGHNESS: self._number(args["clearcoat_roughness"]),
+            Slot.EMISSION: Input(scaled(color.value, args["luminance"]), color.texture),
+        }
+        if args["specular"] is None:
+            return MaterialData(ir.MaterialModel.PRINCIPLED, inputs, shading)
+        inputs[Slot.SPECULAR] = self._color(args["specular"])
+        return MaterialData(ir.MaterialModel.PRINCIPLED_SPECULAR, inputs, shading)
+
+    def _metal(self, args: Any, shading: ir.Shading) -> MaterialData:
+        f0, edge = metals.reflectance(args["kind"])
+        color = self._color(args["color"])
+        inputs = {
+            Slot.SPECULAR: Input(multiplied(f0, color.value), color.texture),
+            Slot.EDGE: Input(edge),
+            Slot.ROUGHNESS: self._number(args["roughness"]),
+        }
+        return MaterialData(ir.MaterialModel.METAL, inputs, shading)
+
+    def _course_inputs(self, args: Any, diffuse: Input) -> dict[ir.Slot, Input]:
+        return {
+            Slot.AMBIENT: diffuse if args["ambient"] is None else self._color(args["ambient"]),
+            Slot.DIFFUSE: diffuse,
+            Slot.SPECULAR: self._color(args["specular"]),
+            Slot.SHININESS: self._number(args["shininess"]),
+            Slot.REFLECTION: self._color(args["reflection"]),
+            Slot.TRANSMISSION: self._color(args["transmission"]),
+            Slot.IOR: self._number(args["ior"]),
+        }
+
+    def _color(self, value: Any) -> Input:
+        if isinstance(value, Element):
+            return Input(WHITE, self.texture(value, color=True))
+        r, g, b = value
+        return Input((r, g, b))
+
+    def _number(self, value: Any) -> Input:
+        return Input.number(1.0, self.texture(value, color=False)) if isinstance(value, Element) else Input.number(value)
+
+    def texture(self, element: Element, color: bool, alpha: bool = False, directions: bool = False) -> int:
+        """The row of a texture, for a colour or a number; -1, after a diagnostic, if its file cannot be read.
+
+        A number is a picture's first channel, or with `alpha` that one where the picture has it. `directions` are colours that stand
+        for −1 to 1.
+        """
+        key = (id(element), color, alpha, directions)
+        if key not in self._rows:
+            data = self._texture(element, color, directions)
+            if data is not None and directions:
+                data = replace(data, gain=scaled(WHITE, 2.0), bias=scaled(WHITE, -1.0))
+            if data is not None and alpha and self._lowering.builder.has_holes(data.image):
+                data = replace(data, channel=3)
+            self._rows[key] = -1 if data is None else self._lowering.builder.texture(data, element.span)
+        return self._rows[key]
+
+    def _texture(self, element: Element, color: bool, data: bool) -> TextureData | None:
+        args = element.args
+        if element.kind == "pattern":
+            return self._pattern(element, args["formula"], color)
+        common: dict[str, Any] = {"mapping": _MAPPINGS[args["mapping"]], "frame": _frame(args), "channel": -1 if color else 0}
+        if element.kind == "image":
+            row = self.image(element, args["file"], args["space"], color and not data)
+            wrap = _WRAPS[args["wrap"]]
+            nearest = args["filter"] == "nearest"
+            return None if row < 0 else TextureData(ir.TextureKind.IMAGE, row, wrap_u=wrap, wrap_v=wrap, nearest=nearest, **common)
+        kind = ir.TextureKind.CHECKER if element.kind == "checker" else ir.TextureKind.STRIPES
+        return TextureData(kind, size=args["size"] or 0.0, color_a=args["a"], color_b=args["b"], **common)
+
+    def _pattern(self, element: Element, formula: Formula, color: bool) -> TextureData | None:
+        """A formula of the point; coordinates are in the unit of the file it is written in, frames are in metres."""
+        tape = self.pattern_tape(element, formula, color, formula.unit)
+        return None if tape is None else TextureData(ir.TextureKind.FORMULA, tape=self._lowering.builder.tape(tape), channel=-1)
+
+    def pattern_tape(self, element: Element, formula: Formula, color: bool, unit: float) -> Tape | None:
+        """What a pattern computes at points whose coordinates are `unit` times smaller in the formula; None after a diagnostic."""
+        builder = Builder()
+        point = [builder.scaled(name, 1.0 / unit) for name in (0, 1, 2)]
+        try:
+            if len(formula.parameters) != 3:
+                raise Unfit(f"a pattern's formula has three parameters, x, y and z, not {len(formula.parameters)}", "write |x, y, z| …")
+            if formula.kind == "list" or (formula.kind == "color" and not color):
+                wanted = "a number or a colour" if color else "a number"
+                raise Unfit(f"a pattern here gives {wanted}, not a {formula.kind}", "write rgb(r, g, b)" if color else "")
+            results = builder.formula(formula, point, exact=True)
+        except Unfit as unfit:
+            self._lowering.error(element, str(unfit), unfit.hint)
+            return None
+        if formula.kind == "truth":
+            results = (builder.op(Op.CHOOSE, results[0], builder.constant(1.0), builder.constant(0.0)),)
+        tape = builder.finish(*results)
+        if len(tape.code) > MOST_PATTERN:
+            self._lowering.error(element, f"the pattern has {len(tape.code)} operations: {MOST_PATTERN} at the most")
+            return None
+        return tape
+
+    def image(self, element: Element, name: str, space: str, color: bool) -> int:
+        """The row of a picture that an element names; -1 after a diagnostic."""
+        lowering = self._lowering
+        try:
+            path = lowering.files.find(name, lowering.folder(element), "picture")
+            return images.row(lowering.builder, path, space, color, element.span)
+        except (FileError, ImageError) as failure:
+            lowering.error(element, failure.message, failure.hint)
+            return -1
+
+
+def _frame(args: Any) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """uv' = turn · (scale · (uv − offset)): `offset` moves the picture, `scale` repeats it, `angle` turns stripes."""
+    su, sv = args["scale"]
+    ou, ov = args["offset"]
+    angle = args.get("angle") or 0.0
+    c, s = math.cos(angle), math.sin(angle)
+    rows = ((c * su, s * sv), (-s * su, c * sv))
+    return tuple((a, b, -(a * ou + b * ov) + 0.0) for a, b in rows)  # type: ignore[return-value]

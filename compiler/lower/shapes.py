@@ -1,0 +1,214 @@
+"""Shapes of the language as geometries: each becomes rows, and the frame it stands in."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...lang.elements import Element
+from .. import ir
+from ..mesh import polygon_mesh, triangulate
+from ..scene import transforms
+from ..scene.piece import Piece
+from ..scene.row_records import MeshAttribute, MeshData, Outlines
+from . import formulas, solids
+
+if TYPE_CHECKING:
+    from .lowering import Lowering
+
+Kind = ir.GeometryKind
+FLATNESS = 1e-3  # how far a polygon's corners may be off its plane, as a share of its extent
+
+
+def pieces(lowering: Lowering, element: Element) -> list[Piece]:
+    """What a shape is made of; nothing, after a diagnostic, where it cannot be made."""
+    made = _SHAPES[element.kind](lowering, element)
+    return [piece for piece in made if piece.geometry >= 0]
+
+
+def _simple(kind: ir.GeometryKind, parameters: Callable[[Any], tuple[float, ...]]) -> Callable[[Lowering, Element], list[Piece]]:
+    """A shape that is one geometry about its `center`."""
+
+    def make(lowering: Lowering, element: Element) -> list[Piece]:
+        row = lowering.builder.geometry(kind, parameters(element.args), element.span)
+        return [Piece(row, transforms.translation(element.args["center"]))]
+
+    return make
+
+
+def _ellipsoid(lowering: Lowering, element: Element) -> list[Piece]:
+    row = lowering.builder.geometry(Kind.SPHERE, (1.0,), element.span)
+    return [Piece(row, transforms.translation(element.args["center"]) @ transforms.scaling(element.args["radii"]))]
+
+
+def _disk(lowering: Lowering, element: Element) -> list[Piece]:
+    frame = transforms.facing(element.args["center"], element.args["normal"])
+    if frame is None:
+        return lowering.refuse(element, "the disk's normal is 0", "give it a direction, like [0, 1, 0]")
+    return [Piece(lowering.builder.geometry(Kind.DISK, (element.args["radius"],), element.span), frame)]
+
+
+def _plane(lowering: Lowering, element: Element) -> list[Piece]:
+    args = element.args
+    forms = [form for form in (("y",), ("normal", "point"), ("a", "b", "c", "d")) if any(args[name] is not None for name in form)]
+    if len(forms) > 1:
+        first, second = (next(f"`{name}`" for name in form if args[name] is not None) for form in forms[:2])
+        message = f"a plane is given one way: {first} does not go with {second}"
+        return lowering.refuse(element, message, "write y, or normal and point, or a, b, c and d")
+    normal, point = np.array([0.0, 1.0, 0.0]), np.array([0.0, args["y"] or 0.0, 0.0])
+    if forms and "normal" in forms[0]:
+        normal = np.array(args["normal"] or (0.0, 1.0, 0.0))
+        point = np.array(args["point"] or (0.0, 0.0, 0.0))
+    elif forms and "a" in forms[0]:
+        normal = np.array([args[name] or 0.0 for name in "abc"])
+        if not normal.any():
+            return lowering.refuse(element, "the plane's normal (a, b, c) is 0", "give at least one of a, b and c")
+        point = -(args["d"] or 0.0) * normal / float(normal @ normal)
+    frame = transforms.facing(tuple(point), tuple(normal))
+    if frame is None:
+        return lowering.refuse(element, "the plane's normal is 0", "give it a direction, like [0, 1, 0]")
+    return [Piece(lowering.builder.geometry(Kind.PLANE, (), element.span), frame)]
+
+
+def _quadric(lowering: Lowering, element: Element) -> list[Piece]:
+    coefficients, within = element.args["coefficients"], element.args["within"]
+    if len(coefficients) != 10:
+        return lowering.refuse(element, f"a quadric has the ten coefficients A … J, got {len(coefficients)}")
+    if not any(coefficients[:9]):
+        return lowering.refuse(element, "the quadric's coefficients A … I are all 0: there is no surface")
+    half = (math.inf,) * 3 if within is None else tuple(edge / 2 for edge in within)
+    return [Piece(lowering.builder.geometry(Kind.QUADRIC, (*coefficients, *half), element.span), transforms.identity())]
+
+
+def _triangle(lowering: Lowering, element: Element) -> list[Piece]:
+    args = element.args
+    for name in ("points", "normals", "uv"):
+        if args[name] is not None and len(args[name]) != 3:
+            return lowering.refuse(element, f"a triangle has three {name}, got {len(args[name])}")
+    corners = np.array(args["points"])
+    if not np.cross(corners[1] - corners[0], corners[2] - corners[0]).any():
+        return lowering.refuse(element, "the triangle's corners lie on one line: it has no area")
+    uv = args["uv"] or ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
+    mesh = MeshData(corners, np.array([[0, 1, 2]]), _vertex(args["normals"]), _vertex(uv))
+    return [Piece(lowering.builder.mesh(mesh, element.span), transforms.identity())]
+
+
+def _polygon(lowering: Lowering, element: Element) -> list[Piece]:
+    args = element.args
+    loops = [args["points"], *(args["holes"] or ())]
+    for index, loop in enumerate(loops):
+        if len(loop) < 3:
+            what = "a polygon" if index == 0 else "a hole"
+            return lowering.refuse(element, f"{what} has three corners or more, got {len(loop)}")
+    points = np.array([corner for loop in loops for corner in loop])
+    if args["uv"] is not None and len(args["uv"]) != len(points):
+        coordinates = f"{len(args['uv'])} texture coordinate{'s' * (len(args['uv']) != 1)}"
+        return lowering.refuse(element, f"the polygon has {len(points)} corners and {coordinates}: there is one for each corner")
+    counts = [len(loop) for loop in loops]
+    firsts = np.cumsum([0, *counts[:-1]]).tolist()
+    rows = [list(range(first, first + count)) for first, count in zip(firsts, counts, strict=True)]
+    triangles = triangulate.triangulate(points, rows)
+    if not len(triangles):
+        return lowering.refuse(element, "the polygon has no area")
+    axes = _plane_axes(points[: counts[0]])
+    off = float(np.abs((points - points[0]) @ axes[2]).max())
+    if off > FLATNESS * float(np.ptp(points, axis=0).max()):
+        lowering.warn(element, f"the polygon is not flat: its corners are up to {off:.3g} m off its plane", "cut it into triangles")
+    loops_table = np.array(list(zip(firsts, counts, strict=True)))
+    outlines = Outlines(np.arange(len(points)), loops_table, np.array([[0, len(loops), 0, len(triangles)]]))
+    uv = _vertex(args["uv"]) if args["uv"] is not None else MeshAttribute(_flat_uv(points, axes))
+    return [Piece(lowering.builder.mesh(MeshData(points, triangles, None, uv, None, outlines), element.span), transforms.identity())]
+
+
+def _plane_axes(outline: np.ndarray) -> np.ndarray:
+    """Rows u, v, n of a right-handed frame: n is Newell's normal, u runs along the first edge that has a length."""
+    around = np.roll(outline, -1, axis=0)
+    normal = transforms.unit(np.cross(outline - outline[0], around - outline[0]).sum(axis=0))
+    edge = next(u for u in (transforms.unit(e) for e in around - outline) if u is not None)
+    normal = normal if normal is not None else np.array([0.0, 1.0, 0.0])
+    u = transforms.unit(edge - (edge @ normal) * normal)
+    u = u if u is not None else edge
+    return np.stack([u, np.cross(normal, u), normal])
+
+
+def _flat_uv(points: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    """Texture coordinates that span the polygon's extent along its own axes once."""
+    flat = points @ axes[:2].T
+    extent = np.ptp(flat, axis=0)
+    return (flat - flat.min(axis=0)) / np.where(extent > 0, extent, 1.0)
+
+
+def _mesh(lowering: Lowering, element: Element) -> list[Piece]:
+    args = element.args
+    beside = [name for name in ("points", "faces", "normals", "uv", "colors") if args[name] is not None]
+    if args["file"] is None:
+        made = _written_mesh(lowering, element)
+    elif beside:
+        return lowering.refuse(element, f"`{beside[0]}` goes with `points`, not with a file: the file brings its own")
+    else:
+        made = lowering.mesh_file(element)
+    made = [piece for piece in made if piece.geometry >= 0]
+    return _to_height(lowering, element, made) if made and args["height"] is not None else made
+
+
+def _written_mesh(lowering: Lowering, element: Element) -> list[Piece]:
+    args = element.args
+    if args["points"] is None or args["faces"] is None:
+        hint = 'write mesh("bunny.obj") or mesh(points: […], faces: […])'
+        return lowering.refuse(element, "a mesh needs a file, or points and faces", hint)
+    points = np.array(args["points"], dtype=np.float64).reshape(-1, 3)
+    for number, face in enumerate(args["faces"]):
+        if len(face) < 3:
+            return lowering.refuse(element, f"face {number} has {len(face)} vertices: a face has three or more")
+        if max(face) >= len(points):
+            return lowering.refuse(element, f"face {number} names vertex {max(face)}, and there are {len(points)} (counted from 0)")
+    for name in ("normals", "uv", "colors"):
+        if args[name] is not None and len(args[name]) != len(points):
+            return lowering.refuse(element, f"the mesh has {len(points)} points and {len(args[name])} {name}: there is one for each point")
+    counts = np.array([len(face) for face in args["faces"]], dtype=np.int64)
+    indices = np.array([vertex for face in args["faces"] for vertex in face], dtype=np.int64)
+    mesh = polygon_mesh.PolyMesh(points, counts, indices, _vertex(args["normals"]), _vertex(args["uv"]), _vertex(args["colors"]))
+    data, dropped = polygon_mesh.assemble(mesh)
+    if dropped:
+        lowering.warn(element, f"{dropped} of the mesh's {len(counts)} faces {'has' if dropped == 1 else 'have'} no area and are left out")
+    return [Piece(lowering.builder.mesh(data, element.span), transforms.identity())]
+
+
+def _to_height(lowering: Lowering, element: Element, made: list[Piece]) -> list[Piece]:
+    """Scaled evenly to `height`, the base at y = 0, the middle at x = z = 0."""
+    boxes = [lowering.builder.bounds(piece.geometry, piece.matrix) for piece in made]
+    low = np.min([box[0] for box in boxes], axis=0)
+    high = np.max([box[1] for box in boxes], axis=0)
+    if not high[1] > low[1]:
+        return lowering.refuse(element, "the mesh is flat: it has no height that could be scaled", "use scale instead of height")
+    factor = element.args["height"] / (high[1] - low[1])
+    base = ((low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2)
+    fitted = transforms.scaling((factor,) * 3) @ transforms.translation(tuple(-c for c in base))
+    return [Piece(piece.geometry, fitted @ piece.matrix, piece.material, piece.name) for piece in made]
+
+
+def _vertex(values: Any) -> MeshAttribute | None:
+    return None if values is None else MeshAttribute(np.array(values, dtype=np.float64))
+
+
+_SHAPES: dict[str, Callable[[Lowering, Element], list[Piece]]] = {
+    "sphere": _simple(Kind.SPHERE, lambda a: (a["radius"],)),
+    "box": _simple(Kind.BOX, lambda a: tuple(edge / 2 for edge in a["size"])),
+    "cylinder": _simple(Kind.CYLINDER, lambda a: (a["radius"], a["height"] / 2, a["capped"])),
+    "cone": _simple(Kind.CONE, lambda a: (a["radius"], a["top"], a["height"] / 2, a["capped"])),
+    "torus": _simple(Kind.TORUS, lambda a: (a["radius"], a["tube"])),
+    "capsule": _simple(Kind.CAPSULE, lambda a: (a["radius"], a["height"] / 2)),
+    "ellipsoid": _ellipsoid,
+    "disk": _disk,
+    "plane": _plane,
+    "quadric": _quadric,
+    "triangle": _triangle,
+    "polygon": _polygon,
+    "mesh": _mesh,
+    "implicit": formulas.implicit,
+    **dict.fromkeys(solids.KINDS, solids.solid),
+}
+KINDS = frozenset(_SHAPES)

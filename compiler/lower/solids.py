@@ -1,0 +1,367 @@
+"""Solids that are combined, blended, hollowed, bent or repeated: their children's fields become one tape."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ...lang.elements import Element
+from .. import ir
+from ..formula import bounding_box, solid_fields
+from ..formula import tape as formula_tape
+from ..formula.solid_fields import NoSolid, Point
+from ..formula.tape import Builder, Op
+from ..mesh import mesh_csg
+from ..scene import transforms
+from ..scene.builder import boxes_under
+from ..scene.piece import Piece
+from . import formulas
+
+if TYPE_CHECKING:
+    from .lowering import Lowering
+
+MOST_COPIES = 4096
+_OF_MESHES = frozenset({"repeat", "mirrored"})
+_TAKEN = "meshes can be in union, intersection and difference, repeat and mirrored"
+_NO_SOLIDS = "solids are made of shapes with an inside: sphere, box, cylinder, implicit with an inequality, closed mesh, …"
+
+
+class Body(NamedTuple):
+    """A solid: its field at a point of the frame it stands in, and a box (2, 3) that holds it; ±inf where it is endless.
+
+    Of one with meshes in it `mesh` (mesh_solids) is all there is.
+    """
+
+    field: Callable[[Builder, Point], int]
+    bounds: np.ndarray
+    mesh: Any = None
+
+
+class _Refused(Exception):
+    """A child of which a diagnostic has spoken."""
+
+
+def solid(lowering: Lowering, element: Element) -> list[Piece]:
+    """The surface of a solid and all that stands in it."""
+    try:
+        body = _body(lowering, element, transforms.identity())
+    except _Refused:
+        return []
+    if not (body.bounds[1] > body.bounds[0]).all():
+        lowering.warn(element, f"nothing is left of this {element.kind}: it is not drawn")
+        return []
+    if not np.isfinite(body.bounds).all():
+        hint = "cut it by an intersection with a box or sphere"
+        return lowering.refuse(element, f"this {element.kind} is endless", hint)
+    if body.mesh is not None:
+        return [Piece(lowering.builder.mesh(mesh_csg.mesh(body.mesh), element.span), transforms.identity())]
+    builder = Builder()
+    tape = builder.finish(body.field(builder, (formula_tape.X, formula_tape.Y, formula_tape.Z)))
+    if not len(tape.code):
+        lowering.warn(element, f"nothing is left of this {element.kind}: it is not drawn")
+        return []
+    margin = formulas.MARGIN * (body.bounds[1] - body.bounds[0])
+    bounds = bounding_box.tightened(tape, np.stack([body.bounds[0] - margin, body.bounds[1] + margin]))
+    if bounds is None:
+        lowering.warn(element, f"nothing is left of this {element.kind}: it is not drawn")
+        return []
+    return formulas.drawn(lowering, element, tape, bounds, (0.0,) * 5)
+
+
+def _body(lowering: Lowering, element: Element, matrix: np.ndarray) -> Body:
+    """A solid of the language in the frame that `matrix` leads to."""
+    made = _COMBINED[element.kind](
+        lowering, element, [body for child in element.children for body in _bodies(lowering, child, transforms.identity())]
+    )
+    return _placed(made, matrix)
+
+
+def _bodies(lowering: Lowering, element: Element, matrix: np.ndarray) -> list[Body]:
+    """What an element in a solid is: each shape of a block by itself."""
+    if element.args.get("material") is not None:
+        lowering.error(element, "a solid is of one material, and this is a part of one", f"give it to the {_OUTERMOST} instead")
+        raise _Refused
+    block = lowering.block(element)
+    if block is not None:
+        return [body for child in element.children for body in _bodies(lowering, child, matrix @ block)]
+    own = matrix @ transforms.place(*(element.args.get(name) for name in ("translate", "rotate", "scale")))
+    if element.kind in KINDS:
+        return [_body(lowering, element, own)]
+    if not lowering.is_shape(element):
+        lowering.error(element, f"`{element.kind}` cannot be a part of a solid", _NO_SOLIDS)
+        raise _Refused
+    pieces = lowering.pieces(element)
+    if not pieces:
+        raise _Refused
+    if all(lowering.builder.shape(piece.geometry)[0] == ir.GeometryKind.MESH for piece in pieces):
+        return [_placed(_mesh(lowering, element, pieces), own)]
+    return [_shape(lowering, element, piece, own @ piece.matrix) for piece in pieces]
+
+
+def _mesh(lowering: Lowering, element: Element, pieces: list[Piece]) -> Body:
+    """A closed mesh as a body."""
+    try:
+        made, inside_out = mesh_csg.of_pieces(lowering.builder, pieces)
+    except NoSolid as reason:
+        hint = "close it (most modelling programs have a repair for printing), or draw it beside the solid"
+        lowering.error(element, f"`{element.kind}` cannot be a part of a solid: {reason}", hint)
+        raise _Refused from None
+    if inside_out:
+        lowering.warn(element, "all triangles of this mesh face inwards: it is taken the other way round")
+    return Body(_no_field, mesh_csg.bounds(made), made)
+
+
+def _no_field(b: Builder, point: Point) -> int:
+    raise NoSolid("a mesh has no field")
+
+
+_OUTERMOST = "union, intersection or difference"
+
+
+def _shape(lowering: Lowering, element: Element, piece: Piece, matrix: np.ndarray) -> Body:
+    """A shape as a body."""
+    kind, parameters, bounds, tape = lowering.builder.shape(piece.geometry)
+    if transforms.inverse(matrix) is None:
+        lowering.error(element, "this is flattened to nothing by its transform", "a scale must not be 0 along any axis")
+        raise _Refused
+    if kind == ir.GeometryKind.FORMULA:
+        if parameters[0]:
+            hint = "write an inequality that holds in a region: neither == nor a square <= 0"
+            lowering.error(element, "this is a sheet, which has no inside", hint)
+            raise _Refused
+        made = tape
+
+        def field(b: Builder, point: Point) -> int:
+            assert made is not None
+            return b.inlined(made, point)[0]
+
+        return _placed(Body(field, bounds), matrix)
+    try:
+        solid_fields.analytic(Builder(), kind, parameters, (0, 1, 2))
+    except NoSolid as reason:
+        lowering.error(element, f"`{element.kind}` cannot be a part of a solid: {reason}", _NO_SOLIDS)
+        raise _Refused from None
+    if kind == ir.GeometryKind.PLANE:
+        bounds = np.array([[-math.inf] * 3, [math.inf, 0.0, math.inf]])
+    return _placed(Body(lambda b, point: solid_fields.analytic(b, kind, parameters, point), bounds), matrix)
+
+
+def _placed(body: Body, matrix: np.ndarray) -> Body:
+    """A body in the frame that a matrix leads to; fields shrink with the least of its scales, so that they stay distances or less."""
+    if np.array_equal(matrix, transforms.identity()):
+        return body
+    if body.mesh is not None:
+        moved = body.mesh.transform(np.ascontiguousarray(matrix[:3]))
+        return Body(_no_field, mesh_csg.bounds(moved), moved)
+    inverse = np.linalg.inv(matrix)[:3]
+    least = float(np.linalg.svd(matrix[:3, :3], compute_uv=False)[-1])
+    least = 1.0 if abs(least - 1.0) < 1e-12 else least
+
+    def field(b: Builder, point: Point) -> int:
+        return b.scaled(body.field(b, solid_fields.moved(b, point, _clean(inverse))), least)
+
+    return Body(field, boxes_under(body.bounds[None], matrix[None, :3])[0])
+
+
+def _clean(matrix: np.ndarray) -> np.ndarray:
+    """Without what rounding left where zeros belong: a term less for each."""
+    size = np.abs(matrix[:, :3]).max()
+    linear = np.where(np.abs(matrix[:, :3]) < 1e-15 * size, 0.0, matrix[:, :3])
+    return np.concatenate([linear, matrix[:, 3:]], axis=1)
+
+
+# --- what there is ------------------------------------------------------------------------------------------------------
+
+
+def _wrong_behind(lowering: Lowering, element: Element) -> bool:
+    """Whether an error is told of behind this element's name: it may have cost the element what stands in its braces."""
+    span, found = element.span, lowering.builder.diagnostics.items
+    return span is not None and any(d.severity == "error" and d.span is not None and d.span > span for d in found)
+
+
+Blend = Callable[[Builder, int, int, float], int]
+
+
+def _combined(blend: Blend, bounds_of: Callable[[list[np.ndarray], float], np.ndarray]) -> Callable[[Lowering, Element, list[Body]], Body]:
+    def make(lowering: Lowering, element: Element, bodies: list[Body]) -> Body:
+        if not bodies:
+            if not _wrong_behind(lowering, element):
+                lowering.error(element, f"this {element.kind} is empty", f"put shapes in it: {element.kind} {{ sphere(1); box(1.5) }}")
+            raise _Refused
+        radius = element.args["round"]
+        if any(body.mesh is not None for body in bodies):
+            return _of_meshes(lowering, element, bodies)
+
+        def field(b: Builder, point: Point) -> int:
+            found = bodies[0].field(b, point)
+            for body in bodies[1:]:
+                found = blend(b, found, body.field(b, point), radius)
+            return found
+
+        return Body(field, bounds_of([body.bounds for body in bodies], radius if len(bodies) > 1 else 0.0))
+
+    return make
+
+
+def _of_meshes(lowering: Lowering, element: Element, bodies: list[Body]) -> Body:
+    """Parts of which some are meshes, combined as triangles."""
+    if element.args["round"]:
+        lowering.error(element, "a solid with a mesh in it has no round edges", "leave out `round`, or make a formula of the mesh's shape")
+        raise _Refused
+    made = mesh_csg.combined(element.kind, [_triangles(lowering, element, body, bodies) for body in bodies])
+    return Body(_no_field, mesh_csg.bounds(made), made)
+
+
+def _triangles(lowering: Lowering, element: Element, body: Body, beside: list[Body]) -> Any:
+    """A part as triangles; of an endless one what lies near those that have an end, where no more is asked for."""
+    if body.mesh is not None:
+        return body.mesh
+    bounds, builder = body.bounds, Builder()
+    field = body.field(builder, (formula_tape.X, formula_tape.Y, formula_tape.Z))
+    if not np.isfinite(bounds).all():
+        ends = np.array([other.bounds for other in beside if np.isfinite(other.bounds).all()])
+        if element.kind == "union" or (element.kind == "difference" and body is beside[0]):
+            lowering.error(element, f"this {element.kind} is endless", "cut it by an intersection with a box or sphere")
+            raise _Refused
+        low, high = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
+        bounds = np.stack([low - 0.05 * (high - low), high + 0.05 * (high - low)])
+        half, middle = 0.5 * (bounds[1] - bounds[0]), bounds.mean(axis=0)
+        field = builder.op(Op.MAX, field, solid_fields.analytic(builder, ir.GeometryKind.BOX, half.tolist(), _shifted(builder, middle)))
+    margin = formulas.MARGIN * (bounds[1] - bounds[0])
+    try:
+        return mesh_csg.of_field(builder.finish(field), np.stack([bounds[0] - margin, bounds[1] + margin]))
+    except NoSolid as reason:
+        lowering.error(element, f"a part of this {element.kind} is no solid: {reason}")
+        raise _Refused from None
+
+
+def _shifted(b: Builder, middle: np.ndarray) -> Point:
+    x, y, z = (b.shifted(name, -float(c)) for name, c in zip((formula_tape.X, formula_tape.Y, formula_tape.Z), middle, strict=True))
+    return x, y, z
+
+
+def _all(bounds: list[np.ndarray], radius: float) -> np.ndarray:
+    """A fillet may reach beyond both, by the radius at the most."""
+    whole = np.stack([np.min([b[0] for b in bounds], axis=0), np.max([b[1] for b in bounds], axis=0)])
+    return np.stack([whole[0] - radius, whole[1] + radius])
+
+
+def _common(bounds: list[np.ndarray], radius: float) -> np.ndarray:
+    return np.stack([np.max([b[0] for b in bounds], axis=0), np.min([b[1] for b in bounds], axis=0)])
+
+
+def _one(change: Callable[[Lowering, Element, Body], Body]) -> Callable[[Lowering, Element, list[Body]], Body]:
+    """What changes one solid: several children are taken together."""
+    together = _combined(solid_fields.union, _all)
+
+    def make(lowering: Lowering, element: Element, bodies: list[Body]) -> Body:
+        if any(body.mesh is not None for body in bodies) and element.kind not in _OF_MESHES:
+            lowering.error(element, f"`{element.kind}` of a mesh is not built yet: it needs a field", _TAKEN)
+            raise _Refused
+        if len(bodies) != 1:
+            plain = Element("union", {"round": 0.0}, element.span, trace=element.trace)
+            return change(lowering, element, together(lowering, plain if bodies else element, bodies))
+        return change(lowering, element, bodies[0])
+
+    return make
+
+
+def _shell(lowering: Lowering, element: Element, body: Body) -> Body:
+    return Body(lambda b, point: solid_fields.shell(b, body.field(b, point), element.args["thickness"]), body.bounds)
+
+
+def _offset(lowering: Lowering, element: Element, body: Body) -> Body:
+    by = element.args["by"]
+    return Body(lambda b, point: b.shifted(body.field(b, point), -by), np.stack([body.bounds[0] - by, body.bounds[1] + by]))
+
+
+def _twist(lowering: Lowering, element: Element, body: Body) -> Body:
+    rate = element.args["angle"] / element.args["over"]
+    reach = float(np.hypot(np.abs(body.bounds[:, 0]).max(), np.abs(body.bounds[:, 2]).max()))
+    bounds = np.array([[-reach, body.bounds[0, 1], -reach], [reach, body.bounds[1, 1], reach]])
+    return Body(lambda b, point: body.field(b, solid_fields.twisted(b, point, rate)), bounds)
+
+
+def _bend(lowering: Lowering, element: Element, body: Body) -> Body:
+    rate = element.args["angle"] / element.args["over"]
+    if not rate:
+        return body
+    if abs(rate) * float(np.abs(body.bounds[:, 0]).max()) > math.pi:
+        lowering.error(element, "bent this far its ends go through each other", "a smaller angle, or over a greater length")
+        raise _Refused
+    radius = 1 / rate
+    reach = float(np.abs(radius - body.bounds[:, 1]).max())
+    low, high = (min(radius - reach, radius + reach), max(radius - reach, radius + reach))
+    bounds = np.array([[-reach, low, body.bounds[0, 2]], [reach, high, body.bounds[1, 2]]])
+    return Body(lambda b, point: body.field(b, solid_fields.bent(b, point, rate)), bounds)
+
+
+def _repeat(lowering: Lowering, element: Element, body: Body) -> Body:
+    step, count = np.array(element.args["step"]), element.args["count"]
+    if body.mesh is not None:
+        copies = [_placed(body, transforms.translation(tuple(k * step))).mesh for k in range(count)]
+        made = mesh_csg.combined("union", copies)
+        return Body(_no_field, mesh_csg.bounds(made), made)
+    if count > MOST_COPIES:
+        lowering.error(
+            element, f"{count} copies are too many for one solid: {MOST_COPIES} at the most", "use for (…) { … } without a solid round it"
+        )
+        raise _Refused
+
+    def field(b: Builder, point: Point) -> int:
+        fields = [body.field(b, solid_fields.moved(b, point, transforms.translation(tuple(-k * step))[:3])) for k in range(count)]
+        while len(fields) > 1:
+            fields = [b.op(Op.MIN, *fields[k : k + 2]) if k + 1 < len(fields) else fields[k] for k in range(0, len(fields), 2)]
+        return fields[0]
+
+    ends = [body.bounds, body.bounds + (count - 1) * step]
+    return Body(field, _all(ends, 0.0))
+
+
+def _mirror(lowering: Lowering, element: Element, body: Body) -> Body:
+    normal = transforms.unit(np.array(element.args["normal"]))
+    assert normal is not None  # the schema wants a direction
+    turned = np.eye(4)
+    turned[:3, :3] -= 2 * np.outer(normal, normal)
+    if body.mesh is not None:
+        made = mesh_csg.combined("union", [body.mesh, _placed(body, turned).mesh])
+        return Body(_no_field, mesh_csg.bounds(made), made)
+
+    def field(b: Builder, point: Point) -> int:
+        return b.op(Op.MIN, body.field(b, point), body.field(b, solid_fields.moved(b, point, _clean(turned[:3]))))
+
+    return Body(field, _all([body.bounds, boxes_under(body.bounds[None], turned[None, :3])[0]], 0.0))
+
+
+def _morph(lowering: Lowering, element: Element, bodies: list[Body]) -> Body:
+    if len(bodies) != 2:
+        hint = "group several in a union" if len(bodies) > 2 else "write morph(0.5) { sphere(1); box(1.5) }"
+        lowering.error(element, f"a morph is between two solids, got {len(bodies)}", hint)
+        raise _Refused
+    if any(body.mesh is not None for body in bodies):
+        lowering.error(element, "`morph` of a mesh is not built yet: it needs a field", _TAKEN)
+        raise _Refused
+    share = element.args["share"]
+
+    def field(b: Builder, point: Point) -> int:
+        return b.linear([(1 - share, bodies[0].field(b, point)), (share, bodies[1].field(b, point))])
+
+    return Body(field, _all([body.bounds for body in bodies], 0.0))
+
+
+_COMBINED: dict[str, Callable[[Lowering, Element, list[Body]], Body]] = {
+    "union": _combined(solid_fields.union, _all),
+    "intersection": _combined(solid_fields.intersection, _common),
+    "difference": _combined(solid_fields.difference, lambda bounds, radius: bounds[0]),
+    "shell": _one(_shell),
+    "offset": _one(_offset),
+    "twist": _one(_twist),
+    "bend": _one(_bend),
+    "repeat": _one(_repeat),
+    "mirrored": _one(_mirror),
+    "morph": _morph,
+}
+KINDS = frozenset(_COMBINED)

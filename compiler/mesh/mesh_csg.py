@@ -1,0 +1,126 @@
+"""Solids with closed meshes among their parts: all parts become triangles, which manifold3d combines.
+
+Manifold (Lalish and others) is exact about which triangles are left, so that what it makes of closed meshes is closed, whatever touches or
+coincides. Analytic shapes and formulas that stand beside a mesh are contoured first; solids without meshes never come here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .. import ir
+from ..formula import dual_contouring
+from ..formula.solid_fields import NoSolid
+from ..formula.tape import Tape
+from ..scene.piece import Piece
+from ..scene.row_records import MeshAttribute, MeshData
+
+if TYPE_CHECKING:
+    from ..scene.builder import SceneBuilder
+
+Manifold = Any
+FINENESS = 8000  # of its extent, that the triangles of a shape with a closed form are off it at the most
+MOST = 128  # cells along an axis
+SHARP = 30.0  # degrees between two faces, from which on the edge between them is seen
+
+
+def of_pieces(builder: SceneBuilder, pieces: Sequence[Piece]) -> tuple[Manifold, bool]:
+    """(the solid of meshes that are closed together, whether they were turned inside out). Raises NoSolid."""
+    positions, triangles, count = [], [], 0
+    for piece in pieces:
+        corners, faces = builder.triangles(piece.geometry)
+        corners = corners @ piece.matrix[:3, :3].T + piece.matrix[:3, 3]
+        flipped = np.linalg.det(piece.matrix[:3, :3]) < 0
+        positions.append(corners)
+        triangles.append((faces[:, ::-1] if flipped else faces) + count)
+        count += len(corners)
+    joined, index = np.unique(np.concatenate(positions), axis=0, return_inverse=True)
+    faces = index.reshape(-1)[np.concatenate(triangles)]
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    leaks, sides = dual_contouring.open_edges(faces), edges(faces)
+    if leaks:
+        crowded = int((sides > 2).sum())
+        if crowded:
+            raise NoSolid(f"{crowded} of the mesh's {len(sides)} edges {_have(crowded)} more than two triangles")
+        bare = int((sides == 1).sum())
+        if bare:
+            raise NoSolid(f"the mesh is open: {bare} of its {len(sides)} edges {_have(bare)} a triangle on one side only")
+        raise NoSolid("neighbouring triangles of the mesh face opposite sides")
+    inside_out = volume(joined, faces) < 0
+    return _manifold(joined, faces[:, ::-1] if inside_out else faces), inside_out
+
+
+def _have(count: int) -> str:
+    return "has" if count == 1 else "have"
+
+
+def edges(faces: np.ndarray) -> np.ndarray:
+    """How many triangles each edge has."""
+    sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    return np.unique(sides, axis=0, return_counts=True)[1]
+
+
+def volume(positions: np.ndarray, faces: np.ndarray) -> float:
+    """What a closed mesh encloses; below 0 where its triangles face inwards."""
+    a, b, c = (positions[faces[:, k]] - positions.mean(axis=0) for k in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+def of_field(tape: Tape, bounds: np.ndarray) -> Manifold:
+    """A field's solid in a box that holds it."""
+    made = dual_contouring.within(tape, bounds, float((bounds[1] - bounds[0]).max()) / FINENESS, MOST)
+    return _manifold(made.positions, made.triangles)
+
+
+def _manifold(positions: np.ndarray, faces: np.ndarray) -> Manifold:
+    import manifold3d
+
+    mesh = manifold3d.Mesh64(np.ascontiguousarray(positions, np.float64), np.ascontiguousarray(faces, np.uint64))
+    made = manifold3d.Manifold(mesh)
+    if made.status() != manifold3d.Error.NoError:
+        raise NoSolid(f"its triangles do not enclose anything ({made.status().name})")
+    return made
+
+
+def simplified(tape: Tape, made: dual_contouring.Contour, tolerance: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """(positions, triangles, how far they are off) of a contour with as few triangles as a tolerance allows: large ones where it is flat.
+
+    As it is where it encloses nothing. Where it is off by more than that already, it stays off by as much.
+    """
+    left, limit = max(tolerance - made.furthest, 0.5 * tolerance), max(tolerance, made.furthest)
+    try:
+        whole = _manifold(made.positions, made.triangles) if tolerance > 0.0 and len(made.triangles) else None
+    except NoSolid:
+        whole = None
+    while whole is not None and left > tolerance / 32:
+        mesh = whole.simplify(left).to_mesh64()
+        positions, faces = np.asarray(mesh.vert_properties)[:, :3].copy(), np.asarray(mesh.tri_verts).astype(np.int64)
+        furthest, _ = dual_contouring.deviation(tape, positions, faces)
+        if furthest <= limit and dual_contouring.open_edges(faces) == 0:
+            return positions, faces, furthest
+        left /= 2
+    return made.positions, made.triangles, made.furthest
+
+
+def combined(kind: str, parts: Sequence[Manifold]) -> Manifold:
+    """union, intersection or difference (the first without all others)."""
+    from manifold3d import Manifold, OpType
+
+    how = {"union": OpType.Add, "intersection": OpType.Intersect, "difference": OpType.Subtract}[kind]
+    return Manifold.batch_boolean(list(parts), how)
+
+
+def bounds(solid: Manifold) -> np.ndarray:
+    """(2, 3) its box; from inf to −inf where nothing is left."""
+    return np.array(solid.bounding_box()).reshape(2, 3)
+
+
+def mesh(solid: Manifold) -> MeshData:
+    """Its triangles, with normals that are smooth but across sharp edges."""
+    made = solid.calculate_normals(0, SHARP).to_mesh64(0)
+    numbers = np.asarray(made.vert_properties)
+    normals = MeshAttribute(numbers[:, 3:6].copy(), ir.Interpolation.VERTEX)
+    return MeshData(numbers[:, :3].copy(), np.asarray(made.tri_verts).astype(np.int64), normals)

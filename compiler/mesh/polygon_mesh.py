@@ -1,0 +1,163 @@
+"""Meshes of polygons as files hold them, and how they become meshes of triangles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import ir
+from ..scene.row_records import MeshAttribute, MeshData, Outlines
+from . import triangulate, vertex_normals
+
+_Kind = ir.Interpolation
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PolyMesh:
+    """A mesh of faces without holes, counter-clockwise from outside. Attributes count the file's own faces and corners:
+    FACE has a value a polygon, CORNER one for each entry of `indices`."""
+
+    points: np.ndarray  # (n, 3) float64
+    counts: np.ndarray  # (f,) corners of each face
+    indices: np.ndarray  # (sum of counts,) rows of points
+    normals: MeshAttribute | None = None
+    uvs: MeshAttribute | None = None
+    colors: MeshAttribute | None = None
+    groups: np.ndarray | None = None  # (f,) smoothing group of each face, 0: flat
+
+
+def assemble(mesh: PolyMesh, crease: float = vertex_normals.CREASE, name: str = "") -> tuple[MeshData, int]:
+    """The mesh in triangles, and how many faces were dropped for having no area.
+
+    Vertices that no triangle uses are left out. Normals that are missing, or are not finite or have no length, are computed: by
+    `groups` where there are some, else smooth but for creases sharper than `crease` radians (0: every face flat).
+    """
+    cut = triangulate.faces(mesh.points, mesh.indices, mesh.counts)
+    triangles = np.asarray(mesh.indices)[cut.corners]
+    used, triangles = _compact(triangles, len(mesh.points))
+    points = np.asarray(mesh.points, dtype=np.float64)[used]
+    given = {
+        name: _spread(attribute, cut, used, triangles, len(points))
+        for name, attribute in (("normals", mesh.normals), ("uvs", mesh.uvs), ("colors", mesh.colors))
+    }
+    groups = None if mesh.groups is None else np.asarray(mesh.groups)[cut.faces]
+    given["normals"] = _normals(given["normals"], points, triangles, crease, groups)
+    outlines = _outlines(mesh, cut, used) if (np.asarray(mesh.counts) > 3).any() else None
+    return MeshData(points, triangles, given["normals"], given["uvs"], given["colors"], outlines, name), cut.dropped
+
+
+def subset(mesh: PolyMesh, faces: np.ndarray) -> PolyMesh:
+    """The mesh with only the faces whose rows are given; vertices stay as they are."""
+    counts = np.asarray(mesh.counts, dtype=np.int64)
+    firsts = np.cumsum(counts) - counts
+    taken = counts[faces]
+    corners = np.repeat(firsts[faces] - (np.cumsum(taken) - taken), taken) + np.arange(int(taken.sum()))
+
+    def of(attribute: MeshAttribute | None) -> MeshAttribute | None:
+        if attribute is None or attribute.interpolation in (_Kind.CONSTANT, _Kind.VERTEX):
+            return attribute
+        rows = faces if attribute.interpolation == _Kind.FACE else corners
+        return MeshAttribute(attribute.values[rows], attribute.interpolation)
+
+    groups = None if mesh.groups is None else mesh.groups[faces]
+    return PolyMesh(mesh.points, taken, np.asarray(mesh.indices)[corners], of(mesh.normals), of(mesh.uvs), of(mesh.colors), groups)
+
+
+def flipped(mesh: PolyMesh) -> PolyMesh:
+    """The mesh with every face wound the other way round, its corners' values following."""
+    counts = np.asarray(mesh.counts, dtype=np.int64)
+    firsts = np.cumsum(counts) - counts
+    order = np.repeat(2 * firsts + counts - 1, counts) - np.arange(int(counts.sum()))
+
+    def of(attribute: MeshAttribute | None) -> MeshAttribute | None:
+        if attribute is None or attribute.interpolation != _Kind.CORNER:
+            return attribute
+        return MeshAttribute(attribute.values[order], _Kind.CORNER)
+
+    return PolyMesh(mesh.points, counts, np.asarray(mesh.indices)[order], of(mesh.normals), of(mesh.uvs), of(mesh.colors), mesh.groups)
+
+
+def _compact(triangles: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices that triangles use, and the triangles counted among those."""
+    seen = np.zeros(count, dtype=bool)
+    seen[triangles.reshape(-1)] = True
+    if seen.all():
+        return np.arange(count), triangles.astype(np.int32)
+    renumbered = np.cumsum(seen) - 1
+    return np.flatnonzero(seen), renumbered[triangles].astype(np.int32)
+
+
+def _spread(given: MeshAttribute | None, cut: triangulate.Cut, used: np.ndarray, triangles: np.ndarray, count: int) -> MeshAttribute | None:
+    """An attribute of polygons as one of triangles."""
+    if given is None or given.interpolation == _Kind.CONSTANT:
+        return given
+    values = np.asarray(given.values, dtype=np.float32)
+    if given.interpolation == _Kind.VERTEX:
+        return MeshAttribute(values[used], _Kind.VERTEX)
+    if given.interpolation == _Kind.FACE:
+        return MeshAttribute(values[cut.faces], _Kind.FACE)
+    return by_vertex(values[cut.corners.reshape(-1)], triangles, count)
+
+
+def by_vertex(values: np.ndarray, triangles: np.ndarray, count: int) -> MeshAttribute:
+    """Values at corners (3t, width) as values at vertices where all corners of each vertex agree, else as they are."""
+    rows = triangles.reshape(-1)
+    at_vertices = np.zeros((count, values.shape[1]), dtype=values.dtype)
+    at_vertices[rows] = values
+    if np.array_equal(at_vertices[rows], values):
+        return MeshAttribute(at_vertices, _Kind.VERTEX)
+    return MeshAttribute(values, _Kind.CORNER)
+
+
+def _normals(
+    given: MeshAttribute | None, points: np.ndarray, triangles: np.ndarray, crease: float, groups: np.ndarray | None
+) -> MeshAttribute | None:
+    if given is not None:
+        with np.errstate(all="ignore"):
+            length = np.linalg.norm(given.values, axis=1)
+            good = np.isfinite(length) & (length > 1e-12)
+            unit = np.where(good[:, None], given.values / np.where(good, length, 1.0)[:, None], 0.0).astype(np.float32)
+        if good.all():
+            return MeshAttribute(unit, given.interpolation)
+        if not good.any():
+            return _normals(None, points, triangles, crease, groups)
+        given = MeshAttribute(unit, given.interpolation)
+    elif crease <= 0 and groups is None:
+        return None
+    computed = vertex_normals.corner_normals(points, triangles, max(crease, 1e-6), groups).reshape(-1, 3)
+    if given is not None:
+        at_corners = _at_corners(given, triangles)
+        missing = ~np.any(at_corners != 0, axis=1)
+        computed = np.where(missing[:, None], computed, at_corners)
+    return by_vertex(computed, triangles, len(points))
+
+
+def _at_corners(given: MeshAttribute, triangles: np.ndarray) -> np.ndarray:
+    if given.interpolation == _Kind.VERTEX:
+        return given.values[triangles.reshape(-1)]
+    if given.interpolation == _Kind.FACE:
+        return np.repeat(given.values, 3, axis=0)
+    if given.interpolation == _Kind.CONSTANT:
+        return np.repeat(given.values, triangles.size, axis=0)
+    return given.values
+
+
+def _outlines(mesh: PolyMesh, cut: triangulate.Cut, used: np.ndarray) -> Outlines:
+    """The faces that were drawn, as polygons."""
+    drawn, first_triangle, triangle_count = np.unique(cut.faces, return_index=True, return_counts=True)
+    kept = subset(PolyMesh(mesh.points, mesh.counts, mesh.indices), drawn)
+    renumbered = np.zeros(len(mesh.points), dtype=np.int32)
+    renumbered[used] = np.arange(len(used), dtype=np.int32)
+    loops = np.stack([np.cumsum(kept.counts) - kept.counts, kept.counts], axis=1)
+    polygons = np.stack([np.arange(len(drawn)), np.ones(len(drawn), np.int64), first_triangle, triangle_count], axis=1)
+    # Corners that no triangle uses (collinear ones that ear clipping left out) are not among the vertices: leave them out too.
+    return _without_unused(renumbered[kept.indices], np.isin(kept.indices, used), loops, polygons)
+
+
+def _without_unused(corners: np.ndarray, present: np.ndarray, loops: np.ndarray, polygons: np.ndarray) -> Outlines:
+    if not present.all():
+        kept = np.add.reduceat(present.astype(np.int64), loops[:, 0])
+        loops = np.stack([np.cumsum(kept) - kept, kept], axis=1)
+        corners = corners[present]
+    return Outlines(corners.astype(np.int32), loops.astype(np.int32), polygons.astype(np.int32))

@@ -1,0 +1,143 @@
+"""Cuts polygons into triangles: fans where a fan is right, ear clipping (mapbox earcut) for concave faces and faces with holes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import mapbox_earcut
+import numpy as np
+
+from ..ir import F64, I32, I64
+
+FLAT = 1e-12  # doubled area over squared extent below which a face or triangle has no area
+FAN_APEXES = 8  # a face with more corners is fanned from its first corner or clipped
+
+
+class Cut(NamedTuple):
+    """Triangles of a mesh's faces. `corners` are rows of the flat list of corners, so that per-corner data follows."""
+
+    corners: I32  # (m, 3)
+    faces: I32  # (m,) the face each triangle comes from, ascending
+    dropped: int  # faces without area or with fewer than three corners
+
+
+def triangulate(points: F64, loops: Sequence[Sequence[int]]) -> I32:
+    """Triangles (m, 3) of one nearly flat polygon: an outline and its holes, as rows of `points` (n, 3).
+
+    Triangles wind as the outline does. The plane is Newell's (Graphics Gems III, V.5): robust for collinear and
+    repeated corners and the best fit for corners that are not quite in a plane. A polygon without area gives none.
+    """
+    outline = np.asarray(loops[0], dtype=np.int64)
+    if len(loops) == 1:
+        cut = faces(points, outline, np.array([len(outline)]))
+        return outline[cut.corners].astype(np.int32)
+    return _clip(np.asarray(points, dtype=np.float64), [np.asarray(loop, dtype=np.int64) for loop in loops])
+
+
+def faces(points: F64, indices: I32 | I64, counts: I32 | I64) -> Cut:
+    """Triangles of faces without holes: face k has the next counts[k] rows of `indices` as its corners.
+
+    Triangles and faces that a fan covers are cut by array operations, a group for each number of corners.
+    """
+    points = np.asarray(points, dtype=np.float64)
+    counts = np.asarray(counts, dtype=np.int64)
+    indices = np.asarray(indices, dtype=np.int64)
+    firsts = np.cumsum(counts) - counts
+    made: list[tuple[np.ndarray, np.ndarray]] = []
+    dropped = int(np.count_nonzero(counts < 3))
+    for n in np.unique(counts[counts >= 3]):
+        rows = np.flatnonzero(counts == n)
+        corners = firsts[rows][:, None] + np.arange(n)
+        shape = points[indices[corners]]
+        shape = shape - shape[:, :1]
+        normal = newell(shape)
+        extent = np.ptp(shape, axis=1).max(axis=1)
+        with np.errstate(over="ignore", invalid="ignore"):
+            solid = np.linalg.norm(normal, axis=1) > FLAT * extent**2
+        lost = _crossing(shape, ~solid, extent) if n > 3 else []
+        dropped += int(np.count_nonzero(~solid)) - len(lost)
+        made += _fans(shape, normal, solid, rows, corners, points, indices)
+        made += [(_fan(corners[k : k + 1], 0)[0], np.full(n - 2, rows[k])) for k in lost]
+    if not made:
+        return Cut(np.zeros((0, 3), np.int32), np.zeros(0, np.int32), dropped)
+    triangles = np.concatenate([m[0] for m in made])
+    owners = np.concatenate([m[1] for m in made])
+    if len(made) > 1:
+        order = np.argsort(owners, kind="stable")
+        triangles, owners = triangles[order], owners[order]
+    return Cut(triangles.astype(np.int32), owners.astype(np.int32), dropped)
+
+
+def newell(shape: F64) -> F64:
+    """Newell normals (k, 3) of polygons (k, n, 3), twice as long as their area."""
+    following = np.roll(shape, -1, axis=1)
+    return np.cross(shape, following).sum(axis=1)
+
+
+def _fan(corners: np.ndarray, apex: int) -> np.ndarray:
+    """(k, n-2, 3): triangles of faces with `corners` (k, n) that all have the corner `apex`."""
+    turned = np.roll(corners, -apex, axis=1)
+    first = np.broadcast_to(turned[:, :1], turned[:, 1:-1].shape)
+    return np.stack([first, turned[:, 1:-1], turned[:, 2:]], axis=-1)
+
+
+def _fans(
+    shape: F64, normal: F64, solid: np.ndarray, rows: np.ndarray, corners: np.ndarray, points: F64, indices: np.ndarray
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Triangles and owners of faces of one size: fans from the first apex that sees the whole face, ears for the rest."""
+    n = corners.shape[1]
+    made = []
+    left = np.flatnonzero(solid)
+    for apex in range(1 if n == 3 else n if n <= FAN_APEXES else 1):
+        if not len(left):
+            break
+        spokes = np.roll(shape[left], -apex, axis=1)
+        spokes = spokes[:, 1:] - spokes[:, :1]
+        doubled = np.einsum("kni,ki->kn", np.cross(spokes[:, :-1], spokes[:, 1:]), normal[left])
+        whole = (doubled > 1e-9 * np.einsum("ki,ki->k", normal[left], normal[left])[:, None]).all(axis=1)
+        taken = left[whole]
+        if len(taken):
+            made.append((_fan(corners[taken], apex).reshape(-1, 3), np.repeat(rows[taken], n - 2)))
+        left = left[~whole]
+    for k in left:
+        ears = _ears(points[indices[corners[k]]], [n], normal[k])
+        made.append((corners[k][ears], np.full(len(ears), rows[k])))
+    return made
+
+
+def _crossing(shape: F64, flat: np.ndarray, extent: F64) -> list[int]:
+    """Rows of faces whose signed area is nothing though their corners span some: figures of eight. They are fanned."""
+    found = []
+    for k in np.flatnonzero(flat):
+        spokes = shape[k, 1:] - shape[k, 0]
+        areas = np.linalg.norm(np.cross(spokes[:-1], spokes[1:]), axis=1)
+        if (areas > 1e-6 * extent[k] ** 2).any():
+            found.append(int(k))
+    return found
+
+
+def _clip(points: F64, loops: list[np.ndarray]) -> I32:
+    """Triangles of an outline with holes, as rows of `points`."""
+    rows = np.concatenate(loops)
+    shape = points[rows]
+    outline = shape[: len(loops[0])]
+    normal = newell((outline - outline[:1])[None])[0] if len(outline) > 2 else np.zeros(3)
+    if np.linalg.norm(normal) <= FLAT * np.ptp(shape, axis=0).max() ** 2:
+        return np.zeros((0, 3), np.int32)
+    ears = _ears(shape, [int(e) for e in np.cumsum([len(loop) for loop in loops])], normal)
+    return rows[ears].astype(np.int32)
+
+
+def _ears(shape: F64, ends: list[int], normal: F64) -> np.ndarray:
+    """Ear clipping in the plane across `normal`: triangles (m, 3) as rows of `shape`, counter-clockwise about it."""
+    axis = normal / np.linalg.norm(normal)
+    helper = np.eye(3)[np.argmin(np.abs(axis))]
+    u = np.cross(helper, axis)
+    u /= np.linalg.norm(u)
+    flat = (shape - shape[0]) @ np.stack([u, np.cross(axis, u)], axis=1)
+    ears = mapbox_earcut.triangulate_float64(np.ascontiguousarray(flat), np.array(ends, np.uint32)).reshape(-1, 3).astype(np.int64)
+    a, b, c = flat[ears[:, 0]], flat[ears[:, 1]], flat[ears[:, 2]]
+    doubled = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    ears = np.where((doubled < 0)[:, None], ears[:, ::-1], ears)
+    return ears[np.abs(doubled) > FLAT * np.ptp(flat, axis=0).max() ** 2]

@@ -1,0 +1,5 @@
+"""Render plan: facts about a scene and decisions drawn from them.
+
+May import: compiler.ir, formula.
+Begin with `plan.py`.
+"""

@@ -1,0 +1,114 @@
+"""Lamps inside of things that no light leaves: what they light nobody sees, and it is said."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...lang.diagnostics import Diagnostics
+from .. import ir
+from ..formula import numpy_interpreter, solid_fields
+from ..formula import tape as formula_tape
+from . import scene_facts
+
+_PLACED = (ir.LightKind.POINT, ir.LightKind.SPOT, ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
+AHEAD = 1e-6  # of its distance from the origin, and metres: so far in front of the eye it is looked whether a camera is inside
+MOST_LAMPS = 64  # that are looked for
+MOST_TRIANGLES = 1 << 20  # of meshes, for all points that are looked at: a fifth of a second
+
+
+def tell(scene: ir.Scene, diagnostics: Diagnostics) -> None:
+    """Warn of each lamp in a closed opaque thing that the first camera is outside of."""
+    tables = scene.tables
+    lights = tables.lights
+    rows = np.flatnonzero(ir.among(lights.kind, _PLACED) & lights.shadows)[:MOST_LAMPS]
+    if not len(rows) or not len(tables.cameras.transform):
+        return
+    at = [_corners(tables, int(row)) for row in rows]
+    frame = tables.transforms.matrix[tables.cameras.transform[0]]
+    eye = frame[:, 3] - frame[:, 2] * (AHEAD * (1.0 + np.linalg.norm(frame[:, 3])))
+    left = MOST_TRIANGLES
+    for instance in _opaque(tables).tolist():
+        g = int(tables.instances.geometry[instance])
+        inverse = tables.transforms.inverse[tables.instances.transform[instance]]
+        low, high = tables.geometries.bounds[g]
+        around = [points @ inverse[:, :3].T + inverse[:, 3] for points in at]
+        near = [k for k, local in enumerate(around) if ((local > low) & (local < high)).all() and lights.instance[rows[k]] != instance]
+        if not near:
+            continue
+        each = int(tables.geometries.triangle_count[g])
+        left -= each
+        if left < 0:
+            return
+        if _inside(tables, g, (inverse[:, :3] @ eye + inverse[:, 3])[None])[0]:
+            continue
+        for k in near:
+            left -= each * len(around[k])
+            if left < 0:
+                return
+            if _inside(tables, g, around[k]).all():
+                hint = "move it out, or make that of glass, or write `shadows: false`"
+                span = scene.spans.at("lights", int(rows[k]))
+                diagnostics.warning("this lamp is inside of an opaque solid: nothing outside is lit by it", span, hint)
+
+
+_AROUND = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], np.float64)
+_SQUARE = np.array([[1, 0, 1], [1, 0, -1], [-1, 0, 1], [-1, 0, -1], [1, 0, 0], [0, 0, 1]], np.float64)
+
+
+def _corners(tables: ir.Tables, row: int) -> np.ndarray:
+    """(n, 3) points of a lamp in the world that stand for all of it: one of those without extent."""
+    lights = tables.lights
+    kind, (x, z) = lights.kind[row], lights.size[row].tolist()
+    if kind in _PLACED[:2]:
+        return lights.position[row][None]
+    local = _SQUARE * [x, 0.0, z] if kind == ir.LightKind.RECTANGLE else _AROUND * [x, x if kind == ir.LightKind.SPHERE else 0.0, x]
+    matrix = tables.transforms.matrix[lights.transform[row]]
+    return local @ matrix[:, :3].T + matrix[:, 3]
+
+
+def _opaque(tables: ir.Tables) -> np.ndarray:
+    """Rows of instances that cast shadows and let no light through, but lamps, which do not block those in them (bodies.py); mixtures of
+    materials are not looked into."""
+    materials, instances = tables.materials, tables.instances
+    through = scene_facts.partial(tables) | ir.among(materials.model, (ir.MaterialModel.GLASS, ir.MaterialModel.BLEND))
+    through |= (materials.values[:, ir.Slot.TRANSMISSION] > 0.0).any(axis=1) | (materials.textures[:, ir.Slot.TRANSMISSION] >= 0)
+    return np.flatnonzero((instances.visible & ir.Visibility.SHADOW != 0) & (instances.light < 0) & ~through[instances.material])
+
+
+def _inside(tables: ir.Tables, g: int, points: np.ndarray) -> np.ndarray:
+    """Which of (n, 3) points in a geometry's frame are inside of it; of none where it encloses nothing."""
+    kind, parameters = tables.geometries.kind[g], tables.geometries.parameters[g]
+    if kind == ir.GeometryKind.MESH:
+        return _in_mesh(tables, g, points)
+    if kind == ir.GeometryKind.FORMULA:
+        if parameters[0]:
+            return np.zeros(len(points), np.bool_)
+        tape = formula_tape.stored(tables, int(tables.geometries.tape[g]))
+    else:
+        builder = formula_tape.Builder()
+        try:
+            tape = builder.finish(solid_fields.analytic(builder, int(kind), parameters.tolist(), (0, 1, 2)))
+        except solid_fields.NoSolid:
+            return np.zeros(len(points), np.bool_)
+    with np.errstate(all="ignore"):
+        inside = np.broadcast_to(numpy_interpreter.points(tape, *points.T)[0], len(points)) < 0.0
+    if kind == ir.GeometryKind.FORMULA and parameters[4] > 0.0:
+        inside = inside & (np.linalg.norm(points - parameters[1:4], axis=1) < parameters[4])
+    return inside
+
+
+def _in_mesh(tables: ir.Tables, g: int, points: np.ndarray) -> np.ndarray:
+    """By the winding number: the solid angle of all triangles over 4π, which is 1 inside of a closed mesh (van Oosterom 1983)."""
+    first = int(tables.geometries.first_triangle[g])
+    rows = tables.pools.triangles[first : first + int(tables.geometries.triangle_count[g])]
+    corners = tables.pools.positions[rows].astype(np.float64) + tables.geometries.origin[g]
+    found = np.zeros(len(points), np.bool_)
+    for k, point in enumerate(points):
+        a, b, c = (corners - point).transpose(1, 0, 2)
+        la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+        over = np.einsum("ij,ij->i", a, np.cross(b, c))
+        under = la * lb * lc + np.einsum("ij,ij->i", a, b) * lc + np.einsum("ij,ij->i", b, c) * la + np.einsum("ij,ij->i", c, a) * lb
+        found[k] = abs(np.arctan2(over, under).sum() / (2.0 * math.pi)) > 0.99
+    return found

@@ -1,0 +1,50 @@
+"""Bodies of lamps: which stand in the light of others."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .. import ir
+from . import scene_facts
+
+_AREAS = (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
+_PLACED = (ir.LightKind.POINT, ir.LightKind.SPOT, *_AREAS)
+
+
+def that_block(tables: ir.Tables) -> np.ndarray:
+    """(instances,) bool: lamps' shapes that block light.
+
+    None where there is but one light: no lamp stands in its own. Nor does a ball around another lamp, as is put there to show it, nor a
+    lamp that nothing blocks. Whether lights are on does not matter, so that the groups of a scene's lights cast the same shadows.
+    """
+    lights, instances = tables.lights, tables.instances
+    blocks = (instances.light >= 0) & (instances.visible & ir.Visibility.SHADOW != 0)
+    others = bool(scene_facts.shines(tables)[instances.material[instances.light < 0]].any())
+    if int(np.sum(lights.shadows & (lights.kind != ir.LightKind.AMBIENT))) + others < 2:
+        return np.zeros(len(blocks), bool)
+    for row in np.flatnonzero((lights.kind == ir.LightKind.SPHERE) & (lights.instance >= 0)).tolist():
+        if _holds_another(tables, row):
+            blocks[lights.instance[row]] = False
+    return blocks
+
+
+def _holds_another(tables: ir.Tables, row: int) -> bool:
+    """Whether another lamp's place is in the ball of a row of Lights."""
+    lights, transforms = tables.lights, tables.transforms
+    area = ir.among(lights.kind, _AREAS)
+    places = np.where(area[:, None], transforms.matrix[lights.transform, :, 3], lights.position)
+    matrix = transforms.matrix[lights.transform[row]]
+    radius = lights.size[row, 0] * np.linalg.norm(matrix[:, 0])
+    inside = ir.among(lights.kind, _PLACED) & (np.linalg.norm(places - matrix[:, 3], axis=1) < radius)
+    inside[row] = False
+    return bool(inside.any())
+
+
+def let_through(tables: ir.Tables, blocks: bool) -> ir.Tables:
+    """Tables in which lamps' shapes that do not block light, or with `blocks` off none of them, are let through by shadow rays."""
+    instances = tables.instances
+    passed = (instances.light >= 0) & ~(that_block(tables) & blocks) & (instances.visible & ir.Visibility.SHADOW != 0)
+    if not passed.any():
+        return tables
+    visible = np.where(passed, instances.visible & ~int(ir.Visibility.SHADOW), instances.visible)
+    return tables._replace(instances=ir.table_of("instances", {**instances._asdict(), "visible": visible}))

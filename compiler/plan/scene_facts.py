@@ -1,0 +1,115 @@
+"""What a scene holds that decisions turn on: materials by what they do, what is partly there, what moves, a ground below all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from .. import ir
+
+POLISHED = 0.3  # roughness below which the highlight of what is no metal mirrors things that can be told
+
+
+def ground(tables: ir.Tables) -> int:
+    """The instance of a plane that casts shadows and on whose upper side everything else lies, or -1.
+
+    Things may stand on it, to 1e-9 of their coordinates.
+    """
+    instances, geometries, transforms = tables.instances, tables.geometries, tables.transforms
+    boxes, matrix = geometries.bounds[instances.geometry], transforms.matrix[instances.transform]
+    solid = (geometries.kind[instances.geometry] == ir.GeometryKind.PLANE) & (instances.visible & ir.Visibility.SHADOW != 0)
+    solid &= ~partial(tables)[instances.material]
+    for row in np.flatnonzero(solid)[:4].tolist():
+        others = np.arange(len(boxes)) != row
+        below = transforms.inverse[instances.transform[row], 1]  # height over the plane, of a point of the world
+        along = np.einsum("j,njk->nk", below[:3], matrix[others, :, :3])
+        with np.errstate(invalid="ignore"):
+            middle, half = boxes[others].mean(axis=1), 0.5 * (boxes[others, 1] - boxes[others, 0])
+            height = np.sum(along * middle, axis=1) + matrix[others, :, 3] @ below[:3] + below[3]
+            reach = np.sum(np.abs(along) * half, axis=1)
+            size = np.abs(height) + reach + np.abs(below[3])
+            if np.all(height - reach >= -1e-9 * size):  # nan and inf of what is endless are not above
+                return row
+    return -1
+
+
+def partial(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: those that are anywhere less than wholly there."""
+    materials = tables.materials
+    return (materials.values[:, ir.Slot.OPACITY, 0] < 1.0) | (materials.textures[:, ir.Slot.OPACITY] >= 0)
+
+
+def shines(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: those that give light."""
+    materials, slot = tables.materials, ir.Slot.EMISSION
+    return (materials.values[:, slot].max(axis=1, initial=0.0) > 0.0) | (materials.textures[:, slot] >= 0)
+
+
+def moving(tables: ir.Tables, camera: int) -> bool:
+    """Whether something that has keys is seen by a camera, or the camera has, while its shutter is open."""
+    rows = np.append(tables.instances.transform, tables.cameras.transform[camera])
+    return bool(tables.cameras.shutter[camera] > 0.0 and (tables.transforms.first_key[rows] >= 0).any())
+
+
+def open_during(tables: ir.Tables, camera: int) -> tuple[float, float]:
+    """Where a camera's shutter opens and how long it is open, as shares of the time that keys go over."""
+    cameras = tables.cameras
+    of = cameras.shutter > 0.0
+    start, end = cameras.opening[of].min(), (cameras.opening + cameras.shutter)[of].max()
+    return float((cameras.opening[camera] - start) / (end - start)), float(cameras.shutter[camera] / (end - start))
+
+
+def specular_materials(scene: ir.Scene) -> np.ndarray:
+    """(materials,) bool: those that mirror or refract."""
+    m = scene.tables.materials
+    slots = m.values[:, [ir.Slot.REFLECTION, ir.Slot.TRANSMISSION]].max(axis=(1, 2), initial=0.0) > 0
+    slots |= glossy_materials(scene)
+    return slots | ir.among(m.model, (ir.MaterialModel.MIRROR, ir.MaterialModel.GLASS))
+
+
+def used_materials(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: those that things are made of, parts of blends among them."""
+    m = tables.materials
+    found = np.zeros(len(m.model), bool)
+    found[tables.instances.material] = True
+    for row in np.flatnonzero(m.model == ir.MaterialModel.BLEND)[::-1]:  # parts have lower rows than their blends
+        if found[row]:
+            found[[m.first[row], m.second[row]]] = True
+    return found
+
+
+def glossy_materials(scene: ir.Scene) -> np.ndarray:
+    """(materials,) bool: those with microfacets in whose highlight things can be told: metals, and what is somewhat polished."""
+    m, slot = scene.tables.materials, ir.Slot
+
+    def may_be(wanted: Callable[[np.ndarray], np.ndarray], which: int) -> np.ndarray:
+        return wanted(m.values[:, which, 0]) | (m.textures[:, which] >= 0)
+
+    polished = may_be(lambda x: x < POLISHED, slot.ROUGHNESS) | may_be(lambda x: x > 0.0, slot.METALLIC)
+    polished |= may_be(lambda x: x > 0.0, slot.COAT) & may_be(lambda x: x < POLISHED, slot.COAT_ROUGHNESS)
+    principled = ir.among(m.model, (ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR))
+    frosted = (m.model == ir.MaterialModel.GLASS) & may_be(lambda x: x > 0.0, slot.ROUGHNESS)
+    return (m.model == ir.MaterialModel.METAL) | (principled & polished) | frosted
+
+
+def lit_materials(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: those whose look depends on lights: what is matt, has a highlight or is rough glass."""
+    m, slots = tables.materials, [ir.Slot.DIFFUSE, ir.Slot.SPECULAR]
+    plain = (m.values[:, slots].max(axis=(1, 2), initial=0.0) > 0.0) | (m.textures[:, slots] >= 0).any(axis=1)
+    rough = (m.values[:, ir.Slot.ROUGHNESS, 0] > 0.0) | (m.textures[:, ir.Slot.ROUGHNESS] >= 0)
+    facets = ir.among(m.model, (ir.MaterialModel.METAL, ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR))
+    return plain | facets | (m.model == ir.MaterialModel.BLEND) | (rough & (m.model == ir.MaterialModel.GLASS))
+
+
+def extents(tables: ir.Tables) -> tuple[float, float]:
+    """(largest coordinate of what is bounded and of the cameras, diagonal of the smallest thing), in metres; (0, 1) of nothing."""
+    instances, matrix = tables.instances, tables.transforms.matrix[tables.instances.transform]
+    bounds = tables.geometries.bounds[instances.geometry]
+    finite = np.isfinite(bounds).all(axis=(1, 2))
+    middle, half = bounds[finite].mean(axis=1), 0.5 * (bounds[finite, 1] - bounds[finite, 0])
+    centre = np.einsum("nij,nj->ni", matrix[finite, :, :3], middle) + matrix[finite, :, 3]
+    reach = np.einsum("nij,nj->ni", np.abs(matrix[finite, :, :3]), half)
+    eyes = np.abs(tables.transforms.matrix[tables.cameras.transform, :, 3])
+    largest = max(float(np.abs(centre).max(initial=0.0) + reach.max(initial=0.0)), float(eyes.max(initial=0.0)))
+    return largest, float(np.linalg.norm(reach, axis=1).min(initial=np.inf)) if finite.any() else 1.0

@@ -1,0 +1,420 @@
+"""The scene builder: the one place where rows of the IR's tables are made."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from ...lang.diagnostics import Diagnostics, Span
+from .. import ir
+from ..formula.tape import Tape
+from ..io.sandbox import LIBRARY, Files
+from . import shape_bounds, transforms
+from .row_records import BLACK, WHITE, CameraData, Color, Input, InstanceData, LightData, MaterialData, MeshAttribute, MeshData, TextureData
+
+NONE = -1  # the row of what was not accepted; the diagnostics say why
+SPANNED = ("geometries", "instances", "materials", "textures", "lights", "cameras", "settings")
+_EXPECTED = {ir.Interpolation.FACE: "one a triangle", ir.Interpolation.VERTEX: "one a vertex", ir.Interpolation.CORNER: "one a corner"}
+
+
+class SceneBuilder:
+    """Collects rows and returns their indices; `finish` makes the immutable ir.Scene.
+
+    Equal transforms, shapes, textures and materials become one row. Whatever is wrong with a row is a diagnostic, and the
+    row is NONE, which every later method takes and leaves out.
+    """
+
+    def __init__(self, diagnostics: Diagnostics | None = None, files: Files | None = None) -> None:
+        """`files` says what may be read by whoever fills this builder (nothing beyond the library when not given)."""
+        self.diagnostics = diagnostics if diagnostics is not None else Diagnostics()
+        self.files = files if files is not None else Files(LIBRARY)
+        self._matrices: list[np.ndarray] = []
+        self._inverses: list[np.ndarray] = []
+        self._rows: dict[str, list[tuple[Any, ...]]] = {name: [] for name in ir.TABLES}
+        self._names: dict[str, list[str]] = {f.name: [] for f in fields(ir.Names)}
+        self._spans: dict[str, list[Span | None]] = {name: [] for name in SPANNED}
+        self._known: dict[Any, int] = {}
+        self._tapes: list[Tape] = []
+        self._pools: dict[str, list[np.ndarray]] = {name: [] for name in (*ir.Pools._fields, "texels")}
+        self._length: dict[str, int] = dict.fromkeys(self._pools, 0)
+        self._colorful: list[bool] = []  # of each picture: whether its channels differ
+        self._holes: list[bool] = []  # of each picture: whether it is not opaque everywhere
+        self.transform(np.eye(4))
+
+    # --- transforms ---
+
+    def transform(self, matrix: np.ndarray, span: Span | None = None) -> int:
+        """The row of a (3, 4) or (4, 4) object-to-world matrix. NONE and a warning if it has no inverse."""
+        affine = np.ascontiguousarray(np.asarray(matrix, dtype=np.float64)[:3])
+        key = ("transform", (affine + 0.0).tobytes())  # + 0.0: −0 and 0 are the same
+        row = self._known.get(key)
+        if row is not None:
+            return row
+        inverse = transforms.inverse(affine)
+        if inverse is None:
+            self.diagnostics.warning(
+                "this is flattened to nothing by its transform (no inverse): it is not drawn", span, "a scale must not be 0 along any axis"
+            )
+            return NONE
+        row = len(self._matrices)
+        self._known[key] = row
+        self._matrices.append(affine)
+        self._inverses.append(inverse)
+        return row
+
+    # --- geometry ---
+
+    def geometry(self, kind: ir.GeometryKind, parameters: Sequence[float] = (), span: Span | None = None, name: str = "") -> int:
+        """The row of an analytic shape; `parameters` in the order of ir.GeometryKind."""
+        numbers = tuple(map(float, parameters))
+        key = ("geometry", kind, numbers)
+        row = self._known.get(key)
+        if row is None:
+            bounds = shape_bounds.of(kind, numbers)
+            row = self._geometry(kind, numbers, bounds, np.zeros(3), (0,) * 6, (NONE,) * 4, span, name)
+            self._known[key] = row
+        return row
+
+    def formula(self, tape: Tape, bounds: np.ndarray, parameters: Sequence[float], span: Span | None = None, name: str = "") -> int:
+        """The row of a formula's surface in a box (2, 3); `parameters` are ir.GeometryKind.FORMULA's without the last."""
+        numbers = (*map(float, parameters), float(np.abs(bounds).max()))
+        row = self.tape(tape)
+        columns = (NONE, NONE, NONE, row)
+        return self.shared(
+            ("formula", row, numbers, bounds.tobytes()),
+            lambda: self._geometry(ir.GeometryKind.FORMULA, numbers, bounds, np.zeros(3), (0,) * 6, columns, span, name),
+        )
+
+    def shape(self, geometry: int) -> tuple[ir.GeometryKind, tuple[float, ...], np.ndarray, Tape | None]:
+        """(kind, parameters, bounds, tape of a formula) of a row, for what is made of other shapes."""
+        row = dict(zip(ir.Geometries._fields, self._rows["geometries"][geometry], strict=True))
+        tape = self._tapes[row["tape"]] if row["tape"] >= 0 else None
+        return ir.GeometryKind(row["kind"]), row["parameters"], np.array(row["bounds"], np.float64), tape
+
+    def triangles(self, geometry: int) -> tuple[np.ndarray, np.ndarray]:
+        """(positions (n, 3), triangles (m, 3)) of a mesh's row, in its own frame."""
+        row = dict(zip(ir.Geometries._fields, self._rows["geometries"][geometry], strict=True))
+        first, begin = row["first_triangle"], row["first_vertex"]
+        triangles = _of(self._pools["triangles"], first, row["triangle_count"])
+        return _of(self._pools["positions"], begin, row["vertex_count"]).astype(np.float64) + row["origin"], triangles - begin
+
+    def tape(self, tape: Tape) -> int:
+        """The row of a tape; an equal one is shared."""
+        key = ("tape", tape.structure(), tape.constants.tobytes())
+        if key not in self._known:
+            results = (*tape.results, *(0,) * (4 - len(tape.results)))
+            row = (self._length["code"], len(tape.code), self._length["constants"], len(tape.constants), results, len(tape.results))
+            self._known[key] = self._add("tapes", row, None, "")
+            self._tapes.append(tape)
+            self._pool("code", tape.code)
+            self._pool("constants", tape.constants)
+        return self._known[key]
+
+    def mesh(self, mesh: MeshData, span: Span | None = None, name: str = "") -> int:
+        """The row of a mesh, its positions stored as float32 about `_origin`; an equal mesh is shared. Attributes of
+        a wrong length are left out with a warning; a mesh without triangles is NONE."""
+        return self.shared(("mesh", _digest(mesh)), lambda: self._mesh(mesh, span, name or mesh.name))
+
+    def _mesh(self, mesh: MeshData, span: Span | None, name: str) -> int:
+        positions = np.asarray(mesh.positions, dtype=np.float64).reshape(-1, 3)
+        triangles = np.asarray(mesh.triangles, dtype=np.int32).reshape(-1, 3)
+        if not len(triangles):
+            self.diagnostics.warning(f"the mesh{f' `{name}`' if name else ''} has no triangles: nothing is drawn", span)
+            return NONE
+        origin = _origin(positions)
+        with np.errstate(over="ignore", invalid="ignore"):
+            stored = (positions - origin).astype(np.float32)
+        bounds = mesh_bounds(stored) + origin
+        first_vertex, first_triangle = self._length["positions"], self._length["triangles"]
+        first_polygon, polygon_count = self._outlines(mesh, first_vertex, first_triangle)
+        self._pool("positions", stored)
+        self._pool("triangles", triangles + np.int32(first_vertex))
+        ranges = (first_vertex, len(positions), first_triangle, len(triangles), first_polygon, polygon_count)
+        attributes = tuple(
+            self._attribute(kind, given, width, len(positions), len(triangles), span)
+            for kind, given, width in (("normals", mesh.normals, 3), ("uvs", mesh.uvs, 2), ("colors", mesh.colors, 3))
+        )
+        return self._geometry(ir.GeometryKind.MESH, (), bounds, origin, ranges, (*attributes, NONE), span, name)
+
+    def _geometry(self, kind: int, parameters: tuple[float, ...], bounds: Any, origin: Any, ranges: tuple[int, ...],
+                  attributes: tuple[int, ...], span: Span | None, name: str) -> int:  # fmt: skip
+        padded = parameters + (0.0,) * (ir.PARAMETERS - len(parameters))
+        return self._add("geometries", (int(kind), padded, bounds, origin, *ranges, *attributes), span, name)
+
+    def _outlines(self, mesh: MeshData, first_vertex: int, first_triangle: int) -> tuple[int, int]:
+        """Adds the mesh's polygons; (first row, count)."""
+        first = len(self._rows["polygons"])
+        if mesh.outlines is None:
+            return first, 0
+        outlines = mesh.outlines
+        first_corner, first_loop = self._length["corners"], self._length["loops"]
+        self._pool("corners", np.asarray(outlines.corners, dtype=np.int32).reshape(-1) + np.int32(first_vertex))
+        self._pool("loops", np.asarray(outlines.loops, dtype=np.int32).reshape(-1, 2) + np.array([first_corner, 0], dtype=np.int32))
+        rows = np.asarray(outlines.polygons, dtype=np.int32).reshape(-1, 4)
+        rows = rows + np.array([first_loop, 0, first_triangle, 0], dtype=np.int32)
+        self._rows["polygons"].extend(map(tuple, rows.tolist()))
+        return first, len(rows)
+
+    def _attribute(self, name: str, given: MeshAttribute | None, width: int, vertices: int, triangles: int, span: Span | None) -> int:
+        if given is None:
+            return NONE
+        values = np.asarray(given.values, dtype=np.float32).reshape(-1, width)
+        kind = ir.Interpolation(given.interpolation)
+        expected = {"FACE": triangles, "VERTEX": vertices, "CORNER": 3 * triangles}.get(kind.name, 1)
+        if len(values) != expected:
+            how = f", {_EXPECTED[kind]}" if kind in _EXPECTED else ""
+            self.diagnostics.warning(f"the mesh has {len(values)} {name} where {expected} belong{how}: they are left out", span)
+            return NONE
+        row = self._add("attributes", (int(kind), width, self._length["values"], len(values)), None, name)
+        self._pool("values", values.reshape(-1))
+        return row
+
+    # --- what is placed, and what it is made of ---
+
+    def instance(self, instance: InstanceData, span: Span | None = None) -> int:
+        """Places a geometry. NONE if its geometry or transform is NONE."""
+        if instance.geometry < 0 or instance.transform < 0:
+            return NONE
+        row = (instance.geometry, instance.transform, instance.material, instance.light, instance.visible)
+        return self._add("instances", row, span, instance.name)
+
+    def material(self, material: MaterialData, span: Span | None = None) -> int:
+        """The row of a material; an equal one of the same name is shared."""
+        values = [[0.0, 0.0, 0.0] for _ in range(ir.SLOTS)]
+        values[ir.Slot.IOR][0] = values[ir.Slot.OPACITY][0] = 1.0
+        images = [NONE] * ir.SLOTS
+        for slot, given in material.inputs.items():
+            values[slot], images[slot] = list(map(float, given.value)), given.texture
+        how = (int(material.model), int(material.shading), bool(material.normalized), float(material.threshold))
+        parts = material.first, material.second
+        textured = max(images) >= 0 or any(part >= 0 and self._textured(part) for part in parts)
+        row = (*how, tuple(map(tuple, values)), tuple(images), textured, *parts)
+        key = ("material", row, material.name)
+        if key not in self._known:
+            self._known[key] = self._add("materials", row, span, material.name)
+        return self._known[key]
+
+    def _textured(self, material: int) -> bool:
+        return bool(self._rows["materials"][material][ir.Materials._fields.index("textured")])
+
+    def texture(self, texture: TextureData, span: Span | None = None) -> int:
+        """The row of a texture; an equal one is shared."""
+        key = ("texture", texture)
+        if key not in self._known:
+            row = tuple(getattr(texture, column) for column in ir.Textures._fields)
+            self._known[key] = self._add("textures", row, span, "")
+        return self._known[key]
+
+    def alpha_of(self, texture: int) -> int:
+        """The row of a picture's texture's alpha, in the same place as the texture; NONE where the picture has no alpha to speak of."""
+        if texture < 0:
+            return NONE
+        row = dict(zip(ir.Textures._fields, self._rows["textures"][texture], strict=True))
+        if not self.has_holes(row["image"]):
+            return NONE
+        return self.texture(TextureData(**{**row, "channel": 3, "gain": WHITE, "bias": BLACK}))
+
+    def with_levels(self, texture: int, gain: Color, bias: Color) -> int:
+        """The row of a texture like another, with its values in other levels."""
+        row = dict(zip(ir.Textures._fields, self._rows["textures"][texture], strict=True))
+        return self.texture(TextureData(**{**row, "gain": gain, "bias": bias}))
+
+    def channels_differ(self, texture: int) -> bool:
+        """Whether a picture's red, green and blue are not all the same: it holds directions or colours, not heights."""
+        image = self._rows["textures"][texture][ir.Textures._fields.index("image")]
+        return image >= 0 and self._colorful[image]
+
+    def image(self, texels: np.ndarray, name: str = "") -> int:
+        """The row of a picture: (h, w, 4) linear r, g, b, a, row 0 at the top. Callers share rows by file (see images.py)."""
+        height, width, _ = texels.shape
+        row = self._add("images", (self._length["texels"], width, height), None, name)
+        self._pool("texels", np.asarray(texels, dtype=np.float32).reshape(-1, 4))
+        self._holes.append(bool((texels[..., 3] < 1).any()))
+        self._colorful.append(bool((texels[..., 0] != texels[..., 2]).any()))
+        return row
+
+    def has_holes(self, image: int) -> bool:
+        """Whether a picture's alpha is anywhere less than 1."""
+        return image >= 0 and self._holes[image]
+
+    def light(self, light: LightData, span: Span | None = None) -> int:
+        """The row of a light; NONE if its transform is."""
+        if light.transform < 0:
+            return NONE
+        columns = {**{f.name: getattr(light, f.name) for f in fields(light)}, "instance": NONE}
+        self._names["groups"].append(light.group)
+        return self._add("lights", tuple(columns[c] for c in ir.Lights._fields), span, light.name)
+
+    def camera(self, camera: CameraData, span: Span | None = None) -> int:
+        """The row of a camera; NONE if its transform is."""
+        if camera.transform < 0:
+            return NONE
+        return self._add("cameras", tuple(getattr(camera, c) for c in ir.Cameras._fields), span, camera.name)
+
+    def default_material(self) -> int:
+        """The row of the grey that things without a material are made of."""
+        return self.material(lambert(DEFAULT_ALBEDO, name="default"))
+
+    def shared(self, key: Any, make: Callable[[], int]) -> int:
+        """The row made for `key` before, or now by `make`: for what is costly to make, like a file's mesh or picture."""
+        if key not in self._known:
+            self._known[key] = make()
+        return self._known[key]
+
+    @property
+    def texels(self) -> int:
+        """Texels of all pictures so far."""
+        return self._length["texels"]
+
+    def bounds(self, geometry: int, matrix: np.ndarray) -> np.ndarray:
+        """(2, 3) a box round a geometry under a matrix; ±inf where it is endless."""
+        return boxes_under(np.array([self._rows["geometries"][geometry][2]]), np.asarray(matrix)[None, :3])[0]
+
+    def world_bounds(self) -> np.ndarray | None:
+        """(2, 3) a box round all instances that have an end, or None if there are none."""
+        rows = self._rows["instances"]
+        if not rows:
+            return None
+        local = np.array([self._rows["geometries"][row[0]][2] for row in rows])
+        boxes = boxes_under(local, np.array([self._matrices[row[1]] for row in rows]))
+        bounded = boxes[np.isfinite(boxes).all(axis=(1, 2))]
+        return np.stack([bounded[:, 0].min(axis=0), bounded[:, 1].max(axis=0)]) if len(bounded) else None
+
+    def shines(self) -> bool:
+        """Whether some instance's material emits light."""
+        values = ir.Materials._fields.index("values")
+        emitting = {index for index, row in enumerate(self._rows["materials"]) if any(row[values][ir.Slot.EMISSION])}
+        return any(row[2] in emitting for row in self._rows["instances"])
+
+    def count(self, table: str) -> int:
+        """How many rows a table has so far."""
+        return len(self._matrices) if table == "transforms" else len(self._rows[table])
+
+    # --- the end ---
+
+    def asked(self, span: Span) -> None:
+        """Where the scene says how it is to be drawn."""
+        self._spans["settings"].append(span)
+
+    def finish(self, name: str = "", **about: Any) -> ir.Scene:
+        """The scene. `about` are further fields of ir.Scene (settings, photometric, duration, fps, defaults, files, params).
+        Instances without a material get the default one; lights learn which instance is their shape."""
+        rows = dict(self._rows)
+        if any(row[2] < 0 for row in rows["instances"]):
+            grey = self.default_material()
+            rows["instances"] = [row if row[2] >= 0 else (*row[:2], grey, *row[3:]) for row in rows["instances"]]
+        shape_of = {row[3]: index for index, row in enumerate(rows["instances"]) if row[3] >= 0}
+        at = ir.Lights._fields.index("instance")
+        rows["lights"] = [(*row[:at], shape_of.get(index, NONE), *row[at + 1 :]) for index, row in enumerate(rows["lights"])]
+        made = {table: ir.table_of(table, _columns(table, rows[table])) for table in ir.TABLES}
+        made["transforms"] = self._transforms()
+        made["pools"] = ir.table_of("pools", {column: self._pooled(column) for column in ir.Pools._fields})
+        made["images"] = ir.table_of("images", {**_columns("images", rows["images"]), "texels": self._pooled("texels")})
+        names = ir.Names(**{table: tuple(of) for table, of in self._names.items() if table != "groups" or any(of)})
+        return ir.Scene(name, ir.Tables(**made), names, _spans(self._spans), **about)
+
+    def _transforms(self) -> ir.Transforms:
+        matrices = np.stack(self._matrices)
+        flips = np.linalg.det(matrices[:, :, :3]) < 0
+        still = np.full(len(matrices), NONE)
+        columns = {"matrix": matrices, "inverse": np.stack(self._inverses), "flips": flips, "first_key": still, "keys": still + 1}
+        return ir.table_of("transforms", columns)
+
+    def _add(self, table: str, row: tuple[Any, ...], span: Span | None, name: str) -> int:
+        rows = self._rows[table]
+        rows.append(row)
+        if table in self._names:
+            self._names[table].append(name)
+        if table in self._spans:
+            self._spans[table].append(span)
+        return len(rows) - 1
+
+    def _pool(self, name: str, piece: np.ndarray) -> None:
+        self._pools[name].append(piece)
+        self._length[name] += len(piece)
+
+    def _pooled(self, name: str) -> Any:
+        return np.concatenate(self._pools[name]) if self._pools[name] else ()
+
+
+def _of(pieces: Sequence[np.ndarray], first: int, count: int) -> np.ndarray:
+    """Rows first … first + count − 1 of a pool, which stand in one of the pieces that were put into it."""
+    for piece in pieces:
+        if first < len(piece):
+            return piece[first : first + count]
+        first -= len(piece)
+    raise IndexError(first)
+
+
+DEFAULT_ALBEDO: Color = (0.8, 0.8, 0.8)
+
+
+def lambert(albedo: Color, texture: int = -1, name: str = "") -> MaterialData:
+    """A matt material: k_a = k_d = the albedo, times a texture."""
+    matt = Input(albedo, texture)
+    return MaterialData(ir.MaterialModel.LAMBERT, {ir.Slot.AMBIENT: matt, ir.Slot.DIFFUSE: matt}, name=name)
+
+
+def _digest(mesh: MeshData) -> bytes:
+    """What tells the content of a mesh from that of others."""
+    digest = hashlib.blake2b(digest_size=16)
+    outlines = mesh.outlines
+    arrays = [mesh.positions, mesh.triangles] + ([outlines.corners, outlines.loops, outlines.polygons] if outlines else [])
+    for attribute in (mesh.normals, mesh.uvs, mesh.colors):
+        arrays += [np.array([-1 if attribute is None else int(attribute.interpolation)])] + ([attribute.values] if attribute else [])
+    for array in arrays:
+        values = np.ascontiguousarray(array)
+        digest.update(f"{values.dtype.str}{values.shape}".encode())
+        digest.update(values.data if values.size else b"")
+    return digest.digest()
+
+
+def mesh_bounds(positions: np.ndarray) -> np.ndarray:
+    """(2, 3) float64 lowest and highest corner of the positions (n, 3) that are finite; 0 if there are none."""
+    finite = positions if np.isfinite(positions).all() else positions[np.isfinite(positions).all(axis=1)]
+    return np.stack([finite.min(axis=0), finite.max(axis=0)]).astype(np.float64) if len(finite) else np.zeros((2, 3))
+
+
+def _origin(positions: np.ndarray) -> np.ndarray:
+    """(3,) what a mesh's positions (n, 3) are stored about: the middle of its bounds; where a few corners lie a thousand times as far
+    out as most do, which then would lose their digits, where most are."""
+    bounds = mesh_bounds(positions)
+    some = positions[:: max(1, len(positions) // 1024)]
+    some = some[np.isfinite(some).all(axis=1)]
+    if not len(some):
+        return bounds.mean(axis=0)
+    crowd = np.median(some, axis=0)
+    away = np.median(np.abs(some - crowd).max(axis=1))
+    return crowd if (bounds[1] - bounds[0]).max() > 1000.0 * away > 0.0 else bounds.mean(axis=0)
+
+
+def boxes_under(boxes: np.ndarray, matrices: np.ndarray) -> np.ndarray:
+    """(n, 2, 3) boxes round boxes (n, 2, 3) under matrices (n, 3, 4); ±inf along every axis an endless one reaches into."""
+    linear, moved = matrices[:, :, :3], matrices[:, :, 3]
+    with np.errstate(invalid="ignore"):
+        ends = linear[:, :, :, None] * np.swapaxes(boxes, 1, 2)[:, None]  # (n, out, in, low or high)
+        ends = np.where(linear[:, :, :, None] == 0, 0.0, ends)
+        return np.stack([ends.min(axis=3).sum(axis=2) + moved, ends.max(axis=3).sum(axis=2) + moved], axis=1)
+
+
+def _columns(table: str, rows: Sequence[tuple[Any, ...]]) -> Mapping[str, Any]:
+    """Columns by name; those that the rows end before (an image's texels) are not among them."""
+    columns = ir.TABLES[table]._fields  # type: ignore[attr-defined]
+    return dict(zip(columns, zip(*rows, strict=True), strict=False))
+
+
+def _spans(spans: Mapping[str, list[Span | None]]) -> ir.Spans:
+    sources: dict[str, int] = {}
+    rows = {}
+    for table, of in spans.items():
+        made = [
+            (-1, 0, 0, 0, 0) if s is None else (sources.setdefault(s.file, len(sources)), s.line, s.column, s.end_line, s.end_column)
+            for s in of
+        ]
+        rows[table] = np.array(made, dtype=np.int32).reshape(-1, 5)
+        rows[table].flags.writeable = False
+    return ir.Spans(tuple(sources), rows)

@@ -1,0 +1,83 @@
+"""What a scene leaves out: a camera that frames it, and light to see it by. Each is said in a sentence for `explain`."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...lang.diagnostics import Span
+from .. import ir
+from . import transforms
+from .builder import SceneBuilder
+from .row_records import CameraData, LightData
+
+DIRECTION = (0.55, 0.4, 1.0)  # from what is looked at to the eye: three quarters, a little from above
+FOV = math.radians(40)
+MARGIN = 1.08
+SUN = math.pi * 0.75  # with the sky, a white matt surface facing the sun shows 1
+SUN_FROM = (1.0, 2.0, 1.5)
+SUN_ANGLE = math.radians(0.53)
+SKY = 0.25
+
+
+def add(builder: SceneBuilder, settings: ir.Settings, span: Span | None = None) -> tuple[str, ...]:
+    """Add what is missing to the builder; the sentences that say so. Nothing to draw is a warning, at `span`.
+
+    Where something is wrong, so that the scene will not be drawn, nothing is added.
+    """
+    said: list[str] = []
+    if builder.diagnostics.failed:
+        return ()
+    if builder.count("instances") == 0:
+        hint = "place a shape, for example sphere(1)"
+        builder.diagnostics.warning("there is nothing to draw: the picture will be empty", span, hint)
+    if builder.count("cameras") == 0:
+        said.append(_camera(builder, settings))
+    shining = bool(settings.bounces) and builder.shines()  # what shines lights other things only where bounces are followed
+    if builder.count("lights") == 0 and not shining:
+        builder.light(LightData(ir.LightKind.SUN, (SUN, SUN, SUN), direction=_unit(SUN_FROM), angle=SUN_ANGLE / 2, name="sun"))
+        builder.light(LightData(ir.LightKind.SKY, (SKY, SKY, SKY), name="sky"))
+        x, y, z = SUN_FROM
+        said.append(f"sun: the scene has no light; one from [{x:g}, {y:g}, {z:g}] with {SUN:.4g} lx")
+        said.append(f"sky: the scene has no light; an even one of {SKY:g} nit")
+    return tuple(said)
+
+
+def framing(
+    bounds: np.ndarray, fov: float, aspect: float, direction: tuple[float, float, float] = DIRECTION
+) -> tuple[np.ndarray, np.ndarray]:
+    """Eye and target from which a camera of this vertical `fov` and aspect sees all of a box (2, 3), with a margin.
+
+    The distance is the least from which all eight corners lie inside of the pyramid of vision, plus the margin.
+    """
+    target = bounds.mean(axis=0)
+    towards = np.array(_unit(direction))
+    frame = transforms.looking(tuple(towards), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    assert frame is not None
+    corners = np.array([[bounds[i, 0], bounds[j, 1], bounds[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]) - target
+    x, y, z = (corners @ frame[:3, :3]).T
+    up = math.tan(fov / 2)
+    distance = float(np.max(z + np.maximum(np.abs(y) / up, np.abs(x) / (up * aspect)))) * MARGIN
+    if not distance > 0:
+        distance = 1.0  # a single point
+    return target + distance * towards, target
+
+
+def _camera(builder: SceneBuilder, settings: ir.Settings) -> str:
+    bounds = builder.world_bounds()
+    what = "what is bounded"
+    if bounds is None:
+        bounds, what = np.array([[-1.0, 0.0, -1.0], [1.0, 2.0, 1.0]]), "the origin, as nothing is bounded"
+    width, height = settings.size or (1, 1)  # for a square when not said: a wider picture shows more
+    eye, target = framing(bounds, FOV, width / height)
+    frame = transforms.looking(tuple(eye), tuple(target), (0.0, 1.0, 0.0))
+    assert frame is not None
+    builder.camera(CameraData(builder.transform(frame), math.tan(FOV / 2), name="default"))
+    x, y, z = (f"{c:.4g}" for c in eye)
+    return f"camera: the scene has none; one at [{x}, {y}, {z}] with a fov of {math.degrees(FOV):.0f}deg frames {what}"
+
+
+def _unit(v: tuple[float, float, float]) -> tuple[float, float, float]:
+    length = math.hypot(*v)
+    return (v[0] / length, v[1] / length, v[2] / length)

@@ -1,0 +1,71 @@
+"""Metallic–roughness surfaces (UsdPreviewSurface 2.6, glTF 2.0, MTL's PBR extension) as `principled` rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .. import ir
+from .row_records import BLACK, WHITE, Color, Input, MaterialData, scaled
+
+GREY = Input((0.18, 0.18, 0.18))
+DARK = Input(BLACK)
+NOTHING, ALL = Input.number(0.0), Input.number(1.0)
+HALF, GLASS, FINE = Input.number(0.5), Input.number(1.5), Input.number(0.01)
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """Any input may have a texture. `specular` is the reflectance along the normal; None: from `ior` and `metallic`."""
+
+    diffuse: Input = GREY
+    metallic: Input = NOTHING
+    roughness: Input = HALF
+    ior: Input = GLASS
+    specular: Input | None = None
+    emissive: Input = DARK
+    coat: Input = NOTHING
+    coat_roughness: Input = FINE
+    occlusion: Input = ALL
+    normal: Input | None = None  # a texture of directions, its factor strengths
+    bump: Input | None = None  # a texture of heights, its factor metres
+    opacity: float = 1.0
+    holes: Input | None = None  # opacity that varies over the surface, or is cut at `threshold`: in place of `opacity`
+    threshold: float = 0.0
+    name: str = ""
+
+
+def material(surface: Surface) -> MaterialData:
+    """The row. What is not opaque lets straight through 1 − opacity of what its highlight lets in: highlights stay, as on glass. Where
+    there are `holes`, nothing of it stays."""
+    s = surface
+    opacity = min(max(s.opacity, 0.0), 1.0)
+    inputs = {
+        ir.Slot.AMBIENT: s.occlusion,
+        ir.Slot.DIFFUSE: s.diffuse,
+        ir.Slot.METALLIC: _share(s.metallic),
+        ir.Slot.ROUGHNESS: _share(s.roughness),
+        ir.Slot.IOR: s.ior if s.ior.value[0] > 0 else GLASS,
+    }
+    if s.coat.value[0] > 0:
+        inputs |= {ir.Slot.COAT: _share(s.coat), ir.Slot.COAT_ROUGHNESS: _share(s.coat_roughness)}
+    if s.specular is not None:
+        inputs[ir.Slot.SPECULAR] = s.specular
+        inputs[ir.Slot.METALLIC] = NOTHING
+    if s.emissive.value != BLACK:
+        inputs[ir.Slot.EMISSION] = s.emissive
+    if opacity < 1.0:
+        inputs[ir.Slot.TRANSMISSION] = Input(scaled(WHITE, 1.0 - opacity))
+    if s.normal is not None:
+        inputs[ir.Slot.NORMAL] = s.normal
+    if s.bump is not None:
+        inputs[ir.Slot.BUMP] = s.bump
+    if s.holes is not None:
+        inputs[ir.Slot.OPACITY] = s.holes
+    model = ir.MaterialModel.PRINCIPLED if s.specular is None else ir.MaterialModel.PRINCIPLED_SPECULAR
+    return MaterialData(model, inputs, name=s.name, threshold=s.threshold)
+
+
+def _share(given: Input) -> Input:
+    """A number held from 0 to 1; a texture's factor may be any."""
+    value: Color = given.value if given.texture >= 0 else (min(max(given.value[0], 0.0), 1.0), 0.0, 0.0)
+    return Input(value, given.texture)

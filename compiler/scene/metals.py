@@ -1,0 +1,115 @@
+"""Metals by their measured indices of refraction: what each reflects, as linear Rec.709 under daylight.
+
+n + ik of gold, silver and copper: Johnson and Christy 1972, Optical Constants of the Noble Metals; of iron, titanium, chromium and nickel:
+Johnson and Christy 1974, Optical constants of transition metals; of aluminium: Rakić 1995, Algorithm for the determination of intrinsic
+optical constants of metal films. Taken from refractiveindex.info's database (public domain, CC0).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .row_records import Color
+
+F64 = NDArray[np.float64]
+
+_NOBLE = (397.4, 413.3, 430.5, 450.9, 471.4, 495.9, 520.9, 548.6, 582.1, 616.8, 659.5, 704.5, 756.0)  # nm
+_OTHERS = (397, 413, 431, 451, 471, 496, 521, 549, 582, 617, 659, 704, 756)
+_RAKIC = (364.66, 413.28, 442.8, 476.87, 516.6, 563.57, 619.93, 652.25, 688.81, 729.32, 774.91)
+MEASURED: dict[str, tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]] = {  # wavelengths, n, k
+    "gold": (
+        _NOBLE, (1.47, 1.46, 1.45, 1.38, 1.31, 1.04, 0.62, 0.43, 0.29, 0.21, 0.14, 0.13, 0.14),
+        (1.952, 1.958, 1.948, 1.914, 1.849, 1.833, 2.081, 2.455, 2.863, 3.272, 3.697, 4.103, 4.542),
+    ),
+    "silver": (
+        _NOBLE, (0.05, 0.05, 0.04, 0.04, 0.05, 0.05, 0.05, 0.06, 0.05, 0.06, 0.05, 0.04, 0.03),
+        (2.070, 2.275, 2.462, 2.657, 2.869, 3.093, 3.324, 3.586, 3.858, 4.152, 4.483, 4.838, 5.242),
+    ),
+    "copper": (
+        _NOBLE, (1.32, 1.28, 1.25, 1.24, 1.25, 1.22, 1.18, 1.02, 0.70, 0.30, 0.22, 0.21, 0.24),
+        (2.116, 2.207, 2.305, 2.397, 2.483, 2.564, 2.608, 2.577, 2.704, 3.205, 3.747, 4.205, 4.665),
+    ),
+    "aluminium": (
+        _RAKIC, (0.39877, 0.52135, 0.60790, 0.72780, 0.87340, 1.0728, 1.3660, 1.5724, 1.8301, 2.1606, 2.6154),
+        (4.3957, 5.0008, 5.3676, 5.7781, 6.2418, 6.7839, 7.4052, 7.7354, 8.0601, 8.3565, 8.4914),
+    ),
+    "iron": (
+        _OTHERS, (2.24, 2.35, 2.48, 2.59, 2.67, 2.74, 2.86, 2.95, 2.94, 2.88, 2.92, 2.86, 2.87),
+        (2.58, 2.65, 2.71, 2.77, 2.82, 2.88, 2.91, 2.93, 2.99, 3.05, 3.10, 3.19, 3.28),
+    ),
+    "titanium": (
+        _OTHERS, (2.08, 2.14, 2.21, 2.27, 2.32, 2.36, 2.44, 2.54, 2.60, 2.67, 2.76, 2.86, 3.00),
+        (2.95, 2.98, 3.01, 3.04, 3.10, 3.19, 3.30, 3.43, 3.58, 3.72, 3.84, 3.96, 4.01),
+    ),
+    "chromium": (
+        _OTHERS, (2.00, 2.08, 2.19, 2.33, 2.51, 2.75, 2.94, 3.18, 3.22, 3.17, 3.09, 3.05, 3.08),
+        (2.83, 2.93, 3.04, 3.14, 3.24, 3.30, 3.33, 3.33, 3.30, 3.30, 3.34, 3.39, 3.42),
+    ),
+    "nickel": (
+        _OTHERS, (1.72, 1.70, 1.71, 1.73, 1.78, 1.82, 1.85, 1.92, 1.96, 1.99, 1.99, 2.06, 2.13),
+        (2.57, 2.69, 2.82, 2.95, 3.09, 3.25, 3.42, 3.61, 3.80, 4.02, 4.26, 4.50, 4.73),
+    ),
+}  # fmt: skip
+ALIASES = {"steel": "iron", "chrome": "chromium"}  # steel is iron but for a hundredth or two
+LOWEST = 1.0 / 7.0  # cosine at which metals reflect least (render/material/principled.py)
+
+# CIE standard illuminant D65, 380 to 780 nm by 10 (CIE 15:2004, table T.1).
+_D65 = (
+    49.9755, 54.6482, 82.7549, 91.4860, 93.4318, 86.6823, 104.865, 117.008, 117.812, 114.861, 115.923, 108.811, 109.354, 107.802, 104.790,
+    107.689, 104.405, 104.046, 100.000, 96.3342, 95.7880, 88.6856, 90.0062, 89.5991, 87.6987, 83.2886, 83.6992, 80.0268, 80.2146, 82.2778,
+    78.2842, 69.7213, 71.6091, 74.3490, 61.6040, 69.8856, 75.0870, 63.5927, 46.4182, 66.8054, 63.3828,
+)  # fmt: skip
+_REC709 = np.array([[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560], [0.0556434, -0.2040259, 1.0572252]])
+
+
+@cache
+def reflectance(name: str) -> tuple[Color, Color]:
+    """(f0, edge) of a metal: its reflectance along the normal, and what is left of Schlick's law at LOWEST.
+
+    Both are integrated over wavelengths, so that each colour is right at both angles; negative or more than 1 is cut off.
+    """
+    waves = np.arange(380.0, 781.0, 5.0)
+    n, k = index(name, waves)
+    f0, least = (np.clip(color_of(waves, conductor(n, k, cosine)), 0.0, 1.0) for cosine in (1.0, LOWEST))
+    schlick = f0 + (1.0 - f0) * (1.0 - LOWEST) ** 5
+    r, g, b = f0.tolist()
+    er, eg, eb = np.clip(least / schlick, 0.0, 1.0).tolist()
+    return (r, g, b), (er, eg, eb)
+
+
+def index(name: str, waves: F64) -> tuple[F64, F64]:
+    """(n, k) of a metal at wavelengths in nm, straight between those measured."""
+    at, n, k = MEASURED[ALIASES.get(name, name)]
+    return np.interp(waves, at, n), np.interp(waves, at, k)
+
+
+def conductor(n: F64, k: F64, cosine: float) -> F64:
+    """Fresnel's reflectance of a conductor in air for unpolarised light (Born and Wolf, Principles of Optics, §14.2), from n and k."""
+    inside = np.sqrt((n + 1j * k) ** 2 - (1.0 - cosine * cosine))
+    across = (cosine - inside) / (cosine + inside)
+    square = (n + 1j * k) ** 2
+    along = (square * cosine - inside) / (square * cosine + inside)
+    return 0.5 * (np.abs(across) ** 2 + np.abs(along) ** 2)
+
+
+def color_of(waves: F64, spectrum: F64) -> F64:
+    """(3,) linear Rec.709 of a reflectance under D65; 1 everywhere is white, exactly."""
+    light = np.interp(waves, np.arange(380.0, 781.0, 10.0), _D65)
+    matching = _matching(waves) * light
+    return (_REC709 @ (matching @ spectrum)) / (_REC709 @ matching.sum(axis=1))
+
+
+def _matching(waves: F64) -> F64:
+    """(3, n) CIE 1931 colour matching functions by Wyman, Sloan and Shirley 2013 (Simple Analytic Approximations)."""
+
+    def bump(middle: float, below: float, above: float) -> F64:
+        away = (waves - middle) * np.where(waves < middle, below, above)
+        return np.exp(-0.5 * away * away)
+
+    x = 1.056 * bump(599.8, 0.0264, 0.0323) + 0.362 * bump(442.0, 0.0624, 0.0374) - 0.065 * bump(501.1, 0.0490, 0.0382)
+    y = 0.821 * bump(568.8, 0.0213, 0.0247) + 0.286 * bump(530.9, 0.0613, 0.0322)
+    z = 1.217 * bump(437.0, 0.0845, 0.0278) + 0.681 * bump(459.0, 0.0385, 0.0725)
+    return np.stack([x, y, z])

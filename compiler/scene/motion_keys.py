@@ -1,0 +1,236 @@
+"""Motion while a shutter is open: a scene compiled at several moments becomes one whose transforms have keys.
+
+A key is a transform taken apart into where it goes, how it turns and how it stretches (Shoemake and Duff 1992, Matrix Animation and
+Polar Decomposition), so that what turns keeps its size on the way. Keys lie evenly between the shutter's opening and its closing, as many
+as it takes until the moments between them come out right.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...lang.diagnostics import Diagnostics
+from .. import ir
+
+F64 = NDArray[np.float64]
+MOST_STEPS = 64  # between keys: 128 half turns
+PROBES = (0.3819, 0.8393)  # where keys are tried: not on any of them
+CLOSE = 1e-3  # of a thing's size, that its corners may be off between keys
+NEARLY = 1.0 - 1e-9  # cosine of half a turn between keys below which they are joined along a circle, not a line
+
+
+def shutters(scene: ir.Scene) -> tuple[float, float]:
+    """Seconds from a scene's moment to where the first of its cameras' shutters opens and to where the last one closes."""
+    cameras = scene.tables.cameras
+    of = cameras.shutter > 0.0
+    if not of.any():
+        return 0.0, 0.0
+    return float(cameras.opening[of].min()), float((cameras.opening + cameras.shutter)[of].max())
+
+
+def blurred(scene: ir.Scene, at: Callable[[float], ir.Scene | None], found: Diagnostics) -> ir.Scene:
+    """The scene with keys for what moves while its shutters are open; `at(seconds)` is the scene so long after its moment.
+
+    What changes but for its place is drawn as it is at that moment, and a warning says so.
+    """
+    start, end = shutters(scene)
+    length = end - start
+    if length <= 0.0:
+        return scene
+    moments: dict[float, ir.Scene] = {0.0: scene} if start == 0.0 else {}
+
+    def moment(share: float) -> ir.Scene:
+        if share not in moments:
+            made = at(start + share * length)
+            moments[share] = scene if made is None else made
+        return moments[share]
+
+    for share in (0.0, *PROBES, 1.0):
+        if not _comparable(scene, moment(share)):
+            found.warning("things come or go while the shutter is open: nothing blurs", hint="keep their number, and move or hide them")
+            return scene
+    _say_what_changes(scene, [moment(share) for share in (0.0, *PROBES, 1.0)], found)
+    placed = _Placed(scene)
+    if not any(np.abs(placed.of(moment(share)) - placed.of(scene)).max(initial=0.0) > 0 for share in (0.0, *PROBES, 1.0)):
+        return scene
+    steps = 1
+    while True:
+        keys = [moment(k / steps) for k in range(steps + 1)]
+        if not all(_comparable(scene, key) for key in keys):
+            found.warning("things come or go while the shutter is open: nothing blurs", hint="keep their number, and move or hide them")
+            return scene
+        parts = [taken_apart(m) for m in np.stack([placed.of(key) for key in keys], axis=1)]
+        if steps >= MOST_STEPS or all(_right(parts, placed, moment(share), share) for share in PROBES):
+            break
+        steps *= 2
+    return placed.with_keys(parts, steps + 1)
+
+
+_ONLY_MOVES = (  # table, columns that do not blur, what is said
+    ("lights", ("color", "position", "direction", "size", "cos_cone", "angle"), "this light moves or changes"),
+    ("materials", ("values",), "this material changes"),
+    ("cameras", ("extent", "shift"), "this camera's lens changes"),
+)
+
+
+def _comparable(a: ir.Scene, b: ir.Scene) -> bool:
+    return all(len(getattr(a.tables, t)[0]) == len(getattr(b.tables, t)[0]) for t in ("instances", "cameras"))
+
+
+class _Placed:
+    """What may move in a scene: its instances, then its cameras, each a row."""
+
+    def __init__(self, scene: ir.Scene) -> None:
+        self.scene = scene
+        self.count = len(scene.tables.instances.transform)
+        boxes = scene.tables.geometries.bounds[scene.tables.instances.geometry]
+        boxes = np.where(np.isfinite(boxes), boxes, [[-1.0] * 3, [1.0] * 3])
+        whole = np.concatenate([boxes, np.tile([[[-1.0] * 3, [1.0] * 3]], (len(scene.tables.cameras.transform), 1, 1))])
+        self.corners = np.stack([whole[:, [k & 1, k >> 1 & 1, k >> 2], [0, 1, 2]] for k in range(8)], axis=1)  # (n, 8, 3)
+
+    def of(self, scene: ir.Scene) -> F64:
+        """(n, 3, 4) the places in a scene."""
+        t = scene.tables
+        return t.transforms.matrix[np.concatenate([t.instances.transform, t.cameras.transform])]
+
+    def with_keys(self, parts: list[tuple[F64, F64, F64]], count: int) -> ir.Scene:
+        """The scene, where each row that moves has a transform of its own with keys."""
+        t = self.scene.tables
+        rows = np.concatenate([t.instances.transform, t.cameras.transform])
+        moving = [k for k, of in enumerate(parts) if any(np.ptp(part, axis=0).any() for part in of) and _keeps_its_side(of[2])]
+        first = len(t.keys.move) + count * np.arange(len(moving))
+        old = rows[moving]
+        more = {
+            "matrix": t.transforms.matrix[old], "inverse": t.transforms.inverse[old], "flips": t.transforms.flips[old],
+            "first_key": first, "keys": np.full(len(moving), count),
+        }  # fmt: skip
+        new = rows.copy()
+        new[moving] = len(t.transforms.matrix) + np.arange(len(moving))
+        keys = [np.concatenate([parts[k][j] for k in moving]) if moving else np.zeros((0, *parts[0][j].shape[1:])) for j in range(3)]
+        tables = t._replace(
+            transforms=ir.table_of("transforms", {c: np.concatenate([getattr(t.transforms, c), more[c]]) for c in ir.Transforms._fields}),
+            keys=ir.table_of("keys", dict(zip(ir.Keys._fields, keys, strict=True))),
+            instances=ir.table_of("instances", {**t.instances._asdict(), "transform": new[: self.count]}),
+            cameras=ir.table_of("cameras", {**t.cameras._asdict(), "transform": new[self.count :]}),
+        )
+        return replace(self.scene, tables=tables)
+
+
+def _keeps_its_side(stretch: F64) -> bool:
+    """Whether a thing is never flattened between keys (linear ones have a determinant that may change sign only through 0)."""
+    signs = np.sign(np.linalg.det(stretch))
+    return bool((signs == signs[0]).all() and signs[0] != 0)
+
+
+def taken_apart(matrices: F64) -> tuple[F64, F64, F64]:
+    """Places (k, 3, 4) of one thing at k keys as moves (k, 3), unit quaternions (k, 4) x y z w, each near the one before, and stretches
+    (k, 3, 3) that come first: matrix = [R S | move]."""
+    linear = matrices[:, :, :3]
+    u, _, v = np.linalg.svd(linear)
+    turn = u @ v
+    side = np.where(np.linalg.det(turn) < 0, -1.0, 1.0)[:, None, None]
+    turn = turn * side
+    stretch = np.swapaxes(turn, 1, 2) @ linear
+    q = np.array([_quaternion(r) for r in turn])
+    for k in range(1, len(q)):
+        if q[k] @ q[k - 1] < 0:
+            q[k] = -q[k]
+    same = np.abs(np.diff(matrices[:, :, :3], axis=0)).max(axis=(1, 2), initial=0.0) == 0  # what does not turn has equal keys
+    for k in np.flatnonzero(same):
+        q[k + 1], stretch[k + 1] = q[k], stretch[k]
+    return matrices[:, :, 3].copy(), q, stretch
+
+
+def _quaternion(r: F64) -> F64:
+    """x, y, z, w of a rotation matrix: the largest of the four first (Shepperd 1978)."""
+    trace = np.trace(r)
+    four = np.array([*(2 * np.diag(r) - trace), trace])
+    k = int(np.argmax(four))
+    if k == 3:
+        q = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], 1 + trace])
+    else:
+        i, j, n = k, (k + 1) % 3, (k + 2) % 3
+        q = np.zeros(4)
+        q[i], q[j], q[n], q[3] = 1 + r[i, i] - r[j, j] - r[n, n], r[j, i] + r[i, j], r[n, i] + r[i, n], r[n, j] - r[j, n]
+    return q / np.linalg.norm(q)
+
+
+def rotations(q: F64) -> F64:
+    """(…, 3, 3) matrices of unit quaternions (…, 4)."""
+    x, y, z, w = np.moveaxis(q, -1, 0)
+    return np.stack(
+        [
+            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], axis=-1),
+            np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], axis=-1),
+            np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1),
+        ],
+        axis=-2,
+    )
+
+
+def between(parts: tuple[F64, F64, F64], share: float) -> F64:
+    """(3, 4) the place at a share of the time between the first and the last key."""
+    move, turn, stretch = parts
+    at = share * (len(move) - 1)
+    k = min(int(at), len(move) - 2)
+    f = at - k
+    cosine = float(np.clip(turn[k] @ turn[k + 1], -1, 1))
+    if cosine < NEARLY:
+        angle = math.acos(cosine)
+        q = (math.sin((1 - f) * angle) * turn[k] + math.sin(f * angle) * turn[k + 1]) / math.sin(angle)
+    else:
+        q = (1 - f) * turn[k] + f * turn[k + 1]
+    linear = rotations(q / np.linalg.norm(q)) @ ((1 - f) * stretch[k] + f * stretch[k + 1])
+    return np.concatenate([linear, ((1 - f) * move[k] + f * move[k + 1])[:, None]], axis=1)
+
+
+def _right(parts: list[tuple[F64, F64, F64]], placed: _Placed, scene: ir.Scene, share: float) -> bool:
+    """Whether keys give the places of a moment between them."""
+    true = placed.of(scene)
+    for k, wanted in enumerate(true):
+        made = between(parts[k], share)
+        off = (made - wanted)[:, :3] @ placed.corners[k].T + (made - wanted)[:, 3:]
+        size = wanted[:, :3] @ placed.corners[k].T
+        if not np.linalg.norm(off, axis=0).max() <= CLOSE * np.linalg.norm(np.ptp(size, axis=1)):
+            return False
+    return True
+
+
+def _say_what_changes(scene: ir.Scene, others: list[ir.Scene], found: Diagnostics) -> None:
+    """Warnings for what changes but for its place."""
+    end = "while the shutter is open: it is drawn as it is at the opening"
+    for table, columns, what in _ONLY_MOVES:
+        for row in _changed(scene, others, table, columns):
+            found.warning(f"{what} {end}", scene.spans.at(table, row))
+    shapes = [_shapes(s) for s in (scene, *others)]
+    for row in range(len(shapes[0])):
+        if any(other[row] != shapes[0][row] for other in shapes[1:]):
+            found.warning(f"this changes its shape {end}", scene.spans.at("instances", row), "its place, turn and scale may change")
+
+
+def _changed(scene: ir.Scene, others: list[ir.Scene], table: str, columns: tuple[str, ...]) -> Iterator[int]:
+    rows = getattr(scene.tables, table)
+    for row in range(len(rows[0])):
+        for other in others:
+            those = getattr(other.tables, table)
+            if len(those[0]) == len(rows[0]) and any((getattr(rows, c)[row] != getattr(those, c)[row]).any() for c in columns):
+                yield row
+                break
+
+
+def _shapes(scene: ir.Scene) -> list[tuple[object, ...]]:
+    """What tells the shape of each instance from another."""
+    g, pools = scene.tables.geometries, scene.tables.pools
+    known: dict[int, tuple[object, ...]] = {}
+    formulas = hash(tuple(column.tobytes() for column in scene.tables.tapes))
+    for row in np.unique(scene.tables.instances.geometry).tolist():
+        corners = pools.positions[g.first_vertex[row] : g.first_vertex[row] + g.vertex_count[row]]
+        known[row] = (int(g.kind[row]), g.parameters[row].tobytes(), hash(corners.tobytes()), g.origin[row].tobytes())
+        if g.kind[row] == ir.GeometryKind.FORMULA:
+            known[row] += (formulas,)
+    return [known[row] for row in scene.tables.instances.geometry.tolist()]

@@ -1,0 +1,159 @@
+"""What the scene builder takes: one small record for each kind of row, with the defaults that a plain one has."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .. import ir
+
+Color = tuple[float, float, float]
+BLACK: Color = (0.0, 0.0, 0.0)
+WHITE: Color = (1.0, 1.0, 1.0)
+PLAIN_FRAME = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+ALL_RAYS = int(ir.Visibility.CAMERA | ir.Visibility.SHADOW | ir.Visibility.REFLECTION)
+NO_SHADOW = int(ir.Visibility.CAMERA | ir.Visibility.REFLECTION)
+
+
+def scaled(color: Color, factor: float) -> Color:
+    """A colour times a number."""
+    return (color[0] * factor, color[1] * factor, color[2] * factor)
+
+
+def multiplied(one: Color, other: Color) -> Color:
+    """Two colours, component by component."""
+    return (one[0] * other[0], one[1] * other[1], one[2] * other[2])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeshAttribute:
+    """Values (n, width) of a mesh and how they belong to it: CONSTANT 1, FACE one a triangle, VERTEX one a vertex,
+    CORNER one a triangle's corner (row 3 · triangle + corner, triangles counted from the mesh's first)."""
+
+    values: np.ndarray
+    interpolation: ir.Interpolation = ir.Interpolation.VERTEX
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outlines:
+    """A mesh's polygons as they were before they were cut into triangles; all indices count from the mesh's first row."""
+
+    corners: np.ndarray  # (c,) vertices of all loops, one after the other
+    loops: np.ndarray  # (l, 2) first corner, corner count
+    polygons: np.ndarray  # (n, 4) first loop, loop count (outline, then holes), first triangle, triangle count
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeshData:
+    """A mesh on its way into the tables. Triangles are counter-clockwise from outside."""
+
+    positions: np.ndarray  # (v, 3) float64, metres, in the mesh's own frame
+    triangles: np.ndarray  # (t, 3) int
+    normals: MeshAttribute | None = None  # width 3
+    uvs: MeshAttribute | None = None  # width 2
+    colors: MeshAttribute | None = None  # width 3, linear
+    outlines: Outlines | None = None  # None: each triangle is a face of its own
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """A material's input: a constant, times a texture where there is one. Numbers stand in the first place."""
+
+    value: Color = WHITE
+    texture: int = -1
+
+    @staticmethod
+    def number(value: float, texture: int = -1) -> Input:
+        return Input((value, 0.0, 0.0), texture)
+
+
+@dataclass(frozen=True, slots=True)
+class MaterialData:
+    """Inputs left out are 0 (the index of refraction and opacity 1)."""
+
+    model: ir.MaterialModel = ir.MaterialModel.LAMBERT
+    inputs: Mapping[ir.Slot, Input] = field(default_factory=dict)
+    shading: ir.Shading = ir.Shading.SMOOTH
+    normalized: bool = False
+    name: str = ""
+    threshold: float = 0.0  # see ir.Materials
+    first: int = -1  # rows of a BLEND's materials
+    second: int = -1
+
+
+@dataclass(frozen=True, slots=True)
+class TextureData:
+    kind: ir.TextureKind
+    image: int = -1
+    tape: int = -1
+    mapping: ir.Mapping_ = ir.Mapping_.UV
+    wrap_u: ir.Wrap = ir.Wrap.REPEAT
+    wrap_v: ir.Wrap = ir.Wrap.REPEAT
+    nearest: bool = False
+    channel: int = -1
+    frame: tuple[tuple[float, float, float], tuple[float, float, float]] = PLAIN_FRAME
+    size: float = 0.0
+    color_a: Color = WHITE
+    color_b: Color = BLACK
+    gain: Color = WHITE
+    bias: Color = BLACK
+
+
+@dataclass(frozen=True, slots=True)
+class LightData:
+    """See ir.Lights for what each number is. `transform` is a row from SceneBuilder.transform."""
+
+    kind: ir.LightKind
+    color: Color
+    position: Color = BLACK
+    direction: Color = (0.0, 1.0, 0.0)
+    transform: int = 0
+    size: tuple[float, float] = (0.0, 0.0)
+    cos_cone: float = -1.0
+    cos_full: float = -1.0
+    angle: float = 0.0
+    falloff: ir.FalloffKind = ir.FalloffKind.INVERSE_SQUARE
+    coefficients: Color = BLACK
+    image: int = -1
+    shadows: bool = True
+    name: str = ""
+    group: str = ""  # of lights whose light is told by itself
+
+
+@dataclass(frozen=True, slots=True)
+class CameraData:
+    """See ir.Cameras. `transform` is a row from SceneBuilder.transform."""
+
+    transform: int
+    extent: float  # tan of half the field of view, or half the extent in metres, along `fit`
+    projection: ir.Projection = ir.Projection.PERSPECTIVE
+    fit: ir.Fit = ir.Fit.VERTICAL
+    aspect: float = 0.0
+    near: float = 0.0
+    far: float = math.inf
+    shift: tuple[float, float] = (0.0, 0.0)
+    exposure: float = math.nan
+    opening: float = 0.0
+    shutter: float = 0.0
+    lens: float = 0.0
+    focus: float = 1.0
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class InstanceData:
+    """Rows from the builder; a row of -1 (a geometry or transform that was not accepted) makes no instance.
+
+    `light` is the light that this instance is the visible shape of.
+    """
+
+    geometry: int
+    transform: int = 0
+    material: int = -1
+    light: int = -1
+    visible: int = ALL_RAYS
+    name: str = ""

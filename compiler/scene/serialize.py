@@ -1,0 +1,142 @@
+"""Saves a scene's tables to an .npz file and reads them back. No pickle: arrays, and JSON for what is beside them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+import zipfile
+import zlib
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...lang.diagnostics import Diagnostic, SceneError, Span
+from ...lang.elements import ParamInfo
+from .. import ir
+from ..io.sandbox import size
+
+VERSION = 3
+FORMAT = "maquette ir"
+_DAMAGE = (
+    OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, IndexError, zipfile.BadZipFile, NotImplementedError, MemoryError,
+    zlib.error,
+)  # fmt: skip
+MAX_BYTES = 8 << 30  # of all arrays together
+
+
+def save(scene: ir.Scene, path: Path | str) -> None:
+    """Write a scene to `path`, whole or not at all. OSError if the disk will not."""
+    path = Path(path)
+    arrays = {f"{table}.{column}": values for table, column, values in columns(scene)}
+    arrays |= {f"spans.{table}": rows for table, rows in scene.spans.rows.items()}
+    arrays["about"] = np.frombuffer(json.dumps(_about(scene)).encode("utf-8"), dtype=np.uint8)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            np.savez(file, allow_pickle=False, **arrays)
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def load(path: Path | str) -> ir.Scene:
+    """The scene in a file that `save` wrote, not validated. SceneError if it is no such file, or damaged."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            total = sum(entry.file_size for entry in archive.infolist())
+        if total > MAX_BYTES:
+            raise _refused(path, f"it holds {size(total)}, more than {size(MAX_BYTES)}")
+        with np.load(path, allow_pickle=False) as arrays:
+            about = json.loads(arrays["about"].tobytes().decode("utf-8"))
+            if about["format"] != FORMAT:
+                raise _refused(path, "it is not maquette's")
+            if about["version"] != VERSION:
+                raise _refused(path, f"it is of version {about['version']}, and this program reads {VERSION}: compile the scene again")
+            return _scene(arrays, about)
+    except SceneError:
+        raise
+    except _DAMAGE as failure:
+        reason = "it is damaged, or something else" if not isinstance(failure, OSError) or failure.strerror is None else failure.strerror
+        raise _refused(path, reason) from None
+
+
+def content_hash(scene: ir.Scene) -> str:
+    """SHA-256 of what a scene draws: its tables, names and settings, not where they came from."""
+    digest = hashlib.sha256()
+    for table, column, values in columns(scene):
+        digest.update(f"{table}.{column} {values.dtype.str} {values.shape}\n".encode())
+        digest.update(np.ascontiguousarray(values).tobytes())
+    about = _about(scene)
+    digest.update(json.dumps({key: about[key] for key in ("names", "settings", "photometric", "duration", "fps")}).encode())
+    return digest.hexdigest()
+
+
+def columns(scene: ir.Scene) -> list[tuple[str, str, np.ndarray]]:
+    """(table, column, values) of all tables, in their order."""
+    return [
+        (table, column, values) for table in ir.TABLES for column, values in getattr(scene.tables, table)._asdict().items()
+    ]  # fmt: skip
+
+
+def _refused(path: Path | str, reason: str) -> SceneError:
+    return SceneError([Diagnostic("error", f"cannot read the saved scene: {reason}", Span(str(path)))])
+
+
+def _about(scene: ir.Scene) -> dict[str, Any]:
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "name": scene.name,
+        "names": asdict(scene.names),
+        "sources": scene.spans.sources,
+        "settings": asdict(scene.settings),
+        "photometric": scene.photometric,
+        "duration": scene.duration,
+        "fps": scene.fps,
+        "defaults": scene.defaults,
+        "files": scene.files,
+        "params": [asdict(p) for p in scene.params],
+    }
+
+
+def _scene(arrays: Any, about: dict[str, Any]) -> ir.Scene:
+    tables = {}
+    for name, table in ir.TABLES.items():
+        found = {column: arrays[f"{name}.{column}"] for column in table._fields}  # type: ignore[attr-defined]
+        for column, values in found.items():
+            dtype, shape = ir.column_type(name, column)
+            if values.dtype != dtype or values.shape[1:] != shape:
+                raise ValueError(f"{name}.{column}")
+        tables[name] = ir.table_of(name, found)
+    spans = {name: arrays[f"spans.{name}"] for name in (*ir.TABLES, "settings") if f"spans.{name}" in arrays}
+    if any(rows.dtype != np.int32 or rows.ndim != 2 or rows.shape[1] != 5 for rows in spans.values()):
+        raise ValueError("spans")
+    known = {f.name for f in fields(ir.Settings)}
+    return ir.Scene(
+        str(about["name"]),
+        ir.Tables(**tables),
+        ir.Names(**{table: tuple(map(str, names)) for table, names in about["names"].items()}),
+        ir.Spans(tuple(map(str, about["sources"])), spans),
+        ir.Settings(**{key: _tuples(value) for key, value in about["settings"].items() if key in known}),
+        bool(about["photometric"]),
+        None if about["duration"] is None else float(about["duration"]),
+        float(about["fps"]),
+        tuple(map(str, about["defaults"])),
+        tuple(map(str, about["files"])),
+        tuple(_param(p) for p in about["params"]),
+    )
+
+
+def _param(data: dict[str, Any]) -> ParamInfo:
+    plain = {key: _tuples(value) for key, value in data.items() if key != "span"}
+    return ParamInfo(**plain, span=Span(**data["span"]))
+
+
+def _tuples(value: Any) -> Any:
+    """JSON's lists as the tuples they were."""
+    return tuple(_tuples(v) for v in value) if isinstance(value, list) else value

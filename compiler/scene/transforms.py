@@ -1,0 +1,194 @@
+"""Transforms in float64: 4×4 matrices on column vectors, composed at compile time so that nothing is lost later."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...lang.elements import AxisAngle, Euler, Quaternion, Rotation
+
+Matrix = np.ndarray  # (4, 4) float64; inverse() also takes the upper (3, 4)
+SINGULAR = 1e-13  # |det| below this share of the product of the columns' lengths is flat
+
+
+def identity() -> Matrix:
+    return np.eye(4)
+
+
+def translation(by: Sequence[float]) -> Matrix:
+    """Moves by (x, y, z) metres."""
+    made = np.eye(4)
+    made[:3, 3] = by
+    return made
+
+
+def scaling(by: Sequence[float]) -> Matrix:
+    """Stretches by three factors along the axes."""
+    return np.diag([*by, 1.0])
+
+
+def rotation(turn: Rotation) -> Matrix:
+    """The matrix of an Euler, axis–angle or quaternion rotation. ValueError if its axis or quaternion is 0."""
+    made = np.eye(4)
+    if isinstance(turn, Euler):
+        made[:3, :3] = _euler(*turn.angles)
+    elif isinstance(turn, AxisAngle):
+        made[:3, :3] = _axis_angle(np.array(turn.axis, dtype=np.float64), turn.angle)
+    else:
+        made[:3, :3] = _quaternion(turn)
+    return made
+
+
+def from_rows(rows: Sequence[Sequence[float]] | np.ndarray) -> Matrix:
+    """A matrix from three or four rows of four numbers. ValueError if the fourth row is not 0 0 0 1 (a projection)."""
+    made = np.eye(4)
+    given = np.array(rows, dtype=np.float64)
+    if given.shape not in ((3, 4), (4, 4)):
+        raise ValueError("a matrix has three or four rows of four numbers")
+    if len(given) == 4 and tuple(given[3]) != (0.0, 0.0, 0.0, 1.0):
+        raise ValueError("the last row of a matrix is 0, 0, 0, 1")
+    made[:3] = given[:3]
+    return made
+
+
+def place(translate: Sequence[float] | None, rotate: Rotation | None, scale: Sequence[float] | None) -> Matrix:
+    """Scaled, then rotated, then translated: T · R · S."""
+    made = np.eye(4)
+    if rotate is not None:
+        made = rotation(rotate)
+    if scale is not None:
+        made = made @ scaling(scale)
+    if translate is not None:
+        made[:3, 3] = translate
+    return made
+
+
+def inverse(matrix: Matrix) -> np.ndarray | None:
+    """The (3, 4) inverse of an affine matrix (its first three rows count), or None if it is flat or not finite.
+
+    Cofactors over the determinant; flat is judged against the columns' lengths, so that tiny and stretched things pass.
+    """
+    (a, b, c, x), (d, e, f, y), (g, h, i, z) = matrix[:3].tolist()
+    ei, fg, dh = e * i - f * h, f * g - d * i, d * h - e * g
+    determinant = a * ei + b * fg + c * dh
+    lengths = math.hypot(a, d, g) * math.hypot(b, e, h) * math.hypot(c, f, i)
+    if not math.isfinite(determinant) or not abs(determinant) > SINGULAR * lengths or not math.isfinite(x + y + z):
+        return None
+    linear = (
+        (ei / determinant, (c * h - b * i) / determinant, (b * f - c * e) / determinant),
+        (fg / determinant, (a * i - c * g) / determinant, (c * d - a * f) / determinant),
+        (dh / determinant, (b * g - a * h) / determinant, (a * e - b * d) / determinant),
+    )
+    made = np.array([(*row, -(row[0] * x + row[1] * y + row[2] * z)) for row in linear])
+    return made if np.isfinite(made).all() else None
+
+
+def looking(position: Sequence[float], target: Sequence[float], up: Sequence[float]) -> Matrix | None:
+    """The frame of an eye at `position`: −z towards `target`, y as near to `up` as can be. None if the two points are one."""
+    backward = unit(np.subtract(position, target, dtype=np.float64))
+    if backward is None:
+        return None
+    return _frame(_perpendicular(backward, up), 2, backward, position)
+
+
+def facing(position: Sequence[float], direction: Sequence[float], up: Sequence[float] | None = None) -> Matrix | None:
+    """The frame of something flat at `position` whose +y is `direction`; its −z is as near to `up` as can be. None if the direction is 0.
+
+    Without `up`, the shortest turn that takes +y to the direction, so that a frame facing +y is not turned at all.
+    """
+    normal = unit(np.asarray(direction, dtype=np.float64))
+    if normal is None:
+        return None
+    if up is None:
+        made = np.eye(4)
+        made[:3, :3] = _shortest_turn(normal)
+        made[:3, 3] = position
+        return made
+    z = -_perpendicular(normal, up)
+    return _frame(z, 1, normal, position)
+
+
+def unit(v: np.ndarray) -> np.ndarray | None:
+    """v at length 1, or None if it has none. Scaled first, so that tiny and huge vectors keep their direction."""
+    largest = float(np.max(np.abs(v)))
+    if not 0.0 < largest < math.inf:
+        return None
+    v = v / largest
+    return v / math.sqrt(float(v @ v))
+
+
+def points(matrix: Matrix, at: np.ndarray) -> np.ndarray:
+    """(n, 3) points moved by a matrix."""
+    return at @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def _frame(other: np.ndarray, axis: int, along: np.ndarray, position: Sequence[float]) -> Matrix:
+    """A right-handed frame: `axis` 2: z = along, y = other; `axis` 1: y = along, z = other."""
+    y, z = (other, along) if axis == 2 else (along, other)
+    made = np.eye(4)
+    made[:3, 0], made[:3, 1], made[:3, 2] = np.cross(y, z), y, z
+    made[:3, 3] = position
+    return made
+
+
+def _perpendicular(axis: np.ndarray, up: Sequence[float]) -> np.ndarray:
+    """The unit vector square to `axis` nearest to `up`; where up lies along the axis, nearest to −z, then x."""
+    for candidate in (up, (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)):
+        wanted = unit(np.asarray(candidate, dtype=np.float64))
+        if wanted is None:
+            continue
+        across = wanted - (wanted @ axis) * axis
+        if math.sqrt(float(across @ across)) > 1e-9:
+            across /= math.sqrt(float(across @ across))
+            across -= (across @ axis) * axis  # once more: takes out what rounding left along the axis
+            return across / math.sqrt(float(across @ across))
+    raise AssertionError("−z and x cannot both lie along one axis")
+
+
+def _shortest_turn(normal: np.ndarray) -> np.ndarray:
+    """The rotation that takes +y to a unit vector by the smallest angle (about x where it points to −y)."""
+    x, y, z = normal.tolist()
+    across = math.hypot(x, z)
+    if y < 0 and across < 1e-290:
+        return np.diag([1.0, -1.0, -1.0])
+    k, a, b = (1.0 - y, x / across, z / across) if y < 0 else (1.0 / (1.0 + y), x, z)  # the same, each where nothing cancels
+    return np.array([[1 - k * a * a, x, -k * a * b], [-x, y, -z], [-k * a * b, z, 1 - k * b * b]])
+
+
+def _euler(ax: float, ay: float, az: float) -> np.ndarray:
+    """About the fixed x, then y, then z axis: Rz · Ry · Rx."""
+    (cx, cy, cz), (sx, sy, sz) = zip(*((math.cos(t), math.sin(t)) for t in (ax, ay, az)), strict=True)
+    return np.array(
+        [
+            [cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx],
+            [sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx],
+            [-sy, cy * sx, cy * cx],
+        ]
+    )
+
+
+def _axis_angle(axis: np.ndarray, angle: float) -> np.ndarray:
+    """Rodrigues: R = cos θ·1 + sin θ·[u]× + (1 − cos θ)·uuᵀ."""
+    u = unit(axis)
+    if u is None:
+        raise ValueError("an axis of rotation cannot be 0")
+    x, y, z = u.tolist()
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    versine = 2 * math.sin(angle / 2) ** 2  # 1 − cos θ without cancellation
+    return np.eye(3) + math.sin(angle) * cross + versine * (cross @ cross)
+
+
+def _quaternion(q: Quaternion) -> np.ndarray:
+    n = unit(np.array([q.x, q.y, q.z, q.w], dtype=np.float64))
+    if n is None:
+        raise ValueError("a quaternion cannot be 0")
+    x, y, z, w = n.tolist()
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )

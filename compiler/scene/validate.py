@@ -1,0 +1,398 @@
+"""The one validator between every front end and every backend: after it, no backend raises on a scene.
+
+What cannot be repaired is an error; what can is repaired, counted and said once. Checks go from the shape of the tables, to the
+references between them, to the numbers in them; meshes come last (validate_meshes.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+
+from ...lang.diagnostics import Diagnostics
+from .. import ir
+from . import shape_bounds, transforms, validate_meshes, validate_tapes
+
+Kind = ir.GeometryKind
+Light = ir.LightKind
+ALL_VISIBLE = 7
+MAX_SIZE = 65536  # pixels of a picture, each way
+_REFERENCES = (  # table, column, table it points into, whether -1 is allowed
+    ("geometries", "normals", "attributes", True),
+    ("geometries", "uvs", "attributes", True),
+    ("geometries", "colors", "attributes", True),
+    ("geometries", "tape", "tapes", True),
+    ("instances", "geometry", "geometries", False),
+    ("instances", "transform", "transforms", False),
+    ("instances", "material", "materials", False),
+    ("instances", "light", "lights", True),
+    ("materials", "textures", "textures", True),
+    ("textures", "image", "images", True),
+    ("textures", "tape", "tapes", True),
+    ("lights", "transform", "transforms", False),
+    ("lights", "image", "images", True),
+    ("lights", "instance", "instances", True),
+    ("cameras", "transform", "transforms", False),
+)
+_CHOICES: tuple[tuple[str, str, type[IntEnum]], ...] = (
+    ("attributes", "interpolation", ir.Interpolation),
+    ("geometries", "kind", ir.GeometryKind),
+    ("materials", "model", ir.MaterialModel),
+    ("materials", "shading", ir.Shading),
+    ("textures", "kind", ir.TextureKind),
+    ("textures", "mapping", ir.Mapping_),
+    ("textures", "wrap_u", ir.Wrap),
+    ("textures", "wrap_v", ir.Wrap),
+    ("lights", "kind", ir.LightKind),
+    ("lights", "falloff", ir.FalloffKind),
+    ("cameras", "projection", ir.Projection),
+    ("cameras", "fit", ir.Fit),
+)
+_FINITE = (
+    ("transforms", "matrix"), ("materials", "values"), ("textures", "frame"), ("textures", "size"), ("textures", "color_a"),
+    ("textures", "color_b"), ("textures", "gain"), ("textures", "bias"), ("lights", "color"), ("lights", "position"),
+    ("lights", "direction"), ("lights", "size"), ("lights", "cos_cone"), ("lights", "cos_full"), ("lights", "angle"),
+    ("lights", "coefficients"), ("cameras", "extent"), ("cameras", "aspect"), ("cameras", "near"), ("cameras", "shift"),
+    ("cameras", "opening"), ("cameras", "shutter"), ("cameras", "lens"),
+    ("cameras", "focus"), ("keys", "move"), ("keys", "turn"), ("keys", "stretch"),
+)  # fmt: skip
+_APART = {"pools": (), "images": ("texels",)}  # columns with a length of their own; () is all of them
+
+
+def validate(scene: ir.Scene, diagnostics: Diagnostics | None = None) -> tuple[ir.Scene, Diagnostics]:
+    """The scene, repaired where it can be, and what was found. With an error among it the scene must not be drawn. Never raises."""
+    found = diagnostics if diagnostics is not None else Diagnostics()
+    with np.errstate(all="ignore"):  # whatever numbers stand in the tables
+        return _validate(Check(scene, found)), found
+
+
+def _validate(check: Check) -> ir.Scene:
+    for step in (_structure, _references, _numbers):
+        step(check)
+        if check.errors:
+            return check.scene
+    _meaning(check)
+    validate_meshes.validate(check)
+    validate_tapes.validate(check)
+    if not check.errors:
+        _without_empty_instances(check)
+    return check.finished()
+
+
+Columns = dict[str, Any]  # a table's arrays by name
+
+
+class Check:
+    """A scene under examination: its tables as dicts of columns that repairs replace, and how findings are said."""
+
+    def __init__(self, scene: ir.Scene, found: Diagnostics) -> None:
+        self.scene = scene
+        self.found = found
+        self.errors = 0
+        self.tables: dict[str, Columns] = {name: dict(getattr(scene.tables, name)._asdict()) for name in ir.TABLES}
+        self.names = scene.names
+        self.spans = dict(scene.spans.rows)
+        self.changed: set[str] = set()
+
+    def rows(self, table: str) -> int:
+        return len(next(iter(self.tables[table].values())))
+
+    def set(self, table: str, column: str, values: Any) -> None:
+        self.tables[table][column] = values
+        self.changed.add(table)
+
+    def bad(self, table: str, rows: Any, message: str, severity: str = "error", hint: str = "") -> bool:
+        """Say `message` for the rows (a mask), once, at the first of them; whether there are any."""
+        if not np.count_nonzero(rows):  # as mostly, and so looked at first
+            return False
+        where = np.flatnonzero(rows)
+        more = f" (and {len(where) - 1} more)" if len(where) > 1 else ""
+        names = getattr(self.scene.names, table, ())
+        name = f" `{names[where[0]]}`" if where[0] < len(names) and names[where[0]] else ""
+        what = f"{_SINGULAR.get(table, table)}{name}: {message}{more}"
+        (self.found.error if severity == "error" else self.found.warning)(what, self.scene.spans.at(table, int(where[0])), hint)
+        self.errors += severity == "error"
+        return True
+
+    def fatal(self, message: str) -> None:
+        self.found.error(message)
+        self.errors += 1
+
+    def finished(self) -> ir.Scene:
+        """The scene with its repairs; the very same one if there were none."""
+        if not self.changed:
+            return self.scene
+        made = {
+            name: ir.table_of(name, columns) if name in self.changed else getattr(self.scene.tables, name)
+            for name, columns in self.tables.items()
+        }
+        spans = ir.Spans(self.scene.spans.sources, self.spans)
+        return replace(self.scene, tables=ir.Tables(**made), names=self.names, spans=spans)
+
+
+_SINGULAR = {
+    "geometries": "shape", "instances": "instance", "materials": "material", "textures": "texture", "lights": "light",
+    "cameras": "camera", "attributes": "attribute", "images": "image", "transforms": "transform", "keys": "key",
+}  # fmt: skip
+
+
+def _structure(check: Check) -> None:
+    """Columns have their type and shape and, in one table, one length; names and spans go with rows."""
+    for table, columns in check.tables.items():
+        apart = _APART.get(table)
+        lengths = set()
+        for column, values in columns.items():
+            dtype, shape = ir.column_type(table, column)
+            if not isinstance(values, np.ndarray) or values.dtype != dtype or values.shape[1:] != shape or values.ndim != 1 + len(shape):
+                check.fatal(f"the IR's column {table}.{column} has not the type it should have")
+                return
+            if not values.flags.c_contiguous:
+                check.set(table, column, np.ascontiguousarray(values))
+            if apart is None or (apart and column not in apart):
+                lengths.add(len(values))
+        if len(lengths) > 1:
+            check.fatal(f"the IR's table {table} has columns of different lengths: {', '.join(map(str, sorted(lengths)))}")
+            return
+    for names in ir.Names.__dataclass_fields__:
+        table, count = ("lights" if names == "groups" else names), len(getattr(check.scene.names, names))
+        if count != check.rows(table) and not (names == "groups" and count == 0):
+            check.fatal(f"the IR has {check.rows(table)} {table} and {count} names of them")
+    for table, rows in check.spans.items():
+        count = len(rows) if table == "settings" else check.rows(table) if table in check.tables else -1
+        if np.shape(rows) != (count, 5):
+            check.fatal(f"the IR's spans of {table} do not go with its rows")
+    if not check.rows("transforms") or not np.array_equal(check.tables["transforms"]["matrix"][0], np.eye(3, 4)):
+        check.fatal("the IR's first transform is not the identity")
+    if not check.rows("cameras"):
+        check.fatal("the scene has no camera")
+
+
+def _references(check: Check) -> None:
+    """Every index points at a row, every kind is one of its kinds, every range lies in its pool."""
+    for table, column, target, optional in _REFERENCES:
+        values = check.tables[table][column]
+        if not len(values):
+            continue
+        wrong = (values < (-1 if optional else 0)) | (values >= check.rows(target))
+        check.bad(table, wrong if wrong.ndim == 1 else wrong.any(axis=1), f"its {column} is no row of {target}")
+    for table, column, kinds in _CHOICES:
+        values = check.tables[table][column]
+        if not len(values):
+            continue
+        wrong = (values < 0) | (values >= len(kinds))
+        if wrong.any():
+            check.bad(table, wrong, f"its {column} is none of {', '.join(k.name.lower() for k in kinds)}")
+    visible = check.tables["instances"]["visible"]
+    check.bad("instances", (visible < 0) | (visible > ALL_VISIBLE), "its visibility has bits that mean nothing")
+    pools, images, attributes, geometries = (check.tables[name] for name in ("pools", "images", "attributes", "geometries"))
+    texels = images["width"].astype(np.int64) * images["height"]
+    outside = ~_inside(images["first"], texels, len(images["texels"])) | (images["width"] < 1) | (images["height"] < 1)
+    check.bad("images", outside, "its pixels are not among the texels")
+    floats = attributes["count"].astype(np.int64) * attributes["width"]
+    outside = ~_inside(attributes["first"], floats, len(pools["values"])) | (attributes["width"] < 1) | (attributes["count"] < 1)
+    check.bad("attributes", outside, "its values are not in the pool")
+    meshes = geometries["kind"] == Kind.MESH
+    for what, length in () if not meshes.any() else (
+        ("vertex", len(pools["positions"])), ("triangle", len(pools["triangles"])), ("polygon", check.rows("polygons")),
+    ):  # fmt: skip
+        outside = ~_inside(geometries[f"first_{what}"], geometries[f"{what}_count"], length)
+        check.bad("geometries", outside & meshes, f"its range of {what} rows is not in the pool")
+
+
+def _inside(first: np.ndarray, count: np.ndarray, length: int) -> np.ndarray:
+    """Whether ranges lie in a pool; in int64, so that nothing wraps round."""
+    start, size = first.astype(np.int64), count.astype(np.int64)
+    return (start >= 0) & (size >= 0) & (start <= length) & (size <= length - start)
+
+
+def _numbers(check: Check) -> None:
+    """Numbers are finite, and transforms have the inverse they say."""
+    for table, column in _FINITE:
+        values = check.tables[table][column]
+        if not len(values):
+            continue
+        check.bad(table, ~np.isfinite(values).all(axis=tuple(range(1, values.ndim))), f"its {column} is not a finite number")
+    texels = check.tables["images"]["texels"]
+    lost = int(np.count_nonzero(~np.isfinite(texels)))
+    if lost:
+        check.found.warning(f"{lost} texels' values are not finite: they are drawn as 0")
+        check.set("images", "texels", np.nan_to_num(texels, nan=0.0, posinf=0.0, neginf=0.0))
+    _transforms(check)
+
+
+def _transforms(check: Check) -> None:
+    table = check.tables["transforms"]
+    matrices = table["matrix"]
+    linear = matrices[:, :, :3]
+    determinants = np.linalg.det(linear)
+    lengths = np.linalg.norm(linear, axis=1).prod(axis=1)
+    flat = ~(np.abs(determinants) > transforms.SINGULAR * lengths) | ~np.isfinite(determinants)
+    if check.bad("transforms", flat, "it flattens to nothing (no inverse)"):
+        return
+    inverses = table["inverse"]
+    # One of the two products is free of what a stretched matrix does to rounding.
+    products = (inverses[:, :, :3] @ linear, linear @ inverses[:, :, :3])
+    off = np.minimum(*(np.abs(product - np.eye(3)).max(axis=(1, 2), initial=0.0) for product in products))
+    moved = (inverses[:, :, :3] @ matrices[:, :, 3:])[:, :, 0] + inverses[:, :, 3]
+    reach = np.abs(inverses[:, :, :3]) @ np.abs(matrices[:, :, 3:])
+    wrong = ~(off < 1e-6) | ~(np.abs(moved) <= 1e-9 * (1 + reach[:, :, 0])).all(axis=1)
+    if check.bad("transforms", wrong, "its inverse was not its inverse: computed again", "warning"):
+        inverses = inverses.copy()
+        for row in np.flatnonzero(wrong):
+            made = transforms.inverse(matrices[row])
+            if made is None:
+                check.bad("transforms", np.arange(len(matrices)) == row, "it flattens to nothing (no inverse)")
+                return
+            inverses[row] = made
+        check.set("transforms", "inverse", inverses)
+    if check.bad("transforms", table["flips"] != (determinants < 0), "its orientation was wrong: computed again", "warning"):
+        check.set("transforms", "flips", determinants < 0)
+
+
+def _keys(check: Check) -> None:
+    table, keys = check.tables["transforms"], check.tables["keys"]
+    first, count = table["first_key"], table["keys"]
+    moving = first >= 0
+    if not (moving.any() or count.any() or check.rows("keys")):
+        return
+    check.bad("transforms", moving & ((count < 2) | (first.astype(np.int64) + count > check.rows("keys"))), "its keys are not there")
+    check.bad("transforms", ~moving & (count != 0), "it has keys and does not move")
+    check.bad("keys", ~(np.abs(np.linalg.norm(keys["turn"], axis=1) - 1.0) < 1e-6), "its turn is no unit quaternion")
+    determinants = np.linalg.det(keys["stretch"])
+    for row in np.flatnonzero(moving).tolist() if not check.errors else ():
+        signs = np.sign(determinants[first[row] : first[row] + count[row]])
+        check.bad("transforms", (np.arange(len(first)) == row) & ((signs != signs[0]).any() or signs[0] == 0), "it flattens on its way")
+
+
+def _meaning(check: Check) -> None:
+    _keys(check)
+    _shapes(check)
+    _materials(check)
+    _lights(check)
+    _cameras(check)
+    _settings(check)
+
+
+_POSITIVE: dict[int, tuple[tuple[int, ...], tuple[int, ...]]] = {  # parameters that are above 0, and those that are 0 or more
+    Kind.SPHERE: ((0,), ()), Kind.BOX: ((0, 1, 2), ()), Kind.RECTANGLE: ((0, 1), ()), Kind.DISK: ((0,), ()), Kind.CYLINDER: ((0, 1), ()),
+    Kind.CONE: ((2,), (0, 1)), Kind.TORUS: ((0, 1), ()), Kind.CAPSULE: ((0,), (1,)), Kind.QUADRIC: ((10, 11, 12), ()),
+    Kind.FORMULA: ((5,), (0, 4)),
+}  # fmt: skip
+
+
+def _shapes(check: Check) -> None:
+    table = check.tables["geometries"]
+    kinds, parameters, bounds = table["kind"], table["parameters"], table["bounds"]
+    endless = np.zeros(ir.PARAMETERS, dtype=bool)
+    endless[10:] = True  # a quadric's box
+    finite = (np.isfinite(parameters) | ((kinds == Kind.QUADRIC)[:, None] & endless & (parameters == np.inf))).all(axis=1)
+    good = finite.copy()
+    present = frozenset(kinds.tolist())
+    for kind in present & _POSITIVE.keys():
+        (above, least), of = _POSITIVE[kind], kinds == kind
+        good &= ~of | ((parameters[:, above] > 0).all(axis=1) & (parameters[:, least] >= 0).all(axis=1))
+    if Kind.CONE in present:
+        good &= ~(kinds == Kind.CONE) | (parameters[:, :2].max(axis=1, initial=0.0) > 0)
+    if Kind.QUADRIC in present:
+        good &= ~(kinds == Kind.QUADRIC) | parameters[:, :9].any(axis=1)
+    check.bad("geometries", ~good & (kinds != Kind.MESH), "its measures are not finite, or not above 0")
+    moved = (kinds != Kind.MESH) & table["origin"].any(axis=1)
+    check.bad("geometries", moved, "only meshes have an origin")
+    formulas = kinds == Kind.FORMULA
+    holds = np.isfinite(bounds).all(axis=(1, 2)) & (bounds[:, 1] > bounds[:, 0]).all(axis=1) & (table["tape"] >= 0)
+    check.bad("geometries", formulas & ~holds, "a formula's surface has a tape, and a box that holds it")
+    analytic = np.flatnonzero((kinds != Kind.MESH) & ~formulas & good)
+    right = bounds.copy()
+    for row in analytic:
+        right[row] = shape_bounds.of(int(kinds[row]), parameters[row].tolist())
+    wrong = ~((bounds[:, 0] <= right[:, 0]) & (bounds[:, 1] >= right[:, 1])).all(axis=1)
+    wrong[kinds == Kind.MESH] = False
+    if check.bad("geometries", wrong, "its bounds did not hold it: computed again", "warning"):
+        check.set("geometries", "bounds", right)
+
+
+_WEIGHTS = [int(slot) for slot in ir.Slot if slot != ir.Slot.BUMP]
+
+
+def _materials(check: Check) -> None:
+    table = check.tables["materials"]
+    check.bad("materials", (table["values"] < 0)[:, _WEIGHTS].any(axis=(1, 2)), "it has a negative coefficient")
+    blend, own = table["model"] == ir.MaterialModel.BLEND, np.arange(len(table["model"]))
+    for part in ("first", "second"):
+        check.bad("materials", blend & ((table[part] < 0) | (table[part] >= own)), "its parts are not rows before it")
+    check.bad("materials", ~(table["values"][:, ir.Slot.IOR, 0] > 0), "its index of refraction is not above 0")
+    textures = check.tables["textures"]
+    if not len(textures["kind"]):
+        return
+    pictureless = (textures["kind"] == ir.TextureKind.IMAGE) & (textures["image"] < 0)
+    check.bad("textures", pictureless, "it has no picture")
+    check.bad("textures", (textures["kind"] == ir.TextureKind.FORMULA) & (textures["tape"] < 0), "it has no tape")
+    check.bad("textures", (textures["channel"] < -1) | (textures["channel"] > 3), "its channel is none of -1 … 3")
+    check.bad("textures", textures["size"] < 0, "its cell is of negative size")
+
+
+def _lights(check: Check) -> None:
+    t = check.tables["lights"]
+    kind = t["kind"]
+    if not len(kind):
+        return
+    area = ir.among(kind, (Light.RECTANGLE, Light.DISK, Light.SPHERE))
+    check.bad("lights", (t["color"] < 0).any(axis=1), "its strength is negative")
+    directed = ir.among(kind, (Light.SPOT, Light.DIRECTIONAL, Light.SUN))
+    lengths = np.linalg.norm(t["direction"], axis=1)
+    check.bad("lights", directed & ~(np.abs(lengths - 1) < 1e-6), "its direction is not of length 1")
+    check.bad("lights", (kind == Light.DOME) & (t["image"] < 0), "a dome has a picture")
+    extent = np.where(kind == Light.RECTANGLE, t["size"].min(axis=1, initial=np.inf), t["size"][:, 0])
+    check.bad("lights", area & ~(extent > 0), "it has no area: it gives no light", "error", "make its size more than 0")
+    check.bad("lights", (t["cos_cone"] > t["cos_full"]) | (np.abs(t["cos_cone"]) > 1) | (np.abs(t["cos_full"]) > 1), "its cone is none")
+    check.bad("lights", (t["angle"] < 0) | (t["angle"] > np.pi / 2), "its disk is wider than half of the sky")
+    c = t["coefficients"]
+    polynomial = (t["falloff"] == ir.FalloffKind.POLYNOMIAL) & ((c < 0).any(axis=1) | ~(c > 0).any(axis=1))
+    ramp = (t["falloff"] == ir.FalloffKind.RAMP) & ~((c[:, 0] >= 0) & (c[:, 1] > c[:, 0]))
+    check.bad("lights", polynomial | ramp, "its fall-off is none")
+    dark = ~(t["color"] > 0).any(axis=1)
+    check.bad("lights", dark, "its strength is 0: it gives no light", "warning")
+    shape = t["instance"]
+    has_shape = shape >= 0
+    back = np.zeros(len(kind), dtype=bool)
+    back[has_shape] = check.tables["instances"]["light"][shape[has_shape]] == np.flatnonzero(has_shape)
+    check.bad("lights", has_shape & ~back, "the instance that is its shape does not say so")
+
+
+def _cameras(check: Check) -> None:
+    t = check.tables["cameras"]
+    check.bad("cameras", ~(t["extent"] > 0), "its field of view is not above 0")
+    check.bad("cameras", t["aspect"] < 0, "its aspect is negative")
+    parallel = t["projection"] == ir.Projection.ORTHOGRAPHIC
+    check.bad("cameras", ~(((t["near"] >= 0) | parallel) & (t["far"] > t["near"])), "its near and far are in the wrong order")
+    check.bad("cameras", ~((t["lens"] >= 0) & (t["focus"] > 0)), "its lens has no radius, or nothing it is focused on")
+    check.bad("cameras", (t["lens"] > 0) & (t["projection"] != ir.Projection.PERSPECTIVE), "only perspective cameras have a lens")
+    check.bad("cameras", np.isinf(t["exposure"]), "its exposure is not finite")
+    check.bad("cameras", t["shutter"] < 0, "its shutter is open for less than no time")
+
+
+def _settings(check: Check) -> None:
+    s = check.scene.settings
+    if s.size is not None and not (len(s.size) == 2 and all(isinstance(v, int) and 1 <= v <= MAX_SIZE for v in s.size)):
+        check.fatal(f"a picture is 1 to 65536 pixels wide and high, not {s.size}")
+
+
+def _without_empty_instances(check: Check) -> None:
+    """Leave out instances of meshes that have no triangles left."""
+    geometries, instances = check.tables["geometries"], check.tables["instances"]
+    empty = (geometries["kind"] == Kind.MESH) & (geometries["triangle_count"] == 0)
+    keep = ~empty[instances["geometry"]]
+    if not check.bad("instances", ~keep, "its mesh has no triangle that can be drawn: it is left out", "warning"):
+        return
+    renumbered = np.where(keep, np.cumsum(keep) - 1, -1).astype(np.int32)
+    for column, values in list(instances.items()):
+        check.set("instances", column, values[keep])
+    names = tuple(name for name, kept in zip(check.names.instances, keep, strict=True) if kept)
+    check.names = replace(check.names, instances=names)
+    if "instances" in check.spans:
+        check.spans["instances"] = check.spans["instances"][keep]
+    shapes = check.tables["lights"]["instance"]
+    check.set("lights", "instance", np.where(shapes >= 0, renumbered[np.maximum(shapes, 0)], -1).astype(np.int32))

@@ -1,0 +1,212 @@
+"""The validator's part about meshes: triangles that are none are dropped, and what hangs on them follows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .. import ir
+from . import t_junctions
+
+if TYPE_CHECKING:
+    from .validate import Check, Columns
+
+FLAT = 1e-12  # doubled area over squared longest edge below which a triangle is a line
+SEARCHED = 1 << 18  # triangles, up to which a mesh is searched for corners on edges: 0.1 s
+_WIDTHS = {"normals": 3, "uvs": 2, "colors": 3}
+
+
+def validate(check: Check) -> None:
+    """Check meshes, drop degenerate triangles, and put attributes, outlines and bounds right."""
+    table = check.tables["geometries"]
+    meshes = np.flatnonzero(table["kind"] == ir.GeometryKind.MESH)
+    if not len(meshes):
+        return
+    _attributes(check, meshes)
+    keep = np.ones(len(check.tables["pools"]["triangles"]), dtype=bool)
+    missing, flat = np.zeros(len(table["kind"]), dtype=np.int64), np.zeros(len(table["kind"]), dtype=np.int64)
+    for row in meshes:
+        first, count = int(table["first_triangle"][row]), int(table["triangle_count"][row])
+        absent, degenerate = _faulty(check, int(row), first, count)
+        missing[row], flat[row] = np.count_nonzero(absent), np.count_nonzero(degenerate)
+        keep[first : first + count] &= ~(absent | degenerate)
+    _say(check, missing, ("names", "name"), "vertices that are not there")
+    _say(check, flat, ("has", "have"), "no area or no finite corners")
+    if not keep.all():
+        _drop(check, meshes, keep)
+    _outlines(check, meshes)
+    _positions(check)
+    _bounds(check, meshes)
+    _junctions(check, meshes)
+
+
+def _say(check: Check, counts: np.ndarray, verbs: tuple[str, str], what: str) -> None:
+    total = int(counts.sum())
+    who = f"1 triangle {verbs[0]}" if total == 1 else f"{total} triangles {verbs[1]}"
+    check.bad("geometries", counts > 0, f"{who} {what}: dropped", "warning")
+
+
+def _faulty(check: Check, row: int, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Masks of a mesh's triangles that name absent vertices, and that have no area."""
+    table, pools = check.tables["geometries"], check.tables["pools"]
+    triangles = pools["triangles"][first : first + count]
+    low, high = int(table["first_vertex"][row]), int(table["first_vertex"][row]) + int(table["vertex_count"][row])
+    absent = ((triangles < low) | (triangles >= high)).any(axis=1)
+    safe = np.where(absent[:, None], low, triangles) if absent.any() else triangles
+    if not len(safe) or high == low:
+        return absent, np.zeros(count, dtype=bool)
+    a, b, c = (pools["positions"][safe[:, k]].astype(np.float64) for k in range(3))
+    ab, ac = b - a, c - a
+    area = np.cross(ab, ac)
+    longest = np.maximum(np.maximum((ab * ab).sum(axis=1), (ac * ac).sum(axis=1)), ((c - b) ** 2).sum(axis=1))
+    solid = (area * area).sum(axis=1) > (FLAT * longest) ** 2
+    return absent, ~solid & ~absent
+
+
+def _attributes(check: Check, meshes: np.ndarray) -> None:
+    """Attributes have the width and the number of values their mesh needs; those that have not are left out."""
+    table, attributes = check.tables["geometries"], check.tables["attributes"]
+    if not len(attributes["width"]):
+        return
+    for name, width in _WIDTHS.items():
+        rows = table[name]
+        of = np.maximum(rows, 0)
+        kind = attributes["interpolation"][of]
+        expected = np.choose(kind, [np.ones_like(rows), table["triangle_count"], table["vertex_count"], 3 * table["triangle_count"]])
+        wrong = (rows >= 0) & ((attributes["width"][of] != width) | (attributes["count"][of] != expected))
+        wrong &= np.isin(np.arange(len(rows)), meshes)
+        if check.bad("geometries", wrong, f"its {name} do not go with its vertices and faces: they are left out", "warning"):
+            check.set("geometries", name, np.where(wrong, -1, rows).astype(np.int32))
+    values = check.tables["pools"]["values"]
+    lost = int(np.count_nonzero(~np.isfinite(values)))
+    if lost:
+        check.found.warning(f"{lost} values of meshes' normals, texture coordinates or colours are not finite: they count as 0")
+        check.set("pools", "values", np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0))
+
+
+def _drop(check: Check, meshes: np.ndarray, keep: np.ndarray) -> None:
+    """Take triangles out of the pool; ranges, outlines and values of faces and corners follow."""
+    table, pools = check.tables["geometries"], check.tables["pools"]
+    before = np.concatenate([[0], np.cumsum(keep)])
+    first, count = table["first_triangle"].copy(), table["triangle_count"].copy()
+    for row in meshes:
+        start, end = int(first[row]), int(first[row] + count[row])
+        if not keep[start:end].all():
+            for name, width in _WIDTHS.items():
+                if table[name][row] >= 0:
+                    _thin(check, int(row), name, width, keep[start:end])
+        first[row], count[row] = before[start], before[end] - before[start]
+    check.set("geometries", "first_triangle", first)
+    check.set("geometries", "triangle_count", count)
+    check.set("pools", "triangles", pools["triangles"][keep])
+    polygons = check.tables["polygons"]
+    if len(polygons["first_triangle"]):
+        start = np.clip(polygons["first_triangle"], 0, len(keep)).astype(np.int64)
+        end = np.clip(start + polygons["triangle_count"], start, len(keep))
+        check.set("polygons", "first_triangle", before[start].astype(np.int32))
+        check.set("polygons", "triangle_count", (before[end] - before[start]).astype(np.int32))
+
+
+def _thin(check: Check, row: int, name: str, width: int, keep: np.ndarray) -> None:
+    """Give a mesh a new attribute without the values of dropped faces or corners."""
+    attributes, pools = check.tables["attributes"], check.tables["pools"]
+    old = int(check.tables["geometries"][name][row])
+    kind = int(attributes["interpolation"][old])
+    if kind not in (ir.Interpolation.FACE, ir.Interpolation.CORNER):
+        return
+    mask = keep if kind == ir.Interpolation.FACE else np.repeat(keep, 3)
+    first = int(attributes["first"][old])
+    values = pools["values"][first : first + width * len(mask)].reshape(-1, width)[mask]
+    if not len(values):
+        new = -1
+    else:
+        new = len(attributes["width"])
+        added = {"interpolation": kind, "width": width, "first": len(pools["values"]), "count": len(values)}
+        for column, value in added.items():
+            check.set("attributes", column, np.append(attributes[column], np.array(value, dtype=attributes[column].dtype)))
+        check.set("pools", "values", np.concatenate([pools["values"], values.reshape(-1)]))
+        check.names = replace(check.names, attributes=(*check.names.attributes, check.names.attributes[old]))
+    rows = check.tables["geometries"][name].copy()
+    rows[row] = new
+    check.set("geometries", name, rows)
+
+
+def _outlines(check: Check, meshes: np.ndarray) -> None:
+    """A mesh whose polygons point outside of it is drawn by its triangles alone."""
+    table, pools, polygons = check.tables["geometries"], check.tables["pools"], check.tables["polygons"]
+    wrong = np.zeros(len(table["kind"]), dtype=bool)
+    for row in meshes:
+        first, count = int(table["first_polygon"][row]), int(table["polygon_count"][row])
+        if count:
+            wrong[row] = not _outlines_inside(table, pools, polygons, int(row), slice(first, first + count))
+    if check.bad("geometries", wrong, "its outlines do not go with its vertices: they are left out", "warning"):
+        check.set("geometries", "polygon_count", np.where(wrong, 0, table["polygon_count"]).astype(np.int32))
+
+
+def _outlines_inside(table: Columns, pools: Columns, polygons: Columns, row: int, which: slice) -> bool:
+    first_loop, loops = polygons["first_loop"][which].astype(np.int64), polygons["loop_count"][which].astype(np.int64)
+    first_triangle, triangles = polygons["first_triangle"][which].astype(np.int64), polygons["triangle_count"][which].astype(np.int64)
+    start, count = int(table["first_triangle"][row]), int(table["triangle_count"][row])
+    if (first_loop < 0).any() or (loops < 1).any() or (first_loop + loops > len(pools["loops"])).any():
+        return False
+    if (triangles < 0).any() or (first_triangle < start).any() or (first_triangle + triangles > start + count).any():
+        return False
+    used = pools["loops"][_spread(first_loop, loops)].astype(np.int64)
+    if (used[:, 0] < 0).any() or (used[:, 1] < 0).any() or (used.sum(axis=1) > len(pools["corners"])).any():
+        return False
+    if used[:, 1].sum() > 4 * len(pools["corners"]) + 4:
+        return False  # loops over the same corners again and again
+    corners = pools["corners"][_spread(used[:, 0], used[:, 1])]
+    low = int(table["first_vertex"][row])
+    return bool(((corners >= low) & (corners < low + int(table["vertex_count"][row]))).all())
+
+
+def _spread(first: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """The rows of ranges, one after the other."""
+    ends = np.cumsum(count)
+    return np.repeat(first - (ends - count), count) + np.arange(int(ends[-1]) if len(ends) else 0)
+
+
+def _positions(check: Check) -> None:
+    """Vertices that are not finite belong to no triangle any more: put them at the origin."""
+    positions = check.tables["pools"]["positions"]
+    bad = ~np.isfinite(positions).all(axis=1)
+    if bad.any():
+        check.set("pools", "positions", np.where(bad[:, None], np.float32(0), positions))
+
+
+def _bounds(check: Check, meshes: np.ndarray) -> None:
+    table, pools = check.tables["geometries"], check.tables["pools"]
+    bounds, origin = table["bounds"], table["origin"]
+    if check.bad("geometries", ~np.isfinite(origin).all(axis=1), "its origin is not finite"):
+        return
+    right = bounds.copy()
+    for row in meshes:
+        if table["triangle_count"][row]:
+            start = int(table["first_vertex"][row])
+            points = pools["positions"][start : start + int(table["vertex_count"][row])]
+            right[row] = np.stack([points.min(axis=0), points.max(axis=0)]) + origin[row]
+        else:
+            right[row] = origin[row]
+    wrong = ~((bounds[:, 0] <= right[:, 0]) & (bounds[:, 1] >= right[:, 1]) & np.isfinite(bounds).all(axis=1)).all(axis=1)
+    wrong[~np.isin(np.arange(len(wrong)), meshes)] = False
+    if check.bad("geometries", wrong, "its bounds did not hold it: computed again", "warning"):
+        check.set("geometries", "bounds", np.where(wrong[:, None, None], right, bounds))
+
+
+def _junctions(check: Check, meshes: np.ndarray) -> None:
+    """Say where corners lie on edges that do not know them: rounding opens a crack there. Large meshes are not searched."""
+    table, pools = check.tables["geometries"], check.tables["pools"]
+    found = np.zeros(len(table["kind"]), dtype=np.int64)
+    for row in meshes:
+        count = int(table["triangle_count"][row])
+        if 2 <= count <= SEARCHED:
+            low, first = int(table["first_vertex"][row]), int(table["first_triangle"][row])
+            corners = pools["positions"][low : low + int(table["vertex_count"][row])]
+            found[row] = t_junctions.count(corners, pools["triangles"][first : first + count] - low)
+    total = int(found.sum())
+    who = "1 corner lies" if total == 1 else f"{total} corners lie"
+    what = f"{who} on the edge of a triangle that goes on: the seam may show cracks"
+    check.bad("geometries", found > 0, what, "warning", "split the edge there")

@@ -1,0 +1,58 @@
+"""The validator's checks of tapes: their ranges, operations and operands, so that whoever runs one can trust it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..formula.tape import INPUTS, MOST_LIVE, Op, Tape, arity, most_live
+
+if TYPE_CHECKING:
+    from .validate import Check
+
+_ARITY = np.array([arity(op) for op in Op])
+
+
+def validate(check: Check) -> None:
+    """Every tape lies in the pools, its rows use earlier values and its own finite constants, and it has 1 to 4 results."""
+    table, pools = check.tables["tapes"], check.tables["pools"]
+    code, constants = pools["code"], pools["constants"]
+    wrong = np.zeros(len(table["first"]), bool)
+    for row in range(len(wrong)):
+        first, count, begin, numbers, named = (int(table[name][row]) for name in _COLUMNS)
+        inside = 0 <= first <= first + count <= len(code) and 0 <= begin <= begin + numbers <= len(constants) and 1 <= named <= 4
+        wrong[row] = not inside or not _sound(code[first : first + count], numbers, table["results"][row, :named])
+    check.bad("tapes", wrong, "its code does not hold together")
+    if not wrong.any():
+        surfaces = set(check.tables["geometries"]["tape"].tolist())
+        check.bad("tapes", np.array([row in surfaces and _wide(table, pools, row) for row in range(len(wrong))], bool), _WIDE)
+    check.bad(
+        "tapes", ~wrong & np.array([not _finite(table, constants, row) for row in range(len(wrong))], bool), "a number of it is not finite"
+    )
+
+
+_WIDE = f"it needs more than {MOST_LIVE} values at a time"
+
+
+def _wide(table: dict[str, np.ndarray], pools: dict[str, np.ndarray], row: int) -> bool:
+    first, count = int(table["first"][row]), int(table["count"][row])
+    results = tuple(table["results"][row, : int(table["result_count"][row])].tolist())
+    return count > MOST_LIVE and most_live(Tape(pools["code"][first : first + count], np.zeros(0), results)) > MOST_LIVE
+
+
+_COLUMNS = ("first", "count", "first_constant", "constant_count", "result_count")
+
+
+def _sound(code: np.ndarray, numbers: int, results: np.ndarray) -> bool:
+    if ((code[:, 0] < 0) | (code[:, 0] >= len(_ARITY))).any():
+        return False
+    used = np.arange(3) < _ARITY[code[:, 0]][:, None]
+    operands = code[:, 1:]
+    there = (operands >= -numbers) & (operands < INPUTS + np.arange(len(code))[:, None])
+    return bool(there[used].all() and ((results >= -numbers) & (results < INPUTS + len(code))).all())
+
+
+def _finite(table: dict[str, np.ndarray], constants: np.ndarray, row: int) -> bool:
+    begin = int(table["first_constant"][row])
+    return bool(np.isfinite(constants[begin : begin + int(table["constant_count"][row])]).all())

@@ -1,0 +1,168 @@
+"""Arguments of a call: which parameter each one is for, and an element's arguments checked against the schema."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+from .. import units
+from ..diagnostics import Span
+from ..schema.argument_types import REQUIRED, Arg, Entry
+from ..syntax import ast
+from ..units import Quantity
+from . import suggestions
+from .coercion import LIGHT_TYPES, Place, convert
+from .values import POISON, Element, Given, Mistake, Poisoned
+
+if TYPE_CHECKING:
+    from .scope import Scope
+
+# What every element accepts. A part that does not declare them has them applied to what it makes.
+PLACING = ("translate", "rotate", "scale", "material", "name")
+
+Report = Callable[[str, Span, str], None]
+
+
+def assign(
+    callee: str, positional: Sequence[str], names: Mapping[str, str], givens: Iterable[Given], report: Report, holds: bool = False
+) -> tuple[dict[str, Given], bool]:
+    """Each argument at the name of its parameter, and whether all have one: what is unknown, given twice or too much is reported.
+
+    `positional` are the parameters that can be given by position, in order; `names` maps names and aliases to parameters. What
+    `holds` others has them in braces.
+    """
+    assigned: dict[str, Given] = {}
+    good = True
+    place = 0
+    for given in givens:
+        if given.name is None:
+            name = positional[place] if place < len(positional) else None
+            place += 1
+        else:
+            name = names.get(given.name)
+        problem = _problem(callee, given, name, positional, names, assigned)
+        if problem:
+            if holds and name is None and _is_of_elements(given.value):
+                problem = problem[0], f"what it holds stands in braces: {callee} {{ … }}"
+            if given.name is not None or place == len(positional) + 1:  # of arguments too many, the first
+                report(problem[0], given.name_span, problem[1])
+            good = False
+        elif name is not None:
+            assigned[name] = given
+    return assigned, good
+
+
+def _is_of_elements(value: object) -> bool:
+    return isinstance(value, Element) or (isinstance(value, tuple) and bool(value) and all(isinstance(item, Element) for item in value))
+
+
+def _problem(
+    callee: str, given: Given, name: str | None, positional: Sequence[str], names: Mapping[str, str], assigned: Mapping[str, Given]
+) -> tuple[str, str] | None:
+    if name is None and given.name is None:
+        if not names:
+            return f"{callee} takes no arguments", ""
+        keywords = [n for n in names if n not in positional and n == names[n]]
+        takes = f"{callee} takes {len(positional) or 'no'} argument{'s' * (len(positional) != 1)} by position"
+        return takes, suggestions.too_many(callee, keywords)
+    if name is None:
+        return suggestions.argument(callee, given.name or "", names)
+    if name in assigned:
+        return f"{callee} gets `{name}` twice", f"`{given.name}` is another name of it" if given.name not in (None, name) else ""
+    return None
+
+
+_EXAMPLES = {"length": "10cm", "angle": "30deg", "time": "2s", "int": "3", "point": "[0, 1, 5]", "direction": "[0, 1, 0]", "scale3": "2"}
+
+
+def missing(
+    callee: str, required: Iterable[str], assigned: Mapping[str, Given], span: Span, report: Report, args: Mapping[str, Arg] | None = None
+) -> bool:
+    """Report the required parameters that are not there, and how each is written; whether there were any."""
+    absent = [name for name in required if name not in assigned]
+    if absent:
+        examples = [f"{name}: {_EXAMPLES.get(args[name].type, '')}" for name in absent] if args else []
+        hint = f"such as {callee}({', '.join(examples)})" if examples and not any(e.endswith(": ") for e in examples) else ""
+        report(f"{callee} needs {' and '.join(f'`{name}`' for name in absent)}", span, hint)
+    return bool(absent)
+
+
+def fraction(givens: Sequence[Given]) -> tuple[bool, str, tuple[Span, ...]] | None:
+    """Of a fraction that is written with a comma, and so has become two arguments: whether it ends a formula, what to write, and where
+    both are."""
+    for given, after in pairwise(givens):
+        one, other = given.node, after.node
+        whole = one
+        while isinstance(whole, ast.Function | ast.Binary | ast.Unary):
+            whole = whole.body if isinstance(whole, ast.Function) else whole.right if isinstance(whole, ast.Binary) else whole.operand
+        digits = [node.text for node in (whole, other) if isinstance(node, ast.Number) and node.text.isdigit()]
+        near = (after.span.line, after.span.column) == (given.span.end_line, given.span.end_column + 1)
+        thousand = len(digits) == 2 and digits[0] != "0" and len(digits[1]) == 3
+        if len(digits) == 2 and not thousand and near and given.name is None and after.name is None:
+            hint = f"a fraction is written with a point: {'.'.join(digits)}"
+            return whole is not one, hint, (given.span, after.span, after.name_span)
+    return None
+
+
+class Signature:
+    """An entry's arguments, arranged for binding."""
+
+    def __init__(self, entry: Entry) -> None:
+        self.entry = entry
+        self.args = {a.name: a for a in entry.args}
+        self.positional = tuple(a.name for a in entry.args if not a.keyword)
+        self.names = {a.name: a.name for a in entry.args} | {alias: a.name for a in entry.args for alias in a.aliases}
+        self.required = tuple(a.name for a in entry.args if a.default is REQUIRED)
+        self.defaults = {a.name: a.default for a in entry.args}
+
+
+def element_arguments(
+    signature: Signature, givens: list[Given], span: Span, scope: Scope, report: Report
+) -> tuple[dict[str, Any], frozenset[str], bool] | None:
+    """An element's arguments in base units, the names given, and whether a light strength has a unit.
+
+    None after reporting everything that is wrong with them.
+    """
+    entry = signature.entry
+    assigned, good = assign(entry.name, signature.positional, signature.names, givens, report, entry.children)
+    if good:  # an argument with a misspelt name is not missing as well
+        good = not missing(entry.name, signature.required, assigned, span, report, signature.args)
+    if entry.exclusive and _exclude(entry, assigned, report):
+        good = False
+    args = signature.defaults.copy()
+    photometric = False
+    for name, given in assigned.items():
+        if given.value is POISON:
+            good = False
+            continue
+        arg = signature.args[name]
+        try:
+            args[name] = convert(given.value, arg, Place(given.span, given.node, scope))
+        except Mistake as mistake:
+            report(mistake.message, mistake.span or given.span, mistake.hint or _other(entry, given, arg))
+            good = False
+        except Poisoned:
+            good = False
+        photometric = photometric or (arg.type in LIGHT_TYPES and isinstance(given.value, Quantity))
+    return (args, frozenset(assigned), photometric) if good else None
+
+
+def _other(entry: Entry, given: Given, arg: Arg) -> str:
+    """Which argument of the entry would take a quantity that this one does not, or the unit of what it takes."""
+    if not isinstance(given.value, Quantity):
+        return ""
+    wanted = units.name(given.value.dimension)
+    other = next((a.name for a in entry.args if a.type == wanted and a.name != given.name), "")
+    if other and wanted in LIGHT_TYPES:
+        return f"`{other}` takes {'an' if wanted[0] in 'aeiou' else 'a'} {wanted}"
+    return f"its unit is {units.QUANTITIES[arg.type][1]}" if arg.type in LIGHT_TYPES else ""
+
+
+def _exclude(entry: Entry, assigned: Mapping[str, Given], report: Report) -> bool:
+    for group in entry.exclusive:
+        both = [name for name in assigned if name in group]
+        if len(both) > 1:
+            report(f"`{both[0]}` and `{both[1]}` of {entry.name} exclude each other", assigned[both[1]].name_span, "give one of them")
+            return True
+    return False

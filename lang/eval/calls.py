@@ -1,0 +1,391 @@
+"""Calls: functions of the language, functions and parts of scenes, files as parts, and elements."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ..diagnostics import Diagnostics, Span
+from ..elements import Element
+from ..limits import MAX_CALLS, MAX_ELEMENTS, Exhausted, too_many_elements
+from ..schema.argument_types import Entry
+from ..schema.elements import SCHEMA
+from ..syntax import ast
+from ..syntax.parser import parse
+from . import arguments, suggestions
+from . import parameters as eval_parameters
+from .scope import Scope, Thunk
+from .values import (
+    POISON,
+    AssetPart,
+    Builtin,
+    Closure,
+    FilePart,
+    Given,
+    Mistake,
+    Poisoned,
+    UserFunction,
+    Value,
+    callable_name,
+    describe,
+    is_placeable,
+    kind,
+)
+
+if TYPE_CHECKING:
+    from .evaluator import Evaluator
+
+_NUMBER = re.compile(r"[0-9]{1,15}(\.[0-9]{1,15})?")  # without sign, exponent and unit
+
+
+@dataclass(frozen=True, slots=True)
+class ParamUse:
+    """A `param` of one use of its file: what was given for it, by whom."""
+
+    param: ast.Param
+    given: Given | None
+    caller: Scope
+
+    @property
+    def span(self) -> Span:
+        return self.param.name.span
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """A call: what is called, as written; where; from which scope; and what it was given in braces."""
+
+    label: str
+    callee: Span
+    span: Span
+    scope: Scope
+    children: tuple[Element, ...] | None = None
+
+
+def call(
+    machine: Evaluator, node: ast.Node, callee: ast.Node, args: tuple[ast.Argument, ...], block: ast.Block | None, scope: Scope
+) -> Value:
+    """The value of a call that is written in a scene."""
+    function = machine.value(callee, scope)
+    label = callee_name(callee)
+    if type(function) is Entry and function.planned:
+        machine.fail(f"`{label}` is not built yet", callee.span, suggestions.instead(label), scope)
+    givens = []
+    for a in args:
+        try:
+            value = machine.value(a.value, scope)
+        except Poisoned:
+            value = POISON
+        if a.name is None:
+            givens.append(Given(None, a.span, value, a.value.span, a.value))
+        else:
+            givens.append(Given(a.name.id, a.name.span, value, a.value.span, a.value))
+    children = None
+    if block is not None:
+        if not _takes_children(function):
+            machine.fail(f"{_titled(function, label)} takes nothing in braces", callee.span, "", scope)
+        children = machine.collect(block, scope)
+    try:
+        machine.meter.step()
+        return apply(machine, function, givens, Site(label, callee.span, node.span, scope, children))
+    except Mistake as mistake:
+        machine.fail(mistake.message, mistake.span or node.span, mistake.hint, scope)
+    except Exhausted as limit:
+        raise located(limit, callee.span, scope) from None
+
+
+def apply_values(machine: Evaluator, function: Value, values: list[Value], scope: Scope) -> Value:
+    """The value of a function for values that stand nowhere: called by `map` and the like, or to record a formula."""
+    machine.meter.step()
+    span = scope.trace[0][1] if scope.trace else Span("")
+    if isinstance(function, Closure):
+        span = function.node.span
+    elif isinstance(function, UserFunction):
+        span = function.let.name.span
+    givens = [Given(None, span, v, span) for v in values]
+    label = callable_name(function) if _is_function(function) else ""
+    return apply(machine, function, givens, Site(label, span, span, scope))
+
+
+def apply(machine: Evaluator, function: Value, givens: list[Given], site: Site) -> Value:
+    """The value of any function. Raises Mistake for what only the caller can place."""
+    if type(function) is Entry:
+        return make_element(machine, function, givens, site)
+    if type(function) is Builtin:
+        return _builtin(machine, function, givens, site)
+    if type(function) is UserFunction:
+        return _user(machine, function, givens, site)
+    if type(function) is Closure:
+        return _closure(machine, function, givens, site)
+    if type(function) is FilePart:
+        return _file(machine, function, givens, site)
+    if type(function) is AssetPart:
+        given = Given("file", site.callee, function.file, site.callee)
+        return make_element(machine, function.entry, [given, *givens], site)
+    hint = f"it is made already: write transform(…) {{ {site.label} }}" if is_placeable(function) and isinstance(function, Element) else ""
+    raise Mistake(f"only functions and parts are called, not {describe(function)}", hint, span=site.callee)
+
+
+def _is_function(value: Value) -> bool:
+    return isinstance(value, Entry | Builtin | UserFunction | Closure | FilePart | AssetPart)
+
+
+def _takes_children(function: Value) -> bool:
+    if isinstance(function, Entry):
+        return function.children
+    if isinstance(function, UserFunction):
+        return function.takes_children
+    if isinstance(function, FilePart):
+        return any(ast.places_children(i) for i in function.module.file.items if not (isinstance(i, ast.Let) and i.parameters is not None))
+    return False
+
+
+def _titled(function: Value, label: str) -> str:
+    return f"`{label}`" if _is_function(function) else kind(function)
+
+
+# --- each kind of function ------------------------------------------------------------------------------------------
+
+
+def make_element(machine: Evaluator, entry: Entry, givens: list[Given], site: Site) -> Element:
+    """An element with its arguments checked."""
+    scope = site.scope
+    signature = machine.signatures.get(entry.name)
+    if signature is None:
+        signature = machine.signatures[entry.name] = arguments.Signature(entry)
+
+    fraction = arguments.fraction(givens)
+
+    def report(message: str, span: Span, hint: str) -> None:
+        machine.report(message, span, fraction[1] if fraction and (span in fraction[2] or not hint) else hint, scope.trace)
+
+    bound = arguments.element_arguments(signature, givens, site.callee, scope, report)
+    if bound is None:
+        raise Poisoned
+    args, given, photometric = bound
+    if fraction and fraction[0]:
+        machine.diagnostics.warning("the formula ends at this comma", fraction[2][1], fraction[1])
+    machine.meter.element()
+    children = site.children or ()
+    element = Element(entry.name, args, site.span, given, children, scope.path, scope.trace, photometric)
+    if children:
+        weight = 1 + sum([machine.weights.get(c, 1) for c in children])
+        if weight > MAX_ELEMENTS:
+            raise too_many_elements()
+        machine.weights[element] = weight
+    return element
+
+
+def _assign(
+    machine: Evaluator, positional: tuple[str, ...], names: dict[str, str], required: list[str], givens: list[Given], site: Site
+) -> dict[str, Given]:
+    """The arguments by parameter; Poisoned after reporting what is wrong with them."""
+
+    def report(message: str, span: Span, hint: str) -> None:
+        machine.report(message, span, hint, site.scope.trace)
+
+    assigned, good = arguments.assign(site.label, positional, names, givens, report)
+    if not good or arguments.missing(site.label, required, assigned, site.callee, report):
+        raise Poisoned
+    for given in givens:
+        if given.value is POISON:
+            raise Poisoned
+    return assigned
+
+
+def _builtin(machine: Evaluator, function: Builtin, givens: list[Given], site: Site) -> Value:
+    names = function.parameters
+    rest: list[Given] = []
+    if function.variadic:
+        position = [g for g in givens if g.name is None]
+        rest = position[len(names) :]
+        givens = position[: len(names)] + [g for g in givens if g.name is not None]
+    assigned = _assign(machine, names, {n: n for n in names}, list(names[: function.required]), givens, site)
+    if any(g.value is POISON for g in rest):
+        raise Poisoned
+    gap = next((k for k, n in enumerate(names) if n not in assigned), len(names))
+    named = {n: assigned[n] for n in names[gap:] if n in assigned}
+    given = [assigned[n] for n in names[:gap]] + rest
+    try:
+        return function.run(site.scope, *[g.value for g in given], **{n: g.value for n, g in named.items()})
+    except Mistake as mistake:
+        given += named.values()
+        if mistake.argument is not None and mistake.span is None and mistake.argument < len(given):
+            mistake.span = given[mistake.argument].span
+        raise
+    except OverflowError:
+        raise Mistake("the result is too large for a number") from None
+
+
+def _enter(machine: Evaluator, site: Site) -> None:
+    machine.meter.calls += 1
+    if machine.meter.calls > MAX_CALLS:
+        machine.meter.calls -= 1
+        raise Exhausted(f"{site.label} calls itself too deeply: {MAX_CALLS} calls inside each other", "end it with `if … then … else …`")
+
+
+def _user(machine: Evaluator, function: UserFunction, givens: list[Given], site: Site) -> Value:
+    let = function.let
+    parameters = let.parameters or ()
+    positional = tuple([p.name.id for p in parameters])
+    names = {n: n for n in positional}
+    for extra in arguments.PLACING:
+        names.setdefault(extra, extra)
+    assigned = _assign(machine, positional, names, [p.name.id for p in parameters if p.default is None], givens, site)
+    inner = function.scope.called(site.label, site.callee, site.scope)
+    for p in parameters:
+        given = assigned.get(p.name.id)
+        # A default sees the parameters before it, and beyond them what is outside.
+        inner.names[p.name.id] = Thunk(p.name.id, p, inner.beside()) if given is None else _typed(p, given, site)
+    if function.takes_children:
+        inner.names["children"] = site.children or ()
+    _enter(machine, site)
+    try:
+        result = machine.value(let.value, inner)
+    finally:
+        machine.meter.calls -= 1
+    extras = [g for name, g in assigned.items() if name not in positional]
+    return _placed(machine, result, extras, site) if extras else result
+
+
+def _typed(parameter: ast.Parameter, given: Given, site: Site) -> Value:
+    """The value given for a parameter, as the type written for it, or the unit of its default, wants it."""
+    type_name = parameter.type.id if parameter.type else eval_parameters.implied_type(parameter.default)
+    if type_name not in eval_parameters.TYPES or (parameter.type is None and type(given.value) is not float):
+        return given.value
+    try:
+        return eval_parameters.coerce(given.value, type_name, site.scope)
+    except Mistake as mistake:
+        mistake.span = given.span
+        raise
+
+
+def _placed(machine: Evaluator, result: Value, extras: list[Given], site: Site) -> Value:
+    """What a part made, in a group with the transform, material and name that its call was given."""
+    if not is_placeable(result) or result == ():
+        for given in extras:
+            machine.report(f"{site.label} has no `{given.name}`", given.name_span, "it makes no shape", site.scope.trace)
+        raise Poisoned
+    children = result if isinstance(result, tuple) else (result,)
+    return make_element(machine, SCHEMA["group"], extras, Site(site.label, site.callee, site.span, site.scope, children))
+
+
+def _closure(machine: Evaluator, function: Closure, givens: list[Given], site: Site) -> Value:
+    names = tuple([p.id for p in function.node.parameters])
+    if len(givens) != len(names) and all(g.name is None for g in givens):
+        wants = f"{len(names)} argument{'s' * (len(names) != 1)}"
+        raise Mistake(f"{callable_name(function)} takes {wants}, got {len(givens)}", span=site.callee)
+    assigned = _assign(machine, names, {n: n for n in names}, list(names), givens, site)
+    inner = function.scope.inner()
+    inner.plain = True
+    inner.trace = site.scope.trace
+    for name in names:
+        inner.names[name] = assigned[name].value
+    _enter(machine, site)
+    try:
+        return machine.value(function.node.body, inner)
+    finally:
+        machine.meter.calls -= 1
+
+
+def _file(machine: Evaluator, function: FilePart, givens: list[Given], site: Site) -> Value:
+    """A used file as a part: a group of the shapes and lights it places."""
+    module = function.module
+    own = tuple([i.name.id for i in module.file.items if isinstance(i, ast.Param)])
+    names = {n: n for n in own}
+    for extra in arguments.PLACING:
+        names.setdefault(extra, extra)
+    assigned = _assign(machine, own, names, [], givens, site)
+    scope = machine.instance(module, {n: g for n, g in assigned.items() if n in own}, site.label, site.callee, site.scope)
+    scope.names["children"] = site.children or ()
+    _enter(machine, site)
+    try:
+        for name in own:
+            _checked(machine, scope, name)
+        children = machine.collect_file(module, scope)
+    finally:
+        machine.meter.calls -= 1
+    extras = [g for name, g in assigned.items() if name not in own]
+    return make_element(machine, SCHEMA["group"], extras, Site(site.label, site.callee, site.span, site.scope, children))
+
+
+def _checked(machine: Evaluator, scope: Scope, name: str) -> None:
+    """Evaluate a `param` whether or not the file uses it, for what is wrong with the value given."""
+    thunk = scope.names[name]
+    if isinstance(thunk, Thunk):
+        machine.force(thunk, thunk.label_span(), scope)
+
+
+# --- definitions ----------------------------------------------------------------------------------------------------
+
+
+def evaluate_definition(thunk: Thunk, machine: Evaluator) -> Value:
+    """The value of a `let`, a parameter's default or a `param`."""
+    node, scope = thunk.node, thunk.scope
+    if isinstance(node, ParamUse):
+        return _param(node, machine, scope)
+    if isinstance(node, ast.Parameter):
+        assert node.default is not None
+        value = machine.value(node.default, scope)
+        if node.type is None or node.type.id not in eval_parameters.TYPES:
+            return value
+        try:
+            return eval_parameters.coerce(value, node.type.id, scope)
+        except Mistake as mistake:
+            machine.fail(mistake.message, node.default.span, mistake.hint, scope)
+    return machine.value(node, scope)
+
+
+def _param(use: ParamUse, machine: Evaluator, scope: Scope) -> Value:
+    try:
+        return eval_parameters.param_value(use.param, use.given, scope, use.caller)
+    except Mistake as mistake:
+        trace = scope.trace if mistake.span and mistake.span.file == use.param.span.file else use.caller.trace
+        machine.report(mistake.message, mistake.span, mistake.hint, trace)
+        raise Poisoned from None
+
+
+def set_value(param: ast.Param, text: str, scope: Scope, machine: Evaluator) -> Given:
+    """What `--set name=text` gives: an expression of the language, or for a string the text itself. Poisoned after reporting."""
+    name = param.name.id
+    is_string = param.type.id == "string" if param.type else isinstance(param.default, ast.String)
+    if is_string and not text.lstrip().startswith('"'):
+        return Given(name, param.span, text, param.default.span)
+    shown = f"--set {name}"
+    line = f"let {name} = {text}"
+    machine.loader.sources[shown] = line
+    if _NUMBER.fullmatch(text):  # what sliders give, in a tenth of the time
+        node = ast.Number(Span(shown, 1, len(line) - len(text) + 1, 1, len(line) + 1), float(text), "", text)
+        return Given(name, node.span, machine.value(node, scope), node.span, node)
+    found = Diagnostics()
+    file = parse(line, shown, found)
+    machine.diagnostics.items.extend(found.items)
+    if found.failed or len(file.items) != 1 or not isinstance(file.items[0], ast.Let):
+        if not found.failed:
+            machine.report(f"`{text}` is not one value", Span(shown, 1, len(line) - len(text) + 1, 1, len(line) + 1))
+        raise Poisoned
+    node = file.items[0].value
+    return Given(name, node.span, machine.value(node, scope), node.span, node)
+
+
+# --- small things ---------------------------------------------------------------------------------------------------
+
+
+def callee_name(node: ast.Node) -> str:
+    """What is called, as written: `sphere`, `room.box`."""
+    if isinstance(node, ast.Name):
+        return node.id
+    if isinstance(node, ast.Member):
+        return f"{callee_name(node.object)}.{node.name.id}"
+    if isinstance(node, ast.Parens):
+        return callee_name(node.inner)
+    return "the function"
+
+
+def located(limit: Exhausted, span: Span, scope: Scope) -> Exhausted:
+    """The limit with the innermost place that is known for it."""
+    if limit.span is None:
+        limit.span = span
+        limit.trace = scope.trace
+    return limit

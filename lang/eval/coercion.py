@@ -1,0 +1,395 @@
+"""From a value of the language to what an element's argument holds: the schema's types, in base units."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from .. import units
+from ..diagnostics import Span, suggest
+from ..elements import AxisAngle, Element, Euler, Falloff, Quaternion
+from ..schema.argument_types import Arg, Entry
+from ..syntax import ast
+from ..units import Quantity
+from . import operators, suggestions
+from .values import Closure, Color, Mistake, UserFunction, Value, category, describe
+
+if TYPE_CHECKING:
+    from .scope import Scope
+
+LIGHT_TYPES = ("intensity", "illuminance", "luminance", "flux")
+
+
+class Place:
+    """Where a value is written: for pointing at it, and for the file's unit."""
+
+    __slots__ = ("node", "scope", "span")
+
+    def __init__(self, span: Span, node: ast.Node | None, scope: Scope) -> None:
+        self.span = span
+        self.node = node
+        self.scope = scope
+
+    def item(self, index: int) -> Place:
+        """The place of an item of a list: its own if it is written out there, else that of the list."""
+        node = self.node
+        while isinstance(node, ast.Parens):
+            node = node.inner
+        if isinstance(node, ast.ListLiteral) and index < len(node.items):
+            return Place(node.items[index].span, node.items[index], self.scope)
+        return Place(self.span, None, self.scope)
+
+
+def convert(value: Value, arg: Arg, place: Place) -> Any:
+    """`value` as `arg` wants it, within its limits. Raises Mistake with a span."""
+    try:
+        result = _CONVERTERS[arg.type](value, place, arg)
+        if result is not None and any(limit is not None for limit in (arg.minimum, arg.maximum, arg.above, arg.below)):
+            _check_limits(result, arg, place)
+    except Mistake as mistake:
+        mistake.span = mistake.span or place.span
+        raise
+    return result
+
+
+def _check_limits(result: Any, arg: Arg, place: Place) -> None:
+    if isinstance(result, tuple):
+        for i, part in enumerate(result):
+            _check_limits(part, arg, place.item(i))
+        return
+    if isinstance(result, Element):
+        return
+    if arg.above is not None and not result > arg.above:
+        wanted = f"more than {_show(arg.above, arg)}"
+    elif arg.minimum is not None and result < arg.minimum:
+        wanted = f"{_show(arg.minimum, arg)} or more"
+    elif arg.maximum is not None and result > arg.maximum:
+        wanted = f"at most {_show(arg.maximum, arg)}"
+    elif arg.below is not None and not result < arg.below:
+        wanted = f"less than {_show(arg.below, arg)}"
+    else:
+        return
+    hint = suggestions.BY_CORNERS if arg.type == "size3" and arg.name == "size" and place.node is not None else ""
+    raise Mistake(f"`{arg.name}` must be {wanted}, got {_show(result, arg)}", hint, span=place.span)
+
+
+def _show(value: float, arg: Arg) -> str:
+    base = {"size2": "length", "size3": "length"}.get(arg.type, arg.type)
+    dimension = units.QUANTITIES[base][0] if base in units.QUANTITIES else units.NONE
+    return units.show(units.quantity(float(value), dimension)) if value else "0"
+
+
+def _wrong(value: Value, wanted: str, hint: str = "") -> Mistake:
+    return Mistake(f"{wanted} wanted, got {describe(value)}", hint)
+
+
+# --- numbers --------------------------------------------------------------------------------------------------------
+
+
+def _number(value: Value, place: Place, arg: Arg) -> float:
+    if type(value) is float:
+        return value
+    raise _wrong(value, "number")
+
+
+def _int(value: Value, place: Place, arg: Arg) -> int:
+    if type(value) is float and value == int(value):
+        return int(value)
+    raise _wrong(value, "whole number")
+
+
+def _bool(value: Value, place: Place, arg: Arg) -> bool:
+    if isinstance(value, bool):
+        return value
+    raise _wrong(value, "true or false")
+
+
+def _length(value: Value, place: Place, arg: Arg) -> float:
+    if type(value) is float:
+        return operators.bare(value, units.LENGTH, place.scope)
+    if isinstance(value, Quantity) and value.dimension == units.LENGTH:
+        return value.value
+    raise _wrong(value, "length")
+
+
+def _of_dimension(name: str) -> Callable[[Value, Place, Arg], float]:
+    dimension = units.QUANTITIES[name][0]
+
+    def convert_quantity(value: Value, place: Place, arg: Arg) -> float:
+        if isinstance(value, Quantity) and value.dimension == dimension:
+            return value.value
+        if type(value) is float:
+            if value == 0 or name in LIGHT_TYPES:
+                return value
+            raise operators.bare_fix(value, dimension)
+        raise _wrong(value, name)
+
+    return convert_quantity
+
+
+_angle = _of_dimension("angle")
+
+
+def _number_or_length(value: Value, place: Place, arg: Arg) -> float:
+    return value if type(value) is float else _length(value, place, arg)
+
+
+# --- lists ----------------------------------------------------------------------------------------------------------
+
+Item = Callable[[Value, Place, Arg], Any]
+
+
+def _each(values: tuple[Value, ...], place: Place, arg: Arg, item: Item) -> tuple[Any, ...]:
+    """Every item converted; what is wrong with one points at it. `item` gets the place of the item only if it is a list."""
+    result = []
+    for i, v in enumerate(values):
+        try:
+            result.append(item(v, place.item(i) if isinstance(v, tuple) else place, arg))
+        except Mistake as mistake:
+            mistake.span = mistake.span or place.item(i).span
+            raise
+    return tuple(result)
+
+
+def _exactly(count: int, item: Item, wanted: str, hint: str = "") -> Item:
+    def convert_list(value: Value, place: Place, arg: Arg) -> tuple[Any, ...]:
+        if isinstance(value, tuple) and len(value) == count:
+            return _each(value, place, arg, item)
+        raise _wrong(value, wanted, hint if isinstance(value, float | Quantity | tuple) else "")
+
+    return convert_list
+
+
+def _one_or(count: int, item: Item, wanted: str) -> Item:
+    def convert_either(value: Value, place: Place, arg: Arg) -> tuple[Any, ...]:
+        if isinstance(value, tuple):
+            if len(value) == count:
+                return _each(value, place, arg, item)
+            raise _wrong(value, wanted)
+        if isinstance(value, float | Quantity):
+            return (item(value, place, arg),) * count
+        raise _wrong(value, wanted)
+
+    return convert_either
+
+
+def _list_of(item: Item, wanted: str) -> Item:
+    def convert_list(value: Value, place: Place, arg: Arg) -> tuple[Any, ...]:
+        if isinstance(value, tuple):
+            place.scope.meter.step(1 + len(value) // 16)
+            return _each(value, place, arg, item)
+        raise _wrong(value, wanted)
+
+    return convert_list
+
+
+def _direction(value: Value, place: Place, arg: Arg) -> tuple[float, ...]:
+    """A mix of lengths and bare numbers counts the bare ones in the file's unit."""
+    mixed = isinstance(value, tuple) and any(isinstance(v, Quantity) for v in value)
+    vector = _exactly(3, _length if mixed else _number_or_length, "list of three numbers or lengths")(value, place, arg)
+    if not any(vector):
+        raise Mistake(f"`{arg.name}` must have a direction, got [0, 0, 0]")
+    return vector
+
+
+def _scale3(value: Value, place: Place, arg: Arg) -> tuple[float, ...]:
+    scale = _one_or(3, _number, "number, or list of three")(value, place, arg)
+    if not all(scale):
+        raise Mistake(f"`{arg.name}` by 0 leaves nothing")
+    return scale
+
+
+def _index(value: Value, place: Place, arg: Arg) -> int:
+    if type(value) is float and value == int(value) and value >= 0:
+        return int(value)
+    raise _wrong(value, "whole number from 0")
+
+
+def _pixel(value: Value, place: Place, arg: Arg) -> int:
+    if type(value) is float and value == int(value) and value >= 1:
+        return int(value)
+    raise _wrong(value, "whole number from 1")
+
+
+# --- colours, textures, materials -----------------------------------------------------------------------------------
+
+
+def _color(value: Value, place: Place, arg: Arg) -> Any:
+    if isinstance(value, Color):
+        return value.channels
+    hint = ""
+    if isinstance(value, tuple) and len(value) == 3:
+        hint = "write rgb(r, g, b) for linear values, srgb(r, g, b) or #rrggbb"
+    elif type(value) is float:
+        grey = units.show_number(value)
+        hint = f"write rgb({grey}, {grey}, {grey})"
+    elif isinstance(value, str):
+        hint = "write #rrggbb without quotes" if value.startswith("#") else "write #rrggbb"
+    raise _wrong(value, "colour", hint)
+
+
+def _color_map(value: Value, place: Place, arg: Arg) -> Any:
+    if type(value) is float:
+        return (value, value, value)
+    if category(value) == "texture":
+        return value
+    try:
+        return _color(value, place, arg)
+    except Mistake as mistake:
+        raise _wrong(value, "colour, number or texture", mistake.hint or _texture_hint(value)) from None
+
+
+def _number_map(value: Value, place: Place, arg: Arg) -> Any:
+    if type(value) is float or category(value) == "texture":
+        return value
+    raise _wrong(value, "number or texture", _texture_hint(value))
+
+
+def _texture(value: Value, place: Place, arg: Arg) -> Any:
+    if category(value) == "texture":
+        return value
+    raise _wrong(value, "texture", _texture_hint(value))
+
+
+def _texture_hint(value: Value) -> str:
+    return 'write image("…") for a picture from a file' if isinstance(value, str) else ""
+
+
+def _material(value: Value, place: Place, arg: Arg) -> Any:
+    if category(value) == "material":
+        return value
+    hint = ""
+    if isinstance(value, Color) or category(value) == "texture":
+        hint = "write lambert(…) round it"
+    elif isinstance(value, UserFunction):
+        hint = f"call it: {value.let.name.id}(…)"
+    elif isinstance(value, Entry) and value.category == "material":
+        hint = f"call it: {value.name}(…)"
+    elif isinstance(value, str) and isinstance(place.scope.find(value), UserFunction | Entry):
+        hint = f"write {value}() without quotes"
+    raise _wrong(value, "material", hint)
+
+
+# --- the rest -------------------------------------------------------------------------------------------------------
+
+
+def _string(value: Value, place: Place, arg: Arg) -> str:
+    if isinstance(value, str):
+        return value
+    raise _wrong(value, "string")
+
+
+def _choice(value: Value, place: Place, arg: Arg) -> str:
+    listed = ", ".join(f'"{c}"' for c in arg.choices)
+    if not isinstance(value, str):
+        named = next((c for c in arg.choices if describe(value).endswith(f" `{c}`")), "")
+        raise _wrong(value, f"one of {listed}", f'write it in quotes: "{named}"' if named else "")
+    if value not in arg.choices:
+        near = suggest(value, arg.choices).replace("`", '"')
+        raise Mistake(
+            f'`{arg.name}` is one of {listed}, not "{value}"' + (f"; {near}" if near else ""), suggestions.choice(arg.name, value)
+        )
+    return value
+
+
+def _rotation(value: Value, place: Place, arg: Arg) -> Any:
+    if isinstance(value, AxisAngle | Quaternion | Euler):
+        return value
+    if isinstance(value, tuple) and len(value) == 3:
+        x, y, z = _each(value, place, arg, _angle)
+        return Euler((x, y, z))
+    hint = ""
+    if isinstance(value, Quantity) and value.dimension == units.ANGLE:
+        hint = f"about which axis? write [0, {units.show(value)}, 0] to turn about y"
+    raise _wrong(value, "three angles, axis(v, angle) or quaternion(x, y, z, w)", hint)
+
+
+def _row(value: Value, place: Place, arg: Arg) -> tuple[float, ...]:
+    if not isinstance(value, tuple) or len(value) != 4:
+        raise _wrong(value, "row of four numbers")
+    return _each(value[:3], place, arg, _number) + (_length(value[3], place, arg),)
+
+
+def _matrix(value: Value, place: Place, arg: Arg) -> tuple[tuple[float, ...], ...]:
+    if not isinstance(value, tuple) or len(value) not in (3, 4):
+        raise _wrong(value, "four rows of four numbers")
+    last = (0.0, 0.0, 0.0, 1.0)
+    if len(value) == 4 and value[3] != last:
+        raise Mistake("the last row of a matrix is [0, 0, 0, 1]", span=place.item(3).span)
+    return (*_each(value[:3], place, arg, _row), last)
+
+
+def _falloff(value: Value, place: Place, arg: Arg) -> Falloff:
+    if isinstance(value, Falloff):
+        return value
+    constant, linear, quadratic = _exactly(3, _number, "[constant, linear, quadratic] or ramp(start, end)")(value, place, arg)
+    if min(constant, linear, quadratic) < 0 or constant == linear == quadratic == 0:
+        raise Mistake("a fall-off has no negative numbers and one above 0")
+    return Falloff("polynomial", (constant, linear, quadratic))
+
+
+def _formula(value: Value, place: Place, arg: Arg) -> Any:
+    if isinstance(value, Closure | UserFunction):
+        return place.scope.machine.formula(value, place)
+    hint = "write it without quotes, behind |x, y, z|" if isinstance(value, str) else ""
+    raise _wrong(value, "formula |x, y, z| …", hint)
+
+
+def _within(value: Value, place: Place, arg: Arg) -> Any:
+    """(lowest corner, highest corner, (x, y, z, radius) of a ball or zeros), in metres."""
+    none = (0.0, 0.0, 0.0, 0.0)
+    if isinstance(value, Element) and value.kind in ("sphere", "box"):
+        args = value.args
+        if any(args[name] is not None for name in ("translate", "rotate", "scale")):
+            raise Mistake(f"the {value.kind} that bounds a surface is placed by its `center` alone", span=place.span)
+        center = args["center"]
+        half = (args["radius"],) * 3 if value.kind == "sphere" else tuple(edge / 2 for edge in args["size"])
+        low, high = (tuple(c + side * h for c, h in zip(center, half, strict=True)) for side in (-1, 1))
+        return low, high, (*center, args["radius"]) if value.kind == "sphere" else none
+    wanted = "length, list of three, two corners, sphere or box"
+    if isinstance(value, tuple) and len(value) == 2:
+        low, high = _each(value, place, arg, _exactly(3, _length, wanted))
+        if not all(a < b for a, b in zip(low, high, strict=True)):
+            raise Mistake("each coordinate of the first corner must be below that of the second")
+        return low, high, none
+    half = _one_or(3, _length, wanted)(value, place, arg)
+    if not all(h > 0 for h in half):
+        raise Mistake("what bounds a surface has a size above 0 each way")
+    return tuple(-h for h in half), half, none
+
+
+_point = _exactly(3, _length, "list of three lengths", "write [x, y, z]")
+
+_CONVERTERS: dict[str, Item] = {
+    "number": _number,
+    "int": _int,
+    "bool": _bool,
+    "string": _string,
+    "choice": _choice,
+    "length": _length,
+    **{name: _of_dimension(name) for name in units.QUANTITIES if name != "length"},
+    "color": _color,
+    "number_map": _number_map,
+    "color_map": _color_map,
+    "texture": _texture,
+    "material": _material,
+    "point": _point,
+    "size3": _one_or(3, _length, "length, or list of three"),
+    "size2": _one_or(2, _length, "length, or list of two"),
+    "direction": _direction,
+    "numbers2": _one_or(2, _number, "number, or list of two"),
+    "scale3": _scale3,
+    "rotation": _rotation,
+    "matrix": _matrix,
+    "numbers": _list_of(_number, "list of numbers"),
+    "points": _list_of(_point, "list of points"),
+    "point_lists": _list_of(_list_of(_point, "list of points"), "list of lists of points"),
+    "vectors3": _list_of(_exactly(3, _number, "list of three numbers"), "list of lists of three numbers"),
+    "vectors2": _list_of(_exactly(2, _number, "list of two numbers"), "list of lists of two numbers"),
+    "faces": _list_of(_list_of(_index, "list of whole numbers"), "list of lists of whole numbers"),
+    "falloff": _falloff,
+    "formula": _formula,
+    "within": _within,
+    "pixels": _exactly(2, _pixel, "[width, height] in pixels", "write [width, height]"),
+    "strings": _list_of(_string, "list of strings"),
+}

@@ -1,0 +1,427 @@
+"""From syntax tree to elements: the door of the evaluator, and the walk over items and expressions."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NoReturn
+
+from .. import limits, units
+from ..diagnostics import Diagnostics, Span, suggest
+from ..elements import Document, Element, ParamInfo
+from ..formula_graph import Formula, Graph, Term
+from ..limits import Exhausted, Meter
+from ..schema import argument_types
+from ..schema import elements as schema_elements
+from ..syntax import ast
+from . import builtins, calls, lint, operators, parameters
+from .arguments import Signature
+from .coercion import Place
+from .expressions import EXPRESSIONS, source, truth
+from .modules import PRELUDE, Loader, Module, Reader, ReadError, Source, asset_kind, is_asset, use_name
+from .scope import Scope, Thunk, bind_block
+from .values import PLACEABLE, AssetPart, Closure, Color, FilePart, Given, Mistake, Poisoned, UserFunction, Value, category, kind
+
+__all__ = ["Evaluator", "ReadError", "Reader", "Source", "evaluate"]
+
+SHOWN_CALLS = 12  # of a chain of calls in a message
+_sound: set[tuple[str, str, frozenset[str]]] = set()  # files of the library in which the checks found nothing: text, name, names around it
+
+
+def evaluate(
+    source: Source, reader: Reader, diagnostics: Diagnostics, *, sets: Mapping[str, str] | None = None, time: float = 0.0,
+    seconds: dict[str, float] | None = None,
+) -> Document:  # fmt: skip
+    """The elements of a scene at `time` seconds, with `sets` as `--set` gives them: text by the name of a `param`.
+
+    Never raises on input: what is wrong goes into `diagnostics`, and what can be evaluated is in the result.
+    `seconds["parse"]` is set to the time that parsing took of it.
+    """
+    limits.deepen_stack()
+    machine = Evaluator(reader, diagnostics, time)
+    document = machine.document(source, sets or {})
+    if seconds is not None:
+        seconds["parse"] = machine.loader.parsing
+    return document
+
+
+@dataclass
+class Sink:
+    """Where the elements of a block go. `scene` is the file being rendered, `file` one that is used, `block` all others."""
+
+    role: str
+    elements: list[Element] = field(default_factory=list)
+    cameras: list[Element] = field(default_factory=list)
+    settings: dict[str, Element] = field(default_factory=dict)
+
+
+class Evaluator:
+    """One evaluation: its counters, its files, and the functions from syntax to values."""
+
+    def __init__(self, reader: Reader, diagnostics: Diagnostics, time: float) -> None:
+        self.diagnostics = diagnostics
+        self.meter = Meter()
+        self.loader = Loader(reader, diagnostics, self._check)
+        self.weights: dict[Element, int] = {}  # elements in a block, counting what it repeats
+        self.root = Scope(self, self.meter)
+        self.root.names.update(schema_elements.SCHEMA)
+        self.root.names.update(builtins.FUNCTIONS)
+        self.root.names.update(builtins.CONSTANTS)
+        self.root.names["time"] = units.Quantity(time, units.TIME)
+        self.root.names["children"] = ()
+        self.signatures: dict[str, Signature] = {}
+        self.outer = self.root  # with the prelude, once it is there
+        self._instances: dict[Module, Scope] = {}
+        self._reported: set[tuple[Span | None, str]] = set()
+        self._limits: set[str] = set()
+        self._running: list[Thunk] = []
+        self._placed = 0
+
+    # --- messages ---
+
+    def report(self, message: str, span: Span | None, hint: str = "", trace: tuple[tuple[str, Span], ...] = ()) -> None:
+        """An error at `span`; the second one there says nothing that the first does not.
+
+        What goes wrong within the library is told where it was called from outside, with what may be given there.
+        """
+        calls = [k for k, (_, at) in enumerate(trace) if not _of_library(at)]
+        if span and _of_library(span) and calls:
+            (name, at), inner = trace[calls[0]], trace[calls[0] - 1][1] if calls[0] else span
+            message, span, trace = f"{name} cannot be made so: {message}", at, trace[calls[0] + 1 :]
+            hint = _takes(name, self.loader.sources.get(inner.file))
+        key = (span, "" if span else message)
+        if key not in self._reported:
+            self._reported.add(key)
+            self.diagnostics.error(message, span, hint, _shorten(trace))
+
+    def fail(self, message: str, span: Span | None, hint: str, scope: Scope) -> NoReturn:
+        self.report(message, span, hint, scope.trace)
+        raise Poisoned
+
+    def _exhausted(self, limit: Exhausted) -> None:
+        if limit.message not in self._limits:
+            self._limits.add(limit.message)
+            self.report(limit.message, limit.span, limit.hint, limit.trace)
+
+    # --- files ---
+
+    def document(self, source: Source, sets: Mapping[str, str]) -> Document:
+        """The scene in `source`."""
+        self._load_prelude(source)
+        module = self.loader.load(source, library=False)
+        sink = Sink("scene")
+        infos: list[ParamInfo] = []
+        try:
+            scope = self.instance(module, self.given_sets(module, sets), "", None, self.outer)
+            self._place_scene(module.file.items, scope, sink)
+            infos = self._infos(module, scope)
+        except Exhausted as limit:
+            self._exhausted(limit)
+        read, files = self.loader.sources, tuple(self.loader.files)
+        return Document(source.name, tuple(sink.elements), tuple(sink.cameras), sink.settings, tuple(infos), read, files)
+
+    def _load_prelude(self, source: Source) -> None:
+        span = Span(source.name)
+        try:
+            prelude = self.loader.reader.scene(PRELUDE, source.path, span)
+        except ReadError:
+            return  # a library without a prelude
+        self.outer = self.module_scope(self.loader.load(prelude, library=True, prelude=True), self.root)
+
+    def _check(self, module: Module) -> None:
+        outer = set(self.root.names)
+        if self.loader.prelude and self.loader.prelude is not module:
+            outer |= lint.names_of(self.loader.prelude.file) | self.loader.prelude.broken
+        main = len(self.loader.chain) == 1 and module is not self.loader.prelude
+        known = module.source.text, module.source.name, frozenset(outer)
+        if not main and known in _sound:
+            return
+        before = len(self.diagnostics.items)
+        lint.check_file(module, outer, self.report, self.diagnostics, main)
+        if module.of_library and not module.broken and len(self.diagnostics.items) == before:
+            _sound.add(known)
+
+    def module_scope(self, module: Module, outer: Scope) -> Scope:
+        """The scope of a file with the defaults of its `param`s; made once."""
+        if module not in self._instances:
+            self._instances[module] = self.instance(module, {}, "", None, outer)
+        return self._instances[module]
+
+    def instance(self, module: Module, given: Mapping[str, Given], label: str, call: Span | None, caller: Scope) -> Scope:
+        """A new scope of a file, with these values for its `param`s."""
+        outer = self.outer if module is not self.loader.prelude else self.root
+        scope = Scope(self, self.meter, module.scale, outer)
+        if call is not None:
+            scope.trace = ((label, call), *caller.trace)
+            scope.path = f"{caller.path}.{label}" if caller.path else label
+        for item in module.file.items:
+            if isinstance(item, ast.Use):
+                name = use_name(item)
+                scope.names.setdefault(name, self._used(item, name, module))
+            elif isinstance(item, ast.Param):
+                node = calls.ParamUse(item, given.get(item.name.id), caller)
+                scope.names.setdefault(item.name.id, Thunk(item.name.id, node, scope))
+        bind_block(module.file.items, scope)
+        for name in module.broken:
+            scope.names.setdefault(name, Thunk.failed(name, scope))
+        return scope
+
+    def _used(self, use: ast.Use, name: str, module: Module) -> Value:
+        path = use.path.value
+        if is_asset(path):
+            return AssetPart(name, schema_elements.SCHEMA[asset_kind(path)], path)
+        used = module.uses.get(id(use))
+        return FilePart(name, used) if used else Thunk.failed(name, self.root)
+
+    def _infos(self, module: Module, scope: Scope) -> list[ParamInfo]:
+        infos = []
+        for item in module.file.items:
+            thunk = scope.names.get(item.name.id) if isinstance(item, ast.Param) else None
+            if isinstance(item, ast.Param) and isinstance(thunk, Thunk) and isinstance(thunk.node, calls.ParamUse):
+                try:
+                    infos.append(parameters.info(item, self.force(thunk, item.name.span, scope), scope, module.unit))
+                except (Poisoned, Mistake):
+                    continue  # reported when the `param` was evaluated
+                except Exhausted as limit:
+                    raise calls.located(limit, item.name.span, scope) from None
+        return infos
+
+    def given_sets(self, module: Module, sets: Mapping[str, str]) -> dict[str, Given]:
+        """`--set` as arguments of the scene."""
+        known = {item.name.id: item for item in module.file.items if isinstance(item, ast.Param)}
+        scope = Scope(self, self.meter, module.scale, self.outer)
+        given = {}
+        for name, text in sets.items():
+            if name not in known:
+                near = suggest(name, known)
+                has = ", ".join(known) or "no params"
+                self.report(f"the scene has no param `{name}`" + (f"; {near}" if near else ""), None, f"it has {has}")
+                continue
+            try:
+                given[name] = calls.set_value(known[name], text, scope, self)
+            except Poisoned:
+                continue
+        return given
+
+    # --- items ---
+
+    def _place_scene(self, items: tuple[ast.Item, ...], scope: Scope, sink: Sink) -> None:
+        """Evaluate the items of the scene itself: here even an item that reaches a limit leaves the others be."""
+        for item in items:
+            self._guarded(item.span, lambda item=item: self.place_items((item,), scope, sink, rest=False))
+        for thunk in list(scope.names.values()):
+            if isinstance(thunk, Thunk):
+                self._guarded(thunk.label_span(), lambda thunk=thunk: self._force_waiting(thunk, scope))
+
+    def _guarded(self, span: Span, run: Callable[[], None]) -> None:
+        try:
+            run()
+        except Exhausted as limit:
+            self._exhausted(limit)
+        except RecursionError:
+            self.report("this is nested too deeply", span, "fewer expressions inside each other in a function that calls itself")
+
+    def place_items(self, items: tuple[ast.Item, ...], scope: Scope, sink: Sink, rest: bool = True) -> None:
+        """Evaluate the items of a block in order, going on behind one that is wrong; then, with `rest`, what nothing has used."""
+        for item in items:
+            place = _ITEMS.get(type(item))
+            if place is not None:
+                try:
+                    place(self, item, scope, sink)
+                except Poisoned:
+                    continue
+        if rest and sink.role != "file":
+            for thunk in list(scope.names.values()):
+                if type(thunk) is Thunk:
+                    self._force_waiting(thunk, scope)
+
+    def _force_waiting(self, thunk: Thunk, scope: Scope) -> None:
+        """Evaluate a definition that nothing has used, for what is wrong with it."""
+        if thunk.state == Thunk.WAITING:
+            try:
+                self.force(thunk, thunk.label_span(), scope)
+            except Poisoned:
+                return
+
+    def block(self, block: ast.Block, scope: Scope, sink: Sink, names: Mapping[str, Value] | None = None) -> None:
+        """Evaluate a block in a scope of its own, in which `names` stand beside its `let`s."""
+        inner = scope.inner()
+        if names:
+            inner.names.update(names)
+        bind_block(block.items, inner)
+        self.place_items(block.items, inner, sink)
+
+    def collect(self, block: ast.Block, scope: Scope) -> tuple[Element, ...]:
+        """The elements of a block in braces."""
+        sink = Sink("block")
+        self.block(block, scope, sink)
+        return tuple(sink.elements)
+
+    def collect_file(self, module: Module, scope: Scope) -> tuple[Element, ...]:
+        """The shapes and lights that a used file places."""
+        sink = Sink("file")
+        self.place_items(module.file.items, scope, sink)
+        return tuple(sink.elements)
+
+    def _place_for(self, item: ast.For, scope: Scope, sink: Sink) -> None:
+        for value in source(self, item.source, scope, "`for`"):
+            try:
+                self.meter.step()
+            except Exhausted as limit:
+                raise calls.located(limit, item.source.span, scope) from None
+            self.block(item.block, scope, sink, {item.name.id: value})
+
+    def _place_if(self, item: ast.If, scope: Scope, sink: Sink) -> None:
+        condition = truth(self, item.condition, scope, "`if`")
+        if not isinstance(condition, bool):
+            self.fail("what is placed cannot depend on a formula's parameters", item.condition.span, "", scope)
+        if condition:
+            self.block(item.yes, scope, sink)
+        elif isinstance(item.no, ast.Block):
+            self.block(item.no, scope, sink)
+        elif item.no is not None:
+            self._place_if(item.no, scope, sink)
+
+    def _place_element(self, item: ast.ElementItem, scope: Scope, sink: Sink) -> None:
+        value = self.value(item.expression, scope)
+        try:
+            self.place(value, item.expression, scope, sink)
+        except Exhausted as limit:
+            raise calls.located(limit, item.expression.span, scope) from None
+
+    def place(self, value: Value, node: ast.Node, scope: Scope, sink: Sink) -> None:
+        """Put what an item gave where it belongs."""
+        if isinstance(value, tuple):
+            for v in value:
+                self.meter.step()
+                self.place(v, node, scope, sink)
+            return
+        found = category(value)
+        if found in PLACEABLE:
+            sink.elements.append(value)
+            if sink.role == "scene":
+                self._weigh(sink)
+        elif found in ("camera", "setting"):
+            self._place_apart(value, found, node, scope, sink)
+        else:
+            message, hint = _unplaceable(value, found, node)
+            self.fail(message, node.span, hint, scope)
+
+    def _weigh(self, sink: Sink) -> None:
+        self._placed += self.weights.get(sink.elements[-1], 1)
+        if self._placed > limits.MAX_ELEMENTS:
+            sink.elements.pop()
+            raise limits.too_many_elements()
+
+    def _place_apart(self, element: Element, found: str, node: ast.Node, scope: Scope, sink: Sink) -> None:
+        if sink.role == "file":
+            return  # a used file gives its shapes and lights only
+        if sink.role == "block":
+            self.fail(f"`{element.kind}` stands at the top level of a scene, not in a block", node.span, "", scope)
+        if found == "camera":
+            sink.cameras.append(element)
+        elif element.kind in sink.settings:
+            first = sink.settings[element.kind].span
+            self.fail(f"`{element.kind}` stands twice in this scene", node.span, f"the first is in line {first.line}", scope)
+        else:
+            sink.settings[element.kind] = element
+
+    # --- names ---
+
+    def force(self, thunk: Thunk, span: Span, scope: Scope) -> Value:
+        """The value of a definition, evaluated when it is first asked for."""
+        if thunk.state == Thunk.DONE:
+            return thunk.value
+        if thunk.state == Thunk.FAILED:
+            raise Poisoned
+        if thunk.state == Thunk.RUNNING:
+            names = [t.label for t in self._running[self._running.index(thunk) :]]
+            hint = f"`{thunk.label}` means the one that is being defined; give that another name" if len(names) == 1 else ""
+            self.fail(f"`{thunk.label}` is defined by itself: {' → '.join([*names, thunk.label])}", span, hint, scope)
+        thunk.state = Thunk.RUNNING
+        self._running.append(thunk)
+        try:
+            thunk.value = calls.evaluate_definition(thunk, self)
+            thunk.state = Thunk.DONE
+        except BaseException:
+            thunk.state = Thunk.FAILED
+            raise
+        finally:
+            self._running.pop()
+        return thunk.value
+
+    def value(self, node: ast.Node, scope: Scope) -> Value:
+        """The value of an expression. Raises Poisoned after reporting what is wrong with it."""
+        return EXPRESSIONS[type(node)](self, node, scope)
+
+    # --- for functions of the language ---
+
+    def call_values(self, function: Value, values: list[Value], scope: Scope) -> Value:
+        """Call a function with values from a function of the language, such as `map`. The place is that of the call."""
+        return calls.apply_values(self, function, values, scope)
+
+    def formula(self, function: Closure | UserFunction, place: Place) -> Formula:
+        """The formula that a function is, with coordinates in the unit of the file that `place` is in. Raises Mistake."""
+        graph = Graph(place.scope.unit)
+        if isinstance(function, Closure):
+            names = tuple([p.id for p in function.node.parameters])
+        else:
+            names = tuple([p.name.id for p in function.let.parameters or ()])
+        scope = place.scope.inner()
+        scope.plain = True
+        result = calls.apply_values(self, function, [graph.parameter(i) for i in range(len(names))], scope)
+        parts, result_kind = _results(result)
+        terms = [operators.lift(graph, part) for part in parts]
+        if result_kind == "number" and terms[0].truth:
+            result_kind = "truth"
+        return graph.formula(names, terms, result_kind, place.span)
+
+
+def _results(result: Value) -> tuple[tuple[Value, ...], str]:
+    if isinstance(result, Color):
+        return result.channels, "color"
+    if isinstance(result, tuple):
+        return result, "list"
+    if operators.is_scalar(result) or isinstance(result, bool | Term):
+        return (result,), "number"
+    raise Mistake(f"a formula gives a number, a truth value, a list or a colour, not {kind(result)}")
+
+
+def _unplaceable(value: Value, found: str, node: ast.Node) -> tuple[str, str]:
+    """Why a value cannot stand on a line of its own, and what to do."""
+    if found in ("material", "texture"):
+        use = "sphere(material: …)" if found == "material" else "lambert(…)"
+        return f"a {found} cannot be placed by itself", f"give it to something, as in {use}, or name it with `let`"
+    if isinstance(node, ast.Name | ast.Member) and isinstance(value, argument_types.Entry | UserFunction | FilePart | AssetPart):
+        name = calls.callee_name(node)
+        return f"`{name}` is not called", f"write {name}()"
+    if isinstance(node, ast.Call):
+        return f"{calls.callee_name(node.function)} gives {kind(value)}, which cannot be placed", "name it with `let` to use it"
+    return f"{kind(value)} cannot be placed", "shapes, lights and blocks can"
+
+
+def _of_library(span: Span) -> bool:
+    return span.file.startswith("std/") and not span.file.endswith(".scene")
+
+
+def _takes(name: str, text: str | None) -> str:
+    """What a function of the library takes, as its text says it."""
+    found = re.search(rf"^let {re.escape(name.rpartition('.')[2])}\(([^)]*)\)", text or "", re.MULTILINE)
+    return f"it takes {' '.join(found[1].split())}" if found else ""
+
+
+def _shorten(trace: tuple[tuple[str, Span], ...]) -> tuple[tuple[str, Span], ...]:
+    """A chain of calls with the middle of a long one left out."""
+    if len(trace) <= SHOWN_CALLS:
+        return trace
+    head = SHOWN_CALLS // 2
+    left_out = len(trace) - SHOWN_CALLS + 1
+    return (*trace[:head], (f"… {left_out} more …", trace[head][1]), *trace[len(trace) - SHOWN_CALLS + head + 1 :])
+
+
+_ITEMS: dict[type, Callable[[Evaluator, Any, Scope, Sink], None]] = {
+    ast.ElementItem: Evaluator._place_element,
+    ast.For: Evaluator._place_for,
+    ast.If: Evaluator._place_if,
+}

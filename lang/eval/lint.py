@@ -1,0 +1,172 @@
+"""What can be told from a file without evaluating it: names that are unknown, defined twice, misplaced or never used."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+from ..diagnostics import Diagnostics, Span, suggest
+from ..syntax import ast
+from ..syntax.lexer import KEYWORDS
+from . import parameters, suggestions
+from .modules import Module, use_name
+
+RESERVED = frozenset({"true", "false", "children"})
+
+Report = Callable[[str, Span, str], None]
+
+
+@dataclass(slots=True)
+class Definition:
+    """A name in a scope. `kind` is the item that binds it: let, param, use, parameter or loop."""
+
+    name: str
+    span: Span
+    kind: str
+    used: bool = False
+
+
+Chain = tuple[dict[str, Definition], ...]  # innermost first
+
+
+def check_file(module: Module, outer: Iterable[str], report: Report, diagnostics: Diagnostics, main: bool) -> None:
+    """Report what is wrong with the names of a file. `outer` are the names it finds beyond its own.
+
+    In the scene itself (`main`), a `let` that nothing uses is warned about, unless the file places nothing: it is there to be used.
+    """
+    places = any(isinstance(item, ast.ElementItem | ast.For | ast.If) for item in module.file.items)
+    _Checker({*outer, *module.broken}, report, diagnostics if main and places else None).file(module.file)
+
+
+def names_of(file: ast.File) -> set[str]:
+    """The names that a file defines at its top level."""
+    return {d.name for d in _definitions(file.items)}
+
+
+def _definitions(items: tuple[ast.Item, ...]) -> Iterator[Definition]:
+    for item in items:
+        if isinstance(item, ast.Let | ast.Param):
+            yield Definition(item.name.id, item.name.span, "let" if isinstance(item, ast.Let) else "param")
+        elif isinstance(item, ast.Use):
+            yield Definition(use_name(item), item.alias.span if item.alias else item.path.span, "use")
+
+
+class _Checker:
+    def __init__(self, outer: set[str], report: Report, unused: Diagnostics | None) -> None:
+        self.outer = outer
+        self.report = report
+        self.unused = unused
+
+    def file(self, file: ast.File) -> None:
+        for item in file.items:
+            if isinstance(item, ast.Use):
+                self._use(item)
+        self._items(file.items, ())
+
+    def _use(self, use: ast.Use) -> None:
+        name = use_name(use)
+        if not name.isidentifier() or name in KEYWORDS:
+            self.report(f"`{name}` cannot be a name", use.path.span, f'write use "{use.path.value}" as …')
+
+    def _items(self, items: tuple[ast.Item, ...], chain: Chain, bound: Iterable[Definition] = ()) -> None:
+        """A block: `bound` stand in its scope beside its own definitions."""
+        scope: dict[str, Definition] = {}
+        for definition in (*bound, *_definitions(items)):
+            self._define(definition, scope)
+        for item in items:
+            if chain and isinstance(item, ast.Param | ast.Use | ast.Unit):
+                what = type(item).__name__.lower()
+                self.report(f"`{what}` stands at the top level of a file, not in a block", item.span, "")
+            self._visit(item, (scope, *chain))
+        self._warn(scope)
+
+    def _define(self, definition: Definition, scope: dict[str, Definition]) -> None:
+        first = scope.setdefault(definition.name, definition)
+        if first is not definition:
+            self.report(f"`{definition.name}` is defined twice", definition.span, f"the first is in line {first.span.line}")
+        elif definition.name in RESERVED:
+            self.report(f"`{definition.name}` cannot be a name", definition.span, "the language has it")
+
+    def _warn(self, scope: dict[str, Definition]) -> None:
+        for d in scope.values():
+            if self.unused is not None and d.kind == "let" and not d.used and not d.name.startswith("_"):
+                self.unused.warning(f"`{d.name}` is never used", d.span)
+
+    def _visit(self, node: ast.Node, chain: Chain) -> None:
+        match node:
+            case ast.Number():
+                pass
+            case ast.Binary():
+                self._visit(node.left, chain)
+                self._visit(node.right, chain)
+            case ast.Name():
+                self._name(node, chain)
+            case ast.Member(object=ast.Name() as name) if node.name.id in suggestions.FILES and not self._is_known(name.id, chain):
+                self.report(f"there is no `{name.id}` here", name.span, f'a file stands in quotes: write "{name.id}.{node.name.id}"')
+            case ast.Member():
+                self._visit(node.object, chain)
+            case ast.Argument():
+                self._visit(node.value, chain)
+            case ast.Block():
+                self._items(node.items, chain)
+            case ast.Let():
+                self._let(node, chain)
+            case ast.Param():
+                self._type(node.type)
+                self._visit(node.default, chain)
+                if node.range is not None:
+                    self._visit(node.range, chain)
+            case ast.For():
+                self._visit(node.source, chain)
+                self._items(node.block.items, chain, (Definition(node.name.id, node.name.span, "loop"),))
+            case ast.Each():
+                self._visit(node.source, chain)
+                inner = self._scope((node.name,), "loop", chain)
+                for part in (node.condition, node.body):
+                    if part is not None:
+                        self._visit(part, inner)
+            case ast.Function():
+                self._visit(node.body, self._scope(node.parameters, "parameter", chain))
+            case ast.Use() | ast.Unit():
+                pass
+            case _:
+                for child in ast.children(node):
+                    self._visit(child, chain)
+
+    def _let(self, let: ast.Let, chain: Chain) -> None:
+        if let.parameters is None:
+            self._visit(let.value, chain)
+            return
+        scope: dict[str, Definition] = {}
+        for p in let.parameters:
+            self._type(p.type)
+            if p.default is not None:
+                self._visit(p.default, (scope, *chain))
+            self._define(Definition(p.name.id, p.name.span, "parameter"), scope)
+        self._visit(let.value, (scope, *chain))
+
+    def _scope(self, names: Iterable[ast.Name], kind: str, chain: Chain) -> Chain:
+        scope: dict[str, Definition] = {}
+        for name in names:
+            self._define(Definition(name.id, name.span, kind), scope)
+        return (scope, *chain)
+
+    def _type(self, name: ast.Name | None) -> None:
+        if name is not None and name.id not in parameters.TYPES:
+            near = suggest(name.id, parameters.TYPES)
+            hint = "" if near else "one of " + ", ".join(parameters.TYPES)
+            self.report(f"there is no type `{name.id}`" + (f"; {near}" if near else ""), name.span, hint)
+
+    def _is_known(self, name: str, chain: Chain) -> bool:
+        return name in self.outer or any(name in scope for scope in chain)
+
+    def _name(self, name: ast.Name, chain: Chain) -> None:
+        for scope in chain:
+            definition = scope.get(name.id)
+            if definition is not None:
+                definition.used = True
+                return
+        if name.id not in self.outer:
+            known = {n for scope in chain for n in scope} | self.outer
+            message, hint = suggestions.name(name.id, sorted(known))
+            self.report(message, name.span, hint)

@@ -1,0 +1,182 @@
+"""Files: reading what `use` names, once, and what a file is when it is used."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Protocol
+
+from .. import file_types, units
+from ..diagnostics import Diagnostics, Span
+from ..limits import MAX_FILES
+from ..syntax import ast
+from ..syntax.lexer import KEYWORDS
+from ..syntax.parser import parse
+
+
+class ReadError(Exception):
+    """A file that cannot be used; the message says why, the hint what to do."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """The text of a file. `name` is shown in messages; `path` is its identity."""
+
+    name: str
+    text: str
+    path: str
+
+
+class Reader(Protocol):
+    """What gives the text of files: the compiler, which owns the disk."""
+
+    def scene(self, path: str, importer: str, span: Span) -> Source:
+        """The file that `use "path"` names in the file whose path is `importer`; "std/…" is of the library. Raises ReadError."""
+        ...
+
+
+@dataclass(eq=False)
+class Module:
+    """A file that was read: its tree, and the unit of its bare lengths in metres.
+
+    `broken` are names that are known to be wrong: of items with syntax errors, and of files that cannot be used.
+    """
+
+    source: Source
+    file: ast.File
+    unit: str
+    scale: float
+    of_library: bool
+    broken: set[str] = field(default_factory=set)
+    uses: dict[int, Module] = field(default_factory=dict)  # by the id of the `use` item
+
+
+@dataclass
+class Loader:
+    """Reads each file once, and finds cycles."""
+
+    reader: Reader
+    diagnostics: Diagnostics
+    check: Callable[[Module], None]  # the static checks of a module whose uses were read
+    modules: dict[str, Module] = field(default_factory=dict)
+    sources: dict[str, str] = field(default_factory=dict)
+    files: list[str] = field(default_factory=list)
+    chain: list[tuple[Source, Span | None]] = field(default_factory=list)
+    prelude: Module | None = None
+    parsing: float = 0.0  # seconds spent in the parser
+
+    def load(self, source: Source, library: bool, span: Span | None = None, prelude: bool = False) -> Module:
+        """The module of a source that is not being loaded already, with everything it uses."""
+        if source.path in self.modules:
+            return self.modules[source.path]
+        self.sources[source.name] = source.text
+        if not library:
+            self.files.append(source.path)
+        self.chain.append((source, span))
+        before = len(self.diagnostics.items)
+        started = clock.perf_counter()
+        file = _parsed(source.text, source.name, self.diagnostics)
+        self.parsing += clock.perf_counter() - started
+        unit = self._unit(file)
+        module = Module(source, file, unit, units.UNITS[unit][0], library, set(file.broken))
+        self.modules[source.path] = module
+        if prelude:
+            self.prelude = module
+        for use in file.items:
+            if isinstance(use, ast.Use):
+                self._use(use, module)
+        self.check(module)
+        self._add_chain(before)
+        self.chain.pop()
+        return module
+
+    def _add_chain(self, before: int) -> None:
+        """Show how a used file was reached, on what was found in it."""
+        trace = tuple((source.name, span) for source, span in reversed(self.chain) if span is not None)
+        if trace:
+            own = self.chain[-1][0].name
+            items = self.diagnostics.items
+            for i in range(before, len(items)):
+                d = items[i]
+                if not d.trace and d.span and d.span.file == own:
+                    items[i] = type(d)(d.severity, d.message, d.span, d.hint, trace)
+
+    def _unit(self, file: ast.File) -> str:
+        found = [item for item in file.items if isinstance(item, ast.Unit)]
+        for item in found[1:]:
+            self.diagnostics.error("`unit` stands twice in this file", item.span, f"the first is in line {found[0].span.line}")
+        if not found:
+            return "m"
+        name = found[0].name
+        if units.UNITS.get(name.id, (0, units.NONE))[1] == units.LENGTH:
+            return name.id
+        lengths = ", ".join(sorted({u for u, (_, d) in units.UNITS.items() if d == units.LENGTH and u.isascii() and u not in KEYWORDS}))
+        self.diagnostics.error(f"unit of length wanted, got `{name.id}`", name.span, f"one of {lengths}")
+        return "m"
+
+    def _use(self, use: ast.Use, module: Module) -> None:
+        path = use.path.value
+        if is_asset(path):
+            return
+        try:
+            used = self._read(use, path, module)
+        except ReadError as e:
+            self.diagnostics.error(e.message, use.path.span, e.hint)
+            module.broken.add(use_name(use))
+        else:
+            module.uses[id(use)] = used
+
+    def _read(self, use: ast.Use, path: str, module: Module) -> Module:
+        library = path.startswith("std/")
+        if not library and not path.endswith(".scene"):
+            known = "a file ends with one of " + " ".join((*file_types.SCENE, *file_types.USD, *file_types.MESH))
+            raise ReadError(f'cannot use "{path}"', known if "." in path.rsplit("/", 1)[-1] else f'write "{path}.scene"')
+        source = self.reader.scene(path, module.source.path, use.path.span)
+        if any(s.path == source.path for s, _ in self.chain):
+            start = next(i for i, (s, _) in enumerate(self.chain) if s.path == source.path)
+            cycle = " → ".join([s.name for s, _ in self.chain[start:]] + [source.name])
+            raise ReadError(f"{source.name} uses itself: {cycle}")
+        if len(self.modules) >= MAX_FILES:
+            raise ReadError(f"the scene uses more than {MAX_FILES} files")
+        return self.load(source, library, use.span)
+
+
+PRELUDE = "std/prelude"
+
+
+LONGEST_KEPT = 100_000  # characters: trees take some hundred times the room of their text
+
+
+@lru_cache(maxsize=32)
+def _parse_kept(text: str, name: str) -> ast.File | None:
+    diagnostics = Diagnostics()
+    file = parse(text, name, diagnostics)
+    return None if diagnostics.items else file
+
+
+def _parsed(text: str, name: str, diagnostics: Diagnostics) -> ast.File:
+    """The tree of a file, kept from one evaluation to the next. A file with errors is parsed again to report them."""
+    kept = _parse_kept(text, name) if len(text) <= LONGEST_KEPT else None
+    return kept or parse(text, name, diagnostics)
+
+
+def is_asset(path: str) -> bool:
+    """Whether `use` of this path binds a mesh or USD file rather than a scene."""
+    return path.lower().endswith(file_types.USD + file_types.MESH)
+
+
+def asset_kind(path: str) -> str:
+    """The element that a mesh or USD file becomes."""
+    return "usd" if path.lower().endswith(file_types.USD) else "mesh"
+
+
+def use_name(use: ast.Use) -> str:
+    """The name that `use` binds: the alias, or the last part of the path without its extension."""
+    return use.alias.id if use.alias else use.path.value.replace("\\", "/").rsplit("/", 1)[-1].rsplit(".", 1)[0]

@@ -1,0 +1,348 @@
+"""Arithmetic and comparison on values of the language, with dimensions checked and formulas recorded."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Protocol
+
+from .. import limits, units
+from ..elements import Element
+from ..formula_graph import OPERATIONS, Graph, Term
+from ..units import Dimension, Quantity
+from .values import Color, Mistake, Value, kind
+
+_SYMBOLS = {"add": "+", "subtract": "-", "less": "<", "at_most": "<=", "greater": ">", "at_least": ">=", "equal": "==", "unequal": "!="}
+
+
+class Context(Protocol):
+    """Where an operation stands. `unit`: metres in a bare length; `plain`: inside a formula, where a bare angle is in radians."""
+
+    unit: float
+    plain: bool
+    meter: limits.Meter
+
+
+def is_scalar(value: Value) -> bool:
+    return type(value) is float or isinstance(value, Quantity) or (isinstance(value, Term) and not value.truth)
+
+
+def split(value: float | Quantity) -> tuple[float, Dimension]:
+    return (value.value, value.dimension) if isinstance(value, Quantity) else (value, units.NONE)
+
+
+def checked(value: float, dimension: Dimension = units.NONE) -> float | Quantity:
+    """A result, or a Mistake where it left the numbers."""
+    if not math.isfinite(value):
+        raise Mistake("the result is too large for a number")
+    return units.quantity(float(value), dimension)
+
+
+def bare_fix(value: float, dimension: Dimension) -> Mistake:
+    """What to say where a bare number stands and something with a unit is wanted."""
+    number = units.show_number(value)
+    write = {units.ANGLE: ("deg", "rad"), units.TIME: ("s",), **{d: (u,) for d, u in units.QUANTITIES.values() if d[3]}}.get(dimension, ())
+    hint = "write " + " or ".join(number + unit for unit in write) if write else f"give it a unit: {units.symbol(dimension)}"
+    return Mistake(f"{units.name(dimension)} wanted, got the bare number {number}", hint)
+
+
+def unify(a: float | Quantity, b: float | Quantity, context: Context, doing: str) -> tuple[float, float, Dimension]:
+    """Two numbers of one dimension. 0 fits every dimension; a bare number beside a length is in the file's unit."""
+    x, da = split(a)
+    y, db = split(b)
+    if da == db:
+        return x, y, da
+    if da == units.NONE:
+        return bare(x, db, context), y, db
+    if db == units.NONE:
+        return x, bare(y, da, context), da
+    raise Mistake(f"cannot {doing} {kind(a)} and {kind(b)}")
+
+
+def bare(value: float, dimension: Dimension, context: Context) -> float:
+    """A bare number where `dimension` is wanted, in base units."""
+    if value == 0:
+        return 0.0
+    if dimension == units.LENGTH:
+        return split(checked(units.scale(value, context.unit)))[0]
+    if dimension == units.ANGLE and context.plain:
+        return value
+    raise bare_fix(value, dimension)
+
+
+def unify_all(numbers: list[float | Quantity], context: Context, doing: str) -> tuple[list[float], Dimension]:
+    """Any count of numbers brought to one dimension."""
+    dimension = next((n.dimension for n in numbers if isinstance(n, Quantity)), units.NONE)
+    sample = units.quantity(0.0, dimension)
+    return [unify(n, sample, context, doing)[0] for n in numbers], dimension
+
+
+# --- formulas -------------------------------------------------------------------------------------------------------
+
+
+def lift(graph: Graph, value: Value) -> Term:
+    """A value as a term of `graph`: lengths become plain numbers of its unit, angles radians, the rest base units."""
+    if isinstance(value, Term):
+        if value.graph is not graph:
+            raise Mistake("a formula cannot use what another formula is called with")
+        return value
+    if isinstance(value, bool) or type(value) is float:
+        return graph.constant(value)
+    if isinstance(value, Quantity):
+        try:
+            return graph.constant(split(checked(value.value / graph.unit ** value.dimension[0]))[0])
+        except ArithmeticError:
+            raise Mistake("the result is too large for a number") from None
+    raise Mistake(f"a number wanted, got {kind(value)}")
+
+
+def record(op: str, *args: Value) -> Term:
+    """The term of `op` on values of which one at least is a term."""
+    graph = next(a.graph for a in args if isinstance(a, Term))
+    return graph.apply(op, *[lift(graph, a) for a in args])
+
+
+def has_term(*args: Value) -> bool:
+    return any(isinstance(a, Term) for a in args)
+
+
+# --- arithmetic -----------------------------------------------------------------------------------------------------
+
+
+def add(a: Value, b: Value, context: Context) -> Value:
+    return _sum("add", a, b, context)
+
+
+def subtract(a: Value, b: Value, context: Context) -> Value:
+    return _sum("subtract", a, b, context)
+
+
+def _sum(op: str, a: Value, b: Value, context: Context) -> Value:
+    if is_scalar(a) and is_scalar(b):
+        if has_term(a, b):
+            return record(op, a, b)
+        x, y, dimension = unify(a, b, context, op)
+        return checked(OPERATIONS[op](x, y), dimension)
+    if isinstance(a, tuple) and isinstance(b, tuple):
+        return _elementwise(op, a, b, context)
+    if isinstance(a, Color) and isinstance(b, Color):
+        return Color(*[_sum(op, x, y, context) for x, y in zip(a.channels, b.channels, strict=True)])
+    if op == "add" and isinstance(a, str) and isinstance(b, str):
+        limits.check_text(len(a) + len(b))
+        return a + b
+    if op == "add" and (isinstance(a, str) or isinstance(b, str)):
+        raise Mistake(f"cannot add {kind(a)} and {kind(b)}", "write string(…) to make a string of it")
+    both = isinstance(a, Element) and isinstance(b, Element)
+    hint = f"solids are combined as {'union' if op == 'add' else 'difference'} {{ …; … }}" if both else ""
+    raise Mistake(f"cannot {op} {kind(a)} and {kind(b)}", hint)
+
+
+def _elementwise(op: str, a: tuple[Value, ...], b: tuple[Value, ...], context: Context) -> Value:
+    if len(a) != len(b):
+        hint = "`+` adds item by item; write concat(a, b) to put one behind the other" if op == "add" else ""
+        raise Mistake(f"cannot {op} a list of {len(a)} and a list of {len(b)}", hint)
+    context.meter.step(len(a))
+    return tuple([_sum(op, x, y, context) for x, y in zip(a, b, strict=True)])
+
+
+def multiply(a: Value, b: Value, context: Context) -> Value:
+    if is_scalar(a) and is_scalar(b):
+        if has_term(a, b):
+            return record("multiply", a, b)
+        x, da = split(a)
+        y, db = split(b)
+        return checked(x * y, units.multiply(da, db))
+    if is_scalar(b):
+        a, b = b, a
+    if is_scalar(a) and isinstance(b, tuple):
+        context.meter.step(len(b))
+        return tuple([multiply(a, v, context) for v in b])
+    if isinstance(b, Color) and (is_scalar(a) or isinstance(a, Color)):
+        factors = a.channels if isinstance(a, Color) else (a, a, a)
+        return Color(*[_channel(multiply(f, c, context)) for f, c in zip(factors, b.channels, strict=True)])
+    if isinstance(a, tuple) and isinstance(b, tuple):
+        raise Mistake("cannot multiply a list and a list", "write dot(a, b) or cross(a, b)")
+    raise Mistake(f"cannot multiply {kind(a)} and {kind(b)}")
+
+
+def divide(a: Value, b: Value, context: Context) -> Value:
+    if not is_scalar(b):
+        raise Mistake(f"cannot divide {kind(a)} by {kind(b)}")
+    if is_scalar(a):
+        if has_term(a, b):
+            if not has_term(b) and split(b)[0] == 0:
+                raise Mistake("division by 0", "a formula that divides by 0 has a value nowhere: divide by another number")
+            return record("divide", a, b)
+        x, da = split(a)
+        y, db = split(b)
+        if y == 0:
+            raise Mistake("division by 0")
+        return checked(x / y, units.divide(da, db))
+    if isinstance(a, tuple):
+        context.meter.step(len(a))
+        return tuple([divide(v, b, context) for v in a])
+    if isinstance(a, Color):
+        return Color(*[_channel(divide(c, b, context)) for c in a.channels])
+    raise Mistake(f"cannot divide {kind(a)} by {kind(b)}")
+
+
+def _channel(value: Value) -> Value:
+    if isinstance(value, Quantity):
+        raise Mistake(f"a colour is multiplied by plain numbers, not by {kind(value)}")
+    return value
+
+
+def power(a: Value, b: Value, context: Context) -> Value:
+    if not (is_scalar(a) and is_scalar(b)):
+        raise Mistake(f"cannot raise {kind(a)} to {kind(b)}")
+    if has_term(a, b):
+        return record("power", a, b)
+    if isinstance(b, Quantity):
+        raise Mistake(f"an exponent is a plain number, not {kind(b)}")
+    x, dimension = split(a)
+    try:
+        return checked(math.pow(x, b), units.power(dimension, b))
+    except ValueError:
+        raise Mistake("division by 0" if x == 0 else "a negative number has no such power") from None
+    except OverflowError:
+        raise Mistake("the result is too large for a number") from None
+
+
+def negate(a: Value, context: Context) -> Value:
+    if type(a) is float:
+        return -a
+    if isinstance(a, Quantity):
+        return Quantity(-a.value, a.dimension)
+    if is_scalar(a):
+        return record("negate", a)
+    if isinstance(a, tuple):
+        context.meter.step(len(a))
+        return tuple([negate(v, context) for v in a])
+    raise Mistake(f"cannot negate {kind(a)}")
+
+
+# --- comparison and logic -------------------------------------------------------------------------------------------
+
+
+def compare(op: str, a: Value, b: Value, context: Context) -> Value:
+    """`less`, `at_most`, `greater` or `at_least` of two numbers, or of two strings."""
+    if is_scalar(a) and is_scalar(b):
+        if has_term(a, b):
+            return record(op, a, b)
+        x, y, _ = unify(a, b, context, "compare")
+        return OPERATIONS[op](x, y)
+    if isinstance(a, str) and isinstance(b, str):
+        return OPERATIONS[op](a, b)
+    raise Mistake(f"cannot compare {kind(a)} and {kind(b)} with {_SYMBOLS[op]}")
+
+
+def equal(a: Value, b: Value, context: Context) -> Value:
+    """Whether two values of one kind are equal; lists item by item."""
+    context.meter.step()
+    if isinstance(a, Term) or isinstance(b, Term):
+        if _is_truth(a) != _is_truth(b):
+            raise Mistake(f"cannot compare {kind(a)} and {kind(b)}")
+        return record("equal", a, b)
+    if is_scalar(a) and is_scalar(b):
+        x, y, _ = unify(a, b, context, "compare")
+        return x == y
+    if isinstance(a, tuple) and isinstance(b, tuple):
+        return _all_equal(a, b, context)
+    if isinstance(a, Color) and isinstance(b, Color):
+        return _all_equal(a.channels, b.channels, context)
+    if type(a) is type(b) and isinstance(a, bool | str):
+        return a == b
+    raise Mistake(f"cannot compare {kind(a)} and {kind(b)}")
+
+
+def _is_truth(value: Value) -> bool:
+    return value.truth if isinstance(value, Term) else isinstance(value, bool)
+
+
+def _all_equal(a: tuple[Value, ...], b: tuple[Value, ...], context: Context) -> Value:
+    if len(a) != len(b):
+        return False
+    result: Value = True
+    for x, y in zip(a, b, strict=True):
+        same = equal(x, y, context)
+        if same is False:
+            return False
+        result = both(result, same)
+    return result
+
+
+def unequal(a: Value, b: Value, context: Context) -> Value:
+    return invert(equal(a, b, context))
+
+
+def truth(value: Value, doing: str) -> Value:
+    """The value if it is true, false or a formula's truth value."""
+    if isinstance(value, bool) or (isinstance(value, Term) and value.truth):
+        return value
+    raise Mistake(f"{doing} wants true or false, got {kind(value)}")
+
+
+def invert(a: Value) -> Value:
+    truth(a, "`not`")
+    return (not a) if isinstance(a, bool) else record("not", a)
+
+
+def both(a: Value, b: Value) -> Value:
+    """`a and b` of truth values, recorded if one is a term."""
+    if isinstance(a, bool):
+        return b if a else False
+    if isinstance(b, bool):
+        return a if b else False
+    return record("and", a, b)
+
+
+def either(a: Value, b: Value) -> Value:
+    """`a or b` of truth values, recorded if one is a term."""
+    if isinstance(a, bool):
+        return True if a else b
+    if isinstance(b, bool):
+        return True if b else a
+    return record("or", a, b)
+
+
+def select(condition: Term, yes: Value, no: Value, context: Context) -> Value:
+    """`if … then … else …` inside a formula, where the condition depends on its parameters."""
+    graph = condition.graph
+    context.meter.step()
+    if isinstance(yes, tuple) and isinstance(no, tuple) and len(yes) == len(no):
+        return tuple([select(condition, a, b, context) for a, b in zip(yes, no, strict=True)])
+    if isinstance(yes, Color) and isinstance(no, Color):
+        return Color(*[select(condition, a, b, context) for a, b in zip(yes.channels, no.channels, strict=True)])
+    a, b = lift(graph, yes), lift(graph, no)
+    if a.truth != b.truth:
+        raise Mistake(f"both ways of an `if` in a formula must be alike, got {kind(yes)} and {kind(no)}")
+    return graph.apply("select", condition, a, b)
+
+
+def span_of(start: Value, stop: Value) -> tuple[float, ...]:
+    """`start..stop`: whole steps from start, with the end; empty where it descends."""
+    for end in (start, stop):
+        if type(end) is not float:
+            corners = isinstance(start, tuple) and isinstance(stop, tuple)
+            hint = "two corners are a list of both: [[-1, -1, -1], [1, 1, 1]]" if corners else ""
+            raise Mistake(f"a range runs over plain numbers, got {kind(end)}", hint)
+    limits.check_list(stop - start + 1)
+    count = math.floor(stop - start + 1e-9) + 1
+    return tuple([start + k for k in range(count)])
+
+
+BINARY: dict[str, Callable[[Value, Value, Context], Value]] = {
+    "+": add,
+    "-": subtract,
+    "*": multiply,
+    "/": divide,
+    "^": power,
+    "<": lambda a, b, context: compare("less", a, b, context),
+    "<=": lambda a, b, context: compare("at_most", a, b, context),
+    ">": lambda a, b, context: compare("greater", a, b, context),
+    ">=": lambda a, b, context: compare("at_least", a, b, context),
+    "==": equal,
+    "!=": unequal,
+    "..": lambda a, b, context: span_of(a, b),
+}
+

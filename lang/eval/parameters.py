@@ -1,0 +1,184 @@
+"""`param` lines and typed parameters: their types, ranges, and the values given to them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from .. import units
+from ..elements import ParamInfo
+from ..syntax import ast
+from ..units import Quantity
+from . import operators
+from .coercion import LIGHT_TYPES
+from .values import Builtin, Closure, Color, Given, Mistake, UserFunction, Value, category, describe, is_placeable, show
+
+if TYPE_CHECKING:
+    from .scope import Scope
+
+# What can stand behind the colon of a `param` or a parameter.
+TYPES: tuple[str, ...] = ("number", "int", "bool", "string", "color", *units.QUANTITIES, "material", "texture", "shape", "list", "function")
+
+_WANTED = {"int": "whole number", "bool": "true or false", "color": "colour"}
+
+
+def coerce(value: Value, type_name: str, scope: Scope) -> Value:
+    """`value` as a value of the named type; a bare number becomes a length in the unit of `scope`'s file. Raises Mistake."""
+    if type_name in units.QUANTITIES:
+        return _coerce_quantity(value, type_name, scope)
+    if _is(value, type_name):
+        return value
+    hint = "write rgb(r, g, b), srgb(r, g, b) or #rrggbb" if type_name == "color" and isinstance(value, tuple) else ""
+    raise Mistake(f"{_WANTED.get(type_name, type_name)} wanted, got {describe(value)}", hint)
+
+
+def _is(value: Value, type_name: str) -> bool:
+    match type_name:
+        case "number":
+            return operators.is_scalar(value) and not isinstance(value, Quantity)
+        case "int":
+            return type(value) is float and value == int(value)
+        case "bool":
+            return isinstance(value, bool)
+        case "string":
+            return isinstance(value, str)
+        case "color":
+            return isinstance(value, Color)
+        case "list":
+            return isinstance(value, tuple)
+        case "function":
+            return isinstance(value, Closure | UserFunction | Builtin)
+        case "shape":
+            return is_placeable(value)
+    return category(value) == type_name
+
+
+def _coerce_quantity(value: Value, type_name: str, scope: Scope) -> Value:
+    dimension = units.QUANTITIES[type_name][0]
+    if isinstance(value, Quantity) and value.dimension == dimension:
+        return value
+    if type(value) is float:
+        if type_name in LIGHT_TYPES:
+            return value  # scene-referred, and stays so
+        return units.quantity(operators.bare(value, dimension, scope), dimension)
+    raise Mistake(f"{type_name} wanted, got {describe(value)}")
+
+
+def implied_type(default: ast.Node | None) -> str:
+    """The type that a default written with a unit gives its parameter, `""` for none."""
+    if isinstance(default, ast.Number):
+        known = units.UNITS.get(default.unit)
+        if known and known[1] in (units.LENGTH, units.ANGLE, units.TIME):
+            return units.name(known[1])
+    return ""
+
+
+def type_of(value: Value) -> str:
+    """The type that a `param` has from its default."""
+    if isinstance(value, Quantity):
+        name = units.name(value.dimension)
+        return name if name in units.QUANTITIES else ""
+    simple = {float: "number", bool: "bool", str: "string", Color: "color", tuple: "list"}.get(type(value), "")
+    if simple:
+        return simple
+    found = category(value)
+    return "shape" if is_placeable(value) else found
+
+
+Range = tuple[Value, Value] | list[Value]
+
+
+def param_value(param: ast.Param, given: Given | None, scope: Scope, caller: Scope) -> Value:
+    """The value of a `param`: what was given, or its default, checked. `scope` is that of its file.
+
+    Raises Mistake with a span.
+    """
+    default, type_name = default_of(param, scope)
+    allowed = range_of(param, type_name, scope)
+    value, span = (default, param.default.span) if given is None else (given.value, given.span)
+    try:
+        if given is not None and type_name:
+            value = coerce(value, type_name, caller)
+        _check_range(param.name.id, value, allowed, scope)
+    except Mistake as mistake:
+        mistake.span = mistake.span or span
+        raise
+    return value
+
+
+def default_of(param: ast.Param, scope: Scope) -> tuple[Value, str]:
+    """A `param`'s default, and its type: the one written, or that of the default."""
+    default = scope.machine.value(param.default, scope)
+    if param.type is None:
+        return default, type_of(default)
+    if param.type.id not in TYPES:
+        return default, ""  # reported by check.py
+    try:
+        return coerce(default, param.type.id, scope), param.type.id
+    except Mistake as mistake:
+        mistake.span = param.default.span
+        raise
+
+
+def range_of(param: ast.Param, type_name: str, scope: Scope) -> Range | None:
+    """The two ends of a `param`'s range, or the list of its choices. Raises Mistake with a span."""
+    node = param.range
+    while isinstance(node, ast.Parens):
+        node = node.inner
+    if node is None:
+        return None
+    try:
+        if isinstance(node, ast.Binary) and node.op == "..":
+            ends = [scope.machine.value(end, scope) for end in (node.left, node.right)]
+            if type_name in units.QUANTITIES:
+                ends = [coerce(end, type_name, scope) for end in ends]
+            operators.compare("less", ends[0], ends[1], scope)
+            return (ends[0], ends[1])
+        choices = scope.machine.value(node, scope)
+        if not isinstance(choices, tuple) or not choices:
+            raise Mistake(f"a range low..high or a list of choices wanted, got {describe(choices)}")
+        return [coerce(c, type_name, scope) for c in choices] if type_name else list(choices)
+    except Mistake as mistake:
+        mistake.span = mistake.span or node.span
+        raise
+
+
+def _check_range(name: str, value: Value, allowed: Range | None, scope: Scope) -> None:
+    if isinstance(allowed, tuple):
+        low, high = allowed
+        if operators.compare("less", value, low, scope) is True or operators.compare("greater", value, high, scope) is True:
+            raise Mistake(f"`{name}` is {show(value, 1)}, outside of {show(low)}..{show(high)}")
+    elif allowed is not None and not any(operators.equal(value, choice, scope) is True for choice in allowed):
+        raise Mistake(f"`{name}` is one of {', '.join([show(c, 1) for c in allowed])}, not {show(value, 1)}")
+
+
+def info(param: ast.Param, value: Value, scope: Scope, file_unit: str) -> ParamInfo:
+    """A `param` as sliders and sweeps want it. Numbers are in `unit`, which is the one its default is written in."""
+    default, type_name = default_of(param, scope)
+    allowed = range_of(param, type_name, scope)
+    unit = _shown_unit(param.default, type_name, default, file_unit)
+
+    def plain(v: Value) -> Any:
+        return int(v) if type_name == "int" else _plain(v, unit, scope)
+
+    shown = None if allowed is None else tuple([plain(v) for v in allowed])
+    doc = param.doc.value if param.doc else ""
+    return ParamInfo(param.name.id, type_name, plain(value), plain(default), shown, doc, unit, param.span)
+
+
+def _shown_unit(node: ast.Node, type_name: str, default: Value, file_unit: str) -> str:
+    if isinstance(node, ast.Number) and node.unit and node.unit != "%":
+        return node.unit
+    if type_name == "length":
+        return file_unit
+    return units.QUANTITIES[type_name][1] if type_name in units.QUANTITIES and isinstance(default, Quantity) else ""
+
+
+def _plain(value: Value, unit: str, scope: Scope) -> Any:
+    scope.meter.step()
+    if isinstance(value, Quantity):
+        return units.in_unit(value.value, unit) if unit else value.value
+    if isinstance(value, Color):
+        return value.channels
+    if isinstance(value, tuple):
+        return tuple([_plain(v, "", scope) for v in value])
+    return value if isinstance(value, float | bool | str) else describe(value)

@@ -1,0 +1,228 @@
+"""Words from other tools, and what they are called here: the first place to look when a name is unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from ..diagnostics import suggest
+
+# What an argument may be meant to be, the likeliest first; the ones an element does not have are passed over.
+_ARGUMENTS: dict[str, tuple[str, ...]] = {
+    "pos": ("position", "center"),
+    "position": ("center", "translate"),
+    "location": ("position", "center"),
+    "origin": ("center", "position"),
+    "centre": ("center",),
+    "center": ("position",),
+    "at": ("position", "center"),
+    "eye": ("position",),
+    "target": ("look_at",),
+    "to": ("look_at",),
+    "direction": ("from", "normal", "look_at"),
+    "dir": ("from", "normal", "look_at"),
+    "r": ("radius", "round"),
+    "radius": ("round",),
+    "diameter": ("radius",),
+    "h": ("height",),
+    "width": ("size",),
+    "height": ("size", "over"),
+    "length": ("over",),
+    "by": ("over",),
+    "depth": ("size",),
+    "dimensions": ("size",),
+    "resolution": ("size",),
+    "angle": ("cone", "fov", "rotate"),
+    "rotation": ("rotate",),
+    **dict.fromkeys(("sun_direction", "sun_elevation", "elevation", "azimuth"), ("sun", "from")),
+    "offset": ("translate",),
+    **dict.fromkeys(("smooth", "blend", "fillet", "k", "rounding"), ("round",)),
+    "spp": ("samples",),
+    "strength": ("intensity", "illuminance", "luminance"),
+    "brightness": ("intensity", "illuminance", "luminance"),
+    "power": ("flux", "intensity", "illuminance", "luminance"),
+    "energy": ("flux", "intensity", "illuminance", "luminance"),
+    "intensity": ("illuminance", "luminance"),
+    "emission": ("luminance",),
+    "albedo": ("color",),
+    "colour": ("color", "material"),
+    "color": ("material",),
+    "texture": ("material", "color"),
+    "exponent": ("shininess",),
+    "roughness": ("shininess",),
+    "label": ("name",),
+    "id": ("name",),
+}
+
+_ARGUMENT_HINTS = {"axis": "a turn about an axis is axis(v, angle)"}
+_COLORED = "write material: lambert(…), with the colour in it"
+_ANGLE = "the direction to it: [cos(e), sin(e), 0] at an elevation of e"
+_NEAR_HINTS: dict[str, dict[str, str]] = {  # of what is meant, by the word that was written
+    "did you mean `material`?": {"color": _COLORED, "colour": _COLORED, "texture": "write material: lambert(…), with the texture in it"},
+    "did you mean `sun`?": dict.fromkeys(("sun_elevation", "elevation", "azimuth"), _ANGLE),
+    "did you mean `from`?": dict.fromkeys(("sun_elevation", "elevation", "azimuth"), _ANGLE),
+}
+
+# What to write in place of a name that is not in the language.
+_NAMES: dict[str, str] = {
+    "range": "write 0..n",
+    "color": "write #rrggbb or rgb(r, g, b)",
+    "colour": "write #rrggbb or rgb(r, g, b)",
+    "vec2": "write [x, y]",
+    "vec3": "write [x, y, z]",
+    "vector": "write [x, y, z]",
+    "light": "lights are point, spot, directional, sun, sky, dome, area and ambient",
+    **dict.fromkeys(("subtract", "minus"), "write difference { … }"),
+    "intersect": "write intersection { … }",
+    **dict.fromkeys(("smooth_union", "smin", "smooth_min", "soft_union"), "write union(round: 10cm) { … }"),
+    **dict.fromkeys(("sqr", "square"), "write x^2"),
+    **dict.fromkeys(("p", "pos", "point3"), "a formula's parameters are numbers: write |x, y, z| …"),
+    **dict.fromkeys(("trunc", "int"), "write floor(x)"),
+    "cbrt": "write sign(x) * abs(x)^(1 / 3)",
+    **dict.fromkeys(("sinh", "cosh", "tanh"), "write it by exp: cosh(x) is (exp(x) + exp(-x)) / 2"),
+    **dict.fromkeys(("sec", "csc", "cot"), "write 1 / cos(x), 1 / sin(x) or 1 / tan(x)"),
+    **dict.fromkeys(("combine", "merge", "unite"), "write union { … }"),
+    "cube": "write box()",
+    "cuboid": "write box()",
+    "ball": "write sphere()",
+    "background": "write render(background: …)",
+    "settings": "write render(…)",
+    "material": "materials are lambert, phong, blinn_phong, principled, metal, mirror, glass, emissive and blend",
+    **dict.fromkeys(("matte", "matt", "diffuse", "lambertian", "oren_nayar"), "write lambert(color)"),
+    **dict.fromkeys(("glossy", "shiny", "specular"), "write plastic(color, roughness: 0.2)"),
+    **dict.fromkeys(("metallic", "aluminum"), "write metal(color, roughness: 0.1)"),
+    **dict.fromkeys(("dielectric", "transparent"), "write glass(ior: 1.5)"),
+    **dict.fromkeys(("reflective", "reflection"), "write mirror()"),
+    **dict.fromkeys(("pbr", "disney", "standard", "bsdf", "principled_bsdf"), "write principled(…)"),
+    **dict.fromkeys(("emit", "emitter", "glow", "luminous"), "write emissive(color, luminance: 1000nit)"),
+    "texture": 'write image("…")',
+    "import": 'write use "…"',
+    "include": 'write use "…"',
+    "var": "write let name = …",
+    "def": "write let name(…) = …",
+    "function": "write let name(…) = …",
+    "null": "leave the argument out",
+    "none": "leave the argument out",
+    "degrees": "write 30deg",
+    "radians": "write 0.5rad",
+    "PI": "write pi",
+    "tau": "write 2 * pi",
+    "e": "write exp(x) for a power of e",
+    **dict.fromkeys(("Math", "math", "np"), "functions stand by themselves: write sin(x)"),
+    "lambda": "a function is written |x| x + 1",
+    **dict.fromkeys(("x", "y", "z"), "a formula begins with its parameters: write |x, y, z| before it"),
+    "mix": "write lerp(a, b, t)",
+    "fract": "write mod(x, 1)",
+    "saturate": "write clamp(x, 0, 1)",
+    "norm": "write length(v)",
+    "distance": "write length(a - b)",
+    "ln": "write log(x)",
+    "log10": "write log(x) / log(10)",
+    "hsl": "write hsv(hue, saturation, value)",
+    "perlin": "write noise(x, y, z)",
+    "simplex": "write noise(x, y, z)",
+    **dict.fromkeys(("random", "rand"), "noise(x, y, z, seed) is the same each time, and 0 where x, y and z are whole"),
+    "checkerboard": "write checker(a, b)",
+    "fresnel": "principled, glass and metal have it",
+    **dict.fromkeys(
+        "red green blue yellow orange purple pink brown white black grey gray cyan magenta".split(), "colours are written #rrggbb"
+    ),
+}
+
+
+# What files of pictures, meshes and scenes end with.
+FILES = frozenset("png jpg jpeg tif tiff exr hdr obj ply stl off glb gltf usd usda usdc usdz scene".split())
+
+_RAISED = {"²": 2, "³": 3}
+NO_POINT = "a formula's parameters are numbers: write |x, y, z| …, and [x, y, z] for a point"
+BY_CORNERS = "what reaches from corner a to corner b has size b - a and center (a + b) / 2"  # of a size written as a list
+_BY_POSITION = {"atan": "the angle of a direction is atan2(y, x)"}  # of a function that was given more than it takes
+
+# What files of the library have that nothing must be written for but `use`.
+SHELVES = {
+    "patterns": "wood marble bricks dots granite turbulence",
+    "materials": "clay plaster paper slate asphalt grey_card porcelain lacquer enamel tiles planks striped_cloth squared_cloth water ice "
+    "crown_glass flint_glass acrylic sapphire diamond bottle_glass amber_glass silver_mirror bronze_mirror grey_mirror",
+    "lights": "softbox three_point studio daylight overcast moonlight rim_only",
+    "cameras": "isometric product standing turntable",
+    "room": "panel bulb window downlight standing_lamp table picture",
+    "shapes": "crate slab stairs column tetrahedron octahedron icosahedron",
+    "surfaces": "parametric revolved voxels",
+}
+_SHELF = {word: shelf for shelf, words in SHELVES.items() for word in words.split()}
+
+# Elements that are not built, and what of the library draws the same.
+_LIBRARY = {
+    "surface": "surfaces.parametric(|u, v| [x, y, z])",
+    "bezier": "surfaces.bezier([[…], …])",
+    "nurbs": "surfaces.nurbs([[…], …])",
+    "revolve": "surfaces.revolved([[r, y], …])",
+    "voxels": "surfaces.voxels(|x, y, z| …)",
+}
+
+
+# What to write in place of a unit that is not in the language; {} is the number before it.
+_WATT = "light is told as seen: a light bulb has 800lm (15 lm for each watt, 100 for a watt of LED)"
+_UNITS: dict[str, str] = {
+    "K": "write kelvin({})",
+    **dict.fromkeys(("W", "w", "watt", "kW", "mW"), _WATT),
+    **dict.fromkeys(("lux", "Lux"), "write {}lx"),
+    **dict.fromkeys(("lumen", "lumens"), "write {}lm"),
+    **dict.fromkeys(("candela", "candelas"), "write {}cd"),
+    "nits": "write {}nit",
+    **dict.fromkeys(("degree", "degrees", "d"), "write {}deg"),
+    **dict.fromkeys(("radian", "radians"), "write {}rad"),
+    **dict.fromkeys(("meter", "meters", "metre", "metres", "M"), "write {}m"),
+    **dict.fromkeys(("inch", "inches"), "write {}in"),
+    **dict.fromkeys(("foot", "feet"), "write {}ft"),
+    **dict.fromkeys(("sec", "second", "seconds"), "write {}s"),
+    **dict.fromkeys(("px", "pixel", "pixels"), "sizes of pictures are plain numbers: write {}"),
+    "f": "numbers have no types: write {}",
+}
+
+
+def unit(word: str, number: str, known: Iterable[str]) -> str:
+    """The hint for a unit that is not among `known`, after a number as it was written."""
+    return _UNITS[word].format(number) if word in _UNITS else suggest(word, known)
+
+
+def instead(word: str) -> str:
+    """The hint for an element that is not built."""
+    return f'the library has it: use "std/surfaces", then {_LIBRARY[word]}' if word in _LIBRARY else ""
+
+
+def argument(callee: str, word: str, names: Mapping[str, str]) -> tuple[str, str]:
+    """The message and the hint for an argument that is not among `names` (aliases and all, by what they stand for)."""
+    message = f"{callee} has no `{word}`"
+    near = next((n for n in _ARGUMENTS.get(word, ()) if n in names), "")
+    near = f"did you mean `{near}`?" if near else suggest(word, names)
+    if near:
+        return f"{message}; {near}", _NEAR_HINTS.get(near, {}).get(word, "")
+    known = [n for n in names if n == names[n]]
+    listed = ", ".join(known[:12]) + (", …" if len(known) > 12 else "")
+    return message, _ARGUMENT_HINTS.get(word) or f"it takes {listed or 'no arguments'}"
+
+
+def too_many(callee: str, keywords: Iterable[str]) -> str:
+    """The hint for an argument by position that is one too many; what is left is given by name, as `keywords`."""
+    named = ", ".join(keywords)
+    return _BY_POSITION.get(callee) or (f"by name it takes {named}" if named else "")
+
+
+def choice(argument: str, word: str) -> str:
+    """The hint for a word that is not among an argument's."""
+    return f"write {word}() in its place" if argument == "kind" and word in ("brass", "platinum") else ""
+
+
+def name(word: str, known: Iterable[str]) -> tuple[str, str]:
+    """The message and the hint for a name that is not among `known`."""
+    hint = _NAMES.get(word, "")
+    if not hint and word in _SHELF:
+        hint = f'write use "std/{_SHELF[word]}" first, then {_SHELF[word]}.{word}(…)'
+    if not hint and word in SHELVES:
+        hint = f'write use "std/{word}" first'
+    if word[-1] in _RAISED and word[:-1]:
+        hint = f"write {word[:-1]}^{_RAISED[word[-1]]}"
+    near = "" if hint else suggest(word, known)
+    if near:
+        return f"there is no `{word}` here; {near}", ""
+    return f"there is no `{word}` here", hint or "let, param or use make a name known"

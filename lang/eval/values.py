@@ -1,0 +1,240 @@
+"""The values of the language: what an expression can be, and what it is called in messages.
+
+Plain numbers are Python floats, truth values bools, strings str, lists tuples; numbers with a dimension are units.Quantity; rotations
+and fall-offs are those of elements.py; elements are elements.Element.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from .. import colors, units
+from ..diagnostics import Span
+from ..elements import AxisAngle, Element, Euler, Falloff, Quaternion
+from ..formula_graph import Formula, Term
+from ..schema.argument_types import Entry
+from ..schema.elements import SCHEMA
+from ..syntax import ast
+from ..units import Quantity
+
+if TYPE_CHECKING:
+    from .modules import Module
+    from .scope import Scope
+
+Value = Any
+Scalar = float | Quantity | Term
+
+class Poisoned(Exception):
+    """A value that does not exist because of an error that has been reported."""
+
+
+POISON = object()  # stands for a value whose error has been reported
+
+PLACEABLE = ("shape", "solid", "block", "light")
+
+
+class Mistake(Exception):
+    """Something wrong with a value. Whoever asked knows the place, unless `span` has it; `argument` points at one argument of a call."""
+
+    def __init__(self, message: str, hint: str = "", argument: int | None = None, span: Span | None = None) -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+        self.argument = argument
+        self.span = span
+
+
+@dataclass(frozen=True, slots=True)
+class Color:
+    """Scene-linear Rec.709. In a formula the channels can be terms."""
+
+    r: Any
+    g: Any
+    b: Any
+
+    @property
+    def channels(self) -> tuple[Any, Any, Any]:
+        return (self.r, self.g, self.b)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Builtin:
+    """A function of the language itself. `run(context, *arguments)`; `required` of `parameters` must be given.
+
+    With `variadic` any number of arguments follows the last parameter.
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    required: int
+    run: Callable[..., Value]
+    variadic: bool = False
+    doc: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class UserFunction:
+    """`let name(parameters) = …`, with the scope it stands in."""
+
+    let: ast.Let
+    scope: Scope
+
+    @cached_property
+    def takes_children(self) -> bool:
+        return ast.places_children(self.let.value)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Closure:
+    """`|parameters| …`, with the scope it stands in."""
+
+    node: ast.Function
+    scope: Scope
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FilePart:
+    """A file bound by `use`: a part whose parameters are its `param`s, and whose `let`s are its members."""
+
+    name: str
+    module: Module
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AssetPart:
+    """A mesh or USD file bound by `use`."""
+
+    name: str
+    entry: Entry
+    file: str
+
+
+Function = Builtin | UserFunction | Closure | FilePart | AssetPart | Entry
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """An argument of a call as it was given: its value, where it stands, and its syntax for pointing inside."""
+
+    name: str | None
+    name_span: Span
+    value: Value
+    span: Span
+    node: ast.Node | None = None
+
+
+def category(value: Value) -> str:
+    """The schema category of an element value; "" for anything else."""
+    return SCHEMA[value.kind].category if isinstance(value, Element) else ""
+
+
+def is_placeable(value: Value) -> bool:
+    """Whether it can stand in a block: a shape, light or block, or a list of such."""
+    waiting, seen = [value], set()
+    while waiting:
+        v = waiting.pop()
+        if isinstance(v, tuple):
+            if id(v) not in seen:  # a list can hold another one many times
+                seen.add(id(v))
+                waiting.extend(v)
+        elif category(v) not in PLACEABLE:
+            return False
+    return True
+
+
+def kind(value: Value) -> str:
+    """What a value is, with its article: `a number`, `a length`, `a list`."""
+    if isinstance(value, Quantity):
+        return _article(units.name(value.dimension))
+    if isinstance(value, Element):
+        return _article(category(value))
+    if isinstance(value, Term):
+        return "a formula's truth value" if value.truth else "a formula's number"
+    return _KINDS.get(type(value), "a value")
+
+
+_KINDS: dict[type, str] = {
+    bool: "a truth value",
+    float: "a number",
+    str: "a string",
+    tuple: "a list",
+    Color: "a colour",
+    Euler: "a rotation",
+    AxisAngle: "a rotation",
+    Quaternion: "a rotation",
+    Falloff: "a fall-off",
+    Builtin: "a function",
+    UserFunction: "a function",
+    Closure: "a function",
+    FilePart: "a part",
+    AssetPart: "a part",
+    Entry: "an element's name",
+    Formula: "a formula",
+}
+
+
+def _article(noun: str) -> str:
+    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
+
+
+def describe(value: Value) -> str:
+    """A value in a message that says what was wanted: `the bare number 24`, `the angle 30deg`, `a list of 2`."""
+    match value:
+        case float():
+            return f"the bare number {units.show(value)}"
+        case Quantity():
+            return f"the {units.name(value.dimension).split(' in ')[0]} {units.show(value)}"
+        case bool():
+            return "true" if value else "false"
+        case str():
+            return f'the string "{_short(value)}"'
+        case tuple():
+            return f"a list of {len(value)}" if value else "an empty list"
+        case Color():
+            return f"the colour {show(value)}"
+        case Element():
+            return f"the {category(value)} `{value.kind}`"
+        case UserFunction():
+            return f"the function `{value.let.name.id}`"
+        case Builtin() | FilePart() | AssetPart() | Entry():
+            return f"{kind(value)} `{value.name}`" if not isinstance(value, Entry) else f"`{value.name}` itself"
+    return kind(value)
+
+
+def show(value: Value, depth: int = 0) -> str:
+    """A value as it would be written, as `string(…)` gives it. Long lists and lists deep inside lists are cut short."""
+    match value:
+        case bool():
+            return "true" if value else "false"
+        case float() | Quantity():
+            return units.show(value)
+        case str():
+            return value if depth == 0 else f'"{value}"'
+        case Color():
+            if any(isinstance(c, Term) for c in value.channels):
+                return "a colour"
+            hexed = colors.to_hex(value.channels)
+            exact = all(abs(a - b) < 1e-9 for a, b in zip(colors.from_hex(hexed), value.channels, strict=True))
+            return hexed if exact else f"rgb({', '.join(units.show_number(c) for c in value.channels)})"
+        case tuple():
+            if depth > 2 or len(value) > 64:
+                return "[…]"
+            return f"[{', '.join([show(v, depth + 1) for v in value])}]"
+    return describe(value)
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 40 else f"{text[:37]}…"
+
+
+def callable_name(function: Function) -> str:
+    """What a function is called where nothing better is known."""
+    match function:
+        case UserFunction():
+            return function.let.name.id
+        case Closure():
+            return "|" + ", ".join([p.id for p in function.node.parameters]) + "| …"
+    return function.name

@@ -1,0 +1,5 @@
+"""The element catalogue: arguments, types, limits, defaults, documentation.
+
+May import: Nothing of ours.
+Begin with `elements.py`.
+"""

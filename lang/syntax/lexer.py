@@ -1,0 +1,208 @@
+"""From text to tokens: lark's lexer, with a message for everything people write that is no word of the language."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from lark import Lark, Token
+from lark.lark import PostLex
+
+from ..diagnostics import Diagnostics, Span
+from . import ast
+
+KEYWORDS = frozenset(("use", "as", "unit", "param", "in", "let", "for", "if", "else", "then", "or", "and", "not"))
+COMPARISONS = frozenset(("<", "<=", ">", ">=", "==", "!="))
+OPERATORS = COMPARISONS | frozenset(("+", "-", "*", "/", "^", "..", "and", "or", "not"))
+OPENERS = {"(": ")", "[": "]", "{": "}"}
+CLOSERS = {")": "(", "]": "[", "}": "{"}
+MAX_NESTING = 200  # open brackets
+MAX_MISTAKES = 1000  # behind so many a file is read no further
+
+_ESCAPE = re.compile(r"\\(.)")
+_INSTEAD = {  # what stands for it in the language
+    "!": "write `not`",
+    "&": "write `and`",
+    "%": "write mod(a, b) for a remainder; a percentage stands right behind its number: 50%",
+    "?": "write `if … then … else …`",
+    "'": 'strings are written in double quotes: "…"',
+    "“": 'strings are written in straight quotes: "…"',
+    "”": 'strings are written in straight quotes: "…"',
+    "„": 'strings are written in straight quotes: "…"',
+    "×": "write `*`",
+    "·": "write `*`",
+    "÷": "write `/`",
+    "−": "write `-`",
+    "–": "write `-`",
+    "≤": "write `<=`",
+    "≥": "write `>=`",
+    "≠": "write `!=`",
+    "…": "write `..` for a range",
+    "\\": "a line goes on by itself inside ( ) and [ ], and after an operator",
+}
+
+
+class _KeepMistakes(PostLex):
+    """Keeps the terminals no rule mentions: comments, and the mistakes below."""
+
+    always_accept = ("COMMENT", "OPEN_STRING", "BLOCK_COMMENT", "HASH_COMMENT", "BAD_COLOR", "UNKNOWN")
+
+    def process(self, stream):
+        return stream
+
+
+@dataclass(slots=True)
+class Scan:
+    """The tokens of a file (ending with `$END`), its comments, and where something was wrong already."""
+
+    tokens: list[Token] = field(default_factory=list)
+    comments: list[ast.Comment] = field(default_factory=list)
+    wrong: list[tuple[int, int]] = field(default_factory=list)  # line, column
+
+
+def grammar(kept: str | None = None) -> Lark:
+    """The lark parser with its tables, made once. It takes longer to work them out than to parse most scenes.
+
+    `kept` is a file to take them from, and to put them into: lark sees whether they belong to this grammar and its own version.
+    """
+    if not _made:
+        text = Path(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
+        options: Any = {"parser": "lalr", "lexer": "basic", "keep_all_tokens": True, "maybe_placeholders": False, "cache": kept or False}
+        made = Lark(text, postlex=_KeepMistakes(), **options)
+        made.lexer = made._build_lexer()  # pyright: ignore[reportPrivateUsage]  # else `lex` makes one each time, in half a millisecond
+        _made.append(made)
+    return _made[0]
+
+
+_made: list[Lark] = []
+
+
+def span_of(token: Token, file: str) -> Span:
+    """The place of a token."""
+    return Span(file, token.line or 1, token.column or 1, token.end_line or 1, token.end_column or 1)
+
+
+def scan(text: str, file: str, diagnostics: Diagnostics) -> Scan:
+    """The tokens of `text`. Mistakes are reported and replaced by the nearest thing that is right, or left out."""
+    result = Scan()
+    depth = 0
+    safe = 0  # number of tokens before the last line end outside all brackets
+    for token in _commented_lines(grammar().lex(text)):
+        if token.type in _MISTAKES:
+            result.wrong.append((token.line or 1, token.column or 1))
+            kept = _MISTAKES[token.type](token, file, diagnostics)
+            if isinstance(kept, ast.Comment):
+                result.comments.append(kept)
+            elif kept is not None:
+                result.tokens.append(kept)
+            if len(result.wrong) >= MAX_MISTAKES:
+                break
+            continue
+        if token.type == "COMMENT":
+            result.comments.append(ast.Comment(span_of(token, file), str(token).rstrip()))
+            continue
+        if token in OPENERS:
+            depth += 1
+            if depth > MAX_NESTING:
+                diagnostics.error(f"brackets more than {MAX_NESTING} deep", span_of(token, file), "give parts of it a name with `let`")
+                result.wrong.append((token.line or 1, token.column or 1))
+                del result.tokens[safe:]
+                break
+        elif token in CLOSERS:
+            depth = max(0, depth - 1)
+        elif token.type == "STRING" and "\\" in token:
+            _check_escapes(token, file, diagnostics)
+        elif token.type == "_NL":
+            if result.tokens and result.tokens[-1].type == "_NL":  # a line that holds only a comment
+                first = result.tokens.pop()
+                token = first if ";" in first else token
+            if depth == 0:
+                safe = len(result.tokens)
+        result.tokens.append(token)
+    result.tokens.append(_end(result.tokens))
+    return result
+
+
+def _commented_lines(stream):
+    """Takes a line beginning with `#word` that is no colour for a comment, whatever else stands in it."""
+    skipped = 0
+    fresh = True
+    for token in stream:
+        if token.type == "_NL":
+            fresh, skipped = True, 0
+        elif skipped and token.line == skipped:
+            continue
+        elif fresh and token.type == "BAD_COLOR" and re.search("[g-zG-Z]", token):
+            skipped = token.line
+            token = Token.new_borrow_pos("HASH_COMMENT", token, token)
+        if token.type not in ("_NL", "COMMENT"):
+            fresh = False
+        yield token
+
+
+def _end(tokens: list[Token]) -> Token:
+    if not tokens:
+        return Token("$END", "", 0, 1, 1, 1, 1, 0)
+    last = tokens[-1]
+    return Token("$END", "", last.end_pos, last.end_line, last.end_column, last.end_line, last.end_column, last.end_pos)
+
+
+def _check_escapes(token: Token, file: str, diagnostics: Diagnostics) -> None:
+    for match in _ESCAPE.finditer(token):
+        if match[1] not in 'n"\\':
+            column = (token.column or 1) + match.start()
+            span = Span(file, token.line or 1, column, token.line or 1, column + 2)
+            hint = "write `/` in paths; a backslash is `\\\\`, a line end `\\n`"
+            diagnostics.error(f"a string has no `{match[0]}`", span, hint)
+            return
+
+
+def _open_string(token: Token, file: str, diagnostics: Diagnostics) -> Token:
+    diagnostics.error("this string is not closed", span_of(token, file), 'write `"` at its end')
+    text = str(token).rstrip("\\")
+    return Token.new_borrow_pos("STRING", text + '"', token)
+
+
+def _block_comment(token: Token, file: str, diagnostics: Diagnostics) -> ast.Comment:
+    span = span_of(token, file)
+    opening = Span(file, span.line, span.column, span.line, span.column + 2)
+    diagnostics.error("`/* … */` is no comment here", opening, "begin each line of a comment with `//`")
+    return ast.Comment(span, str(token).rstrip())
+
+
+def _hash_comment(token: Token, file: str, diagnostics: Diagnostics) -> ast.Comment:
+    span = span_of(token, file)
+    diagnostics.error("`#` begins no comment", Span(file, span.line, span.column, span.line, span.column + 1), "write `//`")
+    return ast.Comment(span, str(token).rstrip())
+
+
+def _bad_color(token: Token, file: str, diagnostics: Diagnostics) -> Token:
+    what = "has a letter that is no hexadecimal digit" if re.search("[g-zG-Z]", token) else f"has {_count(len(token) - 1, 'digit')}"
+    diagnostics.error(f"the colour `{token}` {what}", span_of(token, file), "a colour is #rgb or #rrggbb")
+    return Token.new_borrow_pos("COLOR", "#000", token)
+
+
+def _unknown(token: Token, file: str, diagnostics: Diagnostics) -> None:
+    char = str(token)
+    visible = char.isprintable() and not char.isspace()
+    shown = f"`{char}`" if visible else f"invisible character U+{ord(char):04X}"
+    hint = _INSTEAD.get(char, "" if visible else "delete it")
+    last = diagnostics.items[-1] if diagnostics.items else None
+    if last and last.span and last.span.line == token.line and last.hint == hint:
+        return  # the closing one of a pair, or one of a row
+    diagnostics.error(f"the language has no {shown}", span_of(token, file), hint)
+
+
+def _count(n: int, noun: str) -> str:
+    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
+
+
+_MISTAKES = {
+    "OPEN_STRING": _open_string,
+    "BLOCK_COMMENT": _block_comment,
+    "HASH_COMMENT": _hash_comment,
+    "BAD_COLOR": _bad_color,
+    "UNKNOWN": _unknown,
+}

@@ -1,0 +1,199 @@
+"""From text to syntax tree: the door of the front end, and how parsing goes on after an error."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from dataclasses import dataclass, field
+from typing import Any
+
+from lark import Token
+
+from ..diagnostics import Diagnostics, Span, in_order
+from . import ast, lexer, line_joining, syntax_errors
+from .ast_builder import BROKEN, MAX_DEPTH, TooDeep
+from .lalr_driver import Automaton, Unexpected, building
+from .trivia import Comments
+
+MAX_BYTES = 4_000_000
+MAX_ERRORS = 100  # syntax errors shown for a file
+
+
+def decode(data: bytes, name: str, diagnostics: Diagnostics) -> str | None:
+    """The text of a .scene file from its bytes: UTF-8, with or without a byte-order mark; lines end with `\\n`.
+
+    None, with a diagnostic, for what is too large or no text.
+    """
+    if len(data) > MAX_BYTES:
+        _too_large(len(data), name, diagnostics)
+        return None
+    if b"\0" in data:
+        diagnostics.error("this is a binary file, no scene", Span(name))
+        return None
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as e:
+        line = data.count(b"\n", 0, e.start) + 1
+        diagnostics.error(f"line {line} is not UTF-8 text (byte 0x{data[e.start]:02x})", Span(name), "save the file as UTF-8")
+        return None
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def parse(text: str, name: str, diagnostics: Diagnostics) -> ast.File:
+    """The syntax tree of `text`, shown as file `name` in spans. Never raises on input.
+
+    All syntax errors go into `diagnostics`, in order; an item with an error is left out, the others are there.
+    """
+    whole = Span(name)
+    if len(text) > MAX_BYTES:
+        _too_large(len(text), name, diagnostics)
+        return ast.File(whole, name, text, ())
+    found = Diagnostics()
+    scan = lexer.scan(text.removeprefix("\ufeff"), name, found)
+    stream = line_joining.lay_out(scan, name, found)
+    items, dangling, broken = _Parsing(stream, scan, name, found).run()
+    shown = in_order(found.items)
+    diagnostics.items.extend(shown[:MAX_ERRORS])
+    if len(shown) > MAX_ERRORS:
+        diagnostics.error(f"more than {MAX_ERRORS} syntax errors; the rest is not shown", whole)
+    return ast.File(whole, name, text, items, dangling, frozenset(broken))
+
+
+def _too_large(size: int, name: str, diagnostics: Diagnostics) -> None:
+    hint = "put large meshes and tables into files of their own"
+    diagnostics.error(f"the file has {size / 1e6:.1f} MB; a scene has {MAX_BYTES / 1e6:.0f} MB at most", Span(name), hint)
+
+
+@dataclass(slots=True)
+class _Level:
+    """A list of items being read: the file, or a block."""
+
+    depth: int  # brackets open around it
+    height: int  # of the parser's stack of values where its current item began
+    first: int  # token the current item begins with
+    broken: bool = False  # the current item has an error already
+
+
+@dataclass
+class _Parsing:
+    """Feeds lark token by token. On an error it takes back the current item and goes on at the next one."""
+
+    stream: list[Token]
+    scan: lexer.Scan
+    file: str
+    diagnostics: Diagnostics
+    broken: set[str] = field(default_factory=set)  # names that broken items would have bound
+
+    def run(self) -> tuple[tuple[ast.Item, ...], tuple[ast.Comment, ...], set[str]]:
+        lark = lexer.grammar()
+        with building(lark, self.file, Comments(self.scan.comments)) as made:
+            return self._run(Automaton(lark, made))
+
+    def _run(self, parser: Automaton) -> tuple[tuple[ast.Item, ...], tuple[ast.Comment, ...], set[str]]:
+        self.parser = parser
+        self.levels = [_Level(0, 0, 0)]
+        self.depths = _depths(self.stream)
+        self.wrong = sorted(self.scan.wrong)
+        i = 0
+        result: Any = ((), ())
+        while i < len(self.stream):
+            token = self.stream[i]
+            if self._drops_item(i):
+                i = self._recover(i)
+                continue
+            try:
+                result = self.parser.feed(token)
+            except Unexpected as e:
+                self._report(i, e.expected)
+                is_value = token == "{" and "NUMBER" in e.expected
+                i = self._recover(i, blocks=not is_value)
+            except TooDeep:
+                self._report_depth(i)
+                i = self._recover(i)
+            else:
+                self._follow(i)
+                i += 1
+        items, dangling = result or ((), ())
+        return items, dangling, self.broken
+
+    def _drops_item(self, i: int) -> bool:
+        """Whether the item that token `i` ends, if it does, has a mistake that was repaired: it is left out too."""
+        level, token = self.levels[-1], self.stream[i]
+        ends = token.type in ("_NL", "$END") or (token.type == "RBRACE" and self.depths[i] < level.depth)
+        if not ends or not self.wrong or i == level.first:
+            return False
+        first, last = self._wrong_between(level.first, i)
+        del self.wrong[first:last]
+        return first < last and not level.broken
+
+    def _wrong_between(self, first: int, last: int) -> tuple[int, int]:
+        """The range of `wrong` that lies in the tokens `first` to `last`."""
+        a, b = self.stream[first], self.stream[last]
+        start, end = (a.line or 1, a.column or 1), (b.end_line or 1, b.end_column or 1)
+        return bisect_left(self.wrong, start), bisect_left(self.wrong, end)
+
+    def _follow(self, i: int) -> None:
+        """Keeps account of the blocks and items token `i` opens and closes."""
+        level, token = self.levels[-1], self.stream[i]
+        if token.type == "LBRACE":
+            self.levels.append(_Level(self.depths[i] + 1, len(self.parser.values), i + 1))
+        elif token.type == "RBRACE":
+            self.levels.pop()
+        elif token.type == "_NL":
+            level.height, level.first, level.broken = len(self.parser.values), i + 1, False
+
+    def _recover(self, i: int, blocks: bool = True) -> int:
+        """Takes back the current item and skips the rest of it, up to a block of its own whose items can still be read."""
+        level = self.levels[-1]
+        level.broken = True
+        self._remember_names(level)
+        del self.parser.values[level.height :], self.parser.states[level.height + 1 :]
+        while i < len(self.stream):
+            token, depth = self.stream[i], self.depths[i]
+            if token.type == "$END" or (token == "}" and depth < level.depth):
+                return i
+            if depth == level.depth and token.type == "_NL":
+                level.first, level.broken = i + 1, False
+                return i + 1
+            if blocks and depth == level.depth and token == "{":
+                self.parser.feed(Token("NAME", BROKEN, token.start_pos, token.line, token.column, token.line, token.column))
+                return i
+            i += 1
+        return i
+
+    def _remember_names(self, level: _Level) -> None:
+        item = self.stream[level.first : level.first + 4]
+        if len(item) < 2:
+            return
+        if item[0] in ("let", "param") and item[1].type == "NAME":
+            self.broken.add(str(item[1]))
+        elif item[0] == "use":
+            named = item[3] if len(item) > 3 and item[2] == "as" else item[1]
+            self.broken.add(str(named).strip('"').rsplit("/", 1)[-1].rsplit(".", 1)[0])
+
+    def _report(self, i: int, expected: set[str]) -> None:
+        if not self._is_known(i):
+            place = syntax_errors.Place(self.stream, i, self.levels[-1].first, expected)
+            message, hint, at = syntax_errors.explain(place)
+            self.diagnostics.error(message, lexer.span_of(at, self.file), hint)
+
+    def _report_depth(self, i: int) -> None:
+        if not self._is_known(i):
+            span = lexer.span_of(self.stream[self.levels[-1].first], self.file)
+            message = f"operators, calls and blocks more than {MAX_DEPTH} deep"
+            self.diagnostics.error(message, span, "give parts of it a name with `let`; add up long lists with `fold`")
+
+    def _is_known(self, i: int) -> bool:
+        """Whether a mistake in the current item is reported already."""
+        level = self.levels[-1]
+        first, last = self._wrong_between(level.first, i)
+        return level.broken or first < last
+
+
+def _depths(stream: list[Token]) -> list[int]:
+    """For each token how many brackets are open around it; an opener and its closer count as outside."""
+    depths, depth = [], 0
+    for text in map(str, stream):
+        depth -= text in lexer.CLOSERS
+        depths.append(depth)
+        depth += text in lexer.OPENERS
+    return depths

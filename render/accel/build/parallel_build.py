@@ -1,0 +1,230 @@
+"""Binary trees over boxes grown by threads: each takes what is to be divided, or a part to grow whole, until nothing is left.
+
+What is divided brings two more to take. All that happens in one call a thread: those that go back to Python in between wait there for
+each other's locks. The tree is the same whoever does what.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import wide_collapse, binned_sah
+from ... import simd
+from ...jit import thread_pool
+from ...simd.atomics import released, seen, taken
+from .binned_sah import Halves
+from ...jit.packed_struct import Handle
+from ...jit.kernel import apart, helper, kernel, maker
+from ...jit.arena import Scratch
+
+STEP = 0.3  # what going down a level of the binary tree costs, against the test of a leaf
+PART = 4096  # items that are grown in one go: what is chosen of them stays in the cache
+_PIECE = 8192  # items whose boxes are found in one go
+_PATIENCE = 300_000  # looks after which a thread that waits lets others have its core
+_PAUSE = 2e-5  # seconds for which it does
+NODE, FREE, LEVEL, BELOW, NODES, LEAVES = range(6)  # columns of `tasks`
+BEGUN, ENDED, MADE, TAKEN, LEFT, COLLAPSED = (8 * k for k in range(6))  # in `counters`, a cache line each
+
+
+class Mesh(NamedTuple):
+    """Triangles as they are given, or none."""
+
+    positions: NDArray[np.float32]
+    triangles: NDArray[np.int32]
+
+
+class Growth(NamedTuple):
+    """A binary tree, how its nodes share out children, and what threads need that grow it."""
+
+    mesh: Mesh
+    tree: Halves
+    share: NDArray[np.uint8]  # see choice.empty
+    width: int  # items of a leaf
+    around: NDArray[np.float32]  # (pieces, 2, 8) box and span of each piece of the items; none where those of all are known
+    tasks: NDArray[np.int64]
+    """(m, 8): a node, the place from which on its halves stand, how many levels down it is, the task of its first half (before that of the
+    second; 0: it is a part), and how many nodes and leaves the part's wide tree has."""
+    cost: NDArray[np.float32]  # (m,) of parts
+    ready: NDArray[np.int64]  # (m,) whether a task may be taken
+    counters: NDArray[np.int64]  # pieces begun and ended, tasks made and taken, items of which no part has been grown yet; wide.collapse's
+    parts: NDArray[np.int64]  # (m, 3) binary roots, rising, with their first nodes and leaves in the whole; what is above parts is one, too
+    sizes: NDArray[np.int64]  # (3,) how many parts, nodes and leaves there are
+
+
+def bytes_of(n: int) -> int:
+    """The memory that a tree over n items is grown in, at most."""
+    return n * (3 * 8 * 4 + 3 * 2 * 4 + 2 * wide_collapse.WIDTH) + 8 * simd.CACHE_LINE
+
+
+def of_mesh(mesh: Mesh, threads: int, memory: Scratch) -> Handle:
+    """The Growth of a tree over a mesh's triangles."""
+    return _grown(_empty(mesh, len(mesh.triangles), memory), threads)
+
+
+def of_items(items: NDArray[np.float32], around: NDArray[np.float32], threads: int, memory: Scratch) -> Handle:
+    """The Growth of a tree over items (n, 8), each a leaf, with what is `around` them (2, 8)."""
+    growth = _empty(Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)), len(items), memory)
+    growth.tree.items[:], growth.tree.boxes[:2], growth.ready[0] = items, around, 1
+    return _grown(growth, threads)
+
+
+def _empty(mesh: Mesh, n: int, memory: Scratch) -> Growth:
+    found = len(mesh.triangles)
+    most = 2 * (n // PART) * (binned_sah.DEEPEST + n.bit_length()) + 1  # no level has more than n // PART nodes to divide
+    growth = Growth(
+        mesh, binned_sah.empty(n, memory), wide_collapse.empty(n, memory), wide_collapse.WIDTH if found else 1,
+        np.empty((-(-found // _PIECE), 2, 8), np.float32), np.zeros((most, 8), np.int64), np.empty(most, np.float32),
+        np.zeros(most, np.int64), np.zeros(6 * 8, np.int64), np.empty((most + 1, 3), np.int64), np.empty(3, np.int64),
+    )  # fmt: skip
+    growth.tasks[0, FREE], growth.counters[MADE], growth.counters[LEFT] = 1, 1, n
+    growth.tree.first[0], growth.tree.count[0] = 0, n
+    return growth
+
+
+def _grown(growth: Growth, threads: int) -> Handle:
+    shared = Handle(growth)
+
+    def work(_: int) -> None:
+        mine = np.full(1, -1)
+        try:
+            while not take_part(shared, mine):
+                time.sleep(_PAUSE)
+        except BaseException:
+            growth.counters[LEFT] = 0  # or others would wait for what never comes
+            raise
+
+    threads = min(threads, -(-len(growth.tree.items) // PART))
+    thread_pool.on_threads(work, range(threads), threads)
+    return shared
+
+
+@kernel
+def take_part(growth, mine):
+    """Do what there is to do until nothing is left: True; or while others do all there is: False.
+
+    `mine` is the task that this thread waits for, -1 if none.
+    """
+    _find_boxes(growth)
+    counters, ready, looks = growth.counters, growth.ready, 0
+    room, cost = binned_sah.room(), np.empty(2 * PART * wide_collapse.ROW, np.float32)
+    stack, children = np.empty(wide_collapse.DEPTH, np.int64), np.empty((wide_collapse.WIDTH, 2), np.int64)
+    while seen(counters, LEFT) > 0:
+        if mine[0] < 0:
+            mine[0] = taken(counters, TAKEN, 1)
+        k = mine[0]
+        if k >= len(ready) or seen(ready, k) == 0:
+            looks += 1
+            if looks > _PATIENCE:
+                return False
+            continue
+        mine[0], looks = -1, 0
+        node, n = growth.tasks[k, NODE], np.int64(growth.tree.count[growth.tasks[k, NODE]])
+        end = binned_sah.grow(
+            growth.tree, node, growth.tasks[k, FREE], growth.tasks[k, LEVEL], growth.width, np.float32(STEP), n > PART, room
+        )
+        if n > PART:
+            _hand_on(growth, k)
+        elif _choose(growth, k, end, cost, stack, children) == n:
+            _arrange(growth, stack, children)
+    return True
+
+
+@helper
+def _find_boxes(growth: Any) -> None:
+    """Set the boxes of triangles as halves.py wants them, piece by piece; the last one to do so makes the root a task."""
+    around, counters = growth.around, growth.counters
+    pieces = len(around)
+    while pieces > 0:
+        k = taken(counters, BEGUN, 1)
+        if k >= pieces:
+            break
+        _find_boxes_of(growth.mesh, growth.tree.items, k, around)
+        if taken(counters, ENDED, 1) == pieces - 1:
+            for j in range(2):
+                box = simd.f32x8(np.inf)
+                for piece in range(pieces):
+                    box = simd.minimum(box, simd.load(around, piece * 16 + j * 8, 8))
+                simd.store(growth.tree.boxes, j * 8, box)
+            released(growth.ready, 0)
+
+
+@helper
+def _find_boxes_of(mesh: Any, items: Any, piece: int, around: Any) -> None:
+    """Those of one piece, and the box and the span of all of them."""
+    whole, span = simd.f32x8(np.inf), simd.f32x8(np.inf)
+    xyz = simd.iota(simd.i32x4(0)) < 3
+    for i in range(piece * _PIECE, min((piece + 1) * _PIECE, len(mesh.triangles))):
+        a = simd.masked_load(mesh.positions, np.int64(mesh.triangles[i, 0]) * 3, xyz)
+        b = simd.masked_load(mesh.positions, np.int64(mesh.triangles[i, 1]) * 3, xyz)
+        c = simd.masked_load(mesh.positions, np.int64(mesh.triangles[i, 2]) * 3, xyz)
+        low, high = simd.minimum(a, simd.minimum(b, c)), simd.maximum(a, simd.maximum(b, c))
+        low = simd.with_lane(low, binned_sah.NUMBER, simd.bits_float(np.int32(i | binned_sah.TAG)))
+        high = simd.with_lane(simd.f32x4(0.0) - high, binned_sah.COUNT - 4, np.float32(1.0))
+        box = simd.joined(low, high)
+        simd.store(items, i * 8, box)
+        whole, span = simd.minimum(whole, box), simd.minimum(span, binned_sah.middle_of(box))
+    simd.store(around, piece * 16, whole)
+    simd.store(around, piece * 16 + 8, span)
+
+
+@helper
+def _hand_on(growth: Any, k: int) -> None:
+    """Make tasks of the halves of a task's node."""
+    tasks, slot = growth.tasks, taken(growth.counters, MADE, 2)
+    second = np.int64(growth.tree.second[tasks[k, NODE]])
+    tasks[k, BELOW] = slot
+    for j in range(2):
+        tasks[slot + j, NODE], tasks[slot + j, FREE] = second - 1 + j, second + 1 if j else tasks[k, FREE]
+        tasks[slot + j, LEVEL] = tasks[k, LEVEL] + 1
+        released(growth.ready, slot + j)
+
+
+@helper
+def _choose(growth: Any, k: int, end: int, cost: Any, stack: Any, children: Any) -> int:
+    """Choose what is kept of a part that has been grown; how many items were left before that."""
+    tree, share, tasks = growth.tree, growth.share, growth.tasks
+    node = tasks[k, NODE]
+    wide_collapse.choose(tree, share, node, tasks[k, FREE], end, growth.width, cost)
+    tasks[k, NODES], tasks[k, LEAVES] = wide_collapse.counted(tree, share, node, stack, children)
+    growth.cost[k] = wide_collapse.cost_of(cost, 0)
+    if k > 0:
+        wide_collapse.set_apart(share, node)
+    return taken(growth.counters, LEFT, -np.int64(tree.count[node]))
+
+
+@apart
+def _arrange(growth: Any, stack: Any, children: Any) -> None:
+    """Choose what is kept above the parts, and say where those stand: behind that, one behind the other."""
+    tree, share, tasks, parts = growth.tree, growth.share, growth.tasks, growth.parts
+    made = node = leaf = 0
+    if tasks[0, BELOW] > 0:
+        _choose_above(growth)
+        parts[0, 0], parts[0, 1], parts[0, 2] = 0, 0, 0
+        made, node = 1, wide_collapse.counted(tree, share, 0, stack, children)[0]
+    stack[0], top = 0, 1
+    while top > 0:
+        top -= 1
+        k = stack[top]
+        if tasks[k, BELOW] > 0:
+            stack[top], stack[top + 1] = tasks[k, BELOW] + 1, tasks[k, BELOW]
+            top += 2
+            continue
+        parts[made, 0], parts[made, 1], parts[made, 2] = tasks[k, NODE], node, leaf
+        made, node, leaf = made + 1, node + tasks[k, NODES], leaf + tasks[k, LEAVES]
+    growth.sizes[0], growth.sizes[1], growth.sizes[2] = made, node, leaf
+
+
+@maker
+def _choose_above(growth: Any) -> None:
+    tasks, made = growth.tasks, growth.counters[MADE]
+    cost = np.empty(made * wide_collapse.ROW, np.float32)
+    for k in range(made - 1, -1, -1):  # halves were made tasks after what they are of
+        below = tasks[k, BELOW]
+        if below == 0:
+            wide_collapse.set_cost(cost, k, growth.cost[k])
+        else:
+            wide_collapse.share_out(growth.tree, growth.share, tasks[k, NODE], cost, k, below, below + 1)

@@ -1,0 +1,113 @@
+"""The tree over instances: nodes as those of a mesh's tree, in a frame in which all things lie between -1 and 1.
+
+Its shape comes from growing.py and choice.py; which boxes lie around what is computed afterwards from the instances' own. Planes are
+single precision and moved out by what that does to them and to a ray, a two-millionth of the scene. Where that would be much for most
+things, the few that make the scene so wide stay outside of the tree (`too_large`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import binned_sah, wide_bvh
+from ... import simd
+from ...jit.kernel import helper, kernel
+from ...types import Vec
+from .wide_bvh import EMPTY, NODE, WIDTH
+
+SLACK = 2.0**-21  # by which boxes grow in the tree's frame: three roundings of planes and origins to float32, and four more
+_FEW = 8  # things that may stay outside of the tree
+_SMALL, _LARGE = 32.0 * SLACK, 0.25  # shares of the whole: of what is small beside the slack, and of what is large beside all others
+
+
+class Top(NamedTuple):
+    """A link is a node's number, ~ an instance's, or `EMPTY`; the root is node 0. Without nodes there is nothing."""
+
+    nodes: NDArray[np.float32]  # (n, NODE) as those of wide.Wide, in the tree's frame
+    links: NDArray[np.int32]  # (n, WIDTH); nodes come before their children
+    frame: NDArray[np.float64]  # (4,) the world's point at its origin, and its unit of length in the world, inverse: a power of two
+
+
+def too_large(boxes: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(n,) which of things with boxes (n, 6) make the tree's slack much for most of the others; none where there are many such."""
+    if len(boxes) <= WIDTH:
+        return np.zeros(len(boxes), np.bool_)
+    size = (boxes[:, 3:] - boxes[:, :3]).max(axis=1)
+    whole = (boxes[:, 3:].max(axis=0) - boxes[:, :3].min(axis=0)).max()
+    large = size > _LARGE * whole
+    return large if np.median(size) < _SMALL * whole and np.count_nonzero(large) <= _FEW else np.zeros(len(boxes), np.bool_)
+
+
+@helper
+def local(top: Any, o: Vec, d: Vec) -> tuple[Vec, Vec]:
+    """Rays in a tree's frame; distances along them stay what they are."""
+    x, y, z, scale = top.frame[0], top.frame[1], top.frame[2], top.frame[3]
+    return ((o[0] - x) * scale, (o[1] - y) * scale, (o[2] - z) * scale), (d[0] * scale, d[1] * scale, d[2] * scale)
+
+
+def build(boxes: NDArray[np.float64], instances: NDArray[np.int32], threads: int = 0) -> Top:
+    """The tree over instances with finite boxes, rows (instances, 6) of the whole scene's; the same on any number of threads (0: all)."""
+    n = len(instances)
+    links = np.full((1 if n else 0, WIDTH), EMPTY, np.int32)
+    if n <= WIDTH:
+        links[:, :n] = ~instances
+    else:
+        numbers = _links(boxes[instances], threads)
+        links = np.where(numbers > EMPTY, np.where(numbers < 0, ~instances[np.minimum(~numbers, n - 1)], numbers), EMPTY).astype(np.int32)
+    top = Top(simd.aligned_empty((len(links), NODE), np.float32), links, np.array([0.0, 0.0, 0.0, 1.0]))
+    if n:
+        refit(top, boxes)
+    return top
+
+
+def _links(boxes: NDArray[np.float64], threads: int) -> NDArray[np.int32]:
+    low, high = boxes[:, :3], boxes[:, 3:]
+    middle = 0.5 * low.min(axis=0) + 0.5 * high.max(axis=0)
+    size = float(np.abs(boxes - np.tile(middle, 2)).max()) or 1.0
+    items = simd.paged_empty((len(boxes), 8), np.float32)
+    items[:, :3], items[:, 4:7], items[:, binned_sah.COUNT] = (low - middle) / size, (middle - high) / size, 1.0
+    items.view(np.int32)[:, binned_sah.NUMBER] = np.arange(len(boxes)) | binned_sah.TAG
+    return wide_bvh.links(items, binned_sah.around(items), threads)
+
+
+def refit(top: Top, boxes: NDArray[np.float64]) -> None:
+    """Fit the nodes around the boxes (instances, 6) that things have now; the tree's shape stays."""
+    inside = boxes[~top.links[(top.links < 0) & (top.links > EMPTY)]]
+    low, high = inside[:, :3].min(axis=0), inside[:, 3:].max(axis=0)
+    middle = 0.5 * low + 0.5 * high
+    top.frame[:3] = middle
+    top.frame[3] = math.ldexp(1.0, -math.frexp(float(np.maximum(middle - low, high - middle).max()))[1])
+    local = ((boxes.reshape(-1, 2, 3) - middle) * top.frame[3]).reshape(-1, 6)
+    if len(top.links) > 1:
+        enclose(top.nodes, top.links, local)
+        return
+    there = top.links[0] > EMPTY
+    planes = top.nodes[0].reshape(3, 2, WIDTH)
+    planes[:, 0], planes[:, 1] = np.inf, -np.inf
+    planes[..., there] = local[~top.links[0, there]].reshape(-1, 2, 3).transpose(2, 1, 0)
+    planes[:, 0] -= np.float32(SLACK)
+    planes[:, 1] += np.float32(SLACK)
+
+
+@kernel
+def enclose(nodes, links, boxes):
+    """Set all nodes' planes, from the last node to the first."""
+    around = np.empty((len(links), 6))
+    for node in range(len(links) - 1, -1, -1):
+        for k in range(3):
+            around[node, k], around[node, 3 + k] = np.inf, -np.inf
+        for i in range(links.shape[1]):
+            link = links[node, i]
+            for k in range(3):
+                low, high = np.inf, -np.inf
+                if link >= 0:
+                    low, high = around[link, k], around[link, 3 + k]
+                elif link > EMPTY:
+                    low, high = boxes[~link, k], boxes[~link, 3 + k]
+                nodes[node, 2 * k * WIDTH + i], nodes[node, (2 * k + 1) * WIDTH + i] = low - SLACK, high + SLACK
+                around[node, k] = min(around[node, k], low)
+                around[node, 3 + k] = max(around[node, 3 + k], high)

@@ -1,0 +1,247 @@
+"""What a ray meets: `closest` and `occluded`, by brute force in numpy and by the trees of bvh.py in kernels.
+
+Both give the same answer. Rays go to a shape's own frame without being normalised, so that t stays what it was; of hits at
+the same t the lowest instance wins, then the lowest primitive. Where a surface's opacity is 0 it is not met; where it is less than 1
+it is, and to a shadow ray it is a share of light that passes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+from numba.extending import overload
+
+from ...compiler import ir
+from ...compiler.plan import plan as planner
+from ..geometry import analytic_shapes, instance_transform
+from ..jit.kernel import HELPER
+from ..lanes import crosslane, ops
+from ..surface import alpha, interaction
+from ..types import Hit, Lane, Ray, Vec
+from .traverse import motion_alpha, shape_hit, two_level
+
+CHUNK = 1 << 17  # ray–triangle pairs tested at a time: bounds memory to a few dozen MB
+MESH = int(ir.GeometryKind.MESH)
+SHADOW = int(ir.Visibility.SHADOW)
+
+
+class Brute(NamedTuple):
+    """The accelerator that is none: every instance and every triangle is tried."""
+
+
+def closest(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, visible_bit: Lane) -> Hit:
+    """The first thing along each active ray that has one of `visible_bit` in Instances.visible; instance -1 where none."""
+    rays, active = _flat(ray, active)
+    n = len(active)
+    partial = planner.partial(tables)[tables.instances.material]
+    t, instance, primitive = np.full(n, np.inf), np.full(n, -1), np.full(n, -1)
+    u, v = np.zeros(n), np.zeros(n)
+    with np.errstate(all="ignore"):
+        for i in range(len(tables.instances.geometry)):
+            lane = np.flatnonzero(active & ((tables.instances.visible[i] & visible_bit) != 0))
+            if len(lane) == 0:
+                continue
+            found = _meet(tables, i, _rows(rays, lane), partial[i])[0]
+            nearer = found.t < t[lane]
+            lane = lane[nearer]
+            t[lane], instance[lane], primitive[lane] = found.t[nearer], i, found.primitive[nearer]
+            u[lane], v[lane] = found.u[nearer], found.v[nearer]
+    return Hit(t, instance, primitive, u, v)
+
+
+def occluded(accel: Any, tables: ir.Tables, ray: Ray, active: Lane) -> Lane:
+    """Whether something that casts shadows keeps all light from passing between t_min and t_max; False where not active."""
+    return np.ravel(active) & (let_through(accel, tables, ray, active) <= 0.0)
+
+
+def let_through(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, visible_bit: int = SHADOW) -> Lane:
+    """The share of light, 0 to 1, that passes what has `visible_bit`, what casts shadows, between t_min and t_max; 1 where not active."""
+    rays, active = _flat(ray, active)
+    share = np.ones(len(active))
+    partial = planner.partial(tables)[tables.instances.material]
+    with np.errstate(all="ignore"):
+        for i in np.flatnonzero(tables.instances.visible & visible_bit):
+            lane = np.flatnonzero(active & (share > 0.0))
+            if len(lane):
+                share[lane] *= _meet(tables, int(i), _rows(rays, lane), partial[i], through=True)[1]
+    return share
+
+
+def dimmed(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, given: Vec, visible_bit: int = SHADOW) -> Vec:
+    """What of `given` passes what has `visible_bit` between t_min and t_max; nothing where not active."""
+    return ops.scale(given, np.where(active, let_through(accel, tables, ray, active, visible_bit), 0.0))
+
+
+def _flat(ray: Ray, active: Lane) -> tuple[np.ndarray, np.ndarray]:
+    """Rays as (9, n): origin, direction, t_min, t_max, time (NaN: none)."""
+    columns = np.broadcast_arrays(*ray.origin, *ray.direction, ray.t_min, ray.t_max, np.nan if ray.time is None else ray.time, active)
+    return np.stack([np.ravel(c) for c in columns[:9]]).astype(np.float64), np.ravel(columns[9]).astype(bool)
+
+
+def _rows(rays: np.ndarray, lane: np.ndarray) -> Ray:
+    x, y, z, dx, dy, dz, t_min, t_max, time = rays[:, lane]
+    return Ray((x, y, z), (dx, dy, dz), t_min, t_max, None if np.isnan(time).any() else time)
+
+
+def _meet(tables: ir.Tables, i: int, ray: Ray, partial: bool, through: bool = False) -> tuple[Hit, np.ndarray]:
+    """The first meeting of each ray with instance i, and the share of light that passes it; of things that are `partial` the
+    share is that of all meetings if `through`."""
+    geometry, row = tables.instances.geometry[i], tables.instances.transform[i]
+    inverse = instance_transform.at(tables, row, ray.time).inverse
+    o, d = ops.point_by(inverse, ray.origin), ops.vector_by(inverse, ray.direction)
+    kind = tables.geometries.kind[geometry]
+
+    def cover(rows: np.ndarray, t: np.ndarray, primitive: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """How much of the surface is there where rays `rows` meet it."""
+        one = Ray(_some(ray.origin, rows), _some(ray.direction, rows), 0.0, np.inf, None if ray.time is None else ray.time[rows])
+        return alpha.at(tables, interaction.at(tables, one, Hit(t, np.full(len(rows), i), primitive, u, v)))
+
+    if kind == MESH:
+        return _meet_mesh(tables, geometry, Ray(o, d, ray.t_min, ray.t_max), cover if partial else None)
+    t_min, share = ray.t_min, np.ones(len(ray.t_min))
+    while True:
+        t, part, u, v, onward = _meet_shape(tables, int(kind), int(geometry), Ray(o, d, t_min, ray.t_max))
+        zero = np.zeros(len(t))
+        if not partial:
+            return Hit(t, zero, part, u, v), np.where(t < np.inf, 0.0, share)
+        met = np.flatnonzero(t < np.inf)
+        there = np.zeros(len(t))
+        there[met] = cover(met, t[met], part[met], u[met], v[met])
+        share = share * (1.0 - there)
+        on = (t < np.inf) & ((share > 0.0) if through else (there == 0.0))
+        if not on.any():
+            return Hit(t, zero, part, u, v), share
+        t_min = np.where(on, onward, np.where(t < np.inf, t_min, np.inf))
+
+
+def _meet_shape(tables: ir.Tables, kind: int, g: int, ray: Ray) -> tuple[np.ndarray, ...]:
+    """(t, primitive, u, v, where the next meeting may be) of rays in the frame of a shape that is no mesh."""
+    geometries, zero = tables.geometries, np.zeros(len(ray.t_min))
+    if kind != shape_hit.FORMULA:
+        t, part = analytic_shapes.intersect(kind, geometries.parameters, g, ray.origin, ray.direction, ray.t_min, ray.t_max)
+        return t, part + 0 * zero.astype(np.int64), zero, zero, t
+    from ..formula import numpy_reference, scene_surfaces  # by the definition
+
+    tape, parameters = scene_surfaces.tape_of(tables, g), geometries.parameters[g]
+    found = numpy_reference.meet(tape, parameters, geometries.bounds[g], ray.origin, ray.direction, ray.t_min, ray.t_max)
+    t, spacing, u, v, _ = found
+    return t, spacing, u, v, shape_hit.after(parameters[5], ray.direction, t, spacing)
+
+
+def beyond(tables: ir.Tables, ray: Ray, hit: Hit) -> np.ndarray:
+    """Where rays that pass what they met may meet the next thing, in the reference; see aside.shown."""
+    onward = np.array(hit.t, float)
+    geometry = tables.instances.geometry[np.maximum(hit.instance, 0)]
+    formulas = (hit.instance >= 0) & (tables.geometries.kind[geometry] == shape_hit.FORMULA)
+    for i in np.unique(hit.instance[formulas]):
+        rows, g = np.flatnonzero(hit.instance == i), int(tables.instances.geometry[i])
+        inverse = instance_transform.at(tables, tables.instances.transform[i], None if ray.time is None else ray.time[rows]).inverse
+        d = ops.vector_by(inverse, _some(ray.direction, rows))
+        onward[rows] = shape_hit.after(tables.geometries.parameters[g, 5], d, onward[rows], hit.primitive[rows])
+    return onward
+
+
+def _some(v: Vec, rows: np.ndarray) -> Vec:
+    return v[0][rows], v[1][rows], v[2][rows]
+
+
+def _meet_mesh(tables: ir.Tables, g: int, ray: Ray, cover: Callable[..., np.ndarray] | None) -> tuple[Hit, np.ndarray]:
+    """The first meeting of each ray with a mesh, and the share of light that passes it: all pairs, a chunk at a time."""
+    geometries, pools = tables.geometries, tables.pools
+    first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
+    corners = pools.positions[pools.triangles[first : first + count]].astype(np.float64)
+    origin = ops.sub(ray.origin, tuple(geometries.origin[g]))
+    n = len(ray.t_min)
+    best, share = Hit(np.full(n, np.inf), np.full(n, -1), np.full(n, -1), np.zeros(n), np.zeros(n)), np.ones(n)
+    step = max(1, CHUNK // max(count, 1))
+    for start in range(0, n if count else 0, step):
+        part = slice(start, start + step)
+        o, d = _column(origin, part), _column(ray.direction, part)
+        a, b, c = ((corners[:, k, 0], corners[:, k, 1], corners[:, k, 2]) for k in range(3))
+        t, u, v = analytic_shapes.triangle(a, b, c, o, d, ray.t_min[part, None], ray.t_max[part, None])
+        if cover is not None:
+            row, face = np.nonzero(t < np.inf)
+            there = cover(start + row, t[row, face], first + face, u[row, face], v[row, face])
+            np.multiply.at(share, start + row, 1.0 - there)
+            t[row[there == 0.0], face[there == 0.0]] = np.inf
+        k = np.argmin(t, axis=1)[:, None]
+        best.t[part], best.primitive[part] = np.take_along_axis(t, k, 1)[:, 0], first + k[:, 0]
+        best.u[part], best.v[part] = np.take_along_axis(u, k, 1)[:, 0], np.take_along_axis(v, k, 1)[:, 0]
+    return best, share if cover is not None else np.where(best.t < np.inf, 0.0, 1.0)
+
+
+def _column(v: Vec, part: slice) -> Vec:
+    return v[0][part, None], v[1][part, None], v[2][part, None]
+
+
+def find(accel: Any, ray: Ray, active: Lane, visible_bit: int, any_hit: bool) -> Hit:
+    """What a search through the trees finds, in kernels."""
+    raise NotImplementedError
+
+
+@overload(find, jit_options=HELPER)
+def _find_in_kernels(accel, ray, active, visible_bit, any_hit):
+    if motion_alpha.moves(accel) and not isinstance(ray.types[ray.fields.index("time")], types.NoneType):
+
+        def at_its_time(accel, ray, active, visible_bit, any_hit):
+            return motion_alpha.find_moving(  # pyright: ignore[reportCallIssue]
+                accel.aside.moving.address,
+                (accel, ray.origin, ray.direction, ray.t_min, ray.t_max, active, np.int64(visible_bit), any_hit, ray.time),
+            )
+
+        return at_its_time
+
+    def through_trees(accel, ray, active, visible_bit, any_hit):
+        return two_level.find(  # pyright: ignore[reportCallIssue]
+            accel.search, (accel, ray.origin, ray.direction, ray.t_min, ray.t_max, active, np.int64(visible_bit), any_hit)
+        )
+
+    return through_trees
+
+
+@overload(closest, jit_options=HELPER)
+def _closest_kernel(accel, tables, ray, active, visible_bit):
+    if not crosslane.is_mask(active):
+        return None
+    return lambda accel, tables, ray, active, visible_bit: find(accel, ray, active, visible_bit, False)
+
+
+@overload(occluded, jit_options=HELPER)
+def _occluded_kernel(accel, tables, ray, active):
+    if not crosslane.is_mask(active):
+        return None
+    return lambda accel, tables, ray, active: find(accel, ray, active, SHADOW, True).instance >= 0
+
+
+@overload(let_through, jit_options=HELPER)
+def _let_through_kernel(accel, tables, ray, active, visible_bit=SHADOW):
+    if not crosslane.is_mask(active):
+        return None
+
+    def by_opacity(accel, tables, ray, active, visible_bit=SHADOW):
+        found = find(accel, ray, active, visible_bit, True)
+        return ops.where(found.instance >= 0, 0.0, found.u)
+
+    def in_full(accel, tables, ray, active, visible_bit=SHADOW):
+        return ops.where(find(accel, ray, active, visible_bit, True).instance >= 0, 0.0, 1.0)
+
+    return by_opacity if motion_alpha.asks(accel) else in_full
+
+
+@overload(dimmed, jit_options=HELPER)
+def _dimmed_kernel(accel, tables, ray, active, given, visible_bit=SHADOW):
+    if not crosslane.is_mask(active):
+        return None
+
+    def by_opacity(accel, tables, ray, active, given, visible_bit=SHADOW):
+        return ops.scale(given, ops.where(active, let_through(accel, tables, ray, active, visible_bit), 0.0))
+
+    def in_full(accel, tables, ray, active, given, visible_bit=SHADOW):
+        zero = ops.full_like(given[0], 0.0)
+        met = find(accel, ray, active, visible_bit, True).instance >= 0
+        return ops.where3(active & ops.not_(met), given, (zero, zero, zero))
+
+    return by_opacity if motion_alpha.asks(accel) else in_full

@@ -1,0 +1,5 @@
+"""BVH traversal: single rays, interleaved rays, packets.
+
+May import: render.geometry, formula, surface, accel.build.
+Begin with `two_level.py`.
+"""

@@ -1,0 +1,90 @@
+"""Where rays meet one shape that is no mesh, in kernels: by its closed form, or, of a formula, by what `link` told the trees of."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import types
+
+from ....compiler import ir
+from ...formula.tables import MET, TORUS
+from ...geometry import analytic_shapes
+from ...jit.function_pointer import FLOAT, INT, VEC, Answering, Promised
+from ...jit.kernel import helper
+from ...jit.packed_struct import Handle
+from ...lanes import crosslane, ops
+from ...types import Lane, Vec
+
+FORMULA = int(ir.GeometryKind.FORMULA)
+AFTER = 8.0 * 2.0**-52  # of the largest coordinate and for each unit of a meeting's spacing: how far on the next meeting may be
+
+
+def link(accel: Handle) -> None:
+    """Compile or load what meets formula surfaces, and rare shapes, where a scene has any; others do neither."""
+    if (accel.tables.placed[:, 3] > analytic_shapes.PLANE).any():
+        accel.put("rare", rare.link(accel.part("parameters"), types.int64, types.int64, VEC, VEC, FLOAT, FLOAT))
+    if len(accel.tables.forms.places):
+        accel.put("meet", _formulas(accel))
+
+
+def _formulas(accel: Handle) -> int:
+    """The address of what meets formula surfaces: of the two ways, what there are surfaces for."""
+    parts, given = accel.tables.forms.parts, (accel.part("forms"), types.int64, VEC, VEC, FLOAT, FLOAT)
+    closed = parts.places[:, 1] > 0
+    if not closed.any():
+        from ...formula import intersect
+
+        return intersect.meet.link(*given)
+    from ...formula import closed_form_hits
+
+    if (parts.kinds >= TORUS).any():
+        parts.ways[2] = closed_form_hits.crossings.link(accel.part("forms.parts.numbers"), types.int64, VEC, VEC)
+    parts.ways[0] = closed_form_hits.met.link(*given)
+    if closed.all():
+        return int(parts.ways[0])
+    from ...formula import intersect
+
+    parts.ways[1] = intersect.meet.link(*given)
+    return closed_form_hits.either.link(*given)
+
+
+def _rare(parameters, kind, g, o, d, t_min, t_max):
+    t, part = analytic_shapes.rare(kind, parameters, g, o, d, t_min, t_max)
+    return t, ops.int_like(t, 0) + part
+
+
+call_meet = Promised(MET).call
+rare = Answering(_rare, (FLOAT, INT))
+call_rare = rare.call
+
+
+@helper
+def shape(accel: Any, kind: int, g: int, o: Vec, d: Vec, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane, Lane, Lane]:
+    """(t, primitive, u, v) of the first meeting of rays with shape g in its own frame, as records.Hit has them."""
+    zero = ops.full_like(t_min, 0.0)
+    if kind == FORMULA:
+        t, spacing, u, v, _ = call_meet(accel.meet, (accel.forms, np.int64(g), o, d, t_min, t_max))  # pyright: ignore[reportCallIssue]
+        return t, spacing, u, v
+    if kind > analytic_shapes.PLANE:
+        t, part = call_rare(accel.rare, (accel.parameters, np.int64(kind), np.int64(g), o, d, t_min, t_max))  # pyright: ignore[reportCallIssue]
+        return t, part, zero, zero
+    t, part = analytic_shapes.usual(kind, accel.parameters, g, o, d, t_min, t_max)
+    return t, ops.int_like(zero, 0) + part, zero, zero
+
+
+@helper
+def formula(accel: Any, g: int, o: Vec, d: Vec, t_min: Any, t_max: Any) -> tuple[Any, Any, Any, Any, Any]:
+    """(t, primitive, u, v, where the next meeting may be) of the first meeting of one ray, of numbers, with a formula's surface."""
+    zero = 0.0 * ops.to_float(crosslane.numbered(0))
+    way, begin = ops.like3(zero, d[0], d[1], d[2]), ops.full_like(zero, t_min)
+    start, end = ops.like3(zero, o[0], o[1], o[2]), ops.full_like(zero, t_max)
+    t, spacing, u, v, _ = call_meet(accel.meet, (accel.forms, np.int64(g), start, way, begin, end))  # pyright: ignore[reportCallIssue]
+    first, units = crosslane.lane(t, 0), crosslane.lane(spacing, 0)
+    return first, np.int64(units), crosslane.lane(u, 0), crosslane.lane(v, 0), after(accel.parameters[g, 5], d, first, units)
+
+
+@helper
+def after(reach: Any, d: Vec, t: Lane, spacing: Lane) -> Lane:
+    """Where the next meeting of rays with a formula's surface may be; `reach` is its largest coordinate, d is in its own frame."""
+    return t + AFTER * (t + reach / ops.maximum(ops.length(d), 1e-300) * (spacing + 8.0))

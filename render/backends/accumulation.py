@@ -1,0 +1,106 @@
+"""Motion and lenses for a backend that draws what one point sees at one moment: renderers for several, whose samples take turns.
+
+Haeberli & Akeley 1990, The Accumulation Buffer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from ...compiler.plan import plan as planner
+from ...compiler.plan.plan import RASTER_MOMENTS, Plan
+from .. import camera
+from ..film.film import TILE, Unshared
+from ..geometry import instance_transform
+from ..sampling import sobol
+from ..types import Film, First, Tile, View
+
+
+class Renderer(Unshared):
+    """Draws a scene that moves or a lens that is wide; see film.Renderer. `still` makes the renderer of one moment and one point."""
+
+    by_tile = True
+    block = 1
+    side = TILE
+    whole = None
+
+    def __init__(self, scene: ir.Scene, plan: Plan, view: View, still: Callable[[ir.Scene], Any]) -> None:
+        count = min(RASTER_MOMENTS, plan["samples"])
+        start, share = planner.open_during(scene.tables, view.camera) if plan["motion"] else (0.0, 0.0)
+        numbers = np.arange(count)
+        across, down = sobol.on_lens(np.zeros(count, int), numbers, 0)
+        self.moments = []
+        for k in numbers.tolist():
+            then = standing(scene, start + share * (k + 0.5) / count) if plan["motion"] else scene
+            self.moments.append(still(seen_from(then, view, float(across[k]), float(down[k])) if plan["lens"] == "thin" else then))
+        self.opening = still(standing(scene, start) if plan["motion"] else scene) if plan["aov"] else None
+
+    def first(self, tile: Tile, sample: int, total: int) -> First:
+        """What a sample of each pixel sees first, from the point and at the moment whose turn it is."""
+        return self._turn(sample).first(tile, sample, total)
+
+    def _turn(self, s: int) -> Any:
+        n = len(self.moments)
+        return self.moments[(s + s // n + s // (n * n)) % n]  # not s % n: that is where in the pixel a sample lies, too
+
+    def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
+        """Add samples first … first + count - 1, the same for every pixel of the tile, to the film."""
+        for s in range(int(first[0, 0]), int(first[0, 0] + count[0, 0])):
+            self._turn(s).sample(tile, np.full_like(first, s), np.ones_like(count), total, film)
+
+    def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
+        """Write the named channels of the tile, as they are at the shutter's opening."""
+        assert self.opening is not None
+        self.opening.channels(tile, names, out)
+
+
+def standing(scene: ir.Scene, time: float) -> ir.Scene:
+    """The scene as it is at a time from 0, the shutter's opening, to 1; nothing in it moves."""
+    transforms = scene.tables.transforms
+    rows = np.flatnonzero(transforms.first_key >= 0)
+    place = instance_transform.at(scene.tables, rows, np.full(len(rows), time))
+    matrix, inverse = transforms.matrix.copy(), transforms.inverse.copy()
+    matrix[rows], inverse[rows] = (np.stack(m, axis=1).reshape(-1, 3, 4) for m in place)
+    still = {"matrix": matrix, "inverse": inverse, "flips": transforms.flips}
+    nothing = {"first_key": np.full(len(matrix), -1), "keys": np.zeros(len(matrix))}
+    return replace(scene, tables=scene.tables._replace(transforms=ir.table_of("transforms", {**still, **nothing})))
+
+
+def seen_from(scene: ir.Scene, view: View, x: float, y: float) -> ir.Scene:
+    """The scene as a place on the camera's lens, of radius 1, sees it: what is in focus stays where it is in the picture."""
+    cameras, c = scene.tables.cameras, view.camera
+    aside = np.array([x, y]) * float(cameras.lens[c])
+    half = np.array(camera.half_extent(scene.tables, view))
+    shift = cameras.shift.copy()
+    shift[c] -= aside / (2.0 * float(cameras.focus[c]) * half)
+    matrix, inverse = (getattr(scene.tables.transforms, name).copy() for name in ("matrix", "inverse"))
+    row = len(matrix)
+    moved = matrix[cameras.transform[c]].copy()
+    moved[:, 3] += moved[:, :2] @ aside
+    back = inverse[cameras.transform[c]].copy()
+    back[:2, 3] -= aside
+    old = scene.tables.transforms._asdict()
+    rows = {name: np.concatenate([column, column[cameras.transform[c]][None]]) for name, column in old.items()}
+    rows["matrix"], rows["inverse"] = np.concatenate([matrix, moved[None]]), np.concatenate([inverse, back[None]])
+    transform = cameras.transform.copy()
+    transform[c] = row
+    placed_cameras = {**cameras._asdict(), "shift": shift, "transform": transform}
+    return replace(scene, tables=scene.tables._replace(
+        transforms=ir.table_of("transforms", rows), cameras=ir.table_of("cameras", placed_cameras)
+    ))  # fmt: skip
+
+
+def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
+    """What is not drawn as it is."""
+    count, found = min(RASTER_MOMENTS, plan["samples"]), []
+    if plan["motion"]:
+        found.append((f"raster draws what moves at {count} moments", "cameras", plan["camera"]))
+    if plan["lens"] == "thin":
+        found.append((f"raster draws what is out of focus from {count} points of the lens", "cameras", plan["camera"]))
+    return found

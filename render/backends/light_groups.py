@@ -1,0 +1,133 @@
+"""Light groups: the light of each group of lamps by itself, drawn with the samples of the whole picture, which is their sum.
+
+Each group is drawn by a renderer of its own, of a scene in which nothing else shines. Light adds up, so that the picture is the sum of
+its groups: exactly, because that is how it is made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from ...compiler.plan import plan as planner
+from ...compiler.plan.plan import Plan
+from ..image.image import Image
+from ..types import Film, First, Tile
+
+Make = Callable[[ir.Scene, Plan], Any]
+
+
+class Renderer:
+    """Draws a picture group by group; see film.Renderer. `make` gives the renderer of a scene under a plan."""
+
+    whole = None
+
+    def __init__(self, scene: ir.Scene, plan: Plan, make: Make) -> None:
+        self.x0, self.y0, x1, y1 = plan["crop"]
+        of = groups_of(scene, plan)
+        chosen = planner.light_groups(plan)
+        named = [name for name in of if name in chosen]
+        others = {name for name in of if name not in chosen}
+        parts = [(name, {name}) for name in named] + ([("", others)] if others else [])
+        self.parts = [(name, make(*lit_by(scene, plan, lamps))) for name, lamps in parts]
+        self.count = np.zeros((y1 - self.y0, x1 - self.x0), np.int64)
+        self.light = {name: np.zeros((y1 - self.y0, x1 - self.x0, 3)) for name in (*chosen, "")}
+        if not self.parts:
+            self.parts = [("", make(scene, plan))]
+        self.single = None  # each group's light is kept apart
+        one = self.parts[0][1]
+        self.by_tile, self.block, self.side, self.prepared = one.by_tile, one.block, one.side, getattr(one, "prepared", None)
+
+    @property
+    def round(self) -> int | None:
+        """The shortest of all groups'; see film.Renderer."""
+        return min((part.round for _, part in self.parts if part.round is not None), default=None)
+
+    def refresh(self, samples: int) -> None:
+        """Make anew what samples share, in each group that has such."""
+        for _, part in self.parts:
+            if part.round is not None:
+                part.refresh(samples)
+
+    def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
+        """Add samples to the film, and to what each group has."""
+        window = slice(tile.y0 - self.y0, tile.y1 - self.y0), slice(tile.x0 - self.x0, tile.x1 - self.x0)
+        self.count[window] += count
+        for k, (name, renderer) in enumerate(self.parts):
+            own = Film(np.zeros_like(film.color), np.zeros_like(film.alpha), np.zeros_like(film.issues))
+            renderer.sample(tile, first, count, total, own)
+            self.light[name][window] += own.color
+            film.color[...] += own.color
+            film.issues[...] += own.issues
+            if k == 0:
+                film.alpha[...] += own.alpha
+
+    def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
+        """Write the named channels: things are the same in all groups."""
+        self.parts[0][1].channels(tile, names, out)
+
+    def first(self, tile: Tile, sample: int, total: int) -> First:
+        """What a sample sees, the same in all groups."""
+        return self.parts[0][1].first(tile, sample, total)
+
+    def put(self, image: Image) -> None:
+        """Give a picture its groups' channels and make it their sum."""
+        count = np.maximum(self.count, 1)[..., None]
+        total = np.zeros((image.height, image.width, 3), np.float32)
+        for name, light in self.light.items():
+            mean = (light / count).astype(np.float32)
+            total += mean
+            if f"light:{name}" in image.channels:
+                image.channels[f"light:{name}"][...] = mean
+        image.channels["rgba"][..., :3] = total
+
+
+def groups_of(scene: ir.Scene, plan: Plan) -> tuple[str, ...]:
+    """The groups of what shines in a scene, each once, by name; planner.REST holds what names none: lights, shapes, a background."""
+    tables = scene.tables
+    groups = scene.names.groups or ("",) * len(tables.lights.kind)
+    shining = tables.lights.color.max(axis=1, initial=0.0) > 0.0
+    named = {group or planner.REST for group, lit in zip(groups, shining.tolist(), strict=True) if lit}
+    alone = tables.instances.material[tables.instances.light < 0]
+    if tables.materials.values[alone, ir.Slot.EMISSION].max(initial=0.0) > 0.0 or not isinstance(plan["background"], str):
+        named.add(planner.REST)
+    return tuple(sorted(named))
+
+
+def lit_by(scene: ir.Scene, plan: Plan, lamps: set[str]) -> tuple[ir.Scene, Plan]:
+    """The scene where only these groups shine, and the plan for it: a background of one colour belongs to the rest."""
+    tables = scene.tables
+    groups = scene.names.groups or ("",) * len(tables.lights.kind)
+    off = np.array([(group or planner.REST) not in lamps for group in groups], bool).reshape(-1)
+    color = np.where(off[:, None], 0.0, tables.lights.color)
+    light = tables.instances.light
+    dark = np.where(light >= 0, np.append(off, False)[light], planner.REST not in lamps)
+    materials, material = _unlit(tables, np.flatnonzero(dark))
+    lit = tables._replace(
+        lights=ir.table_of("lights", {**tables.lights._asdict(), "color": color}), materials=materials,
+        instances=ir.table_of("instances", {**tables.instances._asdict(), "material": material}),
+    )  # fmt: skip
+    if planner.REST not in lamps and not isinstance(plan["background"], str):
+        black = replace(plan.decisions["background"], value="transparent")
+        plan = Plan({**plan.decisions, "background": black})
+    return replace(scene, tables=lit), plan
+
+
+def _unlit(tables: ir.Tables, rows: Sequence[int] | NDArray[np.intp]) -> tuple[ir.Materials, NDArray[np.int32]]:
+    """Materials, and the one of each instance, where instances at some rows do not shine."""
+    material = tables.instances.material.copy()
+    used = np.unique(material[rows])
+    used = used[tables.materials.values[used, ir.Slot.EMISSION].max(axis=1, initial=0.0) > 0.0]
+    columns = {name: np.concatenate([column, column[used]]) for name, column in tables.materials._asdict().items()}
+    start = len(tables.materials.model)
+    columns["values"][start:, ir.Slot.EMISSION] = 0.0
+    for k, row in enumerate(used.tolist()):
+        here = np.zeros(len(material), bool)
+        here[rows] = True
+        material[here & (material == row)] = start + k
+    return ir.table_of("materials", columns), material

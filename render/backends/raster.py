@@ -1,0 +1,254 @@
+"""The raster renderer: a z-buffer finds what each sample sees, then one pass shades it, deferred, with the shading all backends share.
+
+Meshes are hit where their triangles are; of an analytic shape the z-buffer sees the tessellation, and the sample is then put
+where its ray meets the true surface, or, on the outline, where it meets the tessellation. Formulas, quadrics and
+round shapes that the eye is so near to that the tolerance would take too many triangles have none: they enter the z-buffer where each
+sample's ray meets them. After the first hit no ray is followed but those that look for shadows, unless `raster.secondary` is `trace`:
+mirrors and glass show the sky in their mirrored direction and straight behind, and the ground's mean light below it.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from ...compiler.plan import plan as planner
+from ...compiler.plan.plan import Plan
+from .. import camera
+from ..accel import ray_queries
+from ..film import aov
+from ..film.film import TILE, Unshared
+from ..integrator import whitted
+from ..jit.kernel import helper, kernel
+from ..jit.packed_struct import Handle
+from ..lanes import crosslane, ops
+from ..raster import band_renderer, coverage, sample_hits, scalar_raster, view_geometry
+from ..sampling import sobol
+from ..types import Film, First, Hit, Lane, Ray, Tile, View
+from .prepare import Prepared, trees
+
+BATCH = 1 << 16  # samples of a tile held in the z-buffer at a time
+
+
+class Renderer(Unshared):
+    """Draws one view; its methods may be called from several threads at a time."""
+
+    by_tile = True
+    block = 1
+    side = TILE
+
+    def __init__(self, prepared: Prepared, plan: Plan, view: View) -> None:
+        self.prepared, self.plan, self.view = prepared, plan, view
+        self.how = coverage.NAMES[plan["raster.fill"]]
+        self.reach = math.ceil(sobol.FILTER_RADIUS[plan["filter"]] * coverage.ONE)
+        self.whole = band_renderer.Bands(prepared, plan, view) if band_renderer.can_draw(plan) else None
+        nothing = Tile(0, 0, 0, 0)
+        if self.whole is None:
+            self._add(nothing, 0, 1, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
+        if plan["aov"]:
+            self.centres(nothing)
+
+    @functools.cached_property
+    def _accel(self) -> Any:
+        """Trees, which channels beside the picture take even where its light needs none."""
+        return self.prepared.accel or trees(self.prepared.tables, self.plan)
+
+    @functools.cached_property
+    def _buffer(self) -> _Buffer:
+        return _Buffer(self.prepared, self.view, self.how, self.reach)
+
+    def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
+        """Add samples first … first + count - 1 of `total` of every pixel of a tile to the film's sums; they are the same for all."""
+        self._add(tile, int(first[0, 0]), int(count[0, 0]), total, film)
+
+    def _add(self, tile: Tile, first: int, count: int, total: int, film: Film) -> None:
+        prepared = self.prepared
+        stack = whitted.stack_for(prepared.options, crosslane.WIDTH)
+        batch = max(1, BATCH // max(1, (tile.y1 - tile.y0) * (tile.x1 - tile.x0)))
+        for start in range(first, first + count, batch):
+            scratch = self._seen(tile, start, min(batch, first + count - start), total)
+            shade(self._buffer.model, prepared.packed, prepared.accel, prepared.gouraud, prepared.frame, tile, start, scratch, stack, film)
+
+    def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
+        """Write the named channels of a tile's pixels, at their centres, (h, w, k) each."""
+        ray, hit = self.centres(tile)
+        aov.channels_of(self.prepared.tables, self.view, ray, hit, names, out)
+
+    def centres(self, tile: Tile) -> tuple[Ray, Hit]:
+        """The rays through a tile's pixel centres and what they hit, in lanes of shape (h · w,)."""
+        return self._hits(self._seen(tile, 0, 1, 1))
+
+    def _hits(self, scratch: Handle) -> tuple[Ray, Hit]:
+        """Rays through a scratch's samples and what they hit."""
+        samples = scratch.tables.samples
+        count = len(samples.x)
+        hit = Hit(np.empty(count), np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count), np.empty(count))
+        resolve(self._buffer.model, self.prepared.packed, self._accel, self.prepared.frame, scratch, hit)
+        ray = camera.ray(self.prepared.tables, self.view, samples.x / coverage.ONE, samples.y / coverage.ONE)
+        if self.plan["opacity"]:
+            self._pass_holes(ray, hit)
+        return ray, hit
+
+    def _pass_holes(self, ray: Ray, hit: Hit) -> None:
+        """Let rays go on that met what is not wholly there: what they meet then trees tell."""
+        tables = self.prepared.tables
+        partial = planner.partial(tables)[tables.instances.material]
+        rows = np.flatnonzero((hit.instance >= 0) & partial[hit.instance])
+        origin, direction = (np.stack(aov.some(v, rows, len(hit.t)), axis=1) for v in (ray.origin, ray.direction))
+        t_min, t_max = (np.broadcast_to(t, len(hit.t))[rows] for t in (ray.t_min, ray.t_max))
+        for column, found in zip(hit, ray_queries.closest(self._accel, origin, direction, t_min, t_max), strict=True):
+            column[rows] = found
+
+    def first(self, tile: Tile, sample: int, total: int) -> First:
+        """What a sample of each pixel sees first."""
+        return First(self.prepared.tables, *self._hits(self._seen(tile, sample, 1, total)))
+
+    def _seen(self, tile: Tile, first: int, count: int, total: int) -> Handle:
+        """A handle of visibility.Scratch with samples first … first + count - 1 of a tile and what they see."""
+        room = scalar_raster.room_for(self.prepared.tables)
+        scratch = Handle(scalar_raster.scratch_for(tile, count, self.reach if total > 1 else 0, room))
+        place_samples(tile, self.prepared.frame, first, total, scratch)
+        self._buffer.draw(tile, scratch)
+        made = self.prepared.triangles
+        here = (made.boxes[:, 0] < tile.x1) & (made.boxes[:, 2] > tile.x0) & (made.boxes[:, 1] < tile.y1) & (made.boxes[:, 3] > tile.y0)
+        if here.any():
+            draw_exact(self._buffer.model, made.exact[here], self.prepared.packed, self._accel, self.view, scratch)
+        return scratch
+
+
+class _Buffer:
+    """A z-buffer for samples anywhere, filled in any of the three ways, one triangle or polygon after the other."""
+
+    def __init__(self, prepared: Prepared, view: View, how: int, reach: int) -> None:
+        tables = prepared.tables
+        assert prepared.triangles is not None
+        self.packed, self.how = prepared.packed, how
+        self.flat = np.zeros(len(tables.polygons.first_loop), np.bool_)
+        by_polygon = how == coverage.SCANLINE
+        if by_polygon:
+            scalar_raster.flat_polygons(self.packed, self.flat)
+        self.model = prepared.triangles.model
+        found = view_geometry.clusters(self.model, prepared.triangles.ranges, tables, view, -(-reach // coverage.ONE), by_polygon)
+        self.box, self.whole, self.clusters = found.box, found.polygons, Handle(found)
+
+    def draw(self, tile: Tile, scratch: Handle) -> None:
+        """Draw what lies in a tile into its scratch."""
+        box = self.box
+        here = (box[:, 0] < tile.x1) & (box[:, 2] > tile.x0) & (box[:, 1] < tile.y1) & (box[:, 3] > tile.y0)
+        scalar_raster.draw(self.model, self.clusters, np.flatnonzero(here & ~self.whole), tile, self.how, scratch)
+        if self.whole.any():
+            scalar_raster.draw_whole(self.model, self.clusters, np.flatnonzero(here & self.whole), self.packed, self.flat, tile, scratch)
+
+
+def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
+    """What the raster backend does not draw of a scene: (message, table, row), once for each material and light it is about."""
+    tables, found = scene.tables, []
+    used = np.unique(tables.instances.material[tables.instances.visible & ir.Visibility.CAMERA != 0])
+    values, glossy = tables.materials.values, planner.glossy_materials(scene)
+    for row in used.tolist():
+        model = tables.materials.model[row]
+        refracts = model == ir.MaterialModel.GLASS or values[row, ir.Slot.TRANSMISSION].max() > 0
+        reflects = model == ir.MaterialModel.MIRROR or values[row, ir.Slot.REFLECTION].max() > 0
+        if plan["raster.secondary"] == "trace":
+            continue
+        if refracts:
+            name = "glass" if model == ir.MaterialModel.GLASS else "k_t"
+            found.append((f"raster draws {name} without refraction: the sky straight behind it is seen", "materials", row))
+        elif reflects:
+            name = "mirrors" if model == ir.MaterialModel.MIRROR else "k_r"
+            found.append((f"raster draws {name} without other things in them: only the sky is reflected", "materials", row))
+        elif glossy[row]:
+            found.append(("raster draws highlights of lights and the sky alone: other things are not reflected", "materials", row))
+    if plan["raster.shadows"] == "map":
+        lights = tables.lights
+        for row in np.flatnonzero((lights.kind == ir.LightKind.SUN) & (lights.angle > 0.0) & lights.shadows).tolist():
+            found.append(("raster draws the sun's shadows from a map, without their penumbra", "lights", row))
+    return found
+
+
+@kernel
+def place_samples(tile, frame, first, total, scratch):
+    """Write where samples first, first + 1, … of a tile's pixels lie."""
+    samples = scratch.samples
+    for k in range(samples.rows * samples.columns):
+        x, y = tile.x0 + k % samples.columns, tile.y0 + k // samples.columns
+        for s in range(samples.count):
+            pixel, index = sobol.place(x, y, first + s, frame.picture.width, frame.order)
+            dx, dy = sobol.offset(pixel, index, total, frame.options.seed, frame.filter)
+            samples.x[k * samples.count + s] = x * coverage.ONE + coverage.HALF + round(dx * coverage.ONE)
+            samples.y[k * samples.count + s] = y * coverage.ONE + coverage.HALF + round(dy * coverage.ONE)
+
+
+@kernel
+def draw_exact(made, exact, tables, accel, view, scratch):
+    """Draw shapes that have no triangles into the z-buffer: at every sample where its ray meets one of them."""
+    samples, seen = scratch.samples, scratch.seen
+    count = len(seen.key)
+    for start in range(0, count, crosslane.WIDTH):
+        k = ops.minimum(crosslane.numbered(start), count - 1)
+        ray = camera.ray(tables, view, ops.to_float(samples.x[k]) / coverage.ONE, ops.to_float(samples.y[k]) / coverage.ONE)
+        for instance in exact:
+            met = sample_hits.meet(accel, instance, ray, ops.bool_like(ray.t_max, True))
+            depth = met.t * sample_hits.along_axis(tables, view, ray)
+            for j in range(min(count - start, crosslane.WIDTH)):
+                if crosslane.lane(met.instance, j) < 0:
+                    continue
+                key = 1.0 / crosslane.lane(depth, j) if made.perspective else -crosslane.lane(depth, j)
+                if key > seen.key[start + j] or (key == seen.key[start + j] and instance < seen.instance[start + j]):
+                    seen.key[start + j], seen.instance[start + j], seen.triangle[start + j] = key, instance, -1
+
+
+@helper
+def _at(made: Any, tables: Any, accel: Any, view: View, scratch: Any, k: Lane) -> tuple[Ray, Hit]:
+    """The rays of samples k and what they hit."""
+    samples, seen = scratch.samples, scratch.seen
+    x, y = ops.to_float(samples.x[k]), ops.to_float(samples.y[k])
+    ray = camera.ray(tables, view, x / coverage.ONE, y / coverage.ONE)
+    return ray, sample_hits.hits_of(made, tables, accel, view, ray, x, y, ops.to_int(seen.instance[k]), ops.to_int(seen.triangle[k]))
+
+
+@kernel
+def resolve(made, tables, accel, frame, scratch, hit):
+    """Write what every sample of a tile hits, in lanes."""
+    count = len(scratch.seen.key)
+    for start in range(0, count, crosslane.WIDTH):
+        _, found = _at(made, tables, accel, frame.picture, scratch, ops.minimum(crosslane.numbered(start), count - 1))
+        for j in range(min(count - start, crosslane.WIDTH)):
+            hit.t[start + j], hit.u[start + j], hit.v[start + j] = (
+                crosslane.lane(found.t, j),
+                crosslane.lane(found.u, j),
+                crosslane.lane(found.v, j),
+            )
+            hit.instance[start + j], hit.primitive[start + j] = crosslane.lane(found.instance, j), crosslane.lane(found.primitive, j)
+
+
+@kernel
+def shade(made, tables, accel, gouraud, frame, tile, first, scratch, stack, film):
+    """Add the light of all samples of a tile to its film."""
+    samples = scratch.samples
+    count = len(scratch.seen.key)
+    for start in range(0, count, crosslane.WIDTH):
+        k = ops.minimum(crosslane.numbered(start), count - 1)
+        ray, hit = _at(made, tables, accel, frame.picture, scratch, k)
+        at = k // samples.count
+        x, y = tile.x0 + at % samples.columns, tile.y0 + at // samples.columns
+        pixel, index = sobol.place(x, y, first + k % samples.count, frame.picture.width, frame.order)
+        color, alpha, sound = whitted.call(  # pyright: ignore[reportCallIssue]
+            frame.radiance,
+            (
+                tables, accel, gouraud, frame.options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive,
+                hit.u, hit.v, pixel, index, stack, None, None,
+            ),
+        )  # fmt: skip
+        for j in range(min(count - start, crosslane.WIDTH)):
+            row, column = (start + j) // samples.count // samples.columns, (start + j) // samples.count % samples.columns
+            film.color[row, column, 0] += crosslane.lane(color[0], j)
+            film.color[row, column, 1] += crosslane.lane(color[1], j)
+            film.color[row, column, 2] += crosslane.lane(color[2], j)
+            film.alpha[row, column] += crosslane.lane(alpha, j)
+            film.issues[row, column] += 0 if crosslane.lane(sound, j) else 1

@@ -1,0 +1,81 @@
+"""The reference backend: every primitive tried for every ray, in numpy float64. Slow and short: the definition of the others."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from ...compiler.plan.plan import Plan
+from .. import camera
+from ..accel import intersect
+from ..film import aov
+from ..film.film import TILE, Unshared
+from ..integrator import whitted
+from ..sampling import sobol
+from ..types import Film, First, Ray, Tile, View
+from .prepare import Prepared
+
+
+class Renderer(Unshared):
+    """Draws tiles with numpy lanes, all pixels of a tile at once."""
+
+    by_tile = True
+    block = 1
+    side = TILE
+    whole = None
+
+    def __init__(self, prepared: Prepared, plan: Plan, view: View) -> None:
+        self.prepared, self.view = prepared, view
+
+    def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
+        """Add samples first … first + count - 1, the same for every pixel of the tile, to the film."""
+        prepared, options, frame = self.prepared, self.prepared.options, self.prepared.frame
+        x, y = _pixels(tile)
+        stack = whitted.stack_for(options, len(x))
+        shape = film.alpha.shape
+        with np.errstate(all="ignore"):
+            for s in range(int(first[0, 0]), int(first[0, 0] + count[0, 0])):
+                pixel, index = sobol.place(x, y, np.full(len(x), s), self.view.width, frame.order)
+                dx, dy = sobol.offset(pixel, index, total, options.seed, frame.filter)
+                time = sobol.moment(pixel, index, options.seed, frame.shutter)
+                ray = camera.through(
+                    prepared.tables, self.view, frame.lens, x + 0.5 + dx, y + 0.5 + dy, pixel, index, options.seed, time
+                )
+                hit = self._first_hit(ray)
+                if prepared.paths is not None:
+                    from ..integrator import path
+
+                    rgb, alpha, sound = path.radiance(prepared.tables, prepared.accel, prepared.paths, options, ray, hit, pixel, index)
+                else:
+                    rgb, alpha, sound = whitted.radiance(
+                        prepared.tables, prepared.accel, prepared.gouraud, options, ray, hit, pixel, index, stack
+                    )
+                for k in range(3):
+                    film.color[..., k] += np.reshape(rgb[k], shape)
+                film.alpha[:] += np.reshape(alpha, shape)
+                film.issues[:] += np.reshape(~sound, shape)
+
+    def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, Any]) -> None:
+        """Write the named channels of the tile, (h, w, k) each."""
+        with np.errstate(all="ignore"):
+            ray = camera.sharp(self.prepared.tables, self.view, *aov.centres(tile))
+            hit = self._first_hit(ray)
+        aov.channels_of(self.prepared.tables, self.view, ray, hit, names, out)
+
+    def first(self, tile: Tile, sample: int, total: int) -> First:
+        """What a sample of each pixel sees first, at the shutter's opening."""
+        with np.errstate(all="ignore"):
+            ray = aov.sample_rays(self.prepared.tables, self.view, self.prepared.frame, tile, sample, total)
+            return First(self.prepared.tables, ray, self._first_hit(ray))
+
+    def _first_hit(self, ray: Ray) -> Any:
+        active = np.ones(np.shape(ray.direction[0]), bool)
+        return intersect.closest(self.prepared.accel, self.prepared.tables, ray, active, int(ir.Visibility.CAMERA))
+
+
+def _pixels(tile: Tile) -> tuple[np.ndarray, np.ndarray]:
+    y, x = np.mgrid[tile.y0 : tile.y1, tile.x0 : tile.x1]
+    return x.ravel(), y.ravel()

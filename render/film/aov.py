@@ -1,0 +1,108 @@
+"""Channels beside the picture: what is seen at pixels' centres, the same for every backend."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from .. import camera
+from ..image import image
+from ..lanes import ops
+from ..material import bsdf
+from ..sampling import sobol
+from ..surface import interaction
+from ..types import Frame, Hit, Lane, Ray, Surface, Tables, Tile, Vec, View
+
+DIFFUSE = int(ir.Slot.DIFFUSE)
+_TINTS = (
+    (ir.MaterialModel.METAL, int(ir.Slot.SPECULAR)), (ir.MaterialModel.MIRROR, int(ir.Slot.REFLECTION)),
+    (ir.MaterialModel.GLASS, int(ir.Slot.TRANSMISSION)),
+)  # fmt: skip
+FORMULA = int(ir.GeometryKind.FORMULA)
+SEEN = ("depth", "normal", "position", "albedo", "uv", "id", "issues")  # what `channels_of` tells
+CAMERA = int(ir.Visibility.CAMERA)
+
+
+def centres(tile: Tile) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Picture coordinates x, y of a tile's pixel centres, row by row."""
+    y, x = np.mgrid[tile.y0 : tile.y1, tile.x0 : tile.x1]
+    return x.ravel() + 0.5, y.ravel() + 0.5
+
+
+def sample_rays(tables: ir.Tables, view: View, frame: Frame, tile: Tile, sample: int, total: int) -> Ray:
+    """The camera's rays of one sample of each pixel of a tile, at the shutter's opening; numpy lanes."""
+    y, x = (c.ravel() for c in np.mgrid[tile.y0 : tile.y1, tile.x0 : tile.x1])
+    pixel, index = sobol.place(x, y, np.full(len(x), sample), view.width, frame.order)
+    dx, dy = sobol.offset(pixel, index, total, frame.options.seed, frame.filter)
+    lens = camera.lens_of(tables, view)
+    return camera.through(tables, view, lens, x + 0.5 + dx, y + 0.5 + dy, pixel, index, frame.options.seed, None)
+
+
+def channels_of(
+    tables: Tables, view: View, ray: Ray, hit: Hit, names: tuple[str, ...], out: dict[str, NDArray[np.float32]],
+    issues: NDArray[np.bool_] | None = None,
+) -> None:  # fmt: skip
+    """Write the named channels, (h, w, k) each, of h · w rays and what they hit, as image.WIDTHS describes them.
+
+    All lanes are numpy arrays, row by row. Where there are `issues` is asked here unless it is known.
+    """
+    n = len(hit.t)
+    whole = ray
+    seen = np.flatnonzero(hit.instance >= 0)
+    flat = {name: rows[0] for name, rows in image.blank(n, 1, names).items()}
+    if len(seen):
+        ray = Ray(some(ray.origin, seen, n), some(ray.direction, seen, n), 0.0, np.inf)
+        with np.errstate(all="ignore"):
+            found = _values(tables, view, ray, Hit(*(column[seen] for column in hit)), names)
+        for name, columns in found.items():
+            flat[name][seen] = np.stack(np.broadcast_arrays(*columns), axis=1)
+    if "issues" in names:
+        flat["issues"][:, 0] = doubtful(tables, whole, hit) if issues is None else issues
+    for name in names:
+        out[name][...] = flat[name].reshape(out[name].shape)
+
+
+def doubtful(tables: Tables, ray: Ray, hit: Hit) -> NDArray[np.bool_]:
+    """Whether rays, (n,), could not be proved to meet no formula's surface before what they hit, by the definition (formulas/plain.py)."""
+    from ..formula import numpy_reference, scene_surfaces
+
+    n = len(hit.t)
+    found = np.zeros(n, bool)
+    kinds = tables.geometries.kind[tables.instances.geometry]
+    t_min, t_max = np.broadcast_to(ray.t_min, n), np.minimum(np.broadcast_to(ray.t_max, n), hit.t)
+    for i in np.flatnonzero((kinds == FORMULA) & (tables.instances.visible & CAMERA != 0)):
+        g, row = int(tables.instances.geometry[i]), tables.instances.transform[i]
+        o = ops.transform_point(tables.transforms.inverse, row, ray.origin)
+        d = ops.transform_vector(tables.transforms.inverse, row, ray.direction)
+        bounds, parameters = tables.geometries.bounds[g], tables.geometries.parameters[g]
+        found |= numpy_reference.meet(scene_surfaces.tape_of(tables, g), parameters, bounds, o, d, t_min, t_max)[4]
+    return found
+
+
+def _values(tables: Tables, view: View, ray: Ray, hit: Hit, names: tuple[str, ...]) -> dict[str, tuple[Lane, ...]]:
+    at = interaction.at(tables, ray, hit, "uv" in names)
+    values = {
+        "depth": lambda: (camera.depth(tables, view, at.position),),
+        "normal": lambda: at.normal,
+        "position": lambda: at.position,
+        "albedo": lambda: _albedo(tables, at),
+        "uv": lambda: at.uv,
+        "id": lambda: (hit.instance, at.material),
+        "issues": lambda: (0.0 * hit.t,),
+    }
+    return {name: values[name]() for name in names}
+
+
+def _albedo(tables: Tables, at: Surface) -> Vec:
+    """What a surface's colour is, whatever it does with light: of metals their reflectance, of mirrors and glass their tint."""
+    color, model = bsdf.color_of(tables, at, DIFFUSE), tables.materials.model[at.material]
+    for kind, slot in _TINTS:
+        color = ops.where3(model == kind, bsdf.color_of(tables, at, slot), color)
+    return ops.mul(color, at.color)
+
+
+def some(v: Vec, rows: NDArray[np.intp], n: int) -> Vec:
+    """Some of n lanes of a vector."""
+    x, y, z = (np.broadcast_to(c, n)[rows] for c in v)
+    return x, y, z

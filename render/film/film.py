@@ -1,0 +1,446 @@
+"""Filling a picture: tiles from one queue, threads, progress, cancelling, and how many samples each tile needs.
+
+A tile's samples depend on nothing but the tile, and decisions are taken between rounds, when all threads are done: the picture
+is the same bit for bit with any number of threads (a budget of seconds apart, which the clock ends).
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler.plan import plan as planner
+from ...compiler.plan.plan import Plan
+from ..image import cryptomatte, image, metrics
+from ..image.cryptomatte import Mattes
+from ..jit import thread_pool
+from ..simd import target
+from ..types import Film, First, Tile, View
+from . import accumulate, adaptive_sampling, aov
+
+TILE = 32  # pixels
+FIRST = 16  # samples a pixel before its error is asked for the first time
+CALL = 64  # samples for each pixel of a tile between looks at whether the work has been cancelled or its time is over
+
+Counts = NDArray[np.int64]
+Progress = Callable[[int, int], None]
+
+
+class Renderer(Protocol):
+    """What a backend gives the film."""
+
+    by_tile: bool
+    """Whether all pixels of a tile take the same samples; else each may have its own."""
+
+    block: int
+    """Pixels of the side of blocks of the picture in which all take the same samples; 1: each has its own."""
+
+    side: int
+    """Pixels of a tile's side."""
+
+    @property
+    def whole(self) -> Whole | None:
+        """The picture in bands, where that is how the plan draws it: samples are then at fixed places, and tiles are not asked for them."""
+        ...
+
+    @property
+    def round(self) -> int | None:
+        """Samples a pixel may take between two calls of `refresh`; None: nothing is shared by samples, and nobody calls it."""
+        ...
+
+    @property
+    def single(self) -> Callable[[Tile, NDArray[np.float32]], int] | None:
+        """What sets a tile's pixels, (h, w, 4) zeros before, where they have but one sample, and tells how many were left out; None:
+        `sample` is asked."""
+        ...
+
+    def refresh(self, samples: int) -> None:
+        """Make anew what the samples of a round share, which will be so many of all pixels together."""
+        ...
+
+    def sample(self, tile: Tile, first: Counts, count: Counts, total: int, film: Film) -> None:
+        """Add samples first … first + count - 1, (h, w) each, of `total` of every pixel of the tile; one in all is the pixel's centre."""
+        ...
+
+    def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
+        """Write the named channels, (h, w, k) each, as seen at the pixels' centres."""
+        ...
+
+    def first(self, tile: Tile, sample: int, total: int) -> First:
+        """What a sample of `total` of each pixel of a tile sees first, in numpy lanes (h · w,)."""
+        ...
+
+
+class Unshared:
+    """What of a Renderer whose samples share nothing."""
+
+    round: int | None = None
+    single: Callable[[Tile, NDArray[np.float32]], int] | None = None
+
+    def refresh(self, samples: int) -> None:
+        """Nothing is made anew."""
+
+
+class Whole(Protocol):
+    """A picture that a backend draws by itself, piece by piece."""
+
+    rgba: NDArray[np.float32]
+
+    apart: NDArray[np.float32] | None
+    """(h, w, 3) by how much what is in `rgba` may be off, as halves of the samples tell; None where they tell nothing."""
+
+    @property
+    def jobs(self) -> Sequence[int]:
+        """The pieces."""
+        ...
+
+    @property
+    def error(self) -> float | None:
+        """√relMSE as `apart` tells it."""
+        ...
+
+    def draw(self, job: int) -> int:
+        """Draw one piece into `rgba`; how many samples were left out because they were not finite."""
+        ...
+
+    def finish(self) -> None:
+        """No more pieces will be drawn: `rgba` is 0 where none was."""
+        ...
+
+
+def run(
+    renderer: Renderer, plan: Plan, view: View, progress: Progress | None = None, cancel: threading.Event | None = None,
+    mattes: Mattes | None = None,
+) -> image.Image:  # fmt: skip
+    """Draw plan["crop"] of a picture to plan["samples"], or until plan["error"] or plan["budget"] ends it.
+
+    `progress(done, total)` in tiles is called from this thread; `mattes` are for the channels crypto_….
+    Setting `cancel` ends the work; what is done is returned, with
+    metadata["partial"]. An exception in a worker is raised here.
+    """
+    if renderer.whole is not None:
+        return _in_pieces(renderer, renderer.whole, plan, view, progress, cancel or threading.Event(), mattes)
+    started = time.perf_counter()
+    canvas = _Canvas(renderer, plan, cancel or threading.Event(), progress, mattes)
+    if planner.adaptive(plan):
+        canvas.adaptive(plan["error"], started + plan["budget"])
+    else:
+        canvas.fixed()
+    return canvas.finish(view)
+
+
+def tiles(crop: tuple[int, int, int, int], side: int = TILE) -> list[Tile]:
+    """The tiles of a crop, from the middle outwards."""
+    x0, y0, x1, y1 = crop
+    every = [Tile(x, y, min(x + side, x1), min(y + side, y1)) for y in range(y0, y1, side) for x in range(x0, x1, side)]
+    corners = np.array(every)
+    away = (corners[:, 0] + corners[:, 2] - x0 - x1) ** 2 + (corners[:, 1] + corners[:, 3] - y0 - y1) ** 2
+    return [every[i] for i in np.argsort(away, kind="stable")]
+
+
+def _in_pieces(
+    renderer: Renderer, whole: Whole, plan: Plan, view: View, progress: Progress | None, cancel: threading.Event, mattes: Mattes | None
+) -> image.Image:  # fmt: skip
+    """A picture that its renderer draws itself; channels beside it are drawn by tiles."""
+    x0, y0, x1, y1 = crop = tuple(plan["crop"])
+    names = tuple(plan["aov"])
+    channels = {"rgba": whole.rgba, **image.blank(x1 - x0, y1 - y0, names)}
+    threads = int(plan["threads"]) or target.cores()
+    done = issues = 0
+    extra = tiles(crop) if names else []
+    total = len(whole.jobs) + len(extra)
+
+    def told(_: Any, found: int) -> None:
+        nonlocal done, issues
+        done, issues = done + 1, issues + found
+        if progress is not None:
+            progress(done, total)
+
+    def beside(tile: Tile) -> int:
+        window = slice(tile.y0 - y0, tile.y1 - y0), slice(tile.x0 - x0, tile.x1 - x0)
+        _beside(renderer, tile, {name: channels[name][window] for name in names}, int(plan["samples"]), mattes)
+        return 0
+
+    parts: Any = ((whole.draw, whole.jobs), (beside, extra))
+    for draw, jobs in parts:
+        thread_pool.on_threads(draw, jobs, threads, cancel, told)
+    whole.finish()
+    samples = int(plan["samples"])
+    if "samples" in channels:
+        channels["samples"][...] = samples
+    about: dict[str, Any] = {
+        "size": (view.width, view.height), "crop": crop, "samples": samples, "samples_mean": float(samples),
+        "error": whole.error if done == total else None, "partial": done < total,
+        "variance": None if whole.apart is None else np.square(whole.apart),
+        "rays": samples * (x1 - x0) * (y1 - y0), "issues": issues, "threads": threads,
+    }  # fmt: skip
+    return image.Image(x1 - x0, y1 - y0, channels, about)
+
+
+def _beside(renderer: Renderer, tile: Tile, out: dict[str, NDArray[np.float32]], samples: int, mattes: Mattes | None) -> None:
+    """Write the channels beside a tile's picture that are seen."""
+    names = tuple(name for name in out if name in aov.SEEN)
+    if names:
+        renderer.channels(tile, names, {name: out[name] for name in names})
+    if mattes is not None:
+        count = min(samples, cryptomatte.SAMPLES)
+        seen = np.stack([renderer.first(tile, s, samples).hit.instance for s in range(count)])
+        mattes.put(seen, {name: out[name] for name in mattes.channels})
+
+
+@dataclass(eq=False)
+class _Sums:
+    """What the samples of pixels add up to."""
+
+    color: NDArray[np.float64]  # (h, w, 3)
+    alpha: NDArray[np.float64]
+    issues: Counts
+    samples: Counts
+
+    @classmethod
+    def of(cls, height: int, width: int) -> _Sums:
+        shape = (height, width)
+        return cls(np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape, np.int64), np.zeros(shape, np.int64))
+
+    def window(self, window: tuple[slice, slice]) -> _Sums:
+        """A part, which writes through to the whole."""
+        return _Sums(*(getattr(self, field.name)[window] for field in fields(self)))
+
+
+def _film(tile: Tile) -> Film:
+    shape = (tile.y1 - tile.y0, tile.x1 - tile.x0)
+    return Film(np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape, np.int64))
+
+
+class _Canvas:
+    """A picture being drawn."""
+
+    def __init__(
+        self, renderer: Renderer, plan: Plan, cancel: threading.Event, progress: Progress | None, mattes: Mattes | None = None
+    ) -> None:  # fmt: skip
+        self.mattes = mattes
+        self.renderer, self.cancel, self.progress = renderer, cancel, progress
+        self.crop = tuple(plan["crop"])
+        self.names = tuple(plan["aov"])
+        self.most = int(plan["samples"])
+        self.threads = int(plan["threads"]) or target.cores()
+        self.width, self.height = self.crop[2] - self.crop[0], self.crop[3] - self.crop[1]
+        self.channels = image.blank(self.width, self.height, ("rgba", *self.names))
+        several = (self.height, self.width, 3) if self.most > 1 else (0, 0, 3)  # one sample tells nothing of its error
+        self.variance = np.full(several, np.inf)  # of the means; inf where one batch says nothing
+        self.value = np.zeros(several, np.float32)  # what errors are a share of
+        self.samples = np.zeros((self.height, self.width), np.int64 if self.most > 1 else np.int8)
+        self.decline = adaptive_sampling.Decline()
+        self.least = 0.0  # ε², once something is known
+        self.tiles = tiles(self.crop, renderer.side)
+        self.issues = dict.fromkeys(self.tiles, 0)
+        self.drawn = dict.fromkeys(self.tiles, 0)  # samples of all pixels
+        self.spent = 0  # samples of all tiles told of
+        self._kept = threading.local()
+        self.shown = 0  # tiles, as last told to `progress`
+
+    def fixed(self) -> None:
+        """The same number of samples for every pixel; sums live only while their tile is drawn, or while there are rounds."""
+        if self.renderer.round is not None:
+            self._in_rounds(self.renderer.round)
+            return
+        if self.most == 1:
+            self._work(self._once, self.tiles, lambda: self.spent / (self.width * self.height))
+            return
+        goals = dict.fromkeys(-(-self.most // share) for share in (4, 2, 1))  # each doubling tells of the error, and two how it falls
+
+        def draw(tile: Tile) -> None:
+            part = _Sums.of(tile.y1 - tile.y0, tile.x1 - tile.x0)
+            for goal in goals:
+                self._draw(tile, part, np.full(part.samples.shape, goal))
+            self._extras(tile)
+
+        whole = self.most * self.width * self.height
+        self._work(draw, self.tiles, lambda: self.spent / whole)
+
+    def _once(self, tile: Tile) -> None:
+        """The one sample of each pixel of a tile, by way of memory that the thread keeps."""
+        shape = tile.y1 - tile.y0, tile.x1 - tile.x0
+        window = self._window(tile)
+        if self.renderer.single is not None:
+            self.issues[tile] = self.renderer.single(tile, self.channels["rgba"][window])
+        else:
+            if getattr(self._kept, "shape", None) != shape:
+                self._kept.shape, self._kept.film = shape, _film(tile)
+                self._kept.counts = np.zeros(shape, np.int64), np.ones(shape, np.int64)
+            first, count = self._kept.counts
+            self.renderer.sample(tile, first, count, 1, self._kept.film)
+            self.issues[tile] = accumulate.take_first(self._kept.film, self.channels["rgba"][window])
+        self.samples[window] = 1
+        self.drawn[tile] = shape[0] * shape[1]
+        self._extras(tile)
+
+    def _in_rounds(self, most: int) -> None:
+        """The same number of samples for every pixel, all tiles by turns, where samples share what is made anew in between."""
+        whole_sums = _Sums.of(self.height, self.width)
+        goals = sorted({-(-self.most // share) for share in (4, 2, 1)} | set(range(most, self.most, most)))
+        pixels, before = self.width * self.height, 0
+        for goal in goals:
+            self.renderer.refresh((goal - before) * pixels)
+
+            def draw(tile: Tile, goal: int = goal) -> None:
+                part = whole_sums.window(self._window(tile))
+                self._draw(tile, part, np.full(part.samples.shape, goal))
+
+            self._work(draw, self.tiles, lambda: self.spent / (self.most * pixels))
+            before = goal
+        self._work(self._extras, self.tiles, lambda: 1.0)
+
+    def adaptive(self, error: float, deadline: float) -> None:
+        """Rounds, in which the pixels where it is worth most get two or four times their samples."""
+        whole_sums = _Sums.of(self.height, self.width)
+        first = min(FIRST, self.most)
+        began = time.perf_counter()
+
+        def begin(tile: Tile) -> None:
+            part = whole_sums.window(self._window(tile))
+            for goal in dict.fromkeys((-(-first // 2), first)):
+                if goal == first and time.perf_counter() > deadline:
+                    break
+                self._draw(tile, part, np.full(part.samples.shape, goal))
+            self._extras(tile)
+
+        whole = first * whole_sums.samples.size
+        if self.renderer.round is not None:
+            self.renderer.refresh(whole)
+
+        def share() -> float:
+            return self.spent / whole if math.isinf(deadline) else (time.perf_counter() - began) / (deadline - began)
+
+        self._work(begin, self.tiles, lambda: 0.5 * share())
+        blocks = adaptive_sampling.Blocks(self.crop, self.renderer.block)
+        while self.most > 1 and not self.cancel.is_set() and (now := time.perf_counter()) < deadline:
+            relative = blocks.means(self._relative())
+            excess = adaptive_sampling.excess(relative, error) if error > 0.0 else 1.0
+            if excess <= 0.0:
+                break
+            pace = self.spent / (now - began)
+            samples = blocks.means(whole_sums.samples).astype(np.int64)
+            goals = blocks.spread(self._goals(relative, samples, excess, (deadline - now) * pace / self.renderer.block**2))
+            goals = np.maximum(goals, whole_sums.samples)
+            if self.renderer.round is not None:
+                self.renderer.refresh(int(np.sum(goals - whole_sums.samples)))
+            added = {tile: int(np.sum(goals[self._window(tile)] - whole_sums.samples[self._window(tile)])) for tile in self.tiles}
+            more = sorted((tile for tile in self.tiles if added[tile]), key=lambda tile: -added[tile])  # no thread is left with a long one
+            if not more:
+                break
+
+            def draw(tile: Tile, goals: Counts = goals) -> None:
+                window = self._window(tile)
+                self._double(tile, whole_sums.window(window), goals[window], deadline)
+
+            whole = int(goals.sum())
+            self._work(draw, more, share)
+
+    def _double(self, tile: Tile, part: _Sums, goals: Counts, deadline: float) -> None:
+        """Bring a tile's pixels to their goals by doublings."""
+        for _ in range(adaptive_sampling.MOST_DOUBLINGS):
+            step = np.minimum(goals, 2 * part.samples)
+            if np.array_equal(step, part.samples):
+                break
+            self._draw(tile, part, step, deadline)
+
+    def _goals(self, relative: NDArray[np.float64], samples: Counts, excess: float, affordable: float) -> Counts:
+        """(h, w) samples each pixel shall have after the next round, so that `relative` falls by the share `excess`."""
+        if self.renderer.by_tile:
+            known = relative.copy()
+            for tile in self.tiles:
+                known[self._window(tile)] = known[self._window(tile)].mean()
+        else:
+            known = adaptive_sampling.smoothed(relative, samples)
+        if excess < 1.0:
+            doublings = adaptive_sampling.doublings_for_error(known, samples, self.most, excess)
+            if np.sum(samples * (2**doublings - 1)) <= affordable:
+                return np.minimum(samples * 2**doublings, self.most)
+        # No more than there are in a round, lest pixels get what they don't need while others may only take four times as many.
+        doublings = adaptive_sampling.doublings_for_samples(known, samples, self.most, min(affordable, float(samples.sum())))
+        return np.minimum(samples * 2**doublings, self.most)
+
+    def _draw(self, tile: Tile, part: _Sums, goals: Counts, deadline: float = math.inf) -> None:
+        """Bring the pixels of a tile to their goals, as one batch, and show what it has; less where it is cancelled or too late."""
+        film, count = _film(tile), goals - part.samples
+        start, most = 0, int(count.max(initial=0))
+        while start < most and not (self.cancel.is_set() or time.perf_counter() > deadline):
+            call = CALL * max(1, count.size // int(np.count_nonzero(count > start)))
+            self.renderer.sample(tile, part.samples + start, np.clip(count - start, 0, call), self.most, film)
+            start += call
+        if start < most:
+            count = np.minimum(count, start)
+        window = self._window(tile)
+        accumulate.take_in(
+            film, count, part.color, part.alpha, part.issues, part.samples, self.variance[window], self.value[window],
+            self.channels["rgba"][window], self.least, self.decline.of(tile),
+        )  # fmt: skip
+        self.samples[window] = part.samples
+        self.drawn[tile] = int(part.samples.sum())
+        self.issues[tile] = int(part.issues.sum())
+
+    def _extras(self, tile: Tile) -> None:
+        if self.names:
+            window = self._window(tile)
+            _beside(self.renderer, tile, {name: self.channels[name][window] for name in self.names}, self.most, self.mattes)
+
+    def _window(self, tile: Tile) -> tuple[slice, slice]:
+        x0, y0 = self.crop[:2]
+        return slice(tile.y0 - y0, tile.y1 - y0), slice(tile.x0 - x0, tile.x1 - x0)
+
+    def _relative(self) -> NDArray[np.float64]:
+        """(h, w) variance / (value² + ε²) of what has been drawn, ε as in metrics.root_relmse; sets `least`, ε²."""
+        rgba = self.channels["rgba"]
+        mean = np.einsum("ijk->k", rgba, dtype=np.float64) / (rgba.size // rgba.shape[-1])
+        luminance = float(mean[:3] @ metrics.LUMINANCE)
+        self.least = max((metrics.EPSILON * luminance) ** 2, float(np.finfo(np.float64).tiny))
+        out = np.empty(self.samples.shape)
+        accumulate.relative_error(self.variance, self.value, rgba, self.samples, self.decline.shares(), self.least, out)
+        return out
+
+    def _work(self, draw: Callable[[Tile], None], jobs: Sequence[Tile], fraction: Callable[[], float]) -> None:
+        """Draw tiles on all threads; `fraction` of the whole is told on after each. The first exception ends it, here."""
+        known = dict(self.drawn)
+
+        def told(tile: Tile, _: None) -> None:
+            self.spent += self.drawn[tile] - known[tile]
+            self._tell(fraction())
+
+        thread_pool.on_threads(draw, jobs, self.threads, self.cancel, told)
+
+    def _tell(self, fraction: float) -> None:
+        done = int(min(fraction, 1.0) * len(self.tiles) + 1e-9)
+        if self.progress is not None and done > self.shown:
+            self.progress(done, len(self.tiles))
+            self.shown = done
+
+    def finish(self, view: View) -> image.Image:
+        """The picture with what is known about it."""
+        partial = self.cancel.is_set() and bool(self.samples.min() == 0 or self.samples.min() < self.most)
+        error = None
+        if self.most > 1 and np.isfinite(self.variance).all():
+            error = math.sqrt(float(np.mean(self._relative())))
+        if not partial:
+            self._tell(1.0)
+        rays = int(self.samples.sum() if self.most > 1 else np.count_nonzero(self.samples))
+        if "samples" in self.channels:
+            self.channels["samples"][..., 0] = self.samples
+        if "variance" in self.channels and self.most > 1:
+            shares = self.decline.shares()[np.log2(np.maximum(self.samples, 1)).astype(int)]
+            known = np.where(np.isfinite(self.variance), self.variance, 0.0) * shares[..., None]
+            self.channels["variance"][...] = np.minimum(known, accumulate.LARGEST)
+        about: dict[str, Any] = {
+            "size": (view.width, view.height), "crop": self.crop, "samples": int(self.samples.max()),
+            "samples_mean": rays / self.samples.size, "error": error, "partial": partial,
+            "variance": self.variance if self.most > 1 else None,
+            "rays": rays, "issues": sum(self.issues.values()), "threads": self.threads,
+        }  # fmt: skip
+        return image.Image(self.width, self.height, self.channels, about)

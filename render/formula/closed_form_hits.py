@@ -1,0 +1,237 @@
+"""Rays through solids of planes, quadrics and tori (compiler/formula/closed_form_solids.py): of each relation the stretches of the ray that fulfil it.
+
+A walk along the ray asks, place by place, whether the solid holds there and up to where nothing changes: of `and` and `or` that follows
+from the operands' answers. So what combines hundreds of stretches is never listed, and of hidden parts hardly any root is passed.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...compiler.formula.closed_form_solids import EITHER, LEAF, MOST_DEPTH, MOST_LEAVES
+from .. import simd
+from ..geometry import torus
+from ..jit.function_pointer import FLOAT, Answering
+from ..jit.kernel import helper
+from ..lanes import crosslane, ops
+from ..types import Lane, Vec
+from . import intersect
+from .llvm_math import LANES
+from .tables import HOLE, LINEAR, MET, QUADRIC, TORUS
+
+ULP = 2.0**-52
+_WIDE, _KEPT = 4 * LANES, 4 * MOST_LEAVES * LANES
+_STACK = 3 * (MOST_DEPTH + 1) * LANES
+_SPACE = 32.0 * ULP  # of the largest coordinate: parts of a solid, or gaps in it, that are thinner than this count as nothing
+
+
+def _crossings(numbers, leaf, origin, direction):
+    o = (
+        _row(numbers, leaf, 0, origin) + numbers[leaf, 3], _row(numbers, leaf, 4, origin) + numbers[leaf, 7],
+        _row(numbers, leaf, 8, origin) + numbers[leaf, 11],
+    )  # fmt: skip
+    d = (_row(numbers, leaf, 0, direction), _row(numbers, leaf, 4, direction), _row(numbers, leaf, 8, direction))
+    ring, tube = ops.full_like(o[0], numbers[leaf, 12]), ops.full_like(o[0], numbers[leaf, 13])
+    return torus.crossings(ring, tube, o, d)
+
+
+crossings = Answering(_crossings, (FLOAT,) * 4)
+call_crossings = crossings.call
+
+
+@helper
+def _row(numbers: Any, leaf: int, first: int, v: Vec) -> Lane:
+    return numbers[leaf, first] * v[0] + numbers[leaf, first + 1] * v[1] + numbers[leaf, first + 2] * v[2]
+
+
+def _met(forms, g, origin, direction, t_min, t_max):
+    """As formulas.meet's: (t, spacing, u, v, unproved) of rays' first meetings with surface `g`."""
+    k = np.int64(forms.of[g])
+    size = ops.length(direction)
+    size = ops.where(size > 0.0, size, 1.0)
+    way = ops.scale(direction, 1.0 / size)
+    enter, leave = intersect.clipped(forms, k, origin, way, t_min * size, t_max * size)
+    active = enter < leave
+    zero = ops.full_like(t_min, 0.0)
+    t, spacing, u, v = zero + np.inf, ops.int_like(zero, 0), zero, zero
+    if ops.any_lane(active):
+        begin = ops.where(active, enter, zero)
+        start = ops.along(origin, way, begin)
+        kept = simd.stack_array(np.float64, _KEPT)
+        _roots(forms, k, kept, start, way)
+        found, leaf, inside = _first(forms, k, kept, ops.where(active, leave - begin, zero), active)
+        hit = found < np.inf
+        if ops.any_lane(hit):
+            at, gradient, off = _finished(forms, k, leaf, start, way, ops.where(hit, found, zero))
+            spacing, u, v = intersect.dressed(forms, k, way, gradient, inside, off)
+            t = ops.where(hit, (begin + at) / size, t)
+            u, v = ops.where(hit, u, zero), ops.where(hit, v, zero)
+    return t, spacing, u, v, ops.int_like(zero, 0)
+
+
+met = Answering(_met, MET)
+
+
+def _either(forms, g, origin, direction, t_min, t_max):
+    """A surface in a scene that has some of both."""
+    which = 0 if forms.parts.places[np.int64(forms.of[g]), 1] > 0 else 1
+    return call_met(forms.parts.ways[which], (forms, g, origin, direction, t_min, t_max))  # pyright: ignore[reportCallIssue]
+
+
+call_met = met.call
+either = Answering(_either, MET)
+
+
+# --- along a ray --------------------------------------------------------------------------------------------------------
+
+
+@helper
+def _roots(forms: Any, k: int, kept: Any, start: Vec, way: Vec) -> None:
+    """Keep of each leaf two stretches of the ray in which its relation holds."""
+    numbers, kinds = forms.parts.numbers, forms.parts.kinds
+    steps, begin = forms.parts.places[k, 1], forms.parts.places[k, 2]
+    none = ops.full_like(start[0], np.inf)
+    for i in range((steps + 1) // 2):
+        leaf = begin + i
+        a0, a1, b0, b1 = none, none, none, none
+        if kinds[leaf] == LINEAR:
+            slope = _row(numbers, leaf, 6, way)
+            level = _row(numbers, leaf, 6, start) + numbers[leaf, 9]
+            t = -level / ops.where(slope == 0.0, 1.0, slope)
+            still = slope == 0.0
+            a0 = ops.where(still, ops.where(level <= 0.0, -none, none), ops.where(slope < 0.0, t, -none))
+            a1 = ops.where(still, none, ops.where(slope < 0.0, none, t))
+        elif kinds[leaf] == QUADRIC:
+            a0, a1, b0, b1 = _quadric(numbers, leaf, start, way, none)
+        else:
+            a0, a1, b0, b1 = call_crossings(forms.parts.ways[2], (numbers, np.int64(leaf), start, way))  # pyright: ignore[reportCallIssue]
+        crosslane.store(kept, 4 * i, a0)
+        crosslane.store(kept, 4 * i + 1, a1)
+        crosslane.store(kept, 4 * i + 2, b0)
+        crosslane.store(kept, 4 * i + 3, b1)
+
+
+@helper
+def _quadric(numbers: Any, leaf: int, o: Vec, d: Vec, none: Lane) -> tuple[Lane, Lane, Lane, Lane]:
+    """Where a polynomial of second degree is at most 0."""
+    gx, gy, gz = _turn(numbers, leaf, d)
+    a = 0.5 * (gx * d[0] + gy * d[1] + gz * d[2])
+    half = 0.5 * (gx * o[0] + gy * o[1] + gz * o[2] + _row(numbers, leaf, 6, d))
+    hx, hy, hz = _turn(numbers, leaf, o)
+    c = 0.5 * (hx * o[0] + hy * o[1] + hz * o[2]) + _row(numbers, leaf, 6, o) + numbers[leaf, 9]
+    rest = half * half - a * c
+    real = rest > 0.0
+    root = ops.sqrt(ops.where(real, rest, 0.0))
+    q = -(half + ops.where(half < 0.0, -root, root))
+    flat = a == 0.0
+    one = q / ops.where(flat, 1.0, a)
+    one = ops.where(flat, ops.where(half < 0.0, none, -none), one)
+    other = ops.where(q == 0.0, ops.where(flat, none, 0.0), c / ops.where(q == 0.0, 1.0, q))
+    low, high = ops.minimum(one, other), ops.maximum(one, other)
+    between = (a > 0.0) | flat  # of a line one root is endlessly far
+    holds = (a < 0.0) | (flat & (c <= 0.0))  # everywhere, where there are no roots
+    return (
+        ops.where(real, ops.where(between, low, -none), ops.where(holds, -none, none)),
+        ops.where(real, ops.where(between, high, low), none), ops.where(real & ops.not_(between), high, none), none,
+    )  # fmt: skip
+
+
+@helper
+def _turn(numbers: Any, leaf: Any, p: Vec) -> Vec:
+    """The derivatives of a polynomial's terms of second degree."""
+    xy, yz, xz = numbers[leaf, 3], numbers[leaf, 4], numbers[leaf, 5]
+    return (
+        2.0 * numbers[leaf, 0] * p[0] + xy * p[1] + xz * p[2], xy * p[0] + 2.0 * numbers[leaf, 1] * p[1] + yz * p[2],
+        xz * p[0] + yz * p[1] + 2.0 * numbers[leaf, 2] * p[2],
+    )  # fmt: skip
+
+
+@helper
+def _first(forms: Any, k: int, kept: Any, end: Lane, active: Lane) -> tuple[Lane, Lane, Lane]:
+    """(where a ray first enters or leaves a solid, or inf; the leaf that it meets there; whether it is inside before)."""
+    stack = simd.stack_array(np.float64, _STACK)
+    reach = forms.numbers[k, 13]
+    at = 0.0 * end
+    inside, until, leaf = _state(forms, k, kept, stack, at)
+    found, met_leaf = at + np.inf, ops.int_like(at, 0)
+    active = active & (until < end)
+    while ops.any_lane(active):
+        at = ops.where(active, until, at)
+        now, onward, further = _state(forms, k, kept, stack, at + _SPACE * (at + reach))
+        changed = active & (now != inside)
+        found, met_leaf = ops.where(changed, at, found), ops.where(changed, leaf, met_leaf)
+        until, leaf = ops.where(active, onward, until), ops.where(active, further, leaf)
+        active = active & ops.not_(changed) & (until < end)
+    return found, forms.parts.places[k, 2] + met_leaf, inside > 0.0
+
+
+@helper
+def _state(forms: Any, k: int, kept: Any, stack: Any, t: Lane) -> tuple[Lane, Lane, Lane]:
+    """(1 where a solid holds at t, else 0; up to where nothing changes that; the leaf of which that is a root)."""
+    steps, kinds = forms.parts.steps, forms.parts.kinds
+    first, count, begin = forms.parts.places[k, 0], forms.parts.places[k, 1], forms.parts.places[k, 2]
+    top = 0
+    for row in range(first, first + count):
+        if steps[row, 0] == LEAF:
+            i: Any = np.int64(steps[row, 1])
+            a0, a1 = crosslane.load(kept, 4 * i), crosslane.load(kept, 4 * i + 1)
+            state, until = ops.where((t >= a0) & (t < a1), 1.0, 0.0 * t), ops.where(t < a0, a0, ops.where(t < a1, a1, np.inf))
+            if kinds[begin + i] != LINEAR:
+                b0, b1 = crosslane.load(kept, 4 * i + 2), crosslane.load(kept, 4 * i + 3)
+                state = ops.where((t >= b0) & (t < b1), 1.0, state)
+                until = ops.minimum(until, ops.where(t < b0, b0, ops.where(t < b1, b1, np.inf)))
+            if kinds[begin + i] == HOLE:
+                state = 1.0 - state
+            crosslane.store(stack, 3 * top, state)
+            crosslane.store(stack, 3 * top + 1, until)
+            crosslane.store(stack, 3 * top + 2, ops.full_like(t, ops.to_float(i)))
+            top += 1
+        else:
+            top -= 1
+            decides = 1.0 if steps[row, 0] == EITHER else 0.0
+            one, other = crosslane.load(stack, 3 * top - 3), crosslane.load(stack, 3 * top)
+            until, beyond = crosslane.load(stack, 3 * top - 2), crosslane.load(stack, 3 * top + 1)
+            by_one, by_other = one == decides, other == decides
+            earlier = until < beyond
+            keep = ops.where(by_one & by_other, ops.not_(earlier), ops.where(by_one, True, ops.where(by_other, False, earlier)))
+            crosslane.store(stack, 3 * top - 3, ops.where(by_one | by_other, decides, 1.0 - decides + 0.0 * t))
+            crosslane.store(stack, 3 * top - 2, ops.where(keep, until, beyond))
+            crosslane.store(stack, 3 * top - 1, ops.where(keep, crosslane.load(stack, 3 * top - 1), crosslane.load(stack, 3 * top + 2)))
+    return crosslane.load(stack, 0), crosslane.load(stack, 1), ops.to_int(crosslane.load(stack, 2))
+
+
+@helper
+def _finished(forms: Any, k: int, leaf: Lane, start: Vec, way: Vec, at: Lane) -> tuple[Lane, Vec, Lane]:
+    """(where the meeting is after a step of Newton's, the gradient of what is met there, by how much that may be off 0)."""
+    numbers, kind = forms.parts.numbers, ops.to_int(forms.parts.kinds[leaf])
+    p = ops.along(start, way, at)
+    tx, ty, tz = _turn(numbers, leaf, p)
+    g = (tx + numbers[leaf, 6], ty + numbers[leaf, 7], tz + numbers[leaf, 8])
+    value = 0.5 * ops.dot((tx, ty, tz), p) + _row(numbers, leaf, 6, p) + numbers[leaf, 9]
+    size = ops.length(g)
+    along = ops.dot(g, way)
+    step = -value / ops.where(along == 0.0, 1.0, along)
+    usual = kind < TORUS
+    certain = usual & (abs(along) > 1e-3 * size) & (abs(step) < 1e-9 * (at + forms.numbers[k, 13]))
+    better = ops.where(certain, ops.maximum(at + step, 0.0), at)
+    reach = ops.maximum(ops.maximum(abs(p[0]), abs(p[1])), abs(p[2]))
+    off = 8.0 * ULP * (size * reach + abs(numbers[leaf, 9]))
+    if ops.any_lane(ops.not_(usual)):
+        ring, tube = numbers[leaf, 12], numbers[leaf, 13]
+        q = (
+            _row(numbers, leaf, 0, p) + numbers[leaf, 3], _row(numbers, leaf, 4, p) + numbers[leaf, 7],
+            _row(numbers, leaf, 8, p) + numbers[leaf, 11],
+        )  # fmt: skip
+        rho = ops.sqrt(q[0] * q[0] + q[2] * q[2])
+        share = ops.where(rho > 0.0, 1.0 - ring / ops.where(rho > 0.0, rho, 1.0), 0.0) * ops.where(kind == HOLE, -1.0, 1.0)
+        n = (share * q[0], q[1] * ops.where(kind == HOLE, -1.0, 1.0), share * q[2])
+        turned = (
+            numbers[leaf, 0] * n[0] + numbers[leaf, 4] * n[1] + numbers[leaf, 8] * n[2],
+            numbers[leaf, 1] * n[0] + numbers[leaf, 5] * n[1] + numbers[leaf, 9] * n[2],
+            numbers[leaf, 2] * n[0] + numbers[leaf, 6] * n[1] + numbers[leaf, 10] * n[2],
+        )  # fmt: skip
+        g = ops.where3(usual, g, turned)
+        off = ops.where(usual, off, 16.0 * ULP * (ring + tube + reach) * tube)
+    return better, g, off

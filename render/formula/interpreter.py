@@ -1,0 +1,178 @@
+"""Tapes evaluated without being compiled: one function for each of the programs, made once for a machine and kept on disk.
+
+A function (code, rows, registers, constants, state, vectors) goes through rows of eight int32 (op, out, a, b, c, choice, whether it is a
+minimum or maximum that goes into nothing but such, 0), where op is one of Op or SCALE. Operands of 0 and more are registers of as many
+parts as the program's values have, each of them `vectors` vectors; ~k is constant k, whose row of PARTS vectors holds its value twice,
+then zeros; in float32 its bounds, zeros, and what programs.NEAREST says. `state` is int64 words: the lanes in which something may be
+undefined, then for each choice the lanes that need its first operand only, and those that need its second only. In float32 up to four
+vectors of sixteen lanes share these words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import llvmlite.binding as llvm
+from llvmlite import ir
+
+from ...compiler.formula.tape import Op, arity
+from ..jit import cache_key, compile_process, kernel
+from ..simd import target as simd_target
+from ..simd.llvm_expr import I64
+from . import point_interpreter
+from .llvm_math import INTERPRETER, LANES, POINTER, ROW, SINGLE, VectorMath, load, store
+from .loop_codegen import over_rows, over_vectors
+from .op_codegen import EMITTERS, LARGEST_PART, NEAREST, SCALE, WIDTHS, form_of, scaled
+
+PARTS = 8  # vectors of a constant
+UNKNOWN, KNOWN = 256, 257
+"""Registers, in float32, that hold −∞ and ∞, and bounds that the result is known to have, which tell what of minima does not matter."""
+SHIFTS = {"turns": 1, "points32": 5}
+"""Where in a constant's row a program finds what it wants: value, 0, 0, 0 stands from the second vector on; in float32 bounds are first."""
+
+
+def module_of(program: str) -> ir.Module:
+    """The interpreter of one program as LLVM code."""
+    module = ir.Module(f"maquette.{program}")
+    form, width = form_of(program), WIDTHS[program]
+
+    def row(b: Any, op: Any, numbers: list[Any], arguments: Any) -> None:
+        if op == SCALE and program == "spans32":
+            return _scale(b, numbers, arguments)
+        op = Op.MULTIPLY if op == SCALE else op
+        registers, constants, state, vectors = arguments[2:]
+        stride = b.mul(vectors, ir.Constant(I64, form.bytes))  # between the parts of a register
+        operands = [_operand(b, program, name, registers, constants, stride) for name in numbers[2 : 2 + arity(op)]]
+        out = b.gep(registers, [b.mul(b.mul(numbers[1], stride), ir.Constant(I64, width))])
+
+        def vector(k: Any) -> None:
+            offset = b.mul(k, ir.Constant(I64, form.bytes))
+            given = [operand(offset) for operand in operands]
+            m = VectorMath(b, state, form, k if form == SINGLE else None, forks=program == "forks")
+            if form == SINGLE and op in (Op.MIN, Op.MAX) and width > 1:
+                place = b.mul(b.mul(b.add(numbers[6], ir.Constant(I64, UNKNOWN)), stride), ir.Constant(I64, width))
+                m.result = [load(b, registers, b.add(b.add(place, offset), b.mul(stride, ir.Constant(I64, part))), form) for part in (0, 1)]
+            for part, value in enumerate(EMITTERS[program](m, op, given, numbers[5])):
+                store(b, out, b.add(offset, b.mul(stride, ir.Constant(I64, part))), value)
+
+        over_vectors(b, vectors, vector)
+
+    function = over_rows(module, f"tape_{program}", INTERPRETER, ROW, row, (SCALE,))
+    for argument in function.args:
+        if argument.type == POINTER:
+            argument.add_attribute("noalias")
+    return module
+
+
+def _scale(b: Any, numbers: list[Any], arguments: Any) -> None:
+    """A register times a constant, in spans32."""
+    registers, constants, state, vectors = arguments[2:]
+    size = SINGLE.bytes
+    stride, width = b.mul(vectors, ir.Constant(I64, size)), ir.Constant(I64, WIDTHS["spans32"])
+    there, out = (b.gep(registers, [b.mul(b.mul(name, stride), width)]) for name in (numbers[2], numbers[1]))
+    number = b.gep(constants, [b.mul(b.not_(numbers[3]), ir.Constant(I64, PARTS * size))])
+    nearest, largest = (load(b, number, part * size, SINGLE) for part in (NEAREST, LARGEST_PART))
+
+    def vector(k: Any) -> None:
+        places = [b.add(b.mul(k, ir.Constant(I64, size)), b.mul(stride, ir.Constant(I64, part))) for part in range(WIDTHS["spans32"])]
+        found = scaled(VectorMath(b, state, SINGLE, k), [load(b, there, place, SINGLE) for place in places], nearest, largest)
+        for place, value in zip(places, found, strict=True):
+            store(b, out, place, value)
+
+    over_vectors(b, vectors, vector)
+
+
+def _operand(b: Any, program: str, name: Any, registers: Any, constants: Any, stride: Any) -> Callable[[Any], list[Any]]:
+    """What gives the vectors of an operand, a register's or a constant's, at an offset in bytes into its parts."""
+    form, width = form_of(program), WIDTHS[program]
+    constant = b.icmp_signed("<", name, ir.Constant(I64, 0))
+    there = b.add(b.mul(b.not_(name), ir.Constant(I64, PARTS * form.bytes)), ir.Constant(I64, SHIFTS.get(program, 0) * form.bytes))
+    base = b.gep(b.select(constant, constants, registers), [b.select(constant, there, b.mul(b.mul(name, stride), ir.Constant(I64, width)))])
+    step, mask = b.select(constant, ir.Constant(I64, form.bytes), stride), b.select(constant, ir.Constant(I64, 0), ir.Constant(I64, -1))
+
+    def parts(offset: Any) -> list[Any]:
+        return [load(b, base, b.add(b.and_(offset, mask), b.mul(step, ir.Constant(I64, k))), form) for k in range(width)]
+
+    return parts
+
+
+# --- from code to addresses ---------------------------------------------------------------------------------------------
+
+_engines: dict[str, Any] = {}
+SEVERAL = 3  # as many are made here alone
+
+
+def address(program: str) -> int:
+    """Where a program's interpreter is; made, or read from disk, the first time."""
+    if program not in _engines:
+        _engines[program] = _engine(program)
+    return _engines[program].get_function_address(f"tape_{program}")
+
+
+def make_ready(threads: int) -> None:
+    """Let another process make those that come last, of several that are to be made."""
+    missing = [program for program in WIDTHS if program not in _engines and not _path(program).exists()]
+    if len(missing) > SEVERAL:
+        compile_process.call(threads, make, tuple(reversed(missing)))
+
+
+def make(programs: tuple[str, ...]) -> None:
+    """Make what is not on disk by then."""
+    for program in programs:
+        if not _path(program).exists():
+            address(program)
+
+
+def _path(program: str) -> Path:
+    return kernel.CACHE / f"tape_{program}-{_sources()}.o"
+
+
+def _engine(program: str) -> Any:
+    path = _path(program)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target())
+    try:
+        code = path.read_bytes()
+    except OSError:
+        made = point_interpreter.module() if program == point_interpreter.NAME else module_of(program)
+        code = target(1).emit_object(optimized(str(made)))  # more would take twice as long, and pictures as long
+        _keep(path, code)
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    return engine
+
+
+@cache
+def _sources() -> str:
+    """Digest of the modules the interpreters are made from, and of their width."""
+    return f"{cache_key.key(__name__)}-{LANES}"
+
+
+def _keep(path: Path, code: bytes) -> None:
+    """Write whole or not at all; without a disk to write to, the next process makes it again."""
+    part = path.with_suffix(f".{id(code):x}.part")
+    try:
+        part.write_bytes(code)
+        part.replace(path)
+    except OSError:
+        part.unlink(missing_ok=True)
+
+
+def target(opt: int = 2) -> Any:
+    """LLVM's description of the machine that kernels are compiled for."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    features = ",".join(f"{'+' if on else '-'}{name}" for name, on in sorted(simd_target.FEATURES.items()))
+    found = llvm.Target.from_triple(llvm.get_process_triple())
+    return found.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=opt, jit=True, codemodel="jitdefault")
+
+
+def optimized(text: str, level: int = 2) -> Any:
+    """A module of LLVM code after the passes of `level`."""
+    module = llvm.parse_assembly(text)
+    module.verify()
+    builder = llvm.create_pass_builder(target(), llvm.create_pipeline_tuning_options(speed_level=level))
+    builder.getModulePassManager().run(module, builder)
+    return module

@@ -1,0 +1,63 @@
+"""LLVM functions that go through the rows of a tape, a block of code for each operation: what all interpreters are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+
+from ...compiler.formula.tape import Op
+from ..simd.llvm_expr import I64
+
+_I32 = ir.IntType(32)
+
+
+Row = Callable[[Any, Any, list[Any], Any], None]
+
+
+def over_rows(module: ir.Module, name: str, kind: Any, row: int, emit: Row, more: tuple[int, ...] = ()) -> Any:
+    """Add function `name` of type `kind`, whose first arguments are rows of `row` int32 numbers and how many there are.
+
+    `emit(builder, operation, numbers of the row as int64, arguments)` writes what a row does: one of Op, or of `more`.
+    """
+    function = ir.Function(module, kind, name)
+    code, count = function.args[:2]
+    entry, head, again, done = (function.append_basic_block(block) for block in ("entry", "head", "again", "done"))
+    b = ir.IRBuilder(entry)
+    rows = b.bitcast(code, _I32.as_pointer())
+    b.cbranch(b.icmp_signed(">", count, ir.Constant(I64, 0)), head, done)
+    b.position_at_end(head)
+    at = b.phi(I64)
+    at.add_incoming(ir.Constant(I64, 0), entry)
+    first = b.mul(at, ir.Constant(I64, row))
+    numbers = [b.sext(b.load(b.gep(rows, [b.add(first, ir.Constant(I64, k))])), I64) for k in range(min(row, 7))]
+    switch = b.switch(b.trunc(numbers[0], _I32), again)
+    for op in (*Op, *more):
+        block = function.append_basic_block(op.name.lower() if isinstance(op, Op) else f"more{op}")
+        switch.add_case(ir.Constant(_I32, int(op)), block)
+        b.position_at_end(block)
+        emit(b, op, [at, *numbers[1:]], function.args)
+        b.branch(again)
+    b.position_at_end(again)
+    onward = b.add(at, ir.Constant(I64, 1))
+    at.add_incoming(onward, again)
+    b.cbranch(b.icmp_signed("<", onward, count), head, done)
+    b.position_at_end(done)
+    b.ret_void()
+    return function
+
+
+def over_vectors(b: Any, count: Any, body: Callable[[Any], None]) -> None:
+    """Emit body(number of the vector) for 0 … count − 1, at least once."""
+    before = b.block
+    again, done = b.function.append_basic_block("vector"), b.function.append_basic_block("after")
+    b.branch(again)
+    b.position_at_end(again)
+    k = b.phi(I64)
+    k.add_incoming(ir.Constant(I64, 0), before)
+    body(k)
+    onward = b.add(k, ir.Constant(I64, 1))
+    k.add_incoming(onward, b.block)
+    b.cbranch(b.icmp_signed("<", onward, count), again, done)
+    b.position_at_end(done)

@@ -1,0 +1,156 @@
+"""Formula surfaces ready to be traced: their tapes as interpreters run them, and a grid around each that fills where rays come."""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+from collections import OrderedDict
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from ...compiler.formula import closed_form_solids
+from ...compiler.formula.tape import INPUTS, Op, Tape, stored
+from .. import simd
+from . import closed_form_tables, discontinuities, interpreter, interval_grid, tape_jit
+from .interpreter import PARTS
+from .llvm_math import LANES, ROW, SINGLE
+from .op_codegen import LARGEST_PART, NEAREST, WIDTHS
+from .tables import END_BLOCKS, END_ROWS, END_TAPES, NO_PARTS, Forms
+
+CELLS, FEWER = 64, 16  # of a grid along each axis: powers of 4
+MANY = 32  # surfaces, beyond which each has fewer cells
+ROWS, MORE, TAPES = 1 << 20, 256, 1 << 17  # room for rows, and for each of a whole tape, and for tapes of each: used as they come
+IN_MEMORY = 4  # scenes whose surfaces are kept
+PROGRAMS = tuple(WIDTHS)
+_known: OrderedDict[bytes, Forms] = OrderedDict()
+_lock = threading.Lock()
+
+
+class Surface(NamedTuple):
+    """A field, the row of its geometry's parameters, and its box (2, 3)."""
+
+    tape: Tape
+    parameters: NDArray[np.float64]
+    bounds: NDArray[np.float64]
+
+
+def tape_of(tables: ir.Tables, g: int) -> Tape:
+    """The tape of a geometry."""
+    return stored(tables, int(tables.geometries.tape[g]))
+
+
+def forms(tables: ir.Tables, closed: bool = True, threads: int = 1) -> Forms:
+    """All formula surfaces that some instance shows; those that have closed forms by these, unless `closed` is False."""
+    kinds = tables.geometries.kind
+    shown = [g for g in np.unique(tables.instances.geometry).tolist() if kinds[g] == ir.GeometryKind.FORMULA]
+    surfaces = [Surface(tape_of(tables, g), tables.geometries.parameters[g], tables.geometries.bounds[g]) for g in shown]
+    solids = [closed_form_solids.of_geometry(tables, g) if closed else None for g in shown]
+    last = np.argsort([solid is not None for solid in solids], kind="stable").tolist()
+    of = np.full(len(kinds), -1, np.int32)
+    of[[shown[row] for row in last]] = np.arange(len(shown))
+    made = of_surfaces([surfaces[row] for row in last if solids[row] is None], threads)
+    return closed_form_tables.added(made._replace(of=of), [(surfaces[row], solid) for row in last if (solid := solids[row]) is not None])
+
+
+def of_surfaces(surfaces: Sequence[Surface], threads: int = 1) -> Forms:
+    """Surfaces by number; with what is known of their grids, if pictures were made of them before."""
+    key = hashlib.blake2b(digest_size=16)
+    for tape, parameters, bounds in surfaces:
+        for part in (tape.structure(), tape.constants.tobytes(), parameters.tobytes(), bounds.tobytes()):
+            key.update(part)
+    name = key.digest()
+    with _lock:
+        made = _known.get(name)
+        if made is None:
+            interpreter.make_ready(threads if surfaces else 1)
+            made = _known[name] = _made(surfaces)
+            while len(_known) > IN_MEMORY:
+                _known.popitem(last=False)
+        _known.move_to_end(name)
+    return made._replace(unproved=np.zeros(1, np.int64))
+
+
+def _made(surfaces: Sequence[Surface]) -> Forms:
+    n = len(surfaces)
+    count = CELLS if n <= MANY else FEWER
+    wholes = [names_of(tape) for tape, _, _ in surfaces]
+    rows = sum(map(len, wholes))
+    room = (ROWS + MORE * rows) * min(n, 1)
+    names, code = simd.paged_empty((room, 4), np.int32), simd.paged_empty((room, ROW), np.int32)  # only what is written of these is read
+    tapes, ends = simd.paged_empty((TAPES * n, 4), np.int64), np.zeros(4, np.int64)
+    places, numbers = np.zeros((n, 6), np.int64), np.zeros((n, 14))
+    most_blocks = sum((count // interval_grid.SPLIT**k) ** 3 for k in range(1, 4))
+    blocks = np.empty((n * most_blocks, 5), np.int64)
+    constants = [constant_rows(tape) for tape, _, _ in surfaces]
+    begin = 0
+    for k, (tape, parameters, bounds) in enumerate(surfaces):
+        (low, high), first = bounds, int(ends[END_ROWS])
+        numbers[k] = [*low, *high, *(count / (high - low)), *parameters[1:5], np.abs(bounds).max()]
+        places[k] = count, bool(parameters[0]), k * count**3, begin, k, 0 if parameters[0] else discontinuities.kind_of(tape, bounds)
+        begin += len(constants[k])
+        names[first : first + len(wholes[k])] = wholes[k]
+        tapes[k, :2] = first, len(wholes[k])
+        interval_grid.placed(names, code, tapes, k)  # there are registers enough: the compiler refuses what needs more
+        blocks[k] = 0, 0, 0, count, k
+        ends[[END_BLOCKS, END_TAPES]] = k + 1
+        ends[END_ROWS] += len(wholes[k])
+    return Forms(
+        of=np.arange(n, dtype=np.int32),
+        numbers=numbers,
+        places=places,
+        compiled=tape_jit.addresses([tape for tape, _, _ in surfaces]),
+        grid=np.repeat(interval_grid.PENDING - np.arange(n, dtype=np.int32), count**3),
+        blocks=blocks,
+        states=np.zeros(len(blocks), np.int64),
+        ends=ends,
+        leaf_tape=simd.paged_empty((n * count**3,), np.int32),
+        leaf_slopes=simd.paged_empty((n * count**3, 6), np.float64),
+        tapes=tapes,
+        names=names,
+        code=code,
+        constants=_aligned(constants, np.float64),
+        constants32=_aligned([single_rows(tape) for tape, _, _ in surfaces], np.float32),
+        programs=np.array([interpreter.address(name) for name in PROGRAMS] if n else [], np.int64),
+        unproved=np.zeros(1, np.int64),
+        parts=NO_PARTS,
+    )
+
+
+def _aligned(rows: list[NDArray[Any]], dtype: Any) -> NDArray[Any]:
+    """Rows one after the other, from a cache line's beginning on."""
+    made = simd.aligned_empty(sum(map(len, rows)), dtype)
+    made[...] = np.concatenate([np.zeros(0, dtype), *rows])
+    return made
+
+
+def names_of(tape: Tape) -> NDArray[np.int32]:
+    """Rows (n, 4) of op, a, b, c. The result is always the last row: a copy where it was none."""
+    code, result = tape.code, tape.results[0]
+    if result != INPUTS + len(code) - 1 or not len(code):
+        code = np.concatenate([code, np.array([[Op.COPY, result, 0, 0]], np.int32)])
+    return np.ascontiguousarray(code, np.int32)
+
+
+def constant_rows(tape: Tape) -> NDArray[np.float64]:
+    """A tape's constants as interpreters read them: for each PARTS vectors, the number in two of them."""
+    rows = np.zeros((max(len(tape.constants), 1), PARTS, LANES))
+    rows[: len(tape.constants), :2] = tape.constants[:, None, None]
+    return rows.ravel()
+
+
+def single_rows(tape: Tape) -> NDArray[np.float32]:
+    """The same in float32: bounds of the number, zeros, the number nearest to it, and its largest magnitude (see programs.NEAREST)."""
+    with np.errstate(over="ignore"):
+        near = tape.constants.astype(np.float32)
+    rows, most = np.zeros((max(len(near), 1), PARTS, SINGLE.lanes), np.float32), np.finfo(np.float32).max
+    exact = near == tape.constants
+    rows[: len(near), 0] = np.where(exact, near, np.nextafter(near, np.float32(-np.inf)))[:, None]
+    rows[: len(near), 1] = np.where(exact, near, np.nextafter(near, np.float32(np.inf)))[:, None]
+    rows[: len(near), NEAREST] = np.clip(near, -most, most)[:, None]  # so that 0 times it is 0
+    normal = exact | ((np.abs(near) > 1e-30) & np.isfinite(near))  # else what is left of it is not within rounding
+    rows[: len(near), LARGEST_PART] = np.where(normal, np.abs(rows[: len(near), :2, 0]).max(1), np.inf)[:, None]
+    return rows.ravel()

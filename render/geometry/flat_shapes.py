@@ -1,0 +1,173 @@
+"""Closed forms of flat shapes, in lanes: slabs and boxes, what lies in y = 0, and the watertight triangle."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from ..jit.kernel import helper
+from ..lanes import ops
+from ..types import Lane, Vec
+
+INF = math.inf
+
+
+@helper
+def nearest(lo: Lane, hi: Lane, t_min: Lane, t_max: Lane) -> Lane:
+    """The first of two ordered roots strictly between t_min and t_max, inf if neither is (a NaN never is)."""
+    second = ops.where((hi > t_min) & (hi < t_max), hi, INF)
+    return ops.where((lo > t_min) & (lo < t_max), lo, second)
+
+
+@helper
+def slab(o: Lane, d: Lane, half: Lane) -> tuple[Lane, Lane]:
+    """Where |o + t d| <= half: (lo, hi), or (inf, -inf) where it never is.
+
+    A ray that runs along the slab (d = ±0) is inside for ever or never: 0 · inf is not asked what it is.
+    """
+    a = (-half - o) / d
+    b = (half - o) / d
+    inside = (o >= -half) & (o <= half)
+    lo = ops.where(d > 0.0, a, ops.where(d < 0.0, b, ops.where(inside, -INF, INF)))
+    hi = ops.where(d > 0.0, b, ops.where(d < 0.0, a, ops.where(inside, INF, -INF)))
+    return lo, hi
+
+
+@helper
+def box(half: Vec, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane]:
+    """(t, part) of a box about the origin; parts are the faces -x, +x, -y, +y, -z, +z."""
+    x0, x1 = slab(origin[0], direction[0], half[0])
+    y0, y1 = slab(origin[1], direction[1], half[1])
+    z0, z1 = slab(origin[2], direction[2], half[2])
+    lo = ops.maximum(x0, ops.maximum(y0, z0))
+    hi = ops.minimum(x1, ops.minimum(y1, z1))
+    t = ops.where(lo <= hi, nearest(lo, hi, t_min, t_max), INF)
+    entering = t == lo
+    axis_in = ops.where(lo == x0, 0, ops.where(lo == y0, 1, 2))
+    axis_out = ops.where(hi == x1, 0, ops.where(hi == y1, 1, 2))
+    axis = ops.where(entering, axis_in, axis_out)
+    d = component(direction, axis)
+    positive = ops.where(entering, d < 0.0, d > 0.0)
+    return t, 2 * axis + ops.where(positive, 1, 0)
+
+
+@helper
+def component(v: Vec, axis: Lane) -> Lane:
+    """v[axis], where each lane may ask for another axis."""
+    return ops.where(axis == 0, v[0], ops.where(axis == 1, v[1], v[2]))
+
+
+@helper
+def plane(origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> Lane:
+    """t of the plane y = 0. Only a ray exactly along it (or in it) misses: any other slope has its t, however large."""
+    t = -origin[1] / direction[1]
+    return ops.where((direction[1] != 0.0) & (t > t_min) & (t < t_max), t, INF)
+
+
+@helper
+def rectangle(half_x: Lane, half_z: Lane, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> Lane:
+    """t of the rectangle |x| <= half_x, |z| <= half_z in y = 0."""
+    t = plane(origin, direction, t_min, t_max)
+    x = origin[0] + t * direction[0]
+    z = origin[2] + t * direction[2]
+    return ops.where((abs(x) <= half_x) & (abs(z) <= half_z), t, INF)
+
+
+@helper
+def disk(radius: Lane, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> Lane:
+    """t of the disk x² + z² <= radius² in y = 0."""
+    t = plane(origin, direction, t_min, t_max)
+    x = origin[0] + t * direction[0]
+    z = origin[2] + t * direction[2]
+    return ops.where(x * x + z * z <= radius * radius, t, INF)
+
+
+@helper
+def shear(direction: Vec) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane]:
+    """(kx, ky, kz, sx, sy, sz): the axes and factors of the shear that turns a direction into +z.
+
+    kz is the direction's largest axis; kx and ky are swapped where it is negative, which keeps the winding.
+    """
+    kx, ky, kz = _axes(direction)
+    return _scaled(direction, kx, ky, kz, 1.0 / component(direction, kz))
+
+
+@helper
+def shear_of(direction: Vec, inverse: Vec) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane]:
+    """`shear`, where 1 / direction is known."""
+    kx, ky, kz = _axes(direction)
+    return _scaled(direction, kx, ky, kz, component(inverse, kz))
+
+
+@helper
+def _scaled(direction: Vec, kx: Lane, ky: Lane, kz: Lane, scale: Lane) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane]:
+    return kx, ky, kz, component(direction, kx) * scale, component(direction, ky) * scale, scale
+
+
+@helper
+def _axes(direction: Vec) -> tuple[Lane, Lane, Lane]:
+    ax, ay, az = abs(direction[0]), abs(direction[1]), abs(direction[2])
+    kz = ops.where((ax >= ay) & (ax >= az), 0, ops.where(ay >= az, 1, 2))
+    along = component(direction, kz)
+    after = ops.where(kz == 2, 0, kz + 1)
+    before = ops.where(kz == 0, 2, kz - 1)
+    return ops.where(along < 0.0, before, after), ops.where(along < 0.0, after, before), kz
+
+
+class Crossing(NamedTuple):
+    """Where sheared rays pass triangles."""
+
+    v: Lane  # weights of the second and the third corner, times `total`
+    w: Lane
+    total: Lane
+    depth: Lane  # times `total`, before the shear's own scale
+    inside: Lane  # bool
+
+
+@helper
+def crossing(a: Vec, b: Vec, c: Vec, sx: Lane, sy: Lane) -> Crossing:
+    """For corners relative to the ray's origin with their axes in the order kx, ky, kz of `shear`."""
+    ax, ay = a[0] - sx * a[2], a[1] - sy * a[2]
+    bx, by = b[0] - sx * b[2], b[1] - sy * b[2]
+    cx, cy = c[0] - sx * c[2], c[1] - sy * c[2]
+    u = cx * by - cy * bx
+    v = ax * cy - ay * cx
+    w = bx * ay - by * ax
+    total = u + v + w
+    outside = ((u < 0.0) | (v < 0.0) | (w < 0.0)) & ((u > 0.0) | (v > 0.0) | (w > 0.0))
+    return Crossing(v, w, total, u * a[2] + v * b[2] + w * c[2], ops.not_(outside) & (total != 0.0))
+
+
+@helper
+def ahead(met: Crossing, sz: Lane) -> Lane:
+    """What is inside its triangle and not behind the ray's origin: quick to say."""
+    return met.inside & ops.not_((sz * met.depth < 0.0) ^ (met.total < 0.0))
+
+
+@helper
+def reached(met: Crossing, sz: Lane, t_min: Lane, t_max: Lane) -> Lane:
+    """t of what is inside its triangle, inf elsewhere and where t is not between t_min and t_max."""
+    t = sz * met.depth / met.total
+    return ops.where(met.inside & (t > t_min) & (t < t_max), t, INF)
+
+
+@helper
+def sheared_triangle(a: Vec, b: Vec, c: Vec, sx: Lane, sy: Lane, sz: Lane, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane, Lane]:
+    """`triangle` for corners relative to the ray's origin with their axes in the order kx, ky, kz of `shear`."""
+    met = crossing(a, b, c, sx, sy)
+    return reached(met, sz, t_min, t_max), met.v / met.total, met.w / met.total
+
+
+@helper
+def triangle(a: Vec, b: Vec, c: Vec, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane, Lane]:
+    """(t, u, v) of a triangle seen from either side; u and v are the weights of b and c, t inf where it is missed.
+
+    Woop, Benthin, Wald, "Watertight Ray/Triangle Intersection", JCGT 2013. Two triangles that share an edge see the same
+    two products with opposite signs, and rounding keeps their order, so that no ray passes between them.
+    """
+    kx, ky, kz, sx, sy, sz = shear(direction)
+    o = (component(origin, kx), component(origin, ky), component(origin, kz))
+    pa = (component(a, kx) - o[0], component(a, ky) - o[1], component(a, kz) - o[2])
+    pb = (component(b, kx) - o[0], component(b, ky) - o[1], component(b, kz) - o[2])
+    pc = (component(c, kx) - o[0], component(c, ky) - o[1], component(c, kz) - o[2])
+    return sheared_triangle(pa, pb, pc, sx, sy, sz, t_min, t_max)

@@ -1,0 +1,121 @@
+"""Cryptomatte: which things a pixel shows and how much of it each covers, as ranked pairs of ids and shares for compositing.
+
+Friedman & Jones 2015, Fully Automatic ID Mattes with Support for Motion Blur and Transparency, and the Cryptomatte specification 1.2.0:
+an id is the MurmurHash3 of a name, taken as the bits of a float32; a file's manifest tells the names.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import ir
+
+LAYERS = {"crypto_object": "CryptoObject", "crypto_material": "CryptoMaterial"}  # channel -> name of the layer
+RANKS = 6  # things a pixel tells at the most: those that cover most of it
+SAMPLES = 64  # of a pixel, at the most, of which shares are told
+_MASK = 0xFFFFFFFF
+
+
+def murmur3(data: bytes, seed: int = 0) -> int:
+    """MurmurHash3_x86_32 (Appleby)."""
+    h = seed
+    whole = len(data) & ~3
+    for at in range(0, whole, 4):
+        h ^= _scrambled(int.from_bytes(data[at : at + 4], "little"))
+        h = ((h << 13 | h >> 19) * 5 + 0xE6546B64) & _MASK
+    if len(data) > whole:
+        h ^= _scrambled(int.from_bytes(data[whole:], "little"))
+    h ^= len(data)
+    h = ((h ^ h >> 16) * 0x85EBCA6B) & _MASK
+    h = ((h ^ h >> 13) * 0xC2B2AE35) & _MASK
+    return h ^ h >> 16
+
+
+def _scrambled(k: int) -> int:
+    k = (k * 0xCC9E2D51) & _MASK
+    k = (k << 15 | k >> 17) & _MASK
+    return (k * 0x1B873593) & _MASK
+
+
+def id_of(name: str) -> int:
+    """The 32 bits of a name's id; never those of a float32 that is 0, denormal, infinite or no number."""
+    bits = murmur3(name.encode())
+    return bits ^ (1 << 23) if bits >> 23 & 255 in (0, 255) else bits
+
+
+def names_of(scene: ir.Scene) -> dict[str, tuple[str, ...]]:
+    """The names by which a channel tells instances: their own and their materials'; what has none gets one of its kind and place."""
+    tables = scene.tables
+    kinds = tables.geometries.kind[tables.instances.geometry].tolist()
+    things = _named(scene.names.instances, [ir.GeometryKind(kind).name for kind in kinds])
+    made = _named(scene.names.materials, [ir.MaterialModel(model).name for model in tables.materials.model.tolist()])
+    return {"crypto_object": things, "crypto_material": tuple(made[row] for row in tables.instances.material.tolist())}
+
+
+def _named(names: Sequence[str], kinds: Sequence[str]) -> tuple[str, ...]:
+    """Names, and where there is none the kind and the row."""
+    given = names or [""] * len(kinds)
+    return tuple(name or f"{kind.lower()}.{row}" for row, (name, kind) in enumerate(zip(given, kinds, strict=True)))
+
+
+class Mattes:
+    """The layers of a picture."""
+
+    def __init__(self, scene: ir.Scene, channels: Sequence[str]) -> None:
+        self.channels = tuple(channels)
+        self._names = {name: names for name, names in names_of(scene).items() if name in channels}
+        self._ids = {name: np.array([id_of(n) for n in names] or [0], np.uint32).view(np.float32) for name, names in self._names.items()}
+
+    def put(self, seen: NDArray[np.int64], out: dict[str, NDArray[np.float32]]) -> None:
+        """Write the channels, (h, w, 2 · RANKS) each, of samples that see instances (n, h · w); -1 sees nothing."""
+        for name, ids in self._ids.items():
+            distinct, which = np.unique(ids, return_inverse=True)
+            label = np.where(seen >= 0, which[np.maximum(seen, 0)], len(distinct))
+            out[name][...] = _ranked(label, distinct).reshape(out[name].shape)
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """What a file says of its layers."""
+        said = {}
+        for name, names in self._names.items():
+            layer = LAYERS[name]
+            key = f"cryptomatte/{murmur3(layer.encode()):08x}"[:-1]
+            said[f"{key}/name"], said[f"{key}/hash"], said[f"{key}/conversion"] = layer, "MurmurHash3_32", "uint32_to_float32"
+            manifest = {n: f"{id_of(n):08x}" for n in sorted(set(names))}
+            said[f"{key}/manifest"] = json.dumps(manifest, ensure_ascii=False, separators=(",", ":"))
+        return said
+
+
+def _ranked(label: NDArray[np.int64], ids: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(pixels, 2 · RANKS) id and share of what covers most of each pixel, by falling share; label (n, pixels) is len(ids) for nothing."""
+    n, pixels = label.shape
+    here = np.unique(label)
+    here = here[here < len(ids)]
+    made = np.zeros((pixels, RANKS, 2), np.float32)
+    if len(here) == 0:
+        return made.reshape(pixels, 2 * RANKS)
+    place = np.full(len(ids) + 1, len(here))
+    place[here] = np.arange(len(here))
+    counts = np.bincount((place[label] * pixels + np.arange(pixels)).ravel(), minlength=(len(here) + 1) * pixels)
+    counts = counts.reshape(-1, pixels)[: len(here)]
+    order = np.argsort(-counts, axis=0, kind="stable")[:RANKS]
+    share = np.take_along_axis(counts, order, axis=0).T / np.float32(n)
+    made[:, : share.shape[1], 0] = np.where(share > 0, ids[here][order].T, np.float32(0.0))
+    made[:, : share.shape[1], 1] = share
+    return made.reshape(pixels, 2 * RANKS)
+
+
+def channel_names(name: str) -> tuple[str, ...]:
+    """The names of a layer's channels in a file: two pairs to a layer of four."""
+    return tuple(f"{LAYERS[name]}{k // 4:02d}.{'RGBA'[k % 4]}" for k in range(2 * RANKS))
+
+
+def matte(channel: NDArray[Any], name: str) -> NDArray[np.float64]:
+    """(h, w) how much of each pixel the thing or material of a name covers."""
+    pairs = channel.reshape(*channel.shape[:2], RANKS, 2)
+    return np.where(np.ascontiguousarray(pairs[..., 0]).view(np.uint32) == id_of(name), pairs[..., 1], 0.0).sum(axis=-1)

@@ -1,0 +1,140 @@
+"""Lamps met along highlights: where these are narrow, samples of lamps seldom fall into them, and rays along them often meet lamps.
+
+Light that both ways find is shared out between them (Veach and Guibas 1995, "Optimally Combining Sampling Techniques", power heuristic).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from ..jit.kernel import either, helper
+from ..lanes import ops
+from ..light import lights
+from ..light.lights import Arriving
+from ..material import bsdf, principled
+from ..material.bsdf import Shader
+from ..types import Lane, Tables, Unmet, Vec
+
+
+class Lamps(NamedTuple):
+    """Those that have an extent."""
+
+    rows: NDArray[np.int64]  # of lights
+
+
+def of(tables: ir.Tables) -> Lamps | Unmet:
+    """The lamps that rays along highlights can meet; none where no material has microfacets."""
+    if not isinstance(tables.materials, principled.Layered):
+        return Unmet()
+    kinds = tables.lights.kind
+    wide = ir.among(kinds, (lights.RECTANGLE, lights.DISK, lights.SPHERE)) | ((kinds == lights.SUN) & (tables.lights.angle > 0.0))
+    rows = np.flatnonzero(wide)
+    return Lamps(rows.astype(np.int64)) if len(rows) else Unmet()
+
+
+@helper
+def _plainly(shader: Shader, tables: Tables, light: int, normal: Vec, arriving: Arriving, viewer: Vec, active: Lane) -> Vec:
+    return bsdf.reflected(shader, normal, arriving.direction, viewer)
+
+
+@helper
+def _shared_out(
+    lamps: Any, shader: Shader, tables: Tables, light: int, normal: Vec, arriving: Arriving, viewer: Vec, active: Lane
+) -> Vec:  # fmt: skip
+    """`materials.reflected` of a sample of a lamp, less what is left to rays along the highlight."""
+    glossy = active & bsdf.is_glossy(shader)
+    if lights.is_soft(tables, light) and ops.any_lane(glossy):
+        matt, shine, density = bsdf.divided(shader, normal, arriving.direction, viewer)
+        ratio = density * solid_angle(tables, light, arriving)
+        weight = ops.where(glossy, 1.0 / (1.0 + ratio * ratio), 1.0)
+        return ops.add(matt, ops.scale(shine, weight))
+    return bsdf.reflected(shader, normal, arriving.direction, viewer)
+
+
+@helper
+def solid_angle(tables: Tables, light: int, arriving: Arriving) -> Lane:
+    """One over the density of a sample of a lamp with an extent, in sr."""
+    color = tables.lights.color
+    brightest = max(color[light, 0], max(color[light, 1], color[light, 2]))
+    found = ops.largest(arriving.irradiance) / max(brightest, lights.TINY)
+    if tables.lights.kind[light] == lights.SUN:
+        return 0.0 * found + 4.0 * math.pi * _half_chord(tables, light) ** 2
+    return found
+
+
+@helper
+def _half_chord(tables: Tables, light: int) -> float:
+    """Half of the chord of a sun's disk, on a unit sphere: its square is half of 1 - cos of half the disk's angle."""
+    return math.sin(0.5 * tables.lights.angle[light])
+
+
+@helper
+def meet(tables: Tables, light: int, place: Vec, direction: Vec) -> tuple[Lane, Lane, Lane]:
+    """(distance, solid angle as its samples count, radiance over the lamp's colour) of a lamp in a direction; 0 where it is not."""
+    kind = tables.lights.kind[light]
+    if kind == lights.SUN:
+        return _meet_sun(tables, light, direction)
+    if kind == lights.SPHERE:
+        return _meet_ball(tables, light, place, direction)
+    return _meet_plate(tables, light, place, direction)
+
+
+@helper
+def _meet_sun(tables: Tables, light: int, direction: Vec) -> tuple[Lane, Lane, Lane]:
+    axis = (tables.lights.direction[light, 0], tables.lights.direction[light, 1], tables.lights.direction[light, 2])
+    half = _half_chord(tables, light)
+    off = ops.sub(direction, axis)
+    inside = ops.dot(off, off) <= 4.0 * half * half  # of a chord, without cancelling
+    solid = 4.0 * math.pi * half * half
+    zero = 0.0 * off[0]
+    return zero + lights.FAR, ops.where(inside, zero + solid, zero), zero + 1.0 / (solid * (1.0 - half * half))
+
+
+@helper
+def _meet_ball(tables: Tables, light: int, place: Vec, direction: Vec) -> tuple[Lane, Lane, Lane]:
+    row, matrix = tables.lights.transform[light], tables.transforms.matrix
+    radius = tables.lights.size[light, 0] * ops.length(ops.transform_vector(matrix, row, (1.0, 0.0, 0.0)))
+    way = ops.sub(ops.transform_point(matrix, row, (0.0, 0.0, 0.0)), place)
+    squared, middle = ops.dot(way, way), ops.dot(way, direction)
+    off = ops.sub(way, ops.scale(direction, middle))
+    left = radius * radius - ops.dot(off, off)
+    outside = squared > radius * radius
+    reach = ops.sqrt(ops.maximum(left, 0.0))
+    distance = ops.where(outside, middle - reach, middle + reach)
+    solid = 2.0 * math.pi * lights.ball_height(squared, radius + 0.0 * squared)
+    met = (left >= 0.0) & (distance > 0.0)
+    return distance * lights.SHORT, ops.where(met, solid, 0.0), 0.0 * distance + 1.0
+
+
+@helper
+def _meet_plate(tables: Tables, light: int, place: Vec, direction: Vec) -> tuple[Lane, Lane, Lane]:
+    row, inverse = tables.lights.transform[light], tables.transforms.inverse
+    half_x, half_z = tables.lights.size[light, 0], tables.lights.size[light, 1]
+    start, along = ops.transform_point(inverse, row, place), ops.transform_vector(inverse, row, direction)
+    towards = ops.absolute(along[1]) > lights.TINY
+    distance = ops.where(towards, -start[1] / ops.where(towards, along[1], 1.0), 0.0)
+    x, z = start[0] + distance * along[0], start[2] + distance * along[2]
+    face, area = lights.face_of(tables, light)
+    if tables.lights.kind[light] == lights.DISK:
+        inside = x * x + z * z <= half_x * half_x
+    else:
+        inside = (ops.absolute(x) <= half_x) & (ops.absolute(z) <= half_z)
+    cosine = -ops.dot(direction, face)
+    met = inside & (distance > 0.0) & (cosine > 0.0)
+    solid = cosine * area / ops.maximum(distance * distance, lights.TINY)
+    return distance * lights.SHORT, ops.where(met, solid, 0.0), 0.0 * distance + 1.0
+
+
+@helper
+def weight(density: Lane, solid: Lane) -> Lane:
+    """What of a lamp's light counts along a highlight whose rays have this density, 0 where they are not on it."""
+    ratio = density * solid
+    return ratio * ratio / (1.0 + ratio * ratio)
+
+
+reflected = either(_shared_out, _plainly)

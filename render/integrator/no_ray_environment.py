@@ -1,0 +1,63 @@
+"""What mirrors, metals and glass show in backends that follow no rays: the sky and, below the horizon, the mean light of the ground."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from ...compiler.plan import plan as planner
+from ..accel import intersect, scene_bvh
+from ..lanes import ops
+from ..material import bsdf
+from ..surface import interaction
+from ..types import Around, Followed, Hit, Options, Ray, Triple
+from . import whitted
+
+PLACES = 256  # of the ground, over which its light is averaged
+
+
+def of(scene: ir.Scene, tables: ir.Tables, options: Options) -> Followed | Around:
+    """What stands for rays that are not followed; `tables` are the scene's, ready for shading, `options` a plan's without bounces."""
+    if not (planner.specular_materials(scene) & planner.used_materials(scene.tables)).any():
+        return Followed()  # nobody asks
+    row = planner.ground(scene.tables)
+    if row < 0:
+        return Around(Triple(0.0, 0.0, 0.0), Triple(0.0, 0.0, 0.0))
+    up = normal(scene.tables, row)
+    return Around(Triple(*up), Triple(*_mean_light(tables, options, row, np.array(up))))
+
+
+def normal(tables: ir.Tables, instance: int) -> tuple[float, float, float]:
+    """The unit normal of a plane in the world."""
+    row = tables.transforms.inverse[tables.instances.transform[instance], 1, :3]
+    x, y, z = (row / np.linalg.norm(row)).tolist()
+    return x, y, z
+
+
+def _mean_light(tables: ir.Tables, options: Options, ground: int, up: NDArray[np.float64]) -> list[float]:
+    """What the ground below the scene sends straight up, as if nothing cast shadows: the mean of some places of it."""
+    boxes = scene_bvh.world_bounds(tables)
+    boxes = boxes[np.isfinite(boxes).all(axis=1)]
+    low, high = (boxes[:, :3].min(axis=0), boxes[:, 3:].max(axis=0)) if len(boxes) else (np.zeros(3), np.zeros(3))
+    matrix = tables.transforms.matrix[tables.instances.transform[ground]]
+    draws = np.random.default_rng(0)
+    places = low + draws.random((PLACES, 3)) * (high - low)
+    places = places - np.outer((places - matrix[:, 3]) @ up - 1.0, up)  # a metre over the ground
+    lane = np.zeros(PLACES, np.int64)
+    zero = np.zeros(PLACES)
+    origin, down = (tuple(np.ascontiguousarray(a.T)) for a in (places, np.broadcast_to(-up, places.shape)))
+    ray: Any = Ray(origin, down, zero, zero + np.inf, None)
+    point = interaction.at(tables, ray, Hit(zero + 1.0, lane + ground, lane, zero, zero))
+    shader = bsdf.at(tables, point)
+    unshadowed = options._replace(shadows=False, environment=Followed())
+    everywhere = np.ones(PLACES, bool)
+    with np.errstate(all="ignore"):
+        viewer = ops.negate(ray.direction)
+        light: Any = whitted.direct_light(
+            tables, intersect.Brute(), unshadowed, point, shader, viewer, everywhere, None, np.arange(PLACES), lane, lane + 1
+        )
+    found = [np.broadcast_to(c, PLACES) for c in ops.add(light, shader.emission)]
+    return [float(np.mean(c, where=np.isfinite(c))) for c in found]

@@ -1,0 +1,127 @@
+"""Gouraud shading: light computed at the vertices of meshes, once for a view, to be interpolated by every backend."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import numpy as np
+
+from ...compiler import ir
+from ..jit.kernel import helper, kernel
+from ..jit.packed_struct import Handle
+from ..lanes import crosslane, ops
+from ..material import bsdf
+from ..surface import interaction
+from ..types import GouraudLight, Hit, Lane, Ray, Surface, Tables, Vec, View
+from . import whitted
+
+SOFT_SAMPLES = 64  # of lights that have an extent, at each vertex
+SOFT = [int(ir.LightKind[name]) for name in ("SUN", "SKY", "DOME", "RECTANGLE", "DISK", "SPHERE")]
+MESH = int(ir.GeometryKind.MESH)
+ORTHOGRAPHIC = int(ir.Projection.ORTHOGRAPHIC)
+
+
+def vertex_light(tables: Tables, packed: Any, accel: Any, frame: Any) -> GouraudLight:
+    """Direct and ambient light at each vertex of every mesh instance whose material is shaded at vertices, for both sides.
+
+    It goes to the camera's place (or along its axis, when orthographic). A vertex of an outline belongs to triangles that show
+    their outside and others that show their inside, so each has both; a triangle takes the side it shows.
+    `packed` and `frame` are the tables and a Frame as `accel` wants them: Handles for kernels and trees, else themselves.
+    """
+    instances, geometries = tables.instances, tables.geometries
+    g = instances.geometry
+    shaded = (tables.materials.shading[instances.material] == ir.Shading.GOURAUD) & (geometries.kind[g] == MESH)
+    counts = np.where(shaded, geometries.vertex_count[g], 0).astype(np.int64)
+    first = np.where(shaded, np.cumsum(counts) - counts, -1).astype(np.int64)
+    half = max(int(counts.sum()), 1)
+    light = GouraudLight(first, np.zeros((2 * half, 3)))
+    samples = SOFT_SAMPLES if ir.among(tables.lights.kind, SOFT).any() else 1
+    run: Any = _in_kernel if isinstance(packed, Handle) else _in_numpy
+    for i in np.flatnonzero(shaded):
+        corners = _a_corner_of_each_vertex(tables, int(g[i]))
+        used = np.flatnonzero(corners[:, 0] >= 0)
+        for side, start in ((1.0, first[i]), (-1.0, half + first[i])):
+            out = light.color[start : start + counts[i]]
+            run(packed, accel, frame, samples, side, int(i), corners[used, 0], corners[used, 1], used, out)
+    return light
+
+
+@functools.cache
+def none() -> Handle:
+    """Light at no vertex."""
+    return Handle(GouraudLight(np.zeros(0, np.int64), np.zeros((0, 3))))
+
+
+def _a_corner_of_each_vertex(tables: Tables, g: int) -> np.ndarray:
+    """(vertices, 2) a triangle and its corner that each vertex belongs to; -1 for loose ones."""
+    geometries = tables.geometries
+    first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
+    found = np.full((int(geometries.vertex_count[g]), 2), -1, np.int64)
+    for corner in (2, 1, 0):
+        vertex = tables.pools.triangles[first : first + count, corner] - geometries.first_vertex[g]
+        found[vertex, 0] = np.arange(first, first + count)
+        found[vertex, 1] = corner
+    return found
+
+
+def _in_numpy(
+    tables: Tables, accel: Any, frame: Any, samples: int, side: float, i: int, triangle: Any, corner: Any, vertex: Any, out: Any
+) -> None:
+    lane = np.full(len(vertex), i, np.int64)
+    with np.errstate(all="ignore"):
+        rgb = at_vertex(tables, accel, frame, samples, side, lane, triangle, corner, vertex)
+    for k in range(3):
+        out[vertex, k] = rgb[k]
+
+
+@kernel
+def _in_kernel(tables, accel, frame, samples, side, i, triangle, corner, vertex, out):
+    n = len(vertex)
+    for start in range(0, n, crosslane.WIDTH):
+        k = ops.minimum(crosslane.numbered(start), n - 1)  # the last lanes may repeat the last vertex
+        rgb = at_vertex(tables, accel, frame, samples, side, i, triangle[k], corner[k], vertex[k])
+        for j in range(min(n - start, crosslane.WIDTH)):
+            for c in range(3):
+                out[vertex[start + j], c] = crosslane.lane(rgb[c], j)
+
+
+@helper
+def at_vertex(
+    tables: Tables, accel: Any, frame: Any, samples: int, side: float,
+    instance: Lane, triangle: Lane, corner: Lane, vertex: Lane,
+) -> Vec:  # fmt: skip
+    """Light at a corner of a triangle, from its outside (side 1) or inside (-1) toward the camera; the mean of `samples`."""
+    zero = ops.to_float(triangle) * 0.0
+    u, v = ops.where(corner == 1, 1.0, zero), ops.where(corner == 2, 1.0, zero)
+    point = _vertex_from(tables, Hit(zero, instance, triangle, u, v), side)
+    shader = bsdf.at(tables, point)
+    viewer = _to_viewer(tables, frame.picture, point)
+    everywhere, key = ops.bool_like(zero, True), ops.int_like(zero, 1)
+    total = (zero, zero, zero)
+    for s in range(samples):
+        sample = ops.int_like(zero, s)
+        found = whitted.direct_light(tables, accel, frame.options, point, shader, viewer, everywhere, None, vertex, sample, key)
+        total = ops.add(total, found)
+    return ops.scale(total, 1.0 / samples)
+
+
+@helper
+def _vertex_from(tables: Tables, hit: Hit, side: float) -> Surface:
+    """The surface at a vertex as a ray sees it that comes from straight above (side 1) or below (-1) the triangle."""
+    zero = hit.t
+    any_ray = Ray((zero, zero, zero), (zero, zero, zero + 1.0), zero, zero + np.inf, None)
+    here = interaction.at(tables, any_ray, hit)
+    above = ops.scale(here.geometric, ops.where(here.front, side, -side))
+    ray = Ray(ops.add(here.position, above), ops.negate(above), zero, zero + np.inf, None)
+    return interaction.at(tables, ray, Hit(zero + 1.0, hit.instance, hit.primitive, hit.u, hit.v))
+
+
+@helper
+def _to_viewer(tables: Tables, view: View, point: Surface) -> Vec:
+    """The unit direction from a point to the camera."""
+    cameras, matrix = tables.cameras, tables.transforms.matrix
+    row = cameras.transform[view.camera]
+    to_eye = ops.sub(ops.transform_point(matrix, row, (0.0, 0.0, 0.0)), point.position)
+    axis = ops.transform_vector(matrix, row, (0.0, 0.0, 1.0))
+    return ops.normalize(ops.where3(cameras.projection[view.camera] == ORTHOGRAPHIC, axis, to_eye))

@@ -1,0 +1,110 @@
+"""Kernels that other kernels reach by their address, so that each is compiled once and by itself.
+
+A kernel that calls another in Numba's own way takes the other's code into its module and optimizes it again, at every level of
+calls. Here the caller holds only an address, read from a table at run time: `prepare` links what a picture needs and puts the
+addresses into the handles that kernels are given.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from operator import attrgetter
+from typing import Any
+
+from numba import types
+from numba.core import cgutils
+from numba.core.errors import TypingError
+from numba.extending import intrinsic
+
+from .. import simd
+from ..lanes import crosslane
+from .kernel import kernel
+
+
+class Linked:
+    """A kernel with what its callers need: `call(address, (arguments…))` in kernels, `link(types…)` before they run."""
+
+    def __init__(self, function: Any) -> None:
+        self.kernel = kernel(function)
+        self.call = _call_of(self)
+
+    def link(self, *kinds: types.Type) -> int:
+        """Compile it, or load it from disk, for arguments of these types; its address."""
+        return address_of(self.kernel, *kinds)
+
+
+@functools.cache
+def address_of(made: Any, *kinds: types.Type) -> int:
+    """The address of a kernel, compiled or loaded from disk for arguments of these types."""
+    made.compile(kinds)
+    code, described = attrgetter("library", "fndesc")(made.overloads[kinds])
+    return code.get_pointer_to_function(described.llvm_func_name)
+
+
+class Promised(Linked):
+    """What callers need of a kernel whose result is declared; which kernel it is they learn by its address alone.
+
+    Its arguments are taken as they are or, behind the first, as what they are said to be.
+    """
+
+    def __init__(self, result: Sequence[types.Type] | types.Type, takes: Sequence[types.Type] = ()) -> None:
+        self.result = result if isinstance(result, types.Type) else types.Tuple(list(result))
+        self.takes = tuple(takes)
+        self.call = _call_of(self)
+
+
+class Answering(Promised):
+    """A kernel whose result is declared, so that its callers compile without it."""
+
+    def __init__(self, function: Any, result: Sequence[types.Type] | types.Type, takes: Sequence[types.Type] = ()) -> None:
+        super().__init__(result, takes)
+        self.kernel = kernel(function)
+
+
+def _call_of(linked: Linked) -> Any:
+    def call(typingctx, address, arguments):
+        given = tuple(types.unliteral(kind) for kind in arguments.types)
+        if isinstance(linked, Promised):
+            kinds, result = (given[0], *linked.takes) if linked.takes else given, linked.result
+            if not _all_fit(given, kinds):
+                raise TypingError(f"{given} cannot be passed as {kinds}")
+        else:
+            kinds = next((known for known in linked.kernel.overloads if _all_fit(given, known)), None)
+            if kinds is None:
+                raise TypingError(f"{linked.kernel.__name__} was not linked for {given}")
+            result = linked.kernel.overloads[kinds].signature.return_type
+
+        def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            shape = context.call_conv.get_function_type(result, kinds)
+            function = builder.inttoptr(args[0], shape.as_pointer())
+            parts = zip(cgutils.unpack_tuple(builder, args[1]), sig.args[1].types, kinds, strict=True)
+            values = [context.cast(builder, value, kind, wanted) for value, kind, wanted in parts]
+            status, value = context.call_conv.call_function(builder, function, result, kinds, values)
+            with cgutils.if_unlikely(builder, status.is_error):
+                context.call_conv.return_status_propagate(builder, status)
+            return value
+
+        return result(types.int64, arguments), generate
+
+    return intrinsic(call)
+
+
+def _all_fit(given: Sequence[types.Type], wanted: Sequence[types.Type]) -> bool:
+    return len(given) == len(wanted) and all(map(_fits, given, wanted))
+
+
+def _fits(given: types.Type, wanted: types.Type) -> bool:
+    """Whether a value can be passed: as it is, or a number for lanes that all have it."""
+    if isinstance(given, types.BaseTuple) and isinstance(wanted, types.BaseTuple):
+        return _all_fit(given.types, wanted.types)  # pyright: ignore[reportAttributeAccessIssue]
+    if isinstance(wanted, simd.Vector):
+        return given == wanted or isinstance(given, types.Number | types.Boolean)
+    return given == wanted or (isinstance(given, types.Integer) and isinstance(wanted, types.Integer))
+
+
+FLOAT: Any = crosslane.kind("f")
+"""Numba's types of a kernel's lanes: float64, int64, and what comparisons give."""
+INT: Any = crosslane.kind("i")
+MASK: Any = crosslane.kind("m")
+VEC: Any = types.UniTuple(FLOAT, 3)

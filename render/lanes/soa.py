@@ -1,0 +1,54 @@
+"""Rows: what a wave of paths is kept in, structure of arrays, and how vectors of it are read, written and closed up."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .. import simd
+from ..jit.kernel import helper
+from ..types import Lane, Vec
+
+SIZE = 2048  # paths of a wave
+PAD = 64  # beyond them, for stores of whole vectors
+ROW = SIZE + PAD
+
+
+@helper
+def load3(rows: Any, base: int, row: int, i: int) -> Vec:
+    at = base + row * ROW + i
+    return simd.load(rows, at), simd.load(rows, at + ROW), simd.load(rows, at + 2 * ROW)
+
+
+@helper
+def store3(rows: Any, base: int, row: int, i: int, v: Vec) -> None:
+    at = base + row * ROW + i
+    simd.store(rows, at, v[0])
+    simd.store(rows, at + ROW, v[1])
+    simd.store(rows, at + 2 * ROW, v[2])
+
+
+@helper
+def keep(rows: Any, at: int, x: Lane, mask: Lane) -> None:
+    """Close up the lanes of a mask and write them from a place on; what follows them in the row is overwritten."""
+    simd.store(rows, at, simd.compress(x, mask))
+
+
+@helper
+def keep3(rows: Any, at: int, v: Vec, mask: Lane) -> None:
+    keep(rows, at, v[0], mask)
+    keep(rows, at + ROW, v[1], mask)
+    keep(rows, at + 2 * ROW, v[2], mask)
+
+
+@helper
+def add(rows: Any, slot: Lane, light: Vec, mask: Lane) -> None:
+    """Add light to what the paths of a mask have found; each stands in one lane only."""
+    for k in range(3):
+        at = slot + k * ROW
+        simd.scatter(rows, at, simd.gather(rows, at, mask) + light[k], mask)
+
+
+@helper
+def gather3(rows: Any, base: int, row: int, k: Lane) -> Vec:
+    at = k + (base + row * ROW)
+    return rows[at], rows[at + ROW], rows[at + 2 * ROW]

@@ -1,0 +1,301 @@
+"""Lights: for a point, from where light comes, how far away that is, and how much; and what a ray into the sky sees."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from ...compiler import ir
+from ..jit.kernel import helper
+from ..lanes import ops
+from ..types import Lane, Tables, Vec
+
+POINT = int(ir.LightKind.POINT)
+SPOT = int(ir.LightKind.SPOT)
+DIRECTIONAL = int(ir.LightKind.DIRECTIONAL)
+SUN = int(ir.LightKind.SUN)
+SKY = int(ir.LightKind.SKY)
+DOME = int(ir.LightKind.DOME)
+AMBIENT = int(ir.LightKind.AMBIENT)
+RECTANGLE = int(ir.LightKind.RECTANGLE)
+DISK = int(ir.LightKind.DISK)
+SPHERE = int(ir.LightKind.SPHERE)
+POLYNOMIAL = int(ir.FalloffKind.POLYNOMIAL)
+RAMP = int(ir.FalloffKind.RAMP)
+FAR = math.inf
+ALL, SHADOWED, OPEN = 0, 1, 2  # which skies: all, those that cast shadows, those that do not
+TINY = 1e-30  # below what any length, angle or weight is; float32 holds it, too
+SHORT = 1.0 - 1e-9  # of the way to a light: its own place does not block it
+
+
+class Arriving(NamedTuple):
+    """One sample of a light, as seen from a point."""
+
+    direction: Vec  # unit, to the light
+    distance: Lane  # metres a shadow ray must go, inf for what is endlessly far
+    irradiance: Vec  # on a surface that faces it; samples of soft lights average to the integral
+
+
+@helper
+def sample(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) -> Arriving:
+    """A lamp at a point; u, v in [0, 1) choose where on a soft one. Skies and domes are sampled by `cosine_sample` and
+    `sky_radiance`, ambient light has no direction: see `ambient`."""
+    kind = tables.lights.kind[light]
+    if kind in (POINT, SPOT):
+        return _from_point(tables, light, position)
+    if kind in (DIRECTIONAL, SUN):
+        return _from_afar(tables, light, u, v)
+    if kind == SPHERE:
+        return _from_sphere(tables, light, position, u, v)
+    return _from_plate(tables, light, position, u, v)
+
+
+@helper
+def sample_sharp(tables: Tables, light: int, position: Vec) -> Arriving:
+    """`sample` for lamps without an extent, ambient ones apart."""
+    if tables.lights.kind[light] in (POINT, SPOT):
+        return _from_point(tables, light, position)
+    middle = ops.full_like(position[0], 0.5)
+    return _from_afar(tables, light, middle, middle)
+
+
+@helper
+def is_soft(tables: Tables, light: int) -> bool:
+    """Whether a light has an extent, so that it is sampled with random numbers."""
+    kind = tables.lights.kind[light]
+    if kind in (POINT, SPOT, DIRECTIONAL, AMBIENT):
+        return False
+    return kind != SUN or tables.lights.angle[light] > 0.0
+
+
+@helper
+def falloff(kind: Lane, a: Lane, b: Lane, c: Lane, distance: Lane) -> Lane:
+    """What is left of intensity at a distance in metres: 1/d², the classic polynomial, or the ramp."""
+    square = 1.0 / ops.maximum(distance * distance, TINY)
+    course = 1.0 / ops.maximum(a + distance * (b + c * distance), TINY)
+    ramp = ops.clip((b - distance) / ops.maximum(b - a, TINY), 0.0, 1.0)
+    return ops.where(kind == POLYNOMIAL, course, ops.where(kind == RAMP, ramp, square))
+
+
+@helper
+def spot_share(cosine: Lane, cos_cone: Lane, cos_full: Lane) -> Lane:
+    """A spot's strength off its axis: smoothstep of the cosine between where it ends and where it is full (pbrt-v4 §12.2.3)."""
+    t = ops.clip((cosine - cos_cone) / ops.maximum(cos_full - cos_cone, 1e-12), 0.0, 1.0)
+    return t * t * (3.0 - 2.0 * t)
+
+
+@helper
+def _color(tables: Tables, light: int, s: Lane) -> Vec:
+    color = tables.lights.color
+    return (color[light, 0] * s, color[light, 1] * s, color[light, 2] * s)
+
+
+@helper
+def _from_point(tables: Tables, light: int, position: Vec) -> Arriving:
+    lights = tables.lights
+    way = ops.sub((lights.position[light, 0], lights.position[light, 1], lights.position[light, 2]), position)
+    distance = ops.length(way)
+    direction = ops.scale(way, 1.0 / ops.maximum(distance, TINY))
+    c = lights.coefficients
+    strength = falloff(lights.falloff[light], c[light, 0], c[light, 1], c[light, 2], distance)
+    if lights.kind[light] == SPOT:
+        axis = (lights.direction[light, 0], lights.direction[light, 1], lights.direction[light, 2])
+        strength = strength * spot_share(-ops.dot(direction, axis), lights.cos_cone[light], lights.cos_full[light])
+    return Arriving(direction, distance * SHORT, _color(tables, light, strength))
+
+
+@helper
+def _from_afar(tables: Tables, light: int, u: Lane, v: Lane) -> Arriving:
+    lights = tables.lights
+    zero = 0.0 * u
+    axis = (lights.direction[light, 0] + zero, lights.direction[light, 1] + zero, lights.direction[light, 2] + zero)
+    mean = 1.0  # cosine to the middle of a sun's disk: `color` is what a surface that faces it gets from all of it
+    if lights.angle[light] > 0.0:
+        half = math.sin(0.5 * lights.angle[light])
+        axis = in_cone(axis, u * 2.0 * half * half, v)
+        mean = 1.0 - half * half
+    return Arriving(axis, zero + FAR, _color(tables, light, zero + 1.0 / mean))
+
+
+@helper
+def in_cone(axis: Vec, below: Lane, v: Lane) -> Vec:
+    """The direction whose cosine with the axis is 1 - below, turned by v."""
+    sine = ops.sqrt(ops.maximum(below * (2.0 - below), 0.0))
+    a, b = ops.basis(axis)
+    turn = 2.0 * math.pi * v
+    sideways = ops.add(ops.scale(a, sine * ops.cos(turn)), ops.scale(b, sine * ops.sin(turn)))
+    return ops.normalize(ops.add(ops.scale(axis, 1.0 - below), sideways))
+
+
+@helper
+def cosine_sample(normal: Vec, u: Lane, v: Lane) -> tuple[Vec, Lane]:
+    """A direction about the normal with density cos/π, and its cosine (Malley's method)."""
+    radius = ops.sqrt(u)
+    turn = 2.0 * math.pi * v
+    cosine = ops.sqrt(ops.maximum(1.0 - u, 0.0))
+    a, b = ops.basis(normal)
+    sideways = ops.add(ops.scale(a, radius * ops.cos(turn)), ops.scale(b, radius * ops.sin(turn)))
+    return ops.add(ops.scale(normal, cosine), sideways), cosine
+
+
+@helper
+def cosine_sample_above(normal: Vec, horizon: Vec, bounded: Lane, u: Lane, v: Lane) -> tuple[Vec, Lane]:
+    """A direction about the normal on the horizon's upper side with density cos/(π share), and that share of all cos/π.
+
+    Seen along the normal, the directions above a plane fill a half disk and, on the other side, a half ellipse flattened by
+    c = normal · horizon: chord by chord a disk, squeezed from [-s, s] to [-c s, s]. Lanes that are not `bounded` have no horizon.
+    """
+    across = ops.sub(horizon, ops.scale(normal, ops.dot(normal, horizon)))
+    tilted = bounded & (ops.dot(across, across) > 1e-20)
+    other, _ = ops.basis(normal)
+    a = ops.normalize(ops.where3(tilted, across, other))
+    b = ops.cross(normal, a)
+    c = ops.where(bounded, ops.clip(ops.dot(normal, horizon), -1.0, 1.0), 1.0)
+    radius, turn = ops.sqrt(u), 2.0 * math.pi * v
+    x, y = radius * ops.cos(turn), radius * ops.sin(turn)
+    chord = ops.sqrt(ops.maximum(1.0 - y * y, 0.0))
+    x = 0.5 * (x * (1.0 + c) + chord * (1.0 - c))
+    z = ops.sqrt(ops.maximum(1.0 - x * x - y * y, 0.0))
+    return ops.in_basis(a, b, normal, x, y, z), 0.5 * (1.0 + c)
+
+
+@helper
+def _from_plate(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) -> Arriving:
+    lights, row = tables.lights, tables.lights.transform[light]
+    half_x, half_z = lights.size[light, 0], lights.size[light, 1]
+    face, area = face_of(tables, light)
+    if lights.kind[light] == DISK:
+        radius, turn = half_x * ops.sqrt(u), 2.0 * math.pi * v
+        x, z = radius * ops.cos(turn), radius * ops.sin(turn)
+    else:
+        x, z = (2.0 * u - 1.0) * half_x, (2.0 * v - 1.0) * half_z
+    way = ops.sub(ops.transform_point(tables.transforms.matrix, row, (x, 0.0, z)), position)
+    squared = ops.maximum(ops.dot(way, way), TINY)
+    distance = ops.sqrt(squared)
+    direction = ops.scale(way, 1.0 / distance)
+    cosine = ops.maximum(-ops.dot(direction, face), 0.0)
+    return Arriving(direction, distance * SHORT, _color(tables, light, cosine * area / squared))
+
+
+@helper
+def face_of(tables: Tables, light: int) -> tuple[tuple[float, float, float], float]:
+    """The side of a rectangle or disk that shines, as a unit normal, and its area."""
+    matrix, row = tables.transforms.matrix, tables.lights.transform[light]
+    half_x, half_z = tables.lights.size[light, 0], tables.lights.size[light, 1]
+    side_x = ops.transform_vector(matrix, row, (1.0, 0.0, 0.0))
+    side_z = ops.transform_vector(matrix, row, (0.0, 0.0, 1.0))
+    face = ops.cross(side_z, side_x)
+    stretch = ops.length(face)
+    if tables.transforms.flips[row]:
+        face = ops.negate(face)
+    area = (math.pi * half_x * half_x if tables.lights.kind[light] == DISK else 4.0 * half_x * half_z) * stretch
+    return ops.scale(face, 1.0 / max(stretch, TINY)), area
+
+
+@helper
+def _from_sphere(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) -> Arriving:
+    """By the cone of directions it fills; from inside, all directions (pbrt-v4 §6.2.4)."""
+    row = tables.lights.transform[light]
+    matrix = tables.transforms.matrix
+    centre = ops.transform_point(matrix, row, (0.0, 0.0, 0.0))
+    radius = tables.lights.size[light, 0] * ops.length(ops.transform_vector(matrix, row, (1.0, 0.0, 0.0)))
+    direction, distance, solid = to_ball(ops.sub(centre, position), radius + 0.0 * u, u, v)
+    return Arriving(direction, distance * SHORT, _color(tables, light, solid))
+
+
+@helper
+def ball_height(squared: Lane, radius: Lane) -> Lane:
+    """1 - cos of half the angle that a ball fills, seen from a squared distance, without cancelling; 2, all directions, from inside."""
+    inside = squared <= radius * radius
+    sine2 = ops.where(inside, 1.0, radius * radius / ops.maximum(squared, TINY))
+    height = sine2 / (1.0 + ops.sqrt(ops.maximum(1.0 - sine2, 0.0)))
+    return ops.where(inside, 2.0, height)
+
+
+@helper
+def to_ball(way: Vec, radius: Lane, u: Lane, v: Lane) -> tuple[Vec, Lane, Lane]:
+    """(direction, distance, solid angle) of a point of the ball whose centre is `way` off, even over the angle that it fills."""
+    squared = ops.dot(way, way)
+    inside = squared <= radius * radius
+    height = ball_height(squared, radius)
+    axis = ops.where3(squared > 0.0, ops.normalize(way), (0.0 * u, 0.0 * u + 1.0, 0.0 * u))
+    direction = in_cone(axis, u * height, v)
+    middle = ops.dot(way, direction)
+    off = ops.sub(way, ops.scale(direction, middle))
+    reach = ops.sqrt(ops.maximum(radius * radius - ops.dot(off, off), 0.0))
+    distance = ops.where(inside, middle + reach, middle - reach)
+    return direction, ops.maximum(distance, 0.0), 2.0 * math.pi * height
+
+
+@helper
+def sky_radiance(tables: Tables, light: int, direction: Vec) -> Vec:
+    """What a ray that leaves the scene sees of a sky or dome.
+
+    A dome's picture is latitude-longitude as in OpenEXR and UsdLux: its middle lies toward +z of the dome's frame, its top
+    toward +y, and +x is left of the middle, as seen from inside.
+    """
+    lights = tables.lights
+    if lights.kind[light] == SKY:
+        return _color(tables, light, 0.0 * direction[0] + 1.0)
+    x, y, z = ops.normalize(ops.transform_vector(tables.transforms.inverse, lights.transform[light], direction))
+    if lights.image[light] < 0:
+        return _color(tables, light, 0.0 * x + 1.0)
+    s, t = 0.5 - ops.atan2(x, z) / (2.0 * math.pi), 0.5 + ops.asin(y) / math.pi
+    return ops.mul(_color(tables, light, 1.0), _around(tables, lights.image[light], s, t))
+
+
+@helper
+def _around(tables: Tables, image: int, s: Lane, t: Lane) -> Vec:
+    """A picture that closes on itself, at s and t from 0 to 1: textures.look_up without divisions of whole numbers."""
+    width, height, first = tables.images.width[image], tables.images.height[image], tables.images.first[image]
+    x, y = s * width - 0.5, (1.0 - t) * height - 0.5
+    a, c = ops.floor_int(x), ops.floor_int(y)
+    fx, fy = x - ops.to_float(a), y - ops.to_float(c)
+    a = ops.maximum(ops.minimum(ops.where(a < 0, a + width, a), width - 1), 0)
+    b = ops.where(a + 1 < width, a + 1, 0)
+    d = ops.maximum(ops.minimum(c + 1, height - 1), 0)
+    c = ops.maximum(ops.minimum(c, height - 1), 0)
+    above, below = first + c * width, first + d * width
+    return ops.lerp3(
+        ops.lerp3(_texel(tables, above + a), _texel(tables, above + b), fx),
+        ops.lerp3(_texel(tables, below + a), _texel(tables, below + b), fx), fy,
+    )  # fmt: skip
+
+
+@helper
+def _texel(tables: Tables, row: Lane) -> Vec:
+    texels = tables.images.texels
+    return texels[row, 0], texels[row, 1], texels[row, 2]
+
+
+@helper
+def background(tables: Tables, direction: Vec, which: int = ALL) -> tuple[Vec, bool]:
+    """What the skies and domes among `which` show in a direction, and whether there are any."""
+    zero = 0.0 * direction[0]
+    total = (zero, zero, zero)
+    there = False
+    for light in range(len(tables.lights.kind)):
+        kind = tables.lights.kind[light]
+        if kind in (SKY, DOME) and (which == ALL or tables.lights.shadows[light] == (which == SHADOWED)):
+            total = ops.add(total, sky_radiance(tables, light, direction))
+            there = True
+    return total, there
+
+
+@helper
+def has_ambient(tables: Tables) -> bool:
+    """Whether any light is ambient."""
+    found = False
+    for light in range(len(tables.lights.kind)):
+        found = found or tables.lights.kind[light] == AMBIENT
+    return found
+
+
+@helper
+def ambient(tables: Tables) -> tuple[float, float, float]:
+    """The course's L_a: the radiance of all ambient lights."""
+    total = (0.0, 0.0, 0.0)
+    for light in range(len(tables.lights.kind)):
+        if tables.lights.kind[light] == AMBIENT:
+            total = ops.add(total, _color(tables, light, 1.0))
+    return total

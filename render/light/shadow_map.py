@@ -1,0 +1,98 @@
+"""Shadow maps: what is nearest to a lamp tells whether its light reaches a place (Williams 1978; Reeves, Salesin, Cook 1987).
+
+A texel holds what is nearest to the lamp along the ray through its middle. A place is compared there with the plane that touches its own
+surface, which is a linear function of the texel as all keys are (1 / depth, or -depth): so a flat thing shades itself nowhere, whatever the
+light's slant, and all that is left to allow for is the rounding of keys. Only of the thing itself, which may be round, what is nearer to
+the plane than the filter is wide tells nothing. Sixteen texels are compared, weighed as a box of three under a bilinear lookup.
+shadow_views.py draws the maps.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from ..jit.kernel import helper
+from ..lanes import ops
+from ..surface import interaction
+from ..types import Lane, Surface, Tables, Vec
+
+DIRECTIONAL, SUN = int(ir.LightKind.DIRECTIONAL), int(ir.LightKind.SUN)
+ROUNDING = 2.0**-21  # of keys: float32 has 2⁻²⁴, and what is compared has been rounded a few times
+REACH = 2.0  # texels from a place to the farthest that it is compared with, but for half a texel
+
+
+class Maps(NamedTuple):
+    """The maps of all lamps that have them. The numbers of rows are world to (X, Y, D): X / W and Y / W are texels, W = D for points and
+    spots and 1 for parallel light, D is the depth."""
+
+    first: NDArray[np.int64]  # (lights,) row of the first map; -1: shadows of this light are looked for by rays
+    count: NDArray[np.int64]  # (lights,) 1, or the 6 sides of a cube: -x, +x, -y, +y, -z, +z
+    matrix: NDArray[np.float64]  # (maps, 3, 4)
+    inverse: NDArray[np.float64]  # (maps, 3, 4) of the first three columns; the fourth is 0
+    texel: NDArray[np.float64]  # (maps,) metres, at a depth of 1 for points and spots
+    size: NDArray[np.int64]  # (maps,) texels a side
+    start: NDArray[np.int64]  # (maps,) first texel
+    key: NDArray[np.float32]  # larger is nearer; -inf: nothing
+    instance: NDArray[np.int32]
+
+
+@helper
+def lit(maps: Any, tables: Tables, light: int, point: Surface) -> Lane:
+    """The share of a lamp's light, 0 to 1, that reaches a point."""
+    p, zero = interaction.lit_from(point), 0.0 * point.offset
+    row = ops.int_like(zero, maps.first[light])
+    cube = maps.count[light] == 6
+    parallel = tables.lights.kind[light] in (DIRECTIONAL, SUN)
+    if cube:
+        lamp = tables.lights.position
+        row = row + _side(ops.sub(p, (lamp[light, 0] + zero, lamp[light, 1] + zero, lamp[light, 2] + zero)))
+    at = ops.point_by(ops.affine(maps.matrix, row), p)
+    size = ops.to_float(maps.size[row])
+    depth = at[2]
+    w = zero + 1.0 if parallel else depth
+    ahead = w > 0.0
+    safe = ops.where(ahead, w, 1.0)
+    x, y = at[0] / safe, at[1] / safe
+    inside = ahead & (x > 0.0) & (y > 0.0) & (x < size) & (y < size)
+    x, y = ops.clip(x, 0.0, size), ops.clip(y, 0.0, size)
+    # the plane through the point: m · (x, y, 1) / m · (px, py, 1) = depth / D, or m · (x, y, D) constant, with m = A⁻ᵀ n
+    inverse, n = ops.affine(maps.inverse, row), point.geometric
+    mx = n[0] * inverse[0] + n[1] * inverse[4] + n[2] * inverse[8]
+    my = n[0] * inverse[1] + n[1] * inverse[5] + n[2] * inverse[9]
+    mz = n[0] * inverse[2] + n[1] * inverse[6] + n[2] * inverse[10]
+    key = -depth if parallel else 1.0 / safe
+    steep = mz if parallel else depth * (mx * x + my * y + mz)
+    steep = ops.where(abs(steep) > 1e-300, steep, 1e-300)
+    right, down = mx / steep, my / steep
+    wide = maps.texel[row] * (zero + 1.0 if parallel else key)  # a texel's width there, in keys
+    rounding = ROUNDING * abs(key)
+    left, top = ops.floor_int(x - 0.5) - 1, ops.floor_int(y - 0.5) - 1
+    fx, fy = x - 0.5 - ops.to_float(left + 1), y - 0.5 - ops.to_float(top + 1)
+    last = maps.size[row] - 1
+    open_ = zero
+    for j in range(4):
+        ty = ops.minimum(ops.maximum(top + j, 0), last)
+        wy = 1.0 - fy if j == 0 else (fy if j == 3 else zero + 1.0)
+        for i in range(4):
+            tx = ops.minimum(ops.maximum(left + i, 0), last)
+            wx = 1.0 - fx if i == 0 else (fx if i == 3 else zero + 1.0)
+            texel = maps.start[row] + ty * (last + 1) + tx
+            nearest, whose = ops.to_float(maps.key[texel]), ops.to_int(maps.instance[texel])
+            off_x, off_y = ops.to_float(tx) + 0.5 - x, ops.to_float(ty) + 0.5 - y
+            plane = key + ops.clip(right * off_x + down * off_y, -0.5 * abs(key), 0.5 * abs(key))
+            slack = rounding + ops.where(whose == point.instance, (REACH + 0.5) * wide, 0.0)
+            open_ = open_ + wx * wy * ops.where(nearest > plane + slack, 0.0, 1.0)
+    return ops.where(inside, open_ / 9.0, 1.0)
+
+
+@helper
+def _side(way: Vec) -> Lane:
+    """Which side of a cube around it a way leads to."""
+    ax, ay, az = abs(way[0]), abs(way[1]), abs(way[2])
+    along_x, along_y = (ax >= ay) & (ax >= az), ay >= az
+    of_x, of_y, of_z = ops.where(way[0] > 0.0, 1, 0), ops.where(way[1] > 0.0, 3, 2), ops.where(way[2] > 0.0, 5, 4)
+    return ops.where(along_x, of_x, ops.where(along_y, of_y, of_z))

@@ -1,0 +1,305 @@
+"""Disks, triangles and cylinders by the solid angle that they fill: directions drawn evenly over it, and how likely each is.
+
+A disk is seen as a spherical ellipse (Guillén, Ureña, King, Fajardo, Georgiev, López-Moreno, Jarabo 2017, "Area-Preserving
+Parameterizations for Spherical Ellipses", whose polar map needs elliptic integrals to be inverted): here the angle about its middle
+is drawn as on a flat ellipse that is right at both axes, and the height exactly, so that densities are exact, and even to some per
+cent. Triangles by
+Peters 2021, "BRDF Importance Sampling for Polygonal Lights" (§3.1), after Arvo 1995. Of a cylinder's side that faces a place, the rectangle
+behind which it lies (Gamito 2016, "Solid Angle Sampling of Disk and Cylinder Lights"), so that some directions pass it at its ends.
+
+Scenes without such lights compile none of it: the marks in `Wide` are types.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from numba.extending import overload
+
+from ..jit.kernel import HELPER, apart, helper
+from ..lanes import ops
+from ..types import Lane, Vec
+from . import lights, rectangle_solid_angle
+
+CAP = 0.02  # steradians below which a cylinder's rectangle is drawn by its area: digits are lost in less, and nothing is gained
+
+
+class NoLights(NamedTuple):
+    """A scene has no such lights."""
+
+
+class Some(NamedTuple):
+    """It has."""
+
+    count: int
+
+
+class Wide(NamedTuple):
+    """Which of these a scene's emitters are: NoLights or Some each."""
+
+    disks: Any
+    triangles: Any
+    tubes: Any
+
+
+def if_some(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`chosen(mark, plain, …)`: `plain` in scenes without such lights, and else function(plain, …)."""
+
+    def chosen(mark: Any, plain: Any, *of: Any) -> Any:
+        return function(plain, *of) if isinstance(mark, Some) else plain
+
+    @overload(chosen, jit_options=HELPER)
+    def _in_kernels(mark, plain, *of):
+        if mark.layout:
+            return lambda mark, plain, *of: function(plain, *of)
+        return lambda mark, plain, *of: plain
+
+    return chosen
+
+
+# --- disks ---------------------------------------------------------------------------------------------------------------
+
+
+class Ellipse(NamedTuple):
+    """A disk as seen from a place: the cone around `axis` whose half angles in the directions x and y have these cotangents."""
+
+    axis: Vec
+    x: Vec
+    y: Vec
+    cot_x: Lane
+    cot_y: Lane
+    sin_x: Lane  # of half the half angle
+    sin_y: Lane
+    toward: Vec  # normal of the disk's plane, away from the place
+    height: Lane  # of the place above it
+
+
+@helper
+def ellipse(way: Vec, normal: Vec, radius: Lane) -> Ellipse:
+    """A disk with its middle `way` off.
+
+    In the plane of symmetry the axis halves the angle between the ways d₁, d₂ to the nearest and farthest points; it meets the disk
+    where the chord across is 2 R √(|d₁| |d₂|) / (|d₁| + |d₂|) to either side (by the theorem of the angle's bisector).
+    """
+    off = ops.dot(way, normal)
+    toward = ops.scale(normal, ops.where(off < 0.0, -1.0, 1.0))
+    height = ops.maximum(ops.absolute(off), 1e-6 * radius)
+    flat = ops.sub(way, ops.scale(toward, ops.absolute(off)))
+    aside2 = ops.dot(flat, flat)
+    there = aside2 > 1e-12 * radius * radius
+    aside = ops.where(there, ops.sqrt(ops.where(there, aside2, 1.0)), 0.0)
+    side = ops.where3(there, ops.scale(flat, 1.0 / ops.where(there, aside, 1.0)), ops.basis(toward)[0])
+    near, far = aside - radius, aside + radius
+    to_near, to_far = ops.sqrt(near * near + height * height), ops.sqrt(far * far + height * height)
+    both = to_near * to_far
+    crossed, along = 2.0 * height * radius, near * far + height * height
+    # tan (γ/2) = sin γ / (1 + cos γ) = (1 - cos γ) / sin γ of the whole angle γ, whichever does not cancel
+    cot_x = ops.where(along > 0.0, (both + along) / crossed, crossed / ops.maximum(both - along, lights.TINY))
+    middle = (near * to_far + far * to_near) / (to_near + to_far)
+    reach = ops.sqrt(middle * middle + height * height)
+    cot_y = 0.5 * reach * (to_near + to_far) / (radius * ops.sqrt(both))
+    inverse = 1.0 / reach
+    axis = ops.scale(ops.add(ops.scale(side, middle), ops.scale(toward, height)), inverse)
+    x = ops.scale(ops.sub(ops.scale(side, height), ops.scale(toward, middle)), inverse)
+    return Ellipse(axis, x, ops.cross(axis, x), cot_x, cot_y, _half_sine(cot_x), _half_sine(cot_y), toward, height)
+
+
+@helper
+def _half_sine(cot: Lane) -> Lane:
+    """sin (α/2), from cot α: of 1 - cos α = 2 sin² (α/2)."""
+    return ops.sqrt(0.5 * _depth(cot))
+
+
+@helper
+def _depth(cot: Lane) -> Lane:
+    """1 - cos α, from cot α, without cancelling."""
+    root = ops.sqrt(1.0 + cot * cot)
+    return 1.0 / (root * (root + cot))
+
+
+@helper
+def _inverse_density(seen: Ellipse, c: Lane, s: Lane) -> tuple[Lane, Lane]:
+    """(1 over the density of directions at an angle about the axis whose cosine and sine are c and s, 1 - cos of the cone there)."""
+    a, b = c * seen.cot_x, s * seen.cot_y
+    depth = _depth(ops.sqrt(a * a + b * b))
+    p, q = seen.sin_y * c, seen.sin_x * s
+    return depth * 2.0 * math.pi * (p * p + q * q) / (seen.sin_x * seen.sin_y), depth
+
+
+@apart
+def draw_disk(seen: Ellipse, u: Lane, v: Lane) -> tuple[Vec, Lane, Lane]:
+    """(direction, distance, 1 over the density) of a point of a disk."""
+    turn = 2.0 * math.pi * v
+    p, q = seen.sin_x * ops.cos(turn), seen.sin_y * ops.sin(turn)
+    inverse = 1.0 / ops.sqrt(ops.maximum(p * p + q * q, lights.TINY))
+    c, s = p * inverse, q * inverse
+    angle, depth = _inverse_density(seen, c, s)
+    below = u * depth
+    sine = ops.sqrt(below * (2.0 - below))
+    direction = ops.in_basis(seen.x, seen.y, seen.axis, sine * c, sine * s, 1.0 - below)
+    return direction, seen.height / ops.maximum(ops.dot(direction, seen.toward), lights.TINY), angle
+
+
+@apart
+def disk_density(seen: Ellipse, direction: Vec) -> Lane:
+    """The density of a direction to a disk as `draw_disk` draws it."""
+    x, y = ops.dot(direction, seen.x), ops.dot(direction, seen.y)
+    inverse = 1.0 / ops.sqrt(ops.maximum(x * x + y * y, lights.TINY))
+    return 1.0 / ops.maximum(_inverse_density(seen, x * inverse, y * inverse)[0], lights.TINY)
+
+
+# --- triangles -----------------------------------------------------------------------------------------------------------
+
+
+class Corners(NamedTuple):
+    """A triangle as seen from a place: directions to its corners, and what its solid angle Ω is made of."""
+
+    a: Vec
+    b: Vec
+    c: Vec
+    volume: Lane  # |a · (b × c)|
+    across: Lane  # (a + b) · c
+    between: Lane  # 1 + a · b
+    solid: Lane  # Ω: tan Ω/2 = volume / (between + across) (van Oosterom and Strackee 1983)
+
+
+@helper
+def fills_much(way: Vec, u: Vec, v: Vec) -> Lane:
+    """Whether a triangle with a corner `way` off and edges u, v is so near that its solid angle is worth its price."""
+    middle = ops.add(way, ops.scale(ops.add(u, v), 1.0 / 3.0))
+    return ops.dot(middle, middle) < ops.dot(u, u) + ops.dot(v, v)
+
+
+@helper
+def corners(way: Vec, u: Vec, v: Vec) -> Corners:
+    """A triangle with a corner `way` off and edges u, v from there."""
+    to_b, to_c = ops.add(way, u), ops.add(way, v)
+    far_a, far_b, far_c = ops.length(way), ops.length(to_b), ops.length(to_c)
+    inverse_a, inverse_b = 1.0 / ops.maximum(far_a, lights.TINY), 1.0 / ops.maximum(far_b, lights.TINY)
+    inverse_c = 1.0 / ops.maximum(far_c, lights.TINY)
+    a, b, c = ops.scale(way, inverse_a), ops.scale(to_b, inverse_b), ops.scale(to_c, inverse_c)
+    volume = ops.absolute(ops.dot(way, ops.cross(u, v))) * inverse_a * inverse_b * inverse_c
+    across, between = ops.dot(ops.add(a, b), c), 1.0 + ops.dot(a, b)
+    solid_angle = 2.0 * ops.atan2(volume, between + across)
+    return Corners(a, b, c, volume, across, between, ops.maximum(solid_angle, lights.TINY))
+
+
+@apart
+def draw_triangle(seen: Corners, u: Lane, v: Lane) -> Vec:
+    """A direction in it, even over its solid angle: the corner c moves along its arc so that u Ω is left, v goes along the arc from b."""
+    half = 0.5 * u * seen.solid
+    sine, cosine = ops.sin(half), ops.cos(half)
+    middle = ops.add(
+        ops.scale(seen.a, seen.volume * cosine - seen.across * sine), ops.scale(seen.c, seen.between * sine)
+    )  # half-way from a to the moved corner
+    twice = 2.0 * ops.dot(seen.a, middle) / ops.maximum(ops.dot(middle, middle), lights.TINY)
+    moved = ops.sub(ops.scale(middle, twice), seen.a)
+    s2 = ops.dot(seen.b, moved)
+    s = 1.0 + v * (s2 - 1.0)
+    below = 1.0 - s2 * s2
+    t = ops.where(below > 1e-12, ops.sqrt(ops.maximum(1.0 - s * s, 0.0) / ops.maximum(below, 1e-12)), v)
+    return ops.normalize(ops.add(ops.scale(seen.b, s - t * s2), ops.scale(moved, t)))
+
+
+# --- cylinders -----------------------------------------------------------------------------------------------------------
+
+
+class Tube(NamedTuple):
+    """A cylinder's side as seen from a place outside of it: the rectangle behind which all of it lies."""
+
+    rect: rectangle_solid_angle.Seen
+    onward: Vec  # unit, toward the axis, at a right angle to it
+    sideways: Vec
+    axis: Vec
+    aside: Vec  # to the nearest place of the axis
+    middle: Vec  # of the rectangle
+    half_width: Lane
+    half_height: Lane
+    plane: Lane  # the rectangle's distance
+    apart: Lane  # D, the axis's distance
+    radius: Lane  # R
+    low: Lane  # where the cylinder begins and ends along its axis
+    high: Lane
+    outside: Lane  # bool: whether D > R
+    even: Lane  # bool: whether directions are even over the rectangle's solid angle; else points over its area
+
+
+@helper
+def tube(way: Vec, axis: Vec, radius: Lane, half: Lane) -> Tube:
+    """A cylinder with its middle `way` off."""
+    along = ops.dot(way, axis)
+    aside = ops.sub(way, ops.scale(axis, along))
+    apart_ = ops.length(aside)
+    outside = apart_ > radius * 1.00001
+    apart_ = ops.where(outside, apart_, 2.0 * radius)
+    onward = ops.where3(outside, ops.scale(aside, 1.0 / apart_), ops.basis(axis)[0])
+    sideways = ops.cross(axis, onward)
+    beyond = (apart_ - radius) * (apart_ + radius)
+    plane, half_width = beyond / apart_, radius * ops.sqrt(beyond) / apart_
+    low, high = along - half, along + half
+    nearer = (apart_ + radius) / apart_  # ends of the foremost line lie so much farther off, as the rectangle shows them
+    bottom, top = ops.minimum(low, low * nearer), ops.maximum(high, high * nearer)
+    half_height = 0.5 * (top - bottom)
+    middle = ops.add(ops.scale(onward, plane), ops.scale(axis, 0.5 * (bottom + top)))
+    rect = rectangle_solid_angle.seen_apart(middle, sideways, axis, half_width, half_height)
+    return Tube(
+        rect, onward, sideways, axis, aside, middle, half_width, half_height, plane, apart_, radius, low, high, outside, rect.solid > CAP
+    )  # fmt: skip
+
+
+@helper
+def _through(seen: Tube, direction: Vec) -> Lane:
+    """1 over the density of a direction that goes through the rectangle."""
+    forth = ops.maximum(ops.dot(direction, seen.onward), lights.TINY)
+    by_area = 4.0 * seen.half_width * seen.half_height * forth * forth * forth / (seen.plane * seen.plane)
+    return ops.where(seen.even, seen.rect.solid, by_area)
+
+
+@helper
+def _within(seen: Tube, out: Vec, direction: Vec, reach2: Lane) -> Lane:
+    """1 over the density of a direction from inside the cylinder, where points are even over its area; `out` is the normal there."""
+    area = 2.0 * math.pi * seen.radius * (seen.high - seen.low)
+    between = (seen.low < 0.0) & (seen.high > 0.0)
+    return ops.where(between, area * ops.absolute(ops.dot(direction, out)) / reach2, 0.0)
+
+
+@apart
+def draw_tube(seen: Tube, u: Lane, v: Lane) -> tuple[Vec, Lane, Lane, Lane]:
+    """(direction, distance, 1 over the density, cosine) of a point of a cylinder's side; 0 for the density where directions pass it."""
+    x, y = rectangle_solid_angle.draw_apart(seen.rect, u, v)
+    x, y = ops.where(seen.even, x, 2.0 * u - 1.0), ops.where(seen.even, y, 2.0 * v - 1.0)
+    across = ops.add(ops.scale(seen.sideways, x * seen.half_width), ops.scale(seen.axis, y * seen.half_height))
+    direction = ops.normalize(ops.add(seen.middle, across))
+    forth, sideways = ops.dot(direction, seen.onward), ops.dot(direction, seen.sideways)
+    flat2 = forth * forth + sideways * sideways
+    most, off = seen.radius * ops.sqrt(flat2), seen.apart * ops.absolute(sideways)
+    root = ops.sqrt(ops.maximum((most - off) * (most + off), 0.0))
+    distance = (seen.apart * forth - root) / flat2
+    height = distance * ops.dot(direction, seen.axis)
+    angle = ops.where((height >= seen.low) & (height <= seen.high), _through(seen, direction), 0.0)
+    cosine = root / seen.radius
+    inside = ops.not_(seen.outside)
+    if ops.any_lane(inside):
+        turn = 2.0 * math.pi * u
+        out = ops.add(ops.scale(seen.onward, ops.cos(turn)), ops.scale(seen.sideways, ops.sin(turn)))
+        up = ops.scale(seen.axis, seen.low + v * (seen.high - seen.low))
+        point = ops.add(ops.add(seen.aside, ops.scale(out, seen.radius)), up)
+        reach2 = ops.maximum(ops.dot(point, point), lights.TINY)
+        reach = ops.sqrt(reach2)
+        to = ops.scale(point, 1.0 / reach)
+        direction, distance = ops.where3(inside, to, direction), ops.where(inside, reach, distance)
+        angle = ops.where(inside, _within(seen, out, to, reach2), angle)
+        cosine = ops.where(inside, ops.absolute(ops.dot(to, out)), cosine)
+    return direction, distance, angle, cosine
+
+
+@apart
+def tube_density(seen: Tube, direction: Vec, distance: Lane) -> Lane:
+    """The density of a direction in which a cylinder's side is met as `draw_tube` draws it."""
+    met = ops.sub(ops.scale(direction, distance), seen.aside)
+    out = ops.sub(met, ops.scale(seen.axis, ops.dot(met, seen.axis)))
+    out = ops.scale(out, 1.0 / seen.radius)
+    angle = ops.where(seen.outside, _through(seen, direction), _within(seen, out, direction, distance * distance))
+    return 1.0 / ops.maximum(angle, lights.TINY)

@@ -1,0 +1,137 @@
+"""Materials with microfacets as rows say them: metallic and specular workflow (UsdPreviewSurface 2.6, glTF 2.0) and metals.
+
+`PRINCIPLED`: base = colour (1 − metallic), f0 = ((ior − 1) / (ior + 1))² (1 − metallic) + colour metallic. `PRINCIPLED_SPECULAR`: base =
+colour, f0 = SPECULAR. `METAL`: f0 = SPECULAR, and EDGE is what is left of Schlick's reflectance at 81.8°, where a metal reflects least
+(Kutz, Hašan, Edmondson 2021, Novel aspects of the Adobe Standard Material). TRANSMISSION is what of the base lets light straight
+through, AMBIENT how much of the base ambient light reaches (occlusion). α is roughness squared (Burley 2012).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from numba.extending import overload
+
+from ...compiler import ir
+from ...compiler.plan import plan as planner
+from ..jit.kernel import HELPER, helper
+from ..jit.packed_struct import HandleType
+from ..lanes import ops
+from ..surface import blend, normal_map
+from ..surface.material_inputs import color_of, number_of
+from ..types import Lane, Surface, Tables, Vec
+from . import energy_compensation, medium_stack, microfacet, rough_dielectric
+from .microfacet import Lobes
+
+PRINCIPLED = int(ir.MaterialModel.PRINCIPLED)
+SPECULAR_WORKFLOW = int(ir.MaterialModel.PRINCIPLED_SPECULAR)
+METAL = int(ir.MaterialModel.METAL)
+MODELS = (PRINCIPLED, SPECULAR_WORKFLOW, METAL)
+DIFFUSE, SPECULAR, IOR = int(ir.Slot.DIFFUSE), int(ir.Slot.SPECULAR), int(ir.Slot.IOR)
+TRANSMISSION, EDGE = int(ir.Slot.TRANSMISSION), int(ir.Slot.EDGE)
+ROUGHNESS, METALLIC = int(ir.Slot.ROUGHNESS), int(ir.Slot.METALLIC)
+COAT, COAT_ROUGHNESS = int(ir.Slot.COAT), int(ir.Slot.COAT_ROUGHNESS)
+LOWEST = 1.0 / 7.0  # cosine at which EDGE counts
+_DIP = LOWEST * (1.0 - LOWEST) ** 6
+
+
+class Layered(NamedTuple):
+    """ir.Materials where a scene has microfacets or maps of normals, with what those read beside the rows: types of their own."""
+
+    model: Any
+    shading: Any
+    normalized: Any
+    threshold: Any
+    values: Any
+    textures: Any
+    textured: Any
+    first: Any
+    second: Any
+    albedo: Any  # albedo.Albedo, or Smooth
+    tangents: Any  # tilt.Tangents, or tilt.Untilted
+    frosted: Any  # frosted.Tabled, or frosted.Clear
+    media: Any  # media.Media, or media.Air
+    blended: Any  # blends.Blended, or blends.Plain
+
+
+class Smooth(NamedTuple):
+    """No material has microfacets."""
+
+
+def tables_for(tables: ir.Tables) -> ir.Tables:
+    """The same tables, or with `Layered` materials where a thing has microfacets, a map of normals or heights, a medium or a blend."""
+    facets = bool((ir.among(tables.materials.model, MODELS) & planner.used_materials(tables)).any())
+    parts = (
+        energy_compensation.table() if facets else Smooth(), normal_map.tangents(tables), rough_dielectric.tables_of(tables), medium_stack.media(tables),
+        blend.blended(tables),
+    )  # fmt: skip
+    if all(isinstance(part, Smooth | normal_map.Untilted | rough_dielectric.Clear | medium_stack.Air | blend.Plain) for part in parts):
+        return tables
+    return tables._replace(materials=Layered(*tables.materials, *parts))  # pyright: ignore[reportArgumentType]
+
+
+def has_sharp(tables: ir.Tables) -> bool:
+    """Whether some highlight may be a mirror's."""
+    m = tables.materials
+    flat = (m.values[:, ROUGHNESS, 0] ** 2 < microfacet.SHARP) | (m.textures[:, ROUGHNESS] >= 0)
+    return bool((ir.among(m.model, MODELS) & flat).any())
+
+
+def at(tables: Tables, surface: Surface) -> Lobes | None:
+    """The microfacets of a surface where it is; None in scenes without any."""
+    return _at(tables, surface) if isinstance(getattr(tables.materials, "albedo", None), energy_compensation.Albedo) else None
+
+
+@overload(at, jit_options=HELPER)
+def _at_in_kernels(tables, surface):
+    found = tables.field("materials.albedo") if isinstance(tables, HandleType) else None
+    if found is not None and found[1] != ():
+        return lambda tables, surface: _at(tables, surface)
+    return lambda tables, surface: None
+
+
+@helper
+def _at(tables: Tables, surface: Surface) -> Lobes:
+    materials: Any = tables.materials
+    model = materials.model[surface.material]
+    zero = ops.full_like(surface.offset, 0.0)
+    no = ops.bool_like(zero, False)
+    metal, given = no | (model == METAL), no | (model == SPECULAR_WORKFLOW)
+    here = metal | given | (model == PRINCIPLED)
+    color = ops.mul(color_of(tables, surface, DIFFUSE), surface.color)
+    specular = color_of(tables, surface, SPECULAR)
+    ior = ops.maximum(number_of(tables, surface, IOR), 1e-3)
+    metallic = ops.clip(number_of(tables, surface, METALLIC), 0.0, 1.0)
+    boundary = (ior - 1.0) / (ior + 1.0)
+    along = ops.lerp3(_grey(boundary * boundary), color, metallic)
+    f0 = _clipped(ops.where3(given | metal, specular, along))
+    opaque = (1.0 - metallic) * (1.0 - ops.clip(number_of(tables, surface, TRANSMISSION), 0.0, 1.0))
+    base = ops.scale(_clipped(color), ops.where(metal, zero, opaque))
+    f90 = ops.minimum(microfacet.GRAZING * ops.largest(f0), 1.0)
+    edge = color_of(tables, surface, EDGE)
+    bend = (_bend(f0[0], edge[0]), _bend(f0[1], edge[1]), _bend(f0[2], edge[2]))
+    bend = ops.where3(metal, bend, (zero, zero, zero))
+    roughness = ops.clip(number_of(tables, surface, ROUGHNESS), 0.0, 1.0)
+    alpha = roughness * roughness
+    coat = ops.clip(number_of(tables, surface, COAT), 0.0, 1.0)
+    coat_roughness = ops.clip(number_of(tables, surface, COAT_ROUGHNESS), 0.0, 1.0)
+    return Lobes(
+        here, here & (alpha < microfacet.SHARP), base, f0, f90, bend, ops.maximum(alpha, microfacet.SHARP),
+        ops.where(metal, zero, coat), ops.maximum(coat_roughness * coat_roughness, microfacet.SHARP), materials.albedo,
+    )  # fmt: skip
+
+
+@helper
+def _grey(x: Lane) -> Vec:
+    return x, x, x
+
+
+@helper
+def _clipped(color: Vec) -> Vec:
+    return ops.clip(color[0], 0.0, 1.0), ops.clip(color[1], 0.0, 1.0), ops.clip(color[2], 0.0, 1.0)
+
+
+@helper
+def _bend(f0: Lane, edge: Lane) -> Lane:
+    """What Schlick's law gives too much, so that at LOWEST there is `edge` of it."""
+    return (f0 + (1.0 - f0) * (1.0 - LOWEST) ** 5) * (1.0 - ops.clip(edge, 0.0, 1.0)) * (1.0 / _DIP)

@@ -1,0 +1,332 @@
+"""Rough glass: facets that reflect and refract, on both sides of a surface, with all the light that bounces between them kept.
+
+Walter, Marschner, Li, Torrance 2007, Microfacet Models for Refraction through Rough Surfaces, with Smith's height-correlated
+shadowing for both; facets are drawn as they are seen. What one meeting loses comes back as a matt lobe on either side (Kulla and Conty
+2017): of the share 1 − E(μₒ) that the viewer's side loses, x goes through, in such parts that light may go either way. As everywhere
+here radiance is not scaled by the square of the index. E is tabled for each such material, from outside and from inside.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import overload
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from ...compiler.plan import plan as planner
+from ..jit.kernel import HELPER, helper, if_there
+from ..jit.packed_struct import HandleType
+from ..lanes import ops, row_gather
+from ..surface.material_inputs import number_of
+from ..types import Lane, Surface, Tables, Vec
+from . import energy_compensation, microfacet
+from .microfacet import LEAST
+
+GLASS = int(ir.MaterialModel.GLASS)
+ROUGHNESS, IOR = int(ir.Slot.ROUGHNESS), int(ir.Slot.IOR)
+COLUMNS, ROWS = 32, 20  # of the tables, as albedo.py has them
+NODES = (377, 233), (987, 610)  # of each integral: numbers of Fibonacci one after the other, from outside and from inside,
+MISSED = 6e-4, 2.5e-3  # and the most of E that those and straight lines between rows and columns miss
+ROUNDED = 2e-4  # and of a mean's rest
+SAME = 1e-3  # indices whose ratio is nearer to 1 than this bend nothing: what is between them is clear
+
+F64 = NDArray[np.float64]
+
+
+class Clear(NamedTuple):
+    """No glass is rough."""
+
+
+class Tabled(NamedTuple):
+    """Tables as kernels read them."""
+
+    of: NDArray[np.int64]  # (materials,) which of the tables is a material's
+    each: F64  # (k · 2 · ROWS · COLUMNS, 4) 1 − E of a column and of the next, from outside, then from inside; 0, 0
+    mean: F64  # (k · 2 · ROWS, 4) mean of 1 − E on this side and on the other; what goes through of what is lost here, over the latter; 0
+
+
+class Frost(NamedTuple):
+    """Rough glass at a point, from the side it is seen from."""
+
+    here: Lane  # bool
+    alpha: Lane
+    ratio: Lane  # index of the other side over that of this one
+    tint: Vec  # what goes through is multiplied by it
+    row: Lane  # of Tabled.each: this side
+    other: Lane  # the other side
+    table: Any
+
+
+def tables_of(tables: ir.Tables) -> Tabled | Clear:
+    """What kernels read of a scene's rough glass."""
+    m = tables.materials
+    rough = (m.model == GLASS) & ((m.values[:, ROUGHNESS, 0] > 0.0) | (m.textures[:, ROUGHNESS] >= 0))
+    if not (rough & planner.used_materials(tables)).any():
+        return Clear()
+    indices, of = np.unique(np.where(rough, m.values[:, IOR, 0], 1.5), return_inverse=True)
+    made = [_table(float(index)) for index in indices]
+    return Tabled(of.ravel().astype(np.int64), np.concatenate([t[0] for t in made]), np.concatenate([t[1] for t in made]))
+
+
+def is_rough(tables: ir.Tables) -> bool:
+    """Whether some glass may be rough."""
+    return isinstance(tables_of(tables), Tabled)
+
+
+def at(tables: Tables, surface: Surface, ior: Lane, tint: Vec) -> Frost | None:
+    """The rough glass of a surface where it is; None in scenes without any. `ior` is inside over outside."""
+    return _at(tables, surface, ior, tint) if isinstance(getattr(tables.materials, "frosted", None), Tabled) else None
+
+
+@overload(at, jit_options=HELPER)
+def _at_in_kernels(tables, surface, ior, tint):
+    found = tables.field("materials.frosted") if isinstance(tables, HandleType) else None
+    if found is not None and found[1] != ():
+        return lambda tables, surface, ior, tint: _at(tables, surface, ior, tint)
+    return lambda tables, surface, ior, tint: None
+
+
+@helper
+def _at(tables: Tables, surface: Surface, ior: Lane, tint: Vec) -> Frost:
+    materials: Any = tables.materials
+    roughness = ops.clip(number_of(tables, surface, ROUGHNESS), 0.0, 1.0)
+    alpha = roughness * roughness
+    ratio = ops.where(surface.front, ior, 1.0 / ior)
+    here = (materials.model[surface.material] == GLASS) & (alpha >= microfacet.SHARP) & (ops.absolute(ratio - 1.0) > SAME)
+    first = ops.to_int(materials.frosted.of[surface.material]) * (2 * ROWS)
+    inner = ops.where(surface.front, 0, ROWS)
+    alpha = ops.maximum(alpha, microfacet.SHARP)
+    return Frost(here, alpha, ops.where(here, ratio, 1.5), tint, first + inner, first + (ROWS - inner), materials.frosted)
+
+
+# --- lost and found again ------------------------------------------------------------------------------------------------
+
+
+@helper
+def _lost(frost: Frost, row: Lane, cosine: Lane) -> Lane:
+    """1 − E under a cosine, on the side whose rows begin at `row`."""
+    below, y = energy_compensation.row_of(frost.alpha, ROWS)
+    column = energy_compensation.column_of(ops.clip(cosine, 0.0, 1.0), frost.alpha) * (COLUMNS - 1.0)
+    left = ops.minimum(ops.floor_int(column), COLUMNS - 2)
+    x = column - ops.to_float(left)
+    one = row_gather.four_at(frost.table.each, (row + below) * COLUMNS + left)
+    two = row_gather.four_at(frost.table.each, (row + below + 1) * COLUMNS + left)
+    return ops.lerp(ops.lerp(one[0], one[1], x), ops.lerp(two[0], two[1], x), y)
+
+
+@helper
+def _means(frost: Frost) -> tuple[Lane, Lane, Lane]:
+    """(mean of what is lost on this side, on the other, share of it that goes through)."""
+    below, y = energy_compensation.row_of(frost.alpha, ROWS)
+    one, two = row_gather.four_at(frost.table.mean, frost.row + below), row_gather.four_at(frost.table.mean, frost.row + below + 1)
+    other = ops.lerp(one[1], two[1], y)
+    return ops.lerp(one[0], two[0], y), other, ops.minimum(ops.lerp(one[2], two[2], y) * other, 1.0)
+
+
+# --- two directions ------------------------------------------------------------------------------------------------------
+
+
+@helper
+def reflectance(cosine: Lane, ratio: Lane) -> Lane:
+    """Fresnel's law for unpolarised light that meets a boundary to an index `ratio` times as large (Walter et al., equation 22)."""
+    square = ratio * ratio - 1.0 + cosine * cosine
+    g = ops.sqrt(ops.maximum(square, 0.0))
+    a, b = (g - cosine) / (g + cosine), (cosine * (g + cosine) - 1.0) / (cosine * (g - cosine) + 1.0)
+    return ops.where(square > 0.0, ops.minimum(0.5 * a * a * (1.0 + b * b), 1.0), 1.0)
+
+
+@helper
+def both(frost: Frost, normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Lane]:
+    """(π f cos, density with which `_drawn` takes it) for light from either side."""
+    cos_out = ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0)
+    cosine = ops.dot(normal, to_light)
+    above = cosine > 0.0
+    cos_in = ops.clip(ops.absolute(cosine), LEAST, 1.0)
+    bent = ops.where(above, 1.0, frost.ratio)
+    half = ops.normalize(ops.add(to_viewer, ops.scale(to_light, bent)))
+    half = ops.scale(half, ops.sign_of(ops.dot(half, normal)))
+    out, into = ops.dot(half, to_viewer), ops.dot(half, to_light)
+    strength = ops.where((out > 0.0) & ((into > 0.0) == above), microfacet.spread(half, normal, frost.alpha), 0.0)
+    turned = reflectance(ops.clip(out, LEAST, 1.0), frost.ratio)
+    whole = out + frost.ratio * into
+    squeezed = frost.ratio * frost.ratio * ops.absolute(into) / ops.maximum(whole * whole, 1e-20)
+    per_solid = ops.where(above, 0.25 * turned, (1.0 - turned) * ops.absolute(out) * squeezed)
+    single = 4.0 * math.pi * cos_in * strength * microfacet.visible(cos_out, cos_in, frost.alpha) * per_solid
+    seen = 2.0 * strength / (cos_out + _reach(cos_out, frost.alpha)) * per_solid
+    lost = _lost(frost, frost.row, cos_out)
+    mean, mean_other, through = _means(frost)
+    lost_in = ops.where(above, _lost(frost, frost.row, cos_in), _lost(frost, frost.other, cos_in))
+    side = ops.where(above, 1.0 - through, through)
+    again = lost * lost_in * side / ops.maximum(ops.where(above, mean, mean_other), LEAST)
+    total = single + cos_in * again
+    density = (1.0 - lost) * seen + lost * side * cos_in * (1.0 / math.pi)
+    one = 0.0 * total + 1.0
+    return ops.scale(ops.where3(above, (one, one, one), frost.tint), total), density
+
+
+@helper
+def _reach(cosine: Lane, alpha: Lane) -> Lane:
+    square = alpha * alpha
+    return ops.sqrt(square + (1.0 - square) * cosine * cosine)
+
+
+@helper
+def _drawn(frost: Frost, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> tuple[Vec, Lane]:
+    """(a direction, whether it lies on the side that it was meant for): `which` from 0 to 1 chooses what happens to the light."""
+    cos_out = ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0)
+    lost = _lost(frost, frost.row, cos_out)
+    through = _means(frost)[2]
+    half = microfacet.facet(normal, to_viewer, frost.alpha, u, v)
+    out = ops.clip(ops.dot(half, to_viewer), LEAST, 1.0)
+    turned = reflectance(out, frost.ratio)
+    again = which < lost
+    mirrors = which - lost < turned * (1.0 - lost)
+    arriving = ops.negate(to_viewer)
+    eta = 1.0 / frost.ratio
+    bent = ops.sqrt(ops.maximum(1.0 - eta * eta * (1.0 - out * out), 0.0))
+    refracted = ops.normalize(ops.add(ops.scale(arriving, eta), ops.scale(half, eta * out - bent)))
+    single = ops.where3(mirrors, ops.reflect(arriving, half), refracted)
+    height = ops.sqrt(ops.maximum(1.0 - u, 0.0))
+    flat, turn = ops.sqrt(ops.clip(u, 0.0, 1.0)), 2.0 * math.pi * v
+    s, t = ops.basis(normal)
+    passes = which >= lost * (1.0 - through)
+    spread = ops.in_basis(s, t, normal, flat * ops.cos(turn), flat * ops.sin(turn), ops.where(passes, -height, height))
+    direction = ops.where3(again, spread, single)
+    above = ops.dot(direction, normal) > 0.0
+    return direction, above == ops.where(again, ops.not_(passes), mirrors)
+
+
+# --- what materials ask --------------------------------------------------------------------------------------------------
+
+
+@helper
+def _reflected(frost: Frost, plain: Vec, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
+    return ops.where3(frost.here, both(frost, normal, to_light, to_viewer)[0], plain)
+
+
+@helper
+def _shared(frost: Frost, plain: tuple[Vec, Lane], normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Lane]:
+    share, density = both(frost, normal, to_light, to_viewer)
+    return ops.where3(frost.here, share, plain[0]), ops.where(frost.here, density, plain[1])
+
+
+@helper
+def _divided(frost: Frost, plain: tuple[Vec, Vec, Lane], normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Vec, Lane]:
+    share, density = both(frost, normal, to_light, to_viewer)
+    none = (0.0 * density, 0.0 * density, 0.0 * density)
+    here = frost.here
+    return ops.where3(here, none, plain[0]), ops.where3(here, share, plain[1]), ops.where(here, density, plain[2])
+
+
+@helper
+def _draw(frost: Frost, plain: tuple[Vec, Lane], normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> tuple[Vec, Lane]:
+    direction, sound = _drawn(frost, normal, to_viewer, u, v, ops.clip(which, 0.0, 1.0))
+    return ops.where3(frost.here, direction, plain[0]), ops.where(frost.here, sound, plain[1])
+
+
+@helper
+def _onward(frost: Frost, plain: tuple[Vec, Vec], normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> tuple[Vec, Vec]:
+    direction, sound = _drawn(frost, normal, to_viewer, u, v, which)
+    share, density = both(frost, normal, direction, to_viewer)
+    factor = ops.where(sound & (density > 0.0), 1.0 / (math.pi * ops.where(density > 0.0, density, 1.0)), 0.0)
+    return ops.where3(frost.here, direction, plain[0]), ops.where3(frost.here, ops.scale(share, factor), plain[1])
+
+
+@helper
+def _one(frost: Frost, plain: Lane) -> Lane:
+    return ops.where(frost.here, 1.0, plain)
+
+
+@helper
+def _also(frost: Frost, plain: Lane) -> Lane:
+    return plain | frost.here
+
+
+@helper
+def _fine(frost: Frost, plain: Lane, most: float) -> Lane:
+    return plain | (frost.here & (frost.alpha <= most))
+
+
+@helper
+def _bends(frost: Frost, plain: Lane) -> Lane:
+    return ops.where(frost.here, 1.0 / frost.ratio, plain)
+
+
+# Each takes the frost, what it would be without, and: the normal, a direction to the light, one to the viewer.
+reflected = if_there(_reflected)  # π f cos
+shared = if_there(_shared)  # (the same, density with which `draw` takes it)
+divided = if_there(_divided)  # (nothing, π f cos, density with which `onward` takes it)
+draw = if_there(_draw)  # (a direction, whether it counts): normal, viewer, u, v, and which part, from 0 to 1
+onward = if_there(_onward)  # (a direction, its π f cos over π times its density)
+one = if_there(_one)  # 1 where there is rough glass
+also = if_there(_also)  # or there is rough glass
+is_fine = if_there(_fine)  # or there is glass of a roughness up to: α
+eta = if_there(_bends)  # index of this side over that of the other
+
+
+# --- making the tables ---------------------------------------------------------------------------------------------------
+
+
+def _table(index: float) -> tuple[F64, F64]:
+    """(each, mean) of a glass of this index."""
+    alpha = energy_compensation.alphas(ROWS)
+    cosine = energy_compensation.cosines(alpha, COLUMNS)
+    sides = zip((index, 1.0 / index), NODES, MISSED, strict=True)
+    rows = list(zip(cosine, alpha, strict=True))  # one by one they stay in the cache
+    sent = [
+        energy_compensation.raised(np.stack([integral(*row, ratio, *nodes) for row in rows])) + missed for ratio, nodes, missed in sides
+    ]
+    lost = np.clip(1.0 - np.stack(sent), 0.0, 1.0)
+    nodes, weights = np.polynomial.legendre.leggauss(64)
+    at = 0.5 * (nodes + 1.0)
+    means = np.array([[np.interp(energy_compensation.column_of(at, a), np.linspace(0.0, 1.0, COLUMNS), row) @ (weights * at)
+                       for a, row in zip(alpha, side, strict=True)] for side in lost])  # fmt: skip
+    means = means + np.minimum(ROUNDED, 0.05 * means)
+    # Light may go either way: x_out · mean_out = index² · x_in · mean_in; x is about what Fresnel's law lets through, and at most 1.
+    clear = float(np.sum(weights * at * (1.0 - np.asarray(reflectance(at, np.full(64, max(index, 1.0 / index)))))))
+    outward = np.full(ROWS, clear / max(index, 1.0) ** 2)
+    ratio = np.divide(means[1], means[0], out=np.ones(ROWS), where=means[0] > 1e-9)
+    inward = index**2 * outward * ratio
+    other = means[::-1]
+    over = np.divide(np.stack([inward, outward]), other, out=np.zeros_like(other), where=other > 1e-9)
+    between = 0.2503 * (over[:, 1:] + over[:, :-1]) * (other[:, 1:] + other[:, :-1])  # the most that there is from row to row
+    most = np.pad(between, ((0, 0), (0, 1))), np.pad(between, ((0, 0), (1, 0))), over * other
+    over = over / np.maximum(np.max(most, axis=(0, 1)), 1.0)  # the same for both ways
+    each = np.stack([lost, np.concatenate([lost[..., 1:], lost[..., -1:]], axis=-1), 0 * lost, 0 * lost], axis=-1)
+    mean = np.stack([means, other, over, 0 * means], axis=-1)
+    return np.ascontiguousarray(each.reshape(-1, 4)), np.ascontiguousarray(mean.reshape(-1, 4))
+
+
+def integral(cosine: Any, alpha: Any, ratio: float, nodes: int = 987, step: int = 610) -> F64:
+    """E by quadrature over the facets that are seen: what one meeting sends on, to either side.
+
+    Nodes are a lattice of Fibonacci (Niederreiter and Sloan 1994), closer where facets stand steeply: the critical angle and both horizons
+    make kinks that run across the facets anyhow, which defeat rules for smooth functions.
+    """
+    k = np.arange(nodes)
+    turned = np.cos(2.0 * np.pi * (k * step % nodes) / nodes)
+    height = ((k + 0.5) / nodes) ** 2  # over the depth of the cap of facets that are seen
+    weight = 2.0 * np.sqrt(height) / nodes
+    mu, a = (x[..., None] for x in np.broadcast_arrays(np.asarray(cosine, float), np.asarray(alpha, float)))
+    sine = np.sqrt(1.0 - mu * mu)
+    length = np.sqrt((a * sine) ** 2 + mu * mu)
+    z = height * (1.0 + mu / length) - mu / length
+    flat = np.sqrt(np.maximum(1.0 - z * z, 0.0))
+    x, up = a * (flat * turned + a * sine / length), z + mu / length
+    size = np.sqrt(np.maximum(x * x + (a * flat) ** 2 * (1.0 - turned * turned) + up * up, 1e-30))
+    up = up / size
+    out = np.clip(sine * x / size + mu * up, LEAST, 1.0)
+    turned_back = reflectance(out, np.full_like(out, ratio))
+    bent = np.sqrt(np.maximum(1.0 - (1.0 - out * out) / ratio**2, 0.0))
+    square = a * a
+    near = np.sqrt(square + (1.0 - square) * mu * mu) / mu
+
+    def passes(c: F64) -> F64:
+        c = np.maximum(c, 1e-12)
+        return (1.0 + near) * c / (near * c + np.sqrt(square + (1.0 - square) * c * c))
+
+    mirrored, refracted = passes(2.0 * out * up - mu), passes((mu - out * up) / ratio + bent * up)
+    return ((turned_back * mirrored + (1.0 - turned_back) * refracted) * weight).sum(axis=-1)

@@ -1,0 +1,73 @@
+"""A band filled in one of the other ways of fill.py: triangle by triangle, or polygon by polygon, sample by sample.
+
+What each sample sees then stands in the band's buffer as meshlets would have left it there, so that all else is the same.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from ..jit.kernel import kernel
+from ..jit.packed_struct import Handle
+from ..types import Tile, View
+from . import coverage, scalar_raster, view_geometry
+from .band_buffer import Pattern
+from .meshlet_culling import Drawn
+from .meshlets import SHIFT, Meshlets
+
+
+class Fill:
+    """The triangles or polygons of a view, and where each stands among the meshlets."""
+
+    def __init__(self, how: str, tables: ir.Tables, packed: Handle, view: View, model: Handle, ranges: NDArray, meshlets: Meshlets) -> None:
+        self.how, self.tables, self.packed, self.model = coverage.NAMES[how], tables, packed, model
+        self.flat = np.zeros(len(tables.polygons.first_loop), np.bool_)
+        by_polygon = self.how == coverage.SCANLINE
+        if by_polygon:
+            scalar_raster.flat_polygons(packed, self.flat)
+        found = view_geometry.clusters(model, ranges, tables, view, 2, by_polygon)
+        self.box, self.whole, self.clusters = found.box, found.polygons, Handle(found)
+        self.slots = np.full(len(model.tables.triangles), -1, np.int32)
+        self.meshlet = np.zeros(len(model.tables.triangles), np.int32)
+        for m, (first, count) in enumerate(zip(meshlets.first_triangle.tolist(), meshlets.triangles.tolist(), strict=True)):
+            rows = meshlets.corner[first : first + count, 3]
+            self.slots[rows], self.meshlet[rows] = np.arange(count), m
+
+    def draw(self, band: Handle, pattern: Pattern, drawn: Drawn) -> None:
+        """Fill a band's buffer."""
+        into: Any = band.tables
+        x, y, columns, rows = (int(n) for n in into.place)
+        tile = Tile(x, y, x + columns, y + rows)
+        scratch = scalar_raster.scratch_for(tile, len(pattern.x), 128, scalar_raster.room_for(self.tables))
+        line, column = np.mgrid[y : y + rows, x : x + columns] * coverage.ONE
+        scratch.samples.x[:] = (column[..., None] + pattern.x).ravel()
+        scratch.samples.y[:] = (line[..., None] + pattern.y).ravel()
+        packed, box = Handle(scratch), self.box
+        here = (box[:, 0] < tile.x1) & (box[:, 2] > tile.x0) & (box[:, 1] < tile.y1) & (box[:, 3] > tile.y0)
+        scalar_raster.draw(self.model, self.clusters, np.flatnonzero(here & ~self.whole), tile, self.how, packed)
+        if self.whole.any():
+            scalar_raster.draw_whole(self.model, self.clusters, np.flatnonzero(here & self.whole), self.packed, self.flat, tile, packed)
+        count = int(drawn.count[0])
+        rank = drawn.instance[:count].astype(np.int64) << 32 | drawn.meshlet[:count]
+        take(packed, self.slots, self.meshlet, rank, len(pattern.x), band)
+
+
+@kernel
+def take(scratch, slots, meshlet, rank, samples, band):
+    """Write what a scratch's samples see into a band's buffer. `rank` has, rising, each drawn meshlet's instance and number."""
+    seen = scratch.seen
+    columns = band.place[2]
+    for k in range(len(seen.key)):
+        pixel, s = k // samples, k % samples
+        x, y = pixel % columns, pixel // columns
+        place = ((((y >> 2) * (columns >> 2) + (x >> 2)) * samples + s) << 4) + ((x & 3) << 2) + (y & 3)
+        band.key[place] = seen.key[k]
+        band.ids[place] = -1
+        if seen.instance[k] >= 0:
+            triangle = seen.triangle[k]
+            row = np.searchsorted(rank, (np.int64(seen.instance[k]) << 32) | meshlet[triangle])
+            band.ids[place] = row << SHIFT | slots[triangle]

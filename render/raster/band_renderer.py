@@ -1,0 +1,316 @@
+"""A picture in bands: each is filled with what its samples see, then what they see is lit, once for each triangle in each pixel.
+
+Samples lie at the same places in every pixel, and a pixel's filter weighs those around it. Where shadows or patterns run across
+triangles, or light is found with random numbers, every sample is lit for itself. More than sixteen samples are drawn sixteen at a time,
+each time at other places.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from ...compiler.plan import plan as planner
+from ...compiler.plan.plan import Plan
+from .. import camera
+from ..image.metrics import EPSILON, luminance
+from ..jit.packed_struct import Handle
+from ..sampling import sobol
+from ..texture.textures import IMAGE, UV
+from ..types import View
+from . import (
+    alternative_fills,
+    band_buffer,
+    band_memory,
+    band_scheduler,
+    coverage,
+    deferred_shading,
+    fragments,
+    integrator_shading,
+    meshlet_culling,
+    meshlets,
+    triangle_planes,
+    triangle_setup,
+    view_geometry,
+)
+
+MOST_AT_ONCE = planner.RASTER_PLACES
+ROWS = {1: 64, 4: 32}  # rows of a band by samples, where its buffer still fits the second cache; else 16
+
+FOR_MESHLET, FOR_PIXEL = 3e-6, 1.5e-9  # seconds a sample
+
+EXACT = 2.0**22  # weights are whole numbers over this, so that sums of them are exact in float32, and what is covered wholly is 1
+
+
+class Triangles(NamedTuple):
+    """What a view draws as triangles: made once, kept with what else is prepared."""
+
+    model: Handle  # of a raster_setup.Model
+    ranges: NDArray[np.int64]  # (instances, 2) triangles of the model
+    meshlets: Handle
+    placed: NDArray[np.int64]  # (instances, 2) meshlets
+    shown: Handle  # of a bands.Projection
+    lit: Handle  # what deferred.py reads of the tables
+    lamps: Handle
+    look: Handle
+    exact: NDArray[np.intp]  # rows of instances that enter the z-buffer where each sample's ray meets them
+    boxes: NDArray[np.int32]  # (those, 4) pixels where they may be seen
+    patterned: Any  # True or None: whether a material has a texture or a mesh colours
+    colored: Any  # True or None: whether any is more than a picture by coordinates
+    flat: Any  # True or None: deferred.lights_flat
+    kept: band_memory.Kept
+
+
+def triangles(tables: ir.Tables, view: View, shells: dict[int, Any]) -> Triangles:
+    """The triangles of meshes and of tessellated shapes, as a model and as meshlets."""
+    model, ranges = view_geometry.model(tables, view, shells)
+    made, placed = meshlets.build(tables, model.positions, model.triangles, ranges, shells)
+    near, far = view_geometry.ends(tables, view)
+    shown = band_buffer.Projection(model.matrix, model.planes, model.perspective, near, far, model.positions, model.triangles)
+    eye = tables.transforms.matrix[tables.cameras.transform[view.camera], :, 3]
+    lit, lamps, look = (
+        Handle(deferred_shading.single(tables, eye)),
+        Handle(deferred_shading.lamps(tables)),
+        Handle(_look(tables, view, eye)),
+    )
+    exact = view_geometry.untessellated(tables, shells)
+    patterned, colored = _patterned(tables)
+    return Triangles(
+        Handle(model), ranges, Handle(made), placed, Handle(shown), lit, lamps, look, exact, view_geometry.pixel_boxes(tables, view, exact),
+        patterned, colored, deferred_shading.lights_flat(tables, lamps.tables, patterned is not None) or None, band_memory.Kept(),
+    )  # fmt: skip
+
+
+def needs_no_rays(plan: Plan) -> bool:
+    """Whether a picture takes nothing but its triangles: no trees, no integrator."""
+    return can_draw(plan) and plan["raster.precision"] == "float32" and not plan["aov"]
+
+
+def can_draw(plan: Plan) -> bool:
+    """Whether a picture is drawn in bands: samples at the same places in all pixels, one moment, one point."""
+    alike = not any(name.startswith((planner.LIGHT, "crypto_", "variance")) for name in plan["aov"])  # nothing is told sample by sample
+    once = alike and not plan["denoise"] and not plan["motion"] and plan["lens"] == "pinhole"
+    return bool(once and not planner.adaptive(plan) and plan["raster.places"] == "shared")
+
+
+class Pass(NamedTuple):
+    """Some of the samples of all pixels, which are drawn together."""
+
+    first: int  # sample of the first of them
+    pattern: band_buffer.Pattern
+    places: Handle  # of the pattern
+    weights: Handle  # of an items.Splat
+
+
+@functools.cache
+def passes(samples: int, random: bool, name: str) -> tuple[Pass, ...]:
+    """How so many samples under a filter of this name are drawn; `random` ones in two halves at least, which tell how far off they are."""
+    count = max(-(-samples // MOST_AT_ONCE), 2 if random and samples >= 4 else 1)  # a single sample stands for its whole pixel
+    ends = [samples * k // count for k in range(count + 1)]
+    shares = np.diff(np.round(np.array(ends) / samples * EXACT)) / EXACT
+    made = []
+    for first, end, share in zip(ends[:-1], ends[1:], shares.tolist(), strict=True):
+        pattern = band_buffer.pattern(samples) if count == 1 else band_buffer.pattern_from(first, end - first)
+        made.append(Pass(first, pattern, Handle(pattern), Handle(_splat(name, pattern, share, samples))))
+    return tuple(made)
+
+
+class Bands:
+    """One picture to be drawn, band by band, by any number of threads. `rgba` is not filled before a band is drawn, or all is finished."""
+
+    def __init__(self, prepared: Any, plan: Plan, view: View) -> None:
+        self.prepared, self.view = prepared, view
+        made = prepared.triangles
+        samples = plan["samples"]
+        x0, y0, x1, y1 = (int(c) for c in plan["crop"])
+        self.corners = x0, y0, x1, y1
+        self.crop = np.array(self.corners, np.int64)
+        self.each = samples > 1 and (plan["raster.shading"] == "sample" or plan["random numbers"])
+        self.passes = passes(samples, plan["random numbers"], plan["filter"])
+        self.reach = self.passes[0].weights.tables.reach
+        self.margin = 4 * -(-self.reach // 4)
+        self.rows = ROWS.get(len(self.passes[0].pattern.x), 16)
+        self.first, self.bands = y0 // self.rows, meshlet_culling.bands_of(self.corners, self.rows)
+        known = made.kept.take(self.bands)
+        self.drawn = meshlet_culling.drawn(made.shown, made.meshlets, made.placed, self.corners, self.reach, self.rows, known)
+        self.fill = None
+        if plan["raster.fill"] != "edges":
+            meshlets = made.meshlets.tables
+            self.fill = alternative_fills.Fill(
+                plan["raster.fill"], prepared.tables, prepared.packed, view, made.model, made.ranges, meshlets
+            )
+        self.plain = plan["raster.precision"] == "float32"
+        self.background = plan["background"]
+        shape = y1 - y0, x1 - x0
+        self.rgba = made.kept.picture((*shape, 4))
+        self.half = len(self.passes) // 2  # passes after which `apart` is told
+        self.apart = np.zeros((*shape, 3), np.float32) if self.half else None  # how far the mean of all may be off, by its halves
+        self._drawn = np.zeros(self.bands, np.bool_)
+        self._turn = object()
+        columns, most = x1 - (x0 & ~3) + 2 * self.margin, len(self.drawn.tables.instance)
+        kinds = self.plain, made.patterned is not None, made.colored is not None
+        self.sizes = [band_memory.Size(columns, self.rows + 2 * self.margin, len(one.pattern.x), *kinds, most) for one in self.passes]
+        self._turns = None
+        if self.plain and self.fill is None and not len(made.exact) and len(self.passes) == 1 and self.drawn.tables.count[0] > 0:
+            layout = self.first, self.bands, self.rows, self.margin, self.reach
+            how = self.each, True, made.patterned, made.colored, made.flat, self.crop, self.rgba
+            self._turns = band_scheduler.Turns(layout, int(plan["threads"]), self._cost(), how)
+        self.jobs: Sequence[int] = range(self._turns.jobs if self._turns else self.bands)
+
+    @property
+    def error(self) -> float | None:
+        """√relMSE as the halves of the samples tell it; None where all are drawn at once."""
+        if self.apart is None or not self.apart.size:
+            return None
+        light = self.rgba[..., :3].astype(np.float64)
+        least = max((EPSILON * float(luminance(light).mean())) ** 2, float(np.finfo(np.float64).tiny))
+        around = light.copy()
+        for axis in (0, 1):
+            there = np.pad(around, [(1, 1) if a == axis else (0, 0) for a in range(3)], mode="edge")
+            around = sum(there.take(range(k, k + light.shape[axis]), axis) for k in range(3)) / 3.0
+        known = np.minimum(np.abs(light), np.abs(around))  # a stray bright sample does not excuse itself
+        return float(np.sqrt(np.mean(np.square(self.apart, dtype=np.float64) / (known * known + least))))
+
+    def draw(self, job: int) -> int:
+        """Draw a band into `rgba`, or those that are a turn's; how many of their items were not finite and left out."""
+        if self._turns is None:
+            return self._draw_passes(job)
+        with self._room(0) as room:
+            numbers, issues = self._turns.draw(room.filling, room.shading)
+        for number in numbers.tolist():
+            self._complete(number)
+        return issues
+
+    def _draw_passes(self, number: int) -> int:
+        """Draw a band, pass by pass."""
+        top, bottom = self._between(number)
+        window, issues = slice(top - self.corners[1], bottom - self.corners[1]), 0
+        for k, one in enumerate(self.passes):
+            if self.apart is not None and k == self.half:
+                self.apart[window] = self.rgba[window, :, :3]
+            with self._room(k) as room:
+                issues += self._draw(number, room, one, top, bottom)
+        if self.apart is not None:
+            # of T = h A + (1 - h) B, the difference of independent halves A - B tells √(h (1 - h)) (A - B)
+            h = self.passes[self.half].first / sum(len(one.pattern.x) for one in self.passes)
+            self.apart[window] = (self.apart[window] - h * self.rgba[window, :, :3]) / np.sqrt(h * (1.0 - h))
+        self._complete(number)
+        return issues
+
+    def _cost(self) -> float:
+        """Seconds that one thread takes, about."""
+        x0, y0, x1, y1 = self.corners
+        return self.sizes[0].samples * (int(self.drawn.tables.start[-1]) * FOR_MESHLET + (x1 - x0) * (y1 - y0) * FOR_PIXEL)
+
+    @contextlib.contextmanager
+    def _room(self, k: int) -> Iterator[band_memory.Room]:
+        """Memory for pass k that nobody else uses."""
+        made, size = self.prepared.triangles, self.sizes[k]
+        room = made.kept.take(size) or band_memory.Room(size, self.prepared.options)
+        room.serve(self._turn, made, self.drawn, self.passes[k])
+        yield room
+        made.kept.give(size, room)
+
+    def finish(self) -> None:
+        """Empty the bands that have not been drawn; no more will be."""
+        self.prepared.triangles.kept.give(self.bands, self.drawn)
+        if self._drawn.all():
+            return
+        for number in np.flatnonzero(~self._drawn).tolist():
+            top, bottom = self._between(number)
+            self.rgba[top - self.corners[1] : bottom - self.corners[1]] = 0.0
+
+    def _between(self, number: int) -> tuple[int, int]:
+        """Rows of pixels that a band has."""
+        return max((self.first + number) * self.rows, self.corners[1]), min((self.first + number + 1) * self.rows, self.corners[3])
+
+    def _draw(self, number: int, room: band_memory.Room, one: Pass, top: int, bottom: int) -> int:
+        """Draw a pass of a band's rows `top` to `bottom`."""
+        _, y0, _, _ = self.corners
+        band = room.band.tables
+        band_scheduler.aim(band, self.first + number, self.rows, self.margin, self.reach, self.crop)
+        made, drawn = self.prepared.triangles, self.drawn
+        room.items.tables.counts[3] = 0
+        if self.fill is None:
+            triangle_setup.draw_band(room.filling, number)
+        else:
+            self.fill.draw(room.band, one.pattern, drawn.tables)
+        p = self.prepared
+        here = np.flatnonzero((made.boxes[:, 1] < band.clip[3]) & (made.boxes[:, 3] > band.clip[1])) if len(made.exact) else ()
+        if len(here):
+            integrator_shading.draw_exact(
+                made.model, made.exact[here], made.boxes[here], p.packed, p.accel, self.view, one.places, room.band
+            )
+        if self.plain and drawn.tables.count[0] > 0:
+            fresh = one.first == 0
+            deferred_shading.shade_band(room.shading, self.each, fresh, made.patterned, made.colored, made.flat, self.crop, self.rgba)
+        elif one.first == 0:
+            self.rgba[top - y0 : bottom - y0] = 0.0
+        if not self.plain:
+            integrator_shading.shade_band(
+                made.model, one.places, self.each, one.first, made.meshlets, drawn, p.packed, p.accel, p.gouraud, p.frame, one.weights,
+                room.band, room.items, room.stack, self.crop, self.rgba,
+            )  # fmt: skip
+        return int(room.items.tables.counts[3])
+
+    def _complete(self, number: int) -> None:
+        """Put the background behind a band, which is drawn now."""
+        top, bottom = self._between(number)
+        self._drawn[number] = True
+        if self.background == "transparent":
+            return
+        x0, y0, _, _ = self.corners
+        window = self.rgba[top - y0 : bottom - y0]
+        if self.background == "sky":
+            integrator_shading.sky_behind(self.prepared.packed, self.prepared.frame, x0, top, window.shape[1], window.reshape(-1))
+        else:
+            window[..., :3] += (1.0 - window[..., 3:]) * np.asarray(self.background, np.float32)
+
+
+def _splat(name: str, pattern: band_buffer.Pattern, share: float, samples: int) -> fragments.Splat:
+    """How a pixel's samples count for the pixels around it; all of what counts for a pixel adds up to `share`."""
+    side, count = fragments.SIDE, len(pattern.x)
+    reach = int(np.ceil(sobol.FILTER_RADIUS[name] - 0.5)) if samples > 1 else 0
+    away = np.arange(side, dtype=np.float64) - fragments.REACH
+    inner = 0.5 - 1e-6  # a sample on a pixel's border is its own, to filters that end there
+    dx: NDArray[np.float64] = np.maximum(pattern.x / coverage.ONE - 0.5, -inner)[:, None] - away
+    dy: NDArray[np.float64] = np.maximum(pattern.y / coverage.ONE - 0.5, -inner)[:, None] - away
+    weight = sobol.filter_weight(name, dy)[:, :, None] * sobol.filter_weight(name, dx)[:, None, :]
+    if samples == 1:
+        weight = np.zeros_like(weight)
+        weight[0, fragments.REACH, fragments.REACH] = 1.0
+    weight = np.round(weight / weight.sum() * share * EXACT) / EXACT
+    weight[np.unravel_index(weight.argmax(), weight.shape)] += share - weight.sum()
+    table = np.zeros((4, 16, side * side))
+    for s in range(count):
+        for bits in range(16):
+            if bits >> (s % 4) & 1:
+                table[s // 4, bits] += weight[s].ravel()
+    return fragments.Splat(table.astype(np.float32), reach, -(-count // 4), reach == 0 and share == 1.0)
+
+
+def _patterned(tables: ir.Tables) -> tuple[Any, Any]:
+    """Two of True or None: whether a material has a texture or a mesh colours, and whether any is more than a picture by coordinates."""
+    more = (tables.textures.mapping != UV) | (tables.textures.kind != IMAGE)
+    colored = bool((tables.geometries.colors >= 0).any() or more.any())
+    return (True if colored or (tables.materials.textures >= 0).any() else None), (True if colored else None)
+
+
+def _look(tables: ir.Tables, view: View, eye: NDArray[np.float64]) -> triangle_planes.Look:
+    """Rays through three pixel corners, in the world about the eye."""
+    ray = camera.ray(tables, view, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
+    start, direction = (np.stack([np.broadcast_to(c, 3) for c in vector], axis=1) for vector in (ray.origin, ray.direction))
+    axis = -tables.transforms.inverse[tables.cameras.transform[view.camera], 2, :3]
+    direction = direction / (direction @ axis)[:, None]
+    start = start - eye - direction * ((start - eye) @ axis)[:, None]  # from the plane of the eye on, as depths count
+    steps = np.array([[1.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]])
+    inverse = tables.transforms.inverse[tables.instances.transform]
+    local = inverse.copy()
+    local[:, :, 3] += np.einsum("nij,j->ni", inverse[:, :, :3], eye)
+    return triangle_planes.Look(*(np.ascontiguousarray(a, np.float32) for a in (steps @ direction, steps @ start, local)))

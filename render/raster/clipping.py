@@ -1,0 +1,74 @@
+"""Clipping polygons against borders, before anything is divided by w (Sutherland and Hodgman, Reentrant Polygon Clipping, 1974).
+
+A polygon is rows of numbers; a border is a plane through the origin of their first columns, and keeps what is not on its
+negative side. In homogeneous clip space the rows are (X, Y, W, D), so that points behind the eye and points at infinity
+(directions) are cut like any others; columns after those of the plane are attributes and are carried along.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit.kernel import helper
+
+
+@helper
+def distance(polygon, row: int, plane) -> float:
+    """How far a vertex is on the kept side of a plane (not scaled); negative: outside."""
+    d = 0.0
+    for k in range(len(plane)):
+        d += plane[k] * polygon[row, k]
+    return d
+
+
+@helper
+def against(polygon, count: int, plane, out) -> int:
+    """Cut the first `count` rows of `polygon` by one border into `out`; returns how many rows that are (at most count + 1
+    for convex polygons, 3/2 count for others).
+
+    The four cases of an edge: from inside to inside adds its end, from inside to outside the point where it crosses, from
+    outside to outside nothing, from outside to inside the crossing and the end. A crossing is always computed from the end
+    inside, so that two polygons with a common edge get the same point, whichever way each goes along it.
+    """
+    kept = 0
+    width = polygon.shape[1]
+    for start in range(count):
+        end = start + 1 if start + 1 < count else 0
+        from_start, from_end = distance(polygon, start, plane), distance(polygon, end, plane)
+        if (from_start >= 0.0) != (from_end >= 0.0):
+            inside, outside = (start, end) if from_start >= 0.0 else (end, start)
+            near, far = (from_start, from_end) if from_start >= 0.0 else (from_end, from_start)
+            share = near / (near - far)
+            for k in range(width):
+                out[kept, k] = polygon[inside, k] + share * (polygon[outside, k] - polygon[inside, k])
+            kept += 1
+        if from_end >= 0.0:
+            for k in range(width):
+                out[kept, k] = polygon[end, k]
+            kept += 1
+    return kept
+
+
+@helper
+def against_all(first, count: int, planes, second) -> int:
+    """Cut `first` by each border in turn, with `second` as room; returns the number of rows, which end up in `first`."""
+    for p in range(len(planes)):
+        if count == 0:
+            return 0
+        count = against(first, count, planes[p], second)
+        for row in range(count):
+            for k in range(first.shape[1]):
+                first[row, k] = second[row, k]
+    return count
+
+
+def polygon(vertices: NDArray[np.float64], planes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What is left of a polygon, (n, d), inside all of `planes`, (m, c) with c <= d; (0, d) when nothing is.
+
+    The borders of a 2-D picture are planes of rows (x, y, 1): [1, 0, -left], [-1, 0, right] and so on.
+    """
+    room = np.empty((max(4, len(vertices) * 2 ** len(planes)), vertices.shape[1]))
+    room[: len(vertices)] = vertices
+    count = against_all(room, len(vertices), planes, np.empty_like(room))
+    return room[:count].copy()

@@ -1,0 +1,243 @@
+"""What a band's visibility buffer holds, as items, each triangle of each pixel once, and how the light of items becomes a picture.
+
+An item is lit in the middle of the samples that see its triangle, a place that the triangle covers, and its light goes to the pixels
+that these samples count for.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import simd
+from ..jit.kernel import apart, helper
+from ..types import Lane
+from . import triangle_planes
+from .band_buffer import in_block
+from .meshlets import place_of
+
+REACH = 2  # pixels on each side that a filter may reach
+SIDE = 2 * REACH + 1
+
+
+class Splat(NamedTuple):
+    """Where samples count: weights[part, bits, pixel] of what four samples (`part`) of a pixel give to the pixels around it."""
+
+    weights: NDArray[np.float32]  # (4, 16, SIDE · SIDE), row by row; the middle one is the pixel itself
+    reach: int  # pixels
+    parts: int
+    alone: bool  # whether a pixel's samples count for it alone, and all that do are among these
+
+
+class Items(NamedTuple):
+    """A thread's items of four rows of pixels, and room for their light. Blocks that one triangle fills stand by themselves where that
+    is their pixels' own; of one sample a pixel, others that are seen whole stand in front, sixteen by sixteen. All else is in the order
+    of blocks and samples, in which light is added up."""
+
+    ids: NDArray[np.int32]  # of items lit by the integrator
+    rows: NDArray[np.int32]  # of others: their faces', see faces.Faces.row
+    x: NDArray[np.int32]
+    y: NDArray[np.int32]
+    samples: NDArray[np.int32]  # bits: which of the pixel's samples see it
+    at_x: NDArray[np.int32]  # where it is shaded, in 1/256 pixel
+    at_y: NDArray[np.int32]
+    light: NDArray[np.float32]  # (16, 4), item k at place_of(k): rows of four items
+    even: NDArray[np.int32]  # blocks that one triangle fills: its id
+    even_x: NDArray[np.int32]  # their first pixels
+    counts: NDArray[np.int64]  # (4,) items in whole blocks, others, which stand from `half` on, `even` blocks, and what was not finite
+    half: int
+
+
+def items_for(columns: int, samples: int) -> Items:
+    """Room for what four rows of so many pixels can show."""
+    half = ((columns + 3) & ~3) * 4 * samples + 16
+    ids, rows, x, y, bits, at_x, at_y = (simd.aligned_empty(2 * half, np.int32) for _ in range(7))
+    even, even_x = np.empty((columns >> 2) + 32, np.int32), np.empty((columns >> 2) + 32, np.int32)
+    return Items(ids, rows, x, y, bits, at_x, at_y, simd.aligned_empty((16, 4), np.float32), even, even_x, np.zeros(4, np.int64), half)
+
+
+@apart
+def collect(pattern, each, alone, found, band, row, items):
+    """The items of a row of blocks: with `each`, one for each sample. `found` (a Faces or None): the faces they see, instead of ids.
+
+    `alone`: whether blocks that one triangle fills stand by themselves.
+    """
+    samples = len(pattern.x)
+    columns = band.place[2] >> 2
+    column, line = in_block(simd.iota(simd.i32x16(0)))
+    y = line + (band.place[1] + 4 * row)
+    inside_y = (y >= band.clip[1]) & (y < band.clip[3])
+    whole, part, even = 0, items.half, 0
+    for block in range(columns):
+        at = (row * columns + block) * samples * 16
+        ids = simd.load_aligned(band.ids, at, simd.i32x16)
+        if samples == 1 and simd.none_of(ids >= 0):
+            continue
+        left = band.place[0] + 4 * block
+        x = column + left
+        inside = inside_y & (x >= band.clip[0]) & (x < band.clip[2])
+        if found is not None and alone and not each:
+            one = simd.lane(ids, 0)
+            same = inside & (ids == one) & (ids >= 0)
+            for s in range(1, samples):
+                same = same & (simd.load_aligned(band.ids, at + 16 * s, simd.i32x16) == one)
+            if simd.all_of(same):
+                items.even[even], items.even_x[even] = triangle_planes.row_of(found, one), left
+                even += 1
+                continue
+        for s in range(samples):
+            ids = simd.load_aligned(band.ids, at + 16 * s, simd.i32x16)
+            seen = inside & (ids >= 0)
+            for t in range(0 if each else s):
+                seen = seen & (ids != simd.load_aligned(band.ids, at + 16 * t, simd.i32x16))
+            if simd.none_of(seen):
+                continue
+            bits, count = simd.i32x16(1 << s), simd.i32x16(1)
+            at_x, at_y = simd.i32x16(pattern.x[s]), simd.i32x16(pattern.y[s])
+            if not each and samples > 1:
+                for t in range(s + 1, samples):
+                    too = ids == simd.load_aligned(band.ids, at + 16 * t, simd.i32x16)
+                    bits, count = simd.select(too, bits | (1 << t), bits), simd.select(too, count + 1, count)
+                    at_x, at_y = simd.select(too, at_x + pattern.x[t], at_x), simd.select(too, at_y + pattern.y[t], at_y)
+                at_x, at_y = mean(at_x, count), mean(at_y, count)
+            at_x, at_y = at_x + (x << 8), at_y + (y << 8)
+            full = samples == 1 and simd.all_of(seen)
+            start = whole if full else part
+            if found is not None:
+                rows = triangle_planes.rows_of(found, band.ids, at + 16 * s, seen)
+                if full:
+                    simd.store_aligned(items.rows, start, rows)
+                else:
+                    simd.compress_store(items.rows, start, rows, seen)
+            else:
+                simd.compress_store(items.ids, start, ids, seen)
+            if full:
+                simd.store_aligned(items.at_x, start, at_x)
+                simd.store_aligned(items.at_y, start, at_y)
+                simd.store_aligned(items.x, start, x)
+                if found is None:
+                    simd.store_aligned(items.y, start, y)
+                    simd.store_aligned(items.samples, start, bits)
+                whole += 16
+            else:
+                simd.compress_store(items.at_x, start, at_x, seen)
+                simd.compress_store(items.at_y, start, at_y, seen)
+                simd.compress_store(items.x, start, x, seen)
+                simd.compress_store(items.y, start, y, seen)
+                part += simd.compress_store(items.samples, start, bits, seen)
+    items.counts[0], items.counts[1], items.counts[2] = whole, part - items.half, even
+
+
+@helper
+def start_of(listed: Any, group: int) -> int:
+    """Where the items of a group stand; before it come the blocks that one face fills, then those seen whole."""
+    start = 16 * (group - listed.counts[2])
+    return start if start < listed.counts[0] else listed.half + start - listed.counts[0]
+
+
+@helper
+def middle(pattern: Any) -> tuple[float, float]:
+    """The mean place of all samples in a pixel, as `mean` gives it, in pixels."""
+    count, x, y = len(pattern.x), 0, 0
+    for s in range(count):
+        x, y = x + pattern.x[s], y + pattern.y[s]
+    return ((2 * x + count) // (2 * count)) / 256.0, ((2 * y + count) // (2 * count)) / 256.0
+
+
+@helper
+def mean(total: Lane, count: Lane) -> Lane:
+    """Whole numbers next to total / count."""
+    return simd.to_i32(simd.to_f32(2 * total + count) / simd.to_f32(2 * count))
+
+
+@apart
+def clear(rgba, band, crop, y0, y1):
+    """Empty those rows of pixels y0 <= y < y1 that are drawn in a band."""
+    width = 4 * (crop[2] - crop[0])
+    first, last = (max(y0, band.rows[0]) - crop[1]) * width, (min(y1, band.rows[1]) - crop[1]) * width
+    nothing = simd.f32x16(0.0)
+    for k in range(first, last - 15, 16):
+        simd.store(rgba, k, nothing)
+    for k in range(max(last - 15, first), last):
+        simd.write(rgba, k, np.float32(0.0))
+
+
+@apart
+def keep_items(pattern, splat, band, items, start, count, crop, rgba):
+    """Add the light of up to sixteen items to the picture."""
+    if len(pattern.x) > 1:
+        splat_items(splat, band, items, start, count, crop, rgba)
+    else:
+        write_items(items, start, count, crop, rgba)
+
+
+@helper
+def rows_of(red: Lane, green: Lane, blue: Lane, count: int, listed: Any) -> Any:
+    """Colours of sixteen items as r, g, b, 1 in four vectors: every fourth item's, see meshlets.place_of.
+
+    What is not finite among the first `count` is counted, and 0.
+    """
+    sound = simd.is_finite(red + green + blue)
+    if not simd.all_of(sound):
+        listed.counts[3] += simd.count(simd.first_lanes(count, red) & ~sound)
+        red, green, blue = simd.select(sound, red, 0.0), simd.select(sound, green, 0.0), simd.select(sound, blue, 0.0)
+    return simd.transpose((red, green, blue, simd.f32x16(1.0)))
+
+
+@helper
+def write_block(rows: Any, x: int, y: int, crop: Any, past: bool, rgba: Any) -> None:
+    """The four rows of pixels of a block from (x, y) on; `past`: nobody has written there before."""
+    width = 4 * (crop[2] - crop[0])
+    place = (y - crop[1]) * width + 4 * (x - crop[0])
+    if past and ((width | place) & 15) == 0:
+        simd.store_past(rgba, place, rows[0])
+        simd.store_past(rgba, place + width, rows[1])
+        simd.store_past(rgba, place + 2 * width, rows[2])
+        simd.store_past(rgba, place + 3 * width, rows[3])
+        return
+    simd.store(rgba, place, rows[0])
+    simd.store(rgba, place + width, rows[1])
+    simd.store(rgba, place + 2 * width, rows[2])
+    simd.store(rgba, place + 3 * width, rows[3])
+
+
+@helper
+def write_items(items: Any, start: int, count: int, crop: Any, rgba: Any) -> None:
+    """Up to sixteen pixels of one sample."""
+    for k in range(count):
+        place = ((items.y[start + k] - crop[1]) * (crop[2] - crop[0]) + items.x[start + k] - crop[0]) * 4
+        simd.store(rgba, place, simd.load(items.light, 4 * place_of(k), simd.f32x4))
+
+
+@helper
+def splat_items(splat: Any, band: Any, items: Any, start: int, count: int, crop: Any, rgba: Any) -> None:
+    """Add sixteen items to the pixels their samples count for, those of this band's own rows."""
+    reach, width = splat.reach, crop[2] - crop[0]
+    for k in range(count):
+        light, bits = simd.load(items.light, 4 * place_of(k), simd.f32x4), items.samples[start + k]
+        x, y = items.x[start + k], items.y[start + k]
+        for dy in range(-reach, reach + 1):
+            if y + dy < band.rows[0] or y + dy >= band.rows[1]:
+                continue
+            for dx in range(-reach, reach + 1):
+                if x + dx < crop[0] or x + dx >= crop[2]:
+                    continue
+                pixel = (dy + REACH) * SIDE + dx + REACH
+                weight = splat.weights[0, bits & 15, pixel]
+                for part in range(1, splat.parts):
+                    weight += splat.weights[part, bits >> (4 * part) & 15, pixel]
+                place = ((y + dy - crop[1]) * width + x + dx - crop[0]) * 4
+                simd.store(rgba, place, simd.fma(light, simd.f32x4(weight), simd.load(rgba, place, simd.f32x4)))
+
+
+@helper
+def keep_light(light: Any, rows: Any) -> None:
+    """The transposed light of sixteen items to where `place_of` says."""
+    simd.store_aligned(light, 0, rows[0])
+    simd.store_aligned(light, 16, rows[1])
+    simd.store_aligned(light, 32, rows[2])
+    simd.store_aligned(light, 48, rows[3])
+
+

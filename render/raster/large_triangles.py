@@ -1,0 +1,155 @@
+"""Large, steep and clipped triangles: cut and set up one by one in float64 and 64-bit integers, filled tile by tile.
+
+In a tile of 64×64 pixels an edge is decided for all of it, or for sixteen blocks at a time, before samples are looked at. What a tile's
+covering triangles hide in every case is remembered, so that triangles behind them cost nothing there.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .. import simd
+from ..jit.kernel import apart, helper
+from ..types import Tile
+from . import coverage as rules
+from . import scalar_raster
+from .band_buffer import TILE, in_block
+from .meshlets import SHIFT
+from .view_geometry import to_clip
+
+NARROW = 1 << 24  # edges shorter than this have functions that fit in 32 bits all over a tile
+BLOCKS = TILE // 4
+
+
+@apart
+def fill(shown, pattern, meshlets, drawn, band, count):
+    """Fill the large triangles that wait."""
+    room = band.room
+    place = Tile(0, 0, 0, 0)
+    for n in range(count):
+        number = band.large[n]
+        row, k = number >> SHIFT, number & ((1 << SHIFT) - 1)
+        i, slot = drawn.instance[row], meshlets.first_triangle[drawn.meshlet[row]] + k
+        triangle = meshlets.corner[slot, 3]
+        for c in range(3):
+            to_clip(shown.matrix, i, shown.positions, shown.triangles[triangle, c], room.corners, c)
+        left = scalar_raster.clipped(shown.planes, room)
+        if left < 3 or not scalar_raster.snapped(room.first, left, shown.perspective, room, 0):
+            continue
+        if not scalar_raster.key_plane(room.corners, place, shown.perspective, room.plane, 0):
+            continue
+        for c in range(1, left - 1):
+            fill_one(pattern, band, number, room.x[0], room.y[0], room.x[c], room.y[c], room.x[c + 1], room.y[c + 1])
+
+
+@apart
+def fill_one(pattern, band, number, x0, y0, x1, y1, x2, y2):
+    """One triangle of fixed-point corners, either way round; its plane of keys and their range stand in band.room.plane."""
+    area = rules.doubled_area(x0, y0, x1, y1, x2, y2)
+    if area == 0:
+        return
+    if area < 0:
+        x1, y1, x2, y2 = x2, y2, x1, y1
+    left = max((min(x0, min(x1, x2)) + 255 - pattern.high_x) >> 8, band.clip[0]) - band.place[0]
+    right = min((max(x0, max(x1, x2)) - pattern.low_x) >> 8, band.clip[2] - 1) - band.place[0]
+    above = max((min(y0, min(y1, y2)) + 255 - pattern.high_y) >> 8, band.clip[1]) - band.place[1]
+    below = min((max(y0, max(y1, y2)) - pattern.low_y) >> 8, band.clip[3] - 1) - band.place[1]
+    if left > right or above > below:
+        return
+    ox, oy = band.place[0] << 8, band.place[1] << 8
+    x0, y0, x1, y1, x2, y2 = x0 - ox, y0 - oy, x1 - ox, y1 - oy, x2 - ox, y2 - oy
+    widest = max(max(abs(x2 - x1), abs(x0 - x2)), max(abs(x1 - x0), max(max(abs(y2 - y1), abs(y0 - y2)), abs(y1 - y0))))
+    tiles = -(-band.place[2] // TILE)
+    a, b, c, low, high = band.room.plane[0, 0], band.room.plane[0, 1], band.room.plane[0, 2], band.room.plane[0, 3], band.room.plane[0, 4]
+    for ty in range(above // TILE, below // TILE + 1):
+        for tx in range(left // TILE, right // TILE + 1):
+            x, y = tx * TILE, ty * TILE
+            wx, wy = x + band.place[0], y + band.place[1]
+            middle = c + a * (wx + 0.5 * TILE) + b * (wy + 0.5 * TILE)
+            reach = 0.5 * TILE * (abs(a) + abs(b))
+            nearest, farthest = min(max(middle + reach, low), high), max(min(middle - reach, high), low)
+            if np.float32(nearest) < band.hidden[ty * tiles + tx]:
+                continue
+            covered = 0
+            for s in range(len(pattern.x)):
+                px, py = (x << 8) + pattern.x[s], (y << 8) + pattern.y[s]
+                e0 = edge(x1, y1, x2, y2, px, py)
+                e1 = edge(x2, y2, x0, y0, px, py)
+                e2 = edge(x0, y0, x1, y1, px, py)
+                sx, sy = wx + pattern.x[s] / 256.0, wy + pattern.y[s] / 256.0
+                if widest < NARROW:
+                    kind = simd.i32x16(0)
+                    covered += fill_tile(band, len(pattern.x), s, number, kind, x, y, e0, e1, e2, x2 - x1, y2 - y1, x0 - x2, y0 - y2,
+                                         x1 - x0, y1 - y0, sx, sy, a, b, c, low, high)  # fmt: skip
+                else:
+                    long = simd.i64x16(0)
+                    covered += fill_tile(band, len(pattern.x), s, number, long, x, y, e0, e1, e2, x2 - x1, y2 - y1, x0 - x2, y0 - y2,
+                                         x1 - x0, y1 - y0, sx, sy, a, b, c, low, high)  # fmt: skip
+            if covered == len(pattern.x):
+                band.hidden[ty * tiles + tx] = max(band.hidden[ty * tiles + tx], np.float32(farthest))
+
+
+@helper
+def edge(ax: int, ay: int, bx: int, by: int, px: int, py: int) -> int:
+    """An edge function in whole pixels, >= 0 where the sample is inside."""
+    dx, dy = bx - ax, by - ay
+    e = dx * (py - ay) - dy * (px - ax)
+    return (e if rules.owns(dx, dy) else e - 1) >> 8
+
+
+@helper
+def reach(dx: int, dy: int) -> tuple[int, int]:
+    """By how much an edge function grows and shrinks at the most, a pixel right and a pixel down."""
+    return max(dx, 0) + max(-dy, 0), min(dx, 0) + min(-dy, 0)
+
+
+@apart
+def fill_tile(band, samples, s, number, zero, x, y, e0, e1, e2, dx0, dy0, dx1, dy1, dx2, dy2, sx, sy, a, b, c, low, high):
+    """Sample s of a tile's pixels, the first at (sx, sy) in the picture; 1 if the triangle covers it in all of them.
+
+    `zero` is a vector as wide as edge functions need.
+    """
+    most0, least0 = reach(dx0, dy0)
+    most1, least1 = reach(dx1, dy1)
+    most2, least2 = reach(dx2, dy2)
+    last = TILE - 1
+    if e0 + last * most0 < 0 or e1 + last * most1 < 0 or e2 + last * most2 < 0:
+        return 0
+    all_in = e0 + last * least0 >= 0 and e1 + last * least1 >= 0 and e2 + last * least2 >= 0
+    if e0 + last * least0 >= 0:  # decided for the tile: such an edge may be farther away than 32 bits reach
+        e0, dx0, dy0, most0, least0 = 0, 0, 0, 0, 0
+    if e1 + last * least1 >= 0:
+        e1, dx1, dy1, most1, least1 = 0, 0, 0, 0, 0
+    if e2 + last * least2 >= 0:
+        e2, dx2, dy2, most2, least2 = 0, 0, 0, 0, 0
+    columns = band.place[2] >> 2
+    wide, tall = min(BLOCKS, columns - (x >> 2)), min(BLOCKS, (band.place[3] - y) >> 2)
+    lane = simd.iota(zero)
+    column, line = in_block(lane)
+    inner0, inner1, inner2 = line * dx0 - column * dy0, line * dx1 - column * dy1, line * dx2 - column * dy2
+    right, down = in_block(simd.iota(simd.i32x16(0)))
+    slope = simd.fma(simd.to_f32(right), simd.f32x16(a), simd.to_f32(down) * simd.f32x16(b))
+    every = (1 << wide) - 1
+    ids, floor, ceiling = simd.i32x16(number), simd.f32x16(low), simd.f32x16(high)
+    for row in range(tall):
+        g0, g1, g2 = e0 + 4 * row * dx0, e1 + 4 * row * dx1, e2 + 4 * row * dx2
+        touched, full = every, every
+        if not all_in:
+            v0, v1, v2 = lane * (-4 * dy0) + g0, lane * (-4 * dy1) + g1, lane * (-4 * dy2) + g2
+            touched &= simd.bits(((v0 + 3 * most0) | (v1 + 3 * most1) | (v2 + 3 * most2)) >= 0)
+            full &= simd.bits(((v0 + 3 * least0) | (v1 + 3 * least1) | (v2 + 3 * least2)) >= 0)
+        at = (((y >> 2) + row) * columns + (x >> 2)) * samples + s
+        while touched:
+            k = simd.trailing_zeros(touched)
+            touched &= touched - 1
+            key = slope + simd.f32x16(c + a * (sx + 4 * k) + b * (sy + 4 * row))
+            key = simd.maximum(simd.minimum(key, ceiling), floor)
+            place = (at + k * samples) * 16
+            old, there = simd.load_aligned(band.key, place, simd.f32x16), simd.load_aligned(band.ids, place, simd.i32x16)
+            nearer = (key > old) | ((key == old) & (ids < there))
+            if not full >> k & 1:
+                inside = ((inner0 + (g0 - 4 * k * dy0)) | (inner1 + (g1 - 4 * k * dy1)) | (inner2 + (g2 - 4 * k * dy2))) >= 0
+                nearer = nearer & simd.mask_from_bits(simd.bits(inside), key)
+            simd.store_aligned(band.key, place, simd.select(nearer, key, old))
+            simd.store_aligned(band.ids, place, simd.select(nearer, ids, there))
+    return 1 if all_in else 0

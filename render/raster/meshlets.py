@@ -1,0 +1,230 @@
+"""Meshes cut into meshlets: up to 128 neighbouring triangles with vertices of their own, numbered in a byte, as the rasterizer draws them.
+
+A meshlet is culled by its box, its vertices are transformed once into memory that stays in the nearest cache, and its triangles
+are set up from there sixteen at a time: so instances need no copies, and no vertex is transformed that nobody sees.
+Triangles lie along a Z-curve, so that meshlets are small on the screen.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from ..jit.kernel import helper, kernel
+from ..tessellation.analytic_shapes import Tessellation
+from .view_geometry import neighbours
+
+TRIANGLES = 128  # of a meshlet at the most
+VERTICES = 256
+SHIFT = 7  # an id is drawn meshlet << SHIFT | triangle
+LANES = 16
+RECORD = 8  # floats: position, normal, u, v
+
+
+class Meshlets(NamedTuple):
+    """All triangles of a picture. Triangles and vertices of each meshlet start at multiples of LANES; what is between is never drawn."""
+
+    first_triangle: NDArray[np.int32]  # (m,)
+    triangles: NDArray[np.int32]  # (m,) how many
+    first_vertex: NDArray[np.int32]
+    vertices: NDArray[np.int32]  # 0: reaches to infinity, its triangles are drawn one by one in float64
+    box: NDArray[np.float64]  # (6 · m,) all lowest x, y, z, then all highest, in the mesh's frame
+    a: NDArray[np.uint8]  # (t,) where a triangle's first vertex stands among its meshlet's transformed ones, see `place_of`
+    b: NDArray[np.uint8]
+    c: NDArray[np.uint8]
+    corner: NDArray[np.int32]  # (t, 4) the same as rows of `record`, and the row of Model.triangles
+    x: NDArray[np.float32]  # (v,) relative to the mesh's origin
+    y: NDArray[np.float32]
+    z: NDArray[np.float32]
+    record: NDArray[np.float32]  # (v, RECORD); a normal of length 0: the triangle's own
+
+
+class Source(NamedTuple):
+    """Triangles and what their corners carry."""
+
+    positions: NDArray[np.float64]  # (v, 4) homogeneous
+    triangles: NDArray[np.int32]  # (t, 3)
+    values: NDArray[np.float32]  # (k, 5) normal, u, v
+    value: NDArray[np.int32]  # (t, 3) rows of values
+
+
+def build(tables: ir.Tables, positions: NDArray, triangles: NDArray, ranges: NDArray[np.int64], shells: dict[int, Tessellation]) -> tuple:
+    """(Meshlets, ranges): those of every range of triangles that some instance shows, and (instances, 2) first meshlet and count.
+
+    `positions`, `triangles` and `ranges` are Model's. Attributes come from each mesh's or shell's own normals and coordinates.
+    """
+    room = _Room(int(ranges[:, 1].max(initial=0)) if len(ranges) else 0)
+    placed = np.zeros_like(ranges)
+    made: dict[tuple[int, int], tuple[int, int]] = {}
+    for instance, (first, count) in enumerate(ranges.tolist()):
+        if count == 0:
+            continue
+        if (first, count) not in made:
+            source = _source(tables, positions, triangles, first, count, instance, shells.get(instance))
+            made[first, count] = room.add(source, first)
+        placed[instance] = made[first, count]
+    return room.finish(), placed
+
+
+def _source(tables: ir.Tables, positions, triangles, first: int, count: int, instance: int, shell: Tessellation | None) -> Source:
+    mine = triangles[first : first + count]
+    if shell is not None:
+        values = np.concatenate([shell.normals, shell.uvs], axis=1).astype(np.float32)
+        return Source(positions, mine, values, np.ascontiguousarray(shell.triangles, np.int32))
+    geometries, g = tables.geometries, int(tables.instances.geometry[instance])
+    rows = [int(geometries.normals[g]), int(geometries.uvs[g])]
+    start, vertices = int(geometries.first_vertex[g]), int(geometries.vertex_count[g])
+    smooth = all(row < 0 or tables.attributes.interpolation[row] in (ir.Interpolation.VERTEX, ir.Interpolation.CONSTANT) for row in rows)
+    if smooth:
+        values, value = np.zeros((vertices, 5), np.float32), mine - np.int32(start)
+    else:
+        values, value = np.zeros((3 * count, 5), np.float32), np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+    for row, columns in zip(rows, (slice(0, 3), slice(3, 5)), strict=True):
+        if row >= 0:
+            values[:, columns] = _of_corners(tables, row, mine - start, smooth, vertices)
+    return Source(positions, mine, values, np.ascontiguousarray(value, np.int32))
+
+
+def _of_corners(tables: ir.Tables, row: int, corners: NDArray[np.int32], by_vertex: bool, vertices: int) -> NDArray[np.float32]:
+    """An attribute at every vertex, or at every corner of `corners` (t, 3)."""
+    attributes = tables.attributes
+    first, width, how = int(attributes.first[row]), int(attributes.width[row]), attributes.interpolation[row]
+    values = tables.pools.values[first : first + width * int(attributes.count[row])].reshape(-1, width)
+    if how == ir.Interpolation.CONSTANT:
+        return np.broadcast_to(values[:1], (vertices if by_vertex else corners.size, width))
+    if by_vertex:
+        return values[:vertices]
+    if how == ir.Interpolation.VERTEX:
+        return values[corners.ravel()]
+    if how == ir.Interpolation.FACE:
+        return np.repeat(values[: len(corners)], 3, axis=0)
+    return values[: corners.size]
+
+
+class _Room:
+    """Meshlets as they are made, mesh by mesh."""
+
+    def __init__(self, most: int) -> None:
+        self.parts: list[Meshlets] = []
+        self.meshlets = self.triangles = self.vertices = 0
+
+    def add(self, source: Source, first: int) -> tuple[int, int]:
+        """Cut a mesh; the first meshlet and how many there are. `first` is the row of its first triangle in the model."""
+        count = len(source.triangles)
+        corners = source.positions[source.triangles]
+        endless = bool((corners[..., 3] != 1.0).any())
+        order = np.arange(count)
+        if count > TRIANGLES and not endless:
+            order = neighbours(corners[..., :3].mean(axis=1))
+        most = max(1, -(-count // (VERTICES // 3)))  # meshlets, if no two triangles shared a vertex
+        slots, vertices = count + most * LANES, 3 * count + most * LANES
+        numbers = [np.zeros(most, np.int32) for _ in range(4)]
+        local = [np.zeros(slots, np.uint8) for _ in range(3)]
+        places = [np.zeros(vertices, np.float32) for _ in range(3)]
+        corner, record = np.zeros((slots, 4), np.int32), np.zeros((vertices, RECORD), np.float32)
+        columns: list[Any] = [*numbers, np.zeros((6, most)), *local, corner, *places, record]
+        made = Meshlets(*columns)
+        total = np.zeros(3, np.int64)
+        cut(source, order, made, endless, first, total)
+        m, t, v = (int(n) for n in total)
+        part = Meshlets(
+            made.first_triangle[:m] + np.int32(self.triangles), made.triangles[:m], made.first_vertex[:m] + np.int32(self.vertices),
+            made.vertices[:m], made.box[:, :m], made.a[:t], made.b[:t], made.c[:t],
+            made.corner[:t] + np.array([self.vertices] * 3 + [0], np.int32), made.x[:v], made.y[:v], made.z[:v], made.record[:v],
+        )  # fmt: skip
+        start = self.meshlets
+        self.parts.append(part)
+        self.meshlets, self.triangles, self.vertices = self.meshlets + m, self.triangles + t, self.vertices + v
+        return start, m
+
+    def finish(self) -> Meshlets:
+        """All of them, with room behind for loads of whole vectors."""
+        if not self.parts:
+            empty = Source(np.zeros((3, 4)), np.zeros((0, 3), np.int32), np.zeros((1, 5), np.float32), np.zeros((0, 3), np.int32))
+            self.add(empty, 0)
+        joined = [
+            np.concatenate([getattr(part, name) for part in self.parts], axis=1 if name == "box" else 0) for name in Meshlets._fields
+        ]
+        pads = {"box": ((0, 0), (0, LANES))}
+        shape = [pads.get(name, ((0, LANES), *((0, 0),) * (array.ndim - 1))) for name, array in zip(Meshlets._fields, joined, strict=True)]
+        whole = Meshlets(*(np.ascontiguousarray(np.pad(array, pad)) for array, pad in zip(joined, shape, strict=True)))
+        return whole._replace(box=whole.box.ravel())
+
+
+@helper
+def place_of(vertex: int) -> int:
+    """Where the rasterizer keeps a meshlet's vertex after transforming sixteen at a time: a 4×4 transpose leaves them in this order."""
+    return (vertex & ~15) | ((vertex & 3) << 2) | ((vertex >> 2) & 3)
+
+
+@kernel
+def cut(source, order, made, endless, first, total):
+    """Fill `made` with a mesh's meshlets; writes how many meshlets, triangle slots and vertex slots there are."""
+    head = np.full(len(source.positions), -1, np.int32)  # the last vertex slot made of a vertex
+    after = np.full(len(made.x), -1, np.int32)  # the one made before it, with other values
+    kept = np.full(len(made.x), -1, np.int32)  # rows of source.values
+    m, slot, start, count, vertices = -1, 0, 0, 0, 0
+    for n in range(len(order)):
+        triangle = order[n]
+        if m < 0 or count == 128 or vertices + 3 > 256:
+            if m >= 0:
+                slot, start = _close(made, m, slot, start, count, vertices, endless)
+            m, count, vertices = m + 1, 0, 0
+            made.first_triangle[m], made.first_vertex[m] = slot, start
+            made.box[:3, m], made.box[3:, m] = np.inf, -np.inf
+        for k in range(3):
+            vertex, value = source.triangles[triangle, k], source.value[triangle, k]
+            at = head[vertex]
+            while at >= start and not _same(source.values, kept[at], value):
+                at = after[at]
+            if at < start:
+                at = start + vertices
+                after[at], kept[at] = head[vertex], value
+                head[vertex] = at
+                vertices += 1
+                _put(source, made, m, at, vertex, value)
+            made.corner[slot + count, k] = at
+            place = place_of(at - start)
+            if k == 0:
+                made.a[slot + count] = place
+            elif k == 1:
+                made.b[slot + count] = place
+            else:
+                made.c[slot + count] = place
+        made.corner[slot + count, 3] = first + triangle
+        count += 1
+    if m >= 0:
+        slot, start = _close(made, m, slot, start, count, vertices, endless)
+    total[0], total[1], total[2] = m + 1, slot, start
+
+
+@kernel
+def _same(values, one, other):
+    same = True
+    for k in range(values.shape[1]):
+        same = same and (one == other or values[one, k] == values[other, k])
+    return same
+
+
+@kernel
+def _put(source, made, m, at, vertex, value):
+    """One vertex of a meshlet."""
+    p = source.positions[vertex]
+    made.x[at], made.y[at], made.z[at] = p[0], p[1], p[2]
+    for k in range(3):
+        made.record[at, k] = p[k]
+        made.box[k, m], made.box[3 + k, m] = min(made.box[k, m], p[k]), max(made.box[3 + k, m], p[k])
+    for k in range(5):
+        made.record[at, 3 + k] = source.values[value, k]
+
+
+@kernel
+def _close(made, m, slot, start, count, vertices, endless):
+    """Finish a meshlet; where the next one's triangles and vertices start."""
+    made.triangles[m], made.vertices[m] = count, 0 if endless else vertices
+    if endless:
+        made.box[:3, m], made.box[3:, m] = -np.inf, np.inf
+    return slot + ((count + 15) & ~15), start + ((vertices + 15) & ~15)

@@ -1,0 +1,379 @@
+"""The z-buffer: for every sample of a tile, the nearest triangle that covers it.
+
+Triangles are cut in clip space, divided by w, snapped to 1/256 pixel and filled exactly (fill.py). What is compared is
+linear on the screen: 1 / depth for a perspective camera, -depth for an orthographic one, from the triangle's own plane in
+homogeneous coordinates (Olano and Greer, Triangle Scan Conversion using 2D Homogeneous Coordinates, 1997), in float64;
+at equal depth the lowest instance, then the lowest triangle wins, so that the order of drawing does not matter.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from ..jit.kernel import helper, kernel
+from ..types import Tile
+from . import clipping, coverage
+from .view_geometry import COLUMNS, to_clip
+
+NOWHERE = -(1 << 62)  # no line of samples
+FLAT = 1e-6  # of its size, by which the corners of a polygon filled as a whole may be off its plane
+
+
+class Samples(NamedTuple):
+    """Where a tile's samples lie, in fixed point from the picture's top left; pixel by pixel in rows, each with `count` of them."""
+
+    x: NDArray[np.int64]  # (h · w · count,)
+    y: NDArray[np.int64]
+    rows: int
+    columns: int
+    count: int
+    reach: int  # how far any of them lies from its pixel's centre in x or y
+
+
+class Seen(NamedTuple):
+    """What each sample sees."""
+
+    key: NDArray[np.float64]  # (h · w · count,) larger is nearer; -inf: nothing
+    instance: NDArray[np.int32]  # or -1
+    triangle: NDArray[np.int32]  # row of Model.triangles, or -1: an endless quadric, which has none
+
+
+class Room(NamedTuple):
+    """Scratch memory of one thread."""
+
+    corners: NDArray[np.float64]  # (3, 5) the triangle in clip space
+    first: NDArray[np.float64]  # (16, 5) what is left of it
+    second: NDArray[np.float64]
+    x: NDArray[np.int64]  # (n,) fixed-point corners of a triangle or a polygon's loops
+    y: NDArray[np.int64]
+    crossings: NDArray[np.int64]  # (n,)
+    plane: NDArray[np.float64]  # (m, 5) see `key_plane`; one for each triangle of a polygon
+    part_x: NDArray[np.int64]  # (m, 3) fixed-point corners of each triangle of a polygon
+    part_y: NDArray[np.int64]
+
+
+class Scratch(NamedTuple):
+    """What one thread writes to, as one handle for kernels."""
+
+    samples: Samples
+    seen: Seen
+    room: Room
+
+
+def scratch_for(tile: Tile, count: int, reach: int, room: Room) -> Scratch:
+    """Memory for `count` samples of each pixel of a tile, with an empty z-buffer."""
+    rows, columns = tile.y1 - tile.y0, tile.x1 - tile.x0
+    n = rows * columns * count
+    samples = Samples(np.empty(n, np.int64), np.empty(n, np.int64), rows, columns, count, reach)
+    return Scratch(samples, Seen(np.full(n, -np.inf), np.full(n, -1, np.int32), np.full(n, -1, np.int32)), room)
+
+
+def room_for(tables: ir.Tables) -> Room:
+    """Memory for the largest polygon there is."""
+    corners = max(16, _largest(tables.polygons, tables.pools.loops))
+    parts = max(1, int(tables.polygons.triangle_count.max(initial=1)))
+    return Room(
+        np.empty((3, COLUMNS)), np.empty((16, COLUMNS)), np.empty((16, COLUMNS)), np.empty(corners, np.int64), np.empty(corners, np.int64),
+        np.empty(corners, np.int64), np.empty((parts, 5)), np.empty((parts, 3), np.int64), np.empty((parts, 3), np.int64),
+    )  # fmt: skip
+
+
+def _largest(polygons: ir.Polygons, loops: NDArray[np.int32]) -> int:
+    """The most corners any polygon has, with its holes."""
+    if len(polygons.first_loop) == 0:
+        return 0
+    total = np.concatenate([[0], np.cumsum(loops[:, 1], dtype=np.int64)])
+    return int((total[polygons.first_loop + polygons.loop_count] - total[polygons.first_loop]).max())
+
+
+@kernel
+def draw(made, clusters, chosen, tile, how, scratch):
+    """Draw the chosen clusters of triangles into scratch.seen. `how` is one of fill.NAMES.
+
+    `made`, `clusters` and `scratch` are handles.
+    """
+    for c in chosen:
+        for item in range(clusters.first[c], clusters.first[c] + clusters.count[c]):
+            draw_triangle(made, clusters.instance[c], made.order[item], tile, how, scratch)
+
+
+@kernel
+def draw_whole(made, clusters, chosen, tables, flat, tile, scratch):
+    """Draw the chosen clusters of polygons by scanlines, as a whole where `flat` (polygons,) says so, else by their triangles."""
+    for c in chosen:
+        instance, first, last = clusters.instance[c], clusters.first[c], clusters.first[c] + clusters.count[c]
+        for polygon in range(first, last):
+            if not (flat[polygon] and draw_polygon(made, tables, instance, polygon, tile, scratch)):
+                start = tables.polygons.first_triangle[polygon]
+                for triangle in range(start, start + tables.polygons.triangle_count[polygon]):
+                    draw_triangle(made, instance, triangle, tile, coverage.SCANLINE, scratch)
+
+
+@kernel
+def draw_triangle(made, instance, triangle, tile, how, scratch):
+    """Clip, project, snap and fill one triangle."""
+    room = scratch.room
+    for k in range(3):
+        to_clip(made.matrix, instance, made.positions, made.triangles[triangle, k], room.corners, k)
+    count = clipped(made.planes, room)
+    if count < 3 or not snapped(room.first, count, made.perspective, room, 0):
+        return
+    x0, y0, x1, y1 = pixel_box(room, count, scratch.samples.reach, tile)
+    if x0 >= x1 or y0 >= y1 or not key_plane(room.corners, tile, made.perspective, room.plane, 0):
+        return
+    for k in range(1, count - 1):
+        fill_triangle(0, k, k + 1, instance, triangle, tile, how, scratch)
+
+
+@helper
+def clipped(planes: Any, room: Room) -> int:
+    """Copy the triangle in room.corners to room.first, cut if need be; returns how many corners are left."""
+    cut = False
+    for p in range(len(planes)):
+        outside = 0
+        for k in range(3):
+            outside += clipping.distance(room.corners, k, planes[p]) < 0.0
+        if outside == 3:
+            return 0
+        cut = cut or outside > 0
+    for k in range(3):
+        for c in range(COLUMNS):
+            room.first[k, c] = room.corners[k, c]
+    return clipping.against_all(room.first, 3, planes, room.second) if cut else 3
+
+
+@helper
+def key_plane(corners: Any, tile: Tile, perspective: bool, out: Any, row: int) -> bool:
+    """Write (a, b, c) of key = a x + b y + c, in pixels from the tile's corner, to out[row]; False if the triangle is seen edge-on.
+
+    With rows (X, Y, W) of the three corners, the weights of the corners at a pixel are its products with their crosses, over
+    the determinant. Nothing is divided by W, so corners behind the eye or at infinity will do.
+    """
+    w0, w1, w2 = corners[0, 2], corners[1, 2], corners[2, 2]
+    x0, x1, x2 = corners[0, 0] - tile.x0 * w0, corners[1, 0] - tile.x0 * w1, corners[2, 0] - tile.x0 * w2
+    y0, y1, y2 = corners[0, 1] - tile.y0 * w0, corners[1, 1] - tile.y0 * w1, corners[2, 1] - tile.y0 * w2
+    a0, b0, c0 = y1 * w2 - w1 * y2, w1 * x2 - x1 * w2, x1 * y2 - y1 * x2
+    a1, b1, c1 = y2 * w0 - w2 * y0, w2 * x0 - x2 * w0, x2 * y0 - y2 * x0
+    a2, b2, c2 = y0 * w1 - w0 * y1, w0 * x1 - x0 * w1, x0 * y1 - y0 * x1
+    determinant = x0 * a0 + y0 * b0 + w0 * c0
+    if determinant == 0.0:
+        return False
+    k0 = (corners[0, 4] if perspective else -corners[0, 3]) / determinant
+    k1 = (corners[1, 4] if perspective else -corners[1, 3]) / determinant
+    k2 = (corners[2, 4] if perspective else -corners[2, 3]) / determinant
+    out[row, 0] = k0 * a0 + k1 * a1 + k2 * a2
+    out[row, 1] = k0 * b0 + k1 * b1 + k2 * b2
+    out[row, 2] = k0 * c0 + k1 * c1 + k2 * c2
+    return True
+
+
+@helper
+def snapped(corners: Any, count: int, perspective: bool, room: Room, row: int) -> bool:
+    """Put the corners of what clipping left into room.x and room.y, and the range of their keys into room.plane[row, 3:].
+
+    The range keeps a sample that snapping put just outside of the true triangle from a depth none of its points has.
+    """
+    low, high = np.inf, -np.inf
+    for k in range(count):
+        w = corners[k, 2]
+        if not w > 0.0:
+            return False
+        room.x[k] = int(np.floor(corners[k, 0] / w * coverage.ONE + 0.5))
+        room.y[k] = int(np.floor(corners[k, 1] / w * coverage.ONE + 0.5))
+        key = corners[k, 4] / corners[k, 3] if perspective else -corners[k, 3] / corners[k, 4]
+        low, high = min(low, key), max(high, key)
+    room.plane[row, 3], room.plane[row, 4] = low, high
+    return True
+
+
+@helper
+def pixel_range(low: int, high: int, reach: int, start: int, end: int) -> tuple[int, int]:
+    """The pixels of a tile's row or column, counted in the tile, that may have samples between two fixed-point numbers."""
+    first = -((coverage.HALF + reach - low) // coverage.ONE)
+    last = (high - coverage.HALF + reach) // coverage.ONE
+    return max(first, start) - start, min(last + 1, end) - start
+
+
+@helper
+def pixel_box(room: Room, count: int, reach: int, tile: Tile) -> tuple[int, int, int, int]:
+    """x0, y0, x1, y1 of the tile's pixels whose samples the first `count` corners of room.x and room.y may surround."""
+    x0, y0, x1, y1 = room.x[0], room.y[0], room.x[0], room.y[0]
+    for k in range(1, count):
+        x0, y0, x1, y1 = min(x0, room.x[k]), min(y0, room.y[k]), max(x1, room.x[k]), max(y1, room.y[k])
+    i0, i1 = pixel_range(x0, x1, reach, tile.x0, tile.x1)
+    j0, j1 = pixel_range(y0, y1, reach, tile.y0, tile.y1)
+    return i0, j0, i1, j1
+
+
+@helper
+def fill_triangle(a: int, b: int, c: int, instance: int, triangle: int, tile: Tile, how: int, scratch: Scratch) -> None:
+    """Fill the triangle of corners a, b, c of room.x and room.y, either way round."""
+    room, samples = scratch.room, scratch.samples
+    area = coverage.doubled_area(room.x[a], room.y[a], room.x[b], room.y[b], room.x[c], room.y[c])
+    if area == 0:
+        return
+    if area < 0:
+        b, c = c, b
+    ax, ay, bx, by, cx, cy = room.x[a], room.y[a], room.x[b], room.y[b], room.x[c], room.y[c]
+    x0, x1 = pixel_range(min(ax, min(bx, cx)), max(ax, max(bx, cx)), samples.reach, tile.x0, tile.x1)
+    y0, y1 = pixel_range(min(ay, min(by, cy)), max(ay, max(by, cy)), samples.reach, tile.y0, tile.y1)
+    if x0 >= x1 or y0 >= y1:
+        return
+    part_x, part_y = room.part_x[0], room.part_y[0]
+    part_x[0], part_x[1], part_x[2], part_y[0], part_y[1], part_y[2] = ax, bx, cx, ay, by, cy
+    found, line = 0, min(ay, min(by, cy)) - 1
+    for j in range(y0, y1):
+        start = j * samples.columns
+        for s in range((start + x0) * samples.count, (start + x1) * samples.count):
+            px, py = samples.x[s], samples.y[s]
+            if how == coverage.EDGES:
+                covered = coverage.inside_edges(ax, ay, bx, by, cx, cy, px, py)
+            elif how == coverage.AREAS:
+                covered = coverage.inside_areas(ax, ay, bx, by, cx, cy, px, py)
+            else:
+                if py != line:
+                    line = py
+                    found = coverage.crossings(part_x, part_y, 0, 3, py, room.crossings, 0)
+                covered = coverage.inside_crossings(room.crossings, found, px)
+            if covered:
+                test_depth(room.plane, 0, px, py, instance, triangle, tile, s, scratch.seen)
+
+
+@helper
+def test_depth(plane: Any, row: int, px: int, py: int, instance: int, triangle: int, tile: Tile, s: int, seen: Seen) -> None:
+    """Keep the triangle of plane[row] at sample s if it is the nearest so far."""
+    x, y = px / coverage.ONE - tile.x0, py / coverage.ONE - tile.y0
+    key = min(max(plane[row, 0] * x + plane[row, 1] * y + plane[row, 2], plane[row, 3]), plane[row, 4])
+    old = seen.key[s]
+    if not key >= old:
+        return
+    if key == old and (instance, triangle) > (seen.instance[s], seen.triangle[s]):
+        return
+    seen.key[s], seen.instance[s], seen.triangle[s] = key, instance, triangle
+
+
+# --- whole polygons ------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def flat_polygons(tables, out):
+    """Write for each polygon whether its corners lie in one plane, and it is more than a triangle (Newell's normal)."""
+    polygons, pools = tables.polygons, tables.pools
+    for p in range(len(polygons.first_loop)):
+        first = polygons.first_loop[p]
+        normal, low, high = np.zeros(3), np.full(3, np.inf), np.full(3, -np.inf)
+        for loop in range(first, first + polygons.loop_count[p]):
+            start, count = pools.loops[loop, 0], pools.loops[loop, 1]
+            for c in range(count):
+                here, there = pools.corners[start + c], pools.corners[start + (c + 1) % count]
+                for k in range(3):
+                    u, v = (k + 1) % 3, (k + 2) % 3
+                    a, b = pools.positions[here], pools.positions[there]
+                    if loop == first:
+                        normal[k] += (float(a[u]) - b[u]) * (float(a[v]) + b[v] - 2.0 * pools.positions[pools.corners[start]][v])
+                    low[k], high[k] = min(low[k], a[k]), max(high[k], a[k])
+        size = np.sqrt(((high - low) ** 2).sum())
+        length = np.sqrt((normal**2).sum())
+        nearest, farthest = np.inf, -np.inf
+        for loop in range(first, first + polygons.loop_count[p]):
+            start, count = pools.loops[loop, 0], pools.loops[loop, 1]
+            for c in range(count):
+                d = 0.0
+                for k in range(3):
+                    d += normal[k] * (float(pools.positions[pools.corners[start + c], k]) - low[k])
+                nearest, farthest = min(nearest, d), max(farthest, d)
+        out[p] = polygons.triangle_count[p] > 1 and length > 0.0 and farthest - nearest <= FLAT * size * length
+
+
+@kernel
+def draw_polygon(made, tables, instance, polygon, tile, scratch):
+    """Fill one flat polygon as a whole by scanlines; False, and nothing drawn, if it needs cutting."""
+    first, count = tables.polygons.first_triangle[polygon], tables.polygons.triangle_count[polygon]
+    if not polygon_parts(made, instance, first, count, tile, scratch.room):
+        return False
+    corners = project_loops(made, tables, instance, polygon, scratch.room)
+    if corners > 0:
+        fill_polygon(tables, instance, polygon, corners, tile, scratch)
+    return True
+
+
+@helper
+def polygon_parts(made: Any, instance: int, first: int, count: int, tile: Tile, room: Room) -> bool:
+    """The fixed-point corners and depth planes of a polygon's triangles, into room; False if one of them must be cut."""
+    for t in range(count):
+        for k in range(3):
+            to_clip(made.matrix, instance, made.positions, made.triangles[first + t, k], room.corners, k)
+            for p in range(len(made.planes)):
+                if clipping.distance(room.corners, k, made.planes[p]) < 0.0:
+                    return False
+        if not snapped(room.corners, 3, made.perspective, room, t):
+            return False
+        if not key_plane(room.corners, tile, made.perspective, room.plane, t):
+            room.plane[t, 0], room.plane[t, 1], room.plane[t, 2] = 0.0, 0.0, 0.0
+        for k in range(3):
+            room.part_x[t, k], room.part_y[t, k] = room.x[k], room.y[k]
+    return True
+
+
+@helper
+def project_loops(made: Any, tables: ir.Tables, instance: int, polygon: int, room: Room) -> int:
+    """The fixed-point corners of all of a polygon's loops, one after the other, into room; returns how many, 0 if one is behind."""
+    found = 0
+    first = tables.polygons.first_loop[polygon]
+    for loop in range(first, first + tables.polygons.loop_count[polygon]):
+        start = tables.pools.loops[loop, 0]
+        for c in range(start, start + tables.pools.loops[loop, 1]):
+            to_clip(made.matrix, instance, made.positions, tables.pools.corners[c], room.corners, 0)
+            w = room.corners[0, 2]
+            if not w > 0.0:
+                return 0
+            room.x[found] = int(np.floor(room.corners[0, 0] / w * coverage.ONE + 0.5))
+            room.y[found] = int(np.floor(room.corners[0, 1] / w * coverage.ONE + 0.5))
+            found += 1
+    return found
+
+
+@helper
+def fill_polygon(tables: ir.Tables, instance: int, polygon: int, corners: int, tile: Tile, scratch: Scratch) -> None:
+    """The scanline fill of a polygon's loops by the even-odd rule; each covered sample gets the triangle it lies in."""
+    room, samples = scratch.room, scratch.samples
+    loops, first_loop = tables.pools.loops, tables.polygons.first_loop[polygon]
+    first, count = tables.polygons.first_triangle[polygon], tables.polygons.triangle_count[polygon]
+    x0, y0, x1, y1 = pixel_box(room, corners, samples.reach, tile)
+    found, line = 0, np.int64(NOWHERE)
+    for j in range(y0, y1):
+        for s in range((j * samples.columns + x0) * samples.count, (j * samples.columns + x1) * samples.count):
+            px, py = samples.x[s], samples.y[s]
+            if py != line:
+                line, found, start = py, 0, 0
+                for loop in range(first_loop, first_loop + tables.polygons.loop_count[polygon]):
+                    found = coverage.crossings(room.x, room.y, start, loops[loop, 1], py, room.crossings, found)
+                    start += loops[loop, 1]
+            if coverage.inside_crossings(room.crossings, found, px):
+                t = triangle_at(room, count, px, py)
+                test_depth(room.plane, t, px, py, instance, first + t, tile, s, scratch.seen)
+
+
+@helper
+def triangle_at(room: Room, count: int, px: int, py: int) -> int:
+    """Which of a polygon's triangles a sample lies in; where snapping turned a sliver over and it lies in none, the one it misses least."""
+    best, least = 0, -np.inf
+    for t in range(count):
+        x, y = room.part_x[t], room.part_y[t]
+        area = coverage.doubled_area(x[0], y[0], x[1], y[1], x[2], y[2])
+        if area == 0:
+            continue
+        b, c = (1, 2) if area > 0 else (2, 1)
+        if coverage.inside_edges(x[0], y[0], x[b], y[b], x[c], y[c], px, py):
+            return t
+        inside = min(
+            coverage.doubled_area(px, py, x[b], y[b], x[c], y[c]),
+            min(coverage.doubled_area(x[0], y[0], px, py, x[c], y[c]), coverage.doubled_area(x[0], y[0], x[b], y[b], px, py)),
+        ) / abs(area)  # fmt: skip
+        if inside > least:
+            best, least = t, inside
+    return best

@@ -1,0 +1,112 @@
+"""A thread's points: what lanes of sixteen need to be lit, written in columns by what finds them and read by each lamp."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import simd
+from ..jit.kernel import helper
+from ..lanes import ops
+from ..surface import texture_footprint
+from ..types import Lane, Vec
+from . import triangle_planes
+
+CAPACITY = 32  # points, of sixteen lanes each, that go through a step together
+
+# Columns of a point: its normal and the direction to the viewer, unit; its light; where it is, about the eye; and what faces.Seen says.
+NORMAL, VIEWER, COLOR, PLACE, FACING, UV, METRIC, SPREAD, OUTWARD, TINT = 0, 3, 6, 9, 12, 13, 15, 17, 21, 24
+PLAIN, PICTURED, COLORED = 13, 21, 27
+
+
+class Points(NamedTuple):
+    """A thread's points that are lit together: those of one instance among sixteen items, or a block that one face fills."""
+
+    values: NDArray[np.float32]  # (CAPACITY, PLAIN, PICTURED or COLORED, 16)
+    instance: NDArray[np.int32]  # (CAPACITY,)
+    lanes: NDArray[np.int32]  # bits: which lanes are of that instance
+    group: NDArray[np.int32]  # of items, or of blocks and then items, that they belong to
+
+
+def points_for(patterned: bool, colored: bool) -> Points:
+    """Room for CAPACITY points."""
+    values = simd.aligned_empty((CAPACITY, COLORED if colored else PICTURED if patterned else PLAIN, 16), np.float32)
+    return Points(values, np.zeros(CAPACITY, np.int32), np.zeros(CAPACITY, np.int32), np.zeros(CAPACITY, np.int32))
+
+
+@helper
+def keep(shading: Any, patterned: Any, colored: Any, k: int, point: triangle_planes.Seen, x: Lane, y: Lane, i: int, here: Lane,
+         group: int) -> None:  # fmt: skip
+    """Write a point."""
+    points, look = shading.points, shading.look
+    simd.write(points.instance, k, i)
+    simd.write(points.lanes, k, simd.bits(here))
+    simd.write(points.group, k, group)
+    along = over_picture(look.direction, x, y)
+    put3(points, k, NORMAL, ops.scale(point.normal, simd.reciprocal_sqrt(ops.dot(point.normal, point.normal))))
+    put3(points, k, VIEWER, ops.scale(along, -simd.reciprocal_sqrt(ops.dot(along, along))))
+    if colored is not None or not shading.lamps.bare:
+        place = ops.scale(along, simd.reciprocal(point.key) if shading.shown.perspective else point.key)
+        if not shading.shown.perspective:
+            place = ops.add(place, over_picture(look.start, x, y))
+        put3(points, k, PLACE, place)
+    if patterned is not None or not shading.lamps.bare:
+        put1(points, k, FACING, point.facing)
+    if patterned is not None:
+        put2(points, k, UV, point.uv)
+        _put_spread(points, k, texture_footprint.is_known(shading.lit), point.spread)
+    if colored is not None:
+        put2(points, k, METRIC, point.metric)
+        put3(points, k, OUTWARD, point.outward)
+        put3(points, k, TINT, point.color)
+
+
+@helper
+def _put_spread(points: Any, k: int, used: Any, spread: Any) -> None:
+    if used is None:
+        return
+    put2(points, k, SPREAD, (spread[0], spread[1]))
+    put2(points, k, SPREAD + 2, (spread[2], spread[3]))
+
+
+@helper
+def put1(points: Any, k: int, column: int, x: Lane) -> None:
+    simd.store_aligned(points.values, (k * points.values.shape[1] + column) * 16, x)
+
+
+@helper
+def put2(points: Any, k: int, column: int, v: tuple[Lane, Lane]) -> None:
+    put1(points, k, column, v[0])
+    put1(points, k, column + 1, v[1])
+
+
+@helper
+def put3(points: Any, k: int, column: int, v: Vec) -> None:
+    put2(points, k, column, (v[0], v[1]))
+    put1(points, k, column + 2, v[2])
+
+
+@helper
+def get1(points: Any, k: int, column: int) -> Lane:
+    return simd.load_aligned(points.values, (k * points.values.shape[1] + column) * 16, simd.f32x16)
+
+
+@helper
+def get2(points: Any, k: int, column: int) -> tuple[Lane, Lane]:
+    return get1(points, k, column), get1(points, k, column + 1)
+
+
+@helper
+def get3(points: Any, k: int, column: int) -> Vec:
+    return get1(points, k, column), get1(points, k, column + 1), get1(points, k, column + 2)
+
+
+@helper
+def over_picture(table: Any, x: Lane, y: Lane) -> Vec:
+    """Three vectors: at the picture's corner, and what a pixel right and a pixel down add."""
+    return (
+        simd.fma(x, table[1, 0], simd.fma(y, table[2, 0], table[0, 0])), simd.fma(x, table[1, 1], simd.fma(y, table[2, 1], table[0, 1])),
+        simd.fma(x, table[1, 2], simd.fma(y, table[2, 2], table[0, 2])),
+    )  # fmt: skip

@@ -1,0 +1,143 @@
+"""Drawing shadow maps: each lamp without an extent becomes a camera, or six around it, and the rasterizer draws what those see."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from ..accel import scene_bvh
+from ..backends import prepare
+from ..jit import packed_struct
+from ..light.shadow_map import Maps
+from ..types import Traced, View
+from . import band_buffer, band_renderer, integrator_shading, meshlet_culling, triangle_setup, view_geometry
+from .meshlets import SHIFT
+
+SIZE = 2048  # texels a side, of parallel light and spots
+FACE = 1024  # of each of the six sides around a point
+ROWS = 64  # of a map that are drawn together
+WIDEST = 1.2  # radians: spots that open wider than this to a side are seen as points
+BORDER = 3.0  # texels around a side of a cube, for the filter
+NARROW = 0.5  # texels that a tessellated shape may be off its outline
+MAPPED = (ir.LightKind.POINT, ir.LightKind.SPOT, ir.LightKind.DIRECTIONAL, ir.LightKind.SUN)
+
+
+def build(tables: ir.Tables, accel: packed_struct.Handle) -> Maps | Traced:
+    """The maps of a scene's lamps that cast shadows; `accel` is a handle of its trees."""
+    lights = tables.lights
+    first, count, made = np.full(len(lights.kind), -1), np.zeros(len(lights.kind), np.int64), []
+    for light in range(len(lights.kind)):
+        if lights.kind[light] in MAPPED and lights.shadows[light] and (lights.color[light] > 0.0).any():
+            first[light] = len(made)
+            made += _views(tables, light)
+            count[light] = len(made) - first[light]
+    if not made:
+        return Traced()
+    seen = _with_cameras(tables, made)
+    views = [View(len(tables.cameras.projection) + k, one.size, one.size) for k, one in enumerate(made)]
+    texels = [_drawn(seen, view, accel) for view in views]
+    clip = np.stack([view_geometry.world_to_clip(seen, view)[[0, 1, 3]] for view in views])
+    inverse = np.zeros_like(clip)
+    inverse[:, :, :3] = np.linalg.inv(clip[:, :, :3])
+    size = np.array([one.size for one in made], np.int64)
+    texel = np.array([2.0 * one.extent / one.size for one in made])
+    start = np.concatenate([[0], np.cumsum(size * size)[:-1]]).astype(np.int64)
+    key, instance = (np.concatenate(columns) for columns in zip(*texels, strict=True))
+    return Maps(first.astype(np.int64), count, np.ascontiguousarray(clip), np.ascontiguousarray(inverse), texel, size, start, key, instance)
+
+
+class _View(NamedTuple):
+    """A camera that stands for a lamp."""
+
+    frame: NDArray[np.float64]  # (3, 4) to the world
+    extent: float
+    parallel: bool
+    size: int
+
+
+def _views(tables: ir.Tables, light: int) -> list[_View]:
+    """What sees all that a lamp may shine on: one camera, or six around it."""
+    lights = tables.lights
+    kind, position, direction = lights.kind[light], lights.position[light], lights.direction[light]
+    if kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
+        return [_parallel(tables, direction)]
+    if kind == ir.LightKind.SPOT and lights.cos_cone[light] > math.cos(WIDEST):
+        extent = math.tan(math.acos(float(lights.cos_cone[light]))) * (1.0 + 2.0 * BORDER / SIZE)
+        return [_View(_frame(-direction, position), extent, False, SIZE)]
+    sides = [sign * axis for axis in np.eye(3) for sign in (-1.0, 1.0)]
+    return [_View(_frame(-side, position), 1.0 + 2.0 * BORDER / FACE, False, FACE) for side in sides]
+
+
+def _parallel(tables: ir.Tables, towards: NDArray[np.float64]) -> _View:
+    """An orthographic camera that looks from the light's side upon all that has an end."""
+    boxes = scene_bvh.world_bounds(tables)
+    boxes = boxes[np.isfinite(boxes).all(axis=1)]
+    low, high = (boxes[:, :3].min(axis=0), boxes[:, 3:].max(axis=0)) if len(boxes) else (-np.ones(3), np.ones(3))
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    frame = _frame(towards, middle)
+    reach = np.abs(frame[:, :3].T) @ half
+    extent = max(float(reach[:2].max()), 1e-9) * (1.0 + 2.0 * BORDER / SIZE)
+    frame[:, 3] += towards / np.linalg.norm(towards) * (float(reach[2]) + extent)
+    return _View(frame, extent, True, SIZE)
+
+
+def _frame(back: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(3, 4) of a camera at a position that looks away from `back`."""
+    z = back / np.linalg.norm(back)
+    x = np.cross(np.eye(3)[np.abs(z).argmin()], z)
+    x = x / np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z, position], axis=1)
+
+
+def _with_cameras(tables: ir.Tables, made: list[_View]) -> ir.Tables:
+    """Tables with a camera more for each map, to which things are seen that cast shadows."""
+    n, rows = len(made), len(tables.transforms.matrix)
+    frames = np.stack([one.frame for one in made])
+    turned = frames[:, :, :3].transpose(0, 2, 1)
+    inverse = np.concatenate([turned, -(turned @ frames[:, :, 3:])], axis=2)
+    more = {"matrix": frames, "inverse": inverse, "flips": np.zeros(n, bool), "first_key": np.full(n, -1), "keys": np.zeros(n, int)}
+    transforms = ir.table_of("transforms", {k: np.concatenate([v, more[k]]) for k, v in tables.transforms._asdict().items()})
+    none = np.zeros(n)
+    cameras = {
+        "projection": [ir.Projection.ORTHOGRAPHIC if one.parallel else ir.Projection.PERSPECTIVE for one in made],
+        "transform": rows + np.arange(n), "extent": [one.extent for one in made], "fit": np.full(n, int(ir.Fit.VERTICAL)),
+        "aspect": none, "near": none, "far": none + np.inf, "shift": np.zeros((n, 2)), "exposure": none + np.nan,
+        "opening": none, "shutter": none, "lens": none, "focus": none + 1.0,
+    }  # fmt: skip
+    grown = ir.table_of("cameras", {k: np.concatenate([v, np.asarray(cameras[k])]) for k, v in tables.cameras._asdict().items()})
+    casts = tables.instances.visible & ir.Visibility.SHADOW != 0
+    visible = np.where(casts, int(ir.Visibility.CAMERA), 0)
+    return tables._replace(
+        transforms=transforms, cameras=grown, instances=ir.table_of("instances", {**tables.instances._asdict(), "visible": visible})
+    )
+
+
+def _drawn(tables: ir.Tables, view: View, accel: packed_struct.Handle) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    """(keys, instances) of a map's texels, row by row."""
+    shells = prepare.Shapes(tables, view, NARROW).shells(tables)
+    made, packed, pattern = (
+        band_renderer.triangles(tables, view, shells),
+        packed_struct.Handle(tables),
+        packed_struct.Handle(band_buffer.pattern(1)),
+    )
+    drawn = meshlet_culling.drawn(made.shown, made.meshlets, made.placed, (0, 0, view.width, view.height), 0, ROWS)
+    band = packed_struct.Handle(band_buffer.band_for(view.width, ROWS, 1))
+    filling = packed_struct.Handle(band_buffer.Filling(made.shown, pattern, made.meshlets, drawn, band))
+    keys, found = np.empty((view.height, view.width), np.float32), np.empty((view.height, view.width), np.int32)
+    rows: Any = band.tables
+    for number, top in enumerate(range(0, view.height, ROWS)):
+        rows.place[:2] = 0, top
+        rows.clip[:] = 0, top, view.width, top + ROWS
+        triangle_setup.draw_band(filling, number)
+        if len(made.exact):
+            integrator_shading.draw_exact(made.model, made.exact, made.boxes, packed, accel, view, pattern, band)
+        for whole, part in ((keys, rows.key), (found, rows.ids)):
+            whole[top : top + ROWS] = band_buffer.by_pixels(part, ROWS, view.width)
+    mapped: Any = drawn.tables
+    exact = found > integrator_shading.EXACT
+    of = np.where(exact, found & integrator_shading.EXACT, mapped.instance[np.where(exact, 0, np.maximum(found, 0) >> SHIFT)])
+    return np.where(found >= 0, keys, -np.inf).astype(np.float32).ravel(), np.where(found >= 0, of, -1).astype(np.int32).ravel()

@@ -1,0 +1,280 @@
+"""What the raster backend draws in one view: triangles of meshes and tessellated shapes, in clusters with their place in the picture.
+
+Clip space here is (X, Y, W, D, V): X / W and Y / W are pixel coordinates, D / V is the distance along the camera's axis and V the
+point's own homogeneous coordinate (1, or 0 for points at infinity). A perspective camera has W = D, an orthographic one W = V.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from .. import camera
+from ..jit import packed_struct
+from ..jit.kernel import helper, kernel
+from ..tessellation.analytic_shapes import Tessellation, analytic_seen
+from ..types import View
+
+COLUMNS = 5  # X, Y, W, D, V
+CLUSTER = 128  # triangles that are placed in the picture together
+GUARD = float(1 << 20)  # pixels from the picture's middle beyond which triangles are cut: fixed-point edges stay exact in int64
+ROUNDING = 2.0**-46  # of the eye's coordinates: a bound of what depths may be off for a point in the eye
+MARGIN = 4.0  # pixels around what is seen
+_EVERYWHERE = 1 << 30
+
+
+class Model(NamedTuple):
+    """All triangles to draw: the scene's meshes, whose rows are those of Pools, and after them the tessellated shapes."""
+
+    positions: NDArray[np.float64]  # (v, 4) homogeneous, in the shape's frame, relative to the mesh's origin
+    triangles: NDArray[np.int32]  # (t, 3)
+    order: NDArray[np.int32]  # (t,) the rows of each shape's triangles, neighbours after one another
+    parts: NDArray[np.int32]  # (t,) the shape's part that a triangle stands for; a mesh's triangle: its own row
+    matrix: NDArray[np.float64]  # (instances, 5, 4) to clip space
+    planes: NDArray[np.float64]  # (p, 5) what clip space is cut by; inside is >= 0
+    perspective: bool
+
+
+class Clusters(NamedTuple):
+    """Runs of neighbouring triangles (or of polygons) of one instance that may be seen, nearest first."""
+
+    instance: NDArray[np.int32]
+    first: NDArray[np.int32]  # row of Model.order, or of Polygons
+    count: NDArray[np.int32]
+    polygons: NDArray[np.bool_]  # what first and count count
+    box: NDArray[np.int32]  # (n, 4) pixels x0 <= x < x1, y0 <= y < y1 they lie in
+
+
+def model(tables: ir.Tables, view: View, shells: dict[int, Tessellation]) -> tuple[Model, NDArray[np.int64]]:
+    """The triangles of a view, and (instances, 2) first triangle and count of each instance (0: not drawn)."""
+    pools, geometries, instances = tables.pools, tables.geometries, tables.instances
+    ranges = np.zeros((len(instances.geometry), 2), np.int64)
+    meshes = (geometries.kind[instances.geometry] == ir.GeometryKind.MESH) & (instances.visible & ir.Visibility.CAMERA != 0)
+    ranges[meshes, 0] = geometries.first_triangle[instances.geometry[meshes]]
+    ranges[meshes, 1] = geometries.triangle_count[instances.geometry[meshes]]
+    positions = [np.append(pools.positions, np.ones((len(pools.positions), 1), np.float32), axis=1).astype(np.float64)]
+    triangles, parts = [pools.triangles], [np.arange(len(pools.triangles), dtype=np.int32)]
+    placed: dict[int, tuple[int, int]] = {}
+    vertices, count = len(pools.positions), len(pools.triangles)
+    for instance, shell in shells.items():
+        if id(shell) not in placed:
+            placed[id(shell)] = count, len(shell.triangles)
+            positions.append(_single(shell.positions))
+            triangles.append(shell.triangles + np.int32(vertices))
+            parts.append(shell.parts)
+            vertices += len(shell.positions)
+            count += len(shell.triangles)
+        ranges[instance] = placed[id(shell)]
+    points, corners = np.concatenate(positions), np.concatenate(triangles)
+    order = np.arange(len(corners), dtype=np.int32)
+    for first, number in np.unique(ranges[ranges[:, 1] > CLUSTER], axis=0):
+        order[first : first + number] = first + neighbours(points[corners[first : first + number], :3].mean(axis=1))
+    made = Model(
+        points, corners, order, np.concatenate(parts), clip_matrices(tables, view), clip_planes(tables, view),
+        bool(tables.cameras.projection[view.camera] == ir.Projection.PERSPECTIVE),
+    )  # fmt: skip
+    return made, ranges
+
+
+def _single(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points as float32 has them, as a mesh's are: meshlets keep no more, and both must give the same corners."""
+    return points.astype(np.float32).astype(np.float64)
+
+
+def neighbours(points: NDArray[np.float64]) -> NDArray[np.intp]:
+    """The order of (n, 3) points along a Z-curve of 1024 cells an axis (Morton, 1966), so that runs of them lie close together."""
+    low = points.min(axis=0)
+    size = float((points.max(axis=0) - low).max())
+    cell = ((points - low) * (1023.0 / size if size > 0 else 0.0)).astype(np.int64)
+    for shift, mask in ((16, 0x030000FF), (8, 0x0300F00F), (4, 0x030C30C3), (2, 0x09249249)):
+        cell = (cell | (cell << shift)) & mask
+    return np.argsort(cell[:, 0] | (cell[:, 1] << 1) | (cell[:, 2] << 2), kind="stable")
+
+
+def world_to_clip(tables: ir.Tables, view: View) -> NDArray[np.float64]:
+    """(5, 4): from the world to clip space, the course's P · C⁻¹ with the picture's size in it."""
+    to_camera, projection = camera.matrices(tables, view)
+    screen = np.zeros((COLUMNS, 4))
+    screen[0] = 0.5 * view.width * (projection[0] + projection[3])
+    screen[1] = 0.5 * view.height * (projection[3] - projection[1])
+    screen[2] = projection[3]
+    screen[3] = [0.0, 0.0, -1.0, 0.0]
+    screen[4] = [0.0, 0.0, 0.0, 1.0]
+    return screen @ to_camera
+
+
+def clip_matrices(tables: ir.Tables, view: View) -> NDArray[np.float64]:
+    """(instances, 5, 4): from each instance's frame to clip space."""
+    instances = tables.instances
+    to_world = np.zeros((len(instances.geometry), 4, 4))
+    to_world[:, 3, 3] = 1.0
+    to_world[:, :3] = tables.transforms.matrix[instances.transform]
+    to_world[:, :3, 3] += np.einsum("nij,nj->ni", to_world[:, :3, :3], tables.geometries.origin[instances.geometry])
+    return np.ascontiguousarray(world_to_clip(tables, view) @ to_world)
+
+
+def clip_planes(tables: ir.Tables, view: View) -> NDArray[np.float64]:
+    """(p, 5) near and far if there are such, and the guard band: the sides of the picture moved out by GUARD pixels."""
+    near, far = ends(tables, view)
+    x, y = 0.5 * view.width, 0.5 * view.height
+    planes = [[0.0, 0.0, 0.0, 1.0, -near]] if np.isfinite(near) else []
+    if np.isfinite(far):
+        planes.append([0.0, 0.0, 0.0, -1.0, far])
+    planes += [[1.0, 0.0, GUARD - x, 0.0, 0.0], [-1.0, 0.0, GUARD + x, 0.0, 0.0]]
+    planes += [[0.0, 1.0, GUARD - y, 0.0, 0.0], [0.0, -1.0, GUARD + y, 0.0, 0.0]]
+    return np.array(planes)
+
+
+def ends(tables: ir.Tables, view: View) -> tuple[float, float]:
+    """The depths between which things are drawn; what is in the eye itself is neither before nor behind it."""
+    near, far = float(tables.cameras.near[view.camera]), float(tables.cameras.far[view.camera])
+    if tables.cameras.projection[view.camera] == ir.Projection.ORTHOGRAPHIC:
+        return near, far
+    eye = tables.transforms.matrix[tables.cameras.transform[view.camera], :, 3]
+    return max(near, ROUNDING * float(np.abs(eye).sum())), far
+
+
+@helper
+def to_clip(matrix: Any, instance: int, p: Any, row: int, out: Any, k: int) -> None:
+    """Row k of `out` becomes the vertex p[row] of an instance in clip space."""
+    x, y, z, w = p[row, 0], p[row, 1], p[row, 2], p[row, 3]
+    for c in range(COLUMNS):
+        out[k, c] = matrix[instance, c, 0] * x + matrix[instance, c, 1] * y + matrix[instance, c, 2] * z + matrix[instance, c, 3] * w
+
+
+def untessellated(tables: ir.Tables, shells: Mapping[int, Tessellation]) -> NDArray[np.intp]:
+    """The rows of instances that the camera sees and that have no triangles: they enter the z-buffer where each sample's ray meets them."""
+    return np.array([i for i in analytic_seen(tables).tolist() if i not in shells], np.intp)
+
+
+def pixel_boxes(tables: ir.Tables, view: View, chosen: NDArray[np.intp]) -> NDArray[np.int32]:
+    """(n, 4) pixels x0 <= x < x1, y0 <= y < y1 in which instances may be seen, and what a filter may reach beyond."""
+    if len(chosen) == 0:
+        return np.empty((0, 4), np.int32)
+    bounds = tables.geometries.bounds[tables.instances.geometry[chosen]]
+    corners = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), axis=-1).reshape(8, 3)
+    points = np.take_along_axis(bounds, np.broadcast_to(corners, (len(chosen), 8, 3)), axis=1)
+    found = np.empty((len(chosen), 4))
+    with np.errstate(all="ignore"):
+        matrix = clip_matrices(tables, view)[chosen]
+        clipped = np.einsum("nij,nkj->nki", matrix[:, :, :3], points) + matrix[:, None, :, 3]
+        w = clipped[..., 2:3]
+        at = clipped[..., :2] / w
+        found[:, :2], found[:, 2:] = np.floor(at.min(axis=1)) - MARGIN, np.ceil(at.max(axis=1)) + MARGIN
+        whole = ~(np.isfinite(found).all(axis=1) & (w.min(axis=(1, 2)) > 0.0))
+    found[whole] = -_EVERYWHERE, -_EVERYWHERE, _EVERYWHERE, _EVERYWHERE
+    return np.clip(found, -_EVERYWHERE, _EVERYWHERE).astype(np.int32)
+
+
+# --- clusters ------------------------------------------------------------------------------------------------------------
+
+
+def clusters(made: Any, ranges: NDArray[np.int64], tables: ir.Tables, view: View, margin: int, polygons: bool) -> Clusters:
+    """The clusters of a model (its handle) that may touch the picture grown by `margin` pixels.
+
+    With `polygons`, meshes that have them are cut into those, not into triangles.
+    """
+    by_polygon = np.zeros(len(ranges), bool)
+    if polygons:
+        geometry = tables.instances.geometry
+        by_polygon = (ranges[:, 1] > 0) & (tables.geometries.polygon_count[geometry] > 0)
+        rows = np.stack([tables.geometries.first_polygon[geometry], tables.geometries.polygon_count[geometry]], axis=1)
+        ranges = np.where(by_polygon[:, None], rows, ranges)
+    keys, which = np.unique(np.column_stack([ranges, by_polygon]), axis=0, return_inverse=True)
+    counts = -(-keys[:, 1] // CLUSTER)
+    starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    boxes, keys = np.empty((int(starts[-1]), 6)), keys.astype(np.int64)
+    _bounds(made, packed_struct.Handle(tables.polygons), keys, starts, boxes)
+    total = int(counts[which].sum())
+    instance, first, count = np.empty(total, np.int32), np.empty(total, np.int32), np.empty(total, np.int32)
+    box, depth = np.empty((total, 4), np.int32), np.empty(total)
+    found = _place(made, keys, starts, which.ravel(), boxes, view, margin, instance, first, count, box, depth)
+    order = np.argsort(depth[:found], kind="stable")
+    seen = instance[:found][order]
+    return Clusters(seen, first[:found][order], count[:found][order], by_polygon[seen], np.ascontiguousarray(box[:found][order]))
+
+
+@kernel
+def _bounds(made, polygons, keys, starts, boxes):
+    """Boxes of every cluster in its shape's frame; infinite where it reaches to infinity."""
+    for m in range(len(keys)):
+        for c in range(starts[m], starts[m + 1]):
+            first = keys[m, 0] + (c - starts[m]) * CLUSTER
+            last = min(first + CLUSTER, keys[m, 0] + keys[m, 1])
+            by_polygon = keys[m, 2] != 0
+            if by_polygon:
+                last = polygons.first_triangle[last - 1] + polygons.triangle_count[last - 1]
+                first = polygons.first_triangle[first]
+            boxes[c, :3] = np.inf
+            boxes[c, 3:] = -np.inf
+            for item in range(first, last):
+                triangle = item if by_polygon else made.order[item]
+                for corner in range(3):
+                    row = made.triangles[triangle, corner]
+                    endless = made.positions[row, 3] != 1.0
+                    for k in range(3):
+                        x = made.positions[row, k]
+                        boxes[c, k] = -np.inf if endless else min(boxes[c, k], x)
+                        boxes[c, 3 + k] = np.inf if endless else max(boxes[c, 3 + k], x)
+
+
+@kernel
+def _place(made, keys, starts, which, boxes, view, margin, instance, first, count, box, depth):
+    """Fill the columns of Clusters with those of every instance that may be seen; returns how many there are."""
+    corner = np.empty((8, COLUMNS))
+    point = np.ones((1, 4))
+    found = 0
+    for i in range(len(which)):
+        m = which[i]
+        for c in range(starts[m], starts[m + 1]):
+            endless = not np.isfinite(boxes[c, 0])
+            if not endless:
+                for k in range(8):
+                    for axis in range(3):
+                        point[0, axis] = boxes[c, axis + 3 * ((k >> axis) & 1)]
+                    to_clip(made.matrix, i, point, 0, corner, k)
+            nearest = place_box(corner, made.planes, view, margin, endless, box[found])
+            if nearest == np.inf:
+                continue
+            instance[found], depth[found] = i, nearest
+            first[found] = keys[m, 0] + (c - starts[m]) * CLUSTER
+            count[found] = min(CLUSTER, keys[m, 0] + keys[m, 1] - first[found])
+            found += 1
+    return found
+
+
+@helper
+def place_box(corner: Any, planes: Any, view: View, margin: int, endless: bool, out: Any) -> float:
+    """Write the pixels that a box with these corners in clip space may touch; returns its least depth, inf if it is not seen."""
+    out[0], out[1], out[2], out[3] = -_EVERYWHERE, -_EVERYWHERE, _EVERYWHERE, _EVERYWHERE
+    if endless:
+        return 0.0
+    for p in range(len(planes)):
+        outside = True
+        for k in range(8):
+            d = 0.0
+            for c in range(COLUMNS):
+                d += planes[p, c] * corner[k, c]
+            outside = outside and d < 0.0
+        if outside:
+            return np.inf
+    nearest, front = np.inf, np.inf
+    for k in range(8):
+        nearest, front = min(nearest, corner[k, 3]), min(front, corner[k, 2])
+    if front <= 0.0:
+        return nearest
+    x0, y0, x1, y1 = np.inf, np.inf, -np.inf, -np.inf
+    for k in range(8):
+        x, y = corner[k, 0] / corner[k, 2], corner[k, 1] / corner[k, 2]
+        x0, y0, x1, y1 = min(x0, x), min(y0, y), max(x1, x), max(y1, y)
+    edge = margin + 1.0
+    if x1 < -edge or y1 < -edge or x0 > view.width + edge or y0 > view.height + edge:
+        return np.inf
+    far = float(_EVERYWHERE)
+    out[0], out[1] = int(np.floor(max(x0 - edge, -far))), int(np.floor(max(y0 - edge, -far)))
+    out[2], out[3] = int(np.ceil(min(x1 + edge, far))), int(np.ceil(min(y1 + edge, far)))
+    return nearest

@@ -1,0 +1,164 @@
+"""The elementary functions in kernels: simd.sin(x), and np.sin and math.sin of vectors, which mean the same."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numba.core import types
+from numba.core.typing.templates import Signature, signature
+
+from . import exponential, trigonometry
+from .functions import same
+from .llvm_expr import Value
+from .operators import define
+from .polynomials import by_library, shared
+from .vector_type import Vector, intrinsic, meet, shape_of, value
+
+
+def _once(name: str, body: Callable[..., Value]) -> Callable[..., Value]:
+    return lambda *arguments: shared(name, body, *arguments)
+
+
+def _with_library(name: str, body: Callable[[Value], Value]) -> Callable[[Value], Value]:
+    return lambda x: by_library(name, x, shared(name, body, x), trigonometry.is_far(x))
+
+
+_sin = _with_library("sin", lambda x: trigonometry.sincos(x)[0])
+_cos = _with_library("cos", lambda x: trigonometry.sincos(x)[1])
+_tan = _with_library("tan", trigonometry.tan)
+_asin = _once("asin", trigonometry.asin)
+_acos = _once("acos", trigonometry.acos)
+_atan = _once("atan", trigonometry.atan)
+_atan2 = _once("atan2", trigonometry.atan2)
+_exp = _once("exp", exponential.exp)
+_log = _once("log", exponential.log)
+_pow = _once("pow", exponential.power)
+_hypot = _once("hypot", exponential.hypot)
+
+EMITTED: dict[str, Callable[..., Value]] = {
+    "sin": _sin, "cos": _cos, "tan": _tan, "asin": _asin, "acos": _acos, "atan": _atan, "atan2": _atan2, "exp": _exp, "log": _log,
+    "power": _pow,
+}  # fmt: skip
+"""What emits each function, for code that is written without Numba (formulas/)."""
+
+
+@intrinsic
+def sin(typingctx, x):
+    return same("f", _sin, typingctx, x)
+
+
+@intrinsic
+def cos(typingctx, x):
+    return same("f", _cos, typingctx, x)
+
+
+@intrinsic
+def sincos(typingctx, x):
+    """(sin x, cos x) for little more than one of them."""
+    x = types.unliteral(x)
+    shape = shape_of(x)
+    if shape is None or shape[0] != "f":
+        return None
+    pair = types.UniTuple(x, 2)
+
+    def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
+        angle = value(builder, args[0], x)
+        sine, cosine = trigonometry.sincos(angle)
+        far = trigonometry.is_far(angle)
+        both = [by_library("sin", angle, sine, far).raw, by_library("cos", angle, cosine, far).raw]
+        return context.make_tuple(builder, pair, both)
+
+    return signature(pair, x), generate
+
+
+@intrinsic
+def tan(typingctx, x):
+    return same("f", _tan, typingctx, x)
+
+
+@intrinsic
+def asin(typingctx, x):
+    """Arc sine; NaN outside of −1 … 1."""
+    return same("f", _asin, typingctx, x)
+
+
+@intrinsic
+def acos(typingctx, x):
+    """Arc cosine; NaN outside of −1 … 1."""
+    return same("f", _acos, typingctx, x)
+
+
+@intrinsic
+def atan(typingctx, x):
+    return same("f", _atan, typingctx, x)
+
+
+@intrinsic
+def atan2(typingctx, y, x):
+    """The angle of the point (x, y), −π … π."""
+    return same("f", _atan2, typingctx, y, x)
+
+
+@intrinsic
+def exp(typingctx, x):
+    return same("f", _exp, typingctx, x)
+
+
+@intrinsic
+def log(typingctx, x):
+    """The natural logarithm; −∞ of 0, NaN below."""
+    return same("f", _log, typingctx, x)
+
+
+@intrinsic
+def power(typingctx, x, y):
+    """x to the y; of negative x for whole y only. 0⁰ is 1."""
+    return same("f", _pow, typingctx, x, y)
+
+
+@intrinsic
+def hypot(typingctx, x, y):
+    """√(x² + y²), without overflow on the way."""
+    return same("f", _hypot, typingctx, x, y)
+
+
+def _floats(context: Any, *kinds: types.Type) -> Signature | None:
+    """All operands as floats of the vectors' width."""
+    kind = meet(context, *kinds)
+    if not isinstance(kind, Vector):
+        return None
+    kind = Vector("f", kind.bits, kind.lanes)
+    return signature(kind, *[kind] * len(kinds))
+
+
+def _number(context: Any, x: types.Type) -> Signature | None:
+    return signature(x, x) if isinstance(x, Vector) and x.kind != "m" else None
+
+
+for _functions, _emit in (
+    ((np.sin, math.sin), _sin),
+    ((np.cos, math.cos), _cos),
+    ((np.tan, math.tan), _tan),
+    ((np.arcsin, math.asin), _asin),
+    ((np.arccos, math.acos), _acos),
+    ((np.arctan, math.atan), _atan),
+    ((np.arctan2, math.atan2), _atan2),
+    ((np.exp, math.exp), _exp),
+    ((np.log, math.log), _log),
+    ((np.power, math.pow, operator.pow, operator.ipow), _pow),
+    ((np.hypot, math.hypot), _hypot),
+    ((np.sqrt, math.sqrt), lambda x: x.call("sqrt")),
+    ((np.floor,), lambda x: x.call("floor")),
+    ((np.ceil,), lambda x: x.call("ceil")),
+    ((np.trunc,), lambda x: x.call("trunc")),
+    ((np.rint,), lambda x: x.call("nearbyint")),
+    ((np.copysign, math.copysign), lambda x, y: x.call("copysign", y)),
+):
+    for _function in _functions:
+        define(_function, _floats, _emit)
+
+define(np.abs, _number, abs)

@@ -1,0 +1,80 @@
+"""`array[index_vector]`, `array[i, 0, j]` with any index a vector: gathers, in kernels.
+
+The lanes' width is the index's: by 4-byte indices float64 and float32 arrays give f32 lanes, by 8-byte ones f64; integers likewise.
+So lane code stays in one width without a conversion in sight. Nothing is checked, and negative indices do not wrap around; with 4-byte
+indices an array must have fewer than 2³¹ elements. All lanes are read: bring those of no use to a row that exists.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import Any
+
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.core.typing.templates import AbstractTemplate, Signature, infer_global, signature
+from numba.extending import lower_builtin
+from numba.np.arrayobj import make_array
+
+from . import bounds_check
+from .gather_scatter import gathered
+from .llvm_expr import Value
+from .memory import element_shape
+from .vector_type import Vector, value
+
+
+class Gather:
+    """Names this implementation, so that Numba's own indexing stays what it is."""
+
+
+def _indices(array: types.Type, index: types.Type) -> tuple[types.Type, ...] | None:
+    """The index types, where all dimensions are indexed by integers, at least one of them a vector."""
+    kinds = tuple(index.types) if isinstance(index, types.BaseTuple) else (index,)  # pyright: ignore[reportAttributeAccessIssue]
+    vectors = [k for k in kinds if isinstance(k, Vector)]
+    if not vectors or element_shape(array) is None or len(kinds) != array.ndim:  # pyright: ignore[reportAttributeAccessIssue]
+        return None
+    if any(k.kind not in "iu" or (k.bits, k.lanes) != (vectors[0].bits, vectors[0].lanes) for k in vectors):
+        return None
+    return kinds if all(isinstance(k, Vector | types.Integer) for k in kinds) else None
+
+
+@infer_global(operator.getitem)  # pyright: ignore[reportOptionalCall]
+class _GetItem(AbstractTemplate):
+    key = operator.getitem
+
+    def generic(self, args: Any, kws: Any) -> Signature | None:
+        array, index = args
+        kinds = _indices(array, index)
+        shape = element_shape(array)
+        if kinds is None or shape is None:
+            return None
+        first = next(k for k in kinds if isinstance(k, Vector))
+        return signature(Vector(shape[0], first.bits, first.lanes), array, index)
+
+    def get_impl_key(self, sig: Any) -> Any:
+        return Gather
+
+
+@lower_builtin(Gather, types.Array, types.Any)
+def _gather(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
+    array, index = sig.args
+    result = sig.return_type
+    kinds = _indices(array, index)
+    assert kinds is not None
+    raw = cgutils.unpack_tuple(builder, args[1], len(kinds)) if isinstance(index, types.BaseTuple) else [args[1]]
+    whole = make_array(array)(context, builder, value=args[0])
+    sizes = cgutils.unpack_tuple(builder, whole.shape, array.ndim)
+    # Whole numbers of all lanes move the base; only what differs from lane to lane is computed in lanes.
+    base, lanes, step = ir.Constant(ir.IntType(64), 0), None, ir.Constant(ir.IntType(64), 1)
+    for kind, one, size in reversed(list(zip(kinds, raw, sizes, strict=True))):
+        if isinstance(kind, Vector):
+            part = value(builder, one, kind)
+            bounds_check.each(builder, size, part)
+            part = part * Value(builder, step, "i", 64).to(part.kind, part.bits).splat(part.lanes)
+            lanes = part if lanes is None else lanes + part
+        else:
+            base = builder.add(base, builder.mul(context.cast(builder, one, kind, types.int64), step))
+        step = builder.mul(step, size)
+    assert lanes is not None
+    found = gathered(context, builder, array, builder.gep(whole.data, [base]), lanes)
+    return found.to(result.kind, result.bits).raw

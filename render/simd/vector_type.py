@@ -1,0 +1,142 @@
+"""The Numba type of vector values, which scalars and vectors mix to what, and the conversions Numba then makes by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numba.extending
+from numba.core import types
+from numba.core.typeconv.castgraph import Conversion
+from numba.extending import lower_cast, models, register_model
+
+from .llvm_expr import Value, ir_type
+
+_SCALARS = {
+    ("f", 32): types.float32, ("f", 64): types.float64, ("i", 32): types.int32, ("i", 64): types.int64,
+    ("u", 32): types.uint32, ("u", 64): types.uint64, ("m", 32): types.boolean, ("m", 64): types.boolean,
+}  # fmt: skip
+
+
+class Vector(types.Type):
+    """`lanes` values of a kind: "f" float, "i" int, "u" unsigned, "m" mask, with lanes of 32 or 64 bits; its name is like f32x16.
+
+    A mask knows the bits of the lanes it was made from, so that choosing between two numbers by it gives that width again.
+    """
+
+    def __init__(self, kind: str, bits: int, lanes: int) -> None:
+        self.kind, self.bits, self.lanes = kind, bits, lanes
+        super().__init__(name=f"{kind}{bits}x{lanes}")
+
+    @property
+    def scalar(self) -> types.Type:
+        """The type of one lane."""
+        return _SCALARS[self.kind, self.bits]
+
+    def can_convert_from(self, typingctx: Any, other: types.Type) -> Conversion | None:
+        """A variable that is a number on one path and a vector on another is a vector."""
+        if isinstance(other, types.Number | types.Boolean | Vector) and other != self and promoted(self, other) == self:
+            return Conversion.safe
+        return None
+
+
+@register_model(Vector)
+class _Model(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: Vector) -> None:
+        super().__init__(manager, kind, ir_type(kind.kind, kind.bits, kind.lanes))
+
+
+def shape_of(kind: Any) -> tuple[str, int, int] | None:
+    """(kind, bits, lanes) of a vector, or of a number or truth value with 0 lanes; None for other types and small integers."""
+    if isinstance(kind, Vector):
+        return kind.kind, kind.bits, kind.lanes
+    if isinstance(kind, types.Boolean):
+        return "m", 32, 0
+    if isinstance(kind, types.Float):
+        return "f", kind.bitwidth, 0
+    if isinstance(kind, types.Integer):
+        return ("i" if kind.signed else "u"), kind.bitwidth, 0  # pyright: ignore[reportAttributeAccessIssue]
+    return None
+
+
+def type_for(kind: str, bits: int, lanes: int) -> Any:
+    """The Numba type of a shape: a Vector, or a scalar for 0 lanes."""
+    return Vector(kind, bits, lanes) if lanes else _SCALARS[kind, bits]
+
+
+def promoted(a: types.Type, b: types.Type) -> Vector | None:
+    """The type in which two operands meet, at least one a vector; None where they don't.
+
+    A Python number takes the vector's width: f32x16 · 0.5 is f32x16, and i32x16 + 1 is i32x16. Ints meet floats as floats of the
+    same width. Vectors of two widths never meet by themselves: say which is meant (to_f32, to_f64 …).
+    """
+    if not isinstance(a, Vector):
+        a, b = b, a
+    if not isinstance(a, Vector):
+        return None
+    other = shape_of(b)
+    if other is None:
+        return None
+    kind, bits, lanes = other
+    if not lanes:
+        if kind == "f" and a.kind != "f":
+            return Vector("f", a.bits, a.lanes)
+        if a.kind == "m" and kind != "m":
+            return Vector(kind, a.bits, a.lanes)
+        return a
+    if lanes != a.lanes:
+        return None
+    if "m" in (kind, a.kind):
+        if kind == a.kind:
+            return Vector("m", max(bits, a.bits), lanes)
+        return a if kind == "m" else Vector(kind, bits, lanes)
+    if bits != a.bits or {kind, a.kind} == {"i", "u"}:
+        return None
+    return Vector("f" if "f" in (kind, a.kind) else kind, bits, lanes)
+
+
+def meet(typingctx: Any, *kinds: types.Type) -> Any:
+    """The type in which operands meet, be they vectors or only scalars; None where they don't."""
+    whole = types.unliteral(kinds[0])
+    for kind in kinds[1:]:
+        kind = types.unliteral(kind)
+        if whole is None:
+            return None
+        if isinstance(whole, Vector) or isinstance(kind, Vector):
+            whole = promoted(whole, kind)
+        else:
+            whole = typingctx.unify_types(whole, kind)
+    return whole
+
+
+def value(builder: Any, raw: Any, kind: types.Type) -> Value:
+    """A Value from what Numba hands a lowering."""
+    shape = shape_of(kind)
+    assert shape is not None, kind
+    return Value(builder, raw, shape[0], shape[1])
+
+
+def intrinsic(definition: Callable[..., Any] | None = None, *, prefer_literal: bool = False) -> Any:
+    """Numba's decorator of functions that kernels call and that emit LLVM code, known to type checkers as a function of anything.
+
+    `definition(typingctx, *kinds)` gives a signature and a code generator, or None for types it does not take.
+    """
+    decorate = numba.extending.intrinsic(prefer_literal=prefer_literal)
+    return decorate(definition) if definition else decorate
+
+
+@lower_cast(Vector, Vector)
+def _from_vector(context: Any, builder: Any, source: Vector, target: Vector, raw: Any) -> Any:
+    return value(builder, raw, source).to(target.kind, target.bits).raw
+
+
+@lower_cast(types.Boolean, Vector)
+@lower_cast(types.Number, Vector)
+def _from_scalar(context: Any, builder: Any, source: types.Type, target: Vector, raw: Any) -> Any:
+    if isinstance(source, types.Literal):
+        source = source.literal_type
+    if target.kind == "m":
+        one = context.cast(builder, raw, source, types.boolean)
+    else:
+        one = context.cast(builder, raw, source, target.scalar)
+    return Value(builder, one, target.kind, target.bits).splat(target.lanes).raw

@@ -1,0 +1,80 @@
+"""Blends of two materials: each sample of a surface is one of them, by chance, as often as the weight says.
+
+So the other costs nothing, whatever the two are, and blends of blends are no harder (as in pbrt's mixes: Pharr, Jakob, Humphreys,
+Physically Based Rendering, 4th ed., §10.5.1). The chance is that of the sample: the picture is the same on any number of threads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import overload
+
+from ...compiler import ir
+from ..jit.kernel import HELPER, helper, replacing
+from ..jit.packed_struct import HandleType
+from ..lanes import ops
+from ..types import Lane, Surface, Tables
+from .material_inputs import number_of
+
+BLEND, WEIGHT = int(ir.MaterialModel.BLEND), int(ir.Slot.WEIGHT)
+_of_material = replacing(Surface, "material")
+
+
+class Plain(NamedTuple):
+    """No material is a blend."""
+
+
+class Blended(NamedTuple):
+    """What kernels read of blends beside their rows."""
+
+    deep: int  # blends that a material may have to go through
+
+
+def blended(tables: ir.Tables) -> Blended | Plain:
+    """What kernels read of a scene's blends."""
+    m = tables.materials
+    deep = np.zeros(len(m.model), np.int64)
+    for row in np.flatnonzero(m.model == BLEND):  # parts have lower rows than their blends
+        deep[row] = 1 + max(deep[m.first[row]], deep[m.second[row]])
+    most = int(deep[tables.instances.material].max(initial=0))
+    return Blended(most) if most else Plain()
+
+
+def is_used(tables: Any) -> bool:
+    """Whether kernels' tables of this Numba type have blends."""
+    found = tables.field("materials.blended") if isinstance(tables, HandleType) else None
+    return found is not None and found[1] != ()
+
+
+def if_blended(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`chosen(tables, point, …)`: `point` where a scene has no blends, else function(tables, point, …); kernels compile what they need."""
+
+    def chosen(tables: Any, point: Any, *of: Any) -> Any:
+        return function(tables, point, *of) if isinstance(getattr(tables.materials, "blended", None), Blended) else point
+
+    @overload(chosen, jit_options=HELPER)
+    def _in_kernels(tables, point, *of):
+        if is_used(tables):
+            return lambda tables, point, *of: function(tables, point, *of)
+        return lambda tables, point, *of: point
+
+    return chosen
+
+
+@helper
+def part(tables: Tables, point: Surface, u: Lane) -> Surface:
+    """The surface with one of the materials that its own is a blend of; u from 0 to 1 chooses."""
+    materials: Any = tables.materials
+    point = _of_material(point, ops.int_like(point.offset, 0) + point.material)
+    for _ in range(materials.blended.deep):
+        row = point.material
+        mixed = materials.model[row] == BLEND
+        weight = ops.clip(number_of(tables, point, WEIGHT), 0.0, 1.0)
+        second = u < weight
+        u = ops.where(mixed, ops.where(second, u / ops.maximum(weight, 1e-9), (u - weight) / ops.maximum(1.0 - weight, 1e-9)), u)
+        taken = ops.where(second, ops.to_int(materials.second[row]), ops.to_int(materials.first[row]))
+        point = _of_material(point, ops.where(mixed, taken, row))
+    return point

@@ -1,0 +1,400 @@
+"""From a hit to a surface ready to be shaded: place, normals, coordinates, colour, and how far a new ray must start from it.
+
+Normals face the side the ray came from. Mesh attributes are interpolated with the hit's barycentrics; an interpolated normal is first
+turned to the outside that the triangle's own corners say, so that what is lit does not depend on a file's careless normals.
+
+Light is looked for from off such triangles, where the round surface that they stand for would be (Hanika 2021, Hacking the Shadow
+Terminator, Ray Tracing Gems II, ch. 4): else facets that face away from a lamp are dark where their neighbours are lit.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ...compiler import ir
+from ..geometry import analytic_shapes, instance_transform
+from ..jit.kernel import helper, if_there, replacing
+from ..lanes import ops
+from ..texture import textures
+from ..types import Hit, Lane, Ray, Surface, Tables, Vec
+
+MESH = int(ir.GeometryKind.MESH)
+FORMULA = int(ir.GeometryKind.FORMULA)
+CONSTANT = int(ir.Interpolation.CONSTANT)
+FACE = int(ir.Interpolation.FACE)
+VERTEX = int(ir.Interpolation.VERTEX)
+FLAT = int(ir.Shading.FLAT)
+COARSEST = 0.7  # cosine between a triangle and a normal of its corners, below which they stand for an edge, not for something round
+UNIT = 2.0  # units of roundoff of a formula's largest coordinate: twice what a unit of its spacing means (formulas/meet.py)
+ROUNDING = 32.0  # units of roundoff, of the sums of absolute terms in `spacing`: a few operations each for the hit and for the next ray
+
+
+@helper
+def at(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -> Surface:
+    """The surface where `ray` met `hit`. Lanes without a hit (instance -1) hold finite or NaN garbage that callers mask.
+
+    Texture coordinates are found where the material has a texture, or everywhere if `mapped`; else uv is 0, 0 and metric 1, 1.
+    The tables must have an instance at all.
+    """
+    instance = ops.where(hit.instance >= 0, hit.instance, 0)
+    instances, geometries = tables.instances, tables.geometries
+    g = ops.to_int(instances.geometry[instance])
+    here = instance_transform.at(tables, ops.to_int(instances.transform[instance]), ray.time)
+    matrix, inverse = here.matrix, here.inverse
+    material = ops.to_int(instances.material[instance])
+    kind = ops.to_int(geometries.kind[g])
+
+    t = ops.where(hit.instance >= 0, hit.t, 0.0)
+    world = ops.along(ray.origin, ray.direction, t)
+    local = ops.point_by(inverse, world)
+    formed = kind == FORMULA
+    part = ops.where((kind == MESH) | formed, 0, hit.primitive)
+    outward = analytic_shapes.normal(kind, geometries.parameters, g, part, local)
+    wide = ops.full_like(t, 0.0)
+    if ops.any_lane(formed):
+        outward = ops.where3(formed, unpacked(hit.u, hit.v), outward)
+        wide = ops.where(formed, _off(tables, g, hit, matrix), wide)
+    smooth = outward
+    color = ops.like3(t, 1.0, 1.0, 1.0)
+
+    on_mesh = kind == MESH
+    a, b, c = local, local, local
+    zero = ops.full_like(t, 0.0)
+    if ops.any_lane(on_mesh):
+        first = ops.to_int(geometries.first_triangle[g])
+        last = first + geometries.triangle_count[g] - 1
+        triangle = ops.where(on_mesh, ops.clip(hit.primitive, first, last), 0)  # lanes that met something else: any of this mesh
+        hit = Hit(hit.t, hit.instance, triangle, hit.u, hit.v)
+        a, b, c = corners(tables, g, triangle)
+        wide = ops.where(on_mesh, mean_scale(matrix) * _farthest(a, b, c), wide)
+        local = ops.where3(on_mesh, _blend(a, b, c, 1.0 - hit.u - hit.v, hit.u, hit.v), local)
+        world = ops.where3(on_mesh, ops.point_by(matrix, local), world)
+        face = ops.normalize(ops.cross(ops.sub(b, a), ops.sub(c, a)))
+        outward = ops.where3(on_mesh, face, outward)
+        smooth = ops.where3(on_mesh, _mesh_normal(tables, g, hit, on_mesh, face), smooth)
+        color = ops.where3(on_mesh, _mesh_color(tables, g, hit, on_mesh), color)
+
+    u, v, du, dv = zero, zero, zero + 1.0, zero + 1.0
+    if mapped or ops.any_lane(textures.on(tables, material)):
+        (u, v), (du, dv) = analytic_shapes.uv(kind, geometries.parameters, g, part, local)
+        if ops.any_lane(on_mesh):
+            mu, mv, mdu, mdv = _mesh_uv(tables, g, hit, on_mesh, a, b, c)
+            u, v = ops.where(on_mesh, mu, u), ops.where(on_mesh, mv, v)
+            du, dv = ops.where(on_mesh, mdu, du), ops.where(on_mesh, mdv, dv)
+        stretch = mean_scale(matrix)
+        du, dv = du * stretch, dv * stretch
+
+    geometric = ops.normalize(ops.normal_by(inverse, outward))
+    shaded = geometric
+    rounded = on_mesh & (tables.materials.shading[material] != FLAT)
+    if ops.any_lane(rounded):
+        shaded = ops.where3(rounded, ops.normalize(ops.normal_by(inverse, smooth)), geometric)
+    front = ops.dot(ray.direction, geometric) < 0.0
+    side = ops.where(front, zero + 1.0, zero - 1.0)
+    lift = (zero, zero, zero)
+    if ops.any_lane(rounded):
+        lift = _by_matrix(matrix, _mesh_lift(tables, g, hit, rounded, local, (a, b, c), outward, side))
+    return Surface(
+        world, local, ops.scale(geometric, side), ops.scale(shaded, side), outward, (u, v), (du, dv),
+        front, instance, material, color, spacing(here, ray, t, geometric, wide), ray.time, None, lift, None,
+    )  # fmt: skip
+
+
+@helper
+def spacing(here: instance_transform.Place, ray: Ray, t: Lane, normal: Vec, wide: Lane) -> Lane:
+    """How far along its normal a new ray's origin must be moved so as not to meet the surface it leaves again.
+
+    A bound of rounding errors, never a fixed length: the sums of absolute terms by which the point was found (world to the shape's
+    frame and back), taken along the normal; and for triangles those by which the next ray's distance to them is found, which come from
+    corners that may lie much farther away: `wide` is how far, in metres, 0 for other shapes.
+    Pharr, Jakob, Humphreys, "Physically Based Rendering", 4th ed., section 6.8.
+    """
+    m, inv = here.matrix, here.inverse
+    x = abs(ray.origin[0]) + abs(t * ray.direction[0])
+    y = abs(ray.origin[1]) + abs(t * ray.direction[1])
+    z = abs(ray.origin[2]) + abs(t * ray.direction[2])
+    lx = abs(inv[0]) * x + abs(inv[1]) * y + abs(inv[2]) * z + abs(inv[3])
+    ly = abs(inv[4]) * x + abs(inv[5]) * y + abs(inv[6]) * z + abs(inv[7])
+    lz = abs(inv[8]) * x + abs(inv[9]) * y + abs(inv[10]) * z + abs(inv[11])
+    wx = abs(m[0]) * lx + abs(m[1]) * ly + abs(m[2]) * lz + abs(m[3])
+    wy = abs(m[4]) * lx + abs(m[5]) * ly + abs(m[6]) * lz + abs(m[7])
+    wz = abs(m[8]) * lx + abs(m[9]) * ly + abs(m[10]) * lz + abs(m[11])
+    return ROUNDING * ops.roundoff(t) * (abs(normal[0]) * wx + abs(normal[1]) * wy + abs(normal[2]) * wz + wide)
+
+
+@helper
+def off_formula(tables: Tables, instance: int, ray: Ray, hit: Hit) -> tuple[Vec, Vec, Lane]:
+    """(position, geometric, offset) as in `at`, where rays met an instance of a formula surface that does not move."""
+    g, here = tables.instances.geometry[instance], instance_transform.at(tables, tables.instances.transform[instance], None)
+    t = ops.where(hit.instance >= 0, hit.t, 0.0)
+    geometric = ops.normalize(ops.normal_by(here.inverse, _unfolded(hit.u, hit.v)))
+    offset = spacing(here, ray, t, geometric, _off(tables, g, hit, here.matrix))
+    side = ops.where(ops.dot(ray.direction, geometric) < 0.0, 1.0, -1.0)
+    return ops.along(ray.origin, ray.direction, t), ops.scale(geometric, side), offset
+
+
+@helper
+def _off(tables: Tables, g: Any, hit: Hit, matrix: instance_transform.Affine) -> Lane:
+    """How far, in metres, a hit may be off a formula's surface, as `spacing` takes it."""
+    return ops.to_float(hit.primitive) * tables.geometries.parameters[g, 5] * (UNIT / ROUNDING) * mean_scale(matrix)
+
+
+@helper
+def unpacked(u: Lane, v: Lane) -> Vec:
+    """The unit vector that formulas.meet packed into two numbers."""
+    return ops.normalize(_unfolded(u, v))
+
+
+@helper
+def _unfolded(u: Lane, v: Lane) -> Vec:
+    """A vector in its direction."""
+    z = 1.0 - abs(u) - abs(v)
+    below = z < 0.0
+    x = ops.where(below, (1.0 - abs(v)) * ops.sign_of(u), u)
+    y = ops.where(below, (1.0 - abs(u)) * ops.sign_of(v), v)
+    return x, y, z
+
+
+@helper
+def leave(surface: Surface, direction: Vec) -> Vec:
+    """Where a new ray in this direction starts: moved off the surface to the side that the direction goes to."""
+    return leave_at(surface, surface.position, direction)
+
+
+@helper
+def leave_at(surface: Surface, place: Vec, direction: Vec) -> Vec:
+    """The same for a place beside the surface's own."""
+    side = ops.where(ops.dot(direction, surface.geometric) >= 0.0, surface.offset, -surface.offset)
+    return ops.along(place, surface.geometric, side)
+
+
+@helper
+def _risen(lift: Vec, position: Vec) -> Vec:
+    return ops.add(position, lift)
+
+
+@helper
+def _from_above(lift: Vec, above: Lane, normal: Vec, direction: Vec) -> Lane:
+    return above | ((ops.dot(lift, lift) > 0.0) & (ops.dot(direction, normal) > 0.0))
+
+
+_raised, _rising = if_there(_risen), if_there(_from_above)
+
+
+spanning = replacing(Surface, "spread")  # the same surface with another `spread`
+_with_known = replacing(Surface, "known")
+
+
+@helper
+def _told(known: Any, surface: Surface) -> Surface:
+    return _with_known(surface, known)
+
+
+told = if_there(_told)  # the same surface with what is `known` of shadows on it
+
+
+@helper
+def lit_from(surface: Surface) -> Vec:
+    """The place from where light is looked for: the surface's own, or above a triangle with interpolated normals."""
+    return _raised(surface.lift, surface.position)
+
+
+@helper
+def leave_from(surface: Surface, place: Vec, direction: Vec) -> Vec:
+    """The same as `leave` for a ray that starts at `lit_from`: there it is above its facet also where it goes down past its edge."""
+    above = _rising(surface.lift, ops.dot(direction, surface.geometric) >= 0.0, surface.normal, direction)
+    return ops.along(place, surface.geometric, ops.where(above, surface.offset, -surface.offset))
+
+
+@helper
+def mean_scale(m: instance_transform.Affine) -> Lane:
+    """The mean length of a transform's three axes: how much it enlarges (exact where it does so evenly)."""
+    x, y, z = ops.length((m[0], m[4], m[8])), ops.length((m[1], m[5], m[9])), ops.length((m[2], m[6], m[10]))
+    return (x + y + z) / 3.0
+
+
+# --- meshes ---
+
+
+@helper
+def corners(tables: Tables, g: Lane, triangle: Lane) -> tuple[Vec, Vec, Vec]:
+    """The corners of a row of Pools.triangles in the frame of mesh `g`."""
+    triangles = tables.pools.triangles
+    return (
+        vertex(tables, g, triangles[triangle, 0]),
+        vertex(tables, g, triangles[triangle, 1]),
+        vertex(tables, g, triangles[triangle, 2]),
+    )
+
+
+@helper
+def vertex(tables: Tables, g: Lane, i: Lane) -> Vec:
+    """A row of Pools.positions in the frame of mesh `g`, in float64."""
+    positions, origin = tables.pools.positions, tables.geometries.origin
+    return (
+        ops.to_float(positions[i, 0]) + origin[g, 0],
+        ops.to_float(positions[i, 1]) + origin[g, 1],
+        ops.to_float(positions[i, 2]) + origin[g, 2],
+    )
+
+
+@helper
+def _farthest(a: Vec, b: Vec, c: Vec) -> Lane:
+    """How far, at the most, three corners lie from the middle of their frame: the sum over the axes of the largest magnitude."""
+    x = ops.maximum(abs(a[0]), ops.maximum(abs(b[0]), abs(c[0])))
+    y = ops.maximum(abs(a[1]), ops.maximum(abs(b[1]), abs(c[1])))
+    z = ops.maximum(abs(a[2]), ops.maximum(abs(b[2]), abs(c[2])))
+    return x + y + z
+
+
+@helper
+def _blend(a: Vec, b: Vec, c: Vec, wa: Lane, wb: Lane, wc: Lane) -> Vec:
+    return (
+        a[0] * wa + b[0] * wb + c[0] * wc,
+        a[1] * wa + b[1] * wb + c[1] * wc,
+        a[2] * wa + b[2] * wb + c[2] * wc,
+    )
+
+
+@helper
+def attribute_row(tables: Tables, g: Lane, row: Lane, triangle: Lane, corner: int, has: Lane) -> Lane:
+    """Where in Pools.values an attribute's value at a triangle's corner starts; 0 in lanes that have none.
+
+    Those may ask for one mesh's triangle and another one's attribute, whose values may be fewer.
+    """
+    attributes, geometries = tables.attributes, tables.geometries
+    how = attributes.interpolation[row]
+    face = ops.to_int(triangle) - geometries.first_triangle[g]
+    at_vertex = ops.to_int(tables.pools.triangles[triangle, corner]) - geometries.first_vertex[g]
+    index = ops.where(how == CONSTANT, 0, ops.where(how == FACE, face, ops.where(how == VERTEX, at_vertex, 3 * face + corner)))
+    return ops.where(has, attributes.first[row] + attributes.width[row] * index, 0)
+
+
+@helper
+def _value3(tables: Tables, start: Lane) -> Vec:
+    values = tables.pools.values
+    return ops.to_float(values[start]), ops.to_float(values[start + 1]), ops.to_float(values[start + 2])
+
+
+@helper
+def attribute3(tables: Tables, g: Lane, row: Lane, hit: Hit, triangle: Lane, has: Lane) -> Vec:
+    """An attribute of width 3, interpolated over the triangle; in lanes that have none whatever comes first."""
+    return attribute_at(tables, g, row, hit.u, hit.v, triangle, has)
+
+
+@helper
+def attribute_at(tables: Tables, g: Lane, row: Lane, u: Lane, v: Lane, triangle: Lane, has: Lane) -> Vec:
+    """An attribute of width 3 at weights u and v of a triangle's second and third corner, in the lanes that have it."""
+    a = _value3(tables, attribute_row(tables, g, row, triangle, 0, has))
+    b = _value3(tables, attribute_row(tables, g, row, triangle, 1, has))
+    c = _value3(tables, attribute_row(tables, g, row, triangle, 2, has))
+    return _blend(a, b, c, 1.0 - u - v, u, v)
+
+
+@helper
+def _mesh_normal(tables: Tables, g: Lane, hit: Hit, on_mesh: Lane, face: Vec) -> Vec:
+    """The interpolated normal, on the face's side; the face's own where the mesh has none or they cancel out."""
+    row = ops.to_int(tables.geometries.normals[g])
+    has = on_mesh & (row >= 0)
+    normal = face
+    if ops.any_lane(has):
+        n = attribute3(tables, ops.where(has, g, 0), ops.where(has, row, 0), hit, ops.where(has, hit.primitive, 0), has)
+        size = ops.length(n)
+        good = has & (size > 1e-12) & (size < math.inf)
+        n = ops.scale(n, ops.where(ops.dot(n, face) < 0.0, -1.0, 1.0) / ops.where(good, size, 1.0))
+        normal = ops.where3(good, n, face)
+    return normal
+
+
+@helper
+def _mesh_lift(
+    tables: Tables, g: Lane, hit: Hit, on_mesh: Lane, place: Vec, at: tuple[Vec, Vec, Vec], face: Vec, side: Lane
+) -> Vec:  # fmt: skip
+    """From a place on a triangle to the mean of its projections on the planes through its corners, where those lie above it.
+
+    `side` is 1 where it is seen from outside, -1 from inside; all in the mesh's frame.
+    """
+    row = ops.to_int(tables.geometries.normals[g])
+    has = on_mesh & (row >= 0)
+    zero = ops.full_like(hit.u, 0.0)
+    lift = (zero, zero, zero)
+    if ops.any_lane(has):
+        g, row, triangle = ops.where(has, g, 0), ops.where(has, row, 0), ops.where(has, hit.primitive, 0)
+        a = _value3(tables, attribute_row(tables, g, row, triangle, 0, has))
+        b = _value3(tables, attribute_row(tables, g, row, triangle, 1, has))
+        c = _value3(tables, attribute_row(tables, g, row, triangle, 2, has))
+        w = 1.0 - hit.u - hit.v
+        side = side * ops.where(ops.dot(_blend(a, b, c, w, hit.u, hit.v), face) < 0.0, -1.0, 1.0)
+        a, b, c = _over(place, at[0], a, face, side), _over(place, at[1], b, face, side), _over(place, at[2], c, face, side)
+        raised = _blend(a, b, c, w, hit.u, hit.v)
+        lift = ops.where3(has & ops.is_finite(ops.dot(raised, raised)), raised, lift)
+    return lift
+
+
+@helper
+def _over(place: Vec, corner: Vec, normal: Vec, face: Vec, side: Lane) -> Vec:
+    """From a place up to the plane through a corner across its normal, of any length; 0 where it is above or that is an edge."""
+    size, along = ops.dot(normal, normal), ops.dot(normal, face)
+    height = ops.maximum(side * ops.dot(ops.sub(corner, place), normal), 0.0)
+    round_ = along * along > COARSEST * COARSEST * size
+    return ops.scale(normal, ops.where(round_, side * height / ops.where(size > 0.0, size, 1.0), 0.0))
+
+
+@helper
+def _by_matrix(m: instance_transform.Affine, v: Vec) -> Vec:
+    return (
+        m[0] * v[0] + m[1] * v[1] + m[2] * v[2], m[4] * v[0] + m[5] * v[1] + m[6] * v[2], m[8] * v[0] + m[9] * v[1] + m[10] * v[2],
+    )  # fmt: skip
+
+
+@helper
+def _mesh_color(tables: Tables, g: Lane, hit: Hit, on_mesh: Lane) -> Vec:
+    row = ops.to_int(tables.geometries.colors[g])
+    has = on_mesh & (row >= 0)
+    color = ops.like3(hit.u, 1.0, 1.0, 1.0)
+    if ops.any_lane(has):
+        found = attribute3(tables, ops.where(has, g, 0), ops.where(has, row, 0), hit, ops.where(has, hit.primitive, 0), has)
+        color = ops.where3(has, found, color)
+    return color
+
+
+@helper
+def corner_uv(tables: Tables, g: Lane, row: Lane, triangle: Lane, corner: int, has: Lane) -> tuple[Lane, Lane]:
+    """An attribute of width 2 at a triangle's corner, in the lanes that have it."""
+    start = attribute_row(tables, g, row, triangle, corner, has)
+    values = tables.pools.values
+    return ops.to_float(values[start]), ops.to_float(values[start + 1])
+
+
+@helper
+def _mesh_uv(tables: Tables, g: Lane, hit: Hit, on_mesh: Lane, a: Vec, b: Vec, c: Vec) -> tuple[Lane, Lane, Lane, Lane]:
+    """u, v and the metres (of the mesh's frame) that one unit of each spans on this triangle; 0, 0, 1, 1 without coordinates."""
+    row = ops.to_int(tables.geometries.uvs[g])
+    has = on_mesh & (row >= 0)
+    zero = ops.full_like(hit.u, 0.0)
+    u, v, du, dv = zero, zero, zero + 1.0, zero + 1.0
+    if ops.any_lane(has):
+        safe_g, safe_row, triangle = ops.where(has, g, 0), ops.where(has, row, 0), ops.where(has, hit.primitive, 0)
+        ua, va = corner_uv(tables, safe_g, safe_row, triangle, 0, has)
+        ub, vb = corner_uv(tables, safe_g, safe_row, triangle, 1, has)
+        uc, vc = corner_uv(tables, safe_g, safe_row, triangle, 2, has)
+        u = ops.where(has, ua + (ub - ua) * hit.u + (uc - ua) * hit.v, u)
+        v = ops.where(has, va + (vb - va) * hit.u + (vc - va) * hit.v, v)
+        span_u, span_v = spans(ops.sub(b, a), ops.sub(c, a), ub - ua, vb - va, uc - ua, vc - va)
+        du, dv = ops.where(has, span_u, du), ops.where(has, span_v, dv)
+    return u, v, du, dv
+
+
+@helper
+def spans(e1: Vec, e2: Vec, u1: Lane, v1: Lane, u2: Lane, v2: Lane) -> tuple[Lane, Lane]:
+    """The metres that one unit of u and of v spans on triangles with these two edges, along which they change so; 1, 1 if unknown.
+
+    Two edges and their coordinates give the derivatives of the point: dp/du = (Δv₂ e₁ − Δv₁ e₂) / det.
+    """
+    det = u1 * v2 - u2 * v1
+    known = det != 0.0
+    det = ops.where(known, det, 1.0)
+    du = ops.length(ops.sub(ops.scale(e1, v2 / det), ops.scale(e2, v1 / det)))
+    dv = ops.length(ops.sub(ops.scale(e2, u1 / det), ops.scale(e1, u2 / det)))
+    return ops.where(known, du, 1.0), ops.where(known, dv, 1.0)

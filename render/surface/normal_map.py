@@ -1,0 +1,336 @@
+"""Normal and bump maps: the normal that light is computed with, turned by a material's pictures.
+
+A normal map's x goes along u and its y along v, as the mesh's tangents say: those of a corner are the mean, weighed by angle, of its
+triangles', of all corners that agree in place, normal, coordinates and handedness; between corners they are interpolated and not made
+orthogonal again (Mikkelsen 2008, Simulation of Wrinkled Surfaces Revisited, as in MikkTSpace): what maps are baked against. Shapes and
+other mappings take u and v from differences. A bump map is a height in metres, of which differences give the slope (Blinn 1978).
+
+A turned normal may face away from the viewer, or mirror him into the surface. It is bent back until the mirrored direction just
+clears the surface (Keller et al. 2017, The Iray Light Transport Simulation and Rendering System, appendix A.3); no light comes
+from behind. So nothing is black that should not be, and nothing shines through.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import overload
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from ...compiler.plan import plan as planner
+from ..geometry import analytic_shapes, instance_transform
+from ..jit.kernel import HELPER, apart, helper, replacing
+from ..jit.packed_struct import HandleType
+from ..lanes import ops
+from ..texture import textures
+from ..types import Hit, Lane, Surface, Tables, Vec
+from . import blend, interaction
+from .material_inputs import color_of
+
+NORMAL, BUMP = int(ir.Slot.NORMAL), int(ir.Slot.BUMP)
+MESH = int(ir.GeometryKind.MESH)
+FLAT = int(ir.Shading.FLAT)
+UV = int(ir.Mapping_.UV)
+STEP = 2.0**-10  # of a thing's size: over which u, v and heights that are no picture's are differenced
+CLEAR = 0.01  # sine of the angle at which the mirrored direction leaves the surface at least
+_turned_to, _put_to = replacing(Surface, "normal"), replacing(Surface, "local", "uv")
+
+
+class Untilted(NamedTuple):
+    """No material has a normal or bump map."""
+
+
+class Tangents(NamedTuple):
+    """Directions of u at the corners of meshes that need them."""
+
+    first: NDArray[np.int64]  # (geometries,) row of a mesh's first corner; -1: it has none
+    values: NDArray[np.float32]  # (3 · triangles, 4) in the mesh's frame, unit; and 1, or -1 where v goes the other way round
+
+
+def tangents(tables: ir.Tables) -> Tangents | Untilted:
+    """What kernels read of a scene's normal and bump maps."""
+    maps = tables.materials.textures[:, [NORMAL, BUMP]]
+    if not (maps[planner.used_materials(tables)] >= 0).any():
+        return Untilted()
+    used = tables.instances.material
+    blended = tables.materials.model == blend.BLEND
+    kinds, uvs = tables.geometries.kind, tables.geometries.uvs
+    turned = np.unique(tables.instances.geometry[(maps[used, 0] >= 0) | blended[used]])
+    first, found, count = np.full(len(kinds), -1, np.int64), [np.zeros((0, 4), np.float32)], 0
+    for g in turned[(kinds[turned] == MESH) & (uvs[turned] >= 0)].tolist():
+        flat = (tables.materials.shading[used[tables.instances.geometry == g]] == FLAT).all()
+        made = of_mesh(tables, g, bool(flat))
+        first[g] = count
+        found.append(made)
+        count += len(made)
+    return Tangents(first, np.concatenate(found))
+
+
+def of_mesh(tables: ir.Tables, g: int, flat: bool = False) -> NDArray[np.float32]:
+    """(3 · triangles, 4) tangents of a mesh with texture coordinates."""
+    geometry, pools = tables.geometries, tables.pools
+    start, count = int(geometry.first_triangle[g]), int(geometry.triangle_count[g])
+    corners = pools.triangles[start : start + count]
+    p = pools.positions[corners].astype(np.float64)
+    uv = _corners(tables, int(geometry.uvs[g]), g, corners, 2)
+    edges = p[:, [1, 2, 0]] - p
+    face = _unit(np.cross(edges[:, 0], -edges[:, 2]))
+    normals = np.repeat(face[:, None], 3, axis=1)
+    if geometry.normals[g] >= 0 and not flat:
+        given = _corners(tables, int(geometry.normals[g]), g, corners, 3)
+        given = np.where(((given * normals).sum(axis=2) < 0)[..., None], -given, given)
+        normals = np.where((np.linalg.norm(given, axis=2) > 1e-12)[..., None], _unit(given), normals)
+    du, dv = uv[:, 1:] - uv[:, :1], p[:, 1:] - p[:, :1]
+    det = du[:, 0, 0] * du[:, 1, 1] - du[:, 0, 1] * du[:, 1, 0]
+    sign = np.where(det < 0, -1.0, 1.0)
+    along = (du[:, 1, 1, None] * dv[:, 0] - du[:, 0, 1, None] * dv[:, 1]) * sign[:, None]
+    each = along[:, None] - (along[:, None] * normals).sum(axis=2, keepdims=True) * normals
+    each = _unit(each)
+    inward = -edges[:, [2, 0, 1]]
+    angle = np.arccos(np.clip((_unit(edges) * _unit(inward)).sum(axis=2), -1.0, 1.0))
+    key = np.concatenate([p, normals, uv, np.broadcast_to(sign[:, None, None], (*sign.shape, 3, 1))], axis=2).astype(np.float32)
+    key = np.ascontiguousarray(key.reshape(3 * count, -1) + np.float32(0.0)).view(np.dtype((np.void, key.shape[2] * 4))).ravel()
+    group = np.unique(key, return_inverse=True)[1].ravel()
+    sums = np.zeros((int(group.max(initial=-1)) + 1, 3))
+    np.add.at(sums, group, (each * angle[..., None]).reshape(-1, 3))
+    mean = _unit(sums[group])
+    lost = np.linalg.norm(mean, axis=1) < 0.5  # coordinates without an area: any direction along the surface
+    mean[lost] = _across(normals.reshape(-1, 3)[lost])
+    return np.concatenate([mean, np.repeat(sign, 3)[:, None]], axis=1).astype(np.float32)
+
+
+def _corners(tables: ir.Tables, row: int, g: int, corners: NDArray[Any], width: int) -> NDArray[np.float64]:
+    """(t, 3, width) an attribute at triangles' corners."""
+    a, t = tables.attributes, np.arange(len(corners))[:, None]
+    how, first = a.interpolation[row], int(a.first[row])
+    index = {
+        ir.Interpolation.CONSTANT: 0 * t + np.zeros(3, np.int64), ir.Interpolation.FACE: t + np.zeros(3, np.int64),
+        ir.Interpolation.VERTEX: corners.astype(np.int64) - int(tables.geometries.first_vertex[g]),
+        ir.Interpolation.CORNER: 3 * t + np.arange(3),
+    }[ir.Interpolation(int(how))]  # fmt: skip
+    return tables.pools.values[first + width * index[..., None] + np.arange(width)].astype(np.float64)
+
+
+def _unit(v: NDArray[np.float64]) -> NDArray[np.float64]:
+    length = np.linalg.norm(v, axis=-1, keepdims=True)
+    return np.divide(v, length, out=np.zeros_like(v), where=length > 0)
+
+
+def _across(n: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A unit vector across each."""
+    axis = np.eye(3)[np.argmin(np.abs(n), axis=1)] if len(n) else n
+    return _unit(np.cross(n, axis))
+
+
+# --- in lanes ------------------------------------------------------------------------------------------------------------
+
+
+def is_used(tables: Any) -> bool:
+    """Whether kernels' tables of this Numba type have normal or bump maps."""
+    found = tables.field("materials.tangents") if isinstance(tables, HandleType) else None
+    return found is not None and found[1] != ()
+
+
+def tilted(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Surface:
+    """The surface with the normal that its material's maps give it, for a ray that arrives in `direction`."""
+    return _tilted(tables, point, hit, direction) if isinstance(getattr(tables.materials, "tangents", None), Tangents) else point
+
+
+@overload(tilted, jit_options=HELPER)
+def _tilted_in_kernels(tables, point, hit, direction):
+    if is_used(tables):
+        return lambda tables, point, hit, direction: _tilted(tables, point, hit, direction)
+    return lambda tables, point, hit, direction: point
+
+
+def open_to(tables: Tables, point: Surface, direction: Vec, lit: Lane) -> Lane:
+    """`lit` without light from behind a surface, where maps turn normals."""
+    return _open_to(point, direction, lit) if isinstance(getattr(tables.materials, "tangents", None), Tangents) else lit
+
+
+@overload(open_to, jit_options=HELPER)
+def _open_to_in_kernels(tables, point, direction, lit):
+    if is_used(tables):
+        return lambda tables, point, direction, lit: _open_to(point, direction, lit)
+    return lambda tables, point, direction, lit: lit
+
+
+@helper
+def _open_to(point: Surface, direction: Vec, lit: Lane) -> Lane:
+    return lit & (ops.dot(direction, point.geometric) > 0.0)
+
+
+@apart
+def _tilted(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Surface:
+    turned = tables.materials.textures[point.material, NORMAL] >= 0
+    bumped = tables.materials.textures[point.material, BUMP] >= 0
+    if ops.not_(ops.any_lane(turned | bumped)):
+        return point
+    zero = ops.full_like(point.offset, 0.0)
+    side = ops.where(point.front, zero + 1.0, zero - 1.0)
+    place = instance_transform.at(tables, ops.to_int(tables.instances.transform[point.instance]), point.time)
+    outward = ops.scale(point.normal, side)
+    s, t = ops.basis(point.local_normal)
+    step = STEP * _size(tables, point)
+    over_s, over_t = moved(tables, point, hit, s, step), moved(tables, point, hit, t, step)
+    normal = outward
+    if ops.any_lane(turned):
+        x, y, z = color_of(tables, point, NORMAL)
+        along, round_ = _frame(tables, point, hit, s, t, over_s, over_t, place, outward)
+        across = ops.scale(ops.cross(outward, along), round_)
+        normal = ops.where3(turned, ops.normalize(ops.in_basis(along, across, outward, x, y, z)), normal)
+    if ops.any_lane(bumped):
+        normal = ops.where3(bumped, _bumped(tables, point, hit, s, t, place, normal), normal)
+    normal = _cleared(ops.scale(normal, side), point.geometric, ops.negate(direction))
+    return _turned_to(point, ops.where3(turned | bumped, normal, point.normal))
+
+
+@helper
+def _cleared(normal: Vec, geometric: Vec, viewer: Vec) -> Vec:
+    """The normal bent so far that it mirrors the viewer to this side of the surface."""
+    mirrored = ops.reflect(ops.negate(viewer), normal)
+    height = ops.dot(mirrored, geometric)
+    least = ops.minimum(ops.dot(viewer, geometric), CLEAR)
+    sinks = height < least
+    raised = ops.normalize(ops.along(mirrored, geometric, least - height))
+    return ops.where3(sinks, ops.normalize(ops.add(viewer, raised)), normal)
+
+
+@helper
+def _size(tables: Tables, point: Surface) -> Lane:
+    """About how large the thing is, in its own frame; 1 where it is endless."""
+    g = tables.instances.geometry[point.instance]
+    bounds = tables.geometries.bounds
+    x, y, z = bounds[g, 1, 0] - bounds[g, 0, 0], bounds[g, 1, 1] - bounds[g, 0, 1], bounds[g, 1, 2] - bounds[g, 0, 2]
+    size = ops.maximum(x, ops.maximum(y, z)) + 0.0 * point.offset
+    return ops.where(ops.is_finite(size) & (size > 0.0), size, 1.0)
+
+
+@helper
+def moved(tables: Tables, point: Surface, hit: Hit, direction: Vec, step: Lane) -> Surface:
+    """The surface a step away along its plane, as far as textures look at it."""
+    local = ops.along(point.local, direction, step)
+    g = ops.to_int(tables.instances.geometry[point.instance])
+    kind = ops.to_int(tables.geometries.kind[g])
+    on_mesh = kind == MESH
+    part = ops.where(on_mesh, 0, hit.primitive)
+    (u, v), _ = analytic_shapes.uv(kind, tables.geometries.parameters, g, part, local)
+    if ops.any_lane(on_mesh):
+        slope_u, slope_v = _slopes(tables, g, on_mesh, hit)
+        u = ops.where(on_mesh, point.uv[0] + step * ops.dot(slope_u, direction), u)
+        v = ops.where(on_mesh, point.uv[1] + step * ops.dot(slope_v, direction), v)
+    return _put_to(point, local, (u, v))
+
+
+@helper
+def _slopes(tables: Tables, g: Lane, on_mesh: Lane, hit: Hit) -> tuple[Vec, Vec]:
+    """The gradients of u and v on a triangle, in the mesh's frame; 0 where the mesh has none or the triangle no area."""
+    row = ops.to_int(tables.geometries.uvs[g])
+    has = on_mesh & (row >= 0)
+    nowhere = ops.like3(hit.u, 0.0, 0.0, 0.0)
+    u, v = nowhere, nowhere
+    if ops.any_lane(has):  # else there need not be an attribute to look at
+        u, v = _gradients(tables, ops.where(has, g, 0), ops.where(has, row, 0), has, hit)
+    return u, v
+
+
+@helper
+def _gradients(tables: Tables, g: Lane, row: Lane, has: Lane, hit: Hit) -> tuple[Vec, Vec]:
+    """The same of meshes that have coordinates (`row` of Attributes); 0 in other lanes, which look at row 0."""
+    first = ops.to_int(tables.geometries.first_triangle[g])
+    triangle = ops.where(has, ops.clip(hit.primitive, first, first + tables.geometries.triangle_count[g] - 1), 0)
+    a, b, c = interaction.corners(tables, g, triangle)
+    ua, va = interaction.corner_uv(tables, g, row, triangle, 0, has)
+    ub, vb = interaction.corner_uv(tables, g, row, triangle, 1, has)
+    uc, vc = interaction.corner_uv(tables, g, row, triangle, 2, has)
+    e1, e2 = ops.sub(b, a), ops.sub(c, a)
+    aa, ab, bb = ops.dot(e1, e1), ops.dot(e1, e2), ops.dot(e2, e2)
+    area = aa * bb - ab * ab
+    known = has & (area > 0.0)
+    scale = ops.where(known, 1.0 / ops.where(known, area, 1.0), 0.0)
+    one = ops.scale(ops.sub(ops.scale(e1, bb), ops.scale(e2, ab)), scale)  # gradient of the weight of b
+    two = ops.scale(ops.sub(ops.scale(e2, aa), ops.scale(e1, ab)), scale)
+    return (
+        ops.add(ops.scale(one, ub - ua), ops.scale(two, uc - ua)), ops.add(ops.scale(one, vb - va), ops.scale(two, vc - va)),
+    )  # fmt: skip
+
+
+@helper
+def _frame(
+    tables: Tables,
+    point: Surface,
+    hit: Hit,
+    s: Vec,
+    t: Vec,
+    over_s: Surface,
+    over_t: Surface,
+    place: instance_transform.Place,
+    outward: Vec,
+) -> tuple[Vec, Lane]:
+    """(direction of u in the world, 1 or -1 where v goes the other way round) for the normal map."""
+    texture = ops.maximum(tables.materials.textures[point.material, NORMAL], 0)
+    us, vs = _difference(tables, texture, point, over_s)
+    ut, vt = _difference(tables, texture, point, over_t)
+    det = us * vt - ut * vs
+    round_ = ops.sign_of(det)
+    local = ops.normalize(ops.scale(ops.sub(ops.scale(s, vt), ops.scale(t, vs)), round_))
+    local = ops.where3(det == 0.0, s, local)
+    g = ops.to_int(tables.instances.geometry[point.instance])
+    table: Any = tables.materials.tangents  # pyright: ignore[reportAttributeAccessIssue]
+    first = ops.to_int(table.first[g])
+    given = (first >= 0) & (tables.textures.mapping[texture] == UV)
+    if ops.any_lane(given):
+        corner = first + 3 * (ops.to_int(hit.primitive) - tables.geometries.first_triangle[g])
+        corner = ops.where(given, corner, 0)
+        a, b, c = _tangent(table, corner), _tangent(table, corner + 1), _tangent(table, corner + 2)
+        w = 1.0 - hit.u - hit.v
+        mixed = ops.add(ops.scale(a, w), ops.add(ops.scale(b, hit.u), ops.scale(c, hit.v)))
+        local = ops.where3(given, mixed, local)
+        round_ = ops.where(given, ops.to_float(table.values[corner, 3]), round_)
+    flips = tables.transforms.flips[tables.instances.transform[point.instance]]
+    world = ops.normalize(ops.vector_by(place.matrix, local))
+    along = ops.normalize(ops.along(world, outward, -ops.dot(world, outward)))
+    return along, ops.where(flips, -round_, round_)
+
+
+@helper
+def _tangent(table: Any, row: Lane) -> Vec:
+    return ops.to_float(table.values[row, 0]), ops.to_float(table.values[row, 1]), ops.to_float(table.values[row, 2])
+
+
+@helper
+def _difference(tables: Tables, texture: Lane, point: Surface, moved: Surface) -> tuple[Lane, Lane]:
+    """How u and v change from a point to another, across seams too."""
+    u, v, _, _ = textures.place(tables, texture, point)
+    mu, mv, _, _ = textures.place(tables, texture, moved)
+    du, dv = mu - u, mv - v
+    du = ops.where(ops.absolute(du) > 0.5, du - ops.sign_of(du), du)
+    return du, ops.where(ops.absolute(dv) > 0.5, dv - ops.sign_of(dv), dv)
+
+
+@helper
+def _bumped(tables: Tables, point: Surface, hit: Hit, s: Vec, t: Vec, place: instance_transform.Place, normal: Vec) -> Vec:
+    """A normal turned by the slope of the height over a surface: differences over a texel, or a small step where it is no picture."""
+    texture = ops.maximum(tables.materials.textures[point.material, BUMP], 0)
+    image = ops.to_int(tables.textures.image[texture])
+    pictured = image >= 0
+    image = ops.maximum(image, 0)
+    scale = interaction.mean_scale(place.matrix)
+    step = STEP * _size(tables, point)
+    if ops.any_lane(pictured):
+        texel = ops.minimum(point.metric[0] / tables.images.width[image], point.metric[1] / tables.images.height[image]) / scale
+        step = ops.where(pictured, texel, step)
+    per = 0.5 / (step * scale)
+    ds = per * (_height(tables, point, hit, s, step) - _height(tables, point, hit, s, -step))
+    dt = per * (_height(tables, point, hit, t, step) - _height(tables, point, hit, t, -step))
+    along = ops.normalize(ops.vector_by(place.matrix, s))
+    across = ops.normalize(ops.vector_by(place.matrix, t))
+    tilt = ops.add(ops.scale(along, ds), ops.scale(across, dt))
+    return ops.normalize(ops.sub(normal, tilt))
+
+
+@helper
+def _height(tables: Tables, point: Surface, hit: Hit, direction: Vec, step: Lane) -> Lane:
+    return color_of(tables, moved(tables, point, hit, direction, step), BUMP)[0]

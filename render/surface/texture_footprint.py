@@ -1,0 +1,378 @@
+"""What a pixel sees of a texture on a surface: how far texture coordinates go over it, and pictures in ever smaller sizes for that.
+
+A pixel's derivatives of texture coordinates are those of the plane that touches the surface there (Igehy 1999, Tracing Ray Differentials),
+known in closed form for rays from the eye. Rays that go on have a cone as wide as the pixel, which planes leave as it is and balls that
+mirror widen (Amanatides, "Ray Tracing with Cones", 1984; Akenine-Möller and others 2019, Texture Level of Detail Strategies for Real-Time
+Ray Tracing); from all else that is curved on they take pictures as they are. The pixel's square becomes an ellipse on the picture: its
+short axis chooses among sizes (Williams 1983, Pyramidal Parametrics), and along its long one lie up to sixteen places (McCormack and
+others 1999, Feline). Of checkers and stripes it becomes a parallelogram, whose mean cells.py knows.
+"""
+
+from __future__ import annotations
+
+import functools
+import weakref
+from collections import namedtuple
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+from numba.extending import overload
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from ...compiler.plan import plan as planner
+from .. import camera
+from ..jit.kernel import HELPER, apart, helper, if_there, replacing
+from ..jit.packed_struct import HandleType
+from ..lanes import crosslane, ops
+from ..texture import textures
+from ..types import Hit, Lane, Ray, Surface, Tables, Vec, View
+from . import interaction, normal_map
+
+MESH = int(ir.GeometryKind.MESH)
+LEVELS = 20  # sizes of a picture at the most
+KEPT = {
+    "pictures": "pictures are filtered",
+    "cells": "so are checkers and stripes",
+    "formulas": "so are patterns",
+    "coordinates": "it is known how far u and v go (all but formulas need that)",
+    "places": "it is known how far places go, in the thing's own frame",
+    "cones": "so it is where rays go on to; the last numbers of a spread are how wide the ray is, and wider a metre on, and if mirrored",
+}
+WITH_CONE = (7, 13)  # lanes of a Surface's spread where its last three are of the ray's cone
+SPHERE = int(ir.GeometryKind.SPHERE)
+BOX, PLANE, RECTANGLE, DISK = (int(getattr(ir.GeometryKind, name)) for name in ("BOX", "PLANE", "RECTANGLE", "DISK"))
+_lying = replacing(Surface, "geometric", "spread")
+
+
+class Eye(NamedTuple):
+    """Where rays of the camera come from, and how they change from pixel to pixel."""
+
+    place: NDArray[np.float64]  # (3,)
+    axis: NDArray[np.float64]  # (3,) unit
+    right: NDArray[np.float64]  # (3,) what a pixel adds to a ray's direction at depth 1; of an orthographic camera, to its start
+    down: NDArray[np.float64]
+    perspective: bool
+    step: float  # pixels: the part of one that is looked at by itself
+
+
+class Pyramids(NamedTuple):
+    """Images with their smaller sizes; the first four columns are those of ir.Images."""
+
+    first: NDArray[np.int64]
+    width: NDArray[np.int32]
+    height: NDArray[np.int32]
+    texels: NDArray[np.float32]
+    levels: NDArray[np.int32]  # (n,) how many sizes
+    level_first: NDArray[np.int64]  # (n, LEVELS)
+    level_width: NDArray[np.int32]
+    level_height: NDArray[np.int32]
+    eye: Eye
+    kept: Any  # a NamedTuple of what KEPT says: kernels know by its type what there is
+
+
+_made: dict[int, tuple[Any, Pyramids]] = {}  # by the id of what they were made from, while it lives
+
+
+def with_pyramids(tables: ir.Tables, view: View, samples: int, further: bool) -> ir.Tables:
+    """Tables whose images have smaller sizes, for pixels of this view of which `samples` parts are looked at by themselves; `further`
+    if rays go on."""
+    images = tables.images
+    key = id(images.texels)
+    if key not in _made or _made[key][0]() is not images.texels:
+        _made[key] = weakref.ref(images.texels, lambda _: _made.pop(key, None)), _pyramids(images)
+    made = _made[key][1]
+    ray = camera.ray(tables, view, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
+    start, direction = (np.stack([np.broadcast_to(c, 3) for c in vector], axis=1) for vector in (ray.origin, ray.direction))
+    matrix = tables.transforms.matrix[tables.cameras.transform[view.camera]]
+    axis = -matrix[:, 2] / np.linalg.norm(matrix[:, 2])
+    perspective = bool(tables.cameras.projection[view.camera] == ir.Projection.PERSPECTIVE)
+    moved = direction / (direction @ axis)[:, None] if perspective else start
+    step = 1.0 / np.sqrt(samples)
+    eye = Eye(matrix[:, 3].copy(), axis, (moved[1] - moved[0]) * step, (moved[2] - moved[0]) * step, perspective, float(step))
+    return tables._replace(images=made._replace(eye=eye, kept=_kept_of(tables.textures, samples, further)))
+
+
+def _kept_of(rows: ir.Textures, samples: int, further: bool) -> Any:
+    """What is known of what a pixel spans, and which textures ask for it."""
+    formula = rows.kind == ir.TextureKind.FORMULA
+    formulas = formula.any() and samples < planner.MANY_PLACES
+    pictures = (rows.kind == ir.TextureKind.IMAGE) & ~rows.nearest
+    cells = ir.among(rows.kind, (ir.TextureKind.CHECKER, ir.TextureKind.STRIPES))
+    places = formulas or (~formula & (rows.mapping != ir.Mapping_.UV)).any()
+    asked = (pictures.any(), cells.any(), formulas, (pictures | cells).any(), places)
+    asked += (further and bool(pictures.any() or cells.any() or formulas),)
+    return _kept_as(tuple(name for name, yes in zip(KEPT, asked, strict=True) if yes))
+
+
+@functools.cache
+def _kept_as(names: tuple[str, ...]) -> Any:
+    return namedtuple("Kept", names)(*[1] * len(names))
+
+
+def _pyramids(images: ir.Images) -> Pyramids:
+    count = len(images.width)
+    first = np.zeros((count, LEVELS), np.int64)
+    width, height = np.ones((count, LEVELS), np.int32), np.ones((count, LEVELS), np.int32)
+    levels, parts, total = np.zeros(count, np.int32), [], 0
+    for row in range(count):
+        w, h, start = int(images.width[row]), int(images.height[row]), int(images.first[row])
+        level = images.texels[start : start + w * h].reshape(h, w, 4)
+        for k in range(LEVELS):
+            first[row, k], width[row, k], height[row, k] = total, level.shape[1], level.shape[0]
+            parts.append(level.reshape(-1, 4))
+            total += len(parts[-1])
+            levels[row] = k + 1
+            if level.shape[:2] == (1, 1):
+                break
+            level = _halved(_halved(level, 0), 1)
+    texels = np.ascontiguousarray(np.concatenate(parts) if parts else np.zeros((0, 4)), np.float32)
+    nowhere = Eye(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), True, 1.0)
+    return Pyramids(first[:, 0].copy(), images.width, images.height, texels, levels, first, width, height, nowhere, _kept_as(()))
+
+
+def _halved(level: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
+    """Half as many texels along an axis, each the mean of what it covers, so that the mean of all stays."""
+    n = level.shape[axis]
+    m = max(n // 2, 1)
+    if n == 2 * m:
+        shape = (*level.shape[:axis], m, 2, *level.shape[axis + 1 :])
+        return level.reshape(shape).mean(axis=axis + 1, dtype=np.float32)
+    edges = np.arange(m + 1) * (n / m)
+    share = np.clip(np.minimum(edges[1:, None], np.arange(1, n + 1)) - np.maximum(edges[:-1, None], np.arange(n)), 0.0, None) * (m / n)
+    return np.moveaxis(np.tensordot(share.astype(np.float32), level, axes=(1, axis)), 0, axis)
+
+
+# --- how far coordinates go ----------------------------------------------------------------------------------------------------
+
+
+def on_surface(tables: Tables, ray: Ray, hit: Hit, point: Surface, cone: Any) -> Surface:
+    """The surface that a ray met, with what a pixel spans on it (Surface.spread), by the ray's cone where it does not come from the eye.
+
+    In scenes without pictures in several sizes, the surface as it is.
+    """
+    return _on_surface(tables, ray, hit, point, cone) if isinstance(tables.images, Pyramids) else point
+
+
+@overload(on_surface, jit_options=HELPER)
+def _on_surface_in_kernels(tables, ray, hit, point, cone):
+    if isinstance(tables, HandleType) and tables.field("images.levels") is not None:
+        return lambda tables, ray, hit, point, cone: _on_surface(tables, ray, hit, point, cone)
+    return lambda tables, ray, hit, point, cone: point
+
+
+def is_known(tables: Tables) -> Any:
+    """True, or None in scenes in which nothing asks what a pixel spans."""
+    return True if isinstance(tables.images, Pyramids) else None
+
+
+@overload(is_known, jit_options=HELPER)
+def _is_known_in_kernels(tables):
+    if isinstance(tables, HandleType) and tables.field("images.levels") is not None:
+        return lambda tables: True
+    return lambda tables: None
+
+
+def of_pixel(tables: Tables, spread: Any, point: Surface) -> Any:
+    """The same, from how far coordinates go over a whole pixel; the point's place counts from the eye."""
+    raise NotImplementedError("in kernels only")
+
+
+@overload(of_pixel, jit_options=HELPER)
+def _of_pixel_in_kernels(tables, spread, point):
+    if not isinstance(tables, HandleType) or tables.field("images.levels") is None:
+        return lambda tables, spread, point: None
+    if tables.field("images.kept.places") is not None:
+        return lambda tables, spread, point: (*_of_pixel(tables, spread), *_places_of_pixel(tables, point))
+    return lambda tables, spread, point: _of_pixel(tables, spread)
+
+
+@helper
+def _of_pixel(tables: Any, spread: Any) -> Any:
+    step = tables.images.eye.step
+    return spread[0] * step, spread[1] * step, spread[2] * step, spread[3] * step
+
+
+@helper
+def _places_of_pixel(tables: Any, point: Surface) -> Any:
+    """How far places go to the right and below, in the thing's own frame."""
+    eye = tables.images.eye
+    along, depth = (eye.axis[0], eye.axis[1], eye.axis[2]), 1.0 + 0.0 * point.offset
+    outward = ops.transform_normal(tables.transforms.inverse, tables.instances.transform[point.instance], point.local_normal)
+    d = ops.add(along, (depth - 1.0, depth - 1.0, depth - 1.0))
+    if eye.perspective:
+        depth = ops.dot(point.position, along)
+        d = ops.scale(point.position, 1.0 / depth)
+    facing = ops.dot(d, outward)
+    facing = ops.where(ops.absolute(facing) > 1e-12, facing, 1e-12)
+    flat = _lying(point, outward, None)
+    right = _over_pixel(tables, (eye.right[0], eye.right[1], eye.right[2]), depth, d, facing, flat)
+    below = _over_pixel(tables, (eye.down[0], eye.down[1], eye.down[2]), depth, d, facing, flat)
+    return (*right, *below)
+
+
+@apart
+def _on_surface(tables: Any, ray: Ray, hit: Hit, point: Surface, cone: Any) -> Surface:
+    zero = 0.0 * point.offset
+    spread = (zero, zero, zero, zero)
+    right, down = (zero, zero, zero), (zero, zero, zero)
+    eye: Any = tables.images.eye
+    d = ray.direction
+    along = d[0] * eye.axis[0] + d[1] * eye.axis[1] + d[2] * eye.axis[2]
+    from_eye = (ray.origin[0] == eye.place[0]) & (ray.origin[1] == eye.place[1]) & (ray.origin[2] == eye.place[2])
+    distance = ops.where(ops.is_finite(hit.t), hit.t, 0.0)
+    depth = distance * along
+    if not eye.perspective:
+        from_eye, depth = along >= 1.0 - 1e-12, zero + 1.0
+    wide = width_at(cone, zero, distance)
+    known = (from_eye | (wide > 0.0)) & textures.on(tables, point.material)
+    if ops.any_lane(known):
+        facing = ops.minimum(ops.dot(d, point.geometric), -1e-9)
+        to_right = ops.like3(zero, eye.right[0], eye.right[1], eye.right[2])
+        below = ops.like3(zero, eye.down[0], eye.down[1], eye.down[2])
+        to_right, below, depth = _of_cone(cone, (to_right, below, depth), from_eye, d, wide)
+        right = _over_pixel(tables, to_right, depth, d, facing, point)
+        down = _over_pixel(tables, below, depth, d, facing, point)
+        u0, v0 = _coordinates(tables, right, hit, point)
+        u1, v1 = _coordinates(tables, down, hit, point)
+        spread = (
+            ops.where(known, u0, 0.0), ops.where(known, v0, 0.0), ops.where(known, u1, 0.0), ops.where(known, v1, 0.0)
+        )  # fmt: skip
+        nowhere = (zero, zero, zero)
+        right, down = ops.where3(known, right, nowhere), ops.where3(known, down, nowhere)
+    return interaction.spanning(point, _with_cone(cone, _kept(tables, spread, right, down), tables, point, wide))
+
+
+# --- rays that go on ----------------------------------------------------------------------------------------------------
+
+
+def cone_of_eye(tables: Tables, ray: Ray) -> Any:
+    """(how wide camera rays are where they begin, how much wider a metre on), by the area of their pixels; None if nothing asks for it."""
+    return _cone_of_eye(tables, ray) if hasattr(getattr(tables.images, "kept", None), "cones") else None
+
+
+@overload(cone_of_eye, jit_options=HELPER)
+def _cone_of_eye_in_kernels(tables, ray):
+    if isinstance(tables, HandleType) and tables.field("images.levels") is not None and tables.field("images.kept.cones") is not None:
+        return lambda tables, ray: _cone_of_eye(tables, ray)
+    return lambda tables, ray: None
+
+
+@helper
+def _cone_of_eye(tables: Any, ray: Ray) -> tuple[Lane, Lane]:
+    eye = tables.images.eye
+    zero = 0.0 * ray.direction[0]
+    across = ops.cross((eye.right[0], eye.right[1], eye.right[2]), (eye.down[0], eye.down[1], eye.down[2]))
+    side = ops.sqrt(zero + ops.length(across))
+    if not eye.perspective:
+        return side, zero
+    along = ray.direction[0] * eye.axis[0] + ray.direction[1] * eye.axis[1] + ray.direction[2] * eye.axis[2]
+    return zero, side * along * ops.sqrt(ops.maximum(along, 0.0))  # askew, the pixel is farther away, and seen at an angle
+
+
+@helper
+def _width_at(cone: Any, plain: Any, distance: Lane) -> Lane:
+    return ops.absolute(cone[0] + cone[1] * distance)
+
+
+@helper
+def _steps_of_cone(cone: Any, plain: Any, from_eye: Lane, d: Vec, wide: Lane) -> tuple[Vec, Vec, Lane]:
+    right, down, depth = plain
+    first, second = ops.basis(d)
+    right = ops.where3(from_eye, right, ops.scale(first, wide))
+    return right, ops.where3(from_eye, down, ops.scale(second, wide)), ops.where(from_eye, depth, 1.0)
+
+
+@helper
+def _spread_with_cone(cone: Any, plain: Any, tables: Any, point: Surface, wide: Lane) -> Any:
+    g = ops.to_int(tables.instances.geometry[point.instance])
+    kind = ops.to_int(tables.geometries.kind[g])
+    flat, ball = (kind == MESH) | (kind == BOX) | (kind == PLANE) | (kind == RECTANGLE) | (kind == DISK), kind == SPHERE
+    wide, on = ops.where(flat | ball, wide, 0.0), ops.where(flat | ball, cone[1], 0.0)
+    bent = 0.0 * wide
+    if ops.any_lane(ball):
+        first, second = ops.basis(point.geometric)
+        matrix, rows = tables.transforms.inverse, ops.to_int(tables.instances.transform[point.instance])
+        one, other = ops.transform_vector(matrix, rows, first), ops.transform_vector(matrix, rows, second)
+        size = ops.sqrt(ops.length(one) * ops.length(other))
+        curved = size / ops.where(ball, tables.geometries.parameters[g, 0], 1.0)
+        bent = ops.where(ball, 2.0 * wide * ops.where(point.front, curved, -curved), 0.0)
+    return *plain, wide, on, on + bent
+
+
+@helper
+def _put_cone(point: Surface, direction: Vec, stack: Any, place: Lane, field: int, active: Lane) -> None:
+    wide, on, mirrored = point.spread[-3], point.spread[-2], point.spread[-1]
+    back = ops.dot(direction, point.geometric) > 0.0
+    known = ops.dot(point.normal, point.geometric) > 1.0 - 1e-9  # no interpolated and no turned normal
+    known = known & (back | (mirrored == on))
+    crosslane.put(stack, place, field, ops.where(known, wide, 0.0), active)
+    crosslane.put(stack, place, field + 1, ops.where(known, ops.where(back, mirrored, on), 0.0), active)
+
+
+def put_cone(point: Surface, direction: Vec, stack: Any, place: Lane, field: int, active: Lane) -> None:
+    """Write the cone of rays that leave a surface in a direction to two fields, where it is known."""
+    if point.spread is not None and len(point.spread) in WITH_CONE:
+        _put_cone(point, direction, stack, place, field, active)
+
+
+@overload(put_cone, jit_options=HELPER)
+def _put_cone_in_kernels(point, direction, stack, place, field, active):
+    spread = dict(zip(point.fields, point.types, strict=True))["spread"]
+    if isinstance(spread, types.BaseTuple) and len(spread) in WITH_CONE:
+        return lambda point, direction, stack, place, field, active: _put_cone(point, direction, stack, place, field, active)
+    return lambda point, direction, stack, place, field, active: None
+
+
+@helper
+def _take_cone(cone: Any, plain: Any, stack: Any, place: Lane, field: int) -> tuple[Lane, Lane]:
+    return crosslane.take(stack, place, field), crosslane.take(stack, place, field + 1)
+
+
+width_at = if_there(_width_at)
+_of_cone = if_there(_steps_of_cone)
+_with_cone = if_there(_spread_with_cone)
+take_cone = if_there(_take_cone)  # of rays that waited: None, stack, place, its first field
+
+
+# --- along a surface ----------------------------------------------------------------------------------------------------
+
+
+def _kept(tables: Any, spread: Any, right: Vec, down: Vec) -> Any:
+    """Surface.spread."""
+    return spread + right + down if hasattr(tables.images.kept, "places") else spread
+
+
+@overload(_kept, jit_options=HELPER)
+def _kept_in_kernels(tables, spread, right, down):
+    if tables.field("images.kept.places") is not None:
+        return lambda tables, spread, right, down: (*spread, *right, *down)
+    return lambda tables, spread, right, down: spread
+
+
+@helper
+def _over_pixel(tables: Any, step: Vec, depth: Lane, d: Vec, facing: Lane, point: Surface) -> Vec:
+    """How far places go from a pixel to the next, along the plane that touches the surface, in the thing's own frame."""
+    moved = ops.sub(ops.scale(step, depth), ops.scale(d, ops.dot(step, point.geometric) * depth / facing))
+    return ops.transform_vector(tables.transforms.inverse, ops.to_int(tables.instances.transform[point.instance]), moved)
+
+
+def _coordinates(tables: Any, way: Vec, hit: Hit, point: Surface) -> tuple[Lane, Lane]:
+    """How far texture coordinates go along a way."""
+    return _moved(tables, way, hit, point)
+
+
+@overload(_coordinates, jit_options=HELPER)
+def _coordinates_in_kernels(tables, way, hit, point):
+    if tables.field("images.kept.coordinates") is not None:
+        return lambda tables, way, hit, point: _moved(tables, way, hit, point)
+    return lambda tables, way, hit, point: (0.0 * way[0], 0.0 * way[0])
+
+
+@apart
+def _moved(tables: Any, way: Vec, hit: Hit, point: Surface) -> tuple[Lane, Lane]:
+    there = normal_map.moved(tables, point, hit, way, 1.0)
+    du, dv = there.uv[0] - point.uv[0], there.uv[1] - point.uv[1]
+    kind = tables.geometries.kind[tables.instances.geometry[point.instance]]
+    return ops.where(kind == MESH, du, du - ops.floor(du + 0.5)), dv  # others may have a seam

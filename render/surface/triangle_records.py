@@ -1,0 +1,151 @@
+"""Triangles of meshes as rows of pieces.Records: what trees find is then shaded by one row of memory, as pieces are, not by sixty gathers.
+
+A triangle whose mesh has no textures and no colours needs its outer normal and, where normals are interpolated, those of its corners.
+Both are kept in the world, for each instance; where that would take too much room meshes are asked themselves (surface.at).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import overload
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from .. import simd
+from ..jit.kernel import HELPER, helper
+from ..lanes import ops
+from ..types import Lane, Vec
+from . import interaction
+
+MOST = 1 << 22  # triangles of all instances that have rows
+EXACT = 1 << 24  # whole numbers up to this are exact in float32
+NONE = -(1 << 30)  # of `first`, where an instance has no rows
+PLAIN, ROUNDED = 1.0, 2.0  # how a row is shaded: by its own normal, by those of its corners
+CORNERS = 16  # columns: three normals; of each its product with both edges over its square, for surface.Surface.lift; and nothing
+
+
+class Flat(NamedTuple):
+    """No triangle's normals are interpolated."""
+
+
+class Rounded(NamedTuple):
+    """Normals of corners, of the first triangles that have rows."""
+
+    corners: NDArray[np.float64]  # (m · CORNERS,)
+    start: int  # the first one's row
+
+
+def build(tables: ir.Tables, chosen: list[tuple[int, float]], start: int) -> tuple[NDArray[Any], NDArray[np.int32], Flat | Rounded]:
+    """(rows (n, 8) as in pieces.Records, (instances,) first row less the first triangle, normals of corners).
+
+    `chosen`: (instance, PLAIN or ROUNDED) of meshes that are shaded so, `start` how many rows there are already.
+    """
+    first = np.full(len(tables.instances.geometry), NONE, np.int32)
+    rows, corners, left = [np.zeros((0, 8), np.float32)], [], MOST
+    for i, how in sorted(chosen, key=lambda one: -one[1]):
+        g = int(tables.instances.geometry[i])
+        begin, count = int(tables.geometries.first_triangle[g]), int(tables.geometries.triangle_count[g])
+        if count > left or begin + count > EXACT or (how == ROUNDED and not _is_even(tables, i)):
+            continue
+        first[i] = start + sum(map(len, rows)) - begin
+        rows.append(_rows(tables, i, g, how))
+        if how == ROUNDED:
+            corners.append(_corners(tables, i, g))
+        left -= count
+    rounded = Rounded(np.concatenate(corners).ravel(), start) if corners else Flat()
+    return np.concatenate(rows), first, rounded
+
+
+def _is_even(tables: ir.Tables, i: int) -> bool:
+    """Whether an instance is as large along all axes as its mesh: angles are then the same in the world."""
+    linear = tables.transforms.matrix[tables.instances.transform[i]][:, :3]
+    even = linear.T @ linear
+    return bool(np.allclose(even, even[0, 0] * np.eye(3), rtol=0, atol=1e-6 * even[0, 0]))
+
+
+def _to_world(tables: ir.Tables, i: int) -> NDArray[np.float32]:
+    """(3, 3) by which an instance's normals are multiplied from the right."""
+    return tables.transforms.inverse[tables.instances.transform[i]][:, :3].astype(np.float32)
+
+
+def _range(tables: ir.Tables, g: int) -> slice:
+    first = int(tables.geometries.first_triangle[g])
+    return slice(first, first + int(tables.geometries.triangle_count[g]))
+
+
+def _rows(tables: ir.Tables, i: int, g: int, how: float) -> NDArray[np.float32]:
+    part, positions = _range(tables, g), tables.pools.positions
+    a, b, c = (positions[tables.pools.triangles[part, k]] for k in range(3))
+    outward = np.cross(b - a, c - a) @ _to_world(tables, i)
+    rows = np.zeros((len(outward), 8), np.float32)
+    rows[:, 3] = -_wide(tables, i, g, (a, b, c))
+    rows[:, :3] = outward / np.maximum(np.linalg.norm(outward.astype(np.float64), axis=1, keepdims=True), 1e-300)
+    rows[:, 4], rows[:, 5] = i, np.arange(part.start, part.stop)
+    rows[:, 6], rows[:, 7] = tables.instances.material[i], how
+    return rows
+
+
+def _wide(tables: ir.Tables, i: int, g: int, corners: tuple[NDArray[np.float32], ...]) -> NDArray[np.float32]:
+    """(triangles,) by how much their corners make rays' distances to them less sure, in metres: see surface.spacing."""
+    matrix = tables.transforms.matrix[tables.instances.transform[i]][:, :3]
+    origin = tables.geometries.origin[g].astype(np.float32)
+    most = np.maximum(np.maximum(abs(corners[0] + origin), abs(corners[1] + origin)), abs(corners[2] + origin))
+    return most.sum(axis=1) * np.float32(np.mean(np.linalg.norm(matrix, axis=0)))
+
+
+def _corners(tables: ir.Tables, i: int, g: int) -> NDArray[np.float64]:
+    part, values = _range(tables, g), tables.pools.values
+    row, numbers = int(tables.geometries.normals[g]), np.arange(part.start, part.stop)
+    a, b, c = (tables.pools.positions[tables.pools.triangles[part, k]] for k in range(3))
+    linear = tables.transforms.matrix[tables.instances.transform[i]][:, :3].T.astype(np.float32)
+    edges = (b - a) @ linear, (c - a) @ linear
+    face = np.cross(*edges)
+    face /= np.maximum(np.linalg.norm(face, axis=1, keepdims=True), 1e-30)
+    made = np.zeros((len(numbers), CORNERS))
+    for k in range(3):
+        begin = interaction.attribute_row(tables, g, row, numbers, k, True)
+        normal = values[begin[:, None] + np.arange(3)] @ _to_world(tables, i)
+        made[:, 3 * k : 3 * k + 3] = normal
+        size = np.sum(normal * normal, axis=1)
+        round_ = np.sum(normal * face, axis=1) ** 2 > interaction.COARSEST**2 * size
+        for j in range(2):
+            along = np.sum(normal * edges[j], axis=1) / np.maximum(size, 1e-30)
+            made[:, 9 + 2 * k + j] = np.where(round_ & np.isfinite(along), along, 0.0)
+    return made
+
+
+# --- in lanes ------------------------------------------------------------------------------------------------------------
+
+
+def interpolated(rounded: Any, normal: Vec, row: Lane, here: Lane, u: Lane, v: Lane, side: Lane) -> tuple[Vec, Vec]:
+    """(`normal`, or the interpolated one on its side in the lanes `here`; surface.Surface.lift, seen from outside where `side` is 1)."""
+    raise NotImplementedError
+
+
+@helper
+def _interpolated(rounded: Any, normal: Vec, row: Lane, here: Lane, u: Lane, v: Lane, side: Lane) -> tuple[Vec, Vec]:
+    at = ops.where(here, row - rounded.start, 0) * CORNERS
+    ax, ay, az, bx, by, bz, cx, cy = simd.gather_rows(rounded.corners, at, 8)
+    cz, a1, a2, b1, b2, c1, c2, _ = simd.gather_rows(rounded.corners, at, 8, 8)
+    w = 1.0 - u - v
+    found = (ax * w + bx * u + cx * v, ay * w + by * u + cy * v, az * w + bz * u + cz * v)
+    size = ops.length(found)
+    good = here & (size > 1e-12) & ops.is_finite(size)
+    turned = ops.where(ops.dot(found, normal) < 0.0, -1.0, 1.0)
+    scale = turned / ops.where(good, size, 1.0)
+    side = side * turned
+    wa = side * w * ops.maximum(-side * (u * a1 + v * a2), 0.0)
+    wb = side * u * ops.maximum(side * ((1.0 - u) * b1 - v * b2), 0.0)
+    wc = side * v * ops.maximum(side * ((1.0 - v) * c2 - u * c1), 0.0)
+    zero = 0.0 * u
+    lift = (ax * wa + bx * wb + cx * wc, ay * wa + by * wb + cy * wc, az * wa + bz * wb + cz * wc)
+    return ops.where3(good, ops.scale(found, scale), normal), ops.where3(good, lift, (zero, zero, zero))
+
+
+@overload(interpolated, jit_options=HELPER)
+def _interpolated_in_kernels(rounded, normal, row, here, u, v, side):
+    if rounded.layout:
+        return lambda rounded, normal, row, here, u, v, side: _interpolated(rounded, normal, row, here, u, v, side)
+    return lambda rounded, normal, row, here, u, v, side: (normal, (0.0 * u, 0.0 * u, 0.0 * u))

@@ -1,0 +1,114 @@
+"""Whole scenes as closed triangles, for printers and other programs; what is open, thinner than can be told apart, or a lamp is said."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from ...compiler.exporters.mesh_files import Part
+from ...compiler.formula import dual_contouring
+from ...compiler.formula import tape as formula_tape
+from ...compiler.mesh import mesh_csg
+from ...lang.diagnostics import Diagnostic
+from ..accel import scene_bvh
+from ..backends import prepare
+from . import analytic_shapes
+
+FINER = 0.75  # of a tolerance, that a formula's contour is to keep before it is simplified by the rest
+FINENESS = 2000  # of the scene's extent, that triangles are off at the most when nothing else is asked
+_KIND = ir.GeometryKind
+_OPEN = {
+    _KIND.RECTANGLE: ("has no thickness", "a thin `box` has an inside"),
+    _KIND.DISK: ("has no thickness", "a flat `cylinder` has an inside"),
+    _KIND.CYLINDER: ("has no caps", "leave out `capped: false`"),
+    _KIND.CONE: ("has no caps", "leave out `capped: false`"),
+    _KIND.QUADRIC: ("is a surface that ends at its box", "as `implicit(|x, y, z| ... <= 0, within: ...)` it is a solid"),
+    _KIND.MESH: ("is a mesh with gaps", ""),
+    _KIND.FORMULA: ("is a sheet", "with <= in place of == it is a solid, and `abs(...) <= thickness` is a thick sheet"),
+}
+_CROWDED = ("touches itself", "")
+
+
+class _Local(NamedTuple):
+    """A geometry in its own frame."""
+
+    positions: NDArray[np.float64]  # (n, 3)
+    triangles: NDArray[np.int64]  # (m, 3)
+    off: float  # how far they are from the true surface at the most
+    thin: float = 0.0  # parts thinner than this are missing
+
+
+def parts(scene: ir.Scene, tolerance: float | None = None) -> tuple[list[Part], list[Diagnostic]]:
+    """Everything in a scene that has an end as triangles in the world, off the true surfaces by `tolerance` metres at the most where
+    that can be reached, and what is said of what is open or left out."""
+    tables, found, made = scene.tables, [], []
+    boxes = scene_bvh.world_bounds(tables)
+    lamp = np.asarray(np.isin(np.arange(len(boxes)), tables.lights.instance))
+    ends = np.asarray(np.isfinite(boxes).all(axis=1))
+    if tolerance is None and (ends & ~lamp).any():
+        there = boxes[ends & ~lamp]
+        tolerance = float((there[:, 3:].max(axis=0) - there[:, :3].min(axis=0)).max()) / FINENESS
+    for i in range(len(boxes)):
+        name = scene.names.instances[i] if i < len(scene.names.instances) else ""
+        said = f"`{name}`" if name else "a thing"
+
+        def say(severity: str, message: str, hint: str = "", row: int = i) -> None:
+            found.append(Diagnostic(severity, message, scene.spans.at("instances", row), hint))
+
+        if lamp[i] or not ends[i]:
+            say("note", f"{said} is {'a lamp' if lamp[i] else 'endless'}: it is left out")
+            continue
+        part, thin = _part(tables, i, name or f"part{i}", tolerance or 0.0)
+        if thin > 0.0:
+            what = "parts of it that are thinner are missing" if len(part.triangles) else "it is thinner, and left out"
+            hint = "a box around less of it as `within` has smaller cells"
+            say("warning", f"{said} is looked for in cells of {thin * 1000:.3g} mm: {what}", hint)
+        if len(part.triangles):
+            made.append(part)
+        if part.open_edges:
+            why, hint = _why_open(tables, i, part)
+            say("warning", f"{said} {why}: {part.open_edges} of its edges do not have one triangle on either side", hint)
+    return made, found
+
+
+def _why_open(tables: ir.Tables, i: int, part: Part) -> tuple[str, str]:
+    g = tables.instances.geometry[i]
+    kind = _KIND(int(tables.geometries.kind[g]))
+    solid = kind == _KIND.FORMULA and tables.geometries.parameters[g, 0] == 0
+    bare = (mesh_csg.edges(part.triangles) == 1).any()
+    return _OPEN[kind] if bare and not solid else _CROWDED
+
+
+def _part(tables: ir.Tables, i: int, name: str, tolerance: float) -> tuple[Part, float]:
+    """(an instance, as how thin parts of it are missing)"""
+    g, row = int(tables.instances.geometry[i]), int(tables.instances.transform[i])
+    matrix = tables.transforms.matrix[row]
+    largest = float(np.linalg.norm(matrix[:, :3], 2))
+    local = _local(tables, g, tolerance / largest)
+    positions, triangles = local.positions, local.triangles
+    if tables.geometries.kind[g] != _KIND.FORMULA:  # corners at creases and seams are there for each side
+        positions, index = np.unique(np.round(positions, 15), axis=0, return_inverse=True)
+        triangles = index.reshape(-1)[triangles]
+        triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
+    if tables.transforms.flips[row]:
+        triangles = triangles[:, ::-1]
+    positions = positions @ matrix[:, :3].T + matrix[:, 3]
+    return Part(name, positions, triangles, local.off * largest, dual_contouring.open_edges(triangles)), local.thin * largest
+
+
+def _local(tables: ir.Tables, g: int, tolerance: float) -> _Local:
+    geometries, kind = tables.geometries, int(tables.geometries.kind[g])
+    if kind == _KIND.MESH:
+        first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
+        start, vertices = int(geometries.first_vertex[g]), int(geometries.vertex_count[g])
+        positions = tables.pools.positions[start : start + vertices].astype(np.float64) + geometries.origin[g]
+        return _Local(positions, tables.pools.triangles[first : first + count].astype(np.int64) - start, 0.0)
+    if kind == _KIND.FORMULA:
+        tape, made = formula_tape.stored(tables, int(geometries.tape[g])), prepare.contoured(tables, g, FINER * tolerance, True)
+        return _Local(*mesh_csg.simplified(tape, made, tolerance), made.missing)
+    mesh = analytic_shapes.tessellate(kind, geometries.parameters[g].tolist(), tolerance)
+    exact = kind in (_KIND.BOX, _KIND.RECTANGLE)
+    return _Local(mesh.positions[:, :3], mesh.triangles.astype(np.int64), 0.0 if exact else tolerance)

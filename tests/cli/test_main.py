@@ -1,0 +1,446 @@
+"""The `maquette` command from outside: options, exit codes, messages, what goes to stdout and what to stderr, and what it loads."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from click.testing import CliRunner
+from maquette.cli import option_types as values
+from maquette.cli.main import PLANNED, cli
+from maquette.compiler import ir
+from maquette.render import render_scene
+from maquette.render.image import image_files
+from maquette.render.image.image import Image
+
+from ..files import standing_by
+
+SCENE = """\
+param radius = 1 in 0.2..2  "sphere radius"
+sphere(center: [0, radius, 0], radius: radius, material: lambert(#d0402a))
+plane(y: 0, material: lambert(#e8e8e8))
+point([2, 4, 3], intensity: 20)
+camera(position: [0, 1.6, 5], look_at: [0, 1, 0], fov: 35deg)
+render(size: [32, 24], samples: 1)
+"""
+WRONG = """\
+sphere(radius: 1, colour: #ff0000)
+camera(position: [0, 0, 5], fov: 35)
+plane(y: 0
+"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A small scene as a.scene in the current folder."""
+    standing_by(tmp_path, monkeypatch, SCENE)
+    return Path("a.scene")
+
+
+def run(*arguments: object) -> tuple[int, str, str]:
+    done = CliRunner().invoke(cli, [str(a) for a in arguments])
+    return done.exit_code, done.stdout, done.stderr
+
+
+def shell(*arguments: object, **more: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", "from maquette import cli; cli.cli(prog_name='maquette')", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, **more)  # type: ignore[call-overload]
+
+
+# --- help, usage, exit codes -----------------------------------------------------------------------------------------------
+
+
+def test_help_lists_what_there_is_and_what_is_planned() -> None:
+    code, out, err = run("--help")
+    assert (code, err) == (0, "")
+    for name in (*cli.commands, *PLANNED):
+        assert f"\n  {name} " in out
+
+
+@pytest.mark.parametrize("name", list(cli.commands))
+def test_each_help_shows_an_example(name: str) -> None:
+    code, out, _ = run(name, "--help")
+    assert code == 0
+    assert f"Examples:\n    maquette {name} " in out
+
+
+def test_format_lays_scenes_out_in_place(scene: Path) -> None:
+    scene.write_bytes(b"sphere( 1 )\r\n")
+    scene.chmod(0o640)
+    assert run("format", "--check", scene) == (1, "a.scene\n", "")
+    assert scene.read_bytes() == b"sphere( 1 )\r\n"
+    assert run("format", scene) == (0, "a.scene\n", "")
+    assert scene.read_bytes() == b"sphere(1)\n"
+    assert scene.stat().st_mode & 0o777 == 0o640
+    assert run("format", scene) == run("format", "--check", scene) == (0, "", "")
+
+
+def test_format_leaves_what_has_errors_and_lays_out_the_rest(scene: Path) -> None:
+    scene.write_text("sphere((1)\n", encoding="utf-8")
+    Path("b.scene").write_text("box( 1 )\n", encoding="utf-8")
+    code, out, err = run("format", scene, "b.scene")
+    assert (code, out) == (1, "b.scene\n")
+    assert err == "a.scene:1:7: error: this `(` is not closed\n   1 | sphere((1)\n     |       ^ write `)` where it ends\n"
+    assert scene.read_text(encoding="utf-8") == "sphere((1)\n"
+    assert sorted(p.name for p in Path().iterdir()) == ["a.scene", "b.scene"]
+
+
+def test_format_reads_stdin(scene: Path) -> None:
+    done = shell("format", "-", input="sphere( 1 )")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "sphere(1)\n", "")
+    done = shell("format", "-", input="sphere( 1")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == "stdin:1:7: error: this `(` is not closed\n   1 | sphere( 1\n     |       ^ write `)` where it ends\n"
+
+
+def test_format_takes_scenes_only(scene: Path) -> None:
+    Path("a.usda").write_text("#usda 1.0\n", encoding="utf-8")
+    code, _, err = run("format", "a.usda")
+    assert code == 2
+    assert err.endswith("Error: a.usda: only .scene files are laid out\n")
+
+
+@pytest.mark.parametrize("name", list(PLANNED))
+def test_planned_commands_say_so(name: str) -> None:
+    assert run(name, "a.scene") == (2, "", f"Error: `maquette {name}` ({PLANNED[name]}) is not built yet\n")
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        (("--size", "800×"), "Invalid value for '--size': '800×': a size is written 800x600, or 512 for a square"),
+        (("--size", "0x10"), "Invalid value for '--size': '0x10': a picture's sides are 1 to 65536 pixels"),
+        (("--error", "0"), "Invalid value for '--error': '0': a share is written 1% or 0.01, and is more than 0"),
+        (("--error", "1"), "Invalid value for '--error': '1': that is 100%: write 1%"),
+        (("--error", "1%", "--samples", "8"), "--samples and --error exclude each other: the one fixes the work, the other the quality"),
+        (("--budget", "3m"), "Invalid value for '--budget': '3m': a time is written 20s, 500ms or 2min"),
+        (("--budget", "0s"), "Invalid value for '--budget': '0s': a budget is more than 0 seconds"),
+        (("--time", "1deg"), "Invalid value for '--time': '1deg': a time is written 20s, 500ms or 2min"),
+        (("--frames", "5..1"), "Invalid value for '--frames': '5..1': frames are written 1..24, 1..240x10 or 1,5,10, upwards"),
+        (("--frames", "1-5"), "Invalid value for '--frames': '1-5': frames are written 1..24, 1..240x10 or 1,5,10"),
+        (("--crop", "0,0,10"), "Invalid value for '--crop': '0,0,10': a crop is written x0,y0,x1,y1, in pixels from the top left"),
+        (("--crop", "9,0,3,4"), "Invalid value for '--crop': '9,0,3,4': a crop has x0 < x1 and y0 < y1"),
+        (("--background", "red"), "Invalid value for '--background': 'red': a background is sky, transparent or a colour like #87b5e0"),
+        (("--exposure", "bright"), "Invalid value for '--exposure': 'bright': an exposure is a number of stops, like -1.5 or 2ev"),
+        (("--samples", "0"), "Invalid value for '--samples': 0 is not in the range 1<=x<=1048576."),
+        (("--set", "radius"), "Invalid value for '--set': 'radius': write it as name=value"),
+        (("--set", "radius=1", "--set", "radius=2"), "Invalid value for '--set': `radius` is given twice"),
+        (("--variant", "set=name"), "Invalid value for '--variant': 'set=name': a variant is written /prim:set=name"),
+        (("--backend", "gpu"), "Invalid value for '--backend': 'gpu' is not one of 'auto', 'ray', 'raster', 'reference'."),
+        (("--frames", "1..2", "--time", "1s"), "--time and --frames exclude each other"),
+        (("-o", "a.bmp"), "cannot tell the picture format of a.bmp: its name must end in one of .exr, .png, .tif, .tiff, .jpg, .jpeg"),
+        (("-o", "a.exr", "--bits", "8"), "a.exr holds 32-bit floats: --bits is for 8 and 16-bit pictures"),
+        (("--aov", "depth"), "a.png has no room for the channels depth: write an .exr"),
+        (("-o", "a.exr", "--aov", "dept"), "no channel is called `dept`; there are "
+            "depth, normal, position, albedo, uv, id, variance, samples, cryptomatte, lights, issues."),
+        (("--plan", "raster.fil=areas"), "no decision is called `raster.fil`; did you mean `raster.fill`?"),
+        (("--plan", "raster.fill=lines"), "`raster.fill` cannot be lines; it can be: edges, areas, scanline"),
+        (("--camera", "left"), "no camera is called `left`; the scene has: "),
+        (("--crop", "0,0,33,24"), "the crop 0,0,33,24 does not lie inside the picture of 32x24 pixels"),
+        (("--colour", "red"), "No such option '--colour'."),
+    ],
+)
+def test_wrong_options_are_usage_errors(scene: Path, option: tuple[str, ...], message: str) -> None:
+    code, out, err = run("render", scene, *option)
+    assert (code, out) == (2, "")
+    assert f"Error: {message}" in err
+    assert not list(Path().glob("*.png"))
+
+
+def test_a_scene_that_is_not_there() -> None:
+    code, _, err = run("render", "none.scene")
+    assert code == 2
+    assert "File 'none.scene' does not exist." in err
+
+
+def test_a_folder_that_is_not_there(scene: Path) -> None:
+    assert run("render", scene, "-o", "no/where/a.png") == (1, "", "error: there is no folder no/where to write a.png into\n")
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_that_is_not_writable(scene: Path) -> None:
+    Path("locked").mkdir(mode=0o500)
+    assert run("render", scene, "-o", "locked/a.png") == (1, "", "error: the folder locked is not writable\n")
+
+
+# --- option values ---------------------------------------------------------------------------------------------------------
+
+
+def test_values() -> None:
+    assert values.size("512") == (512, 512)
+    assert values.size("800x600") == (800, 600)
+    assert values.share("1%") == pytest.approx(0.01) == values.share("0.01")
+    assert (values.seconds("2"), values.seconds("500ms"), values.seconds("2min")) == (2.0, 0.5, 120.0)
+    assert values.frames("1..10x4") == (1, 5, 9)
+    assert values.frames("-2..1") == (-2, -1, 0, 1)
+    assert values.frames("1,5,10,5") == (1, 5, 10)
+    assert values.background("#fff") == pytest.approx((1, 1, 1))
+    assert values.assignment("text=a=b") == ("text", "a=b")
+    assert values.variant("/robot:colour=red") == ("/robot:colour", "red")
+
+
+def test_frames_are_numbered() -> None:
+    assert values.numbered(Path("a/out.####.png"), 7) == Path("a/out.0007.png")
+    assert values.numbered(Path("out##.exr"), 123) == Path("out123.exr")
+    assert values.numbered(Path("out.png"), 7) == Path("out.0007.png")
+
+
+# --- render ----------------------------------------------------------------------------------------------------------------
+
+
+def test_render_writes_a_picture_and_says_so(scene: Path) -> None:
+    code, out, err = run("render", scene)
+    assert (code, err) == (0, "")
+    assert out.startswith("a.png: 32x24, ray, 1 samples a pixel, ")
+    image = image_files.read(Path("a.png"))
+    assert (image.width, image.height) == (32, 24)
+    ball, floor = image.channels["rgba"][12, 16], image.channels["rgba"][22, 2]
+    assert ball[0] > 2 * ball[2] > 0  # red
+    assert floor[0] == pytest.approx(floor[2], abs=1e-3)  # grey
+
+
+def test_quiet_prints_nothing(scene: Path) -> None:
+    assert run("render", scene, "-q") == (0, "", "")
+
+
+@pytest.mark.parametrize("backend", ["ray", "raster", "reference"])
+def test_the_same_picture_by_each_backend(scene: Path, backend: str) -> None:
+    assert run("render", scene, "-o", f"{backend}.exr", "--backend", backend)[0] == 0
+    assert run("render", scene, "-o", "ray.exr", "--backend", "ray")[0] == 0
+    code, out, _ = run("compare", f"{backend}.exr", "ray.exr", "--threshold", "5%")
+    assert code == 0, out
+
+
+def test_command_line_goes_before_the_scene(scene: Path) -> None:
+    assert run("render", scene, "--size", "10x8", "-o", "small.png")[0] == 0
+    assert (image_files.read(Path("small.png")).width, image_files.read(Path("small.png")).height) == (10, 8)
+
+
+def test_set_changes_the_scene(scene: Path) -> None:
+    run("render", scene, "-o", "one.exr", "--set", "radius=1")
+    run("render", scene, "-o", "default.exr")
+    run("render", scene, "-o", "half.exr", "--set", "radius=0.5")
+    assert run("compare", "one.exr", "default.exr", "--threshold", "0")[0] == 0
+    assert run("compare", "half.exr", "default.exr", "--threshold", "1%")[0] == 1
+
+
+def test_aovs_go_into_the_exr(scene: Path) -> None:
+    assert run("render", scene, "-o", "a.exr", "--aov", "depth,normal,id")[0] == 0
+    names = set(oiio.ImageBuf("a.exr").spec().channelnames)
+    assert names == {"R", "G", "B", "A", "depth.Z", "normal.X", "normal.Y", "normal.Z", "id.instance", "id.material"}
+
+
+def test_a_transparent_background_gives_alpha(scene: Path) -> None:
+    scene.write_text(SCENE.replace("plane(y: 0, material: lambert(#e8e8e8))\n", ""), encoding="utf-8")
+    run("render", scene, "-o", "t.png", "--background", "transparent")
+    run("render", scene, "-o", "c.png", "--background", "#ff0000")
+    assert [oiio.ImageBuf(name).spec().nchannels for name in ("t.png", "c.png")] == [4, 3]
+    alpha = image_files.read(Path("t.png")).channels["rgba"][..., 3]
+    assert (alpha[0, 0], alpha[12, 16]) == (0, 1)
+    assert image_files.read(Path("c.png")).channels["rgba"][0, 0].tolist() == [1, 0, 0, 1]
+
+
+def test_frames_are_moments(scene: Path) -> None:
+    moving = SCENE.replace("[0, radius, 0]", "[2 * time / 1s, radius, 0]") + "animate(duration: 2s, fps: 2)\n"
+    scene.write_text(moving, encoding="utf-8")
+    assert run("render", scene, "-o", "f.##.exr", "--frames", "0..2x2", "-q") == (0, "", "")
+    assert sorted(p.name for p in Path().glob("f.*")) == ["f.00.exr", "f.02.exr"]
+    run("render", scene, "-o", "one.exr", "--time", "1s")
+    assert run("compare", "f.02.exr", "one.exr", "--threshold", "0")[0] == 0
+    assert run("compare", "f.00.exr", "one.exr", "--threshold", "1%")[0] == 1
+
+
+def test_frames_of_a_stage_are_its_time_codes(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cube that is at x = code - 100, in a stage that starts at 101 with 24 codes a second."""
+    Path("a.usda").write_text(
+        """#usda 1.0
+(
+    startTimeCode = 101
+    endTimeCode = 110
+    timeCodesPerSecond = 24
+)
+def Cube "cube" {
+    double3 xformOp:translate.timeSamples = { 101: (1, 0, 0), 110: (10, 0, 0) }
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+""",
+        encoding="utf-8",
+    )
+    seen = []
+
+    def drawn(compiled: ir.Scene, *_: object) -> Image:
+        seen.append(float(compiled.tables.transforms.matrix[compiled.tables.instances.transform[0], 0, 3]))
+        return Image(1, 1, {"rgba": np.zeros((1, 1, 4), np.float32)}, {"seconds": {}, "notes": [], "unproved": 0, "issues": 0})
+
+    monkeypatch.setattr(render_scene, "draw", drawn)
+    assert run("render", "a.usda", "--frames", "101..109x4", "-o", "f.exr")[0] == 0
+    assert run("render", "a.usda", "--time", "250ms", "-o", "t.exr")[0] == 0
+    assert seen == pytest.approx([1, 5, 9, 7])
+    assert run("check", "a.usda", "--set", "a=1")[0] == 1
+
+
+def test_photometric_scenes_are_metered(scene: Path) -> None:
+    scene.write_text(SCENE.replace("intensity: 20", "intensity: 20000cd"), encoding="utf-8")
+    code, _, err = run("render", scene)
+    assert code == 0
+    assert err.startswith("exposure: metered, -")
+    fixed = err.split("--exposure ")[1].split(" ")[0]
+    run("render", scene, "-o", "fixed.png", "--exposure", fixed)
+    assert run("compare", "a.png", "fixed.png", "--threshold", "0")[0] == 0
+
+
+def test_stats(scene: Path) -> None:
+    assert run("render", scene, "--stats", "stats.json", "--samples", "2")[0] == 0
+    stats = json.loads(Path("stats.json").read_text(encoding="utf-8"))
+    assert list(stats) == ["scene", "backend", "size", "samples", "seconds", "rays", "error", "cut", "plan", "warnings"]
+    assert list(stats["seconds"]) == ["import", "parse", "evaluate", "lower", "validate", "compile_kernels", "build", "render", "write"]
+    assert (stats["scene"], stats["backend"], stats["size"], stats["samples"]) == ("a.scene", "ray", [32, 24], 2)
+    assert [stage for stage, took in stats["seconds"].items() if took <= 0 and stage != "compile_kernels"] == []  # may be in memory
+    assert stats["plan"]["raster.fill"] == "edges"
+    assert stats["plan"]["budget"] is None
+    assert stats["warnings"] == []
+
+
+@pytest.mark.parametrize("command", ["render", "watch"])
+@pytest.mark.parametrize("file", ["a.scene", "a.png"])
+def test_stats_replace_neither_scene_nor_picture(scene: Path, command: str, file: str) -> None:
+    before = scene.read_bytes()
+    code, _, err = run(command, "a.scene", "-o", "a.png", "--stats", file)
+    assert code == 2
+    assert f"--stats {file} would replace {file}: give the figures a file of their own, as a.json" in err
+    assert scene.read_bytes() == before
+
+
+def test_ctrl_c_leaves_what_is_done(scene: Path) -> None:
+    tell = "t.Progress.__call__ = lambda self, done, total: print('begun', flush=True)"
+    code = f"from maquette.cli import main, terminal as t; {tell}; main.main()"
+    command = [sys.executable, "-c", code, "render", "a.scene", "--backend", "reference", "--size", "600", "--samples", "1024"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "begun\n"
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert err == "interrupted: what was done is in a.partial.exr\n"
+    assert set(out.split()) <= {"begun"}
+    assert image_files.read(Path("a.partial.exr")).channels["rgba"].any()
+    assert not Path("a.png").exists()
+
+
+# --- check, inspect, explain, convert --------------------------------------------------------------------------------------
+
+
+def test_check_finds_all_errors_at_once(scene: Path) -> None:
+    Path("wrong.scene").write_text(WRONG, encoding="utf-8")
+    code, out, err = run("check", "wrong.scene", scene)
+    assert code == 1
+    assert out.splitlines()[1] == "a.scene: no errors"
+    assert next(line for line in err.splitlines() if ": error: " in line).startswith("wrong.scene:1:19: error: sphere has no `colour`")
+    assert "wrong.scene:2:" in err
+    assert "wrong.scene:3:" in err
+    assert "Traceback" not in err
+
+
+def test_check_json_is_the_same_as_data(scene: Path) -> None:
+    Path("wrong.scene").write_text(WRONG, encoding="utf-8")
+    code, out, err = run("check", "wrong.scene", "--json")
+    assert (code, err) == (1, "")
+    found = json.loads(out)
+    assert set(found[0]) == {"severity", "message", "hint", "span", "trace"}
+    assert found[0]["span"]["line"] == 1
+    assert run("check", scene, "--json") == (0, "[]\n", "")
+
+
+def test_errors_of_render_come_before_anything_is_written(scene: Path) -> None:
+    Path("wrong.scene").write_text(WRONG, encoding="utf-8")
+    code, out, err = run("render", "wrong.scene")
+    assert (code, out) == (1, "")
+    assert "wrong.scene:1:19: error:" in err
+    assert not Path("wrong.png").exists()
+
+
+def test_explain_prints_every_decision_and_reason(scene: Path) -> None:
+    code, out, _ = run("explain", scene, "--plan", "raster.fill=areas", "--samples", "3")
+    assert code == 0
+    rows = {line.split("  ")[0]: line for line in out.splitlines()}
+    assert "asked for" in rows["samples"]
+    assert "set with --plan" in rows["raster.fill"]
+    data = json.loads(run("explain", scene, "--json")[1])
+    assert {row["name"] for row in data} <= set(rows)
+    assert all(row["reason"] for row in data)
+
+
+def test_explain_prints_what_was_added(scene: Path) -> None:
+    scene.write_text("sphere(1)\n", encoding="utf-8")
+    _, out, _ = run("explain", scene)
+    assert [line for line in out.splitlines() if line.startswith("added: camera")]
+    assert [line for line in out.splitlines() if line.startswith("added: sun")]
+
+
+def test_inspect(scene: Path) -> None:
+    code, out, _ = run("inspect", scene)
+    assert code == 0
+    assert "param radius: number = 1" in out or "param radius: length = 1" in out
+    assert "file: " in out
+    assert run("inspect", scene, "--ir")[0] == 0
+    assert isinstance(json.loads(run("inspect", scene, "--json")[1]), dict)
+    assert run("inspect", scene, "--ir", "--json")[0] == 2
+
+
+def test_a_saved_ir_draws_the_same(scene: Path) -> None:
+    assert run("convert", scene, "a.npz") == (0, "", "")
+    run("render", scene, "-o", "scene.exr")
+    assert run("render", "a.npz", "-o", "npz.exr")[0] == 0
+    assert run("compare", "scene.exr", "npz.exr", "--threshold", "0")[0] == 0
+    code, _, err = run("convert", scene, "a.usda")
+    assert code == 2
+    assert "Error: writing .usda is not built yet: OUT ends in .npz (a saved IR), .xml (Mitsuba 3), .pov (POV-Ray 3.7), .stl (" in err
+
+
+# --- what it loads, what it shows ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "banned"),
+    [
+        (("--help",), ("numba", "numpy", "pxr", "OpenImageIO", "rich.table", "lark")),
+        (("render", "--help"), ("numba", "numpy", "pxr", "OpenImageIO")),
+        (("check", "a.scene"), ("numba", "pxr", "OpenImageIO")),
+        (("inspect", "a.scene"), ("numba", "pxr", "OpenImageIO")),
+        (("explain", "a.scene"), ("numba", "pxr", "OpenImageIO")),
+    ],
+)
+def test_commands_load_no_more_than_they_need(scene: Path, arguments: tuple[str, ...], banned: tuple[str, ...]) -> None:
+    tell = "atexit.register(lambda: print('LOADED', *sys.modules, file=sys.stderr))"
+    code = f"import sys, atexit; {tell}; from maquette import cli; cli.cli()"
+    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    loaded = set(done.stderr.split("LOADED ")[1].split())
+    assert not loaded & set(banned)
+
+
+def test_import_maquette_is_light() -> None:
+    code = "import maquette, sys; sys.exit(bool({'numpy', 'numba', 'click', 'rich'} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
+
+
+def test_no_colours_where_there_is_no_terminal(scene: Path) -> None:
+    Path("wrong.scene").write_text(WRONG, encoding="utf-8")
+    done = shell("check", "wrong.scene", env={**os.environ, "FORCE_COLOR": ""})
+    assert done.returncode == 1
+    assert "\x1b" not in done.stderr + done.stdout
+
+
+def test_a_fault_of_our_own_is_no_traceback(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("maquette.cli.terminal.inspect", lambda _: 1 / 0)
+    code, out, err = run("inspect", scene)
+    assert (code, out) == (1, "")
+    assert err.startswith("internal error: ZeroDivisionError: division by zero\n")
+    assert "Traceback" not in err

@@ -1,0 +1,357 @@
+"""PLY, STL and GLB files in, geometry out; broken ones are one message; and the shared sample meshes."""
+
+import json
+import struct
+
+import numpy as np
+import pytest
+from maquette.compiler import ir, load
+from maquette.compiler.importers import mesh_files
+from maquette.compiler.io.sandbox import Files
+from maquette.compiler.scene.builder import SceneBuilder
+from maquette.lang.diagnostics import Diagnostics
+
+from ...files import write_image
+from .. import tables
+
+SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
+
+
+def read(data, name):
+    """(scene, parts, messages) of a mesh file's bytes."""
+    found = Diagnostics()
+    builder = SceneBuilder(found)
+    parts = mesh_files.read(data, name, builder, found)
+    return builder.finish(), parts, [f"{d.span}: {d.severity}: {d.message}" for d in found.items]
+
+
+# --- PLY ---
+
+HEADER = """ply
+format {format} 1.0
+comment made here
+element vertex 4
+property float x
+property float y
+property float z
+property uchar red
+property uchar green
+property uchar blue
+property double s
+property double t
+element face {faces}
+property list uchar {index} vertex_indices
+property float quality
+element edge 0
+property int vertex1
+end_header
+"""
+
+
+def ply(order, faces, index="int"):
+    head = HEADER.format(format=order, faces=len(faces), index=index).encode()
+    if order == "ascii":
+        rows = [f"{x:g} {y:g} {z:g} 255 {round(y * 255)} 0 {x:g} {y:g}" for x, y, z in SQUARE]
+        rows += [f"{len(f)} {' '.join(map(str, f))} 0.5" for f in faces]
+        return head + "\n".join(rows).encode() + b"\n"
+    e = "<" if "little" in order else ">"
+    body = b"".join(struct.pack(f"{e}3f3B2d", *p, 255, round(p[1] * 255), 0, p[0], p[1]) for p in SQUARE)
+    code = {"int": "i", "ushort": "H"}[index]
+    return head + body + b"".join(struct.pack(f"{e}B{len(f)}{code}f", len(f), *f, 0.5) for f in faces)
+
+
+@pytest.mark.parametrize("order", ["ascii", "binary_little_endian", "binary_big_endian"])
+@pytest.mark.parametrize("index", ["int", "ushort"])
+def test_ply(order, index):
+    scene, parts, messages = read(ply(order, [[0, 1, 2, 3]], index), "a.ply")
+    assert messages == []
+    assert [(p.name, p.material) for p in parts] == [("a", None)]
+    assert tables.corners(scene.tables).tolist() == [SQUARE[[0, 1, 2]].tolist(), SQUARE[[0, 2, 3]].tolist()]
+    assert tables.attribute(scene.tables, "uvs").tolist() == [SQUARE[[0, 1, 2], :2].tolist(), SQUARE[[0, 2, 3], :2].tolist()]
+    assert tables.attribute(scene.tables, "colors")[0].tolist() == [[1, 0, 0], [1, 0, 0], [1, 1, 0]]
+    assert scene.tables.geometries.polygon_count.tolist() == [1]
+
+
+@pytest.mark.parametrize("order", ["ascii", "binary_little_endian"])
+def test_ply_with_faces_of_many_sizes(order):
+    scene, _, messages = read(ply(order, [[0, 1, 2, 3], [0, 1, 3]]), "a.ply")
+    assert messages == []
+    assert len(tables.corners(scene.tables)) == 3
+
+
+def test_ply_colours_of_faces_and_coordinates_of_corners():
+    text = """ply
+format ascii 1.0
+element vertex 4
+property float x
+property float y
+property float z
+element face 2
+property list uchar int vertex_index
+property list uchar float texcoord
+property float red
+property float green
+property float blue
+end_header
+0 0 0
+1 0 0
+1 1 0
+0 1 0
+3 0 1 2 6 0 0 1 0 1 1 1 0 0
+3 0 2 3 6 0.5 0 1 1 0 1 0.5 0.5 0.5
+"""
+    scene, _, messages = read(text.encode(), "a.ply")
+    assert messages == []
+    assert tables.attribute(scene.tables, "colors")[:, 0] == pytest.approx(np.array([[1, 0, 0], [0.2140411] * 3]))
+    assert tables.attribute(scene.tables, "uvs")[1].tolist() == [[0.5, 0], [1, 1], [0, 1]]
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (lambda d: d[:-5], "a.ply: error: the PLY file ends in the middle of its `face` rows"),
+        (lambda d: d[:300], "a.ply: error: this is no PLY file: it does not begin with a PLY header"),
+        (lambda d: b"plx" + d[3:], "a.ply: error: this is no PLY file: it does not begin with a PLY header"),
+        (lambda d: d.replace(b"property float z", b"property foat z"),
+         "a.ply: error: the PLY header has a line that says nothing: `property foat z`"),
+        (lambda d: d.replace(b"format ascii", b"format morse"), "a.ply: error: the PLY file has no format that is known: `morse`"),
+        (lambda d: d.replace(b"float x", b"float q"), "a.ply: error: the PLY file has no vertices with x, y and z"),
+        (lambda d: d.replace(b"vertex_indices", b"strips"),
+         "a.ply: error: the PLY file has no faces: clouds of points and triangle strips are not drawn"),
+        (lambda d: d.replace(b"0.5", b"half"), "a.ply: error: the PLY file has something among its numbers that is no number"),
+        (lambda d: d.replace(b"4 0 1 2 3", b"4 0 1 2 9"),
+         "a.ply: warning: 1 of 2 faces use vertices that do not exist or are not finite: they are left out"),
+        (lambda d: d.replace(b"0 1 0 255", b"0 nan 0 255"),
+         "a.ply: warning: 1 of 2 faces use vertices that do not exist or are not finite: they are left out"),
+        (lambda d: d.replace(b"vertex 4", b"vertex 4000000000"), "a.ply: error: the PLY file ends in the middle of its `vertex` rows"),
+    ],
+)  # fmt: skip
+def test_broken_ply(change, expected):
+    assert read(change(ply("ascii", [[0, 1, 2, 3], [0, 1, 2]])), "a.ply")[2] == [expected]
+
+
+def test_cut_off_binary_ply():
+    whole = ply("binary_little_endian", [[0, 1, 2, 3], [0, 1, 2]])
+    for length in range(len(whole) - 38, len(whole)):
+        _, parts, messages = read(whole[:length], "a.ply")
+        assert parts == []
+        assert messages == ["a.ply: error: the PLY file ends in the middle of its `face` rows"]
+
+
+# --- STL ---
+
+BOX = SQUARE[[[0, 3, 2], [0, 2, 1]]].tolist() + np.array([[[0, 0, 0], [1, 0, 0], [1, 0, 1]], [[0, 0, 0], [1, 0, 1], [0, 0, 1]]]).tolist()
+
+
+def stl(triangles, text):
+    if text:
+        lines = ["solid a"]
+        for t in triangles:
+            lines += ["facet normal 0 0 0", " outer loop", *(f"  vertex {x} {y} {z}" for x, y, z in t), " endloop", "endfacet"]
+        return "\n".join([*lines, "endsolid a"]).encode()
+    rows = b"".join(struct.pack("<12fH", 0, 0, 0, *(c for p in t for c in p), 0) for t in triangles)
+    return b"solid, though binary".ljust(80) + struct.pack("<I", len(triangles)) + rows
+
+
+@pytest.mark.parametrize("text", [False, True])
+def test_stl_is_welded_and_has_creases(text):
+    scene, _, messages = read(stl(BOX, text), "a.stl")
+    assert messages == []
+    assert tables.corners(scene.tables).tolist() == np.array(BOX, float).tolist()
+    assert scene.tables.geometries.vertex_count.tolist() == [6]
+    normals = np.array([[0, 0, -1], [0, 0, -1], [0, -1, 0], [0, -1, 0]])
+    assert tables.attribute(scene.tables, "normals")[:, 0] == pytest.approx(normals, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("data", "expected"),
+    [
+        (b"rubbish" * 3, "a.stl: error: this is no STL file: it is neither binary nor does it begin with `solid`"),
+        (b"x" * 80 + struct.pack("<I", 7) + b"y" * 60, "a.stl: error: the STL file ends early: it promises 7 triangles and holds 1"),
+        (b"solid\nvertex 1 2 x\n", "a.stl: error: the STL file has a vertex that is not three numbers"),
+        (stl(BOX, True).replace(b"vertex 1 0 1", b"", 1),
+         "a.stl: error: the STL file has 11 vertices, which make no whole number of triangles"),
+        (b"   ", "a.stl: error: `a.stl` is empty"),
+    ],
+)  # fmt: skip
+def test_broken_stl(data, expected):
+    assert read(data, "a.stl")[2] == [expected]
+
+
+# --- GLB ---
+
+
+def glb(document, binary=b""):
+    text = json.dumps({"asset": {"version": "2.0"}, **document}).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
+    return b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks
+
+
+def square(**more):
+    """A document with a square of two triangles, shown by two nodes, and its buffer."""
+    binary = SQUARE.astype("<f4").tobytes() + SQUARE[:, :2].astype("<f4").tobytes() + np.array([0, 1, 2, 0, 2, 3], "<u2").tobytes()
+    document = {
+        "buffers": [{"byteLength": len(binary)}],
+        "bufferViews": [{"buffer": 0, "byteOffset": a, "byteLength": n} for a, n in ((0, 48), (48, 32), (80, 12))],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC2"},
+            {"bufferView": 2, "componentType": 5123, "count": 6, "type": "SCALAR"},
+        ],
+        "meshes": [{"name": "sq", "primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}]}],
+        "materials": [{"name": "red", "pbrMetallicRoughness": {"baseColorFactor": [1, 0.5, 0.25, 1], "metallicFactor": 0}}],
+        "nodes": [
+            {"mesh": 0, "name": "one", "translation": [1, 2, 3]},
+            {"children": [0, 2], "scale": [2, 2, 2]},
+            {"mesh": 0, "matrix": [0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1, 0, 5, 0, 0, 1]},
+        ],
+        "scenes": [{"nodes": [1]}],
+    }
+    return {**document, **more}, binary
+
+
+def test_glb():
+    scene, parts, messages = read(glb(*square()), "a.glb")
+    assert messages == []
+    assert [p.name for p in parts] == ["one", "sq"]
+    assert [p.geometry for p in parts] == [0, 0]  # shared
+    first, second = (p.transform for p in parts)
+    assert first is not None
+    assert second is not None
+    assert first.tolist() == [[2, 0, 0, 2], [0, 2, 0, 4], [0, 0, 2, 6]]
+    assert second.tolist() == [[0, -2, 0, 10], [2, 0, 0, 0], [0, 0, 2, 0]]
+    assert tables.corners(scene.tables)[0].tolist() == SQUARE[[0, 1, 2]].tolist()
+    assert tables.attribute(scene.tables, "uvs")[0].tolist() == [[0, 1], [1, 1], [1, 0]]  # its v goes down
+    assert scene.tables.materials.values[parts[0].material, ir.Slot.DIFFUSE].tolist() == [1, 0.5, 0.25]
+    assert scene.names.materials == ("red",)
+
+
+def test_glb_pictures_and_their_frames(tmp_path):
+    data = write_image(tmp_path / "p.png", np.array([[[255, 0, 0]]], np.uint8)).read_bytes()
+    document, binary = square()
+    document["bufferViews"].append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(data)})
+    document["images"] = [{"bufferView": 3, "mimeType": "image/png"}]
+    document["samplers"] = [{"wrapS": 33071, "magFilter": 9728}]
+    document["textures"] = [{"source": 0, "sampler": 0}]
+    moved = {"KHR_texture_transform": {"offset": [0.25, 0.5], "scale": [2, 3]}}
+    document["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0, "extensions": moved}
+    scene, _, messages = read(glb(document, binary + data), "a.glb")
+    t = scene.tables.textures
+    assert messages == []
+    assert scene.tables.images.texels[0].tolist() == [1, 0, 0, 1]
+    assert (t.wrap_u[0], t.wrap_v[0], bool(t.nearest[0])) == (ir.Wrap.CLAMP, ir.Wrap.REPEAT, True)
+    assert t.frame[0].tolist() == [[2, 0, 0.25], [0, 3, -2.5]]  # v' = 1 − (3 (1 − v) + 0.5)
+
+
+@pytest.mark.parametrize(("mode", "order", "count"), [(5, [0, 1, 3, 2], 2), (6, [0, 1, 2, 3], 2), (4, [0, 1, 2], 1)])
+def test_glb_strips_and_fans_wind_alike(mode, order, count):
+    document, binary = square()
+    document["accessors"][2]["count"] = len(order)
+    document["meshes"][0]["primitives"][0]["mode"] = mode
+    scene, _, messages = read(glb(document, binary[:80] + np.array(order, "<u2").tobytes().ljust(12)), "a.glb")
+    t = tables.corners(scene.tables)
+    assert messages == []
+    assert np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])[:, 2].tolist() == [1] * count
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "the GLB file needs what is not built: KHR_draco_mesh_compression"),
+        ({"nodes": [{"children": [1]}, {"children": [0]}]}, "the GLB file's nodes contain each other"),
+        ({"nodes": [{}, {}, {}]}, "the GLB file shows no mesh"),
+        ({"bufferViews": []}, "the GLB file contradicts itself (IndexError: list index out of range)"),
+        ({"bufferViews": [{"buffer": 0, "byteOffset": 9999}] * 3}, "the GLB file's data lies outside of it"),
+        ({"meshes": 7}, "the GLB file contradicts itself (TypeError: 'int' object is not subscriptable)"),
+        ({"scene": 4}, "the GLB file contradicts itself (IndexError: list index out of range)"),
+    ],
+)
+def test_broken_glb(change, expected):
+    assert read(glb(*square(**change)), "a.glb")[2] == [f"a.glb: error: {expected}"]
+
+
+@pytest.mark.parametrize("data", [b"glTF", b"x" * 30, b"glTF" + struct.pack("<III4s", 2, 99, 4000, b"JSON")])
+def test_no_glb(data):
+    assert len(read(data, "a.glb")[2]) == 1
+
+
+def test_an_unknown_ending():
+    assert read(b"x", "a.max")[2] == ["a.max: error: `a.max` is no mesh file that is known"]
+
+
+# --- the shared samples ---
+
+SAMPLES = {  # triangles, materials that the file names
+    "obj_spot/spot.obj": (5856, 0),
+    "obj_fuze/fuze.obj": (1000, 1),
+    "obj_cornell_box/cornell_box.obj": (36, 4),
+    "obj_negative_indices/negative_indices.obj": (12, 0),
+    "obj_groups/groups.obj": (2308, 0),
+    "obj_cube_usemtl/cube_usemtl.obj": (12, 2),
+    "obj_teapot/teapot.obj": (6320, 0),
+    "ply_box_textured/BoxTextured.ply": (12, 0),
+    "ply_float_colors/float-color.ply": (1, 0),
+    "ply_binary_cube/cube_binary.ply": (12, 0),
+    "ply_fuze/fuze.ply": (1000, 0),
+}
+
+
+@pytest.mark.assets
+@pytest.mark.parametrize("name", SAMPLES)
+def test_samples(assets, name):
+    found = Diagnostics()
+    path = assets / "mesh" / name
+    scene = load.load(path, diagnostics=found)
+    triangles, materials = SAMPLES[name]
+    assert len(scene.tables.pools.triangles) == triangles
+    assert len([m for m in scene.names.materials if m != "default"]) == materials
+    assert [d.severity for d in found.items] == (["warning"] if "usemtl" in name else [])  # its library lacks one material
+
+
+@pytest.mark.assets
+def test_the_picture_of_fuze_is_shown_and_opaque(assets):
+    found = Diagnostics()
+    folder = assets / "mesh" / "obj_fuze"
+    builder = SceneBuilder(found, Files(folder))
+    part = mesh_files.read(folder / "fuze.obj", "fuze.obj", builder, found)[0]
+    scene = builder.finish()
+    materials = scene.tables.materials
+    assert found.items == []
+    assert materials.textures[part.material, ir.Slot.DIFFUSE] == 0
+    assert materials.values[part.material, ir.Slot.TRANSMISSION].tolist() == [0, 0, 0]
+    assert materials.values[part.material, ir.Slot.DIFFUSE].tolist() == [1, 1, 1]
+
+
+@pytest.mark.assets
+def test_negative_indices_make_the_cube(assets):
+    scene = load.load(assets / "mesh/obj_negative_indices/negative_indices.obj")
+    t = tables.corners(scene.tables)
+    volume = np.einsum("ti,ti->t", t[:, 0], np.cross(t[:, 1], t[:, 2])).sum() / 6
+    assert volume == pytest.approx(np.prod(t.reshape(-1, 3).max(axis=0) - t.reshape(-1, 3).min(axis=0)))
+
+
+# --- OFF ---
+
+OFF = b"OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n"
+
+
+def test_off():
+    scene, parts, messages = read(OFF, "a.off")
+    assert messages == []
+    assert len(parts) == 1
+    assert tables.corners(scene.tables).reshape(-1, 3).tolist() == SQUARE[[0, 1, 2, 0, 2, 3]].tolist()
+
+
+@pytest.mark.parametrize(
+    ("data", "expected"),
+    [
+        (b"OFF\n4 1 0\n0 0 0\n1 0 0\n", "a.off: error: the OFF file cannot be read:"),
+        (b"rubbish", "a.off: error: the OFF file cannot be read:"),
+        (OFF.replace(b"0 2 3", b"0 2 9"), "a.off: error: the OFF file cannot be read: OFF file has a face index outside"),
+    ],
+)
+def test_broken_off(data, expected):
+    (message,) = read(data, "a.off")[2]
+    assert message.startswith(expected)
+    assert "\n" not in message

@@ -1,0 +1,417 @@
+"""USD stages as scenes: transforms, composition, instancing, purposes, time, cameras, placing in a scene, and what is wrong."""
+
+import math
+
+import numpy as np
+import pytest
+from maquette.compiler import ir
+from maquette.compiler.importers.usd import load as usd_load
+from maquette.compiler.io.sandbox import Files
+from maquette.compiler.scene.builder import SceneBuilder
+from maquette.lang.diagnostics import Diagnostics, Span
+
+from .stages import SQUARE, corners, kinds, load, read, slot, world
+
+MOVED = 'double3 xformOp:translate = ({})\nuniform token[] xformOpOrder = ["xformOp:translate"]'
+
+
+def at(*numbers):
+    return MOVED.format(", ".join(map(str, numbers)))
+
+
+def positions(scene):
+    return [world(scene, k)[:, 3].tolist() for k in range(len(scene.names.instances))]
+
+
+# --- transforms ---
+
+
+def test_transforms_compose_and_reset(tmp_path):
+    text = f"""
+    def Xform "a" {{ {at(1, 0, 0)}
+        def Cube "b" {{ {at(0, 2, 0)} }}
+        def Cube "c" {{ double3 xformOp:translate = (0, 0, 3)
+            uniform token[] xformOpOrder = ["!resetXformStack!", "xformOp:translate"] }}
+        def "untyped" {{ def Cube "d" {{}} }}
+    }}
+    """
+    scene, messages = read(tmp_path, text)
+    assert messages == []
+    assert positions(scene) == [[1, 2, 0], [0, 0, 3], [1, 0, 0]]
+
+
+def test_z_up_is_turned_to_y_up(tmp_path):
+    scene, _ = read(tmp_path, f'def Cube "a" {{ {at(1, 2, 3)} }}', 'upAxis = "Z"\nmetersPerUnit = 0.01')
+    assert positions(scene) == [[1, 3, -2]]  # and lengths stay as they are
+    assert np.array_equal(world(scene)[:, :3], [[1, 0, 0], [0, 0, 1], [0, -1, 0]])
+
+
+def test_a_flattened_prim_is_left_out_with_a_warning(tmp_path):
+    text = 'def Cube "a" { float3 xformOp:scale = (1, 0, 1)\nuniform token[] xformOpOrder = ["xformOp:scale"] }\ndef Cube "b" {}'
+    scene, messages = read(tmp_path, text)
+    assert scene.names.instances == ("/b",)
+    assert messages == [
+        "x.usda</a>: warning: this is flattened to nothing by its transform (no inverse): it is not drawn\n"
+        "  a scale must not be 0 along any axis"
+    ]
+
+
+# --- what is drawn ---
+
+
+def test_what_is_not_there_is_not_drawn(tmp_path):
+    text = """
+    class Cube "klass" {}
+    over "over" { def Cube "inside" {} }
+    def Cube "off" (active = false) {}
+    def Xform "hidden" { token visibility = "invisible"
+        def Cube "inside" { token visibility = "inherited" } }
+    def Cube "shown" {}
+    """
+    scene, messages = read(tmp_path, text)
+    assert messages == []
+    assert scene.names.instances == ("/shown",)
+
+
+def test_purposes(tmp_path):
+    text = """
+    def Cube "a" {}
+    def Xform "r" { uniform token purpose = "render"
+        def Cube "b" {} }
+    def Xform "p" { uniform token purpose = "proxy"
+        def Cube "c" {}
+        def Cube "d" { uniform token purpose = "default" } }
+    def Cube "g" { uniform token purpose = "guide" }
+    """
+    assert read(tmp_path, text)[0].names.instances == ("/a", "/p/d", "/r/b")
+
+
+def test_proxies_are_drawn_where_there_is_nothing_else(tmp_path):
+    text = 'def Cube "a" { uniform token purpose = "proxy" }\ndef Cube "g" { uniform token purpose = "guide" }'
+    assert read(tmp_path, text)[0].names.instances == ("/a",)
+
+
+def test_what_cannot_be_drawn_is_said_once_by_name(tmp_path):
+    kinds_ = ("Points", "Points", "BasisCurves", "NurbsPatch", "Volume", "Unheard", "Cube")
+    text = "\n".join(f'def {kind} "{name}" {{}}' for kind, name in zip(kinds_, "pqbnvuc", strict=True))
+    scene, messages = read(tmp_path, text)
+    assert scene.names.instances == ("/c",)
+    assert messages == [
+        "x.usda</p>: warning: Points is not drawn",
+        "x.usda</b>: warning: BasisCurves is not drawn",
+        "x.usda</n>: warning: NurbsPatch is not drawn",
+        "x.usda</v>: warning: Volume is not drawn",
+        "x.usda</u>: warning: `Unheard` is not known: it is not drawn",
+    ]
+
+
+# --- composition ---
+
+
+def test_references_and_variants(tmp_path):
+    (tmp_path / "part.usda").write_text('#usda 1.0\n(defaultPrim = "p")\ndef Sphere "p" { double radius = 3\n}\n')
+    text = """
+    def "a" (references = @part.usda@) {}
+    def Xform "v" (variants = { string shape = "ball" }
+                   prepend variantSets = "shape") {
+        variantSet "shape" = {
+            "ball" { def Sphere "s" {} }
+            "box" { def Cube "s" {} }
+        }
+    }
+    """
+    scene, messages = read(tmp_path, text)
+    assert messages == []
+    assert kinds(scene) == ["SPHERE", "SPHERE"]
+    assert kinds(read(tmp_path, text, variants={"/v:shape": "box"})[0]) == ["SPHERE", "BOX"]
+    assert [f.rsplit("/", 1)[-1] for f in scene.files] == ["x.usda", "part.usda"]
+
+
+@pytest.mark.parametrize(
+    ("where", "choice", "expected"),
+    [
+        ("/v:shape", "bxo", "x.usda: error: the variant set `/v:shape` has no variant `bxo`\n  did you mean `box`?"),
+        ("/v:shade", "box", "x.usda: error: `/v` has no variant set `shade`\n  did you mean `shape`?"),
+        ("/w:shape", "box", "x.usda: error: the stage has no prim `/w`\n  prims with variants: /v"),
+        ("shape", "box", "x.usda: error: `shape` names no variant set\n  write --variant /prim:set=name"),
+    ],
+)
+def test_wrong_variants(tmp_path, where, choice, expected):
+    text = 'def Xform "v" (prepend variantSets = "shape") { variantSet "shape" = { "box" { def Cube "s" {} } } }'
+    assert read(tmp_path, text, variants={where: choice})[1] == [expected]
+
+
+def test_a_missing_reference_is_a_warning(tmp_path):
+    scene, messages = read(tmp_path, 'def "a" (references = @gone.usda@) {}\ndef Cube "c" {}')
+    assert kinds(scene) == ["BOX"]
+    assert len(messages) == 1
+    assert messages[0].startswith("x.usda: warning: ")
+    assert "gone.usda" in messages[0]
+
+
+# --- instancing ---
+
+
+def test_native_instances_share_geometry_but_not_colour(tmp_path):
+    text = f"""
+    class Xform "proto" {{ def Mesh "m" {{ {SQUARE} }} }}
+    def "a" (inherits = </proto>
+             instanceable = true) {{ {at(1, 0, 0)} color3f[] primvars:displayColor = [(1, 0, 0)] }}
+    def "b" (inherits = </proto>
+             instanceable = true) {{ {at(2, 0, 0)} color3f[] primvars:displayColor = [(0, 1, 0)] }}
+    """
+    scene, messages = read(tmp_path, text.replace("] }", "]\n}").replace("] color", "]\ncolor"))
+    assert messages == []
+    assert scene.names.instances == ("/a/m", "/b/m")
+    assert scene.tables.instances.geometry.tolist() == [0, 0]
+    assert positions(scene) == [[1, 0, 0], [2, 0, 0]]
+    assert [slot(scene, "DIFFUSE", k) for k in (0, 1)] == [[1, 0, 0], [0, 1, 0]]
+
+
+INSTANCER = """
+def PointInstancer "i" {
+    rel prototypes = [</i/protos/a>, </i/protos/b>]
+    int[] protoIndices = [0, 1, 0, 0]
+    point3f[] positions = [(1, 0, 0), (2, 0, 0), (3, 0, 0), (4, 0, 0)]
+    EXTRA
+    def Scope "protos" {
+        def Xform "a" { double3 xformOp:translate = (0, 5, 0)
+            uniform token[] xformOpOrder = ["xformOp:translate"]
+            def Mesh "m" { MESH } }
+        def Sphere "b" {}
+    }
+}
+"""
+
+
+def instancer(extra=""):
+    return INSTANCER.replace("EXTRA", extra).replace("MESH", SQUARE)
+
+
+def test_point_instancer(tmp_path):
+    scene, messages = read(tmp_path, instancer())
+    assert messages == []
+    assert scene.names.instances == ("/i[0]", "/i[2]", "/i[3]", "/i[1]")
+    assert positions(scene) == [[1, 5, 0], [3, 5, 0], [4, 5, 0], [2, 0, 0]]
+    assert len(scene.tables.geometries.kind) == 2
+
+
+def test_point_instancer_turns_scales_and_masks(tmp_path):
+    extra = """
+    quath[] orientations = [(1, 0, 0, 0), (1, 0, 0, 0), (0.70710678, 0, 0, 0.70710678), (1, 0, 0, 0)]
+    float3[] scales = [(1, 1, 1), (2, 2, 2), (1, 1, 3), (1, 1, 1)]
+    int64[] invisibleIds = [0]
+    """
+    scene, messages = read(tmp_path, instancer(extra))
+    assert messages == []
+    assert scene.names.instances == ("/i[2]", "/i[3]", "/i[1]")
+    assert world(scene, 0) == pytest.approx(np.array([[0, -1, 0, -2], [1, 0, 0, 0], [0, 0, 3, 0]]), abs=2e-3)  # half floats
+    assert world(scene, 2)[:, :3].tolist() == np.diag([2, 2, 2]).tolist()
+
+
+def test_point_instancers_inside_of_each_other(tmp_path):
+    text = """
+    def PointInstancer "o" { rel prototypes = [</o/i>]
+        int[] protoIndices = [0, 0]
+        point3f[] positions = [(0, 10, 0), (0, 20, 0)]
+        def PointInstancer "i" { rel prototypes = [</o/i/c>]
+            int[] protoIndices = [0, 0]
+            point3f[] positions = [(1, 0, 0), (2, 0, 0)]
+            def Cube "c" {} } }
+    """
+    assert sorted(positions(read(tmp_path, text)[0])) == [[1, 10, 0], [1, 20, 0], [2, 10, 0], [2, 20, 0]]
+
+
+def test_a_broken_point_instancer_is_left_out(tmp_path):
+    text = instancer().replace("(3, 0, 0), (4, 0, 0)", "(3, 0, 0)")
+    assert read(tmp_path, text)[1][0] == "x.usda</i>: warning: the instancer has 4 instances and 3 positions: they are left out"
+    text = instancer().replace("[0, 1, 0, 0]", "[0, 1, 0, 7]")
+    assert read(tmp_path, text)[1][0].startswith("x.usda</i>: warning: 4 instances have 4 places and 2 prototypes, which do not fit")
+
+
+# --- time ---
+
+TIMED = """
+def Cube "c" {
+    double3 xformOp:translate.timeSamples = { 1: (1, 0, 0), 25: (3, 0, 0) }
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+"""
+CODES = "startTimeCode = 1\nendTimeCode = 25\ntimeCodesPerSecond = 24"
+
+
+@pytest.mark.parametrize(("more", "x"), [({}, 1), ({"time": 0.5}, 2), ({"time": 1.0}, 3), ({"time": 9.0}, 3), ({"code": 7}, 1.5)])
+def test_time(tmp_path, more, x):
+    scene, _ = read(tmp_path, TIMED.replace("{ 1:", "{\n1:"), CODES, **more)
+    assert positions(scene) == [[x, 0, 0]]
+    assert (scene.duration, scene.fps) == (1.0, 24.0)
+
+
+# --- cameras and light ---
+
+CAMERA = """
+def Camera "NAME" {
+    float focalLength = 50
+    float horizontalAperture = 36
+    float verticalAperture = 24
+    float horizontalApertureOffset = 3.6
+    float2 clippingRange = (0.5, 100)
+    EXTRA
+}
+"""
+
+
+def camera(name, extra=""):
+    return CAMERA.replace("NAME", name).replace("EXTRA", extra)
+
+
+def test_main_cam_comes_first(tmp_path):
+    scene, _ = read(tmp_path, camera("other") + camera("main_cam") + 'def Cube "c" {}')
+    assert scene.names.cameras == ("/main_cam", "/other")
+    c = scene.tables.cameras
+    assert c.extent[0] == 0.24
+    assert c.aspect[0] == 1.5
+    assert c.shift[0] == pytest.approx([0.1, 0])
+    assert (c.near[0], c.far[0], c.projection[0], c.fit[0]) == (0.5, 100, ir.Projection.PERSPECTIVE, ir.Fit.VERTICAL)
+
+
+def test_without_main_cam_everything_is_framed(tmp_path):
+    scene, _ = read(tmp_path, camera("other") + f'def Cube "c" {{ double size = 2\n{at(4, 0, 0)} }}\ndef Cube "d" {{}}')
+    assert scene.names.cameras == ("frame", "/other")
+    eye = scene.tables.transforms.matrix[scene.tables.cameras.transform[0]]
+    distance = math.hypot(6, 2) / 2 / (20.955 / 2 / 50) + 1
+    assert eye == pytest.approx(np.array([[1, 0, 0, 2], [0, 1, 0, 0], [0, 0, 1, distance]]))
+    assert scene.tables.cameras.aspect[0] == pytest.approx(20.955 / 15.2908)
+    assert scene.defaults[0] == f"camera: none is called main_cam; one at [2, 0, {distance:.4g}] frames everything, as usdrecord does"
+
+
+def test_orthographic(tmp_path):
+    c = read(tmp_path, camera("main_cam", 'token projection = "orthographic"') + 'def Cube "c" {}')[0].tables.cameras
+    assert (c.projection[0], c.extent[0]) == (ir.Projection.ORTHOGRAPHIC, pytest.approx(1.2))
+
+
+def test_apertures_and_focus(tmp_path):
+    """Focal lengths are tenths of a unit, distances are units; without a distance there is no depth of field."""
+    c = read(tmp_path, camera("main_cam", "float fStop = 2\n float focusDistance = 30") + 'def Cube "c" {}')[0].tables.cameras
+    assert (c.lens[0], c.focus[0]) == (pytest.approx(5.0 / 2 / 2), pytest.approx(30))
+    assert read(tmp_path, camera("main_cam", "float fStop = 2") + 'def Cube "c" {}')[0].tables.cameras.lens[0] == 0
+
+
+def test_a_camera_without_film_is_left_out(tmp_path):
+    scene, messages = read(tmp_path, 'def Camera "k" { float focalLength = 0\n}\ndef Cube "c" {}')
+    assert scene.names.cameras == ("frame",)
+    assert messages == ["x.usda</k>: warning: this camera has no aperture or focal length: it is left out"]
+
+
+def test_a_stage_without_lights_is_lit_from_its_camera(tmp_path):
+    scene, _ = read(tmp_path, camera("main_cam", at(0, 0, 7)) + 'def Cube "c" {}')
+    lights = scene.tables.lights
+    assert [ir.LightKind(k).name for k in lights.kind] == ["POINT"]
+    assert lights.position[0].tolist() == [0, 0, 7]
+    assert (lights.falloff[0], lights.coefficients[0].tolist()) == (ir.FalloffKind.POLYNOMIAL, [1, 0, 0])
+    assert scene.defaults == ("light: the stage has none; it is lit from its first camera, as usdrecord does",)
+
+
+# --- placing in a scene ---
+
+
+def place(path, matrix=None, **more):
+    found = Diagnostics()
+    builder = SceneBuilder(found, Files(path.parent))
+    usd_load.place(builder, path, Span("a.scene", 3, 1, 3, 9), np.eye(4) if matrix is None else matrix, **more)
+    return builder.finish(), [f"{d.span}: {d.severity}: {d.message} {d.hint}".strip() for d in found.items]
+
+
+def test_placed_stages_are_in_metres_and_bring_no_camera(tmp_path):
+    read(tmp_path, camera("main_cam") + f'def Mesh "m" {{ {SQUARE} {at(1, 2, 3)} }}', 'upAxis = "Z"\nmetersPerUnit = 0.01')
+    moved = np.eye(4)
+    moved[:3, 3] = (10, 0, 0)
+    scene, messages = place(tmp_path / "x.usda", moved, name="robot")
+    assert messages == []
+    assert scene.names.cameras == ()
+    assert scene.names.instances == ("robot/m",)
+    assert corners(scene)[0, 0] == pytest.approx([10.01, 0.03, -0.02])
+    assert scene.tables.lights.kind.tolist() == []
+
+
+def test_one_prim_of_a_stage(tmp_path):
+    read(
+        tmp_path,
+        f'def Xform "a" {{ {at(5, 0, 0)} def Cube "b" {{}} }}\ndef Sphere "s" {{}}'.replace("] def", "]\ndef"),
+        "metersPerUnit = 1",
+    )
+    scene, messages = place(tmp_path / "x.usda", prim="/a")
+    assert messages == []
+    assert scene.names.instances == ("/a/b",)
+    _, messages = place(tmp_path / "x.usda", prim="/a/c")
+    assert messages == ["a.scene:3:1: error: the stage has no prim `/a/c` did you mean `/a/b`?"]
+    _, messages = place(tmp_path / "x.usda", prim="b")
+    assert messages == ["a.scene:3:1: error: the stage has no prim `b` it has /a, /s"]
+
+
+def test_the_scene_s_material_is_for_what_has_none(tmp_path):
+    from maquette.compiler.scene.builder import lambert
+
+    read(tmp_path, 'def Cube "a" {}\ndef Cube "b" { color3f[] primvars:displayColor = [(1, 0, 0)] }')
+    builder = SceneBuilder(Diagnostics(), Files(tmp_path))
+    row = builder.material(lambert((0, 0, 1), name="blue"))
+    usd_load.place(builder, tmp_path / "x.usda", Span("a.scene"), np.eye(4), row)
+    scene = builder.finish()
+    assert [slot(scene, "DIFFUSE", k) for k in (0, 1)] == [[0, 0, 1], [1, 0, 0]]
+
+
+# --- what is wrong ---
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"#usda 1.0\ndef Cube {",
+        b'#usda 1.0\ndef Cube "a" { double size = "x" }',
+        b"\x00\x01\x02" * 99,
+        b"PXR-USDC" + bytes(range(200)),
+    ],
+    ids=["empty", "unfinished", "wrong-type", "binary", "broken-crate"],
+)
+@pytest.mark.parametrize("suffix", [".usda", ".usdc", ".usdz"])
+def test_broken_stages_are_one_short_error(tmp_path, data, suffix, capfd):
+    path = tmp_path / f"x{suffix}"
+    path.write_bytes(data)
+    _, messages = load(path)
+    errors = [m for m in messages if ": error: " in m]
+    assert len(errors) == 1
+    place = ":2:1" if suffix == ".usda" and data.endswith(b"{") else ""  # where usd-core says what stands where
+    assert errors[0].startswith(f"x{suffix}{place}: error: cannot read the stage `x{suffix}`")
+    assert all(len(line) < 420 for line in "\n".join(messages).splitlines())
+    out, err = capfd.readouterr()
+    assert (out, err) == ("", "")  # usd-core prints nothing of its own
+
+
+def test_values_of_types_that_nobody_expects(tmp_path):
+    text = """
+    def Sphere "s" { string radius = "big" }
+    def Mesh "m" { string points = "none"
+        int[] faceVertexCounts = [3]
+        int[] faceVertexIndices = [0, 1, 2] }
+    def Cube "c" { string[] primvars:displayColor = ["red"] }
+    def SphereLight "l" { string inputs:intensity = "strong"
+        string inputs:color = "red" }
+    """
+    scene, messages = read(tmp_path, text)
+    assert kinds(scene) == ["BOX"]
+    assert messages[0] == "x.usda</s>: warning: this Sphere has no size: it is not drawn"
+    assert slot(scene, "DIFFUSE") == [0.18] * 3
+    assert scene.tables.lights.color.tolist() == [[1, 1, 1]]
+
+
+def test_a_transform_that_cannot_be_read_takes_its_prim_away(tmp_path):
+    text = """
+    def Xform "a" { float xformOp:translate = 3
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+        def Cube "inside" {} }
+    def Cube "c" {}
+    """
+    scene, messages = read(tmp_path, text)
+    assert scene.names.instances == ("/c",)
+    assert messages[0].startswith("x.usda</a>: warning: this prim, and what is below it, is left out: ")

@@ -1,0 +1,164 @@
+"""The plan: each decision taken from small scenes, its reason, its override, and the messages for what cannot be."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from maquette.compiler import ir
+from maquette.compiler.plan import plan
+
+
+def scene(
+    *lights: ir.LightKind, models: tuple[ir.MaterialModel, ...] = (), cameras: tuple[str, ...] = ("main",), aspect: float = 0.0
+) -> ir.Scene:
+    n = len(lights)
+    tables = ir.empty_tables()._replace(
+        lights=ir.table_of(
+            "lights",
+            {name: np.ones((n, *ir.column_type("lights", name)[1]), ir.column_type("lights", name)[0]) for name in ir.Lights._fields}
+            | {"kind": [int(k) for k in lights]},
+        ),
+        materials=ir.table_of(
+            "materials",
+            {
+                "model": [int(m) for m in models],
+                "shading": [0] * len(models),
+                "normalized": [False] * len(models),
+                "values": [[{ir.Slot.DIFFUSE: [0.5] * 3, ir.Slot.OPACITY: [1, 0, 0]}.get(s, [0] * 3) for s in ir.Slot] for _ in models],
+                "textures": [[-1] * ir.SLOTS for _ in models],
+            },
+        ),
+        cameras=ir.table_of(
+            "cameras",
+            {
+                "projection": [0] * len(cameras), "aspect": [aspect] * len(cameras), "exposure": [math.nan] * len(cameras),
+                "shutter": [0.0] * len(cameras), "lens": [0.0] * len(cameras), "focus": [1.0] * len(cameras),
+            },
+        ),
+    )
+    return ir.Scene("test", tables, names=ir.Names(cameras=cameras))
+
+
+def test_point_lights_need_no_random_numbers_and_few_samples() -> None:
+    made = plan.make(scene(ir.LightKind.POINT, models=(ir.MaterialModel.LAMBERT,)), ir.Settings())
+    assert made["soft lights"] is False
+    assert made["samples"] == plan.SAMPLES_SHARP
+    assert made["bounces"] == 0
+    assert made["background"] == "transparent"
+
+
+def test_a_sky_is_soft_and_seen() -> None:
+    made = plan.make(scene(ir.LightKind.SKY, models=(ir.MaterialModel.LAMBERT,)), ir.Settings())
+    assert made["soft lights"] is True
+    assert made["samples"] == plan.SAMPLES_SOFT
+    assert made["background"] == "sky"
+    assert "sky" in made.decisions["soft lights"].reason
+
+
+def test_a_sky_that_lights_nothing_takes_no_random_numbers() -> None:
+    made = plan.make(scene(ir.LightKind.SKY), ir.Settings())
+    assert made["soft lights"] is False
+    assert made["random numbers"] is False
+    assert made["samples"] == plan.SAMPLES_SHARP
+    assert "no surface is lit" in made.decisions["soft lights"].reason
+
+
+def test_glass_takes_bounces_and_matt_things_interreflect_only_when_asked() -> None:
+    built = scene(ir.LightKind.POINT, models=(ir.MaterialModel.GLASS, ir.MaterialModel.LAMBERT))
+    made = plan.make(built, ir.Settings())
+    assert made["bounces"] == plan.SPECULAR_BOUNCES
+    assert made["interreflection"] is False
+    asked = plan.make(built, ir.Settings(bounces=3))
+    assert (asked["bounces"], asked["interreflection"]) == (3, True)
+    assert plan.make(built, ir.Settings(bounces=0))["interreflection"] is False
+
+
+def test_the_command_line_goes_before_the_scene() -> None:
+    built = replace(scene(ir.LightKind.POINT), settings=ir.Settings(samples=4, seed=7))
+    made = plan.make(built, ir.Settings(samples=9))
+    assert (made["samples"], made["seed"]) == (9, 7)
+
+
+def test_an_error_or_a_budget_lets_samples_grow() -> None:
+    assert plan.make(scene(), ir.Settings(error=0.01))["samples"] == plan.MAX_SAMPLES
+    assert plan.make(scene(), ir.Settings(budget=2.0))["samples"] == plan.ENDLESS_SAMPLES
+    both = plan.make(scene(), ir.Settings(error=0.01, samples=8))
+    assert (both["samples"], both["error"]) == (8, 0.0)
+    said = replace(scene(), settings=ir.Settings(samples=8))
+    over = plan.make(said, ir.Settings(error=0.01))
+    assert (over["samples"], over["error"]) == (plan.MAX_SAMPLES, 0.01)
+
+
+def test_the_film_sets_the_shape_of_the_picture() -> None:
+    assert plan.make(scene(), ir.Settings())["size"] == plan.DEFAULT_SIZE
+    assert plan.make(scene(aspect=1.5), ir.Settings())["size"] == (960, 640)
+
+
+def test_exposure_is_metered_only_where_light_has_units() -> None:
+    assert plan.make(scene(), ir.Settings())["exposure"] == 0.0
+    assert plan.make(replace(scene(), photometric=True), ir.Settings())["exposure"] == "metered"
+    assert plan.make(replace(scene(), photometric=True), ir.Settings(exposure=2.0))["exposure"] == 2.0
+
+
+def test_every_decision_has_a_reason_and_a_switch() -> None:
+    made = plan.make(scene(ir.LightKind.SUN), ir.Settings())
+    for decision in made.decisions.values():
+        assert decision.reason
+        if decision.fixed:
+            with pytest.raises(plan.PlanError, match="is set by"):
+                plan.make(scene(), ir.Settings(), {decision.name: "1"})
+
+
+def test_overrides() -> None:
+    made = plan.make(scene(), ir.Settings(), {"raster.fill": "scanline", "tolerance": "0.5", "shadows": "on"})
+    assert (made["raster.fill"], made["tolerance"], made["shadows"]) == ("scanline", 0.5, True)
+    assert made.decisions["raster.fill"].overridden
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        ({"raster.fil": "edges"}, "no decision is called `raster.fil`; did you mean `raster.fill`?"),
+        ({"raster.fill": "magic"}, "`raster.fill` cannot be magic; it can be: edges, areas, scanline"),
+        ({"tolerance": "-1"}, "`tolerance` cannot be -1; it can be: a positive number like 0.05"),
+        ({"shadows": "maybe"}, "`shadows` cannot be maybe; it can be: on, off"),
+        ({"samples": "3"}, "`samples` is set by --samples"),
+    ],
+)
+def test_overrides_that_cannot_be(overrides: dict[str, str], message: str) -> None:
+    with pytest.raises(plan.PlanError) as caught:
+        plan.make(scene(), ir.Settings(), overrides)
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (ir.Settings(camera="mian"), "no camera is called `mian`; the scene has: `main`. did you mean `main`?"),
+        (
+            ir.Settings(aov=("dept",)),
+            "no channel is called `dept`; there are "
+            "depth, normal, position, albedo, uv, id, variance, samples, cryptomatte, lights, issues. did you mean `depth`?",
+        ),
+        (ir.Settings(size=(10, 10), crop=(0, 0, 11, 5)), "the crop 0,0,11,5 does not lie inside the picture of 10x10 pixels"),
+    ],
+)
+def test_settings_that_cannot_be(settings: ir.Settings, message: str) -> None:
+    with pytest.raises(plan.PlanError) as caught:
+        plan.make(scene(), settings)
+    assert str(caught.value) == message
+
+
+def test_ambient_light_and_interreflection_are_warned_about() -> None:
+    built = scene(ir.LightKind.AMBIENT, models=(ir.MaterialModel.LAMBERT,))
+    assert plan.warnings(built, plan.make(built, ir.Settings(bounces=2)))
+    assert not plan.warnings(built, plan.make(built, ir.Settings()))
+
+
+def test_cameras_are_found_by_the_last_part_of_their_path() -> None:
+    names = ("/World/main_cam", "/World/side")
+    assert plan.find_camera(names, "side") == 1
+    assert plan.find_camera(names, "/World/main_cam") == 0

@@ -1,0 +1,68 @@
+"""Helpers of the evaluator's tests: evaluate a text with files in memory, and read messages as a user sees them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hypothesis import settings
+from maquette.lang.diagnostics import Diagnostics, Span, in_order, render_text
+from maquette.lang.elements import Document, Element
+from maquette.lang.eval import evaluator
+
+unhurried = settings(deadline=None)  # for properties: the first example builds the parser, and the machine may be busy
+
+
+class Files:
+    """A Reader of files in memory: `use "gear.scene"` finds the text under that key, whoever asks."""
+
+    def __init__(self, files: dict[str, str]) -> None:
+        self.files = files
+        self.reads: list[str] = []
+
+    def scene(self, path: str, importer: str, span: Span) -> evaluator.Source:
+        self.reads.append(path)
+        if path not in self.files:
+            raise evaluator.ReadError(f"there is no {path}", "is it spelt so?")
+        return evaluator.Source(path, self.files[path], path)
+
+
+def run(text: str, files: dict[str, str] | None = None, **options: Any) -> tuple[Document, list[str]]:
+    """The document, and every message as it is printed."""
+    diagnostics = Diagnostics()
+    document = evaluator.evaluate(evaluator.Source("a.scene", text, "a.scene"), Files(files or {}), diagnostics, **options)
+    return document, [render_text(d, document.sources.get) for d in in_order(diagnostics.items)]
+
+
+def good(text: str, files: dict[str, str] | None = None, **options: Any) -> Document:
+    """The document of a text that has no error and no warning."""
+    document, messages = run(text, files, **options)
+    assert messages == []
+    return document
+
+
+def elements(text: str, files: dict[str, str] | None = None, **options: Any) -> tuple[Element, ...]:
+    return good(text, files, **options).elements
+
+
+def value(expression: str, before: str = "") -> Any:
+    """The value of an expression in the language: `before` are items that stand above it."""
+    diagnostics = Diagnostics()
+    machine = evaluator.Evaluator(Files({}), diagnostics, 0.0)
+    text = f"{before}\nlet wanted = {expression}\n"
+    module = machine.loader.load(evaluator.Source("a.scene", text, "a.scene"), library=False)
+    scope = machine.instance(module, {}, "", None, machine.root)
+    thunk = scope.names["wanted"]
+    assert not diagnostics.items, diagnostics.items
+    result = machine.force(thunk, Span("a.scene"), scope)
+    assert not diagnostics.items, diagnostics.items
+    return result
+
+
+def mistake(expression: str, before: str = "") -> str:
+    """The first line of the message about an expression, without its place; behind it the hint, if there is one."""
+    diagnostics = Diagnostics()
+    text = f"{before}\nlet wanted = {expression}\n"
+    evaluator.evaluate(evaluator.Source("a.scene", text, "a.scene"), Files({}), diagnostics)
+    errors = [d for d in diagnostics.items if d.severity == "error"]
+    assert len(errors) == 1, errors
+    return errors[0].message + (f" | {errors[0].hint}" if errors[0].hint else "")

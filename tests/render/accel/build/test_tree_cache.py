@@ -1,0 +1,107 @@
+"""Trees that are kept: the same whether built, remembered or read, and built again where a file is not what it should be."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from maquette.render.accel import scene_bvh
+from maquette.render.accel.build import tree_cache, wide_bvh
+from maquette.render.jit import kernel
+
+from ...tables import scene
+from ...tracing import random_rays, same, wavy
+
+
+@pytest.fixture(autouse=True)
+def _apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder of one's own, and small meshes count as large."""
+    monkeypatch.setattr(kernel, "CACHE", tmp_path)
+    monkeypatch.setattr(tree_cache, "LARGE", 100)
+    tree_cache.forget()
+
+
+def mesh(cells: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    data = wavy(cells, seed)
+    return data.positions.astype(np.float32), data.triangles.astype(np.int32)
+
+
+def files(folder: Path) -> list[Path]:
+    return sorted((folder / "trees").iterdir()) if (folder / "trees").exists() else []
+
+
+def assert_equal(a: wide_bvh.Wide, b: wide_bvh.Wide) -> None:
+    for one, other in zip(a, b, strict=True):
+        np.testing.assert_array_equal(one, other)
+        assert one.dtype == other.dtype
+
+
+def test_a_tree_is_remembered_and_read_as_it_was_built(tmp_path: Path) -> None:
+    positions, triangles = mesh(20)
+    built = tree_cache.tree(positions, triangles)
+    assert_equal(built, wide_bvh.build(positions, triangles))
+    assert tree_cache.tree(positions.copy(), triangles.copy()) is built
+    assert len(files(tmp_path)) == 1
+    tree_cache.forget()
+    read = tree_cache.tree(positions, triangles)
+    assert read is not built
+    assert_equal(read, built)
+
+
+def test_another_corner_is_another_tree(tmp_path: Path) -> None:
+    positions, triangles = mesh(20)
+    built = tree_cache.tree(positions, triangles)
+    moved = positions.copy()
+    moved[7, 1] = np.nextafter(moved[7, 1], np.float32(9))
+    assert tree_cache.tree(moved, triangles) is not built
+    assert tree_cache.tree(positions, triangles[::-1]) is not built
+    assert len(files(tmp_path)) == 2  # the first was refitted, which is done as fast as it would be read
+
+
+def test_small_meshes_are_not_written(tmp_path: Path) -> None:
+    tree_cache.tree(*mesh(5))
+    assert files(tmp_path) == []
+
+
+@pytest.mark.parametrize("damage", ["empty", "short", "long", "foreign", "a folder"])
+def test_what_is_damaged_is_built_again(tmp_path: Path, damage: str) -> None:
+    positions, triangles = mesh(20)
+    built = tree_cache.tree(positions, triangles)
+    (file,) = files(tmp_path)
+    whole = file.read_bytes()
+    file.unlink()
+    if damage == "a folder":
+        file.mkdir()
+    else:
+        file.write_bytes({"empty": b"", "short": whole[:-4], "long": whole + b"0000", "foreign": b"x" * len(whole)}[damage])
+    tree_cache.forget()
+    assert_equal(tree_cache.tree(positions, triangles), built)
+    if damage != "a folder":
+        assert file.read_bytes() == whole
+
+
+def test_nowhere_to_write_is_no_mistake(tmp_path: Path) -> None:
+    (tmp_path / "trees").write_text("in the way")
+    positions, triangles = mesh(20)
+    assert_equal(tree_cache.tree(positions, triangles), wide_bvh.build(positions, triangles))
+
+
+def test_the_folder_and_the_memory_have_an_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sizes = [tree_cache.tree(*mesh(20, seed)).nbytes for seed in range(3)]
+    monkeypatch.setattr(tree_cache, "ON_DISK", 3 * max(sizes))
+    monkeypatch.setattr(tree_cache, "IN_MEMORY", 2 * max(sizes))
+    for seed in range(3, 9):
+        tree_cache.tree(*mesh(20, seed))
+        assert sum(file.stat().st_size for file in files(tmp_path)) <= 3 * max(sizes) + 16 * 3
+    newest = tree_cache.tree(*mesh(20, 8))
+    assert tree_cache.tree(*mesh(20, 8)) is newest
+    assert sum(tree.nbytes for tree in tree_cache._known.values()) <= 2 * max(sizes)
+
+
+def test_scenes_share_what_is_kept_and_number_triangles_on_their_own() -> None:
+    first, second = wavy(20, 1), wavy(20, 2)
+    for meshes in ([first], [second, first], [first, second, first]):
+        tables = scene(meshes=[(each, np.eye(4), 0) for each in meshes])
+        assert sorted(row for row in scene_bvh.build(tables).wide.rows.ravel() if row >= 0) == list(range(800 * min(len(meshes), 2)))
+        same(tables, random_rays(500, 3))

@@ -1,0 +1,93 @@
+"""Lamps that formula surfaces hide from what the camera sees of them: bundles of shadow rays tell what rays one by one do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from maquette.compiler import ir, load
+from maquette.compiler.plan import plan as planner
+from maquette.render import render_scene
+from maquette.render.accel.formula_packets import camera_rays, shadow_rays
+from maquette.render.backends import prepare, ray
+from maquette.render.image import image
+
+VIEW = "camera(position: [0.3, 1.4, 3], look_at: [0, -0.1, 0], fov: 42deg)\nplane(y: -0.9)\n"
+LAMPS = {
+    "sun": "directional(from: [-2, 1, 0.5])",
+    "bulb": "point([0.2, 0.1, 0.9], intensity: 3)",
+    "both, and a soft one": (
+        "directional(from: [1, 2, -1])\nsun(from: [2, 1, 2], illuminance: 2, angle: 3deg)\npoint([-1, 1.2, 0.4], intensity: 3)"
+    ),
+}
+THINGS = {
+    "heart": "implicit(|x, y, z| (x^2 + 2.25 * z^2 + y^2 - 1)^3 <= x^2 * y^3 + 0.1125 * z^2 * y^3, within: 1.5)",
+    "torus": "implicit(|x, y, z| (hypot(x, z) - 0.7)^2 + y^2 + 0 * x^4 <= 0.09, within: 1.5)",
+    "sheet": "implicit(|x, y, z| y == 0.3 * sin(6 * x) * cos(5 * z), within: 0.8)",
+    "steps": "implicit(|x, y, z| y <= 0.2 * floor(4 * x) - 0.1, within: 0.8)",
+    "two": (
+        "implicit(|x, y, z| x^4 + y^4 + z^4 <= 0.2, within: 1, translate: [-0.7, 0, 0], rotate: [0, 30deg, 20deg])\n"
+        "implicit(|x, y, z| x^4 + y^4 + z^4 <= 0.1, within: 1, scale: [1, 2, 1], translate: [0.6, 0.1, 0.3])\n"
+        "sphere(0.3, center: [0, 0.9, 0])"
+    ),
+}
+
+
+def drawn(tmp_path, text: str, samples: int = 1) -> image.Image:
+    path = tmp_path / "hidden.scene"
+    path.write_text(text, encoding="utf-8")
+    scene = load.load(path)
+    return render_scene.draw(scene, planner.make(scene, ir.Settings(size=(72, 64), samples=samples, threads=1, backend="ray")))
+
+
+@pytest.mark.parametrize("lamps", LAMPS)
+@pytest.mark.parametrize("thing", THINGS)
+def test_shadows_by_bundles_are_those_of_rays_one_by_one(tmp_path, monkeypatch, thing, lamps):
+    text = VIEW + LAMPS[lamps] + "\n" + THINGS[thing]
+    by_bundles = drawn(tmp_path, text, 2).channels["rgba"]
+    monkeypatch.setattr(prepare.shadow_rays, "lamps", lambda *of: [])
+    one_by_one = drawn(tmp_path, text, 2).channels["rgba"]
+    assert int((np.abs(by_bundles - one_by_one).max(axis=2) > 1e-6).sum()) <= 2  # where rays graze what they leave
+
+
+def test_lamps_asked_for_beforehand(tmp_path):
+    """Those without extent that cast shadows, and none where nothing is met by bundles or casts any."""
+    soft = "ambient(#222222)\nsun(from: [2, 1, 2], illuminance: 2, angle: 3deg)\nsky(luminance: 1)\n"
+    sharp = "point([1, 2, 0], intensity: 1, shadows: false)\npoint([1, 2, 0], intensity: 1)\ndirectional(from: [1, 2, -1])\n"
+    for text, shadows, expected in (
+        (soft + sharp + THINGS["heart"], True, [4, 5]),
+        (soft + sharp + THINGS["heart"], False, []),
+        (soft + sharp + "sphere(1)", True, []),
+        (soft + THINGS["heart"], True, []),
+    ):
+        path = tmp_path / "lamps.scene"
+        path.write_text(VIEW + text, encoding="utf-8")
+        scene = load.load(path)
+        plan = planner.make(scene, ir.Settings(size=(8, 8), samples=1, backend="ray"))
+        options = prepare.options_of(plan, scene.tables)._replace(shadows=shadows)
+        assert shadow_rays.lamps(prepare.trees(scene.tables, plan).tables, scene.tables, options) == expected
+
+
+def test_what_is_told_of_a_lamp(tmp_path, monkeypatch):
+    """Some of it is hidden, some is not, and nothing is told of places that face away."""
+    text = VIEW + LAMPS["sun"] + "\n" + THINGS["sheet"]
+    whole = drawn(tmp_path, text).channels["rgba"]
+    told = []
+    tell = shadow_rays.tell
+
+    def telling(light, rays, t, found):
+        told.append((rays[7, : len(t)] > 0, t < np.inf))
+        tell(light, rays, t, found)
+
+    monkeypatch.setattr(shadow_rays, "tell", telling)
+    assert np.array_equal(drawn(tmp_path, text).channels["rgba"], whole)
+    asked, blocked = (np.concatenate(part) for part in zip(*told, strict=True))
+    assert 100 < blocked.sum() < asked.sum()
+    assert not (blocked & ~asked).any()
+
+
+@pytest.mark.parametrize("lamps", [False, True])
+def test_what_a_tile_met_is_of_one_type_whatever_its_samples(lamps: bool) -> None:
+    """Else the kernel that draws tiles would be compiled anew for each number of samples."""
+    room = ray.Room(np.zeros((3, 8), np.int64), np.zeros((5, 8)), np.zeros((1, 1, 8)))
+    kinds = {camera_rays._desk(np.full((2, 3), count), room, lamps, False).room.numba_type for count in (0, 1, 2)}
+    assert len(kinds) == 1

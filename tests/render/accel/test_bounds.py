@@ -1,0 +1,97 @@
+"""No lane reads before a table's start: kernels do not wrap indices as numpy does, not even of lanes that are masked afterwards."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import maquette
+import numpy as np
+import pytest
+from maquette.compiler import ir
+from maquette.compiler.scene.row_records import LightData, MeshAttribute
+from maquette.render.backends import prepare
+from maquette.render.light import light_tree
+
+from ..tables import matrix, mesh, scene
+
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
+
+
+class Guarded(np.ndarray):
+    """An array that refuses negative places. (numpy itself refuses those beyond the end.)"""
+
+    def __getitem__(self, at: Any) -> Any:
+        for one in at if isinstance(at, tuple) else (at,):
+            if isinstance(one, np.ndarray) and one.dtype.kind == "i":
+                assert one.size == 0 or one.min() >= 0, "a place before the start of a table"
+        return np.asarray(super().__getitem__(at))
+
+
+def guarded(value: Any) -> Any:
+    """A nest of NamedTuples with Guarded arrays."""
+    if isinstance(value, np.ndarray):
+        return value.view(Guarded)
+    if hasattr(value, "_fields"):
+        return type(value)(*(guarded(item) for item in value))
+    return value
+
+
+def one_sided(places: list[list[float]]) -> light_tree.Bounds:
+    """Lamps that shine upwards alone."""
+    place, n = np.array(places), len(places)
+    return light_tree.Bounds(place, place, np.tile([0.0, 1.0, 0.0], (n, 1)), np.zeros(n), np.full(n, 0.5 * np.pi), np.ones(n))
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 20])
+def test_where_nothing_shines_no_lamp_is_read(count):
+    """Below lamps that shine upwards, and at places that are no numbers, with no far light that would be row 0."""
+    tree = guarded(light_tree.build(np.zeros(0), one_sided([[k, 1.0, 0.0] for k in range(count)])))
+    facing = None if count < 20 else (np.zeros(4), np.ones(4), np.zeros(4))
+    for position in (np.zeros(4), np.full(4, -3.0), np.full(4, np.nan)):
+        with np.errstate(all="ignore"):
+            row, chance = light_tree.choose(tree, (position, position - 1.0, position), facing, np.linspace(0.0, 0.9, 4))
+        assert (row == 0).all()
+        assert (chance == 0).all()
+
+
+SLOW = {"instancing", "gear", "cut", "bracket"}  # many primitives, each tried for every ray
+
+
+@pytest.mark.parametrize("path", [path for path in sorted(EXAMPLES.glob("*.scene")) if path.stem not in SLOW], ids=lambda path: path.stem)
+def test_pictures_read_nothing_before_a_table(path, monkeypatch):
+    """Every example by the reference, whose lanes are the kernels'."""
+    made = prepare.prepare
+
+    def watched(*given: Any) -> prepare.Prepared:
+        ready = made(*given)
+        guards = {name: guarded(getattr(ready, name)) for name in ("tables", "packed", "frame", "paths")}
+        return dataclasses.replace(ready, **guards)
+
+    monkeypatch.setattr(prepare, "prepare", watched)
+    maquette.render(maquette.load(path), backend="reference", size=(24, 16), samples=1)
+
+
+@pytest.mark.parametrize("name", ["normals", "uvs", "colors"])
+def test_things_without_an_attribute_do_not_read_behind_the_last(name):
+    """A large bare mesh stands first and beside a triangle, whose attribute is all there is: lanes of both go together."""
+    side = np.linspace(-0.913, 0.937, 20)  # no edge through a pixel's centre
+    points = np.stack([*np.meshgrid(side, side), np.full((20, 20), -2.0)], axis=-1).reshape(-1, 3)
+    first = (np.arange(19)[:, None] * 20 + np.arange(19)).ravel()[::-1]
+    bare = mesh(points, np.concatenate([np.stack([first, first + 1, first + 20], axis=-1)]))
+    values = {"normals": np.tile([0.0, 0.0, 1.0], (3, 1)), "uvs": np.eye(3)[:, :2], "colors": np.full((3, 3), 0.5)}[name]
+    small = mesh([[-1.03, -1.07, -1.5], [1.09, -1.01, -1.5], [0.05, 0.03, -1.5]], [[0, 1, 2]], **{name: MeshAttribute(values)})
+    lamp = LightData(ir.LightKind.DIRECTIONAL, (3.0, 3.0, 3.0), direction=(0.0, 0.0, 1.0))
+    made = scene(meshes=[(bare, matrix(), 0), (small, matrix(), 0)], lights=[lamp])
+    assert len(made.pools.values) < 20
+    shown = [drawn(made, backend) for backend in ("reference", "ray", "raster")]
+    for picture in shown[1:]:
+        assert np.allclose(picture, shown[0], atol=1e-5)
+
+
+def drawn(made: ir.Tables, backend: str) -> np.ndarray:
+    """(h, w, 6) what a backend shows, and coordinates."""
+    whole = ir.Scene("test", made, names=ir.Names(cameras=("",)))
+    image = maquette.render(whole, backend=backend, size=(24, 24), samples=1, background=(0.0, 0.0, 0.0), aov=("uv",))
+    return np.concatenate([image.channels["rgba"], image.channels["uv"]], axis=-1)

@@ -1,0 +1,341 @@
+"""Filling a picture: the same bits for any number of threads, cancelling, crops, errors asked for, budgets, failures."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from maquette.render.film import adaptive_sampling, film
+from maquette.render.image import image, metrics
+from maquette.render.types import Film, Tile, View
+
+SIZE = (100, 70)
+
+
+def noise(x: np.ndarray, y: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """Numbers evenly spread over 0 … 1 for pixels and samples: a hash, so that any thread gets the same."""
+    with np.errstate(over="ignore"):
+        h = (x.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)) ^ (y.astype(np.uint64) * np.uint64(0xC2B2AE3D27D4EB4F))
+        h = (h ^ (s.astype(np.uint64) * np.uint64(0x165667B19E3779F9))) * np.uint64(0xFF51AFD7ED558CCD)
+        h = (h ^ (h >> np.uint64(33))) * np.uint64(0xC4CEB9FE1A85EC53)
+    return (h >> np.uint64(11)).astype(float) / 2.0**53
+
+
+def truth(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return 0.5 + x / 200.0 + 0.0 * y
+
+
+class Painter(film.Unshared):
+    """A renderer whose samples are known: `truth` plus noise of a chosen width at each pixel."""
+
+    whole = None
+    side = film.TILE
+
+    def __init__(self, width: Any = 0.4, wait: float = 0.0, fail_at: int = -1, by_tile: bool = False) -> None:
+        self.width, self.wait, self.fail_at, self.by_tile, self.block = width, wait, fail_at, by_tile, 1
+        self.calls: list[tuple[Tile, int, int, int]] = []
+        self.taken = np.zeros((SIZE[1], SIZE[0]), np.int64)
+        self.lock = threading.Lock()
+
+    def sample(self, tile: Tile, first: np.ndarray, count: np.ndarray, total: int, film: Film) -> None:
+        with self.lock:
+            self.calls.append((tile, int(first.max()), int(count.max()), total))
+            if len(self.calls) == self.fail_at:
+                raise ArithmeticError("the brush broke")
+        if self.wait:
+            time.sleep(self.wait)
+        y, x = np.mgrid[tile.y0 : tile.y1, tile.x0 : tile.x1]
+        wide: Any = self.width(x, y) if callable(self.width) else self.width
+        if self.by_tile:
+            assert np.ptp(first) == np.ptp(count) == 0
+        for s in range(int(count.max())):
+            value: Any = truth(x, y) + wide * (noise(x, y, first + s) - 0.5)
+            film.color[:] += np.where(s < count, value, 0.0)[..., None] * np.array([1.0, 0.5, 0.25])
+            film.alpha[:] += np.where(s < count, x % 2, 0)
+        self.taken[tile.y0 : tile.y1, tile.x0 : tile.x1] += count
+        film.issues[0, 0] += count.max()
+
+    def first(self, tile: Tile, sample: int, total: int) -> Any:
+        raise AssertionError("nobody asks a brush what it sees")
+
+    def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, np.ndarray]) -> None:
+        y, x = np.mgrid[tile.y0 : tile.y1, tile.x0 : tile.x1]
+        for name in names:
+            out[name][...] = (x + 1000 * y)[..., None]
+
+
+def plan(**changed: Any) -> Any:
+    base = {"crop": (0, 0, *SIZE), "aov": (), "samples": 8, "threads": 2, "error": 0.0, "budget": math.inf}
+    return {**base, **changed}
+
+
+def draw(painter: Painter | None = None, progress: Any = None, cancel: Any = None, **changed: Any) -> image.Image:
+    return film.run(painter or Painter(), plan(**changed), View(0, *SIZE), progress, cancel)
+
+
+def test_tiles_cover_a_crop_once_from_the_middle_outwards() -> None:
+    crop = (5, 3, 140, 99)
+    count = np.zeros((110, 150), int)
+    tiles = film.tiles(crop)
+    for tile in tiles:
+        assert tile.x1 - tile.x0 <= film.TILE
+        count[tile.y0 : tile.y1, tile.x0 : tile.x1] += 1
+    inside = np.zeros_like(count)
+    inside[3:99, 5:140] = 1
+    np.testing.assert_array_equal(count, inside)
+    away = [math.hypot(t.x0 + t.x1 - 145, t.y0 + t.y1 - 102) for t in tiles]
+    assert away == sorted(away)
+
+
+@pytest.mark.parametrize("samples", [1, 2, 8, 13])
+def test_a_fixed_number_of_samples_is_their_mean(samples: int) -> None:
+    painter = Painter()
+    picture = draw(painter, samples=samples)
+    y, x = np.mgrid[: SIZE[1], : SIZE[0]]
+    mean = np.mean([truth(x, y) + 0.4 * (noise(x, y, np.full(x.shape, s)) - 0.5) for s in range(samples)], axis=0)
+    np.testing.assert_allclose(picture.channels["rgba"][..., 0], mean, rtol=1e-6)
+    np.testing.assert_array_equal(picture.channels["rgba"][..., 3], x % 2)
+    assert {total for *_, total in painter.calls} == {samples}
+    about = picture.metadata
+    assert (about["samples"], about["samples_mean"], about["rays"]) == (samples, samples, samples * 7000)
+    assert (about["size"], about["crop"], about["partial"], about["threads"]) == (SIZE, (0, 0, *SIZE), False, 2)
+    assert about["issues"] == samples * len(film.tiles((0, 0, *SIZE)))
+    assert (about["error"] is None) == (samples == 1)
+
+
+@pytest.mark.parametrize("asked", [{}, {"error": 0.02, "samples": 4096}])
+def test_any_number_of_threads_gives_the_same_bits(asked: dict[str, Any]) -> None:
+    def uneven(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.where(x > 50, 0.8, 0.1)
+
+    one, *others = (draw(Painter(uneven), threads=threads, aov=("depth",), **asked) for threads in (1, 2, 5))
+    for other in others:
+        for name, channel in one.channels.items():
+            np.testing.assert_array_equal(channel, other.channels[name])
+        np.testing.assert_array_equal(one.metadata["variance"], other.metadata["variance"])
+        same = {k: v for k, v in one.metadata.items() if k not in ("threads", "variance")}
+        assert same == {k: other.metadata[k] for k in same}
+
+
+def test_a_crop_is_a_part_of_the_whole() -> None:
+    whole = draw(aov=("position",))
+    part = draw(aov=("position",), crop=(11, 7, 64, 53))
+    assert (part.width, part.height) == (53, 46)
+    for name in ("rgba", "position"):
+        np.testing.assert_array_equal(part.channels[name], whole.channels[name][7:53, 11:64])
+
+
+def test_cancelling_returns_what_is_done() -> None:
+    cancel = threading.Event()
+    seen = []
+
+    def progress(done: int, total: int) -> None:
+        seen.append((done, total))
+        if done == 3:
+            cancel.set()
+
+    picture = draw(Painter(wait=0.002), progress, cancel, aov=("depth",), threads=2)
+    whole = draw(aov=("depth",))
+    drawn = np.isfinite(picture.channels["depth"][..., 0])
+    assert picture.metadata["partial"] is True
+    assert picture.metadata["error"] is None
+    assert 0 < drawn.sum() < drawn.size
+    assert np.all(picture.channels["rgba"][~drawn] == 0.0)
+    some = drawn & (picture.channels["rgba"][..., 0] == whole.channels["rgba"][..., 0])
+    assert some.sum() >= 3 * 6 * 32  # the tiles that were finished; one being drawn may have fewer samples
+    assert seen[-1][0] < seen[-1][1]
+
+
+def test_cancelling_beforehand_draws_nothing() -> None:
+    cancel = threading.Event()
+    cancel.set()
+    painter = Painter()
+    for asked in ({}, {"error": 0.01}):
+        picture = draw(painter, cancel=cancel, aov=("id",), **asked)
+        assert painter.calls == []
+        assert picture.metadata["partial"] is True
+        assert picture.metadata["samples"] == 0
+        assert np.all(picture.channels["rgba"] == 0.0)
+        assert np.all(picture.channels["id"] == -1.0)
+
+
+def test_a_failure_in_a_worker_is_raised_here_and_ends_the_work() -> None:
+    before = threading.active_count()
+    with pytest.raises(ArithmeticError, match="the brush broke"):
+        draw(Painter(fail_at=5), threads=3)
+    assert threading.active_count() == before
+
+
+def test_an_interruption_here_ends_the_workers() -> None:
+    def progress(done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    before = threading.active_count()
+    painter = Painter(wait=0.002)
+    with pytest.raises(KeyboardInterrupt):
+        draw(painter, progress)
+    assert threading.active_count() == before
+    assert len({tile for tile, *_ in painter.calls}) < len(film.tiles((0, 0, *SIZE)))
+
+
+@pytest.mark.parametrize("asked", [{}, {"error": 0.03, "samples": 4096}, {"budget": 0.3, "samples": 100_000}])
+def test_progress_grows_to_the_whole_in_the_callers_thread(asked: dict[str, Any]) -> None:
+    seen, threads = [], set()
+
+    def progress(done: int, total: int) -> None:
+        seen.append((done, total))
+        threads.add(threading.current_thread())
+
+    draw(progress=progress, **asked)
+    total = len(film.tiles((0, 0, *SIZE)))
+    assert seen == sorted(set(seen))
+    assert seen[-1] == (total, total)
+    assert {t for _, t in seen} == {total}
+    assert threads == {threading.current_thread()}
+
+
+def root_relmse(picture: image.Image) -> float:
+    y, x = np.mgrid[: SIZE[1], : SIZE[0]]
+    return metrics.root_relmse(picture.channels["rgba"][..., :3], truth(x, y)[..., None] * np.array([1.0, 0.5, 0.25]))
+
+
+@pytest.mark.parametrize("error", [0.05, 0.02, 0.01])
+def test_the_error_that_was_asked_for_is_reached(error: float) -> None:
+    picture = draw(error=error, samples=4096)
+    assert root_relmse(picture) < 1.1 * error
+    assert picture.metadata["error"] < error
+    assert picture.metadata["error"] == pytest.approx(root_relmse(picture), rel=0.15)
+    assert film.FIRST <= picture.metadata["samples"] < 4096
+
+
+@pytest.mark.parametrize("by_tile", [False, True])
+def test_only_where_there_is_error_are_more_samples_taken(by_tile: bool) -> None:
+    painter = Painter(lambda x, y: np.where(x >= 64, 1.0, 0.02), by_tile=by_tile)
+    picture = draw(painter, error=0.01, samples=4096)
+    calm, lively = painter.taken[:, :62], painter.taken[:, 66:]
+    share = lively.mean() / calm.mean()
+    assert 20 < share < 80 if not by_tile else share > 8  # in proportion to the noise, 50 to 1 but for its brightness
+    assert picture.metadata["samples_mean"] == pytest.approx(painter.taken.mean())
+    assert root_relmse(picture) < 1.1 * 0.01
+
+
+def test_samples_go_where_they_take_away_most() -> None:
+    """Neyman's allocation: with variance v / n at each pixel, n in proportion to √v needs the fewest samples for an error."""
+    y, x = np.mgrid[:64, :64]
+    v = np.exp(3.0 * np.sin(x / 9.0) + 2.0 * np.cos(y / 7.0))
+    n = np.full(v.shape, 8)
+    for _ in range(12):
+        n = n * 2 ** adaptive_sampling.doublings_for_error(v / n, n, 1 << 20, 1.0 - 1e-3 / float(np.mean(v / n)))
+    fewest = np.sqrt(v).sum() ** 2 / (v.size * 1e-3)
+    assert np.mean(v / n) <= 1e-3
+    assert fewest <= n.sum() < 1.15 * fewest
+
+
+def test_a_pixel_that_is_noisy_alone_does_not_make_all_others_pay() -> None:
+    v = np.ones((64, 64))
+    v[30, 30] = 4000.0  # half of the error of the picture, where the neighbours know of nothing
+    n = np.full(v.shape, 8)
+    doublings = adaptive_sampling.doublings_for_error(adaptive_sampling.smoothed(v / n, n), n, 1 << 20, 0.3)
+    assert doublings[28:33, 28:33].max() > 0
+    assert np.count_nonzero(doublings) < 100
+
+
+@pytest.mark.parametrize("count", [100, 2_000, 40_000])
+def test_what_is_taken_for_an_error_has_at_most_that_error(count: int) -> None:
+    """Both the estimate, a mean over pixels, and the error itself are uncertain: the fewer the pixels, the more."""
+    rng = np.random.default_rng(7)
+    wrong = taken = 0
+    for variance in np.linspace(0.3, 1.2, 300):
+        estimate, picture = variance * rng.standard_normal((2, count)) ** 2
+        if adaptive_sampling.excess(estimate[None], 1.0) == 0.0:
+            taken += 1
+            wrong += float(np.mean(picture)) > 1.0
+    assert taken > (60 if count == 100 else 150)
+    assert wrong <= 0.1 * taken
+
+
+def test_samples_for_a_budget_stay_within_it_and_go_where_the_noise_is() -> None:
+    v = np.ones((40, 40))
+    v[10:20, 10:20] = 100.0
+    n = np.full(v.shape, 8)
+    more = n * (2 ** adaptive_sampling.doublings_for_samples(v / n, n, 1 << 20, 5000.0) - 1)
+    assert 2000 <= more.sum() <= 5000
+    assert more[12:18, 12:18].min() > 0
+    assert more[22:, 22:].max() == 0
+    assert adaptive_sampling.doublings_for_samples(v / n, n, 1 << 20, 3.0).max() == 0
+
+
+def test_no_pixel_goes_beyond_the_most() -> None:
+    n = np.full((5, 7), 8)
+    doublings = adaptive_sampling.doublings_for_error(np.ones((5, 7)), n, 24, 1.0)
+    assert set(np.minimum(n * 2**doublings, 24).ravel()) == {24}
+    assert adaptive_sampling.doublings_for_error(np.ones((5, 7)), np.full((5, 7), 24), 24, 1.0).max() == 0
+    assert adaptive_sampling.doublings_for_error(np.zeros((5, 7)), n, 24, 1.0).max() == 0
+
+
+def test_the_most_samples_end_what_cannot_be_reached() -> None:
+    picture = draw(error=1e-6, samples=24)
+    assert picture.metadata["samples"] == 24
+    assert picture.metadata["error"] > 1e-6
+    assert picture.metadata["partial"] is False
+
+
+def test_a_black_picture_has_no_error() -> None:
+    class Black(Painter):
+        def sample(self, tile: Tile, first: np.ndarray, count: np.ndarray, total: int, film: Film) -> None:
+            pass
+
+    picture = draw(Black(), error=0.01, samples=4096)
+    assert (picture.metadata["error"], picture.metadata["samples"]) == (0.0, film.FIRST)
+
+
+def test_the_error_of_a_fixed_number_of_samples_is_estimated() -> None:
+    picture = draw(samples=64)
+    assert picture.metadata["error"] == pytest.approx(root_relmse(picture), rel=0.15)
+
+
+def test_a_budget_ends_it_in_time_with_a_whole_picture() -> None:
+    started = time.perf_counter()
+    picture = draw(Painter(wait=0.002), budget=0.6, samples=100_000)
+    assert time.perf_counter() - started < 2.0
+    assert picture.metadata["samples"] > 8
+    assert np.all(picture.channels["rgba"][..., 0] > 0)
+    assert picture.metadata["partial"] is False
+    late = draw(Painter(wait=0.01), budget=1e-3, samples=100_000)  # too short: still every pixel once
+    assert late.metadata["samples"] == film.FIRST // 2
+
+
+class Clockwork(Painter):
+    """Noisy in one corner; time is what its samples take: a microsecond each, and some for each call."""
+
+    now = 0.0
+
+    def __init__(self) -> None:
+        super().__init__(width=lambda x, y: np.where((x < 30) & (y < 30), 1.0, 0.05))
+
+    def sample(self, tile: Tile, first: np.ndarray, count: np.ndarray, total: int, film: Film) -> None:
+        super().sample(tile, first, count, total, film)
+        self.now += 1e-6 * float(count.sum()) + 5e-5
+
+    def perf_counter(self) -> float:
+        return self.now
+
+
+@pytest.mark.parametrize("seconds", [0.5, 2.0])
+def test_a_budget_is_spent_to_a_tenth_and_where_the_noise_is(monkeypatch: pytest.MonkeyPatch, seconds: float) -> None:
+    painter = Clockwork()
+    monkeypatch.setattr(film, "time", painter)
+    picture = draw(painter, budget=seconds, samples=100_000, threads=1)
+    assert painter.now == pytest.approx(seconds, rel=0.1)
+    assert painter.taken.sum() * 1e-6 > 0.9 * seconds
+    assert np.median(painter.taken[:30, :30]) >= 4 * np.median(painter.taken[40:, 40:])
+    assert picture.metadata["error"] < draw(samples=round(seconds * 1e6 / painter.taken.size)).metadata["error"]
+
+
+def test_luminance_is_of_the_linear_colour() -> None:
+    picture = image.Image(1, 1, {"rgba": np.array([[[1.0, 2.0, 3.0, 1.0]]], np.float32)})
+    assert picture.luminance[0, 0] == pytest.approx(0.2126729 + 2 * 0.7151522 + 3 * 0.0721750)

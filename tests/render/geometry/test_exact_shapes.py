@@ -1,0 +1,68 @@
+"""Shapes that the rasterizer meets by a ray for each sample: formulas, quadrics, and what the eye is too near to for triangles."""
+
+import numpy as np
+import pytest
+from maquette.compiler import ir
+from maquette.compiler.plan import plan as planner
+from maquette.compiler.scene.row_records import CameraData
+from maquette.render.backends import prepare
+from maquette.render.raster import view_geometry
+from maquette.render.tessellation import analytic_shapes
+from maquette.render.types import View
+
+from .. import pictures, tables
+
+K = ir.GeometryKind
+RADIUS = 1e7
+
+
+def planet(height: float = 2.0) -> ir.Tables:
+    """A ball of 10,000 km under the eye, which looks at the horizon, and a small one before that."""
+    shapes = [(K.SPHERE, [RADIUS], tables.matrix((0, -RADIUS - height, 0)), 0), (K.SPHERE, [0.5], tables.matrix((0, 0, -5)), 0)]
+    return tables.scene(shapes, camera=CameraData(0, 0.4))
+
+
+def shells(scene: ir.Tables, tolerance: float) -> dict[int, analytic_shapes.Tessellation]:
+    _, made, view = pictures.planned(scene, "raster", tolerance=tolerance)
+    return prepare.prepare(ir.Scene("test", scene, names=ir.Names(cameras=("",))), made, view).shells
+
+
+def test_the_horizon_of_a_planet():
+    """From 2 m above it every pixel shows what its ray meets; within 1024 chords the tessellation would end 47 m below the eye's feet."""
+    drawn = [pictures.picture(planet(), backend, aov=("id", "depth")).channels for backend in ("raster", "ray")]
+    assert np.array_equal(drawn[0]["id"], drawn[1]["id"])
+    there = np.isfinite(drawn[1]["depth"])
+    assert np.allclose(drawn[0]["depth"][there], drawn[1]["depth"][there], rtol=1e-6)
+    assert 0.4 < there.mean() < 0.6
+
+
+def test_what_is_near_or_asked_for_too_finely_has_no_triangles():
+    assert list(shells(planet(), 0.05)) == [1]
+    assert list(shells(planet(), 1e-9)) == []
+    far = tables.scene([(K.SPHERE, [0.5], tables.matrix((0, 0, -5)), 0)], camera=CameraData(0, 0.4))
+    around = [(K.SPHERE, [9.0], tables.matrix((0, 0, -5)), 0), (K.BOX, [9.0] * 3, tables.matrix(), 0)]
+    inside = tables.scene(around, camera=CameraData(0, 0.4))
+    assert list(shells(far, 0.05)) == [0]
+    assert list(shells(inside, 0.05)) == [1]
+
+
+def test_a_tolerance_asked_for_is_kept_and_the_default_is_a_twentieth():
+    far = tables.scene([(K.SPHERE, [0.5], tables.matrix((0, 0, -5)), 0)], camera=CameraData(0, 0.4))
+    asked = {t: pictures.planned(far, "raster", tolerance=t)[1] for t in (None, 0.4)}
+    assert asked[None]["tolerance"] == 0.05
+    assert asked[0.4]["tolerance"] == 0.4
+    assert pictures.planned(far, "raster", {"tolerance": "0.2"})[1]["tolerance"] == 0.2
+    with pytest.raises(planner.PlanError, match="`tolerance` cannot be -1"):
+        pictures.planned(far, "raster", {"tolerance": "-1"})
+    coarse, fine = (len(shells(far, t)[0].triangles) for t in (0.4, 0.05))
+    assert 6 < fine / coarse < 12  # a chord's sagitta falls with the square of their number
+
+
+def test_boxes_of_pixels():
+    """What is before the eye lies in its box, four pixels wider; what reaches behind it may be anywhere."""
+    before = (K.BOX, [1.0, 1.0, 1.0], tables.matrix((0, 0, -5)), 0)
+    made = tables.scene([before, (K.BOX, [9.0] * 3, tables.matrix(), 0), (K.PLANE, [], tables.matrix(), 0)], camera=CameraData(0, 1.0))
+    boxes = view_geometry.pixel_boxes(made, View(0, 80, 80), np.array([0, 1, 2]))
+    assert boxes[0].tolist() == [40 - 10 - 4, 40 - 10 - 4, 40 + 10 + 4, 40 + 10 + 4]
+    assert (boxes[1:, :2] < -(1 << 20)).all()
+    assert (boxes[1:, 2:] > 1 << 20).all()

@@ -1,0 +1,236 @@
+"""Pictures to files and back: the sRGB curve, depths, alpha, channels, metadata, metering, and that a file is whole or not there."""
+
+from __future__ import annotations
+
+import zlib
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from maquette.render.image import image_files
+from maquette.render.image.image import Image
+
+ABOUT = {"command": "maquette render a.scene", "version": "1.2.3", "seed": 7, "samples": 16, "backend": "ray", "exposure": 0.5}
+
+
+def picture(rgba: object, **channels: object) -> Image:
+    array = np.asarray(rgba, dtype=np.float32)
+    more = {name: np.asarray(values, dtype=np.float32) for name, values in channels.items()}
+    return Image(array.shape[1], array.shape[0], {"rgba": array, **more}, {})
+
+
+def raw(path: Path) -> tuple[oiio.ImageSpec, np.ndarray]:
+    """The numbers as they stand in the file."""
+    wanted = oiio.ImageSpec()
+    wanted.attribute("oiio:UnassociatedAlpha", 1)
+    source = oiio.ImageInput.open(str(path), wanted)
+    assert source is not None
+    spec = source.spec()
+    values = np.asarray(source.read_image(spec.format)).reshape(spec.height, spec.width, -1)
+    source.close()
+    return spec, values
+
+
+def test_what_a_picture_is_about_comes_back(tmp_path: Path) -> None:
+    """Channels, the place of a crop and the attributes: what compares pictures asks for them."""
+    ids = np.array([[[0, 1], [2, -1]]])
+    drawn = Image(2, 1, picture([[[1, 1, 1, 1], [0, 0, 0, 0]]], id=ids).channels, {"size": (10, 8), "crop": (3, 4, 5, 5)})
+    image_files.write(drawn, tmp_path / "a.exr", image_files.Look(), ABOUT)
+    image_files.write(drawn, tmp_path / "a.png", image_files.Look(bits=16), ABOUT)
+    exr, png = (image_files.read(tmp_path / name) for name in ("a.exr", "a.png"))
+    assert exr.channels["id"].tolist() == ids.tolist()
+    assert (exr.metadata["size"], exr.metadata["crop"], exr.metadata["bits"]) == ((10, 8), (3, 4, 5, 5), 0)
+    assert (exr.metadata["alpha"], png.metadata["alpha"]) == (True, False)
+    assert (exr.metadata["alpha"], png.metadata["alpha"]) == (True, False)
+    assert (png.metadata["size"], png.metadata["crop"], png.metadata["bits"]) == ((2, 1), (0, 0, 2, 1), 16)
+    assert (exr.metadata["about"]["seed"], float(png.metadata["about"]["exposure"])) == ("7", 0.5)
+
+
+def test_all_256_codes_come_back(tmp_path: Path) -> None:
+    codes = np.arange(256)
+    grey = image_files.decode_srgb(codes / 255).reshape(16, 16, 1)
+    rgba = np.concatenate([np.repeat(grey, 3, axis=2), np.ones((16, 16, 1))], axis=2)
+    image_files.write(picture(rgba), tmp_path / "codes.png", image_files.Look(), ABOUT)
+    _, values = raw(tmp_path / "codes.png")
+    assert np.array_equal(values[..., 0].ravel(), codes)
+    again = image_files.read(tmp_path / "codes.png")
+    image_files.write(again, tmp_path / "again.png", image_files.Look(), ABOUT)
+    assert np.array_equal(raw(tmp_path / "again.png")[1], values)
+
+
+@given(st.floats(0, 1))
+def test_decoding_undoes_encoding(value: float) -> None:
+    assert image_files.decode_srgb(image_files.encode_srgb(np.array([value])))[0] == pytest.approx(value, abs=1e-7)
+
+
+def test_light_that_is_no_number_is_not_white_noise(tmp_path: Path) -> None:
+    rgba = [[[np.nan, np.inf, -np.inf, 1.0], [-1.0, 2.0, 1e30, 1.0]]]
+    image_files.write(picture(rgba), tmp_path / "odd.png", image_files.Look(), ABOUT)
+    assert raw(tmp_path / "odd.png")[1].tolist() == [[[0, 255, 0], [0, 255, 255]]]
+
+
+@pytest.mark.parametrize(("bits", "grey"), [(8, 188), (16, 48192)])
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+def test_depths(tmp_path: Path, suffix: str, bits: int, grey: int) -> None:
+    path = tmp_path / f"half{suffix}"
+    image_files.write(picture([[[0.5, 0.5, 0.5, 1.0]]]), path, image_files.Look(bits=bits), ABOUT)
+    spec, values = raw(path)
+    assert spec.format.basesize() * 8 == bits
+    assert values.tolist() == [[[grey] * 3]]
+
+
+def test_exposure_is_in_stops(tmp_path: Path) -> None:
+    for stops, code in ((0.0, 188), (1.0, 255), (-1.0, 137)):
+        image_files.write(picture([[[0.5, 0.5, 0.5, 1.0]]]), tmp_path / "x.png", image_files.Look(exposure=stops), ABOUT)
+        assert raw(tmp_path / "x.png")[1][0, 0, 0] == code
+
+
+def test_png_alpha_is_unassociated_and_only_there_when_asked(tmp_path: Path) -> None:
+    half = picture([[[0.25, 0.25, 0.25, 0.5], [0.0, 0.0, 0.0, 0.0]]])
+    image_files.write(half, tmp_path / "with.png", image_files.Look(alpha=True), ABOUT)
+    assert raw(tmp_path / "with.png")[1].tolist() == [[[188, 188, 188, 128], [0, 0, 0, 0]]]
+    image_files.write(half, tmp_path / "without.png", image_files.Look(), ABOUT)
+    assert raw(tmp_path / "without.png")[1].tolist() == [[[137, 137, 137], [0, 0, 0]]]
+    back = image_files.read(tmp_path / "with.png").channels["rgba"]
+    np.testing.assert_allclose(back[0, 0], [0.2523, 0.2523, 0.2523, 128 / 255], atol=1e-3)
+
+
+def test_png_rows_are_differences(tmp_path: Path) -> None:
+    """All by the same filter, which is what makes them quick to write: trying five for each row takes longer than packing them."""
+    image_files.write(picture(np.random.default_rng(1).random((9, 8, 4))), tmp_path / "x.png", image_files.Look(), ABOUT)
+    data = (tmp_path / "x.png").read_bytes()
+    at, packed = 8, b""
+    while at < len(data):
+        size, kind = int.from_bytes(data[at : at + 4]), data[at + 4 : at + 8]
+        packed += data[at + 8 : at + 8 + size] if kind == b"IDAT" else b""
+        at += 12 + size
+    assert set(zlib.decompress(packed)[:: 1 + 3 * 8]) == {1}
+
+
+def test_jpeg_is_over_black(tmp_path: Path) -> None:
+    image_files.write(picture(np.full((8, 8, 4), 0.25)), tmp_path / "x.jpg", image_files.Look(alpha=True), ABOUT)
+    spec, values = raw(tmp_path / "x.jpg")
+    assert spec.nchannels == 3
+    assert abs(int(values[4, 4, 0]) - 137) <= 1
+
+
+def test_exr_is_linear_float_with_named_channels(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    h, w = 3, 5
+    widths = {"rgba": 4, "depth": 1, "normal": 3, "position": 3, "albedo": 3, "uv": 2, "id": 2}
+    channels = {name: rng.normal(size=(h, w, k)).astype(np.float32) for name, k in widths.items()}
+    channels["depth"][0, 0] = np.inf
+    channels["rgba"][0, 0, 0] = 70000.0  # more than half floats hold
+    image = Image(w, h, dict(reversed(channels.items())), {})
+    image_files.write(image, tmp_path / "x.exr", image_files.Look(exposure=3.0, view="sRGB"), ABOUT)
+    spec, values = raw(tmp_path / "x.exr")
+    names = ["R", "G", "B", "A", "depth.Z", "normal.X", "normal.Y", "normal.Z", "position.X", "position.Y", "position.Z"]
+    names += ["albedo.R", "albedo.G", "albedo.B", "uv.U", "uv.V", "id.instance", "id.material"]
+    assert sorted(spec.channelnames) == sorted(names)
+    assert spec.format == oiio.FLOAT
+    whole = np.concatenate(list(channels.values()), axis=2)
+    for i, name in enumerate(names):
+        assert np.array_equal(values[..., list(spec.channelnames).index(name)], whole[..., i]), name
+    assert np.array_equal(image_files.read(tmp_path / "x.exr").channels["rgba"], channels["rgba"])
+
+
+def test_a_crop_stands_at_its_place(tmp_path: Path) -> None:
+    image = Image(3, 2, {"rgba": np.ones((2, 3, 4), np.float32)}, {"crop": (4, 5, 7, 7), "size": (32, 24)})
+    image_files.write(image, tmp_path / "x.exr", image_files.Look(), ABOUT)
+    spec, _ = raw(tmp_path / "x.exr")
+    assert (spec.x, spec.y, spec.width, spec.height) == (4, 5, 3, 2)
+    assert (spec.full_x, spec.full_y, spec.full_width, spec.full_height) == (0, 0, 32, 24)
+    assert image_files.read(tmp_path / "x.exr").width == 3
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".png", ".tif"])
+def test_metadata_says_how_it_was_made(tmp_path: Path, suffix: str) -> None:
+    image_files.write(picture(np.ones((2, 2, 4))), tmp_path / f"x{suffix}", image_files.Look(), ABOUT)
+    spec, _ = raw(tmp_path / f"x{suffix}")
+    assert spec.getattribute("Software") == "maquette 1.2.3"
+    assert spec.getattribute("ImageDescription") == ABOUT["command"]
+    if suffix != ".tif":
+        assert {key: str(spec.getattribute(f"maquette:{key}")) for key in ABOUT} == {key: str(value) for key, value in ABOUT.items()}
+    if suffix == ".exr":
+        assert spec.getattribute("maquette:seed") == 7
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".png", ".jpg", ".tif"])
+def test_one_pixel(tmp_path: Path, suffix: str) -> None:
+    image_files.write(picture([[[1.0, 1.0, 1.0, 1.0]]]), tmp_path / f"one{suffix}", image_files.Look(), ABOUT)
+    again = image_files.read(tmp_path / f"one{suffix}")
+    assert (again.width, again.height) == (1, 1)
+    np.testing.assert_allclose(again.channels["rgba"], 1.0, atol=0.02)
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "x.png"
+    image_files.write(picture([[[0.5, 0.5, 0.5, 1.0]]]), path, image_files.Look(), ABOUT)
+    before = path.read_bytes()
+
+    def broken(*_: object) -> None:
+        raise OSError("the disk is full")
+
+    monkeypatch.setattr(Path, "replace", broken)
+    with pytest.raises(OSError, match="the disk is full"):
+        image_files.write(picture([[[1.0, 1.0, 1.0, 1.0]]]), path, image_files.Look(), ABOUT)
+    assert path.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["x.png"]
+
+
+def test_metering_brings_the_log_average_to_middle_grey() -> None:
+    rng = np.random.default_rng(2)
+    rgba = np.concatenate([np.repeat(rng.lognormal(7, 1, (32, 32, 1)), 3, axis=2), np.ones((32, 32, 1))], axis=2)
+    exposed = rgba[..., 0] * 2.0 ** image_files.metered(rgba)
+    assert np.exp(np.log(exposed).mean()) == pytest.approx(0.18, rel=0.004)  # half of 1/100 stop
+    rgba[:16] = 0.0  # what is black says nothing about the light
+    assert np.exp(np.log(rgba[16:, :, 0] * 2.0 ** image_files.metered(rgba)).mean()) == pytest.approx(0.18, rel=0.004)
+    assert image_files.metered(np.zeros((4, 4, 4))) == 0.0
+
+
+def test_other_views_come_from_opencolorio(tmp_path: Path) -> None:
+    raw_view = image_files.Look(view="Raw")
+    assert "Raw" in image_files.views()
+    image_files.write(picture([[[0.5, 0.25, 1.0, 1.0]]]), tmp_path / "raw.png", raw_view, ABOUT)
+    assert raw(tmp_path / "raw.png")[1].tolist() == [[[128, 64, 255]]]
+    image_files.check(tmp_path / "x.png", view="Raw")
+
+
+@pytest.mark.parametrize(
+    ("name", "more", "message"),
+    [
+        ("x.gif", {}, "cannot tell the picture format of x.gif: its name must end in one of .exr, .png, .tif, .tiff, .jpg, .jpeg"),
+        ("x", {}, "cannot tell the picture format of x: its name must end in one of .exr, .png, .tif, .tiff, .jpg, .jpeg"),
+        ("x.exr", {"bits": 16}, "x.exr holds 32-bit floats: --bits is for 8 and 16-bit pictures"),
+        ("x.jpg", {"bits": 16}, ".jpg files have 8 bits a channel, not 16; .png and .tif have 16"),
+        ("x.png", {"aov": ("depth", "id")}, "x.png has no room for the channels depth, id: write an .exr"),
+    ],
+)
+def test_what_no_file_can_hold(name: str, more: dict[str, object], message: str) -> None:
+    with pytest.raises(image_files.FormatError) as error:
+        image_files.check(Path(name), **more)  # type: ignore[arg-type]
+    assert str(error.value) == message
+
+
+def test_an_unknown_view_is_answered_with_the_known_ones() -> None:
+    with pytest.raises(image_files.FormatError) as error:
+        image_files.check(Path("x.png"), view="Agx")
+    assert str(error.value) == f"no view is called `Agx`; there are: {', '.join(image_files.views())}"
+
+
+def test_what_is_not_a_picture(tmp_path: Path) -> None:
+    with pytest.raises(image_files.FormatError, match="there is no file"):
+        image_files.read(tmp_path / "none.png")
+    (tmp_path / "text.png").write_text("no picture", encoding="utf-8")
+    with pytest.raises(image_files.FormatError, match=r"text\.png is not a picture"):
+        image_files.read(tmp_path / "text.png")
+
+
+@pytest.mark.parametrize("gain", [2.0**-60, 2.0**60])
+def test_far_from_one_the_numbers_stay(tmp_path: Path, gain: float) -> None:
+    values = np.random.default_rng(3).random((4, 4, 4)).astype(np.float32)
+    image_files.write(picture(values * gain), tmp_path / "x.exr", image_files.Look(), ABOUT)
+    assert np.array_equal(image_files.read(tmp_path / "x.exr").channels["rgba"], values * np.float32(gain))

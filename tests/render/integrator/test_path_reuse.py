@@ -1,0 +1,140 @@
+"""What pixels of a block share of their paths: the same light as each for itself, nothing through walls, less error."""
+
+from __future__ import annotations
+
+import maquette
+import numpy as np
+import pytest
+from maquette.compiler import load
+from maquette.compiler.plan import plan as planner
+from maquette.render.film import adaptive_sampling
+
+ROOM = """
+box([4, 3, 4], center: [0, 1.5, 0], material: lambert(0.7))
+sphere(0.5, center: [0.8, 0.5, 0.3], material: lambert(rgb(0.8, 0.3, 0.2)))
+box([0.5, 1.4, 0.5], center: [-0.8, 0.7, -0.4], rotate: [0, 25deg, 0], material: lambert(0.5))
+camera(position: [0, 1.4, 1.8], look_at: [0, 0.8, 0], fov: 60deg)
+"""
+LAMPS = {
+    "rectangle": "area([0, 2.6, 0], size: [1, 0.8], luminance: 8)\n",
+    "point": "point([0.7, 2.5, 0.4], intensity: 9)\n",
+    "shining things": (
+        "sphere(0.2, center: [0, 2.5, 0], material: emissive(1, luminance: 20))\n"
+        "polygon([[-1.4, 2.8, -0.4], [-0.8, 2.8, -0.4], [-1, 2.8, 0.5]], material: emissive(1, luminance: 12))\n"
+    ),
+}
+TORUS = "torus(0.6, 0.15, center: [0, 1.2, 0], material: lambert(0.6))\n"  # in a tree
+
+
+@pytest.fixture
+def draw(tmp_path):
+    def run(text, samples=16, seed=0, size=(32, 32), threads=1, crop=None, **plan):
+        path = tmp_path / "a.scene"
+        path.write_text(text, encoding="utf-8")
+        plan = {name.replace("_", "."): value for name, value in plan.items()}
+        image = maquette.render(
+            path, size=size, samples=samples, seed=seed, backend="ray", filter="box", threads=threads, plan=plan, crop=crop
+        )
+        assert image.metadata["issues"] == 0
+        return image.channels["rgba"].astype(np.float64)[..., :3]
+
+    return run
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("more", ["", TORUS], ids=["pieces", "tree"])
+@pytest.mark.parametrize("lamp", LAMPS)
+def test_it_is_the_light_that_each_pixel_finds_for_itself(draw, lamp, more, precision):
+    """The means of blocks of the picture, by z."""
+    text = ROOM + more + LAMPS[lamp] + "render(bounces: 3)\n"
+
+    def runs(how, first):
+        pictures = np.stack([draw(text, seed=first + k, precision=precision, transport_reuse=how) for k in range(8)])
+        return pictures.reshape(8, 4, 8, 4, 8, 3).mean(axis=(2, 4))
+
+    shared, alone = runs("blocks", 1), runs("none", 101)
+    variance = (shared.var(axis=0, ddof=1) + alone.var(axis=0, ddof=1)) / 8
+    z = (shared.mean(axis=0) - alone.mean(axis=0)) / np.sqrt(variance)
+    assert np.mean(z**2) < 1.9  # 1.17 for 14 degrees of freedom
+    assert abs(shared.mean() / alone.mean() - 1.0) < 0.01
+
+
+@pytest.mark.parametrize("lamp", LAMPS)
+def test_single_pixels_are_nearer_to_the_answer(draw, lamp):
+    text = ROOM + LAMPS[lamp] + "render(bounces: 3)\n"
+    error = [np.stack([draw(text, seed=k, transport_reuse=how) for k in range(6)]).var(axis=0, ddof=1).mean() for how in ("blocks", "none")]
+    assert error[0] < 0.5 * error[1]
+
+
+WALLS = {"piece": "box([0.02, 3, 4], center: [0, 1.5, 0], {})", "tree": "cylinder(0.02, 6, center: [0, 0, 0], scale: [1, 1, 120], {})"}
+
+
+@pytest.mark.parametrize("wall", WALLS)
+def test_nothing_comes_through_a_wall(draw, wall):
+    """It halves a room that is open to the eye; one half has a lamp, and the blocks in the middle have pixels of both."""
+    matt = "material: lambert(0.7))"
+    text = f"""
+polygon([[-2, 0, 2], [2, 0, 2], [2, 0, -2], [-2, 0, -2]], {matt}
+polygon([[-2, 3, -2], [2, 3, -2], [2, 3, 2], [-2, 3, 2]], {matt}
+polygon([[-2, 0, -2], [2, 0, -2], [2, 3, -2], [-2, 3, -2]], {matt}
+polygon([[2, 0, -2], [2, 0, 2], [2, 3, 2], [2, 3, -2]], {matt}
+polygon([[-2, 0, 2], [-2, 0, -2], [-2, 3, -2], [-2, 3, 2]], {matt}
+{WALLS[wall].format("material: lambert(0.5)")}
+area([1, 2.9, 0], size: [1, 0.8], luminance: 50)
+camera(position: [0, 1.5, 6], look_at: [0, 1.5, 0], fov: 40deg)
+render(bounces: 4)
+"""
+    found = draw(text, samples=4, size=(66, 48))
+    assert found[:, :33].max() == 0.0
+    assert found[:, 34:].mean() > 0.1
+
+
+def test_a_crop_is_a_part_of_the_whole_on_any_number_of_threads(draw):
+    text = ROOM + LAMPS["rectangle"] + "render(bounces: 3)\n"
+    whole = draw(text, samples=2, size=(70, 45), threads=2)
+    part = draw(text, samples=2, size=(70, 45), crop=(13, 5, 51, 38))
+    assert np.array_equal(part, whole[5:38, 13:51])
+
+
+def test_the_plan_says_where(tmp_path):
+    def decided(text):
+        path = tmp_path / "b.scene"
+        path.write_text(text, encoding="utf-8")
+        scene = load.load(path)
+        return planner.make(scene, scene.settings)
+
+
+    text = ROOM + LAMPS["point"] + "render(bounces: 3)\n"
+    assert decided(text)["transport.reuse"] == "blocks"
+    for more in ("mirror(0.9)", "phong(0.3, specular: 0.4)", "glass()", "lambert(0.5, opacity: 0.5)", 'lambert(0.5, shading: "gouraud")'):
+        plan = decided(text + f"sphere(0.1, center: [0, 0.2, 0], material: {more})\n")
+        assert plan["transport.reuse"] == "none", more
+        assert "not matt" in plan.decisions["transport.reuse"].reason
+    assert decided(text + "sky()\n")["transport.reuse"] == "none"
+    assert decided(text.replace("bounces: 3", "bounces: 0"))["transport.reuse"] == "none"
+
+
+def test_blocks_are_the_pictures():
+    """Of a crop from column 3 and row 6 the first blocks are one column wide and two rows high."""
+    blocks = adaptive_sampling.Blocks((3, 6, 10, 13), 4)
+    values = np.arange(49.0).reshape(7, 7)
+    means = blocks.means(values)
+    assert means.shape == (3, 3)
+    assert means[0, 0] == values[:2, :1].mean()
+    assert means[1, 1] == values[2:6, 1:5].mean()
+    assert means[2, 2] == values[6:, 5:].mean()
+    spread = blocks.spread(means)
+    assert spread.shape == values.shape
+    assert np.array_equal(blocks.means(spread), means)
+
+
+def test_pixels_of_a_block_take_the_same_samples_where_an_error_is_asked_for(tmp_path):
+    path = tmp_path / "c.scene"
+    path.write_text(ROOM + LAMPS["rectangle"] + "render(bounces: 3)\n", encoding="utf-8")
+    image = maquette.render(path, size=(42, 30), crop=(3, 2, 41, 29), error=0.03, backend="ray", aov=("samples",), threads=1)
+    taken = image.channels["samples"][..., 0]
+    assert image.metadata["error"] <= 0.03
+    assert np.ptp(taken) > 0
+    for y in range(2, 26, 4):  # rows and columns of the picture 4, 8 …
+        for x in range(1, 33, 4):
+            assert np.ptp(taken[y : y + 4, x : x + 4]) == 0

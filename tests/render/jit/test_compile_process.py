@@ -1,0 +1,104 @@
+"""Kernels that another process compiles: they are loaded from disk, and compiled here where that process ends without."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+from maquette.render.accel.formula_packets import hits
+from maquette.render.jit import compile_process, function_pointer, kernel
+from maquette.render.simd import target
+
+BEGIN = """
+import sys
+import numpy as np
+from maquette.render.accel.formula_packets import hits as primed
+from maquette.render.jit import compile_process, function_pointer
+from maquette.render.simd import target
+target.cores = lambda: 2
+whole = np.zeros((1, 2), np.int64)
+given = whole, 3, 4, np.zeros(2, np.int64), np.zeros(3, np.int64), np.zeros(2), np.zeros(2, np.int64)
+"""
+END = """
+primed.begin(*given)
+assert given[4].tolist() == [3, 4, 0]
+assert not compile_process._under_way
+print(sum(primed.begin.stats.cache_hits.values()), sum(primed.begin.stats.cache_misses.values()))
+"""
+
+
+def run(folder: Path, text: str) -> str:
+    """What a process with an empty cache prints."""
+    environment = {**os.environ, "MAQUETTE_CACHE": str(folder)}
+    done = subprocess.run([sys.executable, "-c", BEGIN + text], env=environment, capture_output=True, text=True, timeout=120)
+    assert not done.returncode, done.stderr
+    return done.stdout.strip()
+
+
+def test_a_kernel_that_was_compiled_beside_is_loaded(tmp_path: Path) -> None:
+    assert run(tmp_path, "compile_process.start(2, primed.begin, *given)\nassert len(compile_process._under_way) == 1" + END) == "1 0"
+    again = "compile_process.start(2, primed.begin, *given)\nassert not compile_process._under_way"  # nobody is asked for what is on disk
+    assert run(tmp_path, again + END) == "1 0"
+
+
+def test_where_the_other_process_ends_the_kernel_is_compiled_here(tmp_path: Path) -> None:
+    assert (
+        run(tmp_path, "compile_process.start(2, primed.begin, *given)\nnext(iter(compile_process._under_way.values())).kill()" + END)
+        == "0 1"
+    )
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_there_are_no_more_processes_than_threads(tmp_path: Path, threads: int) -> None:
+    text = f"compile_process.start({threads}, primed.begin, *given)\ncompile_process.start({threads}, primed.begin, *given)\nprint(len(compile_process._under_way))"
+    assert run(tmp_path, text) == str(threads - 1)
+
+
+def test_the_other_process_ends_with_this_one(tmp_path: Path) -> None:
+    text = """
+import time
+compile_process.call(2, time.sleep, 100)
+process = compile_process._called[0]
+process.stdin.close()
+print(process.wait(60))
+"""
+    assert run(tmp_path, text) == "1"
+
+
+def test_interpreters_of_formulas_are_made_beside(tmp_path: Path) -> None:
+    text = """
+from maquette.render.formula import interpreter
+interpreter.make_ready(1)
+assert not compile_process._called
+interpreter.make_ready(2)
+compile_process._called[0].wait(100)
+assert all(map(interpreter._path, interpreter.WIDTHS))
+print(sum(interpreter._path(program).exists() for program in interpreter.WIDTHS), len(interpreter.WIDTHS))
+interpreter.make_ready(2)
+assert all(process.poll() is not None for process in compile_process._called)
+"""
+    made, wanted = run(tmp_path, text).split()
+    assert made == wanted
+
+
+def test_kernels_are_found_by_their_functions_names() -> None:
+    from maquette.render.integrator import wavefront, whitted
+
+    assert compile_process._named(wavefront, "draw_tile") is wavefront.draw_tile
+    assert compile_process._named(whitted, "_radiance") is whitted.linked.kernel
+    assert isinstance(whitted.linked, function_pointer.Linked)
+
+
+def test_nobody_is_asked_for_what_is_known_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(target, "cores", lambda: 2)
+    given = np.zeros((1, 2), np.int64), 3, 4, np.zeros(2, np.int64), np.zeros(3, np.int64), np.zeros(2), np.zeros(2, np.int64)
+    hits.begin(*given)
+    assert kernel.is_kept(hits.begin, tuple(map(numba.typeof, given)))
+    monkeypatch.setattr(compile_process, "_asked", None)
+    compile_process.start(2, hits.begin, *given)
+    assert not compile_process._under_way

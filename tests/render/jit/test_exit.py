@@ -1,0 +1,32 @@
+"""A process that ends while LLVM still compiles a formula in the background ends as any other."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+SCRIPT = """
+import sys, threading
+from maquette.compiler import load
+from maquette.render.accel import ray_queries
+trees = ray_queries.trees(load.load(sys.argv[1]).tables, closed=False)
+while True:
+    thread = next(t for t in threading.enumerate() if t.name == "formula")
+    frame, names = sys._current_frames().get(thread.ident), []
+    while frame is not None:
+        names.append(frame.f_code.co_name)
+        frame = frame.f_back
+    if "finalize_object" in names:
+        break
+print("compiling")
+"""
+
+
+def test_a_process_ends_while_a_formula_is_compiled(tmp_path: Path) -> None:
+    waves = " + ".join(f"sin({1.1 * k + 1:.2f} * x + y) * z" for k in range(200))
+    scene = tmp_path / "waves.scene"
+    scene.write_text(f"camera(position: [0, 0, 5])\nimplicit(|x, y, z| {waves} <= 0.1, within: box([2, 2, 2]))\n")
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", SCRIPT, str(scene)], capture_output=True, text=True, timeout=300)
+        assert (done.returncode, done.stdout) == (0, "compiling\n"), done.stderr

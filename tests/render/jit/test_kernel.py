@@ -1,0 +1,86 @@
+"""Kernels kept on disk, and what kernels.timed counts as compiling and what as the work itself."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+from maquette.render.jit import kernel
+from numba import njit
+
+
+def test_compiling_is_counted_apart_from_work() -> None:
+    double = njit(lambda x: 2 * x)
+    seconds: dict[str, float] = {}
+    started = time.perf_counter()
+    with kernel.timed(seconds, "render"):
+        assert double(2) == 4
+        time.sleep(0.02)
+    whole = time.perf_counter() - started
+    assert seconds["compile_kernels"] > 0.001
+    assert seconds["render"] >= 0.02
+    assert seconds["compile_kernels"] + seconds["render"] == pytest.approx(whole, abs=0.01)
+    compiled = seconds["compile_kernels"]
+    with kernel.timed(seconds, "render"):
+        assert double(3) == 6
+    assert seconds["compile_kernels"] == compiled  # nothing new was compiled
+
+
+def test_time_is_counted_when_the_work_fails() -> None:
+    seconds: dict[str, float] = {}
+    with pytest.raises(ArithmeticError), kernel.timed(seconds, "build"):
+        raise ArithmeticError
+    assert seconds["build"] > 0
+    assert seconds["compile_kernels"] == 0
+
+
+PROGRAM = """
+import sys
+import numpy as np
+from maquette.render.film import accumulate
+out = np.full((2, 2), -1.0)
+one = np.ones((2, 2, 3))
+accumulate.relative_error(0.5 * one, one, one, np.full((2, 2), 4), np.ones(32), 1.0, out)
+hits = sum(accumulate.relative_error.stats.cache_hits.values())
+if sys.argv[1] == "more":  # another type: it is compiled beside what was loaded
+    accumulate.relative_error((0.5 * one).astype(np.float32), one, one, np.full((2, 2), 4), np.ones(32), 1.0, out)
+print(hits, len(accumulate.relative_error.overloads), out.tolist())
+"""
+
+
+def test_what_is_kept_is_loaded_and_goes_with_what_is_compiled(tmp_path: Path) -> None:
+    def run(what: str) -> str:
+        environment = {**os.environ, "MAQUETTE_CACHE": str(tmp_path)}
+        return subprocess.run([sys.executable, "-c", PROGRAM, what], env=environment, capture_output=True, text=True, check=True).stdout
+
+    values = np.full((2, 2), 0.25).tolist()
+    assert run("same") == f"0 1 {values}\n"
+    assert run("same") == f"1 1 {values}\n"
+    assert run("more") == f"1 2 {values}\n"
+
+
+def test_processes_that_keep_code_at_the_same_time_never_load_each_others(tmp_path: Path) -> None:
+    turns, writers = 100, 4
+    together = threading.Barrier(writers)
+
+    def write(key: int) -> None:
+        for turn in range(turns):
+            files = kernel.Files(str(tmp_path), f"kernel{turn}", "stamp")
+            together.wait()
+            files.save(key, [key] * (3000 if key % 2 else 3))
+
+    with ThreadPoolExecutor(writers) as pool:
+        list(pool.map(write, range(writers)))
+    kept = [kernel.Files(str(tmp_path), f"kernel{turn}", "stamp") for turn in range(turns)]
+    found = [(key, code[0]) for files in kept for key in range(writers) if (code := files.load(key)) is not None]
+    assert len(found) > turns * writers // 2
+    assert all(key == code for key, code in found)
+    kept[0].save(0, ["newer"])
+    assert kept[0].load(0) == ["newer"]

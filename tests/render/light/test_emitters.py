@@ -1,0 +1,181 @@
+"""Emitters by the solid angle they fill: samples are spread as their density says, add up to closed forms, and hardly stray."""
+
+from __future__ import annotations
+
+import math
+
+import maquette
+import numpy as np
+import pytest
+from maquette.compiler import ir
+from maquette.render.accel import intersect
+from maquette.render.light import emitters
+from maquette.render.types import Ray
+
+from ..chi2 import chi2
+
+SAMPLES = 1_000_000
+DISK = "disk(0.8, center: [0.1, 0, -0.2], normal: [0.2, 1, 0.1], material: emissive(luminance: 3))"
+TRIANGLE = "polygon([[-0.6, 0, 0.4], [0.9, 0.1, 0.2], [0.1, 0.3, -0.8]], material: emissive(luminance: 3))"
+TUBE = "cylinder(0.2, 1.6, rotate: [20deg, 0, 30deg], material: emissive(luminance: 3))"
+PLACES = {
+    "a disk above": (DISK, (0.2, -0.4, 0.1)),
+    "a disk very near": (DISK, (0.3, 0.05, 0.2)),
+    "a disk aside": (DISK, (1.1, 0.3, 0.6)),
+    "a disk in its plane but for a little": (DISK, (1.3, -0.15, 0.3)),
+    "a disk far off": (DISK, (2.0, 3.0, 1.0)),
+    "a triangle above": (TRIANGLE, (0.1, 0.5, 0.0)),
+    "a triangle very near": (TRIANGLE, (0.2, 0.15, 0.1)),
+    "a triangle below and aside": (TRIANGLE, (0.9, -0.3, -0.6)),
+    "a triangle far off": (TRIANGLE, (2.0, 3.0, 1.0)),
+    "a tube": (TUBE, (0.5, 0.3, 0.2)),
+    "a tube very near": (TUBE, (0.1, 0.2, -0.18)),
+    "a tube beyond its end": (TUBE, (-0.9, 1.1, 0.4)),
+    "a tube far off": (TUBE, (3.0, 2.0, 4.0)),
+    "a tube from within": (TUBE, (0.05, 0.0, 0.05)),
+}
+SLIVERS = ("a disk in its plane but for a little", "a triangle below and aside", "a tube beyond its end", "a tube far off")
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory):
+    """Of a text: (tables, emitters, what brute force searches)."""
+    made = {}
+    for number, text in enumerate((DISK, TRIANGLE, TUBE)):
+        path = tmp_path_factory.mktemp("emitters") / f"{number}.scene"
+        path.write_text(text)
+        tables = maquette.load(path).tables
+        made[text] = tables, emitters.build(tables)
+    return made
+
+
+def met(tables: ir.Tables, origin, direction):
+    """(t, primitive), inf where nothing is met."""
+    n = len(direction[0])
+    zero = np.zeros(n)
+    ray = Ray((zero + origin[0], zero + origin[1], zero + origin[2]), direction, zero, zero + np.inf, None)
+    hit = intersect.closest(None, tables, ray, np.ones(n, bool), 1)
+    return np.where(hit.instance >= 0, hit.t, np.inf), hit.primitive
+
+
+class Zoom:
+    """A cap of the sphere that holds all directions, blown up to the whole of it without changing shares of area."""
+
+    def __init__(self, directions, counted):
+        ways = np.stack(directions)[:, counted]
+        axis = ways.mean(axis=1)
+        self.axis = axis / np.linalg.norm(axis)
+        self.x = np.cross(self.axis, [0.6, 0.0, 0.8] if abs(self.axis[1]) > 0.7 else [0.0, 1.0, 0.0])
+        self.x /= np.linalg.norm(self.x)
+        self.z = np.cross(self.axis, self.x)
+        self.share = min(0.55 * (1.0 - float((self.axis @ ways).min())), 1.0)  # of the sphere: a little more than there is
+
+    def out(self, directions):
+        x, y, z = (sum(a * c for a, c in zip(axis, directions, strict=True)) for axis in (self.x, self.axis, self.z))
+        y = np.clip(1.0 - (1.0 - y) / self.share, -1.0, 1.0)
+        grown = np.sqrt(1.0 - y * y) / np.maximum(np.hypot(x, z), 1e-300)
+        return x * grown, y, z * grown
+
+    def back(self, directions):
+        x, y, z = directions
+        y = 1.0 - (1.0 - y) * self.share
+        shrunk = np.sqrt(1.0 - y * y) / np.maximum(np.hypot(x, z), 1e-300)
+        return tuple(x * shrunk * a + y * b + z * shrunk * c for a, b, c in zip(self.x, self.axis, self.z, strict=True))
+
+
+def drawn(tables, table, place, count, seed=3):
+    rng = np.random.default_rng(seed)
+    return emitters.sample(tables, table, int(table.first[0]), tuple(np.full(count, c) for c in place), *rng.random((2, count)))
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_directions_are_spread_as_their_density_says(scenes, name):
+    """χ² (oracle 34) of the first row: the disk, the triangle, the cylinder's side; those that pass it count as none."""
+    text, place = PLACES[name]
+    tables, table = scenes[text]
+    arriving = drawn(tables, table, place, SAMPLES)
+
+    def density(direction):
+        flat = tuple(np.ravel(c) for c in direction)
+        t, primitive = met(tables, place, flat)
+        here = np.isfinite(t) & (primitive == 0)
+        where = tuple(np.full(len(t), c) for c in place)
+        told = emitters.density(table, int(table.first[0]), where, flat, np.where(here, t, 1.0))
+        return np.where(here, told, 0.0).reshape(direction[0].shape)
+
+    zoom = Zoom(arriving.direction, arriving.light[0] > 0.0)
+    fine = 96 if name in SLIVERS else 24
+    chi2(zoom.out(arriving.direction), arriving.light[0] > 0.0, lambda d: density(zoom.back(d)) * zoom.share, fine=fine)
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_what_is_drawn_is_met_there_with_that_density(scenes, name):
+    text, place = PLACES[name]
+    tables, table = scenes[text]
+    arriving = drawn(tables, table, place, 2000)
+    lit = arriving.light[0] > 0.0
+    t, primitive = met(tables, place, arriving.direction)
+    assert lit.mean() > 0.3
+    assert np.mean((primitive == 0)[lit]) > 0.99  # the rest grazes an edge
+    lit &= np.isfinite(t) & (primitive == 0)
+    assert arriving.distance[lit] == pytest.approx(t[lit], rel=2e-3)
+    where = tuple(np.full(lit.sum(), c) for c in place)
+    told = emitters.density(table, int(table.first[0]), where, tuple(c[lit] for c in arriving.direction), t[lit])
+    assert told == pytest.approx(arriving.density[lit], rel=1e-4)
+    assert 3.0 / told == pytest.approx(arriving.light[0][lit], rel=1e-4)
+
+
+def lambert(corners, place, normal):
+    """E / L of a polygon in front of a place (Lambert): ½ |Σ βᵢ n · Γᵢ|."""
+    ways = [(np.array(c) - place) / np.linalg.norm(np.array(c) - place) for c in corners]
+    total = 0.0
+    for a, b in zip(ways, ways[1:] + ways[:1], strict=True):
+        across = np.cross(a, b)
+        total += math.atan2(float(np.linalg.norm(across)), float(a @ b)) * float(across @ normal) / float(np.linalg.norm(across))
+    return 0.5 * abs(total)
+
+
+def test_a_triangle_gives_what_lambert_says(scenes):
+    """And all samples of its own light are alike: only the cosine at the place is left to stray."""
+    tables, table = scenes[TRIANGLE]
+    place, normal = np.array([0.2, -0.2, 0.0]), np.array([0.0, 1.0, 0.0])
+    arriving = drawn(tables, table, place, 200_000)
+    corners = [(-0.6, 0, 0.4), (0.9, 0.1, 0.2), (0.1, 0.3, -0.8)]
+    got = arriving.light[0] * (arriving.direction[1] * normal[1])
+    assert got.mean() == pytest.approx(3.0 * lambert(corners, place, normal), abs=4 * got.std() / math.sqrt(len(got)))
+    assert np.ptp(arriving.light[0]) < 1e-6 * arriving.light[0].mean()
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.1), (0.5, 0.1), (0.9, 0.3), (1.4, 0.4), (0.0, 1.0)])
+def test_a_disk_gives_the_closed_form(tmp_path, place):
+    """Oracle 17, and its samples stray from their mean by less than a tenth, where by area they do by up to several times it."""
+    path = tmp_path / "a.scene"
+    path.write_text("disk(1, normal: [0, -1, 0], material: emissive(luminance: 1))")
+    tables = maquette.load(path).tables
+    q, h = place
+    arriving = drawn(tables, emitters.build(tables), (q, -h, 0.0), 200_000)
+    got = arriving.light[0] * arriving.direction[1]
+    whole = h * h + q * q + 1.0
+    answer = 0.5 * math.pi * (1.0 - (h * h + q * q - 1.0) / math.sqrt(whole * whole - 4.0 * q * q))
+    assert got.mean() == pytest.approx(answer, abs=4 * got.std() / math.sqrt(len(got)))
+    assert arriving.light[0].std() < 0.1 * arriving.light[0].mean()
+
+
+def test_scenes_without_such_lights_have_no_marks(tmp_path):
+    path = tmp_path / "a.scene"
+    path.write_text("sphere(1)\narea([0, 3, 0], size: 1, luminance: 2)\nsphere(0.1, center: [2, 0, 0], material: emissive(luminance: 2))")
+    assert not any(emitters.build(maquette.load(path).tables).wide)
+
+
+def test_what_shines_throws_shadows_where_there_are_no_lamps(tmp_path):
+    """And blocks no light of its own: a floor under a shining disk, with and without a plate between them."""
+    floor = "plane(y: 0, material: lambert(1))\ndisk(0.5, center: [0, 1, 0], normal: [0, -1, 0], material: emissive(luminance: 4))\n"
+    floor += "camera(position: [0, 0.4, 3], look_at: [0, 0, 0], fov: 0.1deg)\nrender(bounces: 1)\n"
+    plate = "disk(3, center: [0, 0.6, 0], material: lambert(0))\n"
+    means = []
+    for text in (floor, floor + plate):
+        path = tmp_path / "a.scene"
+        path.write_text(text)
+        means.append(maquette.render(path, size=(4, 4), samples=256, seed=2).channels["rgba"][..., :3].mean())
+    assert means[0] == pytest.approx(4.0 * 0.25 / 1.25, rel=0.01)  # π R² / (h² + R²) over π
+    assert means[1] == 0.0

@@ -1,0 +1,131 @@
+"""The width of the machine: what is forced, what the compiler then uses, what is kept on disk, and all of this folder on each width."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from maquette.render import simd
+from maquette.render.jit.kernel import kernel
+from maquette.render.simd import target
+
+HERE = Path(__file__).resolve().parent
+NARROWER = [isa for isa, size in target.BYTES.items() if size < target.BYTES[target.ISA]]
+FORCED = "MAQUETTE_SIMD" in os.environ
+
+KERNEL = '''
+import sys
+import numpy as np
+from maquette.render import simd
+from maquette.render.simd import target as machine
+from maquette.render.jit.kernel import kernel, helper
+
+
+@helper
+def grown(x):
+    return simd.exp(-x * x) + simd.reciprocal(x + 2)
+
+
+@kernel
+def work(x, out):
+    for i in range(0, len(x), simd.WIDTH):
+        y = grown(simd.load(x, i, simd.f32))
+        if simd.any_of(y > 0.5):
+            y = simd.select(y > 0.5, x[simd.to_i32(y) * 0], y)
+        simd.compress_store(out, i, y, y < 3)
+
+
+x = np.linspace(0, 4, 4096, dtype=np.float32)
+out = np.zeros_like(x)
+work(x, out)
+code = "".join(work.inspect_asm().values())
+print(machine.ISA, simd.WIDTH, simd.WIDTH64, work.stats.cache_hits[work.signatures[0]] if work.stats.cache_hits else 0)
+print("zmm" in code, "ymm" in code, "vfmadd" in code, f"{out.astype(float).sum():.3f}")
+'''
+
+
+def run(script: Path, isa: str | None, cache: Path, *more: str) -> subprocess.CompletedProcess[str]:
+    environment = {k: v for k, v in os.environ.items() if k != "MAQUETTE_SIMD"}
+    environment |= {"MAQUETTE_CACHE": str(cache), **({"MAQUETTE_SIMD": isa} if isa else {})}
+    return subprocess.run([sys.executable, *more, str(script)], env=environment, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def script(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("simd") / "work.py"
+    path.write_text(KERNEL)
+    return path
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One folder for all widths: they must not find each other's code in it."""
+    return tmp_path_factory.mktemp("kernels")
+
+
+@pytest.mark.parametrize("isa", [target.ISA, *NARROWER])
+def test_each_width_uses_its_registers_and_compiles_once(isa, script, cache):
+    expected = {"avx512": (16, 8), "avx2": (8, 4), "sse": (4, 2), "scalar": (1, 1)}[isa]
+    first, second = run(script, isa, cache), run(script, isa, cache)
+    assert first.stderr == ""
+    name, width, width64, hits = first.stdout.splitlines()[0].split()
+    assert (name, int(width), int(width64), hits) == (isa, *expected, "0")
+    assert second.stdout.splitlines()[0].split()[3] == "1"  # a second process loads what the first compiled
+    zmm, ymm, fused, _ = first.stdout.splitlines()[1].split()
+    if target.X86:
+        assert zmm == str(isa == "avx512")
+        assert ymm == "True" if isa == "avx2" else isa == "avx512" or ymm == "False"
+        assert fused == str(isa in ("avx512", "avx2"))
+    assert first.stdout.split()[-1] == second.stdout.split()[-1]
+
+
+@pytest.mark.parametrize("isa", [pytest.param(isa, marks=[pytest.mark.long] if isa == "sse" else []) for isa in NARROWER])
+@pytest.mark.skipif(FORCED, reason="the run that was asked for")
+def test_everything_here_holds_on_every_narrower_width(isa, tmp_path):
+    files = [p for p in sorted(HERE.glob("test_*.py")) if p.name != Path(__file__).name]
+    environment = {**os.environ, "MAQUETTE_SIMD": isa}
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *map(str, files)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, cwd=HERE.parents[2], check=False)
+    assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-2000:]
+    assert " passed" in done.stdout
+
+
+def test_what_the_machine_has_not_is_refused(script, tmp_path):
+    done = run(script, "mmx", tmp_path)
+    assert "MAQUETTE_SIMD=mmx is not an instruction set; choose from: avx512, avx2, sse, scalar" in done.stderr
+    done = subprocess.run(
+        [sys.executable, "-c", "import maquette.render.simd.target"], capture_output=True, text=True, check=False,
+        env={**os.environ, "MAQUETTE_SIMD": "avx2", "NUMBA_CPU_NAME": "generic"},
+    )  # fmt: skip
+    assert "MAQUETTE_SIMD=avx2 is more than this machine has (sse)" in done.stderr
+
+
+def test_forcing_after_numba_has_compiled_is_refused():
+    code = "import numba\nnumba.njit(lambda: 1)()\nimport maquette.render.simd.target"
+    if not NARROWER:
+        pytest.skip("nothing narrower to force")
+    environment = {**os.environ, "MAQUETTE_SIMD": NARROWER[-1]}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, env=environment)
+    assert f"MAQUETTE_SIMD={NARROWER[-1]} comes too late" in done.stderr
+
+
+@kernel
+def _halved(x, out):
+    saved = simd.flush_denormals()
+    simd.store(out, 0, simd.load(x, 0, 4) * 0.5)
+    simd.restore_denormals(saved)
+    simd.store(out, 4, simd.load(x, 0, 4) * 0.5)
+
+
+def test_denormals_are_flushed_until_restored():
+    tiny = np.finfo(np.float32).tiny
+    x, out = np.array([tiny, 1, tiny / 4, -tiny], np.float32), np.zeros(8, np.float32)
+    _halved(x, out)
+    halves = x * np.float32(0.5)
+    assert np.array_equal(out[4:], halves)
+    assert np.array_equal(out[:4], np.where(np.abs(halves) < tiny, 0, halves) if target.X86 else halves)
+    assert np.float32(tiny) * np.float32(0.5) != 0  # the thread is as it was

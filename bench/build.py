@@ -53,7 +53,7 @@ def again(mesh: Mesh, rays: Rays) -> Contender:
     tables = meshes.scene(mesh).tables
 
     def trees() -> Handle:
-        tree_cache.forget()
+        tree_cache.clear()
         return traced.trees(tables, threads=1)
 
     trees()

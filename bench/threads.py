@@ -85,7 +85,7 @@ def arithmetic(quick: bool) -> Cases:
     def make(times: int, threads: int) -> tuple[Callable[[], Any], Callable[[Any], Any]]:
         def run() -> NDArray[np.float32]:
             out = np.zeros((PIECES, 16), np.float32)
-            thread_pool.on_threads(lambda k: multiply(times // PIECES, out[k]), range(PIECES), threads)
+            thread_pool.parallel_for(lambda k: multiply(times // PIECES, out[k]), range(PIECES), threads)
             return out
 
         return run, _itself

@@ -263,7 +263,9 @@ def _draw(name: str, scene: ir.Scene, plan: Plan, letter: str, quiet: bool) -> S
     from ..render.jit import kernel
 
     with terminal.Progress(quiet) as progress, jobs.interruptible() as cancel:
-        progress.begin(f"drawing {letter} ({plan['backend']})", "compiling kernels (the first time only)" if kernel.is_cold() else "")
+        progress.begin(
+            f"drawing {letter} ({plan['backend']})", "compiling kernels (the first time only)" if kernel.cache_is_empty() else ""
+        )
         side = sides.drawn(scene, plan, name, progress, cancel)
     if side.image.metadata["partial"]:
         raise KeyboardInterrupt

@@ -184,7 +184,7 @@ class Job:
         self._say(plan_warnings(scene, plan))
         self.laps.end("read")
         with terminal.Progress(self.quiet) as progress, interruptible() as cancel:
-            progress.begin(what, "compiling kernels (the first time only)" if kernel.is_cold() else "")
+            progress.begin(what, "compiling kernels (the first time only)" if kernel.cache_is_empty() else "")
             if len(parts) > 1:
                 image = self._in_strips(scene, plan, parts, path, progress, cancel)
             else:

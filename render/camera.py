@@ -58,15 +58,15 @@ def ray(tables: Tables, view: View, x: Lane, y: Lane, time: Any = None) -> Ray:
     c = view.camera
     px, py = image_plane(tables, view, x, y)
     zero = ops.full_like(px, 0.0)
-    matrix = instance_transform.at(tables, cameras.transform[c], time).matrix
+    matrix = instance_transform.transform_at(tables, cameras.transform[c], time).matrix
     if cameras.projection[c] == PERSPECTIVE:
         local = (px, py, zero - 1.0)
         stretch = ops.length(local)  # of the axis' metres to the ray's
-        origin = ops.point_by(matrix, (zero, zero, zero))
-        direction = ops.normalize(ops.vector_by(matrix, local))
+        origin = ops.transform_point12(matrix, (zero, zero, zero))
+        direction = ops.normalize(ops.transform_vector12(matrix, local))
         return Ray(origin, direction, cameras.near[c] * stretch, cameras.far[c] * stretch, time)
-    origin = ops.point_by(matrix, (px, py, zero))
-    direction = ops.normalize(ops.vector_by(matrix, (zero, zero, zero - 1.0)))
+    origin = ops.transform_point12(matrix, (px, py, zero))
+    direction = ops.normalize(ops.transform_vector12(matrix, (zero, zero, zero - 1.0)))
     return Ray(origin, direction, zero + cameras.near[c], zero + cameras.far[c], time)
 
 
@@ -78,29 +78,29 @@ def lens_of(tables: Tables, view: View) -> Pinhole | Thin | Panorama:
     return Thin(float(cameras.lens[c]), float(cameras.focus[c])) if cameras.lens[c] > 0.0 else Pinhole()
 
 
-def through(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, pixel: Lane, sample: Lane, seed: int, time: Any) -> Ray:
+def generate_ray(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, pixel: Lane, sample: Lane, seed: int, time: Any) -> Ray:
     """The ray of a sample (a pixel and number as sampler.place gives them) at pixel coordinates x, y."""
     if isinstance(lens, Thin):
-        return _from_lens(tables, view, lens, x, y, sobol.on_lens(pixel, sample, seed), time)
-    return around(tables, view, lens, x, y, time) if isinstance(lens, Panorama) else ray(tables, view, x, y, time)
+        return _from_lens(tables, view, lens, x, y, sobol.sample_lens(pixel, sample, seed), time)
+    return panorama_ray(tables, view, lens, x, y, time) if isinstance(lens, Panorama) else ray(tables, view, x, y, time)
 
 
-@overload(through, jit_options=HELPER)
+@overload(generate_ray, jit_options=HELPER)
 def _through_in_kernels(tables, view, lens, x, y, pixel, sample, seed, time):
     fields = tuple(name for name, _, _ in lens.layout)
     if fields == Thin._fields:
         return lambda tables, view, lens, x, y, pixel, sample, seed, time: _from_lens(
-            tables, view, lens, x, y, sobol.on_lens(pixel, sample, seed), time
+            tables, view, lens, x, y, sobol.sample_lens(pixel, sample, seed), time
         )
     if fields == Panorama._fields:
-        return lambda tables, view, lens, x, y, pixel, sample, seed, time: around(tables, view, lens, x, y, time)
+        return lambda tables, view, lens, x, y, pixel, sample, seed, time: panorama_ray(tables, view, lens, x, y, time)
     return lambda tables, view, lens, x, y, pixel, sample, seed, time: ray(tables, view, x, y, time)
 
 
-def sharp(tables: Tables, view: View, x: NDArray[np.float64], y: NDArray[np.float64]) -> Ray:
+def pinhole_ray(tables: Tables, view: View, x: NDArray[np.float64], y: NDArray[np.float64]) -> Ray:
     """The ray through pixel coordinates and, where there is a lens, its middle; numpy lanes."""
     lens = lens_of(tables, view)
-    return around(tables, view, lens, x, y) if isinstance(lens, Panorama) else ray(tables, view, x, y)
+    return panorama_ray(tables, view, lens, x, y) if isinstance(lens, Panorama) else ray(tables, view, x, y)
 
 
 @helper
@@ -112,23 +112,23 @@ def _from_lens(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, place: t
     zero = ops.full_like(px, 0.0)
     local = (px - from_x / lens.focus, py - from_y / lens.focus, zero - 1.0)
     stretch = ops.length(local)
-    matrix = instance_transform.at(tables, cameras.transform[c], time).matrix
-    origin = ops.point_by(matrix, (from_x, from_y, zero))
-    direction = ops.normalize(ops.vector_by(matrix, local))
+    matrix = instance_transform.transform_at(tables, cameras.transform[c], time).matrix
+    origin = ops.transform_point12(matrix, (from_x, from_y, zero))
+    direction = ops.normalize(ops.transform_vector12(matrix, local))
     return Ray(origin, direction, cameras.near[c] * stretch, cameras.far[c] * stretch, time)
 
 
 @helper
-def around(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, time: Any = None) -> Ray:
+def panorama_ray(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, time: Any = None) -> Ray:
     """The ray of a panorama: its middle is straight ahead, its left and right edges meet behind; near and far are distances."""
     cameras, c = tables.cameras, view.camera
     turn = (x / view.width - 0.5 + lens.middle) * (2.0 * math.pi)
     rise = (0.5 - y / view.height) * math.pi
     level = ops.cos(rise)
     zero = ops.full_like(turn, 0.0)
-    matrix = instance_transform.at(tables, cameras.transform[c], time).matrix
-    origin = ops.point_by(matrix, (zero, zero, zero))
-    direction = ops.vector_by(matrix, (level * ops.sin(turn), ops.sin(rise), zero - level * ops.cos(turn)))
+    matrix = instance_transform.transform_at(tables, cameras.transform[c], time).matrix
+    origin = ops.transform_point12(matrix, (zero, zero, zero))
+    direction = ops.transform_vector12(matrix, (level * ops.sin(turn), ops.sin(rise), zero - level * ops.cos(turn)))
     return Ray(origin, ops.normalize(direction), zero + cameras.near[c], zero + cameras.far[c], time)
 
 

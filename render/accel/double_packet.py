@@ -13,7 +13,7 @@ from numba.extending import overload
 
 from .. import simd
 from ..jit.kernel import HELPER, helper
-from ..jit.packed_struct import unless
+from ..jit.packed_struct import skip_when_tagged
 from ..lanes import crosslane, ops
 from ..types import Hit, Lane, Ray, Vec
 from . import intersect
@@ -53,7 +53,7 @@ class Seen(NamedTuple):
     alike: bool  # see bundle.py
 
 
-@unless(NO_MESHES, _each)
+@skip_when_tagged(NO_MESHES, _each)
 @helper
 def _both(accel: Any, first: Ray, second: Ray, visible_bit: int, any_hit: bool) -> tuple[Hit, Hit]:
     i = np.int64(accel.alone)
@@ -83,7 +83,7 @@ def _among(accel: Any, first: Ray, second: Ray, visible_bit: int, any_hit: bool)
     zero = 0.0 * t_min
     nothing = Hit(zero + np.inf, ops.int_like(zero, -1), ops.int_like(zero, -1), zero, zero)
     until = ops.where(active, t_max, zero - np.inf)
-    return _halves(two_level.together(accel, ray, origin, direction, t_min, until, visible_bit, any_hit, True, nothing))
+    return _halves(two_level.traverse_packet(accel, ray, origin, direction, t_min, until, visible_bit, any_hit, True, nothing))
 
 
 @helper
@@ -96,7 +96,7 @@ def seen(accel: Any, i: int, first: Ray, second: Ray) -> Seen:
     o = two_level.from_middle(accel, g, o)
     t_min, t_max = simd.joined(first.t_min, second.t_min), simd.joined(first.t_max, second.t_max)
     ray, enters, left = two_level.entering(accel, g, o, d, t_min, t_max)
-    return Seen(o, d, ray, enters, t_min, t_max, left, packet.alike(left, d, ray))
+    return Seen(o, d, ray, enters, t_min, t_max, left, packet.is_coherent(left, d, ray))
 
 
 @helper
@@ -106,7 +106,7 @@ def as_bundle(accel: Any, i: int, rays: Seen, any_hit: bool) -> tuple[Hit, bool]
     asked = rays.left == 0
     if rays.alike:
         g, root = np.int64(accel.placed[i, 2]), np.int64(accel.placed[i, 4])
-        t, triangle, u, v, asked = packet_nodes.meet(
+        t, triangle, u, v, asked = packet_nodes.intersect_mesh_packet(
             accel, g, root, rays.o, rays.d, rays.ray, rays.enters, rays.t_min, rays.t_max, rays.t_max, rays.left, any_hit
         )
     return Hit(t, triangle, triangle, u, v), asked
@@ -116,7 +116,7 @@ def as_bundle(accel: Any, i: int, rays: Seen, any_hit: bool) -> tuple[Hit, bool]
 def _in_turns(accel: Any, i: int, rays: Seen, any_hit: bool) -> Hit:
     """The same of each for itself."""
     root, reach = np.int64(accel.placed[i, 4]), accel.boxes[np.int64(accel.placed[i, 2]), REACH]
-    return interleaved_mesh.meet(
+    return interleaved_mesh.intersect_mesh(
         accel.wide, root, rays.o, rays.d, rays.ray, rays.enters, rays.t_min, rays.t_max, rays.t_max, reach, rays.left, rays.alike, any_hit
     )
 

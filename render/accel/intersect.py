@@ -32,7 +32,7 @@ class Brute(NamedTuple):
     """The accelerator that is none: every instance and every triangle is tried."""
 
 
-def closest(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, visible_bit: Lane) -> Hit:
+def closest_hit(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, visible_bit: Lane) -> Hit:
     """The first thing along each active ray that has one of `visible_bit` in Instances.visible; instance -1 where none."""
     rays, active = _flat(ray, active)
     n = len(active)
@@ -54,10 +54,10 @@ def closest(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, visible_bit: 
 
 def occluded(accel: Any, tables: ir.Tables, ray: Ray, active: Lane) -> Lane:
     """Whether something that casts shadows keeps all light from passing between t_min and t_max; False where not active."""
-    return np.ravel(active) & (let_through(accel, tables, ray, active) <= 0.0)
+    return np.ravel(active) & (transmittance(accel, tables, ray, active) <= 0.0)
 
 
-def let_through(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, visible_bit: int = SHADOW) -> Lane:
+def transmittance(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, visible_bit: int = SHADOW) -> Lane:
     """The share of light, 0 to 1, that passes what has `visible_bit`, what casts shadows, between t_min and t_max; 1 where not active."""
     rays, active = _flat(ray, active)
     share = np.ones(len(active))
@@ -70,9 +70,9 @@ def let_through(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, visible_b
     return share
 
 
-def dimmed(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, given: Vec, visible_bit: int = SHADOW) -> Vec:
+def attenuate(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, given: Vec, visible_bit: int = SHADOW) -> Vec:
     """What of `given` passes what has `visible_bit` between t_min and t_max; nothing where not active."""
-    return ops.scale(given, np.where(active, let_through(accel, tables, ray, active, visible_bit), 0.0))
+    return ops.scale(given, np.where(active, transmittance(accel, tables, ray, active, visible_bit), 0.0))
 
 
 def _flat(ray: Ray, active: Lane) -> tuple[np.ndarray, np.ndarray]:
@@ -90,14 +90,14 @@ def _meet(tables: ir.Tables, i: int, ray: Ray, partial: bool, through: bool = Fa
     """The first meeting of each ray with instance i, and the share of light that passes it; of things that are `partial` the
     share is that of all meetings if `through`."""
     geometry, row = tables.instances.geometry[i], tables.instances.transform[i]
-    inverse = instance_transform.at(tables, row, ray.time).inverse
-    o, d = ops.point_by(inverse, ray.origin), ops.vector_by(inverse, ray.direction)
+    inverse = instance_transform.transform_at(tables, row, ray.time).inverse
+    o, d = ops.transform_point12(inverse, ray.origin), ops.transform_vector12(inverse, ray.direction)
     kind = tables.geometries.kind[geometry]
 
     def cover(rows: np.ndarray, t: np.ndarray, primitive: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """How much of the surface is there where rays `rows` meet it."""
         one = Ray(_some(ray.origin, rows), _some(ray.direction, rows), 0.0, np.inf, None if ray.time is None else ray.time[rows])
-        return alpha.at(tables, interaction.at(tables, one, Hit(t, np.full(len(rows), i), primitive, u, v)))
+        return alpha.at(tables, interaction.make_interaction(tables, one, Hit(t, np.full(len(rows), i), primitive, u, v)))
 
     if kind == MESH:
         return _meet_mesh(tables, geometry, Ray(o, d, ray.t_min, ray.t_max), cover if partial else None)
@@ -131,15 +131,17 @@ def _meet_shape(tables: ir.Tables, kind: int, g: int, ray: Ray) -> tuple[np.ndar
     return t, spacing, u, v, shape_hit.after(parameters[5], ray.direction, t, spacing)
 
 
-def beyond(tables: ir.Tables, ray: Ray, hit: Hit) -> np.ndarray:
+def next_t_min(tables: ir.Tables, ray: Ray, hit: Hit) -> np.ndarray:
     """Where rays that pass what they met may meet the next thing, in the reference; see aside.shown."""
     onward = np.array(hit.t, float)
     geometry = tables.instances.geometry[np.maximum(hit.instance, 0)]
     formulas = (hit.instance >= 0) & (tables.geometries.kind[geometry] == shape_hit.FORMULA)
     for i in np.unique(hit.instance[formulas]):
         rows, g = np.flatnonzero(hit.instance == i), int(tables.instances.geometry[i])
-        inverse = instance_transform.at(tables, tables.instances.transform[i], None if ray.time is None else ray.time[rows]).inverse
-        d = ops.vector_by(inverse, _some(ray.direction, rows))
+        inverse = instance_transform.transform_at(
+            tables, tables.instances.transform[i], None if ray.time is None else ray.time[rows]
+        ).inverse
+        d = ops.transform_vector12(inverse, _some(ray.direction, rows))
         onward[rows] = shape_hit.after(tables.geometries.parameters[g, 5], d, onward[rows], hit.primitive[rows])
     return onward
 
@@ -202,7 +204,7 @@ def _find_in_kernels(accel, ray, active, visible_bit, any_hit):
     return through_trees
 
 
-@overload(closest, jit_options=HELPER)
+@overload(closest_hit, jit_options=HELPER)
 def _closest_kernel(accel, tables, ray, active, visible_bit):
     if not crosslane.is_mask(active):
         return None
@@ -216,7 +218,7 @@ def _occluded_kernel(accel, tables, ray, active):
     return lambda accel, tables, ray, active: find(accel, ray, active, SHADOW, True).instance >= 0
 
 
-@overload(let_through, jit_options=HELPER)
+@overload(transmittance, jit_options=HELPER)
 def _let_through_kernel(accel, tables, ray, active, visible_bit=SHADOW):
     if not crosslane.is_mask(active):
         return None
@@ -231,13 +233,13 @@ def _let_through_kernel(accel, tables, ray, active, visible_bit=SHADOW):
     return by_opacity if motion_alpha.asks(accel) else in_full
 
 
-@overload(dimmed, jit_options=HELPER)
+@overload(attenuate, jit_options=HELPER)
 def _dimmed_kernel(accel, tables, ray, active, given, visible_bit=SHADOW):
     if not crosslane.is_mask(active):
         return None
 
     def by_opacity(accel, tables, ray, active, given, visible_bit=SHADOW):
-        return ops.scale(given, ops.where(active, let_through(accel, tables, ray, active, visible_bit), 0.0))
+        return ops.scale(given, ops.where(active, transmittance(accel, tables, ray, active, visible_bit), 0.0))
 
     def in_full(accel, tables, ray, active, given, visible_bit=SHADOW):
         zero = ops.full_like(given[0], 0.0)

@@ -225,4 +225,4 @@ def shares_of(accel, origin, direction, t_min, t_max, share):
     n = len(t_min)
     for start in range(0, n, crosslane.WIDTH):
         ray = _ray(origin, direction, t_min, t_max, start, n)
-        _put(share, start, n, intersect.let_through(accel, accel, ray, ops.bool_like(ray.t_min, True)))
+        _put(share, start, n, intersect.transmittance(accel, accel, ray, ops.bool_like(ray.t_min, True)))

@@ -48,8 +48,8 @@ def _codes(origin: Any, first: int, n: int, codes: Any) -> None:
         x, y, z = _origins(origin, first, k, n)
         low = ops.minimum(low[0], x), ops.minimum(low[1], y), ops.minimum(low[2], z)
         high = ops.maximum(high[0], x), ops.maximum(high[1], y), ops.maximum(high[2], z)
-    left, under, before = crosslane.least(low[0]), crosslane.least(low[1]), crosslane.least(low[2])
-    size = max(crosslane.most(high[0]) - left, max(crosslane.most(high[1]) - under, crosslane.most(high[2]) - before))
+    left, under, before = crosslane.reduce_min(low[0]), crosslane.reduce_min(low[1]), crosslane.reduce_min(low[2])
+    size = max(crosslane.reduce_max(high[0]) - left, max(crosslane.reduce_max(high[1]) - under, crosslane.reduce_max(high[2]) - before))
     scale = _SIDE / size if size > 0.0 else 0.0
     for k in range(0, n, crosslane.WIDTH):
         x, y, z = _origins(origin, first, k, n)
@@ -59,7 +59,7 @@ def _codes(origin: Any, first: int, n: int, codes: Any) -> None:
 
 @helper
 def _origins(origin: Any, first: int, k: int, n: int) -> Vec:
-    row = first + ops.minimum(crosslane.numbered(k), n - 1)
+    row = first + ops.minimum(crosslane.lane_indices(k), n - 1)
     return ops.to_float(origin[row, 0]), ops.to_float(origin[row, 1]), ops.to_float(origin[row, 2])
 
 

@@ -81,7 +81,7 @@ class Bvh(NamedTuple):
     rare: int = 0  # address of meeting.rare, where there are such shapes
 
 
-def marks(trees: Bvh) -> tuple[str, ...]:
+def absent_features(trees: Bvh) -> tuple[str, ...]:
     """What there is none of: a third of what traversal takes to compile is for meshes, another for the tree over instances."""
     meshes = (trees.placed[:, 3] == MESH).any()
     return (() if meshes else (NO_MESHES,)) + ((NO_TREE,) if trees.only >= 0 or not len(trees.top.links) else ())
@@ -100,7 +100,7 @@ def build(
     geometries, instances = tables.geometries, tables.instances
     there = np.ones(len(instances.geometry), np.bool_) if left_out is None else ~left_out
     used = instances.geometry[there & (geometries.kind[instances.geometry] == ir.GeometryKind.MESH)]
-    meshes, roots, fine = mesh_trees(tables, np.unique(used), threads, tree_cache.tree if keep else wide_bvh.build)
+    meshes, roots, fine = mesh_trees(tables, np.unique(used), threads, tree_cache.cached_mesh_bvh if keep else wide_bvh.build)
     boxes = swept_bounds(tables) if moves else world_bounds(tables)
     kind = geometries.kind[instances.geometry]
     root = roots[instances.geometry]
@@ -110,7 +110,7 @@ def build(
     moving = tables.transforms.first_key[instances.transform] >= 0
     plain = drawable & ~partial & ~(moving & moves)
     still = np.flatnonzero(plain & (root >= 0))
-    instance_extent.tighten(boxes, still, meshes, root, *frames(tables), SLACK)
+    instance_extent.tighten_bounds(boxes, still, meshes, root, *frames(tables), SLACK)
     inside = np.flatnonzero(plain & bounded).astype(np.int32)
     large = inside[tlas.too_large(boxes[inside])]
     if len(large):
@@ -213,7 +213,7 @@ def _between(keys: ir.Keys, key: int, shares: NDArray[np.float64]) -> NDArray[np
 
 
 def mesh_trees(
-    tables: ir.Tables, used: NDArray[np.int32], threads: int = 0, tree_of: Callable[..., Wide] = tree_cache.tree
+    tables: ir.Tables, used: NDArray[np.int32], threads: int = 0, tree_of: Callable[..., Wide] = tree_cache.cached_mesh_bvh
 ) -> tuple[Wide, NDArray[np.int32], NDArray[np.float64]]:
     """The trees of meshes; for each geometry where its own begins, -1 where it has none, and how wide its leaves are."""
     geometries, pools = tables.geometries, tables.pools
@@ -228,9 +228,9 @@ def mesh_trees(
             tree = tree_of(pools.positions[vertex : vertex + vertices], triangles - vertex if vertex else triangles, threads)
             made.append(tree)
             rows.append(first)
-            roots[g], fine[g] = nodes, wide_bvh.fineness(tree)
+            roots[g], fine[g] = nodes, wide_bvh.median_leaf_extent(tree)
             nodes += len(tree.nodes)
-    return wide_bvh.pooled(made, rows), roots, fine
+    return wide_bvh.concatenate(made, rows), roots, fine
 
 
 def local_bounds(tables: ir.Tables, fine: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -34,7 +34,7 @@ class Renderer(Unshared):
         count = min(RASTER_MOMENTS, plan["samples"])
         start, share = planner.open_during(scene.tables, view.camera) if plan["motion"] else (0.0, 0.0)
         numbers = np.arange(count)
-        across, down = sobol.on_lens(np.zeros(count, int), numbers, 0)
+        across, down = sobol.sample_lens(np.zeros(count, int), numbers, 0)
         self.moments = []
         for k in numbers.tolist():
             then = standing(scene, start + share * (k + 0.5) / count) if plan["motion"] else scene
@@ -64,7 +64,7 @@ def standing(scene: ir.Scene, time: float) -> ir.Scene:
     """The scene as it is at a time from 0, the shutter's opening, to 1; nothing in it moves."""
     transforms = scene.tables.transforms
     rows = np.flatnonzero(transforms.first_key >= 0)
-    place = instance_transform.at(scene.tables, rows, np.full(len(rows), time))
+    place = instance_transform.transform_at(scene.tables, rows, np.full(len(rows), time))
     matrix, inverse = transforms.matrix.copy(), transforms.inverse.copy()
     matrix[rows], inverse[rows] = (np.stack(m, axis=1).reshape(-1, 3, 4) for m in place)
     still = {"matrix": matrix, "inverse": inverse, "flips": transforms.flips}

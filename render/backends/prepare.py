@@ -71,7 +71,7 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     shells = shapes.shells(tables) if backend == "raster" else {}
     options = options_of(plan, tables)
     if backend == "raster" and plan["raster.secondary"] == "none":
-        options = options._replace(environment=no_ray_environment.of(scene, tables, options))
+        options = options._replace(environment=no_ray_environment.ambient_environment(scene, tables, options))
     weights = sobol.filter_table(plan["filter"], on_grid=plan["transport"] != "paths")  # the rasterizer draws no paths
     lens = camera.lens_of(tables, view) if backend != "raster" else Pinhole()
     accel = None
@@ -104,7 +104,7 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     if fresh:
         if _takes_long(accel):
             kinds = whitted.kinds(frames, packed, accel, vertex_lighting.none(), bool(lamps))
-            compile_process.start(int(plan["threads"]), whitted.linked.kernel, *kinds)
+            compile_process.compile_in_background(int(plan["threads"]), whitted.linked.kernel, *kinds)
         motion_alpha.link(accel)
     light = Handle(vertex_lighting.vertex_light(tables, packed, accel, frames))
     whitted.link(frames, packed, accel, light, bool(lamps))
@@ -159,7 +159,9 @@ def _tiles_ahead(threads: int, accel: Handle, packed: Handle, frames: Handle, ki
 
     none, film = np.zeros((0, 0), np.int64), Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64))
     made = wavefront_blocks.draw_tile if reuses else wavefront.draw_tile
-    compile_process.start(threads, made, accel, packed, frames, Tile(0, 0, 0, 0), none, none, 1, film, _room_type(kind, reuses))
+    compile_process.compile_in_background(
+        threads, made, accel, packed, frames, Tile(0, 0, 0, 0), none, none, 1, film, _room_type(kind, reuses)
+    )
 
 
 @functools.cache
@@ -174,7 +176,7 @@ def _with_photons(tables: ir.Tables, plan: Plan, light: Any, kind: type) -> tupl
     from ..integrator import photon_map, photon_tracer
 
     covered = photon_tracer.covered(tables, light.emitters, plan.decisions["transport.caustics"].overridden)
-    aims = photon_tracer.aims(tables, light.emitters, covered)
+    aims = photon_tracer.photon_targets(tables, light.emitters, covered)
     if aims is None:
         return light, None
     gains = caustic_casters.gains(tables) * (caustic_casters.gleam(tables) > 0.0)[tables.instances.material]

@@ -178,7 +178,7 @@ def place_samples(tile, frame, first, total, scratch):
     for k in range(samples.rows * samples.columns):
         x, y = tile.x0 + k % samples.columns, tile.y0 + k // samples.columns
         for s in range(samples.count):
-            pixel, index = sobol.place(x, y, first + s, frame.picture.width, frame.order)
+            pixel, index = sobol.zorder_index(x, y, first + s, frame.picture.width, frame.order)
             dx, dy = sobol.offset(pixel, index, total, frame.options.seed, frame.filter)
             samples.x[k * samples.count + s] = x * coverage.ONE + coverage.HALF + round(dx * coverage.ONE)
             samples.y[k * samples.count + s] = y * coverage.ONE + coverage.HALF + round(dy * coverage.ONE)
@@ -190,7 +190,7 @@ def draw_exact(made, exact, tables, accel, view, scratch):
     samples, seen = scratch.samples, scratch.seen
     count = len(seen.key)
     for start in range(0, count, crosslane.WIDTH):
-        k = ops.minimum(crosslane.numbered(start), count - 1)
+        k = ops.minimum(crosslane.lane_indices(start), count - 1)
         ray = camera.ray(tables, view, ops.to_float(samples.x[k]) / coverage.ONE, ops.to_float(samples.y[k]) / coverage.ONE)
         for instance in exact:
             met = sample_hits.meet(accel, instance, ray, ops.bool_like(ray.t_max, True))
@@ -217,7 +217,7 @@ def resolve(made, tables, accel, frame, scratch, hit):
     """Write what every sample of a tile hits, in lanes."""
     count = len(scratch.seen.key)
     for start in range(0, count, crosslane.WIDTH):
-        _, found = _at(made, tables, accel, frame.picture, scratch, ops.minimum(crosslane.numbered(start), count - 1))
+        _, found = _at(made, tables, accel, frame.picture, scratch, ops.minimum(crosslane.lane_indices(start), count - 1))
         for j in range(min(count - start, crosslane.WIDTH)):
             hit.t[start + j], hit.u[start + j], hit.v[start + j] = (
                 crosslane.lane(found.t, j),
@@ -233,11 +233,11 @@ def shade(made, tables, accel, gouraud, frame, tile, first, scratch, stack, film
     samples = scratch.samples
     count = len(scratch.seen.key)
     for start in range(0, count, crosslane.WIDTH):
-        k = ops.minimum(crosslane.numbered(start), count - 1)
+        k = ops.minimum(crosslane.lane_indices(start), count - 1)
         ray, hit = _at(made, tables, accel, frame.picture, scratch, k)
         at = k // samples.count
         x, y = tile.x0 + at % samples.columns, tile.y0 + at // samples.columns
-        pixel, index = sobol.place(x, y, first + k % samples.count, frame.picture.width, frame.order)
+        pixel, index = sobol.zorder_index(x, y, first + k % samples.count, frame.picture.width, frame.order)
         color, alpha, sound = whitted.call(  # pyright: ignore[reportCallIssue]
             frame.radiance,
             (

@@ -21,7 +21,7 @@ from ..film import aov
 from ..film.accumulate import LARGEST, held
 from ..film.film import TILE
 from ..integrator import whitted
-from ..jit.kernel import HELPER, apart, helper, kernel
+from ..jit.kernel import HELPER, helper, kernel, noinline_helper
 from ..jit.packed_struct import Handle
 from ..lanes import crosslane, ops, ray_soa
 from ..sampling import sobol
@@ -122,7 +122,7 @@ class Renderer:
         tables = self.prepared.tables
         x, y = aov.centres(tile)
         with np.errstate(all="ignore"):
-            ray = camera.sharp(tables, self.view, x, y)
+            ray = camera.pinhole_ray(tables, self.view, x, y)
         hit = Hit(*self._met(ray))
         aov.channels_of(tables, self.view, ray, hit, names, out, self._unproved(ray) if "issues" in names else None)
 
@@ -181,13 +181,13 @@ def draw_tile(tables, accel, gouraud, frame, tile, first, count, total, film, ro
             row, column = y - tile.y0, x - tile.x0
             s, end = first[row, column], first[row, column] + count[row, column]
             if end - s >= crosslane.WIDTH:
-                at = crosslane.numbered(s)
+                at = crosslane.lane_indices(s)
                 column_x, row_y = ops.int_like(at, x), ops.int_like(at, y)
                 red, green, blue = ops.like3(at, 0.0, 0.0, 0.0)
                 cover = red
                 bad = 0
                 while end - s >= crosslane.WIDTH:
-                    color, alpha, sound = light_of(tables, accel, gouraud, frame, total, column_x, row_y, crosslane.numbered(s), room)
+                    color, alpha, sound = light_of(tables, accel, gouraud, frame, total, column_x, row_y, crosslane.lane_indices(s), room)
                     red, green, blue, cover = red + color[0], green + color[1], blue + color[2], cover + alpha
                     bad += crosslane.WIDTH - crosslane.count(sound)
                     s += crosslane.WIDTH
@@ -255,16 +255,16 @@ def draw_single(tables, accel, gouraud, frame, rgba, room):
     return issues
 
 
-@apart
+@noinline_helper
 def draw_row(tables, accel, gouraud, frame, start, room):
     """Write the light of samples that were met beforehand, from number `start` on, to the room: as `light_of`, by their known rays;
     whether there is any."""
     view, options, found = frame.picture, frame.options, room.primed
     x, y, _ = pixels(found.items, start)
     s = first_samples(found.corner, found.first, found.columns, x, y)
-    pixel, s = sobol.place(x + found.corner[0], y + found.corner[1], s, view.width, frame.order)
+    pixel, s = sobol.zorder_index(x + found.corner[0], y + found.corner[1], s, view.width, frame.order)
     origin, direction, t_min, t_max = ray_soa.get_of(found.rays, len(found.rays) // 8, start)
-    ray = Ray(origin, direction, t_min, t_max, sobol.moment(pixel, s, options.seed, frame.shutter))
+    ray = Ray(origin, direction, t_min, t_max, sobol.sample_time(pixel, s, options.seed, frame.shutter))
     hit, known = first_of_both(accel, tables, ray, found, start)
     return _put_light(room, whitted.call(frame.radiance, (  # pyright: ignore[reportCallIssue]
         tables, accel, gouraud, options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive, hit.u, hit.v, pixel, s, room.stack,
@@ -284,7 +284,7 @@ def _put_light(room: Any, light: Any) -> bool:
     return ops.any_lane(ops.not_(dark))
 
 
-@apart
+@noinline_helper
 def draw_waiting(tables, accel, gouraud, frame, total, room):
     """Write the light of the room's samples to the room."""
     x, y, s = crosslane.load(room.items, 0), crosslane.load(room.items, 1), crosslane.load(room.items, 2)
@@ -317,7 +317,7 @@ def met_first(primed: Any, accel: Any, tables: Any, ray: Ray, x: Lane, y: Lane, 
 @overload(met_first, jit_options=HELPER)
 def _met_first(primed, accel, tables, ray, x, y, s):
     if not is_used(primed):
-        return lambda primed, accel, tables, ray, x, y, s: (intersect.closest(accel, tables, ray, ops.bool_like(x, True), CAMERA), None)
+        return lambda primed, accel, tables, ray, x, y, s: (intersect.closest_hit(accel, tables, ray, ops.bool_like(x, True), CAMERA), None)
 
     def of_both(primed, accel, tables, ray, x, y, s):
         near, far = ops.full_like(ray.direction[0], ray.t_min), ops.full_like(ray.direction[0], ray.t_max)
@@ -327,26 +327,26 @@ def _met_first(primed, accel, tables, ray, x, y, s):
     return of_both
 
 
-@apart
+@noinline_helper
 def first_of_both(accel, tables, ray, found, slot):
     """`met_first` for samples in these slots, or from this one on."""
     zero, none = ops.full_like(ray.t_min, 0.0), ops.int_like(ray.t_min, -1)
     hit = Hit(zero + np.inf, none, none, zero, zero)
     if accel.rest & REST != 0:
-        hit = intersect.closest(accel, tables, ray, ops.bool_like(ray.t_min, True), REST)
+        hit = intersect.closest_hit(accel, tables, ray, ops.bool_like(ray.t_min, True), REST)
     return nearer_in(found, slot, hit)
 
 
-@apart
+@noinline_helper
 def light_of(tables, accel, gouraud, frame, total, x, y, s, room):
     """(radiance, coverage, sound) of samples s of pixels x, y."""
     view, options = frame.picture, frame.options
     column, row, number = x, y, s
-    pixel, s = sobol.place(x, y, s, view.width, frame.order)
+    pixel, s = sobol.zorder_index(x, y, s, view.width, frame.order)
     dx, dy = sobol.offset(pixel, s, total, options.seed, frame.filter)
-    time = sobol.moment(pixel, s, options.seed, frame.shutter)
+    time = sobol.sample_time(pixel, s, options.seed, frame.shutter)
     x, y = ops.to_float(x) + 0.5 + dx, ops.to_float(y) + 0.5 + dy
-    ray = camera.through(tables, view, frame.lens, x, y, pixel, s, options.seed, time)
+    ray = camera.generate_ray(tables, view, frame.lens, x, y, pixel, s, options.seed, time)
     hit, known = met_first(room.primed, accel, tables, ray, column, row, number)
     return whitted.call(frame.radiance, (  # pyright: ignore[reportCallIssue]
         tables, accel, gouraud, options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive, hit.u, hit.v, pixel, s, room.stack,

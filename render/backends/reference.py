@@ -38,10 +38,10 @@ class Renderer(Unshared):
         shape = film.alpha.shape
         with np.errstate(all="ignore"):
             for s in range(int(first[0, 0]), int(first[0, 0] + count[0, 0])):
-                pixel, index = sobol.place(x, y, np.full(len(x), s), self.view.width, frame.order)
+                pixel, index = sobol.zorder_index(x, y, np.full(len(x), s), self.view.width, frame.order)
                 dx, dy = sobol.offset(pixel, index, total, options.seed, frame.filter)
-                time = sobol.moment(pixel, index, options.seed, frame.shutter)
-                ray = camera.through(
+                time = sobol.sample_time(pixel, index, options.seed, frame.shutter)
+                ray = camera.generate_ray(
                     prepared.tables, self.view, frame.lens, x + 0.5 + dx, y + 0.5 + dy, pixel, index, options.seed, time
                 )
                 hit = self._first_hit(ray)
@@ -61,7 +61,7 @@ class Renderer(Unshared):
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, Any]) -> None:
         """Write the named channels of the tile, (h, w, k) each."""
         with np.errstate(all="ignore"):
-            ray = camera.sharp(self.prepared.tables, self.view, *aov.centres(tile))
+            ray = camera.pinhole_ray(self.prepared.tables, self.view, *aov.centres(tile))
             hit = self._first_hit(ray)
         aov.channels_of(self.prepared.tables, self.view, ray, hit, names, out)
 
@@ -73,7 +73,7 @@ class Renderer(Unshared):
 
     def _first_hit(self, ray: Ray) -> Any:
         active = np.ones(np.shape(ray.direction[0]), bool)
-        return intersect.closest(self.prepared.accel, self.prepared.tables, ray, active, int(ir.Visibility.CAMERA))
+        return intersect.closest_hit(self.prepared.accel, self.prepared.tables, ray, active, int(ir.Visibility.CAMERA))
 
 
 def _pixels(tile: Tile) -> tuple[np.ndarray, np.ndarray]:

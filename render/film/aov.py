@@ -33,10 +33,10 @@ def centres(tile: Tile) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 def sample_rays(tables: ir.Tables, view: View, frame: Frame, tile: Tile, sample: int, total: int) -> Ray:
     """The camera's rays of one sample of each pixel of a tile, at the shutter's opening; numpy lanes."""
     y, x = (c.ravel() for c in np.mgrid[tile.y0 : tile.y1, tile.x0 : tile.x1])
-    pixel, index = sobol.place(x, y, np.full(len(x), sample), view.width, frame.order)
+    pixel, index = sobol.zorder_index(x, y, np.full(len(x), sample), view.width, frame.order)
     dx, dy = sobol.offset(pixel, index, total, frame.options.seed, frame.filter)
     lens = camera.lens_of(tables, view)
-    return camera.through(tables, view, lens, x + 0.5 + dx, y + 0.5 + dy, pixel, index, frame.options.seed, None)
+    return camera.generate_ray(tables, view, lens, x + 0.5 + dx, y + 0.5 + dy, pixel, index, frame.options.seed, None)
 
 
 def channels_of(
@@ -81,7 +81,7 @@ def doubtful(tables: Tables, ray: Ray, hit: Hit) -> NDArray[np.bool_]:
 
 
 def _values(tables: Tables, view: View, ray: Ray, hit: Hit, names: tuple[str, ...]) -> dict[str, tuple[Lane, ...]]:
-    at = interaction.at(tables, ray, hit, "uv" in names)
+    at = interaction.make_interaction(tables, ray, hit, "uv" in names)
     values = {
         "depth": lambda: (camera.depth(tables, view, at.position),),
         "normal": lambda: at.normal,

@@ -46,7 +46,7 @@ def guides(renderer: film.Renderer, plan: Plan) -> tuple[NDArray[np.float32], ND
             window += _seen(renderer.first(tile, s, int(plan["samples"]))).reshape(window.shape) / count
 
     threads = int(plan["threads"]) or target.cores()
-    thread_pool.on_threads(draw, film.tiles((x0, y0, x1, y1)), threads)
+    thread_pool.parallel_for(draw, film.tiles((x0, y0, x1, y1)), threads)
     albedo, normal = found.astype(np.float32)
     return np.clip(albedo, 0.0, 1.0), normal
 
@@ -60,7 +60,7 @@ def _seen(first: First) -> NDArray[np.float64]:
         return out
     part = Ray(aov.some(ray.origin, here, len(hit.t)), aov.some(ray.direction, here, len(hit.t)), 0.0, np.inf)
     with np.errstate(all="ignore"):
-        at = interaction.at(tables, part, Hit(*(column[here] for column in hit)))
+        at = interaction.make_interaction(tables, part, Hit(*(column[here] for column in hit)))
         albedo = ops.mul(bsdf.color_of(tables, at, aov.DIFFUSE), at.color)
         for slot in CLEAR:
             albedo = ops.add(albedo, bsdf.color_of(tables, at, slot))

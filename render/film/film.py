@@ -170,7 +170,7 @@ def _in_pieces(
 
     parts: Any = ((whole.draw, whole.jobs), (beside, extra))
     for draw, jobs in parts:
-        thread_pool.on_threads(draw, jobs, threads, cancel, told)
+        thread_pool.parallel_for(draw, jobs, threads, cancel, told)
     whole.finish()
     samples = int(plan["samples"])
     if "samples" in channels:
@@ -414,7 +414,7 @@ class _Canvas:
             self.spent += self.drawn[tile] - known[tile]
             self._tell(fraction())
 
-        thread_pool.on_threads(draw, jobs, self.threads, self.cancel, told)
+        thread_pool.parallel_for(draw, jobs, self.threads, self.cancel, told)
 
     def _tell(self, fraction: float) -> None:
         done = int(min(fraction, 1.0) * len(self.tiles) + 1e-9)

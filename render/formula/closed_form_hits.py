@@ -1,4 +1,4 @@
-"""Rays through solids of planes, quadrics and tori (compiler/formula/closed_form_solids.py): of each relation the stretches of the ray that fulfil it.
+"""Ray hits of CSG trees of planes, quadrics and tori: the intervals of the ray in which each relation holds.
 
 A walk along the ray asks, place by place, whether the solid holds there and up to where nothing changes: of `and` and `or` that follows
 from the operands' answers. So what combines hundreds of stretches is never listed, and of hidden parts hardly any root is passed.
@@ -13,7 +13,7 @@ import numpy as np
 from ...compiler.formula.closed_form_solids import EITHER, LEAF, MOST_DEPTH, MOST_LEAVES
 from .. import simd
 from ..geometry import torus
-from ..jit.function_pointer import FLOAT, Answering
+from ..jit.function_pointer import FLOAT, DeclaredKernel
 from ..jit.kernel import helper
 from ..lanes import crosslane, ops
 from ..types import Lane, Vec
@@ -37,7 +37,7 @@ def _crossings(numbers, leaf, origin, direction):
     return torus.crossings(ring, tube, o, d)
 
 
-crossings = Answering(_crossings, (FLOAT,) * 4)
+crossings = DeclaredKernel(_crossings, (FLOAT,) * 4)
 call_crossings = crossings.call
 
 
@@ -65,13 +65,13 @@ def _met(forms, g, origin, direction, t_min, t_max):
         hit = found < np.inf
         if ops.any_lane(hit):
             at, gradient, off = _finished(forms, k, leaf, start, way, ops.where(hit, found, zero))
-            spacing, u, v = intersect.dressed(forms, k, way, gradient, inside, off)
+            spacing, u, v = intersect.finish_hit(forms, k, way, gradient, inside, off)
             t = ops.where(hit, (begin + at) / size, t)
             u, v = ops.where(hit, u, zero), ops.where(hit, v, zero)
     return t, spacing, u, v, ops.int_like(zero, 0)
 
 
-met = Answering(_met, MET)
+met = DeclaredKernel(_met, MET)
 
 
 def _either(forms, g, origin, direction, t_min, t_max):
@@ -81,7 +81,7 @@ def _either(forms, g, origin, direction, t_min, t_max):
 
 
 call_met = met.call
-either = Answering(_either, MET)
+either = DeclaredKernel(_either, MET)
 
 
 # --- along a ray --------------------------------------------------------------------------------------------------------

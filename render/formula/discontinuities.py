@@ -15,7 +15,7 @@ import numpy as np
 from ...compiler.formula.numpy_interpreter import boxes
 from ...compiler.formula.tape import Op, Tape
 from ...compiler.ir import among
-from ..jit.kernel import apart, helper
+from ..jit.kernel import helper, noinline_helper
 from ..lanes import ops
 from ..types import Lane, Vec
 from .evaluate import Room, value_at
@@ -50,8 +50,8 @@ def kind_of(tape: Tape, bounds: np.ndarray) -> int:
     return ENDS if ending else NEVER
 
 
-@apart
-def face(forms, k, memory, o, d, at, inside, gradient, off, mask):
+@noinline_helper
+def discontinuity_normal(forms, k, memory, o, d, at, inside, gradient, off, mask):
     """The Face of roots near `at` along rays (o, d), d of unit length, that are `inside` before them, in the lanes of a mask."""
     reach = forms.numbers[k, 13]
     mask = mask & (at < FARTHEST * reach)

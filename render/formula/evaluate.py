@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import simd
-from ..jit.kernel import apart, helper
+from ..jit.kernel import helper, noinline_helper
 from ..lanes import crosslane, ops
 from ..types import Lane, Vec
 from .evaluator_calls import compiled, interpret
@@ -33,7 +33,7 @@ def room() -> Room:
     return Room(simd.stack_array(np.float64, _ROOM), simd.stack_array(np.float64, _OUT), simd.stack_array(np.int64, _STATE))
 
 
-@apart
+@noinline_helper
 def value_at(forms, k, tape, memory, p, mask):
     """The values of surface k at points, by each lane's own tape."""
     registers = memory.registers
@@ -44,7 +44,7 @@ def value_at(forms, k, tape, memory, p, mask):
     found = 0.0 * p[0]
     rest = mask
     while ops.any_lane(rest):
-        one, here = crosslane.together(tape, rest)
+        one, here = crosslane.uniform_group(tape, rest)
         begin = forms.places[k, 3]
         if code != 0 and forms.tapes[forms.places[k, 4], 1] <= QUICKER * forms.tapes[one, 1]:
             compiled(code, registers, forms.constants, begin, memory.out)
@@ -56,7 +56,7 @@ def value_at(forms, k, tape, memory, p, mask):
     return found
 
 
-@apart
+@noinline_helper
 def turns_at(forms, k, tape, memory, p, mask):
     """(value, derivatives by x, y, z) at points."""
     registers = memory.registers
@@ -65,7 +65,7 @@ def turns_at(forms, k, tape, memory, p, mask):
     value, x, y, z = zero, zero, zero, zero
     rest = mask
     while ops.any_lane(rest):
-        one, here = crosslane.together(tape, rest)
+        one, here = crosslane.uniform_group(tape, rest)
         _set_turns(registers, p)
         begin = forms.places[k, 3]
         if code != 0 and forms.tapes[forms.places[k, 4], 1] <= QUICKER * forms.tapes[one, 1]:
@@ -132,7 +132,7 @@ def bounds_at(forms: Any, k: int, tape: int, memory: Room, p: Vec, q: Vec, way: 
     )
     out = 4 * forms.tapes[tape, 2]
     bits = simd.read(memory.state, 0)
-    maybe = ((bits >> ops.to_int(crosslane.numbered(0))) & 1) != 0
+    maybe = ((bits >> ops.to_int(crosslane.lane_indices(0))) & 1) != 0
     return Bounds(
         crosslane.load(registers, out),
         crosslane.load(registers, out + 1),
@@ -142,14 +142,14 @@ def bounds_at(forms: Any, k: int, tape: int, memory: Room, p: Vec, q: Vec, way: 
     )
 
 
-@apart
+@noinline_helper
 def error_at(forms, k, tape, memory, p, way, mask):
     """How far from 0 the formula may be at points: its value there and what rounding does to it."""
     zero = 0.0 * p[0]
     found = zero
     rest = mask
     while ops.any_lane(rest):
-        one, here = crosslane.together(tape, rest)
+        one, here = crosslane.uniform_group(tape, rest)
         bounds = bounds_at(forms, k, one, memory, p, p, way)
         found = ops.where(here, ops.maximum(abs(bounds.low), abs(bounds.high)), found)
         rest = rest & ops.not_(here)

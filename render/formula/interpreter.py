@@ -116,7 +116,7 @@ def make_ready(threads: int) -> None:
     """Let another process make those that come last, of several that are to be made."""
     missing = [program for program in WIDTHS if program not in _engines and not _path(program).exists()]
     if len(missing) > SEVERAL:
-        compile_process.call(threads, make, tuple(reversed(missing)))
+        compile_process.run_in_background(threads, make, tuple(reversed(missing)))
 
 
 def make(programs: tuple[str, ...]) -> None:

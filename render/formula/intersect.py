@@ -11,15 +11,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import simd
-from ..jit.function_pointer import Answering
-from ..jit.kernel import apart as apart_
+from ..jit.function_pointer import DeclaredKernel
 from ..jit.kernel import helper
+from ..jit.kernel import noinline_helper as apart_
 from ..lanes import crosslane, ops
 from ..simd.atomics import count_up
 from ..types import Lane, Vec
 from . import discontinuities, root_isolation
 from .evaluate import Room, error_at, room, turns_at, value_at
-from .interval_grid import PENDING, ready
+from .interval_grid import PENDING, ensure_block
 from .tables import MET
 
 ULP = 2.0**-52
@@ -61,7 +61,7 @@ def _meet(forms, g, origin, direction, t_min, t_max):
     return t, spacing, u, v, ops.to_int(unproved)
 
 
-meet = Answering(_meet, MET)
+meet = DeclaredKernel(_meet, MET)
 call = meet.call
 
 
@@ -221,7 +221,7 @@ def _cut_up(forms: Any, k: int, mark: Lane, looking: Lane) -> bool:
     left = crosslane.bits(looking & (mark <= PENDING))
     some = left != 0
     while left != 0:
-        ready(forms, k, PENDING - crosslane.lane(mark, simd.trailing_zeros(left)))
+        ensure_block(forms, k, PENDING - crosslane.lane(mark, simd.trailing_zeros(left)))
         left &= left - 1
     return some
 
@@ -282,11 +282,11 @@ def _searched(
         j = simd.trailing_zeros(left)
         left &= left - 1
         rounds = max(root_isolation.MOST_ROUNDS - int(crosslane.lane(roots.spent, j)), root_isolation.FEW)
-        root, within, doubt, used = root_isolation.first(
+        root, within, doubt, used = root_isolation.isolate_first_root(
             forms, k, crosslane.lane(tape, j), memory, crosslane.lane3(start, j), crosslane.lane3(way, j), crosslane.lane(begins, j),
             crosslane.lane(b, j), 0.0, crosslane.lane(course.begin, j), sheet, zero, rounds,
         )  # fmt: skip
-        mine = ops.to_int(crosslane.numbered(0)) == j
+        mine = ops.to_int(crosslane.lane_indices(0)) == j
         unproved = ops.where(mine & (doubt > 0), 1.0, roots.unproved)
         roots = Roots(roots.at, roots.tape, roots.inside, unproved, ops.where(mine, roots.spent + used, roots.spent))
         if root < np.inf:
@@ -426,9 +426,9 @@ def _finished(
     gradient = gradient_at(forms, k, tape, memory, start, way, at, far, hit)
     off = MANIFOLD * error_at(forms, k, tape, memory, point, way, hit) + closed_in(gradient, far)
     if forms.places[k, 5] != 0:
-        found = discontinuities.face(forms, k, memory, origin, way, distance, inside, gradient, off, hit)
+        found = discontinuities.discontinuity_normal(forms, k, memory, origin, way, distance, inside, gradient, off, hit)
         distance, gradient, off = found.at, found.gradient, found.off
-    spacing, u, v = dressed(forms, k, way, gradient, inside, off)
+    spacing, u, v = finish_hit(forms, k, way, gradient, inside, off)
     return distance, spacing, u, v
 
 
@@ -450,7 +450,7 @@ def closed_in(gradient: Vec, far: Lane) -> Lane:
 
 
 @helper
-def dressed(forms: Any, k: int, way: Vec, gradient: Vec, inside: Lane, off: Lane) -> tuple[Lane, Lane, Lane]:
+def finish_hit(forms: Any, k: int, way: Vec, gradient: Vec, inside: Lane, off: Lane) -> tuple[Lane, Lane, Lane]:
     """(spacing, u, v) of hits with this gradient, where the formula is `off` from 0 at the most."""
     x, y, z = gradient
     size = ops.sqrt(x * x + y * y + z * z)

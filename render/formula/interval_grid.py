@@ -18,8 +18,8 @@ import numpy as np
 from ...compiler.formula.opcodes import CHOICES, Op, arity
 from ...compiler.formula.point_semantics import NumpyMath
 from ...compiler.formula.tape import INPUTS, MOST_LIVE
-from ..jit.kernel import apart, helper, kernel, maker
-from ..simd.atomics import claimed, released, taken
+from ..jit.kernel import allocating_helper, helper, kernel, noinline_helper
+from ..simd.atomics import fetch_add, store_release, try_claim
 from .evaluator_calls import interpret
 from .llvm_math import LANES, ROW
 from .op_codegen import SCALE
@@ -41,16 +41,16 @@ _BOXES, _CELLS = 2, 8  # vectors of a value
 _BOXES_AT, _CELLS_AT = 2, 4  # places in fields.PROGRAMS
 
 
-@apart
-def ready(forms, k, number):
+@noinline_helper
+def ensure_block(forms, k, number):
     """Cut block `number` of surface k up, unless it is; where another thread is about to, wait for it."""
     while True:
-        was = claimed(forms.states, number)
+        was = try_claim(forms.states, number)
         if was == 2:
             return
         if was == 0:
             _cut(forms, k, number)
-            released(forms.states, number)
+            store_release(forms.states, number)
             return
 
 
@@ -70,7 +70,7 @@ class _Block(NamedTuple):
     known: Any  # (CHILDREN, 2) parts that may hold a part of the surface, and their tapes
 
 
-@maker
+@allocating_helper
 def _cut(forms, k, number):
     """Write what is in a block's 64 parts to the grid: leaves where these are cells, else blocks, with the tapes that they need."""
     x, y, z, size, whole = (
@@ -97,7 +97,7 @@ def _cut(forms, k, number):
         _as_leaves(forms, k, block, alive)
 
 
-@apart
+@noinline_helper
 def _occupied(forms, k, block):
     """How many parts may hold a part of the surface, which `known` lists with their tapes; the others are marked empty."""
     alive = 0
@@ -120,7 +120,7 @@ def _occupied(forms, k, block):
 @helper
 def _as_blocks(forms: Any, k: int, block: _Block, alive: int) -> None:
     """Put the parts to what is cut up when a ray comes to it."""
-    first, (x, y, z), small = taken(forms.ends, END_BLOCKS, alive), block.corner, block.small
+    first, (x, y, z), small = fetch_add(forms.ends, END_BLOCKS, alive), block.corner, block.small
     for i in range(alive):
         child, number = block.known[i, 0], first + i
         forms.blocks[number, 0] = x + small * (child // (SPLIT * SPLIT))
@@ -130,10 +130,10 @@ def _as_blocks(forms: Any, k: int, block: _Block, alive: int) -> None:
         _mark(forms, k, block, child, PENDING - number)
 
 
-@apart
+@noinline_helper
 def _as_leaves(forms, k, block, alive):
     """Put the parts, which are cells, to the leaves, with bounds of their derivatives."""
-    first_leaf = taken(forms.ends, END_LEAVES, alive)
+    first_leaf = fetch_add(forms.ends, END_LEAVES, alive)
     for first in range(0, alive, LANES):
         few = min(LANES, alive - first)
         out = _bounded(forms, k, block, first, few, True, _CELLS, _CELLS_AT)
@@ -146,7 +146,7 @@ def _as_leaves(forms, k, block, alive):
                 least, most = block.registers[out + (2 + 2 * j) * LANES + lane], block.registers[out + (3 + 2 * j) * LANES + lane]
                 known = sure and abs(least) < LARGEST and abs(most) < LARGEST
                 forms.leaf_slopes[leaf, 2 * j], forms.leaf_slopes[leaf, 2 * j + 1] = (least, most) if known else (-BIG, BIG)
-    taken(forms.ends, END_LEAVES, 0)  # what leaves are is written before the grid says so
+    fetch_add(forms.ends, END_LEAVES, 0)  # what leaves are is written before the grid says so
     for i in range(alive):
         _mark(forms, k, block, block.known[i, 0], first_leaf + i)
 
@@ -178,7 +178,7 @@ def _copied(forms: Any, tape: int, names: Any, run: Any) -> Any:
 def _kept(forms: Any, whole: int, rows: int, names: Any, run: Any, tapes: Any, ends: Any) -> tuple[int, bool]:
     """Put new tapes to the others: (number of the first one, whether there was room for them)."""
     many, length = ends[0] - 1, ends[1] - rows
-    made, begin = taken(forms.ends, END_TAPES, many), taken(forms.ends, END_ROWS, length)
+    made, begin = fetch_add(forms.ends, END_TAPES, many), fetch_add(forms.ends, END_ROWS, length)
     if made + many > len(forms.tapes) or begin + length > len(forms.names):
         return whole, False
     for i in range(length):
@@ -237,7 +237,7 @@ def _boxes(registers: Any, numbers: Any, k: int, count: int, block: _Block, firs
 # --- simpler tapes ------------------------------------------------------------------------------------------------------
 
 
-@apart
+@noinline_helper
 def simplify(names, run, tapes, ends, tape, state, lane, scratch):
     """The number of the tape that lane `lane` of the last evaluation needs; −1 or −2 where there is no room for it (see `fill`)."""
     first, n = tapes[tape, 0], tapes[tape, 1]
@@ -324,7 +324,7 @@ def _known(names: Any, tapes: Any, number: int, begin: int, count: int) -> int:
     return -1
 
 
-@maker
+@allocating_helper
 def place(names, run, tapes, tape):
     """Give each value of a tape a register, and write its rows as interpreters read them. 0, or 2 where there are too few registers."""
     first, n = tapes[tape, 0], tapes[tape, 1]

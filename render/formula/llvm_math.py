@@ -1,4 +1,4 @@
-"""The arithmetic of tapes on LLVM vectors: what compiler/formula/point_semantics.py and compiler/formula/interval_semantics.py are emitted with."""
+"""Arithmetic of tapes on LLVM vectors, for compiler/formula/point_semantics.py and interval_semantics.py."""
 
 from __future__ import annotations
 

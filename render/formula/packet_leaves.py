@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from .. import simd
-from ..jit.kernel import apart as apart_
 from ..jit.kernel import helper
+from ..jit.kernel import noinline_helper as apart_
 from ..lanes import crosslane, ops
 from ..simd.atomics import count_up
 from . import root_isolation
@@ -30,10 +30,10 @@ from .packet_state import (
     evaluate,
     evaluate_points,
     exact,
+    set_known_bounds,
     signed,
     single,
     tapes_of,
-    tell,
 )
 
 STEP = 4  # row of a stretch that is open: how long the next piece of it is
@@ -227,7 +227,7 @@ def _piece(room: Any, tape: int, ray: Any, at: Any, to: Any, slack: float) -> An
         simd.store(registers, (row + 3) * VECTOR, d + 2.0 * U)
         simd.store(registers, (row + 4) * VECTOR, d * 0.0 + slack)
         simd.store(room.packed, axis * VECTOR, q)
-    tell(room, PARTS_OF_SPAN, 1, simd.f32x16(-np.inf), simd.f32x16(np.inf))
+    set_known_bounds(room, PARTS_OF_SPAN, 1, simd.f32x16(-np.inf), simd.f32x16(np.inf))
     room.state[0] = 0
     evaluate(room, SPANS, tape, 1)
     out = room.tapes[tape, 2] * PARTS_OF_SPAN * VECTOR
@@ -244,12 +244,12 @@ def _piece(room: Any, tape: int, ray: Any, at: Any, to: Any, slack: float) -> An
 @apart_
 def _by_search(room, memory, tape, ray, a, b, start, hits):
     """Meet one ray between a and b in float64."""
-    like = ops.to_float(crosslane.numbered(0)) * 0.0
+    like = ops.to_float(crosslane.lane_indices(0)) * 0.0
     x = room.exact
     o, d = (x[ray], x[SPACED + ray], x[2 * SPACED + ray]), (x[3 * SPACED + ray], x[4 * SPACED + ray], x[5 * SPACED + ray])
     low, high = max(np.float64(a), x[6 * SPACED + ray]), min(np.float64(b), x[7 * SPACED + ray])
     rounds = max(root_isolation.MOST_ROUNDS - room.spent[ray] % COUNTED, root_isolation.FEW)
-    root, inside, doubt, used = root_isolation.first(
+    root, inside, doubt, used = root_isolation.isolate_first_root(
         room, 0, tape, memory, o, d, low, high, x[6 * SPACED + ray], start, room.places[0, 1] != 0, like, rounds
     )
     room.spent[ray] += used
@@ -259,7 +259,7 @@ def _by_search(room, memory, tape, ray, a, b, start, hits):
     if root < np.inf and hits.number == ANY:
         stopped(room, hits, ray)
     elif root < np.inf:
-        one = crosslane.numbered(0) < 1
+        one = crosslane.lane_indices(0) < 1
         rays, at = ops.int_like(like, ray), like + root
         origin, way = exact(room, rays)
         tapes, far = tapes_of(like, tape), start + at + room.numbers[0, 13]

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from .. import simd
-from ..jit.kernel import apart as apart_
 from ..jit.kernel import helper
+from ..jit.kernel import noinline_helper as apart_
 from ..lanes import crosslane, ops
 from ..types import Lane, Vec
-from .discontinuities import face
+from .discontinuities import discontinuity_normal
 from .evaluate import Room, turns_at, value_at
-from .intersect import MANIFOLD, bracketed, dressed, gradient_at
+from .intersect import MANIFOLD, bracketed, finish_hit, gradient_at
 from .llvm_math import LANES
 from .packet_state import OPEN, SPACED, VECTOR, U, evaluate_points, exact, in_a_row, numbers_of, own_origin, single, tapes_of
 
@@ -117,7 +117,7 @@ def _polished(room, memory, tape, first, count, start, reach, hits):
     """
     rows = room.brackets
     ray = numbers_of(room.bracket_ray, first)
-    mask = crosslane.numbered(first) < count
+    mask = crosslane.lane_indices(first) < count
     o, d = exact(room, ray)
     a, b = crosslane.load_row(rows, first), crosslane.load_row(rows, OPEN + first)
     fa, fb = crosslane.load_row(rows, 2 * OPEN + first), crosslane.load_row(rows, 3 * OPEN + first)
@@ -173,7 +173,7 @@ def faced(
     """(where a root is, the gradient there, how far from 0 it may be), if the formula may jump as jumps.face has them."""
     if room.places[0, 5] != 0:
         origin, way = own_origin(hits.rays, hits.first + ray, hits.inverse), exact(room, ray)[1]
-        found = face(room, 0, memory, origin, way, start + at, inside, gradient, off, mask)
+        found = discontinuity_normal(room, 0, memory, origin, way, start + at, inside, gradient, off, mask)
         at, gradient, off = ops.where(found.settled, found.at - start, at), found.gradient, found.off
     return at, gradient, off
 
@@ -183,7 +183,7 @@ def met(
     room: Any, ray: Lane, way: Vec, at: Lane, off: Lane, gradient: Vec, inside: Lane, mask: Lane, start: float, hits: Any
 ) -> None:
     """Write what rays have met, and let them rest."""
-    units, u, v = dressed(room, 0, way, gradient, inside, off)
+    units, u, v = finish_hit(room, 0, way, gradient, inside, off)
     number, column = ops.int_like(at, hits.number), hits.first + ray
     if in_a_row(ray) and ops.not_(ops.any_lane(ops.not_(mask))):
         begin = crosslane.lane(column, 0)
@@ -201,7 +201,7 @@ def met(
         crosslane.put_at(hits.v, column, v, mask)
     bit, rest = ops.int_like(at, 1) << (ray & (VECTOR - 1)), mask
     while ops.any_lane(rest):
-        first, here = crosslane.together(ray & -VECTOR, rest)
+        first, here = crosslane.uniform_group(ray & -VECTOR, rest)
         room.alive[first // VECTOR] &= ~crosslane.total(ops.where(here, bit, 0))
         rest = rest & ops.not_(here)
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import simd
-from ..jit.kernel import apart as apart_
 from ..jit.kernel import helper
+from ..jit.kernel import noinline_helper as apart_
 from ..lanes import crosslane, ops
 from ..lanes.ray_soa import get
 from ..simd.aligned_arrays import CACHE_LINE
@@ -138,7 +138,7 @@ def evaluate_points(room: Any, tape: int, vectors: int) -> None:
 
 
 @helper
-def tell(room: Any, parts: int, vectors: int, low: Any, high: Any) -> None:
+def set_known_bounds(room: Any, parts: int, vectors: int, low: Any, high: Any) -> None:
     """Tell programs whose values have so many parts the bounds of the result."""
     for vector in range(vectors):
         unknown, known = UNKNOWN * parts * vectors + vector, KNOWN * parts * vectors + vector
@@ -180,20 +180,20 @@ def columns(origin: Any, direction: Any, t_min: Any, t_max: Any) -> NDArray[np.f
 
 
 @apart_
-def begun(room, columns, at, n, inverse, known):
+def begin_packet(room, columns, at, n, inverse, known):
     """(where the bundle begins, how long the stretch is in which it may meet the box; −1 if none does); sets the rays, up to what is
     `known` of them."""
     exact, rays = room.exact, room.rays
     padded = (n + VECTOR - 1) // VECTOR * VECTOR
-    soonest = ops.full_like(ops.to_float(crosslane.numbered(0)), np.inf)
+    soonest = ops.full_like(ops.to_float(crosslane.lane_indices(0)), np.inf)
     latest = -soonest
     for first in range(0, padded, LANES):
         o, d, low, high = local(columns, at + first, inverse)
-        mine = crosslane.numbered(first) < n
+        mine = crosslane.lane_indices(first) < n
         if first + LANES <= n:
             high = ops.minimum(high, crosslane.load_row(known, at + first))
         else:
-            high = ops.minimum(high, known[at + ops.minimum(crosslane.numbered(first), n - 1)])
+            high = ops.minimum(high, known[at + ops.minimum(crosslane.lane_indices(first), n - 1)])
         if not ops.any_lane(mine & (low < high) & _near(room, o, d)):  # dividing is most of what is done here
             crosslane.store_row(exact, 6 * SPACED + first, ops.full_like(soonest, np.inf))
             crosslane.store_row(exact, 7 * SPACED + first, ops.full_like(soonest, -np.inf))
@@ -209,7 +209,7 @@ def begun(room, columns, at, n, inverse, known):
         crosslane.store_row(exact, 6 * SPACED + first, enter)
         crosslane.store_row(exact, 7 * SPACED + first, leave)
         crosslane.store_row(exact, 8 * SPACED + first, size)
-    begin, end = crosslane.least(soonest), crosslane.most(latest)
+    begin, end = crosslane.reduce_min(soonest), crosslane.reduce_max(latest)
     if not begin < end:
         return 0.0, -1.0
     for first in range(0, padded, LANES):
@@ -424,7 +424,7 @@ def exact(room: Any, ray: Lane) -> tuple[Vec, Vec]:
 @helper
 def in_a_row(ray: Lane) -> bool:
     """Whether rays stand one behind the other, as those of a vector that meet something together: these are read several times as fast."""
-    return ops.not_(ops.any_lane(ray != crosslane.numbered(crosslane.lane(ray, 0))))
+    return ops.not_(ops.any_lane(ray != crosslane.lane_indices(crosslane.lane(ray, 0))))
 
 
 @helper

@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import simd
-from ..jit.kernel import apart as apart_
 from ..jit.kernel import helper, kernel
+from ..jit.kernel import noinline_helper as apart_
 from .evaluate import room as room_of_values
 from .interpreter import KNOWN
 from .interval_grid import place
@@ -39,17 +39,17 @@ from .packet_state import (
     WIDEST,
     U,
     around,
-    begun,
+    begin_packet,
     box_inputs,
     decides_alike,
     error_of,
     evaluate,
     hulled,
     quarter_inputs,
+    set_known_bounds,
     simpler,
     span_input,
     span_inputs,
-    tell,
 )
 
 
@@ -97,7 +97,7 @@ def trace(room, rays, first, n, inverse, out):
 @apart_
 def _bundle(room, memory, n, hits):
     """Meet n ≤ RAYS; False where they go too far apart."""
-    begin, length = begun(room, hits.rays, hits.first, n, hits.inverse, hits.t)
+    begin, length = begin_packet(room, hits.rays, hits.first, n, hits.inverse, hits.t)
     if length < 0.0:
         return True
     numbers = room.numbers
@@ -121,7 +121,7 @@ def _bundle(room, memory, n, hits):
     box_inputs(room, HULLS, slab, slack)
     low, high = simd.f32x16(-np.inf), simd.f32x16(np.inf)
     for _ in range(2):  # what is known of the result then says more of minima on the way to it
-        tell(room, 2, 1, low, high)
+        set_known_bounds(room, 2, 1, low, high)
         room.state[0] = 0
         evaluate(room, BOXES, 0, 1)
         out = room.tapes[0, 2] * 2 * VECTOR
@@ -146,7 +146,7 @@ def _bundle(room, memory, n, hits):
         for c in range(choices):
             room.state[c] = kept[c]
         tape = simpler(room, 0, i)
-        tell(room, PARTS_OF_SPAN, QUARTERS, simd.f32x16(room.results[i]), simd.f32x16(room.results[VECTOR + i]))
+        set_known_bounds(room, PARTS_OF_SPAN, QUARTERS, simd.f32x16(room.results[i]), simd.f32x16(room.results[VECTOR + i]))
         if not _slab(room, memory, tape, i * slab, slab, groups, vectors, begin, slack, reach, hits):
             break
     return True
@@ -228,7 +228,7 @@ def _known_first(room: Any, tape: int) -> None:
     for k in range(0, 6 * wide, VECTOR):
         simd.store(registers, k, simd.load(room.inputs, k, VECTOR))
     low, high = simd.load(registers, KNOWN * PARTS_OF_SPAN * wide, VECTOR), simd.load(registers, (KNOWN * PARTS_OF_SPAN + 1) * wide, VECTOR)
-    tell(room, 2, QUARTERS, low, high)
+    set_known_bounds(room, 2, QUARTERS, low, high)
     room.state[0] = 0
     evaluate(room, BOXES, tape, QUARTERS)
     out = room.tapes[tape, 2] * 2 * wide
@@ -236,7 +236,7 @@ def _known_first(room: Any, tape: int) -> None:
         simd.store(room.inputs, k, simd.load(registers, out + k, VECTOR))
     for k in range(0, 15 * wide, VECTOR):
         simd.store(registers, k, simd.load(room.inputs, 6 * wide + k, VECTOR))
-    tell(room, PARTS_OF_SPAN, QUARTERS, low, high)
+    set_known_bounds(room, PARTS_OF_SPAN, QUARTERS, low, high)
     for k in range(0, 2 * wide, VECTOR):
         simd.store(registers, KNOWN * PARTS_OF_SPAN * wide + k, simd.load(room.inputs, k, VECTOR))
 
@@ -261,7 +261,7 @@ def _store_bounds(room: Any, tape: int) -> None:
 @apart_
 def _finer(room, memory, tape, group, many, begin, length, start, slack, reach, hits):
     """Meet the vectors of a group in the quarters of a stretch: bounds of slopes are asked for where there may be a root at all."""
-    tell(room, 2, QUARTERS, simd.f32x16(-np.inf), simd.f32x16(np.inf))
+    set_known_bounds(room, 2, QUARTERS, simd.f32x16(-np.inf), simd.f32x16(np.inf))
     quarter_inputs(room, group * VECTOR, begin, length, slack)
     room.state[0] = 0
     evaluate(room, BOXES, tape, QUARTERS)
@@ -277,7 +277,7 @@ def _finer(room, memory, tape, group, many, begin, length, start, slack, reach, 
         if left & _alive_of(room, group, many) == 0:
             continue
         span_input(room, group * VECTOR, a, length, slack)
-        tell(room, PARTS_OF_SPAN, 1, low, high)
+        set_known_bounds(room, PARTS_OF_SPAN, 1, low, high)
         room.state[0] = 0
         evaluate(room, SPANS, tape, 1)
         out = room.tapes[tape, 2] * PARTS_OF_SPAN * VECTOR

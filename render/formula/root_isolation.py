@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import simd
-from ..jit.kernel import apart as apart_
 from ..jit.kernel import helper
+from ..jit.kernel import noinline_helper as apart_
 from ..lanes import crosslane, ops
 from ..types import Lane, Vec
 from .discontinuities import JUMPS
@@ -43,7 +43,7 @@ _WAYS = tuple(np.arange(float(WAYS_PAST), 2.0 * WAYS_PAST).view(np.int64).tolist
 
 
 @apart_
-def first(forms, k, tape, memory, start, way, a, b, own, begin, sheet, like, most):
+def isolate_first_root(forms, k, tape, memory, start, way, a, b, own, begin, sheet, like, most):
     """(distance or inf, whether the ray is inside before it, 1 where not all is proved, rounds that it took) of the first root in a … b
     of a ray that begins at `own`.
 
@@ -51,7 +51,7 @@ def first(forms, k, tape, memory, start, way, a, b, own, begin, sheet, like, mos
     changes, it is left out and not proved, unless a root is next to it, or the ray begins there: at the surface that it leaves, or it is
     no more than a gap in a solid, as where parts of one share a face.
     """
-    number = ops.to_float(crosslane.numbered(0))
+    number = ops.to_float(crosslane.lane_indices(0))
     o = ops.like3(like, start[0], start[1], start[2])
     d = ops.like3(like, way[0], way[1], way[2])
     reach = forms.numbers[k, 13] + begin
@@ -152,7 +152,7 @@ def _pieces(
     forms: Any, k: int, tape: int, tapes: Lane, memory: Room, o: Vec, d: Vec, at: float, piece: float, b: float, value: float
 ) -> _Pieces:
     """The pieces from `at`, where the formula has a `value`, up to b at the most."""
-    number = ops.to_float(crosslane.numbered(0))
+    number = ops.to_float(crosslane.lane_indices(0))
     begins, ends = at + number * piece, ops.minimum(at + (number + 1.0) * piece, 0.0 * number + b)
     p, q = ops.along(o, d, begins), ops.along(o, d, ends)
     bounds = bounds_at(forms, k, tape, memory, p, q, d)

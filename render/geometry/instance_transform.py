@@ -26,12 +26,12 @@ class Place(NamedTuple):
     inverse: Affine
 
 
-def at(tables: Tables, row: Lane, time: Lane | None) -> Place:
+def transform_at(tables: Tables, row: Lane, time: Lane | None) -> Place:
     """The place of a row of Transforms."""
     return _still(tables, row) if time is None else _moved(tables, row, time)
 
 
-@overload(at, jit_options=HELPER)
+@overload(transform_at, jit_options=HELPER)
 def _at_in_kernels(tables, row, time):
     if isinstance(time, types.NoneType):
         return lambda tables, row, time: _still(tables, row)

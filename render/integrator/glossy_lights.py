@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ..jit.kernel import either, helper
+from ..jit.kernel import helper, specialize_either
 from ..lanes import ops
 from ..light import lights
 from ..light.lights import Arriving
@@ -49,7 +49,7 @@ def _shared_out(
     """`materials.reflected` of a sample of a lamp, less what is left to rays along the highlight."""
     glossy = active & bsdf.is_glossy(shader)
     if lights.is_soft(tables, light) and ops.any_lane(glossy):
-        matt, shine, density = bsdf.divided(shader, normal, arriving.direction, viewer)
+        matt, shine, density = bsdf.eval_lobes_pdf(shader, normal, arriving.direction, viewer)
         ratio = density * solid_angle(tables, light, arriving)
         weight = ops.where(glossy, 1.0 / (1.0 + ratio * ratio), 1.0)
         return ops.add(matt, ops.scale(shine, weight))
@@ -74,7 +74,7 @@ def _half_chord(tables: Tables, light: int) -> float:
 
 
 @helper
-def meet(tables: Tables, light: int, place: Vec, direction: Vec) -> tuple[Lane, Lane, Lane]:
+def intersect_lights(tables: Tables, light: int, place: Vec, direction: Vec) -> tuple[Lane, Lane, Lane]:
     """(distance, solid angle as its samples count, radiance over the lamp's colour) of a lamp in a direction; 0 where it is not."""
     kind = tables.lights.kind[light]
     if kind == lights.SUN:
@@ -137,4 +137,4 @@ def weight(density: Lane, solid: Lane) -> Lane:
     return ratio * ratio / (1.0 + ratio * ratio)
 
 
-reflected = either(_shared_out, _plainly)
+reflected = specialize_either(_shared_out, _plainly)

@@ -19,7 +19,7 @@ from . import whitted
 PLACES = 256  # of the ground, over which its light is averaged
 
 
-def of(scene: ir.Scene, tables: ir.Tables, options: Options) -> Followed | Around:
+def ambient_environment(scene: ir.Scene, tables: ir.Tables, options: Options) -> Followed | Around:
     """What stands for rays that are not followed; `tables` are the scene's, ready for shading, `options` a plan's without bounces."""
     if not (planner.specular_materials(scene) & planner.used_materials(scene.tables)).any():
         return Followed()  # nobody asks
@@ -50,8 +50,8 @@ def _mean_light(tables: ir.Tables, options: Options, ground: int, up: NDArray[np
     zero = np.zeros(PLACES)
     origin, down = (tuple(np.ascontiguousarray(a.T)) for a in (places, np.broadcast_to(-up, places.shape)))
     ray: Any = Ray(origin, down, zero, zero + np.inf, None)
-    point = interaction.at(tables, ray, Hit(zero + 1.0, lane + ground, lane, zero, zero))
-    shader = bsdf.at(tables, point)
+    point = interaction.make_interaction(tables, ray, Hit(zero + 1.0, lane + ground, lane, zero, zero))
+    shader = bsdf.evaluate_shader(tables, point)
     unshadowed = options._replace(shadows=False, environment=Followed())
     everywhere = np.ones(PLACES, bool)
     with np.errstate(all="ignore"):

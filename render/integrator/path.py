@@ -17,7 +17,7 @@ from numba.extending import overload
 from ...compiler import ir
 from ...compiler.plan import plan as planner
 from ..accel import intersect
-from ..jit.kernel import HELPER, apart, helper
+from ..jit.kernel import HELPER, helper, noinline_helper
 from ..lanes import ops
 from ..light import emitters, environment_map, light_tree, lights
 from ..light.emitters import Emitters
@@ -111,17 +111,17 @@ def numbers(pixel: Lane, sample: Lane, depth: int, pair: int, seed: int) -> tupl
     dimension = ops.int_like(pixel, FIRST + depth * PAIRS + pair)
     if depth < SPREAD:
         return sobol.pair(pixel, sample, dimension, seed)
-    return sobol.scattered(pixel, sample, dimension, seed)
+    return sobol.hashed_pair(pixel, sample, dimension, seed)
 
 
 @helper
 def passing(pixel: Lane, sample: Lane, depth: int, layer: int, seed: int) -> Lane:
     """The random number that lets a path pass a layer of what is not wholly there."""
-    return sobol.scattered(pixel, sample, ops.int_like(pixel, LAYERS + depth * 1024 + layer), seed)[0]
+    return sobol.hashed_pair(pixel, sample, ops.int_like(pixel, LAYERS + depth * 1024 + layer), seed)[0]
 
 
 @helper
-def escape(tables: Tables, light_of: Light, options: Options, path: Path, missed: Lane, depth: int) -> tuple[Vec, Lane]:
+def environment_radiance(tables: Tables, light_of: Light, options: Options, path: Path, missed: Lane, depth: int) -> tuple[Vec, Lane]:
     """(light, what alpha loses) of paths that leave the scene."""
     zero = 0.0 * path.density
     light, less = (zero, zero, zero), zero
@@ -161,7 +161,7 @@ def _sky_found(tables: Tables, light_of: Light, path: Path, all_of_it: Vec) -> V
 
 
 @helper
-def shine(
+def emitted_radiance(
     tables: Tables, light: Light, path: Path, point: Surface, shader: Shader, hit: Hit, here: Lane, lamps_only: bool
 ) -> Vec:
     """What a surface sends out by itself along paths, weighed against the chance of finding it from where they come.
@@ -182,48 +182,48 @@ def shine(
     if len(table.kind) == 1:
         share, dark = _weighed(table, 0, path, point, hit.t, light.weighing)
         share, lit = ops.where(among, share, 1.0), lit & ops.not_(among & dark)
-        lit = lit & ops.not_(among & brought(light.covered, 0, path))
+        lit = lit & ops.not_(among & photon_covers_emission(light.covered, 0, path))
     elif len(table.kind) > 1:
         row = ops.where(among, row + ops.where(among, hit.primitive - table.parts[instance], 0), 0)
         share, dark = _weighed_each(table, row, path, point, hit.t, light.weighing)
         share, lit = ops.where(among, share, 1.0), lit & ops.not_(among & dark)
-        lit = lit & ops.not_(among & brought(light.covered, row, path))
+        lit = lit & ops.not_(among & photon_covers_emission(light.covered, row, path))
     return ops.where3(lit, ops.scale(ops.mul(path.weight, shader.emission), share), (zero, zero, zero))
 
 
-def brought(covered: Any, row: Any, path: Path) -> Lane:
+def photon_covers_emission(covered: Any, row: Any, path: Path) -> Lane:
     """Where photons bring the light of an emitter's row, which a path meets by chance, to what sent it on."""
     return np.zeros(np.shape(path.density), bool)
 
 
-@overload(brought, jit_options=HELPER)
+@overload(photon_covers_emission, jit_options=HELPER)
 def _brought_in_kernels(covered, row, path):
     if isinstance(covered, types.Array):
         return lambda covered, row, path: ((path.density > 2.0 * ONLY) | (path.phase > photon_map.CLEAN)) & covered[row]
     return lambda covered, row, path: ops.bool_like(path.density, False)
 
 
-def mirrored(covered: Any, row: Any, path: Path, shader: Shader) -> Lane:
+def photon_covers_mirror(covered: Any, row: Any, path: Path, shader: Shader) -> Lane:
     """Where photons bring the light of an emitter's row that a metal sends to the matt surface before it on a path."""
     return np.zeros(np.shape(path.density), bool)
 
 
-@overload(mirrored, jit_options=HELPER)
+@overload(photon_covers_mirror, jit_options=HELPER)
 def _mirrored_in_kernels(covered, row, path, shader):
     if isinstance(covered, types.Array):
         return lambda covered, row, path, shader: (path.phase >= photon_map.CLEAN) & bsdf.is_polished(shader) & covered[row]
     return lambda covered, row, path, shader: ops.bool_like(path.density, False)
 
 
-def throws(gleaming: Any, point: Surface, shader: Shader) -> Lane:
+def photon_covers_lobe(gleaming: Any, point: Surface, shader: Shader) -> Lane:
     """Where photons bring what a highlight sends of small lamps, and paths find what the matt part under it does."""
     return np.zeros(np.shape(point.offset), bool)
 
 
-@overload(throws, jit_options=HELPER)
+@overload(photon_covers_lobe, jit_options=HELPER)
 def _throws_in_kernels(gleaming, point, shader):
     if isinstance(gleaming, types.Array):
-        return lambda gleaming, point, shader: (gleaming[point.instance] > 0.0) & bsdf.gleams(shader)
+        return lambda gleaming, point, shader: (gleaming[point.instance] > 0.0) & bsdf.has_bright_narrow_lobe(shader)
     return lambda gleaming, point, shader: ops.bool_like(point.offset, False)
 
 
@@ -245,7 +245,7 @@ def _left_in_kernels(gleaming, covered, share, row, path, point, shader, viewer,
 def _left(
     gleaming: Any, covered: Any, share: Vec, row: Any, path: Path, point: Surface, shader: Shader, viewer: Vec, direction: Vec
 ) -> tuple[Vec, Lane]:
-    alone = (path.phase >= photon_map.CLEAN) & covered[row] & throws(gleaming, point, shader)
+    alone = (path.phase >= photon_map.CLEAN) & covered[row] & photon_covers_lobe(gleaming, point, shader)
     if ops.any_lane(alone):
         share = ops.where3(alone, bsdf.matt_part(shader, point.normal, direction, viewer), share)
     return share, alone
@@ -258,12 +258,12 @@ def _weighed(table: Emitters, row: Lane, path: Path, point: Surface, t: Lane, we
     if len(table.kind) > 1:
         found = found * light_tree.chance(table.tree, row, path.origin, path.facing)
     only = ops.where(path.density >= ONLY, ops.full_like(t, 1.0), 0.0)
-    share = ops.where(path.density <= LIT * 8.0, 0.0, weight(path.density, found, weighing, SURFACES_ALONE))
+    share = ops.where(path.density <= LIT * 8.0, 0.0, mis_weight(path.density, found, weighing, SURFACES_ALONE))
     share = ops.where(path.density >= ONLY, 1.0, share)
     return ops.where(table.weighed[row], share, only), ops.not_(table.both[row] | point.front)
 
 
-_weighed_each = apart(_weighed)
+_weighed_each = noinline_helper(_weighed)
 
 
 @helper
@@ -274,7 +274,7 @@ def power(one: Lane, other: Lane) -> Lane:
 
 
 @helper
-def weight(one: Lane, other: Lane, weighing: int, alone: int) -> Lane:
+def mis_weight(one: Lane, other: Lane, weighing: int, alone: int) -> Lane:
     """The weight of the way to light whose density is `one`; it counts in full where it is `alone`."""
     if weighing == 0:
         return power(one, other)
@@ -285,14 +285,14 @@ def weight(one: Lane, other: Lane, weighing: int, alone: int) -> Lane:
 
 @helper
 def _facing(light: Light, point: Surface, shader: Shader) -> Any:
-    return light_tree.facing(light.emitters.tree.below, point.normal, bsdf.is_frosted(shader, ops.bool_like(point.offset, False)))
+    return light_tree.facing(light.emitters.tree.below, point.normal, bsdf.is_rough_glass(shader, ops.bool_like(point.offset, False)))
 
 
-_sample_each, _choose = apart(emitters.sample), apart(light_tree.choose)
+_sample_each, _choose = noinline_helper(emitters.sample), noinline_helper(light_tree.choose)
 
 
 @helper
-def connect(
+def sample_direct(
     tables: Tables, light: Light, point: Surface, shader: Shader, viewer: Vec, path: Path, here: Lane, last: Lane, lit: Lane,
     ending: bool, pixel: Lane, sample: Lane, depth: int, seed: int,
 ) -> Connection:  # fmt: skip
@@ -303,36 +303,38 @@ def connect(
     u, v = numbers(pixel, sample, depth, 0, seed)
     table = light.emitters
     zero = ops.full_like(point.offset, 0.0)
-    frosted_ = bsdf.is_frosted(shader, ops.bool_like(zero, False))
+    frosted_ = bsdf.is_rough_glass(shader, ops.bool_like(zero, False))
     place = ops.where3(frosted_, point.position, interaction.lit_from(point))
     if len(table.kind) == 1:
         row = 0
         arriving = emitters.sample(tables, table, 0, place, u, v)
         chance = zero + 1.0
         is_lamp = table.light[0] >= 0
-        here = here & (ops.not_(ending) | is_lamp) & ops.not_(lit & is_lamp) & ops.not_(mirrored(light.covered, 0, path, shader))
+        here = (
+            here & (ops.not_(ending) | is_lamp) & ops.not_(lit & is_lamp) & ops.not_(photon_covers_mirror(light.covered, 0, path, shader))
+        )
         weighed, shadows = ops.bool_like(zero, table.weighed[0]), ops.bool_like(zero, table.shadows[0])
     else:
         row, chance = _choose(table.tree, place, _facing(light, point, shader), numbers(pixel, sample, depth, 2, seed)[0])
         arriving = _sample_each(tables, table, row, place, u, v)
         lamp = table.light[row] >= 0
         here = here & (chance > 0.0) & (ops.bool_like(zero, ops.not_(ending)) | lamp) & ops.not_(lit & lamp)
-        here = here & ops.not_(mirrored(light.covered, row, path, shader))
+        here = here & ops.not_(photon_covers_mirror(light.covered, row, path, shader))
         chance = ops.where(chance > 0.0, chance, 1.0)
         weighed, shadows = table.weighed[row], table.shadows[row]
-    share, density = bsdf.share_of(shader, light.uses, point.normal, arriving.direction, viewer)
+    share, density = bsdf.eval_bsdf_pdf(shader, light.uses, point.normal, arriving.direction, viewer)
     share, alone = left_to_paths(light.gleaming, light.covered, share, row, path, point, shader, viewer, arriving.direction)
     factor = 1.0 / (math.pi * chance)
     above = frosted_ | (ops.dot(arriving.direction, point.geometric) > 0.0)  # past its facet's edge no ray goes on by chance
     met_too = weighed & above & ops.not_(last | lit | alone)
-    factor = factor * ops.where(met_too, weight(arriving.density * chance, density, light.weighing, LIGHTS_ALONE), 1.0)
+    factor = factor * ops.where(met_too, mis_weight(arriving.density * chance, density, light.weighing, LIGHTS_ALONE), 1.0)
     given = ops.scale(ops.mul(ops.mul(path.weight, share), arriving.light), factor)
     given = medium_stack.faded(medium_stack.crossed(path.inside, None, tables, point, arriving.direction), given, tables, arriving.distance)
     origin = interaction.leave_from(point, place, arriving.direction)
     wanted = here & (ops.largest(given) > 0.0)
-    wanted = wanted & bsdf.is_frosted(shader, normal_map.open_to(tables, point, arriving.direction, wanted))
+    wanted = wanted & bsdf.is_rough_glass(shader, normal_map.open_to(tables, point, arriving.direction, wanted))
     # Things that shine block no light of their own: rays end before them by all roundings, and the shift at their beginning.
-    short = (64.0 * ops.roundoff(zero) * ops.where(arriving.distance < math.inf, arriving.distance, 0.0) + 2.0 * point.offset)
+    short = 64.0 * ops.roundoff(zero) * ops.where(arriving.distance < math.inf, arriving.distance, 0.0) + 2.0 * point.offset
     reach = ops.maximum(arriving.distance - short / ops.maximum(arriving.cosine, SLANTED), 0.0)
     distance = ops.where(shadows, reach, -1.0)
     return Connection(origin, arriving.direction, distance, given, wanted)
@@ -347,7 +349,7 @@ _part = blend.if_blended(_drawn_part)
 
 
 @helper
-def arrive(
+def shade_vertex(
     tables: Tables, light: Light, options: Options, path: Path, hit: Hit, point: Surface, here: Lane,
     pixel: Lane, sample: Lane, depth: int,
 ) -> tuple[Vec, Connection, Path, Lane]:  # fmt: skip
@@ -361,11 +363,11 @@ def arrive(
     faded = medium_stack.faded(path.inside, path.weight, tables, hit.t)
     path = Path(path.origin, path.direction, faded, path.density, path.straight, path.inside, path.phase, path.facing)
     point = normal_map.tilted(tables, _part(tables, point, pixel, sample, depth, options.seed), hit, path.direction)
-    shader = bsdf.looked_up(tables, point, uses, path.inside)
+    shader = bsdf.evaluate_shader_filtered(tables, point, uses, path.inside)
     viewer = ops.negate(path.direction)
     sent = (zero, zero, zero)
     if uses.shines:
-        sent = shine(tables, light, path, point, shader, hit, here, depth > options.bounces)
+        sent = emitted_radiance(tables, light, path, point, shader, hit, here, depth > options.bounces)
     nothing = ops.bool_like(zero, False)
     connection = Connection(point.position, path.direction, zero, sent, nothing)
     onward = path
@@ -382,14 +384,12 @@ def arrive(
     if ending:  # matt surfaces are done when all light that they could meet has been looked for
         last = ops.bool_like(zero, ops.not_(uses.sky) & ops.not_(uses.glossy))
     if len(light.emitters.kind) > 0:
-        connection = connect(
-            tables, light, point, shader, viewer, path, here, last, lit, ending, pixel, sample, depth, options.seed
-        )
+        connection = sample_direct(tables, light, point, shader, viewer, path, here, last, lit, ending, pixel, sample, depth, options.seed)
     u, v = numbers(pixel, sample, depth, 1, options.seed)
     which = zero
     if uses.glossy or uses.sharp:
         which = numbers(pixel, sample, depth, 2, options.seed)[1]
-    taken = bsdf.scatter(shader, uses, point, viewer, u, v, which)
+    taken = bsdf.sample_bsdf(shader, uses, point, viewer, u, v, which)
     weight = ops.mul(path.weight, taken.weight)
     if uses.open_sky:
         soft = here & ops.not_(lit) & (taken.density < ONLY)
@@ -407,9 +407,9 @@ def arrive(
     after_matt = (path.density < ONLY) | (path.density > 2.0 * ONLY)
     density = ops.where((density >= ONLY) & after_matt, GATHERED, density)
     inside = medium_stack.crossed(path.inside, None, tables, point, taken.direction)
-    thrown = throws(light.gleaming, point, shader)
+    thrown = photon_covers_lobe(light.gleaming, point, shader)
     phase = photon_map.phase_after(light.photons, path.phase, shader, taken.density >= ONLY, thrown)
-    sunk = bsdf.is_frosted(shader, taken.density >= ONLY)
+    sunk = bsdf.is_rough_glass(shader, taken.density >= ONLY)
     place = ops.where3(sunk, point.position, interaction.lit_from(point))  # from where light was looked for: both ways see the same
     origin = interaction.leave_at(point, place, taken.direction)
     onward = Path(origin, taken.direction, weight, density, straight, inside, phase, _facing(light, point, shader))
@@ -468,22 +468,22 @@ def radiance(
             hit = _beyond(accel, tables, options, onward if depth else ray, hit, active, bit, pixel, sample, depth)
         missed = active & (hit.instance < 0)
         if missed.any():
-            behind, less = escape(tables, light, options, path, missed, depth)
+            behind, less = environment_radiance(tables, light, options, path, missed, depth)
             total, alpha = ops.add(total, behind), alpha - less
         here = active & (hit.instance >= 0)
         if depth > options.bounces + 1 or not here.any():
             break
-        point = interaction.at(tables, onward, hit)
-        sent, connection, path, active = arrive(tables, light, options, path, hit, point, here, pixel, sample, depth)
+        point = interaction.make_interaction(tables, onward, hit)
+        sent, connection, path, active = shade_vertex(tables, light, options, path, hit, point, here, pixel, sample, depth)
         total = ops.add(total, sent)
         if connection.wanted.any():
             blocking = connection.wanted & (connection.distance > 0.0) & options.shadows
             shadow = Ray(connection.origin, connection.direction, zero, zero + connection.distance, ray.time)
-            given = ops.scale(connection.light, intersect.let_through(accel, tables, shadow, blocking))
+            given = ops.scale(connection.light, intersect.transmittance(accel, tables, shadow, blocking))
             total = ops.where3(connection.wanted, ops.add(total, given), total)
         if not active.any():
             break
-        hit = intersect.closest(accel, tables, Ray(path.origin, path.direction, zero, zero + np.inf, ray.time), active, OTHER_RAY)
+        hit = intersect.closest_hit(accel, tables, Ray(path.origin, path.direction, zero, zero + np.inf, ray.time), active, OTHER_RAY)
         depth += 1
     sound = np.isfinite(total[0] + total[1] + total[2])
     return ops.where3(sound, total, (zero, zero, zero)), alpha, sound
@@ -497,10 +497,10 @@ def _beyond(
     passed, layer = active, 0
     while True:
         asked = passed & (hit.instance >= 0) & partial[np.maximum(hit.instance, 0)]
-        there = surface_alpha.at(tables, interaction.at(tables, ray, hit))
+        there = surface_alpha.at(tables, interaction.make_interaction(tables, ray, hit))
         passed = asked & (passing(pixel, sample, depth, layer, options.seed) >= there)
         if not passed.any():
             return hit
-        again = intersect.closest(accel, tables, ray._replace(t_min=intersect.beyond(tables, ray, hit)), passed, visible)
+        again = intersect.closest_hit(accel, tables, ray._replace(t_min=intersect.next_t_min(tables, ray, hit)), passed, visible)
         hit = Hit(*(np.where(passed, new, old) for new, old in zip(again, hit, strict=True)))
         layer += 1

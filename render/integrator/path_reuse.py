@@ -15,7 +15,7 @@ from numba.extending import overload
 
 from .. import simd
 from ..accel import intersect, primitive_list
-from ..jit.kernel import HELPER, apart, helper, if_there
+from ..jit.kernel import HELPER, helper, noinline_helper, specialize_if_present
 from ..lanes import crosslane, ops
 from ..lanes.soa import ROW, add, gather3, load3, store3
 from ..light import lights
@@ -75,8 +75,8 @@ def _parted(shared: Any, onward: Path, i: int, slot: Lane, point: Surface, here:
     return onward
 
 
-cleared = if_there(_cleared)  # nothing is known of the first n paths of a wave
-parted = if_there(_parted)  # the ray that goes on, of weight 1 where it leaves the first surface; surfaces are noted
+cleared = specialize_if_present(_cleared)  # nothing is known of the first n paths of a wave
+parted = specialize_if_present(_parted)  # the ray that goes on, of weight 1 where it leaves the first surface; surfaces are noted
 
 
 def found(shared: Any, light: Any, slot: Lane, sent: Vec, mask: Lane, depth: int) -> None:
@@ -109,7 +109,7 @@ def _parted_light(shared: Any, plain: Any, light: Any, n: int) -> Any:
     return plain
 
 
-parted_light = if_there(_parted_light)  # light so far is the paths' own: what comes now is that of second surfaces
+parted_light = specialize_if_present(_parted_light)  # light so far is the paths' own: what comes now is that of second surfaces
 
 
 @helper
@@ -118,10 +118,10 @@ def _joined(shared: Any, plain: Any, accel: Any, scene: Any, room: Any, shadows:
     return plain
 
 
-joined = if_there(_joined)  # the light of all n paths of a wave
+joined = specialize_if_present(_joined)  # the light of all n paths of a wave
 
 
-@apart
+@noinline_helper
 def _join(accel: Any, scene: Any, room: Any, shadows: bool, n: int) -> None:
     """Give the light of second surfaces to all first ones of their blocks that see them."""
     rows, pairs, light = room.shared.rows, room.shared.pairs, room.light
@@ -195,7 +195,7 @@ def _towards(origin: Vec, place: Vec) -> tuple[Vec, Lane]:
     """(unit direction to a place, how far a ray may go without meeting what is there)."""
     way = (place[0] - origin[0], place[1] - origin[1], place[2] - origin[2])
     squared = ops.maximum(ops.dot(way, way), lights.TINY)
-    inverse = ops.over_root(squared)
+    inverse = ops.rsqrt(squared)
     return ops.scale(way, inverse), squared * inverse * (1.0 - 64.0 * ops.roundoff(squared))
 
 

@@ -18,7 +18,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..jit import thread_pool
-from ..jit.kernel import HELPER, apart, helper, kernel
+from ..jit.kernel import HELPER, helper, kernel, noinline_helper
 from ..lanes import ops
 from ..material import bsdf
 from ..material.bsdf import Shader, Uses
@@ -87,7 +87,7 @@ def build(landed: list[NDArray[np.float32]], emitted: int, so_far: int, width: f
         _sort(landed[k].astype(kind), k, int(first[k]), near, made.start, slots, made.present, made.key, made.place, made.toward,
               made.power, made.normal, made.inverse, cells)  # fmt: skip
 
-    thread_pool.on_threads(sort, range(len(landed)), threads)
+    thread_pool.parallel_for(sort, range(len(landed)), threads)
     return made
 
 
@@ -213,7 +213,7 @@ def _gathered(
     return sent
 
 
-@apart
+@noinline_helper
 def _all_levels(maps, sent, shader, uses, point, viewer, weight, here, sample):
     number = (sample + (sample >> 4) * 5) & (MAPS - 1)  # neighbours' samples take others, however many each has
     x = (point.position[0] - maps.origin[0], point.position[1] - maps.origin[1], point.position[2] - maps.origin[2])
@@ -271,7 +271,7 @@ def _one(maps: Any, row: Lane, same: Lane, all_: Lane, x: Vec, shader: Shader, u
     if ops.any_lane(near):
         toward = (maps.toward[row], maps.toward[row + n], maps.toward[row + 2 * n])
         cosine = ops.dot(toward, point.geometric)
-        near = near & bsdf.is_frosted(shader, cosine > 0.0)
+        near = near & bsdf.is_rough_glass(shader, cosine > 0.0)
         share = _share(near, shader, uses, point.normal, toward, viewer)
         strength = left * (1.0 / math.pi) / ops.maximum(ops.absolute(cosine), 1e-2)
         power = (maps.power[row], maps.power[row + n], maps.power[row + 2 * n])
@@ -288,4 +288,4 @@ def _share(here: Lane, shader: Shader, uses: Uses, normal: Vec, toward: Vec, vie
     return ops.scale(shader.diffuse, ops.maximum(ops.dot(normal, toward), 0.0))
 
 
-_of_all = apart(bsdf.reflected)
+_of_all = noinline_helper(bsdf.reflected)

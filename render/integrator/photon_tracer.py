@@ -22,7 +22,7 @@ from ...compiler import ir
 from ...compiler.plan import caustic_casters
 from .. import simd
 from ..jit import thread_pool
-from ..jit.kernel import HELPER, apart, helper, kernel
+from ..jit.kernel import HELPER, helper, kernel, noinline_helper
 from ..jit.packed_struct import Handle
 from ..lanes import crosslane, ops
 from ..lanes.soa import PAD, ROW, SIZE, keep, keep3, load3
@@ -75,7 +75,7 @@ def covered(tables: ir.Tables, table: emitters.Emitters, all_sizes: bool) -> NDA
     return found
 
 
-def aims(tables: ir.Tables, table: emitters.Emitters, chosen: NDArray[np.bool_]) -> Aims | None:
+def photon_targets(tables: ir.Tables, table: emitters.Emitters, chosen: NDArray[np.bool_]) -> Aims | None:
     """How chosen emitters aim; None where nothing is in their light."""
     centre, radius = caustic_casters.balls(tables)
     mirrors = caustic_casters.gathering(tables)
@@ -192,7 +192,7 @@ class Tracer:
                 space = int(kept)
             found[number, start] = rows[:, :kept].T.copy()
 
-        thread_pool.on_threads(draw, jobs, self.threads)
+        thread_pool.parallel_for(draw, jobs, self.threads)
         landed = [
             np.concatenate([found.pop((self.maps + k, start)) for start in range(0, each, BLOCK)]) for k in range(MAPS)
         ]  # fmt: skip
@@ -217,14 +217,14 @@ def trace_block(accel, scene, frame, aims, number, first, count, total, origin, 
         for depth in range(frame.options.bounces + 1):
             if left == 0:
                 break
-            wavefront.meet(accel, scene, frame, room, source, left, depth + 1)
+            wavefront.intersect_stage(accel, scene, frame, room, source, left, depth + 1)
             left, kept = _land(scene, frame, room, source, left, depth, origin, landed, kept)
             source = 1 - source
     simd.restore_denormals(saved)
     return kept
 
 
-@apart
+@noinline_helper
 def _begin(scene, frame, aims, room, number, first, n, each):
     """Photons first … first + n - 1 as they leave their lamps; how many have any power."""
     like = simd.load(room.state, 0)
@@ -242,7 +242,7 @@ def _begin(scene, frame, aims, room, number, first, n, each):
     return kept
 
 
-@apart
+@noinline_helper
 def _land(scene, frame, room, source, n, depth, origin, landed, kept):
     """What n photons do where they arrive: (how many go on, how many have landed so far)."""
     tables, light, seed = scene.tables, scene.light, frame.options.seed
@@ -255,14 +255,14 @@ def _land(scene, frame, room, source, n, depth, origin, landed, kept):
         flags, number, index = load3(room.whose, source * 3 * ROW, 0, i)
         bent, spread, thrown = (flags & BENT) != 0, (flags & SPREAD) != 0, (flags & THROWN) != 0
         inside = wavefront.inside_of(medium_stack.outside(tables, zero), None, room, source * ROW + i, depth)
-        hit, piece, here = wavefront.found(room, i, simd.first_lanes(n - i, like))
+        hit, piece, here = wavefront.load_hits(room, i, simd.first_lanes(n - i, like))
         if ops.not_(ops.any_lane(here)):
             continue
         power = medium_stack.faded(inside, power, tables, ops.where(here, hit.t, 0.0))
-        time = sobol.moment(number, index, seed, frame.shutter)
+        time = sobol.sample_time(number, index, seed, frame.shutter)
         point, hit = wavefront.point_of(tables, scene.tried.records, start, direction, hit, piece, here, time)
         point = normal_map.tilted(tables, _part(tables, point, number, index, depth, seed), hit, direction)
-        shader = bsdf.looked_up(tables, point, light.uses, inside)
+        shader = bsdf.evaluate_shader_filtered(tables, point, light.uses, inside)
         matt = bsdf.has_matt(shader)
         lands = here & bsdf.is_lit(shader) & (bent | (thrown & matt))
         if ops.any_lane(lands):
@@ -270,7 +270,7 @@ def _land(scene, frame, room, source, n, depth, origin, landed, kept):
             kept += simd.count(lands)
         u, v = _numbers(number, index, 2 * depth, seed)
         which, end = _numbers(number, index, 2 * depth + 1, seed)
-        taken = bsdf.scatter(shader, light.uses, point, ops.negate(direction), u, v, which)
+        taken = bsdf.sample_bsdf(shader, light.uses, point, ops.negate(direction), u, v, which)
         sharp = taken.density >= bsdf.ONLY
         weight = ops.scale(taken.weight, _adjoint(point, shader, direction, taken.direction, sharp))
         chance = ops.minimum(ops.largest(weight), 1.0)
@@ -317,7 +317,7 @@ def _thrown(
     first: Lane,
 ) -> tuple[tuple[Vec, Vec, Lane], Lane]:  # fmt: skip
     """The matt part's light is found by paths; fewer photons were aimed here, as the gain says, which those that are thrown make up for."""
-    here = first & path.throws(gleaming, point, shader)
+    here = first & path.photon_covers_lobe(gleaming, point, shader)
     direction, weight = plain[0], plain[1]
     chance = plain[2]
     if ops.any_lane(here):
@@ -335,12 +335,12 @@ def _numbers(number: Lane, index: Lane, pair: int, seed: int) -> tuple[Lane, Lan
     dimension = ops.int_like(number, BEND + pair)
     if pair < WELL_SPREAD:
         return sobol.pair(number, index, dimension, seed)
-    return sobol.scattered(number, index, dimension, seed)
+    return sobol.hashed_pair(number, index, dimension, seed)
 
 
 @helper
 def _drawn_part(tables: Tables, point: Surface, number: Lane, index: Lane, depth: int, seed: int) -> Surface:
-    return blend.part(tables, point, sobol.scattered(number, index, ops.int_like(number, PART + depth), seed)[0])
+    return blend.part(tables, point, sobol.hashed_pair(number, index, ops.int_like(number, PART + depth), seed)[0])
 
 
 _part = blend.if_blended(_drawn_part)
@@ -353,7 +353,7 @@ def _adjoint(point: Surface, shader: bsdf.Shader, arriving: Vec, leaving: Vec, s
     Radiance is not scaled by the square of the index here, and so light that enters a medium is: what leaves it again is as it was.
     """
     passes = ops.dot(arriving, point.geometric) * ops.dot(leaving, point.geometric) > 0.0
-    through = bsdf.is_frosted(shader, sharp) & passes
+    through = bsdf.is_rough_glass(shader, sharp) & passes
     eta = rough_dielectric.eta(shader.frost, ops.where(point.front, 1.0 / shader.ior, shader.ior))
     eta = ops.where(through, eta, 1.0)
     return eta * eta * _leaning(point, arriving, leaving)

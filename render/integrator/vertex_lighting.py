@@ -79,7 +79,7 @@ def _in_numpy(
 def _in_kernel(tables, accel, frame, samples, side, i, triangle, corner, vertex, out):
     n = len(vertex)
     for start in range(0, n, crosslane.WIDTH):
-        k = ops.minimum(crosslane.numbered(start), n - 1)  # the last lanes may repeat the last vertex
+        k = ops.minimum(crosslane.lane_indices(start), n - 1)  # the last lanes may repeat the last vertex
         rgb = at_vertex(tables, accel, frame, samples, side, i, triangle[k], corner[k], vertex[k])
         for j in range(min(n - start, crosslane.WIDTH)):
             for c in range(3):
@@ -95,7 +95,7 @@ def at_vertex(
     zero = ops.to_float(triangle) * 0.0
     u, v = ops.where(corner == 1, 1.0, zero), ops.where(corner == 2, 1.0, zero)
     point = _vertex_from(tables, Hit(zero, instance, triangle, u, v), side)
-    shader = bsdf.at(tables, point)
+    shader = bsdf.evaluate_shader(tables, point)
     viewer = _to_viewer(tables, frame.picture, point)
     everywhere, key = ops.bool_like(zero, True), ops.int_like(zero, 1)
     total = (zero, zero, zero)
@@ -111,10 +111,10 @@ def _vertex_from(tables: Tables, hit: Hit, side: float) -> Surface:
     """The surface at a vertex as a ray sees it that comes from straight above (side 1) or below (-1) the triangle."""
     zero = hit.t
     any_ray = Ray((zero, zero, zero), (zero, zero, zero + 1.0), zero, zero + np.inf, None)
-    here = interaction.at(tables, any_ray, hit)
+    here = interaction.make_interaction(tables, any_ray, hit)
     above = ops.scale(here.geometric, ops.where(here.front, side, -side))
     ray = Ray(ops.add(here.position, above), ops.negate(above), zero, zero + np.inf, None)
-    return interaction.at(tables, ray, Hit(zero + 1.0, hit.instance, hit.primitive, hit.u, hit.v))
+    return interaction.make_interaction(tables, ray, Hit(zero + 1.0, hit.instance, hit.primitive, hit.u, hit.v))
 
 
 @helper

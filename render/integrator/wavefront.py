@@ -18,7 +18,7 @@ from ...compiler import ir
 from .. import camera, simd
 from ..accel import intersect, primitive_list
 from ..accel.traverse import motion_alpha
-from ..jit.kernel import HELPER, apart, helper, if_there, kernel
+from ..jit.kernel import HELPER, helper, kernel, noinline_helper, specialize_if_present
 from ..lanes import crosslane, ops
 from ..lanes.soa import ROW, SIZE, add, gather3, keep, keep3, load3, store3
 from ..material import bsdf, medium_stack
@@ -65,7 +65,8 @@ class Room(NamedTuple):
 
         return cls(
             row(2 * STATE, kind), row(2 * 3, whole), row(3, kind), row(3, whole), row(ASKED, kind), row(1, whole), row(1, np.int64),
-            row(4, kind), row(4, whole), row(1, kind), row(2, whole), row(2 * 3, kind), path_reuse.Shared.of(kind) if reuses else path_reuse.Alone(),
+            row(4, kind), row(4, whole), row(1, kind), row(2, whole), row(2 * 3, kind),
+            path_reuse.Shared.of(kind) if reuses else path_reuse.Alone(),
         )  # fmt: skip
 
 
@@ -98,13 +99,13 @@ def draw_tile(accel, scene, frame, tile, first, count, total, film, room):
                 room.items[2 * ROW + filled], room.items[3 * ROW + filled] = s, row * width + column
                 filled += 1
                 if filled == SIZE:
-                    filled = drawn(accel, scene, frame, total, film, room, filled, width)
-    drawn(accel, scene, frame, total, film, room, filled, width)
+                    filled = render_wave(accel, scene, frame, total, film, room, filled, width)
+    render_wave(accel, scene, frame, total, film, room, filled, width)
     simd.restore_denormals(saved)
 
 
 @helper
-def drawn(accel: Any, scene: Any, frame: Any, total: int, film: Any, room: Any, n: int, width: int) -> int:
+def render_wave(accel: Any, scene: Any, frame: Any, total: int, film: Any, room: Any, n: int, width: int) -> int:
     """Draw the room's n samples, to the film; how many wait then: 0."""
     if n > 0:
         _wave(accel, scene, frame, total, room, n)
@@ -112,14 +113,14 @@ def drawn(accel: Any, scene: Any, frame: Any, total: int, film: Any, room: Any, 
     return 0
 
 
-@apart
+@noinline_helper
 def _wave(accel, scene, frame, total, room, n):
     """The light of n samples, to the room."""
     _begin(scene.tables, frame, total, room, n)
     path_reuse.cleared(room.shared, 0, n)
     left, source = n, 0
     for depth in range(frame.options.bounces + 2):
-        meet(accel, scene, frame, room, source, left, depth)
+        intersect_stage(accel, scene, frame, room, source, left, depth)
         left, asked = _shade(scene, frame, room, source, left, depth)
         _test(accel, scene, frame, room, asked)
         source = 1 - source
@@ -151,18 +152,18 @@ def _collect(film: Any, room: Any, n: int, width: int) -> None:
 # --- stages --------------------------------------------------------------------------------------------------------------
 
 
-@apart
+@noinline_helper
 def _begin(tables, frame, total, room, n):
     """Camera rays of n samples."""
     view, options = frame.picture, frame.options
     step = crosslane.width(simd.load(room.state, 0))
     for i in range(0, n, step):
         x, y, s = simd.load(room.items, i), simd.load(room.items, ROW + i), simd.load(room.items, 2 * ROW + i)
-        pixel, s = sobol.place(x, y, s, view.width, frame.order)
+        pixel, s = sobol.zorder_index(x, y, s, view.width, frame.order)
         dx, dy = sobol.offset(pixel, s, total, options.seed, frame.filter)
         x, y = ops.to_float(x) + 0.5 + dx, ops.to_float(y) + 0.5 + dy
-        time = sobol.moment(pixel, s, options.seed, frame.shutter)
-        ray = camera.through(tables, view, frame.lens, x, y, pixel, s, options.seed, time)
+        time = sobol.sample_time(pixel, s, options.seed, frame.shutter)
+        ray = camera.generate_ray(tables, view, frame.lens, x, y, pixel, s, options.seed, time)
         zero = 0.0 * dx
         store3(room.state, 0, 0, i, (ray.origin[0] + zero, ray.origin[1] + zero, ray.origin[2] + zero))
         store3(room.state, 0, 3, i, ray.direction)
@@ -176,8 +177,8 @@ def _begin(tables, frame, total, room, n):
         simd.store(room.light, 3 * ROW + i, zero + 1.0)
 
 
-@apart
-def meet(accel, scene, frame, room, source, n, depth):
+@noinline_helper
+def intersect_stage(accel, scene, frame, room, source, n, depth):
     """What n rays meet first: pieces by trying each, then the rest by trees, nearer than those."""
     base, seed = source * STATE * ROW, frame.options.seed
     like = simd.load(room.state, 0)
@@ -207,7 +208,7 @@ def meet(accel, scene, frame, room, source, n, depth):
             near = room.near[k]
         visible = CAMERA if depth == 0 else OTHER
         pixel, sample = room.whose[k + (source * 3 + 1) * ROW], room.whose[k + (source * 3 + 2) * ROW]
-        time = sobol.moment(pixel, sample, seed, frame.shutter)
+        time = sobol.sample_time(pixel, sample, seed, frame.shutter)
         ray = as_searched(origin, direction, near, room.met[k], time)
         hit = met_by_chance(accel, ray, np.int64(visible), for_search(pixel), for_search(sample), depth, seed)
         nearer = from_search(hit.instance, wide) >= 0
@@ -251,7 +252,7 @@ def _closest_in_trees(accel, ray, visible, pixel, sample, depth, seed):
         hit = intersect.find(accel, ray, ops.bool_like(ray.t_min, True), visible, False)
         passed, layer = ops.bool_like(ray.t_min, True), 0
         while True:
-            there, onward = motion_alpha.shown(accel, ray, hit)
+            there, onward = motion_alpha.alpha_at_hit(accel, ray, hit)
             passed = passed & (integrator_path.passing(pixel, sample, depth, layer, seed) >= there)
             if ops.not_(ops.any_lane(passed)):
                 return hit
@@ -277,20 +278,20 @@ def _passing_in_trees(accel, ray):
     if accel.field("search") is None:
         return lambda accel, ray: 0.0 * ray.t_min + 1.0
     unused: Any = None  # tables, which kernels have beside their trees
-    return lambda accel, ray: intersect.let_through(accel, unused, ray, ops.bool_like(ray.t_min, True))
+    return lambda accel, ray: intersect.transmittance(accel, unused, ray, ops.bool_like(ray.t_min, True))
 
 
 @helper
-def found(room: Any, i: int, active: Lane) -> tuple[Hit, Lane, Lane]:
+def load_hits(room: Any, i: int, active: Lane) -> tuple[Hit, Lane, Lane]:
     """(what rays i … met, its piece or -1, whether there is anything)."""
     piece, instance = simd.load(room.what, i), simd.load(room.what, ROW + i)
     t, u, v = load3(room.met, 0, 0, i)
     return Hit(t, instance, simd.load(room.what, 2 * ROW + i), u, v), piece, active & ((piece >= 0) | (instance >= 0))
 
 
-@apart
+@noinline_helper
 def _in_full(tables, ray, hit):
-    return interaction.at(tables, ray, hit)
+    return interaction.make_interaction(tables, ray, hit)
 
 
 @helper
@@ -339,7 +340,7 @@ def point_of(
     return point, hit
 
 
-@apart
+@noinline_helper
 def _shade(scene, frame, room, source, n, depth):
     """Shade what n rays met: (how many rays go on, how many to emitters)."""
     tables, light, options = scene.tables, scene.light, frame.options
@@ -358,10 +359,10 @@ def _shade(scene, frame, room, source, n, depth):
             ops.where(code > 1.5, code, 0.0), _facing_of(scene.light.emitters.tree.below, room, source * 3 * ROW + i),
         )  # fmt: skip
         slot, pixel, sample = load3(room.whose, source * 3 * ROW, 0, i)
-        hit, piece, here = found(room, i, active)
+        hit, piece, here = load_hits(room, i, active)
         missed = active & ops.not_(here)
         if ops.any_lane(missed):
-            behind, less = integrator_path.escape(tables, light, options, path, missed, depth)
+            behind, less = integrator_path.environment_radiance(tables, light, options, path, missed, depth)
             if depth == 0:  # slots are those of the lanes
                 store3(room.light, 0, 0, i, behind)
                 simd.store(room.light, 3 * ROW + i, 1.0 - less)
@@ -371,9 +372,9 @@ def _shade(scene, frame, room, source, n, depth):
                 simd.scatter(room.light, at, simd.gather(room.light, at, missed) - less, missed)
             if ops.not_(ops.any_lane(here)):
                 continue
-        time = sobol.moment(pixel, sample, options.seed, frame.shutter)
+        time = sobol.sample_time(pixel, sample, options.seed, frame.shutter)
         point, hit = point_of(tables, scene.tried.records, path.origin, path.direction, hit, piece, here, time)
-        sent, connection, onward, going = integrator_path.arrive(tables, light, options, path, hit, point, here, pixel, sample, depth)
+        sent, connection, onward, going = integrator_path.shade_vertex(tables, light, options, path, hit, point, here, pixel, sample, depth)
         bright = here & (ops.largest(sent) > 0.0)
         if ops.any_lane(bright):
             path_reuse.found(room.shared, room.light, slot, sent, bright, depth)
@@ -410,7 +411,7 @@ def _carry_facing(facing: Vec, plain: Any, room: Any, at: int, going: Lane) -> N
     keep3(room.facing, at, facing, going)
 
 
-_keep_facing = if_there(_carry_facing)
+_keep_facing = specialize_if_present(_carry_facing)
 
 
 def _facing_of(below: Any, room: Any, at: int) -> Any:
@@ -425,8 +426,8 @@ def _facing_of_kernel(below, room, at):
     return lambda below, room, at: None
 
 
-inside_of = if_there(_carried)  # the media that rays are in, of camera rays what is outside: room, place, depth
-keep_inside = if_there(_carry)
+inside_of = specialize_if_present(_carried)  # the media that rays are in, of camera rays what is outside: room, place, depth
+keep_inside = specialize_if_present(_carry)
 
 
 @helper
@@ -439,7 +440,7 @@ def _ask(room: Any, asked: int, slot: Lane, connection: Connection) -> None:
     keep(room.asker, asked, slot, wanted)
 
 
-@apart
+@noinline_helper
 def _test(accel, scene, frame, room, n):
     """Give n connections' light to their paths where nothing stands in the way."""
     options = frame.options
@@ -465,8 +466,8 @@ def _test(accel, scene, frame, room, n):
         origin, direction = gather3(room.asked, 0, 0, k), gather3(room.asked, 0, 3, k)
         slot = room.asker[k]
         x, y, s = room.items[slot], room.items[slot + ROW], room.items[slot + 2 * ROW]
-        pixel, s = sobol.place(x, y, s, frame.picture.width, frame.order)
-        time = sobol.moment(pixel, s, options.seed, frame.shutter)
+        pixel, s = sobol.zorder_index(x, y, s, frame.picture.width, frame.order)
+        time = sobol.sample_time(pixel, s, options.seed, frame.shutter)
         ray = as_searched(origin, direction, 0.0 * origin[0], room.asked[k + 6 * ROW], time)
         share = from_search(_passing(accel, ray), origin[0])
         lit = (share > 0.0) & simd.first_lanes(queued - j, wide)

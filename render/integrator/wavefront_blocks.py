@@ -35,6 +35,6 @@ def draw_tile(accel, scene, frame, tile, first, count, total, film, room):
                     room.items[2 * ROW + filled], room.items[3 * ROW + filled] = s, row * width + column if inside else -1
                     filled += 1
                 if filled == SIZE:
-                    filled = wavefront.drawn(accel, scene, frame, total, film, room, filled, width)
-    wavefront.drawn(accel, scene, frame, total, film, room, filled, width)
+                    filled = wavefront.render_wave(accel, scene, frame, total, film, room, filled, width)
+    wavefront.render_wave(accel, scene, frame, total, film, room, filled, width)
     simd.restore_denormals(saved)

@@ -18,8 +18,8 @@ from ..accel import intersect  # fmt: skip
 from ..accel.formula_packets import shadow_rays
 from ..accel.traverse import motion_alpha
 from ..geometry import instance_transform
-from ..jit.function_pointer import FLOAT, INT, VEC, Linked
-from ..jit.kernel import HELPER, either, helper, if_there
+from ..jit.function_pointer import FLOAT, INT, VEC, KernelPointer
+from ..jit.kernel import HELPER, helper, specialize_either, specialize_if_present
 from ..jit.packed_struct import Handle
 from ..lanes import crosslane, ops
 from ..light import lights, shadow_map
@@ -98,12 +98,12 @@ def radiance(
         weight = medium_stack.faded(inside, weight, tables, ops.where(seen, hit.t, 0.0))
         rest = seen
         while ops.any_lane(rest):
-            instance, here = crosslane.together(hit.instance, rest)
+            instance, here = crosslane.uniform_group(hit.instance, rest)
             meeting = Hit(hit.t, instance, hit.primitive, hit.u, hit.v)
-            point = texture_footprint.on_surface(tables, ray, meeting, interaction.at(tables, ray, meeting), cone)
+            point = texture_footprint.on_surface(tables, ray, meeting, interaction.make_interaction(tables, ray, meeting), cone)
             point = _part(tables, point, pixel, sample, key, options.seed)
-            point = interaction.told(known, normal_map.tilted(tables, point, meeting, ray.direction))
-            shader = bsdf.within(tables, point, inside)
+            point = interaction.override_interaction(known, normal_map.tilted(tables, point, meeting, ray.direction))
+            shader = bsdf.evaluate_shader_inside(tables, point, inside)
             viewer = ops.negate(ray.direction)
             specular = kind >= SPECULAR_RAY
             light = local_light(tables, accel, gouraud, options, point, shader, viewer, meeting, here, specular, inside, pixel, sample, key)
@@ -111,12 +111,12 @@ def radiance(
             share = ops.scale(weight, there)
             going = here & (left > 0)
             if ops.any_lane(going):
-                waiting = send_on(
+                waiting = spawn_secondary_rays(
                     tables, options, point, shader, ray.direction, share, going, left, kind, inside, pixel, sample, key, stack, waiting
                 )  # fmt: skip
             light = _around_in(options.environment, light, tables, options, point, shader, ray.direction)
             total = ops.where3(here, ops.add(total, ops.mul(share, light)), total)
-            waiting = pass_on(waiting, accel, point, ray.direction, weight, there, here, left, kind, inside, key, stack)
+            waiting = continue_through(waiting, accel, point, ray.direction, weight, there, here, left, kind, inside, key, stack)
             rest = rest & ops.not_(here)
         active = waiting > 0
         if ops.not_(ops.any_lane(active)):
@@ -124,7 +124,7 @@ def radiance(
         waiting = ops.where(active, waiting - 1, waiting)
         inside, cone = inside_of(inside, None, stack, waiting), texture_footprint.take_cone(cone, None, stack, waiting, CONE)
         ray, weight, left, kind, key = _pop(stack, waiting, ray.time)
-        hit, known = intersect.closest(accel, tables, ray, active, OTHER_RAY), shadow_rays.forgotten(known)
+        hit, known = intersect.closest_hit(accel, tables, ray, active, OTHER_RAY), shadow_rays.forgotten(known)
         seen = active & (hit.instance >= 0)
         missed = active & ops.not_(hit.instance >= 0) & (kind >= SPECULAR_RAY)
         if ops.any_lane(missed):
@@ -144,7 +144,7 @@ def _radiance(tables, accel, gouraud, options, origin, direction, t, instance, p
 
 
 _walk = helper(radiance)
-linked = Linked(_radiance)  # one compiled body for all backends, kept on disk by itself
+linked = KernelPointer(_radiance)  # one compiled body for all backends, kept on disk by itself
 call = linked.call
 
 
@@ -206,7 +206,7 @@ def _shown_around(around: Any, tables: Tables, options: Options, direction: Vec)
 @helper
 def _in_mirrors(around: Any, light: Vec, tables: Tables, options: Options, point: Surface, shader: Shader, direction: Vec) -> Vec:
     """More light: what mirrors and clear glass show, in the mirrored direction and straight behind."""
-    reflection, transmission, _, _ = bsdf.splits(point, shader, direction)
+    reflection, transmission, _, _ = bsdf.fresnel_split(point, shader, direction)
     mirrored = _shown_around(around, tables, options, ops.reflect(direction, point.normal))
     behind = _shown_around(around, tables, options, direction)
     return ops.add(light, ops.add(ops.mul(reflection, mirrored), ops.mul(transmission, behind)))
@@ -217,7 +217,7 @@ def _on_highlights(
     around: Any, light: Vec, tables: Tables, options: Options, point: Surface, shader: Shader, active: Lane, direction: Vec, share: Vec
 ) -> Vec:  # fmt: skip
     """More light: what metals, polish and rough glass show in a direction of their highlight."""
-    open_ = active & bsdf.is_frosted(shader, ops.dot(direction, point.geometric) > 0.0)
+    open_ = active & bsdf.is_rough_glass(shader, ops.dot(direction, point.geometric) > 0.0)
     return ops.where3(open_, ops.add(light, ops.mul(share, _shown_around(around, tables, options, direction))), light)
 
 
@@ -226,9 +226,9 @@ def _but_glossy(around: Any, active: Lane, shader: Shader) -> Lane:
     return active & ops.not_(bsdf.is_glossy(shader))
 
 
-_around_in = if_there(_in_mirrors)
-_around_on = if_there(_on_highlights)
-_lit_by_skies = if_there(_but_glossy)  # whose highlights look for skies: those of others have what is around them already
+_around_in = specialize_if_present(_in_mirrors)
+_around_on = specialize_if_present(_on_highlights)
+_lit_by_skies = specialize_if_present(_but_glossy)  # whose highlights look for skies: those of others have what is around them already
 
 
 # --- light at a point ---------------------------------------------------------------------------------------------------
@@ -291,7 +291,7 @@ def direct_light(
             shiny = _lit_by_skies(options.environment, active & bsdf.is_shiny(shader), shader)
             if ops.any_lane(shiny):
                 u, v = sobol.pair(pixel, sample, dimension + 1, options.seed)
-                which = another(shader, pixel, sample, key, options.seed)
+                which = lobe_sample(shader, pixel, sample, key, options.seed)
                 direction, share = bsdf.sample_lobe(shader, point.normal, viewer, u, v, which)
                 given = ops.mul(share, lights.sky_radiance(tables, light, direction))
                 open_ = _sees(tables, point, shader, direction, shiny)
@@ -322,7 +322,7 @@ def _along_highlights(
     glossy = active & bsdf.is_glossy(shader)
     if ops.any_lane(glossy):
         u, v = sobol.pair(pixel, sample, key * _LIGHTS * 2 + 1, options.seed)
-        direction, share = bsdf.sample_lobe(shader, point.normal, viewer, u, v, another(shader, pixel, sample, key, options.seed))
+        direction, share = bsdf.sample_lobe(shader, point.normal, viewer, u, v, lobe_sample(shader, pixel, sample, key, options.seed))
         total = _lamps_on(options.lamps, total, tables, accel, options, point, shader, viewer, glossy, inside, direction, share)
         total = _around_on(options.environment, total, tables, options, point, shader, glossy, direction, share)
     return total
@@ -334,12 +334,12 @@ def _lamps_met(
     active: Lane, inside: Any, direction: Vec, share: Vec,
 ) -> Vec:  # fmt: skip
     """More light: that of lamps in a direction of a highlight, as far as it is not left to samples of them."""
-    _, _, density = bsdf.divided(shader, point.normal, direction, viewer)
+    _, _, density = bsdf.eval_lobes_pdf(shader, point.normal, direction, viewer)
     open_ = _sees(tables, point, shader, direction, active)
     for k in range(len(lamps.rows)):
         light = lamps.rows[k]
         place = _lit_place(tables, options, point, shader, light)
-        distance, solid, bright = glossy_lights.meet(tables, light, place, direction)
+        distance, solid, bright = glossy_lights.intersect_lights(tables, light, place, direction)
         color = (tables.lights.color[light, 0], tables.lights.color[light, 1], tables.lights.color[light, 2])
         given = ops.mul(ops.scale(share, bright * glossy_lights.weight(density, solid)), color)
         given = medium_stack.faded(medium_stack.crossed(inside, None, tables, point, direction), given, tables, distance)
@@ -347,25 +347,25 @@ def _lamps_met(
     return total
 
 
-_lamps_on = if_there(_lamps_met)
+_lamps_on = specialize_if_present(_lamps_met)
 
 
 @helper
 def _lit_place(tables: Tables, options: Options, point: Surface, shader: Shader, light: int) -> Vec:
     """Where a lamp is looked for from: what nothing blocks is not looked for from elsewhere, nor through rough glass."""
     blocked = options.shadows and tables.lights.shadows[light]
-    here = bsdf.is_frosted(shader, ops.bool_like(point.offset, not blocked))
+    here = bsdf.is_rough_glass(shader, ops.bool_like(point.offset, not blocked))
     return ops.where3(here, point.position, interaction.lit_from(point))
 
 
 @helper
 def _sees(tables: Tables, point: Surface, shader: Shader, direction: Vec, active: Lane) -> Lane:
     """Where light may come from a direction: not from behind, but through rough glass."""
-    return active & bsdf.is_frosted(shader, normal_map.open_to(tables, point, direction, active))
+    return active & bsdf.is_rough_glass(shader, normal_map.open_to(tables, point, direction, active))
 
 
 @helper
-def another(shader: Shader, pixel: Lane, sample: Lane, key: Lane, seed: int) -> Lane:
+def lobe_sample(shader: Shader, pixel: Lane, sample: Lane, key: Lane, seed: int) -> Lane:
     """A number that chooses among the parts of facets; where there are none, nobody asks."""
     if bsdf.has_facets(shader):
         return sobol.pair(pixel, sample, key * _LIGHTS * 2, seed)[1]
@@ -411,7 +411,7 @@ def _past_maps(
     return ops.where3(open_, ops.scale(given, shadow_map.lit(maps, tables, light, point)), (zero, zero, zero))
 
 
-_past_shadows = either(_past_maps, _past_rays)
+_past_shadows = specialize_either(_past_maps, _past_rays)
 
 
 @helper
@@ -445,12 +445,12 @@ def leaving(point: Surface, direction: Vec, distance: Lane) -> Ray:
 
 
 @helper
-def send_on(
+def spawn_secondary_rays(
     tables: Tables, options: Options, point: Surface, shader: Shader, direction: Vec, weight: Vec, going: Lane, left: Lane,
     kind: Lane, inside: Any, pixel: Lane, sample: Lane, key: Lane, stack: Any, waiting: Lane,
 ) -> Lane:  # fmt: skip
     """Put the rays a surface sends on upon the lanes' stacks; how many wait on each."""
-    reflection, transmission, refracted, _ = bsdf.splits(point, shader, direction)
+    reflection, transmission, refracted, _ = bsdf.fresnel_split(point, shader, direction)
     plain = ops.full_like(point.offset, 0.0)
     through = ops.where((kind == STRAIGHT_RAY) & (shader.ior == 1.0), STRAIGHT_RAY, plain + SPECULAR_RAY)
     mirrored = ops.reflect(direction, point.normal)
@@ -462,8 +462,8 @@ def send_on(
     if options.interreflection or bsdf.has_facets(shader):
         u, v = sobol.pair(pixel, sample, key * _LIGHTS * 2 + 1, options.seed)
         which = sobol.pair(pixel, sample, key * _LIGHTS * 2, options.seed)[1]
-        onward, share = bsdf.onward(shader, point.normal, ops.negate(direction), u, v, which, options.interreflection)
-        above = going & bsdf.is_frosted(shader, ops.dot(onward, point.geometric) > 0.0)
+        onward, share = bsdf.sample_glossy_or_diffuse(shader, point.normal, ops.negate(direction), u, v, which, options.interreflection)
+        above = going & bsdf.is_rough_glass(shader, ops.dot(onward, point.geometric) > 0.0)
         beyond = medium_stack.crossed(inside, None, tables, point, onward)
         waiting = _push(stack, waiting, point, onward, ops.mul(weight, share), above, left, plain + DIFFUSE_RAY, beyond, key, 2)
     return waiting
@@ -501,12 +501,12 @@ def _shown_in_kernels(accel, *of):
     return (lambda accel, *of: _shown(accel, *of)) if motion_alpha.asks(accel) else lambda accel, *of: 1.0
 
 
-def pass_on(waiting: Lane, accel: Any, *of: Any) -> Lane:
+def continue_through(waiting: Lane, accel: Any, *of: Any) -> Lane:
     """`_pass_on`, which kernels leave out where everything is wholly there."""
     return _pass_on(waiting, accel, *of)
 
 
-@overload(pass_on, jit_options=HELPER)
+@overload(continue_through, jit_options=HELPER)
 def _pass_on_in_kernels(waiting, accel, *of):
     return (lambda waiting, accel, *of: _pass_on(waiting, accel, *of)) if motion_alpha.asks(accel) else lambda waiting, accel, *of: waiting
 
@@ -531,9 +531,9 @@ def _push(
         crosslane.put3(stack, waiting, 0, origin, active)
         crosslane.put3(stack, waiting, 3, direction, active)
         crosslane.put3(stack, waiting, 6, weight, active)
-        crosslane.put(stack, waiting, 9, ops.to_float(left - 1), active)
-        crosslane.put(stack, waiting, 10, kind, active)
-        crosslane.put(stack, waiting, 11, ops.to_float((key * BRANCHES + 1 + branch) & _KEYS), active)
+        crosslane.stack_store(stack, waiting, 9, ops.to_float(left - 1), active)
+        crosslane.stack_store(stack, waiting, 10, kind, active)
+        crosslane.stack_store(stack, waiting, 11, ops.to_float((key * BRANCHES + 1 + branch) & _KEYS), active)
         keep_inside(inside, None, stack, waiting, active)
         texture_footprint.put_cone(point, direction, stack, waiting, CONE, active)
     return ops.where(active, waiting + 1, waiting)
@@ -544,19 +544,19 @@ def _pop(stack: Any, place: Lane, time: Any) -> tuple[Ray, Vec, Lane, Lane, Lane
     origin, direction, weight = crosslane.take3(stack, place, 0), crosslane.take3(stack, place, 3), crosslane.take3(stack, place, 6)
     zero = 0.0 * origin[0]
     ray = Ray(origin, direction, zero, zero + np.inf, time)
-    left, key = ops.to_int(crosslane.take(stack, place, 9)), ops.to_int(crosslane.take(stack, place, 11))
-    return ray, weight, left, crosslane.take(stack, place, 10), key
+    left, key = ops.to_int(crosslane.stack_load(stack, place, 9)), ops.to_int(crosslane.stack_load(stack, place, 11))
+    return ray, weight, left, crosslane.stack_load(stack, place, 10), key
 
 
 @helper
 def _taken(inside: Lane, plain: Any, stack: Any, place: Lane) -> Lane:
-    return ops.to_int(crosslane.take(stack, place, 12))
+    return ops.to_int(crosslane.stack_load(stack, place, 12))
 
 
 @helper
 def _kept(inside: Lane, plain: Any, stack: Any, place: Lane, active: Lane) -> None:
-    crosslane.put(stack, place, 12, ops.to_float(inside), active)
+    crosslane.stack_store(stack, place, 12, ops.to_float(inside), active)
 
 
-inside_of = if_there(_taken)  # the media that a waiting ray is in: stack, place
-keep_inside = if_there(_kept)
+inside_of = specialize_if_present(_taken)  # the media that a waiting ray is in: stack, place
+keep_inside = specialize_if_present(_kept)

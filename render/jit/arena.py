@@ -40,7 +40,7 @@ def size_of(shape: tuple[int, ...], dtype: Any) -> int:
 
 
 @contextmanager
-def borrowed(size: int) -> Iterator[Scratch]:
+def arena(size: int) -> Iterator[Scratch]:
     """So many bytes, of which nobody may keep an array afterwards."""
     try:
         block = _kept.pop()

@@ -29,7 +29,7 @@ _under_way: dict[Key, subprocess.Popen[bytes]] = {}
 _called: list[subprocess.Popen[bytes]] = []
 
 
-def start(threads: int, made: Any, *given: Any) -> None:
+def compile_in_background(threads: int, made: Any, *given: Any) -> None:
     """Let another process compile a kernel for Numba types, or for values of them, unless it is known or `threads` (0: all) leave no room.
 
     Worth it where this process has as much to compile before it needs that kernel.
@@ -39,14 +39,14 @@ def start(threads: int, made: Any, *given: Any) -> None:
     if len(_under_way) >= _room(threads):
         return
     kinds = tuple(each if isinstance(each, types.Type) else numba.typeof(each) for each in given)
-    if (made.py_func, kinds) not in _under_way and not kernel.is_kept(made, kinds) and os.access(kernel.CACHE, os.W_OK):
+    if (made.py_func, kinds) not in _under_way and not kernel.is_cached(made, kinds) and os.access(kernel.CACHE, os.W_OK):
         loaded = [name for name in list(sys.modules) if name.partition(".")[0] == _PACKAGE and name != "__main__"]
         process = _asked(made.py_func, True, kinds, loaded)
         if process is not None:
             _under_way[made.py_func, kinds] = process
 
 
-def call(threads: int, function: Any, *given: Any) -> None:
+def run_in_background(threads: int, function: Any, *given: Any) -> None:
     """Let another process call a function that puts something on disk which this one makes, too, unless `threads` leave no room."""
     _called[:] = [process for process in _called if process.poll() is None]
     if _room(threads) and os.access(kernel.CACHE, os.W_OK):
@@ -118,7 +118,9 @@ def _named(module: Any, name: str) -> Any:
     found = getattr(module, name)
     if hasattr(found, "py_func"):
         return found
-    return next(each.kernel for each in vars(module).values() if isinstance(each, function_pointer.Linked) and each.kernel.py_func is found)
+    return next(
+        each.kernel for each in vars(module).values() if isinstance(each, function_pointer.KernelPointer) and each.kernel.py_func is found
+    )
 
 
-kernel.WAITED_FOR.append(wait)
+kernel.CACHE_LOOKUP_HOOKS.append(wait)

@@ -22,7 +22,7 @@ from ..lanes import crosslane
 from .kernel import kernel
 
 
-class Linked:
+class KernelPointer:
     """A kernel with what its callers need: `call(address, (arguments…))` in kernels, `link(types…)` before they run."""
 
     def __init__(self, function: Any) -> None:
@@ -31,18 +31,18 @@ class Linked:
 
     def link(self, *kinds: types.Type) -> int:
         """Compile it, or load it from disk, for arguments of these types; its address."""
-        return address_of(self.kernel, *kinds)
+        return compiled_address(self.kernel, *kinds)
 
 
 @functools.cache
-def address_of(made: Any, *kinds: types.Type) -> int:
+def compiled_address(made: Any, *kinds: types.Type) -> int:
     """The address of a kernel, compiled or loaded from disk for arguments of these types."""
     made.compile(kinds)
     code, described = attrgetter("library", "fndesc")(made.overloads[kinds])
     return code.get_pointer_to_function(described.llvm_func_name)
 
 
-class Promised(Linked):
+class DeclaredPointer(KernelPointer):
     """What callers need of a kernel whose result is declared; which kernel it is they learn by its address alone.
 
     Its arguments are taken as they are or, behind the first, as what they are said to be.
@@ -54,7 +54,7 @@ class Promised(Linked):
         self.call = _call_of(self)
 
 
-class Answering(Promised):
+class DeclaredKernel(DeclaredPointer):
     """A kernel whose result is declared, so that its callers compile without it."""
 
     def __init__(self, function: Any, result: Sequence[types.Type] | types.Type, takes: Sequence[types.Type] = ()) -> None:
@@ -62,10 +62,10 @@ class Answering(Promised):
         self.kernel = kernel(function)
 
 
-def _call_of(linked: Linked) -> Any:
+def _call_of(linked: KernelPointer) -> Any:
     def call(typingctx, address, arguments):
         given = tuple(types.unliteral(kind) for kind in arguments.types)
-        if isinstance(linked, Promised):
+        if isinstance(linked, DeclaredPointer):
             kinds, result = (given[0], *linked.takes) if linked.takes else given, linked.result
             if not _all_fit(given, kinds):
                 raise TypingError(f"{given} cannot be passed as {kinds}")

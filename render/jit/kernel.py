@@ -53,7 +53,7 @@ def _prepare_cache() -> Path:
     return folder
 
 
-numba_patches.make()
+numba_patches.install_patches()
 CACHE = _prepare_cache()
 config.CACHE_DIR = str(CACHE)  # pyright: ignore[reportAttributeAccessIssue]
 
@@ -66,7 +66,7 @@ HELPER: Any = {
 They make no arrays, and so count no references to those they are given: in inner loops that took half of the time."""
 
 
-def is_cold() -> bool:
+def cache_is_empty() -> bool:
     """Whether the disk holds no kernel of this version, so that the first picture waits for the compiler."""
     found = (path.stem.partition("~") for path in CACHE.glob("*.nbi"))
     return not any(rest.endswith(cache_key.key(module)) for module, _, rest in found)
@@ -96,11 +96,11 @@ def _digest_of_types(sig: Any) -> str:
             continue
         seen.add(id(kind))
         if isinstance(kind, types.BaseNamedTuple):
-            modules.add(kind.instance_class.__module__)
+            modules.add(kind.instance_class.__module__)  # pyright: ignore[reportAttributeAccessIssue]
         if isinstance(kind, types.Dispatcher):
             modules.add(kind.dispatcher.py_func.__module__)
         if isinstance(kind, types.BaseTuple):
-            todo += list(kind)
+            todo += list(kind)  # pyright: ignore[reportArgumentType]
     ours = sorted(name for name in modules if name.partition(".")[0] == __name__.partition(".")[0])
     return " ".join(cache_key.key(name) for name in ours)
 
@@ -151,18 +151,18 @@ class _Kept(FunctionCache):
         return self._index_key(sig, target_context.codegen()) in self._cache_file._load_index()
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        for wait in WAITED_FOR:
+        for wait in CACHE_LOOKUP_HOOKS:
             wait(self._py_func, sig)
         rtsys.initialize(target_context)
         with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)
 
 
-WAITED_FOR: list[Callable[[Any, Any], None]] = []
+CACHE_LOOKUP_HOOKS: list[Callable[[Any, Any], None]] = []
 """Called with a kernel's function and types before it is looked for on disk."""
 
 
-def is_kept(dispatcher: Any, kinds: tuple[types.Type, ...]) -> bool:
+def is_cached(dispatcher: Any, kinds: tuple[types.Type, ...]) -> bool:
     """Whether a kernel is compiled for these types, here or on disk."""
     return kinds in dispatcher.overloads or dispatcher._cache.knows(kinds, dispatcher.targetctx)
 
@@ -179,17 +179,17 @@ def helper(function: Callable[..., Any]) -> Any:
     return register_jitable(**HELPER)(function)
 
 
-def apart(function: Callable[..., Any]) -> Any:
+def noinline_helper(function: Callable[..., Any]) -> Any:
     """A helper that stays a function of its own in the kernels that call it: for what is long, or called from several places."""
     return register_jitable(**{**HELPER, "forceinline": False})(function)
 
 
-def maker(function: Callable[..., Any]) -> Any:
+def allocating_helper(function: Callable[..., Any]) -> Any:
     """`apart`, for what makes arrays of its own."""
     return register_jitable(**{**HELPER, "forceinline": False, "_nrt": True})(function)
 
 
-def replacing(kind: Any, *names: str) -> Any:
+def make_replace(kind: Any, *names: str) -> Any:
     """A helper `changed(record, value, …)`: a NamedTuple of this kind with other values in the fields of these names."""
     values = [f"value_{name}" for name in names]
     parts = ", ".join(f"value_{name}" if name in names else f"record.{name}" for name in kind._fields)
@@ -198,7 +198,7 @@ def replacing(kind: Any, *names: str) -> Any:
     return helper(made["changed"])
 
 
-def if_there(function: Callable[..., Any]) -> Callable[..., Any]:
+def specialize_if_present(function: Callable[..., Any]) -> Callable[..., Any]:
     """`chosen(part, plain, …)`: `plain` where `part` is None or a NamedTuple without fields, which are types, and else
     function(part, plain, …).
 
@@ -217,7 +217,7 @@ def if_there(function: Callable[..., Any]) -> Callable[..., Any]:
     return chosen
 
 
-def either(function: Callable[..., Any], otherwise: Callable[..., Any]) -> Callable[..., Any]:
+def specialize_either(function: Callable[..., Any], otherwise: Callable[..., Any]) -> Callable[..., Any]:
     """`chosen(part, …)`: otherwise(…) where `if_there` would give what is plain, and else function(part, …)."""
 
     def chosen(part: Any, *of: Any) -> Any:

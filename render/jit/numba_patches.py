@@ -277,7 +277,7 @@ REPLACED: tuple[tuple[Any, str, Callable[..., Any], tuple[str, ...]], ...] = (
 """Of which class or module which function by which, if all these are there."""
 
 
-def make() -> None:
+def install_patches() -> None:
     """Replace them."""
     for of, name, function, needed in REPLACED:
         if all(hasattr(of, part) for part in needed):

@@ -140,7 +140,7 @@ _type_of = functools.cache(HandleType)  # naming one takes longer than packing i
 
 
 @functools.cache
-def marked(kind: HandleType, *marks: str) -> HandleType:
+def with_type_tags(kind: HandleType, *marks: str) -> HandleType:
     """The same block under a type that tells more of what is in it, as fields without words.
 
     A kernel that is compiled for that type, and reached by its address, leaves out what it need not ask for.
@@ -148,7 +148,7 @@ def marked(kind: HandleType, *marks: str) -> HandleType:
     return _type_of(kind.layout + tuple((mark, 0, ()) for mark in marks))
 
 
-def unless(mark: str, otherwise: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def skip_when_tagged(mark: str, otherwise: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Compile a helper, whose first argument is a Handle, as another where that is `marked` so."""
 
     def made(function: Callable[..., Any]) -> Callable[..., Any]:

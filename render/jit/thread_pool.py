@@ -67,7 +67,7 @@ def _begin(work: Callable[[], Any], report: Callable[[Any], None], threads: int)
         worker.give(work, report, cores)
 
 
-def on_threads(
+def parallel_for(
     draw: Callable[[Any], Any], jobs: Sequence[Any], threads: int, cancel: threading.Event | None = None,
     told: Callable[[Any, Any], None] | None = None,
 ) -> None:  # fmt: skip

@@ -169,12 +169,12 @@ def _write_lanes(table, row, k, x, mine):
     return write
 
 
-def rounded(x: Lane) -> Lane:
+def to_float32(x: Lane) -> Lane:
     """Numbers as single precision has them, in double precision."""
     return np.float64(np.float32(x))
 
 
-@overload(rounded, jit_options=HELPER)
+@overload(to_float32, jit_options=HELPER)
 def _rounded(x):
     if _vector(x):
         return lambda x: simd.to_f64(simd.to_f32(x))
@@ -193,12 +193,12 @@ def _mask_of(bits, like):
     return lambda bits, like: bits != 0
 
 
-def numbered(first: int) -> Lane:
+def lane_indices(first: int) -> Lane:
     """first, first + 1, … in a kernel's WIDTH lanes of int64."""
     return first + np.arange(WIDTH)
 
 
-@overload(numbered, jit_options=HELPER)
+@overload(lane_indices, jit_options=HELPER)
 def _numbered(first):
     if WIDTH > 1:
         make = getattr(simd, f"i64x{WIDTH}")
@@ -218,24 +218,24 @@ def _total(x):
     return lambda x: x
 
 
-def least(x: Lane) -> Lane:
+def reduce_min(x: Lane) -> Lane:
     """The smallest of all lanes."""
     return np.min(x)
 
 
-@overload(least, jit_options=HELPER)
+@overload(reduce_min, jit_options=HELPER)
 def _least(x):
     if _vector(x):
         return lambda x: simd.min_of(x)
     return lambda x: x
 
 
-def most(x: Lane) -> Lane:
+def reduce_max(x: Lane) -> Lane:
     """The largest of all lanes."""
     return np.max(x)
 
 
-@overload(most, jit_options=HELPER)
+@overload(reduce_max, jit_options=HELPER)
 def _most(x):
     if _vector(x):
         return lambda x: simd.max_of(x)
@@ -266,7 +266,7 @@ def _bits(mask):
     return lambda mask: np.int64(mask)
 
 
-def together(values: Lane, mask: Lane) -> tuple[Lane, Lane]:
+def uniform_group(values: Lane, mask: Lane) -> tuple[Lane, Lane]:
     """Lanes of a mask that can be handled together, and what they have in common: all lanes here, each with its own value.
 
     In vectors: the value of the first lane of the mask, as a scalar, and the lanes of the mask that share it.
@@ -274,7 +274,7 @@ def together(values: Lane, mask: Lane) -> tuple[Lane, Lane]:
     return values, mask
 
 
-@overload(together, jit_options=HELPER)
+@overload(uniform_group, jit_options=HELPER)
 def _together(values, mask):
     if _vector(values):
 
@@ -286,13 +286,13 @@ def _together(values, mask):
     return lambda values, mask: (values, mask)
 
 
-def put(stack: Any, place: Lane, field: int, value: Lane, mask: Lane) -> None:
+def stack_store(stack: Any, place: Lane, field: int, value: Lane, mask: Lane) -> None:
     """Write stack[place, field, lane] in the lanes of a mask; `stack` is (rows, fields, lanes)."""
     lane = np.flatnonzero(np.broadcast_to(mask, stack.shape[2:]))
     stack[np.broadcast_to(place, stack.shape[2:])[lane], field, lane] = np.broadcast_to(value, stack.shape[2:])[lane]
 
 
-@overload(put, jit_options=HELPER)
+@overload(stack_store, jit_options=HELPER)
 def _put(stack, place, field, value, mask):
     if _vector(mask):
 
@@ -326,12 +326,12 @@ def _put_at(array, place, value, mask):
     return write
 
 
-def take(stack: Any, place: Lane, field: int) -> Lane:
+def stack_load(stack: Any, place: Lane, field: int) -> Lane:
     """Read stack[place, field, lane]."""
     return stack[place, field, np.arange(stack.shape[2])]
 
 
-@overload(take, jit_options=HELPER)
+@overload(stack_load, jit_options=HELPER)
 def _take(stack, place, field):
     if _vector(place):
         return lambda stack, place, field: simd.gather(stack, (place * stack.shape[1] + field) * stack.shape[2] + simd.iota(place))
@@ -341,15 +341,15 @@ def _take(stack, place, field):
 @helper
 def put3(stack: Any, place: Lane, field: int, value: Vec, mask: Lane) -> None:
     """Write a vector to three fields."""
-    put(stack, place, field, value[0], mask)
-    put(stack, place, field + 1, value[1], mask)
-    put(stack, place, field + 2, value[2], mask)
+    stack_store(stack, place, field, value[0], mask)
+    stack_store(stack, place, field + 1, value[1], mask)
+    stack_store(stack, place, field + 2, value[2], mask)
 
 
 @helper
 def take3(stack: Any, place: Lane, field: int) -> Vec:
     """Read a vector from three fields."""
-    return take(stack, place, field), take(stack, place, field + 1), take(stack, place, field + 2)
+    return stack_load(stack, place, field), stack_load(stack, place, field + 1), stack_load(stack, place, field + 2)
 
 
 def narrow(nest: Any) -> Any:

@@ -270,12 +270,12 @@ def power(x: Lane, y: Lane) -> Lane:
     return np.power(x, y)
 
 
-def fading(x: Lane, y: Lane) -> Lane:
+def fast_pow(x: Lane, y: Lane) -> Lane:
     """x to the y for 0 < x <= 1 and y >= 0: much quicker than `power`, its error a few roundings of y log x or, for whole y, of y."""
     return np.power(x, y)
 
 
-@overload(fading, jit_options=HELPER)
+@overload(fast_pow, jit_options=HELPER)
 def _fading(x, y):
     if isinstance(y, simd.Vector):
 
@@ -414,13 +414,13 @@ def length(a: Vec) -> Lane:
     return np.sqrt(dot(a, a))
 
 
-def over_root(x: Lane) -> Lane:
+def rsqrt(x: Lane) -> Lane:
     """1 / √x, and 1 where x is not above 0; on vectors of float32 to 3 ulp."""
     n = np.sqrt(x)
     return 1.0 / where(n > 0.0, n, 1.0)
 
 
-@overload(over_root, jit_options=HELPER)
+@overload(rsqrt, jit_options=HELPER)
 def _over_root(x):
     def exact(x):
         n = np.sqrt(x)
@@ -435,7 +435,7 @@ def _over_root(x):
 @helper
 def normalize(a: Vec) -> Vec:
     """Unit length; a zero vector stays zero."""
-    return scale(a, over_root(dot(a, a)))
+    return scale(a, rsqrt(dot(a, a)))
 
 
 @helper
@@ -506,7 +506,7 @@ def affine(matrix: Any, i: Lane) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane, La
 
 
 @helper
-def point_by(m: Any, p: Vec) -> Vec:
+def transform_point12(m: Any, p: Vec) -> Vec:
     """An affine's twelve numbers applied to a point."""
     return (
         m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3], m[4] * p[0] + m[5] * p[1] + m[6] * p[2] + m[7],
@@ -515,7 +515,7 @@ def point_by(m: Any, p: Vec) -> Vec:
 
 
 @helper
-def vector_by(m: Any, v: Vec) -> Vec:
+def transform_vector12(m: Any, v: Vec) -> Vec:
     """An affine's twelve numbers applied to a direction."""
     return (
         m[0] * v[0] + m[1] * v[1] + m[2] * v[2], m[4] * v[0] + m[5] * v[1] + m[6] * v[2], m[8] * v[0] + m[9] * v[1] + m[10] * v[2],

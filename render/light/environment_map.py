@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ..image import metrics
-from ..jit.kernel import HELPER, apart, helper
+from ..jit.kernel import HELPER, helper, noinline_helper
 from ..lanes import ops
 from ..types import Lane, Tables, Vec
 from . import lights
@@ -183,7 +183,7 @@ def _sampled(sky: SkyMap, tables: Tables, u: Lane, v: Lane) -> tuple[Vec, Vec, L
     return direction, lights.background(tables, direction, lights.SHADOWED)[0], density
 
 
-_sampled_apart, _density_apart = apart(_sampled), apart(_density)
+_sampled_apart, _density_apart = noinline_helper(_sampled), noinline_helper(_density)
 
 
 @overload(sample, jit_options=HELPER)

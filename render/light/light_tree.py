@@ -16,7 +16,7 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from ..jit.kernel import HELPER, apart, helper, if_there
+from ..jit.kernel import HELPER, helper, noinline_helper, specialize_if_present
 from ..lanes import ops
 from ..types import Lane, Vec
 
@@ -221,7 +221,7 @@ def _bounded(facing: Vec, plain: Lane, away: Vec, inverse: Lane, cos_ball: Lane,
     return plain * ops.where(ops.dot(facing, facing) > 0.5, share, 1.0)
 
 
-_seen_by = if_there(_bounded)
+_seen_by = specialize_if_present(_bounded)
 
 
 @helper
@@ -231,7 +231,7 @@ def _importance(nodes: Any, k: Lane, position: Vec, facing: Any) -> Lane:
     radius2 = nodes[k, 3]
     squared = ops.dot(away, away)
     near = ops.maximum(squared, ops.maximum(radius2, TINY))
-    inverse = ops.over_root(ops.maximum(squared, TINY))
+    inverse = ops.rsqrt(ops.maximum(squared, TINY))
     axis = (nodes[k, 4], nodes[k, 5], nodes[k, 6])
     cosine = ops.clip(ops.dot(away, axis) * inverse, -1.0, 1.0)
     sine = ops.sqrt(ops.maximum(1.0 - cosine * cosine, 0.0))
@@ -274,7 +274,7 @@ def _down(tree: Tree, levels: int, node: Lane, position: Vec, facing: Any, u: La
     return node, share
 
 
-_down_apart = apart(_down)
+_down_apart = noinline_helper(_down)
 
 
 @helper
@@ -310,7 +310,7 @@ def _along(tree: Tree, levels: int, leaf: Lane, position: Vec, facing: Any) -> L
     return share * _importance(tree.nodes, node, position, facing)
 
 
-_along_apart = apart(_along)
+_along_apart = noinline_helper(_along)
 
 
 def facing(below: Any, normal: Vec, both: Lane) -> Any:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ..jit.kernel import apart, helper
+from ..jit.kernel import helper, noinline_helper
 from ..lanes import ops
 from ..types import Lane, Vec
 
@@ -46,8 +46,8 @@ def seen(way: Vec, unit_u: Vec, unit_v: Vec, half_u: Lane, half_v: Lane) -> Seen
     x, y = ops.dot(way, unit_u), ops.dot(way, unit_v)
     x0, x1, y0, y1 = x - half_u, x + half_u, y - half_v, y + half_v
     # Heights of the unit normals of the four arcs; cosines of the angles between neighbours are their products.
-    n0, n2 = -y0 * ops.over_root(z * z + y0 * y0), y1 * ops.over_root(z * z + y1 * y1)
-    n1, n3 = x1 * ops.over_root(z * z + x1 * x1), -x0 * ops.over_root(z * z + x0 * x0)
+    n0, n2 = -y0 * ops.rsqrt(z * z + y0 * y0), y1 * ops.rsqrt(z * z + y1 * y1)
+    n1, n3 = x1 * ops.rsqrt(z * z + x1 * x1), -x0 * ops.rsqrt(z * z + x0 * x0)
     g0, g1 = ops.acos(_unit(-n0 * n1)), ops.acos(_unit(-n1 * n2))
     g2, g3 = ops.acos(_unit(-n2 * n3)), ops.acos(_unit(-n3 * n0))
     k = 2.0 * math.pi - g2 - g3
@@ -65,16 +65,16 @@ def draw(rect: Seen, u: Lane, v: Lane) -> tuple[Lane, Lane]:
     arc = u * rect.solid + rect.k
     sine, cosine = ops.sin(arc), ops.cos(arc)
     bent = (cosine * rect.b0 - rect.b1) / ops.where(ops.absolute(sine) > 1e-20, sine, 1e-20)
-    height = ops.clip(ops.over_root(ops.maximum(bent * bent + rect.b0 * rect.b0, TINY)), 0.0, 1.0)
+    height = ops.clip(ops.rsqrt(ops.maximum(bent * bent + rect.b0 * rect.b0, TINY)), 0.0, 1.0)
     height = ops.where(bent > 0.0, height, -height)
-    x = -(height * rect.z) * ops.over_root(ops.maximum(1.0 - height * height, 1e-12))
+    x = -(height * rect.z) * ops.rsqrt(ops.maximum(1.0 - height * height, 1e-12))
     x = ops.maximum(ops.minimum(x, rect.x1), rect.x0)
     away2 = x * x + rect.z * rect.z
-    h0, h1 = rect.y0 * ops.over_root(away2 + rect.y0 * rect.y0), rect.y1 * ops.over_root(away2 + rect.y1 * rect.y1)
+    h0, h1 = rect.y0 * ops.rsqrt(away2 + rect.y0 * rect.y0), rect.y1 * ops.rsqrt(away2 + rect.y1 * rect.y1)
     h = h0 + v * (h1 - h0)
-    y = h * ops.sqrt(away2) * ops.over_root(ops.maximum(1.0 - h * h, 1e-12))
+    y = h * ops.sqrt(away2) * ops.rsqrt(ops.maximum(1.0 - h * h, 1e-12))
     y = ops.maximum(ops.minimum(y, rect.y1), rect.y0)
     return 2.0 * (x - rect.x0) / (rect.x1 - rect.x0) - 1.0, 2.0 * (y - rect.y0) / (rect.y1 - rect.y0) - 1.0
 
 
-seen_apart, draw_apart = apart(seen), apart(draw)
+seen_apart, draw_apart = noinline_helper(seen), noinline_helper(draw)

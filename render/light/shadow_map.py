@@ -50,7 +50,7 @@ def lit(maps: Any, tables: Tables, light: int, point: Surface) -> Lane:
     if cube:
         lamp = tables.lights.position
         row = row + _side(ops.sub(p, (lamp[light, 0] + zero, lamp[light, 1] + zero, lamp[light, 2] + zero)))
-    at = ops.point_by(ops.affine(maps.matrix, row), p)
+    at = ops.transform_point12(ops.affine(maps.matrix, row), p)
     size = ops.to_float(maps.size[row])
     depth = at[2]
     w = zero + 1.0 if parallel else depth

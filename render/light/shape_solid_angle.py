@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from numba.extending import overload
 
-from ..jit.kernel import HELPER, apart, helper
+from ..jit.kernel import HELPER, helper, noinline_helper
 from ..lanes import ops
 from ..types import Lane, Vec
 from . import lights, rectangle_solid_angle
@@ -128,7 +128,7 @@ def _inverse_density(seen: Ellipse, c: Lane, s: Lane) -> tuple[Lane, Lane]:
     return depth * 2.0 * math.pi * (p * p + q * q) / (seen.sin_x * seen.sin_y), depth
 
 
-@apart
+@noinline_helper
 def draw_disk(seen: Ellipse, u: Lane, v: Lane) -> tuple[Vec, Lane, Lane]:
     """(direction, distance, 1 over the density) of a point of a disk."""
     turn = 2.0 * math.pi * v
@@ -142,7 +142,7 @@ def draw_disk(seen: Ellipse, u: Lane, v: Lane) -> tuple[Vec, Lane, Lane]:
     return direction, seen.height / ops.maximum(ops.dot(direction, seen.toward), lights.TINY), angle
 
 
-@apart
+@noinline_helper
 def disk_density(seen: Ellipse, direction: Vec) -> Lane:
     """The density of a direction to a disk as `draw_disk` draws it."""
     x, y = ops.dot(direction, seen.x), ops.dot(direction, seen.y)
@@ -186,7 +186,7 @@ def corners(way: Vec, u: Vec, v: Vec) -> Corners:
     return Corners(a, b, c, volume, across, between, ops.maximum(solid_angle, lights.TINY))
 
 
-@apart
+@noinline_helper
 def draw_triangle(seen: Corners, u: Lane, v: Lane) -> Vec:
     """A direction in it, even over its solid angle: the corner c moves along its arc so that u Ω is left, v goes along the arc from b."""
     half = 0.5 * u * seen.solid
@@ -265,7 +265,7 @@ def _within(seen: Tube, out: Vec, direction: Vec, reach2: Lane) -> Lane:
     return ops.where(between, area * ops.absolute(ops.dot(direction, out)) / reach2, 0.0)
 
 
-@apart
+@noinline_helper
 def draw_tube(seen: Tube, u: Lane, v: Lane) -> tuple[Vec, Lane, Lane, Lane]:
     """(direction, distance, 1 over the density, cosine) of a point of a cylinder's side; 0 for the density where directions pass it."""
     x, y = rectangle_solid_angle.draw_apart(seen.rect, u, v)
@@ -295,7 +295,7 @@ def draw_tube(seen: Tube, u: Lane, v: Lane) -> tuple[Vec, Lane, Lane, Lane]:
     return direction, distance, angle, cosine
 
 
-@apart
+@noinline_helper
 def tube_density(seen: Tube, direction: Vec, distance: Lane) -> Lane:
     """The density of a direction in which a cylinder's side is met as `draw_tube` draws it."""
     met = ops.sub(ops.scale(direction, distance), seen.aside)

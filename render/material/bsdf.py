@@ -16,7 +16,7 @@ from numba.extending import overload
 
 from ...compiler import ir
 from ...compiler.plan import caustic_casters
-from ..jit.kernel import HELPER, helper, if_there
+from ..jit.kernel import HELPER, helper, specialize_if_present
 from ..lanes import ops
 from ..light import lights
 from ..surface.material_inputs import color_of
@@ -70,19 +70,19 @@ class Shader(NamedTuple):
 
 
 @helper
-def at(tables: Tables, surface: Surface) -> Shader:
+def evaluate_shader(tables: Tables, surface: Surface) -> Shader:
     """The material of a surface where it is, in the open."""
-    return within(tables, surface, None)
+    return evaluate_shader_inside(tables, surface, None)
 
 
 @helper
-def within(tables: Tables, surface: Surface, inside: Any) -> Shader:
+def evaluate_shader_inside(tables: Tables, surface: Surface, inside: Any) -> Shader:
     """The same for a ray that is inside of things: see media.py."""
-    return looked_up(tables, surface, Uses(True, True, True, lights.has_ambient(tables), True), inside)
+    return evaluate_shader_filtered(tables, surface, Uses(True, True, True, lights.has_ambient(tables), True), inside)
 
 
 @helper
-def looked_up(tables: Tables, surface: Surface, uses: Uses, inside: Any) -> Shader:
+def evaluate_shader_filtered(tables: Tables, surface: Surface, uses: Uses, inside: Any) -> Shader:
     """The same for a scene that holds no more than `uses` says: what it does not is not looked up, and 0."""
     zero = ops.full_like(surface.offset, 0.0)
     no = ops.bool_like(zero, False)
@@ -130,7 +130,7 @@ def _in_place(lobes: microfacet.Lobes, plain: Shader) -> Shader:
     )  # fmt: skip
 
 
-_with_lobes = if_there(_in_place)
+_with_lobes = specialize_if_present(_in_place)
 
 
 @helper
@@ -145,7 +145,7 @@ def _rough(frost: rough_dielectric.Frost, plain: Shader) -> Shader:
     )  # fmt: skip
 
 
-_with_frost = if_there(_rough)
+_with_frost = specialize_if_present(_rough)
 
 
 @helper
@@ -157,7 +157,7 @@ def reflected(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec
 
 
 @helper
-def divided(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Vec, Lane]:
+def eval_lobes_pdf(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Vec, Lane]:
     """`reflected` as (what no highlight reflects, what one does, the density with which `sample_lobe` takes the direction).
 
     Highlights of the course's equations stand among the first.
@@ -208,7 +208,7 @@ def _lobes_have_base(lobes: microfacet.Lobes, plain: Lane) -> Lane:
     return plain | (lobes.here & (ops.largest(lobes.base) > 0.0))
 
 
-has_base = if_there(_lobes_have_base)
+has_base = specialize_if_present(_lobes_have_base)
 
 
 @helper
@@ -223,11 +223,11 @@ def _narrow(lobes: microfacet.Lobes, plain: Lane) -> Lane:
     return lobes.here & ops.not_(lobes.sharp) & alone & (lobes.alpha <= POLISHED)
 
 
-_are_narrow = if_there(_narrow)
+_are_narrow = specialize_if_present(_narrow)
 
 
 @helper
-def gleams(shader: Shader) -> Lane:
+def has_bright_narrow_lobe(shader: Shader) -> Lane:
     """Whether it is matt under a highlight that is bright and narrow: one at whose peak is more light than an even surface would send.
 
     That is where 4 α² is below its reflectance along the normal; α² of the course's lobes is 2/(n + 2) (Walter et al. 2007).
@@ -246,7 +246,7 @@ def _gleam(lobes: microfacet.Lobes, plain: Lane) -> Lane:
     return ops.where(lobes.here, found, plain)
 
 
-_have_gleam = if_there(_gleam)
+_have_gleam = specialize_if_present(_gleam)
 
 
 @helper
@@ -267,7 +267,7 @@ def _lit_by_lobes(lobes: microfacet.Lobes, plain: Lane) -> Lane:
     return plain | lobes.here
 
 
-lights_up = if_there(_lit_by_lobes)
+lights_up = specialize_if_present(_lit_by_lobes)
 
 
 @helper
@@ -279,7 +279,7 @@ def highlight(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec, cosine
     if ops.any_lane(shader.blinn):
         half = ops.normalize(ops.add(to_light, to_viewer))
         base = ops.where(shader.blinn, ops.dot(normal, half), base)
-    lobe = ops.where(base > 0.0, ops.fading(ops.clip(base, lights.TINY, 1.0), shader.shininess), 0.0)
+    lobe = ops.where(base > 0.0, ops.fast_pow(ops.clip(base, lights.TINY, 1.0), shader.shininess), 0.0)
     if ops.any_lane(shader.normalized):
         lobe = lobe * ops.where(shader.normalized, shader.strength * cosine, 1.0)
     return lobe
@@ -324,7 +324,7 @@ def _of_lobe(shader: Shader, normal: Vec, to_viewer: Vec, u: Lane, v: Lane) -> t
 
 
 @helper
-def onward(
+def sample_glossy_or_diffuse(
     shader: Shader, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane, interreflection: bool
 ) -> tuple[Vec, Vec]:
     """A direction for the one ray in which all but what is followed by itself goes on, and its weight: matt with interreflection alone."""
@@ -335,7 +335,7 @@ def onward(
 
 
 @helper
-def is_frosted(shader: Shader, plain: Lane) -> Lane:
+def is_rough_glass(shader: Shader, plain: Lane) -> Lane:
     """`plain`, or whether it is rough glass, which light goes through."""
     return rough_dielectric.also(shader.frost, plain)
 
@@ -385,7 +385,7 @@ def _chances(shader: Shader, uses: Uses) -> tuple[Lane, Lane]:
 
 
 @helper
-def share_of(shader: Shader, uses: Uses, normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Lane]:
+def eval_bsdf_pdf(shader: Shader, uses: Uses, normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Lane]:
     """(`reflected`, density with which `scatter` takes this direction, but for what mirrors and glass take)."""
     cosine = ops.maximum(ops.dot(normal, to_light), 0.0)
     share, density = ops.scale(shader.diffuse, cosine), cosine * (1.0 / math.pi)
@@ -416,7 +416,7 @@ def lobe_density(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> 
 
 
 @helper
-def scatter(shader: Shader, uses: Uses, point: Surface, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> Scattered:
+def sample_bsdf(shader: Shader, uses: Uses, point: Surface, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> Scattered:
     """A direction in which light is followed; u, v spread it, `which` chooses the part of the material that sends it there."""
     normal = point.normal
     direction, cosine = lights.cosine_sample(normal, u, v)
@@ -437,7 +437,7 @@ def scatter(shader: Shader, uses: Uses, point: Surface, to_viewer: Vec, u: Lane,
                 direction = ops.where3(lobed, _of_lobe(shader, normal, to_viewer, u, v)[0], direction)
         direction = microfacet.draw(shader.lobes, direction, normal, to_viewer, u, v, which)
         direction, meant = rough_dielectric.draw(shader.frost, (direction, ops.bool_like(zero, True)), normal, to_viewer, u, v, which)
-        share, density = share_of(shader, uses, normal, direction, to_viewer)
+        share, density = eval_bsdf_pdf(shader, uses, normal, direction, to_viewer)
         weight = ops.scale(share, ops.where(meant, 1.0 / (math.pi * ops.maximum(density, lights.TINY)), 0.0))
         if uses.sharp:
             sharp = which >= blunt
@@ -445,7 +445,7 @@ def scatter(shader: Shader, uses: Uses, point: Surface, to_viewer: Vec, u: Lane,
                 direction, weight, through = _sharp(shader, point, to_viewer, direction, weight, which - blunt, whole, sharp)
                 density = ops.where(sharp, zero + ONLY, density)
     sinks = (ops.dot(direction, point.geometric) <= 0.0) & (density < ONLY)
-    sinks = sinks & ops.not_(is_frosted(shader, ops.bool_like(zero, False)))
+    sinks = sinks & ops.not_(is_rough_glass(shader, ops.bool_like(zero, False)))
     weight = ops.where3(sinks, (zero, zero, zero), weight)
     return Scattered(direction, weight, density, through)
 
@@ -456,7 +456,7 @@ def _sharp(
 ) -> tuple[Vec, Vec, Lane]:
     """(direction, weight, straight through) where a mirror or a passage was chosen: `which` counts on from the matt part."""
     arriving = ops.negate(to_viewer)
-    reflection, transmission, refracted, _ = splits(point, shader, arriving)
+    reflection, transmission, refracted, _ = fresnel_split(point, shader, arriving)
     mirror, clear = ops.mean3(shader.reflection), ops.mean3(shader.transmission)
     bounce = ops.mean3(reflection)
     both = ops.maximum(bounce + ops.mean3(transmission), lights.TINY)
@@ -471,7 +471,7 @@ def _sharp(
 
 
 @helper
-def splits(point: Surface, shader: Shader, direction: Vec) -> tuple[Vec, Vec, Vec, Lane]:
+def fresnel_split(point: Surface, shader: Shader, direction: Vec) -> tuple[Vec, Vec, Vec, Lane]:
     """(reflected share, transmitted share, refracted direction, total reflection) of a ray that arrives at a surface.
 
     Radiance is not scaled by the square of the index when it enters a medium: what a camera outside sees is unchanged by that.

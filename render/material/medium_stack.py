@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.plan import plan as planner
-from ..jit.kernel import HELPER, helper, if_there
+from ..jit.kernel import HELPER, helper, specialize_if_present
 from ..jit.packed_struct import HandleType
 from ..lanes import ops, row_gather
 from ..types import Lane, Surface, Tables, Vec
@@ -155,7 +155,7 @@ def _faded(inside: Lane, plain: Vec, tables: Tables, distance: Lane) -> Vec:
 
 
 # Each takes the media of a ray, what it would be without media, and:
-ratio = if_there(_ratio)  # index inside over outside that counts at a boundary of index `plain`: tables, point
-hidden = if_there(_hidden)  # whether a boundary is none: tables, point
-crossed = if_there(_crossed)  # the media of a ray that leaves a surface: tables, point, direction
-faded = if_there(_faded)  # `plain` after a distance in metres: tables, distance
+ratio = specialize_if_present(_ratio)  # index inside over outside that counts at a boundary of index `plain`: tables, point
+hidden = specialize_if_present(_hidden)  # whether a boundary is none: tables, point
+crossed = specialize_if_present(_crossed)  # the media of a ray that leaves a surface: tables, point, direction
+faded = specialize_if_present(_faded)  # `plain` after a distance in metres: tables, distance

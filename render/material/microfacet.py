@@ -18,7 +18,7 @@ import math
 from typing import NamedTuple
 
 from ...compiler.plan import plan as planner
-from ..jit.kernel import helper, if_there
+from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops
 from ..types import Lane, Vec
 from . import energy_compensation
@@ -79,7 +79,7 @@ def _coat_fresnel(cosine: Lane) -> Lane:
 
 
 @helper
-def spread(half: Vec, normal: Vec, alpha: Lane) -> Lane:
+def ggx_distribution(half: Vec, normal: Vec, alpha: Lane) -> Lane:
     """GGX: facets a steradian about `half`, by their area as seen along the normal. The sine comes from a cross product, which keeps
     its digits where facets are nearly flat."""
     across = ops.cross(normal, half)
@@ -97,13 +97,13 @@ def _reach(cosine: Lane, alpha: Lane) -> Lane:
 
 
 @helper
-def visible(out: Lane, into: Lane, alpha: Lane) -> Lane:
+def smith_visibility(out: Lane, into: Lane, alpha: Lane) -> Lane:
     """What is neither hidden nor in shadow of facets, over 4 times both cosines."""
     return 0.5 / ops.maximum(out * _reach(into, alpha) + into * _reach(out, alpha), LEAST * LEAST)
 
 
 @helper
-def facet(normal: Vec, to_viewer: Vec, alpha: Lane, u: Lane, v: Lane) -> Vec:
+def sample_visible_normal(normal: Vec, to_viewer: Vec, alpha: Lane, u: Lane, v: Lane) -> Vec:
     """The normal of a facet as the viewer sees them (Dupuy and Benyoub 2023)."""
     s, t = ops.basis(normal)
     x, y, z = ops.dot(to_viewer, s), ops.dot(to_viewer, t), ops.maximum(ops.dot(to_viewer, normal), 0.0)
@@ -142,7 +142,7 @@ def _split(lobes: Lobes, e: Lane, b: Lane, bounced: Vec) -> Vec:
 
 
 @helper
-def sight(lobes: Lobes, cosine: Lane, bounced: Vec) -> Sight:
+def directional_albedo(lobes: Lobes, cosine: Lane, bounced: Vec) -> Sight:
     """What the highlights do with light under a cosine."""
     e, b = energy_compensation.seen(lobes.table, cosine, lobes.alpha)
     coat = 0.0 * cosine
@@ -220,18 +220,18 @@ def parts(lobes: Lobes, normal: Vec, to_light: Vec, to_viewer: Vec, out: Sight, 
     lit = cos_in > 0.0
     cos_in = ops.clip(cos_in, LEAST, 1.0)
     cos_out = ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0)
-    into = sight(lobes, cos_in, all_.bounced)
+    into = directional_albedo(lobes, cos_in, all_.bounced)
     half = ops.normalize(ops.add(to_light, to_viewer))
     along = ops.clip(ops.dot(half, to_viewer), 0.0, 1.0)
     zero = 0.0 * cos_in
-    strength = ops.where(lit & ops.not_(lobes.sharp), spread(half, normal, lobes.alpha), zero)
+    strength = ops.where(lit & ops.not_(lobes.sharp), ggx_distribution(half, normal, lobes.alpha), zero)
     least = 1.0 - ops.maximum(out.coat, into.coat)
-    shine = math.pi * cos_in * strength * visible(cos_out, cos_in, lobes.alpha) * least
+    shine = math.pi * cos_in * strength * smith_visibility(cos_out, cos_in, lobes.alpha) * least
     density = strength * 0.5 / (cos_out + _reach(cos_out, lobes.alpha))
     coat, coat_density = zero, zero
     if ops.any_lane(lobes.coat > 0.0):
-        strength = ops.where(lit, spread(half, normal, lobes.coat_alpha), zero)
-        coat = lobes.coat * math.pi * cos_in * strength * visible(cos_out, cos_in, lobes.coat_alpha) * _coat_fresnel(along)
+        strength = ops.where(lit, ggx_distribution(half, normal, lobes.coat_alpha), zero)
+        coat = lobes.coat * math.pi * cos_in * strength * smith_visibility(cos_out, cos_in, lobes.coat_alpha) * _coat_fresnel(along)
         coat_density = strength * 0.5 / (cos_out + _reach(cos_out, lobes.coat_alpha))
     cos_lit = ops.where(lit, cos_in, zero)
     matt = ops.scale(_under(lobes, all_, out, into), cos_lit)
@@ -242,7 +242,7 @@ def parts(lobes: Lobes, normal: Vec, to_light: Vec, to_viewer: Vec, out: Sight, 
 def viewed(lobes: Lobes, normal: Vec, to_viewer: Vec) -> tuple[Layers, Sight]:
     """What depends on the viewer alone."""
     all_ = layers(lobes)
-    return all_, sight(lobes, ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0), all_.bounced)
+    return all_, directional_albedo(lobes, ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0), all_.bounced)
 
 
 @helper
@@ -281,7 +281,7 @@ def _shared(lobes: Lobes, plain: tuple[Vec, Lane], normal: Vec, to_light: Vec, t
 def _matt_share(lobes: Lobes, plain: Vec, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
     cosine = ops.dot(normal, to_light)
     all_, out = viewed(lobes, normal, to_viewer)
-    into = sight(lobes, ops.clip(cosine, LEAST, 1.0), all_.bounced)
+    into = directional_albedo(lobes, ops.clip(cosine, LEAST, 1.0), all_.bounced)
     zero = 0.0 * cosine
     matt = ops.where3(cosine > 0.0, _under(lobes, all_, out, into), (zero, zero, zero))
     return ops.where3(lobes.here, matt, plain)
@@ -294,7 +294,7 @@ def _sample_shine(lobes: Lobes, plain: tuple[Vec, Vec], normal: Vec, to_viewer: 
     whole = ops.maximum(shiny + coat, LEAST)
     on_coat = u * whole < coat
     again = ops.where(on_coat, u * whole / ops.maximum(coat, LEAST), (u * whole - coat) / ops.maximum(shiny, LEAST))
-    half = facet(normal, to_viewer, ops.where(on_coat, lobes.coat_alpha, lobes.alpha), ops.clip(again, 0.0, 1.0), v)
+    half = sample_visible_normal(normal, to_viewer, ops.where(on_coat, lobes.coat_alpha, lobes.alpha), ops.clip(again, 0.0, 1.0), v)
     direction = ops.reflect(ops.negate(to_viewer), half)
     found = parts(lobes, normal, direction, to_viewer, out, all_)
     density = (shiny * found.highlight_density + coat * found.coat_density) / whole
@@ -320,7 +320,7 @@ def _draw(lobes: Lobes, plain: Vec, normal: Vec, to_viewer: Vec, u: Lane, v: Lan
     matt, shiny, _ = chances(lobes, all_, out)
     shines = lobes.here & (which >= matt)
     alpha = ops.where(which < matt + shiny, lobes.alpha, lobes.coat_alpha)
-    half = facet(normal, to_viewer, alpha, u, v)
+    half = sample_visible_normal(normal, to_viewer, alpha, u, v)
     return ops.where3(shines, ops.reflect(ops.negate(to_viewer), half), plain)
 
 
@@ -368,14 +368,20 @@ def _glossy(lobes: Lobes, plain: Lane) -> Lane:
 
 
 # Each takes lobes, what a material without them would give, and: the normal, a direction to the light, one to the viewer.
-reflected = if_there(_reflected)  # π f cos, for light of one direction
-shared = if_there(_shared)  # (the same, density with which `draw` takes it among all it may do): `mirror` is what is followed beside
-matt_share = if_there(_matt_share)  # π f of the matt part alone
-sample_shine = if_there(_sample_shine)  # (direction of a highlight, its π f cos over π times its density): normal, viewer, u, v
-divided = if_there(_divided)  # (π f cos of the matt part, that of the highlight, density with which `sample_shine` takes it)
-draw = if_there(_draw)  # a direction: normal, viewer, u, v, and which part, from 0 to `whole`; matt where `plain` is
-whole = if_there(_whole)  # what parts that `draw` follows weigh together: normal, viewer
-mirrored = if_there(_mirrored)  # what sharp highlights reflect: normal, viewer
-onward = if_there(_onward)  # (direction, its π f cos over π times its density): normal, viewer, u, v, which part, with the matt one
-glossy = if_there(_glossy)  # whether things could be told in its highlight
-let_in = if_there(_let_in)  # what passes the highlights of what is under them: normal, viewer
+reflected = specialize_if_present(_reflected)  # π f cos, for light of one direction
+shared = specialize_if_present(
+    _shared
+)  # (the same, density with which `draw` takes it among all it may do): `mirror` is what is followed beside
+matt_share = specialize_if_present(_matt_share)  # π f of the matt part alone
+sample_shine = specialize_if_present(
+    _sample_shine
+)  # (direction of a highlight, its π f cos over π times its density): normal, viewer, u, v
+divided = specialize_if_present(_divided)  # (π f cos of the matt part, that of the highlight, density with which `sample_shine` takes it)
+draw = specialize_if_present(_draw)  # a direction: normal, viewer, u, v, and which part, from 0 to `whole`; matt where `plain` is
+whole = specialize_if_present(_whole)  # what parts that `draw` follows weigh together: normal, viewer
+mirrored = specialize_if_present(_mirrored)  # what sharp highlights reflect: normal, viewer
+onward = specialize_if_present(
+    _onward
+)  # (direction, its π f cos over π times its density): normal, viewer, u, v, which part, with the matt one
+glossy = specialize_if_present(_glossy)  # whether things could be told in its highlight
+let_in = specialize_if_present(_let_in)  # what passes the highlights of what is under them: normal, viewer

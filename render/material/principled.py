@@ -62,7 +62,8 @@ def tables_for(tables: ir.Tables) -> ir.Tables:
     """The same tables, or with `Layered` materials where a thing has microfacets, a map of normals or heights, a medium or a blend."""
     facets = bool((ir.among(tables.materials.model, MODELS) & planner.used_materials(tables)).any())
     parts = (
-        energy_compensation.table() if facets else Smooth(), normal_map.tangents(tables), rough_dielectric.tables_of(tables), medium_stack.media(tables),
+        energy_compensation.table() if facets else Smooth(), normal_map.tangents(tables), rough_dielectric.tables_of(tables),
+        medium_stack.media(tables),
         blend.blended(tables),
     )  # fmt: skip
     if all(isinstance(part, Smooth | normal_map.Untilted | rough_dielectric.Clear | medium_stack.Air | blend.Plain) for part in parts):

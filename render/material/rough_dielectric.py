@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.plan import plan as planner
-from ..jit.kernel import HELPER, helper, if_there
+from ..jit.kernel import HELPER, helper, specialize_if_present
 from ..jit.packed_struct import HandleType
 from ..lanes import ops, row_gather
 from ..surface.material_inputs import number_of
@@ -149,12 +149,12 @@ def both(frost: Frost, normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec,
     half = ops.normalize(ops.add(to_viewer, ops.scale(to_light, bent)))
     half = ops.scale(half, ops.sign_of(ops.dot(half, normal)))
     out, into = ops.dot(half, to_viewer), ops.dot(half, to_light)
-    strength = ops.where((out > 0.0) & ((into > 0.0) == above), microfacet.spread(half, normal, frost.alpha), 0.0)
+    strength = ops.where((out > 0.0) & ((into > 0.0) == above), microfacet.ggx_distribution(half, normal, frost.alpha), 0.0)
     turned = reflectance(ops.clip(out, LEAST, 1.0), frost.ratio)
     whole = out + frost.ratio * into
     squeezed = frost.ratio * frost.ratio * ops.absolute(into) / ops.maximum(whole * whole, 1e-20)
     per_solid = ops.where(above, 0.25 * turned, (1.0 - turned) * ops.absolute(out) * squeezed)
-    single = 4.0 * math.pi * cos_in * strength * microfacet.visible(cos_out, cos_in, frost.alpha) * per_solid
+    single = 4.0 * math.pi * cos_in * strength * microfacet.smith_visibility(cos_out, cos_in, frost.alpha) * per_solid
     seen = 2.0 * strength / (cos_out + _reach(cos_out, frost.alpha)) * per_solid
     lost = _lost(frost, frost.row, cos_out)
     mean, mean_other, through = _means(frost)
@@ -179,7 +179,7 @@ def _drawn(frost: Frost, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: L
     cos_out = ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0)
     lost = _lost(frost, frost.row, cos_out)
     through = _means(frost)[2]
-    half = microfacet.facet(normal, to_viewer, frost.alpha, u, v)
+    half = microfacet.sample_visible_normal(normal, to_viewer, frost.alpha, u, v)
     out = ops.clip(ops.dot(half, to_viewer), LEAST, 1.0)
     turned = reflectance(out, frost.ratio)
     again = which < lost
@@ -256,15 +256,15 @@ def _bends(frost: Frost, plain: Lane) -> Lane:
 
 
 # Each takes the frost, what it would be without, and: the normal, a direction to the light, one to the viewer.
-reflected = if_there(_reflected)  # π f cos
-shared = if_there(_shared)  # (the same, density with which `draw` takes it)
-divided = if_there(_divided)  # (nothing, π f cos, density with which `onward` takes it)
-draw = if_there(_draw)  # (a direction, whether it counts): normal, viewer, u, v, and which part, from 0 to 1
-onward = if_there(_onward)  # (a direction, its π f cos over π times its density)
-one = if_there(_one)  # 1 where there is rough glass
-also = if_there(_also)  # or there is rough glass
-is_fine = if_there(_fine)  # or there is glass of a roughness up to: α
-eta = if_there(_bends)  # index of this side over that of the other
+reflected = specialize_if_present(_reflected)  # π f cos
+shared = specialize_if_present(_shared)  # (the same, density with which `draw` takes it)
+divided = specialize_if_present(_divided)  # (nothing, π f cos, density with which `onward` takes it)
+draw = specialize_if_present(_draw)  # (a direction, whether it counts): normal, viewer, u, v, and which part, from 0 to 1
+onward = specialize_if_present(_onward)  # (a direction, its π f cos over π times its density)
+one = specialize_if_present(_one)  # 1 where there is rough glass
+also = specialize_if_present(_also)  # or there is rough glass
+is_fine = specialize_if_present(_fine)  # or there is glass of a roughness up to: α
+eta = specialize_if_present(_bends)  # index of this side over that of the other
 
 
 # --- making the tables ---------------------------------------------------------------------------------------------------

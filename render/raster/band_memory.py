@@ -22,7 +22,7 @@ PICTURE_BYTES = 1 << 26  # of pictures whose memory is kept; filling it takes as
 UNUSED = 2  # references to the memory of an array that only the array and the question itself hold
 
 
-class Kept:
+class BufferPool:
     """What nobody uses now."""
 
     def __init__(self) -> None:
@@ -63,7 +63,7 @@ class Size(NamedTuple):
     meshlets: int
 
 
-class Room:
+class BandMemory:
     """What a thread needs to draw a band."""
 
     def __init__(self, size: Size, options: Any) -> None:

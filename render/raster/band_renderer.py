@@ -64,7 +64,7 @@ class Triangles(NamedTuple):
     patterned: Any  # True or None: whether a material has a texture or a mesh colours
     colored: Any  # True or None: whether any is more than a picture by coordinates
     flat: Any  # True or None: deferred.lights_flat
-    kept: band_memory.Kept
+    kept: band_memory.BufferPool
 
 
 def triangles(tables: ir.Tables, view: View, shells: dict[int, Any]) -> Triangles:
@@ -83,7 +83,7 @@ def triangles(tables: ir.Tables, view: View, shells: dict[int, Any]) -> Triangle
     patterned, colored = _patterned(tables)
     return Triangles(
         Handle(model), ranges, Handle(made), placed, Handle(shown), lit, lamps, look, exact, view_geometry.pixel_boxes(tables, view, exact),
-        patterned, colored, deferred_shading.lights_flat(tables, lamps.tables, patterned is not None) or None, band_memory.Kept(),
+        patterned, colored, deferred_shading.lights_flat(tables, lamps.tables, patterned is not None) or None, band_memory.BufferPool(),
     )  # fmt: skip
 
 
@@ -160,7 +160,7 @@ class Bands:
         if self.plain and self.fill is None and not len(made.exact) and len(self.passes) == 1 and self.drawn.tables.count[0] > 0:
             layout = self.first, self.bands, self.rows, self.margin, self.reach
             how = self.each, True, made.patterned, made.colored, made.flat, self.crop, self.rgba
-            self._turns = band_scheduler.Turns(layout, int(plan["threads"]), self._cost(), how)
+            self._turns = band_scheduler.BandQueue(layout, int(plan["threads"]), self._cost(), how)
         self.jobs: Sequence[int] = range(self._turns.jobs if self._turns else self.bands)
 
     @property
@@ -209,10 +209,10 @@ class Bands:
         return self.sizes[0].samples * (int(self.drawn.tables.start[-1]) * FOR_MESHLET + (x1 - x0) * (y1 - y0) * FOR_PIXEL)
 
     @contextlib.contextmanager
-    def _room(self, k: int) -> Iterator[band_memory.Room]:
+    def _room(self, k: int) -> Iterator[band_memory.BandMemory]:
         """Memory for pass k that nobody else uses."""
         made, size = self.prepared.triangles, self.sizes[k]
-        room = made.kept.take(size) or band_memory.Room(size, self.prepared.options)
+        room = made.kept.take(size) or band_memory.BandMemory(size, self.prepared.options)
         room.serve(self._turn, made, self.drawn, self.passes[k])
         yield room
         made.kept.give(size, room)
@@ -230,7 +230,7 @@ class Bands:
         """Rows of pixels that a band has."""
         return max((self.first + number) * self.rows, self.corners[1]), min((self.first + number + 1) * self.rows, self.corners[3])
 
-    def _draw(self, number: int, room: band_memory.Room, one: Pass, top: int, bottom: int) -> int:
+    def _draw(self, number: int, room: band_memory.BandMemory, one: Pass, top: int, bottom: int) -> int:
         """Draw a pass of a band's rows `top` to `bottom`."""
         _, y0, _, _ = self.corners
         band = room.band.tables

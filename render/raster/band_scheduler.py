@@ -12,19 +12,19 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from ..jit.function_pointer import Promised, address_of
+from ..jit.function_pointer import DeclaredPointer, compiled_address
 from ..jit.kernel import helper, kernel
 from ..jit.packed_struct import Handle
 from ..simd import target
-from ..simd.atomics import taken
+from ..simd.atomics import fetch_add
 from . import deferred_shading, triangle_setup
 
-call_fill, call_shade = Promised(types.none).call, Promised(types.none).call
+call_fill, call_shade = DeclaredPointer(types.none).call, DeclaredPointer(types.none).call
 CROP, PICTURE = types.int64[::1], types.float32[:, :, ::1]
 AT_ONCE = 0.02  # seconds after which a thread looks whether it shall stop
 
 
-class Turns:
+class BandQueue:
     """The bands of one picture, taken by any number of threads."""
 
     def __init__(self, layout: tuple[int, ...], threads: int, cost: float, how: tuple[Any, ...]) -> None:
@@ -37,8 +37,8 @@ class Turns:
 
     def draw(self, filling: Handle, shading: Handle) -> tuple[NDArray[np.int64], int]:
         """Draw what a turn gets: the bands' numbers, and how many of their items were not finite and left out."""
-        fill = address_of(triangle_setup.draw_band, filling.numba_type, types.int64)
-        shade = address_of(deferred_shading.shade_band, shading.numba_type, *self.kinds)
+        fill = compiled_address(triangle_setup.draw_band, filling.numba_type, types.int64)
+        shade = compiled_address(deferred_shading.shade_band, shading.numba_type, *self.kinds)
         numbers = np.empty(self.most, np.int64)
         found, issues = draw(fill, shade, filling, shading, self.layout, self.next_band, numbers, *self.how)
         return numbers[:found], issues
@@ -64,7 +64,7 @@ def draw(fill, shade, filling, shading, layout, next_band, numbers, each, fresh,
     first, bands, rows, margin, reach = layout
     found = issues = 0
     while found < len(numbers):
-        number = taken(next_band, 0, 1)
+        number = fetch_add(next_band, 0, 1)
         if number >= bands:
             break
         aim(filling.band, first + number, rows, margin, reach, crop)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from .. import simd
-from ..jit.kernel import apart, helper, kernel
+from ..jit.kernel import helper, kernel, noinline_helper
 from ..jit.packed_struct import Handle
 from ..lanes import crosslane, ops
 from ..light import lights
@@ -105,8 +105,8 @@ def shade_band(shading, each, fresh, patterned, colored, flat, crop, rgba):
     known, shader = -1, even_shader(shading.lit, 0)
     for row in range(band.place[3] >> 2):
         triangle_planes.make_room(found, listed.half)
-        fragments.collect(shading.pattern, each, alone, found, band, row, listed)
-        triangle_planes.make_all(shading.shown, shading.meshlets, shading.drawn, shading.lit, found, patterned, colored)
+        fragments.build_fragments(shading.pattern, each, alone, found, band, row, listed)
+        triangle_planes.setup_planes(shading.shown, shading.meshlets, shading.drawn, shading.lit, found, patterned, colored)
         y = band.place[1] + 4 * row
         whole, part, even = listed.counts[0], listed.counts[1], listed.counts[2]
         full = alone and whole + 16 * even >= 4 * (crop[2] - crop[0])
@@ -154,7 +154,7 @@ def see(shading: Any, patterned: Any, colored: Any, group: int, groups: int) -> 
         at_x = simd.to_f32(simd.load(listed.at_x, start, simd.i32x16)) * np.float32(1.0 / 256.0)
         at_y = simd.to_f32(simd.load(listed.at_y, start, simd.i32x16)) * np.float32(1.0 / 256.0)
         record = triangle_planes.gathered(found, patterned, colored, rows)
-        point = triangle_planes.seen(shown, patterned, colored, record, at_x, at_y)
+        point = triangle_planes.interpolate(shown, patterned, colored, record, at_x, at_y)
         instances, single = triangle_planes.instances(record), triangle_planes.singles(record)
         i = simd.lane(instances, 0)
         rest = single | (instances != i)
@@ -179,14 +179,14 @@ def see(shading: Any, patterned: Any, colored: Any, group: int, groups: int) -> 
 # --- their light ---------------------------------------------------------------------------------------------------------------
 
 
-@apart
+@noinline_helper
 def even_shader(tables, i):
     """The material of an instance without patterns, as numbers; of one with patterns, what is not asked for."""
     none = (0.0, 0.0, 0.0)
     plain = Surface(
         none, none, none, none, none, None, (1.0, 1.0), True, i, tables.instances.material[i], (1.0, 1.0, 1.0), 0.0, None, None, None, None
     )
-    return crosslane.narrow(bsdf.at(tables, plain))
+    return crosslane.narrow(bsdf.evaluate_shader(tables, plain))
 
 
 @helper
@@ -196,7 +196,7 @@ def light(shading: Any, patterned: Any, colored: Any, i: int, shader: bsdf.Shade
         tables = shading.lit
         if textures.on(tables, tables.instances.material[i]) or tables.geometries.colors[tables.instances.geometry[i]] >= 0:
             for k in range(first, last):
-                direct_light(shading, bsdf.at(tables, patterned_point(shading, colored, i, k)), i, k, k + 1)
+                direct_light(shading, bsdf.evaluate_shader(tables, patterned_point(shading, colored, i, k)), i, k, k + 1)
             return
     direct_light(shading, shader, i, first, last)
 
@@ -271,5 +271,5 @@ def put(shading: Any, count: int, y: int, crop: Any, full: bool, rgba: Any) -> N
             fragments.write_block(fragments.rows_of(red, green, blue, 16, listed), simd.read(listed.x, start), y, crop, full, rgba)
         else:
             left = min(listed.half + listed.counts[1] - start, 16)
-            fragments.keep_light(listed.light, fragments.rows_of(red, green, blue, left, listed))
-            fragments.keep_items(shading.pattern, shading.splat, shading.band, listed, start, left, crop, rgba)
+            fragments.store_fragment_light(listed.light, fragments.rows_of(red, green, blue, left, listed))
+            fragments.resolve_fragments(shading.pattern, shading.splat, shading.band, listed, start, left, crop, rgba)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import simd
-from ..jit.kernel import apart, helper
+from ..jit.kernel import helper, noinline_helper
 from ..types import Lane
 from . import triangle_planes
 from .band_buffer import in_block
@@ -58,8 +58,8 @@ def items_for(columns: int, samples: int) -> Items:
     return Items(ids, rows, x, y, bits, at_x, at_y, simd.aligned_empty((16, 4), np.float32), even, even_x, np.zeros(4, np.int64), half)
 
 
-@apart
-def collect(pattern, each, alone, found, band, row, items):
+@noinline_helper
+def build_fragments(pattern, each, alone, found, band, row, items):
     """The items of a row of blocks: with `each`, one for each sample. `found` (a Faces or None): the faces they see, instead of ids.
 
     `alone`: whether blocks that one triangle fills stand by themselves.
@@ -152,7 +152,7 @@ def mean(total: Lane, count: Lane) -> Lane:
     return simd.to_i32(simd.to_f32(2 * total + count) / simd.to_f32(2 * count))
 
 
-@apart
+@noinline_helper
 def clear(rgba, band, crop, y0, y1):
     """Empty those rows of pixels y0 <= y < y1 that are drawn in a band."""
     width = 4 * (crop[2] - crop[0])
@@ -164,8 +164,8 @@ def clear(rgba, band, crop, y0, y1):
         simd.write(rgba, k, np.float32(0.0))
 
 
-@apart
-def keep_items(pattern, splat, band, items, start, count, crop, rgba):
+@noinline_helper
+def resolve_fragments(pattern, splat, band, items, start, count, crop, rgba):
     """Add the light of up to sixteen items to the picture."""
     if len(pattern.x) > 1:
         splat_items(splat, band, items, start, count, crop, rgba)
@@ -233,7 +233,7 @@ def splat_items(splat: Any, band: Any, items: Any, start: int, count: int, crop:
 
 
 @helper
-def keep_light(light: Any, rows: Any) -> None:
+def store_fragment_light(light: Any, rows: Any) -> None:
     """The transposed light of sixteen items to where `place_of` says."""
     simd.store_aligned(light, 0, rows[0])
     simd.store_aligned(light, 16, rows[1])

@@ -9,13 +9,13 @@ import numpy as np
 
 from .. import camera
 from ..integrator import whitted
-from ..jit.kernel import apart, helper, kernel
+from ..jit.kernel import helper, kernel, noinline_helper
 from ..lanes import crosslane, ops
 from ..sampling import sobol
 from ..types import Lane
 from . import coverage
 from .band_buffer import in_block
-from .fragments import collect, keep_items
+from .fragments import build_fragments, resolve_fragments
 from .meshlets import SHIFT, place_of
 from .sample_hits import along_axis, hits_of, meet
 
@@ -27,22 +27,22 @@ def shade_band(made, pattern, each, sample, meshlets, drawn, tables, accel, gour
     """Light what a band shows and add it to the picture, (h, w, 4), of the pixels of `crop`; `sample` is the pattern's first."""
     items.counts[3] = 0
     for row in range(band.place[3] >> 2):
-        collect(pattern, each, False, None, band, row, items)
+        build_fragments(pattern, each, False, None, band, row, items)
         for k in range(0, items.counts[0], 16):
             light_items(made, sample, meshlets, drawn, tables, accel, gouraud, frame, items, stack, k, 16)
-            keep_items(pattern, splat, band, items, k, 16, crop, rgba)
+            resolve_fragments(pattern, splat, band, items, k, 16, crop, rgba)
         for k in range(items.half, items.half + items.counts[1], 16):
             count = min(items.half + items.counts[1] - k, 16)
             light_items(made, sample, meshlets, drawn, tables, accel, gouraud, frame, items, stack, k, count)
-            keep_items(pattern, splat, band, items, k, count, crop, rgba)
+            resolve_fragments(pattern, splat, band, items, k, count, crop, rgba)
 
 
-@apart
+@noinline_helper
 def light_items(made, sample, meshlets, drawn, tables, accel, gouraud, frame, items, stack, start, count):
     """The light of `count` items from `start` on, as r, g, b, coverage into items.light."""
     view = frame.picture
     for first in range(0, count, crosslane.WIDTH):
-        k = start + ops.minimum(crosslane.numbered(first), count - 1)
+        k = start + ops.minimum(crosslane.lane_indices(first), count - 1)
         ids = ops.to_int(items.ids[k])
         x, y = ops.to_float(items.at_x[k]), ops.to_float(items.at_y[k])
         exact = ids > EXACT
@@ -53,7 +53,7 @@ def light_items(made, sample, meshlets, drawn, tables, accel, gouraud, frame, it
         ray = camera.ray(tables, view, x / coverage.ONE, y / coverage.ONE)
         hit = hits_of(made, tables, accel, view, ray, x, y, instance, triangle)
         number = sample + lowest(ops.to_int(items.samples[k]))
-        pixel, index = sobol.place(ops.to_int(items.x[k]), ops.to_int(items.y[k]), number, view.width, frame.order)
+        pixel, index = sobol.zorder_index(ops.to_int(items.x[k]), ops.to_int(items.y[k]), number, view.width, frame.order)
         color, alpha, sound = whitted.call(  # pyright: ignore[reportCallIssue]
             frame.radiance,
             (
@@ -99,11 +99,11 @@ def draw_exact(made, exact, boxes, tables, accel, view, pattern, band):
                     )
 
 
-@apart
+@noinline_helper
 def draw_block(made, instance, tables, accel, view, band, place, x, y):
     """Sixteen samples of a block, the first of them at (x, y), from `place` in the buffer on."""
     for start in range(0, 16, crosslane.WIDTH):
-        column, line = in_block(crosslane.numbered(start))
+        column, line = in_block(crosslane.lane_indices(start))
         px, py = ops.to_float(x + column * coverage.ONE), ops.to_float(y + line * coverage.ONE)
         ray = camera.ray(tables, view, px / coverage.ONE, py / coverage.ONE)
         met = meet(accel, instance, ray, ops.bool_like(ray.t_max, True))
@@ -121,7 +121,7 @@ def sky_behind(tables, frame, x0, y0, width, rgba):
     """Put what the camera sees where nothing is behind the pixels of `rgba`, rows of `width` pixels, the first of which is (x0, y0)."""
     for y in range(len(rgba) // (4 * width)):
         for start in range(0, width, crosslane.WIDTH):
-            k = ops.minimum(crosslane.numbered(start), width - 1)
+            k = ops.minimum(crosslane.lane_indices(start), width - 1)
             clear = 1.0 - ops.to_float(rgba[4 * (y * width + k) + 3])
             if not ops.any_lane(clear > 0.0):
                 continue

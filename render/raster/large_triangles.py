@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from .. import simd
-from ..jit.kernel import apart, helper
+from ..jit.kernel import helper, noinline_helper
 from ..types import Tile
 from . import coverage as rules
 from . import scalar_raster
@@ -21,7 +21,7 @@ NARROW = 1 << 24  # edges shorter than this have functions that fit in 32 bits a
 BLOCKS = TILE // 4
 
 
-@apart
+@noinline_helper
 def fill(shown, pattern, meshlets, drawn, band, count):
     """Fill the large triangles that wait."""
     room = band.room
@@ -42,7 +42,7 @@ def fill(shown, pattern, meshlets, drawn, band, count):
             fill_one(pattern, band, number, room.x[0], room.y[0], room.x[c], room.y[c], room.x[c + 1], room.y[c + 1])
 
 
-@apart
+@noinline_helper
 def fill_one(pattern, band, number, x0, y0, x1, y1, x2, y2):
     """One triangle of fixed-point corners, either way round; its plane of keys and their range stand in band.room.plane."""
     area = rules.doubled_area(x0, y0, x1, y1, x2, y2)
@@ -103,7 +103,7 @@ def reach(dx: int, dy: int) -> tuple[int, int]:
     return max(dx, 0) + max(-dy, 0), min(dx, 0) + min(-dy, 0)
 
 
-@apart
+@noinline_helper
 def fill_tile(band, samples, s, number, zero, x, y, e0, e1, e2, dx0, dy0, dx1, dy1, dx2, dy2, sx, sy, a, b, c, low, high):
     """Sample s of a tile's pixels, the first at (sx, sy) in the picture; 1 if the triangle covers it in all of them.
 

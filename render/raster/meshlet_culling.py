@@ -63,7 +63,7 @@ def list_meshlets(shown, meshlets, placed, window, y0, margin, rows, drawn):
     bands = len(start) - 1
     start[:] = 0
     for n in range(found):
-        first, last = touched(drawn, n, y0, margin, rows, bands)
+        first, last = bands_touched(drawn, n, y0, margin, rows, bands)
         for band in range(first, last + 1):
             start[band + 1] += 1
     for band in range(bands):
@@ -71,7 +71,7 @@ def list_meshlets(shown, meshlets, placed, window, y0, margin, rows, drawn):
     needed = start[bands]
     if needed <= len(order):
         for n in range(found):
-            first, last = touched(drawn, n, y0, margin, rows, bands)
+            first, last = bands_touched(drawn, n, y0, margin, rows, bands)
             for band in range(first, last + 1):
                 order[start[band]] = n
                 start[band] += 1
@@ -82,7 +82,7 @@ def list_meshlets(shown, meshlets, placed, window, y0, margin, rows, drawn):
 
 
 @helper
-def touched(drawn, n: int, y0: int, margin: int, rows: int, bands: int):
+def bands_touched(drawn, n: int, y0: int, margin: int, rows: int, bands: int):
     """The first and the last band that a meshlet may touch."""
     first = (max(drawn.top[n], y0 - margin) - margin - y0) // rows
     return max(first, 0), min((drawn.bottom[n] + margin - y0) // rows, bands - 1)

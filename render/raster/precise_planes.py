@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from .. import simd
-from ..jit.kernel import apart, helper
+from ..jit.kernel import helper, noinline_helper
 from ..lanes import ops
 from ..surface import interaction
 from ..types import Lane, Vec
@@ -24,7 +24,7 @@ _NEAR = 11  # in Faces.planes: the box of pixels of `near`'s record: x0 <= x < x
 _SLOPES, _NORMALS, _EVEN, _FRONT, _FACE, _DEPTHS, _PLACES, _OWN, _METRIC, _COLORS = 0, 6, 15, 16, 17, 20, 23, 29, 32, 34
 
 
-@apart
+@noinline_helper
 def seen(shown, meshlets, drawn, tables, faces, patterned, colored, i, row, at_x, at_y):
     """As faces.seen, of one face by itself."""
     p, s = _known(shown, meshlets, drawn, tables, faces, patterned, colored, i, row)
@@ -95,7 +95,7 @@ def near(shown: Any, meshlets: Any, drawn: Any, tables: Any, faces: Any, pattern
     return _make_near(shown, meshlets, drawn, tables, faces, patterned, colored, i, row, x, y, last)
 
 
-@apart
+@noinline_helper
 def _make_near(shown, meshlets, drawn, tables, faces, patterned, colored, i, row, x, y, last):
     """Write that record to row `last`, and return that, or -1."""
     p, s = _known(shown, meshlets, drawn, tables, faces, patterned, colored, i, row)
@@ -205,7 +205,7 @@ def _blend(s: Any, at: int, u: Lane, v: Lane, w: Lane) -> Vec:
     )  # fmt: skip
 
 
-@apart
+@noinline_helper
 def _single(shown, meshlets, tables, planes, s, patterned, colored, i, slot):
     """Fill in a face: planes of the areas that belong to its second, third and first corner, and what corners hold.
 

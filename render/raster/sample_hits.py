@@ -25,7 +25,7 @@ def meet(accel: Any, instance: int, ray: Ray, active: Lane) -> Hit:
     nothing = ops.int_like(zero, -1)
     none = Hit(zero + np.inf, nothing, nothing, zero, zero)
     until = ops.where(active, ray.t_max, zero - np.inf)
-    return two_level.attempt(accel, instance, ray.origin, ray.direction, ray.t_min, until, CAMERA, False, none)
+    return two_level.intersect_instance(accel, instance, ray.origin, ray.direction, ray.t_min, until, CAMERA, False, none)
 
 
 @helper
@@ -42,7 +42,7 @@ def hits_of(made: Any, tables: Any, accel: Any, view: View, ray: Ray, px: Lane, 
     t, instance, primitive, u, v = zero + np.inf, nothing, nothing, zero, zero
     rest = instances >= 0
     while ops.any_lane(rest):
-        i, here = crosslane.together(instances, rest)
+        i, here = crosslane.uniform_group(instances, rest)
         hit = _hit_with(made, tables, accel, view, ray, px, py, i, triangle, here)
         found = here & (hit.t < np.inf)
         t, instance, primitive = ops.where(found, hit.t, t), ops.where(found, i, instance), ops.where(found, hit.primitive, primitive)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from .. import simd
-from ..jit.kernel import apart, helper
+from ..jit.kernel import helper, noinline_helper
 from ..lanes import ops
 from ..material import bsdf
 from . import fragments, precise_planes, triangle_planes
@@ -51,7 +51,7 @@ def see(shading: Any, patterned: Any, colored: Any, flat: Any, group: int, y: in
         last = end_of(listed, face, end, group, group + CAPACITY - count)
         for k in range(group, last):
             at_x = across + np.float32(simd.read(listed.even_x, k))
-            point = triangle_planes.seen(shading.shown, patterned, colored, record, at_x, at_y)
+            point = triangle_planes.interpolate(shading.shown, patterned, colored, record, at_x, at_y)
             keep(shading, patterned, colored, count + k - group, point, at_x, at_y, i, every, k)
         count += last - group
         group = last
@@ -92,7 +92,7 @@ def end_of(listed: Any, face: int, end: int, group: int, most: int) -> int:
     return last
 
 
-@apart
+@noinline_helper
 def light_flat(shading, shader, group, y, middle, crop, full, rgba):
     """Light a flat face's run of blocks from `group` on into the picture; the next one. Its material is `shader`, in numbers."""
     found, listed, lamps, look = shading.faces, shading.items, shading.lamps, shading.look

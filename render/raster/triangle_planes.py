@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from .. import simd
-from ..jit.kernel import apart, helper
+from ..jit.kernel import helper, noinline_helper
 from ..lanes import ops
 from ..surface import interaction
 from ..types import Lane, Vec
@@ -124,8 +124,8 @@ def rows_of(faces: Any, ids: Any, at: int, seen: Lane) -> Lane:
     return rows
 
 
-@apart
-def make_all(shown, meshlets, drawn, tables, faces, patterned, colored):
+@noinline_helper
+def setup_planes(shown, meshlets, drawn, tables, faces, patterned, colored):
     """Make the faces that have been asked for."""
     for first in range(faces.count[1], faces.count[0], 16):
         count = min(faces.count[0] - first, 16)
@@ -356,7 +356,7 @@ def is_flat(faces: Any, row: int) -> bool:
 
 
 @helper
-def seen(shown: Any, patterned: Any, colored: Any, record: Any, at_x: Lane, at_y: Lane) -> Seen:
+def interpolate(shown: Any, patterned: Any, colored: Any, record: Any, at_x: Lane, at_y: Lane) -> Seen:
     """What is seen of faces, not of single ones, at places in pixels: multiples of 1/256, which float32 has in pictures of up to 65,536."""
     first, second, t, r, q = record
     x, y = at_x - second[4], at_y - second[5]

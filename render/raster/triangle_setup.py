@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from .. import simd
-from ..jit.kernel import apart, helper, kernel
+from ..jit.kernel import helper, kernel, noinline_helper
 from . import large_triangles
 from .band_buffer import LARGE, NOTHING, QUEUE, in_block
 from .meshlets import SHIFT
@@ -226,7 +226,7 @@ def keep_tiny(band: Any, left: int) -> None:
             simd.write(band.ids, place, number)
 
 
-@apart
+@noinline_helper
 def fill_small(pattern, band, count):
     """Fill the small triangles that wait."""
     for start in range(0, count, 16):

@@ -137,7 +137,7 @@ def pair(pixel: Lane, sample: Lane, dimension: Lane, seed: int) -> tuple[Lane, L
 
 
 @helper
-def scattered(pixel: Lane, sample: Lane, dimension: Lane, seed: int) -> tuple[Lane, Lane]:
+def hashed_pair(pixel: Lane, sample: Lane, dimension: Lane, seed: int) -> tuple[Lane, Lane]:
     """The same without any order among samples: for the far ends of paths, where good spread is lost anyway."""
     high = _hash(_u32(seed >> 32) ^ np.uint32(0x3C6EF372))
     key = _combine(_combine(_combine(_hash(_u32(seed) ^ high), _u32(pixel)), _u32(sample)), _u32(dimension))
@@ -151,7 +151,7 @@ def order_of(samples: int) -> int:
 
 
 @helper
-def place(x: Lane, y: Lane, sample: Lane, width: int, order: int) -> tuple[Lane, Lane]:
+def zorder_index(x: Lane, y: Lane, sample: Lane, width: int, order: int) -> tuple[Lane, Lane]:
     """(pixel, sample) as the functions here take them, of a sample of the pixel x, y; ints, as their arguments.
 
     ALONE: each pixel of a picture of this width has a sequence of its own, without end. Else blocks of pixels share one.
@@ -184,12 +184,12 @@ def offset(pixel: Lane, sample: Lane, total: int, seed: int, table: NDArray[np.f
     return table[ops.to_int(u * TABLE)], table[ops.to_int(v * TABLE)]
 
 
-def moment(pixel: Lane, sample: Lane, seed: int, shutter: Any) -> Lane | None:
+def sample_time(pixel: Lane, sample: Lane, seed: int, shutter: Any) -> Lane | None:
     """When a sample is taken, as Ray.time; None where nothing moves while the shutter is open."""
     return shutter.start + pair(pixel, sample, _MOMENT, seed)[0] * shutter.share if isinstance(shutter, Open) else None
 
 
-@overload(moment, jit_options=HELPER)
+@overload(sample_time, jit_options=HELPER)
 def _moment_in_kernels(pixel, sample, seed, shutter):
     if shutter.layout:
         return lambda pixel, sample, seed, shutter: shutter.start + pair(pixel, sample, _MOMENT, seed)[0] * shutter.share
@@ -197,7 +197,7 @@ def _moment_in_kernels(pixel, sample, seed, shutter):
 
 
 @helper
-def on_lens(pixel: Lane, sample: Lane, seed: int) -> tuple[Lane, Lane]:
+def sample_lens(pixel: Lane, sample: Lane, seed: int) -> tuple[Lane, Lane]:
     """Where on a lens of radius 1 a sample's ray begins: evenly over the disk (Shirley & Chiu 1997, which keeps what is near together)."""
     u, v = pair(pixel, sample, _LENS, seed)
     a, b = 2.0 * u - 1.0, 2.0 * v - 1.0

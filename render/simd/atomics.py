@@ -30,7 +30,7 @@ def count_up(typingctx, counters, index, by):
 
 
 @intrinsic
-def taken(typingctx, counters, index, by):
+def fetch_add(typingctx, counters, index, by):
     """counters[index] as it was before `by` was added to it, whatever other threads do."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
@@ -40,7 +40,7 @@ def taken(typingctx, counters, index, by):
 
 
 @intrinsic
-def seen(typingctx, counters, index):
+def load_acquire(typingctx, counters, index):
     """counters[index] now, and all that was written before it became that."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
@@ -50,7 +50,7 @@ def seen(typingctx, counters, index):
 
 
 @intrinsic
-def claimed(typingctx, states, index):
+def try_claim(typingctx, states, index):
     """states[index] (0 free, 1 taken, 2 done) as it was, taken now if it was free."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
@@ -62,7 +62,7 @@ def claimed(typingctx, states, index):
 
 
 @intrinsic
-def released(typingctx, states, index):
+def store_release(typingctx, states, index):
     """states[index] = 2, after all that was written before."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:

@@ -13,14 +13,14 @@ import numpy as np
 from numba.extending import overload
 
 from ...compiler import ir
-from ..jit.kernel import HELPER, helper, replacing
+from ..jit.kernel import HELPER, helper, make_replace
 from ..jit.packed_struct import HandleType
 from ..lanes import ops
 from ..types import Lane, Surface, Tables
 from .material_inputs import number_of
 
 BLEND, WEIGHT = int(ir.MaterialModel.BLEND), int(ir.Slot.WEIGHT)
-_of_material = replacing(Surface, "material")
+_of_material = make_replace(Surface, "material")
 
 
 class Plain(NamedTuple):

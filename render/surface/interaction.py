@@ -14,7 +14,7 @@ from typing import Any
 
 from ...compiler import ir
 from ..geometry import analytic_shapes, instance_transform
-from ..jit.kernel import helper, if_there, replacing
+from ..jit.kernel import helper, make_replace, specialize_if_present
 from ..lanes import ops
 from ..texture import textures
 from ..types import Hit, Lane, Ray, Surface, Tables, Vec
@@ -31,7 +31,7 @@ ROUNDING = 32.0  # units of roundoff, of the sums of absolute terms in `spacing`
 
 
 @helper
-def at(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -> Surface:
+def make_interaction(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -> Surface:
     """The surface where `ray` met `hit`. Lanes without a hit (instance -1) hold finite or NaN garbage that callers mask.
 
     Texture coordinates are found where the material has a texture, or everywhere if `mapped`; else uv is 0, 0 and metric 1, 1.
@@ -40,14 +40,14 @@ def at(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -> Surface:
     instance = ops.where(hit.instance >= 0, hit.instance, 0)
     instances, geometries = tables.instances, tables.geometries
     g = ops.to_int(instances.geometry[instance])
-    here = instance_transform.at(tables, ops.to_int(instances.transform[instance]), ray.time)
+    here = instance_transform.transform_at(tables, ops.to_int(instances.transform[instance]), ray.time)
     matrix, inverse = here.matrix, here.inverse
     material = ops.to_int(instances.material[instance])
     kind = ops.to_int(geometries.kind[g])
 
     t = ops.where(hit.instance >= 0, hit.t, 0.0)
     world = ops.along(ray.origin, ray.direction, t)
-    local = ops.point_by(inverse, world)
+    local = ops.transform_point12(inverse, world)
     formed = kind == FORMULA
     part = ops.where((kind == MESH) | formed, 0, hit.primitive)
     outward = analytic_shapes.normal(kind, geometries.parameters, g, part, local)
@@ -69,7 +69,7 @@ def at(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -> Surface:
         a, b, c = corners(tables, g, triangle)
         wide = ops.where(on_mesh, mean_scale(matrix) * _farthest(a, b, c), wide)
         local = ops.where3(on_mesh, _blend(a, b, c, 1.0 - hit.u - hit.v, hit.u, hit.v), local)
-        world = ops.where3(on_mesh, ops.point_by(matrix, local), world)
+        world = ops.where3(on_mesh, ops.transform_point12(matrix, local), world)
         face = ops.normalize(ops.cross(ops.sub(b, a), ops.sub(c, a)))
         outward = ops.where3(on_mesh, face, outward)
         smooth = ops.where3(on_mesh, _mesh_normal(tables, g, hit, on_mesh, face), smooth)
@@ -126,7 +126,7 @@ def spacing(here: instance_transform.Place, ray: Ray, t: Lane, normal: Vec, wide
 @helper
 def off_formula(tables: Tables, instance: int, ray: Ray, hit: Hit) -> tuple[Vec, Vec, Lane]:
     """(position, geometric, offset) as in `at`, where rays met an instance of a formula surface that does not move."""
-    g, here = tables.instances.geometry[instance], instance_transform.at(tables, tables.instances.transform[instance], None)
+    g, here = tables.instances.geometry[instance], instance_transform.transform_at(tables, tables.instances.transform[instance], None)
     t = ops.where(hit.instance >= 0, hit.t, 0.0)
     geometric = ops.normalize(ops.normal_by(here.inverse, _unfolded(hit.u, hit.v)))
     offset = spacing(here, ray, t, geometric, _off(tables, g, hit, here.matrix))
@@ -179,11 +179,11 @@ def _from_above(lift: Vec, above: Lane, normal: Vec, direction: Vec) -> Lane:
     return above | ((ops.dot(lift, lift) > 0.0) & (ops.dot(direction, normal) > 0.0))
 
 
-_raised, _rising = if_there(_risen), if_there(_from_above)
+_raised, _rising = specialize_if_present(_risen), specialize_if_present(_from_above)
 
 
-spanning = replacing(Surface, "spread")  # the same surface with another `spread`
-_with_known = replacing(Surface, "known")
+spanning = make_replace(Surface, "spread")  # the same surface with another `spread`
+_with_known = make_replace(Surface, "known")
 
 
 @helper
@@ -191,7 +191,7 @@ def _told(known: Any, surface: Surface) -> Surface:
     return _with_known(surface, known)
 
 
-told = if_there(_told)  # the same surface with what is `known` of shadows on it
+override_interaction = specialize_if_present(_told)  # the same surface with what is `known` of shadows on it
 
 
 @helper

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ...compiler import ir
 from ...compiler.plan import plan as planner
 from ..geometry import analytic_shapes, instance_transform
-from ..jit.kernel import HELPER, apart, helper, replacing
+from ..jit.kernel import HELPER, helper, make_replace, noinline_helper
 from ..jit.packed_struct import HandleType
 from ..lanes import ops
 from ..texture import textures
@@ -35,7 +35,7 @@ FLAT = int(ir.Shading.FLAT)
 UV = int(ir.Mapping_.UV)
 STEP = 2.0**-10  # of a thing's size: over which u, v and heights that are no picture's are differenced
 CLEAR = 0.01  # sine of the angle at which the mirrored direction leaves the surface at least
-_turned_to, _put_to = replacing(Surface, "normal"), replacing(Surface, "local", "uv")
+_turned_to, _put_to = make_replace(Surface, "normal"), make_replace(Surface, "local", "uv")
 
 
 class Untilted(NamedTuple):
@@ -162,7 +162,7 @@ def _open_to(point: Surface, direction: Vec, lit: Lane) -> Lane:
     return lit & (ops.dot(direction, point.geometric) > 0.0)
 
 
-@apart
+@noinline_helper
 def _tilted(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Surface:
     turned = tables.materials.textures[point.material, NORMAL] >= 0
     bumped = tables.materials.textures[point.material, BUMP] >= 0
@@ -170,7 +170,7 @@ def _tilted(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Surface
         return point
     zero = ops.full_like(point.offset, 0.0)
     side = ops.where(point.front, zero + 1.0, zero - 1.0)
-    place = instance_transform.at(tables, ops.to_int(tables.instances.transform[point.instance]), point.time)
+    place = instance_transform.transform_at(tables, ops.to_int(tables.instances.transform[point.instance]), point.time)
     outward = ops.scale(point.normal, side)
     s, t = ops.basis(point.local_normal)
     step = STEP * _size(tables, point)
@@ -290,7 +290,7 @@ def _frame(
         local = ops.where3(given, mixed, local)
         round_ = ops.where(given, ops.to_float(table.values[corner, 3]), round_)
     flips = tables.transforms.flips[tables.instances.transform[point.instance]]
-    world = ops.normalize(ops.vector_by(place.matrix, local))
+    world = ops.normalize(ops.transform_vector12(place.matrix, local))
     along = ops.normalize(ops.along(world, outward, -ops.dot(world, outward)))
     return along, ops.where(flips, -round_, round_)
 
@@ -325,8 +325,8 @@ def _bumped(tables: Tables, point: Surface, hit: Hit, s: Vec, t: Vec, place: ins
     per = 0.5 / (step * scale)
     ds = per * (_height(tables, point, hit, s, step) - _height(tables, point, hit, s, -step))
     dt = per * (_height(tables, point, hit, t, step) - _height(tables, point, hit, t, -step))
-    along = ops.normalize(ops.vector_by(place.matrix, s))
-    across = ops.normalize(ops.vector_by(place.matrix, t))
+    along = ops.normalize(ops.transform_vector12(place.matrix, s))
+    across = ops.normalize(ops.transform_vector12(place.matrix, t))
     tilt = ops.add(ops.scale(along, ds), ops.scale(across, dt))
     return ops.normalize(ops.sub(normal, tilt))
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ...compiler import ir
 from ...compiler.plan import plan as planner
 from .. import camera
-from ..jit.kernel import HELPER, apart, helper, if_there, replacing
+from ..jit.kernel import HELPER, helper, make_replace, noinline_helper, specialize_if_present
 from ..jit.packed_struct import HandleType
 from ..lanes import crosslane, ops
 from ..texture import textures
@@ -43,7 +43,7 @@ KEPT = {
 WITH_CONE = (7, 13)  # lanes of a Surface's spread where its last three are of the ray's cone
 SPHERE = int(ir.GeometryKind.SPHERE)
 BOX, PLANE, RECTANGLE, DISK = (int(getattr(ir.GeometryKind, name)) for name in ("BOX", "PLANE", "RECTANGLE", "DISK"))
-_lying = replacing(Surface, "geometric", "spread")
+_lying = make_replace(Surface, "geometric", "spread")
 
 
 class Eye(NamedTuple):
@@ -212,7 +212,7 @@ def _places_of_pixel(tables: Any, point: Surface) -> Any:
     return (*right, *below)
 
 
-@apart
+@noinline_helper
 def _on_surface(tables: Any, ray: Ray, hit: Hit, point: Surface, cone: Any) -> Surface:
     zero = 0.0 * point.offset
     spread = (zero, zero, zero, zero)
@@ -307,8 +307,8 @@ def _put_cone(point: Surface, direction: Vec, stack: Any, place: Lane, field: in
     back = ops.dot(direction, point.geometric) > 0.0
     known = ops.dot(point.normal, point.geometric) > 1.0 - 1e-9  # no interpolated and no turned normal
     known = known & (back | (mirrored == on))
-    crosslane.put(stack, place, field, ops.where(known, wide, 0.0), active)
-    crosslane.put(stack, place, field + 1, ops.where(known, ops.where(back, mirrored, on), 0.0), active)
+    crosslane.stack_store(stack, place, field, ops.where(known, wide, 0.0), active)
+    crosslane.stack_store(stack, place, field + 1, ops.where(known, ops.where(back, mirrored, on), 0.0), active)
 
 
 def put_cone(point: Surface, direction: Vec, stack: Any, place: Lane, field: int, active: Lane) -> None:
@@ -327,13 +327,13 @@ def _put_cone_in_kernels(point, direction, stack, place, field, active):
 
 @helper
 def _take_cone(cone: Any, plain: Any, stack: Any, place: Lane, field: int) -> tuple[Lane, Lane]:
-    return crosslane.take(stack, place, field), crosslane.take(stack, place, field + 1)
+    return crosslane.stack_load(stack, place, field), crosslane.stack_load(stack, place, field + 1)
 
 
-width_at = if_there(_width_at)
-_of_cone = if_there(_steps_of_cone)
-_with_cone = if_there(_spread_with_cone)
-take_cone = if_there(_take_cone)  # of rays that waited: None, stack, place, its first field
+width_at = specialize_if_present(_width_at)
+_of_cone = specialize_if_present(_steps_of_cone)
+_with_cone = specialize_if_present(_spread_with_cone)
+take_cone = specialize_if_present(_take_cone)  # of rays that waited: None, stack, place, its first field
 
 
 # --- along a surface ----------------------------------------------------------------------------------------------------
@@ -370,7 +370,7 @@ def _coordinates_in_kernels(tables, way, hit, point):
     return lambda tables, way, hit, point: (0.0 * way[0], 0.0 * way[0])
 
 
-@apart
+@noinline_helper
 def _moved(tables: Any, way: Vec, hit: Hit, point: Surface) -> tuple[Lane, Lane]:
     there = normal_map.moved(tables, point, hit, way, 1.0)
     du, dv = there.uv[0] - point.uv[0], there.uv[1] - point.uv[1]

@@ -12,7 +12,7 @@ import math
 from typing import Any
 
 from ...compiler import ir
-from ..jit.kernel import apart, helper
+from ..jit.kernel import helper, noinline_helper
 from ..lanes import ops
 from ..types import Lane, Vec
 
@@ -63,7 +63,7 @@ def _share(checker: Lane, x: Lane, y: Lane, spans: Any) -> Lane:
     return _mean(checker, x, y, spans)
 
 
-@apart
+@noinline_helper
 def _mean(checker: Lane, x: Lane, y: Lane, spans: Any) -> Lane:
     """The same over a parallelogram about x, y."""
     px, py, qx, qy = spans
@@ -158,7 +158,7 @@ def _second(x: Lane) -> Lane:
 # --- along both ---------------------------------------------------------------------------------------------------------
 
 
-@apart
+@noinline_helper
 def _waves(x: Lane, y: Lane, px: Lane, py: Lane, qx: Lane, qy: Lane) -> Lane:
     """The mean of S(x) S(y) over a parallelogram by the waves of S, (4/π) sin(π m x)/m of odd m, up to ORDER.
 

@@ -23,7 +23,7 @@ from numba.np.arrayobj import make_array
 from ...compiler import ir
 from .. import simd
 from ..formula.llvm_math import DIRECT, LANES, POINTER
-from ..jit.kernel import HELPER, apart
+from ..jit.kernel import HELPER, noinline_helper
 from ..lanes import crosslane, ops
 from ..simd.llvm_expr import I64
 from ..simd.vector_type import intrinsic
@@ -52,7 +52,7 @@ def make_ready(tables: ir.Tables) -> None:
 # --- over what a pixel spans --------------------------------------------------------------------------------------------
 
 
-@apart
+@noinline_helper
 def _over(tables: Any, row: Lane, p: Vec, spread: Any) -> Vec:
     """The mean over a parallelogram about p: of SOME places, or of MOST where these differ much."""
     right, down = (spread[4], spread[5], spread[6]), (spread[7], spread[8], spread[9])
@@ -132,7 +132,7 @@ def _of_one(tables, row, p):
     if tape < 0:
         return zero, zero, zero
     registers = simd.stack_array(np.float64, _ROOM)
-    wide = ops.to_float(crosslane.numbered(0)) * 0.0
+    wide = ops.to_float(crosslane.lane_indices(0)) * 0.0
     crosslane.store(registers, 0, wide + p[0])
     crosslane.store(registers, 1, wide + p[1])
     crosslane.store(registers, 2, wide + p[2])
@@ -150,7 +150,7 @@ def _of_many(tables, row, p):
     found = (zero, zero, zero)
     rest = ops.bool_like(zero, True)
     while ops.any_lane(rest):
-        one, here = crosslane.together(row, rest)
+        one, here = crosslane.uniform_group(row, rest)
         found = ops.where3(here, texel(tables, one, p), found)
         rest = rest & ops.not_(here)
     return found

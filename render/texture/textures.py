@@ -21,7 +21,7 @@ from numba.extending import overload
 
 from ...compiler import ir
 from .. import simd
-from ..jit.kernel import HELPER, apart, helper
+from ..jit.kernel import HELPER, helper, noinline_helper
 from ..lanes import ops
 from ..types import Lane, Surface, Tables, Vec
 from . import checker_filter, procedural
@@ -60,7 +60,7 @@ def value(tables: Tables, texture: Lane, surface: Surface) -> Vec:
     return _value(tables, texture, spot)
 
 
-@apart
+@noinline_helper
 def _value(tables: Tables, texture: Lane, surface: Spot) -> Vec:
     textures = tables.textures
     row = ops.maximum(texture, 0)
@@ -221,7 +221,7 @@ def _mapped(tables: Any, row: Lane, uv: tuple[Lane, Lane], surface: Spot) -> tup
     return u0, v0, u1, v1
 
 
-@apart
+@noinline_helper
 def _moved(tables: Any, row: Lane, uv: tuple[Lane, Lane], surface: Spot, way: Vec) -> tuple[Lane, Lane]:
     """How far u and v go along a way from a point in the thing's own frame."""
     there = Spot(ops.add(surface.local, way), surface.local_normal, surface.uv, surface.metric, surface.instance, None)
@@ -243,7 +243,7 @@ def _image(tables: Tables, row: Lane, s: Lane, t: Lane, spans: Any) -> Rgba:
     return _over_pixel(tables, row, image, s, t, wraps, spans)
 
 
-@apart
+@noinline_helper
 def _over_pixel(tables: Any, row: Lane, image: Lane, s: Lane, t: Lane, wraps: Any, spans: Any) -> Rgba:
     """A picture over the ellipse that a pixel is on it: up to MOST places along its long axis, in sizes that its short one asks for.
 
@@ -314,7 +314,7 @@ def _sized(tables: Any, image: Lane, level: Lane, s: Lane, t: Lane, wraps: Any, 
     return _bilinear(tables, first, width, height, s, t, wraps[0], wraps[1], nearest)
 
 
-@apart
+@noinline_helper
 def _bilinear(tables: Tables, first: Lane, width: Lane, height: Lane, s: Lane, t: Lane, wrap_u: Lane, wrap_v: Lane, nearest: Lane) -> Rgba:
     half = ops.where(nearest, 0.0, 0.5)
     x, y = s * width - half, (1.0 - t) * height - half

@@ -112,7 +112,7 @@ def test_the_albedo_of_ggx(measured):
     down = ops.normalize((x, 1.0 - y, z))
     up = tuple(np.broadcast_to(c, x.shape) for c in UP)
     one = np.ones_like(x)
-    facets = [microfacet.spread(h, up, one) * 0.5 / (1.0 + one) for h in (half, down)]
+    facets = [microfacet.ggx_distribution(h, up, one) * 0.5 / (1.0 + one) for h in (half, down)]
     off = abs(float(np.sum((facets[0] + facets[1]) * solid)) - 1.0)
     measured.answer(22, "GGX's weak furnace, light to both sides", "quadrature", off, 1e-4)
 

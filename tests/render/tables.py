@@ -124,7 +124,7 @@ def rays(origin: Any, direction: Any, t_min: float = 0.0, t_max: float = np.inf)
 
 def first_hit(tables: ir.Tables, ray: Ray) -> Hit:
     """What rays meet, by brute force."""
-    return intersect.closest(intersect.Brute(), tables, ray, np.ones(len(ray.t_min), bool), int(ir.Visibility.CAMERA))
+    return intersect.closest_hit(intersect.Brute(), tables, ray, np.ones(len(ray.t_min), bool), int(ir.Visibility.CAMERA))
 
 
 def radiance(
@@ -168,10 +168,10 @@ def _each_ray(tables, accel, light, frame, columns, pixel, stack, rgb, alpha):
     n, issues = rgb.shape[1], 0
     for s in range(rgb.shape[0]):
         for start in range(0, n, crosslane.WIDTH):
-            k = ops.minimum(crosslane.numbered(start), n - 1)
+            k = ops.minimum(crosslane.lane_indices(start), n - 1)
             origin, direction = (columns[0, k], columns[1, k], columns[2, k]), (columns[3, k], columns[4, k], columns[5, k])
             ray = types.Ray(origin, direction, columns[6, k], columns[7, k], None)
-            hit = intersect.closest(accel, tables, ray, ops.bool_like(ray.t_max, True), 1)
+            hit = intersect.closest_hit(accel, tables, ray, ops.bool_like(ray.t_max, True), 1)
             color, cover, sound = whitted.call(
                 frame.radiance,
                 (

@@ -103,7 +103,7 @@ def test_depth_is_along_the_axis_and_near_and_far_are_planes():
 
 @pytest.mark.parametrize("projection", list(ir.Projection))
 def test_without_near_and_far_rays_start_at_the_camera_and_have_no_end(projection):
-    ray = camera.sharp(scene(projection=projection), VIEW, np.array([3.0]), np.array([4.0]))
+    ray = camera.pinhole_ray(scene(projection=projection), VIEW, np.array([3.0]), np.array([4.0]))
     assert np.all(ray.t_max == np.inf)
     assert np.all(ray.t_min == 0.0)
 
@@ -121,7 +121,7 @@ def through(tables, x, y, samples, view=VIEW, time=None):
     """Rays of samples 0 … of pixel 7, seed 3, through one place in the picture."""
     n = np.arange(samples)
     lens = camera.lens_of(tables, view)
-    ray = camera.through(tables, view, lens, np.full(samples, x), np.full(samples, y), np.full(samples, 7), n, 3, time)
+    ray = camera.generate_ray(tables, view, lens, np.full(samples, x), np.full(samples, y), np.full(samples, 7), n, 3, time)
     return vector(ray.origin), vector(ray.direction), ray
 
 
@@ -157,7 +157,7 @@ def test_the_directions_of_a_panorama(turn):
     """Longitude (x/W − ½ + turn)·360° to the right of straight ahead, latitude (½ − y/H)·180°; all rays start at the camera."""
     tables, view = scene(make.IDENTITY, projection=ir.Projection.PANORAMIC, shift=(turn, 0.0)), View(0, 8, 4)
     y, x = (c.ravel() + 0.5 for c in np.mgrid[:4, :8])
-    ray = camera.sharp(tables, view, x, y)
+    ray = camera.pinhole_ray(tables, view, x, y)
     longitude, latitude = (x / 8 - 0.5 + turn) * 2 * np.pi, (0.5 - y / 4) * np.pi
     expected = np.stack([np.cos(latitude) * np.sin(longitude), np.sin(latitude), -np.cos(latitude) * np.cos(longitude)], axis=1)
     assert vector(ray.direction) == pytest.approx(expected, abs=1e-15)
@@ -166,7 +166,7 @@ def test_the_directions_of_a_panorama(turn):
 
 def test_a_panorama_has_straight_ahead_in_its_middle_and_right_beside_it():
     tables, view = scene(projection=ir.Projection.PANORAMIC), View(0, 80, 40)
-    ray = camera.sharp(tables, view, np.array([40.0, 60.0, 20.0, 40.0]), np.array([20.0, 20.0, 20.0, 0.0]))
+    ray = camera.pinhole_ray(tables, view, np.array([40.0, 60.0, 20.0, 40.0]), np.array([20.0, 20.0, 20.0, 0.0]))
     right, up, back = FRAME[:3, 0], FRAME[:3, 1], FRAME[:3, 2]
     assert vector(ray.direction) == pytest.approx(np.stack([-back, right, -right, up]), abs=1e-12)
     assert camera.depth(tables, view, tuple(FRAME[:3, 3] + 2.5 * back)) == pytest.approx(2.5)

@@ -21,7 +21,7 @@ def through_trees(tables: ir.Tables, ray: Ray, bit: int = 1, brute: bool = False
 
 def by_brute_force(tables: ir.Tables, ray: Ray, bit: int = 1) -> tuple[np.ndarray, ...]:
     active = np.ones(len(ray.t_min), bool)
-    hit = intersect.closest(intersect.Brute(), tables, ray, active, bit)
+    hit = intersect.closest_hit(intersect.Brute(), tables, ray, active, bit)
     return (*hit, intersect.occluded(intersect.Brute(), tables, ray, active))
 
 

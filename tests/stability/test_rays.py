@@ -384,11 +384,11 @@ def met_again(name: str, size: float, far: float, seed: int, n: int = 1000) -> t
         local = 0.9 * random.uniform(-1, 1, (n, 3))
     aim, o = placed[:3, 3] + local @ placed[:3, :3].T, placed[:3, 3] + 4 * size * random.normal(size=(n, 3))
     ray = rays(o, aim - o)
-    met = intersect.closest(intersect.Brute(), tables, ray, np.ones(n, bool), 1)
+    met = intersect.closest_hit(intersect.Brute(), tables, ray, np.ones(n, bool), 1)
     seen = np.flatnonzero(met.instance >= 0)
     one = Ray(tuple(c[seen] for c in ray.origin), tuple(c[seen] for c in ray.direction), 0.0, np.inf)
     with np.errstate(all="ignore"):
-        at = interaction.at(tables, one, Hit(*(c[seen] for c in met)))
+        at = interaction.make_interaction(tables, one, Hit(*(c[seen] for c in met)))
     normal, place = (np.stack(np.broadcast_arrays(*v), axis=1) for v in (at.geometric, at.position))
     out = random.normal(size=normal.shape)
     out = out / np.linalg.norm(out, axis=1, keepdims=True) + 1.2 * normal

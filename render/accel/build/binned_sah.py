@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import simd
-from ...jit.kernel import apart, helper
+from ...jit.kernel import noinline_helper, helper
 from ...types import Lane
 from ...jit.arena import Scratch
 
@@ -57,7 +57,7 @@ def empty(n: int, memory: Scratch) -> Halves:
     )
 
 
-def around(items: NDArray[np.float32]) -> NDArray[np.float32]:
+def bounds_of(items: NDArray[np.float32]) -> NDArray[np.float32]:
     """(2, 8) the box around items (n, 8), and their span: the box around their middles, doubled."""
     middles = items[:, :4] - items[:, 4:]
     return np.stack([items.min(axis=0), np.concatenate([middles, -middles], axis=1).min(axis=0)])
@@ -100,8 +100,8 @@ def _joined(a: Lane, b: Lane) -> Lane:
     return simd.select(_is_count(a), a + b, simd.minimum(a, b))
 
 
-@apart
-def grow(tree: Halves, root: int, free: Any, depth: int, width: int, step: Any, once: bool, room: Room) -> int:
+@noinline_helper
+def split_nodes(tree: Halves, root: int, free: Any, depth: int, width: int, step: Any, once: bool, room: Room) -> int:
     """Divide the node `root`, so many levels down, and unless `once` all below it, side by side from the place `free` on, where its
     span stands. The end of what was filled.
 

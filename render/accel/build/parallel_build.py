@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from . import wide_collapse, binned_sah
 from ... import simd
 from ...jit import thread_pool
-from ...simd.atomics import released, seen, taken
+from ...simd.atomics import store_release, load_acquire, fetch_add
 from .binned_sah import Halves
 from ...jit.packed_struct import Handle
-from ...jit.kernel import apart, helper, kernel, maker
+from ...jit.kernel import noinline_helper, helper, kernel, allocating_helper
 from ...jit.arena import Scratch
 
 STEP = 0.3  # what going down a level of the binary tree costs, against the test of a leaf
@@ -91,19 +91,19 @@ def _grown(growth: Growth, threads: int) -> Handle:
     def work(_: int) -> None:
         mine = np.full(1, -1)
         try:
-            while not take_part(shared, mine):
+            while not build_worker(shared, mine):
                 time.sleep(_PAUSE)
         except BaseException:
             growth.counters[LEFT] = 0  # or others would wait for what never comes
             raise
 
     threads = min(threads, -(-len(growth.tree.items) // PART))
-    thread_pool.on_threads(work, range(threads), threads)
+    thread_pool.parallel_for(work, range(threads), threads)
     return shared
 
 
 @kernel
-def take_part(growth, mine):
+def build_worker(growth, mine):
     """Do what there is to do until nothing is left: True; or while others do all there is: False.
 
     `mine` is the task that this thread waits for, -1 if none.
@@ -112,18 +112,18 @@ def take_part(growth, mine):
     counters, ready, looks = growth.counters, growth.ready, 0
     room, cost = binned_sah.room(), np.empty(2 * PART * wide_collapse.ROW, np.float32)
     stack, children = np.empty(wide_collapse.DEPTH, np.int64), np.empty((wide_collapse.WIDTH, 2), np.int64)
-    while seen(counters, LEFT) > 0:
+    while load_acquire(counters, LEFT) > 0:
         if mine[0] < 0:
-            mine[0] = taken(counters, TAKEN, 1)
+            mine[0] = fetch_add(counters, TAKEN, 1)
         k = mine[0]
-        if k >= len(ready) or seen(ready, k) == 0:
+        if k >= len(ready) or load_acquire(ready, k) == 0:
             looks += 1
             if looks > _PATIENCE:
                 return False
             continue
         mine[0], looks = -1, 0
         node, n = growth.tasks[k, NODE], np.int64(growth.tree.count[growth.tasks[k, NODE]])
-        end = binned_sah.grow(
+        end = binned_sah.split_nodes(
             growth.tree, node, growth.tasks[k, FREE], growth.tasks[k, LEVEL], growth.width, np.float32(STEP), n > PART, room
         )
         if n > PART:
@@ -139,17 +139,17 @@ def _find_boxes(growth: Any) -> None:
     around, counters = growth.around, growth.counters
     pieces = len(around)
     while pieces > 0:
-        k = taken(counters, BEGUN, 1)
+        k = fetch_add(counters, BEGUN, 1)
         if k >= pieces:
             break
         _find_boxes_of(growth.mesh, growth.tree.items, k, around)
-        if taken(counters, ENDED, 1) == pieces - 1:
+        if fetch_add(counters, ENDED, 1) == pieces - 1:
             for j in range(2):
                 box = simd.f32x8(np.inf)
                 for piece in range(pieces):
                     box = simd.minimum(box, simd.load(around, piece * 16 + j * 8, 8))
                 simd.store(growth.tree.boxes, j * 8, box)
-            released(growth.ready, 0)
+            store_release(growth.ready, 0)
 
 
 @helper
@@ -174,13 +174,13 @@ def _find_boxes_of(mesh: Any, items: Any, piece: int, around: Any) -> None:
 @helper
 def _hand_on(growth: Any, k: int) -> None:
     """Make tasks of the halves of a task's node."""
-    tasks, slot = growth.tasks, taken(growth.counters, MADE, 2)
+    tasks, slot = growth.tasks, fetch_add(growth.counters, MADE, 2)
     second = np.int64(growth.tree.second[tasks[k, NODE]])
     tasks[k, BELOW] = slot
     for j in range(2):
         tasks[slot + j, NODE], tasks[slot + j, FREE] = second - 1 + j, second + 1 if j else tasks[k, FREE]
         tasks[slot + j, LEVEL] = tasks[k, LEVEL] + 1
-        released(growth.ready, slot + j)
+        store_release(growth.ready, slot + j)
 
 
 @helper
@@ -188,15 +188,15 @@ def _choose(growth: Any, k: int, end: int, cost: Any, stack: Any, children: Any)
     """Choose what is kept of a part that has been grown; how many items were left before that."""
     tree, share, tasks = growth.tree, growth.share, growth.tasks
     node = tasks[k, NODE]
-    wide_collapse.choose(tree, share, node, tasks[k, FREE], end, growth.width, cost)
+    wide_collapse.choose_wide_nodes(tree, share, node, tasks[k, FREE], end, growth.width, cost)
     tasks[k, NODES], tasks[k, LEAVES] = wide_collapse.counted(tree, share, node, stack, children)
     growth.cost[k] = wide_collapse.cost_of(cost, 0)
     if k > 0:
         wide_collapse.set_apart(share, node)
-    return taken(growth.counters, LEFT, -np.int64(tree.count[node]))
+    return fetch_add(growth.counters, LEFT, -np.int64(tree.count[node]))
 
 
-@apart
+@noinline_helper
 def _arrange(growth: Any, stack: Any, children: Any) -> None:
     """Choose what is kept above the parts, and say where those stand: behind that, one behind the other."""
     tree, share, tasks, parts = growth.tree, growth.share, growth.tasks, growth.parts
@@ -218,7 +218,7 @@ def _arrange(growth: Any, stack: Any, children: Any) -> None:
     growth.sizes[0], growth.sizes[1], growth.sizes[2] = made, node, leaf
 
 
-@maker
+@allocating_helper
 def _choose_above(growth: Any) -> None:
     tasks, made = growth.tasks, growth.counters[MADE]
     cost = np.empty(made * wide_collapse.ROW, np.float32)
@@ -227,4 +227,4 @@ def _choose_above(growth: Any) -> None:
         if below == 0:
             wide_collapse.set_cost(cost, k, growth.cost[k])
         else:
-            wide_collapse.share_out(growth.tree, growth.share, tasks[k, NODE], cost, k, below, below + 1)
+            wide_collapse.distribute_slots(growth.tree, growth.share, tasks[k, NODE], cost, k, below, below + 1)

@@ -30,7 +30,7 @@ def refitted(tree: Wide, positions: NDArray[np.float32], triangles: NDArray[np.i
 
     Rays meet in it what they meet in one that is built. `tree` stays as it is.
     """
-    made = wide_bvh.room(len(tree.nodes), len(tree.leaves))
+    made = wide_bvh.allocate(len(tree.nodes), len(tree.leaves))
     made.links[...], made.rows[...] = tree.links, tree.rows  # the latter in its leaves
     fit(made, positions, triangles)
     return made

@@ -71,7 +71,7 @@ def _links(boxes: NDArray[np.float64], threads: int) -> NDArray[np.int32]:
     items = simd.paged_empty((len(boxes), 8), np.float32)
     items[:, :3], items[:, 4:7], items[:, binned_sah.COUNT] = (low - middle) / size, (middle - high) / size, 1.0
     items.view(np.int32)[:, binned_sah.NUMBER] = np.arange(len(boxes)) | binned_sah.TAG
-    return wide_bvh.links(items, binned_sah.around(items), threads)
+    return wide_bvh.links(items, binned_sah.bounds_of(items), threads)
 
 
 def refit(top: Top, boxes: NDArray[np.float64]) -> None:

@@ -29,7 +29,7 @@ _shapes: OrderedDict[str, tuple[Wide, float]] = OrderedDict()  # by triangles al
 _lock = threading.Lock()
 
 
-def tree(positions: NDArray[np.float32], triangles: NDArray[np.int32], threads: int = 0) -> Wide:
+def cached_mesh_bvh(positions: NDArray[np.float32], triangles: NDArray[np.int32], threads: int = 0) -> Wide:
     """The tree of a mesh as wide.build makes it, or one refitted to it that is nearly as good; it is not to be changed."""
     key = hashlib.sha256(_numbers(len(positions), len(triangles)))
     key.update(np.ascontiguousarray(triangles).data)
@@ -71,7 +71,7 @@ def _refitted(shape: str, positions: NDArray[np.float32], triangles: NDArray[np.
     return made if refit.cost(made) <= refit.WORSE * built[1] else None
 
 
-def forget() -> None:
+def clear() -> None:
     """Drop what is in memory."""
     with _lock:
         _known.clear()
@@ -89,7 +89,7 @@ def read(file: Path) -> Wide | None:
             nodes, leaves = (int(n) for n in np.frombuffer(stream.read(16), np.int64))
             if nodes < 1 or leaves < 0 or os.fstat(stream.fileno()).st_size != 16 + 4 * (nodes * (NODE + WIDTH) + leaves * LEAF):
                 return None
-            made = wide_bvh.room(nodes, leaves)
+            made = wide_bvh.allocate(nodes, leaves)
             for part in made:
                 if stream.readinto(part.data.cast("B")) != part.nbytes:
                     return None

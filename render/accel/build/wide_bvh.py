@@ -15,7 +15,7 @@ from . import wide_collapse, parallel_build, binned_sah
 from ...simd import target
 from ...jit import arena, thread_pool
 from ... import simd
-from ...simd.atomics import taken
+from ...simd.atomics import fetch_add
 from .wide_collapse import DEPTH, WIDTH
 from .parallel_build import Mesh
 from ...jit.packed_struct import Handle
@@ -58,26 +58,26 @@ def build(positions: NDArray[np.float32], triangles: NDArray[np.int32], threads:
     It is the same on any number of threads (0: all there are).
     """
     mesh, threads = Mesh(np.ascontiguousarray(positions), np.ascontiguousarray(triangles)), threads or target.cores()
-    with arena.borrowed(parallel_build.bytes_of(len(triangles))) as memory:
+    with arena.arena(parallel_build.bytes_of(len(triangles))) as memory:
         return _collapsed(parallel_build.of_mesh(mesh, threads, memory), threads)
 
 
 def links(items: NDArray[np.float32], around: NDArray[np.float32], threads: int = 0) -> NDArray[np.int32]:
     """The links alone of a tree over items without triangles: ~ an item's number where a leaf's would stand; as growing.of_items."""
     threads = threads or target.cores()
-    with arena.borrowed(parallel_build.bytes_of(len(items))) as memory:
+    with arena.arena(parallel_build.bytes_of(len(items))) as memory:
         return _collapsed(parallel_build.of_items(items, around, threads, memory), threads).links
 
 
 def _collapsed(growth: Handle, threads: int) -> Wide:
     """The tree with eight or more children a node; its parts, on threads, stand one behind the other, after what is above them."""
     parts, nodes, leaves = (int(n) for n in growth.tables.sizes)
-    whole, threads = room(nodes, leaves if growth.tables.width > 1 else 0), min(threads, parts)
-    thread_pool.on_threads(lambda _: collapse(growth, whole), range(threads), threads)
+    whole, threads = allocate(nodes, leaves if growth.tables.width > 1 else 0), min(threads, parts)
+    thread_pool.parallel_for(lambda _: collapse(growth, whole), range(threads), threads)
     return whole
 
 
-def room(nodes: int, leaves: int) -> Wide:
+def allocate(nodes: int, leaves: int) -> Wide:
     """A tree's arrays, not filled."""
     return Wide(
         simd.aligned_empty((nodes, NODE), np.float32), simd.aligned_empty((nodes, WIDTH), np.int32),
@@ -85,19 +85,19 @@ def room(nodes: int, leaves: int) -> Wide:
     )
 
 
-def pooled(trees: list[Wide], rows: list[int]) -> Wide:
+def concatenate(trees: list[Wide], rows: list[int]) -> Wide:
     """Trees one behind the other, with links that fit; the triangles of each are numbered from its entry in `rows` on."""
     if len(trees) == 1 and rows == [0]:
         return trees[0]
-    whole = room(sum(len(tree.nodes) for tree in trees), sum(len(tree.leaves) for tree in trees))
+    whole = allocate(sum(len(tree.nodes) for tree in trees), sum(len(tree.leaves) for tree in trees))
     node = leaf = 0
     for tree, row in zip(trees, rows, strict=True):
-        join(whole, tree, node, leaf, row)
+        copy_into_pool(whole, tree, node, leaf, row)
         node, leaf = node + len(tree.nodes), leaf + len(tree.leaves)
     return whole
 
 
-def fineness(tree: Wide, some: int = 64) -> float:
+def median_leaf_extent(tree: Wide, some: int = 64) -> float:
     """How wide leaves are: the median of the largest sides of the boxes of some nodes' leaves."""
     step = max(1, len(tree.nodes) // some)
     planes, links = tree.nodes[::-step], tree.links[::-step]  # the last node has leaves alone
@@ -116,7 +116,7 @@ def collapse(growth, out):
     for k in range(3):
         most = max(most, max(abs(growth.tree.boxes[0, k]), abs(growth.tree.boxes[0, 4 + k])))
     while True:
-        k = taken(growth.counters, parallel_build.COLLAPSED, 1)
+        k = fetch_add(growth.counters, parallel_build.COLLAPSED, 1)
         if k >= growth.sizes[0]:
             break
         _collapse(growth, growth.parts[k, 0], growth.parts[k, 1], growth.parts[k, 2], np.float32(SLACK) * most, out, stack, children)
@@ -201,7 +201,7 @@ def _fill(tree: Any, node: int, mesh: Any, leaves: Any, leaf: int) -> None:
 
 
 @kernel
-def join(whole, part, node, leaf, row):
+def copy_into_pool(whole, part, node, leaf, row):
     """Copy a part to its place, from `node` and `leaf` on; its triangles are numbered from `row` on."""
     for i in range(len(part.nodes)):
         for k in range(NODE):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...simd import target
 from ... import simd
 from .binned_sah import Halves, half_area
-from ...jit.kernel import apart, helper
+from ...jit.kernel import noinline_helper, helper
 from ...jit.arena import Scratch
 
 WIDTH = 16 if target.AVX512 else 8  # children of a node, and triangles of a leaf
@@ -47,7 +47,7 @@ def cost_of(cost: Any, row: int) -> Any:
 
 
 @helper
-def share_out(tree: Halves, share: Any, node: int, cost: Any, row: int, a: int, b: int) -> None:
+def distribute_slots(tree: Halves, share: Any, node: int, cost: Any, row: int, a: int, b: int) -> None:
     """Find what a node costs, whose halves' costs stand in rows a and b, and how it shares its children out between them."""
     best, shares = _spread(np.inf), _spread_whole(0)
     for p in range(1, WIDTH):
@@ -70,8 +70,8 @@ def share_out(tree: Halves, share: Any, node: int, cost: Any, row: int, a: int, 
             least = here
 
 
-@apart
-def choose(tree: Halves, share: Any, root: int, begin: int, end: int, width: int, cost: Any) -> None:
+@noinline_helper
+def choose_wide_nodes(tree: Halves, share: Any, root: int, begin: int, end: int, width: int, cost: Any) -> None:
     """Find how a wide tree takes all below `root`, which stands from `begin` to `end`; its cost is then in row 0.
 
     Where a leaf costs less, of up to `width` items, a node becomes one. `cost` has a row more than there are nodes below.
@@ -82,7 +82,7 @@ def choose(tree: Halves, share: Any, root: int, begin: int, end: int, width: int
         alone = half_area(simd.load(tree.boxes, node * 8, 8)) * np.float32(TEST)
         if half >= 0:
             row = half - begin + 1
-            share_out(tree, share, node, cost, k, row, row + 1)
+            distribute_slots(tree, share, node, cost, k, row, row + 1)
             if k == 0 or tree.count[node] > width or alone > cost_of(cost, k):
                 continue
             tree.second[node] = 0
@@ -124,7 +124,7 @@ def children(tree: Halves, share: Any, root: int, chosen: Any) -> int:
     return n
 
 
-@apart
+@noinline_helper
 def counted(tree: Halves, share: Any, root: int, stack: Any, chosen: Any) -> tuple[int, int]:
     """How many nodes and leaves the wide tree has from a node down, without other parts."""
     stack[0] = root

@@ -175,10 +175,10 @@ def aim(tables, frame, total, first, corner, width, items, rays):
         s += hits.first_samples(corner, first, width, x, y)
         x, y = x + corner[0], y + corner[1]
         view, options = frame.picture, frame.options
-        pixel, s = sobol.place(x, y, s, view.width, frame.order)
+        pixel, s = sobol.zorder_index(x, y, s, view.width, frame.order)
         dx, dy = sobol.offset(pixel, s, total, options.seed, frame.filter)
-        time = sobol.moment(pixel, s, options.seed, frame.shutter)
-        ray = camera.through(
+        time = sobol.sample_time(pixel, s, options.seed, frame.shutter)
+        ray = camera.generate_ray(
             tables, view, frame.lens, ops.to_float(x) + 0.5 + dx, ops.to_float(y) + 0.5 + dy, pixel, s, options.seed, time
         )
         zero = (0.0 * dx, 0.0 * dx, 0.0 * dx)
@@ -191,9 +191,9 @@ def one_by_one(accel, g, rays, at, n, inverse, out):
     """Meet n rays `at` on, which are no bundle, with one surface, as tiles.trace does."""
     for start in range(0, n, crosslane.WIDTH):
         o, d, low, high = packet_state.local(rays, at + start, inverse)
-        high = ops.minimum(high, out.t[at + ops.minimum(crosslane.numbered(start), n - 1)])
+        high = ops.minimum(high, out.t[at + ops.minimum(crosslane.lane_indices(start), n - 1)])
         t, units, u, v, _ = intersect.call(accel.meet, (accel.forms, np.int64(g), o, d, low, high))  # pyright: ignore[reportCallIssue]
-        left = crosslane.bits((t < high) & (crosslane.numbered(start) < n))
+        left = crosslane.bits((t < high) & (crosslane.lane_indices(start) < n))
         while left != 0:
             j = simd.trailing_zeros(left)
             left &= left - 1

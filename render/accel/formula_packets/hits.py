@@ -90,7 +90,7 @@ def _in_a_row(column: Any, start: int) -> Lane:
     n = len(column)
     if start + crosslane.WIDTH <= n:  # several times as fast as from places of lanes
         return crosslane.load_at(column, start)
-    return column[ops.minimum(crosslane.numbered(start), n - 1)]
+    return column[ops.minimum(crosslane.lane_indices(start), n - 1)]
 
 
 @helper
@@ -99,7 +99,7 @@ def pixels(items: Any, start: int) -> tuple[Lane, Lane, Lane]:
     n = len(items) // 3
     if start + crosslane.WIDTH <= n:
         return crosslane.load_at(items, start), crosslane.load_at(items, n + start), crosslane.load_at(items, 2 * n + start)
-    slot = ops.minimum(crosslane.numbered(start), n - 1)
+    slot = ops.minimum(crosslane.lane_indices(start), n - 1)
     return items[slot], items[n + slot], items[2 * n + slot]
 
 

@@ -48,7 +48,7 @@ def aim(tables, light, rays, found, out):
     for start in range(0, n, crosslane.WIDTH):
         origin, direction, _, _ = ray_soa.get(rays, start)
         instance = taken(found.instance, start)
-        met = (instance >= 0) & (crosslane.numbered(start) < n)
+        met = (instance >= 0) & (crosslane.lane_indices(start) < n)
         ends = ops.full_like(origin[0], -1.0)
         if ops.any_lane(met):
             hit = Hit(taken(found.t, start), instance, taken(found.spacing, start), taken(found.u, start), taken(found.v, start))
@@ -71,7 +71,7 @@ def _off(tables: Tables, ray: Ray, hit: Hit, met: Lane) -> tuple[Vec, Vec, Lane]
     position = geometric = (offset, offset, offset)
     rest = met
     while ops.any_lane(rest):
-        instance, here = crosslane.together(hit.instance, rest)
+        instance, here = crosslane.uniform_group(hit.instance, rest)
         p, normal, far = interaction.off_formula(tables, instance, ray, hit)
         position, geometric = ops.where3(here, p, position), ops.where3(here, normal, geometric)
         offset = ops.where(here, far, offset)
@@ -102,14 +102,14 @@ def _forgotten(known):
 
 def dimmed(point: Surface, accel: Any, tables: Tables, light: int, ray: Ray, active: Lane, given: Vec) -> Vec:
     """What of a lamp's light that is `given` passes to a point; nothing where not active."""
-    return intersect.dimmed(accel, tables, ray, active, given)
+    return intersect.attenuate(accel, tables, ray, active, given)
 
 
 @overload(dimmed, jit_options=HELPER)
 def _dimmed_in_kernels(point, accel, tables, light, ray, active, given):
     if not isinstance(point.types[point.fields.index("known")], types.NoneType):
         return lambda point, accel, tables, light, ray, active, given: _by_rest(point.known, accel, tables, light, ray, active, given)
-    return lambda point, accel, tables, light, ray, active, given: intersect.dimmed(accel, tables, ray, active, given)
+    return lambda point, accel, tables, light, ray, active, given: intersect.attenuate(accel, tables, ray, active, given)
 
 
 @helper
@@ -122,8 +122,8 @@ def _by_rest(known: Lane, accel: Any, tables: Tables, light: int, ray: Ray, acti
     zero = ops.full_like(ray.t_min, 0.0)
     total = ops.where3(active & told, given, (zero, zero, zero))
     if accel.rest & REST != 0:
-        total = intersect.dimmed(accel, tables, ray, active & told, given, REST)
+        total = intersect.attenuate(accel, tables, ray, active & told, given, REST)
     rest = active & ops.not_(told)
     if ops.any_lane(rest):
-        total = ops.add(total, intersect.dimmed(accel, tables, ray, rest, given))
+        total = ops.add(total, intersect.attenuate(accel, tables, ray, rest, given))
     return total

@@ -21,7 +21,7 @@ SOME = 64  # turned instances from which on it is worth it
 ROUNDING = 2.0**-21  # of the largest sum's parts: what float32 does to three products and their sum
 
 
-def tighten(
+def tighten_bounds(
     boxes: NDArray[np.float64], which: NDArray[np.int64], tree: Wide, roots: NDArray[np.int32], origins: NDArray[np.float64],
     matrices: NDArray[np.float64], slack: float,
 ) -> None:  # fmt: skip

@@ -8,13 +8,13 @@ import numpy as np
 from numba.extending import overload
 
 from ... import simd
-from ...jit.kernel import HELPER, apart, helper
+from ...jit.kernel import HELPER, helper, noinline_helper
 from ...lanes import crosslane, ops
 from ...types import Hit, Lane, Vec
 from . import entry_point, ray_box, single_ray
 
 
-def meet(
+def intersect_mesh(
     tree: Any, begins: Any, o: Vec, d: Vec, ray: ray_box.BoxRay, enters: Lane, t_min: Lane, t_max: Lane, until: Lane, reach: Lane,
     left: int, alike: bool, any_hit: bool,
 ) -> Hit:  # fmt: skip
@@ -25,7 +25,7 @@ def meet(
     raise NotImplementedError
 
 
-@overload(meet, jit_options=HELPER)
+@overload(intersect_mesh, jit_options=HELPER)
 def _meet(tree, begins, o, d, ray, enters, t_min, t_max, until, reach, left, alike, any_hit):
     if crosslane.is_twice(enters):
 
@@ -54,7 +54,7 @@ def _meet(tree, begins, o, d, ray, enters, t_min, t_max, until, reach, left, ali
 
 @helper
 def _one(tree: Any, root: entry_point.Root, rays: single_ray.Rays, left: int, like: Lane, any_hit: bool) -> Hit:
-    steps = single_ray.ways()
+    steps = single_ray.allocate_state()
     _unmet(steps, 0, like)
     _through(tree, root, rays, steps, left, any_hit)
     return single_ray.met(steps, 0)
@@ -62,7 +62,7 @@ def _one(tree: Any, root: entry_point.Root, rays: single_ray.Rays, left: int, li
 
 @helper
 def _two(tree: Any, root: entry_point.Root, rays: single_ray.Rays, left: int, like: Lane, any_hit: bool) -> Hit:
-    steps = single_ray.ways()
+    steps = single_ray.allocate_state()
     _unmet(steps, 0, like)
     _unmet(steps, 1, like)
     _through(tree, root, rays, steps, left, any_hit)
@@ -74,14 +74,14 @@ def _two(tree: Any, root: entry_point.Root, rays: single_ray.Rays, left: int, li
 
 
 @helper
-def _unmet(steps: single_ray.Walks, part: int, like: Lane) -> None:
+def _unmet(steps: single_ray.TraversalState, part: int, like: Lane) -> None:
     zero = 0.0 * like
     nothing = ops.int_like(zero, -1)
     single_ray.set_out(steps, part, zero + np.inf, nothing, nothing, zero, zero)
 
 
 @helper
-def _through(tree: Any, root: entry_point.Root, rays: single_ray.Rays, steps: single_ray.Walks, left: int, any_hit: bool) -> None:
+def _through(tree: Any, root: entry_point.Root, rays: single_ray.Rays, steps: single_ray.TraversalState, left: int, any_hit: bool) -> None:
     todo = left
     while todo != 0:
         k = simd.trailing_zeros(todo)
@@ -91,7 +91,7 @@ def _through(tree: Any, root: entry_point.Root, rays: single_ray.Rays, steps: si
     _turns(tree, rays, steps, left, any_hit)
 
 
-@apart
+@noinline_helper
 def _turns(tree, rays, steps, left, any_hit):
     """Let rays whose bits are set in `left` go on to their ends: a step of each, and again."""
     while left != 0:
@@ -99,5 +99,5 @@ def _turns(tree, rays, steps, left, any_hit):
         while todo != 0:
             k = simd.trailing_zeros(todo)
             todo &= todo - 1
-            if not single_ray.step(tree, rays, steps, k, 0, any_hit):
+            if not single_ray.traverse_step(tree, rays, steps, k, 0, any_hit):
                 left &= ~(1 << k)

@@ -8,8 +8,8 @@ import numpy as np
 
 from ....compiler import ir
 from ... import simd
-from ...jit.kernel import apart, helper
-from ...jit.packed_struct import unless
+from ...jit.kernel import helper, noinline_helper
+from ...jit.packed_struct import skip_when_tagged
 from ...lanes import crosslane, ops, row_gather
 from ...types import Hit, Lane, Vec
 from ..scene_bvh import NO_MESHES, PLACED, REACH
@@ -24,7 +24,7 @@ ENOUGH = (5 * _LANES + 7) // 8  # rays that wait at instances until they are bro
 
 
 @helper
-def each(
+def trace_incoherent(
     accel: Any, ray: ray_box.BoxRay, o: Vec, d: Vec, origin: Vec, direction: Vec, t_min: Lane, until: Lane, left: int,
     visible_bit: int, any_hit: bool, best: Hit,
 ) -> Hit:  # fmt: skip
@@ -46,7 +46,7 @@ def each(
     crosslane.store(kept, _ENTERS, enters)
     crosslane.store(kept, _PACE, pace)
     single_ray.keep_boxes(upper, entry, ops.scale(ray.inverse, pace), (nearest - enters) * pace)
-    steps, inside = single_ray.ways(), simd.stack_array(np.int64, _LANES)
+    steps, inside = single_ray.allocate_state(), simd.stack_array(np.int64, _LANES)
     single_ray.set_out(steps, 0, best.t, best.instance, best.primitive, best.u, best.v)
     todo = left
     while todo != 0:
@@ -54,12 +54,12 @@ def each(
         todo &= todo - 1
         simd.write(inside, k, -1)
         single_ray.go(steps, k, 0, k * single_ray.STACK)
-    turns(accel, kept, upper, single_ray.room(), steps, inside, left, visible_bit, any_hit)
+    trace_interleaved(accel, kept, upper, single_ray.room(), steps, inside, left, visible_bit, any_hit)
     return single_ray.met(steps, 0)
 
 
-@apart
-def turns(accel, kept, upper, rays, steps, inside, left, visible_bit, any_hit):
+@noinline_helper
+def trace_interleaved(accel, kept, upper, rays, steps, inside, left, visible_bit, any_hit):
     """Let rays whose bits are set in `left` go on to their ends; `inside` tells the instances in whose meshes they are, or -1.
 
     Those that have come to an instance wait for others there, so that several are brought into its frame at a time.
@@ -87,15 +87,15 @@ def turns(accel, kept, upper, rays, steps, inside, left, visible_bit, any_hit):
 
 
 @helper
-def _no_more(accel: Any, rays: single_ray.Rays, steps: single_ray.Walks, k: int, instance: int, any_hit: bool) -> bool:
+def _no_more(accel: Any, rays: single_ray.Rays, steps: single_ray.TraversalState, k: int, instance: int, any_hit: bool) -> bool:
     return False
 
 
-@unless(NO_MESHES, _no_more)
+@skip_when_tagged(NO_MESHES, _no_more)
 @helper
-def _in_mesh(accel: Any, rays: single_ray.Rays, steps: single_ray.Walks, k: int, instance: int, any_hit: bool) -> bool:
+def _in_mesh(accel: Any, rays: single_ray.Rays, steps: single_ray.TraversalState, k: int, instance: int, any_hit: bool) -> bool:
     """One step of ray k in a mesh; whether there is more of it."""
-    return single_ray.step(accel.wide, rays, steps, k, instance, any_hit)
+    return single_ray.traverse_step(accel.wide, rays, steps, k, instance, any_hit)
 
 
 @helper
@@ -106,7 +106,7 @@ def _store3(table: Any, row: int, value: Vec) -> None:
 
 
 @helper
-def _step(accel: Any, upper: single_ray.Rays, steps: single_ray.Walks, k: int, any_hit: bool) -> bool:
+def _step(accel: Any, upper: single_ray.Rays, steps: single_ray.TraversalState, k: int, any_hit: bool) -> bool:
     """One node of ray k's way, or two; whether there is more of it."""
     node, top = simd.read(steps.place, k), simd.read(steps.place, single_ray.RAYS + k)
     ray, limit = single_ray.box(upper, k), single_ray.limit_of(upper, k)
@@ -117,7 +117,7 @@ def _step(accel: Any, upper: single_ray.Rays, steps: single_ray.Walks, k: int, a
 
 
 @helper
-def _next(accel: Any, kept: Any, upper: single_ray.Rays, steps: single_ray.Walks, k: int, top: int, any_hit: bool) -> bool:
+def _next(accel: Any, kept: Any, upper: single_ray.Rays, steps: single_ray.TraversalState, k: int, top: int, any_hit: bool) -> bool:
     """Take the next node or instance from ray k's stack, which ends at `top`; whether there is one."""
     if any_hit:
         if simd.read(steps.numbers, k) >= 0:
@@ -133,7 +133,7 @@ def _next(accel: Any, kept: Any, upper: single_ray.Rays, steps: single_ray.Walks
 
 
 @helper
-def _go(accel: Any, steps: single_ray.Walks, k: int, node: int, top: int) -> bool:
+def _go(accel: Any, steps: single_ray.TraversalState, k: int, node: int, top: int) -> bool:
     """Let ray k be at a node or an instance, and ask for what will be read of an instance; not where its stack had ended."""
     if top < k * single_ray.STACK:
         return False
@@ -147,15 +147,15 @@ def _go(accel: Any, steps: single_ray.Walks, k: int, node: int, top: int) -> boo
 
 @helper
 def _no_entry(
-    accel: Any, kept: Any, rays: single_ray.Rays, steps: single_ray.Walks, g: Lane, o: Vec, d: Vec, t_min: Lane, here: Lane
+    accel: Any, kept: Any, rays: single_ray.Rays, steps: single_ray.TraversalState, g: Lane, o: Vec, d: Vec, t_min: Lane, here: Lane
 ) -> Lane:
     return here & (t_min < -np.inf)
 
 
-@unless(NO_MESHES, _no_entry)
+@skip_when_tagged(NO_MESHES, _no_entry)
 @helper
 def _enter_mesh(
-    accel: Any, kept: Any, rays: single_ray.Rays, steps: single_ray.Walks, g: Lane, o: Vec, d: Vec, t_min: Lane, here: Lane
+    accel: Any, kept: Any, rays: single_ray.Rays, steps: single_ray.TraversalState, g: Lane, o: Vec, d: Vec, t_min: Lane, here: Lane
 ) -> Lane:
     """Make rays ready for meshes g, in whose frames they are: those that enter their boxes."""
     t_max = crosslane.load(kept, _UNTIL)
@@ -173,7 +173,7 @@ def _attempt(
     kept: Any,
     upper: single_ray.Rays,
     rays: single_ray.Rays,
-    steps: single_ray.Walks,
+    steps: single_ray.TraversalState,
     inside: Any,
     left: int,
     wait: int,
@@ -189,8 +189,8 @@ def _attempt(
     meshes = kind == MESH
     (a, b, c, x, e, f, h, y), (p, q, r, z, u, v, w, _) = row_gather.eight_at(accel.inverse, i, 0), row_gather.eight_at(accel.inverse, i, 8)
     matrix, t_min = (a, b, c, x, e, f, h, y, p, q, r, z), crosslane.load(kept, _T_MIN)
-    o = ops.point_by(matrix, (crosslane.load(kept, 0), crosslane.load(kept, 1), crosslane.load(kept, 2)))
-    d = ops.vector_by(matrix, (crosslane.load(kept, _D), crosslane.load(kept, _D + 1), crosslane.load(kept, _D + 2)))
+    o = ops.transform_point12(matrix, (crosslane.load(kept, 0), crosslane.load(kept, 1), crosslane.load(kept, 2)))
+    d = ops.transform_vector12(matrix, (crosslane.load(kept, _D), crosslane.load(kept, _D + 1), crosslane.load(kept, _D + 2)))
     go = _enter_mesh(accel, kept, rays, steps, g, ops.sub(o, (u, v, w)), d, t_min, here & meshes)
     crosslane.write_lanes(inside, 0, 0, i, go)
     crosslane.write_lanes(steps.place, single_ray.vector(0, 0), 0, root, go)
@@ -209,7 +209,7 @@ def _attempt(
 
 
 @helper
-def _meet_shape(accel: Any, i: int, kept: Any, steps: single_ray.Walks, k: int) -> None:
+def _meet_shape(accel: Any, i: int, kept: Any, steps: single_ray.TraversalState, k: int) -> None:
     """Take in instance i, a shape, where ray k meets it first."""
     g = accel.placed[i, 2]
     zero = crosslane.load(kept, _T_MIN)
@@ -218,7 +218,7 @@ def _meet_shape(accel: Any, i: int, kept: Any, steps: single_ray.Walks, k: int) 
     t_min, t_max = ops.full_like(zero, _at(kept, _T_MIN, k)), ops.full_like(zero, _at(kept, _UNTIL, k))
     at_t, part, u, v = _of_shape(accel, accel.placed[i, 3], g, o, d, t_min, t_max)
     t, primitive = crosslane.lane(at_t, 0), np.int64(crosslane.lane(part, 0))
-    if single_ray.sooner(steps, k, t, i, primitive):
+    if single_ray.is_closer(steps, k, t, i, primitive):
         simd.write(steps.found, k, t)
         simd.write(steps.found, single_ray.RAYS + k, crosslane.lane(u, 0))
         simd.write(steps.found, 2 * single_ray.RAYS + k, crosslane.lane(v, 0))
@@ -227,7 +227,7 @@ def _meet_shape(accel: Any, i: int, kept: Any, steps: single_ray.Walks, k: int) 
         simd.write(steps.numbers, single_ray.RAYS + k, primitive)
 
 
-@apart
+@noinline_helper
 def _of_shape(accel, kind, g, o, d, t_min, t_max):
     """meeting.shape as a function of its own: rays one by one call it with one ray in all lanes."""
     return shape_hit.shape(accel, kind, g, o, d, t_min, t_max)

@@ -16,15 +16,15 @@ from numba.extending import overload
 from ... import simd
 from ...geometry import analytic_shapes, instance_transform
 from ...geometry import flat_shapes as flat
-from ...jit.function_pointer import FLOAT, Linked
+from ...jit.function_pointer import FLOAT, KernelPointer
 from ...jit.kernel import HELPER, helper
-from ...jit.packed_struct import Handle, HandleType, marked
+from ...jit.packed_struct import Handle, HandleType, with_type_tags
 from ...lanes import crosslane, ops, row_gather
 from ...surface import alpha, interaction
 from ...types import Hit, Lane, Ray, Vec
 from ..build import tlas as over
 from ..build.wide_bvh import DEPTH, spread64, triangle_of
-from ..scene_bvh import REACH, marks
+from ..scene_bvh import REACH, absent_features
 from . import ray_box, shape_hit, single_ray, triangle_filter, two_level
 from .interleaved_scene import MESH
 
@@ -52,7 +52,7 @@ def moves(accel: Any) -> bool:
 def link(accel: Handle) -> None:
     """Compile or load what goes through packed trees, and tell them where it is."""
     shape_hit.link(accel)
-    search = two_level.search.link(marked(accel.numba_type, *marks(accel.tables)), *two_level.SEARCH)
+    search = two_level.search.link(with_type_tags(accel.numba_type, *absent_features(accel.tables)), *two_level.SEARCH)
     if is_used(accel.numba_type):
         accel.put("aside.plain", search)
         if asks(accel.numba_type):
@@ -70,11 +70,11 @@ def link(accel: Handle) -> None:
 def _cover(accel, origin, direction, t, instance, primitive, u, v, time):
     """How much of instance's surface is there where a ray meets it."""
     tables = accel.aside.tables
-    point = interaction.at(tables, Ray(origin, direction, 0.0, np.inf, time), Hit(t, instance, primitive, u, v))
+    point = interaction.make_interaction(tables, Ray(origin, direction, 0.0, np.inf, time), Hit(t, instance, primitive, u, v))
     return alpha.at(tables, point)
 
 
-covering = Linked(_cover)
+covering = KernelPointer(_cover)
 cover = covering.call
 
 
@@ -98,7 +98,7 @@ def _there_in_kernels(accel, ray, t, i, primitive, u, v):
 
 
 @helper
-def shown(accel: Any, ray: Ray, hit: Hit) -> tuple[Lane, Lane]:
+def alpha_at_hit(accel: Any, ray: Ray, hit: Hit) -> tuple[Lane, Lane]:
     """(How much of what rays met is there, 1 where they met nothing; where those that pass may meet the next thing), in kernels of scenes
     where some is not."""
     there, onward = ops.full_like(hit.t, 1.0), hit.t
@@ -114,7 +114,9 @@ def shown(accel: Any, ray: Ray, hit: Hit) -> tuple[Lane, Lane]:
             share = _there(accel, one, t, i, primitive, crosslane.lane(hit.u, k), crosslane.lane(hit.v, k))
             there = crosslane.with_lane(there, k, share)
             if accel.placed[i, 3] == shape_hit.FORMULA:
-                d = ops.vector_by(instance_transform.at(accel.aside.tables, accel.placed[i, 1], one.time).inverse, direction)
+                d = ops.transform_vector12(
+                    instance_transform.transform_at(accel.aside.tables, accel.placed[i, 1], one.time).inverse, direction
+                )
                 onward = crosslane.with_lane(onward, k, shape_hit.after(accel.parameters[accel.placed[i, 2], 5], d, t, primitive))
     return there, onward
 
@@ -214,8 +216,8 @@ def _meet(accel: Any, i: int, ray: One, limit: Any, visible_bit: int, any_hit: b
     if (accel.placed[i, 0] & visible_bit) == 0:
         return _nothing(share)
     row, g, kind = accel.placed[i, 1], accel.placed[i, 2], accel.placed[i, 3]
-    inverse = instance_transform.at(accel.aside.tables, row, ray.time).inverse
-    o, d = ops.point_by(inverse, ray.origin), ops.vector_by(inverse, ray.direction)
+    inverse = instance_transform.transform_at(accel.aside.tables, row, ray.time).inverse
+    o, d = ops.transform_point12(inverse, ray.origin), ops.transform_vector12(inverse, ray.direction)
     if kind == MESH:
         o = ops.sub(o, (accel.origin[g, 0], accel.origin[g, 1], accel.origin[g, 2]))
         ready = ray_box.local_ray(o, d)
@@ -338,7 +340,7 @@ def _both(
     return _each(accel, origin, direction, t_min, t_max, until, left, visible_bit, any_hit, time, best)
 
 
-through_all, through_moving = Linked(_search), Linked(_search_moving)
+through_all, through_moving = KernelPointer(_search), KernelPointer(_search_moving)
 find_moving = through_moving.call
 
 

@@ -44,7 +44,7 @@ class Group(NamedTuple):
 
 
 @helper
-def alike(left: int, d: Vec, ray: ray_box.BoxRay) -> bool:
+def is_coherent(left: int, d: Vec, ray: ray_box.BoxRay) -> bool:
     """Whether the rays whose bits are set in `left` are several and go one way."""
     if simd.population(left) < FEW:
         return False
@@ -123,7 +123,7 @@ def _entered(o: Lane, d: Lane, enters: Lane) -> Lane:
 
 
 @helper
-def close(core: Core, left: int, reach: Any, fine: Any, any_hit: bool) -> bool:
+def share_leaves(core: Core, left: int, reach: Any, fine: Any, any_hit: bool) -> bool:
     """Whether rays go through much the same leaves of a mesh that single precision has the range for.
 
     `reach` is the largest of the mesh's coordinates, `fine` how wide its leaves are.

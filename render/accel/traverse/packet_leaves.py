@@ -18,7 +18,7 @@ from numba.extending import overload
 
 from ... import simd
 from ...geometry import flat_shapes as flat
-from ...jit.kernel import HELPER, helper, replacing
+from ...jit.kernel import HELPER, helper, make_replace
 from ...lanes import crosslane, ops
 from ...types import Lane, Vec
 from ..build.wide_bvh import LEAF, WHICH, WIDTH, spread32, triangle_of
@@ -76,8 +76,8 @@ class Found(NamedTuple):
     limits: Lane  # float32: and to which t, from where it enters
 
 
-_sure_of = replacing(Found, "place", "nearest", "deepest", "limits")
-_exact_of = replacing(Found, "t", "triangle", "v", "w", "total", "deepest", "limits")
+_sure_of = make_replace(Found, "place", "nearest", "deepest", "limits")
+_exact_of = make_replace(Found, "t", "triangle", "v", "w", "total", "deepest", "limits")
 
 
 @helper
@@ -127,7 +127,7 @@ def middle(core: Core) -> Middle:
 
 
 @helper
-def sifted(leaves: Any, leaf: int, core: Core, ray: Middle, limit: Any, edges: Any) -> int:
+def cull_triangles(leaves: Any, leaf: int, core: Core, ray: Middle, limit: Any, edges: Any) -> int:
     """Bits of a leaf's triangles that one of the rays may meet before `limit`, of which `edges` then holds what `_passed` wants.
 
     Seen along the middle ray the others pass through a rectangle, as large as it is where the farther end of a triangle lies; a

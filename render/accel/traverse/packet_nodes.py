@@ -77,7 +77,7 @@ def _plane(nodes: Any, at: int, scale: Vec, shift: Vec, axis: int) -> Lane:
 
 
 @helper
-def meet(
+def intersect_mesh_packet(
     accel: Any, g: int, root: int, o: Vec, d: Vec, ray: ray_box.BoxRay, enters: Lane, t_min: Lane, t_max: Lane, until: Lane, left: int,
     any_hit: bool,
 ) -> tuple[Lane, Lane, Lane, Lane, bool]:  # fmt: skip
@@ -97,7 +97,7 @@ def meet(
     if hits == 0:
         return *unmet, True
     core = packet.core_of(rays, go, np.float32(2.0 * triangle_filter.OFF) * np.float32(reach))
-    if not packet.close(core, left, reach, fine, any_hit):
+    if not packet.share_leaves(core, left, reach, fine, any_hit):
         return *unmet, False
     middle, asked = triangles.middle(core), triangles.rays_of(rays, go, core, o, d, enters, t_min, t_max)
     found = triangles.nothing(asked, core, limits)
@@ -112,7 +112,7 @@ def meet(
         else:
             leaf, before = ~node, limit
             _fetch_last(tree, children, top)
-            hits = triangles.sifted(tree.leaves, leaf, core, middle, limit, edges)
+            hits = triangles.cull_triangles(tree.leaves, leaf, core, middle, limit, edges)
             found = triangles.take(tree.leaves, leaf, hits, asked, core, found, any_hit, edges)
             limit = simd.max_of(found.limits)
             if limit < before:
@@ -125,7 +125,7 @@ def meet(
 @helper
 def _fetch_last(tree: Any, children: Any, top: int) -> None:
     """Ask for what is last on the stack, which will be read soon."""
-    single_ray.fetch(tree, np.int64(simd.read(children, max(top - 1, 0))) if top > 0 else 0)
+    single_ray.prefetch_node(tree, np.int64(simd.read(children, max(top - 1, 0))) if top > 0 else 0)
 
 
 @helper

@@ -94,8 +94,8 @@ def _interval(near: Lane, far: Lane, inverse: Lane, up: Any, active: Lane, first
     n = ops.where(active, near, crosslane.lane(near, first))
     f = ops.where(active, far, crosslane.lane(far, first))
     i = ops.where(active, inverse, crosslane.lane(inverse, first))
-    behind, ahead = (crosslane.most(n), crosslane.least(f)) if up else (crosslane.least(n), crosslane.most(f))
-    return spread64(behind), spread64(ahead), spread64(crosslane.least(i)), spread64(crosslane.most(i))
+    behind, ahead = (crosslane.reduce_max(n), crosslane.reduce_min(f)) if up else (crosslane.reduce_min(n), crosslane.reduce_max(f))
+    return spread64(behind), spread64(ahead), spread64(crosslane.reduce_min(i)), spread64(crosslane.reduce_max(i))
 
 
 @helper
@@ -140,7 +140,7 @@ def enter_each(nodes: Any, node: int, ray: BoxRay, t_min: Lane, t_max: Lane) -> 
         near, far = _side(nodes, at + i, ray.near[0], ray.far[0], ray.inverse[0], ray.x, near, far)
         near, far = _side(nodes, at + 2 * WIDTH + i, ray.near[1], ray.far[1], ray.inverse[1], ray.y, near, far)
         near, far = _side(nodes, at + 4 * WIDTH + i, ray.near[2], ray.far[2], ray.inverse[2], ray.z, near, far)
-        simd.write(first, i, crosslane.least(ops.where(near <= far, near, np.inf)))
+        simd.write(first, i, crosslane.reduce_min(ops.where(near <= far, near, np.inf)))
     least = simd.load(first, 0, WIDTH)
     return _sooner(least), simd.bits(least < np.inf)
 

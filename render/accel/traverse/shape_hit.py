@@ -10,7 +10,7 @@ from numba import types
 from ....compiler import ir
 from ...formula.tables import MET, TORUS
 from ...geometry import analytic_shapes
-from ...jit.function_pointer import FLOAT, INT, VEC, Answering, Promised
+from ...jit.function_pointer import FLOAT, INT, VEC, DeclaredKernel, DeclaredPointer
 from ...jit.kernel import helper
 from ...jit.packed_struct import Handle
 from ...lanes import crosslane, ops
@@ -54,8 +54,8 @@ def _rare(parameters, kind, g, o, d, t_min, t_max):
     return t, ops.int_like(t, 0) + part
 
 
-call_meet = Promised(MET).call
-rare = Answering(_rare, (FLOAT, INT))
+call_meet = DeclaredPointer(MET).call
+rare = DeclaredKernel(_rare, (FLOAT, INT))
 call_rare = rare.call
 
 
@@ -76,7 +76,7 @@ def shape(accel: Any, kind: int, g: int, o: Vec, d: Vec, t_min: Lane, t_max: Lan
 @helper
 def formula(accel: Any, g: int, o: Vec, d: Vec, t_min: Any, t_max: Any) -> tuple[Any, Any, Any, Any, Any]:
     """(t, primitive, u, v, where the next meeting may be) of the first meeting of one ray, of numbers, with a formula's surface."""
-    zero = 0.0 * ops.to_float(crosslane.numbered(0))
+    zero = 0.0 * ops.to_float(crosslane.lane_indices(0))
     way, begin = ops.like3(zero, d[0], d[1], d[2]), ops.full_like(zero, t_min)
     start, end = ops.like3(zero, o[0], o[1], o[2]), ops.full_like(zero, t_max)
     t, spacing, u, v, _ = call_meet(accel.meet, (accel.forms, np.int64(g), start, way, begin, end))  # pyright: ignore[reportCallIssue]

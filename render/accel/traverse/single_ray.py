@@ -40,7 +40,7 @@ class Rays(NamedTuple):
     axes: Any  # int64: the shear's axes, and the rows in Box
 
 
-class Walks(NamedTuple):
+class TraversalState(NamedTuple):
     """Where several rays are on their ways, and what they have met; rows of lanes in memory, and a stack for each."""
 
     children: Any  # int32: what is still to be seen
@@ -66,7 +66,11 @@ def keep(
     """
     singles, doubles, axes = rays.singles, rays.doubles, rays.axes
     most = STEEP * ops.smallest((abs(inverse[0]), abs(inverse[1]), abs(inverse[2])))
-    x, y, z = crosslane.rounded(o[0] + enters * d[0]), crosslane.rounded(o[1] + enters * d[1]), crosslane.rounded(o[2] + enters * d[2])
+    x, y, z = (
+        crosslane.to_float32(o[0] + enters * d[0]),
+        crosslane.to_float32(o[1] + enters * d[1]),
+        crosslane.to_float32(o[2] + enters * d[2]),
+    )
     sx, sy, sz = _slope(inverse[0], most), _slope(inverse[1], most), _slope(inverse[2], most)
     _put3(singles, 0, part, (sx, sy, sz), mine)
     _put3(singles, 3, part, (-x * sx, -y * sy, -z * sz), mine)
@@ -87,7 +91,7 @@ def keep(
 @helper
 def keep_boxes(rays: Rays, entry: Vec, inverse: Vec, limit: Lane) -> None:
     """Store as the first vector of rays what boxes ask: where they enter, 1 / direction (its largest component 1), how far they go."""
-    x, y, z = crosslane.rounded(entry[0]), crosslane.rounded(entry[1]), crosslane.rounded(entry[2])
+    x, y, z = crosslane.to_float32(entry[0]), crosslane.to_float32(entry[1]), crosslane.to_float32(entry[2])
     sx, sy, sz = _slope(inverse[0], STEEP), _slope(inverse[1], STEEP), _slope(inverse[2], STEEP)
     all_ = ops.bool_like(limit, True)
     _put3(rays.singles, 0, 0, (sx, sy, sz), all_)
@@ -116,7 +120,7 @@ def _put3(table: Any, row: int, part: int, v: Vec, mine: Lane) -> None:
 
 @helper
 def _slope(steep: Lane, most: Lane) -> Lane:
-    return crosslane.rounded(ops.clip(steep, -most, most))
+    return crosslane.to_float32(ops.clip(steep, -most, most))
 
 
 @helper
@@ -233,7 +237,7 @@ def any_first(links: Any, node: int, hits: int, children: Any, top: int) -> tupl
 
 
 @helper
-def thing_first(
+def nearest_instance_first(
     links: Any, node: int, near: Lane, far: Lane, hits: int, children: Any, reaches: Any, top: int, any_hit: bool
 ) -> tuple[Any, int]:
     """The same in a tree over instances: the nearest child or, where any hit will do, the one rays are in for longest, likely to be met."""
@@ -354,16 +358,16 @@ def _corner(leaves: Any, at: int, ray: Sheared) -> Vec:
 
 
 @helper
-def ways() -> Walks:
+def allocate_state() -> TraversalState:
     """Where rays' ways are kept."""
-    return Walks(
+    return TraversalState(
         simd.stack_array(np.int32, _STACKS), simd.stack_array(np.float32, _STACKS), simd.stack_array(np.int64, _PLACES),
         simd.stack_array(np.float64, _FOUND), simd.stack_array(np.int64, _NUMBERS),
     )  # fmt: skip
 
 
 @helper
-def set_out(made: Walks, part: int, t: Lane, instance: Lane, primitive: Lane, u: Lane, v: Lane) -> None:
+def set_out(made: TraversalState, part: int, t: Lane, instance: Lane, primitive: Lane, u: Lane, v: Lane) -> None:
     """Let a vector of rays have met something, or nothing."""
     crosslane.store(made.found, vector(0, part), t)
     crosslane.store(made.found, vector(1, part), u)
@@ -374,53 +378,54 @@ def set_out(made: Walks, part: int, t: Lane, instance: Lane, primitive: Lane, u:
 
 
 @helper
-def met(steps: Walks, part: int) -> Hit:
+def met(steps: TraversalState, part: int) -> Hit:
     """What a vector of rays has met."""
     total = crosslane.load(steps.found, vector(3, part))
     return Hit(
-        crosslane.load(steps.found, vector(0, part)), crosslane.load(steps.numbers, vector(0, part)), crosslane.load(steps.numbers, vector(1, part)),
+        crosslane.load(steps.found, vector(0, part)), crosslane.load(steps.numbers, vector(0, part)),
+        crosslane.load(steps.numbers, vector(1, part)),
         crosslane.load(steps.found, vector(1, part)) / total, crosslane.load(steps.found, vector(2, part)) / total,
     )  # fmt: skip
 
 
 @helper
-def go(steps: Walks, k: int, node: int, top: int) -> None:
+def go(steps: TraversalState, k: int, node: int, top: int) -> None:
     """Let ray k be at a node, its stack end at `top`."""
     simd.write(steps.place, k, node)
     simd.write(steps.place, RAYS + k, top)
 
 
 @helper
-def begin(tree: Any, nodes: Any, links: Any, rays: Rays, steps: Walks, k: int, any_hit: bool) -> bool:
+def begin(tree: Any, nodes: Any, links: Any, rays: Rays, steps: TraversalState, k: int, any_hit: bool) -> bool:
     """Let ray k begin at node 0 of some that are not a tree's but lead to its; whether it enters anything there."""
     start = k * STACK
-    node, top = pass_boxes(nodes, links, 0, box(rays, k), limit_of(rays, k), steps, start, any_hit)
-    fetch(tree, node)
+    node, top = visit_node(nodes, links, 0, box(rays, k), limit_of(rays, k), steps, start, any_hit)
+    prefetch_node(tree, node)
     go(steps, k, node, top)
     simd.write(steps.place, 2 * RAYS + k, start)
     return top >= start
 
 
 @helper
-def step(tree: Any, rays: Rays, steps: Walks, k: int, instance: int, any_hit: bool) -> bool:
+def traverse_step(tree: Any, rays: Rays, steps: TraversalState, k: int, instance: int, any_hit: bool) -> bool:
     """One node or leaf of ray k's way through a mesh, or two nodes where any meeting will do; whether there is more of it."""
     node, top, start = simd.read(steps.place, k), simd.read(steps.place, RAYS + k), simd.read(steps.place, 2 * RAYS + k)
     if node >= 0:
         ray, limit = box(rays, k), limit_of(rays, k)
-        node, top = pass_boxes(tree.nodes, tree.links, node, ray, limit, steps, top, any_hit)
+        node, top = visit_node(tree.nodes, tree.links, node, ray, limit, steps, top, any_hit)
         if any_hit and node >= 0 and top >= start:
-            node, top = pass_boxes(tree.nodes, tree.links, node, ray, limit, steps, top, any_hit)
+            node, top = visit_node(tree.nodes, tree.links, node, ray, limit, steps, top, any_hit)
     else:
         node, top = _pass_leaf(tree, ~node, rays, steps, k, instance, start, top, any_hit)
     if top < start:
         return False
-    fetch(tree, node)
+    prefetch_node(tree, node)
     go(steps, k, node, top)
     return True
 
 
 @helper
-def pass_boxes(nodes: Any, links: Any, node: int, ray: Box, limit: Any, steps: Walks, top: int, any_hit: bool) -> tuple[Any, int]:
+def visit_node(nodes: Any, links: Any, node: int, ray: Box, limit: Any, steps: TraversalState, top: int, any_hit: bool) -> tuple[Any, int]:
     """(where a ray goes on after a node; where its stack ends then)."""
     near, _, hits = enter_boxes(nodes, node, ray, limit)
     if any_hit:
@@ -429,15 +434,15 @@ def pass_boxes(nodes: Any, links: Any, node: int, ray: Box, limit: Any, steps: W
 
 
 @helper
-def pass_things(nodes: Any, links: Any, node: int, ray: Box, limit: Any, steps: Walks, top: int, any_hit: bool) -> tuple[Any, int]:
+def pass_things(nodes: Any, links: Any, node: int, ray: Box, limit: Any, steps: TraversalState, top: int, any_hit: bool) -> tuple[Any, int]:
     """The same in the tree over instances."""
     near, far, hits = enter_boxes(nodes, node, ray, limit)
-    return thing_first(links, node, near, far, hits, steps.children, steps.reaches, top, any_hit)
+    return nearest_instance_first(links, node, near, far, hits, steps.children, steps.reaches, top, any_hit)
 
 
 @helper
 def _pass_leaf(
-    tree: Any, leaf: int, rays: Rays, steps: Walks, k: int, instance: int, start: int, top: int, any_hit: bool
+    tree: Any, leaf: int, rays: Rays, steps: TraversalState, k: int, instance: int, start: int, top: int, any_hit: bool
 ) -> tuple[Any, int]:
     """The same after a leaf, its stack in the mesh beginning at `start`."""
     if any_hit:
@@ -452,7 +457,7 @@ def _pass_leaf(
 
 
 @helper
-def _pass_leaf_any(tree: Any, leaf: int, rays: Rays, steps: Walks, k: int, instance: int, top: int) -> tuple[Any, int]:
+def _pass_leaf_any(tree: Any, leaf: int, rays: Rays, steps: TraversalState, k: int, instance: int, top: int) -> tuple[Any, int]:
     """The same where any meeting will do, with no branch on what is usual."""
     limit, ray = limit_of(rays, k), sieve_of(rays, k)
     seen = triangle_filter.passed(tree.leaves, leaf, ray)
@@ -470,7 +475,7 @@ def _pass_leaf_any(tree: Any, leaf: int, rays: Rays, steps: Walks, k: int, insta
 
 
 @helper
-def _meet_all(tree: Any, leaf: int, hits: int, rays: Rays, steps: Walks, k: int, instance: int, any_hit: bool, limit: Any) -> Any:
+def _meet_all(tree: Any, leaf: int, hits: int, rays: Rays, steps: TraversalState, k: int, instance: int, any_hit: bool, limit: Any) -> Any:
     """Take in those triangles of a leaf, whose bits are set in `hits`, that ray k meets first; the limit then."""
     while hits != 0:
         j = simd.trailing_zeros(hits)
@@ -480,7 +485,7 @@ def _meet_all(tree: Any, leaf: int, hits: int, rays: Rays, steps: Walks, k: int,
 
 
 @helper
-def _meet(tree: Any, leaf: int, j: int, rays: Rays, steps: Walks, k: int, instance: int, any_hit: bool, limit: Any) -> Any:
+def _meet(tree: Any, leaf: int, j: int, rays: Rays, steps: TraversalState, k: int, instance: int, any_hit: bool, limit: Any) -> Any:
     """Take in triangle j of a leaf, if ray k meets it first; the limit then."""
     ray = sheared(rays, k)
     met = crossing(tree.leaves, leaf, j, ray)
@@ -488,7 +493,7 @@ def _meet(tree: Any, leaf: int, j: int, rays: Rays, steps: Walks, k: int, instan
         return limit
     t = flat.reached(met, ray.shear[2], _double(rays, 7, k), _double(rays, 8, k))
     number = np.int64(triangle_of(tree.leaves, leaf, j))
-    if not sooner(steps, k, t, instance, number):
+    if not is_closer(steps, k, t, instance, number):
         return limit
     simd.write(steps.found, k, t)
     simd.write(steps.found, RAYS + k, met.v)
@@ -500,7 +505,7 @@ def _meet(tree: Any, leaf: int, j: int, rays: Rays, steps: Walks, k: int, instan
 
 
 @helper
-def sooner(steps: Walks, k: int, t: Any, instance: int, primitive: int) -> bool:
+def is_closer(steps: TraversalState, k: int, t: Any, instance: int, primitive: int) -> bool:
     """Whether ray k meets this before what it has met; of two at one place, that with the lower number."""
     before = simd.read(steps.found, k)
     if t != before:
@@ -510,7 +515,7 @@ def sooner(steps: Walks, k: int, t: Any, instance: int, primitive: int) -> bool:
 
 
 @helper
-def fetch(tree: Any, node: int) -> None:
+def prefetch_node(tree: Any, node: int) -> None:
     """Ask for a leaf that will be read soon; of a node, which others have read before, nothing."""
     at = max(~node, 0) * LEAF
     for line in range((LEAF + 15) // 16):

@@ -9,9 +9,9 @@ from numba import types
 from numba.extending import overload
 
 from ... import simd
-from ...jit.function_pointer import FLOAT, INT, MASK, VEC, Answering
-from ...jit.kernel import HELPER, apart, helper
-from ...jit.packed_struct import unless
+from ...jit.function_pointer import FLOAT, INT, MASK, VEC, DeclaredKernel
+from ...jit.kernel import HELPER, helper, noinline_helper
+from ...jit.packed_struct import skip_when_tagged
 from ...lanes import crosslane, ops, row_gather
 from ...types import Hit, Lane, Vec
 from ..build import tlas as over
@@ -35,7 +35,7 @@ def _search(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit
     endless = len(accel.endless)
     for k in range(endless + (1 if accel.only >= 0 else 0)):  # a single thing in the tree: its own box is asked
         i = np.int64(accel.endless[k]) if k < endless else np.int64(accel.only)
-        best = attempt(accel, i, origin, direction, t_min, until, visible_bit, any_hit, best)
+        best = intersect_instance(accel, i, origin, direction, t_min, until, visible_bit, any_hit, best)
         if any_hit:
             until = ops.where(best.instance >= 0, zero - np.inf, until)
     left = crosslane.bits(until > t_min)
@@ -46,7 +46,7 @@ def _search(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit
 
 SEARCH = (VEC, VEC, FLOAT, FLOAT, MASK, types.int64, types.boolean)  # what `search` takes beside the trees; aside.link makes it ready
 HIT: Any = types.NamedTuple([FLOAT, INT, INT, FLOAT, FLOAT], Hit)
-search = Answering(_search, HIT, SEARCH)
+search = DeclaredKernel(_search, HIT, SEARCH)
 find = search.call  # what kernels call, with its address and its arguments
 
 
@@ -57,7 +57,7 @@ def _nothing_below(
     return best
 
 
-@unless(NO_TREE, _nothing_below)
+@skip_when_tagged(NO_TREE, _nothing_below)
 @helper
 def _below(
     accel: Any, origin: Vec, direction: Vec, t_min: Lane, until: Lane, left: int, visible_bit: int, any_hit: bool, best: Hit
@@ -67,8 +67,8 @@ def _below(
     ray = ray_box.world_ray(o, d)
     narrow = is_narrow(ray, direction, until > t_min, left)
     if narrow or len(accel.top.links) <= SMALL:
-        return together(accel, ray, origin, direction, t_min, until, visible_bit, any_hit, narrow, best)
-    return interleaved_scene.each(accel, ray, o, d, origin, direction, t_min, until, left, visible_bit, any_hit, best)
+        return traverse_packet(accel, ray, origin, direction, t_min, until, visible_bit, any_hit, narrow, best)
+    return interleaved_scene.trace_incoherent(accel, ray, o, d, origin, direction, t_min, until, left, visible_bit, any_hit, best)
 
 
 @helper
@@ -85,7 +85,7 @@ def is_narrow(ray: ray_box.BoxRay, direction: Vec, active: Lane, left: int) -> b
 
 
 @helper
-def together(
+def traverse_packet(
     accel: Any, ray: ray_box.BoxRay, origin: Vec, direction: Vec, t_min: Lane, until: Lane,
     visible_bit: int, any_hit: bool, narrow: bool, best: Hit,
 ) -> Hit:  # fmt: skip
@@ -94,23 +94,23 @@ def together(
     children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
     active = until > t_min
     rays = ray_box.bundle(ray, active, simd.trailing_zeros(crosslane.bits(active)))
-    begin = crosslane.least(ops.where(active, t_min, np.inf))
+    begin = crosslane.reduce_min(ops.where(active, t_min, np.inf))
     top, node = np.int64(0), np.int64(0)
     while True:
-        limit = crosslane.most(ops.minimum(best.t, until))
+        limit = crosslane.reduce_max(ops.minimum(best.t, until))
         if node >= 0 and narrow:
             near, far, hits = ray_box.enter_node(nodes, node, rays, begin, limit)
-            node, top = single_ray.thing_first(links, node, near, far, hits, children, reaches, top, any_hit)
+            node, top = single_ray.nearest_instance_first(links, node, near, far, hits, children, reaches, top, any_hit)
         elif node >= 0:
             near, hits = ray_box.enter_each(nodes, node, ray, t_min, ops.minimum(best.t, until))
             node, top = single_ray.nearest_first(links, node, near, hits, children, reaches, top)
         else:
-            best = attempt(accel, ~node, origin, direction, t_min, until, visible_bit, any_hit, best)
+            best = intersect_instance(accel, ~node, origin, direction, t_min, until, visible_bit, any_hit, best)
             if any_hit:
                 until = ops.where(best.instance >= 0, -np.inf, until)
-                top = top if crosslane.most(until) > -np.inf else 0
+                top = top if crosslane.reduce_max(until) > -np.inf else 0
             else:
-                nearer = crosslane.most(ops.minimum(best.t, until))
+                nearer = crosslane.reduce_max(ops.minimum(best.t, until))
                 top = single_ray.sifted(children, reaches, 0, top, nearer) if nearer < limit else top
             node, top = single_ray.last_of(children, top)
         if top < 0:
@@ -118,7 +118,9 @@ def together(
 
 
 @helper
-def attempt(accel: Any, i: int, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane, visible_bit: int, any_hit: bool, best: Hit) -> Hit:
+def intersect_instance(
+    accel: Any, i: int, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane, visible_bit: int, any_hit: bool, best: Hit
+) -> Hit:
     """`best`, or the hits with instance i in the lanes where that comes first."""
     if (accel.placed[i, 0] & visible_bit) == 0:
         return best
@@ -165,7 +167,7 @@ def _no_mesh(
     return nothing
 
 
-@unless(NO_MESHES, _no_mesh)
+@skip_when_tagged(NO_MESHES, _no_mesh)
 @helper
 def _on_mesh(
     accel: Any, i: int, g: int, o: Vec, d: Vec, t_min: Lane, t_max: Lane, nearest: Lane, any_hit: bool, nothing: Hit
@@ -175,19 +177,21 @@ def _on_mesh(
     return Hit(t, nothing.instance, primitive, u, v)
 
 
-@apart
+@noinline_helper
 def _mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
     """(t, triangle, u, v) of the first meeting with mesh g, whose tree begins at `root`, not beyond `nearest`."""
     until = ops.minimum(nearest, t_max)
     ray, enters, left = entering(accel, g, o, d, t_min, until)
     if left == 0:
         return packet_nodes.nothing(enters)
-    alike = BUNDLES and packet.alike(left, d, ray)
+    alike = BUNDLES and packet.is_coherent(left, d, ray)
     if BUNDLES and alike:
-        t, triangle, u, v, asked = packet_nodes.meet(accel, g, root, o, d, ray, enters, t_min, t_max, until, left, any_hit)
+        t, triangle, u, v, asked = packet_nodes.intersect_mesh_packet(accel, g, root, o, d, ray, enters, t_min, t_max, until, left, any_hit)
         if asked:
             return t, triangle, u, v
-    hit = interleaved_mesh.meet(accel.wide, root, o, d, ray, enters, t_min, t_max, until, accel.boxes[g, REACH], left, alike, any_hit)
+    hit = interleaved_mesh.intersect_mesh(
+        accel.wide, root, o, d, ray, enters, t_min, t_max, until, accel.boxes[g, REACH], left, alike, any_hit
+    )
     return hit.t, hit.primitive, hit.u, hit.v
 
 

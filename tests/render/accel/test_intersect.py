@@ -98,7 +98,7 @@ def test_inactive_rays_meet_nothing() -> None:
     tables = scene([(K.SPHERE, [1.0], np.eye(4), 0)])
     ray = rays([(0, 0, 5), (0, 0, 5)], (0, 0, -1))
     active = np.array([True, False])
-    hit = intersect.closest(intersect.Brute(), tables, ray, active, 1)
+    hit = intersect.closest_hit(intersect.Brute(), tables, ray, active, 1)
     np.testing.assert_array_equal(hit.t, [4.0, np.inf])
     np.testing.assert_array_equal(hit.instance, [0, -1])
     np.testing.assert_array_equal(intersect.occluded(intersect.Brute(), tables, ray, active), active)
@@ -272,11 +272,11 @@ def test_a_tree_is_the_same_on_any_number_of_threads() -> None:
 def test_trees_of_arrays_that_may_be_written_to_or_not_compile_once() -> None:
     positions, triangles = np.eye(3, dtype=np.float32), np.arange(3, dtype=np.int32)[None]
     wide_bvh.build(positions, triangles)
-    before = len(wide_bvh.collapse.signatures), len(parallel_build.take_part.signatures)
+    before = len(wide_bvh.collapse.signatures), len(parallel_build.build_worker.signatures)
     for each in (positions, triangles):
         each.flags.writeable = False
         wide_bvh.build(positions, triangles)
-    assert (len(wide_bvh.collapse.signatures), len(parallel_build.take_part.signatures)) == before
+    assert (len(wide_bvh.collapse.signatures), len(parallel_build.build_worker.signatures)) == before
 
 
 @pytest.mark.parametrize("n", [1, 2, 7, 8, 9, 60])
@@ -286,7 +286,7 @@ def test_trees_of_few_triangles(n: int) -> None:
 
 
 def test_trees_of_two_meshes_stand_in_one_pool() -> None:
-    tree_cache.forget()  # or trees would be refitted ones of other tests' meshes
+    tree_cache.clear()  # or trees would be refitted ones of other tests' meshes
     tables = scene(meshes=[(wavy(20), np.eye(4), 0), (wavy(10), np.eye(4), 0)])
     tree = scene_bvh.build(tables)
     assert tree.placed[:, 4].tolist() == [0, len(wide_bvh.build(tables.pools.positions, tables.pools.triangles[:800]).nodes)]

@@ -68,12 +68,12 @@ def closest_at(accel, columns, t, instance, primitive, share):
     """What rays with a time meet, and the light that passes them."""
     n = columns.shape[1]
     for start in range(0, n, crosslane.WIDTH):
-        k = ops.minimum(crosslane.numbered(start), n - 1)
+        k = ops.minimum(crosslane.lane_indices(start), n - 1)
         origin, direction = (columns[0, k], columns[1, k], columns[2, k]), (columns[3, k], columns[4, k], columns[5, k])
         ray = Ray(origin, direction, columns[6, k], columns[7, k], columns[8, k])
         active = ops.bool_like(ray.t_max, True)
-        hit = intersect.closest(accel, accel, ray, active, 1)
-        passed = intersect.let_through(accel, accel, ray, active)
+        hit = intersect.closest_hit(accel, accel, ray, active, 1)
+        passed = intersect.transmittance(accel, accel, ray, active)
         for j in range(min(n - start, crosslane.WIDTH)):
             t[start + j], instance[start + j] = crosslane.lane(hit.t, j), crosslane.lane(hit.instance, j)
             primitive[start + j], share[start + j] = crosslane.lane(hit.primitive, j), crosslane.lane(passed, j)
@@ -121,7 +121,7 @@ def test_a_turn_is_even_and_keeps_its_size(angle):
 def test_inverses_between_keys():
     tables = everything(3)
     rows = np.flatnonzero(tables.transforms.first_key >= 0)
-    place = instance_transform.at(tables, rows, np.random.default_rng(1).uniform(0, 1, len(rows)))
+    place = instance_transform.transform_at(tables, rows, np.random.default_rng(1).uniform(0, 1, len(rows)))
     m, inverse = (np.stack(v, axis=1).reshape(-1, 3, 4) for v in place)
     both = np.einsum("nij,njk->nik", m[:, :, :3], inverse[:, :, :3])
     np.testing.assert_allclose(both, np.broadcast_to(np.eye(3), both.shape), atol=1e-12)
@@ -134,7 +134,7 @@ def test_bounds_hold_all_that_is_swept(seed):
     box = scene_bvh.swept_bounds(tables)[0]
     corners = np.array([[x, y, z, 1] for x in (-1, 1) for y in (-0.1, 0.1) for z in (-3, 3)])
     row = np.full(500, tables.instances.transform[0])
-    m = np.stack(instance_transform.at(tables, row, np.linspace(0, 1, 500)).matrix, axis=1).reshape(-1, 3, 4)
+    m = np.stack(instance_transform.transform_at(tables, row, np.linspace(0, 1, 500)).matrix, axis=1).reshape(-1, 3, 4)
     points = (m @ corners.T).transpose(0, 2, 1).reshape(-1, 3)
     assert (points >= box[:3]).all()
     assert (points <= box[3:]).all()
@@ -151,8 +151,8 @@ def test_trees_and_brute_force_agree_on_what_moves(seed):
     n = 2500
     ray = random_rays(n, seed)._replace(time=np.random.default_rng(seed).uniform(0, 1, n))
     active = np.ones(n, bool)
-    wanted: Hit = intersect.closest(intersect.Brute(), tables, ray, active, 1)
-    share = intersect.let_through(intersect.Brute(), tables, ray, active)
+    wanted: Hit = intersect.closest_hit(intersect.Brute(), tables, ray, active, 1)
+    share = intersect.transmittance(intersect.Brute(), tables, ray, active)
     for brute in (False, True):
         t, instance, primitive, passed = through_trees(tables, ray, brute)
         np.testing.assert_array_equal(instance, wanted.instance)
@@ -363,7 +363,7 @@ def test_usd_shutters_open_when_they_say(tmp_path):
     row = int(tables.instances.transform[0])
     assert tables.transforms.matrix[row, 0, 3] == pytest.approx(10.0)
     for moment, x in ((0.0, 9.5), (1.0, 11.5)):
-        assert instance_transform.at(tables, row, np.array([moment])).matrix[3] == pytest.approx(x)
+        assert instance_transform.transform_at(tables, row, np.array([moment])).matrix[3] == pytest.approx(x)
     assert plan.open_during(tables, 0) == pytest.approx((0.0, 0.5))
     assert plan.open_during(tables, 1) == pytest.approx((0.75, 0.25))
 
@@ -377,7 +377,7 @@ def test_a_lens_goes_with_the_camera_that_moves(tmp_path):
     tables = load.load(path).tables
     view, time = View(0, 40, 30), np.linspace(0, 1, 64)
     lens, n = camera.lens_of(tables, view), np.arange(64)
-    ray = camera.through(tables, view, lens, np.full(64, 9.0), np.full(64, 4.0), n, n, 1, time)
+    ray = camera.generate_ray(tables, view, lens, np.full(64, 9.0), np.full(64, 4.0), n, n, 1, time)
     radius = float(tables.cameras.lens[0])
     away = np.hypot(ray.origin[0] - 2.0 * time, ray.origin[1])
     assert away.max() < radius

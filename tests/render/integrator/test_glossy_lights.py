@@ -67,7 +67,7 @@ def test_samples_of_lamps_are_met(lit):
     u, v = rng.uniform(0.001, 0.999, (2, 500))
     place = place_of(500)
     arriving = lights.sample(tables, row, place, u, v)
-    distance, solid, bright = (np.broadcast_to(x, 500) for x in glossy_lights.meet(tables, row, place, arriving.direction))
+    distance, solid, bright = (np.broadcast_to(x, 500) for x in glossy_lights.intersect_lights(tables, row, place, arriving.direction))
     assert np.all(solid > 0.0)
     assert distance == pytest.approx(np.broadcast_to(arriving.distance, 500), rel=1e-9)
     assert solid == pytest.approx(np.broadcast_to(glossy_lights.solid_angle(tables, row, arriving), 500), rel=1e-6)
@@ -82,7 +82,7 @@ def test_directions_that_meet_a_lamp_fill_its_solid_angle(lit):
     n = 400_000
     direction = rng.normal(size=(3, n))
     direction /= np.linalg.norm(direction, axis=0)
-    _, solid, _ = glossy_lights.meet(tables, row, place_of(n), tuple(direction))
+    _, solid, _ = glossy_lights.intersect_lights(tables, row, place_of(n), tuple(direction))
     met = solid > 0.0
     density = np.where(met, 1.0 / np.where(met, solid, 1.0), 0.0) * 4.0 * np.pi
     assert density.mean() == pytest.approx(1.0, abs=5.0 * density.std() / np.sqrt(n))
@@ -105,10 +105,10 @@ def test_the_parts_of_what_is_reflected_add_up_and_have_the_density_of_their_sam
     up = tuple(np.repeat([0.0, 1.0, 0.0], n).reshape(3, n))
     viewer = tuple(np.repeat(np.array([0.3, 0.9, 0.1]) / np.linalg.norm([0.3, 0.9, 0.1]), n).reshape(3, n))
     instance = np.full(n, 2)
-    shader = bsdf.at(tables, _point(tables, up, instance))
+    shader = bsdf.evaluate_shader(tables, _point(tables, up, instance))
     u, v, which = rng.uniform(0.0, 1.0, (3, n))
     direction, share = bsdf.sample_lobe(shader, up, viewer, u, v, which)
-    matt, shine, density = bsdf.divided(shader, up, direction, viewer)
+    matt, shine, density = bsdf.eval_lobes_pdf(shader, up, direction, viewer)
     whole = bsdf.reflected(shader, up, direction, viewer)
     for k in range(3):
         assert np.broadcast_to(matt[k] + shine[k], n) == pytest.approx(np.broadcast_to(whole[k], n), rel=1e-12, abs=1e-15)

@@ -13,7 +13,7 @@ def _nothing_kept(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def borrow(size: int) -> int:
-    with arena.borrowed(size) as memory:
+    with arena.arena(size) as memory:
         return memory.empty((1,), np.uint8).ctypes.data
 
 
@@ -32,14 +32,14 @@ def test_too_much_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_two_at_once_have_their_own() -> None:
-    with arena.borrowed(64) as one, arena.borrowed(64) as other:
+    with arena.arena(64) as one, arena.arena(64) as other:
         a, b = one.empty((64,), np.uint8), other.empty((64,), np.uint8)
     assert a.ctypes.data != b.ctypes.data
     assert len(arena._kept) == 1
 
 
 def test_arrays_stand_one_behind_the_other_in_cache_lines() -> None:
-    with arena.borrowed(arena.size_of((3, 5), np.float64) + arena.size_of((7,), np.int32)) as memory:
+    with arena.arena(arena.size_of((3, 5), np.float64) + arena.size_of((7,), np.int32)) as memory:
         one, two = memory.empty((3, 5), np.float64), memory.empty((7,), np.int32)
         one[:], two[:] = 1.5, 7
         assert one.sum() == 22.5

@@ -24,6 +24,7 @@ target.cores = lambda: 2
 whole = np.zeros((1, 2), np.int64)
 given = whole, 3, 4, np.zeros(2, np.int64), np.zeros(3, np.int64), np.zeros(2), np.zeros(2, np.int64)
 """
+START = "compile_process.compile_in_background(2, primed.begin, *given)\n"
 END = """
 primed.begin(*given)
 assert given[4].tolist() == [3, 4, 0]
@@ -41,28 +42,29 @@ def run(folder: Path, text: str) -> str:
 
 
 def test_a_kernel_that_was_compiled_beside_is_loaded(tmp_path: Path) -> None:
-    assert run(tmp_path, "compile_process.start(2, primed.begin, *given)\nassert len(compile_process._under_way) == 1" + END) == "1 0"
-    again = "compile_process.start(2, primed.begin, *given)\nassert not compile_process._under_way"  # nobody is asked for what is on disk
+    assert run(tmp_path, START + "assert len(compile_process._under_way) == 1" + END) == "1 0"
+    again = START + "assert not compile_process._under_way"  # nobody is asked for what is on disk
     assert run(tmp_path, again + END) == "1 0"
 
 
 def test_where_the_other_process_ends_the_kernel_is_compiled_here(tmp_path: Path) -> None:
     assert (
-        run(tmp_path, "compile_process.start(2, primed.begin, *given)\nnext(iter(compile_process._under_way.values())).kill()" + END)
+        run(tmp_path, START + "next(iter(compile_process._under_way.values())).kill()" + END)
         == "0 1"
     )
 
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_there_are_no_more_processes_than_threads(tmp_path: Path, threads: int) -> None:
-    text = f"compile_process.start({threads}, primed.begin, *given)\ncompile_process.start({threads}, primed.begin, *given)\nprint(len(compile_process._under_way))"
+    start = f"compile_process.compile_in_background({threads}, primed.begin, *given)\n"
+    text = 2 * start + "print(len(compile_process._under_way))"
     assert run(tmp_path, text) == str(threads - 1)
 
 
 def test_the_other_process_ends_with_this_one(tmp_path: Path) -> None:
     text = """
 import time
-compile_process.call(2, time.sleep, 100)
+compile_process.run_in_background(2, time.sleep, 100)
 process = compile_process._called[0]
 process.stdin.close()
 print(process.wait(60))
@@ -91,14 +93,14 @@ def test_kernels_are_found_by_their_functions_names() -> None:
 
     assert compile_process._named(wavefront, "draw_tile") is wavefront.draw_tile
     assert compile_process._named(whitted, "_radiance") is whitted.linked.kernel
-    assert isinstance(whitted.linked, function_pointer.Linked)
+    assert isinstance(whitted.linked, function_pointer.KernelPointer)
 
 
 def test_nobody_is_asked_for_what_is_known_here(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(target, "cores", lambda: 2)
     given = np.zeros((1, 2), np.int64), 3, 4, np.zeros(2, np.int64), np.zeros(3, np.int64), np.zeros(2), np.zeros(2, np.int64)
     hits.begin(*given)
-    assert kernel.is_kept(hits.begin, tuple(map(numba.typeof, given)))
+    assert kernel.is_cached(hits.begin, tuple(map(numba.typeof, given)))
     monkeypatch.setattr(compile_process, "_asked", None)
-    compile_process.start(2, hits.begin, *given)
+    compile_process.compile_in_background(2, hits.begin, *given)
     assert not compile_process._under_way

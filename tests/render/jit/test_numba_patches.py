@@ -90,7 +90,7 @@ def test_what_a_version_of_numba_has_no_more_stays_away() -> None:
     replaced = numba_patches.REPLACED
     try:
         numba_patches.REPLACED = ((Elsewhere, "values", numba_patches.values, ("options",)),)
-        numba_patches.make()
+        numba_patches.install_patches()
     finally:
         numba_patches.REPLACED = replaced
     assert not hasattr(Elsewhere, "values")

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from maquette.render.jit.kernel import helper, kernel
-from maquette.render.jit.packed_struct import Handle, marked, unless
+from maquette.render.jit.packed_struct import Handle, skip_when_tagged, with_type_tags
 
 
 class Inner(NamedTuple):
@@ -133,7 +133,7 @@ def _without(handle, x):
     return -x
 
 
-@unless("no numbers", _without)
+@skip_when_tagged("no numbers", _without)
 @helper
 def first_and(handle, x):
     return handle.numbers[0] + x
@@ -146,10 +146,10 @@ def asked(handle, x):
 
 def test_a_marked_type_is_the_same_block_with_something_left_out():
     handle = Handle(Numbers(np.array([2.0])))
-    plain, without = handle.numba_type, marked(handle.numba_type, "no numbers")
+    plain, without = handle.numba_type, with_type_tags(handle.numba_type, "no numbers")
     assert plain.field("no numbers") is None
     assert without.field("numbers") == plain.field("numbers")
-    assert marked(handle.numba_type, "no numbers") is without
+    assert with_type_tags(handle.numba_type, "no numbers") is without
     assert asked(handle, 1.0) == 3.0
     handle.numba_type = without
     assert asked(handle, 1.0) == -1.0

@@ -15,13 +15,13 @@ def test_each_job_is_done_once_and_told_here():
     def tell(job: int, result: tuple[int, int]) -> None:
         told.append((job, result[0], threading.get_ident()))
 
-    thread_pool.on_threads(lambda job: (job * job, threading.get_ident()), range(200), 3, None, tell)
+    thread_pool.parallel_for(lambda job: (job * job, threading.get_ident()), range(200), 3, None, tell)
     assert sorted(told) == [(job, job * job, threading.get_ident()) for job in range(200)]
 
 
 def test_two_threads_work_at_the_same_time():
     meeting = threading.Barrier(2, timeout=20)
-    thread_pool.on_threads(lambda job: meeting.wait(), range(2), 2)
+    thread_pool.parallel_for(lambda job: meeting.wait(), range(2), 2)
 
 
 def test_the_first_exception_ends_it():
@@ -29,7 +29,7 @@ def test_the_first_exception_ends_it():
         raise ArithmeticError(str(job))
 
     with pytest.raises(ArithmeticError):
-        thread_pool.on_threads(fail, range(4), 2)
+        thread_pool.parallel_for(fail, range(4), 2)
 
 
 def test_what_is_cancelled_ends():
@@ -40,7 +40,7 @@ def test_what_is_cancelled_ends():
         if len(done) == 5:
             cancel.set()
 
-    thread_pool.on_threads(draw, range(1000), 2, cancel)
+    thread_pool.parallel_for(draw, range(1000), 2, cancel)
     assert 5 <= len(done) <= 6
 
 
@@ -52,7 +52,7 @@ def test_threads_are_used_again():
             seen.add(threading.get_ident())
             meeting.wait()
 
-        thread_pool.on_threads(draw, range(2), 2)
+        thread_pool.parallel_for(draw, range(2), 2)
         return seen
 
     first = names()
@@ -62,12 +62,12 @@ def test_threads_are_used_again():
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="the system has no fork")
 @pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
 def test_a_child_has_threads_of_its_own():
-    thread_pool.on_threads(lambda job: None, range(4), 2)
+    thread_pool.parallel_for(lambda job: None, range(4), 2)
     child = os.fork()
     if child == 0:
         meeting = threading.Barrier(2, timeout=20)
         try:
-            thread_pool.on_threads(lambda job: meeting.wait(), range(2), 2)
+            thread_pool.parallel_for(lambda job: meeting.wait(), range(2), 2)
         except BaseException:
             os._exit(1)
         os._exit(0)
@@ -82,7 +82,7 @@ def test_a_thread_is_woken_off_its_callers_core():
         cores[threading.get_ident()] = os.sched_getaffinity(0)
         meeting.wait()
 
-    thread_pool.on_threads(draw, range(2), 2)
+    thread_pool.parallel_for(draw, range(2), 2)
     mine = cores.pop(threading.get_ident())
     (other,) = cores.values()
     assert other < mine

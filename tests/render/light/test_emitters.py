@@ -54,7 +54,7 @@ def met(tables: ir.Tables, origin, direction):
     n = len(direction[0])
     zero = np.zeros(n)
     ray = Ray((zero + origin[0], zero + origin[1], zero + origin[2]), direction, zero, zero + np.inf, None)
-    hit = intersect.closest(None, tables, ray, np.ones(n, bool), 1)
+    hit = intersect.closest_hit(None, tables, ray, np.ones(n, bool), 1)
     return np.where(hit.instance >= 0, hit.t, np.inf), hit.primitive
 
 

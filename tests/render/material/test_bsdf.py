@@ -26,7 +26,7 @@ def shader(material, prepare=None, color=None):
     """A material's numbers on a plane, seen straight from above."""
     tables = make.scene([(K.PLANE, (), make.matrix(), 0)], materials=[material], prepare=prepare)
     ray = make.rays((0.3, 1, 0.2), (0, -1, 0))
-    return bsdf.at(tables, interaction.at(tables, ray, make.first_hit(tables, ray)))
+    return bsdf.evaluate_shader(tables, interaction.make_interaction(tables, ray, make.first_hit(tables, ray)))
 
 
 def hemisphere(n=150):

@@ -37,8 +37,8 @@ def point_of(material, inside=False):
     placed = make.matrix(linear=np.diag([1.0, -1.0, -1.0])) if inside else make.matrix()
     tables = principled.tables_for(make.scene([(K.PLANE, (), placed, 0)], materials=[material]))
     ray = make.rays((0.3, 1, 0.2), (0, -1, 0))
-    point = interaction.at(tables, ray, make.first_hit(tables, ray))
-    return point, bsdf.at(tables, point)
+    point = interaction.make_interaction(tables, ray, make.first_hit(tables, ray))
+    return point, bsdf.evaluate_shader(tables, point)
 
 
 def towards(angle, turn=0.0):
@@ -60,7 +60,7 @@ def scattered(material, angle, n=90, random=False, inside=False):
     lanes_of = [np.broadcast_to(x, u.shape) for x in towards(angle)]
     wide = point._replace(**{k: tuple(np.broadcast_to(c, u.shape) for c in getattr(point, k)) for k in ("geometric", "normal")})
     wide = wide._replace(front=np.broadcast_to(point.front, u.shape))
-    return bsdf.scatter(shader, USES, wide, tuple(lanes_of), u, v, which), shader
+    return bsdf.sample_bsdf(shader, USES, wide, tuple(lanes_of), u, v, which), shader
 
 
 def reflectance(material, angle, n=90):
@@ -109,7 +109,7 @@ def whole(name, roughness, cosine):
     nodes, weights = np.polynomial.legendre.leggauss(200)
     matt = np.zeros_like(cosine)
     for mu, w in zip(0.5 * (nodes + 1), weights, strict=True):
-        matt += w * mu * microfacet._under(lobes, all_, out, microfacet.sight(lobes, np.asarray(mu), all_.bounced))[0]
+        matt += w * mu * microfacet._under(lobes, all_, out, microfacet.directional_albedo(lobes, np.asarray(mu), all_.bounced))[0]
     return coat + (1 - coat) * highlight + matt
 
 
@@ -183,7 +183,7 @@ def test_directions_are_drawn_as_their_density_says(slots, angle):
     viewer = towards(angle)
 
     def density(direction):
-        return bsdf.share_of(shader, USES, UP, direction, viewer)[1]
+        return bsdf.eval_bsdf_pdf(shader, USES, UP, direction, viewer)[1]
 
     chi2(taken.direction, blunt, density)
     again = density(taken.direction)
@@ -214,7 +214,7 @@ def test_facets_cover_the_plane():
     sine = np.sqrt(1 - cosine**2)
     half = (sine, cosine, 0 * sine)
     for alpha in (0.1, 0.5, 1.0):
-        found = microfacet.spread(half, tuple(np.broadcast_to(c, sine.shape) for c in UP), np.full(sine.shape, alpha))
+        found = microfacet.ggx_distribution(half, tuple(np.broadcast_to(c, sine.shape) for c in UP), np.full(sine.shape, alpha))
         assert 2 * math.pi * float(np.sum(found * cosine * weight)) == pytest.approx(1.0, abs=1e-6)
 
 
@@ -222,7 +222,7 @@ def test_a_polished_one_mirrors_by_schlicks_law():
     point, shader = point_of(given(Model.PRINCIPLED_SPECULAR, specular=(0.2, 0.5, 0.9), roughness=0.0))
     for angle in ANGLES:
         direction = tuple(-c for c in towards(angle))
-        found = bsdf.splits(point, shader, direction)[0]
+        found = bsdf.fresnel_split(point, shader, direction)[0]
         for channel, f0 in enumerate((0.2, 0.5, 0.9)):
             assert float(found[channel][0]) == pytest.approx(f0 + (1 - f0) * (1 - math.cos(angle)) ** 5, rel=1e-9)
 
@@ -279,7 +279,7 @@ def test_rough_glass_sends_on_no_more_than_it_gets(ratio):
 def test_rough_glass_sends_light_as_its_density_says(roughness, angle, inside):
     taken, shader = scattered(given(**GLASS, roughness=roughness), angle, 400, random=True, inside=inside)
     viewer = towards(angle)
-    chi2(taken.direction, taken.weight[0] > 0, lambda d: bsdf.share_of(shader, USES, UP, d, viewer)[1])
+    chi2(taken.direction, taken.weight[0] > 0, lambda d: bsdf.eval_bsdf_pdf(shader, USES, UP, d, viewer)[1])
 
 
 def test_light_goes_through_rough_glass_either_way():

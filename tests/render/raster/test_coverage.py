@@ -38,7 +38,7 @@ def traced(scene: ir.Tables, size=(96, 96)) -> Hit:
     """What rays find there, by brute force."""
     drawn = pictures.renderer(scene, "raster", size=size)
     ray, _ = drawn.centres(Tile(0, 0, *size))
-    hit = intersect.closest(intersect.Brute(), scene, ray, np.ones(size[0] * size[1], bool), int(ir.Visibility.CAMERA))
+    hit = intersect.closest_hit(intersect.Brute(), scene, ray, np.ones(size[0] * size[1], bool), int(ir.Visibility.CAMERA))
     return Hit(*(np.asarray(c).reshape(size[1], size[0]) for c in hit))
 
 

@@ -122,7 +122,7 @@ def errors(function, order, seed, shared):
     y, x = (c.ravel() for c in np.mgrid[:SIDE, :SIDE])
     total = 0.0
     for s in range(1 << order):
-        pixel, index = sobol.place(x, y, np.full(x.size, s), SIDE, order if shared else sobol.ALONE)
+        pixel, index = sobol.zorder_index(x, y, np.full(x.size, s), SIDE, order if shared else sobol.ALONE)
         total = total + function(*sobol.pair(pixel, index, np.full(x.size, 3), seed))
     mean = (total / (1 << order)).reshape(SIDE, SIDE)
     grid = (np.arange(1 << 11) + 0.5) / (1 << 11)
@@ -151,17 +151,17 @@ def test_errors_of_neighbours_that_share_a_sequence_are_blue_noise(name, order):
 
 def test_each_pixel_of_a_block_has_a_stretch_of_its_own():
     y, x = (c.ravel() for c in np.mgrid[:64, :64])
-    pixel, index = sobol.place(x + 64, y, np.zeros(x.size, int), 200, 3)
+    pixel, index = sobol.zorder_index(x + 64, y, np.zeros(x.size, int), 200, 3)
     assert set(pixel) == {1}
     assert np.array_equal(np.sort(index), 8 * np.arange(64 * 64))
-    assert sobol.place(5, 130, 7, 200, 3)[0] == 2 * 4
-    assert sobol.place(5, 130, 7, 200, sobol.ALONE) == (130 * 200 + 5, 7)
+    assert sobol.zorder_index(5, 130, 7, 200, 3)[0] == 2 * 4
+    assert sobol.zorder_index(5, 130, 7, 200, sobol.ALONE) == (130 * 200 + 5, 7)
 
 
 @given(st.integers(0, 127), st.integers(0, 127), st.integers(0, 1000))
 @settings(max_examples=40, deadline=None)
 def test_a_stretch_is_a_net(x, y, seed):
-    pixel, index = sobol.place(np.full(16, x), np.full(16, y), np.arange(16), SIDE, 4)
+    pixel, index = sobol.zorder_index(np.full(16, x), np.full(16, y), np.arange(16), SIDE, 4)
     p = np.stack(sobol.pair(pixel, index, np.full(16, 3), seed), axis=1)
     for wide in (1, 2, 4, 8, 16):
         cells = np.floor(p * [wide, 16 // wide]).astype(int)

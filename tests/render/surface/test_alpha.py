@@ -63,7 +63,7 @@ def test_trees_and_brute_force_agree_on_all_shapes(seed):
 def test_shares_of_light_agree():
     tables, ray = everything(5), random_rays(2000, 6)
     active = np.ones(2000, bool)
-    wanted = intersect.let_through(intersect.Brute(), tables, ray, active)
+    wanted = intersect.transmittance(intersect.Brute(), tables, ray, active)
     accel = ray_queries.trees(tables)
     what = np.stack(ray.origin, axis=1), np.stack(ray.direction, axis=1)
     found = ray_queries.let_through(accel, *what)

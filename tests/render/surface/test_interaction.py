@@ -34,7 +34,7 @@ TRIANGLE = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, -4.0]])  # cou
 def at(tables, ray):
     hit = make.first_hit(tables, ray)
     with np.errstate(all="ignore"):
-        return interaction.at(tables, ray, hit, True), hit
+        return interaction.make_interaction(tables, ray, hit, True), hit
 
 
 def vector(v):

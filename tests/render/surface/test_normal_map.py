@@ -38,7 +38,7 @@ def normal_at(tables, origin, direction):
     tables = principled.tables_for(tables)
     ray = make.rays(origin, direction)
     hit = make.first_hit(tables, ray)
-    point = normal_map.tilted(tables, interaction.at(tables, ray, hit), hit, ray.direction)
+    point = normal_map.tilted(tables, interaction.make_interaction(tables, ray, hit), hit, ray.direction)
     return np.array([float(c[0]) for c in point.normal])
 
 

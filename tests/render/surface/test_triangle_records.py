@@ -102,7 +102,7 @@ def test_rows_of_triangles_are_their_surfaces(tmp_path: Path, name: str, how: st
     zero = np.zeros(648)
     direction = (zero, zero - 1.0, zero)
     ray = Ray((zero, zero + 9.0, zero), direction, zero, zero + np.inf, None)
-    found = interaction.at(tables, ray, Hit(zero + 9.0, np.full(648, i), numbers, u, v))
+    found = interaction.make_interaction(tables, ray, Hit(zero + 9.0, np.full(648, i), numbers, u, v))
     rows = tried.records.rows[first + numbers]
     side = np.where(found.front, 1.0, -1.0)
     assert np.allclose(rows[:, :3], np.stack(found.geometric, axis=1) * side[:, None], atol=2e-5)

@@ -52,7 +52,7 @@ def seen(texture, origin, direction, shape, picture=PICTURE):
     tables = scene(texture, picture, shape)
     ray = make.rays(origin, direction)
     with np.errstate(all="ignore"):
-        found = interaction.at(tables, ray, make.first_hit(tables, ray), True)
+        found = interaction.make_interaction(tables, ray, make.first_hit(tables, ray), True)
         return np.stack(np.broadcast_arrays(*textures.value(tables, np.zeros(len(ray.t_min), int), found)), axis=-1)
 
 

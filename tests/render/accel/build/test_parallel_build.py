@@ -18,7 +18,7 @@ def mesh_of(corners: np.ndarray) -> Mesh:
 
 
 def grown(mesh: Mesh, threads: int = 1):
-    with arena.borrowed(parallel_build.bytes_of(len(mesh.triangles))) as memory:
+    with arena.arena(parallel_build.bytes_of(len(mesh.triangles))) as memory:
         growth = parallel_build.of_mesh(mesh, threads, memory).tables
         tree = binned_sah.Halves(*(part.copy() for part in growth.tree))
         return growth._replace(tree=tree, share=growth.share.copy())
@@ -91,7 +91,7 @@ def test_boxes_that_shrink_without_end_are_halved_at_last() -> None:
 
 
 def test_a_thread_that_fails_takes_the_others_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    sheet, real, failed = wavy(150), parallel_build.take_part, threading.Event()
+    sheet, real, failed = wavy(150), parallel_build.build_worker, threading.Event()
 
     def take_part(growth, mine):
         if not failed.is_set():
@@ -100,7 +100,7 @@ def test_a_thread_that_fails_takes_the_others_with_it(monkeypatch: pytest.Monkey
             raise ArithmeticError("of one thread")
         return real(growth, mine)
 
-    monkeypatch.setattr(parallel_build, "take_part", take_part)
+    monkeypatch.setattr(parallel_build, "build_worker", take_part)
     with pytest.raises(ArithmeticError, match="of one thread"):
         wide_bvh.build(sheet.positions.astype(np.float32), sheet.triangles.astype(np.int32), 2)
 
@@ -110,12 +110,12 @@ def test_who_waits_gives_its_core_away_and_comes_back_for_the_same_task() -> Non
     items = np.zeros((9, 8), np.float32)
     items[:, binned_sah.COUNT], items[:, 0], items[:, 4] = 1.0, np.arange(9), -np.arange(9)
     items.view(np.int32)[:, binned_sah.NUMBER] = np.arange(9) | binned_sah.TAG
-    with arena.borrowed(parallel_build.bytes_of(9)) as memory:
+    with arena.arena(parallel_build.bytes_of(9)) as memory:
         growth = parallel_build._empty(Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)), 9, memory)
-        growth.tree.items[:], growth.tree.boxes[:2] = items, binned_sah.around(items)
+        growth.tree.items[:], growth.tree.boxes[:2] = items, binned_sah.bounds_of(items)
         shared, mine = parallel_build.Handle(growth), np.full(1, -1)
-        assert not parallel_build.take_part(shared, mine)
+        assert not parallel_build.build_worker(shared, mine)
         assert mine[0] == 0
         growth.ready[0] = 1
-        assert parallel_build.take_part(shared, mine)
+        assert parallel_build.build_worker(shared, mine)
         assert growth.sizes[2] == 9

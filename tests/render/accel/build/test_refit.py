@@ -15,9 +15,9 @@ from ...tracing import bundles, random_rays, same, wavy
 
 @pytest.fixture(autouse=True)
 def _forgotten():
-    tree_cache.forget()
+    tree_cache.clear()
     yield
-    tree_cache.forget()
+    tree_cache.clear()
 
 
 def corners(cells: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -72,13 +72,13 @@ def test_rays_meet_in_it_what_brute_force_finds(monkeypatch, how):
 
 def test_a_tree_that_became_bad_is_built_anew():
     positions, triangles = corners(24, 5)
-    first = tree_cache.tree(positions, triangles)
+    first = tree_cache.cached_mesh_bvh(positions, triangles)
     bent = (positions + 0.001).astype(np.float32)
-    assert (tree_cache.tree(bent, triangles).links == first.links).all()
+    assert (tree_cache.cached_mesh_bvh(bent, triangles).links == first.links).all()
     shuffled = np.random.default_rng(6).permutation(positions).astype(np.float32)  # every triangle now goes across everything
     refitted, built = refit.refitted(first, shuffled, triangles), wide_bvh.build(shuffled, triangles)
     assert refit.cost(refitted) > refit.WORSE * refit.cost(first)
-    found = tree_cache.tree(shuffled, triangles)
+    found = tree_cache.cached_mesh_bvh(shuffled, triangles)
     for a, b in zip(found, built, strict=True):
         np.testing.assert_array_equal(a, b)
-    assert tree_cache.tree(shuffled, triangles) is found
+    assert tree_cache.cached_mesh_bvh(shuffled, triangles) is found

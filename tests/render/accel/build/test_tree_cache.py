@@ -19,7 +19,7 @@ def _apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A folder of one's own, and small meshes count as large."""
     monkeypatch.setattr(kernel, "CACHE", tmp_path)
     monkeypatch.setattr(tree_cache, "LARGE", 100)
-    tree_cache.forget()
+    tree_cache.clear()
 
 
 def mesh(cells: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -39,35 +39,35 @@ def assert_equal(a: wide_bvh.Wide, b: wide_bvh.Wide) -> None:
 
 def test_a_tree_is_remembered_and_read_as_it_was_built(tmp_path: Path) -> None:
     positions, triangles = mesh(20)
-    built = tree_cache.tree(positions, triangles)
+    built = tree_cache.cached_mesh_bvh(positions, triangles)
     assert_equal(built, wide_bvh.build(positions, triangles))
-    assert tree_cache.tree(positions.copy(), triangles.copy()) is built
+    assert tree_cache.cached_mesh_bvh(positions.copy(), triangles.copy()) is built
     assert len(files(tmp_path)) == 1
-    tree_cache.forget()
-    read = tree_cache.tree(positions, triangles)
+    tree_cache.clear()
+    read = tree_cache.cached_mesh_bvh(positions, triangles)
     assert read is not built
     assert_equal(read, built)
 
 
 def test_another_corner_is_another_tree(tmp_path: Path) -> None:
     positions, triangles = mesh(20)
-    built = tree_cache.tree(positions, triangles)
+    built = tree_cache.cached_mesh_bvh(positions, triangles)
     moved = positions.copy()
     moved[7, 1] = np.nextafter(moved[7, 1], np.float32(9))
-    assert tree_cache.tree(moved, triangles) is not built
-    assert tree_cache.tree(positions, triangles[::-1]) is not built
+    assert tree_cache.cached_mesh_bvh(moved, triangles) is not built
+    assert tree_cache.cached_mesh_bvh(positions, triangles[::-1]) is not built
     assert len(files(tmp_path)) == 2  # the first was refitted, which is done as fast as it would be read
 
 
 def test_small_meshes_are_not_written(tmp_path: Path) -> None:
-    tree_cache.tree(*mesh(5))
+    tree_cache.cached_mesh_bvh(*mesh(5))
     assert files(tmp_path) == []
 
 
 @pytest.mark.parametrize("damage", ["empty", "short", "long", "foreign", "a folder"])
 def test_what_is_damaged_is_built_again(tmp_path: Path, damage: str) -> None:
     positions, triangles = mesh(20)
-    built = tree_cache.tree(positions, triangles)
+    built = tree_cache.cached_mesh_bvh(positions, triangles)
     (file,) = files(tmp_path)
     whole = file.read_bytes()
     file.unlink()
@@ -75,8 +75,8 @@ def test_what_is_damaged_is_built_again(tmp_path: Path, damage: str) -> None:
         file.mkdir()
     else:
         file.write_bytes({"empty": b"", "short": whole[:-4], "long": whole + b"0000", "foreign": b"x" * len(whole)}[damage])
-    tree_cache.forget()
-    assert_equal(tree_cache.tree(positions, triangles), built)
+    tree_cache.clear()
+    assert_equal(tree_cache.cached_mesh_bvh(positions, triangles), built)
     if damage != "a folder":
         assert file.read_bytes() == whole
 
@@ -84,18 +84,18 @@ def test_what_is_damaged_is_built_again(tmp_path: Path, damage: str) -> None:
 def test_nowhere_to_write_is_no_mistake(tmp_path: Path) -> None:
     (tmp_path / "trees").write_text("in the way")
     positions, triangles = mesh(20)
-    assert_equal(tree_cache.tree(positions, triangles), wide_bvh.build(positions, triangles))
+    assert_equal(tree_cache.cached_mesh_bvh(positions, triangles), wide_bvh.build(positions, triangles))
 
 
 def test_the_folder_and_the_memory_have_an_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    sizes = [tree_cache.tree(*mesh(20, seed)).nbytes for seed in range(3)]
+    sizes = [tree_cache.cached_mesh_bvh(*mesh(20, seed)).nbytes for seed in range(3)]
     monkeypatch.setattr(tree_cache, "ON_DISK", 3 * max(sizes))
     monkeypatch.setattr(tree_cache, "IN_MEMORY", 2 * max(sizes))
     for seed in range(3, 9):
-        tree_cache.tree(*mesh(20, seed))
+        tree_cache.cached_mesh_bvh(*mesh(20, seed))
         assert sum(file.stat().st_size for file in files(tmp_path)) <= 3 * max(sizes) + 16 * 3
-    newest = tree_cache.tree(*mesh(20, 8))
-    assert tree_cache.tree(*mesh(20, 8)) is newest
+    newest = tree_cache.cached_mesh_bvh(*mesh(20, 8))
+    assert tree_cache.cached_mesh_bvh(*mesh(20, 8)) is newest
     assert sum(tree.nbytes for tree in tree_cache._known.values()) <= 2 * max(sizes)
 
 

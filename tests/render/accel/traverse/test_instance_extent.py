@@ -26,7 +26,7 @@ def boxes_of(made, places):
     tree, roots, _ = scene_bvh.mesh_trees(tables, np.unique(tables.instances.geometry))
     close = loose.copy()
     which = np.arange(len(places))
-    instance_extent.tighten(close, which, tree, roots[tables.instances.geometry], *scene_bvh.frames(tables), scene_bvh.SLACK)
+    instance_extent.tighten_bounds(close, which, tree, roots[tables.instances.geometry], *scene_bvh.frames(tables), scene_bvh.SLACK)
     points = tables.pools.positions.astype(np.float64) + tables.geometries.origin[tables.instances.geometry[0]]
     return loose, close, np.einsum("nij,vj->nvi", places[:, :, :3], points) + places[:, None, :, 3]
 

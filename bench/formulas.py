@@ -18,10 +18,10 @@ from ..compiler.formula.tape import INPUTS, Builder, Op, Tape, arity
 from ..render.accel import ray_queries
 from ..render.formula import intersect, numpy_reference, packet_state, packets, scene_surfaces, tape_jit
 from ..render.formula.tables import Forms
-from ..render.jit.function_pointer import FLOAT, VEC
 from ..render.jit.kernel import kernel
 from ..render.jit.packed_struct import Handle
 from ..render.lanes import crosslane
+from ..render.lanes.kinds import FLOAT, VEC
 from . import report
 from .harness import OURS, Case, Contender, Disagreement, Effort, Missing, Peers, Result, measure
 

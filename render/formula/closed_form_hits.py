@@ -13,9 +13,10 @@ import numpy as np
 from ...compiler.formula.closed_form_solids import EITHER, LEAF, MOST_DEPTH, MOST_LEAVES
 from .. import simd
 from ..geometry import torus
-from ..jit.function_pointer import FLOAT, DeclaredKernel
+from ..jit.function_pointer import DeclaredKernel
 from ..jit.kernel import helper
 from ..lanes import crosslane, ops
+from ..lanes.kinds import FLOAT
 from ..types import Lane, Vec
 from . import intersect
 from .llvm_math import LANES

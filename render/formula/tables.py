@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ..jit.function_pointer import FLOAT, INT
+from ..lanes.kinds import FLOAT, INT
 from .llvm_math import ROW
 
 MET = (FLOAT, INT, FLOAT, FLOAT, INT)

@@ -18,10 +18,11 @@ from ..accel import intersect  # fmt: skip
 from ..accel.formula_packets import shadow_rays
 from ..accel.traverse import motion_alpha
 from ..geometry import instance_transform
-from ..jit.function_pointer import FLOAT, INT, VEC, KernelPointer
+from ..jit.function_pointer import KernelPointer
 from ..jit.kernel import HELPER, helper, specialize_either, specialize_if_present
 from ..jit.packed_struct import Handle
 from ..lanes import crosslane, ops
+from ..lanes.kinds import FLOAT, INT, VEC
 from ..light import lights, shadow_map
 from ..material import bsdf, medium_stack, microfacet
 from ..material.bsdf import Shader

@@ -18,7 +18,6 @@ from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
 from .. import simd
-from ..lanes import crosslane
 from .kernel import kernel
 
 
@@ -101,10 +100,3 @@ def _fits(given: types.Type, wanted: types.Type) -> bool:
     if isinstance(wanted, simd.Vector):
         return given == wanted or isinstance(given, types.Number | types.Boolean)
     return given == wanted or (isinstance(given, types.Integer) and isinstance(wanted, types.Integer))
-
-
-FLOAT: Any = crosslane.kind("f")
-"""Numba's types of a kernel's lanes: float64, int64, and what comparisons give."""
-INT: Any = crosslane.kind("i")
-MASK: Any = crosslane.kind("m")
-VEC: Any = types.UniTuple(FLOAT, 3)

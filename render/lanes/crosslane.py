@@ -11,20 +11,12 @@ from numba.extending import overload
 from .. import simd
 from ..jit.kernel import HELPER, helper
 from ..types import Lane, Vec
+from .kinds import WIDTH
 from .ops import full_like
-
-WIDTH = simd.WIDTH64  # lanes of a kernel's values
 
 
 def _vector(kind: Any) -> bool:
     return isinstance(kind, simd.Vector)
-
-
-def kind(of: str) -> Any:
-    """Numba's type of a kernel's lanes of 64 bits: "f" float, "i" int, "m" mask."""
-    if WIDTH > 1:
-        return simd.Vector(of, 64, WIDTH)
-    return {"f": types.float64, "i": types.int64, "m": types.boolean}[of]
 
 
 def is_mask(kind: Any) -> bool:

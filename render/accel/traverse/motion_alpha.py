@@ -16,10 +16,11 @@ from numba.extending import overload
 from ... import simd
 from ...geometry import analytic_shapes, instance_transform
 from ...geometry import flat_shapes as flat
-from ...jit.function_pointer import FLOAT, KernelPointer
+from ...jit.function_pointer import KernelPointer
 from ...jit.kernel import HELPER, helper
 from ...jit.packed_struct import Handle, HandleType, with_type_tags
 from ...lanes import crosslane, ops, row_gather
+from ...lanes.kinds import FLOAT
 from ...surface import alpha, interaction
 from ...types import Hit, Lane, Ray, Vec
 from ..build import tlas as over

@@ -10,10 +10,11 @@ from numba import types
 from ....compiler import ir
 from ...formula.tables import MET, TORUS
 from ...geometry import analytic_shapes
-from ...jit.function_pointer import FLOAT, INT, VEC, DeclaredKernel, DeclaredPointer
+from ...jit.function_pointer import DeclaredKernel, DeclaredPointer
 from ...jit.kernel import helper
 from ...jit.packed_struct import Handle
 from ...lanes import crosslane, ops
+from ...lanes.kinds import FLOAT, INT, VEC
 from ...types import Lane, Vec
 
 FORMULA = int(ir.GeometryKind.FORMULA)

@@ -9,10 +9,11 @@ from numba import types
 from numba.extending import overload
 
 from ... import simd
-from ...jit.function_pointer import FLOAT, INT, MASK, VEC, DeclaredKernel
+from ...jit.function_pointer import DeclaredKernel
 from ...jit.kernel import HELPER, helper, noinline_helper
 from ...jit.packed_struct import skip_when_tagged
 from ...lanes import crosslane, ops, row_gather
+from ...lanes.kinds import FLOAT, INT, MASK, VEC
 from ...types import Hit, Lane, Vec
 from ..build import tlas as over
 from ..build.wide_bvh import DEPTH

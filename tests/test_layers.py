@@ -1,4 +1,4 @@
-"""The layers, read from the imports: cli, live, measure → render → compiler → lang, nothing upwards, hidden or in circles."""
+"""Imports between packages follow one table, without circles; files, folders and functions keep their limits."""
 
 from __future__ import annotations
 
@@ -9,34 +9,160 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = ("lang", "compiler", "render", "live", "measure", "stdlib")
-MAX_LINES = 600
+PACKAGES = ("lang", "compiler", "render", "live", "measure", "stdlib", "cli")
+MAX_LINES = 450
+MAX_MODULES = 25  # in a folder
+MAX_FUNCTION_LINES = 60
+MAX_PARAMETERS = 10
+MAX_PACKAGE_LINES = 8
 
-# What a layer may import from. The top is the files beside the packages: cli*.py and __init__.py.
-ALLOWED = {
-    "lang": {"lang"},
-    "compiler": {"compiler", "lang", "stdlib"},
-    "render": {"render", "compiler", "lang"},
-    "live": {"live", "render", "compiler", "lang"},
-    "measure": {"measure", "render", "compiler", "lang"},
-    "stdlib": set(),
-    "top": {"top", "live", "measure", "render", "compiler", "lang", "stdlib"},
+# The packages each package may import, with all that those may, from the ground up. The modules beside the folders of compiler and render
+# have rows of their own; those of lang are "lang" together.
+MAY_IMPORT = {
+    "lang": "",
+    "lang.syntax": "lang",
+    "lang.schema": "lang",
+    "lang.eval": "lang.syntax lang.schema",
+    "lang.reference_page": "lang.eval",
+    "stdlib": "",
+    "compiler.ir": "lang",
+    "compiler.io": "lang.eval",
+    "compiler.formula": "compiler.ir",
+    "compiler.scene": "compiler.io compiler.formula",
+    "compiler.mesh": "compiler.scene",
+    "compiler.plan": "lang.schema compiler.formula",
+    "compiler.importers": "compiler.mesh",
+    "compiler.importers.usd": "compiler.importers",
+    "compiler.lower": "compiler.plan compiler.importers.usd",
+    "compiler.exporters": "compiler.scene compiler.plan",
+    "compiler.exporters.mitsuba": "compiler.exporters",
+    "compiler.exporters.povray": "compiler.exporters",
+    "compiler.load": "compiler.lower",
+    "render.types": "compiler.ir",
+    "render.simd": "",
+    "render.jit": "compiler.io render.simd",
+    "render.lanes": "render.types render.jit",
+    "render.image": "compiler.ir",
+    "render.sampling": "render.lanes",
+    "render.geometry": "render.lanes",
+    "render.camera": "render.sampling render.geometry",
+    "render.formula": "compiler.formula render.geometry",
+    "render.texture": "render.formula",
+    "render.surface": "compiler.plan render.camera render.texture",
+    "render.light": "render.image render.surface",
+    "render.material": "render.light",
+    "render.accel.build": "render.formula",
+    "render.accel.traverse": "render.surface render.accel.build",
+    "render.accel": "render.accel.traverse",
+    "render.accel.formula_packets": "render.light render.accel",
+    "render.integrator": "render.material render.accel.formula_packets",
+    "render.film": "render.material",
+    "render.tessellation": "compiler.mesh compiler.exporters render.accel",
+    "render.raster": "render.integrator render.tessellation",
+    "render.backends": "render.film render.raster",
+    "render.quality_settings": "compiler.plan",
+    "render.render_scene": "render.backends",
+    "render.large_images": "render.render_scene",
+    "live": "*",
+    "measure": "*",
+    "cli": "*",
+    "top": "*",
 }
-RENDER_READS = {
-    "compiler.ir",
-    "compiler.plan",
-    "compiler.folders",  # only names a folder, for what both keep on disk
-    "compiler.tapes",  # what tapes of the IR hold and mean
-    "compiler.operations",
-    "compiler.tape_points",
-    "compiler.enclosures",
-    "compiler.slope_bounds",
-    "compiler.tape_walks",
-    "compiler.closed_forms",  # solids of planes, quadrics and tori among them
-    "compiler.contour",  # their surfaces as triangles
-    "compiler.mesh_solids",  # fewer of them
-    "compiler.export_meshes",
+# `*` is every package but these.
+EXCEPT = {"live": ("measure", "cli", "top"), "measure": ("live", "cli", "top"), "cli": (), "top": ("stdlib",)}
+
+# Circles, files and functions beyond the limits that are still to be cut. A test fails on an entry that is no longer needed.
+CIRCLES = (
+    "lang.eval.arguments lang.eval.builtins lang.eval.calls lang.eval.coercion lang.eval.evaluator lang.eval.expressions lang.eval.lint"
+    " lang.eval.operators lang.eval.parameters lang.eval.scope lang.eval.values",
+    "compiler.formula.factor_cancellation compiler.formula.regularize compiler.formula.step_functions compiler.formula.tape",
+    "compiler.scene.validate compiler.scene.validate_meshes compiler.scene.validate_tapes",
+    "compiler.lower.cameras compiler.lower.formulas compiler.lower.lights compiler.lower.lowering compiler.lower.materials"
+    " compiler.lower.shapes compiler.lower.solids",
+    "render.formula.closed_form_tables render.formula.discontinuities render.formula.evaluate render.formula.interval_grid"
+    " render.formula.scene_surfaces render.formula.tables",
+    "render.raster.band_memory render.raster.band_renderer",
+    "render.backends.prepare render.raster.shadow_map_pass",
+)
+AGAINST_THE_TABLE = {
+    ("render.accel.traverse", "render.accel"),
+    ("render.tessellation", "render.backends"),
+    ("render.raster", "render.backends"),
 }
+LONG_FILES = {
+    "lang/eval/builtins.py",
+    "lang/schema/elements.py",
+    "lang/syntax/syntax_errors.py",
+    "compiler/formula/tape.py",
+    "compiler/ir.py",
+    "compiler/plan/plan.py",
+    "render/accel/primitive_list.py",
+    "render/accel/traverse/single_ray.py",
+    "render/formula/intersect.py",
+    "render/integrator/path.py",
+    "render/integrator/photon_tracer.py",
+    "render/integrator/wavefront.py",
+    "render/integrator/whitted.py",
+    "render/lanes/ops.py",
+    "render/light/emitters.py",
+    "render/material/bsdf.py",
+    "render/simd/functions.py",
+}
+LONG_FUNCTIONS = {
+    "compiler/formula/derivative_bounds.py _partials",
+    "compiler/formula/interval_semantics.py interval",
+    "render/accel/traverse/interleaved_mesh.py intersect_mesh",
+    "render/accel/traverse/interleaved_mesh.py _meet",
+    "render/accel/traverse/interleaved_mesh.py of_one",
+    "render/accel/traverse/interleaved_mesh.py of_two",
+    "render/accel/traverse/interleaved_scene.py trace_incoherent",
+    "render/accel/traverse/motion_alpha.py _each",
+    "render/accel/traverse/packet_nodes.py intersect_mesh_packet",
+    "render/accel/traverse/single_ray.py keep",
+    "render/film/accumulate.py take_in",
+    "render/formula/intersect.py _marched",
+    "render/formula/intersect.py bracketed",
+    "render/formula/intersect.py _finished",
+    "render/formula/packet_roots.py keep",
+    "render/formula/packets.py _slab",
+    "render/formula/packets.py _finer",
+    "render/formula/root_isolation.py isolate_first_root",
+    "render/formula/root_isolation.py _pieces",
+    "render/formula/root_isolation.py _sampled",
+    "render/formula/root_isolation.py _narrowed",
+    "render/integrator/path.py sample_direct",
+    "render/integrator/path.py shade_vertex",
+    "render/integrator/photon_map.py _sort",
+    "render/integrator/photon_map.py _one_level",
+    "render/integrator/photon_tracer.py trace_block",
+    "render/integrator/photon_tracer.py _sent",
+    "render/integrator/whitted.py radiance",
+    "render/integrator/whitted.py _radiance",
+    "render/integrator/whitted.py local_light",
+    "render/integrator/whitted.py direct_light",
+    "render/integrator/whitted.py _along_highlights",
+    "render/integrator/whitted.py _lamps_met",
+    "render/integrator/whitted.py spawn_secondary_rays",
+    "render/integrator/whitted.py _pass_on",
+    "render/integrator/whitted.py _push",
+    "render/light/emitters.py sample",
+    "render/raster/band_scheduler.py draw",
+    "render/raster/fragments.py build_fragments",
+    "render/raster/integrator_shading.py shade_band",
+    "render/raster/integrator_shading.py light_items",
+    "render/raster/large_triangles.py fill_tile",
+    "render/raster/precise_planes.py seen",
+    "render/raster/precise_planes.py near",
+    "render/raster/precise_planes.py _make_near",
+    "render/raster/precise_planes.py _near_plane",
+    "render/raster/triangle_planes.py _make_of",
+    "render/raster/triangle_setup.py set_up",
+    "render/raster/triangle_setup.py fill_tiny",
+    "render/raster/view_geometry.py _place",
+    "render/surface/interaction.py make_interaction",
+    "cli/compare.py compare",
+}
+LARGE_FOLDERS = {"measure"}
 
 # Modules that may be imported inside a function, and why: a command that does not need one must not wait for it.
 LATE = {
@@ -103,6 +229,19 @@ def layer_of(module: str) -> str:
     return first if first in PACKAGES else "top"
 
 
+def package_of(module: str) -> str:
+    """The row of MAY_IMPORT that a dotted module belongs to."""
+    if layer_of(module) in ("top", "live", "measure", "cli", "stdlib"):
+        return layer_of(module)
+    while module not in MAY_IMPORT and "." in module:
+        module = module.rpartition(".")[0]
+    return module
+
+
+def module_of(file: str) -> str:
+    return file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+
+
 def is_module(dotted: str) -> bool:
     path = ROOT.joinpath(*dotted.split("."))
     return path.with_suffix(".py").is_file() or (path / "__init__.py").is_file()
@@ -143,26 +282,32 @@ def listed(found: list[str]) -> str:
     return "\n".join(found)
 
 
-def test_arrows_go_down() -> None:
-    wrong = [
-        f"{i.file}:{i.line} {layer_of(i.file.split('/')[0])} imports {i.target}"
-        for i in IMPORTS
-        if i.own and layer_of(i.target) not in ALLOWED[layer_of(i.file.split("/")[0])]
-    ]
-    assert not wrong, listed(wrong)
+def allowed(package: str) -> set[str]:
+    if MAY_IMPORT[package] == "*":
+        return {*MAY_IMPORT, *PACKAGES} - {*EXCEPT[package]} | {package}
+    return {package}.union(*(allowed(each) for each in MAY_IMPORT[package].split()))
 
 
-def test_render_reads_only_the_ir_and_the_plan() -> None:
-    wrong = [
-        f"{i.file}:{i.line} {i.target}"
+def test_packages_import_what_the_table_allows() -> None:
+    found = {
+        (package_of(module_of(i.file)), package_of(i.target)): f"{i.file}:{i.line} {package_of(module_of(i.file))} imports {i.target}"
         for i in IMPORTS
-        if i.own and i.file.startswith("render/") and i.target.startswith("compiler") and i.target not in RENDER_READS
-    ]
-    assert not wrong, listed(wrong)
+        if i.own and package_of(i.target) not in allowed(package_of(module_of(i.file)))
+    }
+    assert found.keys() == AGAINST_THE_TABLE, listed([*found.values()])
+
+
+def test_the_table_goes_one_way() -> None:
+    """Each package is written below all that it may import."""
+    above: set[str] = set()
+    for package, imports in MAY_IMPORT.items():
+        if imports != "*":
+            assert set(imports.split()) <= above, f"{package} imports {set(imports.split()) - above}, which stand below it"
+        above.add(package)
 
 
 def test_imports_inside_the_package_are_relative() -> None:
-    ours = {"maquette", *PACKAGES, *(f.stem for f in ROOT.glob("cli*.py"))}
+    ours = {"maquette", *PACKAGES}
     wrong = [f"{i.file}:{i.line} {i.target}" for i in IMPORTS if not i.own and i.target.split(".")[0] in ours]
     assert not wrong, listed(wrong)
 
@@ -193,18 +338,19 @@ def test_matplotlib_is_loaded_for_a_chart_alone() -> None:
 
 
 def test_modules_do_not_import_in_circles() -> None:
-    """At module level: a circle works or fails by who is imported first."""
+    """At module level, in functions and for types."""
     edges: dict[str, set[str]] = {}
+    circle = {module: k for k, modules in enumerate(CIRCLES) for module in modules.split()}
     for i in IMPORTS:
-        if i.own and not i.hidden and not i.typing_only:
-            module = i.file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+        module = module_of(i.file)
+        if i.own and (module not in circle or circle[module] != circle.get(i.target)):
             edges.setdefault(module, set()).add(i.target)
     done: set[str] = set()
 
     def walk(module: str, path: tuple[str, ...]) -> None:
         assert module not in path, " → ".join((*path[path.index(module) :], module))
         if module not in done:
-            for target in edges.get(module, ()):
+            for target in sorted(edges.get(module, ())):
                 walk(target, (*path, module))
             done.add(module)
 
@@ -212,7 +358,7 @@ def test_modules_do_not_import_in_circles() -> None:
         walk(module, ())
 
 
-@pytest.mark.parametrize("layer", ["lang", "compiler", "measure", "top"])
+@pytest.mark.parametrize("layer", ["lang", "compiler", "measure", "cli", "top"])
 def test_numba_is_not_reached_without_drawing(layer: str) -> None:
     wrong = [f"{i.file}:{i.line}" for i in IMPORTS if i.target.split(".")[0] == "numba" and layer_of(i.file.split("/")[0]) == layer]
     assert not wrong, listed(wrong)
@@ -235,4 +381,34 @@ def test_each_file_says_its_job_and_is_one_idea(path: Path) -> None:
     first = text.partition("\n")[0]
     assert first.startswith('"""'), f"{name_of(path)} does not begin with its job"
     assert len(first.strip('"')) > 15, f"{name_of(path)} says too little of its job"
-    assert text.count("\n") <= MAX_LINES, f"{name_of(path)} has more than {MAX_LINES} lines"
+    assert (text.count("\n") > MAX_LINES) == (name_of(path) in LONG_FILES), f"{name_of(path)} has {text.count(chr(10))} lines"
+
+
+def test_functions_are_short_and_take_few_parameters() -> None:
+    found = {}
+    for path in FILES:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                lines, parameters = (node.end_lineno or node.lineno) - node.lineno + 1, len(_parameters(node.args))
+                if lines > MAX_FUNCTION_LINES or parameters > MAX_PARAMETERS:
+                    found[f"{name_of(path)} {node.name}"] = (
+                        f"{name_of(path)}:{node.lineno} {node.name}: {lines} lines, {parameters} parameters"
+                    )
+    assert found.keys() == LONG_FUNCTIONS, listed([*(found[k] for k in found if k not in LONG_FUNCTIONS), *(LONG_FUNCTIONS - found.keys())])
+
+
+def _parameters(arguments: ast.arguments) -> list[ast.arg]:
+    more = [arg for arg in (arguments.vararg, arguments.kwarg) if arg]
+    return [*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs, *more]
+
+
+@pytest.mark.parametrize("folder", sorted({path.parent for path in FILES}), ids=name_of)
+def test_a_folder_is_small(folder: Path) -> None:
+    modules = [path for path in folder.glob("*.py") if path.name != "__init__.py"]
+    assert (len(modules) > MAX_MODULES) == (name_of(folder) in LARGE_FOLDERS), f"{name_of(folder)} holds {len(modules)} modules"
+
+
+@pytest.mark.parametrize("path", [path for path in FILES if path.name == "__init__.py" and path.parent != ROOT], ids=name_of)
+def test_a_package_says_what_lives_there(path: Path) -> None:
+    lines = (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").splitlines()
+    assert 1 <= len(lines) <= MAX_PACKAGE_LINES, f"{name_of(path)} describes its package in {len(lines)} lines"

@@ -54,12 +54,12 @@ def test_a_wheel_installs_a_command_that_works_anywhere(tmp_path: Path) -> None:
     subprocess.run([*run, "wheel", "-q", "--no-deps", "-w", str(tmp_path), str(ROOT)], check=True)
     (wheel,) = tmp_path.glob("maquette-*.whl")
     names = set(zipfile.ZipFile(wheel).namelist())
-    data = [*ROOT.glob("stdlib/*.scene"), *ROOT.glob("lang/*.lark"), ROOT / "py.typed", ROOT / "cli/main.py", ROOT / "cli/render_job.py"]
+    data = [*ROOT.glob("stdlib/*.scene"), *ROOT.glob("lang/*/*.lark"), ROOT / "py.typed", ROOT / "cli/main.py", ROOT / "cli/render_job.py"]
     assert {f"maquette/{path.relative_to(ROOT).as_posix()}" for path in data} <= names
     assert not [name for name in names if name.startswith("maquette/tests")]
     subprocess.run([*run, "install", "-q", "--no-deps", "--target", str(tmp_path / "site"), str(wheel)], check=True)
     scene = tmp_path / "one.scene"
     scene.write_text('use "std/room"\nsphere(1, material: plastic(#d0402a))\n', encoding="utf-8")
-    code = "import sys; sys.path.insert(0, 'site'); from maquette import cli; cli.main()"
+    code = "import sys; sys.path.insert(0, 'site'); from maquette.cli.main import main; main()"
     done = subprocess.run([sys.executable, "-I", "-c", code, "check", "one.scene"], cwd=tmp_path, capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, "one.scene: no errors\n"), done.stderr

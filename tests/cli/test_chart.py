@@ -255,7 +255,7 @@ def test_a_camera_that_is_not_there_is_wrong_usage(folder: Path) -> None:
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_ctrl_c_of_a_person_leaves_a_chart(folder: Path) -> None:
-    command = [sys.executable, "-c", "from maquette import cli; cli.main()", "chart", "a.scene", "-o", "a.svg", "--size", "24x16"]
+    command = [sys.executable, "-c", "from maquette.cli.main import main; main()", "chart", "a.scene", "-o", "a.svg", "--size", "24x16"]
     process = subprocess.Popen([*command, "--budget", "40s"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     time.sleep(24)  # the reference takes half of the budget
     process.send_signal(signal.SIGINT)

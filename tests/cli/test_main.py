@@ -50,7 +50,7 @@ def run(*arguments: object) -> tuple[int, str, str]:
 
 
 def shell(*arguments: object, **more: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", "from maquette import cli; cli.cli(prog_name='maquette')", *map(str, arguments)]
+    command = [sys.executable, "-c", "from maquette.cli.main import cli; cli(prog_name='maquette')", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, **more)  # type: ignore[call-overload]
 
 
@@ -419,7 +419,7 @@ def test_a_saved_ir_draws_the_same(scene: Path) -> None:
 )
 def test_commands_load_no_more_than_they_need(scene: Path, arguments: tuple[str, ...], banned: tuple[str, ...]) -> None:
     tell = "atexit.register(lambda: print('LOADED', *sys.modules, file=sys.stderr))"
-    code = f"import sys, atexit; {tell}; from maquette import cli; cli.cli()"
+    code = f"import sys, atexit; {tell}; from maquette.cli.main import cli; cli()"
     done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
     loaded = set(done.stderr.split("LOADED ")[1].split())

@@ -257,7 +257,7 @@ def test_stats_tell_what_each_redraw_cost(tmp_path: Path) -> None:
 @contextlib.contextmanager
 def command(folder: Path, *more: str) -> Iterator[subprocess.Popen[bytes]]:
     """`maquette watch a.scene -o a.png` in a folder, which says what it says into `log`."""
-    line = [sys.executable, "-c", "from maquette import cli; cli.main()", "watch", "a.scene", "-o", "a.png", *more]
+    line = [sys.executable, "-c", "from maquette.cli.main import main; main()", "watch", "a.scene", "-o", "a.png", *more]
     with (folder / "log").open("w") as log:
         environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
         process = subprocess.Popen(line, cwd=folder, stdout=log, stderr=subprocess.STDOUT, env=environment, preexec_fn=_interruptible)

@@ -231,7 +231,7 @@ def in_little_memory(tmp_path: Path, side: int, gigabytes: float) -> str:
     program = f"""
         import resource, sys
         resource.setrlimit(resource.RLIMIT_AS, ({int(gigabytes * 2**30)},) * 2)
-        from maquette.cli import main
+        from maquette.cli.main import main
         sys.argv[1:] = "render a.scene --size {side}x{side} --samples 1 --backend raster --quiet -o a.exr".split()
         main()
     """

@@ -65,7 +65,7 @@ def test_what_lies_outside_ends_the_process(tmp_path, name, side):
 @pytest.mark.parametrize("backend", ["ray", "raster"])
 @pytest.mark.parametrize("name", ["hello", "metals", "glass", "chess", "instancing", "room", "materials", "cut"])
 def test_examples_stay_inside(tmp_path, name, backend):
-    drawing = "from maquette.cli import main; main()"
+    drawing = "from maquette.cli.main import main; main()"
     options = ["--backend", backend, "--size", "96x64", "--samples", "4", "-o", str(tmp_path / "a.png")]
     done = run(tmp_path, [sys.executable, "-c", drawing, "render", str(EXAMPLES / f"{name}.scene"), *options])
     assert done.returncode == 0, done.stdout + done.stderr

@@ -79,8 +79,6 @@ CIRCLES = (
     "compiler.scene.validate compiler.scene.validate_meshes compiler.scene.validate_tapes",
     "compiler.lower.cameras compiler.lower.formulas compiler.lower.lights compiler.lower.lowering compiler.lower.materials"
     " compiler.lower.shapes compiler.lower.solids",
-    "render.formula.closed_form_tables render.formula.discontinuities render.formula.evaluate render.formula.interval_grid"
-    " render.formula.scene_surfaces render.formula.tables",
     "render.raster.band_memory render.raster.band_renderer",
     "render.backends.prepare render.raster.shadow_map_pass",
 )
@@ -191,7 +189,7 @@ DOORS = {
     "render/render_scene.py": "a picture loads the backend that draws it",
     "render/backends/prepare.py": "what makes ready for a backend, or for formulas, is loaded where there is a use for it",
     "render/film/aov.py": "only formulas' surfaces that could not be proved need their definition",
-    "render/formula/tables.py": "what makes formulas ready is loaded where there are some",
+    "render/formula/scene_tables.py": "what makes formulas ready is loaded where there are some",
     "render/accel/traverse/shape_hit.py": "what meets formulas is loaded where there are some",
     "render/texture/procedural.py": "tapes are run where a scene has patterns",
     "render/accel/intersect.py": "only formulas need their definition",

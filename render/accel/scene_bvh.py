@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ...compiler import ir
 from ...compiler.plan import plan as planner
 from .. import simd
+from ..formula import scene_tables
 from ..formula import tables as formula_tables
 from ..formula.tables import Forms
 from ..geometry import instance_transform
@@ -117,7 +118,7 @@ def build(
         bounded[large] = False
         inside = np.flatnonzero(plain & bounded).astype(np.int32)
     rows = simd.aligned_empty((len(kind), PLACED), np.int64)
-    found = formula_tables.of(tables, closed, threads)
+    found = scene_tables.build_tables(tables, closed, threads)
     primed = plain & (kind == FORMULA) & formula_tables.have_cells(found)[instances.geometry]
     primed &= instances.visible & CAMERA != 0
     rest = ((CAMERA, CAMERA_REST), (SHADOW, SHADOW_REST))

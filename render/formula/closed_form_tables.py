@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...compiler.formula.closed_form_solids import Leaf, Solid
-from .tables import HOLE, LINEAR, NUMBERS, QUADRIC, TORUS, Forms, Parts
-
-if TYPE_CHECKING:
-    from .scene_surfaces import Surface
+from .tables import HOLE, LINEAR, NUMBERS, QUADRIC, TORUS, Forms, Parts, Surface
 
 _PAIRS = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))
 

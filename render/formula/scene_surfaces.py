@@ -6,7 +6,7 @@ import hashlib
 import threading
 from collections import OrderedDict
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from . import closed_form_tables, discontinuities, interpreter, interval_grid, t
 from .interpreter import PARTS
 from .llvm_math import LANES, ROW, SINGLE
 from .op_codegen import LARGEST_PART, NEAREST, WIDTHS
-from .tables import END_BLOCKS, END_ROWS, END_TAPES, NO_PARTS, Forms
+from .tables import END_BLOCKS, END_ROWS, END_TAPES, NO_PARTS, Forms, Surface
 
 CELLS, FEWER = 64, 16  # of a grid along each axis: powers of 4
 MANY = 32  # surfaces, beyond which each has fewer cells
@@ -28,14 +28,6 @@ IN_MEMORY = 4  # scenes whose surfaces are kept
 PROGRAMS = tuple(WIDTHS)
 _known: OrderedDict[bytes, Forms] = OrderedDict()
 _lock = threading.Lock()
-
-
-class Surface(NamedTuple):
-    """A field, the row of its geometry's parameters, and its box (2, 3)."""
-
-    tape: Tape
-    parameters: NDArray[np.float64]
-    bounds: NDArray[np.float64]
 
 
 def tape_of(tables: ir.Tables, g: int) -> Tape:

@@ -7,12 +7,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...compiler import ir
+from ...compiler.formula.tape import Tape
 from ..lanes.kinds import FLOAT, INT
 from .llvm_math import ROW
 
 MET = (FLOAT, INT, FLOAT, FLOAT, INT)
 """Types of what is said of a meeting: t, spacing, u, v, unproved; see meet.py."""
+
+
+class Surface(NamedTuple):
+    """An implicit surface before its tables are built: tape, the row of its geometry's parameters, and its box (2, 3)."""
+
+    tape: Tape
+    parameters: NDArray[np.float64]
+    bounds: NDArray[np.float64]
 
 
 END_BLOCKS, END_LEAVES, END_TAPES, END_ROWS = range(4)
@@ -73,16 +81,6 @@ NO_FORMS = Forms(
     tapes=np.zeros((0, 3), np.int64), names=np.zeros((0, 4), np.int32), code=np.zeros((0, ROW), np.int32), constants=_FLOATS,
     constants32=np.zeros(0, np.float32), programs=_NUMBERS, unproved=np.zeros(1, np.int64), parts=NO_PARTS,
 )  # fmt: skip
-
-
-def of(tables: ir.Tables, closed: bool = True, threads: int = 1) -> Forms:
-    """All that some instance shows; with `closed`, by closed forms where there are any."""
-    kinds = tables.geometries.kind
-    if (kinds[tables.instances.geometry] == ir.GeometryKind.FORMULA).any():
-        from . import scene_surfaces
-
-        return scene_surfaces.forms(tables, closed, threads)
-    return NO_FORMS._replace(of=np.full(len(kinds), -1, np.int32))
 
 
 def have_cells(forms: Forms) -> NDArray[np.bool_]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from .geometry import instance_transform
 from .jit.kernel import HELPER, helper
-from .lanes import ops
+from .lanes import affine, ops
 from .sampling import sobol
 from .types import Lane, Panorama, Pinhole, Ray, Tables, Thin, Vec, View
 
@@ -62,11 +62,11 @@ def ray(tables: Tables, view: View, x: Lane, y: Lane, time: Any = None) -> Ray:
     if cameras.projection[c] == PERSPECTIVE:
         local = (px, py, zero - 1.0)
         stretch = ops.length(local)  # of the axis' metres to the ray's
-        origin = ops.transform_point12(matrix, (zero, zero, zero))
-        direction = ops.normalize(ops.transform_vector12(matrix, local))
+        origin = affine.transform_point12(matrix, (zero, zero, zero))
+        direction = ops.normalize(affine.transform_vector12(matrix, local))
         return Ray(origin, direction, cameras.near[c] * stretch, cameras.far[c] * stretch, time)
-    origin = ops.transform_point12(matrix, (px, py, zero))
-    direction = ops.normalize(ops.transform_vector12(matrix, (zero, zero, zero - 1.0)))
+    origin = affine.transform_point12(matrix, (px, py, zero))
+    direction = ops.normalize(affine.transform_vector12(matrix, (zero, zero, zero - 1.0)))
     return Ray(origin, direction, zero + cameras.near[c], zero + cameras.far[c], time)
 
 
@@ -113,8 +113,8 @@ def _from_lens(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, place: t
     local = (px - from_x / lens.focus, py - from_y / lens.focus, zero - 1.0)
     stretch = ops.length(local)
     matrix = instance_transform.transform_at(tables, cameras.transform[c], time).matrix
-    origin = ops.transform_point12(matrix, (from_x, from_y, zero))
-    direction = ops.normalize(ops.transform_vector12(matrix, local))
+    origin = affine.transform_point12(matrix, (from_x, from_y, zero))
+    direction = ops.normalize(affine.transform_vector12(matrix, local))
     return Ray(origin, direction, cameras.near[c] * stretch, cameras.far[c] * stretch, time)
 
 
@@ -127,15 +127,15 @@ def panorama_ray(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, time: 
     level = ops.cos(rise)
     zero = ops.full_like(turn, 0.0)
     matrix = instance_transform.transform_at(tables, cameras.transform[c], time).matrix
-    origin = ops.transform_point12(matrix, (zero, zero, zero))
-    direction = ops.transform_vector12(matrix, (level * ops.sin(turn), ops.sin(rise), zero - level * ops.cos(turn)))
+    origin = affine.transform_point12(matrix, (zero, zero, zero))
+    direction = affine.transform_vector12(matrix, (level * ops.sin(turn), ops.sin(rise), zero - level * ops.cos(turn)))
     return Ray(origin, ops.normalize(direction), zero + cameras.near[c], zero + cameras.far[c], time)
 
 
 def depth(tables: Tables, view: View, point: Vec) -> Lane:
     """Distance of a world point along the camera's axis, or from the middle of a panorama, in metres; numpy lanes."""
     row = tables.cameras.transform[view.camera]
-    local = ops.transform_point(tables.transforms.inverse, row, point)
+    local = affine.transform_point(tables.transforms.inverse, row, point)
     return ops.length(local) if tables.cameras.projection[view.camera] == PANORAMIC else -local[2]
 
 

@@ -101,7 +101,6 @@ LONG_FILES = {
     "render/integrator/photon_tracer.py",
     "render/integrator/wavefront.py",
     "render/integrator/whitted.py",
-    "render/lanes/ops.py",
     "render/light/emitters.py",
     "render/material/bsdf.py",
     "render/simd/functions.py",

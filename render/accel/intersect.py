@@ -18,7 +18,7 @@ from ...compiler import ir
 from ...compiler.plan import plan as planner
 from ..geometry import analytic_shapes, instance_transform
 from ..jit.kernel import HELPER
-from ..lanes import crosslane, ops
+from ..lanes import affine, crosslane, ops
 from ..surface import alpha, interaction
 from ..types import Hit, Lane, Ray, Vec
 from .traverse import motion_alpha, shape_hit, two_level
@@ -91,7 +91,7 @@ def _meet(tables: ir.Tables, i: int, ray: Ray, partial: bool, through: bool = Fa
     share is that of all meetings if `through`."""
     geometry, row = tables.instances.geometry[i], tables.instances.transform[i]
     inverse = instance_transform.transform_at(tables, row, ray.time).inverse
-    o, d = ops.transform_point12(inverse, ray.origin), ops.transform_vector12(inverse, ray.direction)
+    o, d = affine.transform_point12(inverse, ray.origin), affine.transform_vector12(inverse, ray.direction)
     kind = tables.geometries.kind[geometry]
 
     def cover(rows: np.ndarray, t: np.ndarray, primitive: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -141,7 +141,7 @@ def next_t_min(tables: ir.Tables, ray: Ray, hit: Hit) -> np.ndarray:
         inverse = instance_transform.transform_at(
             tables, tables.instances.transform[i], None if ray.time is None else ray.time[rows]
         ).inverse
-        d = ops.transform_vector12(inverse, _some(ray.direction, rows))
+        d = affine.transform_vector12(inverse, _some(ray.direction, rows))
         onward[rows] = shape_hit.after(tables.geometries.parameters[g, 5], d, onward[rows], hit.primitive[rows])
     return onward
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ...compiler import ir
 from .. import camera
 from ..image import image
-from ..lanes import ops
+from ..lanes import affine, ops
 from ..material import bsdf
 from ..sampling import sobol
 from ..surface import interaction
@@ -73,8 +73,8 @@ def doubtful(tables: Tables, ray: Ray, hit: Hit) -> NDArray[np.bool_]:
     t_min, t_max = np.broadcast_to(ray.t_min, n), np.minimum(np.broadcast_to(ray.t_max, n), hit.t)
     for i in np.flatnonzero((kinds == FORMULA) & (tables.instances.visible & CAMERA != 0)):
         g, row = int(tables.instances.geometry[i]), tables.instances.transform[i]
-        o = ops.transform_point(tables.transforms.inverse, row, ray.origin)
-        d = ops.transform_vector(tables.transforms.inverse, row, ray.direction)
+        o = affine.transform_point(tables.transforms.inverse, row, ray.origin)
+        d = affine.transform_vector(tables.transforms.inverse, row, ray.direction)
         bounds, parameters = tables.geometries.bounds[g], tables.geometries.parameters[g]
         found |= numpy_reference.meet(scene_surfaces.tape_of(tables, g), parameters, bounds, o, d, t_min, t_max)[4]
     return found

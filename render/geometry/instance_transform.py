@@ -12,7 +12,7 @@ from numba import types
 from numba.extending import overload
 
 from ..jit.kernel import HELPER, helper
-from ..lanes import ops
+from ..lanes import affine, ops
 from ..types import Lane, Tables, Vec
 
 Affine = tuple[Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane]
@@ -40,7 +40,7 @@ def _at_in_kernels(tables, row, time):
 
 @helper
 def _still(tables: Tables, row: Lane) -> Place:
-    return Place(ops.affine(tables.transforms.matrix, row), ops.affine(tables.transforms.inverse, row))
+    return Place(affine.load12(tables.transforms.matrix, row), affine.load12(tables.transforms.inverse, row))
 
 
 @helper

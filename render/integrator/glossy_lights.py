@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ..jit.kernel import helper, specialize_either
-from ..lanes import ops
+from ..lanes import affine, ops
 from ..light import lights
 from ..light.lights import Arriving
 from ..material import bsdf, principled
@@ -98,8 +98,8 @@ def _meet_sun(tables: Tables, light: int, direction: Vec) -> tuple[Lane, Lane, L
 @helper
 def _meet_ball(tables: Tables, light: int, place: Vec, direction: Vec) -> tuple[Lane, Lane, Lane]:
     row, matrix = tables.lights.transform[light], tables.transforms.matrix
-    radius = tables.lights.size[light, 0] * ops.length(ops.transform_vector(matrix, row, (1.0, 0.0, 0.0)))
-    way = ops.sub(ops.transform_point(matrix, row, (0.0, 0.0, 0.0)), place)
+    radius = tables.lights.size[light, 0] * ops.length(affine.transform_vector(matrix, row, (1.0, 0.0, 0.0)))
+    way = ops.sub(affine.transform_point(matrix, row, (0.0, 0.0, 0.0)), place)
     squared, middle = ops.dot(way, way), ops.dot(way, direction)
     off = ops.sub(way, ops.scale(direction, middle))
     left = radius * radius - ops.dot(off, off)
@@ -115,7 +115,7 @@ def _meet_ball(tables: Tables, light: int, place: Vec, direction: Vec) -> tuple[
 def _meet_plate(tables: Tables, light: int, place: Vec, direction: Vec) -> tuple[Lane, Lane, Lane]:
     row, inverse = tables.lights.transform[light], tables.transforms.inverse
     half_x, half_z = tables.lights.size[light, 0], tables.lights.size[light, 1]
-    start, along = ops.transform_point(inverse, row, place), ops.transform_vector(inverse, row, direction)
+    start, along = affine.transform_point(inverse, row, place), affine.transform_vector(inverse, row, direction)
     towards = ops.absolute(along[1]) > lights.TINY
     distance = ops.where(towards, -start[1] / ops.where(towards, along[1], 1.0), 0.0)
     x, z = start[0] + distance * along[0], start[2] + distance * along[2]

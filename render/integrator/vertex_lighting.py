@@ -10,7 +10,7 @@ import numpy as np
 from ...compiler import ir
 from ..jit.kernel import helper, kernel
 from ..jit.packed_struct import Handle
-from ..lanes import crosslane, ops
+from ..lanes import affine, crosslane, ops
 from ..material import bsdf
 from ..surface import interaction
 from ..types import GouraudLight, Hit, Lane, Ray, Surface, Tables, Vec, View
@@ -122,6 +122,6 @@ def _to_viewer(tables: Tables, view: View, point: Surface) -> Vec:
     """The unit direction from a point to the camera."""
     cameras, matrix = tables.cameras, tables.transforms.matrix
     row = cameras.transform[view.camera]
-    to_eye = ops.sub(ops.transform_point(matrix, row, (0.0, 0.0, 0.0)), point.position)
-    axis = ops.transform_vector(matrix, row, (0.0, 0.0, 1.0))
+    to_eye = ops.sub(affine.transform_point(matrix, row, (0.0, 0.0, 0.0)), point.position)
+    axis = affine.transform_vector(matrix, row, (0.0, 0.0, 1.0))
     return ops.normalize(ops.where3(cameras.projection[view.camera] == ORTHOGRAPHIC, axis, to_eye))

@@ -1,4 +1,4 @@
-"""Across lanes: one of them, all of them together, and lanes in memory; in numpy and in kernels. See lanes.py."""
+"""Cross-lane operations: single lanes, reductions, and loads and stores of lanes; in numpy and in kernels."""
 
 from __future__ import annotations
 
@@ -15,40 +15,40 @@ from .kinds import WIDTH
 from .ops import full_like
 
 
-def _vector(kind: Any) -> bool:
+def _is_vector(kind: Any) -> bool:
     return isinstance(kind, simd.Vector)
 
 
 def is_mask(kind: Any) -> bool:
-    """Whether a Numba type is one of a kernel's masks."""
+    """Return whether a Numba type is a mask of a kernel."""
     return isinstance(kind, types.Boolean) or (isinstance(kind, simd.Vector) and kind.kind == "m")
 
 
 def width(like: Lane) -> int:
-    """How many lanes a kernel's value has."""
+    """Count the lanes of a kernel value."""
     return np.size(like)
 
 
 @overload(width, jit_options=HELPER)
 def _width(like):
-    count = like.lanes if _vector(like) else 1
+    count = like.lanes if _is_vector(like) else 1
     return lambda like: count
 
 
 def lane(x: Lane, k: int) -> Lane:
-    """Lane k of a value, a scalar."""
+    """Extract lane k as a scalar."""
     return np.ravel(x)[k]
 
 
 @overload(lane, jit_options=HELPER)
 def _lane(x, k):
-    if _vector(x):
+    if _is_vector(x):
         return lambda x, k: simd.lane(x, k)
     return lambda x, k: x
 
 
 def with_lane(x: Lane, k: int, value: Lane) -> Lane:
-    """A value with another lane k."""
+    """Replace lane k."""
     changed = np.array(x)
     changed[k] = value
     return changed
@@ -56,19 +56,19 @@ def with_lane(x: Lane, k: int, value: Lane) -> Lane:
 
 @overload(with_lane, jit_options=HELPER)
 def _with_lane(x, k, value):
-    if _vector(x):
+    if _is_vector(x):
         return lambda x, k, value: simd.with_lane(x, k, value)
     return lambda x, k, value: value
 
 
 @helper
 def lane3(a: Vec, k: int) -> Vec:
-    """Lane k of a vector."""
+    """Extract lane k of a 3D vector."""
     return lane(a[0], k), lane(a[1], k), lane(a[2], k)
 
 
 def load(table: Any, row: int) -> Lane:
-    """A row of a (rows, WIDTH) table as a value; in kernels also of a flat one."""
+    """Load a row of a (rows, WIDTH) table; in kernels the table may be flat."""
     return table[row]
 
 
@@ -80,7 +80,7 @@ def _load(table, row):
 
 
 def load_at(numbers: Any, first: int) -> Lane:
-    """WIDTH numbers from the first on, as they are."""
+    """Load WIDTH numbers from element `first` on, in the array's type."""
     return np.asarray(numbers).ravel()[first : first + WIDTH]
 
 
@@ -92,7 +92,7 @@ def _load_at(numbers, first):
 
 
 def load_rows3(rows: Any, first: int) -> Vec:
-    """The columns of WIDTH rows of three numbers, as float64; in kernels of whatever numbers there are."""
+    """Load the columns of WIDTH rows of three numbers as float64; in kernels the array has any number type."""
     return tuple(np.asarray(rows[first : first + WIDTH], np.float64).T)
 
 
@@ -105,7 +105,7 @@ def _load_rows3(rows, first):
 
 
 def load_row(numbers: Any, first: int) -> Lane:
-    """WIDTH numbers from the first on, as float64."""
+    """Load WIDTH numbers from element `first` on as float64."""
     return np.asarray(numbers[first : first + WIDTH], np.float64)
 
 
@@ -114,35 +114,35 @@ def _load_row(numbers, first):
     if WIDTH > 1:
         what = getattr(simd, f"f64x{WIDTH}")
         return lambda numbers, first: simd.load(numbers, first, what)
-    return lambda numbers, first: np.float64(simd.read(numbers, first))  # whatever the array's shape, as `load` has it
+    return lambda numbers, first: np.float64(simd.read(numbers, first))  # a flat place in an array of any shape, as in `load`
 
 
 def store_row(numbers: Any, first: int, x: Lane) -> None:
-    """Write a value to WIDTH elements from the first on."""
+    """Store a value to WIDTH elements from element `first` on."""
     numbers[first : first + WIDTH] = x
 
 
 @overload(store_row, jit_options=HELPER)
 def _store_row(numbers, first, x):
-    if _vector(x):
+    if _is_vector(x):
         return lambda numbers, first, x: simd.store(numbers, first, x)
     return lambda numbers, first, x: simd.write(numbers, first, x)
 
 
 def store(table: Any, row: int, x: Lane) -> None:
-    """Write a value to a row of a (rows, WIDTH) table; in kernels also of a flat one."""
+    """Store a value to a row of a (rows, WIDTH) table; in kernels the table may be flat."""
     table[row] = x
 
 
 @overload(store, jit_options=HELPER)
 def _store(table, row, x):
-    if _vector(x):
+    if _is_vector(x):
         return lambda table, row, x: simd.store(table, row * WIDTH, x)
     return lambda table, row, x: simd.write(table, row, x)
 
 
 def write_lanes(table: Any, row: int, k: int, x: Lane, mine: Lane) -> None:
-    """Write a value to a row of a (rows, WIDTH) table in the lanes of a mask, or a number to lane k of it; in kernels the table is flat."""
+    """Store to a row of a (rows, WIDTH) table: a value in the lanes of a mask, or a number to lane k; flat table in kernels."""
     if np.ndim(x):
         table[row][mine] = x[mine]
     elif mine:
@@ -151,7 +151,7 @@ def write_lanes(table: Any, row: int, k: int, x: Lane, mine: Lane) -> None:
 
 @overload(write_lanes, jit_options=HELPER)
 def _write_lanes(table, row, k, x, mine):
-    if _vector(x):
+    if _is_vector(x):
         return lambda table, row, k, x, mine: simd.masked_store(table, row * WIDTH, x, mine)
 
     def write(table, row, k, x, mine):
@@ -162,36 +162,36 @@ def _write_lanes(table, row, k, x, mine):
 
 
 def to_float32(x: Lane) -> Lane:
-    """Numbers as single precision has them, in double precision."""
+    """Round to single precision; the result is double."""
     return np.float64(np.float32(x))
 
 
 @overload(to_float32, jit_options=HELPER)
-def _rounded(x):
-    if _vector(x):
+def _to_float32(x):
+    if _is_vector(x):
         return lambda x: simd.to_f64(simd.to_f32(x))
     return lambda x: np.float64(np.float32(x))
 
 
 def mask_of(bits: int, like: Lane) -> Lane:
-    """The mask whose lane k is bit k of a number, in the lanes of `like`."""
+    """Build a mask with the lanes of `like` from an integer: lane k is bit k."""
     return (bits >> np.arange(np.size(like)) & 1 != 0).reshape(np.shape(like))
 
 
 @overload(mask_of, jit_options=HELPER)
 def _mask_of(bits, like):
-    if _vector(like):
+    if _is_vector(like):
         return lambda bits, like: simd.mask_from_bits(bits, like)
     return lambda bits, like: bits != 0
 
 
 def lane_indices(first: int) -> Lane:
-    """first, first + 1, … in a kernel's WIDTH lanes of int64."""
+    """Return first, first + 1, … in the WIDTH int64 lanes of a kernel."""
     return first + np.arange(WIDTH)
 
 
 @overload(lane_indices, jit_options=HELPER)
-def _numbered(first):
+def _lane_indices(first):
     if WIDTH > 1:
         make = getattr(simd, f"i64x{WIDTH}")
         return lambda first: first + simd.iota(make(0))
@@ -199,76 +199,77 @@ def _numbered(first):
 
 
 def total(x: Lane) -> Lane:
-    """The sum of all lanes."""
+    """Sum all lanes."""
     return np.sum(x)
 
 
 @overload(total, jit_options=HELPER)
 def _total(x):
-    if _vector(x):
+    if _is_vector(x):
         return lambda x: simd.sum_of(x)
     return lambda x: x
 
 
 def reduce_min(x: Lane) -> Lane:
-    """The smallest of all lanes."""
+    """Return the smallest lane."""
     return np.min(x)
 
 
 @overload(reduce_min, jit_options=HELPER)
-def _least(x):
-    if _vector(x):
+def _reduce_min(x):
+    if _is_vector(x):
         return lambda x: simd.min_of(x)
     return lambda x: x
 
 
 def reduce_max(x: Lane) -> Lane:
-    """The largest of all lanes."""
+    """Return the largest lane."""
     return np.max(x)
 
 
 @overload(reduce_max, jit_options=HELPER)
-def _most(x):
-    if _vector(x):
+def _reduce_max(x):
+    if _is_vector(x):
         return lambda x: simd.max_of(x)
     return lambda x: x
 
 
 def count(mask: Lane) -> Lane:
-    """How many lanes of a mask are set."""
+    """Count the set lanes of a mask."""
     return np.count_nonzero(mask)
 
 
 @overload(count, jit_options=HELPER)
 def _count(mask):
-    if _vector(mask):
+    if _is_vector(mask):
         return lambda mask: simd.count(mask)
     return lambda mask: 1 if mask else 0
 
 
 def bits(mask: Lane) -> Lane:
-    """The lanes of a mask as the bits of a number."""
+    """Convert a mask to an integer: bit k is lane k."""
     return np.sum(np.ravel(mask) << np.arange(np.size(mask)))
 
 
 @overload(bits, jit_options=HELPER)
 def _bits(mask):
-    if _vector(mask):
+    if _is_vector(mask):
         return lambda mask: simd.bits(mask)
     return lambda mask: np.int64(mask)
 
 
 def uniform_group(values: Lane, mask: Lane) -> tuple[Lane, Lane]:
-    """Lanes of a mask that can be handled together, and what they have in common: all lanes here, each with its own value.
+    """Return a value and the lanes of a mask that share it.
 
-    In vectors: the value of the first lane of the mask, as a scalar, and the lanes of the mask that share it.
+    In numpy: all values, and the whole mask. In vectors: the value of the mask's first lane as a scalar, and the mask's lanes with that
+    value.
     """
     return values, mask
 
 
 @overload(uniform_group, jit_options=HELPER)
-def _together(values, mask):
-    if _vector(values):
+def _uniform_group(values, mask):
+    if _is_vector(values):
 
         def first(values, mask):
             value = simd.lane(values, simd.trailing_zeros(simd.bits(mask)))
@@ -279,14 +280,14 @@ def _together(values, mask):
 
 
 def stack_store(stack: Any, place: Lane, field: int, value: Lane, mask: Lane) -> None:
-    """Write stack[place, field, lane] in the lanes of a mask; `stack` is (rows, fields, lanes)."""
+    """Store to stack[place, field, lane] in the lanes of a mask; `stack` is (rows, fields, lanes)."""
     lane = np.flatnonzero(np.broadcast_to(mask, stack.shape[2:]))
     stack[np.broadcast_to(place, stack.shape[2:])[lane], field, lane] = np.broadcast_to(value, stack.shape[2:])[lane]
 
 
 @overload(stack_store, jit_options=HELPER)
-def _put(stack, place, field, value, mask):
-    if _vector(mask):
+def _stack_store(stack, place, field, value, mask):
+    if _is_vector(mask):
 
         def scatter(stack, place, field, value, mask):
             n = stack.shape[2]
@@ -302,13 +303,13 @@ def _put(stack, place, field, value, mask):
 
 
 def put_at(array: Any, place: Lane, value: Lane, mask: Lane) -> None:
-    """Write array[place] in the lanes of a mask; lanes have places of their own."""
+    """Scatter to array[place] in the lanes of a mask; places differ between lanes."""
     array[np.broadcast_to(place, np.shape(mask))[mask]] = np.broadcast_to(value, np.shape(mask))[mask]
 
 
 @overload(put_at, jit_options=HELPER)
 def _put_at(array, place, value, mask):
-    if _vector(mask):
+    if _is_vector(mask):
         return lambda array, place, value, mask: simd.scatter(array, place, value, mask)
 
     def write(array, place, value, mask):
@@ -319,20 +320,20 @@ def _put_at(array, place, value, mask):
 
 
 def stack_load(stack: Any, place: Lane, field: int) -> Lane:
-    """Read stack[place, field, lane]."""
+    """Load stack[place, field, lane]."""
     return stack[place, field, np.arange(stack.shape[2])]
 
 
 @overload(stack_load, jit_options=HELPER)
-def _take(stack, place, field):
-    if _vector(place):
+def _stack_load(stack, place, field):
+    if _is_vector(place):
         return lambda stack, place, field: simd.gather(stack, (place * stack.shape[1] + field) * stack.shape[2] + simd.iota(place))
     return lambda stack, place, field: stack[place, field, 0]
 
 
 @helper
 def put3(stack: Any, place: Lane, field: int, value: Vec, mask: Lane) -> None:
-    """Write a vector to three fields."""
+    """Store a 3D vector to three stack fields."""
     stack_store(stack, place, field, value[0], mask)
     stack_store(stack, place, field + 1, value[1], mask)
     stack_store(stack, place, field + 2, value[2], mask)
@@ -340,37 +341,37 @@ def put3(stack: Any, place: Lane, field: int, value: Vec, mask: Lane) -> None:
 
 @helper
 def take3(stack: Any, place: Lane, field: int) -> Vec:
-    """Read a vector from three fields."""
+    """Load a 3D vector from three stack fields."""
     return stack_load(stack, place, field), stack_load(stack, place, field + 1), stack_load(stack, place, field + 2)
 
 
 def narrow(nest: Any) -> Any:
-    """A NamedTuple of numbers, or of tuples of them, with its floats as float32 (in kernels)."""
+    """In kernels: convert the floats of a nested tuple or NamedTuple of numbers to float32."""
     return nest
 
 
 @overload(narrow, jit_options=HELPER)
-def _narrow_nest(nest):
-    made: dict[str, Any] = {"single": np.float32}
+def _narrow(nest):
+    names: dict[str, Any] = {"single": np.float32}
 
-    def said(kind, at: str) -> str:
+    def source(kind, at: str) -> str:
         if hasattr(kind, "types"):
-            name = f"kind{len(made)}"
+            name = f"kind{len(names)}"
             named = isinstance(kind, types.BaseNamedTuple)
-            made[name] = getattr(kind, "instance_class", None)
-            parts = "".join(f"{said(part, f'{at}[{k}]')}, " for k, part in enumerate(kind.types))
+            names[name] = getattr(kind, "instance_class", None)
+            parts = "".join(f"{source(part, f'{at}[{k}]')}, " for k, part in enumerate(kind.types))
             return f"{name}({parts})" if named else f"({parts})"
         return f"single({at})" if isinstance(kind, types.Float) else at
 
-    exec(f"def narrowed(nest): return {said(nest, 'nest')}", made)  # Numba has no loops over tuples of several types
-    return made["narrowed"]
+    exec(f"def narrow(nest): return {source(nest, 'nest')}", names)  # Numba does not loop over heterogeneous tuples
+    return names["narrow"]
 
 
-# --- two vectors side by side -------------------------------------------------------------------------------------------
+# --- vectors of twice the width -----------------------------------------------------------------------------------------
 
 
 def is_twice(x: Any) -> bool:
-    """Whether a value of this Numba type is two vectors of lanes side by side."""
+    """Return whether a Numba type is a vector of more than WIDTH lanes."""
     return isinstance(x, simd.Vector) and x.lanes > WIDTH
 
 

@@ -1,4 +1,4 @@
-"""Numba types of a kernel's lanes: FLOAT, INT, MASK and VEC, WIDTH lanes of 64 bits each."""
+"""Numba types of kernel values: FLOAT, INT, MASK and VEC, WIDTH lanes of 64 bits each."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from numba import types
 
 from .. import simd
 
-WIDTH = simd.WIDTH64  # lanes of a kernel's values
+WIDTH = simd.WIDTH64  # lanes of a kernel value
 
 
 def lane_type(kind: str) -> Any:
-    """Numba's type of a kernel's lanes of 64 bits: "f" float, "i" int, "m" mask. A scalar type where WIDTH is 1."""
+    """Numba type of WIDTH lanes of 64 bits of a kind: "f" float, "i" int, "m" mask; a scalar type if WIDTH is 1."""
     if WIDTH > 1:
         return simd.Vector(kind, 64, WIDTH)
     return {"f": types.float64, "i": types.int64, "m": types.boolean}[kind]

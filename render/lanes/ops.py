@@ -1,10 +1,10 @@
-"""Lane operations: the same source runs on numpy arrays and, in kernels, on scalars and on SIMD vectors.
+"""Lane-generic arithmetic: one source for numpy arrays and, in kernels, scalars and SIMD vectors.
 
-Write straight-line code: `where` chooses, `if any_lane(mask):` skips what no lane needs. Both sides of a `where` are computed, so guard
-denominators. Vectors are tuples (x, y, z). Comparisons with NaN are false, and `minimum`, `maximum` and `clip` are made of
-comparisons: with NaN as the first operand they give the second one.
+Write straight-line code. `where` selects; `if any_lane(mask):` skips work that no lane needs. Both sides of a `where` are computed, so
+guard denominators. 3D vectors are tuples (x, y, z). Comparisons with NaN are false. `minimum`, `maximum` and `clip` are comparisons: with
+NaN as the first operand they return the second one.
 
-On vectors (simd/) one width goes through the code: lanes of float64 have ints of 64 bits, lanes of float32 ints of 32.
+SIMD code uses one lane width: float64 lanes go with int64 lanes, float32 lanes with int32 lanes.
 """
 
 from __future__ import annotations
@@ -23,14 +23,13 @@ from .. import simd
 from ..jit.kernel import HELPER, helper
 from ..types import Lane, Vec
 
-MOST_FACTORS = 256  # whole powers up to this are taken by squaring
-_FITS = 2.0**62  # beyond this a float64 has no int64
+_MAX_INT = 2.0**62  # bound of the float64 values that convert to int64
 
 
 def on_scalars(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`overload` for kernels that work on numbers; where a vector is among the types, `on_vectors` has the say."""
+    """Overload a function for scalar arguments; `simd.define` covers calls with a vector among the arguments."""
 
-    def decorate(choose: Callable[..., Any]) -> Callable[..., Any]:  # `choose` bears no annotations: Numba compares signatures
+    def decorate(choose: Callable[..., Any]) -> Callable[..., Any]:  # `choose` has no annotations: Numba compares signatures
         @overload(function, jit_options=HELPER)
         @functools.wraps(choose)
         def scalar(*kinds):
@@ -42,7 +41,7 @@ def on_scalars(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def where(condition: Lane, yes: Lane, no: Lane) -> Lane:
-    """`yes` in lanes where the condition holds, else `no`."""
+    """Select `yes` in lanes where the condition holds, else `no`."""
     return np.where(condition, yes, no)
 
 
@@ -52,7 +51,7 @@ def _where(condition, yes, no):
 
 
 def any_lane(mask: Lane) -> Any:
-    """Whether any lane of a mask is set; the only thing a data-dependent `if` may ask."""
+    """Return whether any lane of a mask is set; the only condition a data-dependent `if` may have."""
     return bool(np.any(mask))
 
 
@@ -62,7 +61,7 @@ def _any_lane(mask):
 
 
 def not_(mask: Lane) -> Lane:
-    """The other lanes (~ on a scalar bool would be −1 or −2)."""
+    """Invert a mask (`~` on a scalar bool gives −1 or −2)."""
     return np.logical_not(mask)
 
 
@@ -72,7 +71,7 @@ def _not(mask):
 
 
 def to_float(x: Lane) -> Lane:
-    """As float64."""
+    """Convert to float64."""
     return np.asarray(x, dtype=np.float64)
 
 
@@ -82,7 +81,7 @@ def _to_float(x):
 
 
 def to_int(x: Lane) -> Lane:
-    """As int64, towards zero."""
+    """Convert to int64, rounding towards zero."""
     return np.asarray(x).astype(np.int64)
 
 
@@ -92,17 +91,17 @@ def _to_int(x):
 
 
 def floor_int(x: Lane) -> Lane:
-    """The whole number below, as int64; 0 where x is not finite or beyond int64."""
-    return np.where(np.abs(x) < _FITS, np.floor(x), 0.0).astype(np.int64)
+    """Round down to int64; 0 where x is not finite or beyond int64."""
+    return np.where(np.abs(x) < _MAX_INT, np.floor(x), 0.0).astype(np.int64)
 
 
 @on_scalars(floor_int)
 def _floor_int(x):
-    return lambda x: np.int64(math.floor(x)) if abs(x) < _FITS else np.int64(0)
+    return lambda x: np.int64(math.floor(x)) if abs(x) < _MAX_INT else np.int64(0)
 
 
 def full_like(like: Lane, value: Any) -> Lane:
-    """`value` as float64 in the lanes of `like`."""
+    """Broadcast `value` as float64 to the lanes of `like`."""
     return np.full(np.shape(like), value, dtype=np.float64)
 
 
@@ -112,7 +111,7 @@ def _full_like(like, value):
 
 
 def int_like(like: Lane, value: Any) -> Lane:
-    """`value` as int64 in the lanes of `like`."""
+    """Broadcast `value` as int64 to the lanes of `like`."""
     return np.full(np.shape(like), value, dtype=np.int64)
 
 
@@ -122,7 +121,7 @@ def _int_like(like, value):
 
 
 def bool_like(like: Lane, value: bool) -> Lane:
-    """`value` as a mask in the lanes of `like`."""
+    """Broadcast `value` as a mask to the lanes of `like`."""
     return np.full(np.shape(like), value, dtype=np.bool_)
 
 
@@ -132,26 +131,19 @@ def _bool_like(like, value):
 
 
 def roundoff(like: Lane) -> float:
-    """Half the distance from 1 to the next number of a lane's kind: 2⁻⁵³, or 2⁻²⁴ in lanes of float32."""
+    """Return the unit roundoff of the lane type: 2⁻⁵³, or 2⁻²⁴ for float32 lanes."""
     return 2.0**-53
 
 
-@on_scalars(roundoff)
-def _roundoff(like):
-    unit = 2.0**-24 if like == types.float32 else 2.0**-53
-    return lambda like: unit
-
-
 @overload(roundoff, jit_options=HELPER)
-def _roundoff_of_vectors(like):
-    if not isinstance(like, simd.Vector):
-        return None
-    unit = 2.0**-24 if like.bits == 32 else 2.0**-53
+def _roundoff(like):
+    single = like.bits == 32 if isinstance(like, simd.Vector) else like == types.float32
+    unit = 2.0**-24 if single else 2.0**-53
     return lambda like: unit
 
 
 def is_finite(x: Lane) -> Lane:
-    """Neither infinite nor NaN."""
+    """Mask of lanes that are neither infinite nor NaN."""
     return np.isfinite(x)
 
 
@@ -160,34 +152,34 @@ def _is_finite(x):
     return lambda x: math.isfinite(x)
 
 
-# --- numbers ------------------------------------------------------------------------------------------------------------
+# --- scalars ------------------------------------------------------------------------------------------------------------
 
 
 def fma(a: Lane, b: Lane, c: Lane) -> Lane:
-    """a · b + c, rounded once in lanes of float32 (where the machine can), else twice."""
+    """a · b + c, rounded once in float32 lanes if the machine has the instruction, else twice."""
     return a * b + c
 
 
-def _narrow(*kinds: Any) -> bool:
-    """Whether lanes of float32 are among the types."""
+def _has_float32(*kinds: Any) -> bool:
+    """Return whether any type is a vector of float32 lanes."""
     return any(isinstance(kind, simd.Vector) and kind.kind == "f" and kind.bits == 32 for kind in kinds)
 
 
 @overload(fma, jit_options=HELPER)
 def _fma(a, b, c):
-    if _narrow(a, b, c):
+    if _has_float32(a, b, c):
         return lambda a, b, c: simd.fma(a, b, c)
     return lambda a, b, c: a * b + c
 
 
 def inverse(x: Lane) -> Lane:
-    """1 / x; to 2 ulp in lanes of float32."""
+    """1 / x, to 2 ulp in float32 lanes."""
     return 1.0 / x
 
 
 @overload(inverse, jit_options=HELPER)
 def _inverse(x):
-    if _narrow(x):
+    if _has_float32(x):
         return lambda x: simd.reciprocal(x)
     return lambda x: 1.0 / x
 
@@ -270,48 +262,6 @@ def power(x: Lane, y: Lane) -> Lane:
     return np.power(x, y)
 
 
-def fast_pow(x: Lane, y: Lane) -> Lane:
-    """x to the y for 0 < x <= 1 and y >= 0: much quicker than `power`, its error a few roundings of y log x or, for whole y, of y."""
-    return np.power(x, y)
-
-
-@overload(fast_pow, jit_options=HELPER)
-def _fading(x, y):
-    if isinstance(y, simd.Vector):
-
-        def by_lanes(x, y):
-            one = simd.lane(y, 0)
-            whole = np.int64(min(one, 1e3))
-            if whole <= MOST_FACTORS and simd.all_of(y == whole):
-                return _whole_power(x, whole)
-            return np.exp(y * np.log(x))
-
-        return by_lanes
-
-    def by_one(x, y):
-        whole = np.int64(min(y, 1e3))
-        return _whole_power(x, whole) if whole <= MOST_FACTORS and whole == y else np.exp(y * np.log(x))
-
-    return by_one
-
-
-@helper
-def _whole_power(x: Lane, n: int) -> Lane:
-    """By squaring: x, x², x⁴ … are multiplied where n has a bit."""
-    if n <= 0:
-        return 0.0 * x + 1.0
-    while n & 1 == 0:
-        x = x * x
-        n >>= 1
-    found = x
-    while n > 1:
-        x = x * x
-        n >>= 1
-        if n & 1:
-            found = found * x
-    return found
-
-
 @helper
 def lerp(a: Lane, b: Lane, t: Lane) -> Lane:
     return a + (b - a) * t
@@ -323,16 +273,16 @@ def sign_of(x: Lane) -> Lane:
     return where(x >= 0.0, 1.0, -1.0)
 
 
-# --- on SIMD vectors ----------------------------------------------------------------------------------------------------
+# --- SIMD overloads -----------------------------------------------------------------------------------------------------
 
 
-def _lanes_of(kind: str) -> Callable[..., Any]:
-    """Numba's signature of a function to lanes of a kind, as wide as its argument's."""
+def _converts_to(kind: str) -> Callable[..., Any]:
+    """Typing rule of a conversion to lanes of a kind, of the argument's width and count."""
     return lambda context, x: signature(simd.Vector(kind, x.bits, x.lanes), x)
 
 
-def _filled(kind: str) -> Callable[..., Any]:
-    """Numba's signature of a function of (like, value) to lanes of a kind, as wide and as many as `like` has."""
+def _broadcasts_to(kind: str) -> Callable[..., Any]:
+    """Typing rule of a function of (like, value) to lanes of a kind, of the width and count of `like`."""
 
     def typing(context: Any, like: Any, value: Any) -> Any:
         if not isinstance(like, simd.Vector):
@@ -343,7 +293,7 @@ def _filled(kind: str) -> Callable[..., Any]:
     return typing
 
 
-def _same(context: Any, x: Any) -> Any:
+def _same_type(context: Any, x: Any) -> Any:
     return signature(x, x)
 
 
@@ -354,17 +304,17 @@ def _floor_to_int(x: simd.Value) -> simd.Value:
 
 simd.define(where, simd.select_signature, simd.choose)
 simd.define(any_lane, lambda context, mask: signature(types.boolean, mask), lambda mask: simd.mask_bits(mask) != 0)
-simd.define(not_, _same, lambda mask: ~mask)
-simd.define(to_float, _lanes_of("f"), lambda x: x.to("f", x.bits))
-simd.define(to_int, _lanes_of("i"), lambda x: x.to("i", x.bits))
-simd.define(floor_int, _lanes_of("i"), _floor_to_int)
-simd.define(is_finite, _lanes_of("m"), lambda x: abs(x) < math.inf)
-simd.define(full_like, _filled("f"), lambda like, value: value)
-simd.define(int_like, _filled("i"), lambda like, value: value)
-simd.define(bool_like, _filled("m"), lambda like, value: value)
+simd.define(not_, _same_type, lambda mask: ~mask)
+simd.define(to_float, _converts_to("f"), lambda x: x.to("f", x.bits))
+simd.define(to_int, _converts_to("i"), lambda x: x.to("i", x.bits))
+simd.define(floor_int, _converts_to("i"), _floor_to_int)
+simd.define(is_finite, _converts_to("m"), lambda x: abs(x) < math.inf)
+simd.define(full_like, _broadcasts_to("f"), lambda like, value: value)
+simd.define(int_like, _broadcasts_to("i"), lambda like, value: value)
+simd.define(bool_like, _broadcasts_to("m"), lambda like, value: value)
 
 
-# --- vectors ------------------------------------------------------------------------------------------------------------
+# --- 3D vectors ---------------------------------------------------------------------------------------------------------
 
 
 @helper
@@ -379,7 +329,7 @@ def sub(a: Vec, b: Vec) -> Vec:
 
 @helper
 def mul(a: Vec, b: Vec) -> Vec:
-    """Component by component."""
+    """Componentwise product."""
     return (a[0] * b[0], a[1] * b[1], a[2] * b[2])
 
 
@@ -415,26 +365,26 @@ def length(a: Vec) -> Lane:
 
 
 def rsqrt(x: Lane) -> Lane:
-    """1 / √x, and 1 where x is not above 0; on vectors of float32 to 3 ulp."""
+    """1 / √x, and 1 where x is not above 0; to 3 ulp in float32 lanes."""
     n = np.sqrt(x)
     return 1.0 / where(n > 0.0, n, 1.0)
 
 
 @overload(rsqrt, jit_options=HELPER)
-def _over_root(x):
+def _rsqrt(x):
     def exact(x):
         n = np.sqrt(x)
         return 1.0 / where(n > 0.0, n, 1.0)
 
-    def quick(x):
+    def estimate(x):
         return where(x > 0.0, simd.reciprocal_sqrt(x), 1.0)
 
-    return quick if isinstance(x, simd.Vector) and x.bits == 32 else exact
+    return estimate if isinstance(x, simd.Vector) and x.bits == 32 else exact
 
 
 @helper
 def normalize(a: Vec) -> Vec:
-    """Unit length; a zero vector stays zero."""
+    """Scale to unit length; a zero vector stays zero."""
     return scale(a, rsqrt(dot(a, a)))
 
 
@@ -450,32 +400,32 @@ def lerp3(a: Vec, b: Vec, t: Lane) -> Vec:
 
 @helper
 def mean3(a: Vec) -> Lane:
-    """The mean of the components."""
+    """Mean of the components."""
     return (a[0] + a[1] + a[2]) * (1.0 / 3.0)
 
 
 @helper
 def smallest(a: Vec) -> Lane:
-    """The smallest component."""
+    """Smallest component."""
     return minimum(a[0], minimum(a[1], a[2]))
 
 
 @helper
 def largest(a: Vec) -> Lane:
-    """The largest component."""
+    """Largest component."""
     return maximum(a[0], maximum(a[1], a[2]))
 
 
 @helper
 def reflect(direction: Vec, normal: Vec) -> Vec:
-    """The direction a ray takes off a mirror with this unit normal."""
+    """Mirror reflection of a direction at a surface of unit normal."""
     k = 2.0 * dot(direction, normal)
     return (direction[0] - k * normal[0], direction[1] - k * normal[1], direction[2] - k * normal[2])
 
 
 @helper
 def basis(n: Vec) -> tuple[Vec, Vec]:
-    """Two unit vectors that with unit n make a right-handed frame (Duff et al. 2017, Building an Orthonormal Basis, Revisited)."""
+    """Two unit vectors that complete unit n to a right-handed frame (Duff et al., "Building an Orthonormal Basis, Revisited", 2017)."""
     s = sign_of(n[2])
     a = -1.0 / (s + n[2])
     b = n[0] * n[1] * a
@@ -484,7 +434,7 @@ def basis(n: Vec) -> tuple[Vec, Vec]:
 
 @helper
 def in_basis(s: Vec, t: Vec, n: Vec, x: Lane, y: Lane, z: Lane) -> Vec:
-    """x s + y t + z n."""
+    """The vector x s + y t + z n."""
     return (
         fma(n[0], z, fma(t[0], y, s[0] * x)), fma(n[1], z, fma(t[1], y, s[1] * x)), fma(n[2], z, fma(t[2], y, s[2] * x)),
     )  # fmt: skip
@@ -492,70 +442,5 @@ def in_basis(s: Vec, t: Vec, n: Vec, x: Lane, y: Lane, z: Lane) -> Vec:
 
 @helper
 def like3(like: Lane, x: float, y: float, z: float) -> Vec:
-    """The same vector in the lanes of `like`."""
+    """Broadcast a vector to the lanes of `like`."""
     return (full_like(like, x), full_like(like, y), full_like(like, z))
-
-
-@helper
-def affine(matrix: Any, i: Lane) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane]:
-    """Row i of (n, 3, 4) matrices as twelve numbers, row by row."""
-    return (
-        matrix[i, 0, 0], matrix[i, 0, 1], matrix[i, 0, 2], matrix[i, 0, 3], matrix[i, 1, 0], matrix[i, 1, 1], matrix[i, 1, 2],
-        matrix[i, 1, 3], matrix[i, 2, 0], matrix[i, 2, 1], matrix[i, 2, 2], matrix[i, 2, 3],
-    )  # fmt: skip
-
-
-@helper
-def transform_point12(m: Any, p: Vec) -> Vec:
-    """An affine's twelve numbers applied to a point."""
-    return (
-        m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3], m[4] * p[0] + m[5] * p[1] + m[6] * p[2] + m[7],
-        m[8] * p[0] + m[9] * p[1] + m[10] * p[2] + m[11],
-    )  # fmt: skip
-
-
-@helper
-def transform_vector12(m: Any, v: Vec) -> Vec:
-    """An affine's twelve numbers applied to a direction."""
-    return (
-        m[0] * v[0] + m[1] * v[1] + m[2] * v[2], m[4] * v[0] + m[5] * v[1] + m[6] * v[2], m[8] * v[0] + m[9] * v[1] + m[10] * v[2],
-    )  # fmt: skip
-
-
-@helper
-def normal_by(inverse: Any, n: Vec) -> Vec:
-    """A normal by the transpose of an inverse's twelve numbers; not normalised."""
-    m = inverse
-    return (
-        m[0] * n[0] + m[4] * n[1] + m[8] * n[2], m[1] * n[0] + m[5] * n[1] + m[9] * n[2], m[2] * n[0] + m[6] * n[1] + m[10] * n[2],
-    )  # fmt: skip
-
-
-@helper
-def transform_point(matrix: Any, i: Lane, p: Vec) -> Vec:
-    """Row i of (n, 3, 4) matrices applied to a point."""
-    return (
-        matrix[i, 0, 0] * p[0] + matrix[i, 0, 1] * p[1] + matrix[i, 0, 2] * p[2] + matrix[i, 0, 3],
-        matrix[i, 1, 0] * p[0] + matrix[i, 1, 1] * p[1] + matrix[i, 1, 2] * p[2] + matrix[i, 1, 3],
-        matrix[i, 2, 0] * p[0] + matrix[i, 2, 1] * p[1] + matrix[i, 2, 2] * p[2] + matrix[i, 2, 3],
-    )
-
-
-@helper
-def transform_vector(matrix: Any, i: Lane, v: Vec) -> Vec:
-    """Row i of (n, 3, 4) matrices applied to a direction."""
-    return (
-        matrix[i, 0, 0] * v[0] + matrix[i, 0, 1] * v[1] + matrix[i, 0, 2] * v[2],
-        matrix[i, 1, 0] * v[0] + matrix[i, 1, 1] * v[1] + matrix[i, 1, 2] * v[2],
-        matrix[i, 2, 0] * v[0] + matrix[i, 2, 1] * v[1] + matrix[i, 2, 2] * v[2],
-    )
-
-
-@helper
-def transform_normal(inverse: Any, i: Lane, n: Vec) -> Vec:
-    """A normal by the transpose of row i of the inverse matrices; not normalised."""
-    return (
-        inverse[i, 0, 0] * n[0] + inverse[i, 1, 0] * n[1] + inverse[i, 2, 0] * n[2],
-        inverse[i, 0, 1] * n[0] + inverse[i, 1, 1] * n[1] + inverse[i, 2, 1] * n[2],
-        inverse[i, 0, 2] * n[0] + inverse[i, 1, 2] * n[1] + inverse[i, 2, 2] * n[2],
-    )

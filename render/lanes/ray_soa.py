@@ -1,4 +1,4 @@
-"""Rays of a bundle as columns (8, n or a few more): x, y, z of origins and directions, first and last distance."""
+"""Packets of rays as structure of arrays (8, n or more): x, y, z of origins and of directions, t_min, t_max."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from . import crosslane
 
 @helper
 def get(columns: Any, at: int) -> tuple[Vec, Vec, Lane, Lane]:
-    """Origins and directions of rays `at` on, and their first and last distance."""
+    """Load WIDTH rays from column `at`: (origin, direction, t_min, t_max)."""
     return get_of(columns, columns.shape[1], at)
 
 
 @helper
 def get_of(columns: Any, n: int, at: int) -> tuple[Vec, Vec, Lane, Lane]:
-    """The same of columns of n rays, one behind the other."""
+    """`get` for a flat array whose rows hold n rays each."""
     o = crosslane.load_row(columns, at), crosslane.load_row(columns, n + at), crosslane.load_row(columns, 2 * n + at)
     d = crosslane.load_row(columns, 3 * n + at), crosslane.load_row(columns, 4 * n + at), crosslane.load_row(columns, 5 * n + at)
     return o, d, crosslane.load_row(columns, 6 * n + at), crosslane.load_row(columns, 7 * n + at)
@@ -25,7 +25,7 @@ def get_of(columns: Any, n: int, at: int) -> tuple[Vec, Vec, Lane, Lane]:
 
 @helper
 def put(columns: Any, at: int, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> None:
-    """Write rays `at` on, all lanes of each, as `get` reads them."""
+    """Store WIDTH rays from column `at` on, all lanes, in the layout of `get`."""
     n = columns.shape[1]
     for axis in range(3):
         o, d = (origin[0], direction[0]) if axis == 0 else (origin[1], direction[1]) if axis == 1 else (origin[2], direction[2])

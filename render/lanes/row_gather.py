@@ -1,4 +1,4 @@
-"""Several numbers of a table's row at a time, the row in lanes: loaded side by side and turned into columns, where the machine can."""
+"""Gathers of several neighbouring numbers of table rows: one vector load a lane, then a transpose, where the machine supports it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..types import Lane, Vec
 
 
 def three_at(table: Any, row: Lane, first: int) -> Vec:
-    """Numbers `first` to first + 2 of a row of a table whose rows hold four or more, counted through all its dimensions but the first."""
+    """Gather numbers first … first + 2 of table rows of four numbers or more; `first` counts in the flattened row."""
     flat = table.reshape(len(table), -1)
     return flat[row, first], flat[row, first + 1], flat[row, first + 2]
 
@@ -22,14 +22,14 @@ def three_at(table: Any, row: Lane, first: int) -> Vec:
 def _three_at(table, row, first):
     if isinstance(row, simd.Vector) and row.bits == table.dtype.bitwidth:
 
-        def together(table, row, first):  # four at a time, which begin one earlier where there is something before
+        def gather(table, row, first):  # loads four numbers; begins one earlier unless first is 0, to stay inside the row
             before = 1 if first > 0 else 0
-            found = simd.gather_rows(table, row * _row_length(table), 4, first - before)
+            x = simd.gather_rows(table, row * _row_length(table), 4, first - before)
             if before:
-                return found[1], found[2], found[3]
-            return found[0], found[1], found[2]
+                return x[1], x[2], x[3]
+            return x[0], x[1], x[2]
 
-        return together
+        return gather
     if table.ndim == 3:
         return lambda table, row, first: (
             table[row, first // 3, first % 3], table[row, (first + 1) // 3, (first + 1) % 3], table[row, (first + 2) // 3, (first + 2) % 3]
@@ -38,7 +38,7 @@ def _three_at(table, row, first):
 
 
 def four_at(table: Any, row: Lane) -> tuple[Lane, Lane, Lane, Lane]:
-    """A row of an (n, 4) table."""
+    """Gather rows of an (n, 4) table."""
     return table[row, 0], table[row, 1], table[row, 2], table[row, 3]
 
 
@@ -50,7 +50,7 @@ def _four_at(table, row):
 
 
 def eight_at(table: Any, row: Lane, first: int) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane]:
-    """Numbers `first` to first + 7 of a row of a table, counted through all its dimensions but the first."""
+    """Gather numbers first … first + 7 of table rows; `first` counts in the flattened row."""
     return tuple(table.reshape(len(table), -1)[row, first + k] for k in range(8))
 
 
@@ -59,18 +59,18 @@ def _eight_at(table, row, first):
     if isinstance(row, simd.Vector) and row.bits == table.dtype.bitwidth:
         return lambda table, row, first: simd.gather_rows(table, row * _row_length(table), 8, first)
 
-    def each(table, row, first):
+    def scalar(table, row, first):
         at = row * _row_length(table) + first
         return (
             simd.read(table, at), simd.read(table, at + 1), simd.read(table, at + 2), simd.read(table, at + 3), simd.read(table, at + 4),
             simd.read(table, at + 5), simd.read(table, at + 6), simd.read(table, at + 7),
         )  # fmt: skip
 
-    return each
+    return scalar
 
 
 def _row_length(table: Any) -> Any:
-    """How many numbers there are in a row of a table, counted through all its dimensions but the first."""
+    """Count the numbers of a flattened table row."""
     return int(np.prod(table.shape[1:]))
 
 

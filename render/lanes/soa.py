@@ -1,4 +1,4 @@
-"""Rows: what a wave of paths is kept in, structure of arrays, and how vectors of it are read, written and closed up."""
+"""Structure-of-arrays storage of a wave of paths: vector loads, stores and compaction."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from .. import simd
 from ..jit.kernel import helper
 from ..types import Lane, Vec
 
-SIZE = 2048  # paths of a wave
-PAD = 64  # beyond them, for stores of whole vectors
+SIZE = 2048  # paths in a wave
+PAD = 64  # extra elements for stores of whole vectors
 ROW = SIZE + PAD
 
 
@@ -29,7 +29,7 @@ def store3(rows: Any, base: int, row: int, i: int, v: Vec) -> None:
 
 @helper
 def keep(rows: Any, at: int, x: Lane, mask: Lane) -> None:
-    """Close up the lanes of a mask and write them from a place on; what follows them in the row is overwritten."""
+    """Compress the lanes of a mask and store them from `at` on; overwrites the elements behind them in the row."""
     simd.store(rows, at, simd.compress(x, mask))
 
 
@@ -42,7 +42,7 @@ def keep3(rows: Any, at: int, v: Vec, mask: Lane) -> None:
 
 @helper
 def add(rows: Any, slot: Lane, light: Vec, mask: Lane) -> None:
-    """Add light to what the paths of a mask have found; each stands in one lane only."""
+    """Add light to the radiance of the paths in a mask; each path occurs in one lane only."""
     for k in range(3):
         at = slot + k * ROW
         simd.scatter(rows, at, simd.gather(rows, at, mask) + light[k], mask)

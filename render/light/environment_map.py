@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ...compiler import ir
 from ..image import metrics
 from ..jit.kernel import HELPER, helper, noinline_helper
-from ..lanes import ops
+from ..lanes import affine, ops
 from ..types import Lane, Tables, Vec
 from . import lights
 
@@ -156,13 +156,13 @@ def _sample(sky: SkyMap, u: Lane, v: Lane) -> tuple[Vec, Lane]:
     across = ops.sqrt(ops.maximum(1.0 - y * y, 0.0))
     turn = 2.0 * math.pi * (0.5 - (ops.to_float(c) + dv) * (1.0 / width))
     local = (across * ops.sin(turn), y, across * ops.cos(turn))
-    return ops.normalize(ops.transform_vector(sky.matrix, 0, local)), sky.density[r, c]
+    return ops.normalize(affine.transform_vector(sky.matrix, 0, local)), sky.density[r, c]
 
 
 @helper
 def _density(sky: SkyMap, direction: Vec) -> Lane:
     height, width = sky.density.shape[0], sky.columns.shape[1] - 1
-    x, y, z = ops.normalize(ops.transform_vector(sky.inverse, 0, direction))
+    x, y, z = ops.normalize(affine.transform_vector(sky.inverse, 0, direction))
     s, t = 0.5 - ops.atan2(x, z) * (0.5 / math.pi), 0.5 - ops.asin(ops.clip(y, -1.0, 1.0)) * (1.0 / math.pi)
     r = ops.maximum(ops.minimum(ops.floor_int(t * height), height - 1), 0)
     c = ops.maximum(ops.minimum(ops.floor_int(s * width), width - 1), 0)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from ...compiler import ir
 from ..jit.kernel import helper
-from ..lanes import ops
+from ..lanes import affine, ops
 from ..types import Lane, Tables, Vec
 
 POINT = int(ir.LightKind.POINT)
@@ -169,7 +169,7 @@ def _from_plate(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) -> 
         x, z = radius * ops.cos(turn), radius * ops.sin(turn)
     else:
         x, z = (2.0 * u - 1.0) * half_x, (2.0 * v - 1.0) * half_z
-    way = ops.sub(ops.transform_point(tables.transforms.matrix, row, (x, 0.0, z)), position)
+    way = ops.sub(affine.transform_point(tables.transforms.matrix, row, (x, 0.0, z)), position)
     squared = ops.maximum(ops.dot(way, way), TINY)
     distance = ops.sqrt(squared)
     direction = ops.scale(way, 1.0 / distance)
@@ -182,8 +182,8 @@ def face_of(tables: Tables, light: int) -> tuple[tuple[float, float, float], flo
     """The side of a rectangle or disk that shines, as a unit normal, and its area."""
     matrix, row = tables.transforms.matrix, tables.lights.transform[light]
     half_x, half_z = tables.lights.size[light, 0], tables.lights.size[light, 1]
-    side_x = ops.transform_vector(matrix, row, (1.0, 0.0, 0.0))
-    side_z = ops.transform_vector(matrix, row, (0.0, 0.0, 1.0))
+    side_x = affine.transform_vector(matrix, row, (1.0, 0.0, 0.0))
+    side_z = affine.transform_vector(matrix, row, (0.0, 0.0, 1.0))
     face = ops.cross(side_z, side_x)
     stretch = ops.length(face)
     if tables.transforms.flips[row]:
@@ -197,8 +197,8 @@ def _from_sphere(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) ->
     """By the cone of directions it fills; from inside, all directions (pbrt-v4 §6.2.4)."""
     row = tables.lights.transform[light]
     matrix = tables.transforms.matrix
-    centre = ops.transform_point(matrix, row, (0.0, 0.0, 0.0))
-    radius = tables.lights.size[light, 0] * ops.length(ops.transform_vector(matrix, row, (1.0, 0.0, 0.0)))
+    centre = affine.transform_point(matrix, row, (0.0, 0.0, 0.0))
+    radius = tables.lights.size[light, 0] * ops.length(affine.transform_vector(matrix, row, (1.0, 0.0, 0.0)))
     direction, distance, solid = to_ball(ops.sub(centre, position), radius + 0.0 * u, u, v)
     return Arriving(direction, distance * SHORT, _color(tables, light, solid))
 
@@ -237,7 +237,7 @@ def sky_radiance(tables: Tables, light: int, direction: Vec) -> Vec:
     lights = tables.lights
     if lights.kind[light] == SKY:
         return _color(tables, light, 0.0 * direction[0] + 1.0)
-    x, y, z = ops.normalize(ops.transform_vector(tables.transforms.inverse, lights.transform[light], direction))
+    x, y, z = ops.normalize(affine.transform_vector(tables.transforms.inverse, lights.transform[light], direction))
     if lights.image[light] < 0:
         return _color(tables, light, 0.0 * x + 1.0)
     s, t = 0.5 - ops.atan2(x, z) / (2.0 * math.pi), 0.5 + ops.asin(y) / math.pi

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ..jit.kernel import helper
-from ..lanes import ops
+from ..lanes import affine, ops
 from ..surface import interaction
 from ..types import Lane, Surface, Tables, Vec
 
@@ -50,7 +50,7 @@ def lit(maps: Any, tables: Tables, light: int, point: Surface) -> Lane:
     if cube:
         lamp = tables.lights.position
         row = row + _side(ops.sub(p, (lamp[light, 0] + zero, lamp[light, 1] + zero, lamp[light, 2] + zero)))
-    at = ops.transform_point12(ops.affine(maps.matrix, row), p)
+    at = affine.transform_point12(affine.load12(maps.matrix, row), p)
     size = ops.to_float(maps.size[row])
     depth = at[2]
     w = zero + 1.0 if parallel else depth
@@ -60,7 +60,7 @@ def lit(maps: Any, tables: Tables, light: int, point: Surface) -> Lane:
     inside = ahead & (x > 0.0) & (y > 0.0) & (x < size) & (y < size)
     x, y = ops.clip(x, 0.0, size), ops.clip(y, 0.0, size)
     # the plane through the point: m · (x, y, 1) / m · (px, py, 1) = depth / D, or m · (x, y, D) constant, with m = A⁻ᵀ n
-    inverse, n = ops.affine(maps.inverse, row), point.geometric
+    inverse, n = affine.load12(maps.inverse, row), point.geometric
     mx = n[0] * inverse[0] + n[1] * inverse[4] + n[2] * inverse[8]
     my = n[0] * inverse[1] + n[1] * inverse[5] + n[2] * inverse[9]
     mz = n[0] * inverse[2] + n[1] * inverse[6] + n[2] * inverse[10]

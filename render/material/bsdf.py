@@ -17,7 +17,7 @@ from numba.extending import overload
 from ...compiler import ir
 from ...compiler.plan import caustic_casters
 from ..jit.kernel import HELPER, helper, specialize_if_present
-from ..lanes import ops
+from ..lanes import fast_power, ops
 from ..light import lights
 from ..surface.material_inputs import color_of
 from ..types import Lane, Surface, Tables, Vec
@@ -279,7 +279,7 @@ def highlight(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec, cosine
     if ops.any_lane(shader.blinn):
         half = ops.normalize(ops.add(to_light, to_viewer))
         base = ops.where(shader.blinn, ops.dot(normal, half), base)
-    lobe = ops.where(base > 0.0, ops.fast_pow(ops.clip(base, lights.TINY, 1.0), shader.shininess), 0.0)
+    lobe = ops.where(base > 0.0, fast_power.fast_pow(ops.clip(base, lights.TINY, 1.0), shader.shininess), 0.0)
     if ops.any_lane(shader.normalized):
         lobe = lobe * ops.where(shader.normalized, shader.strength * cosine, 1.0)
     return lobe

@@ -16,7 +16,7 @@ from ...compiler import ir
 from .. import simd
 from ..jit.kernel import helper, kernel, noinline_helper
 from ..jit.packed_struct import Handle
-from ..lanes import crosslane, ops
+from ..lanes import affine, crosslane, ops
 from ..light import lights
 from ..material import bsdf, principled
 from ..surface import texture_footprint
@@ -210,7 +210,7 @@ def patterned_point(shading: Any, colored: Any, i: int, k: int) -> Surface:
     position, local, outward, color, metric = (zero, zero, zero), (zero, zero, zero), normal, (one, one, one), (one, one)
     if colored is not None:
         position, outward = get3(points, k, PLACE), ops.normalize(get3(points, k, OUTWARD))
-        local, color, metric = ops.transform_point(shading.look.local, i, position), get3(points, k, TINT), get2(points, k, METRIC)
+        local, color, metric = affine.transform_point(shading.look.local, i, position), get3(points, k, TINT), get2(points, k, METRIC)
     spread = (get1(points, k, SPREAD), get1(points, k, SPREAD + 1), get1(points, k, SPREAD + 2), get1(points, k, SPREAD + 3))
     uv, front, material = get2(points, k, UV), get1(points, k, FACING) > 0.0, tables.instances.material[i]
     point = Surface(position, local, normal, normal, outward, uv, metric, front, i, material, color, zero, None, None, None, None)

@@ -12,7 +12,7 @@ import numpy as np
 
 from .. import simd
 from ..jit.kernel import helper, noinline_helper
-from ..lanes import ops
+from ..lanes import affine, ops
 from ..surface import interaction
 from ..types import Lane, Vec
 from .meshlets import SHIFT
@@ -230,7 +230,7 @@ def _single(shown, meshlets, tables, planes, s, patterned, colored, i, slot):
     p, q, r = _place(meshlets, slot, 0), _place(meshlets, slot, 1), _place(meshlets, slot, 2)
     e1, e2 = ops.sub(q, p), ops.sub(r, p)
     face = ops.normalize(ops.cross(e1, e2))
-    outward = ops.normalize(ops.scale(ops.transform_normal(tables.transforms.inverse, transform, face), side))
+    outward = ops.normalize(ops.scale(affine.transform_normal(tables.transforms.inverse, transform, face), side))
     s[_OWN], s[_OWN + 1], s[_OWN + 2] = face
     s[_FACE], s[_FACE + 1], s[_FACE + 2] = outward
     even, flat = True, True
@@ -240,7 +240,7 @@ def _single(shown, meshlets, tables, planes, s, patterned, colored, i, slot):
         if tables.materials.shading[material] == FLAT:
             n = face
         even = even and ops.dot(n, face) > 0.0
-        n = ops.scale(ops.transform_normal(tables.transforms.inverse, transform, n), side)
+        n = ops.scale(affine.transform_normal(tables.transforms.inverse, transform, n), side)
         s[_NORMALS + 3 * corner], s[_NORMALS + 3 * corner + 1], s[_NORMALS + 3 * corner + 2] = n
         flat = flat and s[_NORMALS + 3 * corner] == s[_NORMALS] and s[_NORMALS + 3 * corner + 1] == s[_NORMALS + 1]
         flat = flat and s[_NORMALS + 3 * corner + 2] == s[_NORMALS + 2]
@@ -248,7 +248,7 @@ def _single(shown, meshlets, tables, planes, s, patterned, colored, i, slot):
         s[_DEPTHS + corner] = _depth(shown, meshlets, i, slot, corner)
     s[_EVEN] = _FLAT if even and flat else 1.0 if even else 0.0
     if patterned is not None:
-        stretch = interaction.mean_scale(ops.affine(tables.transforms.matrix, transform))
+        stretch = interaction.mean_scale(affine.load12(tables.transforms.matrix, transform))
         u1, v1 = s[_PLACES + 2] - s[_PLACES], s[_PLACES + 3] - s[_PLACES + 1]
         u2, v2 = s[_PLACES + 4] - s[_PLACES], s[_PLACES + 5] - s[_PLACES + 1]
         du, dv = interaction.spans(e1, e2, u1, v1, u2, v2)

@@ -9,7 +9,7 @@ import numpy as np
 from ...compiler import ir
 from ..accel.traverse import two_level
 from ..jit.kernel import helper
-from ..lanes import crosslane, ops
+from ..lanes import affine, crosslane, ops
 from ..types import Hit, Lane, Ray, View
 from . import coverage
 
@@ -31,7 +31,7 @@ def meet(accel: Any, instance: int, ray: Ray, active: Lane) -> Hit:
 @helper
 def along_axis(tables: Any, view: View, ray: Ray) -> Lane:
     """Metres along the camera's axis for a metre along a ray."""
-    return -ops.transform_vector(tables.transforms.inverse, tables.cameras.transform[view.camera], ray.direction)[2]
+    return -affine.transform_vector(tables.transforms.inverse, tables.cameras.transform[view.camera], ray.direction)[2]
 
 
 @helper

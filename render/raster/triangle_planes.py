@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ...compiler import ir
 from .. import simd
 from ..jit.kernel import helper, noinline_helper
-from ..lanes import ops
+from ..lanes import affine, ops
 from ..surface import interaction
 from ..types import Lane, Vec
 from .meshlets import RECORD, SHIFT
@@ -197,9 +197,9 @@ def _make_of(shown: Any, meshlets: Any, tables: Any, faces: Any, patterned: Any,
     single = single | ~(none | along | against)
     na, nb, nc = ops.where3(none, face, na), ops.where3(none, face, nb), ops.where3(none, face, nc)
     side = simd.select(none | along, side, -side)
-    na = ops.scale(ops.transform_normal(inverse, transform, na), side)
-    nb = ops.sub(ops.scale(ops.transform_normal(inverse, transform, nb), side), na)
-    nc = ops.sub(ops.scale(ops.transform_normal(inverse, transform, nc), side), na)
+    na = ops.scale(affine.transform_normal(inverse, transform, na), side)
+    nb = ops.sub(ops.scale(affine.transform_normal(inverse, transform, nb), side), na)
+    nc = ops.sub(ops.scale(affine.transform_normal(inverse, transform, nc), side), na)
     nx, ny = _plane(area, eu, ev, na[0], nb[0], nc[0]), _plane(area, eu, ev, na[1], nb[1], nc[1])
     nz = _plane(area, eu, ev, na[2], nb[2], nc[2])
     key = area if shown.perspective else _plane(area, eu, ev, depth, d1, d2)
@@ -215,7 +215,7 @@ def _make_of(shown: Any, meshlets: Any, tables: Any, faces: Any, patterned: Any,
         du, dv = zero, zero  # which only bumps ask for
         if colored is not None:
             du, dv = interaction.spans(e1, e2, u1, v1, u2, v2)
-            stretch = interaction.mean_scale(ops.affine(tables.transforms.matrix, transform))
+            stretch = interaction.mean_scale(affine.load12(tables.transforms.matrix, transform))
             du, dv = du * stretch, dv * stretch
         _write(record, at + 16, here, (u[0], u[1], u[2], v[0], v[1], v[2], du, dv))
     if colored is not None:

@@ -15,7 +15,7 @@ from typing import Any
 from ...compiler import ir
 from ..geometry import analytic_shapes, instance_transform
 from ..jit.kernel import helper, make_replace, specialize_if_present
-from ..lanes import ops
+from ..lanes import affine, ops
 from ..texture import textures
 from ..types import Hit, Lane, Ray, Surface, Tables, Vec
 
@@ -47,7 +47,7 @@ def make_interaction(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -
 
     t = ops.where(hit.instance >= 0, hit.t, 0.0)
     world = ops.along(ray.origin, ray.direction, t)
-    local = ops.transform_point12(inverse, world)
+    local = affine.transform_point12(inverse, world)
     formed = kind == FORMULA
     part = ops.where((kind == MESH) | formed, 0, hit.primitive)
     outward = analytic_shapes.normal(kind, geometries.parameters, g, part, local)
@@ -69,7 +69,7 @@ def make_interaction(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -
         a, b, c = corners(tables, g, triangle)
         wide = ops.where(on_mesh, mean_scale(matrix) * _farthest(a, b, c), wide)
         local = ops.where3(on_mesh, _blend(a, b, c, 1.0 - hit.u - hit.v, hit.u, hit.v), local)
-        world = ops.where3(on_mesh, ops.transform_point12(matrix, local), world)
+        world = ops.where3(on_mesh, affine.transform_point12(matrix, local), world)
         face = ops.normalize(ops.cross(ops.sub(b, a), ops.sub(c, a)))
         outward = ops.where3(on_mesh, face, outward)
         smooth = ops.where3(on_mesh, _mesh_normal(tables, g, hit, on_mesh, face), smooth)
@@ -85,11 +85,11 @@ def make_interaction(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -
         stretch = mean_scale(matrix)
         du, dv = du * stretch, dv * stretch
 
-    geometric = ops.normalize(ops.normal_by(inverse, outward))
+    geometric = ops.normalize(affine.transform_normal12(inverse, outward))
     shaded = geometric
     rounded = on_mesh & (tables.materials.shading[material] != FLAT)
     if ops.any_lane(rounded):
-        shaded = ops.where3(rounded, ops.normalize(ops.normal_by(inverse, smooth)), geometric)
+        shaded = ops.where3(rounded, ops.normalize(affine.transform_normal12(inverse, smooth)), geometric)
     front = ops.dot(ray.direction, geometric) < 0.0
     side = ops.where(front, zero + 1.0, zero - 1.0)
     lift = (zero, zero, zero)
@@ -128,7 +128,7 @@ def off_formula(tables: Tables, instance: int, ray: Ray, hit: Hit) -> tuple[Vec,
     """(position, geometric, offset) as in `at`, where rays met an instance of a formula surface that does not move."""
     g, here = tables.instances.geometry[instance], instance_transform.transform_at(tables, tables.instances.transform[instance], None)
     t = ops.where(hit.instance >= 0, hit.t, 0.0)
-    geometric = ops.normalize(ops.normal_by(here.inverse, _unfolded(hit.u, hit.v)))
+    geometric = ops.normalize(affine.transform_normal12(here.inverse, _unfolded(hit.u, hit.v)))
     offset = spacing(here, ray, t, geometric, _off(tables, g, hit, here.matrix))
     side = ops.where(ops.dot(ray.direction, geometric) < 0.0, 1.0, -1.0)
     return ops.along(ray.origin, ray.direction, t), ops.scale(geometric, side), offset

@@ -23,7 +23,7 @@ from ...compiler.plan import plan as planner
 from ..geometry import analytic_shapes, instance_transform
 from ..jit.kernel import HELPER, helper, make_replace, noinline_helper
 from ..jit.packed_struct import HandleType
-from ..lanes import ops
+from ..lanes import affine, ops
 from ..texture import textures
 from ..types import Hit, Lane, Surface, Tables, Vec
 from . import blend, interaction
@@ -290,7 +290,7 @@ def _frame(
         local = ops.where3(given, mixed, local)
         round_ = ops.where(given, ops.to_float(table.values[corner, 3]), round_)
     flips = tables.transforms.flips[tables.instances.transform[point.instance]]
-    world = ops.normalize(ops.transform_vector12(place.matrix, local))
+    world = ops.normalize(affine.transform_vector12(place.matrix, local))
     along = ops.normalize(ops.along(world, outward, -ops.dot(world, outward)))
     return along, ops.where(flips, -round_, round_)
 
@@ -325,8 +325,8 @@ def _bumped(tables: Tables, point: Surface, hit: Hit, s: Vec, t: Vec, place: ins
     per = 0.5 / (step * scale)
     ds = per * (_height(tables, point, hit, s, step) - _height(tables, point, hit, s, -step))
     dt = per * (_height(tables, point, hit, t, step) - _height(tables, point, hit, t, -step))
-    along = ops.normalize(ops.transform_vector12(place.matrix, s))
-    across = ops.normalize(ops.transform_vector12(place.matrix, t))
+    along = ops.normalize(affine.transform_vector12(place.matrix, s))
+    across = ops.normalize(affine.transform_vector12(place.matrix, t))
     tilt = ops.add(ops.scale(along, ds), ops.scale(across, dt))
     return ops.normalize(ops.sub(normal, tilt))
 

@@ -25,7 +25,7 @@ from ...compiler.plan import plan as planner
 from .. import camera
 from ..jit.kernel import HELPER, helper, make_replace, noinline_helper, specialize_if_present
 from ..jit.packed_struct import HandleType
-from ..lanes import crosslane, ops
+from ..lanes import affine, crosslane, ops
 from ..texture import textures
 from ..types import Hit, Lane, Ray, Surface, Tables, Vec, View
 from . import interaction, normal_map
@@ -199,7 +199,7 @@ def _places_of_pixel(tables: Any, point: Surface) -> Any:
     """How far places go to the right and below, in the thing's own frame."""
     eye = tables.images.eye
     along, depth = (eye.axis[0], eye.axis[1], eye.axis[2]), 1.0 + 0.0 * point.offset
-    outward = ops.transform_normal(tables.transforms.inverse, tables.instances.transform[point.instance], point.local_normal)
+    outward = affine.transform_normal(tables.transforms.inverse, tables.instances.transform[point.instance], point.local_normal)
     d = ops.add(along, (depth - 1.0, depth - 1.0, depth - 1.0))
     if eye.perspective:
         depth = ops.dot(point.position, along)
@@ -294,7 +294,7 @@ def _spread_with_cone(cone: Any, plain: Any, tables: Any, point: Surface, wide: 
     if ops.any_lane(ball):
         first, second = ops.basis(point.geometric)
         matrix, rows = tables.transforms.inverse, ops.to_int(tables.instances.transform[point.instance])
-        one, other = ops.transform_vector(matrix, rows, first), ops.transform_vector(matrix, rows, second)
+        one, other = affine.transform_vector(matrix, rows, first), affine.transform_vector(matrix, rows, second)
         size = ops.sqrt(ops.length(one) * ops.length(other))
         curved = size / ops.where(ball, tables.geometries.parameters[g, 0], 1.0)
         bent = ops.where(ball, 2.0 * wide * ops.where(point.front, curved, -curved), 0.0)
@@ -355,7 +355,7 @@ def _kept_in_kernels(tables, spread, right, down):
 def _over_pixel(tables: Any, step: Vec, depth: Lane, d: Vec, facing: Lane, point: Surface) -> Vec:
     """How far places go from a pixel to the next, along the plane that touches the surface, in the thing's own frame."""
     moved = ops.sub(ops.scale(step, depth), ops.scale(d, ops.dot(step, point.geometric) * depth / facing))
-    return ops.transform_vector(tables.transforms.inverse, ops.to_int(tables.instances.transform[point.instance]), moved)
+    return affine.transform_vector(tables.transforms.inverse, ops.to_int(tables.instances.transform[point.instance]), moved)
 
 
 def _coordinates(tables: Any, way: Vec, hit: Hit, point: Surface) -> tuple[Lane, Lane]:

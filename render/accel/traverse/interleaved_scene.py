@@ -10,7 +10,7 @@ from ....compiler import ir
 from ... import simd
 from ...jit.kernel import helper, noinline_helper
 from ...jit.packed_struct import skip_when_tagged
-from ...lanes import crosslane, ops, row_gather
+from ...lanes import affine, crosslane, ops, row_gather
 from ...types import Hit, Lane, Vec
 from ..scene_bvh import NO_MESHES, PLACED, REACH
 from . import ray_box, shape_hit, single_ray
@@ -189,8 +189,8 @@ def _attempt(
     meshes = kind == MESH
     (a, b, c, x, e, f, h, y), (p, q, r, z, u, v, w, _) = row_gather.eight_at(accel.inverse, i, 0), row_gather.eight_at(accel.inverse, i, 8)
     matrix, t_min = (a, b, c, x, e, f, h, y, p, q, r, z), crosslane.load(kept, _T_MIN)
-    o = ops.transform_point12(matrix, (crosslane.load(kept, 0), crosslane.load(kept, 1), crosslane.load(kept, 2)))
-    d = ops.transform_vector12(matrix, (crosslane.load(kept, _D), crosslane.load(kept, _D + 1), crosslane.load(kept, _D + 2)))
+    o = affine.transform_point12(matrix, (crosslane.load(kept, 0), crosslane.load(kept, 1), crosslane.load(kept, 2)))
+    d = affine.transform_vector12(matrix, (crosslane.load(kept, _D), crosslane.load(kept, _D + 1), crosslane.load(kept, _D + 2)))
     go = _enter_mesh(accel, kept, rays, steps, g, ops.sub(o, (u, v, w)), d, t_min, here & meshes)
     crosslane.write_lanes(inside, 0, 0, i, go)
     crosslane.write_lanes(steps.place, single_ray.vector(0, 0), 0, root, go)
@@ -213,8 +213,8 @@ def _meet_shape(accel: Any, i: int, kept: Any, steps: single_ray.TraversalState,
     """Take in instance i, a shape, where ray k meets it first."""
     g = accel.placed[i, 2]
     zero = crosslane.load(kept, _T_MIN)
-    o = ops.transform_point(accel.inverse, i, ops.like3(zero, _at(kept, 0, k), _at(kept, 1, k), _at(kept, 2, k)))
-    d = ops.transform_vector(accel.inverse, i, ops.like3(zero, _at(kept, _D, k), _at(kept, _D + 1, k), _at(kept, _D + 2, k)))
+    o = affine.transform_point(accel.inverse, i, ops.like3(zero, _at(kept, 0, k), _at(kept, 1, k), _at(kept, 2, k)))
+    d = affine.transform_vector(accel.inverse, i, ops.like3(zero, _at(kept, _D, k), _at(kept, _D + 1, k), _at(kept, _D + 2, k)))
     t_min, t_max = ops.full_like(zero, _at(kept, _T_MIN, k)), ops.full_like(zero, _at(kept, _UNTIL, k))
     at_t, part, u, v = _of_shape(accel, accel.placed[i, 3], g, o, d, t_min, t_max)
     t, primitive = crosslane.lane(at_t, 0), np.int64(crosslane.lane(part, 0))

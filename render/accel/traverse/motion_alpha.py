@@ -19,7 +19,7 @@ from ...geometry import flat_shapes as flat
 from ...jit.function_pointer import KernelPointer
 from ...jit.kernel import HELPER, helper
 from ...jit.packed_struct import Handle, HandleType, with_type_tags
-from ...lanes import crosslane, ops, row_gather
+from ...lanes import affine, crosslane, ops, row_gather
 from ...lanes.kinds import FLOAT
 from ...surface import alpha, interaction
 from ...types import Hit, Lane, Ray, Vec
@@ -115,7 +115,7 @@ def alpha_at_hit(accel: Any, ray: Ray, hit: Hit) -> tuple[Lane, Lane]:
             share = _there(accel, one, t, i, primitive, crosslane.lane(hit.u, k), crosslane.lane(hit.v, k))
             there = crosslane.with_lane(there, k, share)
             if accel.placed[i, 3] == shape_hit.FORMULA:
-                d = ops.transform_vector12(
+                d = affine.transform_vector12(
                     instance_transform.transform_at(accel.aside.tables, accel.placed[i, 1], one.time).inverse, direction
                 )
                 onward = crosslane.with_lane(onward, k, shape_hit.after(accel.parameters[accel.placed[i, 2], 5], d, t, primitive))
@@ -218,7 +218,7 @@ def _meet(accel: Any, i: int, ray: One, limit: Any, visible_bit: int, any_hit: b
         return _nothing(share)
     row, g, kind = accel.placed[i, 1], accel.placed[i, 2], accel.placed[i, 3]
     inverse = instance_transform.transform_at(accel.aside.tables, row, ray.time).inverse
-    o, d = ops.transform_point12(inverse, ray.origin), ops.transform_vector12(inverse, ray.direction)
+    o, d = affine.transform_point12(inverse, ray.origin), affine.transform_vector12(inverse, ray.direction)
     if kind == MESH:
         o = ops.sub(o, (accel.origin[g, 0], accel.origin[g, 1], accel.origin[g, 2]))
         ready = ray_box.local_ray(o, d)

@@ -12,7 +12,7 @@ from ... import simd
 from ...jit.function_pointer import DeclaredKernel
 from ...jit.kernel import HELPER, helper, noinline_helper
 from ...jit.packed_struct import skip_when_tagged
-from ...lanes import crosslane, ops, row_gather
+from ...lanes import affine, crosslane, ops, row_gather
 from ...lanes.kinds import FLOAT, INT, MASK, VEC
 from ...types import Hit, Lane, Vec
 from ..build import tlas as over
@@ -199,7 +199,7 @@ def _mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
 @helper
 def in_frame(accel: Any, i: int, origin: Vec, direction: Vec) -> tuple[Vec, Vec]:
     """Origins and directions of rays in the frame of instance i."""
-    return ops.transform_point(accel.inverse, i, origin), ops.transform_vector(accel.inverse, i, direction)
+    return affine.transform_point(accel.inverse, i, origin), affine.transform_vector(accel.inverse, i, direction)
 
 
 @helper

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from maquette.render.jit.kernel import kernel
-from maquette.render.lanes import ops
+from maquette.render.lanes import affine, ops
 
 X = np.array([-2.5, -1.0, -0.0, 0.0, 0.3, 1.0, 7.25, 1e300, -1e300, np.inf, -np.inf, np.nan])
 unit = st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)).filter(lambda v: sum(c * c for c in v) > 1e-6)
@@ -45,8 +45,8 @@ def _vectors(v, w, matrix, out):
         s, t = ops.basis(n)
         for j, row in enumerate((
             ops.cross(a, b), n, s, t, ops.reflect(b, n), ops.in_basis(s, t, n, 0.1, 0.2, 0.3), ops.along(a, b, 0.7),
-            ops.where3(a[0] > b[0], a, b), ops.transform_point(matrix, 0, a), ops.transform_vector(matrix, 0, a),
-            ops.transform_normal(matrix, 0, a), ops.lerp3(a, b, 0.3),
+            ops.where3(a[0] > b[0], a, b), affine.transform_point(matrix, 0, a), affine.transform_vector(matrix, 0, a),
+            affine.transform_normal(matrix, 0, a), ops.lerp3(a, b, 0.3),
         )):  # fmt: skip
             out[k, j, 0], out[k, j, 1], out[k, j, 2] = row
 
@@ -70,8 +70,8 @@ def test_vectors_agree():
     s, t = ops.basis(n)
     expected = (
         ops.cross(a, b), n, s, t, ops.reflect(b, n), ops.in_basis(s, t, n, 0.1, 0.2, 0.3), ops.along(a, b, 0.7),
-        ops.where3(a[0] > b[0], a, b), ops.transform_point(matrix, 0, a), ops.transform_vector(matrix, 0, a),
-        ops.transform_normal(matrix, 0, a), ops.lerp3(a, b, 0.3),
+        ops.where3(a[0] > b[0], a, b), affine.transform_point(matrix, 0, a), affine.transform_vector(matrix, 0, a),
+        affine.transform_normal(matrix, 0, a), ops.lerp3(a, b, 0.3),
     )  # fmt: skip
     assert np.abs(out - np.moveaxis(np.array(expected), -1, 0)).max() < 1e-13
 
@@ -110,6 +110,6 @@ def test_normals_stay_square_to_vectors_under_any_matrix(n, v):
     matrix[0, :, :3] = [[2, 0.3, 0], [0, -0.5, 0.2], [1, 0, 3]]
     inverse = np.zeros((1, 3, 4))
     inverse[0, :, :3] = np.linalg.inv(matrix[0, :, :3])
-    there = ops.dot(ops.transform_normal(inverse, 0, n), ops.transform_vector(matrix, 0, v))
+    there = ops.dot(affine.transform_normal(inverse, 0, n), affine.transform_vector(matrix, 0, v))
     assert there == pytest.approx(ops.dot(n, v), abs=1e-12)
     assert math.isfinite(there)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from maquette.render import simd
 from maquette.render.jit.kernel import helper, kernel
-from maquette.render.lanes import ops
+from maquette.render.lanes import affine, ops
 from maquette.render.sampling import sobol
 
 X = np.array([-2.5, -1.0, -0.0, 0.0, 0.3, 1.0, 7.25, 1e30, -1e30, np.inf, -np.inf, np.nan])
@@ -32,8 +32,8 @@ def one_vector(a, b, matrix, row):
     found = (
         ops.add(a, b), ops.sub(a, b), ops.mul(a, b), ops.scale(a, 2.0), ops.negate(a), ops.cross(a, b), n, s, t,
         ops.reflect(b, n), ops.in_basis(s, t, n, 0.1, 0.2, 0.3), ops.along(a, b, 0.7), ops.where3(a[0] > b[0], a, b),
-        ops.lerp3(a, b, 0.3), ops.like3(a[0], 1.0, 2.0, 3.0), ops.transform_point(matrix, row, a),
-        ops.transform_vector(matrix, row, a), ops.transform_normal(matrix, row, a), ops.transform_point(matrix, 0, a),
+        ops.lerp3(a, b, 0.3), ops.like3(a[0], 1.0, 2.0, 3.0), affine.transform_point(matrix, row, a),
+        affine.transform_vector(matrix, row, a), affine.transform_normal(matrix, row, a), affine.transform_point(matrix, 0, a),
         (ops.dot(a, b), ops.length(a), ops.largest(a)),
     )  # fmt: skip
     return found

@@ -96,9 +96,9 @@ def chart(
     for path in outputs:
         _draw(measured, path)
     if numbers:
-        from ..measure import jsonform
+        from ..measure.report import json_format
 
-        jobs.write_whole(numbers, jsonform.text(measured).encode())
+        jobs.write_whole(numbers, json_format.text(measured).encode())
     _say(measured, (*outputs, *((numbers,) if numbers else ())), quiet)
     if partial:
         click.echo("interrupted: the chart holds what was measured until then", err=True)
@@ -124,22 +124,22 @@ def _check_again(ctx: click.Context) -> None:
 
 def _check_numbers(path: Path, ctx: click.Context) -> None:
     """The .json beside the chart was not asked for by name: nothing but an older chart is written over."""
-    from ..measure import jsonform
+    from ..measure.report import json_format
 
     jobs.check_folder(path)
     if ctx.params["numbers"] is None and path.exists():
         try:
-            jsonform.read(path.read_text(encoding="utf-8"))
-        except (jsonform.FormatError, UnicodeDecodeError):
+            json_format.read(path.read_text(encoding="utf-8"))
+        except (json_format.FormatError, UnicodeDecodeError):
             raise click.UsageError(f"{path} is there already and is no chart: say where the numbers go with --json FILE") from None
 
 
 def _read(path: Path) -> Chart:
-    from ..measure import jsonform
+    from ..measure.report import json_format
 
     try:
-        return jsonform.read(path.read_text(encoding="utf-8"))
-    except (jsonform.FormatError, UnicodeDecodeError) as error:
+        return json_format.read(path.read_text(encoding="utf-8"))
+    except (json_format.FormatError, UnicodeDecodeError) as error:
         raise click.ClickException(f"{path}: {error}") from None
 
 
@@ -147,8 +147,8 @@ def _measure(path: Path, metric: str, quiet: bool, given: dict[str, Any]) -> tup
     """The chart, and whether Ctrl-C ended it. Raises ClickException where there is nothing to chart."""
     from ..compiler import ir
     from ..compiler.plan import plan as planner
-    from ..measure import chart as engine
     from ..measure import records
+    from ..measure.chart import engine
 
     source = shared.source_of(path, given)
     named = _as_typed(source)
@@ -188,23 +188,23 @@ def _as_typed(source: jobs.Source) -> str:
 
 def _draw(measured: Chart, path: Path) -> None:
     """Write the chart as the file's name says."""
-    from ..measure import draw, page
+    from ..measure.report import html_page, plot
 
     kind = path.suffix.lower()
     if kind == ".png":
-        data = draw.png(measured)
+        data = plot.png(measured)
     else:
-        drawing = draw.svg(measured)
-        data = (drawing if kind == ".svg" else page.html(measured, drawing)).encode()
+        drawing = plot.svg(measured)
+        data = (drawing if kind == ".svg" else html_page.html(measured, drawing)).encode()
     jobs.write_whole(path, data)
 
 
 def _say(measured: Chart, files: Sequence[Path], quiet: bool) -> None:
     """What to take for which error, to stdout; where everything is, to stderr."""
-    from ..measure import table
+    from ..measure.report import text_report
 
-    terminal.table(table.HEADINGS, table.advice(measured))
-    for line in table.remarks(measured):
+    terminal.table(text_report.HEADINGS, text_report.advice(measured))
+    for line in text_report.remarks(measured):
         click.echo(line)
     if not quiet:
         click.echo(f"in {', '.join(map(str, files))}", err=True)

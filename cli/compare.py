@@ -21,8 +21,8 @@ from . import terminal
 if TYPE_CHECKING:
     from ..compiler import ir
     from ..compiler.plan.plan import Plan
-    from ..measure.compare import Comparison
-    from ..measure.sides import Side
+    from ..measure.comparison.compare import Comparison
+    from ..measure.comparison.sides import Side
 
 BACKENDS = ("auto", "ray", "raster", "reference")
 KNOBS = ("samples", "error", "budget", "bounces", "seed")  # options that --backends may give one side alone; other names are decisions
@@ -115,8 +115,8 @@ def compare(
     against. In linear light: √relMSE is √mean((A − B)² / (B² + ε²)) with ε = 1% of the mean luminance of B. Exit
     code: 0; 1 where --threshold is exceeded or the two cannot be compared; 2 for wrong usage.
     """
-    from ..measure import compare as measure
-    from ..measure import difference
+    from ..measure.comparison import compare as measure
+    from ..measure.comparison import difference_image
 
     _check_usage(ctx, first, second, backends, output, side_by_side, (threshold, metric))
     exposure = given["exposure"]
@@ -125,7 +125,7 @@ def compare(
         raise click.UsageError(f"--exposure is for linear light, and both {first} and {second} were exposed when they were written")
     found = measure.compare(a, b, exposure)
     if output:
-        difference.write(found, output, side_by_side)
+        difference_image.write(found, output, side_by_side)
     if as_json:
         click.echo(json.dumps(jobs.plain(found.to_json()), indent=2))
     else:
@@ -187,7 +187,7 @@ class _Given:
 
 def _sides(given: _Given, quiet: bool) -> tuple[Side, Side]:
     """Both sides, read or drawn; nothing is drawn before it is known that both can be had and have one size."""
-    from ..measure import sides
+    from ..measure.comparison import sides
     from ..render.image import image_files as pictures
 
     paths = (given.first, given.second)
@@ -219,7 +219,7 @@ def _plan(given: _Given, k: int, scene: ir.Scene, other: Side | None) -> Plan:
     """How side k is drawn: at the size of the other where that is a picture."""
     from ..compiler import ir
     from ..compiler.plan import plan as planner
-    from ..measure import sides
+    from ..measure.comparison import sides
 
     options = {name: value for name, value in given.options.items() if name in ir.Settings.__dataclass_fields__}
     settings, decisions = ir.Settings(**options), dict(given.options["plan_values"])
@@ -259,7 +259,7 @@ def _check_sizes(paths: tuple[Path, Path], ready: list[Side | None], plans: list
 
 
 def _draw(name: str, scene: ir.Scene, plan: Plan, letter: str, quiet: bool) -> Side:
-    from ..measure import sides
+    from ..measure.comparison import sides
     from ..render.jit import kernel
 
     with terminal.Progress(quiet) as progress, jobs.interruptible() as cancel:

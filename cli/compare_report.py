@@ -12,7 +12,7 @@ import click
 from . import terminal
 
 if TYPE_CHECKING:
-    from ..measure.compare import Comparison
+    from ..measure.comparison.compare import Comparison
 
 OBJECTS = 8  # that are listed
 CHANGES = 12

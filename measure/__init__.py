@@ -1,1 +1,5 @@
-"""Instruments over the backends: charts of error against time, comparisons of pictures and scenes."""
+"""Measurements of the backends: charts of error against time, comparisons of pictures and scenes.
+
+May import: lang, compiler, render.
+Begin with `records.py`.
+"""

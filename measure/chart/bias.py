@@ -24,8 +24,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ..render.image import metrics
-from .records import Reference
+from ...render.image import metrics
+from ..records import Reference
 
 RARE = 7.0  # x above: noise is called a bias once in e⁷ = 1100 times at each size of blocks
 BLOCKS = (1, 4, 16, 1 << 20)  # pixels square, the last the whole picture

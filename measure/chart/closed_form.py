@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..compiler import ir
-from ..compiler.plan.plan import Plan
-from ..render import camera
-from ..render.types import View
+from ...compiler import ir
+from ...compiler.plan.plan import Plan
+from ...render import camera
+from ...render.types import View
 
 MARGIN = 2.0  # pixels that every filter reaches beyond the picture at most
 CONSTANT_LIGHTS = {ir.LightKind.DIRECTIONAL, ir.LightKind.AMBIENT}  # whose irradiance is the same all over a plane

@@ -8,12 +8,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..compiler import ir
-from ..compiler.plan import plan as planner
-from . import bias, errors, knobs, runs
-from .peers import Peer
-from .records import Reference, Run, Setting, Spread
-from .truth import Truth
+from ...compiler import ir
+from ...compiler.plan import plan as planner
+from .. import errors
+from ..peers.registry import Peer
+from ..records import Reference, Run, Setting, Spread
+from . import bias, runs, setting_ladders
+from .reference_light import Truth
 
 Draw = Callable[[Setting, int], Run]  # a setting and a seed
 FEW = 3
@@ -25,7 +26,7 @@ class Contestant:
     """A backend or a peer: its ladders, how it draws, and the seconds the first rung of each ladder is expected to take (`first`)."""
 
     name: str
-    ladders: tuple[knobs.Ladder, ...]
+    ladders: tuple[setting_ladders.Ladder, ...]
     draw: Draw
     first: tuple[float, ...] = ()
     stages: dict[str, float] = field(default_factory=dict)  # seconds paid once a process, or with kernels that are not compiled yet
@@ -81,12 +82,12 @@ def ours(scene: ir.Scene, light: Truth, backend: str, cancel: threading.Event) -
     def draw(setting: Setting, seed: int) -> Run:
         return runs.run(scene, runs.plan_of(scene, light.settings, setting, seed), cancel)
 
-    ladders = tuple(knobs.ladders(scene, light, backend))
+    ladders = tuple(setting_ladders.ladders(scene, light, backend))
     crop = light.make(scene)["crop"]
     middle = _middle(crop)
     share = (crop[2] - crop[0]) * (crop[3] - crop[1]) / ((middle[2] - middle[0]) * (middle[3] - middle[1]))
 
-    def warm(ladder: knobs.Ladder) -> dict[str, float]:
+    def warm(ladder: setting_ladders.Ladder) -> dict[str, float]:
         cheapest = ladder.settings[0]
         part = replace(cheapest, options={**cheapest.options, "crop": middle})
         return dict(runs.run(scene, runs.plan_of(scene, light.settings, part, 0), cancel).seconds)
@@ -105,7 +106,7 @@ def peer(of: Peer, scene: ir.Scene, light: Truth) -> Contestant:
     def draw(setting: Setting, seed: int) -> Run:
         return of.run(scene, plan, setting, seed)
 
-    return Contestant(of.name, (knobs.Ladder(of.name, settings[0].knob, settings, costs, ""),), draw, (0.0,))
+    return Contestant(of.name, (setting_ladders.Ladder(of.name, settings[0].knob, settings, costs, ""),), draw, (0.0,))
 
 
 def without(peer: Peer, scene: ir.Scene, plan: planner.Plan) -> str:

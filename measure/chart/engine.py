@@ -15,12 +15,14 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-from ..compiler import ir
-from ..compiler.plan import plan as planner
-from ..render.image import image_files
-from . import contest, figures, keep, knobs, pareto, peer_run, peers, reference, runs, truth, wording
-from .contest import Contestant, Rung
-from .records import Chart, NothingMeasured, Reference, Setting, Wanted
+from ...compiler import ir
+from ...compiler.plan import plan as planner
+from ...render.image import image_files
+from .. import formatting
+from ..peers import process, registry
+from ..records import Chart, NothingMeasured, Reference, Setting, Wanted
+from . import contestant, pareto, raw_images, reference, reference_light, runs, setting_ladders, summary
+from .contestant import Contestant, Rung
 
 LEAST, GOOD = 5, 16  # runs of a setting: quartiles need the first, bias told from noise the second
 OF_REFERENCE = 0.5  # of the budget
@@ -47,7 +49,7 @@ class _Climb:
     """A ladder being climbed."""
 
     by: Contestant
-    ladder: knobs.Ladder
+    ladder: setting_ladders.Ladder
     first: float  # seconds its first rung is expected to take
     number: int  # among all
     rungs: list[Rung] = field(default_factory=list)
@@ -89,14 +91,14 @@ class _Work:
         # A chart turns these itself, and what the scene says of them must not end a rung.
         self.scene = replace(scene, settings=replace(scene.settings, samples=None, error=None, budget=None, seed=None))
         self.settings = _sized(self.scene, replace(wanted.settings, backend=None, threads=runs.threads(wanted.settings)))
-        common = peers.common(planner.make(self.scene, self.settings)) if wanted.peers else {}
-        self.truth = truth.of(self.scene, self.settings, common)
+        common = registry.common(planner.make(self.scene, self.settings)) if wanted.peers else {}
+        self.truth = reference_light.of(self.scene, self.settings, common)
         self.left_out: dict[str, str] = {}
         self.versions = runs.versions()
         self.exposure, self.floor = 0.0, dict[str, float]()
         asked = max(wanted.seeds or 0, wanted.repeats or 0)
         self.least, self.good = asked or LEAST, asked or GOOD
-        self.keeper = keep.Keeper(wanted.keep) if wanted.keep is not None else None
+        self.keeper = raw_images.Keeper(wanted.keep) if wanted.keep is not None else None
 
     def chart(self) -> Chart:
         """All of it."""
@@ -109,7 +111,7 @@ class _Work:
         except runs.Cancelled:
             raise NothingMeasured("interrupted before anything was measured") from None
         self.exposure = image_files.metered(against.rgb) if plan["exposure"] == "metered" else float(plan["exposure"])
-        self.floor = figures.floor(against, self.exposure)
+        self.floor = summary.floor(against, self.exposure)
         try:
             while self._climb(climbs, against):
                 self._fill(climbs, against, self.least)
@@ -125,15 +127,15 @@ class _Work:
     def _contestants(self, plan: planner.Plan) -> list[Contestant]:
         found = []
         for backend in self.wanted.backends:
-            found.append(contest.ours(self.scene, self.truth, backend, self.cancel))
+            found.append(contestant.ours(self.scene, self.truth, backend, self.cancel))
             self._tell()
         self.deadline = max(self.deadline, time.perf_counter() + 0.5 * self.wanted.budget)
-        for peer in peers.find(self.wanted.peers):
-            why = contest.without(peer, self.scene, plan)
+        for peer in registry.find(self.wanted.peers):
+            why = contestant.without(peer, self.scene, plan)
             if why:
                 self.left_out[peer.name] = why
             else:
-                found.append(contest.peer(peer, self.scene, self.truth))
+                found.append(contestant.peer(peer, self.scene, self.truth))
                 self.versions[peer.name] = peer.version
         return found
 
@@ -169,7 +171,7 @@ class _Work:
         """
         samples, enough = against.samples, int(setting.options.get("samples") or 0) * BETTER
         if samples and setting.knob == "error" and setting.value < 4.0 * self.floor.get("relmse", 0.0):
-            return f"the reference is only certain to {wording.error('relmse', self.floor['relmse'])}: a longer --budget improves it"
+            return f"the reference is only certain to {formatting.error('relmse', self.floor['relmse'])}: a longer --budget improves it"
         if samples and setting.knob == "samples" and enough > samples:
             return f"the reference has only {samples:,} samples: a longer --budget improves it"
         return ""
@@ -179,7 +181,7 @@ class _Work:
         expected = climb.expected()
         if time.perf_counter() + due + self.least * expected <= self.deadline:
             return ""
-        return f"{self.least} renders of about {wording.seconds(expected)} do not fit into the budget of {self.wanted.budget:g} s"
+        return f"{self.least} renders of about {formatting.seconds(expected)} do not fit into the budget of {self.wanted.budget:g} s"
 
     def _fill(self, climbs: list[_Climb], against: Reference, count: int) -> None:
         """Up to `count` runs of each as the time allows, in rounds over all rungs, cheap ones first."""
@@ -198,7 +200,7 @@ class _Work:
         began = time.perf_counter()
         try:
             run = climb.by.draw(rung.setting, seed % reference.FIRST_SEED)
-        except (peer_run.PeerError, planner.PlanError) as problem:
+        except (process.PeerError, planner.PlanError) as problem:
             climb.failed = True
             self.left_out[climb.name] = str(problem)
             return False
@@ -214,7 +216,7 @@ class _Work:
     def _charted(self, climbs: list[_Climb], plan: planner.Plan, against: Reference) -> Chart:
         metric, curves = self.wanted.metric, []
         for climb in climbs:
-            made = figures.curve(climb.ladder, climb.rungs, metric, against, climb.by.stages)
+            made = summary.curve(climb.ladder, climb.rungs, metric, against, climb.by.stages)
             if made is not None:
                 curves.append(made)
             elif climb.rungs:
@@ -233,7 +235,7 @@ class _Work:
     def _say_skipped(self, climb: _Climb) -> None:
         rest = climb.ladder.settings[len(climb.rungs) :]
         if climb.skipped and rest:
-            said = wording.setting(rest[0]) + (" and what follows" if len(rest) > 1 else "")
+            said = formatting.setting(rest[0]) + (" and what follows" if len(rest) > 1 else "")
             self.left_out[f"{climb.name}: {said}" if climb.rungs else climb.name] = climb.skipped
 
     def _tell(self) -> None:

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..render.image import image_files
-from ..render.image.image import Image
-from .records import Reference, Run, Setting
+from ...render.image import image_files
+from ...render.image.image import Image
+from ..records import Reference, Run, Setting
 
 INDEX = "index.json"
 

@@ -22,14 +22,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler import ir
-from ..compiler.io import cache_dirs
-from ..compiler.plan.plan import Plan
-from ..compiler.scene import serialize
-from ..render.jit import cache_key
-from . import bias, closed, runs
-from .records import NothingMeasured, Reference
-from .truth import Truth
+from ...compiler import ir
+from ...compiler.io import cache_dirs
+from ...compiler.plan.plan import Plan
+from ...compiler.scene import serialize
+from ...render.jit import cache_key
+from ..records import NothingMeasured, Reference
+from . import bias, closed_form, runs
+from .reference_light import Truth
 
 FIRST_SEED = 10_000_000  # below it are the seeds of measured runs, from it on those of references
 LEAST_SEEDS = 4  # fewer say too little of their variance
@@ -77,7 +77,7 @@ def make(
     Raises NothingMeasured where even the shortest run would take longer, runs.Cancelled.
     """
     plan = truth.make(scene)
-    known = closed.form(scene, plan)
+    known = closed_form.form(scene, plan)
     if known is not None:
         return _constant(plan, known)
     path = (default_folder() if folder is None else folder) / f"{key(scene, plan)}.npz"
@@ -136,7 +136,7 @@ def _prune(newest: Path) -> None:
             path.unlink(missing_ok=True)
 
 
-def _constant(plan: Plan, known: closed.Constant) -> Reference:
+def _constant(plan: Plan, known: closed_form.Constant) -> Reference:
     height, width, _ = _shape(plan)
     rgb = np.broadcast_to(np.array(known.rgb), (height, width, 3)).copy()
     return Reference(rgb, np.zeros_like(rgb), known.how, 0, (), np.full((height, width), known.alpha))

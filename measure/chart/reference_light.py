@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..compiler import ir
-from ..compiler.plan import plan as planner
+from ...compiler import ir
+from ...compiler.plan import plan as planner
 
 LEFT_OUT = 1e-3  # share of the light that more bounces would add, for the brightest matt surface all around
 LEAST_DEPTH, MOST_DEPTH = 8, 32

@@ -16,11 +16,11 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from ..compiler import ir
-from ..compiler.plan import plan as planner
-from ..render import render_scene
-from ..render.simd.target import cores
-from .records import Run, Setting
+from ...compiler import ir
+from ...compiler.plan import plan as planner
+from ...render import render_scene
+from ...render.simd.target import cores
+from ..records import Run, Setting
 
 WITH_VERSIONS = ("maquette", "numpy", "numba", "flip-evaluator")
 

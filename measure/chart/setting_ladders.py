@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from ..compiler import ir
-from ..compiler.plan import plan as planner
-from ..render import quality_settings
-from . import truth
-from .records import Setting
+from ...compiler import ir
+from ...compiler.plan import plan as planner
+from ...render import quality_settings
+from ..records import Setting
+from . import reference_light
 
 NOT_PIXELS = ("size", "seed", "threads", "aov", "exposure", "view", "backend")  # settings of a chart that a rung need not repeat
 
@@ -26,18 +26,18 @@ class Ladder:
     light: str = ""
 
 
-def ladders(scene: ir.Scene, light: truth.Truth, backend: str) -> list[Ladder]:
+def ladders(scene: ir.Scene, light: reference_light.Truth, backend: str) -> list[Ladder]:
     """The ladders of one of our backends.
 
     Where a backend can draw the truth's light, it climbs with that; where the scene's own settings leave some of it out, they have
     ladders too, on which that shows as bias.
     """
     full, own = light.make(scene, backend), light.own(scene, backend)
-    missing = truth.differs(light.make(scene), full)  # what no setting of the backend draws
+    missing = reference_light.differs(light.make(scene), full)  # what no setting of the backend draws
     plain = _common(light.settings)
     said = any(full[name] != own[name] for name in ("bounces", "interreflection"))  # what has to stand on the command line
     deep, decided = (plain | {"bounces": light.bounces}, {**light.common, **light.plan}) if said else (plain, light.common)
-    less = truth.differs(full, own)
+    less = reference_light.differs(full, own)
     other = full["interreflection"] != own["interreflection"]
     made = []
     for knob in quality_settings.KNOBS[backend]:
@@ -72,7 +72,9 @@ def _ladder(
     return Ladder(backend, name, tuple(settings), _costs(knob.cost, knob.values), light)
 
 
-def _depths(knob: quality_settings.Knob, backend: str, light: truth.Truth, options: Mapping[str, Any], full: planner.Plan) -> Ladder:
+def _depths(
+    knob: quality_settings.Knob, backend: str, light: reference_light.Truth, options: Mapping[str, Any], full: planner.Plan
+) -> Ladder:
     """Depths below the truth's, which other ladders climb with."""
     values = tuple(v for v in knob.values if v < full["bounces"])
     plans = [{**light.common, **(light.plan if v else {})} for v in values]

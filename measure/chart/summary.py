@@ -7,9 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from . import bias, contest, errors, knobs, wording
-from .contest import Rung
-from .records import Curve, Point, Reference
+from .. import errors, formatting
+from ..records import Curve, Point, Reference
+from . import bias, contestant, setting_ladders
+from .contestant import Rung
 
 DOMINANT = 0.5  # share of the squared error from which on a bias is what stops a curve
 CENTRES = "one sample a pixel is its centre: edges are not smoothed"
@@ -22,22 +23,22 @@ def point(rung: Rung, metric: str, reference: Reference, once: dict[str, float])
         return None
     names = dict.fromkeys([*once, *(name for stages in rung.stages for name in stages)])
     stages = {name: once.get(name) or rung.seconds_of(name) for name in names}
-    spreads = {name: contest.spread(values) for name, values in rung.errors.items()}
+    spreads = {name: contestant.spread(values) for name, values in rung.errors.items()}
     split = bias.split(rung.sums, reference)
     told = {} if split is None else {
         "bias": split.bias, "bias_error": split.bias_error, "noise": split.noise, "noise_error": split.noise_error,
         "bias_squared": split.bias_squared, "bias_squared_error": split.bias_squared_error,
         "bias_block": split.block,
     }  # fmt: skip
-    centres = rung.setting.options.get("samples") == 1 and rung.setting.backend in wording.BACKENDS
+    centres = rung.setting.options.get("samples") == 1 and rung.setting.backend in formatting.BACKENDS
     note = "; ".join(said for said, true in ((CENTRES, centres), (BLOCKS, split is not None and split.block > 1)) if true)
     return Point(
-        rung.setting, contest.spread(rung.seconds), spreads[metric], spreads, **told,
+        rung.setting, contestant.spread(rung.seconds), spreads[metric], spreads, **told,
         stages=stages, note=note, cpu=float(np.median(rung.cpu)),
     )  # fmt: skip
 
 
-def curve(ladder: knobs.Ladder, rungs: Sequence[Rung], metric: str, reference: Reference, once: dict[str, float]) -> Curve | None:
+def curve(ladder: setting_ladders.Ladder, rungs: Sequence[Rung], metric: str, reference: Reference, once: dict[str, float]) -> Curve | None:
     """A ladder as far as it was climbed; None where nothing of it can be charted."""
     found = [(rung, made) for rung in rungs if (made := point(rung, metric, reference, once)) is not None]
     if not found:
@@ -50,17 +51,17 @@ def curve(ladder: knobs.Ladder, rungs: Sequence[Rung], metric: str, reference: R
     return Curve(ladder.backend, ladder.name, points, _stops(ladder, *found[-1]), slope)
 
 
-def _stops(ladder: knobs.Ladder, rung: Rung, last: Point) -> str:
+def _stops(ladder: setting_ladders.Ladder, rung: Rung, last: Point) -> str:
     """Why the error of the dearest rung is no noise and what follows would not change that; else ""."""
     if last.setting != ladder.settings[-1] and (ladder.settings[0].knob != "samples" or last.setting.value == 1):
         return ""  # what would have come next draws another picture
     if not last.bias or last.bias**2 < DOMINANT * (last.bias**2 + (last.noise or 0.0) ** 2):
         return ""
     why = [ladder.light, *rung.notes, CENTRES if CENTRES in last.note else ""]
-    if ladder.backend not in wording.BACKENDS:
+    if ladder.backend not in formatting.BACKENDS:
         why.append("what it computes differs")
-    named = "; ".join(filter(None, why)) or f"{wording.setting(last.setting)}: another picture than the reference"
-    return f"{named}: bias {wording.error('relmse', last.bias)}"
+    named = "; ".join(filter(None, why)) or f"{formatting.setting(last.setting)}: another picture than the reference"
+    return f"{named}: bias {formatting.error('relmse', last.bias)}"
 
 
 def floor(reference: Reference, exposure: float) -> dict[str, float]:

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler.scene import serialize
-from ..render.image import metrics
-from . import carriers, changes, errors
+from ...compiler.scene import serialize
+from ...render.image import metrics
+from .. import errors
+from . import object_errors, scene_diff
 from .sides import Side, alike, exposure_said, without_shared_endless
 
 ACCIDENT = 1.2  # times the noise alone: independent noise makes 0.7 to 1.1, as its estimate is from above
@@ -88,9 +89,9 @@ class Comparison:
     noise: Noise
     outline: Region | None
     interior: Region | None
-    carriers: tuple[carriers.Carrier, ...]
+    carriers: tuple[object_errors.Carrier, ...]
     largest_on: str  # the object at `at`
-    changes: tuple[changes.Change, ...]
+    changes: tuple[scene_diff.Change, ...]
 
     @property
     def within_noise(self) -> bool | None:
@@ -148,7 +149,7 @@ def compare(a: Side, b: Side, exposure: float | None = None) -> Comparison:
     found = metrics.difference(a.rgb, b.rgb)
     squared = metrics.squared_relative(a.rgb, b.rgb)
     changed, same = _changes(a, b)
-    owner = carriers.owners(a, b, same)
+    owner = object_errors.owners(a, b, same)
     variance = _variance(a, b)
     outline = _outline(a, b)
     distance = metrics.distance(a.rgb, b.rgb).max(axis=2)
@@ -161,8 +162,8 @@ def compare(a: Side, b: Side, exposure: float | None = None) -> Comparison:
         noise=_noise(a, b, variance, found.error),
         outline=None if outline is None else _region(outline, squared, distance),
         interior=None if outline is None else _region(~outline, squared, distance),
-        carriers=() if owner is None else tuple(carriers.carriers(a, b, owner, squared, of_luminance)),
-        largest_on="" if owner is None else carriers.name_of(a, b, int(owner[found.at[1], found.at[0]])),
+        carriers=() if owner is None else tuple(object_errors.carriers(a, b, owner, squared, of_luminance)),
+        largest_on="" if owner is None else object_errors.name_of(a, b, int(owner[found.at[1], found.at[0]])),
         changes=tuple(changed),
     )  # fmt: skip
 
@@ -177,22 +178,22 @@ def _flip(a: Side, b: Side, stops: float) -> float:
     return errors.flip(one, other)
 
 
-def _changes(a: Side, b: Side) -> tuple[list[changes.Change], dict[int, int]]:
+def _changes(a: Side, b: Side) -> tuple[list[scene_diff.Change], dict[int, int]]:
     """What changed between two versions of a scene, and which instance of A is which of B."""
     if a.scene is None or b.scene is None or a.scene is b.scene or serialize.content_hash(a.scene) == serialize.content_hash(b.scene):
         ids = a.ids
         both = ids is not None and b.ids is not None
         return [], {k: k for k in range(int(ids.max(initial=-1)) + 1)} if both and ids is not None else {}
-    return changes.between(a.scene, b.scene)
+    return scene_diff.between(a.scene, b.scene)
 
 
 def _outline(a: Side, b: Side) -> NDArray[np.bool_] | None:
-    masks = [mask for mask in (carriers.outlines(a), carriers.outlines(b)) if mask is not None]
+    masks = [mask for mask in (object_errors.outlines(a), object_errors.outlines(b)) if mask is not None]
     return np.logical_or.reduce(masks) if masks else None
 
 
 def _region(where: NDArray[np.bool_], squared: NDArray[np.float64], distance: NDArray[np.float64]) -> Region:
-    count, weights = int(np.count_nonzero(where)), carriers.weights(squared.mean(axis=2))
+    count, weights = int(np.count_nonzero(where)), object_errors.weights(squared.mean(axis=2))
     error = math.sqrt(float(squared[where].mean())) if count else 0.0
     return Region(count, float(weights[where].sum()), error, float(distance[where].max(initial=0.0)))
 
@@ -205,7 +206,7 @@ def _bias(a: Side, b: Side, variance: NDArray[np.float64] | None) -> Bias:
 
 
 def _of_whole(values: NDArray[np.float64], whole: NDArray[np.float64]) -> tuple[float, float, float]:
-    red, green, blue = (carriers.relative(x, y) for x, y in zip(values, whole, strict=True))
+    red, green, blue = (object_errors.relative(x, y) for x, y in zip(values, whole, strict=True))
     return red, green, blue
 
 

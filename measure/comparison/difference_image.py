@@ -9,8 +9,8 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from ..render.image import image_files, metrics
-from ..render.image.image import Image
+from ...render.image import image_files, metrics
+from ...render.image.image import Image
 from .compare import Comparison
 
 STRIP = 22  # pixels of a label's height

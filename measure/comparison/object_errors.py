@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..lang.diagnostics import Span
-from ..render.image import metrics
-from . import changes
+from ...lang.diagnostics import Span
+from ...render.image import metrics
+from . import scene_diff
 from .sides import Side
 
 
@@ -129,7 +129,7 @@ def _named(a: Side, b: Side, owner: int) -> tuple[str, Span | None]:
     scene = side.scene if side.scene is not None else (a if side is b else b).scene
     if scene is None or row >= len(scene.tables.instances.geometry):
         return f"instance {row}", None
-    return changes.label(scene, "instances", row), scene.spans.at("instances", row)
+    return scene_diff.label(scene, "instances", row), scene.spans.at("instances", row)
 
 
 def outlines(side: Side) -> NDArray[np.bool_] | None:

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from ..compiler import ir
-from ..compiler.scene import dump
-from ..lang.diagnostics import Span
+from ...compiler import ir
+from ...compiler.scene import dump
+from ...lang.diagnostics import Span
 
 TABLES = ("images", "textures", "materials", "geometries", "lights", "cameras", "instances")  # what a table refers to comes first
 _REFERENCES = {  # columns that point to rows which are compared by themselves

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler import ir
-from ..compiler.plan import plan as planner
-from ..lang.diagnostics import Diagnostic
-from ..render import render_scene
-from ..render.image import image_files
-from ..render.image.image import Image
-from ..render.sampling import sobol
+from ...compiler import ir
+from ...compiler.plan import plan as planner
+from ...lang.diagnostics import Diagnostic
+from ...render import render_scene
+from ...render.image import image_files
+from ...render.image.image import Image
+from ...render.sampling import sobol
 
 KNOWN = ("id", "depth")  # channels that tell which object a pixel shows
 

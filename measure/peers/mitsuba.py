@@ -14,15 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ..compiler import ir
-from ..compiler.exporters.mitsuba import scene as mitsuba_scene
-from ..compiler.plan.plan import Plan
-from ..render.tessellation import scene_meshes
-from . import peer_run
-from .records import Run, Setting
+from ...compiler import ir
+from ...compiler.exporters.mitsuba import scene as mitsuba_scene
+from ...compiler.plan.plan import Plan
+from ...render.tessellation import scene_meshes
+from ..records import Run, Setting
+from . import process
 
 SAMPLES = (1, 4, 16, 64, 256, 1024, 4096)
-RUNNER = Path(__file__).with_name("mitsuba_run.py")
+RUNNER = Path(__file__).with_name("mitsuba_worker.py")
 _LIBRARIES = ("/usr/lib", "/usr/lib64", "/usr/local/lib", "/opt/homebrew/opt/llvm/lib")
 
 
@@ -49,12 +49,12 @@ class Mitsuba:
 
     def run(self, scene: ir.Scene, plan: Plan, setting: Setting, seed: int) -> Run:
         asked = {
-            "variant": variant(), "samples": int(setting.options["samples"]), "seed": seed, "threads": peer_run.threads(plan),
+            "variant": variant(), "samples": int(setting.options["samples"]), "seed": seed, "threads": process.threads(plan),
         }  # fmt: skip
         with tempfile.TemporaryDirectory(prefix="maquette-mitsuba-") as folder:
             made = mitsuba_scene.write(scene, plan, "scene", scene_meshes.tessellator(scene, plan))
             made.save(Path(folder) / "scene.xml")
-            peer_run.call("Mitsuba", [sys.executable, str(RUNNER), "scene.xml", "out.npz", json.dumps(asked)], Path(folder), _environment())
+            process.call("Mitsuba", [sys.executable, str(RUNNER), "scene.xml", "out.npz", json.dumps(asked)], Path(folder), _environment())
             with np.load(Path(folder) / "out.npz", allow_pickle=False) as data:
                 about = json.loads(str(data["about"]))
                 return Run(data["rgb"], about["seconds"], float(about["cpu"]), seed)

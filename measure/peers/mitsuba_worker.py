@@ -1,4 +1,4 @@
-"""Renders an exported scene with Mitsuba in a process of its own: `python mitsuba_run.py SCENE.xml OUT.npz` and a JSON of settings.
+"""Renders an exported scene with Mitsuba in a process of its own: `python mitsuba_worker.py SCENE.xml OUT.npz` and a JSON of settings.
 
 Loading and the compiling of kernels (a first render, thrown away) are timed apart from the render that counts.
 """

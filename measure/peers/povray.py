@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler import ir
-from ..compiler.exporters.povray import scene as povray_scene
-from ..compiler.plan.plan import Plan
-from ..render.image import image_files
-from ..render.tessellation import scene_meshes
-from . import peer_run
-from .records import Run, Setting
+from ...compiler import ir
+from ...compiler.exporters.povray import scene as povray_scene
+from ...compiler.plan.plan import Plan
+from ...render.image import image_files
+from ...render.tessellation import scene_meshes
+from ..records import Run, Setting
+from . import process
 
 GRIDS = (1, 2, 3, 4, 6, 8)  # samples across a pixel: 1, 4, 9, 16, … in all
 _TRACE = re.compile(r"Trace Time:.*?\(([\d.]+) seconds\)", re.S)
@@ -53,7 +53,7 @@ class PovRay:
             folder = Path(name)
             povray_scene.write(scene, plan, "scene", scene_meshes.tessellator(scene, plan)).save(folder / "scene.pov")
             started = time.perf_counter()
-            said = peer_run.call("POV-Ray", ["povray", *arguments(plan, across)], folder)
+            said = process.call("POV-Ray", ["povray", *arguments(plan, across)], folder)
             whole = time.perf_counter() - started
             rgb = _read(folder / "out.exr", plan)
         render, parse = _seconds(_TRACE, said), _seconds(_PARSE, said)
@@ -66,7 +66,7 @@ def arguments(plan: Plan, across: int) -> list[str]:
     """The command line: linear EXR, a grid of `across` by `across` samples in every pixel, no jitter, and the crop."""
     width, height = plan["size"]
     x0, y0, x1, y1 = plan["crop"]
-    words = ["+Iscene.pov", "+Oout.exr", "+FE", f"+W{width}", f"+H{height}", f"+WT{peer_run.threads(plan)}", "-D", "-P", "-C"]
+    words = ["+Iscene.pov", "+Oout.exr", "+FE", f"+W{width}", f"+H{height}", f"+WT{process.threads(plan)}", "-D", "-P", "-C"]
     words += ["+AM1", "+A0.0", f"+R{across}", "-J"] if across > 1 else ["-A"]
     if (x0, y0, x1, y1) != (0, 0, width, height):
         words += [f"+SC{x0 + 1}", f"+SR{y0 + 1}", f"+EC{x1}", f"+ER{y1}"]
@@ -75,7 +75,7 @@ def arguments(plan: Plan, across: int) -> list[str]:
 
 def _read(path: Path, plan: Plan) -> NDArray[np.float32]:
     if not path.is_file():
-        raise peer_run.PeerError("POV-Ray wrote no picture")
+        raise process.PeerError("POV-Ray wrote no picture")
     rgb = image_files.read(path).channels["rgba"][..., :3]
     x0, y0, x1, y1 = plan["crop"]
     if rgb.shape[:2] != (y1 - y0, x1 - x0):

@@ -7,8 +7,8 @@ import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from ..compiler.plan.plan import Plan
-from ..render.simd import target
+from ...compiler.plan.plan import Plan
+from ...render.simd import target
 
 LIMIT = 3600.0  # seconds after which a peer is given up
 _SHOWN = 1200  # characters of a failed program's last words

@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Protocol
 
-from ..compiler import ir
-from ..compiler.plan.plan import Plan
-from ..lang.diagnostics import suggest
-from .peer_mitsuba import Mitsuba
-from .peer_povray import PovRay
-from .records import Run, Setting
+from ...compiler import ir
+from ...compiler.plan.plan import Plan
+from ...lang.diagnostics import suggest
+from ..records import Run, Setting
+from .mitsuba import Mitsuba
+from .povray import PovRay
 
 
 class Peer(Protocol):

@@ -12,18 +12,19 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from . import palette, table, wording
+from .. import formatting
+from . import palette, text_report
 
 if TYPE_CHECKING:
-    from .records import Chart, Point
+    from ..records import Chart, Point
 
 HERE = Path(__file__).parent
 
 
 def html(chart: Chart, drawing: str) -> str:
     """The whole page about `chart`; `drawing` is its SVG file."""
-    title = f"{wording.title(chart)}: error against time"
-    answers = "".join(f"<li>{escape(line)}</li>" for line in table.answers(chart))
+    title = f"{formatting.title(chart)}: error against time"
+    answers = "".join(f"<li>{escape(line)}</li>" for line in text_report.answers(chart))
     return f"""<!doctype html>
 <html lang="en">
 <meta charset="utf-8">
@@ -70,9 +71,9 @@ def _data(chart: Chart) -> str:
     """What the script shows of each point; no `<` is left that could end the script."""
     shown = [
         {
-            "title": f"{p.setting.backend}, {wording.setting(p.setting)}",
+            "title": f"{p.setting.backend}, {formatting.setting(p.setting)}",
             "figures": _figures(p),
-            "command": wording.command(chart, p.setting),
+            "command": formatting.command(chart, p.setting),
         }
         for p in chart.points
     ]
@@ -82,16 +83,20 @@ def _data(chart: Chart) -> str:
 def _figures(point: Point) -> list[tuple[str, str]]:
     """Names and values of everything known about a point."""
     runs = f"{point.seconds.count} run{'' if point.seconds.count == 1 else 's'}"
-    found = [("time", f"{wording.spread(point.seconds, wording.seconds)}, {runs}")]
+    found = [("time", f"{formatting.spread(point.seconds, formatting.seconds)}, {runs}")]
     for name, spread in point.errors.items():
-        found.append((wording.METRICS[name].name if name in wording.METRICS else name, wording.spread(spread, wording.teller(name))))
-    found += wording.split(point)
-    found += [(stage.replace("_", " "), wording.seconds(value)) for stage, value in point.stages.items() if stage != "render" and value > 0]
+        found.append(
+            (formatting.METRICS[name].name if name in formatting.METRICS else name, formatting.spread(spread, formatting.teller(name)))
+        )
+    found += formatting.split(point)
+    found += [
+        (stage.replace("_", " "), formatting.seconds(value)) for stage, value in point.stages.items() if stage != "render" and value > 0
+    ]
     return [*found, ("note", point.note)] if point.note else found
 
 
 def _rows(chart: Chart) -> str:
-    headings, rows = table.points(chart)
+    headings, rows = text_report.points(chart)
     head = "".join(f"<th>{escape(h)}</th>" for h in headings)
     body = ""
     for i, row in enumerate(rows):
@@ -106,9 +111,9 @@ def _about(chart: Chart) -> str:
 
 
 def _facts(chart: Chart) -> Iterable[tuple[str, str]]:
-    yield "scene", f"{chart.scene}, {wording.size(chart)}"
+    yield "scene", f"{chart.scene}, {formatting.size(chart)}"
     yield "reference", chart.reference
-    yield "its uncertainty", wording.error(chart.metric, chart.floor) if chart.floor else "none"
+    yield "its uncertainty", formatting.error(chart.metric, chart.floor) if chart.floor else "none"
     yield "machine", chart.machine
     yield "versions", ", ".join(f"{name} {version}" for name, version in chart.versions.items())
     for name, why in chart.left_out.items():

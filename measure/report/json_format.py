@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields
 from typing import Any
 
-from .records import Chart, Curve, Point, Setting, Spread
+from ..records import Chart, Curve, Point, Setting, Spread
 
 FORMAT = "maquette chart 1"
 ENDLESS = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .records import Curve
+    from ..records import Curve
 
 PAPER, INK, FAINT, GRID, FRONT, FLOOR = "#ffffff", "#1f2328", "#59636e", "#e4e7eb", "#c9ced6", "#eceef1"
 ON_DARK = {PAPER: "#0f1419", INK: "#e6e9ed", FAINT: "#98a2ae", GRID: "#252c34", FRONT: "#3d4752", FLOOR: "#1b2229"}

@@ -21,12 +21,12 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from . import wording
-from .labels import Box, Room
+from .. import formatting
+from .label_placement import Box, Room
 from .palette import FAINT, FLOOR, FRONT, GRID, INK, PAPER, Style, styles
 
 if TYPE_CHECKING:
-    from .records import Chart, Curve, Point, Spread
+    from ..records import Chart, Curve, Point, Spread
 
 LEFT, RIGHT = 0.085, 0.975  # of the axes, as shares of the width
 TITLE, FOOT = 14, 8  # points
@@ -59,7 +59,7 @@ def svg(chart: Chart) -> str:
         data = io.StringIO()
         Picture(chart).figure.savefig(data, format="svg", metadata={"Date": None, "Creator": "maquette"})
     text = data.getvalue().replace(f"'{FONT}'", f"'{FONT}', Verdana, sans-serif")
-    titles = [f"{wording.point(p, chart.metric)}\n{p.setting.arguments()}" for p in chart.points]
+    titles = [f"{formatting.point(p, chart.metric)}\n{p.setting.arguments()}" for p in chart.points]
     return re.sub(r'<g id="point-(\d+)">', lambda m: f"{m[0]}<title>{escape(titles[int(m[1])])}</title>", text)
 
 
@@ -120,7 +120,7 @@ class Picture:
         times = [min(max(v, p.seconds.median / REACH), p.seconds.median * REACH) for p in self.points for v in _ends(p.seconds)]
         far = [v for p in self.points for v in _ends(p.error) if v > 0]
         middles = [p.error.median for p in self.points if p.error.median > 0]
-        far += [bias for _, curves in wording.stops(self.chart) if (bias := bias_floor(curves))]
+        far += [bias for _, curves in formatting.stops(self.chart) if (bias := bias_floor(curves))]
         low, high = (min(middles) / 8, max(far)) if middles else (1e-4, 1e-1)
         low = max(low, min(far, default=low))
         if self.chart.floor > 0 and low / 30 < self.chart.floor < high:
@@ -129,10 +129,10 @@ class Picture:
         self.y = _padded(low, high, LEAST_SPAN[1], 1.9 if any(p.error.median == 0 for p in self.points) else 1.4, 1.9)
         axes.set(xscale="log", yscale="log", xlim=self.x, ylim=self.y)
         axes.set_xlabel("seconds of rendering, wall clock", color=INK, labelpad=4)
-        axes.set_ylabel(wording.METRICS[metric].axis, color=INK, labelpad=4)
+        axes.set_ylabel(formatting.METRICS[metric].axis, color=INK, labelpad=4)
         for axis, span, say in (
-            (axes.xaxis, self.x, wording.seconds_exactly),
-            (axes.yaxis, self.y, lambda v: wording.target(metric, v)),
+            (axes.xaxis, self.x, formatting.seconds_exactly),
+            (axes.yaxis, self.y, lambda v: formatting.target(metric, v)),
         ):
             decades = math.log10(span[1] / span[0])
             axis.set_major_locator(LogLocator(subs=(1.0,) if decades > 3.4 else (1.0, 3.0) if decades > 2 else (1.0, 2.0, 5.0)))
@@ -190,7 +190,7 @@ class Picture:
 
     def _stops(self) -> None:
         """A dashed line where more time takes nothing away."""
-        for i, (_, curves) in enumerate(wording.stops(self.chart)):
+        for i, (_, curves) in enumerate(formatting.stops(self.chart)):
             if bias := bias_floor(curves):
                 start = min(p.seconds.median for curve in curves for p in curve.points)
                 style = self._of_all(curves)
@@ -219,7 +219,7 @@ class Picture:
         for curve in self.chart.curves:
             at = [self._pixel(p) for p in curve.points]
             self.room.lines += list(itertools.pairwise(at))
-        for _, curves in wording.stops(self.chart):
+        for _, curves in formatting.stops(self.chart):
             if bias := bias_floor(curves):
                 y = self._to_pixels(self.x[0], bias)[1]
                 self.room.lines.append(((box.x0, y), (box.x1, y)))
@@ -246,8 +246,8 @@ class Picture:
             return
         point = self.points[self.chart.knee]
         style = self._style_of(point)
-        far, time = wording.error(self.chart.metric, point.error.median), wording.seconds(point.seconds.median)
-        text = f"knee: {point.setting.backend}, {wording.setting(point.setting)}\n{far} in {time}"
+        far, time = formatting.error(self.chart.metric, point.error.median), formatting.seconds(point.seconds.median)
+        text = f"knee: {point.setting.backend}, {formatting.setting(point.setting)}\n{far} in {time}"
         yield _Words(text, [self._pixel(point)], style.words, "knee", fontsize=9.5, weight="bold", gap=26, leader=True)
 
     def _names(self) -> Iterator[_Words]:
@@ -255,18 +255,18 @@ class Picture:
         for i, (curve, style) in enumerate(zip(self.chart.curves, self.styles, strict=True)):
             at = [self._pixel(p) for p in curve.points]
             anchors = [at[-1], at[0], *at[-2:0:-1]]
-            yield _Words(wording.curve(curve, self.chart), anchors, style.words, f"name-{i}", fontsize=11, weight="bold", gap=11)
+            yield _Words(formatting.curve(curve, self.chart), anchors, style.words, f"name-{i}", fontsize=11, weight="bold", gap=11)
 
     def _floors(self) -> Iterator[_Words]:
         right = self.x[1] / 1.03
-        for i, (name, curves) in enumerate(wording.stops(self.chart)):
+        for i, (name, curves) in enumerate(formatting.stops(self.chart)):
             style = self._of_all(curves)
             color = style.words if style else FAINT
             height = bias_floor(curves) or min(p.error.median for curve in curves for p in curve.points)
             text = "\n".join(self._wrapped(f"{name}: {curves[0].stops}", 8.5, width=0.5))
             yield _Words(text, self._along(height), color, f"stops-{i}", fontsize=8.5, gap=4)
         if self.chart.floor > self.y[0]:
-            said = f"the reference's own uncertainty, {wording.error(self.chart.metric, self.chart.floor)}"
+            said = f"the reference's own uncertainty, {formatting.error(self.chart.metric, self.chart.floor)}"
             yield _Words(said, self._along(self.chart.floor), FAINT, "floor-label", fontsize=8.5, gap=4)
         if self.chart.front:
             last = max((self.points[i] for i in self.chart.front), key=lambda p: p.seconds.median)
@@ -285,7 +285,9 @@ class Picture:
         for style, curve in zip(self.styles, self.chart.curves, strict=True):
             ends = [curve.points[0], *curve.points[-1:], *curve.points[1:-1]][: len(curve.points)]
             for point in ends:
-                yield _Words(wording.value(point.setting), [self._pixel(point)], style.words, "", fontsize=7.5, gap=8, reach=20, most=2.5)
+                yield _Words(
+                    formatting.value(point.setting), [self._pixel(point)], style.words, "", fontsize=7.5, gap=8, reach=20, most=2.5
+                )
 
     def _of_all(self, curves: Sequence[Curve]) -> Style | None:
         """The style of curves of one backend."""
@@ -358,9 +360,9 @@ def _heading(chart: Chart) -> list[tuple[str, float, str, str]]:
     counts = sorted({p.error.count for p in chart.points})
     runs = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
     return [
-        (f"{wording.title(chart)}: error against time", TITLE, "bold", INK),
+        (f"{formatting.title(chart)}: error against time", TITLE, "bold", INK),
         (
-            f"{wording.size(chart)}, {chart.machine}. Medians of {runs} run{'' if runs == '1' else 's'}, bars are quartiles.",
+            f"{formatting.size(chart)}, {chart.machine}. Medians of {runs} run{'' if runs == '1' else 's'}, bars are quartiles.",
             9,
             "normal",
             FAINT,
@@ -372,10 +374,10 @@ def _heading(chart: Chart) -> list[tuple[str, float, str, str]]:
 def _footing(chart: Chart) -> list[str]:
     """What the marks mean, and who is not on the chart."""
     marks = ["ring and grey stairs: the Pareto front of what was measured"]
-    if any(bias_floor(curves) for _, curves in wording.stops(chart)):
+    if any(bias_floor(curves) for _, curves in formatting.stops(chart)):
         marks.append("dashed: bias, which more time does not take away")
     if any(p.error.median == 0 for p in chart.points):
         marks.append("triangle at the lower edge: no error at all")
-    missing = wording.left_out(chart, brief=True)
+    missing = formatting.left_out(chart, brief=True)
     more = [f"and {len(missing) - MISSING} more, as chart.json says"] if len(missing) > MISSING else []
     return [f"{text[0].upper()}{text[1:]}." for text in ("; ".join(marks), *missing[:MISSING], *more)]

@@ -10,10 +10,10 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from . import wording
+from .. import formatting
 
 if TYPE_CHECKING:
-    from .records import Chart, Curve, Point
+    from ..records import Chart, Curve, Point
 
 HEADINGS = ("error", "take", "time", "measured", "settings to copy")
 STEPS = (1.0, 3.0)  # errors asked for: 1 and 3 of every decade
@@ -30,7 +30,7 @@ def targets(chart: Chart) -> list[float]:
         return [0.0] if found else []
     least, most = min(above), max(above)
     rounded = _round(least, most, STEPS)
-    top = USELESS if wording.METRICS[chart.metric].share else math.inf
+    top = USELESS if formatting.METRICS[chart.metric].share else math.inf
     inside = [t for t in rounded if least <= t <= most and t < top] or [t for t in rounded if t >= least][-1:]
     below = [t for t in rounded if t < least][:1] if min(found) > 0 else [0.0]
     return [*inside, *below][-MOST:]
@@ -44,7 +44,7 @@ def _round(least: float, most: float, steps: tuple[float, ...]) -> list[float]:
 
 def _ours(chart: Chart) -> list[Point]:
     """The points that `maquette render` can repeat: those of peers cannot be advised."""
-    return [p for p in chart.points if p.setting.backend in wording.BACKENDS]
+    return [p for p in chart.points if p.setting.backend in formatting.BACKENDS]
 
 
 def cheapest(chart: Chart, target: float) -> Point | None:
@@ -57,13 +57,13 @@ def advice(chart: Chart) -> list[tuple[str, ...]]:
     """A row for each round error: what to take for it. See HEADINGS."""
     rows = []
     for target in targets(chart):
-        asked, point = wording.target(chart.metric, target), cheapest(chart, target)
+        asked, point = formatting.target(chart.metric, target), cheapest(chart, target)
         if point is None:
             best = min(_ours(chart), key=lambda p: p.error.median)
-            rows.append((asked, "not reached", "", wording.error(chart.metric, best.error.median), ""))
+            rows.append((asked, "not reached", "", formatting.error(chart.metric, best.error.median), ""))
             continue
-        time, far = wording.seconds(point.seconds.median), wording.error(chart.metric, point.error.median)
-        rows.append((asked, f"{point.setting.backend}, {wording.setting(point.setting)}", time, far, point.setting.arguments()))
+        time, far = formatting.seconds(point.seconds.median), formatting.error(chart.metric, point.error.median)
+        rows.append((asked, f"{point.setting.backend}, {formatting.setting(point.setting)}", time, far, point.setting.arguments()))
     return rows
 
 
@@ -78,22 +78,22 @@ def answers(chart: Chart) -> list[str]:
 
 def remarks(chart: Chart) -> list[str]:
     """What `answers` says beside the settings."""
-    return [*_knee(chart), *_stops(chart), *_equal(chart), *_floor(chart), *wording.left_out(chart)]
+    return [*_knee(chart), *_stops(chart), *_equal(chart), *_floor(chart), *formatting.left_out(chart)]
 
 
 def _knee(chart: Chart) -> Iterator[str]:
     if chart.knee is not None:
         point = chart.points[chart.knee]
-        far = wording.error(chart.metric, point.error.median)
-        named = f"{point.setting.backend}, {wording.setting(point.setting)}"
-        settings = f": {point.setting.arguments()}" if point.setting.backend in wording.BACKENDS else ""
-        yield f"knee: {named}: {far} in {wording.seconds(point.seconds.median)}{settings}"
+        far = formatting.error(chart.metric, point.error.median)
+        named = f"{point.setting.backend}, {formatting.setting(point.setting)}"
+        settings = f": {point.setting.arguments()}" if point.setting.backend in formatting.BACKENDS else ""
+        yield f"knee: {named}: {far} in {formatting.seconds(point.seconds.median)}{settings}"
 
 
 def _stops(chart: Chart) -> Iterator[str]:
-    for name, curves in wording.stops(chart):
+    for name, curves in formatting.stops(chart):
         least = min(p.error.median for curve in curves for p in curve.points)
-        yield f"{name} at {wording.error(chart.metric, least)}: {curves[0].stops}"
+        yield f"{name} at {formatting.error(chart.metric, least)}: {curves[0].stops}"
 
 
 def _equal(chart: Chart) -> Iterator[str]:
@@ -109,8 +109,8 @@ def _equal(chart: Chart) -> Iterator[str]:
             best = target, times
     if best:
         (quickest, first), *rest = sorted(best[1].items(), key=lambda pair: pair[1])
-        others = ", ".join(f"{name} {wording.seconds(t)} ({wording.digits(t / first)} times as long)" for name, t in rest)
-        yield f"at {wording.target(chart.metric, best[0])}, between measured points: {quickest} {wording.seconds(first)}, {others}"
+        others = ", ".join(f"{name} {formatting.seconds(t)} ({formatting.digits(t / first)} times as long)" for name, t in rest)
+        yield f"at {formatting.target(chart.metric, best[0])}, between measured points: {quickest} {formatting.seconds(first)}, {others}"
 
 
 def seconds_at(curve: Curve, target: float) -> float | None:
@@ -127,7 +127,7 @@ def _floor(chart: Chart) -> Iterator[str]:
     points = chart.points
     least = min((p.error.median for p in points), default=0.0)
     if chart.floor > 0 and least < 2 * chart.floor:
-        yield f"the reference's own uncertainty is {wording.error(chart.metric, chart.floor)}: errors near it are not told apart"
+        yield f"the reference's own uncertainty is {formatting.error(chart.metric, chart.floor)}: errors near it are not told apart"
 
 
 def points(chart: Chart) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
@@ -135,13 +135,13 @@ def points(chart: Chart) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     headings = ("backend", "setting", "time", "error", "bias", "noise", "settings to copy")
     rows = []
     for point in chart.points:
-        told = dict(wording.split(point))
+        told = dict(formatting.split(point))
         rows.append(
             (
                 point.setting.backend,
-                wording.setting(point.setting),
-                wording.spread(point.seconds, wording.seconds),
-                wording.spread(point.error, wording.teller(chart.metric)),
+                formatting.setting(point.setting),
+                formatting.spread(point.seconds, formatting.seconds),
+                formatting.spread(point.error, formatting.teller(chart.metric)),
                 told.get("bias", ""),
                 told.get("noise", ""),
                 point.setting.arguments(),

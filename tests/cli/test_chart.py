@@ -19,9 +19,9 @@ import pytest
 from click.testing import CliRunner
 from maquette.cli.main import cli
 from maquette.compiler import ir
-from maquette.measure import chart as engine
-from maquette.measure import jsonform
+from maquette.measure.chart import engine
 from maquette.measure.records import Chart, NothingMeasured, Wanted
+from maquette.measure.report import json_format
 
 from ..files import standing_by
 from ..measure import charts
@@ -64,7 +64,7 @@ def test_a_chart_its_numbers_and_the_table(folder: Path, asked: list[Any]) -> No
     code, out, err = run("chart", "a.scene", "-o", "a.svg")
     assert (code, err) == (0, "in a.svg, a.json\n")
     assert ET.parse(folder / "a.svg").getroot().tag.endswith("svg")
-    assert jsonform.read((folder / "a.json").read_text(encoding="utf-8")).scene == "a.scene"
+    assert json_format.read((folder / "a.json").read_text(encoding="utf-8")).scene == "a.scene"
     assert (
         out
         == """\
@@ -111,7 +111,7 @@ def test_one_measurement_several_files(folder: Path, asked: list[Any]) -> None:
 
 
 def test_a_chart_is_drawn_again_from_its_numbers(folder: Path) -> None:
-    (folder / "room.json").write_text(jsonform.text(charts.room()), encoding="utf-8")
+    (folder / "room.json").write_text(json_format.text(charts.room()), encoding="utf-8")
     code, out, err = run("chart", "room.json", "-o", "again.svg")
     assert (code, err) == (0, "in again.svg\n")
     assert out.startswith("error  take")
@@ -221,7 +221,7 @@ def test_matplotlib_is_loaded_by_no_other_command(folder: Path, arguments: tuple
 def test_a_small_scene_is_measured(folder: Path) -> None:
     code, out, err = run("chart", "a.scene", "-o", "a.svg", "-o", "a.html", "--size", "24x16", "--budget", "6s", "--keep", "raw")
     assert (code, err) == (0, "in a.svg, a.html, a.json\n")
-    made = jsonform.read((folder / "a.json").read_text(encoding="utf-8"))
+    made = json_format.read((folder / "a.json").read_text(encoding="utf-8"))
     assert (made.scene, made.size, made.metric) == ("a.scene", (24, 16), "relmse")
     told = " ".join([*(curve.backend for curve in made.curves), *made.left_out])  # on a busy machine not all fit, and that is said
     assert all(backend in told for backend in ("ray", "raster", "reference"))
@@ -262,4 +262,4 @@ def test_ctrl_c_of_a_person_leaves_a_chart(folder: Path) -> None:
     _, err = process.communicate(timeout=30)
     assert process.returncode == 130, err
     assert err.endswith("interrupted: the chart holds what was measured until then\n")
-    assert jsonform.read((folder / "a.json").read_text(encoding="utf-8")).points
+    assert json_format.read((folder / "a.json").read_text(encoding="utf-8")).points

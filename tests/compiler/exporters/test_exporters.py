@@ -15,10 +15,10 @@ from maquette.compiler.exporters.mitsuba import scene as mitsuba_scene
 from maquette.compiler.exporters.povray import scene as povray_scene
 from maquette.compiler.exporters.povray import shapes as povray_shapes
 from maquette.compiler.scene import metals
-from maquette.measure import peers
+from maquette.measure.peers import registry
 from maquette.render.tessellation import scene_meshes
 
-from . import peer_scenes as scenes
+from ...measure.peers import peer_scenes as scenes
 
 SMALL = """render(size: [8, 4])
 camera(position: [0, 1, 4], look_at: [0, 1, 0], fov: 90deg)
@@ -200,7 +200,7 @@ def test_a_pattern_lies_where_its_matrix_says() -> None:
 )  # fmt: skip
 def test_what_is_not_carried_is_said_with_its_place(name: str, line: str, said: str, tmp_path: Path) -> None:
     text = f"render(size: [8, 4])\ncamera(position: [0, 1, 4], look_at: [0, 1, 0])\n{line}\n"
-    (peer,) = peers.find([name])
+    (peer,) = registry.find([name])
     assert f"{tmp_path / 'scene.scene'}:{said}" in peer.express(*scenes.compiled(tmp_path, text))
 
 
@@ -223,7 +223,7 @@ def test_microfacets_and_blends_are_written(tmp_path: Path) -> None:
 
 def test_what_the_plan_asks_is_said(tmp_path: Path) -> None:
     text = scenes.VIEW + scenes.FLOOR + scenes.MIRROR + scenes.LAMP
-    (mitsuba, povray) = peers.find(["mitsuba", "povray"])
+    (mitsuba, povray) = registry.find(["mitsuba", "povray"])
     place = tmp_path / "scene.scene"
     assert mitsuba.express(*scenes.compiled(tmp_path, text, filter="gaussian")) == [
         "the filter gaussian is not carried: Mitsuba cuts its gaussian at four deviations, not three",
@@ -239,14 +239,14 @@ def test_what_the_plan_asks_is_said(tmp_path: Path) -> None:
 
 def test_an_unknown_peer_is_refused() -> None:
     with pytest.raises(ValueError, match=r"no peer is called `mitsuva`; there are mitsuba, povray\. did you mean `mitsuba`\?"):
-        peers.find(["povray", "mitsuva"])
+        registry.find(["povray", "mitsuva"])
 
 
 def test_a_peer_that_is_not_there_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")
-    assert peers.find(["povray"])[0].missing == "POV-Ray is not installed: apt install povray"
+    assert registry.find(["povray"])[0].missing == "POV-Ray is not installed: apt install povray"
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    assert peers.find(["mitsuba"])[0].missing == "Mitsuba is not installed: pip install mitsuba"
+    assert registry.find(["mitsuba"])[0].missing == "Mitsuba is not installed: pip install mitsuba"
 
 
 @pytest.mark.parametrize(("name", "files"), [("out.xml", {"out.xml", "out.0.ply"}), ("out.pov", {"out.pov"}), ("out.npz", {"out.npz"})])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from maquette.measure import bias
+from maquette.measure.chart import bias
 from maquette.measure.records import Reference
 from maquette.render.image import metrics
 

@@ -8,7 +8,7 @@ import maquette
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.measure import closed, truth
+from maquette.measure.chart import closed_form, reference_light
 
 ABOVE = "camera(position: [0, 3, 0.001], look_at: [0, 0, 0], fov: 40deg)\n"
 SUNS = "directional(from: [1, 2, -1], illuminance: 3, color: #a0c0ff)\ndirectional(from: [0, 1, 3], illuminance: 1)\n"
@@ -32,12 +32,12 @@ UNKNOWN = {
 }
 
 
-def found(text: str, folder: Path) -> tuple[ir.Scene, truth.Truth, closed.Constant | None]:
+def found(text: str, folder: Path) -> tuple[ir.Scene, reference_light.Truth, closed_form.Constant | None]:
     path = folder / "a.scene"
     path.write_text(text, encoding="utf-8")
     scene = maquette.load(path)
-    light = truth.of(scene, ir.Settings(size=(24, 18)))
-    return scene, light, closed.form(scene, light.make(scene))
+    light = reference_light.of(scene, ir.Settings(size=(24, 18)))
+    return scene, light, closed_form.form(scene, light.make(scene))
 
 
 @pytest.mark.parametrize("name", KNOWN)
@@ -56,7 +56,7 @@ def test_nothing_but_the_background(background: str | tuple[float, float, float]
     scene, light, _ = found(text, tmp_path)
     unseen = scene.tables.instances._replace(visible=scene.tables.instances.visible & ~np.int32(ir.Visibility.CAMERA))
     scene = ir.Scene(scene.name, scene.tables._replace(instances=unseen), settings=ir.Settings(background=background))
-    known = closed.form(scene, light.make(scene))
+    known = closed_form.form(scene, light.make(scene))
     assert known is not None
     image = maquette.render(scene, size=(24, 18), samples=4)
     np.testing.assert_allclose(image.channels["rgba"][..., :3], np.broadcast_to(known.rgb, (18, 24, 3)), rtol=1e-6)

@@ -17,8 +17,10 @@ import OpenImageIO as oiio
 import pytest
 from maquette.compiler import ir
 from maquette.compiler.plan.plan import Plan
-from maquette.measure import chart, contest, jsonform, peer_run, peers, reference, runs
+from maquette.measure.chart import contestant, engine, reference, runs
+from maquette.measure.peers import process, registry
 from maquette.measure.records import Chart, Curve, NothingMeasured, Point, Run, Setting, Wanted
+from maquette.measure.report import json_format
 from maquette.render import quality_settings as declared
 
 SCENE = """\
@@ -60,7 +62,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     folder = tmp_path_factory.mktemp("references")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reference, "default_folder", lambda: folder)
-        patch.setattr(chart, "AIM", 4096)
+        patch.setattr(engine, "AIM", 4096)
         patch.setattr(declared, "KNOBS", {backend: tuple(map(_short, _rungs(made))) for backend, made in declared.KNOBS.items()})
         yield
 
@@ -78,7 +80,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def made(scene: ir.Scene, folder: Path) -> Chart:
     """One chart for many tests, with its images."""
-    return chart.measure(scene, Wanted("a.scene", SETTINGS, ("ray", "raster"), budget=DAY, keep=folder))
+    return engine.measure(scene, Wanted("a.scene", SETTINGS, ("ray", "raster"), budget=DAY, keep=folder))
 
 
 def curve(made: Chart, backend: str, knob: str) -> Curve:
@@ -185,19 +187,19 @@ def test_what_the_chart_says_of_itself(made: Chart) -> None:
         assert point.errors["relmse 99.9%"].median <= point.errors["relmse"].median * (1 + 1e-9)
         assert point.cpu is not None
         assert (point.errors["flip"].count, point.errors["max"].count) == (3, 16)
-    assert jsonform.read(jsonform.text(made)) == made
+    assert json_format.read(json_format.text(made)) == made
 
 
 def measured(scene: ir.Scene, budget: float = DAY, **more: Any) -> Chart:
     more = {"settings": SETTINGS, "backends": ("ray",), **more}
-    return chart.measure(scene, Wanted("a.scene", budget=budget, **more))
+    return engine.measure(scene, Wanted("a.scene", budget=budget, **more))
 
 
 def test_the_budget_bounds_the_whole(scene: ir.Scene) -> None:
     began = time.perf_counter()
     told: list[tuple[float, float]] = []
     wanted = Wanted("a.scene", SETTINGS, ("ray", "raster", "reference"), budget=4.0)
-    found = chart.measure(scene, wanted, lambda done, total: told.append((done, total)))
+    found = engine.measure(scene, wanted, lambda done, total: told.append((done, total)))
     assert time.perf_counter() - began < 6.0
     assert any("do not fit into the budget of 4 s" in why or "longer --budget" in why for why in found.left_out.values())
     assert told == sorted(told)
@@ -265,7 +267,7 @@ class Tinted:
 
     def run(self, scene: ir.Scene, plan: Plan, setting: Setting, seed: int) -> Run:
         if self.fails:
-            raise peer_run.PeerError(f"{self.name} failed: out of luck")
+            raise process.PeerError(f"{self.name} failed: out of luck")
         self.filters.append(plan["filter"])
         settings = ir.Settings(size=plan["size"], threads=plan["threads"], bounces=plan["bounces"], filter=plan["filter"], seed=seed)
         drawn = runs.run(scene, runs.plan_of(scene, settings, Setting("ray", "samples", 1, setting.options), seed))
@@ -276,7 +278,7 @@ class Tinted:
 def found(monkeypatch: pytest.MonkeyPatch) -> list[Tinted]:
     """The peers that are there."""
     there: list[Tinted] = []
-    monkeypatch.setattr(peers, "find", lambda names: [peer for name in names for peer in there if peer.name == name])
+    monkeypatch.setattr(registry, "find", lambda names: [peer for name in names for peer in there if peer.name == name])
     return there
 
 
@@ -321,12 +323,12 @@ def test_interrupted_before_anything(scene: ir.Scene) -> None:
     cancel = threading.Event()
     cancel.set()
     with pytest.raises(NothingMeasured, match=r"^interrupted before anything was measured$"):
-        chart.measure(scene, Wanted("a.scene", SETTINGS, ("ray",)), None, cancel)
+        engine.measure(scene, Wanted("a.scene", SETTINGS, ("ray",)), None, cancel)
 
 
 def test_interrupted_on_the_way_charts_what_there_is(scene: ir.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     cancel, count = threading.Event(), [0]
-    real = contest.Rung.add
+    real = contestant.Rung.add
 
     def add(*arguments: Any) -> None:
         real(*arguments)
@@ -334,8 +336,8 @@ def test_interrupted_on_the_way_charts_what_there_is(scene: ir.Scene, monkeypatc
         if count[0] == 4:
             cancel.set()
 
-    monkeypatch.setattr(contest.Rung, "add", add)
-    found = chart.measure(scene, Wanted("a.scene", SETTINGS, ("ray",), budget=DAY), None, cancel)
+    monkeypatch.setattr(contestant.Rung, "add", add)
+    found = engine.measure(scene, Wanted("a.scene", SETTINGS, ("ray",), budget=DAY), None, cancel)
     assert len(found.points) == 4
     assert {p.error.count for p in found.points} == {1}
     assert all(p.bias is None for p in found.points)

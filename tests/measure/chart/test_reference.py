@@ -9,7 +9,7 @@ import maquette
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.measure import reference, runs, truth
+from maquette.measure.chart import reference, reference_light, runs
 from maquette.measure.records import NothingMeasured, Reference
 
 SCENE = """\
@@ -34,7 +34,7 @@ def load(text: str, folder: Path) -> ir.Scene:
 
 
 def made(scene: ir.Scene, folder: Path, aim: int = 256, seconds: float = DAY, settings: ir.Settings = SETTINGS) -> Reference:
-    light = truth.of(scene, settings)
+    light = reference_light.of(scene, settings)
     return reference.make(scene, light, seconds, aim, lambda share: None, threading.Event(), folder / "kept")
 
 
@@ -111,9 +111,9 @@ def test_what_shows_something_else_has_a_file_of_its_own(scene: ir.Scene, tmp_pa
         (scene, ir.Settings(size=(20, 14), filter="box")),
         (load(SCENE.replace("#c04030", "#c04031"), tmp_path), SETTINGS),
     ]
-    keys = [reference.key(s, truth.of(s, settings).make(s)) for s, settings in variants]
+    keys = [reference.key(s, reference_light.of(s, settings).make(s)) for s, settings in variants]
     assert len(set(keys)) == len(keys)
-    alike = truth.of(scene, ir.Settings(size=(20, 14), threads=1, seed=5))
+    alike = reference_light.of(scene, ir.Settings(size=(20, 14), threads=1, seed=5))
     assert reference.key(scene, alike.make(scene, samples=9)) == keys[0]
 
 
@@ -143,7 +143,7 @@ def test_little_time_makes_few_samples_and_too_little_is_said(scene: ir.Scene, t
 
 def test_a_stop_keeps_what_there_is(scene: ir.Scene, tmp_path: Path) -> None:
     cancel = threading.Event()
-    light = truth.of(scene, SETTINGS)
+    light = reference_light.of(scene, SETTINGS)
     told: list[float] = []
 
     def progress(share: float) -> None:

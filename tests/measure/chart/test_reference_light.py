@@ -8,7 +8,7 @@ import maquette
 import pytest
 from maquette.compiler import ir
 from maquette.compiler.plan import plan as planner
-from maquette.measure import knobs, truth
+from maquette.measure.chart import reference_light, setting_ladders
 from maquette.render import quality_settings as declared
 
 CAMERA = "camera(position: [0, 1, 5], look_at: [0, 1, 0])\npoint([0, 3, 3], intensity: 9)\n"
@@ -43,13 +43,13 @@ def load(text: str, folder: Path) -> ir.Scene:
 )
 def test_the_light_of_the_reference(text: str, bounces: int | None, depth: int, between: bool, how: str, tmp_path: Path) -> None:
     scene = load(text, tmp_path)
-    light = truth.of(scene, ir.Settings(bounces=bounces))
+    light = reference_light.of(scene, ir.Settings(bounces=bounces))
     plan = light.make(scene)
     assert (plan["bounces"], plan["interreflection"], light.how) == (depth, between, how)
 
 
-def of(scene: ir.Scene, backend: str, **settings: object) -> dict[str, knobs.Ladder]:
-    found = knobs.ladders(scene, truth.of(scene, ir.Settings(**settings)), backend)  # type: ignore[arg-type]
+def of(scene: ir.Scene, backend: str, **settings: object) -> dict[str, setting_ladders.Ladder]:
+    found = setting_ladders.ladders(scene, reference_light.of(scene, ir.Settings(**settings)), backend)  # type: ignore[arg-type]
     return {ladder.name: ladder for ladder in found}
 
 
@@ -103,12 +103,12 @@ def test_interreflection_beside_ambient_light_shows_as_what_it_is(tmp_path: Path
 
 def test_everybodys_overrides_stand_on_every_rung(tmp_path: Path) -> None:
     scene = load(GLASS + AMBIENT, tmp_path)
-    light = truth.of(scene, ir.Settings(), {"filter": "box"})
+    light = reference_light.of(scene, ir.Settings(), {"filter": "box"})
     assert light.make(scene)["filter"] == "box"
     for backend in declared.KNOBS:
-        for ladder in knobs.ladders(scene, light, backend):
+        for ladder in setting_ladders.ladders(scene, light, backend):
             assert all(setting.plan["filter"] == "box" for setting in ladder.settings)
-    ray = {ladder.name: ladder for ladder in knobs.ladders(scene, light, "ray")}
+    ray = {ladder.name: ladder for ladder in setting_ladders.ladders(scene, light, "ray")}
     assert ray["samples, 16 bounces"].settings[0].arguments() == (
         "--backend ray --samples 1 --bounces 16 --plan filter=box --plan interreflection=off"
     )
@@ -117,12 +117,12 @@ def test_everybodys_overrides_stand_on_every_rung(tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", [MATT, GLASS, GLASS + AMBIENT, MATT + DEEP])
 def test_every_rung_can_be_planned_and_grows_dearer(text: str, tmp_path: Path) -> None:
     scene = load(text, tmp_path)
-    light = truth.of(scene, ir.Settings(size=(40, 30)))
+    light = reference_light.of(scene, ir.Settings(size=(40, 30)))
     for backend, made in declared.KNOBS.items():
         assert [
             knob.name for knob in made if not all(knob.cost(a) < knob.cost(b) for a, b in zip(knob.values, knob.values[1:], strict=False))
         ] == []
-        for ladder in knobs.ladders(scene, light, backend):
+        for ladder in setting_ladders.ladders(scene, light, backend):
             assert len(ladder.costs) == len(ladder.settings) > 1
             for setting in ladder.settings:
                 planner.make(scene, ir.Settings(**setting.options), setting.plan)

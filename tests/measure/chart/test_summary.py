@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from maquette.measure import figures, knobs
-from maquette.measure.contest import Rung
+from maquette.measure.chart import setting_ladders, summary
+from maquette.measure.chart.contestant import Rung
 from maquette.measure.records import Reference, Run, Setting
 
 SHAPE = (12, 16, 3)
 REFERENCE = Reference(np.full(SHAPE, 0.5), np.zeros(SHAPE), "made", 0, (), np.ones(SHAPE[:2]))
 
 
-def ladder(backend: str, knob: str, values: tuple[float, ...], light: str = "") -> knobs.Ladder:
-    return knobs.Ladder(backend, knob, tuple(Setting(backend, knob, v, {knob: v}) for v in values), values, light)
+def ladder(backend: str, knob: str, values: tuple[float, ...], light: str = "") -> setting_ladders.Ladder:
+    return setting_ladders.Ladder(backend, knob, tuple(Setting(backend, knob, v, {knob: v}) for v in values), values, light)
 
 
 def rung(setting: Setting, factor: float, noise: float = 0.01, notes: tuple[str, ...] = ()) -> Rung:
@@ -25,10 +25,10 @@ def rung(setting: Setting, factor: float, noise: float = 0.01, notes: tuple[str,
     return made
 
 
-def stops(of: knobs.Ladder, *factors: float, **more: object) -> str:
+def stops(of: setting_ladders.Ladder, *factors: float, **more: object) -> str:
     """What is said of a curve whose rungs are so much too bright."""
     rungs = [rung(setting, factor, **more) for setting, factor in zip(of.settings, factors, strict=False)]  # type: ignore[arg-type]
-    found = figures.curve(of, rungs, "relmse", REFERENCE, {"import": 3.0})
+    found = summary.curve(of, rungs, "relmse", REFERENCE, {"import": 3.0})
     assert found is not None
     return found.stops
 
@@ -46,7 +46,7 @@ def stops(of: knobs.Ladder, *factors: float, **more: object) -> str:
         (ladder("raster", "tolerance", (3.2, 0.8), "no interreflection"), (1.5, 1.1), "no interreflection: bias 10 %"),
     ],
 )
-def test_why_a_curve_stops(of: knobs.Ladder, factors: tuple[float, ...], said: str) -> None:
+def test_why_a_curve_stops(of: setting_ladders.Ladder, factors: tuple[float, ...], said: str) -> None:
     assert stops(of, *factors) == said
 
 
@@ -61,14 +61,14 @@ def test_what_the_backend_does_not_draw_is_said() -> None:
 
 
 def test_a_point_holds_medians_quartiles_and_every_stage() -> None:
-    point = figures.point(rung(Setting("ray", "samples", 4), 1.1), "relmse", REFERENCE, {"import": 3.0, "compile_kernels": 5.0})
+    point = summary.point(rung(Setting("ray", "samples", 4), 1.1), "relmse", REFERENCE, {"import": 3.0, "compile_kernels": 5.0})
     assert point is not None
     assert (point.seconds.low, point.seconds.median, point.seconds.high, point.seconds.count) == (4.75, 8.5, 12.25, 16)
     assert point.stages == {"import": 3.0, "compile_kernels": 5.0, "build": 0.1, "render": 8.5}
     assert point.cpu == 2.0
     assert point.error.median == pytest.approx(0.1, rel=0.02)
     assert (point.bias_block, point.note) == (1, "")
-    assert figures.point(rung(Setting("ray", "samples", 4), 1.1), "other", REFERENCE, {}) is None
+    assert summary.point(rung(Setting("ray", "samples", 4), 1.1), "other", REFERENCE, {}) is None
 
 
 def test_the_floor_is_the_references_own_error() -> None:
@@ -78,8 +78,8 @@ def test_the_floor_is_the_references_own_error() -> None:
     mean, variance = seeds.mean(axis=0), seeds.var(axis=0, ddof=1) / 16
     halves = seeds[::2].mean(axis=0), seeds[1::2].mean(axis=0)
     reference = Reference(mean[..., :3], variance[..., :3], "made", 16, tuple(range(16)), mean[..., 3], halves)
-    found = figures.floor(reference, 0.0)
+    found = summary.floor(reference, 0.0)
     assert found["relmse"] == pytest.approx(0.02, rel=0.02)
     assert found["relmse 99.9%"] == pytest.approx(0.02, rel=0.03)
     assert 0.03 < found["max"] < 0.08
-    assert figures.floor(REFERENCE, 0.0) == {}
+    assert summary.floor(REFERENCE, 0.0) == {}

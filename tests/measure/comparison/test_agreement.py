@@ -8,9 +8,9 @@ import maquette
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.measure import carriers, compare, sides
+from maquette.measure.comparison import compare, object_errors, sides
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 SIZE = (80, 60)
 LIMIT = 1e-3
 # Pixels inside that may differ by more: where a sample falls within 1/256 pixel of an edge between two facets of a flat-shaded mesh.
@@ -42,7 +42,7 @@ def test_inside_outlines_raster_and_ray_agree(name: str) -> None:
     found = both(name, 1, {"raster.secondary": "trace"} if name in MIRRORED else None)
     assert found.a.notes == ()
     assert found.b.notes == ()
-    one, other = (carriers.outlines(side) for side in (found.a, found.b))
+    one, other = (object_errors.outlines(side) for side in (found.a, found.b))
     assert one is not None
     assert other is not None
     outline = one | other

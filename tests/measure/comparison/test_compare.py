@@ -11,8 +11,9 @@ import maquette
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.measure import carriers, compare, errors, sides
-from maquette.measure.sides import Side
+from maquette.measure import errors
+from maquette.measure.comparison import compare, object_errors, sides
+from maquette.measure.comparison.sides import Side
 from maquette.render.image import image_files, metrics
 from maquette.render.image.image import Image
 
@@ -67,10 +68,10 @@ def test_the_nearer_of_two_objects_has_the_pixel() -> None:
     flat = np.ones((1, 3, 3))
     a = painted(flat, [[1, 2, 1]], [[5.0, 1.0, 5.0]])
     b = painted(flat, [[1, 1, 3]], [[5.0, 5.0, 2.0]])
-    owner = carriers.owners(a, b, {1: 1, 2: 2, 3: 3})
+    owner = object_errors.owners(a, b, {1: 1, 2: 2, 3: 3})
     assert owner is not None
     assert owner.tolist() == [[1, 2, 3]]
-    gone = carriers.owners(a, b, {1: 1})  # B has no object like A's 2
+    gone = object_errors.owners(a, b, {1: 1})  # B has no object like A's 2
     assert gone is not None
     assert gone.tolist() == [[1, -2 - 2, 3]]
 
@@ -98,7 +99,7 @@ def test_outlines_reach_as_far_as_the_filter(scene: ir.Scene, filter_name: str, 
     plan = sides.plan_of(scene, ir.Settings(samples=samples), {"filter": filter_name})
     side = sides.drawn(scene, plan)
     assert side.reach == reach
-    ids, mask = side.ids, carriers.outlines(side)
+    ids, mask = side.ids, object_errors.outlines(side)
     assert ids is not None
     assert mask is not None
     h, w = ids.shape

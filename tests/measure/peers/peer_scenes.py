@@ -9,7 +9,7 @@ import maquette
 import numpy as np
 from maquette.compiler import ir
 from maquette.compiler.plan import plan as planner
-from maquette.measure import peers
+from maquette.measure.peers import registry
 from maquette.measure.records import Setting
 from maquette.render import render_scene
 from maquette.render.image import metrics
@@ -51,14 +51,14 @@ def compiled(folder: Path, text: str, **settings: Any) -> tuple[ir.Scene, planne
     source.write_text(text)
     scene = maquette.load(source)
     asked = ir.Settings(**{"filter": "box", **settings})
-    common = peers.common(planner.make(scene, asked))
+    common = registry.common(planner.make(scene, asked))
     return scene, planner.make(scene, asked, {name: value for name, value in common.items() if name != "filter"})
 
 
 def both(name: str, folder: Path, text: str, ours: int, theirs: int, **settings: Any) -> tuple[np.ndarray, np.ndarray]:
     """(ours, the peer's) linear pictures of a scene that the peer carries whole."""
     scene, plan = compiled(folder, text, samples=ours, **settings)
-    (peer,) = peers.find([name])
+    (peer,) = registry.find([name])
     assert peer.express(scene, plan) == []
     run = peer.run(scene, plan, Setting(name, "samples", theirs, {"samples": theirs}), seed=1)
     assert run.seed == 1

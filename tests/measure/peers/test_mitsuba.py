@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from maquette.measure import peer_run, peers
+from maquette.measure.peers import process, registry
 from maquette.measure.records import Setting
 
-from ..files import write_image
+from ...files import write_image
 from . import peer_scenes as scenes
 
-MITSUBA = peers.find(["mitsuba"])[0]
+MITSUBA = registry.find(["mitsuba"])[0]
 pytestmark = pytest.mark.skipif(bool(MITSUBA.missing), reason=MITSUBA.missing)
 
 SAME = {  # text, samples of ours and theirs, bounces, bound on the blocks' √relMSE
@@ -102,5 +102,5 @@ def test_its_ladder_climbs(tmp_path: Path) -> None:
 
 
 def test_its_own_words_are_given_back(tmp_path: Path) -> None:
-    with pytest.raises(peer_run.PeerError, match=r"Mitsuba failed: .*no-such-file"):
-        peer_run.call("Mitsuba", ["python3", "-c", "import sys; sys.exit('no-such-file')"], tmp_path)
+    with pytest.raises(process.PeerError, match=r"Mitsuba failed: .*no-such-file"):
+        process.call("Mitsuba", ["python3", "-c", "import sys; sys.exit('no-such-file')"], tmp_path)

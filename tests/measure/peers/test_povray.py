@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from maquette.measure import peers
+from maquette.measure.peers import registry
 
-from ..files import write_image
+from ...files import write_image
 from . import peer_scenes as scenes
 
-POVRAY = peers.find(["povray"])[0]
+POVRAY = registry.find(["povray"])[0]
 pytestmark = pytest.mark.skipif(bool(POVRAY.missing), reason=POVRAY.missing)
 
 HALF = 5e-4  # a half float's spacing, relative, and no more

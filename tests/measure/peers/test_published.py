@@ -12,12 +12,12 @@ import pytest
 from maquette.bench import paths
 from maquette.compiler import ir
 from maquette.compiler.plan import plan as planner
-from maquette.measure import peers
+from maquette.measure.peers import registry
 from maquette.measure.records import Setting
 from maquette.render import render_scene
 from maquette.render.material import energy_compensation
 
-MITSUBA = peers.find(["mitsuba"])[0]
+MITSUBA = registry.find(["mitsuba"])[0]
 RUNS = 12  # of each renderer, with seeds of their own
 SIZE = (40, 40)
 

@@ -12,10 +12,10 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from maquette.measure import draw, page, palette
 from maquette.measure.records import Chart
+from maquette.measure.report import html_page, palette, plot
 
-from . import charts
+from .. import charts
 
 
 class Page(HTMLParser):
@@ -26,7 +26,7 @@ class Page(HTMLParser):
         self.tags: list[tuple[str, dict[str, str | None]]] = []
         self.open: list[str] = []
         self.scripts: list[str] = []
-        self.text = page.html(chart, draw.svg(chart))
+        self.text = html_page.html(chart, plot.svg(chart))
         self.feed(self.text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:

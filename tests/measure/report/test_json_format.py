@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from maquette.measure import jsonform
 from maquette.measure.records import Chart, Curve, Point, Setting, Spread
+from maquette.measure.report import json_format
 
-from . import charts
+from .. import charts
 
 NUMBERS = st.floats(allow_nan=False)
 NAMES = st.text(max_size=8)
@@ -36,12 +36,12 @@ CHARTS = st.builds(
 @given(CHARTS)
 @settings(max_examples=60, deadline=None)
 def test_what_is_written_is_read_equal(chart: Chart) -> None:
-    assert jsonform.read(jsonform.text(chart)) == chart
+    assert json_format.read(json_format.text(chart)) == chart
 
 
 def test_every_number_is_there_by_name() -> None:
     chart = charts.room()
-    data = json.loads(jsonform.text(chart))
+    data = json.loads(json_format.text(chart))
     point = chart.curves[2].points[1]
     found = data["curves"][2]["points"][1]
     assert found["setting"] == {
@@ -58,15 +58,15 @@ def test_every_number_is_there_by_name() -> None:
 
 def test_numbers_of_numpy_are_numbers() -> None:
     chart = dataclasses.replace(charts.room(), floor=np.float32(0.5), knee=np.int64(3))
-    again = jsonform.read(jsonform.text(chart))
+    again = json_format.read(json_format.text(chart))
     assert (again.floor, again.knee) == (0.5, 3)
 
 
 def test_endless_numbers_are_words() -> None:
     chart = dataclasses.replace(charts.room(), floor=math.inf)
-    assert json.loads(jsonform.text(chart))["floor"] == "inf"
-    assert jsonform.read(jsonform.text(chart)).floor == math.inf
-    assert math.isnan(jsonform.read(jsonform.text(dataclasses.replace(chart, floor=math.nan))).floor)
+    assert json.loads(json_format.text(chart))["floor"] == "inf"
+    assert json_format.read(json_format.text(chart)).floor == math.inf
+    assert math.isnan(json_format.read(json_format.text(dataclasses.replace(chart, floor=math.nan))).floor)
 
 
 @pytest.mark.parametrize(
@@ -79,20 +79,20 @@ def test_endless_numbers_are_words() -> None:
     ],
 )
 def test_what_is_no_chart_is_said(text: str, message: str) -> None:
-    with pytest.raises(jsonform.FormatError) as caught:
-        jsonform.read(text)
+    with pytest.raises(json_format.FormatError) as caught:
+        json_format.read(text)
     assert str(caught.value) == message
 
 
 def test_an_older_chart_is_read() -> None:
-    data = json.loads(jsonform.text(charts.room()))
+    data = json.loads(json_format.text(charts.room()))
     for point in (p for curve in data["curves"] for p in curve["points"]):
         del point["note"], point["bias_error"]
-    assert jsonform.read(json.dumps(data)).curves[2].points[0].bias_error is None
+    assert json_format.read(json.dumps(data)).curves[2].points[0].bias_error is None
 
 
 def test_a_chart_with_a_part_missing_is_said() -> None:
-    data = json.loads(jsonform.text(charts.room()))
+    data = json.loads(json_format.text(charts.room()))
     del data["curves"][0]["points"][0]["seconds"]["low"]
-    with pytest.raises(jsonform.FormatError, match=r"^the chart is not whole: 'low'$"):
-        jsonform.read(json.dumps(data))
+    with pytest.raises(json_format.FormatError, match=r"^the chart is not whole: 'low'$"):
+        json_format.read(json.dumps(data))

@@ -7,7 +7,7 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from maquette.measure.labels import Box, Room
+from maquette.measure.report.label_placement import Box, Room
 
 AREA = Box(0, 0, 100, 100)
 AT = st.floats(-50, 150)

@@ -10,18 +10,19 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
-from maquette.measure import draw, palette, wording
-from maquette.measure.labels import Box
+from maquette.measure import formatting
 from maquette.measure.records import Chart, Curve, Spread
+from maquette.measure.report import palette, plot
+from maquette.measure.report.label_placement import Box
 from PIL import Image
 
-from . import charts
+from .. import charts
 
 SVG = "{http://www.w3.org/2000/svg}"
 
 
 def parsed(chart: Chart) -> ET.Element:
-    return ET.fromstring(draw.svg(chart))
+    return ET.fromstring(plot.svg(chart))
 
 
 def by_id(tree: ET.Element, name: str) -> ET.Element:
@@ -116,7 +117,7 @@ def drawn_box(name: str, tree: ET.Element) -> list[tuple[float, float]]:
 
 
 def test_the_same_chart_is_the_same_file() -> None:
-    assert draw.svg(charts.room()) == draw.svg(charts.room())
+    assert plot.svg(charts.room()) == plot.svg(charts.room())
 
 
 def test_without_a_floor_a_front_or_spread_nothing_is_drawn_for_them() -> None:
@@ -152,21 +153,21 @@ def test_all_exact_is_drawn() -> None:
 
 
 def test_png_is_a_picture_of_the_size_asked_for() -> None:
-    image = Image.open(io.BytesIO(draw.png(charts.room(), dpi=100)))
+    image = Image.open(io.BytesIO(plot.png(charts.room(), dpi=100)))
     assert image.size == (960, 660)
     assert image.convert("RGB").getpixel((0, 0)) == (255, 255, 255)
 
 
-@pytest.mark.parametrize("metric", list(wording.METRICS))
+@pytest.mark.parametrize("metric", list(formatting.METRICS))
 def test_each_metric_has_its_axis(metric: str) -> None:
     ray = Curve("ray", "samples", charts.ladder("ray", 0.03, 0.01, 0.31, 7))
     said = words(parsed(dataclasses.replace(charts.chart(ray), metric=metric)))
-    assert wording.METRICS[metric].axis in said
-    assert any(text.endswith(" %") for text in said) == wording.METRICS[metric].share
+    assert formatting.METRICS[metric].axis in said
+    assert any(text.endswith(" %") for text in said) == formatting.METRICS[metric].share
 
 
 def test_labels_do_not_cover_each_other_or_leave_the_picture() -> None:
-    picture = draw.Picture(charts.room())
+    picture = plot.Picture(charts.room())
     for a, b in itertools.combinations(picture.room.labels, 2):
         assert a.covered(b) == 0
     width, height = picture.figure.get_size_inches() * picture.figure.dpi
@@ -180,7 +181,7 @@ def test_long_words_stay_on_the_picture() -> None:
     left_out = dict.fromkeys(("mitsuba", "povray", "ray", "reference"), long)
     chart = charts.chart(curve, machine=machine, left_out=left_out)
     chart = dataclasses.replace(chart, scene=f"room.scene --set text='{long}'")
-    picture = draw.Picture(chart)
+    picture = plot.Picture(chart)
     renderer = picture.canvas.get_renderer()
     width, height = picture.figure.get_size_inches() * picture.figure.dpi
     boxes = [text.get_window_extent(renderer) for text in picture.figure.texts]
@@ -191,7 +192,7 @@ def test_long_words_stay_on_the_picture() -> None:
 
 
 def test_points_are_not_hidden_by_names() -> None:
-    picture = draw.Picture(charts.room())
+    picture = plot.Picture(charts.room())
     assert max(label.covered(point) for label in picture.room.labels for point in picture.room.points) < 5  # of 144 square pixels
 
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 import dataclasses
 
 import pytest
-from maquette.measure import table, wording
+from maquette.measure import formatting
 from maquette.measure.records import Curve, Setting, Spread
+from maquette.measure.report import text_report
 
-from . import charts
+from .. import charts
 
 
 def test_the_answers_of_a_chart() -> None:
-    assert table.answers(charts.room()) == [
+    assert text_report.answers(charts.room()) == [
         "30 % → raster, 1 sample, 35 ms: --backend raster --samples 1",
         "10 % → raster, 4 samples, 50 ms: --backend raster --samples 4",
         "3 % → ray, 256 samples, 2.6 s: --backend ray --samples 256",
@@ -30,7 +31,7 @@ def test_only_what_was_measured_is_advised() -> None:
     """1 % lies between two rungs: the dearer one is named, which was measured; no setting between them is made up."""
     points = (charts.point("ray", "samples", 16, 1.0, 0.02), charts.point("ray", "samples", 64, 4.0, 0.005))
     chart = charts.chart(Curve("ray", "samples", points))
-    assert table.advice(chart) == [
+    assert text_report.advice(chart) == [
         ("1 %", "ray, 64 samples", "4.0 s", "0.50 %", "--backend ray --samples 64"),
         ("0.3 %", "not reached", "", "0.50 %", ""),
     ]
@@ -38,7 +39,7 @@ def test_only_what_was_measured_is_advised() -> None:
 
 def test_what_is_exact_is_said_at_none() -> None:
     exact = dataclasses.replace(charts.point("raster", "samples", 1, 0.1, 1.0), error=Spread(0, 0, 0, 5))
-    assert table.advice(charts.chart(Curve("raster", "samples", (exact,)))) == [
+    assert text_report.advice(charts.chart(Curve("raster", "samples", (exact,)))) == [
         ("0 %", "raster, 1 sample", "100 ms", "0 %", "--backend raster --samples 1"),
     ]
 
@@ -46,7 +47,7 @@ def test_what_is_exact_is_said_at_none() -> None:
 def test_an_exact_point_reaches_everything() -> None:
     rough, exact = charts.ladder("raster", 0.1, 0.1, 0.2, 2)
     chart = charts.chart(Curve("raster", "samples", (rough, dataclasses.replace(exact, error=Spread(0, 0, 0, 5)))))
-    assert [row[:4] for row in table.advice(chart)] == [
+    assert [row[:4] for row in text_report.advice(chart)] == [
         ("30 %", "raster, 1 sample", "200 ms", "20 %"),
         ("0 %", "raster, 4 samples", "500 ms", "0 %"),
     ]
@@ -54,29 +55,29 @@ def test_an_exact_point_reaches_everything() -> None:
 
 def test_nobody_asks_for_an_error_of_all_there_is() -> None:
     noisy = charts.chart(Curve("ray", "samples", charts.ladder("ray", 0.1, 0.1, 2.4, 3)))
-    assert [row[0] for row in table.advice(noisy)] == ["100 %", "30 %"]  # nothing better was measured
+    assert [row[0] for row in text_report.advice(noisy)] == ["100 %", "30 %"]  # nothing better was measured
     better = charts.chart(Curve("ray", "samples", charts.ladder("ray", 0.1, 0.1, 2.4, 5)))
-    assert [row[0] for row in table.advice(better)] == ["30 %", "10 %"]
+    assert [row[0] for row in text_report.advice(better)] == ["30 %", "10 %"]
 
 
 def test_an_error_near_the_references_own_is_said() -> None:
     chart = charts.chart(Curve("ray", "samples", charts.ladder("ray", 0.1, 0.1, 0.02, 2)), floor=0.008)
-    assert table.remarks(chart) == ["the reference's own uncertainty is 0.80 %: errors near it are not told apart"]
+    assert text_report.remarks(chart) == ["the reference's own uncertainty is 0.80 %: errors near it are not told apart"]
 
 
 def test_time_at_equal_error_is_straight_on_logarithmic_axes_and_ends_with_the_points() -> None:
     points = (charts.point("ray", "samples", 1, 1.0, 0.4), charts.point("ray", "samples", 16, 16.0, 0.1))
     curve = Curve("ray", "samples", points)
-    assert table.seconds_at(curve, 0.2) == pytest.approx(4.0)
-    assert table.seconds_at(curve, 0.4) == 1.0
-    assert table.seconds_at(curve, 0.1) == pytest.approx(16.0)
-    assert table.seconds_at(curve, 0.41) is None
-    assert table.seconds_at(curve, 0.099) is None
+    assert text_report.seconds_at(curve, 0.2) == pytest.approx(4.0)
+    assert text_report.seconds_at(curve, 0.4) == 1.0
+    assert text_report.seconds_at(curve, 0.1) == pytest.approx(16.0)
+    assert text_report.seconds_at(curve, 0.41) is None
+    assert text_report.seconds_at(curve, 0.099) is None
 
 
 def test_every_point_is_a_row() -> None:
     chart = charts.room()
-    headings, rows = table.points(chart)
+    headings, rows = text_report.points(chart)
     assert headings == ("backend", "setting", "time", "error", "bias", "noise", "settings to copy")
     assert len(rows) == len(chart.points)
     assert rows[12] == (
@@ -87,8 +88,8 @@ def test_every_point_is_a_row() -> None:
 
 def test_a_bias_that_is_not_told_from_none_has_a_bound() -> None:
     point = charts.point("ray", "samples", 4, 1.0, 0.1, bias=0.0, bias_error=0.002, noise=0.1, noise_error=0.001)
-    assert wording.split(point) == [("bias", "below 0.20 %"), ("noise", "10 % ± 0.10 %")]
-    assert wording.split(charts.point("ray", "samples", 4, 1.0, 0.1)) == []
+    assert formatting.split(point) == [("bias", "below 0.20 %"), ("noise", "10 % ± 0.10 %")]
+    assert formatting.split(charts.point("ray", "samples", 4, 1.0, 0.1)) == []
 
 
 @pytest.mark.parametrize(
@@ -99,7 +100,7 @@ def test_a_bias_that_is_not_told_from_none_has_a_bound() -> None:
     ],
 )  # fmt: skip
 def test_times(value: float, text: str) -> None:
-    assert wording.seconds(value) == text
+    assert formatting.seconds(value) == text
 
 
 @pytest.mark.parametrize(
@@ -110,7 +111,7 @@ def test_times(value: float, text: str) -> None:
     ],
 )  # fmt: skip
 def test_errors(metric: str, value: float, text: str) -> None:
-    assert wording.error(metric, value) == text
+    assert formatting.error(metric, value) == text
 
 
 @pytest.mark.parametrize(
@@ -123,19 +124,19 @@ def test_errors(metric: str, value: float, text: str) -> None:
     ],
 )  # fmt: skip
 def test_settings(setting: Setting, text: str) -> None:
-    assert wording.setting(setting) == text
+    assert formatting.setting(setting) == text
 
 
 def test_arguments_are_what_the_command_line_reads() -> None:
     setting = Setting("raster", "tolerance", 0.5, {"samples": 4, "size": (80, 60), "error": 0.01}, {"raster.fill": "areas"})
     assert setting.arguments() == "--backend raster --samples 4 --size 80x60 --error 0.01 --plan raster.fill=areas"
-    assert wording.command(charts.room(), setting).startswith("maquette render room.scene --size 400x300 --backend raster --samples 4")
+    assert formatting.command(charts.room(), setting).startswith("maquette render room.scene --size 400x300 --backend raster --samples 4")
 
 
 def test_a_quicker_peer_is_told_of_and_not_advised() -> None:
     ours = Curve("ray", "samples", charts.ladder("ray", 0, 0.1, 0.2, 3))
     peer = Curve("mitsuba", "samples", charts.ladder("mitsuba", 0, 0.05, 0.2, 3))
-    assert table.answers(charts.chart(ours, peer, knee=4)) == [
+    assert text_report.answers(charts.chart(ours, peer, knee=4)) == [
         "10 % → ray, 4 samples, 400 ms: --backend ray --samples 4",
         "3 % → not reached; the least measured is 5.0 %",
         "knee: mitsuba, 4 samples: 10 % in 200 ms",
@@ -152,8 +153,8 @@ def test_who_stops_for_one_reason_stands_together() -> None:
         curve("ray", "samples", why), curve("ray", "bounces", ""), curve("raster", "samples", why), curve("raster", "tolerance", why),
         curve("reference", "samples", "one sample a pixel is its centre: bias 12 %"),
     )  # fmt: skip
-    assert [name for name, _ in wording.stops(chart)] == ["ray by samples and raster stop", "reference stops"]
-    assert [len(curves) for _, curves in wording.stops(chart)] == [3, 1]
+    assert [name for name, _ in formatting.stops(chart)] == ["ray by samples and raster stop", "reference stops"]
+    assert [len(curves) for _, curves in formatting.stops(chart)] == [3, 1]
 
 
 def test_ladders_that_end_early_are_counted() -> None:
@@ -163,7 +164,7 @@ def test_ladders_that_end_early_are_counted() -> None:
         "povray: glass": "x",
     }
     chart = charts.chart(Curve("ray", "samples", charts.ladder("ray", 0.1, 0.1, 0.2, 2)), left_out={"mitsuba": "not installed", **cut})
-    assert wording.left_out(chart) == [
+    assert formatting.left_out(chart) == [
         "not charted: mitsuba: not installed",
         "3 ladders end before the dearest settings, as chart.json says: a longer --budget goes on",
     ]
@@ -174,11 +175,11 @@ def test_reasons_are_told_briefly_on_the_picture() -> None:
     chart = charts.chart(
         Curve("ray", "samples", charts.ladder("ray", 0.1, 0.1, 0.2, 2)), left_out={"mitsuba": why, "povray": "not installed"}
     )
-    assert wording.left_out(chart) == [f"not charted: mitsuba: {why}", "not charted: povray: not installed"]
+    assert formatting.left_out(chart) == [f"not charted: mitsuba: {why}", "not charted: povray: not installed"]
     brief = ["not charted: mitsuba: the highlight is not carried (and 2 more reasons)", "not charted: povray: not installed"]
-    assert wording.left_out(chart, brief=True) == brief
+    assert formatting.left_out(chart, brief=True) == brief
 
 
 def test_a_title_has_no_folder() -> None:
     chart = dataclasses.replace(charts.room(), scene="'/a b/room.scene' --set 'hour=20 min'")
-    assert wording.title(chart) == "room.scene --set hour=20 min"
+    assert formatting.title(chart) == "room.scene --set hour=20 min"

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from .. import units
 from ..diagnostics import Span
@@ -13,10 +14,8 @@ from ..syntax import ast
 from ..units import Quantity
 from . import suggestions
 from .coercion import LIGHT_TYPES, Place, convert
-from .values import POISON, Element, Given, Mistake, Poisoned
-
-if TYPE_CHECKING:
-    from .scope import Scope
+from .context import ArgumentValue, Scope
+from .values import POISON, Element, Mistake, Poisoned
 
 # What every element accepts. A part that does not declare them has them applied to what it makes.
 PLACING = ("translate", "rotate", "scale", "material", "name")
@@ -25,14 +24,14 @@ Report = Callable[[str, Span, str], None]
 
 
 def assign(
-    callee: str, positional: Sequence[str], names: Mapping[str, str], givens: Iterable[Given], report: Report, holds: bool = False
-) -> tuple[dict[str, Given], bool]:
+    callee: str, positional: Sequence[str], names: Mapping[str, str], givens: Iterable[ArgumentValue], report: Report, holds: bool = False
+) -> tuple[dict[str, ArgumentValue], bool]:
     """Each argument at the name of its parameter, and whether all have one: what is unknown, given twice or too much is reported.
 
     `positional` are the parameters that can be given by position, in order; `names` maps names and aliases to parameters. What
     `holds` others has them in braces.
     """
-    assigned: dict[str, Given] = {}
+    assigned: dict[str, ArgumentValue] = {}
     good = True
     place = 0
     for given in givens:
@@ -58,7 +57,12 @@ def _is_of_elements(value: object) -> bool:
 
 
 def _problem(
-    callee: str, given: Given, name: str | None, positional: Sequence[str], names: Mapping[str, str], assigned: Mapping[str, Given]
+    callee: str,
+    given: ArgumentValue,
+    name: str | None,
+    positional: Sequence[str],
+    names: Mapping[str, str],
+    assigned: Mapping[str, ArgumentValue],
 ) -> tuple[str, str] | None:
     if name is None and given.name is None:
         if not names:
@@ -77,7 +81,12 @@ _EXAMPLES = {"length": "10cm", "angle": "30deg", "time": "2s", "int": "3", "poin
 
 
 def missing(
-    callee: str, required: Iterable[str], assigned: Mapping[str, Given], span: Span, report: Report, args: Mapping[str, Arg] | None = None
+    callee: str,
+    required: Iterable[str],
+    assigned: Mapping[str, ArgumentValue],
+    span: Span,
+    report: Report,
+    args: Mapping[str, Arg] | None = None,
 ) -> bool:
     """Report the required parameters that are not there, and how each is written; whether there were any."""
     absent = [name for name in required if name not in assigned]
@@ -88,7 +97,7 @@ def missing(
     return bool(absent)
 
 
-def fraction(givens: Sequence[Given]) -> tuple[bool, str, tuple[Span, ...]] | None:
+def fraction(givens: Sequence[ArgumentValue]) -> tuple[bool, str, tuple[Span, ...]] | None:
     """Of a fraction that is written with a comma, and so has become two arguments: whether it ends a formula, what to write, and where
     both are."""
     for given, after in pairwise(givens):
@@ -117,8 +126,14 @@ class Signature:
         self.defaults = {a.name: a.default for a in entry.args}
 
 
+@cache
+def signature_of(entry: Entry) -> Signature:
+    """The signature of an element, built once."""
+    return Signature(entry)
+
+
 def element_arguments(
-    signature: Signature, givens: list[Given], span: Span, scope: Scope, report: Report
+    signature: Signature, givens: list[ArgumentValue], span: Span, scope: Scope, report: Report
 ) -> tuple[dict[str, Any], frozenset[str], bool] | None:
     """An element's arguments in base units, the names given, and whether a light strength has a unit.
 
@@ -148,7 +163,7 @@ def element_arguments(
     return (args, frozenset(assigned), photometric) if good else None
 
 
-def _other(entry: Entry, given: Given, arg: Arg) -> str:
+def _other(entry: Entry, given: ArgumentValue, arg: Arg) -> str:
     """Which argument of the entry would take a quantity that this one does not, or the unit of what it takes."""
     if not isinstance(given.value, Quantity):
         return ""
@@ -159,7 +174,7 @@ def _other(entry: Entry, given: Given, arg: Arg) -> str:
     return f"its unit is {units.QUANTITIES[arg.type][1]}" if arg.type in LIGHT_TYPES else ""
 
 
-def _exclude(entry: Entry, assigned: Mapping[str, Given], report: Report) -> bool:
+def _exclude(entry: Entry, assigned: Mapping[str, ArgumentValue], report: Report) -> bool:
     for group in entry.exclusive:
         both = [name for name in assigned if name in group]
         if len(both) > 1:

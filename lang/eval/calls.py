@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from ..diagnostics import Diagnostics, Span
 from ..elements import Element
@@ -15,14 +14,13 @@ from ..syntax import ast
 from ..syntax.parser import parse
 from . import arguments, suggestions
 from . import parameters as eval_parameters
-from .scope import Scope, Thunk
+from .context import ArgumentValue, Evaluator, Scope, Thunk
 from .values import (
     POISON,
     AssetPart,
     Builtin,
     Closure,
     FilePart,
-    Given,
     Mistake,
     Poisoned,
     UserFunction,
@@ -33,9 +31,6 @@ from .values import (
     kind,
 )
 
-if TYPE_CHECKING:
-    from .evaluator import Evaluator
-
 _NUMBER = re.compile(r"[0-9]{1,15}(\.[0-9]{1,15})?")  # without sign, exponent and unit
 
 
@@ -44,7 +39,7 @@ class ParamUse:
     """A `param` of one use of its file: what was given for it, by whom."""
 
     param: ast.Param
-    given: Given | None
+    given: ArgumentValue | None
     caller: Scope
 
     @property
@@ -64,65 +59,65 @@ class Site:
 
 
 def call(
-    machine: Evaluator, node: ast.Node, callee: ast.Node, args: tuple[ast.Argument, ...], block: ast.Block | None, scope: Scope
+    evaluator: Evaluator, node: ast.Node, callee: ast.Node, args: tuple[ast.Argument, ...], block: ast.Block | None, scope: Scope
 ) -> Value:
     """The value of a call that is written in a scene."""
-    function = machine.value(callee, scope)
+    function = evaluator.value(callee, scope)
     label = callee_name(callee)
     if type(function) is Entry and function.planned:
-        machine.fail(f"`{label}` is not built yet", callee.span, suggestions.instead(label), scope)
+        evaluator.fail(f"`{label}` is not built yet", callee.span, suggestions.instead(label), scope)
     givens = []
     for a in args:
         try:
-            value = machine.value(a.value, scope)
+            value = evaluator.value(a.value, scope)
         except Poisoned:
             value = POISON
         if a.name is None:
-            givens.append(Given(None, a.span, value, a.value.span, a.value))
+            givens.append(ArgumentValue(None, a.span, value, a.value.span, a.value))
         else:
-            givens.append(Given(a.name.id, a.name.span, value, a.value.span, a.value))
+            givens.append(ArgumentValue(a.name.id, a.name.span, value, a.value.span, a.value))
     children = None
     if block is not None:
         if not _takes_children(function):
-            machine.fail(f"{_titled(function, label)} takes nothing in braces", callee.span, "", scope)
-        children = machine.collect(block, scope)
+            evaluator.fail(f"{_titled(function, label)} takes nothing in braces", callee.span, "", scope)
+        children = evaluator.collect(block, scope)
     try:
-        machine.meter.step()
-        return apply(machine, function, givens, Site(label, callee.span, node.span, scope, children))
+        evaluator.meter.step()
+        return apply(evaluator, function, givens, Site(label, callee.span, node.span, scope, children))
     except Mistake as mistake:
-        machine.fail(mistake.message, mistake.span or node.span, mistake.hint, scope)
+        evaluator.fail(mistake.message, mistake.span or node.span, mistake.hint, scope)
     except Exhausted as limit:
         raise located(limit, callee.span, scope) from None
 
 
-def apply_values(machine: Evaluator, function: Value, values: list[Value], scope: Scope) -> Value:
+def apply_values(evaluator: Evaluator, function: Value, values: list[Value], scope: Scope) -> Value:
     """The value of a function for values that stand nowhere: called by `map` and the like, or to record a formula."""
-    machine.meter.step()
+    evaluator.meter.step()
     span = scope.trace[0][1] if scope.trace else Span("")
     if isinstance(function, Closure):
         span = function.node.span
     elif isinstance(function, UserFunction):
         span = function.let.name.span
-    givens = [Given(None, span, v, span) for v in values]
+    givens = [ArgumentValue(None, span, v, span) for v in values]
     label = callable_name(function) if _is_function(function) else ""
-    return apply(machine, function, givens, Site(label, span, span, scope))
+    return apply(evaluator, function, givens, Site(label, span, span, scope))
 
 
-def apply(machine: Evaluator, function: Value, givens: list[Given], site: Site) -> Value:
+def apply(evaluator: Evaluator, function: Value, givens: list[ArgumentValue], site: Site) -> Value:
     """The value of any function. Raises Mistake for what only the caller can place."""
     if type(function) is Entry:
-        return make_element(machine, function, givens, site)
+        return make_element(evaluator, function, givens, site)
     if type(function) is Builtin:
-        return _builtin(machine, function, givens, site)
+        return _builtin(evaluator, function, givens, site)
     if type(function) is UserFunction:
-        return _user(machine, function, givens, site)
+        return _user(evaluator, function, givens, site)
     if type(function) is Closure:
-        return _closure(machine, function, givens, site)
+        return _closure(evaluator, function, givens, site)
     if type(function) is FilePart:
-        return _file(machine, function, givens, site)
+        return _file(evaluator, function, givens, site)
     if type(function) is AssetPart:
-        given = Given("file", site.callee, function.file, site.callee)
-        return make_element(machine, function.entry, [given, *givens], site)
+        given = ArgumentValue("file", site.callee, function.file, site.callee)
+        return make_element(evaluator, function.entry, [given, *givens], site)
     hint = f"it is made already: write transform(…) {{ {site.label} }}" if is_placeable(function) and isinstance(function, Element) else ""
     raise Mistake(f"only functions and parts are called, not {describe(function)}", hint, span=site.callee)
 
@@ -148,42 +143,39 @@ def _titled(function: Value, label: str) -> str:
 # --- each kind of function ------------------------------------------------------------------------------------------
 
 
-def make_element(machine: Evaluator, entry: Entry, givens: list[Given], site: Site) -> Element:
+def make_element(evaluator: Evaluator, entry: Entry, givens: list[ArgumentValue], site: Site) -> Element:
     """An element with its arguments checked."""
     scope = site.scope
-    signature = machine.signatures.get(entry.name)
-    if signature is None:
-        signature = machine.signatures[entry.name] = arguments.Signature(entry)
-
+    signature = arguments.signature_of(entry)
     fraction = arguments.fraction(givens)
 
     def report(message: str, span: Span, hint: str) -> None:
-        machine.report(message, span, fraction[1] if fraction and (span in fraction[2] or not hint) else hint, scope.trace)
+        evaluator.report(message, span, fraction[1] if fraction and (span in fraction[2] or not hint) else hint, scope.trace)
 
     bound = arguments.element_arguments(signature, givens, site.callee, scope, report)
     if bound is None:
         raise Poisoned
     args, given, photometric = bound
     if fraction and fraction[0]:
-        machine.diagnostics.warning("the formula ends at this comma", fraction[2][1], fraction[1])
-    machine.meter.element()
+        evaluator.diagnostics.warning("the formula ends at this comma", fraction[2][1], fraction[1])
+    evaluator.meter.element()
     children = site.children or ()
     element = Element(entry.name, args, site.span, given, children, scope.path, scope.trace, photometric)
     if children:
-        weight = 1 + sum([machine.weights.get(c, 1) for c in children])
+        weight = 1 + sum([evaluator.weights.get(c, 1) for c in children])
         if weight > MAX_ELEMENTS:
             raise too_many_elements()
-        machine.weights[element] = weight
+        evaluator.weights[element] = weight
     return element
 
 
 def _assign(
-    machine: Evaluator, positional: tuple[str, ...], names: dict[str, str], required: list[str], givens: list[Given], site: Site
-) -> dict[str, Given]:
+    evaluator: Evaluator, positional: tuple[str, ...], names: dict[str, str], required: list[str], givens: list[ArgumentValue], site: Site
+) -> dict[str, ArgumentValue]:
     """The arguments by parameter; Poisoned after reporting what is wrong with them."""
 
     def report(message: str, span: Span, hint: str) -> None:
-        machine.report(message, span, hint, site.scope.trace)
+        evaluator.report(message, span, hint, site.scope.trace)
 
     assigned, good = arguments.assign(site.label, positional, names, givens, report)
     if not good or arguments.missing(site.label, required, assigned, site.callee, report):
@@ -194,14 +186,14 @@ def _assign(
     return assigned
 
 
-def _builtin(machine: Evaluator, function: Builtin, givens: list[Given], site: Site) -> Value:
+def _builtin(evaluator: Evaluator, function: Builtin, givens: list[ArgumentValue], site: Site) -> Value:
     names = function.parameters
-    rest: list[Given] = []
+    rest: list[ArgumentValue] = []
     if function.variadic:
         position = [g for g in givens if g.name is None]
         rest = position[len(names) :]
         givens = position[: len(names)] + [g for g in givens if g.name is not None]
-    assigned = _assign(machine, names, {n: n for n in names}, list(names[: function.required]), givens, site)
+    assigned = _assign(evaluator, names, {n: n for n in names}, list(names[: function.required]), givens, site)
     if any(g.value is POISON for g in rest):
         raise Poisoned
     gap = next((k for k, n in enumerate(names) if n not in assigned), len(names))
@@ -218,21 +210,21 @@ def _builtin(machine: Evaluator, function: Builtin, givens: list[Given], site: S
         raise Mistake("the result is too large for a number") from None
 
 
-def _enter(machine: Evaluator, site: Site) -> None:
-    machine.meter.calls += 1
-    if machine.meter.calls > MAX_CALLS:
-        machine.meter.calls -= 1
+def _enter(evaluator: Evaluator, site: Site) -> None:
+    evaluator.meter.calls += 1
+    if evaluator.meter.calls > MAX_CALLS:
+        evaluator.meter.calls -= 1
         raise Exhausted(f"{site.label} calls itself too deeply: {MAX_CALLS} calls inside each other", "end it with `if … then … else …`")
 
 
-def _user(machine: Evaluator, function: UserFunction, givens: list[Given], site: Site) -> Value:
+def _user(evaluator: Evaluator, function: UserFunction, givens: list[ArgumentValue], site: Site) -> Value:
     let = function.let
     parameters = let.parameters or ()
     positional = tuple([p.name.id for p in parameters])
     names = {n: n for n in positional}
     for extra in arguments.PLACING:
         names.setdefault(extra, extra)
-    assigned = _assign(machine, positional, names, [p.name.id for p in parameters if p.default is None], givens, site)
+    assigned = _assign(evaluator, positional, names, [p.name.id for p in parameters if p.default is None], givens, site)
     inner = function.scope.called(site.label, site.callee, site.scope)
     for p in parameters:
         given = assigned.get(p.name.id)
@@ -240,16 +232,16 @@ def _user(machine: Evaluator, function: UserFunction, givens: list[Given], site:
         inner.names[p.name.id] = Thunk(p.name.id, p, inner.beside()) if given is None else _typed(p, given, site)
     if function.takes_children:
         inner.names["children"] = site.children or ()
-    _enter(machine, site)
+    _enter(evaluator, site)
     try:
-        result = machine.value(let.value, inner)
+        result = evaluator.value(let.value, inner)
     finally:
-        machine.meter.calls -= 1
+        evaluator.meter.calls -= 1
     extras = [g for name, g in assigned.items() if name not in positional]
-    return _placed(machine, result, extras, site) if extras else result
+    return _placed(evaluator, result, extras, site) if extras else result
 
 
-def _typed(parameter: ast.Parameter, given: Given, site: Site) -> Value:
+def _typed(parameter: ast.Parameter, given: ArgumentValue, site: Site) -> Value:
     """The value given for a parameter, as the type written for it, or the unit of its default, wants it."""
     type_name = parameter.type.id if parameter.type else eval_parameters.implied_type(parameter.default)
     if type_name not in eval_parameters.TYPES or (parameter.type is None and type(given.value) is not float):
@@ -261,112 +253,112 @@ def _typed(parameter: ast.Parameter, given: Given, site: Site) -> Value:
         raise
 
 
-def _placed(machine: Evaluator, result: Value, extras: list[Given], site: Site) -> Value:
+def _placed(evaluator: Evaluator, result: Value, extras: list[ArgumentValue], site: Site) -> Value:
     """What a part made, in a group with the transform, material and name that its call was given."""
     if not is_placeable(result) or result == ():
         for given in extras:
-            machine.report(f"{site.label} has no `{given.name}`", given.name_span, "it makes no shape", site.scope.trace)
+            evaluator.report(f"{site.label} has no `{given.name}`", given.name_span, "it makes no shape", site.scope.trace)
         raise Poisoned
     children = result if isinstance(result, tuple) else (result,)
-    return make_element(machine, SCHEMA["group"], extras, Site(site.label, site.callee, site.span, site.scope, children))
+    return make_element(evaluator, SCHEMA["group"], extras, Site(site.label, site.callee, site.span, site.scope, children))
 
 
-def _closure(machine: Evaluator, function: Closure, givens: list[Given], site: Site) -> Value:
+def _closure(evaluator: Evaluator, function: Closure, givens: list[ArgumentValue], site: Site) -> Value:
     names = tuple([p.id for p in function.node.parameters])
     if len(givens) != len(names) and all(g.name is None for g in givens):
         wants = f"{len(names)} argument{'s' * (len(names) != 1)}"
         raise Mistake(f"{callable_name(function)} takes {wants}, got {len(givens)}", span=site.callee)
-    assigned = _assign(machine, names, {n: n for n in names}, list(names), givens, site)
+    assigned = _assign(evaluator, names, {n: n for n in names}, list(names), givens, site)
     inner = function.scope.inner()
     inner.plain = True
     inner.trace = site.scope.trace
     for name in names:
         inner.names[name] = assigned[name].value
-    _enter(machine, site)
+    _enter(evaluator, site)
     try:
-        return machine.value(function.node.body, inner)
+        return evaluator.value(function.node.body, inner)
     finally:
-        machine.meter.calls -= 1
+        evaluator.meter.calls -= 1
 
 
-def _file(machine: Evaluator, function: FilePart, givens: list[Given], site: Site) -> Value:
+def _file(evaluator: Evaluator, function: FilePart, givens: list[ArgumentValue], site: Site) -> Value:
     """A used file as a part: a group of the shapes and lights it places."""
     module = function.module
     own = tuple([i.name.id for i in module.file.items if isinstance(i, ast.Param)])
     names = {n: n for n in own}
     for extra in arguments.PLACING:
         names.setdefault(extra, extra)
-    assigned = _assign(machine, own, names, [], givens, site)
-    scope = machine.instance(module, {n: g for n, g in assigned.items() if n in own}, site.label, site.callee, site.scope)
+    assigned = _assign(evaluator, own, names, [], givens, site)
+    scope = evaluator.instance(module, {n: g for n, g in assigned.items() if n in own}, site.label, site.callee, site.scope)
     scope.names["children"] = site.children or ()
-    _enter(machine, site)
+    _enter(evaluator, site)
     try:
         for name in own:
-            _checked(machine, scope, name)
-        children = machine.collect_file(module, scope)
+            _checked(evaluator, scope, name)
+        children = evaluator.collect_file(module, scope)
     finally:
-        machine.meter.calls -= 1
+        evaluator.meter.calls -= 1
     extras = [g for name, g in assigned.items() if name not in own]
-    return make_element(machine, SCHEMA["group"], extras, Site(site.label, site.callee, site.span, site.scope, children))
+    return make_element(evaluator, SCHEMA["group"], extras, Site(site.label, site.callee, site.span, site.scope, children))
 
 
-def _checked(machine: Evaluator, scope: Scope, name: str) -> None:
+def _checked(evaluator: Evaluator, scope: Scope, name: str) -> None:
     """Evaluate a `param` whether or not the file uses it, for what is wrong with the value given."""
     thunk = scope.names[name]
     if isinstance(thunk, Thunk):
-        machine.force(thunk, thunk.label_span(), scope)
+        evaluator.force(thunk, thunk.label_span(), scope)
 
 
 # --- definitions ----------------------------------------------------------------------------------------------------
 
 
-def evaluate_definition(thunk: Thunk, machine: Evaluator) -> Value:
+def evaluate_definition(thunk: Thunk, evaluator: Evaluator) -> Value:
     """The value of a `let`, a parameter's default or a `param`."""
     node, scope = thunk.node, thunk.scope
     if isinstance(node, ParamUse):
-        return _param(node, machine, scope)
+        return _param(node, evaluator, scope)
     if isinstance(node, ast.Parameter):
         assert node.default is not None
-        value = machine.value(node.default, scope)
+        value = evaluator.value(node.default, scope)
         if node.type is None or node.type.id not in eval_parameters.TYPES:
             return value
         try:
             return eval_parameters.coerce(value, node.type.id, scope)
         except Mistake as mistake:
-            machine.fail(mistake.message, node.default.span, mistake.hint, scope)
-    return machine.value(node, scope)
+            evaluator.fail(mistake.message, node.default.span, mistake.hint, scope)
+    return evaluator.value(node, scope)
 
 
-def _param(use: ParamUse, machine: Evaluator, scope: Scope) -> Value:
+def _param(use: ParamUse, evaluator: Evaluator, scope: Scope) -> Value:
     try:
         return eval_parameters.param_value(use.param, use.given, scope, use.caller)
     except Mistake as mistake:
         trace = scope.trace if mistake.span and mistake.span.file == use.param.span.file else use.caller.trace
-        machine.report(mistake.message, mistake.span, mistake.hint, trace)
+        evaluator.report(mistake.message, mistake.span, mistake.hint, trace)
         raise Poisoned from None
 
 
-def set_value(param: ast.Param, text: str, scope: Scope, machine: Evaluator) -> Given:
+def set_value(param: ast.Param, text: str, scope: Scope, evaluator: Evaluator) -> ArgumentValue:
     """What `--set name=text` gives: an expression of the language, or for a string the text itself. Poisoned after reporting."""
     name = param.name.id
     is_string = param.type.id == "string" if param.type else isinstance(param.default, ast.String)
     if is_string and not text.lstrip().startswith('"'):
-        return Given(name, param.span, text, param.default.span)
+        return ArgumentValue(name, param.span, text, param.default.span)
     shown = f"--set {name}"
     line = f"let {name} = {text}"
-    machine.loader.sources[shown] = line
+    evaluator.loader.sources[shown] = line
     if _NUMBER.fullmatch(text):  # what sliders give, in a tenth of the time
         node = ast.Number(Span(shown, 1, len(line) - len(text) + 1, 1, len(line) + 1), float(text), "", text)
-        return Given(name, node.span, machine.value(node, scope), node.span, node)
+        return ArgumentValue(name, node.span, evaluator.value(node, scope), node.span, node)
     found = Diagnostics()
     file = parse(line, shown, found)
-    machine.diagnostics.items.extend(found.items)
+    evaluator.diagnostics.items.extend(found.items)
     if found.failed or len(file.items) != 1 or not isinstance(file.items[0], ast.Let):
         if not found.failed:
-            machine.report(f"`{text}` is not one value", Span(shown, 1, len(line) - len(text) + 1, 1, len(line) + 1))
+            evaluator.report(f"`{text}` is not one value", Span(shown, 1, len(line) - len(text) + 1, 1, len(line) + 1))
         raise Poisoned
     node = file.items[0].value
-    return Given(name, node.span, machine.value(node, scope), node.span, node)
+    return ArgumentValue(name, node.span, evaluator.value(node, scope), node.span, node)
 
 
 # --- small things ---------------------------------------------------------------------------------------------------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from .. import units
 from ..diagnostics import Span, suggest
@@ -12,10 +12,8 @@ from ..schema.argument_types import Arg, Entry
 from ..syntax import ast
 from ..units import Quantity
 from . import operators, suggestions
+from .context import Scope
 from .values import Closure, Color, Mistake, UserFunction, Value, category, describe
-
-if TYPE_CHECKING:
-    from .scope import Scope
 
 LIGHT_TYPES = ("intensity", "illuminance", "luminance", "flux")
 
@@ -330,7 +328,7 @@ def _falloff(value: Value, place: Place, arg: Arg) -> Falloff:
 
 def _formula(value: Value, place: Place, arg: Arg) -> Any:
     if isinstance(value, Closure | UserFunction):
-        return place.scope.machine.formula(value, place)
+        return place.scope.evaluator.formula(value, place.scope, place.span)
     hint = "write it without quotes, behind |x, y, z|" if isinstance(value, str) else ""
     raise _wrong(value, "formula |x, y, z| …", hint)
 

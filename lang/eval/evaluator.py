@@ -16,12 +16,10 @@ from ..schema import argument_types
 from ..schema import elements as schema_elements
 from ..syntax import ast
 from . import builtins, calls, lint, operators, parameters
-from .arguments import Signature
-from .coercion import Place
+from .context import ArgumentValue, Scope, Thunk
 from .expressions import EXPRESSIONS, source, truth
 from .modules import PRELUDE, Loader, Module, Reader, ReadError, Source, asset_kind, is_asset, use_name
-from .scope import Scope, Thunk, bind_block
-from .values import PLACEABLE, AssetPart, Closure, Color, FilePart, Given, Mistake, Poisoned, UserFunction, Value, category, kind
+from .values import PLACEABLE, AssetPart, Closure, Color, FilePart, Mistake, Poisoned, UserFunction, Value, category, kind
 
 __all__ = ["Evaluator", "ReadError", "Reader", "Source", "evaluate"]
 
@@ -39,10 +37,10 @@ def evaluate(
     `seconds["parse"]` is set to the time that parsing took of it.
     """
     limits.deepen_stack()
-    machine = Evaluator(reader, diagnostics, time)
-    document = machine.document(source, sets or {})
+    evaluator = Evaluator(reader, diagnostics, time)
+    document = evaluator.document(source, sets or {})
     if seconds is not None:
-        seconds["parse"] = machine.loader.parsing
+        seconds["parse"] = evaluator.loader.parsing
     return document
 
 
@@ -70,7 +68,6 @@ class Evaluator:
         self.root.names.update(builtins.CONSTANTS)
         self.root.names["time"] = units.Quantity(time, units.TIME)
         self.root.names["children"] = ()
-        self.signatures: dict[str, Signature] = {}
         self.outer = self.root  # with the prelude, once it is there
         self._instances: dict[Module, Scope] = {}
         self._reported: set[tuple[Span | None, str]] = set()
@@ -148,7 +145,7 @@ class Evaluator:
             self._instances[module] = self.instance(module, {}, "", None, outer)
         return self._instances[module]
 
-    def instance(self, module: Module, given: Mapping[str, Given], label: str, call: Span | None, caller: Scope) -> Scope:
+    def instance(self, module: Module, given: Mapping[str, ArgumentValue], label: str, call: Span | None, caller: Scope) -> Scope:
         """A new scope of a file, with these values for its `param`s."""
         outer = self.outer if module is not self.loader.prelude else self.root
         scope = Scope(self, self.meter, module.scale, outer)
@@ -162,7 +159,7 @@ class Evaluator:
             elif isinstance(item, ast.Param):
                 node = calls.ParamUse(item, given.get(item.name.id), caller)
                 scope.names.setdefault(item.name.id, Thunk(item.name.id, node, scope))
-        bind_block(module.file.items, scope)
+        _bind_definitions(module.file.items, scope)
         for name in module.broken:
             scope.names.setdefault(name, Thunk.failed(name, scope))
         return scope
@@ -187,7 +184,7 @@ class Evaluator:
                     raise calls.located(limit, item.name.span, scope) from None
         return infos
 
-    def given_sets(self, module: Module, sets: Mapping[str, str]) -> dict[str, Given]:
+    def given_sets(self, module: Module, sets: Mapping[str, str]) -> dict[str, ArgumentValue]:
         """`--set` as arguments of the scene."""
         known = {item.name.id: item for item in module.file.items if isinstance(item, ast.Param)}
         scope = Scope(self, self.meter, module.scale, self.outer)
@@ -249,7 +246,7 @@ class Evaluator:
         inner = scope.inner()
         if names:
             inner.names.update(names)
-        bind_block(block.items, inner)
+        _bind_definitions(block.items, inner)
         self.place_items(block.items, inner, sink)
 
     def collect(self, block: ast.Block, scope: Scope) -> tuple[Element, ...]:
@@ -361,21 +358,32 @@ class Evaluator:
         """Call a function with values from a function of the language, such as `map`. The place is that of the call."""
         return calls.apply_values(self, function, values, scope)
 
-    def formula(self, function: Closure | UserFunction, place: Place) -> Formula:
-        """The formula that a function is, with coordinates in the unit of the file that `place` is in. Raises Mistake."""
-        graph = Graph(place.scope.unit)
+    def formula(self, function: Closure | UserFunction, scope: Scope, span: Span) -> Formula:
+        """The formula that a function records, with coordinates in the unit of the file of `scope`. Raises Mistake."""
+        graph = Graph(scope.unit)
         if isinstance(function, Closure):
             names = tuple([p.id for p in function.node.parameters])
         else:
             names = tuple([p.name.id for p in function.let.parameters or ()])
-        scope = place.scope.inner()
-        scope.plain = True
-        result = calls.apply_values(self, function, [graph.parameter(i) for i in range(len(names))], scope)
+        inner = scope.inner()
+        inner.plain = True
+        result = calls.apply_values(self, function, [graph.parameter(i) for i in range(len(names))], inner)
         parts, result_kind = _results(result)
         terms = [operators.lift(graph, part) for part in parts]
         if result_kind == "number" and terms[0].truth:
             result_kind = "truth"
-        return graph.formula(names, terms, result_kind, place.span)
+        return graph.formula(names, terms, result_kind, span)
+
+
+def _bind_definitions(items: tuple[ast.Item, ...], scope: Scope) -> None:
+    """Bind the `let`s of a block, unevaluated; of two with one name, the first."""
+    for item in items:
+        if isinstance(item, ast.Let) and item.name.id not in scope.names:
+            name = item.name.id
+            if item.parameters is None:
+                scope.names[name] = Thunk(name, item.value, scope)
+            else:
+                scope.names[name] = UserFunction(item, scope)
 
 
 def _results(result: Value) -> tuple[tuple[Value, ...], str]:

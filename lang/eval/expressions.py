@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from .. import colors, units
 from ..diagnostics import Span, suggest
@@ -12,19 +12,16 @@ from ..formula_graph import Term
 from ..limits import Exhausted
 from ..syntax import ast
 from . import calls, operators, suggestions
-from .scope import Scope, Thunk
+from .context import Evaluator, Scope, Thunk
 from .values import Closure, Color, FilePart, Mistake, Poisoned, Value, describe, kind
 
-if TYPE_CHECKING:
-    from .evaluator import Evaluator
 
-
-def _name(machine: Evaluator, node: ast.Name, scope: Scope) -> Value:
+def _name(evaluator: Evaluator, node: ast.Name, scope: Scope) -> Value:
     value = scope.find(node.id)
     if type(value) is Thunk:
-        return value.value if value.state == Thunk.DONE else machine.force(value, node.span, scope)
+        return value.value if value.state == Thunk.DONE else evaluator.force(value, node.span, scope)
     if value is None:
-        machine.fail(*_unknown(node), scope)  # where check.py has not: in a `--set`
+        evaluator.fail(*_unknown(node), scope)  # where check.py has not: in a `--set`
     return value
 
 
@@ -33,33 +30,33 @@ def _unknown(node: ast.Name) -> tuple[str, Span, str]:
     return message, node.span, hint
 
 
-def _number(machine: Evaluator, node: ast.Number, scope: Scope) -> Value:
+def _number(evaluator: Evaluator, node: ast.Number, scope: Scope) -> Value:
     value = units.literal(node.value, node.unit)
     if value is None:
         number = node.text.removesuffix(node.unit)
         hint = suggestions.unit(node.unit, number, [u for u in units.UNITS if u.isascii()])
         if scope.find(node.unit) is not None:
             hint = f"write {number} * {node.unit}"
-        machine.fail(f"unknown unit `{node.unit}`", node.span, hint, scope)
+        evaluator.fail(f"unknown unit `{node.unit}`", node.span, hint, scope)
     if not math.isfinite(operators.split(value)[0]):
-        machine.fail("this number is too large", node.span, "", scope)
+        evaluator.fail("this number is too large", node.span, "", scope)
     return value
 
 
-def _string(machine: Evaluator, node: ast.String, scope: Scope) -> Value:
+def _string(evaluator: Evaluator, node: ast.String, scope: Scope) -> Value:
     return node.value
 
 
-def _color(machine: Evaluator, node: ast.ColorLiteral, scope: Scope) -> Value:
+def _color(evaluator: Evaluator, node: ast.ColorLiteral, scope: Scope) -> Value:
     return Color(*colors.from_hex(node.text))
 
 
-def _list(machine: Evaluator, node: ast.ListLiteral, scope: Scope) -> Value:
+def _list(evaluator: Evaluator, node: ast.ListLiteral, scope: Scope) -> Value:
     values = []
     good = True
     for item in node.items:
         try:
-            values.append(EXPRESSIONS[type(item)](machine, item, scope))
+            values.append(EXPRESSIONS[type(item)](evaluator, item, scope))
         except Poisoned:
             good = False
     if not good:
@@ -67,55 +64,55 @@ def _list(machine: Evaluator, node: ast.ListLiteral, scope: Scope) -> Value:
     return tuple(values)
 
 
-def _each(machine: Evaluator, node: ast.Each, scope: Scope) -> Value:
+def _each(evaluator: Evaluator, node: ast.Each, scope: Scope) -> Value:
     values = []
-    for value in source(machine, node.source, scope, "a list comprehension"):
-        machine.meter.step()
+    for value in source(evaluator, node.source, scope, "a list comprehension"):
+        evaluator.meter.step()
         inner = scope.inner()
         inner.names[node.name.id] = value
-        if node.condition is None or _decided(machine, node.condition, inner, "`if`"):
-            values.append(EXPRESSIONS[type(node.body)](machine, node.body, inner))
+        if node.condition is None or _decided(evaluator, node.condition, inner, "`if`"):
+            values.append(EXPRESSIONS[type(node.body)](evaluator, node.body, inner))
     return tuple(values)
 
 
-def truth(machine: Evaluator, node: ast.Node, scope: Scope, doing: str) -> Value:
+def truth(evaluator: Evaluator, node: ast.Node, scope: Scope, doing: str) -> Value:
     """A truth value, or a formula's."""
-    value = EXPRESSIONS[type(node)](machine, node, scope)
+    value = EXPRESSIONS[type(node)](evaluator, node, scope)
     if value is True or value is False or (isinstance(value, Term) and value.truth):
         return value
-    machine.fail(f"{doing} wants true or false, got {kind(value)}", node.span, "", scope)
+    evaluator.fail(f"{doing} wants true or false, got {kind(value)}", node.span, "", scope)
 
 
-def _decided(machine: Evaluator, node: ast.Node, scope: Scope, doing: str) -> bool:
-    value = truth(machine, node, scope, doing)
+def _decided(evaluator: Evaluator, node: ast.Node, scope: Scope, doing: str) -> bool:
+    value = truth(evaluator, node, scope, doing)
     if not isinstance(value, bool):
-        machine.fail("the items of a list cannot depend on a formula's parameters", node.span, "", scope)
+        evaluator.fail("the items of a list cannot depend on a formula's parameters", node.span, "", scope)
     return value
 
 
-def _choose(machine: Evaluator, node: ast.Choose, scope: Scope) -> Value:
-    condition = truth(machine, node.condition, scope, "`if`")
+def _choose(evaluator: Evaluator, node: ast.Choose, scope: Scope) -> Value:
+    condition = truth(evaluator, node.condition, scope, "`if`")
     if condition is True:
-        return EXPRESSIONS[type(node.yes)](machine, node.yes, scope)
+        return EXPRESSIONS[type(node.yes)](evaluator, node.yes, scope)
     if condition is False:
-        return EXPRESSIONS[type(node.no)](machine, node.no, scope)
-    yes, no = machine.value(node.yes, scope), machine.value(node.no, scope)
+        return EXPRESSIONS[type(node.no)](evaluator, node.no, scope)
+    yes, no = evaluator.value(node.yes, scope), evaluator.value(node.no, scope)
     try:
         return operators.select(condition, yes, no, scope)
     except Mistake as mistake:
-        machine.fail(mistake.message, node.span, mistake.hint, scope)
+        evaluator.fail(mistake.message, node.span, mistake.hint, scope)
 
 
-def _function(machine: Evaluator, node: ast.Function, scope: Scope) -> Value:
+def _function(evaluator: Evaluator, node: ast.Function, scope: Scope) -> Value:
     return Closure(node, scope)
 
 
-def _binary(machine: Evaluator, node: ast.Binary, scope: Scope) -> Value:
+def _binary(evaluator: Evaluator, node: ast.Binary, scope: Scope) -> Value:
     left, right, op = node.left, node.right, node.op
     if op == "and" or op == "or":
-        return _logic(machine, node, scope)
-    a = EXPRESSIONS[type(left)](machine, left, scope)
-    b = EXPRESSIONS[type(right)](machine, right, scope)
+        return _logic(evaluator, node, scope)
+    a = EXPRESSIONS[type(left)](evaluator, left, scope)
+    b = EXPRESSIONS[type(right)](evaluator, right, scope)
     if type(a) is float and type(b) is float:
         simple = _PLAIN.get(op)
         if simple is not None:
@@ -125,51 +122,51 @@ def _binary(machine: Evaluator, node: ast.Binary, scope: Scope) -> Value:
     try:
         return operators.BINARY[op](a, b, scope)
     except Mistake as mistake:
-        machine.fail(mistake.message, mistake.span or node.span, mistake.hint, scope)
+        evaluator.fail(mistake.message, mistake.span or node.span, mistake.hint, scope)
     except Exhausted as limit:
         raise calls.located(limit, node.span, scope) from None
 
 
-def _logic(machine: Evaluator, node: ast.Binary, scope: Scope) -> Value:
-    a = truth(machine, node.left, scope, f"`{node.op}`")
+def _logic(evaluator: Evaluator, node: ast.Binary, scope: Scope) -> Value:
+    a = truth(evaluator, node.left, scope, f"`{node.op}`")
     if a is (node.op == "or"):
         return a
-    b = truth(machine, node.right, scope, f"`{node.op}`")
+    b = truth(evaluator, node.right, scope, f"`{node.op}`")
     return operators.both(a, b) if node.op == "and" else operators.either(a, b)
 
 
-def _unary(machine: Evaluator, node: ast.Unary, scope: Scope) -> Value:
-    value = EXPRESSIONS[type(node.operand)](machine, node.operand, scope)
+def _unary(evaluator: Evaluator, node: ast.Unary, scope: Scope) -> Value:
+    value = EXPRESSIONS[type(node.operand)](evaluator, node.operand, scope)
     try:
         return operators.negate(value, scope) if node.op == "-" else operators.invert(value)
     except Mistake as mistake:
-        machine.fail(mistake.message, node.span, mistake.hint, scope)
+        evaluator.fail(mistake.message, node.span, mistake.hint, scope)
 
 
-def _parens(machine: Evaluator, node: ast.Parens, scope: Scope) -> Value:
-    return EXPRESSIONS[type(node.inner)](machine, node.inner, scope)
+def _parens(evaluator: Evaluator, node: ast.Parens, scope: Scope) -> Value:
+    return EXPRESSIONS[type(node.inner)](evaluator, node.inner, scope)
 
 
-def _index(machine: Evaluator, node: ast.Index, scope: Scope) -> Value:
-    items = machine.value(node.object, scope)
-    index = machine.value(node.index, scope)
+def _index(evaluator: Evaluator, node: ast.Index, scope: Scope) -> Value:
+    items = evaluator.value(node.object, scope)
+    index = evaluator.value(node.index, scope)
     if not isinstance(items, tuple):
-        machine.fail(f"only a list has items, not {kind(items)}", node.object.span, "", scope)
+        evaluator.fail(f"only a list has items, not {kind(items)}", node.object.span, "", scope)
     if type(index) is not float or index != int(index):
-        machine.fail(f"whole number wanted, got {describe(index)}", node.index.span, "", scope)
+        evaluator.fail(f"whole number wanted, got {describe(index)}", node.index.span, "", scope)
     if not 0 <= index < len(items):
         last = f"the last is [{len(items) - 1}]" if items else "it is empty"
-        machine.fail(f"there is no item {int(index)} in a list of {len(items)}", node.index.span, f"items count from 0; {last}", scope)
+        evaluator.fail(f"there is no item {int(index)} in a list of {len(items)}", node.index.span, f"items count from 0; {last}", scope)
     return items[int(index)]
 
 
-def _member(machine: Evaluator, node: ast.Member, scope: Scope) -> Value:
-    owner = machine.value(node.object, scope)
+def _member(evaluator: Evaluator, node: ast.Member, scope: Scope) -> Value:
+    owner = evaluator.value(node.object, scope)
     name = node.name.id
     if isinstance(owner, Color) and name in ("r", "g", "b"):
         return getattr(owner, name)
     if isinstance(owner, FilePart):
-        return _file_member(machine, owner, node.name, scope)
+        return _file_member(evaluator, owner, node.name, scope)
     hint = ""
     if isinstance(owner, tuple) and name in ("x", "y", "z"):
         hint = f"write [{'xyz'.index(name)}]"
@@ -177,33 +174,33 @@ def _member(machine: Evaluator, node: ast.Member, scope: Scope) -> Value:
         hint = "a colour has r, g and b"
     elif operators.has_term(owner):
         hint = suggestions.NO_POINT
-    machine.fail(f"{kind(owner)} has no `{name}`", node.name.span, hint, scope)
+    evaluator.fail(f"{kind(owner)} has no `{name}`", node.name.span, hint, scope)
 
 
-def _file_member(machine: Evaluator, part: FilePart, name: ast.Name, scope: Scope) -> Value:
+def _file_member(evaluator: Evaluator, part: FilePart, name: ast.Name, scope: Scope) -> Value:
     known = {i.name.id for i in part.module.file.items if isinstance(i, ast.Let | ast.Param)} | part.module.broken
     if name.id not in known:
         near = suggest(name.id, known)
-        machine.fail(f"{part.name} has no `{name.id}`" + (f"; {near}" if near else ""), name.span, "", scope)
-    value = machine.module_scope(part.module, machine.outer).names[name.id]
-    return machine.force(value, name.span, scope) if isinstance(value, Thunk) else value
+        evaluator.fail(f"{part.name} has no `{name.id}`" + (f"; {near}" if near else ""), name.span, "", scope)
+    value = evaluator.module_scope(part.module, evaluator.outer).names[name.id]
+    return evaluator.force(value, name.span, scope) if isinstance(value, Thunk) else value
 
 
-def _call(machine: Evaluator, node: ast.Call, scope: Scope) -> Value:
-    return calls.call(machine, node, node.function, node.arguments, None, scope)
+def _call(evaluator: Evaluator, node: ast.Call, scope: Scope) -> Value:
+    return calls.call(evaluator, node, node.function, node.arguments, None, scope)
 
 
-def _with_children(machine: Evaluator, node: ast.WithChildren, scope: Scope) -> Value:
+def _with_children(evaluator: Evaluator, node: ast.WithChildren, scope: Scope) -> Value:
     target = node.target
     if isinstance(target, ast.Call):
-        return calls.call(machine, target, target.function, target.arguments, node.block, scope)
-    return calls.call(machine, target, target, (), node.block, scope)
+        return calls.call(evaluator, target, target.function, target.arguments, node.block, scope)
+    return calls.call(evaluator, target, target, (), node.block, scope)
 
 
-def source(machine: Evaluator, node: ast.Node, scope: Scope, what: str) -> tuple[Value, ...]:
-    value = machine.value(node, scope)
+def source(evaluator: Evaluator, node: ast.Node, scope: Scope, what: str) -> tuple[Value, ...]:
+    value = evaluator.value(node, scope)
     if not isinstance(value, tuple):
-        machine.fail(f"{what} runs over a list or a range, not over {kind(value)}", node.span, "", scope)
+        evaluator.fail(f"{what} runs over a list or a range, not over {kind(value)}", node.span, "", scope)
     return value
 
 

@@ -4,23 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Protocol
 
 from .. import limits, units
 from ..elements import Element
 from ..formula_graph import OPERATIONS, Graph, Term
 from ..units import Dimension, Quantity
+from .context import Scope
 from .values import Color, Mistake, Value, kind
 
 _SYMBOLS = {"add": "+", "subtract": "-", "less": "<", "at_most": "<=", "greater": ">", "at_least": ">=", "equal": "==", "unequal": "!="}
-
-
-class Context(Protocol):
-    """Where an operation stands. `unit`: metres in a bare length; `plain`: inside a formula, where a bare angle is in radians."""
-
-    unit: float
-    plain: bool
-    meter: limits.Meter
 
 
 def is_scalar(value: Value) -> bool:
@@ -46,35 +38,35 @@ def bare_fix(value: float, dimension: Dimension) -> Mistake:
     return Mistake(f"{units.name(dimension)} wanted, got the bare number {number}", hint)
 
 
-def unify(a: float | Quantity, b: float | Quantity, context: Context, doing: str) -> tuple[float, float, Dimension]:
+def unify(a: float | Quantity, b: float | Quantity, scope: Scope, doing: str) -> tuple[float, float, Dimension]:
     """Two numbers of one dimension. 0 fits every dimension; a bare number beside a length is in the file's unit."""
     x, da = split(a)
     y, db = split(b)
     if da == db:
         return x, y, da
     if da == units.NONE:
-        return bare(x, db, context), y, db
+        return bare(x, db, scope), y, db
     if db == units.NONE:
-        return x, bare(y, da, context), da
+        return x, bare(y, da, scope), da
     raise Mistake(f"cannot {doing} {kind(a)} and {kind(b)}")
 
 
-def bare(value: float, dimension: Dimension, context: Context) -> float:
+def bare(value: float, dimension: Dimension, scope: Scope) -> float:
     """A bare number where `dimension` is wanted, in base units."""
     if value == 0:
         return 0.0
     if dimension == units.LENGTH:
-        return split(checked(units.scale(value, context.unit)))[0]
-    if dimension == units.ANGLE and context.plain:
+        return split(checked(units.scale(value, scope.unit)))[0]
+    if dimension == units.ANGLE and scope.plain:
         return value
     raise bare_fix(value, dimension)
 
 
-def unify_all(numbers: list[float | Quantity], context: Context, doing: str) -> tuple[list[float], Dimension]:
+def unify_all(numbers: list[float | Quantity], scope: Scope, doing: str) -> tuple[list[float], Dimension]:
     """Any count of numbers brought to one dimension."""
     dimension = next((n.dimension for n in numbers if isinstance(n, Quantity)), units.NONE)
     sample = units.quantity(0.0, dimension)
-    return [unify(n, sample, context, doing)[0] for n in numbers], dimension
+    return [unify(n, sample, scope, doing)[0] for n in numbers], dimension
 
 
 # --- formulas -------------------------------------------------------------------------------------------------------
@@ -109,24 +101,24 @@ def has_term(*args: Value) -> bool:
 # --- arithmetic -----------------------------------------------------------------------------------------------------
 
 
-def add(a: Value, b: Value, context: Context) -> Value:
-    return _sum("add", a, b, context)
+def add(a: Value, b: Value, scope: Scope) -> Value:
+    return _sum("add", a, b, scope)
 
 
-def subtract(a: Value, b: Value, context: Context) -> Value:
-    return _sum("subtract", a, b, context)
+def subtract(a: Value, b: Value, scope: Scope) -> Value:
+    return _sum("subtract", a, b, scope)
 
 
-def _sum(op: str, a: Value, b: Value, context: Context) -> Value:
+def _sum(op: str, a: Value, b: Value, scope: Scope) -> Value:
     if is_scalar(a) and is_scalar(b):
         if has_term(a, b):
             return record(op, a, b)
-        x, y, dimension = unify(a, b, context, op)
+        x, y, dimension = unify(a, b, scope, op)
         return checked(OPERATIONS[op](x, y), dimension)
     if isinstance(a, tuple) and isinstance(b, tuple):
-        return _elementwise(op, a, b, context)
+        return _elementwise(op, a, b, scope)
     if isinstance(a, Color) and isinstance(b, Color):
-        return Color(*[_sum(op, x, y, context) for x, y in zip(a.channels, b.channels, strict=True)])
+        return Color(*[_sum(op, x, y, scope) for x, y in zip(a.channels, b.channels, strict=True)])
     if op == "add" and isinstance(a, str) and isinstance(b, str):
         limits.check_text(len(a) + len(b))
         return a + b
@@ -137,15 +129,15 @@ def _sum(op: str, a: Value, b: Value, context: Context) -> Value:
     raise Mistake(f"cannot {op} {kind(a)} and {kind(b)}", hint)
 
 
-def _elementwise(op: str, a: tuple[Value, ...], b: tuple[Value, ...], context: Context) -> Value:
+def _elementwise(op: str, a: tuple[Value, ...], b: tuple[Value, ...], scope: Scope) -> Value:
     if len(a) != len(b):
         hint = "`+` adds item by item; write concat(a, b) to put one behind the other" if op == "add" else ""
         raise Mistake(f"cannot {op} a list of {len(a)} and a list of {len(b)}", hint)
-    context.meter.step(len(a))
-    return tuple([_sum(op, x, y, context) for x, y in zip(a, b, strict=True)])
+    scope.meter.step(len(a))
+    return tuple([_sum(op, x, y, scope) for x, y in zip(a, b, strict=True)])
 
 
-def multiply(a: Value, b: Value, context: Context) -> Value:
+def multiply(a: Value, b: Value, scope: Scope) -> Value:
     if is_scalar(a) and is_scalar(b):
         if has_term(a, b):
             return record("multiply", a, b)
@@ -155,17 +147,17 @@ def multiply(a: Value, b: Value, context: Context) -> Value:
     if is_scalar(b):
         a, b = b, a
     if is_scalar(a) and isinstance(b, tuple):
-        context.meter.step(len(b))
-        return tuple([multiply(a, v, context) for v in b])
+        scope.meter.step(len(b))
+        return tuple([multiply(a, v, scope) for v in b])
     if isinstance(b, Color) and (is_scalar(a) or isinstance(a, Color)):
         factors = a.channels if isinstance(a, Color) else (a, a, a)
-        return Color(*[_channel(multiply(f, c, context)) for f, c in zip(factors, b.channels, strict=True)])
+        return Color(*[_channel(multiply(f, c, scope)) for f, c in zip(factors, b.channels, strict=True)])
     if isinstance(a, tuple) and isinstance(b, tuple):
         raise Mistake("cannot multiply a list and a list", "write dot(a, b) or cross(a, b)")
     raise Mistake(f"cannot multiply {kind(a)} and {kind(b)}")
 
 
-def divide(a: Value, b: Value, context: Context) -> Value:
+def divide(a: Value, b: Value, scope: Scope) -> Value:
     if not is_scalar(b):
         raise Mistake(f"cannot divide {kind(a)} by {kind(b)}")
     if is_scalar(a):
@@ -179,10 +171,10 @@ def divide(a: Value, b: Value, context: Context) -> Value:
             raise Mistake("division by 0")
         return checked(x / y, units.divide(da, db))
     if isinstance(a, tuple):
-        context.meter.step(len(a))
-        return tuple([divide(v, b, context) for v in a])
+        scope.meter.step(len(a))
+        return tuple([divide(v, b, scope) for v in a])
     if isinstance(a, Color):
-        return Color(*[_channel(divide(c, b, context)) for c in a.channels])
+        return Color(*[_channel(divide(c, b, scope)) for c in a.channels])
     raise Mistake(f"cannot divide {kind(a)} by {kind(b)}")
 
 
@@ -192,7 +184,7 @@ def _channel(value: Value) -> Value:
     return value
 
 
-def power(a: Value, b: Value, context: Context) -> Value:
+def power(a: Value, b: Value, scope: Scope) -> Value:
     if not (is_scalar(a) and is_scalar(b)):
         raise Mistake(f"cannot raise {kind(a)} to {kind(b)}")
     if has_term(a, b):
@@ -208,7 +200,7 @@ def power(a: Value, b: Value, context: Context) -> Value:
         raise Mistake("the result is too large for a number") from None
 
 
-def negate(a: Value, context: Context) -> Value:
+def negate(a: Value, scope: Scope) -> Value:
     if type(a) is float:
         return -a
     if isinstance(a, Quantity):
@@ -216,40 +208,40 @@ def negate(a: Value, context: Context) -> Value:
     if is_scalar(a):
         return record("negate", a)
     if isinstance(a, tuple):
-        context.meter.step(len(a))
-        return tuple([negate(v, context) for v in a])
+        scope.meter.step(len(a))
+        return tuple([negate(v, scope) for v in a])
     raise Mistake(f"cannot negate {kind(a)}")
 
 
 # --- comparison and logic -------------------------------------------------------------------------------------------
 
 
-def compare(op: str, a: Value, b: Value, context: Context) -> Value:
+def compare(op: str, a: Value, b: Value, scope: Scope) -> Value:
     """`less`, `at_most`, `greater` or `at_least` of two numbers, or of two strings."""
     if is_scalar(a) and is_scalar(b):
         if has_term(a, b):
             return record(op, a, b)
-        x, y, _ = unify(a, b, context, "compare")
+        x, y, _ = unify(a, b, scope, "compare")
         return OPERATIONS[op](x, y)
     if isinstance(a, str) and isinstance(b, str):
         return OPERATIONS[op](a, b)
     raise Mistake(f"cannot compare {kind(a)} and {kind(b)} with {_SYMBOLS[op]}")
 
 
-def equal(a: Value, b: Value, context: Context) -> Value:
+def equal(a: Value, b: Value, scope: Scope) -> Value:
     """Whether two values of one kind are equal; lists item by item."""
-    context.meter.step()
+    scope.meter.step()
     if isinstance(a, Term) or isinstance(b, Term):
         if _is_truth(a) != _is_truth(b):
             raise Mistake(f"cannot compare {kind(a)} and {kind(b)}")
         return record("equal", a, b)
     if is_scalar(a) and is_scalar(b):
-        x, y, _ = unify(a, b, context, "compare")
+        x, y, _ = unify(a, b, scope, "compare")
         return x == y
     if isinstance(a, tuple) and isinstance(b, tuple):
-        return _all_equal(a, b, context)
+        return _all_equal(a, b, scope)
     if isinstance(a, Color) and isinstance(b, Color):
-        return _all_equal(a.channels, b.channels, context)
+        return _all_equal(a.channels, b.channels, scope)
     if type(a) is type(b) and isinstance(a, bool | str):
         return a == b
     raise Mistake(f"cannot compare {kind(a)} and {kind(b)}")
@@ -259,20 +251,20 @@ def _is_truth(value: Value) -> bool:
     return value.truth if isinstance(value, Term) else isinstance(value, bool)
 
 
-def _all_equal(a: tuple[Value, ...], b: tuple[Value, ...], context: Context) -> Value:
+def _all_equal(a: tuple[Value, ...], b: tuple[Value, ...], scope: Scope) -> Value:
     if len(a) != len(b):
         return False
     result: Value = True
     for x, y in zip(a, b, strict=True):
-        same = equal(x, y, context)
+        same = equal(x, y, scope)
         if same is False:
             return False
         result = both(result, same)
     return result
 
 
-def unequal(a: Value, b: Value, context: Context) -> Value:
-    return invert(equal(a, b, context))
+def unequal(a: Value, b: Value, scope: Scope) -> Value:
+    return invert(equal(a, b, scope))
 
 
 def truth(value: Value, doing: str) -> Value:
@@ -305,14 +297,14 @@ def either(a: Value, b: Value) -> Value:
     return record("or", a, b)
 
 
-def select(condition: Term, yes: Value, no: Value, context: Context) -> Value:
+def select(condition: Term, yes: Value, no: Value, scope: Scope) -> Value:
     """`if … then … else …` inside a formula, where the condition depends on its parameters."""
     graph = condition.graph
-    context.meter.step()
+    scope.meter.step()
     if isinstance(yes, tuple) and isinstance(no, tuple) and len(yes) == len(no):
-        return tuple([select(condition, a, b, context) for a, b in zip(yes, no, strict=True)])
+        return tuple([select(condition, a, b, scope) for a, b in zip(yes, no, strict=True)])
     if isinstance(yes, Color) and isinstance(no, Color):
-        return Color(*[select(condition, a, b, context) for a, b in zip(yes.channels, no.channels, strict=True)])
+        return Color(*[select(condition, a, b, scope) for a, b in zip(yes.channels, no.channels, strict=True)])
     a, b = lift(graph, yes), lift(graph, no)
     if a.truth != b.truth:
         raise Mistake(f"both ways of an `if` in a formula must be alike, got {kind(yes)} and {kind(no)}")
@@ -331,18 +323,17 @@ def span_of(start: Value, stop: Value) -> tuple[float, ...]:
     return tuple([start + k for k in range(count)])
 
 
-BINARY: dict[str, Callable[[Value, Value, Context], Value]] = {
+BINARY: dict[str, Callable[[Value, Value, Scope], Value]] = {
     "+": add,
     "-": subtract,
     "*": multiply,
     "/": divide,
     "^": power,
-    "<": lambda a, b, context: compare("less", a, b, context),
-    "<=": lambda a, b, context: compare("at_most", a, b, context),
-    ">": lambda a, b, context: compare("greater", a, b, context),
-    ">=": lambda a, b, context: compare("at_least", a, b, context),
+    "<": lambda a, b, scope: compare("less", a, b, scope),
+    "<=": lambda a, b, scope: compare("at_most", a, b, scope),
+    ">": lambda a, b, scope: compare("greater", a, b, scope),
+    ">=": lambda a, b, scope: compare("at_least", a, b, scope),
     "==": equal,
     "!=": unequal,
-    "..": lambda a, b, context: span_of(a, b),
+    "..": lambda a, b, scope: span_of(a, b),
 }
-

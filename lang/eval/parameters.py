@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from .. import units
 from ..elements import ParamInfo
@@ -10,10 +10,8 @@ from ..syntax import ast
 from ..units import Quantity
 from . import operators
 from .coercion import LIGHT_TYPES
-from .values import Builtin, Closure, Color, Given, Mistake, UserFunction, Value, category, describe, is_placeable, show
-
-if TYPE_CHECKING:
-    from .scope import Scope
+from .context import ArgumentValue, Scope
+from .values import Builtin, Closure, Color, Mistake, UserFunction, Value, category, describe, is_placeable, show
 
 # What can stand behind the colon of a `param` or a parameter.
 TYPES: tuple[str, ...] = ("number", "int", "bool", "string", "color", *units.QUANTITIES, "material", "texture", "shape", "list", "function")
@@ -87,7 +85,7 @@ def type_of(value: Value) -> str:
 Range = tuple[Value, Value] | list[Value]
 
 
-def param_value(param: ast.Param, given: Given | None, scope: Scope, caller: Scope) -> Value:
+def param_value(param: ast.Param, given: ArgumentValue | None, scope: Scope, caller: Scope) -> Value:
     """The value of a `param`: what was given, or its default, checked. `scope` is that of its file.
 
     Raises Mistake with a span.
@@ -107,7 +105,7 @@ def param_value(param: ast.Param, given: Given | None, scope: Scope, caller: Sco
 
 def default_of(param: ast.Param, scope: Scope) -> tuple[Value, str]:
     """A `param`'s default, and its type: the one written, or that of the default."""
-    default = scope.machine.value(param.default, scope)
+    default = scope.evaluator.value(param.default, scope)
     if param.type is None:
         return default, type_of(default)
     if param.type.id not in TYPES:
@@ -128,12 +126,12 @@ def range_of(param: ast.Param, type_name: str, scope: Scope) -> Range | None:
         return None
     try:
         if isinstance(node, ast.Binary) and node.op == "..":
-            ends = [scope.machine.value(end, scope) for end in (node.left, node.right)]
+            ends = [scope.evaluator.value(end, scope) for end in (node.left, node.right)]
             if type_name in units.QUANTITIES:
                 ends = [coerce(end, type_name, scope) for end in ends]
             operators.compare("less", ends[0], ends[1], scope)
             return (ends[0], ends[1])
-        choices = scope.machine.value(node, scope)
+        choices = scope.evaluator.value(node, scope)
         if not isinstance(choices, tuple) or not choices:
             raise Mistake(f"a range low..high or a list of choices wanted, got {describe(choices)}")
         return [coerce(c, type_name, scope) for c in choices] if type_name else list(choices)

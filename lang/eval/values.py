@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from .. import colors, units
 from ..diagnostics import Span
@@ -19,13 +19,11 @@ from ..schema.argument_types import Entry
 from ..schema.elements import SCHEMA
 from ..syntax import ast
 from ..units import Quantity
-
-if TYPE_CHECKING:
-    from .modules import Module
-    from .scope import Scope
+from .context import Scope
+from .modules import Module
 
 Value = Any
-Scalar = float | Quantity | Term
+
 
 class Poisoned(Exception):
     """A value that does not exist because of an error that has been reported."""
@@ -113,17 +111,6 @@ class AssetPart:
 
 
 Function = Builtin | UserFunction | Closure | FilePart | AssetPart | Entry
-
-
-@dataclass(frozen=True, slots=True)
-class Given:
-    """An argument of a call as it was given: its value, where it stands, and its syntax for pointing inside."""
-
-    name: str | None
-    name_span: Span
-    value: Value
-    span: Span
-    node: ast.Node | None = None
 
 
 def category(value: Value) -> str:

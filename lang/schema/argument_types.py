@@ -65,7 +65,7 @@ class Arg:
     keyword: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Entry:
     """One element of the language."""
 

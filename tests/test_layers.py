@@ -81,13 +81,9 @@ CIRCLES = (
     "compiler.scene.validate compiler.scene.validate_meshes compiler.scene.validate_tapes",
     "compiler.lower.cameras compiler.lower.formulas compiler.lower.lights compiler.lower.lowering compiler.lower.materials"
     " compiler.lower.shapes compiler.lower.solids",
-    "render.raster.band_memory render.raster.band_renderer",
-    "render.backends.prepare render.raster.shadow_map_pass",
 )
 AGAINST_THE_TABLE = {
     ("render.accel.traverse", "render.accel"),
-    ("render.tessellation", "render.backends"),
-    ("render.raster", "render.backends"),
 }
 LONG_FILES = {
     "lang/eval/builtins.py",
@@ -189,6 +185,7 @@ DOORS = {
     "cli/render_job.py": "a job loads the stages it comes to",
     "render/render_scene.py": "a picture loads the backend that draws it",
     "render/backends/prepare.py": "what makes ready for a backend, or for formulas, is loaded where there is a use for it",
+    "render/tessellation/view.py": "dual contouring is loaded where there are implicit surfaces",
     "render/film/aov.py": "only formulas' surfaces that could not be proved need their definition",
     "render/formula/scene_tables.py": "what makes formulas ready is loaded where there are some",
     "render/accel/traverse/shape_hit.py": "what meets formulas is loaded where there are some",

@@ -8,83 +8,29 @@ each time at other places.
 from __future__ import annotations
 
 import contextlib
-import functools
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...compiler import ir
 from ...compiler.plan import plan as planner
 from ...compiler.plan.plan import Plan
-from .. import camera
 from ..image.metrics import EPSILON, luminance
-from ..jit.packed_struct import Handle
-from ..sampling import sobol
-from ..texture.textures import IMAGE, UV
 from ..types import View
 from . import (
     alternative_fills,
-    band_buffer,
     band_memory,
     band_scheduler,
-    coverage,
     deferred_shading,
-    fragments,
     integrator_shading,
     meshlet_culling,
-    meshlets,
-    triangle_planes,
     triangle_setup,
-    view_geometry,
 )
+from .passes import Pass, passes
 
-MOST_AT_ONCE = planner.RASTER_PLACES
 ROWS = {1: 64, 4: 32}  # rows of a band by samples, where its buffer still fits the second cache; else 16
 
 FOR_MESHLET, FOR_PIXEL = 3e-6, 1.5e-9  # seconds a sample
-
-EXACT = 2.0**22  # weights are whole numbers over this, so that sums of them are exact in float32, and what is covered wholly is 1
-
-
-class Triangles(NamedTuple):
-    """What a view draws as triangles: made once, kept with what else is prepared."""
-
-    model: Handle  # of a raster_setup.Model
-    ranges: NDArray[np.int64]  # (instances, 2) triangles of the model
-    meshlets: Handle
-    placed: NDArray[np.int64]  # (instances, 2) meshlets
-    shown: Handle  # of a bands.Projection
-    lit: Handle  # what deferred.py reads of the tables
-    lamps: Handle
-    look: Handle
-    exact: NDArray[np.intp]  # rows of instances that enter the z-buffer where each sample's ray meets them
-    boxes: NDArray[np.int32]  # (those, 4) pixels where they may be seen
-    patterned: Any  # True or None: whether a material has a texture or a mesh colours
-    colored: Any  # True or None: whether any is more than a picture by coordinates
-    flat: Any  # True or None: deferred.lights_flat
-    kept: band_memory.BufferPool
-
-
-def triangles(tables: ir.Tables, view: View, shells: dict[int, Any]) -> Triangles:
-    """The triangles of meshes and of tessellated shapes, as a model and as meshlets."""
-    model, ranges = view_geometry.model(tables, view, shells)
-    made, placed = meshlets.build(tables, model.positions, model.triangles, ranges, shells)
-    near, far = view_geometry.ends(tables, view)
-    shown = band_buffer.Projection(model.matrix, model.planes, model.perspective, near, far, model.positions, model.triangles)
-    eye = tables.transforms.matrix[tables.cameras.transform[view.camera], :, 3]
-    lit, lamps, look = (
-        Handle(deferred_shading.single(tables, eye)),
-        Handle(deferred_shading.lamps(tables)),
-        Handle(_look(tables, view, eye)),
-    )
-    exact = view_geometry.untessellated(tables, shells)
-    patterned, colored = _patterned(tables)
-    return Triangles(
-        Handle(model), ranges, Handle(made), placed, Handle(shown), lit, lamps, look, exact, view_geometry.pixel_boxes(tables, view, exact),
-        patterned, colored, deferred_shading.lights_flat(tables, lamps.tables, patterned is not None) or None, band_memory.BufferPool(),
-    )  # fmt: skip
 
 
 def needs_no_rays(plan: Plan) -> bool:
@@ -97,28 +43,6 @@ def can_draw(plan: Plan) -> bool:
     alike = not any(name.startswith((planner.LIGHT, "crypto_", "variance")) for name in plan["aov"])  # nothing is told sample by sample
     once = alike and not plan["denoise"] and not plan["motion"] and plan["lens"] == "pinhole"
     return bool(once and not planner.adaptive(plan) and plan["raster.places"] == "shared")
-
-
-class Pass(NamedTuple):
-    """Some of the samples of all pixels, which are drawn together."""
-
-    first: int  # sample of the first of them
-    pattern: band_buffer.Pattern
-    places: Handle  # of the pattern
-    weights: Handle  # of an items.Splat
-
-
-@functools.cache
-def passes(samples: int, random: bool, name: str) -> tuple[Pass, ...]:
-    """How so many samples under a filter of this name are drawn; `random` ones in two halves at least, which tell how far off they are."""
-    count = max(-(-samples // MOST_AT_ONCE), 2 if random and samples >= 4 else 1)  # a single sample stands for its whole pixel
-    ends = [samples * k // count for k in range(count + 1)]
-    shares = np.diff(np.round(np.array(ends) / samples * EXACT)) / EXACT
-    made = []
-    for first, end, share in zip(ends[:-1], ends[1:], shares.tolist(), strict=True):
-        pattern = band_buffer.pattern(samples) if count == 1 else band_buffer.pattern_from(first, end - first)
-        made.append(Pass(first, pattern, Handle(pattern), Handle(_splat(name, pattern, share, samples))))
-    return tuple(made)
 
 
 class Bands:
@@ -271,46 +195,3 @@ class Bands:
             integrator_shading.sky_behind(self.prepared.packed, self.prepared.frame, x0, top, window.shape[1], window.reshape(-1))
         else:
             window[..., :3] += (1.0 - window[..., 3:]) * np.asarray(self.background, np.float32)
-
-
-def _splat(name: str, pattern: band_buffer.Pattern, share: float, samples: int) -> fragments.Splat:
-    """How a pixel's samples count for the pixels around it; all of what counts for a pixel adds up to `share`."""
-    side, count = fragments.SIDE, len(pattern.x)
-    reach = int(np.ceil(sobol.FILTER_RADIUS[name] - 0.5)) if samples > 1 else 0
-    away = np.arange(side, dtype=np.float64) - fragments.REACH
-    inner = 0.5 - 1e-6  # a sample on a pixel's border is its own, to filters that end there
-    dx: NDArray[np.float64] = np.maximum(pattern.x / coverage.ONE - 0.5, -inner)[:, None] - away
-    dy: NDArray[np.float64] = np.maximum(pattern.y / coverage.ONE - 0.5, -inner)[:, None] - away
-    weight = sobol.filter_weight(name, dy)[:, :, None] * sobol.filter_weight(name, dx)[:, None, :]
-    if samples == 1:
-        weight = np.zeros_like(weight)
-        weight[0, fragments.REACH, fragments.REACH] = 1.0
-    weight = np.round(weight / weight.sum() * share * EXACT) / EXACT
-    weight[np.unravel_index(weight.argmax(), weight.shape)] += share - weight.sum()
-    table = np.zeros((4, 16, side * side))
-    for s in range(count):
-        for bits in range(16):
-            if bits >> (s % 4) & 1:
-                table[s // 4, bits] += weight[s].ravel()
-    return fragments.Splat(table.astype(np.float32), reach, -(-count // 4), reach == 0 and share == 1.0)
-
-
-def _patterned(tables: ir.Tables) -> tuple[Any, Any]:
-    """Two of True or None: whether a material has a texture or a mesh colours, and whether any is more than a picture by coordinates."""
-    more = (tables.textures.mapping != UV) | (tables.textures.kind != IMAGE)
-    colored = bool((tables.geometries.colors >= 0).any() or more.any())
-    return (True if colored or (tables.materials.textures >= 0).any() else None), (True if colored else None)
-
-
-def _look(tables: ir.Tables, view: View, eye: NDArray[np.float64]) -> triangle_planes.Look:
-    """Rays through three pixel corners, in the world about the eye."""
-    ray = camera.ray(tables, view, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
-    start, direction = (np.stack([np.broadcast_to(c, 3) for c in vector], axis=1) for vector in (ray.origin, ray.direction))
-    axis = -tables.transforms.inverse[tables.cameras.transform[view.camera], 2, :3]
-    direction = direction / (direction @ axis)[:, None]
-    start = start - eye - direction * ((start - eye) @ axis)[:, None]  # from the plane of the eye on, as depths count
-    steps = np.array([[1.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]])
-    inverse = tables.transforms.inverse[tables.instances.transform]
-    local = inverse.copy()
-    local[:, :, 3] += np.einsum("nij,j->ni", inverse[:, :, :3], eye)
-    return triangle_planes.Look(*(np.ascontiguousarray(a, np.float32) for a in (steps @ direction, steps @ start, local)))

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ..accel import scene_bvh
-from ..backends import prepare
 from ..jit import packed_struct
 from ..light.shadow_map import Maps
+from ..tessellation.view import ViewTessellator
 from ..types import Traced, View
-from . import band_buffer, band_renderer, integrator_shading, meshlet_culling, triangle_setup, view_geometry
+from . import band_buffer, integrator_shading, meshlet_culling, raster_scene, triangle_setup, view_geometry
 from .meshlets import SHIFT
 
 SIZE = 2048  # texels a side, of parallel light and spots
@@ -118,9 +118,9 @@ def _with_cameras(tables: ir.Tables, made: list[_View]) -> ir.Tables:
 
 def _drawn(tables: ir.Tables, view: View, accel: packed_struct.Handle) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
     """(keys, instances) of a map's texels, row by row."""
-    shells = prepare.Shapes(tables, view, NARROW).shells(tables)
+    shells = ViewTessellator(tables, view, NARROW).shells(tables)
     made, packed, pattern = (
-        band_renderer.triangles(tables, view, shells),
+        raster_scene.build(tables, view, shells),
         packed_struct.Handle(tables),
         packed_struct.Handle(band_buffer.pattern(1)),
     )

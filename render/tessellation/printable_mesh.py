@@ -14,8 +14,7 @@ from ...compiler.formula import tape as formula_tape
 from ...compiler.mesh import mesh_csg
 from ...lang.diagnostics import Diagnostic
 from ..accel import scene_bvh
-from ..backends import prepare
-from . import analytic_shapes
+from . import analytic_shapes, implicit_surfaces
 
 FINER = 0.75  # of a tolerance, that a formula's contour is to keep before it is simplified by the rest
 FINENESS = 2000  # of the scene's extent, that triangles are off at the most when nothing else is asked
@@ -107,7 +106,7 @@ def _local(tables: ir.Tables, g: int, tolerance: float) -> _Local:
         positions = tables.pools.positions[start : start + vertices].astype(np.float64) + geometries.origin[g]
         return _Local(positions, tables.pools.triangles[first : first + count].astype(np.int64) - start, 0.0)
     if kind == _KIND.FORMULA:
-        tape, made = formula_tape.stored(tables, int(geometries.tape[g])), prepare.contoured(tables, g, FINER * tolerance, True)
+        tape, made = formula_tape.stored(tables, int(geometries.tape[g])), implicit_surfaces.contour(tables, g, FINER * tolerance, True)
         return _Local(*mesh_csg.simplified(tape, made, tolerance), made.missing)
     mesh = analytic_shapes.tessellate(kind, geometries.parameters[g].tolist(), tolerance)
     exact = kind in (_KIND.BOX, _KIND.RECTANGLE)

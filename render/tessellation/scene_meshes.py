@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.plan.plan import Plan
-from ..backends import prepare
 from ..geometry import analytic_shapes
 from ..types import View
+from .view import ViewTessellator
 
 
 class Triangles(NamedTuple):
@@ -28,12 +28,12 @@ class Triangles(NamedTuple):
 def tessellator(scene: ir.Scene, plan: Plan) -> Callable[[int], Triangles]:
     """A function from an instance (a row; no mesh, and nothing endless) to its triangles, plan["tolerance"] pixels off at most."""
     width, height = plan["size"]
-    made = prepare.Shapes(scene.tables, View(plan["camera"], width, height), plan["tolerance"])
+    made = ViewTessellator(scene.tables, View(plan["camera"], width, height), plan["tolerance"])
     geometries = scene.tables.geometries
 
     def triangles(instance: int) -> Triangles:
         g = int(scene.tables.instances.geometry[instance])
-        mesh = made.of(instance)
+        mesh = made.tessellate(instance)
         parts = mesh.parts.astype(np.int64)
         kind, row = np.full(len(parts), int(geometries.kind[g])), np.full(len(parts), g)
         x, y, z = mesh.positions[mesh.triangles, :3].mean(axis=1).T

@@ -13,7 +13,17 @@ from maquette.render.backends import prepare, raster
 from maquette.render.film import film
 from maquette.render.image import metrics
 from maquette.render.jit.packed_struct import Handle
-from maquette.render.raster import band_buffer, band_renderer, band_scheduler, coverage, meshlet_culling, meshlets, triangle_setup
+from maquette.render.raster import (
+    band_buffer,
+    band_renderer,
+    band_scheduler,
+    coverage,
+    meshlet_culling,
+    meshlets,
+    passes,
+    raster_scene,
+    triangle_setup,
+)
 from maquette.render.types import View
 
 from .. import pictures, tables
@@ -28,7 +38,7 @@ def seen(points: np.ndarray, triangles: np.ndarray, samples: int) -> np.ndarray:
     at = np.column_stack([points[:, 0] - width / 2, height / 2 - points[:, 1], points[:, 2]])
     camera = CameraData(0, height / 2, ir.Projection.ORTHOGRAPHIC)
     scene = tables.scene(meshes=[(MeshData(at, triangles), tables.matrix((0, 0, -9)), 0)], camera=camera)
-    made = band_renderer.triangles(scene, View(0, width, height), {})
+    made = raster_scene.build(scene, View(0, width, height), {})
     pattern, band = band_buffer.pattern(samples), band_buffer.band_for(width, height, samples)
     band.clip[:] = 0, 0, width, height
     drawn = meshlet_culling.drawn(made.shown, made.meshlets, made.placed, (0, 0, width, height), 0, 64)
@@ -125,14 +135,14 @@ def test_sixteen_samples_are_a_net():
 
 def test_more_samples_lie_at_other_places():
     """Sixteen times sixteen are all places that corners can have, and each sixteen a net."""
-    made = [one.pattern for one in band_renderer.passes(256, False, "box")]
+    made = [one.pattern for one in passes.passes(256, False, "box")]
     assert len(made) == 16
     assert len({(x, y) for one in made for x, y in zip(one.x // 16, one.y // 16, strict=True)}) == 256
     for one in made:
         assert len(np.unique(one.x // 64 * 4 + one.y // 64)) == 16
-    assert [len(one.pattern.x) for one in band_renderer.passes(37, False, "box")] == [12, 12, 13]
-    assert [one.first for one in band_renderer.passes(16, True, "box")] == [0, 8]
-    assert np.array_equal(band_renderer.passes(16, False, "box")[0].pattern.x, band_buffer.pattern(16).x)
+    assert [len(one.pattern.x) for one in passes.passes(37, False, "box")] == [12, 12, 13]
+    assert [one.first for one in passes.passes(16, True, "box")] == [0, 8]
+    assert np.array_equal(passes.passes(16, False, "box")[0].pattern.x, band_buffer.pattern(16).x)
 
 
 def test_soft_light_is_drawn_in_bands_and_tells_its_error():

@@ -11,7 +11,7 @@ from maquette.render.accel import intersect
 from maquette.render.backends import prepare
 from maquette.render.jit.packed_struct import Handle
 from maquette.render.raster import scalar_raster, view_geometry
-from maquette.render.tessellation import analytic_shapes
+from maquette.render.tessellation import analytic_shapes, pixel_tolerance
 from maquette.render.types import Hit, Tile, View
 
 from .. import pictures, tables
@@ -258,7 +258,7 @@ def test_textures_are_the_right_way_up():
 def test_tolerance_is_measured_where_a_shape_is_nearest():
     places = [tables.matrix((0, 0, -11)), tables.matrix((0, 0, -6), np.diag([1.0, 1, 1])), tables.matrix((0, 0, -22), 2 * np.eye(3))]
     scene = tables.scene([(K.SPHERE, [1.0], p, 0) for p in places] + [(K.PLANE, [], np.eye(4), 0)], camera=EYE)
-    tolerance = prepare.object_tolerances(scene, View(0, 200, 100), 0.05)
+    tolerance = pixel_tolerance.instance_tolerances(scene, View(0, 200, 100), 0.05)
     exact = 0.05 * 2 / 100 * np.array([10, 5, 10])  # 20 m away, twice as large
     assert (tolerance[:3] <= exact).all()
     assert (tolerance[:3] > exact / math.sqrt(2) * 0.999).all()

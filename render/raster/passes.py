@@ -1,0 +1,62 @@
+"""Sample passes: a picture's samples in groups of at most sixteen a pixel, each with a sample pattern and filter weights."""
+
+from __future__ import annotations
+
+import functools
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler.plan import plan as planner
+from ..jit.packed_struct import Handle
+from ..sampling import sobol
+from . import band_buffer, coverage, fragments
+
+SAMPLES = planner.RASTER_PLACES  # of a pass, at most
+
+EXACT = 2.0**22  # weights are multiples of its inverse: sums of them are exact in float32, and full coverage is 1
+
+
+class Pass(NamedTuple):
+    """Some of the samples of all pixels, which are drawn together."""
+
+    first: int  # sample of the first of them
+    pattern: band_buffer.Pattern
+    places: Handle  # of the pattern
+    weights: Handle  # of an items.Splat
+
+
+@functools.cache
+def passes(samples: int, random: bool, name: str) -> tuple[Pass, ...]:
+    """How so many samples under a filter of this name are drawn; `random` ones in two halves at least, which tell how far off they are."""
+    count = max(-(-samples // SAMPLES), 2 if random and samples >= 4 else 1)  # a single sample stands for its whole pixel
+    ends = [samples * k // count for k in range(count + 1)]
+    shares = np.diff(np.round(np.array(ends) / samples * EXACT)) / EXACT
+    made = []
+    for first, end, share in zip(ends[:-1], ends[1:], shares.tolist(), strict=True):
+        pattern = band_buffer.pattern(samples) if count == 1 else band_buffer.pattern_from(first, end - first)
+        made.append(Pass(first, pattern, Handle(pattern), Handle(_splat(name, pattern, share, samples))))
+    return tuple(made)
+
+
+def _splat(name: str, pattern: band_buffer.Pattern, share: float, samples: int) -> fragments.Splat:
+    """How a pixel's samples count for the pixels around it; all of what counts for a pixel adds up to `share`."""
+    side, count = fragments.SIDE, len(pattern.x)
+    reach = int(np.ceil(sobol.FILTER_RADIUS[name] - 0.5)) if samples > 1 else 0
+    away = np.arange(side, dtype=np.float64) - fragments.REACH
+    inner = 0.5 - 1e-6  # a sample on a pixel's border is its own, to filters that end there
+    dx: NDArray[np.float64] = np.maximum(pattern.x / coverage.ONE - 0.5, -inner)[:, None] - away
+    dy: NDArray[np.float64] = np.maximum(pattern.y / coverage.ONE - 0.5, -inner)[:, None] - away
+    weight = sobol.filter_weight(name, dy)[:, :, None] * sobol.filter_weight(name, dx)[:, None, :]
+    if samples == 1:
+        weight = np.zeros_like(weight)
+        weight[0, fragments.REACH, fragments.REACH] = 1.0
+    weight = np.round(weight / weight.sum() * share * EXACT) / EXACT
+    weight[np.unravel_index(weight.argmax(), weight.shape)] += share - weight.sum()
+    table = np.zeros((4, 16, side * side))
+    for s in range(count):
+        for bits in range(16):
+            if bits >> (s % 4) & 1:
+                table[s // 4, bits] += weight[s].ravel()
+    return fragments.Splat(table.astype(np.float32), reach, -(-count // 4), reach == 0 and share == 1.0)

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import simd
-from ...jit.kernel import noinline_helper, helper
-from ...types import Lane
 from ...jit.arena import Scratch
+from ...jit.kernel import helper, noinline_helper
+from ...types import Lane
 
 BINS = 16
 _BINS3 = 3 * BINS  # of three axes

@@ -12,14 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from . import wide_collapse, binned_sah
 from ... import simd
 from ...jit import thread_pool
-from ...simd.atomics import store_release, load_acquire, fetch_add
-from .binned_sah import Halves
-from ...jit.packed_struct import Handle
-from ...jit.kernel import noinline_helper, helper, kernel, allocating_helper
 from ...jit.arena import Scratch
+from ...jit.kernel import allocating_helper, helper, kernel, noinline_helper
+from ...jit.packed_struct import Handle
+from ...simd.atomics import fetch_add, load_acquire, store_release
+from . import binned_sah, wide_collapse
+from .binned_sah import Halves
 
 STEP = 0.3  # what going down a level of the binary tree costs, against the test of a leaf
 PART = 4096  # items that are grown in one go: what is chosen of them stays in the cache

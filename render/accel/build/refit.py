@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from . import wide_bvh
-from .wide_collapse import TEST
 from ...jit.kernel import kernel
+from . import wide_bvh
 from .wide_bvh import EMPTY, SLACK, WIDTH, Wide, triangle_of
+from .wide_collapse import TEST
 
 WORSE = 1.25  # times what a tree cost when it was built: beyond that a refitted one is built anew
 

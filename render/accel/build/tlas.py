@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from . import binned_sah, wide_bvh
 from ... import simd
 from ...jit.kernel import helper, kernel
 from ...types import Vec
+from . import binned_sah, wide_bvh
 from .wide_bvh import EMPTY, NODE, WIDTH
 
 SLACK = 2.0**-21  # by which boxes grow in the tree's frame: three roundings of planes and origins to float32, and four more

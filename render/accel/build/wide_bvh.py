@@ -11,15 +11,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from . import wide_collapse, parallel_build, binned_sah
-from ...simd import target
-from ...jit import arena, thread_pool
 from ... import simd
-from ...simd.atomics import fetch_add
-from .wide_collapse import DEPTH, WIDTH
-from .parallel_build import Mesh
-from ...jit.packed_struct import Handle
+from ...jit import arena, thread_pool
 from ...jit.kernel import helper, kernel
+from ...jit.packed_struct import Handle
+from ...simd import target
+from ...simd.atomics import fetch_add
+from . import binned_sah, parallel_build, wide_collapse
+from .parallel_build import Mesh
+from .wide_collapse import DEPTH, WIDTH
 
 NODE = 6 * WIDTH  # planes of a node: rows of low x, high x, low y, high y, low z, high z; of empty places low inf, high -inf
 LEAF = 10 * WIDTH  # of a leaf: rows of x, y, z of the first corners, then of the second, of the third; which triangles, as bits of int32

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...simd import target
 from ... import simd
-from .binned_sah import Halves, half_area
-from ...jit.kernel import noinline_helper, helper
 from ...jit.arena import Scratch
+from ...jit.kernel import helper, noinline_helper
+from ...simd import target
+from .binned_sah import Halves, half_area
 
 WIDTH = 16 if target.AVX512 else 8  # children of a node, and triangles of a leaf
 TEST = 3.0  # what the test of a leaf costs, against that of a node

@@ -6,9 +6,9 @@ import threading
 
 import numpy as np
 import pytest
-from maquette.render.accel.build import wide_collapse, parallel_build, binned_sah, wide_bvh
-from maquette.render.jit import arena
+from maquette.render.accel.build import binned_sah, parallel_build, wide_bvh, wide_collapse
 from maquette.render.accel.build.parallel_build import Mesh
+from maquette.render.jit import arena
 
 from ...tracing import wavy
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from maquette.render.accel.build import tree_cache, refit, wide_bvh
+from maquette.render.accel.build import refit, tree_cache, wide_bvh
 from maquette.render.accel.build.wide_bvh import EMPTY, WIDTH
 
 from ...tables import matrix, scene

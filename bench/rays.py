@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..render.accel import ray_queries as traced
-from ..render.accel import scene_bvh
+from ..render.accel.build.scene_layout import Bvh
 from ..render.jit.packed_struct import Handle
 from . import embree, limits, meshes, mitsuba, report
 from .harness import OURS, Case, Contender, Disagreement, Effort, Peers, Seconds, measure, need, timed
@@ -202,7 +202,7 @@ def warm_up() -> Seconds:
     return timed(lambda: [traced.trees(scene.tables, keep=False) for scene in scenes])[1]
 
 
-def size_of(built: scene_bvh.Bvh, tables: ir.Tables) -> int:
+def size_of(built: Bvh, tables: ir.Tables) -> int:
     """Bytes a tree holds besides the scene's own tables."""
     shared = {id(tables.geometries.parameters), id(tables.geometries.origin)}
     trees = built.wide.nbytes + built.top.nodes.nbytes + built.top.links.nbytes

@@ -18,7 +18,7 @@ from ..lanes import crosslane, ops
 from ..types import Hit, Lane, Ray, Vec
 from . import intersect
 from .build import tlas as over
-from .scene_bvh import NO_MESHES, REACH
+from .build.scene_layout import NO_MESHES, REACH
 from .traverse import interleaved_mesh, motion_alpha, packet, packet_nodes, ray_box, two_level
 
 

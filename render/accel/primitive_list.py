@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.plan import plan as planner
+from ..geometry.bounds import world_bounds
 from ..jit.kernel import helper
 from ..lanes import ops
 from ..surface import triangle_records
 from ..types import Lane, Vec
-from . import scene_bvh
 
 Rows = NDArray[np.float64]
 MOST = 64  # pieces that are tried one after the other before a tree is quicker
@@ -87,7 +87,7 @@ def build(tables: ir.Tables, hull: bool, moves: bool = False) -> tuple[Tried, ND
     stays = ~planner.partial(tables)[instances.material]
     if moves:
         stays &= tables.transforms.first_key[instances.transform] < 0
-    boxes = scene_bvh.world_bounds(tables)
+    boxes = world_bounds(tables)
     eligible, many = _eligible(tables, boxes)
     for i in np.flatnonzero(stays & eligible).tolist():
         found = _pieces_of(tables, i)

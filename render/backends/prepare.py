@@ -17,6 +17,7 @@ from ..accel import intersect, scene_bvh
 from ..accel.formula_packets import shadow_rays
 from ..accel.traverse import motion_alpha
 from ..film import film
+from ..geometry.bounds import swept_bounds, world_bounds
 from ..integrator import glossy_lights, no_ray_environment, vertex_lighting, whitted
 from ..jit import compile_process
 from ..jit.packed_struct import Handle, HandleType
@@ -130,7 +131,7 @@ def _for_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame) ->
     if not inside.all():
         brute, closed = plan["accelerator"] == "brute", plan["formulas"] == "closed"
         accel = Handle(scene_bvh.build(tables, brute, threads, moves=plan["motion"], left_out=inside, closed=closed))
-    boxes = (scene_bvh.swept_bounds if plan["motion"] else scene_bvh.world_bounds)(tables)[~inside]
+    boxes = (swept_bounds if plan["motion"] else world_bounds)(tables)[~inside]
     low, high = boxes[:, :3].min(axis=0, initial=np.inf), boxes[:, 3:].max(axis=0, initial=-np.inf)
     if not np.isfinite(boxes).all():
         low, high = np.full(3, -np.inf), np.full(3, np.inf)

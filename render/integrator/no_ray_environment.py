@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.plan import plan as planner
-from ..accel import intersect, scene_bvh
+from ..accel import intersect
+from ..geometry.bounds import world_bounds
 from ..lanes import ops
 from ..material import bsdf
 from ..surface import interaction
@@ -39,7 +40,7 @@ def normal(tables: ir.Tables, instance: int) -> tuple[float, float, float]:
 
 def _mean_light(tables: ir.Tables, options: Options, ground: int, up: NDArray[np.float64]) -> list[float]:
     """What the ground below the scene sends straight up, as if nothing cast shadows: the mean of some places of it."""
-    boxes = scene_bvh.world_bounds(tables)
+    boxes = world_bounds(tables)
     boxes = boxes[np.isfinite(boxes).all(axis=1)]
     low, high = (boxes[:, :3].min(axis=0), boxes[:, 3:].max(axis=0)) if len(boxes) else (np.zeros(3), np.zeros(3))
     matrix = tables.transforms.matrix[tables.instances.transform[ground]]

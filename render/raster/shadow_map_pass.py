@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ..accel import scene_bvh
+from ..geometry.bounds import world_bounds
 from ..jit import packed_struct
 from ..light.shadow_map import Maps
 from ..tessellation.view import ViewTessellator
@@ -74,7 +74,7 @@ def _views(tables: ir.Tables, light: int) -> list[_View]:
 
 def _parallel(tables: ir.Tables, towards: NDArray[np.float64]) -> _View:
     """An orthographic camera that looks from the light's side upon all that has an end."""
-    boxes = scene_bvh.world_bounds(tables)
+    boxes = world_bounds(tables)
     boxes = boxes[np.isfinite(boxes).all(axis=1)]
     low, high = (boxes[:, :3].min(axis=0), boxes[:, 3:].max(axis=0)) if len(boxes) else (-np.ones(3), np.ones(3))
     middle, half = 0.5 * (low + high), 0.5 * (high - low)

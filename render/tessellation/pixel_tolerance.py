@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ..accel import scene_bvh
+from ..geometry.bounds import world_bounds
 from ..types import View
 
 _NEAREST = 0.01  # of a shape's size: the least distance from the eye at which a pixel is measured
@@ -32,7 +32,7 @@ def instance_tolerances(tables: ir.Tables, view: View, pixels: float) -> NDArray
 
     Rounded down to powers of √2, so that similar instances share one tessellation.
     """
-    boxes = scene_bvh.world_bounds(tables)
+    boxes = world_bounds(tables)
     with np.errstate(all="ignore"):
         nearest, least = nearest_depths(tables, view, boxes)
         size = np.full(len(boxes), pixel_size(tables, view))

@@ -13,7 +13,7 @@ from ...compiler.formula import dual_contouring
 from ...compiler.formula import tape as formula_tape
 from ...compiler.mesh import mesh_csg
 from ...lang.diagnostics import Diagnostic
-from ..accel import scene_bvh
+from ..geometry.bounds import world_bounds
 from . import analytic_shapes, implicit_surfaces
 
 FINER = 0.75  # of a tolerance, that a formula's contour is to keep before it is simplified by the rest
@@ -44,7 +44,7 @@ def parts(scene: ir.Scene, tolerance: float | None = None) -> tuple[list[Part], 
     """Everything in a scene that has an end as triangles in the world, off the true surfaces by `tolerance` metres at the most where
     that can be reached, and what is said of what is open or left out."""
     tables, found, made = scene.tables, [], []
-    boxes = scene_bvh.world_bounds(tables)
+    boxes = world_bounds(tables)
     lamp = np.asarray(np.isin(np.arange(len(boxes)), tables.lights.instance))
     ends = np.asarray(np.isfinite(boxes).all(axis=1))
     if tolerance is None and (ends & ~lamp).any():

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ..accel import scene_bvh
+from ..geometry.bounds import world_bounds
 from ..types import View
 from . import analytic_shapes, pixel_tolerance
 
@@ -34,7 +34,7 @@ class ViewTessellator:
         Meshes, implicit surfaces and quadrics have none. Neither do round shapes so near to the eye that the tolerance needs too many
         triangles. The rasterizer intersects a ray with these for each sample.
         """
-        boxes = scene_bvh.world_bounds(tables)
+        boxes = world_bounds(tables)
         with np.errstate(all="ignore"):
             nearest, least = pixel_tolerance.nearest_depths(tables, self.view, boxes)
         perspective = tables.cameras.projection[self.view.camera] == ir.Projection.PERSPECTIVE

@@ -17,11 +17,11 @@ from ...jit.kernel import HELPER, helper, kernel
 from ...jit.packed_struct import HandleType
 from ...lanes import crosslane, ops
 from ...types import Hit, Lane
-from .. import scene_bvh
+from ..build import scene_layout
 
 SIDE = 64  # pixels of a tile's side, so that its rays fill a bundle
 QUICK = 2  # samples of a pixel, up to which tiles of large pictures hold four bundles: there is Python between tiles
-CAMERA, REST = int(ir.Visibility.CAMERA), scene_bvh.CAMERA_REST
+CAMERA, REST = int(ir.Visibility.CAMERA), scene_layout.CAMERA_REST
 
 
 class Nothing(NamedTuple):
@@ -48,12 +48,12 @@ class Primed(NamedTuple):
     hidden: Any = Nothing()  # (samples,) lamps, as hidden.py has them, where these are asked for
 
 
-def is_needed(trees: scene_bvh.Bvh) -> bool:
+def is_needed(trees: scene_layout.Bvh) -> bool:
     """Whether any formula surface is seen by camera rays, and is not one that moves or is partly there."""
     return len(instances(trees)) > 0
 
 
-def instances(trees: scene_bvh.Bvh) -> NDArray[np.intp]:
+def instances(trees: scene_layout.Bvh) -> NDArray[np.intp]:
     """Those surfaces."""
     return np.flatnonzero((trees.placed[:, 0] & (CAMERA | REST)) == CAMERA)
 

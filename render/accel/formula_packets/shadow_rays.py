@@ -19,14 +19,15 @@ from ...lanes import crosslane, ops, ray_soa
 from ...light import lights
 from ...surface import interaction
 from ...types import Hit, Lane, Options, Ray, Surface, Tables, Vec
-from .. import intersect, scene_bvh
+from .. import intersect
+from ..build import scene_layout
 from .hits import instances, taken
 
 LAMPS = 31  # two bits each
-CASTS, REST = int(ir.Visibility.SHADOW), scene_bvh.SHADOW_REST
+CASTS, REST = int(ir.Visibility.SHADOW), scene_layout.SHADOW_REST
 
 
-def lamps(trees: scene_bvh.Bvh, tables: ir.Tables, options: Options) -> list[int]:
+def lamps(trees: scene_layout.Bvh, tables: ir.Tables, options: Options) -> list[int]:
     """The lamps that are asked for beforehand: none where no formula surface that camera rays meet so casts shadows."""
     if not options.shadows or not (trees.placed[instances(trees), 0] & CASTS).any():
         return []

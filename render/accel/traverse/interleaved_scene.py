@@ -12,7 +12,7 @@ from ...jit.kernel import helper, noinline_helper
 from ...jit.packed_struct import skip_when_tagged
 from ...lanes import affine, crosslane, ops, row_gather
 from ...types import Hit, Lane, Vec
-from ..scene_bvh import NO_MESHES, PLACED, REACH
+from ..build.scene_layout import NO_MESHES, PLACED, REACH
 from . import ray_box, shape_hit, single_ray
 
 MESH = int(ir.GeometryKind.MESH)

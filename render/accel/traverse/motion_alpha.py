@@ -24,8 +24,8 @@ from ...lanes.kinds import FLOAT
 from ...surface import alpha, interaction
 from ...types import Hit, Lane, Ray, Vec
 from ..build import tlas as over
+from ..build.scene_layout import REACH, absent_features
 from ..build.wide_bvh import DEPTH, spread64, triangle_of
-from ..scene_bvh import REACH, absent_features
 from . import ray_box, shape_hit, single_ray, triangle_filter, two_level
 from .interleaved_scene import MESH
 

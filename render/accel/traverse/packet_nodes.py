@@ -14,8 +14,8 @@ from ... import simd
 from ...jit.kernel import helper
 from ...lanes import ops
 from ...types import Lane, Vec
+from ..build.scene_layout import FINE, REACH
 from ..build.wide_bvh import DEPTH, NODE, WIDTH, spread32
-from ..scene_bvh import FINE, REACH
 from . import packet, ray_box, single_ray, triangle_filter
 from . import packet_leaves as triangles
 from .packet_leaves import EDGES

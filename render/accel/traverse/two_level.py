@@ -16,8 +16,8 @@ from ...lanes import affine, crosslane, ops, row_gather
 from ...lanes.kinds import FLOAT, INT, MASK, VEC
 from ...types import Hit, Lane, Vec
 from ..build import tlas as over
+from ..build.scene_layout import NO_MESHES, NO_TREE, REACH
 from ..build.wide_bvh import DEPTH
-from ..scene_bvh import NO_MESHES, NO_TREE, REACH
 from . import interleaved_mesh, interleaved_scene, packet, packet_nodes, ray_box, shape_hit, single_ray
 from .interleaved_scene import MESH
 from .packet import BUNDLES

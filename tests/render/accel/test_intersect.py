@@ -15,6 +15,7 @@ from maquette.compiler.scene.builder import SceneBuilder, lambert
 from maquette.compiler.scene.row_records import CameraData, InstanceData, MeshData
 from maquette.render.accel import intersect, scene_bvh
 from maquette.render.accel.build import parallel_build, tlas, tree_cache, wide_bvh
+from maquette.render.geometry.bounds import world_bounds
 
 from ..tables import matrix, rays, scene
 from ..tracing import bundles, random_rays, same, through_trees, wavy
@@ -230,7 +231,7 @@ def test_a_tree_holds_each_triangle_once_inside_its_boxes() -> None:
     tables = scene(meshes=[(wavy(40), np.eye(4), 0)])
     tree = scene_bvh.build(tables)
     assert check_wide(tree.wide, corners_of(tables)) < 12
-    assert check_top(tree.top, scene_bvh.world_bounds(tables)) == 0
+    assert check_top(tree.top, world_bounds(tables)) == 0
 
 
 @pytest.mark.parametrize("what", ["duplicates", "coplanar", "a needle fan", "spread over 30 powers of two"])

@@ -18,6 +18,7 @@ from maquette.render.accel import intersect, scene_bvh
 from maquette.render.accel import ray_queries as kernels
 from maquette.render.accel.traverse import motion_alpha
 from maquette.render.geometry import instance_transform
+from maquette.render.geometry.bounds import swept_bounds
 from maquette.render.jit.kernel import kernel
 from maquette.render.jit.packed_struct import Handle
 from maquette.render.lanes import crosslane, ops
@@ -131,7 +132,7 @@ def test_inverses_between_keys():
 @settings(max_examples=20, deadline=None)
 def test_bounds_hold_all_that_is_swept(seed):
     tables = moved(scene([(ir.GeometryKind.BOX, [1, 0.1, 3], matrix((2, 0, 0)), 0)]), seed, share=1.0)
-    box = scene_bvh.swept_bounds(tables)[0]
+    box = swept_bounds(tables)[0]
     corners = np.array([[x, y, z, 1] for x in (-1, 1) for y in (-0.1, 0.1) for z in (-3, 3)])
     row = np.full(500, tables.instances.transform[0])
     m = np.stack(instance_transform.transform_at(tables, row, np.linspace(0, 1, 500)).matrix, axis=1).reshape(-1, 3, 4)

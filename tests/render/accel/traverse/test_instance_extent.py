@@ -5,6 +5,7 @@ import pytest
 from maquette.bench import meshes
 from maquette.render.accel import ray_queries, scene_bvh
 from maquette.render.accel.traverse import instance_extent
+from maquette.render.geometry.bounds import SLACK, world_bounds
 
 COUNT = instance_extent.SOME + 8
 
@@ -22,11 +23,11 @@ def knots():
 def boxes_of(made, places):
     """(boxes by the boxes' corners, boxes as trees have them, (instances, vertices, 3) corners in the world)."""
     tables = meshes.scene(made, places).tables
-    loose = scene_bvh.world_bounds(tables)
+    loose = world_bounds(tables)
     tree, roots, _ = scene_bvh.mesh_trees(tables, np.unique(tables.instances.geometry))
     close = loose.copy()
     which = np.arange(len(places))
-    instance_extent.tighten_bounds(close, which, tree, roots[tables.instances.geometry], *scene_bvh.frames(tables), scene_bvh.SLACK)
+    instance_extent.tighten_bounds(close, which, tree, roots[tables.instances.geometry], *scene_bvh.frames(tables), SLACK)
     points = tables.pools.positions.astype(np.float64) + tables.geometries.origin[tables.instances.geometry[0]]
     return loose, close, np.einsum("nij,vj->nvi", places[:, :, :3], points) + places[:, None, :, 3]
 

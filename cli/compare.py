@@ -107,7 +107,7 @@ def _knob(kind: click.ParamType, value: str, where: str, param: click.Parameter,
 @click.pass_context
 def compare(
     ctx: click.Context, first: Path, second: Path | None, backends: tuple[Wanted, ...] | None, output: Path | None, side_by_side: bool,
-    threshold: float | None, metric: str | None, as_json: bool, quiet: bool, **given: Any,
+    as_json: bool, quiet: bool, **given: Any,
 ) -> None:  # fmt: skip
     """Measure how far A is from B.
 
@@ -118,6 +118,7 @@ def compare(
     from ..measure.comparison import compare as measure
     from ..measure.comparison import difference_image
 
+    threshold, metric = given.pop("threshold"), given.pop("metric")
     _check_usage(ctx, first, second, backends, output, side_by_side, (threshold, metric))
     exposure = given["exposure"]
     a, b = _sides(_Given(first, second or first, backends or (), given), quiet)

@@ -83,9 +83,6 @@ CIRCLES = (
     " compiler.lower.shapes compiler.lower.solids",
 )
 LONG_FILES = {
-    "lang/eval/builtins.py",
-    "lang/schema/elements.py",
-    "lang/syntax/syntax_errors.py",
     "compiler/formula/tape.py",
     "compiler/ir.py",
     "compiler/plan/plan.py",
@@ -152,7 +149,6 @@ LONG_FUNCTIONS = {
     "render/raster/triangle_setup.py fill_tiny",
     "render/raster/view_geometry.py _place",
     "render/surface/interaction.py make_interaction",
-    "cli/compare.py compare",
 }
 LARGE_FOLDERS: set[str] = set()
 

@@ -11,6 +11,7 @@ from lark import Token
 from ..diagnostics import Diagnostics, Span, in_order
 from . import ast, lexer, line_joining, syntax_errors
 from .ast_builder import BROKEN, MAX_DEPTH, TooDeep
+from .error_site import ErrorSite
 from .lalr_driver import Automaton, Unexpected, building
 from .trivia import Comments
 
@@ -172,8 +173,8 @@ class _Parsing:
 
     def _report(self, i: int, expected: set[str]) -> None:
         if not self._is_known(i):
-            place = syntax_errors.Place(self.stream, i, self.levels[-1].first, expected)
-            message, hint, at = syntax_errors.explain(place)
+            site = ErrorSite(self.stream, i, self.levels[-1].first, expected)
+            message, hint, at = syntax_errors.explain(site)
             self.diagnostics.error(message, lexer.span_of(at, self.file), hint)
 
     def _report_depth(self, i: int) -> None:

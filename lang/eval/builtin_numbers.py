@@ -1,0 +1,182 @@
+"""Built-in functions of numbers: trigonometry, rounding, interpolation, noise."""
+
+from __future__ import annotations
+
+import math
+
+from .. import units
+from ..formula_graph import OPERATIONS
+from ..noise import offset
+from ..units import Quantity
+from . import operators
+from .builtin_table import apply_operation, bare_radians, define, require_list, require_number, require_scalar
+from .context import Scope
+from .operators import checked, has_term, record, split, unify, unify_all
+from .values import Mistake, Value, describe
+
+
+def _trigonometry(name: str) -> None:
+    @define(f"{name} angle", f"{name} of an angle")
+    def run(scope: Scope, angle: Value) -> Value:
+        require_scalar(angle)
+        if has_term(angle):
+            return record(name, angle)
+        if isinstance(angle, Quantity) and angle.dimension != units.ANGLE:
+            raise Mistake(f"angle wanted, got {describe(angle)}", argument=0)
+        return checked(OPERATIONS[name](angle.value if isinstance(angle, Quantity) else bare_radians(angle, scope)))
+
+
+def _inverse(name: str) -> None:
+    @define(f"{name} value", f"the angle whose {name[1:]} is value")
+    def run(scope: Scope, value: Value) -> Value:
+        result = apply_operation(name, require_number(value))
+        return units.quantity(result, units.ANGLE) if isinstance(result, float) else result
+
+
+for _name in ("sin", "cos", "tan"):
+    _trigonometry(_name)
+for _name in ("asin", "acos", "atan"):
+    _inverse(_name)
+
+
+@define("atan2 y x", "the angle of the direction (x, y)")
+def _atan2(scope: Scope, y: Value, x: Value) -> Value:
+    if has_term(require_scalar(y), require_scalar(x, 1)):
+        return record("atan2", y, x)
+    a, b, _ = unify(y, x, scope, "compare")
+    return units.quantity(OPERATIONS["atan2"](a, b), units.ANGLE)
+
+
+def _on_plain(name: str, doc: str) -> None:
+    @define(f"{name} value", doc)
+    def run(scope: Scope, value: Value) -> Value:
+        hint = "divide by a unit first, as in floor(x / 1cm)" if isinstance(value, Quantity) else ""
+        return apply_operation(name, require_number(value, hint=hint))
+
+
+for _name, _doc in (
+    ("exp", "e to the power of value"),
+    ("log", "natural logarithm"),
+    ("floor", "the whole number below"),
+    ("ceil", "the whole number above"),
+    ("round", "the nearest whole number, halves up"),
+):
+    _on_plain(_name, _doc)
+
+
+@define("abs value", "without its sign")
+def absolute(scope: Scope, value: Value) -> Value:
+    if has_term(require_scalar(value)):
+        return record("abs", value)
+    x, dimension = split(value)
+    return units.quantity(abs(x), dimension)
+
+
+@define("sign value", "-1, 0 or 1")
+def _sign(scope: Scope, value: Value) -> Value:
+    return record("sign", value) if has_term(require_scalar(value)) else OPERATIONS["sign"](split(value)[0])
+
+
+@define("sqrt value", "square root; of an area, a length")
+def _sqrt(scope: Scope, value: Value) -> Value:
+    if has_term(require_scalar(value)):
+        return record("sqrt", value)
+    x, dimension = split(value)
+    if x < 0:
+        raise Mistake(f"sqrt({units.show(value)}) is not defined", argument=0)
+    return units.quantity(math.sqrt(x), units.power(dimension, 0.5))
+
+
+@define("pow base exponent", "base ^ exponent")
+def _pow(scope: Scope, base: Value, exponent: Value) -> Value:
+    return operators.power(base, exponent, scope)
+
+
+@define("mod a b", "remainder of a / b, with the sign of b")
+def _mod(scope: Scope, a: Value, b: Value) -> Value:
+    if has_term(require_scalar(a), require_scalar(b, 1)):
+        return record("mod", a, b)
+    x, y, dimension = unify(a, b, scope, "divide")
+    if y == 0:
+        raise Mistake("division by 0", argument=1)
+    return checked(OPERATIONS["mod"](x, y), dimension)
+
+
+def combine(op: str, numbers: list[Value], scope: Scope) -> Value:
+    """`op` of two, over any count of numbers of one dimension."""
+    if has_term(*numbers):
+        result = numbers[0]
+        for n in numbers[1:]:
+            result = record(op, result, n)
+        return result
+    values, dimension = unify_all(numbers, scope, "compare")
+    return checked(OPERATIONS[op](*values), dimension)
+
+
+def _extreme(name: str, doc: str) -> None:
+    @define(f"{name} first rest*", doc)
+    def run(scope: Scope, first: Value, *rest: Value) -> Value:
+        numbers = list(require_list(first, 0)) if isinstance(first, tuple) and not rest else [first, *rest]
+        if not numbers:
+            raise Mistake(f"{name} of an empty list", argument=0)
+        for i, n in enumerate(numbers):
+            require_scalar(n, i if len(numbers) == 1 + len(rest) else 0)
+        scope.meter.step(len(numbers))
+        return combine(name, numbers, scope) if len(numbers) > 1 else numbers[0]
+
+
+_extreme("min", "the smallest of its arguments or of a list")
+_extreme("max", "the largest of its arguments or of a list")
+
+
+@define("hypot a b c?", "√(a² + b² + c²)")
+def _hypot(scope: Scope, *numbers: Value) -> Value:
+    return combine("hypot", [require_scalar(n, i) for i, n in enumerate(numbers)], scope)
+
+
+@define("clamp value low high", "value, but not below low nor above high")
+def _clamp(scope: Scope, value: Value, low: Value, high: Value) -> Value:
+    for i, n in enumerate((value, low, high)):
+        require_scalar(n, i)
+    return combine("min", [combine("max", [value, low], scope), high], scope)
+
+
+@define("lerp a b t", "a + t (b - a), of numbers, lists or colours")
+def _lerp(scope: Scope, a: Value, b: Value, t: Value) -> Value:
+    require_number(t, 2)
+    return operators.add(a, operators.multiply(operators.subtract(b, a, scope), t, scope), scope)
+
+
+@define("step edge value", "0 below the edge, 1 from it on")
+def _step(scope: Scope, edge: Value, value: Value) -> Value:
+    below = operators.compare("less", value, edge, scope)
+    return (0.0 if below else 1.0) if isinstance(below, bool) else operators.select(below, 0.0, 1.0, scope)
+
+
+@define("smoothstep low high value", "0 below low, 1 above high, 3 t² - 2 t³ between")
+def _smoothstep(scope: Scope, low: Value, high: Value, value: Value) -> Value:
+    for i, n in enumerate((low, high, value)):
+        require_scalar(n, i)
+    t = operators.divide(operators.subtract(value, low, scope), operators.subtract(high, low, scope), scope)
+    t = combine("min", [combine("max", [t, 0.0], scope), 1.0], scope)
+    bend = operators.subtract(3.0, operators.multiply(2.0, t, scope), scope)
+    return operators.multiply(operators.multiply(t, t, scope), bend, scope)
+
+
+@define("noise x y? z? seed?", "gradient noise in -1..1, 0 at whole coordinates; of one to three numbers or a list; seed: 1 … for others")
+def _noise(scope: Scope, x: Value, *rest: Value, **named: Value) -> Value:
+    """Perlin's of 2002. A seed is a whole number: it moves the lattice, which repeats every 256, to another of its 2²⁴ places."""
+    if isinstance(x, tuple):
+        beside = [*rest, *named.values()]
+        if len(beside) > 1 or {"y", "z"} & set(named) or not 1 <= len(x) <= 3:
+            raise Mistake(f"noise takes one to three numbers, or a list of them, and a seed; got a list of {len(x)}", argument=0)
+        parts, seed = [require_number(part, 0) for part in x], beside[0] if beside else 0.0
+    else:
+        given = {**dict(zip(("y", "z", "seed"), rest, strict=False)), **named}
+        parts = [require_number(part, i) for i, part in enumerate((x, given.get("y", 0.0), given.get("z", 0.0)))]
+        seed = given.get("seed", 0.0)
+    if type(seed) is not float or seed != int(seed):
+        raise Mistake(f"a seed is a whole number, got {describe(seed)}", argument=len(rest) + len(named))
+    parts += [0.0] * (3 - len(parts))
+    moved = [operators.add(part, float(by), scope) if by else part for part, by in zip(parts, offset(int(seed)), strict=True)]
+    return apply_operation("noise", *moved)

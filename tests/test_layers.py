@@ -95,7 +95,6 @@ LONG_FILES = {
     "render/integrator/whitted.py",
     "render/light/emitters.py",
     "render/material/bsdf.py",
-    "render/simd/functions.py",
 }
 LONG_FUNCTIONS = {
     "compiler/formula/derivative_bounds.py _partials",

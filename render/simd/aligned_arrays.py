@@ -1,4 +1,4 @@
-"""Arrays whose memory begins where vectors want it."""
+"""Allocation of aligned numpy arrays."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 CACHE_LINE = 64
-_LARGE = 1 << 22  # bytes from which on numpy asks for huge pages
+_LARGE = 1 << 22  # bytes from which numpy requests huge pages
 
 
 def aligned_empty(shape: int | tuple[int, ...], dtype: Any, alignment: int = CACHE_LINE) -> NDArray[Any]:
-    """An array like np.empty whose data start at a multiple of `alignment` bytes, as `load_aligned` wants."""
+    """Allocate an uninitialized array whose data start at a multiple of `alignment` bytes, for `load_aligned`."""
     whole = (shape,) if isinstance(shape, int) else shape
     size = math.prod(whole) * np.dtype(dtype).itemsize
     block = np.empty(size + alignment, np.uint8)
@@ -23,9 +23,9 @@ def aligned_empty(shape: int | tuple[int, ...], dtype: Any, alignment: int = CAC
 
 
 def paged_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
-    """The same, never in huge pages.
+    """`aligned_empty` without huge pages.
 
-    numpy asks for these for all that is large, and a system whose memory is in use may take longer to make one than to fill it.
+    numpy requests huge pages for large arrays; a system short of free memory may take longer to make one than to fill it.
     """
     size = math.prod(shape) * np.dtype(dtype).itemsize
     if size < _LARGE or not hasattr(mmap, "MAP_PRIVATE"):

@@ -1,4 +1,4 @@
-"""Counters and states that several threads change at the same time, in kernels."""
+"""Atomic operations on int64 counters and states in kernels."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from .vector_type import intrinsic
 
 
 def _element(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any:
-    """Where array[index] is."""
+    """Address of array[index]."""
     return builder.gep(make_array(kind)(context, builder, array).data, [index])
 
 
 @intrinsic
 def count_up(typingctx, counters, index, by):
-    """counters[index] += by, whatever other threads do."""
+    """Add `by` to counters[index] atomically (relaxed order)."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         builder.atomic_rmw("add", _element(context, builder, counters, *args[:2]), args[2], "monotonic")
@@ -31,7 +31,7 @@ def count_up(typingctx, counters, index, by):
 
 @intrinsic
 def fetch_add(typingctx, counters, index, by):
-    """counters[index] as it was before `by` was added to it, whatever other threads do."""
+    """Add `by` to counters[index] atomically; return the value before."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return builder.atomic_rmw("add", _element(context, builder, counters, *args[:2]), args[2], "acq_rel")
@@ -41,7 +41,7 @@ def fetch_add(typingctx, counters, index, by):
 
 @intrinsic
 def load_acquire(typingctx, counters, index):
-    """counters[index] now, and all that was written before it became that."""
+    """Load counters[index] with acquire order."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return builder.load_atomic(_element(context, builder, counters, *args), "acquire", 8)
@@ -51,7 +51,7 @@ def load_acquire(typingctx, counters, index):
 
 @intrinsic
 def try_claim(typingctx, states, index):
-    """states[index] (0 free, 1 taken, 2 done) as it was, taken now if it was free."""
+    """Claim states[index] (0 free, 1 claimed, 2 done) if it is free; return the value before."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         zero, one = ir.Constant(I64, 0), ir.Constant(I64, 1)
@@ -63,7 +63,7 @@ def try_claim(typingctx, states, index):
 
 @intrinsic
 def store_release(typingctx, states, index):
-    """states[index] = 2, after all that was written before."""
+    """Set states[index] to 2 (done) with release order."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         builder.atomic_rmw("max", _element(context, builder, states, *args), ir.Constant(I64, 2), "acq_rel")

@@ -1,7 +1,7 @@
-"""Places checked as kernels run, where MAQUETTE_CHECKED=1 asks for it: what lies outside of an array ends the process with a message.
+"""Optional bounds checks in kernels (MAQUETTE_CHECKED=1): an access outside of an array ends the process with a message.
 
-Vectors read and write where they are told to, and what lies beside an array often does no harm for weeks. With checks on, pictures are
-drawn at about half the speed, and a place outside is told with the line that asked for it. Numba's own checks of indices come with it.
+Vector accesses are unchecked by default, and an error may stay unnoticed for weeks. With checks on, rendering takes about twice the time,
+and the message names the source line of the access. The setting also enables Numba's own index checks.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from .llvm_expr import I32, I64, Value
 
 
 def one(builder: Any, made: Any, place: Any, count: int) -> None:
-    """Elements place … place + count - 1 of an array must be there."""
+    """Check that elements place … place + count − 1 lie in an array."""
     if target.CHECKED and count:
         last = builder.sub(made.nitems, ir.Constant(I64, count))
         _end_if(builder, _outside(builder, place, last), place, made.nitems)
 
 
 def each(builder: Any, size: Any, index: Value, mask: Any = None, count: int = 1) -> None:
-    """So must elements index … index + count - 1 of `size` in each lane, or in those of a mask."""
+    """Check elements index … index + count − 1 against `size` in each lane, or in the lanes of a mask."""
     if not target.CHECKED:
         return
     places, last = index.to("i", 64).raw, builder.sub(size, ir.Constant(I64, count))
@@ -50,7 +50,7 @@ def _end_if(builder: Any, outside: Any, place: Any, size: Any) -> None:
 
 
 def _line() -> str:
-    """The line of a kernel's source that Numba lowers just now, which intrinsics are not told of."""
+    """File name and line of the kernel statement that Numba is lowering, found in its stack frame."""
     frame = sys._getframe(1)
     while frame is not None and frame.f_code.co_name != "lower_inst":
         frame = frame.f_back

@@ -1,11 +1,10 @@
-"""Denormal numbers taken as zero inside a kernel: arithmetic on them is a hundred times slower on many processors.
+"""Flush-to-zero mode in kernels (FTZ and DAZ): arithmetic on denormals is a hundred times slower on many processors.
 
     saved = simd.flush_denormals()
-    ...                               # all work on numbers
-    simd.restore_denormals(saved)     # before returning: the setting is the thread's, and Python's floats live there too
+    ...                               # arithmetic
+    simd.restore_denormals(saved)     # before returning: the mode belongs to the thread and affects Python's floats
 
-Only where results below 10⁻³⁸ (float32) or 10⁻³⁰⁸ (float64) are worth nothing. Where the processor has no such switch, or none
-that is known here, nothing happens.
+Use it only where results below 10⁻³⁸ (float32) or 10⁻³⁰⁸ (float64) are insignificant. It has no effect on processors other than x86.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from .llvm_expr import I8, I32, call
 from .memory import entry_alloca
 from .vector_type import intrinsic
 
-FLUSH = 0x8040  # MXCSR: results (bit 15) and operands (bit 6) that are denormal become zero
+FLUSH = 0x8040  # MXCSR: flush denormal results (bit 15) and operands (bit 6) to zero
 
 
 def _control(builder: Any, instruction: str, word: Any) -> None:
@@ -31,7 +30,7 @@ def _control(builder: Any, instruction: str, word: Any) -> None:
 
 @intrinsic
 def flush_denormals(typingctx):
-    """Take denormals as zero from here on, in this thread; the setting before, for `restore_denormals` (int32)."""
+    """Flush denormals to zero in this thread; return the previous mode (int32) for `restore_denormals`."""
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
         if not target.X86:
@@ -48,7 +47,7 @@ def flush_denormals(typingctx):
 
 @intrinsic
 def restore_denormals(typingctx, saved):
-    """Set again what `flush_denormals` gave."""
+    """Restore the mode that `flush_denormals` returned."""
     if not isinstance(saved, types.Integer):
         return None
 

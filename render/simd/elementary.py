@@ -1,4 +1,4 @@
-"""The elementary functions in kernels: simd.sin(x), and np.sin and math.sin of vectors, which mean the same."""
+"""Elementary functions in kernels: simd.sin(x), and overloads of np.sin and math.sin for vectors."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from numba.core import types
 from numba.core.typing.templates import Signature, signature
 
 from . import exponential, trigonometry
-from .functions import same
 from .llvm_expr import Value
 from .operators import define
 from .polynomials import by_library, shared
-from .vector_type import Vector, intrinsic, meet, shape_of, value
+from .vector_type import Vector, common_type, intrinsic, lower_uniform, shape_of, value
 
 
 def _once(name: str, body: Callable[..., Value]) -> Callable[..., Value]:
@@ -43,22 +42,22 @@ EMITTED: dict[str, Callable[..., Value]] = {
     "sin": _sin, "cos": _cos, "tan": _tan, "asin": _asin, "acos": _acos, "atan": _atan, "atan2": _atan2, "exp": _exp, "log": _log,
     "power": _pow,
 }  # fmt: skip
-"""What emits each function, for code that is written without Numba (formulas/)."""
+"""The emitter of each function, for LLVM code written without Numba (render/formula)."""
 
 
 @intrinsic
 def sin(typingctx, x):
-    return same("f", _sin, typingctx, x)
+    return lower_uniform("f", _sin, typingctx, x)
 
 
 @intrinsic
 def cos(typingctx, x):
-    return same("f", _cos, typingctx, x)
+    return lower_uniform("f", _cos, typingctx, x)
 
 
 @intrinsic
 def sincos(typingctx, x):
-    """(sin x, cos x) for little more than one of them."""
+    """(sin x, cos x) from one argument reduction."""
     x = types.unliteral(x)
     shape = shape_of(x)
     if shape is None or shape[0] != "f":
@@ -77,58 +76,58 @@ def sincos(typingctx, x):
 
 @intrinsic
 def tan(typingctx, x):
-    return same("f", _tan, typingctx, x)
+    return lower_uniform("f", _tan, typingctx, x)
 
 
 @intrinsic
 def asin(typingctx, x):
     """Arc sine; NaN outside of −1 … 1."""
-    return same("f", _asin, typingctx, x)
+    return lower_uniform("f", _asin, typingctx, x)
 
 
 @intrinsic
 def acos(typingctx, x):
     """Arc cosine; NaN outside of −1 … 1."""
-    return same("f", _acos, typingctx, x)
+    return lower_uniform("f", _acos, typingctx, x)
 
 
 @intrinsic
 def atan(typingctx, x):
-    return same("f", _atan, typingctx, x)
+    return lower_uniform("f", _atan, typingctx, x)
 
 
 @intrinsic
 def atan2(typingctx, y, x):
-    """The angle of the point (x, y), −π … π."""
-    return same("f", _atan2, typingctx, y, x)
+    """Angle of the point (x, y), −π … π."""
+    return lower_uniform("f", _atan2, typingctx, y, x)
 
 
 @intrinsic
 def exp(typingctx, x):
-    return same("f", _exp, typingctx, x)
+    return lower_uniform("f", _exp, typingctx, x)
 
 
 @intrinsic
 def log(typingctx, x):
-    """The natural logarithm; −∞ of 0, NaN below."""
-    return same("f", _log, typingctx, x)
+    """Natural logarithm; −∞ of 0, NaN below."""
+    return lower_uniform("f", _log, typingctx, x)
 
 
 @intrinsic
 def power(typingctx, x, y):
-    """x to the y; of negative x for whole y only. 0⁰ is 1."""
-    return same("f", _pow, typingctx, x, y)
+    """x to the y; NaN for negative x and non-integral y. 0⁰ is 1."""
+    return lower_uniform("f", _pow, typingctx, x, y)
 
 
 @intrinsic
 def hypot(typingctx, x, y):
-    """√(x² + y²), without overflow on the way."""
-    return same("f", _hypot, typingctx, x, y)
+    """√(x² + y²) without intermediate overflow."""
+    return lower_uniform("f", _hypot, typingctx, x, y)
 
 
 def _floats(context: Any, *kinds: types.Type) -> Signature | None:
-    """All operands as floats of the vectors' width."""
-    kind = meet(context, *kinds)
+    """Typing rule: all operands convert to floats of the vector's width."""
+    kind = common_type(context, *kinds)
     if not isinstance(kind, Vector):
         return None
     kind = Vector("f", kind.bits, kind.lanes)

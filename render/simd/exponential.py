@@ -1,7 +1,7 @@
-"""Exponential, logarithm, powers and the hypotenuse, from polynomials, in float32 and float64.
+"""exp, log, power and hypot from polynomials, in float32 and float64.
 
-exp is Cephes' (Moshier 1989); log is Cephes' in float32 and fdlibm's in float64 (Sun Microsystems 1993). A float32 power is taken
-in float64; a float64 one from a logarithm in two float64 numbers. Largest errors met in tests: see docs/simd.md.
+exp is Cephes' (Moshier 1989). log is Cephes' in float32 and fdlibm's in float64 (Sun Microsystems 1993). A float32 power is evaluated in
+float64, a float64 power from a double-double logarithm. docs/simd.md lists the largest measured errors.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from .polynomials import fast_two_sum, number, polynomial, power_of_two, two_pro
 _EXP_32 = (1.9875691500e-4, 1.3981999507e-3, 8.3334519073e-3, 4.1665795894e-2, 1.6666665459e-1, 5.0000001201e-1)
 _EXP_64_P = (1.26177193074810590878e-4, 3.02994407707441961300e-2, 9.99999999999999999910e-1)
 _EXP_64_Q = (3.00198505138664455042e-6, 2.52448340349684104192e-3, 2.27265548208155028766e-1, 2.0)
-# ln 2 in two parts: products of the first with whole exponents are exact.
+# ln 2 in two parts: products of the first with integer exponents are exact.
 _LN2 = {32: (0.693359375, -2.12194440e-4), 64: (6.93145751953125e-1, 1.42860682030941723212e-6)}
 _EXP_ENDS = {32: (-104.0, 88.8), 64: (-746.0, 709.8)}
-"""Where exp is 0 and ∞ after rounding."""
+"""Arguments at which exp rounds to 0 and ∞."""
 
 
 def exp(x: Value) -> Value:
@@ -25,7 +25,7 @@ def exp(x: Value) -> Value:
 
 
 def _exp_of_sum(x: Value, rest: Value | None) -> Value:
-    """exp(x + rest) for a rest that is small against x."""
+    """exp(x + rest) for a rest small against x."""
     low, high = _EXP_ENDS[x.bits]
     clipped = minimum(maximum(x, x.constant(low)), x.constant(high))
     k = (clipped * (1.0 / math.log(2.0))).call("nearbyint")
@@ -39,7 +39,7 @@ def _exp_of_sum(x: Value, rest: Value | None) -> Value:
         z = r * r
         p = r * polynomial(z, _EXP_64_P)
         grown = 1.0 + 2.0 * (p / (polynomial(z, _EXP_64_Q) - p))
-    # Twice half the exponent: a result may be denormal, and the exponent then has no power of two that is normal.
+    # Scale by half of the exponent twice: the power of two of a denormal result is not a normal number.
     k = whole(k)
     half = k >> 1
     found = grown * power_of_two(half) * power_of_two(k - half)
@@ -55,11 +55,11 @@ _LOG_64 = (
     3.999999999940941908e-1, 6.666666666666735130e-1,
 )  # fmt: skip
 _LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-1, 1.90821492927058770002e-10  # fdlibm's: 32 bits and the rest
-_LN2_LAST = 1.1612227229362532e-26  # what they lack
+_LN2_LAST = 1.1612227229362532e-26  # the remainder after both
 
 
 def split(x: Value) -> tuple[Value, Value]:
-    """(m, k): x = m · 2ᵏ with √½ ≤ m < √2, for positive finite x; denormal ones too."""
+    """(m, k): x = m · 2ᵏ with √½ ≤ m < √2, for positive finite x, denormal or not."""
     mantissa, scale, tiny = (23, 25, 2.0**-126) if x.bits == 32 else (52, 54, 2.0**-1022)
     small = x < tiny
     bits = select(small, x * 2.0**scale, x).bitcast("i")
@@ -88,9 +88,9 @@ def log(x: Value) -> Value:
 
 
 def _log_in_two(x: Value) -> tuple[Value, Value]:
-    """log x as the sum of two float64 numbers, to about 2⁻⁶⁸ of it, for positive finite x.
+    """log x as a double-double sum, of relative error about 2⁻⁶⁸, for positive finite x.
 
-    log m = 2 artanh s = 2 s (1 + s²/3 + s⁴/5 + …) with s = (m − 1) / (m + 1); s and the first terms are carried in two numbers.
+    log m = 2 artanh s = 2 s (1 + s²/3 + s⁴/5 + …) with s = (m − 1) / (m + 1); s and the first terms are double-double.
     """
     m, k = split(x)
     f = m - 1.0
@@ -102,7 +102,7 @@ def _log_in_two(x: Value) -> tuple[Value, Value]:
     z_rest = z_rest + 2.0 * s * s_rest
     tail = polynomial(z, [1 / n for n in range(27, 3, -2)])  # 1/5 + z/7 + …
     third = 1.0 / 3.0
-    third_rest = 1.850371707708594e-17  # what the float64 number lacks to 1/3
+    third_rest = 1.850371707708594e-17  # 1/3 minus its float64 value
     t, t_rest = two_product(z, z.constant(third))
     t_rest = t_rest + z * third_rest + z_rest * third + 2.0 * z * z_rest * 0.2
     # t + z² tail, the second at most 1/50 of the first
@@ -122,7 +122,7 @@ def _log_in_two(x: Value) -> tuple[Value, Value]:
 
 
 def power(x: Value, y: Value) -> Value:
-    """x to the y with numpy's answers: negative x have powers of whole y only, x⁰ and 1ʸ are 1 even of NaN."""
+    """x to the y with numpy's special cases: NaN for negative x and non-integral y; x⁰ and 1ʸ are 1, also of NaN."""
     if x.bits == 32:
         wide = power_64(x.to("f", 64), y.to("f", 64), in_two=False).to("f", 32)
         return wide
@@ -130,19 +130,20 @@ def power(x: Value, y: Value) -> Value:
 
 
 def power_64(x: Value, y: Value, in_two: bool) -> Value:
+    """Power of float64 operands; `in_two` uses the double-double logarithm."""
     one = x.constant(1.0)
     a = abs(x)
     usual = (a > 0.0) & (a < math.inf)
     base = select(usual, a, one)
     if in_two:
         high, low = _log_in_two(base)
-        # products beyond exp's range only need to stay there: y is cut to what keeps them finite
+        # y is clamped to keep the product finite; products beyond exp's range stay beyond it
         cut = minimum(maximum(y, y.constant(-1e290)), y.constant(1e290))
         h, rest = two_product(cut, high)
         found = _exp_of_sum(h, fma(cut, low, rest))
     else:
         found = exp(y * log(base))
-    rising = (y > 0.0) ^ (a == 0.0)  # of the bases 0 and ∞: does the power go to ∞?
+    rising = (y > 0.0) ^ (a == 0.0)  # of the bases 0 and ∞: whether the power is ∞
     found = select(usual, found, select(rising, x.constant(math.inf), x.constant(0.0)))
     is_whole = y.call("floor") == y
     half = 0.5 * y
@@ -158,7 +159,7 @@ def power_64(x: Value, y: Value, in_two: bool) -> Value:
 
 
 def hypot(x: Value, y: Value) -> Value:
-    """√(x² + y²) without overflow on the way; ∞ where either is, even beside NaN."""
+    """√(x² + y²) without intermediate overflow; ∞ if either operand is, also beside NaN."""
     a, b = abs(x), abs(y)
     large, small = maximum(a, b), minimum(a, b)
     ratio = small / select(large == 0.0, large.constant(1.0), large)

@@ -1,4 +1,4 @@
-"""Loads and stores of what lies apart: gather, scatter, lanes closed up, rows of records. Places are as in memory.py."""
+"""Gather, scatter, compress, and loads and stores of records as rows. Places are flat, as in memory.py."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from numba.np.arrayobj import make_array
 from . import bounds_check
 from . import llvm_expr as v
 from . import target as simd_target
-from .functions import shuffled, transposed
 from .llvm_expr import I1, I8, I32, I64, Value
 from .memory import (
     as_vector,
@@ -30,13 +29,14 @@ from .memory import (
     to_memory,
     zero_lanes,
 )
+from .shuffles import shuffle, transpose_blocks
 from .vector_type import Vector, intrinsic, value
 
 # --- gather and scatter --------------------------------------------------------------------------------------------------
 
 
 class _Addresses(ir.Type):
-    """A vector of pointers, for which llvmlite has no name."""
+    """The type of a vector of pointers, which llvmlite lacks."""
 
     def __init__(self, lanes: int) -> None:
         self.lanes = lanes
@@ -52,7 +52,7 @@ class _Addresses(ir.Type):
 
 
 class _AddressesOf(ir.instructions.Instruction):
-    """getelementptr of one base by a vector of indices, as LLVM's gathers want it."""
+    """getelementptr of one base by a vector of indices, the address operand of LLVM's gathers."""
 
     def __init__(self, block: Any, element: Any, base: Any, index: Any) -> None:
         self.element = element
@@ -64,13 +64,14 @@ class _AddressesOf(ir.instructions.Instruction):
 
 
 def addresses(builder: Any, element: Any, base: Any, index: Any) -> Any:
-    made = _AddressesOf(builder.block, element, base, index)
-    builder._insert(made)
-    return made
+    """Emit the addresses of elements base[index] for a vector of indices."""
+    instruction = _AddressesOf(builder.block, element, base, index)
+    builder._insert(instruction)
+    return instruction
 
 
-def gathered(context: Any, builder: Any, array: Any, base: Any, index: Value, mask: Any = None) -> Value:
-    """Elements base[index] where the mask is set (all lanes without one), else 0."""
+def emit_gather(context: Any, builder: Any, array: Any, base: Any, index: Value, mask: Any = None) -> Value:
+    """Emit a gather of base[index] in the lanes of the mask (all lanes without one); other lanes are 0."""
     element, n = stored_type(context, array), index.lanes
     where = addresses(builder, element, base, index.raw)
     every = ir.Constant(ir.VectorType(I1, n), [1] * n) if mask is None else mask
@@ -86,7 +87,7 @@ def _is_index(kind: types.Type) -> bool:
 
 @intrinsic
 def gather(typingctx, array, index, mask=None):
-    """array's elements at a vector of places, as the array's own type; lanes off in the mask are 0 and not read."""
+    """Gather array elements at a vector of places, in the array's own type; lanes off in the mask are 0 and not read."""
     shape = element_shape(array)
     if shape is None or not _is_index(index) or not (mask is None or is_mask(mask)):
         return None
@@ -94,14 +95,14 @@ def gather(typingctx, array, index, mask=None):
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
         made, places = make_array(array)(context, builder, value=args[0]), value(builder, args[1], index)
         bounds_check.each(builder, made.nitems, places, args[2] if mask else None)
-        return gathered(context, builder, array, made.data, places, args[2] if mask else None).raw
+        return emit_gather(context, builder, array, made.data, places, args[2] if mask else None).raw
 
     return signature(Vector(*shape, index.lanes), array, index, mask or types.none), generate
 
 
 @intrinsic
 def scatter(typingctx, array, index, x, mask=None):
-    """Write lanes of x to a vector of places; of lanes with one place the last is kept. Lanes off in the mask write nothing."""
+    """Scatter the lanes of x to a vector of places; the last lane wins at equal places. Lanes off in the mask write nothing."""
     if element_shape(array) is None or not _is_index(index) or not isinstance(x, Vector) or x.lanes != index.lanes:
         return None
 
@@ -127,7 +128,7 @@ def _has_compress(raw: Any) -> bool:
 
 
 def _packed(builder: Any, raw: Any, mask: Any) -> Any:
-    """The set lanes moved to the front, in a register."""
+    """Move the set lanes to the front, in a register."""
     if not simd_target.AVX512:
         return _permuted(builder, raw, mask)
     name = f"llvm.x86.avx512.mask.compress.{suffix_of(raw.type.element, raw.type.count)}"
@@ -135,7 +136,7 @@ def _packed(builder: Any, raw: Any, mask: Any) -> Any:
 
 
 def _permuted(builder: Any, raw: Any, mask: Any) -> Any:
-    """The same with AVX2: each mask has its permutation of eight parts of 32 bits, a byte for each, in a table."""
+    """`_packed` for AVX2: a table holds each mask's permutation of eight 32-bit parts, one byte a part."""
     count, eight = raw.type.count, ir.VectorType(I32, 8)
     each = 8 // count
     orders = []
@@ -151,7 +152,7 @@ def _permuted(builder: Any, raw: Any, mask: Any) -> Any:
 
 
 def _store_packed(builder: Any, pointer: Any, raw: Any, mask: Any) -> None:
-    """Lane by lane without branches: a lane that is off writes to a spare place, so nothing behind the last one changes."""
+    """Store lane by lane without branches: an unset lane writes to a spare element, so nothing behind the last set lane changes."""
     element = raw.type.element
     spare = entry_alloca(builder, element, 1)
     pointer, at = builder.bitcast(pointer, element.as_pointer()), ir.Constant(I64, 0)
@@ -164,7 +165,7 @@ def _store_packed(builder: Any, pointer: Any, raw: Any, mask: Any) -> None:
 
 @intrinsic
 def compress(typingctx, x, mask):
-    """The lanes of x set in the mask, moved to the front in order; what the others hold is undefined."""
+    """Move the lanes of x set in the mask to the front in order; the other lanes are undefined."""
     if not isinstance(x, Vector) or not is_mask(mask) or x.lanes != mask.lanes:
         return None
 
@@ -173,10 +174,10 @@ def compress(typingctx, x, mask):
             return _packed(builder, args[0], args[1])
         lanes = value(builder, args[0], x)
         raw = lanes.to("u", 8).raw if x.kind == "m" else lanes.raw
-        room = entry_alloca(builder, raw.type.element, x.lanes)
-        builder.store(zero_lanes(builder, raw.type.element, x.lanes), builder.bitcast(room, raw.type.as_pointer()))
-        _store_packed(builder, room, raw, args[1])
-        packed = builder.load(builder.bitcast(room, raw.type.as_pointer()))
+        buffer = entry_alloca(builder, raw.type.element, x.lanes)
+        builder.store(zero_lanes(builder, raw.type.element, x.lanes), builder.bitcast(buffer, raw.type.as_pointer()))
+        _store_packed(builder, buffer, raw, args[1])
+        packed = builder.load(builder.bitcast(buffer, raw.type.as_pointer()))
         return Value(builder, packed, "u", 8).to("m", x.bits).raw if x.kind == "m" else packed
 
     return signature(x, x, mask), generate
@@ -184,7 +185,7 @@ def compress(typingctx, x, mask):
 
 @intrinsic
 def compress_store(typingctx, array, i, x, mask):
-    """Write the lanes of x set in the mask one after the other from element i; how many there were (int64)."""
+    """Store the lanes of x set in the mask contiguously from element i on; return their count (int64)."""
     if element_shape(array) is None or not isinstance(x, Vector) or not is_mask(mask) or x.lanes != mask.lanes:
         return None
 
@@ -210,9 +211,9 @@ def compress_store(typingctx, array, i, x, mask):
 
 @intrinsic(prefer_literal=True)
 def gather_rows(typingctx, array, index, k, first=None):
-    """The k elements (2, 4 or 8, constant) from each place of an index vector on, as k vectors: records to structure of arrays.
+    """Load k elements (2, 4 or 8, constant) from each place of an index vector on, as k vectors: records to structure of arrays.
 
-    `first`, the same for all, is added to the places: several parts of a record share the work of taking places out of the vector.
+    A scalar `first` is added to all places, so that loads of several parts of a record share the extraction of the indices.
     """
     shape = element_shape(array)
     if shape is None or not _is_index(index) or not isinstance(k, types.IntegerLiteral) or is_small(array):
@@ -240,19 +241,19 @@ def gather_rows(typingctx, array, index, k, first=None):
 
 
 def _columns(builder: Any, rows: list[Any], k: int) -> list[Any]:
-    """Of n rows of k lanes, the k columns of n lanes."""
+    """Turn n rows of k lanes into k columns of n lanes."""
     n = len(rows)
     if n < k:
         return [_column(builder, rows, j) for j in range(k)]
-    # Rows j, j + k, j + 2k … side by side make vector j; its k×k blocks are then transposed.
+    # Rows j, j + k, j + 2k … side by side form vector j; then its k×k blocks are transposed.
     beside = [_side_by_side(builder, [rows[k * block + j] for block in range(n // k)]) for j in range(k)]
-    return transposed(builder, beside, n)
+    return transpose_blocks(builder, beside, n)
 
 
 def _side_by_side(builder: Any, rows: list[Any]) -> Any:
     while len(rows) > 1:
         count = 2 * rows[0].type.count
-        rows = [shuffled(builder, a, b, list(range(count))) for a, b in zip(rows[::2], rows[1::2], strict=True)]
+        rows = [shuffle(builder, a, b, list(range(count))) for a, b in zip(rows[::2], rows[1::2], strict=True)]
     return rows[0]
 
 
@@ -265,7 +266,7 @@ def _column(builder: Any, rows: Sequence[Any], j: int) -> Any:
 
 @intrinsic
 def scatter_rows(typingctx, array, index, columns):
-    """The other way: lane n of each of the k vectors (a tuple) to the k elements from place index[n]."""
+    """Inverse of `gather_rows`: store lane n of each of the k vectors (a tuple) to the k elements from index[n] on."""
     if element_shape(array) is None or not _is_index(index) or not isinstance(columns, types.UniTuple):
         return None
     kind, k = columns.dtype, columns.count
@@ -276,13 +277,13 @@ def scatter_rows(typingctx, array, index, columns):
         made = make_array(array)(context, builder, value=args[0])
         bounds_check.each(builder, made.nitems, value(builder, args[1], index), count=k)
         parts = [to_memory(value(builder, builder.extract_value(args[2], j), kind), array) for j in range(k)]
-        beside = transposed(builder, parts, kind.lanes) if k in (2, 4, 8) and kind.lanes >= k else None
+        beside = transpose_blocks(builder, parts, kind.lanes) if k in (2, 4, 8) and kind.lanes >= k else None
         for n in range(kind.lanes):
             at = value(builder, builder.extract_element(args[1], ir.Constant(I32, n)), index.scalar).to("i", 64).raw
             if beside is None:
                 row = _column(builder, parts, n)
             else:
-                row = shuffled(builder, beside[n % k], beside[n % k], list(range(n - n % k, n - n % k + k)))
+                row = shuffle(builder, beside[n % k], beside[n % k], list(range(n - n % k, n - n % k + k)))
             pointer = as_vector(builder, builder.gep(made.data, [at]), row.type.element, k)
             builder.store(row, pointer, align=item_bytes(array))
         return context.get_dummy_value()
@@ -292,7 +293,7 @@ def scatter_rows(typingctx, array, index, columns):
 
 @intrinsic
 def store_rows(typingctx, array, i, stride, columns):
-    """`scatter_rows` to places i, i + stride …"""
+    """`scatter_rows` to the places i, i + stride …"""
     if element_shape(array) is None or not isinstance(columns, types.UniTuple):
         return None
     kind, k = columns.dtype, columns.count
@@ -304,9 +305,9 @@ def store_rows(typingctx, array, i, stride, columns):
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
         start = place(context, builder, array, args[0], args[1], i)
         parts = [to_memory(value(builder, builder.extract_value(args[3], j), kind), array) for j in range(k)]
-        beside, step = transposed(builder, parts, kind.lanes), context.cast(builder, args[2], stride, types.int64)
+        beside, step = transpose_blocks(builder, parts, kind.lanes), context.cast(builder, args[2], stride, types.int64)
         for n in range(kind.lanes):
-            row = shuffled(builder, beside[n % k], beside[n % k], list(range(n - n % k, n - n % k + k)))
+            row = shuffle(builder, beside[n % k], beside[n % k], list(range(n - n % k, n - n % k + k)))
             pointer = builder.gep(start, [builder.mul(step, ir.Constant(I64, n))])
             builder.store(row, as_vector(builder, pointer, row.type.element, k), align=item_bytes(array))
         return context.get_dummy_value()

@@ -1,8 +1,7 @@
-"""Expressions of LLVM code in Python's own notation, on scalars and vectors alike.
+"""LLVM expressions in Python notation, for scalars and vectors.
 
-A Value is an LLVM value and the builder that emits; `a * b + 1.0` on Values emits the instructions. Everything else in this
-package is written with it: operators, functions and the polynomials of sin and log. Python numbers become constants of the other
-operand's type. Operands must have one type: whoever builds a Value converts first (`to`).
+A Value is an LLVM value with its builder; `a * b + 1.0` on Values emits the instructions. The operators, the functions and the polynomials
+of this package use it. Python numbers become constants of the other operand's type. Both operands must have one type: convert first (`to`).
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ F32, F64 = ir.FloatType(), ir.DoubleType()
 
 
 def ir_type(kind: str, bits: int, lanes: int) -> Any:
-    """The LLVM type of a vector, or of a scalar for 0 lanes. A mask has one bit a lane, whatever the numbers it was made from."""
+    """LLVM type of a vector, or of a scalar for 0 lanes. A mask has one bit a lane for any lane width."""
     element = (F32 if bits == 32 else F64) if kind == "f" else I1 if kind == "m" else ir.IntType(bits)
     return ir.VectorType(element, lanes) if lanes else element
 
@@ -34,17 +33,18 @@ class Value:
         self.builder, self.raw, self.kind, self.bits = builder, raw, kind, bits
         self.lanes: int = raw.type.count if isinstance(raw.type, ir.VectorType) else 0
 
-    # --- making others ------------------------------------------------------------------------------------------------------
+    # --- construction -------------------------------------------------------------------------------------------------------
 
     def like(self, raw: Any) -> Value:
-        """Another value of this type."""
+        """Wrap a raw value of this type."""
         return Value(self.builder, raw, self.kind, self.bits)
 
     def of(self, kind: str, raw: Any, bits: int = 0) -> Value:
+        """Wrap a raw value of another kind, of this lane width unless `bits` is given."""
         return Value(self.builder, raw, kind, bits or self.bits)
 
     def constant(self, number: float | Sequence[float]) -> Value:
-        """A number in every lane, or one for each."""
+        """Constant of this type: one number for all lanes, or one for each."""
         kind = ir_type(self.kind, self.bits, self.lanes)
         many = isinstance(number, Sequence)
         numbers = [_number(self.kind, self.bits, n) for n in (number if many else [number])]
@@ -53,11 +53,11 @@ class Value:
         return self.like(ir.Constant(kind, numbers[0]))
 
     def type_of(self, kind: str, bits: int = 0) -> Any:
-        """The LLVM type of as many lanes of another kind."""
+        """LLVM type of as many lanes of another kind."""
         return ir_type(kind, bits or self.bits, self.lanes)
 
     def call(self, name: str, *others: Value, result: Value | None = None) -> Value:
-        """An LLVM intrinsic overloaded on this type, such as sqrt."""
+        """Call an LLVM intrinsic overloaded on this type, such as sqrt."""
         suffix = ("f" if self.kind == "f" else "i") + str(1 if self.kind == "m" else self.bits)
         whole = f"llvm.{name}.{f'v{self.lanes}' if self.lanes else ''}{suffix}"
         return (result or self).like(call(self.builder, whole, (result or self).raw.type, [self.raw, *(o.raw for o in others)]))
@@ -71,7 +71,7 @@ class Value:
     # --- conversions --------------------------------------------------------------------------------------------------------
 
     def to(self, kind: str, bits: int) -> Value:
-        """Numbers as another type: floats to ints towards zero, masks to 0 and 1, wider ints cut off."""
+        """Convert: floats to ints towards zero, masks to 0 and 1, wider ints truncated."""
         b, target = self.builder, self.type_of(kind, bits)
         if kind == "m":
             return self.of("m", (self if self.kind == "m" else self != 0).raw, bits)
@@ -91,11 +91,11 @@ class Value:
         return self.of(kind, raw, bits)
 
     def bitcast(self, kind: str) -> Value:
-        """The same bits read as another kind."""
+        """Reinterpret the bits as another kind."""
         return self.of(kind, self.builder.bitcast(self.raw, self.type_of(kind)))
 
     def splat(self, lanes: int) -> Value:
-        """This scalar in every lane."""
+        """Broadcast this scalar to all lanes."""
         one = ir.VectorType(self.raw.type, lanes)
         whole = self.builder.insert_element(ir.Constant(one, ir.Undefined), self.raw, ir.Constant(I32, 0))
         return self.like(self.builder.shuffle_vector(whole, whole, ir.Constant(ir.VectorType(I32, lanes), [0] * lanes)))
@@ -169,7 +169,7 @@ class Value:
         shift = self.builder.ashr if self.kind == "i" else self.builder.lshr
         return self.like(shift(self.raw, self._other(other).raw))
 
-    # --- comparisons: false with NaN, but for != ----------------------------------------------------------------------------
+    # --- comparisons: false with NaN, except != ------------------------------------------------------------------------------
 
     def _compare(self, sign: str, other: Any) -> Value:
         b, other = self.builder, self._other(other)
@@ -207,13 +207,13 @@ def _number(kind: str, bits: int, number: float) -> Any:
 
 
 def call(builder: Any, name: str, result: Any, arguments: Sequence[Any]) -> Any:
-    """Call a function of LLVM's by its full name."""
+    """Call an LLVM intrinsic or library function by its full name."""
     signature = ir.FunctionType(result, [a.type for a in arguments])
     return builder.call(cgutils.get_or_insert_function(builder.module, signature, name), arguments)
 
 
 def select(mask: Value, yes: Value, no: Value) -> Value:
-    """`yes` where the mask is set, else `no`."""
+    """Select `yes` where the mask is set, else `no`."""
     return yes.like(yes.builder.select(mask.raw, yes.raw, no.raw))
 
 
@@ -228,7 +228,7 @@ def maximum(a: Value, b: Value) -> Value:
 
 
 def fma(a: Value, b: Value, c: Value) -> Value:
-    """a · b + c, rounded once where the machine has an instruction for that, else twice."""
+    """a · b + c, rounded once if the machine has the instruction, else twice."""
     return a.call("fma", b, c) if simd_target.FMA else a * b + c
 
 
@@ -241,7 +241,7 @@ def floor_divide(a: Value, b: Value) -> tuple[Value, Value]:
     if a.kind == "u":
         quotient, rest = a.like(builder.udiv(a.raw, safe.raw)), a.like(builder.urem(a.raw, safe.raw))
     else:
-        minus = safe == -1  # the lowest number by −1 would trap
+        minus = safe == -1  # the lowest integer divided by −1 traps
         safe = select(minus, safe.constant(1), safe)
         signed = select(minus, -a, a)
         quotient = signed.like(builder.sdiv(signed.raw, safe.raw))

@@ -1,8 +1,8 @@
-"""Vectors and arrays: load and store, single elements, and scratch memory on the stack.
+"""Vector loads and stores, single elements, and arrays on the stack.
 
-Places are flat: element `i` of the C-contiguous array's data, whatever its shape. Nothing is checked, but where MAQUETTE_CHECKED asks for
-it (guard.py); nothing wraps around. What is stored is converted to the array's type first. Arrays may be of float32, float64, int32, int64,
-uint32, uint64, uint8 or bool; uint8 becomes int32 lanes and bool a mask.
+A place is flat: element `i` of the data of a C-contiguous array of any shape. Places are unchecked unless MAQUETTE_CHECKED is set
+(bounds_check.py); negative places do not wrap around. Stores convert to the array's type. Arrays may be of float32, float64, int32, int64,
+uint32, uint64, uint8 or bool; uint8 loads as int32 lanes and bool as a mask.
 """
 
 from __future__ import annotations
@@ -18,15 +18,16 @@ from numba.np.arrayobj import make_array, populate_array
 from . import bounds_check, target
 from . import llvm_expr as v
 from .aligned_arrays import CACHE_LINE
-from .functions import CONSTRUCTED, shuffled
+from .constructors import CONSTRUCTED
 from .llvm_expr import I8, I32, Value
+from .shuffles import shuffle
 from .vector_type import Vector, intrinsic, shape_of, value
 
 # --- elements ------------------------------------------------------------------------------------------------------------
 
 
 def element_shape(array: Any) -> tuple[str, int] | None:
-    """Kind and bits of the lanes an array's elements become; None for arrays that can't be read."""
+    """Kind and bits of the lanes that an array's elements load as; None for unsupported arrays."""
     if not isinstance(array, types.Array) or array.layout != "C":
         return None
     if array.dtype in (types.uint8, types.boolean):
@@ -40,7 +41,7 @@ def is_small(array: Any) -> bool:
 
 
 def stored_type(context: Any, array: Any) -> Any:
-    """The LLVM type of an element in memory."""
+    """LLVM type of an element in memory."""
     return I8 if is_small(array) else context.get_value_type(array.dtype)
 
 
@@ -49,7 +50,7 @@ def item_bytes(array: Any) -> int:
 
 
 def from_memory(builder: Any, raw: Any, array: Any) -> Value:
-    """Lanes (or one element) as loaded, as the kind they are in kernels."""
+    """Convert loaded lanes (or one element) to their kind in kernels."""
     if not is_small(array):
         return value(builder, raw, array.dtype)
     small = Value(builder, raw, "u", 8)
@@ -57,7 +58,7 @@ def from_memory(builder: Any, raw: Any, array: Any) -> Value:
 
 
 def to_memory(lanes: Value, array: Any) -> Any:
-    """Lanes (or one number) as they are stored."""
+    """Convert lanes (or one number) to their type in memory."""
     if is_small(array):
         whole = lanes.to("m", 32).to("u", 8) if array.dtype == types.boolean else lanes.to("i", 32).to("u", 8)
         return whole.raw
@@ -67,7 +68,7 @@ def to_memory(lanes: Value, array: Any) -> Any:
 
 
 def place(context: Any, builder: Any, array: Any, raw: Any, index: Any, index_type: types.Type, count: int = 1) -> Any:
-    """The address of a flat place, from which on `count` elements are read or written (0: it is not known)."""
+    """Emit the address of a flat place, from which `count` elements are accessed (0: unknown, not checked)."""
     made, at = make_array(array)(context, builder, value=raw), context.cast(builder, index, index_type, types.int64)
     bounds_check.one(builder, made, at, count)
     return builder.gep(made.data, [at])
@@ -78,7 +79,10 @@ def as_vector(builder: Any, pointer: Any, element: Any, lanes: int) -> Any:
 
 
 def vector_asked(array: Any, what: types.Type | None) -> Vector | None:
-    """The type a load gives: of the lanes or the type asked for, else what fills one of the machine's vectors; None: it can't."""
+    """Result type of a load: the requested lanes or type, else one native vector; None for unsupported arrays.
+
+    Raises TypingError where the number of lanes is not constant.
+    """
     shape = element_shape(array)
     if shape is None:
         return None
@@ -111,7 +115,7 @@ def _load(array: Any, index: types.Type, what: types.Type | None, aligned: bool)
 
 @intrinsic(prefer_literal=True)
 def load(typingctx, array, i, what=None):
-    """Elements i, i+1 … of an array: as many as fill a vector, a constant number of them, or a type's lanes, converted (simd.f32)."""
+    """Load elements i, i+1 …: one native vector, a constant number of lanes, or the lanes of a type, converted (simd.f32)."""
     return _load(array, i, what, False)
 
 
@@ -123,7 +127,7 @@ def load_aligned(typingctx, array, i, what=None):
 
 @intrinsic(prefer_literal=True)
 def load3(typingctx, array, i, what=None):
-    """Three vectors from elements i, i+1 …: every third from the first, the second, the third on, as the columns of rows of three."""
+    """Load three vectors from elements i, i+1 …: the columns of rows of three numbers."""
     result = vector_asked(array, what)
     if result is None or not isinstance(i, types.Integer):
         return None
@@ -132,7 +136,7 @@ def load3(typingctx, array, i, what=None):
         n = result.lanes
         pointer = as_vector(builder, place(context, builder, array, args[0], args[1], i, 3 * n), stored_type(context, array), 3 * n)
         loaded = builder.load(pointer, align=item_bytes(array))
-        columns = [shuffled(builder, loaded, loaded, list(range(k, 3 * n, 3))) for k in range(3)]
+        columns = [shuffle(builder, loaded, loaded, list(range(k, 3 * n, 3))) for k in range(3)]
         parts = [from_memory(builder, column, array).to(result.kind, result.bits).raw for column in columns]
         return context.make_tuple(builder, sig.return_type, parts)
 
@@ -157,7 +161,7 @@ def _store(array: Any, index: types.Type, x: types.Type, aligned: bool, past: bo
 
 @intrinsic
 def store(typingctx, array, i, x):
-    """Write the lanes of x to elements i, i+1 …"""
+    """Store the lanes of x to elements i, i+1 …"""
     return _store(array, i, x, False)
 
 
@@ -169,7 +173,7 @@ def store_aligned(typingctx, array, i, x):
 
 @intrinsic
 def store_past(typingctx, array, i, x):
-    """`store_aligned` past the caches, which neither read what was there nor keep what is written."""
+    """`store_aligned` that bypasses the caches (a non-temporal store)."""
     return _store(array, i, x, True, past=True)
 
 
@@ -183,7 +187,7 @@ def suffix_of(element: Any, lanes: int) -> str:
 
 @intrinsic
 def masked_load(typingctx, array, i, mask):
-    """`load` of the lanes set in the mask; others are 0 and not read, so they may lie outside."""
+    """`load` of the lanes set in the mask; other lanes are 0 and not read, so they may lie outside of the array."""
     shape = element_shape(array)
     if shape is None or not is_mask(mask):
         return None
@@ -201,7 +205,7 @@ def masked_load(typingctx, array, i, mask):
 
 @intrinsic
 def masked_store(typingctx, array, i, x, mask):
-    """`store` of the lanes set in the mask; other elements keep their values."""
+    """`store` of the lanes set in the mask; other elements stay unchanged."""
     if element_shape(array) is None or not is_mask(mask) or not isinstance(x, Vector) or x.lanes != mask.lanes:
         return None
 
@@ -229,7 +233,7 @@ def is_mask(kind: types.Type) -> bool:
 
 @intrinsic
 def read(typingctx, array, i):
-    """Element i as a number."""
+    """Load element i as a scalar."""
     if element_shape(array) is None or not isinstance(i, types.Integer):
         return None
 
@@ -242,7 +246,7 @@ def read(typingctx, array, i):
 
 @intrinsic
 def write(typingctx, array, i, number):
-    """Write one number to element i."""
+    """Store a scalar to element i."""
     if element_shape(array) is None or not isinstance(i, types.Integer) or shape_of(types.unliteral(number)) is None:
         return None
     number = types.unliteral(number)
@@ -256,22 +260,22 @@ def write(typingctx, array, i, number):
     return signature(types.void, array, i, number), generate
 
 
-# --- memory of a kernel's own --------------------------------------------------------------------------------------------
+# --- stack memory --------------------------------------------------------------------------------------------------------
 
 
 def entry_alloca(builder: Any, element: Any, count: int) -> Any:
-    """Room on the stack, not filled, taken once a call however often the code runs."""
+    """Allocate uninitialized stack memory in the entry block: once a call, also in a loop."""
     with builder.goto_entry_block():
-        room = builder.alloca(ir.ArrayType(element, count))
-        room.align = CACHE_LINE
-    return builder.bitcast(room, element.as_pointer())
+        memory = builder.alloca(ir.ArrayType(element, count))
+        memory.align = CACHE_LINE
+    return builder.bitcast(memory, element.as_pointer())
 
 
 @intrinsic(prefer_literal=True)
 def stack_array(typingctx, dtype, count):
-    """An array of `count` (constant) numbers on the stack, 64-byte aligned and not filled, gone when the function returns.
+    """Allocate an uninitialized array of `count` (constant) numbers on the stack, 64-byte aligned, freed when the function returns.
 
-    A helper, of which nothing is left in who calls it, may return one that it has not written to.
+    An inlined helper may return one that it has not written to.
     """
     if not isinstance(dtype, types.NumberClass) or not isinstance(count, types.IntegerLiteral):
         return None
@@ -280,9 +284,9 @@ def stack_array(typingctx, dtype, count):
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
         made = make_array(array)(context, builder)
         size = context.get_constant(types.intp, item_bytes(array))
-        room = entry_alloca(builder, context.get_data_type(array.dtype), n)
+        memory = entry_alloca(builder, context.get_data_type(array.dtype), n)
         shape = cgutils.pack_array(builder, [context.get_constant(types.intp, n)])
-        populate_array(made, room, shape, cgutils.pack_array(builder, [size]), size, None)
+        populate_array(made, memory, shape, cgutils.pack_array(builder, [size]), size, None)
         return made._getvalue()
 
     return signature(array, dtype, count), generate
@@ -290,7 +294,7 @@ def stack_array(typingctx, dtype, count):
 
 @intrinsic
 def prefetch(typingctx, array, i):
-    """Ask for the cache line of element i, which will be read soon; any i is safe."""
+    """Prefetch the cache line of element i; any i is safe."""
     if not isinstance(array, types.Array) or not isinstance(i, types.Integer):
         return None
 

@@ -1,4 +1,4 @@
-"""Python's operators, and abs, min and max, on vectors in kernels."""
+"""Python's operators, abs, min and max on vectors in kernels."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from numba.core.typing.templates import AbstractTemplate, Signature, infer_globa
 from numba.extending import lower_builtin
 
 from .llvm_expr import maximum, minimum
-from .vector_type import Vector, meet, promoted, value
+from .vector_type import Vector, common_type, promote, value
 
 Emit = Callable[..., Any]  # of Values, a Value
 Typing = Callable[..., Signature | None]
 
 
 def define(function: Any, typing: Typing, emit: Emit) -> None:
-    """Teach Numba a Python function for vectors: `typing(context, *kinds)` gives the signature or None, `emit` the code.
+    """Implement a Python function for vectors: `typing(context, *kinds)` returns the signature or None, `emit` the code.
 
-    Numba converts the arguments to the signature's types. What `function` means for other types stays.
+    Numba converts the arguments to the signature's types. Implementations of `function` for other types stay.
     """
 
     class Key:
-        """Names this implementation: sharing the function's own name would shadow Numba's for other types."""
+        """Key of this implementation: the function itself as key would shadow Numba's implementations for other types."""
 
     class Template(AbstractTemplate):
         key = function
@@ -45,12 +45,12 @@ def define(function: Any, typing: Typing, emit: Emit) -> None:
 
 
 def _arithmetic(context: Any, a: types.Type, b: types.Type) -> Signature | None:
-    kind = promoted(a, b)
+    kind = promote(a, b)
     return signature(kind, kind, kind) if kind and kind.kind != "m" else None
 
 
 def _division(context: Any, a: types.Type, b: types.Type) -> Signature | None:
-    kind = promoted(a, b)
+    kind = promote(a, b)
     if kind is None or kind.kind == "m":
         return None
     kind = Vector("f", kind.bits, kind.lanes)
@@ -58,17 +58,17 @@ def _division(context: Any, a: types.Type, b: types.Type) -> Signature | None:
 
 
 def _logic(context: Any, a: types.Type, b: types.Type) -> Signature | None:
-    kind = promoted(a, b)
+    kind = promote(a, b)
     return signature(kind, kind, kind) if kind and kind.kind != "f" else None
 
 
 def _shift(context: Any, a: types.Type, b: types.Type) -> Signature | None:
-    kind = promoted(a, b)
+    kind = promote(a, b)
     return signature(kind, kind, kind) if kind and kind.kind in "iu" else None
 
 
 def _comparison(context: Any, a: types.Type, b: types.Type) -> Signature | None:
-    kind = promoted(a, b)
+    kind = promote(a, b)
     return signature(Vector("m", kind.bits, kind.lanes), kind, kind) if kind else None
 
 
@@ -80,7 +80,7 @@ def _same(*kinds: str) -> Typing:
 
 
 def _several(context: Any, *kinds: types.Type) -> Signature | None:
-    kind = meet(context, *kinds) if len(kinds) > 1 else None
+    kind = common_type(context, *kinds) if len(kinds) > 1 else None
     return signature(kind, *[kind] * len(kinds)) if kind and kind.kind != "m" else None
 
 

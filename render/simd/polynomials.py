@@ -1,4 +1,4 @@
-"""What the elementary functions are made of: polynomials, exact sums and products, rare cases by the C library, shared code."""
+"""Building blocks of elementary functions: polynomials, exact sums and products, C library fallback, shared functions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .llvm_expr import I32, Value, call, fma, ir_type
 
 
 def polynomial(x: Value, coefficients: Sequence[float]) -> Value:
-    """Horner's scheme, the highest power's coefficient first."""
+    """Evaluate a polynomial by Horner's scheme; the coefficient of the highest power comes first."""
     result = x.constant(coefficients[0])
     for c in coefficients[1:]:
         result = fma(result, x, x.constant(c))
@@ -21,7 +21,7 @@ def polynomial(x: Value, coefficients: Sequence[float]) -> Value:
 
 
 def monic(x: Value, coefficients: Sequence[float]) -> Value:
-    """A polynomial whose highest power, not listed, has coefficient 1."""
+    """Evaluate a monic polynomial; the leading coefficient 1 is not listed."""
     result = x + coefficients[0]
     for c in coefficients[1:]:
         result = fma(result, x, x.constant(c))
@@ -29,7 +29,7 @@ def monic(x: Value, coefficients: Sequence[float]) -> Value:
 
 
 def two_sum(a: Value, b: Value) -> tuple[Value, Value]:
-    """a + b and what rounding lost, exactly (Knuth, The Art of Computer Programming 2, 4.2.2)."""
+    """a + b and its exact rounding error (Knuth, The Art of Computer Programming 2, 4.2.2)."""
     s = a + b
     c = s - a
     return s, (a - (s - c)) + (b - c)
@@ -42,7 +42,7 @@ def fast_two_sum(a: Value, b: Value) -> tuple[Value, Value]:
 
 
 def two_product(a: Value, b: Value) -> tuple[Value, Value]:
-    """a · b and what rounding lost, exactly; without a fused multiply-add by halves of the mantissas (Dekker 1971)."""
+    """a · b and its exact rounding error; without a fused multiply-add by halves of the mantissas (Dekker 1971)."""
     p = a * b
     if target.FMA:
         return p, fma(a, b, -p)
@@ -58,31 +58,31 @@ def _halves(x: Value) -> tuple[Value, Value]:
 
 
 def power_of_two(exponent: Value) -> Value:
-    """2 to an integer's power, by its bits; for normal numbers' exponents."""
+    """2 to an integer power, from the exponent bits; for exponents of normal numbers."""
     mantissa, bias = (23, 127) if exponent.bits == 32 else (52, 1023)
     return ((exponent + bias) << mantissa).bitcast("f")
 
 
-_SHIFT = 6755399441055744.0  # 1.5 · 2⁵²: added to a float64 whole number, it stands in the last bits
+_SHIFT = 6755399441055744.0  # 1.5 · 2⁵²: adding it moves a float64 integer into the last bits
 _SHIFT_BITS = 0x4338000000000000
 
 
 def whole(x: Value) -> Value:
-    """A whole number in floats, below 2³¹ (float32) or 2⁵¹, as ints: only AVX-512 has an instruction for int64."""
+    """Convert integral floats below 2³¹ (float32) or 2⁵¹ to ints; only AVX-512 has an instruction for int64."""
     if x.bits == 32 or target.AVX512:
         return x.to("i", x.bits)
     return (x + _SHIFT).bitcast("i") - _SHIFT_BITS
 
 
 def number(x: Value) -> Value:
-    """The other way."""
+    """Convert ints below 2³¹ or 2⁵¹ to floats: the inverse of `whole`."""
     if x.bits == 32 or target.AVX512:
         return x.to("f", x.bits)
     return (x + _SHIFT_BITS).bitcast("f") - _SHIFT
 
 
 def shared(name: str, body: Callable[..., Value], *arguments: Value) -> Value:
-    """Call `body` as a function that stands once in a program, however often it is used; LLVM inlines the small ones."""
+    """Call `body` as a function emitted once in a module; LLVM inlines small ones."""
     first = arguments[0]
     whole = f"maquette.{name}.{first.kind}{first.bits}x{first.lanes}"
     module = first.builder.module
@@ -96,7 +96,7 @@ def shared(name: str, body: Callable[..., Value], *arguments: Value) -> Value:
 
 
 def by_library(name: str, x: Value, result: Value, rare: Value) -> Value:
-    """`result`, but in lanes where `rare` is set what the C library's function gives in float64."""
+    """Replace `result` in the lanes of `rare` by the C library's function, evaluated in float64."""
     b = x.builder
     is_rare = mask_bits(rare) != 0
     before = b.block

@@ -1,8 +1,7 @@
-"""The machine kernels are compiled for: its instruction set, how many lanes a vector has, and Numba told so.
+"""The target machine of kernels: instruction set, lanes of a vector, and Numba's target settings.
 
-MAQUETTE_SIMD=avx512|avx2|sse|scalar asks for less than the machine has, so that every width can be tested on one computer. "sse"
-stands for any 16-byte vectors (NEON too), "scalar" for code without any. Import this before anything is compiled: Numba reads its
-target once.
+MAQUETTE_SIMD=avx512|avx2|sse|scalar selects a smaller instruction set than the machine's, to test every width on one computer. "sse" means
+any 16-byte vectors (also NEON), "scalar" no vectors. Import this module before anything compiles: Numba reads its target once.
 """
 
 from __future__ import annotations
@@ -17,13 +16,13 @@ BYTES = {"avx512": 64, "avx2": 32, "sse": 16, "scalar": 4}
 """Bytes of a vector in each instruction set."""
 
 _AVX512 = ("avx512f", "avx512vl", "avx512bw", "avx512dq")
-# What comes with each set; LLVM takes what builds upon a feature away with it.
+# Features to remove with each set; LLVM also removes the features that depend on them.
 _FIRST_IN_AVX512 = ("avx512", "avx10", "evex512", "amx")
 _FIRST_IN_AVX2 = ("avx", "fma", "f16c", "xop", "vaes", "vpclmulqdq", "sha512", "sm3", "sm4")
 
 
 def _host() -> dict[str, bool]:
-    """Features of the processor, less what the user's own Numba settings take away."""
+    """Features of the processor, without those that the user's Numba settings disable."""
     if config.CPU_FEATURES is not None:  # pyright: ignore[reportAttributeAccessIssue]
         flags = config.CPU_FEATURES.split(",")  # pyright: ignore[reportAttributeAccessIssue]
         return {flag[1:]: flag[0] == "+" for flag in flags if flag}
@@ -44,8 +43,8 @@ def _best(features: dict[str, bool]) -> str:
     return "sse"
 
 
-def _limited(features: dict[str, bool], isa: str) -> dict[str, bool]:
-    """The features left when nothing beyond `isa` may be used."""
+def _restrict(features: dict[str, bool], isa: str) -> dict[str, bool]:
+    """Features of the machine that belong to `isa`."""
     gone: tuple[str, ...] = ()
     if isa == "avx2":
         gone = _FIRST_IN_AVX512
@@ -55,9 +54,9 @@ def _limited(features: dict[str, bool], isa: str) -> dict[str, bool]:
 
 
 def _choose() -> tuple[str, dict[str, bool]]:
-    """The instruction set and the features it is compiled with.
+    """Return the instruction set and the enabled features.
 
-    Raises ValueError for an unknown name, RuntimeError for more than the machine has or when Numba compiled before.
+    Raises ValueError for an unknown name; RuntimeError if the machine lacks the set or Numba has compiled before.
     """
     features = _host()
     best = _best(features)
@@ -68,8 +67,8 @@ def _choose() -> tuple[str, dict[str, bool]]:
         raise RuntimeError(f"MAQUETTE_SIMD={asked} is more than this machine has ({best})")
     if asked == best:
         return asked, features
-    limited = _limited(features, asked)
-    if "_toplevel_target_context" in vars(cpu_target):  # a cached property: there once something was compiled
+    limited = _restrict(features, asked)
+    if "_toplevel_target_context" in vars(cpu_target):  # a cached property, set by the first compilation
         raise RuntimeError(f"MAQUETTE_SIMD={asked} comes too late: Numba has compiled in this process before maquette.render was imported")
     config.CPU_FEATURES = ",".join(f"{'+' if on else '-'}{name}" for name, on in sorted(limited.items()))  # pyright: ignore[reportAttributeAccessIssue]
     return asked, limited
@@ -79,9 +78,9 @@ ISA, FEATURES = _choose()
 X86 = llvm.get_process_triple().startswith(("x86_64", "i386", "i686"))
 AVX512, AVX2 = ISA == "avx512", ISA == "avx2"
 FMA = bool(FEATURES.get("fma")) or ("neon" in FEATURES and not X86)
-"""Whether a multiply-add that rounds once is one instruction; elsewhere it would be a library call."""
+"""Whether fused multiply-add is one instruction; elsewhere it would be a library call."""
 CHECKED = os.environ.get("MAQUETTE_CHECKED") == "1"
-"""Whether kernels check the places they read and write; see simd/guard.py."""
+"""Whether kernels check the places they access; see bounds_check.py."""
 config.BOUNDSCHECK = CHECKED or config.BOUNDSCHECK  # pyright: ignore[reportAttributeAccessIssue]
 WIDTH = BYTES[ISA] // 4
 """Lanes of four bytes in a vector: 16, 8, 4 or 1."""
@@ -90,11 +89,11 @@ WIDTH64 = max(1, BYTES[ISA] // 8)
 
 
 def fingerprint() -> str:
-    """Tells two machines apart whose compiled code differs."""
+    """Text that differs between machines whose compiled code differs."""
     name = config.CPU_NAME or llvm.get_host_cpu_name()  # pyright: ignore[reportAttributeAccessIssue]
     return " ".join(("checked " * CHECKED + ISA, name, *sorted(feature for feature, on in FEATURES.items() if on)))
 
 
 def cores() -> int:
-    """Processors this process may run on."""
+    """Count the processors that this process may run on."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

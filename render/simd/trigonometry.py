@@ -1,8 +1,8 @@
-"""Sine, cosine, tangent and their inverses, from polynomials, in float32 and float64.
+"""Sine, cosine, tangent and their inverses from polynomials, in float32 and float64.
 
-Angles are brought to ±π/4 by Cody and Waite's subtraction of π/2 in parts (Software Manual for the Elementary Functions, 1980);
-beyond the range where that is exact the C library is asked, lane by lane. The polynomials are Cephes' (Moshier 1989), in float64
-sine and cosine are fdlibm's (Sun Microsystems 1993). Largest errors met in tests, in units of the last place: see docs/simd.md.
+Cody and Waite's subtraction of π/2 in parts reduces angles to ±π/4 (Software Manual for the Elementary Functions, 1980). Beyond the range
+where that is exact the C library evaluates lane by lane. The polynomials are Cephes' (Moshier 1989); in float64, sine and cosine are
+fdlibm's (Sun Microsystems 1993). docs/simd.md lists the largest measured errors in units of the last place.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from . import target
 from .llvm_expr import Value, fma, maximum, minimum, select
 from .polynomials import fast_two_sum, monic, polynomial, two_product, two_sum, whole
 
-PI_LOW = 1.2246467991473532e-16  # what math.pi lacks to π
+PI_LOW = 1.2246467991473532e-16  # π − math.pi
 FARTHEST = {32: 1.0e5, 64: 1.6e6}
-"""Angles beyond are rare, and the library's."""
+"""Largest angles of the polynomials; the C library evaluates larger ones, which are rare."""
 
-# π/2 in parts. Three of 33 bits, whose products with whole numbers below 2²⁰ are exact (fdlibm, e_rem_pio2.c), and the rest:
+# π/2 in parts. Three of 33 bits, whose products with integers below 2²⁰ are exact (fdlibm, e_rem_pio2.c), and the rest:
 _PARTS_64 = (1.57079632673412561417e0, 6.07710050630396597660e-11, 2.02226624871116645580e-21, 8.4784276603689e-32)
 # Three float32 numbers, for fused multiply-adds:
 _PARTS_32 = (1.57079637050628662109375, -4.371138828673793e-08, -1.7151245100058819e-15)
@@ -86,12 +86,12 @@ def cos_of_small(r: Value, rest: Value) -> Value:
 
 
 def _signed(x: Value, flip: Value) -> Value:
-    """x, negated where the whole number `flip` is not 0."""
+    """x, negated where the integer `flip` is not 0."""
     return select(flip != 0, -x, x)
 
 
 def is_far(x: Value) -> Value:
-    """Angles for the library; infinite ones too, but not NaN."""
+    """Mask of angles that the C library evaluates: large and infinite ones, not NaN."""
     return abs(x) > FARTHEST[x.bits]
 
 
@@ -154,9 +154,9 @@ def acos(x: Value) -> Value:
 
 
 _HALF_PI = {32: (1.57079637050628662109375, -4.37113900018624283e-8), 64: (math.pi / 2, PI_LOW / 2)}
-"""π/2 as a number of each width, and what it lacks."""
+"""π/2 rounded to each width, and the remainder."""
 
-# Shibata's of SLEEF (2010–), for 0 … 1:
+# Polynomial of SLEEF (Shibata, 2010–) for 0 … 1:
 _ATAN_32 = (
     0.00282363896258175373077393, -0.0159569028764963150024414, 0.0425049886107444763183594, -0.0748900920152664184570312,
     0.106347933411598205566406, -0.142027363181114196777344, 0.199926957488059997558594, -0.333331018686294555664062,
@@ -177,7 +177,7 @@ def _atan_fraction(above: Value, below: Value) -> Value:
         t = above / below
         z = t * t
         return fma(polynomial(z, _ATAN_32) * z, t, t)
-    large = below > 1e300  # the sum would be infinite
+    large = below > 1e300  # the sum would overflow
     above, below = select(large, above * 0.25, above), select(large, below * 0.25, below)
     steep = above > below * 0.66
     t = select(steep, above - below, above) / select(steep, above + below, below)
@@ -189,7 +189,7 @@ def _atan_fraction(above: Value, below: Value) -> Value:
 
 
 def atan2(y: Value, x: Value) -> Value:
-    """The angle of (x, y), with numpy's answers for zeros and infinities."""
+    """Angle of (x, y), with numpy's special cases for zeros and infinities."""
     ax, ay = abs(x), abs(y)
     infinite = (ax == math.inf) & (ay == math.inf)
     above, below = select(infinite, x.constant(1.0), minimum(ax, ay)), select(infinite, x.constant(1.0), maximum(ax, ay))

@@ -1,8 +1,8 @@
-"""`array[index_vector]`, `array[i, 0, j]` with any index a vector: gathers, in kernels.
+"""Indexing of arrays by vectors in kernels: `array[index_vector]` and `array[i, 0, j]` are gathers.
 
-The lanes' width is the index's: by 4-byte indices float64 and float32 arrays give f32 lanes, by 8-byte ones f64; integers likewise.
-So lane code stays in one width without a conversion in sight. Nothing is checked, and negative indices do not wrap around; with 4-byte
-indices an array must have fewer than 2³¹ elements. All lanes are read: bring those of no use to a row that exists.
+The result has the lane width of the index: 4-byte indices load float32 and float64 arrays as f32 lanes, 8-byte indices as f64 lanes;
+integers likewise. So lane code keeps one width without conversions. Indices are unchecked, and negative ones do not wrap around. With
+4-byte indices an array must have fewer than 2³¹ elements. All lanes are read: clamp unused indices to an existing row.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from numba.extending import lower_builtin
 from numba.np.arrayobj import make_array
 
 from . import bounds_check
-from .gather_scatter import gathered
+from .gather_scatter import emit_gather
 from .llvm_expr import Value
 from .memory import element_shape
 from .vector_type import Vector, value
 
 
 class Gather:
-    """Names this implementation, so that Numba's own indexing stays what it is."""
+    """Key of this implementation, beside Numba's own indexing."""
 
 
 def _indices(array: types.Type, index: types.Type) -> tuple[types.Type, ...] | None:
-    """The index types, where all dimensions are indexed by integers, at least one of them a vector."""
+    """Types of the indices if all dimensions are indexed by integers, at least one of them a vector; else None."""
     kinds = tuple(index.types) if isinstance(index, types.BaseTuple) else (index,)  # pyright: ignore[reportAttributeAccessIssue]
     vectors = [k for k in kinds if isinstance(k, Vector)]
     if not vectors or element_shape(array) is None or len(kinds) != array.ndim:  # pyright: ignore[reportAttributeAccessIssue]
@@ -64,7 +64,7 @@ def _gather(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
     raw = cgutils.unpack_tuple(builder, args[1], len(kinds)) if isinstance(index, types.BaseTuple) else [args[1]]
     whole = make_array(array)(context, builder, value=args[0])
     sizes = cgutils.unpack_tuple(builder, whole.shape, array.ndim)
-    # Whole numbers of all lanes move the base; only what differs from lane to lane is computed in lanes.
+    # Scalar indices move the base address; only the vector indices are computed in lanes.
     base, lanes, step = ir.Constant(ir.IntType(64), 0), None, ir.Constant(ir.IntType(64), 1)
     for kind, one, size in reversed(list(zip(kinds, raw, sizes, strict=True))):
         if isinstance(kind, Vector):
@@ -76,5 +76,5 @@ def _gather(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
             base = builder.add(base, builder.mul(context.cast(builder, one, kind, types.int64), step))
         step = builder.mul(step, size)
     assert lanes is not None
-    found = gathered(context, builder, array, builder.gep(whole.data, [base]), lanes)
+    found = emit_gather(context, builder, array, builder.gep(whole.data, [base]), lanes)
     return found.to(result.kind, result.bits).raw

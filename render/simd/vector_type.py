@@ -1,4 +1,4 @@
-"""The Numba type of vector values, which scalars and vectors mix to what, and the conversions Numba then makes by itself."""
+"""The Numba type of SIMD vectors, its promotion rules and implicit conversions, and how intrinsics lower to Values."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 import numba.extending
 from numba.core import types
 from numba.core.typeconv.castgraph import Conversion
+from numba.core.typing.templates import Signature, signature
 from numba.extending import lower_cast, models, register_model
 
 from .llvm_expr import Value, ir_type
@@ -19,9 +20,9 @@ _SCALARS = {
 
 
 class Vector(types.Type):
-    """`lanes` values of a kind: "f" float, "i" int, "u" unsigned, "m" mask, with lanes of 32 or 64 bits; its name is like f32x16.
+    """`lanes` values of 32 or 64 bits of a kind: "f" float, "i" int, "u" unsigned, "m" mask; its name is like f32x16.
 
-    A mask knows the bits of the lanes it was made from, so that choosing between two numbers by it gives that width again.
+    A mask records the lane width of the compared vectors, so that `select` of two scalars by it has that width.
     """
 
     def __init__(self, kind: str, bits: int, lanes: int) -> None:
@@ -34,8 +35,8 @@ class Vector(types.Type):
         return _SCALARS[self.kind, self.bits]
 
     def can_convert_from(self, typingctx: Any, other: types.Type) -> Conversion | None:
-        """A variable that is a number on one path and a vector on another is a vector."""
-        if isinstance(other, types.Number | types.Boolean | Vector) and other != self and promoted(self, other) == self:
+        """Unify a variable that is a scalar on one path and a vector on another to the vector type."""
+        if isinstance(other, types.Number | types.Boolean | Vector) and other != self and promote(self, other) == self:
             return Conversion.safe
         return None
 
@@ -47,7 +48,7 @@ class _Model(models.PrimitiveModel):
 
 
 def shape_of(kind: Any) -> tuple[str, int, int] | None:
-    """(kind, bits, lanes) of a vector, or of a number or truth value with 0 lanes; None for other types and small integers."""
+    """(kind, bits, lanes) of a vector, or with 0 lanes of a number or boolean; None for other types."""
     if isinstance(kind, Vector):
         return kind.kind, kind.bits, kind.lanes
     if isinstance(kind, types.Boolean):
@@ -60,15 +61,15 @@ def shape_of(kind: Any) -> tuple[str, int, int] | None:
 
 
 def type_for(kind: str, bits: int, lanes: int) -> Any:
-    """The Numba type of a shape: a Vector, or a scalar for 0 lanes."""
+    """Numba type of a shape: a Vector, or a scalar for 0 lanes."""
     return Vector(kind, bits, lanes) if lanes else _SCALARS[kind, bits]
 
 
-def promoted(a: types.Type, b: types.Type) -> Vector | None:
-    """The type in which two operands meet, at least one a vector; None where they don't.
+def promote(a: types.Type, b: types.Type) -> Vector | None:
+    """Promote two operands, at least one a vector, to a common type; None if there is none.
 
-    A Python number takes the vector's width: f32x16 · 0.5 is f32x16, and i32x16 + 1 is i32x16. Ints meet floats as floats of the
-    same width. Vectors of two widths never meet by themselves: say which is meant (to_f32, to_f64 …).
+    A scalar takes the vector's width: f32x16 · 0.5 is f32x16, and i32x16 + 1 is i32x16. Ints and floats promote to floats of the same
+    width. Vectors of two widths have no common type: convert one explicitly (to_f32, to_f64 …).
     """
     if not isinstance(a, Vector):
         a, b = b, a
@@ -95,34 +96,55 @@ def promoted(a: types.Type, b: types.Type) -> Vector | None:
     return Vector("f" if "f" in (kind, a.kind) else kind, bits, lanes)
 
 
-def meet(typingctx: Any, *kinds: types.Type) -> Any:
-    """The type in which operands meet, be they vectors or only scalars; None where they don't."""
+def common_type(typingctx: Any, *kinds: types.Type) -> Any:
+    """Common type of operands, vectors or scalars; None if there is none."""
     whole = types.unliteral(kinds[0])
     for kind in kinds[1:]:
         kind = types.unliteral(kind)
         if whole is None:
             return None
         if isinstance(whole, Vector) or isinstance(kind, Vector):
-            whole = promoted(whole, kind)
+            whole = promote(whole, kind)
         else:
             whole = typingctx.unify_types(whole, kind)
     return whole
 
 
 def value(builder: Any, raw: Any, kind: types.Type) -> Value:
-    """A Value from what Numba hands a lowering."""
+    """Wrap a raw LLVM value of a Numba type as a Value."""
     shape = shape_of(kind)
     assert shape is not None, kind
     return Value(builder, raw, shape[0], shape[1])
 
 
 def intrinsic(definition: Callable[..., Any] | None = None, *, prefer_literal: bool = False) -> Any:
-    """Numba's decorator of functions that kernels call and that emit LLVM code, known to type checkers as a function of anything.
+    """Numba's @intrinsic, typed for type checkers as a decorator to Any.
 
-    `definition(typingctx, *kinds)` gives a signature and a code generator, or None for types it does not take.
+    `definition(typingctx, *kinds)` returns a signature and a code generator, or None for unsupported types.
     """
     decorate = numba.extending.intrinsic(prefer_literal=prefer_literal)
     return decorate(definition) if definition else decorate
+
+
+Lowering = tuple[Signature, Callable[..., Any]] | None
+
+
+def lower(sig: Signature, emit: Callable[..., Any]) -> Lowering:
+    """Build the result of an @intrinsic: a signature, and a code generator whose arguments and result are Values."""
+
+    def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
+        return emit(*(value(builder, a, t) for a, t in zip(args, sig.args, strict=True))).raw
+
+    return sig, generate
+
+
+def lower_uniform(kinds: str, emit: Callable[..., Any], context: Any, *args: types.Type) -> Lowering:
+    """Lower a function whose operands and result have the operands' common type; None unless that is of one of `kinds`."""
+    whole = common_type(context, *args)
+    shape = whole and shape_of(whole)
+    if not shape or shape[0] not in kinds or (shape[0] != "m" and shape[1] < 32):
+        return None
+    return lower(signature(whole, *[whole] * len(args)), emit)
 
 
 @lower_cast(Vector, Vector)

@@ -1,7 +1,8 @@
-"""Every command that the pages show is one: its name, options and values are known, its files are there or plainly the reader's own."""
+"""The pages: every command parses, every cited file and function exists, and pages with a limit keep it."""
 
 from __future__ import annotations
 
+import ast
 import re
 import shlex
 from pathlib import Path
@@ -15,6 +16,10 @@ PAGES = [*ROOT.glob("*.md"), *sorted((ROOT / "docs").glob("*.md")), ROOT / "exam
 FENCED = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
 IN_BLOCKS = re.compile(r"^(?:\.venv/bin/)?((?:maquette|make) .+)$", re.MULTILINE)
 IN_PROSE = re.compile(r"`((?:maquette|make) [^`\n]+)`")
+CITED = re.compile(r"`((?:bench|cli|compiler|docs|examples|lang|live|measure|render|stdlib|tests)/[\w./-]*)`")
+LINK = re.compile(r"\]\(([\w./-]+)(?:#[\w-]*)?\)")
+CALL = re.compile(r"\[`(\w+)`\]\(([\w./-]+\.py)\)")
+MAX_LINES = {"docs/architecture.md": 200, "CHANGELOG.md": 120}
 FILE = re.compile(r"[\w./*-]+\.(?:scene|usda|usdz|obj|stl|npz|png|exr|json)$")
 
 
@@ -59,3 +64,45 @@ def test_a_command_of_the_pages_is_one(page, line, tmp_path, monkeypatch):
     assert command is not None, f"{page}: {line}"
     if len(words) > 1:
         command.make_context(words[0], [word for word in words[1:] if word != "<"], parent=context)
+
+
+@pytest.mark.parametrize(
+    "page", [*PAGES, *sorted((ROOT / "docs" / "design").glob("*.md"))], ids=lambda page: page.relative_to(ROOT).as_posix()
+)
+def test_cited_files_exist(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    prose = FENCED.sub("", text)
+    missing = [path for path in CITED.findall(prose) if not (ROOT / path).exists()]
+    missing += [link for link in LINK.findall(prose) if not (page.parent / link).exists()]
+    assert missing == []
+
+
+def test_calls_of_the_architecture_page_exist() -> None:
+    """A function in a link is defined in the linked file."""
+    page = ROOT / "docs" / "architecture.md"
+    for name, link in CALL.findall(page.read_text(encoding="utf-8")):
+        tree = ast.parse((page.parent / link).read_text(encoding="utf-8"))
+        assert name in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}, f"{link} defines no {name}"
+
+
+def test_worked_examples_name_files_and_definitions_that_exist() -> None:
+    """Comments of the architecture page's examples: `# FILE, in NAME …`, or `# FILE, a new file`."""
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    found = re.findall(r"^# (\w+/[\w/]+\.py)(?:, (.*))?$", page, re.MULTILINE)
+    assert len(found) >= 15
+    for file, rest in found:
+        path = ROOT / file
+        assert path.exists() != (rest == "a new file"), file
+        for name in re.findall(r"^in (\w+)", rest):
+            assert re.search(rf"\b{name}\b", path.read_text(encoding="utf-8")), f"{file} has no {name}"
+
+
+def test_design_pages_are_listed() -> None:
+    folder = ROOT / "docs" / "design"
+    listed = set(LINK.findall((folder / "README.md").read_text(encoding="utf-8")))
+    assert {path.name for path in folder.glob("*.md")} - {"README.md"} <= listed
+
+
+@pytest.mark.parametrize(("page", "most"), MAX_LINES.items())
+def test_a_page_is_short(page: str, most: int) -> None:
+    assert len((ROOT / page).read_text(encoding="utf-8").splitlines()) <= most

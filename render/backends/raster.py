@@ -46,7 +46,7 @@ class Renderer(Unshared):
         self.prepared, self.plan, self.view = prepared, plan, view
         self.how = coverage.NAMES[plan["raster.fill"]]
         self.reach = math.ceil(sobol.FILTER_RADIUS[plan["filter"]] * coverage.ONE)
-        self.whole = band_renderer.Bands(prepared, plan, view) if band_renderer.can_draw(plan) else None
+        self.whole = band_renderer.BandRenderer(prepared, plan, view) if band_renderer.can_draw(plan) else None
         nothing = Tile(0, 0, 0, 0)
         if self.whole is None:
             self._add(nothing, 0, 1, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
@@ -110,14 +110,14 @@ class Renderer(Unshared):
 
     def _seen(self, tile: Tile, first: int, count: int, total: int) -> Handle:
         """A handle of visibility.Scratch with samples first … first + count - 1 of a tile and what they see."""
-        room = scalar_raster.room_for(self.prepared.tables)
+        room = scalar_raster.workspace_for(self.prepared.tables)
         scratch = Handle(scalar_raster.scratch_for(tile, count, self.reach if total > 1 else 0, room))
         place_samples(tile, self.prepared.frame, first, total, scratch)
         self._buffer.draw(tile, scratch)
         made = self.prepared.triangles
         here = (made.boxes[:, 0] < tile.x1) & (made.boxes[:, 2] > tile.x0) & (made.boxes[:, 1] < tile.y1) & (made.boxes[:, 3] > tile.y0)
         if here.any():
-            draw_exact(self._buffer.model, made.exact[here], self.prepared.packed, self._accel, self.view, scratch)
+            draw_untessellated(self._buffer.model, made.untessellated[here], self.prepared.packed, self._accel, self.view, scratch)
         return scratch
 
 
@@ -140,9 +140,9 @@ class _Buffer:
         """Draw what lies in a tile into its scratch."""
         box = self.box
         here = (box[:, 0] < tile.x1) & (box[:, 2] > tile.x0) & (box[:, 1] < tile.y1) & (box[:, 3] > tile.y0)
-        scalar_raster.draw(self.model, self.clusters, np.flatnonzero(here & ~self.whole), tile, self.how, scratch)
+        scalar_raster.draw_triangles(self.model, self.clusters, np.flatnonzero(here & ~self.whole), tile, self.how, scratch)
         if self.whole.any():
-            scalar_raster.draw_whole(self.model, self.clusters, np.flatnonzero(here & self.whole), self.packed, self.flat, tile, scratch)
+            scalar_raster.draw_polygons(self.model, self.clusters, np.flatnonzero(here & self.whole), self.packed, self.flat, tile, scratch)
 
 
 def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
@@ -185,39 +185,40 @@ def place_samples(tile, frame, first, total, scratch):
 
 
 @kernel
-def draw_exact(made, exact, tables, accel, view, scratch):
+def draw_untessellated(model, untessellated, tables, accel, view, scratch):
     """Draw shapes that have no triangles into the z-buffer: at every sample where its ray meets one of them."""
-    samples, seen = scratch.samples, scratch.seen
-    count = len(seen.key)
+    samples, buffer = scratch.samples, scratch.depth
+    count = len(buffer.key)
     for start in range(0, count, crosslane.WIDTH):
         k = ops.minimum(crosslane.lane_indices(start), count - 1)
         ray = camera.ray(tables, view, ops.to_float(samples.x[k]) / coverage.ONE, ops.to_float(samples.y[k]) / coverage.ONE)
-        for instance in exact:
-            met = sample_hits.meet(accel, instance, ray, ops.bool_like(ray.t_max, True))
-            depth = met.t * sample_hits.along_axis(tables, view, ray)
+        for instance in untessellated:
+            met = sample_hits.intersect(accel, instance, ray, ops.bool_like(ray.t_max, True))
+            depth = met.t * sample_hits.axis_cosine(tables, view, ray)
             for j in range(min(count - start, crosslane.WIDTH)):
                 if crosslane.lane(met.instance, j) < 0:
                     continue
-                key = 1.0 / crosslane.lane(depth, j) if made.perspective else -crosslane.lane(depth, j)
-                if key > seen.key[start + j] or (key == seen.key[start + j] and instance < seen.instance[start + j]):
-                    seen.key[start + j], seen.instance[start + j], seen.triangle[start + j] = key, instance, -1
+                key = 1.0 / crosslane.lane(depth, j) if model.perspective else -crosslane.lane(depth, j)
+                if key > buffer.key[start + j] or (key == buffer.key[start + j] and instance < buffer.instance[start + j]):
+                    buffer.key[start + j], buffer.instance[start + j], buffer.triangle[start + j] = key, instance, -1
 
 
 @helper
-def _at(made: Any, tables: Any, accel: Any, view: View, scratch: Any, k: Lane) -> tuple[Ray, Hit]:
+def _at(model: Any, tables: Any, accel: Any, view: View, scratch: Any, k: Lane) -> tuple[Ray, Hit]:
     """The rays of samples k and what they hit."""
-    samples, seen = scratch.samples, scratch.seen
+    samples, buffer = scratch.samples, scratch.depth
     x, y = ops.to_float(samples.x[k]), ops.to_float(samples.y[k])
     ray = camera.ray(tables, view, x / coverage.ONE, y / coverage.ONE)
-    return ray, sample_hits.hits_of(made, tables, accel, view, ray, x, y, ops.to_int(seen.instance[k]), ops.to_int(seen.triangle[k]))
+    instance, triangle = ops.to_int(buffer.instance[k]), ops.to_int(buffer.triangle[k])
+    return ray, sample_hits.find_hits(model, tables, accel, view, ray, x, y, instance, triangle)
 
 
 @kernel
-def resolve(made, tables, accel, frame, scratch, hit):
+def resolve(model, tables, accel, frame, scratch, hit):
     """Write what every sample of a tile hits, in lanes."""
-    count = len(scratch.seen.key)
+    count = len(scratch.depth.key)
     for start in range(0, count, crosslane.WIDTH):
-        _, found = _at(made, tables, accel, frame.picture, scratch, ops.minimum(crosslane.lane_indices(start), count - 1))
+        _, found = _at(model, tables, accel, frame.picture, scratch, ops.minimum(crosslane.lane_indices(start), count - 1))
         for j in range(min(count - start, crosslane.WIDTH)):
             hit.t[start + j], hit.u[start + j], hit.v[start + j] = (
                 crosslane.lane(found.t, j),
@@ -228,13 +229,13 @@ def resolve(made, tables, accel, frame, scratch, hit):
 
 
 @kernel
-def shade(made, tables, accel, gouraud, frame, tile, first, scratch, stack, film):
+def shade(model, tables, accel, gouraud, frame, tile, first, scratch, stack, film):
     """Add the light of all samples of a tile to its film."""
     samples = scratch.samples
-    count = len(scratch.seen.key)
+    count = len(scratch.depth.key)
     for start in range(0, count, crosslane.WIDTH):
         k = ops.minimum(crosslane.lane_indices(start), count - 1)
-        ray, hit = _at(made, tables, accel, frame.picture, scratch, k)
+        ray, hit = _at(model, tables, accel, frame.picture, scratch, k)
         at = k // samples.count
         x, y = tile.x0 + at % samples.columns, tile.y0 + at // samples.columns
         pixel, index = sobol.zorder_index(x, y, first + k % samples.count, frame.picture.width, frame.order)

@@ -93,7 +93,7 @@ class Whole(Protocol):
 
     rgba: NDArray[np.float32]
 
-    apart: NDArray[np.float32] | None
+    half_difference: NDArray[np.float32] | None
     """(h, w, 3) by how much what is in `rgba` may be off, as halves of the samples tell; None where they tell nothing."""
 
     @property
@@ -103,7 +103,7 @@ class Whole(Protocol):
 
     @property
     def error(self) -> float | None:
-        """√relMSE as `apart` tells it."""
+        """√relMSE as `half_difference` tells it."""
         ...
 
     def draw(self, job: int) -> int:
@@ -178,7 +178,7 @@ def _in_pieces(
     about: dict[str, Any] = {
         "size": (view.width, view.height), "crop": crop, "samples": samples, "samples_mean": float(samples),
         "error": whole.error if done == total else None, "partial": done < total,
-        "variance": None if whole.apart is None else np.square(whole.apart),
+        "variance": None if whole.half_difference is None else np.square(whole.half_difference),
         "rays": samples * (x1 - x0) * (y1 - y0), "issues": issues, "threads": threads,
     }  # fmt: skip
     return image.Image(x1 - x0, y1 - y0, channels, about)

@@ -16,11 +16,11 @@ from ..jit.packed_struct import Handle
 from ..types import Tile, View
 from . import coverage, scalar_raster, view_geometry
 from .band_buffer import Pattern
-from .meshlet_culling import Drawn
+from .meshlet_culling import VisibleMeshlets
 from .meshlets import SHIFT, Meshlets
 
 
-class Fill:
+class AlternativeFill:
     """The triangles or polygons of a view, and where each stands among the meshlets."""
 
     def __init__(self, how: str, tables: ir.Tables, packed: Handle, view: View, model: Handle, ranges: NDArray, meshlets: Meshlets) -> None:
@@ -37,37 +37,37 @@ class Fill:
             rows = meshlets.corner[first : first + count, 3]
             self.slots[rows], self.meshlet[rows] = np.arange(count), m
 
-    def draw(self, band: Handle, pattern: Pattern, drawn: Drawn) -> None:
+    def draw(self, band: Handle, pattern: Pattern, drawn: VisibleMeshlets) -> None:
         """Fill a band's buffer."""
         into: Any = band.tables
-        x, y, columns, rows = (int(n) for n in into.place)
+        x, y, columns, rows = (int(n) for n in into.window)
         tile = Tile(x, y, x + columns, y + rows)
-        scratch = scalar_raster.scratch_for(tile, len(pattern.x), 128, scalar_raster.room_for(self.tables))
+        scratch = scalar_raster.scratch_for(tile, len(pattern.x), 128, scalar_raster.workspace_for(self.tables))
         line, column = np.mgrid[y : y + rows, x : x + columns] * coverage.ONE
         scratch.samples.x[:] = (column[..., None] + pattern.x).ravel()
         scratch.samples.y[:] = (line[..., None] + pattern.y).ravel()
         packed, box = Handle(scratch), self.box
         here = (box[:, 0] < tile.x1) & (box[:, 2] > tile.x0) & (box[:, 1] < tile.y1) & (box[:, 3] > tile.y0)
-        scalar_raster.draw(self.model, self.clusters, np.flatnonzero(here & ~self.whole), tile, self.how, packed)
+        scalar_raster.draw_triangles(self.model, self.clusters, np.flatnonzero(here & ~self.whole), tile, self.how, packed)
         if self.whole.any():
-            scalar_raster.draw_whole(self.model, self.clusters, np.flatnonzero(here & self.whole), self.packed, self.flat, tile, packed)
+            scalar_raster.draw_polygons(self.model, self.clusters, np.flatnonzero(here & self.whole), self.packed, self.flat, tile, packed)
         count = int(drawn.count[0])
         rank = drawn.instance[:count].astype(np.int64) << 32 | drawn.meshlet[:count]
-        take(packed, self.slots, self.meshlet, rank, len(pattern.x), band)
+        write_band(packed, self.slots, self.meshlet, rank, len(pattern.x), band)
 
 
 @kernel
-def take(scratch, slots, meshlet, rank, samples, band):
+def write_band(scratch, slots, meshlet, rank, samples, band):
     """Write what a scratch's samples see into a band's buffer. `rank` has, rising, each drawn meshlet's instance and number."""
-    seen = scratch.seen
-    columns = band.place[2]
-    for k in range(len(seen.key)):
+    depth_buffer = scratch.depth
+    columns = band.window[2]
+    for k in range(len(depth_buffer.key)):
         pixel, s = k // samples, k % samples
         x, y = pixel % columns, pixel // columns
         place = ((((y >> 2) * (columns >> 2) + (x >> 2)) * samples + s) << 4) + ((x & 3) << 2) + (y & 3)
-        band.key[place] = seen.key[k]
+        band.key[place] = depth_buffer.key[k]
         band.ids[place] = -1
-        if seen.instance[k] >= 0:
-            triangle = seen.triangle[k]
-            row = np.searchsorted(rank, (np.int64(seen.instance[k]) << 32) | meshlet[triangle])
+        if depth_buffer.instance[k] >= 0:
+            triangle = depth_buffer.triangle[k]
+            row = np.searchsorted(rank, (np.int64(depth_buffer.instance[k]) << 32) | meshlet[triangle])
             band.ids[place] = row << SHIFT | slots[triangle]

@@ -20,7 +20,7 @@ ROWS = 64  # of pixels in a band at the most; a power of two
 TILE = 64  # pixels of a tile's side, in which large triangles are filled
 QUEUE = 256  # places for small triangles that are set up, sixteen at a time, before they are filled
 LARGE = 4096  # large ones
-NOTHING = np.float32(-np.inf)
+NO_KEY = np.float32(-np.inf)
 
 
 class Projection(NamedTuple):
@@ -51,36 +51,36 @@ class Band(NamedTuple):
 
     key: NDArray[np.float32]  # (blocks · samples · 16,)
     ids: NDArray[np.int32]  # -1: nothing
-    local: NDArray[np.int32]  # (256 · 4,) a meshlet's vertices: x, y, key's bits, 0
-    whole: NDArray[np.int32]  # (13 · (QUEUE + 32),) of small triangles that wait, see fill_small
-    real: NDArray[np.float32]  # (6 · (QUEUE + 32),)
-    fours: NDArray[np.float32]  # 0, 4, 8 … pixels
+    vertices: NDArray[np.int32]  # (256 · 4,) a meshlet's vertices: x, y, key's bits, 0
+    small_ints: NDArray[np.int32]  # (13 · (QUEUE + 32),) of small triangles that wait, see fill_small
+    small_floats: NDArray[np.float32]  # (6 · (QUEUE + 32),)
+    offsets: NDArray[np.float32]  # 0, 4, 8 … pixels
     large: NDArray[np.int32]  # (LARGE + 32,) ids
-    waiting: NDArray[np.int32]  # bits: which of each sixteen places have a small triangle
+    small_mask: NDArray[np.int32]  # bits: which of each sixteen places have a small triangle
     tiny: NDArray[np.int32]  # (48,) sixteen samples of tiny triangles
-    hidden: NDArray[np.float32]  # (tiles,) keys below which nothing is seen in a tile
-    place: NDArray[np.int64]  # (4,) x0, y0, columns, rows: multiples of 4
+    tile_key: NDArray[np.float32]  # (tiles,) keys below which nothing is seen in a tile
+    window: NDArray[np.int64]  # (4,) x0, y0, columns, rows: multiples of 4
     clip: NDArray[np.int64]  # (4,) pixels x0 <= x < x1, y0 <= y < y1 whose samples are wanted
     rows: NDArray[np.int64]  # (2,) rows of the picture's pixels y0 <= y < y1 that are drawn here
-    room: scalar_raster.Room
+    work: scalar_raster.Workspace
 
 
 class Filling(NamedTuple):
     """What fills bands of one picture in one thread: a handle of each."""
 
-    shown: Handle  # Projection
+    projection: Handle  # Projection
     pattern: Handle
     meshlets: Handle
-    drawn: Handle
+    visible: Handle
     band: Handle
 
 
-def band_for(columns: int, rows: int, samples: int) -> Band:
+def band_buffer(columns: int, rows: int, samples: int) -> Band:
     """A buffer of so many pixels, whose numbers are rounded up to blocks."""
     columns, rows = (columns + 3) & ~3, (rows + 3) & ~3
     size = columns * rows * samples
     tiles = -(-columns // TILE) * -(-rows // TILE)
-    room = scalar_raster.Room(
+    work = scalar_raster.Workspace(
         np.empty((3, 5)), np.empty((16, 5)), np.empty((16, 5)), np.empty(16, np.int64), np.empty(16, np.int64),
         np.empty(16, np.int64), np.empty((1, 5)), np.empty((1, 3), np.int64), np.empty((1, 3), np.int64),
     )  # fmt: skip
@@ -88,7 +88,7 @@ def band_for(columns: int, rows: int, samples: int) -> Band:
         simd.aligned_empty(size, np.float32), simd.aligned_empty(size, np.int32), simd.aligned_empty(1024, np.int32),
         np.empty(13 * (QUEUE + 32), np.int32), np.empty(6 * (QUEUE + 32), np.float32), 4.0 * np.arange(32, dtype=np.float32),
         np.empty(LARGE + 32, np.int32), np.empty((QUEUE >> 4) + 2, np.int32), np.empty(48, np.int32), np.empty(tiles, np.float32),
-        np.array([0, 0, columns, rows]), np.zeros(4, np.int64), np.zeros(2, np.int64), room,
+        np.array([0, 0, columns, rows]), np.zeros(4, np.int64), np.zeros(2, np.int64), work,
     )  # fmt: skip
 
 
@@ -130,6 +130,6 @@ def in_block(lane):
     return lane >> 2, lane & 3
 
 
-def by_pixels(samples: NDArray[Any], rows: int, columns: int) -> NDArray[Any]:
+def to_rows(samples: NDArray[Any], rows: int, columns: int) -> NDArray[Any]:
     """A band's buffer of one sample a pixel as (rows, columns)."""
     return samples.reshape(rows // 4, columns // 4, 4, 4).transpose(0, 3, 1, 2).reshape(rows, columns)

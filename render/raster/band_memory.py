@@ -1,62 +1,103 @@
-"""Memory of one thread for a band, reused by later bands and pictures."""
+"""Buffers for bands and pictures, and the pool from which later pictures of a scene reuse them."""
 
 from __future__ import annotations
 
+import sys
 from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..integrator import whitted
 from ..jit.packed_struct import Handle
 from ..lanes import crosslane
-from . import band_buffer, deferred_shading, fragments, triangle_planes
+from ..simd import aligned_empty
+from . import band_buffer, deferred_shading, fragments, integrator_shading, triangle_planes
 from .passes import Pass
-from .raster_scene import RasterScene
-from .shading_points import points_for
+from .shading_points import point_buffer
+
+PICTURE_BYTES = 1 << 26  # the largest picture to reuse: beyond, filling memory takes as long as allocating it
+UNUSED = 2  # references to an array that only its owner and the test itself hold
 
 
-class Size(NamedTuple):
+class BufferPool:
+    """Free buffers by key, and the last pictures. Each method is atomic under Python's lock."""
+
+    def __init__(self) -> None:
+        self._free: dict[Any, list[Any]] = {}
+        self._pictures: list[NDArray[np.float32]] = []  # the last ones; callers may still hold them
+
+    def take(self, key: Any) -> Any:
+        """Remove and return a free buffer; None if there is none."""
+        try:
+            return self._free[key].pop()
+        except (KeyError, IndexError):
+            return None
+
+    def give(self, key: Any, buffer: Any) -> None:
+        """Add a free buffer."""
+        self._free.setdefault(key, []).append(buffer)
+
+    def picture(self, shape: tuple[int, int, int]) -> NDArray[np.float32]:
+        """An uninitialized picture: an earlier one that nobody references, or a new one."""
+        for made in self._pictures:
+            if made.shape == shape and sys.getrefcount(made.base) <= UNUSED:
+                return made[:]
+        made = aligned_empty(shape, np.float32)
+        if made.nbytes <= PICTURE_BYTES:
+            self._pictures[:] = [*self._pictures[-1:], made]
+        return made[:]
+
+
+class BufferSize(NamedTuple):
     """What a thread's memory depends on."""
 
     columns: int
     rows: int
     samples: int
     plain: bool
-    patterned: bool
+    textured: bool
     colored: bool
     meshlets: int
 
 
 class BandMemory:
-    """What a thread needs to draw a band."""
+    """Buffers of one thread, and the arguments of the kernels that fill and shade a band."""
 
-    def __init__(self, size: Size, options: Any) -> None:
-        self.band = Handle(band_buffer.band_for(size.columns, size.rows, size.samples))
-        self.items = Handle(fragments.items_for(size.columns, size.samples))
-        most = 2 * self.items.tables.half
-        self.faces = Handle(triangle_planes.faces_for(size.meshlets, most, size.patterned, size.colored)) if size.plain else None
-        self.stack = None if size.plain else whitted.stack_for(options, crosslane.WIDTH)
-        self.points = Handle(points_for(size.patterned, size.colored))
+    def __init__(self, size: BufferSize, options: Any) -> None:
+        self.band = Handle(band_buffer.band_buffer(size.columns, size.rows, size.samples))
+        self.fragments = Handle(fragments.fragment_buffer(size.columns, size.samples))
+        most = 2 * self.fragments.tables.half
+        self.planes = Handle(triangle_planes.plane_cache(size.meshlets, most, size.textured, size.colored)) if size.plain else None
+        self.stack = whitted.stack_for(options, crosslane.WIDTH) if self.planes is None else None
+        self.points = Handle(point_buffer(size.textured, size.colored))
         self.filling: Any = None
         self.shading: Any = None
-        self._turn: object = None
+        self._picture: object = None
         self._pass: Pass | None = None
-        self._drawn: Handle | None = None
+        self._visible: Handle | None = None
 
-    def serve(self, turn: object, scene: RasterScene, drawn: Handle, one: Pass) -> None:
-        """Be of use to a pass of a picture from now on; `turn` stands for the picture, which is not kept."""
-        if self.faces is not None and self._turn is not turn:
-            triangle_planes.forget(self.faces.tables)
+    def serve(self, picture: object, prepared: Any, visible: Handle, one: Pass) -> None:
+        """Set the kernels' arguments for a pass of a picture; `turn` is an object of the picture's own, compared by identity."""
+        if self.planes is not None and self._picture is not picture:
+            triangle_planes.clear(self.planes.tables)
         if self._pass is not one:
-            self._make(scene, drawn, one)
-        elif self._drawn is not drawn:
+            self._make(prepared, visible, one)
+        elif self._visible is not visible:
             for handle in (self.filling, self.shading):
-                if handle is not None:
-                    handle.point("drawn", drawn)
-        self._turn, self._pass, self._drawn = turn, one, drawn
+                handle.point("visible", visible)
+        self._picture, self._pass, self._visible = picture, one, visible
 
-    def _make(self, scene: RasterScene, drawn: Handle, one: Pass) -> None:
-        self.filling = Handle(band_buffer.Filling(scene.shown, one.places, scene.meshlets, drawn, self.band))
-        if self.faces is not None:
+    def _make(self, prepared: Any, visible: Handle, one: Pass) -> None:
+        scene = prepared.triangles
+        self.filling = Handle(band_buffer.Filling(scene.projection, one.places, scene.meshlets, visible, self.band))
+        if self.planes is not None:
             self.shading = Handle(deferred_shading.Shading(
-                scene.shown, one.places, scene.meshlets, drawn, scene.lit, scene.lamps, scene.look, one.weights, self.band, self.faces,
-                self.items, self.points,
+                scene.projection, one.places, scene.meshlets, visible, scene.shading_tables, scene.sources, scene.rays, one.weights,
+                self.band, self.planes, self.fragments, self.points,
+            ))  # fmt: skip
+        elif self.stack is not None:
+            self.shading = Handle(integrator_shading.IntegratorShading(
+                scene.model, one.places, scene.meshlets, visible, prepared.packed, prepared.accel, prepared.gouraud, prepared.frame,
+                one.weights, self.band, self.fragments, self.stack,
             ))  # fmt: skip

@@ -6,7 +6,7 @@ milliseconds that takes a third.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import types
@@ -21,56 +21,76 @@ from . import deferred_shading, triangle_setup
 
 call_fill, call_shade = DeclaredPointer(types.none).call, DeclaredPointer(types.none).call
 CROP, PICTURE = types.int64[::1], types.float32[:, :, ::1]
-AT_ONCE = 0.02  # seconds after which a thread looks whether it shall stop
+CALL_SECONDS = 0.02  # seconds after which a thread looks whether it shall stop
+
+
+class BandLayout(NamedTuple):
+    """The bands of a picture."""
+
+    first: int  # number of the first
+    count: int
+    rows: int  # of pixels, of a band
+    margin: int  # pixels around a band in its buffer
+    reach: int  # pixels around a band that its samples count for
+
+
+class ShadingTarget(NamedTuple):
+    """The arguments of `deferred_shading.shade_band` after the first."""
+
+    per_sample: bool
+    textured: Any
+    colored: Any
+    flat: Any
+    crop: NDArray[np.int64]
+    rgba: NDArray[np.float32]
 
 
 class BandQueue:
-    """The bands of one picture, taken by any number of threads."""
+    """The bands of one picture, drawn by any number of threads."""
 
-    def __init__(self, layout: tuple[int, ...], threads: int, cost: float, how: tuple[Any, ...]) -> None:
-        """`layout` and `how` as `draw` takes them; `cost` in seconds of one thread; `threads` is 0 for one a core."""
-        self.layout, self.how, bands = layout, how, layout[1]
-        self.most = -(-bands // max(1, round(cost / AT_ONCE)))
-        self.jobs = max(-(-bands // self.most), min(threads or target.cores(), bands))  # calls of `draw` that are enough
-        self.kinds = *(types.none if value is None else types.boolean for value in how[:-2]), CROP, PICTURE
+    def __init__(self, layout: BandLayout, threads: int, cost: float, output: ShadingTarget) -> None:
+        """`cost` is in seconds of one thread; `threads` is 0 for one a core."""
+        self.layout, self.output = layout, output
+        self.most = -(-layout.count // max(1, round(cost / CALL_SECONDS)))
+        self.jobs = max(-(-layout.count // self.most), min(threads or target.cores(), layout.count))  # calls of `draw`
+        kinds = (types.none if value is None else types.boolean for value in (output.textured, output.colored, output.flat))
+        self.kinds = types.boolean, types.boolean, *kinds, CROP, PICTURE
         self.next_band = np.zeros(1, np.int64)
 
     def draw(self, filling: Handle, shading: Handle) -> tuple[NDArray[np.int64], int]:
-        """Draw what a turn gets: the bands' numbers, and how many of their items were not finite and left out."""
+        """Draw bands until the queue is empty or the call's limit is reached: their numbers, and the number of fragments not finite."""
         fill = compiled_address(triangle_setup.draw_band, filling.numba_type, types.int64)
         shade = compiled_address(deferred_shading.shade_band, shading.numba_type, *self.kinds)
         numbers = np.empty(self.most, np.int64)
-        found, issues = draw(fill, shade, filling, shading, self.layout, self.next_band, numbers, *self.how)
+        found, issues = draw_bands(fill, shade, filling, shading, self.layout, self.output, self.next_band, numbers)
         return numbers[:found], issues
 
 
 @helper
-def aim(band: Any, job: int, rows: int, margin: int, reach: int, crop: Any) -> None:
+def set_band(band: Any, job: int, rows: int, margin: int, reach: int, crop: Any) -> None:
     """Let a buffer stand for band `job` of a picture, of so many rows, of which `crop` (x0, y0, x1, y1) is drawn."""
     top, bottom = max(job * rows, crop[1]), min((job + 1) * rows, crop[3])
-    band.place[0], band.place[1] = (crop[0] & ~3) - margin, job * rows - margin  # on a grid of blocks that no crop moves
+    band.window[0], band.window[1] = (crop[0] & ~3) - margin, job * rows - margin  # on a grid of blocks that no crop moves
     band.clip[0], band.clip[1], band.clip[2], band.clip[3] = crop[0] - reach, top - reach, crop[2] + reach, bottom + reach
     band.rows[0], band.rows[1] = top, bottom
 
 
 @kernel
-def draw(fill, shade, filling, shading, layout, next_band, numbers, each, fresh, patterned, colored, flat, crop, rgba):
-    """Fill and light bands as long as there are any, up to as many as `numbers` takes, and write which.
+def draw_bands(fill, shade, filling, shading, layout, output, next_band, numbers):
+    """Fill and shade bands until none is left or `numbers` is full; writes their numbers.
 
-    How many, and how many of their items were not finite. `fill` and `shade` are addresses of setup.draw_band and deferred.shade_band,
-    which says what the last arguments are; `layout` is the first band's number, how many there are, their rows, margin and reach;
-    `next_band` a counter that threads share.
+    `fill` and `shade` are addresses of triangle_setup.draw_band and deferred_shading.shade_band, `next_band` a counter that all threads
+    share. Returns how many bands were drawn, and how many of their fragments were not finite.
     """
-    first, bands, rows, margin, reach = layout
     found = issues = 0
     while found < len(numbers):
         number = fetch_add(next_band, 0, 1)
-        if number >= bands:
+        if number >= layout.count:
             break
-        aim(filling.band, first + number, rows, margin, reach, crop)
+        set_band(filling.band, layout.first + number, layout.rows, layout.margin, layout.reach, output.crop)
         call_fill(fill, (filling, number))
-        call_shade(shade, (shading, each, fresh, patterned, colored, flat, crop, rgba))
-        issues += shading.items.counts[3]
+        call_shade(shade, (shading, output.per_sample, True, output.textured, output.colored, output.flat, output.crop, output.rgba))
+        issues += shading.fragments.counts[3]
         numbers[found] = number
         found += 1
     return found, issues

@@ -23,7 +23,7 @@ def distance(polygon, row: int, plane) -> float:
 
 
 @helper
-def against(polygon, count: int, plane, out) -> int:
+def clip_to_plane(polygon, count: int, plane, out) -> int:
     """Cut the first `count` rows of `polygon` by one border into `out`; returns how many rows that are (at most count + 1
     for convex polygons, 3/2 count for others).
 
@@ -51,24 +51,24 @@ def against(polygon, count: int, plane, out) -> int:
 
 
 @helper
-def against_all(first, count: int, planes, second) -> int:
+def clip_to_planes(first, count: int, planes, second) -> int:
     """Cut `first` by each border in turn, with `second` as room; returns the number of rows, which end up in `first`."""
     for p in range(len(planes)):
         if count == 0:
             return 0
-        count = against(first, count, planes[p], second)
+        count = clip_to_plane(first, count, planes[p], second)
         for row in range(count):
             for k in range(first.shape[1]):
                 first[row, k] = second[row, k]
     return count
 
 
-def polygon(vertices: NDArray[np.float64], planes: NDArray[np.float64]) -> NDArray[np.float64]:
+def clip_polygon(vertices: NDArray[np.float64], planes: NDArray[np.float64]) -> NDArray[np.float64]:
     """What is left of a polygon, (n, d), inside all of `planes`, (m, c) with c <= d; (0, d) when nothing is.
 
     The borders of a 2-D picture are planes of rows (x, y, 1): [1, 0, -left], [-1, 0, right] and so on.
     """
     room = np.empty((max(4, len(vertices) * 2 ** len(planes)), vertices.shape[1]))
     room[: len(vertices)] = vertices
-    count = against_all(room, len(vertices), planes, np.empty_like(room))
+    count = clip_to_planes(room, len(vertices), planes, np.empty_like(room))
     return room[:count].copy()

@@ -16,7 +16,7 @@ from ..jit.kernel import helper, noinline_helper
 from ..types import Lane
 from . import triangle_planes
 from .band_buffer import in_block
-from .meshlets import place_of
+from .meshlets import transposed_index
 
 REACH = 2  # pixels on each side that a filter may reach
 SIDE = 2 * REACH + 1
@@ -28,10 +28,21 @@ class Splat(NamedTuple):
     weights: NDArray[np.float32]  # (4, 16, SIDE · SIDE), row by row; the middle one is the pixel itself
     reach: int  # pixels
     parts: int
-    alone: bool  # whether a pixel's samples count for it alone, and all that do are among these
+    single_pixel: bool  # whether a pixel's samples count for it alone, and all that do are among these
 
 
-class Items(NamedTuple):
+class Fragment(NamedTuple):
+    """Sixteen fragments of a block."""
+
+    triangle: Lane  # its planes' row, or its id for the integrator
+    x: Lane  # pixel
+    y: Lane
+    samples: Lane  # bits: the samples that it covers
+    at_x: Lane  # where it is shaded, in 1/256 pixel
+    at_y: Lane
+
+
+class FragmentBuffer(NamedTuple):
     """A thread's items of four rows of pixels, and room for their light. Blocks that one triangle fills stand by themselves where that
     is their pixels' own; of one sample a pixel, others that are seen whole stand in front, sixteen by sixteen. All else is in the order
     of blocks and samples, in which light is added up."""
@@ -44,101 +55,129 @@ class Items(NamedTuple):
     at_x: NDArray[np.int32]  # where it is shaded, in 1/256 pixel
     at_y: NDArray[np.int32]
     light: NDArray[np.float32]  # (16, 4), item k at place_of(k): rows of four items
-    even: NDArray[np.int32]  # blocks that one triangle fills: its id
-    even_x: NDArray[np.int32]  # their first pixels
+    blocks: NDArray[np.int32]  # blocks that one triangle fills: its id
+    block_x: NDArray[np.int32]  # their first pixels
     counts: NDArray[np.int64]  # (4,) items in whole blocks, others, which stand from `half` on, `even` blocks, and what was not finite
     half: int
 
 
-def items_for(columns: int, samples: int) -> Items:
+def fragment_buffer(columns: int, samples: int) -> FragmentBuffer:
     """Room for what four rows of so many pixels can show."""
     half = ((columns + 3) & ~3) * 4 * samples + 16
     ids, rows, x, y, bits, at_x, at_y = (simd.aligned_empty(2 * half, np.int32) for _ in range(7))
-    even, even_x = np.empty((columns >> 2) + 32, np.int32), np.empty((columns >> 2) + 32, np.int32)
-    return Items(ids, rows, x, y, bits, at_x, at_y, simd.aligned_empty((16, 4), np.float32), even, even_x, np.zeros(4, np.int64), half)
+    even, block_x = np.empty((columns >> 2) + 32, np.int32), np.empty((columns >> 2) + 32, np.int32)
+    light = simd.aligned_empty((16, 4), np.float32)
+    return FragmentBuffer(ids, rows, x, y, bits, at_x, at_y, light, even, block_x, np.zeros(4, np.int64), half)
 
 
 @noinline_helper
-def build_fragments(pattern, each, alone, found, band, row, items):
+def build_fragments(pattern, per_sample, single_pixel, cache, band, row, buffer):
     """The items of a row of blocks: with `each`, one for each sample. `found` (a Faces or None): the faces they see, instead of ids.
 
     `alone`: whether blocks that one triangle fills stand by themselves.
     """
     samples = len(pattern.x)
-    columns = band.place[2] >> 2
+    columns = band.window[2] >> 2
     column, line = in_block(simd.iota(simd.i32x16(0)))
-    y = line + (band.place[1] + 4 * row)
+    y = line + (band.window[1] + 4 * row)
     inside_y = (y >= band.clip[1]) & (y < band.clip[3])
-    whole, part, even = 0, items.half, 0
+    whole, part, even = 0, buffer.half, 0
     for block in range(columns):
         at = (row * columns + block) * samples * 16
         ids = simd.load_aligned(band.ids, at, simd.i32x16)
         if samples == 1 and simd.none_of(ids >= 0):
             continue
-        left = band.place[0] + 4 * block
+        left = band.window[0] + 4 * block
         x = column + left
         inside = inside_y & (x >= band.clip[0]) & (x < band.clip[2])
-        if found is not None and alone and not each:
+        if cache is not None and single_pixel and not per_sample:
             one = simd.lane(ids, 0)
-            same = inside & (ids == one) & (ids >= 0)
-            for s in range(1, samples):
-                same = same & (simd.load_aligned(band.ids, at + 16 * s, simd.i32x16) == one)
-            if simd.all_of(same):
-                items.even[even], items.even_x[even] = triangle_planes.row_of(found, one), left
+            if covers_block(band, at, samples, inside, one):
+                buffer.blocks[even], buffer.block_x[even] = triangle_planes.find_row(cache, one), left
                 even += 1
                 continue
         for s in range(samples):
             ids = simd.load_aligned(band.ids, at + 16 * s, simd.i32x16)
-            seen = inside & (ids >= 0)
-            for t in range(0 if each else s):
-                seen = seen & (ids != simd.load_aligned(band.ids, at + 16 * t, simd.i32x16))
-            if simd.none_of(seen):
+            active = inside & (ids >= 0)
+            for t in range(0 if per_sample else s):
+                active = active & (ids != simd.load_aligned(band.ids, at + 16 * t, simd.i32x16))
+            if simd.none_of(active):
                 continue
-            bits, count = simd.i32x16(1 << s), simd.i32x16(1)
-            at_x, at_y = simd.i32x16(pattern.x[s]), simd.i32x16(pattern.y[s])
-            if not each and samples > 1:
-                for t in range(s + 1, samples):
-                    too = ids == simd.load_aligned(band.ids, at + 16 * t, simd.i32x16)
-                    bits, count = simd.select(too, bits | (1 << t), bits), simd.select(too, count + 1, count)
-                    at_x, at_y = simd.select(too, at_x + pattern.x[t], at_x), simd.select(too, at_y + pattern.y[t], at_y)
-                at_x, at_y = mean(at_x, count), mean(at_y, count)
-            at_x, at_y = at_x + (x << 8), at_y + (y << 8)
-            full = samples == 1 and simd.all_of(seen)
-            start = whole if full else part
-            if found is not None:
-                rows = triangle_planes.rows_of(found, band.ids, at + 16 * s, seen)
-                if full:
-                    simd.store_aligned(items.rows, start, rows)
-                else:
-                    simd.compress_store(items.rows, start, rows, seen)
-            else:
-                simd.compress_store(items.ids, start, ids, seen)
-            if full:
-                simd.store_aligned(items.at_x, start, at_x)
-                simd.store_aligned(items.at_y, start, at_y)
-                simd.store_aligned(items.x, start, x)
-                if found is None:
-                    simd.store_aligned(items.y, start, y)
-                    simd.store_aligned(items.samples, start, bits)
+            bits, at_x, at_y = merge_samples(pattern, per_sample, band, at, s, ids)
+            rows = ids
+            if cache is not None:
+                rows = triangle_planes.find_rows(cache, band.ids, at + 16 * s, active)
+            fragment = Fragment(rows, x, y, bits, at_x + (x << 8), at_y + (y << 8))
+            if samples == 1 and simd.all_of(active):
+                store_fragments(buffer, cache, whole, fragment)
                 whole += 16
             else:
-                simd.compress_store(items.at_x, start, at_x, seen)
-                simd.compress_store(items.at_y, start, at_y, seen)
-                simd.compress_store(items.x, start, x, seen)
-                simd.compress_store(items.y, start, y, seen)
-                part += simd.compress_store(items.samples, start, bits, seen)
-    items.counts[0], items.counts[1], items.counts[2] = whole, part - items.half, even
+                part += append_fragments(buffer, cache, part, fragment, active)
+    buffer.counts[0], buffer.counts[1], buffer.counts[2] = whole, part - buffer.half, even
 
 
 @helper
-def start_of(listed: Any, group: int) -> int:
+def covers_block(band: Any, at: int, samples: int, inside: Lane, number: int) -> bool:
+    """Whether a triangle covers all samples of a block, whose first sample is at `at`, inside the clip rectangle."""
+    ids = simd.load_aligned(band.ids, at, simd.i32x16)
+    same = inside & (ids == number) & (ids >= 0)
+    for s in range(1, samples):
+        same = same & (simd.load_aligned(band.ids, at + 16 * s, simd.i32x16) == number)
+    return simd.all_of(same)
+
+
+@helper
+def merge_samples(pattern: Any, per_sample: bool, band: Any, at: int, s: int, ids: Lane) -> tuple[Lane, Lane, Lane]:
+    """The samples from `s` on that see the same triangles, as bits, and their mean place in the pixel; with `each`, sample s alone."""
+    samples = len(pattern.x)
+    bits, count = simd.i32x16(1 << s), simd.i32x16(1)
+    at_x, at_y = simd.i32x16(pattern.x[s]), simd.i32x16(pattern.y[s])
+    if not per_sample and samples > 1:
+        for t in range(s + 1, samples):
+            too = ids == simd.load_aligned(band.ids, at + 16 * t, simd.i32x16)
+            bits, count = simd.select(too, bits | (1 << t), bits), simd.select(too, count + 1, count)
+            at_x, at_y = simd.select(too, at_x + pattern.x[t], at_x), simd.select(too, at_y + pattern.y[t], at_y)
+        at_x, at_y = rounded_mean(at_x, count), rounded_mean(at_y, count)
+    return bits, at_x, at_y
+
+
+@helper
+def store_fragments(buffer: Any, cache: Any, start: int, fragment: Fragment) -> None:
+    """Write a whole block's fragments at `start`; shading by planes reads neither their rows of pixels nor their samples."""
+    if cache is not None:
+        simd.store_aligned(buffer.rows, start, fragment.triangle)
+    simd.store_aligned(buffer.at_x, start, fragment.at_x)
+    simd.store_aligned(buffer.at_y, start, fragment.at_y)
+    simd.store_aligned(buffer.x, start, fragment.x)
+    if cache is None:
+        simd.store_aligned(buffer.ids, start, fragment.triangle)
+        simd.store_aligned(buffer.y, start, fragment.y)
+        simd.store_aligned(buffer.samples, start, fragment.samples)
+
+
+@helper
+def append_fragments(buffer: Any, cache: Any, start: int, fragment: Fragment, active: Lane) -> int:
+    """Write the fragments of the lanes `seen` from `start` on; returns their number."""
+    if cache is not None:
+        simd.compress_store(buffer.rows, start, fragment.triangle, active)
+    else:
+        simd.compress_store(buffer.ids, start, fragment.triangle, active)
+    simd.compress_store(buffer.at_x, start, fragment.at_x, active)
+    simd.compress_store(buffer.at_y, start, fragment.at_y, active)
+    simd.compress_store(buffer.x, start, fragment.x, active)
+    simd.compress_store(buffer.y, start, fragment.y, active)
+    return simd.compress_store(buffer.samples, start, fragment.samples, active)
+
+
+@helper
+def fragment_start(listed: Any, group: int) -> int:
     """Where the items of a group stand; before it come the blocks that one face fills, then those seen whole."""
     start = 16 * (group - listed.counts[2])
     return start if start < listed.counts[0] else listed.half + start - listed.counts[0]
 
 
 @helper
-def middle(pattern: Any) -> tuple[float, float]:
+def mean_position(pattern: Any) -> tuple[float, float]:
     """The mean place of all samples in a pixel, as `mean` gives it, in pixels."""
     count, x, y = len(pattern.x), 0, 0
     for s in range(count):
@@ -147,13 +186,13 @@ def middle(pattern: Any) -> tuple[float, float]:
 
 
 @helper
-def mean(total: Lane, count: Lane) -> Lane:
+def rounded_mean(total: Lane, count: Lane) -> Lane:
     """Whole numbers next to total / count."""
     return simd.to_i32(simd.to_f32(2 * total + count) / simd.to_f32(2 * count))
 
 
 @noinline_helper
-def clear(rgba, band, crop, y0, y1):
+def clear_rows(rgba, band, crop, y0, y1):
     """Empty those rows of pixels y0 <= y < y1 that are drawn in a band."""
     width = 4 * (crop[2] - crop[0])
     first, last = (max(y0, band.rows[0]) - crop[1]) * width, (min(y1, band.rows[1]) - crop[1]) * width
@@ -165,16 +204,16 @@ def clear(rgba, band, crop, y0, y1):
 
 
 @noinline_helper
-def resolve_fragments(pattern, splat, band, items, start, count, crop, rgba):
+def resolve_fragments(pattern, splat, band, buffer, start, count, crop, rgba):
     """Add the light of up to sixteen items to the picture."""
     if len(pattern.x) > 1:
-        splat_items(splat, band, items, start, count, crop, rgba)
+        splat_fragments(splat, band, buffer, start, count, crop, rgba)
     else:
-        write_items(items, start, count, crop, rgba)
+        write_fragments(buffer, start, count, crop, rgba)
 
 
 @helper
-def rows_of(red: Lane, green: Lane, blue: Lane, count: int, listed: Any) -> Any:
+def to_rgba_rows(red: Lane, green: Lane, blue: Lane, count: int, listed: Any) -> Any:
     """Colours of sixteen items as r, g, b, 1 in four vectors: every fourth item's, see meshlets.place_of.
 
     What is not finite among the first `count` is counted, and 0.
@@ -204,20 +243,20 @@ def write_block(rows: Any, x: int, y: int, crop: Any, past: bool, rgba: Any) -> 
 
 
 @helper
-def write_items(items: Any, start: int, count: int, crop: Any, rgba: Any) -> None:
+def write_fragments(buffer: Any, start: int, count: int, crop: Any, rgba: Any) -> None:
     """Up to sixteen pixels of one sample."""
     for k in range(count):
-        place = ((items.y[start + k] - crop[1]) * (crop[2] - crop[0]) + items.x[start + k] - crop[0]) * 4
-        simd.store(rgba, place, simd.load(items.light, 4 * place_of(k), simd.f32x4))
+        place = ((buffer.y[start + k] - crop[1]) * (crop[2] - crop[0]) + buffer.x[start + k] - crop[0]) * 4
+        simd.store(rgba, place, simd.load(buffer.light, 4 * transposed_index(k), simd.f32x4))
 
 
 @helper
-def splat_items(splat: Any, band: Any, items: Any, start: int, count: int, crop: Any, rgba: Any) -> None:
+def splat_fragments(splat: Any, band: Any, buffer: Any, start: int, count: int, crop: Any, rgba: Any) -> None:
     """Add sixteen items to the pixels their samples count for, those of this band's own rows."""
     reach, width = splat.reach, crop[2] - crop[0]
     for k in range(count):
-        light, bits = simd.load(items.light, 4 * place_of(k), simd.f32x4), items.samples[start + k]
-        x, y = items.x[start + k], items.y[start + k]
+        light, bits = simd.load(buffer.light, 4 * transposed_index(k), simd.f32x4), buffer.samples[start + k]
+        x, y = buffer.x[start + k], buffer.y[start + k]
         for dy in range(-reach, reach + 1):
             if y + dy < band.rows[0] or y + dy >= band.rows[1]:
                 continue
@@ -239,5 +278,3 @@ def store_fragment_light(light: Any, rows: Any) -> None:
     simd.store_aligned(light, 16, rows[1])
     simd.store_aligned(light, 32, rows[2])
     simd.store_aligned(light, 48, rows[3])
-
-

@@ -5,72 +5,96 @@ Where a triangle stands for a shape, the item is put where its ray meets the sha
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import camera
 from ..integrator import whitted
 from ..jit.kernel import helper, kernel, noinline_helper
+from ..jit.packed_struct import Handle
 from ..lanes import crosslane, ops
 from ..sampling import sobol
 from ..types import Lane
 from . import coverage
 from .band_buffer import in_block
 from .fragments import build_fragments, resolve_fragments
-from .meshlets import SHIFT, place_of
-from .sample_hits import along_axis, hits_of, meet
+from .meshlets import SHIFT, transposed_index
+from .sample_hits import axis_cosine, find_hits, intersect
 
-EXACT = (1 << 30) - 1  # ids above it: instances without triangles
+UNTESSELLATED = (1 << 30) - 1  # ids above it: instances without triangles
+
+
+class IntegratorShading(NamedTuple):
+    """Inputs and buffers of `shade_band` of one thread: a Handle each."""
+
+    model: Handle
+    pattern: Handle
+    meshlets: Handle
+    visible: Handle
+    tables: Handle
+    accel: Handle
+    gouraud: Handle
+    frame: Handle
+    splat: Handle
+    band: Handle
+    fragments: Handle
+    stack: NDArray[np.float64]  # of rays, see `whitted.stack_for`
 
 
 @kernel
-def shade_band(made, pattern, each, sample, meshlets, drawn, tables, accel, gouraud, frame, splat, band, items, stack, crop, rgba):
-    """Light what a band shows and add it to the picture, (h, w, 4), of the pixels of `crop`; `sample` is the pattern's first."""
-    items.counts[3] = 0
-    for row in range(band.place[3] >> 2):
-        build_fragments(pattern, each, False, None, band, row, items)
-        for k in range(0, items.counts[0], 16):
-            light_items(made, sample, meshlets, drawn, tables, accel, gouraud, frame, items, stack, k, 16)
-            resolve_fragments(pattern, splat, band, items, k, 16, crop, rgba)
-        for k in range(items.half, items.half + items.counts[1], 16):
-            count = min(items.half + items.counts[1] - k, 16)
-            light_items(made, sample, meshlets, drawn, tables, accel, gouraud, frame, items, stack, k, count)
-            resolve_fragments(pattern, splat, band, items, k, count, crop, rgba)
+def shade_band(shading, per_sample, sample, crop, rgba):
+    """Add the light of a band to the pixels of `crop` of the picture, (h, w, 4); `sample` is the number of the pattern's first sample."""
+    pattern, splat, band, buffer = shading.pattern, shading.splat, shading.band, shading.fragments
+    buffer.counts[3] = 0
+    for row in range(band.window[3] >> 2):
+        build_fragments(pattern, per_sample, False, None, band, row, buffer)
+        for k in range(0, buffer.counts[0], 16):
+            shade_fragments(shading, sample, k, 16)
+            resolve_fragments(pattern, splat, band, buffer, k, 16, crop, rgba)
+        for k in range(buffer.half, buffer.half + buffer.counts[1], 16):
+            count = min(buffer.half + buffer.counts[1] - k, 16)
+            shade_fragments(shading, sample, k, count)
+            resolve_fragments(pattern, splat, band, buffer, k, count, crop, rgba)
 
 
 @noinline_helper
-def light_items(made, sample, meshlets, drawn, tables, accel, gouraud, frame, items, stack, start, count):
-    """The light of `count` items from `start` on, as r, g, b, coverage into items.light."""
+def shade_fragments(shading, sample, start, count):
+    """Write the light of `count` fragments from `start` on to items.light, as red, green, blue and coverage."""
+    meshlets, visible, tables, accel = shading.meshlets, shading.visible, shading.tables, shading.accel
+    frame, buffer = shading.frame, shading.fragments
     view = frame.picture
     for first in range(0, count, crosslane.WIDTH):
         k = start + ops.minimum(crosslane.lane_indices(first), count - 1)
-        ids = ops.to_int(items.ids[k])
-        x, y = ops.to_float(items.at_x[k]), ops.to_float(items.at_y[k])
-        exact = ids > EXACT
-        row = ops.where(exact, 0, ids >> SHIFT)
-        slot = ops.to_int(drawn.first[row]) + (ids & ((1 << SHIFT) - 1))
-        instance = ops.where(exact, ids & EXACT, ops.to_int(drawn.instance[row]))
-        triangle = ops.where(exact, -1, ops.to_int(meshlets.corner[ops.where(exact, 0, slot), 3]))
+        ids = ops.to_int(buffer.ids[k])
+        x, y = ops.to_float(buffer.at_x[k]), ops.to_float(buffer.at_y[k])
+        untessellated = ids > UNTESSELLATED
+        row = ops.where(untessellated, 0, ids >> SHIFT)
+        slot = ops.to_int(visible.first[row]) + (ids & ((1 << SHIFT) - 1))
+        instance = ops.where(untessellated, ids & UNTESSELLATED, ops.to_int(visible.instance[row]))
+        triangle = ops.where(untessellated, -1, ops.to_int(meshlets.corner[ops.where(untessellated, 0, slot), 3]))
         ray = camera.ray(tables, view, x / coverage.ONE, y / coverage.ONE)
-        hit = hits_of(made, tables, accel, view, ray, x, y, instance, triangle)
-        number = sample + lowest(ops.to_int(items.samples[k]))
-        pixel, index = sobol.zorder_index(ops.to_int(items.x[k]), ops.to_int(items.y[k]), number, view.width, frame.order)
+        hit = find_hits(shading.model, tables, accel, view, ray, x, y, instance, triangle)
+        number = sample + lowest_bit(ops.to_int(buffer.samples[k]))
+        pixel, index = sobol.zorder_index(ops.to_int(buffer.x[k]), ops.to_int(buffer.y[k]), number, view.width, frame.order)
         color, alpha, sound = whitted.call(  # pyright: ignore[reportCallIssue]
             frame.radiance,
             (
-                tables, accel, gouraud, frame.options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive,
-                hit.u, hit.v, pixel, index, stack, None, None,
+                tables, accel, shading.gouraud, frame.options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive,
+                hit.u, hit.v, pixel, index, shading.stack, None, None,
             ),
         )  # fmt: skip
         for j in range(min(count - first, crosslane.WIDTH)):
-            place = place_of(first + j)
+            place = transposed_index(first + j)
             for c in range(3):
-                items.light[place, c] = crosslane.lane(color[c], j)
-            items.light[place, 3] = crosslane.lane(alpha, j)
-            items.counts[3] += 0 if crosslane.lane(sound, j) else 1
+                buffer.light[place, c] = crosslane.lane(color[c], j)
+            buffer.light[place, 3] = crosslane.lane(alpha, j)
+            buffer.counts[3] += 0 if crosslane.lane(sound, j) else 1
 
 
 @helper
-def lowest(bits: Lane) -> Lane:
+def lowest_bit(bits: Lane) -> Lane:
     """The number of the lowest of sixteen bits that is set."""
     found = bits * 0
     for k in range(1, 16):
@@ -79,45 +103,45 @@ def lowest(bits: Lane) -> Lane:
 
 
 @kernel
-def draw_exact(made, exact, boxes, tables, accel, view, pattern, band):
+def draw_untessellated(model, untessellated, boxes, tables, accel, view, pattern, band):
     """Draw shapes that have no triangles into the visibility buffer: at every sample where its ray meets one of them.
 
     `boxes` are the pixels (x0, y0, x1, y1) that each may be seen in.
     """
-    samples, columns = len(pattern.x), band.place[2] >> 2
-    for e in range(len(exact)):
-        instance = exact[e]
-        left, right = max(boxes[e, 0] - band.place[0], 0) >> 2, (min(boxes[e, 2] - band.place[0], band.place[2]) + 3) >> 2
-        above, below = max(boxes[e, 1] - band.place[1], 0) >> 2, (min(boxes[e, 3] - band.place[1], band.place[3]) + 3) >> 2
+    samples, columns = len(pattern.x), band.window[2] >> 2
+    for e in range(len(untessellated)):
+        instance = untessellated[e]
+        left, right = max(boxes[e, 0] - band.window[0], 0) >> 2, (min(boxes[e, 2] - band.window[0], band.window[2]) + 3) >> 2
+        above, below = max(boxes[e, 1] - band.window[1], 0) >> 2, (min(boxes[e, 3] - band.window[1], band.window[3]) + 3) >> 2
         for row in range(above, below):
             for block in range(left, right):
-                x, y = band.place[0] + 4 * block, band.place[1] + 4 * row
+                x, y = band.window[0] + 4 * block, band.window[1] + 4 * row
                 for s in range(samples):
                     place = ((row * columns + block) * samples + s) * 16
                     draw_block(
-                        made, instance, tables, accel, view, band, place, x * coverage.ONE + pattern.x[s], y * coverage.ONE + pattern.y[s]
+                        model, instance, tables, accel, view, band, place, x * coverage.ONE + pattern.x[s], y * coverage.ONE + pattern.y[s]
                     )
 
 
 @noinline_helper
-def draw_block(made, instance, tables, accel, view, band, place, x, y):
+def draw_block(model, instance, tables, accel, view, band, place, x, y):
     """Sixteen samples of a block, the first of them at (x, y), from `place` in the buffer on."""
     for start in range(0, 16, crosslane.WIDTH):
         column, line = in_block(crosslane.lane_indices(start))
         px, py = ops.to_float(x + column * coverage.ONE), ops.to_float(y + line * coverage.ONE)
         ray = camera.ray(tables, view, px / coverage.ONE, py / coverage.ONE)
-        met = meet(accel, instance, ray, ops.bool_like(ray.t_max, True))
-        depth = met.t * along_axis(tables, view, ray)
+        met = intersect(accel, instance, ray, ops.bool_like(ray.t_max, True))
+        depth = met.t * axis_cosine(tables, view, ray)
         for j in range(crosslane.WIDTH):
             if crosslane.lane(met.instance, j) >= 0:
                 far = crosslane.lane(depth, j)
-                key = np.float32(1.0 / far if made.perspective else -far)
+                key = np.float32(1.0 / far if model.perspective else -far)
                 if key > band.key[place + start + j]:
-                    band.key[place + start + j], band.ids[place + start + j] = key, EXACT + 1 + instance
+                    band.key[place + start + j], band.ids[place + start + j] = key, UNTESSELLATED + 1 + instance
 
 
 @kernel
-def sky_behind(tables, frame, x0, y0, width, rgba):
+def composite_sky(tables, frame, x0, y0, width, rgba):
     """Put what the camera sees where nothing is behind the pixels of `rgba`, rows of `width` pixels, the first of which is (x0, y0)."""
     for y in range(len(rgba) // (4 * width)):
         for start in range(0, width, crosslane.WIDTH):

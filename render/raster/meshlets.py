@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...compiler import ir
 from ..jit.kernel import helper, kernel
 from ..tessellation.analytic_shapes import Tessellation
-from .view_geometry import neighbours
+from .view_geometry import morton_order
 
 TRIANGLES = 128  # of a meshlet at the most
 VERTICES = 256
@@ -56,7 +56,7 @@ def build(tables: ir.Tables, positions: NDArray, triangles: NDArray, ranges: NDA
 
     `positions`, `triangles` and `ranges` are Model's. Attributes come from each mesh's or shell's own normals and coordinates.
     """
-    room = _Room(int(ranges[:, 1].max(initial=0)) if len(ranges) else 0)
+    room = MeshletBuilder(int(ranges[:, 1].max(initial=0)) if len(ranges) else 0)
     placed = np.zeros_like(ranges)
     made: dict[tuple[int, int], tuple[int, int]] = {}
     for instance, (first, count) in enumerate(ranges.tolist()):
@@ -84,11 +84,11 @@ def _source(tables: ir.Tables, positions, triangles, first: int, count: int, ins
         values, value = np.zeros((3 * count, 5), np.float32), np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
     for row, columns in zip(rows, (slice(0, 3), slice(3, 5)), strict=True):
         if row >= 0:
-            values[:, columns] = _of_corners(tables, row, mine - start, smooth, vertices)
+            values[:, columns] = _attribute_values(tables, row, mine - start, smooth, vertices)
     return Source(positions, mine, values, np.ascontiguousarray(value, np.int32))
 
 
-def _of_corners(tables: ir.Tables, row: int, corners: NDArray[np.int32], by_vertex: bool, vertices: int) -> NDArray[np.float32]:
+def _attribute_values(tables: ir.Tables, row: int, corners: NDArray[np.int32], by_vertex: bool, vertices: int) -> NDArray[np.float32]:
     """An attribute at every vertex, or at every corner of `corners` (t, 3)."""
     attributes = tables.attributes
     first, width, how = int(attributes.first[row]), int(attributes.width[row]), attributes.interpolation[row]
@@ -104,7 +104,7 @@ def _of_corners(tables: ir.Tables, row: int, corners: NDArray[np.int32], by_vert
     return values[: corners.size]
 
 
-class _Room:
+class MeshletBuilder:
     """Meshlets as they are made, mesh by mesh."""
 
     def __init__(self, most: int) -> None:
@@ -118,7 +118,7 @@ class _Room:
         endless = bool((corners[..., 3] != 1.0).any())
         order = np.arange(count)
         if count > TRIANGLES and not endless:
-            order = neighbours(corners[..., :3].mean(axis=1))
+            order = morton_order(corners[..., :3].mean(axis=1))
         most = max(1, -(-count // (VERTICES // 3)))  # meshlets, if no two triangles shared a vertex
         slots, vertices = count + most * LANES, 3 * count + most * LANES
         numbers = [np.zeros(most, np.int32) for _ in range(4)]
@@ -128,7 +128,7 @@ class _Room:
         columns: list[Any] = [*numbers, np.zeros((6, most)), *local, corner, *places, record]
         made = Meshlets(*columns)
         total = np.zeros(3, np.int64)
-        cut(source, order, made, endless, first, total)
+        cut_mesh(source, order, made, endless, first, total)
         m, t, v = (int(n) for n in total)
         part = Meshlets(
             made.first_triangle[:m] + np.int32(self.triangles), made.triangles[:m], made.first_vertex[:m] + np.int32(self.vertices),
@@ -145,9 +145,7 @@ class _Room:
         if not self.parts:
             empty = Source(np.zeros((3, 4)), np.zeros((0, 3), np.int32), np.zeros((1, 5), np.float32), np.zeros((0, 3), np.int32))
             self.add(empty, 0)
-        joined = [
-            np.concatenate([getattr(part, name) for part in self.parts], axis=1 if name == "box" else 0) for name in Meshlets._fields
-        ]
+        joined = [np.concatenate([getattr(part, name) for part in self.parts], axis=1 if name == "box" else 0) for name in Meshlets._fields]
         pads = {"box": ((0, 0), (0, LANES))}
         shape = [pads.get(name, ((0, LANES), *((0, 0),) * (array.ndim - 1))) for name, array in zip(Meshlets._fields, joined, strict=True)]
         whole = Meshlets(*(np.ascontiguousarray(np.pad(array, pad)) for array, pad in zip(joined, shape, strict=True)))
@@ -155,13 +153,13 @@ class _Room:
 
 
 @helper
-def place_of(vertex: int) -> int:
+def transposed_index(vertex: int) -> int:
     """Where the rasterizer keeps a meshlet's vertex after transforming sixteen at a time: a 4×4 transpose leaves them in this order."""
     return (vertex & ~15) | ((vertex & 3) << 2) | ((vertex >> 2) & 3)
 
 
 @kernel
-def cut(source, order, made, endless, first, total):
+def cut_mesh(source, order, made, endless, first, total):
     """Fill `made` with a mesh's meshlets; writes how many meshlets, triangle slots and vertex slots there are."""
     head = np.full(len(source.positions), -1, np.int32)  # the last vertex slot made of a vertex
     after = np.full(len(made.x), -1, np.int32)  # the one made before it, with other values
@@ -171,23 +169,23 @@ def cut(source, order, made, endless, first, total):
         triangle = order[n]
         if m < 0 or count == 128 or vertices + 3 > 256:
             if m >= 0:
-                slot, start = _close(made, m, slot, start, count, vertices, endless)
+                slot, start = _finish_meshlet(made, m, slot, start, count, vertices, endless)
             m, count, vertices = m + 1, 0, 0
             made.first_triangle[m], made.first_vertex[m] = slot, start
             made.box[:3, m], made.box[3:, m] = np.inf, -np.inf
         for k in range(3):
             vertex, value = source.triangles[triangle, k], source.value[triangle, k]
             at = head[vertex]
-            while at >= start and not _same(source.values, kept[at], value):
+            while at >= start and not _equal_values(source.values, kept[at], value):
                 at = after[at]
             if at < start:
                 at = start + vertices
                 after[at], kept[at] = head[vertex], value
                 head[vertex] = at
                 vertices += 1
-                _put(source, made, m, at, vertex, value)
+                _add_vertex(source, made, m, at, vertex, value)
             made.corner[slot + count, k] = at
-            place = place_of(at - start)
+            place = transposed_index(at - start)
             if k == 0:
                 made.a[slot + count] = place
             elif k == 1:
@@ -197,12 +195,12 @@ def cut(source, order, made, endless, first, total):
         made.corner[slot + count, 3] = first + triangle
         count += 1
     if m >= 0:
-        slot, start = _close(made, m, slot, start, count, vertices, endless)
+        slot, start = _finish_meshlet(made, m, slot, start, count, vertices, endless)
     total[0], total[1], total[2] = m + 1, slot, start
 
 
 @kernel
-def _same(values, one, other):
+def _equal_values(values, one, other):
     same = True
     for k in range(values.shape[1]):
         same = same and (one == other or values[one, k] == values[other, k])
@@ -210,7 +208,7 @@ def _same(values, one, other):
 
 
 @kernel
-def _put(source, made, m, at, vertex, value):
+def _add_vertex(source, made, m, at, vertex, value):
     """One vertex of a meshlet."""
     p = source.positions[vertex]
     made.x[at], made.y[at], made.z[at] = p[0], p[1], p[2]
@@ -222,7 +220,7 @@ def _put(source, made, m, at, vertex, value):
 
 
 @kernel
-def _close(made, m, slot, start, count, vertices, endless):
+def _finish_meshlet(made, m, slot, start, count, vertices, endless):
     """Finish a meshlet; where the next one's triangles and vertices start."""
     made.triangles[m], made.vertices[m] = count, 0 if endless else vertices
     if endless:

@@ -15,7 +15,7 @@ from . import band_buffer, coverage, fragments
 
 SAMPLES = planner.RASTER_PLACES  # of a pass, at most
 
-EXACT = 2.0**22  # weights are multiples of its inverse: sums of them are exact in float32, and full coverage is 1
+WEIGHT_STEPS = 2.0**22  # weights are multiples of its inverse: sums of them are exact in float32, and full coverage is 1
 
 
 class Pass(NamedTuple):
@@ -32,15 +32,15 @@ def passes(samples: int, random: bool, name: str) -> tuple[Pass, ...]:
     """How so many samples under a filter of this name are drawn; `random` ones in two halves at least, which tell how far off they are."""
     count = max(-(-samples // SAMPLES), 2 if random and samples >= 4 else 1)  # a single sample stands for its whole pixel
     ends = [samples * k // count for k in range(count + 1)]
-    shares = np.diff(np.round(np.array(ends) / samples * EXACT)) / EXACT
+    shares = np.diff(np.round(np.array(ends) / samples * WEIGHT_STEPS)) / WEIGHT_STEPS
     made = []
     for first, end, share in zip(ends[:-1], ends[1:], shares.tolist(), strict=True):
         pattern = band_buffer.pattern(samples) if count == 1 else band_buffer.pattern_from(first, end - first)
-        made.append(Pass(first, pattern, Handle(pattern), Handle(_splat(name, pattern, share, samples))))
+        made.append(Pass(first, pattern, Handle(pattern), Handle(filter_weights(name, pattern, share, samples))))
     return tuple(made)
 
 
-def _splat(name: str, pattern: band_buffer.Pattern, share: float, samples: int) -> fragments.Splat:
+def filter_weights(name: str, pattern: band_buffer.Pattern, share: float, samples: int) -> fragments.Splat:
     """How a pixel's samples count for the pixels around it; all of what counts for a pixel adds up to `share`."""
     side, count = fragments.SIDE, len(pattern.x)
     reach = int(np.ceil(sobol.FILTER_RADIUS[name] - 0.5)) if samples > 1 else 0
@@ -52,7 +52,7 @@ def _splat(name: str, pattern: band_buffer.Pattern, share: float, samples: int) 
     if samples == 1:
         weight = np.zeros_like(weight)
         weight[0, fragments.REACH, fragments.REACH] = 1.0
-    weight = np.round(weight / weight.sum() * share * EXACT) / EXACT
+    weight = np.round(weight / weight.sum() * share * WEIGHT_STEPS) / WEIGHT_STEPS
     weight[np.unravel_index(weight.argmax(), weight.shape)] += share - weight.sum()
     table = np.zeros((4, 16, side * side))
     for s in range(count):

@@ -16,7 +16,8 @@ from ..lanes import affine, ops
 from ..surface import interaction
 from ..types import Lane, Vec
 from .meshlets import SHIFT
-from .triangle_planes import FLAT, KNOWN, WIDE, Seen
+from .plane_setup import FLAT, WIDE
+from .triangle_planes import CACHED, Attributes
 
 _FLAT = 2.0  # in Faces.single: corners have one normal
 _NEAR = 11  # in Faces.planes: the box of pixels of `near`'s record: x0 <= x < x1, y0 <= y < y1
@@ -25,163 +26,166 @@ _SLOPES, _NORMALS, _EVEN, _FRONT, _FACE, _DEPTHS, _PLACES, _OWN, _METRIC, _COLOR
 
 
 @noinline_helper
-def seen(shown, meshlets, drawn, tables, faces, patterned, colored, i, row, at_x, at_y):
-    """As faces.seen, of one face by itself."""
-    p, s = _known(shown, meshlets, drawn, tables, faces, patterned, colored, i, row)
+def interpolate(shading, textured, colored, i, row, at_x, at_y):
+    """The same as `triangle_planes.interpolate`, of one triangle, in float64. `shading` is a handle of deferred_shading.Shading."""
+    p, s = corner_attributes(shading, textured, colored, i, row)
     bx, by = simd.floor(at_x * 0.25) * 4.0, simd.floor(at_y * 0.25) * 4.0  # blocks of pixels: from there on in float32
     x, y = at_x - bx, at_y - by
     zero = simd.f32x16(0.0)
     low_x, high_x = simd.to_f64(simd.low_half(bx)), simd.to_f64(simd.high_half(bx))
     low_y, high_y = simd.to_f64(simd.low_half(by)), simd.to_f64(simd.high_half(by))
-    eu = simd.joined(simd.to_f32(_over(p, 2, low_x, low_y)), simd.to_f32(_over(p, 2, high_x, high_y)))
-    ev = simd.joined(simd.to_f32(_over(p, 5, low_x, low_y)), simd.to_f32(_over(p, 5, high_x, high_y)))
-    ew = simd.joined(simd.to_f32(_over(p, 8, low_x, low_y)), simd.to_f32(_over(p, 8, high_x, high_y)))
+    eu = simd.joined(simd.to_f32(weight_at(p, 2, low_x, low_y)), simd.to_f32(weight_at(p, 2, high_x, high_y)))
+    ev = simd.joined(simd.to_f32(weight_at(p, 5, low_x, low_y)), simd.to_f32(weight_at(p, 5, high_x, high_y)))
+    ew = simd.joined(simd.to_f32(weight_at(p, 8, low_x, low_y)), simd.to_f32(weight_at(p, 8, high_x, high_y)))
     eu = simd.maximum(simd.fma(x, s[_SLOPES], simd.fma(y, s[_SLOPES + 1], eu)), 0.0)
     ev = simd.maximum(simd.fma(x, s[_SLOPES + 2], simd.fma(y, s[_SLOPES + 3], ev)), 0.0)
     ew = simd.maximum(simd.fma(x, s[_SLOPES + 4], simd.fma(y, s[_SLOPES + 5], ew)), 0.0)
-    normal = _blend(s, _NORMALS, eu, ev, ew)  # of any length, so that nothing waits for a division
+    normal = blend(s, _NORMALS, eu, ev, ew)  # of any length, so that nothing waits for a division
     total = eu + ev + ew
     scale = simd.select(total > 0.0, simd.reciprocal(total), 0.0)
     u, v = eu * scale, ev * scale
     w = simd.select(total > 0.0, ew * scale, 1.0)
     if s[_EVEN] == 0.0:
-        normal = _blend(s, _NORMALS, u, v, w)
+        normal = blend(s, _NORMALS, u, v, w)
         face = (zero + s[_FACE], zero + s[_FACE + 1], zero + s[_FACE + 2])
         size = ops.dot(normal, normal)
         normal = ops.scale(normal, simd.select(ops.dot(normal, face) < 0.0, simd.f32x16(-1.0), 1.0))
         normal = ops.where3((size > 1e-24) & (size < np.inf), normal, face)
     depth = simd.fma(w, s[_DEPTHS], simd.fma(u, s[_DEPTHS + 1], v * s[_DEPTHS + 2]))
     uv, metric, spread, outward, color = (zero, zero), (zero, zero), (zero, zero, zero, zero), normal, normal
-    if patterned is not None:
+    if textured is not None:
         uv = (
             w * s[_PLACES] + u * s[_PLACES + 2] + v * s[_PLACES + 4], w * s[_PLACES + 1] + u * s[_PLACES + 3] + v * s[_PLACES + 5]
         )  # fmt: skip
         metric = (zero + s[_METRIC], zero + s[_METRIC + 1])
-        right, below = _slope(s, uv, 0), _slope(s, uv, 1)
+        right, below = uv_slope(s, uv, 0), uv_slope(s, uv, 1)
         spread = (right[0] * scale, right[1] * scale, below[0] * scale, below[1] * scale)
     if colored is not None:
         outward = (zero + s[_OWN], zero + s[_OWN + 1], zero + s[_OWN + 2])
-        color = _blend(s, _COLORS, u, v, w)
-    key = simd.reciprocal(depth) if shown.perspective else depth
-    return Seen(normal, key, zero + s[_FRONT], uv, metric, spread, outward, color)
+        color = blend(s, _COLORS, u, v, w)
+    key = simd.reciprocal(depth) if shading.projection.perspective else depth
+    return Attributes(normal, key, zero + s[_FRONT], uv, metric, spread, outward, color)
 
 
 @helper
-def _known(shown: Any, meshlets: Any, drawn: Any, tables: Any, faces: Any, patterned: Any, colored: Any, i: int,
-           row: int) -> Any:  # fmt: skip
-    """A single face's planes, and what its corners hold."""
-    number, k = faces.owner[row], row & (KNOWN - 1)
-    p, s = faces.planes[k], faces.single[k]
+def corner_attributes(shading: Any, textured: Any, colored: Any, i: int, row: int) -> Any:
+    """The weights' planes of a triangle of instance i, and its corners' attributes; computed unless the cache holds them."""
+    cache, visible = shading.planes, shading.visible
+    number, k = cache.owner[row], row & (CACHED - 1)
+    p, s = cache.precise[k], cache.corners[k]
     if p[0] != number:
         p[0], p[_NEAR], p[_NEAR + 1] = number, 0.0, 0.0
-        slot = drawn.first[number >> SHIFT] + (number & ((1 << SHIFT) - 1))
-        _single(shown, meshlets, tables, p, s, patterned, colored, i, slot)
+        slot = visible.first[number >> SHIFT] + (number & ((1 << SHIFT) - 1))
+        setup_corners(shading.projection, shading.meshlets, shading.tables, p, s, textured, colored, i, slot)
     return p, s
 
 
 @helper
-def near(shown: Any, meshlets: Any, drawn: Any, tables: Any, faces: Any, patterned: Any, colored: Any, i: int, row: int,
-         x: int, y: int) -> int:  # fmt: skip
-    """A row with the record, as of faces that are not single, of what a single face is where it fills the block from (x, y) on.
+def block_record(shading: Any, textured: Any, colored: Any, i: int, row: int, x: int, y: int) -> int:
+    """The row of a float32 record of a triangle that covers the block at pixel (x, y); -1 if its normals change sides.
 
-    It holds for blocks around that one, too, in a box of up to WIDE pixels in which weights do not grow too much, and is made anew for
-    others. -1 where normals go to different sides of the face.
+    The record also holds for the blocks around, in a box of up to WIDE pixels where the sum of weights varies little.
     """
-    k = row & (KNOWN - 1)
-    p, at, last = faces.planes, 16 * k, len(faces.record) - KNOWN + k
-    if (simd.read(p, at) == simd.read(faces.owner, row) and simd.read(p, at + _NEAR) <= x and x < simd.read(p, at + _NEAR + 1)
+    cache, k = shading.planes, row & (CACHED - 1)
+    p, at, last = cache.precise, 16 * k, len(cache.record) - CACHED + k
+    if (simd.read(p, at) == simd.read(cache.owner, row) and simd.read(p, at + _NEAR) <= x and x < simd.read(p, at + _NEAR + 1)
             and simd.read(p, at + _NEAR + 2) <= y and y < simd.read(p, at + _NEAR + 3)):  # fmt: skip
         return last
-    return _make_near(shown, meshlets, drawn, tables, faces, patterned, colored, i, row, x, y, last)
+    return make_block_record(shading, textured, colored, i, row, x, y, last)
 
 
 @noinline_helper
-def _make_near(shown, meshlets, drawn, tables, faces, patterned, colored, i, row, x, y, last):
-    """Write that record to row `last`, and return that, or -1."""
-    p, s = _known(shown, meshlets, drawn, tables, faces, patterned, colored, i, row)
+def make_block_record(shading, textured, colored, i, row, x, y, last):
+    """Write that record to row `last`; returns `last`, or -1."""
+    p, s = corner_attributes(shading, textured, colored, i, row)
     if s[_EVEN] == 0.0:
         return -1
     left, top = x & ~(int(WIDE) - 1), y & ~(int(WIDE) - 1)
     right, bottom = left + int(WIDE), top + int(WIDE)
-    if not _level(p, left, top, right, bottom):
+    if not is_level(p, left, top, right, bottom):
         top, bottom = y, y + 4
-        if not _level(p, left, top, right, bottom):
+        if not is_level(p, left, top, right, bottom):
             left, right = x, x + 4
     p[_NEAR], p[_NEAR + 1], p[_NEAR + 2], p[_NEAR + 3] = left, right, top, bottom
     y = top
-    weight = _sum(p, left, y)
-    if shown.perspective:  # weights times depths are the same everywhere
-        weight = _over(p, 8, left, y) * s[_DEPTHS] + _over(p, 2, left, y) * s[_DEPTHS + 1] + _over(p, 5, left, y) * s[_DEPTHS + 2]
-    scale, record = 1.0 / weight, faces.record
+    perspective, record = shading.projection.perspective, shading.planes.record
+    weight = weight_sum(p, left, y)
+    if perspective:  # weights times depths are the same everywhere
+        first, second, third = weight_at(p, 8, left, y), weight_at(p, 2, left, y), weight_at(p, 5, left, y)
+        weight = first * s[_DEPTHS] + second * s[_DEPTHS + 1] + third * s[_DEPTHS + 2]
+    scale = 1.0 / weight
     for k in range(3):
-        _near_plane(p, s, _NORMALS + k, 3, scale, left, y, record, last, k, k + 4, k + 8)
-    if shown.perspective:
-        _near_sum(p, scale, left, y, record, last, 3, 7, 11)
+        record[last, k], record[last, k + 4], record[last, k + 8] = plane_about(p, left, y, corner_values(s, _NORMALS + k, 3, scale))
+    if perspective:
+        record[last, 3] = weight_sum(p, left, y) * scale
+        record[last, 7], record[last, 11] = (p[3] + p[6] + p[9]) * scale, (p[4] + p[7] + p[10]) * scale
     else:
-        _near_plane(p, s, _DEPTHS, 1, scale, left, y, record, last, 3, 7, 11)
+        record[last, 3], record[last, 7], record[last, 11] = plane_about(p, left, y, corner_values(s, _DEPTHS, 1, scale))
     record[last, 12], record[last, 13], record[last, 14], record[last, 15] = left, y, s[_FRONT], i
-    if patterned is not None:
+    if textured is not None:
         for k in range(2):
-            _near_plane(p, s, _PLACES + k, 2, scale, left, y, record, last, 16 + 3 * k, 17 + 3 * k, 18 + 3 * k)
+            c = 16 + 3 * k
+            record[last, c], record[last, c + 1], record[last, c + 2] = plane_about(p, left, y, corner_values(s, _PLACES + k, 2, scale))
             record[last, 22 + k] = s[_METRIC + k]
     if colored is not None:
         for k in range(3):
+            c = 27 + 3 * k
             record[last, 24 + k] = s[_OWN + k]
-            _near_plane(p, s, _COLORS + k, 3, scale, left, y, record, last, 27 + 3 * k, 28 + 3 * k, 29 + 3 * k)
+            record[last, c], record[last, c + 1], record[last, c + 2] = plane_about(p, left, y, corner_values(s, _COLORS + k, 3, scale))
     return last
 
 
 @helper
-def is_flat(shown: Any, meshlets: Any, drawn: Any, tables: Any, faces: Any, i: int, row: int) -> bool:
-    """Whether a single face's corners have one normal."""
-    _, s = _known(shown, meshlets, drawn, tables, faces, None, None, i, row)
+def is_flat(shading: Any, i: int, row: int) -> bool:
+    """Whether the corners of a triangle have one normal."""
+    _, s = corner_attributes(shading, None, None, i, row)
     return s[_EVEN] == _FLAT
 
 
 @helper
-def normal_of(faces: Any, row: int) -> Vec:
+def flat_normal(cache: Any, row: int) -> Vec:
     """The normal of a single face of which `is_flat` has been asked; of any length."""
-    s = faces.single[row & (KNOWN - 1)]
+    s = cache.corners[row & (CACHED - 1)]
     return s[_NORMALS], s[_NORMALS + 1], s[_NORMALS + 2]
 
 
 @helper
-def end_of(faces: Any, row: int) -> int:
+def block_record_end(cache: Any, row: int) -> int:
     """Up to which x the record of `near` holds that has been asked for last."""
-    return int(simd.read(faces.planes, 16 * (row & (KNOWN - 1)) + _NEAR + 1))
+    return int(simd.read(cache.precise, 16 * (row & (CACHED - 1)) + _NEAR + 1))
 
 
 @helper
-def _level(p: Any, x0: float, y0: float, x1: float, y1: float) -> bool:
+def is_level(p: Any, x0: float, y0: float, x1: float, y1: float) -> bool:
     """Whether the sum of weights is much the same in a box."""
-    a, b, c, d = _sum(p, x0, y0), _sum(p, x1, y0), _sum(p, x0, y1), _sum(p, x1, y1)
+    a, b, c, d = weight_sum(p, x0, y0), weight_sum(p, x1, y0), weight_sum(p, x0, y1), weight_sum(p, x1, y1)
     return min(min(a, b), min(c, d)) > 0.25 * max(max(a, b), max(c, d))
 
 
 @helper
-def _sum(p: Any, x: float, y: float) -> float:
+def weight_sum(p: Any, x: float, y: float) -> float:
     """Of a single face's weights at a place."""
-    return _over(p, 2, x, y) + _over(p, 5, x, y) + _over(p, 8, x, y)
+    return weight_at(p, 2, x, y) + weight_at(p, 5, x, y) + weight_at(p, 8, x, y)
 
 
 @helper
-def _near_plane(p: Any, s: Any, at: int, step: int, scale: float, x: float, y: float, record: Any, row: int,
-                c: int, a: int, b: int) -> None:  # fmt: skip
-    """Write the plane about (x, y) of what corners hold at s[at], s[at + step] and s[at + 2 · step], times their weights."""
-    first, second, third = s[at] * scale, s[at + step] * scale, s[at + 2 * step] * scale
-    record[row, c] = _over(p, 8, x, y) * first + _over(p, 2, x, y) * second + _over(p, 5, x, y) * third
-    record[row, a] = p[9] * first + p[3] * second + p[6] * third
-    record[row, b] = p[10] * first + p[4] * second + p[7] * third
+def corner_values(s: Any, at: int, step: int, scale: float) -> Vec:
+    """An attribute of the three corners, at s[at], s[at + step] and s[at + 2 · step], times `scale`."""
+    return s[at] * scale, s[at + step] * scale, s[at + 2 * step] * scale
 
 
 @helper
-def _near_sum(p: Any, scale: float, x: float, y: float, record: Any, row: int, c: int, a: int, b: int) -> None:
-    """Write the plane of the weights' sum."""
-    record[row, c], record[row, a], record[row, b] = _sum(p, x, y) * scale, (p[3] + p[6] + p[9]) * scale, (p[4] + p[7] + p[10]) * scale
+def plane_about(p: Any, x: float, y: float, values: Vec) -> Vec:
+    """The plane c, a, b about (x, y) of the corners' values, each times its weight."""
+    first, second, third = values
+    return (
+        weight_at(p, 8, x, y) * first + weight_at(p, 2, x, y) * second + weight_at(p, 5, x, y) * third,
+        p[9] * first + p[3] * second + p[6] * third, p[10] * first + p[4] * second + p[7] * third,
+    )  # fmt: skip
 
 
 @helper
-def _slope(s: Any, uv: tuple[Lane, Lane], k: int) -> tuple[Lane, Lane]:
+def uv_slope(s: Any, uv: tuple[Lane, Lane], k: int) -> tuple[Lane, Lane]:
     """How u and v grow along x or y, times all weights: by the quotient's rule."""
     b, c, a = s[_SLOPES + k], s[_SLOPES + 2 + k], s[_SLOPES + 4 + k]
     return (
@@ -191,13 +195,13 @@ def _slope(s: Any, uv: tuple[Lane, Lane], k: int) -> tuple[Lane, Lane]:
 
 
 @helper
-def _over(planes: Any, first: int, x: Lane, y: Lane) -> Lane:
+def weight_at(planes: Any, first: int, x: Lane, y: Lane) -> Lane:
     """A plane of weights at a place."""
     return planes[first] + planes[first + 1] * x + planes[first + 2] * y
 
 
 @helper
-def _blend(s: Any, at: int, u: Lane, v: Lane, w: Lane) -> Vec:
+def blend(s: Any, at: int, u: Lane, v: Lane, w: Lane) -> Vec:
     """Three numbers at each of three corners."""
     return (
         simd.fma(v, s[at + 6], simd.fma(u, s[at + 3], w * s[at])), simd.fma(v, s[at + 7], simd.fma(u, s[at + 4], w * s[at + 1])),
@@ -206,14 +210,15 @@ def _blend(s: Any, at: int, u: Lane, v: Lane, w: Lane) -> Vec:
 
 
 @noinline_helper
-def _single(shown, meshlets, tables, planes, s, patterned, colored, i, slot):
+def setup_corners(projection, meshlets, tables, planes, s, textured, colored, i, slot):
     """Fill in a face: planes of the areas that belong to its second, third and first corner, and what corners hold.
 
     The cross of two corners' rows (X - x W, Y - y W) is X₁Y₂ - X₂Y₁ + x (W₂Y₁ - W₁Y₂) + y (X₂W₁ - X₁W₂). Scaled,
     so that float32 can hold them, and positive inside.
     """
-    one, two, three = _row(shown, meshlets, i, slot, 0), _row(shown, meshlets, i, slot, 1), _row(shown, meshlets, i, slot, 2)
-    first, second, third = _cross(two, three), _cross(three, one), _cross(one, two)
+    one, two = corner_row(projection, meshlets, i, slot, 0), corner_row(projection, meshlets, i, slot, 1)
+    three = corner_row(projection, meshlets, i, slot, 2)
+    first, second, third = cross(two, three), cross(three, one), cross(one, two)
     det = one[0] * first[1] + one[1] * first[2] + one[2] * first[0]
     for n in range(3):
         planes[2 + n], planes[5 + n], planes[8 + n] = second[n], third[n], first[n]
@@ -227,7 +232,7 @@ def _single(shown, meshlets, tables, planes, s, patterned, colored, i, slot):
     transform, material, g = tables.instances.transform[i], tables.instances.material[i], tables.instances.geometry[i]
     side = 1.0 if (det > 0.0) == tables.transforms.flips[transform] else -1.0
     s[_FRONT] = side
-    p, q, r = _place(meshlets, slot, 0), _place(meshlets, slot, 1), _place(meshlets, slot, 2)
+    p, q, r = corner_position(meshlets, slot, 0), corner_position(meshlets, slot, 1), corner_position(meshlets, slot, 2)
     e1, e2 = ops.sub(q, p), ops.sub(r, p)
     face = ops.normalize(ops.cross(e1, e2))
     outward = ops.normalize(ops.scale(affine.transform_normal(tables.transforms.inverse, transform, face), side))
@@ -245,9 +250,9 @@ def _single(shown, meshlets, tables, planes, s, patterned, colored, i, slot):
         flat = flat and s[_NORMALS + 3 * corner] == s[_NORMALS] and s[_NORMALS + 3 * corner + 1] == s[_NORMALS + 1]
         flat = flat and s[_NORMALS + 3 * corner + 2] == s[_NORMALS + 2]
         s[_PLACES + 2 * corner], s[_PLACES + 2 * corner + 1] = meshlets.record[at, 6], meshlets.record[at, 7]
-        s[_DEPTHS + corner] = _depth(shown, meshlets, i, slot, corner)
+        s[_DEPTHS + corner] = corner_depth(projection, meshlets, i, slot, corner)
     s[_EVEN] = _FLAT if even and flat else 1.0 if even else 0.0
-    if patterned is not None:
+    if textured is not None:
         stretch = interaction.mean_scale(affine.load12(tables.transforms.matrix, transform))
         u1, v1 = s[_PLACES + 2] - s[_PLACES], s[_PLACES + 3] - s[_PLACES + 1]
         u2, v2 = s[_PLACES + 4] - s[_PLACES], s[_PLACES + 5] - s[_PLACES + 1]
@@ -263,27 +268,27 @@ def _single(shown, meshlets, tables, planes, s, patterned, colored, i, slot):
 
 
 @helper
-def _place(meshlets: Any, slot: int, corner: int) -> Vec:
+def corner_position(meshlets: Any, slot: int, corner: int) -> Vec:
     """A corner in the mesh's frame."""
     at = meshlets.corner[slot, corner]
     return np.float64(meshlets.record[at, 0]), np.float64(meshlets.record[at, 1]), np.float64(meshlets.record[at, 2])
 
 
 @helper
-def _depth(shown: Any, meshlets: Any, i: int, slot: int, corner: int) -> float:
-    m, (x, y, z) = shown.matrix, _place(meshlets, slot, corner)
+def corner_depth(projection: Any, meshlets: Any, i: int, slot: int, corner: int) -> float:
+    m, (x, y, z) = projection.matrix, corner_position(meshlets, slot, corner)
     return m[i, 3, 0] * x + m[i, 3, 1] * y + m[i, 3, 2] * z + m[i, 3, 3]
 
 
 @helper
-def _row(shown: Any, meshlets: Any, i: int, slot: int, corner: int) -> Vec:
+def corner_row(projection: Any, meshlets: Any, i: int, slot: int, corner: int) -> Vec:
     """X, Y, W of a triangle's corner."""
-    m, (x, y, z) = shown.matrix, _place(meshlets, slot, corner)
-    w = _depth(shown, meshlets, i, slot, corner) if shown.perspective else 1.0
+    m, (x, y, z) = projection.matrix, corner_position(meshlets, slot, corner)
+    w = corner_depth(projection, meshlets, i, slot, corner) if projection.perspective else 1.0
     return m[i, 0, 0] * x + m[i, 0, 1] * y + m[i, 0, 2] * z + m[i, 0, 3], m[i, 1, 0] * x + m[i, 1, 1] * y + m[i, 1, 2] * z + m[i, 1, 3], w
 
 
 @helper
-def _cross(p: Vec, q: Vec) -> Vec:
+def cross(p: Vec, q: Vec) -> Vec:
     """c, a, b of the area that two corners make."""
     return p[0] * q[1] - q[0] * p[1], q[2] * p[1] - p[2] * q[1], q[0] * p[2] - p[0] * q[2]

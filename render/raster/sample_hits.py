@@ -15,11 +15,11 @@ from . import coverage
 
 MESH = int(ir.GeometryKind.MESH)
 CAMERA = int(ir.Visibility.CAMERA)
-BESIDE = 1.0 / 64.0  # of all three: how far below 0 weights may go beside their triangle
+OUTSIDE = 1.0 / 64.0  # of all three: how far below 0 weights may go beside their triangle
 
 
 @helper
-def meet(accel: Any, instance: int, ray: Ray, active: Lane) -> Hit:
+def intersect(accel: Any, instance: int, ray: Ray, active: Lane) -> Hit:
     """Where rays meet one instance, in the active lanes."""
     zero = 0.0 * ray.direction[0]
     nothing = ops.int_like(zero, -1)
@@ -29,13 +29,13 @@ def meet(accel: Any, instance: int, ray: Ray, active: Lane) -> Hit:
 
 
 @helper
-def along_axis(tables: Any, view: View, ray: Ray) -> Lane:
+def axis_cosine(tables: Any, view: View, ray: Ray) -> Lane:
     """Metres along the camera's axis for a metre along a ray."""
     return -affine.transform_vector(tables.transforms.inverse, tables.cameras.transform[view.camera], ray.direction)[2]
 
 
 @helper
-def hits_of(made: Any, tables: Any, accel: Any, view: View, ray: Ray, px: Lane, py: Lane, instances: Lane, triangle: Lane) -> Hit:
+def find_hits(model: Any, tables: Any, accel: Any, view: View, ray: Ray, px: Lane, py: Lane, instances: Lane, triangle: Lane) -> Hit:
     """What the rays through samples hit, where the z-buffer saw triangles: as trace.closest gives it."""
     zero = 0.0 * ray.direction[0]
     nothing = ops.int_like(zero, -1)
@@ -43,7 +43,7 @@ def hits_of(made: Any, tables: Any, accel: Any, view: View, ray: Ray, px: Lane, 
     rest = instances >= 0
     while ops.any_lane(rest):
         i, here = crosslane.uniform_group(instances, rest)
-        hit = _hit_with(made, tables, accel, view, ray, px, py, i, triangle, here)
+        hit = _intersect_instance(model, tables, accel, view, ray, px, py, i, triangle, here)
         found = here & (hit.t < np.inf)
         t, instance, primitive = ops.where(found, hit.t, t), ops.where(found, i, instance), ops.where(found, hit.primitive, primitive)
         u, v = ops.where(found, hit.u, u), ops.where(found, hit.v, v)
@@ -52,20 +52,21 @@ def hits_of(made: Any, tables: Any, accel: Any, view: View, ray: Ray, px: Lane, 
 
 
 @helper
-def _hit_with(made: Any, tables: Any, accel: Any, view: View, ray: Ray, px: Lane, py: Lane, i: int, triangle: Lane, here: Lane) -> Hit:
+def _intersect_instance(model: Any, tables: Any, accel: Any, view: View, ray: Ray, px: Lane, py: Lane, i: int, triangle: Lane,
+                        here: Lane) -> Hit:  # fmt: skip
     """Hits of the active lanes with one instance; t is inf where the z-buffer's triangle has none."""
     zero = 0.0 * ray.direction[0]
     t, u, v, part = zero + np.inf, zero, zero, ops.int_like(zero, -1)
     flat = here & (triangle >= 0)
     if ops.any_lane(flat):
         row = ops.where(flat, triangle, 0)
-        depth, wu, wv = weights(made, i, row, px / coverage.ONE, py / coverage.ONE)
-        t = ops.where(flat, depth / along_axis(tables, view, ray), t)
+        depth, wu, wv = weights(model, i, row, px / coverage.ONE, py / coverage.ONE)
+        t = ops.where(flat, depth / axis_cosine(tables, view, ray), t)
         u, v = ops.where(flat, wu, u), ops.where(flat, wv, v)
-        part = ops.where(flat, ops.to_int(made.parts[row]), part)
+        part = ops.where(flat, ops.to_int(model.parts[row]), part)
     t = ops.where(abs(t) < np.inf, t, np.inf)  # an endless plane at its horizon
     if tables.geometries.kind[tables.instances.geometry[i]] != MESH:
-        exact = meet(accel, i, ray, here)
+        exact = intersect(accel, i, ray, here)
         met = exact.instance >= 0
         t, part = ops.where(met, exact.t, t), ops.where(met, exact.primitive, part)
         u, v = ops.where(met, exact.u, u), ops.where(met, exact.v, v)
@@ -73,23 +74,23 @@ def _hit_with(made: Any, tables: Any, accel: Any, view: View, ray: Ray, px: Lane
 
 
 @helper
-def weights(made: Any, instance: int, triangle: Lane, x: Lane, y: Lane) -> tuple[Lane, Lane, Lane]:
+def weights(model: Any, instance: int, triangle: Lane, x: Lane, y: Lane) -> tuple[Lane, Lane, Lane]:
     """(depth, u, v) of triangles at pixel coordinates: perspective-correct weights of their second and third corners.
 
     The rows (X - x W, Y - y W) of the corners lie about the sample; the cross of two of them is the third's weight, undivided.
     A sample that snapping put just outside gets the weights that the plane has there, if need be less than 0, where these are small and
     the plane is before the eye; else the nearest ones inside.
     """
-    m, p, corners = made.matrix, made.positions, made.triangles
-    x0, y0, d0, v0 = about(m, instance, p, corners[triangle, 0], x, y)
-    x1, y1, d1, v1 = about(m, instance, p, corners[triangle, 1], x, y)
-    x2, y2, d2, v2 = about(m, instance, p, corners[triangle, 2], x, y)
+    m, p, corners = model.matrix, model.positions, model.triangles
+    x0, y0, d0, v0 = relative_to_sample(m, instance, p, corners[triangle, 0], x, y)
+    x1, y1, d1, v1 = relative_to_sample(m, instance, p, corners[triangle, 1], x, y)
+    x2, y2, d2, v2 = relative_to_sample(m, instance, p, corners[triangle, 2], x, y)
     e0, e1, e2 = x1 * y2 - y1 * x2, x2 * y0 - y2 * x0, x0 * y1 - y0 * x1
     whole = e0 + e1 + e2
     turn = ops.where(whole < 0.0, -1.0, 1.0)
     e0, e1, e2 = turn * e0, turn * e1, turn * e2
     least = ops.minimum(e0, ops.minimum(e1, e2))
-    beside = (least > turn * whole * -BESIDE) & (e0 * d0 + e1 * d1 + e2 * d2 > 0.0) & (e0 * v0 + e1 * v1 + e2 * v2 > 0.0)
+    beside = (least > turn * whole * -OUTSIDE) & (e0 * d0 + e1 * d1 + e2 * d2 > 0.0) & (e0 * v0 + e1 * v1 + e2 * v2 > 0.0)
     least = ops.where(beside, least, 0.0)
     e0, e1, e2 = ops.maximum(e0, least), ops.maximum(e1, least), ops.maximum(e2, least)
     total = e0 + e1 + e2
@@ -99,7 +100,7 @@ def weights(made: Any, instance: int, triangle: Lane, x: Lane, y: Lane) -> tuple
 
 
 @helper
-def about(matrix: Any, instance: int, positions: Any, row: Lane, x: Lane, y: Lane) -> tuple[Lane, Lane, Lane, Lane]:
+def relative_to_sample(matrix: Any, instance: int, positions: Any, row: Lane, x: Lane, y: Lane) -> tuple[Lane, Lane, Lane, Lane]:
     """(X - x W, Y - y W, D, V) of vertices in clip space."""
     row = ops.to_int(row)
     px, py, pz, pw = positions[row, 0], positions[row, 1], positions[row, 2], positions[row, 3]

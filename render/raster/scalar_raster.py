@@ -19,7 +19,7 @@ from ..types import Tile
 from . import clipping, coverage
 from .view_geometry import COLUMNS, to_clip
 
-NOWHERE = -(1 << 62)  # no line of samples
+NO_LINE = -(1 << 62)  # no line of samples
 FLAT = 1e-6  # of its size, by which the corners of a polygon filled as a whole may be off its plane
 
 
@@ -34,7 +34,7 @@ class Samples(NamedTuple):
     reach: int  # how far any of them lies from its pixel's centre in x or y
 
 
-class Seen(NamedTuple):
+class DepthBuffer(NamedTuple):
     """What each sample sees."""
 
     key: NDArray[np.float64]  # (h · w · count,) larger is nearer; -inf: nothing
@@ -42,7 +42,7 @@ class Seen(NamedTuple):
     triangle: NDArray[np.int32]  # row of Model.triangles, or -1: an endless quadric, which has none
 
 
-class Room(NamedTuple):
+class Workspace(NamedTuple):
     """Scratch memory of one thread."""
 
     corners: NDArray[np.float64]  # (3, 5) the triangle in clip space
@@ -60,29 +60,29 @@ class Scratch(NamedTuple):
     """What one thread writes to, as one handle for kernels."""
 
     samples: Samples
-    seen: Seen
-    room: Room
+    depth: DepthBuffer
+    work: Workspace
 
 
-def scratch_for(tile: Tile, count: int, reach: int, room: Room) -> Scratch:
+def scratch_for(tile: Tile, count: int, reach: int, work: Workspace) -> Scratch:
     """Memory for `count` samples of each pixel of a tile, with an empty z-buffer."""
     rows, columns = tile.y1 - tile.y0, tile.x1 - tile.x0
     n = rows * columns * count
     samples = Samples(np.empty(n, np.int64), np.empty(n, np.int64), rows, columns, count, reach)
-    return Scratch(samples, Seen(np.full(n, -np.inf), np.full(n, -1, np.int32), np.full(n, -1, np.int32)), room)
+    return Scratch(samples, DepthBuffer(np.full(n, -np.inf), np.full(n, -1, np.int32), np.full(n, -1, np.int32)), work)
 
 
-def room_for(tables: ir.Tables) -> Room:
+def workspace_for(tables: ir.Tables) -> Workspace:
     """Memory for the largest polygon there is."""
-    corners = max(16, _largest(tables.polygons, tables.pools.loops))
+    corners = max(16, _most_corners(tables.polygons, tables.pools.loops))
     parts = max(1, int(tables.polygons.triangle_count.max(initial=1)))
-    return Room(
+    return Workspace(
         np.empty((3, COLUMNS)), np.empty((16, COLUMNS)), np.empty((16, COLUMNS)), np.empty(corners, np.int64), np.empty(corners, np.int64),
         np.empty(corners, np.int64), np.empty((parts, 5)), np.empty((parts, 3), np.int64), np.empty((parts, 3), np.int64),
     )  # fmt: skip
 
 
-def _largest(polygons: ir.Polygons, loops: NDArray[np.int32]) -> int:
+def _most_corners(polygons: ir.Polygons, loops: NDArray[np.int32]) -> int:
     """The most corners any polygon has, with its holes."""
     if len(polygons.first_loop) == 0:
         return 0
@@ -91,59 +91,59 @@ def _largest(polygons: ir.Polygons, loops: NDArray[np.int32]) -> int:
 
 
 @kernel
-def draw(made, clusters, chosen, tile, how, scratch):
+def draw_triangles(model, clusters, chosen, tile, how, scratch):
     """Draw the chosen clusters of triangles into scratch.seen. `how` is one of fill.NAMES.
 
     `made`, `clusters` and `scratch` are handles.
     """
     for c in chosen:
         for item in range(clusters.first[c], clusters.first[c] + clusters.count[c]):
-            draw_triangle(made, clusters.instance[c], made.order[item], tile, how, scratch)
+            draw_triangle(model, clusters.instance[c], model.order[item], tile, how, scratch)
 
 
 @kernel
-def draw_whole(made, clusters, chosen, tables, flat, tile, scratch):
+def draw_polygons(model, clusters, chosen, tables, flat, tile, scratch):
     """Draw the chosen clusters of polygons by scanlines, as a whole where `flat` (polygons,) says so, else by their triangles."""
     for c in chosen:
         instance, first, last = clusters.instance[c], clusters.first[c], clusters.first[c] + clusters.count[c]
         for polygon in range(first, last):
-            if not (flat[polygon] and draw_polygon(made, tables, instance, polygon, tile, scratch)):
+            if not (flat[polygon] and draw_polygon(model, tables, instance, polygon, tile, scratch)):
                 start = tables.polygons.first_triangle[polygon]
                 for triangle in range(start, start + tables.polygons.triangle_count[polygon]):
-                    draw_triangle(made, instance, triangle, tile, coverage.SCANLINE, scratch)
+                    draw_triangle(model, instance, triangle, tile, coverage.SCANLINE, scratch)
 
 
 @kernel
-def draw_triangle(made, instance, triangle, tile, how, scratch):
+def draw_triangle(model, instance, triangle, tile, how, scratch):
     """Clip, project, snap and fill one triangle."""
-    room = scratch.room
+    work = scratch.work
     for k in range(3):
-        to_clip(made.matrix, instance, made.positions, made.triangles[triangle, k], room.corners, k)
-    count = clipped(made.planes, room)
-    if count < 3 or not snapped(room.first, count, made.perspective, room, 0):
+        to_clip(model.matrix, instance, model.positions, model.triangles[triangle, k], work.corners, k)
+    count = clip_triangle(model.planes, work)
+    if count < 3 or not snap(work.first, count, model.perspective, work, 0):
         return
-    x0, y0, x1, y1 = pixel_box(room, count, scratch.samples.reach, tile)
-    if x0 >= x1 or y0 >= y1 or not key_plane(room.corners, tile, made.perspective, room.plane, 0):
+    x0, y0, x1, y1 = pixel_box(work, count, scratch.samples.reach, tile)
+    if x0 >= x1 or y0 >= y1 or not key_plane(work.corners, tile, model.perspective, work.plane, 0):
         return
     for k in range(1, count - 1):
         fill_triangle(0, k, k + 1, instance, triangle, tile, how, scratch)
 
 
 @helper
-def clipped(planes: Any, room: Room) -> int:
+def clip_triangle(planes: Any, work: Workspace) -> int:
     """Copy the triangle in room.corners to room.first, cut if need be; returns how many corners are left."""
     cut = False
     for p in range(len(planes)):
         outside = 0
         for k in range(3):
-            outside += clipping.distance(room.corners, k, planes[p]) < 0.0
+            outside += clipping.distance(work.corners, k, planes[p]) < 0.0
         if outside == 3:
             return 0
         cut = cut or outside > 0
     for k in range(3):
         for c in range(COLUMNS):
-            room.first[k, c] = room.corners[k, c]
-    return clipping.against_all(room.first, 3, planes, room.second) if cut else 3
+            work.first[k, c] = work.corners[k, c]
+    return clipping.clip_to_planes(work.first, 3, planes, work.second) if cut else 3
 
 
 @helper
@@ -172,7 +172,7 @@ def key_plane(corners: Any, tile: Tile, perspective: bool, out: Any, row: int) -
 
 
 @helper
-def snapped(corners: Any, count: int, perspective: bool, room: Room, row: int) -> bool:
+def snap(corners: Any, count: int, perspective: bool, work: Workspace, row: int) -> bool:
     """Put the corners of what clipping left into room.x and room.y, and the range of their keys into room.plane[row, 3:].
 
     The range keeps a sample that snapping put just outside of the true triangle from a depth none of its points has.
@@ -182,11 +182,11 @@ def snapped(corners: Any, count: int, perspective: bool, room: Room, row: int) -
         w = corners[k, 2]
         if not w > 0.0:
             return False
-        room.x[k] = int(np.floor(corners[k, 0] / w * coverage.ONE + 0.5))
-        room.y[k] = int(np.floor(corners[k, 1] / w * coverage.ONE + 0.5))
+        work.x[k] = int(np.floor(corners[k, 0] / w * coverage.ONE + 0.5))
+        work.y[k] = int(np.floor(corners[k, 1] / w * coverage.ONE + 0.5))
         key = corners[k, 4] / corners[k, 3] if perspective else -corners[k, 3] / corners[k, 4]
         low, high = min(low, key), max(high, key)
-    room.plane[row, 3], room.plane[row, 4] = low, high
+    work.plane[row, 3], work.plane[row, 4] = low, high
     return True
 
 
@@ -199,11 +199,11 @@ def pixel_range(low: int, high: int, reach: int, start: int, end: int) -> tuple[
 
 
 @helper
-def pixel_box(room: Room, count: int, reach: int, tile: Tile) -> tuple[int, int, int, int]:
+def pixel_box(work: Workspace, count: int, reach: int, tile: Tile) -> tuple[int, int, int, int]:
     """x0, y0, x1, y1 of the tile's pixels whose samples the first `count` corners of room.x and room.y may surround."""
-    x0, y0, x1, y1 = room.x[0], room.y[0], room.x[0], room.y[0]
+    x0, y0, x1, y1 = work.x[0], work.y[0], work.x[0], work.y[0]
     for k in range(1, count):
-        x0, y0, x1, y1 = min(x0, room.x[k]), min(y0, room.y[k]), max(x1, room.x[k]), max(y1, room.y[k])
+        x0, y0, x1, y1 = min(x0, work.x[k]), min(y0, work.y[k]), max(x1, work.x[k]), max(y1, work.y[k])
     i0, i1 = pixel_range(x0, x1, reach, tile.x0, tile.x1)
     j0, j1 = pixel_range(y0, y1, reach, tile.y0, tile.y1)
     return i0, j0, i1, j1
@@ -212,18 +212,18 @@ def pixel_box(room: Room, count: int, reach: int, tile: Tile) -> tuple[int, int,
 @helper
 def fill_triangle(a: int, b: int, c: int, instance: int, triangle: int, tile: Tile, how: int, scratch: Scratch) -> None:
     """Fill the triangle of corners a, b, c of room.x and room.y, either way round."""
-    room, samples = scratch.room, scratch.samples
-    area = coverage.doubled_area(room.x[a], room.y[a], room.x[b], room.y[b], room.x[c], room.y[c])
+    work, samples = scratch.work, scratch.samples
+    area = coverage.doubled_area(work.x[a], work.y[a], work.x[b], work.y[b], work.x[c], work.y[c])
     if area == 0:
         return
     if area < 0:
         b, c = c, b
-    ax, ay, bx, by, cx, cy = room.x[a], room.y[a], room.x[b], room.y[b], room.x[c], room.y[c]
+    ax, ay, bx, by, cx, cy = work.x[a], work.y[a], work.x[b], work.y[b], work.x[c], work.y[c]
     x0, x1 = pixel_range(min(ax, min(bx, cx)), max(ax, max(bx, cx)), samples.reach, tile.x0, tile.x1)
     y0, y1 = pixel_range(min(ay, min(by, cy)), max(ay, max(by, cy)), samples.reach, tile.y0, tile.y1)
     if x0 >= x1 or y0 >= y1:
         return
-    part_x, part_y = room.part_x[0], room.part_y[0]
+    part_x, part_y = work.part_x[0], work.part_y[0]
     part_x[0], part_x[1], part_x[2], part_y[0], part_y[1], part_y[2] = ax, bx, cx, ay, by, cy
     found, line = 0, min(ay, min(by, cy)) - 1
     for j in range(y0, y1):
@@ -237,23 +237,23 @@ def fill_triangle(a: int, b: int, c: int, instance: int, triangle: int, tile: Ti
             else:
                 if py != line:
                     line = py
-                    found = coverage.crossings(part_x, part_y, 0, 3, py, room.crossings, 0)
-                covered = coverage.inside_crossings(room.crossings, found, px)
+                    found = coverage.crossings(part_x, part_y, 0, 3, py, work.crossings, 0)
+                covered = coverage.inside_crossings(work.crossings, found, px)
             if covered:
-                test_depth(room.plane, 0, px, py, instance, triangle, tile, s, scratch.seen)
+                test_depth(work.plane, 0, px, py, instance, triangle, tile, s, scratch.depth)
 
 
 @helper
-def test_depth(plane: Any, row: int, px: int, py: int, instance: int, triangle: int, tile: Tile, s: int, seen: Seen) -> None:
+def test_depth(plane: Any, row: int, px: int, py: int, instance: int, triangle: int, tile: Tile, s: int, depth: DepthBuffer) -> None:
     """Keep the triangle of plane[row] at sample s if it is the nearest so far."""
     x, y = px / coverage.ONE - tile.x0, py / coverage.ONE - tile.y0
     key = min(max(plane[row, 0] * x + plane[row, 1] * y + plane[row, 2], plane[row, 3]), plane[row, 4])
-    old = seen.key[s]
+    old = depth.key[s]
     if not key >= old:
         return
-    if key == old and (instance, triangle) > (seen.instance[s], seen.triangle[s]):
+    if key == old and (instance, triangle) > (depth.instance[s], depth.triangle[s]):
         return
-    seen.key[s], seen.instance[s], seen.triangle[s] = key, instance, triangle
+    depth.key[s], depth.instance[s], depth.triangle[s] = key, instance, triangle
 
 
 # --- whole polygons ------------------------------------------------------------------------------------------------------
@@ -290,49 +290,49 @@ def flat_polygons(tables, out):
 
 
 @kernel
-def draw_polygon(made, tables, instance, polygon, tile, scratch):
+def draw_polygon(model, tables, instance, polygon, tile, scratch):
     """Fill one flat polygon as a whole by scanlines; False, and nothing drawn, if it needs cutting."""
     first, count = tables.polygons.first_triangle[polygon], tables.polygons.triangle_count[polygon]
-    if not polygon_parts(made, instance, first, count, tile, scratch.room):
+    if not snap_triangles(model, instance, first, count, tile, scratch.work):
         return False
-    corners = project_loops(made, tables, instance, polygon, scratch.room)
+    corners = project_loops(model, tables, instance, polygon, scratch.work)
     if corners > 0:
         fill_polygon(tables, instance, polygon, corners, tile, scratch)
     return True
 
 
 @helper
-def polygon_parts(made: Any, instance: int, first: int, count: int, tile: Tile, room: Room) -> bool:
+def snap_triangles(model: Any, instance: int, first: int, count: int, tile: Tile, work: Workspace) -> bool:
     """The fixed-point corners and depth planes of a polygon's triangles, into room; False if one of them must be cut."""
     for t in range(count):
         for k in range(3):
-            to_clip(made.matrix, instance, made.positions, made.triangles[first + t, k], room.corners, k)
-            for p in range(len(made.planes)):
-                if clipping.distance(room.corners, k, made.planes[p]) < 0.0:
+            to_clip(model.matrix, instance, model.positions, model.triangles[first + t, k], work.corners, k)
+            for p in range(len(model.planes)):
+                if clipping.distance(work.corners, k, model.planes[p]) < 0.0:
                     return False
-        if not snapped(room.corners, 3, made.perspective, room, t):
+        if not snap(work.corners, 3, model.perspective, work, t):
             return False
-        if not key_plane(room.corners, tile, made.perspective, room.plane, t):
-            room.plane[t, 0], room.plane[t, 1], room.plane[t, 2] = 0.0, 0.0, 0.0
+        if not key_plane(work.corners, tile, model.perspective, work.plane, t):
+            work.plane[t, 0], work.plane[t, 1], work.plane[t, 2] = 0.0, 0.0, 0.0
         for k in range(3):
-            room.part_x[t, k], room.part_y[t, k] = room.x[k], room.y[k]
+            work.part_x[t, k], work.part_y[t, k] = work.x[k], work.y[k]
     return True
 
 
 @helper
-def project_loops(made: Any, tables: ir.Tables, instance: int, polygon: int, room: Room) -> int:
+def project_loops(model: Any, tables: ir.Tables, instance: int, polygon: int, work: Workspace) -> int:
     """The fixed-point corners of all of a polygon's loops, one after the other, into room; returns how many, 0 if one is behind."""
     found = 0
     first = tables.polygons.first_loop[polygon]
     for loop in range(first, first + tables.polygons.loop_count[polygon]):
         start = tables.pools.loops[loop, 0]
         for c in range(start, start + tables.pools.loops[loop, 1]):
-            to_clip(made.matrix, instance, made.positions, tables.pools.corners[c], room.corners, 0)
-            w = room.corners[0, 2]
+            to_clip(model.matrix, instance, model.positions, tables.pools.corners[c], work.corners, 0)
+            w = work.corners[0, 2]
             if not w > 0.0:
                 return 0
-            room.x[found] = int(np.floor(room.corners[0, 0] / w * coverage.ONE + 0.5))
-            room.y[found] = int(np.floor(room.corners[0, 1] / w * coverage.ONE + 0.5))
+            work.x[found] = int(np.floor(work.corners[0, 0] / w * coverage.ONE + 0.5))
+            work.y[found] = int(np.floor(work.corners[0, 1] / w * coverage.ONE + 0.5))
             found += 1
     return found
 
@@ -340,30 +340,30 @@ def project_loops(made: Any, tables: ir.Tables, instance: int, polygon: int, roo
 @helper
 def fill_polygon(tables: ir.Tables, instance: int, polygon: int, corners: int, tile: Tile, scratch: Scratch) -> None:
     """The scanline fill of a polygon's loops by the even-odd rule; each covered sample gets the triangle it lies in."""
-    room, samples = scratch.room, scratch.samples
+    work, samples = scratch.work, scratch.samples
     loops, first_loop = tables.pools.loops, tables.polygons.first_loop[polygon]
     first, count = tables.polygons.first_triangle[polygon], tables.polygons.triangle_count[polygon]
-    x0, y0, x1, y1 = pixel_box(room, corners, samples.reach, tile)
-    found, line = 0, np.int64(NOWHERE)
+    x0, y0, x1, y1 = pixel_box(work, corners, samples.reach, tile)
+    found, line = 0, np.int64(NO_LINE)
     for j in range(y0, y1):
         for s in range((j * samples.columns + x0) * samples.count, (j * samples.columns + x1) * samples.count):
             px, py = samples.x[s], samples.y[s]
             if py != line:
                 line, found, start = py, 0, 0
                 for loop in range(first_loop, first_loop + tables.polygons.loop_count[polygon]):
-                    found = coverage.crossings(room.x, room.y, start, loops[loop, 1], py, room.crossings, found)
+                    found = coverage.crossings(work.x, work.y, start, loops[loop, 1], py, work.crossings, found)
                     start += loops[loop, 1]
-            if coverage.inside_crossings(room.crossings, found, px):
-                t = triangle_at(room, count, px, py)
-                test_depth(room.plane, t, px, py, instance, first + t, tile, s, scratch.seen)
+            if coverage.inside_crossings(work.crossings, found, px):
+                t = triangle_at(work, count, px, py)
+                test_depth(work.plane, t, px, py, instance, first + t, tile, s, scratch.depth)
 
 
 @helper
-def triangle_at(room: Room, count: int, px: int, py: int) -> int:
+def triangle_at(work: Workspace, count: int, px: int, py: int) -> int:
     """Which of a polygon's triangles a sample lies in; where snapping turned a sliver over and it lies in none, the one it misses least."""
     best, least = 0, -np.inf
     for t in range(count):
-        x, y = room.part_x[t], room.part_y[t]
+        x, y = work.part_x[t], work.part_y[t]
         area = coverage.doubled_area(x[0], y[0], x[1], y[1], x[2], y[2])
         if area == 0:
             continue

@@ -17,8 +17,8 @@ from . import triangle_planes
 CAPACITY = 32  # points, of sixteen lanes each, that go through a step together
 
 # Columns of a point: its normal and the direction to the viewer, unit; its light; where it is, about the eye; and what faces.Seen says.
-NORMAL, VIEWER, COLOR, PLACE, FACING, UV, METRIC, SPREAD, OUTWARD, TINT = 0, 3, 6, 9, 12, 13, 15, 17, 21, 24
-PLAIN, PICTURED, COLORED = 13, 21, 27
+NORMAL, VIEWER, RADIANCE, POSITION, FACING, UV, METRIC, SPREAD, OUTWARD, VERTEX_COLOR = 0, 3, 6, 9, 12, 13, 15, 17, 21, 24
+PLAIN, TEXTURED, COLORED = 13, 21, 27
 
 
 class Points(NamedTuple):
@@ -30,37 +30,37 @@ class Points(NamedTuple):
     group: NDArray[np.int32]  # of items, or of blocks and then items, that they belong to
 
 
-def points_for(patterned: bool, colored: bool) -> Points:
+def point_buffer(textured: bool, colored: bool) -> Points:
     """Room for CAPACITY points."""
-    values = simd.aligned_empty((CAPACITY, COLORED if colored else PICTURED if patterned else PLAIN, 16), np.float32)
+    values = simd.aligned_empty((CAPACITY, COLORED if colored else TEXTURED if textured else PLAIN, 16), np.float32)
     return Points(values, np.zeros(CAPACITY, np.int32), np.zeros(CAPACITY, np.int32), np.zeros(CAPACITY, np.int32))
 
 
 @helper
-def keep(shading: Any, patterned: Any, colored: Any, k: int, point: triangle_planes.Seen, x: Lane, y: Lane, i: int, here: Lane,
+def store_point(shading: Any, textured: Any, colored: Any, k: int, point: triangle_planes.Attributes, x: Lane, y: Lane, i: int, here: Lane,
          group: int) -> None:  # fmt: skip
     """Write a point."""
-    points, look = shading.points, shading.look
+    points, rays = shading.points, shading.rays
     simd.write(points.instance, k, i)
     simd.write(points.lanes, k, simd.bits(here))
     simd.write(points.group, k, group)
-    along = over_picture(look.direction, x, y)
+    along = at_pixel(rays.direction, x, y)
     put3(points, k, NORMAL, ops.scale(point.normal, simd.reciprocal_sqrt(ops.dot(point.normal, point.normal))))
     put3(points, k, VIEWER, ops.scale(along, -simd.reciprocal_sqrt(ops.dot(along, along))))
-    if colored is not None or not shading.lamps.bare:
-        place = ops.scale(along, simd.reciprocal(point.key) if shading.shown.perspective else point.key)
-        if not shading.shown.perspective:
-            place = ops.add(place, over_picture(look.start, x, y))
-        put3(points, k, PLACE, place)
-    if patterned is not None or not shading.lamps.bare:
+    if colored is not None or not shading.sources.bare:
+        place = ops.scale(along, simd.reciprocal(point.key) if shading.projection.perspective else point.key)
+        if not shading.projection.perspective:
+            place = ops.add(place, at_pixel(rays.start, x, y))
+        put3(points, k, POSITION, place)
+    if textured is not None or not shading.sources.bare:
         put1(points, k, FACING, point.facing)
-    if patterned is not None:
+    if textured is not None:
         put2(points, k, UV, point.uv)
-        _put_spread(points, k, texture_footprint.is_known(shading.lit), point.spread)
+        _put_spread(points, k, texture_footprint.is_known(shading.tables), point.spread)
     if colored is not None:
         put2(points, k, METRIC, point.metric)
         put3(points, k, OUTWARD, point.outward)
-        put3(points, k, TINT, point.color)
+        put3(points, k, VERTEX_COLOR, point.color)
 
 
 @helper
@@ -104,7 +104,7 @@ def get3(points: Any, k: int, column: int) -> Vec:
 
 
 @helper
-def over_picture(table: Any, x: Lane, y: Lane) -> Vec:
+def at_pixel(table: Any, x: Lane, y: Lane) -> Vec:
     """Three vectors: at the picture's corner, and what a pixel right and a pixel down add."""
     return (
         simd.fma(x, table[1, 0], simd.fma(y, table[2, 0], table[0, 0])), simd.fma(x, table[1, 1], simd.fma(y, table[2, 1], table[0, 1])),

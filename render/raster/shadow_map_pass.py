@@ -20,9 +20,9 @@ from .meshlets import SHIFT
 SIZE = 2048  # texels a side, of parallel light and spots
 FACE = 1024  # of each of the six sides around a point
 ROWS = 64  # of a map that are drawn together
-WIDEST = 1.2  # radians: spots that open wider than this to a side are seen as points
+SPOT_ANGLE = 1.2  # radians: spots that open wider than this to a side are seen as points
 BORDER = 3.0  # texels around a side of a cube, for the filter
-NARROW = 0.5  # texels that a tessellated shape may be off its outline
+TOLERANCE = 0.5  # texels that a tessellated shape may be off its outline
 MAPPED = (ir.LightKind.POINT, ir.LightKind.SPOT, ir.LightKind.DIRECTIONAL, ir.LightKind.SUN)
 
 
@@ -33,13 +33,13 @@ def build(tables: ir.Tables, accel: packed_struct.Handle) -> Maps | Traced:
     for light in range(len(lights.kind)):
         if lights.kind[light] in MAPPED and lights.shadows[light] and (lights.color[light] > 0.0).any():
             first[light] = len(made)
-            made += _views(tables, light)
+            made += _cameras_of(tables, light)
             count[light] = len(made) - first[light]
     if not made:
         return Traced()
     seen = _with_cameras(tables, made)
     views = [View(len(tables.cameras.projection) + k, one.size, one.size) for k, one in enumerate(made)]
-    texels = [_drawn(seen, view, accel) for view in views]
+    texels = [_render(seen, view, accel) for view in views]
     clip = np.stack([view_geometry.world_to_clip(seen, view)[[0, 1, 3]] for view in views])
     inverse = np.zeros_like(clip)
     inverse[:, :, :3] = np.linalg.inv(clip[:, :, :3])
@@ -50,7 +50,7 @@ def build(tables: ir.Tables, accel: packed_struct.Handle) -> Maps | Traced:
     return Maps(first.astype(np.int64), count, np.ascontiguousarray(clip), np.ascontiguousarray(inverse), texel, size, start, key, instance)
 
 
-class _View(NamedTuple):
+class _ShadowCamera(NamedTuple):
     """A camera that stands for a lamp."""
 
     frame: NDArray[np.float64]  # (3, 4) to the world
@@ -59,20 +59,20 @@ class _View(NamedTuple):
     size: int
 
 
-def _views(tables: ir.Tables, light: int) -> list[_View]:
+def _cameras_of(tables: ir.Tables, light: int) -> list[_ShadowCamera]:
     """What sees all that a lamp may shine on: one camera, or six around it."""
     lights = tables.lights
     kind, position, direction = lights.kind[light], lights.position[light], lights.direction[light]
     if kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
-        return [_parallel(tables, direction)]
-    if kind == ir.LightKind.SPOT and lights.cos_cone[light] > math.cos(WIDEST):
+        return [_parallel_camera(tables, direction)]
+    if kind == ir.LightKind.SPOT and lights.cos_cone[light] > math.cos(SPOT_ANGLE):
         extent = math.tan(math.acos(float(lights.cos_cone[light]))) * (1.0 + 2.0 * BORDER / SIZE)
-        return [_View(_frame(-direction, position), extent, False, SIZE)]
+        return [_ShadowCamera(_frame(-direction, position), extent, False, SIZE)]
     sides = [sign * axis for axis in np.eye(3) for sign in (-1.0, 1.0)]
-    return [_View(_frame(-side, position), 1.0 + 2.0 * BORDER / FACE, False, FACE) for side in sides]
+    return [_ShadowCamera(_frame(-side, position), 1.0 + 2.0 * BORDER / FACE, False, FACE) for side in sides]
 
 
-def _parallel(tables: ir.Tables, towards: NDArray[np.float64]) -> _View:
+def _parallel_camera(tables: ir.Tables, towards: NDArray[np.float64]) -> _ShadowCamera:
     """An orthographic camera that looks from the light's side upon all that has an end."""
     boxes = world_bounds(tables)
     boxes = boxes[np.isfinite(boxes).all(axis=1)]
@@ -82,7 +82,7 @@ def _parallel(tables: ir.Tables, towards: NDArray[np.float64]) -> _View:
     reach = np.abs(frame[:, :3].T) @ half
     extent = max(float(reach[:2].max()), 1e-9) * (1.0 + 2.0 * BORDER / SIZE)
     frame[:, 3] += towards / np.linalg.norm(towards) * (float(reach[2]) + extent)
-    return _View(frame, extent, True, SIZE)
+    return _ShadowCamera(frame, extent, True, SIZE)
 
 
 def _frame(back: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -93,7 +93,7 @@ def _frame(back: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[
     return np.stack([x, np.cross(z, x), z, position], axis=1)
 
 
-def _with_cameras(tables: ir.Tables, made: list[_View]) -> ir.Tables:
+def _with_cameras(tables: ir.Tables, made: list[_ShadowCamera]) -> ir.Tables:
     """Tables with a camera more for each map, to which things are seen that cast shadows."""
     n, rows = len(made), len(tables.transforms.matrix)
     frames = np.stack([one.frame for one in made])
@@ -116,28 +116,28 @@ def _with_cameras(tables: ir.Tables, made: list[_View]) -> ir.Tables:
     )
 
 
-def _drawn(tables: ir.Tables, view: View, accel: packed_struct.Handle) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+def _render(tables: ir.Tables, view: View, accel: packed_struct.Handle) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
     """(keys, instances) of a map's texels, row by row."""
-    shells = ViewTessellator(tables, view, NARROW).shells(tables)
+    shells = ViewTessellator(tables, view, TOLERANCE).shells(tables)
     made, packed, pattern = (
         raster_scene.build(tables, view, shells),
         packed_struct.Handle(tables),
         packed_struct.Handle(band_buffer.pattern(1)),
     )
-    drawn = meshlet_culling.drawn(made.shown, made.meshlets, made.placed, (0, 0, view.width, view.height), 0, ROWS)
-    band = packed_struct.Handle(band_buffer.band_for(view.width, ROWS, 1))
-    filling = packed_struct.Handle(band_buffer.Filling(made.shown, pattern, made.meshlets, drawn, band))
+    visible = meshlet_culling.find_visible(made.projection, made.meshlets, made.meshlet_ranges, (0, 0, view.width, view.height), 0, ROWS)
+    band = packed_struct.Handle(band_buffer.band_buffer(view.width, ROWS, 1))
+    filling = packed_struct.Handle(band_buffer.Filling(made.projection, pattern, made.meshlets, visible, band))
     keys, found = np.empty((view.height, view.width), np.float32), np.empty((view.height, view.width), np.int32)
     rows: Any = band.tables
     for number, top in enumerate(range(0, view.height, ROWS)):
-        rows.place[:2] = 0, top
+        rows.window[:2] = 0, top
         rows.clip[:] = 0, top, view.width, top + ROWS
         triangle_setup.draw_band(filling, number)
-        if len(made.exact):
-            integrator_shading.draw_exact(made.model, made.exact, made.boxes, packed, accel, view, pattern, band)
+        if len(made.untessellated):
+            integrator_shading.draw_untessellated(made.model, made.untessellated, made.boxes, packed, accel, view, pattern, band)
         for whole, part in ((keys, rows.key), (found, rows.ids)):
-            whole[top : top + ROWS] = band_buffer.by_pixels(part, ROWS, view.width)
-    mapped: Any = drawn.tables
-    exact = found > integrator_shading.EXACT
-    of = np.where(exact, found & integrator_shading.EXACT, mapped.instance[np.where(exact, 0, np.maximum(found, 0) >> SHIFT)])
+            whole[top : top + ROWS] = band_buffer.to_rows(part, ROWS, view.width)
+    mapped: Any = visible.tables
+    exact = found > integrator_shading.UNTESSELLATED
+    of = np.where(exact, found & integrator_shading.UNTESSELLATED, mapped.instance[np.where(exact, 0, np.maximum(found, 0) >> SHIFT)])
     return np.where(found >= 0, keys, -np.inf).astype(np.float32).ravel(), np.where(found >= 0, of, -1).astype(np.int32).ravel()

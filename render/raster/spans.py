@@ -18,41 +18,40 @@ from . import fragments, precise_planes, triangle_planes
 from .band_buffer import in_block
 from .meshlet_culling import EVERYWHERE
 from .meshlets import SHIFT
-from .shading_points import CAPACITY, keep, over_picture
+from .shading_points import CAPACITY, at_pixel, store_point
 
 
 @helper
-def see(shading: Any, patterned: Any, colored: Any, flat: Any, group: int, y: int, middle: tuple[float, float]) -> tuple[int, int]:
+def interpolate_run(shading: Any, textured: Any, colored: Any, flat_runs: Any, group: int, y: int,
+                    middle: tuple[float, float]) -> tuple[int, int]:  # fmt: skip
     """Have the points of blocks from `group` on, as many as there is room for: the next one, and how many. It stops at a `flat` run.
 
     `y`: where the row of blocks begins; `middle`: where in pixels that one face fills it is lit.
     """
-    found, listed = shading.faces, shading.items
+    cache, buffer = shading.planes, shading.fragments
     column, line = in_block(simd.iota(simd.i32x16(0)))
     across, at_y = simd.to_f32(column) + np.float32(middle[0]), simd.to_f32(line) + np.float32(y + middle[1])
     every = column >= 0
     count = 0
-    while group < listed.counts[2] and count < CAPACITY:
-        face = simd.read(listed.even, group)
+    while group < buffer.counts[2] and count < CAPACITY:
+        face = simd.read(buffer.blocks, group)
         i = instance_of(shading, face)
-        if flat is not None and is_flat(shading, i, face):
+        if flat_runs is not None and is_flat(shading, i, face):
             break
-        row, end = record_of(shading, patterned, colored, i, face, simd.read(listed.even_x, group), y)
+        row, end = block_record(shading, textured, colored, i, face, simd.read(buffer.block_x, group), y)
         if row < 0:
-            at_x = across + np.float32(simd.read(listed.even_x, group))
-            point = precise_planes.seen(
-                shading.shown, shading.meshlets, shading.drawn, shading.lit, found, patterned, colored, i, face, at_x, at_y
-            )
-            keep(shading, patterned, colored, count, point, at_x, at_y, i, every, group)
+            at_x = across + np.float32(simd.read(buffer.block_x, group))
+            point = precise_planes.interpolate(shading, textured, colored, i, face, at_x, at_y)
+            store_point(shading, textured, colored, count, point, at_x, at_y, i, every, group)
             count += 1
             group += 1
             continue
-        record = triangle_planes.spread(found, patterned, colored, row)
-        last = end_of(listed, face, end, group, group + CAPACITY - count)
+        record = triangle_planes.broadcast_record(cache, textured, colored, row)
+        last = run_end(buffer, face, end, group, group + CAPACITY - count)
         for k in range(group, last):
-            at_x = across + np.float32(simd.read(listed.even_x, k))
-            point = triangle_planes.interpolate(shading.shown, patterned, colored, record, at_x, at_y)
-            keep(shading, patterned, colored, count + k - group, point, at_x, at_y, i, every, k)
+            at_x = across + np.float32(simd.read(buffer.block_x, k))
+            point = triangle_planes.interpolate(shading.projection, textured, colored, record, at_x, at_y)
+            store_point(shading, textured, colored, count + k - group, point, at_x, at_y, i, every, k)
         count += last - group
         group = last
     return group, count
@@ -60,80 +59,78 @@ def see(shading: Any, patterned: Any, colored: Any, flat: Any, group: int, y: in
 
 @helper
 def instance_of(shading: Any, face: int) -> int:
-    return shading.drawn.instance[simd.read(shading.faces.owner, face) >> SHIFT]
+    return shading.visible.instance[simd.read(shading.planes.owner, face) >> SHIFT]
 
 
 @helper
 def is_flat(shading: Any, i: int, face: int) -> bool:
     """Whether a face's corners have one normal."""
-    if not triangle_planes.is_single(shading.faces, face):
-        return triangle_planes.is_flat(shading.faces, face)
-    return precise_planes.is_flat(shading.shown, shading.meshlets, shading.drawn, shading.lit, shading.faces, i, face)
+    if not triangle_planes.is_precise(shading.planes, face):
+        return triangle_planes.is_flat(shading.planes, face)
+    return precise_planes.is_flat(shading, i, face)
 
 
 @helper
-def record_of(shading: Any, patterned: Any, colored: Any, i: int, face: int, x: int, y: int) -> tuple[int, int]:
+def block_record(shading: Any, textured: Any, colored: Any, i: int, face: int, x: int, y: int) -> tuple[int, int]:
     """The row of a face's record that holds in the block from (x, y) on, or -1, and up to which x it holds there."""
-    if not triangle_planes.is_single(shading.faces, face):
+    if not triangle_planes.is_precise(shading.planes, face):
         return face, EVERYWHERE
-    row = precise_planes.near(
-        shading.shown, shading.meshlets, shading.drawn, shading.lit, shading.faces, patterned, colored, i, face, x, y
-    )  # fmt: skip
-    return row, precise_planes.end_of(shading.faces, face)
+    row = precise_planes.block_record(shading, textured, colored, i, face, x, y)
+    return row, precise_planes.block_record_end(shading.planes, face)
 
 
 @helper
-def end_of(listed: Any, face: int, end: int, group: int, most: int) -> int:
+def run_end(buffer: Any, face: int, end: int, group: int, most: int) -> int:
     """The first block after `group` that another face fills, or that lies at `end` or beyond; `most` at the most."""
-    most = min(most, listed.counts[2])
+    most = min(most, buffer.counts[2])
     last = group + 1
-    while last < most and simd.read(listed.even, last) == face and simd.read(listed.even_x, last) < end:
+    while last < most and simd.read(buffer.blocks, last) == face and simd.read(buffer.block_x, last) < end:
         last += 1
     return last
 
 
 @noinline_helper
-def light_flat(shading, shader, group, y, middle, crop, full, rgba):
+def shade_flat_run(shading, shader, group, y, middle, crop, full, rgba):
     """Light a flat face's run of blocks from `group` on into the picture; the next one. Its material is `shader`, in numbers."""
-    found, listed, lamps, look = shading.faces, shading.items, shading.lamps, shading.look
-    face = simd.read(listed.even, group)
-    last = end_of(listed, face, EVERYWHERE, group, EVERYWHERE)
-    normal = _unit_normal(found, face)
-    even = ops.add(shader.emission, ops.mul(shader.ambient, (lamps.ambient[0], lamps.ambient[1], lamps.ambient[2])))
-    for k in range(len(lamps.row)):
-        cosine = ops.dot(normal, (lamps.direction[k, 0], lamps.direction[k, 1], lamps.direction[k, 2]))
-        even = ops.add(even, ops.mul(bsdf.matt(shader, cosine), (lamps.color[k, 0], lamps.color[k, 1], lamps.color[k, 2])))
+    cache, buffer, sources, rays = shading.planes, shading.fragments, shading.sources, shading.rays
+    face = simd.read(buffer.blocks, group)
+    last = run_end(buffer, face, EVERYWHERE, group, EVERYWHERE)
+    normal = flat_normal(cache, face)
+    even = ops.add(shader.emission, ops.mul(shader.ambient, (sources.ambient[0], sources.ambient[1], sources.ambient[2])))
+    for k in range(len(sources.row)):
+        cosine = ops.dot(normal, (sources.direction[k, 0], sources.direction[k, 1], sources.direction[k, 2]))
+        even = ops.add(even, ops.mul(bsdf.matt(shader, cosine), (sources.color[k, 0], sources.color[k, 1], sources.color[k, 2])))
     red, green, blue = simd.f32x16(even[0]), simd.f32x16(even[1]), simd.f32x16(even[2])
     column, line = in_block(simd.iota(simd.i32x16(0)))
-    start = over_picture(look.direction, simd.to_f32(column) + np.float32(middle[0]), simd.to_f32(line) + np.float32(y + middle[1]))
+    start = at_pixel(rays.direction, simd.to_f32(column) + np.float32(middle[0]), simd.to_f32(line) + np.float32(y + middle[1]))
     for block in range(group, last):
-        x = simd.read(listed.even_x, block)
-        along = _moved(start, look.direction, np.float32(x))
+        x = simd.read(buffer.block_x, block)
+        along = shift_right(start, rays.direction, np.float32(x))
         viewer = ops.scale(along, -simd.reciprocal_sqrt(ops.dot(along, along)))
         color = (red, green, blue)
-        for k in range(len(lamps.row)):
-            direction = (lamps.direction[k, 0], lamps.direction[k, 1], lamps.direction[k, 2])
+        for k in range(len(sources.row)):
+            direction = (sources.direction[k, 0], sources.direction[k, 1], sources.direction[k, 2])
             cosine = ops.dot(normal, direction)
             if bsdf.has_highlight(shader, cosine):
-                tint = ops.mul(shader.specular, (lamps.color[k, 0], lamps.color[k, 1], lamps.color[k, 2]))
+                tint = ops.mul(shader.specular, (sources.color[k, 0], sources.color[k, 1], sources.color[k, 2]))
                 lobe = bsdf.highlight(shader, normal, direction, viewer, cosine)
                 color = (simd.fma(lobe, tint[0], color[0]), simd.fma(lobe, tint[1], color[1]), simd.fma(lobe, tint[2], color[2]))
-        fragments.write_block(fragments.rows_of(color[0], color[1], color[2], 16, listed), x, y, crop, full, rgba)
+        fragments.write_block(fragments.to_rgba_rows(color[0], color[1], color[2], 16, buffer), x, y, crop, full, rgba)
     return last
 
 
 @helper
-def _moved(start: Any, table: Any, x: float) -> Any:
+def shift_right(start: Any, table: Any, x: float) -> Any:
     """Rays' directions x pixels farther right."""
     return start[0] + x * table[1, 0], start[1] + x * table[1, 1], start[2] + x * table[1, 2]
 
 
 @helper
-def _unit_normal(found: Any, face: int) -> tuple[float, float, float]:
+def flat_normal(cache: Any, face: int) -> tuple[float, float, float]:
     """A flat face's normal, which its record has over the distance."""
-    at = face * found.record.shape[1]
-    x, y, z = simd.read(found.record, at), simd.read(found.record, at + 1), simd.read(found.record, at + 2)
-    if triangle_planes.is_single(found, face):
-        x, y, z = precise_planes.normal_of(found, face)
+    at = face * cache.record.shape[1]
+    x, y, z = simd.read(cache.record, at), simd.read(cache.record, at + 1), simd.read(cache.record, at + 2)
+    if triangle_planes.is_precise(cache, face):
+        x, y, z = precise_planes.flat_normal(cache, face)
     scale = np.float32(1.0) / np.sqrt(x * x + y * y + z * z)
     return x * scale, y * scale, z * scale

@@ -8,62 +8,97 @@ Keys are linear on the screen between the snapped corners, so that they are neve
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .. import simd
 from ..jit.kernel import helper, kernel, noinline_helper
+from ..types import Lane
 from . import large_triangles
-from .band_buffer import LARGE, NOTHING, QUEUE, in_block
+from .band_buffer import LARGE, NO_KEY, QUEUE, in_block
 from .meshlets import SHIFT
 
 SMALL = 62 * 256  # fixed-point units that a small triangle is wide and high at the most: products stay in 32 bits
 STEEP = np.float32(4.0)  # how many times the nearest corner's key may be the farthest's
 OUTSIDE = 1 << 28  # coordinates beyond go through the clipper
-CUT = -(1 << 31)  # stands for x where a vertex does
+CLIPPED = -(1 << 31)  # stands for x where a vertex does
 STRIDE = QUEUE + 32
+
+
+class PixelBox(NamedTuple):
+    """The pixels with samples that sixteen triangles may cover: first and last columns and rows."""
+
+    left: Lane
+    above: Lane
+    right: Lane
+    below: Lane
+
+
+class TriangleSetup(NamedTuple):
+    """Sixteen triangles, clockwise on the screen. Edge k lies opposite corner k; its function is dx (y - y') - dy (x - x')."""
+
+    ids: Lane
+    x0: Lane  # corners, in 1/256 pixel
+    y0: Lane
+    x1: Lane
+    y1: Lane
+    x2: Lane
+    y2: Lane
+    dx0: Lane  # edges
+    dy0: Lane
+    dx1: Lane
+    dy1: Lane
+    dx2: Lane
+    dy2: Lane
+    h0: Lane  # to add to an edge function, see `not_owned`
+    h1: Lane
+    h2: Lane
+    k0: Lane  # the key is k0 + k1 · edge function 1 + k2 · edge function 2
+    k1: Lane
+    k2: Lane
 
 
 @kernel
 def draw_band(filling, number):
     """Fill a buffer with what the meshlets of band `number` show; `filling` is a handle of bands.Filling."""
-    shown, pattern, meshlets, drawn, band = filling.shown, filling.pattern, filling.meshlets, filling.drawn, filling.band
+    projection, pattern, meshlets, visible, band = filling.projection, filling.pattern, filling.meshlets, filling.visible, filling.band
     samples = len(pattern.x)
-    nothing, none = simd.f32x16(NOTHING), simd.i32x16(-1)
-    for k in range(0, band.place[2] * band.place[3] * samples, 16):
+    nothing, none = simd.f32x16(NO_KEY), simd.i32x16(-1)
+    for k in range(0, band.window[2] * band.window[3] * samples, 16):
         simd.store_aligned(band.key, k, nothing)
         simd.store_aligned(band.ids, k, none)
-    for k in range(len(band.hidden)):
-        band.hidden[k] = NOTHING
-    waiting, big = 0, 0
-    for n in range(drawn.start[number], drawn.start[number + 1]):
-        row = drawn.order[n]
-        i, m = drawn.instance[row], drawn.meshlet[row]
+    for k in range(len(band.tile_key)):
+        band.tile_key[k] = NO_KEY
+    small, large = 0, 0
+    for n in range(visible.start[number], visible.start[number + 1]):
+        row = visible.order[n]
+        i, m = visible.instance[row], visible.meshlet[row]
         count = meshlets.triangles[m]
         if meshlets.vertices[m] == 0:
             for k in range(count):
-                band.large[big] = row << SHIFT | k
-                big += 1
+                band.large[large] = row << SHIFT | k
+                large += 1
         else:
-            if not transform(shown, pattern, meshlets, i, m, band):
+            if not transform_vertices(projection, pattern, meshlets, i, m, band):
                 continue
             first = meshlets.first_triangle[m]
             for k in range(0, count, 16):
-                waiting, big = set_up(shown, pattern, meshlets, first + k, count - k, row << SHIFT | k, band, waiting, big)
-                if waiting > QUEUE:
-                    fill_small(pattern, band, waiting)
-                    waiting = 0
-        if big > LARGE - 128:
-            large_triangles.fill(shown, pattern, meshlets, drawn, band, big)
-            big = 0
-    fill_small(pattern, band, waiting)
-    large_triangles.fill(shown, pattern, meshlets, drawn, band, big)
+                first_id = row << SHIFT | k
+                small, large = setup_triangles(projection, pattern, meshlets, first + k, count - k, first_id, band, small, large)
+                if small > QUEUE:
+                    fill_small(pattern, band, small)
+                    small = 0
+        if large > LARGE - 128:
+            large_triangles.fill_large(projection, pattern, meshlets, visible, band, large)
+            large = 0
+    fill_small(pattern, band, small)
+    large_triangles.fill_large(projection, pattern, meshlets, visible, band, large)
 
 
 @helper
-def transform(shown: Any, pattern: Any, meshlets: Any, i: int, m: int, band: Any) -> bool:
-    """The vertices of a meshlet as (x, y, key, 0) in band.local, at the places that meshlets.place_of says.
+def transform_vertices(projection: Any, pattern: Any, meshlets: Any, i: int, m: int, band: Any) -> bool:
+    """The vertices of a meshlet as (x, y, key, 0) in band.vertices, at the places that meshlets.place_of says.
 
     Whether the band may show any of it: what stands behind the last vertex counts as well.
     """
@@ -71,149 +106,167 @@ def transform(shown: Any, pattern: Any, meshlets: Any, i: int, m: int, band: Any
     zero = simd.i32x16(0)
     north, south, west = simd.i32x16(OUTSIDE), simd.i32x16(-OUTSIDE), zero
     for k in range(0, meshlets.vertices[m], 16):
-        ax, ay, ak = snapped(shown, meshlets, i, first + k)
-        bx, by, bk = snapped(shown, meshlets, i, first + k + 8)
+        ax, ay, ak = snap_vertices(projection, meshlets, i, first + k)
+        bx, by, bk = snap_vertices(projection, meshlets, i, first + k + 8)
         x, y = simd.joined(ax, bx), simd.joined(ay, by)
         north, south, west = simd.minimum(north, y), simd.maximum(south, y), simd.minimum(west, x)
         rows = simd.transpose((x, y, simd.float_bits(simd.joined(ak, bk)), zero))
-        simd.store_aligned(band.local, 4 * k, rows[0])
-        simd.store_aligned(band.local, 4 * k + 16, rows[1])
-        simd.store_aligned(band.local, 4 * k + 32, rows[2])
-        simd.store_aligned(band.local, 4 * k + 48, rows[3])
+        simd.store_aligned(band.vertices, 4 * k, rows[0])
+        simd.store_aligned(band.vertices, 4 * k + 16, rows[1])
+        simd.store_aligned(band.vertices, 4 * k + 32, rows[2])
+        simd.store_aligned(band.vertices, 4 * k + 48, rows[3])
     above, below = simd.min_of(north) - pattern.high_y, simd.max_of(south) - pattern.low_y
-    return simd.any_of(west == CUT) or (above < band.clip[3] << 8 and below >= band.clip[1] << 8)
+    return simd.any_of(west == CLIPPED) or (above < band.clip[3] << 8 and below >= band.clip[1] << 8)
 
 
 @helper
-def snapped(shown: Any, meshlets: Any, i: int, at: int) -> Any:
+def snap_vertices(projection: Any, meshlets: Any, i: int, at: int) -> Any:
     """x, y in 1/256 pixel and the key of eight vertices: bit for bit what raster_setup.to_clip and visibility.snapped give."""
     x, y, z = simd.load(meshlets.x, at, simd.f64x8), simd.load(meshlets.y, at, simd.f64x8), simd.load(meshlets.z, at, simd.f64x8)
-    m = shown.matrix
+    m = projection.matrix
     cx = m[i, 0, 0] * x + m[i, 0, 1] * y + m[i, 0, 2] * z + m[i, 0, 3]
     cy = m[i, 1, 0] * x + m[i, 1, 1] * y + m[i, 1, 2] * z + m[i, 1, 3]
     d = m[i, 3, 0] * x + m[i, 3, 1] * y + m[i, 3, 2] * z + m[i, 3, 3]
-    w = d if shown.perspective else simd.f64x8(1.0)
+    w = d if projection.perspective else simd.f64x8(1.0)
     fx, fy = simd.floor(cx / w * 256.0 + 0.5), simd.floor(cy / w * 256.0 + 0.5)
-    good = (d >= shown.near) & (d <= shown.far) & (abs(fx) < float(OUTSIDE)) & (abs(fy) < float(OUTSIDE))
-    key = 1.0 / d if shown.perspective else -d
-    return simd.to_i32(simd.select(good, fx, float(CUT))), simd.to_i32(simd.select(good, fy, 0.0)), simd.to_f32(key)
+    good = (d >= projection.near) & (d <= projection.far) & (abs(fx) < float(OUTSIDE)) & (abs(fy) < float(OUTSIDE))
+    key = 1.0 / d if projection.perspective else -d
+    return simd.to_i32(simd.select(good, fx, float(CLIPPED))), simd.to_i32(simd.select(good, fy, 0.0)), simd.to_f32(key)
 
 
 @helper
-def set_up(shown: Any, pattern: Any, meshlets: Any, at: int, count: int, number: int, band: Any, waiting: int, big: int) -> Any:
-    """Sixteen triangles from slot `at` on, of which `count` are there: tiny ones are filled, others join their queues.
+def setup_triangles(projection: Any, pattern: Any, meshlets: Any, at: int, count: int, number: int, band: Any, small: int,
+                    large: int) -> tuple[int, int]:  # fmt: skip
+    """Set up sixteen triangles from slot `at` on, of which `count` exist: fills tiny ones, queues others.
 
-    `number` is the first one's id. Returns how many small and large ones wait then.
+    `number` is the id of the first. Returns the lengths of the queues of small and large triangles.
     """
-    one = simd.gather_rows(band.local, simd.load(meshlets.a, at, 16) * 4, 4)
-    two = simd.gather_rows(band.local, simd.load(meshlets.b, at, 16) * 4, 4)
-    three = simd.gather_rows(band.local, simd.load(meshlets.c, at, 16) * 4, 4)
+    one = simd.gather_rows(band.vertices, simd.load(meshlets.a, at, 16) * 4, 4)
+    two = simd.gather_rows(band.vertices, simd.load(meshlets.b, at, 16) * 4, 4)
+    three = simd.gather_rows(band.vertices, simd.load(meshlets.c, at, 16) * 4, 4)
     x0, y0, x1, y1, x2, y2 = one[0], one[1], two[0], two[1], three[0], three[1]
     k0, k1, k2 = simd.bits_float(one[2]), simd.bits_float(two[2]), simd.bits_float(three[2])
     there = simd.first_lanes(count, x0)
     west, east = simd.minimum(x0, simd.minimum(x1, x2)), simd.maximum(x0, simd.maximum(x1, x2))
     north, south = simd.minimum(y0, simd.minimum(y1, y2)), simd.maximum(y0, simd.maximum(y1, y2))
     ids = number + simd.iota(x0)
-    cut = (west == CUT) & there
-    left, right = (west + (255 - pattern.high_x)) >> 8, (east - pattern.low_x) >> 8
-    above, below = (north + (255 - pattern.high_y)) >> 8, (south - pattern.low_y) >> 8
-    few = (right - left <= 1) & (below - above <= 1)
-    seen = there & ~cut & (simd.maximum(left, band.clip[0]) <= simd.minimum(right, band.clip[2] - 1))
-    seen = seen & (simd.maximum(above, band.clip[1]) <= simd.minimum(below, band.clip[3] - 1))
-    if not simd.any_of(seen | cut):
-        return waiting, big
+    cut = (west == CLIPPED) & there
+    left, above = (west + (255 - pattern.high_x)) >> 8, (north + (255 - pattern.high_y)) >> 8
+    box = PixelBox(left, above, (east - pattern.low_x) >> 8, (south - pattern.low_y) >> 8)
+    active = there & ~cut & (simd.maximum(box.left, band.clip[0]) <= simd.minimum(box.right, band.clip[2] - 1))
+    active = active & (simd.maximum(box.above, band.clip[1]) <= simd.minimum(box.below, band.clip[3] - 1))
+    if not simd.any_of(active | cut):
+        return small, large
     low, high = simd.minimum(k0, simd.minimum(k1, k2)), simd.maximum(k0, simd.maximum(k1, k2))
-    small = (east - west < SMALL) & (south - north < SMALL)
-    if shown.perspective:
-        small = small & (high <= low * STEEP)
-    far = (seen & ~small) | cut
+    fits = (east - west < SMALL) & (south - north < SMALL)
+    if projection.perspective:
+        fits = fits & (high <= low * STEEP)
+    far = (active & ~fits) | cut
     if simd.any_of(far):
-        big += simd.compress_store(band.large, big, ids, far)
+        large += simd.compress_store(band.large, large, ids, far)
     area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
-    seen = seen & small & (area != 0)
-    if not simd.any_of(seen):
-        return waiting, big
-    turned = area < 0  # the other way round: its second and third corner change places
-    x1, x2 = simd.select(turned, x2, x1), simd.select(turned, x1, x2)
-    y1, y2 = simd.select(turned, y2, y1), simd.select(turned, y1, y2)
-    k1, k2 = simd.select(turned, k2, k1), simd.select(turned, k1, k2)
+    active = active & fits & (area != 0)
+    if not simd.any_of(active):
+        return small, large
+    triangles = orient(ids, one, two, three, area)
+    tiny = active & (box.right - box.left <= 1) & (box.below - box.above <= 1)
+    if simd.any_of(tiny):
+        fill_tiny(pattern, band, triangles, tiny, box)
+    rest = active & ~tiny
+    if simd.any_of(rest):
+        simd.write(band.small_mask, small >> 4, simd.bits(rest))
+        queue_small(band, small, triangles, box, low, high)
+        small += 16
+    return small, large
+
+
+@helper
+def orient(ids: Lane, one: Any, two: Any, three: Any, area: Lane) -> TriangleSetup:
+    """The setup of triangles of three corners (x, y, bits of the key) each; those of negative `area` swap the second and third."""
+    turned = area < 0
+    x0, y0, k0 = one[0], one[1], simd.bits_float(one[2])
+    x1, x2 = simd.select(turned, three[0], two[0]), simd.select(turned, two[0], three[0])
+    y1, y2 = simd.select(turned, three[1], two[1]), simd.select(turned, two[1], three[1])
+    second, third = simd.bits_float(two[2]), simd.bits_float(three[2])
+    k1, k2 = simd.select(turned, third, second), simd.select(turned, second, third)
     scale = 1.0 / simd.to_f32(abs(area))
     k1, k2 = (k1 - k0) * scale, (k2 - k0) * scale
     dx0, dy0, dx1, dy1, dx2, dy2 = x2 - x1, y2 - y1, x0 - x2, y0 - y2, x1 - x0, y1 - y0
     h0, h1, h2 = not_owned(dx0, dy0), not_owned(dx1, dy1), not_owned(dx2, dy2)
-    tiny = seen & few
-    if simd.any_of(tiny):
-        for s in range(len(pattern.x)):
-            px, py = (left << 8) + pattern.x[s], (above << 8) + pattern.y[s]
-            e0 = dx0 * (py - y1) - dy0 * (px - x1)
-            e1 = dx1 * (py - y2) - dy1 * (px - x2)
-            e2 = dx2 * (py - y0) - dy2 * (px - x0)
-            fill_tiny(band, len(pattern.x), s, tiny, ids, left, above, k0, k1, k2,
-                      e0 + h0, e1 + h1, e2 + h2, h1, h2, dx0, dy0, dx1, dy1, dx2, dy2)  # fmt: skip
-    rest = seen & ~tiny
-    if simd.any_of(rest):
-        px, py = left >> 2, above >> 2  # where keys are counted from must not depend on the band, nor on the crop
-        bx, by = px - (band.place[0] >> 2), py - (band.place[1] >> 2)
-        right, below = simd.minimum((right >> 2) - px + bx, (band.place[2] >> 2) - 1), (below >> 2) - py + by
-        below = simd.minimum(below, (band.place[3] >> 2) - 1)
-        cx, cy = simd.maximum(-bx, 0), simd.maximum(-by, 0)  # blocks on the left and above that are not in the band
-        x, y = px << 10, py << 10
-        e1, e2 = dx1 * (y - y2) - dy1 * (x - x2), dx2 * (y - y0) - dy2 * (x - x0)
-        key = k0 + (simd.to_f32(e1) * k1 + simd.to_f32(e2) * k2)
-        x, y = x + (cx << 10), y + (cy << 10)
-        e0 = dx0 * (y - y1) - dy0 * (x - x1) + h0
-        e1 = dx1 * (y - y2) - dy1 * (x - x2) + h1
-        e2 = dx2 * (y - y0) - dy2 * (x - x0) + h2
-        bx, by = bx + cx, by + cy
-        simd.write(band.waiting, waiting >> 4, simd.bits(rest))
-        step_x, step_y = simd.to_f32(dy1) * k1 + simd.to_f32(dy2) * k2, simd.to_f32(dx1) * k1 + simd.to_f32(dx2) * k2
-        _queue(band.real, waiting, (key, step_x * -256.0, step_y * 256.0, low, high))
-        _queue(band.whole, waiting, (e0, e1, e2, dx0, dy0, dx1, dy1, dx2, dy2))
-        _queue(band.whole, waiting + 9 * STRIDE, (
-            by * (band.place[2] >> 2) + bx, cx | (cy << 16), ids, (right - bx) | ((below - by) << 16)
-        ))  # fmt: skip
-        waiting += 16
-    return waiting, big
+    return TriangleSetup(ids, x0, y0, x1, y1, x2, y2, dx0, dy0, dx1, dy1, dx2, dy2, h0, h1, h2, k0, k1, k2)
 
 
 @helper
-def _queue(array: Any, at: int, columns: Any) -> None:
+def edge_functions(t: TriangleSetup, x: Lane, y: Lane) -> tuple[Lane, Lane, Lane]:
+    """The edge functions at points in 1/256 pixel."""
+    return (
+        t.dx0 * (y - t.y1) - t.dy0 * (x - t.x1), t.dx1 * (y - t.y2) - t.dy1 * (x - t.x2), t.dx2 * (y - t.y0) - t.dy2 * (x - t.x0)
+    )  # fmt: skip
+
+
+@helper
+def not_owned(dx: Any, dy: Any) -> Any:
+    """-1 where an edge does not own the samples on it (coverage.owns), else 0: with it added, edge functions are >= 0 inside."""
+    return simd.select((dy < 0) | ((dy == 0) & (dx > 0)), simd.i32x16(0), -1)
+
+
+@helper
+def queue_small(band: Any, small: int, t: TriangleSetup, box: PixelBox, low: Lane, high: Lane) -> None:
+    """Write sixteen triangles to the queue from place `waiting` on: edge functions, depth plane, blocks. `low`, `high`: range of keys."""
+    px, py = box.left >> 2, box.above >> 2  # the origin of keys must depend neither on the band nor on the crop
+    bx, by = px - (band.window[0] >> 2), py - (band.window[1] >> 2)
+    right, below = simd.minimum((box.right >> 2) - px + bx, (band.window[2] >> 2) - 1), (box.below >> 2) - py + by
+    below = simd.minimum(below, (band.window[3] >> 2) - 1)
+    cx, cy = simd.maximum(-bx, 0), simd.maximum(-by, 0)  # blocks left of the band and above it
+    x, y = px << 10, py << 10
+    _, e1, e2 = edge_functions(t, x, y)
+    key = t.k0 + (simd.to_f32(e1) * t.k1 + simd.to_f32(e2) * t.k2)
+    e0, e1, e2 = edge_functions(t, x + (cx << 10), y + (cy << 10))
+    bx, by = bx + cx, by + cy
+    step_x = simd.to_f32(t.dy1) * t.k1 + simd.to_f32(t.dy2) * t.k2
+    step_y = simd.to_f32(t.dx1) * t.k1 + simd.to_f32(t.dx2) * t.k2
+    write_columns(band.small_floats, small, (key, step_x * -256.0, step_y * 256.0, low, high))
+    write_columns(band.small_ints, small, (e0 + t.h0, e1 + t.h1, e2 + t.h2, t.dx0, t.dy0, t.dx1, t.dy1, t.dx2, t.dy2))
+    write_columns(band.small_ints, small + 9 * STRIDE, (
+        by * (band.window[2] >> 2) + bx, cx | (cy << 16), t.ids, (right - bx) | ((below - by) << 16)
+    ))  # fmt: skip
+
+
+@helper
+def write_columns(array: Any, at: int, columns: Any) -> None:
     """Write vectors to columns of the queue from place `at` on."""
     for k in range(len(columns)):
         simd.store(array, at + k * STRIDE, columns[k])
 
 
 @helper
-def not_owned(dx: Any, dy: Any) -> Any:
-    """-1 where an edge does not own the samples on it (fill.owns), so that inside is where the edge function is >= 0; else 0."""
-    return simd.select((dy < 0) | ((dy == 0) & (dx > 0)), simd.i32x16(0), -1)
+def fill_tiny(pattern: Any, band: Any, t: TriangleSetup, tiny: Lane, box: PixelBox) -> None:
+    """Depth-test the triangles `tiny` of sixteen at all samples of their two by two pixels."""
+    samples = len(pattern.x)
+    x, y = box.left - band.window[0], box.above - band.window[1]
+    sx0, sx1, sx2, sy0, sy1, sy2 = t.dy0 << 8, t.dy1 << 8, t.dy2 << 8, t.dx0 << 8, t.dx1 << 8, t.dx2 << 8
+    for s in range(samples):
+        e0, e1, e2 = edge_functions(t, (box.left << 8) + pattern.x[s], (box.above << 8) + pattern.y[s])
+        e0, e1, e2 = e0 + t.h0, e1 + t.h1, e2 + t.h2
+        for k in range(4):
+            right, down = k & 1, k >> 1
+            f0, f1, f2, px, py = e0, e1, e2, x + right, y + down
+            if right:
+                f0, f1, f2 = f0 - sx0, f1 - sx1, f2 - sx2
+            if down:
+                f0, f1, f2 = f0 + sy0, f1 + sy1, f2 + sy2
+            on = tiny & ((f0 | f1 | f2) >= 0) & (px >= 0) & (px < band.window[2]) & (py >= 0) & (py < band.window[3])
+            if simd.any_of(on):
+                key = t.k0 + (simd.to_f32(f1 - t.h1) * t.k1 + simd.to_f32(f2 - t.h2) * t.k2)
+                block = ((py >> 2) * (band.window[2] >> 2) + (px >> 2)) * samples + s
+                simd.store(band.tiny, 0, simd.float_bits(key))
+                simd.store(band.tiny, 16, (block << 4) + ((px & 3) << 2) + (py & 3))
+                simd.store(band.tiny, 32, t.ids)
+                depth_test_lanes(band, simd.bits(on))
 
 
 @helper
-def fill_tiny(band: Any, samples: int, s: int, tiny: Any, ids: Any, left: Any, above: Any, k0: Any, k1: Any, k2: Any,
-              e0: Any, e1: Any, e2: Any, h1: Any, h2: Any, dx0: Any, dy0: Any, dx1: Any, dy1: Any, dx2: Any, dy2: Any) -> None:  # fmt: skip
-    """Sample s of the two by two pixels from (left, above) on, of sixteen triangles with edge functions e0, e1, e2 there."""
-    x, y = left - band.place[0], above - band.place[1]
-    sx0, sx1, sx2, sy0, sy1, sy2 = dy0 << 8, dy1 << 8, dy2 << 8, dx0 << 8, dx1 << 8, dx2 << 8
-    for k in range(4):
-        right, down = k & 1, k >> 1
-        f0, f1, f2, px, py = e0, e1, e2, x + right, y + down
-        if right:
-            f0, f1, f2 = f0 - sx0, f1 - sx1, f2 - sx2
-        if down:
-            f0, f1, f2 = f0 + sy0, f1 + sy1, f2 + sy2
-        on = tiny & ((f0 | f1 | f2) >= 0) & (px >= 0) & (px < band.place[2]) & (py >= 0) & (py < band.place[3])
-        if simd.any_of(on):
-            key = k0 + (simd.to_f32(f1 - h1) * k1 + simd.to_f32(f2 - h2) * k2)
-            block = ((py >> 2) * (band.place[2] >> 2) + (px >> 2)) * samples + s
-            simd.store(band.tiny, 0, simd.float_bits(key))
-            simd.store(band.tiny, 16, (block << 4) + ((px & 3) << 2) + (py & 3))
-            simd.store(band.tiny, 32, ids)
-            keep_tiny(band, simd.bits(on))
-
-
-@helper
-def keep_tiny(band: Any, left: int) -> None:
+def depth_test_lanes(band: Any, left: int) -> None:
     """Keep those of sixteen samples in band.tiny, of the lanes `left`, that are nearest."""
     while left:
         k = simd.trailing_zeros(left)
@@ -230,7 +283,7 @@ def keep_tiny(band: Any, left: int) -> None:
 def fill_small(pattern, band, count):
     """Fill the small triangles that wait."""
     for start in range(0, count, 16):
-        left = simd.read(band.waiting, start >> 4)
+        left = simd.read(band.small_mask, start >> 4)
         while left:
             fill_blocks(pattern, band, start + simd.trailing_zeros(left))
             left &= left - 1
@@ -240,10 +293,10 @@ def fill_small(pattern, band, count):
 def fill_blocks(pattern: Any, band: Any, n: int) -> None:
     """Fill small triangle n of the queue, block by block."""
     samples = len(pattern.x)
-    whole, real = band.whole, band.real
+    whole, real = band.small_ints, band.small_floats
     column, line = in_block(simd.iota(simd.i32x16(0)))
     across, down = simd.to_f32(column), simd.to_f32(line)
-    columns = band.place[2] >> 2
+    columns = band.window[2] >> 2
     dx0, dy0 = simd.read(whole, n + 3 * STRIDE), simd.read(whole, n + 4 * STRIDE)
     dx1, dy1 = simd.read(whole, n + 5 * STRIDE), simd.read(whole, n + 6 * STRIDE)
     dx2, dy2 = simd.read(whole, n + 7 * STRIDE), simd.read(whole, n + 8 * STRIDE)
@@ -267,10 +320,10 @@ def fill_blocks(pattern: Any, band: Any, n: int) -> None:
         first = (block * samples + s) * 16
         for row in range((size >> 16) + 1):
             e0, e1, e2, place = row0, row1, row2, first
-            key_row = simd.fma(step_y, simd.f32x16(simd.read(band.fours, row_0 + row)), in_row)
+            key_row = simd.fma(step_y, simd.f32x16(simd.read(band.offsets, row_0 + row)), in_row)
             for at in range(column_0, column_0 + (size & 0xFFFF) + 1):
-                key = simd.fma(step_x, simd.f32x16(simd.read(band.fours, at)), key_row)
-                put(band, place, (e0 | e1 | e2) >= 0, simd.maximum(simd.minimum(key, high), low), number)
+                key = simd.fma(step_x, simd.f32x16(simd.read(band.offsets, at)), key_row)
+                depth_test_block(band, place, (e0 | e1 | e2) >= 0, simd.maximum(simd.minimum(key, high), low), number)
                 e0, e1, e2 = e0 - right0, e1 - right1, e2 - right2
                 place += samples * 16
             row0, row1, row2 = row0 + below0, row1 + below1, row2 + below2
@@ -278,7 +331,7 @@ def fill_blocks(pattern: Any, band: Any, n: int) -> None:
 
 
 @helper
-def put(band: Any, place: int, covered: Any, key: Any, number: Any) -> None:
+def depth_test_block(band: Any, place: int, covered: Any, key: Any, number: Any) -> None:
     """Keep a triangle at the covered samples of a block where it is nearest; of equal keys the lowest id."""
     old, there = simd.load_aligned(band.key, place, simd.f32x16), simd.load_aligned(band.ids, place, simd.i32x16)
     nearer = covered & ((key > old) | ((key == old) & (number < there)))

@@ -16,7 +16,7 @@ from ...compiler import ir
 from .. import camera
 from ..jit import packed_struct
 from ..jit.kernel import helper, kernel
-from ..tessellation.analytic_shapes import Tessellation, analytic_seen
+from ..tessellation.analytic_shapes import Tessellation, visible_analytic
 from ..types import View
 
 COLUMNS = 5  # X, Y, W, D, V
@@ -49,7 +49,7 @@ class Clusters(NamedTuple):
     box: NDArray[np.int32]  # (n, 4) pixels x0 <= x < x1, y0 <= y < y1 they lie in
 
 
-def model(tables: ir.Tables, view: View, shells: dict[int, Tessellation]) -> tuple[Model, NDArray[np.int64]]:
+def build_model(tables: ir.Tables, view: View, shells: dict[int, Tessellation]) -> tuple[Model, NDArray[np.int64]]:
     """The triangles of a view, and (instances, 2) first triangle and count of each instance (0: not drawn)."""
     pools, geometries, instances = tables.pools, tables.geometries, tables.instances
     ranges = np.zeros((len(instances.geometry), 2), np.int64)
@@ -63,7 +63,7 @@ def model(tables: ir.Tables, view: View, shells: dict[int, Tessellation]) -> tup
     for instance, shell in shells.items():
         if id(shell) not in placed:
             placed[id(shell)] = count, len(shell.triangles)
-            positions.append(_single(shell.positions))
+            positions.append(to_float32(shell.positions))
             triangles.append(shell.triangles + np.int32(vertices))
             parts.append(shell.parts)
             vertices += len(shell.positions)
@@ -72,20 +72,20 @@ def model(tables: ir.Tables, view: View, shells: dict[int, Tessellation]) -> tup
     points, corners = np.concatenate(positions), np.concatenate(triangles)
     order = np.arange(len(corners), dtype=np.int32)
     for first, number in np.unique(ranges[ranges[:, 1] > CLUSTER], axis=0):
-        order[first : first + number] = first + neighbours(points[corners[first : first + number], :3].mean(axis=1))
-    made = Model(
+        order[first : first + number] = first + morton_order(points[corners[first : first + number], :3].mean(axis=1))
+    model = Model(
         points, corners, order, np.concatenate(parts), clip_matrices(tables, view), clip_planes(tables, view),
         bool(tables.cameras.projection[view.camera] == ir.Projection.PERSPECTIVE),
     )  # fmt: skip
-    return made, ranges
+    return model, ranges
 
 
-def _single(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def to_float32(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points as float32 has them, as a mesh's are: meshlets keep no more, and both must give the same corners."""
     return points.astype(np.float32).astype(np.float64)
 
 
-def neighbours(points: NDArray[np.float64]) -> NDArray[np.intp]:
+def morton_order(points: NDArray[np.float64]) -> NDArray[np.intp]:
     """The order of (n, 3) points along a Z-curve of 1024 cells an axis (Morton, 1966), so that runs of them lie close together."""
     low = points.min(axis=0)
     size = float((points.max(axis=0) - low).max())
@@ -119,7 +119,7 @@ def clip_matrices(tables: ir.Tables, view: View) -> NDArray[np.float64]:
 
 def clip_planes(tables: ir.Tables, view: View) -> NDArray[np.float64]:
     """(p, 5) near and far if there are such, and the guard band: the sides of the picture moved out by GUARD pixels."""
-    near, far = ends(tables, view)
+    near, far = depth_range(tables, view)
     x, y = 0.5 * view.width, 0.5 * view.height
     planes = [[0.0, 0.0, 0.0, 1.0, -near]] if np.isfinite(near) else []
     if np.isfinite(far):
@@ -129,7 +129,7 @@ def clip_planes(tables: ir.Tables, view: View) -> NDArray[np.float64]:
     return np.array(planes)
 
 
-def ends(tables: ir.Tables, view: View) -> tuple[float, float]:
+def depth_range(tables: ir.Tables, view: View) -> tuple[float, float]:
     """The depths between which things are drawn; what is in the eye itself is neither before nor behind it."""
     near, far = float(tables.cameras.near[view.camera]), float(tables.cameras.far[view.camera])
     if tables.cameras.projection[view.camera] == ir.Projection.ORTHOGRAPHIC:
@@ -148,7 +148,7 @@ def to_clip(matrix: Any, instance: int, p: Any, row: int, out: Any, k: int) -> N
 
 def untessellated(tables: ir.Tables, shells: Mapping[int, Tessellation]) -> NDArray[np.intp]:
     """The rows of instances that the camera sees and that have no triangles: they enter the z-buffer where each sample's ray meets them."""
-    return np.array([i for i in analytic_seen(tables).tolist() if i not in shells], np.intp)
+    return np.array([i for i in visible_analytic(tables).tolist() if i not in shells], np.intp)
 
 
 def pixel_boxes(tables: ir.Tables, view: View, chosen: NDArray[np.intp]) -> NDArray[np.int32]:
@@ -173,7 +173,7 @@ def pixel_boxes(tables: ir.Tables, view: View, chosen: NDArray[np.intp]) -> NDAr
 # --- clusters ------------------------------------------------------------------------------------------------------------
 
 
-def clusters(made: Any, ranges: NDArray[np.int64], tables: ir.Tables, view: View, margin: int, polygons: bool) -> Clusters:
+def clusters(model: Any, ranges: NDArray[np.int64], tables: ir.Tables, view: View, margin: int, polygons: bool) -> Clusters:
     """The clusters of a model (its handle) that may touch the picture grown by `margin` pixels.
 
     With `polygons`, meshes that have them are cut into those, not into triangles.
@@ -188,18 +188,20 @@ def clusters(made: Any, ranges: NDArray[np.int64], tables: ir.Tables, view: View
     counts = -(-keys[:, 1] // CLUSTER)
     starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     boxes, keys = np.empty((int(starts[-1]), 6)), keys.astype(np.int64)
-    _bounds(made, packed_struct.Handle(tables.polygons), keys, starts, boxes)
+    _cluster_bounds(model, packed_struct.Handle(tables.polygons), keys, starts, boxes)
     total = int(counts[which].sum())
-    instance, first, count = np.empty(total, np.int32), np.empty(total, np.int32), np.empty(total, np.int32)
-    box, depth = np.empty((total, 4), np.int32), np.empty(total)
-    found = _place(made, keys, starts, which.ravel(), boxes, view, margin, instance, first, count, box, depth)
+    first, count, none = np.empty(total, np.int32), np.empty(total, np.int32), np.empty(0, np.bool_)
+    rows = Clusters(np.empty(total, np.int32), first, count, none, np.empty((total, 4), np.int32))
+    depth = np.empty(total)
+    found = _cull_clusters(model, keys, starts, which.ravel(), boxes, view, margin, rows, depth)
     order = np.argsort(depth[:found], kind="stable")
-    seen = instance[:found][order]
-    return Clusters(seen, first[:found][order], count[:found][order], by_polygon[seen], np.ascontiguousarray(box[:found][order]))
+    instance = rows.instance[:found][order]
+    box = np.ascontiguousarray(rows.box[:found][order])
+    return Clusters(instance, first[:found][order], count[:found][order], by_polygon[instance], box)
 
 
 @kernel
-def _bounds(made, polygons, keys, starts, boxes):
+def _cluster_bounds(model, polygons, keys, starts, boxes):
     """Boxes of every cluster in its shape's frame; infinite where it reaches to infinity."""
     for m in range(len(keys)):
         for c in range(starts[m], starts[m + 1]):
@@ -212,19 +214,19 @@ def _bounds(made, polygons, keys, starts, boxes):
             boxes[c, :3] = np.inf
             boxes[c, 3:] = -np.inf
             for item in range(first, last):
-                triangle = item if by_polygon else made.order[item]
+                triangle = item if by_polygon else model.order[item]
                 for corner in range(3):
-                    row = made.triangles[triangle, corner]
-                    endless = made.positions[row, 3] != 1.0
+                    row = model.triangles[triangle, corner]
+                    endless = model.positions[row, 3] != 1.0
                     for k in range(3):
-                        x = made.positions[row, k]
+                        x = model.positions[row, k]
                         boxes[c, k] = -np.inf if endless else min(boxes[c, k], x)
                         boxes[c, 3 + k] = np.inf if endless else max(boxes[c, 3 + k], x)
 
 
 @kernel
-def _place(made, keys, starts, which, boxes, view, margin, instance, first, count, box, depth):
-    """Fill the columns of Clusters with those of every instance that may be seen; returns how many there are."""
+def _cull_clusters(model, keys, starts, which, boxes, view, margin, clusters, depth):
+    """Write the clusters of all instances that may be seen, and their least depths; returns their number."""
     corner = np.empty((8, COLUMNS))
     point = np.ones((1, 4))
     found = 0
@@ -236,19 +238,19 @@ def _place(made, keys, starts, which, boxes, view, margin, instance, first, coun
                 for k in range(8):
                     for axis in range(3):
                         point[0, axis] = boxes[c, axis + 3 * ((k >> axis) & 1)]
-                    to_clip(made.matrix, i, point, 0, corner, k)
-            nearest = place_box(corner, made.planes, view, margin, endless, box[found])
+                    to_clip(model.matrix, i, point, 0, corner, k)
+            nearest = project_box(corner, model.planes, view, margin, endless, clusters.box[found])
             if nearest == np.inf:
                 continue
-            instance[found], depth[found] = i, nearest
-            first[found] = keys[m, 0] + (c - starts[m]) * CLUSTER
-            count[found] = min(CLUSTER, keys[m, 0] + keys[m, 1] - first[found])
+            clusters.instance[found], depth[found] = i, nearest
+            clusters.first[found] = keys[m, 0] + (c - starts[m]) * CLUSTER
+            clusters.count[found] = min(CLUSTER, keys[m, 0] + keys[m, 1] - clusters.first[found])
             found += 1
     return found
 
 
 @helper
-def place_box(corner: Any, planes: Any, view: View, margin: int, endless: bool, out: Any) -> float:
+def project_box(corner: Any, planes: Any, view: View, margin: int, endless: bool, out: Any) -> float:
     """Write the pixels that a box with these corners in clip space may touch; returns its least depth, inf if it is not seen."""
     out[0], out[1], out[2], out[3] = -_EVERYWHERE, -_EVERYWHERE, _EVERYWHERE, _EVERYWHERE
     if endless:

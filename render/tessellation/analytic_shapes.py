@@ -43,7 +43,7 @@ class Profile(NamedTuple):
     part: int
 
 
-def analytic_seen(tables: ir.Tables) -> NDArray[np.intp]:
+def visible_analytic(tables: ir.Tables) -> NDArray[np.intp]:
     """The rows of instances that are no mesh and that the camera sees."""
     instances, geometries = tables.instances, tables.geometries
     analytic = geometries.kind[instances.geometry] != ir.GeometryKind.MESH
@@ -89,17 +89,17 @@ def tessellate(kind: int, parameters: Sequence[float], tolerance: float) -> Tess
 FLAT = (ir.GeometryKind.PLANE, ir.GeometryKind.BOX, ir.GeometryKind.RECTANGLE)
 
 
-def too_fine(kind: int, parameters: Sequence[float], tolerance: float) -> bool:
+def exceeds_limit(kind: int, parameters: Sequence[float], tolerance: float) -> bool:
     """Whether the cap on segments keeps a round shape from the tolerance; boxed quadrics are cut as finely as they are (see quadric.py)."""
     match kind:
         case ir.GeometryKind.SPHERE | ir.GeometryKind.CAPSULE:
-            most = wanted_segments(parameters[0], tolerance / 2)
+            most = unlimited_segments(parameters[0], tolerance / 2)
         case ir.GeometryKind.DISK | ir.GeometryKind.CYLINDER:
-            most = wanted_segments(parameters[0], tolerance)
+            most = unlimited_segments(parameters[0], tolerance)
         case ir.GeometryKind.CONE:
-            most = wanted_segments(max(parameters[:2]), tolerance)
+            most = unlimited_segments(max(parameters[:2]), tolerance)
         case ir.GeometryKind.TORUS:
-            most = wanted_segments(parameters[0] + parameters[1], tolerance / 2)
+            most = unlimited_segments(parameters[0] + parameters[1], tolerance / 2)
         case _:
             return False
     return most > MAX_SEGMENTS
@@ -138,10 +138,10 @@ def _seam_doubled(made: Tessellation) -> Tessellation:
 
 def segments(radius: float, tolerance: float) -> int:
     """How many chords keep a circle of `radius` within `tolerance`: a multiple of 4 between the limits."""
-    return int(min(max(4 * math.ceil(min(wanted_segments(radius, tolerance), MAX_SEGMENTS) / 4), MIN_SEGMENTS), MAX_SEGMENTS))
+    return int(min(max(4 * math.ceil(min(unlimited_segments(radius, tolerance), MAX_SEGMENTS) / 4), MIN_SEGMENTS), MAX_SEGMENTS))
 
 
-def wanted_segments(radius: float, tolerance: float) -> float:
+def unlimited_segments(radius: float, tolerance: float) -> float:
     """The same without limits."""
     share = min(tolerance / radius, 1.0) if radius > 0 else 1.0
     return math.inf if share < 1e-12 else math.pi / math.acos(1.0 - share)

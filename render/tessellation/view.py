@@ -40,13 +40,13 @@ class ViewTessellator:
         perspective = tables.cameras.projection[self.view.camera] == ir.Projection.PERSPECTIVE
         close = perspective & ~(nearest >= least)
         geometries, found = tables.geometries, {}
-        for i in analytic_shapes.analytic_seen(tables).tolist():
+        for i in analytic_shapes.visible_analytic(tables).tolist():
             g = tables.instances.geometry[i]
             kind = int(geometries.kind[g])
             if kind in (ir.GeometryKind.FORMULA, ir.GeometryKind.QUADRIC):
                 continue
             if kind in analytic_shapes.FLAT or not (
-                close[i] or analytic_shapes.too_fine(kind, geometries.parameters[g].tolist(), self.key(i)[1])
+                close[i] or analytic_shapes.exceeds_limit(kind, geometries.parameters[g].tolist(), self.key(i)[1])
             ):
                 found[i] = self.tessellate(i)
         return found

@@ -39,12 +39,12 @@ def seen(points: np.ndarray, triangles: np.ndarray, samples: int) -> np.ndarray:
     camera = CameraData(0, height / 2, ir.Projection.ORTHOGRAPHIC)
     scene = tables.scene(meshes=[(MeshData(at, triangles), tables.matrix((0, 0, -9)), 0)], camera=camera)
     made = raster_scene.build(scene, View(0, width, height), {})
-    pattern, band = band_buffer.pattern(samples), band_buffer.band_for(width, height, samples)
+    pattern, band = band_buffer.pattern(samples), band_buffer.band_buffer(width, height, samples)
     band.clip[:] = 0, 0, width, height
-    drawn = meshlet_culling.drawn(made.shown, made.meshlets, made.placed, (0, 0, width, height), 0, 64)
-    filling = band_buffer.Filling(made.shown, Handle(pattern), made.meshlets, drawn, Handle(band))
+    drawn = meshlet_culling.find_visible(made.projection, made.meshlets, made.meshlet_ranges, (0, 0, width, height), 0, 64)
+    filling = band_buffer.Filling(made.projection, Handle(pattern), made.meshlets, drawn, Handle(band))
     triangle_setup.draw_band(Handle(filling), 0)
-    columns, rows = band.place[2:]
+    columns, rows = band.window[2:]
     ids = band.ids.reshape(rows // 4, columns // 4, samples, 4, 4).transpose(0, 4, 1, 3, 2).reshape(rows, columns, samples)
     ids = ids[:height, :width]
     some = np.maximum(ids, 0)
@@ -207,7 +207,7 @@ def test_bands_are_the_same_however_many_are_drawn_at_once(seconds: float, monke
     alone._turns = None
     for number in range(5):
         alone.draw(number)
-    monkeypatch.setattr(band_scheduler, "AT_ONCE", seconds)
+    monkeypatch.setattr(band_scheduler, "CALL_SECONDS", seconds)
     for threads in (1, 2, 5):
         prepared, decided, view = a_mesh_in_bands(threads)
         whole = film.run(raster.Renderer(prepared, decided, view), decided, view)
@@ -228,7 +228,7 @@ def test_memory_that_is_kept_for_the_next_picture_does_not_keep_the_last():
 
 def test_what_no_turn_has_drawn_is_empty(monkeypatch: pytest.MonkeyPatch):
     """Cancelled after its first turn, a picture has that band, and 0 elsewhere."""
-    monkeypatch.setattr(band_scheduler, "AT_ONCE", 1e-9)
+    monkeypatch.setattr(band_scheduler, "CALL_SECONDS", 1e-9)
     prepared, decided, view = a_mesh_in_bands()
     cancel = threading.Event()
     cut = film.run(raster.Renderer(prepared, decided, view), decided, view, lambda done, total: cancel.set(), cancel)

@@ -17,7 +17,7 @@ def test_the_course_example():
     """1 inside, 2 and 3 outside, 4 inside, against one border: a, b, 4, 1, in that order."""
     one, two, three, four = (0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0)
     a, b = (1.0, 0.0), (1.0, 1.0)
-    assert np.array_equal(clipping.polygon(rows(one, two, three, four), RIGHT), rows(a, b, four, one))
+    assert np.array_equal(clipping.clip_polygon(rows(one, two, three, four), RIGHT), rows(a, b, four, one))
 
 
 @pytest.mark.parametrize(
@@ -32,15 +32,15 @@ def test_the_course_example():
 def test_the_four_cases(start, end, added):
     segment = rows(start, end)
     out = np.empty((8, 3))
-    kept = clipping.against(segment, 2, RIGHT[0], out)
-    back = clipping.against(rows(end, start), 2, RIGHT[0], np.empty((8, 3)))
+    kept = clipping.clip_to_plane(segment, 2, RIGHT[0], out)
+    back = clipping.clip_to_plane(rows(end, start), 2, RIGHT[0], np.empty((8, 3)))
     assert kept == back
     assert out[: len(added)].tolist() == [[x, y, 1.0] for x, y in added]
 
 
 def test_a_picture_cuts_a_triangle_to_a_hexagon():
     borders = np.array([[1.0, 0, 0], [-1.0, 0, 4], [0, 1.0, 0], [0, -1.0, 4]])
-    cut = clipping.polygon(rows((-1.0, 2.0), (2.0, -1.0), (5.0, 5.0)), borders)
+    cut = clipping.clip_polygon(rows((-1.0, 2.0), (2.0, -1.0), (5.0, 5.0)), borders)
     x, y = cut[:, 0], cut[:, 1]
     area = 0.5 * abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
     assert (cut[:, :2] >= 0).all()
@@ -50,13 +50,13 @@ def test_a_picture_cuts_a_triangle_to_a_hexagon():
 
 
 def test_nothing_is_left_outside():
-    assert clipping.polygon(rows((2.0, 0.0), (3.0, 0.0), (3.0, 1.0)), RIGHT).shape == (0, 3)
+    assert clipping.clip_polygon(rows((2.0, 0.0), (3.0, 0.0), (3.0, 1.0)), RIGHT).shape == (0, 3)
 
 
 def test_points_behind_the_eye_are_cut_before_the_division():
     """z = -1, 0.01 and 5: dividing first would turn the corner behind the eye to the other side of the picture."""
     triangle = np.array([[0.0, 1.0, -1.0], [0.0, 0.0, 0.01], [2.0, 0.0, 5.0]])  # (x, y, w = z)
-    cut = clipping.polygon(triangle, np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1e3], [-1.0, 0.0, 1e3], [0.0, 1.0, 1e3], [0.0, -1.0, 1e3]]))
+    cut = clipping.clip_polygon(triangle, np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1e3], [-1.0, 0.0, 1e3], [0.0, 1.0, 1e3], [0.0, -1.0, 1e3]]))
     assert (cut[:, 2] > 0).all()
     projected = cut[:, :2] / cut[:, 2:]
     assert (np.abs(projected) <= 1e3 * (1 + 1e-12)).all()
@@ -64,7 +64,7 @@ def test_points_behind_the_eye_are_cut_before_the_division():
 
 def test_attributes_are_carried_along():
     square = np.array([[0.0, 0, 1, 10], [2.0, 0, 1, 30], [2.0, 1, 1, 30], [0.0, 1, 1, 10]])
-    cut = clipping.polygon(square, np.array([[-1.0, 0.0, 1.5]]))
+    cut = clipping.clip_polygon(square, np.array([[-1.0, 0.0, 1.5]]))
     assert np.allclose(cut[:, 3], 10 + 10 * cut[:, 0], rtol=0, atol=1e-12)
 
 
@@ -75,7 +75,7 @@ corner = st.tuples(st.floats(-10, 10), st.floats(-10, 10))
 def test_neighbours_get_the_same_crossing(a, b, c, d):
     """Two triangles with the edge a-b, one each way round, meet in bit-identical points after clipping."""
     border = np.array([[0.3, -0.7, 0.11]])
-    one, other = clipping.polygon(rows(a, b, c), border), clipping.polygon(rows(b, a, d), border)
+    one, other = clipping.clip_polygon(rows(a, b, c), border), clipping.clip_polygon(rows(b, a, d), border)
     distances = rows(a, b) @ border[0]
     if (distances[0] >= 0) != (distances[1] >= 0):
         shared = {tuple(p) for p in one.tolist()} & {tuple(p) for p in other.tolist()}
@@ -84,7 +84,7 @@ def test_neighbours_get_the_same_crossing(a, b, c, d):
 
 @given(st.lists(corner, min_size=3, max_size=8))
 def test_what_is_left_is_inside_and_holds_every_corner_that_was(points):
-    cut = clipping.polygon(rows(*points), RIGHT)
+    cut = clipping.clip_polygon(rows(*points), RIGHT)
     assert (cut @ RIGHT[0] >= -1e-12).all()
     left = {tuple(p) for p in cut.tolist()}
     assert {(x, y, 1.0) for x, y in points if x <= 1.0} <= left

@@ -81,16 +81,16 @@ def test_closed_meshes_cover_each_sample_once_a_layer(total):
     scene = tables.scene([(K.SPHERE, [1.0], tables.matrix((0.1, 0.2, -2.2), tables.turn(0, 0.5)), 0)], camera=EYE)
     view, tile = View(0, 48, 48), Tile(0, 0, 48, 48)
     shell = analytic_shapes.tessellate(K.SPHERE, [1.0], 0.1)
-    model, ranges = view_geometry.model(scene, view, {0: shell})
+    model, ranges = view_geometry.build_model(scene, view, {0: shell})
     made = Handle(model)
     drawn = pictures.renderer(scene, "raster", size=(48, 48), filter="box")
     placed = drawn._seen(tile, 0, total, total).tables.samples
     covered = np.zeros(len(placed.x), int)
     for triangle in range(ranges[0, 0], ranges[0].sum()):
-        scratch = scalar_raster.scratch_for(tile, total, 128 if total > 1 else 0, scalar_raster.room_for(scene))
+        scratch = scalar_raster.scratch_for(tile, total, 128 if total > 1 else 0, scalar_raster.workspace_for(scene))
         scratch.samples.x[:], scratch.samples.y[:] = placed.x, placed.y
         scalar_raster.draw_triangle(made, 0, triangle, tile, 0, Handle(scratch))
-        covered += scratch.seen.instance >= 0
+        covered += scratch.depth.instance >= 0
     assert set(np.unique(covered)) == {0, 2}
 
 

@@ -1,6 +1,6 @@
 """The reference page, made from the schema, the functions, the units and the library.
 
-python -m maquette.lang.reference > docs/reference.md
+python -m maquette.lang.reference_page > docs/reference.md
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .syntax.parser import parse
 HEAD = """\
 # Reference of the .scene language
 
-Made by `python -m maquette.lang.reference > docs/reference.md`; edit the schema, the functions or the library instead.
+Made by `python -m maquette.lang.reference_page > docs/reference.md`; edit the schema, the functions or the library instead.
 
 A number before an argument is its place where it is given without its name; the others are given by name. A default of "–" means
 that nothing is set. Bare lengths are in the unit of the file.
@@ -39,6 +39,11 @@ SECTIONS = {
     "camera": "Camera",
     "setting": "Settings",
 }
+UNITS_ACROSS_FILES = """\
+`unit mm` sets the unit of bare lengths for one file. A bare number keeps the unit of the file that it is written in: in
+`unit mm`, `part.post(at: [10, 20, 30])` places the post at 10 mm, 20 mm, 30 mm, whatever the unit of the part's file. A factor that
+multiplies bare lengths of the part is declared as a number: `let post(scale: number = 1) = …`, and a list of factors as a `list`."""
+
 _ANGLE_TYPES = ("angle",)
 _LENGTH_TYPES = ("length", "point", "size2", "size3")
 
@@ -167,7 +172,7 @@ def _units() -> str:
         if symbol and dimension != units.NONE:
             by_dimension.setdefault(units.name(dimension), []).append(f"`{symbol}`")
     rows = [(name, " ".join(dict.fromkeys(symbols))) for name, symbols in by_dimension.items()]
-    return "\n".join(["## Units\n", "`%` is 0.01; `ev` counts stops.\n", _table(("dimension", "units"), rows)])
+    return "\n".join(["## Units\n", f"`%` is 0.01; `ev` counts stops.\n\n{UNITS_ACROSS_FILES}\n", _table(("dimension", "units"), rows)])
 
 
 def _types() -> str:

@@ -57,6 +57,7 @@ UNITS: dict[str, tuple[float, Dimension]] = {
     "μm": (1e-6, LENGTH),  # Greek mu
     "nm": (1e-9, LENGTH),
     "in": (0.0254, LENGTH),
+    "inch": (0.0254, LENGTH),  # `in` is a keyword, so `unit inch`
     "ft": (0.3048, LENGTH),
     "deg": (_DEGREE, ANGLE),
     "°": (_DEGREE, ANGLE),

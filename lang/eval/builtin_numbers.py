@@ -11,8 +11,8 @@ from ..units import Quantity
 from . import operators
 from .builtin_table import apply_operation, bare_radians, define, require_list, require_number, require_scalar
 from .context import Scope
-from .operators import checked, has_term, record, split, unify, unify_all
-from .values import Mistake, Value, describe
+from .operators import checked, has_term, record, split, unify
+from .values import ForeignNumber, Mistake, Value, describe
 
 
 def _trigonometry(name: str) -> None:
@@ -69,6 +69,8 @@ def absolute(scope: Scope, value: Value) -> Value:
     if has_term(require_scalar(value)):
         return record("abs", value)
     x, dimension = split(value)
+    if isinstance(x, ForeignNumber):
+        return operators.foreign(abs(x), abs(x.metres))
     return units.quantity(abs(x), dimension)
 
 
@@ -84,6 +86,8 @@ def _sqrt(scope: Scope, value: Value) -> Value:
     x, dimension = split(value)
     if x < 0:
         raise Mistake(f"sqrt({units.show(value)}) is not defined", argument=0)
+    if isinstance(x, ForeignNumber):
+        return operators.power(x, 0.5, scope)
     return units.quantity(math.sqrt(x), units.power(dimension, 0.5))
 
 
@@ -109,8 +113,7 @@ def combine(op: str, numbers: list[Value], scope: Scope) -> Value:
         for n in numbers[1:]:
             result = record(op, result, n)
         return result
-    values, dimension = unify_all(numbers, scope, "compare")
-    return checked(OPERATIONS[op](*values), dimension)
+    return operators.combine(op, numbers, scope)
 
 
 def _extreme(name: str, doc: str) -> None:
@@ -175,7 +178,7 @@ def _noise(scope: Scope, x: Value, *rest: Value, **named: Value) -> Value:
         given = {**dict(zip(("y", "z", "seed"), rest, strict=False)), **named}
         parts = [require_number(part, i) for i, part in enumerate((x, given.get("y", 0.0), given.get("z", 0.0)))]
         seed = given.get("seed", 0.0)
-    if type(seed) is not float or seed != int(seed):
+    if not isinstance(seed, float) or seed != int(seed):
         raise Mistake(f"a seed is a whole number, got {describe(seed)}", argument=len(rest) + len(named))
     parts += [0.0] * (3 - len(parts))
     moved = [operators.add(part, float(by), scope) if by else part for part, by in zip(parts, offset(int(seed)), strict=True)]

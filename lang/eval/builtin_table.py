@@ -36,7 +36,7 @@ def require_scalar(value: Value, argument: int = 0) -> Value:
 
 def require_number(value: Value, argument: int = 0, hint: str = "") -> Value:
     """A plain number or a term."""
-    if type(value) is not float and not (operators.is_scalar(value) and has_term(value)):
+    if not isinstance(value, float) and not (operators.is_scalar(value) and has_term(value)):
         raise Mistake(f"number wanted, got {describe(value)}", hint, argument)
     return value
 

@@ -45,7 +45,7 @@ def _same_dimensions(a: tuple[Value, ...], b: tuple[Value, ...], scope: Scope) -
 
 
 def same_dimension(v: tuple[Value, ...], scope: Scope) -> tuple[Value, ...]:
-    if has_term(*v) or all(type(n) is float for n in v):
+    if has_term(*v) or all(isinstance(n, float) for n in v):
         return v
     numbers, dimension = unify_all(list(v), scope, "combine")
     return tuple([units.quantity(n, dimension) for n in numbers])

@@ -118,7 +118,7 @@ def _hsv(scope: Scope, hue: Value, saturation: Value, value: Value) -> Value:
 @define("kelvin temperature", "the colour of a black body, of luminance 1")
 def _kelvin(scope: Scope, temperature: Value) -> Value:
     low, high = colors.KELVIN_RANGE
-    if type(temperature) is not float or not low <= temperature <= high:
+    if not isinstance(temperature, float) or not low <= temperature <= high:
         raise Mistake(f"temperature in {low:g}..{high:g} kelvin wanted, got {describe(temperature)}", argument=0)
     return Color(*colors.kelvin(temperature))
 
@@ -135,7 +135,7 @@ def _axis(scope: Scope, direction: Value, angle: Value) -> Value:
         raise Mistake("an axis of length 0 has no direction", argument=0)
     if isinstance(angle, Quantity) and angle.dimension == units.ANGLE:
         return AxisAngle((x, y, z), angle.value)
-    if type(angle) is float:
+    if isinstance(angle, float):
         return AxisAngle((x, y, z), _radians_of(angle, scope))
     raise Mistake(f"angle wanted, got {describe(angle)}", argument=1)
 
@@ -150,7 +150,7 @@ def _radians_of(angle: float, scope: Scope) -> float:
 @define("quaternion x y z w", "a turn as a quaternion; normalised when used")
 def _quaternion(scope: Scope, *parts: Value) -> Value:
     for i, p in enumerate(parts):
-        if type(p) is not float:
+        if not isinstance(p, float):
             raise Mistake(f"number wanted, got {describe(p)}", argument=i)
     if not any(parts):
         raise Mistake("a quaternion of length 0 is no rotation")
@@ -169,7 +169,7 @@ def _matrix(scope: Scope, *rows: Value) -> Value:
 def _ramp(scope: Scope, start: Value, end: Value) -> Value:
     distances = []
     for i, v in enumerate((start, end)):
-        if type(v) is not float and not (isinstance(v, Quantity) and v.dimension == units.LENGTH):
+        if not isinstance(v, float) and not (isinstance(v, Quantity) and v.dimension == units.LENGTH):
             raise Mistake(f"length wanted, got {describe(v)}", argument=i)
         distances.append(v.value if isinstance(v, Quantity) else operators.bare(v, units.LENGTH, scope))
     if not 0 <= distances[0] < distances[1]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..diagnostics import Diagnostics, Span
 from ..elements import Element
@@ -29,6 +29,8 @@ from .values import (
     describe,
     is_placeable,
     kind,
+    lend,
+    plain,
 )
 
 _NUMBER = re.compile(r"[0-9]{1,15}(\.[0-9]{1,15})?")  # without sign, exponent and unit
@@ -226,10 +228,15 @@ def _user(evaluator: Evaluator, function: UserFunction, givens: list[ArgumentVal
         names.setdefault(extra, extra)
     assigned = _assign(evaluator, positional, names, [p.name.id for p in parameters if p.default is None], givens, site)
     inner = function.scope.called(site.label, site.callee, site.scope)
+    foreign = function.scope.unit != site.scope.unit
+    if foreign and function.lent:
+        assigned = {n: replace(g, value=plain(g.value)) for n, g in assigned.items()}
     for p in parameters:
         given = assigned.get(p.name.id)
         # A default sees the parameters before it, and beyond them what is outside.
-        inner.names[p.name.id] = Thunk(p.name.id, p, inner.beside()) if given is None else _typed(p, given, site)
+        inner.names[p.name.id] = (
+            Thunk(p.name.id, p, inner.beside()) if given is None else _typed(p, given, site, foreign and not function.lent)
+        )
     if function.takes_children:
         inner.names["children"] = site.children or ()
     _enter(evaluator, site)
@@ -237,15 +244,20 @@ def _user(evaluator: Evaluator, function: UserFunction, givens: list[ArgumentVal
         result = evaluator.value(let.value, inner)
     finally:
         evaluator.meter.calls -= 1
+    if foreign and function.lent:
+        result = lend(result, function.scope.unit)
     extras = [g for name, g in assigned.items() if name not in positional]
     return _placed(evaluator, result, extras, site) if extras else result
 
 
-def _typed(parameter: ast.Parameter, given: ArgumentValue, site: Site) -> Value:
-    """The value given for a parameter, as the type written for it, or the unit of its default, wants it."""
+def _typed(parameter: ast.Parameter, given: ArgumentValue, site: Site, foreign: bool) -> Value:
+    """The value given for a parameter, converted to the type written for it or implied by the unit of its default.
+
+    `foreign`: the call comes from a file with another unit. Bare numbers keep the meaning that they have there.
+    """
     type_name = parameter.type.id if parameter.type else eval_parameters.implied_type(parameter.default)
-    if type_name not in eval_parameters.TYPES or (parameter.type is None and type(given.value) is not float):
-        return given.value
+    if type_name not in eval_parameters.TYPES or (parameter.type is None and not isinstance(given.value, float)):
+        return lend(given.value, site.scope.unit) if foreign else given.value
     try:
         return eval_parameters.coerce(given.value, type_name, site.scope)
     except Mistake as mistake:
@@ -272,11 +284,13 @@ def _closure(evaluator: Evaluator, function: Closure, givens: list[ArgumentValue
     inner = function.scope.inner()
     inner.plain = True
     inner.trace = site.scope.trace
+    foreign = function.scope.unit != site.scope.unit
     for name in names:
-        inner.names[name] = assigned[name].value
+        inner.names[name] = plain(assigned[name].value) if foreign else assigned[name].value
     _enter(evaluator, site)
     try:
-        return evaluator.value(function.node.body, inner)
+        result = evaluator.value(function.node.body, inner)
+        return lend(result, function.scope.unit) if foreign else result
     finally:
         evaluator.meter.calls -= 1
 

@@ -85,13 +85,13 @@ def _wrong(value: Value, wanted: str, hint: str = "") -> Mistake:
 
 
 def _number(value: Value, place: Place, arg: Arg) -> float:
-    if type(value) is float:
-        return value
+    if isinstance(value, float):
+        return float(value)
     raise _wrong(value, "number")
 
 
 def _int(value: Value, place: Place, arg: Arg) -> int:
-    if type(value) is float and value == int(value):
+    if isinstance(value, float) and value == int(value):
         return int(value)
     raise _wrong(value, "whole number")
 
@@ -103,7 +103,7 @@ def _bool(value: Value, place: Place, arg: Arg) -> bool:
 
 
 def _length(value: Value, place: Place, arg: Arg) -> float:
-    if type(value) is float:
+    if isinstance(value, float):
         return operators.bare(value, units.LENGTH, place.scope)
     if isinstance(value, Quantity) and value.dimension == units.LENGTH:
         return value.value
@@ -116,9 +116,9 @@ def _of_dimension(name: str) -> Callable[[Value, Place, Arg], float]:
     def convert_quantity(value: Value, place: Place, arg: Arg) -> float:
         if isinstance(value, Quantity) and value.dimension == dimension:
             return value.value
-        if type(value) is float:
+        if isinstance(value, float):
             if value == 0 or name in LIGHT_TYPES:
-                return value
+                return float(value)
             raise operators.bare_fix(value, dimension)
         raise _wrong(value, name)
 
@@ -129,7 +129,7 @@ _angle = _of_dimension("angle")
 
 
 def _number_or_length(value: Value, place: Place, arg: Arg) -> float:
-    return value if type(value) is float else _length(value, place, arg)
+    return float(value) if isinstance(value, float) else _length(value, place, arg)
 
 
 # --- lists ----------------------------------------------------------------------------------------------------------
@@ -198,13 +198,13 @@ def _scale3(value: Value, place: Place, arg: Arg) -> tuple[float, ...]:
 
 
 def _index(value: Value, place: Place, arg: Arg) -> int:
-    if type(value) is float and value == int(value) and value >= 0:
+    if isinstance(value, float) and value == int(value) and value >= 0:
         return int(value)
     raise _wrong(value, "whole number from 0")
 
 
 def _pixel(value: Value, place: Place, arg: Arg) -> int:
-    if type(value) is float and value == int(value) and value >= 1:
+    if isinstance(value, float) and value == int(value) and value >= 1:
         return int(value)
     raise _wrong(value, "whole number from 1")
 
@@ -218,7 +218,7 @@ def _color(value: Value, place: Place, arg: Arg) -> Any:
     hint = ""
     if isinstance(value, tuple) and len(value) == 3:
         hint = "write rgb(r, g, b) for linear values, srgb(r, g, b) or #rrggbb"
-    elif type(value) is float:
+    elif isinstance(value, float):
         grey = units.show_number(value)
         hint = f"write rgb({grey}, {grey}, {grey})"
     elif isinstance(value, str):
@@ -227,8 +227,8 @@ def _color(value: Value, place: Place, arg: Arg) -> Any:
 
 
 def _color_map(value: Value, place: Place, arg: Arg) -> Any:
-    if type(value) is float:
-        return (value, value, value)
+    if isinstance(value, float):
+        return (float(value),) * 3
     if category(value) == "texture":
         return value
     try:
@@ -238,7 +238,9 @@ def _color_map(value: Value, place: Place, arg: Arg) -> Any:
 
 
 def _number_map(value: Value, place: Place, arg: Arg) -> Any:
-    if type(value) is float or category(value) == "texture":
+    if isinstance(value, float):
+        return float(value)
+    if category(value) == "texture":
         return value
     raise _wrong(value, "number or texture", _texture_hint(value))
 

@@ -359,8 +359,8 @@ class Evaluator:
         return calls.apply_values(self, function, values, scope)
 
     def formula(self, function: Closure | UserFunction, scope: Scope, span: Span) -> Formula:
-        """The formula that a function records, with coordinates in the unit of the file of `scope`. Raises Mistake."""
-        graph = Graph(scope.unit)
+        """The formula that a function records, with coordinates in the unit of its own file. Raises Mistake."""
+        graph = Graph(function.scope.unit)
         if isinstance(function, Closure):
             names = tuple([p.id for p in function.node.parameters])
         else:

@@ -152,7 +152,7 @@ def _index(evaluator: Evaluator, node: ast.Index, scope: Scope) -> Value:
     index = evaluator.value(node.index, scope)
     if not isinstance(items, tuple):
         evaluator.fail(f"only a list has items, not {kind(items)}", node.object.span, "", scope)
-    if type(index) is not float or index != int(index):
+    if not isinstance(index, float) or index != int(index):
         evaluator.fail(f"whole number wanted, got {describe(index)}", node.index.span, "", scope)
     if not 0 <= index < len(items):
         last = f"the last is [{len(items) - 1}]" if items else "it is empty"

@@ -10,13 +10,13 @@ from ..elements import Element
 from ..formula_graph import OPERATIONS, Graph, Term
 from ..units import Dimension, Quantity
 from .context import Scope
-from .values import Color, Mistake, Value, kind
+from .values import Color, ForeignNumber, Mistake, Value, kind
 
 _SYMBOLS = {"add": "+", "subtract": "-", "less": "<", "at_most": "<=", "greater": ">", "at_least": ">=", "equal": "==", "unequal": "!="}
 
 
 def is_scalar(value: Value) -> bool:
-    return type(value) is float or isinstance(value, Quantity) or (isinstance(value, Term) and not value.truth)
+    return isinstance(value, float | Quantity) or (isinstance(value, Term) and not value.truth)
 
 
 def split(value: float | Quantity) -> tuple[float, Dimension]:
@@ -53,6 +53,8 @@ def unify(a: float | Quantity, b: float | Quantity, scope: Scope, doing: str) ->
 
 def bare(value: float, dimension: Dimension, scope: Scope) -> float:
     """A bare number where `dimension` is wanted, in base units."""
+    if dimension == units.LENGTH and isinstance(value, ForeignNumber):
+        return value.metres
     if value == 0:
         return 0.0
     if dimension == units.LENGTH:
@@ -69,6 +71,20 @@ def unify_all(numbers: list[float | Quantity], scope: Scope, doing: str) -> tupl
     return [unify(n, sample, scope, doing)[0] for n in numbers], dimension
 
 
+def combine(op: str, numbers: list[float | Quantity], scope: Scope) -> float | Quantity:
+    """A minimum, maximum or norm: an operation whose result has the dimension of its numbers."""
+    values, dimension = unify_all(numbers, scope, "compare")
+    result = OPERATIONS[op](*values)
+    if dimension == units.NONE and any(isinstance(n, ForeignNumber) for n in values):
+        return foreign(result, OPERATIONS[op](*[bare(n, units.LENGTH, scope) for n in values]))
+    return checked(result, dimension)
+
+
+def foreign(value: float, metres: float) -> ForeignNumber:
+    """The result of an operation on numbers from a file with another unit."""
+    return ForeignNumber(split(checked(value))[0], split(checked(metres))[0])
+
+
 # --- formulas -------------------------------------------------------------------------------------------------------
 
 
@@ -78,7 +94,9 @@ def lift(graph: Graph, value: Value) -> Term:
         if value.graph is not graph:
             raise Mistake("a formula cannot use what another formula is called with")
         return value
-    if isinstance(value, bool) or type(value) is float:
+    if isinstance(value, ForeignNumber):
+        return graph.constant(value.metres / graph.unit)
+    if isinstance(value, bool | float):
         return graph.constant(value)
     if isinstance(value, Quantity):
         try:
@@ -114,6 +132,8 @@ def _sum(op: str, a: Value, b: Value, scope: Scope) -> Value:
         if has_term(a, b):
             return record(op, a, b)
         x, y, dimension = unify(a, b, scope, op)
+        if dimension == units.NONE and (isinstance(a, ForeignNumber) or isinstance(b, ForeignNumber)):
+            return foreign(OPERATIONS[op](x, y), OPERATIONS[op](bare(x, units.LENGTH, scope), bare(y, units.LENGTH, scope)))
         return checked(OPERATIONS[op](x, y), dimension)
     if isinstance(a, tuple) and isinstance(b, tuple):
         return _elementwise(op, a, b, scope)
@@ -143,6 +163,10 @@ def multiply(a: Value, b: Value, scope: Scope) -> Value:
             return record("multiply", a, b)
         x, da = split(a)
         y, db = split(b)
+        if da == db == units.NONE and isinstance(a, ForeignNumber):
+            return foreign(x * y, a.metres * y)
+        if da == db == units.NONE and isinstance(b, ForeignNumber):
+            return foreign(x * y, x * b.metres)
         return checked(x * y, units.multiply(da, db))
     if is_scalar(b):
         a, b = b, a
@@ -169,6 +193,8 @@ def divide(a: Value, b: Value, scope: Scope) -> Value:
         y, db = split(b)
         if y == 0:
             raise Mistake("division by 0")
+        if db == units.NONE and isinstance(a, ForeignNumber):
+            return foreign(x / y, a.metres / y)
         return checked(x / y, units.divide(da, db))
     if isinstance(a, tuple):
         scope.meter.step(len(a))
@@ -193,6 +219,8 @@ def power(a: Value, b: Value, scope: Scope) -> Value:
         raise Mistake(f"an exponent is a plain number, not {kind(b)}")
     x, dimension = split(a)
     try:
+        if isinstance(a, ForeignNumber) and x:
+            return foreign(math.pow(x, b), math.pow(x, b) * (a.metres / x))
         return checked(math.pow(x, b), units.power(dimension, b))
     except ValueError:
         raise Mistake("division by 0" if x == 0 else "a negative number has no such power") from None
@@ -201,7 +229,9 @@ def power(a: Value, b: Value, scope: Scope) -> Value:
 
 
 def negate(a: Value, scope: Scope) -> Value:
-    if type(a) is float:
+    if isinstance(a, ForeignNumber):
+        return ForeignNumber(-float(a), -a.metres)
+    if isinstance(a, float):
         return -a
     if isinstance(a, Quantity):
         return Quantity(-a.value, a.dimension)
@@ -314,13 +344,13 @@ def select(condition: Term, yes: Value, no: Value, scope: Scope) -> Value:
 def span_of(start: Value, stop: Value) -> tuple[float, ...]:
     """`start..stop`: whole steps from start, with the end; empty where it descends."""
     for end in (start, stop):
-        if type(end) is not float:
+        if not isinstance(end, float):
             corners = isinstance(start, tuple) and isinstance(stop, tuple)
             hint = "two corners are a list of both: [[-1, -1, -1], [1, 1, 1]]" if corners else ""
             raise Mistake(f"a range runs over plain numbers, got {kind(end)}", hint)
     limits.check_list(stop - start + 1)
     count = math.floor(stop - start + 1e-9) + 1
-    return tuple([start + k for k in range(count)])
+    return tuple([float(start) + k for k in range(count)])
 
 
 BINARY: dict[str, Callable[[Value, Value, Scope], Value]] = {

@@ -11,7 +11,7 @@ from ..units import Quantity
 from . import operators
 from .coercion import LIGHT_TYPES
 from .context import ArgumentValue, Scope
-from .values import Builtin, Closure, Color, Mistake, UserFunction, Value, category, describe, is_placeable, show
+from .values import Builtin, Closure, Color, Mistake, UserFunction, Value, category, describe, is_placeable, lend, plain, show
 
 # What can stand behind the colon of a `param` or a parameter.
 TYPES: tuple[str, ...] = ("number", "int", "bool", "string", "color", *units.QUANTITIES, "material", "texture", "shape", "list", "function")
@@ -24,7 +24,7 @@ def coerce(value: Value, type_name: str, scope: Scope) -> Value:
     if type_name in units.QUANTITIES:
         return _coerce_quantity(value, type_name, scope)
     if _is(value, type_name):
-        return value
+        return plain(value) if type_name in ("number", "int", "list") else value
     hint = "write rgb(r, g, b), srgb(r, g, b) or #rrggbb" if type_name == "color" and isinstance(value, tuple) else ""
     raise Mistake(f"{_WANTED.get(type_name, type_name)} wanted, got {describe(value)}", hint)
 
@@ -34,7 +34,7 @@ def _is(value: Value, type_name: str) -> bool:
         case "number":
             return operators.is_scalar(value) and not isinstance(value, Quantity)
         case "int":
-            return type(value) is float and value == int(value)
+            return isinstance(value, float) and value == int(value)
         case "bool":
             return isinstance(value, bool)
         case "string":
@@ -54,9 +54,9 @@ def _coerce_quantity(value: Value, type_name: str, scope: Scope) -> Value:
     dimension = units.QUANTITIES[type_name][0]
     if isinstance(value, Quantity) and value.dimension == dimension:
         return value
-    if type(value) is float:
+    if isinstance(value, float):
         if type_name in LIGHT_TYPES:
-            return value  # scene-referred, and stays so
+            return float(value)  # scene-referred, and stays so
         return units.quantity(operators.bare(value, dimension, scope), dimension)
     raise Mistake(f"{type_name} wanted, got {describe(value)}")
 
@@ -95,7 +95,9 @@ def param_value(param: ast.Param, given: ArgumentValue | None, scope: Scope, cal
     value, span = (default, param.default.span) if given is None else (given.value, given.span)
     try:
         if given is not None and type_name:
-            value = coerce(value, type_name, caller)
+            typed = coerce(value, type_name, caller)
+            untyped = param.type is None and type_name in ("number", "list")
+            value = lend(value, caller.unit) if untyped and scope.unit != caller.unit else typed
         _check_range(param.name.id, value, allowed, scope)
     except Mistake as mistake:
         mistake.span = mistake.span or span

@@ -7,7 +7,7 @@ and fall-offs are those of elements.py; elements are elements.Element.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -23,6 +23,18 @@ from .context import Scope
 from .modules import Module
 
 Value = Any
+
+
+class ForeignNumber(float):
+    """A bare number from a file with another unit: the number, and the `metres` it means where a length is wanted."""
+
+    __slots__ = ("metres",)
+    metres: float
+
+    def __new__(cls, value: float, metres: float) -> ForeignNumber:
+        number = super().__new__(cls, value)
+        number.metres = metres
+        return number
 
 
 class Poisoned(Exception):
@@ -79,6 +91,7 @@ class UserFunction:
 
     let: ast.Let
     scope: Scope
+    lent: bool = False  # an argument of a part in a file with another unit
 
     @cached_property
     def takes_children(self) -> bool:
@@ -146,6 +159,7 @@ def kind(value: Value) -> str:
 _KINDS: dict[type, str] = {
     bool: "a truth value",
     float: "a number",
+    ForeignNumber: "a number",
     str: "a string",
     tuple: "a list",
     Color: "a colour",
@@ -225,3 +239,19 @@ def callable_name(function: Function) -> str:
         case Closure():
             return "|" + ", ".join([p.id for p in function.node.parameters]) + "| …"
     return function.name
+
+
+def lend(value: Value, unit: float) -> Value:
+    """An argument for a file with another unit: bare numbers keep the meaning that they have in a file with this one."""
+    if isinstance(value, float):
+        return ForeignNumber(value, units.scale(value, unit)) if value else value
+    if isinstance(value, tuple):
+        return tuple([lend(v, unit) for v in value])
+    return replace(value, lent=True) if isinstance(value, UserFunction) else value
+
+
+def plain(value: Value) -> Value:
+    """A value with plain numbers in place of foreign ones."""
+    if isinstance(value, ForeignNumber):
+        return float(value)
+    return tuple([plain(v) for v in value]) if isinstance(value, tuple) else value

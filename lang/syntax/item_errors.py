@@ -40,7 +40,8 @@ def use(site: ErrorSite) -> Answer | None:
 
 def unit(site: ErrorSite) -> Answer | None:
     if site.start == "unit" and site.at == site.first + 1:
-        return "`unit` wants a unit of length", "write unit mm", site.start if is_end(site.token) else site.token
+        fix = "write unit inch" if site.token == "in" else "write unit mm"
+        return "`unit` wants a unit of length", fix, site.start if is_end(site.token) else site.token
     return None
 
 

@@ -142,12 +142,17 @@ def _borrowed(text: str, place: Token) -> Token:
     return Token(kind, text, end[2], end[0], end[1], end[0], end[1], end[2])
 
 
+def _goes_on(line: list[Token]) -> bool:
+    """Whether the line goes on after its last token. `unit in`, a mistake for `unit inch`, ends there."""
+    return bool(line) and line[-1] in GOES_ON and not (line[-1] == "in" and len(line) > 1 and line[-2] == "unit")
+
+
 def _drop_line_ends(tokens: list[Token], scan: Scan, file: str, diagnostics: Diagnostics) -> list[Token]:
     kept: list[Token] = []
     stack: list[Token] = []
     for token, behind in zip(tokens, [*tokens[1:], tokens[-1]], strict=True):
         if token.type == "_NL":
-            if ";" not in token and (behind == "else" or (kept and kept[-1] in GOES_ON) or (stack and stack[-1] != "{")):
+            if ";" not in token and (behind == "else" or _goes_on(kept) or (stack and stack[-1] != "{")):
                 continue
             if kept and kept[-1].type == "_NL":  # a bracket that stood alone on its line is gone
                 continue

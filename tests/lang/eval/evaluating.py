@@ -36,7 +36,7 @@ def run(text: str, files: dict[str, str] | None = None, **options: Any) -> tuple
 def good(text: str, files: dict[str, str] | None = None, **options: Any) -> Document:
     """The document of a text that has no error and no warning."""
     document, messages = run(text, files, **options)
-    assert messages == []
+    assert not messages, "\n".join(messages)
     return document
 
 

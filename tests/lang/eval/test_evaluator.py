@@ -148,7 +148,7 @@ def test_scope_and_trace_say_which_calls_made_an_element() -> None:
 def test_typed_parameters_take_the_unit_of_the_caller() -> None:
     text = 'unit mm\nuse "part.scene"\npart.ball(5)\npart.bead(5)\npart.plain(5)'
     part = "let ball(r: length) = sphere(r)\nlet bead(r = 1cm) = sphere(r)\nlet plain(r) = sphere(r)"
-    assert [e.args["radius"] for e in elements(text, {"part.scene": part})] == [0.005, 0.005, 5.0]
+    assert [e.args["radius"] for e in elements(text, {"part.scene": part})] == [0.005, 0.005, 0.005]
 
 
 # --- files' units ---------------------------------------------------------------------------------------------------

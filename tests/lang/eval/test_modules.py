@@ -38,7 +38,7 @@ def test_cameras_and_settings_of_a_used_file_stay_behind() -> None:
 
 def test_members_of_a_file() -> None:
     rim, sphere = elements('use "gear.scene" as g\ng.rim(5)\nsphere(g.teeth, material: lambert(g.tint))', {"gear.scene": GEAR})
-    assert rim.args["radius"] == 0.005
+    assert rim.args["radius"] == 5.0  # a bare length is in the unit of the file that calls
     assert rim.scope == "g.rim"
     assert sphere.args["radius"] == 18.0  # bare, so in the unit of the file that uses it as a length
 

@@ -126,7 +126,7 @@ def _meet_shape(tables: ir.Tables, kind: int, g: int, ray: Ray) -> tuple[np.ndar
     from ..formula import numpy_reference, scene_surfaces  # by the definition
 
     tape, parameters = scene_surfaces.tape_of(tables, g), geometries.parameters[g]
-    found = numpy_reference.meet(tape, parameters, geometries.bounds[g], ray.origin, ray.direction, ray.t_min, ray.t_max)
+    found = numpy_reference.first_hit(tape, parameters, geometries.bounds[g], ray.origin, ray.direction, ray.t_min, ray.t_max)
     t, spacing, u, v, _ = found
     return t, spacing, u, v, shape_hit.after(parameters[5], ray.direction, t, spacing)
 

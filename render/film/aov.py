@@ -76,7 +76,7 @@ def doubtful(tables: Tables, ray: Ray, hit: Hit) -> NDArray[np.bool_]:
         o = affine.transform_point(tables.transforms.inverse, row, ray.origin)
         d = affine.transform_vector(tables.transforms.inverse, row, ray.direction)
         bounds, parameters = tables.geometries.bounds[g], tables.geometries.parameters[g]
-        found |= numpy_reference.meet(scene_surfaces.tape_of(tables, g), parameters, bounds, o, d, t_min, t_max)[4]
+        found |= numpy_reference.first_hit(scene_surfaces.tape_of(tables, g), parameters, bounds, o, d, t_min, t_max)[4]
     return found
 
 

@@ -1,7 +1,7 @@
-"""Ray hits of CSG trees of planes, quadrics and tori: the intervals of the ray in which each relation holds.
+"""Ray hits of CSG trees of planes, quadrics and tori: a walk along the ray over the intervals of each leaf (Roth 1982).
 
-A walk along the ray asks, place by place, whether the solid holds there and up to where nothing changes: of `and` and `or` that follows
-from the operands' answers. So what combines hundreds of stretches is never listed, and of hidden parts hardly any root is passed.
+At each step of the walk, the tree is evaluated: whether the point is in the solid, and up to which distance that cannot change. `and` and
+`or` combine the answers of their operands. So intervals are never merged into lists, and the walk passes few roots of hidden parts.
 """
 
 from __future__ import annotations
@@ -18,14 +18,15 @@ from ..jit.kernel import helper
 from ..lanes import crosslane, ops
 from ..lanes.kinds import FLOAT
 from ..types import Lane, Vec
-from . import intersect
+from .bracketing import ULP
+from .hit_geometry import normal_and_spacing
+from .intersect import clip_to_bounds
 from .llvm_math import LANES
-from .tables import HOLE, LINEAR, MET, QUADRIC, TORUS
+from .tables import HIT, HOLE, LINEAR, QUADRIC, TORUS
 
-ULP = 2.0**-52
-_WIDE, _KEPT = 4 * LANES, 4 * MOST_LEAVES * LANES
+_INTERVALS = 4 * MOST_LEAVES * LANES
 _STACK = 3 * (MOST_DEPTH + 1) * LANES
-_SPACE = 32.0 * ULP  # of the largest coordinate: parts of a solid, or gaps in it, that are thinner than this count as nothing
+_SPACE = 32.0 * ULP  # of the largest coordinate: thinner parts of a solid, and gaps in it, are ignored
 
 
 def _crossings(numbers, leaf, origin, direction):
@@ -47,50 +48,50 @@ def _row(numbers: Any, leaf: int, first: int, v: Vec) -> Lane:
     return numbers[leaf, first] * v[0] + numbers[leaf, first + 1] * v[1] + numbers[leaf, first + 2] * v[2]
 
 
-def _met(forms, g, origin, direction, t_min, t_max):
-    """As formulas.meet's: (t, spacing, u, v, unproved) of rays' first meetings with surface `g`."""
+def _first_hit(forms, g, origin, direction, t_min, t_max):
+    """(t, spacing, u, v, unproved) of rays' first hits of surface `g`, as intersect.first_hit."""
     k = np.int64(forms.of[g])
     size = ops.length(direction)
     size = ops.where(size > 0.0, size, 1.0)
     way = ops.scale(direction, 1.0 / size)
-    enter, leave = intersect.clipped(forms, k, origin, way, t_min * size, t_max * size)
+    enter, leave = clip_to_bounds(forms, k, origin, way, t_min * size, t_max * size)
     active = enter < leave
     zero = ops.full_like(t_min, 0.0)
     t, spacing, u, v = zero + np.inf, ops.int_like(zero, 0), zero, zero
     if ops.any_lane(active):
         begin = ops.where(active, enter, zero)
         start = ops.along(origin, way, begin)
-        kept = simd.stack_array(np.float64, _KEPT)
-        _roots(forms, k, kept, start, way)
-        found, leaf, inside = _first(forms, k, kept, ops.where(active, leave - begin, zero), active)
-        hit = found < np.inf
+        intervals = simd.stack_array(np.float64, _INTERVALS)
+        _leaf_intervals(forms, k, intervals, start, way)
+        root, leaf, inside = _first_crossing(forms, k, intervals, ops.where(active, leave - begin, zero), active)
+        hit = root < np.inf
         if ops.any_lane(hit):
-            at, gradient, off = _finished(forms, k, leaf, start, way, ops.where(hit, found, zero))
-            spacing, u, v = intersect.finish_hit(forms, k, way, gradient, inside, off)
+            at, gradient, off = _complete_hits(forms, k, leaf, start, way, ops.where(hit, root, zero))
+            spacing, u, v = normal_and_spacing(forms, k, way, gradient, inside, off)
             t = ops.where(hit, (begin + at) / size, t)
             u, v = ops.where(hit, u, zero), ops.where(hit, v, zero)
     return t, spacing, u, v, ops.int_like(zero, 0)
 
 
-met = DeclaredKernel(_met, MET)
+first_hit = DeclaredKernel(_first_hit, HIT)
+call_first_hit = first_hit.call
 
 
-def _either(forms, g, origin, direction, t_min, t_max):
-    """A surface in a scene that has some of both."""
+def _dispatch_hit(forms, g, origin, direction, t_min, t_max):
+    """`first_hit` in a scene with closed forms and other surfaces."""
     which = 0 if forms.parts.places[np.int64(forms.of[g]), 1] > 0 else 1
-    return call_met(forms.parts.ways[which], (forms, g, origin, direction, t_min, t_max))  # pyright: ignore[reportCallIssue]
+    return call_first_hit(forms.parts.kernels[which], (forms, g, origin, direction, t_min, t_max))  # pyright: ignore[reportCallIssue]
 
 
-call_met = met.call
-either = DeclaredKernel(_either, MET)
+dispatch_hit = DeclaredKernel(_dispatch_hit, HIT)
 
 
 # --- along a ray --------------------------------------------------------------------------------------------------------
 
 
 @helper
-def _roots(forms: Any, k: int, kept: Any, start: Vec, way: Vec) -> None:
-    """Keep of each leaf two stretches of the ray in which its relation holds."""
+def _leaf_intervals(forms: Any, k: int, kept: Any, start: Vec, way: Vec) -> None:
+    """Store two intervals of the ray in which each leaf's relation holds."""
     numbers, kinds = forms.parts.numbers, forms.parts.kinds
     steps, begin = forms.parts.places[k, 1], forms.parts.places[k, 2]
     none = ops.full_like(start[0], np.inf)
@@ -101,13 +102,13 @@ def _roots(forms: Any, k: int, kept: Any, start: Vec, way: Vec) -> None:
             slope = _row(numbers, leaf, 6, way)
             level = _row(numbers, leaf, 6, start) + numbers[leaf, 9]
             t = -level / ops.where(slope == 0.0, 1.0, slope)
-            still = slope == 0.0
-            a0 = ops.where(still, ops.where(level <= 0.0, -none, none), ops.where(slope < 0.0, t, -none))
-            a1 = ops.where(still, none, ops.where(slope < 0.0, none, t))
+            parallel = slope == 0.0
+            a0 = ops.where(parallel, ops.where(level <= 0.0, -none, none), ops.where(slope < 0.0, t, -none))
+            a1 = ops.where(parallel, none, ops.where(slope < 0.0, none, t))
         elif kinds[leaf] == QUADRIC:
             a0, a1, b0, b1 = _quadric(numbers, leaf, start, way, none)
         else:
-            a0, a1, b0, b1 = call_crossings(forms.parts.ways[2], (numbers, np.int64(leaf), start, way))  # pyright: ignore[reportCallIssue]
+            a0, a1, b0, b1 = call_crossings(forms.parts.kernels[2], (numbers, np.int64(leaf), start, way))  # pyright: ignore[reportCallIssue]
         crosslane.store(kept, 4 * i, a0)
         crosslane.store(kept, 4 * i + 1, a1)
         crosslane.store(kept, 4 * i + 2, b0)
@@ -116,11 +117,11 @@ def _roots(forms: Any, k: int, kept: Any, start: Vec, way: Vec) -> None:
 
 @helper
 def _quadric(numbers: Any, leaf: int, o: Vec, d: Vec, none: Lane) -> tuple[Lane, Lane, Lane, Lane]:
-    """Where a polynomial of second degree is at most 0."""
-    gx, gy, gz = _turn(numbers, leaf, d)
+    """Intervals in which a quadratic polynomial is at most 0."""
+    gx, gy, gz = _quadratic_gradient(numbers, leaf, d)
     a = 0.5 * (gx * d[0] + gy * d[1] + gz * d[2])
     half = 0.5 * (gx * o[0] + gy * o[1] + gz * o[2] + _row(numbers, leaf, 6, d))
-    hx, hy, hz = _turn(numbers, leaf, o)
+    hx, hy, hz = _quadratic_gradient(numbers, leaf, o)
     c = 0.5 * (hx * o[0] + hy * o[1] + hz * o[2]) + _row(numbers, leaf, 6, o) + numbers[leaf, 9]
     rest = half * half - a * c
     real = rest > 0.0
@@ -131,8 +132,8 @@ def _quadric(numbers: Any, leaf: int, o: Vec, d: Vec, none: Lane) -> tuple[Lane,
     one = ops.where(flat, ops.where(half < 0.0, none, -none), one)
     other = ops.where(q == 0.0, ops.where(flat, none, 0.0), c / ops.where(q == 0.0, 1.0, q))
     low, high = ops.minimum(one, other), ops.maximum(one, other)
-    between = (a > 0.0) | flat  # of a line one root is endlessly far
-    holds = (a < 0.0) | (flat & (c <= 0.0))  # everywhere, where there are no roots
+    between = (a > 0.0) | flat  # a linear polynomial has one root at infinity
+    holds = (a < 0.0) | (flat & (c <= 0.0))  # everywhere, without roots
     return (
         ops.where(real, ops.where(between, low, -none), ops.where(holds, -none, none)),
         ops.where(real, ops.where(between, high, low), none), ops.where(real & ops.not_(between), high, none), none,
@@ -140,8 +141,8 @@ def _quadric(numbers: Any, leaf: int, o: Vec, d: Vec, none: Lane) -> tuple[Lane,
 
 
 @helper
-def _turn(numbers: Any, leaf: Any, p: Vec) -> Vec:
-    """The derivatives of a polynomial's terms of second degree."""
+def _quadratic_gradient(numbers: Any, leaf: Any, p: Vec) -> Vec:
+    """Derivatives of the quadratic terms of a polynomial."""
     xy, yz, xz = numbers[leaf, 3], numbers[leaf, 4], numbers[leaf, 5]
     return (
         2.0 * numbers[leaf, 0] * p[0] + xy * p[1] + xz * p[2], xy * p[0] + 2.0 * numbers[leaf, 1] * p[1] + yz * p[2],
@@ -150,27 +151,27 @@ def _turn(numbers: Any, leaf: Any, p: Vec) -> Vec:
 
 
 @helper
-def _first(forms: Any, k: int, kept: Any, end: Lane, active: Lane) -> tuple[Lane, Lane, Lane]:
-    """(where a ray first enters or leaves a solid, or inf; the leaf that it meets there; whether it is inside before)."""
+def _first_crossing(forms: Any, k: int, kept: Any, end: Lane, active: Lane) -> tuple[Lane, Lane, Lane]:
+    """(distance at which a ray first enters or leaves the solid, or inf; the leaf hit there; whether it is inside before)."""
     stack = simd.stack_array(np.float64, _STACK)
     reach = forms.numbers[k, 13]
     at = 0.0 * end
-    inside, until, leaf = _state(forms, k, kept, stack, at)
-    found, met_leaf = at + np.inf, ops.int_like(at, 0)
+    inside, until, leaf = _evaluate_tree(forms, k, kept, stack, at)
+    found, hit_leaf = at + np.inf, ops.int_like(at, 0)
     active = active & (until < end)
     while ops.any_lane(active):
         at = ops.where(active, until, at)
-        now, onward, further = _state(forms, k, kept, stack, at + _SPACE * (at + reach))
+        now, next_until, next_leaf = _evaluate_tree(forms, k, kept, stack, at + _SPACE * (at + reach))
         changed = active & (now != inside)
-        found, met_leaf = ops.where(changed, at, found), ops.where(changed, leaf, met_leaf)
-        until, leaf = ops.where(active, onward, until), ops.where(active, further, leaf)
+        found, hit_leaf = ops.where(changed, at, found), ops.where(changed, leaf, hit_leaf)
+        until, leaf = ops.where(active, next_until, until), ops.where(active, next_leaf, leaf)
         active = active & ops.not_(changed) & (until < end)
-    return found, forms.parts.places[k, 2] + met_leaf, inside > 0.0
+    return found, forms.parts.places[k, 2] + hit_leaf, inside > 0.0
 
 
 @helper
-def _state(forms: Any, k: int, kept: Any, stack: Any, t: Lane) -> tuple[Lane, Lane, Lane]:
-    """(1 where a solid holds at t, else 0; up to where nothing changes that; the leaf of which that is a root)."""
+def _evaluate_tree(forms: Any, k: int, kept: Any, stack: Any, t: Lane) -> tuple[Lane, Lane, Lane]:
+    """(1 inside the solid at t, else 0; distance up to which that cannot change; the leaf with a root there)."""
     steps, kinds = forms.parts.steps, forms.parts.kinds
     first, count, begin = forms.parts.places[k, 0], forms.parts.places[k, 1], forms.parts.places[k, 2]
     top = 0
@@ -196,19 +197,19 @@ def _state(forms: Any, k: int, kept: Any, stack: Any, t: Lane) -> tuple[Lane, La
             until, beyond = crosslane.load(stack, 3 * top - 2), crosslane.load(stack, 3 * top + 1)
             by_one, by_other = one == decides, other == decides
             earlier = until < beyond
-            keep = ops.where(by_one & by_other, ops.not_(earlier), ops.where(by_one, True, ops.where(by_other, False, earlier)))
+            first = ops.where(by_one & by_other, ops.not_(earlier), ops.where(by_one, True, ops.where(by_other, False, earlier)))
             crosslane.store(stack, 3 * top - 3, ops.where(by_one | by_other, decides, 1.0 - decides + 0.0 * t))
-            crosslane.store(stack, 3 * top - 2, ops.where(keep, until, beyond))
-            crosslane.store(stack, 3 * top - 1, ops.where(keep, crosslane.load(stack, 3 * top - 1), crosslane.load(stack, 3 * top + 2)))
+            crosslane.store(stack, 3 * top - 2, ops.where(first, until, beyond))
+            crosslane.store(stack, 3 * top - 1, ops.where(first, crosslane.load(stack, 3 * top - 1), crosslane.load(stack, 3 * top + 2)))
     return crosslane.load(stack, 0), crosslane.load(stack, 1), ops.to_int(crosslane.load(stack, 2))
 
 
 @helper
-def _finished(forms: Any, k: int, leaf: Lane, start: Vec, way: Vec, at: Lane) -> tuple[Lane, Vec, Lane]:
-    """(where the meeting is after a step of Newton's, the gradient of what is met there, by how much that may be off 0)."""
+def _complete_hits(forms: Any, k: int, leaf: Lane, start: Vec, way: Vec, at: Lane) -> tuple[Lane, Vec, Lane]:
+    """(distance of the hit after a Newton step, gradient of the leaf there, bound of its value)."""
     numbers, kind = forms.parts.numbers, ops.to_int(forms.parts.kinds[leaf])
     p = ops.along(start, way, at)
-    tx, ty, tz = _turn(numbers, leaf, p)
+    tx, ty, tz = _quadratic_gradient(numbers, leaf, p)
     g = (tx + numbers[leaf, 6], ty + numbers[leaf, 7], tz + numbers[leaf, 8])
     value = 0.5 * ops.dot((tx, ty, tz), p) + _row(numbers, leaf, 6, p) + numbers[leaf, 9]
     size = ops.length(g)
@@ -228,11 +229,11 @@ def _finished(forms: Any, k: int, leaf: Lane, start: Vec, way: Vec, at: Lane) ->
         rho = ops.sqrt(q[0] * q[0] + q[2] * q[2])
         share = ops.where(rho > 0.0, 1.0 - ring / ops.where(rho > 0.0, rho, 1.0), 0.0) * ops.where(kind == HOLE, -1.0, 1.0)
         n = (share * q[0], q[1] * ops.where(kind == HOLE, -1.0, 1.0), share * q[2])
-        turned = (
+        normal = (
             numbers[leaf, 0] * n[0] + numbers[leaf, 4] * n[1] + numbers[leaf, 8] * n[2],
             numbers[leaf, 1] * n[0] + numbers[leaf, 5] * n[1] + numbers[leaf, 9] * n[2],
             numbers[leaf, 2] * n[0] + numbers[leaf, 6] * n[1] + numbers[leaf, 10] * n[2],
         )  # fmt: skip
-        g = ops.where3(usual, g, turned)
+        g = ops.where3(usual, g, normal)
         off = ops.where(usual, off, 16.0 * ULP * (ring + tube + reach) * tube)
     return better, g, off

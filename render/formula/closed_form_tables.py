@@ -1,4 +1,4 @@
-"""Tables of the surfaces that have closed forms, as exact.py reads them."""
+"""Kernel tables of CSG trees in closed form, for closed_form_hits.py."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...compiler.formula.closed_form_solids import Leaf, Solid
-from .tables import HOLE, LINEAR, NUMBERS, QUADRIC, TORUS, Forms, Parts, Surface
+from .tables import HOLE, LINEAR, NUMBERS, QUADRIC, TORUS, ClosedForms, Forms, Surface
 
 _PAIRS = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))
 
 
-def added(forms: Forms, closed: Sequence[tuple[Surface, Solid]]) -> Forms:
-    """With surfaces that have closed forms behind those that have none."""
+def append_closed_forms(forms: Forms, closed: Sequence[tuple[Surface, Solid]]) -> Forms:
+    """Append surfaces with closed forms to the tables of the other surfaces."""
     first = len(forms.places)
     numbers, places = np.zeros((len(closed), forms.numbers.shape[1])), np.zeros((len(closed), forms.places.shape[1]), np.int64)
     steps_of = np.zeros((first + len(closed), 3), np.int64)
@@ -27,7 +27,7 @@ def added(forms: Forms, closed: Sequence[tuple[Surface, Solid]]) -> Forms:
         leaves += solid.leaves
     kinds = np.array([_kind(leaf) for leaf in leaves], np.int32)
     rows = np.array([_row(leaf) for leaf in leaves]).reshape(-1, NUMBERS)
-    parts = Parts(steps_of, np.array(steps, np.int32).reshape(-1, 2), kinds, rows, np.zeros(3, np.int64))
+    parts = ClosedForms(steps_of, np.array(steps, np.int32).reshape(-1, 2), kinds, rows, np.zeros(3, np.int64))
     return forms._replace(
         numbers=np.concatenate([forms.numbers, numbers]), places=np.concatenate([forms.places, places]), parts=parts
     )  # fmt: skip

@@ -1,9 +1,9 @@
-"""Where a formula jumps over 0, or ends: the same place by whatever way it was found, and the normal of the face that is there.
+"""Roots and normals where a formula jumps over 0 or ends to be defined, independent of how the root was found.
 
-A floor has no slope, and what has one beside it says nothing of the face between two steps; a root's slope at the edge of where it is
-defined points inwards, as steep as a root is near. So the face is looked for on two rays beside
-the one that met it. How far off a root is when it is found depends on the stretch it was found in, and with it the side of the jump that
-is looked at; here each ray has places of its own, between which the change of sign is closed in on anew.
+A floor has no slope, and the slope beside a step says nothing about the face between two steps. At the edge of a formula's domain the slope
+at a root points inwards and is as steep as the root is near. So two rays beside the ray locate the face. The error of a root depends on the
+segment it was found in, and with it the side of the jump that is evaluated. Here each ray has a fixed grid of distances; the change of sign
+is bracketed anew between two of them.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from ...compiler.ir import among
 from ..jit.kernel import helper, noinline_helper
 from ..lanes import ops
 from ..types import Lane, Vec
-from .evaluate import Room, value_at
+from .evaluate import EvalBuffers, RayFunction, value_on
 
 JUMPING = (Op.FLOOR, Op.CEIL, Op.MOD, Op.SIGN, Op.CHOOSE, Op.ATAN2)
 ENDING = (Op.SQRT, Op.LOG, Op.POWER, Op.ASIN, Op.ACOS)
-NEVER, JUMPS, ENDS = 0, 1, 2  # what a tape may do
-SPACE = 2.0**-40  # of the largest coordinate, between a ray's places
-HALVINGS = 13  # of the space between two of them
-WIDER, TIMES = 256.0, 3  # where a root is farther from where it was looked for: by how much more space, and how often
-FARTHEST = 256.0  # times the largest coordinate: rays that come from farther away are not told apart so finely
-LEAST = 2.0**-30  # of slope times largest coordinate: a change of the value over the last of these halves that is a jump
-BESIDE, REACH, TURNS = 2.0**-20, 32.0, 33  # rays beside: how far away, how far up and down they are followed, and in how many halvings
-CLOSER = 2.0**-12  # of how far away, where faces are seen nearly edge-on
-OFF = 2.0**-49  # of the largest coordinate, that faces may be off
+CONTINUOUS, JUMPS, ENDS = 0, 1, 2  # kinds of tapes
+SPACE = 2.0**-40  # of the largest coordinate: spacing of a ray's grid of distances
+BISECTIONS = 13  # between two of these distances
+WIDER, RETRIES = 256.0, 3  # factor by which the spacing grows where the root is farther off, and how often
+FARTHEST = 256.0  # times the largest coordinate: roots of rays that come from farther away stay as found
+LEAST = 2.0**-30  # of slope times largest coordinate: a larger change of the value over the last interval is a jump
+BESIDE, REACH, FACE_BISECTIONS = 2.0**-20, 32.0, 33  # offset of the rays beside, of the largest coordinate; search range in offsets
+CLOSER = 2.0**-12  # factor of the offset for faces seen nearly edge-on
+OFF = 2.0**-49  # of the largest coordinate: error of a face
 
 
 class Face(NamedTuple):
-    """Which lanes are settled, how far along, the formula's gradient or what stands for it, and how far from 0 it may be."""
+    """Corrected roots: the lanes that have one, distance, gradient (or face normal), and bound of the value."""
 
     settled: Lane
     at: Lane
@@ -43,108 +43,98 @@ class Face(NamedTuple):
 
 
 def kind_of(tape: Tape, bounds: np.ndarray) -> int:
-    """Whether a tape has an operation whose values jump, or else one that may end to be defined somewhere in a box (2, 3)."""
+    """JUMPS for a tape with a jumping operation, ENDS for one that may be undefined somewhere in a box (2, 3), else CONTINUOUS."""
     if among(tape.code[:, 0], JUMPING).any():
         return JUMPS
     ending = among(tape.code[:, 0], ENDING).any() and boxes(tape, bounds[0][:, None], bounds[1][:, None])[2].any()
-    return ENDS if ending else NEVER
+    return ENDS if ending else CONTINUOUS
+
+
+@helper
+def whole_tape(forms: Any, k: int, memory: EvalBuffers, origin: Vec, direction: Vec, like: Lane) -> RayFunction:
+    """Surface k along rays by its whole tape: a cell's tape does not hold beside the cell."""
+    return RayFunction(forms, k, ops.int_like(like, forms.places[k, 4]), memory, origin, direction)
 
 
 @noinline_helper
-def discontinuity_normal(forms, k, memory, o, d, at, inside, gradient, off, mask):
-    """The Face of roots near `at` along rays (o, d), d of unit length, that are `inside` before them, in the lanes of a mask."""
-    reach = forms.numbers[k, 13]
+def discontinuity_normal(ray, at, inside, gradient, off, mask):
+    """The Face of roots near `at` along rays from their origins, which are `inside` before them, in the lanes of a mask."""
+    reach = ray.forms.numbers[ray.k, 13]
     mask = mask & (at < FARTHEST * reach)
-    low, high, found = _between_places(forms, k, memory, o, d, at, inside, SPACE * reach, HALVINGS, mask)
-    space, turns = SPACE * reach, HALVINGS
-    for _ in range(TIMES):  # single precision may have seen the sign change this far off; where roots are dense, there are nearer ones
+    low, high, found = _bracket_on_grid(ray, at, inside, SPACE * reach, BISECTIONS, mask)
+    space, turns = SPACE * reach, BISECTIONS
+    for _ in range(RETRIES):  # single precision may have found the change of sign this far off; dense roots have nearer ones
         missing = mask & ops.not_(found)
         if not ops.any_lane(missing):
             break
         space, turns = WIDER * space, turns + 8
-        _, near, held = _between_places(forms, k, memory, o, d, at, inside, space, turns, missing)
-        again_low, again_high, again = _between_places(forms, k, memory, o, d, near, inside, SPACE * reach, HALVINGS, held)
+        _, near, held = _bracket_on_grid(ray, at, inside, space, turns, missing)
+        again_low, again_high, again = _bracket_on_grid(ray, near, inside, SPACE * reach, BISECTIONS, held)
         low, high, found = ops.where(again, again_low, low), ops.where(again, again_high, high), found | again
     at = ops.where(found, high, at)
-    before, after = _value(forms, k, memory, o, d, low, found), _value(forms, k, memory, o, d, high, found)
+    before, after = value_on(ray, low, found), value_on(ray, high, found)
     steep = ops.length(gradient)
     jumps = found & ops.not_(abs(after - before) <= LEAST * reach * steep) & ops.not_(abs(after) + abs(before) >= np.inf)
     if ops.any_lane(jumps):
-        normal = _turned(forms, k, memory, o, d, at, inside, reach, jumps)
+        normal = _face_normal(ray, at, inside, reach, jumps)
         gradient = ops.where3(jumps, ops.scale(normal, ops.where(inside, 1.0, -1.0)), gradient)
         off = ops.where(jumps, OFF * reach * ops.length(gradient), off)
     return Face(found, at, gradient, off)
 
 
 @helper
-def _between_places(
-    forms: Any, k: int, memory: Room, o: Vec, d: Vec, at: Lane, inside: Lane, space: float, turns: int, mask: Lane
-) -> tuple[Lane, Lane, Lane]:
-    """`_closed_in` between the places near `at`, which are `space` apart."""
+def _bracket_on_grid(ray: RayFunction, at: Lane, inside: Lane, space: float, turns: int, mask: Lane) -> tuple[Lane, Lane, Lane]:
+    """`_bisect` between the grid distances near `at`, which are `space` apart."""
     place = space * ops.floor(ops.where(mask, at, 0.0) / space)
-    held = _is_inside(forms, k, memory, o, d, place, mask)
-    back = (held & ops.not_(inside)) | (inside & ops.not_(held))  # the sign has changed here already
+    held = value_on(ray, place, mask) <= 0.0
+    back = (held & ops.not_(inside)) | (inside & ops.not_(held))  # the sign has changed before this distance
     place = ops.where(back, place - space, place)
-    low, high, found = _closed_in(forms, k, memory, o, d, place, place + space, inside, turns, mask)
+    low, high, found = _bisect(ray, place, place + space, inside, turns, mask)
     missed = mask & ops.not_(found)
     if ops.any_lane(missed):
-        next_low, next_high, later = _closed_in(forms, k, memory, o, d, place + space, place + 2.0 * space, inside, turns, missed)
+        next_low, next_high, later = _bisect(ray, place + space, place + 2.0 * space, inside, turns, missed)
         low, high, found = ops.where(later, next_low, low), ops.where(later, next_high, high), found | later
     return low, high, found
 
 
 @helper
-def _turned(forms: Any, k: int, memory: Room, o: Vec, d: Vec, at: Lane, inside: Lane, reach: float, mask: Lane) -> Vec:
-    """The normal of the face on the side of d, from where two rays beside each meet it; d at an edge."""
+def _face_normal(ray: RayFunction, at: Lane, inside: Lane, reach: float, mask: Lane) -> Vec:
+    """Normal of the face, on the side of the ray's direction, from two rays beside; the direction itself at an edge."""
+    d = ray.direction
     first, second = ops.basis(d)
-    a, on_a = _leaning(forms, k, memory, o, d, at, first, inside, reach, mask)
-    b, on_b = _leaning(forms, k, memory, o, d, at, second, inside, reach, mask)
+    a, on_a = _face_slope(ray, at, first, inside, reach, mask)
+    b, on_b = _face_slope(ray, at, second, inside, reach, mask)
     return ops.where3(on_a & on_b, ops.sub(d, ops.add(ops.scale(first, a), ops.scale(second, b))), d)
 
 
 @helper
-def _leaning(
-    forms: Any, k: int, memory: Room, o: Vec, d: Vec, at: Lane, way: Vec, inside: Lane, reach: float, mask: Lane
-) -> tuple[Lane, Lane]:
-    """(how much farther the face is a unit of `way` aside, where it was found).
+def _face_slope(ray: RayFunction, at: Lane, sideways: Vec, inside: Lane, reach: float, mask: Lane) -> tuple[Lane, Lane]:
+    """(change of the face's distance for a unit step `sideways`, lanes where it was found).
 
-    It is looked for on the other side where it ends on this one, and closer by where it leaves the stretch that is followed.
+    It is searched on the opposite side where the face ends on this side, and closer by where it leaves the search range.
     """
     step = BESIDE * reach
-    leaning, known = 0.0 * at, mask & ops.not_(mask)
+    slope, known = 0.0 * at, mask & ops.not_(mask)
     for turn in range(4):
         left = mask & ops.not_(known)
         if ops.any_lane(left):
             aside = (step if turn < 2 else CLOSER * step) * (1.0 if turn % 2 == 0 else -1.0)
-            ray = ops.along(o, way, 0.0 * at + aside)
-            low, high, found = _closed_in(forms, k, memory, ray, d, at - REACH * step, at + REACH * step, inside, TURNS, left)
-            leaning = ops.where(found, (0.5 * (low + high) - at) / aside, leaning)
+            beside = RayFunction(ray.forms, ray.k, ray.tape, ray.memory, ops.along(ray.start, sideways, 0.0 * at + aside), ray.direction)
+            low, high, found = _bisect(beside, at - REACH * step, at + REACH * step, inside, FACE_BISECTIONS, left)
+            slope = ops.where(found, (0.5 * (low + high) - at) / aside, slope)
             known = known | found
-    return leaning, known
+    return slope, known
 
 
 @helper
-def _closed_in(
-    forms: Any, k: int, memory: Room, o: Vec, d: Vec, low: Lane, high: Lane, inside: Lane, turns: int, mask: Lane
-) -> tuple[Lane, Lane, Lane]:
-    """(low, high, mask) of the stretch between, halved again and again, in which the sign changes; in lanes where it does."""
-    at_low, at_high = _is_inside(forms, k, memory, o, d, low, mask), _is_inside(forms, k, memory, o, d, high, mask)
+def _bisect(ray: RayFunction, low: Lane, high: Lane, inside: Lane, turns: int, mask: Lane) -> tuple[Lane, Lane, Lane]:
+    """Bisect low … high to the change of sign that ends the side `inside`: (low, high, lanes in which the sign changes)."""
+    at_low, at_high = value_on(ray, low, mask) <= 0.0, value_on(ray, high, mask) <= 0.0
     found = mask & ((at_low & inside & ops.not_(at_high)) | (at_high & ops.not_(at_low) & ops.not_(inside)))
     if ops.any_lane(found):
         for _ in range(turns):
             middle = 0.5 * (low + high)
-            within = _is_inside(forms, k, memory, o, d, middle, found)
+            within = value_on(ray, middle, found) <= 0.0
             same = (within & inside) | (ops.not_(within) & ops.not_(inside))
             low, high = ops.where(same, middle, low), ops.where(same, high, middle)
     return low, high, found
-
-
-@helper
-def _is_inside(forms: Any, k: int, memory: Room, o: Vec, d: Vec, at: Lane, mask: Lane) -> Lane:
-    return _value(forms, k, memory, o, d, at, mask) <= 0.0
-
-
-@helper
-def _value(forms: Any, k: int, memory: Room, o: Vec, d: Vec, at: Lane, mask: Lane) -> Lane:
-    whole = ops.int_like(at, forms.places[k, 4])  # a cell's tape says nothing of what is beside the cell
-    return value_at(forms, k, whole, memory, ops.along(o, d, at), mask)

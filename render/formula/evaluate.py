@@ -1,4 +1,4 @@
-"""A tape's values in kernels: by its own code where that is ready, else by an interpreter; the same bit for bit."""
+"""Evaluates tapes in kernels, by compiled code once it is ready, else by an interpreter; both give the same bits."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from .. import simd
 from ..jit.kernel import helper, noinline_helper
 from ..lanes import crosslane, ops
 from ..types import Lane, Vec
-from .evaluator_calls import compiled, interpret
-from .interval_grid import MOST_REGISTERS
+from .evaluator_calls import interpret, run_compiled
+from .interval_grid import MAX_REGISTERS
 from .llvm_math import LANES, WAYS
 
-QUICKER = 6  # a tape's own code takes as long as an interpreter for this share of its rows
-_ROOM = MOST_REGISTERS * 4 * LANES
-_POINTS, _TURNS, _RAYS = 0, 1, 3  # places in fields.PROGRAMS
+SPEEDUP = 6  # compiled code of the whole tape runs as fast as an interpreter of a tape this many times shorter
+_REGISTERS = MAX_REGISTERS * 4 * LANES
+_POINTS, _GRADIENTS, _RAYS = 0, 1, 3  # places in scene_surfaces.PROGRAMS
 _OUT, _STATE = 4 * LANES, WAYS + LANES
 
 
-class Room(NamedTuple):
-    """What evaluation writes to."""
+class EvalBuffers(NamedTuple):
+    """Memory that evaluation writes to, on the kernel's stack."""
 
     registers: Any
     out: Any
@@ -29,36 +29,56 @@ class Room(NamedTuple):
 
 
 @helper
-def room() -> Room:
-    return Room(simd.stack_array(np.float64, _ROOM), simd.stack_array(np.float64, _OUT), simd.stack_array(np.int64, _STATE))
+def eval_buffers() -> EvalBuffers:
+    """Allocate the buffers on the stack of the caller."""
+    return EvalBuffers(
+        simd.stack_array(np.float64, _REGISTERS), simd.stack_array(np.float64, _OUT), simd.stack_array(np.int64, _STATE)
+    )  # fmt: skip
+
+
+class RayFunction(NamedTuple):
+    """The formula of surface `k` as a function of the distance along rays, by each ray's tape."""
+
+    forms: Any
+    k: Any
+    tape: Lane
+    memory: EvalBuffers
+    start: Vec
+    direction: Vec  # of unit length
+
+
+@helper
+def value_on(ray: RayFunction, t: Lane, mask: Lane) -> Lane:
+    """Values at distances t along rays, in the lanes of a mask."""
+    return value_at(ray.forms, ray.k, ray.tape, ray.memory, ops.along(ray.start, ray.direction, t), mask)
 
 
 @noinline_helper
 def value_at(forms, k, tape, memory, p, mask):
-    """The values of surface k at points, by each lane's own tape."""
+    """Values of surface k at points, by each lane's tape."""
     registers = memory.registers
     crosslane.store(registers, 0, p[0])
     crosslane.store(registers, 1, p[1])
     crosslane.store(registers, 2, p[2])
     code = forms.compiled[k, 0]
-    found = 0.0 * p[0]
+    value = 0.0 * p[0]
     rest = mask
     while ops.any_lane(rest):
         one, here = crosslane.uniform_group(tape, rest)
         begin = forms.places[k, 3]
-        if code != 0 and forms.tapes[forms.places[k, 4], 1] <= QUICKER * forms.tapes[one, 1]:
-            compiled(code, registers, forms.constants, begin, memory.out)
+        if code != 0 and forms.tapes[forms.places[k, 4], 1] <= SPEEDUP * forms.tapes[one, 1]:
+            run_compiled(code, registers, forms.constants, begin, memory.out)
             return crosslane.load(memory.out, 0)
         first, rows = forms.tapes[one, 0], forms.tapes[one, 1]
         interpret(forms.programs[_POINTS], forms.code, first, rows, registers, forms.constants, begin, memory.state, 1)
-        found = ops.where(here, crosslane.load(registers, forms.tapes[one, 2]), found)
+        value = ops.where(here, crosslane.load(registers, forms.tapes[one, 2]), value)
         rest = rest & ops.not_(here)
-    return found
+    return value
 
 
 @noinline_helper
-def turns_at(forms, k, tape, memory, p, mask):
-    """(value, derivatives by x, y, z) at points."""
+def gradient_and_value_at(forms, k, tape, memory, p, mask):
+    """(value, derivatives by x, y, z) of surface k at points."""
     registers = memory.registers
     zero = 0.0 * p[0]
     code = forms.compiled[k, 1]
@@ -66,10 +86,10 @@ def turns_at(forms, k, tape, memory, p, mask):
     rest = mask
     while ops.any_lane(rest):
         one, here = crosslane.uniform_group(tape, rest)
-        _set_turns(registers, p)
+        _set_gradient_inputs(registers, p)
         begin = forms.places[k, 3]
-        if code != 0 and forms.tapes[forms.places[k, 4], 1] <= QUICKER * forms.tapes[one, 1]:
-            compiled(code, registers, forms.constants, begin, memory.out)
+        if code != 0 and forms.tapes[forms.places[k, 4], 1] <= SPEEDUP * forms.tapes[one, 1]:
+            run_compiled(code, registers, forms.constants, begin, memory.out)
             return (
                 crosslane.load(memory.out, 0),
                 crosslane.load(memory.out, 1),
@@ -77,7 +97,7 @@ def turns_at(forms, k, tape, memory, p, mask):
                 crosslane.load(memory.out, 3),
             )
         first, rows = forms.tapes[one, 0], forms.tapes[one, 1]
-        interpret(forms.programs[_TURNS], forms.code, first, rows, registers, forms.constants, begin, memory.state, 1)
+        interpret(forms.programs[_GRADIENTS], forms.code, first, rows, registers, forms.constants, begin, memory.state, 1)
         out = 4 * forms.tapes[one, 2]
         value = ops.where(here, crosslane.load(registers, out), value)
         x = ops.where(here, crosslane.load(registers, out + 1), x)
@@ -88,7 +108,7 @@ def turns_at(forms, k, tape, memory, p, mask):
 
 
 @helper
-def _set_turns(registers: Any, p: Vec) -> None:
+def _set_gradient_inputs(registers: Any, p: Vec) -> None:
     zero = 0.0 * p[0]
     for axis in range(3):
         for j in range(3):
@@ -99,19 +119,19 @@ def _set_turns(registers: Any, p: Vec) -> None:
 
 
 class Bounds(NamedTuple):
-    """Of a formula along stretches of rays."""
+    """Bounds of a formula and of its slope over ray segments."""
 
     low: Lane
     high: Lane
     least: Lane  # slope
     most: Lane
-    maybe: Lane  # mask: something may be undefined
+    maybe: Lane  # mask: the formula may be undefined
 
 
 @helper
-def bounds_at(forms: Any, k: int, tape: int, memory: Room, p: Vec, q: Vec, way: Vec) -> Bounds:
-    """Bounds over the boxes with corners p and q, and of slopes along `way`, by one tape."""
-    registers = memory.registers
+def bounds_at(forms: Any, k: int, tape: int, memory: EvalBuffers, p: Vec, q: Vec, direction: Vec) -> Bounds:
+    """Bounds over the boxes with corners p and q, and of slopes along `direction`, by one tape."""
+    registers, way = memory.registers, direction
     for axis in range(3):
         a, b, d = (p[0], q[0], way[0]) if axis == 0 else (p[1], q[1], way[1]) if axis == 1 else (p[2], q[2], way[2])
         crosslane.store(registers, 4 * axis, ops.minimum(a, b))
@@ -143,14 +163,13 @@ def bounds_at(forms: Any, k: int, tape: int, memory: Room, p: Vec, q: Vec, way: 
 
 
 @noinline_helper
-def error_at(forms, k, tape, memory, p, way, mask):
-    """How far from 0 the formula may be at points: its value there and what rounding does to it."""
-    zero = 0.0 * p[0]
-    found = zero
+def error_at(forms, k, tape, memory, p, direction, mask):
+    """Bound of the magnitude of the formula at points, rounding included."""
+    error = 0.0 * p[0]
     rest = mask
     while ops.any_lane(rest):
         one, here = crosslane.uniform_group(tape, rest)
-        bounds = bounds_at(forms, k, one, memory, p, p, way)
-        found = ops.where(here, ops.maximum(abs(bounds.low), abs(bounds.high)), found)
+        bounds = bounds_at(forms, k, one, memory, p, p, direction)
+        error = ops.where(here, ops.maximum(abs(bounds.low), abs(bounds.high)), error)
         rest = rest & ops.not_(here)
-    return found
+    return error

@@ -1,59 +1,64 @@
-"""The definition of where a ray meets a formula's surface, in numpy: stretches of rays cut in two until each holds one root or none.
+"""Reference intersection of rays with implicit surfaces in numpy: bisection of segments until each holds one root or none.
 
-Brute and slow: every stretch that bounds cannot decide is looked at, down to FINEST, and the first root of all counts.
+It is slow: it bisects every segment that bounds do not decide, down to FINEST, and takes the first root.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler.formula import numpy_interpreter
-from ...compiler.formula.tape import Tape
+from ...compiler.formula.point_semantics import NumpyMath
+from ...compiler.formula.point_semantics import slopes as point_slopes
+from ...compiler.formula.tape import Op, Tape
 from ..types import Vec
-from . import discontinuities, numpy_discontinuities
-from .intersect import BACK, packed
-from .root_isolation import FINEST, JUMP, LARGEST, NEIGHBOURS
+from . import discontinuities
+from .bracketing import LARGEST
+from .hit_geometry import BACK, encode_normal
+from .root_isolation import FINEST, JUMP, NEIGHBOURS
 
-PIECES = 16  # of each ray, to begin with
+PIECES = 16  # initial segments of a ray
 BISECTIONS = 80
-APART = 2.0**-48  # of the largest coordinate, before and behind a root, where its jump is looked at
+APART = 2.0**-48  # of the largest coordinate: distance before and behind a root at which its jump is evaluated
 _BATCH = 1 << 15
 Floats = NDArray[np.float64]
 
 
-def meet(
+def first_hit(
     tape: Tape, parameters: Floats, bounds: Floats, origin: Vec, direction: Vec, t_min: Floats, t_max: Floats
 ) -> tuple[Floats, NDArray[np.int64], Floats, Floats, NDArray[np.bool_]]:
-    """(t, spacing, u, v, unproved) of the first meeting of rays with a surface, as formulas.meet gives it."""
+    """(t, spacing, u, v, unproved), each (n,), of the first hit of n rays with a surface, as intersect.first_hit returns it."""
     n = len(t_min)
-    found, unproved = np.full(n, np.inf), np.zeros(n, bool)
+    t, unproved = np.full(n, np.inf), np.zeros(n, bool)
     spacing, u, v = np.zeros(n, np.int64), np.zeros(n), np.zeros(n)
     for first in range(0, n, _BATCH):
         part = slice(first, min(first + _BATCH, n))
         o, d = (np.stack([np.broadcast_to(p, n)[part] for p in vector]) for vector in (origin, direction))
         size = np.linalg.norm(d, axis=0)
         size = np.where(size > 0, size, 1.0)
-        way = d / size
-        low, high = _clipped(parameters, bounds, o, way, t_min[part] * size, t_max[part] * size)
-        start = o + np.where(low < high, low, 0.0) * way
-        root, inside, doubt = _first(tape, bool(parameters[0]), float(parameters[5]), start, way, high - low, low)
+        unit = d / size
+        low, high = _clip_to_bounds(parameters, bounds, o, unit, t_min[part] * size, t_max[part] * size)
+        start = o + np.where(low < high, low, 0.0) * unit
+        root, inside, doubt = _first_root(tape, bool(parameters[0]), float(parameters[5]), start, unit, high - low, low)
         hit = np.isfinite(root)
-        found[part] = np.where(hit, (low + root) / size, np.inf)
+        t[part] = np.where(hit, (low + root) / size, np.inf)
         unproved[part] = doubt
         where = first + np.flatnonzero(hit)
-        spacing[where], u[where], v[where] = _finished(tape, parameters, start[:, hit], way[:, hit], root[hit], inside[hit])
-    return found, spacing, u, v, unproved
+        spacing[where], u[where], v[where] = _complete_hits(tape, parameters, start[:, hit], unit[:, hit], root[hit], inside[hit])
+    return t, spacing, u, v, unproved
 
 
-def _clipped(parameters: Floats, bounds: Floats, o: Floats, d: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """The part of low … high in the box, and in the ball if there is one."""
+def _clip_to_bounds(parameters: Floats, bounds: Floats, o: Floats, d: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    """Clip low … high to the box, and to the ball if there is one."""
     with np.errstate(all="ignore"):
         for axis in range(3):
             near, far = (bounds[0, axis] - o[axis]) / d[axis], (bounds[1, axis] - o[axis]) / d[axis]
-            still, within = d[axis] == 0, (o[axis] >= bounds[0, axis]) & (o[axis] <= bounds[1, axis])
-            low = np.maximum(low, np.where(still, np.where(within, -np.inf, np.inf), np.minimum(near, far)))
-            high = np.minimum(high, np.where(still, np.inf, np.maximum(near, far)))
+            parallel, within = d[axis] == 0, (o[axis] >= bounds[0, axis]) & (o[axis] <= bounds[1, axis])
+            low = np.maximum(low, np.where(parallel, np.where(within, -np.inf, np.inf), np.minimum(near, far)))
+            high = np.minimum(high, np.where(parallel, np.inf, np.maximum(near, far)))
         if parameters[4] > 0:
             f = parameters[1:4, None] - o
             along = (f * d).sum(axis=0)
@@ -63,8 +68,10 @@ def _clipped(parameters: Floats, bounds: Floats, o: Floats, d: Floats, low: Floa
     return low, high
 
 
-def _first(tape: Tape, sheet: bool, reach: float, o: Floats, d: Floats, length: Floats, begin: Floats) -> tuple[Floats, NDArray, NDArray]:
-    """(distance of the first root or inf, whether the ray is inside before it, whether not all is proved) of rays o + t d, t ≤ length."""
+def _first_root(
+    tape: Tape, sheet: bool, reach: float, o: Floats, d: Floats, length: Floats, begin: Floats
+) -> tuple[Floats, NDArray, NDArray]:
+    """(distance of the first root or inf, whether the ray is inside before it, whether it is unproved) of rays o + t d, t ≤ length."""
     n = o.shape[1]
     root, inside, open_ = np.full(n, np.inf), np.zeros(n, bool), [(np.zeros(0, np.int64), np.zeros(0))]
     rays = np.flatnonzero(length > 0)
@@ -82,18 +89,18 @@ def _first(tape: Tape, sheet: bool, reach: float, o: Floats, d: Floats, length: 
             in_a, in_b = (numpy_interpreter.points(tape, *x)[0] <= 0 for x in (p, q))
             change = in_a != in_b
             finite = np.maximum.reduce([abs(bound) for bound in (low, high, least, most)]) < LARGEST  # ∞ − ∞ has no slope
-            one_way = ((least > 0) | (most < 0)) & finite & ~maybe
+            monotonic = ((least > 0) | (most < 0)) & finite & ~maybe
             away = ~(low <= 0) | ((high < 0) & ~maybe)
-        none = ~change & (away | one_way)
+        none = ~change & (away | monotonic)
         small = (b - a <= finest[ray]) & ~none
         jumps = sheet & ~((least > -JUMP) & (most < JUMP))
-        crossed = change & (one_way | (small & ~jumps))
+        crossed = change & (monotonic | (small & ~jumps))
         left_open = np.flatnonzero(small & (sheet | ~change) & ~crossed)
-        left_open = left_open[~_passes(tape, sheet, p[:, left_open], q[:, left_open], in_a[left_open])]
+        left_open = left_open[~_branches_exclude_root(tape, sheet, p[:, left_open], q[:, left_open], in_a[left_open])]
         open_.append((ray[left_open], a[left_open]))
         if crossed.any():
-            at = _bisected(tape, o[:, ray[crossed]], d[:, ray[crossed]], a[crossed], b[crossed], in_a[crossed])
-            order = np.argsort(at)[::-1]  # the first root of a ray is written last
+            at = _bisect(tape, o[:, ray[crossed]], d[:, ray[crossed]], a[crossed], b[crossed], in_a[crossed])
+            order = np.argsort(at)[::-1]  # of several roots of a ray, the first is written last
             which = np.flatnonzero(crossed)[order]
             nearer = at[order] < root[ray[which]]
             root[ray[which[nearer]]], inside[ray[which[nearer]]] = at[order][nearer], in_a[which[nearer]]
@@ -102,22 +109,22 @@ def _first(tape: Tape, sheet: bool, reach: float, o: Floats, d: Floats, length: 
         ray = np.concatenate([ray[left], ray[left]])
         a, b = np.concatenate([a[left], middle[left]]), np.concatenate([middle[left], b[left]])
     doubt, (ray, at) = np.zeros(n, bool), (np.concatenate(parts) for parts in zip(*open_, strict=True))
-    first, near = np.minimum(root, length), NEIGHBOURS * finest  # a root makes what is next to it undecidable: also one at a ray's ends
+    first, near = np.minimum(root, length), NEIGHBOURS * finest  # near a root bounds stay undecided, also at a ray's ends
     doubt[ray[(at > near[ray]) & (at < first[ray] - near[ray])]] = True
     return root, inside, doubt
 
 
-def _passes(tape: Tape, sheet: bool, p: Floats, q: Floats, inside: NDArray) -> NDArray[np.bool_]:
-    """Whether boxes in which the formula jumps hold no root: see search._passes."""
-    n, ways = p.shape[1], np.arange(8, 16)
-    low, high = (np.repeat(f(p, q), len(ways), axis=1) for f in (np.minimum, np.maximum))
-    (least, most), _, maybe = numpy_interpreter.boxes(tape, low, high, ways=np.tile(ways, n))
+def _branches_exclude_root(tape: Tape, sheet: bool, p: Floats, q: Floats, inside: NDArray) -> NDArray[np.bool_]:
+    """Whether boxes in which the formula jumps hold no root: see root_isolation."""
+    n, branches = p.shape[1], np.arange(8, 16)
+    low, high = (np.repeat(f(p, q), len(branches), axis=1) for f in (np.minimum, np.maximum))
+    (least, most), _, maybe = numpy_interpreter.boxes(tape, low, high, ways=np.tile(branches, n))
     outside, within = ~(least <= 0), most < 0
-    wanted = (outside | within) if sheet else np.where(np.repeat(inside, len(ways)), within, outside)
-    return (wanted & ~maybe).reshape(n, len(ways)).all(axis=1)
+    wanted = (outside | within) if sheet else np.where(np.repeat(inside, len(branches)), within, outside)
+    return (wanted & ~maybe).reshape(n, len(branches)).all(axis=1)
 
 
-def _bisected(tape: Tape, o: Floats, d: Floats, a: Floats, b: Floats, in_a: NDArray) -> Floats:
+def _bisect(tape: Tape, o: Floats, d: Floats, a: Floats, b: Floats, in_a: NDArray) -> Floats:
     for _ in range(BISECTIONS):
         middle = 0.5 * (a + b)
         with np.errstate(invalid="ignore"):
@@ -126,24 +133,25 @@ def _bisected(tape: Tape, o: Floats, d: Floats, a: Floats, b: Floats, in_a: NDAr
     return 0.5 * (a + b)
 
 
-def _on_faces(
+def _face_normals(
     tape: Tape, normal: Floats, start: Floats, way: Floats, at: Floats, reach: float, size: Floats, toward: Floats
 ) -> tuple[Floats, NDArray[np.bool_]]:
-    """The same normals, but of faces where the formula jumps over 0 or ends to be defined; and which these are."""
+    """(normals, replaced by those of faces where the formula jumps over 0 or ends to be defined; which are replaced)."""
     if not np.isin(tape.code[:, 0], discontinuities.JUMPING + discontinuities.ENDING).any():
         return normal, np.zeros(len(at), bool)
     before, after = start + (at - APART * reach) * way, start + (at + APART * reach) * way
     apart = np.abs(numpy_interpreter.points(tape, *after)[0] - numpy_interpreter.points(tape, *before)[0])
-    turn = numpy_discontinuities.faces(tape, before, after)
-    turn = turn / np.linalg.norm(turn, axis=0)
-    turn = np.where(toward * (turn * way).sum(axis=0) < 0, -turn, turn)
-    here = np.isfinite(turn).all(axis=0) & ~(apart <= discontinuities.LEAST * reach * size) & ~(apart >= np.inf)
-    return np.where(here, turn, normal), here
+    face = _face_gradients(tape, before, after)
+    face = face / np.linalg.norm(face, axis=0)
+    face = np.where(toward * (face * way).sum(axis=0) < 0, -face, face)
+    here = np.isfinite(face).all(axis=0) & ~(apart <= discontinuities.LEAST * reach * size) & ~(apart >= np.inf)
+    return np.where(here, face, normal), here
 
 
-def _finished(
+def _complete_hits(
     tape: Tape, parameters: Floats, start: Floats, way: Floats, at: Floats, inside: NDArray
 ) -> tuple[NDArray[np.int64], Floats, Floats]:
+    """(spacing, u, v) of roots."""
     point, reach, toward = start + at * way, parameters[5], np.where(inside, 1.0, -1.0)
     _, gradient = numpy_interpreter.gradients(tape, *point)
     with np.errstate(all="ignore"):
@@ -152,12 +160,57 @@ def _finished(
         size = np.linalg.norm(gradient, axis=0)
         usable = (size > 0) & np.isfinite(size)
         normal = np.where(usable, gradient / size, toward * way)
-        normal, faced = _on_faces(tape, normal, start, way, at, reach, size, toward)
+        normal, on_face = _face_normals(tape, normal, start, way, at, reach, size, toward)
         if not parameters[0]:
             along = (normal * way).sum(axis=0)
             normal = np.where(toward * along < 0, normal - 2 * along * way, normal)
         (low, high), _, _ = numpy_interpreter.boxes(tape, point, point)
-        off = np.where(faced, discontinuities.OFF * reach, np.maximum(np.abs(low), np.abs(high)) / size)
-        units = np.where((usable | faced) & (off < reach), off / (2.0**-53 * reach), 0.0)
-    u, v = packed((normal[0], normal[1], normal[2]))
+        off = np.where(on_face, discontinuities.OFF * reach, np.maximum(np.abs(low), np.abs(high)) / size)
+        units = np.where((usable | on_face) & (off < reach), off / (2.0**-53 * reach), 0.0)
+    u, v = encode_normal((normal[0], normal[1], normal[2]))
     return np.minimum(units, 1e15).astype(np.int64), u, v
+
+
+# --- discontinuities ----------------------------------------------------------------------------------------------------
+
+
+def _face_gradients(tape: Tape, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """(3, n) gradients of the operand that makes a tape jump or end between neighbouring points (3, n); NaN where none does.
+
+    The operand is that of a floor, a sign, a choice, an angle's cut, or a root or logarithm at the edge of its domain. The face is a level
+    set of the operand.
+    """
+    shape = np.shape(before[0])
+    found = np.full((3, *shape), np.nan)
+
+    def look(op: int, given: list[Any], slopes: list[list[Any]]) -> None:
+        step = _branch(op, given)
+        if step is not None:
+            of = point_slopes(NumpyMath(), Op.DIVIDE, given, given[0] / given[1], slopes) if op == Op.MOD else slopes[0]
+            fresh = (step[0] != step[1]) & np.isnan(found[0])
+            np.copyto(found, np.stack([np.broadcast_to(slope, (2, *shape))[1] for slope in of]), where=fresh)
+
+    numpy_interpreter.gradients(tape, *np.stack([before, after], axis=1), look=look)
+    return found
+
+
+def _branch(op: int, given: list[Any]) -> Any:
+    """The step of a jumping operation, or whether the operand is in the domain of an ending one; None for other operations."""
+    match op:
+        case Op.FLOOR | Op.CEIL:
+            return np.floor(given[0]) if op == Op.FLOOR else np.ceil(given[0])
+        case Op.MOD:
+            return np.floor(given[0] / given[1])
+        case Op.SIGN:
+            return np.sign(given[0])
+        case Op.CHOOSE:
+            return given[0] <= 0.0
+        case Op.ATAN2:
+            return np.signbit(given[0]) & (given[1] < 0.0)
+        case Op.SQRT | Op.POWER:
+            return given[0] < 0.0
+        case Op.LOG:
+            return given[0] <= 0.0
+        case Op.ASIN | Op.ACOS:
+            return np.abs(given[0]) > 1.0
+    return None

@@ -1,4 +1,4 @@
-"""What the bundles of tiles.py work with: a thread's memory, its rays in float32 and the boxes around them, and programs run on these."""
+"""State of ray packets: a thread's memory, rays in float32 and the boxes around them, and tape evaluation on these."""
 
 from __future__ import annotations
 
@@ -10,41 +10,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import simd
-from ..jit.kernel import helper
-from ..jit.kernel import noinline_helper as apart_
+from ..jit.kernel import helper, noinline_helper
 from ..lanes import crosslane, ops
 from ..lanes.ray_soa import get
 from ..simd.aligned_arrays import CACHE_LINE
 from ..types import Lane, Vec
-from .evaluate import value_at
-from .evaluator_calls import compiled_rows, interpret
+from .evaluate import EvalBuffers, RayFunction, value_on
+from .evaluator_calls import interpret, run_compiled_rows
 from .interpreter import KNOWN, PARTS, UNKNOWN
-from .intersect import clipped
-from .interval_grid import CHOICE, simplify
+from .intersect import clip_to_bounds
+from .interval_grid import CHOICE, TapeStore, simplify
 from .llvm_math import LANES, ROW, SINGLE
 from .op_codegen import WIDTHS
 from .scene_surfaces import PROGRAMS, Forms
 
 RAYS = 4096
-SPACED = RAYS + 64  # between columns of rays: a round number would have them all in the same few places of a cache
-VECTOR, GROUP, SLABS, QUARTERS = 16, 256, 8, 4  # with sixteen slabs a gyroid takes three tenths more
+SPACED = RAYS + 64  # between columns of rays: a power of two would map all columns to the same cache sets
+VECTOR, GROUP, SLABS, QUARTERS = 16, 256, 8, 4  # with sixteen slabs a gyroid takes 30 % more time
 PARTS_OF_SPAN = WIDTHS["spans32"]
 POINTS, BOXES, SPANS = (PROGRAMS.index(name) for name in ("points32", "boxes32", "spans32"))
-HULLS = RAYS // VECTOR  # of vectors; those of groups stand behind them
+HULLS = RAYS // VECTOR  # of vectors; the hulls of groups follow them
 STRIDE = HULLS + GROUP // VECTOR
 OPEN = GROUP + VECTOR
-FINEST = 2.0**-17  # of the largest coordinate: pieces of a ray that float32 does not cut
-WIDEST = 8.0  # times its diagonal, in which rays of a bundle may enter the box
-LONG = 40  # rows of a tape for which it pays to ask for the result first
-MOST_PIECES = 400
-QUICKER = 4  # a formula's own code takes as long as the interpreter for this share of its rows
-ANY = -2  # in place of an instance: where a ray meets anything its distance becomes −inf, and nothing else is asked or told
+FINEST = 2.0**-17  # of the largest coordinate: shortest piece of a ray in float32
+WIDEST = 8.0  # times the box's diagonal: longest interval in which rays of a packet may enter the box
+LONG_TAPE = 40  # rows from which bounding the result first pays
+MAX_PIECES = 400
+SPEEDUP = 4  # compiled code of the whole tape runs as fast as the interpreter of a tape this many times shorter
+ANY = -2  # instance number of any-hit queries: the distance of a ray that hits anything becomes −inf, and nothing else is written
 U = 2.0**-24
-ROUNDED = 2.0**-50  # of the square of a length of 1
+UNIT_TOLERANCE = 2.0**-50  # of the squared length of a unit vector
 
 
-class Room(NamedTuple):
-    """What a thread works with on one surface: its row of fields.Forms, and memory."""
+class PacketState(NamedTuple):
+    """A thread's packet on one surface: the surface's rows of tables.Forms, and memory."""
 
     programs: NDArray[np.int64]
     constants: NDArray[np.float64]
@@ -53,7 +52,7 @@ class Room(NamedTuple):
     numbers: NDArray[np.float64]
     places: NDArray[np.int64]
     unproved: NDArray[np.int64]
-    whole: NDArray[np.int32]  # rows of the whole tape, as names
+    whole: NDArray[np.int32]  # rows of the whole tape, in the form of Forms.names
     names: NDArray[np.int32]
     code: NDArray[np.int32]
     tapes: NDArray[np.int64]
@@ -61,30 +60,30 @@ class Room(NamedTuple):
     scratch: NDArray[np.int64]
     state: NDArray[np.int64]
     registers: NDArray[np.float32]
-    rays: NDArray[np.float32]  # x y z of the start, x y z of the way, first and last distance
-    exact: NDArray[np.float64]  # the same, and how long directions were
-    hulls: NDArray[np.float32]  # (12, STRIDE) lowest x y z of starts, highest; of ways
-    alive: NDArray[np.int32]  # bits of each vector's rays that have met nothing yet
-    carried_at: NDArray[np.float32]  # where each vector's values are known
+    rays: NDArray[np.float32]  # columns: x y z of the start, x y z of the direction, first and last distance
+    exact: NDArray[np.float64]  # the same in float64, and the directions' original length
+    hulls: NDArray[np.float32]  # (12, STRIDE) lowest x y z of starts, highest; the same of directions
+    alive: NDArray[np.int32]  # bits of each vector's rays without a hit
+    carried_at: NDArray[np.float32]  # distance at which each vector's values are known
     carried: NDArray[np.float32]
-    list: NDArray[np.int64]  # vectors that are looked at
-    slopes: NDArray[np.float32]  # (4, …) their bounds: least, most; 1 where these have one sign; by how much values may be off
-    values: NDArray[np.float32]  # (2, …) at both ends
-    open: NDArray[np.float32]  # (9, …) stretches of single rays, as brackets
+    list: NDArray[np.int64]  # vectors to intersect
+    slopes: NDArray[np.float32]  # (4, …) of these: least slope, most; 1 if they have one sign; error of values
+    values: NDArray[np.float32]  # (2, …) values at both ends
+    open: NDArray[np.float32]  # (9, …) undecided segments of single rays, as brackets
     open_ray: NDArray[np.int32]
-    brackets: NDArray[np.float32]  # (9, …) ends, values there, least slope, side, first ends, how far off values are
+    brackets: NDArray[np.float32]  # (9, …) ends, values there, least slope, side, original ends, error of values
     bracket_ray: NDArray[np.int32]
     packed: NDArray[np.float32]  # (6, …) rays
-    kept: NDArray[np.int64]  # the state after bounds of slabs
-    bounds: NDArray[np.float32]  # (10, 64) of groups in quarters, and of vectors in theirs: what `spans32` found
-    results: NDArray[np.float32]  # (2, 16) what is known of the result in slabs
-    inputs: NDArray[np.float32]  # what is put aside
-    tape_of: NDArray[np.int64]  # groups' tapes in quarters, or -1
-    spent: NDArray[np.int64]  # rounds of search.py that each ray has had, and tile_leaves.COUNTED once it is not proved
+    kept: NDArray[np.int64]  # copy of `state` after bounding the slabs
+    bounds: NDArray[np.float32]  # (10, 64) results of `spans32` for groups in quarters, and for vectors in quarters
+    results: NDArray[np.float32]  # (2, 16) bounds of the result in slabs
+    inputs: NDArray[np.float32]  # copy of registers
+    tape_of: NDArray[np.int64]  # groups' tapes in quarters, or −1
+    spent: NDArray[np.int64]  # rounds of root_isolation of each ray, plus packet_leaves.COUNTED once it is unproved
 
 
-def room(forms: Forms, k: int) -> Room:
-    """Room for surface k."""
+def allocate(forms: Forms, k: int) -> PacketState:
+    """Allocate the packet state of a thread for surface k."""
     places = forms.places[k]
     first, rows = forms.tapes[places[4], :2].tolist()
     begin = int(places[3])
@@ -103,14 +102,14 @@ def room(forms: Forms, k: int) -> Room:
         ((2 * PARTS_OF_SPAN, QUARTERS * VECTOR), single), (2 * VECTOR, single), (21 * QUARTERS * VECTOR, single),
         (QUARTERS * VECTOR, number), (RAYS, number),
     ))  # fmt: skip
-    return Room(
+    return PacketState(
         forms.programs, forms.constants[begin:], forms.constants32[wide:], forms.compiled[k : k + 1], forms.numbers[k : k + 1], here,
         forms.unproved, np.ascontiguousarray(whole), *memory,
     )  # fmt: skip
 
 
 def _zeros(parts: Sequence[tuple[Any, Any]]) -> list[NDArray[Any]]:
-    """Zeros of these shapes and types, one behind the other; each begins where a cache line does: vectors then never lie across two."""
+    """Zeros of these shapes and types in one block; each begins at a cache line, so that no vector lies across two."""
     places, size = [], 0
     for shape, dtype in parts:
         places.append(size)
@@ -121,109 +120,88 @@ def _zeros(parts: Sequence[tuple[Any, Any]]) -> list[NDArray[Any]]:
 
 
 @helper
-def evaluate(room: Any, program: int, tape: int, vectors: int) -> None:
-    tapes = room.tapes
+def evaluate(packet: Any, program: int, tape: int, vectors: int) -> None:
+    """Run a program on `vectors` vectors of inputs in the registers."""
+    tapes = packet.tapes
     first, rows = tapes[tape, 0], tapes[tape, 1]
-    interpret(room.programs[program], room.code, first, rows, room.registers, room.constants32, 0, room.state, np.int64(vectors))
+    interpret(packet.programs[program], packet.code, first, rows, packet.registers, packet.constants32, 0, packet.state, np.int64(vectors))
 
 
 @helper
-def evaluate_points(room: Any, tape: int, vectors: int) -> None:
-    """`evaluate` for POINTS, by the formula's own code where that is ready and the tape not much simpler; the same bit for bit."""
-    code = room.compiled[0, 2]
-    if code != 0 and len(room.whole) <= QUICKER * room.tapes[tape, 1]:
-        compiled_rows(code, room.registers, room.constants32, room.tapes[tape, 2] * vectors * VECTOR, vectors)
+def evaluate_points(packet: Any, tape: int, vectors: int) -> None:
+    """`evaluate` for POINTS, by compiled code if that is ready and the tape not much shorter; both give the same bits."""
+    code = packet.compiled[0, 2]
+    if code != 0 and len(packet.whole) <= SPEEDUP * packet.tapes[tape, 1]:
+        run_compiled_rows(code, packet.registers, packet.constants32, packet.tapes[tape, 2] * vectors * VECTOR, vectors)
     else:
-        evaluate(room, POINTS, tape, vectors)
+        evaluate(packet, POINTS, tape, vectors)
 
 
 @helper
-def set_known_bounds(room: Any, parts: int, vectors: int, low: Any, high: Any) -> None:
-    """Tell programs whose values have so many parts the bounds of the result."""
+def set_known_bounds(packet: Any, parts: int, vectors: int, low: Any, high: Any) -> None:
+    """Set the known bounds of the result for a program whose values have `parts` parts."""
     for vector in range(vectors):
         unknown, known = UNKNOWN * parts * vectors + vector, KNOWN * parts * vectors + vector
-        simd.store(room.registers, unknown * VECTOR, simd.f32x16(-np.inf))
-        simd.store(room.registers, (unknown + vectors) * VECTOR, simd.f32x16(np.inf))
-        simd.store(room.registers, known * VECTOR, low)
-        simd.store(room.registers, (known + vectors) * VECTOR, high)
+        simd.store(packet.registers, unknown * VECTOR, simd.f32x16(-np.inf))
+        simd.store(packet.registers, (unknown + vectors) * VECTOR, simd.f32x16(np.inf))
+        simd.store(packet.registers, known * VECTOR, low)
+        simd.store(packet.registers, (known + vectors) * VECTOR, high)
 
 
 @helper
-def simpler(room: Any, tape: int, lane: int) -> int:
-    """The tape that a lane of the last bounds needs; the same where it may be undefined there, or there is no room."""
-    if (room.state[0] >> lane) & 1 != 0:
+def simplify_for_lane(packet: Any, tape: int, lane: int) -> int:
+    """Simplify a tape for a lane of the last bounds; the tape itself where it may be undefined or memory is full."""
+    if (packet.state[0] >> lane) & 1 != 0:
         return tape
-    found = simplify(room.names, room.code, room.tapes, room.ends, tape, room.state, lane, room.scratch)
-    return found if found >= 0 else tape
+    simpler = simplify(TapeStore(packet.names, packet.code, packet.tapes, packet.ends), tape, packet.state, lane, packet.scratch)
+    return simpler if simpler >= 0 else tape
 
 
 @helper
-def decides_alike(room: Any, tape: int, one: int, other: int) -> bool:
-    """Whether two lanes of the last bounds need the same of a tape."""
-    last = room.tapes[tape, 0] + room.tapes[tape, 1] - 1
-    state = room.state
-    for word in range(1, 1 + 2 * (room.code[last, 5] + CHOICE[room.code[last, 0]])):
+def same_choices(packet: Any, tape: int, one: int, other: int) -> bool:
+    """Whether two lanes of the last bounds need the same rows of a tape."""
+    last = packet.tapes[tape, 0] + packet.tapes[tape, 1] - 1
+    state = packet.state
+    for word in range(1, 1 + 2 * (packet.code[last, 5] + CHOICE[packet.code[last, 0]])):
         if ((state[word] >> one) ^ (state[word] >> other)) & 1 != 0:
             return False
     return True
 
 
-# --- the rays -----------------------------------------------------------------------------------------------------------
+# --- rays ---------------------------------------------------------------------------------------------------------------
 
 
-def columns(origin: Any, direction: Any, t_min: Any, t_max: Any) -> NDArray[np.float64]:
-    """(8, n or a few more) rays as `begun` reads them: x, y, z of origins (n, 3) and directions, first and last distance."""
+def ray_columns(origin: Any, direction: Any, t_min: Any, t_max: Any) -> NDArray[np.float64]:
+    """Rays as columns (8, n or more): x, y, z of origins (n, 3) and of directions (n, 3), first and last distance."""
     n = len(origin)
-    made = np.zeros((8, -(-n // VECTOR) * VECTOR))
-    made[:3, :n], made[3:6, :n], made[6, :n], made[7, :n] = np.transpose(origin), np.transpose(direction), t_min, t_max
-    return made
+    columns = np.zeros((8, -(-n // VECTOR) * VECTOR))
+    columns[:3, :n], columns[3:6, :n], columns[6, :n], columns[7, :n] = np.transpose(origin), np.transpose(direction), t_min, t_max
+    return columns
 
 
-@apart_
-def begin_packet(room, columns, at, n, inverse, known):
-    """(where the bundle begins, how long the stretch is in which it may meet the box; −1 if none does); sets the rays, up to what is
-    `known` of them."""
-    exact, rays = room.exact, room.rays
-    padded = (n + VECTOR - 1) // VECTOR * VECTOR
-    soonest = ops.full_like(ops.to_float(crosslane.lane_indices(0)), np.inf)
-    latest = -soonest
-    for first in range(0, padded, LANES):
-        o, d, low, high = local(columns, at + first, inverse)
-        mine = crosslane.lane_indices(first) < n
-        if first + LANES <= n:
-            high = ops.minimum(high, crosslane.load_row(known, at + first))
-        else:
-            high = ops.minimum(high, known[at + ops.minimum(crosslane.lane_indices(first), n - 1)])
-        if not ops.any_lane(mine & (low < high) & _near(room, o, d)):  # dividing is most of what is done here
-            crosslane.store_row(exact, 6 * SPACED + first, ops.full_like(soonest, np.inf))
-            crosslane.store_row(exact, 7 * SPACED + first, ops.full_like(soonest, -np.inf))
-            continue
-        way, size = _of_unit_length(d)
-        enter, leave = clipped(room, 0, o, way, low * size, high * size)
-        active = (enter < leave) & mine
-        enter, leave = ops.where(active, enter, np.inf), ops.where(active, leave, -np.inf)
-        soonest, latest = ops.minimum(soonest, enter), ops.maximum(latest, leave)
-        for axis in range(3):
-            crosslane.store_row(exact, axis * SPACED + first, o[0] if axis == 0 else o[1] if axis == 1 else o[2])
-            crosslane.store_row(exact, (3 + axis) * SPACED + first, way[0] if axis == 0 else way[1] if axis == 1 else way[2])
-        crosslane.store_row(exact, 6 * SPACED + first, enter)
-        crosslane.store_row(exact, 7 * SPACED + first, leave)
-        crosslane.store_row(exact, 8 * SPACED + first, size)
-    begin, end = crosslane.reduce_min(soonest), crosslane.reduce_max(latest)
+@noinline_helper
+def begin_packet(packet, columns, at, n, inverse, known):
+    """Set a packet's rays from n columns; `known` holds the distances of hits so far.
+
+    Returns (distance at which the packet begins, length of the interval in which it may hit the box; −1 if no ray does).
+    """
+    exact, rays = packet.exact, packet.rays
+    begin, end = _clip_rays(packet, columns, at, n, inverse, known)
     if not begin < end:
         return 0.0, -1.0
-    for first in range(0, padded, LANES):
-        if not ops.any_lane(crosslane.load_row(exact, 6 * SPACED + first) < np.inf):
-            crosslane.store_row(rays, 6 * SPACED + first, ops.full_like(soonest, np.inf))
-            crosslane.store_row(rays, 7 * SPACED + first, ops.full_like(soonest, -np.inf))
+    for first in range(0, (n + VECTOR - 1) // VECTOR * VECTOR, LANES):
+        enter = crosslane.load_row(exact, 6 * SPACED + first)
+        if not ops.any_lane(enter < np.inf):
+            crosslane.store_row(rays, 6 * SPACED + first, ops.full_like(enter, np.inf))
+            crosslane.store_row(rays, 7 * SPACED + first, ops.full_like(enter, -np.inf))
             continue
         for axis in range(3):
-            way = crosslane.load_row(exact, (3 + axis) * SPACED + first)
-            start = crosslane.load_row(exact, axis * SPACED + first) + begin * way
+            direction = crosslane.load_row(exact, (3 + axis) * SPACED + first)
+            start = crosslane.load_row(exact, axis * SPACED + first) + begin * direction
             crosslane.store_row(exact, axis * SPACED + first, start)
             crosslane.store_row(rays, axis * SPACED + first, start)
-            crosslane.store_row(rays, (3 + axis) * SPACED + first, way)
-        enter, leave = crosslane.load_row(exact, 6 * SPACED + first) - begin, crosslane.load_row(exact, 7 * SPACED + first) - begin
+            crosslane.store_row(rays, (3 + axis) * SPACED + first, direction)
+        enter, leave = enter - begin, crosslane.load_row(exact, 7 * SPACED + first) - begin
         crosslane.store_row(exact, 6 * SPACED + first, enter)
         crosslane.store_row(exact, 7 * SPACED + first, leave)
         crosslane.store_row(rays, 6 * SPACED + first, enter * (1.0 - 4.0 * U))
@@ -232,11 +210,42 @@ def begin_packet(room, columns, at, n, inverse, known):
 
 
 @helper
-def _of_unit_length(d: Vec) -> tuple[Vec, Lane]:
-    """(unit vectors, how long they were): those that are so but for rounding, as mostly, stay as they are."""
+def _clip_rays(packet: Any, columns: Any, at: int, n: int, inverse: Any, known: Any) -> tuple[float, float]:
+    """Transform rays to the surface's frame and clip them to its box: (first distance in it, last)."""
+    exact = packet.exact
+    soonest = ops.full_like(ops.to_float(crosslane.lane_indices(0)), np.inf)
+    latest = -soonest
+    for first in range(0, (n + VECTOR - 1) // VECTOR * VECTOR, LANES):
+        o, d, low, high = to_local(columns, at + first, inverse)
+        mine = crosslane.lane_indices(first) < n
+        if first + LANES <= n:
+            high = ops.minimum(high, crosslane.load_row(known, at + first))
+        else:
+            high = ops.minimum(high, known[at + ops.minimum(crosslane.lane_indices(first), n - 1)])
+        if not ops.any_lane(mine & (low < high) & _hits_ball(packet, o, d)):  # the divisions below are most of the cost here
+            crosslane.store_row(exact, 6 * SPACED + first, ops.full_like(soonest, np.inf))
+            crosslane.store_row(exact, 7 * SPACED + first, ops.full_like(soonest, -np.inf))
+            continue
+        unit, size = _normalize(d)
+        enter, leave = clip_to_bounds(packet, 0, o, unit, low * size, high * size)
+        active = (enter < leave) & mine
+        enter, leave = ops.where(active, enter, np.inf), ops.where(active, leave, -np.inf)
+        soonest, latest = ops.minimum(soonest, enter), ops.maximum(latest, leave)
+        for axis in range(3):
+            crosslane.store_row(exact, axis * SPACED + first, o[0] if axis == 0 else o[1] if axis == 1 else o[2])
+            crosslane.store_row(exact, (3 + axis) * SPACED + first, unit[0] if axis == 0 else unit[1] if axis == 1 else unit[2])
+        crosslane.store_row(exact, 6 * SPACED + first, enter)
+        crosslane.store_row(exact, 7 * SPACED + first, leave)
+        crosslane.store_row(exact, 8 * SPACED + first, size)
+    return crosslane.reduce_min(soonest), crosslane.reduce_max(latest)
+
+
+@helper
+def _normalize(d: Vec) -> tuple[Vec, Lane]:
+    """(unit vectors, original lengths); vectors of unit length up to rounding, the usual case, stay unchanged."""
     square = ops.dot(d, d)
     size = ops.full_like(square, 1.0)
-    other = abs(square - 1.0) > ROUNDED
+    other = abs(square - 1.0) > UNIT_TOLERANCE
     if ops.any_lane(other):
         length = ops.sqrt(square)
         size = ops.where(other & (length > 0.0), length, 1.0)
@@ -245,9 +254,10 @@ def _of_unit_length(d: Vec) -> tuple[Vec, Lane]:
 
 
 @helper
-def _near(room: Any, o: Vec, d: Vec) -> Lane:
-    """Whether the lines of rays may meet the ball around the box, with room for rounding."""
-    low, high = (room.numbers[0, 0], room.numbers[0, 1], room.numbers[0, 2]), (room.numbers[0, 3], room.numbers[0, 4], room.numbers[0, 5])
+def _hits_ball(packet: Any, o: Vec, d: Vec) -> Lane:
+    """Whether the lines of rays may hit the ball around the box, with a margin for rounding."""
+    box = packet.numbers
+    low, high = (box[0, 0], box[0, 1], box[0, 2]), (box[0, 3], box[0, 4], box[0, 5])
     edges = ops.sub(high, low)
     f = ops.sub(ops.scale(ops.add(low, high), 0.5), o)
     off = ops.cross(f, d)
@@ -255,190 +265,186 @@ def _near(room: Any, o: Vec, d: Vec) -> Lane:
 
 
 @helper
-def local(columns: Any, at: int, matrix: Any) -> tuple[Vec, Vec, Lane, Lane]:
-    """Origins and directions of rays `at` on in a frame to which a (3, 4) matrix leads, and their first and last distance."""
+def to_local(columns: Any, at: int, matrix: Any) -> tuple[Vec, Vec, Lane, Lane]:
+    """Rays from column `at` on, transformed by a (3, 4) matrix: (origins, directions, first and last distance)."""
     o, d, first, last = get(columns, at)
-    x, y, z = _turned(matrix, o)
-    return (x + matrix[0, 3], y + matrix[1, 3], z + matrix[2, 3]), _turned(matrix, d), first, last
+    x, y, z = _rotate(matrix, o)
+    return (x + matrix[0, 3], y + matrix[1, 3], z + matrix[2, 3]), _rotate(matrix, d), first, last
 
 
 @helper
-def own_origin(columns: Any, rays: Lane, matrix: Any) -> Vec:
-    """Where rays begin, as `local` has it."""
-    x, y, z = _turned(matrix, (columns[0, rays], columns[1, rays], columns[2, rays]))
+def to_surface(columns: Any, rays: Lane, matrix: Any) -> Vec:
+    """Origins of the rays in given columns, transformed by a (3, 4) matrix."""
+    x, y, z = _rotate(matrix, (columns[0, rays], columns[1, rays], columns[2, rays]))
     return x + matrix[0, 3], y + matrix[1, 3], z + matrix[2, 3]
 
 
 @helper
-def _turned(matrix: Any, p: Vec) -> Vec:
+def _rotate(matrix: Any, p: Vec) -> Vec:
     return (
         matrix[0, 0] * p[0] + matrix[0, 1] * p[1] + matrix[0, 2] * p[2], matrix[1, 0] * p[0] + matrix[1, 1] * p[1] + matrix[1, 2] * p[2],
         matrix[2, 0] * p[0] + matrix[2, 1] * p[1] + matrix[2, 2] * p[2],
     )  # fmt: skip
 
 
-@apart_
-def hulled(room, vectors):
-    """Boxes around the starts and ways of each vector's rays; which rays are alive."""
+@noinline_helper
+def hull_vectors(packet, vectors):
+    """Set the boxes around starts and directions of each vector's rays, and the alive rays."""
     for vector in range(vectors):
         at = vector * VECTOR
-        there = simd.load(room.rays, 6 * SPACED + at, VECTOR) < simd.load(room.rays, 7 * SPACED + at, VECTOR)
-        room.alive[vector] = simd.bits(there)
+        there = simd.load(packet.rays, 6 * SPACED + at, VECTOR) < simd.load(packet.rays, 7 * SPACED + at, VECTOR)
+        packet.alive[vector] = simd.bits(there)
         for ray in range(at, at + VECTOR):
-            room.spent[ray] = 0
-        room.carried_at[vector] = -1.0
-        if room.alive[vector] == 0:
+            packet.spent[ray] = 0
+        packet.carried_at[vector] = -1.0
+        if packet.alive[vector] == 0:
             continue
         for part in range(2):
             for axis in range(3):
-                x = simd.load(room.rays, (3 * part + axis) * SPACED + at, VECTOR)
-                room.hulls[(6 * part + axis) * STRIDE + vector] = simd.min_of(simd.select(there, x, np.inf))
-                room.hulls[(6 * part + 3 + axis) * STRIDE + vector] = simd.max_of(simd.select(there, x, -np.inf))
+                x = simd.load(packet.rays, (3 * part + axis) * SPACED + at, VECTOR)
+                packet.hulls[(6 * part + axis) * STRIDE + vector] = simd.min_of(simd.select(there, x, np.inf))
+                packet.hulls[(6 * part + 3 + axis) * STRIDE + vector] = simd.max_of(simd.select(there, x, -np.inf))
 
 
 @helper
-def around(room: Any, groups: int) -> None:
-    """Boxes around groups, which stand behind those of vectors; then, in all lanes of the inputs' first place, around all."""
+def hull_groups(packet: Any, groups: int) -> None:
+    """Set the boxes around groups, behind those of vectors."""
     for row in range(12):
         high = row % 6 >= 3
         for group in range(groups):
-            found = -np.inf if high else np.inf
+            bound = -np.inf if high else np.inf
             for k in range(VECTOR):
                 vector = group * VECTOR + k
-                if room.alive[vector] != 0:
-                    x = np.float64(room.hulls[row * STRIDE + vector])
-                    found = max(found, x) if high else min(found, x)
-            room.hulls[row * STRIDE + HULLS + group] = found
+                if packet.alive[vector] != 0:
+                    x = np.float64(packet.hulls[row * STRIDE + vector])
+                    bound = max(bound, x) if high else min(bound, x)
+            packet.hulls[row * STRIDE + HULLS + group] = bound
 
 
 @helper
-def box_inputs(room: Any, groups_at: int, slab: float, slack: float) -> None:
-    """The boxes around all rays in each slab, as inputs of `boxes32`."""
+def slab_inputs(packet: Any, groups_at: int, slab: float, slack: float) -> None:
+    """Set the inputs of `boxes32` to the boxes around all rays in each slab."""
     number = simd.f32x16(simd.iota(simd.i32x16(0)))
     a, b = number * slab, (number + 1.0) * slab
     for axis in range(3):
-        o_low = simd.min_of(_groups(room, axis, groups_at, np.inf))
-        o_high = simd.max_of(_groups(room, 3 + axis, groups_at, -np.inf))
-        d_low = simd.min_of(_groups(room, 6 + axis, groups_at, np.inf))
-        d_high = simd.max_of(_groups(room, 9 + axis, groups_at, -np.inf))
-        simd.store(room.registers, (2 * axis) * VECTOR, o_low + simd.minimum(a * d_low, b * d_low) - slack)
-        simd.store(room.registers, (2 * axis + 1) * VECTOR, o_high + simd.maximum(a * d_high, b * d_high) + slack)
+        o_low = simd.min_of(_groups(packet, axis, groups_at, np.inf))
+        o_high = simd.max_of(_groups(packet, 3 + axis, groups_at, -np.inf))
+        d_low = simd.min_of(_groups(packet, 6 + axis, groups_at, np.inf))
+        d_high = simd.max_of(_groups(packet, 9 + axis, groups_at, -np.inf))
+        simd.store(packet.registers, (2 * axis) * VECTOR, o_low + simd.minimum(a * d_low, b * d_low) - slack)
+        simd.store(packet.registers, (2 * axis + 1) * VECTOR, o_high + simd.maximum(a * d_high, b * d_high) + slack)
 
 
 @helper
-def _groups(room: Any, row: int, at: int, empty: float) -> Any:
-    x = simd.load(room.hulls, row * STRIDE + at, VECTOR)
-    return simd.select(simd.iota(simd.i32x16(0)) < room.ends[2], x, empty)
+def _groups(packet: Any, row: int, at: int, empty: float) -> Any:
+    x = simd.load(packet.hulls, row * STRIDE + at, VECTOR)
+    return simd.select(simd.iota(simd.i32x16(0)) < packet.ends[2], x, empty)
 
 
 @helper
-def span_inputs(room: Any, at: int, begin: float, length: float, slack: float) -> None:
-    """The boxes around sixteen hulls from `at` on, in each quarter of a slab, as inputs of `spans32`."""
+def span_inputs(packet: Any, at: int, begin: float, length: float, slack: float) -> None:
+    """Set the inputs of `spans32` to the boxes around sixteen hulls from `at` on in each quarter of a slab."""
     for quarter in range(QUARTERS):
-        _span(room, at, begin + quarter * length, begin + (quarter + 1) * length, slack, quarter, QUARTERS)
+        _span(packet, at, begin + quarter * length, begin + (quarter + 1) * length, slack, quarter, QUARTERS)
 
 
 @helper
-def span_input(room: Any, at: int, begin: float, length: float, slack: float) -> None:
-    """The same in one stretch."""
-    _span(room, at, begin, begin + length, slack, 0, 1)
+def span_input(packet: Any, at: int, begin: float, length: float, slack: float) -> None:
+    """`span_inputs` for one interval."""
+    _span(packet, at, begin, begin + length, slack, 0, 1)
 
 
 @helper
-def _span(room: Any, at: int, a: float, b: float, slack: float, vector: int, vectors: int) -> None:
+def _span(packet: Any, at: int, a: float, b: float, slack: float, vector: int, vectors: int) -> None:
     for axis in range(3):
-        low, high, d_low, d_high = _swept(room, at, axis, a, b, slack)
+        low, high, d_low, d_high = _sweep(packet, at, axis, a, b, slack)
         row = (PARTS_OF_SPAN * axis * vectors + vector) * VECTOR
-        simd.store(room.registers, row, low)
-        simd.store(room.registers, row + vectors * VECTOR, high)
-        simd.store(room.registers, row + 2 * vectors * VECTOR, d_low)
-        simd.store(room.registers, row + 3 * vectors * VECTOR, d_high)
-        simd.store(room.registers, row + 4 * vectors * VECTOR, d_high * 0.0 + slack)
+        simd.store(packet.registers, row, low)
+        simd.store(packet.registers, row + vectors * VECTOR, high)
+        simd.store(packet.registers, row + 2 * vectors * VECTOR, d_low)
+        simd.store(packet.registers, row + 3 * vectors * VECTOR, d_high)
+        simd.store(packet.registers, row + 4 * vectors * VECTOR, d_high * 0.0 + slack)
 
 
 @helper
-def quarter_inputs(room: Any, at: int, begin: float, length: float, slack: float) -> None:
-    """The boxes of `span_inputs` as inputs of `boxes32`."""
+def quarter_inputs(packet: Any, at: int, begin: float, length: float, slack: float) -> None:
+    """Set the inputs of `boxes32` to the boxes of `span_inputs`."""
     for quarter in range(QUARTERS):
         for axis in range(3):
-            low, high, _, _ = _swept(room, at, axis, begin + quarter * length, begin + (quarter + 1) * length, slack)
+            low, high, _, _ = _sweep(packet, at, axis, begin + quarter * length, begin + (quarter + 1) * length, slack)
             row = (2 * axis * QUARTERS + quarter) * VECTOR
-            simd.store(room.registers, row, low)
-            simd.store(room.registers, row + QUARTERS * VECTOR, high)
+            simd.store(packet.registers, row, low)
+            simd.store(packet.registers, row + QUARTERS * VECTOR, high)
 
 
 @helper
-def _swept(room: Any, at: int, axis: int, a: float, b: float, slack: float) -> tuple[Any, Any, Any, Any]:
-    """Along an axis, the box of each of sixteen hulls between a and b, and of their ways."""
-    o_low = simd.load(room.hulls, axis * STRIDE + at, VECTOR) - slack
-    o_high = simd.load(room.hulls, (3 + axis) * STRIDE + at, VECTOR) + slack
-    d_low = simd.load(room.hulls, (6 + axis) * STRIDE + at, VECTOR) - 2.0 * U
-    d_high = simd.load(room.hulls, (9 + axis) * STRIDE + at, VECTOR) + 2.0 * U
+def _sweep(packet: Any, at: int, axis: int, a: float, b: float, slack: float) -> tuple[Any, Any, Any, Any]:
+    """Bounds along an axis of sixteen hulls between the distances a and b, and of their directions."""
+    o_low = simd.load(packet.hulls, axis * STRIDE + at, VECTOR) - slack
+    o_high = simd.load(packet.hulls, (3 + axis) * STRIDE + at, VECTOR) + slack
+    d_low = simd.load(packet.hulls, (6 + axis) * STRIDE + at, VECTOR) - 2.0 * U
+    d_high = simd.load(packet.hulls, (9 + axis) * STRIDE + at, VECTOR) + 2.0 * U
     return o_low + simd.minimum(d_low * a, d_low * b), o_high + simd.maximum(d_high * a, d_high * b), d_low, d_high
 
 
-# --- in float64, and how far float32 is from it ----------------------------------------------------------------------------
+# --- float64 ------------------------------------------------------------------------------------------------------------
 
 
-@apart_
-def signed(room, memory, tape, ray, s, f, mask):
-    """f, in the lanes of a mask with the sign that float64 gives at distances s of rays."""
-    places, numbers, found = simd.stack_array(np.int32, 16), simd.stack_array(np.float32, 16), simd.stack_array(np.float32, 16)
+@noinline_helper
+def sign_in_float64(packet, memory, tape, ray, s, f, mask):
+    """Replace values f, in the lanes of a mask, by values of the sign that float64 gives at distances s of rays."""
+    places, numbers, signed = simd.stack_array(np.int32, 16), simd.stack_array(np.float32, 16), simd.stack_array(np.float32, 16)
     simd.store(places, 0, ray)
     simd.store(numbers, 0, s)
-    simd.store(found, 0, f)
+    simd.store(signed, 0, f)
     bits = simd.bits(mask)
     for first in range(0, VECTOR, LANES):
         if (bits >> first) & ((1 << LANES) - 1) == 0:
             continue
-        o, d = exact(room, numbers_of(places, first))
+        one = ray_function(packet, memory, tape, load_numbers(places, first))
         at = crosslane.load_row(numbers, first)
-        value = value_at(room, 0, tapes_of(at, tape), memory, ops.along(o, d, ops.where(abs(at) < np.inf, at, 0.0)), at == at)
+        value = value_on(one, ops.where(abs(at) < np.inf, at, 0.0), at == at)
         size = ops.maximum(abs(value), 1e-30)
-        crosslane.store_row(found, first, ops.where(value <= 0.0, -size, size))
-    return simd.select(mask, simd.load(found, 0, VECTOR), f)
+        crosslane.store_row(signed, first, ops.where(value <= 0.0, -size, size))
+    return simd.select(mask, simd.load(signed, 0, VECTOR), f)
 
 
 @helper
-def tapes_of(like: Lane, tape: int) -> Lane:
-    return ops.int_like(like, tape)
-
-
-@helper
-def numbers_of(places: Any, first: int) -> Lane:
+def load_numbers(places: Any, first: int) -> Lane:
+    """Load LANES ray numbers from element `first` on."""
     return ops.to_int(crosslane.load_row(places, first))
 
 
 @helper
-def exact(room: Any, ray: Lane) -> tuple[Vec, Vec]:
-    """Starts and ways of rays in float64."""
-    x, first = room.exact, crosslane.lane(ray, 0)
-    if in_a_row(ray):
+def ray_function(packet: Any, memory: EvalBuffers, tape: int, ray: Lane) -> RayFunction:
+    """The surface along rays of a packet, by one tape, in float64."""
+    x, first = packet.exact, crosslane.lane(ray, 0)
+    if are_consecutive(ray):
         o = crosslane.load_row(x, first), crosslane.load_row(x, SPACED + first), crosslane.load_row(x, 2 * SPACED + first)
         d = crosslane.load_row(x, 3 * SPACED + first), crosslane.load_row(x, 4 * SPACED + first), crosslane.load_row(x, 5 * SPACED + first)
     else:
         o, d = (x[ray], x[SPACED + ray], x[2 * SPACED + ray]), (x[3 * SPACED + ray], x[4 * SPACED + ray], x[5 * SPACED + ray])
-    return o, d
+    return RayFunction(packet, 0, ops.int_like(ray, tape), memory, o, d)
 
 
 @helper
-def in_a_row(ray: Lane) -> bool:
-    """Whether rays stand one behind the other, as those of a vector that meet something together: these are read several times as fast."""
+def are_consecutive(ray: Lane) -> bool:
+    """Whether ray numbers are consecutive, as for vectors of which all rays hit: loads are then several times as fast."""
     return ops.not_(ops.any_lane(ray != crosslane.lane_indices(crosslane.lane(ray, 0))))
 
 
 @helper
-def single(rays: Any, row: int, ray: Any) -> Any:
-    """A row of Room.rays for the rays of a vector of sixteen."""
+def load_single(rays: Any, row: int, ray: Any) -> Any:
+    """Load a row of PacketState.rays for a vector of sixteen ray numbers."""
     first = np.int64(simd.lane(ray, 0))
     if simd.none_of(ray != simd.lane(ray, 0) + simd.iota(simd.i32x16(0))):
-        found = simd.load(rays, row * SPACED + first, VECTOR)
+        x = simd.load(rays, row * SPACED + first, VECTOR)
     else:
-        found = rays[row * SPACED + ray]
-    return found
+        x = rays[row * SPACED + ray]
+    return x
 
 
 @helper
-def error_of(low: Any, high: Any, off: Any) -> Any:
-    """By how much values between bounds may be off, with their own rounding."""
+def value_error(low: Any, high: Any, off: Any) -> Any:
+    """Error of values between bounds, the rounding of the bounds included."""
     return off * 1.01 + 2.0 * U * (abs(low) + abs(high))

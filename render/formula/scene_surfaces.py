@@ -19,7 +19,7 @@ from . import closed_form_tables, discontinuities, interpreter, interval_grid, t
 from .interpreter import PARTS
 from .llvm_math import LANES, ROW, SINGLE
 from .op_codegen import LARGEST_PART, NEAREST, WIDTHS
-from .tables import END_BLOCKS, END_ROWS, END_TAPES, NO_PARTS, Forms, Surface
+from .tables import END_BLOCKS, END_ROWS, END_TAPES, NO_CLOSED_FORMS, Forms, Surface
 
 CELLS, FEWER = 64, 16  # of a grid along each axis: powers of 4
 MANY = 32  # surfaces, beyond which each has fewer cells
@@ -45,7 +45,8 @@ def forms(tables: ir.Tables, closed: bool = True, threads: int = 1) -> Forms:
     of = np.full(len(kinds), -1, np.int32)
     of[[shown[row] for row in last]] = np.arange(len(shown))
     made = of_surfaces([surfaces[row] for row in last if solids[row] is None], threads)
-    return closed_form_tables.added(made._replace(of=of), [(surfaces[row], solid) for row in last if (solid := solids[row]) is not None])
+    closed_surfaces = [(surfaces[row], solid) for row in last if (solid := solids[row]) is not None]
+    return closed_form_tables.append_closed_forms(made._replace(of=of), closed_surfaces)
 
 
 def of_surfaces(surfaces: Sequence[Surface], threads: int = 1) -> Forms:
@@ -86,7 +87,7 @@ def _made(surfaces: Sequence[Surface]) -> Forms:
         begin += len(constants[k])
         names[first : first + len(wholes[k])] = wholes[k]
         tapes[k, :2] = first, len(wholes[k])
-        interval_grid.placed(names, code, tapes, k)  # there are registers enough: the compiler refuses what needs more
+        interval_grid.allocate_registers_kernel(names, code, tapes, k)  # there are registers enough: the compiler refuses what needs more
         blocks[k] = 0, 0, 0, count, k
         ends[[END_BLOCKS, END_TAPES]] = k + 1
         ends[END_ROWS] += len(wholes[k])
@@ -108,7 +109,7 @@ def _made(surfaces: Sequence[Surface]) -> Forms:
         constants32=_aligned([single_rows(tape) for tape, _, _ in surfaces], np.float32),
         programs=np.array([interpreter.address(name) for name in PROGRAMS] if n else [], np.int64),
         unproved=np.zeros(1, np.int64),
-        parts=NO_PARTS,
+        parts=NO_CLOSED_FORMS,
     )
 
 

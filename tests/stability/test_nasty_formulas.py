@@ -172,9 +172,9 @@ def camera_rays(size: int) -> tuple[np.ndarray, np.ndarray]:
 def bundled(tables: Any, o: np.ndarray, d: np.ndarray) -> np.ndarray:
     """t of rays that go as bundles."""
     surface = int(tables.forms.of[int(tables.placed[0, 2])])
-    room, columns, n = Handle(packet_state.room(tables.forms, surface)), packet_state.columns(o, d, 0.0, np.inf), len(o)
+    room, columns, n = Handle(packet_state.allocate(tables.forms, surface)), packet_state.ray_columns(o, d, 0.0, np.inf), len(o)
     out = np.full(n, np.inf), np.full(n, -1), np.zeros(n, np.int64), np.zeros(n), np.zeros(n)
-    assert packets.trace(room, columns, 0, n, np.ascontiguousarray(tables.inverse[0, :3]), packets.Out(*out, 0)) == n
+    assert packets.trace(room, columns, 0, n, np.ascontiguousarray(tables.inverse[0, :3]), packets.HitColumns(*out, 0)) == n
     return out[0]
 
 

@@ -51,7 +51,7 @@ class Bundles:
         weakref.finalize(self, _put_by, self.desks).atexit = False
         self.inverses = [np.ascontiguousarray(trees.inverse[i, :3]) for i in self.instances]
         self.geometries = [int(trees.placed[i, 2]) for i in self.instances]
-        surfaces = {g: Handle(packet_state.room(trees.forms, int(trees.forms.of[g]))) for g in set(self.geometries)}
+        surfaces = {g: Handle(packet_state.allocate(trees.forms, int(trees.forms.of[g]))) for g in set(self.geometries)}
         self.rooms = [surfaces[g] for g in self.geometries]
         desk = _desk(np.zeros((0, 0), np.int64), room, bool(lamps), black)
         for handle, inverse in zip(self.rooms, self.inverses, strict=True):  # compiled, or loaded, before a picture begins
@@ -154,8 +154,8 @@ def _desk(count: NDArray[np.int64], room: Any, lamps: bool, black: bool) -> Desk
     return Desk(onward, shade, rays, primed, Handle(room._replace(primed=primed)))
 
 
-def _out(found: Any, i: int) -> packets.Out:
-    return packets.Out(found.t, found.instance, found.spacing, found.u, found.v, i)
+def _out(found: Any, i: int) -> packets.HitColumns:
+    return packets.HitColumns(found.t, found.instance, found.spacing, found.u, found.v, i)
 
 
 @lru_cache(maxsize=16)
@@ -190,7 +190,7 @@ def aim(tables, frame, total, first, corner, width, items, rays):
 def one_by_one(accel, g, rays, at, n, inverse, out):
     """Meet n rays `at` on, which are no bundle, with one surface, as tiles.trace does."""
     for start in range(0, n, crosslane.WIDTH):
-        o, d, low, high = packet_state.local(rays, at + start, inverse)
+        o, d, low, high = packet_state.to_local(rays, at + start, inverse)
         high = ops.minimum(high, out.t[at + ops.minimum(crosslane.lane_indices(start), n - 1)])
         t, units, u, v, _ = intersect.call(accel.meet, (accel.forms, np.int64(g), o, d, low, high))  # pyright: ignore[reportCallIssue]
         left = crosslane.bits((t < high) & (crosslane.lane_indices(start) < n))

@@ -8,7 +8,7 @@ import numpy as np
 from numba import types
 
 from ....compiler import ir
-from ...formula.tables import MET, TORUS
+from ...formula.tables import HIT, TORUS
 from ...geometry import analytic_shapes
 from ...jit.function_pointer import DeclaredKernel, DeclaredPointer
 from ...jit.kernel import helper
@@ -36,18 +36,18 @@ def _formulas(accel: Handle) -> int:
     if not closed.any():
         from ...formula import intersect
 
-        return intersect.meet.link(*given)
+        return intersect.first_hit.link(*given)
     from ...formula import closed_form_hits
 
     if (parts.kinds >= TORUS).any():
-        parts.ways[2] = closed_form_hits.crossings.link(accel.part("forms.parts.numbers"), types.int64, VEC, VEC)
-    parts.ways[0] = closed_form_hits.met.link(*given)
+        parts.kernels[2] = closed_form_hits.crossings.link(accel.part("forms.parts.numbers"), types.int64, VEC, VEC)
+    parts.kernels[0] = closed_form_hits.first_hit.link(*given)
     if closed.all():
-        return int(parts.ways[0])
+        return int(parts.kernels[0])
     from ...formula import intersect
 
-    parts.ways[1] = intersect.meet.link(*given)
-    return closed_form_hits.either.link(*given)
+    parts.kernels[1] = intersect.first_hit.link(*given)
+    return closed_form_hits.dispatch_hit.link(*given)
 
 
 def _rare(parameters, kind, g, o, d, t_min, t_max):
@@ -55,7 +55,7 @@ def _rare(parameters, kind, g, o, d, t_min, t_max):
     return t, ops.int_like(t, 0) + part
 
 
-call_meet = DeclaredPointer(MET).call
+call_meet = DeclaredPointer(HIT).call
 rare = DeclaredKernel(_rare, (FLOAT, INT))
 call_rare = rare.call
 

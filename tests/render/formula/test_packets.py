@@ -45,13 +45,13 @@ def met(trees: Handle, o: np.ndarray, d: np.ndarray, t_max: float = np.inf) -> t
     return out.t, out.spacing, out.u, out.v
 
 
-def nothing(n: int) -> packets.Out:
-    return packets.Out(np.full(n, np.inf), np.full(n, -1), np.zeros(n, np.int64), np.zeros(n), np.zeros(n), 0)
+def nothing(n: int) -> packets.HitColumns:
+    return packets.HitColumns(np.full(n, np.inf), np.full(n, -1), np.zeros(n, np.int64), np.zeros(n), np.zeros(n), 0)
 
 
-def traced(trees: Handle, o: np.ndarray, d: np.ndarray, t_max: float, out: packets.Out) -> bool:
-    room = Handle(packet_state.room(trees.tables.forms, 0))
-    return packets.trace(room, packet_state.columns(o, d, 0.0, t_max), 0, len(o), np.eye(4)[:3], out) == len(o)
+def traced(trees: Handle, o: np.ndarray, d: np.ndarray, t_max: float, out: packets.HitColumns) -> bool:
+    room = Handle(packet_state.allocate(trees.tables.forms, 0))
+    return packets.trace(room, packet_state.ray_columns(o, d, 0.0, t_max), 0, len(o), np.eye(4)[:3], out) == len(o)
 
 
 @pytest.mark.parametrize("eye", [(2.0, 1.2, 2.4), (-0.1, 2.6, 0.3), (0.25, 0.1, 0.3)], ids=["outside", "above", "within"])
@@ -84,8 +84,8 @@ def test_bundles_follow_one_another(tmp_path):
     behind = met(trees, o[first:].copy(), d[first:].copy())
     for one, other in zip(whole, behind, strict=True):
         assert np.array_equal(one[first:], other)
-    rest, room = nothing(len(o)), Handle(packet_state.room(trees.tables.forms, 0))
-    assert packets.trace(room, packet_state.columns(o, d, 0.0, np.inf), first, len(o), np.eye(4)[:3], rest) == len(o)
+    rest, room = nothing(len(o)), Handle(packet_state.allocate(trees.tables.forms, 0))
+    assert packets.trace(room, packet_state.ray_columns(o, d, 0.0, np.inf), first, len(o), np.eye(4)[:3], rest) == len(o)
     assert np.isinf(rest.t[:first]).all()
     assert np.array_equal(rest.t[first:], behind[0])
 

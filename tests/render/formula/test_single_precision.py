@@ -29,7 +29,7 @@ def evaluated(program: str, tape: Tape, inputs: np.ndarray) -> tuple[np.ndarray,
     width = WIDTHS[program]
     names, code, tapes = np.array(rows), np.zeros((len(rows), 8), np.int32), np.zeros((1, 4), np.int64)
     tapes[0, 1] = len(rows)
-    assert interval_grid.place(names, code, tapes, 0) == 0
+    assert interval_grid.allocate_registers(names, code, tapes, 0) == 0
     registers = np.zeros((interpreter.KNOWN + 1, width, SIDE_BY_SIDE), np.float32)
     registers[:3] = inputs
     if width > 1:

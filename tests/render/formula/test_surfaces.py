@@ -35,8 +35,8 @@ def evaluated(program: str, tape: Tape, inputs: np.ndarray) -> tuple[np.ndarray,
     n, width = len(rows), WIDTHS[program]
     names, code, tapes = np.zeros((n, 4), np.int32), np.zeros((n, 8), np.int32), np.zeros((2, 4), np.int64)
     names[:], tapes[0, 1] = rows, n
-    assert interval_grid.place(names, code, tapes, 0) == 0
-    registers = np.zeros((interval_grid.MOST_REGISTERS, width, LANES))
+    assert interval_grid.allocate_registers(names, code, tapes, 0) == 0
+    registers = np.zeros((interval_grid.MAX_REGISTERS, width, LANES))
     registers[:3] = inputs
     flat, state = registers.reshape(-1), np.zeros(64, np.int64)
     run(interpreter.address(program), code, n, flat, scene_surfaces.constant_rows(tape), state)
@@ -121,7 +121,7 @@ def test_rays_meet_what_the_definition_says(tmp_path, name):
     met = ray_queries.closest(trees, o, d)
     tape, parameters, bounds = scene_surfaces.tape_of(tables, g), tables.geometries.parameters[g], tables.geometries.bounds[g]
     n = len(o)
-    t, _, _, _, doubt = numpy_reference.meet(tape, parameters, bounds, tuple(o.T), tuple(d.T), np.zeros(n), np.full(n, np.inf))
+    t, _, _, _, doubt = numpy_reference.first_hit(tape, parameters, bounds, tuple(o.T), tuple(d.T), np.zeros(n), np.full(n, np.inf))
     sure = ~doubt
     assert sure.mean() > 0.98
     assert (np.isfinite(met.t) == np.isfinite(t))[sure].all()

@@ -1,1 +1,1 @@
-"""Text to syntax tree to elements with checked units. Knows no arrays, reads no disk."""
+"""The scene language: text to syntax tree to elements with checked units. Imports no numpy, reads no files."""

@@ -1,4 +1,4 @@
-"""Colours: sRGB, HSV and black bodies to scene-linear Rec.709."""
+"""Conversion of sRGB, HSV and black-body colours to scene-linear Rec.709."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def hsv_to_srgb(hue: float, saturation: float, value: float) -> Color:
 
 
 def to_hex(color: Color) -> str:
-    """Linear to `#rrggbb`, clipped to what that can hold."""
+    """Linear to `#rrggbb`, clipped to 0..1."""
 
     def encode(v: float) -> int:
         v = min(max(v, 0.0), 1.0)
@@ -68,8 +68,8 @@ def _observer(nm: float) -> tuple[float, float, float]:
 def kelvin(temperature: float) -> Color:
     """The colour of a black body at `temperature` kelvin, of luminance 1, linear Rec.709.
 
-    Planck's law integrated against the CIE 1931 observer from 360 to 830 nm. Below some 1900 K blue leaves Rec.709
-    and is cut at 0.
+    Planck's law integrated against the CIE 1931 observer from 360 to 830 nm. Below about 1900 K blue is negative in Rec.709
+    and is clipped to 0.
     """
     xyz = [0.0, 0.0, 0.0]
     for nm in range(360, 831, 5):

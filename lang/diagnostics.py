@@ -1,4 +1,4 @@
-"""What is wrong in an input and where: spans, diagnostics, their printed and JSON forms."""
+"""Source spans and diagnostics (errors, warnings, notes), with their text and JSON forms."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ MAX_SHOWN_LINE = 160
 
 @dataclass(frozen=True, slots=True, order=True)
 class Span:
-    """A stretch of source text. Lines and columns count from 1; the end is exclusive.
+    """A range of source text. Lines and columns count from 1; the end is exclusive.
 
-    `file` is the name to show: a path, `std/room`, or a USD prim as `robot.usda</Robot/Arm>`.
+    `file` is the displayed name: a path, `std/room`, or a USD prim such as `robot.usda</Robot/Arm>`.
     A span of a whole file or prim has line 0.
     """
 
@@ -34,7 +34,7 @@ class Span:
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One message. `hint` is the fix, printed behind the carets; `trace` the chain of calls, innermost first."""
+    """One message. `hint` is the fix, printed after the carets. `trace` is the chain of calls, innermost first."""
 
     severity: str
     message: str
@@ -53,22 +53,22 @@ class Diagnostic:
         }
 
 
-SHOWN = 8  # messages that an exception shows
+MAX_MESSAGES = 8  # in the text of a SceneError
 
 
 class SceneError(Exception):
-    """Input that cannot go on: carries every diagnostic found so far, errors and warnings alike."""
+    """Raised for input with errors. Carries all diagnostics so far, warnings included."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         self.diagnostics = tuple(diagnostics)
         errors = [d.message for d in self.diagnostics if d.severity == "error"]
-        more = [f"and {len(errors) - SHOWN} more"] if len(errors) > SHOWN else []
-        super().__init__("; ".join(errors[:SHOWN] + more))
+        more = [f"and {len(errors) - MAX_MESSAGES} more"] if len(errors) > MAX_MESSAGES else []
+        super().__init__("; ".join(errors[:MAX_MESSAGES] + more))
 
 
 @dataclass(slots=True)
 class Diagnostics:
-    """A growing list of diagnostics that every stage is handed and adds to."""
+    """The diagnostics of one run. Every stage appends to it."""
 
     items: list[Diagnostic] = field(default_factory=list)
 
@@ -83,22 +83,23 @@ class Diagnostics:
 
     @property
     def failed(self) -> bool:
+        """Whether the list has an error."""
         return any(d.severity == "error" for d in self.items)
 
     def raise_if_failed(self) -> None:
-        """Raise SceneError with everything collected if any of it is an error."""
+        """Raise SceneError with all diagnostics if one is an error."""
         if self.failed:
             raise SceneError(self.items)
 
 
 def suggest(word: str, known: Iterable[str]) -> str:
-    """`did you mean …?` for a misspelt word, or an empty string where nothing is near."""
+    """`did you mean …?` for a misspelt word; an empty string without a similar known word."""
     near = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
     return f"did you mean `{near[0]}`?" if near else ""
 
 
 def in_order(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Diagnostics by file (in order of first mention), then place, without repeats."""
+    """Diagnostics sorted by file (in order of first mention), then by position, without duplicates."""
     unique = list(dict.fromkeys(diagnostics))
     files: dict[str, int] = {}
     for d in unique:
@@ -107,9 +108,9 @@ def in_order(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
 
 
 def render_text(d: Diagnostic, source: Callable[[str], str | None]) -> str:
-    """The printed form: place, severity, message; the line with carets and hint; the chain of calls.
+    """The text form: place, severity, message; the source line with carets and hint; the chain of calls.
 
-    `source(file)` gives the text of a file by its shown name, or None where there is none to quote.
+    `source(file)` returns the text of a file by its displayed name, or None.
     """
     place = f"{d.span}: " if d.span else ""
     lines = [f"{place}{d.severity}: {d.message}"]

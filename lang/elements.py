@@ -1,4 +1,4 @@
-"""What evaluation yields: elements with checked arguments, in plain Python values and base units."""
+"""The evaluator's output: elements with checked arguments, in plain Python values and base units."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Euler:
-    """Turns about the fixed x, then y, then z axis; radians."""
+    """Rotations about the fixed x, then y, then z axis, in radians."""
 
     angles: Vector
 
 
 @dataclass(frozen=True, slots=True)
 class AxisAngle:
-    """A turn about `axis` (any length but 0) by `angle` radians, counter-clockwise seen from the axis' tip."""
+    """A rotation about `axis` (of any length but 0) by `angle` radians, counter-clockwise seen from the tip of the axis."""
 
     axis: Vector
     angle: float
@@ -29,7 +29,7 @@ class AxisAngle:
 
 @dataclass(frozen=True, slots=True)
 class Quaternion:
-    """x, y, z, w; normalised when used."""
+    """A rotation; normalised when used."""
 
     x: float
     y: float
@@ -53,14 +53,14 @@ class Element:
     """One element: a shape, light, material, texture, camera, block or setting.
 
     kind      its name in the schema ("sphere", "blinn_phong", "point", "group", …)
-    args      every argument of its schema entry by name: given, defaulted, or None.
+    args      every argument of its schema entry by name: given, default, or None.
               Lengths in metres, angles in radians, times in seconds, light quantities in their SI unit;
               colours linear (r, g, b); points, sizes and directions tuples of floats; materials and textures
-              are Elements; formulas are formula.Formula.
-    given     the names that were written out (the rest are defaults)
+              are Elements; formulas are formula_graph.Formula.
+    given     names of the arguments that the scene gives (the others have defaults)
     children  for blocks and solids
-    scope     dotted path of the parts it was made in, for default names ("gear.rim")
-    trace     the calls it came through, innermost first
+    scope     dotted path of the parts that make it, for default names ("gear.rim")
+    trace     the chain of calls that makes it, innermost first
     photometric  whether any light quantity was written with a unit
     Elements compare by identity: one `let` constant used twice is one element.
     """
@@ -77,7 +77,7 @@ class Element:
 
 @dataclass(frozen=True, slots=True)
 class ParamInfo:
-    """A `param` line of the scene as sliders, sweeps and `inspect` want it. Values are in the file's own units."""
+    """A `param` of the scene, for sliders, sweeps and `inspect`. Values are in the units of the file."""
 
     name: str
     type: str
@@ -91,12 +91,12 @@ class ParamInfo:
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A whole evaluated scene: what is placed (shapes, lights, blocks), cameras, settings and params."""
+    """An evaluated scene: placed elements, cameras, settings and params."""
 
     name: str
     elements: tuple[Element, ...]  # shapes, lights and blocks, in the order placed
     cameras: tuple[Element, ...]
     settings: Mapping[str, Element]  # "render", "animate"
     params: tuple[ParamInfo, ...]
-    sources: Mapping[str, str] = field(default_factory=dict)  # shown file name -> text, for diagnostics
+    sources: Mapping[str, str] = field(default_factory=dict)  # displayed file name -> text, for diagnostics
     files: tuple[str, ...] = ()  # every file read by path, for `watch`

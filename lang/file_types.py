@@ -1,4 +1,4 @@
-"""What file names end with, by what the files hold."""
+"""File name extensions by kind of content."""
 
 SCENE = (".scene",)
 USD = (".usd", ".usda", ".usdc", ".usdz")

@@ -1,7 +1,7 @@
-"""Formulas: what `|x, y, z| …` becomes, a pure graph of named operations that later stages compile.
+"""Expression graphs of formulas: the operations of `|x, y, z| …`, which later stages compile.
 
-A formula is made by calling the function with terms in place of numbers: whatever arithmetic it does is recorded, constants are
-folded, equal operations are shared, and functions of the scene that it calls are thereby inlined.
+The evaluator calls the function with terms in place of numbers and records its arithmetic. Constants are folded, equal operations
+are shared, and calls of functions of the scene are inlined.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def round_half_up(a: float) -> float:
 
 
 def modulo(a: float, b: float) -> float:
-    """a − b·⌊a/b⌋ as surfaces have it: mod(1, 0.1) is 0, where the remainder of the exact binary numbers would be nearly 0.1."""
+    """a − b·⌊a/b⌋ in floating point, as in compiled formulas: mod(1, 0.1) is 0. The exact remainder would be nearly 0.1."""
     turns = a / b
     return a - b * math.floor(turns) if math.isfinite(turns) else a % b
 
@@ -35,7 +35,7 @@ def angle(y: float, x: float) -> float:
     return math.atan2(y + 0.0, x + 0.0)  # −0 is 0
 
 
-# Every operation a formula can hold, on plain numbers and truth values. They raise where they are not defined.
+# Every operation of a formula, on plain numbers and truth values. They raise outside their domain.
 OPERATIONS: dict[str, Callable[..., Any]] = {
     "add": operator.add,
     "subtract": operator.sub,
@@ -88,14 +88,14 @@ class Node:
 
 @dataclass(frozen=True, slots=True)
 class Formula:
-    """A function of plain numbers as operations in the order to do them.
+    """A function of plain numbers as a list of operations in evaluation order.
 
     parameters  their names, in order
     nodes       the operations; each uses earlier ones only
-    results     indices of the nodes that are its value: one, or one for each item of a list or channel of a colour
-    kind        "number", "truth", "list" or "color": what it gives
+    results     indices of the result nodes: one, or one for each item of a list or channel of a colour
+    kind        type of the result: "number", "truth", "list" or "color"
     unit        metres in one unit of its coordinates (the unit of the file it is written in)
-    span        where it is written
+    span        its place in the source
     """
 
     parameters: tuple[str, ...]
@@ -107,7 +107,7 @@ class Formula:
 
 
 def evaluate(formula: Formula, values: Sequence[float]) -> Any:
-    """The formula's value at `values`: a number, a truth value, or a tuple. Where it is not defined, nan (or ±inf for x / 0)."""
+    """The formula's value at `values`: a number, a truth value, or a tuple. Outside its domain nan, or ±inf for x / 0."""
     done: list[Any] = []
     for node in formula.nodes:
         if node.op == "constant":
@@ -121,7 +121,7 @@ def evaluate(formula: Formula, values: Sequence[float]) -> Any:
 
 
 def _apply(op: str, args: list[Any]) -> Any:
-    """An operation as floating-point hardware does it: never raises."""
+    """An operation with IEEE 754 results outside its domain. Never raises."""
     try:
         return OPERATIONS[op](*args)
     except ZeroDivisionError:
@@ -133,7 +133,7 @@ def _apply(op: str, args: list[Any]) -> Any:
 
 
 class Term:
-    """A number or truth value of a formula that is being recorded."""
+    """A number or truth value in a formula during recording."""
 
     __slots__ = ("args", "graph", "index", "op", "value")
 
@@ -146,14 +146,14 @@ class Term:
 
     @property
     def truth(self) -> bool:
-        """Whether it is a truth value rather than a number."""
+        """Whether it is a truth value, not a number."""
         if self.op == "select":
             return self.args[1].truth
         return self.op in TRUTHS or (self.op == "constant" and isinstance(self.value, bool))
 
 
 class Graph:
-    """The terms of one formula, each once. `unit` is the metres in one unit of its coordinates."""
+    """The terms of one formula, without duplicates. `unit` is the metres in one unit of its coordinates."""
 
     def __init__(self, unit: float) -> None:
         self.unit = unit
@@ -167,7 +167,7 @@ class Graph:
         return self._term("parameter", (), float(index))
 
     def apply(self, op: str, *args: Term) -> Term:
-        """The term of `op`; a constant where all of its arguments are (and it is defined there)."""
+        """The term of `op`; a constant if all arguments are constants within its domain."""
         if all(a.op == "constant" for a in args):
             try:
                 value = OPERATIONS[op](*(a.value for a in args))
@@ -191,14 +191,14 @@ class Graph:
         return term
 
     def formula(self, parameters: tuple[str, ...], results: Sequence[Term], kind: str, span: Span) -> Formula:
-        """The finished formula, with the terms that its results need and no others."""
+        """The formula with the terms that its results depend on."""
         needed: set[int] = set()
-        waiting = list(results)
-        while waiting:
-            term = waiting.pop()
+        stack = list(results)
+        while stack:
+            term = stack.pop()
             if term.index not in needed:
                 needed.add(term.index)
-                waiting.extend(term.args)
+                stack.extend(term.args)
         place = {index: i for i, index in enumerate(sorted(needed))}
         nodes = tuple(Node(t.op, tuple(place[a.index] for a in t.args), t.value) for t in self.terms if t.index in needed)
         return Formula(parameters, nodes, tuple(place[t.index] for t in results), kind, self.unit, span)

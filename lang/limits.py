@@ -1,4 +1,4 @@
-"""The limits of an evaluation: a scene may come from a stranger, and must be answered in time and memory."""
+"""Evaluation limits that bound the time and memory of untrusted scenes."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ import sys
 
 from .diagnostics import Span
 
-MAX_CALLS = 200  # calls inside calls
-MAX_LIST = 1_000_000  # items of a list, and steps of a range or a `for`
+MAX_CALLS = 200  # nested calls
+MAX_LIST = 1_000_000  # items of a list, and iterations of a range or a `for`
 MAX_TEXT = 1_000_000  # characters of a string
-MAX_STEPS = 2_000_000  # calls, rounds of loops and comparisons together
-MAX_ELEMENTS = 200_000  # elements made, and elements placed with what their blocks repeat
+MAX_STEPS = 2_000_000  # calls, loop iterations and comparisons together
+MAX_ELEMENTS = 200_000  # elements made, and elements placed, counting the repetitions of blocks
 MAX_TERMS = 50_000  # operations in one formula
 MAX_FILES = 200  # files used
 
-_STACK = 40_000  # Python frames: enough for MAX_CALLS calls with some 50 nested expressions in each, or for one that is as deep as may be
+_STACK = 40_000  # Python frames: MAX_CALLS calls with some 50 nested expressions each, or one expression of the greatest depth
 
 
 class Exhausted(Exception):
-    """A limit was reached. Carries what was counted; the evaluator adds the place, and stops the whole item."""
+    """A limit was reached. The evaluator adds the place and stops the item."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -29,7 +29,7 @@ class Exhausted(Exception):
 
 
 class Meter:
-    """Counts what one evaluation has used."""
+    """Counters of one evaluation: steps, nested calls, elements."""
 
     __slots__ = ("calls", "elements", "steps")
 
@@ -39,36 +39,39 @@ class Meter:
         self.elements = 0
 
     def step(self, count: int = 1) -> None:
+        """Count steps. Raises Exhausted."""
         self.steps += count
         if self.steps > MAX_STEPS:
-            raise Exhausted(f"the scene takes more than {MAX_STEPS:,} steps to evaluate", "fewer rounds of its loops, or fewer calls")
+            raise Exhausted(f"the scene takes more than {MAX_STEPS:,} steps to evaluate", "reduce loop iterations or calls")
 
     def element(self) -> None:
+        """Count one element. Raises Exhausted."""
         self.elements += 1
         if self.elements > MAX_ELEMENTS:
             raise too_many_elements()
 
 
 def too_many_elements() -> Exhausted:
-    return Exhausted(f"the scene makes more than {MAX_ELEMENTS:,} elements", "a mesh holds many small things better")
+    """The error for too many elements."""
+    return Exhausted(f"the scene makes more than {MAX_ELEMENTS:,} elements", "use a mesh for many small parts")
 
 
 def check_list(length: float) -> None:
-    """Raise Exhausted where a list of this length would be too long."""
+    """Raise Exhausted for a list of more than MAX_LIST items."""
     if length > MAX_LIST:
         raise Exhausted(f"a list of {length:.10g} items is too long", f"at most {MAX_LIST:,} items")
 
 
 def check_text(length: int) -> None:
-    """Raise Exhausted where a string of this length would be too long."""
+    """Raise Exhausted for a string of more than MAX_TEXT characters."""
     if length > MAX_TEXT:
         raise Exhausted(f"a string of {length} characters is too long", f"at most {MAX_TEXT:,} characters")
 
 
 def deepen_stack() -> None:
-    """Let Python recurse deep enough for MAX_CALLS calls; never lowers a limit somebody else has set.
+    """Raise Python's recursion limit to what MAX_CALLS nested calls need; never lower it.
 
-    The evaluator recurses through Python functions only, whose frames lie on the heap, so the C stack is not at risk.
+    The evaluator recurses through Python functions only. Their frames are on the heap, so the C stack does not overflow.
     """
     if sys.getrecursionlimit() < _STACK:
         sys.setrecursionlimit(_STACK)

@@ -1,4 +1,4 @@
-"""Improved gradient noise (Perlin, SIGGRAPH 2002) in plain Python: the definition of the language's `noise`."""
+"""Improved gradient noise (Perlin, SIGGRAPH 2002) in plain Python: the reference definition of `noise`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PERMUTATION = (
 
 
 def noise(x: float, y: float = 0.0, z: float = 0.0) -> float:
-    """Smooth noise in -1..1, 0 at every point of whole coordinates; repeats every 256."""
+    """Gradient noise in -1..1, 0 at integer coordinates, of period 256."""
     fx, fy, fz = math.floor(x), math.floor(y), math.floor(z)
     xi, yi, zi = fx & 255, fy & 255, fz & 255
     x, y, z = x - fx, y - fy, z - fz
@@ -55,7 +55,7 @@ def _gradient(h: int, x: float, y: float, z: float) -> float:
 
 
 def offset(seed: int) -> tuple[int, int, int]:
-    """How far a seed moves the lattice: nothing for 0, and for others a place that tells nothing of the next one's (splitmix64)."""
+    """The lattice offset of a seed: (0, 0, 0) for 0, else a hash of the seed (splitmix64)."""
     if seed == 0:
         return 0, 0, 0
     z = (seed * 0x9E3779B97F4A7C15) & _WORD

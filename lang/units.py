@@ -1,12 +1,12 @@
-"""Units as dimensions: quantities, the table of units, and how both are named in messages."""
+"""Dimensions, quantities and the table of units, with their names in messages."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-# Exponents of length, angle, time and luminous intensity. An angle is a dimension of its own, so that lm = cd·rad² and
-# lx = lm/m² stay apart from cd and nit. Exponents are whole, or floats where roots were taken.
+# Exponents of length, angle, time and luminous intensity. Angle is a dimension, so that lm = cd·rad² and lx = lm/m² differ from
+# cd and nit. Exponents are integers, or floats after roots.
 Dimension = tuple[float, float, float, float]
 
 NONE: Dimension = (0, 0, 0, 0)
@@ -19,7 +19,7 @@ ILLUMINANCE: Dimension = (-2, 2, 0, 1)
 LUMINANCE: Dimension = (-2, 0, 0, 1)
 FLUX: Dimension = (0, 2, 0, 1)
 
-# The types of entries.TYPES and `param` that are one quantity, and the unit to write them in.
+# The argument types and `param` types that are one quantity, with the unit shown in messages.
 QUANTITIES: dict[str, tuple[Dimension, str]] = {
     "length": (LENGTH, "m"),
     "angle": (ANGLE, "deg"),
@@ -43,7 +43,7 @@ _NAMES: dict[Dimension, str] = {
 
 _DEGREE = math.pi / 180
 
-# Symbol -> (value in base units: metre, radian, second, candela and what follows from them; dimension).
+# Symbol -> (value in base units, dimension). The base units are metre, radian, second, candela and their products.
 UNITS: dict[str, tuple[float, Dimension]] = {
     "": (1.0, NONE),
     "%": (0.01, NONE),
@@ -78,25 +78,25 @@ UNITS: dict[str, tuple[float, Dimension]] = {
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A number with a dimension, in base units (m, rad, s, cd and their products). A plain number is a float, not this."""
+    """A number with a dimension, in base units (m, rad, s, cd and their products). Plain numbers are floats."""
 
     value: float
     dimension: Dimension
 
 
 def quantity(value: float, dimension: Dimension) -> float | Quantity:
-    """`value` in base units as a Quantity, or as a float where the dimension has gone."""
+    """`value` in base units as a Quantity, or as a float without a dimension."""
     return value if dimension == NONE else Quantity(value, dimension)
 
 
 def literal(value: float, unit: str) -> float | Quantity | None:
-    """The number written as `value` and `unit`; None for an unknown unit."""
+    """The quantity of a literal such as 35cm; None for an unknown unit."""
     known = UNITS.get(unit)
     return None if known is None else quantity(scale(value, known[0]), known[1])
 
 
 def scale(value: float, factor: float) -> float:
-    """`value · factor`, divided where the factor is one over a whole number: so 35cm is 0.35 to the last digit."""
+    """`value · factor`. Divides if the factor is the inverse of an integer, so that 35cm is exactly 0.35."""
     if factor >= 1:
         return value * factor
     inverse = 1 / factor
@@ -105,15 +105,17 @@ def scale(value: float, factor: float) -> float:
 
 
 def multiply(a: Dimension, b: Dimension) -> Dimension:
+    """The dimension of a product."""
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3])
 
 
 def divide(a: Dimension, b: Dimension) -> Dimension:
+    """The dimension of a quotient."""
     return (a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3])
 
 
 def power(a: Dimension, exponent: float) -> Dimension:
-    """The dimension of a quantity raised to `exponent`; rounded so that ∛ and ^3 undo each other."""
+    """The dimension of a quantity raised to `exponent`, rounded to 9 digits so that ∛ and ^3 are inverse."""
     length, angle, time, light = (_whole(round(e * exponent, 9)) for e in a)
     return (length, angle, time, light)
 
@@ -123,7 +125,7 @@ def _whole(value: float) -> float:
 
 
 def name(dimension: Dimension) -> str:
-    """What a dimension is called in messages: `length`, `speed`, or its units where it has no name."""
+    """The name of a dimension in messages: `length`, `speed`; without a name, its units."""
     return _NAMES.get(dimension) or f"quantity in {symbol(dimension)}"
 
 
@@ -143,12 +145,12 @@ def _with_exponent(base: str, exponent: float) -> str:
 
 
 def show_number(value: float) -> str:
-    """A number as a person would write it: 24, 0.333333, 1e+09."""
+    """A number as text, with at most 6 digits unless it is an integer: 24, 0.333333, 1e+09."""
     return f"{int(value)}" if value == int(value) and abs(value) < 1e9 else f"{value:.6g}"
 
 
 def show(value: float | Quantity) -> str:
-    """A number or quantity as it would be written in a scene: 24, 30deg, 0.3m."""
+    """A number or quantity in the syntax of a scene: 24, 30deg, 0.3m."""
     if not isinstance(value, Quantity):
         return show_number(value)
     if value.dimension == ANGLE:
@@ -158,6 +160,6 @@ def show(value: float | Quantity) -> str:
 
 
 def in_unit(value: float, unit: str) -> float:
-    """A value in base units, expressed in `unit`; rounded past the last digit that the division can spoil."""
+    """A value in base units converted to `unit`, rounded to 15 digits to hide the rounding error of the division."""
     scaled = value / UNITS[unit][0]
     return float(f"{scaled:.15g}")

@@ -1,1 +1,1 @@
-"""The library: *.scene files written in the language itself. No code."""
+"""The library: *.scene files written in the language itself. No Python code."""

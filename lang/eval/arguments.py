@@ -1,4 +1,4 @@
-"""Arguments of a call: which parameter each one is for, and an element's arguments checked against the schema."""
+"""Argument binding: assigns arguments to parameters and checks those of elements against the schema."""
 
 from __future__ import annotations
 
@@ -17,19 +17,20 @@ from .coercion import LIGHT_TYPES, Place, convert
 from .context import ArgumentValue, Scope
 from .values import POISON, Element, Mistake, Poisoned
 
-# What every element accepts. A part that does not declare them has them applied to what it makes.
+# Arguments of every element. In the call of a part that does not declare them they apply to its result.
 PLACING = ("translate", "rotate", "scale", "material", "name")
 
 Report = Callable[[str, Span, str], None]
 
 
 def assign(
-    callee: str, positional: Sequence[str], names: Mapping[str, str], givens: Iterable[ArgumentValue], report: Report, holds: bool = False
-) -> tuple[dict[str, ArgumentValue], bool]:
-    """Each argument at the name of its parameter, and whether all have one: what is unknown, given twice or too much is reported.
+    callee: str, positional: Sequence[str], names: Mapping[str, str], givens: Iterable[ArgumentValue], report: Report,
+    has_children: bool = False,
+) -> tuple[dict[str, ArgumentValue], bool]:  # fmt: skip
+    """The arguments by parameter name, and whether all fit. Reports unknown, repeated and surplus arguments.
 
-    `positional` are the parameters that can be given by position, in order; `names` maps names and aliases to parameters. What
-    `holds` others has them in braces.
+    `positional` are the positional parameters in order; `names` maps names and aliases to parameters. An element with
+    `has_children` takes its children in braces.
     """
     assigned: dict[str, ArgumentValue] = {}
     good = True
@@ -42,9 +43,9 @@ def assign(
             name = names.get(given.name)
         problem = _problem(callee, given, name, positional, names, assigned)
         if problem:
-            if holds and name is None and _is_of_elements(given.value):
-                problem = problem[0], f"what it holds stands in braces: {callee} {{ … }}"
-            if given.name is not None or place == len(positional) + 1:  # of arguments too many, the first
+            if has_children and name is None and _is_of_elements(given.value):
+                problem = problem[0], f"its children are written in braces: {callee} {{ … }}"
+            if given.name is not None or place == len(positional) + 1:  # of surplus arguments only the first
                 report(problem[0], given.name_span, problem[1])
             good = False
         elif name is not None:
@@ -88,7 +89,7 @@ def missing(
     report: Report,
     args: Mapping[str, Arg] | None = None,
 ) -> bool:
-    """Report the required parameters that are not there, and how each is written; whether there were any."""
+    """Report missing required parameters, with examples. Returns whether there are any."""
     absent = [name for name in required if name not in assigned]
     if absent:
         examples = [f"{name}: {_EXAMPLES.get(args[name].type, '')}" for name in absent] if args else []
@@ -98,8 +99,7 @@ def missing(
 
 
 def fraction(givens: Sequence[ArgumentValue]) -> tuple[bool, str, tuple[Span, ...]] | None:
-    """Of a fraction that is written with a comma, and so has become two arguments: whether it ends a formula, what to write, and where
-    both are."""
+    """A fraction written with a comma, which makes two arguments: whether it ends a formula, the fix, and the places of both."""
     for given, after in pairwise(givens):
         one, other = given.node, after.node
         whole = one
@@ -115,7 +115,7 @@ def fraction(givens: Sequence[ArgumentValue]) -> tuple[bool, str, tuple[Span, ..
 
 
 class Signature:
-    """An entry's arguments, arranged for binding."""
+    """The arguments of an element, indexed for binding."""
 
     def __init__(self, entry: Entry) -> None:
         self.entry = entry
@@ -135,13 +135,13 @@ def signature_of(entry: Entry) -> Signature:
 def element_arguments(
     signature: Signature, givens: list[ArgumentValue], span: Span, scope: Scope, report: Report
 ) -> tuple[dict[str, Any], frozenset[str], bool] | None:
-    """An element's arguments in base units, the names given, and whether a light strength has a unit.
+    """An element's arguments in base units, the names of the given ones, and whether a light quantity has a unit.
 
-    None after reporting everything that is wrong with them.
+    None after reporting errors.
     """
     entry = signature.entry
     assigned, good = assign(entry.name, signature.positional, signature.names, givens, report, entry.children)
-    if good:  # an argument with a misspelt name is not missing as well
+    if good:  # an argument with a misspelt name is not also missing
         good = not missing(entry.name, signature.required, assigned, span, report, signature.args)
     if entry.exclusive and _exclude(entry, assigned, report):
         good = False
@@ -164,7 +164,7 @@ def element_arguments(
 
 
 def _other(entry: Entry, given: ArgumentValue, arg: Arg) -> str:
-    """Which argument of the entry would take a quantity that this one does not, or the unit of what it takes."""
+    """The hint for a quantity of a wrong dimension: the argument that takes it, or the unit of this one."""
     if not isinstance(given.value, Quantity):
         return ""
     wanted = units.name(given.value.dimension)

@@ -22,7 +22,7 @@ def _trigonometry(name: str) -> None:
         if has_term(angle):
             return record(name, angle)
         if isinstance(angle, Quantity) and angle.dimension != units.ANGLE:
-            raise Mistake(f"angle wanted, got {describe(angle)}", argument=0)
+            raise Mistake(f"expected angle, got {describe(angle)}", argument=0)
         return checked(OPERATIONS[name](angle.value if isinstance(angle, Quantity) else bare_radians(angle, scope)))
 
 
@@ -57,15 +57,16 @@ def _on_plain(name: str, doc: str) -> None:
 for _name, _doc in (
     ("exp", "e to the power of value"),
     ("log", "natural logarithm"),
-    ("floor", "the whole number below"),
-    ("ceil", "the whole number above"),
-    ("round", "the nearest whole number, halves up"),
+    ("floor", "the largest integer not above value"),
+    ("ceil", "the smallest integer not below value"),
+    ("round", "the nearest integer, halves up"),
 ):
     _on_plain(_name, _doc)
 
 
-@define("abs value", "without its sign")
+@define("abs value", "absolute value")
 def absolute(scope: Scope, value: Value) -> Value:
+    """The built-in `abs`."""
     if has_term(require_scalar(value)):
         return record("abs", value)
     x, dimension = split(value)
@@ -79,7 +80,7 @@ def _sign(scope: Scope, value: Value) -> Value:
     return record("sign", value) if has_term(require_scalar(value)) else OPERATIONS["sign"](split(value)[0])
 
 
-@define("sqrt value", "square root; of an area, a length")
+@define("sqrt value", "square root; the square root of an area is a length")
 def _sqrt(scope: Scope, value: Value) -> Value:
     if has_term(require_scalar(value)):
         return record("sqrt", value)
@@ -107,7 +108,7 @@ def _mod(scope: Scope, a: Value, b: Value) -> Value:
 
 
 def combine(op: str, numbers: list[Value], scope: Scope) -> Value:
-    """`op` of two, over any count of numbers of one dimension."""
+    """The binary operation `op` over any count of numbers of one dimension."""
     if has_term(*numbers):
         result = numbers[0]
         for n in numbers[1:]:
@@ -137,7 +138,7 @@ def _hypot(scope: Scope, *numbers: Value) -> Value:
     return combine("hypot", [require_scalar(n, i) for i, n in enumerate(numbers)], scope)
 
 
-@define("clamp value low high", "value, but not below low nor above high")
+@define("clamp value low high", "value limited to low..high")
 def _clamp(scope: Scope, value: Value, low: Value, high: Value) -> Value:
     for i, n in enumerate((value, low, high)):
         require_scalar(n, i)
@@ -150,7 +151,7 @@ def _lerp(scope: Scope, a: Value, b: Value, t: Value) -> Value:
     return operators.add(a, operators.multiply(operators.subtract(b, a, scope), t, scope), scope)
 
 
-@define("step edge value", "0 below the edge, 1 from it on")
+@define("step edge value", "0 below the edge, else 1")
 def _step(scope: Scope, edge: Value, value: Value) -> Value:
     below = operators.compare("less", value, edge, scope)
     return (0.0 if below else 1.0) if isinstance(below, bool) else operators.select(below, 0.0, 1.0, scope)
@@ -166,14 +167,14 @@ def _smoothstep(scope: Scope, low: Value, high: Value, value: Value) -> Value:
     return operators.multiply(operators.multiply(t, t, scope), bend, scope)
 
 
-@define("noise x y? z? seed?", "gradient noise in -1..1, 0 at whole coordinates; of one to three numbers or a list; seed: 1 … for others")
+@define("noise x y? z? seed?", "gradient noise in -1..1 of one to three numbers or a list, 0 at integers; a seed gives other noise")
 def _noise(scope: Scope, x: Value, *rest: Value, **named: Value) -> Value:
-    """Perlin's of 2002. A seed is a whole number: it moves the lattice, which repeats every 256, to another of its 2²⁴ places."""
+    """Perlin noise (2002). An integer seed selects one of the 2²⁴ offsets of the lattice, whose period is 256."""
     if isinstance(x, tuple):
-        beside = [*rest, *named.values()]
-        if len(beside) > 1 or {"y", "z"} & set(named) or not 1 <= len(x) <= 3:
+        others = [*rest, *named.values()]
+        if len(others) > 1 or {"y", "z"} & set(named) or not 1 <= len(x) <= 3:
             raise Mistake(f"noise takes one to three numbers, or a list of them, and a seed; got a list of {len(x)}", argument=0)
-        parts, seed = [require_number(part, 0) for part in x], beside[0] if beside else 0.0
+        parts, seed = [require_number(part, 0) for part in x], others[0] if others else 0.0
     else:
         given = {**dict(zip(("y", "z", "seed"), rest, strict=False)), **named}
         parts = [require_number(part, i) for i, part in enumerate((x, given.get("y", 0.0), given.get("z", 0.0)))]

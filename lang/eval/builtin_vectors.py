@@ -1,4 +1,4 @@
-"""Built-in functions of vectors, which are lists of numbers."""
+"""Built-in functions of vectors, represented as lists of numbers."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _dot(scope: Scope, a: Value, b: Value) -> Value:
 def _cross(scope: Scope, a: Value, b: Value) -> Value:
     for i, v in enumerate((a, b)):
         if len(require_vector(v, i)) != 3:
-            raise Mistake(f"list of 3 wanted, got a list of {len(v)}", argument=i)
+            raise Mistake(f"expected list of 3, got a list of {len(v)}", argument=i)
     a, b = _same_dimensions(a, b, scope)
 
     def minor(i: int, j: int) -> Value:
@@ -40,7 +40,7 @@ def _cross(scope: Scope, a: Value, b: Value) -> Value:
 
 
 def _same_dimensions(a: tuple[Value, ...], b: tuple[Value, ...], scope: Scope) -> tuple[tuple[Value, ...], tuple[Value, ...]]:
-    """Each list with all items of one dimension, so that sums of their products agree."""
+    """Each list with items of one dimension, so that their products have one dimension."""
     return same_dimension(a, scope), same_dimension(b, scope)
 
 

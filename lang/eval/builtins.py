@@ -19,14 +19,14 @@ __all__ = ["CONSTANTS", "FUNCTIONS"]
 # --- lists and strings ----------------------------------------------------------------------------------------------
 
 
-@define("len list", "how many items a list has, or characters a string")
+@define("len list", "number of items of a list, or of characters of a string")
 def _len(scope: Scope, value: Value) -> Value:
     if isinstance(value, str):
         return float(len(value))
     return float(len(require_list(value, 0)))
 
 
-@define("concat first rest*", "lists one behind the other")
+@define("concat first rest*", "concatenation of lists")
 def _concat(scope: Scope, *lists: Value) -> Value:
     limits.check_list(sum(len(require_list(v, i)) for i, v in enumerate(lists)))
     joined: list[Value] = []
@@ -36,31 +36,31 @@ def _concat(scope: Scope, *lists: Value) -> Value:
     return tuple(joined)
 
 
-@define("map function list", "the function of every item")
+@define("map function list", "the function applied to every item")
 def _map(scope: Scope, function: Value, items: Value) -> Value:
     return tuple([scope.call(function, [v]) for v in require_list(items, 1)])
 
 
 @define("filter function list", "the items for which the function is true")
 def _filter(scope: Scope, function: Value, items: Value) -> Value:
-    kept = []
+    selected = []
     for v in require_list(items, 1):
-        keep = scope.call(function, [v])
-        if not isinstance(keep, bool):
-            raise Mistake(f"filter wants a function that gives true or false, got {kind(keep)}", argument=0)
-        if keep:
-            kept.append(v)
-    return tuple(kept)
+        passes = scope.call(function, [v])
+        if not isinstance(passes, bool):
+            raise Mistake(f"filter expects a function with a truth value, got {kind(passes)}", argument=0)
+        if passes:
+            selected.append(v)
+    return tuple(selected)
 
 
-@define("fold function start list", "start, then function(that, item) for every item: the last")
+@define("fold function start list", "result = function(result, item) for every item, from result = start: the last result")
 def _fold(scope: Scope, function: Value, start: Value, items: Value) -> Value:
     for v in require_list(items, 2):
         start = scope.call(function, [start, v])
     return start
 
 
-@define("scan function start list", "start, then function(that, item) for every item: all of them")
+@define("scan function start list", "as fold, but the list of start and all results")
 def _scan(scope: Scope, function: Value, start: Value, items: Value) -> Value:
     results = [start]
     for v in require_list(items, 2):
@@ -68,7 +68,7 @@ def _scan(scope: Scope, function: Value, start: Value, items: Value) -> Value:
     return tuple(results)
 
 
-@define("string value", "a value as text")
+@define("string value", "text of a value")
 def _string(scope: Scope, value: Value) -> Value:
     if is_placeable(value) and value != ():
         raise Mistake(f"cannot make a string of {describe(value)}", argument=0)
@@ -89,12 +89,12 @@ def _check_channels(values: tuple[Value, ...], highest: float, hint: str) -> tup
     return values
 
 
-@define("rgb r g b", "a colour by its linear Rec.709 channels")
+@define("rgb r g b", "a colour from linear Rec.709 channels")
 def _rgb(scope: Scope, r: Value, g: Value, b: Value) -> Value:
     return Color(*_check_channels((r, g, b), math.inf, ""))
 
 
-@define("srgb r g b", "a colour by its sRGB channels, 0..1")
+@define("srgb r g b", "a colour from sRGB channels, 0..1")
 def _srgb(scope: Scope, r: Value, g: Value, b: Value) -> Value:
     channels = _check_channels((r, g, b), 1.0, "write n / 255, or #rrggbb")
     if has_term(*channels):
@@ -102,31 +102,31 @@ def _srgb(scope: Scope, r: Value, g: Value, b: Value) -> Value:
     return Color(*[colors.srgb_to_linear(c) for c in channels])
 
 
-@define("hsv hue saturation value", "a colour by hue (an angle), saturation and value (0..1) of sRGB")
+@define("hsv hue saturation value", "a colour from hue (an angle), saturation and value (0..1) in sRGB")
 def _hsv(scope: Scope, hue: Value, saturation: Value, value: Value) -> Value:
     if has_term(hue, saturation, value):
         raise Mistake("hsv(…) cannot depend on a formula's parameters", "use rgb(…)")
     if isinstance(hue, Quantity) and hue.dimension != units.ANGLE:
-        raise Mistake(f"angle wanted, got {describe(hue)}", argument=0)
-    turned = hue.value if isinstance(hue, Quantity) else bare_radians(require_number(hue), scope)
+        raise Mistake(f"expected angle, got {describe(hue)}", argument=0)
+    radians = hue.value if isinstance(hue, Quantity) else bare_radians(require_number(hue), scope)
     for i, v in enumerate((saturation, value), 1):
         if not 0 <= require_number(v, i) <= 1:
             raise Mistake(f"saturation and value are 0..1, got {units.show_number(v)}", argument=i)
-    return Color(*[colors.srgb_to_linear(min(max(c, 0.0), 1.0)) for c in colors.hsv_to_srgb(turned, saturation, value)])
+    return Color(*[colors.srgb_to_linear(min(max(c, 0.0), 1.0)) for c in colors.hsv_to_srgb(radians, saturation, value)])
 
 
-@define("kelvin temperature", "the colour of a black body, of luminance 1")
+@define("kelvin temperature", "colour of a black body at this temperature, with luminance 1")
 def _kelvin(scope: Scope, temperature: Value) -> Value:
     low, high = colors.KELVIN_RANGE
     if not isinstance(temperature, float) or not low <= temperature <= high:
-        raise Mistake(f"temperature in {low:g}..{high:g} kelvin wanted, got {describe(temperature)}", argument=0)
+        raise Mistake(f"expected temperature in {low:g}..{high:g} kelvin, got {describe(temperature)}", argument=0)
     return Color(*colors.kelvin(temperature))
 
 
 # --- rotations, matrices, fall-off ----------------------------------------------------------------------------------
 
 
-@define("axis direction angle", "a turn about a direction")
+@define("axis direction angle", "a rotation by angle about a direction")
 def _axis(scope: Scope, direction: Value, angle: Value) -> Value:
     if len(require_vector(direction, 0)) != 3 or has_term(*direction):
         raise Mistake("an axis is a list of three numbers", argument=0)
@@ -137,7 +137,7 @@ def _axis(scope: Scope, direction: Value, angle: Value) -> Value:
         return AxisAngle((x, y, z), angle.value)
     if isinstance(angle, float):
         return AxisAngle((x, y, z), _radians_of(angle, scope))
-    raise Mistake(f"angle wanted, got {describe(angle)}", argument=1)
+    raise Mistake(f"expected angle, got {describe(angle)}", argument=1)
 
 
 def _radians_of(angle: float, scope: Scope) -> float:
@@ -147,11 +147,11 @@ def _radians_of(angle: float, scope: Scope) -> float:
         raise Mistake(mistake.message, mistake.hint, argument=1) from None
 
 
-@define("quaternion x y z w", "a turn as a quaternion; normalised when used")
+@define("quaternion x y z w", "a rotation as a quaternion; normalised when used")
 def _quaternion(scope: Scope, *parts: Value) -> Value:
     for i, p in enumerate(parts):
         if not isinstance(p, float):
-            raise Mistake(f"number wanted, got {describe(p)}", argument=i)
+            raise Mistake(f"expected number, got {describe(p)}", argument=i)
     if not any(parts):
         raise Mistake("a quaternion of length 0 is no rotation")
     return Quaternion(*parts)
@@ -161,16 +161,16 @@ def _quaternion(scope: Scope, *parts: Value) -> Value:
 def _matrix(scope: Scope, *rows: Value) -> Value:
     for i, row in enumerate(rows):
         if len(require_vector(row, i)) != 4:
-            raise Mistake(f"row of four numbers wanted, got a list of {len(row)}", argument=i)
+            raise Mistake(f"expected row of four numbers, got a list of {len(row)}", argument=i)
     return rows
 
 
-@define("ramp start end", "a fall-off: full up to start, then linear to nothing at end")
+@define("ramp start end", "a fall-off: 1 up to the distance start, then linear to 0 at end")
 def _ramp(scope: Scope, start: Value, end: Value) -> Value:
     distances = []
     for i, v in enumerate((start, end)):
         if not isinstance(v, float) and not (isinstance(v, Quantity) and v.dimension == units.LENGTH):
-            raise Mistake(f"length wanted, got {describe(v)}", argument=i)
+            raise Mistake(f"expected length, got {describe(v)}", argument=i)
         distances.append(v.value if isinstance(v, Quantity) else operators.bare(v, units.LENGTH, scope))
     if not 0 <= distances[0] < distances[1]:
         raise Mistake("a ramp starts at 0 or more and ends after its start", argument=1)

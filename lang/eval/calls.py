@@ -1,4 +1,4 @@
-"""Calls: functions of the language, functions and parts of scenes, files as parts, and elements."""
+"""Calls of built-in functions, user functions, parts, files and elements."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _NUMBER = re.compile(r"[0-9]{1,15}(\.[0-9]{1,15})?")  # without sign, exponent a
 
 @dataclass(frozen=True, slots=True)
 class ParamUse:
-    """A `param` of one use of its file: what was given for it, by whom."""
+    """A `param` in one use of its file: the given value and the scope of the caller."""
 
     param: ast.Param
     given: ArgumentValue | None
@@ -51,7 +51,7 @@ class ParamUse:
 
 @dataclass(frozen=True, slots=True)
 class Site:
-    """A call: what is called, as written; where; from which scope; and what it was given in braces."""
+    """A call site: the callee as written and its place, the place and scope of the call, the children in braces."""
 
     label: str
     callee: Span
@@ -63,7 +63,7 @@ class Site:
 def call(
     evaluator: Evaluator, node: ast.Node, callee: ast.Node, args: tuple[ast.Argument, ...], block: ast.Block | None, scope: Scope
 ) -> Value:
-    """The value of a call that is written in a scene."""
+    """The value of a call expression."""
     function = evaluator.value(callee, scope)
     label = callee_name(callee)
     if type(function) is Entry and function.planned:
@@ -81,7 +81,7 @@ def call(
     children = None
     if block is not None:
         if not _takes_children(function):
-            evaluator.fail(f"{_titled(function, label)} takes nothing in braces", callee.span, "", scope)
+            evaluator.fail(f"{_title(function, label)} takes nothing in braces", callee.span, "", scope)
         children = evaluator.collect(block, scope)
     try:
         evaluator.meter.step()
@@ -89,11 +89,11 @@ def call(
     except Mistake as mistake:
         evaluator.fail(mistake.message, mistake.span or node.span, mistake.hint, scope)
     except Exhausted as limit:
-        raise located(limit, callee.span, scope) from None
+        raise locate(limit, callee.span, scope) from None
 
 
 def apply_values(evaluator: Evaluator, function: Value, values: list[Value], scope: Scope) -> Value:
-    """The value of a function for values that stand nowhere: called by `map` and the like, or to record a formula."""
+    """The value of a function for values without a place in the source, for `map` and for recording a formula."""
     evaluator.meter.step()
     span = scope.trace[0][1] if scope.trace else Span("")
     if isinstance(function, Closure):
@@ -106,7 +106,7 @@ def apply_values(evaluator: Evaluator, function: Value, values: list[Value], sco
 
 
 def apply(evaluator: Evaluator, function: Value, givens: list[ArgumentValue], site: Site) -> Value:
-    """The value of any function. Raises Mistake for what only the caller can place."""
+    """The value of any callable. Raises Mistake for errors that the caller locates."""
     if type(function) is Entry:
         return make_element(evaluator, function, givens, site)
     if type(function) is Builtin:
@@ -120,7 +120,8 @@ def apply(evaluator: Evaluator, function: Value, givens: list[ArgumentValue], si
     if type(function) is AssetPart:
         given = ArgumentValue("file", site.callee, function.file, site.callee)
         return make_element(evaluator, function.entry, [given, *givens], site)
-    hint = f"it is made already: write transform(…) {{ {site.label} }}" if is_placeable(function) and isinstance(function, Element) else ""
+    is_made = isinstance(function, Element) and is_placeable(function)
+    hint = f"it is an element already: write transform(…) {{ {site.label} }}" if is_made else ""
     raise Mistake(f"only functions and parts are called, not {describe(function)}", hint, span=site.callee)
 
 
@@ -138,7 +139,7 @@ def _takes_children(function: Value) -> bool:
     return False
 
 
-def _titled(function: Value, label: str) -> str:
+def _title(function: Value, label: str) -> str:
     return f"`{label}`" if _is_function(function) else kind(function)
 
 
@@ -146,7 +147,7 @@ def _titled(function: Value, label: str) -> str:
 
 
 def make_element(evaluator: Evaluator, entry: Entry, givens: list[ArgumentValue], site: Site) -> Element:
-    """An element with its arguments checked."""
+    """An element with checked arguments."""
     scope = site.scope
     signature = arguments.signature_of(entry)
     fraction = arguments.fraction(givens)
@@ -174,7 +175,7 @@ def make_element(evaluator: Evaluator, entry: Entry, givens: list[ArgumentValue]
 def _assign(
     evaluator: Evaluator, positional: tuple[str, ...], names: dict[str, str], required: list[str], givens: list[ArgumentValue], site: Site
 ) -> dict[str, ArgumentValue]:
-    """The arguments by parameter; Poisoned after reporting what is wrong with them."""
+    """The arguments by parameter. Raises Poisoned after reporting errors."""
 
     def report(message: str, span: Span, hint: str) -> None:
         evaluator.report(message, span, hint, site.scope.trace)
@@ -216,7 +217,7 @@ def _enter(evaluator: Evaluator, site: Site) -> None:
     evaluator.meter.calls += 1
     if evaluator.meter.calls > MAX_CALLS:
         evaluator.meter.calls -= 1
-        raise Exhausted(f"{site.label} calls itself too deeply: {MAX_CALLS} calls inside each other", "end it with `if … then … else …`")
+        raise Exhausted(f"{site.label} calls itself too deeply: {MAX_CALLS} nested calls", "end it with `if … then … else …`")
 
 
 def _user(evaluator: Evaluator, function: UserFunction, givens: list[ArgumentValue], site: Site) -> Value:
@@ -233,9 +234,9 @@ def _user(evaluator: Evaluator, function: UserFunction, givens: list[ArgumentVal
         assigned = {n: replace(g, value=plain(g.value)) for n, g in assigned.items()}
     for p in parameters:
         given = assigned.get(p.name.id)
-        # A default sees the parameters before it, and beyond them what is outside.
+        # A default sees the parameters before it and the enclosing scope.
         inner.names[p.name.id] = (
-            Thunk(p.name.id, p, inner.beside()) if given is None else _typed(p, given, site, foreign and not function.lent)
+            Thunk(p.name.id, p, inner.snapshot()) if given is None else _coerce(p, given, site, foreign and not function.lent)
         )
     if function.takes_children:
         inner.names["children"] = site.children or ()
@@ -247,13 +248,13 @@ def _user(evaluator: Evaluator, function: UserFunction, givens: list[ArgumentVal
     if foreign and function.lent:
         result = lend(result, function.scope.unit)
     extras = [g for name, g in assigned.items() if name not in positional]
-    return _placed(evaluator, result, extras, site) if extras else result
+    return _wrap(evaluator, result, extras, site) if extras else result
 
 
-def _typed(parameter: ast.Parameter, given: ArgumentValue, site: Site, foreign: bool) -> Value:
-    """The value given for a parameter, converted to the type written for it or implied by the unit of its default.
+def _coerce(parameter: ast.Parameter, given: ArgumentValue, site: Site, foreign: bool) -> Value:
+    """The value given for a parameter, coerced to its declared type or to the dimension of its default.
 
-    `foreign`: the call comes from a file with another unit. Bare numbers keep the meaning that they have there.
+    `foreign`: the call comes from a file with another unit. Bare numbers keep the unit of that file.
     """
     type_name = parameter.type.id if parameter.type else eval_parameters.implied_type(parameter.default)
     if type_name not in eval_parameters.TYPES or (parameter.type is None and not isinstance(given.value, float)):
@@ -265,8 +266,8 @@ def _typed(parameter: ast.Parameter, given: ArgumentValue, site: Site, foreign: 
         raise
 
 
-def _placed(evaluator: Evaluator, result: Value, extras: list[ArgumentValue], site: Site) -> Value:
-    """What a part made, in a group with the transform, material and name that its call was given."""
+def _wrap(evaluator: Evaluator, result: Value, extras: list[ArgumentValue], site: Site) -> Value:
+    """The elements of a part in a group with the transform, material and name of its call."""
     if not is_placeable(result) or result == ():
         for given in extras:
             evaluator.report(f"{site.label} has no `{given.name}`", given.name_span, "it makes no shape", site.scope.trace)
@@ -308,7 +309,7 @@ def _file(evaluator: Evaluator, function: FilePart, givens: list[ArgumentValue],
     _enter(evaluator, site)
     try:
         for name in own:
-            _checked(evaluator, scope, name)
+            _force_param(evaluator, scope, name)
         children = evaluator.collect_file(module, scope)
     finally:
         evaluator.meter.calls -= 1
@@ -316,8 +317,8 @@ def _file(evaluator: Evaluator, function: FilePart, givens: list[ArgumentValue],
     return make_element(evaluator, SCHEMA["group"], extras, Site(site.label, site.callee, site.span, site.scope, children))
 
 
-def _checked(evaluator: Evaluator, scope: Scope, name: str) -> None:
-    """Evaluate a `param` whether or not the file uses it, for what is wrong with the value given."""
+def _force_param(evaluator: Evaluator, scope: Scope, name: str) -> None:
+    """Evaluate a `param`, used or not, to check the given value."""
     thunk = scope.names[name]
     if isinstance(thunk, Thunk):
         evaluator.force(thunk, thunk.label_span(), scope)
@@ -327,7 +328,7 @@ def _checked(evaluator: Evaluator, scope: Scope, name: str) -> None:
 
 
 def evaluate_definition(thunk: Thunk, evaluator: Evaluator) -> Value:
-    """The value of a `let`, a parameter's default or a `param`."""
+    """The value of a `let`, of the default of a parameter or of a `param`."""
     node, scope = thunk.node, thunk.scope
     if isinstance(node, ParamUse):
         return _param(node, evaluator, scope)
@@ -353,7 +354,7 @@ def _param(use: ParamUse, evaluator: Evaluator, scope: Scope) -> Value:
 
 
 def set_value(param: ast.Param, text: str, scope: Scope, evaluator: Evaluator) -> ArgumentValue:
-    """What `--set name=text` gives: an expression of the language, or for a string the text itself. Poisoned after reporting."""
+    """The value of `--set name=text`: an expression, or for a string the text. Raises Poisoned after reporting."""
     name = param.name.id
     is_string = param.type.id == "string" if param.type else isinstance(param.default, ast.String)
     if is_string and not text.lstrip().startswith('"'):
@@ -361,7 +362,7 @@ def set_value(param: ast.Param, text: str, scope: Scope, evaluator: Evaluator) -
     shown = f"--set {name}"
     line = f"let {name} = {text}"
     evaluator.loader.sources[shown] = line
-    if _NUMBER.fullmatch(text):  # what sliders give, in a tenth of the time
+    if _NUMBER.fullmatch(text):  # a fast path for sliders, ten times as fast
         node = ast.Number(Span(shown, 1, len(line) - len(text) + 1, 1, len(line) + 1), float(text), "", text)
         return ArgumentValue(name, node.span, evaluator.value(node, scope), node.span, node)
     found = Diagnostics()
@@ -375,11 +376,11 @@ def set_value(param: ast.Param, text: str, scope: Scope, evaluator: Evaluator) -
     return ArgumentValue(name, node.span, evaluator.value(node, scope), node.span, node)
 
 
-# --- small things ---------------------------------------------------------------------------------------------------
+# --- helpers --------------------------------------------------------------------------------------------------------
 
 
 def callee_name(node: ast.Node) -> str:
-    """What is called, as written: `sphere`, `room.box`."""
+    """The callee as written: `sphere`, `room.box`."""
     if isinstance(node, ast.Name):
         return node.id
     if isinstance(node, ast.Member):
@@ -389,8 +390,8 @@ def callee_name(node: ast.Node) -> str:
     return "the function"
 
 
-def located(limit: Exhausted, span: Span, scope: Scope) -> Exhausted:
-    """The limit with the innermost place that is known for it."""
+def locate(limit: Exhausted, span: Span, scope: Scope) -> Exhausted:
+    """The limit with this place, unless it has a more precise one."""
     if limit.span is None:
         limit.span = span
         limit.trace = scope.trace

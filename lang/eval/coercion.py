@@ -1,4 +1,4 @@
-"""From a value of the language to what an element's argument holds: the schema's types, in base units."""
+"""Coercion of values to the argument types of the schema, in base units."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LIGHT_TYPES = ("intensity", "illuminance", "luminance", "flux")
 
 
 class Place:
-    """Where a value is written: for pointing at it, and for the file's unit."""
+    """The place of a value in the source and its scope, for messages and the unit of the file."""
 
     __slots__ = ("node", "scope", "span")
 
@@ -29,7 +29,7 @@ class Place:
         self.scope = scope
 
     def item(self, index: int) -> Place:
-        """The place of an item of a list: its own if it is written out there, else that of the list."""
+        """The place of an item of a list; that of the list if the item is not a list literal's."""
         node = self.node
         while isinstance(node, ast.Parens):
             node = node.inner
@@ -39,7 +39,7 @@ class Place:
 
 
 def convert(value: Value, arg: Arg, place: Place) -> Any:
-    """`value` as `arg` wants it, within its limits. Raises Mistake with a span."""
+    """`value` coerced to the type of `arg` and checked against its limits. Raises Mistake with a span."""
     try:
         result = _CONVERTERS[arg.type](value, place, arg)
         if result is not None and any(limit is not None for limit in (arg.minimum, arg.maximum, arg.above, arg.below)):
@@ -78,7 +78,7 @@ def _show(value: float, arg: Arg) -> str:
 
 
 def _wrong(value: Value, wanted: str, hint: str = "") -> Mistake:
-    return Mistake(f"{wanted} wanted, got {describe(value)}", hint)
+    return Mistake(f"expected {wanted}, got {describe(value)}", hint)
 
 
 # --- numbers --------------------------------------------------------------------------------------------------------
@@ -138,7 +138,7 @@ Item = Callable[[Value, Place, Arg], Any]
 
 
 def _each(values: tuple[Value, ...], place: Place, arg: Arg, item: Item) -> tuple[Any, ...]:
-    """Every item converted; what is wrong with one points at it. `item` gets the place of the item only if it is a list."""
+    """Every item converted by `item`. An error has the place of its item; `item` itself gets that place only for a list."""
     result = []
     for i, v in enumerate(values):
         try:
@@ -182,7 +182,7 @@ def _list_of(item: Item, wanted: str) -> Item:
 
 
 def _direction(value: Value, place: Place, arg: Arg) -> tuple[float, ...]:
-    """A mix of lengths and bare numbers counts the bare ones in the file's unit."""
+    """A vector of numbers and lengths; in a mix, bare numbers are in the unit of the file."""
     mixed = isinstance(value, tuple) and any(isinstance(v, Quantity) for v in value)
     vector = _exactly(3, _length if mixed else _number_or_length, "list of three numbers or lengths")(value, place, arg)
     if not any(vector):
@@ -193,7 +193,7 @@ def _direction(value: Value, place: Place, arg: Arg) -> tuple[float, ...]:
 def _scale3(value: Value, place: Place, arg: Arg) -> tuple[float, ...]:
     scale = _one_or(3, _number, "number, or list of three")(value, place, arg)
     if not all(scale):
-        raise Mistake(f"`{arg.name}` by 0 leaves nothing")
+        raise Mistake(f"`{arg.name}` cannot be 0")
     return scale
 
 
@@ -260,7 +260,7 @@ def _material(value: Value, place: Place, arg: Arg) -> Any:
         return value
     hint = ""
     if isinstance(value, Color) or category(value) == "texture":
-        hint = "write lambert(…) round it"
+        hint = "wrap it: lambert(…)"
     elif isinstance(value, UserFunction):
         hint = f"call it: {value.let.name.id}(…)"
     elif isinstance(value, Entry) and value.category == "material":
@@ -270,7 +270,7 @@ def _material(value: Value, place: Place, arg: Arg) -> Any:
     raise _wrong(value, "material", hint)
 
 
-# --- the rest -------------------------------------------------------------------------------------------------------
+# --- strings, transforms, fall-off, formulas ------------------------------------------------------------------------
 
 
 def _string(value: Value, place: Place, arg: Arg) -> str:
@@ -331,12 +331,12 @@ def _falloff(value: Value, place: Place, arg: Arg) -> Falloff:
 def _formula(value: Value, place: Place, arg: Arg) -> Any:
     if isinstance(value, Closure | UserFunction):
         return place.scope.evaluator.formula(value, place.scope, place.span)
-    hint = "write it without quotes, behind |x, y, z|" if isinstance(value, str) else ""
+    hint = "write it without quotes, after |x, y, z|" if isinstance(value, str) else ""
     raise _wrong(value, "formula |x, y, z| …", hint)
 
 
 def _within(value: Value, place: Place, arg: Arg) -> Any:
-    """(lowest corner, highest corner, (x, y, z, radius) of a ball or zeros), in metres."""
+    """Bounds in metres: (lowest corner, highest corner, (x, y, z, radius) of a sphere or zeros)."""
     none = (0.0, 0.0, 0.0, 0.0)
     if isinstance(value, Element) and value.kind in ("sphere", "box"):
         args = value.args
@@ -354,7 +354,7 @@ def _within(value: Value, place: Place, arg: Arg) -> Any:
         return low, high, none
     half = _one_or(3, _length, wanted)(value, place, arg)
     if not all(h > 0 for h in half):
-        raise Mistake("what bounds a surface has a size above 0 each way")
+        raise Mistake("the bounds of a surface must have a size above 0 along each axis")
     return tuple(-h for h in half), half, none
 
 

@@ -17,7 +17,7 @@ Trace = tuple[tuple[str, Span], ...]
 
 
 class Thunk:
-    """A definition that is evaluated when it is first used, and once."""
+    """A definition that is evaluated once, at its first use."""
 
     __slots__ = ("label", "node", "scope", "state", "value")
 
@@ -31,24 +31,24 @@ class Thunk:
         self.value: Any = None
 
     def label_span(self) -> Span:
-        """Where the definition stands."""
+        """The place of the definition."""
         return self.node.span if self.node is not None else Span(self.label)
 
     @classmethod
     def failed(cls, label: str, scope: Scope) -> Thunk:
-        """A name whose definition is known to be wrong: using it says nothing more."""
+        """A name whose definition has a reported error. Its uses raise Poisoned."""
         thunk = cls(label, None, scope)
         thunk.state = Thunk.FAILED
         return thunk
 
 
 class Scope:
-    """Names of one block or call, and what its expressions need to know of their place.
+    """The names of one block or call, and the context of its expressions.
 
-    unit   metres in a bare length of the file that the text stands in
-    trace  the calls that led here, innermost first
-    path   dotted names of those calls, for naming elements
-    plain  inside a formula or function literal: bare angles are radians
+    unit   metres in a bare length of the file
+    trace  the chain of calls, innermost first
+    path   dotted names of those calls, for default names of elements
+    plain  inside a formula or function literal, where bare angles are radians
     """
 
     __slots__ = ("evaluator", "meter", "names", "parent", "path", "plain", "trace", "unit")
@@ -64,22 +64,22 @@ class Scope:
         self.plain = False
 
     def inner(self) -> Scope:
-        """A scope inside this one, at the same place in the chain of calls."""
+        """A nested scope with the same chain of calls."""
         scope = Scope(self.evaluator, self.meter, self.unit, self)
         scope.trace = self.trace
         scope.path = self.path
         scope.plain = self.plain
         return scope
 
-    def beside(self) -> Scope:
-        """A scope like this one, with a copy of the names it has so far."""
+    def snapshot(self) -> Scope:
+        """A copy of this scope with its present names."""
         scope = self.inner()
         scope.parent = self.parent
         scope.names = self.names.copy()
         return scope
 
     def called(self, name: str, span: Span, caller: Scope) -> Scope:
-        """A scope inside this one for the body of a function that `caller` calls."""
+        """A nested scope for the body of a function that `caller` calls."""
         scope = Scope(self.evaluator, self.meter, self.unit, self)
         scope.trace = ((name, span), *caller.trace)
         scope.path = f"{caller.path}.{name}" if caller.path else name
@@ -87,7 +87,7 @@ class Scope:
         return scope
 
     def find(self, name: str) -> Any:
-        """What `name` is bound to here or further out; None where it is not known."""
+        """The binding of `name` in this scope or an enclosing one, or None."""
         scope: Scope | None = self
         while scope is not None:
             value = scope.names.get(name)
@@ -97,7 +97,7 @@ class Scope:
         return None
 
     def call(self, function: Any, values: list[Any]) -> Any:
-        """Call a function with values, from a function of the language."""
+        """Call a function with values, from a built-in function."""
         return self.evaluator.call_values(function, values, self)
 
 

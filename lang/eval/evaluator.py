@@ -1,4 +1,4 @@
-"""From syntax tree to elements: the door of the evaluator, and the walk over items and expressions."""
+"""Evaluator entry point: syntax tree to elements. Walks the items of files and blocks."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from .values import PLACEABLE, AssetPart, Closure, Color, FilePart, Mistake, Poi
 
 __all__ = ["Evaluator", "ReadError", "Reader", "Source", "evaluate"]
 
-SHOWN_CALLS = 12  # of a chain of calls in a message
-_sound: set[tuple[str, str, frozenset[str]]] = set()  # files of the library in which the checks found nothing: text, name, names around it
+MAX_TRACE = 12  # calls of a chain in a message
+_linted: set[tuple[str, str, frozenset[str]]] = set()  # library files without lint errors: text, name, outer names
 
 
 def evaluate(
     source: Source, reader: Reader, diagnostics: Diagnostics, *, sets: Mapping[str, str] | None = None, time: float = 0.0,
     seconds: dict[str, float] | None = None,
 ) -> Document:  # fmt: skip
-    """The elements of a scene at `time` seconds, with `sets` as `--set` gives them: text by the name of a `param`.
+    """The elements of a scene at `time` seconds. `sets` maps names of `param`s to the texts of `--set`.
 
-    Never raises on input: what is wrong goes into `diagnostics`, and what can be evaluated is in the result.
-    `seconds["parse"]` is set to the time that parsing took of it.
+    Never raises on input: adds errors to `diagnostics` and returns the elements without errors. Sets `seconds["parse"]` to the
+    parsing time.
     """
     limits.deepen_stack()
     evaluator = Evaluator(reader, diagnostics, time)
@@ -46,7 +46,7 @@ def evaluate(
 
 @dataclass
 class Sink:
-    """Where the elements of a block go. `scene` is the file being rendered, `file` one that is used, `block` all others."""
+    """Receiver of placed elements. `role` is `scene` for the rendered file, `file` for a used file, `block` for blocks."""
 
     role: str
     elements: list[Element] = field(default_factory=list)
@@ -55,20 +55,20 @@ class Sink:
 
 
 class Evaluator:
-    """One evaluation: its counters, its files, and the functions from syntax to values."""
+    """One evaluation: its files, counters and messages. Implements context.Evaluator."""
 
     def __init__(self, reader: Reader, diagnostics: Diagnostics, time: float) -> None:
         self.diagnostics = diagnostics
         self.meter = Meter()
         self.loader = Loader(reader, diagnostics, self._check)
-        self.weights: dict[Element, int] = {}  # elements in a block, counting what it repeats
+        self.weights: dict[Element, int] = {}  # number of elements in a block, with repetitions
         self.root = Scope(self, self.meter)
         self.root.names.update(schema_elements.SCHEMA)
         self.root.names.update(builtins.FUNCTIONS)
         self.root.names.update(builtins.CONSTANTS)
         self.root.names["time"] = units.Quantity(time, units.TIME)
         self.root.names["children"] = ()
-        self.outer = self.root  # with the prelude, once it is there
+        self.outer = self.root  # replaced by the scope of the prelude
         self._instances: dict[Module, Scope] = {}
         self._reported: set[tuple[Span | None, str]] = set()
         self._limits: set[str] = set()
@@ -78,14 +78,14 @@ class Evaluator:
     # --- messages ---
 
     def report(self, message: str, span: Span | None, hint: str = "", trace: tuple[tuple[str, Span], ...] = ()) -> None:
-        """An error at `span`; the second one there says nothing that the first does not.
+        """Report an error at `span`, once for each place.
 
-        What goes wrong within the library is told where it was called from outside, with what may be given there.
+        An error inside the library is reported at the call from outside, with the parameters of the called function.
         """
         calls = [k for k, (_, at) in enumerate(trace) if not _of_library(at)]
         if span and _of_library(span) and calls:
             (name, at), inner = trace[calls[0]], trace[calls[0] - 1][1] if calls[0] else span
-            message, span, trace = f"{name} cannot be made so: {message}", at, trace[calls[0] + 1 :]
+            message, span, trace = f"{name}cannot be made with these arguments: {message}", at, trace[calls[0] + 1 :]
             hint = _takes(name, self.loader.sources.get(inner.file))
         key = (span, "" if span else message)
         if key not in self._reported:
@@ -104,7 +104,7 @@ class Evaluator:
     # --- files ---
 
     def document(self, source: Source, sets: Mapping[str, str]) -> Document:
-        """The scene in `source`."""
+        """The evaluated scene of `source`."""
         self._load_prelude(source)
         module = self.loader.load(source, library=False)
         sink = Sink("scene")
@@ -132,21 +132,21 @@ class Evaluator:
             outer |= lint.names_of(self.loader.prelude.file) | self.loader.prelude.broken
         main = len(self.loader.chain) == 1 and module is not self.loader.prelude
         known = module.source.text, module.source.name, frozenset(outer)
-        if not main and known in _sound:
+        if not main and known in _linted:
             return
         before = len(self.diagnostics.items)
         lint.check_file(module, outer, self.report, self.diagnostics, main)
         if module.of_library and not module.broken and len(self.diagnostics.items) == before:
-            _sound.add(known)
+            _linted.add(known)
 
     def module_scope(self, module: Module, outer: Scope) -> Scope:
-        """The scope of a file with the defaults of its `param`s; made once."""
+        """The scope of a file with the defaults of its `param`s, created once."""
         if module not in self._instances:
             self._instances[module] = self.instance(module, {}, "", None, outer)
         return self._instances[module]
 
     def instance(self, module: Module, given: Mapping[str, ArgumentValue], label: str, call: Span | None, caller: Scope) -> Scope:
-        """A new scope of a file, with these values for its `param`s."""
+        """A new scope of a file with these values for its `param`s."""
         outer = self.outer if module is not self.loader.prelude else self.root
         scope = Scope(self, self.meter, module.scale, outer)
         if call is not None:
@@ -181,7 +181,7 @@ class Evaluator:
                 except (Poisoned, Mistake):
                     continue  # reported when the `param` was evaluated
                 except Exhausted as limit:
-                    raise calls.located(limit, item.name.span, scope) from None
+                    raise calls.locate(limit, item.name.span, scope) from None
         return infos
 
     def given_sets(self, module: Module, sets: Mapping[str, str]) -> dict[str, ArgumentValue]:
@@ -204,12 +204,12 @@ class Evaluator:
     # --- items ---
 
     def _place_scene(self, items: tuple[ast.Item, ...], scope: Scope, sink: Sink) -> None:
-        """Evaluate the items of the scene itself: here even an item that reaches a limit leaves the others be."""
+        """Evaluate the items of the scene. An item that reaches a limit does not stop the others."""
         for item in items:
             self._guarded(item.span, lambda item=item: self.place_items((item,), scope, sink, rest=False))
         for thunk in list(scope.names.values()):
             if isinstance(thunk, Thunk):
-                self._guarded(thunk.label_span(), lambda thunk=thunk: self._force_waiting(thunk, scope))
+                self._guarded(thunk.label_span(), lambda thunk=thunk: self._force_unused(thunk, scope))
 
     def _guarded(self, span: Span, run: Callable[[], None]) -> None:
         try:
@@ -217,10 +217,10 @@ class Evaluator:
         except Exhausted as limit:
             self._exhausted(limit)
         except RecursionError:
-            self.report("this is nested too deeply", span, "fewer expressions inside each other in a function that calls itself")
+            self.report("this is nested too deeply", span, "reduce nested expressions in a recursive function")
 
     def place_items(self, items: tuple[ast.Item, ...], scope: Scope, sink: Sink, rest: bool = True) -> None:
-        """Evaluate the items of a block in order, going on behind one that is wrong; then, with `rest`, what nothing has used."""
+        """Evaluate the items of a block in order, skipping those with errors; with `rest` also the unused definitions."""
         for item in items:
             place = _ITEMS.get(type(item))
             if place is not None:
@@ -231,10 +231,10 @@ class Evaluator:
         if rest and sink.role != "file":
             for thunk in list(scope.names.values()):
                 if type(thunk) is Thunk:
-                    self._force_waiting(thunk, scope)
+                    self._force_unused(thunk, scope)
 
-    def _force_waiting(self, thunk: Thunk, scope: Scope) -> None:
-        """Evaluate a definition that nothing has used, for what is wrong with it."""
+    def _force_unused(self, thunk: Thunk, scope: Scope) -> None:
+        """Evaluate an unused definition to report its errors."""
         if thunk.state == Thunk.WAITING:
             try:
                 self.force(thunk, thunk.label_span(), scope)
@@ -242,7 +242,7 @@ class Evaluator:
                 return
 
     def block(self, block: ast.Block, scope: Scope, sink: Sink, names: Mapping[str, Value] | None = None) -> None:
-        """Evaluate a block in a scope of its own, in which `names` stand beside its `let`s."""
+        """Evaluate a block in a new scope with `names` and its `let`s."""
         inner = scope.inner()
         if names:
             inner.names.update(names)
@@ -266,13 +266,13 @@ class Evaluator:
             try:
                 self.meter.step()
             except Exhausted as limit:
-                raise calls.located(limit, item.source.span, scope) from None
+                raise calls.locate(limit, item.source.span, scope) from None
             self.block(item.block, scope, sink, {item.name.id: value})
 
     def _place_if(self, item: ast.If, scope: Scope, sink: Sink) -> None:
         condition = truth(self, item.condition, scope, "`if`")
         if not isinstance(condition, bool):
-            self.fail("what is placed cannot depend on a formula's parameters", item.condition.span, "", scope)
+            self.fail("placement cannot depend on a formula's parameters", item.condition.span, "", scope)
         if condition:
             self.block(item.yes, scope, sink)
         elif isinstance(item.no, ast.Block):
@@ -285,10 +285,10 @@ class Evaluator:
         try:
             self.place(value, item.expression, scope, sink)
         except Exhausted as limit:
-            raise calls.located(limit, item.expression.span, scope) from None
+            raise calls.locate(limit, item.expression.span, scope) from None
 
     def place(self, value: Value, node: ast.Node, scope: Scope, sink: Sink) -> None:
-        """Put what an item gave where it belongs."""
+        """Add the value of an item to the sink. Fails for values that cannot be placed."""
         if isinstance(value, tuple):
             for v in value:
                 self.meter.step()
@@ -300,7 +300,7 @@ class Evaluator:
             if sink.role == "scene":
                 self._weigh(sink)
         elif found in ("camera", "setting"):
-            self._place_apart(value, found, node, scope, sink)
+            self._place_setting(value, found, node, scope, sink)
         else:
             message, hint = _unplaceable(value, found, node)
             self.fail(message, node.span, hint, scope)
@@ -311,31 +311,31 @@ class Evaluator:
             sink.elements.pop()
             raise limits.too_many_elements()
 
-    def _place_apart(self, element: Element, found: str, node: ast.Node, scope: Scope, sink: Sink) -> None:
+    def _place_setting(self, element: Element, found: str, node: ast.Node, scope: Scope, sink: Sink) -> None:
         if sink.role == "file":
-            return  # a used file gives its shapes and lights only
+            return  # of a used file only shapes and lights are placed
         if sink.role == "block":
-            self.fail(f"`{element.kind}` stands at the top level of a scene, not in a block", node.span, "", scope)
+            self.fail(f"`{element.kind}` belongs at the top level of a scene, not in a block", node.span, "", scope)
         if found == "camera":
             sink.cameras.append(element)
         elif element.kind in sink.settings:
             first = sink.settings[element.kind].span
-            self.fail(f"`{element.kind}` stands twice in this scene", node.span, f"the first is in line {first.line}", scope)
+            self.fail(f"`{element.kind}` occurs twice in this scene", node.span, f"the first is in line {first.line}", scope)
         else:
             sink.settings[element.kind] = element
 
     # --- names ---
 
     def force(self, thunk: Thunk, span: Span, scope: Scope) -> Value:
-        """The value of a definition, evaluated when it is first asked for."""
+        """The value of a definition, evaluated at its first use."""
         if thunk.state == Thunk.DONE:
             return thunk.value
         if thunk.state == Thunk.FAILED:
             raise Poisoned
         if thunk.state == Thunk.RUNNING:
             names = [t.label for t in self._running[self._running.index(thunk) :]]
-            hint = f"`{thunk.label}` means the one that is being defined; give that another name" if len(names) == 1 else ""
-            self.fail(f"`{thunk.label}` is defined by itself: {' → '.join([*names, thunk.label])}", span, hint, scope)
+            hint = f"`{thunk.label}` refers to the definition itself; rename one of them" if len(names) == 1 else ""
+            self.fail(f"`{thunk.label}` depends on itself: {' → '.join([*names, thunk.label])}", span, hint, scope)
         thunk.state = Thunk.RUNNING
         self._running.append(thunk)
         try:
@@ -349,13 +349,13 @@ class Evaluator:
         return thunk.value
 
     def value(self, node: ast.Node, scope: Scope) -> Value:
-        """The value of an expression. Raises Poisoned after reporting what is wrong with it."""
+        """The value of an expression. Raises Poisoned after reporting errors."""
         return EXPRESSIONS[type(node)](self, node, scope)
 
-    # --- for functions of the language ---
+    # --- for built-in functions ---
 
     def call_values(self, function: Value, values: list[Value], scope: Scope) -> Value:
-        """Call a function with values from a function of the language, such as `map`. The place is that of the call."""
+        """Call a function with values, from a built-in function such as `map`. The place is that of the call."""
         return calls.apply_values(self, function, values, scope)
 
     def formula(self, function: Closure | UserFunction, scope: Scope, span: Span) -> Formula:
@@ -397,10 +397,10 @@ def _results(result: Value) -> tuple[tuple[Value, ...], str]:
 
 
 def _unplaceable(value: Value, found: str, node: ast.Node) -> tuple[str, str]:
-    """Why a value cannot stand on a line of its own, and what to do."""
+    """The message and the hint for a value that cannot be placed."""
     if found in ("material", "texture"):
         use = "sphere(material: …)" if found == "material" else "lambert(…)"
-        return f"a {found} cannot be placed by itself", f"give it to something, as in {use}, or name it with `let`"
+        return f"a {found} cannot be placed", f"use it as an argument, as in {use}, or name it with `let`"
     if isinstance(node, ast.Name | ast.Member) and isinstance(value, argument_types.Entry | UserFunction | FilePart | AssetPart):
         name = calls.callee_name(node)
         return f"`{name}` is not called", f"write {name}()"
@@ -414,18 +414,18 @@ def _of_library(span: Span) -> bool:
 
 
 def _takes(name: str, text: str | None) -> str:
-    """What a function of the library takes, as its text says it."""
+    """The hint with the parameters of a library function, as its source text declares them."""
     found = re.search(rf"^let {re.escape(name.rpartition('.')[2])}\(([^)]*)\)", text or "", re.MULTILINE)
     return f"it takes {' '.join(found[1].split())}" if found else ""
 
 
 def _shorten(trace: tuple[tuple[str, Span], ...]) -> tuple[tuple[str, Span], ...]:
-    """A chain of calls with the middle of a long one left out."""
-    if len(trace) <= SHOWN_CALLS:
+    """A chain of calls of at most MAX_TRACE entries, without its middle."""
+    if len(trace) <= MAX_TRACE:
         return trace
-    head = SHOWN_CALLS // 2
-    left_out = len(trace) - SHOWN_CALLS + 1
-    return (*trace[:head], (f"… {left_out} more …", trace[head][1]), *trace[len(trace) - SHOWN_CALLS + head + 1 :])
+    head = MAX_TRACE // 2
+    left_out = len(trace) - MAX_TRACE + 1
+    return (*trace[:head], (f"… {left_out} more …", trace[head][1]), *trace[len(trace) - MAX_TRACE + head + 1 :])
 
 
 _ITEMS: dict[type, Callable[[Evaluator, Any, Scope, Sink], None]] = {

@@ -1,4 +1,4 @@
-"""Expressions: from each kind of node to its value."""
+"""Evaluation of each kind of expression node."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _name(evaluator: Evaluator, node: ast.Name, scope: Scope) -> Value:
     if type(value) is Thunk:
         return value.value if value.state == Thunk.DONE else evaluator.force(value, node.span, scope)
     if value is None:
-        evaluator.fail(*_unknown(node), scope)  # where check.py has not: in a `--set`
+        evaluator.fail(*_unknown(node), scope)  # lint.py reports it except in a `--set`
     return value
 
 
@@ -64,26 +64,26 @@ def _list(evaluator: Evaluator, node: ast.ListLiteral, scope: Scope) -> Value:
     return tuple(values)
 
 
-def _each(evaluator: Evaluator, node: ast.Each, scope: Scope) -> Value:
+def _comprehension(evaluator: Evaluator, node: ast.Each, scope: Scope) -> Value:
     values = []
     for value in source(evaluator, node.source, scope, "a list comprehension"):
         evaluator.meter.step()
         inner = scope.inner()
         inner.names[node.name.id] = value
-        if node.condition is None or _decided(evaluator, node.condition, inner, "`if`"):
+        if node.condition is None or _known_truth(evaluator, node.condition, inner, "`if`"):
             values.append(EXPRESSIONS[type(node.body)](evaluator, node.body, inner))
     return tuple(values)
 
 
 def truth(evaluator: Evaluator, node: ast.Node, scope: Scope, doing: str) -> Value:
-    """A truth value, or a formula's."""
+    """The value of an expression that is true, false or a formula's truth value."""
     value = EXPRESSIONS[type(node)](evaluator, node, scope)
     if value is True or value is False or (isinstance(value, Term) and value.truth):
         return value
-    evaluator.fail(f"{doing} wants true or false, got {kind(value)}", node.span, "", scope)
+    evaluator.fail(f"{doing} needs true or false, got {kind(value)}", node.span, "", scope)
 
 
-def _decided(evaluator: Evaluator, node: ast.Node, scope: Scope, doing: str) -> bool:
+def _known_truth(evaluator: Evaluator, node: ast.Node, scope: Scope, doing: str) -> bool:
     value = truth(evaluator, node, scope, doing)
     if not isinstance(value, bool):
         evaluator.fail("the items of a list cannot depend on a formula's parameters", node.span, "", scope)
@@ -124,7 +124,7 @@ def _binary(evaluator: Evaluator, node: ast.Binary, scope: Scope) -> Value:
     except Mistake as mistake:
         evaluator.fail(mistake.message, mistake.span or node.span, mistake.hint, scope)
     except Exhausted as limit:
-        raise calls.located(limit, node.span, scope) from None
+        raise calls.locate(limit, node.span, scope) from None
 
 
 def _logic(evaluator: Evaluator, node: ast.Binary, scope: Scope) -> Value:
@@ -153,7 +153,7 @@ def _index(evaluator: Evaluator, node: ast.Index, scope: Scope) -> Value:
     if not isinstance(items, tuple):
         evaluator.fail(f"only a list has items, not {kind(items)}", node.object.span, "", scope)
     if not isinstance(index, float) or index != int(index):
-        evaluator.fail(f"whole number wanted, got {describe(index)}", node.index.span, "", scope)
+        evaluator.fail(f"expected whole number, got {describe(index)}", node.index.span, "", scope)
     if not 0 <= index < len(items):
         last = f"the last is [{len(items) - 1}]" if items else "it is empty"
         evaluator.fail(f"there is no item {int(index)} in a list of {len(items)}", node.index.span, f"items count from 0; {last}", scope)
@@ -198,6 +198,7 @@ def _with_children(evaluator: Evaluator, node: ast.WithChildren, scope: Scope) -
 
 
 def source(evaluator: Evaluator, node: ast.Node, scope: Scope, what: str) -> tuple[Value, ...]:
+    """The list that a loop or comprehension iterates over."""
     value = evaluator.value(node, scope)
     if not isinstance(value, tuple):
         evaluator.fail(f"{what} runs over a list or a range, not over {kind(value)}", node.span, "", scope)
@@ -222,7 +223,7 @@ EXPRESSIONS: dict[type, Callable[[Any, Any, Scope], Value]] = {
     ast.ColorLiteral: _color,
     ast.Name: _name,
     ast.ListLiteral: _list,
-    ast.Each: _each,
+    ast.Each: _comprehension,
     ast.Choose: _choose,
     ast.Function: _function,
     ast.Binary: _binary,

@@ -1,4 +1,4 @@
-"""What can be told from a file without evaluating it: names that are unknown, defined twice, misplaced or never used."""
+"""Linter: unknown, duplicate, misplaced and unused names of a file."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ Chain = tuple[dict[str, Definition], ...]  # innermost first
 
 
 def check_file(module: Module, outer: Iterable[str], report: Report, diagnostics: Diagnostics, main: bool) -> None:
-    """Report what is wrong with the names of a file. `outer` are the names it finds beyond its own.
+    """Report the errors in the names of a file. `outer` are the names of the enclosing scopes.
 
-    In the scene itself (`main`), a `let` that nothing uses is warned about, unless the file places nothing: it is there to be used.
+    In the rendered scene (`main`) an unused `let` gets a warning, unless the file places nothing and so serves other files.
     """
     places = any(isinstance(item, ast.ElementItem | ast.For | ast.If) for item in module.file.items)
     _Checker({*outer, *module.broken}, report, diagnostics if main and places else None).file(module.file)
@@ -69,25 +69,25 @@ class _Checker:
             self.report(f"`{name}` cannot be a name", use.path.span, f'write use "{use.path.value}" as …')
 
     def _items(self, items: tuple[ast.Item, ...], chain: Chain, bound: Iterable[Definition] = ()) -> None:
-        """A block: `bound` stand in its scope beside its own definitions."""
+        """Check a block whose scope has its definitions and `bound`."""
         scope: dict[str, Definition] = {}
         for definition in (*bound, *_definitions(items)):
             self._define(definition, scope)
         for item in items:
             if chain and isinstance(item, ast.Param | ast.Use | ast.Unit):
                 what = type(item).__name__.lower()
-                self.report(f"`{what}` stands at the top level of a file, not in a block", item.span, "")
+                self.report(f"`{what}` belongs at the top level of a file, not in a block", item.span, "")
             self._visit(item, (scope, *chain))
-        self._warn(scope)
+        self._warn_unused(scope)
 
     def _define(self, definition: Definition, scope: dict[str, Definition]) -> None:
         first = scope.setdefault(definition.name, definition)
         if first is not definition:
             self.report(f"`{definition.name}` is defined twice", definition.span, f"the first is in line {first.span.line}")
         elif definition.name in RESERVED:
-            self.report(f"`{definition.name}` cannot be a name", definition.span, "the language has it")
+            self.report(f"`{definition.name}` cannot be a name", definition.span, "it is reserved by the language")
 
-    def _warn(self, scope: dict[str, Definition]) -> None:
+    def _warn_unused(self, scope: dict[str, Definition]) -> None:
         for d in scope.values():
             if self.unused is not None and d.kind == "let" and not d.used and not d.name.startswith("_"):
                 self.unused.warning(f"`{d.name}` is never used", d.span)
@@ -102,7 +102,7 @@ class _Checker:
             case ast.Name():
                 self._name(node, chain)
             case ast.Member(object=ast.Name() as name) if node.name.id in suggestions.FILES and not self._is_known(name.id, chain):
-                self.report(f"there is no `{name.id}` here", name.span, f'a file stands in quotes: write "{name.id}.{node.name.id}"')
+                self.report(f"there is no `{name.id}` here", name.span, f'a file name is quoted: write "{name.id}.{node.name.id}"')
             case ast.Member():
                 self._visit(node.object, chain)
             case ast.Argument():

@@ -1,4 +1,4 @@
-"""Files: reading what `use` names, once, and what a file is when it is used."""
+"""Module loader: reads, parses and caches the files named by `use`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..syntax.parser import parse
 
 
 class ReadError(Exception):
-    """A file that cannot be used; the message says why, the hint what to do."""
+    """A file that cannot be used, with message and hint."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -27,7 +27,7 @@ class ReadError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """The text of a file. `name` is shown in messages; `path` is its identity."""
+    """The text of a file. `name` is its name in messages; `path` identifies it."""
 
     name: str
     text: str
@@ -35,18 +35,18 @@ class Source:
 
 
 class Reader(Protocol):
-    """What gives the text of files: the compiler, which owns the disk."""
+    """Provider of file texts, implemented by the compiler."""
 
     def scene(self, path: str, importer: str, span: Span) -> Source:
-        """The file that `use "path"` names in the file whose path is `importer`; "std/…" is of the library. Raises ReadError."""
+        """The file of `use "path"` in the file with path `importer`; "std/…" is a library file. Raises ReadError."""
         ...
 
 
 @dataclass(eq=False)
 class Module:
-    """A file that was read: its tree, and the unit of its bare lengths in metres.
+    """A parsed file. `unit` and `scale` are the unit of its bare lengths and its metres.
 
-    `broken` are names that are known to be wrong: of items with syntax errors, and of files that cannot be used.
+    `broken` are names with reported errors: of items with syntax errors, and of files that cannot be used.
     """
 
     source: Source
@@ -60,11 +60,11 @@ class Module:
 
 @dataclass
 class Loader:
-    """Reads each file once, and finds cycles."""
+    """Reads each file once and detects cycles."""
 
     reader: Reader
     diagnostics: Diagnostics
-    check: Callable[[Module], None]  # the static checks of a module whose uses were read
+    check: Callable[[Module], None]  # static checks of a module, called after its uses are loaded
     modules: dict[str, Module] = field(default_factory=dict)
     sources: dict[str, str] = field(default_factory=dict)
     files: list[str] = field(default_factory=list)
@@ -73,7 +73,7 @@ class Loader:
     parsing: float = 0.0  # seconds spent in the parser
 
     def load(self, source: Source, library: bool, span: Span | None = None, prelude: bool = False) -> Module:
-        """The module of a source that is not being loaded already, with everything it uses."""
+        """The module of a source with all modules that it uses. The source must not be in the current chain."""
         if source.path in self.modules:
             return self.modules[source.path]
         self.sources[source.name] = source.text
@@ -82,7 +82,7 @@ class Loader:
         self.chain.append((source, span))
         before = len(self.diagnostics.items)
         started = clock.perf_counter()
-        file = _parsed(source.text, source.name, self.diagnostics)
+        file = _parse(source.text, source.name, self.diagnostics)
         self.parsing += clock.perf_counter() - started
         unit = self._unit(file)
         module = Module(source, file, unit, units.UNITS[unit][0], library, set(file.broken))
@@ -98,7 +98,7 @@ class Loader:
         return module
 
     def _add_chain(self, before: int) -> None:
-        """Show how a used file was reached, on what was found in it."""
+        """Add the chain of uses to the diagnostics of the current file."""
         trace = tuple((source.name, span) for source, span in reversed(self.chain) if span is not None)
         if trace:
             own = self.chain[-1][0].name
@@ -111,14 +111,14 @@ class Loader:
     def _unit(self, file: ast.File) -> str:
         found = [item for item in file.items if isinstance(item, ast.Unit)]
         for item in found[1:]:
-            self.diagnostics.error("`unit` stands twice in this file", item.span, f"the first is in line {found[0].span.line}")
+            self.diagnostics.error("`unit` occurs twice in this file", item.span, f"the first is in line {found[0].span.line}")
         if not found:
             return "m"
         name = found[0].name
         if units.UNITS.get(name.id, (0, units.NONE))[1] == units.LENGTH:
             return name.id
         lengths = ", ".join(sorted({u for u, (_, d) in units.UNITS.items() if d == units.LENGTH and u.isascii() and u not in KEYWORDS}))
-        self.diagnostics.error(f"unit of length wanted, got `{name.id}`", name.span, f"one of {lengths}")
+        self.diagnostics.error(f"expected unit of length, got `{name.id}`", name.span, f"one of {lengths}")
         return "m"
 
     def _use(self, use: ast.Use, module: Module) -> None:
@@ -151,32 +151,32 @@ class Loader:
 PRELUDE = "std/prelude"
 
 
-LONGEST_KEPT = 100_000  # characters: trees take some hundred times the room of their text
+MAX_CACHED_TEXT = 100_000  # characters; a tree takes about 100 times the memory of its text
 
 
 @lru_cache(maxsize=32)
-def _parse_kept(text: str, name: str) -> ast.File | None:
+def _parse_cached(text: str, name: str) -> ast.File | None:
     diagnostics = Diagnostics()
     file = parse(text, name, diagnostics)
     return None if diagnostics.items else file
 
 
-def _parsed(text: str, name: str, diagnostics: Diagnostics) -> ast.File:
-    """The tree of a file, kept from one evaluation to the next. A file with errors is parsed again to report them."""
-    kept = _parse_kept(text, name) if len(text) <= LONGEST_KEPT else None
-    return kept or parse(text, name, diagnostics)
+def _parse(text: str, name: str, diagnostics: Diagnostics) -> ast.File:
+    """The tree of a file, cached across evaluations. A file with errors is parsed again to report them."""
+    cached = _parse_cached(text, name) if len(text) <= MAX_CACHED_TEXT else None
+    return cached or parse(text, name, diagnostics)
 
 
 def is_asset(path: str) -> bool:
-    """Whether `use` of this path binds a mesh or USD file rather than a scene."""
+    """Whether this path is a mesh or USD file, not a scene."""
     return path.lower().endswith(file_types.USD + file_types.MESH)
 
 
 def asset_kind(path: str) -> str:
-    """The element that a mesh or USD file becomes."""
+    """The element for a mesh or USD file."""
     return "usd" if path.lower().endswith(file_types.USD) else "mesh"
 
 
 def use_name(use: ast.Use) -> str:
-    """The name that `use` binds: the alias, or the last part of the path without its extension."""
+    """The name that `use` binds: the alias, or the file name without its extension."""
     return use.alias.id if use.alias else use.path.value.replace("\\", "/").rsplit("/", 1)[-1].rsplit(".", 1)[0]

@@ -1,4 +1,4 @@
-"""Arithmetic and comparison on values of the language, with dimensions checked and formulas recorded."""
+"""Arithmetic and comparison of values, with dimension checks and recording of formulas."""
 
 from __future__ import annotations
 
@@ -16,30 +16,32 @@ _SYMBOLS = {"add": "+", "subtract": "-", "less": "<", "at_most": "<=", "greater"
 
 
 def is_scalar(value: Value) -> bool:
+    """Whether a value is a number, a quantity or a number of a formula."""
     return isinstance(value, float | Quantity) or (isinstance(value, Term) and not value.truth)
 
 
 def split(value: float | Quantity) -> tuple[float, Dimension]:
+    """The value in base units and the dimension."""
     return (value.value, value.dimension) if isinstance(value, Quantity) else (value, units.NONE)
 
 
 def checked(value: float, dimension: Dimension = units.NONE) -> float | Quantity:
-    """A result, or a Mistake where it left the numbers."""
+    """A result as a float or Quantity. Raises Mistake if it is infinite or nan."""
     if not math.isfinite(value):
         raise Mistake("the result is too large for a number")
     return units.quantity(float(value), dimension)
 
 
 def bare_fix(value: float, dimension: Dimension) -> Mistake:
-    """What to say where a bare number stands and something with a unit is wanted."""
+    """The error for a bare number in place of a quantity."""
     number = units.show_number(value)
     write = {units.ANGLE: ("deg", "rad"), units.TIME: ("s",), **{d: (u,) for d, u in units.QUANTITIES.values() if d[3]}}.get(dimension, ())
     hint = "write " + " or ".join(number + unit for unit in write) if write else f"give it a unit: {units.symbol(dimension)}"
-    return Mistake(f"{units.name(dimension)} wanted, got the bare number {number}", hint)
+    return Mistake(f"expected {units.name(dimension)}, got the bare number {number}", hint)
 
 
 def unify(a: float | Quantity, b: float | Quantity, scope: Scope, doing: str) -> tuple[float, float, Dimension]:
-    """Two numbers of one dimension. 0 fits every dimension; a bare number beside a length is in the file's unit."""
+    """Two numbers and their common dimension. 0 has every dimension; a bare number next to a length is in the unit of the file."""
     x, da = split(a)
     y, db = split(b)
     if da == db:
@@ -52,7 +54,7 @@ def unify(a: float | Quantity, b: float | Quantity, scope: Scope, doing: str) ->
 
 
 def bare(value: float, dimension: Dimension, scope: Scope) -> float:
-    """A bare number where `dimension` is wanted, in base units."""
+    """A bare number as a quantity of `dimension`, in base units. Raises Mistake."""
     if dimension == units.LENGTH and isinstance(value, ForeignNumber):
         return value.metres
     if value == 0:
@@ -65,7 +67,7 @@ def bare(value: float, dimension: Dimension, scope: Scope) -> float:
 
 
 def unify_all(numbers: list[float | Quantity], scope: Scope, doing: str) -> tuple[list[float], Dimension]:
-    """Any count of numbers brought to one dimension."""
+    """Any count of numbers and their common dimension."""
     dimension = next((n.dimension for n in numbers if isinstance(n, Quantity)), units.NONE)
     sample = units.quantity(0.0, dimension)
     return [unify(n, sample, scope, doing)[0] for n in numbers], dimension
@@ -89,7 +91,7 @@ def foreign(value: float, metres: float) -> ForeignNumber:
 
 
 def lift(graph: Graph, value: Value) -> Term:
-    """A value as a term of `graph`: lengths become plain numbers of its unit, angles radians, the rest base units."""
+    """A value as a term of `graph`: lengths in the unit of the graph, angles in radians, the rest in base units."""
     if isinstance(value, Term):
         if value.graph is not graph:
             raise Mistake("a formula cannot use what another formula is called with")
@@ -103,16 +105,17 @@ def lift(graph: Graph, value: Value) -> Term:
             return graph.constant(split(checked(value.value / graph.unit ** value.dimension[0]))[0])
         except ArithmeticError:
             raise Mistake("the result is too large for a number") from None
-    raise Mistake(f"a number wanted, got {kind(value)}")
+    raise Mistake(f"expected a number, got {kind(value)}")
 
 
 def record(op: str, *args: Value) -> Term:
-    """The term of `op` on values of which one at least is a term."""
+    """The term of `op` on values of which at least one is a term."""
     graph = next(a.graph for a in args if isinstance(a, Term))
     return graph.apply(op, *[lift(graph, a) for a in args])
 
 
 def has_term(*args: Value) -> bool:
+    """Whether a value is a term."""
     return any(isinstance(a, Term) for a in args)
 
 
@@ -151,7 +154,7 @@ def _sum(op: str, a: Value, b: Value, scope: Scope) -> Value:
 
 def _elementwise(op: str, a: tuple[Value, ...], b: tuple[Value, ...], scope: Scope) -> Value:
     if len(a) != len(b):
-        hint = "`+` adds item by item; write concat(a, b) to put one behind the other" if op == "add" else ""
+        hint = "`+` adds item by item; write concat(a, b) to join them" if op == "add" else ""
         raise Mistake(f"cannot {op} a list of {len(a)} and a list of {len(b)}", hint)
     scope.meter.step(len(a))
     return tuple([_sum(op, x, y, scope) for x, y in zip(a, b, strict=True)])
@@ -187,7 +190,7 @@ def divide(a: Value, b: Value, scope: Scope) -> Value:
     if is_scalar(a):
         if has_term(a, b):
             if not has_term(b) and split(b)[0] == 0:
-                raise Mistake("division by 0", "a formula that divides by 0 has a value nowhere: divide by another number")
+                raise Mistake("division by 0", "a formula that divides by 0 has no values: divide by another number")
             return record("divide", a, b)
         x, da = split(a)
         y, db = split(b)
@@ -206,7 +209,7 @@ def divide(a: Value, b: Value, scope: Scope) -> Value:
 
 def _channel(value: Value) -> Value:
     if isinstance(value, Quantity):
-        raise Mistake(f"a colour is multiplied by plain numbers, not by {kind(value)}")
+        raise Mistake(f"a colour can only be multiplied by plain numbers, not by {kind(value)}")
     return value
 
 
@@ -247,7 +250,7 @@ def negate(a: Value, scope: Scope) -> Value:
 
 
 def compare(op: str, a: Value, b: Value, scope: Scope) -> Value:
-    """`less`, `at_most`, `greater` or `at_least` of two numbers, or of two strings."""
+    """`less`, `at_most`, `greater` or `at_least` of two numbers or two strings."""
     if is_scalar(a) and is_scalar(b):
         if has_term(a, b):
             return record(op, a, b)
@@ -259,7 +262,7 @@ def compare(op: str, a: Value, b: Value, scope: Scope) -> Value:
 
 
 def equal(a: Value, b: Value, scope: Scope) -> Value:
-    """Whether two values of one kind are equal; lists item by item."""
+    """Whether two values of one kind are equal. Lists are compared item by item."""
     scope.meter.step()
     if isinstance(a, Term) or isinstance(b, Term):
         if _is_truth(a) != _is_truth(b):
@@ -298,10 +301,10 @@ def unequal(a: Value, b: Value, scope: Scope) -> Value:
 
 
 def truth(value: Value, doing: str) -> Value:
-    """The value if it is true, false or a formula's truth value."""
+    """The value if it is true, false or a formula's truth value. Raises Mistake."""
     if isinstance(value, bool) or (isinstance(value, Term) and value.truth):
         return value
-    raise Mistake(f"{doing} wants true or false, got {kind(value)}")
+    raise Mistake(f"{doing} needs true or false, got {kind(value)}")
 
 
 def invert(a: Value) -> Value:
@@ -310,7 +313,7 @@ def invert(a: Value) -> Value:
 
 
 def both(a: Value, b: Value) -> Value:
-    """`a and b` of truth values, recorded if one is a term."""
+    """`a and b` of truth values; recorded if one is a term."""
     if isinstance(a, bool):
         return b if a else False
     if isinstance(b, bool):
@@ -319,7 +322,7 @@ def both(a: Value, b: Value) -> Value:
 
 
 def either(a: Value, b: Value) -> Value:
-    """`a or b` of truth values, recorded if one is a term."""
+    """`a or b` of truth values; recorded if one is a term."""
     if isinstance(a, bool):
         return True if a else b
     if isinstance(b, bool):
@@ -328,7 +331,7 @@ def either(a: Value, b: Value) -> Value:
 
 
 def select(condition: Term, yes: Value, no: Value, scope: Scope) -> Value:
-    """`if … then … else …` inside a formula, where the condition depends on its parameters."""
+    """`if … then … else …` inside a formula, with a condition that depends on its parameters."""
     graph = condition.graph
     scope.meter.step()
     if isinstance(yes, tuple) and isinstance(no, tuple) and len(yes) == len(no):
@@ -337,12 +340,12 @@ def select(condition: Term, yes: Value, no: Value, scope: Scope) -> Value:
         return Color(*[select(condition, a, b, scope) for a, b in zip(yes.channels, no.channels, strict=True)])
     a, b = lift(graph, yes), lift(graph, no)
     if a.truth != b.truth:
-        raise Mistake(f"both ways of an `if` in a formula must be alike, got {kind(yes)} and {kind(no)}")
+        raise Mistake(f"both branches of an `if` in a formula must be of one kind, got {kind(yes)} and {kind(no)}")
     return graph.apply("select", condition, a, b)
 
 
-def span_of(start: Value, stop: Value) -> tuple[float, ...]:
-    """`start..stop`: whole steps from start, with the end; empty where it descends."""
+def integer_range(start: Value, stop: Value) -> tuple[float, ...]:
+    """`start..stop`: start, start + 1, … up to stop; empty if stop is below start."""
     for end in (start, stop):
         if not isinstance(end, float):
             corners = isinstance(start, tuple) and isinstance(stop, tuple)
@@ -365,5 +368,5 @@ BINARY: dict[str, Callable[[Value, Value, Scope], Value]] = {
     ">=": lambda a, b, scope: compare("at_least", a, b, scope),
     "==": equal,
     "!=": unequal,
-    "..": lambda a, b, scope: span_of(a, b),
+    "..": lambda a, b, scope: integer_range(a, b),
 }

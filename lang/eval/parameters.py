@@ -1,4 +1,4 @@
-"""`param` lines and typed parameters: their types, ranges, and the values given to them."""
+"""`param` declarations and typed parameters: types, ranges, defaults and checks of values."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from .coercion import LIGHT_TYPES
 from .context import ArgumentValue, Scope
 from .values import Builtin, Closure, Color, Mistake, UserFunction, Value, category, describe, is_placeable, lend, plain, show
 
-# What can stand behind the colon of a `param` or a parameter.
+# The type names of a `param` and of a parameter.
 TYPES: tuple[str, ...] = ("number", "int", "bool", "string", "color", *units.QUANTITIES, "material", "texture", "shape", "list", "function")
 
 _WANTED = {"int": "whole number", "bool": "true or false", "color": "colour"}
 
 
 def coerce(value: Value, type_name: str, scope: Scope) -> Value:
-    """`value` as a value of the named type; a bare number becomes a length in the unit of `scope`'s file. Raises Mistake."""
+    """`value` coerced to the named type; a bare number becomes a length in the unit of the file. Raises Mistake."""
     if type_name in units.QUANTITIES:
         return _coerce_quantity(value, type_name, scope)
     if _is(value, type_name):
         return plain(value) if type_name in ("number", "int", "list") else value
     hint = "write rgb(r, g, b), srgb(r, g, b) or #rrggbb" if type_name == "color" and isinstance(value, tuple) else ""
-    raise Mistake(f"{_WANTED.get(type_name, type_name)} wanted, got {describe(value)}", hint)
+    raise Mistake(f"expected {_WANTED.get(type_name, type_name)}, got {describe(value)}", hint)
 
 
 def _is(value: Value, type_name: str) -> bool:
@@ -56,13 +56,13 @@ def _coerce_quantity(value: Value, type_name: str, scope: Scope) -> Value:
         return value
     if isinstance(value, float):
         if type_name in LIGHT_TYPES:
-            return float(value)  # scene-referred, and stays so
+            return float(value)  # a bare light quantity is scene-referred
         return units.quantity(operators.bare(value, dimension, scope), dimension)
-    raise Mistake(f"{type_name} wanted, got {describe(value)}")
+    raise Mistake(f"expected {type_name}, got {describe(value)}")
 
 
 def implied_type(default: ast.Node | None) -> str:
-    """The type that a default written with a unit gives its parameter, `""` for none."""
+    """The type of a parameter whose default is a literal with a unit, else `""`."""
     if isinstance(default, ast.Number):
         known = units.UNITS.get(default.unit)
         if known and known[1] in (units.LENGTH, units.ANGLE, units.TIME):
@@ -71,7 +71,7 @@ def implied_type(default: ast.Node | None) -> str:
 
 
 def type_of(value: Value) -> str:
-    """The type that a `param` has from its default."""
+    """The type of a `param` by its default."""
     if isinstance(value, Quantity):
         name = units.name(value.dimension)
         return name if name in units.QUANTITIES else ""
@@ -86,7 +86,7 @@ Range = tuple[Value, Value] | list[Value]
 
 
 def param_value(param: ast.Param, given: ArgumentValue | None, scope: Scope, caller: Scope) -> Value:
-    """The value of a `param`: what was given, or its default, checked. `scope` is that of its file.
+    """The checked value of a `param`: the given one or its default. `scope` is the scope of its file.
 
     Raises Mistake with a span.
     """
@@ -106,12 +106,12 @@ def param_value(param: ast.Param, given: ArgumentValue | None, scope: Scope, cal
 
 
 def default_of(param: ast.Param, scope: Scope) -> tuple[Value, str]:
-    """A `param`'s default, and its type: the one written, or that of the default."""
+    """The default of a `param` and its type, which is declared or follows from the default."""
     default = scope.evaluator.value(param.default, scope)
     if param.type is None:
         return default, type_of(default)
     if param.type.id not in TYPES:
-        return default, ""  # reported by check.py
+        return default, ""  # reported by lint.py
     try:
         return coerce(default, param.type.id, scope), param.type.id
     except Mistake as mistake:
@@ -120,7 +120,7 @@ def default_of(param: ast.Param, scope: Scope) -> tuple[Value, str]:
 
 
 def range_of(param: ast.Param, type_name: str, scope: Scope) -> Range | None:
-    """The two ends of a `param`'s range, or the list of its choices. Raises Mistake with a span."""
+    """The ends of a `param`'s range, or the list of its choices. Raises Mistake with a span."""
     node = param.range
     while isinstance(node, ast.Parens):
         node = node.inner
@@ -135,7 +135,7 @@ def range_of(param: ast.Param, type_name: str, scope: Scope) -> Range | None:
             return (ends[0], ends[1])
         choices = scope.evaluator.value(node, scope)
         if not isinstance(choices, tuple) or not choices:
-            raise Mistake(f"a range low..high or a list of choices wanted, got {describe(choices)}")
+            raise Mistake(f"expected a range low..high or a list of choices, got {describe(choices)}")
         return [coerce(c, type_name, scope) for c in choices] if type_name else list(choices)
     except Mistake as mistake:
         mistake.span = mistake.span or node.span
@@ -152,7 +152,7 @@ def _check_range(name: str, value: Value, allowed: Range | None, scope: Scope) -
 
 
 def info(param: ast.Param, value: Value, scope: Scope, file_unit: str) -> ParamInfo:
-    """A `param` as sliders and sweeps want it. Numbers are in `unit`, which is the one its default is written in."""
+    """A `param` for sliders and sweeps. Numbers are in the unit of its default."""
     default, type_name = default_of(param, scope)
     allowed = range_of(param, type_name, scope)
     unit = _shown_unit(param.default, type_name, default, file_unit)

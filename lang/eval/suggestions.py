@@ -1,4 +1,4 @@
-"""Words from other tools, and what they are called here: the first place to look when a name is unknown."""
+"""Suggestions for unknown names, arguments and units: words of other tools and their equivalents."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 from ..diagnostics import suggest
 
-# What an argument may be meant to be, the likeliest first; the ones an element does not have are passed over.
+# Equivalents of an argument name, the likeliest first. Those that the element lacks are skipped.
 _ARGUMENTS: dict[str, tuple[str, ...]] = {
     "pos": ("position", "center"),
     "position": ("center", "translate"),
@@ -54,15 +54,16 @@ _ARGUMENTS: dict[str, tuple[str, ...]] = {
 }
 
 _ARGUMENT_HINTS = {"axis": "a turn about an axis is axis(v, angle)"}
-_COLORED = "write material: lambert(…), with the colour in it"
+_COLORED = "write material: lambert(…), with the colour as argument"
+_TEXTURED = "write material: lambert(…), with the texture as argument"
 _ANGLE = "the direction to it: [cos(e), sin(e), 0] at an elevation of e"
-_NEAR_HINTS: dict[str, dict[str, str]] = {  # of what is meant, by the word that was written
-    "did you mean `material`?": {"color": _COLORED, "colour": _COLORED, "texture": "write material: lambert(…), with the texture in it"},
+_NEAR_HINTS: dict[str, dict[str, str]] = {  # by suggestion, then by the word in the source
+    "did you mean `material`?": {"color": _COLORED, "colour": _COLORED, "texture": _TEXTURED},
     "did you mean `sun`?": dict.fromkeys(("sun_elevation", "elevation", "azimuth"), _ANGLE),
     "did you mean `from`?": dict.fromkeys(("sun_elevation", "elevation", "azimuth"), _ANGLE),
 }
 
-# What to write in place of a name that is not in the language.
+# Replacements of names that are not in the language.
 _NAMES: dict[str, str] = {
     "range": "write 0..n",
     "color": "write #rrggbb or rgb(r, g, b)",
@@ -107,7 +108,7 @@ _NAMES: dict[str, str] = {
     "PI": "write pi",
     "tau": "write 2 * pi",
     "e": "write exp(x) for a power of e",
-    **dict.fromkeys(("Math", "math", "np"), "functions stand by themselves: write sin(x)"),
+    **dict.fromkeys(("Math", "math", "np"), "functions have no prefix: write sin(x)"),
     "lambda": "a function is written |x| x + 1",
     **dict.fromkeys(("x", "y", "z"), "a formula begins with its parameters: write |x, y, z| before it"),
     "mix": "write lerp(a, b, t)",
@@ -129,16 +130,16 @@ _NAMES: dict[str, str] = {
 }
 
 
-# What files of pictures, meshes and scenes end with.
+# File name extensions of images, meshes and scenes.
 FILES = frozenset("png jpg jpeg tif tiff exr hdr obj ply stl off glb gltf usd usda usdc usdz scene".split())
 
-_RAISED = {"²": 2, "³": 3}
+_SUPERSCRIPTS = {"²": 2, "³": 3}
 NO_POINT = "a formula's parameters are numbers: write |x, y, z| …, and [x, y, z] for a point"
-BY_CORNERS = "what reaches from corner a to corner b has size b - a and center (a + b) / 2"  # of a size written as a list
-_BY_POSITION = {"atan": "the angle of a direction is atan2(y, x)"}  # of a function that was given more than it takes
+BY_CORNERS = "a box from corner a to corner b has size b - a and center (a + b) / 2"  # for a negative size in a list
+_BY_POSITION = {"atan": "the angle of a direction is atan2(y, x)"}  # for surplus arguments, by function
 
-# What files of the library have that nothing must be written for but `use`.
-SHELVES = {
+# Parts of the library, by file.
+LIBRARY = {
     "patterns": "wood marble bricks dots granite turbulence",
     "materials": "clay plaster paper slate asphalt grey_card porcelain lacquer enamel tiles planks striped_cloth squared_cloth water ice "
     "crown_glass flint_glass acrylic sapphire diamond bottle_glass amber_glass silver_mirror bronze_mirror grey_mirror",
@@ -148,10 +149,10 @@ SHELVES = {
     "shapes": "crate slab stairs column tetrahedron octahedron icosahedron",
     "surfaces": "parametric revolved voxels",
 }
-_SHELF = {word: shelf for shelf, words in SHELVES.items() for word in words.split()}
+_LIBRARY_FILE = {word: file for file, words in LIBRARY.items() for word in words.split()}
 
-# Elements that are not built, and what of the library draws the same.
-_LIBRARY = {
+# Library equivalents of elements that are not built yet.
+_PLANNED = {
     "surface": "surfaces.parametric(|u, v| [x, y, z])",
     "bezier": "surfaces.bezier([[…], …])",
     "nurbs": "surfaces.nurbs([[…], …])",
@@ -160,8 +161,8 @@ _LIBRARY = {
 }
 
 
-# What to write in place of a unit that is not in the language; {} is the number before it.
-_WATT = "light is told as seen: a light bulb has 800lm (15 lm for each watt, 100 for a watt of LED)"
+# Replacements of units that are not in the language; {} is the number before the unit.
+_WATT = "light is in photometric units: a light bulb has 800lm (15 lm for each watt, 100 for a watt of LED)"
 _UNITS: dict[str, str] = {
     "K": "write kelvin({})",
     **dict.fromkeys(("W", "w", "watt", "kW", "mW"), _WATT),
@@ -181,17 +182,17 @@ _UNITS: dict[str, str] = {
 
 
 def unit(word: str, number: str, known: Iterable[str]) -> str:
-    """The hint for a unit that is not among `known`, after a number as it was written."""
+    """The hint for a unit that is not among `known`, after `number` as written."""
     return _UNITS[word].format(number) if word in _UNITS else suggest(word, known)
 
 
 def instead(word: str) -> str:
-    """The hint for an element that is not built."""
-    return f'the library has it: use "std/surfaces", then {_LIBRARY[word]}' if word in _LIBRARY else ""
+    """The hint for an element that is not built yet."""
+    return f'the library has it: use "std/surfaces", then {_PLANNED[word]}' if word in _PLANNED else ""
 
 
 def argument(callee: str, word: str, names: Mapping[str, str]) -> tuple[str, str]:
-    """The message and the hint for an argument that is not among `names` (aliases and all, by what they stand for)."""
+    """The message and the hint for an argument that is not among `names`, a map of names and aliases to arguments."""
     message = f"{callee} has no `{word}`"
     near = next((n for n in _ARGUMENTS.get(word, ()) if n in names), "")
     near = f"did you mean `{near}`?" if near else suggest(word, names)
@@ -203,26 +204,26 @@ def argument(callee: str, word: str, names: Mapping[str, str]) -> tuple[str, str
 
 
 def too_many(callee: str, keywords: Iterable[str]) -> str:
-    """The hint for an argument by position that is one too many; what is left is given by name, as `keywords`."""
+    """The hint for a surplus positional argument of a callable with the keyword arguments `keywords`."""
     named = ", ".join(keywords)
     return _BY_POSITION.get(callee) or (f"by name it takes {named}" if named else "")
 
 
 def choice(argument: str, word: str) -> str:
-    """The hint for a word that is not among an argument's."""
+    """The hint for a word that is not a choice of an argument."""
     return f"write {word}() in its place" if argument == "kind" and word in ("brass", "platinum") else ""
 
 
 def name(word: str, known: Iterable[str]) -> tuple[str, str]:
     """The message and the hint for a name that is not among `known`."""
     hint = _NAMES.get(word, "")
-    if not hint and word in _SHELF:
-        hint = f'write use "std/{_SHELF[word]}" first, then {_SHELF[word]}.{word}(…)'
-    if not hint and word in SHELVES:
+    if not hint and word in _LIBRARY_FILE:
+        hint = f'write use "std/{_LIBRARY_FILE[word]}" first, then {_LIBRARY_FILE[word]}.{word}(…)'
+    if not hint and word in LIBRARY:
         hint = f'write use "std/{word}" first'
-    if word[-1] in _RAISED and word[:-1]:
-        hint = f"write {word[:-1]}^{_RAISED[word[-1]]}"
+    if word[-1] in _SUPERSCRIPTS and word[:-1]:
+        hint = f"write {word[:-1]}^{_SUPERSCRIPTS[word[-1]]}"
     near = "" if hint else suggest(word, known)
     if near:
         return f"there is no `{word}` here; {near}", ""
-    return f"there is no `{word}` here", hint or "let, param or use make a name known"
+    return f"there is no `{word}` here", hint or "let, param or use define a name"

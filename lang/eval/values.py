@@ -1,7 +1,7 @@
-"""The values of the language: what an expression can be, and what it is called in messages.
+"""The runtime values of the language, and their names in messages.
 
-Plain numbers are Python floats, truth values bools, strings str, lists tuples; numbers with a dimension are units.Quantity; rotations
-and fall-offs are those of elements.py; elements are elements.Element.
+Numbers are Python floats, truth values bools, strings str, lists tuples. Numbers with a dimension are units.Quantity. Rotations,
+fall-offs and elements are classes of elements.py.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ class ForeignNumber(float):
 
 
 class Poisoned(Exception):
-    """A value that does not exist because of an error that has been reported."""
+    """The value of an expression with a reported error was used."""
 
 
-POISON = object()  # stands for a value whose error has been reported
+POISON = object()  # the value of an expression with a reported error
 
 PLACEABLE = ("shape", "solid", "block", "light")
 
 
 class Mistake(Exception):
-    """Something wrong with a value. Whoever asked knows the place, unless `span` has it; `argument` points at one argument of a call."""
+    """An error of a value. `span` is its place, None for that of the expression; `argument` is the index of a wrong argument."""
 
     def __init__(self, message: str, hint: str = "", argument: int | None = None, span: Span | None = None) -> None:
         super().__init__(message)
@@ -59,7 +59,7 @@ class Mistake(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Color:
-    """Scene-linear Rec.709. In a formula the channels can be terms."""
+    """A colour in scene-linear Rec.709. In a formula the channels can be terms."""
 
     r: Any
     g: Any
@@ -72,9 +72,9 @@ class Color:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Builtin:
-    """A function of the language itself. `run(context, *arguments)`; `required` of `parameters` must be given.
+    """A built-in function, called as `run(scope, *arguments)`. The first `required` of its `parameters` are required.
 
-    With `variadic` any number of arguments follows the last parameter.
+    With `variadic`, any number of arguments can follow the last parameter.
     """
 
     name: str
@@ -87,7 +87,7 @@ class Builtin:
 
 @dataclass(frozen=True, eq=False)
 class UserFunction:
-    """`let name(parameters) = …`, with the scope it stands in."""
+    """`let name(parameters) = …` with its defining scope."""
 
     let: ast.Let
     scope: Scope
@@ -100,7 +100,7 @@ class UserFunction:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Closure:
-    """`|parameters| …`, with the scope it stands in."""
+    """`|parameters| …` with its defining scope."""
 
     node: ast.Function
     scope: Scope
@@ -108,7 +108,7 @@ class Closure:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilePart:
-    """A file bound by `use`: a part whose parameters are its `param`s, and whose `let`s are its members."""
+    """A scene file bound by `use`: a part whose parameters are the `param`s of the file and whose members are its `let`s."""
 
     name: str
     module: Module
@@ -132,21 +132,21 @@ def category(value: Value) -> str:
 
 
 def is_placeable(value: Value) -> bool:
-    """Whether it can stand in a block: a shape, light or block, or a list of such."""
-    waiting, seen = [value], set()
-    while waiting:
-        v = waiting.pop()
+    """Whether a block can contain it: a shape, light or block, or a list of these."""
+    stack, seen = [value], set()
+    while stack:
+        v = stack.pop()
         if isinstance(v, tuple):
-            if id(v) not in seen:  # a list can hold another one many times
+            if id(v) not in seen:  # a list can contain another one many times
                 seen.add(id(v))
-                waiting.extend(v)
+                stack.extend(v)
         elif category(v) not in PLACEABLE:
             return False
     return True
 
 
 def kind(value: Value) -> str:
-    """What a value is, with its article: `a number`, `a length`, `a list`."""
+    """The kind of a value with its article: `a number`, `a length`, `a list`."""
     if isinstance(value, Quantity):
         return _article(units.name(value.dimension))
     if isinstance(value, Element):
@@ -182,7 +182,7 @@ def _article(noun: str) -> str:
 
 
 def describe(value: Value) -> str:
-    """A value in a message that says what was wanted: `the bare number 24`, `the angle 30deg`, `a list of 2`."""
+    """A value in a message about a wrong type: `the bare number 24`, `the angle 30deg`, `a list of 2`."""
     match value:
         case float():
             return f"the bare number {units.show(value)}"
@@ -206,7 +206,7 @@ def describe(value: Value) -> str:
 
 
 def show(value: Value, depth: int = 0) -> str:
-    """A value as it would be written, as `string(…)` gives it. Long lists and lists deep inside lists are cut short."""
+    """A value in the syntax of a scene, as `string(…)` returns it. Long and deeply nested lists are abbreviated."""
     match value:
         case bool():
             return "true" if value else "false"
@@ -232,7 +232,7 @@ def _short(text: str) -> str:
 
 
 def callable_name(function: Function) -> str:
-    """What a function is called where nothing better is known."""
+    """The name of a function by its definition."""
     match function:
         case UserFunction():
             return function.let.name.id

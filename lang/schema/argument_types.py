@@ -1,4 +1,4 @@
-"""What the schema is made of: elements, their arguments, and the types those can have."""
+"""Schema records: elements, their arguments, and the argument types."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import Any
 
 REQUIRED = object()  # the default of an argument that must be given
 
-# The types an argument can have, and what the evaluator turns them into (see elements.Element.args).
+# The argument types with their documentation. elements.Element.args says how their values are represented.
 TYPES = {
     "number": "a plain number",
     "int": "a whole number",
     "bool": "true or false",
     "string": "a string",
-    "choice": "one of the strings listed",
+    "choice": "one of the listed strings",
     "length": "a length; a bare number is in the file's unit",
     "angle": "an angle: 30deg or 0.5rad",
     "time": "a time: 2s",
@@ -29,7 +29,7 @@ TYPES = {
     "point": "three lengths",
     "size3": "three lengths, or one for all",
     "size2": "two lengths, or one for both",
-    "direction": "three numbers or lengths; its length does not matter",
+    "direction": "three numbers or lengths, of any length above 0",
     "numbers2": "two plain numbers, or one for both",
     "scale3": "three plain numbers, or one for all",
     "rotation": "[x, y, z] angles, axis(v, angle) or quaternion(x, y, z, w)",
@@ -50,7 +50,7 @@ TYPES = {
 
 @dataclass(frozen=True, slots=True)
 class Arg:
-    """One argument. Positional arguments are taken in the order of the entry; `keyword` ones only by name."""
+    """One argument. Positional arguments follow the order of the entry; `keyword` arguments are given by name only."""
 
     name: str
     type: str
@@ -58,7 +58,7 @@ class Arg:
     doc: str = ""
     aliases: tuple[str, ...] = ()
     choices: tuple[str, ...] = ()
-    minimum: float | None = None  # in base units; violating it is an error
+    minimum: float | None = None  # inclusive limits, in base units
     maximum: float | None = None
     above: float | None = None  # exclusive minimum
     below: float | None = None  # exclusive maximum
@@ -74,10 +74,10 @@ class Entry:
     doc: str
     args: tuple[Arg, ...] = ()
     children: bool = False
-    planned: bool = False  # known to the language, not built yet
+    planned: bool = False  # a reserved name, not built yet
     exclusive: tuple[tuple[str, ...], ...] = ()  # groups of which at most one may be given
     example: str = ""
 
     def arg(self, name: str) -> Arg | None:
-        """The argument called `name`, by its name or an alias."""
+        """The argument with this name or alias, or None."""
         return next((a for a in self.args if name == a.name or name in a.aliases), None)

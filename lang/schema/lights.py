@@ -7,23 +7,30 @@ import math
 from .argument_types import REQUIRED, Arg, Entry
 
 _LIGHT = (
-    Arg("color", "color", (1.0, 1.0, 1.0), "multiplies its strength", keyword=True),
-    Arg("group", "string", None, "its light group: --aov light:NAME shows what the lamps of one bring", keyword=True),
+    Arg("color", "color", (1.0, 1.0, 1.0), "multiplies its light", keyword=True),
+    Arg("group", "string", None, "its light group; --aov light:NAME renders the light of one group", keyword=True),
     Arg("name", "string", None, "its name in messages", keyword=True),
 )
-_SKY_LUMINANCE = "nit; of a day's sky what an even one would have that lights level ground as much"
-_SHADOWS = Arg("shadows", "bool", True, "whether things block it", keyword=True)
-_FALLOFF = Arg("falloff", "falloff", None, "how it fades with distance; 1/d² when not given", keyword=True)
+_SKY_LUMINANCE = "nit; for a daylight sky, that of the uniform sky with the same illuminance of level ground"
+_SHADOWS = Arg("shadows", "bool", True, "whether objects cast shadows in its light", keyword=True)
+_FALLOFF = Arg("falloff", "falloff", None, "attenuation with distance; default 1/d²", keyword=True)
 
 LIGHTS = (
     Entry(
         "point",
         "light",
-        "light from a point to all sides",
+        "a point light that shines equally in all directions",
         (
-            Arg("position", "point", REQUIRED, "where it is"),
-            Arg("intensity", "intensity", 9 * math.pi, "candela; the default shows white 3 m away as 1", minimum=0.0, keyword=True),
-            Arg("flux", "flux", None, "lumen to all sides together", minimum=0.0, keyword=True),
+            Arg("position", "point", REQUIRED, "its position"),
+            Arg(
+                "intensity",
+                "intensity",
+                9 * math.pi,
+                "candela; by default white at a distance of 3 m renders as 1",
+                minimum=0.0,
+                keyword=True,
+            ),
+            Arg("flux", "flux", None, "total lumen", minimum=0.0, keyword=True),
             _FALLOFF,
             _SHADOWS,
             *_LIGHT,
@@ -34,14 +41,14 @@ LIGHTS = (
     Entry(
         "spot",
         "light",
-        "light from a point into a cone",
+        "a point light that shines into a cone",
         (
-            Arg("position", "point", REQUIRED, "where it is"),
-            Arg("look_at", "point", (0.0, 0.0, 0.0), "what it is turned to", keyword=True),
-            Arg("cone", "angle", math.radians(30), "half angle where its light ends", above=0.0, maximum=math.pi, keyword=True),
-            Arg("soft", "angle", math.radians(5), "width inside the cone over which it fades", minimum=0.0, keyword=True),
+            Arg("position", "point", REQUIRED, "its position"),
+            Arg("look_at", "point", (0.0, 0.0, 0.0), "point that it aims at", keyword=True),
+            Arg("cone", "angle", math.radians(30), "half angle of the cone", above=0.0, maximum=math.pi, keyword=True),
+            Arg("soft", "angle", math.radians(5), "angle inside the edge of the cone over which it fades", minimum=0.0, keyword=True),
             Arg("intensity", "intensity", 9 * math.pi, "candela along its axis", minimum=0.0, keyword=True),
-            Arg("flux", "flux", None, "lumen in the cone together", minimum=0.0, keyword=True),
+            Arg("flux", "flux", None, "total lumen in the cone", minimum=0.0, keyword=True),
             _FALLOFF,
             _SHADOWS,
             *_LIGHT,
@@ -53,7 +60,7 @@ LIGHTS = (
         "light",
         "parallel light from one direction",
         (
-            Arg("from", "direction", (0.0, 1.0, 0.0), "where it comes from"),
+            Arg("from", "direction", (0.0, 1.0, 0.0), "direction towards the light"),
             Arg(
                 "illuminance", "illuminance", math.pi, "lux on a surface that faces it", aliases=("irradiance",), minimum=0.0, keyword=True
             ),
@@ -66,7 +73,7 @@ LIGHTS = (
         "light",
         "sunlight: parallel light from a small disk in the sky",
         (
-            Arg("from", "direction", (1.0, 2.0, 1.5), "where it comes from"),
+            Arg("from", "direction", (1.0, 2.0, 1.5), "direction towards the light"),
             Arg(
                 "illuminance", "illuminance", math.pi, "lux on a surface that faces it", aliases=("irradiance",), minimum=0.0, keyword=True
             ),
@@ -78,12 +85,12 @@ LIGHTS = (
     Entry(
         "sky",
         "light",
-        "a sky all around, seen as the background: even, or, with a turbidity, that of a day (Preetham 1999)",
+        "a sky in all directions, visible as the background: uniform, or with `turbidity` a daylight sky (Preetham 1999)",
         (
             Arg("luminance", "luminance", 1.0, _SKY_LUMINANCE, aliases=("radiance",), minimum=0.0, keyword=True),
             Arg("turbidity", "number", None, "haze: 2 is clear, 6 hazy", minimum=1.8, maximum=10.0, keyword=True),
-            Arg("sun", "direction", (1.0, 2.0, 1.5), "where this sky's sun stands, whose own light is a `sun`", keyword=True),
-            Arg("ground", "color", (0.2, 0.2, 0.2), "matt ground below a day's horizon", keyword=True),
+            Arg("sun", "direction", (1.0, 2.0, 1.5), "direction towards the sun of this sky; a `sun` adds its direct light", keyword=True),
+            Arg("ground", "color", (0.2, 0.2, 0.2), "albedo of the ground below the horizon of a daylight sky", keyword=True),
             _SHADOWS,
             *_LIGHT,
         ),
@@ -92,12 +99,18 @@ LIGHTS = (
     Entry(
         "dome",
         "light",
-        "a latitude-longitude picture all around, or a formula of the direction, seen as the background",
+        "an environment map: a latitude-longitude image or a formula of the direction, visible as the background",
         (
-            Arg("file", "string", None, "file of the picture"),
-            Arg("pattern", "formula", None, "instead: what comes from direction x, y, z (of length 1), a number or a colour", keyword=True),
-            Arg("luminance", "luminance", 1.0, "nit where the picture is 1", aliases=("radiance",), minimum=0.0, keyword=True),
-            Arg("rotate", "rotation", None, "turns it", keyword=True),
+            Arg("file", "string", None, "file of the image"),
+            Arg(
+                "pattern",
+                "formula",
+                None,
+                "in place of `file`: the light from the unit direction x, y, z, a number or a colour",
+                keyword=True,
+            ),
+            Arg("luminance", "luminance", 1.0, "nit where the image is 1", aliases=("radiance",), minimum=0.0, keyword=True),
+            Arg("rotate", "rotation", None, "its rotation", keyword=True),
             _SHADOWS,
             *_LIGHT,
         ),
@@ -105,15 +118,15 @@ LIGHTS = (
     Entry(
         "area",
         "light",
-        "a shining rectangle or disk, seen as it is, that blocks the light of others; it shines to the side it looks at",
+        "a rectangle or disk that emits light towards `look_at`; it is visible and casts shadows",
         (
-            Arg("position", "point", REQUIRED, "its middle"),
-            Arg("look_at", "point", None, "what it is turned to; straight down when not given", keyword=True),
-            Arg("size", "size2", (1.0, 1.0), "its edges, or the disk's diameter", above=0.0, keyword=True),
+            Arg("position", "point", REQUIRED, "its center"),
+            Arg("look_at", "point", None, "point that it faces; straight down by default", keyword=True),
+            Arg("size", "size2", (1.0, 1.0), "its edge lengths, or the diameter of the disk", above=0.0, keyword=True),
             Arg("shape", "choice", "rectangle", "its outline", choices=("rectangle", "disk"), keyword=True),
-            Arg("up", "direction", None, "which way its second edge points", keyword=True),
+            Arg("up", "direction", None, "direction of its second edge", keyword=True),
             Arg("luminance", "luminance", 1.0, "nit", aliases=("radiance",), minimum=0.0, keyword=True),
-            Arg("flux", "flux", None, "lumen together", minimum=0.0, keyword=True),
+            Arg("flux", "flux", None, "total lumen", minimum=0.0, keyword=True),
             _SHADOWS,
             *_LIGHT,
         ),
@@ -122,7 +135,7 @@ LIGHTS = (
     Entry(
         "ambient",
         "light",
-        "light that is everywhere, unoccluded: the course's L_a",
+        "uniform ambient light without occlusion: the course's L_a",
         (
             Arg("color", "color", (1.0, 1.0, 1.0), "its colour"),
             Arg("luminance", "luminance", 0.1, "nit", aliases=("radiance",), minimum=0.0, keyword=True),

@@ -8,14 +8,14 @@ from .argument_types import REQUIRED, Arg, Entry
 
 _PLACED = (
     Arg("name", "string", None, "its name in messages and the id channel", keyword=True),
-    Arg("translate", "point", None, "moves it, after scale and rotate", keyword=True),
-    Arg("rotate", "rotation", None, "turns it about the origin of its frame", keyword=True),
-    Arg("scale", "scale3", None, "stretches it from the origin of its frame", keyword=True),
+    Arg("translate", "point", None, "translation, after scale and rotation", keyword=True),
+    Arg("rotate", "rotation", None, "rotation about the origin of its frame", keyword=True),
+    Arg("scale", "scale3", None, "scale about the origin of its frame", keyword=True),
 )
-_SHAPE = (Arg("material", "material", None, "what it is made of; inherited from the block around it", keyword=True), *_PLACED)
-_CENTER = Arg("center", "point", (0.0, 0.0, 0.0), "where its middle is")
+_SHAPE = (Arg("material", "material", None, "its material; inherited from the enclosing block", keyword=True), *_PLACED)
+_CENTER = Arg("center", "point", (0.0, 0.0, 0.0), "its center")
 _RADIUS = Arg("radius", "length", 1.0, "radius", above=0.0)
-_CAPPED = Arg("capped", "bool", True, "closed by disks", keyword=True)
+_CAPPED = Arg("capped", "bool", True, "whether disks close its ends", keyword=True)
 
 
 def _shape(name: str, doc: str, *args: Arg, **more: Any) -> Entry:
@@ -28,11 +28,13 @@ def _planned(category: str, *names: str) -> tuple[Entry, ...]:
 
 SHAPES = (
     _shape("sphere", "all points at `radius` from `center`", _RADIUS, _CENTER, example="sphere(1, center: [0, 1, 0])"),
-    _shape("box", "a rectangular box", Arg("size", "size3", (1.0, 1.0, 1.0), "its edges", above=0.0), _CENTER, example="box([1, 2, 1])"),
+    _shape(
+        "box", "a rectangular box", Arg("size", "size3", (1.0, 1.0, 1.0), "its edge lengths", above=0.0), _CENTER, example="box([1, 2, 1])"
+    ),
     _shape(
         "plane",
-        "an endless plane",
-        Arg("y", "length", None, "its height, when it is level"),
+        "an infinite plane",
+        Arg("y", "length", None, "its height, for a level plane"),
         Arg("normal", "direction", None, "its normal, with `point`", keyword=True),
         Arg("point", "point", None, "a point of it, with `normal`", keyword=True),
         Arg("a", "number", None, "a of a x + b y + c z + d = 0", keyword=True),
@@ -42,7 +44,7 @@ SHAPES = (
         exclusive=(("y", "normal", "a"), ("y", "point", "b"), ("y", "c")),
         example="plane(y: 0)",
     ),
-    _shape("disk", "a flat disk", _RADIUS, _CENTER, Arg("normal", "direction", (0.0, 1.0, 0.0), "where it faces"), example="disk(1)"),
+    _shape("disk", "a flat disk", _RADIUS, _CENTER, Arg("normal", "direction", (0.0, 1.0, 0.0), "its normal"), example="disk(1)"),
     _shape(
         "cylinder",
         "a cylinder about its y axis",
@@ -54,7 +56,7 @@ SHAPES = (
     ),
     _shape(
         "cone",
-        "a cone about its y axis, its tip up",
+        "a cone about its y axis, tip up",
         _RADIUS,
         Arg("height", "length", 2.0, "its height", above=0.0),
         _CENTER,
@@ -83,7 +85,7 @@ SHAPES = (
         "quadric",
         "A x² + B y² + C z² + D xy + E yz + F xz + G x + H y + I z + J = 0, in metres",
         Arg("coefficients", "numbers", REQUIRED, "the ten numbers A … J"),
-        Arg("within", "size3", None, "edges of the box about the origin that cuts it; endless without", above=0.0),
+        Arg("within", "size3", None, "edge lengths of the box about the origin that clips it; unbounded by default", above=0.0),
         example="quadric([1, -1, 1, 0, 0, 0, 0, 0, 0, -0.2], within: 2)",
     ),
     _shape(
@@ -104,9 +106,9 @@ SHAPES = (
     _shape(
         "mesh",
         "polygons from a file (.obj, .ply, .stl, .glb, .off), or from points and faces",
-        Arg("file", "string", None, "file of the mesh, beside the scene"),
+        Arg("file", "string", None, "file of the mesh, relative to the scene"),
         Arg("points", "points", None, "the vertices", keyword=True),
-        Arg("faces", "faces", None, "for each face its vertices, counter-clockwise from outside", keyword=True),
+        Arg("faces", "faces", None, "vertex indices of each face, counter-clockwise seen from outside", keyword=True),
         Arg("normals", "vectors3", None, "a normal for each vertex", keyword=True),
         Arg("uv", "vectors2", None, "texture coordinates for each vertex", keyword=True),
         Arg("colors", "vectors3", None, "a linear colour for each vertex", keyword=True),
@@ -114,7 +116,7 @@ SHAPES = (
             "height",
             "length",
             None,
-            "scaled evenly to this height and set with its base at y = 0, its middle at x = z = 0",
+            "scales it uniformly to this height and centers its base at the origin",
             above=0.0,
             keyword=True,
         ),
@@ -123,26 +125,26 @@ SHAPES = (
     ),
     _shape(
         "usd",
-        "everything a USD file holds but its cameras and settings",
-        Arg("file", "string", REQUIRED, "file of the stage, beside the scene"),
-        Arg("prim", "string", None, "only what lies below this prim", keyword=True),
+        "the contents of a USD file without its cameras and settings",
+        Arg("file", "string", REQUIRED, "file of the stage, relative to the scene"),
+        Arg("prim", "string", None, "only the subtree of this prim", keyword=True),
     ),
     _shape(
         "implicit",
-        "where a relation between x, y and z holds: a solid for <= and the like, a sheet for ==",
+        "the points where a relation between x, y and z holds: a solid for an inequality, a surface for ==",
         Arg("formula", "formula", REQUIRED, "the relation; x, y and z are plain numbers in the file's unit, in its own frame"),
         Arg(
             "within",
             "within",
             None,
-            "what cuts it: a length (from minus to plus, each way), three of them, two corners, a sphere or a box; found when not given",
+            "clips it: a length (half the extent along each axis), three of them, two corners, a sphere or a box; default: its bounds",
         ),
         example="implicit(|x, y, z| x^4 + y^4 + z^4 <= 1)",
     ),
     *_planned("shape", "heightfield", "surface", "bezier", "nurbs", "subdivision", "curve", "revolve", "extrude", "voxels"),
 )
 
-_ROUND = Arg("round", "length", 0.0, "radius of the arcs that blend its parts where their surfaces meet", minimum=0.0, keyword=True)
+_ROUND = Arg("round", "length", 0.0, "radius of the fillets where surfaces of its children intersect", minimum=0.0, keyword=True)
 
 
 def _solid(name: str, doc: str, *args: Arg, example: str = "") -> Entry:
@@ -150,45 +152,59 @@ def _solid(name: str, doc: str, *args: Arg, example: str = "") -> Entry:
 
 
 SOLIDS = (
-    _solid("union", "all of its children as one solid", _ROUND, example="union(round: 10cm) { sphere(1); box(1.5) }"),
-    _solid("intersection", "what lies in all of its children", _ROUND, example="intersection { sphere(1); box(1.5) }"),
+    _solid("union", "the union of its children", _ROUND, example="union(round: 10cm) { sphere(1); box(1.5) }"),
+    _solid("intersection", "the intersection of its children", _ROUND, example="intersection { sphere(1); box(1.5) }"),
     _solid("difference", "its first child without the others", _ROUND, example="difference(round: 5cm) { box(2); cylinder(0.5, 3) }"),
-    _solid("shell", "the outermost part of its children, hollow", Arg("thickness", "length", REQUIRED, "how thick", above=0.0)),
-    _solid("offset", "its children grown, or shrunk by less than 0", Arg("by", "length", REQUIRED, "how far the surface moves outwards")),
+    _solid(
+        "shell", "its children as a hollow shell", Arg("thickness", "length", REQUIRED, "thickness inwards from the surface", above=0.0)
+    ),
+    _solid(
+        "offset",
+        "its children grown, or shrunk for a negative distance",
+        Arg("by", "length", REQUIRED, "distance that the surface moves outwards"),
+    ),
     _solid(
         "twist",
-        "its children turned about the y axis, more the higher they reach",
-        Arg("angle", "angle", REQUIRED, "how far"),
-        Arg("over", "length", 1.0, "over what height", above=0.0),
+        "its children twisted about the y axis",
+        Arg("angle", "angle", REQUIRED, "angle of twist over the height `over`"),
+        Arg("over", "length", 1.0, "height of one twist by `angle`", above=0.0),
         example="twist(90deg, over: 2) { box([1, 2, 1]) }",
     ),
     _solid(
         "bend",
-        "its children bent from the x axis upwards, towards +y",
-        Arg("angle", "angle", REQUIRED, "how far"),
-        Arg("over", "length", 1.0, "over what length of x", above=0.0),
+        "its children bent from the x axis towards +y",
+        Arg("angle", "angle", REQUIRED, "angle of bend over the length `over`"),
+        Arg("over", "length", 1.0, "length along x of one bend by `angle`", above=0.0),
     ),
     _solid(
         "repeat",
-        "its children again and again, each further by a step",
-        Arg("step", "point", REQUIRED, "from each to the next"),
-        Arg("count", "int", REQUIRED, "how many there are", minimum=1),
+        "copies of its children at a constant step",
+        Arg("step", "point", REQUIRED, "offset from one copy to the next"),
+        Arg("count", "int", REQUIRED, "number of copies", minimum=1),
     ),
-    _solid("mirrored", "its children and their image in a mirror through the origin", Arg("normal", "direction", REQUIRED, "the mirror's")),
-    _solid("morph", "between its two children", Arg("share", "number", 0.5, "0: the first, 1: the second", minimum=0.0, maximum=1.0)),
+    _solid(
+        "mirrored",
+        "its children and their mirror image in a plane through the origin",
+        Arg("normal", "direction", REQUIRED, "normal of the plane"),
+    ),
+    _solid(
+        "morph",
+        "interpolation between its two children",
+        Arg("share", "number", 0.5, "0: the first, 1: the second", minimum=0.0, maximum=1.0),
+    ),
 )
 
 BLOCKS = (
-    Entry("group", "block", "its children together", _SHAPE, children=True, example="group(translate: [1, 0, 0]) { sphere(1) }"),
+    Entry("group", "block", "a group of its children", _SHAPE, children=True, example="group(translate: [1, 0, 0]) { sphere(1) }"),
     Entry(
         "transform",
         "block",
-        "its children scaled, then rotated, then translated; or by a matrix",
+        "its children scaled, then rotated, then translated; or transformed by a matrix",
         (Arg("matrix", "matrix", None, "applied instead of translate, rotate and scale"), *_SHAPE),
         children=True,
         exclusive=(("matrix", "translate"), ("matrix", "rotate"), ("matrix", "scale")),
     ),
-    Entry("translate", "block", "its children moved", (Arg("by", "point", REQUIRED, "how far"),), children=True),
-    Entry("rotate", "block", "its children turned", (Arg("by", "rotation", REQUIRED, "how"),), children=True),
-    Entry("scale", "block", "its children stretched", (Arg("by", "scale3", REQUIRED, "how much"),), children=True),
+    Entry("translate", "block", "its children translated", (Arg("by", "point", REQUIRED, "the translation"),), children=True),
+    Entry("rotate", "block", "its children rotated", (Arg("by", "rotation", REQUIRED, "the rotation"),), children=True),
+    Entry("scale", "block", "its children scaled", (Arg("by", "scale3", REQUIRED, "the factors"),), children=True),
 )

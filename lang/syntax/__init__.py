@@ -1,5 +1,5 @@
 """Scene text to syntax tree: lexer, parser, AST, formatter.
 
-May import: lang's ground (diagnostics, limits).
+May import: lang (diagnostics, units).
 Begin with `parser.py`.
 """

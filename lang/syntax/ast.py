@@ -1,4 +1,4 @@
-"""The syntax tree of a .scene file: what was written, with places, comments and blank lines, before any meaning."""
+"""The syntax tree of a .scene file, with spans, comments and blank lines, before name resolution."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from ..diagnostics import Span
 
 @dataclass(frozen=True, slots=True)
 class Node:
+    """A node with its place in the source."""
+
     span: Span
 
 
@@ -19,6 +21,8 @@ class Node:
 
 @dataclass(frozen=True, slots=True)
 class Number(Node):
+    """`1.5`, `35cm`, `50%`"""
+
     value: float
     unit: str  # "" for a bare number, "%" for percent
     text: str  # as written, for the formatter
@@ -26,21 +30,29 @@ class Number(Node):
 
 @dataclass(frozen=True, slots=True)
 class String(Node):
+    """`"text"`"""
+
     value: str  # escapes resolved
 
 
 @dataclass(frozen=True, slots=True)
 class ColorLiteral(Node):
+    """`#rrggbb`"""
+
     text: str  # "#rgb" or "#rrggbb"
 
 
 @dataclass(frozen=True, slots=True)
 class Name(Node):
+    """`name`"""
+
     id: str
 
 
 @dataclass(frozen=True, slots=True)
 class ListLiteral(Node):
+    """`[a, b]`"""
+
     items: tuple[Node, ...]
 
 
@@ -90,43 +102,53 @@ class Unary(Node):
 
 @dataclass(frozen=True, slots=True)
 class Parens(Node):
-    """Parentheses as written (kept for the formatter)."""
+    """`(inner)`"""
 
     inner: Node
 
 
 @dataclass(frozen=True, slots=True)
 class Member(Node):
+    """`object.name`"""
+
     object: Node
     name: Name
 
 
 @dataclass(frozen=True, slots=True)
 class Argument(Node):
+    """`value` or `name: value` in a call"""
+
     name: Name | None
     value: Node
 
 
 @dataclass(frozen=True, slots=True)
 class Call(Node):
+    """`function(arguments)`"""
+
     function: Node
     arguments: tuple[Argument, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Index(Node):
+    """`object[index]`"""
+
     object: Node
     index: Node
 
 
 @dataclass(frozen=True, slots=True)
 class Comment(Node):
+    """`// text`"""
+
     text: str  # with its slashes
 
 
 @dataclass(frozen=True, slots=True)
 class Item(Node):
-    """A thing on a line of its own. `before` are the comments above it, `after` the one behind it on its line."""
+    """A statement. `before` are the comments above it, `after` is the comment after it on its last line."""
 
     before: tuple[Comment, ...]
     after: Comment | None
@@ -135,6 +157,8 @@ class Item(Node):
 
 @dataclass(frozen=True, slots=True)
 class Block(Node):
+    """`{ items }`"""
+
     items: tuple[Item, ...]
     dangling: tuple[Comment, ...] = ()  # comments after the last item
 
@@ -152,17 +176,23 @@ class WithChildren(Node):
 
 @dataclass(frozen=True, slots=True)
 class Use(Item):
+    """`use "path" as alias`"""
+
     path: String
     alias: Name | None
 
 
 @dataclass(frozen=True, slots=True)
 class Unit(Item):
+    """`unit name`"""
+
     name: Name
 
 
 @dataclass(frozen=True, slots=True)
 class Param(Item):
+    """`param name: type = default in range "doc"`"""
+
     name: Name
     type: Name | None
     default: Node
@@ -172,6 +202,8 @@ class Param(Item):
 
 @dataclass(frozen=True, slots=True)
 class Parameter(Node):
+    """`name: type = default` of a function"""
+
     name: Name
     type: Name | None
     default: Node | None
@@ -179,6 +211,8 @@ class Parameter(Node):
 
 @dataclass(frozen=True, slots=True)
 class Let(Item):
+    """`let name = value` or `let name(parameters) = value`"""
+
     name: Name
     parameters: tuple[Parameter, ...] | None  # None: a constant; (): a part without parameters
     value: Node
@@ -186,6 +220,8 @@ class Let(Item):
 
 @dataclass(frozen=True, slots=True)
 class For(Item):
+    """`for (name in source) { … }`"""
+
     name: Name
     source: Node
     block: Block
@@ -193,6 +229,8 @@ class For(Item):
 
 @dataclass(frozen=True, slots=True)
 class If(Item):
+    """`if (condition) { … } else { … }`"""
+
     condition: Node
     yes: Block
     no: Block | If | None
@@ -200,16 +238,16 @@ class If(Item):
 
 @dataclass(frozen=True, slots=True)
 class ElementItem(Item):
-    """An expression on a line of its own: what it evaluates to is placed."""
+    """An expression as a statement: its value is placed."""
 
     expression: Node
 
 
 @dataclass(frozen=True, slots=True)
 class File(Node):
-    """A whole file. `items` lie in the order written; `text` is the source the spans point into.
+    """A file. `items` are in source order; the spans refer to `text`.
 
-    `broken` are the names that items with a syntax error would have bound: later stages do not call them unknown.
+    `broken` are the names that items with syntax errors bind. Later stages do not report them as unknown.
     """
 
     name: str
@@ -225,7 +263,7 @@ def _names(kind: type[Node]) -> tuple[str, ...]:
 
 
 def children(node: Node) -> Iterator[Node]:
-    """The nodes directly below `node`, in the order written."""
+    """The child nodes of `node`, in source order."""
     for name in _names(type(node)):
         value = getattr(node, name)
         if isinstance(value, Node):
@@ -235,11 +273,11 @@ def children(node: Node) -> Iterator[Node]:
 
 
 def places_children(node: Node) -> bool:
-    """Whether `children` stands anywhere in `node`, other than in functions defined in it."""
-    waiting = [node]
-    while waiting:
-        n = waiting.pop()
+    """Whether `node` uses `children`, apart from the functions that it defines."""
+    stack = [node]
+    while stack:
+        n = stack.pop()
         if isinstance(n, Name) and n.id == "children":
             return True
-        waiting.extend(c for c in children(n) if not (isinstance(c, Let) and c.parameters is not None))
+        stack.extend(c for c in children(n) if not (isinstance(c, Let) and c.parameters is not None))
     return False

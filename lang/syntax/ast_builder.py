@@ -1,4 +1,4 @@
-"""Builds the syntax tree while lark parses: one method for each rule of the grammar."""
+"""Parser callbacks that build the syntax tree: one method for each rule of the grammar."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from ..diagnostics import Span
 from . import ast
 from .trivia import Comments, Place
 
-MAX_DEPTH = 1000  # nodes below each other, so that later stages may walk the tree recursively
-BROKEN = "\0"  # the name that stands for the head of an item that could not be read
+MAX_DEPTH = 1000  # nested nodes, so that later stages can walk the tree recursively
+BROKEN = "\0"  # the name that replaces the head of an item with a syntax error
 
 _NUMBER = re.compile(r"(\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)(.*)", re.DOTALL)
 _ESCAPES = {"n": "\n", '"': '"', "\\": "\\"}
 
 
 class TooDeep(Exception):
-    """A node lies more than MAX_DEPTH levels above its leaves."""
+    """A node has descendants more than MAX_DEPTH levels below it."""
 
     def __init__(self, span: Span) -> None:
         super().__init__()
@@ -28,14 +28,14 @@ class TooDeep(Exception):
 
 
 class TreeBuilder(Transformer):
-    """lark hands each method the parts of its rule: tokens, and the nodes made of the rules below."""
+    """Each method takes the parts of its rule, which are tokens and nodes, and returns a node."""
 
     file: str
     comments: Comments
-    depths: dict[int, int]  # by id(node); an id used again is written again
+    depths: dict[int, int]  # height of each subtree, by id(node); a reused id is overwritten
 
     def begin(self, file: str, comments: Comments) -> None:
-        """Be ready for a file's tree."""
+        """Reset the builder for the tree of `file`."""
         self.file, self.comments, self.depths = file, comments, {}
 
     # --- helpers --------------------------------------------------------------------------------------------------
@@ -47,7 +47,7 @@ class TreeBuilder(Transformer):
         return Span(self.file, a.line, a.column, b.end_line, b.end_column)
 
     def _made(self, node: Any, *below: Any) -> Any:
-        """`node`, once it is sure to be no deeper than MAX_DEPTH."""
+        """`node`, whose parts are `below`. Raises TooDeep."""
         depth = 1 + max([self.depths.get(id(b), 0) for b in below], default=0)
         if depth > MAX_DEPTH:
             raise TooDeep(node.span)
@@ -185,5 +185,5 @@ class TreeBuilder(Transformer):
 def _broken(item: ast.Item) -> bool:
     head: ast.Node | None = item.expression if isinstance(item, ast.ElementItem) else None
     while head is not None and not isinstance(head, ast.Name):
-        head = next(ast.children(head), None)  # of `{ … }.a { … }(1)` the first of all
+        head = next(ast.children(head), None)  # the leftmost leaf, as in `{ … }.a { … }(1)`
     return head is not None and head.id == BROKEN

@@ -1,4 +1,4 @@
-"""The place of a syntax error in a token stream, as the rules for messages read it."""
+"""The place of a syntax error in a token stream, as input of the rules for messages."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Answer = tuple[str, str, Token]  # message, hint, where
 
 @dataclass(frozen=True, slots=True)
 class ErrorSite:
-    """Token `at` of a stream, where the item that begins at `first` cannot go on; `expected` are lark's terminals that could."""
+    """Token `at` of a stream, unexpected in the item that begins at token `first`. `expected` are the allowed terminals."""
 
     stream: list[Token]
     at: int
@@ -24,26 +24,28 @@ class ErrorSite:
 
     @property
     def token(self) -> Token:
+        """The unexpected token."""
         return self.stream[self.at]
 
     @property
     def start(self) -> Token:
+        """The first token of the item."""
         return self.stream[self.first]
 
     def near(self, offset: int) -> Token:
-        """A token before or behind; an empty one outside of the item's reach."""
+        """The token `offset` tokens after this one; an empty token outside of the item."""
         i = self.at + offset
         return self.stream[i] if self.first <= i < len(self.stream) else Token("", "")
 
     def word(self) -> str:
-        """The token with all that follows it without a space."""
+        """The token with all tokens that follow it without a space."""
         end = self.at + 1
         while self.stream[end].start_pos == self.stream[end - 1].end_pos and self.stream[end].type not in ("_NL", "$END"):
             end += 1
         return "".join(self.stream[self.at : end])
 
     def opener(self) -> int | None:
-        """Index of the innermost bracket of the item that is open here."""
+        """Index of the innermost open bracket of the item."""
         depth = 0
         for i in range(self.at - 1, self.first - 1, -1):
             token = self.stream[i]
@@ -56,7 +58,7 @@ class ErrorSite:
         return None
 
     def inside(self) -> str:
-        """What is open here: `call`, `parameters`, `condition`, `loop`, `group`, `list`, `index`, or nothing."""
+        """The kind of the innermost open bracket: `call`, `parameters`, `condition`, `loop`, `group`, `list`, `index` or empty."""
         i = self.opener()
         if i is None:
             return ""
@@ -71,14 +73,17 @@ class ErrorSite:
 
 
 def ends_value(token: Token) -> bool:
+    """Whether a token can end a value."""
     return (token.type in VALUES) or token in (")", "]", "}")
 
 
 def starts_value(token: Token) -> bool:
+    """Whether a token can begin a value, other than by an operator or a keyword."""
     return token.type in VALUES or token in ("(", "[")
 
 
 def quote(token: Token) -> str:
+    """A token in a message."""
     if token.type == "$END":
         return "the end of the file"
     if token.type == "_NL":
@@ -88,4 +93,5 @@ def quote(token: Token) -> str:
 
 
 def is_end(token: Token) -> bool:
+    """Whether a token ends a line, a bracket or the file."""
     return token.type in ("$END", "_NL") or token in (")", "]", "}")

@@ -1,6 +1,6 @@
-"""Lays a scene out in the standard way: what was written, each line where it belongs. No token and no comment changes.
+"""Formatter: sets spaces, indentation and blank lines. Keeps every token and comment.
 
-Line breaks are the writer's, but that a block of several lines begins behind its `{` and ends with a `}` on a line of its own.
+Line breaks stay, except that a block of several lines begins after its `{` and ends with a `}` on its own line.
 """
 
 from __future__ import annotations
@@ -13,36 +13,38 @@ from lark import Token
 
 from ..diagnostics import Diagnostics
 from .lexer import CLOSERS, KEYWORDS, OPENERS, OPERATORS, grammar
-from .line_joining import GOES_ON
+from .line_joining import CONTINUED_AFTER
 from .parser import parse
 
 INDENT = 2
-# Behind one of these an operand is to come: a `-` is a sign, a `|` begins the parameters of a function.
+# An operand follows one of these: a `-` is a sign, a `|` begins the parameters of a function.
 _BEFORE_OPERANDS = OPERATORS | KEYWORDS | frozenset(("(", "[", "{", ",", "=", ":"))
 _TIGHT = frozenset((".", ".."))
 
 
 @dataclass(slots=True)
 class _Line:
+    """A line of output."""
+
     tokens: list[Token] = field(default_factory=list)
     comment: str = ""
-    blank: bool = False  # an empty line above it
+    blank: bool = False  # an empty line precedes it
     indent: int = 0
     code: str = ""
 
 
 @dataclass(slots=True)
 class _Level:
-    """The file, or what a bracket holds."""
+    """The file, or the content of a bracket."""
 
-    items: bool  # rather than arguments or the elements of a list
+    items: bool  # holds items, not arguments or list elements
     inside: int  # indentation of its lines
-    closer: int  # and of the line that closes it
-    last: int  # of the last line that began in it
+    closer: int  # indentation of the line that closes it
+    last: int  # indentation of the last line that begins in it
 
 
 def format_text(text: str, name: str, diagnostics: Diagnostics) -> str | None:
-    """`text` laid out, of file `name`. None where it has syntax errors, which are then in `diagnostics`. Laid out twice it is the same."""
+    """`text` of file `name`, formatted; None for syntax errors, which go into `diagnostics`. Formatting is idempotent."""
     found = Diagnostics()
     parse(text, name, found)
     diagnostics.items.extend(found.items)
@@ -50,16 +52,16 @@ def format_text(text: str, name: str, diagnostics: Diagnostics) -> str | None:
         return None
     lines = _lines(list(grammar().lex(text.removeprefix("\ufeff"))))
     _indent(lines)
-    _spell(lines)
-    return "".join(_written(lines))
+    _set_spaces(lines)
+    return "".join(_output(lines))
 
 
-# --- which line a token is on -----------------------------------------------------------------------------------------
+# --- lines ------------------------------------------------------------------------------------------------------------
 
 
 def _lines(tokens: list[Token]) -> list[_Line]:
     lines = [_Line()]
-    wide = _blocks_of_lines(tokens)
+    wide = _multiline_braces(tokens)
     for i, token in enumerate(tokens):
         here = lines[-1]
         if token.type == "_NL":
@@ -72,24 +74,24 @@ def _lines(tokens: list[Token]) -> list[_Line]:
         else:
             opened = bool(here.tokens) and _place(here.tokens[-1]) in wide and here.tokens[-1] == "{"
             if opened or (here.tokens and token == "}" and _place(token) in wide):
-                _without_separator(here)
+                _drop_separator(here)
                 lines.append(_Line())
             lines[-1].tokens.append(token)
     lines = [line for line in lines if line.tokens or line.comment]
     for above, line in zip([None, *lines], lines, strict=False):
-        _without_separator(line)
+        _drop_separator(line)
         if above is None or above.tokens[-1:] == ["{"] or line.tokens[:1] == ["}"]:
             line.blank = False
     return lines
 
 
-def _without_separator(line: _Line) -> None:
+def _drop_separator(line: _Line) -> None:
     if line.tokens and line.tokens[-1].type == "_NL":
         line.tokens.pop()
 
 
-def _blocks_of_lines(tokens: list[Token]) -> set[int | None]:
-    """Where the braces of blocks are that go over several lines."""
+def _multiline_braces(tokens: list[Token]) -> set[int | None]:
+    """The positions of the braces of blocks that span several lines."""
     stack: list[Token] = []
     wide: set[int | None] = set()
     for token in tokens:
@@ -106,7 +108,7 @@ def _place(token: Token) -> int | None:
     return token.start_pos
 
 
-# --- how far in a line begins -----------------------------------------------------------------------------------------
+# --- indentation ------------------------------------------------------------------------------------------------------
 
 
 def _indent(lines: list[_Line]) -> None:
@@ -116,7 +118,7 @@ def _indent(lines: list[_Line]) -> None:
         if line.tokens and line.tokens[0] in CLOSERS:
             line.indent = levels[-1].closer
         else:
-            line.indent = levels[-1].last = _beginning(line, above, levels[-1])
+            line.indent = levels[-1].last = _indentation(line, above, levels[-1])
         for token in line.tokens:
             if token in OPENERS:
                 base = levels[-1].last
@@ -126,45 +128,45 @@ def _indent(lines: list[_Line]) -> None:
             above = token
 
 
-def _beginning(line: _Line, above: Token | None, level: _Level) -> int:
-    """Where a line begins that closes nothing: further in where it goes on with an item."""
+def _indentation(line: _Line, above: Token | None, level: _Level) -> int:
+    """The indentation of a line that does not begin with a closing bracket; deeper if it continues an item."""
     if not level.items:
         return level.inside
     if line.tokens[:1] == ["else"]:
         return level.last if above == "}" else level.inside + INDENT
-    return level.inside + (INDENT if above in GOES_ON else 0)
+    return level.inside + (INDENT if above in CONTINUED_AFTER else 0)
 
 
-# --- what stands between tokens ---------------------------------------------------------------------------------------
+# --- spaces -----------------------------------------------------------------------------------------------------------
 
 
-def _spell(lines: list[_Line]) -> None:
+def _set_spaces(lines: list[_Line]) -> None:
     before: Token | None = None
-    operand = True  # one is to come: a `-` is a sign, a `|` begins the parameters of a function
-    tight = True  # nothing is to stand between `before` and what follows
+    operand = True  # an operand comes next: a `-` is a sign, a `|` begins the parameters of a function
+    tight = True  # no space between `before` and the next token
     for line in lines:
         for token in line.tokens:
             opens = token == "|" and operand
             if token is not line.tokens[0]:
-                line.code += _between(before, token, operand, tight, closes=token == "|" and not operand)
+                line.code += _space(before, token, operand, tight, closes=token == "|" and not operand)
             line.code += ";" if token.type == "_NL" else token
             tight = token in _TIGHT or token in ("(", "[") or opens or (token == "-" and operand)
             operand = token in _BEFORE_OPERANDS or token.type == "_NL" or (token == "|" and not opens)
             before = token
 
 
-def _between(before: Token | None, token: Token, operand: bool, tight: bool, closes: bool) -> str:
+def _space(before: Token | None, token: Token, operand: bool, tight: bool, closes: bool) -> str:
     if tight or closes or token in _TIGHT or token in (")", "]", ",", ":") or token.type == "_NL":
         return ""
     if before == "{" and token == "}":
         return ""
     if token in ("(", "[") and not operand and before != "}":
         return ""
-    return "  " if token.type == "STRING" and not operand else " "  # what a param is for
+    return "  " if token.type == "STRING" and not operand else " "  # the description of a param
 
 
-def _written(lines: list[_Line]) -> Iterator[str]:
-    """The lines as text. Comments behind lines that follow each other begin in one column."""
+def _output(lines: list[_Line]) -> Iterator[str]:
+    """The lines as text. Comments after consecutive lines begin in one column."""
     column = 0
     for i, line in enumerate(lines):
         if line.blank:
@@ -180,6 +182,6 @@ def _written(lines: list[_Line]) -> Iterator[str]:
 
 
 def _comment_column(lines: list[_Line]) -> int:
-    """Where comments behind the first of `lines` and those that follow it directly begin."""
+    """The column of the comments after the first of `lines` and the lines that follow it directly."""
     run = takewhile(lambda line: line.tokens and line.comment and not (line.blank and line is not lines[0]), lines)
     return max(line.indent + len(line.code) for line in run) + 2

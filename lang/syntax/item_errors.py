@@ -5,7 +5,7 @@ from __future__ import annotations
 from .error_site import VALUES, Answer, ErrorSite, is_end, starts_value
 from .lexer import KEYWORDS, OPERATORS
 
-_FOREIGN = {  # words of other languages that people begin a line with
+_FOREIGN = {  # keywords of other languages at the beginning of a line
     "import": 'write use "gear.scene"',
     "include": 'write use "gear.scene"',
     "def": "write let name(…) = …",
@@ -13,16 +13,17 @@ _FOREIGN = {  # words of other languages that people begin a line with
     "fn": "write let name(…) = …",
     "var": "write let name = …",
     "const": "write let name = …",
-    "return": "what stands behind the `=` of a `let` is its value",
+    "return": "the value of a `let` follows its `=`",
     "while": "write for (k in 0..5) { … }; `fold` and `scan` accumulate",
     "elif": "write else if (…) { … }",
     "elseif": "write else if (…) { … }",
 }
 
-_SOLIDS = {"+": "union", "-": "difference", "*": "intersection", "/": "difference"}  # what signs between solids are meant for
+_SOLIDS = {"+": "union", "-": "difference", "*": "intersection", "/": "difference"}  # by operator between two solids
 
 
 def use(site: ErrorSite) -> Answer | None:
+    """`use` with an unquoted path or an incomplete `as`."""
     if site.start != "use":
         return None
     if site.at == site.first + 1:
@@ -30,22 +31,24 @@ def use(site: ErrorSite) -> Answer | None:
             path = site.word()
             fix = f'write use "{path}"' if "/" in path or "." in path else f'write use "std/{path}" or use "{path}.scene"'
             return "the file after `use` is written in quotes", fix, site.token
-        return "`use` wants a file", 'write use "std/room" or use "gear.scene"', site.start
+        return "`use` needs a file", 'write use "std/room" or use "gear.scene"', site.start
     if site.near(-1) == "as":
-        return "`as` wants a name", 'write use "robot.usdz" as robot', site.near(-1)
+        return "`as` needs a name", 'write use "robot.usdz" as robot', site.near(-1)
     if site.at == site.first + 2 and site.token.type == "NAME":
         return f"`as` is missing before `{site.token}`", f"write as {site.token}", site.token
     return None
 
 
 def unit(site: ErrorSite) -> Answer | None:
+    """`unit` without a unit."""
     if site.start == "unit" and site.at == site.first + 1:
         fix = "write unit inch" if site.token == "in" else "write unit mm"
-        return "`unit` wants a unit of length", fix, site.start if is_end(site.token) else site.token
+        return "`unit` needs a unit of length", fix, site.start if is_end(site.token) else site.token
     return None
 
 
 def foreign_word(site: ErrorSite) -> Answer | None:
+    """A keyword of another language."""
     start = site.start
     if start in _FOREIGN and site.at == site.first + 1 and start.type == "NAME":
         return f"the language has no `{start}`", _FOREIGN[start], start
@@ -53,25 +56,27 @@ def foreign_word(site: ErrorSite) -> Answer | None:
 
 
 def keyword_as_name(site: ErrorSite) -> Answer | None:
+    """A keyword in place of a name or a value."""
     token = site.token
     binding = site.near(-1) in ("let", "param", "unit", "as", ".")
     naming = site.near(1) in (":", "=") and "NAME" in site.expected
     if token in KEYWORDS and (binding or naming):
-        return f"`{token}` is a word of the language and can't be a name", "choose another name", token
+        return f"`{token}` is a keyword and can't be a name", "choose another name", token
     if token in ("for", "in", "use", "unit", "as", "param") and "NUMBER" in site.expected and site.at > site.first:
-        return f"`{token}` is a word of the language, no value", "", token
+        return f"`{token}` is a keyword, not a value", "", token
     return None
 
 
 def binding(site: ErrorSite) -> Answer | None:
+    """An incomplete or misspelt `let` or `param`."""
     start, token = site.start, site.token
     if start not in ("let", "param"):
         return None
     name = site.stream[site.first + 1]
     if site.at == site.first + 1:
         if token.type == "NUMBER":
-            return f"a name begins with a letter, not as `{token}`", "", token
-        return f"`{start}` wants a name", f"write {start} size = 3", start if is_end(token) else token
+            return f"a name begins with a letter, unlike `{token}`", "", token
+        return f"`{start}` needs a name", f"write {start} size = 3", start if is_end(token) else token
     if site.at == site.first + 2:
         if token == ",":
             return f"`{start}` binds one name", f"write a line for each: {start} {name} = …", token
@@ -88,7 +93,7 @@ def binding(site: ErrorSite) -> Answer | None:
         if token == "{":
             return f"`=` is missing after `let {name}`", f"write let {name} = group() {{ … }}", token
     if start == "param" and site.near(-1) == ":" and token.type != "NAME" and site.at == site.first + 3:
-        return "a type is wanted behind the `:`", f"write param {name} = … or param {name}: int = …", token
+        return "a type is missing after the `:`", f"write param {name} = … or param {name}: int = …", token
     if start == "param" and token == ":" and site.opener() is None:
         return "a `param` takes its value with `=`", f"write param {name} = …", token
     if "EQUAL" in site.expected and site.inside() == "":
@@ -97,36 +102,38 @@ def binding(site: ErrorSite) -> Answer | None:
     if start == "let" and token == "in" and site.inside() == "":
         return "only a `param` has a range", f"write param {name} = …", token
     if start == "param" and "STRING" in site.expected and starts_value(token):
-        return "what a `param` is for stands in quotes", f'write param {name} = … "what it is for"', token
+        return "the description of a `param` is quoted", f'write param {name} = … "description"', token
     return None
 
 
 def block_words(site: ErrorSite) -> Answer | None:
+    """`if`, `else` or `for` without condition, name or block."""
     start, token = site.start, site.token
     if start == "else" and site.at == site.first:
         return "this `else` has no `if`", "write if (…) { … } else { … }", token
     if site.near(-1) == "if" and site.near(-2) == "else" and site.inside() == "" and site.token != "(":
-        return "`if` wants its condition in parentheses", "write else if (…) { … }", token if not is_end(token) else site.near(-1)
+        return "`if` needs its condition in parentheses", "write else if (…) { … }", token if not is_end(token) else site.near(-1)
     if start not in ("if", "for"):
         return None
     form = "if (…) { … }" if start == "if" else "for (k in 0..5) { … }"
     if site.at == site.first + 1:
         what = "its condition" if start == "if" else "its name and list"
-        return f"`{start}` wants {what} in parentheses", f"write {form}", token if not is_end(token) else start
+        return f"`{start}` needs {what} in parentheses", f"write {form}", token if not is_end(token) else start
     if site.inside() == "loop" and site.near(-1).type == "NAME" and "IN" in site.expected:
-        return "`for` wants `in` after its name", f"write {form}", token
+        return "`for` needs `in` after its name", f"write {form}", token
     if site.inside() == "loop" and site.near(-1) == "(":
-        return "`for` wants a name", f"write {form}", token
+        return "`for` needs a name", f"write {form}", token
     if site.near(-1) == ")" and "LBRACE" in site.expected and len(site.expected) == 1:
         if token == "then":
-            return "`if … then … else …` is a value, this `if` stands by itself", f"write {form}", token
-        return f"`{start}` wants a block", f"write {form}", token if not is_end(token) else start
+            return "`if … then … else …` is a value; this `if` is a statement", f"write {form}", token
+        return f"`{start}` needs a block", f"write {form}", token if not is_end(token) else start
     if site.near(-1) == "else":
-        return "`else` wants a block or another `if`", "write else { … }", site.near(-1)
+        return "`else` needs a block or another `if`", "write else { … }", site.near(-1)
     return None
 
 
 def line_start(site: ErrorSite) -> Answer | None:
+    """A token that cannot begin a line, or a line that is only a value."""
     token = site.token
     if site.at != site.first:
         if token in OPERATORS and site.inside() == "" and site.start not in KEYWORDS:
@@ -139,17 +146,18 @@ def line_start(site: ErrorSite) -> Answer | None:
     if token in KEYWORDS:
         return f"a line can't begin with `{token}`", "", token
     if token == "{":
-        return "this `{` has nothing to belong to", "write group() { … }", token
+        return "this `{` follows no element", "write group() { … }", token
     return None
 
 
 def separator(site: ErrorSite) -> Answer | None:
+    """`;` or an item inside brackets, `,` inside an index, `for` inside a call."""
     token = site.token
     if token.type == "_NL" and ";" in token and site.inside():
         return "`;` ends an item, but a bracket is still open", "write `,`", token
     if token in ("let", "param", "use", "unit"):
         if site.inside():
-            return f"`{token}` can't stand inside brackets", "write it on a line of its own", token
+            return f"`{token}` can't be inside brackets", "write it on a line of its own", token
         return f"`{token}` begins an item", "write it on a line of its own", token
     if token == "," and site.inside() == "index":
         at = site.opener() or 0
@@ -158,5 +166,5 @@ def separator(site: ErrorSite) -> Answer | None:
             return "arguments are written in parentheses", f"write {before}([…, …])", site.stream[at]
         return "an index is one number", "write list[i][j]", token
     if token == "for" and site.inside() == "call":
-        return "a `for` inside a value stands in a list", "write [f(k) for k in 0..5]", token
+        return "a `for` inside a value is part of a list", "write [f(k) for k in 0..5]", token
     return None

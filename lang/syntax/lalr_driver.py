@@ -1,7 +1,7 @@
-"""Lark's LALR automaton, driven token by token, with its chains of unit rules taken at once.
+"""LALR driver for Lark's tables that takes a chain of unit rules in one step.
 
-The ladder of operators takes each number through a dozen rules that only hand it up. Where such a chain ends depends on two states and the
-kind of the token that follows, and is looked up from then on (Pager, "Eliminating Unit Productions from LR Parsers", 1977).
+The operator precedences pass each number through a dozen unit rules. The end of such a chain depends on two states and the kind of
+the next token, and is cached (Pager, "Eliminating Unit Productions from LR Parsers", 1977).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Callbacks = dict[Any, Callable[[list[Any]], Any]]  # by rule
 
 
 class Unexpected(Exception):
-    """A token that fits nowhere; `expected` are the kinds that would."""
+    """A token that the grammar does not allow; `expected` are the kinds that it allows."""
 
     def __init__(self, expected: set[str]) -> None:
         super().__init__()
@@ -29,19 +29,19 @@ class Unexpected(Exception):
 
 
 class Automaton:
-    """One parse. `states` and `values` are its stacks; a state more than values, the one it began in."""
+    """The state of one parse. The stack `states` holds the start state and one state for each entry of the stack `values`."""
 
     def __init__(self, lark: Lark, made: Callbacks) -> None:
         conf = lark.parse_interactive().parser_state.parse_conf
         self._rows, self._end = conf.states, conf.end_state
-        # The tree is built while parsing, by a builder that nobody else uses meanwhile: a tree is never walked recursively.
+        # The tree is built during the parse, without recursion. The builder serves one parse at a time.
         self._made = made
         self._chains = _chains.setdefault(id(conf.states), {})
         self.states: list[Any] = [conf.start_state]
         self.values: list[Any] = []
 
     def feed(self, token: Token) -> Any:
-        """Take a token in: what the whole text is made into, after the last one. Raises Unexpected."""
+        """Shift one token after all reductions. Returns the result of the start rule after the last token. Raises Unexpected."""
         rows, states, values, chains, kind = self._rows, self.states, self.values, self._chains, token.type
         while True:
             if values:
@@ -69,7 +69,7 @@ class Automaton:
                 return value
 
     def _end_of_chain(self, below: Any, state: Any, kind: str) -> Any:
-        """The state after all unit rules that apply one after the other to what was read last."""
+        """The state after all unit rules that reduce the top of the stack."""
         while True:
             action, arg = self._rows[state].get(kind, (Shift, None))
             if action is Shift or not _is_unit(arg) or self._rows[below][arg.origin.name][1] == self._end:
@@ -77,17 +77,17 @@ class Automaton:
             state = self._rows[below][arg.origin.name][1]
 
 
-_chains: dict[int, dict[tuple[Any, Any, str], Any]] = {}  # by grammar, which lives as long as the process
+_chains: dict[int, dict[tuple[Any, Any, str], Any]] = {}  # by grammar, which is never freed
 
 
 def _is_unit(rule: Any) -> bool:
-    """Whether a rule hands up what it is made of."""
+    """Whether a rule returns its only part unchanged."""
     return rule.options.expand1 and rule.alias is None and len(rule.expansion) == 1
 
 
 @contextmanager
 def building(lark: Lark, file: str, comments: Comments) -> Iterator[Callbacks]:
-    """What is made of each rule's parts, by a tree builder for a file: one that is idle, for lark takes long to make these."""
+    """The callbacks of a tree builder for a file. Idle builders are reused, because Lark creates callbacks slowly."""
     try:
         builder, made = _idle.pop()
     except IndexError:

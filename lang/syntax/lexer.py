@@ -1,4 +1,4 @@
-"""From text to tokens: lark's lexer, with a message for everything people write that is no word of the language."""
+"""Lexer: Lark's lexer with messages for characters and strings that are not in the language."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ OPERATORS = COMPARISONS | frozenset(("+", "-", "*", "/", "^", "..", "and", "or",
 OPENERS = {"(": ")", "[": "]", "{": "}"}
 CLOSERS = {")": "(", "]": "[", "}": "{"}
 MAX_NESTING = 200  # open brackets
-MAX_MISTAKES = 1000  # behind so many a file is read no further
+MAX_MISTAKES = 1000  # after which the lexer stops
 
 _ESCAPE = re.compile(r"\\(.)")
-_INSTEAD = {  # what stands for it in the language
+_REPLACEMENTS = {  # hints for characters of other languages
     "!": "write `not`",
     "&": "write `and`",
-    "%": "write mod(a, b) for a remainder; a percentage stands right behind its number: 50%",
+    "%": "write mod(a, b) for a remainder; a percentage directly follows its number: 50%",
     "?": "write `if … then … else …`",
     "'": 'strings are written in double quotes: "…"',
     "“": 'strings are written in straight quotes: "…"',
@@ -40,12 +40,12 @@ _INSTEAD = {  # what stands for it in the language
     "≥": "write `>=`",
     "≠": "write `!=`",
     "…": "write `..` for a range",
-    "\\": "a line goes on by itself inside ( ) and [ ], and after an operator",
+    "\\": "a line continues inside ( ) and [ ], and after an operator",
 }
 
 
 class _KeepMistakes(PostLex):
-    """Keeps the terminals no rule mentions: comments, and the mistakes below."""
+    """Keeps terminals outside the grammar's rules: comments and lexical errors."""
 
     always_accept = ("COMMENT", "OPEN_STRING", "BLOCK_COMMENT", "HASH_COMMENT", "BAD_COLOR", "UNKNOWN")
 
@@ -55,23 +55,23 @@ class _KeepMistakes(PostLex):
 
 @dataclass(slots=True)
 class Scan:
-    """The tokens of a file (ending with `$END`), its comments, and where something was wrong already."""
+    """The tokens of a file (ending with `$END`), its comments, and the places of lexical errors."""
 
     tokens: list[Token] = field(default_factory=list)
     comments: list[ast.Comment] = field(default_factory=list)
     wrong: list[tuple[int, int]] = field(default_factory=list)  # line, column
 
 
-def grammar(kept: str | None = None) -> Lark:
-    """The lark parser with its tables, made once. It takes longer to work them out than to parse most scenes.
+def grammar(cache: str | None = None) -> Lark:
+    """The Lark parser with its tables, built once. Building takes longer than parsing most scenes.
 
-    `kept` is a file to take them from, and to put them into: lark sees whether they belong to this grammar and its own version.
+    `cache` is a cache file for the tables. Lark checks that they match the grammar and its own version.
     """
     if not _made:
         text = Path(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
-        options: Any = {"parser": "lalr", "lexer": "basic", "keep_all_tokens": True, "maybe_placeholders": False, "cache": kept or False}
+        options: Any = {"parser": "lalr", "lexer": "basic", "keep_all_tokens": True, "maybe_placeholders": False, "cache": cache or False}
         made = Lark(text, postlex=_KeepMistakes(), **options)
-        made.lexer = made._build_lexer()  # pyright: ignore[reportPrivateUsage]  # else `lex` makes one each time, in half a millisecond
+        made.lexer = made._build_lexer()  # pyright: ignore[reportPrivateUsage]  # otherwise each `lex` builds one in 0.5 ms
         _made.append(made)
     return _made[0]
 
@@ -85,18 +85,18 @@ def span_of(token: Token, file: str) -> Span:
 
 
 def scan(text: str, file: str, diagnostics: Diagnostics) -> Scan:
-    """The tokens of `text`. Mistakes are reported and replaced by the nearest thing that is right, or left out."""
+    """The tokens of `text`. Lexical errors are reported, then replaced by a valid token or dropped."""
     result = Scan()
     depth = 0
     safe = 0  # number of tokens before the last line end outside all brackets
     for token in _commented_lines(grammar().lex(text)):
         if token.type in _MISTAKES:
             result.wrong.append((token.line or 1, token.column or 1))
-            kept = _MISTAKES[token.type](token, file, diagnostics)
-            if isinstance(kept, ast.Comment):
-                result.comments.append(kept)
-            elif kept is not None:
-                result.tokens.append(kept)
+            replacement = _MISTAKES[token.type](token, file, diagnostics)
+            if isinstance(replacement, ast.Comment):
+                result.comments.append(replacement)
+            elif replacement is not None:
+                result.tokens.append(replacement)
             if len(result.wrong) >= MAX_MISTAKES:
                 break
             continue
@@ -115,7 +115,7 @@ def scan(text: str, file: str, diagnostics: Diagnostics) -> Scan:
         elif token.type == "STRING" and "\\" in token:
             _check_escapes(token, file, diagnostics)
         elif token.type == "_NL":
-            if result.tokens and result.tokens[-1].type == "_NL":  # a line that holds only a comment
+            if result.tokens and result.tokens[-1].type == "_NL":  # a line with only a comment
                 first = result.tokens.pop()
                 token = first if ";" in first else token
             if depth == 0:
@@ -126,7 +126,7 @@ def scan(text: str, file: str, diagnostics: Diagnostics) -> Scan:
 
 
 def _commented_lines(stream):
-    """Takes a line beginning with `#word` that is no colour for a comment, whatever else stands in it."""
+    """The token stream with each line that begins with `#word` replaced by one comment, unless `#word` is a colour."""
     skipped = 0
     fresh = True
     for token in stream:
@@ -188,10 +188,10 @@ def _unknown(token: Token, file: str, diagnostics: Diagnostics) -> None:
     char = str(token)
     visible = char.isprintable() and not char.isspace()
     shown = f"`{char}`" if visible else f"invisible character U+{ord(char):04X}"
-    hint = _INSTEAD.get(char, "" if visible else "delete it")
+    hint = _REPLACEMENTS.get(char, "" if visible else "delete it")
     last = diagnostics.items[-1] if diagnostics.items else None
     if last and last.span and last.span.line == token.line and last.hint == hint:
-        return  # the closing one of a pair, or one of a row
+        return  # the second of a pair, or one of a sequence
     diagnostics.error(f"the language has no {shown}", span_of(token, file), hint)
 
 

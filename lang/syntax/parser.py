@@ -1,4 +1,4 @@
-"""From text to syntax tree: the door of the front end, and how parsing goes on after an error."""
+"""Parser entry point: text to syntax tree, with recovery after errors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MAX_ERRORS = 100  # syntax errors shown for a file
 def decode(data: bytes, name: str, diagnostics: Diagnostics) -> str | None:
     """The text of a .scene file from its bytes: UTF-8, with or without a byte-order mark; lines end with `\\n`.
 
-    None, with a diagnostic, for what is too large or no text.
+    None, with a diagnostic, for data that is too large or not text.
     """
     if len(data) > MAX_BYTES:
         _too_large(len(data), name, diagnostics)
@@ -40,9 +40,9 @@ def decode(data: bytes, name: str, diagnostics: Diagnostics) -> str | None:
 
 
 def parse(text: str, name: str, diagnostics: Diagnostics) -> ast.File:
-    """The syntax tree of `text`, shown as file `name` in spans. Never raises on input.
+    """The syntax tree of `text`, named `name` in spans. Never raises on input.
 
-    All syntax errors go into `diagnostics`, in order; an item with an error is left out, the others are there.
+    Adds syntax errors to `diagnostics`, in order. The tree lacks the items with errors.
     """
     whole = Span(name)
     if len(text) > MAX_BYTES:
@@ -66,23 +66,23 @@ def _too_large(size: int, name: str, diagnostics: Diagnostics) -> None:
 
 @dataclass(slots=True)
 class _Level:
-    """A list of items being read: the file, or a block."""
+    """A list of items during the parse: the file, or a block."""
 
     depth: int  # brackets open around it
-    height: int  # of the parser's stack of values where its current item began
-    first: int  # token the current item begins with
-    broken: bool = False  # the current item has an error already
+    height: int  # of the parser's value stack at the start of the current item
+    first: int  # first token of the current item
+    broken: bool = False  # the current item has a reported error
 
 
 @dataclass
 class _Parsing:
-    """Feeds lark token by token. On an error it takes back the current item and goes on at the next one."""
+    """One parse with error recovery: drops an item with an error and resumes at the next one."""
 
     stream: list[Token]
     scan: lexer.Scan
     file: str
     diagnostics: Diagnostics
-    broken: set[str] = field(default_factory=set)  # names that broken items would have bound
+    broken: set[str] = field(default_factory=set)  # names that items with errors bind
 
     def run(self) -> tuple[tuple[ast.Item, ...], tuple[ast.Comment, ...], set[str]]:
         lark = lexer.grammar()
@@ -117,7 +117,7 @@ class _Parsing:
         return items, dangling, self.broken
 
     def _drops_item(self, i: int) -> bool:
-        """Whether the item that token `i` ends, if it does, has a mistake that was repaired: it is left out too."""
+        """Whether token `i` ends an item with a repaired error, which is dropped too."""
         level, token = self.levels[-1], self.stream[i]
         ends = token.type in ("_NL", "$END") or (token.type == "RBRACE" and self.depths[i] < level.depth)
         if not ends or not self.wrong or i == level.first:
@@ -127,13 +127,13 @@ class _Parsing:
         return first < last and not level.broken
 
     def _wrong_between(self, first: int, last: int) -> tuple[int, int]:
-        """The range of `wrong` that lies in the tokens `first` to `last`."""
+        """The range of `wrong` inside the tokens `first` to `last`."""
         a, b = self.stream[first], self.stream[last]
         start, end = (a.line or 1, a.column or 1), (b.end_line or 1, b.end_column or 1)
         return bisect_left(self.wrong, start), bisect_left(self.wrong, end)
 
     def _follow(self, i: int) -> None:
-        """Keeps account of the blocks and items token `i` opens and closes."""
+        """Update the stack of blocks and items after token `i`."""
         level, token = self.levels[-1], self.stream[i]
         if token.type == "LBRACE":
             self.levels.append(_Level(self.depths[i] + 1, len(self.parser.values), i + 1))
@@ -143,7 +143,7 @@ class _Parsing:
             level.height, level.first, level.broken = len(self.parser.values), i + 1, False
 
     def _recover(self, i: int, blocks: bool = True) -> int:
-        """Takes back the current item and skips the rest of it, up to a block of its own whose items can still be read."""
+        """Drop the current item and skip the rest of it, up to a block of its own whose items are still parsed."""
         level = self.levels[-1]
         level.broken = True
         self._remember_names(level)
@@ -184,14 +184,14 @@ class _Parsing:
             self.diagnostics.error(message, span, "give parts of it a name with `let`; add up long lists with `fold`")
 
     def _is_known(self, i: int) -> bool:
-        """Whether a mistake in the current item is reported already."""
+        """Whether an error of the current item has been reported."""
         level = self.levels[-1]
         first, last = self._wrong_between(level.first, i)
         return level.broken or first < last
 
 
 def _depths(stream: list[Token]) -> list[int]:
-    """For each token how many brackets are open around it; an opener and its closer count as outside."""
+    """For each token the number of open brackets around it, not counting the token's own bracket."""
     depths, depth = [], 0
     for text in map(str, stream):
         depth -= text in lexer.CLOSERS

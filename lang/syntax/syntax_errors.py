@@ -1,4 +1,4 @@
-"""The message and the fix for a syntax error."""
+"""Messages and fixes for syntax errors: the ordered list of rules."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .lexer import CLOSERS
 
 
 def explain(site: ErrorSite) -> Answer:
-    """The message, the fix and the token it points at."""
+    """The message, the fix and the token that the message points at, by the first rule that applies."""
     for rule in _RULES:
         answer = rule(site)
         if answer:
@@ -47,9 +47,9 @@ _WANTED = {
 
 def _fallback(site: ErrorSite) -> Answer:
     wanted = [text for kind, text in _WANTED.items() if kind in site.expected]
-    hint = f"here belongs {' or '.join(wanted)}" if 0 < len(wanted) <= 3 else ""
+    hint = f"expected {' or '.join(wanted)}" if 0 < len(wanted) <= 3 else ""
     at = site.token
     if is_end(at) and at not in CLOSERS:
         before = site.near(-1)
         return f"something is missing after {quote(before)}", hint, before
-    return f"{quote(at)} can't stand here", hint, at
+    return f"{quote(at)} can't be here", hint, at

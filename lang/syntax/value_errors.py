@@ -27,6 +27,7 @@ _PAIRS = {
 
 
 def equals(site: ErrorSite) -> Answer | None:
+    """`=` in place of `:`, `==` or `let`."""
     token, before = site.token, site.near(-1)
     if token != "=":
         return None
@@ -43,6 +44,7 @@ def equals(site: ErrorSite) -> Answer | None:
 
 
 def colon(site: ErrorSite) -> Answer | None:
+    """`:` in place of `=`, or after an expression."""
     token, before = site.token, site.near(-1)
     if site.inside() == "parameters" and before == ":" and token.type in VALUES:
         name = site.near(-2)
@@ -50,63 +52,68 @@ def colon(site: ErrorSite) -> Answer | None:
     if token != ":":
         return None
     if site.inside() == "" and site.at == site.first + 1 and before.type == "NAME":
-        return "a name is bound with `let` and `=`", f"write let {before} = …; arguments stand inside ( )", token
+        return "a name is bound with `let` and `=`", f"write let {before} = …; arguments are inside ( )", token
     if site.inside() in ("call", "list") and before.type != "NAME":
-        return "only a name stands before `:`", "write name: value", token
-    return "`:` stands only behind the name of an argument or before a type", "", token
+        return "only a name can precede `:`", "write name: value", token
+    return "`:` follows the name of an argument or precedes a type", "", token
 
 
 def space_before_unit(site: ErrorSite) -> Answer | None:
+    """A space between a number and its unit."""
     number, unit = site.near(-1), site.token
     if number.type == "NUMBER" and number[-1].isdigit() and unit in UNITS and not starts_value(site.near(1)):
-        return "a unit stands right behind its number", f"write {number}{unit}", unit
+        return "a unit directly follows its number", f"write {number}{unit}", unit
     return None
 
 
 def decimal_point(site: ErrorSite) -> Answer | None:
-    token, before, behind = site.token, site.near(-1), site.near(1)
+    """A decimal point without a digit on both sides."""
+    token, before, following = site.token, site.near(-1), site.near(1)
     if before == "." and before.type == "DOT" and site.near(-2).type == "NUMBER":
         number = site.near(-2)
         return "a digit is missing after the point", f"write {number}.0 or {number}", before
-    if token == "." and behind.type == "NUMBER":
-        return "a number begins with a digit", f"write 0.{behind}", token
+    if token == "." and following.type == "NUMBER":
+        return "a number begins with a digit", f"write 0.{following}", token
     return None
 
 
 def number_suffix(site: ErrorSite) -> Answer | None:
+    """A number directly followed by a number or a name that is no unit."""
     number, token = site.near(-1), site.token
     if number.type != "NUMBER" or token.start_pos != number.end_pos or token.type not in ("NUMBER", "NAME"):
         return None
     if number[-1] == "x" and token.type == "NUMBER":
-        return f"`{number}{token}` is no number", f"write [{number[:-1]}, {token}] for a size; a colour is #rrggbb", number
-    return f"`{number}{token}` is no number", "a number is digits with a unit behind them: 1000mm", number
+        return f"`{number}{token}` is not a number", f"write [{number[:-1]}, {token}] for a size; a colour is #rrggbb", number
+    return f"`{number}{token}` is not a number", "a number is digits and a unit: 1000mm", number
 
 
 def _arrow(site: ErrorSite, at: int) -> bool:
-    """Whether the bracket that opens at `at` closes before an arrow, as that of another language's parameters."""
-    behind = itertools.dropwhile(lambda token: token != ")", site.stream[at:])
-    return tuple(itertools.islice(behind, 1, 3)) in (("=", ">"), ("-", ">"))
+    """Whether an arrow follows the bracket that opens at `at`, as after the parameters of a function in other languages."""
+    following = itertools.dropwhile(lambda token: token != ")", site.stream[at:])
+    return tuple(itertools.islice(following, 1, 3)) in (("=", ">"), ("-", ">"))
 
 
 def list_in_parentheses(site: ErrorSite) -> Answer | None:
-    before, behind = site.near(-1), site.near(1)
+    """A `,` inside parentheses or outside all brackets."""
+    before, following = site.near(-1), site.near(1)
     if site.token == "," and site.inside() == "group":
         i = site.opener()
         assert i is not None
         if _arrow(site, i):
-            return "a function's parameters stand between bars", "write |x, y, z| …, without an arrow", site.stream[i]
+            return "a function's parameters are between bars", "write |x, y, z| …, without an arrow", site.stream[i]
         return "a list is written in square brackets", "write [x, y, z]", site.stream[i]
     if site.token == "," and site.inside() == "":
         if site.near(-1) in (")", "}") and site.near(1).type == "NAME" and site.start not in KEYWORDS:
-            return "things are not parted by `,` but by `;` or the end of the line", "write ; here, or a new line", site.token
-        near = before.type == behind.type == "NUMBER" and before.end_pos == (behind.start_pos or 0) - 1
-        if near and (before == "0" or len(behind) != 3):  # not a thousand
-            return "a fraction is written with a point", f"write {before}.{behind}; a list is [{before}, {behind}]", before
-        return "a `,` stands only inside ( ) and [ ]", "write 1.5 for a fraction, [1, 5] for a list", site.token
+            return "`;` or the end of the line separates items, not `,`", "write ; here, or a new line", site.token
+        near = before.type == following.type == "NUMBER" and before.end_pos == (following.start_pos or 0) - 1
+        if near and (before == "0" or len(following) != 3):  # not a thousand
+            return "a fraction is written with a point", f"write {before}.{following}; a list is [{before}, {following}]", before
+        return "a `,` is only allowed inside ( ) and [ ]", "write 1.5 for a fraction, [1, 5] for a list", site.token
     return None
 
 
 def foreign_operator(site: ErrorSite) -> Answer | None:
+    """An operator of another language that consists of two tokens."""
     for first, second in ((site.near(-1), site.token), (site.token, site.near(1))):
         pair = f"{first}{second}"
         if pair in _PAIRS and first.end_pos == second.start_pos:
@@ -115,6 +122,7 @@ def foreign_operator(site: ErrorSite) -> Answer | None:
 
 
 def chained_comparison(site: ErrorSite) -> Answer | None:
+    """A second comparison or `..` in an expression."""
     token = site.token
     if token == "..":
         return "a range has two ends", "write a..b", token
@@ -124,6 +132,7 @@ def chained_comparison(site: ErrorSite) -> Answer | None:
 
 
 def incomplete_choice(site: ErrorSite) -> Answer | None:
+    """`if` without `then` or `else`."""
     depth = 0
     for i in range(site.at - 1, site.first - 1, -1):
         token = site.stream[i]
@@ -139,6 +148,7 @@ def incomplete_choice(site: ErrorSite) -> Answer | None:
 
 
 def missing_value(site: ErrorSite) -> Answer | None:
+    """A missing operand, argument or list item."""
     token, before = site.token, site.near(-1)
     expects_value = "NUMBER" in site.expected
     if not expects_value:
@@ -151,7 +161,7 @@ def missing_value(site: ErrorSite) -> Answer | None:
         return f"a value is missing after `{before}`", "", before
     if token in OPERATORS or token in (",", "="):
         magnitude = before == "|" and site.near(-3) == "|" and site.near(-4) == "|"
-        hint = f"a magnitude is written abs({site.near(-2)})" if magnitude else "write `!=`" if (before, token) == ("<", ">") else ""
+        hint = f"an absolute value is written abs({site.near(-2)})" if magnitude else "write `!=`" if (before, token) == ("<", ">") else ""
         return f"a value is missing before `{token}`", hint, token
     if token == "{":
         return "a value can't begin with `{`", "a list is written [a, b], a part group() { … }", token
@@ -159,6 +169,7 @@ def missing_value(site: ErrorSite) -> Answer | None:
 
 
 def two_values(site: ErrorSite) -> Answer | None:
+    """Two values without an operator or a separator."""
     token, before = site.token, site.near(-1)
     if not ends_value(before) or not (starts_value(token) or token in ("if", "|", "not")):
         return None
@@ -168,7 +179,7 @@ def two_values(site: ErrorSite) -> Answer | None:
     if token == "|" and before in ("x", "y", "z"):
         return "the `|` before a formula's parameters is missing", "write |x, y, z| …", token
     if before in ("x", "y", "z") and "VBAR" in site.expected and "COMMA" in site.expected:
-        return "the `|` behind a formula's parameters is missing", "write |x, y, z| …", token
+        return "the `|` after a formula's parameters is missing", "write |x, y, z| …", token
     if before == "lambda":
         return "a function is written |x| x + 1", "write |x, y, z| … in place of lambda x, y, z: …", before
     if inside == "call" and before.type == "NAME" and site.near(-2) in ("(", ","):

@@ -42,7 +42,7 @@ def test_everything_built_is_on_the_page():
     "line",
     [
         "| 1 | `radius` | length > 0 | `1m` | radius |",
-        "|  | `cone` | angle > 0, ≤ 180deg | `30deg` | half angle where its light ends |",
+        "|  | `cone` | angle > 0, ≤ 180deg | `30deg` | half angle of the cone |",
         '|  | `shape` | `"rectangle"` `"disk"` | `"rectangle"` | its outline |',
         "|  | `illuminance`, `irradiance` | illuminance ≥ 0 | `pi` | lux on a surface that faces it |",
         "|  | `film` | size2 > 0 | `[36mm, 24mm]` | width and height of the film, with `focal` |",

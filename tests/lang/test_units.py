@@ -8,25 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from maquette.lang import units
+from maquette.lang.diagnostics import Diagnostics
 from maquette.lang.eval import operators
+from maquette.lang.eval.evaluator import Evaluator
 from maquette.lang.eval.values import Mistake
-from maquette.lang.limits import Meter
 from maquette.lang.units import Quantity
 
-from .eval.evaluating import mistake, unhurried, value
+from .eval.evaluating import Files, mistake, unhurried, value
 
-
-class Metres:
-    """A context of a file in metres."""
-
-    unit = 1.0
-    plain = False
-
-    def __init__(self) -> None:
-        self.meter = Meter()
-
-
-HERE = Metres()
+HERE = Evaluator(Files({}), Diagnostics(), 0.0).root  # the scope of a file in metres
 
 EVERY_UNIT = {
     "1m": 1, "1cm": 0.01, "1mm": 0.001, "1km": 1000, "1um": 1e-6, "1µm": 1e-6, "1μm": 1e-6, "1nm": 1e-9, "1in": 0.0254, "1ft": 0.3048,
@@ -114,15 +104,15 @@ def test_a_bare_number_beside_a_length_is_in_the_unit_of_the_file() -> None:
         ("1m - 1deg", "cannot subtract a length and an angle"),
         ("1lx < 1nit", "cannot compare an illuminance and a luminance"),
         ("1m == 1kcd", "cannot compare a length and an intensity"),
-        ("30deg + 24", "angle wanted, got the bare number 24 | write 24deg or 24rad"),
-        ("2s - 1", "time wanted, got the bare number 1 | write 1s"),
-        ("800lm + 200", "flux wanted, got the bare number 200 | write 200lm"),
-        ("1m * 1m + 3", "area wanted, got the bare number 3 | give it a unit: m²"),
+        ("30deg + 24", "expected angle, got the bare number 24 | write 24deg or 24rad"),
+        ("2s - 1", "expected time, got the bare number 1 | write 1s"),
+        ("800lm + 200", "expected flux, got the bare number 200 | write 200lm"),
+        ("1m * 1m + 3", "expected area, got the bare number 3 | give it a unit: m²"),
         ("2 ^ 1m", "an exponent is a plain number, not a length"),
         ("1m / 0", "division by 0"),
-        ("sin(24)", "angle wanted, got the bare number 24 | write 24deg or 24rad; * 1rad makes an angle of a number"),
-        ("sin(1m)", "angle wanted, got the length 1m"),
-        ("floor(2.7cm)", "number wanted, got the length 0.027m | divide by a unit first, as in floor(x / 1cm)"),
+        ("sin(24)", "expected angle, got the bare number 24 | write 24deg or 24rad; * 1rad makes an angle of a number"),
+        ("sin(1m)", "expected angle, got the length 1m"),
+        ("floor(2.7cm)", "expected number, got the length 0.027m | divide by a unit first, as in floor(x / 1cm)"),
         ("3mmm", "unknown unit `mmm` | did you mean `mm`?"),
         ("2pi", "unknown unit `pi` | write 2 * pi"),
         ("1e300 * 1e300", "the result is too large for a number"),

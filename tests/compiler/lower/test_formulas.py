@@ -105,7 +105,7 @@ def test_bounds_are_close_to_a_heart_and_cut_nothing_off(tmp_path, within):
         ("implicit(|x, y| x <= y)", "a surface's formula has three parameters, x, y and z, not 2 (write |x, y, z| …)"),
         ("union { }", "this union is empty (put shapes in it: union { sphere(1); box(1.5) })"),
         ("union { sphere(1), box(1) }",
-         "things are not parted by `,` but by `;` or the end of the line (write ; here, or a new line)"),
+         "`;` or the end of the line separates items, not `,` (write ; here, or a new line)"),
         ("union { disk(1) }", "`disk` cannot be a part of a solid: a disk has no inside "
          "(solids are made of shapes with an inside: sphere, box, cylinder, implicit with an inequality, closed mesh, …)"),
         ("union { sphere(1, material: mirror()) }", "a solid is of one material, and this is a part of one "

@@ -158,10 +158,10 @@ def test_bare_points_are_points_with_the_unit_of_the_file_written_out(numbers: l
 def test_all_wrong_arguments_of_a_call_are_told_at_once() -> None:
     _, messages = run('sphere("a", center: 3, colour: 4, material: 5)')
     assert [m.split(": ", 2)[2].split("\n")[0] for m in messages] == [
-        'length wanted, got the string "a"',
-        "list of three lengths wanted, got the bare number 3",
+        'expected length, got the string "a"',
+        "expected list of three lengths, got the bare number 3",
         "sphere has no `colour`; did you mean `material`?",
-        "material wanted, got the bare number 5",
+        "expected material, got the bare number 5",
     ]
 
 

@@ -106,7 +106,7 @@ def test_a_function_literal_takes_what_stands_around_it() -> None:
 def test_trigonometry_in_a_function_literal_takes_radians() -> None:
     assert value("map(|t| sin(t), [pi / 2])") == pytest.approx((1,))
     assert value("map(|t| wave(t), [pi / 2])", "let wave(t) = sin(t)") == pytest.approx((1,))
-    assert mistake("wave(pi / 2)", "let wave(t) = sin(t)").startswith("angle wanted, got the bare number 1.5708")
+    assert mistake("wave(pi / 2)", "let wave(t) = sin(t)").startswith("expected angle, got the bare number 1.5708")
 
 
 @pytest.mark.parametrize(
@@ -117,26 +117,26 @@ def test_trigonometry_in_a_function_literal_takes_radians() -> None:
         ("clamp(1, 2, hihg: 3)", "clamp has no `hihg`; did you mean `high`?"),
         ("clamp(1, 2, 3, low: 4)", "clamp gets `low` twice"),
         ("dot([1], [1, 2])", "dot of a list of 1 and a list of 2"),
-        ("cross([1, 2], [1, 2, 3])", "list of 3 wanted, got a list of 2"),
+        ("cross([1, 2], [1, 2, 3])", "expected list of 3, got a list of 2"),
         ("normalize([0, 0, 0])", "a vector of length 0 has no direction"),
         ("max([])", "max of an empty list"),
         ("map(3, [1])", "only functions and parts are called, not the bare number 3"),
         ("map(|a, b| a, [1])", "|a, b| … takes 2 arguments, got 1"),
-        ("filter(|k| k, [1])", "filter wants a function that gives true or false, got a number"),
-        ("len(3)", "list wanted, got the bare number 3"),
+        ("filter(|k| k, [1])", "filter expects a function with a truth value, got a number"),
+        ("len(3)", "expected list, got the bare number 3"),
         ("rgb(-1, 0, 0)", "a channel is 0 or more, got -1"),
         ("srgb(255, 0, 0)", "a channel is 0..1, got 255 | write n / 255, or #rrggbb"),
-        ("hsv(120, 1, 1)", "angle wanted, got the bare number 120 | write 120deg or 120rad; * 1rad makes an angle of a number"),
-        ("kelvin(3)", "temperature in 800..40000 kelvin wanted, got the bare number 3"),
+        ("hsv(120, 1, 1)", "expected angle, got the bare number 120 | write 120deg or 120rad; * 1rad makes an angle of a number"),
+        ("kelvin(3)", "expected temperature in 800..40000 kelvin, got the bare number 3"),
         ("axis([0, 0, 0], 1deg)", "an axis of length 0 has no direction"),
-        ("axis([0, 1, 0], 90)", "angle wanted, got the bare number 90 | write 90deg or 90rad"),
+        ("axis([0, 1, 0], 90)", "expected angle, got the bare number 90 | write 90deg or 90rad"),
         ("ramp(2, 1)", "a ramp starts at 0 or more and ends after its start"),
-        ("[1, 2] + [1]", "cannot add a list of 2 and a list of 1 | `+` adds item by item; write concat(a, b) to put one behind the other"),
+        ("[1, 2] + [1]", "cannot add a list of 2 and a list of 1 | `+` adds item by item; write concat(a, b) to join them"),
         ("[1, 2] * [1, 2]", "cannot multiply a list and a list | write dot(a, b) or cross(a, b)"),
         ('"a" + 1', "cannot add a string and a number | write string(…) to make a string of it"),
         ("#fff + 1", "cannot add a colour and a number"),
-        ("not 1", "`not` wants true or false, got a number"),
-        ("1 and true", "`and` wants true or false, got a number"),
+        ("not 1", "`not` needs true or false, got a number"),
+        ("1 and true", "`and` needs true or false, got a number"),
         ('1 == "a"', "cannot compare a number and a string"),
     ],
 )
@@ -298,14 +298,14 @@ def test_formulas_are_not_a_number_where_they_are_not_defined() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("|x| [1, 2][x]", "whole number wanted, got a formula's number"),
+        ("|x| [1, 2][x]", "expected whole number, got a formula's number"),
         ("|x| string(1) + x", "cannot add a string and a formula's number"),
         ("|x| [k for k in 1..3 if k < x]", "the items of a list cannot depend on a formula's parameters"),
-        ("|x| sphere(x)", "length wanted, got a formula's number"),
+        ("|x| sphere(x)", "expected length, got a formula's number"),
         ("|x| lambert(#fff)", "a formula gives a number, a truth value, a list or a colour, not a material"),
-        ("|x| if x then 1 else 2", "`if` wants true or false, got a formula's number"),
-        ("|x| if x < 1 then 1 else true", "both ways of an `if` in a formula must be alike, got a number and a truth value"),
-        ("|x| f(x)", "f calls itself too deeply: 200 calls inside each other"),
+        ("|x| if x then 1 else 2", "`if` needs true or false, got a formula's number"),
+        ("|x| if x < 1 then 1 else true", "both branches of an `if` in a formula must be of one kind, got a number and a truth value"),
+        ("|x| f(x)", "f calls itself too deeply: 200 nested calls"),
         ("|x| hsv(x, 1, 1)", "hsv(…) cannot depend on a formula's parameters"),
     ],
 )

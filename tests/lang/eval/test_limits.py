@@ -9,7 +9,7 @@ import time
 
 import pytest
 from maquette.lang import limits
-from maquette.lang.diagnostics import SHOWN, Diagnostics, SceneError
+from maquette.lang.diagnostics import MAX_MESSAGES, Diagnostics, SceneError
 from maquette.lang.eval.evaluator import Source, evaluate
 from maquette.lang.schema import argument_types
 from maquette.lang.schema import elements as schema_elements
@@ -20,13 +20,13 @@ CASES = {
     "range": ("for (k in 0..1000000000) { sphere(k) }", "a list of 1000000001 items is too long"),
     "list": ("let a = [k for k in 0..999999]\nsphere(len(concat(a, a)))", "a list of 2000000 items is too long"),
     "string": ('sphere(name: fold(|s, k| s + s, "a", 0..60))', "a string of 1048576 characters is too long"),
-    "call": ("let f(n) = f(n + 1)\nsphere(f(1))", "f calls itself too deeply: 200 calls inside each other"),
-    "calls twice": ("let f(n) = f(n + 1) + f(n + 1)\nsphere(f(1))", "f calls itself too deeply: 200 calls inside each other"),
+    "call": ("let f(n) = f(n + 1)\nsphere(f(1))", "f calls itself too deeply: 200 nested calls"),
+    "calls twice": ("let f(n) = f(n + 1) + f(n + 1)\nsphere(f(1))", "f calls itself too deeply: 200 nested calls"),
     "calls as arguments": ("let g(a, b) = a\nlet f(n) = g(f(n), f(n))\nsphere(f(1))", "f calls itself too deeply"),
-    "part": ("let tree(n) = group { tree(n + 1)\n sphere(n) }\ntree(1)", "tree calls itself too deeply: 200 calls inside each other"),
-    "closure": ("let f = |n| f(n)\nsphere(f(1))", "f calls itself too deeply: 200 calls inside each other"),
-    "map": ("let f(n) = map(f, [n])\nsphere(f(1))", "calls itself too deeply: 200 calls inside each other"),
-    "default": ("let f(a = f()) = a\nsphere(f())", "f calls itself too deeply: 200 calls inside each other"),
+    "part": ("let tree(n) = group { tree(n + 1)\n sphere(n) }\ntree(1)", "tree calls itself too deeply: 200 nested calls"),
+    "closure": ("let f = |n| f(n)\nsphere(f(1))", "f calls itself too deeply: 200 nested calls"),
+    "map": ("let f(n) = map(f, [n])\nsphere(f(1))", "calls itself too deeply: 200 nested calls"),
+    "default": ("let f(a = f()) = a\nsphere(f())", "f calls itself too deeply: 200 nested calls"),
     "sharing": (
         "let a = fold(|a, k| [a, a], [1], 0..60)\nlet b = fold(|a, k| [a, a], [1], 0..60)\nif (a == b) { sphere() }",
         "2,000,000 steps",
@@ -146,11 +146,11 @@ def test_many_elements_are_quick() -> None:
 
 def test_an_exception_shows_the_first_of_many_errors() -> None:
     diagnostics = Diagnostics()
-    evaluate(Source("a.scene", "sphere(none)\n" * (SHOWN + 3), "a.scene"), Files({}), diagnostics)
+    evaluate(Source("a.scene", "sphere(none)\n" * (MAX_MESSAGES + 3), "a.scene"), Files({}), diagnostics)
     with pytest.raises(SceneError) as raised:
         diagnostics.raise_if_failed()
-    assert str(raised.value) == "; ".join(["there is no `none` here"] * SHOWN + ["and 3 more"])
-    assert len(raised.value.diagnostics) == SHOWN + 3
+    assert str(raised.value) == "; ".join(["there is no `none` here"] * MAX_MESSAGES + ["and 3 more"])
+    assert len(raised.value.diagnostics) == MAX_MESSAGES + 3
 
 
 def test_a_small_thread_is_enough() -> None:

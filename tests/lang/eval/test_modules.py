@@ -81,7 +81,7 @@ def test_assets() -> None:
 
 def test_nothing_leaks_from_a_used_file() -> None:
     _, messages = run('use "gear.scene"\ngear()\nrim(3)', {"gear.scene": GEAR})
-    assert messages == ["a.scene:3:1: error: there is no `rim` here\n   3 | rim(3)\n     | ^^^ let, param or use make a name known"]
+    assert messages == ["a.scene:3:1: error: there is no `rim` here\n   3 | rim(3)\n     | ^^^ let, param or use define a name"]
 
 
 PRELUDE = {
@@ -132,7 +132,7 @@ def test_messages_from_inside_a_part_show_the_calls() -> None:
     files = {"room.scene": "let box(size, wall = #fff) = group { panel(size) }\nlet panel(s) = cylinder(s, height: s * 1s)"}
     _, messages = run('use "room.scene"\nroom.box(2)\nroom.box(2, wal: #000)\nroom.boxx(3)', files)
     assert messages == [
-        "room.scene:2:36: error: length wanted, got the time 2s\n"
+        "room.scene:2:36: error: expected length, got the time 2s\n"
         "   2 | let panel(s) = cylinder(s, height: s * 1s)\n     |                                    ^^^^^^\n"
         "  in panel, called at room.scene:1:38\n"
         "  in room.box, called at a.scene:2:1",
@@ -151,9 +151,9 @@ def test_params_of_a_file_are_checked_at_the_call() -> None:
     _, messages = run('use "gear.scene"\ngear(teeth: 99)\ngear(teeth: 2.5)\ngear(teth: 9)\ngear(teeth: 1m)', {"gear.scene": GEAR})
     assert messages == [
         "a.scene:2:13: error: `teeth` is 99, outside of 6..60\n   2 | gear(teeth: 99)\n     |             ^^",
-        "a.scene:3:13: error: whole number wanted, got the bare number 2.5\n   3 | gear(teeth: 2.5)\n     |             ^^^",
+        "a.scene:3:13: error: expected whole number, got the bare number 2.5\n   3 | gear(teeth: 2.5)\n     |             ^^^",
         "a.scene:4:6: error: gear has no `teth`; did you mean `teeth`?\n   4 | gear(teth: 9)\n     |      ^^^^",
-        "a.scene:5:13: error: whole number wanted, got the length 1m\n   5 | gear(teeth: 1m)\n     |             ^^",
+        "a.scene:5:13: error: expected whole number, got the length 1m\n   5 | gear(teeth: 1m)\n     |             ^^",
     ]
 
 
@@ -174,11 +174,11 @@ rotate([0, tilt, 0]) { box(name: shade) }
         (
             "tilt",
             "24",
-            "--set tilt:1:12: error: angle wanted, got the bare number 24\n"
+            "--set tilt:1:12: error: expected angle, got the bare number 24\n"
             "   1 | let tilt = 24\n     |            ^^ write 24deg or 24rad",
         ),
         ("n", "nought",
-         "--set n:1:9: error: there is no `nought` here\n   1 | let n = nought\n     |         ^^^^^^ let, param or use make a name known"),
+         "--set n:1:9: error: there is no `nought` here\n   1 | let n = nought\n     |         ^^^^^^ let, param or use define a name"),
         ("n", "1; cone()", "--set n:1:9: error: `1; cone()` is not one value\n   1 | let n = 1; cone()\n     |         ^^^^^^^^^"),
         (
             "shade",

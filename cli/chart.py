@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..compiler.io.replace_file import replace_file
 from ..lang.diagnostics import suggest
 from . import common_options as shared
 from . import option_types as values
@@ -98,7 +99,7 @@ def chart(
     if numbers:
         from ..measure.report import json_format
 
-        jobs.write_whole(numbers, json_format.text(measured).encode())
+        replace_file(numbers, json_format.text(measured).encode())
     _say(measured, (*outputs, *((numbers,) if numbers else ())), quiet)
     if partial:
         click.echo("interrupted: the chart holds what was measured until then", err=True)
@@ -196,7 +197,7 @@ def _draw(measured: Chart, path: Path) -> None:
     else:
         drawing = plot.svg(measured)
         data = (drawing if kind == ".svg" else html_page.html(measured, drawing)).encode()
-    jobs.write_whole(path, data)
+    replace_file(path, data)
 
 
 def _say(measured: Chart, files: Sequence[Path], quiet: bool) -> None:

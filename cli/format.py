@@ -7,9 +7,9 @@ from pathlib import Path
 
 import click
 
+from ..compiler.io.replace_file import replace_file
 from ..lang.diagnostics import Diagnostics
 from . import common_options as shared
-from . import render_job as jobs
 from . import terminal
 
 _FILES = click.Path(exists=True, dir_okay=False, path_type=Path, allow_dash=True)
@@ -56,6 +56,6 @@ def _laid_out(path: Path, only_check: bool) -> bool:
     if piped:
         click.echo(done, nl=False)
     elif changed:
-        jobs.write_whole(path.resolve(), done.encode())
+        replace_file(path.resolve(), done.encode())
         click.echo(name)
     return True

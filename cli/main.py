@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import os
 import sys
@@ -222,6 +223,9 @@ def watch(ctx: click.Context, scene: Path, output: Path, stats: Path | None, **g
 def main() -> None:
     """The `maquette` command. Ends without taking the process apart piece by piece: that takes a sixth of a second."""
     shared.collect_seldom()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="surrogateescape")  # file names are bytes, and not always UTF-8
     try:
         cli(prog_name="maquette")
     except SystemExit as stop:
@@ -229,5 +233,6 @@ def main() -> None:
             raise
         for stream in (sys.stdout, sys.stderr):
             with contextlib.suppress(OSError, ValueError):
-                stream.flush()
+                if stream is not None:  # None: closed by the shell, as in `maquette … >&-`
+                    stream.flush()
         os._exit(stop.code or 0)

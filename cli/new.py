@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from ..compiler.io.replace_file import replace_file
 from ..lang import file_types
 from . import common_options as shared
 from . import render_job as jobs
@@ -31,7 +32,7 @@ def new_command(name: Path, source: str) -> None:
     jobs.check_folder(path)
     if path.exists():
         raise FileExistsError(f"{path} is there already: choose another name")
-    jobs.write_whole(path.resolve(), text.encode())
+    replace_file(path.resolve(), text.encode())
     click.echo(f"{path}: see it with  maquette watch {path} -o {path.with_suffix('.png')}")
 
 

@@ -6,9 +6,9 @@ import json
 import math
 import os
 import shlex
-import shutil
 import signal
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping
@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .. import __version__
+from ..compiler.io.replace_file import replace_file
 from ..lang import file_types
 from ..lang.diagnostics import Diagnostic, Diagnostics, SceneError, Span
 from . import option_types as values
@@ -221,7 +222,10 @@ class Job:
         look, about = self._said_of(plan, exposure)
         about["samples"] = plain(image.metadata.get("samples", plan["samples"]))
         error = image.metadata.get("error")
-        image_files.write(image, path, look, about if error is None else {**about, "error": float(error)})
+        try:
+            image_files.write(image, path, look, about if error is None else {**about, "error": float(error)})
+        except Exception as fault:
+            raise OSError(f"{fault}; {_rescued(image, path)}") from fault
 
     def _said_of(self, plan: Plan, exposure: float) -> tuple[Any, dict[str, Any]]:
         """How light becomes numbers in a file, and what it says of its picture."""
@@ -290,6 +294,21 @@ def _partial(path: Path, in_strips: bool) -> Path:
     return path.with_name(f"{path.stem}.partial{path.suffix if in_strips else '.exr'}")
 
 
+def _rescued(image: Image, path: Path) -> str:
+    """Where a picture went that could not be written at `path`: an EXR beside it, or in the folder of temporary files."""
+    from ..render.image import image_files
+
+    for folder in (path.parent, Path(tempfile.gettempdir())):
+        other = folder / f"{path.stem}.rescued.exr"
+        try:
+            image_files.write(image, other, image_files.Look(), {})
+        except Exception as fault:
+            reason = fault
+        else:
+            return f"its pixels are in {other}"
+    return f"its pixels are lost: {reason}"
+
+
 def span_of(scene: ir.Scene, table: str, row: int) -> Span | None:
     """Where the row of a table came from."""
     rows = scene.spans.rows.get(table)
@@ -328,19 +347,7 @@ def interruptible() -> Iterator[threading.Event]:
 
 def write_json(path: Path, data: Any) -> None:
     """Write `data` as JSON, whole or not at all."""
-    write_whole(path, (json.dumps(plain(data), indent=2) + "\n").encode())
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """Write a file, whole or not at all, with the permissions of the one it replaces."""
-    partial = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        partial.write_bytes(data)
-        if path.exists():
-            shutil.copymode(path, partial)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    replace_file(path, (json.dumps(plain(data), indent=2) + "\n").encode())
 
 
 def plain(value: Any) -> Any:

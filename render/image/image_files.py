@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
+from ...compiler.io.replace_file import Replacement, as_utf8
 from . import cryptomatte, metrics, srgb
 from . import image as images
 from .srgb import decode_srgb, encode_srgb
@@ -89,7 +89,7 @@ class Strips:
 
     def __init__(self, path: Path, look: Look, about: Mapping[str, str | int | float], height: int) -> None:
         self.path, self.look, self.about, self.height = Path(path), look, about, height
-        self._partial = self.path.with_name(f".{self.path.stem}.{os.getpid()}{self.path.suffix}")
+        self._new = Replacement(self.path)
         self._target: Any = None
         self._top = self._rows = 0
 
@@ -102,8 +102,9 @@ class Strips:
         pixels = _all_channels(picture) if linear else _displayed(picture, self.path, self.look)
         if self._target is None:
             spec = self._spec(picture, pixels, linear)
-            self._target, self._top = oiio.ImageOutput.create(str(self._partial)), spec.y
-            if self._target is None or not self._target.open(str(self._partial), spec):
+            partial = str(self._new.partial)
+            self._target, self._top = oiio.ImageOutput.create(partial), spec.y
+            if self._target is None or not self._target.open(partial, spec):
                 raise OSError(f"cannot write {self.path}: {self._target.geterror() if self._target else oiio.geterror()}")
         begin = self._top + self._rows
         self._rows += picture.height
@@ -128,20 +129,37 @@ class Strips:
         spec.attribute("oiio:ColorSpace", WORKING_SPACE if linear else "srgb_rec709_scene")
         spec.attribute("oiio:UnassociatedAlpha", 0 if linear else 1)
         spec.attribute("Software", f"maquette {self.about.get('version', '')}".strip())
-        spec.attribute("ImageDescription", str(self.about.get("command", "")))
+        spec.attribute("ImageDescription", as_utf8(str(self.about.get("command", ""))))
         for key, value in self.about.items():
-            spec.attribute(f"{ABOUT}{key}", value if linear else str(value))
+            spec.attribute(f"{ABOUT}{key}", as_utf8(str(value)) if isinstance(value, str) or not linear else value)
         return spec
 
     def __exit__(self, kind: Any, *_: Any) -> None:
-        try:
-            closed = self._target is not None and self._target.close()
-            if kind is None:
-                if not closed or self._rows < self.height:
-                    raise OSError(f"cannot write {self.path}: {self._target.geterror() if self._target else 'there is nothing'}")
-                self._partial.replace(self.path)
-        finally:
-            self._partial.unlink(missing_ok=True)
+        closed = self._target is not None and self._target.close()
+        problem = ""
+        if kind is None:
+            if not closed or self._rows < self.height:
+                problem = self._target.geterror() if self._target else "it has no pixels"
+            else:
+                problem = _problem_at_end(self._new.partial)
+        self._new.place(self.path, kind is None and not problem)
+        if problem:
+            raise OSError(f"cannot write {self.path}: {' '.join(problem.split())}")
+
+
+def _problem_at_end(path: Path) -> str:
+    """Why the last row of a new file cannot be read, "" where it can. A full disk is not an error to every library that writes."""
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        return f"the new file is incomplete; is the disk full? ({oiio.geterror()})"
+    try:
+        spec = source.spec()
+        end = spec.y + spec.height
+        if source.read_scanlines(end - 1, end, 0, 0, spec.nchannels, oiio.UNKNOWN) is None:
+            return f"the new file is incomplete; is the disk full? ({source.geterror()})"
+    finally:
+        source.close()
+    return ""
 
 
 def read(path: Path) -> images.Image:

@@ -394,6 +394,27 @@ def test_inspect(scene: Path) -> None:
     assert run("inspect", scene, "--ir", "--json")[0] == 2
 
 
+def test_a_picture_whose_file_cannot_be_written_is_rescued(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing that fails after the last sample loses the picture."""
+
+    def write(picture: object, path: Path, *rest: object) -> None:
+        if path.suffix == ".png":
+            raise ValueError("no view")
+        written(picture, path, *rest)
+
+    written = image_files.write
+    monkeypatch.setattr(image_files, "write", write)
+    code, _, err = run("render", scene, "-o", "a.png", "--size", "8x6", "--quiet")
+    assert (code, err) == (1, "error: no view; its pixels are in a.rescued.exr\n")
+    assert image_files.read(Path("a.rescued.exr")).channels["rgba"].any()
+
+
+def test_a_closed_output_is_no_error(scene: Path) -> None:
+    command = f"{sys.executable} -m maquette render a.scene -o a.png --size 8x6 --quiet >&-"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 def test_a_saved_ir_draws_the_same(scene: Path) -> None:
     assert run("convert", scene, "a.npz") == (0, "", "")
     run("render", scene, "-o", "scene.exr")

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+import textwrap
 import zlib
 from pathlib import Path
 
@@ -234,3 +238,34 @@ def test_far_from_one_the_numbers_stay(tmp_path: Path, gain: float) -> None:
     values = np.random.default_rng(3).random((4, 4, 4)).astype(np.float32)
     image_files.write(picture(values * gain), tmp_path / "x.exr", image_files.Look(), ABOUT)
     assert np.array_equal(image_files.read(tmp_path / "x.exr").channels["rgba"], values * np.float32(gain))
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.tif", "a.exr"])
+def test_a_file_cut_short_is_an_error_and_the_old_one_stays(tmp_path: Path, name: str) -> None:
+    """As on a full disk: libraries that write pictures do not all tell of it."""
+    (tmp_path / name).write_bytes(b"old")
+    program = f"""
+        import resource, numpy as np
+        from pathlib import Path
+        from maquette.render.image import image_files
+        from maquette.render.image.image import Image
+        pixels = np.random.default_rng(0).random((64, 64, 4), dtype=np.float32)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (2048, 2048))
+        try:
+            image_files.write(Image(64, 64, {{"rgba": pixels}}, {{}}), Path({name!r}), image_files.Look(), {{}})
+        except OSError as error:
+            print(error)
+    """
+    done = subprocess.run([sys.executable, "-c", textwrap.dedent(program)], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert done.stdout.startswith(f"cannot write {name}: ")
+    assert len(done.stdout.splitlines()) == 1
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert (tmp_path / name).read_bytes() == b"old"
+
+
+def test_names_and_commands_need_not_be_utf8(tmp_path: Path) -> None:
+    path = tmp_path / os.fsdecode(b"a\xff.exr")
+    image_files.write(picture([[[0.5, 0.5, 0.5, 1]]]), path, image_files.Look(), {**ABOUT, "command": os.fsdecode(b"render a\xff.scene")})
+    assert path.is_file()
+    path.rename(tmp_path / "a.exr")
+    assert image_files.read(tmp_path / "a.exr").metadata["about"]["command"] == "render a\\xff.scene"

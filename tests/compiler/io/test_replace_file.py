@@ -1,0 +1,56 @@
+"""A file is replaced as a whole: its permissions and links stay, and an error leaves the old one."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from maquette.compiler.io.replace_file import Replacement, as_utf8, replace_file
+
+NOT_UTF8 = os.fsdecode(b"a\xff")
+
+
+def test_the_new_file_has_the_permissions_of_the_old_one(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    path.write_text("old")
+    path.chmod(0o600)
+    replace_file(path, b"new")
+    assert path.read_bytes() == b"new"
+    assert path.stat().st_mode & 0o777 == 0o600
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_symbolic_link_stays_and_its_target_is_replaced(tmp_path: Path) -> None:
+    target, link = tmp_path / "real" / "a.json", tmp_path / "a.json"
+    target.parent.mkdir()
+    target.write_text("old")
+    link.symlink_to(target)
+    replace_file(link, b"new")
+    assert link.is_symlink()
+    assert target.read_bytes() == b"new"
+
+
+@pytest.mark.parametrize("name", ["b", NOT_UTF8])
+def test_names_need_not_be_utf8(tmp_path: Path, name: str) -> None:
+    folder = tmp_path / name
+    folder.mkdir()
+    new = Replacement(folder / f"{name}.txt")
+    str(new.partial).encode()
+    new.partial.write_bytes(b"new")
+    new.place(folder / f"{name}.txt")
+    assert (folder / f"{name}.txt").read_bytes() == b"new"
+
+
+def test_what_is_not_good_leaves_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    path.write_text("old")
+    new = Replacement(path)
+    new.partial.write_bytes(b"ne")
+    new.place(path, good=False)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_bytes_that_are_not_utf8_are_written_out() -> None:
+    assert as_utf8(f"{NOT_UTF8} é") == "a\\xff é"

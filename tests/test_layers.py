@@ -42,7 +42,7 @@ MAY_IMPORT = {
     "render.simd": "",
     "render.jit": "compiler.io render.simd",
     "render.lanes": "render.types render.jit",
-    "render.image": "compiler.ir",
+    "render.image": "compiler.ir compiler.io",
     "render.sampling": "render.lanes",
     "render.geometry": "render.lanes",
     "render.camera": "render.sampling render.geometry",

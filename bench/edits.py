@@ -11,7 +11,9 @@ import numpy as np
 
 from ..cli import common_options
 from ..compiler import ir, load
-from ..compiler.formula.tape import Builder, Op, Tape
+from ..compiler.formula.builder import Builder
+from ..compiler.formula.opcodes import Op
+from ..compiler.formula.tape import Tape
 from ..compiler.plan import plan as planner
 from ..render import render_scene
 from ..render.formula import packet_state, scene_surfaces
@@ -68,7 +70,7 @@ def _strange(operations: int, seed: int) -> Tape:
     random, b, total = np.random.default_rng(seed), Builder(), 0
     while len(b.rows) < operations - 1:
         axis, kind = int(random.integers(3)), (Op.SIN, Op.COS, Op.SQUARE, Op.ABS)[int(random.integers(4))]
-        total = b.add(total, b.op(kind, b.scaled(axis, float(random.uniform(1, 9)))))
+        total = b.add(total, b.op(kind, b.scale(axis, float(random.uniform(1, 9)))))
     return b.finish(total)
 
 

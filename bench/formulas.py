@@ -14,7 +14,9 @@ import numpy as np
 from numba import types
 
 from ..compiler.formula import numpy_interpreter, solid_fields
-from ..compiler.formula.tape import INPUTS, Builder, Op, Tape, arity
+from ..compiler.formula.builder import Builder
+from ..compiler.formula.opcodes import Op, arity
+from ..compiler.formula.tape import INPUTS, Tape
 from ..render.accel import ray_queries
 from ..render.formula import intersect, numpy_reference, packet_state, packets, scene_surfaces, tape_jit
 from ..render.formula.tables import Forms
@@ -260,30 +262,30 @@ def _torus(b: Builder) -> int:
 
 
 def _heart(b: Builder) -> int:
-    x, y, z = (b.op(Op.SQUARE, b.scaled(name, 1.35)) for name in POINT)
+    x, y, z = (b.op(Op.SQUARE, b.scale(name, 1.35)) for name in POINT)
     body = b.power(b.linear([(1.0, x), (2.25, y), (1.0, z)], -1.0), b.constant(3.0))
-    cube = b.power(b.scaled(2, 1.35), b.constant(3.0))
+    cube = b.power(b.scale(2, 1.35), b.constant(3.0))
     return b.subtract(body, b.multiply(cube, b.linear([(1.0, x), (9 / 80, y)])))
 
 
 def _gyroid(b: Builder) -> int:
-    p = [b.scaled(name, 12.0) for name in POINT]
+    p = [b.scale(name, 12.0) for name in POINT]
     waves = [b.multiply(b.op(Op.SIN, p[k]), b.op(Op.COS, p[(k + 1) % 3])) for k in range(3)]
-    shell = b.scaled(b.shifted(b.op(Op.ABS, b.add(b.add(waves[0], waves[1]), waves[2])), -0.2), 1 / 12)
-    return b.op(Op.MAX, b.shifted(solid_fields.length(b, POINT), -0.9), shell)
+    shell = b.scale(b.offset(b.op(Op.ABS, b.add(b.add(waves[0], waves[1]), waves[2])), -0.2), 1 / 12)
+    return b.op(Op.MAX, b.offset(solid_fields.length(b, POINT), -0.9), shell)
 
 
 def _barth(b: Builder) -> int:
     phi = (1 + 5**0.5) / 2
-    x, y, z = (b.op(Op.SQUARE, b.scaled(name, 2.0)) for name in POINT)
+    x, y, z = (b.op(Op.SQUARE, b.scale(name, 2.0)) for name in POINT)
     pairs = [b.linear([(phi**2, p), (-1.0, q)]) for p, q in ((x, y), (y, z), (z, x))]
     ball = b.op(Op.SQUARE, b.linear([(1.0, x), (1.0, y), (1.0, z)], -1.0))
     product = b.multiply(b.multiply(pairs[0], pairs[1]), pairs[2])
-    return b.op(Op.MAX, b.linear([(-0.08, product), (0.02 * (1 + 2 * phi), ball)]), b.shifted(solid_fields.length(b, POINT), -0.95))
+    return b.op(Op.MAX, b.linear([(-0.08, product), (0.02 * (1 + 2 * phi), ball)]), b.offset(solid_fields.length(b, POINT), -0.95))
 
 
 def _away(b: Builder, center: np.ndarray) -> tuple[int, int, int]:
-    x, y, z = (b.shifted(name, -float(c)) for name, c in zip(POINT, center, strict=True))
+    x, y, z = (b.offset(name, -float(c)) for name, c in zip(POINT, center, strict=True))
     return x, y, z
 
 
@@ -291,14 +293,14 @@ def _metaballs(b: Builder) -> int:
     random, total = np.random.default_rng(3), b.constant(0.0)
     for center, sharp in zip(random.uniform(-0.55, 0.55, (8, 3)), random.uniform(12, 30, 8), strict=True):
         square = b.op(Op.SQUARE, solid_fields.length(b, _away(b, center)))
-        total = b.add(total, b.op(Op.EXP, b.scaled(square, -float(sharp))))
+        total = b.add(total, b.op(Op.EXP, b.scale(square, -float(sharp))))
     return b.subtract(b.constant(0.4), total)
 
 
 def _spheres(b: Builder, count: int, spread: float, low: float, high: float) -> list[int]:
     random = np.random.default_rng(7)
     centers, radii = random.uniform(-spread, spread, (count, 3)), random.uniform(low, high, count)
-    return [b.shifted(solid_fields.length(b, _away(b, c)), -float(r)) for c, r in zip(centers, radii, strict=True)]
+    return [b.offset(solid_fields.length(b, _away(b, c)), -float(r)) for c, r in zip(centers, radii, strict=True)]
 
 
 def _smooth(b: Builder) -> int:
@@ -311,7 +313,7 @@ def _smooth(b: Builder) -> int:
 def _balls(b: Builder) -> int:
     parts = _spheres(b, 100, 0.5, 0.05, 0.12)
     while len(parts) > 1:
-        parts = [b.several(Op.MIN, parts[k : k + 2]) for k in range(0, len(parts), 2)]
+        parts = [b.reduce(Op.MIN, parts[k : k + 2]) for k in range(0, len(parts), 2)]
     return parts[0]
 
 
@@ -320,7 +322,7 @@ def _plate(b: Builder) -> int:
     plate = solid_fields.analytic(b, 2, (0.6, 0.15, 0.6), POINT)
     for i in range(8):
         for k in range(8):
-            point = (b.shifted(0, 0.14 * (i - 3.5)), 1, b.shifted(2, 0.14 * (k - 3.5)))
+            point = (b.offset(0, 0.14 * (i - 3.5)), 1, b.offset(2, 0.14 * (k - 3.5)))
             plate = solid_fields.difference(b, plate, solid_fields.analytic(b, 6, (0.045, 0.3, 1.0), point), 0.0)
     return plate
 
@@ -339,9 +341,9 @@ def _colonnade(b: Builder) -> int:
         )
     roof = [solid_fields.analytic(b, 2, (0.76, 0.03, 0.44), _away(b, np.array([0.0, 0.39, 0.0])))]
     slopes = [b.linear([(0.55, 2), (1.0, 1)], -0.64), b.linear([(-0.55, 2), (1.0, 1)], -0.64)]
-    roof.append(b.several(Op.MAX, [*slopes, b.linear([(-1.0, 1)], 0.42), b.shifted(b.op(Op.ABS, 0), -0.74)]))
+    roof.append(b.reduce(Op.MAX, [*slopes, b.linear([(-1.0, 1)], 0.42), b.offset(b.op(Op.ABS, 0), -0.74)]))
     parts += roof
-    return b.several(Op.MIN, parts)
+    return b.reduce(Op.MIN, parts)
 
 
 def _bear(b: Builder) -> int:
@@ -354,8 +356,8 @@ def _bear(b: Builder) -> int:
         blobs += [((0.1 * side, 0.44, 0.22), (0.03, 0.035, 0.02)), ((0.28 * side, -0.64, 0.42), (0.1, 0.09, 0.06))]
     found = -1
     for center, radii in blobs:
-        point = [b.scaled(name, 1 / r) for name, r in zip(_away(b, np.array(center, float)), radii, strict=True)]
-        one = b.scaled(b.shifted(solid_fields.length(b, point), -1.0), min(radii))
+        point = [b.scale(name, 1 / r) for name, r in zip(_away(b, np.array(center, float)), radii, strict=True)]
+        one = b.scale(b.offset(solid_fields.length(b, point), -1.0), min(radii))
         found = one if found < 0 else solid_fields.union(b, found, one, 0.04)
     return found
 

@@ -16,8 +16,9 @@ import numpy as np
 
 from .. import ir
 from . import quadric_recognition
+from .opcodes import Op, arity
 from .quadric_recognition import Quadratic
-from .tape import INPUTS, Op, Tape, arity, stored
+from .tape import INPUTS, Tape, load_tape
 
 MOST_LEAVES = 48  # beyond, most of them are far from any ray: bounds in cells tell which matter
 MOST_KNOWN = 64  # answers that are kept
@@ -73,7 +74,7 @@ class _Unknown(Exception):
 def of_geometry(tables: ir.Tables, g: int) -> Solid | None:
     """`solid` of geometry g, a formula surface; those asked for last are known, since planning asks and then drawing."""
     geometries = tables.geometries
-    tape, sheet = stored(tables, int(geometries.tape[g])), bool(geometries.parameters[g, 0])
+    tape, sheet = load_tape(tables, int(geometries.tape[g])), bool(geometries.parameters[g, 0])
     reach = float(np.abs(geometries.bounds[g]).max())
     key = tape.structure(), tape.constants.tobytes(), sheet, reach
     with contextlib.suppress(KeyError):

@@ -30,8 +30,8 @@ from .interval_semantics import (  # fmt: skip
     subtract,
     up,
 )
+from .opcodes import Op
 from .point_semantics import Number, noise
-from .tape import Op
 
 
 def slope_intervals(m: Any, op: int, boxes: list[Interval], value: Interval, turns: list[list[Interval]]) -> list[Interval]:

@@ -1,29 +1,25 @@
-"""Quotients of what is 0 at the same place: x · y / x, |x| / x and sin(x) / x; and remainders, as of 3 x by x.
+"""Cancels common factors of quotients and remainders: x · y / x, |x| / x, sin(x) / x, mod(3 x, x).
 
-Bounds of 0 / 0 are everything, however short the piece of a ray, so that none that passes there could be proved. What both sides have for
-a factor goes, where it is 0 at places alone; of a sine over its angle it is known how near to 1 it stays.
+Interval bounds of 0 / 0 are everything, however short the segment of a ray, so no root there could be proved. A common factor cancels if
+its zeros are isolated. sin(v) / v gets bounds from its Taylor series.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from .graph import Graph
 from .opcodes import Op
 from .regularize import is_smooth
 
-if TYPE_CHECKING:
-    from .tape import Builder
-
-Factors = dict[int, int]  # names, and how often each is a factor
+Factors = dict[int, int]  # powers of values
 
 
-def divided(b: Builder, over: int, under: int) -> int:
-    """over / under."""
-    if under < 0:
-        return b.op(Op.DIVIDE, over, under)
-    above, below = _factors(b, over), _factors(b, under)
+def divide(b: Graph, numerator: int, denominator: int) -> int:
+    """numerator / denominator."""
+    if denominator < 0:
+        return b.op(Op.DIVIDE, numerator, denominator)
+    above, below = _factors(b, numerator), _factors(b, denominator)
     found: list[int] = []
-    _cancelled(b, above, below, found)
+    _cancel(b, above, below, found)
     for name in list(above):
         op, of, _ = b.row(name)
         if op == Op.SIN and above[name] > 0 and is_smooth(b, of):
@@ -34,27 +30,27 @@ def divided(b: Builder, over: int, under: int) -> int:
                     if part >= 0:
                         below[part] -= count
                 found += [_sine_over_angle(b, of), _product(b, {part: count for part, count in angle.items() if part < 0})]
-    if above == _factors(b, over) and below == _factors(b, under):
-        return b.op(Op.DIVIDE, over, under)
+    if above == _factors(b, numerator) and below == _factors(b, denominator):
+        return b.op(Op.DIVIDE, numerator, denominator)
     top = _product(b, above)
     for name in found:
         top = b.multiply(top, name)
     return b.op(Op.DIVIDE, top, _product(b, below))
 
 
-def remaindered(b: Builder, over: int, under: int) -> int:
-    """over modulo under: what both have for a factor goes before it, f p − f q ⌊f p / (f q)⌋ = f (p − q ⌊p / q⌋)."""
-    above, below = _factors(b, over), _factors(b, under)
+def remainder(b: Graph, numerator: int, denominator: int) -> int:
+    """numerator mod denominator, with common factors in front: f p − f q ⌊f p / (f q)⌋ = f (p − q ⌊p / q⌋)."""
+    above, below = _factors(b, numerator), _factors(b, denominator)
     both = {name: min(count, below[name]) for name, count in above.items() if name >= 0 and name in below and is_smooth(b, name)}
     if not both:
-        return b.op(Op.MOD, over, under)
+        return b.op(Op.MOD, numerator, denominator)
     for name, count in both.items():
         above[name], below[name] = above[name] - count, below[name] - count
     return b.multiply(_product(b, both), b.op(Op.MOD, _product(b, above), _product(b, below)))
 
 
-def _cancelled(b: Builder, above: Factors, below: Factors, found: list[int]) -> None:
-    """Take away what both have; a value over its magnitude is its sign."""
+def _cancel(b: Graph, above: Factors, below: Factors, found: list[int]) -> None:
+    """Cancel common factors, in place; a value over its magnitude is its sign, which `found` takes."""
     for name in list(below):
         if name >= 0 and is_smooth(b, name):
             both = min(above.get(name, 0), below[name])
@@ -72,8 +68,8 @@ def _cancelled(b: Builder, above: Factors, below: Factors, found: list[int]) -> 
             del factors[name]
 
 
-def _factors(b: Builder, name: int) -> Factors:
-    """What a value is the product of, constants among them."""
+def _factors(b: Graph, name: int) -> Factors:
+    """The factors of a value, constants among them."""
     found: Factors = {}
     waiting = [(name, 1)]
     while waiting:
@@ -92,7 +88,7 @@ def _factors(b: Builder, name: int) -> Factors:
     return found
 
 
-def _product(b: Builder, factors: Factors) -> int:
+def _product(b: Graph, factors: Factors) -> int:
     made = b.constant(1.0)
     for name, count in factors.items():
         if count:
@@ -100,10 +96,10 @@ def _product(b: Builder, factors: Factors) -> int:
     return made
 
 
-def _sine_over_angle(b: Builder, angle: int) -> int:
-    """sin(v) / v, and 1 where v is 0: it lies between 1 − v²/6 and 1 − v²/6 + v⁴/120, which say so to bounds."""
+def _sine_over_angle(b: Graph, angle: int) -> int:
+    """sin(v) / v, and 1 where v is 0, clamped between 1 − v²/6 and 1 − v²/6 + v⁴/120 for tight bounds."""
     square = b.op(Op.SQUARE, angle)
-    least = b.shifted(b.scaled(square, -1.0 / 6.0), 1.0)
-    most = b.add(least, b.scaled(b.op(Op.SQUARE, square), 1.0 / 120.0))
+    least = b.offset(b.scale(square, -1.0 / 6.0), 1.0)
+    most = b.add(least, b.scale(b.op(Op.SQUARE, square), 1.0 / 120.0))
     quotient = b.op(Op.DIVIDE, b.op(Op.SIN, angle), angle)
     return b.op(Op.MAX, least, b.op(Op.MIN, most, quotient))

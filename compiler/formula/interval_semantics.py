@@ -16,8 +16,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from .opcodes import Op
 from .point_semantics import Number, hypotenuse, noise, point
-from .tape import Op
 
 Interval = tuple[Number, Number]
 

@@ -12,8 +12,9 @@ import numpy as np
 
 from .derivative_bounds import slope_intervals
 from .interval_semantics import Interval, interval
+from .opcodes import arity
 from .point_semantics import NumpyMath, point, slopes
-from .tape import Tape, arity
+from .tape import Tape
 
 Look = Callable[[int, list[Any], list[list[Any]]], None]
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...lang.noise import PERMUTATION
-from .tape import Op
+from .opcodes import Op
 
 Number = Any  # a numpy array, or an LLVM vector
 

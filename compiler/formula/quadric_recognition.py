@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .tape import INPUTS, Op, Tape, arity
+from .opcodes import Op, arity
+from .tape import INPUTS, Tape
 
 Quadratic = np.ndarray  # (4, 4) symmetric: p ↦ (p, 1) · Q · (p, 1)
 _TINY = 1e-12

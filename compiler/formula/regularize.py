@@ -1,28 +1,26 @@
-"""Relations that hold on a surface alone, in a part or as a whole: what is left of them has an inside.
+"""Regularizes a solid: removes parts without interior, such as sheets.
 
-(y − 1)² · y ≤ 0 holds where y ≤ 0, and on the plane y = 1, which no sign tells from what is around it. Squares and magnitudes that are
-factors change no sign, and a part that is never below 0 has no inside.
+The result is the closure of the interior: Requicha, "Representations for Rigid Solids", 1980.
+
+(y − 1)² · y ≤ 0 holds where y ≤ 0, and on the plane y = 1, where no sign changes. Squares and magnitudes as factors change no sign, and a
+part that is never negative has no interior.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from .graph import Graph
 from .opcodes import Op, arity
+from .tape import INPUTS
 
-if TYPE_CHECKING:
-    from .tape import Builder
-
-INPUTS = 3
 SMOOTH = frozenset({Op.COPY, Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.NEGATE, Op.SQUARE, Op.CUBE, Op.EXP, Op.SIN, Op.COS, Op.ATAN, Op.HYPOT})
+Regularized = tuple[int | None, bool]  # the field, None if it has no interior; whether sheets are left out
 
 
-def with_inside(b: Builder, field: int) -> tuple[int | None, bool]:
-    """(a field that is at most 0 in the inside of where another one is, and around it; whether sheets beside it are left out): None where
-    it has no inside."""
-    known: dict[int, tuple[int | None, bool]] = {}
+def regularize(b: Graph, field: int) -> Regularized:
+    """A field that is at most 0 in the closure of the interior of the solid where `field` ≤ 0."""
+    known: dict[int, Regularized] = {}
     waiting = [field]
-    while waiting:  # no recursion, however deep, and nothing twice
+    while waiting:  # without recursion: fields may be deep; each value once
         name = waiting[-1]
         op, one, other = b.row(name)
         parts = [part for part in (one, other) if part not in known] if op in (Op.MIN, Op.MAX) else []
@@ -30,22 +28,22 @@ def with_inside(b: Builder, field: int) -> tuple[int | None, bool]:
             waiting += parts
             continue
         waiting.pop()
-        known[name] = _of_parts(b, op, name, known[one], known[other]) if op in (Op.MIN, Op.MAX) else _of_factors(b, name)
+        known[name] = _combine(b, op, name, known[one], known[other]) if op in (Op.MIN, Op.MAX) else _regularize_product(b, name)
     return known[field]
 
 
-def _of_parts(b: Builder, op: Op, field: int, one: tuple[int | None, bool], other: tuple[int | None, bool]) -> tuple[int | None, bool]:
-    """The same of the least or largest of two parts of which it is known."""
-    (first, cut), (second, cut_too) = one, other
+def _combine(b: Graph, op: Op, field: int, one: Regularized, other: Regularized) -> Regularized:
+    """A minimum or maximum of two fields, by their regularized ones."""
+    (first, left_out), (second, left_out_too) = one, other
     if first is None or second is None:
-        left = None if op == Op.MAX else second if first is None else first
-        return left, left is not None
-    return (field if (first, second) == b.row(field)[1:] else b.op(op, first, second)), cut or cut_too
+        remaining = None if op == Op.MAX else second if first is None else first
+        return remaining, remaining is not None
+    return (field if (first, second) == b.row(field)[1:] else b.op(op, first, second)), left_out or left_out_too
 
 
-def _of_factors(b: Builder, field: int) -> tuple[int | None, bool]:
-    """The same of a product: each factor once that it holds an odd number of times, and none that it holds an even number of times."""
-    times: dict[int, int] = {}
+def _regularize_product(b: Graph, field: int) -> Regularized:
+    """Reduces each odd power of a factor to the factor, and drops even powers."""
+    powers: dict[int, int] = {}
     negative, waiting = False, [(field, 1)]
     while waiting:
         name, count = waiting.pop()
@@ -64,23 +62,23 @@ def _of_factors(b: Builder, field: int) -> tuple[int | None, bool]:
         elif op == Op.NEGATE:
             waiting.append((one, count))
         elif number is None:
-            times[name] = times.get(name, 0) + count
-    if all(count == 1 for count in times.values()):
+            powers[name] = powers.get(name, 0) + count
+    if all(count == 1 for count in powers.values()):
         return field, False
-    kept = [name for name, count in times.items() if count % 2]
-    others = [name for name, count in times.items() if count % 2 == 0]
-    left_out = any(is_smooth(b, name) for name in others)
-    kept += [b.op(Op.SQUARE, name) for name in others if not is_smooth(b, name)]
-    if not kept:
+    factors = [name for name, count in powers.items() if count % 2]
+    even = [name for name, count in powers.items() if count % 2 == 0]
+    left_out = any(is_smooth(b, name) for name in even)
+    factors += [b.op(Op.SQUARE, name) for name in even if not is_smooth(b, name)]
+    if not factors:
         return (b.constant(-1.0), False) if negative else (None, False)
-    product = kept[0]
-    for name in kept[1:]:
+    product = factors[0]
+    for name in factors[1:]:
         product = b.multiply(product, name)
     return b.op(Op.NEGATE, product) if negative else product, left_out
 
 
-def is_smooth(b: Builder, name: int) -> bool:
-    """Whether a value is defined everywhere, and 0 over no region, as sums and products of smooth functions are."""
+def is_smooth(b: Graph, name: int) -> bool:
+    """Whether a value is defined everywhere and 0 over no region: of sums and products of smooth functions."""
     waiting, seen = [name], {name}
     while waiting:
         name = waiting.pop()
@@ -88,8 +86,8 @@ def is_smooth(b: Builder, name: int) -> bool:
             continue
         op, *operands = b.rows[name - INPUTS]
         used = operands[: arity(op)]
-        by_number = op == Op.DIVIDE and b.number(used[1])
-        if not (by_number or op in SMOOTH) or (op == Op.HYPOT and (used[0] == used[1] or min(used) < 0)):
+        by_constant = op == Op.DIVIDE and b.number(used[1])
+        if not (by_constant or op in SMOOTH) or (op == Op.HYPOT and (used[0] == used[1] or min(used) < 0)):
             return False
         waiting += [other for other in used if other not in seen]
         seen.update(used)

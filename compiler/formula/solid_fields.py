@@ -12,7 +12,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from .. import ir
-from .tape import Builder, Op
+from .builder import Builder
+from .opcodes import Op
 
 Kind = ir.GeometryKind
 Point = tuple[int, int, int]
@@ -37,7 +38,7 @@ def analytic(b: Builder, kind: int, p: Sequence[float], point: Point) -> int:
 
 
 def _sphere(b: Builder, p: Sequence[float], point: Point) -> int:
-    return b.shifted(length(b, point), -p[0])
+    return b.offset(length(b, point), -p[0])
 
 
 def length(b: Builder, point: Sequence[int]) -> int:
@@ -46,11 +47,11 @@ def length(b: Builder, point: Sequence[int]) -> int:
 
 
 def _slab(b: Builder, name: int, half: float) -> int:
-    return b.shifted(b.op(Op.ABS, name), -half)
+    return b.offset(b.op(Op.ABS, name), -half)
 
 
 def _box(b: Builder, p: Sequence[float], point: Point) -> int:
-    return b.several(Op.MAX, [_slab(b, name, half) for name, half in zip(point, p, strict=False)])
+    return b.reduce(Op.MAX, [_slab(b, name, half) for name, half in zip(point, p, strict=False)])
 
 
 def _plane(b: Builder, p: Sequence[float], point: Point) -> int:
@@ -60,7 +61,7 @@ def _plane(b: Builder, p: Sequence[float], point: Point) -> int:
 def _cylinder(b: Builder, p: Sequence[float], point: Point) -> int:
     if not p[2]:
         raise NoSolid("a cylinder that is not capped has no inside")
-    side = b.shifted(b.op(Op.HYPOT, point[0], point[2]), -p[0])
+    side = b.offset(b.op(Op.HYPOT, point[0], point[2]), -p[0])
     return b.op(Op.MAX, side, _slab(b, point[1], p[1]))
 
 
@@ -70,17 +71,17 @@ def _cone(b: Builder, p: Sequence[float], point: Point) -> int:
         raise NoSolid("a cone that is not capped has no inside")
     slope = (high - low) / (2 * half)
     side = b.linear([(1.0, b.op(Op.HYPOT, point[0], point[2])), (-slope, point[1])], -0.5 * (low + high))
-    return b.op(Op.MAX, b.scaled(side, 1 / math.hypot(1.0, slope)), _slab(b, point[1], half))
+    return b.op(Op.MAX, b.scale(side, 1 / math.hypot(1.0, slope)), _slab(b, point[1], half))
 
 
 def _torus(b: Builder, p: Sequence[float], point: Point) -> int:
-    ring = b.shifted(b.op(Op.HYPOT, point[0], point[2]), -p[0])
-    return b.shifted(b.op(Op.HYPOT, ring, point[1]), -p[1])
+    ring = b.offset(b.op(Op.HYPOT, point[0], point[2]), -p[0])
+    return b.offset(b.op(Op.HYPOT, ring, point[1]), -p[1])
 
 
 def _capsule(b: Builder, p: Sequence[float], point: Point) -> int:
     cut = b.op(Op.MAX, b.op(Op.MIN, point[1], b.constant(p[1])), b.constant(-p[1]))
-    return b.shifted(length(b, (point[0], b.subtract(point[1], cut), point[2])), -p[0])
+    return b.offset(length(b, (point[0], b.subtract(point[1], cut), point[2])), -p[0])
 
 
 def _quadric(b: Builder, p: Sequence[float], point: Point) -> int:
@@ -132,7 +133,7 @@ def shell(b: Builder, field: int, thickness: float) -> int:
 def twisted(b: Builder, point: Point, rate: float) -> Point:
     """Where a point was before everything was turned about y by `rate` radians for each unit of height."""
     x, y, z = point
-    angle = b.scaled(y, -rate)
+    angle = b.scale(y, -rate)
     c, s = b.op(Op.COS, angle), b.op(Op.SIN, angle)
     return b.add(b.multiply(c, x), b.multiply(s, z)), y, b.subtract(b.multiply(c, z), b.multiply(s, x))
 
@@ -145,6 +146,6 @@ def bent(b: Builder, point: Point, rate: float) -> Point:
     if radius < 0:
         x_, down = b.op(Op.NEGATE, x), b.op(Op.NEGATE, down)
         turned = b.op(Op.ATAN2, x_, down)
-        return b.scaled(turned, radius), b.add(b.constant(radius), b.op(Op.HYPOT, x, down)), z
+        return b.scale(turned, radius), b.add(b.constant(radius), b.op(Op.HYPOT, x, down)), z
     turned = b.op(Op.ATAN2, x, down)
-    return b.scaled(turned, radius), b.subtract(b.constant(radius), b.op(Op.HYPOT, x, down)), z
+    return b.scale(turned, radius), b.subtract(b.constant(radius), b.op(Op.HYPOT, x, down)), z

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...lang.diagnostics import suggest
 from ...lang.elements import Element
@@ -11,15 +11,13 @@ from .. import ir
 from ..plan import plan
 from ..scene import transforms, validate
 from ..scene.row_records import CameraData
-
-if TYPE_CHECKING:
-    from .lowering import Lowering
+from .context import Context
 
 DEFAULT_FOV = math.radians(40)
 FILM_HEIGHT = 0.024  # metres of the film of which a `fov` is told, for the size of an aperture
 
 
-def camera(lowering: Lowering, element: Element) -> None:
+def camera(lowering: Context, element: Element) -> None:
     """Add a camera."""
     args = element.args
     frame = transforms.looking(args["position"], args["look_at"], args["up"])
@@ -44,7 +42,7 @@ def camera(lowering: Lowering, element: Element) -> None:
     lowering.builder.camera(data, element.span)
 
 
-def _focused(lowering: Lowering, element: Element, lens: dict[str, Any]) -> bool:
+def _focused(lowering: Context, element: Element, lens: dict[str, Any]) -> bool:
     """Add the radius of an aperture and the depth in focus to what a camera has; False after a diagnostic."""
     args = element.args
     if args["aperture"] is None:
@@ -60,7 +58,7 @@ def _focused(lowering: Lowering, element: Element, lens: dict[str, Any]) -> bool
     return True
 
 
-def _projection(lowering: Lowering, element: Element) -> dict[str, Any] | None:
+def _projection(lowering: Context, element: Element) -> dict[str, Any] | None:
     """Projection, extent, fit and aspect; None after a diagnostic."""
     args = element.args
     wanted = args["projection"]
@@ -88,7 +86,7 @@ def _projection(lowering: Lowering, element: Element) -> dict[str, Any] | None:
     return {"extent": math.tan((args["fov"] or DEFAULT_FOV) / 2)}
 
 
-def settings(lowering: Lowering, render: Element | None, cameras: tuple[Element, ...]) -> ir.Settings:
+def settings(lowering: Context, render: Element | None, cameras: tuple[Element, ...]) -> ir.Settings:
     """What the scene itself asks of a render."""
     view = next((c.args["view"] for c in cameras if c.args["view"] is not None), None)
     if render is None:
@@ -102,7 +100,7 @@ def settings(lowering: Lowering, render: Element | None, cameras: tuple[Element,
     return ir.Settings(**{name: args[name] for name in same}, crop=_crop(lowering, render), aov=_aov(lowering, render), view=view)
 
 
-def _crop(lowering: Lowering, render: Element) -> tuple[int, int, int, int] | None:
+def _crop(lowering: Context, render: Element) -> tuple[int, int, int, int] | None:
     given = render.args["crop"]
     if given is None:
         return None
@@ -116,7 +114,7 @@ def _crop(lowering: Lowering, render: Element) -> tuple[int, int, int, int] | No
     return (x0, y0, x1, y1)
 
 
-def _aov(lowering: Lowering, render: Element) -> tuple[str, ...] | None:
+def _aov(lowering: Context, render: Element) -> tuple[str, ...] | None:
     given = render.args["aov"]
     for name in given or ():
         if not plan.is_channel(name):

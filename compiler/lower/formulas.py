@@ -3,31 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...lang.elements import Element
 from .. import ir
-from ..formula import bounding_box, quadric_recognition
-from ..formula import tape as formula_tape
-from ..formula.tape import Builder, Op, Tape, Unfit
+from ..formula import bounding_box, quadric_recognition, relation
+from ..formula.builder import Builder
+from ..formula.from_formula import NotASurface
+from ..formula.opcodes import Op
+from ..formula.tape import MOST_LIVE, Tape, X, Y, Z, most_live
 from ..scene import transforms
-from ..scene.piece import Piece
-
-if TYPE_CHECKING:
-    from .lowering import Lowering
+from ..scene.row_records import Piece
+from .context import Context
 
 MARGIN = 1e-3  # of its size, that a box is larger than the solid that its faces cut
 WITHIN = 2.0**-41  # of the largest coordinate, that these faces lie further in: a formula may jump right on them
 
 
-def implicit(lowering: Lowering, element: Element) -> list[Piece]:
+def implicit(lowering: Context, element: Element) -> list[Piece]:
     """The surface of an `implicit`; nothing, after a diagnostic, where there is none that could be drawn."""
     formula, within = element.args["formula"], element.args["within"]
     try:
-        tape, sheet, left_out = formula_tape.surface(formula)
-    except Unfit as unfit:
+        tape, sheet, left_out = relation.surface(formula)
+    except NotASurface as unfit:
         return lowering.refuse(element, str(unfit), unfit.hint)
     unit = formula.unit
     cut = None if within is None else np.array(within[:2]) / unit
@@ -42,8 +41,8 @@ def implicit(lowering: Lowering, element: Element) -> list[Piece]:
     places, values = bounding_box.some_of(tape, bounds)
     if bounding_box.zero_all_over(tape, places, values):
         try:
-            tape, sheet, left_out = formula_tape.surface(formula, parted=True)
-        except Unfit as unfit:
+            tape, sheet, left_out = relation.surface(formula, may_tie=True)
+        except NotASurface as unfit:
             return lowering.refuse(element, str(unfit), unfit.hint)
     if left_out:
         hint = "write < instead of <= if none is meant; if it is, draw it beside this with =="
@@ -73,13 +72,13 @@ def implicit(lowering: Lowering, element: Element) -> list[Piece]:
     return drawn(lowering, element, tape, bounds, (float(sheet), *ball))
 
 
-def drawn(lowering: Lowering, element: Element, tape: Tape, bounds: np.ndarray, parameters: Sequence[float]) -> list[Piece]:
+def drawn(lowering: Context, element: Element, tape: Tape, bounds: np.ndarray, parameters: Sequence[float]) -> list[Piece]:
     """A field's surface in a box; nothing, after a diagnostic, where it takes more than evaluators have room for."""
-    live = formula_tape.most_live(tape)
-    if live > formula_tape.MOST_LIVE:
+    live = most_live(tape)
+    if live > MOST_LIVE:
         hint = "so large a sum of things that hang together is drawn in parts: write several of them"
         return lowering.refuse(
-            element, f"the formula needs {live:,} values at a time, and there is room for {formula_tape.MOST_LIVE}", hint
+            element, f"the formula needs {live:,} values at a time, and there is room for {MOST_LIVE}", hint
         )
     return [Piece(lowering.builder.formula(tape, bounds, parameters, element.span), transforms.identity())]
 
@@ -99,14 +98,14 @@ def in_metres(tape: Tape, unit: float) -> Tape:
     if unit == 1.0:
         return tape
     builder = Builder()
-    (field,) = builder.inlined(tape, [builder.scaled(name, 1.0 / unit) for name in (formula_tape.X, formula_tape.Y, formula_tape.Z)])
-    return builder.finish(builder.scaled(field, unit))
+    (field,) = builder.inline(tape, [builder.scale(name, 1.0 / unit) for name in (X, Y, Z)])
+    return builder.finish(builder.scale(field, unit))
 
 
 def sheet_field(tape: Tape) -> Tape:
     """A field that is at most 0 on a sheet alone."""
     builder = Builder()
-    return builder.finish(builder.op(Op.ABS, *builder.inlined(tape, (formula_tape.X, formula_tape.Y, formula_tape.Z))))
+    return builder.finish(builder.op(Op.ABS, *builder.inline(tape, (X, Y, Z))))
 
 
 def _wider(bounds: np.ndarray) -> np.ndarray:
@@ -117,14 +116,14 @@ def _wider(bounds: np.ndarray) -> np.ndarray:
 
 def _cut(tape: Tape, bounds: np.ndarray, ball: np.ndarray) -> Tape:
     """A solid cut by its box, or by the ball in it."""
-    builder, (field,) = Builder.of(tape)
+    builder, (field,) = Builder.from_tape(tape)
     if ball[3]:
-        squares = [builder.op(Op.SQUARE, builder.shifted(name, -float(c))) for name, c in zip((0, 1, 2), ball[:3], strict=True)]
+        squares = [builder.op(Op.SQUARE, builder.offset(name, -float(c))) for name, c in zip((0, 1, 2), ball[:3], strict=True)]
         radius = builder.op(Op.SQRT, builder.add(builder.add(squares[0], squares[1]), squares[2]))
-        cut = builder.shifted(radius, -float(ball[3]))
+        cut = builder.offset(radius, -float(ball[3]))
     else:
         middle, half = bounds.mean(axis=0), 0.5 * (bounds[1] - bounds[0])
         half = half - WITHIN * np.abs(bounds).max()
-        faces = [builder.shifted(builder.op(Op.ABS, builder.shifted(name, -float(middle[name]))), -float(half[name])) for name in (0, 1, 2)]
+        faces = [builder.offset(builder.op(Op.ABS, builder.offset(name, -float(middle[name]))), -float(half[name])) for name in (0, 1, 2)]
         cut = builder.op(Op.MAX, builder.op(Op.MAX, faces[0], faces[1]), faces[2])
     return builder.finish(builder.op(Op.MAX, field, cut))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,16 +14,14 @@ from ..formula import numpy_interpreter
 from ..scene import transforms
 from ..scene.row_records import ALL_RAYS, NO_SHADOW, Color, Input, InstanceData, LightData, MaterialData
 from . import daylight_sky
-
-if TYPE_CHECKING:
-    from .lowering import Lowering
+from .context import Context
 
 Kind = ir.LightKind
 _DOME = 512  # texels from pole to pole of a dome that is a formula
 EVEN = 1e-6  # how far a scale may be uneven, or axes skewed, and still count as even
 
 
-def light(lowering: Lowering, element: Element, block: np.ndarray) -> None:
+def light(lowering: Context, element: Element, block: np.ndarray) -> None:
     """Add a light that stands in a block whose matrix is `block`."""
     lowering.photometric |= element.photometric
     _LIGHTS[element.kind](lowering, element, block)
@@ -54,7 +52,7 @@ def _falloff(element: Element) -> dict[str, Any]:
     return {"falloff": kind, "coefficients": given.coefficients}
 
 
-def _point(lowering: Lowering, element: Element, block: np.ndarray) -> None:
+def _point(lowering: Context, element: Element, block: np.ndarray) -> None:
     args = element.args
     intensity = args["intensity"] if args["flux"] is None else args["flux"] / (4 * math.pi)
     position = _moved(block, args["position"])
@@ -62,7 +60,7 @@ def _point(lowering: Lowering, element: Element, block: np.ndarray) -> None:
     lowering.builder.light(data, element.span)
 
 
-def _spot(lowering: Lowering, element: Element, block: np.ndarray) -> None:
+def _spot(lowering: Context, element: Element, block: np.ndarray) -> None:
     args = element.args
     position, target = _moved(block, args["position"]), _moved(block, args["look_at"])
     direction = transforms.unit(np.subtract(target, position))
@@ -87,7 +85,7 @@ def _spot(lowering: Lowering, element: Element, block: np.ndarray) -> None:
     lowering.builder.light(data, element.span)
 
 
-def _directional(lowering: Lowering, element: Element, block: np.ndarray) -> None:
+def _directional(lowering: Context, element: Element, block: np.ndarray) -> None:
     args = element.args
     direction = transforms.unit(block[:3, :3] @ np.array(args["from"], dtype=np.float64))
     if direction is None:
@@ -99,7 +97,7 @@ def _directional(lowering: Lowering, element: Element, block: np.ndarray) -> Non
     lowering.builder.light(data, element.span)
 
 
-def _sky(lowering: Lowering, element: Element, block: np.ndarray) -> None:
+def _sky(lowering: Context, element: Element, block: np.ndarray) -> None:
     args = element.args
     color = _color(element, args["luminance"])
     if args["turbidity"] is None:
@@ -120,7 +118,7 @@ def _sky(lowering: Lowering, element: Element, block: np.ndarray) -> None:
     builder.light(LightData(Kind.DOME, color, transform=row, image=image, **_common(element)), element.span)
 
 
-def _dome(lowering: Lowering, element: Element, block: np.ndarray) -> None:
+def _dome(lowering: Context, element: Element, block: np.ndarray) -> None:
     args = element.args
     if (args["file"] is None) == (args["pattern"] is None):
         lowering.refuse(element, "a dome has a picture or a pattern", 'write dome("sky.exr") or dome(pattern: |x, y, z| …)')
@@ -135,7 +133,7 @@ def _dome(lowering: Lowering, element: Element, block: np.ndarray) -> None:
         lowering.builder.light(data, element.span)
 
 
-def _patterned(lowering: Lowering, element: Element) -> int:
+def _patterned(lowering: Context, element: Element) -> int:
     """The picture of a dome that is a formula of the direction: -1 after a diagnostic. Less than nothing, and what is undefined, is 0."""
     tape = lowering.materials.pattern_tape(element, element.args["pattern"], color=True, unit=1.0)
     if tape is None:
@@ -150,12 +148,12 @@ def _patterned(lowering: Lowering, element: Element) -> int:
     return lowering.builder.shared(key, lambda: lowering.builder.image(picture, "pattern"))
 
 
-def _ambient(lowering: Lowering, element: Element, block: np.ndarray) -> None:
+def _ambient(lowering: Context, element: Element, block: np.ndarray) -> None:
     data = LightData(Kind.AMBIENT, _color(element, element.args["luminance"]), **{**_common(element), "shadows": False})
     lowering.builder.light(data, element.span)
 
 
-def _area(lowering: Lowering, element: Element, block: np.ndarray) -> None:
+def _area(lowering: Context, element: Element, block: np.ndarray) -> None:
     args = element.args
     position = np.array(args["position"])
     towards = (0.0, -1.0, 0.0) if args["look_at"] is None else tuple(np.array(args["look_at"]) - position)
@@ -178,7 +176,7 @@ def _area(lowering: Lowering, element: Element, block: np.ndarray) -> None:
     shine(lowering, element, Kind.DISK if disk else Kind.RECTANGLE, frame, half, _color(element, radiance))
 
 
-def shine(lowering: Lowering, element: Element, kind: ir.LightKind, frame: np.ndarray, size: tuple[float, float], radiance: Color) -> None:
+def shine(lowering: Context, element: Element, kind: ir.LightKind, frame: np.ndarray, size: tuple[float, float], radiance: Color) -> None:
     """Add an area light and the instance by which it is seen. What nothing blocks blocks nothing; else see bodies.py."""
     builder = lowering.builder
     shape = {Kind.RECTANGLE: ir.GeometryKind.RECTANGLE, Kind.DISK: ir.GeometryKind.DISK, Kind.SPHERE: ir.GeometryKind.SPHERE}[kind]
@@ -222,7 +220,7 @@ def _tuple(v: np.ndarray) -> Color:
     return (x, y, z)
 
 
-_LIGHTS: dict[str, Callable[[Lowering, Element, np.ndarray], None]] = {
+_LIGHTS: dict[str, Callable[[Context, Element, np.ndarray], None]] = {
     "point": _point,
     "spot": _spot,
     "directional": _directional,

@@ -15,8 +15,7 @@ from .. import ir
 from ..io.sandbox import FileError
 from ..scene import defaults, transforms
 from ..scene.builder import SceneBuilder
-from ..scene.piece import Piece
-from ..scene.row_records import InstanceData
+from ..scene.row_records import InstanceData, Piece
 from . import cameras, lights, materials, shapes
 
 LARGEST = 1e18  # metres, or any other number of what is placed: products of a few stay finite

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...lang.elements import Element
 from ...lang.formula_graph import Formula
 from .. import ir
-from ..formula.tape import Builder, Op, Tape, Unfit
+from ..formula.builder import Builder
+from ..formula.from_formula import NotASurface, add_formula
+from ..formula.opcodes import Op
+from ..formula.tape import Tape
 from ..importers import images
 from ..importers.images import ImageError
 from ..io.sandbox import FileError
 from ..scene import metals
 from ..scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, multiplied, scaled
-
-if TYPE_CHECKING:
-    from .lowering import Lowering
+from .context import Context
 
 Slot = ir.Slot
 DARKEST = 1e-6  # of a colour inside glass: black would absorb without end
@@ -30,7 +31,7 @@ _WRAPS = {w.name.lower(): w for w in ir.Wrap}
 class Materials:
     """Rows of the material elements of one scene."""
 
-    def __init__(self, lowering: Lowering) -> None:
+    def __init__(self, lowering: Context) -> None:
         self._lowering = lowering
         self._rows: dict[tuple[int, bool, bool, bool], int] = {}  # by the element's identity; the document keeps elements alive
 
@@ -216,15 +217,16 @@ class Materials:
     def pattern_tape(self, element: Element, formula: Formula, color: bool, unit: float) -> Tape | None:
         """What a pattern computes at points whose coordinates are `unit` times smaller in the formula; None after a diagnostic."""
         builder = Builder()
-        point = [builder.scaled(name, 1.0 / unit) for name in (0, 1, 2)]
+        point = [builder.scale(name, 1.0 / unit) for name in (0, 1, 2)]
         try:
             if len(formula.parameters) != 3:
-                raise Unfit(f"a pattern's formula has three parameters, x, y and z, not {len(formula.parameters)}", "write |x, y, z| …")
+                message = f"a pattern's formula has three parameters, x, y and z, not {len(formula.parameters)}"
+                raise NotASurface(message, "write |x, y, z| …")
             if formula.kind == "list" or (formula.kind == "color" and not color):
                 wanted = "a number or a colour" if color else "a number"
-                raise Unfit(f"a pattern here gives {wanted}, not a {formula.kind}", "write rgb(r, g, b)" if color else "")
-            results = builder.formula(formula, point, exact=True)
-        except Unfit as unfit:
+                raise NotASurface(f"a pattern here gives {wanted}, not a {formula.kind}", "write rgb(r, g, b)" if color else "")
+            results = add_formula(builder, formula, point, exact=True)
+        except NotASurface as unfit:
             self._lowering.error(element, str(unfit), unfit.hint)
             return None
         if formula.kind == "truth":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,46 +12,43 @@ from ...lang.elements import Element
 from .. import ir
 from ..mesh import polygon_mesh, triangulate
 from ..scene import transforms
-from ..scene.piece import Piece
-from ..scene.row_records import MeshAttribute, MeshData, Outlines
+from ..scene.row_records import MeshAttribute, MeshData, Outlines, Piece
 from . import formulas, solids
-
-if TYPE_CHECKING:
-    from .lowering import Lowering
+from .context import Context
 
 Kind = ir.GeometryKind
 FLATNESS = 1e-3  # how far a polygon's corners may be off its plane, as a share of its extent
 
 
-def pieces(lowering: Lowering, element: Element) -> list[Piece]:
+def pieces(lowering: Context, element: Element) -> list[Piece]:
     """What a shape is made of; nothing, after a diagnostic, where it cannot be made."""
     made = _SHAPES[element.kind](lowering, element)
     return [piece for piece in made if piece.geometry >= 0]
 
 
-def _simple(kind: ir.GeometryKind, parameters: Callable[[Any], tuple[float, ...]]) -> Callable[[Lowering, Element], list[Piece]]:
+def _simple(kind: ir.GeometryKind, parameters: Callable[[Any], tuple[float, ...]]) -> Callable[[Context, Element], list[Piece]]:
     """A shape that is one geometry about its `center`."""
 
-    def make(lowering: Lowering, element: Element) -> list[Piece]:
+    def make(lowering: Context, element: Element) -> list[Piece]:
         row = lowering.builder.geometry(kind, parameters(element.args), element.span)
         return [Piece(row, transforms.translation(element.args["center"]))]
 
     return make
 
 
-def _ellipsoid(lowering: Lowering, element: Element) -> list[Piece]:
+def _ellipsoid(lowering: Context, element: Element) -> list[Piece]:
     row = lowering.builder.geometry(Kind.SPHERE, (1.0,), element.span)
     return [Piece(row, transforms.translation(element.args["center"]) @ transforms.scaling(element.args["radii"]))]
 
 
-def _disk(lowering: Lowering, element: Element) -> list[Piece]:
+def _disk(lowering: Context, element: Element) -> list[Piece]:
     frame = transforms.facing(element.args["center"], element.args["normal"])
     if frame is None:
         return lowering.refuse(element, "the disk's normal is 0", "give it a direction, like [0, 1, 0]")
     return [Piece(lowering.builder.geometry(Kind.DISK, (element.args["radius"],), element.span), frame)]
 
 
-def _plane(lowering: Lowering, element: Element) -> list[Piece]:
+def _plane(lowering: Context, element: Element) -> list[Piece]:
     args = element.args
     forms = [form for form in (("y",), ("normal", "point"), ("a", "b", "c", "d")) if any(args[name] is not None for name in form)]
     if len(forms) > 1:
@@ -73,7 +70,7 @@ def _plane(lowering: Lowering, element: Element) -> list[Piece]:
     return [Piece(lowering.builder.geometry(Kind.PLANE, (), element.span), frame)]
 
 
-def _quadric(lowering: Lowering, element: Element) -> list[Piece]:
+def _quadric(lowering: Context, element: Element) -> list[Piece]:
     coefficients, within = element.args["coefficients"], element.args["within"]
     if len(coefficients) != 10:
         return lowering.refuse(element, f"a quadric has the ten coefficients A … J, got {len(coefficients)}")
@@ -83,7 +80,7 @@ def _quadric(lowering: Lowering, element: Element) -> list[Piece]:
     return [Piece(lowering.builder.geometry(Kind.QUADRIC, (*coefficients, *half), element.span), transforms.identity())]
 
 
-def _triangle(lowering: Lowering, element: Element) -> list[Piece]:
+def _triangle(lowering: Context, element: Element) -> list[Piece]:
     args = element.args
     for name in ("points", "normals", "uv"):
         if args[name] is not None and len(args[name]) != 3:
@@ -96,7 +93,7 @@ def _triangle(lowering: Lowering, element: Element) -> list[Piece]:
     return [Piece(lowering.builder.mesh(mesh, element.span), transforms.identity())]
 
 
-def _polygon(lowering: Lowering, element: Element) -> list[Piece]:
+def _polygon(lowering: Context, element: Element) -> list[Piece]:
     args = element.args
     loops = [args["points"], *(args["holes"] or ())]
     for index, loop in enumerate(loops):
@@ -141,7 +138,7 @@ def _flat_uv(points: np.ndarray, axes: np.ndarray) -> np.ndarray:
     return (flat - flat.min(axis=0)) / np.where(extent > 0, extent, 1.0)
 
 
-def _mesh(lowering: Lowering, element: Element) -> list[Piece]:
+def _mesh(lowering: Context, element: Element) -> list[Piece]:
     args = element.args
     beside = [name for name in ("points", "faces", "normals", "uv", "colors") if args[name] is not None]
     if args["file"] is None:
@@ -154,7 +151,7 @@ def _mesh(lowering: Lowering, element: Element) -> list[Piece]:
     return _to_height(lowering, element, made) if made and args["height"] is not None else made
 
 
-def _written_mesh(lowering: Lowering, element: Element) -> list[Piece]:
+def _written_mesh(lowering: Context, element: Element) -> list[Piece]:
     args = element.args
     if args["points"] is None or args["faces"] is None:
         hint = 'write mesh("bunny.obj") or mesh(points: […], faces: […])'
@@ -177,7 +174,7 @@ def _written_mesh(lowering: Lowering, element: Element) -> list[Piece]:
     return [Piece(lowering.builder.mesh(data, element.span), transforms.identity())]
 
 
-def _to_height(lowering: Lowering, element: Element, made: list[Piece]) -> list[Piece]:
+def _to_height(lowering: Context, element: Element, made: list[Piece]) -> list[Piece]:
     """Scaled evenly to `height`, the base at y = 0, the middle at x = z = 0."""
     boxes = [lowering.builder.bounds(piece.geometry, piece.matrix) for piece in made]
     low = np.min([box[0] for box in boxes], axis=0)
@@ -194,7 +191,7 @@ def _vertex(values: Any) -> MeshAttribute | None:
     return None if values is None else MeshAttribute(np.array(values, dtype=np.float64))
 
 
-_SHAPES: dict[str, Callable[[Lowering, Element], list[Piece]]] = {
+_SHAPES: dict[str, Callable[[Context, Element], list[Piece]]] = {
     "sphere": _simple(Kind.SPHERE, lambda a: (a["radius"],)),
     "box": _simple(Kind.BOX, lambda a: tuple(edge / 2 for edge in a["size"])),
     "cylinder": _simple(Kind.CYLINDER, lambda a: (a["radius"], a["height"] / 2, a["capped"])),

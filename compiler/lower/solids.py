@@ -4,24 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...lang.elements import Element
 from .. import ir
 from ..formula import bounding_box, solid_fields
-from ..formula import tape as formula_tape
+from ..formula.builder import Builder
+from ..formula.opcodes import Op
 from ..formula.solid_fields import NoSolid, Point
-from ..formula.tape import Builder, Op
+from ..formula.tape import X, Y, Z
 from ..mesh import mesh_csg
 from ..scene import transforms
 from ..scene.builder import boxes_under
-from ..scene.piece import Piece
+from ..scene.row_records import Piece
 from . import formulas
-
-if TYPE_CHECKING:
-    from .lowering import Lowering
+from .context import Context
 
 MOST_COPIES = 4096
 _OF_MESHES = frozenset({"repeat", "mirrored"})
@@ -44,7 +43,7 @@ class _Refused(Exception):
     """A child of which a diagnostic has spoken."""
 
 
-def solid(lowering: Lowering, element: Element) -> list[Piece]:
+def solid(lowering: Context, element: Element) -> list[Piece]:
     """The surface of a solid and all that stands in it."""
     try:
         body = _body(lowering, element, transforms.identity())
@@ -59,7 +58,7 @@ def solid(lowering: Lowering, element: Element) -> list[Piece]:
     if body.mesh is not None:
         return [Piece(lowering.builder.mesh(mesh_csg.mesh(body.mesh), element.span), transforms.identity())]
     builder = Builder()
-    tape = builder.finish(body.field(builder, (formula_tape.X, formula_tape.Y, formula_tape.Z)))
+    tape = builder.finish(body.field(builder, (X, Y, Z)))
     if not len(tape.code):
         lowering.warn(element, f"nothing is left of this {element.kind}: it is not drawn")
         return []
@@ -71,7 +70,7 @@ def solid(lowering: Lowering, element: Element) -> list[Piece]:
     return formulas.drawn(lowering, element, tape, bounds, (0.0,) * 5)
 
 
-def _body(lowering: Lowering, element: Element, matrix: np.ndarray) -> Body:
+def _body(lowering: Context, element: Element, matrix: np.ndarray) -> Body:
     """A solid of the language in the frame that `matrix` leads to."""
     made = _COMBINED[element.kind](
         lowering, element, [body for child in element.children for body in _bodies(lowering, child, transforms.identity())]
@@ -79,7 +78,7 @@ def _body(lowering: Lowering, element: Element, matrix: np.ndarray) -> Body:
     return _placed(made, matrix)
 
 
-def _bodies(lowering: Lowering, element: Element, matrix: np.ndarray) -> list[Body]:
+def _bodies(lowering: Context, element: Element, matrix: np.ndarray) -> list[Body]:
     """What an element in a solid is: each shape of a block by itself."""
     if element.args.get("material") is not None:
         lowering.error(element, "a solid is of one material, and this is a part of one", f"give it to the {_OUTERMOST} instead")
@@ -101,7 +100,7 @@ def _bodies(lowering: Lowering, element: Element, matrix: np.ndarray) -> list[Bo
     return [_shape(lowering, element, piece, own @ piece.matrix) for piece in pieces]
 
 
-def _mesh(lowering: Lowering, element: Element, pieces: list[Piece]) -> Body:
+def _mesh(lowering: Context, element: Element, pieces: list[Piece]) -> Body:
     """A closed mesh as a body."""
     try:
         made, inside_out = mesh_csg.of_pieces(lowering.builder, pieces)
@@ -121,7 +120,7 @@ def _no_field(b: Builder, point: Point) -> int:
 _OUTERMOST = "union, intersection or difference"
 
 
-def _shape(lowering: Lowering, element: Element, piece: Piece, matrix: np.ndarray) -> Body:
+def _shape(lowering: Context, element: Element, piece: Piece, matrix: np.ndarray) -> Body:
     """A shape as a body."""
     kind, parameters, bounds, tape = lowering.builder.shape(piece.geometry)
     if transforms.inverse(matrix) is None:
@@ -136,7 +135,7 @@ def _shape(lowering: Lowering, element: Element, piece: Piece, matrix: np.ndarra
 
         def field(b: Builder, point: Point) -> int:
             assert made is not None
-            return b.inlined(made, point)[0]
+            return b.inline(made, point)[0]
 
         return _placed(Body(field, bounds), matrix)
     try:
@@ -161,7 +160,7 @@ def _placed(body: Body, matrix: np.ndarray) -> Body:
     least = 1.0 if abs(least - 1.0) < 1e-12 else least
 
     def field(b: Builder, point: Point) -> int:
-        return b.scaled(body.field(b, solid_fields.moved(b, point, _clean(inverse))), least)
+        return b.scale(body.field(b, solid_fields.moved(b, point, _clean(inverse))), least)
 
     return Body(field, boxes_under(body.bounds[None], matrix[None, :3])[0])
 
@@ -176,7 +175,7 @@ def _clean(matrix: np.ndarray) -> np.ndarray:
 # --- what there is ------------------------------------------------------------------------------------------------------
 
 
-def _wrong_behind(lowering: Lowering, element: Element) -> bool:
+def _wrong_behind(lowering: Context, element: Element) -> bool:
     """Whether an error is told of behind this element's name: it may have cost the element what stands in its braces."""
     span, found = element.span, lowering.builder.diagnostics.items
     return span is not None and any(d.severity == "error" and d.span is not None and d.span > span for d in found)
@@ -185,8 +184,8 @@ def _wrong_behind(lowering: Lowering, element: Element) -> bool:
 Blend = Callable[[Builder, int, int, float], int]
 
 
-def _combined(blend: Blend, bounds_of: Callable[[list[np.ndarray], float], np.ndarray]) -> Callable[[Lowering, Element, list[Body]], Body]:
-    def make(lowering: Lowering, element: Element, bodies: list[Body]) -> Body:
+def _combined(blend: Blend, bounds_of: Callable[[list[np.ndarray], float], np.ndarray]) -> Callable[[Context, Element, list[Body]], Body]:
+    def make(lowering: Context, element: Element, bodies: list[Body]) -> Body:
         if not bodies:
             if not _wrong_behind(lowering, element):
                 lowering.error(element, f"this {element.kind} is empty", f"put shapes in it: {element.kind} {{ sphere(1); box(1.5) }}")
@@ -206,7 +205,7 @@ def _combined(blend: Blend, bounds_of: Callable[[list[np.ndarray], float], np.nd
     return make
 
 
-def _of_meshes(lowering: Lowering, element: Element, bodies: list[Body]) -> Body:
+def _of_meshes(lowering: Context, element: Element, bodies: list[Body]) -> Body:
     """Parts of which some are meshes, combined as triangles."""
     if element.args["round"]:
         lowering.error(element, "a solid with a mesh in it has no round edges", "leave out `round`, or make a formula of the mesh's shape")
@@ -215,12 +214,12 @@ def _of_meshes(lowering: Lowering, element: Element, bodies: list[Body]) -> Body
     return Body(_no_field, mesh_csg.bounds(made), made)
 
 
-def _triangles(lowering: Lowering, element: Element, body: Body, beside: list[Body]) -> Any:
+def _triangles(lowering: Context, element: Element, body: Body, beside: list[Body]) -> Any:
     """A part as triangles; of an endless one what lies near those that have an end, where no more is asked for."""
     if body.mesh is not None:
         return body.mesh
     bounds, builder = body.bounds, Builder()
-    field = body.field(builder, (formula_tape.X, formula_tape.Y, formula_tape.Z))
+    field = body.field(builder, (X, Y, Z))
     if not np.isfinite(bounds).all():
         ends = np.array([other.bounds for other in beside if np.isfinite(other.bounds).all()])
         if element.kind == "union" or (element.kind == "difference" and body is beside[0]):
@@ -239,7 +238,7 @@ def _triangles(lowering: Lowering, element: Element, body: Body, beside: list[Bo
 
 
 def _shifted(b: Builder, middle: np.ndarray) -> Point:
-    x, y, z = (b.shifted(name, -float(c)) for name, c in zip((formula_tape.X, formula_tape.Y, formula_tape.Z), middle, strict=True))
+    x, y, z = (b.offset(name, -float(c)) for name, c in zip((X, Y, Z), middle, strict=True))
     return x, y, z
 
 
@@ -253,11 +252,11 @@ def _common(bounds: list[np.ndarray], radius: float) -> np.ndarray:
     return np.stack([np.max([b[0] for b in bounds], axis=0), np.min([b[1] for b in bounds], axis=0)])
 
 
-def _one(change: Callable[[Lowering, Element, Body], Body]) -> Callable[[Lowering, Element, list[Body]], Body]:
+def _one(change: Callable[[Context, Element, Body], Body]) -> Callable[[Context, Element, list[Body]], Body]:
     """What changes one solid: several children are taken together."""
     together = _combined(solid_fields.union, _all)
 
-    def make(lowering: Lowering, element: Element, bodies: list[Body]) -> Body:
+    def make(lowering: Context, element: Element, bodies: list[Body]) -> Body:
         if any(body.mesh is not None for body in bodies) and element.kind not in _OF_MESHES:
             lowering.error(element, f"`{element.kind}` of a mesh is not built yet: it needs a field", _TAKEN)
             raise _Refused
@@ -269,23 +268,23 @@ def _one(change: Callable[[Lowering, Element, Body], Body]) -> Callable[[Lowerin
     return make
 
 
-def _shell(lowering: Lowering, element: Element, body: Body) -> Body:
+def _shell(lowering: Context, element: Element, body: Body) -> Body:
     return Body(lambda b, point: solid_fields.shell(b, body.field(b, point), element.args["thickness"]), body.bounds)
 
 
-def _offset(lowering: Lowering, element: Element, body: Body) -> Body:
+def _offset(lowering: Context, element: Element, body: Body) -> Body:
     by = element.args["by"]
-    return Body(lambda b, point: b.shifted(body.field(b, point), -by), np.stack([body.bounds[0] - by, body.bounds[1] + by]))
+    return Body(lambda b, point: b.offset(body.field(b, point), -by), np.stack([body.bounds[0] - by, body.bounds[1] + by]))
 
 
-def _twist(lowering: Lowering, element: Element, body: Body) -> Body:
+def _twist(lowering: Context, element: Element, body: Body) -> Body:
     rate = element.args["angle"] / element.args["over"]
     reach = float(np.hypot(np.abs(body.bounds[:, 0]).max(), np.abs(body.bounds[:, 2]).max()))
     bounds = np.array([[-reach, body.bounds[0, 1], -reach], [reach, body.bounds[1, 1], reach]])
     return Body(lambda b, point: body.field(b, solid_fields.twisted(b, point, rate)), bounds)
 
 
-def _bend(lowering: Lowering, element: Element, body: Body) -> Body:
+def _bend(lowering: Context, element: Element, body: Body) -> Body:
     rate = element.args["angle"] / element.args["over"]
     if not rate:
         return body
@@ -299,7 +298,7 @@ def _bend(lowering: Lowering, element: Element, body: Body) -> Body:
     return Body(lambda b, point: body.field(b, solid_fields.bent(b, point, rate)), bounds)
 
 
-def _repeat(lowering: Lowering, element: Element, body: Body) -> Body:
+def _repeat(lowering: Context, element: Element, body: Body) -> Body:
     step, count = np.array(element.args["step"]), element.args["count"]
     if body.mesh is not None:
         copies = [_placed(body, transforms.translation(tuple(k * step))).mesh for k in range(count)]
@@ -321,7 +320,7 @@ def _repeat(lowering: Lowering, element: Element, body: Body) -> Body:
     return Body(field, _all(ends, 0.0))
 
 
-def _mirror(lowering: Lowering, element: Element, body: Body) -> Body:
+def _mirror(lowering: Context, element: Element, body: Body) -> Body:
     normal = transforms.unit(np.array(element.args["normal"]))
     assert normal is not None  # the schema wants a direction
     turned = np.eye(4)
@@ -336,7 +335,7 @@ def _mirror(lowering: Lowering, element: Element, body: Body) -> Body:
     return Body(field, _all([body.bounds, boxes_under(body.bounds[None], turned[None, :3])[0]], 0.0))
 
 
-def _morph(lowering: Lowering, element: Element, bodies: list[Body]) -> Body:
+def _morph(lowering: Context, element: Element, bodies: list[Body]) -> Body:
     if len(bodies) != 2:
         hint = "group several in a union" if len(bodies) > 2 else "write morph(0.5) { sphere(1); box(1.5) }"
         lowering.error(element, f"a morph is between two solids, got {len(bodies)}", hint)
@@ -352,7 +351,7 @@ def _morph(lowering: Lowering, element: Element, bodies: list[Body]) -> Body:
     return Body(field, _all([body.bounds for body in bodies], 0.0))
 
 
-_COMBINED: dict[str, Callable[[Lowering, Element, list[Body]], Body]] = {
+_COMBINED: dict[str, Callable[[Context, Element, list[Body]], Body]] = {
     "union": _combined(solid_fields.union, _all),
     "intersection": _combined(solid_fields.intersection, _common),
     "difference": _combined(solid_fields.difference, lambda bounds, radius: bounds[0]),

@@ -15,8 +15,7 @@ from .. import ir
 from ..formula import dual_contouring
 from ..formula.solid_fields import NoSolid
 from ..formula.tape import Tape
-from ..scene.piece import Piece
-from ..scene.row_records import MeshAttribute, MeshData
+from ..scene.row_records import MeshAttribute, MeshData, Piece
 
 if TYPE_CHECKING:
     from ..scene.builder import SceneBuilder

@@ -9,7 +9,8 @@ import numpy as np
 from ...lang.diagnostics import Diagnostics
 from .. import ir
 from ..formula import numpy_interpreter, solid_fields
-from ..formula import tape as formula_tape
+from ..formula.builder import Builder
+from ..formula.tape import load_tape
 from . import scene_facts
 
 _PLACED = (ir.LightKind.POINT, ir.LightKind.SPOT, ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
@@ -85,9 +86,9 @@ def _inside(tables: ir.Tables, g: int, points: np.ndarray) -> np.ndarray:
     if kind == ir.GeometryKind.FORMULA:
         if parameters[0]:
             return np.zeros(len(points), np.bool_)
-        tape = formula_tape.stored(tables, int(tables.geometries.tape[g]))
+        tape = load_tape(tables, int(tables.geometries.tape[g]))
     else:
-        builder = formula_tape.Builder()
+        builder = Builder()
         try:
             tape = builder.finish(solid_fields.analytic(builder, int(kind), parameters.tolist(), (0, 1, 2)))
         except solid_fields.NoSolid:

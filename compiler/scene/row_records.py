@@ -157,3 +157,13 @@ class InstanceData:
     light: int = -1
     visible: int = ALL_RAYS
     name: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """A geometry of a shape, in the frame of the element. `material` -1: the element's."""
+
+    geometry: int
+    matrix: np.ndarray  # (4, 4)
+    material: int = -1
+    name: str = ""

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from enum import IntEnum
-from typing import Any
 
 import numpy as np
 
 from ...lang.diagnostics import Diagnostics
 from .. import ir
 from . import shape_bounds, transforms, validate_meshes, validate_tapes
+from .check import Check
 
 Kind = ir.GeometryKind
 Light = ir.LightKind
@@ -80,63 +80,6 @@ def _validate(check: Check) -> ir.Scene:
     if not check.errors:
         _without_empty_instances(check)
     return check.finished()
-
-
-Columns = dict[str, Any]  # a table's arrays by name
-
-
-class Check:
-    """A scene under examination: its tables as dicts of columns that repairs replace, and how findings are said."""
-
-    def __init__(self, scene: ir.Scene, found: Diagnostics) -> None:
-        self.scene = scene
-        self.found = found
-        self.errors = 0
-        self.tables: dict[str, Columns] = {name: dict(getattr(scene.tables, name)._asdict()) for name in ir.TABLES}
-        self.names = scene.names
-        self.spans = dict(scene.spans.rows)
-        self.changed: set[str] = set()
-
-    def rows(self, table: str) -> int:
-        return len(next(iter(self.tables[table].values())))
-
-    def set(self, table: str, column: str, values: Any) -> None:
-        self.tables[table][column] = values
-        self.changed.add(table)
-
-    def bad(self, table: str, rows: Any, message: str, severity: str = "error", hint: str = "") -> bool:
-        """Say `message` for the rows (a mask), once, at the first of them; whether there are any."""
-        if not np.count_nonzero(rows):  # as mostly, and so looked at first
-            return False
-        where = np.flatnonzero(rows)
-        more = f" (and {len(where) - 1} more)" if len(where) > 1 else ""
-        names = getattr(self.scene.names, table, ())
-        name = f" `{names[where[0]]}`" if where[0] < len(names) and names[where[0]] else ""
-        what = f"{_SINGULAR.get(table, table)}{name}: {message}{more}"
-        (self.found.error if severity == "error" else self.found.warning)(what, self.scene.spans.at(table, int(where[0])), hint)
-        self.errors += severity == "error"
-        return True
-
-    def fatal(self, message: str) -> None:
-        self.found.error(message)
-        self.errors += 1
-
-    def finished(self) -> ir.Scene:
-        """The scene with its repairs; the very same one if there were none."""
-        if not self.changed:
-            return self.scene
-        made = {
-            name: ir.table_of(name, columns) if name in self.changed else getattr(self.scene.tables, name)
-            for name, columns in self.tables.items()
-        }
-        spans = ir.Spans(self.scene.spans.sources, self.spans)
-        return replace(self.scene, tables=ir.Tables(**made), names=self.names, spans=spans)
-
-
-_SINGULAR = {
-    "geometries": "shape", "instances": "instance", "materials": "material", "textures": "texture", "lights": "light",
-    "cameras": "camera", "attributes": "attribute", "images": "image", "transforms": "transform", "keys": "key",
-}  # fmt: skip
 
 
 def _structure(check: Check) -> None:

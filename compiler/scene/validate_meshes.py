@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .. import ir
 from . import t_junctions
-
-if TYPE_CHECKING:
-    from .validate import Check, Columns
+from .check import Check, Columns
 
 FLAT = 1e-12  # doubled area over squared longest edge below which a triangle is a line
 SEARCHED = 1 << 18  # triangles, up to which a mesh is searched for corners on edges: 0.1 s

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from ..formula.tape import INPUTS, MOST_LIVE, Op, Tape, arity, most_live
-
-if TYPE_CHECKING:
-    from .validate import Check
+from ..formula.opcodes import Op, arity
+from ..formula.tape import INPUTS, MOST_LIVE, Tape, most_live
+from .check import Check
 
 _ARITY = np.array([arity(op) for op in Op])
 

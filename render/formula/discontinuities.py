@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...compiler.formula.numpy_interpreter import boxes
-from ...compiler.formula.tape import Op, Tape
+from ...compiler.formula.opcodes import Op
+from ...compiler.formula.tape import Tape
 from ...compiler.ir import among
 from ..jit.kernel import helper, noinline_helper
 from ..lanes import ops

@@ -18,7 +18,7 @@ from typing import Any
 import llvmlite.binding as llvm
 from llvmlite import ir
 
-from ...compiler.formula.tape import Op, arity
+from ...compiler.formula.opcodes import Op, arity
 from ..jit import cache_key, compile_process, kernel
 from ..simd import target as simd_target
 from ..simd.llvm_expr import I64

@@ -7,7 +7,7 @@ from typing import Any
 
 from llvmlite import ir
 
-from ...compiler.formula.tape import Op
+from ...compiler.formula.opcodes import Op
 from ..simd.llvm_expr import I64
 
 _I32 = ir.IntType(32)

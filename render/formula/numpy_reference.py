@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler.formula import numpy_interpreter
+from ...compiler.formula.opcodes import Op
 from ...compiler.formula.point_semantics import NumpyMath
 from ...compiler.formula.point_semantics import slopes as point_slopes
-from ...compiler.formula.tape import Op, Tape
+from ...compiler.formula.tape import Tape
 from ..types import Vec
 from . import discontinuities
 from .bracketing import LARGEST

@@ -9,7 +9,8 @@ from typing import Any
 
 from llvmlite import ir
 
-from ...compiler.formula.tape import INPUTS, Op, arity
+from ...compiler.formula.opcodes import Op, arity
+from ...compiler.formula.tape import INPUTS
 from ..simd.llvm_expr import F64, I64, Value
 from .llvm_math import BYTES, DIRECT, LANES, VectorMath, load, store
 from .loop_codegen import over_rows

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.formula import closed_form_solids
-from ...compiler.formula.tape import INPUTS, Op, Tape, stored
+from ...compiler.formula.opcodes import Op
+from ...compiler.formula.tape import INPUTS, Tape, load_tape
 from .. import simd
 from . import closed_form_tables, discontinuities, interpreter, interval_grid, tape_jit
 from .interpreter import PARTS
@@ -32,7 +33,7 @@ _lock = threading.Lock()
 
 def tape_of(tables: ir.Tables, g: int) -> Tape:
     """The tape of a geometry."""
-    return stored(tables, int(tables.geometries.tape[g]))
+    return load_tape(tables, int(tables.geometries.tape[g]))
 
 
 def forms(tables: ir.Tables, closed: bool = True, threads: int = 1) -> Forms:

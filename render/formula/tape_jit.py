@@ -19,7 +19,8 @@ import numpy as np
 from llvmlite import ir
 from numpy.typing import NDArray
 
-from ...compiler.formula.tape import Op, Tape, arity
+from ...compiler.formula.opcodes import Op, arity
+from ...compiler.formula.tape import Tape
 from ..simd.llvm_expr import I64
 from . import interpreter
 from .interpreter import PARTS, SHIFTS

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...compiler import ir
 from ...compiler.exporters.mesh_files import Part
 from ...compiler.formula import dual_contouring
-from ...compiler.formula import tape as formula_tape
+from ...compiler.formula.tape import load_tape
 from ...compiler.mesh import mesh_csg
 from ...lang.diagnostics import Diagnostic
 from ..geometry.bounds import world_bounds
@@ -106,7 +106,7 @@ def _local(tables: ir.Tables, g: int, tolerance: float) -> _Local:
         positions = tables.pools.positions[start : start + vertices].astype(np.float64) + geometries.origin[g]
         return _Local(positions, tables.pools.triangles[first : first + count].astype(np.int64) - start, 0.0)
     if kind == _KIND.FORMULA:
-        tape, made = formula_tape.stored(tables, int(geometries.tape[g])), implicit_surfaces.contour(tables, g, FINER * tolerance, True)
+        tape, made = load_tape(tables, int(geometries.tape[g])), implicit_surfaces.contour(tables, g, FINER * tolerance, True)
         return _Local(*mesh_csg.simplified(tape, made, tolerance), made.missing)
     mesh = analytic_shapes.tessellate(kind, geometries.parameters[g].tolist(), tolerance)
     exact = kind in (_KIND.BOX, _KIND.RECTANGLE)

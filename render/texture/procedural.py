@@ -96,7 +96,7 @@ def _seen_in_kernels(tables, row, p, spread):
 def texel(tables: Any, row: Lane, p: Vec) -> Vec:
     """The colour of patterns (rows of Textures) at points in the things' own frames; a number is grey. 0 where it is not defined."""
     from ...compiler.formula import numpy_interpreter
-    from ...compiler.formula.tape import stored
+    from ...compiler.formula.tape import load_tape
 
     shape = np.broadcast(*p).shape
     found = np.zeros((3, *shape))
@@ -106,7 +106,7 @@ def texel(tables: Any, row: Lane, p: Vec) -> Vec:
         if tape < 0:
             continue
         here = rows == one
-        values = numpy_interpreter.points(stored(tables, int(tape)), *(np.broadcast_to(x, shape)[here] for x in p))
+        values = numpy_interpreter.points(load_tape(tables, int(tape)), *(np.broadcast_to(x, shape)[here] for x in p))
         for k in range(3):
             found[k][here] = values[min(k, len(values) - 1)]
     found = np.where(np.isfinite(found), found, 0.0)

@@ -86,7 +86,7 @@ def value(folder: Path, expression: str, point: tuple[float, float, float]) -> f
     path = folder / "a.scene"
     path.write_text(f"sphere(1, material: lambert(pattern(|x, y, z| {expression})))\n", encoding="utf-8")
     tables = load.load(path).tables
-    return float(numpy_interpreter.points(tape.stored(tables, int(tables.textures.tape[0])), *np.array([point]).T)[0][0])
+    return float(numpy_interpreter.points(tape.load_tape(tables, int(tables.textures.tape[0])), *np.array([point]).T)[0][0])
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from maquette.bench.formulas import models
 from maquette.compiler.formula import batched_interpreter, numpy_interpreter
-from maquette.compiler.formula.tape import Builder, Op, Tape, arity
+from maquette.compiler.formula.builder import Builder
+from maquette.compiler.formula.opcodes import Op, arity
+from maquette.compiler.formula.tape import Tape
 
 MODELS = models()
 PARTIAL = (Op.SQRT, Op.LOG, Op.ASIN, Op.ACOS, Op.POWER, Op.DIVIDE, Op.MOD, Op.CHOOSE)

@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from maquette.compiler import load
 from maquette.compiler.formula import closed_form_solids, numpy_interpreter
-from maquette.compiler.formula import tape as formula_tape
-from maquette.compiler.formula.tape import Builder, Op, Tape
+from maquette.compiler.formula.builder import Builder
+from maquette.compiler.formula.opcodes import Op, arity
+from maquette.compiler.formula.tape import Tape, load_tape
 
 SOLIDS = {  # how many relations each is
     "union { box([1, 1.4, 0.8]) }": 3,
@@ -34,7 +35,7 @@ def stored(folder: Path, text: str) -> Tape:
     path = folder / "a.scene"
     path.write_text(f"camera(position: [0, 0, 9])\n{text}\n", encoding="utf-8")
     tables = load.load(path).tables
-    return formula_tape.stored(tables, int(tables.geometries.tape[tables.instances.geometry[0]]))
+    return load_tape(tables, int(tables.geometries.tape[tables.instances.geometry[0]]))
 
 
 @pytest.mark.parametrize("text", SOLIDS)
@@ -69,8 +70,8 @@ def test_what_is_something_else(tmp_path, text):
 
 def test_a_sheet_that_only_touches_0_has_no_sides():
     b = Builder()
-    line = b.add(0, b.shifted(1, -0.3))
-    once, twice = b.finish(b.shifted(b.op(Op.SQUARE, line), -0.1)), b.finish(b.multiply(line, b.scaled(line, 2.0)))
+    line = b.add(0, b.offset(1, -0.3))
+    once, twice = b.finish(b.offset(b.op(Op.SQUARE, line), -0.1)), b.finish(b.multiply(line, b.scale(line, 2.0)))
     assert closed_form_solids.solid(once, sheet=True) is not None
     assert closed_form_solids.solid(twice) is not None
     assert closed_form_solids.solid(twice, sheet=True) is None
@@ -86,8 +87,8 @@ def test_whatever_is_recognised_holds_at_the_same_points(data):
     for _ in range(data.draw(st.integers(3, 14))):
         op = data.draw(st.sampled_from([Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.NEGATE, Op.ABS, Op.SQUARE, Op.HYPOT, Op.SQRT, Op.MIN, Op.MAX]))
         one, other = data.draw(st.sampled_from(names)), data.draw(st.one_of(st.sampled_from(names), number.map(b.constant)))
-        names.append(b.op(op, one) if formula_tape.arity(op) == 1 else b.op(op, one, other))
-    tape = b.finish(b.shifted(names[-1], data.draw(number)))
+        names.append(b.op(op, one) if arity(op) == 1 else b.op(op, one, other))
+    tape = b.finish(b.offset(names[-1], data.draw(number)))
     found = closed_form_solids.solid(tape)
     if found is None:
         return

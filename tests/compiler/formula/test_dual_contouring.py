@@ -12,7 +12,9 @@ from click.testing import CliRunner
 from maquette.cli.main import cli
 from maquette.compiler import load
 from maquette.compiler.formula import dual_contouring, solid_fields
-from maquette.compiler.formula.tape import Builder, Op, Tape, stored
+from maquette.compiler.formula.builder import Builder
+from maquette.compiler.formula.opcodes import Op
+from maquette.compiler.formula.tape import Tape, load_tape
 from maquette.compiler.mesh import mesh_csg
 from maquette.render.accel import ray_queries
 
@@ -34,9 +36,9 @@ def drilled() -> Tape:
 
 def gyroid() -> Tape:
     b = Builder()
-    x, y, z = (b.scaled(name, 6.0) for name in POINT)
+    x, y, z = (b.scale(name, 6.0) for name in POINT)
     waves = [b.multiply(b.op(Op.SIN, p), b.op(Op.COS, q)) for p, q in ((x, y), (y, z), (z, x))]
-    return b.finish(b.op(Op.MAX, b.add(b.add(*waves[:2]), waves[2]), b.shifted(solid_fields.length(b, POINT), -0.9)))
+    return b.finish(b.op(Op.MAX, b.add(b.add(*waves[:2]), waves[2]), b.offset(solid_fields.length(b, POINT), -0.9)))
 
 
 def volume(made: dual_contouring.Contour) -> float:
@@ -76,7 +78,7 @@ def formula(tmp_path: Path, text: str) -> tuple[Tape, np.ndarray]:
     path.write_text("camera(position: [0, 0, 5])\n" + text + "\n", encoding="utf-8")
     tables = load.load(path).tables
     (row,) = np.flatnonzero(tables.geometries.tape >= 0)
-    return stored(tables, int(tables.geometries.tape[row])), tables.geometries.bounds[row]
+    return load_tape(tables, int(tables.geometries.tape[row])), tables.geometries.bounds[row]
 
 
 @pytest.mark.parametrize("count", [21, 32])
@@ -197,7 +199,7 @@ def test_fewer_triangles_within_the_tolerance(tape, flat, size):
 
 def test_nothing_has_no_triangles():
     builder = Builder()
-    made = dual_contouring.contour(builder.finish(builder.shifted(builder.op(Op.SQUARE, 0), 1.0)), CUBE, 16)
+    made = dual_contouring.contour(builder.finish(builder.offset(builder.op(Op.SQUARE, 0), 1.0)), CUBE, 16)
     assert (len(made.positions), len(made.triangles), made.furthest) == (0, 0, 0.0)
 
 

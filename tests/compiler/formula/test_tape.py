@@ -7,8 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from maquette.compiler.formula import bounding_box, derivative_bounds, interval_semantics, numpy_interpreter
+from maquette.compiler.formula.builder import Builder
+from maquette.compiler.formula.from_formula import NotASurface
+from maquette.compiler.formula.opcodes import Op, arity
 from maquette.compiler.formula.point_semantics import NumpyMath
-from maquette.compiler.formula.tape import Builder, Op, Tape, Unfit, arity, surface
+from maquette.compiler.formula.relation import surface
+from maquette.compiler.formula.tape import Tape
 from maquette.lang import formula_graph as formulas
 
 from ...lang.eval.evaluating import elements
@@ -119,7 +123,7 @@ def test_sheets_have_a_field_whose_sign_changes():
     ],
 )
 def test_what_is_no_surface(relation, message):
-    with pytest.raises(Unfit) as caught:
+    with pytest.raises(NotASurface) as caught:
         tape_of(relation)
     assert str(caught.value) == message
 
@@ -239,7 +243,7 @@ def test_bounds_of_whole_powers_of_negative_numbers_hold():
 def test_what_is_undefined_on_one_way_hides_nothing_on_the_other(op):
     """Over a box where either way may be gone, one of which is nowhere defined, the other's values count."""
     builder = Builder()
-    never, other = builder.op(Op.SQRT, builder.constant(-1.0)), builder.shifted(1, 0.25)
+    never, other = builder.op(Op.SQRT, builder.constant(-1.0)), builder.offset(1, 0.25)
     for ways in ((never, other), (other, never)):
         tape = builder.finish(builder.op(op, *((0, *ways) if op == Op.CHOOSE else (*ways, builder.constant(0.1)))))
         (least, most), _, _ = numpy_interpreter.boxes(tape, [[-1.0], [-1.0], [0.0]], [[1.0], [1.0], [0.0]])
@@ -250,8 +254,8 @@ def test_what_is_undefined_on_one_way_hides_nothing_on_the_other(op):
 def test_numbers_too_large_for_bounds_are_not_taken_for_equal():
     """Of e^400x − e^400z over a box where both exceed what bounds tell apart nothing is known, and of a quotient little."""
     builder = Builder()
-    p, q = (builder.op(Op.EXP, builder.scaled(name, 400.0)) for name in (0, 2))
-    for field in (builder.subtract(p, q), builder.shifted(builder.op(Op.DIVIDE, p, q), -1.0)):
+    p, q = (builder.op(Op.EXP, builder.scale(name, 400.0)) for name in (0, 2))
+    for field in (builder.subtract(p, q), builder.offset(builder.op(Op.DIVIDE, p, q), -1.0)):
         (least, most), _, _ = numpy_interpreter.boxes(builder.finish(field), [[0.6], [0.0], [0.6]], [[0.61], [0.0], [0.61]])
         assert least[0] < 0 < most[0]
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from maquette.compiler import ir, load
 from maquette.compiler.formula import numpy_interpreter
-from maquette.compiler.formula.tape import Tape, most_live, stored
+from maquette.compiler.formula.tape import Tape, load_tape, most_live
 from maquette.lang.diagnostics import Diagnostics, SceneError
 
 
@@ -142,7 +142,7 @@ def test_squares_in_a_solids_product_are_no_part_of_what_has_an_inside(tmp_path,
     """(y − 0.2)² (y + 0.2) is at most 0 on a plane, too, which has no inside: that is said. Where a factor has plateaus at 0 it stays."""
     made, said = loaded(tmp_path, f"implicit(|x, y, z| {relation}, within: 1)")
     plain = loaded(tmp_path, f"implicit(|x, y, z| {same}, within: 1)")[0]
-    assert stored(made.tables, 0).structure() == stored(plain.tables, 0).structure()
+    assert load_tape(made.tables, 0).structure() == load_tape(plain.tables, 0).structure()
     assert said == (["where a squared factor is 0 this holds on a sheet, too, of which nothing is drawn"] if left_out else [])
 
 
@@ -151,7 +151,7 @@ def test_truths_compared_again_and_again_are_read_once_each(tmp_path):
     for k in range(30):  # each of which is used twice: 2³⁰ ways to the first
         text = f"({text} == (y > {k / 40 - 0.5:.3f}))"
     made, said = loaded(tmp_path, f"implicit(|x, y, z| {text}, within: 1)")
-    assert len(stored(made.tables, 0).code) < 500
+    assert len(load_tape(made.tables, 0).code) < 500
     assert said == []
 
 

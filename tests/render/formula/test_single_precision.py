@@ -7,7 +7,9 @@ import os
 import numpy as np
 import pytest
 from maquette.compiler.formula import numpy_interpreter
-from maquette.compiler.formula.tape import Builder, Op, Tape, arity
+from maquette.compiler.formula.builder import Builder
+from maquette.compiler.formula.opcodes import Op, arity
+from maquette.compiler.formula.tape import Tape
 from maquette.render.formula import interpreter, interval_grid, scene_surfaces
 from maquette.render.formula.evaluator_calls import interpret
 from maquette.render.formula.op_codegen import WIDTHS
@@ -110,7 +112,7 @@ def random_tape(random: np.random.Generator, rows: int = 30) -> Tape:
         given = [names[random.integers(max(0, len(names) - 6), len(names))] for _ in range(arity(op))]
         made = b.op(op, *given)
         names.append(b.op(Op.SIN, made) if op in (Op.SQUARE, Op.MULTIPLY, Op.EXP, Op.DIVIDE) else made)
-    return b.finish(b.add(names[-1], b.scaled(names[-2], 0.37)))
+    return b.finish(b.add(names[-1], b.scale(names[-2], 0.37)))
 
 
 @pytest.mark.parametrize("seed", range(12))

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from maquette.compiler import load
 from maquette.compiler.formula import numpy_interpreter
-from maquette.compiler.formula.tape import Op, Tape, arity
+from maquette.compiler.formula.opcodes import Op, arity
+from maquette.compiler.formula.tape import Tape
 from maquette.render.accel import intersect, ray_queries
 from maquette.render.formula import interpreter, interval_grid, numpy_reference, scene_surfaces, tape_jit
 from maquette.render.formula.evaluator_calls import interpret

@@ -1,0 +1,139 @@
+"""Graph: the interface of an expression graph that rewrites see, with the analysis of its values."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from .opcodes import KEEP_WHOLE, STEPS, Op, arity
+from .piecewise_constant import NOWHERE, Values, constant_values, union
+from .tape import INPUTS
+
+MOST_FACTORS = 64  # whole powers up to this are products
+
+
+@dataclass(eq=False)
+class Graph(ABC):
+    """Rows of operations without duplicates. Methods take and return names of values (tape.py)."""
+
+    rows: list[tuple[int, int, int, int]] = field(default_factory=list)
+    constants: list[float] = field(default_factory=list)
+    may_tie: bool = False  # the operands of any comparison may be equal over a region, even where the analysis finds no such values
+    _names: dict[Any, int] = field(default_factory=dict)  # by constant or row
+    _integers: set[int] = field(default_factory=set)  # values that are whole numbers wherever they are defined
+    _constant_values: dict[int, Values] = field(default_factory=dict)  # of values that may be constant over a region
+    _choices: dict[int, frozenset[int]] = field(default_factory=dict)  # of MIN, MAX, CHOOSE and ABS, the values that they may equal
+
+    @abstractmethod
+    def op(self, op: Op, a: int, b: int = 0, c: int = 0) -> int:
+        """The name of an operation's value, simplified."""
+
+    @abstractmethod
+    def less(self, a: int, b: int, strictly: bool) -> int:
+        """A field that is at most 0 where a ≤ b, or a < b."""
+
+    # --- values ---
+
+    def constant(self, number: float) -> int:
+        number = float(number) + 0.0  # −0 and 0 are the same
+        if number not in self._names:
+            self._names[number] = ~len(self.constants)
+            self.constants.append(number)
+        return self._names[number]
+
+    def number(self, name: int) -> float | None:
+        """The value of a constant; None for others."""
+        return self.constants[~name] if name < 0 else None
+
+    def row(self, name: int) -> tuple[Op, int, int]:
+        """(operation, first operand, second operand) of a value; a coordinate is a COPY of itself."""
+        return (Op(self.rows[name - INPUTS][0]), *self.rows[name - INPUTS][1:3]) if name >= INPUTS else (Op.COPY, name, 0)
+
+    def constant_values(self, name: int) -> Values:
+        """The numbers that a value may equal over a whole region."""
+        return frozenset({self.constants[~name]}) if name < 0 else self._constant_values.get(name, frozenset())
+
+    def may_be_zero(self, name: int) -> bool:
+        """Whether a value may be 0 over a whole region."""
+        values = self.constant_values(name)
+        return values is None or 0.0 in values
+
+    def is_integer(self, name: int) -> bool:
+        """Whether a value is a whole number wherever it is defined."""
+        return name in self._integers
+
+    def _append(self, op: Op, a: int, b: int, c: int) -> int:
+        """The name of a row, which is new or an equal one."""
+        row = (int(op), a, b, c)
+        if row not in self._names:
+            self.rows.append(row)
+            self._names[row] = INPUTS + len(self.rows) - 1
+            self._analyse(op, (a, b, c)[: arity(op)])
+        return self._names[row]
+
+    def _analyse(self, op: Op, used: tuple[int, ...]) -> None:
+        """Record whether the last row is a whole number, and its constant values."""
+        name, operands = INPUTS + len(self.rows) - 1, used[1:] if op == Op.CHOOSE else used
+        if op in STEPS or (op in KEEP_WHOLE and all(a in self._integers or (a < 0 and self.constants[~a].is_integer()) for a in operands)):
+            self._integers.add(name)
+        varies = op not in STEPS and not any(a < 0 or a in self._constant_values for a in operands)
+        values = NOWHERE if varies else constant_values(op, [self.constant_values(a) for a in operands])
+        if op in (Op.MIN, Op.MAX, Op.CHOOSE, Op.ABS):
+            self._choices[name] = frozenset().union(*({a} | self._choices.get(a, frozenset()) for a in operands))
+        if op == Op.SUBTRACT and (operands[0] in self._choices.get(operands[1], ()) or operands[1] in self._choices.get(operands[0], ())):
+            values = union(values, frozenset({0.0}))
+        if values is None or values:
+            self._constant_values[name] = values
+
+    # --- expressions of several operations ---
+
+    def add(self, a: int, b: int) -> int:
+        return self.op(Op.ADD, a, b)
+
+    def subtract(self, a: int, b: int) -> int:
+        return self.op(Op.SUBTRACT, a, b)
+
+    def multiply(self, a: int, b: int) -> int:
+        return self.op(Op.MULTIPLY, a, b)
+
+    def scale(self, a: int, factor: float) -> int:
+        return self.op(Op.MULTIPLY, a, self.constant(factor))
+
+    def offset(self, a: int, by: float) -> int:
+        return self.op(Op.ADD, a, self.constant(by))
+
+    def power(self, a: int, b: int) -> int:
+        """a to the b: products for whole b, a root for b = ½."""
+        exponent = self.number(b)
+        if exponent == 0.5:
+            return self.op(Op.SQRT, a)
+        if exponent is None or exponent != int(exponent) or not abs(exponent) <= MOST_FACTORS or exponent == 0.0:
+            return self.op(Op.POWER, a, b)
+        product, square, left = None, a, abs(int(exponent))
+        while left % 3 == 0:
+            square, left = self.op(Op.CUBE, square), left // 3
+        while left:
+            if left & 1:
+                product = square if product is None else self.multiply(product, square)
+            left >>= 1
+            square = self.op(Op.SQUARE, square) if left else square
+        assert product is not None
+        return product if exponent > 0 else self.op(Op.DIVIDE, self.constant(1.0), product)
+
+    def reduce(self, op: Op, names: Sequence[int]) -> int:
+        """MIN, MAX or HYPOT of any number of values."""
+        found = names[0]
+        for name in names[1:]:
+            found = self.op(op, found, name)
+        return self.op(Op.ABS, found) if op == Op.HYPOT and len(names) == 1 else found
+
+    def linear(self, terms: Sequence[tuple[float, int]], offset: float = 0.0) -> int:
+        """Σ factor · value + offset."""
+        total = None
+        for factor, name in terms:
+            if factor:
+                part = self.scale(name, factor)
+                total = part if total is None else self.add(total, part)
+        return self.constant(offset) if total is None else self.offset(total, offset)

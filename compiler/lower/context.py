@@ -1,0 +1,70 @@
+"""Protocol of the lowering driver: what lowering of shapes, lights, materials and cameras uses of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from ...lang.elements import Element
+from ...lang.formula_graph import Formula
+from ..formula.tape import Tape
+from ..io.sandbox import Files
+from ..scene.builder import SceneBuilder
+from ..scene.row_records import Piece
+
+
+class MaterialRows(Protocol):
+    """Rows of materials and pictures; -1, or None, after a diagnostic."""
+
+    def row(self, element: Element) -> int:
+        """The row of a material element."""
+        ...
+
+    def image(self, element: Element, name: str, space: str, color: bool) -> int:
+        """The row of the picture file `name`."""
+        ...
+
+    def pattern_tape(self, element: Element, formula: Formula, color: bool, unit: float) -> Tape | None:
+        """The tape of a pattern."""
+        ...
+
+
+class Context(Protocol):
+    """The state of lowering one document."""
+
+    builder: SceneBuilder
+    photometric: bool  # whether a light has a photometric unit
+
+    @property
+    def files(self) -> Files: ...
+
+    @property
+    def materials(self) -> MaterialRows: ...
+
+    def error(self, element: Element, message: str, hint: str = "") -> None: ...
+
+    def warn(self, element: Element, message: str, hint: str = "") -> None: ...
+
+    def refuse(self, element: Element, message: str, hint: str = "") -> list[Piece]:
+        """Report an error; no pieces."""
+        ...
+
+    def is_shape(self, element: Element) -> bool: ...
+
+    def pieces(self, element: Element) -> list[Piece]:
+        """The geometries of a shape."""
+        ...
+
+    def block(self, element: Element) -> np.ndarray | None:
+        """The transform (4, 4) of a block; None for other elements."""
+        ...
+
+    def folder(self, element: Element) -> Path | None:
+        """The folder of the source of an element, which its file names are relative to."""
+        ...
+
+    def mesh_file(self, element: Element) -> list[Piece]:
+        """The geometries of a mesh file."""
+        ...

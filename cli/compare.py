@@ -261,11 +261,11 @@ def _check_sizes(paths: tuple[Path, Path], ready: list[Side | None], plans: list
 
 def _draw(name: str, scene: ir.Scene, plan: Plan, letter: str, quiet: bool) -> Side:
     from ..measure.comparison import sides
-    from ..render.jit import kernel
+    from ..render.jit import kernel_cache
 
     with terminal.Progress(quiet) as progress, jobs.interruptible() as cancel:
         progress.begin(
-            f"drawing {letter} ({plan['backend']})", "compiling kernels (the first time only)" if kernel.cache_is_empty() else ""
+            f"drawing {letter} ({plan['backend']})", "compiling kernels (the first time only)" if kernel_cache.is_empty() else ""
         )
         side = sides.drawn(scene, plan, name, progress, cancel)
     if side.image.metadata["partial"]:

@@ -175,7 +175,7 @@ class Job:
         self.laps = Laps()
         with timed(seconds, "import"):
             from ..render import render_scene
-            from ..render.jit import kernel
+            from ..render.jit import kernel_cache
         scene, found = self.source.load(seconds, **moment)
         self.files = tuple(Path(file) for file in scene.files)
         plan = make_plan(scene, self.settings, self.overrides)
@@ -185,7 +185,7 @@ class Job:
         self._say(plan_warnings(scene, plan))
         self.laps.end("read")
         with terminal.Progress(self.quiet) as progress, interruptible() as cancel:
-            progress.begin(what, "compiling kernels (the first time only)" if kernel.cache_is_empty() else "")
+            progress.begin(what, "compiling kernels (the first time only)" if kernel_cache.is_empty() else "")
             if len(parts) > 1:
                 image = self._in_strips(scene, plan, parts, path, progress, cancel)
             else:

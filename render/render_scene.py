@@ -14,7 +14,7 @@ from .backends import accumulation, light_groups, prepare
 from .film import bounce_error, film
 from .image import cryptomatte
 from .image.image import Image
-from .jit import kernel
+from .jit import kernel_cache
 
 Progress = Callable[[int, int], None]  # tiles done, tiles in all
 
@@ -31,7 +31,7 @@ def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: 
     width, height = plan["size"]
     view = types.View(plan["camera"], width, height)
     backend = plan["backend"]
-    with kernel.timed(seconds, "build"):
+    with kernel_cache.timed(seconds, "build"):
         backend_of, notes_of = _backend(backend)
 
         def made(scene: ir.Scene, plan: Plan) -> Any:
@@ -45,7 +45,7 @@ def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: 
         renderer = light_groups.Renderer(scene, plan, made) if lit else made(scene, plan)
         layers = [name for name in plan["aov"] if name in cryptomatte.LAYERS]
         mattes = cryptomatte.Mattes(scene, layers) if layers else None
-    with kernel.timed(seconds, "render"):
+    with kernel_cache.timed(seconds, "render"):
         image = film.run(renderer, plan, view, progress, cancel, mattes)
         if lit:
             renderer.put(image)

@@ -19,7 +19,7 @@ import llvmlite.binding as llvm
 from llvmlite import ir
 
 from ...compiler.formula.opcodes import Op, arity
-from ..jit import cache_key, compile_process, kernel
+from ..jit import cache_key, compile_process, kernel_cache
 from ..simd import target as simd_target
 from ..simd.llvm_expr import I64
 from . import point_interpreter
@@ -127,7 +127,7 @@ def make(programs: tuple[str, ...]) -> None:
 
 
 def _path(program: str) -> Path:
-    return kernel.CACHE / f"tape_{program}-{_sources()}.o"
+    return kernel_cache.CACHE / f"tape_{program}-{_sources()}.o"
 
 
 def _engine(program: str) -> Any:

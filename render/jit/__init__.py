@@ -1,4 +1,4 @@
-"""Compiles, caches and calls kernels; threads; temporary memory.
+"""Compiles, caches and calls kernels; thread pool; temporary memory.
 
 May import: render.simd, compiler.io.
 Begin with `kernel.py`.

@@ -21,7 +21,7 @@ from ...compiler.io import cache_dirs
 ROOT = Path(__file__).resolve().parents[2]
 _PACKAGES = ("compiler", "lang", "render")
 _ALWAYS = ("render.simd", "render.jit")  # packages that define types and operators of every kernel
-_FORM = 1  # of the file of digests
+_FORMAT = 1  # of the file of digests
 
 
 class Source(NamedTuple):
@@ -34,8 +34,8 @@ class Source(NamedTuple):
 
 @cache
 def key(module: str) -> str:
-    """Digest of all modules that code of `module` ("render.film.film", with or without the package's name) is compiled from."""
-    known, extra = _sources(), _overloading()
+    """Digest of all modules that code of `module` ("render.film.film", or with the package's name in front) is compiled from."""
+    known, extra = _sources(), _overloads()
     own = module.partition(".")[2] if module.partition(".")[0] not in _PACKAGES else module
     todo, found = [own, *(name for name in known if name.startswith(_ALWAYS))], dict[str, None]()
     while todo:
@@ -43,14 +43,14 @@ def key(module: str) -> str:
         if name in known and name not in found:
             found[name] = None
             todo += (*known[name].imports, *extra.get(name, ()))
-    if own not in found:  # a kernel outside of the package, as in a test
+    if own not in found:  # a kernel outside of the package, such as in a test
         return version()
     return _digest({name: known[name] for name in sorted(found)})
 
 
 @cache
 def version() -> str:
-    """Digest of all code that may take part in a picture."""
+    """Digest of all modules that take part in rendering."""
     return _digest(_sources())
 
 
@@ -60,8 +60,8 @@ def _digest(sources: dict[str, Source]) -> str:
 
 
 @cache
-def _overloading() -> dict[str, list[str]]:
-    """For each module the modules that overload its functions."""
+def _overloads() -> dict[str, list[str]]:
+    """For each module, the modules that overload its functions."""
     found: dict[str, list[str]] = {}
     for name, source in _sources().items():
         for target in source.overloads:
@@ -82,7 +82,7 @@ def _sources() -> dict[str, Source]:
             stat = path.stat()
             stamp = f"{path} {stat.st_mtime_ns} {stat.st_size}"
             known = before.get(".".join(parts))
-            after[".".join(parts)] = known if known is not None and known[0] == stamp else [stamp, *_parsed(path, parts)]
+            after[".".join(parts)] = known if known is not None and known[0] == stamp else [stamp, *_parse(path, parts)]
     if after != before:
         _write(file, after)
     return {name: Source(row[1], tuple(row[2]), tuple(row[3])) for name, row in after.items()}
@@ -92,7 +92,7 @@ def _read(file: Path) -> dict[str, list[Any]]:
     """The digests kept on disk; none where the file is missing, damaged or of another form."""
     try:
         found = json.loads(file.read_text(encoding="utf-8"))
-        rows = found["modules"] if found["form"] == _FORM else {}
+        rows = found["modules"] if found["form"] == _FORMAT else {}
         good = all(len(row) == 4 and all(isinstance(each, str) for each in (*row[:2], *row[2], *row[3])) for row in rows.values())
         return rows if good else {}
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
@@ -105,13 +105,13 @@ def _write(file: Path, rows: dict[str, list[Any]]) -> None:
         file.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=file.parent, prefix=".sources")
         with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            json.dump({"form": _FORM, "modules": rows}, stream)
+            json.dump({"form": _FORMAT, "modules": rows}, stream)
         Path(name).replace(file)
     except OSError:
         return
 
 
-def _parsed(path: Path, parts: tuple[str, ...]) -> tuple[str, list[str], list[str]]:
+def _parse(path: Path, parts: tuple[str, ...]) -> tuple[str, list[str], list[str]]:
     """Digest, imported modules and overloaded modules of one file."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     package = list(parts if path.name == "__init__.py" else parts[:-1])
@@ -143,7 +143,7 @@ def _is_module(dotted: str) -> bool:
 
 
 def _drop_docstrings(tree: ast.AST) -> None:
-    """Remove strings that stand as statements: docstrings of modules, classes, functions and constants."""
+    """Remove expression statements that are constants: docstrings of modules, classes, functions and constants."""
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
         if isinstance(body, list):

@@ -1,7 +1,7 @@
-"""Kernels compiled by a process beside this one, which compiles others meanwhile: the first picture waits less for them.
+"""Compiles kernels in a second process, so that the first picture waits less.
 
-Compiling is Python, of which threads run one at a time. The other process puts a kernel on disk. Who needs it here waits until it is
-there, and compiles it where that process ended without.
+Compilation is Python code, which does not run in parallel threads. The second process writes a kernel to the disk cache. A caller of that
+kernel waits for it, and compiles the kernel itself if the process ends without.
 """
 
 from __future__ import annotations
@@ -19,50 +19,52 @@ import numba
 from numba import types
 
 from ..simd import target
-from . import function_pointer, kernel
+from . import function_pointer, kernel_cache
 
 _BEGIN = "import importlib, pickle, sys; sys.path[:], name = pickle.load(sys.stdin.buffer); importlib.import_module(name).serve()"
 _PACKAGE = __name__.partition(".")[0]
 
 Key = tuple[Any, tuple[types.Type, ...]]
-_under_way: dict[Key, subprocess.Popen[bytes]] = {}
-_called: list[subprocess.Popen[bytes]] = []
+_compiling: dict[Key, subprocess.Popen[bytes]] = {}
+_running: list[subprocess.Popen[bytes]] = []
 
 
-def compile_in_background(threads: int, made: Any, *given: Any) -> None:
-    """Let another process compile a kernel for Numba types, or for values of them, unless it is known or `threads` (0: all) leave no room.
+def compile_in_background(threads: int, kernel: Any, *arguments: Any) -> None:
+    """Compile a kernel in another process for Numba types, or for the types of values.
 
-    Worth it where this process has as much to compile before it needs that kernel.
+    Does nothing if the kernel is cached or `threads` (0: all) are busy. It pays if this process compiles as long before it needs the
+    kernel.
     """
-    for key in [key for key, process in _under_way.items() if process.poll() is not None]:
-        _close(_under_way.pop(key))
-    if len(_under_way) >= _room(threads):
+    for key in [key for key, process in _compiling.items() if process.poll() is not None]:
+        _close(_compiling.pop(key))
+    if len(_compiling) >= _max_processes(threads):
         return
-    kinds = tuple(each if isinstance(each, types.Type) else numba.typeof(each) for each in given)
-    if (made.py_func, kinds) not in _under_way and not kernel.is_cached(made, kinds) and os.access(kernel.CACHE, os.W_OK):
+    kinds = tuple(each if isinstance(each, types.Type) else numba.typeof(each) for each in arguments)
+    key = (kernel.py_func, kinds)
+    if key not in _compiling and not kernel_cache.is_cached(kernel, kinds) and os.access(kernel_cache.CACHE, os.W_OK):
         loaded = [name for name in list(sys.modules) if name.partition(".")[0] == _PACKAGE and name != "__main__"]
-        process = _asked(made.py_func, True, kinds, loaded)
+        process = _start(kernel.py_func, True, kinds, loaded)
         if process is not None:
-            _under_way[made.py_func, kinds] = process
+            _compiling[key] = process
 
 
-def run_in_background(threads: int, function: Any, *given: Any) -> None:
-    """Let another process call a function that puts something on disk which this one makes, too, unless `threads` leave no room."""
-    _called[:] = [process for process in _called if process.poll() is None]
-    if _room(threads) and os.access(kernel.CACHE, os.W_OK):
-        process = _asked(function, False, given, [])
+def run_in_background(threads: int, function: Any, *arguments: Any) -> None:
+    """Call a function in another process that writes files which this process would write otherwise, unless `threads` are busy."""
+    _running[:] = [process for process in _running if process.poll() is None]
+    if _max_processes(threads) and os.access(kernel_cache.CACHE, os.W_OK):
+        process = _start(function, False, arguments, [])
         if process is not None:
-            _called.append(process)
+            _running.append(process)
 
 
-def _room(threads: int) -> int:
-    """How many processes there may be beside this one."""
+def _max_processes(threads: int) -> int:
+    """Largest number of processes beside this one."""
     return min(threads or target.cores(), target.cores()) - 1 if sys.executable else 0
 
 
-def _asked(function: Any, compiles: bool, given: tuple[Any, ...], loaded: list[str]) -> subprocess.Popen[bytes] | None:
-    """A process that compiles a kernel for types, or calls a function with what is given; None where none can be started."""
-    wanted = str(kernel.CACHE), loaded, function.__module__, function.__qualname__, compiles, given
+def _start(function: Any, compiles: bool, arguments: tuple[Any, ...], loaded: list[str]) -> subprocess.Popen[bytes] | None:
+    """Start a process that compiles a kernel for types, or calls a function; None if it does not start."""
+    request = str(kernel_cache.CACHE), loaded, function.__module__, function.__qualname__, compiles, arguments
     try:
         quiet = subprocess.DEVNULL
         process = subprocess.Popen([sys.executable, "-c", _BEGIN], stdin=subprocess.PIPE, stdout=quiet, stderr=quiet)
@@ -70,9 +72,9 @@ def _asked(function: Any, compiles: bool, given: tuple[Any, ...], loaded: list[s
         return None
     assert process.stdin is not None
     try:
-        process.stdin.write(pickle.dumps((sys.path, __name__)) + pickle.dumps(wanted))
-        process.stdin.flush()  # and stays open: where this process ends, the other one sees its end
-    except OSError:  # it could not begin
+        process.stdin.write(pickle.dumps((sys.path, __name__)) + pickle.dumps(request))
+        process.stdin.flush()  # stays open: its end tells the other process that this one has ended
+    except OSError:  # the process failed to start
         process.kill()
         _close(process)
         return None
@@ -80,8 +82,8 @@ def _asked(function: Any, compiles: bool, given: tuple[Any, ...], loaded: list[s
 
 
 def wait(function: Any, kinds: Any) -> None:
-    """Wait until the other process has compiled a kernel, if one is about to."""
-    process = _under_way.pop((function, kinds), None) if _under_way else None
+    """Wait for the process that compiles a kernel, if there is one."""
+    process = _compiling.pop((function, kinds), None) if _compiling else None
     if process is not None:
         process.wait()
         _close(process)
@@ -92,35 +94,34 @@ def _close(process: subprocess.Popen[bytes]) -> None:
         if process.stdin is not None:
             process.stdin.close()
     except OSError:
-        pass  # it ended before it had read all
+        pass  # the process ended before it had read all
 
 
 def serve() -> None:
-    """Do what standard input tells of, as that process; it ends with the one that asked."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C is for both, and the other one is the one to end
-    cache, loaded, module, name, compiles, given = pickle.load(sys.stdin.buffer)
+    """Main function of the second process: execute the request on standard input. It ends with its parent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches both processes; the parent handles it
+    cache, loaded, module, name, compiles, arguments = pickle.load(sys.stdin.buffer)
 
     def watch() -> None:
         sys.stdin.buffer.read()
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
-    for each in loaded:  # overloads of what kernels call stand in modules that they need not name
+    for each in loaded:  # kernels may call overloads from modules that theirs do not import
         import_module(each)
-    if cache == str(kernel.CACHE):
-        found = import_module(module)
-        _named(found, name).compile(given) if compiles else getattr(found, name)(*given)
+    if cache == str(kernel_cache.CACHE):
+        owner = import_module(module)
+        _find_kernel(owner, name).compile(arguments) if compiles else getattr(owner, name)(*arguments)
     os._exit(0)
 
 
-def _named(module: Any, name: str) -> Any:
-    """The kernel of a function: it has its name, or is linked (links.Linked), and the function has."""
+def _find_kernel(module: Any, name: str) -> Any:
+    """The kernel of a function name: the attribute itself, or the kernel of the KernelPointer made of that function."""
     found = getattr(module, name)
     if hasattr(found, "py_func"):
         return found
-    return next(
-        each.kernel for each in vars(module).values() if isinstance(each, function_pointer.KernelPointer) and each.kernel.py_func is found
-    )
+    pointers = (each for each in vars(module).values() if isinstance(each, function_pointer.KernelPointer))
+    return next(each.kernel for each in pointers if each.kernel.py_func is found)
 
 
-kernel.CACHE_LOOKUP_HOOKS.append(wait)
+kernel_cache.LOOKUP_HOOKS.append(wait)

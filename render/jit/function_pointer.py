@@ -1,8 +1,7 @@
-"""Kernels that other kernels reach by their address, so that each is compiled once and by itself.
+"""Calls of kernels by address, so that each kernel compiles once and separately.
 
-A kernel that calls another in Numba's own way takes the other's code into its module and optimizes it again, at every level of
-calls. Here the caller holds only an address, read from a table at run time: `prepare` links what a picture needs and puts the
-addresses into the handles that kernels are given.
+A direct call makes Numba link the callee's code into the caller's module and optimize it again, at every level of calls. Here the caller
+reads an address from a table at run time. `prepare` links the kernels of a picture and writes their addresses to the handles.
 """
 
 from __future__ import annotations
@@ -22,29 +21,29 @@ from .kernel import kernel
 
 
 class KernelPointer:
-    """A kernel with what its callers need: `call(address, (arguments…))` in kernels, `link(types…)` before they run."""
+    """A kernel that others call by address: `call(address, (arguments…))` in kernels, `link(types…)` before they run."""
 
     def __init__(self, function: Any) -> None:
         self.kernel = kernel(function)
         self.call = _call_of(self)
 
     def link(self, *kinds: types.Type) -> int:
-        """Compile it, or load it from disk, for arguments of these types; its address."""
+        """Compile the kernel for arguments of these types, or load it from disk; return its address."""
         return compiled_address(self.kernel, *kinds)
 
 
 @functools.cache
-def compiled_address(made: Any, *kinds: types.Type) -> int:
-    """The address of a kernel, compiled or loaded from disk for arguments of these types."""
-    made.compile(kinds)
-    code, described = attrgetter("library", "fndesc")(made.overloads[kinds])
-    return code.get_pointer_to_function(described.llvm_func_name)
+def compiled_address(kernel: Any, *kinds: types.Type) -> int:
+    """Compile a kernel for arguments of these types, or load it from disk; return its address."""
+    kernel.compile(kinds)
+    code, descriptor = attrgetter("library", "fndesc")(kernel.overloads[kinds])
+    return code.get_pointer_to_function(descriptor.llvm_func_name)
 
 
 class DeclaredPointer(KernelPointer):
-    """What callers need of a kernel whose result is declared; which kernel it is they learn by its address alone.
+    """A call signature with declared result type; the address selects the kernel.
 
-    Its arguments are taken as they are or, behind the first, as what they are said to be.
+    Arguments are passed with their own types, or with the declared types `takes` behind the first argument.
     """
 
     def __init__(self, result: Sequence[types.Type] | types.Type, takes: Sequence[types.Type] = ()) -> None:
@@ -54,7 +53,7 @@ class DeclaredPointer(KernelPointer):
 
 
 class DeclaredKernel(DeclaredPointer):
-    """A kernel whose result is declared, so that its callers compile without it."""
+    """A kernel with declared result type, so that its callers compile without it."""
 
     def __init__(self, function: Any, result: Sequence[types.Type] | types.Type, takes: Sequence[types.Type] = ()) -> None:
         super().__init__(result, takes)
@@ -94,7 +93,7 @@ def _all_fit(given: Sequence[types.Type], wanted: Sequence[types.Type]) -> bool:
 
 
 def _fits(given: types.Type, wanted: types.Type) -> bool:
-    """Whether a value can be passed: as it is, or a number for lanes that all have it."""
+    """Return whether a value can be passed: with its own type, or a number that is broadcast to lanes."""
     if isinstance(given, types.BaseTuple) and isinstance(wanted, types.BaseTuple):
         return _all_fit(given.types, wanted.types)  # pyright: ignore[reportAttributeAccessIssue]
     if isinstance(wanted, simd.Vector):

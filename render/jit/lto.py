@@ -1,7 +1,7 @@
-"""How helpers compile: as fragments, which are optimized and turned into machine code only as parts of the kernels that call them.
+"""Link-time optimization of kernels: helpers stay LLVM fragments, optimized and emitted only as parts of the kernels that call them.
 
-Numba optimizes each function with all it calls and emits it, before a caller takes its code in and does so again: at seven levels
-of helpers most of a kernel's compile time goes into code that never runs.
+Numba optimizes and emits each function with its callees, and again as a part of each caller. With seven levels of helpers, most of a
+kernel's compile time goes into code that never runs.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from numba.core.typed_passes import NativeLowering
 
 
 class _Library(JITCodeLibrary):
-    """Code that becomes part of other libraries only: a module as it was written, and what else it calls."""
+    """Code that is only linked into other libraries: an unoptimized module and its callees."""
 
     def __init__(self, codegen: Any, name: str) -> None:
         CodeLibrary.__init__(self, codegen, name)
@@ -43,12 +43,12 @@ class _Library(JITCodeLibrary):
     def finalize(self) -> None:
         self._finalized = True
 
-    def own(self) -> Any:
-        """The module alone."""
+    def module(self) -> Any:
+        """The module without its callees."""
         return self._final_module
 
     def _get_module_for_linking(self) -> Any:
-        """The module with all it calls, for libraries that are not `Whole`."""
+        """The module with its callees, for libraries other than `Whole`."""
         if self._shared_module is None:
             whole = self._shared_module = binding.parse_assembly("")
             whole.name, whole.triple, whole.data_layout = self.name, self._final_module.triple, self._codegen._data_layout
@@ -58,12 +58,12 @@ class _Library(JITCodeLibrary):
 
 @cache
 def _passes(codegen: Any) -> tuple[Any, Any]:
-    """What makes a function simpler before it becomes part of others."""
+    """Function passes that simplify a fragment before it is linked."""
     return codegen._function_pass_manager()
 
 
 class Whole(JITCodeLibrary):
-    """A kernel's code, with every fragment linked into it once."""
+    """Code of a kernel, with every fragment linked into it once."""
 
     def finalize(self) -> None:
         libraries, self._linking_libraries = self._linking_libraries, []
@@ -71,16 +71,16 @@ class Whole(JITCodeLibrary):
         super().finalize()
 
     def _optimize_final_module(self) -> None:
-        """First of all fragments become part of their callers, without marks of where their own stack ends: they hand out parts of it."""
+        """Inline all fragments first, before stack lifetime markers exist: helpers return parts of their stack memory."""
         for options in ({"opt": 0, "cost": "cheap", "slp_vectorize": False}, {}):
             passes, builder = self._codegen._module_pass_manager(**options)
             passes.run(self._final_module, builder)
 
 
 def _link(module: Any, libraries: list[Any]) -> None:
-    """Link libraries and all that they call into a module, of which no more is kept than it calls.
+    """Link libraries and their callees into a module; only called functions stay.
 
-    Only then may they be dropped: LLVM leaves out of a module what may be, and is not called by then.
+    Linkage changes after linking: LLVM does not link discardable functions that are not called yet.
     """
     own = {function.name for function in module.functions if not function.is_declaration}
     fragments, others, todo = dict[Any, None](), dict[Any, None](), list(reversed(libraries))
@@ -92,7 +92,7 @@ def _link(module: Any, libraries: list[Any]) -> None:
             fragments[library] = None
             todo += reversed(library._linking_libraries)
     for library in fragments:
-        module.link_in(library.own(), preserve=True)
+        module.link_in(library.module(), preserve=True)
     for function in module.functions:
         if not function.is_declaration and function.name not in own:
             function.linkage = "linkonce_odr"
@@ -102,7 +102,7 @@ def _link(module: Any, libraries: list[Any]) -> None:
 
 @register_pass(mutates_CFG=False, analysis_only=True)
 class _Register(LoweringPass):
-    """Make a fragment known to its callers, under a name of its own: a function without code."""
+    """Register a fragment for its callers as a function without machine code."""
 
     _name = "register_fragment"
 
@@ -120,21 +120,22 @@ class _Register(LoweringPass):
         return True
 
 
-_FOR_OTHERS = {
+_UNUSED_PASSES = {
     "with_lifting", "rewrite_dynamic_raises", "inline_inlinables", "find_literally", "literal_unroll", "literal_propagation",
     "inline_overloads", "nopython_rewrites", "nopython_supported_feature_validation", "annotate_types", "dump_parfor_diagnostics",
 }  # fmt: skip
-"""Passes for what fragments do not hold: arrays' expressions, blocks of `with`, literals that loops are unrolled over."""
-_FOR_CLOSURES = {"inline_closure_likes", "make_function_op_code_to_jit_function"}
+"""Passes for constructs that fragments do not contain: array expressions, `with` blocks, literal loop unrolling."""
+_CLOSURE_PASSES = {"inline_closure_likes", "make_function_op_code_to_jit_function"}
 
 
 class Fragment(CompilerBase):
-    """Those of Numba's usual passes that have something to do, without the end."""
+    """Numba's pipeline without the unused passes and without code emission."""
 
     def define_pipelines(self) -> list[Any]:
         self.state.flags.no_compile = True
         self.state["library"] = _Library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
-        idle = _FOR_OTHERS if any(map(iscode, self.state.func_id.code.co_consts)) else _FOR_OTHERS | _FOR_CLOSURES
+        has_closures = any(map(iscode, self.state.func_id.code.co_consts))
+        idle = _UNUSED_PASSES if has_closures else _UNUSED_PASSES | _CLOSURE_PASSES
         passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
         passes.passes = [each for each in passes.passes if each[0].name() not in idle]
         passes.add_pass_after(_Register, NativeLowering)
@@ -143,7 +144,7 @@ class Fragment(CompilerBase):
 
 
 class Kernel(CompilerBase):
-    """Numba's usual passes, into a library that links fragments once."""
+    """Numba's pipeline with a library that links each fragment once."""
 
     def define_pipelines(self) -> list[Any]:
         library = self.state["library"] = Whole(self.state.targetctx.codegen(), self.state.func_id.func_qualname)

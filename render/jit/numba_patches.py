@@ -1,8 +1,8 @@
-"""Numba's compiler made quicker where it does much over and over; what it does stays the same.
+"""Patches that speed up Numba's compiler without changing its results.
 
-Most of what compiling a kernel takes is Python: each of its helpers is a function with flags that are compared, statements that are
-searched for variables, and a lock taken hundreds of times. Each of these places is replaced by one that gives the same answers; where
-a version of Numba has them no more as they are known here, they stay as they are.
+Compiling a kernel spends most of its time in Python: Numba compares the flags of each helper, searches its statements for variables and
+takes a lock hundreds of times. Each patch replaces one function by a faster one with the same results. A patch is skipped where the
+installed version of Numba lacks the functions it relies on.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _kinds: dict[type, int] = {}
 
 
 def values(self: Any) -> dict[str, Any]:
-    """TargetConfig.values: a dict of all options."""
+    """TargetConfig.values: dict of all options."""
     kind = type(self)
     if kind not in _defaults:
         _defaults[kind] = {name: option.default for name, option in kind.options.items()}
@@ -34,7 +34,7 @@ def values(self: Any) -> dict[str, Any]:
 
 
 def variables(self: Any, value: Any) -> list[Any]:
-    """Inst._rec_list_vars: all variables in a value."""
+    """Inst._rec_list_vars: list of all variables in a value."""
     kind = _kinds.get(type(value))
     if kind is None:
         kind = _kinds[type(value)] = _kind_of(value)
@@ -59,7 +59,7 @@ def _kind_of(value: Any) -> int:
 
 
 def acquire(self: Any) -> None:
-    """_CompilerLock.acquire; events tell of the outermost one alone. While it is held nobody looks for garbage: there is little."""
+    """_CompilerLock.acquire: only the outermost call sends an event. Garbage collection pauses while the lock is held: there is little."""
     if self.is_locked():
         self._lock.acquire()
         return
@@ -75,13 +75,13 @@ def release(self: Any) -> None:
     self._lock.release()
     if not self.is_locked():
         if collects:
-            gc.freeze()  # what compiling leaves behind is kept, not searched again and again
+            gc.freeze()  # excludes the results of compilation from later collections
             gc.enable()
         event.end_event("numba:compiler_lock")
 
 
 def call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
-    """BaseFunction.get_call_type: what is known of a function for such arguments is not looked for again."""
+    """BaseFunction.get_call_type, cached by argument types."""
     known = self.__dict__.setdefault("_known", {})
     key = (context, args, tuple(kws.items()))
     found = known.get(key)
@@ -94,7 +94,7 @@ _call_type = BaseFunction.get_call_type
 
 
 class _Entries(dict[Any, Any]):
-    """FunctionIR.block_entry_vars, found when somebody asks: only generators and object mode do."""
+    """FunctionIR.block_entry_vars, computed on demand: only generators and object mode read them."""
 
     def __init__(self, blocks: Any, lifetime: Any) -> None:
         super().__init__()
@@ -108,7 +108,7 @@ class _Entries(dict[Any, Any]):
 
 
 def post_process(self: Any, emit_dels: bool = False, extend_lifetimes: bool = False) -> None:
-    """PostProcessor.run: which variables live where is found when somebody asks."""
+    """PostProcessor.run: variable liveness is computed on demand."""
     code = self.func_ir
     if code.is_generator:
         _post_process(self, emit_dels, extend_lifetimes)
@@ -125,7 +125,7 @@ _post_process = postproc.PostProcessor.run
 
 
 def has_loc(function: Any) -> bool:
-    """base._has_loc: whether a function takes `loc`, which plain functions tell without a look at their signature."""
+    """base._has_loc: whether a function takes `loc`, read from the code object of plain functions instead of their signature."""
     if type(function) is not FunctionType or hasattr(function, "__wrapped__") or hasattr(function, "__signature__"):
         return _has_loc(function)
     code = function.__code__
@@ -136,13 +136,13 @@ _has_loc = base._has_loc
 
 
 def start_event(kind: str, data: Any = None) -> None:
-    """event.start_event: nothing is made where nobody listens."""
+    """event.start_event: creates no event without listeners."""
     if event._registered.get(kind):
         _start_event(kind, data)
 
 
 def end_event(kind: str, data: Any = None, exc_details: Any = None) -> None:
-    """event.end_event, likewise."""
+    """event.end_event: creates no event without listeners."""
     if event._registered.get(kind):
         _end_event(kind, data, exc_details)
 
@@ -151,7 +151,7 @@ _start_event, _end_event = event.start_event, event.end_event
 
 
 def size_of(self: Any, target_data: Any, context: Any = None) -> int:
-    """Type.get_abi_size: sizes of types that are known by how they are written are kept."""
+    """Type.get_abi_size, cached for types without named parts."""
     written = str(self)
     if "%" in written:
         return _size_of(self, target_data, context)
@@ -165,7 +165,7 @@ _sizes: dict[str, int] = {}
 
 
 def install_timer(kind: str, callback: Callable[[float], None]) -> AbstractContextManager[Any]:
-    """event.install_timer, but for what LLVM takes, of which nobody asks: each of its calls would be told to every function on its way."""
+    """event.install_timer without the timer of LLVM, which has no readers: each call would notify every function in progress."""
     return nullcontext() if kind == "numba:llvm_lock" else _install_timer(kind, callback)
 
 
@@ -173,7 +173,7 @@ _install_timer = event.install_timer
 
 
 class ErrorContext:
-    """errors.new_error_context without a generator for each statement."""
+    """errors.new_error_context as a class, without a generator for each statement."""
 
     __slots__ = ("args", "kwargs", "message")
 
@@ -191,7 +191,7 @@ class ErrorContext:
 
 
 def refresh(self: Any) -> None:
-    """BaseContext.refresh of targets: where no registry has got longer nothing is looked for."""
+    """BaseContext.refresh of target contexts: does nothing unless a registry has grown."""
     known = _registered(self)
     if self.__dict__.get("_refreshed") != known:
         _refresh(self)
@@ -202,7 +202,7 @@ _refresh = base.BaseContext.refresh
 
 
 def refresh_typing(self: Any) -> None:
-    """BaseContext.refresh of typing, likewise."""
+    """BaseContext.refresh of typing contexts: does nothing unless a registry has grown."""
     known = _lengths(self)
     if self.__dict__.get("_refreshed") != known:
         self.__dict__.pop("_found_attributes", None)
@@ -218,12 +218,12 @@ def _registered(target: Any) -> tuple[int, ...]:
 
 
 def _lengths(context: Any) -> tuple[int, ...]:
-    """How much each registry that a context has loaded holds."""
+    """Lengths of the registries that a context has loaded."""
     return tuple(len(getattr(known, name)) for known, loader in context._registries.items() for name in loader.registry_items)
 
 
 def resolve_getattr(self: Any, typ: Any, attr: str) -> Any:
-    """BaseContext.resolve_getattr: types of attributes are looked for once; those of modules' own are asked of the module."""
+    """BaseContext.resolve_getattr: caches types of attributes; a module's own attributes are resolved by the module."""
     known = self.__dict__.setdefault("_found_attributes", {})
     of_module = isinstance(typ, types.Module)
     found = known.get((typ, attr))
@@ -242,7 +242,7 @@ _OF_MODULE = object()
 
 
 def resolve_value_type(self: Any, val: Any) -> Any:
-    """BaseContext.resolve_value_type: plain functions are no constants, and need not be asked whether they are buffers."""
+    """BaseContext.resolve_value_type: skips the constant and buffer checks for plain functions."""
     if type(val) is FunctionType and "_numba_type_" not in val.__dict__:
         found = self._get_global_type(val)
         if found is not None:
@@ -274,11 +274,11 @@ REPLACED: tuple[tuple[Any, str, Callable[..., Any], tuple[str, ...]], ...] = (
     (compiler_lock._CompilerLock, "acquire", acquire, ("acquire", "release", "is_locked")),
     (compiler_lock._CompilerLock, "release", release, ("acquire", "release", "is_locked")),
 )
-"""Of which class or module which function by which, if all these are there."""
+"""(class or module, name of the function, replacement, attributes that it relies on)."""
 
 
 def install_patches() -> None:
-    """Replace them."""
+    """Install all patches whose required attributes exist."""
     for of, name, function, needed in REPLACED:
         if all(hasattr(of, part) for part in needed):
             setattr(of, name, function)

@@ -1,10 +1,9 @@
-"""Tables as kernels take them: one pointer for a whole nest of NamedTuples of arrays.
+"""Packed structs: nested NamedTuples of arrays that kernels receive as one pointer.
 
-A NamedTuple of arrays passed by value costs several words an array at each call, and a reference count up and down for each.
-A Handle is the address of one packed block: [data pointer, shape …] for an array, one word for a number, tuples in place, and the
-address of another Handle.
-In a kernel `handle.lights.color[i, 0]` reads as on the tuple itself; its type is known from the block's structure, so that
-column places and row shapes are constants, and loads are marked as never changing, so that LLVM lifts them out of loops.
+A NamedTuple of arrays passed by value costs several words and a reference count an array at each call. A Handle is the address of one
+packed block: [data pointer, length] for an array, one word for a number, nested tuples in place, and the address of another Handle. In a
+kernel, `handle.lights.color[i, 0]` reads as on the tuple itself. The type contains the block's layout, so that field places and row shapes
+are constants. Loads are marked invariant, so that LLVM moves them out of loops.
 """
 
 from __future__ import annotations
@@ -41,15 +40,18 @@ WORD = 8  # bytes
 _BYTE = ctypes.c_char
 _BITS, _FLOAT = struct.Struct("q"), struct.Struct("d")
 
-# A layout describes a packed tuple: ((name, word, what), …), `what` being a layout, ("array", dtype, row shape), ("handle", type), or
-# "int", "float" or "bool".
+# A layout describes a packed tuple: ((name, word, kind), …). A kind is a layout, ("array", dtype, row shape), ("handle", type), "int",
+# "float" or "bool".
 Layout = tuple[tuple[str, int, Any], ...]
 
 
 class Handle:
-    """A packed nest of NamedTuples. Keeps the arrays alive; `tables` is the nest itself, for numpy code."""
+    """A packed nest of NamedTuples, which keeps the arrays alive; `tables` is the nest itself, for numpy code.
 
-    __slots__ = ("_block", "_numba_type_", "address", "tables")  # Numba looks for its type under that name, and knows it at once
+    Raises ValueError for an array that is not C-contiguous.
+    """
+
+    __slots__ = ("_block", "_numba_type_", "address", "tables")  # Numba reads the type of a value from `_numba_type_`
 
     def __init__(self, tables: Any) -> None:
         words: list[int] = []
@@ -61,7 +63,7 @@ class Handle:
 
     @property
     def numba_type(self) -> HandleType:
-        """What kernels see it as."""
+        """Type of the handle in kernels."""
         return self._numba_type_
 
     @numba_type.setter
@@ -69,29 +71,32 @@ class Handle:
         self._numba_type_ = kind
 
     def part(self, name: str) -> types.Type:
-        """Numba's type of a field."""
+        """Numba type of a field."""
         found = self.numba_type.field(name)
         assert found is not None, name
         return _numba_type(found[1])
 
     def put(self, name: str, number: int) -> None:
-        """Change a whole number of the packed tuple, or of a tuple in it ("inner.name"), before kernels have read it."""
+        """Set an integer field of the packed tuple, or of a nested one ("inner.name"), before kernels read it.
+
+        Raises ValueError for other fields.
+        """
         found = self.numba_type.field(name)
         if found is None or found[1] != "int":
-            raise ValueError(f"{name} is no whole number of this tuple")
+            raise ValueError(f"{name} is not an integer field of this tuple")
         self._block[found[0]] = number
 
     def point(self, name: str, other: Handle) -> None:
-        """Let a field that is a Handle be another one of the same type, while no kernel runs that reads it."""
+        """Replace a Handle field by another Handle of its type, while no kernel reads it. Raises ValueError for other fields."""
         found = self.numba_type.field(name)
         if found is None or found[1] != ("handle", other.numba_type):
-            raise ValueError(f"{name} is no handle of that type")
+            raise ValueError(f"{name} is not a handle of that type")
         self._block[found[0]] = other.address
         self.tables = self.tables._replace(**{name: other})
 
 
 def _pack(value: Any, words: list[int]) -> Layout:
-    """Append the words of a NamedTuple; its layout, places counting from the block's start."""
+    """Append the words of a NamedTuple; return its layout, whose places count from the block's start."""
     layout = []
     for name, item in zip(value._fields, value, strict=True):
         if isinstance(item, np.ndarray):
@@ -112,7 +117,7 @@ def _pack(value: Any, words: list[int]) -> Layout:
 
 
 def _address(array: NDArray[Any]) -> int:
-    """Where an array's elements begin; 0 where it has none. numpy's own way takes three times as long, and longer than all else here."""
+    """Address of an array's elements; 0 for an empty array. `array.ctypes.data` takes three times as long, and longer than all the rest."""
     if not array.size:
         return 0
     if not array.flags.writeable:
@@ -121,14 +126,14 @@ def _address(array: NDArray[Any]) -> int:
 
 
 class HandleType(types.Type):
-    """The Numba type of a packed tuple. Equal layouts are one type; the name is short, for it becomes part of every symbol's."""
+    """Numba type of a packed tuple. Equal layouts share a type; its name is short, because every symbol name contains it."""
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
         super().__init__(name=f"Handle{hashlib.sha256(repr(layout).encode()).hexdigest()[:12]}")
 
     def field(self, name: str) -> tuple[int, Any] | None:
-        """(word, what) of a field, or of one of a tuple in place: "outer.inner"; not of what is in another block."""
+        """(word, kind) of a field or of a field of a nested tuple ("outer.inner"), not of another Handle; None if there is none."""
         found, layout = None, self.layout
         for part in name.split("."):
             found = next(((word, what) for known, word, what in layout if known == part), None)
@@ -136,34 +141,34 @@ class HandleType(types.Type):
         return found
 
 
-_type_of = functools.cache(HandleType)  # naming one takes longer than packing it
+_type_of = functools.cache(HandleType)  # hashing the name takes longer than packing
 
 
 @functools.cache
-def with_type_tags(kind: HandleType, *marks: str) -> HandleType:
-    """The same block under a type that tells more of what is in it, as fields without words.
+def with_type_tags(kind: HandleType, *tags: str) -> HandleType:
+    """The type of the same block with tags: fields without words, which state facts about its contents.
 
-    A kernel that is compiled for that type, and reached by its address, leaves out what it need not ask for.
+    A kernel that is compiled for the tagged type and called by address omits the code that the tags make unnecessary.
     """
-    return _type_of(kind.layout + tuple((mark, 0, ()) for mark in marks))
+    return _type_of(kind.layout + tuple((tag, 0, ()) for tag in tags))
 
 
-def skip_when_tagged(mark: str, otherwise: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Compile a helper, whose first argument is a Handle, as another where that is `marked` so."""
+def skip_when_tagged(tag: str, otherwise: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Decorate a helper whose first argument is a Handle: kernels call `otherwise` instead where the Handle's type has the tag."""
 
-    def made(function: Callable[..., Any]) -> Callable[..., Any]:
-        def chosen(handle: Any, *of: Any) -> Any:
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        def select(handle: Any, *of: Any) -> Any:
             return function(handle, *of)
 
-        @overload(chosen, jit_options=HELPER)
+        @overload(select, jit_options=HELPER)
         def _in_kernels(handle, *of):
-            if handle.field(mark) is None:
+            if handle.field(tag) is None:
                 return lambda handle, *of: function(handle, *of)
             return lambda handle, *of: otherwise(handle, *of)
 
-        return chosen
+        return select
 
-    return made
+    return decorate
 
 
 def _numba_type(what: Any) -> types.Type:
@@ -215,7 +220,7 @@ def _load(context: Any, builder: Any, typ: HandleType, value: Any, attr: str) ->
     assert found is not None
     word, what = found
     if isinstance(what, tuple) and not (what and what[0] in ("array", "handle")):
-        return value  # a tuple in place: its fields' words count from the start of the whole block
+        return value  # a nested tuple: its words count from the start of the block
     if what == "float":
         return _word(builder, value, word, llvm.DoubleType())
     whole = _word(builder, value, word, llvm.IntType(64))

@@ -1,8 +1,7 @@
-"""Jobs on several threads, one of which is the caller's; the others wait for the next time.
+"""Runs jobs on the caller's thread and on idle worker threads.
 
-To wake a thread takes a third of the time of making one. Systems that save power wake it on the core of whoever wakes it, which is
-busy, and look a millisecond later whether another is free, after a third of a frame: where a thread can be kept off a core, it is kept
-off its caller's.
+Waking a thread takes a third of the time of starting one. Power-saving systems wake a thread on the core of the waking thread, which is
+busy, and move it a millisecond later, after a third of a frame. So workers are pinned to the other cores where the system supports it.
 """
 
 from __future__ import annotations
@@ -19,41 +18,41 @@ _core_of_caller = getattr(ctypes.CDLL(None), "sched_getcpu", None) if hasattr(os
 
 
 class _Worker:
-    """A thread that does what it is given, and is idle then."""
+    """A thread that runs jobs from its queue."""
 
     def __init__(self) -> None:
-        self._given: queue.SimpleQueue[tuple[Callable[[], Any], Callable[[Any], None]]] = queue.SimpleQueue()
+        self._jobs: queue.SimpleQueue[tuple[Callable[[], Any], Callable[[Any], None]]] = queue.SimpleQueue()
         self._cores: set[int] | None = None
         self._number = 0
-        begun = _thread.allocate_lock()
-        begun.acquire()
-        _thread.start_new_thread(self._run, (begun,))
-        begun.acquire()
+        started = _thread.allocate_lock()
+        started.acquire()
+        _thread.start_new_thread(self._run, (started,))
+        started.acquire()
 
-    def _run(self, begun: Any) -> None:
+    def _run(self, started: Any) -> None:
         self._number = _thread.get_native_id()
-        begun.release()
+        started.release()
         while True:
-            work, report = self._given.get()
+            work, report = self._jobs.get()
             result = work()
-            _idle.append(self)  # before anyone hears of it, who might have more to do
+            _idle.append(self)  # before the report, whose receiver may have more work
             report(result)
 
-    def give(self, work: Callable[[], Any], report: Callable[[Any], None], cores: set[int] | None) -> None:
-        """Do this, on one of these cores."""
+    def submit(self, work: Callable[[], Any], report: Callable[[Any], None], cores: set[int] | None) -> None:
+        """Queue work for this thread, pinned to these cores."""
         if cores is not None and cores != self._cores:
             os.sched_setaffinity(self._number, cores)
             self._cores = cores
-        self._given.put((work, report))
+        self._jobs.put((work, report))
 
 
 _idle: list[_Worker] = []
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_idle.clear)  # a child has none of its parent's threads
+    os.register_at_fork(after_in_child=_idle.clear)  # a child process has none of its parent's threads
 
 
-def _begin(work: Callable[[], Any], report: Callable[[Any], None], threads: int) -> None:
-    """Run `work`, which raises nothing, in so many threads besides this one; each reports what it returns."""
+def _start(work: Callable[[], Any], report: Callable[[Any], None], threads: int) -> None:
+    """Run `work`, which raises nothing, in `threads` threads besides this one; each reports its result."""
     cores = None
     if _core_of_caller is not None:
         allowed = os.sched_getaffinity(0)
@@ -64,24 +63,23 @@ def _begin(work: Callable[[], Any], report: Callable[[Any], None], threads: int)
             worker = _idle.pop()
         except IndexError:
             worker = _Worker()
-        worker.give(work, report, cores)
+        worker.submit(work, report, cores)
 
 
 def parallel_for(
     draw: Callable[[Any], Any], jobs: Sequence[Any], threads: int, cancel: threading.Event | None = None,
     told: Callable[[Any, Any], None] | None = None,
 ) -> None:  # fmt: skip
-    """Do jobs on several threads, of which this is one, but no more than there are jobs; told(job, result) follows each, here. The first
-    exception ends it, here.
+    """Call draw(job) for all jobs on up to `threads` threads, the caller's included, and told(job, result) on the caller's thread.
 
-    Setting `cancel` ends it after the jobs that have begun.
+    The first exception of a job stops the others and is raised here. Setting `cancel` stops after the running jobs.
     """
     take, lock = iter(jobs), threading.Lock()
     stop = threading.Event()
     results: queue.SimpleQueue[tuple[Any, Any, BaseException | None]] = queue.SimpleQueue()
     nothing = object()
 
-    def following() -> Any:
+    def next_job() -> Any:
         if stop.is_set() or (cancel is not None and cancel.is_set()):
             return nothing
         with lock:
@@ -89,18 +87,18 @@ def parallel_for(
 
     def loop() -> tuple[Any, Any, BaseException | None]:
         try:
-            while (job := following()) is not nothing:
+            while (job := next_job()) is not nothing:
                 results.put((job, draw(job), None))
-        except BaseException as problem:  # whatever it is, it is raised in the caller's thread
+        except BaseException as problem:  # raised in the caller's thread
             stop.set()
             return nothing, None, problem
         return nothing, None, None
 
     running, failure = max(1, min(threads, len(jobs))) - 1, None
-    _begin(loop, results.put, running)
+    _start(loop, results.put, running)
     try:
         while True:
-            mine = following()
+            mine = next_job()
             if mine is not nothing:
                 result = draw(mine)
                 if told is not None:

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...jit import cache_key, kernel
+from ...jit import cache_key, kernel_cache
 from . import refit, wide_bvh
 from .wide_bvh import LEAF, NODE, WIDTH, Wide
 
@@ -41,7 +41,7 @@ def cached_mesh_bvh(positions: NDArray[np.float32], triangles: NDArray[np.int32]
         if known is not None:
             _known.move_to_end(name)
             return known
-    file = kernel.CACHE / "trees" / f"{cache_key.key(__name__)}-{name}"
+    file = kernel_cache.CACHE / "trees" / f"{cache_key.key(__name__)}-{name}"
     made = read(file) if len(triangles) >= LARGE else None
     if made is None:
         made = _refitted(shape, positions, triangles)

@@ -8,8 +8,8 @@ from maquette.render.jit import arena
 
 
 @pytest.fixture(autouse=True)
-def _nothing_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(arena, "_kept", [])
+def _empty_arena(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(arena, "_retained", [])
 
 
 def borrow(size: int) -> int:
@@ -26,16 +26,16 @@ def test_it_is_kept_for_the_next_and_replaced_by_more() -> None:
 
 
 def test_too_much_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(arena, "MOST", 1 << 20)
+    monkeypatch.setattr(arena, "MAX_RETAINED", 1 << 20)
     borrow(1 << 21)
-    assert not arena._kept
+    assert not arena._retained
 
 
 def test_two_at_once_have_their_own() -> None:
     with arena.arena(64) as one, arena.arena(64) as other:
         a, b = one.empty((64,), np.uint8), other.empty((64,), np.uint8)
     assert a.ctypes.data != b.ctypes.data
-    assert len(arena._kept) == 1
+    assert len(arena._retained) == 1
 
 
 def test_arrays_stand_one_behind_the_other_in_cache_lines() -> None:
@@ -44,5 +44,5 @@ def test_arrays_stand_one_behind_the_other_in_cache_lines() -> None:
         one[:], two[:] = 1.5, 7
         assert one.sum() == 22.5
         assert one.ctypes.data % 64 == two.ctypes.data % 64 == 0
-        with pytest.raises(ValueError, match="more memory"):
+        with pytest.raises(ValueError, match="too small"):
             memory.empty((1,), np.uint8)

@@ -11,7 +11,7 @@ import numba
 import numpy as np
 import pytest
 from maquette.render.accel.formula_packets import hits
-from maquette.render.jit import compile_process, function_pointer, kernel
+from maquette.render.jit import compile_process, function_pointer, kernel_cache
 from maquette.render.simd import target
 
 BEGIN = """
@@ -28,7 +28,7 @@ START = "compile_process.compile_in_background(2, primed.begin, *given)\n"
 END = """
 primed.begin(*given)
 assert given[4].tolist() == [3, 4, 0]
-assert not compile_process._under_way
+assert not compile_process._compiling
 print(sum(primed.begin.stats.cache_hits.values()), sum(primed.begin.stats.cache_misses.values()))
 """
 
@@ -42,14 +42,14 @@ def run(folder: Path, text: str) -> str:
 
 
 def test_a_kernel_that_was_compiled_beside_is_loaded(tmp_path: Path) -> None:
-    assert run(tmp_path, START + "assert len(compile_process._under_way) == 1" + END) == "1 0"
-    again = START + "assert not compile_process._under_way"  # nobody is asked for what is on disk
+    assert run(tmp_path, START + "assert len(compile_process._compiling) == 1" + END) == "1 0"
+    again = START + "assert not compile_process._compiling"  # nobody is asked for what is on disk
     assert run(tmp_path, again + END) == "1 0"
 
 
 def test_where_the_other_process_ends_the_kernel_is_compiled_here(tmp_path: Path) -> None:
     assert (
-        run(tmp_path, START + "next(iter(compile_process._under_way.values())).kill()" + END)
+        run(tmp_path, START + "next(iter(compile_process._compiling.values())).kill()" + END)
         == "0 1"
     )
 
@@ -57,7 +57,7 @@ def test_where_the_other_process_ends_the_kernel_is_compiled_here(tmp_path: Path
 @pytest.mark.parametrize("threads", [1, 2])
 def test_there_are_no_more_processes_than_threads(tmp_path: Path, threads: int) -> None:
     start = f"compile_process.compile_in_background({threads}, primed.begin, *given)\n"
-    text = 2 * start + "print(len(compile_process._under_way))"
+    text = 2 * start + "print(len(compile_process._compiling))"
     assert run(tmp_path, text) == str(threads - 1)
 
 
@@ -65,7 +65,7 @@ def test_the_other_process_ends_with_this_one(tmp_path: Path) -> None:
     text = """
 import time
 compile_process.run_in_background(2, time.sleep, 100)
-process = compile_process._called[0]
+process = compile_process._running[0]
 process.stdin.close()
 print(process.wait(60))
 """
@@ -76,13 +76,13 @@ def test_interpreters_of_formulas_are_made_beside(tmp_path: Path) -> None:
     text = """
 from maquette.render.formula import interpreter
 interpreter.make_ready(1)
-assert not compile_process._called
+assert not compile_process._running
 interpreter.make_ready(2)
-compile_process._called[0].wait(100)
+compile_process._running[0].wait(100)
 assert all(map(interpreter._path, interpreter.WIDTHS))
 print(sum(interpreter._path(program).exists() for program in interpreter.WIDTHS), len(interpreter.WIDTHS))
 interpreter.make_ready(2)
-assert all(process.poll() is not None for process in compile_process._called)
+assert all(process.poll() is not None for process in compile_process._running)
 """
     made, wanted = run(tmp_path, text).split()
     assert made == wanted
@@ -91,16 +91,16 @@ assert all(process.poll() is not None for process in compile_process._called)
 def test_kernels_are_found_by_their_functions_names() -> None:
     from maquette.render.integrator import wavefront, whitted
 
-    assert compile_process._named(wavefront, "draw_tile") is wavefront.draw_tile
-    assert compile_process._named(whitted, "_radiance") is whitted.linked.kernel
+    assert compile_process._find_kernel(wavefront, "draw_tile") is wavefront.draw_tile
+    assert compile_process._find_kernel(whitted, "_radiance") is whitted.linked.kernel
     assert isinstance(whitted.linked, function_pointer.KernelPointer)
 
 
-def test_nobody_is_asked_for_what_is_known_here(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nobody_is_start_for_what_is_known_here(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(target, "cores", lambda: 2)
     given = np.zeros((1, 2), np.int64), 3, 4, np.zeros(2, np.int64), np.zeros(3, np.int64), np.zeros(2), np.zeros(2, np.int64)
     hits.begin(*given)
-    assert kernel.is_cached(hits.begin, tuple(map(numba.typeof, given)))
-    monkeypatch.setattr(compile_process, "_asked", None)
+    assert kernel_cache.is_cached(hits.begin, tuple(map(numba.typeof, given)))
+    monkeypatch.setattr(compile_process, "_start", None)
     compile_process.compile_in_background(2, hits.begin, *given)
-    assert not compile_process._under_way
+    assert not compile_process._compiling

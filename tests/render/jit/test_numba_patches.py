@@ -198,7 +198,7 @@ def test_constants_have_the_same_types(value: object) -> None:
 
 
 def test_errors_still_tell_where_they_come_from() -> None:
-    with pytest.raises(TypingError, match=r"(?s)unknown to Numba.*During: typing of call at.*test_haste"):
+    with pytest.raises(TypingError, match=r"(?s)unknown to Numba.*During: typing of call at.*test_numba_patches"):
         numba.njit(lambda a: unknown_to_numba(a))(1.0)
 
 

@@ -114,13 +114,13 @@ def test_a_handle_in_a_handle_can_be_another_one() -> None:
 
 @pytest.mark.parametrize("name", ["count", "nothing"])
 def test_only_a_handle_can_be_another_one(name) -> None:
-    with pytest.raises(ValueError, match=f"{name} is no handle of that type"):
+    with pytest.raises(ValueError, match=f"{name} is not a handle of that type"):
         Handle(Other(Handle(make()), 5)).point(name, Handle(make()))
 
 
 def test_a_handle_of_another_type_is_refused() -> None:
     pointing = Handle(Other(Handle(make()), 5))
-    with pytest.raises(ValueError, match="other is no handle of that type"):
+    with pytest.raises(ValueError, match="other is not a handle of that type"):
         pointing.point("other", Handle(make()._replace(rows=np.arange(4, dtype=np.int64))))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from maquette.render.accel import scene_bvh
 from maquette.render.accel.build import tree_cache, wide_bvh
-from maquette.render.jit import kernel
+from maquette.render.jit import kernel_cache
 
 from ...tables import scene
 from ...tracing import random_rays, same, wavy
@@ -17,7 +17,7 @@ from ...tracing import random_rays, same, wavy
 @pytest.fixture(autouse=True)
 def _apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A folder of one's own, and small meshes count as large."""
-    monkeypatch.setattr(kernel, "CACHE", tmp_path)
+    monkeypatch.setattr(kernel_cache, "CACHE", tmp_path)
     monkeypatch.setattr(tree_cache, "LARGE", 100)
     tree_cache.clear()
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from maquette.render.jit import kernel
+from maquette.render.jit import kernel_cache
 from numba import njit
 
 
@@ -20,7 +20,7 @@ def test_compiling_is_counted_apart_from_work() -> None:
     double = njit(lambda x: 2 * x)
     seconds: dict[str, float] = {}
     started = time.perf_counter()
-    with kernel.timed(seconds, "render"):
+    with kernel_cache.timed(seconds, "render"):
         assert double(2) == 4
         time.sleep(0.02)
     whole = time.perf_counter() - started
@@ -28,14 +28,14 @@ def test_compiling_is_counted_apart_from_work() -> None:
     assert seconds["render"] >= 0.02
     assert seconds["compile_kernels"] + seconds["render"] == pytest.approx(whole, abs=0.01)
     compiled = seconds["compile_kernels"]
-    with kernel.timed(seconds, "render"):
+    with kernel_cache.timed(seconds, "render"):
         assert double(3) == 6
     assert seconds["compile_kernels"] == compiled  # nothing new was compiled
 
 
 def test_time_is_counted_when_the_work_fails() -> None:
     seconds: dict[str, float] = {}
-    with pytest.raises(ArithmeticError), kernel.timed(seconds, "build"):
+    with pytest.raises(ArithmeticError), kernel_cache.timed(seconds, "build"):
         raise ArithmeticError
     assert seconds["build"] > 0
     assert seconds["compile_kernels"] == 0
@@ -72,13 +72,13 @@ def test_processes_that_keep_code_at_the_same_time_never_load_each_others(tmp_pa
 
     def write(key: int) -> None:
         for turn in range(turns):
-            files = kernel.Files(str(tmp_path), f"kernel{turn}", "stamp")
+            files = kernel_cache.KernelFiles(str(tmp_path), f"kernel{turn}", "stamp")
             together.wait()
             files.save(key, [key] * (3000 if key % 2 else 3))
 
     with ThreadPoolExecutor(writers) as pool:
         list(pool.map(write, range(writers)))
-    kept = [kernel.Files(str(tmp_path), f"kernel{turn}", "stamp") for turn in range(turns)]
+    kept = [kernel_cache.KernelFiles(str(tmp_path), f"kernel{turn}", "stamp") for turn in range(turns)]
     found = [(key, code[0]) for files in kept for key in range(writers) if (code := files.load(key)) is not None]
     assert len(found) > turns * writers // 2
     assert all(key == code for key, code in found)

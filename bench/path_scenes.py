@@ -37,7 +37,7 @@ class Setting:
     def exported(self, size: int, folder: Path) -> Path:
         """The XML file for Mitsuba, with its own roulette from the fifth surface on."""
         _, decided = self.decide(size, 16, 0)
-        made = mitsuba_scene.write(self.scene, decided, "part", scene_meshes.tessellator(self.scene, decided))
+        made = mitsuba_scene.write(self.scene, decided, "part", scene_meshes.make_tessellator(self.scene, decided))
         for name, data in made.files.items():
             (folder / name).write_bytes(data)
         text = made.text.replace(f'value="{mitsuba_scene.NO_ROULETTE}"', 'value="5"').replace('"multijitter"', '"independent"')

@@ -72,7 +72,7 @@ def _triangles(scene: ir.Scene, output: Path, ending: str, tolerance: float | No
     from ..compiler.exporters import mesh_files
     from ..render.tessellation import printable_mesh
 
-    parts, found = printable_mesh.parts(scene, tolerance)
+    parts, found = printable_mesh.printable_parts(scene, tolerance)
     terminal.report(found)
     if not parts:
         raise click.ClickException("there is nothing with an end that could be written")
@@ -99,4 +99,4 @@ def _exported(scene: ir.Scene, plan: Plan, ending: str, name: str) -> Export:
     from ..render.tessellation import scene_meshes
 
     write = mitsuba_scene.write if ending == ".xml" else povray_scene.write
-    return write(scene, plan, name, scene_meshes.tessellator(scene, plan))
+    return write(scene, plan, name, scene_meshes.make_tessellator(scene, plan))

@@ -248,12 +248,12 @@ class Job:
         _, y0, _, y1 = plan["crop"]
         told: list[dict[str, Any]] = []
         with image_files.Strips(path, look, about, y1 - y0) as file:
-            for image in large_images.images(scene, parts, progress, cancel):
+            for image in large_images.draw_strips(scene, parts, progress, cancel):
                 file.add(image)
                 told.append(image.metadata)
             if cancel.is_set():
                 file.path = _partial(path, True)
-        return Image(0, 0, {}, large_images.joined(told, plan))
+        return Image(0, 0, {}, large_images.join_metadata(told, plan))
 
     def _figures(self, scene: ir.Scene, plan: Plan, image: Image, seconds: Mapping[str, float]) -> dict[str, Any]:
         warnings = [d.to_json() for d in self.said if d.severity == "warning"]
@@ -283,7 +283,7 @@ def _strips_of(plan: Plan) -> list[Plan]:
     """The plan, or those of its strips where its picture is too large to be held; what then cannot be had is a usage error."""
     from ..render import large_images
 
-    parts = large_images.plans(plan)
+    parts = large_images.strip_plans(plan)
     if len(parts) > 1 and (why := large_images.refusal(plan)):
         raise click.UsageError(f"a picture of {plan['size'][0]} by {plan['size'][1]} pixels is drawn strip by strip: {why}")
     return parts

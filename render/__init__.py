@@ -1,1 +1,1 @@
-"""The IR and a plan to an Image. From compiler/ it reads the IR and the plan, no more."""
+"""Renders the IR under a plan to an Image. From compiler/ it imports the IR, the plan, formulas and meshes."""

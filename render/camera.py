@@ -20,7 +20,7 @@ from .geometry import instance_transform
 from .jit.kernel import HELPER, helper
 from .lanes import affine, ops
 from .sampling import sobol
-from .types import Lane, Panorama, Pinhole, Ray, Tables, Thin, Vec, View
+from .types import Lane, Panorama, Pinhole, Ray, Tables, ThinLens, Vec, View
 
 PERSPECTIVE = int(ir.Projection.PERSPECTIVE)
 PANORAMIC = int(ir.Projection.PANORAMIC)
@@ -70,17 +70,17 @@ def ray(tables: Tables, view: View, x: Lane, y: Lane, time: Any = None) -> Ray:
     return Ray(origin, direction, zero + cameras.near[c], zero + cameras.far[c], time)
 
 
-def lens_of(tables: Tables, view: View) -> Pinhole | Thin | Panorama:
+def lens_of(tables: Tables, view: View) -> Pinhole | ThinLens | Panorama:
     """What a camera looks through, as `through` takes it."""
     cameras, c = tables.cameras, view.camera
     if cameras.projection[c] == PANORAMIC:
         return Panorama(float(cameras.shift[c, 0]))
-    return Thin(float(cameras.lens[c]), float(cameras.focus[c])) if cameras.lens[c] > 0.0 else Pinhole()
+    return ThinLens(float(cameras.lens[c]), float(cameras.focus[c])) if cameras.lens[c] > 0.0 else Pinhole()
 
 
 def generate_ray(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, pixel: Lane, sample: Lane, seed: int, time: Any) -> Ray:
     """The ray of a sample (a pixel and number as sampler.place gives them) at pixel coordinates x, y."""
-    if isinstance(lens, Thin):
+    if isinstance(lens, ThinLens):
         return _from_lens(tables, view, lens, x, y, sobol.sample_lens(pixel, sample, seed), time)
     return panorama_ray(tables, view, lens, x, y, time) if isinstance(lens, Panorama) else ray(tables, view, x, y, time)
 
@@ -88,7 +88,7 @@ def generate_ray(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, pixel:
 @overload(generate_ray, jit_options=HELPER)
 def _through_in_kernels(tables, view, lens, x, y, pixel, sample, seed, time):
     fields = tuple(name for name, _, _ in lens.layout)
-    if fields == Thin._fields:
+    if fields == ThinLens._fields:
         return lambda tables, view, lens, x, y, pixel, sample, seed, time: _from_lens(
             tables, view, lens, x, y, sobol.sample_lens(pixel, sample, seed), time
         )

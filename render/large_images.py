@@ -1,7 +1,7 @@
-"""Pictures too large to be held: strips of rows, each drawn as a crop and given on before the next.
+"""Renders pictures too large for memory as strips of rows, one after the other.
 
-A sample depends on its pixel's place in the whole picture, never on a crop, so that strips are what the whole would be. An error that
-is asked for is each strip's own, and a budget is shared out by rows.
+Each strip is a crop. Samples depend on the pixel's position in the whole picture, not on the crop, so strips equal the whole picture.
+Each strip meets a requested error by itself; a time budget is divided by rows.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from . import render_scene
 from .film import bounce_error, film
 from .image.image import Image
 
-HELD = 1 << 27  # pixels of a picture that is held whole: 2 GiB of red, green, blue and coverage
-STRIP = 1 << 24  # of a strip
-STEPS = 100  # of progress in a strip
+MAX_PIXELS = 1 << 27  # of a picture rendered at once: 2 GiB of red, green, blue and coverage
+STRIP_PIXELS = 1 << 24
+STEPS = 100  # of progress a strip
 
 
-def plans(plan: Plan) -> list[Plan]:
-    """The plan itself, or one for each strip, from the top down."""
+def strip_plans(plan: Plan) -> list[Plan]:
+    """The plan itself, or one for each strip from the top."""
     x0, y0, x1, y1 = plan["crop"]
-    if (x1 - x0) * (y1 - y0) <= HELD:
+    if (x1 - x0) * (y1 - y0) <= MAX_PIXELS:
         return [plan]
-    rows = max(STRIP // (x1 - x0) // film.TILE, 1) * film.TILE  # tiles are those of the whole picture
+    rows = max(STRIP_PIXELS // (x1 - x0) // film.TILE, 1) * film.TILE  # the same tiles as of the whole picture
     ends = [(y, min(y + rows, y1)) for y in range(y0, y1, rows)]
-    return [_changed(plan, crop=(x0, top, x1, end), budget=plan["budget"] * (end - top) / (y1 - y0)) for top, end in ends]
+    return [_with_values(plan, crop=(x0, top, x1, end), budget=plan["budget"] * (end - top) / (y1 - y0)) for top, end in ends]
 
 
 def refusal(plan: Plan) -> str:
-    """Why a plan cannot be drawn in strips: what needs the whole picture at once; "" where nothing does."""
+    """The message why a plan cannot be rendered in strips; "" if it can."""
     if plan["denoise"]:
         return "denoising needs the whole picture: leave it out"
     if plan["exposure"] == "metered":
@@ -44,20 +44,20 @@ def refusal(plan: Plan) -> str:
     return ""
 
 
-def images(
+def draw_strips(
     scene: ir.Scene, strips: Sequence[Plan], progress: Callable[[int, int], None], cancel: threading.Event
 ) -> Iterator[Image]:  # fmt: skip
-    """Draw one strip after the other; what is left when `cancel` is set comes empty and partial."""
+    """Yield the picture of each strip. After `cancel` is set, the remaining strips are empty and partial."""
     for k, plan in enumerate(strips):
 
-        def told(done: int, total: int, before: int = k) -> None:
+        def report(done: int, total: int, before: int = k) -> None:
             progress(before * STEPS + done * STEPS // total, len(strips) * STEPS)
 
-        yield render_scene.draw(scene, plan, told, cancel)
+        yield render_scene.draw(scene, plan, report, cancel)
 
 
-def joined(about: Sequence[dict[str, Any]], plan: Plan) -> dict[str, Any]:
-    """What the strips' metadata come to for all of them, as draw.draw tells it of one picture."""
+def join_metadata(about: Sequence[dict[str, Any]], plan: Plan) -> dict[str, Any]:
+    """The metadata of the whole picture, as render_scene.draw gives it, from those of its strips."""
     pixels = np.array([(x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in (one["crop"] for one in about)], np.float64)
     errors = [one["error"] for one in about]
     known = all(error is not None for error in errors)
@@ -75,5 +75,5 @@ def joined(about: Sequence[dict[str, Any]], plan: Plan) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _changed(plan: Plan, **values: Any) -> Plan:
+def _with_values(plan: Plan, **values: Any) -> Plan:
     return Plan({**plan.decisions, **{name: replace(plan.decisions[name], value=value) for name, value in values.items()}})

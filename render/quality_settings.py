@@ -1,6 +1,6 @@
-"""The knobs each backend declares: what trades time for accuracy, as ladders from cheap to dear, and when a scene has a use for them.
+"""Quality settings of each backend: the options that trade time for accuracy, with their values from fast to accurate.
 
-Data for the instruments (`maquette chart`); nothing here draws. A new backend or a new knob is a row here.
+Read by `maquette chart`. Add a row for a new backend or option.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from ..compiler import ir
 from ..compiler.plan.plan import Plan
 
-FIXED_SAMPLES = 64  # of ladders that turn another knob
+FIXED_SAMPLES = 64  # for settings other than samples
 TESSELLATED = (
     ir.GeometryKind.SPHERE, ir.GeometryKind.CYLINDER, ir.GeometryKind.CONE, ir.GeometryKind.TORUS, ir.GeometryKind.CAPSULE,
     ir.GeometryKind.QUADRIC, ir.GeometryKind.DISK,
@@ -23,11 +23,11 @@ TESSELLATED = (
 
 
 @dataclass(frozen=True, slots=True)
-class Knob:
-    """One ladder of a backend.
+class QualitySetting:
+    """One quality setting of a backend.
 
-    `values` from cheap to dear set a field of ir.Settings (`option`) or a decision of the plan (`decision`), beside what `fixed`
-    sets. A rung takes about `cost(value)` times as long as 1. `applies` says whether turning it changes a scene's picture.
+    `values`, from fast to accurate, are of a field of ir.Settings (`option`) or of a plan decision (`decision`); `fixed` sets others.
+    Rendering with a value takes about `cost(value)` units of time. `applies` tests whether the setting changes a scene's picture.
     """
 
     name: str
@@ -39,7 +39,7 @@ class Knob:
     applies: Callable[[ir.Scene, Plan], bool] = lambda scene, plan: True
 
 
-def _light_goes_on(scene: ir.Scene, plan: Plan) -> bool:
+def _has_bounces(scene: ir.Scene, plan: Plan) -> bool:
     return plan["bounces"] > 0
 
 
@@ -53,12 +53,12 @@ _SAMPLES = (1, 4, 16, 64, 256, 1024, 4096)
 _ERRORS = (0.3, 0.1, 0.03, 0.01, 0.003)
 
 
-def _by_samples(values: tuple[int, ...]) -> Knob:
-    return Knob("samples", values, float, option="samples")
+def _by_samples(values: tuple[int, ...]) -> QualitySetting:
+    return QualitySetting("samples", values, float, option="samples")
 
 
 def can_denoise() -> bool:
-    """Whether the package for it is there."""
+    """Whether pyoidn is installed."""
     return importlib.util.find_spec("pyoidn") is not None
 
 
@@ -66,20 +66,21 @@ def _is_noisy(scene: ir.Scene, plan: Plan) -> bool:
     return can_denoise() and (plan["soft lights"] or plan["interreflection"])
 
 
-_DENOISED = Knob("denoised samples", _SAMPLES[1:6], float, option="samples", fixed={"denoise": True}, applies=_is_noisy)
-_ERROR = Knob("error", _ERRORS, lambda error: error**-2, option="error")
+_DENOISED = QualitySetting("denoised samples", _SAMPLES[1:6], float, option="samples", fixed={"denoise": True}, applies=_is_noisy)
+_ERROR = QualitySetting("error", _ERRORS, lambda error: error**-2, option="error")
 
-KNOBS: Mapping[str, tuple[Knob, ...]] = {
+QUALITY_SETTINGS: Mapping[str, tuple[QualitySetting, ...]] = {
     "ray": (
         _by_samples(_SAMPLES),
         _ERROR,
         _DENOISED,
-        Knob("bounces", (0, 1, 2, 4, 8), lambda n: 1.0 + n, option="bounces", fixed={"samples": FIXED_SAMPLES}, applies=_light_goes_on),
+        QualitySetting("bounces", (0, 1, 2, 4, 8), lambda n: 1.0 + n, option="bounces",
+                       fixed={"samples": FIXED_SAMPLES}, applies=_has_bounces),
     ),
     "raster": (
         _by_samples(_SAMPLES),
-        Knob("tolerance", (3.2, 0.8, 0.2, 0.05, 0.0125), lambda px: 1.0 + 0.05 / px, decision="tolerance",
-             fixed={"samples": FIXED_SAMPLES}, applies=_is_tessellated),
+        QualitySetting("tolerance", (3.2, 0.8, 0.2, 0.05, 0.0125), lambda px: 1.0 + 0.05 / px, decision="tolerance",
+                       fixed={"samples": FIXED_SAMPLES}, applies=_is_tessellated),
     ),
     "reference": (_by_samples(_SAMPLES[:5]),),
 }  # fmt: skip

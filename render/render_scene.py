@@ -1,4 +1,4 @@
-"""One picture: camera, preparation, backend, film, in that order."""
+"""Renders one picture of a scene: prepares it, runs a backend's renderer on the film, post-processes."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from .image import cryptomatte
 from .image.image import Image
 from .jit import kernel_cache
 
-Progress = Callable[[int, int], None]  # tiles done, tiles in all
+Progress = Callable[[int, int], None]  # tiles done, total
 
 
 def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: threading.Event | None = None) -> Image:
-    """Draw a validated scene as the plan says.
+    """Render a validated scene under a plan.
 
-    `progress(done, total)` is called from the calling thread; setting `cancel` ends the work and returns what is done, with
-    `metadata["partial"]`. `metadata` also holds the "seconds" it took to "build", "compile_kernels" and "render", the samples
-    taken, the error reached, notes on what the backend does not draw, each (message, table, row), the rays "unproved", and
-    what the limit on bounces "cut": a truncation.Cut, None where it was not measured.
+    Calls `progress(done, total)` in the calling thread. Setting `cancel` ends the work; the picture is then partial, as
+    `metadata["partial"]` says. Other metadata: the "seconds" of "build", "compile_kernels" and "render"; samples; the error reached;
+    "notes" on effects that the backend does not draw, each (message, table, row); the number of rays "unproved"; "cut", the light lost
+    to the limit on bounces, a bounce_error.Cut, or None if not measured.
     """
     seconds: dict[str, float] = {}
     width, height = plan["size"]
@@ -50,34 +50,35 @@ def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: 
         if lit:
             renderer.put(image)
         if plan["denoise"]:
-            from .film import denoise  # and with it the package, which others do without
+            from .film import denoise  # loads pyoidn
 
             denoise.denoised(image, renderer, plan)
     notes = notes_of(scene, plan) + (accumulation.notes(scene, plan) if by_moments else [])
-    image.metadata.update(backend=backend, seconds=seconds, notes=notes, unproved=_unproved(renderer), cut=_cut(renderer, plan, image))
+    unproved, cut = _count_unproved(renderer), _measure_bounce_error(renderer, plan, image)
+    image.metadata.update(backend=backend, seconds=seconds, notes=notes, unproved=unproved, cut=cut)
     if mattes is not None:
         image.metadata["attributes"] = mattes.attributes
     return image
 
 
-def _cut(renderer: Any, plan: Plan, image: Image) -> bounce_error.Cut | None:
-    """What the limit on bounces leaves out, where the whole picture was drawn by one renderer: of light groups each has its own."""
+def _measure_bounce_error(renderer: Any, plan: Plan, image: Image) -> bounce_error.Cut | None:
+    """The light lost to the limit on bounces; None for partial pictures and light groups, which have a renderer each."""
     if image.metadata["partial"] or not bounce_error.measurable(plan) or not hasattr(renderer, "limit"):
         return None
     allowed = plan["error"] or max(image.metadata["error"] or 0.0, planner.UNSEEN)
     return bounce_error.measured(renderer, plan, image.metadata["rays"], allowed)
 
 
-def _unproved(renderer: Any) -> int:
-    """Rays of which a stretch could not be proved to be without a root of a formula (the reference counts none)."""
-    prepared = getattr(renderer, "prepared", None)  # of several moments there are several
+def _count_unproved(renderer: Any) -> int:
+    """The number of rays with an interval that could not be proved free of implicit-surface hits; 0 for the reference."""
+    prepared = getattr(renderer, "prepared", None)  # accumulation has several
     trees = getattr(prepared.accel, "tables", None) if prepared is not None else None
-    forms = getattr(trees, "forms", None)  # where all things are pieces there are no trees
+    forms = getattr(trees, "forms", None)  # no BVH where the primitive list holds all instances
     return 0 if forms is None else int(forms.unproved[0])
 
 
 def _backend(name: str) -> tuple[Any, Callable[[ir.Scene, Plan], list[tuple[str, str, int]]]]:
-    """A backend's renderer, and what tells what it does not draw."""
+    """A backend's renderer class, and the function that lists effects it does not draw."""
     if name == "raster":
         from .backends.raster import Renderer, notes
 

@@ -1,4 +1,4 @@
-"""The small records that pass between stages of rendering, in lanes: each field is a numpy array or, in kernels, a scalar."""
+"""Records that stages of rendering exchange. Their lanes are numpy arrays or, in kernels, scalars or vectors."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 
-Lane = Any  # float64 or int64 lanes: numpy arrays in the reference backend, scalars in kernels
+Lane = Any  # float64 or int64 lanes: numpy arrays in the reference backend, scalars or vectors in kernels
 Vec = tuple[Lane, Lane, Lane]
 
 
 class Ray(NamedTuple):
-    """origin + t · direction for t_min < t < t_max. In world space the direction has unit length."""
+    """Points origin + t · direction, t_min < t < t_max. In world space the direction has unit length."""
 
     origin: Vec
     direction: Vec
     t_min: Lane
     t_max: Lane
-    time: Any = None  # lanes from 0, the shutter's opening, to 1; None where nothing moves (to be given in kernels)
+    time: Any = None  # lanes from 0, the shutter's opening, to 1; None without motion (kernels must pass it)
 
 
 class Hit(NamedTuple):
-    """What a ray meets first."""
+    """The first hit of a ray."""
 
-    t: Lane  # distance along the ray, inf: nothing
-    instance: Lane  # row of Instances, -1: nothing
-    primitive: Lane  # MESH: row of Pools.triangles; other kinds: which part of the shape (see shapes.py)
+    t: Lane  # distance along the ray; inf: no hit
+    instance: Lane  # row of Instances; -1: no hit
+    primitive: Lane  # MESH: row of Pools.triangles; other kinds: part of the shape, see geometry/analytic_shapes.py
     u: Lane  # MESH: weight of the triangle's second corner
     v: Lane  # MESH: weight of its third corner
 
 
-class First(NamedTuple):
-    """What camera rays meet first, of which things."""
+class FirstHits(NamedTuple):
+    """First hits of camera rays, and the tables they refer to."""
 
     tables: ir.Tables
     ray: Ray
@@ -42,125 +42,126 @@ class First(NamedTuple):
 
 
 class Surface(NamedTuple):
-    """A point of a surface, ready to be shaded. Normals are unit and face the side the ray came from."""
+    """A surface interaction: a point to shade. Normals are unit and face the ray's origin."""
 
     position: Vec  # world
-    local: Vec  # in the geometry's own frame
-    geometric: Vec  # the true normal
-    normal: Vec  # the one light is computed with (interpolated where smooth)
-    local_normal: Vec  # true normal in the geometry's own frame, facing outside
-    uv: Any  # two lanes; None (in kernels) where nothing has a pattern
-    metric: tuple[Lane, Lane]  # metres that one unit of u and of v spans (1 where unknown)
-    front: Lane  # bool: the ray came from outside
+    local: Vec  # in the geometry's frame
+    geometric: Vec  # geometric normal
+    normal: Vec  # shading normal
+    local_normal: Vec  # outward geometric normal in the geometry's frame
+    uv: Any  # two lanes; None (in kernels) without textures
+    metric: tuple[Lane, Lane]  # metres a unit of u and of v; 1 where unknown
+    front: Lane  # bool: hit from outside
     instance: Lane
     material: Lane
-    color: Vec  # the mesh's own colour (1 where it has none)
-    offset: Lane  # how far a new ray's origin must be moved along ±geometric so as not to meet this surface again
-    time: Any = None  # when it was met, as in Ray
-    spread: Any = None  # how far u, v go from a pixel to the next right (two lanes) and below (two), and, where there are patterns, how
-    # far `local` goes (three and three); None: not known
-    lift: Any = None  # Vec to where light is looked for from, off coarse triangles whose normals are interpolated: surface.lit_from
-    known: Any = None  # what is known of lamps' shadows here, as hidden.py has it; None: nothing
+    color: Vec  # the mesh's vertex colour; 1 without
+    offset: Lane  # distance along ±geometric to a new ray's origin, which avoids self-intersection
+    time: Any = None  # of the ray
+    spread: Any = None  # differences of (u, v) to the next pixel right and below, with procedural textures also of `local`; None: unknown
+    lift: Any = None  # Vec to the origin of shadow rays, off coarse triangles with interpolated normals, see surface.lit_from
+    known: Any = None  # known shadows of lights here, see formula_packets/shadow_rays.py; None: unknown
 
 
-class Triple(NamedTuple):
-    """A colour or direction that is the same for all lanes."""
+class Float3(NamedTuple):
+    """A colour or direction equal in all lanes."""
 
     x: float
     y: float
     z: float
 
 
-class Followed(NamedTuple):
-    """Rays go on from what mirrors, refracts or lets through."""
+class SecondaryRays(NamedTuple):
+    """Mirrors, glass and partly transparent surfaces spawn secondary rays."""
 
 
-class Around(NamedTuple):
-    """No rays go on: what mirrors or lets through shows the sky as if nothing stood before it, and a ground's mean light below."""
+class AmbientEnvironment(NamedTuple):
+    """No secondary rays: mirrors and glass show the unoccluded sky and the ground's mean radiance below."""
 
-    up: Triple  # unit normal of the ground; zero without one
-    ground: Triple  # radiance
-
-
-class Traced(NamedTuple):
-    """Shadows are looked for by rays."""
+    up: Float3  # unit normal of the ground; zero without one
+    ground: Float3  # radiance
 
 
-class Unmet(NamedTuple):
-    """No lamp is looked for along highlights."""
+class ShadowRays(NamedTuple):
+    """Shadows are traced by rays."""
+
+
+class NoGlossyLights(NamedTuple):
+    """Glossy lobes do not sample lights."""
 
 
 class Options(NamedTuple):
-    """The plan as kernels read it."""
+    """The plan's decisions that kernels read."""
 
     seed: int
     bounces: int  # surface interactions after the first hit
-    interreflection: bool  # diffuse rays are followed, not only mirrors and glass
+    interreflection: bool  # diffuse surfaces spawn secondary rays, too
     shadows: bool
     background: int  # 0: sky and domes, 1: black, 2: `color`
-    color: Triple
-    horizon: Triple = Triple(0.0, 0.0, 0.0)  # unit normal of the plane that bounds the scene, or zero
-    ground: int = -1  # the instance that is this plane
-    layers: int = 0  # of what is less than wholly there, that rays may pass before chance decides; 0: everything is wholly there
-    environment: Any = Followed()  # or Around
-    maps: Any = Traced()  # or shadow_maps.Maps
-    lamps: Any = Unmet()  # or highlights.Lamps
+    color: Float3
+    horizon: Float3 = Float3(0.0, 0.0, 0.0)  # unit normal of the ground plane, or zero
+    ground: int = -1  # that plane's instance
+    layers: int = 0  # partly transparent surfaces a ray passes before stochastic alpha; 0: all surfaces are opaque
+    environment: Any = SecondaryRays()  # or AmbientEnvironment
+    maps: Any = ShadowRays()  # or shadow_map.Maps
+    lamps: Any = NoGlossyLights()  # or glossy_lights.Lamps
 
 
-class GouraudLight(NamedTuple):
-    """Light computed at vertices: color[first[instance] + vertex - first_vertex] on their outside, for instances with first >= 0;
-    the table's second half has their inside."""
+class VertexLight(NamedTuple):
+    """Light computed at vertices (Gouraud): color[first[instance] + vertex - first_vertex] outside, for instances with first >= 0.
+
+    The table's second half holds light on the inside.
+    """
 
     first: NDArray[np.int64]
     color: NDArray[np.float64]  # (2 k, 3)
 
 
 class View(NamedTuple):
-    """A camera and the picture it makes, as kernels read it."""
+    """A camera and the size of its picture."""
 
     camera: int  # row of Cameras
-    width: int  # pixels of the whole picture, crop or not
+    width: int  # pixels of the whole picture, without crop
     height: int
 
 
-class Still(NamedTuple):
-    """Nothing moves while the shutter is open."""
+class StillScene(NamedTuple):
+    """No motion while the shutter is open."""
 
 
-class Open(NamedTuple):
-    """When the shutter is open, of the time that keys go over."""
+class Shutter(NamedTuple):
+    """The interval in which the shutter is open, as shares of the time that motion keys span."""
 
-    start: float  # a share of that time
+    start: float
     share: float
 
 
 class Pinhole(NamedTuple):
-    """Each place of the picture has one ray."""
+    """A pinhole camera."""
 
 
-class Thin(NamedTuple):
-    """Rays to a place of the picture come from all over a lens and meet in the plane it is focused on."""
+class ThinLens(NamedTuple):
+    """A thin lens."""
 
-    radius: float  # of its aperture, metres
-    focus: float  # depth of the plane
+    radius: float  # of the aperture, metres
+    focus: float  # depth of the plane of focus, metres
 
 
 class Panorama(NamedTuple):
-    """The picture is all that is around."""
+    """A camera that sees all directions (equirectangular)."""
 
-    middle: float  # the longitude in the picture's middle, as a share of a turn to the right
+    middle: float  # longitude of the picture's centre, in turns to the right
 
 
 class Frame(NamedTuple):
-    """What all samples of a picture share, as kernels read it."""
+    """Data of a picture that all samples share."""
 
     picture: View
     options: Options
-    filter: NDArray[np.float64]  # sampler.filter_table
-    shutter: Any = Still()
-    order: int = -1  # sampler.order_of
-    lens: Any = Pinhole()  # or Thin or Panorama
-    radiance: int = 0  # address of integrate.linked, for kernels
+    filter: NDArray[np.float64]  # sobol.filter_table
+    shutter: Any = StillScene()
+    order: int = -1  # sobol.order_of
+    lens: Any = Pinhole()  # or ThinLens or Panorama
+    radiance: int = 0  # address of whitted.linked
 
 
 class Tile(NamedTuple):
@@ -173,11 +174,11 @@ class Tile(NamedTuple):
 
 
 class Film(NamedTuple):
-    """Sums over the samples of a tile's pixels, (height, width, …) float64; renderers add to them."""
+    """Sums over the samples of a tile's pixels, (height, width, …) float64."""
 
     color: NDArray[np.float64]  # (h, w, 3) radiance
     alpha: NDArray[np.float64]  # (h, w) coverage
-    issues: NDArray[np.int64]  # (h, w) samples left out because they were not finite
+    issues: NDArray[np.int64]  # (h, w) samples omitted because they are not finite
 
 
 Tables = ir.Tables

@@ -40,7 +40,7 @@ def ladders(scene: ir.Scene, light: reference_light.Truth, backend: str) -> list
     less = reference_light.differs(full, own)
     other = full["interreflection"] != own["interreflection"]
     made = []
-    for knob in quality_settings.KNOBS[backend]:
+    for knob in quality_settings.QUALITY_SETTINGS[backend]:
         if not knob.applies(scene, full):
             continue
         if knob.option == "bounces":
@@ -62,7 +62,7 @@ def _common(settings: ir.Settings) -> dict[str, Any]:
 
 
 def _ladder(
-    knob: quality_settings.Knob, backend: str, name: str, options: Mapping[str, Any], plan: Mapping[str, str], light: str
+    knob: quality_settings.QualitySetting, backend: str, name: str, options: Mapping[str, Any], plan: Mapping[str, str], light: str
 ) -> Ladder:
     settings = []
     for value in knob.values:
@@ -73,7 +73,7 @@ def _ladder(
 
 
 def _depths(
-    knob: quality_settings.Knob, backend: str, light: reference_light.Truth, options: Mapping[str, Any], full: planner.Plan
+    knob: quality_settings.QualitySetting, backend: str, light: reference_light.Truth, options: Mapping[str, Any], full: planner.Plan
 ) -> Ladder:
     """Depths below the truth's, which other ladders climb with."""
     values = tuple(v for v in knob.values if v < full["bounces"])

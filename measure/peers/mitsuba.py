@@ -42,7 +42,7 @@ class Mitsuba:
         return f"Mitsuba {metadata.version('mitsuba')} {variant()}"
 
     def express(self, scene: ir.Scene, plan: Plan) -> list[str]:
-        return mitsuba_scene.write(scene, plan, "scene", scene_meshes.tessellator(scene, plan)).lost
+        return mitsuba_scene.write(scene, plan, "scene", scene_meshes.make_tessellator(scene, plan)).lost
 
     def ladder(self, scene: ir.Scene, plan: Plan) -> tuple[Setting, ...]:
         return tuple(Setting(self.name, "samples", n, {"samples": n}) for n in SAMPLES)
@@ -52,7 +52,7 @@ class Mitsuba:
             "variant": variant(), "samples": int(setting.options["samples"]), "seed": seed, "threads": process.threads(plan),
         }  # fmt: skip
         with tempfile.TemporaryDirectory(prefix="maquette-mitsuba-") as folder:
-            made = mitsuba_scene.write(scene, plan, "scene", scene_meshes.tessellator(scene, plan))
+            made = mitsuba_scene.write(scene, plan, "scene", scene_meshes.make_tessellator(scene, plan))
             made.save(Path(folder) / "scene.xml")
             process.call("Mitsuba", [sys.executable, str(RUNNER), "scene.xml", "out.npz", json.dumps(asked)], Path(folder), _environment())
             with np.load(Path(folder) / "out.npz", allow_pickle=False) as data:

@@ -42,7 +42,7 @@ class PovRay:
         return f"POV-Ray {found.group(1) if found else '(version unknown)'}"
 
     def express(self, scene: ir.Scene, plan: Plan) -> list[str]:
-        return povray_scene.write(scene, plan, "scene", scene_meshes.tessellator(scene, plan)).lost
+        return povray_scene.write(scene, plan, "scene", scene_meshes.make_tessellator(scene, plan)).lost
 
     def ladder(self, scene: ir.Scene, plan: Plan) -> tuple[Setting, ...]:
         return tuple(Setting(self.name, "samples", n * n, {"samples": n * n}) for n in GRIDS)
@@ -51,7 +51,7 @@ class PovRay:
         across = max(round(int(setting.options["samples"]) ** 0.5), 1)
         with tempfile.TemporaryDirectory(prefix="maquette-povray-") as name:
             folder = Path(name)
-            povray_scene.write(scene, plan, "scene", scene_meshes.tessellator(scene, plan)).save(folder / "scene.pov")
+            povray_scene.write(scene, plan, "scene", scene_meshes.make_tessellator(scene, plan)).save(folder / "scene.pov")
             started = time.perf_counter()
             said = process.call("POV-Ray", ["povray", *arguments(plan, across)], folder)
             whole = time.perf_counter() - started

@@ -1,5 +1,5 @@
 """Renderer classes, one a backend, and the data they prepare.
 
-May import: All render packages.
+May import: all render packages.
 Begin with `prepare.py`.
 """

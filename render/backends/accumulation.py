@@ -1,6 +1,6 @@
-"""Motion and lenses for a backend that draws what one point sees at one moment: renderers for several, whose samples take turns.
+"""Motion blur and depth of field by accumulation: renderers of several moments and lens points, which take samples in turn.
 
-Haeberli & Akeley 1990, The Accumulation Buffer.
+Source: Haeberli and Akeley, The Accumulation Buffer, 1990.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from .. import camera
 from ..film.film import TILE, Unshared
 from ..geometry import instance_transform
 from ..sampling import sobol
-from ..types import Film, First, Tile, View
+from ..types import Film, FirstHits, Tile, View
 
 
 class Renderer(Unshared):
-    """Draws a scene that moves or a lens that is wide; see film.Renderer. `still` makes the renderer of one moment and one point."""
+    """Renders motion and thin lenses; see film.Renderer. `still` makes the renderer of one moment and one lens point."""
 
     by_tile = True
     block = 1
@@ -37,31 +37,31 @@ class Renderer(Unshared):
         across, down = sobol.sample_lens(np.zeros(count, int), numbers, 0)
         self.moments = []
         for k in numbers.tolist():
-            then = standing(scene, start + share * (k + 0.5) / count) if plan["motion"] else scene
-            self.moments.append(still(seen_from(then, view, float(across[k]), float(down[k])) if plan["lens"] == "thin" else then))
-        self.opening = still(standing(scene, start) if plan["motion"] else scene) if plan["aov"] else None
+            then = freeze(scene, start + share * (k + 0.5) / count) if plan["motion"] else scene
+            self.moments.append(still(shift_lens(then, view, float(across[k]), float(down[k])) if plan["lens"] == "thin" else then))
+        self.opening = still(freeze(scene, start) if plan["motion"] else scene) if plan["aov"] else None
 
-    def first(self, tile: Tile, sample: int, total: int) -> First:
-        """What a sample of each pixel sees first, from the point and at the moment whose turn it is."""
+    def first(self, tile: Tile, sample: int, total: int) -> FirstHits:
+        """The first hits of one sample of each pixel, at that sample's moment and lens point."""
         return self._turn(sample).first(tile, sample, total)
 
     def _turn(self, s: int) -> Any:
         n = len(self.moments)
-        return self.moments[(s + s // n + s // (n * n)) % n]  # not s % n: that is where in the pixel a sample lies, too
+        return self.moments[(s + s // n + s // (n * n)) % n]  # not s % n: sample positions repeat with that period, too
 
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
-        """Add samples first … first + count - 1, the same for every pixel of the tile, to the film."""
+        """Add samples first … first + count - 1 of every pixel of a tile to the film; all pixels take the same."""
         for s in range(int(first[0, 0]), int(first[0, 0] + count[0, 0])):
             self._turn(s).sample(tile, np.full_like(first, s), np.ones_like(count), total, film)
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
-        """Write the named channels of the tile, as they are at the shutter's opening."""
+        """Write the named channels of a tile, at the shutter's opening."""
         assert self.opening is not None
         self.opening.channels(tile, names, out)
 
 
-def standing(scene: ir.Scene, time: float) -> ir.Scene:
-    """The scene as it is at a time from 0, the shutter's opening, to 1; nothing in it moves."""
+def freeze(scene: ir.Scene, time: float) -> ir.Scene:
+    """The scene without motion, at a time from 0, the shutter's opening, to 1."""
     transforms = scene.tables.transforms
     rows = np.flatnonzero(transforms.first_key >= 0)
     place = instance_transform.transform_at(scene.tables, rows, np.full(len(rows), time))
@@ -72,8 +72,8 @@ def standing(scene: ir.Scene, time: float) -> ir.Scene:
     return replace(scene, tables=scene.tables._replace(transforms=ir.table_of("transforms", {**still, **nothing})))
 
 
-def seen_from(scene: ir.Scene, view: View, x: float, y: float) -> ir.Scene:
-    """The scene as a place on the camera's lens, of radius 1, sees it: what is in focus stays where it is in the picture."""
+def shift_lens(scene: ir.Scene, view: View, x: float, y: float) -> ir.Scene:
+    """The scene with a pinhole camera at point (x, y) of the lens, a disk of radius 1; the plane of focus stays in place."""
     cameras, c = scene.tables.cameras, view.camera
     aside = np.array([x, y]) * float(cameras.lens[c])
     half = np.array(camera.half_extent(scene.tables, view))
@@ -97,7 +97,7 @@ def seen_from(scene: ir.Scene, view: View, x: float, y: float) -> ir.Scene:
 
 
 def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
-    """What is not drawn as it is."""
+    """Approximations, as (message, table, row)."""
     count, found = min(RASTER_MOMENTS, plan["samples"]), []
     if plan["motion"]:
         found.append((f"raster draws what moves at {count} moments", "cameras", plan["camera"]))

@@ -1,7 +1,6 @@
-"""Light groups: the light of each group of lamps by itself, drawn with the samples of the whole picture, which is their sum.
+"""Light groups: one channel for the light of each group of lights; the picture is exactly their sum.
 
-Each group is drawn by a renderer of its own, of a scene in which nothing else shines. Light adds up, so that the picture is the sum of
-its groups: exactly, because that is how it is made.
+A renderer for each group draws a scene in which only that group emits, with the same samples.
 """
 
 from __future__ import annotations
@@ -17,13 +16,13 @@ from ...compiler import ir
 from ...compiler.plan import plan as planner
 from ...compiler.plan.plan import Plan
 from ..image.image import Image
-from ..types import Film, First, Tile
+from ..types import Film, FirstHits, Tile
 
 Make = Callable[[ir.Scene, Plan], Any]
 
 
 class Renderer:
-    """Draws a picture group by group; see film.Renderer. `make` gives the renderer of a scene under a plan."""
+    """Renders a picture group by group; see film.Renderer. `make` makes the renderer of a scene and a plan."""
 
     whole = None
 
@@ -34,28 +33,28 @@ class Renderer:
         named = [name for name in of if name in chosen]
         others = {name for name in of if name not in chosen}
         parts = [(name, {name}) for name in named] + ([("", others)] if others else [])
-        self.parts = [(name, make(*lit_by(scene, plan, lamps))) for name, lamps in parts]
+        self.parts = [(name, make(*isolate_groups(scene, plan, lamps))) for name, lamps in parts]
         self.count = np.zeros((y1 - self.y0, x1 - self.x0), np.int64)
         self.light = {name: np.zeros((y1 - self.y0, x1 - self.x0, 3)) for name in (*chosen, "")}
         if not self.parts:
             self.parts = [("", make(scene, plan))]
-        self.single = None  # each group's light is kept apart
+        self.single = None  # each group needs a film of its own
         one = self.parts[0][1]
         self.by_tile, self.block, self.side, self.prepared = one.by_tile, one.block, one.side, getattr(one, "prepared", None)
 
     @property
     def round(self) -> int | None:
-        """The shortest of all groups'; see film.Renderer."""
+        """The smallest of all groups'; see film.Renderer."""
         return min((part.round for _, part in self.parts if part.round is not None), default=None)
 
     def refresh(self, samples: int) -> None:
-        """Make anew what samples share, in each group that has such."""
+        """Trace photons again, in each group that has photons."""
         for _, part in self.parts:
             if part.round is not None:
                 part.refresh(samples)
 
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
-        """Add samples to the film, and to what each group has."""
+        """Add samples to the film and to each group's sums."""
         window = slice(tile.y0 - self.y0, tile.y1 - self.y0), slice(tile.x0 - self.x0, tile.x1 - self.x0)
         self.count[window] += count
         for k, (name, renderer) in enumerate(self.parts):
@@ -68,15 +67,15 @@ class Renderer:
                 film.alpha[...] += own.alpha
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
-        """Write the named channels: things are the same in all groups."""
+        """Write the named channels, which are the same in all groups."""
         self.parts[0][1].channels(tile, names, out)
 
-    def first(self, tile: Tile, sample: int, total: int) -> First:
-        """What a sample sees, the same in all groups."""
+    def first(self, tile: Tile, sample: int, total: int) -> FirstHits:
+        """First hits, which are the same in all groups."""
         return self.parts[0][1].first(tile, sample, total)
 
     def put(self, image: Image) -> None:
-        """Give a picture its groups' channels and make it their sum."""
+        """Write the groups' channels of a picture, and their sum to its `rgba`."""
         count = np.maximum(self.count, 1)[..., None]
         total = np.zeros((image.height, image.width, 3), np.float32)
         for name, light in self.light.items():
@@ -88,7 +87,7 @@ class Renderer:
 
 
 def groups_of(scene: ir.Scene, plan: Plan) -> tuple[str, ...]:
-    """The groups of what shines in a scene, each once, by name; planner.REST holds what names none: lights, shapes, a background."""
+    """The names of a scene's light groups, sorted; planner.REST holds lights, emissive shapes and a background without a name."""
     tables = scene.tables
     groups = scene.names.groups or ("",) * len(tables.lights.kind)
     shining = tables.lights.color.max(axis=1, initial=0.0) > 0.0
@@ -99,15 +98,15 @@ def groups_of(scene: ir.Scene, plan: Plan) -> tuple[str, ...]:
     return tuple(sorted(named))
 
 
-def lit_by(scene: ir.Scene, plan: Plan, lamps: set[str]) -> tuple[ir.Scene, Plan]:
-    """The scene where only these groups shine, and the plan for it: a background of one colour belongs to the rest."""
+def isolate_groups(scene: ir.Scene, plan: Plan, lamps: set[str]) -> tuple[ir.Scene, Plan]:
+    """The scene in which only these groups emit, and its plan; a background of one colour belongs to planner.REST."""
     tables = scene.tables
     groups = scene.names.groups or ("",) * len(tables.lights.kind)
     off = np.array([(group or planner.REST) not in lamps for group in groups], bool).reshape(-1)
     color = np.where(off[:, None], 0.0, tables.lights.color)
     light = tables.instances.light
     dark = np.where(light >= 0, np.append(off, False)[light], planner.REST not in lamps)
-    materials, material = _unlit(tables, np.flatnonzero(dark))
+    materials, material = _without_emission(tables, np.flatnonzero(dark))
     lit = tables._replace(
         lights=ir.table_of("lights", {**tables.lights._asdict(), "color": color}), materials=materials,
         instances=ir.table_of("instances", {**tables.instances._asdict(), "material": material}),
@@ -118,8 +117,8 @@ def lit_by(scene: ir.Scene, plan: Plan, lamps: set[str]) -> tuple[ir.Scene, Plan
     return replace(scene, tables=lit), plan
 
 
-def _unlit(tables: ir.Tables, rows: Sequence[int] | NDArray[np.intp]) -> tuple[ir.Materials, NDArray[np.int32]]:
-    """Materials, and the one of each instance, where instances at some rows do not shine."""
+def _without_emission(tables: ir.Tables, rows: Sequence[int] | NDArray[np.intp]) -> tuple[ir.Materials, NDArray[np.int32]]:
+    """(materials, material of each instance) in which the instances at `rows` do not emit."""
     material = tables.instances.material.copy()
     used = np.unique(material[rows])
     used = used[tables.materials.values[used, ir.Slot.EMISSION].max(axis=1, initial=0.0) > 0.0]

@@ -1,10 +1,11 @@
-"""The raster renderer: a z-buffer finds what each sample sees, then one pass shades it, deferred, with the shading all backends share.
+"""The `raster` backend: a z-buffer finds each sample's surface, then a deferred pass shades it.
 
-Meshes are hit where their triangles are; of an analytic shape the z-buffer sees the tessellation, and the sample is then put
-where its ray meets the true surface, or, on the outline, where it meets the tessellation. Formulas, quadrics and
-round shapes that the eye is so near to that the tolerance would take too many triangles have none: they enter the z-buffer where each
-sample's ray meets them. After the first hit no ray is followed but those that look for shadows, unless `raster.secondary` is `trace`:
-mirrors and glass show the sky in their mirrored direction and straight behind, and the ground's mean light below it.
+The z-buffer holds triangles of meshes and tessellated shapes. A sample of a tessellated shape moves to the point where its ray hits the
+true surface; on the outline, where the ray misses that, to the tessellation. Implicit surfaces, quadrics and round shapes too near to the
+eye for the tolerance have no triangles: a ray for each sample enters them into the z-buffer.
+
+No ray follows the first hit except shadow rays, unless `raster.secondary` is `trace`. Mirrors show the sky in the mirrored direction,
+glass the sky straight behind; both show the ground's mean light below the horizon.
 """
 
 from __future__ import annotations
@@ -29,14 +30,14 @@ from ..jit.packed_struct import Handle
 from ..lanes import crosslane, ops
 from ..raster import band_renderer, coverage, sample_hits, scalar_raster, view_geometry
 from ..sampling import sobol
-from ..types import Film, First, Hit, Lane, Ray, Tile, View
-from .prepare import Prepared, trees
+from ..types import Film, FirstHits, Hit, Lane, Ray, Tile, View
+from .prepare import Prepared, build_bvh
 
 BATCH = 1 << 16  # samples of a tile held in the z-buffer at a time
 
 
 class Renderer(Unshared):
-    """Draws one view; its methods may be called from several threads at a time."""
+    """Renders one view. Thread-safe."""
 
     by_tile = True
     block = 1
@@ -55,15 +56,15 @@ class Renderer(Unshared):
 
     @functools.cached_property
     def _accel(self) -> Any:
-        """Trees, which channels beside the picture take even where its light needs none."""
-        return self.prepared.accel or trees(self.prepared.tables, self.plan)
+        """The BVH; channels need it even if the picture traces no rays."""
+        return self.prepared.accel or build_bvh(self.prepared.tables, self.plan)
 
     @functools.cached_property
-    def _buffer(self) -> _Buffer:
-        return _Buffer(self.prepared, self.view, self.how, self.reach)
+    def _buffer(self) -> _DepthBuffer:
+        return _DepthBuffer(self.prepared, self.view, self.how, self.reach)
 
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
-        """Add samples first … first + count - 1 of `total` of every pixel of a tile to the film's sums; they are the same for all."""
+        """Add samples first … first + count - 1 of `total` of every pixel of a tile to the film; all pixels take the same."""
         self._add(tile, int(first[0, 0]), int(count[0, 0]), total, film)
 
     def _add(self, tile: Tile, first: int, count: int, total: int, film: Film) -> None:
@@ -71,31 +72,32 @@ class Renderer(Unshared):
         stack = whitted.stack_for(prepared.options, crosslane.WIDTH)
         batch = max(1, BATCH // max(1, (tile.y1 - tile.y0) * (tile.x1 - tile.x0)))
         for start in range(first, first + count, batch):
-            scratch = self._seen(tile, start, min(batch, first + count - start), total)
-            shade(self._buffer.model, prepared.packed, prepared.accel, prepared.gouraud, prepared.frame, tile, start, scratch, stack, film)
+            scratch = self._rasterize(tile, start, min(batch, first + count - start), total)
+            model, light = self._buffer.model, prepared.vertex_light
+            shade(model, prepared.packed, prepared.accel, light, prepared.frame, tile, start, scratch, stack, film)
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
-        """Write the named channels of a tile's pixels, at their centres, (h, w, k) each."""
+        """Write the named channels at a tile's pixel centres, (h, w, k) each."""
         ray, hit = self.centres(tile)
         aov.channels_of(self.prepared.tables, self.view, ray, hit, names, out)
 
     def centres(self, tile: Tile) -> tuple[Ray, Hit]:
-        """The rays through a tile's pixel centres and what they hit, in lanes of shape (h · w,)."""
-        return self._hits(self._seen(tile, 0, 1, 1))
+        """The rays through a tile's pixel centres, and their hits, in lanes (h · w,)."""
+        return self._hits(self._rasterize(tile, 0, 1, 1))
 
     def _hits(self, scratch: Handle) -> tuple[Ray, Hit]:
-        """Rays through a scratch's samples and what they hit."""
+        """The rays through a scratch's samples, and their hits."""
         samples = scratch.tables.samples
         count = len(samples.x)
         hit = Hit(np.empty(count), np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count), np.empty(count))
         resolve(self._buffer.model, self.prepared.packed, self._accel, self.prepared.frame, scratch, hit)
         ray = camera.ray(self.prepared.tables, self.view, samples.x / coverage.ONE, samples.y / coverage.ONE)
         if self.plan["opacity"]:
-            self._pass_holes(ray, hit)
+            self._trace_transparent(ray, hit)
         return ray, hit
 
-    def _pass_holes(self, ray: Ray, hit: Hit) -> None:
-        """Let rays go on that met what is not wholly there: what they meet then trees tell."""
+    def _trace_transparent(self, ray: Ray, hit: Hit) -> None:
+        """Trace rays that hit partly transparent surfaces, and replace their hits."""
         tables = self.prepared.tables
         partial = planner.partial(tables)[tables.instances.material]
         rows = np.flatnonzero((hit.instance >= 0) & partial[hit.instance])
@@ -104,40 +106,40 @@ class Renderer(Unshared):
         for column, found in zip(hit, ray_queries.closest(self._accel, origin, direction, t_min, t_max), strict=True):
             column[rows] = found
 
-    def first(self, tile: Tile, sample: int, total: int) -> First:
-        """What a sample of each pixel sees first."""
-        return First(self.prepared.tables, *self._hits(self._seen(tile, sample, 1, total)))
+    def first(self, tile: Tile, sample: int, total: int) -> FirstHits:
+        """The first hits of one sample of each pixel."""
+        return FirstHits(self.prepared.tables, *self._hits(self._rasterize(tile, sample, 1, total)))
 
-    def _seen(self, tile: Tile, first: int, count: int, total: int) -> Handle:
-        """A handle of visibility.Scratch with samples first … first + count - 1 of a tile and what they see."""
+    def _rasterize(self, tile: Tile, first: int, count: int, total: int) -> Handle:
+        """A handle of scalar_raster.Scratch: samples first … first + count - 1 of a tile, and their depth buffer."""
         room = scalar_raster.workspace_for(self.prepared.tables)
         scratch = Handle(scalar_raster.scratch_for(tile, count, self.reach if total > 1 else 0, room))
         place_samples(tile, self.prepared.frame, first, total, scratch)
         self._buffer.draw(tile, scratch)
-        made = self.prepared.triangles
+        made = self.prepared.raster
         here = (made.boxes[:, 0] < tile.x1) & (made.boxes[:, 2] > tile.x0) & (made.boxes[:, 1] < tile.y1) & (made.boxes[:, 3] > tile.y0)
         if here.any():
             draw_untessellated(self._buffer.model, made.untessellated[here], self.prepared.packed, self._accel, self.view, scratch)
         return scratch
 
 
-class _Buffer:
-    """A z-buffer for samples anywhere, filled in any of the three ways, one triangle or polygon after the other."""
+class _DepthBuffer:
+    """A z-buffer for arbitrary sample positions, filled triangle by triangle or polygon by polygon, by any of the three fills."""
 
     def __init__(self, prepared: Prepared, view: View, how: int, reach: int) -> None:
         tables = prepared.tables
-        assert prepared.triangles is not None
+        assert prepared.raster is not None
         self.packed, self.how = prepared.packed, how
         self.flat = np.zeros(len(tables.polygons.first_loop), np.bool_)
         by_polygon = how == coverage.SCANLINE
         if by_polygon:
             scalar_raster.flat_polygons(self.packed, self.flat)
-        self.model = prepared.triangles.model
-        found = view_geometry.clusters(self.model, prepared.triangles.ranges, tables, view, -(-reach // coverage.ONE), by_polygon)
+        self.model = prepared.raster.model
+        found = view_geometry.clusters(self.model, prepared.raster.ranges, tables, view, -(-reach // coverage.ONE), by_polygon)
         self.box, self.whole, self.clusters = found.box, found.polygons, Handle(found)
 
     def draw(self, tile: Tile, scratch: Handle) -> None:
-        """Draw what lies in a tile into its scratch."""
+        """Draw the clusters that overlap a tile into its scratch."""
         box = self.box
         here = (box[:, 0] < tile.x1) & (box[:, 2] > tile.x0) & (box[:, 1] < tile.y1) & (box[:, 3] > tile.y0)
         scalar_raster.draw_triangles(self.model, self.clusters, np.flatnonzero(here & ~self.whole), tile, self.how, scratch)
@@ -146,7 +148,7 @@ class _Buffer:
 
 
 def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
-    """What the raster backend does not draw of a scene: (message, table, row), once for each material and light it is about."""
+    """Effects of a scene that the raster backend does not draw: (message, table, row), once for each material and light."""
     tables, found = scene.tables, []
     used = np.unique(tables.instances.material[tables.instances.visible & ir.Visibility.CAMERA != 0])
     values, glossy = tables.materials.values, planner.glossy_materials(scene)
@@ -173,7 +175,7 @@ def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
 
 @kernel
 def place_samples(tile, frame, first, total, scratch):
-    """Write where samples first, first + 1, … of a tile's pixels lie."""
+    """Write the positions of samples first, first + 1, … of a tile's pixels."""
     samples = scratch.samples
     for k in range(samples.rows * samples.columns):
         x, y = tile.x0 + k % samples.columns, tile.y0 + k // samples.columns
@@ -186,7 +188,7 @@ def place_samples(tile, frame, first, total, scratch):
 
 @kernel
 def draw_untessellated(model, untessellated, tables, accel, view, scratch):
-    """Draw shapes that have no triangles into the z-buffer: at every sample where its ray meets one of them."""
+    """Draw shapes without triangles into the z-buffer: intersects a ray for each sample."""
     samples, buffer = scratch.samples, scratch.depth
     count = len(buffer.key)
     for start in range(0, count, crosslane.WIDTH):
@@ -204,8 +206,8 @@ def draw_untessellated(model, untessellated, tables, accel, view, scratch):
 
 
 @helper
-def _at(model: Any, tables: Any, accel: Any, view: View, scratch: Any, k: Lane) -> tuple[Ray, Hit]:
-    """The rays of samples k and what they hit."""
+def _find_hits(model: Any, tables: Any, accel: Any, view: View, scratch: Any, k: Lane) -> tuple[Ray, Hit]:
+    """The rays of samples k, and their hits."""
     samples, buffer = scratch.samples, scratch.depth
     x, y = ops.to_float(samples.x[k]), ops.to_float(samples.y[k])
     ray = camera.ray(tables, view, x / coverage.ONE, y / coverage.ONE)
@@ -215,10 +217,10 @@ def _at(model: Any, tables: Any, accel: Any, view: View, scratch: Any, k: Lane) 
 
 @kernel
 def resolve(model, tables, accel, frame, scratch, hit):
-    """Write what every sample of a tile hits, in lanes."""
+    """Write the hits of a tile's samples, in lanes."""
     count = len(scratch.depth.key)
     for start in range(0, count, crosslane.WIDTH):
-        _, found = _at(model, tables, accel, frame.picture, scratch, ops.minimum(crosslane.lane_indices(start), count - 1))
+        _, found = _find_hits(model, tables, accel, frame.picture, scratch, ops.minimum(crosslane.lane_indices(start), count - 1))
         for j in range(min(count - start, crosslane.WIDTH)):
             hit.t[start + j], hit.u[start + j], hit.v[start + j] = (
                 crosslane.lane(found.t, j),
@@ -229,20 +231,20 @@ def resolve(model, tables, accel, frame, scratch, hit):
 
 
 @kernel
-def shade(model, tables, accel, gouraud, frame, tile, first, scratch, stack, film):
+def shade(model, tables, accel, vertex_light, frame, tile, first, scratch, stack, film):
     """Add the light of all samples of a tile to its film."""
     samples = scratch.samples
     count = len(scratch.depth.key)
     for start in range(0, count, crosslane.WIDTH):
         k = ops.minimum(crosslane.lane_indices(start), count - 1)
-        ray, hit = _at(model, tables, accel, frame.picture, scratch, k)
+        ray, hit = _find_hits(model, tables, accel, frame.picture, scratch, k)
         at = k // samples.count
         x, y = tile.x0 + at % samples.columns, tile.y0 + at // samples.columns
         pixel, index = sobol.zorder_index(x, y, first + k % samples.count, frame.picture.width, frame.order)
         color, alpha, sound = whitted.call(  # pyright: ignore[reportCallIssue]
             frame.radiance,
             (
-                tables, accel, gouraud, frame.options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive,
+                tables, accel, vertex_light, frame.options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive,
                 hit.u, hit.v, pixel, index, stack, None, None,
             ),
         )  # fmt: skip

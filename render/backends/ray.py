@@ -1,4 +1,4 @@
-"""The ray backend: camera rays through the trees of bvh.py, shaded by the shared integrator, a tile at a time in kernels."""
+"""The `ray` backend: traces camera rays through the scene's BVH and shades them with the shared integrators, tile by tile."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ from ..jit.kernel import HELPER, helper, kernel, noinline_helper
 from ..jit.packed_struct import Handle
 from ..lanes import crosslane, ops, ray_soa
 from ..sampling import sobol
-from ..types import Film, First, Hit, Lane, Options, Ray, Tile, View
+from ..types import Film, FirstHits, Hit, Lane, Options, Ray, Tile, View
 from . import prepare
 
 CAMERA = int(ir.Visibility.CAMERA)
 
 
 class Renderer:
-    """Draws tiles of a prepared scene; see film.Renderer. Safe to use from many threads."""
+    """Renders tiles of a prepared scene; see film.Renderer. Thread-safe."""
 
     by_tile = False
     whole = None
-    block = 1  # pixels of the side of what takes the same samples
+    block = 1  # side in pixels of the blocks that share samples
 
     def __init__(self, prepared: prepare.Prepared, plan: Plan, view: View) -> None:
         self.prepared, self.view = prepared, view
         self.frame = prepared.frame
         self.closed = plan["formulas"] == "closed"
-        self.packed = prepared.packed  # with the photons of this round, where there are any
-        self._rooms = threading.local()  # of waves and of bundles, one a thread
+        self.packed = prepared.packed  # with this round's photon maps
+        self._workspaces = threading.local()  # of wavefronts and of ray packets
         self.reuses = prepared.paths is not None and plan["transport.reuse"] == "blocks"
         if self.reuses:
             from ..integrator import path_reuse
@@ -52,9 +52,9 @@ class Renderer:
         self.primes = prepared.paths is None and hits.is_needed(prepared.accel.tables)
         self.side = hits.side(view.width, view.height, plan["samples"]) if self.primes else TILE
         self.black = self.primes and not prepared.accel.tables.rest & REST and whitted.is_black(prepared.tables, prepared.options)
-        self.everything = None  # trees of all things, where waves' own leave some out
+        self.channel_accel = None  # BVH of all instances, for channels
         self.has_single = self.primes and plan["samples"] == 1
-        nothing, none = Tile(0, 0, 0, 0), np.zeros((0, 0), np.int64)  # compiles
+        nothing, none = Tile(0, 0, 0, 0), np.zeros((0, 0), np.int64)  # an empty tile compiles the kernels
         if self.has_single:
             self._draw_single(nothing, np.zeros((0, 0, 4), np.float32))
         else:
@@ -62,118 +62,118 @@ class Renderer:
 
     @property
     def single(self) -> Callable[[Tile, NDArray[np.float32]], int] | None:
-        """See film.Renderer; not kept, as it keeps the renderer."""
+        """See film.Renderer. Not stored: a stored bound method would keep the renderer alive."""
         return self._draw_single if self.has_single else None
 
     @property
     def round(self) -> int | None:
-        """Samples a pixel may take before photons are drawn anew; None: there are none."""
+        """Samples that a pixel may take before photons are traced again; None without photons."""
         crop = self.view.width * self.view.height
-        return None if self.prepared.photons is None else self.prepared.photons.most(crop)
+        return None if self.prepared.photon_tracer is None else self.prepared.photon_tracer.most(crop)
 
     def refresh(self, samples: int) -> None:
-        """Draw photons for the next round of so many samples of all pixels together."""
+        """Trace photons for the next round, of this many samples of all pixels together."""
         scene = self.prepared.packed.tables
-        maps = self.prepared.photons.make(samples)
+        maps = self.prepared.photon_tracer.make(samples)
         self.packed = Handle(scene._replace(light=scene.light._replace(photons=maps)))
 
     def limit(self, bounces: int) -> None:
-        """Follow rays for so many bounces from now on, while no thread draws."""
+        """Set the limit on bounces. No thread may be drawing."""
         p = self.prepared
         self.frame.put("options.bounces", bounces)
         self.prepared = replace(p, options=p.options._replace(bounces=bounces))
         if self.primes:
-            self._rooms = threading.local()  # bundles have room for as many rays as wait
+            self._workspaces = threading.local()  # ray stacks depend on the limit
 
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
-        """Add samples first … first + count - 1, (h, w) each, of the pixels of the tile to the film."""
+        """Add samples first … first + count - 1, (h, w) each, of the pixels of a tile to the film."""
         p = self.prepared
         if p.paths is not None:
             from ..integrator import wavefront, wavefront_blocks
 
-            if not hasattr(self._rooms, "room"):
-                self._rooms.room = Handle(wavefront.Room.of(p.paths, self.reuses))
+            if not hasattr(self._workspaces, "wavefront"):
+                self._workspaces.wavefront = Handle(wavefront.Room.of(p.paths, self.reuses))
             drawn = wavefront_blocks.draw_tile if self.reuses else wavefront.draw_tile
-            drawn(p.accel, self.packed, self.frame, tile, first, count, total, film, self._rooms.room)
+            drawn(p.accel, self.packed, self.frame, tile, first, count, total, film, self._workspaces.wavefront)
             return
-        room = self._primed(tile, first, count, total) if self.primes else Handle(Room.of(p.options))
-        draw_tile(p.packed, p.accel, p.gouraud, self.frame, tile, first, count, total, film, room)
+        workspace = self._primed(tile, first, count, total) if self.primes else Handle(Workspace.of(p.options))
+        draw_tile(p.packed, p.accel, p.vertex_light, self.frame, tile, first, count, total, film, workspace)
 
     def _primed(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int) -> Handle:
-        """The thread's room for a tile, with what its samples meet of formulas."""
+        """The thread's workspace for a tile, with the implicit-surface hits of its samples."""
         p = self.prepared
-        if not hasattr(self._rooms, "bundles"):
-            from ..accel.formula_packets import camera_rays  # what other scenes do not load
+        if not hasattr(self._workspaces, "packets"):
+            from ..accel.formula_packets import camera_rays  # only scenes with implicit surfaces load it
 
-            self._rooms.bundles = camera_rays.Bundles(p.accel, p.packed, Room.of(p.options), p.lamps, self.black)
-        return self._rooms.bundles.prime(p.packed, self.frame, tile, first, count, total)
+            self._workspaces.packets = camera_rays.Bundles(p.accel, p.packed, Workspace.of(p.options), p.packet_lights, self.black)
+        return self._workspaces.packets.prime(p.packed, self.frame, tile, first, count, total)
 
     def _draw_single(self, tile: Tile, rgba: NDArray[np.float32]) -> int:
-        """As Renderer.single: without sums, which take as long as a tenth of the rest."""
+        """See film.Renderer.single; without film sums, which take a tenth of the time."""
         p, shape = self.prepared, rgba.shape[:2]
-        if getattr(self._rooms, "shape", None) != shape:
-            self._rooms.shape, self._rooms.counts = shape, (np.zeros(shape, np.int64), np.ones(shape, np.int64))
-        first, count = self._rooms.counts
-        room = self._primed(tile, first, count, 1)
-        return draw_single(p.packed, p.accel, p.gouraud, self.frame, rgba, room)
+        if getattr(self._workspaces, "shape", None) != shape:
+            self._workspaces.shape, self._workspaces.counts = shape, (np.zeros(shape, np.int64), np.ones(shape, np.int64))
+        first, count = self._workspaces.counts
+        workspace = self._primed(tile, first, count, 1)
+        return draw_single(p.packed, p.accel, p.vertex_light, self.frame, rgba, workspace)
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
-        """Write the named channels of the tile, (h, w, k) each."""
+        """Write the named channels of a tile, (h, w, k) each."""
         tables = self.prepared.tables
         x, y = aov.centres(tile)
         with np.errstate(all="ignore"):
             ray = camera.pinhole_ray(tables, self.view, x, y)
-        hit = Hit(*self._met(ray))
-        aov.channels_of(tables, self.view, ray, hit, names, out, self._unproved(ray) if "issues" in names else None)
+        hit = Hit(*self._find_hits(ray))
+        aov.channels_of(tables, self.view, ray, hit, names, out, self._find_unproved(ray) if "issues" in names else None)
 
-    def first(self, tile: Tile, sample: int, total: int) -> First:
-        """What a sample of each pixel sees first, at the shutter's opening."""
+    def first(self, tile: Tile, sample: int, total: int) -> FirstHits:
+        """The first hits of one sample of each pixel, at the shutter's opening."""
         with np.errstate(all="ignore"):
             ray = aov.sample_rays(self.prepared.tables, self.view, self.prepared.frame.tables, tile, sample, total)
-        return First(self.prepared.tables, ray, Hit(*self._met(ray)))
+        return FirstHits(self.prepared.tables, ray, Hit(*self._find_hits(ray)))
 
-    def _met(self, ray: Ray) -> ray_queries.Met:
-        """What the camera's rays meet first, of all things."""
-        origin, direction = _rows(ray)
-        if self.everything is None:
-            self.everything = self.prepared.accel if self.prepared.paths is None else ray_queries.trees(self.prepared.tables)
-        return ray_queries.closest(self.everything, origin, direction, ray.t_min, ray.t_max, CAMERA)
+    def _find_hits(self, ray: Ray) -> ray_queries.Met:
+        """The first hits of camera rays, among all instances."""
+        origin, direction = _stack_rays(ray)
+        if self.channel_accel is None:
+            self.channel_accel = self.prepared.accel if self.prepared.paths is None else ray_queries.trees(self.prepared.tables)
+        return ray_queries.closest(self.channel_accel, origin, direction, ray.t_min, ray.t_max, CAMERA)
 
-    def _unproved(self, ray: Ray) -> NDArray[np.bool_]:
-        """Whether what rays meet of formulas' surfaces could not be proved, by trees of this thread's own that count it."""
-        if not hasattr(self._rooms, "counting"):
-            self._rooms.counting = ray_queries.trees(self.prepared.tables, closed=self.closed)
-        return ray_queries.unproved(self._rooms.counting, *_rows(ray), ray.t_min, ray.t_max)
+    def _find_unproved(self, ray: Ray) -> NDArray[np.bool_]:
+        """Whether the absence of a nearer implicit-surface hit is unproved, by ray; counted by a BVH of this thread's own."""
+        if not hasattr(self._workspaces, "counting"):
+            self._workspaces.counting = ray_queries.trees(self.prepared.tables, closed=self.closed)
+        return ray_queries.unproved(self._workspaces.counting, *_stack_rays(ray), ray.t_min, ray.t_max)
 
 
-def _rows(ray: Ray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _stack_rays(ray: Ray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Origins and directions, (n, 3) each."""
     n = ray.direction[0].shape
     origin, direction = (np.stack([np.broadcast_to(c, n) for c in v], axis=1) for v in (ray.origin, ray.direction))
     return origin, direction
 
 
-class Room(NamedTuple):
-    """What a thread's kernel writes to: the lanes' samples, their light, and the rays that wait."""
+class Workspace(NamedTuple):
+    """Memory of one thread: a vector of samples, their light, and the ray stack."""
 
     items: NDArray[np.int64]  # (3, lanes) x, y and number of each sample
-    light: NDArray[np.float64]  # (5, lanes) red, green, blue, coverage, and 1 where it is sound
+    light: NDArray[np.float64]  # (5, lanes) red, green, blue, coverage, and 1 if finite
     stack: NDArray[np.float64]
-    primed: Any = hits.Nothing()  # or a primed.Primed
+    primed: Any = hits.Nothing()  # or a hits.Primed
 
     @classmethod
-    def of(cls, options: Options) -> Room:
+    def of(cls, options: Options) -> Workspace:
         width = crosslane.WIDTH
         return cls(np.zeros((3, width), np.int64), np.zeros((5, width)), whitted.stack_for(options, width))
 
 
 @kernel
-def draw_tile(tables, accel, gouraud, frame, tile, first, count, total, film, room):
-    """Add samples first … first + count - 1 of `total` of each pixel of a tile to its film, as many at once as there are lanes.
+def draw_tile(tables, accel, vertex_light, frame, tile, first, count, total, film, workspace):
+    """Add samples first … first + count - 1 of `total` of each pixel of a tile to its film.
 
-    A pixel's samples fill the lanes as often as they can; what is left over waits for that of other pixels.
+    A pixel's samples fill whole vectors; those left over share vectors with other pixels'.
     """
-    if draw_found(room.primed, tables, accel, gouraud, frame, film, room):
+    if draw_primed(workspace.primed, tables, accel, vertex_light, frame, film, workspace):
         return
     waiting = 0
     for y in range(tile.y0, tile.y1):
@@ -187,7 +187,8 @@ def draw_tile(tables, accel, gouraud, frame, tile, first, count, total, film, ro
                 cover = red
                 bad = 0
                 while end - s >= crosslane.WIDTH:
-                    color, alpha, sound = light_of(tables, accel, gouraud, frame, total, column_x, row_y, crosslane.lane_indices(s), room)
+                    number = crosslane.lane_indices(s)
+                    color, alpha, sound = shade_samples(tables, accel, vertex_light, frame, total, column_x, row_y, number, workspace)
                     red, green, blue, cover = red + color[0], green + color[1], blue + color[2], cover + alpha
                     bad += crosslane.WIDTH - crosslane.count(sound)
                     s += crosslane.WIDTH
@@ -197,53 +198,55 @@ def draw_tile(tables, accel, gouraud, frame, tile, first, count, total, film, ro
                 film.alpha[row, column] += crosslane.total(cover)
                 film.issues[row, column] += bad
             while s < end:
-                room.items[0, waiting], room.items[1, waiting], room.items[2, waiting] = x, y, s
+                workspace.items[0, waiting], workspace.items[1, waiting], workspace.items[2, waiting] = x, y, s
                 waiting += 1
                 s += 1
                 if waiting == crosslane.WIDTH:
-                    draw_waiting(tables, accel, gouraud, frame, total, room)
-                    _add(tile, film, room, waiting)
+                    shade_queue(tables, accel, vertex_light, frame, total, workspace)
+                    _add_queue(tile, film, workspace, waiting)
                     waiting = 0
-    if waiting > 0:  # the lanes beyond hold samples that were drawn already, or none: 0, 0
-        draw_waiting(tables, accel, gouraud, frame, total, room)
-        _add(tile, film, room, waiting)
+    if waiting > 0:  # the other lanes hold earlier samples, or (0, 0)
+        shade_queue(tables, accel, vertex_light, frame, total, workspace)
+        _add_queue(tile, film, workspace, waiting)
 
 
-def draw_found(primed: Any, tables: Any, accel: Any, gouraud: Any, frame: Any, film: Film, room: Any) -> bool:
-    """Whether each pixel of a tile has one sample of which it is known what it meets of formulas; adds those, in the order of bundles."""
+def draw_primed(primed: Any, tables: Any, accel: Any, vertex_light: Any, frame: Any, film: Film, workspace: Any) -> bool:
+    """Draw a tile whose pixels have one sample each with known implicit-surface hits, in packet order; False for other tiles."""
     raise NotImplementedError("in kernels only")
 
 
-@overload(draw_found, jit_options=HELPER)
-def _draw_found(primed, tables, accel, gouraud, frame, film, room):
+@overload(draw_primed, jit_options=HELPER)
+def _draw_primed(primed, tables, accel, vertex_light, frame, film, workspace):
     if not is_used(primed):
-        return lambda primed, tables, accel, gouraud, frame, film, room: False
+        return lambda primed, tables, accel, vertex_light, frame, film, workspace: False
 
-    def drawn(primed, tables, accel, gouraud, frame, film, room):
+    def drawn(primed, tables, accel, vertex_light, frame, film, workspace):
         if primed.rounds != 1:
             return False
         n = len(primed.t)
         for start in range(0, n, crosslane.WIDTH):
             if primed.black and not ops.any_lane(taken(primed.t, start) < np.inf):
                 continue
-            if draw_row(tables, accel, gouraud, frame, start, room):
+            if shade_primed(tables, accel, vertex_light, frame, start, workspace):
                 for k in range(min(crosslane.WIDTH, n - start)):
-                    _add_one(film, room, k, primed.items[n + start + k], primed.items[start + k])
+                    _add_sample(film, workspace, k, primed.items[n + start + k], primed.items[start + k])
         return True
 
     return drawn
 
 
 @kernel
-def draw_single(tables, accel, gouraud, frame, rgba, room):
-    """Set the pixels of a tile (h, w, 4), which are 0, by their one sample each, of which it is known what it meets of formulas; how many
-    samples are no numbers that a picture can hold."""
-    found, light, issues = room.primed, room.light, 0
+def draw_single(tables, accel, vertex_light, frame, rgba, workspace):
+    """Write the pixels of a tile, (h, w, 4) zeros, from one sample each, whose implicit-surface hits are known.
+
+    Returns the number of samples that are not finite or too large for a picture.
+    """
+    found, light, issues = workspace.primed, workspace.light, 0
     n = len(found.t)
     for start in range(0, n, crosslane.WIDTH):
         if found.black and not ops.any_lane(taken(found.t, start) < np.inf):
             continue
-        if draw_row(tables, accel, gouraud, frame, start, room):
+        if shade_primed(tables, accel, vertex_light, frame, start, workspace):
             for k in range(min(crosslane.WIDTH, n - start)):
                 row, column = found.items[n + start + k], found.items[start + k]
                 red, green, blue = light[0, k] + 0.0, light[1, k] + 0.0, light[2, k] + 0.0
@@ -256,80 +259,82 @@ def draw_single(tables, accel, gouraud, frame, rgba, room):
 
 
 @noinline_helper
-def draw_row(tables, accel, gouraud, frame, start, room):
-    """Write the light of samples that were met beforehand, from number `start` on, to the room: as `light_of`, by their known rays;
-    whether there is any."""
-    view, options, found = frame.picture, frame.options, room.primed
+def shade_primed(tables, accel, vertex_light, frame, start, workspace):
+    """Write the light of samples with known rays and implicit-surface hits, from number `start` on, to the workspace.
+
+    Returns whether any of it is not black.
+    """
+    view, options, found = frame.picture, frame.options, workspace.primed
     x, y, _ = pixels(found.items, start)
     s = first_samples(found.corner, found.first, found.columns, x, y)
     pixel, s = sobol.zorder_index(x + found.corner[0], y + found.corner[1], s, view.width, frame.order)
     origin, direction, t_min, t_max = ray_soa.get_of(found.rays, len(found.rays) // 8, start)
     ray = Ray(origin, direction, t_min, t_max, sobol.sample_time(pixel, s, options.seed, frame.shutter))
-    hit, known = first_of_both(accel, tables, ray, found, start)
-    return _put_light(room, whitted.call(frame.radiance, (  # pyright: ignore[reportCallIssue]
-        tables, accel, gouraud, options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive, hit.u, hit.v, pixel, s, room.stack,
-        ray.time, known,
+    hit, known = merge_first_hits(accel, tables, ray, found, start)
+    return _store_light(workspace, whitted.call(frame.radiance, (  # pyright: ignore[reportCallIssue]
+        tables, accel, vertex_light, options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive, hit.u, hit.v, pixel, s,
+        workspace.stack, ray.time, known,
     )))  # fmt: skip
 
 
 @helper
-def _put_light(room: Any, light: Any) -> bool:
-    """Write samples' light to the room; whether adding it changes anything."""
+def _store_light(workspace: Any, light: Any) -> bool:
+    """Write samples' light to the workspace; returns whether adding it changes the film."""
     color, alpha, sound = light
     for k in range(3):
-        crosslane.store(room.light, k, color[k])
-    crosslane.store(room.light, 3, alpha)
-    crosslane.store(room.light, 4, ops.where(sound, 1.0, 0.0))
+        crosslane.store(workspace.light, k, color[k])
+    crosslane.store(workspace.light, 3, alpha)
+    crosslane.store(workspace.light, 4, ops.where(sound, 1.0, 0.0))
     dark = (color[0] == 0.0) & (color[1] == 0.0) & (color[2] == 0.0) & (alpha == 0.0) & sound
     return ops.any_lane(ops.not_(dark))
 
 
 @noinline_helper
-def draw_waiting(tables, accel, gouraud, frame, total, room):
-    """Write the light of the room's samples to the room."""
-    x, y, s = crosslane.load(room.items, 0), crosslane.load(room.items, 1), crosslane.load(room.items, 2)
-    _put_light(room, light_of(tables, accel, gouraud, frame, total, x, y, s, room))
+def shade_queue(tables, accel, vertex_light, frame, total, workspace):
+    """Shade the workspace's samples and write their light there."""
+    x, y, s = crosslane.load(workspace.items, 0), crosslane.load(workspace.items, 1), crosslane.load(workspace.items, 2)
+    _store_light(workspace, shade_samples(tables, accel, vertex_light, frame, total, x, y, s, workspace))
 
 
 @helper
-def _add(tile: Tile, film: Film, room: Any, count: int) -> None:
-    """Add the light of the room's first `count` samples to the film, in their order."""
+def _add_queue(tile: Tile, film: Film, workspace: Any, count: int) -> None:
+    """Add the light of the workspace's first `count` samples to the film, in their order."""
     for k in range(count):
-        _add_one(film, room, k, room.items[1, k] - tile.y0, room.items[0, k] - tile.x0)
+        _add_sample(film, workspace, k, workspace.items[1, k] - tile.y0, workspace.items[0, k] - tile.x0)
 
 
 @helper
-def _add_one(film: Film, room: Any, k: int, row: int, column: int) -> None:
-    """Add the light of the room's sample k to a pixel."""
-    film.color[row, column, 0] += room.light[0, k]
-    film.color[row, column, 1] += room.light[1, k]
-    film.color[row, column, 2] += room.light[2, k]
-    film.alpha[row, column] += room.light[3, k]
-    if not room.light[4, k] > 0.5:  # seldom: memory that nobody reads or writes need not come near
+def _add_sample(film: Film, workspace: Any, k: int, row: int, column: int) -> None:
+    """Add the light of the workspace's sample k to a pixel."""
+    film.color[row, column, 0] += workspace.light[0, k]
+    film.color[row, column, 1] += workspace.light[1, k]
+    film.color[row, column, 2] += workspace.light[2, k]
+    film.alpha[row, column] += workspace.light[3, k]
+    if not workspace.light[4, k] > 0.5:  # rare: otherwise the array stays out of the cache
         film.issues[row, column] += 1
 
 
-def met_first(primed: Any, accel: Any, tables: Any, ray: Ray, x: Lane, y: Lane, s: Lane) -> tuple[Hit, Any]:
-    """What rays of samples s of pixels x, y meet first, beforehand or in trees; what is known there of lamps, or None."""
+def find_first_hits(primed: Any, accel: Any, tables: Any, ray: Ray, x: Lane, y: Lane, s: Lane) -> tuple[Hit, Any]:
+    """The first hits of the rays of samples s of pixels (x, y), and what is known of lights' shadows there, or None."""
     raise NotImplementedError("in kernels only")
 
 
-@overload(met_first, jit_options=HELPER)
-def _met_first(primed, accel, tables, ray, x, y, s):
+@overload(find_first_hits, jit_options=HELPER)
+def _find_first_hits(primed, accel, tables, ray, x, y, s):
     if not is_used(primed):
         return lambda primed, accel, tables, ray, x, y, s: (intersect.closest_hit(accel, tables, ray, ops.bool_like(x, True), CAMERA), None)
 
-    def of_both(primed, accel, tables, ray, x, y, s):
+    def merged(primed, accel, tables, ray, x, y, s):
         near, far = ops.full_like(ray.direction[0], ray.t_min), ops.full_like(ray.direction[0], ray.t_max)
         origin = ops.add(ray.origin, ops.like3(near, 0.0, 0.0, 0.0))
-        return first_of_both(accel, tables, Ray(origin, ray.direction, near, far, ray.time), primed, slot_of(primed, x, y, s))
+        return merge_first_hits(accel, tables, Ray(origin, ray.direction, near, far, ray.time), primed, slot_of(primed, x, y, s))
 
-    return of_both
+    return merged
 
 
 @noinline_helper
-def first_of_both(accel, tables, ray, found, slot):
-    """`met_first` for samples in these slots, or from this one on."""
+def merge_first_hits(accel, tables, ray, found, slot):
+    """The nearer of known implicit-surface hits, in these slots, and BVH hits."""
     zero, none = ops.full_like(ray.t_min, 0.0), ops.int_like(ray.t_min, -1)
     hit = Hit(zero + np.inf, none, none, zero, zero)
     if accel.rest & REST != 0:
@@ -338,7 +343,7 @@ def first_of_both(accel, tables, ray, found, slot):
 
 
 @noinline_helper
-def light_of(tables, accel, gouraud, frame, total, x, y, s, room):
+def shade_samples(tables, accel, vertex_light, frame, total, x, y, s, workspace):
     """(radiance, coverage, sound) of samples s of pixels x, y."""
     view, options = frame.picture, frame.options
     column, row, number = x, y, s
@@ -347,8 +352,8 @@ def light_of(tables, accel, gouraud, frame, total, x, y, s, room):
     time = sobol.sample_time(pixel, s, options.seed, frame.shutter)
     x, y = ops.to_float(x) + 0.5 + dx, ops.to_float(y) + 0.5 + dy
     ray = camera.generate_ray(tables, view, frame.lens, x, y, pixel, s, options.seed, time)
-    hit, known = met_first(room.primed, accel, tables, ray, column, row, number)
+    hit, known = find_first_hits(workspace.primed, accel, tables, ray, column, row, number)
     return whitted.call(frame.radiance, (  # pyright: ignore[reportCallIssue]
-        tables, accel, gouraud, options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive, hit.u, hit.v, pixel, s, room.stack,
-        ray.time, known,
+        tables, accel, vertex_light, options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive, hit.u, hit.v, pixel, s,
+        workspace.stack, ray.time, known,
     ))  # fmt: skip

@@ -1,4 +1,4 @@
-"""The reference backend: every primitive tried for every ray, in numpy float64. Slow and short: the definition of the others."""
+"""The `reference` backend: tests every primitive against every ray, in numpy float64. It defines the results of the others."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from ..film import aov
 from ..film.film import TILE, Unshared
 from ..integrator import whitted
 from ..sampling import sobol
-from ..types import Film, First, Ray, Tile, View
+from ..types import Film, FirstHits, Ray, Tile, View
 from .prepare import Prepared
 
 
 class Renderer(Unshared):
-    """Draws tiles with numpy lanes, all pixels of a tile at once."""
+    """Renders tiles with numpy lanes, all pixels of a tile at once."""
 
     by_tile = True
     block = 1
@@ -31,7 +31,7 @@ class Renderer(Unshared):
         self.prepared, self.view = prepared, view
 
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
-        """Add samples first … first + count - 1, the same for every pixel of the tile, to the film."""
+        """Add samples first … first + count - 1 of every pixel of a tile to the film; all pixels take the same."""
         prepared, options, frame = self.prepared, self.prepared.options, self.prepared.frame
         x, y = _pixels(tile)
         stack = whitted.stack_for(options, len(x))
@@ -51,7 +51,7 @@ class Renderer(Unshared):
                     rgb, alpha, sound = path.radiance(prepared.tables, prepared.accel, prepared.paths, options, ray, hit, pixel, index)
                 else:
                     rgb, alpha, sound = whitted.radiance(
-                        prepared.tables, prepared.accel, prepared.gouraud, options, ray, hit, pixel, index, stack
+                        prepared.tables, prepared.accel, prepared.vertex_light, options, ray, hit, pixel, index, stack
                     )
                 for k in range(3):
                     film.color[..., k] += np.reshape(rgb[k], shape)
@@ -59,17 +59,17 @@ class Renderer(Unshared):
                 film.issues[:] += np.reshape(~sound, shape)
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, Any]) -> None:
-        """Write the named channels of the tile, (h, w, k) each."""
+        """Write the named channels of a tile, (h, w, k) each."""
         with np.errstate(all="ignore"):
             ray = camera.pinhole_ray(self.prepared.tables, self.view, *aov.centres(tile))
             hit = self._first_hit(ray)
         aov.channels_of(self.prepared.tables, self.view, ray, hit, names, out)
 
-    def first(self, tile: Tile, sample: int, total: int) -> First:
-        """What a sample of each pixel sees first, at the shutter's opening."""
+    def first(self, tile: Tile, sample: int, total: int) -> FirstHits:
+        """The first hits of one sample of each pixel, at the shutter's opening."""
         with np.errstate(all="ignore"):
             ray = aov.sample_rays(self.prepared.tables, self.view, self.prepared.frame, tile, sample, total)
-            return First(self.prepared.tables, ray, self._first_hit(ray))
+            return FirstHits(self.prepared.tables, ray, self._first_hit(ray))
 
     def _first_hit(self, ray: Ray) -> Any:
         active = np.ones(np.shape(ray.direction[0]), bool)

@@ -16,7 +16,7 @@ from ..lanes import ops
 from ..material import bsdf
 from ..simd import target
 from ..surface import interaction
-from ..types import First, Hit, Ray, Tile
+from ..types import FirstHits, Hit, Ray, Tile
 from . import aov, film
 
 SAMPLES = 16  # of a pixel, at the most, that guides are averaged over: 4 leave twice the error at edges of patterns
@@ -51,7 +51,7 @@ def guides(renderer: film.Renderer, plan: Plan) -> tuple[NDArray[np.float32], ND
     return np.clip(albedo, 0.0, 1.0), normal
 
 
-def _seen(first: First) -> NDArray[np.float64]:
+def _seen(first: FirstHits) -> NDArray[np.float64]:
     """(2, n, 3) albedo and normal of what rays hit; 0 of nothing. Mirrors and glass have the color they tint light with."""
     tables, ray, hit = first
     out = np.zeros((2, len(hit.t), 3))

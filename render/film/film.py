@@ -22,7 +22,7 @@ from ..image import cryptomatte, image, metrics
 from ..image.cryptomatte import Mattes
 from ..jit import thread_pool
 from ..simd import target
-from ..types import Film, First, Tile, View
+from ..types import Film, FirstHits, Tile, View
 from . import accumulate, adaptive_sampling, aov
 
 TILE = 32  # pixels
@@ -73,7 +73,7 @@ class Renderer(Protocol):
         """Write the named channels, (h, w, k) each, as seen at the pixels' centres."""
         ...
 
-    def first(self, tile: Tile, sample: int, total: int) -> First:
+    def first(self, tile: Tile, sample: int, total: int) -> FirstHits:
         """What a sample of `total` of each pixel of a tile sees first, in numpy lanes (h · w,)."""
         ...
 

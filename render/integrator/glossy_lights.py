@@ -18,7 +18,7 @@ from ..light import lights
 from ..light.lights import Arriving
 from ..material import bsdf, principled
 from ..material.bsdf import Shader
-from ..types import Lane, Tables, Unmet, Vec
+from ..types import Lane, NoGlossyLights, Tables, Vec
 
 
 class Lamps(NamedTuple):
@@ -27,14 +27,14 @@ class Lamps(NamedTuple):
     rows: NDArray[np.int64]  # of lights
 
 
-def of(tables: ir.Tables) -> Lamps | Unmet:
+def of(tables: ir.Tables) -> Lamps | NoGlossyLights:
     """The lamps that rays along highlights can meet; none where no material has microfacets."""
     if not isinstance(tables.materials, principled.Layered):
-        return Unmet()
+        return NoGlossyLights()
     kinds = tables.lights.kind
     wide = ir.among(kinds, (lights.RECTANGLE, lights.DISK, lights.SPHERE)) | ((kinds == lights.SUN) & (tables.lights.angle > 0.0))
     rows = np.flatnonzero(wide)
-    return Lamps(rows.astype(np.int64)) if len(rows) else Unmet()
+    return Lamps(rows.astype(np.int64)) if len(rows) else NoGlossyLights()
 
 
 @helper

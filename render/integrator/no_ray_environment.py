@@ -14,21 +14,21 @@ from ..geometry.bounds import world_bounds
 from ..lanes import ops
 from ..material import bsdf
 from ..surface import interaction
-from ..types import Around, Followed, Hit, Options, Ray, Triple
+from ..types import AmbientEnvironment, Float3, Hit, Options, Ray, SecondaryRays
 from . import whitted
 
 PLACES = 256  # of the ground, over which its light is averaged
 
 
-def ambient_environment(scene: ir.Scene, tables: ir.Tables, options: Options) -> Followed | Around:
+def ambient_environment(scene: ir.Scene, tables: ir.Tables, options: Options) -> SecondaryRays | AmbientEnvironment:
     """What stands for rays that are not followed; `tables` are the scene's, ready for shading, `options` a plan's without bounces."""
     if not (planner.specular_materials(scene) & planner.used_materials(scene.tables)).any():
-        return Followed()  # nobody asks
+        return SecondaryRays()  # nobody asks
     row = planner.ground(scene.tables)
     if row < 0:
-        return Around(Triple(0.0, 0.0, 0.0), Triple(0.0, 0.0, 0.0))
+        return AmbientEnvironment(Float3(0.0, 0.0, 0.0), Float3(0.0, 0.0, 0.0))
     up = normal(scene.tables, row)
-    return Around(Triple(*up), Triple(*_mean_light(tables, options, row, np.array(up))))
+    return AmbientEnvironment(Float3(*up), Float3(*_mean_light(tables, options, row, np.array(up))))
 
 
 def normal(tables: ir.Tables, instance: int) -> tuple[float, float, float]:
@@ -53,7 +53,7 @@ def _mean_light(tables: ir.Tables, options: Options, ground: int, up: NDArray[np
     ray: Any = Ray(origin, down, zero, zero + np.inf, None)
     point = interaction.make_interaction(tables, ray, Hit(zero + 1.0, lane + ground, lane, zero, zero))
     shader = bsdf.evaluate_shader(tables, point)
-    unshadowed = options._replace(shadows=False, environment=Followed())
+    unshadowed = options._replace(shadows=False, environment=SecondaryRays())
     everywhere = np.ones(PLACES, bool)
     with np.errstate(all="ignore"):
         viewer = ops.negate(ray.direction)

@@ -26,7 +26,7 @@ from ..material.bsdf import ONLY, Shader, Uses
 from ..sampling import sobol
 from ..surface import alpha as surface_alpha
 from ..surface import blend, interaction, normal_map
-from ..types import GouraudLight, Hit, Lane, Options, Ray, Surface, Tables, Vec
+from ..types import Hit, Lane, Options, Ray, Surface, Tables, Vec, VertexLight
 from . import photon_map, whitted
 
 CAMERA_RAY = int(ir.Visibility.CAMERA)
@@ -424,7 +424,7 @@ def from_vertices(vertices: Any, tables: Tables, point: Surface, hit: Hit, here:
 
 
 @helper
-def _from_vertices(vertices: GouraudLight, tables: Tables, point: Surface, hit: Hit, here: Lane) -> tuple[Lane, Vec]:
+def _from_vertices(vertices: VertexLight, tables: Tables, point: Surface, hit: Hit, here: Lane) -> tuple[Lane, Vec]:
     zero = ops.full_like(point.offset, 0.0)
     lit = here & (tables.materials.shading[point.material] == GOURAUD) & (vertices.first[point.instance] >= 0)
     known = (zero, zero, zero)

@@ -13,7 +13,7 @@ from ..jit.packed_struct import Handle
 from ..lanes import affine, crosslane, ops
 from ..material import bsdf
 from ..surface import interaction
-from ..types import GouraudLight, Hit, Lane, Ray, Surface, Tables, Vec, View
+from ..types import Hit, Lane, Ray, Surface, Tables, Vec, VertexLight, View
 from . import whitted
 
 SOFT_SAMPLES = 64  # of lights that have an extent, at each vertex
@@ -22,7 +22,7 @@ MESH = int(ir.GeometryKind.MESH)
 ORTHOGRAPHIC = int(ir.Projection.ORTHOGRAPHIC)
 
 
-def vertex_light(tables: Tables, packed: Any, accel: Any, frame: Any) -> GouraudLight:
+def vertex_light(tables: Tables, packed: Any, accel: Any, frame: Any) -> VertexLight:
     """Direct and ambient light at each vertex of every mesh instance whose material is shaded at vertices, for both sides.
 
     It goes to the camera's place (or along its axis, when orthographic). A vertex of an outline belongs to triangles that show
@@ -35,7 +35,7 @@ def vertex_light(tables: Tables, packed: Any, accel: Any, frame: Any) -> Gouraud
     counts = np.where(shaded, geometries.vertex_count[g], 0).astype(np.int64)
     first = np.where(shaded, np.cumsum(counts) - counts, -1).astype(np.int64)
     half = max(int(counts.sum()), 1)
-    light = GouraudLight(first, np.zeros((2 * half, 3)))
+    light = VertexLight(first, np.zeros((2 * half, 3)))
     samples = SOFT_SAMPLES if ir.among(tables.lights.kind, SOFT).any() else 1
     run: Any = _in_kernel if isinstance(packed, Handle) else _in_numpy
     for i in np.flatnonzero(shaded):
@@ -50,7 +50,7 @@ def vertex_light(tables: Tables, packed: Any, accel: Any, frame: Any) -> Gouraud
 @functools.cache
 def none() -> Handle:
     """Light at no vertex."""
-    return Handle(GouraudLight(np.zeros(0, np.int64), np.zeros((0, 3))))
+    return Handle(VertexLight(np.zeros(0, np.int64), np.zeros((0, 3))))
 
 
 def _a_corner_of_each_vertex(tables: Tables, g: int) -> np.ndarray:

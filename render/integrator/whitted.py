@@ -29,7 +29,7 @@ from ..material.bsdf import Shader
 from ..sampling import sobol
 from ..surface import alpha as surface_alpha
 from ..surface import blend, interaction, normal_map, texture_footprint
-from ..types import GouraudLight, Hit, Lane, Options, Ray, Surface, Tables, Vec
+from ..types import Hit, Lane, Options, Ray, Surface, Tables, Vec, VertexLight
 from . import glossy_lights
 
 CAMERA_RAY = int(ir.Visibility.CAMERA)
@@ -70,7 +70,7 @@ _part = blend.if_blended(_drawn_part)
 def radiance(
     tables: Tables,
     accel: Any,
-    gouraud: GouraudLight,
+    gouraud: VertexLight,
     options: Options,
     ray: Ray,
     hit: Hit,
@@ -237,7 +237,7 @@ _lit_by_skies = specialize_if_present(_but_glossy)  # whose highlights look for 
 
 @helper
 def local_light(
-    tables: Tables, accel: Any, gouraud: GouraudLight, options: Options, point: Surface, shader: Shader, viewer: Vec, hit: Hit,
+    tables: Tables, accel: Any, gouraud: VertexLight, options: Options, point: Surface, shader: Shader, viewer: Vec, hit: Hit,
     active: Lane, specular: Lane, inside: Any, pixel: Lane, sample: Lane, key: Lane,
 ) -> Vec:  # fmt: skip
     """What a point sends to the viewer by itself: emission, ambient and direct light, or light computed at vertices.
@@ -416,7 +416,7 @@ _past_shadows = specialize_either(_past_maps, _past_rays)
 
 
 @helper
-def from_vertices(tables: Tables, gouraud: GouraudLight, point: Surface, hit: Hit, here: Lane) -> Vec:
+def from_vertices(tables: Tables, gouraud: VertexLight, point: Surface, hit: Hit, here: Lane) -> Vec:
     """What was computed at the vertices of the triangles that rays met, in between them."""
     g = tables.instances.geometry[point.instance]
     triangle = ops.where(here, hit.primitive, 0)

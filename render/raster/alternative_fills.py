@@ -1,6 +1,6 @@
-"""A band filled in one of the other ways of fill.py: triangle by triangle, or polygon by polygon, sample by sample.
+"""Fills bands through the scalar z-buffer, by areas or scanlines, triangle by triangle or polygon by polygon.
 
-What each sample sees then stands in the band's buffer as meshlets would have left it there, so that all else is the same.
+The band's visibility buffer then holds the same keys and ids as the fill by meshlets gives, so that shading is the same.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from .meshlets import SHIFT, Meshlets
 
 
 class AlternativeFill:
-    """The triangles or polygons of a view, and where each stands among the meshlets."""
+    """The triangles or polygons of a view, and the meshlet of each."""
 
     def __init__(self, how: str, tables: ir.Tables, packed: Handle, view: View, model: Handle, ranges: NDArray, meshlets: Meshlets) -> None:
         self.how, self.tables, self.packed, self.model = coverage.NAMES[how], tables, packed, model
@@ -38,7 +38,7 @@ class AlternativeFill:
             self.slots[rows], self.meshlet[rows] = np.arange(count), m
 
     def draw(self, band: Handle, pattern: Pattern, drawn: VisibleMeshlets) -> None:
-        """Fill a band's buffer."""
+        """Fill a band's visibility buffer."""
         into: Any = band.tables
         x, y, columns, rows = (int(n) for n in into.window)
         tile = Tile(x, y, x + columns, y + rows)
@@ -58,7 +58,7 @@ class AlternativeFill:
 
 @kernel
 def write_band(scratch, slots, meshlet, rank, samples, band):
-    """Write what a scratch's samples see into a band's buffer. `rank` has, rising, each drawn meshlet's instance and number."""
+    """Write a z-buffer to a band's visibility buffer. `rank` holds instance << 32 | meshlet of the visible meshlets, ascending."""
     depth_buffer = scratch.depth
     columns = band.window[2]
     for k in range(len(depth_buffer.key)):

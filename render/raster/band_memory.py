@@ -50,12 +50,12 @@ class BufferPool:
 
 
 class BufferSize(NamedTuple):
-    """What a thread's memory depends on."""
+    """The sizes that a thread's buffers depend on."""
 
     columns: int
     rows: int
     samples: int
-    plain: bool
+    float32: bool
     textured: bool
     colored: bool
     meshlets: int
@@ -68,7 +68,7 @@ class BandMemory:
         self.band = Handle(band_buffer.band_buffer(size.columns, size.rows, size.samples))
         self.fragments = Handle(fragments.fragment_buffer(size.columns, size.samples))
         most = 2 * self.fragments.tables.half
-        self.planes = Handle(triangle_planes.plane_cache(size.meshlets, most, size.textured, size.colored)) if size.plain else None
+        self.planes = Handle(triangle_planes.plane_cache(size.meshlets, most, size.textured, size.colored)) if size.float32 else None
         self.stack = whitted.stack_for(options, crosslane.WIDTH) if self.planes is None else None
         self.points = Handle(point_buffer(size.textured, size.colored))
         self.filling: Any = None
@@ -77,19 +77,19 @@ class BandMemory:
         self._pass: Pass | None = None
         self._visible: Handle | None = None
 
-    def serve(self, picture: object, prepared: Any, visible: Handle, one: Pass) -> None:
+    def bind(self, picture: object, prepared: Any, visible: Handle, one: Pass) -> None:
         """Set the kernels' arguments for a pass of a picture; `turn` is an object of the picture's own, compared by identity."""
         if self.planes is not None and self._picture is not picture:
             triangle_planes.clear(self.planes.tables)
         if self._pass is not one:
-            self._make(prepared, visible, one)
+            self._bind_pass(prepared, visible, one)
         elif self._visible is not visible:
             for handle in (self.filling, self.shading):
                 handle.point("visible", visible)
         self._picture, self._pass, self._visible = picture, one, visible
 
-    def _make(self, prepared: Any, visible: Handle, one: Pass) -> None:
-        scene = prepared.triangles
+    def _bind_pass(self, prepared: Any, visible: Handle, one: Pass) -> None:
+        scene = prepared.raster
         self.filling = Handle(band_buffer.Filling(scene.projection, one.places, scene.meshlets, visible, self.band))
         if self.planes is not None:
             self.shading = Handle(deferred_shading.Shading(
@@ -98,6 +98,6 @@ class BandMemory:
             ))  # fmt: skip
         elif self.stack is not None:
             self.shading = Handle(integrator_shading.IntegratorShading(
-                scene.model, one.places, scene.meshlets, visible, prepared.packed, prepared.accel, prepared.gouraud, prepared.frame,
+                scene.model, one.places, scene.meshlets, visible, prepared.packed, prepared.accel, prepared.vertex_light, prepared.frame,
                 one.weights, self.band, self.fragments, self.stack,
             ))  # fmt: skip

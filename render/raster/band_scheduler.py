@@ -1,7 +1,6 @@
-"""Bands that threads take by turns: each draws as many as it gets, in one call, without going back to Python between them.
+"""Work queue of bands: each call draws many bands of a picture without a return to Python.
 
-Threads that do go back wait for each other at Python's lock, and a processor that waits goes to sleep: of a frame of three
-milliseconds that takes a third.
+Returns to Python contend for its lock, and a waiting processor goes to sleep: this costs a third of a frame of three milliseconds.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from . import deferred_shading, triangle_setup
 
 call_fill, call_shade = DeclaredPointer(types.none).call, DeclaredPointer(types.none).call
 CROP, PICTURE = types.int64[::1], types.float32[:, :, ::1]
-CALL_SECONDS = 0.02  # seconds after which a thread looks whether it shall stop
+CALL_SECONDS = 0.02  # length of a call, after which a thread checks for cancellation
 
 
 class BandLayout(NamedTuple):
@@ -68,9 +67,9 @@ class BandQueue:
 
 @helper
 def set_band(band: Any, job: int, rows: int, margin: int, reach: int, crop: Any) -> None:
-    """Let a buffer stand for band `job` of a picture, of so many rows, of which `crop` (x0, y0, x1, y1) is drawn."""
+    """Assign a buffer to band `job` of a picture; bands have `rows` rows, `crop` (x0, y0, x1, y1) is drawn."""
     top, bottom = max(job * rows, crop[1]), min((job + 1) * rows, crop[3])
-    band.window[0], band.window[1] = (crop[0] & ~3) - margin, job * rows - margin  # on a grid of blocks that no crop moves
+    band.window[0], band.window[1] = (crop[0] & ~3) - margin, job * rows - margin  # the grid of blocks is independent of the crop
     band.clip[0], band.clip[1], band.clip[2], band.clip[3] = crop[0] - reach, top - reach, crop[2] + reach, bottom + reach
     band.rows[0], band.rows[1] = top, bottom
 

@@ -1,8 +1,7 @@
-"""Clipping polygons against borders, before anything is divided by w (Sutherland and Hodgman, Reentrant Polygon Clipping, 1974).
+"""Clips polygons against planes in homogeneous coordinates (Sutherland and Hodgman, Reentrant Polygon Clipping, 1974).
 
-A polygon is rows of numbers; a border is a plane through the origin of their first columns, and keeps what is not on its
-negative side. In homogeneous clip space the rows are (X, Y, W, D), so that points behind the eye and points at infinity
-(directions) are cut like any others; columns after those of the plane are attributes and are carried along.
+A polygon is an array of vertices. A plane through the origin of their first columns keeps the non-negative side; the other columns are
+attributes and are interpolated. Homogeneous coordinates include points behind the eye and points at infinity.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from ..jit.kernel import helper
 
 @helper
 def distance(polygon, row: int, plane) -> float:
-    """How far a vertex is on the kept side of a plane (not scaled); negative: outside."""
+    """The signed, unscaled distance of a vertex from a plane; negative is outside."""
     d = 0.0
     for k in range(len(plane)):
         d += plane[k] * polygon[row, k]
@@ -24,7 +23,7 @@ def distance(polygon, row: int, plane) -> float:
 
 @helper
 def clip_to_plane(polygon, count: int, plane, out) -> int:
-    """Cut the first `count` rows of `polygon` by one border into `out`; returns how many rows that are (at most count + 1
+    """Clip the first `count` vertices of `polygon` against one plane into `out`; returns their number (at most count + 1
     for convex polygons, 3/2 count for others).
 
     The four cases of an edge: from inside to inside adds its end, from inside to outside the point where it crosses, from
@@ -52,7 +51,7 @@ def clip_to_plane(polygon, count: int, plane, out) -> int:
 
 @helper
 def clip_to_planes(first, count: int, planes, second) -> int:
-    """Cut `first` by each border in turn, with `second` as room; returns the number of rows, which end up in `first`."""
+    """Clip `first` in place against each plane, with `second` as temporary memory; returns the number of vertices."""
     for p in range(len(planes)):
         if count == 0:
             return 0
@@ -64,7 +63,7 @@ def clip_to_planes(first, count: int, planes, second) -> int:
 
 
 def clip_polygon(vertices: NDArray[np.float64], planes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What is left of a polygon, (n, d), inside all of `planes`, (m, c) with c <= d; (0, d) when nothing is.
+    """The part of a polygon, (n, d), inside all `planes`, (m, c) with c <= d; (0, d) if none is.
 
     The borders of a 2-D picture are planes of rows (x, y, 1): [1, 0, -left], [-1, 0, right] and so on.
     """

@@ -1,16 +1,13 @@
-"""Three ways to tell which samples a polygon covers, on 24.8 fixed-point numbers, all exact and all the same samples.
+"""Coverage rules: three exact tests of whether a polygon covers a sample, in 24.8 fixed point, with equal results.
 
-Vertices and samples are int64 multiples of 1/256 pixel, y down. Coordinates stay below 2²⁸ (2²⁰ pixels, see raster_setup's
-guard band), so products of two differences stay below 2⁶⁰. The rule for samples on an outline, shared by all three: an edge
-owns its samples if the inside is to its right (left edge) or, when level, below it (top edge). Every sample of a
-polygon's inner edges then belongs to exactly one of its triangles, and neighbours neither overlap nor leave gaps.
+Vertices and samples are int64 multiples of 1/256 pixel, y down. Coordinates stay below 2²⁸ (2²⁰ pixels, see view_geometry.GUARD), so
+products of two differences stay below 2⁶⁰. Top-left rule: an edge owns the samples on it if the inside is to its right (left edge) or,
+for a horizontal edge, below it (top edge). Each sample on an inner edge then belongs to exactly one triangle.
 
-edges      one half-plane test an edge (Pineda, A Parallel Algorithm for Polygon Rasterization, 1988). It is the course's
-           a x - y + b > 0 with the slope multiplied out: nothing is divided, so upright edges are like any others.
-areas      signed areas of the triangles from the sample to two corners each: inside when all have one sign. The course's
-           equality S1 + S2 + S3 = S is the same thing without the signs, and fails in floating point.
-scanline   crossings of a level line with all edges, sorted; inside after an odd number. Edges are half open in y, so that
-           a corner is crossed once and a level edge never. It takes any polygon: concave, with holes.
+edges      one half-plane test an edge (Pineda, A Parallel Algorithm for Polygon Rasterization, 1988), without division.
+areas      the signed areas of the triangles of the sample and two corners: inside if all have one sign.
+scanline   sorted crossings of a horizontal line with all edges: inside after an odd number. Edges are half open in y, so that a corner
+           is crossed once and a horizontal edge never. Supports concave polygons and holes.
 """
 
 from __future__ import annotations
@@ -25,19 +22,19 @@ NAMES = {"edges": EDGES, "areas": AREAS, "scanline": SCANLINE}
 
 @helper
 def doubled_area(ax: int, ay: int, bx: int, by: int, cx: int, cy: int) -> int:
-    """Twice the signed area of a triangle; positive when a, b, c go clockwise on the screen (y down)."""
+    """Twice the signed area of a triangle; positive if a, b, c are clockwise on the screen (y down)."""
     return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
 
 
 @helper
 def owns(dx: int, dy: int) -> bool:
-    """Whether an edge in direction (dx, dy) of a polygon going clockwise on the screen owns the samples on it: top or left."""
+    """Whether an edge (dx, dy) of a clockwise polygon owns the samples on it: a top or left edge."""
     return dy < 0 or (dy == 0 and dx > 0)
 
 
 @helper
 def inside_edges(ax: int, ay: int, bx: int, by: int, cx: int, cy: int, px: int, py: int) -> bool:
-    """Whether the sample (px, py) is covered, by the half-planes of the three edges. The triangle goes clockwise on the screen."""
+    """Whether a clockwise triangle covers sample (px, py), by half-planes of its edges."""
     ab = (bx - ax) * (py - ay) - (by - ay) * (px - ax)
     bc = (cx - bx) * (py - by) - (cy - by) * (px - bx)
     ca = (ax - cx) * (py - cy) - (ay - cy) * (px - cx)
@@ -50,7 +47,7 @@ def inside_edges(ax: int, ay: int, bx: int, by: int, cx: int, cy: int, px: int, 
 
 @helper
 def inside_areas(ax: int, ay: int, bx: int, by: int, cx: int, cy: int, px: int, py: int) -> bool:
-    """Whether the sample is covered, by the signs of the three areas it makes with the corners. Clockwise, as above."""
+    """Whether a clockwise triangle covers sample (px, py), by signs of areas."""
     a = doubled_area(px, py, bx, by, cx, cy)
     b = doubled_area(ax, ay, px, py, cx, cy)
     c = doubled_area(ax, ay, bx, by, px, py)
@@ -61,19 +58,19 @@ def inside_areas(ax: int, ay: int, bx: int, by: int, cx: int, cy: int, px: int, 
 
 @helper
 def crossings(loop_x, loop_y, first: int, count: int, y: int, out, found: int) -> int:
-    """Add the x of each crossing of the level line y with a closed loop to the sorted list out[:found]; returns the new length.
+    """Insert the x of each crossing of line y with a closed loop into the sorted list out[:found]; returns its new length.
 
-    An x is rounded up to the next fixed-point unit, exactly: a sample px is right of or on the crossing iff px >= that number.
+    Each x is rounded up to the next fixed-point unit: a sample px lies on the crossing or right of it iff px >= x.
     """
     for start in range(first, first + count):
         end = start + 1 if start + 1 < first + count else first
         y0, y1 = loop_y[start], loop_y[end]
-        if (y0 <= y) == (y1 <= y):  # half open: the upper end belongs to an edge, the lower does not
+        if (y0 <= y) == (y1 <= y):  # half open: an edge includes its upper end only
             continue
         x0, x1 = loop_x[start], loop_x[end]
         x = x0 - ((y - y0) * (x0 - x1)) // (y1 - y0)  # -(-a // b) is a / b rounded up
         place = found
-        while place > 0 and out[place - 1] > x:  # insertion: lists are short and nearly sorted from line to line
+        while place > 0 and out[place - 1] > x:  # insertion sort: the lists are short
             out[place] = out[place - 1]
             place -= 1
         out[place] = x
@@ -83,7 +80,7 @@ def crossings(loop_x, loop_y, first: int, count: int, y: int, out, found: int) -
 
 @helper
 def inside_crossings(sorted_x, found: int, px: int) -> bool:
-    """Whether a sample is inside by the even-odd rule: an odd number of crossings at or left of it."""
+    """Whether a sample is inside by the even-odd rule: an odd number of crossings at it or left of it."""
     passed = 0
     while passed < found and sorted_x[passed] <= px:
         passed += 1

@@ -1,8 +1,8 @@
-"""Deferred shading of a band: the items of its visibility buffer, each triangle of each pixel once, sixteen side by side.
+"""Deferred shading of a band: each fragment of its visibility buffer once, sixteen side by side.
 
-Light is computed in float32, about the eye; materials, textures and lights are those all backends share. What is the same for all of an
-instance, which is its whole material where nothing has a pattern, is looked up once and stays a number. Some tens of items go through
-each step together, and each lamp shines on all of them in a short loop: one long loop over items would leave the processor waiting.
+Light is computed in float32, relative to the eye; materials, textures and lights are shared with all backends. Values constant on an
+instance, such as its material without textures, are looked up once and stay scalars. Some tens of fragments go through each step together;
+an inner loop over fragments for each light keeps the processor busy, one long loop over all steps would stall it.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from .shading_points import (
 
 
 def to_float32(tables: ir.Tables, eye: NDArray[np.float64]) -> ir.Tables:
-    """Tables with the numbers that shading reads in float32, and lights about the eye."""
+    """Tables whose shading columns are float32; lights are relative to the eye."""
 
     def narrow(table: Any, *names: str) -> Any:
         return table._replace(**{name: getattr(table, name).astype(np.float32) for name in names})
@@ -60,18 +60,18 @@ def to_float32(tables: ir.Tables, eye: NDArray[np.float64]) -> ir.Tables:
 
 
 class LightSources(NamedTuple):
-    """What shines on a scene, for shading about the eye in float32: ambient light, and lights without extent and without shadows."""
+    """Ambient light and point, spot and directional lights without shadows, in float32, relative to the eye."""
 
     ambient: NDArray[np.float32]  # (3,)
     row: NDArray[np.int32]  # (n,) of Lights
-    far: NDArray[np.bool_]  # (n,) whether it comes from one direction, and as much of it, to all points
-    direction: NDArray[np.float32]  # (n, 3) that one
-    color: NDArray[np.float32]  # (n, 3) irradiance over π
-    bare: bool  # whether nothing asks where a point is, or from which side it is seen: all are far, and no mesh is a light
+    far: NDArray[np.bool_]  # (n,) whether direction and irradiance are constant
+    direction: NDArray[np.float32]  # (n, 3) of far lights
+    color: NDArray[np.float32]  # (n, 3) irradiance over π, of far lights
+    bare: bool  # shading needs neither position nor side: all lights are far, and no mesh is a light
 
 
 def light_sources(tables: ir.Tables) -> LightSources:
-    """The lamps of tables."""
+    """The light sources of tables."""
     rows = np.flatnonzero(tables.lights.kind != lights.AMBIENT).astype(np.int32)
     near = np.isin(tables.lights.kind[rows], (lights.POINT, lights.SPOT))
     direction, color = np.zeros((len(rows), 3), np.float32), np.zeros((len(rows), 3), np.float32)
@@ -84,18 +84,18 @@ def light_sources(tables: ir.Tables) -> LightSources:
 
 
 def shades_flat_runs(tables: ir.Tables, known: LightSources, textured: bool) -> bool:
-    """Whether flat faces are lit run by run: by far lamps alone, with nothing on them, and by the course's equations."""
+    """Whether flat triangles are shaded run by run: only far lights, no textures, no layered materials."""
     return known.bare and not textured and not isinstance(tables.materials, principled.Layered)
 
 
 class Shading(NamedTuple):
-    """What lights bands of one picture in one thread: a handle of each."""
+    """Inputs and buffers of `shade_band` in one thread: a Handle each."""
 
-    projection: Handle  # bands.Projection
+    projection: Handle
     pattern: Handle
     meshlets: Handle
     visible: Handle
-    tables: Handle  # tables, see `single`
+    tables: Handle  # see `to_float32`
     sources: Handle
     rays: Handle
     splat: Handle
@@ -107,10 +107,10 @@ class Shading(NamedTuple):
 
 @kernel
 def shade_band(shading, per_sample, first_pass, textured, colored, flat_runs, crop, rgba):
-    """Light what a band shows and add it to its rows of the picture, (h, w, 4), of the pixels of `crop`; `fresh`: nothing is there yet.
+    """Shade a band and add its light to the pixels of `crop` of the picture, (h, w, 4); `first_pass`: the picture is uninitialized.
 
-    `shading` is a handle of Shading; `each` see items.collect; `patterned`, `colored`: True or None, see faces.py; `flat`: True or None,
-    whether flat faces are lit run by run.
+    `shading` is a handle of Shading; `per_sample` as in fragments.build_fragments. `textured`, `colored` and `flat_runs` are True or None,
+    see raster_scene.RasterScene.
     """
     splat, band, cache, buffer = shading.splat, shading.band, shading.planes, shading.fragments
     saved = simd.flush_denormals()
@@ -155,12 +155,12 @@ def shade_band(shading, per_sample, first_pass, textured, colored, flat_runs, cr
     simd.restore_denormals(saved)
 
 
-# --- what is seen --------------------------------------------------------------------------------------------------------------
+# --- interpolation --------------------------------------------------------------------------------------------------------------
 
 
 @helper
 def interpolate_fragments(shading: Any, textured: Any, colored: Any, group: int, groups: int) -> tuple[int, int]:
-    """Have the points of items, sixteen by sixteen, from `group` on, as many as there is room for: the next one, and how many."""
+    """Interpolate the points of fragments from `group` on, up to CAPACITY; returns the next group and the number of points."""
     projection, cache, buffer = shading.projection, shading.planes, shading.fragments
     count = 0
     while group < groups and count <= CAPACITY - 16:
@@ -191,12 +191,12 @@ def interpolate_fragments(shading: Any, textured: Any, colored: Any, group: int,
     return group, count
 
 
-# --- their light ---------------------------------------------------------------------------------------------------------------
+# --- light ---------------------------------------------------------------------------------------------------------------
 
 
 @noinline_helper
 def uniform_shader(tables, i):
-    """The material of an instance without patterns, as numbers; of one with patterns, what is not asked for."""
+    """The shader of an instance, as scalars; meaningless for textured instances."""
     none = (0.0, 0.0, 0.0)
     plain = Surface(
         none, none, none, none, none, None, (1.0, 1.0), True, i, tables.instances.material[i], (1.0, 1.0, 1.0), 0.0, None, None, None, None
@@ -206,7 +206,7 @@ def uniform_shader(tables, i):
 
 @helper
 def shade_points(shading: Any, textured: Any, colored: Any, i: int, shader: bsdf.Shader, first: int, last: int) -> None:
-    """Light the points first <= k < last, all of instance i. `shader`: what it looks like where it has no patterns."""
+    """Shade the points first <= k < last of instance i; `shader` is its shader without textures."""
     if textured is not None:
         tables = shading.tables
         if textures.on(tables, tables.instances.material[i]) or tables.geometries.colors[tables.instances.geometry[i]] >= 0:
@@ -218,7 +218,7 @@ def shade_points(shading: Any, textured: Any, colored: Any, i: int, shader: bsdf
 
 @helper
 def textured_surface(shading: Any, colored: Any, i: int, k: int) -> Surface:
-    """A point of instance i, for its textures."""
+    """Point k of instance i as a Surface, for texture lookups."""
     tables, points = shading.tables, shading.points
     normal, zero = get3(points, k, NORMAL), simd.f32x16(0.0)
     one = zero + 1.0
@@ -235,7 +235,7 @@ def textured_surface(shading: Any, colored: Any, i: int, k: int) -> Surface:
 
 @helper
 def direct_light(shading: Any, shader: bsdf.Shader, i: int, first: int, last: int) -> None:
-    """Emission, ambient light and that of lamps without extent and without shadows: integrate.local_light for what needs no more."""
+    """Add emission, ambient light and light sources without shadows to points: a subset of whitted.local_light."""
     points, sources = shading.points, shading.sources
     zero = simd.f32x16(0.0)
     ambient = ops.add(ops.mul(shader.ambient, (sources.ambient[0], sources.ambient[1], sources.ambient[2])), (zero, zero, zero))
@@ -247,7 +247,7 @@ def direct_light(shading: Any, shader: bsdf.Shader, i: int, first: int, last: in
             before = ops.where3(get1(points, k, FACING) > 0.0, glow, ambient)
         put3(points, k, RADIANCE, before)
     for lamp in range(len(sources.row)):
-        c, d, begun = sources.color, sources.direction, one_sided or lamp > 0  # else what there was before is the glow
+        c, d, begun = sources.color, sources.direction, one_sided or lamp > 0  # else the sum starts with the glow
         color = (simd.f32x16(c[lamp, 0]), simd.f32x16(c[lamp, 1]), simd.f32x16(c[lamp, 2]))
         direction = (simd.f32x16(d[lamp, 0]), simd.f32x16(d[lamp, 1]), simd.f32x16(d[lamp, 2]))
         far = sources.far[lamp]
@@ -262,12 +262,12 @@ def direct_light(shading: Any, shader: bsdf.Shader, i: int, first: int, last: in
             put3(points, k, RADIANCE, ops.add(before, ops.mul(share, color)))
 
 
-# --- into the picture ----------------------------------------------------------------------------------------------------------
+# --- output ----------------------------------------------------------------------------------------------------------
 
 
 @helper
 def write_points(shading: Any, count: int, y: int, crop: Any, full: bool, rgba: Any) -> None:
-    """Write points into the picture; `y` is where blocks are that one face fills, or that are seen whole; `full`: all are."""
+    """Write points to the picture; `y` is the first row of full blocks; `full`: all blocks are."""
     points, buffer = shading.points, shading.fragments
     k = 0
     while k < count:
@@ -275,7 +275,7 @@ def write_points(shading: Any, count: int, y: int, crop: Any, full: bool, rgba: 
         color = get3(points, k, RADIANCE)
         red, green, blue = simd.select(here, color[0], 0.0), simd.select(here, color[1], 0.0), simd.select(here, color[2], 0.0)
         k += 1
-        while k < count and simd.read(points.group, k) == group:  # those of other instances among the same sixteen
+        while k < count and simd.read(points.group, k) == group:  # other instances of the same sixteen fragments
             here, color = simd.mask_from_bits(simd.read(points.lanes, k), simd.f32x16(0.0)), get3(points, k, RADIANCE)
             red, green, blue = simd.select(here, color[0], red), simd.select(here, color[1], green), simd.select(here, color[2], blue)
             k += 1

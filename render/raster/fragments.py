@@ -1,7 +1,7 @@
-"""What a band's visibility buffer holds, as items, each triangle of each pixel once, and how the light of items becomes a picture.
+"""Fragments of a band: each visible triangle once in each pixel; and their resolve into the picture.
 
-An item is lit in the middle of the samples that see its triangle, a place that the triangle covers, and its light goes to the pixels
-that these samples count for.
+A fragment is shaded at the mean position of the samples that see its triangle, which the triangle covers. Its light goes to the pixels
+whose filter includes these samples.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from . import triangle_planes
 from .band_buffer import in_block
 from .meshlets import transposed_index
 
-REACH = 2  # pixels on each side that a filter may reach
+REACH = 2  # pixels, largest filter radius
 SIDE = 2 * REACH + 1
 
 
 class Splat(NamedTuple):
-    """Where samples count: weights[part, bits, pixel] of what four samples (`part`) of a pixel give to the pixels around it."""
+    """Filter weights: weights[part, bits, pixel] is the sum of weights, in a nearby pixel, of the set `bits` of four samples."""
 
-    weights: NDArray[np.float32]  # (4, 16, SIDE · SIDE), row by row; the middle one is the pixel itself
+    weights: NDArray[np.float32]  # (4, 16, SIDE · SIDE), row by row; the centre is the pixel itself
     reach: int  # pixels
-    parts: int
-    single_pixel: bool  # whether a pixel's samples count for it alone, and all that do are among these
+    parts: int  # groups of four samples in use
+    single_pixel: bool  # whether a pixel's light comes from its own samples alone, all of this pass
 
 
 class Fragment(NamedTuple):
@@ -43,26 +43,28 @@ class Fragment(NamedTuple):
 
 
 class FragmentBuffer(NamedTuple):
-    """A thread's items of four rows of pixels, and room for their light. Blocks that one triangle fills stand by themselves where that
-    is their pixels' own; of one sample a pixel, others that are seen whole stand in front, sixteen by sixteen. All else is in the order
-    of blocks and samples, in which light is added up."""
+    """A thread's fragments of four rows of pixels.
 
-    ids: NDArray[np.int32]  # of items lit by the integrator
-    rows: NDArray[np.int32]  # of others: their faces', see faces.Faces.row
+    Blocks that one triangle covers are listed apart if Splat.single_pixel. With one sample a pixel, blocks covered by several triangles
+    come first, sixteen fragments each. The other fragments follow from `half` on, in the order of blocks and samples.
+    """
+
+    ids: NDArray[np.int32]  # triangle ids, for the integrator
+    rows: NDArray[np.int32]  # rows of triangle_planes.PlaneCache, for deferred shading
     x: NDArray[np.int32]
     y: NDArray[np.int32]
-    samples: NDArray[np.int32]  # bits: which of the pixel's samples see it
-    at_x: NDArray[np.int32]  # where it is shaded, in 1/256 pixel
+    samples: NDArray[np.int32]  # bits: the pixel's samples that see the triangle
+    at_x: NDArray[np.int32]  # shading position, in 1/256 pixel
     at_y: NDArray[np.int32]
-    light: NDArray[np.float32]  # (16, 4), item k at place_of(k): rows of four items
-    blocks: NDArray[np.int32]  # blocks that one triangle fills: its id
-    block_x: NDArray[np.int32]  # their first pixels
-    counts: NDArray[np.int64]  # (4,) items in whole blocks, others, which stand from `half` on, `even` blocks, and what was not finite
+    light: NDArray[np.float32]  # (16, 4) of sixteen fragments, k at transposed_index(k)
+    blocks: NDArray[np.int32]  # row of the triangle that covers a block
+    block_x: NDArray[np.int32]  # the block's first pixel
+    counts: NDArray[np.int64]  # (4,) fragments in full blocks, other fragments, entries of `blocks`, fragments not finite
     half: int
 
 
 def fragment_buffer(columns: int, samples: int) -> FragmentBuffer:
-    """Room for what four rows of so many pixels can show."""
+    """A buffer for all fragments of four rows of `columns` pixels."""
     half = ((columns + 3) & ~3) * 4 * samples + 16
     ids, rows, x, y, bits, at_x, at_y = (simd.aligned_empty(2 * half, np.int32) for _ in range(7))
     even, block_x = np.empty((columns >> 2) + 32, np.int32), np.empty((columns >> 2) + 32, np.int32)
@@ -72,9 +74,10 @@ def fragment_buffer(columns: int, samples: int) -> FragmentBuffer:
 
 @noinline_helper
 def build_fragments(pattern, per_sample, single_pixel, cache, band, row, buffer):
-    """The items of a row of blocks: with `each`, one for each sample. `found` (a Faces or None): the faces they see, instead of ids.
+    """Write the fragments of a row of blocks; with `per_sample`, one for each sample.
 
-    `alone`: whether blocks that one triangle fills stand by themselves.
+    They refer to records of `cache`, a PlaneCache, or to triangle ids if it is None. `single_pixel` is Splat's: blocks that one triangle
+    covers are listed apart.
     """
     samples = len(pattern.x)
     columns = band.window[2] >> 2
@@ -118,7 +121,7 @@ def build_fragments(pattern, per_sample, single_pixel, cache, band, row, buffer)
 
 @helper
 def covers_block(band: Any, at: int, samples: int, inside: Lane, number: int) -> bool:
-    """Whether a triangle covers all samples of a block, whose first sample is at `at`, inside the clip rectangle."""
+    """Whether triangle `number` covers all samples of the block from place `at` on, inside the clip rectangle."""
     ids = simd.load_aligned(band.ids, at, simd.i32x16)
     same = inside & (ids == number) & (ids >= 0)
     for s in range(1, samples):
@@ -128,7 +131,7 @@ def covers_block(band: Any, at: int, samples: int, inside: Lane, number: int) ->
 
 @helper
 def merge_samples(pattern: Any, per_sample: bool, band: Any, at: int, s: int, ids: Lane) -> tuple[Lane, Lane, Lane]:
-    """The samples from `s` on that see the same triangles, as bits, and their mean place in the pixel; with `each`, sample s alone."""
+    """The samples from `s` on that see triangles `ids`, as bits, and their mean position; with `per_sample`, sample s alone."""
     samples = len(pattern.x)
     bits, count = simd.i32x16(1 << s), simd.i32x16(1)
     at_x, at_y = simd.i32x16(pattern.x[s]), simd.i32x16(pattern.y[s])
@@ -143,7 +146,7 @@ def merge_samples(pattern: Any, per_sample: bool, band: Any, at: int, s: int, id
 
 @helper
 def store_fragments(buffer: Any, cache: Any, start: int, fragment: Fragment) -> None:
-    """Write a whole block's fragments at `start`; shading by planes reads neither their rows of pixels nor their samples."""
+    """Write a full block's fragments at `start`; deferred shading needs neither their y nor their samples."""
     if cache is not None:
         simd.store_aligned(buffer.rows, start, fragment.triangle)
     simd.store_aligned(buffer.at_x, start, fragment.at_x)
@@ -157,7 +160,7 @@ def store_fragments(buffer: Any, cache: Any, start: int, fragment: Fragment) -> 
 
 @helper
 def append_fragments(buffer: Any, cache: Any, start: int, fragment: Fragment, active: Lane) -> int:
-    """Write the fragments of the lanes `seen` from `start` on; returns their number."""
+    """Write the fragments of the lanes `active` from `start` on; returns their number."""
     if cache is not None:
         simd.compress_store(buffer.rows, start, fragment.triangle, active)
     else:
@@ -171,14 +174,14 @@ def append_fragments(buffer: Any, cache: Any, start: int, fragment: Fragment, ac
 
 @helper
 def fragment_start(listed: Any, group: int) -> int:
-    """Where the items of a group stand; before it come the blocks that one face fills, then those seen whole."""
+    """The first fragment of a group of sixteen. Groups are numbered: single-triangle blocks, full blocks, others."""
     start = 16 * (group - listed.counts[2])
     return start if start < listed.counts[0] else listed.half + start - listed.counts[0]
 
 
 @helper
 def mean_position(pattern: Any) -> tuple[float, float]:
-    """The mean place of all samples in a pixel, as `mean` gives it, in pixels."""
+    """The mean position of all samples in a pixel, rounded like `rounded_mean`, in pixels."""
     count, x, y = len(pattern.x), 0, 0
     for s in range(count):
         x, y = x + pattern.x[s], y + pattern.y[s]
@@ -187,13 +190,13 @@ def mean_position(pattern: Any) -> tuple[float, float]:
 
 @helper
 def rounded_mean(total: Lane, count: Lane) -> Lane:
-    """Whole numbers next to total / count."""
+    """total / count, rounded to the nearest integer."""
     return simd.to_i32(simd.to_f32(2 * total + count) / simd.to_f32(2 * count))
 
 
 @noinline_helper
 def clear_rows(rgba, band, crop, y0, y1):
-    """Empty those rows of pixels y0 <= y < y1 that are drawn in a band."""
+    """Clear the rows of pixels y0 <= y < y1 that a band writes."""
     width = 4 * (crop[2] - crop[0])
     first, last = (max(y0, band.rows[0]) - crop[1]) * width, (min(y1, band.rows[1]) - crop[1]) * width
     nothing = simd.f32x16(0.0)
@@ -205,7 +208,7 @@ def clear_rows(rgba, band, crop, y0, y1):
 
 @noinline_helper
 def resolve_fragments(pattern, splat, band, buffer, start, count, crop, rgba):
-    """Add the light of up to sixteen items to the picture."""
+    """Add the light of up to sixteen fragments to the picture."""
     if len(pattern.x) > 1:
         splat_fragments(splat, band, buffer, start, count, crop, rgba)
     else:
@@ -214,9 +217,9 @@ def resolve_fragments(pattern, splat, band, buffer, start, count, crop, rgba):
 
 @helper
 def to_rgba_rows(red: Lane, green: Lane, blue: Lane, count: int, listed: Any) -> Any:
-    """Colours of sixteen items as r, g, b, 1 in four vectors: every fourth item's, see meshlets.place_of.
+    """The colours of sixteen fragments as r, g, b, 1 in four vectors, every fourth fragment's, see meshlets.transposed_index.
 
-    What is not finite among the first `count` is counted, and 0.
+    Colours that are not finite become 0; those of the first `count` are counted.
     """
     sound = simd.is_finite(red + green + blue)
     if not simd.all_of(sound):
@@ -227,7 +230,7 @@ def to_rgba_rows(red: Lane, green: Lane, blue: Lane, count: int, listed: Any) ->
 
 @helper
 def write_block(rows: Any, x: int, y: int, crop: Any, past: bool, rgba: Any) -> None:
-    """The four rows of pixels of a block from (x, y) on; `past`: nobody has written there before."""
+    """Write a block's four rows of pixels from (x, y) on; `past`: with non-temporal stores, if nothing was written there."""
     width = 4 * (crop[2] - crop[0])
     place = (y - crop[1]) * width + 4 * (x - crop[0])
     if past and ((width | place) & 15) == 0:
@@ -244,7 +247,7 @@ def write_block(rows: Any, x: int, y: int, crop: Any, past: bool, rgba: Any) -> 
 
 @helper
 def write_fragments(buffer: Any, start: int, count: int, crop: Any, rgba: Any) -> None:
-    """Up to sixteen pixels of one sample."""
+    """Write up to sixteen pixels of one sample each."""
     for k in range(count):
         place = ((buffer.y[start + k] - crop[1]) * (crop[2] - crop[0]) + buffer.x[start + k] - crop[0]) * 4
         simd.store(rgba, place, simd.load(buffer.light, 4 * transposed_index(k), simd.f32x4))
@@ -252,7 +255,7 @@ def write_fragments(buffer: Any, start: int, count: int, crop: Any, rgba: Any) -
 
 @helper
 def splat_fragments(splat: Any, band: Any, buffer: Any, start: int, count: int, crop: Any, rgba: Any) -> None:
-    """Add sixteen items to the pixels their samples count for, those of this band's own rows."""
+    """Add up to sixteen fragments to the pixels around them, in this band's rows, by filter weights."""
     reach, width = splat.reach, crop[2] - crop[0]
     for k in range(count):
         light, bits = simd.load(buffer.light, 4 * transposed_index(k), simd.f32x4), buffer.samples[start + k]
@@ -273,7 +276,7 @@ def splat_fragments(splat: Any, band: Any, buffer: Any, start: int, count: int, 
 
 @helper
 def store_fragment_light(light: Any, rows: Any) -> None:
-    """The transposed light of sixteen items to where `place_of` says."""
+    """Store the transposed light of sixteen fragments."""
     simd.store_aligned(light, 0, rows[0])
     simd.store_aligned(light, 16, rows[1])
     simd.store_aligned(light, 32, rows[2])

@@ -1,6 +1,6 @@
-"""The items of a band lit by the integrator of all backends, with shadow rays: for whatever a scene may hold.
+"""Shades the fragments of a band with the Whitted integrator, for all features of a scene.
 
-Where a triangle stands for a shape, the item is put where its ray meets the shape itself.
+A fragment of a tessellated shape moves to the point where its ray hits the true surface.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .fragments import build_fragments, resolve_fragments
 from .meshlets import SHIFT, transposed_index
 from .sample_hits import axis_cosine, find_hits, intersect
 
-UNTESSELLATED = (1 << 30) - 1  # ids above it: instances without triangles
+UNTESSELLATED = (1 << 30) - 1  # larger ids are of instances without triangles
 
 
 class IntegratorShading(NamedTuple):
@@ -35,7 +35,7 @@ class IntegratorShading(NamedTuple):
     visible: Handle
     tables: Handle
     accel: Handle
-    gouraud: Handle
+    vertex_light: Handle
     frame: Handle
     splat: Handle
     band: Handle
@@ -81,7 +81,7 @@ def shade_fragments(shading, sample, start, count):
         color, alpha, sound = whitted.call(  # pyright: ignore[reportCallIssue]
             frame.radiance,
             (
-                tables, accel, shading.gouraud, frame.options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive,
+                tables, accel, shading.vertex_light, frame.options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive,
                 hit.u, hit.v, pixel, index, shading.stack, None, None,
             ),
         )  # fmt: skip
@@ -95,7 +95,7 @@ def shade_fragments(shading, sample, start, count):
 
 @helper
 def lowest_bit(bits: Lane) -> Lane:
-    """The number of the lowest of sixteen bits that is set."""
+    """The number of the lowest set bit of sixteen."""
     found = bits * 0
     for k in range(1, 16):
         found = found + ops.where((bits & ((1 << k) - 1)) == 0, 1, 0)
@@ -104,9 +104,9 @@ def lowest_bit(bits: Lane) -> Lane:
 
 @kernel
 def draw_untessellated(model, untessellated, boxes, tables, accel, view, pattern, band):
-    """Draw shapes that have no triangles into the visibility buffer: at every sample where its ray meets one of them.
+    """Draw shapes without triangles into the visibility buffer: intersects a ray for each sample.
 
-    `boxes` are the pixels (x0, y0, x1, y1) that each may be seen in.
+    `boxes` are the pixel bounds (x0, y0, x1, y1) of each.
     """
     samples, columns = len(pattern.x), band.window[2] >> 2
     for e in range(len(untessellated)):
@@ -125,7 +125,7 @@ def draw_untessellated(model, untessellated, boxes, tables, accel, view, pattern
 
 @noinline_helper
 def draw_block(model, instance, tables, accel, view, band, place, x, y):
-    """Sixteen samples of a block, the first of them at (x, y), from `place` in the buffer on."""
+    """Draw an instance into sixteen samples of a block, the first at (x, y) in 1/256 pixel, from `place` of the buffer on."""
     for start in range(0, 16, crosslane.WIDTH):
         column, line = in_block(crosslane.lane_indices(start))
         px, py = ops.to_float(x + column * coverage.ONE), ops.to_float(y + line * coverage.ONE)
@@ -142,7 +142,7 @@ def draw_block(model, instance, tables, accel, view, band, place, x, y):
 
 @kernel
 def composite_sky(tables, frame, x0, y0, width, rgba):
-    """Put what the camera sees where nothing is behind the pixels of `rgba`, rows of `width` pixels, the first of which is (x0, y0)."""
+    """Composite the pixels of `rgba` over the sky: rows of `width` pixels, the first at (x0, y0)."""
     for y in range(len(rgba) // (4 * width)):
         for start in range(0, width, crosslane.WIDTH):
             k = ops.minimum(crosslane.lane_indices(start), width - 1)

@@ -1,7 +1,7 @@
-"""Large, steep and clipped triangles: cut and set up one by one in float64 and 64-bit integers, filled tile by tile.
+"""Rasterizes large, steep and clipped triangles one by one, in float64 and 64-bit integers, tile by tile.
 
-In a tile of 64×64 pixels an edge is decided for all of it, or for sixteen blocks at a time, before samples are looked at. What a tile's
-covering triangles hide in every case is remembered, so that triangles behind them cost nothing there.
+In a tile of 64×64 pixels an edge is decided for the whole tile, then for sixteen blocks at a time, then for samples. A lower bound of each
+tile's keys culls triangles behind it (hierarchical z).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .band_buffer import TILE, in_block
 from .meshlets import SHIFT
 from .view_geometry import to_clip
 
-NARROW = 1 << 24  # edges shorter than this have functions that fit in 32 bits all over a tile
+NARROW = 1 << 24  # edge functions of shorter edges fit in 32 bits in a tile
 BLOCKS = TILE // 4
 
 
@@ -59,7 +59,7 @@ class TileSample(NamedTuple):
 
 @noinline_helper
 def fill_large(projection, pattern, meshlets, visible, band, count):
-    """Fill the large triangles that wait."""
+    """Fill the queue of large triangles."""
     room = band.work
     place = Tile(0, 0, 0, 0)
     for n in range(count):

@@ -1,4 +1,4 @@
-"""Which meshlets the bands of a picture show."""
+"""Culls meshlets against the picture and bins them into bands."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ EVERYWHERE = 1 << 28  # pixels
 
 
 class VisibleMeshlets(NamedTuple):
-    """Meshlets of instances that may be seen, in the order of ids, and room for as many as there are."""
+    """Visible meshlets of instances, in the order of ids, binned into bands; the arrays have capacity for all meshlets."""
 
     instance: NDArray[np.int32]
     meshlet: NDArray[np.int32]
     first: NDArray[np.int32]  # the meshlet's first triangle
-    top: NDArray[np.int32]  # the first and the last row of pixels it may touch
-    bottom: NDArray[np.int32]
-    start: NDArray[np.int64]  # (bands + 1,) where each band's begin
+    top: NDArray[np.int32]  # first row of pixels it may overlap
+    bottom: NDArray[np.int32]  # last row
+    start: NDArray[np.int64]  # (bands + 1,) start of each band in `order`
     order: NDArray[np.int32]  # rows of this table, band by band
-    count: NDArray[np.int64]  # (1,) how many there are
+    count: NDArray[np.int64]  # (1,) number of meshlets
 
 
 def find_visible(
@@ -36,9 +36,9 @@ def find_visible(
     rows: int,
     reused: Handle | None = None,
 ) -> Handle:
-    """The meshlets of all instances that may touch a crop grown by `margin` pixels, in bands of `rows` rows from the picture's top on.
+    """The meshlets that may overlap a crop grown by `margin` pixels, binned into bands of `rows` rows of pixels.
 
-    They are written into `reused`, an earlier answer for the same meshlets and as many bands, unless they do not fit.
+    Reuses the memory of `reused`, an earlier result for the same meshlets and number of bands, if it is large enough.
     """
     first, bands = crop[1] // rows, count_bands(crop, rows)
     made = reused or Handle(_allocate(int(ranges[:, 1].sum()), bands, 0))
@@ -51,19 +51,19 @@ def find_visible(
 
 
 def count_bands(crop: tuple[int, ...], rows: int) -> int:
-    """How many bands of so many rows a crop lies in."""
+    """The number of bands of `rows` rows that a crop overlaps."""
     return -(-crop[3] // rows) - crop[1] // rows
 
 
 def _allocate(most: int, bands: int, places: int) -> VisibleMeshlets:
-    instance, meshlet, first, top, bottom = np.zeros((5, most + 16), np.int32)  # what is stored may go beyond the end
+    instance, meshlet, first, top, bottom = np.zeros((5, most + 16), np.int32)  # vector stores may write past the end
     start, order = np.zeros(bands + 1, np.int64), np.empty(max(places, most + bands), np.int32)
     return VisibleMeshlets(instance, meshlet, first, top, bottom, start, order, np.zeros(1, np.int64))
 
 
 @kernel
 def list_meshlets(projection, meshlets, ranges, window, y0, margin, rows, visible):
-    """Fill a Drawn, whose first band begins at row y0; how many places its `order` needs, which is not filled where there are fewer."""
+    """Fill a VisibleMeshlets whose first band begins at row y0; returns the length that `order` needs. A shorter one stays unfilled."""
     found, start, order = cull(projection, meshlets, ranges, window, visible), visible.start, visible.order
     visible.count[0] = found
     bands = len(start) - 1
@@ -89,14 +89,14 @@ def list_meshlets(projection, meshlets, ranges, window, y0, margin, rows, visibl
 
 @helper
 def band_range(visible, n: int, y0: int, margin: int, rows: int, bands: int):
-    """The first and the last band that a meshlet may touch."""
+    """The first and the last band that a meshlet may overlap."""
     first = (max(visible.top[n], y0 - margin) - margin - y0) // rows
     return max(first, 0), min((visible.bottom[n] + margin - y0) // rows, bands - 1)
 
 
 @helper
 def cull(projection, meshlets, ranges, window, visible):
-    """List meshlets of which something may lie inside the window, with the rows of pixels they touch; how many."""
+    """Write the meshlets that may overlap the window, and their rows of pixels; returns their number."""
     found = 0
     for i in range(len(ranges)):
         first, last = ranges[i, 0], ranges[i, 0] + ranges[i, 1]
@@ -115,11 +115,11 @@ def cull(projection, meshlets, ranges, window, visible):
 
 @helper
 def test_boxes(projection, box, i: int, m: int, window):
-    """Whether each of eight boxes may be seen, and its first and last row of pixels."""
+    """(whether visible, first row of pixels, last row) of eight boxes."""
     count = len(box) // 6
     matrix = projection.matrix
     far, near = simd.f64x8(-np.inf), simd.f64x8(np.inf)
-    left, right, above, below = near, near, near, near  # how far inside each border the innermost corner is, negative: outside
+    left, right, above, below = near, near, near, near  # distance of the innermost corner inside each border; negative: outside
     left, right, above, below = far, far, far, far
     top, bottom = near, far
     for k in range(8):

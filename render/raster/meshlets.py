@@ -1,8 +1,8 @@
-"""Meshes cut into meshlets: up to 128 neighbouring triangles with vertices of their own, numbered in a byte, as the rasterizer draws them.
+"""Splits meshes into meshlets: up to 128 neighbouring triangles with vertices of their own, indexed by a byte.
 
-A meshlet is culled by its box, its vertices are transformed once into memory that stays in the nearest cache, and its triangles
-are set up from there sixteen at a time: so instances need no copies, and no vertex is transformed that nobody sees.
-Triangles lie along a Z-curve, so that meshlets are small on the screen.
+The rasterizer culls a meshlet by its box, transforms its vertices once into the first-level cache, and sets up sixteen triangles at a time
+from there. Instances share meshlets, and vertices of invisible meshlets are not transformed. Triangles follow a Z-curve, so that meshlets
+are small on the screen.
 """
 
 from __future__ import annotations
@@ -17,33 +17,33 @@ from ..jit.kernel import helper, kernel
 from ..tessellation.analytic_shapes import Tessellation
 from .view_geometry import morton_order
 
-TRIANGLES = 128  # of a meshlet at the most
+TRIANGLES = 128  # of a meshlet, at most
 VERTICES = 256
-SHIFT = 7  # an id is drawn meshlet << SHIFT | triangle
+SHIFT = 7  # an id is visible meshlet << SHIFT | triangle
 LANES = 16
 RECORD = 8  # floats: position, normal, u, v
 
 
 class Meshlets(NamedTuple):
-    """All triangles of a picture. Triangles and vertices of each meshlet start at multiples of LANES; what is between is never drawn."""
+    """All meshlets of a view. Triangles and vertices of each start at multiples of LANES; the slots between are never drawn."""
 
     first_triangle: NDArray[np.int32]  # (m,)
-    triangles: NDArray[np.int32]  # (m,) how many
+    triangles: NDArray[np.int32]  # (m,) number
     first_vertex: NDArray[np.int32]
-    vertices: NDArray[np.int32]  # 0: reaches to infinity, its triangles are drawn one by one in float64
-    box: NDArray[np.float64]  # (6 · m,) all lowest x, y, z, then all highest, in the mesh's frame
-    a: NDArray[np.uint8]  # (t,) where a triangle's first vertex stands among its meshlet's transformed ones, see `place_of`
+    vertices: NDArray[np.int32]  # number; 0: points at infinity, drawn one by one in float64
+    box: NDArray[np.float64]  # (6 · m,) columns of lowest x, y, z, then highest, in the mesh's frame
+    a: NDArray[np.uint8]  # (t,) index of a triangle's first vertex in its meshlet, as `transposed_index`
     b: NDArray[np.uint8]
     c: NDArray[np.uint8]
-    corner: NDArray[np.int32]  # (t, 4) the same as rows of `record`, and the row of Model.triangles
+    corner: NDArray[np.int32]  # (t, 4) rows of `record`, and the row of Model.triangles
     x: NDArray[np.float32]  # (v,) relative to the mesh's origin
     y: NDArray[np.float32]
     z: NDArray[np.float32]
-    record: NDArray[np.float32]  # (v, RECORD); a normal of length 0: the triangle's own
+    record: NDArray[np.float32]  # (v, RECORD); a zero normal stands for the triangle's own
 
 
 class Source(NamedTuple):
-    """Triangles and what their corners carry."""
+    """Triangles and the attributes of their corners."""
 
     positions: NDArray[np.float64]  # (v, 4) homogeneous
     triangles: NDArray[np.int32]  # (t, 3)
@@ -51,29 +51,32 @@ class Source(NamedTuple):
     value: NDArray[np.int32]  # (t, 3) rows of values
 
 
-def build(tables: ir.Tables, positions: NDArray, triangles: NDArray, ranges: NDArray[np.int64], shells: dict[int, Tessellation]) -> tuple:
-    """(Meshlets, ranges): those of every range of triangles that some instance shows, and (instances, 2) first meshlet and count.
+def build(
+    tables: ir.Tables, positions: NDArray, triangles: NDArray, ranges: NDArray[np.int64], tessellations: dict[int, Tessellation]
+) -> tuple[Meshlets, NDArray[np.int64]]:
+    """Meshlets of all ranges of triangles, and (instances, 2) first meshlet and count of each instance.
 
-    `positions`, `triangles` and `ranges` are Model's. Attributes come from each mesh's or shell's own normals and coordinates.
+    `positions` and `triangles` are the Model's, `ranges` its (instances, 2) first triangle and count. Normals and texture coordinates
+    are those of each mesh or tessellation.
     """
-    room = MeshletBuilder(int(ranges[:, 1].max(initial=0)) if len(ranges) else 0)
+    builder = MeshletBuilder()
     placed = np.zeros_like(ranges)
     made: dict[tuple[int, int], tuple[int, int]] = {}
     for instance, (first, count) in enumerate(ranges.tolist()):
         if count == 0:
             continue
         if (first, count) not in made:
-            source = _source(tables, positions, triangles, first, count, instance, shells.get(instance))
-            made[first, count] = room.add(source, first)
+            source = _source(tables, positions, triangles, first, count, instance, tessellations.get(instance))
+            made[first, count] = builder.add(source, first)
         placed[instance] = made[first, count]
-    return room.finish(), placed
+    return builder.finish(), placed
 
 
-def _source(tables: ir.Tables, positions, triangles, first: int, count: int, instance: int, shell: Tessellation | None) -> Source:
+def _source(tables: ir.Tables, positions, triangles, first: int, count: int, instance: int, tessellation: Tessellation | None) -> Source:
     mine = triangles[first : first + count]
-    if shell is not None:
-        values = np.concatenate([shell.normals, shell.uvs], axis=1).astype(np.float32)
-        return Source(positions, mine, values, np.ascontiguousarray(shell.triangles, np.int32))
+    if tessellation is not None:
+        values = np.concatenate([tessellation.normals, tessellation.uvs], axis=1).astype(np.float32)
+        return Source(positions, mine, values, np.ascontiguousarray(tessellation.triangles, np.int32))
     geometries, g = tables.geometries, int(tables.instances.geometry[instance])
     rows = [int(geometries.normals[g]), int(geometries.uvs[g])]
     start, vertices = int(geometries.first_vertex[g]), int(geometries.vertex_count[g])
@@ -89,7 +92,7 @@ def _source(tables: ir.Tables, positions, triangles, first: int, count: int, ins
 
 
 def _attribute_values(tables: ir.Tables, row: int, corners: NDArray[np.int32], by_vertex: bool, vertices: int) -> NDArray[np.float32]:
-    """An attribute at every vertex, or at every corner of `corners` (t, 3)."""
+    """The values of an attribute: at all vertices, or at all corners of triangles `corners` (t, 3)."""
     attributes = tables.attributes
     first, width, how = int(attributes.first[row]), int(attributes.width[row]), attributes.interpolation[row]
     values = tables.pools.values[first : first + width * int(attributes.count[row])].reshape(-1, width)
@@ -105,21 +108,21 @@ def _attribute_values(tables: ir.Tables, row: int, corners: NDArray[np.int32], b
 
 
 class MeshletBuilder:
-    """Meshlets as they are made, mesh by mesh."""
+    """Collects the meshlets of meshes."""
 
-    def __init__(self, most: int) -> None:
+    def __init__(self) -> None:
         self.parts: list[Meshlets] = []
         self.meshlets = self.triangles = self.vertices = 0
 
     def add(self, source: Source, first: int) -> tuple[int, int]:
-        """Cut a mesh; the first meshlet and how many there are. `first` is the row of its first triangle in the model."""
+        """Split a mesh; returns its first meshlet and their number. `first` is the row of its first triangle in the model."""
         count = len(source.triangles)
         corners = source.positions[source.triangles]
         endless = bool((corners[..., 3] != 1.0).any())
         order = np.arange(count)
         if count > TRIANGLES and not endless:
             order = morton_order(corners[..., :3].mean(axis=1))
-        most = max(1, -(-count // (VERTICES // 3)))  # meshlets, if no two triangles shared a vertex
+        most = max(1, -(-count // (VERTICES // 3)))  # meshlets, if no triangles share a vertex
         slots, vertices = count + most * LANES, 3 * count + most * LANES
         numbers = [np.zeros(most, np.int32) for _ in range(4)]
         local = [np.zeros(slots, np.uint8) for _ in range(3)]
@@ -141,7 +144,7 @@ class MeshletBuilder:
         return start, m
 
     def finish(self) -> Meshlets:
-        """All of them, with room behind for loads of whole vectors."""
+        """All meshlets, padded for loads of whole vectors."""
         if not self.parts:
             empty = Source(np.zeros((3, 4)), np.zeros((0, 3), np.int32), np.zeros((1, 5), np.float32), np.zeros((0, 3), np.int32))
             self.add(empty, 0)
@@ -154,15 +157,15 @@ class MeshletBuilder:
 
 @helper
 def transposed_index(vertex: int) -> int:
-    """Where the rasterizer keeps a meshlet's vertex after transforming sixteen at a time: a 4×4 transpose leaves them in this order."""
+    """The index of a meshlet's vertex in the transformed vertices: a 4×4 transpose of vectors reorders them."""
     return (vertex & ~15) | ((vertex & 3) << 2) | ((vertex >> 2) & 3)
 
 
 @kernel
 def cut_mesh(source, order, made, endless, first, total):
-    """Fill `made` with a mesh's meshlets; writes how many meshlets, triangle slots and vertex slots there are."""
-    head = np.full(len(source.positions), -1, np.int32)  # the last vertex slot made of a vertex
-    after = np.full(len(made.x), -1, np.int32)  # the one made before it, with other values
+    """Write a mesh's meshlets to `made`, and the numbers of meshlets, triangle slots and vertex slots to `total`."""
+    head = np.full(len(source.positions), -1, np.int32)  # last slot of each vertex
+    after = np.full(len(made.x), -1, np.int32)  # previous slot of the same vertex, with other attributes
     kept = np.full(len(made.x), -1, np.int32)  # rows of source.values
     m, slot, start, count, vertices = -1, 0, 0, 0, 0
     for n in range(len(order)):
@@ -209,7 +212,7 @@ def _equal_values(values, one, other):
 
 @kernel
 def _add_vertex(source, made, m, at, vertex, value):
-    """One vertex of a meshlet."""
+    """Write one vertex of a meshlet."""
     p = source.positions[vertex]
     made.x[at], made.y[at], made.z[at] = p[0], p[1], p[2]
     for k in range(3):
@@ -221,7 +224,7 @@ def _add_vertex(source, made, m, at, vertex, value):
 
 @kernel
 def _finish_meshlet(made, m, slot, start, count, vertices, endless):
-    """Finish a meshlet; where the next one's triangles and vertices start."""
+    """End a meshlet; returns the first triangle slot and vertex slot of the next."""
     made.triangles[m], made.vertices[m] = count, 0 if endless else vertices
     if endless:
         made.box[:3, m], made.box[3:, m] = -np.inf, np.inf

@@ -15,22 +15,22 @@ from . import band_buffer, coverage, fragments
 
 SAMPLES = planner.RASTER_PLACES  # of a pass, at most
 
-WEIGHT_STEPS = 2.0**22  # weights are multiples of its inverse: sums of them are exact in float32, and full coverage is 1
+WEIGHT_STEPS = 2.0**22  # weights are multiples of its inverse: float32 sums are exact, and full coverage is 1
 
 
 class Pass(NamedTuple):
-    """Some of the samples of all pixels, which are drawn together."""
+    """A group of samples of all pixels that one pass draws."""
 
-    first: int  # sample of the first of them
+    first: int  # number of the first sample
     pattern: band_buffer.Pattern
-    places: Handle  # of the pattern
-    weights: Handle  # of an items.Splat
+    places: Handle  # of `pattern`
+    weights: Handle  # of a fragments.Splat
 
 
 @functools.cache
 def passes(samples: int, random: bool, name: str) -> tuple[Pass, ...]:
-    """How so many samples under a filter of this name are drawn; `random` ones in two halves at least, which tell how far off they are."""
-    count = max(-(-samples // SAMPLES), 2 if random and samples >= 4 else 1)  # a single sample stands for its whole pixel
+    """The passes for a number of samples and a filter; at least two for `random` samples, to estimate the error from halves."""
+    count = max(-(-samples // SAMPLES), 2 if random and samples >= 4 else 1)  # a single sample fills its pixel
     ends = [samples * k // count for k in range(count + 1)]
     shares = np.diff(np.round(np.array(ends) / samples * WEIGHT_STEPS)) / WEIGHT_STEPS
     made = []
@@ -41,11 +41,11 @@ def passes(samples: int, random: bool, name: str) -> tuple[Pass, ...]:
 
 
 def filter_weights(name: str, pattern: band_buffer.Pattern, share: float, samples: int) -> fragments.Splat:
-    """How a pixel's samples count for the pixels around it; all of what counts for a pixel adds up to `share`."""
+    """The weights of a pixel's samples in the pixels around it; all weights of a pixel sum to `share`."""
     side, count = fragments.SIDE, len(pattern.x)
     reach = int(np.ceil(sobol.FILTER_RADIUS[name] - 0.5)) if samples > 1 else 0
     away = np.arange(side, dtype=np.float64) - fragments.REACH
-    inner = 0.5 - 1e-6  # a sample on a pixel's border is its own, to filters that end there
+    inner = 0.5 - 1e-6  # samples on a pixel's border belong to it, for filters that end there
     dx: NDArray[np.float64] = np.maximum(pattern.x / coverage.ONE - 0.5, -inner)[:, None] - away
     dy: NDArray[np.float64] = np.maximum(pattern.y / coverage.ONE - 0.5, -inner)[:, None] - away
     weight = sobol.filter_weight(name, dy)[:, :, None] * sobol.filter_weight(name, dx)[:, None, :]

@@ -1,4 +1,4 @@
-"""Makes the attribute planes of triangles, sixteen at a time."""
+"""Sets up the attribute planes of triangles, sixteen at a time."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Corners(NamedTuple):
 
 
 class Weights(NamedTuple):
-    """Planes c, a, b about a pixel of what interpolates from sixteen triangles' corners, each over the distance along the axis."""
+    """Planes c, a, b relative to a pixel, over the distance along the axis, of sixteen triangles' interpolation weights."""
 
     area: Vec  # one
     u: Vec  # the weight of the second corner
@@ -55,7 +55,7 @@ class ScreenTriangles(NamedTuple):
 
 @noinline_helper
 def setup_planes(shading, textured, colored):
-    """Make the records that `row_of` and `rows_of` added. `shading` is a handle of deferred_shading.Shading."""
+    """Set up the new records of the cache; `shading` is a handle of deferred_shading.Shading."""
     visible, cache = shading.visible, shading.planes
     for first in range(cache.count[1], cache.count[0], 16):
         count = min(cache.count[0] - first, 16)
@@ -107,8 +107,8 @@ def setup_instance(shading: Any, textured: Any, colored: Any, i: int, slot: Lane
 
 @helper
 def project(projection: Any, i: int, corners: Corners) -> ScreenTriangles:
-    """Sixteen triangles of instance i on the screen."""
-    # The first corner about the pixel it lies in, by float64; edges are short.
+    """Project sixteen triangles of instance i."""
+    # The first corner relative to its pixel, in float64; edges are short and need only float32.
     low, high = _corner(projection, i, _low(corners.a)), _corner(projection, i, _high(corners.a))
     px, py = simd.joined(low[0], high[0]), simd.joined(low[1], high[1])
     ax, ay, depth = simd.joined(low[2], high[2]), simd.joined(low[3], high[3]), simd.joined(low[4], high[4])
@@ -131,7 +131,7 @@ def project(projection: Any, i: int, corners: Corners) -> ScreenTriangles:
     if projection.perspective:
         single = single | ~(simd.maximum(abs(d1), abs(d2)) < depth * np.float32(0.25))
     speck = thin & short
-    whole = simd.select(speck, 1.0 / w0, 1.0 / det)  # specks: the first corner's distance everywhere
+    whole = simd.select(speck, 1.0 / w0, 1.0 / det)  # specks: the first corner's distance
     level = (whole * np.float32(1.0 / 3.0), zero, zero)
     area = ops.where3(speck, (whole, zero, zero), ops.scale(area, whole))
     eu, ev = ops.where3(speck, level, ops.scale(eu, whole)), ops.where3(speck, level, ops.scale(ev, whole))
@@ -201,7 +201,7 @@ def is_zero(v: Vec) -> Lane:
 
 @helper
 def write_floats(record: Any, at: int, here: Lane, columns: Any) -> None:
-    """Eight floats of sixteen records behind each other, the first from place `at` on, in the lanes `here`."""
+    """Write eight consecutive floats of sixteen consecutive records, from place `at` on, in the lanes `here`."""
     if simd.all_of(here):
         simd.store_rows(record, at, record.shape[1], columns)
     else:
@@ -227,7 +227,7 @@ def _color(tables: Any, g: int, triangle: Lane, u: float, v: float) -> Vec:
 
 @helper
 def _corner(projection: Any, i: int, p: Vec) -> Any:
-    """x, y of the pixels that points lie in, X - x W and Y - y W about them, and D, in float32."""
+    """Pixels (x, y) of points, X - x W and Y - y W, and D, in float32."""
     m = projection.matrix
     cx = m[i, 0, 0] * p[0] + m[i, 0, 1] * p[1] + m[i, 0, 2] * p[2] + m[i, 0, 3]
     cy = m[i, 1, 0] * p[0] + m[i, 1, 1] * p[1] + m[i, 1, 2] * p[2] + m[i, 1, 3]

@@ -1,7 +1,7 @@
-"""Faces by themselves: large, steep, long and thin ones, whose corners' weights are computed in float64 where they are seen.
+"""Attributes of precise triangles (large, steep, long and thin ones): float64 weights of the corners at each pixel.
 
-What their corners hold is kept for the last few hundred of them; and of those that fill blocks of pixels, records like other faces'
-that hold near a block. See faces.py.
+The attributes of a few hundred triangles are cached. A triangle that covers whole blocks also gets a float32 record like other triangles,
+valid near a block. See triangle_planes.py.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from .meshlets import SHIFT
 from .plane_setup import FLAT, WIDE
 from .triangle_planes import CACHED, Attributes
 
-_FLAT = 2.0  # in Faces.single: corners have one normal
-_NEAR = 11  # in Faces.planes: the box of pixels of `near`'s record: x0 <= x < x1, y0 <= y < y1
-# Places in Faces.single: slopes of weights, normals, whether these are all on one side or one, …
+_FLAT = 2.0  # at _EVEN: corners have one normal
+_NEAR = 11  # place in PlaneCache.precise of the block record's box of pixels: x0, x1, y0, y1
+# Places in PlaneCache.corners: slopes of weights, normals, whether these lie on one side or are equal, …
 _SLOPES, _NORMALS, _EVEN, _FRONT, _FACE, _DEPTHS, _PLACES, _OWN, _METRIC, _COLORS = 0, 6, 15, 16, 17, 20, 23, 29, 32, 34
 
 
@@ -29,7 +29,7 @@ _SLOPES, _NORMALS, _EVEN, _FRONT, _FACE, _DEPTHS, _PLACES, _OWN, _METRIC, _COLOR
 def interpolate(shading, textured, colored, i, row, at_x, at_y):
     """The same as `triangle_planes.interpolate`, of one triangle, in float64. `shading` is a handle of deferred_shading.Shading."""
     p, s = corner_attributes(shading, textured, colored, i, row)
-    bx, by = simd.floor(at_x * 0.25) * 4.0, simd.floor(at_y * 0.25) * 4.0  # blocks of pixels: from there on in float32
+    bx, by = simd.floor(at_x * 0.25) * 4.0, simd.floor(at_y * 0.25) * 4.0  # blocks of pixels; relative to these, float32
     x, y = at_x - bx, at_y - by
     zero = simd.f32x16(0.0)
     low_x, high_x = simd.to_f64(simd.low_half(bx)), simd.to_f64(simd.high_half(bx))
@@ -40,7 +40,7 @@ def interpolate(shading, textured, colored, i, row, at_x, at_y):
     eu = simd.maximum(simd.fma(x, s[_SLOPES], simd.fma(y, s[_SLOPES + 1], eu)), 0.0)
     ev = simd.maximum(simd.fma(x, s[_SLOPES + 2], simd.fma(y, s[_SLOPES + 3], ev)), 0.0)
     ew = simd.maximum(simd.fma(x, s[_SLOPES + 4], simd.fma(y, s[_SLOPES + 5], ew)), 0.0)
-    normal = blend(s, _NORMALS, eu, ev, ew)  # of any length, so that nothing waits for a division
+    normal = blend(s, _NORMALS, eu, ev, ew)  # not normalized: saves a division
     total = eu + ev + ew
     scale = simd.select(total > 0.0, simd.reciprocal(total), 0.0)
     u, v = eu * scale, ev * scale
@@ -110,7 +110,7 @@ def make_block_record(shading, textured, colored, i, row, x, y, last):
     y = top
     perspective, record = shading.projection.perspective, shading.planes.record
     weight = weight_sum(p, left, y)
-    if perspective:  # weights times depths are the same everywhere
+    if perspective:  # the sum of weights times depths is constant
         first, second, third = weight_at(p, 8, left, y), weight_at(p, 2, left, y), weight_at(p, 5, left, y)
         weight = first * s[_DEPTHS] + second * s[_DEPTHS + 1] + third * s[_DEPTHS + 2]
     scale = 1.0 / weight
@@ -144,27 +144,27 @@ def is_flat(shading: Any, i: int, row: int) -> bool:
 
 @helper
 def flat_normal(cache: Any, row: int) -> Vec:
-    """The normal of a single face of which `is_flat` has been asked; of any length."""
+    """The normal of a triangle after `is_flat`; not normalized."""
     s = cache.corners[row & (CACHED - 1)]
     return s[_NORMALS], s[_NORMALS + 1], s[_NORMALS + 2]
 
 
 @helper
 def block_record_end(cache: Any, row: int) -> int:
-    """Up to which x the record of `near` holds that has been asked for last."""
+    """The x at which the validity of the last block record ends."""
     return int(simd.read(cache.precise, 16 * (row & (CACHED - 1)) + _NEAR + 1))
 
 
 @helper
 def is_level(p: Any, x0: float, y0: float, x1: float, y1: float) -> bool:
-    """Whether the sum of weights is much the same in a box."""
+    """Whether the sum of weights varies less than fourfold in a box."""
     a, b, c, d = weight_sum(p, x0, y0), weight_sum(p, x1, y0), weight_sum(p, x0, y1), weight_sum(p, x1, y1)
     return min(min(a, b), min(c, d)) > 0.25 * max(max(a, b), max(c, d))
 
 
 @helper
 def weight_sum(p: Any, x: float, y: float) -> float:
-    """Of a single face's weights at a place."""
+    """The sum of the three weights at a pixel position."""
     return weight_at(p, 2, x, y) + weight_at(p, 5, x, y) + weight_at(p, 8, x, y)
 
 
@@ -186,7 +186,7 @@ def plane_about(p: Any, x: float, y: float, values: Vec) -> Vec:
 
 @helper
 def uv_slope(s: Any, uv: tuple[Lane, Lane], k: int) -> tuple[Lane, Lane]:
-    """How u and v grow along x or y, times all weights: by the quotient's rule."""
+    """Derivatives of u and v along x or y, times the sum of weights, by the quotient rule."""
     b, c, a = s[_SLOPES + k], s[_SLOPES + 2 + k], s[_SLOPES + 4 + k]
     return (
         (b * s[_PLACES + 2] + c * s[_PLACES + 4] + a * s[_PLACES]) - uv[0] * (a + b + c),
@@ -196,13 +196,13 @@ def uv_slope(s: Any, uv: tuple[Lane, Lane], k: int) -> tuple[Lane, Lane]:
 
 @helper
 def weight_at(planes: Any, first: int, x: Lane, y: Lane) -> Lane:
-    """A plane of weights at a place."""
+    """One weight at a pixel position."""
     return planes[first] + planes[first + 1] * x + planes[first + 2] * y
 
 
 @helper
 def blend(s: Any, at: int, u: Lane, v: Lane, w: Lane) -> Vec:
-    """Three numbers at each of three corners."""
+    """A vector attribute of the corners, weighted by w, u and v."""
     return (
         simd.fma(v, s[at + 6], simd.fma(u, s[at + 3], w * s[at])), simd.fma(v, s[at + 7], simd.fma(u, s[at + 4], w * s[at + 1])),
         simd.fma(v, s[at + 8], simd.fma(u, s[at + 5], w * s[at + 2])),
@@ -211,10 +211,10 @@ def blend(s: Any, at: int, u: Lane, v: Lane, w: Lane) -> Vec:
 
 @noinline_helper
 def setup_corners(projection, meshlets, tables, planes, s, textured, colored, i, slot):
-    """Fill in a face: planes of the areas that belong to its second, third and first corner, and what corners hold.
+    """Write a triangle's planes of weights (of second, third, first corner) and its corners' attributes.
 
-    The cross of two corners' rows (X - x W, Y - y W) is X₁Y₂ - X₂Y₁ + x (W₂Y₁ - W₁Y₂) + y (X₂W₁ - X₁W₂). Scaled,
-    so that float32 can hold them, and positive inside.
+    The cross of two corners' rows (X - x W, Y - y W) is X₁Y₂ - X₂Y₁ + x (W₂Y₁ - W₁Y₂) + y (X₂W₁ - X₁W₂). Weights are scaled to fit
+    float32 and are positive inside.
     """
     one, two = corner_row(projection, meshlets, i, slot, 0), corner_row(projection, meshlets, i, slot, 1)
     three = corner_row(projection, meshlets, i, slot, 2)
@@ -269,7 +269,7 @@ def setup_corners(projection, meshlets, tables, planes, s, textured, colored, i,
 
 @helper
 def corner_position(meshlets: Any, slot: int, corner: int) -> Vec:
-    """A corner in the mesh's frame."""
+    """The position of a corner in the mesh's frame."""
     at = meshlets.corner[slot, corner]
     return np.float64(meshlets.record[at, 0]), np.float64(meshlets.record[at, 1]), np.float64(meshlets.record[at, 2])
 
@@ -282,7 +282,7 @@ def corner_depth(projection: Any, meshlets: Any, i: int, slot: int, corner: int)
 
 @helper
 def corner_row(projection: Any, meshlets: Any, i: int, slot: int, corner: int) -> Vec:
-    """X, Y, W of a triangle's corner."""
+    """(X, Y, W) of a corner."""
     m, (x, y, z) = projection.matrix, corner_position(meshlets, slot, corner)
     w = corner_depth(projection, meshlets, i, slot, corner) if projection.perspective else 1.0
     return m[i, 0, 0] * x + m[i, 0, 1] * y + m[i, 0, 2] * z + m[i, 0, 3], m[i, 1, 0] * x + m[i, 1, 1] * y + m[i, 1, 2] * z + m[i, 1, 3], w
@@ -290,5 +290,5 @@ def corner_row(projection: Any, meshlets: Any, i: int, slot: int, corner: int) -
 
 @helper
 def cross(p: Vec, q: Vec) -> Vec:
-    """c, a, b of the area that two corners make."""
+    """The plane c, a, b of the weight between two corners, opposite the third."""
     return p[0] * q[1] - q[0] * p[1], q[2] * p[1] - p[2] * q[1], q[0] * p[2] - p[0] * q[2]

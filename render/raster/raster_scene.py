@@ -17,28 +17,28 @@ from .band_memory import BufferPool
 
 
 class RasterScene(NamedTuple):
-    """What a view draws as triangles: made once, kept with what else is prepared."""
+    """Everything that the rasterizer prepares of a view; read by all its pictures."""
 
-    model: Handle  # of a raster_setup.Model
+    model: Handle  # of a view_geometry.Model
     ranges: NDArray[np.int64]  # (instances, 2) triangles of the model
     meshlets: Handle
     meshlet_ranges: NDArray[np.int64]  # (instances, 2) meshlets
-    projection: Handle  # of a bands.Projection
-    shading_tables: Handle  # what deferred.py reads of the tables
-    sources: Handle
-    rays: Handle
-    untessellated: NDArray[np.intp]  # rows of instances that enter the z-buffer where each sample's ray meets them
-    boxes: NDArray[np.int32]  # (those, 4) pixels where they may be seen
-    textured: Any  # True or None: whether a material has a texture or a mesh colours
-    colored: Any  # True or None: whether any is more than a picture by coordinates
-    flat: Any  # True or None: deferred.lights_flat
+    projection: Handle  # of a band_buffer.Projection
+    shading_tables: Handle  # see deferred_shading.to_float32
+    sources: Handle  # of a deferred_shading.LightSources
+    rays: Handle  # of a triangle_planes.PixelRays
+    untessellated: NDArray[np.intp]  # rows of visible instances without triangles, which a ray for each sample enters
+    boxes: NDArray[np.int32]  # (len(untessellated), 4) their pixel bounds
+    textured: Any  # True or None: a material has a texture, or a mesh vertex colours
+    colored: Any  # True or None: shading needs more than uv: vertex colours, or textures that are no images by uv
+    flat: Any  # True or None: see deferred_shading.shades_flat_runs
     pool: BufferPool
 
 
-def build(tables: ir.Tables, view: View, shells: dict[int, Any]) -> RasterScene:
-    """The triangles of meshes and of tessellated shapes, as a model and as meshlets."""
-    model, ranges = view_geometry.build_model(tables, view, shells)
-    made, meshlet_ranges = meshlets.build(tables, model.positions, model.triangles, ranges, shells)
+def build(tables: ir.Tables, view: View, tessellations: dict[int, Any]) -> RasterScene:
+    """The data of a view; `tessellations` are the analytic shapes', by instance."""
+    model, ranges = view_geometry.build_model(tables, view, tessellations)
+    made, meshlet_ranges = meshlets.build(tables, model.positions, model.triangles, ranges, tessellations)
     near, far = view_geometry.depth_range(tables, view)
     projection = band_buffer.Projection(model.matrix, model.planes, model.perspective, near, far, model.positions, model.triangles)
     eye = tables.transforms.matrix[tables.cameras.transform[view.camera], :, 3]
@@ -47,7 +47,7 @@ def build(tables: ir.Tables, view: View, shells: dict[int, Any]) -> RasterScene:
         Handle(deferred_shading.light_sources(tables)),
         Handle(pixel_rays(tables, view, eye)),
     )
-    untessellated = view_geometry.untessellated(tables, shells)
+    untessellated = view_geometry.untessellated(tables, tessellations)
     textured, colored = used_attributes(tables)
     return RasterScene(
         Handle(model), ranges, Handle(made), meshlet_ranges, Handle(projection), shading_tables, sources, rays, untessellated,
@@ -57,19 +57,19 @@ def build(tables: ir.Tables, view: View, shells: dict[int, Any]) -> RasterScene:
 
 
 def used_attributes(tables: ir.Tables) -> tuple[Any, Any]:
-    """Two of True or None: whether a material has a texture or a mesh colours, and whether any is more than a picture by coordinates."""
+    """`RasterScene.textured` and `colored` of tables."""
     more = (tables.textures.mapping != UV) | (tables.textures.kind != IMAGE)
     colored = bool((tables.geometries.colors >= 0).any() or more.any())
     return (True if colored or (tables.materials.textures >= 0).any() else None), (True if colored else None)
 
 
 def pixel_rays(tables: ir.Tables, view: View, eye: NDArray[np.float64]) -> triangle_planes.PixelRays:
-    """Rays through three pixel corners, in the world about the eye."""
+    """The rays through pixels, in the world relative to the eye."""
     ray = camera.ray(tables, view, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
     start, direction = (np.stack([np.broadcast_to(c, 3) for c in vector], axis=1) for vector in (ray.origin, ray.direction))
     axis = -tables.transforms.inverse[tables.cameras.transform[view.camera], 2, :3]
     direction = direction / (direction @ axis)[:, None]
-    start = start - eye - direction * ((start - eye) @ axis)[:, None]  # from the plane of the eye on, as depths count
+    start = start - eye - direction * ((start - eye) @ axis)[:, None]  # from the plane of the eye, where depth is 0
     steps = np.array([[1.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]])
     inverse = tables.transforms.inverse[tables.instances.transform]
     local = inverse.copy()

@@ -1,4 +1,4 @@
-"""What camera rays hit where the rasterizer saw triangles: the triangle itself, or the shape it stands for."""
+"""Converts rasterized samples to ray hits: of the triangle itself, or of the shape that its tessellation approximates."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from . import coverage
 
 MESH = int(ir.GeometryKind.MESH)
 CAMERA = int(ir.Visibility.CAMERA)
-OUTSIDE = 1.0 / 64.0  # of all three: how far below 0 weights may go beside their triangle
+OUTSIDE = 1.0 / 64.0  # of their sum: how far below 0 the weights of a sample beside its triangle may go
 
 
 @helper
 def intersect(accel: Any, instance: int, ray: Ray, active: Lane) -> Hit:
-    """Where rays meet one instance, in the active lanes."""
+    """The hits of rays with one instance, in the active lanes."""
     zero = 0.0 * ray.direction[0]
     nothing = ops.int_like(zero, -1)
     none = Hit(zero + np.inf, nothing, nothing, zero, zero)
@@ -30,13 +30,13 @@ def intersect(accel: Any, instance: int, ray: Ray, active: Lane) -> Hit:
 
 @helper
 def axis_cosine(tables: Any, view: View, ray: Ray) -> Lane:
-    """Metres along the camera's axis for a metre along a ray."""
+    """The cosine between rays and the camera's axis: depth over distance."""
     return -affine.transform_vector(tables.transforms.inverse, tables.cameras.transform[view.camera], ray.direction)[2]
 
 
 @helper
 def find_hits(model: Any, tables: Any, accel: Any, view: View, ray: Ray, px: Lane, py: Lane, instances: Lane, triangle: Lane) -> Hit:
-    """What the rays through samples hit, where the z-buffer saw triangles: as trace.closest gives it."""
+    """The hits of the rays through samples of the z-buffer, as intersect.closest_hit gives them."""
     zero = 0.0 * ray.direction[0]
     nothing = ops.int_like(zero, -1)
     t, instance, primitive, u, v = zero + np.inf, nothing, nothing, zero, zero
@@ -54,7 +54,7 @@ def find_hits(model: Any, tables: Any, accel: Any, view: View, ray: Ray, px: Lan
 @helper
 def _intersect_instance(model: Any, tables: Any, accel: Any, view: View, ray: Ray, px: Lane, py: Lane, i: int, triangle: Lane,
                         here: Lane) -> Hit:  # fmt: skip
-    """Hits of the active lanes with one instance; t is inf where the z-buffer's triangle has none."""
+    """The hits of the lanes `here` with instance i; t is inf where the z-buffer's triangle has none."""
     zero = 0.0 * ray.direction[0]
     t, u, v, part = zero + np.inf, zero, zero, ops.int_like(zero, -1)
     flat = here & (triangle >= 0)
@@ -64,7 +64,7 @@ def _intersect_instance(model: Any, tables: Any, accel: Any, view: View, ray: Ra
         t = ops.where(flat, depth / axis_cosine(tables, view, ray), t)
         u, v = ops.where(flat, wu, u), ops.where(flat, wv, v)
         part = ops.where(flat, ops.to_int(model.parts[row]), part)
-    t = ops.where(abs(t) < np.inf, t, np.inf)  # an endless plane at its horizon
+    t = ops.where(abs(t) < np.inf, t, np.inf)  # an unbounded plane at its horizon
     if tables.geometries.kind[tables.instances.geometry[i]] != MESH:
         exact = intersect(accel, i, ray, here)
         met = exact.instance >= 0
@@ -77,9 +77,8 @@ def _intersect_instance(model: Any, tables: Any, accel: Any, view: View, ray: Ra
 def weights(model: Any, instance: int, triangle: Lane, x: Lane, y: Lane) -> tuple[Lane, Lane, Lane]:
     """(depth, u, v) of triangles at pixel coordinates: perspective-correct weights of their second and third corners.
 
-    The rows (X - x W, Y - y W) of the corners lie about the sample; the cross of two of them is the third's weight, undivided.
-    A sample that snapping put just outside gets the weights that the plane has there, if need be less than 0, where these are small and
-    the plane is before the eye; else the nearest ones inside.
+    The corners' rows (X - x W, Y - y W) are relative to the sample; the cross of two of them is the third's unnormalized weight. Samples
+    just outside because of snapping have extrapolated weights where those are small and the plane lies before the eye, else clamped ones.
     """
     m, p, corners = model.matrix, model.positions, model.triangles
     x0, y0, d0, v0 = relative_to_sample(m, instance, p, corners[triangle, 0], x, y)
@@ -94,14 +93,14 @@ def weights(model: Any, instance: int, triangle: Lane, x: Lane, y: Lane) -> tupl
     least = ops.where(beside, least, 0.0)
     e0, e1, e2 = ops.maximum(e0, least), ops.maximum(e1, least), ops.maximum(e2, least)
     total = e0 + e1 + e2
-    thin = total == 0.0  # seen exactly from its side: its first corner
+    thin = total == 0.0  # edge-on: use the first corner
     e0, total = ops.where(thin, 1.0, e0), ops.where(thin, 1.0, total)
     return (e0 * d0 + e1 * d1 + e2 * d2) / (e0 * v0 + e1 * v1 + e2 * v2), e1 / total, e2 / total
 
 
 @helper
 def relative_to_sample(matrix: Any, instance: int, positions: Any, row: Lane, x: Lane, y: Lane) -> tuple[Lane, Lane, Lane, Lane]:
-    """(X - x W, Y - y W, D, V) of vertices in clip space."""
+    """(X - x W, Y - y W, D, V) of vertices: clip space relative to pixel coordinates (x, y)."""
     row = ops.to_int(row)
     px, py, pz, pw = positions[row, 0], positions[row, 1], positions[row, 2], positions[row, 3]
     m = matrix

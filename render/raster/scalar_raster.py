@@ -1,9 +1,9 @@
-"""The z-buffer: for every sample of a tile, the nearest triangle that covers it.
+"""Scalar z-buffer rasterizer for arbitrary sample positions: the nearest triangle at each sample of a tile.
 
-Triangles are cut in clip space, divided by w, snapped to 1/256 pixel and filled exactly (fill.py). What is compared is
-linear on the screen: 1 / depth for a perspective camera, -depth for an orthographic one, from the triangle's own plane in
-homogeneous coordinates (Olano and Greer, Triangle Scan Conversion using 2D Homogeneous Coordinates, 1997), in float64;
-at equal depth the lowest instance, then the lowest triangle wins, so that the order of drawing does not matter.
+Triangles are clipped, divided by w, snapped to 1/256 pixel and filled exactly (coverage.py). Keys are linear on the screen: 1 / depth for
+a perspective camera, -depth for an orthographic one. They come from the triangle's plane in homogeneous coordinates, in float64
+(Olano and Greer, Triangle Scan Conversion using 2D Homogeneous Coordinates, 1997). At equal keys the lowest instance, then the lowest
+triangle wins, so that drawing order does not matter.
 """
 
 from __future__ import annotations
@@ -19,45 +19,45 @@ from ..types import Tile
 from . import clipping, coverage
 from .view_geometry import COLUMNS, to_clip
 
-NO_LINE = -(1 << 62)  # no line of samples
-FLAT = 1e-6  # of its size, by which the corners of a polygon filled as a whole may be off its plane
+NO_LINE = -(1 << 62)  # no row of samples
+FLAT = 1e-6  # of a polygon's size: the largest distance of its corners from its plane, to fill it as a whole
 
 
 class Samples(NamedTuple):
-    """Where a tile's samples lie, in fixed point from the picture's top left; pixel by pixel in rows, each with `count` of them."""
+    """Sample positions of a tile, in fixed point from the picture's top left; `count` a pixel, in rows of pixels."""
 
     x: NDArray[np.int64]  # (h · w · count,)
     y: NDArray[np.int64]
     rows: int
     columns: int
     count: int
-    reach: int  # how far any of them lies from its pixel's centre in x or y
+    reach: int  # largest distance from the pixel's centre in x or y
 
 
 class DepthBuffer(NamedTuple):
-    """What each sample sees."""
+    """The nearest triangle of each sample."""
 
-    key: NDArray[np.float64]  # (h · w · count,) larger is nearer; -inf: nothing
+    key: NDArray[np.float64]  # (h · w · count,) larger is nearer; -inf: empty
     instance: NDArray[np.int32]  # or -1
-    triangle: NDArray[np.int32]  # row of Model.triangles, or -1: an endless quadric, which has none
+    triangle: NDArray[np.int32]  # row of Model.triangles; -1 for instances without triangles
 
 
 class Workspace(NamedTuple):
-    """Scratch memory of one thread."""
+    """Temporary memory of one thread."""
 
-    corners: NDArray[np.float64]  # (3, 5) the triangle in clip space
-    first: NDArray[np.float64]  # (16, 5) what is left of it
-    second: NDArray[np.float64]
+    corners: NDArray[np.float64]  # (3, 5) triangle in clip space
+    first: NDArray[np.float64]  # (16, 5) clipped polygon
+    second: NDArray[np.float64]  # (16, 5) temporary of clipping
     x: NDArray[np.int64]  # (n,) fixed-point corners of a triangle or a polygon's loops
     y: NDArray[np.int64]
     crossings: NDArray[np.int64]  # (n,)
-    plane: NDArray[np.float64]  # (m, 5) see `key_plane`; one for each triangle of a polygon
+    plane: NDArray[np.float64]  # (m, 5) depth planes a, b, c, and range of keys; one for each triangle of a polygon
     part_x: NDArray[np.int64]  # (m, 3) fixed-point corners of each triangle of a polygon
     part_y: NDArray[np.int64]
 
 
 class Scratch(NamedTuple):
-    """What one thread writes to, as one handle for kernels."""
+    """Output and temporary memory of one thread."""
 
     samples: Samples
     depth: DepthBuffer
@@ -65,7 +65,7 @@ class Scratch(NamedTuple):
 
 
 def scratch_for(tile: Tile, count: int, reach: int, work: Workspace) -> Scratch:
-    """Memory for `count` samples of each pixel of a tile, with an empty z-buffer."""
+    """Memory for `count` samples of each pixel of a tile; the z-buffer is empty."""
     rows, columns = tile.y1 - tile.y0, tile.x1 - tile.x0
     n = rows * columns * count
     samples = Samples(np.empty(n, np.int64), np.empty(n, np.int64), rows, columns, count, reach)
@@ -73,7 +73,7 @@ def scratch_for(tile: Tile, count: int, reach: int, work: Workspace) -> Scratch:
 
 
 def workspace_for(tables: ir.Tables) -> Workspace:
-    """Memory for the largest polygon there is."""
+    """Temporary memory for the largest polygon of the tables."""
     corners = max(16, _most_corners(tables.polygons, tables.pools.loops))
     parts = max(1, int(tables.polygons.triangle_count.max(initial=1)))
     return Workspace(
@@ -83,7 +83,7 @@ def workspace_for(tables: ir.Tables) -> Workspace:
 
 
 def _most_corners(polygons: ir.Polygons, loops: NDArray[np.int32]) -> int:
-    """The most corners any polygon has, with its holes."""
+    """The largest number of corners of a polygon with its holes."""
     if len(polygons.first_loop) == 0:
         return 0
     total = np.concatenate([[0], np.cumsum(loops[:, 1], dtype=np.int64)])
@@ -92,7 +92,7 @@ def _most_corners(polygons: ir.Polygons, loops: NDArray[np.int32]) -> int:
 
 @kernel
 def draw_triangles(model, clusters, chosen, tile, how, scratch):
-    """Draw the chosen clusters of triangles into scratch.seen. `how` is one of fill.NAMES.
+    """Draw the chosen clusters of triangles into scratch.depth; `how` is one of the values of coverage.NAMES.
 
     `made`, `clusters` and `scratch` are handles.
     """
@@ -103,7 +103,7 @@ def draw_triangles(model, clusters, chosen, tile, how, scratch):
 
 @kernel
 def draw_polygons(model, clusters, chosen, tables, flat, tile, scratch):
-    """Draw the chosen clusters of polygons by scanlines, as a whole where `flat` (polygons,) says so, else by their triangles."""
+    """Draw the chosen clusters of polygons by scanlines: as a whole where `flat` (polygons,), else by triangles."""
     for c in chosen:
         instance, first, last = clusters.instance[c], clusters.first[c], clusters.first[c] + clusters.count[c]
         for polygon in range(first, last):
@@ -131,7 +131,7 @@ def draw_triangle(model, instance, triangle, tile, how, scratch):
 
 @helper
 def clip_triangle(planes: Any, work: Workspace) -> int:
-    """Copy the triangle in room.corners to room.first, cut if need be; returns how many corners are left."""
+    """Clip the triangle work.corners into work.first; returns the number of corners."""
     cut = False
     for p in range(len(planes)):
         outside = 0
@@ -148,10 +148,10 @@ def clip_triangle(planes: Any, work: Workspace) -> int:
 
 @helper
 def key_plane(corners: Any, tile: Tile, perspective: bool, out: Any, row: int) -> bool:
-    """Write (a, b, c) of key = a x + b y + c, in pixels from the tile's corner, to out[row]; False if the triangle is seen edge-on.
+    """Write a, b, c of key = a x + b y + c, in pixels from the tile's corner, to out[row]; False if the triangle is edge-on.
 
-    With rows (X, Y, W) of the three corners, the weights of the corners at a pixel are its products with their crosses, over
-    the determinant. Nothing is divided by W, so corners behind the eye or at infinity will do.
+    The corners' weights at a pixel are its products with the crosses of their rows (X, Y, W), over the determinant. Nothing is divided
+    by W, so corners may lie behind the eye or at infinity.
     """
     w0, w1, w2 = corners[0, 2], corners[1, 2], corners[2, 2]
     x0, x1, x2 = corners[0, 0] - tile.x0 * w0, corners[1, 0] - tile.x0 * w1, corners[2, 0] - tile.x0 * w2
@@ -173,9 +173,9 @@ def key_plane(corners: Any, tile: Tile, perspective: bool, out: Any, row: int) -
 
 @helper
 def snap(corners: Any, count: int, perspective: bool, work: Workspace, row: int) -> bool:
-    """Put the corners of what clipping left into room.x and room.y, and the range of their keys into room.plane[row, 3:].
+    """Write the fixed-point corners of a clipped polygon to work.x and work.y, the range of their keys to work.plane[row, 3:].
 
-    The range keeps a sample that snapping put just outside of the true triangle from a depth none of its points has.
+    The range clamps keys at samples that lie just outside the true triangle because of snapping. False if a corner has w <= 0.
     """
     low, high = np.inf, -np.inf
     for k in range(count):
@@ -192,7 +192,7 @@ def snap(corners: Any, count: int, perspective: bool, work: Workspace, row: int)
 
 @helper
 def pixel_range(low: int, high: int, reach: int, start: int, end: int) -> tuple[int, int]:
-    """The pixels of a tile's row or column, counted in the tile, that may have samples between two fixed-point numbers."""
+    """The pixels of a tile's row or column, from its start, with samples between two fixed-point coordinates."""
     first = -((coverage.HALF + reach - low) // coverage.ONE)
     last = (high - coverage.HALF + reach) // coverage.ONE
     return max(first, start) - start, min(last + 1, end) - start
@@ -200,7 +200,7 @@ def pixel_range(low: int, high: int, reach: int, start: int, end: int) -> tuple[
 
 @helper
 def pixel_box(work: Workspace, count: int, reach: int, tile: Tile) -> tuple[int, int, int, int]:
-    """x0, y0, x1, y1 of the tile's pixels whose samples the first `count` corners of room.x and room.y may surround."""
+    """x0, y0, x1, y1 of the tile's pixels with samples in the bounds of the first `count` corners of work.x and work.y."""
     x0, y0, x1, y1 = work.x[0], work.y[0], work.x[0], work.y[0]
     for k in range(1, count):
         x0, y0, x1, y1 = min(x0, work.x[k]), min(y0, work.y[k]), max(x1, work.x[k]), max(y1, work.y[k])
@@ -211,7 +211,7 @@ def pixel_box(work: Workspace, count: int, reach: int, tile: Tile) -> tuple[int,
 
 @helper
 def fill_triangle(a: int, b: int, c: int, instance: int, triangle: int, tile: Tile, how: int, scratch: Scratch) -> None:
-    """Fill the triangle of corners a, b, c of room.x and room.y, either way round."""
+    """Fill the triangle of corners a, b, c of work.x and work.y, in either order."""
     work, samples = scratch.work, scratch.samples
     area = coverage.doubled_area(work.x[a], work.y[a], work.x[b], work.y[b], work.x[c], work.y[c])
     if area == 0:
@@ -245,7 +245,7 @@ def fill_triangle(a: int, b: int, c: int, instance: int, triangle: int, tile: Ti
 
 @helper
 def test_depth(plane: Any, row: int, px: int, py: int, instance: int, triangle: int, tile: Tile, s: int, depth: DepthBuffer) -> None:
-    """Keep the triangle of plane[row] at sample s if it is the nearest so far."""
+    """Depth-test the triangle of plane[row] at sample s."""
     x, y = px / coverage.ONE - tile.x0, py / coverage.ONE - tile.y0
     key = min(max(plane[row, 0] * x + plane[row, 1] * y + plane[row, 2], plane[row, 3]), plane[row, 4])
     old = depth.key[s]
@@ -261,7 +261,7 @@ def test_depth(plane: Any, row: int, px: int, py: int, instance: int, triangle: 
 
 @kernel
 def flat_polygons(tables, out):
-    """Write for each polygon whether its corners lie in one plane, and it is more than a triangle (Newell's normal)."""
+    """Write for each polygon whether it is planar (by Newell's normal) and has more than one triangle."""
     polygons, pools = tables.polygons, tables.pools
     for p in range(len(polygons.first_loop)):
         first = polygons.first_loop[p]
@@ -291,7 +291,7 @@ def flat_polygons(tables, out):
 
 @kernel
 def draw_polygon(model, tables, instance, polygon, tile, scratch):
-    """Fill one flat polygon as a whole by scanlines; False, and nothing drawn, if it needs cutting."""
+    """Fill one planar polygon by scanlines; False, without drawing, if it needs clipping."""
     first, count = tables.polygons.first_triangle[polygon], tables.polygons.triangle_count[polygon]
     if not snap_triangles(model, instance, first, count, tile, scratch.work):
         return False
@@ -303,7 +303,7 @@ def draw_polygon(model, tables, instance, polygon, tile, scratch):
 
 @helper
 def snap_triangles(model: Any, instance: int, first: int, count: int, tile: Tile, work: Workspace) -> bool:
-    """The fixed-point corners and depth planes of a polygon's triangles, into room; False if one of them must be cut."""
+    """Write the fixed-point corners and depth planes of a polygon's triangles; False if one needs clipping."""
     for t in range(count):
         for k in range(3):
             to_clip(model.matrix, instance, model.positions, model.triangles[first + t, k], work.corners, k)
@@ -321,7 +321,7 @@ def snap_triangles(model: Any, instance: int, first: int, count: int, tile: Tile
 
 @helper
 def project_loops(model: Any, tables: ir.Tables, instance: int, polygon: int, work: Workspace) -> int:
-    """The fixed-point corners of all of a polygon's loops, one after the other, into room; returns how many, 0 if one is behind."""
+    """Write the fixed-point corners of all loops of a polygon; returns their number, 0 if one is behind the eye."""
     found = 0
     first = tables.polygons.first_loop[polygon]
     for loop in range(first, first + tables.polygons.loop_count[polygon]):
@@ -339,7 +339,7 @@ def project_loops(model: Any, tables: ir.Tables, instance: int, polygon: int, wo
 
 @helper
 def fill_polygon(tables: ir.Tables, instance: int, polygon: int, corners: int, tile: Tile, scratch: Scratch) -> None:
-    """The scanline fill of a polygon's loops by the even-odd rule; each covered sample gets the triangle it lies in."""
+    """Fill a polygon's loops by scanlines and the even-odd rule; each covered sample stores the triangle it lies in."""
     work, samples = scratch.work, scratch.samples
     loops, first_loop = tables.pools.loops, tables.polygons.first_loop[polygon]
     first, count = tables.polygons.first_triangle[polygon], tables.polygons.triangle_count[polygon]
@@ -360,7 +360,7 @@ def fill_polygon(tables: ir.Tables, instance: int, polygon: int, corners: int, t
 
 @helper
 def triangle_at(work: Workspace, count: int, px: int, py: int) -> int:
-    """Which of a polygon's triangles a sample lies in; where snapping turned a sliver over and it lies in none, the one it misses least."""
+    """The triangle of a polygon that contains a sample; if snapping flipped a sliver and none does, the nearest."""
     best, least = 0, -np.inf
     for t in range(count):
         x, y = work.part_x[t], work.part_y[t]

@@ -1,4 +1,4 @@
-"""A thread's points: what lanes of sixteen need to be lit, written in columns by what finds them and read by each lamp."""
+"""Structure-of-arrays buffer of points to shade, sixteen lanes each: interpolation writes columns, each light reads them."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from ..surface import texture_footprint
 from ..types import Lane, Vec
 from . import triangle_planes
 
-CAPACITY = 32  # points, of sixteen lanes each, that go through a step together
+CAPACITY = 32  # points that go through a step together
 
-# Columns of a point: its normal and the direction to the viewer, unit; its light; where it is, about the eye; and what faces.Seen says.
+# Columns of a point: unit normal, unit direction to the viewer, radiance, position relative to the eye, and triangle_planes.Attributes.
 NORMAL, VIEWER, RADIANCE, POSITION, FACING, UV, METRIC, SPREAD, OUTWARD, VERTEX_COLOR = 0, 3, 6, 9, 12, 13, 15, 17, 21, 24
 PLAIN, TEXTURED, COLORED = 13, 21, 27
 
 
 class Points(NamedTuple):
-    """A thread's points that are lit together: those of one instance among sixteen items, or a block that one face fills."""
+    """A thread's points: one of each instance among sixteen fragments, or a block that one triangle covers."""
 
-    values: NDArray[np.float32]  # (CAPACITY, PLAIN, PICTURED or COLORED, 16)
+    values: NDArray[np.float32]  # (CAPACITY, PLAIN, TEXTURED or COLORED, 16)
     instance: NDArray[np.int32]  # (CAPACITY,)
-    lanes: NDArray[np.int32]  # bits: which lanes are of that instance
-    group: NDArray[np.int32]  # of items, or of blocks and then items, that they belong to
+    lanes: NDArray[np.int32]  # bits: the lanes of that instance
+    group: NDArray[np.int32]  # group of fragments, see fragments.fragment_start
 
 
 def point_buffer(textured: bool, colored: bool) -> Points:
-    """Room for CAPACITY points."""
+    """A buffer for CAPACITY points."""
     values = simd.aligned_empty((CAPACITY, COLORED if colored else TEXTURED if textured else PLAIN, 16), np.float32)
     return Points(values, np.zeros(CAPACITY, np.int32), np.zeros(CAPACITY, np.int32), np.zeros(CAPACITY, np.int32))
 
@@ -39,7 +39,7 @@ def point_buffer(textured: bool, colored: bool) -> Points:
 @helper
 def store_point(shading: Any, textured: Any, colored: Any, k: int, point: triangle_planes.Attributes, x: Lane, y: Lane, i: int, here: Lane,
          group: int) -> None:  # fmt: skip
-    """Write a point."""
+    """Write point k: attributes at (x, y) of instance i in the lanes `here`."""
     points, rays = shading.points, shading.rays
     simd.write(points.instance, k, i)
     simd.write(points.lanes, k, simd.bits(here))
@@ -105,7 +105,7 @@ def get3(points: Any, k: int, column: int) -> Vec:
 
 @helper
 def at_pixel(table: Any, x: Lane, y: Lane) -> Vec:
-    """Three vectors: at the picture's corner, and what a pixel right and a pixel down add."""
+    """A vector linear on the picture, at (x, y): `table` holds its value at the corner and its differences per pixel."""
     return (
         simd.fma(x, table[1, 0], simd.fma(y, table[2, 0], table[0, 0])), simd.fma(x, table[1, 1], simd.fma(y, table[2, 1], table[0, 1])),
         simd.fma(x, table[1, 2], simd.fma(y, table[2, 2], table[0, 2])),

@@ -1,4 +1,4 @@
-"""Drawing shadow maps: each lamp without an extent becomes a camera, or six around it, and the rasterizer draws what those see."""
+"""Shadow-map pass: rasterizes the depth seen from each light without extent, by one camera or six."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from ..geometry.bounds import world_bounds
 from ..jit import packed_struct
 from ..light.shadow_map import Maps
 from ..tessellation.view import ViewTessellator
-from ..types import Traced, View
+from ..types import ShadowRays, View
 from . import band_buffer, integrator_shading, meshlet_culling, raster_scene, triangle_setup, view_geometry
 from .meshlets import SHIFT
 
-SIZE = 2048  # texels a side, of parallel light and spots
-FACE = 1024  # of each of the six sides around a point
-ROWS = 64  # of a map that are drawn together
-SPOT_ANGLE = 1.2  # radians: spots that open wider than this to a side are seen as points
-BORDER = 3.0  # texels around a side of a cube, for the filter
-TOLERANCE = 0.5  # texels that a tessellated shape may be off its outline
+SIZE = 2048  # texels, side of the map of a directional light or spot
+FACE = 1024  # texels, side of each of a point light's six maps
+ROWS = 64  # of a band
+SPOT_ANGLE = 1.2  # radians, half angle: wider spots use six maps
+BORDER = 3.0  # texels around a map, for the filter
+TOLERANCE = 0.5  # texels, of tessellation
 MAPPED = (ir.LightKind.POINT, ir.LightKind.SPOT, ir.LightKind.DIRECTIONAL, ir.LightKind.SUN)
 
 
-def build(tables: ir.Tables, accel: packed_struct.Handle) -> Maps | Traced:
-    """The maps of a scene's lamps that cast shadows; `accel` is a handle of its trees."""
+def build(tables: ir.Tables, accel: packed_struct.Handle) -> Maps | ShadowRays:
+    """The shadow maps of a scene's lights; `accel` is a handle of its BVH."""
     lights = tables.lights
     first, count, made = np.full(len(lights.kind), -1), np.zeros(len(lights.kind), np.int64), []
     for light in range(len(lights.kind)):
@@ -36,7 +36,7 @@ def build(tables: ir.Tables, accel: packed_struct.Handle) -> Maps | Traced:
             made += _cameras_of(tables, light)
             count[light] = len(made) - first[light]
     if not made:
-        return Traced()
+        return ShadowRays()
     seen = _with_cameras(tables, made)
     views = [View(len(tables.cameras.projection) + k, one.size, one.size) for k, one in enumerate(made)]
     texels = [_render(seen, view, accel) for view in views]
@@ -51,7 +51,7 @@ def build(tables: ir.Tables, accel: packed_struct.Handle) -> Maps | Traced:
 
 
 class _ShadowCamera(NamedTuple):
-    """A camera that stands for a lamp."""
+    """A camera at a light."""
 
     frame: NDArray[np.float64]  # (3, 4) to the world
     extent: float
@@ -60,7 +60,7 @@ class _ShadowCamera(NamedTuple):
 
 
 def _cameras_of(tables: ir.Tables, light: int) -> list[_ShadowCamera]:
-    """What sees all that a lamp may shine on: one camera, or six around it."""
+    """The cameras that see all that a light illuminates: one, or six around it."""
     lights = tables.lights
     kind, position, direction = lights.kind[light], lights.position[light], lights.direction[light]
     if kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
@@ -73,7 +73,7 @@ def _cameras_of(tables: ir.Tables, light: int) -> list[_ShadowCamera]:
 
 
 def _parallel_camera(tables: ir.Tables, towards: NDArray[np.float64]) -> _ShadowCamera:
-    """An orthographic camera that looks from the light's side upon all that has an end."""
+    """An orthographic camera along a directional light, which sees all bounded instances."""
     boxes = world_bounds(tables)
     boxes = boxes[np.isfinite(boxes).all(axis=1)]
     low, high = (boxes[:, :3].min(axis=0), boxes[:, 3:].max(axis=0)) if len(boxes) else (-np.ones(3), np.ones(3))
@@ -86,7 +86,7 @@ def _parallel_camera(tables: ir.Tables, towards: NDArray[np.float64]) -> _Shadow
 
 
 def _frame(back: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3, 4) of a camera at a position that looks away from `back`."""
+    """(3, 4) frame of a camera at a position that looks opposite to `back`."""
     z = back / np.linalg.norm(back)
     x = np.cross(np.eye(3)[np.abs(z).argmin()], z)
     x = x / np.linalg.norm(x)
@@ -94,7 +94,7 @@ def _frame(back: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[
 
 
 def _with_cameras(tables: ir.Tables, made: list[_ShadowCamera]) -> ir.Tables:
-    """Tables with a camera more for each map, to which things are seen that cast shadows."""
+    """Tables with one more camera for each map; shadow casters are visible to cameras."""
     n, rows = len(made), len(tables.transforms.matrix)
     frames = np.stack([one.frame for one in made])
     turned = frames[:, :, :3].transpose(0, 2, 1)
@@ -117,10 +117,10 @@ def _with_cameras(tables: ir.Tables, made: list[_ShadowCamera]) -> ir.Tables:
 
 
 def _render(tables: ir.Tables, view: View, accel: packed_struct.Handle) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """(keys, instances) of a map's texels, row by row."""
-    shells = ViewTessellator(tables, view, TOLERANCE).shells(tables)
+    """(keys, instances) of a map's texels, row by row; -inf and -1 where empty."""
+    tessellations = ViewTessellator(tables, view, TOLERANCE).tessellations(tables)
     made, packed, pattern = (
-        raster_scene.build(tables, view, shells),
+        raster_scene.build(tables, view, tessellations),
         packed_struct.Handle(tables),
         packed_struct.Handle(band_buffer.pattern(1)),
     )

@@ -1,7 +1,7 @@
-"""Blocks of pixels that one face fills, run by run along a row of blocks: what all of a run share is looked up once.
+"""Spans: runs of blocks that one triangle covers, along a row of blocks; shared lookups are made once a span.
 
-Where a face is flat, lamps are far away and nothing has a pattern, only highlights differ from pixel to pixel: such a run is lit and
-written at once. Others become points like all else that is seen.
+A span of a flat triangle lit by far lights, without textures, varies only in highlights: it is shaded and written at once. Other spans
+become points like all fragments.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from .shading_points import CAPACITY, at_pixel, store_point
 @helper
 def interpolate_run(shading: Any, textured: Any, colored: Any, flat_runs: Any, group: int, y: int,
                     middle: tuple[float, float]) -> tuple[int, int]:  # fmt: skip
-    """Have the points of blocks from `group` on, as many as there is room for: the next one, and how many. It stops at a `flat` run.
+    """Interpolate the points of blocks from `group` on, up to CAPACITY; returns the next block and the number of points.
 
-    `y`: where the row of blocks begins; `middle`: where in pixels that one face fills it is lit.
+    Stops at a flat triangle if `flat_runs`. `y` is the first row of the blocks, `middle` the shading position in a pixel.
     """
     cache, buffer = shading.planes, shading.fragments
     column, line = in_block(simd.iota(simd.i32x16(0)))
@@ -64,7 +64,7 @@ def instance_of(shading: Any, face: int) -> int:
 
 @helper
 def is_flat(shading: Any, i: int, face: int) -> bool:
-    """Whether a face's corners have one normal."""
+    """Whether a triangle's corners have one normal."""
     if not triangle_planes.is_precise(shading.planes, face):
         return triangle_planes.is_flat(shading.planes, face)
     return precise_planes.is_flat(shading, i, face)
@@ -72,7 +72,7 @@ def is_flat(shading: Any, i: int, face: int) -> bool:
 
 @helper
 def block_record(shading: Any, textured: Any, colored: Any, i: int, face: int, x: int, y: int) -> tuple[int, int]:
-    """The row of a face's record that holds in the block from (x, y) on, or -1, and up to which x it holds there."""
+    """The row of a triangle's record for the block at (x, y), or -1; and the x at which its validity ends."""
     if not triangle_planes.is_precise(shading.planes, face):
         return face, EVERYWHERE
     row = precise_planes.block_record(shading, textured, colored, i, face, x, y)
@@ -81,7 +81,7 @@ def block_record(shading: Any, textured: Any, colored: Any, i: int, face: int, x
 
 @helper
 def run_end(buffer: Any, face: int, end: int, group: int, most: int) -> int:
-    """The first block after `group` that another face fills, or that lies at `end` or beyond; `most` at the most."""
+    """The end of the run of blocks of one triangle from `group` on, before x = `end` and before block `most`."""
     most = min(most, buffer.counts[2])
     last = group + 1
     while last < most and simd.read(buffer.blocks, last) == face and simd.read(buffer.block_x, last) < end:
@@ -91,7 +91,7 @@ def run_end(buffer: Any, face: int, end: int, group: int, most: int) -> int:
 
 @noinline_helper
 def shade_flat_run(shading, shader, group, y, middle, crop, full, rgba):
-    """Light a flat face's run of blocks from `group` on into the picture; the next one. Its material is `shader`, in numbers."""
+    """Shade and write the run of a flat triangle from block `group` on; returns the next block. `shader` is its scalar shader."""
     cache, buffer, sources, rays = shading.planes, shading.fragments, shading.sources, shading.rays
     face = simd.read(buffer.blocks, group)
     last = run_end(buffer, face, EVERYWHERE, group, EVERYWHERE)
@@ -121,13 +121,13 @@ def shade_flat_run(shading, shader, group, y, middle, crop, full, rgba):
 
 @helper
 def shift_right(start: Any, table: Any, x: float) -> Any:
-    """Rays' directions x pixels farther right."""
+    """Ray directions x pixels farther right."""
     return start[0] + x * table[1, 0], start[1] + x * table[1, 1], start[2] + x * table[1, 2]
 
 
 @helper
 def flat_normal(cache: Any, face: int) -> tuple[float, float, float]:
-    """A flat face's normal, which its record has over the distance."""
+    """The unit normal of a flat triangle; its record holds it over the distance."""
     at = face * cache.record.shape[1]
     x, y, z = simd.read(cache.record, at), simd.read(cache.record, at + 1), simd.read(cache.record, at + 2)
     if triangle_planes.is_precise(cache, face):

@@ -1,11 +1,11 @@
-"""Triangles that a band shows, as planes over the picture: made once for each of them, sixteen at a time, read by every pixel that sees it.
+"""Attribute planes of visible triangles, cached by id, and their interpolation at pixels.
 
-What is linear on a triangle, divided by the distance along the axis, is linear on the picture (Heckbert and Moreton 1991, Interpolation
-for Polygon Texture Mapping). So a face's record holds, as c + a x + b y about a pixel near it: its normal in the world over that distance,
-and one over that distance; with textures also coordinates and colours. Corners are those before snapping to fixed point.
+An attribute that is linear on a triangle is, divided by the distance along the axis, linear on the screen (Heckbert and Moreton 1991,
+Interpolation for Polygon Texture Mapping). A triangle's record holds c + a x + b y, relative to a pixel near it, of its world normal and
+of one, each over that distance; with textures also of coordinates and colours. Corners are those before snapping to fixed point.
 
-Float32 will do for faces that are small on the picture and not steep. Large, steep, long and thin ones, and those on whose corners normals
-go to different sides, are single: their corners' weights are computed in float64 where they are seen, and kept inside (single_faces.py).
+Float32 is accurate enough for triangles that are small on the screen and not steep. Large, steep, long and thin triangles, and those whose
+corner normals lie on different sides, are precise: float64 weights at each pixel, clamped to the triangle (precise_planes.py).
 """
 
 from __future__ import annotations
@@ -20,47 +20,47 @@ from ..jit.kernel import helper
 from ..types import Lane, Vec
 from .meshlets import SHIFT
 
-PLAIN = 16  # floats of a record: c and a of normal and key; b of them, where x and y count from, side, instance
-TEXTURED = 24  # with u and v
-COLORED = 40  # with the metres they span, the triangle's own normal and the colour's planes, too
-CACHED = 256  # single faces that are kept, a power of two
-EVEN, PRECISE = 1.25, 2.0  # sizes of a record's side, else 1: where corners have one normal; where faces are by themselves
+PLAIN = 16  # floats of a record: c and a of normal and key; b of them, origin x and y, facing, instance
+TEXTURED = 24  # and planes of u and v
+COLORED = 40  # and metres a unit of u and v, geometric normal, planes of the colour
+CACHED = 256  # precise triangles, a power of two
+EVEN, PRECISE = 1.25, 2.0  # absolute value of a record's facing: corners have one normal; precise; else 1
 
 
 class PixelRays(NamedTuple):
-    """Where things are seen from."""
+    """Camera rays, for positions relative to the eye."""
 
-    direction: NDArray[np.float32]  # (3, 3) of rays at the picture's top left, and what a pixel right and a pixel down add to it
-    start: NDArray[np.float32]  # (3, 3) the same of where they start, about the eye
-    local: NDArray[np.float32]  # (instances, 3, 4) from there to each instance's own frame
+    direction: NDArray[np.float32]  # (3, 3) ray direction at the picture's top left; its differences to the next pixel right and below
+    start: NDArray[np.float32]  # (3, 3) the same of ray origins, relative to the eye
+    local: NDArray[np.float32]  # (instances, 3, 4) from the world relative to the eye to each instance's frame
 
 
 class PlaneCache(NamedTuple):
-    """A thread's faces."""
+    """A thread's cache of records."""
 
-    row: NDArray[np.int32]  # by id, where a face's record is, plus count[2]; less than that: nowhere
-    owner: NDArray[np.int32]  # id
-    record: NDArray[np.float32]  # (most, PLAIN, PICTURED or COLORED)
-    count: NDArray[np.int64]  # (3,) records, how many of them are made, and how many there were before they were forgotten
-    precise: NDArray[np.float64]  # (KNOWN, 16) of the last single ones: id, 0, their corners' weights, and what `near` needs
-    corners: NDArray[np.float32]  # (KNOWN, 48) what their corners hold
+    row: NDArray[np.int32]  # by id: the record's row + count[2]; smaller values: none
+    owner: NDArray[np.int32]  # the id of each row
+    record: NDArray[np.float32]  # (most, PLAIN, TEXTURED or COLORED)
+    count: NDArray[np.int64]  # (3,) rows, rows that are set up, rows before the last `clear`
+    precise: NDArray[np.float64]  # (CACHED, 16) of precise triangles: id, 0, planes of weights, box of the block record
+    corners: NDArray[np.float32]  # (CACHED, 48) attributes of their corners
 
 
 class Attributes(NamedTuple):
-    """What lanes see of faces of one instance."""
+    """Interpolated attributes at pixels, of triangles of one instance."""
 
-    normal: Vec  # in the world, towards the viewer; of any length
-    key: Lane  # one over the depth along the axis; of an orthographic camera, the depth
-    facing: Lane  # > 0: from outside
+    normal: Vec  # in the world, towards the viewer; not normalized
+    key: Lane  # 1 / depth; orthographic: depth
+    facing: Lane  # > 0: seen from outside
     uv: tuple[Lane, Lane]
     metric: tuple[Lane, Lane]
-    spread: Any  # how far u, v go a pixel to the right and below
-    outward: Vec  # the triangle's own normal in the mesh's frame; of any length
+    spread: Any  # differences of u, v to the next pixel right and below
+    outward: Vec  # geometric normal in the mesh's frame; not normalized
     color: Vec
 
 
 def plane_cache(visible: int, most: int, textured: bool, colored: bool) -> PlaneCache:
-    """Room for `most` faces at a time, of `drawn` meshlets, and behind them for those of `near`."""
+    """A cache of `most` records, for ids of `drawn` meshlets, and of CACHED block records behind them."""
     most += CACHED
     record = simd.aligned_empty((most, COLORED if colored else TEXTURED if textured else PLAIN), np.float32)
     row, owner = np.full((visible + 1) << SHIFT, -1, np.int32), np.full(most + 16, -1, np.int32)
@@ -69,7 +69,7 @@ def plane_cache(visible: int, most: int, textured: bool, colored: bool) -> Plane
 
 @helper
 def clear(cache: Any) -> None:
-    """Have none: ids may mean others from now on."""
+    """Remove all records: ids change."""
     count = cache.count
     count[2] += count[0]
     count[0] = count[1] = 0
@@ -81,21 +81,21 @@ def clear(cache: Any) -> None:
 
 @helper
 def reserve(cache: Any, most: int) -> None:
-    """Have room for `most` more faces; older ones go if there is none."""
+    """Ensure capacity for `most` more records; clears the cache if it is full."""
     if cache.count[0] + most > len(cache.record) - CACHED:
         clear(cache)
 
 
 @helper
 def find_row(cache: Any, number: int) -> int:
-    """The face of an id, if need be a new one, to be made by `make_all`."""
+    """The row of an id's record; a new row is set up by `plane_setup.setup_planes`."""
     row = simd.read(cache.row, number) - cache.count[2]
     return row if row >= 0 else add_row(cache, number)
 
 
 @helper
 def add_row(cache: Any, number: int) -> int:
-    """A new face for an id."""
+    """Add a row for an id."""
     row = cache.count[0]
     simd.write(cache.row, number, row + cache.count[2])
     simd.write(cache.owner, row, number)
@@ -105,7 +105,7 @@ def add_row(cache: Any, number: int) -> int:
 
 @helper
 def find_rows(cache: Any, ids: Any, at: int, seen: Lane) -> Lane:
-    """The faces of ids[at:] in the lanes that are `seen`."""
+    """The rows of records of ids[at:], in the lanes `seen`."""
     numbers = simd.load_aligned(ids, at, simd.i32x16)
     rows = simd.gather(cache.row, numbers, seen) - cache.count[2]
     lacking = seen & (rows < 0)
@@ -119,7 +119,7 @@ def find_rows(cache: Any, ids: Any, at: int, seen: Lane) -> Lane:
 
 @helper
 def gather_records(cache: Any, textured: Any, colored: Any, row: Lane) -> Any:
-    """The columns of records."""
+    """The columns of records, in lanes."""
     at = row * cache.record.shape[1]
     first, second = simd.gather_rows(cache.record, at, 8), simd.gather_rows(cache.record, at, 8, 8)
     if textured is None:
@@ -132,7 +132,7 @@ def gather_records(cache: Any, textured: Any, colored: Any, row: Lane) -> Any:
 
 @helper
 def broadcast_record(cache: Any, textured: Any, colored: Any, row: int) -> Any:
-    """The same of one record in all lanes."""
+    """The columns of one record, equal in all lanes."""
     at = row * cache.record.shape[1]
     first, second = _broadcast(cache.record, at), _broadcast(cache.record, at + 8)
     if textured is None:
@@ -144,7 +144,7 @@ def broadcast_record(cache: Any, textured: Any, colored: Any, row: int) -> Any:
 
 @helper
 def _broadcast(table: Any, at: int) -> Any:
-    """Eight numbers in all lanes."""
+    """Eight numbers, equal in all lanes."""
     return (
         simd.f32x16(simd.read(table, at)), simd.f32x16(simd.read(table, at + 1)), simd.f32x16(simd.read(table, at + 2)),
         simd.f32x16(simd.read(table, at + 3)), simd.f32x16(simd.read(table, at + 4)), simd.f32x16(simd.read(table, at + 5)),
@@ -159,7 +159,7 @@ def instances(record: Any) -> Lane:
 
 @helper
 def are_precise(record: Any) -> Lane:
-    """Which faces are computed by themselves, by single_faces.py."""
+    """Whether records are of precise triangles, by lane."""
     return abs(record[1][6]) == PRECISE
 
 
@@ -170,13 +170,13 @@ def is_precise(cache: Any, row: int) -> bool:
 
 @helper
 def is_flat(cache: Any, row: int) -> bool:
-    """Whether the corners of a face that is not single have one normal."""
+    """Whether the corners of a triangle, not a precise one, have one normal."""
     return abs(simd.read(cache.record, row * cache.record.shape[1] + 14)) == EVEN
 
 
 @helper
 def interpolate(projection: Any, textured: Any, colored: Any, record: Any, at_x: Lane, at_y: Lane) -> Attributes:
-    """What is seen of faces, not of single ones, at places in pixels: multiples of 1/256, which float32 has in pictures of up to 65,536."""
+    """Interpolate records, not precise ones, at positions in pixels: multiples of 1/256, exact in float32 up to 65,536 pixels."""
     first, second, t, r, q = record
     x, y = at_x - second[4], at_y - second[5]
     normal = (
@@ -186,7 +186,7 @@ def interpolate(projection: Any, textured: Any, colored: Any, record: Any, at_x:
     key = simd.fma(x, first[7], simd.fma(y, second[3], first[3]))
     zero = simd.f32x16(0.0)
     uv, metric, spread, outward, color = (zero, zero), (zero, zero), (zero, zero, zero, zero), normal, normal
-    share, right, below = zero + 1.0, zero, zero  # one over what planes are divided by, and how that grows
+    share, right, below = zero + 1.0, zero, zero  # reciprocal of the planes' denominator, and its differences
     if projection.perspective:
         share, right, below = simd.reciprocal(key), first[7], second[3]
     if textured is not None:

@@ -1,9 +1,9 @@
-"""Triangles into a band's visibility buffer: vertices to fixed point, sixteen triangles set up at a time, and three ways to fill.
+"""Rasterizes meshlets into a band's visibility buffer: vertex transform, setup of sixteen triangles at a time, fill of small ones.
 
-Tiny triangles, which reach over two by two pixels at most, are tested at their few samples sixteen triangles at a time; small ones, in
-32-bit numbers, block by block of 4×4 pixels; large, steep and clipped ones tile by tile, from float64 (large.py). All cover the
-samples that fill.py says, exactly: vertices and samples are multiples of 1/256 pixel, an edge owns its samples if top or left.
-Keys are linear on the screen between the snapped corners, so that they are never outside of what the corners have.
+Tiny triangles, of two by two pixels at most, are tested at their samples sixteen triangles at a time. Small ones are filled in 32-bit
+integers, block by block of 4×4 pixels. Large, steep and clipped ones go to large_triangles.py. All cover exactly the samples of
+coverage.py: vertices and samples are multiples of 1/256 pixel, and edges follow the top-left rule. Keys are linear on the screen between
+the snapped corners, so that they stay in the range of the corners' keys.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from . import large_triangles
 from .band_buffer import LARGE, NO_KEY, QUEUE, in_block
 from .meshlets import SHIFT
 
-SMALL = 62 * 256  # fixed-point units that a small triangle is wide and high at the most: products stay in 32 bits
-STEEP = np.float32(4.0)  # how many times the nearest corner's key may be the farthest's
-OUTSIDE = 1 << 28  # coordinates beyond go through the clipper
-CLIPPED = -(1 << 31)  # stands for x where a vertex does
+SMALL = 62 * 256  # largest width and height of a small triangle, in 1/256 pixel: products fit in 32 bits
+STEEP = np.float32(4.0)  # largest ratio of the corners' keys of a small triangle
+OUTSIDE = 1 << 28  # larger coordinates need clipping
+CLIPPED = -(1 << 31)  # x of vertices that need clipping
 STRIDE = QUEUE + 32
 
 
@@ -61,7 +61,7 @@ class TriangleSetup(NamedTuple):
 
 @kernel
 def draw_band(filling, number):
-    """Fill a buffer with what the meshlets of band `number` show; `filling` is a handle of bands.Filling."""
+    """Fill the buffer of band `number` from its visible meshlets; `filling` is a handle of band_buffer.Filling."""
     projection, pattern, meshlets, visible, band = filling.projection, filling.pattern, filling.meshlets, filling.visible, filling.band
     samples = len(pattern.x)
     nothing, none = simd.f32x16(NO_KEY), simd.i32x16(-1)
@@ -98,9 +98,9 @@ def draw_band(filling, number):
 
 @helper
 def transform_vertices(projection: Any, pattern: Any, meshlets: Any, i: int, m: int, band: Any) -> bool:
-    """The vertices of a meshlet as (x, y, key, 0) in band.vertices, at the places that meshlets.place_of says.
+    """Write a meshlet's vertices as (x, y, key, 0) to band.vertices, in the order of meshlets.transposed_index.
 
-    Whether the band may show any of it: what stands behind the last vertex counts as well.
+    Returns whether the band may show it; the vector's rest after the last vertex counts, too.
     """
     first = meshlets.first_vertex[m]
     zero = simd.i32x16(0)
@@ -121,7 +121,7 @@ def transform_vertices(projection: Any, pattern: Any, meshlets: Any, i: int, m: 
 
 @helper
 def snap_vertices(projection: Any, meshlets: Any, i: int, at: int) -> Any:
-    """x, y in 1/256 pixel and the key of eight vertices: bit for bit what raster_setup.to_clip and visibility.snapped give."""
+    """x, y in 1/256 pixel and key of eight vertices, bit for bit as view_geometry.to_clip and scalar_raster.snap."""
     x, y, z = simd.load(meshlets.x, at, simd.f64x8), simd.load(meshlets.y, at, simd.f64x8), simd.load(meshlets.z, at, simd.f64x8)
     m = projection.matrix
     cx = m[i, 0, 0] * x + m[i, 0, 1] * y + m[i, 0, 2] * z + m[i, 0, 3]
@@ -212,7 +212,7 @@ def not_owned(dx: Any, dy: Any) -> Any:
 
 @helper
 def queue_small(band: Any, small: int, t: TriangleSetup, box: PixelBox, low: Lane, high: Lane) -> None:
-    """Write sixteen triangles to the queue from place `waiting` on: edge functions, depth plane, blocks. `low`, `high`: range of keys."""
+    """Write sixteen triangles to the queue from place `small` on: edge functions, depth plane, blocks. `low`, `high`: range of keys."""
     px, py = box.left >> 2, box.above >> 2  # the origin of keys must depend neither on the band nor on the crop
     bx, by = px - (band.window[0] >> 2), py - (band.window[1] >> 2)
     right, below = simd.minimum((box.right >> 2) - px + bx, (band.window[2] >> 2) - 1), (box.below >> 2) - py + by
@@ -267,7 +267,7 @@ def fill_tiny(pattern: Any, band: Any, t: TriangleSetup, tiny: Lane, box: PixelB
 
 @helper
 def depth_test_lanes(band: Any, left: int) -> None:
-    """Keep those of sixteen samples in band.tiny, of the lanes `left`, that are nearest."""
+    """Depth-test the samples in band.tiny, of the lanes `left` (bits)."""
     while left:
         k = simd.trailing_zeros(left)
         left &= left - 1
@@ -281,7 +281,7 @@ def depth_test_lanes(band: Any, left: int) -> None:
 
 @noinline_helper
 def fill_small(pattern, band, count):
-    """Fill the small triangles that wait."""
+    """Fill the queue of small triangles."""
     for start in range(0, count, 16):
         left = simd.read(band.small_mask, start >> 4)
         while left:
@@ -332,7 +332,7 @@ def fill_blocks(pattern: Any, band: Any, n: int) -> None:
 
 @helper
 def depth_test_block(band: Any, place: int, covered: Any, key: Any, number: Any) -> None:
-    """Keep a triangle at the covered samples of a block where it is nearest; of equal keys the lowest id."""
+    """Depth-test a triangle at the covered samples of a block; at equal keys the lowest id wins."""
     old, there = simd.load_aligned(band.key, place, simd.f32x16), simd.load_aligned(band.ids, place, simd.i32x16)
     nearer = covered & ((key > old) | ((key == old) & (number < there)))
     simd.store_aligned(band.key, place, simd.select(nearer, key, old))

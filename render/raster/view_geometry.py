@@ -1,7 +1,7 @@
-"""What the raster backend draws in one view: triangles of meshes and tessellated shapes, in clusters with their place in the picture.
+"""Triangles of one view, their transform to clip space, and clusters with pixel bounds.
 
-Clip space here is (X, Y, W, D, V): X / W and Y / W are pixel coordinates, D / V is the distance along the camera's axis and V the
-point's own homogeneous coordinate (1, or 0 for points at infinity). A perspective camera has W = D, an orthographic one W = V.
+Clip space is (X, Y, W, D, V). X / W and Y / W are pixel coordinates; D / V is the distance along the camera's axis; V is the point's
+homogeneous coordinate: 1, or 0 for points at infinity. A perspective camera has W = D, an orthographic one W = V.
 """
 
 from __future__ import annotations
@@ -20,37 +20,37 @@ from ..tessellation.analytic_shapes import Tessellation, visible_analytic
 from ..types import View
 
 COLUMNS = 5  # X, Y, W, D, V
-CLUSTER = 128  # triangles that are placed in the picture together
-GUARD = float(1 << 20)  # pixels from the picture's middle beyond which triangles are cut: fixed-point edges stay exact in int64
-ROUNDING = 2.0**-46  # of the eye's coordinates: a bound of what depths may be off for a point in the eye
-MARGIN = 4.0  # pixels around what is seen
+CLUSTER = 128  # triangles
+GUARD = float(1 << 20)  # pixels from the picture's centre to the guard band's clip planes: fixed-point edges stay exact in int64
+ROUNDING = 2.0**-46  # of the eye's coordinates: bounds the rounding error of depth at the eye
+MARGIN = 4.0  # pixels around a bounding box, for filters
 _EVERYWHERE = 1 << 30
 
 
 class Model(NamedTuple):
-    """All triangles to draw: the scene's meshes, whose rows are those of Pools, and after them the tessellated shapes."""
+    """All triangles of a view: the scene's meshes, in rows of Pools, then tessellated shapes."""
 
     positions: NDArray[np.float64]  # (v, 4) homogeneous, in the shape's frame, relative to the mesh's origin
     triangles: NDArray[np.int32]  # (t, 3)
-    order: NDArray[np.int32]  # (t,) the rows of each shape's triangles, neighbours after one another
-    parts: NDArray[np.int32]  # (t,) the shape's part that a triangle stands for; a mesh's triangle: its own row
+    order: NDArray[np.int32]  # (t,) rows of each shape's triangles in Morton order
+    parts: NDArray[np.int32]  # (t,) the part of the shape that a triangle approximates; of a mesh, its own row
     matrix: NDArray[np.float64]  # (instances, 5, 4) to clip space
-    planes: NDArray[np.float64]  # (p, 5) what clip space is cut by; inside is >= 0
+    planes: NDArray[np.float64]  # (p, 5) clip planes; inside is >= 0
     perspective: bool
 
 
 class Clusters(NamedTuple):
-    """Runs of neighbouring triangles (or of polygons) of one instance that may be seen, nearest first."""
+    """Runs of neighbouring triangles or polygons of visible instances, nearest first."""
 
     instance: NDArray[np.int32]
     first: NDArray[np.int32]  # row of Model.order, or of Polygons
     count: NDArray[np.int32]
-    polygons: NDArray[np.bool_]  # what first and count count
-    box: NDArray[np.int32]  # (n, 4) pixels x0 <= x < x1, y0 <= y < y1 they lie in
+    polygons: NDArray[np.bool_]  # whether first and count are of polygons
+    box: NDArray[np.int32]  # (n, 4) pixel bounds x0 <= x < x1, y0 <= y < y1
 
 
-def build_model(tables: ir.Tables, view: View, shells: dict[int, Tessellation]) -> tuple[Model, NDArray[np.int64]]:
-    """The triangles of a view, and (instances, 2) first triangle and count of each instance (0: not drawn)."""
+def build_model(tables: ir.Tables, view: View, tessellations: dict[int, Tessellation]) -> tuple[Model, NDArray[np.int64]]:
+    """The triangles of a view, and (instances, 2) first triangle and count of each instance; count 0: invisible."""
     pools, geometries, instances = tables.pools, tables.geometries, tables.instances
     ranges = np.zeros((len(instances.geometry), 2), np.int64)
     meshes = (geometries.kind[instances.geometry] == ir.GeometryKind.MESH) & (instances.visible & ir.Visibility.CAMERA != 0)
@@ -60,15 +60,15 @@ def build_model(tables: ir.Tables, view: View, shells: dict[int, Tessellation]) 
     triangles, parts = [pools.triangles], [np.arange(len(pools.triangles), dtype=np.int32)]
     placed: dict[int, tuple[int, int]] = {}
     vertices, count = len(pools.positions), len(pools.triangles)
-    for instance, shell in shells.items():
-        if id(shell) not in placed:
-            placed[id(shell)] = count, len(shell.triangles)
-            positions.append(to_float32(shell.positions))
-            triangles.append(shell.triangles + np.int32(vertices))
-            parts.append(shell.parts)
-            vertices += len(shell.positions)
-            count += len(shell.triangles)
-        ranges[instance] = placed[id(shell)]
+    for instance, tessellation in tessellations.items():
+        if id(tessellation) not in placed:
+            placed[id(tessellation)] = count, len(tessellation.triangles)
+            positions.append(to_float32(tessellation.positions))
+            triangles.append(tessellation.triangles + np.int32(vertices))
+            parts.append(tessellation.parts)
+            vertices += len(tessellation.positions)
+            count += len(tessellation.triangles)
+        ranges[instance] = placed[id(tessellation)]
     points, corners = np.concatenate(positions), np.concatenate(triangles)
     order = np.arange(len(corners), dtype=np.int32)
     for first, number in np.unique(ranges[ranges[:, 1] > CLUSTER], axis=0):
@@ -81,12 +81,12 @@ def build_model(tables: ir.Tables, view: View, shells: dict[int, Tessellation]) 
 
 
 def to_float32(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points as float32 has them, as a mesh's are: meshlets keep no more, and both must give the same corners."""
+    """Points rounded to float32, as meshlets store them: both must give the same corners."""
     return points.astype(np.float32).astype(np.float64)
 
 
 def morton_order(points: NDArray[np.float64]) -> NDArray[np.intp]:
-    """The order of (n, 3) points along a Z-curve of 1024 cells an axis (Morton, 1966), so that runs of them lie close together."""
+    """The order of (n, 3) points along a Z-curve of 1024 cells an axis (Morton 1966)."""
     low = points.min(axis=0)
     size = float((points.max(axis=0) - low).max())
     cell = ((points - low) * (1023.0 / size if size > 0 else 0.0)).astype(np.int64)
@@ -96,7 +96,7 @@ def morton_order(points: NDArray[np.float64]) -> NDArray[np.intp]:
 
 
 def world_to_clip(tables: ir.Tables, view: View) -> NDArray[np.float64]:
-    """(5, 4): from the world to clip space, the course's P · C⁻¹ with the picture's size in it."""
+    """(5, 4) from the world to clip space: P · C⁻¹, scaled to the picture's size in pixels."""
     to_camera, projection = camera.matrices(tables, view)
     screen = np.zeros((COLUMNS, 4))
     screen[0] = 0.5 * view.width * (projection[0] + projection[3])
@@ -108,7 +108,7 @@ def world_to_clip(tables: ir.Tables, view: View) -> NDArray[np.float64]:
 
 
 def clip_matrices(tables: ir.Tables, view: View) -> NDArray[np.float64]:
-    """(instances, 5, 4): from each instance's frame to clip space."""
+    """(instances, 5, 4) from each instance's frame to clip space."""
     instances = tables.instances
     to_world = np.zeros((len(instances.geometry), 4, 4))
     to_world[:, 3, 3] = 1.0
@@ -118,7 +118,7 @@ def clip_matrices(tables: ir.Tables, view: View) -> NDArray[np.float64]:
 
 
 def clip_planes(tables: ir.Tables, view: View) -> NDArray[np.float64]:
-    """(p, 5) near and far if there are such, and the guard band: the sides of the picture moved out by GUARD pixels."""
+    """(p, 5) clip planes: near and far where finite, and the guard band, GUARD pixels from the picture's centre."""
     near, far = depth_range(tables, view)
     x, y = 0.5 * view.width, 0.5 * view.height
     planes = [[0.0, 0.0, 0.0, 1.0, -near]] if np.isfinite(near) else []
@@ -130,7 +130,7 @@ def clip_planes(tables: ir.Tables, view: View) -> NDArray[np.float64]:
 
 
 def depth_range(tables: ir.Tables, view: View) -> tuple[float, float]:
-    """The depths between which things are drawn; what is in the eye itself is neither before nor behind it."""
+    """The near and far depths; near excludes the rounding error around the eye."""
     near, far = float(tables.cameras.near[view.camera]), float(tables.cameras.far[view.camera])
     if tables.cameras.projection[view.camera] == ir.Projection.ORTHOGRAPHIC:
         return near, far
@@ -140,19 +140,19 @@ def depth_range(tables: ir.Tables, view: View) -> tuple[float, float]:
 
 @helper
 def to_clip(matrix: Any, instance: int, p: Any, row: int, out: Any, k: int) -> None:
-    """Row k of `out` becomes the vertex p[row] of an instance in clip space."""
+    """Transform vertex p[row] of an instance to clip space, into row k of `out`."""
     x, y, z, w = p[row, 0], p[row, 1], p[row, 2], p[row, 3]
     for c in range(COLUMNS):
         out[k, c] = matrix[instance, c, 0] * x + matrix[instance, c, 1] * y + matrix[instance, c, 2] * z + matrix[instance, c, 3] * w
 
 
-def untessellated(tables: ir.Tables, shells: Mapping[int, Tessellation]) -> NDArray[np.intp]:
-    """The rows of instances that the camera sees and that have no triangles: they enter the z-buffer where each sample's ray meets them."""
-    return np.array([i for i in visible_analytic(tables).tolist() if i not in shells], np.intp)
+def untessellated(tables: ir.Tables, tessellations: Mapping[int, Tessellation]) -> NDArray[np.intp]:
+    """The rows of visible instances without triangles; a ray for each sample enters them into the z-buffer."""
+    return np.array([i for i in visible_analytic(tables).tolist() if i not in tessellations], np.intp)
 
 
 def pixel_boxes(tables: ir.Tables, view: View, chosen: NDArray[np.intp]) -> NDArray[np.int32]:
-    """(n, 4) pixels x0 <= x < x1, y0 <= y < y1 in which instances may be seen, and what a filter may reach beyond."""
+    """(n, 4) pixel bounds x0 <= x < x1, y0 <= y < y1 of instances, plus MARGIN."""
     if len(chosen) == 0:
         return np.empty((0, 4), np.int32)
     bounds = tables.geometries.bounds[tables.instances.geometry[chosen]]
@@ -174,9 +174,9 @@ def pixel_boxes(tables: ir.Tables, view: View, chosen: NDArray[np.intp]) -> NDAr
 
 
 def clusters(model: Any, ranges: NDArray[np.int64], tables: ir.Tables, view: View, margin: int, polygons: bool) -> Clusters:
-    """The clusters of a model (its handle) that may touch the picture grown by `margin` pixels.
+    """The clusters of a model (its handle) that may overlap the picture grown by `margin` pixels.
 
-    With `polygons`, meshes that have them are cut into those, not into triangles.
+    With `polygons`, meshes with polygons are clustered by those.
     """
     by_polygon = np.zeros(len(ranges), bool)
     if polygons:
@@ -202,7 +202,7 @@ def clusters(model: Any, ranges: NDArray[np.int64], tables: ir.Tables, view: Vie
 
 @kernel
 def _cluster_bounds(model, polygons, keys, starts, boxes):
-    """Boxes of every cluster in its shape's frame; infinite where it reaches to infinity."""
+    """Write the bounding box of each cluster in its shape's frame; infinite for clusters with points at infinity."""
     for m in range(len(keys)):
         for c in range(starts[m], starts[m + 1]):
             first = keys[m, 0] + (c - starts[m]) * CLUSTER
@@ -226,7 +226,7 @@ def _cluster_bounds(model, polygons, keys, starts, boxes):
 
 @kernel
 def _cull_clusters(model, keys, starts, which, boxes, view, margin, clusters, depth):
-    """Write the clusters of all instances that may be seen, and their least depths; returns their number."""
+    """Write the visible clusters of all instances, and their least depths; returns their number."""
     corner = np.empty((8, COLUMNS))
     point = np.ones((1, 4))
     found = 0
@@ -251,7 +251,7 @@ def _cull_clusters(model, keys, starts, which, boxes, view, margin, clusters, de
 
 @helper
 def project_box(corner: Any, planes: Any, view: View, margin: int, endless: bool, out: Any) -> float:
-    """Write the pixels that a box with these corners in clip space may touch; returns its least depth, inf if it is not seen."""
+    """Write the pixel bounds of a box with these corners in clip space; returns its least depth, inf if it is invisible."""
     out[0], out[1], out[2], out[3] = -_EVERYWHERE, -_EVERYWHERE, _EVERYWHERE, _EVERYWHERE
     if endless:
         return 0.0

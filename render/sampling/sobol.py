@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from .. import simd
 from ..jit.kernel import HELPER, helper
 from ..lanes import ops
-from ..types import Lane, Open
+from ..types import Lane, Shutter
 
 TABLE = 4096  # entries of a filter's inverse distribution
 BLOCK_BITS = 6  # blocks of 64 x 64 pixels share a sequence
@@ -186,7 +186,7 @@ def offset(pixel: Lane, sample: Lane, total: int, seed: int, table: NDArray[np.f
 
 def sample_time(pixel: Lane, sample: Lane, seed: int, shutter: Any) -> Lane | None:
     """When a sample is taken, as Ray.time; None where nothing moves while the shutter is open."""
-    return shutter.start + pair(pixel, sample, _MOMENT, seed)[0] * shutter.share if isinstance(shutter, Open) else None
+    return shutter.start + pair(pixel, sample, _MOMENT, seed)[0] * shutter.share if isinstance(shutter, Shutter) else None
 
 
 @overload(sample_time, jit_options=HELPER)

@@ -1,5 +1,5 @@
-"""Shapes and implicit surfaces to triangles.
+"""Tessellates analytic shapes and implicit surfaces.
 
-May import: render.geometry, formula, compiler.mesh, exporters.
-Begin with `analytic_shapes.py`.
+May import: render.geometry, render.formula, render.accel, compiler.mesh, compiler.exporters.
+Begin with `view.py`, then `analytic_shapes.py`.
 """

@@ -1,8 +1,8 @@
-"""Analytic shapes as triangles that stay within a tolerance of the true surface, with exact normals and shared, watertight vertices.
+"""Tessellates analytic shapes within a tolerance: exact normals, watertight.
 
-Vertices lie on the surface, so a convex shape's mesh is inscribed: a chord of n over a circle of radius R is off by at most its
-sagitta R (1 - cos(π / n)), and where a surface bends both ways the two sagittas add. Vertices at creases and at the seam of u
-are doubled with bit-identical positions, so that edges still meet exactly.
+Vertices lie on the surface, so the mesh of a convex shape is inscribed. One of n chords of a circle of radius R is off by at most its
+sagitta, R (1 - cos(π / n)); where a surface is curved in both directions, two sagittas add. Vertices at creases and at the seam of u
+are duplicated with bit-identical positions, so that edges match exactly.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from ...compiler import ir
 from ..geometry import analytic_shapes
 from . import quadrics
 
-MIN_SEGMENTS = 12  # around a circle
+MIN_SEGMENTS = 12  # of a circle
 MAX_SEGMENTS = 1024
-_RIM = 1e-12  # shorter than this share of a shape's size a cone's end counts as its tip
+_RIM = 1e-12  # of a cone's larger radius: an end below it is a tip
 
 
 class Tessellation(NamedTuple):
-    """Triangles of one shape in its own frame, counter-clockwise from outside."""
+    """Triangles of one shape in its own frame, counterclockwise from outside."""
 
     positions: NDArray[np.float64]  # (n, 4) homogeneous: w = 0 is a direction, a point at infinity
     triangles: NDArray[np.int32]  # (m, 3)
     normals: NDArray[np.float64]  # (n, 3) unit, outward
-    uvs: NDArray[np.float64]  # (n, 2) as shapes.uv has them
-    parts: NDArray[np.int32]  # (m,) which part of the shape each triangle belongs to, as in shapes.py
+    uvs: NDArray[np.float64]  # (n, 2) as of geometry.analytic_shapes.uv
+    parts: NDArray[np.int32]  # (m,) the part of the shape of each triangle, as in geometry/analytic_shapes.py
 
 
 class Profile(NamedTuple):
-    """A curve (r, y) that is turned about the y axis: one ring of vertices for each of its points."""
+    """A curve (r, y) of a surface of revolution about the y axis: one ring of vertices for each point."""
 
     radius: NDArray[np.float64]
     height: NDArray[np.float64]
@@ -44,17 +44,17 @@ class Profile(NamedTuple):
 
 
 def visible_analytic(tables: ir.Tables) -> NDArray[np.intp]:
-    """The rows of instances that are no mesh and that the camera sees."""
+    """The rows of instances that are visible to the camera and no meshes."""
     instances, geometries = tables.instances, tables.geometries
     analytic = geometries.kind[instances.geometry] != ir.GeometryKind.MESH
     return np.flatnonzero(analytic & (instances.visible & ir.Visibility.CAMERA != 0))
 
 
 def tessellate(kind: int, parameters: Sequence[float], tolerance: float) -> Tessellation:
-    """A shape of `kind` (ir.GeometryKind, but no mesh and no endless quadric) as triangles off the surface by `tolerance` metres at most.
+    """Tessellate a shape of `kind` (ir.GeometryKind) within `tolerance` metres; meshes and unbounded quadrics are not supported.
 
-    `parameters` are the geometry's, in its own frame, as is the tolerance. The number of segments is capped (MAX_SEGMENTS around,
-    half of it across), so a very small tolerance is not reached. Source of the bound: the sagitta of a chord.
+    `parameters` and `tolerance` are in the geometry's frame. At most MAX_SEGMENTS segments go around and half as many across, so a very
+    small tolerance is not reached. Raises ValueError for other kinds.
     """
     match kind:
         case ir.GeometryKind.SPHERE:
@@ -90,7 +90,7 @@ FLAT = (ir.GeometryKind.PLANE, ir.GeometryKind.BOX, ir.GeometryKind.RECTANGLE)
 
 
 def exceeds_limit(kind: int, parameters: Sequence[float], tolerance: float) -> bool:
-    """Whether the cap on segments keeps a round shape from the tolerance; boxed quadrics are cut as finely as they are (see quadric.py)."""
+    """Whether a round shape needs more than MAX_SEGMENTS for a tolerance; False for boxed quadrics, see quadrics.py."""
     match kind:
         case ir.GeometryKind.SPHERE | ir.GeometryKind.CAPSULE:
             most = unlimited_segments(parameters[0], tolerance / 2)
@@ -106,9 +106,9 @@ def exceeds_limit(kind: int, parameters: Sequence[float], tolerance: float) -> b
 
 
 def with_uvs(kind: int, parameters: Sequence[float], made: Tessellation) -> Tessellation:
-    """The same with the coordinates of shapes.uv: all of them on flat parts and quadrics, whose u is made whole across its seam.
+    """The same with the coordinates of geometry.analytic_shapes.uv on flat parts and quadrics, whose u is continuous across the seam.
 
-    Round parts keep their profile's: the same numbers, but 0 on one side of a seam and 1 on the other, and a u at poles.
+    Round parts keep their profile's: the same values, but 0 and 1 on the sides of the seam, and a u at each pole.
     """
     part = np.zeros(len(made.positions), np.int64)
     part[made.triangles.ravel()] = np.repeat(made.parts, 3)
@@ -120,11 +120,11 @@ def with_uvs(kind: int, parameters: Sequence[float], made: Tessellation) -> Tess
         (u, v), _ = analytic_shapes.uv(none + kind, row, none, part, (x, y, z))
     exact = (part > 0) | (kind in (ir.GeometryKind.BOX, ir.GeometryKind.RECTANGLE, ir.GeometryKind.DISK, ir.GeometryKind.QUADRIC))
     made = made._replace(uvs=np.where(exact[:, None], np.stack([u, v], axis=1), made.uvs))
-    return _seam_doubled(made) if kind == ir.GeometryKind.QUADRIC else made
+    return _split_seam(made) if kind == ir.GeometryKind.QUADRIC else made
 
 
-def _seam_doubled(made: Tessellation) -> Tessellation:
-    """Triangles across the seam of u get vertices of their own on its low side, with u + 1."""
+def _split_seam(made: Tessellation) -> Tessellation:
+    """Duplicate the vertices of triangles across the seam of u on its low side, with u + 1."""
     u = made.uvs[made.triangles, 0]
     low = (u.max(axis=1) - u.min(axis=1) > 0.5)[:, None] & (u < 0.5)
     doubled, index = np.unique(made.triangles[low], return_inverse=True)
@@ -137,12 +137,12 @@ def _seam_doubled(made: Tessellation) -> Tessellation:
 
 
 def segments(radius: float, tolerance: float) -> int:
-    """How many chords keep a circle of `radius` within `tolerance`: a multiple of 4 between the limits."""
+    """The number of chords within `tolerance` of a circle of `radius`: a multiple of 4 between the limits."""
     return int(min(max(4 * math.ceil(min(unlimited_segments(radius, tolerance), MAX_SEGMENTS) / 4), MIN_SEGMENTS), MAX_SEGMENTS))
 
 
 def unlimited_segments(radius: float, tolerance: float) -> float:
-    """The same without limits."""
+    """The same without limits and rounding."""
     share = min(tolerance / radius, 1.0) if radius > 0 else 1.0
     return math.inf if share < 1e-12 else math.pi / math.acos(1.0 - share)
 
@@ -151,28 +151,28 @@ def unlimited_segments(radius: float, tolerance: float) -> float:
 
 
 def circle(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """cos and sin at count + 1 even steps of a turn; the last is the first again, and quarter turns are exact."""
+    """(cos, sin) at count + 1 even steps of a turn; the last equals the first, quarter turns are exact."""
     index = np.arange(count + 1) % count
     cos, sin = np.cos(2 * np.pi * index / count), np.sin(2 * np.pi * index / count)
     quarter = index * 4 % count == 0
     return np.where(quarter, np.round(cos), cos), np.where(quarter, np.round(sin), sin)
 
 
-def _arc(radius: float, tolerance: float) -> int:
-    """Chords for half a circle, an even number."""
+def _half_segments(radius: float, tolerance: float) -> int:
+    """The number of chords of half a circle, even."""
     return segments(radius, tolerance / 2) // 2
 
 
 def sphere_profile(radius: float, tolerance: float) -> Profile:
     """From the south pole to the north pole."""
-    half = _arc(radius, tolerance)
+    half = _half_segments(radius, tolerance)
     cos, sin = circle(2 * half)
     normal = np.stack([sin, -cos], axis=1)[: half + 1]
     return Profile(radius * normal[:, 0], radius * normal[:, 1], normal, np.linspace(0.0, 1.0, half + 1), 0)
 
 
 def torus_profile(ring: float, tube: float, tolerance: float) -> Profile:
-    """Once around the tube from its innermost point, below first; where the tube reaches over the axis, only what is outside."""
+    """The tube's circle from its innermost point, downwards first; of a spindle torus only the outer part."""
     count = segments(tube, tolerance / 2)
     if tube <= ring:
         cos, sin = circle(count)
@@ -189,10 +189,10 @@ def torus_profile(ring: float, tube: float, tolerance: float) -> Profile:
 
 
 def capsule_profile(radius: float, half: float, tolerance: float) -> Profile:
-    """From the south pole to the north pole; v runs with the length of the profile."""
+    """From the south pole to the north pole; v is proportional to arc length."""
     ball = sphere_profile(radius, tolerance)
     middle = len(ball.radius) // 2
-    rows = np.r_[0 : middle + 1, middle : len(ball.radius)]  # the equator twice, with the cylinder between
+    rows = np.r_[0 : middle + 1, middle : len(ball.radius)]  # the equator twice: both ends of the cylinder
     shift = np.where(np.arange(len(rows)) <= middle, -half, half)
     length = np.pi * radius + 2 * half
     v = (ball.v[rows] * np.pi * radius + np.where(shift > 0, 2 * half, 0.0)) / length
@@ -209,15 +209,15 @@ def cone_profiles(low: float, high: float, half: float, capped: bool) -> list[Pr
 
 
 def disk_profile(radius: float, height: float, up: float, part: int) -> Profile:
-    """From the middle to the rim; `up` is the normal's y."""
+    """From the centre to the rim; `up` is the normal's y."""
     normal = np.array([[0.0, up], [0.0, up]])
     return Profile(np.array([0.0, radius]), np.array([height, height]), normal, np.array([0.0, 1.0]), part)
 
 
 def revolve(profiles: Sequence[Profile], count: int) -> Tessellation:
-    """Each profile turned about the y axis in `count` steps from -z towards -x; u runs around, v along the profile.
+    """Revolve profiles about the y axis in `count` steps from -z towards -x; u goes around, v along the profile.
 
-    A ring of radius 0 is a pole: its vertices share one position, each with the u of the middle of its own triangle.
+    A ring of radius 0 is a pole: its vertices share one position; the u of each is the mean of its triangle.
     """
     cos, sin = circle(count)
     made = [_revolve_one(p, cos, sin) for p in profiles]
@@ -230,7 +230,7 @@ def revolve(profiles: Sequence[Profile], count: int) -> Tessellation:
 def _revolve_one(profile: Profile, cos: NDArray[np.float64], sin: NDArray[np.float64]) -> Tessellation:
     rings, columns = len(profile.radius), len(cos)
     radius, height = profile.radius[:, None], np.broadcast_to(profile.height[:, None], (rings, columns))
-    # + 0.0 turns -0 into 0: positions that meet have the same bits
+    # + 0.0 turns -0 into 0: equal positions have equal bits
     positions = np.stack([-radius * sin + 0.0, height + 0.0, -radius * cos + 0.0, np.ones((rings, columns))], axis=-1)
     around, along = profile.normal[:, :1], profile.normal[:, 1:]
     normals = np.stack([-around * sin, np.broadcast_to(along, (rings, columns)), -around * cos], axis=-1)
@@ -255,7 +255,7 @@ _HALVES = np.array([[0, 1, 2], [0, 2, 3]])
 
 
 def box(x: float, y: float, z: float) -> Tessellation:
-    """Six faces with four corners of their own each, in the order of the parts: -x, +x, -y, +y, -z, +z."""
+    """Six faces of four vertices each, in the order of parts: -x, +x, -y, +y, -z, +z."""
     positions, normals = np.empty((6, 4, 3)), np.zeros((6, 4, 3))
     for face in range(6):
         axis, side = face // 2, 2.0 * (face % 2) - 1.0
@@ -263,27 +263,27 @@ def box(x: float, y: float, z: float) -> Tessellation:
         positions[face][:, [(axis + 1) % 3, (axis + 2) % 3]] = _CORNERS
         normals[face, :, axis] = side
     triangles = (4 * np.arange(6)[:, None, None] + _HALVES).reshape(-1, 3)
-    made = _finite(positions.reshape(-1, 3) * [x, y, z], triangles, normals.reshape(-1, 3))
+    made = _flat(positions.reshape(-1, 3) * [x, y, z], triangles, normals.reshape(-1, 3))
     return made._replace(parts=np.repeat(np.arange(6, dtype=np.int32), 2))
 
 
 def rectangle(x: float, z: float) -> Tessellation:
     """Two triangles in y = 0."""
     positions = np.stack([_CORNERS[:, 0] * x, np.zeros(4), _CORNERS[:, 1] * z], axis=1)
-    return _finite(positions, _HALVES, np.tile([0.0, 1.0, 0.0], (4, 1)))
+    return _flat(positions, _HALVES, np.tile([0.0, 1.0, 0.0], (4, 1)))
 
 
 def plane(x: float = 0.0, z: float = 0.0) -> Tessellation:
-    """y = 0 as four triangles from (x, 0, z) to points at infinity, which homogeneous clipping cuts exactly.
+    """The plane y = 0 as four triangles from (x, 0, z) to points at infinity; homogeneous clipping is exact.
 
-    A middle far from the eye costs digits: clipping then takes the difference of large numbers.
+    A centre far from the eye costs digits: clipping subtracts large numbers.
     """
     ways = np.array([[x, 0, z, 1], [1, 0, 0, 0], [0, 0, 1, 0], [-1, 0, 0, 0], [0, 0, -1, 0]], np.float64)
     triangles = np.array([[0, 2, 1], [0, 3, 2], [0, 4, 3], [0, 1, 4]], np.int32)
     return Tessellation(ways, triangles, np.tile([0.0, 1.0, 0.0], (5, 1)), np.zeros((5, 2)), np.zeros(4, np.int32))
 
 
-def _finite(positions: NDArray, triangles: NDArray, normals: NDArray) -> Tessellation:
+def _flat(positions: NDArray, triangles: NDArray, normals: NDArray) -> Tessellation:
     """A tessellation of finite points, all of part 0, without coordinates."""
     homogeneous = np.concatenate([positions, np.ones((len(positions), 1))], axis=1)
     none = np.zeros(len(triangles), np.int32)
@@ -294,11 +294,11 @@ def boxed_quadric(parameters: Sequence[float], tolerance: float) -> Tessellation
     """A quadric where its box holds it (see quadric.march), without coordinates."""
     matrix = quadrics.matrix(parameters)
     positions, triangles = quadrics.march(matrix, quadrics.box_grid(parameters, tolerance))
-    return _finite(positions, triangles, quadrics.normals(matrix, positions))
+    return _flat(positions, triangles, quadrics.normals(matrix, positions))
 
 
 def outward(made: Tessellation) -> Tessellation:
-    """The same triangles, each counter-clockwise as seen from where its vertices' normals point. Needs finite points."""
+    """The same triangles, counterclockwise seen from the side of their normals. Points must be finite."""
     a, b, c = (made.positions[made.triangles[:, k], :3] for k in range(3))
     facing = np.einsum("ij,ij->i", np.cross(b - a, c - a), made.normals[made.triangles].sum(axis=1))
     turned = np.where((facing < 0)[:, None], made.triangles[:, ::-1], made.triangles)

@@ -1,4 +1,4 @@
-"""Whole scenes as closed triangles, for printers and other programs; what is open, thinner than can be told apart, or a lamp is said."""
+"""Closed triangle meshes of a whole scene, for 3D printing; diagnostics name open and missing parts."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from ...lang.diagnostics import Diagnostic
 from ..geometry.bounds import world_bounds
 from . import analytic_shapes, implicit_surfaces
 
-FINER = 0.75  # of a tolerance, that a formula's contour is to keep before it is simplified by the rest
-FINENESS = 2000  # of the scene's extent, that triangles are off at the most when nothing else is asked
+CONTOUR_SHARE = 0.75  # of a tolerance, for the contour of an implicit surface; simplification uses the rest
+RESOLUTION = 2000  # the default tolerance is the scene's extent over this
 _KIND = ir.GeometryKind
 _OPEN = {
     _KIND.RECTANGLE: ("has no thickness", "a thin `box` has an inside"),
@@ -31,25 +31,27 @@ _OPEN = {
 _CROWDED = ("touches itself", "")
 
 
-class _Local(NamedTuple):
+class _LocalMesh(NamedTuple):
     """A geometry in its own frame."""
 
     positions: NDArray[np.float64]  # (n, 3)
     triangles: NDArray[np.int64]  # (m, 3)
-    off: float  # how far they are from the true surface at the most
+    off: float  # the largest distance from the true surface
     thin: float = 0.0  # parts thinner than this are missing
 
 
-def parts(scene: ir.Scene, tolerance: float | None = None) -> tuple[list[Part], list[Diagnostic]]:
-    """Everything in a scene that has an end as triangles in the world, off the true surfaces by `tolerance` metres at the most where
-    that can be reached, and what is said of what is open or left out."""
+def printable_parts(scene: ir.Scene, tolerance: float | None = None) -> tuple[list[Part], list[Diagnostic]]:
+    """Meshes of a scene's bounded instances in the world, within `tolerance` metres where possible; and diagnostics.
+
+    Diagnostics name meshes that are open and instances that are left out: lights and unbounded shapes.
+    """
     tables, found, made = scene.tables, [], []
     boxes = world_bounds(tables)
     lamp = np.asarray(np.isin(np.arange(len(boxes)), tables.lights.instance))
     ends = np.asarray(np.isfinite(boxes).all(axis=1))
     if tolerance is None and (ends & ~lamp).any():
         there = boxes[ends & ~lamp]
-        tolerance = float((there[:, 3:].max(axis=0) - there[:, :3].min(axis=0)).max()) / FINENESS
+        tolerance = float((there[:, 3:].max(axis=0) - there[:, :3].min(axis=0)).max()) / RESOLUTION
     for i in range(len(boxes)):
         name = scene.names.instances[i] if i < len(scene.names.instances) else ""
         said = f"`{name}`" if name else "a thing"
@@ -82,13 +84,13 @@ def _why_open(tables: ir.Tables, i: int, part: Part) -> tuple[str, str]:
 
 
 def _part(tables: ir.Tables, i: int, name: str, tolerance: float) -> tuple[Part, float]:
-    """(an instance, as how thin parts of it are missing)"""
+    """(mesh of an instance, thickness below which its parts are missing)"""
     g, row = int(tables.instances.geometry[i]), int(tables.instances.transform[i])
     matrix = tables.transforms.matrix[row]
     largest = float(np.linalg.norm(matrix[:, :3], 2))
-    local = _local(tables, g, tolerance / largest)
+    local = _local_mesh(tables, g, tolerance / largest)
     positions, triangles = local.positions, local.triangles
-    if tables.geometries.kind[g] != _KIND.FORMULA:  # corners at creases and seams are there for each side
+    if tables.geometries.kind[g] != _KIND.FORMULA:  # merge the vertices duplicated at creases and seams
         positions, index = np.unique(np.round(positions, 15), axis=0, return_inverse=True)
         triangles = index.reshape(-1)[triangles]
         triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
@@ -98,16 +100,17 @@ def _part(tables: ir.Tables, i: int, name: str, tolerance: float) -> tuple[Part,
     return Part(name, positions, triangles, local.off * largest, dual_contouring.open_edges(triangles)), local.thin * largest
 
 
-def _local(tables: ir.Tables, g: int, tolerance: float) -> _Local:
+def _local_mesh(tables: ir.Tables, g: int, tolerance: float) -> _LocalMesh:
     geometries, kind = tables.geometries, int(tables.geometries.kind[g])
     if kind == _KIND.MESH:
         first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
         start, vertices = int(geometries.first_vertex[g]), int(geometries.vertex_count[g])
         positions = tables.pools.positions[start : start + vertices].astype(np.float64) + geometries.origin[g]
-        return _Local(positions, tables.pools.triangles[first : first + count].astype(np.int64) - start, 0.0)
+        return _LocalMesh(positions, tables.pools.triangles[first : first + count].astype(np.int64) - start, 0.0)
     if kind == _KIND.FORMULA:
-        tape, made = load_tape(tables, int(geometries.tape[g])), implicit_surfaces.contour(tables, g, FINER * tolerance, True)
-        return _Local(*mesh_csg.simplified(tape, made, tolerance), made.missing)
+        tape = load_tape(tables, int(geometries.tape[g]))
+        made = implicit_surfaces.contour(tables, g, CONTOUR_SHARE * tolerance, True)
+        return _LocalMesh(*mesh_csg.simplified(tape, made, tolerance), made.missing)
     mesh = analytic_shapes.tessellate(kind, geometries.parameters[g].tolist(), tolerance)
     exact = kind in (_KIND.BOX, _KIND.RECTANGLE)
-    return _Local(mesh.positions[:, :3], mesh.triangles.astype(np.int64), 0.0 if exact else tolerance)
+    return _LocalMesh(mesh.positions[:, :3], mesh.triangles.astype(np.int64), 0.0 if exact else tolerance)

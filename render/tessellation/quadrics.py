@@ -1,7 +1,7 @@
-"""Quadric surfaces as triangles: marching tetrahedra over a grid of points, each vertex an exact root on its edge.
+"""Tessellates quadrics by marching tetrahedra on a grid; each vertex is an exact root on its edge.
 
-A quadric restricted to a line is a quadratic polynomial, so no vertex needs iterating. Source: Doi and Koide, An Efficient Method of
-Triangulating Equi-Valued Surfaces by Using Tetrahedral Cells, 1991, with Kuhn's six tetrahedra a cell, which match across cells.
+On a line a quadric is a quadratic polynomial, so vertices need no iteration. Source: Doi and Koide, An Efficient Method of Triangulating
+Equi-Valued Surfaces by Using Tetrahedral Cells, 1991, with Kuhn's six tetrahedra a cell, which match across cells.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 MAX_CELLS = 96  # along an axis of a box
-_COARSE = 12  # cells along an axis of the grid that looks for curvature
-_REACH = 0.375  # a triangle of a Kuhn tetrahedron in cells of edge h lies within 0.375 h² κ of a surface of curvature κ
+_COARSE = 12  # cells along an axis of the grid that samples curvature
+_REACH = 0.375  # triangles of Kuhn tetrahedra of edge h lie within 0.375 h² κ of a surface of curvature κ
 
 
 def matrix(parameters: Sequence[float]) -> F64:
@@ -25,7 +25,7 @@ def matrix(parameters: Sequence[float]) -> F64:
 
 
 def normals(q: F64, positions: F64) -> F64:
-    """(n, 3) unit gradients at (n, 3) positions; (0, 1, 0) at a tip, where there is none."""
+    """(n, 3) unit gradients at (n, 3) positions; (0, 1, 0) at a tip, which has none."""
     gradient = gradients(q, positions)
     size = np.linalg.norm(gradient, axis=1, keepdims=True)
     return np.where(size > 0, gradient / np.where(size > 0, size, 1.0), [0.0, 1.0, 0.0])
@@ -37,14 +37,14 @@ def gradients(q: F64, positions: F64) -> F64:
 
 
 def curvature(q: F64, positions: F64) -> F64:
-    """(n,) a bound of the normal curvatures at (n, 3) positions: the largest |eigenvalue| of the Hessian over the gradient's length."""
+    """(n,) an upper bound of the normal curvatures at (n, 3) positions: largest |eigenvalue| of the Hessian / |gradient|."""
     bend = np.abs(np.linalg.eigvalsh(2 * q[:3, :3])).max()
     slope = np.linalg.norm(gradients(q, positions), axis=1)
     return bend / np.maximum(slope, 1e-300)
 
 
 def box_grid(parameters: Sequence[float], tolerance: float) -> F64:
-    """(nx, ny, nz, 3) points over the box that cuts the quadric, near enough for `tolerance` (metres) or MAX_CELLS an axis."""
+    """(nx, ny, nz, 3) grid over the quadric's box, fine enough for `tolerance` (metres), at most MAX_CELLS an axis."""
     half = np.asarray(parameters[10:13], np.float64)
     q = matrix(parameters)
     coarse, _ = march(q, _lattice(half, half / _COARSE * 2))
@@ -60,10 +60,10 @@ def _lattice(half: F64, edge: F64) -> F64:
 
 
 def march(q: F64, grid: F64) -> tuple[F64, NDArray[np.int32]]:
-    """Vertices (n, 3) and triangles (m, 3) of pᵀ Q p = 0 in the cells of `grid`, (nx, ny, nz, 3) points in rows, columns and layers.
+    """Vertices (n, 3) and triangles (m, 3) of pᵀ Q p = 0 in the cells of `grid`, (nx, ny, nz, 3) points.
 
-    Vertices on an edge of two cells are shared; which way round a triangle goes is left to the caller. What lies
-    between the points of a cell without changing a sign at any of them is missed.
+    Cells share the vertices on common edges. The orientation of triangles is arbitrary. Parts that change no sign at a grid point are
+    missed.
     """
     points = grid.reshape(-1, 3)
     value = np.einsum("ni,ij,nj->n", points, q[:3, :3], points) + 2 * points @ q[3, :3] + q[3, 3]
@@ -74,24 +74,24 @@ def march(q: F64, grid: F64) -> tuple[F64, NDArray[np.int32]]:
     unique, index = np.unique((low * key + high).ravel(), return_inverse=True)
     a, b = unique // key, unique % key
     positions = _roots(q, points[a], points[b], value[a], value[b])
-    return positions, _not_collapsed(positions, index.reshape(-1, 3)).astype(np.int32)
+    return positions, _drop_degenerate(positions, index.reshape(-1, 3)).astype(np.int32)
 
 
 def _active_tetrahedra(inside: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """(t, 4) point numbers of the tetrahedra of every cell that has corners on both sides."""
+    """(t, 4) point indices of the tetrahedra of all cells with corners on both sides."""
     nx, ny, nz = (n - 1 for n in inside.shape)
     corners = [inside[i : i + nx, j : j + ny, k : k + nz] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
     count = np.sum(corners, axis=0, dtype=np.int8)
     i, j, k = np.nonzero((count > 0) & (count < 8))
     strides = np.array([inside.shape[1] * inside.shape[2], inside.shape[2], 1], np.int64)
     first = i * strides[0] + j * strides[1] + k * strides[2]
-    # Kuhn: from the cell's first corner to its last by one axis after the other, in each of the six orders
+    # Kuhn: paths from the cell's first corner to its last along the axes, in each of the six orders
     paths = np.array([np.cumsum([0, *strides[list(order)]]) for order in permutations(range(3))])
     return (first[:, None, None] + paths).reshape(-1, 4)
 
 
 def _crossed_edges(tets: NDArray[np.int64], inside: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """(m, 3, 2) the three edges each triangle has its vertices on: one triangle where a corner is alone, else two."""
+    """(m, 3, 2) the edges with each triangle's vertices: one triangle where one corner is apart, else two."""
     order = np.argsort(~inside[tets], axis=1, kind="stable")  # inside corners first
     sorted_tets = np.take_along_axis(tets, order, axis=1)
     count = inside[tets].sum(axis=1)
@@ -102,7 +102,7 @@ def _crossed_edges(tets: NDArray[np.int64], inside: NDArray[np.bool_]) -> NDArra
 
 
 def _roots(q: F64, a: F64, b: F64, at_a: F64, at_b: F64) -> F64:
-    """The point on each edge a-b where the quadric changes sign: the stable root of the quadratic in s of a + s (b - a)."""
+    """The root on each edge a-b: the stable solution s of the quadratic at a + s (b - a)."""
     step = b - a
     square = np.einsum("ni,ij,nj->n", step, q[:3, :3], step)
     half_linear = 0.5 * np.einsum("ni,ni->n", gradients(q, a), step)
@@ -115,8 +115,8 @@ def _roots(q: F64, a: F64, b: F64, at_a: F64, at_b: F64) -> F64:
     return a + s[:, None] * step
 
 
-def _not_collapsed(positions: F64, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Only the triangles whose corners differ: where the surface goes through a grid point several edges meet in it."""
+def _drop_degenerate(positions: F64, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The triangles with three distinct corners: at grid points on the surface, several edges have the same vertex."""
     a, b, c = (positions[triangles[:, k]] for k in range(3))
     same = (a == b).all(axis=1) | (b == c).all(axis=1) | (c == a).all(axis=1)
     return triangles[~same]

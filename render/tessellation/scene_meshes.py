@@ -1,4 +1,4 @@
-"""Triangles in place of analytic shapes and formulas, for programs that do not have them."""
+"""Meshes of analytic shapes and implicit surfaces, for exporters to programs that lack these."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from ..types import View
 from .view import ViewTessellator
 
 
-class Triangles(NamedTuple):
-    """A shape in its own frame, counter-clockwise from outside."""
+class ShapeMesh(NamedTuple):
+    """A shape in its own frame, counterclockwise from outside."""
 
     positions: NDArray[np.float64]  # (n, 3)
     triangles: NDArray[np.int32]  # (m, 3)
     normals: NDArray[np.float64]  # (n, 3)
     uvs: NDArray[np.float64]  # (n, 2)
-    metric: NDArray[np.float64]  # (m, 2) metres, in the shape's frame, that one unit of u and of v spans
+    metric: NDArray[np.float64]  # (m, 2) metres a unit of u and of v, in the shape's frame
 
 
-def tessellator(scene: ir.Scene, plan: Plan) -> Callable[[int], Triangles]:
-    """A function from an instance (a row; no mesh, and nothing endless) to its triangles, plan["tolerance"] pixels off at most."""
+def make_tessellator(scene: ir.Scene, plan: Plan) -> Callable[[int], ShapeMesh]:
+    """A function from an instance (its row) to its mesh, within plan["tolerance"] pixels; not for meshes and unbounded shapes."""
     width, height = plan["size"]
     made = ViewTessellator(scene.tables, View(plan["camera"], width, height), plan["tolerance"])
     geometries = scene.tables.geometries
 
-    def triangles(instance: int) -> Triangles:
+    def triangles(instance: int) -> ShapeMesh:
         g = int(scene.tables.instances.geometry[instance])
         mesh = made.tessellate(instance)
         parts = mesh.parts.astype(np.int64)
@@ -39,6 +39,6 @@ def tessellator(scene: ir.Scene, plan: Plan) -> Callable[[int], Triangles]:
         x, y, z = mesh.positions[mesh.triangles, :3].mean(axis=1).T
         with np.errstate(all="ignore"):
             _, metric = analytic_shapes.uv(kind, geometries.parameters, row, parts, (x, y, z))
-        return Triangles(mesh.positions[:, :3], mesh.triangles, mesh.normals, mesh.uvs, np.stack(metric, axis=1))
+        return ShapeMesh(mesh.positions[:, :3], mesh.triangles, mesh.normals, mesh.uvs, np.stack(metric, axis=1))
 
     return triangles

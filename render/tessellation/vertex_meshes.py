@@ -11,7 +11,7 @@ from . import analytic_shapes
 from .view import ViewTessellator
 
 
-def with_vertex_shaded_meshes(tables: ir.Tables, tessellator: ViewTessellator) -> ir.Tables:
+def replace_vertex_shaded(tables: ir.Tables, tessellator: ViewTessellator) -> ir.Tables:
     """Tables with a mesh for each bounded analytic instance whose material is shaded at vertices."""
     instances = tables.instances
     chosen = tables.materials.shading[instances.material] == ir.Shading.GOURAUD
@@ -30,10 +30,10 @@ def with_vertex_shaded_meshes(tables: ir.Tables, tessellator: ViewTessellator) -
             made.append((key[0], tessellator.tessellate(int(i))))
         geometry[i] = rows[key]
     placed = ir.table_of("instances", {**instances._asdict(), "geometry": geometry})
-    return _with_meshes(tables, made)._replace(instances=placed)
+    return _add_meshes(tables, made)._replace(instances=placed)
 
 
-def _with_meshes(tables: ir.Tables, made: list[tuple[int, analytic_shapes.Tessellation]]) -> ir.Tables:
+def _add_meshes(tables: ir.Tables, made: list[tuple[int, analytic_shapes.Tessellation]]) -> ir.Tables:
     """Tables with one more mesh geometry for each (geometry it replaces, triangles), with normals and uvs at vertices."""
     pools, attributes, geometries = tables.pools, tables.attributes, tables.geometries
     vertices, triangles, values = len(pools.positions), len(pools.triangles), len(pools.values)
@@ -64,11 +64,11 @@ def _with_meshes(tables: ir.Tables, made: list[tuple[int, analytic_shapes.Tessel
     grown = {"positions": positions_of, "triangles": triangles_of, "values": values_of}
     return tables._replace(
         pools=ir.table_of("pools", {**pools._asdict(), **{name: np.concatenate(rows) for name, rows in grown.items()}}),
-        attributes=_appended("attributes", attributes, more_attributes),
-        geometries=_appended("geometries", geometries, geometry_rows),
+        attributes=_append("attributes", attributes, more_attributes),
+        geometries=_append("geometries", geometries, geometry_rows),
     )
 
 
-def _appended(table: str, rows: Any, more: dict[str, Any]) -> Any:
+def _append(table: str, rows: Any, more: dict[str, Any]) -> Any:
     """A table with more rows at its end."""
     return ir.table_of(table, {name: np.concatenate([getattr(rows, name), np.asarray(more[name])]) for name in rows._fields})

@@ -28,7 +28,7 @@ class ViewTessellator:
         """(instances,) see `pixel_tolerance.instance_tolerances`."""
         return pixel_tolerance.instance_tolerances(self.tables, self.view, self.pixels)
 
-    def shells(self, tables: ir.Tables) -> dict[int, analytic_shapes.Tessellation]:
+    def tessellations(self, tables: ir.Tables) -> dict[int, analytic_shapes.Tessellation]:
         """The tessellations of all instances that the rasterizer fills, by instance.
 
         Meshes, implicit surfaces and quadrics have none. Neither do round shapes so near to the eye that the tolerance needs too many

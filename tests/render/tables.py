@@ -17,10 +17,10 @@ from maquette.render.integrator import whitted
 from maquette.render.jit.kernel import kernel
 from maquette.render.jit.packed_struct import Handle
 from maquette.render.lanes import crosslane, ops
-from maquette.render.types import GouraudLight, Hit, Options, Ray
+from maquette.render.types import Hit, Options, Ray, VertexLight
 
 IDENTITY = np.eye(4)
-OPTIONS = Options(seed=0, bounces=0, interreflection=False, shadows=True, background=0, color=types.Triple(0.0, 0.0, 0.0))
+OPTIONS = Options(seed=0, bounces=0, interreflection=False, shadows=True, background=0, color=types.Float3(0.0, 0.0, 0.0))
 
 
 def matrix(translate: Any = (0, 0, 0), linear: Any = None) -> np.ndarray:
@@ -109,9 +109,9 @@ def phong(
     return MaterialData(model, inputs, **fields)
 
 
-def no_gouraud(tables: ir.Tables) -> GouraudLight:
+def no_gouraud(tables: ir.Tables) -> VertexLight:
     """No light computed at vertices."""
-    return GouraudLight(np.full(len(tables.instances.geometry), -1, np.int64), np.zeros((2, 3)))
+    return VertexLight(np.full(len(tables.instances.geometry), -1, np.int64), np.zeros((2, 3)))
 
 
 def rays(origin: Any, direction: Any, t_min: float = 0.0, t_max: float = np.inf) -> Ray:
@@ -128,7 +128,7 @@ def first_hit(tables: ir.Tables, ray: Ray) -> Hit:
 
 
 def radiance(
-    tables: ir.Tables, ray: Ray, options: Options = OPTIONS, samples: int = 1, light: GouraudLight | None = None, pixel: int = 0
+    tables: ir.Tables, ray: Ray, options: Options = OPTIONS, samples: int = 1, light: VertexLight | None = None, pixel: int = 0
 ) -> tuple[np.ndarray, np.ndarray]:
     """(rgb (samples, n, 3), alpha (samples, n)) along rays by the numpy lanes; every sample must be finite."""
     n = len(ray.t_min)
@@ -147,7 +147,7 @@ def radiance(
 
 
 def radiance_in_kernel(
-    tables: ir.Tables, ray: Ray, options: Options = OPTIONS, samples: int = 1, light: GouraudLight | None = None, pixel: int = 0
+    tables: ir.Tables, ray: Ray, options: Options = OPTIONS, samples: int = 1, light: VertexLight | None = None, pixel: int = 0
 ) -> tuple[np.ndarray, np.ndarray]:
     """The same by the compiled integrator through the trees."""
     n = len(ray.t_min)

@@ -30,8 +30,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def hold_less(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is held whole is less than the picture: strips of 32 rows."""
-    monkeypatch.setattr(large_images, "HELD", 80 * 40)
-    monkeypatch.setattr(large_images, "STRIP", 80 * 40)
+    monkeypatch.setattr(large_images, "MAX_PIXELS", 80 * 40)
+    monkeypatch.setattr(large_images, "STRIP_PIXELS", 80 * 40)
 
 
 @pytest.fixture

@@ -114,7 +114,7 @@ WRITERS = {"mitsuba": mitsuba_scene.write, "povray": povray_scene.write}
 
 def written(name: str, folder: Path, text: str, **settings: object) -> common.Export:
     scene, plan = scenes.compiled(folder, text, **settings)
-    return WRITERS[name](scene, plan, "small", scene_meshes.tessellator(scene, plan))
+    return WRITERS[name](scene, plan, "small", scene_meshes.make_tessellator(scene, plan))
 
 
 @pytest.mark.parametrize(("name", "whole"), [("mitsuba", MITSUBA), ("povray", POVRAY)])

@@ -41,11 +41,11 @@ DAY = 1e5  # seconds
 RUNGS = {"samples": (1, 4, 16, 64), "error": (0.3, 0.1), "bounces": (0, 1, 3), "tolerance": (3.2, 0.2)}
 
 
-def _short(knob: declared.Knob) -> declared.Knob:
+def _short(knob: declared.QualitySetting) -> declared.QualitySetting:
     return replace(knob, values=RUNGS[knob.name])
 
 
-def _rungs(made: tuple[declared.Knob, ...]) -> list[declared.Knob]:
+def _rungs(made: tuple[declared.QualitySetting, ...]) -> list[declared.QualitySetting]:
     """Those that need no package beyond maquette's own."""
     return [knob for knob in made if knob.name in RUNGS]
 
@@ -63,7 +63,8 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reference, "default_folder", lambda: folder)
         patch.setattr(engine, "AIM", 4096)
-        patch.setattr(declared, "KNOBS", {backend: tuple(map(_short, _rungs(made))) for backend, made in declared.KNOBS.items()})
+        short = {backend: tuple(map(_short, _rungs(made))) for backend, made in declared.QUALITY_SETTINGS.items()}
+        patch.setattr(declared, "QUALITY_SETTINGS", short)
         yield
 
 

@@ -105,7 +105,7 @@ def test_everybodys_overrides_stand_on_every_rung(tmp_path: Path) -> None:
     scene = load(GLASS + AMBIENT, tmp_path)
     light = reference_light.of(scene, ir.Settings(), {"filter": "box"})
     assert light.make(scene)["filter"] == "box"
-    for backend in declared.KNOBS:
+    for backend in declared.QUALITY_SETTINGS:
         for ladder in setting_ladders.ladders(scene, light, backend):
             assert all(setting.plan["filter"] == "box" for setting in ladder.settings)
     ray = {ladder.name: ladder for ladder in setting_ladders.ladders(scene, light, "ray")}
@@ -118,7 +118,7 @@ def test_everybodys_overrides_stand_on_every_rung(tmp_path: Path) -> None:
 def test_every_rung_can_be_planned_and_grows_dearer(text: str, tmp_path: Path) -> None:
     scene = load(text, tmp_path)
     light = reference_light.of(scene, ir.Settings(size=(40, 30)))
-    for backend, made in declared.KNOBS.items():
+    for backend, made in declared.QUALITY_SETTINGS.items():
         assert [
             knob.name for knob in made if not all(knob.cost(a) < knob.cost(b) for a, b in zip(knob.values, knob.values[1:], strict=False))
         ] == []

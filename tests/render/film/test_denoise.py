@@ -71,7 +71,7 @@ def test_without_its_package_it_says_what_to_install(scene, monkeypatch) -> None
 @needs_package
 def test_the_chart_has_a_line_for_it(scene) -> None:
     """Where there is noise; `256 denoised samples` are what is written beside a point."""
-    knob = next(knob for knob in quality_settings.KNOBS["ray"] if knob.name == "denoised samples")
+    knob = next(knob for knob in quality_settings.QUALITY_SETTINGS["ray"] if knob.name == "denoised samples")
     plan = planner.make(scene, maquette.compiler.ir.Settings())
     assert knob.applies(scene, plan)
     assert knob.fixed == {"denoise": True}

@@ -22,9 +22,9 @@ def planet(height: float = 2.0) -> ir.Tables:
     return tables.scene(shapes, camera=CameraData(0, 0.4))
 
 
-def shells(scene: ir.Tables, tolerance: float) -> dict[int, analytic_shapes.Tessellation]:
+def tessellations(scene: ir.Tables, tolerance: float) -> dict[int, analytic_shapes.Tessellation]:
     _, made, view = pictures.planned(scene, "raster", tolerance=tolerance)
-    return prepare.prepare(ir.Scene("test", scene, names=ir.Names(cameras=("",))), made, view).shells
+    return prepare.prepare(ir.Scene("test", scene, names=ir.Names(cameras=("",))), made, view).tessellations
 
 
 def test_the_horizon_of_a_planet():
@@ -37,13 +37,13 @@ def test_the_horizon_of_a_planet():
 
 
 def test_what_is_near_or_asked_for_too_finely_has_no_triangles():
-    assert list(shells(planet(), 0.05)) == [1]
-    assert list(shells(planet(), 1e-9)) == []
+    assert list(tessellations(planet(), 0.05)) == [1]
+    assert list(tessellations(planet(), 1e-9)) == []
     far = tables.scene([(K.SPHERE, [0.5], tables.matrix((0, 0, -5)), 0)], camera=CameraData(0, 0.4))
     around = [(K.SPHERE, [9.0], tables.matrix((0, 0, -5)), 0), (K.BOX, [9.0] * 3, tables.matrix(), 0)]
     inside = tables.scene(around, camera=CameraData(0, 0.4))
-    assert list(shells(far, 0.05)) == [0]
-    assert list(shells(inside, 0.05)) == [1]
+    assert list(tessellations(far, 0.05)) == [0]
+    assert list(tessellations(inside, 0.05)) == [1]
 
 
 def test_a_tolerance_asked_for_is_kept_and_the_default_is_a_twentieth():
@@ -54,7 +54,7 @@ def test_a_tolerance_asked_for_is_kept_and_the_default_is_a_twentieth():
     assert pictures.planned(far, "raster", {"tolerance": "0.2"})[1]["tolerance"] == 0.2
     with pytest.raises(planner.PlanError, match="`tolerance` cannot be -1"):
         pictures.planned(far, "raster", {"tolerance": "-1"})
-    coarse, fine = (len(shells(far, t)[0].triangles) for t in (0.4, 0.05))
+    coarse, fine = (len(tessellations(far, t)[0].triangles) for t in (0.4, 0.05))
     assert 6 < fine / coarse < 12  # a chord's sagitta falls with the square of their number
 
 

@@ -15,7 +15,7 @@ from maquette.render.backends import prepare
 from maquette.render.integrator import glossy_lights
 from maquette.render.light import lights
 from maquette.render.material import bsdf, principled
-from maquette.render.types import Surface, Unmet, View
+from maquette.render.types import NoGlossyLights, Surface, View
 
 from .. import tables as make
 
@@ -133,8 +133,8 @@ def pictures(made: Any, view: View, samples: int) -> tuple[np.ndarray, np.ndarra
     y, x = np.mgrid[0 : view.height, 0 : view.width].reshape(2, -1) + 0.5
     ray = camera.ray(made.tables, view, x, y)
     both = []
-    for lamps in (made.options.lamps, Unmet()):
-        options = made.options._replace(lamps=lamps, environment=types.Followed(), bounces=0)
+    for lamps in (made.options.lamps, NoGlossyLights()):
+        options = made.options._replace(lamps=lamps, environment=types.SecondaryRays(), bounces=0)
         both.append(make.radiance_in_kernel(made.tables, ray, options, samples)[0])
     return both[0], both[1]
 
@@ -169,5 +169,5 @@ def test_polish_under_a_lamp_has_less_noise(tmp_path):
 
 
 def test_scenes_without_microfacets_or_wide_lamps_meet_none(tmp_path):
-    assert isinstance(glossy_lights.of(tables_of(tmp_path, LAMPS["ball"] + "\nsphere(1, material: blinn_phong(#ffffff))")), Unmet)
-    assert isinstance(glossy_lights.of(tables_of(tmp_path, "point([0, 3, 0], intensity: 4)" + METAL)), Unmet)
+    assert isinstance(glossy_lights.of(tables_of(tmp_path, LAMPS["ball"] + "\nsphere(1, material: blinn_phong(#ffffff))")), NoGlossyLights)
+    assert isinstance(glossy_lights.of(tables_of(tmp_path, "point([0, 3, 0], intensity: 4)" + METAL)), NoGlossyLights)

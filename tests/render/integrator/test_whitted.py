@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from maquette.compiler import ir
 from maquette.compiler.scene.row_records import Input, LightData, MaterialData, MeshAttribute
-from maquette.render.types import Triple
+from maquette.render.types import Float3
 
 from .. import tables as make
 
@@ -215,7 +215,7 @@ def test_backgrounds():
     ray = make.rays([[0, 0, 5], [0, 3, 5]], (0, 0, -1))
     color = (0.25, 0.5, 0.75)
     for background, behind in ((0, (1.0, 2.0, 3.0)), (1, (0.0, 0.0, 0.0)), (2, color)):
-        rgb, alpha = make.radiance(tables, ray, options(background=background, color=Triple(*color), bounces=1))
+        rgb, alpha = make.radiance(tables, ray, options(background=background, color=Float3(*color), bounces=1))
         assert rgb[0, 1] == pytest.approx(behind)
         assert rgb[0, 0] == pytest.approx([0.5, 1.6, 3.0])  # the mirror shows the sky whatever stands behind the picture
         assert list(alpha[0]) == [1.0, 0.0]
@@ -225,7 +225,7 @@ def test_opacity_lets_the_background_through_and_lowers_alpha():
     """A ball that lets 0.4 straight through each of its faces: 0.16 of the background, and of the sky of 1 what its outside reflects."""
     tables = make.scene([BALL], materials=[make.phong(0.6, transmission=0.4, ior=1.0)], lights=[SKY])
     color = (0.25, 0.5, 0.75)
-    rgb, alpha = make.radiance(tables, make.rays((0.2, 0.1, 5), (0, 0, -1)), options(background=2, color=Triple(*color), bounces=2))
+    rgb, alpha = make.radiance(tables, make.rays((0.2, 0.1, 5), (0, 0, -1)), options(background=2, color=Float3(*color), bounces=2))
     # Its inside sees no sky, since what lets light through throws a full shadow.
     assert rgb[0, 0] == pytest.approx([0.6 + 0.16 * c for c in color], rel=1e-9)
     assert alpha[0, 0] == pytest.approx(1 - 0.16)

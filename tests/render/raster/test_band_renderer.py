@@ -204,7 +204,7 @@ def test_bands_are_the_same_however_many_are_drawn_at_once(seconds: float, monke
     prepared, decided, view = a_mesh_in_bands()
     alone = raster.Renderer(prepared, decided, view).whole
     assert alone is not None
-    alone._turns = None
+    alone._queue = None
     for number in range(5):
         alone.draw(number)
     monkeypatch.setattr(band_scheduler, "CALL_SECONDS", seconds)

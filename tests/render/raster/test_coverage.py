@@ -80,11 +80,11 @@ def test_closed_meshes_cover_each_sample_once_a_layer(total):
     """Drawn triangle by triangle and added up, a convex mesh covers every sample twice, front and back, or not at all."""
     scene = tables.scene([(K.SPHERE, [1.0], tables.matrix((0.1, 0.2, -2.2), tables.turn(0, 0.5)), 0)], camera=EYE)
     view, tile = View(0, 48, 48), Tile(0, 0, 48, 48)
-    shell = analytic_shapes.tessellate(K.SPHERE, [1.0], 0.1)
-    model, ranges = view_geometry.build_model(scene, view, {0: shell})
+    tessellation = analytic_shapes.tessellate(K.SPHERE, [1.0], 0.1)
+    model, ranges = view_geometry.build_model(scene, view, {0: tessellation})
     made = Handle(model)
     drawn = pictures.renderer(scene, "raster", size=(48, 48), filter="box")
-    placed = drawn._seen(tile, 0, total, total).tables.samples
+    placed = drawn._rasterize(tile, 0, total, total).tables.samples
     covered = np.zeros(len(placed.x), int)
     for triangle in range(ranges[0, 0], ranges[0].sum()):
         scratch = scalar_raster.scratch_for(tile, total, 128 if total > 1 else 0, scalar_raster.workspace_for(scene))
@@ -276,9 +276,9 @@ def test_like_instances_share_a_tessellation():
         builder.instance(InstanceData(ball, builder.transform(tables.matrix((k - 25, 0, -100))), material))
     builder.camera(CameraData(0, 1.0))
     scene, made, view = pictures.planned(builder.finish().tables, "raster")
-    shells = prepare.prepare(scene, made, view).shells
-    assert len(shells) == 50
-    assert len({id(s) for s in shells.values()}) <= 2
+    tessellations = prepare.prepare(scene, made, view).tessellations
+    assert len(tessellations) == 50
+    assert len({id(s) for s in tessellations.values()}) <= 2
 
 
 def test_shapes_shaded_at_vertices_become_meshes_in_every_backend():

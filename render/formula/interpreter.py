@@ -1,11 +1,11 @@
-"""Tapes evaluated without being compiled: one function for each of the programs, made once for a machine and kept on disk.
+"""Tape interpreters: one LLVM function for each program, compiled once for a machine and stored as an object file.
 
-A function (code, rows, registers, constants, state, vectors) goes through rows of eight int32 (op, out, a, b, c, choice, whether it is a
-minimum or maximum that goes into nothing but such, 0), where op is one of Op or SCALE. Operands of 0 and more are registers of as many
-parts as the program's values have, each of them `vectors` vectors; ~k is constant k, whose row of PARTS vectors holds its value twice,
-then zeros; in float32 its bounds, zeros, and what programs.NEAREST says. `state` is int64 words: the lanes in which something may be
-undefined, then for each choice the lanes that need its first operand only, and those that need its second only. In float32 up to four
-vectors of sixteen lanes share these words.
+A function (code, rows, registers, constants, state, vectors) executes rows of eight int32: op (one of Op or SCALE), out, a, b, c, choice,
+whether the row is a minimum or maximum whose value goes only into minima and maxima, 0. An operand ≥ 0 is a register of as many parts as
+the program's values have, each part `vectors` vectors. An operand ~k is constant k, a row of PARTS vectors: its value twice, then zeros; in
+float32 its bounds, zeros, and the numbers of op_codegen.NEAREST. `state` is int64 words: the lanes in which a value may be undefined, then
+for each choice the lanes that need its first operand only, and the lanes that need its second only. In float32, up to four vectors of
+sixteen lanes share these words.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from ..simd.llvm_expr import I64
 from . import point_interpreter
 from .llvm_math import INTERPRETER, LANES, POINTER, ROW, SINGLE, VectorMath, load, store
 from .loop_codegen import over_rows, over_vectors
-from .op_codegen import EMITTERS, LARGEST_PART, NEAREST, SCALE, WIDTHS, form_of, scaled
+from .op_codegen import EMITTERS, LARGEST_PART, NEAREST, SCALE, WIDTHS, emit_scaled, form_of
 
 PARTS = 8  # vectors of a constant
 UNKNOWN, KNOWN = 256, 257
-"""Registers, in float32, that hold −∞ and ∞, and bounds that the result is known to have, which tell what of minima does not matter."""
-SHIFTS = {"turns": 1, "points32": 5}
-"""Where in a constant's row a program finds what it wants: value, 0, 0, 0 stands from the second vector on; in float32 bounds are first."""
+"""Registers, in float32, of −∞ and ∞, and of known bounds of the result, which decide operands of minima and maxima."""
+SHIFTS = {"gradients": 1, "points32": 5}
+"""First vector of a constant's row for a program: "gradients" reads value, 0, 0, 0; "points32" skips the bounds."""
 
 
 def module_of(program: str) -> ir.Module:
-    """The interpreter of one program as LLVM code."""
+    """LLVM code of the interpreter of one program."""
     module = ir.Module(f"maquette.{program}")
     form, width = form_of(program), WIDTHS[program]
 
@@ -50,12 +50,12 @@ def module_of(program: str) -> ir.Module:
 
         def vector(k: Any) -> None:
             offset = b.mul(k, ir.Constant(I64, form.bytes))
-            given = [operand(offset) for operand in operands]
+            values = [operand(offset) for operand in operands]
             m = VectorMath(b, state, form, k if form == SINGLE else None, forks=program == "forks")
             if form == SINGLE and op in (Op.MIN, Op.MAX) and width > 1:
                 place = b.mul(b.mul(b.add(numbers[6], ir.Constant(I64, UNKNOWN)), stride), ir.Constant(I64, width))
                 m.result = [load(b, registers, b.add(b.add(place, offset), b.mul(stride, ir.Constant(I64, part))), form) for part in (0, 1)]
-            for part, value in enumerate(EMITTERS[program](m, op, given, numbers[5])):
+            for part, value in enumerate(EMITTERS[program](m, op, values, numbers[5])):
                 store(b, out, b.add(offset, b.mul(stride, ir.Constant(I64, part))), value)
 
         over_vectors(b, vectors, vector)
@@ -68,7 +68,7 @@ def module_of(program: str) -> ir.Module:
 
 
 def _scale(b: Any, numbers: list[Any], arguments: Any) -> None:
-    """A register times a constant, in spans32."""
+    """Emit the product of a register and a constant, in spans32."""
     registers, constants, state, vectors = arguments[2:]
     size = SINGLE.bytes
     stride, width = b.mul(vectors, ir.Constant(I64, size)), ir.Constant(I64, WIDTHS["spans32"])
@@ -78,15 +78,15 @@ def _scale(b: Any, numbers: list[Any], arguments: Any) -> None:
 
     def vector(k: Any) -> None:
         places = [b.add(b.mul(k, ir.Constant(I64, size)), b.mul(stride, ir.Constant(I64, part))) for part in range(WIDTHS["spans32"])]
-        found = scaled(VectorMath(b, state, SINGLE, k), [load(b, there, place, SINGLE) for place in places], nearest, largest)
-        for place, value in zip(places, found, strict=True):
+        product = emit_scaled(VectorMath(b, state, SINGLE, k), [load(b, there, place, SINGLE) for place in places], nearest, largest)
+        for place, value in zip(places, product, strict=True):
             store(b, out, place, value)
 
     over_vectors(b, vectors, vector)
 
 
 def _operand(b: Any, program: str, name: Any, registers: Any, constants: Any, stride: Any) -> Callable[[Any], list[Any]]:
-    """What gives the vectors of an operand, a register's or a constant's, at an offset in bytes into its parts."""
+    """Loader of an operand, a register or a constant: maps an offset in bytes into its parts to the parts' vectors."""
     form, width = form_of(program), WIDTHS[program]
     constant = b.icmp_signed("<", name, ir.Constant(I64, 0))
     there = b.add(b.mul(b.not_(name), ir.Constant(I64, PARTS * form.bytes)), ir.Constant(I64, SHIFTS.get(program, 0) * form.bytes))
@@ -99,28 +99,28 @@ def _operand(b: Any, program: str, name: Any, registers: Any, constants: Any, st
     return parts
 
 
-# --- from code to addresses ---------------------------------------------------------------------------------------------
+# --- object files and addresses ------------------------------------------------------------------------------------------
 
 _engines: dict[str, Any] = {}
-SEVERAL = 3  # as many are made here alone
+SEVERAL = 3  # missing interpreters that this process compiles alone
 
 
 def address(program: str) -> int:
-    """Where a program's interpreter is; made, or read from disk, the first time."""
+    """Address of a program's interpreter, compiled or read from disk at the first call."""
     if program not in _engines:
         _engines[program] = _engine(program)
     return _engines[program].get_function_address(f"tape_{program}")
 
 
-def make_ready(threads: int) -> None:
-    """Let another process make those that come last, of several that are to be made."""
+def compile_missing(threads: int) -> None:
+    """Compile missing interpreters in another process, from the last one on, if there are several."""
     missing = [program for program in WIDTHS if program not in _engines and not _path(program).exists()]
     if len(missing) > SEVERAL:
-        compile_process.run_in_background(threads, make, tuple(reversed(missing)))
+        compile_process.run_in_background(threads, compile_programs, tuple(reversed(missing)))
 
 
-def make(programs: tuple[str, ...]) -> None:
-    """Make what is not on disk by then."""
+def compile_programs(programs: tuple[str, ...]) -> None:
+    """Compile the programs that are not on disk yet."""
     for program in programs:
         if not _path(program).exists():
             address(program)
@@ -136,9 +136,9 @@ def _engine(program: str) -> Any:
     try:
         code = path.read_bytes()
     except OSError:
-        made = point_interpreter.module() if program == point_interpreter.NAME else module_of(program)
-        code = target(1).emit_object(optimized(str(made)))  # more would take twice as long, and pictures as long
-        _keep(path, code)
+        module = point_interpreter.module() if program == point_interpreter.NAME else module_of(program)
+        code = target(1).emit_object(optimize(str(module)))  # level 2 takes twice the compile time and renders no faster
+        _write(path, code)
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     return engine
@@ -146,12 +146,12 @@ def _engine(program: str) -> Any:
 
 @cache
 def _sources() -> str:
-    """Digest of the modules the interpreters are made from, and of their width."""
+    """Digest of the modules that the interpreters are compiled from, and of their vector width."""
     return f"{cache_key.key(__name__)}-{LANES}"
 
 
-def _keep(path: Path, code: bytes) -> None:
-    """Write whole or not at all; without a disk to write to, the next process makes it again."""
+def _write(path: Path, code: bytes) -> None:
+    """Write a file atomically; without a writable folder the next process compiles again."""
     part = path.with_suffix(f".{id(code):x}.part")
     try:
         part.write_bytes(code)
@@ -161,7 +161,7 @@ def _keep(path: Path, code: bytes) -> None:
 
 
 def target(opt: int = 2) -> Any:
-    """LLVM's description of the machine that kernels are compiled for."""
+    """LLVM target machine of kernels."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     features = ",".join(f"{'+' if on else '-'}{name}" for name, on in sorted(simd_target.FEATURES.items()))
@@ -169,8 +169,8 @@ def target(opt: int = 2) -> Any:
     return found.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=opt, jit=True, codemodel="jitdefault")
 
 
-def optimized(text: str, level: int = 2) -> Any:
-    """A module of LLVM code after the passes of `level`."""
+def optimize(text: str, level: int = 2) -> Any:
+    """Parse LLVM code and run the passes of `level`."""
     module = llvm.parse_assembly(text)
     module.verify()
     builder = llvm.create_pass_builder(target(), llvm.create_pipeline_tuning_options(speed_level=level))

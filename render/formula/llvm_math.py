@@ -1,4 +1,4 @@
-"""Arithmetic of tapes on LLVM vectors, for compiler/formula/point_semantics.py and interval_semantics.py."""
+"""Numeric backend on LLVM vectors for compiler/formula/point_semantics.py and interval_semantics.py."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from ..simd.polynomials import shared, whole
 LANES = crosslane.WIDTH
 BYTES = 8 * LANES  # of a vector
 POINTER = ir.IntType(8).as_pointer()
-WAYS = 8  # word of the state
+WAYS = 8  # first word of the state that holds branch numbers
 ROW = 8  # int32 numbers of an instruction
 INTERPRETER = ir.FunctionType(ir.VoidType(), [POINTER, I64, POINTER, POINTER, POINTER, I64])
-"""code, rows, registers, constants, state, vectors side by side"""
-DIRECT = ir.FunctionType(ir.VoidType(), [POINTER, I64, POINTER, POINTER])  # code, rows, constants, registers; see direct.py
+"""Arguments: code, rows, registers, constants, state, number of vectors."""
+DIRECT = ir.FunctionType(ir.VoidType(), [POINTER, I64, POINTER, POINTER])  # code, rows, constants, registers; see point_interpreter.py
 CODE = ir.FunctionType(ir.VoidType(), [POINTER, POINTER, POINTER])  # of a compiled tape: x y z, constants, out
-ROWS = ir.FunctionType(ir.VoidType(), [POINTER, POINTER, POINTER, I64])  # the same of many vectors: all x, all y, all z; how many
+ROWS = ir.FunctionType(ir.VoidType(), [POINTER, POINTER, POINTER, I64])  # of many vectors: all x, y and z, constants, out, their number
 
 
 class Form(NamedTuple):
-    """What numbers a program works on."""
+    """Number format of a program."""
 
     bits: int
     lanes: int
 
     @property
     def bytes(self) -> int:
-        """Of a vector."""
+        """Size of a vector."""
         return self.bits // 8 * self.lanes
 
     @property
@@ -45,15 +45,18 @@ DOUBLE, SINGLE = Form(64, LANES), Form(32, 16)
 
 
 class VectorMath:
-    """A mathematics on vectors. `state` is where intervals note what they are unsure of, of the `number`th vector; see interpreter.py.
-    One that forks (enclosures.one_side) has, from word WAYS of the state on, a vector of numbers whose digits say which ways to go."""
+    """Arithmetic on vectors, with the interface of NumpyMath.
+
+    Intervals record undefined lanes of the `number`th vector in `state`; see interpreter.py. With `forks`, the state holds a vector of
+    branch numbers from word WAYS on: their binary digits select the branches of jumps (interval_semantics.one_side).
+    """
 
     def __init__(self, builder: Any, state: Any = None, form: Form = DOUBLE, number: Any = None, forks: bool = False) -> None:
         self.builder, self.state, self.form, self.number, self.forks = builder, state, form, number, forks
-        self.tells = True  # that something is unbounded
-        self.result: list[Value] = []  # bounds that the tape's result is known to have, for operations that may be asked about them
+        self.tells = True  # that a value is unbounded
+        self.result: list[Value] = []  # known bounds of the tape's result, for operations that use them
         single = form.bits == 32
-        if single:  # where products are too small for it they are not for the points in float64 that it stands for
+        if single:  # products that underflow in float32 do not in the float64 points that it bounds
             self.unit, self.tiny, self.big, self.most, self.lost = 2.0**-23, 1e-36, 1e18, 1e18, True
             self.squares = (2.0**-40, 2.0**70), (2.0**62, 2.0**-70)
         else:
@@ -82,37 +85,38 @@ class VectorMath:
         return self.where(x > high, high, x)
 
     def everywhere(self, number: float) -> Value:
-        """A number in every lane."""
+        """Broadcast a number."""
         return Value(self.builder, ir.Constant(self.form.vector, [number] * self.form.lanes), "f", self.form.bits)
 
-    # --- what is not certain ---
+    # --- undefined and unbounded values ---
 
     def undefined(self, mask: Value) -> None:
-        place = self._noted(0)
+        """Record the lanes of a mask as undefined."""
+        place = self._state_word(0)
         self.builder.store(self.builder.or_(self.builder.load(place), self._bits(mask)), place)
 
     def unbounded(self, mask: Value) -> None:
-        """float32 does not reach so far that no sum brings a bound back: such lanes count as undefined."""
+        """Record the lanes of a mask as undefined in float32: its range does not keep later sums from making a bound finite."""
         if self.form.bits == 32:
             self.undefined(mask)
 
     def was_undefined(self, like: Value) -> Value:
         b, lanes = self.builder, self.form.lanes
-        few = b.load(self._noted(0))
+        few = b.load(self._state_word(0))
         few = few if few.type.width == lanes else b.trunc(few, ir.IntType(lanes))
         return Value(b, b.bitcast(few, ir.VectorType(ir.IntType(1), lanes)), "m", self.form.bits)
 
     def note(self, place: Any, mask: Value) -> None:
-        """Keep a mask as a word of the state."""
-        self.builder.store(self._bits(mask), self._noted(place))
+        """Store a mask to a word of the state."""
+        self.builder.store(self._bits(mask), self._state_word(place))
 
     def _bits(self, mask: Value) -> Any:
         b, lanes = self.builder, self.form.lanes
         few = b.bitcast(mask.raw, ir.IntType(lanes))
         return few if self.number is not None or lanes == 64 else b.zext(few, I64)
 
-    def _noted(self, place: Any) -> Any:
-        """Where a word stands, or, with vectors side by side, the part of it for this vector."""
+    def _state_word(self, place: Any) -> Any:
+        """Address of a word of the state, or of this vector's part of it."""
         b = self.builder
         at = b.gep(b.bitcast(self.state, I64.as_pointer()), [ir.Constant(I64, place) if isinstance(place, int) else place])
         if self.number is None:
@@ -120,7 +124,7 @@ class VectorMath:
         return b.gep(b.bitcast(at, ir.IntType(self.form.lanes).as_pointer()), [self.number])
 
     def fork(self, mask: Value) -> Value:
-        """As NumpyMath.fork."""
+        """Take the next binary digit of the branch numbers, as NumpyMath.fork."""
         rest = load(self.builder, self.state, 8 * WAYS)
         left = rest >= 2.0
         self.undefined(mask & ~left)
@@ -132,8 +136,8 @@ class VectorMath:
 
     def index(self, x: Value) -> Value:
         inside = abs(x) < (2.0**50 if x.bits == 64 else 2.0**30)
-        kept = select(inside, x, x.constant(0.0))
-        return whole(kept) & 255
+        bounded = select(inside, x, x.constant(0.0))
+        return whole(bounded) & 255
 
     def permuted(self, index: Value) -> Value:
         return shared("permuted", _permuted, index & 255)
@@ -143,7 +147,7 @@ class VectorMath:
 
 
 def _permuted(index: Value) -> Value:
-    """Perlin's table, lane by lane."""
+    """Look up Perlin's permutation table, lane by lane."""
     b = index.builder
     element = index.raw.type.element
     name = f"maquette.permutation{index.bits}"
@@ -162,12 +166,13 @@ def _permuted(index: Value) -> Value:
 
 
 def load(builder: Any, base: Any, offset: Any, form: Form = DOUBLE) -> Value:
-    """A vector at a byte's place."""
+    """Load a vector at an offset in bytes."""
     loaded = builder.load(builder.bitcast(_at(builder, base, offset), form.vector.as_pointer()), align=8)
     return Value(builder, loaded, "f", form.bits)
 
 
 def store(builder: Any, base: Any, offset: Any, value: Value) -> None:
+    """Store a vector at an offset in bytes."""
     builder.store(value.raw, builder.bitcast(_at(builder, base, offset), value.raw.type.as_pointer()), align=8)
 
 

@@ -1,4 +1,4 @@
-"""LLVM functions that go through the rows of a tape, a block of code for each operation: what all interpreters are."""
+"""LLVM loops: the dispatch loop over tape rows with an opcode switch, and the loop over vectors."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ Row = Callable[[Any, Any, list[Any], Any], None]
 
 
 def over_rows(module: ir.Module, name: str, kind: Any, row: int, emit: Row, more: tuple[int, ...] = ()) -> Any:
-    """Add function `name` of type `kind`, whose first arguments are rows of `row` int32 numbers and how many there are.
+    """Add a function `name` of type `kind` that executes the rows of a tape; its first arguments are the rows and their number.
 
-    `emit(builder, operation, numbers of the row as int64, arguments)` writes what a row does: one of Op, or of `more`.
+    A row has `row` int32 numbers. `emit(builder, operation, numbers as int64, arguments)` emits a row's code for each operation of Op and
+    `more`; numbers[0] is the row's index.
     """
     function = ir.Function(module, kind, name)
     code, count = function.args[:2]
@@ -49,7 +50,7 @@ def over_rows(module: ir.Module, name: str, kind: Any, row: int, emit: Row, more
 
 
 def over_vectors(b: Any, count: Any, body: Callable[[Any], None]) -> None:
-    """Emit body(number of the vector) for 0 … count − 1, at least once."""
+    """Emit a loop of body(vector number) over 0 … count − 1; it runs at least once."""
     before = b.block
     again, done = b.function.append_basic_block("vector"), b.function.append_basic_block("after")
     b.branch(again)

@@ -1,16 +1,16 @@
-"""What can be asked of a tape, as LLVM code for one operation: values, their derivatives, and bounds of both.
+"""Code emitters of one operation for each evaluation program: values, derivatives, and bounds of both.
 
     points    the value
-    turns     the value and its three derivatives
-    boxes     lowest and highest value; notes which operand of a choice is known not to matter
+    gradients the value and its three derivatives
+    boxes     lowest and highest value; records which operand of a choice is irrelevant
     rays      lowest and highest value, lowest and highest slope along a ray
     cells     lowest and highest value, and of each of the three derivatives
-    forks     lowest and highest value where jumps are gone one way; see enclosures.one_side
+    forks     lowest and highest value on one branch of each jump; see interval_semantics.one_side
     points32  the value, in float32
     boxes32   as boxes, in float32
-    spans32   as rays, in float32, and by how much values there may be off; notes choices, too
+    spans32   as rays, in float32, with the error of values; records choices too
 
-The interpreter and compiled tapes emit the same instructions for an operation: what they compute is the same bit for bit.
+The interpreter and compiled tapes emit the same instructions for an operation: their results are the same bit for bit.
 """
 
 from __future__ import annotations
@@ -26,29 +26,28 @@ from ...compiler.formula.opcodes import CHOICES, Op
 from ..simd.llvm_expr import I64, Value
 from .llvm_math import DOUBLE, SINGLE, Form, VectorMath
 
-WIDTHS = {"points": 1, "turns": 4, "boxes": 2, "rays": 4, "cells": 8, "forks": 2, "points32": 1, "boxes32": 2, "spans32": 5}
-"""How many vectors a value is in each program."""
+WIDTHS = {"points": 1, "gradients": 4, "boxes": 2, "rays": 4, "cells": 8, "forks": 2, "points32": 1, "boxes32": 2, "spans32": 5}
+"""Number of vectors of a value in each program."""
 
 
 def form_of(program: str) -> Form:
-    """The numbers a program works on."""
+    """Number format of a program."""
     return SINGLE if program.endswith("32") else DOUBLE
 
 LARGEST = 1e12
-"""Numbers beyond this are not for float32."""
+"""Largest magnitude that float32 programs handle."""
 
 EXACT = frozenset({
     Op.COPY, Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.DIVIDE, Op.NEGATE, Op.ABS, Op.SQUARE, Op.SQRT, Op.MIN, Op.MAX, Op.CHOOSE, Op.FLOOR,
     Op.CEIL, Op.SIGN,
 })  # fmt: skip
-"""Operations that are rounded once."""
+"""Operations that round once."""
 
 SCALE = len(Op)
-"""MULTIPLY of a register by a constant, as rows for interpreters have it (`cells.place`): in spans32 it takes a third of the work."""
+"""MULTIPLY of a register by a constant in interpreter rows (interval_grid.allocate_registers): in spans32 it takes a third of the work."""
 
 NEAREST, LARGEST_PART = 5, 6
-"""Where in a constant's row for float32 the nearest number to it stands, and what its magnitude is at most: ∞ where the nearest one is
-not known to be within rounding."""
+"""Vectors of a constant's float32 row: the nearest float32 number, and its largest magnitude (∞ if its error exceeds rounding)."""
 
 Parts = list[Value]
 Emitter = Callable[..., Parts]
@@ -58,7 +57,7 @@ def _points(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
     return [point_semantics.point(m, op, *(p[0] for p in given))]
 
 
-def _turns(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
+def _gradients(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
     operands = [p[0] for p in given]
     value = point_semantics.point(m, op, *operands)
     return [value, *point_semantics.slopes(m, op, operands, value, [p[1:] for p in given])]
@@ -66,17 +65,17 @@ def _turns(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
 
 def _boxes(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
     operands = [(p[0], p[1]) for p in given]
-    found = interval_semantics.interval(m, op, *operands)
-    _noted(m, op, operands, choice)
-    return list(found)
+    bounds = interval_semantics.interval(m, op, *operands)
+    _record_choice(m, op, operands, choice)
+    return list(bounds)
 
 
-def _noted(m: VectorMath, op: Op, operands: list[Any], choice: Any) -> None:
-    """Note which operand of a choice is known not to matter."""
+def _record_choice(m: VectorMath, op: Op, operands: list[Any], choice: Any) -> None:
+    """Record which operand of a choice is irrelevant."""
     if op not in CHOICES:
         return
     known = interval_semantics.chosen(m, operands[0]) if op == Op.CHOOSE else interval_semantics.choices(m, op, *operands)
-    if m.result:  # of a minimum that the result is a minimum of, an operand above the result is of no account; so with maxima
+    if m.result:  # of a minimum that goes into the result by minima, an operand above the result is irrelevant; likewise of maxima
         low, high = m.result
         one, two = (p[0] > high if op == Op.MIN else p[1] < low for p in operands)
         known = known[0] | (two & ~one), known[1] | one
@@ -89,60 +88,61 @@ def _forks(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
 
 
 def _rays(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
-    return _sloped(m, op, given, 1)
+    return _slope_bounds(m, op, given, 1)
 
 
 def _spans(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
-    """Operands are off by what they are off, and by rounding; how that grows, bounds of the derivatives say (mean value theorem)."""
+    """Bounds with the error of values: the operands' errors and rounding, scaled by derivative bounds (mean value theorem)."""
     operands = [(p[0], p[1]) for p in given]
-    _noted(m, op, operands, choice)
+    _record_choice(m, op, operands, choice)
     u = 0.5 * m.unit
     off = [p[4] + interval_semantics.high_of(m, abs(p[0]), abs(p[1])) * u for p in given]
     value = interval_semantics.interval(m, op, *operands)
     (slope,) = derivative_bounds.slope_intervals(m, op, operands, value, [[(p[2], p[3])] for p in given])
-    found = derivative_bounds.spread(m, op, operands, value, off)
+    error = derivative_bounds.spread(m, op, operands, value, off)
     if op == Op.SQRT:
-        found = interval_semantics.low_of(m, found, m.sqrt(off[0]))
+        error = interval_semantics.low_of(m, error, m.sqrt(off[0]))
     size = interval_semantics.high_of(m, abs(value[0]), abs(value[1]))
     if op == Op.FILLET:
-        found = found + interval_semantics.fillet_slack(m, *operands)
+        error = error + interval_semantics.fillet_slack(m, *operands)
     elif op == Op.CUBE:
-        found = found + size * u  # rounded twice
+        error = error + size * u  # rounded twice
     elif op not in EXACT:
-        found = found + (size * (4.0 * interval_semantics.ULPS * u) if op != Op.NOISE else 64.0 * m.unit)
-    return [*value, *slope, m.where((found < LARGEST) & (size < LARGEST), found, math.inf)]
+        error = error + (size * (4.0 * interval_semantics.ULPS * u) if op != Op.NOISE else 64.0 * m.unit)
+    return [*value, *slope, m.where((error < LARGEST) & (size < LARGEST), error, math.inf)]
 
 
-def scaled(m: VectorMath, given: Parts, nearest: Value, largest: Value) -> Parts:
-    """As _spans of a product with a constant, by the number nearest to it and its largest magnitude."""
+def emit_scaled(m: VectorMath, given: Parts, nearest: Value, largest: Value) -> Parts:
+    """`_spans` of a product with a constant, given by its nearest number and its largest magnitude."""
     ends = [part * nearest for part in given[:4]]
     size, steepness = (interval_semantics.high_of(m, abs(ends[k]), abs(ends[k + 1])) for k in (0, 2))
     off = largest * (given[4] + interval_semantics.high_of(m, abs(given[0]), abs(given[1])) * m.unit)
     m.unbounded((size > m.big) | (steepness > m.big) | (off > m.big))
     ends = [m.clipped(end, -m.big, m.big) for end in ends]
-    found = [*_widened(m, *ends[:2]), *_widened(m, *ends[2:])]
+    bounds = [*_outer_bounds(m, *ends[:2]), *_outer_bounds(m, *ends[2:])]
     off = off + (off * (4.0 * m.unit) + m.tiny)
-    return [*found, m.where((off < LARGEST) & (size < LARGEST), off, math.inf)]
+    return [*bounds, m.where((off < LARGEST) & (size < LARGEST), off, math.inf)]
 
 
-def _widened(m: VectorMath, one: Value, other: Value) -> Parts:
-    """Bounds of what lies between two products of which either factor was rounded."""
+def _outer_bounds(m: VectorMath, one: Value, other: Value) -> Parts:
+    """Bounds of the interval between two products with rounded factors."""
     return [interval_semantics.down(m, m.least(one, other), 1), interval_semantics.up(m, m.largest(one, other), 1)]
 
 
 def _cells(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
-    return _sloped(m, op, given, 3)
+    return _slope_bounds(m, op, given, 3)
 
 
-def _sloped(m: VectorMath, op: Op, given: list[Parts], ways: int) -> Parts:
+def _slope_bounds(m: VectorMath, op: Op, given: list[Parts], directions: int) -> Parts:
+    """Bounds of the value and of the derivatives along 1 or 3 directions."""
     operands = [(p[0], p[1]) for p in given]
     value = interval_semantics.interval(m, op, *operands)
-    turns = [[(p[2 + 2 * k], p[3 + 2 * k]) for k in range(ways)] for p in given]
-    slopes = derivative_bounds.slope_intervals(m, op, operands, value, turns)
+    derivatives = [[(p[2 + 2 * k], p[3 + 2 * k]) for k in range(directions)] for p in given]
+    slopes = derivative_bounds.slope_intervals(m, op, operands, value, derivatives)
     return [*value, *(bound for slope in slopes for bound in slope)]
 
 
 EMITTERS: dict[str, Emitter] = {
-    "points": _points, "turns": _turns, "boxes": _boxes, "rays": _rays, "cells": _cells, "forks": _forks, "points32": _points,
+    "points": _points, "gradients": _gradients, "boxes": _boxes, "rays": _rays, "cells": _cells, "forks": _forks, "points32": _points,
     "boxes32": _boxes, "spans32": _spans,
 }  # fmt: skip

@@ -1,6 +1,7 @@
-"""Tapes as they stand in the IR, evaluated at points without anything prepared: for patterns, of which each point is asked once.
+"""Point interpreter of unprepared tapes from the IR, for patterns, which are evaluated once at a point.
 
-A function (code, rows, constants, registers): rows of four int32 (op, a, b, c), a register for each of x, y, z and each row.
+The function has the arguments (code, rows, constants, registers): rows of four int32 (op, a, b, c), a register for each of x, y, z and each
+row.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ NAME = "direct"
 
 
 def module() -> ir.Module:
-    """The function as LLVM code."""
+    """LLVM code of the interpreter."""
     made = ir.Module("maquette.direct")
 
     def row(b: Any, op: Op, numbers: list[Any], arguments: Any) -> None:
@@ -35,10 +36,10 @@ def module() -> ir.Module:
 
 
 def _operand(b: Any, name: Any, constants: Any, registers: Any) -> Value:
-    """A register, or a constant in every lane."""
+    """Load a register, or broadcast a constant."""
     zero = ir.Constant(I64, 0)
     constant = b.icmp_signed("<", name, zero)
     register = load(b, registers, b.mul(b.select(constant, zero, name), ir.Constant(I64, BYTES)))
     place = b.gep(b.bitcast(constants, F64.as_pointer()), [b.not_(name)])
-    number = b.load(b.select(constant, place, b.bitcast(registers, F64.as_pointer())))  # never read where there is none
+    number = b.load(b.select(constant, place, b.bitcast(registers, F64.as_pointer())))  # for a register, an unused load
     return Value(b, b.select(constant, Value(b, number, "f", 64).splat(LANES).raw, register.raw), "f", 64)

@@ -1,4 +1,4 @@
-"""Formula surfaces ready to be traced: their tapes as interpreters run them, and a grid around each that fills where rays come."""
+"""Builds the kernel tables of a scene's implicit surfaces: tapes for the interpreters, and a grid that fills as rays reach its cells."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from .llvm_math import LANES, ROW, SINGLE
 from .op_codegen import LARGEST_PART, NEAREST, WIDTHS
 from .tables import END_BLOCKS, END_ROWS, END_TAPES, NO_CLOSED_FORMS, Forms, Surface
 
-CELLS, FEWER = 64, 16  # of a grid along each axis: powers of 4
+CELLS, FEWER_CELLS = 64, 16  # of a grid along each axis: powers of 4
 MANY = 32  # surfaces, beyond which each has fewer cells
-ROWS, MORE, TAPES = 1 << 20, 256, 1 << 17  # room for rows, and for each of a whole tape, and for tapes of each: used as they come
-IN_MEMORY = 4  # scenes whose surfaces are kept
+ROWS, ROWS_PER_ROW, TAPES = 1 << 20, 256, 1 << 17  # capacity: rows per surface, rows per row of a whole tape, tapes per surface
+MAX_CACHED = 4  # scenes whose tables stay in memory
 PROGRAMS = tuple(WIDTHS)
-_known: OrderedDict[bytes, Forms] = OrderedDict()
+_cached: OrderedDict[bytes, Forms] = OrderedDict()
 _lock = threading.Lock()
 
 
@@ -37,44 +37,44 @@ def tape_of(tables: ir.Tables, g: int) -> Tape:
 
 
 def forms(tables: ir.Tables, closed: bool = True, threads: int = 1) -> Forms:
-    """All formula surfaces that some instance shows; those that have closed forms by these, unless `closed` is False."""
+    """Tables of the implicit surfaces that instances reference; `closed` uses closed forms for surfaces that have them."""
     kinds = tables.geometries.kind
     shown = [g for g in np.unique(tables.instances.geometry).tolist() if kinds[g] == ir.GeometryKind.FORMULA]
     surfaces = [Surface(tape_of(tables, g), tables.geometries.parameters[g], tables.geometries.bounds[g]) for g in shown]
     solids = [closed_form_solids.of_geometry(tables, g) if closed else None for g in shown]
-    last = np.argsort([solid is not None for solid in solids], kind="stable").tolist()
+    order = np.argsort([solid is not None for solid in solids], kind="stable").tolist()  # surfaces with closed forms last
     of = np.full(len(kinds), -1, np.int32)
-    of[[shown[row] for row in last]] = np.arange(len(shown))
-    made = of_surfaces([surfaces[row] for row in last if solids[row] is None], threads)
-    closed_surfaces = [(surfaces[row], solid) for row in last if (solid := solids[row]) is not None]
-    return closed_form_tables.append_closed_forms(made._replace(of=of), closed_surfaces)
+    of[[shown[row] for row in order]] = np.arange(len(shown))
+    gridded = of_surfaces([surfaces[row] for row in order if solids[row] is None], threads)
+    closed_surfaces = [(surfaces[row], solid) for row in order if (solid := solids[row]) is not None]
+    return closed_form_tables.append_closed_forms(gridded._replace(of=of), closed_surfaces)
 
 
 def of_surfaces(surfaces: Sequence[Surface], threads: int = 1) -> Forms:
-    """Surfaces by number; with what is known of their grids, if pictures were made of them before."""
+    """Tables of surfaces by number; cached with their grids for later pictures."""
     key = hashlib.blake2b(digest_size=16)
     for tape, parameters, bounds in surfaces:
         for part in (tape.structure(), tape.constants.tobytes(), parameters.tobytes(), bounds.tobytes()):
             key.update(part)
     name = key.digest()
     with _lock:
-        made = _known.get(name)
-        if made is None:
-            interpreter.make_ready(threads if surfaces else 1)
-            made = _known[name] = _made(surfaces)
-            while len(_known) > IN_MEMORY:
-                _known.popitem(last=False)
-        _known.move_to_end(name)
-    return made._replace(unproved=np.zeros(1, np.int64))
+        built = _cached.get(name)
+        if built is None:
+            interpreter.compile_missing(threads if surfaces else 1)
+            built = _cached[name] = _build(surfaces)
+            while len(_cached) > MAX_CACHED:
+                _cached.popitem(last=False)
+        _cached.move_to_end(name)
+    return built._replace(unproved=np.zeros(1, np.int64))
 
 
-def _made(surfaces: Sequence[Surface]) -> Forms:
+def _build(surfaces: Sequence[Surface]) -> Forms:
     n = len(surfaces)
-    count = CELLS if n <= MANY else FEWER
+    count = CELLS if n <= MANY else FEWER_CELLS
     wholes = [names_of(tape) for tape, _, _ in surfaces]
     rows = sum(map(len, wholes))
-    room = (ROWS + MORE * rows) * min(n, 1)
-    names, code = simd.paged_empty((room, 4), np.int32), simd.paged_empty((room, ROW), np.int32)  # only what is written of these is read
+    capacity = (ROWS + ROWS_PER_ROW * rows) * min(n, 1)
+    names, code = simd.paged_empty((capacity, 4), np.int32), simd.paged_empty((capacity, ROW), np.int32)  # pages are used as tapes grow
     tapes, ends = simd.paged_empty((TAPES * n, 4), np.int64), np.zeros(4, np.int64)
     places, numbers = np.zeros((n, 6), np.int64), np.zeros((n, 14))
     most_blocks = sum((count // interval_grid.SPLIT**k) ** 3 for k in range(1, 4))
@@ -88,7 +88,7 @@ def _made(surfaces: Sequence[Surface]) -> Forms:
         begin += len(constants[k])
         names[first : first + len(wholes[k])] = wholes[k]
         tapes[k, :2] = first, len(wholes[k])
-        interval_grid.allocate_registers_kernel(names, code, tapes, k)  # there are registers enough: the compiler refuses what needs more
+        interval_grid.allocate_registers_kernel(names, code, tapes, k)  # cannot fail: the compiler rejects tapes that need more registers
         blocks[k] = 0, 0, 0, count, k
         ends[[END_BLOCKS, END_TAPES]] = k + 1
         ends[END_ROWS] += len(wholes[k])
@@ -115,14 +115,14 @@ def _made(surfaces: Sequence[Surface]) -> Forms:
 
 
 def _aligned(rows: list[NDArray[Any]], dtype: Any) -> NDArray[Any]:
-    """Rows one after the other, from a cache line's beginning on."""
-    made = simd.aligned_empty(sum(map(len, rows)), dtype)
-    made[...] = np.concatenate([np.zeros(0, dtype), *rows])
-    return made
+    """Concatenate rows in memory aligned to a cache line."""
+    array = simd.aligned_empty(sum(map(len, rows)), dtype)
+    array[...] = np.concatenate([np.zeros(0, dtype), *rows])
+    return array
 
 
 def names_of(tape: Tape) -> NDArray[np.int32]:
-    """Rows (n, 4) of op, a, b, c. The result is always the last row: a copy where it was none."""
+    """Rows (n, 4) of op, a, b, c. The last row is the result; a copy is appended where it was another value."""
     code, result = tape.code, tape.results[0]
     if result != INPUTS + len(code) - 1 or not len(code):
         code = np.concatenate([code, np.array([[Op.COPY, result, 0, 0]], np.int32)])
@@ -130,21 +130,21 @@ def names_of(tape: Tape) -> NDArray[np.int32]:
 
 
 def constant_rows(tape: Tape) -> NDArray[np.float64]:
-    """A tape's constants as interpreters read them: for each PARTS vectors, the number in two of them."""
+    """A tape's constants for the interpreters: PARTS vectors for each, the first two with the number, the others zeros."""
     rows = np.zeros((max(len(tape.constants), 1), PARTS, LANES))
     rows[: len(tape.constants), :2] = tape.constants[:, None, None]
     return rows.ravel()
 
 
 def single_rows(tape: Tape) -> NDArray[np.float32]:
-    """The same in float32: bounds of the number, zeros, the number nearest to it, and its largest magnitude (see programs.NEAREST)."""
+    """A tape's constants in float32: bounds of each number, zeros, the nearest number, its largest magnitude (op_codegen.NEAREST)."""
     with np.errstate(over="ignore"):
         near = tape.constants.astype(np.float32)
     rows, most = np.zeros((max(len(near), 1), PARTS, SINGLE.lanes), np.float32), np.finfo(np.float32).max
     exact = near == tape.constants
     rows[: len(near), 0] = np.where(exact, near, np.nextafter(near, np.float32(-np.inf)))[:, None]
     rows[: len(near), 1] = np.where(exact, near, np.nextafter(near, np.float32(np.inf)))[:, None]
-    rows[: len(near), NEAREST] = np.clip(near, -most, most)[:, None]  # so that 0 times it is 0
-    normal = exact | ((np.abs(near) > 1e-30) & np.isfinite(near))  # else what is left of it is not within rounding
+    rows[: len(near), NEAREST] = np.clip(near, -most, most)[:, None]  # finite, so that 0 times it is 0
+    normal = exact | ((np.abs(near) > 1e-30) & np.isfinite(near))  # otherwise its error exceeds rounding
     rows[: len(near), LARGEST_PART] = np.where(normal, np.abs(rows[: len(near), :2, 0]).max(1), np.inf)[:, None]
     return rows.ravel()

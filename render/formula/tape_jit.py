@@ -1,7 +1,7 @@
-"""Tapes as straight code of their own, compiled in the background while the first pictures are drawn by interpreters.
+"""Background compilation of tapes to straight-line LLVM code, while interpreters draw the first pictures.
 
-The code computes bit for bit what the interpreter does, so that a picture does not depend on when it is ready. Constants stay in their
-table: another number needs no other code.
+Compiled code gives the same bits as the interpreter, so that a picture does not depend on the moment it becomes ready. Constants stay in
+their table: a changed number needs no new code.
 """
 
 from __future__ import annotations
@@ -28,35 +28,35 @@ from .llvm_math import BYTES, CODE, ROWS, SINGLE, VectorMath, load, store
 from .loop_codegen import over_vectors
 from .op_codegen import EMITTERS, WIDTHS
 
-PROGRAMS = ("points", "turns", "points32")
-PATIENCE = 0.1  # seconds until a thread begins to compile: what is to be drawn at once goes first
-LONGEST = 3000  # rows of a tape that is compiled: longer ones are evaluated simplified
-LONGEST_ROWS = 300  # the same of float32, whose interpreter takes many vectors at once
-RECENT = 16  # formulas whose code is kept though no table has its address: each takes two megabytes
-_engines: weakref.WeakValueDictionary[bytes, Any] = weakref.WeakValueDictionary()  # all that are in use, or recent
+PROGRAMS = ("points", "gradients", "points32")
+DELAY = 0.1  # seconds before a thread compiles, so that the current picture is not slowed down
+MAX_ROWS = 3000  # of a tape that is compiled; longer ones run simplified in the interpreter
+MAX_ROWS_32 = 300  # of a tape that is compiled for float32, whose interpreter executes many vectors a row
+RECENT = 16  # formulas whose code stays loaded without a table: two megabytes each
+_engines: weakref.WeakValueDictionary[bytes, Any] = weakref.WeakValueDictionary()  # in use or recent
 _recent: OrderedDict[bytes, Any] = OrderedDict()
 _waiting: dict[bytes, list[tuple[weakref.ref[NDArray[np.int64]], int]]] = {}
 _lock, _hurry, _closing = threading.Lock(), threading.Event(), threading.Event()
 
 
-class _Ended(Exception):
+class _Closing(Exception):
     """The process ends."""
 
 
 def addresses(tapes: list[Tape | None]) -> NDArray[np.int64]:
-    """(n, 3) where each tape's code for each of PROGRAMS is: 0 until a background thread writes it there, or without a tape.
+    """Table (n, 3) of the addresses of each tape's code for PROGRAMS: 0 until a background thread writes them, and without a tape.
 
-    The code is there as long as the table: kernels have its rows from the table itself, or from a view of it.
+    The code lives as long as the table: kernels read addresses from the table or a view of it.
     """
     table = np.zeros((len(tapes), len(PROGRAMS)), np.int64)
     for row, tape in enumerate(tapes):
-        if tape is None or len(tape.code) > LONGEST:
+        if tape is None or len(tape.code) > MAX_ROWS:
             continue
         key = tape.structure()
         with _lock:
             engine = _engines.get(key)
             if engine is not None:
-                _lend(key, engine, table, row)
+                _register(key, engine, table, row)
                 continue
             begin = key not in _waiting
             _waiting.setdefault(key, []).append((weakref.ref(table), row))
@@ -66,12 +66,12 @@ def addresses(tapes: list[Tape | None]) -> NDArray[np.int64]:
 
 
 def _addresses(engine: Any) -> list[int]:
-    return [engine.get_function_address(f"tape_{name}") for name in PROGRAMS]  # 0 for those that it does not have
+    return [engine.get_function_address(f"tape_{name}") for name in PROGRAMS]  # 0 for missing functions
 
 
-def _lend(key: bytes, engine: Any, table: NDArray[np.int64], row: int) -> None:
-    """Write a tape's addresses into a table, and see that its code lives at least as long."""
-    weakref.finalize(table, _returned, engine).atexit = False
+def _register(key: bytes, engine: Any, table: NDArray[np.int64], row: int) -> None:
+    """Write a tape's addresses to a table and keep its code alive as long as the table."""
+    weakref.finalize(table, _release, engine).atexit = False
     table[row] = _addresses(engine)
     _recent[key] = engine
     _recent.move_to_end(key)
@@ -79,30 +79,30 @@ def _lend(key: bytes, engine: Any, table: NDArray[np.int64], row: int) -> None:
         _recent.popitem(last=False)
 
 
-def _returned(engine: Any) -> None:
-    """A table is no more. It may be another thread's collector that says so, at any place: nothing is to be locked here."""
+def _release(engine: Any) -> None:
+    """Drop the reference of a table that no longer exists. Garbage collection may call this anywhere: it must not lock."""
 
 
 def _compile(tape: Tape, key: bytes) -> None:
-    _hurry.wait(PATIENCE)
+    _hurry.wait(DELAY)
     with _lock:
-        if not any(table() is not None for table, _ in _waiting[key]):  # it was changed again meanwhile
+        if not any(table() is not None for table, _ in _waiting[key]):  # the formula has changed meanwhile
             del _waiting[key]
             return
     try:
         engine = engine_of(tape)
-    except _Ended:
+    except _Closing:
         return
     with _lock:
         _engines[key] = engine
-        for there, row in _waiting.pop(key):
-            table = there()
+        for reference, row in _waiting.pop(key):
+            table = reference()
             if table is not None:
-                _lend(key, engine, table, row)
+                _register(key, engine, table, row)
 
 
 def finish() -> None:
-    """Wait until everything that was asked for is compiled."""
+    """Wait until all requested tapes are compiled."""
     _hurry.set()
     for thread in threading.enumerate():
         if thread.name == "formula":
@@ -112,13 +112,13 @@ def finish() -> None:
 
 @atexit.register
 def _end() -> None:
-    """Let no thread be in LLVM when that is taken down: the process would be aborted."""
+    """Stop all compiler threads before LLVM shuts down, which would abort the process."""
     _closing.set()
     finish()
 
 
 def engine_of(tape: Tape) -> Any:
-    """A tape's code, with its functions tape_points and tape_turns (x y z, constants, out), and tape_points32 if it is short."""
+    """Compile a tape: functions tape_points and tape_gradients (x y z, constants, out), and tape_points32 for a short tape."""
     module = llvm.parse_assembly(str(module_of(tape)))
     engine = llvm.create_mcjit_compiler(module, interpreter.target())
     engine.finalize_object()
@@ -126,7 +126,7 @@ def engine_of(tape: Tape) -> Any:
 
 
 def module_of(tape: Tape) -> ir.Module:
-    """LLVM code of a tape: for one vector of points, and for many in float32."""
+    """LLVM code of a tape: for one vector of points, and for many vectors in float32."""
     module = ir.Module("maquette.formula")
     for program in PROGRAMS[:2]:
         function = ir.Function(module, CODE, f"tape_{program}")
@@ -136,22 +136,22 @@ def module_of(tape: Tape) -> ir.Module:
         zero, one = (m.everywhere(number) for number in (0.0, 1.0))
         given = []
         for axis in range(3):
-            turns = [one if k == axis else zero for k in range(width - 1)]
-            given.append([load(b, inputs, axis * width * BYTES), *turns])
+            derivatives = [one if k == axis else zero for k in range(width - 1)]
+            given.append([load(b, inputs, axis * width * BYTES), *derivatives])
 
         def constant(k: int, b: Any = b, constants: Any = constants, rest: Any = (zero,) * (width - 1)) -> Any:
             return [load(b, constants, k * PARTS * BYTES), *rest]
 
-        for k, part in enumerate(_result(tape, program, m, given, constant)):
+        for k, part in enumerate(_emit_tape(tape, program, m, given, constant)):
             store(b, out, k * BYTES, part)
         b.ret_void()
-    if len(tape.code) <= LONGEST_ROWS:
+    if len(tape.code) <= MAX_ROWS_32:
         _add_rows(module, tape)
     return module
 
 
 def _add_rows(module: ir.Module, tape: Tape) -> None:
-    """The function for many vectors."""
+    """Add the function for many vectors."""
     program, size = PROGRAMS[2], SINGLE.bytes
     function = ir.Function(module, ROWS, f"tape_{program}")
     inputs, constants, out, vectors = function.args
@@ -162,23 +162,23 @@ def _add_rows(module: ir.Module, tape: Tape) -> None:
         offset = b.mul(k, ir.Constant(I64, size))
         given = [[load(b, inputs, b.add(offset, b.mul(stride, ir.Constant(I64, axis))), SINGLE)] for axis in range(3)]
         m = VectorMath(b, form=SINGLE)
-        (value,) = _result(tape, program, m, given, lambda k: [load(b, constants, (k * PARTS + SHIFTS[program]) * size, SINGLE)])
+        (value,) = _emit_tape(tape, program, m, given, lambda k: [load(b, constants, (k * PARTS + SHIFTS[program]) * size, SINGLE)])
         store(b, out, offset, value)
 
     over_vectors(b, vectors, vector)
     b.ret_void()
 
 
-def _result(tape: Tape, program: str, m: VectorMath, given: list[Any], constant: Callable[[int], Any]) -> Any:
-    """Emit a tape for its inputs; its result."""
+def _emit_tape(tape: Tape, program: str, m: VectorMath, given: list[Any], constant: Callable[[int], Any]) -> Any:
+    """Emit a tape for its inputs; return its result."""
     values = list(given)
 
-    def named(name: int) -> Any:
+    def operand(name: int) -> Any:
         return values[name] if name >= 0 else constant(~name)
 
     for op, *operands in tape.code.tolist():
         if _closing.is_set():
-            raise _Ended
-        time.sleep(0)  # lets others go on: a picture is being drawn meanwhile
-        values.append(EMITTERS[program](m, Op(op), [named(name) for name in operands[: arity(op)]], ir.Constant(I64, 0)))
-    return named(tape.results[0])
+            raise _Closing
+        time.sleep(0)  # yields to the threads that render
+        values.append(EMITTERS[program](m, Op(op), [operand(name) for name in operands[: arity(op)]], ir.Constant(I64, 0)))
+    return operand(tape.results[0])

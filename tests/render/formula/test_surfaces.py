@@ -257,7 +257,7 @@ def test_threads_that_come_to_the_same_cells_meet_the_same(tmp_path):
     o, d = some_rays(6000, 9)
     found = []
     for count in (1, 4, 4, 4):
-        scene_surfaces._known.clear()
+        scene_surfaces._cached.clear()
         trees, parts = ray_queries.trees(tables, closed=False), np.array_split(np.arange(len(o)), count)
         with ThreadPoolExecutor(count) as pool:
             met = list(pool.map(lambda part, trees=trees: ray_queries.closest(trees, o[part], d[part]), parts))

@@ -75,13 +75,13 @@ print(process.wait(60))
 def test_interpreters_of_formulas_are_made_beside(tmp_path: Path) -> None:
     text = """
 from maquette.render.formula import interpreter
-interpreter.make_ready(1)
+interpreter.compile_missing(1)
 assert not compile_process._running
-interpreter.make_ready(2)
+interpreter.compile_missing(2)
 compile_process._running[0].wait(100)
 assert all(map(interpreter._path, interpreter.WIDTHS))
 print(sum(interpreter._path(program).exists() for program in interpreter.WIDTHS), len(interpreter.WIDTHS))
-interpreter.make_ready(2)
+interpreter.compile_missing(2)
 assert all(process.poll() is not None for process in compile_process._running)
 """
     made, wanted = run(tmp_path, text).split()

@@ -1,5 +1,5 @@
 """The `maquette` command: options, printing, exit codes.
 
-May import: Everything below.
+May import: every other package.
 Begin with `main.py`.
 """

@@ -1,4 +1,4 @@
-"""`maquette chart`: error against time of a scene, measured or drawn again from its chart.json; its options, files and exit codes."""
+"""The `chart` command: measures error against time, or redraws a chart from its .json file."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ METRICS = ("relmse", "flip", "max", "silhouette")
 BUDGET = 60.0  # seconds
 
 
-def _among(known: Sequence[str], what: str) -> Any:
-    """A callback that reads names between commas, each known and given once."""
+def _names_of(known: Sequence[str], what: str) -> Any:
+    """A click callback for a comma-separated list of distinct known names."""
 
     def read(ctx: click.Context, param: click.Parameter, text: str | None) -> tuple[str, ...]:
         names = tuple(name.strip() for name in (text or "").split(",") if name.strip())
         if text is not None and not names:
-            raise click.BadParameter(f"write names between commas, as in {','.join(known[:2])}", ctx, param)
+            raise click.BadParameter(f"separate names by commas, as in {','.join(known[:2])}", ctx, param)
         for i, name in enumerate(names):
             if name not in known:
                 hint = suggest(name, known)
@@ -49,21 +49,21 @@ def _among(known: Sequence[str], what: str) -> Any:
 @click.argument("scene", type=shared.FILE)
 @click.option(
     "-o", "--output", "outputs", type=shared.OUT, multiple=True,
-    help="The chart: .svg, .png or .html, several if given several times. Default: SCENE.chart.svg in this folder.",
+    help="Chart file: .svg, .png or .html; repeat the option for several. Default: SCENE.chart.svg in this folder.",
 )  # fmt: skip
 @shared.scene_options
 @click.option("--size", type=values.SIZE, help="Pixels: 320x240, or 256 for a square. Default: the scene's, at most 160 wide or high.")
-@click.option("--camera", metavar="NAME", help="The camera to look through.")
-@click.option("--backends", metavar="NAMES", callback=_among(BACKENDS, "backend"), help="Only these: ray,raster,reference.")
-@click.option("--peers", metavar="NAMES", callback=_among(PEERS, "peer"), help="Also other renderers that are installed: mitsuba,povray.")
-@click.option("--metric", type=click.Choice(METRICS), help="The error that is charted. Default: relmse. All are in chart.json.")
-@click.option("--budget", type=values.DURATION, help=f"Take at most this long, reference and all. Default: {BUDGET:g}s.")
-@click.option("--seeds", type=click.IntRange(2, 1024), help="Renders a setting that differ in their random numbers.")
-@click.option("--repeats", type=click.IntRange(1, 1024), help="Renders a setting that are timed, at the least.")
-@click.option("--threads", type=click.IntRange(1, 1024), help="The same for everyone. Default: one a core.")
-@click.option("--bounces", type=click.IntRange(0, 64), help="Surface interactions after the first hit, of the reference too.")
-@click.option("--keep", type=shared.OUT, help="Keep the raw images (.exr) and the reference in this folder.")
-@click.option("--json", "numbers", type=shared.OUT, help="Every number. Default: beside the first chart, as .json.")
+@click.option("--camera", metavar="NAME", help="Name of the camera.")
+@click.option("--backends", metavar="NAMES", callback=_names_of(BACKENDS, "backend"), help="Default: ray,raster,reference.")
+@click.option("--peers", metavar="NAMES", callback=_names_of(PEERS, "peer"), help="Installed renderers to measure too: mitsuba,povray.")
+@click.option("--metric", type=click.Choice(METRICS), help="Error metric of the chart. Default: relmse. The .json file has all.")
+@click.option("--budget", type=values.DURATION, help=f"Time limit, including the reference. Default: {BUDGET:g}s.")
+@click.option("--seeds", type=click.IntRange(2, 1024), help="Renders per setting with different random numbers.")
+@click.option("--repeats", type=click.IntRange(1, 1024), help="Least number of timed renders per setting.")
+@click.option("--threads", type=click.IntRange(1, 1024), help="Number of threads of every renderer. Default: one a core.")
+@click.option("--bounces", type=click.IntRange(0, 64), help="Surface interactions after the first hit, also of the reference.")
+@click.option("--keep", type=shared.OUT, help="Save the raw images (.exr) and the reference to this folder.")
+@click.option("--json", "numbers", type=shared.OUT, help="File of all numbers. Default: the name of the first chart, as .json.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress bar, no notes.")
 @shared.examples(
     "maquette chart room.scene -o room.svg",
@@ -77,18 +77,16 @@ def chart(
 ) -> None:  # fmt: skip
     """Measure error against time over backends and settings.
 
-    Every backend climbs its ladders of settings, several seeds each; the chart has a line a ladder, every point, quartiles
-    as bars, the Pareto front, the knee, and the reference's own uncertainty. The table says what to take for which
-    error. SCENE may also be the .json of an earlier chart: then nothing is measured, and it is drawn again.
+    Each backend renders a sequence of settings of rising quality, each with several seeds. The chart shows a line for each
+    sequence, all points, bars for quartiles, the Pareto front, the knee, and the uncertainty of the reference. The table lists
+    the fastest setting for each error. With the .json file of an earlier chart as SCENE, the chart is redrawn without measuring.
 
-    Exit code: 0; 1 where nothing could be measured; 2 for wrong usage; 130 where Ctrl-C ended it, with what was
-    measured drawn.
+    Exit code: 0; 1 if nothing could be measured; 2 for wrong usage; 130 after Ctrl-C, with a chart of the measurements so far.
     """
     outputs = outputs or (Path(f"{scene.stem.removesuffix('.chart')}.chart.svg"),)
     _check_outputs(outputs)
-    again = scene.suffix.lower() == ".json"
-    if again:
-        _check_again(ctx)
+    if scene.suffix.lower() == ".json":
+        _check_redraw(ctx)
         measured, partial = _read(scene), False
     else:
         numbers = numbers or outputs[0].with_suffix(".json")
@@ -100,9 +98,9 @@ def chart(
         from ..measure.report import json_format
 
         replace_file(numbers, json_format.text(measured).encode())
-    _say(measured, (*outputs, *((numbers,) if numbers else ())), quiet)
+    _print(measured, (*outputs, *((numbers,) if numbers else ())), quiet)
     if partial:
-        click.echo("interrupted: the chart holds what was measured until then", err=True)
+        click.echo("interrupted: the chart has the measurements so far", err=True)
         ctx.exit(130)
 
 
@@ -115,16 +113,17 @@ def _check_outputs(outputs: Sequence[Path]) -> None:
         jobs.check_folder(path)
 
 
-def _check_again(ctx: click.Context) -> None:
-    """Options of measuring have no meaning for a chart that is measured."""
+def _check_redraw(ctx: click.Context) -> None:
+    """Reject options of measuring for a chart that is only redrawn."""
     drawing = ("scene", "outputs", "numbers", "quiet")
     for option in ctx.command.params:
         if option.name and option.name not in drawing and ctx.get_parameter_source(option.name) is click.core.ParameterSource.COMMANDLINE:
-            raise click.UsageError(f"{option.opts[0]} is for measuring, and {ctx.params['scene']} is measured: it is only drawn again")
+            file = ctx.params["scene"]
+            raise click.UsageError(f"{option.opts[0]} is for measuring, but {file} is a finished chart, which is only redrawn")
 
 
 def _check_numbers(path: Path, ctx: click.Context) -> None:
-    """The .json beside the chart was not asked for by name: nothing but an older chart is written over."""
+    """Check the file of numbers. A file of the default name is replaced only if it is a chart."""
     from ..measure.report import json_format
 
     jobs.check_folder(path)
@@ -132,7 +131,7 @@ def _check_numbers(path: Path, ctx: click.Context) -> None:
         try:
             json_format.read(path.read_text(encoding="utf-8"))
         except (json_format.FormatError, UnicodeDecodeError):
-            raise click.UsageError(f"{path} is there already and is no chart: say where the numbers go with --json FILE") from None
+            raise click.UsageError(f"{path} exists and is not a chart: choose a file for the numbers with --json FILE") from None
 
 
 def _read(path: Path) -> Chart:
@@ -145,14 +144,14 @@ def _read(path: Path) -> Chart:
 
 
 def _measure(path: Path, metric: str, quiet: bool, given: dict[str, Any]) -> tuple[Chart, bool]:
-    """The chart, and whether Ctrl-C ended it. Raises ClickException where there is nothing to chart."""
+    """The chart, and whether Ctrl-C ended the measurement. Raises ClickException without measurements."""
     from ..compiler import ir
     from ..compiler.plan import plan as planner
     from ..measure import records
     from ..measure.chart import engine
 
     source = shared.source_of(path, given)
-    named = _as_typed(source)
+    named = _command_line(source)
     scene, found = source.load({})
     terminal.report(d for d in found.items if not (quiet and d.severity == "note"))
     settings = ir.Settings(size=given["size"], camera=given["camera"], threads=given["threads"], bounces=given["bounces"])
@@ -173,8 +172,8 @@ def _measure(path: Path, metric: str, quiet: bool, given: dict[str, Any]) -> tup
     return measured, cancel.is_set()
 
 
-def _as_typed(source: jobs.Source) -> str:
-    """The scene with its options, as behind `maquette render`."""
+def _command_line(source: jobs.Source) -> str:
+    """The scene and its options in the syntax of the command line."""
     words = [str(source.path)]
     for name, value in source.sets.items():
         words += ["--set", f"{name}={value}"]
@@ -188,7 +187,7 @@ def _as_typed(source: jobs.Source) -> str:
 
 
 def _draw(measured: Chart, path: Path) -> None:
-    """Write the chart as the file's name says."""
+    """Write the chart in the format of the file's extension."""
     from ..measure.report import html_page, plot
 
     kind = path.suffix.lower()
@@ -200,8 +199,8 @@ def _draw(measured: Chart, path: Path) -> None:
     replace_file(path, data)
 
 
-def _say(measured: Chart, files: Sequence[Path], quiet: bool) -> None:
-    """What to take for which error, to stdout; where everything is, to stderr."""
+def _print(measured: Chart, files: Sequence[Path], quiet: bool) -> None:
+    """Print the table of advice to stdout and the file names to stderr."""
     from ..measure.report import text_report
 
     terminal.table(text_report.HEADINGS, text_report.advice(measured))

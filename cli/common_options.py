@@ -1,4 +1,4 @@
-"""What commands share: decorators of options and examples, and from what was given to a source, settings and a scene."""
+"""Option decorators shared by commands, and the conversion of options to source, settings and scene."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
     from ..compiler import ir
 
 Command = Callable[..., Any]
-GARBAGE = 20_000  # new objects, after which Python looks for cycles among them; its own 700 take 3 % of a redraw
+GC_THRESHOLD = 20_000  # new objects between garbage collections; Python's default of 700 takes 3 % of a redraw
 
 
-def collect_seldom() -> None:
-    """Let Python look for garbage less often: pictures and tables are freed by counting references."""
-    gc.set_threshold(GARBAGE)
+def raise_gc_threshold() -> None:
+    """Run Python's garbage collector less often. Reference counting frees images and tables."""
+    gc.set_threshold(GC_THRESHOLD)
 
 
 def examples(*lines: str) -> Callable[[Command], Command]:
-    """Give a command examples at the end of its --help."""
+    """A decorator that appends examples to the --help of a command."""
 
     def add(command: Command) -> Command:
         command.__doc__ = f"{inspect.cleandoc(command.__doc__ or '')}\n\n\b\nExamples:\n" + "\n".join(f"  {line}" for line in lines)
@@ -38,7 +38,7 @@ def examples(*lines: str) -> Callable[[Command], Command]:
 
 
 def options(*decorators: Callable[[Command], Command]) -> Callable[[Command], Command]:
-    """Several click options as one decorator, in the order given."""
+    """Several click options as one decorator, in order."""
 
     def add(command: Command) -> Command:
         for decorator in reversed(decorators):
@@ -60,67 +60,68 @@ FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 OUT = click.Path(path_type=Path)
 
 scene_options = options(
-    click.option("--set", "sets", type=values.ASSIGNMENT, multiple=True, callback=_pairs, help="Give a param of the scene a value."),
-    click.option("--time", "at", type=values.SECONDS, help="The moment of an animation: 2s."),
-    click.option("--allow", type=click.Path(exists=True, path_type=Path), multiple=True, help="Also read files below this folder."),
-    click.option("--variant", "variants", type=values.VARIANT, multiple=True, callback=_pairs, help="Choose a USD variant."),
+    click.option("--set", "sets", type=values.ASSIGNMENT, multiple=True, callback=_pairs, help="Set a param of the scene."),
+    click.option("--time", "at", type=values.SECONDS, help="Time in an animation: 2s."),
+    click.option("--allow", type=click.Path(exists=True, path_type=Path), multiple=True, help="Allow reading files below this folder."),
+    click.option("--variant", "variants", type=values.VARIANT, multiple=True, callback=_pairs, help="Select a USD variant."),
 )
 _PICTURE = {
-    "backend": click.option("--backend", type=click.Choice(["auto", "ray", "raster", "reference"]), help="Which backend draws."),
-    "size": click.option("--size", type=values.SIZE, help="Pixels: 800x600, or 512 for a square."),
-    "camera": click.option("--camera", metavar="NAME", help="The camera to look through."),
-    "samples": click.option("--samples", type=click.IntRange(1, 1 << 20), help="Samples a pixel."),
+    "backend": click.option("--backend", type=click.Choice(["auto", "ray", "raster", "reference"]), help="Rendering backend."),
+    "size": click.option("--size", type=values.SIZE, help="Size in pixels: 800x600, or 512 for a square."),
+    "camera": click.option("--camera", metavar="NAME", help="Name of the camera."),
+    "samples": click.option("--samples", type=click.IntRange(1, 1 << 20), help="Samples per pixel."),
     "error": click.option("--error", type=values.SHARE, help="Render until √relMSE is below this: 1%."),
     "budget": click.option("--budget", type=values.DURATION, help="Render for at most this long: 20s."),
     "bounces": click.option("--bounces", type=click.IntRange(0, MAX_BOUNCES), help="Surface interactions after the first hit."),
-    "seed": click.option("--seed", type=click.IntRange(0, (1 << 63) - 1), help="Of the random numbers."),
-    "threads": click.option("--threads", type=click.IntRange(1, 1024), help="Default: one a core. The picture does not depend on it."),
+    "seed": click.option("--seed", type=click.IntRange(0, (1 << 63) - 1), help="Seed of the random numbers."),
+    "threads": click.option("--threads", type=click.IntRange(1, 1024), help="Default: one per core. The picture does not depend on it."),
     "aov": click.option(
         "--aov", type=values.CHANNELS,
-        help="More channels for an .exr: depth,normal,position,albedo,uv,id,variance,samples,cryptomatte,lights,light:NAME,issues.",
+        help="Additional channels of an .exr: depth,normal,position,albedo,uv,id,variance,samples,cryptomatte,lights,light:NAME,issues.",
     ),
     "denoise": click.option(
-        "--denoise", is_flag=True, default=None, help="Take out the noise, with Open Image Denoise (pip install maquette[denoise])."
+        "--denoise", is_flag=True, default=None, help="Remove noise with Open Image Denoise (pip install maquette[denoise])."
     ),
     "tolerance": click.option(
         "--tolerance", type=click.FloatRange(0, min_open=True), metavar="PIXELS",
-        help="How far the rasterizer's triangles may be off the outlines of shapes: 0.05 if not said.",
+        help="Greatest distance of the rasterizer's triangles from the outlines of shapes. Default: 0.05.",
     ),
-    "crop": click.option("--crop", type=values.CROP, help="Only these pixels, from the top left."),
-    "background": click.option("--background", type=values.BACKGROUND, help="sky, transparent or #rrggbb."),
-    "exposure": click.option("--exposure", type=values.EXPOSURE, help="Stops, for 8 and 16-bit pictures; + 1 is twice as bright."),
-    "view": click.option("--view", metavar="NAME", help="View transform of 8 and 16-bit pictures: sRGB, or an OpenColorIO name."),
+    "crop": click.option("--crop", type=values.CROP, help="Render only these pixels, counted from the top left."),
+    "background": click.option("--background", type=values.BACKGROUND, help="Background: sky, transparent or #rrggbb."),
+    "exposure": click.option("--exposure", type=values.EXPOSURE, help="Stops, for 8 and 16-bit pictures; +1 is twice as bright."),
+    "view": click.option("--view", metavar="NAME", help="View transform of 8 and 16-bit pictures: sRGB or a name of OpenColorIO."),
     "plan": click.option(
         "--plan", "plan_values", type=values.ASSIGNMENT, multiple=True, callback=_pairs, help="Override a decision of explain."
     ),
 }
 
 
-def picture_options_but(*names: str) -> Callable[[Command], Command]:
-    """`picture_options` without those of a command that has no use for them."""
+def picture_options_except(*names: str) -> Callable[[Command], Command]:
+    """`picture_options` without these."""
     assert set(names) <= set(_PICTURE), names
     return options(*(option for name, option in _PICTURE.items() if name not in names))
 
 
-picture_options = picture_options_but()
+picture_options = picture_options_except()
 
 
 def source_of(scene: Path, given: dict[str, Any]) -> jobs.Source:
-    """Takes what `scene_options` gave out of `given`."""
+    """The source of the options of `scene_options`, which are removed from `given`."""
     return jobs.Source(scene, given.pop("sets"), given.pop("at"), given.pop("allow"), given.pop("variants"))
 
 
-def asked(scene: Path, given: dict[str, Any]) -> tuple[jobs.Source, ir.Settings, dict[str, str]]:
-    """The source, settings and overrides of a command with `scene_options` and `picture_options`."""
+def read_options(scene: Path, given: dict[str, Any]) -> tuple[jobs.Source, ir.Settings, dict[str, str]]:
+    """The source, settings and plan overrides of a command with `scene_options` and `picture_options`."""
     from ..compiler import ir
 
     if given.get("samples") is not None and given.get("error") is not None:
-        raise click.UsageError("--samples and --error exclude each other: the one fixes the work, the other the quality")
+        raise click.UsageError("--samples and --error exclude each other: --samples sets the work, --error the quality")
     source, overrides = source_of(scene, given), given.pop("plan_values")
     return source, ir.Settings(**given), overrides
 
 
 def load(source: jobs.Source) -> ir.Scene:
+    """The compiled scene. Prints diagnostics. Raises SceneError."""
     scene, found = source.load({})
     terminal.report(found.items)
     return scene

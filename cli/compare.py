@@ -1,4 +1,4 @@
-"""`maquette compare`: two pictures, two scenes, or one scene on two backends; its options, what it prints and its exit code."""
+"""The `compare` command: two pictures, two scenes, or one scene on two backends."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
     from ..measure.comparison.sides import Side
 
 BACKENDS = ("auto", "ray", "raster", "reference")
-KNOBS = ("samples", "error", "budget", "bounces", "seed")  # options that --backends may give one side alone; other names are decisions
+SIDE_OPTIONS = ("samples", "error", "budget", "bounces", "seed")  # options in --backends; other names are decisions of the plan
 FIGURES = {
     "relmse": "√relMSE", "flip": "FLIP", "maximum": "the maximum", "silhouette": "the silhouette difference", "bias": "the bias",
     "noise": "the difference over what noise alone makes", "significance": "the difference of the means in standard errors",
 }  # fmt: skip
-OF_SCENES = (  # parameters that mean nothing where both are pictures
+OF_SCENES = (  # parameters that need a scene
     "sets", "at", "allow", "variants", "backend", "size", "camera", "samples", "error", "budget", "bounces", "seed", "threads", "crop",
     "background", "plan_values",
 )  # fmt: skip
@@ -38,47 +38,47 @@ SHARES = ("relmse", "flip", "bias")  # shown in per cent
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
-    """One item of --backends: a backend with options and decisions of its own; `knobs` as they were written."""
+class BackendChoice:
+    """One item of --backends: a backend with its options and plan decisions. `words` are both as written."""
 
     backend: str
-    knobs: tuple[str, ...]
+    words: tuple[str, ...]
     options: Mapping[str, Any]
     decisions: Mapping[str, str]
 
 
-def _backends(ctx: click.Context, param: click.Parameter, text: str | None) -> tuple[Wanted, ...] | None:
-    """`raster,ray` or `ray:samples=4,ray:samples=64:seed=2`."""
+def _backends(ctx: click.Context, param: click.Parameter, text: str | None) -> tuple[BackendChoice, ...] | None:
+    """Read `raster,ray` or `ray:samples=4,ray:samples=64:seed=2`."""
     if text is None:
         return None
     items = [item.strip() for item in text.split(",")]
     if len(items) != 2 or not all(items):
-        raise click.BadParameter(f"{text!r}: two are compared, as in raster,ray; the second is the one measured against", ctx, param)
+        raise click.BadParameter(f"{text!r}: give two backends, as in raster,ray; the second is the reference", ctx, param)
     types = {option.name or "": option.type for option in ctx.command.params}
-    return _wanted(ctx, param, items[0], types), _wanted(ctx, param, items[1], types)
+    return _backend_choice(ctx, param, items[0], types), _backend_choice(ctx, param, items[1], types)
 
 
-def _wanted(ctx: click.Context, param: click.Parameter, item: str, types: Mapping[str, click.ParamType]) -> Wanted:
-    backend, *knobs = item.split(":")
+def _backend_choice(ctx: click.Context, param: click.Parameter, item: str, types: Mapping[str, click.ParamType]) -> BackendChoice:
+    backend, *words = item.split(":")
     if backend not in BACKENDS:
         there = f"no backend is called `{backend}`; there are {', '.join(BACKENDS)}"
         raise click.BadParameter(f"{there}. {suggest(backend, BACKENDS)}".rstrip(" ."), ctx, param)
     options, decisions = {}, {}
-    for knob in knobs:
+    for word in words:
         try:
-            name, value = values.assignment(knob)
+            name, value = values.assignment(word)
         except ValueError:
-            raise click.BadParameter(f"{knob!r} in {item!r}: write it as name=value, as in ray:samples=4", ctx, param) from None
+            raise click.BadParameter(f"{word!r} in {item!r}: write it as name=value, as in ray:samples=4", ctx, param) from None
         if name in options or name in decisions:
             raise click.BadParameter(f"`{name}` is given twice in {item!r}", ctx, param)
-        if name in KNOBS:
-            options[name] = _knob(types[name], value, f"{knob!r} in {item!r}", param, ctx)
+        if name in SIDE_OPTIONS:
+            options[name] = _convert(types[name], value, f"{word!r} in {item!r}", param, ctx)
         else:
             decisions[name] = value
-    return Wanted(backend, tuple(knobs), options, decisions)
+    return BackendChoice(backend, tuple(words), options, decisions)
 
 
-def _knob(kind: click.ParamType, value: str, where: str, param: click.Parameter, ctx: click.Context) -> Any:
+def _convert(kind: click.ParamType, value: str, where: str, param: click.Parameter, ctx: click.Context) -> Any:
     try:
         return kind.convert(value, param, ctx)
     except click.BadParameter as error:
@@ -88,15 +88,15 @@ def _knob(kind: click.ParamType, value: str, where: str, param: click.Parameter,
 @click.command()
 @click.argument("first", metavar="A", type=shared.FILE)
 @click.argument("second", metavar="[B]", type=shared.FILE, required=False)
-@click.option("--backends", metavar="A,B", callback=_backends, help="Draw scene A in two ways: raster,ray or ray:samples=4,ray:samples=64.")
-@click.option("-o", "--output", type=shared.OUT, help="A picture of A − B: false colours, or the signed difference itself in an .exr.")
-@click.option("--side-by-side", is_flag=True, help="The picture is A, B and A − B beside each other, with labels.")
-@click.option("--threshold", type=values.LIMIT, help="Exit with 1 when the metric is above this: 1%, or 0 for identical.")
-@click.option("--metric", type=click.Choice(tuple(FIGURES)), help="What --threshold is about. Default: relmse.")
-@click.option("--json", "as_json", is_flag=True, help="All figures as JSON on stdout.")
+@click.option("--backends", metavar="A,B", callback=_backends, help="Render scene A twice: raster,ray or ray:samples=4,ray:samples=64.")
+@click.option("-o", "--output", type=shared.OUT, help="Picture of A − B: in false colours, or as signed numbers in an .exr.")
+@click.option("--side-by-side", is_flag=True, help="Show A, B and A − B next to each other in the picture, with labels.")
+@click.option("--threshold", type=values.LIMIT, help="Exit with 1 if the metric is above this: 1%, or 0 for identical.")
+@click.option("--metric", type=click.Choice(tuple(FIGURES)), help="Metric of --threshold. Default: relmse.")
+@click.option("--json", "as_json", is_flag=True, help="Print all figures as JSON.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress bar.")
 @shared.scene_options
-@shared.picture_options_but("aov", "view")
+@shared.picture_options_except("aov", "view")
 @shared.examples(
     "maquette compare out.exr reference.exr --threshold 1% -o difference.png",
     "maquette compare room.scene --backends raster,ray --size 400x300",
@@ -106,14 +106,14 @@ def _knob(kind: click.ParamType, value: str, where: str, param: click.Parameter,
 )
 @click.pass_context
 def compare(
-    ctx: click.Context, first: Path, second: Path | None, backends: tuple[Wanted, ...] | None, output: Path | None, side_by_side: bool,
-    as_json: bool, quiet: bool, **given: Any,
+    ctx: click.Context, first: Path, second: Path | None, backends: tuple[BackendChoice, ...] | None, output: Path | None,
+    side_by_side: bool, as_json: bool, quiet: bool, **given: Any,
 ) -> None:  # fmt: skip
-    """Measure how far A is from B.
+    """Measure the difference of A from B.
 
-    Each is a picture or a scene; a scene is drawn, at the picture's size if the other is one. B is the one measured
-    against. In linear light: √relMSE is √mean((A − B)² / (B² + ε²)) with ε = 1% of the mean luminance of B. Exit
-    code: 0; 1 where --threshold is exceeded or the two cannot be compared; 2 for wrong usage.
+    A and B are pictures or scenes. A scene is rendered, at the size of the picture if the other one is a picture. B is the
+    reference. In linear light, √relMSE is √mean((A − B)² / (B² + ε²)) with ε = 1% of the mean luminance of B. Exit
+    code: 0; 1 if --threshold is exceeded or the two cannot be compared; 2 for wrong usage.
     """
     from ..measure.comparison import compare as measure
     from ..measure.comparison import difference_image
@@ -123,7 +123,7 @@ def compare(
     exposure = given["exposure"]
     a, b = _sides(_Given(first, second or first, backends or (), given), quiet)
     if exposure is not None and a.bits and b.bits:
-        raise click.UsageError(f"--exposure is for linear light, and both {first} and {second} were exposed when they were written")
+        raise click.UsageError(f"--exposure is for linear light, but both {first} and {second} were exposed when they were written")
     found = measure.compare(a, b, exposure)
     if output:
         difference_image.write(found, output, side_by_side)
@@ -138,28 +138,28 @@ def _check_usage(
     ctx: click.Context, first: Path, second: Path | None, backends: object, output: Path | None, side_by_side: bool,
     judged: tuple[float | None, str | None],
 ) -> None:  # fmt: skip
-    """What cannot be meant is said before anything is drawn."""
+    """Reject contradictory options before rendering."""
     if backends and second:
-        raise click.UsageError("--backends draws one scene in two ways: give one scene, or leave out --backends")
+        raise click.UsageError("--backends renders one scene in two ways: give one scene, or leave out --backends")
     if backends and not _is_scene(first):
-        raise click.UsageError(f"--backends draws a scene, and {first} is a picture")
+        raise click.UsageError(f"--backends renders a scene, but {first} is a picture")
     if backends and _was_given(ctx, "backend"):
         raise click.UsageError("--backend and --backends exclude each other")
     if not backends and not second:
-        what = "it can be drawn in two ways by --backends raster,ray" if _is_scene(first) else "a second picture, or a scene"
-        raise click.UsageError(f"{first} is compared with what? Give B; {what}")
+        what = "--backends raster,ray renders it in two ways" if _is_scene(first) else "a second picture, or a scene"
+        raise click.UsageError(f"{first} needs a second input B: {what}")
     if second and not _is_scene(first) and not _is_scene(second):
         options = [option for option in ctx.command.params if option.name in OF_SCENES and _was_given(ctx, option.name)]
         if options:
-            raise click.UsageError(f"{options[0].opts[0]} is for scenes, and both {first} and {second} are pictures")
+            raise click.UsageError(f"{options[0].opts[0]} is for scenes, but both {first} and {second} are pictures")
     if judged[1] and judged[0] is None:
-        raise click.UsageError("--metric chooses what --threshold is about: give --threshold too")
+        raise click.UsageError("--metric selects the metric of --threshold: give --threshold too")
     if side_by_side and not output:
-        raise click.UsageError("--side-by-side is a picture: give its file with -o")
+        raise click.UsageError("--side-by-side writes a picture: give its file with -o")
     if output:
         jobs.check_output(output)
         if side_by_side and output.suffix.lower() == ".exr":
-            raise click.UsageError(f"--side-by-side is to be looked at: {output.name} cannot be an .exr; write a .png")
+            raise click.UsageError(f"--side-by-side writes a picture for viewing: {output.name} cannot be an .exr; write a .png")
 
 
 def _was_given(ctx: click.Context, name: str | None) -> bool:
@@ -173,21 +173,21 @@ def _is_scene(path: Path) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class _Given:
-    """What was asked: two files (the same where `backends` draw it in two ways) and the options."""
+    """The inputs: two files (the same file with `backends`) and the options."""
 
     first: Path
     second: Path
-    backends: tuple[Wanted, ...]
+    backends: tuple[BackendChoice, ...]
     options: dict[str, Any]
 
     def name(self, k: int) -> str:
-        """What side k is called: its file, and what --backends says of it but for what is shown of every render."""
-        knobs = [knob for knob in self.backends[k].knobs if not knob.startswith(("samples=", "seed="))] if self.backends else []
-        return " ".join([str((self.first, self.second)[k]), *knobs])
+        """The name of side k: its file and its words in --backends, apart from samples and seed, which are shown for every render."""
+        words = [word for word in self.backends[k].words if not word.startswith(("samples=", "seed="))] if self.backends else []
+        return " ".join([str((self.first, self.second)[k]), *words])
 
 
 def _sides(given: _Given, quiet: bool) -> tuple[Side, Side]:
-    """Both sides, read or drawn; nothing is drawn before it is known that both can be had and have one size."""
+    """Both sides, read or rendered. Files and sizes are checked before rendering."""
     from ..measure.comparison import sides
     from ..render.image import image_files as pictures
 
@@ -217,7 +217,7 @@ def _sides(given: _Given, quiet: bool) -> tuple[Side, Side]:
 
 
 def _plan(given: _Given, k: int, scene: ir.Scene, other: Side | None) -> Plan:
-    """How side k is drawn: at the size of the other where that is a picture."""
+    """The plan of side k, with the size of the other side if that is a picture."""
     from ..compiler import ir
     from ..compiler.plan import plan as planner
     from ..measure.comparison import sides
@@ -246,14 +246,14 @@ def _check_sizes(paths: tuple[Path, Path], ready: list[Side | None], plans: list
         elif planned is not None:
             x0, y0, x1, y1 = planned[1]["crop"]
             shapes.append((x1 - x0, y1 - y0))
-        said.append(f"{path} {'is' if side is not None else 'is drawn at'} {shapes[-1][0]}x{shapes[-1][1]}")
+        said.append(f"{path} {'is' if side is not None else 'is rendered at'} {shapes[-1][0]}x{shapes[-1][1]}")
     if shapes[0] == shapes[1]:
         return
     if all(plans):
         least = min(shapes)
-        fix = f"--size {least[0]}x{least[1]} draws both alike"
+        fix = f"--size {least[0]}x{least[1]} makes both equal"
     elif any(plans):
-        fix = "leave out --size and --crop, and the scene is drawn at the picture's size"
+        fix = "leave out --size and --crop, and the scene is rendered at the picture's size"
     else:
         fix = "render both with the same --size"
     raise click.ClickException(f"sizes differ: {said[0]} and {said[1]} pixels; {fix}")
@@ -265,7 +265,7 @@ def _draw(name: str, scene: ir.Scene, plan: Plan, letter: str, quiet: bool) -> S
 
     with terminal.Progress(quiet) as progress, jobs.interruptible() as cancel:
         progress.begin(
-            f"drawing {letter} ({plan['backend']})", "compiling kernels (the first time only)" if kernel_cache.is_empty() else ""
+            f"rendering {letter} ({plan['backend']})", "compiling kernels (first run only)" if kernel_cache.is_empty() else ""
         )
         side = sides.drawn(scene, plan, name, progress, cancel)
     if side.image.metadata["partial"]:
@@ -279,20 +279,20 @@ def _judge(ctx: click.Context, found: Comparison, metric: str, threshold: float 
     value = found.value(metric)
     if value is None:
         raise click.ClickException(f"{_why_unknown(found, metric)}; choose another --metric")
-    if not value <= threshold:  # also where it is no number
+    if not value <= threshold:  # also for nan
         said, limit = (reports.percent(v) if metric in SHARES else f"{v:.6g}" for v in (value, threshold))
         click.echo(f"{FIGURES[metric]} is {said}, above the threshold of {limit}", err=True)
         ctx.exit(1)
 
 
 def _why_unknown(found: Comparison, metric: str) -> str:
-    """Why a figure is not known of these two, and what would tell it."""
+    """Why a figure is unknown for these two, and which input has it."""
     sides = (found.a, found.b)
     if metric == "silhouette":
         name = next(side.name for side in sides if side.coverage is None)
-        return f"{name} has no alpha, which tells the silhouette: compare an .exr"
+        return f"{name} has no alpha channel, which the silhouette needs: compare an .exr"
     if metric == "significance":
         name = next(side.name for side in sides if side.variance is None)
-        return f"the variance of {name} is not known, only a render of several samples tells it: compare scenes"
+        return f"the variance of {name} is unknown: only a render with several samples has it: compare scenes"
     name = next(side.name for side in sides if side.noise is None)
-    return f"the noise of {name} is not known, only a render of several samples tells it"
+    return f"the noise of {name} is unknown: only a render with several samples has it"

@@ -1,4 +1,4 @@
-"""What `maquette compare` prints: the figures, where the difference comes from, noise, what is not drawn, what changed."""
+"""The text output of `compare`: figures, location of the difference, noise, unsupported features, changes."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from . import terminal
 if TYPE_CHECKING:
     from ..measure.comparison.compare import Comparison
 
-OBJECTS = 8  # that are listed
-CHANGES = 12
-FOLLOW = ("geometries", "materials", "textures")  # they come and go with objects, and are not told twice
+MAX_OBJECTS = 8
+MAX_CHANGES = 12
+OF_OBJECTS = ("geometries", "materials", "textures")  # tables whose added and removed rows belong to listed objects
 
 
 def show(found: Comparison) -> None:
@@ -33,7 +33,7 @@ def show(found: Comparison) -> None:
 
 
 def percent(value: float) -> str:
-    """Three digits of a share: 0.0312%, 3.12%, 312%."""
+    """A share with three digits: 0.0312%, 3.12%, 312%."""
     return f"{100 * value:.0f}%" if 10 <= abs(value) < math.inf else f"{100 * value:.3g}%"
 
 
@@ -55,7 +55,7 @@ def _figures(found: Comparison) -> Iterator[tuple[str, str]]:
 
 
 def _places(found: Comparison) -> Iterator[tuple[str, str]]:
-    """How the squared error is parted between the pixels that outlines cross and the rest."""
+    """The shares of the squared error on pixels with outlines and on the other pixels."""
     for name, region in (("outlines", found.outline), ("inside", found.interior)):
         if region is not None and found.error > 0:
             of = f"{percent(region.pixels / found.pixels)} of the pixels"
@@ -73,19 +73,19 @@ def _noise(found: Comparison) -> Iterator[tuple[str, str]]:
 
 
 def _verdict(found: Comparison) -> Iterator[str]:
-    """Whether the difference may be an accident."""
+    """Whether the difference is within the noise."""
     size = f"the difference is {found.noise.ratio:.3g} times what noise alone makes"
     if found.noise.shared:
-        yield f"{size}; the random numbers are the same: what is left is drawn differently"
+        yield f"{size}; the random numbers are the same: the rest is a rendering difference"
     else:
         yield f"{size}: {'within' if found.within_noise else 'above'} the noise"
     if found.biased or (found.biased is not None and not found.noise.shared):
-        verdict = "a bias" if found.biased else "no bias is to be seen"
+        verdict = "a bias" if found.biased else "no significant bias"
         yield f"the means differ by {found.bias.significance:.3g} standard errors: {verdict}"
 
 
 def _objects(found: Comparison) -> None:
-    shown = [carrier for carrier in found.carriers if carrier.share > 0][:OBJECTS]
+    shown = [carrier for carrier in found.carriers if carrier.share > 0][:MAX_OBJECTS]
     if not shown:
         return
     rows = [(str(c), percent(c.share), percent(c.pixels / found.pixels), percent(c.error), _with_doubt(c.bias, c.doubt)) for c in shown]
@@ -99,11 +99,11 @@ def _objects(found: Comparison) -> None:
 def _not_drawn(found: Comparison) -> list[str]:
     sides = (("A", found.a), ("B", found.b))
     lines = [f"  {letter}: {note.message}{f' ({note.span})' if note.span else ''}" for letter, side in sides for note in side.notes]
-    return ["", "not drawn", *lines] if lines else []
+    return ["", "not rendered", *lines] if lines else []
 
 
 def _changes(found: Comparison) -> list[str]:
-    told = Counter(str(change) for change in found.changes if change.what == "changed" or change.table not in FOLLOW)
-    lines = [f"  {f'{count} × ' if count > 1 else ''}{line}" for line, count in told.items()]
-    rest = [f"  … {len(lines) - CHANGES} more"] if len(lines) > CHANGES else []
-    return ["", "what changed from A to B", *lines[:CHANGES], *rest] if lines else []
+    counts = Counter(str(change) for change in found.changes if change.what == "changed" or change.table not in OF_OBJECTS)
+    lines = [f"  {f'{count} × ' if count > 1 else ''}{line}" for line, count in counts.items()]
+    rest = [f"  … {len(lines) - MAX_CHANGES} more"] if len(lines) > MAX_CHANGES else []
+    return ["", "changes from A to B", *lines[:MAX_CHANGES], *rest] if lines else []

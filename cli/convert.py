@@ -1,4 +1,4 @@
-"""The `convert` command: a compiled scene as its tables (.npz), for another renderer (.xml: Mitsuba 3, .pov: POV-Ray), or its triangles."""
+"""The `convert` command: writes .npz tables, Mitsuba 3 (.xml), POV-Ray (.pov) and triangle meshes."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ ENDINGS = {".npz": "a saved IR", ".xml": "Mitsuba 3", ".pov": "POV-Ray 3.7", **M
 @click.argument("scene", metavar="IN", type=shared.FILE)
 @click.argument("output", metavar="OUT", type=shared.OUT)
 @shared.scene_options
-@shared.picture_options_but("backend", "error", "budget", "aov", "exposure", "view", "threads")
+@shared.picture_options_except("backend", "error", "budget", "aov", "exposure", "view", "threads")
 @click.option(
     "--deviation", metavar="LENGTH", type=options.Value("length", options.length),
-    help="how far triangles may be off the true surface (0.05mm); a 2000th of the scene when not given",
+    help="Greatest distance of triangles from the true surface (0.05mm). Default: 1/2000 of the scene.",
 )
 @shared.examples(
     "maquette convert part.scene part.stl --deviation 0.05mm",
@@ -37,25 +37,25 @@ ENDINGS = {".npz": "a saved IR", ".xml": "Mitsuba 3", ".pov": "POV-Ray 3.7", **M
     "maquette convert hello.scene hello.pov",
 )
 def convert(scene: Path, output: Path, deviation: float | None, **given: Any) -> None:
-    """Write IN for other programs.
+    """Convert IN for other programs.
 
-    OUT.npz is a saved IR, which every command reads as a scene. OUT.xml is Mitsuba 3's, OUT.pov POV-Ray 3.7's, each with its meshes
-    and pictures beside it (OUT.0.ply, …): what the format cannot carry is said with its place, and left out. OUT.stl and OUT.3mf hold
-    all solid things as triangles in millimetres, z up, for printing; OUT.obj and OUT.ply in metres, y up.
+    OUT.npz is a saved IR, which every command reads as a scene. OUT.xml is for Mitsuba 3, OUT.pov for POV-Ray 3.7, each with files
+    of its meshes and images (OUT.0.ply, …). Features that the format lacks are reported with their place and left out. OUT.stl and
+    OUT.3mf hold all solids as triangles in millimetres, z up, for 3D printing; OUT.obj and OUT.ply in metres, y up.
     """
     ending = output.suffix.lower()
     if ending not in ENDINGS:
         known = ", ".join(f"{e} ({what})" for e, what in ENDINGS.items())
         raise click.UsageError(f"writing {ending or 'a file without an extension'} is not built yet: OUT ends in {known}")
-    source, settings, overrides = shared.asked(scene, given)
+    source, settings, overrides = shared.read_options(scene, given)
     if ending == ".npz" and (overrides or any(value is not None for value in given.values())):
-        raise click.UsageError("a saved IR is the scene before it is planned: options of the picture belong to `maquette render OUT.npz`")
+        raise click.UsageError("a saved IR has no render plan: give options of the picture to `maquette render OUT.npz`")
     if deviation is not None and ending not in MESHES:
-        raise click.UsageError(f"--deviation is of triangles: OUT ends in {', '.join(MESHES)}")
+        raise click.UsageError(f"--deviation applies to triangles: OUT ends in {', '.join(MESHES)}")
     jobs.check_folder(output)
     compiled = shared.load(source)
     if ending in MESHES:
-        _triangles(compiled, output, ending, deviation)
+        _write_triangles(compiled, output, ending, deviation)
         return
     if ending == ".npz":
         from ..compiler.scene import serialize
@@ -63,19 +63,19 @@ def convert(scene: Path, output: Path, deviation: float | None, **given: Any) ->
         serialize.save(compiled, output)
         return
     plan = jobs.make_plan(compiled, settings, overrides)
-    made = _exported(compiled, plan, ending, output.stem)
+    made = _export(compiled, plan, ending, output.stem)
     made.save(output)
     terminal.report(made.found)
 
 
-def _triangles(scene: ir.Scene, output: Path, ending: str, tolerance: float | None) -> None:
+def _write_triangles(scene: ir.Scene, output: Path, ending: str, tolerance: float | None) -> None:
     from ..compiler.exporters import mesh_files
     from ..render.tessellation import printable_mesh
 
     parts, found = printable_mesh.printable_parts(scene, tolerance)
     terminal.report(found)
     if not parts:
-        raise click.ClickException("there is nothing with an end that could be written")
+        raise click.ClickException("the scene has no bounded surface to write")
     moved = None
     if ending in mesh_files.SINGLE:
         parts, moved = mesh_files.centred(parts)
@@ -89,11 +89,11 @@ def _triangles(scene: ir.Scene, output: Path, ending: str, tolerance: float | No
     closed = f"{leaks} open edges" if leaks else f"{crowded} edges of more than two triangles" if crowded else "closed"
     if moved is not None:
         way = ", ".join(f"{x + 0.0:.9g}" for x in moved.tolist())
-        click.echo(f"moved by [{way}] metres: {ending} has too few digits to hold things so far away", err=True)
-    click.echo(f"{output}: {count} triangles, {closed}, off the true surface by {off * 1000:.3g} mm at the most", err=True)
+        click.echo(f"moved by [{way}] metres: {ending} has too few digits for positions so far from the origin", err=True)
+    click.echo(f"{output}: {count} triangles, {closed}, distance from the true surface {off * 1000:.3g} mm at most", err=True)
 
 
-def _exported(scene: ir.Scene, plan: Plan, ending: str, name: str) -> Export:
+def _export(scene: ir.Scene, plan: Plan, ending: str, name: str) -> Export:
     from ..compiler.exporters.mitsuba import scene as mitsuba_scene
     from ..compiler.exporters.povray import scene as povray_scene
     from ..render.tessellation import scene_meshes

@@ -1,4 +1,4 @@
-"""The `format` command: scenes laid out in the standard way, each written whole or not at all."""
+"""The `format` command: formats scenes; each file is replaced atomically."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ _FILES = click.Path(exists=True, dir_okay=False, path_type=Path, allow_dash=True
 
 @click.command("format")
 @click.argument("scenes", metavar="SCENE...", type=_FILES, nargs=-1, required=True)
-@click.option("--check", "only_check", is_flag=True, help="Write nothing: name the scenes that are laid out otherwise, and exit with 1.")
+@click.option("--check", "only_check", is_flag=True, help="Write nothing; print the unformatted scenes and exit with 1 if there are any.")
 @shared.examples("maquette format room.scene", "maquette format --check examples/*.scene", "maquette format - < room.scene")
 @click.pass_context
 def format_command(ctx: click.Context, scenes: tuple[Path, ...], only_check: bool) -> None:
-    """Lay SCENEs out in the standard way, in place; - reads one from stdin and writes it to stdout.
+    """Format SCENEs in place; - reads a scene from stdin and writes it to stdout.
 
-    Only spaces, blank lines and the lines of braces change: comments, and where lines are broken, stay yours. A scene with syntax
-    errors stays as it is, and its errors are told.
+    Changes only spaces, blank lines and the lines of braces. Comments and other line breaks stay. A scene with syntax errors is not
+    changed; its errors are printed.
     """
-    if unlike := next((path for path in scenes if path.suffix != ".scene" and path != Path("-")), None):
-        raise click.UsageError(f"{unlike}: only .scene files are laid out")
+    if other := next((path for path in scenes if path.suffix != ".scene" and path != Path("-")), None):
+        raise click.UsageError(f"{other}: only .scene files can be formatted")
     failed = False
     for path in scenes:
-        failed = not _laid_out(path, only_check) or failed
+        failed = not _format(path, only_check) or failed
     ctx.exit(1 if failed else 0)
 
 
-def _laid_out(path: Path, only_check: bool) -> bool:
-    """Lays out one scene. Returns whether it has no errors and, where it is only checked, is in order."""
+def _format(path: Path, only_check: bool) -> bool:
+    """Format one scene. Returns whether it has no errors and, with `only_check`, is formatted."""
     from ..lang.syntax.formatter import format_text
     from ..lang.syntax.parser import decode
 

@@ -1,4 +1,4 @@
-"""The `maquette` command: every option, all printing and all exit codes. 0 done, 1 errors, 2 wrong usage, 130 interrupted."""
+"""Entry point of the `maquette` command. Exit codes: 0 done, 1 errors, 2 wrong usage, 130 interrupted."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PLANNED = {
 
 
 class Commands(click.Group):
-    """The command group: turns every failure into a message on stderr and an exit code, never a traceback."""
+    """The command group. Converts every exception to a message on stderr and an exit code."""
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
@@ -47,7 +47,7 @@ class Commands(click.Group):
             if os.environ.get("MAQUETTE_TRACEBACK"):
                 raise
             click.echo(f"internal error: {type(error).__name__}: {error}", err=True)
-            click.echo("This is a fault of maquette, not of the scene. MAQUETTE_TRACEBACK=1 shows where it is.", err=True)
+            click.echo("This is a bug in maquette, not an error in the scene. MAQUETTE_TRACEBACK=1 shows the traceback.", err=True)
             ctx.exit(1)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -85,13 +85,13 @@ def cli() -> None:
 
 @cli.command()
 @click.argument("scene", type=shared.FILE)
-@click.option("-o", "--output", type=shared.OUT, help="The picture: .exr, .png, .tif or .jpg. Default: SCENE.png in this folder.")
+@click.option("-o", "--output", type=shared.OUT, help="Picture file: .exr, .png, .tif or .jpg. Default: SCENE.png in this folder.")
 @shared.scene_options
-@click.option("--frames", type=values.FRAMES, help="1..24, 1..240x10 or 1,5,10, numbered into out.####.png.")
+@click.option("--frames", type=values.FRAMES, help="Frames: 1..24, 1..240x10 or 1,5,10, written to out.####.png.")
 @shared.picture_options
-@click.option("--bits", type=click.Choice(["8", "16"]), help="Bits a channel of .png and .tif. Default: 8.")
-@click.option("--stats", type=shared.OUT, help="Write seconds, rays, error, plan and warnings to this JSON file.")
-@click.option("-q", "--quiet", is_flag=True, help="No progress, notes or figures; errors and warnings only.")
+@click.option("--bits", type=click.Choice(["8", "16"]), help="Bits per channel of .png and .tif. Default: 8.")
+@click.option("--stats", type=shared.OUT, help="Write times, rays, error, plan and warnings to this JSON file.")
+@click.option("-q", "--quiet", is_flag=True, help="Print only errors and warnings.")
 @shared.examples(
     "maquette render hello.scene -o hello.png",
     "maquette render room.scene -o room.exr --error 0.5% --aov depth,normal --stats room.json",
@@ -104,7 +104,7 @@ def render(
     """Render SCENE to a picture."""
     if frames and given["at"] is not None:
         raise click.UsageError("--time and --frames exclude each other")
-    source, settings, overrides = shared.asked(scene, given)
+    source, settings, overrides = shared.read_options(scene, given)
     output = output or Path(f"{scene.stem}.png")
     depth = int(bits) if bits else None
     jobs.check_output(output, settings.aov or (), depth, settings.view or "sRGB")
@@ -117,11 +117,11 @@ def render(
 @cli.command()
 @click.argument("scenes", type=shared.FILE, nargs=-1, required=True)
 @shared.scene_options
-@click.option("--json", "as_json", is_flag=True, help="All diagnostics as a JSON list on stdout.")
+@click.option("--json", "as_json", is_flag=True, help="Print all diagnostics as a JSON list.")
 @shared.examples("maquette check room.scene", "maquette check examples/*.scene --json")
 @click.pass_context
 def check(ctx: click.Context, scenes: tuple[Path, ...], as_json: bool, **given: Any) -> None:
-    """Find what is wrong in SCENES, without drawing them."""
+    """Report errors and warnings in SCENES without rendering."""
     failed, data = False, []
     for path in scenes:
         try:
@@ -144,13 +144,13 @@ def check(ctx: click.Context, scenes: tuple[Path, ...], as_json: bool, **given: 
 @cli.command()
 @click.argument("scene", type=shared.FILE)
 @shared.scene_options
-@click.option("--ir", "as_ir", is_flag=True, help="Every row of every table.")
-@click.option("--json", "as_json", is_flag=True, help="The tables as JSON.")
+@click.option("--ir", "as_ir", is_flag=True, help="Print every row of every table.")
+@click.option("--json", "as_json", is_flag=True, help="Print the tables as JSON.")
 @shared.examples("maquette inspect room.scene", "maquette inspect gear.scene --ir --set teeth=6")
 def inspect(scene: Path, as_ir: bool, as_json: bool, **given: Any) -> None:
-    """Show what SCENE compiles to.
+    """Show the compiled SCENE.
 
-    Rows of each table, names of cameras and lights, params, what was added because it was missing, and the files read.
+    Prints the number of rows of each table, names of cameras and lights, params, added defaults, and the files read.
     """
     from ..compiler.scene import dump
 
@@ -169,14 +169,14 @@ def inspect(scene: Path, as_ir: bool, as_json: bool, **given: Any) -> None:
 @click.argument("scene", type=shared.FILE)
 @shared.scene_options
 @shared.picture_options
-@click.option("--json", "as_json", is_flag=True, help="The decisions as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print the decisions as JSON.")
 @shared.examples("maquette explain room.scene", "maquette explain room.scene --backend raster --plan raster.fill=areas")
 def explain(scene: Path, as_json: bool, **given: Any) -> None:
-    """Show how SCENE would be rendered, and why.
+    """Show the render plan of SCENE with reasons.
 
-    Each decision of the plan: its value, the reason, and the option that changes it.
+    Prints each decision of the plan: its value, its reason, and the option that changes it.
     """
-    source, settings, overrides = shared.asked(scene, given)
+    source, settings, overrides = shared.read_options(scene, given)
     compiled = shared.load(source)
     plan = jobs.make_plan(compiled, settings, overrides)
     if as_json:
@@ -189,10 +189,10 @@ def explain(scene: Path, as_json: bool, **given: Any) -> None:
 
 @cli.command()
 @click.argument("scene", type=shared.FILE)
-@click.option("-o", "--output", type=shared.OUT, required=True, help="The picture that follows the scene.")
+@click.option("-o", "--output", type=shared.OUT, required=True, help="Picture file, rewritten at every save.")
 @shared.scene_options
 @shared.picture_options
-@click.option("--stats", type=shared.OUT, help="After every redraw write render's figures and what each redraw cost to this JSON file.")
+@click.option("--stats", type=shared.OUT, help="Write statistics of the render and of all redraws to this JSON file after every redraw.")
 @shared.examples(
     "maquette watch room.scene -o room.png --size 400x300 --samples 16",
     "maquette watch part.scene -o part.png --stats part.json",
@@ -201,16 +201,16 @@ def explain(scene: Path, as_json: bool, **given: Any) -> None:
 def watch(ctx: click.Context, scene: Path, output: Path, stats: Path | None, **given: Any) -> None:
     """Render SCENE again at every save.
 
-    Whenever it, or a file it uses, is saved. Errors are printed and the last picture stays. Ctrl-C ends it (exit code 0).
+    Watches SCENE and all files that it uses. After an error the last picture stays. Ctrl-C ends the command with exit code 0.
 
-    The file of --stats is replaced as a whole after every redraw, and stays as it is after an error. It holds what `render --stats`
-    writes of the last picture, what that redraw cost (`redraw`), and what each one so far did (`redraws`, the last thousand):
-    seconds from the save to the picture (`total`) in parts (wait, read, draw, write), and CPU seconds of all threads.
+    The file of --stats is replaced atomically after every redraw without errors. It has the fields of `render --stats`, the cost
+    of the last redraw (`redraw`) and of the last 1000 redraws (`redraws`): seconds from the save to the picture (`total`) and
+    for each part (wait, read, draw, write), and CPU seconds of all threads.
     """
     from ..live import watch as live
     from .watch_stats import Redraws
 
-    source, settings, overrides = shared.asked(scene, given)
+    source, settings, overrides = shared.read_options(scene, given)
     jobs.check_output(output, settings.aov or (), None, settings.view or "sRGB")
     jobs.check_stats(stats, scene, output)
     redraws = Redraws(jobs.Job(source, settings, overrides, output), stats)
@@ -221,8 +221,8 @@ def watch(ctx: click.Context, scene: Path, output: Path, stats: Path | None, **g
 
 
 def main() -> None:
-    """The `maquette` command. Ends without taking the process apart piece by piece: that takes a sixth of a second."""
-    shared.collect_seldom()
+    """The `maquette` command. Exits by os._exit, because a regular exit of the interpreter takes 1/6 s."""
+    shared.raise_gc_threshold()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="surrogateescape")  # file names are bytes, and not always UTF-8

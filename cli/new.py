@@ -1,4 +1,4 @@
-"""The `new` command: a scene to start from, of the library's or round a file."""
+"""The `new` command: writes a starter scene from a template, or one that shows a mesh or USD file."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from . import common_options as shared
 from . import render_job as jobs
 
 _TEMPLATES = Path(__file__).parent.parent / "stdlib" / "new"
-KINDS = {"still": "a still life in the sun", "room": "a room by lamps", "part": "a part to print", "formula": "a surface by a formula"}
+KINDS = {"still": "a still life in the sun", "room": "a lit room", "part": "a 3D-printable part", "formula": "an implicit surface"}
 _MESH = 'mesh("FILE", height: 1m, material: lambert(#c8c2b8))'  # in thing.scene
 
 
@@ -26,12 +26,12 @@ _MESH = 'mesh("FILE", height: 1m, material: lambert(#c8c2b8))'  # in thing.scene
 )
 @shared.examples("maquette new vase", "maquette new lamp --from room", "maquette new chair --from models/chair.obj")
 def new_command(name: Path, source: str) -> None:
-    """Write NAME.scene, to start from. A file of that name stays as it is."""
+    """Write the starter scene NAME.scene. An existing file is not changed."""
     path = name if name.suffix == ".scene" else name.with_name(f"{name.name}.scene")
     text = _text(path, source)
     jobs.check_folder(path)
     if path.exists():
-        raise FileExistsError(f"{path} is there already: choose another name")
+        raise FileExistsError(f"{path} exists already: choose another name")
     replace_file(path.resolve(), text.encode())
     click.echo(f"{path}: see it with  maquette watch {path} -o {path.with_suffix('.png')}")
 
@@ -49,7 +49,7 @@ def _text(path: Path, source: str) -> str:
             raise FileNotFoundError(f"there is no file {file}")
         shown = os.path.relpath(file.resolve(), path.resolve().parent)
         if shown.startswith(os.pardir):
-            raise PermissionError(f"a scene reads files of its own folder: put {path.name} beside {file.name}, or above it")
+            raise PermissionError(f"a scene reads files below its own folder: put {path.name} in the folder of {file.name} or above")
         written = json.dumps(Path(shown).as_posix(), ensure_ascii=False)
         thing = _MESH.replace('"FILE"', written) if ending in file_types.MESH else f"usd({written})"
         text = (_TEMPLATES / "thing.scene").read_text(encoding="utf-8").replace(_MESH, thing)

@@ -1,4 +1,4 @@
-"""What the command line's values look like: sizes, shares, times, frames, colours; each wrong one is a clear usage error."""
+"""Click parameter types of the command line: sizes, shares, times, frames, colours."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MAX_FRAMES = 1_000_000
 
 
 class Value(click.ParamType):
-    """A value read by one function, which raises ValueError with what would have been right."""
+    """A parameter type by a function that reads the text or raises ValueError with the correct form."""
 
     def __init__(self, name: str, read: Callable[[str], Any]) -> None:
         self.name = name
@@ -64,7 +64,7 @@ def share(text: str) -> float:
 
 
 def limit(text: str) -> float:
-    """`1%` or `0.01`, or 0 for none at all."""
+    """`1%` or `0.01`, or 0."""
     message = "a limit is written 1% or 0.01, or 0"
     value = number(text, message)
     if isinstance(value, units.Quantity) or value < 0:
@@ -129,7 +129,7 @@ def frames(text: str) -> tuple[int, ...]:
 
 
 def crop(text: str) -> tuple[int, int, int, int]:
-    """`x0,y0,x1,y1` in pixels from the top left; x1 and y1 are outside."""
+    """`x0,y0,x1,y1` in pixels from the top left; x1 and y1 are exclusive."""
     if not re.fullmatch(r"\d+(,\d+){3}", text):
         raise ValueError("a crop is written x0,y0,x1,y1, in pixels from the top left")
     x0, y0, x1, y1 = (int(n) for n in text.split(","))
@@ -148,7 +148,7 @@ def background(text: str) -> str | tuple[float, float, float]:
 
 
 def channels(text: str) -> tuple[str, ...]:
-    """Names between commas."""
+    """Comma-separated names."""
     found = tuple(name.strip() for name in text.split(",") if name.strip())
     if not found:
         raise ValueError("channels are written depth,normal,albedo")

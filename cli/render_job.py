@@ -1,4 +1,4 @@
-"""From what was asked on the command line to pictures on disk: load, plan, draw, expose, write; frames, interruption, figures."""
+"""Render jobs: load, plan, render, expose and write pictures; frames, interruption, statistics."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ STAGES = ("import", "parse", "evaluate", "lower", "validate", "compile_kernels",
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A scene file with what the command line says about reading it."""
+    """A scene file with the options for reading it."""
 
     path: Path
     sets: Mapping[str, str]
@@ -46,7 +46,7 @@ class Source:
     variants: Mapping[str, str]
 
     def load(self, seconds: dict[str, float], time: float | None = None, code: float | None = None) -> tuple[ir.Scene, Diagnostics]:
-        """The scene at `time` seconds or at a USD time code (default: --time), and what was found about it. Raises SceneError."""
+        """The scene at `time` seconds or at a USD time code (default: --time), and its diagnostics. Raises SceneError."""
         with timed(seconds, "import"):
             from ..compiler import load
 
@@ -58,8 +58,7 @@ class Source:
         return scene, found
 
     def moments(self, frames: tuple[int, ...]) -> list[dict[str, float]]:
-        """What `load` takes for each frame: of a stage they are time codes, elsewhere they follow at the scene's own rate."""
-
+        """The arguments of `load` for each frame: time codes for a USD stage, else times at the frame rate of the scene."""
         if self.path.suffix.lower() in file_types.USD:
             return [{"code": float(number)} for number in frames]
         scene, _ = self.load({})
@@ -67,7 +66,7 @@ class Source:
 
 
 def make_plan(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, str]) -> Plan:
-    """The plan; what cannot be planned as asked is a usage error."""
+    """The plan of a render. Raises UsageError for settings that cannot be planned."""
     from ..compiler.plan import plan
 
     try:
@@ -77,7 +76,7 @@ def make_plan(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, st
 
 
 def check_folder(path: Path) -> None:
-    """Raise OSError with a whole sentence where no file can be put at `path`."""
+    """Raise OSError with a full sentence if no file can be written at `path`."""
     folder = path.parent
     if not folder.is_dir():
         raise FileNotFoundError(f"there is no folder {folder} to write {path.name} into")
@@ -88,16 +87,16 @@ def check_folder(path: Path) -> None:
 
 
 def check_stats(stats: Path | None, *others: Path) -> None:
-    """See that figures can be written, and do not replace the scene or its picture: a usage error if they would."""
+    """Check that statistics can be written. Raises UsageError if they would replace the scene or its picture."""
     if stats is None:
         return
     check_folder(stats)
     if taken := next((other for other in others if other.resolve() == stats.resolve()), None):
-        raise click.UsageError(f"--stats {stats} would replace {taken}: give the figures a file of their own, as {stats.stem}.json")
+        raise click.UsageError(f"--stats {stats} would replace {taken}: choose another file, such as {stats.stem}.json")
 
 
 def check_output(path: Path, aov: tuple[str, ...] = (), bits: int | None = None, view: str = "sRGB") -> None:
-    """See that `path` can be written: a name that cannot be is a usage error, a folder that cannot be written to an OSError."""
+    """Check that a picture can be written. Raises UsageError for a wrong name, OSError for a wrong folder."""
     from ..render.image import image_files
 
     try:
@@ -108,7 +107,7 @@ def check_output(path: Path, aov: tuple[str, ...] = (), bits: int | None = None,
 
 
 class Laps:
-    """Seconds, and CPU seconds of all threads, of one part after the other."""
+    """Seconds, and CPU seconds of all threads, of consecutive parts."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
@@ -116,7 +115,7 @@ class Laps:
         self._last = time.perf_counter(), time.process_time()
 
     def end(self, part: str) -> None:
-        """What passed since the last part is this one's."""
+        """Record the time since the end of the last part."""
         (seconds, cpu), now = self._last, (time.perf_counter(), time.process_time())
         self.seconds[part], self.cpu[part] = now[0] - seconds, now[1] - cpu
         self._last = now
@@ -124,7 +123,7 @@ class Laps:
 
 @dataclass(slots=True)
 class Job:
-    """What to render and where to: one picture, or one a frame with the same exposure."""
+    """A render of one picture, or of one picture per frame with the same exposure."""
 
     source: Source
     settings: ir.Settings
@@ -132,33 +131,33 @@ class Job:
     output: Path
     bits: int | None = None
     quiet: bool = False
-    files: tuple[Path, ...] = ()  # what the last scene was read from
-    exposure: float | None = None  # metered, at the first picture
-    said: set[Diagnostic] = field(default_factory=set)
+    files: tuple[Path, ...] = ()  # files of the last scene
+    exposure: float | None = None  # metered at the first picture
+    reported: set[Diagnostic] = field(default_factory=set)
     laps: Laps = field(default_factory=Laps)  # of the last picture
 
     def run(self, frames: tuple[int, ...] | None) -> list[dict[str, Any]]:
-        """Render everything; returns the figures of each picture (`--stats`). Raises KeyboardInterrupt after a partial one."""
+        """Render all pictures. Returns the statistics of each (`--stats`). Raises KeyboardInterrupt after a partial one."""
         if frames is None:
-            return [self._told(self.output, self._picture(self.output, {}, "rendering"))]
+            return [self._summarize(self.output, self._picture(self.output, {}, "rendering"))]
         pictures = []
         for i, (number, moment) in enumerate(zip(frames, self.source.moments(frames), strict=True), 1):
             path = values.numbered(self.output, number)
-            pictures.append(self._told(path, self._picture(path, moment, f"frame {number} ({i} of {len(frames)})")))
+            pictures.append(self._summarize(path, self._picture(path, moment, f"frame {number} ({i} of {len(frames)})")))
         return pictures
 
-    def _told(self, path: Path, figures: dict[str, Any]) -> dict[str, Any]:
+    def _summarize(self, path: Path, figures: dict[str, Any]) -> dict[str, Any]:
         if not self.quiet:
             click.echo(summary(path, figures))
         return figures
 
     def build(self) -> dict[str, Any] | None:
-        """Render once for `watch`, which tells of it: the figures, or None where something is wrong, which is printed.
+        """Render once for `watch`. Returns the statistics, or None after printing errors.
 
-        `files` are then those to watch, if any are known. Raises KeyboardInterrupt.
+        Sets `files` to the files to watch. Raises KeyboardInterrupt.
         """
         self.exposure = None
-        self.said.clear()
+        self.reported.clear()
         try:
             return self._picture(self.output, {}, "rendering")
         except SceneError as error:
@@ -170,7 +169,7 @@ class Job:
         return None
 
     def _picture(self, path: Path, moment: Mapping[str, float], what: str) -> dict[str, Any]:
-        """Draw and write one picture; its figures. Raises KeyboardInterrupt after a partial one."""
+        """Render and write one picture. Returns its statistics. Raises KeyboardInterrupt after a partial one."""
         seconds: dict[str, float] = dict.fromkeys(STAGES, 0.0)
         self.laps = Laps()
         with timed(seconds, "import"):
@@ -181,22 +180,22 @@ class Job:
         plan = make_plan(scene, self.settings, self.overrides)
         check_output(path, plan["aov"], self.bits, plan["view"])
         parts = _strips_of(plan)
-        self._say(found.items)
-        self._say(plan_warnings(scene, plan))
+        self._report(found.items)
+        self._report(plan_warnings(scene, plan))
         self.laps.end("read")
         with terminal.Progress(self.quiet) as progress, interruptible() as cancel:
-            progress.begin(what, "compiling kernels (the first time only)" if kernel_cache.is_empty() else "")
+            progress.begin(what, "compiling kernels (first run only)" if kernel_cache.is_empty() else "")
             if len(parts) > 1:
-                image = self._in_strips(scene, plan, parts, path, progress, cancel)
+                image = self._render_strips(scene, plan, parts, path, progress, cancel)
             else:
                 image = render_scene.draw(scene, plan, progress, cancel)
         for name, value in image.metadata["seconds"].items():
             seconds[name] = seconds.get(name, 0.0) + value
         self.laps.end("draw")
-        self._say(Diagnostic("note", message, span_of(scene, table, row)) for message, table, row in image.metadata["notes"])
-        self._say(unproved(image.metadata["unproved"]))
-        self._say(left_out(image.metadata["issues"]))
-        self._say(cut_off(image.metadata.get("cut"), scene, plan))
+        self._report(Diagnostic("note", message, span_of(scene, table, row)) for message, table, row in image.metadata["notes"])
+        self._report(unproved(image.metadata["unproved"]))
+        self._report(left_out(image.metadata["issues"]))
+        self._report(cut_off(image.metadata.get("cut"), scene, plan))
         partial = bool(image.metadata.get("partial"))
         if partial:
             path = _partial(path, len(parts) > 1)
@@ -205,7 +204,7 @@ class Job:
                 self._write(image, path, plan)
         self.laps.end("write")
         if partial:
-            click.echo(f"interrupted: what was done is in {path}", err=True)
+            click.echo(f"interrupted: the partial picture is in {path}", err=True)
             raise KeyboardInterrupt
         return self._figures(scene, plan, image, seconds)
 
@@ -219,16 +218,16 @@ class Job:
                 if not self.quiet and path.suffix.lower() not in image_files.LINEAR:
                     click.echo(f"exposure: metered, {self.exposure:g} ev (--exposure {self.exposure:g} fixes it)", err=True)
             exposure = self.exposure
-        look, about = self._said_of(plan, exposure)
+        look, about = self._encoding(plan, exposure)
         about["samples"] = plain(image.metadata.get("samples", plan["samples"]))
         error = image.metadata.get("error")
         try:
             image_files.write(image, path, look, about if error is None else {**about, "error": float(error)})
         except Exception as fault:
-            raise OSError(f"{fault}; {_rescued(image, path)}") from fault
+            raise OSError(f"{fault}; {_rescue(image, path)}") from fault
 
-    def _said_of(self, plan: Plan, exposure: float) -> tuple[Any, dict[str, Any]]:
-        """How light becomes numbers in a file, and what it says of its picture."""
+    def _encoding(self, plan: Plan, exposure: float) -> tuple[Any, dict[str, Any]]:
+        """The encoding of the picture and the metadata of its file."""
         from ..render.image import image_files
 
         look = image_files.Look(exposure, plan["view"], self.bits or 8, alpha=plan["background"] == "transparent")
@@ -238,25 +237,25 @@ class Job:
         }  # fmt: skip
         return look, about
 
-    def _in_strips(self, scene: ir.Scene, plan: Plan, parts: list[Plan], path: Path, progress: Any, cancel: Any) -> Image:
-        """Draw and write a picture that is too large to be held; what is told of it, without its pixels. A partial one is moved aside."""
+    def _render_strips(self, scene: ir.Scene, plan: Plan, parts: list[Plan], path: Path, progress: Any, cancel: Any) -> Image:
+        """Render and write a picture in strips, for one larger than memory. Returns its metadata without pixels."""
         from ..render import large_images
         from ..render.image import image_files
         from ..render.image.image import Image
 
-        look, about = self._said_of(plan, plan["exposure"])
+        look, about = self._encoding(plan, plan["exposure"])
         _, y0, _, y1 = plan["crop"]
-        told: list[dict[str, Any]] = []
+        metadata: list[dict[str, Any]] = []
         with image_files.Strips(path, look, about, y1 - y0) as file:
             for image in large_images.draw_strips(scene, parts, progress, cancel):
                 file.add(image)
-                told.append(image.metadata)
+                metadata.append(image.metadata)
             if cancel.is_set():
                 file.path = _partial(path, True)
-        return Image(0, 0, {}, large_images.join_metadata(told, plan))
+        return Image(0, 0, {}, large_images.join_metadata(metadata, plan))
 
     def _figures(self, scene: ir.Scene, plan: Plan, image: Image, seconds: Mapping[str, float]) -> dict[str, Any]:
-        warnings = [d.to_json() for d in self.said if d.severity == "warning"]
+        warnings = [d.to_json() for d in self.reported if d.severity == "warning"]
         return plain(
             {
                 "scene": str(self.source.path),
@@ -272,30 +271,30 @@ class Job:
             }
         )
 
-    def _say(self, found: Iterable[Diagnostic]) -> None:
-        """Print what has not been said already for another frame; notes only when not quiet."""
-        new = [d for d in found if d not in self.said and not (self.quiet and d.severity == "note")]
-        self.said.update(new)
+    def _report(self, found: Iterable[Diagnostic]) -> None:
+        """Print the diagnostics that no earlier frame printed; without notes if quiet."""
+        new = [d for d in found if d not in self.reported and not (self.quiet and d.severity == "note")]
+        self.reported.update(new)
         terminal.report(new)
 
 
 def _strips_of(plan: Plan) -> list[Plan]:
-    """The plan, or those of its strips where its picture is too large to be held; what then cannot be had is a usage error."""
+    """The plan, or the plans of its strips for a picture larger than memory. Raises UsageError for options that exclude strips."""
     from ..render import large_images
 
     parts = large_images.strip_plans(plan)
     if len(parts) > 1 and (why := large_images.refusal(plan)):
-        raise click.UsageError(f"a picture of {plan['size'][0]} by {plan['size'][1]} pixels is drawn strip by strip: {why}")
+        raise click.UsageError(f"a picture of {plan['size'][0]} by {plan['size'][1]} pixels is rendered in strips: {why}")
     return parts
 
 
 def _partial(path: Path, in_strips: bool) -> Path:
-    """Where a picture goes that was interrupted: to what keeps all that is known, or, in strips, to the kind of file it was begun as."""
+    """The file of an interrupted picture: an .exr, which keeps all channels, or in strips the format of the output."""
     return path.with_name(f"{path.stem}.partial{path.suffix if in_strips else '.exr'}")
 
 
-def _rescued(image: Image, path: Path) -> str:
-    """Where a picture went that could not be written at `path`: an EXR beside it, or in the folder of temporary files."""
+def _rescue(image: Image, path: Path) -> str:
+    """Save a picture that could not be written at `path` as an EXR there or in the temporary folder. Returns a message."""
     from ..render.image import image_files
 
     for folder in (path.parent, Path(tempfile.gettempdir())):
@@ -310,7 +309,7 @@ def _rescued(image: Image, path: Path) -> str:
 
 
 def span_of(scene: ir.Scene, table: str, row: int) -> Span | None:
-    """Where the row of a table came from."""
+    """The source span of a table row, or None."""
     rows = scene.spans.rows.get(table)
     if rows is None or not 0 <= row < len(rows):
         return None
@@ -320,7 +319,7 @@ def span_of(scene: ir.Scene, table: str, row: int) -> Span | None:
 
 @contextmanager
 def timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
-    """Add the time the block takes to `seconds[stage]`."""
+    """Add the duration of the `with` block to `seconds[stage]`."""
     began = time.perf_counter()
     try:
         yield
@@ -346,12 +345,12 @@ def interruptible() -> Iterator[threading.Event]:
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Write `data` as JSON, whole or not at all."""
+    """Write `data` as JSON, atomically."""
     replace_file(path, (json.dumps(plain(data), indent=2) + "\n").encode())
 
 
 def plain(value: Any) -> Any:
-    """`value` as JSON can hold it: endless numbers are null, tuples lists, numpy's scalars Python's."""
+    """`value` for JSON: infinite numbers and nan become null, tuples lists, numpy scalars Python numbers."""
     if isinstance(value, Mapping):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, tuple | list):
@@ -364,14 +363,14 @@ def plain(value: Any) -> Any:
 
 
 def plan_warnings(scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
-    """What the plan finds odd about the scene."""
+    """The warnings of the plan about the scene."""
     from ..compiler.plan import plan as planner
 
     return [Diagnostic("warning", text) for text in planner.warnings(scene, plan)]
 
 
 def summary(path: Path, figures: Mapping[str, Any]) -> str:
-    """A picture in one line."""
+    """A one-line summary of a picture."""
     width, height = figures["size"]
     before = " before denoising" if figures["plan"]["denoise"] else ""
     error = f", √relMSE {figures['error']:.2%}{before}" if figures["error"] is not None else ""
@@ -380,16 +379,16 @@ def summary(path: Path, figures: Mapping[str, Any]) -> str:
 
 
 def left_out(samples: int) -> list[Diagnostic]:
-    """What is said of samples whose light was infinite or no number."""
+    """The warning about samples with infinite or nan radiance."""
     if not samples:
         return []
     are = "the light of 1 sample was" if samples == 1 else f"the light of {samples:,} samples was"
     message = f"{are} infinite or no number, and left out of the picture"
-    return [Diagnostic("warning", message, None, "some strength or size is too large")]
+    return [Diagnostic("warning", message, None, "some intensity or size is too large")]
 
 
 def cut_off(cut: Cut | None, scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
-    """What is said of a limit on bounces that leaves out more light than is allowed: a warning where an error was asked for."""
+    """The note about light lost by the limit on bounces; a warning if an error target is set."""
     from ..compiler.plan import plan as planner
 
     if cut is None or not cut.matters:
@@ -397,12 +396,12 @@ def cut_off(cut: Cut | None, scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
     than = "is the error asked for" if plan["error"] else "noise hides"
     message = f"the limit of {plan['bounces']} bounces leaves out {cut.share:.1%} of a place's light (± {cut.error:.1%}), more than {than}"
     enough = cut.enough or planner.MAX_BOUNCES
-    hint = f"render(bounces: {enough}) or --bounces {enough} leaves out less" + ("" if cut.enough else "; light goes on and on here")
+    hint = f"render(bounces: {enough}) or --bounces {enough} leaves out less" + ("" if cut.enough else "; here light does not fade")
     return [Diagnostic("warning" if plan["error"] else "note", message, scene.spans.at("settings", 0), hint)]
 
 
 def unproved(rays: int) -> list[Diagnostic]:
-    """What is said of rays whose first meeting with a formula's surface could not be proved."""
+    """The warning about rays whose first hit of an implicit surface could not be proved."""
     if not rays:
         return []
     message = f"{rays:,} rays passed places where a formula's surface could neither be found nor ruled out"

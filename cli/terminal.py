@@ -1,4 +1,4 @@
-"""What the command line shows people: diagnostics with their source lines, the progress bar, tables of the plan and the scene."""
+"""Terminal output: diagnostics with source lines, the progress bar, tables."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
     from ..compiler import ir
     from ..compiler.plan.plan import Plan
 
-MAX_QUOTED = 4 << 20  # bytes: no line of a larger file is quoted
+MAX_QUOTED = 4 << 20  # bytes of the largest file whose lines are quoted
 _STYLES = {"error": "bold red", "warning": "bold yellow", "note": "bold cyan"}
 
 
 def coloured(stream: Any) -> bool:
-    """Whether colour and movement are wanted on `stream`: a terminal, and NO_COLOR is not set."""
+    """Whether `stream` is a terminal that shows colour, and NO_COLOR is not set."""
     return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
 
 
 def source_text(name: str) -> str | None:
-    """The text of a file by its shown name (a path, or `std/room` of the library), for quoting; None where there is none."""
+    """The text of a file by its displayed name (a path, or `std/room` of the library), or None."""
     try:
         if name.startswith("std/"):
             name = str(sandbox.LIBRARY / f"{name[4:].removesuffix('.scene')}.scene")
@@ -39,7 +39,7 @@ def source_text(name: str) -> str | None:
 
 
 def report(found: Iterable[diagnostics.Diagnostic], texts: Mapping[str, str | None] = MappingProxyType({})) -> None:
-    """Print diagnostics to stderr, in order, each once. `texts` are sources that are in no file."""
+    """Print diagnostics to stderr, sorted and without duplicates. `texts` are sources that are not files."""
     cache = dict(texts)
 
     def source(name: str) -> str | None:
@@ -70,7 +70,7 @@ def _print_coloured(d: diagnostics.Diagnostic, text: str) -> None:
 
 
 class Progress:
-    """A progress bar on stderr where that is a terminal, nothing elsewhere. Begin it, then call it with (done, total)."""
+    """A progress bar on stderr, if that is a terminal. Call `begin`, then the object with (done, total)."""
 
     def __init__(self, quiet: bool) -> None:
         self._bar: Any = None
@@ -93,7 +93,7 @@ class Progress:
             self._bar.stop()
 
     def begin(self, what: str, until_first: str = "") -> None:
-        """Start the bar. `until_first` is shown in place of `what` until something is done."""
+        """Start the bar. It shows `until_first` in place of `what` before the first progress."""
         self._what = what
         if self._bar:
             self._task = self._bar.add_task(until_first or what, total=None)
@@ -104,7 +104,7 @@ class Progress:
 
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[str]], marked: Iterable[bool] = ()) -> None:
-    """Print a table to stdout, rows with a mark in bold; in plain columns where stdout is not a terminal."""
+    """Print a table to stdout, with marked rows in bold; in plain columns if stdout is not a terminal."""
     rows = [tuple(row) for row in rows]
     if coloured(sys.stdout):
         from rich.console import Console
@@ -123,7 +123,7 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[str]], marked: Iterab
 
 
 def show_value(value: Any) -> str:
-    """A plan's value as a person writes it on the command line."""
+    """A value of a plan in the syntax of the command line."""
     if isinstance(value, bool):
         return "on" if value else "off"
     if isinstance(value, float):
@@ -134,7 +134,7 @@ def show_value(value: Any) -> str:
 
 
 def explain(scene: ir.Scene, plan: Plan) -> None:
-    """Print every decision of the plan with its reason and its switch, and what was added to the scene."""
+    """Print every decision of the plan with its reason and its switch, and the defaults added to the scene."""
     decisions = list(plan.decisions.values())
     rows = [(d.name, show_value(d.value), d.reason, d.fixed or _switch(d)) for d in decisions]
     table(("decision", "value", "reason", "changed by"), rows, [d.overridden for d in decisions])
@@ -149,7 +149,7 @@ def _switch(decision: Any) -> str:
 
 
 def inspect(scene: ir.Scene) -> None:
-    """Print what the scene holds: rows of each table, names of cameras and lights, params, files."""
+    """Print a summary of the scene: rows of each table, names of cameras and lights, params, files."""
     click.echo(f"{scene.name}")
     tables = scene.tables._asdict()
     rows = [(name, str(len(rows[0])), _names(scene, name)) for name, rows in tables.items() if name != "pools" and len(rows[0])]

@@ -1,4 +1,4 @@
-"""What each redraw of `watch` costs: seconds from the save to the picture, CPU seconds, part by part; --stats keeps them in a file."""
+"""Statistics of the redraws of `watch`: seconds from the save to the picture, and CPU seconds, by part."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ import click
 
 from . import render_job as jobs
 
-KEPT = 1000  # redraws that the file tells of
-CHANGED = "st_ctime_ns" if os.name == "posix" else "st_mtime_ns"  # renaming a file over another keeps what st_mtime says
+MAX_ROWS = 1000  # redraws in the file
+CHANGED = "st_ctime_ns" if os.name == "posix" else "st_mtime_ns"  # renaming a file over another keeps its st_mtime
 
 
 @dataclass(slots=True)
 class Redraws:
-    """A job that is done again at every save, and what each time cost. What cannot be drawn changes neither picture nor figures."""
+    """A job that renders at every save, with its statistics. A render with errors changes neither picture nor statistics."""
 
     job: jobs.Job
     stats: Path | None = None
@@ -29,7 +29,7 @@ class Redraws:
     idle_since: float = field(default_factory=time.process_time)
 
     def build(self) -> tuple[Path, ...]:
-        """Render once; returns the files to watch. Raises KeyboardInterrupt."""
+        """Render once. Returns the files to watch. Raises KeyboardInterrupt."""
         before, self.began = self.began, time.time_ns()
         waited = (self.began - self._saved(before)) * 1e-9
         idle = time.process_time() - self.idle_since
@@ -40,7 +40,7 @@ class Redraws:
         return self.job.files or (self.job.source.path,)
 
     def _saved(self, before: int) -> int:
-        """When what is drawn now was saved: the newest change of a file since the last redraw began, or now where none tells."""
+        """The time of the save: the newest change of a file since the start of the last redraw, or now without a change."""
         changes = [getattr(file.stat(), CHANGED) for file in self.job.files if file.exists()]
         return max((at for at in changes if before < at <= self.began), default=self.began)
 
@@ -54,7 +54,7 @@ class Redraws:
             "cpu_total": sum(laps.cpu.values()),
             "cpu_seconds": {"idle": idle, **laps.cpu},
         }
-        self.rows = [*self.rows, row][-KEPT:]
+        self.rows = [*self.rows, row][-MAX_ROWS:]
         if not self.job.quiet:
             after = f"; {row['total']:.2f} s after the save" if self.number > 1 else ""
             click.echo(jobs.summary(self.job.output, figures) + after)

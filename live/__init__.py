@@ -1,1 +1,1 @@
-"""Shells round the stages: watching files."""
+"""File watching for `maquette watch`."""

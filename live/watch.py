@@ -1,4 +1,4 @@
-"""Watching: build, then build again whenever a file that the last build read is saved."""
+"""File watcher: builds again after each save of a file that the last build read."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from typing import Any
 
 import watchfiles
 
-DEBOUNCE = 200  # milliseconds: an editor's several writes of one save count once
+DEBOUNCE = 200  # milliseconds in which several writes of an editor count as one save
 STEP = 50
-LOOK = 1000  # milliseconds after which files are looked at even where nothing was told: network disks tell nothing
+POLL = 1000  # milliseconds between checks without events, for network disks, which send none
 
-Stamp = tuple[int, int, int] | None  # what a save changes; None where there is no file
+Stamp = tuple[int, int, int] | None  # modification time, size and inode; None for a missing file
 
 
 def follow(build: Callable[[], Iterable[Path]], stop: threading.Event | None = None) -> None:
     """Call `build`, which returns the files it read, and again once after each save of any of them, until `stop` or Ctrl-C.
 
-    The folders are watched, not the files: editors save by renaming a new file over the old one. What is told of them only
-    says when to look: whether to build is decided by comparing the files with what they were when they were last read, so that
-    a save is neither lost between two watches nor built twice. Raises KeyboardInterrupt.
+    Watches the folders, not the files, because editors save by renaming a new file over the old one. An event only triggers a
+    comparison of each file's stamp with that of its last read. So no save is lost between two watches or built twice.
+    Raises KeyboardInterrupt.
     """
     stop = stop or threading.Event()
-    with _interrupted(stop):
+    with _stop_on_interrupt(stop):
         read = _build(build, {})
         while not stop.is_set():
             folders = {file.parent for file in read}
-            for _ in itertools.chain([()], _told(folders, stop)):
+            for _ in itertools.chain([()], _events(folders, stop)):
                 if {file: _stamp(file) for file in read} != read:
                     read = _build(build, read)
                 if {file.parent for file in read} != folders:
@@ -40,8 +40,8 @@ def follow(build: Callable[[], Iterable[Path]], stop: threading.Event | None = N
 
 
 @contextlib.contextmanager
-def _interrupted(stop: threading.Event) -> Iterator[None]:
-    """Let Ctrl-C set `stop`, too: Python drops an interrupt that comes while a finalizer runs, and so might a library."""
+def _stop_on_interrupt(stop: threading.Event) -> Iterator[None]:
+    """Make Ctrl-C set `stop` too, because Python drops an interrupt during a finalizer, and a library may do so."""
     before = signal.getsignal(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread() or not callable(before):
         yield
@@ -60,15 +60,15 @@ def _interrupted(stop: threading.Event) -> Iterator[None]:
 
 
 def _build(build: Callable[[], Iterable[Path]], known: Iterable[Path]) -> dict[Path, Stamp | str]:
-    """The files that were read, each as it was before: one that is saved meanwhile differs afterwards."""
+    """The files that were read, with their stamps before the build, so that a save during the build is detected."""
     began = time.time_ns()
     before = {file: _stamp(file) for file in known}
     read = {Path(file).resolve() for file in build()}
-    return {file: before[file] if file in before else _as_of(began, file) for file in read}
+    return {file: before[file] if file in before else _stamp_before(began, file) for file in read}
 
 
-def _as_of(began: int, file: Path) -> Stamp | str:
-    """A file that was not known before: if it is newer than that, nobody can say which of its texts was read."""
+def _stamp_before(began: int, file: Path) -> Stamp | str:
+    """The stamp of a new file; "unknown" if it changed after `began`, because either version may have been read."""
     stamp = _stamp(file)
     return "unknown" if stamp and stamp[0] > began else stamp
 
@@ -81,10 +81,10 @@ def _stamp(file: Path) -> Stamp:
     return status.st_mtime_ns, status.st_size, status.st_ino
 
 
-def _told(folders: set[Path], stop: threading.Event) -> Iterable[object]:
-    """Something each time that something happens in `folders`, and each second; folders that have gone are left out."""
+def _events(folders: set[Path], stop: threading.Event) -> Iterable[object]:
+    """An item for each event in `folders`, and one each second. Missing folders are skipped."""
     there = sorted(str(folder) for folder in folders if folder.is_dir())
     return watchfiles.watch(
-        *there, watch_filter=None, recursive=False, debounce=DEBOUNCE, step=STEP, rust_timeout=LOOK, yield_on_timeout=True,
+        *there, watch_filter=None, recursive=False, debounce=DEBOUNCE, step=STEP, rust_timeout=POLL, yield_on_timeout=True,
         stop_event=stop, raise_interrupt=True,
     )  # fmt: skip

@@ -118,7 +118,7 @@ def test_a_chart_is_drawn_again_from_its_numbers(folder: Path) -> None:
     assert (folder / "again.svg").is_file()
     assert run("chart", "room.json", "-o", "again.svg", "--seeds", "4") == (
         2, "", "Usage: cli chart [OPTIONS] SCENE\nTry 'cli chart --help' for help.\n\n"
-        "Error: --seeds is for measuring, and room.json is measured: it is only drawn again\n",
+        "Error: --seeds is for measuring, but room.json is a finished chart, which is only redrawn\n",
     )  # fmt: skip
 
 
@@ -131,7 +131,7 @@ def test_a_chart_is_drawn_again_from_its_numbers(folder: Path) -> None:
             ("--backends", "rays"),
             "Invalid value for '--backends': no backend is called `rays`; there are ray, raster, reference; did you mean `ray`?",
         ),
-        (("--backends", ","), "Invalid value for '--backends': write names between commas, as in ray,raster"),
+        (("--backends", ","), "Invalid value for '--backends': separate names by commas, as in ray,raster"),
         (("--peers", "povray,povray"), "Invalid value for '--peers': `povray` is given twice"),
         (("--metric", "mse"), "Invalid value for '--metric': 'mse' is not one of 'relmse', 'flip', 'max', 'silhouette'."),
         (("--budget", "0s"), "Invalid value for '--budget': '0s': a budget is more than 0 seconds"),
@@ -148,7 +148,7 @@ def test_a_json_that_is_no_chart_is_not_written_over(folder: Path, asked: list[A
     (folder / "a.json").write_text('{"mine": 1}', encoding="utf-8")
     code, _, err = run("chart", "a.scene", "-o", "a.svg")
     assert code == 2
-    assert err.endswith("Error: a.json is there already and is no chart: say where the numbers go with --json FILE\n")
+    assert err.endswith("Error: a.json exists and is not a chart: choose a file for the numbers with --json FILE\n")
     assert json.loads((folder / "a.json").read_text(encoding="utf-8")) == {"mine": 1}
     assert run("chart", "a.scene", "-o", "a.svg", "--json", "b.json")[0] == 0
     assert run("chart", "a.scene", "-o", "b.svg")[0] == 0  # b.json is a chart, and is replaced
@@ -191,7 +191,7 @@ def test_ctrl_c_draws_what_was_measured(folder: Path, monkeypatch: pytest.Monkey
 
     monkeypatch.setattr(engine, "measure", measure)
     code, _, err = run("chart", "a.scene", "-o", "a.svg")
-    assert (code, err) == (130, "in a.svg, a.json\ninterrupted: the chart holds what was measured until then\n")
+    assert (code, err) == (130, "in a.svg, a.json\ninterrupted: the chart has the measurements so far\n")
     assert (folder / "a.svg").is_file()
 
 
@@ -261,5 +261,5 @@ def test_ctrl_c_of_a_person_leaves_a_chart(folder: Path) -> None:
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=30)
     assert process.returncode == 130, err
-    assert err.endswith("interrupted: the chart holds what was measured until then\n")
+    assert err.endswith("interrupted: the chart has the measurements so far\n")
     assert json_format.read((folder / "a.json").read_text(encoding="utf-8")).points

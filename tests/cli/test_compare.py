@@ -233,7 +233,7 @@ def test_two_versions_of_a_scene(scene: Path) -> None:
     Path("other.scene").write_text(scene.read_text().replace("lambert(#3060c0)", "lambert(#304090)"), encoding="utf-8")
     code, out, _ = run("compare", scene, "other.scene")
     assert code == 0
-    head, _, changes = out.partition("\n\nwhat changed from A to B\n")
+    head, _, changes = out.partition("\n\nchanges from A to B\n")
     ambient = "[0.029557 0.11697 0.52712] → [0.029557 0.051269 0.27889]"
     assert changes == f"  changed material lambert other.scene:3:41: ambient {ambient}; diffuse {ambient}\n"
     table = head.partition("\n\n")[2].splitlines()
@@ -253,7 +253,7 @@ def test_what_a_backend_does_not_draw(scene: Path) -> None:
     scene.write_text(SCENE.replace("MATERIAL", "glass(ior: 1.4)"), encoding="utf-8")
     code, out, _ = run("compare", scene, "--backends", "raster,ray")
     assert code == 0
-    assert out.endswith("\nnot drawn\n  A: raster draws glass without refraction: the sky straight behind it is seen (two.scene:3:41)\n")
+    assert out.endswith("\nnot rendered\n  A: raster draws glass without refraction: the sky straight behind it is seen (two.scene:3:41)\n")
     (note,) = figures(scene, "--backends", "raster,ray")["a"]["not_drawn"]
     assert note["span"]["line"] == 3
 
@@ -305,8 +305,8 @@ def test_noise_may_decide(scene: Path) -> None:
     assert err.endswith(", above the threshold of 4\n")
     saved(Path("a.exr"), flat(1.0))
     for metric, said in (
-        ("noise", "the noise of a.exr is not known, only a render of several samples tells it"),
-        ("significance", "the variance of a.exr is not known, only a render of several samples tells it: compare scenes"),
+        ("noise", "the noise of a.exr is unknown: only a render with several samples has it"),
+        ("significance", "the variance of a.exr is unknown: only a render with several samples has it: compare scenes"),
     ):
         assert run("compare", "a.exr", "a.exr", "--metric", metric, "--threshold", "1")[2] == f"Error: {said}; choose another --metric\n"
 
@@ -322,7 +322,7 @@ def test_what_is_no_number_is_above_every_threshold(tmp_path: Path) -> None:
 
 def test_a_picture_without_alpha_has_no_silhouette(tmp_path: Path) -> None:
     a, b = saved(tmp_path / "a.png", flat(0.5)), saved(tmp_path / "b.exr", flat(0.5))
-    said = f"Error: {a} has no alpha, which tells the silhouette: compare an .exr; choose another --metric\n"
+    said = f"Error: {a} has no alpha channel, which the silhouette needs: compare an .exr; choose another --metric\n"
     assert run("compare", a, b, "--metric", "silhouette", "--threshold", "1")[2] == said
 
 
@@ -356,10 +356,10 @@ USAGE = "Usage: cli compare [OPTIONS] A [B]\nTry 'cli compare --help' for help.\
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ("two.scene", "two.scene is compared with what? Give B; it can be drawn in two ways by --backends raster,ray"),
-        ("a.exr", "a.exr is compared with what? Give B; a second picture, or a scene"),
-        ("two.scene a.exr --backends raster,ray", "--backends draws one scene in two ways: give one scene, or leave out --backends"),
-        ("a.exr --backends raster,ray", "--backends draws a scene, and a.exr is a picture"),
+        ("two.scene", "two.scene needs a second input B: --backends raster,ray renders it in two ways"),
+        ("a.exr", "a.exr needs a second input B: a second picture, or a scene"),
+        ("two.scene a.exr --backends raster,ray", "--backends renders one scene in two ways: give one scene, or leave out --backends"),
+        ("a.exr --backends raster,ray", "--backends renders a scene, but a.exr is a picture"),
         ("two.scene --backends raster,ray --backend ray", "--backend and --backends exclude each other"),
         (
             "two.scene --backends rastr,ray",
@@ -367,7 +367,7 @@ USAGE = "Usage: cli compare [OPTIONS] A [B]\nTry 'cli compare --help' for help.\
         ),
         (
             "two.scene --backends ray",
-            "Invalid value for '--backends': 'ray': two are compared, as in raster,ray; the second is the one measured against",
+            "Invalid value for '--backends': 'ray': give two backends, as in raster,ray; the second is the reference",
         ),
         (
             "two.scene --backends ray,ray:samples",
@@ -380,14 +380,14 @@ USAGE = "Usage: cli compare [OPTIONS] A [B]\nTry 'cli compare --help' for help.\
         ("two.scene --backends ray,ray:sample=4", "no decision is called `sample`; did you mean `samples`?"),
         (
             "a.png a.png --exposure 1",
-            "--exposure is for linear light, and both a.png and a.png were exposed when they were written",
+            "--exposure is for linear light, but both a.png and a.png were exposed when they were written",
         ),
         ("two.scene --backends ray,ray:seed=1:seed=2", "Invalid value for '--backends': `seed` is given twice in 'ray:seed=1:seed=2'"),
-        ("a.exr a.exr --size 40", "--size is for scenes, and both a.exr and a.exr are pictures"),
-        ("a.exr a.exr --set size=2", "--set is for scenes, and both a.exr and a.exr are pictures"),
-        ("a.exr a.exr --metric flip", "--metric chooses what --threshold is about: give --threshold too"),
-        ("a.exr a.exr --side-by-side", "--side-by-side is a picture: give its file with -o"),
-        ("a.exr a.exr --side-by-side -o d.exr", "--side-by-side is to be looked at: d.exr cannot be an .exr; write a .png"),
+        ("a.exr a.exr --size 40", "--size is for scenes, but both a.exr and a.exr are pictures"),
+        ("a.exr a.exr --set size=2", "--set is for scenes, but both a.exr and a.exr are pictures"),
+        ("a.exr a.exr --metric flip", "--metric selects the metric of --threshold: give --threshold too"),
+        ("a.exr a.exr --side-by-side", "--side-by-side writes a picture: give its file with -o"),
+        ("a.exr a.exr --side-by-side -o d.exr", "--side-by-side writes a picture for viewing: d.exr cannot be an .exr; write a .png"),
     ],
 )
 def test_wrong_usage(scene: Path, arguments: str, said: str) -> None:
@@ -401,12 +401,12 @@ def test_wrong_usage(scene: Path, arguments: str, said: str) -> None:
     [
         (
             "two.scene wide.scene",
-            "sizes differ: two.scene is drawn at 32x24 and wide.scene is drawn at 40x24 pixels; --size 32x24 draws both alike",
+            "sizes differ: two.scene is rendered at 32x24 and wide.scene is rendered at 40x24 pixels; --size 32x24 makes both equal",
         ),
         (
             "two.scene a.exr --size 8",
-            "sizes differ: two.scene is drawn at 8x8 and a.exr is 4x3 pixels; leave out --size and --crop, "
-            "and the scene is drawn at the picture's size",
+            "sizes differ: two.scene is rendered at 8x8 and a.exr is 4x3 pixels; leave out --size and --crop, "
+            "and the scene is rendered at the picture's size",
         ),
         ("two.scene broken.exr", "broken.exr is not a picture: "),
     ],
@@ -472,9 +472,9 @@ def test_whether_it_is_noise_is_told(scene: Path) -> None:
         return [re.sub(r"[\d.]+(?= times| standard)", "N", line.strip()) for line in lines[after : lines.index("", after)]]
 
     times, means = "the difference is N times what noise alone makes", "the means differ by N standard errors"
-    same = f"{times}; the random numbers are the same: what is left is drawn differently"
+    same = f"{times}; the random numbers are the same: the rest is a rendering difference"
     noise = ["--backends", "ray:samples=16,ray:samples=16:seed=1"]
-    assert told(scene, *noise) == [f"{times}: within the noise", f"{means}: no bias is to be seen"]
+    assert told(scene, *noise) == [f"{times}: within the noise", f"{means}: no significant bias"]
     assert told("dim.scene", scene, "--samples", "16") == [same, f"{means}: a bias"]
 
 

@@ -104,7 +104,7 @@ def test_format_takes_scenes_only(scene: Path) -> None:
     Path("a.usda").write_text("#usda 1.0\n", encoding="utf-8")
     code, _, err = run("format", "a.usda")
     assert code == 2
-    assert err.endswith("Error: a.usda: only .scene files are laid out\n")
+    assert err.endswith("Error: a.usda: only .scene files can be formatted\n")
 
 
 @pytest.mark.parametrize("name", list(PLANNED))
@@ -119,7 +119,7 @@ def test_planned_commands_say_so(name: str) -> None:
         (("--size", "0x10"), "Invalid value for '--size': '0x10': a picture's sides are 1 to 65536 pixels"),
         (("--error", "0"), "Invalid value for '--error': '0': a share is written 1% or 0.01, and is more than 0"),
         (("--error", "1"), "Invalid value for '--error': '1': that is 100%: write 1%"),
-        (("--error", "1%", "--samples", "8"), "--samples and --error exclude each other: the one fixes the work, the other the quality"),
+        (("--error", "1%", "--samples", "8"), "--samples and --error exclude each other: --samples sets the work, --error the quality"),
         (("--budget", "3m"), "Invalid value for '--budget': '3m': a time is written 20s, 500ms or 2min"),
         (("--budget", "0s"), "Invalid value for '--budget': '0s': a budget is more than 0 seconds"),
         (("--time", "1deg"), "Invalid value for '--time': '1deg': a time is written 20s, 500ms or 2min"),
@@ -314,7 +314,7 @@ def test_stats_replace_neither_scene_nor_picture(scene: Path, command: str, file
     before = scene.read_bytes()
     code, _, err = run(command, "a.scene", "-o", "a.png", "--stats", file)
     assert code == 2
-    assert f"--stats {file} would replace {file}: give the figures a file of their own, as a.json" in err
+    assert f"--stats {file} would replace {file}: choose another file, such as a.json" in err
     assert scene.read_bytes() == before
 
 
@@ -328,7 +328,7 @@ def test_ctrl_c_leaves_what_is_done(scene: Path) -> None:
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
-    assert err == "interrupted: what was done is in a.partial.exr\n"
+    assert err == "interrupted: the partial picture is in a.partial.exr\n"
     assert set(out.split()) <= {"begun"}
     assert image_files.read(Path("a.partial.exr")).channels["rgba"].any()
     assert not Path("a.png").exists()

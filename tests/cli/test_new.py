@@ -52,7 +52,7 @@ def test_scenes_draw_something(source: str, backend: str) -> None:
 
 def test_nothing_is_written_over() -> None:
     Path("mine.scene").write_text("sphere(1)\n", encoding="utf-8")
-    assert run("new", "mine.scene") == (1, "", "error: mine.scene is there already: choose another name\n")
+    assert run("new", "mine.scene") == (1, "", "error: mine.scene exists already: choose another name\n")
     assert Path("mine.scene").read_text(encoding="utf-8") == "sphere(1)\n"
 
 
@@ -61,7 +61,10 @@ def test_nothing_is_written_over() -> None:
     [
         (("a", "--from", "none.obj"), "error: there is no file none.obj\n"),
         (("no/a",), "error: there is no folder no to write a.scene into\n"),
-        (("models/a", "--from", "ball.usda"), "error: a scene reads files of its own folder: put a.scene beside ball.usda, or above it\n"),
+        (
+            ("models/a", "--from", "ball.usda"),
+            "error: a scene reads files below its own folder: put a.scene in the folder of ball.usda or above\n",
+        ),
     ],
 )
 def test_what_cannot_be_is_said(arguments: tuple[str, ...], message: str) -> None:

@@ -87,7 +87,7 @@ def test_what_needs_the_whole_picture_is_refused(folder, small):
     (folder / "a.scene").write_text(text, encoding="utf-8")
     code, said = run("-o", "a.png")
     assert code == 2
-    assert "a picture of 80 by 150 pixels is drawn strip by strip: metering needs the whole picture: give --exposure" in said
+    assert "a picture of 80 by 150 pixels is rendered in strips: metering needs the whole picture: give --exposure" in said
     assert not (folder / "a.png").exists()
 
 
@@ -105,7 +105,7 @@ def test_an_interrupted_picture_is_kept_aside(folder, small, monkeypatch):
     monkeypatch.setattr(render_scene, "draw", interrupted)
     code, said = run("--samples", 1, "-o", "a.exr")
     assert code == 130
-    assert "interrupted: what was done is in a.partial.exr" in said
+    assert "interrupted: the partial picture is in a.partial.exr" in said
     assert (folder / "a.exr").read_bytes() == b"old"
     found = pixels("a.partial.exr")[0]
     assert found.shape[0] == 150

@@ -222,7 +222,7 @@ def test_a_part_is_written_and_read_again(tmp_path, ending):
     out = tmp_path / f"a.{ending}"
     code, said = converted(tmp_path, PART, str(out), "--deviation", "0.1mm")
     assert code == 0
-    assert "triangles, closed, off the true surface by" in said
+    assert "triangles, closed, distance from the true surface" in said
     box = load.load(out).tables.geometries.bounds[0]
     size = (0.03, 0.02, 0.03) if ending != "stl" else (30, 30, 20)  # millimetres, z up
     assert np.allclose(box[1] - box[0], size, rtol=1e-4)

@@ -1,1 +1,1 @@
-"""Benchmarks: maquette beside its peers, on the same work, in one run. `python -m maquette.bench --help`; results in RESULTS.md."""
+"""Benchmarks of maquette against other programs on the same work. `python -m maquette.bench --help`; results in RESULTS.md."""

@@ -1,4 +1,4 @@
-"""`python -m maquette.bench [NAME …]`: run benchmarks, each in a process of its own, and put what they say into RESULTS.md."""
+"""`python -m maquette.bench [NAME …]`: runs benchmarks, each in its own process, and writes their sections of RESULTS.md."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from . import limits, report
 from .harness import Effort
 
 NAMES = ("rays", "build", "paths", "raster", "formulas", "edits", "start", "threads")
-PARTS = {  # that can be measured one at a time
+SECTION_PARTS = {  # parts that can be measured separately
     "paths": ("cornell", "knot", "lamps", "glossy", "glass", "interior"), "formulas": ("512", "1024", "povray"),
 }  # fmt: skip
-CORES = {"threads": 2}  # that a benchmark is kept to; else one
+CORES = {"threads": 2}  # of a benchmark; one by default
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run what is asked for; 1 if some answers differed or a benchmark failed."""
-    parts = "; of ".join(f"{name}: {', '.join(parts)}" for name, parts in PARTS.items())
+    """Run the given benchmarks; returns 1 if answers differed or a benchmark failed."""
+    parts = "; of ".join(f"{name}: {', '.join(parts)}" for name, parts in SECTION_PARTS.items())
     parser = argparse.ArgumentParser(prog="python -m maquette.bench", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"which: {', '.join(NAMES)}; all when none is given")
     parser.add_argument("--quick", action="store_true", help="tiny sizes and two rounds: does it run? The times mean nothing")
@@ -35,19 +35,19 @@ def main(arguments: list[str] | None = None) -> int:
     unknown = [name for name in names if name not in NAMES]
     if unknown:
         parser.error(f"no benchmark is called {unknown[0]}; there are: {', '.join(NAMES)}")
-    if asked.only and any(asked.only not in PARTS.get(name, ()) for name in names):
+    if asked.only and any(asked.only not in SECTION_PARTS.get(name, ()) for name in names):
         parser.error(f"no part of {names[0]} is called {asked.only}")
     if len(names) > 1:
-        return max(_apart(name, asked) for name in names)
+        return max(_run_in_process(name, asked) for name in names)
     known = limits.simd()
     limits.limit(os.environ, asked.simd, CORES.get(names[0], 1))
-    if limits.simd() != known:  # kernels' vectors were chosen when this module was imported
+    if limits.simd() != known:  # the vectors of kernels are selected at import
         return subprocess.run([sys.executable, "-m", "maquette.bench", *(sys.argv[1:] if arguments is None else arguments)]).returncode
     return run(names[0], asked.quick, asked.results, asked.only)
 
 
-def _apart(name: str, asked: argparse.Namespace) -> int:
-    """Run one benchmark in a process of its own: peers bring libraries that do not get on with each other."""
+def _run_in_process(name: str, asked: argparse.Namespace) -> int:
+    """Run one benchmark in its own process, as the libraries of peers conflict."""
     command = [sys.executable, "-m", "maquette.bench", name]
     command += ["--quick"] if asked.quick else []
     command += ["--simd", asked.simd] if asked.simd else []

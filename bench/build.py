@@ -1,4 +1,4 @@
-"""Building the tree: ours against Embree's, on one thread, with the bytes both take."""
+"""BVH builds against Embree on one thread, with the memory of both."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def section(quick: bool, effort: Effort) -> report.Section:
     results = []
     for name, size in meshes.sizes(quick).items():
         mesh = meshes.knot(*size)
-        kept_too = [functools.partial(again, mesh, rays)] if len(mesh.triangles) >= tree_cache.LARGE else []
-        contenders = peers.gather(functools.partial(ours, mesh, rays), *kept_too, functools.partial(theirs, mesh, rays))
+        kept_too = [functools.partial(read_back, mesh, rays)] if len(mesh.triangles) >= tree_cache.LARGE else []
+        contenders = peers.gather(functools.partial(our_build, mesh, rays), *kept_too, functools.partial(embree_build, mesh, rays))
         results.append(measure(Case(f"{name} triangles", contenders, agree_closest, len(mesh.triangles)), effort))
     found.add("One mesh", results, "Mtriangles/s")
     found.missing = peers.missing
@@ -40,16 +40,16 @@ def section(quick: bool, effort: Effort) -> report.Section:
     return found
 
 
-def ours(mesh: Mesh, rays: Rays) -> Contender:
-    """Our builder; the answer is what the rays hit."""
+def our_build(mesh: Mesh, rays: Rays) -> Contender:
+    """Our builder; the answer is the hits of the rays."""
     tables = meshes.scene(mesh).tables
     share = size_of(scene_bvh.build(tables, keep=False), tables) / len(mesh.triangles)
     read = lambda trees: closest(rays, trees)()  # noqa: E731
     return Contender(OURS, lambda: traced.trees(tables, threads=1, keep=False), read, note=f"{share:.0f} bytes a triangle")
 
 
-def again(mesh: Mesh, rays: Rays) -> Contender:
-    """Our tree, read."""
+def read_back(mesh: Mesh, rays: Rays) -> Contender:
+    """Our BVH, read from the disk cache."""
     tables = meshes.scene(mesh).tables
 
     def trees() -> Handle:
@@ -60,8 +60,8 @@ def again(mesh: Mesh, rays: Rays) -> Contender:
     return Contender(f"{OURS} from disk", trees, lambda made: closest(rays, made)())
 
 
-def theirs(mesh: Mesh, rays: Rays) -> Contender:
-    """Embree's builder; the answer is what the rays hit."""
+def embree_build(mesh: Mesh, rays: Rays) -> Contender:
+    """Embree's builder; the answer is the hits of the rays."""
     device = embree.Device()
 
     def build() -> embree.Scene:

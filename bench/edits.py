@@ -1,4 +1,4 @@
-"""What an edit of a formula costs: a slider's redraw, and a new formula until it can be traced."""
+"""The cost of an edit of a formula: a redraw with another number, and the first use of a new formula."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ one process; the median of 15 redraws. A new formula: from its tape until it can
 BOX = np.array([[-1.0] * 3, [1.0] * 3])
 
 
-def slider(relation: str, shadows: bool, redraws: int = 15, size: int = 512) -> tuple[list[float], bool]:
-    """CPU seconds of redraws, each from a scene's text with another number to its picture, one sample a pixel, on one thread; and whether
-    a number that comes back brings its picture back, bit for bit."""
+def redraw(relation: str, shadows: bool, redraws: int = 15, size: int = 512) -> tuple[list[float], bool]:
+    """CPU seconds of redraws from text to picture, each with another number, one sample a pixel, on one thread; and whether an earlier
+    number gives its earlier picture bit for bit."""
     text = (
         "param k = 0.3\ncamera(position: [0, 0.8, 3], look_at: [0, 0, 0])\n"
         f"directional(from: [1, 2, 1.5], shadows: {str(shadows).lower()})\nimplicit(|x, y, z| {relation}, within: 1.5)\n"
@@ -43,7 +43,7 @@ def slider(relation: str, shadows: bool, redraws: int = 15, size: int = 512) -> 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "slider.scene"
         path.write_text(text, encoding="utf-8")
-        for k in range(redraws + 2):  # the first ones load kernels
+        for k in range(redraws + 2):  # the first two load kernels
             begun = time.process_time()
             scene = load.load(path, sets={"k": f"{0.3 + 0.002 * (k % (redraws + 1)):.4f}"})
             drawn = render_scene.draw(scene, planner.make(scene, ir.Settings(size=(size, size), samples=1, threads=1, backend="ray")))
@@ -54,19 +54,19 @@ def slider(relation: str, shadows: bool, redraws: int = 15, size: int = 512) -> 
     return spent[2:], np.array_equal(pictures[0], pictures[-1])
 
 
-def stall(operations: int = 200, formulas: int = 15) -> list[float]:
-    """Seconds until a formula never seen before can be traced, from its tape on, of different ones."""
+def first_use(operations: int = 200, formulas: int = 15) -> list[float]:
+    """Seconds from the tape of a new formula until it can be traced, for several formulas."""
     spent = []
     for seed in range(formulas + 1):
-        tape = _strange(operations, seed)
+        tape = _random_tape(operations, seed)
         begun = time.perf_counter()
         packet_state.room(scene_surfaces.of_surfaces([scene_surfaces.Surface(tape, np.array([0.0] * 5 + [1.0] + [0.0] * 7), BOX)]), 0)
         spent.append(time.perf_counter() - begun)
     return spent[1:]
 
 
-def _strange(operations: int, seed: int) -> Tape:
-    """A tape like no other: sums of waves and distances, in an order of their own."""
+def _random_tape(operations: int, seed: int) -> Tape:
+    """A random tape: sums of waves and distances."""
     random, b, total = np.random.default_rng(seed), Builder(), 0
     while len(b.rows) < operations - 1:
         axis, kind = int(random.integers(3)), (Op.SIN, Op.COS, Op.SQUARE, Op.ABS)[int(random.integers(4))]
@@ -75,18 +75,18 @@ def _strange(operations: int, seed: int) -> Tape:
 
 
 def section(quick: bool, effort: Effort) -> Section:
-    """What edits cost, for RESULTS.md."""
+    """Measure edits of formulas."""
     common_options.collect_seldom()  # as the command line does
     found = Section("edits", "Edits of a formula", TEXT)
     rows: list[tuple[str, ...]] = []
     for name, relation in SMALL.items():
         for shadows in (False, True):
             what = f"{name}, {'with' if shadows else 'without'} shadows"
-            spent, same = slider(relation, shadows, *((3, 64) if quick else ()))
+            spent, same = redraw(relation, shadows, *((3, 64) if quick else ()))
             rows.append((what, "maquette", *_spread(spent)))
             if not same:
                 found.refused.append(f"{what}: a number that comes back brings another picture")
-    rows.append(("a new formula of 200 operations", "maquette", *_spread(stall(formulas=3 if quick else 15))))
+    rows.append(("a new formula of 200 operations", "maquette", *_spread(first_use(formulas=3 if quick else 15))))
     answer = "Answers. A number that comes back brings its picture back, bit for bit."
     found.blocks += [grid(("", "", "CPU, ms", "least", "most"), rows), answer]
     return found

@@ -1,6 +1,6 @@
-"""Embree without Python between the rays: the library that embreex brings, called ray by ray from a compiled loop.
+"""Calls Embree ray by ray from a compiled loop, with the library of embreex.
 
-embreex's own `run` also fills what nobody asked for and cannot place instances; this is Embree's default single-ray speed.
+This is Embree's default single-ray speed. The `run` of embreex fills further outputs and has no instances.
 Structures are those of Embree 4's rtcore_ray.h (RTCRayHit, 16-byte aligned).
 """
 
@@ -25,7 +25,7 @@ INDICES, VERTICES = 0, 1  # RTC_BUFFER_TYPE_…
 UINT3, FLOAT3, FLOAT3X4_ROWS = 0x5003, 0x9003, 0x9134  # RTC_FORMAT_…
 SINGLE_THREAD = "threads=1,set_affinity=0"
 INVALID = 0xFFFFFFFF
-_RAY_WORDS = 32  # of 4 bytes: 12 of the ray, up to 12 of the hit, and room
+_RAY_WORDS = 32  # 4 bytes each: 12 of the ray, up to 12 of the hit, and padding
 INSTALL = "pip install embreex"
 
 Pointer = ctypes.c_void_p
@@ -50,8 +50,8 @@ _Monitor = ctypes.CFUNCTYPE(ctypes.c_bool, Pointer, ctypes.c_ssize_t, ctypes.c_b
 
 
 def library() -> ctypes.CDLL:
-    """Embree 4 as embreex brings it. Raises Missing without embreex, or where the library is not where it was."""
-    need("embreex.rtcore_scene", INSTALL)  # which also loads what the library needs
+    """The Embree 4 library of embreex. Raises Missing if it is not found."""
+    need("embreex.rtcore_scene", INSTALL)  # also loads the library's dependencies
     files = [Path(str(f.locate())) for f in metadata.files("embreex") or () if "embree4" in f.name]
     if not files:
         raise Missing(f"embreex brings no Embree 4 library here ({INSTALL})")
@@ -63,7 +63,7 @@ def library() -> ctypes.CDLL:
 
 
 class Device:
-    """Embree on one thread, with a count of the bytes it holds."""
+    """An Embree device on one thread that counts its allocated bytes."""
 
     def __init__(self) -> None:
         self.lib = library()
@@ -77,7 +77,7 @@ class Device:
         scene.commit()
         nothing = Rays("none", np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
         for work in (scene.intersect(nothing), scene.occluded(nothing)):
-            work()  # compiles the loops, which is no work of Embree's
+            work()  # compiles the loops outside of the measurement
 
     def _count(self, _: Any, size: int, __: bool) -> bool:
         self.bytes += size
@@ -88,7 +88,7 @@ class Device:
 
 
 class Scene:
-    """One mesh, or instances of it. The mesh is copied before; `commit` is the build."""
+    """A scene of one mesh or of its instances. The mesh is copied at construction; `commit` builds the BVH."""
 
     def __init__(self, device: Device, mesh: Mesh) -> None:
         lib = self.lib = device.lib
@@ -105,7 +105,7 @@ class Scene:
         self.lib.rtcCommitScene(self.handle)
 
     def place(self, transforms: NDArray[np.float64]) -> None:
-        """Make it a scene of instances under (n, 3, 4) transforms, committed."""
+        """Make and commit a scene of instances with (n, 3, 4) transforms."""
         self.commit()
         self.handle = self.lib.rtcNewScene(self.device.handle)
         for matrix in np.ascontiguousarray(transforms, np.float32):
@@ -122,7 +122,7 @@ class Scene:
             self.lib.rtcReleaseScene(handle)
 
     def intersect(self, rays: Rays) -> Callable[[], tuple[F32, NDArray[np.int32], NDArray[np.int32]]]:
-        """Work that finds t (inf: nothing), triangle and instance (-1: nothing or none) of every ray."""
+        """A callable that returns t (inf: no hit), triangle and instance (-1: none) of every ray."""
         n = len(rays.limit)
         (t, u, v), (triangle, instance) = np.zeros((3, n), np.float32), np.zeros((2, n), np.int32)
 
@@ -133,7 +133,7 @@ class Scene:
         return run
 
     def occluded(self, rays: Rays) -> Callable[[], NDArray[np.bool_]]:
-        """Work that finds whether anything stands in every ray's way."""
+        """A callable that returns whether each ray is occluded."""
         blocked = np.zeros(len(rays.limit), np.bool_)
 
         def run() -> NDArray[np.bool_]:
@@ -144,7 +144,7 @@ class Scene:
 
 
 def _loops(intersect1: Any, occluded1: Any) -> tuple[Any, Any]:
-    """Compiled loops over single rays. The functions' addresses are compiled in, so nothing is kept on disk."""
+    """Compiled loops over single rays. They contain the addresses of the functions, so they are not cached on disk."""
     infinite = np.float32(np.inf)
 
     @njit(nogil=True)

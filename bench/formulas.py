@@ -38,17 +38,17 @@ process, its start too. Where two differ in what is hit, they differ at outlines
 Of each model 2000 rays are checked against the definition in numpy, and all rays
 against rays one by one, through a grid of cells.
 """
-MOST_APART = 6.0  # pixels for each of a row that may be hit by one and not by the other: outlines, which fidget has half a pixel off
-POVRAY_SIZES = {"heart": 32, "Barth sextic": 64}  # of pictures; all others' are 128²
-LONGEST = 20_000  # letters of a formula for POV-Ray
-CHECKED = 2000  # rays, against the definition
-NAMES = ("512", "1024", "povray")  # of the parts: pictures' sizes against fidget, and POV-Ray
+MAX_DIFFERING = 6.0  # times the row length: pixels at outlines that only one may hit; fidget's are half a pixel off
+POVRAY_SIZES = {"heart": 32, "Barth sextic": 64}  # picture sizes; all others are 128²
+MAX_FORMULA = 20_000  # characters of a formula for POV-Ray
+CHECKED = 2000  # rays compared with the numpy interpreter
+NAMES = ("512", "1024", "povray")  # parts: picture sizes against fidget, and POV-Ray
 BOX = np.array([[-1.0] * 3, [1.0] * 3])
 POINT = (0, 1, 2)
 
 
 def section(quick: bool, effort: Effort, only: str = "") -> report.Section:
-    """Every model at one size, or two; and by POV-Ray. Or the one of NAMES that is asked for: a part has its own machine and day."""
+    """Measure all models at one or two sizes and against POV-Ray, or only one of NAMES. Each part records its own machine and day."""
     found = report.Section("formulas", "Formula surfaces", TEXT)
     for k, name in enumerate(NAMES):
         if only not in ("", name) or (quick and not only and name == "1024"):
@@ -74,35 +74,35 @@ def against_fidget(peers: Peers, size: int, effort: Effort) -> list[Result]:
     results = []
     with tempfile.TemporaryDirectory() as folder:
         for name, tape in models().items():
-            desk = Desk(Path(folder), name, tape, size)
-            makers = [desk.ours, lambda d=desk: d.fidget("jit"), lambda d=desk: d.fidget("vm")]
-            results.append(measure(Case(name, peers.gather(*makers), desk.agree, amount=size * size), effort))
+            subject = ModelCase(Path(folder), name, tape, size)
+            makers = [subject.ours, lambda d=subject: d.fidget("jit"), lambda d=subject: d.fidget("vm")]
+            results.append(measure(Case(name, peers.gather(*makers), subject.agree, amount=size * size), effort))
     return results
 
 
 def against_povray(peers: Peers, quick: bool, effort: Effort) -> list[Result]:
-    """All models that POV-Ray can be given; nothing without it."""
+    """All models that POV-Ray supports; empty without POV-Ray."""
     results = []
     with tempfile.TemporaryDirectory() as folder:
         for name, tape in models().items():
-            desk = Desk(Path(folder), name, tape, 16 if quick else POVRAY_SIZES.get(name, 128))
-            sides = peers.gather(desk.ours, desk.povray)
+            subject = ModelCase(Path(folder), name, tape, 16 if quick else POVRAY_SIZES.get(name, 128))
+            sides = peers.gather(subject.ours, subject.povray)
             if len(sides) > 1:
-                results.append(measure(Case(name, sides, desk.agree, amount=desk.size**2), effort))
+                results.append(measure(Case(name, sides, subject.agree, amount=subject.size**2), effort))
     return results
 
 
-class Desk:
+class ModelCase:
     """A model, the rays of its picture, and its contenders."""
 
     def __init__(self, folder: Path, name: str, tape: Tape, size: int) -> None:
         self.folder, self.name, self.tape, self.size = folder, name, tape, size
-        self.turn = _turn()
+        self.turn = _view_rotation()
         steps = (np.arange(size) + 0.5) / size * 2 - 1
         x, y = np.meshgrid(steps, -steps)
         self.order = _order(size)
         origin = np.stack([x.ravel(), y.ravel(), np.full(size * size, 2.5)], axis=1) @ self.turn.T
-        self.origin = np.ascontiguousarray(origin[self.order])  # bundle by bundle
+        self.origin = np.ascontiguousarray(origin[self.order])  # packet by packet
         self.way = np.tile(self.turn @ [0.0, 0.0, -1.0], (size * size, 1))
         self.parameters = np.zeros(13)
         self.parameters[5] = 1.0
@@ -127,13 +127,13 @@ class Desk:
         return scene_surfaces.of_surfaces([scene_surfaces.Surface(self.tape, self.parameters, BOX)])
 
     def _rows(self, values: np.ndarray) -> np.ndarray:
-        """What was found bundle by bundle, in the picture's order."""
+        """Packet-ordered values in the order of the picture."""
         found = np.empty_like(values)
         found[self.order] = values
         return found
 
     def one_by_one(self) -> np.ndarray:
-        """The same by single rays."""
+        """The same hits by single rays."""
         n = len(self.origin)
         forms = Handle(self.forms())
         out = np.empty(n), np.empty(n, np.int64), np.empty(n), np.empty(n)
@@ -145,7 +145,7 @@ class Desk:
         if program is None:
             raise Missing("fidget-once is not on the PATH (cargo install --path bench/fidget)")
         model, depths = self.folder / f"{self.name}.vm", self.folder / f"{self.name}-{how}.depths"
-        model.write_text(text_of(self.tape), encoding="utf-8")
+        model.write_text(fidget_text(self.tape), encoding="utf-8")
         matrix = np.eye(4)
         matrix[:3, :3] = self.turn
         numbers = ",".join(repr(float(v)) for v in matrix.astype(np.float32).ravel())
@@ -161,15 +161,15 @@ class Desk:
         program = shutil.which("povray")
         if program is None:
             raise Missing("povray is not on the PATH (Debian's package povray)")
-        text = formula_of(self.tape)
-        if len(text) > LONGEST:
+        text = povray_formula(self.tape)
+        if len(text) > MAX_FORMULA:
             raise Missing(f"{self.name}: POV-Ray has no names for parts of a formula, and all of it is {len(text):,} letters long")
         scene, picture = self.folder / "model.pov", self.folder / "model.png"
-        steepest = _steepest(self.tape)
+        steepest = _max_gradient(self.tape)
         eye, right, up = self.turn @ [0, 0, 2.5], self.turn @ [2.0, 0, 0], self.turn @ [0, 2.0, 0]
         scene.write_text(
             "#version 3.7;\nglobal_settings { assumed_gamma 1 }\n"
-            f"camera {{ orthographic location {_povs(eye)} direction {_povs(-eye)} right {_povs(right)} up {_povs(up)} }}\n"
+            f"camera {{ orthographic location {_vector(eye)} direction {_vector(-eye)} right {_vector(right)} up {_vector(up)} }}\n"
             f"isosurface {{ function {{ {text} }} contained_by {{ box {{ <-1,-1,-1>, <1,1,1> }} }} max_gradient {steepest} accuracy 1e-6\n"
             "pigment { rgb 1 } finish { emission 1 diffuse 0 } }\n",
             encoding="utf-8",
@@ -185,7 +185,7 @@ class Desk:
         return Contender("POV-Ray", lambda: subprocess.run(command, check=True, capture_output=True), read)
 
     def agree(self, answers: Mapping[str, Any]) -> str:
-        """The share of pixels hit by one alone; ours by the definition."""
+        """Check that few pixels are hit by only one contender, and our hits against the numpy interpreter."""
         t = answers[OURS]
         alone = self.one_by_one()
         differ = int((np.isfinite(t) != np.isfinite(alone)).sum())
@@ -202,7 +202,7 @@ class Desk:
         said = [f"{np.isfinite(t).mean():.1%} hit"]
         for name, other in answers.items():
             apart = float((np.isfinite(t) != np.isfinite(other)).mean())
-            if apart > MOST_APART / self.size:
+            if apart > MAX_DIFFERING / self.size:
                 raise Disagreement(f"{name} hits {apart:.1%} of the pixels otherwise")
             if name != OURS:
                 said.append(f"{name} {apart:.2%} otherwise")
@@ -210,14 +210,14 @@ class Desk:
 
 
 def _order(size: int) -> np.ndarray:
-    """A picture's pixels by squares of 64 × 64, in these of 16 × 16, in these of 4 × 4."""
+    """The pixels of a picture in nested squares of 64 × 64, 16 × 16 and 4 × 4."""
     y, x = (part.ravel() for part in np.mgrid[:size, :size])
     return np.lexsort((x % 4, y % 4, x % 16 // 4, y % 16 // 4, x % 64 // 16, y % 64 // 16, x // 64, y // 64))
 
 
 @kernel
 def trace(forms, address, origin, direction, t, spacing, u, v):
-    """Meet rays with the one surface there is."""
+    """Intersect rays with the only surface."""
     n = len(t)
     for start in range(0, n, crosslane.WIDTH):
         o, d = ray_queries._three(origin, start, n), ray_queries._three(direction, start, n)
@@ -234,7 +234,7 @@ def _linked() -> int:
     return intersect.meet.link(nothing.numba_type, types.int64, VEC, VEC, FLOAT, FLOAT)
 
 
-def _turn() -> np.ndarray:
+def _view_rotation() -> np.ndarray:
     pitch, yaw = np.radians(-25), np.radians(30)
     about_x = np.array([[1, 0, 0], [0, np.cos(pitch), -np.sin(pitch)], [0, np.sin(pitch), np.cos(pitch)]])
     about_y = np.array([[np.cos(yaw), 0, np.sin(yaw)], [0, 1, 0], [-np.sin(yaw), 0, np.cos(yaw)]])
@@ -245,7 +245,7 @@ def _turn() -> np.ndarray:
 
 
 def models() -> dict[str, Tape]:
-    """Name → tape."""
+    """Tapes by model name."""
     makers = {
         "torus": _torus, "heart": _heart, "gyroid shell": _gyroid, "Barth sextic": _barth, "metaballs": _metaballs,
         "smooth union": _smooth, "100 balls": _balls, "perforated plate": _plate, "colonnade": _colonnade, "bear": _bear,
@@ -284,7 +284,7 @@ def _barth(b: Builder) -> int:
     return b.op(Op.MAX, b.linear([(-0.08, product), (0.02 * (1 + 2 * phi), ball)]), b.offset(solid_fields.length(b, POINT), -0.95))
 
 
-def _away(b: Builder, center: np.ndarray) -> tuple[int, int, int]:
+def _distance_vector(b: Builder, center: np.ndarray) -> tuple[int, int, int]:
     x, y, z = (b.offset(name, -float(c)) for name, c in zip(POINT, center, strict=True))
     return x, y, z
 
@@ -292,7 +292,7 @@ def _away(b: Builder, center: np.ndarray) -> tuple[int, int, int]:
 def _metaballs(b: Builder) -> int:
     random, total = np.random.default_rng(3), b.constant(0.0)
     for center, sharp in zip(random.uniform(-0.55, 0.55, (8, 3)), random.uniform(12, 30, 8), strict=True):
-        square = b.op(Op.SQUARE, solid_fields.length(b, _away(b, center)))
+        square = b.op(Op.SQUARE, solid_fields.length(b, _distance_vector(b, center)))
         total = b.add(total, b.op(Op.EXP, b.scale(square, -float(sharp))))
     return b.subtract(b.constant(0.4), total)
 
@@ -300,7 +300,7 @@ def _metaballs(b: Builder) -> int:
 def _spheres(b: Builder, count: int, spread: float, low: float, high: float) -> list[int]:
     random = np.random.default_rng(7)
     centers, radii = random.uniform(-spread, spread, (count, 3)), random.uniform(low, high, count)
-    return [b.offset(solid_fields.length(b, _away(b, c)), -float(r)) for c, r in zip(centers, radii, strict=True)]
+    return [b.offset(solid_fields.length(b, _distance_vector(b, c)), -float(r)) for c, r in zip(centers, radii, strict=True)]
 
 
 def _smooth(b: Builder) -> int:
@@ -318,7 +318,7 @@ def _balls(b: Builder) -> int:
 
 
 def _plate(b: Builder) -> int:
-    """A thick plate with 64 holes through it and a rim: the large tape of an engineer."""
+    """A thick plate with 64 holes and a rim: a large engineering tape."""
     plate = solid_fields.analytic(b, 2, (0.6, 0.15, 0.6), POINT)
     for i in range(8):
         for k in range(8):
@@ -332,14 +332,16 @@ def _colonnade(b: Builder) -> int:
     parts = []
     for x in np.linspace(-0.66, 0.66, 12):
         for z in (-0.3, 0.3):
-            parts.append(solid_fields.analytic(b, 6, (0.04, 0.7, 1.0), _away(b, np.array([x, 0.0, z]))))
-            parts += [solid_fields.analytic(b, 2, (0.055, 0.02, 0.055), _away(b, np.array([x, y, z]))) for y in (-0.34, 0.34)]
-            parts += [solid_fields.analytic(b, 8, (0.04, 0.01), _away(b, np.array([x, y, z]))) for y in (-0.31, 0.29, 0.31)]
+            parts.append(solid_fields.analytic(b, 6, (0.04, 0.7, 1.0), _distance_vector(b, np.array([x, 0.0, z]))))
+            parts += [solid_fields.analytic(b, 2, (0.055, 0.02, 0.055), _distance_vector(b, np.array([x, y, z]))) for y in (-0.34, 0.34)]
+            parts += [solid_fields.analytic(b, 8, (0.04, 0.01), _distance_vector(b, np.array([x, y, z]))) for y in (-0.31, 0.29, 0.31)]
     for k in range(3):
         parts.append(
-            solid_fields.analytic(b, 2, (0.74 + 0.05 * k, 0.02, 0.42 + 0.05 * k), _away(b, np.array([0.0, -0.38 - 0.04 * k, 0.0])))
+            solid_fields.analytic(
+                b, 2, (0.74 + 0.05 * k, 0.02, 0.42 + 0.05 * k), _distance_vector(b, np.array([0.0, -0.38 - 0.04 * k, 0.0]))
+            )
         )
-    roof = [solid_fields.analytic(b, 2, (0.76, 0.03, 0.44), _away(b, np.array([0.0, 0.39, 0.0])))]
+    roof = [solid_fields.analytic(b, 2, (0.76, 0.03, 0.44), _distance_vector(b, np.array([0.0, 0.39, 0.0])))]
     slopes = [b.linear([(0.55, 2), (1.0, 1)], -0.64), b.linear([(-0.55, 2), (1.0, 1)], -0.64)]
     roof.append(b.reduce(Op.MAX, [*slopes, b.linear([(-1.0, 1)], 0.42), b.offset(b.op(Op.ABS, 0), -0.74)]))
     parts += roof
@@ -356,7 +358,7 @@ def _bear(b: Builder) -> int:
         blobs += [((0.1 * side, 0.44, 0.22), (0.03, 0.035, 0.02)), ((0.28 * side, -0.64, 0.42), (0.1, 0.09, 0.06))]
     found = -1
     for center, radii in blobs:
-        point = [b.scale(name, 1 / r) for name, r in zip(_away(b, np.array(center, float)), radii, strict=True)]
+        point = [b.scale(name, 1 / r) for name, r in zip(_distance_vector(b, np.array(center, float)), radii, strict=True)]
         one = b.scale(b.offset(solid_fields.length(b, point), -1.0), min(radii))
         found = one if found < 0 else solid_fields.union(b, found, one, 0.04)
     return found
@@ -368,8 +370,8 @@ _WORDS = {
 }  # fmt: skip
 
 
-def formula_of(tape: Tape) -> str:
-    """A tape as one expression of POV-Ray's, in which what is used twice stands twice; cut off where it is long."""
+def povray_formula(tape: Tape) -> str:
+    """A tape as one POV-Ray expression, with shared values repeated; truncated if it is long."""
     values = ["x", "y", "z"]
 
     def named(name: int) -> str:
@@ -377,7 +379,7 @@ def formula_of(tape: Tape) -> str:
 
     for op, *operands in tape.code.tolist():
         given = [named(name) for name in operands[: arity(op)]]
-        values.append(_POVRAY[Op(op)].format(*given)[: 2 * LONGEST])
+        values.append(_POVRAY[Op(op)].format(*given)[: 2 * MAX_FORMULA])
     return named(tape.results[0])
 
 
@@ -390,18 +392,18 @@ _POVRAY = {
 }  # fmt: skip
 
 
-def _povs(v: Any) -> str:
+def _vector(v: Any) -> str:
     return "<" + ",".join(f"{float(c):.12g}" for c in v) + ">"
 
 
-def _steepest(tape: Tape) -> float:
-    """The largest gradient of a model in its box, by samples: what POV-Ray must be told. (Less leaves holes, as in the heart.)"""
+def _max_gradient(tape: Tape) -> float:
+    """The largest sampled gradient of a model in its box, which POV-Ray needs. Smaller values leave holes, as in the heart."""
     p = np.random.default_rng(2).uniform(-1, 1, (3, 100_000))
     _, gradient = numpy_interpreter.gradients(tape, *p)
     return round(float(np.nanmax(np.linalg.norm(gradient, axis=0))), 2)
 
 
-def text_of(tape: Tape) -> str:
+def fidget_text(tape: Tape) -> str:
     """A tape in fidget's text form."""
     lines = [f"_v{k} var-{axis}" for k, axis in enumerate("xyz")]
     lines += [f"_c{k} const {number!r}" for k, number in enumerate(tape.constants.tolist())]

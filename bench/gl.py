@@ -1,4 +1,4 @@
-"""OpenGL on Mesa's llvmpipe as a peer of the raster backend: the same triangles, camera, shading and framebuffer, without a window."""
+"""OpenGL on Mesa's llvmpipe, offscreen, as a peer of the raster backend: same triangles, camera, shading and framebuffer."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ void main() {
 
 
 class Window:
-    """A context without a window, and one mesh in it, ready to be drawn from meshes.EYE; `image` is coordinates and texels."""
+    """An offscreen context with one mesh, seen from meshes.EYE; `image` is (coordinates, texels)."""
 
     def __init__(self, mesh: Mesh, size: int, samples: int, uniforms: dict[str, Any], image: Any = None) -> None:
         moderngl = harness.need("moderngl", INSTALL)
@@ -93,9 +93,9 @@ class Window:
 
 
 def to_clip() -> NDArray[np.float64]:
-    """(4, 4) world to clip space for the camera of meshes.scene: perspective, square, reaching from NEAR to FAR."""
+    """(4, 4) world to clip space of the camera of meshes.scene: perspective, square, from NEAR to FAR."""
     view = np.eye(4)
-    camera = meshes.looking(meshes.EYE)
+    camera = meshes.look_at(meshes.EYE)
     view[:3, :3] = camera[:, :3].T
     view[:3, 3] = -camera[:, :3].T @ camera[:, 3]
     scale = 1.0 / meshes.EXTENT

@@ -1,7 +1,7 @@
-"""The harness: contenders take turns at the same work, their answers must agree, and medians of their times are kept.
+"""Measures contenders: they run the same work in turns, their answers must agree, and medians of their times are reported.
 
-Ratios are taken round by round, between runs that stand next to each other, so that a machine that slows down slows both sides.
-CPU time counts all threads of this process and of the programs it started and waited for.
+Ratios are computed within a round, between neighbouring runs, so that a slower machine affects both sides.
+CPU time covers all threads of this process and of finished child processes.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ OURS = "maquette"
 
 
 class Missing(Exception):
-    """A peer is not installed; the message says what to install."""
+    """A peer is not installed; the message has the remedy."""
 
 
 class Disagreement(Exception):
-    """Contenders gave different answers: their times mean nothing and are not reported."""
+    """The answers of contenders differ; their times are not reported."""
 
 
 @dataclass(frozen=True, slots=True)
 class Seconds:
-    """What something took."""
+    """CPU and wall seconds."""
 
     cpu: float
     wall: float
@@ -38,13 +38,13 @@ Clock = Callable[[], Seconds]
 
 
 def clock() -> Seconds:
-    """Now: CPU seconds of this process and of children it has waited for, and wall seconds."""
+    """The current CPU seconds of this process and of finished children, and wall seconds."""
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     return Seconds(time.process_time() + children.ru_utime + children.ru_stime, time.perf_counter())
 
 
 def timed(work: Callable[[], Any], now: Clock = clock) -> tuple[Any, Seconds]:
-    """What `work` returns, and what it took."""
+    """The result of `work` and its seconds."""
     start = now()
     value = work()
     end = now()
@@ -53,8 +53,7 @@ def timed(work: Callable[[], Any], now: Clock = clock) -> tuple[Any, Seconds]:
 
 @dataclass(frozen=True, slots=True)
 class Contender:
-    """One side. `run` does the work once; `read` makes the answer of what it returned, untimed; `build` is what came before,
-    timed with `timed`."""
+    """One side. `run` does the work once; `read` converts its result to an answer, untimed; `build` is the time of the preparation."""
 
     name: str
     run: Callable[[], Any]
@@ -65,8 +64,8 @@ class Contender:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One piece of work. `agree` gets the answers by contender's name (a peer that is missing has none), says in a few words how
-    they compare and raises Disagreement. `amount` is how many of the section's units one run does."""
+    """One piece of work. `agree` gets the answers by contender, returns a short comparison, and raises Disagreement.
+    `amount` is the number of units of a run."""
 
     name: str
     contenders: Sequence[Contender]
@@ -84,7 +83,7 @@ class Spread:
 
     @classmethod
     def of(cls, values: Sequence[float]) -> Spread:
-        """Of at least one value; quartiles by linear interpolation, as numpy's."""
+        """The spread of at least one value; quartiles by linear interpolation, as in numpy."""
         if len(values) == 1:
             return cls(values[0], values[0], values[0])
         low, middle, high = statistics.quantiles(values, n=4, method="inclusive")
@@ -93,7 +92,7 @@ class Spread:
 
 @dataclass(frozen=True, slots=True)
 class Times:
-    """One contender's runs in the order they were made; `first` is the run before them, in which it may compile and load."""
+    """The runs of a contender in order; `first` is an earlier run that may compile and load."""
 
     contender: Contender
     first: Seconds
@@ -103,13 +102,13 @@ class Times:
         return Spread.of([getattr(run, of) for run in self.runs])
 
     def compile(self) -> float:
-        """CPU seconds that the first run took more than the median one; 0 where that is noise."""
+        """CPU seconds of the first run beyond the median; 0 if that is noise."""
         return max(0.0, self.first.cpu - self.spread().median)
 
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """A case, measured; or refused, with why in `refused`, and no times."""
+    """A measured case, or a refused one with the reason in `refused` and no times."""
 
     case: Case
     times: tuple[Times, ...] = ()
@@ -120,14 +119,14 @@ class Result:
         return next(t for t in self.times if t.contender.name == name)
 
     def ratio(self, name: str, of: str = "cpu") -> float:
-        """How many times as long `name` takes as maquette: the median over rounds."""
+        """The time of `name` over that of maquette: the median over rounds."""
         pairs = zip(self.of(name).runs, self.of(OURS).runs, strict=True)
         return statistics.median(getattr(theirs, of) / max(getattr(ours, of), 1e-9) for theirs, ours in pairs)
 
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How long to measure: `rounds`, of which at least `fewest` even where `seconds` a case are over."""
+    """The effort of a case: `rounds`, at least `fewest` of them even after `seconds`."""
 
     rounds: int = 7
     fewest: int = 3
@@ -135,9 +134,9 @@ class Effort:
 
 
 def measure(case: Case, effort: Effort, now: Clock = clock) -> Result:
-    """Run each contender once, compare the answers, then let them take turns, and compare the answers of the last turn.
+    """Run each contender once, compare the answers, then run rounds, and compare the answers of the last round.
 
-    Who begins a round changes from round to round. Answers that differ make a Result without times.
+    The order changes from round to round. Different answers give a Result without times.
     """
     first: dict[str, Seconds] = {}
     values: dict[str, Any] = {}
@@ -165,7 +164,7 @@ def _answers(case: Case, values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def need(module: str, install: str) -> ModuleType:
-    """A peer's module. Raises Missing, saying what to install."""
+    """The module of a peer. Raises Missing with the remedy."""
     try:
         return importlib.import_module(module)
     except ImportError as why:
@@ -174,12 +173,12 @@ def need(module: str, install: str) -> ModuleType:
 
 @dataclass(slots=True)
 class Peers:
-    """Makes contenders and remembers which could not be made."""
+    """Makes contenders and records missing peers."""
 
     missing: list[str] = field(default_factory=list)
 
     def gather(self, *factories: Callable[[], Contender]) -> list[Contender]:
-        """The contenders of those factories whose peers are installed, in order."""
+        """The contenders of installed peers, in order."""
         made: list[Contender] = []
         for factory in factories:
             try:

@@ -1,4 +1,4 @@
-"""What all contenders are kept to alike: one core or two, and on request narrower vectors. Read when libraries load, so set before them."""
+"""Limits of all contenders: cores and, optionally, vector width. They are set before libraries load."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from pathlib import Path
 from .harness import Missing
 
 LIBRARY_PATHS = ("/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib/llvm-19/lib", "/usr/lib64")
-WIDTHS = {"avx512": "", "avx2": "256", "sse": "128"}  # llvmpipe's vectors in bits; "": its own choice
+WIDTHS = {"avx512": "", "avx2": "256", "sse": "128"}  # llvmpipe's vector width in bits; "": its default
 EMBREE = {"avx512": "avx512", "avx2": "avx2", "sse": "sse4.2"}
 NAMES = {"avx512": "AVX-512", "avx2": "AVX2", "sse": "SSE"}
 SIMD = "MAQUETTE_SIMD"
 
 
 def limit(environment: MutableMapping[str, str], simd: str = "", cores: int = 1) -> None:
-    """Keep this process and all it starts to so many cores, and to the vectors of `simd`, one of WIDTHS, if it is given."""
+    """Limit this process and its children to `cores` cores and, if given, to the vectors of `simd`, one of WIDTHS."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[-cores:])
     environment["NUMBA_NUM_THREADS"] = environment["OMP_NUM_THREADS"] = "1"
@@ -32,11 +32,11 @@ def limit(environment: MutableMapping[str, str], simd: str = "", cores: int = 1)
 
 
 def simd() -> str:
-    """The vectors all are kept to, or "" where each takes the machine's widest."""
+    """The common vector limit, or "" without one."""
     return os.environ.get(SIMD, "")
 
 
-def unlimited(peer: str) -> None:
-    """Raise Missing where vectors are limited and this peer has no way to be."""
+def require_limit(peer: str) -> None:
+    """Raise Missing if vectors are limited and this peer cannot be limited."""
     if simd():
         raise Missing(f"{peer} cannot be kept to {NAMES.get(simd(), simd())}")

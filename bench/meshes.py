@@ -1,4 +1,4 @@
-"""Procedural meshes and the rays that are shot at them: the same on every machine, by seed."""
+"""Procedural meshes and rays, equal on every machine by seed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TINY = {"2k": (100, 10)}
 
 
 def sizes(quick: bool) -> dict[str, tuple[int, int]]:
-    """The meshes of a benchmark, or of one that is only to run."""
+    """The mesh sizes of a benchmark, or small ones for a quick run."""
     return TINY if quick else SIZES
 
 
@@ -45,9 +45,9 @@ class Rays:
 
 
 def knot(rings: int, corners: int) -> Mesh:
-    """A closed (2, 3) torus knot with a bumpy tube, inside the unit sphere: 2 · rings · corners triangles that hide each other.
+    """A closed (2, 3) torus knot with a bumpy tube, inside the unit sphere: 2 · rings · corners triangles with occlusion.
 
-    Vertices stand ring by ring, so that neighbours in the mesh are near in memory, as modelling programs write them.
+    Vertices are ordered ring by ring, as modelling programs write them.
     """
     along = 2.0 * np.pi * np.arange(rings)[:, None] / rings
     around = 2.0 * np.pi * np.arange(corners)[None, :] / corners
@@ -78,7 +78,7 @@ def _tube(along: NDArray[np.float64], around: NDArray[np.float64]) -> NDArray[np
 
 
 def boulders(count: int, seed: int = 1) -> NDArray[np.float64]:
-    """(count, 3, 4) transforms that turn, shrink and scatter copies of the unit sphere through a cube of side 2."""
+    """(count, 3, 4) transforms that rotate, shrink and scatter copies of the unit sphere in a cube of side 2."""
     rng = np.random.default_rng(seed)
     quaternion = rng.normal(size=(count, 4))
     w, x, y, z = (quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)).T
@@ -91,8 +91,8 @@ def boulders(count: int, seed: int = 1) -> NDArray[np.float64]:
     return np.concatenate([turn * size[:, None, None], rng.uniform(-0.9, 0.9, (count, 3, 1))], axis=2)
 
 
-def looking(eye: tuple[float, float, float], at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> NDArray[np.float64]:
-    """(3, 4) camera to world: at `eye`, looking down its -z to `at`, y up."""
+def look_at(eye: tuple[float, float, float], at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> NDArray[np.float64]:
+    """(3, 4) camera to world: at `eye`, -z towards `at`, y up."""
     back = np.subtract(eye, at)
     back = back / np.linalg.norm(back)
     right = np.cross([0.0, 1.0, 0.0], back)
@@ -105,7 +105,7 @@ EXTENT = 0.38  # tangent of half the field of view
 
 
 def scene(mesh: Mesh, transforms: NDArray[np.float64] | None = None, material: MaterialData | None = None, lights: tuple = ()) -> ir.Scene:
-    """A scene of one mesh, or of instances of it, seen from EYE."""
+    """A scene of one mesh or of its instances, seen from EYE."""
     builder = SceneBuilder()
     geometry = builder.mesh(MeshData(mesh.positions, mesh.triangles, normals=MeshAttribute(mesh.normals)))
     made = builder.material(material or MaterialData())
@@ -113,18 +113,18 @@ def scene(mesh: Mesh, transforms: NDArray[np.float64] | None = None, material: M
         builder.instance(InstanceData(geometry, builder.transform(matrix), made))
     for light in lights:
         builder.light(light)
-    builder.camera(CameraData(builder.transform(looking(EYE)), EXTENT))
+    builder.camera(CameraData(builder.transform(look_at(EYE)), EXTENT))
     return builder.finish("bench")
 
 
 def primary(resolution: int) -> Rays:
-    """Rays through the pixels of a square picture from EYE, in Morton order, near as tiles go; `resolution` is a power of two."""
+    """Rays through the pixels of a square picture from EYE, in Morton order; `resolution` is a power of two."""
     k = np.arange(resolution * resolution)
     x, y = np.zeros_like(k), np.zeros_like(k)
     for bit in range(int(resolution - 1).bit_length()):
         x |= (k >> 2 * bit & 1) << bit
         y |= (k >> 2 * bit + 1 & 1) << bit
-    matrix = looking(EYE)
+    matrix = look_at(EYE)
     px, py = ((x + 0.5) / resolution * 2 - 1) * EXTENT, (1 - (y + 0.5) / resolution * 2) * EXTENT
     direction = np.stack([px, py, np.full(len(k), -1.0)], -1) @ matrix[:, :3].T
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
@@ -133,7 +133,7 @@ def primary(resolution: int) -> Rays:
 
 
 def diffuse(points: NDArray[np.float64], normals: NDArray[np.float64], seed: int = 2) -> Rays:
-    """A ray by the cosine from each point: what a second bounce is, without order."""
+    """A cosine-distributed ray from each point, incoherent like a second bounce."""
     rng = np.random.default_rng(seed)
     direction = normals + _sphere(rng, len(points))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
@@ -157,7 +157,7 @@ def _f32(values: NDArray[np.float64]) -> F32:
 
 
 def write_ply(path: Path, mesh: Mesh) -> None:
-    """A binary PLY of positions and triangles: shaded flat, since renderers differ in what smooth normals do at grazing angles."""
+    """Write a binary PLY of positions and triangles, without normals: renderers treat smooth normals differently at grazing angles."""
     head = (
         f"ply\nformat binary_little_endian 1.0\nelement vertex {len(mesh.positions)}\n"
         + "".join(f"property float {name}\n" for name in ("x", "y", "z"))

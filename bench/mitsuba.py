@@ -1,4 +1,4 @@
-"""Mitsuba 3 as a peer: one thread, its llvm mode where that works."""
+"""Mitsuba 3 as a peer on one thread, in its LLVM mode if available."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ LLVM = "llvm_ad_rgb"
 
 def load(variant: str = LLVM) -> ModuleType:
     """The mitsuba module, set to a variant and one thread. Raises Missing."""
-    limits.unlimited("Mitsuba")
+    limits.require_limit("Mitsuba")
     mi = harness.need("mitsuba", INSTALL)
     try:
         mi.set_variant(variant)
         dr = harness.need("drjit", INSTALL)
         dr.set_thread_count(1)
         if variant == LLVM:
-            dr.eval(mi.Float([1.0, 2.0]) + 1.0)  # LLVM itself is looked for at the first evaluation
+            dr.eval(mi.Float([1.0, 2.0]) + 1.0)  # the first evaluation loads LLVM
     except (ImportError, RuntimeError) as why:
         raise harness.Missing(f"Mitsuba's {variant} mode does not start ({INSTALL})") from why
     return mi
 
 
 def scene(mi: ModuleType, mesh: Mesh, transforms: NDArray[np.float64] | None) -> Any:
-    """A scene of one mesh, or of instances of it."""
+    """A scene of one mesh or of its instances."""
     shape = mi.Mesh("mesh", len(mesh.positions), len(mesh.triangles))
     values = mi.traverse(shape)
     values["vertex_positions"] = mesh.positions.ravel()
@@ -47,7 +47,7 @@ def scene(mi: ModuleType, mesh: Mesh, transforms: NDArray[np.float64] | None) ->
 
 
 def contender(mi: ModuleType, made: Any, rays: Rays, build: harness.Seconds, any_hit: bool) -> harness.Contender:
-    """All rays in one call, as Mitsuba's own integrators ask."""
+    """All rays in one call, as in Mitsuba's integrators."""
     dr = harness.need("drjit", INSTALL)
     ray = mi.Ray3f(mi.Point3f(rays.origin.T.copy()), mi.Vector3f(rays.direction.T.copy()))
     ray.maxt = mi.Float(np.minimum(rays.limit, np.float32(3e38)))

@@ -1,4 +1,4 @@
-"""Scenes of light transport for the paths benchmark: ours as text, the peer's from our exporter with what that cannot carry put in."""
+"""Scenes of the paths benchmark: ours as text, the peer's from our exporter with replacements for unsupported features."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from . import meshes
 
 @dataclass(frozen=True)
 class Setting:
-    """A scene. `swaps`: patterns of the exported XML and what stands in their place, each for the first that is left."""
+    """A scene. `swaps` are patterns of the exported XML and their replacements, each for the first match."""
 
     title: str
     scene: ir.Scene
@@ -35,7 +35,7 @@ class Setting:
         return self.scene, plan.make(self.scene, asked)
 
     def exported(self, size: int, folder: Path) -> Path:
-        """The XML file for Mitsuba, with its own roulette from the fifth surface on."""
+        """The XML file for Mitsuba, with its Russian roulette from the fifth surface on."""
         _, decided = self.decide(size, 16, 0)
         made = mitsuba_scene.write(self.scene, decided, "part", scene_meshes.make_tessellator(self.scene, decided))
         for name, data in made.files.items():
@@ -56,7 +56,7 @@ def _setting(folder: Path, name: str, title: str, text: str, depth: int, swaps: 
     return Setting(title, load(path), depth, swaps)
 
 
-_PRINCIPLED = r' *<bsdf type="principled">.*?</bsdf>\n'  # Mitsuba's own, which is slower than its rough conductor
+_PRINCIPLED = r' *<bsdf type="principled">.*?</bsdf>\n'  # Mitsuba's own is slower than its rough conductor
 _ROUGH = """        <bsdf type="roughconductor">
             <string name="material" value="none"/>
             <string name="distribution" value="ggx"/>
@@ -75,16 +75,16 @@ camera(position: [0, 1.5, 2.9], look_at: [0, 1.2, 0], fov: 70deg)
 
 
 def lamps(folder: Path, _quick: bool = False) -> Setting:
-    """A room with 200 small lights of many strengths on its walls and ceiling, and a few things in it."""
+    """A room with 200 small lights of different power on walls and ceiling, and a few objects."""
     rng = np.random.default_rng(7)
     lines = [
         ROOM, "box([1.4, 0.7, 0.8], center: [0.2, 0.35, -0.6], material: lambert(0.6))",
         "sphere(0.35, center: [0.3, 1.05, -0.6], material: lambert(0.75))",
         "box([0.6, 1.8, 0.6], center: [-1.8, 0.9, -1.4], material: lambert(0.4))",
     ]  # fmt: skip
-    edge = 2.999  # lamps lie on the walls
+    edge = 2.999  # lights lie on the walls
     for k in range(200):
-        column, line = (k // 4) % 10, k // 40  # in cells, so that no two lie on each other
+        column, line = (k // 4) % 10, k // 40  # in cells, so that no two overlap
         across, up = np.array([column, line]) + rng.uniform(0.2, 0.8, 2)
         x = z = round(-2.8 + 0.56 * float(across), 4)
         y = round(0.3 + 0.5 * float(up), 4)
@@ -99,7 +99,7 @@ def lamps(folder: Path, _quick: bool = False) -> Setting:
 
 
 def glossy(folder: Path, _quick: bool = False) -> Setting:
-    """Rough white metal and matt things under a picture of the sky with a small sun."""
+    """Rough white metal and diffuse objects under a sky image with a small sun."""
     write_sky(folder / "sky.exr")
     lines = ['dome("sky.exr")', "polygon([[-8, 0, 8], [8, 0, 8], [8, 0, -8], [-8, 0, -8]], material: lambert(0.4))"]
     swaps = []
@@ -114,27 +114,33 @@ def glossy(folder: Path, _quick: bool = False) -> Setting:
 
 
 def glass(folder: Path, _quick: bool = False) -> Setting:
-    """Glasses on a table by a lamp."""
-    text = ROOM + """
+    """Glasses on a table beside a light."""
+    text = (
+        ROOM
+        + """
     box([2.4, 0.1, 1.4], center: [0, 0.75, 0.6], material: lambert(rgb(0.55, 0.4, 0.28)))
     sphere(0.22, center: [-0.5, 1.02, 0.7], material: glass())
     sphere(0.16, center: [0.35, 0.96, 0.95], material: glass(rgb(0.8, 0.95, 0.9)))
     box([0.3, 0.45, 0.3], center: [0.25, 1.025, 0.35], rotate: [0, 30deg, 0], material: glass())
     area([0.4, 2.7, 0.4], size: [1.2, 0.9], luminance: 12)
     """
+    )
     return _setting(folder, "glass", "Glass on a table", text.replace("fov: 70deg", "fov: 45deg"), 10)
 
 
 def interior(folder: Path, quick: bool = False) -> Setting:
-    """A room with a knot of many triangles and two lamps."""
+    """A room with a knot of many triangles and two lights."""
     mesh = meshes.knot(*((100, 10) if quick else (2000, 125)))
     meshes.write_ply(folder / "knot.ply", mesh)
-    text = ROOM + """
+    text = (
+        ROOM
+        + """
     mesh("knot.ply", scale: 1.1, translate: [0, 1.3, -0.6], material: lambert(0.6, shading: "flat"))
     box([0.6, 1.8, 0.6], center: [-2.2, 0.9, -1.8], material: lambert(0.4))
     area([0, 2.98, 0.5], size: [1.2, 0.9], luminance: 6)
     area([2.9, 1.5, -1.5], look_at: [0, 1.2, 0], size: [0.4, 0.6], luminance: 9)
     """
+    )
     return _setting(folder, "interior", f"An interior of {len(mesh.triangles):,} triangles", text, 6)
 
 

@@ -1,4 +1,4 @@
-"""Paths: the ray backend against Mitsuba 3 on a box after Cornell: samples a second, and √relMSE against time."""
+"""Path tracing against Mitsuba 3, on the Cornell box and other scenes: samples a second, and √relMSE against time."""
 
 from __future__ import annotations
 
@@ -42,29 +42,29 @@ The other scenes are written in our language and for Mitsuba by our exporter: a 
 metal and four matt ones under a picture of the sky with a small sun (depth 6), glass on a table by a lamp (depth 10), and an interior of
 500,000 triangles (depth 6).
 """
-NAMES = ("cornell", "knot", *path_scenes.SETTINGS)  # as `--only` takes them
-SLOW = ("knot", "lamps", "interior")  # whose long runs are 256 samples a pixel, not 512, and rounds fewer
-LADDER = (1, 4, 16, 64, 256)  # samples a pixel
-ERRORS = (0.5, 0.3, 0.2, 0.1, 0.05, 0.03, 0.02, 0.01)  # for which times are compared
+NAMES = ("cornell", "knot", *path_scenes.SETTINGS)  # values of `--only`
+SLOW = ("knot", "lamps", "interior")  # fewer rounds, and long runs of 256 samples a pixel instead of 512
+SAMPLE_COUNTS = (1, 4, 16, 64, 256)  # samples a pixel
+ERRORS = (0.5, 0.3, 0.2, 0.1, 0.05, 0.03, 0.02, 0.01)  # at which times are compared
 DEPTH = 8
-BLOCKS = 8  # of the picture along each side, whose means are compared
-SEEDS = 4  # of long runs
-MOST_Z2 = 2.5  # mean z² of blocks: 1 where nothing differs but chance, a little more for variances told from 2 · 4 runs
-MOST_OFF = 0.002  # by which the whole picture's mean may differ beyond four standard errors
+BLOCKS = 8  # blocks along each side whose means are compared
+SEEDS = 4  # of the long runs
+MAX_Z2 = 2.5  # mean z² of blocks: 1 for noise alone, slightly more for variances of 2 · 4 runs
+MAX_BIAS = 0.002  # allowed difference of the picture means beyond four standard errors
 
 Picture = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The mean of a renderer's long runs, and what its own noise adds to the square of an error told against it."""
+    """The mean of a renderer's long runs, and the contribution of its noise to a squared error."""
 
     mean: Picture
     noise: float
 
     @classmethod
     def of(cls, runs: Picture) -> Reference:
-        """From (seeds, h, w, 3)."""
+        """The reference of pictures (seeds, h, w, 3)."""
         mean = runs.mean(axis=0)
         return cls(mean, metrics.root_relmse(mean + np.sqrt(runs.var(axis=0, ddof=1) / len(runs)), mean) ** 2)
 
@@ -75,16 +75,16 @@ class Reference:
 
 @dataclass(frozen=True, eq=False)
 class Renderer:
-    """Draws one scene: `draw(size, samples, seed)` gives work that returns linear (size, size, 3)."""
+    """A renderer of one scene: `draw(size, samples, seed)` returns a callable that renders linear (size, size, 3)."""
 
     name: str
     draw: Callable[[int, int, int], Callable[[], Any]]
     read: Callable[[Any], Picture]
-    draw_to: Callable[[int, float, int], Callable[[], Any]] | None = None  # the same, to an error in place of a number of samples
+    draw_to: Callable[[int, float, int], Callable[[], Any]] | None = None  # the same with an error instead of a number of samples
 
 
 def section(quick: bool, effort: Effort, only: str = "") -> report.Section:
-    """Measure all scenes, or the one of NAMES that is asked for; each is a part with its own machine and day."""
+    """Measure all scenes, or only one of NAMES. Each part records its own machine and day."""
     peers, effort = Peers(), dataclasses.replace(effort, seconds=effort.seconds / 2.0)  # a scene has a dozen cases
     found = report.Section("paths", "Paths", TEXT, versions=report.version_of("mitsuba", "drjit"))
     with tempfile.TemporaryDirectory() as folder:
@@ -93,7 +93,7 @@ def section(quick: bool, effort: Effort, only: str = "") -> report.Section:
                 continue
             title, sides, scalar = _scene_of(name, Path(folder), quick, peers)
             part = report.Section(f"paths {k + 1} {name}", title, "", versions=found.versions, level=3)
-            ladder = (1, 4) if quick else (*LADDER, 1024) if name == "cornell" else LADDER
+            ladder = (1, 4) if quick else (*SAMPLE_COUNTS, 1024) if name == "cornell" else SAMPLE_COUNTS
             slow = name in SLOW
             less = dataclasses.replace(effort, rounds=min(effort.rounds, 3), fewest=min(effort.fewest, 2)) if slow else effort
             _compare(part, sides, scalar, quick, 256 if slow else 512, ladder, less)
@@ -103,24 +103,31 @@ def section(quick: bool, effort: Effort, only: str = "") -> report.Section:
 
 
 def _scene_of(name: str, folder: Path, quick: bool, peers: Peers) -> tuple[str, list[Renderer], Callable[[], list[Renderer]]]:
-    """(title, the renderers that are there, what makes those that are measured for their rate alone)."""
+    """(title, available renderers, a factory of the renderers that are measured for their rate alone)."""
     if name in path_scenes.SETTINGS:
         setting = path_scenes.SETTINGS[name](folder, quick)
-        return setting.title, [ours(setting.decide), *_there(peers, functools.partial(exported, setting, folder))], list
+        return (
+            setting.title,
+            [our_renderer(setting.decide), *_available(peers, functools.partial(exported_renderer, setting, folder))],
+            list,
+        )
     filled, title = None, "Cornell box"
     if name == "knot":
         rings = (100, 10) if quick else meshes.SIZES["70k"]
         filled, title = folder / "knot.ply", f"{2 * rings[0] * rings[1]:,} triangles in the box"
         meshes.write_ply(filled, meshes.knot(*rings))
-    sides = [ours(functools.partial(_decide, _scene(filled))), *_there(peers, functools.partial(theirs, filled, mitsuba.LLVM))]
-    return title, sides, functools.partial(_there, peers, functools.partial(theirs, filled, "scalar_rgb"))
+    sides = [
+        our_renderer(functools.partial(_decide, _scene(filled))),
+        *_available(peers, functools.partial(mitsuba_renderer, filled, mitsuba.LLVM)),
+    ]
+    return title, sides, functools.partial(_available, peers, functools.partial(mitsuba_renderer, filled, "scalar_rgb"))
 
 
 def _compare(
     found: report.Section, sides: list[Renderer], scalar: Callable[[], list[Renderer]], quick: bool, long: int,
     ladder: Sequence[int], effort: Effort,
 ) -> None:  # fmt: skip
-    """One scene: long runs of so many samples, samples a second, and errors."""
+    """Measure one scene: long runs, samples a second, and errors."""
     size, samples = (32, 4) if quick else (256, 16)
     try:
         agreement, references = long_runs(sides, 32 if quick else 128, 16 if quick else long)
@@ -129,15 +136,15 @@ def _compare(
         found.blocks.append(f"No times: the long runs differ: {why}.")
         return
     fast = rates(sides, size, samples, effort)
-    told = errors(sides, references, ladder, effort)
-    slower = scalar()  # apart, and last: changing between Mitsuba's modes makes its next picture slow
+    told = error_tables(sides, references, ladder, effort)
+    slower = scalar()  # last, as a change of Mitsuba's mode slows its next picture
     slow = [rates([sides[0], *slower], size, samples, effort)] if slower else []
     found.add("Rate", [fast, *slow], "Msamples/s")
     found.blocks.append(f"**Error**\n\n{told}\n\nLong runs: {agreement}.")
 
 
-def _there(peers: Peers, make: Callable[[], Renderer]) -> list[Renderer]:
-    """The renderer in a list, or none where it is not installed."""
+def _available(peers: Peers, make: Callable[[], Renderer]) -> list[Renderer]:
+    """The renderer in a list, empty if it is not installed."""
     try:
         return [make()]
     except Missing as why:
@@ -149,8 +156,8 @@ def _there(peers: Peers, make: Callable[[], Renderer]) -> list[Renderer]:
 # --- the two renderers ---------------------------------------------------------------------------------------------------
 
 
-def ours(decide: Callable[..., tuple[ir.Scene, plan.Plan]]) -> Renderer:
-    """maquette: a scene of the language, prepared for each picture before the clock runs."""
+def our_renderer(decide: Callable[..., tuple[ir.Scene, plan.Plan]]) -> Renderer:
+    """maquette; each picture is prepared before the measurement."""
 
     def draw(size: int, samples: int | None, seed: int, error: float | None = None) -> Callable[[], Any]:
         scene, decided = decide(size, samples, seed, error)
@@ -169,7 +176,7 @@ def _scene(filled: Path | None) -> ir.Scene:
         return load(SCENES / "cornell.scene")
     kept = [line for line in (SCENES / "cornell.scene").read_text(encoding="utf-8").splitlines() if not line.startswith("box(")]
     path = filled.with_suffix(".scene")
-    flat = 'lambert(rgb(0.885809, 0.698859, 0.666422), shading: "flat")'  # a file without normals would else get smooth ones
+    flat = 'lambert(rgb(0.885809, 0.698859, 0.666422), shading: "flat")'  # a file without normals would get smooth ones
     path.write_text("\n".join([*kept, f'mesh("{filled.name}", translate: [0, -0.35, 0], material: {flat})']), encoding="utf-8")
     return load(path)
 
@@ -182,8 +189,8 @@ def _decide(scene: ir.Scene, size: int, samples: int | None, seed: int, error: f
     return scene, plan.make(scene, settings)
 
 
-def exported(setting: path_scenes.Setting, folder: Path) -> Renderer:
-    """Mitsuba's llvm mode on what our exporter wrote."""
+def exported_renderer(setting: path_scenes.Setting, folder: Path) -> Renderer:
+    """Mitsuba's LLVM mode on our exported scene."""
     mi = mitsuba.load()
 
     @functools.cache
@@ -199,8 +206,8 @@ def exported(setting: path_scenes.Setting, folder: Path) -> Renderer:
     return Renderer("Mitsuba llvm", draw, lambda rgb: np.asarray(rgb, np.float64)[..., :3])
 
 
-def theirs(filled: Path | None, variant: str) -> Renderer:
-    """Mitsuba: its own box, with a lamp that reflects nothing."""
+def mitsuba_renderer(filled: Path | None, variant: str) -> Renderer:
+    """Mitsuba's own Cornell box, with a black light."""
     mi = mitsuba.load(variant)
 
     @functools.cache
@@ -227,7 +234,7 @@ def theirs(filled: Path | None, variant: str) -> Renderer:
 
 
 def long_runs(sides: Sequence[Renderer], size: int, samples: int) -> tuple[str, dict[str, Reference]]:
-    """(how they compare, each renderer's reference of SEEDS long runs). Raises Disagreement where they differ by more than chance."""
+    """(comparison, each renderer's reference of SEEDS long runs). Raises Disagreement if they differ by more than noise."""
     runs = {side.name: np.stack([side.read(side.draw(size, samples, 1000 + k)()) for k in range(SEEDS)]) for side in sides}
     references = {name: Reference.of(pictures) for name, pictures in runs.items()}
     said = [f"{SEEDS} × {samples} samples a pixel"]
@@ -239,7 +246,7 @@ def long_runs(sides: Sequence[Renderer], size: int, samples: int) -> tuple[str, 
             raise Disagreement("runs with different seeds are the same")
         wholes = [runs[n].mean(axis=(1, 2, 3)) for n in (OURS, name)]
         chance = math.sqrt(sum(w.var(ddof=1) / len(w) for w in wholes)) / references[OURS].mean.mean()
-        if abs(off) > MOST_OFF + 4.0 * chance or z2 > MOST_Z2:
+        if abs(off) > MAX_BIAS + 4.0 * chance or z2 > MAX_Z2:
             raise Disagreement(text)
         said.append(text)
     return "; ".join(said), references
@@ -248,7 +255,7 @@ def long_runs(sides: Sequence[Renderer], size: int, samples: int) -> tuple[str, 
 def block_z2(a: Picture, b: Picture) -> float:
     """Mean over blocks and channels of z², the difference of two sets of runs (seeds, h, w, 3) over its standard error.
 
-    A block's variance is taken from the spread of its runs, in mean over 3 × 3 blocks, lest few runs make it small by chance.
+    The variance of a block is the mean over 3 × 3 blocks, as few runs may make a single one small by chance.
     """
 
     def blocks(runs: Picture) -> Picture:
@@ -264,13 +271,13 @@ def block_z2(a: Picture, b: Picture) -> float:
 
 
 def rates(sides: Sequence[Renderer], size: int, samples: int, effort: Effort) -> Result:
-    """Samples a second."""
+    """Measure samples a second."""
     contenders = [_contender(side, size, samples, effort, []) for side in sides]
     return measure(Case(f"{size}², {samples} samples", contenders, agree_means, size * size * samples), effort)
 
 
 def _contender(side: Renderer, size: int, samples: int, effort: Effort, pictures: list[Picture], error: float = 0.0) -> Contender:
-    """A new seed for each run; the pictures are kept."""
+    """A contender with a new seed for each run; collects the pictures."""
     draw, much = (side.draw_to, error) if error and side.draw_to else (side.draw, samples)
     work = iter([draw(size, much, seed) for seed in range(1, effort.rounds + 2)])  # pyright: ignore[reportArgumentType]
 
@@ -283,24 +290,24 @@ def _contender(side: Renderer, size: int, samples: int, effort: Effort, pictures
 
 
 def agree_means(answers: Mapping[str, Any]) -> str:
-    """The pictures' means, within what their noise leaves open: four standard errors, as neighbouring pixels tell them."""
+    """Compare the means of pictures within four standard errors, estimated from neighbouring pixels."""
     mean = {name: float(answer.mean()) for name, answer in answers.items()}
     text = ", ".join(f"{name} {value:.5f}" for name, value in mean.items())
     for name, value in mean.items():
-        open_ = MOST_OFF * mean[OURS] + 4.0 * math.hypot(_standard_error(answers[OURS]), _standard_error(answers[name]))
+        open_ = MAX_BIAS * mean[OURS] + 4.0 * math.hypot(_standard_error(answers[OURS]), _standard_error(answers[name]))
         if abs(value - mean[OURS]) > open_:
             raise Disagreement(f"means {text}")
     return f"means {text}"
 
 
 def _standard_error(picture: Picture) -> float:
-    """Of the mean of a noisy picture (h, w, 3)."""
+    """The standard error of the mean of a noisy picture (h, w, 3)."""
     light = picture.mean(axis=2, dtype=np.float64)
     return float(np.sqrt(np.mean(np.diff(light, axis=1) ** 2) / 2.0 / light.size))
 
 
-def errors(sides: Sequence[Renderer], references: Mapping[str, Reference], ladder: Sequence[int], effort: Effort) -> str:
-    """Tables of √relMSE and CPU time for each number of samples, and of the time to the same error."""
+def error_tables(sides: Sequence[Renderer], references: Mapping[str, Reference], ladder: Sequence[int], effort: Effort) -> str:
+    """Tables of √relMSE and CPU time for each number of samples, and of the time to equal error."""
     size = len(next(iter(references.values())).mean)
     rows, curves = [], {side.name: [] for side in sides}
     for samples in ladder:
@@ -322,19 +329,19 @@ def errors(sides: Sequence[Renderer], references: Mapping[str, Reference], ladde
     if len(sides) > 1:
         tables.append(equal_error(curves))
     if sides[0].draw_to is not None:
-        tables.append(errors_asked(sides[0], references, curves, size, effort))
+        tables.append(adaptive_table(sides[0], references, curves, size, effort))
     return "\n\n".join(table for table in tables if table)
 
 
-def errors_asked(
+def adaptive_table(
     side: Renderer, references: Mapping[str, Reference], curves: Mapping[str, Sequence[tuple[float, float]]], size: int, effort: Effort
 ) -> str:
-    """Table of CPU time where an error is asked for: pixels then take as many samples as they need. Others need that time for the same."""
+    """Table of CPU time with a requested error, where sampling is adaptive, beside the times of others at equal error."""
     rows = []
     peers = [name for name in curves if name != OURS]
     for asked in (0.3, 0.2, 0.1, 0.05):
         if asked < min((error for _, error in curves[OURS]), default=1.0):
-            break  # beyond what was measured
+            break  # outside of the measured range
         pictures: list[Picture] = []
         times = measure(Case("", [_contender(side, size, 0, effort, pictures, asked)], lambda _: ""), effort).times[0]
         error, took = float(np.median([references[OURS].error(picture) for picture in pictures])), times.spread().median
@@ -348,7 +355,7 @@ def errors_asked(
 
 
 def equal_error(curves: Mapping[str, Sequence[tuple[float, float]]]) -> str:
-    """CPU time to round errors, interpolated between measured points alone (linear in both logarithms)."""
+    """CPU time to round errors, interpolated between measured points (log-log linear)."""
     names = list(curves)
     rows = []
     for error in ERRORS:
@@ -362,7 +369,7 @@ def equal_error(curves: Mapping[str, Sequence[tuple[float, float]]]) -> str:
 
 
 def time_to(error: float, curve: Sequence[tuple[float, float]]) -> float | None:
-    """Seconds to an error on a curve of (seconds, error), errors falling; None outside of what was measured."""
+    """Seconds to an error on a curve of (seconds, error) with falling errors; None outside of the measured range."""
     for (t0, e0), (t1, e1) in itertools.pairwise(curve):
         if e0 >= error >= e1 and e0 > e1:
             share = math.log(e0 / error) / math.log(e0 / e1)

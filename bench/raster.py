@@ -1,4 +1,4 @@
-"""Frames of triangles: the raster backend against OpenGL on Mesa's llvmpipe, with coverage and colours compared pixel by pixel."""
+"""Frames of the raster backend against OpenGL on Mesa's llvmpipe, with coverage and colours compared pixel by pixel."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ and colours, which GL extrapolates outside of triangles, in the mean.
 """
 DIFFUSE, SPECULAR, SHININESS = (0.6, 0.5, 0.4), (0.3, 0.3, 0.3), 32.0
 TOWARDS_LIGHT = (0.48, 0.64, 0.6)
-MOST_APART = 2e-4  # share of pixels whose coverage may differ: vertices come from float64 here and float32 there
-COLOR = 1.5 / 255.0  # by which colours may differ where both cover: 8 bits, and normals in half the precision
-MOST_CROSSING = 0.02  # share of covered pixels where they may differ more: where surfaces meet, another one may be in front
+MAX_DIFFERING = 2e-4  # allowed share of pixels with different coverage: our vertices are float64, llvmpipe's float32
+COLOR = 1.5 / 255.0  # allowed difference of colours: 8 bits, and normals of half precision
+MAX_CROSSING = 0.02  # allowed share of covered pixels with larger differences, as where surfaces intersect
 
 
 def big_triangles(count: int, seed: int = 3) -> Mesh:
@@ -47,7 +47,7 @@ def big_triangles(count: int, seed: int = 3) -> Mesh:
 
 
 def room() -> Mesh:
-    """The inside of a cube about the eye, half of it behind, with two blocks standing in it."""
+    """The inside of a cube around the camera with two blocks in it."""
     corners, normals = [], []
     for (low, high), inward in (((-3.0, 3.0), -1.0), ((-0.9, -0.2), 1.0), ((0.1, 0.6), 1.0)):
         for axis in range(3):
@@ -63,19 +63,19 @@ def room() -> Mesh:
 
 
 def picture(size: int = 256) -> NDArray[np.uint8]:
-    """(size, size, 4) something smooth that repeats, row 0 at the top."""
+    """(size, size, 4) a smooth periodic image, row 0 at the top."""
     y, x = np.mgrid[0:size, 0:size] * (2.0 * np.pi / size)
     waves = np.stack([np.sin(x) * np.cos(y), np.cos(2 * x + y), np.sin(x - 2 * y)], axis=-1)
     return np.concatenate([np.round(160 + 80 * waves), np.full((size, size, 1), 255.0)], axis=-1).astype(np.uint8)
 
 
 def coordinates(mesh: Mesh) -> NDArray[np.float32]:
-    """(v, 2) where the picture lies on a mesh: straight from the front."""
+    """(v, 2) texture coordinates: planar projection from the front."""
     return (mesh.positions[:, :2] * np.float32(0.8)).astype(np.float32)
 
 
 def section(quick: bool, effort: Effort) -> report.Section:
-    """Measure every mesh at 1 and at 4 samples."""
+    """Measure every mesh with 1 and 4 samples."""
     peers = Peers()
     found = report.Section("raster", "Triangles on a grid of pixels", TEXT, versions=report.version_of("moderngl"))
     size = side(quick)
@@ -83,7 +83,8 @@ def section(quick: bool, effort: Effort) -> report.Section:
         results = []
         for name, (mesh, textured) in cases(quick).items():
             contenders = peers.gather(
-                functools.partial(ours, mesh, size, samples, textured), functools.partial(theirs, mesh, size, samples, textured, found)
+                functools.partial(our_frame, mesh, size, samples, textured),
+                functools.partial(llvmpipe_frame, mesh, size, samples, textured, found),
             )
             results.append(measure(Case(name, contenders, agree if samples == 1 else agree_in_mean, size * size), effort))
         found.add("1 sample" if samples == 1 else f"{samples} samples", results, "Mpixels/s")
@@ -92,12 +93,12 @@ def section(quick: bool, effort: Effort) -> report.Section:
 
 
 def side(quick: bool) -> int:
-    """Pixels of a picture's side."""
+    """The side of a picture in pixels."""
     return 64 if quick else 1024
 
 
 def cases(quick: bool) -> dict[str, tuple[Mesh, bool]]:
-    """The meshes, and whether a picture is on them."""
+    """The meshes, and whether they are textured."""
     everything: dict[str, tuple[Mesh, bool]] = {}
     for name, rings in meshes.sizes(quick).items():
         everything[f"{name} triangles"] = meshes.knot(*rings), False
@@ -107,8 +108,8 @@ def cases(quick: bool) -> dict[str, tuple[Mesh, bool]]:
     return everything
 
 
-def ours(mesh: Mesh, size: int, samples: int, textured: bool = False, threads: int = 1, name: str = OURS) -> Contender:
-    """The raster backend from a prepared scene on: its view-dependent setup and its film."""
+def our_frame(mesh: Mesh, size: int, samples: int, textured: bool = False, threads: int = 1, name: str = OURS) -> Contender:
+    """The raster backend on a prepared scene: view-dependent setup and film."""
     scene = scene_of(mesh, textured)
     settings = ir.Settings(size=(size, size), backend="raster", samples=samples, filter="box", threads=threads, background="transparent")
     decided = plan.make(scene, settings, {"raster.shading": "pixel", **({"textures": "sharp"} if textured else {})})
@@ -134,12 +135,12 @@ def scene_of(mesh: Mesh, textured: bool) -> ir.Scene:
     geometry = builder.mesh(MeshData(mesh.positions, mesh.triangles, normals=MeshAttribute(mesh.normals), uvs=uvs))
     builder.instance(InstanceData(geometry, 0, material))
     builder.light(LightData(ir.LightKind.DIRECTIONAL, (np.pi, np.pi, np.pi), direction=TOWARDS_LIGHT, shadows=False))
-    builder.camera(CameraData(builder.transform(meshes.looking(meshes.EYE)), meshes.EXTENT))
+    builder.camera(CameraData(builder.transform(meshes.look_at(meshes.EYE)), meshes.EXTENT))
     return builder.finish("bench")
 
 
-def theirs(mesh: Mesh, size: int, samples: int, textured: bool, found: report.Section) -> Contender:
-    """llvmpipe, by OpenGL."""
+def llvmpipe_frame(mesh: Mesh, size: int, samples: int, textured: bool, found: report.Section) -> Contender:
+    """llvmpipe through OpenGL."""
     uniforms = {"light": TOWARDS_LIGHT, "diffuse": DIFFUSE, "specular": SPECULAR, "shininess": SHININESS}
     image = (coordinates(mesh), picture()) if textured else None
     window, build = timed(lambda: gl.Window(mesh, size, samples, uniforms, image))
@@ -148,12 +149,12 @@ def theirs(mesh: Mesh, size: int, samples: int, textured: bool, found: report.Se
 
 
 def agree_in_mean(answers: Mapping[str, Any]) -> str:
-    """Coverage pixel by pixel, and the mean colour."""
+    """Compare coverage pixel by pixel and mean colours."""
     return agree(answers, in_mean=True)
 
 
 def agree(answers: Mapping[str, Any], in_mean: bool = False) -> str:
-    """Coverage pixel by pixel, and colours where both cover all of one."""
+    """Compare coverage pixel by pixel, and colours of pixels that both cover fully."""
     mine = answers[OURS]
     said = [f"{np.mean(mine[..., 3] > 0.0):.0%} of {mine[..., 3].size:,} pixels are covered"]
     for name, theirs in ((k, v) for k, v in answers.items() if k != OURS):
@@ -162,8 +163,8 @@ def agree(answers: Mapping[str, Any], in_mean: bool = False) -> str:
         off = np.abs(np.clip(mine[both], 0.0, 1.0) - theirs[both]).max(axis=1, initial=0.0) > COLOR
         mean = float(np.abs(np.mean(np.clip(mine[both], 0.0, 1.0) - theirs[both], axis=0)).max(initial=0.0))
         text = f"{name}: coverage of {apart} pixels differs, colour of {np.count_nonzero(off)}, in the mean by {mean:.1e}"
-        wrong = mean > COLOR if in_mean else np.count_nonzero(off) > max(4.0, MOST_CROSSING * both.sum())
-        if apart > max(2.0, MOST_APART * mine[..., 3].size) or wrong:
+        wrong = mean > COLOR if in_mean else np.count_nonzero(off) > max(4.0, MAX_CROSSING * both.sum())
+        if apart > max(2.0, MAX_DIFFERING * mine[..., 3].size) or wrong:
             raise Disagreement(text)
         said.append(text)
     return "; ".join(said)

@@ -1,4 +1,4 @@
-"""Closest and any hit: the ray backend's trees against Embree (through embreex and by itself) and Mitsuba's llvm mode."""
+"""Closest and any hits of the ray backend's BVHs against Embree (directly and through embreex) and Mitsuba's LLVM mode."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ gets the same float32 arrays and writes arrays of distance, triangle and weights
 *Embree* is the same library called ray by ray from a compiled loop, without Python. maquette: one call of `render.rays` for all rays.
 """
 INSTANCES = 10_000
-MOST_APART = 2e-4  # share of rays that may differ: Embree's default lets rays through edges, and rounding decides at silhouettes
-NEAR = 1e-4  # of the distance (or of the scene's size, 1), within which two hits are the same
+MAX_DIFFERING = 2e-4  # allowed share of different rays: Embree's default has gaps at edges, and rounding decides at silhouettes
+NEAR = 1e-4  # tolerance of equal hits, relative to the distance or the scene's size 1
 
 
 def closest(rays: Rays, accel: Handle) -> Callable[[], tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]]:
-    """Work that finds distance (inf: nothing), triangle and instance (-1) of the first hit of each ray."""
+    """A callable that returns distance (inf: no hit), triangle and instance (-1: none) of each ray's first hit."""
     n = len(rays.limit)
     (t, u, v), (triangle, instance) = np.zeros((3, n), np.float32), np.zeros((2, n), np.int32)
-    met: Any = traced.Met(*(t, instance, triangle, u, v))  # pyright: ignore  # narrower than the renderer's own, as Embree's are
+    met: Any = traced.Met(*(t, instance, triangle, u, v))  # pyright: ignore  # narrower than the renderer's own, like Embree's
     start = np.zeros(n, np.float32)
 
     def run() -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]:
@@ -44,7 +44,7 @@ def closest(rays: Rays, accel: Handle) -> Callable[[], tuple[NDArray[np.float32]
 
 
 def occluded(rays: Rays, accel: Handle) -> Callable[[], NDArray[np.bool_]]:
-    """Work that finds whether anything stands in each ray's way."""
+    """A callable that returns whether each ray is occluded."""
     blocked, start = np.zeros(len(rays.limit), np.bool_), np.zeros(len(rays.limit), np.float32)
 
     def run() -> NDArray[np.bool_]:
@@ -56,7 +56,7 @@ def occluded(rays: Rays, accel: Handle) -> Callable[[], NDArray[np.bool_]]:
 
 @dataclass(eq=False)
 class Sides:
-    """One scene, built by everybody who is there: for each name, its build time and what makes its contender for some rays."""
+    """One scene, built once by each installed contender."""
 
     mesh: Mesh
     transforms: NDArray[np.float64] | None
@@ -81,7 +81,7 @@ class Sides:
 
     def embreex(self, rays: Rays, any_hit: bool) -> Contender:
         def make() -> Callable[[Rays, bool], Contender]:
-            limits.unlimited("embreex")
+            limits.require_limit("embreex")
             scene = need("embreex.rtcore_scene", embree.INSTALL).EmbreeScene()
             need("embreex.mesh_construction", embree.INSTALL).TriangleMesh(scene, self.mesh.positions, self.mesh.triangles)
             one = np.zeros((1, 3), np.float32) + 9.0
@@ -127,13 +127,13 @@ class Sides:
         return self.made[name]
 
     def secondary(self, rays: Rays) -> tuple[Rays, Rays]:
-        """Diffuse and shadow rays from where primary rays hit, a little off the surface."""
+        """Diffuse and shadow rays from slightly above the hits of primary rays."""
         t, triangle, instance = closest(rays, self.accel)()
         hit = np.flatnonzero(triangle >= 0)
         a, b, c = (self.mesh.positions[self.mesh.triangles[triangle[hit], k]].astype(np.float64) for k in range(3))
         normal = np.cross(b - a, c - a)
         if self.transforms is not None:
-            normal = np.einsum("nij,nj->ni", self.transforms[instance[hit], :, :3], normal)  # turns and even scales
+            normal = np.einsum("nij,nj->ni", self.transforms[instance[hit], :, :3], normal)  # rotations and uniform scales
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
         towards = rays.direction[hit].astype(np.float64)
         normal *= np.where(np.sum(normal * towards, axis=1, keepdims=True) > 0.0, -1.0, 1.0)
@@ -142,7 +142,7 @@ class Sides:
 
 
 def agree_closest(answers: Mapping[str, Any]) -> str:
-    """Hit or miss, and distance where both hit, of each peer against ours."""
+    """Compare hits, and distances where both hit, of each peer with ours."""
     t, triangle = answers[OURS][:2]
     hit = triangle >= 0
     said = [f"{hit.mean():.0%} of {len(hit):,} rays hit"]
@@ -152,30 +152,30 @@ def agree_closest(answers: Mapping[str, Any]) -> str:
         apart = np.abs(t[both] - their_t[both]) > NEAR * np.maximum(their_t[both], 1.0)
         other = int(np.count_nonzero(triangle[both] != their_triangle[both]))
         text = f"{name}: {one} hit in one only, {np.count_nonzero(apart)} distances differ, {other} another triangle"
-        _refuse(one + int(np.count_nonzero(apart)), len(hit), text)
-        _refuse(other, 10 * len(hit), text)  # at edges, and where surfaces cross
+        _check_differing(one + int(np.count_nonzero(apart)), len(hit), text)
+        _check_differing(other, 10 * len(hit), text)  # at edges and intersections of surfaces
         said.append(text)
     return "; ".join(said)
 
 
 def agree_any(answers: Mapping[str, Any]) -> str:
-    """Blocked or not, of each peer against ours."""
+    """Compare the occlusion of each peer with ours."""
     blocked = answers[OURS]
     said = [f"{blocked.mean():.0%} of {len(blocked):,} rays are blocked"]
     for name, theirs in ((k, v) for k, v in answers.items() if k != OURS):
         apart = int(np.count_nonzero(blocked != theirs))
-        _refuse(apart, len(blocked), f"{name}: {apart} differ")
+        _check_differing(apart, len(blocked), f"{name}: {apart} differ")
         said.append(f"{name}: {apart} differ")
     return "; ".join(said)
 
 
-def _refuse(apart: int, rays: int, text: str) -> None:
-    if apart > max(2.0, MOST_APART * rays):
+def _check_differing(apart: int, rays: int, text: str) -> None:
+    if apart > max(2.0, MAX_DIFFERING * rays):
         raise Disagreement(text)
 
 
 def section(quick: bool, effort: Effort) -> report.Section:
-    """Measure everything."""
+    """Measure all scenes."""
     peers = Peers()
     warm_up()
     found = report.Section("rays", "Rays", TEXT)
@@ -197,13 +197,13 @@ def section(quick: bool, effort: Effort) -> report.Section:
 
 
 def warm_up() -> Seconds:
-    """Compile the trees' kernels on a mesh of no size, alone and among others, so that no build below holds that."""
+    """Compile the kernels of BVHs on a tiny mesh, alone and with instances, before the measurement."""
     scenes = [meshes.scene(meshes.knot(8, 4), places) for places in (None, meshes.boulders(100))]
     return timed(lambda: [traced.trees(scene.tables, keep=False) for scene in scenes])[1]
 
 
 def size_of(built: Bvh, tables: ir.Tables) -> int:
-    """Bytes a tree holds besides the scene's own tables."""
+    """Bytes of a BVH beside the scene's tables."""
     shared = {id(tables.geometries.parameters), id(tables.geometries.origin)}
     trees = built.wide.nbytes + built.top.nodes.nbytes + built.top.links.nbytes
     return trees + sum(part.nbytes for part in built if isinstance(part, np.ndarray) and id(part) not in shared)

@@ -1,4 +1,4 @@
-"""bench/RESULTS.md: a section a benchmark, each with its machine, versions and tables; a run replaces its own section alone."""
+"""Writes bench/RESULTS.md: a section for each benchmark with machine, versions and tables. A run replaces only its own section."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ maquette is faster. *Build* comes before (trees, uploads, loading); *compile* is
 
 @dataclass(slots=True)
 class Section:
-    """What one benchmark has to say: `key` is its name on the command line, `text` what is timed, `blocks` tables and remarks.
+    """The section of a benchmark: `key` is its name on the command line, `text` the description, `blocks` tables and remarks.
 
-    `parts` can be measured one at a time: each is written as a section of its own, behind this one."""
+    `parts` can be measured separately. Each is a section of its own after this one."""
 
     key: str
     title: str
@@ -46,7 +46,7 @@ class Section:
     level: int = 2  # of its heading
 
     def add(self, title: str, results: Sequence[harness.Result], unit: str, scale: float = 1e6, by: str = "cpu") -> None:
-        """Append one table of the cases that belong together. Rates are in `scale` units a second; rates and ratios by CPU or wall time."""
+        """Append a table of related cases. Rates are in `scale` units a second; rates and ratios by CPU or wall time."""
         lines = [f"**{title}**", table([r for r in results if not r.refused], unit, scale, by)]
         lines += [f"No times for {r.case.name}: answers differ: {r.refused}." for r in results if r.refused]
         agreed = [f"{r.case.name}: {r.agreement} ({len(r.times[0].runs)} rounds)" for r in results if not r.refused]
@@ -75,7 +75,7 @@ def table(results: Sequence[harness.Result], unit: str, scale: float, by: str) -
 
 
 def grid(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A markdown table: columns without a head, and notes, to the left, numbers to the right; empty columns are left out."""
+    """A markdown table: notes and columns without a head are left-aligned, numbers right-aligned; empty columns are omitted."""
     rows = [tuple(row) for row in rows]
     kept = [k for k in range(len(head)) if any(row[k] for row in rows)]
     sides = [":--" if head[k] in ("", "note") else "--:" for k in kept]
@@ -92,7 +92,7 @@ def _ms(seconds: float) -> str:
 
 
 def write(section: Section, path: Path = RESULTS, machine: str | None = None) -> None:
-    """Put a section and its parts into the file in their places, instead of those of the same keys."""
+    """Write a section and its parts, replacing those with the same keys."""
     sections = read(path)
     for one in (section, *section.parts):
         sections[one.key] = render(one, machine if machine is not None else machine_line())
@@ -104,7 +104,7 @@ def write(section: Section, path: Path = RESULTS, machine: str | None = None) ->
 
 
 def read(path: Path) -> dict[str, str]:
-    """The sections of a file by key; none if there is no file."""
+    """The sections of a file by key; empty without a file."""
     if not path.exists():
         return {}
     parts = re.split(r"^(?=<!-- section .* -->$)", path.read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]
@@ -124,11 +124,11 @@ def render(section: Section, machine: str) -> str:
     return "\n\n".join(line for line in lines if line)
 
 
-# --- what it ran on ------------------------------------------------------------------------------------------------------
+# --- machine and versions ------------------------------------------------------------------------------------------------------
 
 
 def version_of(*packages: str) -> dict[str, str]:
-    """Installed versions; maquette's with the commit, where it is a checkout."""
+    """Installed versions; for a checkout of maquette with its commit."""
     found = {}
     for name in packages:
         try:
@@ -150,7 +150,7 @@ def _commit() -> str:
 
 
 def machine_line() -> str:
-    """Processor, vector units, cores in use, load, system, day."""
+    """Processor, vector units, used cores, load, system, day."""
     model, flags = _processor()
     vectors = next((name for name, flag in (("AVX-512", "avx512f"), ("AVX2", "avx2"), ("SSE", "sse2")) if flag in flags), "no SIMD known")
     used = cores()

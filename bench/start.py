@@ -1,4 +1,4 @@
-"""Whole processes, from the command to the picture in a file: maquette, POV-Ray and Mitsuba on the same small scene."""
+"""Whole processes from the command to the picture file: maquette, POV-Ray and Mitsuba on the same small scene."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ to its end, that reads its own renderer's scene file (`bench/scenes/start.*`) an
 *Cold*: an empty kernel cache for each run, so that maquette and Mitsuba's llvm mode compile everything. Files are in the system's memory
 either way. *Check* reads and checks the scene and draws nothing. Ratios are of wall time.
 """
-MOST_APART = 0.02  # share of pixels that may differ by more than COLOR: samples lie elsewhere in them
+MAX_DIFFERING = 0.02  # allowed share of pixels that differ by more than COLOR, as samples lie elsewhere
 COLOR = 0.06
-LONGEST = 300.0  # seconds a process may take
+TIMEOUT = 300.0  # seconds of a process
 
 
 def section(quick: bool, effort: Effort) -> report.Section:
-    """Measure warm, then cold (once: it takes long), unless in a hurry."""
+    """Measure warm starts and, unless `quick`, one cold start."""
     peers = Peers()
     found = report.Section("start", "Starting up", TEXT)
     size = 64 if quick else 512
     with tempfile.TemporaryDirectory() as folder:
-        desk = Desk(Path(folder), size)
-        sides = peers.gather(desk.ours, desk.povray, desk.mitsuba)
+        programs = Programs(Path(folder), size)
+        sides = peers.gather(programs.ours, programs.povray, programs.mitsuba)
         results = [measure(Case("warm", sides, agree), effort)]
-        results.append(measure(Case("check", [desk.check()], lambda _: "no picture"), effort))
+        results.append(measure(Case("check", [programs.check()], lambda _: "no picture"), effort))
         if not quick:
-            cold = peers.gather(functools.partial(desk.ours, cold=True), functools.partial(desk.mitsuba, cold=True))
+            cold = peers.gather(functools.partial(programs.ours, cold=True), functools.partial(programs.mitsuba, cold=True))
             results.append(measure(Case("cold", cold, agree), Effort(rounds=1, fewest=1)))
         found.add("One picture", results, "", by="wall")
     found.missing = peers.missing
@@ -51,8 +51,8 @@ def section(quick: bool, effort: Effort) -> report.Section:
     return found
 
 
-class Desk:
-    """A folder for pictures, and each renderer's command."""
+class Programs:
+    """The commands of the renderers, with a folder for pictures."""
 
     def __init__(self, folder: Path, size: int) -> None:
         self.folder, self.size = folder, size
@@ -71,10 +71,10 @@ class Desk:
         program = shutil.which("povray")
         if program is None:
             raise Missing("povray is not installed (Debian's povray)")
-        limits.unlimited("POV-Ray")
+        limits.require_limit("POV-Ray")
         picture = self.folder / "povray.png"
         size = [f"+W{self.size}", f"+H{self.size}"]
-        samples = ["+A0.0", "+AM1", "+R2", "-J"]  # each pixel by 2 × 2 samples in its own places
+        samples = ["+A0.0", "+AM1", "+R2", "-J"]  # 2 × 2 samples a pixel
         linear = ["+FN16", "File_Gamma=1.0"]
         command = [program, f"+I{SCENES / 'start.pov'}", f"+O{picture}", *size, *samples, *linear, "-D", "+WT1", "-GA"]
         return Contender("POV-Ray", lambda: self._run(command), lambda _: _pixels(picture, linear=True))
@@ -89,21 +89,21 @@ class Desk:
         return Contender("Mitsuba llvm", lambda: self._run(command, HOME=self._empty() if cold else ""), lambda _: _pixels(picture))
 
     def _empty(self) -> str:
-        """A new empty folder, for a cache."""
+        """A new empty cache folder."""
         folder = self.folder / f"empty{next(self._numbers)}"
         folder.mkdir()
         return str(folder)
 
     def _run(self, command: list[str], **more: str) -> None:
         environment = {**os.environ, **{name: value for name, value in more.items() if value}}
-        environment.pop("PYTHONDONTWRITEBYTECODE", None)  # installed packages are compiled, and so are those that are run where they stand
-        done = subprocess.run(command, env=environment, cwd=self.folder, capture_output=True, text=True, timeout=LONGEST)
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)  # byte code is cached, as for installed packages
+        done = subprocess.run(command, env=environment, cwd=self.folder, capture_output=True, text=True, timeout=TIMEOUT)
         if done.returncode:
             raise RuntimeError(f"{' '.join(command)} failed:\n{done.stdout}{done.stderr}")
 
 
 def _script(name: str) -> str:
-    """A command of this environment."""
+    """The path of a command of this environment."""
     path = Path(sysconfig.get_path("scripts")) / name
     if not path.exists():
         raise Missing(f"there is no command `{name}` in this environment")
@@ -119,20 +119,20 @@ def _povray_version() -> dict[str, str]:
 
 
 def _pixels(path: Path, linear: bool = False) -> NDArray[np.float64]:
-    """The picture's linear colours. `linear`: a file of integers that are linear already, whatever it says of itself."""
+    """The linear colours of a picture. `linear`: the integers of the file are linear, regardless of its metadata."""
     rgb = np.asarray(image_files.read(path).channels["rgba"][..., :3], dtype=np.float64)
     return image_files.encode_srgb(rgb) if linear else rgb
 
 
 def agree(answers: Mapping[str, Any]) -> str:
-    """Means, and pixels, of each peer against ours."""
+    """Compare means and pixels of each peer with ours."""
     mine = answers[OURS]
     said = [f"mean {mine.mean():.4f}"]
     for name, theirs in ((k, v) for k, v in answers.items() if k != OURS):
         apart = float(np.mean(np.abs(mine - theirs).max(axis=2) > COLOR))
         off = theirs.mean() / mine.mean() - 1.0
         text = f"{name}: mean {off:+.2%}, {apart:.2%} of pixels differ by more than {COLOR}"
-        if apart > MOST_APART * max(1.0, 256 / mine.shape[0]) or abs(off) > 0.01:
+        if apart > MAX_DIFFERING * max(1.0, 256 / mine.shape[0]) or abs(off) > 0.01:
             raise Disagreement(text)
         said.append(text)
     return "; ".join(said)

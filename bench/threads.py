@@ -1,4 +1,4 @@
-"""Two threads against one: frames, pictures by rays, and trees, beside what two threads of arithmetic gain on the machine."""
+"""Two threads against one: frames, ray-traced pictures and BVH builds, beside pure arithmetic on the same machine."""
 
 from __future__ import annotations
 
@@ -41,28 +41,28 @@ HERE = Path(__file__).resolve().parent
 
 
 def section(quick: bool, effort: Effort) -> report.Section:
-    """Measure everything that threads share."""
+    """Measure all work that threads share."""
     peers = Peers()
-    effort = effort if quick else replace(effort, rounds=31, fewest=7, seconds=5.0)  # of what takes milliseconds seven rounds are chance
+    effort = effort if quick else replace(effort, rounds=31, fewest=7, seconds=5.0)  # seven rounds of milliseconds are too noisy
     found = report.Section("threads", "Two threads", TEXT)
-    for title, cases in (("Arithmetic", arithmetic(quick)), ("Frames", frames(quick)), ("Rays", pictures(quick)), ("Trees", trees(quick))):
+    for title, cases in (("Arithmetic", arithmetic(quick)), ("Frames", frames(quick)), ("Rays", pictures(quick)), ("Trees", bvhs(quick))):
         results = []
         for name, make in cases.items():
-            contenders = peers.gather(*(functools.partial(_by, make, *who) for who in ((2, OURS), (1, ONE))))
+            contenders = peers.gather(*(functools.partial(_contender, make, *who) for who in ((2, OURS), (1, ONE))))
             results.append(measure(Case(name, contenders, same), effort))
         found.add(title, results, "", by="wall")
     found.missing = peers.missing
     return found
 
 
-def _by(make: Make, threads: int, name: str) -> Contender:
+def _contender(make: Make, threads: int, name: str) -> Contender:
     if target.cores() < 2:
         raise Missing("there is one core alone")
     return Contender(name, *make(threads))
 
 
 def same(answers: Mapping[str, Any]) -> str:
-    """Whether all that was made is the same, bit for bit."""
+    """Check that all results are equal bit for bit."""
     mine = answers[OURS]
     for theirs in answers.values():
         if not np.array_equal(mine, theirs):
@@ -72,7 +72,7 @@ def same(answers: Mapping[str, Any]) -> str:
 
 @kernel
 def multiply(times, out):
-    """Sixteen running products, four times over."""
+    """Compute sixteen running products four times."""
     a, b, c, d = simd.f32x16(1.0), simd.f32x16(2.0), simd.f32x16(3.0), simd.f32x16(4.0)
     for _ in range(times):
         a, b, c, d = a * 0.999 + 0.001, b * 0.999 + 0.001, c * 0.999 + 0.001, d * 0.999 + 0.001
@@ -80,7 +80,7 @@ def multiply(times, out):
 
 
 def arithmetic(quick: bool) -> Cases:
-    """As long as a frame, and as a picture."""
+    """Arithmetic as long as a frame and as a picture."""
 
     def make(times: int, threads: int) -> tuple[Callable[[], Any], Callable[[Any], Any]]:
         def run() -> NDArray[np.float32]:
@@ -88,30 +88,30 @@ def arithmetic(quick: bool) -> Cases:
             thread_pool.parallel_for(lambda k: multiply(times // PIECES, out[k]), range(PIECES), threads)
             return out
 
-        return run, _itself
+        return run, _identity
 
     most = 1 << (10 if quick else 20)
     return {"short": functools.partial(make, most), "long": functools.partial(make, 16 * most)}
 
 
 def frames(quick: bool) -> Cases:
-    """Those of raster at one sample."""
+    """The frames of the raster benchmark with one sample."""
 
     def make(mesh: meshes.Mesh, textured: bool, threads: int) -> tuple[Callable[[], Any], Callable[[Any], Any]]:
-        return raster.ours(mesh, raster.side(quick), 1, textured, threads).run, _itself
+        return raster.our_frame(mesh, raster.side(quick), 1, textured, threads).run, _identity
 
     return {name: functools.partial(make, *case) for name, case in raster.cases(quick).items()}
 
 
 def pictures(quick: bool) -> Cases:
-    """A box lit by paths, and the largest mesh."""
+    """A path-traced box, and the largest mesh."""
     side = 32 if quick else 256
 
     def make(scene: ir.Scene, asked: ir.Settings, threads: int) -> tuple[Callable[[], Any], Callable[[Any], Any]]:
         decided = plan.make(scene, replace(asked, size=(side, side), backend="ray", threads=threads))
         view = View(decided["camera"], side, side)
         prepared = prepare.prepare(scene, decided, view)
-        return lambda: film.run(ray.Renderer(prepared, decided, view), decided, view).channels["rgba"], _itself
+        return lambda: film.run(ray.Renderer(prepared, decided, view), decided, view).channels["rgba"], _identity
 
     box = load(HERE / "scenes" / "cornell.scene")
     mesh = meshes.knot(*list(meshes.sizes(quick).values())[-1])
@@ -121,8 +121,8 @@ def pictures(quick: bool) -> Cases:
     }
 
 
-def trees(quick: bool) -> Cases:
-    """Of the meshes; what rays then hit is compared."""
+def bvhs(quick: bool) -> Cases:
+    """BVH builds of the meshes, compared by the hits of rays."""
     rays = meshes.primary(64 if quick else 256)
 
     def make(size: tuple[int, int], threads: int) -> tuple[Callable[[], Any], Callable[[Any], Any]]:
@@ -132,5 +132,5 @@ def trees(quick: bool) -> Cases:
     return {f"{name} triangles": functools.partial(make, size) for name, size in meshes.sizes(quick).items()}
 
 
-def _itself(answer: Any) -> Any:
+def _identity(answer: Any) -> Any:
     return answer

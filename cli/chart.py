@@ -97,7 +97,7 @@ def chart(
     if numbers:
         from ..measure.report import json_format
 
-        replace_file(numbers, json_format.text(measured).encode())
+        replace_file(numbers, json_format.dump(measured).encode())
     _print(measured, (*outputs, *((numbers,) if numbers else ())), quiet)
     if partial:
         click.echo("interrupted: the chart has the measurements so far", err=True)

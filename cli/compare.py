@@ -193,7 +193,7 @@ def _sides(given: _Given, quiet: bool) -> tuple[Side, Side]:
 
     paths = (given.first, given.second)
     try:
-        ready = [None if _is_scene(path) else sides.picture(path) for path in paths]
+        ready = [None if _is_scene(path) else sides.read(path) for path in paths]
     except pictures.FormatError as error:
         raise click.ClickException(str(error)) from None
     scenes: dict[Path, ir.Scene] = {}
@@ -233,7 +233,7 @@ def _plan(given: _Given, k: int, scene: ir.Scene, other: Side | None) -> Plan:
         part = None if crop == (0, 0, *size) else crop
         settings = replace(settings, size=settings.size or size, crop=settings.crop or part)
     try:
-        return sides.plan_of(scene, settings, decisions)
+        return sides.make_plan(scene, settings, decisions)
     except planner.PlanError as error:
         raise click.UsageError(str(error)) from None
 
@@ -267,7 +267,7 @@ def _draw(name: str, scene: ir.Scene, plan: Plan, letter: str, quiet: bool) -> S
         progress.begin(
             f"rendering {letter} ({plan['backend']})", "compiling kernels (first run only)" if kernel_cache.is_empty() else ""
         )
-        side = sides.drawn(scene, plan, name, progress, cancel)
+        side = sides.render(scene, plan, name, progress, cancel)
     if side.image.metadata["partial"]:
         raise KeyboardInterrupt
     return side

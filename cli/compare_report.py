@@ -46,7 +46,7 @@ def _figures(found: Comparison) -> Iterator[tuple[str, str]]:
     yield "FLIP", f"{found.flip:.4g}" + (f" (at {found.exposure:+g} stops)" if found.exposure else "")
     on = f" on {found.largest_on}" if found.largest_on and found.maximum else ""
     yield "maximum", f"{found.maximum:.6g} at pixel {found.at[0]},{found.at[1]}{on}"
-    doubts = found.bias.doubt or (None, None, None)
+    doubts = found.bias.standard_error or (None, None, None)
     colours = zip(("red", "green", "blue"), found.bias.channels, doubts, strict=True)
     yield "bias", ", ".join(f"{name} {_with_doubt(value, doubt)}" for name, value, doubt in colours)
     if found.silhouette is not None:
@@ -85,15 +85,17 @@ def _verdict(found: Comparison) -> Iterator[str]:
 
 
 def _objects(found: Comparison) -> None:
-    shown = [carrier for carrier in found.carriers if carrier.share > 0][:MAX_OBJECTS]
+    shown = [entry for entry in found.objects if entry.share > 0][:MAX_OBJECTS]
     if not shown:
         return
-    rows = [(str(c), percent(c.share), percent(c.pixels / found.pixels), percent(c.error), _with_doubt(c.bias, c.doubt)) for c in shown]
+    rows = [
+        (str(c), percent(c.share), percent(c.pixels / found.pixels), percent(c.error), _with_doubt(c.bias, c.standard_error)) for c in shown
+    ]
     click.echo()
     terminal.table(("object at the pixel's centre", "of the squared error", "of the pixels", "√relMSE", "bias"), rows)
-    rest = [carrier for carrier in found.carriers[len(shown) :] if carrier.share > 0]
+    rest = [entry for entry in found.objects[len(shown) :] if entry.share > 0]
     if rest:
-        click.echo(f"… {len(rest)} more with {percent(sum(carrier.share for carrier in rest))}")
+        click.echo(f"… {len(rest)} more with {percent(sum(entry.share for entry in rest))}")
 
 
 def _not_drawn(found: Comparison) -> list[str]:

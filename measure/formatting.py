@@ -1,4 +1,4 @@
-"""How a chart's figures are said, on the picture, the page and in the terminal: times, errors of each metric, settings, curves."""
+"""Formats the figures of a chart for the picture, the page and the terminal: times, errors, settings, curves."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """A metric's name on an axis, in a sentence, and how its values are written: as a share (%), or as a number with a unit."""
+    """A metric: its name on an axis and in a sentence, and the format of its values: a percentage, or a number with a unit."""
 
     axis: str
     name: str
@@ -43,7 +43,7 @@ def digits(value: float, count: int = 2) -> str:
 
 
 def plain(value: float, count: int = 2) -> str:
-    """As `digits`, without zeros at the end: 1, 0.5."""
+    """`digits` without trailing zeros: 1, 0.5."""
     text = digits(value, count)
     return text.rstrip("0").rstrip(".") if "." in text else text
 
@@ -65,7 +65,7 @@ def seconds_exactly(value: float) -> str:
 
 
 def error(metric: str, value: float) -> str:
-    """An error of `metric`: 1.2 % of a share, 0.034 of FLIP, 1.5 px of an outline."""
+    """An error of `metric`: 1.2 %, 0.034 (FLIP), 1.5 px (silhouette)."""
     of = METRICS[metric]
     if of.share:
         return f"{digits(100 * value)} %"
@@ -73,59 +73,59 @@ def error(metric: str, value: float) -> str:
 
 
 def target(metric: str, value: float) -> str:
-    """A round error asked for: 1 %, 0.3 %, 0.05."""
+    """A round target error: 1 %, 0.3 %, 0.05."""
     of = METRICS[metric]
     return f"{plain(100 * value)} %" if of.share else f"{plain(value)} {of.unit}".rstrip()
 
 
-def teller(metric: str) -> Callable[[float], str]:
-    """`error` of one metric; of a metric nobody knows, plain digits."""
+def formatter(metric: str) -> Callable[[float], str]:
+    """`error` of one metric; plain digits for an unknown metric."""
     return lambda value: error(metric, value) if metric in METRICS else digits(value)
 
 
 def spread(of: Spread, say: Callable[[float], str]) -> str:
-    """A median with its quartiles, where they differ: `2.1 s (2.0 s to 2.3 s)`."""
+    """A median, with its quartiles if they differ: `2.1 s (2.0 s to 2.3 s)`."""
     low, high = say(of.low), say(of.high)
     return say(of.median) + (f" ({low} to {high})" if low != high else "")
 
 
 def value(setting: Setting) -> str:
-    """The rung itself, as short as it goes: `64`, `1 %`, `on`."""
-    rung = setting.value
-    if isinstance(rung, bool):
-        return "on" if rung else "off"
-    if isinstance(rung, float):
-        return f"{plain(100 * rung, 3)} %" if setting.knob == "error" else plain(rung, 3)
-    if isinstance(rung, tuple | list):
-        return " ".join(map(str, rung))
-    return str(rung)
+    """The value of a setting: `64`, `1 %`, `on`."""
+    step = setting.value
+    if isinstance(step, bool):
+        return "on" if step else "off"
+    if isinstance(step, float):
+        return f"{plain(100 * step, 3)} %" if setting.knob == "error" else plain(step, 3)
+    if isinstance(step, tuple | list):
+        return " ".join(map(str, step))
+    return str(step)
 
 
 def setting(of: Setting) -> str:
-    """A rung with its knob: `64 samples`, `1 sample`, `error 1 %`, `tolerance 0.25`."""
-    rung = value(of)
+    """A setting with its knob: `64 samples`, `1 sample`, `error 1 %`, `tolerance 0.25`."""
+    step = value(of)
     if isinstance(of.value, int) and not isinstance(of.value, bool) and of.knob.endswith("s"):
-        return f"{rung} {of.knob[:-1] if of.value == 1 else of.knob}"
-    return f"{of.knob} {rung}"
+        return f"{step} {of.knob[:-1] if of.value == 1 else of.knob}"
+    return f"{of.knob} {step}"
 
 
 def curve(of: Curve, chart: Chart) -> str:
-    """A curve's name: `raster`; where its backend has several on the chart, `ray by samples`."""
+    """A curve's name: `raster`, or `ray by samples` if its backend has several curves."""
     several = sum(other.backend == of.backend for other in chart.curves) > 1
     return f"{of.backend} by {of.knob}" if several else of.backend
 
 
-def stops(chart: Chart) -> list[tuple[str, list[Curve]]]:
-    """Who cannot get better, `raster stops`, and the curves that show it; those that stop for one reason at one error stand together."""
+def stopped_curves(chart: Chart) -> list[tuple[str, list[Curve]]]:
+    """Titles such as `raster stops` with the curves that cannot improve, grouped by reason and error."""
     found: dict[str, list[Curve]] = {}
     for of in chart.curves:
         if of.stops:
             found.setdefault(of.stops, []).append(of)
-    return [(_stopped(curves, chart), curves) for curves in found.values()]
+    return [(_stop_title(curves, chart), curves) for curves in found.values()]
 
 
-def _stopped(curves: list[Curve], chart: Chart) -> str:
-    """`raster stops`, `raster and ray by samples stop`: a backend on all its ladders by its own name."""
+def _stop_title(curves: list[Curve], chart: Chart) -> str:
+    """`raster stops`, `raster and ray by samples stop`; a backend whose curves all stop has its own name."""
     names = []
     for of in curves:
         whole = all(other in curves for other in chart.curves if other.backend == of.backend)
@@ -141,46 +141,46 @@ def title(chart: Chart) -> str:
 
 
 def left_out(chart: Chart, brief: bool = False) -> list[str]:
-    """Who is not on the chart and why, and how many ladders could not be climbed to their end.
+    """Lines on contestants that are not charted, with reasons, and on the number of incomplete sweeps.
 
-    `brief`: of several reasons the first, without its place.
+    `brief`: only the first of several reasons, without its source position.
     """
-    cut = [name for name in chart.left_out if ": " in name]  # rungs: "ray, samples: 4096 samples"
+    cut = [name for name in chart.left_out if ": " in name]  # steps: "ray, samples: 4096 samples"
     whole = {name: _first(why) if brief else why for name, why in chart.left_out.items() if name not in cut}
     lines = [f"not charted: {name}: {why}" for name, why in whole.items()]
     if cut:
-        ladders = "1 ladder ends" if len(cut) == 1 else f"{len(cut)} ladders end"
-        lines.append(f"{ladders} before the dearest settings, as chart.json says: a longer --budget goes on")
+        sweeps = "1 sweep stops" if len(cut) == 1 else f"{len(cut)} sweeps stop"
+        lines.append(f"{sweeps} before the most expensive settings (see chart.json): a longer --budget continues them")
     return lines
 
 
 def _first(reasons: str) -> str:
-    """The first of several reasons, without the place in the source before it: `glass is not carried (and 2 more reasons)`."""
+    """The first of several reasons, without its source position: `glass is not carried (and 2 more reasons)`."""
     first, *others = reasons.split("; ")
     more = f" (and {len(others)} more reason{'' if len(others) == 1 else 's'})" if others else ""
     return re.sub(r"^\S+:\d+:\d+: ", "", first) + more
 
 
 def point(of: Point, metric: str) -> str:
-    """One line of what was measured: `ray, 64 samples: 2.1 s (2.0 s to 2.3 s), 1.0 % (0.9 % to 1.1 %)`."""
-    return f"{of.setting.backend}, {setting(of.setting)}: {spread(of.seconds, seconds)}, {spread(of.error, teller(metric))}"
+    """One line about a point: `ray, 64 samples: 2.1 s (2.0 s to 2.3 s), 1.0 % (0.9 % to 1.1 %)`."""
+    return f"{of.setting.backend}, {setting(of.setting)}: {spread(of.seconds, seconds)}, {spread(of.error, formatter(metric))}"
 
 
-def split(of: Point) -> list[tuple[str, str]]:
-    """Bias and noise of a point by name, as √relMSE with standard errors; what was not told apart is left out."""
+def bias_and_noise(of: Point) -> list[tuple[str, str]]:
+    """Bias and noise of a point by name, as √relMSE with standard errors; unknown ones are left out."""
     named = (("bias", of.bias, of.bias_error), ("noise", of.noise, of.noise_error))
-    return [(name, _doubted(value, doubt)) for name, value, doubt in named if value is not None]
+    return [(name, _with_standard_error(value, standard_error)) for name, value, standard_error in named if value is not None]
 
 
-def _doubted(value: float, doubt: float | None) -> str:
-    """A √relMSE with its standard error; of one that is not told from 0 the standard error is what it would be at most."""
-    if not doubt:
+def _with_standard_error(value: float, standard_error: float | None) -> str:
+    """A √relMSE with its standard error, or its upper bound where it is not significant."""
+    if not standard_error:
         return error("relmse", value)
-    return f"{error('relmse', value)} ± {error('relmse', doubt)}" if value else f"below {error('relmse', doubt)}"
+    return f"{error('relmse', value)} ± {error('relmse', standard_error)}" if value else f"below {error('relmse', standard_error)}"
 
 
 def command(chart: Chart, of: Setting) -> str:
-    """What to type for a point's picture; of a peer, its settings."""
+    """The command that renders a point's picture; for a peer its settings."""
     if of.backend not in BACKENDS:
         return of.arguments()
     return f"maquette render {chart.scene} --size {chart.size[0]}x{chart.size[1]} {of.arguments()}"

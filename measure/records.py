@@ -1,6 +1,6 @@
-"""What a chart is made of: settings, runs, the reference, figures with their spread, points, curves, the chart. Plain data, no drawing.
+"""Records of a chart: settings, runs, reference, figures with quartiles, points, curves, chart. Plain data.
 
-Errors are in the metric's own unit; bias and noise are √relMSE-like: its square is about bias² + noise². Seconds are wall time.
+Errors are in the unit of the metric. Bias and noise are √relMSE: its square is about bias² + noise². Seconds are wall time.
 """
 
 from __future__ import annotations
@@ -18,27 +18,27 @@ from ..compiler import ir
 
 
 class NothingMeasured(Exception):
-    """Not one point could be measured; the message says why, and what to change."""
+    """No point could be measured. The message has the reason and a remedy."""
 
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What a chart is asked for. `settings` hold size, camera, threads and bounces, the same for everybody; None: as the scene says."""
+    """The request of a chart. `settings` hold size, camera, threads and bounces for all contestants; None: the scene's."""
 
-    name: str  # the scene with its options as typed on a command line; the chart's title
+    name: str  # the scene and its options as on the command line; the title
     settings: ir.Settings
     backends: tuple[str, ...] = ("ray", "raster", "reference")
     peers: tuple[str, ...] = ()
     metric: str = "relmse"  # "relmse", "flip", "max" or "silhouette"
-    budget: float = 60.0  # seconds of everything, the reference too
-    seeds: int | None = None  # renders a setting with seeds of their own; None: as many as the split of bias and noise needs
-    repeats: int | None = None  # timed renders a setting, at the least
+    budget: float = 60.0  # seconds in all, including the reference
+    seeds: int | None = None  # renders of a setting with different seeds; None: as many as bias and noise need
+    repeats: int | None = None  # the least number of timed renders of a setting
     keep: Path | None = None  # a folder for the raw images
 
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """One rung of a ladder: `value` of `knob`, as fields of compiler.ir.Settings (`options`) and overrides of the plan."""
+    """One step of a sweep: `value` of `knob`, as fields of compiler.ir.Settings (`options`) and overrides of the plan (`plan`)."""
 
     backend: str  # "ray", "raster", "reference", or a peer's name
     knob: str  # "samples", "error", "bounces", "tolerance", …
@@ -47,7 +47,7 @@ class Setting:
     plan: Mapping[str, str] = field(default_factory=dict)
 
     def arguments(self) -> str:
-        """To copy behind `maquette render SCENE`: `--backend ray --samples 64`."""
+        """Arguments of `maquette render SCENE`: `--backend ray --samples 64`."""
         options = [("backend", self.backend), *((n, v) for n, v in self.options.items() if n != "backend")]
         words = [f"--{name}" if value is True else f"--{name} {shlex.quote(_written(name, value))}" for name, value in options]
         return " ".join([*words, *(f"--plan {shlex.quote(f'{name}={value}')}" for name, value in self.plan.items())])
@@ -57,7 +57,7 @@ class Setting:
 class Run:
     """One render: linear `rgb` (h, w, 3) float32, wall `seconds` by stage ("render" is charted), `cpu` seconds, its `seed`.
 
-    `alpha` (h, w) is coverage, None where nobody says; `notes` are what the backend says it does not draw.
+    `alpha` (h, w) is coverage, None if unknown; `notes` are the backend's messages on features it does not draw.
     """
 
     rgb: NDArray[np.float32]
@@ -70,10 +70,10 @@ class Run:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reference:
-    """What errors are measured against: `rgb` and its `variance`, both (h, w, 3) float64; the variance of a closed form is 0.
+    """The reference picture: `rgb` and its `variance`, both (h, w, 3) float64; the variance of a closed form is 0.
 
-    `alpha` (h, w) is coverage. `halves` are the means (h, w, 4) of either half of the seeds, None of a closed form: what they differ
-    by, halved, is the reference's own uncertainty in any metric.
+    `alpha` (h, w) is coverage. `halves` are the means (h, w, 4) of the two halves of the seeds, None for a closed form. Half of their
+    difference is the uncertainty of the reference in any metric.
     """
 
     rgb: NDArray[np.float64]
@@ -97,10 +97,9 @@ class Spread:
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A setting, measured. `errors` holds every metric, `error` the charted one.
+    """A measured setting. `errors` holds every metric, `error` the charted one.
 
-    Bias and noise come with their standard errors; None where they were not told apart. Of a bias that is not told from 0, `bias_error`
-    is what it would be at most.
+    Bias and noise have standard errors; None where they are unknown. For a bias that is not significant `bias_error` is its upper bound.
     """
 
     setting: Setting
@@ -113,36 +112,36 @@ class Point:
     noise_error: float | None = None
     stages: Mapping[str, float] = field(default_factory=dict)  # median seconds: import, compile_kernels, build, render, …
     note: str = ""
-    bias_squared: float | None = None  # as estimated, before its root: below 0 where noise alone is met by accident
+    bias_squared: float | None = None  # the estimate; below 0 by chance where there is only noise
     bias_squared_error: float | None = None
-    bias_block: int | None = None  # pixels square over which means were taken to see it: 1, or else the bias is at least so much
-    cpu: float | None = None  # median CPU seconds of building and rendering, all threads together
+    bias_block: int | None = None  # side in pixels of the blocks of the bias; above 1 the bias is a lower bound
+    cpu: float | None = None  # median CPU seconds of building and rendering, all threads
 
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """A backend on one ladder, cheap settings first. `stops` says why it cannot get better: "no interreflection: bias 3.1 %"; or ""."""
+    """A backend's sweep, cheap settings first. `stops` is the reason why it cannot improve: "no interreflection: bias 3.1 %"; or ""."""
 
     backend: str
     knob: str
     points: tuple[Point, ...]
     stops: str = ""
-    slope: float | None = None  # d log noise² / d log samples: -1 of random numbers, steeper of Sobol points
+    slope: float | None = None  # d log noise² / d log samples: -1 for random numbers, steeper for Sobol points
 
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """A scene's chart. `front` and `knee` count points through all curves in order."""
+    """The chart of a scene. `front` and `knee` are indices into the points of all curves in order."""
 
-    scene: str  # as typed: the file with its options
+    scene: str  # the file and its options as on the command line
     size: tuple[int, int]
     metric: str
-    floor: float  # the reference's own uncertainty in the metric
+    floor: float  # the uncertainty of the reference in the metric
     reference: str  # how it was made
     curves: tuple[Curve, ...]
     front: tuple[int, ...] = ()
     knee: int | None = None
-    left_out: Mapping[str, str] = field(default_factory=dict)  # by backend or peer: why
+    left_out: Mapping[str, str] = field(default_factory=dict)  # backend or peer: reason
     machine: str = ""
     versions: Mapping[str, str] = field(default_factory=dict)
 

@@ -1,4 +1,4 @@
-"""Closed forms: pictures whose light can be written down, recognised from the tables. Each recogniser is sure, or answers None."""
+"""Recognizes scenes whose picture has a closed form. A recognizer is certain, or returns None."""
 
 from __future__ import annotations
 
@@ -12,38 +12,38 @@ from ...compiler.plan.plan import Plan
 from ...render import camera
 from ...render.types import View
 
-MARGIN = 2.0  # pixels that every filter reaches beyond the picture at most
-CONSTANT_LIGHTS = {ir.LightKind.DIRECTIONAL, ir.LightKind.AMBIENT}  # whose irradiance is the same all over a plane
+MARGIN = 2.0  # pixels: the largest reach of a filter beyond the picture
+CONSTANT_LIGHTS = {ir.LightKind.DIRECTIONAL, ir.LightKind.AMBIENT}  # their irradiance is constant over a plane
 
 
 @dataclass(frozen=True, slots=True)
-class Constant:
-    """One radiance and coverage for every pixel, and why."""
+class ConstantPicture:
+    """One radiance and coverage for all pixels, and the reason."""
 
     rgb: tuple[float, float, float]
     alpha: float
     how: str
 
 
-def form(scene: ir.Scene, plan: Plan) -> Constant | None:
-    """The closed form of a scene's picture as planned, where one is known."""
+def recognize(scene: ir.Scene, plan: Plan) -> ConstantPicture | None:
+    """The closed form of a planned picture; None where none is known."""
     return next((found for recognise in RECOGNISERS if (found := recognise(scene, plan)) is not None), None)
 
 
-def _nothing_there(scene: ir.Scene, plan: Plan) -> Constant | None:
-    """No camera ray meets anything: the background, where it is one colour."""
+def _empty_scene(scene: ir.Scene, plan: Plan) -> ConstantPicture | None:
+    """A scene without visible instances and with a background of one colour."""
     visible = scene.tables.instances.visible & ir.Visibility.CAMERA != 0
     if visible.any() or plan["background"] == "sky":
         return None
     colour = (0.0, 0.0, 0.0) if plan["background"] == "transparent" else plan["background"]
     red, green, blue = map(float, colour)
-    return Constant((red, green, blue), 0.0, "closed form: nothing is there but the background")
+    return ConstantPicture((red, green, blue), 0.0, "closed form: nothing is there but the background")
 
 
-def _one_plane(scene: ir.Scene, plan: Plan) -> Constant | None:
-    """One plane fills the picture, Lambertian without textures, in directional and ambient light.
+def _single_plane(scene: ir.Scene, plan: Plan) -> ConstantPicture | None:
+    """An untextured Lambertian plane that fills the picture, in directional and ambient light.
 
-    L = k_a L_a + k_d/π Σ E⊥ max(0, n·l) with n towards the camera. It is flat: it neither shades nor lights itself.
+    L = k_a L_a + k_d/π Σ E⊥ max(0, n·l) with n towards the camera. A plane neither shadows nor lights itself.
     """
     tables = scene.tables
     instances, materials, lights = tables.instances, tables.materials, tables.lights
@@ -56,23 +56,23 @@ def _one_plane(scene: ir.Scene, plan: Plan) -> Constant | None:
     matt = materials.model[material] == ir.MaterialModel.LAMBERT
     if not matt or sends_on or shines or (materials.textures[material] >= 0).any() or instances.light[0] >= 0:
         return None
-    seen = _filled_from(tables, plan)
+    seen = _visible_side(tables, plan)
     if seen == 0:
         return None
-    up = tables.transforms.inverse[instances.transform[0], 1, :3] * seen  # rows of the inverse are the normals of the frame's planes
+    up = tables.transforms.inverse[instances.transform[0], 1, :3] * seen  # rows of the inverse are normals of the frame's coordinate planes
     normal = up / np.linalg.norm(up)
     distant = lights.kind == ir.LightKind.DIRECTIONAL
     facing = np.maximum(lights.direction[distant] @ normal, 0.0)
     irradiance = facing @ lights.color[distant]
     ambient = lights.color[~distant].sum(axis=0)
     rgb = values[ir.Slot.AMBIENT] * ambient + values[ir.Slot.DIFFUSE] * irradiance / np.pi
-    return Constant(tuple(rgb.tolist()), 1.0, "closed form: one matt plane in directional and ambient light, ρE/π + k_a L_a")
+    return ConstantPicture(tuple(rgb.tolist()), 1.0, "closed form: one matt plane in directional and ambient light, ρE/π + k_a L_a")
 
 
-def _filled_from(tables: ir.Tables, plan: Plan) -> int:
-    """1 or -1, the side of its normal a plane is seen from, where it fills the picture; else 0.
+def _visible_side(tables: ir.Tables, plan: Plan) -> int:
+    """1 or -1, the visible side of a plane that fills the picture; else 0.
 
-    What the camera sees of a plane is convex: it fills the picture if the corners see it.
+    The visible part of a plane is convex: it fills the picture if the rays of the corners hit it.
     """
     g = int(tables.instances.geometry[0])
     if tables.geometries.kind[g] != ir.GeometryKind.PLANE or not tables.instances.visible[0] & ir.Visibility.CAMERA:
@@ -88,9 +88,9 @@ def _filled_from(tables: ir.Tables, plan: Plan) -> int:
     direction = inverse[:, :3] @ np.array([np.broadcast_to(c, x.shape) for c in ray.direction])
     with np.errstate(divide="ignore", invalid="ignore"):
         t = -origin[1] / direction[1]
-    met = np.isfinite(t) & (t > ray.t_min) & (t < ray.t_max)
+    hit = np.isfinite(t) & (t > ray.t_min) & (t < ray.t_max)
     sides = np.sign(-direction[1])
-    return int(sides[0]) if met.all() and (sides == sides[0]).all() else 0
+    return int(sides[0]) if hit.all() and (sides == sides[0]).all() else 0
 
 
-RECOGNISERS: tuple[Callable[[ir.Scene, Plan], Constant | None], ...] = (_nothing_there, _one_plane)
+RECOGNISERS: tuple[Callable[[ir.Scene, Plan], ConstantPicture | None], ...] = (_empty_scene, _single_plane)

@@ -1,4 +1,4 @@
-"""Who is measured on which settings: our backends and peers behind one door, and what each setting has shown so far."""
+"""Backends and peers as contestants with one interface, and the accumulated runs of a setting."""
 
 from __future__ import annotations
 
@@ -13,47 +13,47 @@ from ...compiler.plan import plan as planner
 from .. import errors
 from ..peers.registry import Peer
 from ..records import Reference, Run, Setting, Spread
-from . import bias, runs, setting_ladders
-from .reference_light import Truth
+from . import bias, runs, setting_sweeps
+from .reference_light import ReferenceLight
 
 Draw = Callable[[Setting, int], Run]  # a setting and a seed
-FEW = 3
-WARM = 32  # pixels square of the first render of a backend, which compiles its kernels or loads them
+FLIP_RUNS = 3
+WARMUP_SIZE = 32  # pixels: side of a backend's first render, which compiles or loads its kernels
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contestant:
-    """A backend or a peer: its ladders, how it draws, and the seconds the first rung of each ladder is expected to take (`first`)."""
+    """A backend or a peer: its sweeps, its `draw`, and the expected seconds of each sweep's first step (`first`)."""
 
     name: str
-    ladders: tuple[setting_ladders.Ladder, ...]
+    sweeps: tuple[setting_sweeps.Sweep, ...]
     draw: Draw
     first: tuple[float, ...] = ()
-    stages: dict[str, float] = field(default_factory=dict)  # seconds paid once a process, or with kernels that are not compiled yet
+    stages: dict[str, float] = field(default_factory=dict)  # seconds of stages that a process runs once: import, compilation
 
 
 @dataclass(slots=True, eq=False)
-class Rung:
-    """A setting and its runs: figures of each, and sums of their pictures."""
+class Step:
+    """A setting with the figures of its runs and the statistics of their pictures."""
 
     setting: Setting
     seconds: list[float] = field(default_factory=list)
     cpu: list[float] = field(default_factory=list)
     stages: list[dict[str, float]] = field(default_factory=list)
     errors: dict[str, list[float]] = field(default_factory=dict)
-    sums: bias.Sums = field(default_factory=bias.Sums)
+    sums: bias.RunningStats = field(default_factory=bias.RunningStats)
     latest: dict[str, float] = field(default_factory=dict)  # errors of the last run
     notes: tuple[str, ...] = ()
-    wall: float = 0.0  # of the last run with measuring it: what another will take
+    wall: float = 0.0  # seconds of the last run and its measurement; the estimate for another
 
     @property
     def count(self) -> int:
-        """Runs so far."""
+        """The number of runs."""
         return len(self.seconds)
 
     def add(self, run: Run, reference: Reference, exposure: float, metric: str) -> None:
-        """Take in a run and measure it. FLIP, unless it is the metric charted, is measured of the first FEW runs alone."""
-        with_flip = metric == "flip" or self.count < FEW
+        """Add and measure a run. Unless FLIP is the charted metric, only the first FLIP_RUNS runs have it."""
+        with_flip = metric == "flip" or self.count < FLIP_RUNS
         measured = errors.measures(run.rgb, run.alpha, reference.rgb, reference.alpha, exposure, with_flip)
         self.seconds.append(run.seconds["render"])
         self.cpu.append(run.cpu)
@@ -65,61 +65,61 @@ class Rung:
         self.notes = run.notes
 
     def seconds_of(self, stage: str) -> float:
-        """Median over the runs."""
+        """The median seconds of a stage."""
         return float(np.median([s.get(stage, 0.0) for s in self.stages]))
 
 
 def spread(values: list[float]) -> Spread:
-    """Median and quartiles; where some are endless, those values that are nearest."""
+    """Median and quartiles; nearest values where some are not finite."""
     method = "linear" if np.isfinite(values).all() else "nearest"
     low, median, high = (float(np.quantile(values, q, method=method)) for q in (0.25, 0.5, 0.75))
     return Spread(median, low, high, len(values))
 
 
-def ours(scene: ir.Scene, light: Truth, backend: str, cancel: threading.Event) -> Contestant:
-    """One of our backends, warmed up: its kernels are compiled and loaded. Raises runs.Cancelled."""
+def backend_contestant(scene: ir.Scene, light: ReferenceLight, backend: str, cancel: threading.Event) -> Contestant:
+    """One of our backends after a warm-up render, with kernels compiled and loaded. Raises runs.Cancelled."""
 
     def draw(setting: Setting, seed: int) -> Run:
-        return runs.run(scene, runs.plan_of(scene, light.settings, setting, seed), cancel)
+        return runs.run(scene, runs.make_plan(scene, light.settings, setting, seed), cancel)
 
-    ladders = tuple(setting_ladders.ladders(scene, light, backend))
-    crop = light.make(scene)["crop"]
-    middle = _middle(crop)
+    sweeps = tuple(setting_sweeps.sweeps(scene, light, backend))
+    crop = light.plan(scene)["crop"]
+    middle = _center_crop(crop)
     share = (crop[2] - crop[0]) * (crop[3] - crop[1]) / ((middle[2] - middle[0]) * (middle[3] - middle[1]))
 
-    def warm(ladder: setting_ladders.Ladder) -> dict[str, float]:
-        cheapest = ladder.settings[0]
+    def warm(sweep: setting_sweeps.Sweep) -> dict[str, float]:
+        cheapest = sweep.settings[0]
         part = replace(cheapest, options={**cheapest.options, "crop": middle})
-        return dict(runs.run(scene, runs.plan_of(scene, light.settings, part, 0), cancel).seconds)
+        return dict(runs.run(scene, runs.make_plan(scene, light.settings, part, 0), cancel).seconds)
 
-    stages = {"import": runs.import_seconds(), "compile_kernels": warm(ladders[0])["compile_kernels"]}
-    first = [warm(ladder) for ladder in ladders]
-    return Contestant(backend, ladders, draw, tuple(s["build"] + s["render"] * share for s in first), stages)
+    stages = {"import": runs.import_seconds(), "compile_kernels": warm(sweeps[0])["compile_kernels"]}
+    first = [warm(sweep) for sweep in sweeps]
+    return Contestant(backend, sweeps, draw, tuple(s["build"] + s["render"] * share for s in first), stages)
 
 
-def peer(of: Peer, scene: ir.Scene, light: Truth) -> Contestant:
-    """A peer that is installed and can express the scene."""
-    plan = light.make(scene, threads=runs.threads(light.settings))
-    settings = of.ladder(scene, plan)
+def peer_contestant(of: Peer, scene: ir.Scene, light: ReferenceLight) -> Contestant:
+    """An installed peer that supports the scene."""
+    plan = light.plan(scene, threads=runs.threads(light.settings))
+    settings = of.sweep(scene, plan)
     costs = tuple(float(s.value) for s in settings)
 
     def draw(setting: Setting, seed: int) -> Run:
         return of.run(scene, plan, setting, seed)
 
-    return Contestant(of.name, (setting_ladders.Ladder(of.name, settings[0].knob, settings, costs, ""),), draw, (0.0,))
+    return Contestant(of.name, (setting_sweeps.Sweep(of.name, settings[0].knob, settings, costs, ""),), draw, (0.0,))
 
 
-def without(peer: Peer, scene: ir.Scene, plan: planner.Plan) -> str:
-    """Why a peer is not measured; "" where it is."""
+def unsupported_reason(peer: Peer, scene: ir.Scene, plan: planner.Plan) -> str:
+    """The reason why a peer is not measured; "" if it is."""
     if peer.missing:
         return peer.missing
-    lost = peer.express(scene, plan)
+    lost = peer.unsupported(scene, plan)
     return "; ".join(lost)
 
 
-def _middle(crop: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
-    """At most WARM by WARM pixels in the middle."""
+def _center_crop(crop: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
+    """The crop of at most WARMUP_SIZE × WARMUP_SIZE pixels at the centre."""
     x0, y0, x1, y1 = crop
-    width, height = min(x1 - x0, WARM), min(y1 - y0, WARM)
+    width, height = min(x1 - x0, WARMUP_SIZE), min(y1 - y0, WARMUP_SIZE)
     left, top = (x0 + x1 - width) // 2, (y0 + y1 - height) // 2
     return left, top, left + width, top + height

@@ -1,11 +1,11 @@
-"""A scene's chart, measured: its reference, then every ladder of every backend and peer from cheap to dear, within one budget.
+"""Measures a chart: the reference, then the sweeps of all backends and peers, within a time budget.
 
-The budget bounds all of it. Half goes to the reference (what it lacks is kept on disk and added by the next command); then whoever's
-next rung is expected to be cheapest goes first, so that all climb side by side, as far as LEAST runs of each rung fit. What time is
-left brings all to GOOD runs, in rounds over all rungs, so that a machine that slows down slows all. Every run has a seed of its own,
-which no other and no reference has and which its place on the chart alone decides; its picture is measured, added to sums and not
-kept unless asked for.
-Only compiling kernels, which happens once, may take more than the budget: half of it is then still spent on measuring.
+- Half of the budget goes to the reference. Its runs are cached on disk, and later commands add to them.
+- The sweep with the cheapest next step proceeds, as long as MIN_RUNS runs of each step fit.
+- The remaining time brings all steps to TARGET_RUNS runs, in rounds over all steps, so that a slower machine slows all alike.
+- The position of a run on the chart decides its seed. No other run and no reference has that seed.
+- Pictures are measured, added to statistics, and written only on request.
+- Only the compilation of kernels, once, may exceed the budget. Half of the budget then remains for measuring.
 """
 
 from __future__ import annotations
@@ -21,207 +21,206 @@ from ...render.image import image_files
 from .. import formatting
 from ..peers import process, registry
 from ..records import Chart, NothingMeasured, Reference, Setting, Wanted
-from . import contestant, pareto, raw_images, reference, reference_light, runs, setting_ladders, summary
-from .contestant import Contestant, Rung
+from . import contestant, pareto, raw_images, reference, reference_light, runs, setting_sweeps, summary
+from .contestant import Contestant, Step
 
-LEAST, GOOD = 5, 16  # runs of a setting: quartiles need the first, bias told from noise the second
-OF_REFERENCE = 0.5  # of the budget
-RESERVE, MOST_RESERVED = 0.1, 2.5  # of the budget, and seconds of it at the most: for loading before measuring, and drawing after it
-BETTER = 16  # times the samples of the dearest rung the reference has at least: its noise then adds 3 % to an error at the most
-AIM = 100 * 4096  # samples a pixel of a reference that nothing is added to any more
-RUNGS, RUNS = 16, 2048  # of a ladder and of a rung, at the most: room for their seeds
-WIDE = 160  # pixels of the longer side where no size was asked for
+MIN_RUNS, TARGET_RUNS = 5, 16  # runs of a setting: quartiles need the first, separation of bias and noise the second
+REFERENCE_SHARE = 0.5  # of the budget
+RESERVED_SHARE, MAX_RESERVED = 0.1, 2.5  # share of the budget, and seconds: for loading before and drawing after the measurement
+REFERENCE_FACTOR = 16  # least samples of the reference over those of a step: its noise adds at most 3 % to an error
+TARGET_SAMPLES = 100 * 4096  # samples a pixel of a complete reference
+MAX_STEPS, MAX_RUNS = 16, 2048  # limits of a sweep and of a step, which separate their seeds
+DEFAULT_WIDTH = 160  # pixels of the longer side where no size is given
 
-Progress = Callable[[float, float], None]  # done, of
+Progress = Callable[[float, float], None]  # seconds done, seconds in all
 
 
 def measure(scene: ir.Scene, wanted: Wanted, progress: Progress | None = None, cancel: threading.Event | None = None) -> Chart:
-    """Measure a chart. `progress(done, total)` is called between renders, never during one; setting `cancel` ends the work.
+    """Measure a chart. `progress(done, total)` is called between renders; setting `cancel` ends the measurement.
 
-    Raises NothingMeasured where the budget is too short for anything or `cancel` came before the first point, planner.PlanError
-    for a camera that is not there.
+    Raises NothingMeasured if the budget or `cancel` prevents the first point, planner.PlanError for an unknown camera.
     """
-    return _Work(scene, wanted, progress or (lambda done, total: None), cancel or threading.Event()).chart()
+    return _Measurement(scene, wanted, progress or (lambda done, total: None), cancel or threading.Event()).chart()
 
 
 @dataclass(slots=True, eq=False)
-class _Climb:
-    """A ladder being climbed."""
+class _SweepProgress:
+    """A sweep and its measured steps."""
 
-    by: Contestant
-    ladder: setting_ladders.Ladder
-    first: float  # seconds its first rung is expected to take
-    number: int  # among all
-    rungs: list[Rung] = field(default_factory=list)
-    skipped: str = ""  # why the next rung was not measured
+    contestant: Contestant
+    sweep: setting_sweeps.Sweep
+    first: float  # expected seconds of its first step
+    number: int  # among all sweeps; part of the seeds
+    steps: list[Step] = field(default_factory=list)
+    skipped: str = ""  # the reason why the next step was not measured
     failed: bool = False
 
     @property
     def name(self) -> str:
-        """As in "ray, samples"."""
-        return f"{self.ladder.backend}, {self.ladder.name}"
+        """Backend and setting, as in "ray, samples"."""
+        return f"{self.sweep.backend}, {self.sweep.name}"
 
-    def place(self, rung: Rung) -> int:
-        """Which rung it is, counted from the cheapest."""
-        return self.ladder.settings.index(rung.setting)
+    def place(self, step: Step) -> int:
+        """The position of a step, counted from the cheapest."""
+        return self.sweep.settings.index(step.setting)
 
     def next_setting(self) -> Setting | None:
-        """The rung after the last, if there is one."""
-        at = len(self.rungs)
-        over = self.skipped or self.failed or at == len(self.ladder.settings)
-        return None if over else self.ladder.settings[at]
+        """The setting of the next step; None at the end of the sweep."""
+        at = len(self.steps)
+        over = self.skipped or self.failed or at == len(self.sweep.settings)
+        return None if over else self.sweep.settings[at]
 
     def expected(self) -> float:
-        """Seconds the next rung will take: of the last, rendering grows as its cost does, the rest stays."""
-        at, costs = len(self.rungs), self.ladder.costs
+        """Expected seconds of the next step: those of the last, with rendering scaled by the cost."""
+        at, costs = len(self.steps), self.sweep.costs
         if at == 0:
             return self.first
-        last = self.rungs[-1]
+        last = self.steps[-1]
         render = last.seconds[-1]
         return last.wall - render + render * costs[at] / costs[at - 1]
 
 
-class _Work:
-    """One measurement under way."""
+class _Measurement:
+    """One running measurement."""
 
     def __init__(self, scene: ir.Scene, wanted: Wanted, progress: Progress, cancel: threading.Event) -> None:
         self.began = time.perf_counter()
-        self.deadline = self.began + wanted.budget - min(wanted.budget * RESERVE, MOST_RESERVED)
+        self.deadline = self.began + wanted.budget - min(wanted.budget * RESERVED_SHARE, MAX_RESERVED)
         self.wanted, self.progress, self.cancel = wanted, progress, cancel
-        # A chart turns these itself, and what the scene says of them must not end a rung.
+        # The sweeps set these; the scene's own values must not end a step.
         self.scene = replace(scene, settings=replace(scene.settings, samples=None, error=None, budget=None, seed=None))
-        self.settings = _sized(self.scene, replace(wanted.settings, backend=None, threads=runs.threads(wanted.settings)))
-        common = registry.common(planner.make(self.scene, self.settings)) if wanted.peers else {}
-        self.truth = reference_light.of(self.scene, self.settings, common)
+        self.settings = _with_size(self.scene, replace(wanted.settings, backend=None, threads=runs.threads(wanted.settings)))
+        common = registry.common_overrides(planner.make(self.scene, self.settings)) if wanted.peers else {}
+        self.light = reference_light.choose(self.scene, self.settings, common)
         self.left_out: dict[str, str] = {}
         self.versions = runs.versions()
         self.exposure, self.floor = 0.0, dict[str, float]()
         asked = max(wanted.seeds or 0, wanted.repeats or 0)
-        self.least, self.good = asked or LEAST, asked or GOOD
-        self.keeper = raw_images.Keeper(wanted.keep) if wanted.keep is not None else None
+        self.least, self.good = asked or MIN_RUNS, asked or TARGET_RUNS
+        self.raw_images = raw_images.RawImageWriter(wanted.keep) if wanted.keep is not None else None
 
     def chart(self) -> Chart:
-        """All of it."""
-        plan = self.truth.make(self.scene)
+        """Measure and return the chart."""
+        plan = self.light.plan(self.scene)
         try:
             contestants = self._contestants(plan)
-            starts = [(by, *pair) for by in contestants for pair in zip(by.ladders, by.first, strict=True)]
-            climbs = [_Climb(*start, number) for number, start in enumerate(starts)]
+            starts = [(one, *pair) for one in contestants for pair in zip(one.sweeps, one.first, strict=True)]
+            sweeps = [_SweepProgress(*start, number) for number, start in enumerate(starts)]
             against = self._reference()
         except runs.Cancelled:
             raise NothingMeasured("interrupted before anything was measured") from None
         self.exposure = image_files.metered(against.rgb) if plan["exposure"] == "metered" else float(plan["exposure"])
-        self.floor = summary.floor(against, self.exposure)
+        self.floor = summary.reference_uncertainty(against, self.exposure)
         try:
-            while self._climb(climbs, against):
-                self._fill(climbs, against, self.least)
-            self._fill(climbs, against, self.good)
+            while self._add_steps(sweeps, against):
+                self._add_runs(sweeps, against, self.least)
+            self._add_runs(sweeps, against, self.good)
         except runs.Cancelled:
-            pass  # what was measured until now is charted
-        if self.keeper is not None:
-            self.keeper.done(against, self.exposure)
-        return self._charted(climbs, plan, against)
+            pass  # the chart holds the points measured so far
+        if self.raw_images is not None:
+            self.raw_images.finish(against, self.exposure)
+        return self._make_chart(sweeps, plan, against)
 
-    # --- who, and against what ------------------------------------------------------------------------------------------
+    # --- contestants and reference ------------------------------------------------------------------------------------------
 
     def _contestants(self, plan: planner.Plan) -> list[Contestant]:
         found = []
         for backend in self.wanted.backends:
-            found.append(contestant.ours(self.scene, self.truth, backend, self.cancel))
-            self._tell()
+            found.append(contestant.backend_contestant(self.scene, self.light, backend, self.cancel))
+            self._report_progress()
         self.deadline = max(self.deadline, time.perf_counter() + 0.5 * self.wanted.budget)
         for peer in registry.find(self.wanted.peers):
-            why = contestant.without(peer, self.scene, plan)
+            why = contestant.unsupported_reason(peer, self.scene, plan)
             if why:
                 self.left_out[peer.name] = why
             else:
-                found.append(contestant.peer(peer, self.scene, self.truth))
+                found.append(contestant.peer_contestant(peer, self.scene, self.light))
                 self.versions[peer.name] = peer.version
         return found
 
     def _reference(self) -> Reference:
-        seconds = OF_REFERENCE * (self.deadline - time.perf_counter())
-        return reference.make(self.scene, self.truth, seconds, AIM, lambda share: self._tell(), self.cancel)
+        seconds = REFERENCE_SHARE * (self.deadline - time.perf_counter())
+        return reference.make(self.scene, self.light, seconds, TARGET_SAMPLES, lambda share: self._report_progress(), self.cancel)
 
     # --- measuring ------------------------------------------------------------------------------------------------------
 
-    def _climb(self, climbs: list[_Climb], against: Reference) -> bool:
-        """A first run of every rung that LEAST runs of are expected to fit, whoever is cheapest first; whether there were any.
+    def _add_steps(self, sweeps: list[_SweepProgress], against: Reference) -> bool:
+        """Run the first run of each step whose MIN_RUNS runs are expected to fit, cheapest first. Returns whether there were any.
 
-        Asked again when those before have their runs, as these may have taken less time than was expected.
+        The caller repeats this after the steps have their runs, which may have taken less time than expected.
         """
         grown = False
-        for climb in climbs:
-            climb.skipped = ""
-        while waiting := [climb for climb in climbs if climb.next_setting() is not None]:
-            climb = min(waiting, key=_Climb.expected)
-            setting = climb.next_setting()
+        for active in sweeps:
+            active.skipped = ""
+        while waiting := [active for active in sweeps if active.next_setting() is not None]:
+            active = min(waiting, key=_SweepProgress.expected)
+            setting = active.next_setting()
             assert setting is not None
-            climb.skipped = self._too_good(setting, against) or self._too_long(climb, climbs)
-            rung = Rung(setting)
-            if not climb.skipped and self._run(climb, rung, against):
-                climb.rungs.append(rung)
+            active.skipped = self._reference_too_noisy(setting, against) or self._over_budget(active, sweeps)
+            step = Step(setting)
+            if not active.skipped and self._run(active, step, against):
+                active.steps.append(step)
                 grown = True
         return grown
 
-    def _too_good(self, setting: Setting, against: Reference) -> str:
-        """Why the reference is not good enough to measure a setting; "" where it is.
+    def _reference_too_noisy(self, setting: Setting, against: Reference) -> str:
+        """The reason why the reference is too noisy for a setting; "" if it is not.
 
-        Ladders of other knobs are there for their bias, from which the reference's variance is taken anyway.
+        Sweeps of other knobs show bias, from which the reference's variance is subtracted anyway.
         """
-        samples, enough = against.samples, int(setting.options.get("samples") or 0) * BETTER
+        samples, enough = against.samples, int(setting.options.get("samples") or 0) * REFERENCE_FACTOR
         if samples and setting.knob == "error" and setting.value < 4.0 * self.floor.get("relmse", 0.0):
             return f"the reference is only certain to {formatting.error('relmse', self.floor['relmse'])}: a longer --budget improves it"
         if samples and setting.knob == "samples" and enough > samples:
             return f"the reference has only {samples:,} samples: a longer --budget improves it"
         return ""
 
-    def _too_long(self, climb: _Climb, climbs: list[_Climb]) -> str:
-        due = sum((self.least - rung.count) * rung.wall for other in climbs for rung in other.rungs)
-        expected = climb.expected()
+    def _over_budget(self, active: _SweepProgress, sweeps: list[_SweepProgress]) -> str:
+        due = sum((self.least - step.count) * step.wall for other in sweeps for step in other.steps)
+        expected = active.expected()
         if time.perf_counter() + due + self.least * expected <= self.deadline:
             return ""
         return f"{self.least} renders of about {formatting.seconds(expected)} do not fit into the budget of {self.wanted.budget:g} s"
 
-    def _fill(self, climbs: list[_Climb], against: Reference, count: int) -> None:
-        """Up to `count` runs of each as the time allows, in rounds over all rungs, cheap ones first."""
-        rungs = sorted(((climb, rung) for climb in climbs for rung in climb.rungs), key=lambda pair: pair[1].wall)
+    def _add_runs(self, sweeps: list[_SweepProgress], against: Reference, count: int) -> None:
+        """Bring all steps to at most `count` runs while time remains, in rounds, cheap steps first."""
+        steps = sorted(((active, step) for active in sweeps for step in active.steps), key=lambda pair: pair[1].wall)
         for goal in range(2, count + 1):
-            for climb, rung in rungs:
-                fits = time.perf_counter() + rung.wall <= self.deadline
-                if rung.count < goal and not climb.failed and fits:
-                    self._run(climb, rung, against)
+            for active, step in steps:
+                fits = time.perf_counter() + step.wall <= self.deadline
+                if step.count < goal and not active.failed and fits:
+                    self._run(active, step, against)
 
-    def _run(self, climb: _Climb, rung: Rung, against: Reference) -> bool:
-        """One more run of a rung; False where its backend failed, which is left out from here on."""
+    def _run(self, active: _SweepProgress, step: Step, against: Reference) -> bool:
+        """Add a run to a step. Returns False if the backend failed; it is then left out."""
         if self.cancel.is_set():
             raise runs.Cancelled
-        seed = (self.wanted.settings.seed or 0) + (climb.number * RUNGS + climb.place(rung)) * RUNS + rung.count
+        seed = (self.wanted.settings.seed or 0) + (active.number * MAX_STEPS + active.place(step)) * MAX_RUNS + step.count
         began = time.perf_counter()
         try:
-            run = climb.by.draw(rung.setting, seed % reference.FIRST_SEED)
+            run = active.contestant.draw(step.setting, seed % reference.FIRST_SEED)
         except (process.PeerError, planner.PlanError) as problem:
-            climb.failed = True
-            self.left_out[climb.name] = str(problem)
+            active.failed = True
+            self.left_out[active.name] = str(problem)
             return False
-        rung.add(run, against, self.exposure, self.wanted.metric)
-        if self.keeper is not None:
-            self.keeper.run(rung.setting, climb.ladder.name, run, rung.latest)
-        rung.wall = time.perf_counter() - began
-        self._tell()
+        step.add(run, against, self.exposure, self.wanted.metric)
+        if self.raw_images is not None:
+            self.raw_images.write_run(step.setting, active.sweep.name, run, step.latest)
+        step.wall = time.perf_counter() - began
+        self._report_progress()
         return True
 
     # --- the chart ------------------------------------------------------------------------------------------------------
 
-    def _charted(self, climbs: list[_Climb], plan: planner.Plan, against: Reference) -> Chart:
+    def _make_chart(self, sweeps: list[_SweepProgress], plan: planner.Plan, against: Reference) -> Chart:
         metric, curves = self.wanted.metric, []
-        for climb in climbs:
-            made = summary.curve(climb.ladder, climb.rungs, metric, against, climb.by.stages)
+        for active in sweeps:
+            made = summary.make_curve(active.sweep, active.steps, metric, against, active.contestant.stages)
             if made is not None:
                 curves.append(made)
-            elif climb.rungs:
-                self.left_out[climb.name] = f"its pictures do not have what `{metric}` measures"
-            self._say_skipped(climb)
+            elif active.steps:
+                self.left_out[active.name] = f"its pictures do not have what `{metric}` measures"
+            self._note_skipped(active)
         points = [point for curve in curves for point in curve.points]
         if not points:
             raise NothingMeasured("; ".join(f"{name}: {why}" for name, why in self.left_out.items()) or "no backend was asked for")
@@ -232,21 +231,21 @@ class _Work:
             pareto.knee(front, seconds, measured, self.floor.get(metric, 0.0)), self.left_out, runs.machine(self.settings), self.versions,
         )  # fmt: skip
 
-    def _say_skipped(self, climb: _Climb) -> None:
-        rest = climb.ladder.settings[len(climb.rungs) :]
-        if climb.skipped and rest:
-            said = formatting.setting(rest[0]) + (" and what follows" if len(rest) > 1 else "")
-            self.left_out[f"{climb.name}: {said}" if climb.rungs else climb.name] = climb.skipped
+    def _note_skipped(self, active: _SweepProgress) -> None:
+        rest = active.sweep.settings[len(active.steps) :]
+        if active.skipped and rest:
+            skipped = formatting.setting(rest[0]) + (" and what follows" if len(rest) > 1 else "")
+            self.left_out[f"{active.name}: {skipped}" if active.steps else active.name] = active.skipped
 
-    def _tell(self) -> None:
+    def _report_progress(self) -> None:
         whole = self.deadline - self.began
         self.progress(min(time.perf_counter() - self.began, whole), whole)
 
 
-def _sized(scene: ir.Scene, settings: ir.Settings) -> ir.Settings:
-    """With a size: the one asked for, else the scene's, made so small that many renders fit into a minute."""
+def _with_size(scene: ir.Scene, settings: ir.Settings) -> ir.Settings:
+    """The settings with a size: the given one, else the scene's, reduced so that many renders fit into a minute."""
     if settings.size is not None:
         return settings
     width, height = planner.make(scene, settings)["size"]
-    share = min(WIDE / max(width, height), 1.0)
+    share = min(DEFAULT_WIDTH / max(width, height), 1.0)
     return replace(settings, size=(max(round(width * share), 1), max(round(height * share), 1)))

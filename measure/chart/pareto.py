@@ -1,15 +1,15 @@
-"""Which of the measured points are worth taking: the Pareto front of time and error, and its knee."""
+"""The Pareto front of time and error, and its knee."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 
-LEAST = 3  # points of a front that can have a knee
+LEAST = 3  # points of a front with a knee
 
 
 def front(times: Sequence[float], errors: Sequence[float]) -> tuple[int, ...]:
-    """The points that no other beats: none is quicker without a larger error. Quickest first; of equals the first."""
+    """Indices of the Pareto-optimal points, fastest first; of equal points the first."""
     order = sorted(range(len(times)), key=lambda i: (times[i], errors[i], i))
     best, found = math.inf, []
     for i in order:
@@ -20,10 +20,10 @@ def front(times: Sequence[float], errors: Sequence[float]) -> tuple[int, ...]:
 
 
 def knee(front: Sequence[int], times: Sequence[float], errors: Sequence[float], floor: float = 0.0) -> int | None:
-    """The point of a front after which more time buys least: farthest below the line from its first to its last, on logarithmic axes.
+    """The knee of a front: the point farthest below the line from its first to its last point, on logarithmic axes.
 
-    Errors below `floor`, the reference's own, count as it. Both axes are scaled to the front's extent (Satopää et al. 2011, "Finding a
-    kneedle in a haystack"). None where the front has fewer than three points or no bend.
+    Errors below `floor`, the uncertainty of the reference, count as `floor`. Both axes are scaled to the front's extent (Satopää et al.
+    2011, "Finding a kneedle in a haystack"). None for fewer than three points or a front without a bend.
     """
     usable = [i for i in front if times[i] > 0 and max(errors[i], floor) > 0]
     if len(usable) < LEAST:

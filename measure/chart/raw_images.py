@@ -1,4 +1,4 @@
-"""The raw images of a chart in a folder: every run and the reference as .exr, and index.json, so that other code can measure them again."""
+"""Writes the raw images of a chart: every run and the reference as .exr, and index.json."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from ..records import Reference, Run, Setting
 INDEX = "index.json"
 
 
-class Keeper:
-    """Writes images as they come and the index at the end. Raises OSError if the disk will not."""
+class RawImageWriter:
+    """Writes images as they are measured, and the index at the end. Raises OSError on a disk error."""
 
     def __init__(self, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self.folder = folder
         self.runs: list[dict[str, Any]] = []
 
-    def run(self, setting: Setting, curve: str, run: Run, errors: dict[str, float]) -> None:
-        """Keep a run; `errors` are what was measured of it."""
+    def write_run(self, setting: Setting, curve: str, run: Run, errors: dict[str, float]) -> None:
+        """Write a run; `errors` are its measured errors."""
         name = re.sub(r"[^\w.-]+", "_", f"{len(self.runs):04d}-{setting.backend}-{curve}-{setting.value}-seed{run.seed}.exr")
         alpha = np.ones(run.rgb.shape[:2], np.float32) if run.alpha is None else run.alpha
         self._write(name, run.rgb, alpha)
@@ -38,8 +38,8 @@ class Keeper:
             }
         )  # fmt: skip
 
-    def done(self, reference: Reference, exposure: float) -> None:
-        """Keep the reference, with its variance as a picture of its own, and the index."""
+    def finish(self, reference: Reference, exposure: float) -> None:
+        """Write the reference, its variance as a second picture, and the index."""
         alpha = np.ones(reference.rgb.shape[:2]) if reference.alpha is None else reference.alpha
         self._write("reference.exr", reference.rgb, alpha)
         self._write("reference-variance.exr", reference.variance, np.ones_like(alpha))

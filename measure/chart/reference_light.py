@@ -1,8 +1,8 @@
-"""Which light a chart's reference holds: everything the scene's light does, to a depth that is said; so that what is missing shows as bias.
+"""Selects the light of a chart's reference: all light of the scene to a stated depth. Missing light then shows as bias.
 
-Bounces asked for on the command line hold for all, the reference too. Otherwise light is followed between all surfaces until what is
-left out is below LEFT_OUT of what a surface gets, 32 bounces at the most, whatever depth the scene itself asks for. A scene with
-ambient light is the exception: ambient light stands for interreflection (the course's model), so its truth has none.
+A number of bounces on the command line holds for all, the reference too. Otherwise light bounces until the remainder is below REMAINDER
+of the light of a surface, at most 32 times, regardless of the scene's own depth. Scenes with ambient light are the exception: ambient
+light stands for interreflection (the course's model), so their reference has none.
 """
 
 from __future__ import annotations
@@ -16,37 +16,37 @@ import numpy as np
 from ...compiler import ir
 from ...compiler.plan import plan as planner
 
-LEFT_OUT = 1e-3  # share of the light that more bounces would add, for the brightest matt surface all around
-LEAST_DEPTH, MOST_DEPTH = 8, 32
-SPECULAR_DEPTH = 16  # where only mirrors and glass send light on
+REMAINDER = 1e-3  # share of the light that further bounces would add in a closed room of the brightest diffuse surface
+MIN_DEPTH, MAX_DEPTH = 8, 32
+SPECULAR_DEPTH = 16  # where only mirrors and glass reflect light
 
 
 @dataclass(frozen=True, slots=True)
-class Truth:
-    """The settings of the reference: what all have in common, and the depth beside it (`bounces` None: as the scene says)."""
+class ReferenceLight:
+    """The settings of the reference: the shared ones and its depth (`bounces`; None: the scene's)."""
 
-    settings: ir.Settings  # size, threads, camera, …: everybody's
-    common: Mapping[str, str]  # everybody's overrides of the plan
+    settings: ir.Settings  # shared by all: size, threads, camera, …
+    common: Mapping[str, str]  # overrides of the plan for all
     bounces: int | None
-    plan: Mapping[str, str]  # overrides that belong to the depth
-    how: str  # for people
+    overrides: Mapping[str, str]  # overrides that belong to the depth of the reference
+    how: str  # description for readers
 
-    def make(self, scene: ir.Scene, backend: str = "ray", **options: object) -> planner.Plan:
-        """A plan of this light."""
+    def plan(self, scene: ir.Scene, backend: str = "ray", **options: object) -> planner.Plan:
+        """A plan with this light."""
         asked = replace(self.settings, backend=backend, **options)
         if self.bounces is not None:
             asked = replace(asked, bounces=self.bounces)
-        return planner.make(scene, asked, {**self.common, **self.plan})
+        return planner.make(scene, asked, {**self.common, **self.overrides})
 
-    def own(self, scene: ir.Scene, backend: str) -> planner.Plan:
-        """A plan of the light that the scene's own settings, or those asked for, give."""
+    def scene_plan(self, scene: ir.Scene, backend: str) -> planner.Plan:
+        """A plan with the light of the scene's own settings."""
         return planner.make(scene, replace(self.settings, backend=backend), self.common)
 
 
-def of(scene: ir.Scene, settings: ir.Settings, common: Mapping[str, str] | None = None) -> Truth:
-    """The truth of a scene as asked for. Raises planner.PlanError."""
+def choose(scene: ir.Scene, settings: ir.Settings, common: Mapping[str, str] | None = None) -> ReferenceLight:
+    """The reference light of a scene. Raises planner.PlanError."""
     bounces, plan, how = _light(scene, settings)
-    return Truth(settings, common or {}, bounces, plan, how)
+    return ReferenceLight(settings, common or {}, bounces, plan, how)
 
 
 def _light(scene: ir.Scene, settings: ir.Settings) -> tuple[int | None, dict[str, str], str]:
@@ -72,8 +72,8 @@ def _light(scene: ir.Scene, settings: ir.Settings) -> tuple[int | None, dict[str
     return None, {}, "light as it is emitted"
 
 
-def differs(truth: planner.Plan, other: planner.Plan) -> str:
-    """What light a plan leaves out of the truth's (or adds to it), "" where it has the same."""
+def missing_light(truth: planner.Plan, other: planner.Plan) -> str:
+    """A description of the light that `other` lacks or adds beside the reference; "" if none."""
     if truth["interreflection"] and not other["interreflection"]:
         return "no interreflection"
     if other["interreflection"] and not truth["interreflection"]:
@@ -84,7 +84,7 @@ def differs(truth: planner.Plan, other: planner.Plan) -> str:
 
 
 def _depth(albedo: float) -> int:
-    """Bounces after which albedo^n, what is left in a closed room of it, is below LEFT_OUT."""
+    """The number of bounces n after which albedo^n, the remainder in a closed room, is below REMAINDER."""
     if albedo >= 1.0:
-        return MOST_DEPTH
-    return int(np.clip(math.ceil(math.log(LEFT_OUT) / math.log(albedo)), LEAST_DEPTH, MOST_DEPTH))
+        return MAX_DEPTH
+    return int(np.clip(math.ceil(math.log(REMAINDER) / math.log(albedo)), MIN_DEPTH, MAX_DEPTH))

@@ -1,4 +1,4 @@
-"""One render of a setting, timed: wall seconds by stage and CPU seconds of a whole process that does nothing else meanwhile."""
+"""Times one render of a setting: wall seconds by stage, and CPU seconds of the process."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from ...render import render_scene
 from ...render.simd.target import cores
 from ..records import Run, Setting
 
-WITH_VERSIONS = ("maquette", "numpy", "numba", "flip-evaluator")
+VERSIONED_PACKAGES = ("maquette", "numpy", "numba", "flip-evaluator")
 
 
 class Cancelled(Exception):
-    """The work was ended from outside."""
+    """The render was cancelled."""
 
 
-def plan_of(scene: ir.Scene, settings: ir.Settings, setting: Setting, seed: int) -> planner.Plan:
-    """What a rung draws: the settings of everybody, then its own. Raises planner.PlanError."""
+def make_plan(scene: ir.Scene, settings: ir.Settings, setting: Setting, seed: int) -> planner.Plan:
+    """The plan of a step: shared settings overridden by its own. Raises planner.PlanError."""
     options: Mapping[str, Any] = {**setting.options, "backend": setting.backend, "seed": seed, "aov": ()}
     if "error" in options:
         options = {"samples": None, **options}
@@ -38,7 +38,7 @@ def plan_of(scene: ir.Scene, settings: ir.Settings, setting: Setting, seed: int)
 
 
 def run(scene: ir.Scene, plan: planner.Plan, cancel: threading.Event | None = None) -> Run:
-    """Draw once, without any display of progress. CPU seconds are those of building and rendering. Raises Cancelled."""
+    """Render once. CPU seconds cover building and rendering. Raises Cancelled."""
     before = time.process_time()
     image = render_scene.draw(scene, plan, None, cancel)
     cpu = time.process_time() - before
@@ -50,13 +50,13 @@ def run(scene: ir.Scene, plan: planner.Plan, cancel: threading.Event | None = No
 
 
 def threads(settings: ir.Settings) -> int:
-    """The number of threads everybody gets."""
+    """The number of threads of every contestant."""
     return settings.threads or cores()
 
 
 @functools.cache
 def import_seconds() -> float:
-    """What loading the renderer takes in a process of its own, seconds; 0 where none can be started."""
+    """Seconds to import the renderer in a new process; 0 if none can be started."""
     code = "import time; t = time.perf_counter(); import maquette.render.render_scene; print(time.perf_counter() - t)"
     try:
         done = subprocess.run(
@@ -69,14 +69,14 @@ def import_seconds() -> float:
 
 
 def machine(settings: ir.Settings) -> str:
-    """What measured: "4 threads of 8, AMD EPYC …, Linux"."""
+    """The measuring machine, as in "4 threads of 8, AMD EPYC …, Linux"."""
     used, all_ = threads(settings), cores()
     return f"{used} thread{'' if used == 1 else 's'} of {all_}, {_processor()}, {platform.system()}"
 
 
 def versions() -> dict[str, str]:
-    """Of what the figures depend on."""
-    return {"python": platform.python_version(), **{name: metadata.version(name) for name in WITH_VERSIONS}}
+    """Versions of the packages that the figures depend on."""
+    return {"python": platform.python_version(), **{name: metadata.version(name) for name in VERSIONED_PACKAGES}}
 
 
 def _processor() -> str:

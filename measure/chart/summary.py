@@ -1,4 +1,4 @@
-"""From runs to a chart's figures: points with bias and noise, curves and why they stop, the reference's own uncertainty in every metric."""
+"""Summarizes runs: points with bias and noise, curves with their stop reason, the uncertainty of the reference."""
 
 from __future__ import annotations
 
@@ -9,65 +9,67 @@ import numpy as np
 
 from .. import errors, formatting
 from ..records import Curve, Point, Reference
-from . import bias, contestant, setting_ladders
-from .contestant import Rung
+from . import bias, contestant, setting_sweeps
+from .contestant import Step
 
-DOMINANT = 0.5  # share of the squared error from which on a bias is what stops a curve
-CENTRES = "one sample a pixel is its centre: edges are not smoothed"
-BLOCKS = "the bias is seen only in means over many pixels: it is at least so much"
+DOMINANT_SHARE = 0.5  # share of the squared error above which bias stops a curve
+CENTRE_SAMPLES = "one sample a pixel is its centre: edges are not smoothed"
+BLOCK_BIAS = "the bias is seen only in means over many pixels: it is at least so much"
 
 
-def point(rung: Rung, metric: str, reference: Reference, once: dict[str, float]) -> Point | None:
-    """A rung as a point; None where the metric cannot be had of it. `once` are stages paid by the first picture of a process."""
-    if metric not in rung.errors:
+def make_point(step: Step, metric: str, reference: Reference, once: dict[str, float]) -> Point | None:
+    """The point of a step; None if the metric is not known. `once` has seconds of stages that a process runs once."""
+    if metric not in step.errors:
         return None
-    names = dict.fromkeys([*once, *(name for stages in rung.stages for name in stages)])
-    stages = {name: once.get(name) or rung.seconds_of(name) for name in names}
-    spreads = {name: contestant.spread(values) for name, values in rung.errors.items()}
-    split = bias.split(rung.sums, reference)
-    told = {} if split is None else {
+    names = dict.fromkeys([*once, *(name for stages in step.stages for name in stages)])
+    stages = {name: once.get(name) or step.seconds_of(name) for name in names}
+    spreads = {name: contestant.spread(values) for name, values in step.errors.items()}
+    split = bias.decompose(step.sums, reference)
+    figures = {} if split is None else {
         "bias": split.bias, "bias_error": split.bias_error, "noise": split.noise, "noise_error": split.noise_error,
         "bias_squared": split.bias_squared, "bias_squared_error": split.bias_squared_error,
         "bias_block": split.block,
     }  # fmt: skip
-    centres = rung.setting.options.get("samples") == 1 and rung.setting.backend in formatting.BACKENDS
-    note = "; ".join(said for said, true in ((CENTRES, centres), (BLOCKS, split is not None and split.block > 1)) if true)
+    centres = step.setting.options.get("samples") == 1 and step.setting.backend in formatting.BACKENDS
+    note = "; ".join(text for text, true in ((CENTRE_SAMPLES, centres), (BLOCK_BIAS, split is not None and split.block > 1)) if true)
     return Point(
-        rung.setting, contestant.spread(rung.seconds), spreads[metric], spreads, **told,
-        stages=stages, note=note, cpu=float(np.median(rung.cpu)),
+        step.setting, contestant.spread(step.seconds), spreads[metric], spreads, **figures,
+        stages=stages, note=note, cpu=float(np.median(step.cpu)),
     )  # fmt: skip
 
 
-def curve(ladder: setting_ladders.Ladder, rungs: Sequence[Rung], metric: str, reference: Reference, once: dict[str, float]) -> Curve | None:
-    """A ladder as far as it was climbed; None where nothing of it can be charted."""
-    found = [(rung, made) for rung in rungs if (made := point(rung, metric, reference, once)) is not None]
+def make_curve(
+    sweep: setting_sweeps.Sweep, steps: Sequence[Step], metric: str, reference: Reference, once: dict[str, float]
+) -> Curve | None:
+    """The curve of a sweep's measured steps; None without points."""
+    found = [(step, made) for step in steps if (made := make_point(step, metric, reference, once)) is not None]
     if not found:
         return None
     points = tuple(made for _, made in found)
     slope = None
-    if ladder.settings[0].knob == "samples":
+    if sweep.settings[0].knob == "samples":
         random = [p for p in points if p.setting.value > 1]  # one sample may be the pixel's centre
         slope = bias.slope([float(p.setting.value) for p in random], [p.noise or 0.0 for p in random])
-    return Curve(ladder.backend, ladder.name, points, _stops(ladder, *found[-1]), slope)
+    return Curve(sweep.backend, sweep.name, points, _stop_reason(sweep, *found[-1]), slope)
 
 
-def _stops(ladder: setting_ladders.Ladder, rung: Rung, last: Point) -> str:
-    """Why the error of the dearest rung is no noise and what follows would not change that; else ""."""
-    if last.setting != ladder.settings[-1] and (ladder.settings[0].knob != "samples" or last.setting.value == 1):
-        return ""  # what would have come next draws another picture
-    if not last.bias or last.bias**2 < DOMINANT * (last.bias**2 + (last.noise or 0.0) ** 2):
+def _stop_reason(sweep: setting_sweeps.Sweep, step: Step, last: Point) -> str:
+    """The reason why more time would not reduce the error of the most expensive step; "" if it would."""
+    if last.setting != sweep.settings[-1] and (sweep.settings[0].knob != "samples" or last.setting.value == 1):
+        return ""  # the next step would draw another picture
+    if not last.bias or last.bias**2 < DOMINANT_SHARE * (last.bias**2 + (last.noise or 0.0) ** 2):
         return ""
-    why = [ladder.light, *rung.notes, CENTRES if CENTRES in last.note else ""]
-    if ladder.backend not in formatting.BACKENDS:
+    why = [sweep.light, *step.notes, CENTRE_SAMPLES if CENTRE_SAMPLES in last.note else ""]
+    if sweep.backend not in formatting.BACKENDS:
         why.append("what it computes differs")
     named = "; ".join(filter(None, why)) or f"{formatting.setting(last.setting)}: another picture than the reference"
     return f"{named}: bias {formatting.error('relmse', last.bias)}"
 
 
-def floor(reference: Reference, exposure: float) -> dict[str, float]:
-    """The reference's own uncertainty in each metric: √relMSE from its variance, the others from how its halves differ.
+def reference_uncertainty(reference: Reference, exposure: float) -> dict[str, float]:
+    """The uncertainty of the reference in each metric: √relMSE from its variance, the others from the difference of its halves.
 
-    Means over a and b seeds differ by σ √(1/a + 1/b), the mean of all is off by σ / √(a + b): √(a b) / (a + b) times as much.
+    Means over a and b seeds differ by σ √(1/a + 1/b). The mean of all is off by σ / √(a + b), which is √(a b) / (a + b) times as much.
     """
     if reference.halves is None:
         return {}

@@ -1,6 +1,6 @@
-"""How far two pictures or renders are apart, in every way `maquette compare` shows: metrics, where, on which objects, beyond noise or not.
+"""Measures the difference of two pictures or renders: metrics, outlines, objects, bias and noise.
 
-The second side is the one measured against. All figures are of linear light; FLIP sees what a person would be shown.
+The second side is the reference. All figures are of linear light, except FLIP, which uses the displayed pictures.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from ...compiler.scene import serialize
 from ...render.image import metrics
 from .. import errors
 from . import object_errors, scene_diff
-from .sides import Side, alike, exposure_said, without_shared_endless
+from .sides import Side, match_encoding, recorded_exposure, zero_shared_nonfinite
 
-ACCIDENT = 1.2  # times the noise alone: independent noise makes 0.7 to 1.1, as its estimate is from above
-SIGNIFICANT = 4.0  # standard errors of a mean difference beyond which it is no accident
+NOISE_RATIO = 1.2  # largest ratio of a difference to the noise estimate that is noise; independent noise gives 0.7 to 1.1
+SIGNIFICANCE = 4.0  # standard errors above which a mean difference is significant
 METRICS = ("relmse", "flip", "maximum", "silhouette", "bias", "noise", "significance")
 
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """A part of the picture. `share` is of the squared error (0..1); `error` is √relMSE over its pixels; `maximum` the largest |A − B|."""
+    """A part of the picture: `share` of the squared error (0..1), √relMSE (`error`) and largest |A − B| (`maximum`) of its pixels."""
 
     pixels: int
     share: float
@@ -39,30 +39,29 @@ class Region:
 
 @dataclass(frozen=True, slots=True)
 class Bias:
-    """(mean A − mean B) / mean B of red, green and blue. `doubt` holds their standard errors, None where the noise is not known."""
+    """(mean A − mean B) / mean B of red, green and blue, with standard errors (None if the noise is unknown)."""
 
     channels: tuple[float, float, float]
-    doubt: tuple[float, float, float] | None
+    standard_error: tuple[float, float, float] | None
 
     @property
     def largest(self) -> float:
-        """The largest of the three, without its sign."""
+        """The largest absolute value of the three."""
         return max(abs(c) for c in self.channels)
 
     @property
     def significance(self) -> float | None:
-        """How many standard errors the clearest of the three is from 0; None where the noise is not known."""
-        if self.doubt is None:
+        """The largest of the three in standard errors; None if the noise is unknown."""
+        if self.standard_error is None:
             return None
-        return max(abs(c) / d if d > 0 else math.inf if c else 0.0 for c, d in zip(self.channels, self.doubt, strict=True))
+        return max(abs(c) / d if d > 0 else math.inf if c else 0.0 for c, d in zip(self.channels, self.standard_error, strict=True))
 
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Estimated √relMSE of each side's own noise, and how many times as large the difference is as noise alone would make it.
+    """The estimated noise of each side as √relMSE, and the ratio of the difference to the difference that noise explains.
 
-    None where not known. `shared`: both were drawn with the same random numbers, so that their noise cancels wherever they
-    draw alike.
+    None if unknown. `shared`: both sides have the same random numbers, so that their noise cancels where they agree.
     """
 
     a: float | None
@@ -73,7 +72,7 @@ class Noise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
-    """What `compare` found; `error`, `maximum`, `at`, `differing` and `pixels` as in metrics.Difference."""
+    """The result of `compare`; `error`, `maximum`, `at`, `differing` and `pixels` as in metrics.Difference."""
 
     a: Side
     b: Side
@@ -83,29 +82,29 @@ class Comparison:
     at: tuple[int, int]
     differing: int
     pixels: int
-    silhouette: float | None  # pixels between the outlines; None where a picture does not say what is covered
-    exposure: float  # stops, at which FLIP looks at both
+    silhouette: float | None  # mean distance of the outlines in pixels; None without coverage
+    exposure: float  # stops of both pictures for FLIP
     bias: Bias
     noise: Noise
     outline: Region | None
     interior: Region | None
-    carriers: tuple[object_errors.Carrier, ...]
+    objects: tuple[object_errors.ObjectError, ...]
     largest_on: str  # the object at `at`
     changes: tuple[scene_diff.Change, ...]
 
     @property
     def within_noise(self) -> bool | None:
-        """Whether two pictures as noisy as these would be as far apart by accident; None where the noise is not known."""
-        return None if self.noise.ratio is None else self.noise.ratio <= ACCIDENT
+        """Whether noise explains the difference; None if the noise is unknown."""
+        return None if self.noise.ratio is None else self.noise.ratio <= NOISE_RATIO
 
     @property
     def biased(self) -> bool | None:
-        """Whether the means differ by more than noise explains."""
+        """Whether the difference of the means is significant; None if the noise is unknown."""
         significance = self.bias.significance
-        return None if significance is None else significance > SIGNIFICANT
+        return None if significance is None else significance > SIGNIFICANCE
 
     def value(self, metric: str) -> float | None:
-        """The figure of one of METRICS; None where it is not known of these pictures."""
+        """The figure of one of METRICS; None if it is unknown."""
         return {
             "relmse": self.error, "flip": self.flip, "maximum": self.maximum, "silhouette": self.silhouette, "bias": self.bias.largest,
             "noise": self.noise.ratio, "significance": self.bias.significance,
@@ -118,13 +117,13 @@ class Comparison:
             "relmse": self.error, "flip": self.flip, "maximum": self.maximum, "at": list(self.at), "at_object": self.largest_on,
             "differing": self.differing, "pixels": self.pixels, "silhouette": self.silhouette,
             "exposure": self.exposure,
-            "bias": self.bias.channels, "bias_standard_error": self.bias.doubt, "bias_significance": self.bias.significance,
+            "bias": self.bias.channels, "bias_standard_error": self.bias.standard_error, "bias_significance": self.bias.significance,
             "biased": self.biased,
             "noise": {"a": self.noise.a, "b": self.noise.b, "ratio": self.noise.ratio, "shared": self.noise.shared},
             "within_noise": self.within_noise,
             "outline": None if self.outline is None else self.outline.to_json(),
             "interior": None if self.interior is None else self.interior.to_json(),
-            "objects": [carrier.to_json() for carrier in self.carriers],
+            "objects": [entry.to_json() for entry in self.objects],
             "changes": [change.to_json() for change in self.changes],
         }  # fmt: skip
 
@@ -142,14 +141,14 @@ def _side(side: Side) -> dict[str, Any]:
 def compare(a: Side, b: Side, exposure: float | None = None) -> Comparison:
     """Measure `a` against `b`. Raises metrics.SizeError.
 
-    FLIP looks at both at `exposure` stops, None: as B, or else A, says; 8 and 16-bit pictures are looked at as they are.
+    FLIP uses `exposure` stops, by default those recorded in B or A. 8 and 16-bit pictures are not exposed.
     """
-    a, b = without_shared_endless(*alike(a, b, exposure))
-    stops = 0.0 if a.bits else exposure_of(a, b) if exposure is None else exposure
+    a, b = zero_shared_nonfinite(*match_encoding(a, b, exposure))
+    stops = 0.0 if a.bits else common_exposure(a, b) if exposure is None else exposure
     found = metrics.difference(a.rgb, b.rgb)
     squared = metrics.squared_relative(a.rgb, b.rgb)
     changed, same = _changes(a, b)
-    owner = object_errors.owners(a, b, same)
+    owner = object_errors.pixel_owners(a, b, same)
     variance = _variance(a, b)
     outline = _outline(a, b)
     distance = metrics.distance(a.rgb, b.rgb).max(axis=2)
@@ -162,15 +161,15 @@ def compare(a: Side, b: Side, exposure: float | None = None) -> Comparison:
         noise=_noise(a, b, variance, found.error),
         outline=None if outline is None else _region(outline, squared, distance),
         interior=None if outline is None else _region(~outline, squared, distance),
-        carriers=() if owner is None else tuple(object_errors.carriers(a, b, owner, squared, of_luminance)),
-        largest_on="" if owner is None else object_errors.name_of(a, b, int(owner[found.at[1], found.at[0]])),
+        objects=() if owner is None else tuple(object_errors.measure(a, b, owner, squared, of_luminance)),
+        largest_on="" if owner is None else object_errors.owner_name(a, b, int(owner[found.at[1], found.at[0]])),
         changes=tuple(changed),
     )  # fmt: skip
 
 
-def exposure_of(a: Side, b: Side) -> float:
-    """The stops at which both are looked at: what B, or else A, was written with or plans."""
-    return next((stops for stops in (exposure_said(b), exposure_said(a)) if stops is not None), 0.0)
+def common_exposure(a: Side, b: Side) -> float:
+    """The stops recorded in or planned for B, else A; 0 by default."""
+    return next((stops for stops in (recorded_exposure(b), recorded_exposure(a)) if stops is not None), 0.0)
 
 
 def _flip(a: Side, b: Side, stops: float) -> float:
@@ -179,21 +178,21 @@ def _flip(a: Side, b: Side, stops: float) -> float:
 
 
 def _changes(a: Side, b: Side) -> tuple[list[scene_diff.Change], dict[int, int]]:
-    """What changed between two versions of a scene, and which instance of A is which of B."""
+    """The changes between two versions of a scene, and the mapping from instances of A to those of B."""
     if a.scene is None or b.scene is None or a.scene is b.scene or serialize.content_hash(a.scene) == serialize.content_hash(b.scene):
         ids = a.ids
         both = ids is not None and b.ids is not None
         return [], {k: k for k in range(int(ids.max(initial=-1)) + 1)} if both and ids is not None else {}
-    return scene_diff.between(a.scene, b.scene)
+    return scene_diff.diff(a.scene, b.scene)
 
 
 def _outline(a: Side, b: Side) -> NDArray[np.bool_] | None:
-    masks = [mask for mask in (object_errors.outlines(a), object_errors.outlines(b)) if mask is not None]
+    masks = [mask for mask in (object_errors.outline_mask(a), object_errors.outline_mask(b)) if mask is not None]
     return np.logical_or.reduce(masks) if masks else None
 
 
 def _region(where: NDArray[np.bool_], squared: NDArray[np.float64], distance: NDArray[np.float64]) -> Region:
-    count, weights = int(np.count_nonzero(where)), object_errors.weights(squared.mean(axis=2))
+    count, weights = int(np.count_nonzero(where)), object_errors.error_shares(squared.mean(axis=2))
     error = math.sqrt(float(squared[where].mean())) if count else 0.0
     return Region(count, float(weights[where].sum()), error, float(distance[where].max(initial=0.0)))
 
@@ -201,25 +200,25 @@ def _region(where: NDArray[np.bool_], squared: NDArray[np.float64], distance: ND
 def _bias(a: Side, b: Side, variance: NDArray[np.float64] | None) -> Bias:
     with np.errstate(invalid="ignore"):
         ours, theirs = a.rgb.sum(axis=(0, 1)), b.rgb.sum(axis=(0, 1))
-    doubt = None if variance is None else np.sqrt(variance.sum(axis=(0, 1)))
-    return Bias(_of_whole(ours - theirs, theirs), None if doubt is None else _of_whole(doubt, np.abs(theirs)))
+    standard_error = None if variance is None else np.sqrt(variance.sum(axis=(0, 1)))
+    return Bias(_channel_ratios(ours - theirs, theirs), None if standard_error is None else _channel_ratios(standard_error, np.abs(theirs)))
 
 
-def _of_whole(values: NDArray[np.float64], whole: NDArray[np.float64]) -> tuple[float, float, float]:
-    red, green, blue = (object_errors.relative(x, y) for x, y in zip(values, whole, strict=True))
+def _channel_ratios(values: NDArray[np.float64], whole: NDArray[np.float64]) -> tuple[float, float, float]:
+    red, green, blue = (object_errors.ratio(x, y) for x, y in zip(values, whole, strict=True))
     return red, green, blue
 
 
 def _variance(a: Side, b: Side) -> NDArray[np.float64] | None:
-    """(h, w, 3) of A − B, were their noises independent: shared random numbers only make it less."""
+    """(h, w, 3) variance of A − B for independent noise, an upper bound for shared random numbers."""
     one, other = a.variance, b.variance
     return None if one is None or other is None else one + other
 
 
 def _noise(a: Side, b: Side, variance: NDArray[np.float64] | None, error: float) -> Noise:
-    """What is known of the noise; with the pixels' variances the ratio compares sums of squares, weighed alike.
+    """The noise of both sides. With pixel variances the ratio compares equally weighted sums of squares.
 
-    The weight is relative to the mean of both: a pixel that is dark in one by accident would count without end by √relMSE.
+    The weights use the mean of both sides: in √relMSE a pixel that is dark in one by chance would have an unlimited weight.
     """
     ratio = None
     if variance is not None:

@@ -1,7 +1,7 @@
-"""Which objects carry a difference between two pictures, by what the centre of each pixel shows.
+"""Attributes the difference of two pictures to objects, by the object at each pixel centre.
 
-A pixel that an outline crosses shows several objects, and its whole difference is counted to the one at its centre; where the
-two pictures show different objects there, to the nearer of them: it is what appeared, went or moved.
+The difference of a pixel that shows several objects counts for the one at its centre. Where the two pictures differ in that object, it
+counts for the nearer one: the object that appeared, vanished or moved.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from .sides import Side
 
 
 @dataclass(frozen=True, slots=True)
-class Carrier:
-    """All instances of one name that come from one line. Shares are 0..1 of the whole picture's.
+class ObjectError:
+    """The error of all instances with one name and one source line. `share` is the share of the whole squared error (0..1).
 
-    `error` is √relMSE over its pixels; `bias` (mean A − mean B) / mean B of their luminance, `doubt` its standard error (None where
-    the noise is not known).
+    `error` is √relMSE over its pixels; `bias` is (mean A − mean B) / mean B of their luminance, with its standard error (None if the noise
+    is unknown).
     """
 
     label: str
@@ -35,7 +35,7 @@ class Carrier:
     share: float
     error: float
     bias: float
-    doubt: float | None
+    standard_error: float | None
 
     def __str__(self) -> str:
         many = f"{self.count} × " if self.count > 1 else ""
@@ -45,44 +45,44 @@ class Carrier:
         """This row as plain data."""
         return {
             "label": self.label, "place": str(self.place or ""), "instances": self.count, "pixels": self.pixels, "share": self.share,
-            "error": self.error, "bias": self.bias, "bias_standard_error": self.doubt,
+            "error": self.error, "bias": self.bias, "bias_standard_error": self.standard_error,
         }  # fmt: skip
 
 
-def owners(a: Side, b: Side, same: Mapping[int, int]) -> NDArray[np.int64] | None:
-    """(h, w) whose pixel it is: k ≥ 0 instance k of B, -1 nothing's, -2 - k instance k of A, which B does not have.
+def pixel_owners(a: Side, b: Side, same: Mapping[int, int]) -> NDArray[np.int64] | None:
+    """(h, w) owner of each pixel: k ≥ 0 instance k of B, -1 none, -2 - k instance k of A that B does not have.
 
-    `same` maps instances of A to those of B. A picture beside a scene may be of another scene: what it says of objects is not
-    used. None where neither side tells.
+    `same` maps instances of A to those of B. The ids of a picture compared with a scene are ignored, as it may show another scene. None
+    without ids.
     """
     one, other = a.ids, b.ids
     if one is not None and other is not None and (a.scene is None) != (b.scene is None):
         one, other = (None, other) if a.scene is None else (one, None)
     if one is not None:
-        one = _translated(one, same)
+        one = _to_owner_numbers(one, same)
     if one is None or other is None:
         return other if one is None else one
     nearer = a.depth < b.depth
     return np.where((one != other) & nearer, one, other)
 
 
-def _translated(ids: NDArray[np.int64], same: Mapping[int, int]) -> NDArray[np.int64]:
-    """Instances of A by the numbers of `owners`."""
+def _to_owner_numbers(ids: NDArray[np.int64], same: Mapping[int, int]) -> NDArray[np.int64]:
+    """Instances of A as owner numbers."""
     table = np.arange(int(ids.max(initial=-1)) + 2) - 1
     for k in range(len(table) - 1):
         table[k + 1] = same.get(k, -2 - k)
     return table[np.maximum(ids, -1) + 1]
 
 
-def carriers(
+def measure(
     a: Side, b: Side, owner: NDArray[np.int64], squared: NDArray[np.float64], variance: NDArray[np.float64] | None
-) -> list[Carrier]:
-    """Every object that has pixels, the one with most of the error first.
+) -> list[ObjectError]:
+    """All visible objects, those with the largest share first.
 
-    `owner` is from `owners`; `squared` (h, w, 3) from metrics.squared_relative; `variance` (h, w) of the difference's luminance.
+    `owner` is from `pixel_owners`; `squared` (h, w, 3) from metrics.squared_relative; `variance` (h, w) of the difference's luminance.
     """
     keys, group = np.unique(owner.ravel(), return_inverse=True)
-    names = [_named(a, b, int(key)) for key in keys]
+    names = [_identify(a, b, int(key)) for key in keys]
     distinct = list(dict.fromkeys(names))
     places = {name: i for i, name in enumerate(distinct)}
     instances = np.array([places[name] for name in names])  # of each key
@@ -91,38 +91,38 @@ def carriers(
     def total(values: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.bincount(rows, values.ravel(), len(distinct)).astype(np.float64)
 
-    weight = weights(squared.mean(axis=2))
+    weight = error_shares(squared.mean(axis=2))
     pixels = np.bincount(rows)
     shares, errors = total(weight), np.sqrt(total(squared.mean(axis=2)) / pixels)
     with np.errstate(invalid="ignore"):
         ours, theirs = total(metrics.luminance(a.rgb)), total(metrics.luminance(b.rgb))
-    doubt = None if variance is None else np.sqrt(total(variance))
+    standard_error = None if variance is None else np.sqrt(total(variance))
     found = [
-        Carrier(
-            *distinct[i], int(of[i]), int(pixels[i]), float(shares[i]), float(errors[i]), relative(ours[i] - theirs[i], theirs[i]),
-            None if doubt is None else relative(doubt[i], theirs[i]),
+        ObjectError(
+            *distinct[i], int(of[i]), int(pixels[i]), float(shares[i]), float(errors[i]), ratio(ours[i] - theirs[i], theirs[i]),
+            None if standard_error is None else ratio(standard_error[i], theirs[i]),
         )
         for i in range(len(distinct))
     ]  # fmt: skip
     return sorted(found, key=lambda c: -c.share)
 
 
-def weights(squared: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Shares of the whole; pixels of infinite error have all of it."""
-    endless = np.isinf(squared)
-    weight = endless.astype(np.float64) if endless.any() else squared
+def error_shares(squared: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The share of each pixel in the sum; pixels with infinite error share all of it."""
+    infinite = np.isinf(squared)
+    weight = infinite.astype(np.float64) if infinite.any() else squared
     total = weight.sum()
     return weight / total if total > 0 else weight
 
 
-def relative(value: float, whole: float) -> float:
-    """value / whole, 0 of nothing being 0 and anything else of nothing endless."""
+def ratio(value: float, whole: float) -> float:
+    """value / whole; 0 / 0 is 0, other divisions by 0 are ±inf."""
     if not math.isfinite(value):
         return math.inf
     return float(value / whole) if whole else 0.0 if value == 0 else float(np.copysign(np.inf, value))
 
 
-def _named(a: Side, b: Side, owner: int) -> tuple[str, Span | None]:
+def _identify(a: Side, b: Side, owner: int) -> tuple[str, Span | None]:
     if owner == -1:
         return "background", None
     side, row = (b, owner) if owner >= 0 else (a, -2 - owner)
@@ -132,30 +132,30 @@ def _named(a: Side, b: Side, owner: int) -> tuple[str, Span | None]:
     return scene_diff.label(scene, "instances", row), scene.spans.at("instances", row)
 
 
-def outlines(side: Side) -> NDArray[np.bool_] | None:
-    """(h, w) pixels whose filter an outline may cross: another object's pixel within its reach, or half covered.
+def outline_mask(side: Side) -> NDArray[np.bool_] | None:
+    """(h, w) mask of pixels whose filter an outline may cross: another object within its reach, or partial coverage.
 
-    An outline between two pixel centres is no further from either than the filter reaches. None where objects are not known.
+    None without ids.
     """
     ids = side.ids
     if ids is None:
         return None
     low, high = ids, ids
     for axis in (0, 1):
-        low, high = _spread(low, axis, side.reach, np.minimum), _spread(high, axis, side.reach, np.maximum)
+        low, high = _windowed(low, axis, side.reach, np.minimum), _windowed(high, axis, side.reach, np.maximum)
     mixed = low != high
     return mixed if side.coverage is None else mixed | ((side.coverage > 0) & (side.coverage < 1))
 
 
-def _spread(values: NDArray[np.int64], axis: int, reach: int, fold: np.ufunc) -> NDArray[np.int64]:
-    """Least or largest value within `reach` along an axis."""
+def _windowed(values: NDArray[np.int64], axis: int, reach: int, fold: np.ufunc) -> NDArray[np.int64]:
+    """The least or largest value within `reach` along an axis."""
     width = [(0, 0), (0, 0)]
     width[axis] = (reach, reach)
     windows = np.lib.stride_tricks.sliding_window_view(np.pad(values, width, mode="edge"), 2 * reach + 1, axis)
     return fold.reduce(windows, axis=-1)
 
 
-def name_of(a: Side, b: Side, owner: int) -> str:
-    """Who `owners` says has a pixel, with its place."""
-    label, place = _named(a, b, owner)
+def owner_name(a: Side, b: Side, owner: int) -> str:
+    """The name of an owner, with its source position."""
+    label, place = _identify(a, b, owner)
     return f"{label} {place}" if place else label

@@ -1,7 +1,7 @@
-"""What changed in the tables between two versions of a scene: rows added, removed or changed, and which row became which.
+"""Compares the tables of two versions of a scene: added, removed and changed rows, and the pairing of rows.
 
-Rows are matched first by equal content, then by a name that is theirs alone, then in order among those of one kind. A reference
-to a row that changed is no change of its own: a sphere whose material got another colour is the same sphere.
+Rows are paired by equal content, then by unique names, then in order within a kind. A reference to a changed row is no change: a sphere
+whose material has another colour is unchanged.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from ...compiler import ir
 from ...compiler.scene import dump
 from ...lang.diagnostics import Span
 
-TABLES = ("images", "textures", "materials", "geometries", "lights", "cameras", "instances")  # what a table refers to comes first
-_REFERENCES = {  # columns that point to rows which are compared by themselves
+TABLES = ("images", "textures", "materials", "geometries", "lights", "cameras", "instances")  # referenced tables come first
+_REFERENCES = {  # columns with references to rows of other tables
     "textures": {"image": "images"},
     "materials": {"textures": "textures"},
     "lights": {"image": "images"},
     "instances": {"geometry": "geometries", "material": "materials"},
 }
-_PLACES = {  # columns that say where in a pool or table the content lies, which is compared in their place, or that follow from others
+_PLACE_COLUMNS = {  # columns of positions in pools or tables, whose content is compared, and derived columns
     "images": ("first",),
     "geometries": ("bounds", "origin", "first_vertex", "vertex_count", "first_triangle", "triangle_count", "first_polygon", "polygon_count",
                    "normals", "uvs", "colors"),
@@ -34,7 +34,7 @@ _PLACES = {  # columns that say where in a pool or table the content lies, which
     "cameras": ("transform",),
     "instances": ("transform", "light"),
 }  # fmt: skip
-_SORTS = {"geometries": "kind", "textures": "kind", "lights": "kind", "materials": "model"}  # rows that differ in it are not paired
+_KIND_COLUMNS = {"geometries": "kind", "textures": "kind", "lights": "kind", "materials": "model"}  # rows of different kinds are not paired
 
 _NUMBER = re.compile(r"-?\d+\.\d{4,}(e[+-]\d+)?")
 
@@ -43,7 +43,7 @@ Pairs = dict[str, dict[int, int]]  # table -> row of A -> row of B
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A row that is in one scene alone or is another in B. `cells`: (column, in A, in B), both empty where the row is added or removed."""
+    """An added, removed or changed row. `cells` are (column, in A, in B), none for an added or removed row."""
 
     what: str  # "added", "removed" or "changed"
     table: str
@@ -54,7 +54,7 @@ class Change:
 
     def __str__(self) -> str:
         place = f" {self.span}" if self.span else ""
-        cells = "; ".join(f"{column} {_told(before, after)}" for column, before, after in self.cells)
+        cells = "; ".join(f"{column} {_transition(before, after)}" for column, before, after in self.cells)
         return f"{self.what} {self.label}{place}{': ' if cells else ''}{cells}"
 
     def to_json(self) -> dict[str, Any]:
@@ -63,21 +63,21 @@ class Change:
         return {"what": self.what, "table": self.table, "row": self.row, "label": self.label, "place": str(self.span or ""), "cells": cells}
 
 
-def between(a: ir.Scene, b: ir.Scene) -> tuple[list[Change], dict[int, int]]:
-    """All changes from `a` to `b`, and which instance of `a` is which of `b` where both have it."""
-    found = _settings(a, b)
+def diff(a: ir.Scene, b: ir.Scene) -> tuple[list[Change], dict[int, int]]:
+    """All changes from `a` to `b`, and the mapping from instances of `a` to those of `b`."""
+    found = _setting_changes(a, b)
     pairs: Pairs = {}
     digests: tuple[dict[str, list[bytes]], dict[str, list[bytes]]] = {}, {}
     for table in TABLES:
         for scene, known in zip((a, b), digests, strict=True):
             known[table] = [_digest(scene, table, row, known) for row in range(_count(scene, table))]
         pairs[table] = _match(a, b, table, digests[0][table], digests[1][table])
-        found += _rows(a, b, table, pairs, digests)
+        found += _row_changes(a, b, table, pairs, digests)
     return found, pairs["instances"]
 
 
 def label(scene: ir.Scene, table: str, row: int) -> str:
-    """What a person calls a row: its kind, and its name where it has one of its own."""
+    """The label of a row: its kind and, if it has one, its name."""
     tables, names = scene.tables, getattr(scene.names, table, ())
     if table == "instances":
         light = int(tables.instances.light[row])
@@ -106,14 +106,14 @@ def _count(scene: ir.Scene, table: str) -> int:
     return len(getattr(scene.tables, table)[0])
 
 
-def _told(before: str, after: str) -> str:
-    """`before → after`, with as few digits as still tell them apart."""
+def _transition(before: str, after: str) -> str:
+    """`before → after`, with five digits if these differ."""
     short = [_NUMBER.sub(lambda number: f"{float(number[0]):.5g}", text) for text in (before, after)]
     return " → ".join(text or "nothing" for text in (short if short[0] != short[1] else (before, after)))
 
 
-def _settings(a: ir.Scene, b: ir.Scene) -> list[Change]:
-    """Changed params and what render(…) says, as one row each."""
+def _setting_changes(a: ir.Scene, b: ir.Scene) -> list[Change]:
+    """Changed params and settings of `render`, as one row each."""
     found = []
     for name, before, after in (
         ("params", *({p.name: p.value for p in scene.params} for scene in (a, b))),
@@ -132,14 +132,14 @@ def _text(value: Any) -> str:
 
 
 def _digest(scene: ir.Scene, table: str, row: int, known: Mapping[str, list[bytes]]) -> bytes:
-    """A hash of all a row means, with what it refers to in place of the references."""
+    """A hash of the content of a row, with the hashes of the rows it refers to."""
     digest = hashlib.blake2b(digest_size=16)
     references = _REFERENCES.get(table, {})
     for column, values in getattr(scene.tables, table)._asdict().items():
         if column in references:
             for target in np.atleast_1d(values[row]).tolist():
                 digest.update(known[references[column]][target] if target >= 0 else b"-")
-        elif column != "texels" and column not in _PLACES.get(table, ()):
+        elif column != "texels" and column not in _PLACE_COLUMNS.get(table, ()):
             digest.update(np.ascontiguousarray(values[row]).tobytes())
     for content in _content(scene, table, row).values():
         digest.update(np.ascontiguousarray(content).tobytes())
@@ -149,7 +149,7 @@ def _digest(scene: ir.Scene, table: str, row: int, known: Mapping[str, list[byte
 
 
 def _content(scene: ir.Scene, table: str, row: int) -> dict[str, np.ndarray]:
-    """What a row's place columns lead to."""
+    """The content that the place columns of a row refer to."""
     tables = scene.tables
     if table == "images":
         first = int(tables.images.first[row])
@@ -181,7 +181,7 @@ def _match(a: ir.Scene, b: ir.Scene, table: str, from_a: list[bytes], from_b: li
     left_a, left_b = list(range(len(from_a))), list(range(len(from_b)))
 
     def pair(key: Callable[[ir.Scene, list[bytes], int], Hashable], once: bool = False) -> None:
-        """Join what is left by key, in order; rows with key None are left; `once`: only keys that are unique in both."""
+        """Pair remaining rows with equal keys, in order; None is no key; `once`: only keys that are unique in both."""
         waiting: dict[Hashable, list[int]] = defaultdict(list)
         for row in left_b:
             waiting[key(b, from_b, row)].append(row)
@@ -201,23 +201,23 @@ def _match(a: ir.Scene, b: ir.Scene, table: str, from_a: list[bytes], from_b: li
 
     pair(lambda _, digests, row: digests[row])
     pair(named, once=True)
-    pair(lambda scene, _, row: (_sort(scene, table, row), named(scene, _, row) or ""))
-    pair(lambda scene, _, row: _sort(scene, table, row))
+    pair(lambda scene, _, row: (_pairing_kind(scene, table, row), named(scene, _, row) or ""))
+    pair(lambda scene, _, row: _pairing_kind(scene, table, row))
     return pairs
 
 
-def _sort(scene: ir.Scene, table: str, row: int) -> int:
-    """Rows of different sorts are never the same thing changed."""
+def _pairing_kind(scene: ir.Scene, table: str, row: int) -> int:
+    """The kind of a row; rows of different kinds are never paired."""
     if table == "instances":
         return int(scene.tables.geometries.kind[scene.tables.instances.geometry[row]])
-    column = _SORTS.get(table)
+    column = _KIND_COLUMNS.get(table)
     return int(getattr(getattr(scene.tables, table), column)[row]) if column else 0
 
 
-def _rows(
+def _row_changes(
     a: ir.Scene, b: ir.Scene, table: str, pairs: Pairs, digests: tuple[dict[str, list[bytes]], dict[str, list[bytes]]]
 ) -> list[Change]:
-    """The changes of one table, those of B's rows in B's order, then what is gone."""
+    """The changes of one table: rows of B in order, then removed rows."""
     back = {row_b: row_a for row_a, row_b in pairs[table].items()}
     found = []
     for row in range(_count(b, table)):
@@ -230,7 +230,7 @@ def _rows(
 
 
 def _cells(a: ir.Scene, b: ir.Scene, table: str, row_a: int, row_b: int, pairs: Pairs) -> tuple[tuple[str, str, str], ...]:
-    """(column, in A, in B) of all that differs between two rows."""
+    """(column, in A, in B) of the differences of two rows."""
     before, after = _plain_cells(a, table, row_a), _plain_cells(b, table, row_b)
     found = [(column, before.get(column, ""), after.get(column, "")) for column in {**before, **after}]
     one, other = _content(a, table, row_a), _content(b, table, row_b)
@@ -248,15 +248,15 @@ def _cells(a: ir.Scene, b: ir.Scene, table: str, row_a: int, row_b: int, pairs: 
 
 
 def _plain_cells(scene: ir.Scene, table: str, row: int) -> dict[str, str]:
-    """The row as text, without places and references; its name too."""
-    left_out = {*_PLACES.get(table, ()), *_REFERENCES.get(table, {})}
+    """The name and the cells of a row as text, without places and references."""
+    left_out = {*_PLACE_COLUMNS.get(table, ()), *_REFERENCES.get(table, {})}
     cells = {column: text for column, text in dump.cells(scene, table, row).items() if column not in left_out and not column.endswith("*")}
     names = getattr(scene.names, table, ())
     return {"name": names[row], **cells} if row < len(names) and names[row] else cells
 
 
 def _target(scene: ir.Scene, table: str, row: int, column: str) -> str:
-    """The row a column refers to, with its place."""
+    """The label of a referenced row, with its source position."""
     place = scene.spans.at(table, row) or f"row {row}"
     return f"{label(scene, table, row).removeprefix(f'{column} ')} {place}" if row >= 0 else ""
 

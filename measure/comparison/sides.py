@@ -1,4 +1,4 @@
-"""The two sides of a comparison: a picture from a file or a scene as drawn, with what is known of its objects, outlines and noise."""
+"""The sides of a comparison: a picture file or a rendered scene, with its ids, coverage and noise."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from ...render.image import image_files
 from ...render.image.image import Image
 from ...render.sampling import sobol
 
-KNOWN = ("id", "depth")  # channels that tell which object a pixel shows
+OBJECT_CHANNELS = ("id", "depth")  # channels that identify the object of a pixel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Side:
-    """One of the two. `noise` is the estimated √relMSE of its own noise, None where unknown; `notes` what its backend does not draw.
+    """One side. `noise` is its estimated √relMSE, None if unknown; `notes` are messages on features that its backend does not draw.
 
-    `changes` are sentences on what was done to it to make it comparable with the other. `scene` and `plan` are there for renders.
+    `changes` describe the conversions that made it comparable. Renders have `scene` and `plan`.
     """
 
     name: str
@@ -44,24 +44,24 @@ class Side:
 
     @property
     def coverage(self) -> NDArray[np.float64] | None:
-        """(h, w) alpha; None where the file has none."""
+        """(h, w) alpha; None if the file has none."""
         return self.image.channels["rgba"][..., 3].astype(np.float64) if self.image.metadata.get("alpha", True) else None
 
     @property
     def ids(self) -> NDArray[np.int64] | None:
-        """(h, w) the instance that each pixel's centre shows, -1 for none; None where the picture does not say."""
+        """(h, w) instance at each pixel centre, -1 for none; None without the channel."""
         found = self.image.channels.get("id")
         return None if found is None else found[..., 0].astype(np.int64)
 
     @property
     def depth(self) -> NDArray[np.float64]:
-        """(h, w) metres, inf where nothing is or nobody said."""
+        """(h, w) metres; inf for the background or without the channel."""
         found = self.image.channels.get("depth")
         return np.full(self.rgb.shape[:2], np.inf) if found is None else found[..., 0].astype(np.float64)
 
     @property
     def variance(self) -> NDArray[np.float64] | None:
-        """(h, w, 3) of the pixels, None where it is not known everywhere."""
+        """(h, w, 3) variance of the pixels; None if any is unknown."""
         if self.noise == 0.0:
             return np.zeros_like(self.rgb)
         found = self.image.metadata.get("variance")
@@ -69,29 +69,29 @@ class Side:
 
     @property
     def bits(self) -> int:
-        """Of an 8 or 16-bit picture; 0 where the numbers are linear light."""
+        """Bits a channel of an 8 or 16-bit picture; 0 for linear light."""
         return int(self.image.metadata.get("bits", 0))
 
     @property
     def reach(self) -> int:
-        """How many pixels from its centre a pixel takes light from, rounded up."""
+        """The radius of the pixel filter in pixels, rounded up."""
         if self.plan is None:
             return 2  # the default filter's
         return math.ceil(float(np.abs(sobol.filter_table(self.plan["filter"])).max())) if self.plan["samples"] > 1 else 1
 
     def about(self) -> str:
-        """The name with what is known of how it came to be: "hello.scene, ray, 16 samples, seed 0"."""
-        said = self.image.metadata.get("about", {})
+        """Name, backend, samples and seed, as in "hello.scene, ray, 16 samples, seed 0"."""
+        recorded = self.image.metadata.get("about", {})
         if self.plan is None:
-            known = [said[key] if key == "backend" else f"{said[key]} {key}" for key in ("backend", "samples") if key in said]
-            return ", ".join([self.name, *known, *([f"seed {said['seed']}"] if "seed" in said else [])])
+            known = [recorded[key] if key == "backend" else f"{recorded[key]} {key}" for key in ("backend", "samples") if key in recorded]
+            return ", ".join([self.name, *known, *([f"seed {recorded['seed']}"] if "seed" in recorded else [])])
         mean = self.image.metadata["samples_mean"]
         samples = f"{mean:.4g} sample{'' if mean == 1 else 's'}"
         return f"{self.name}, {self.plan['backend']}, {samples}, seed {self.plan['seed']}"
 
 
-def picture(path: Path) -> Side:
-    """A picture's file. Raises output.FormatError where there is none to read."""
+def read(path: Path) -> Side:
+    """The side of a picture file. Raises image_files.FormatError for an unreadable file."""
     image = image_files.read(path)
     try:
         noise = float(image.metadata["about"]["error"])
@@ -100,19 +100,19 @@ def picture(path: Path) -> Side:
     return Side(str(path), image, noise)
 
 
-def plan_of(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, str] | None = None) -> planner.Plan:
-    """A plan that also asks for the channels by which objects are known. Raises planner.PlanError."""
-    return planner.make(scene, replace(settings, aov=KNOWN), overrides)
+def make_plan(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, str] | None = None) -> planner.Plan:
+    """A plan with the channels that identify objects. Raises planner.PlanError."""
+    return planner.make(scene, replace(settings, aov=OBJECT_CHANNELS), overrides)
 
 
-def drawn(
+def render(
     scene: ir.Scene,
     plan: planner.Plan,
     name: str = "",
     progress: render_scene.Progress | None = None,
     cancel: threading.Event | None = None,
 ) -> Side:
-    """A scene, drawn as a plan of `plan_of` says. metadata["partial"] of its image tells that `cancel` ended it."""
+    """Render a scene with a plan of `make_plan`. metadata["partial"] of the image is true if `cancel` ended it."""
     image = render_scene.draw(scene, plan, progress, cancel)
     notes = tuple(Diagnostic("note", message, scene.spans.at(table, row)) for message, table, row in image.metadata["notes"])
     return Side(name or scene.name, image, _noise(plan, image), scene, plan, notes)
@@ -120,12 +120,12 @@ def drawn(
 
 def _noise(plan: planner.Plan, image: Image) -> float | None:
     if image.metadata["samples"] == 1 and not plan["soft lights"] and not plan["interreflection"]:
-        return 0.0  # one sample at the pixel's centre and nothing left to chance
+        return 0.0  # one sample at the pixel centre, without randomness
     return image.metadata["error"]
 
 
-def without_shared_endless(a: Side, b: Side) -> tuple[Side, Side]:
-    """Both with 0 where they hold the same inf or nan: there they are alike, and no sum should suffer from it."""
+def zero_shared_nonfinite(a: Side, b: Side) -> tuple[Side, Side]:
+    """Both sides with 0 where they hold the same inf or nan, so that sums stay finite."""
     one, other = a.image.channels["rgba"], b.image.channels["rgba"]
     if one.shape != other.shape or np.isfinite(other).all():
         return a, b
@@ -138,18 +138,18 @@ def _with_pixels(side: Side, rgba: NDArray[np.floating], **metadata: object) -> 
     return replace(side, image=replace(side.image, channels=channels, metadata={**side.image.metadata, **metadata}))
 
 
-def alike(a: Side, b: Side, exposure: float | None = None) -> tuple[Side, Side]:
-    """Both in one kind of light: where one alone is an 8 or 16-bit picture, the other is exposed and clipped as that one was.
+def match_encoding(a: Side, b: Side, exposure: float | None = None) -> tuple[Side, Side]:
+    """Both sides in one encoding: if only one has 8 or 16 bits, the other is exposed and clipped alike.
 
-    `exposure` in stops; None: what the picture was written with, or else the other's own.
+    `exposure` is in stops; by default the recorded one of the integer picture, else of the other.
     """
     if (a.bits == 0) == (b.bits == 0):
         return a, b
-    return (_displayed(a, b, exposure), b) if a.bits == 0 else (a, _displayed(b, a, exposure))
+    return (_expose(a, b, exposure), b) if a.bits == 0 else (a, _expose(b, a, exposure))
 
 
-def exposure_said(side: Side) -> float | None:
-    """The stops a picture was written with, or a render's own plan has; None where nobody said."""
+def recorded_exposure(side: Side) -> float | None:
+    """The stops that a picture was written with or a render's plan has; None if unknown."""
     if side.plan is not None:
         asked = side.plan["exposure"]
         return image_files.metered(side.image.channels["rgba"]) if asked == "metered" else float(asked)
@@ -159,12 +159,12 @@ def exposure_said(side: Side) -> float | None:
         return None
 
 
-def _displayed(linear: Side, shown: Side, exposure: float | None) -> Side:
-    stops = next((stops for stops in (exposure, exposure_said(shown), exposure_said(linear)) if stops is not None), 0.0)
+def _expose(linear: Side, shown: Side, exposure: float | None) -> Side:
+    stops = next((stops for stops in (exposure, recorded_exposure(shown), recorded_exposure(linear)) if stops is not None), 0.0)
     gain = np.float32(2.0**stops)
     rgba = linear.image.channels["rgba"].copy()
     rgba[..., :3] = np.clip(rgba[..., :3] * gain, 0.0, 1.0)
     variance = linear.image.metadata.get("variance")
-    said = f"exposed by {stops:+g} stops and clipped to 0..1, as {shown.name} holds {shown.bits} bits a channel"
+    change = f"exposed by {stops:+g} stops and clipped to 0..1, as {shown.name} holds {shown.bits} bits a channel"
     side = _with_pixels(linear, rgba, bits=shown.bits, variance=None if variance is None else variance * gain**2)
-    return replace(side, changes=(*linear.changes, said))
+    return replace(side, changes=(*linear.changes, change))

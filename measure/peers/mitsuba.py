@@ -1,4 +1,4 @@
-"""Mitsuba 3 as a peer: its LLVM variant where LLVM is found, else its scalar one."""
+"""Mitsuba 3 as a peer: its LLVM variant if LLVM is installed, else its scalar variant."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _LIBRARIES = ("/usr/lib", "/usr/lib64", "/usr/local/lib", "/opt/homebrew/opt/llv
 
 
 class Mitsuba:
-    """https://mitsuba-renderer.org: a path tracer; Jakob et al. 2022."""
+    """Mitsuba 3 (https://mitsuba-renderer.org), a path tracer; Jakob et al. 2022."""
 
     name = "mitsuba"
 
@@ -41,10 +41,10 @@ class Mitsuba:
     def version(self) -> str:
         return f"Mitsuba {metadata.version('mitsuba')} {variant()}"
 
-    def express(self, scene: ir.Scene, plan: Plan) -> list[str]:
+    def unsupported(self, scene: ir.Scene, plan: Plan) -> list[str]:
         return mitsuba_scene.write(scene, plan, "scene", scene_meshes.make_tessellator(scene, plan)).lost
 
-    def ladder(self, scene: ir.Scene, plan: Plan) -> tuple[Setting, ...]:
+    def sweep(self, scene: ir.Scene, plan: Plan) -> tuple[Setting, ...]:
         return tuple(Setting(self.name, "samples", n, {"samples": n}) for n in SAMPLES)
 
     def run(self, scene: ir.Scene, plan: Plan, setting: Setting, seed: int) -> Run:
@@ -54,19 +54,19 @@ class Mitsuba:
         with tempfile.TemporaryDirectory(prefix="maquette-mitsuba-") as folder:
             made = mitsuba_scene.write(scene, plan, "scene", scene_meshes.make_tessellator(scene, plan))
             made.save(Path(folder) / "scene.xml")
-            process.call("Mitsuba", [sys.executable, str(RUNNER), "scene.xml", "out.npz", json.dumps(asked)], Path(folder), _environment())
+            process.run("Mitsuba", [sys.executable, str(RUNNER), "scene.xml", "out.npz", json.dumps(asked)], Path(folder), _environment())
             with np.load(Path(folder) / "out.npz", allow_pickle=False) as data:
                 about = json.loads(str(data["about"]))
                 return Run(data["rgb"], about["seconds"], float(about["cpu"]), seed)
 
 
 def variant() -> str:
-    """The fastest variant that runs here; all compute in float32."""
-    return "llvm_ad_rgb" if llvm() else "scalar_rgb"
+    """The fastest available variant; all are float32."""
+    return "llvm_ad_rgb" if find_llvm() else "scalar_rgb"
 
 
-def llvm() -> str:
-    """The file of the newest LLVM library, or an empty string. DRJIT_LIBLLVM_PATH goes before all others."""
+def find_llvm() -> str:
+    """The path of the newest LLVM library, or an empty string. DRJIT_LIBLLVM_PATH has precedence."""
     given = os.environ.get("DRJIT_LIBLLVM_PATH")
     if given:
         return given
@@ -81,5 +81,5 @@ def llvm() -> str:
 
 
 def _environment() -> dict[str, str]:
-    library = llvm()
+    library = find_llvm()
     return {"DRJIT_LIBLLVM_PATH": library} if library else {}

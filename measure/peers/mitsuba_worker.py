@@ -1,6 +1,6 @@
-"""Renders an exported scene with Mitsuba in a process of its own: `python mitsuba_worker.py SCENE.xml OUT.npz` and a JSON of settings.
+"""Renders an exported scene with Mitsuba in a separate process: `python mitsuba_worker.py SCENE.xml OUT.npz SETTINGS-JSON`.
 
-Loading and the compiling of kernels (a first render, thrown away) are timed apart from the render that counts.
+Import, loading, and compilation (a first render, discarded) are timed separately from the render.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-LANES = 1 << 23  # rays in flight at the most: more take more memory, not less time
+LANES = 1 << 23  # rays in flight; more take more memory, not less time
 
 
 def main(scene_file: str, out: str, asked: dict[str, Any]) -> None:
-    """asked: "variant", "samples", "seed", "threads"."""
+    """Render and save; `asked` has "variant", "samples", "seed" and "threads"."""
     seconds = {}
     started = time.perf_counter()
     mi = importlib.import_module("mitsuba")
@@ -42,7 +42,7 @@ def main(scene_file: str, out: str, asked: dict[str, Any]) -> None:
 
 
 def _passes(size: Any, samples: int) -> list[int]:
-    """Samples a pixel of each pass."""
+    """The samples a pixel of each pass."""
     most = max(LANES // (int(size[0]) * int(size[1])), 1)
     count = math.ceil(samples / most)
     return [samples // count + (k < samples % count) for k in range(count)]

@@ -1,4 +1,4 @@
-"""POV-Ray 3.7 as a peer, for scenes of Whitted's kind. It computes in float64 and writes half floats (EXR): about three digits."""
+"""POV-Ray 3.7 as a peer, for Whitted ray tracing. It is float64 and writes half floats (EXR), about three digits."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from ...render.tessellation import scene_meshes
 from ..records import Run, Setting
 from . import process
 
-GRIDS = (1, 2, 3, 4, 6, 8)  # samples across a pixel: 1, 4, 9, 16, … in all
+GRID_SIZES = (1, 2, 3, 4, 6, 8)  # samples across a pixel: 1, 4, 9, 16, … in all
 _TRACE = re.compile(r"Trace Time:.*?\(([\d.]+) seconds\)", re.S)
 _PARSE = re.compile(r"Parse Time:.*?\(([\d.]+) seconds\)", re.S)
 _CPU = re.compile(r"using \d+ thread\(s\) with ([\d.]+) CPU-seconds total")
 
 
 class PovRay:
-    """https://www.povray.org."""
+    """POV-Ray (https://www.povray.org), a Whitted ray tracer."""
 
     name = "povray"
 
@@ -37,15 +37,15 @@ class PovRay:
 
     @property
     def version(self) -> str:
-        said = subprocess.run(["povray", "--version"], capture_output=True, text=True, check=False)
-        found = re.search(r"POV-Ray ([\w.]+)", said.stdout + said.stderr)
+        output = subprocess.run(["povray", "--version"], capture_output=True, text=True, check=False)
+        found = re.search(r"POV-Ray ([\w.]+)", output.stdout + output.stderr)
         return f"POV-Ray {found.group(1) if found else '(version unknown)'}"
 
-    def express(self, scene: ir.Scene, plan: Plan) -> list[str]:
+    def unsupported(self, scene: ir.Scene, plan: Plan) -> list[str]:
         return povray_scene.write(scene, plan, "scene", scene_meshes.make_tessellator(scene, plan)).lost
 
-    def ladder(self, scene: ir.Scene, plan: Plan) -> tuple[Setting, ...]:
-        return tuple(Setting(self.name, "samples", n * n, {"samples": n * n}) for n in GRIDS)
+    def sweep(self, scene: ir.Scene, plan: Plan) -> tuple[Setting, ...]:
+        return tuple(Setting(self.name, "samples", n * n, {"samples": n * n}) for n in GRID_SIZES)
 
     def run(self, scene: ir.Scene, plan: Plan, setting: Setting, seed: int) -> Run:
         across = max(round(int(setting.options["samples"]) ** 0.5), 1)
@@ -53,17 +53,17 @@ class PovRay:
             folder = Path(name)
             povray_scene.write(scene, plan, "scene", scene_meshes.make_tessellator(scene, plan)).save(folder / "scene.pov")
             started = time.perf_counter()
-            said = process.call("POV-Ray", ["povray", *arguments(plan, across)], folder)
+            output = process.run("POV-Ray", ["povray", *arguments(plan, across)], folder)
             whole = time.perf_counter() - started
             rgb = _read(folder / "out.exr", plan)
-        render, parse = _seconds(_TRACE, said), _seconds(_PARSE, said)
-        cpu = re.findall(_CPU, said)
+        render, parse = _seconds(_TRACE, output), _seconds(_PARSE, output)
+        cpu = re.findall(_CPU, output)
         stages = {"import": max(whole - render - parse, 0.0), "build": parse, "compile_kernels": 0.0, "render": render}
         return Run(rgb, stages, float(cpu[-1]) if cpu else render, seed)
 
 
 def arguments(plan: Plan, across: int) -> list[str]:
-    """The command line: linear EXR, a grid of `across` by `across` samples in every pixel, no jitter, and the crop."""
+    """The command line: linear EXR, a grid of `across` × `across` samples a pixel without jitter, and the crop."""
     width, height = plan["size"]
     x0, y0, x1, y1 = plan["crop"]
     words = ["+Iscene.pov", "+Oout.exr", "+FE", f"+W{width}", f"+H{height}", f"+WT{process.threads(plan)}", "-D", "-P", "-C"]
@@ -83,6 +83,6 @@ def _read(path: Path, plan: Plan) -> NDArray[np.float32]:
     return np.ascontiguousarray(rgb, np.float32)
 
 
-def _seconds(pattern: re.Pattern[str], said: str) -> float:
-    found = pattern.findall(said)
+def _seconds(pattern: re.Pattern[str], output: str) -> float:
+    found = pattern.findall(output)
     return float(found[-1]) if found else 0.0

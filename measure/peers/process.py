@@ -1,4 +1,4 @@
-"""Running another program once: its error, its time limit, and how many threads it gets."""
+"""Runs another program: its errors, its time limit, its number of threads."""
 
 from __future__ import annotations
 
@@ -10,30 +10,30 @@ from pathlib import Path
 from ...compiler.plan.plan import Plan
 from ...render.simd import target
 
-LIMIT = 3600.0  # seconds after which a peer is given up
-_SHOWN = 1200  # characters of a failed program's last words
+TIMEOUT = 3600.0  # seconds
+_MAX_OUTPUT = 1200  # characters of a failed program's output in the message
 
 
 class PeerError(RuntimeError):
-    """A peer that failed; the message holds its own words."""
+    """A peer failed; the message has the end of its output."""
 
 
 def threads(plan: Plan) -> int:
-    """As many as our own backends take."""
+    """The number of threads of our own backends."""
     return int(plan["threads"]) or target.cores()
 
 
-def call(name: str, command: Sequence[str], folder: Path, environment: Mapping[str, str] | None = None) -> str:
-    """What a program said (both streams), run in `folder`. Raises PeerError if it fails."""
+def run(name: str, command: Sequence[str], folder: Path, environment: Mapping[str, str] | None = None) -> str:
+    """Run a program in `folder` and return its output (both streams). Raises PeerError if it fails."""
     try:
         done = subprocess.run(
             command, cwd=folder, env={**os.environ, **(environment or {})}, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT, text=True, errors="replace", timeout=LIMIT, check=False,
+            stderr=subprocess.STDOUT, text=True, errors="replace", timeout=TIMEOUT, check=False,
         )  # fmt: skip
     except OSError as error:
         raise PeerError(f"{name} cannot be started: {error.strerror}") from None
     except subprocess.TimeoutExpired:
-        raise PeerError(f"{name} took longer than {LIMIT:g} s") from None
+        raise PeerError(f"{name} took longer than {TIMEOUT:g} s") from None
     if done.returncode:
-        raise PeerError(f"{name} failed: {done.stdout.strip()[-_SHOWN:]}")
+        raise PeerError(f"{name} failed: {done.stdout.strip()[-_MAX_OUTPUT:]}")
     return done.stdout

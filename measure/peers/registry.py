@@ -1,7 +1,7 @@
-"""Other renderers on the same chart, where they are installed: Mitsuba 3 and POV-Ray. Nothing needs them.
+"""The interface of other renderers (peers) and the list of them: Mitsuba 3 and POV-Ray. They are optional.
 
-A peer is given the same size, camera, crop, filter, depth of paths (without roulette), number of threads and linear light; what it
-cannot be given is said by `express`. Its render runs in a process of its own, timed apart from loading and compiling.
+A peer renders with the same size, camera, crop, filter, path depth (without Russian roulette), number of threads and linear light.
+`unsupported` names the features it lacks. It runs in a separate process; loading and compiling are timed separately.
 """
 
 from __future__ import annotations
@@ -24,38 +24,38 @@ class Peer(Protocol):
 
     @property
     def missing(self) -> str:
-        """What to install; empty when it is there."""
+        """The command that installs it; "" if it is installed."""
         ...
 
     @property
     def version(self) -> str:
-        """Its name, version and variant. Only where it is installed."""
+        """Name, version and variant of an installed peer."""
         ...
 
-    def express(self, scene: ir.Scene, plan: Plan) -> list[str]:
-        """What it cannot carry of a scene drawn as planned, each with its place; empty where it draws the same."""
+    def unsupported(self, scene: ir.Scene, plan: Plan) -> list[str]:
+        """The features of a planned scene that it lacks, each with its source position; empty if it renders the same picture."""
         ...
 
-    def ladder(self, scene: ir.Scene, plan: Plan) -> tuple[Setting, ...]:
-        """Its settings from cheap to dear."""
+    def sweep(self, scene: ir.Scene, plan: Plan) -> tuple[Setting, ...]:
+        """Its settings in order of cost."""
         ...
 
     def run(self, scene: ir.Scene, plan: Plan, setting: Setting, seed: int) -> Run:
-        """One render. Raises PeerError with the peer's own words if it fails."""
+        """Render once. Raises PeerError with the peer's output if it fails."""
         ...
 
 
-def common(plan: Plan) -> dict[str, str]:
-    """What has to be overridden in everybody's plan beside peers, so that all draw the same: what all renderers have.
+def common_overrides(plan: Plan) -> dict[str, str]:
+    """Overrides of all plans in a chart with peers, so that all render the same picture.
 
-    That is the box filter, and textures that are looked at in points: peers have no means of them over what a pixel sees.
+    These are the box filter and unfiltered textures: peers do not average textures over the pixel footprint.
     """
     box = {} if plan["filter"] == "box" else {"filter": "box"}
     return box if plan.decisions["textures"].fixed else {**box, "textures": "sharp"}
 
 
 def find(names: Iterable[str]) -> list[Peer]:
-    """Peers by name, installed or not. Raises ValueError for a name that is none."""
+    """Peers by name, installed or not. Raises ValueError for an unknown name."""
     known: dict[str, Peer] = {peer.name: peer for peer in (Mitsuba(), PovRay())}
     for name in (names := list(names)):
         if name not in known:

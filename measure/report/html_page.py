@@ -1,6 +1,6 @@
-"""A chart as one HTML page that needs no network: the drawing with each point's figures under the pointer, and every point as a row.
+"""Writes a chart as one HTML page without external files: the drawing with tooltips, and a table of all points.
 
-The drawing is that of the SVG file with its colours turned into CSS variables; what is shown comes from the chart alone.
+The drawing is the SVG file with its colours as CSS variables. The content comes from the chart alone.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from . import palette, text_report
 if TYPE_CHECKING:
     from ..records import Chart, Point
 
-HERE = Path(__file__).parent
+FOLDER = Path(__file__).parent
 
 
 def html(chart: Chart, drawing: str) -> str:
-    """The whole page about `chart`; `drawing` is its SVG file."""
+    """The page of `chart`; `drawing` is its SVG file."""
     title = f"{formatting.title(chart)}: error against time"
     answers = "".join(f"<li>{escape(line)}</li>" for line in text_report.answers(chart))
     return f"""<!doctype html>
@@ -33,7 +33,7 @@ def html(chart: Chart, drawing: str) -> str:
 <title>{escape(title)}</title>
 <style>
 {_colors()}
-{(HERE / "page.css").read_text(encoding="utf-8")}</style>
+{(FOLDER / "page.css").read_text(encoding="utf-8")}</style>
 <button id="theme" type="button">light / dark</button>
 {_inline(drawing)}
 <p id="said" role="status">A point shows its settings, time and error; a click copies its command.</p>
@@ -43,13 +43,13 @@ def html(chart: Chart, drawing: str) -> str:
 <div id="tip"></div>
 <script type="application/json" id="points">{_data(chart)}</script>
 <script>
-{(HERE / "page.js").read_text(encoding="utf-8")}</script>
+{(FOLDER / "page.js").read_text(encoding="utf-8")}</script>
 </html>
 """
 
 
 def _colors() -> str:
-    """The drawing's colours as CSS variables, for light and dark."""
+    """The drawing's colours as CSS variables, for light and dark themes."""
     light = "".join(f"{name}:{value};" for name, value, _ in palette.variables())
     dark = "".join(f"{name}:{value};" for name, _, value in palette.variables())
     by_system = f"@media (prefers-color-scheme: dark) {{ :root:not([data-theme=light]) {{ {dark} }} }}"
@@ -57,7 +57,7 @@ def _colors() -> str:
 
 
 def _inline(drawing: str) -> str:
-    """The SVG element alone, its colours as variables, its size left to the page; titles go, as the page shows more."""
+    """The SVG element with colours as variables, without size and titles."""
     element = drawing[drawing.index("<svg") :]
     element = re.sub(r"<metadata>.*?</metadata>|<title>.*?</title>", "", element, flags=re.DOTALL)
     element = re.sub(r'(<svg [^>]*?)\s(?:width="[^"]*"\s+)(height="[^"]*"\s+)?', r"\1 ", element, count=1)
@@ -68,7 +68,7 @@ def _inline(drawing: str) -> str:
 
 
 def _data(chart: Chart) -> str:
-    """What the script shows of each point; no `<` is left that could end the script."""
+    """The data of the tooltips as JSON. `<` is escaped, so that it cannot end the script."""
     shown = [
         {
             "title": f"{p.setting.backend}, {formatting.setting(p.setting)}",
@@ -81,14 +81,14 @@ def _data(chart: Chart) -> str:
 
 
 def _figures(point: Point) -> list[tuple[str, str]]:
-    """Names and values of everything known about a point."""
+    """Names and values of all figures of a point."""
     runs = f"{point.seconds.count} run{'' if point.seconds.count == 1 else 's'}"
     found = [("time", f"{formatting.spread(point.seconds, formatting.seconds)}, {runs}")]
     for name, spread in point.errors.items():
         found.append(
-            (formatting.METRICS[name].name if name in formatting.METRICS else name, formatting.spread(spread, formatting.teller(name)))
+            (formatting.METRICS[name].name if name in formatting.METRICS else name, formatting.spread(spread, formatting.formatter(name)))
         )
-    found += formatting.split(point)
+    found += formatting.bias_and_noise(point)
     found += [
         (stage.replace("_", " "), formatting.seconds(value)) for stage, value in point.stages.items() if stage != "render" and value > 0
     ]
@@ -106,7 +106,7 @@ def _rows(chart: Chart) -> str:
 
 
 def _about(chart: Chart) -> str:
-    """How it was measured, and who is left out."""
+    """The conditions of the measurement, and the contestants that are left out."""
     return f'<dl class="about">{"".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in _facts(chart))}</dl>'
 
 

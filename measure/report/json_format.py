@@ -1,6 +1,6 @@
-"""chart.json: a chart with every number, as JSON that other programs read, and back into an equal chart.
+"""Writes and reads chart.json: a chart with all its numbers.
 
-Endless numbers, which JSON has not, are the strings "inf", "-inf" and "nan"; all else stands as it is in measure/records.py.
+Numbers that are not finite are the strings "inf", "-inf" and "nan". All other fields are those of measure/records.py.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ from typing import Any
 from ..records import Chart, Curve, Point, Setting, Spread
 
 FORMAT = "maquette chart 1"
-ENDLESS = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
+NON_FINITE = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
 
 
 class FormatError(Exception):
-    """The text is no chart of this form; the message says what is missing or wrong."""
+    """The text is no chart; the message says what is missing or wrong."""
 
 
-def text(chart: Chart) -> str:
-    """The chart as JSON; each point also carries its `arguments` to copy, each number in full."""
+def dump(chart: Chart) -> str:
+    """The chart as JSON. Each setting also has its `arguments`; numbers have all digits."""
     return json.dumps({"format": FORMAT, **_data(chart)}, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def read(text: str) -> Chart:
-    """The chart that `text` gave. Raises FormatError."""
+    """The chart of a text. Raises FormatError."""
     try:
         data = json.loads(text)
     except ValueError as error:
@@ -41,7 +41,7 @@ def read(text: str) -> Chart:
 
 
 def _data(value: Any) -> Any:
-    """Records, mappings, sequences and numbers as JSON has them."""
+    """Records, mappings, sequences and numbers as JSON values."""
     if isinstance(value, Chart | Curve | Point | Setting | Spread):
         data = {f.name: _data(getattr(value, f.name)) for f in fields(value)}
         return {**data, "arguments": value.arguments()} if isinstance(value, Setting) else data
@@ -55,7 +55,7 @@ def _data(value: Any) -> Any:
 
 
 def _record(kind: Any, data: Mapping[str, Any], **read: Any) -> Any:
-    """A record of `kind`: fields of `read`, the others as they stand; what an older chart did not have yet is as it is by default."""
+    """A record of `kind`: the fields of `read`, else those of `data`, else the defaults (files of older versions)."""
 
     def plain(f: Field[Any]) -> Any:
         return _number(data[f.name]) if str(f.type).startswith("float") else data[f.name]
@@ -65,7 +65,7 @@ def _record(kind: Any, data: Mapping[str, Any], **read: Any) -> Any:
 
 
 def _number(value: Any) -> Any:
-    return ENDLESS.get(value, value) if isinstance(value, str) else value
+    return NON_FINITE.get(value, value) if isinstance(value, str) else value
 
 
 def _each(read: Any, items: Any) -> tuple[Any, ...]:
@@ -93,5 +93,5 @@ def _setting(data: Mapping[str, Any]) -> Setting:
 
 
 def _tuples(value: Any) -> Any:
-    """Values of options are tuples, never lists."""
+    """Lists as tuples, as in options."""
     return tuple(_tuples(v) for v in value) if isinstance(value, list) else value

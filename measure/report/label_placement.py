@@ -1,7 +1,7 @@
-"""Where labels of a chart go: beside what they name, off each other, off points and lines. Greedy over candidate places, in pixels.
+"""Places the labels of a chart: near their anchors, clear of other labels, points and lines. Greedy, in pixels.
 
-The rule of Imhof (1975, "Positioning names on maps"): a few places about an anchor, in order of liking; the one that covers least wins.
-Christensen, Marks and Shieber (1995) show greedy placement with a fair order to be within a few labels of the optimum at our densities.
+Imhof (1975, "Positioning names on maps"): a few candidate places around an anchor, in order of preference; the one with the least overlap
+is used. Christensen, Marks and Shieber (1995): at our densities greedy placement is within a few labels of the optimum.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-# Directions about an anchor in order of liking: right above, right, left above, right below, left, above, below, left below.
+# Directions around an anchor in order of preference: right above, right, left above, right below, left, above, below, left below.
 DIRECTIONS = ((1, 1), (1, 0), (-1, 1), (1, -1), (-1, 0), (0, 1), (0, -1), (-1, -1))
 DISTANCES = (1.0, 1.8, 3.0, 4.5, 6.5, 9.0)  # times the gap
-ON_LABEL, ON_POINT, ON_LINE = 30.0, 12.0, 3.0  # cost of a covered area or length, in units of the label's own
+ON_LABEL, ON_POINT, ON_LINE = 30.0, 12.0, 3.0  # cost of a covered area or length, relative to the label's own
 OUTSIDE = 1e6
 
 
@@ -26,38 +26,38 @@ class Box:
     x1: float
     y1: float
 
-    def covered(self, other: Box) -> float:
-        """The area shared with `other`."""
+    def overlap_area(self, other: Box) -> float:
+        """The area of the intersection with `other`."""
         wide = min(self.x1, other.x1) - max(self.x0, other.x0)
         high = min(self.y1, other.y1) - max(self.y0, other.y0)
         return max(wide, 0.0) * max(high, 0.0)
 
-    def grown(self, by: float) -> Box:
-        """The rectangle with `by` more on every side."""
+    def expand(self, by: float) -> Box:
+        """The rectangle, larger by `by` on every side."""
         return Box(self.x0 - by, self.y0 - by, self.x1 + by, self.y1 + by)
 
-    def holds(self, other: Box) -> bool:
-        """Whether `other` is inside."""
+    def contains(self, other: Box) -> bool:
+        """Whether `other` lies inside."""
         return self.x0 <= other.x0 and self.y0 <= other.y0 and other.x1 <= self.x1 and other.y1 <= self.y1
 
-    def clipped(self, a: tuple[float, float], b: tuple[float, float]) -> float:
+    def clipped_length(self, a: tuple[float, float], b: tuple[float, float]) -> float:
         """The length of the segment from a to b inside (Liang and Barsky 1984)."""
         first, last = 0.0, 1.0
         dx, dy = b[0] - a[0], b[1] - a[1]
-        for step, room in ((-dx, a[0] - self.x0), (dx, self.x1 - a[0]), (-dy, a[1] - self.y0), (dy, self.y1 - a[1])):
-            if step == 0:
-                if room < 0:
+        for delta, margin in ((-dx, a[0] - self.x0), (dx, self.x1 - a[0]), (-dy, a[1] - self.y0), (dy, self.y1 - a[1])):
+            if delta == 0:
+                if margin < 0:
                     return 0.0
-            elif step < 0:
-                first = max(first, room / step)
+            elif delta < 0:
+                first = max(first, margin / delta)
             else:
-                last = min(last, room / step)
+                last = min(last, margin / delta)
         return max(last - first, 0.0) * math.hypot(dx, dy)
 
 
 @dataclass(slots=True)
-class Room:
-    """What is taken already of a drawing area `inside`; each placed label is taken too."""
+class LabelLayout:
+    """Occupied parts of the drawing area `inside`: points, lines and placed labels."""
 
     inside: Box
     points: list[Box] = field(default_factory=list)
@@ -65,26 +65,26 @@ class Room:
     labels: list[Box] = field(default_factory=list)
 
     def cost(self, box: Box) -> float:
-        """How bad a label at `box` would be: 0 where it covers nothing."""
-        if not self.inside.holds(box):
+        """The cost of a label at `box`: 0 without overlap."""
+        if not self.inside.contains(box):
             return OUTSIDE
         area, width = (box.x1 - box.x0) * (box.y1 - box.y0), box.x1 - box.x0
-        labels = sum(box.grown(2).covered(other) for other in self.labels) / area
-        points = sum(box.covered(other) for other in self.points) / area
-        lines = sum(box.clipped(a, b) for a, b in self.lines) / width
+        labels = sum(box.expand(2).overlap_area(other) for other in self.labels) / area
+        points = sum(box.overlap_area(other) for other in self.points) / area
+        lines = sum(box.clipped_length(a, b) for a, b in self.lines) / width
         return ON_LABEL * labels + ON_POINT * points + ON_LINE * lines
 
     def place(
         self, size: tuple[float, float], anchors: Sequence[tuple[float, float]], gap: float, most: float = math.inf, reach: float = math.inf
     ) -> tuple[Box, tuple[float, float]] | None:
-        """Take the best place for a label of `size` near one of `anchors` (the first is liked most), and say at which.
+        """Place a label of `size` near one of `anchors`, in order of preference. Returns its box and anchor.
 
-        `reach` limits how far it may be from its anchor. None where every place costs more than `most`.
+        `reach` limits the distance to the anchor. None if every place costs more than `most`.
         """
         best: tuple[float, Box, tuple[float, float]] | None = None
         for rank, anchor in enumerate(anchors):
-            for liking, box in _about(anchor, size, gap, reach):
-                cost = self.cost(box) + liking + 0.08 * rank
+            for preference, box in _candidates(anchor, size, gap, reach):
+                cost = self.cost(box) + preference + 0.08 * rank
                 if best is None or cost < best[0]:
                     best = (cost, box, anchor)
         if best is None or best[0] > most:
@@ -93,8 +93,8 @@ class Room:
         return best[1], best[2]
 
 
-def _about(anchor: tuple[float, float], size: tuple[float, float], gap: float, reach: float) -> Iterator[tuple[float, Box]]:
-    """Candidate boxes about an anchor, each with a small cost for being far or in a less liked direction."""
+def _candidates(anchor: tuple[float, float], size: tuple[float, float], gap: float, reach: float) -> Iterator[tuple[float, Box]]:
+    """Candidate boxes around an anchor, with small costs of distance and direction."""
     (x, y), (wide, high) = anchor, size
     for far, times in enumerate(DISTANCES):
         distance = gap * times

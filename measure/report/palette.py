@@ -1,7 +1,7 @@
-"""Colours of a chart on light and dark paper, markers and dashes of its curves; the same for a backend on every chart.
+"""Colours, markers and dashes of a chart, for light and dark themes; a backend has the same ones on every chart.
 
-Okabe and Ito (2008), "Color universal design": told apart by people with any of the usual colour blindnesses. Each backend has a marker
-of its own besides, each further curve of a backend a dash of its own.
+The colours are distinct for the usual colour blindnesses (Okabe and Ito 2008, "Color universal design"). Each backend also has its own
+marker, and each further curve of a backend its own dash.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 PAPER, INK, FAINT, GRID, FRONT, FLOOR = "#ffffff", "#1f2328", "#59636e", "#e4e7eb", "#c9ced6", "#eceef1"
 ON_DARK = {PAPER: "#0f1419", INK: "#e6e9ed", FAINT: "#98a2ae", GRID: "#252c34", FRONT: "#3d4752", FLOOR: "#1b2229"}
 
-# Marks, words (4.5 : 1 on white), both on dark paper, marker.
+# Marks, text (contrast 4.5 : 1 on white), both in the dark theme, marker.
 _BACKENDS = {
     "ray": ("#0072b2", "#00629b", "#3fa7e0", "#6cbdea", "o"),
     "raster": ("#d55e00", "#b04c00", "#f07f2b", "#f59a55", "s"),
@@ -30,10 +30,10 @@ _DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.2, 1.
 
 @dataclass(frozen=True, slots=True)
 class Style:
-    """How a curve is drawn: colour of marks and of words, marker and dash of matplotlib. A backend's second curve has hollow markers."""
+    """The style of a curve: colours of marks and text, marker and dash of matplotlib; hollow markers for a second curve."""
 
     color: str
-    words: str
+    text_color: str
     marker: str
     dash: Any
     hollow: bool
@@ -54,7 +54,7 @@ def styles(curves: Sequence[Curve]) -> list[Style]:
 
 
 def variables() -> list[tuple[str, str, str]]:
-    """Every colour as a CSS variable: its name, its value on light paper, its value on dark paper."""
+    """Every colour as a CSS variable: name, value in the light theme, value in the dark theme."""
     named = [(f"--c{i}", light, dark) for i, (light, dark) in enumerate(ON_DARK.items())]
     for i, (mark, words, dark_mark, dark_words, _) in enumerate([*_BACKENDS.values(), *_OTHERS]):
         named += [(f"--m{i}", mark, dark_mark), (f"--w{i}", words, dark_words)]

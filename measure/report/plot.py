@@ -1,7 +1,7 @@
-"""A chart as a picture (SVG, PNG): error against seconds, both logarithmic, every point measured; drawn by matplotlib without pyplot.
+"""Draws a chart as SVG or PNG: error against seconds on logarithmic axes, with matplotlib but without pyplot.
 
-Medians with quartiles, as Hoefler and Belli (2015), "Scientific benchmarking of parallel computing systems", ask for; stairs for the
-front, as nothing between two of its points was measured.
+Points are medians with quartiles (Hoefler and Belli 2015, "Scientific benchmarking of parallel computing systems"). The front is a step
+line, as nothing between two of its points was measured.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from .. import formatting
-from .label_placement import Box, Room
+from .label_placement import Box, LabelLayout
 from .palette import FAINT, FLOOR, FRONT, GRID, INK, PAPER, Style, styles
 
 if TYPE_CHECKING:
@@ -30,41 +30,41 @@ if TYPE_CHECKING:
 
 LEFT, RIGHT = 0.085, 0.975  # of the axes, as shares of the width
 TITLE, FOOT = 14, 8  # points
-LINES = 1.15
-MISSING = 3  # contestants that are named as not charted
+LINE_SPACING = 1.15
+MAX_MISSING = 3  # lines on contestants that are not charted
 SIZE = (9.6, 6.6)  # inches
 FONT = "DejaVu Sans"  # comes with matplotlib
-SETTINGS: dict[Any, Any] = {
+RC_PARAMS: dict[Any, Any] = {
     "font.family": FONT,
     "font.size": 10,
     "svg.fonttype": "none",
     "svg.hashsalt": "maquette",
     "path.simplify": False,
 }
-REACH = 1.7  # the factor to which a bar makes the chart wider; longer ones are cut at its edge
-LEAST_SPAN = (6.0, 8.0)  # a chart is at least this wide and high, as ratios
+BAR_LIMIT = 1.7  # the largest factor by which a bar widens the chart; longer bars are cut at its edge
+MIN_SPAN = (6.0, 8.0)  # a chart is at least this wide and high, as ratios
 
 
 def png(chart: Chart, dpi: int = 150) -> bytes:
     """The chart as a PNG file."""
-    with matplotlib.rc_context(SETTINGS):
+    with matplotlib.rc_context(RC_PARAMS):
         data = io.BytesIO()
-        Picture(chart).figure.savefig(data, format="png", dpi=dpi, metadata={"Software": "maquette"})
+        ChartPlot(chart).figure.savefig(data, format="png", dpi=dpi, metadata={"Software": "maquette"})
         return data.getvalue()
 
 
 def svg(chart: Chart) -> str:
-    """The chart as an SVG file: point i of all is the group `point-i`, titled with its settings, time and error."""
-    with matplotlib.rc_context(SETTINGS):
+    """The chart as an SVG file. Point i is the group `point-i`, titled with its settings, time and error."""
+    with matplotlib.rc_context(RC_PARAMS):
         data = io.StringIO()
-        Picture(chart).figure.savefig(data, format="svg", metadata={"Date": None, "Creator": "maquette"})
+        ChartPlot(chart).figure.savefig(data, format="svg", metadata={"Date": None, "Creator": "maquette"})
     text = data.getvalue().replace(f"'{FONT}'", f"'{FONT}', Verdana, sans-serif")
     titles = [f"{formatting.point(p, chart.metric)}\n{p.setting.arguments()}" for p in chart.points]
     return re.sub(r'<g id="point-(\d+)">', lambda m: f"{m[0]}<title>{escape(titles[int(m[1])])}</title>", text)
 
 
-class Picture:
-    """One drawing under way: the figure, its axes, and what of them is taken."""
+class ChartPlot:
+    """The figure of a chart, its axes, and the layout of its labels."""
 
     def __init__(self, chart: Chart) -> None:
         self.chart = chart
@@ -82,7 +82,7 @@ class Picture:
         self._labels()
 
     def _frame(self) -> None:
-        """The words above and below, and the axes in the room they leave."""
+        """Draw the texts above and below, and add the axes between them."""
         inch = 1 / SIZE[1]
         y = 1 - 0.06 * inch
         for text, size, weight, color in _heading(self.chart):
@@ -97,12 +97,12 @@ class Picture:
         self.axes = self.figure.add_axes((LEFT, bottom, RIGHT - LEFT, top - bottom))
 
     def _wrapped(self, text: str, size: float, weight: str = "normal", width: float = 1.0) -> list[str]:
-        """The text in lines of at most a share `width` of the axes, by its real width."""
-        room = width * (RIGHT - LEFT) * SIZE[0] * self.figure.dpi
+        """The text in lines of at most the share `width` of the axes' width."""
+        limit = width * (RIGHT - LEFT) * SIZE[0] * self.figure.dpi
         lines: list[str] = []
         for word in text.replace(" %", "\N{NO-BREAK SPACE}%").split(" "):
             longer = f"{lines[-1]} {word}" if lines else word
-            if lines and self._extent(longer, size, weight)[0] <= room:
+            if lines and self._extent(longer, size, weight)[0] <= limit:
                 lines[-1] = longer
             else:
                 lines.append(word)
@@ -110,23 +110,23 @@ class Picture:
 
     def _extent(self, text: str, size: float, weight: str) -> tuple[float, float]:
         """Width and height of a text in pixels."""
-        artist = self.figure.text(0, 0, text, fontsize=size, fontweight=weight, linespacing=LINES)
+        artist = self.figure.text(0, 0, text, fontsize=size, fontweight=weight, linespacing=LINE_SPACING)
         extent = artist.get_window_extent(self.canvas.get_renderer())
         artist.remove()
         return extent.width, extent.height
 
     def _scales(self) -> None:
         axes, metric = self.axes, self.chart.metric
-        times = [min(max(v, p.seconds.median / REACH), p.seconds.median * REACH) for p in self.points for v in _ends(p.seconds)]
+        times = [min(max(v, p.seconds.median / BAR_LIMIT), p.seconds.median * BAR_LIMIT) for p in self.points for v in _ends(p.seconds)]
         far = [v for p in self.points for v in _ends(p.error) if v > 0]
         middles = [p.error.median for p in self.points if p.error.median > 0]
-        far += [bias for _, curves in formatting.stops(self.chart) if (bias := bias_floor(curves))]
+        far += [bias for _, curves in formatting.stopped_curves(self.chart) if (bias := bias_floor(curves))]
         low, high = (min(middles) / 8, max(far)) if middles else (1e-4, 1e-1)
         low = max(low, min(far, default=low))
         if self.chart.floor > 0 and low / 30 < self.chart.floor < high:
             low = min(low, self.chart.floor / 1.6)
-        self.x = _padded(min(times), max(times), LEAST_SPAN[0], 1.25, 1.6)
-        self.y = _padded(low, high, LEAST_SPAN[1], 1.9 if any(p.error.median == 0 for p in self.points) else 1.4, 1.9)
+        self.x = _padded(min(times), max(times), MIN_SPAN[0], 1.25, 1.6)
+        self.y = _padded(low, high, MIN_SPAN[1], 1.9 if any(p.error.median == 0 for p in self.points) else 1.4, 1.9)
         axes.set(xscale="log", yscale="log", xlim=self.x, ylim=self.y)
         axes.set_xlabel("seconds of rendering, wall clock", color=INK, labelpad=4)
         axes.set_ylabel(formatting.METRICS[metric].axis, color=INK, labelpad=4)
@@ -147,13 +147,13 @@ class Picture:
             spine.set_color(FRONT)
 
     def _floor(self) -> None:
-        """The reference's own uncertainty, shaded: nothing below can be told apart from no error."""
+        """Shade the uncertainty of the reference: errors in it are not distinguishable from 0."""
         if self.chart.floor > self.y[0]:
             band = self.axes.axhspan(self.y[0], self.chart.floor, color=FLOOR, zorder=0.5, linewidth=0)
             band.set_gid("floor")
 
     def _front(self) -> None:
-        """Stairs through the measured points of the front: what can be had by a time, and nothing in between."""
+        """Draw the front as a step line through its measured points."""
         front = sorted((self.points[i] for i in self.chart.front), key=lambda p: p.seconds.median)
         if not front:
             return
@@ -166,7 +166,7 @@ class Picture:
         rings.set_gid("front-points")
 
     def _height(self, point: Point) -> float:
-        """Where on the axis a point is; one without any error stands at the lower edge."""
+        """The height of a point on the axis; a point without error stands at the lower edge."""
         return max(point.error.median, self.y[0] * 1.12)
 
     def _curve(self, curve: Curve, style: Style) -> None:
@@ -189,8 +189,8 @@ class Picture:
             mark.set_gid(f"point-{self._index(point)}")
 
     def _stops(self) -> None:
-        """A dashed line where more time takes nothing away."""
-        for i, (_, curves) in enumerate(formatting.stops(self.chart)):
+        """Draw dashed lines at biases, below which more time does not lead."""
+        for i, (_, curves) in enumerate(formatting.stopped_curves(self.chart)):
             if bias := bias_floor(curves):
                 start = min(p.seconds.median for curve in curves for p in curve.points)
                 style = self._of_all(curves)
@@ -199,34 +199,34 @@ class Picture:
                 line.set_gid(f"bias-{i}")
 
     def _bar(self, xs: list[float], ys: list[float], style: Style, name: str) -> None:
-        """The quartiles of a point, one way."""
+        """Draw the quartiles of a point in one direction."""
         bar = self.axes.plot(xs, ys, color=style.color, linewidth=1.1, alpha=0.8, zorder=2.8, solid_capstyle="butt")[0]
         bar.set_gid(name)
 
     def _index(self, point: Point) -> int:
         return next(i for i, other in enumerate(self.points) if other is point)
 
-    # Labels: placed in pixels, kept as fractions of the axes, so that every format has them at the same place.
+    # Labels are placed in pixels and stored as fractions of the axes, so that they have the same place in all formats.
 
     def _labels(self) -> None:
         box = self.axes.get_window_extent()
-        self.room = Room(Box(box.x0 + 3, box.y0 + 3, box.x1 + 4, box.y1 + 14))
+        self.layout = LabelLayout(Box(box.x0 + 3, box.y0 + 3, box.x1 + 4, box.y1 + 14))
         for point in self.points:
             x, y = self._pixel(point)
-            self.room.points.append(Box(x - 6, y - 6, x + 6, y + 6))
+            self.layout.points.append(Box(x - 6, y - 6, x + 6, y + 6))
             for spread, across in ((point.seconds, True), (point.error, False)):
-                self.room.lines += self._taken(spread, (x, y), across)
+                self.layout.lines += self._occupied(spread, (x, y), across)
         for curve in self.chart.curves:
             at = [self._pixel(p) for p in curve.points]
-            self.room.lines += list(itertools.pairwise(at))
-        for _, curves in formatting.stops(self.chart):
+            self.layout.lines += list(itertools.pairwise(at))
+        for _, curves in formatting.stopped_curves(self.chart):
             if bias := bias_floor(curves):
                 y = self._to_pixels(self.x[0], bias)[1]
-                self.room.lines.append(((box.x0, y), (box.x1, y)))
-        for words in (*self._knee(), *self._names(), *self._floors(), *self._rungs()):
-            self._write(words)
+                self.layout.lines.append(((box.x0, y), (box.x1, y)))
+        for label in (*self._knee(), *self._names(), *self._floors(), *self._values()):
+            self._write(label)
 
-    def _taken(self, spread: Spread, at: tuple[float, float], across: bool) -> list[tuple[tuple[float, float], tuple[float, float]]]:
+    def _occupied(self, spread: Spread, at: tuple[float, float], across: bool) -> list[tuple[tuple[float, float], tuple[float, float]]]:
         if spread.high <= spread.low:
             return []
         low, high = ((max(v, (self.x if across else self.y)[0])) for v in (spread.low, spread.high))
@@ -241,83 +241,83 @@ class Picture:
     def _pixel(self, point: Point) -> tuple[float, float]:
         return self._to_pixels(point.seconds.median, self._height(point))
 
-    def _knee(self) -> Iterator[_Words]:
+    def _knee(self) -> Iterator[_Label]:
         if self.chart.knee is None:
             return
         point = self.points[self.chart.knee]
         style = self._style_of(point)
         far, time = formatting.error(self.chart.metric, point.error.median), formatting.seconds(point.seconds.median)
         text = f"knee: {point.setting.backend}, {formatting.setting(point.setting)}\n{far} in {time}"
-        yield _Words(text, [self._pixel(point)], style.words, "knee", fontsize=9.5, weight="bold", gap=26, leader=True)
+        yield _Label(text, [self._pixel(point)], style.text_color, "knee", fontsize=9.5, weight="bold", gap=26, leader=True)
 
-    def _names(self) -> Iterator[_Words]:
-        """Each curve by name, liked best at its dear end, then its cheap end, then anywhere along it."""
+    def _names(self) -> Iterator[_Label]:
+        """The names of curves, preferably at the expensive end, then at the cheap end, then along the curve."""
         for i, (curve, style) in enumerate(zip(self.chart.curves, self.styles, strict=True)):
             at = [self._pixel(p) for p in curve.points]
             anchors = [at[-1], at[0], *at[-2:0:-1]]
-            yield _Words(formatting.curve(curve, self.chart), anchors, style.words, f"name-{i}", fontsize=11, weight="bold", gap=11)
+            yield _Label(formatting.curve(curve, self.chart), anchors, style.text_color, f"name-{i}", fontsize=11, weight="bold", gap=11)
 
-    def _floors(self) -> Iterator[_Words]:
+    def _floors(self) -> Iterator[_Label]:
         right = self.x[1] / 1.03
-        for i, (name, curves) in enumerate(formatting.stops(self.chart)):
+        for i, (name, curves) in enumerate(formatting.stopped_curves(self.chart)):
             style = self._of_all(curves)
-            color = style.words if style else FAINT
+            color = style.text_color if style else FAINT
             height = bias_floor(curves) or min(p.error.median for curve in curves for p in curve.points)
             text = "\n".join(self._wrapped(f"{name}: {curves[0].stops}", 8.5, width=0.5))
-            yield _Words(text, self._along(height), color, f"stops-{i}", fontsize=8.5, gap=4)
+            yield _Label(text, self._along(height), color, f"stops-{i}", fontsize=8.5, gap=4)
         if self.chart.floor > self.y[0]:
-            said = f"the reference's own uncertainty, {formatting.error(self.chart.metric, self.chart.floor)}"
-            yield _Words(said, self._along(self.chart.floor), FAINT, "floor-label", fontsize=8.5, gap=4)
+            text = f"the reference's own uncertainty, {formatting.error(self.chart.metric, self.chart.floor)}"
+            yield _Label(text, self._along(self.chart.floor), FAINT, "floor-label", fontsize=8.5, gap=4)
         if self.chart.front:
             last = max((self.points[i] for i in self.chart.front), key=lambda p: p.seconds.median)
             if self._to_pixels(right, 1)[0] - self._pixel(last)[0] > 90:
                 y = self._pixel(last)[1]
                 places = [(self._pixel(last)[0] + 50 + 15 * k, y) for k in range(8)]
-                yield _Words("Pareto front", places, FAINT, "front-label", fontsize=8.5, gap=6)
+                yield _Label("Pareto front", places, FAINT, "front-label", fontsize=8.5, gap=6)
 
     def _along(self, y: float) -> list[tuple[float, float]]:
-        """Places along a level line, the right ones first."""
+        """Places along a horizontal line, from the right."""
         box, height = self.axes.get_window_extent(), self._to_pixels(self.x[0], y)[1]
         return [(box.x0 + (box.x1 - box.x0) * share, height) for share in np.arange(0.9, 0.05, -0.05)]
 
-    def _rungs(self) -> Iterator[_Words]:
-        """The value of each setting beside its point, where there is room; the first and last of a curve first."""
+    def _values(self) -> Iterator[_Label]:
+        """The values of settings beside their points where space allows; the ends of a curve first."""
         for style, curve in zip(self.styles, self.chart.curves, strict=True):
             ends = [curve.points[0], *curve.points[-1:], *curve.points[1:-1]][: len(curve.points)]
             for point in ends:
-                yield _Words(
-                    formatting.value(point.setting), [self._pixel(point)], style.words, "", fontsize=7.5, gap=8, reach=20, most=2.5
+                yield _Label(
+                    formatting.value(point.setting), [self._pixel(point)], style.text_color, "", fontsize=7.5, gap=8, reach=20, most=2.5
                 )
 
     def _of_all(self, curves: Sequence[Curve]) -> Style | None:
-        """The style of curves of one backend."""
+        """The common style of curves of one backend; None for several backends."""
         return self.styles[self.chart.curves.index(curves[0])] if len({curve.backend for curve in curves}) == 1 else None
 
     def _style_of(self, point: Point) -> Style:
         return next(s for c, s in zip(self.chart.curves, self.styles, strict=True) if any(p is point for p in c.points))
 
-    def _write(self, words: _Words) -> None:
+    def _write(self, label: _Label) -> None:
         artist = self.axes.text(
-            0, 0, words.text, transform=self.axes.transAxes, fontsize=words.fontsize, fontweight=words.weight, color=words.color,
-            va="bottom", linespacing=LINES, zorder=3.5,
+            0, 0, label.text, transform=self.axes.transAxes, fontsize=label.fontsize, fontweight=label.weight, color=label.color,
+            va="bottom", linespacing=LINE_SPACING, zorder=3.5,
             bbox={"facecolor": PAPER, "edgecolor": "none", "alpha": 0.7, "pad": 0.5},
         )  # fmt: skip
-        found = self.room.place(self._extent(words.text, words.fontsize, words.weight), words.anchors, words.gap, words.most, words.reach)
+        found = self.layout.place(self._extent(label.text, label.fontsize, label.weight), label.anchors, label.gap, label.most, label.reach)
         if found is None:
             artist.remove()
             return
         box, anchor = found
         artist.set_position(self._fraction(box.x0, box.y0))
-        if words.gid:
-            artist.set_gid(words.gid)
-        if words.leader:
+        if label.gid:
+            artist.set_gid(label.gid)
+        if label.leader:
             near = (min(max(anchor[0], box.x0), box.x1), min(max(anchor[1], box.y0), box.y1))
             length = math.dist(near, anchor)
             share = min(9 / length, 1.0) if length else 1.0
             start = (anchor[0] + (near[0] - anchor[0]) * share, anchor[1] + (near[1] - anchor[1]) * share)
             (x0, y0), (x1, y1) = self._fraction(*start), self._fraction(*near)
-            self.room.lines.append((start, near))
-            self.axes.plot([x0, x1], [y0, y1], transform=self.axes.transAxes, color=words.color, linewidth=1, zorder=5)
+            self.layout.lines.append((start, near))
+            self.axes.plot([x0, x1], [y0, y1], transform=self.axes.transAxes, color=label.color, linewidth=1, zorder=5)
 
     def _fraction(self, x: float, y: float) -> tuple[float, float]:
         fx, fy = self.axes.transAxes.inverted().transform((x, y))
@@ -325,8 +325,8 @@ class Picture:
 
 
 @dataclass(slots=True)
-class _Words:
-    """A label to be placed at one of its anchors (pixels)."""
+class _Label:
+    """A label with its possible anchors in pixels."""
 
     text: str
     anchors: Sequence[tuple[float, float]]
@@ -341,7 +341,7 @@ class _Words:
 
 
 def bias_floor(curves: Sequence[Curve]) -> float:
-    """The error that more time does not take away, the least of what was measured at these curves' dearest points; 0 if none is known."""
+    """The least bias of these curves' most expensive points, which more time does not reduce; 0 if none is known."""
     return min((bias for curve in curves if (bias := curve.points[-1].bias)), default=0.0)
 
 
@@ -350,13 +350,13 @@ def _ends(spread: Spread) -> tuple[float, float, float]:
 
 
 def _padded(low: float, high: float, least: float, below: float, above: float) -> tuple[float, float]:
-    """Limits of a logarithmic axis about low..high, `below` and `above` as factors, at least `least` from end to end."""
+    """Limits of a logarithmic axis around low..high with the factors `below` and `above`, and a ratio of at least `least`."""
     wider = math.sqrt(max(least / (high / low), 1.0))
     return low / wider / below, high * wider * above
 
 
 def _heading(chart: Chart) -> list[tuple[str, float, str, str]]:
-    """The title, and below it what was drawn, on what, against what; each with its size, weight and colour."""
+    """Title, conditions and reference, each as (text, size, weight, colour)."""
     counts = sorted({p.error.count for p in chart.points})
     runs = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
     return [
@@ -372,12 +372,12 @@ def _heading(chart: Chart) -> list[tuple[str, float, str, str]]:
 
 
 def _footing(chart: Chart) -> list[str]:
-    """What the marks mean, and who is not on the chart."""
+    """The legend of the marks, and contestants that are not charted."""
     marks = ["ring and grey stairs: the Pareto front of what was measured"]
-    if any(bias_floor(curves) for _, curves in formatting.stops(chart)):
+    if any(bias_floor(curves) for _, curves in formatting.stopped_curves(chart)):
         marks.append("dashed: bias, which more time does not take away")
     if any(p.error.median == 0 for p in chart.points):
         marks.append("triangle at the lower edge: no error at all")
     missing = formatting.left_out(chart, brief=True)
-    more = [f"and {len(missing) - MISSING} more, as chart.json says"] if len(missing) > MISSING else []
-    return [f"{text[0].upper()}{text[1:]}." for text in ("; ".join(marks), *missing[:MISSING], *more)]
+    more = [f"and {len(missing) - MAX_MISSING} more, as chart.json says"] if len(missing) > MAX_MISSING else []
+    return [f"{text[0].upper()}{text[1:]}." for text in ("; ".join(marks), *missing[:MAX_MISSING], *more)]

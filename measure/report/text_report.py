@@ -1,6 +1,6 @@
-"""A chart in words: which setting reaches which error, what stops whom, who takes how long at equal error; and every point as a row.
+"""Reports a chart as text: the cheapest setting for each error, stop reasons, times at equal error, and a table of all points.
 
-A setting that is named was measured. Times at equal error lie between measured points of a curve and are never looked for beyond its ends.
+Named settings were measured. Times at equal error are interpolated between points of a curve and never extrapolated.
 """
 
 from __future__ import annotations
@@ -16,50 +16,50 @@ if TYPE_CHECKING:
     from ..records import Chart, Curve, Point
 
 HEADINGS = ("error", "take", "time", "measured", "settings to copy")
-STEPS = (1.0, 3.0)  # errors asked for: 1 and 3 of every decade
-FINE = (1.0, 2.0, 3.0, 5.0, 7.0)  # at which times are compared
-MOST = 6  # of them
-USELESS = 1.0  # a picture that is off by as much as it shows is asked for by nobody
+TARGET_DIGITS = (1.0, 3.0)  # digits of the target errors in every decade
+COMPARED_DIGITS = (1.0, 2.0, 3.0, 5.0, 7.0)  # digits of the errors at which times are compared
+MAX_TARGETS = 6  # target errors
+MAX_ERROR = 1.0  # larger errors are no targets
 
 
 def targets(chart: Chart) -> list[float]:
-    """Round errors a person would ask for, large first: those our backends measured, and the first below; 0 where a point is exact."""
-    found = [p.error.median for p in _ours(chart)]
+    """Round target errors, large first: those within the errors of our backends, and the next below; 0 if a point is exact."""
+    found = [p.error.median for p in _our_points(chart)]
     above = [v for v in found if v > 0]
     if not above:
         return [0.0] if found else []
     least, most = min(above), max(above)
-    rounded = _round(least, most, STEPS)
-    top = USELESS if formatting.METRICS[chart.metric].share else math.inf
+    rounded = _round_values(least, most, TARGET_DIGITS)
+    top = MAX_ERROR if formatting.METRICS[chart.metric].share else math.inf
     inside = [t for t in rounded if least <= t <= most and t < top] or [t for t in rounded if t >= least][-1:]
     below = [t for t in rounded if t < least][:1] if min(found) > 0 else [0.0]
-    return [*inside, *below][-MOST:]
+    return [*inside, *below][-MAX_TARGETS:]
 
 
-def _round(least: float, most: float, steps: tuple[float, ...]) -> list[float]:
-    """Numbers of these first digits from below `least` to above `most`, large ones first."""
+def _round_values(least: float, most: float, steps: tuple[float, ...]) -> list[float]:
+    """Numbers with these first digits from below `least` to above `most`, large ones first."""
     decades = range(math.floor(math.log10(least)) - 1, math.ceil(math.log10(most)) + 2)
     return sorted((step * 10.0**d for d in decades for step in steps), reverse=True)
 
 
-def _ours(chart: Chart) -> list[Point]:
-    """The points that `maquette render` can repeat: those of peers cannot be advised."""
+def _our_points(chart: Chart) -> list[Point]:
+    """The points of our backends, which `maquette render` can repeat."""
     return [p for p in chart.points if p.setting.backend in formatting.BACKENDS]
 
 
 def cheapest(chart: Chart, target: float) -> Point | None:
-    """The measured point that is quickest among those of ours at `target` or better."""
-    reaching = [p for p in _ours(chart) if p.error.median <= target]
+    """Our fastest measured point with an error of at most `target`."""
+    reaching = [p for p in _our_points(chart) if p.error.median <= target]
     return min(reaching, key=lambda p: p.seconds.median, default=None)
 
 
 def advice(chart: Chart) -> list[tuple[str, ...]]:
-    """A row for each round error: what to take for it. See HEADINGS."""
+    """A row for each target error with the setting to use. See HEADINGS."""
     rows = []
     for target in targets(chart):
         asked, point = formatting.target(chart.metric, target), cheapest(chart, target)
         if point is None:
-            best = min(_ours(chart), key=lambda p: p.error.median)
+            best = min(_our_points(chart), key=lambda p: p.error.median)
             rows.append((asked, "not reached", "", formatting.error(chart.metric, best.error.median), ""))
             continue
         time, far = formatting.seconds(point.seconds.median), formatting.error(chart.metric, point.error.median)
@@ -68,7 +68,7 @@ def advice(chart: Chart) -> list[tuple[str, ...]]:
 
 
 def answers(chart: Chart) -> list[str]:
-    """One line a question: what to take for an error, who stops where and why, the knee, who takes how long at equal error."""
+    """All lines of the report: settings for target errors, knee, stop reasons, times at equal error."""
     lines = [
         f"{asked} → {take}, {time}: {settings}" if settings else f"{asked} → not reached; the least measured is {far}"
         for asked, take, time, far, settings in advice(chart)
@@ -77,8 +77,8 @@ def answers(chart: Chart) -> list[str]:
 
 
 def remarks(chart: Chart) -> list[str]:
-    """What `answers` says beside the settings."""
-    return [*_knee(chart), *_stops(chart), *_equal(chart), *_floor(chart), *formatting.left_out(chart)]
+    """The lines of `answers` without the settings."""
+    return [*_knee(chart), *_stops(chart), *_times_at_equal_error(chart), *_floor(chart), *formatting.left_out(chart)]
 
 
 def _knee(chart: Chart) -> Iterator[str]:
@@ -91,16 +91,16 @@ def _knee(chart: Chart) -> Iterator[str]:
 
 
 def _stops(chart: Chart) -> Iterator[str]:
-    for name, curves in formatting.stops(chart):
+    for name, curves in formatting.stopped_curves(chart):
         least = min(p.error.median for curve in curves for p in curve.points)
         yield f"{name} at {formatting.error(chart.metric, least)}: {curves[0].stops}"
 
 
-def _equal(chart: Chart) -> Iterator[str]:
-    """Times at one error, each backend on its quickest ladder, the quickest first: the smallest round error that most of them reach."""
+def _times_at_equal_error(chart: Chart) -> Iterator[str]:
+    """Times of the backends' fastest sweeps at the smallest round error that most backends reach, fastest first."""
     best: tuple[float, dict[str, float]] | None = None
     known = [p.error.median for p in chart.points if p.error.median > 0]
-    for target in _round(min(known), max(known), FINE) if known else ():
+    for target in _round_values(min(known), max(known), COMPARED_DIGITS) if known else ():
         times: dict[str, float] = {}
         for curve in chart.curves:
             if (time := seconds_at(curve, target)) is not None:
@@ -114,7 +114,7 @@ def _equal(chart: Chart) -> Iterator[str]:
 
 
 def seconds_at(curve: Curve, target: float) -> float | None:
-    """The time a curve takes to `target`: between the first two neighbouring points that enclose it, on logarithmic axes; else None."""
+    """The time of a curve at error `target`, interpolated on logarithmic axes between the first two enclosing points; else None."""
     for before, after in itertools.pairwise(curve.points):
         high, low = before.error.median, after.error.median
         if high >= target >= low > 0:
@@ -127,23 +127,23 @@ def _floor(chart: Chart) -> Iterator[str]:
     points = chart.points
     least = min((p.error.median for p in points), default=0.0)
     if chart.floor > 0 and least < 2 * chart.floor:
-        yield f"the reference's own uncertainty is {formatting.error(chart.metric, chart.floor)}: errors near it are not told apart"
+        yield f"the reference's own uncertainty is {formatting.error(chart.metric, chart.floor)}: smaller differences are not significant"
 
 
 def points(chart: Chart) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Every point as a row, in the order that `front` counts them, and the headings."""
+    """(headings, a row for each point in the order of `front`'s indices)."""
     headings = ("backend", "setting", "time", "error", "bias", "noise", "settings to copy")
     rows = []
     for point in chart.points:
-        told = dict(formatting.split(point))
+        figures = dict(formatting.bias_and_noise(point))
         rows.append(
             (
                 point.setting.backend,
                 formatting.setting(point.setting),
                 formatting.spread(point.seconds, formatting.seconds),
-                formatting.spread(point.error, formatting.teller(chart.metric)),
-                told.get("bias", ""),
-                told.get("noise", ""),
+                formatting.spread(point.error, formatting.formatter(chart.metric)),
+                figures.get("bias", ""),
+                figures.get("noise", ""),
                 point.setting.arguments(),
             )
         )

@@ -17,26 +17,27 @@ LAST = 40  # oracles there are
 PAGE = Path(__file__).resolve().parent.parent.parent / "docs" / "accuracy.md"
 INTRO = """# Accuracy
 
-Both tables are written by `make accuracy` from what the tests measured: each row is an assertion that ran, with its bound. The first
-holds closed forms against pictures and functions, on every backend they concern; of several settings the worst one stands here.
-The second shows the places where common methods fail, what such a method does there and what ours does.
+`make accuracy` writes both tables from measurements of the tests. Each row is an assertion with its bound.
+The first table compares closed-form answers with pictures and functions, on all backends that support them. It shows the worst of
+several settings. The second table shows where common methods fail, with the results of such a method and of maquette.
 
-✓ holds · ✗ fails today, as an expected failure that must be taken off the list when it holds · ○ waits for a feature
+✓ holds · ✗ fails today, as an expected failure · ○ waits for a feature
 
 ## Known answers
 
-What was measured is how far off the answer is, relative to it if nothing else is said, and in brackets the bound it is held to. Where
-every pixel can be exact the bound is 10⁻⁵ or less: pictures are in single precision. Means over random samples may be off by four
-standard errors. A larger bound has its reason in the last column or in the test: rays of a weight below 10⁻⁴ are not followed, say.
+Each figure is the measured error, relative to the answer unless a unit is given, with its bound in brackets.
 
-`ray`, `raster` and `reference` are backends, asked for pictures. Those that are not named do not draw what is asked: `raster` follows
-no reflected, refracted or diffuse rays unless asked to, and was not. `functions` are the renderer's own, asked directly in double
-precision, and `quadrature` integrates them.
-u is 2⁻⁵³, the rounding of double precision; R is a radius.
+- Where every pixel can be exact the bound is at most 10⁻⁵, as pictures are float32.
+- Means over random samples may be off by four standard errors.
+- A larger bound has its reason in the last column or in the test, as that rays of a weight below 10⁻⁴ end.
+- `ray`, `raster` and `reference` are pictures of these backends. A backend that is not named does not support it: by default `raster`
+  traces no reflected, refracted or diffuse rays.
+- `functions` are the renderer's own functions, called in double precision. `quadrature` integrates them.
+- u is 2⁻⁵³, the rounding of double precision. R is a radius.
 
 """
 PLACES = """
-## Failing places
+## Failure cases
 
 """
 

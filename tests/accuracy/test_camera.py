@@ -19,7 +19,7 @@ PIXEL = 1e-3  # pixels
 DEPTH = 1e-6  # relative
 SAMPLES = 64  # a pixel, where areas are summed up
 AREA = 1e-3  # relative
-CHORDS = "chords stand inside of outlines: their share is in the bound"  # of the raster backend
+CHORDS = "chords lie inside of outlines; the bound includes their share"  # of the raster backend
 
 every = pytest.mark.parametrize("backend", rm.EVERY)
 
@@ -195,7 +195,7 @@ def test_every_filter_keeps_what_is_even(tmp_path, measured, backend, filter_):
     """Weights add up to one."""
     text = "camera(position: [0, 0, 5], width: 2)\nplane(normal: [0, 0, 1], point: [0, 0, 0], material: emissive(0.7, luminance: 1))\n"
     image = rm.picture(tmp_path, text, backend, samples=16, filter=filter_)
-    measured.answer(4, "an even picture under every filter", backend, worst(rm.grey(image) / 0.7 - 1), rm.SINGLE, note="relative")
+    measured.answer(4, "a constant picture under every filter", backend, worst(rm.grey(image) / 0.7 - 1), rm.SINGLE, note="relative")
 
 
 # --- 5: a disk -----------------------------------------------------------------------------------------------------------------------
@@ -284,7 +284,7 @@ def test_normals_and_places_of_a_ball(tmp_path, measured, backend):
     inside = (channel(image, "id")[..., 0] == 0) & (toward > 0.3 * 6)
     assert inside.sum() > 200
     off = worst(np.linalg.norm(out[inside], axis=-1) / 1.5 - 1)
-    measured.answer(9, "places on a ball", backend, off, DEPTH, note="relative to its radius, the worst pixel")
+    measured.answer(9, "positions on a ball", backend, off, DEPTH, note="relative to its radius, the worst pixel")
     measured.answer(9, "normals of a ball", backend, worst(normal[inside] - out[inside] / 1.5), 1e-6, note="the worst component")
 
 

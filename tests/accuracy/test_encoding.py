@@ -105,7 +105,7 @@ def test_gouraud_interpolates_light_and_phong_normals(tmp_path, measured, backen
     """Both vertices show cos 30° = 0.866025, and so does the middle between them; its own normal shows 1."""
     found = rm.grey(rm.picture(tmp_path, roof(shading, "lambert(1)"), backend, size=(33, 33)))[16, 16]
     off = abs(float(found) - middle)
-    measured.answer(35, f"matt, normals at ±30°: the middle, {shading} shading", backend, off, 2e-6, note=f"of {middle:.6f}")
+    measured.answer(35, f"diffuse, normals at ±30°: the middle, {shading} shading", backend, off, 2e-6, note=f"of {middle:.6f}")
 
 
 @every

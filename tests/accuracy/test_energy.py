@@ -85,7 +85,7 @@ def test_a_matt_ball_under_an_even_sky(tmp_path, measured, backend, albedo):
     image = rm.picture(tmp_path, text, backend, aov=("id",))
     found = rm.grey(image)[image.channels["id"][..., 0] == 0]
     assert found.size > 100
-    measured.answer(21, "matt ball under an even sky", backend, float(np.abs(found / (3 * albedo) - 1).max()), rm.SINGLE)
+    measured.answer(21, "diffuse ball under a constant sky", backend, float(np.abs(found / (3 * albedo) - 1).max()), rm.SINGLE)
 
 
 @every
@@ -114,7 +114,7 @@ def test_the_albedo_of_ggx(measured):
     one = np.ones_like(x)
     facets = [microfacet.ggx_distribution(h, up, one) * 0.5 / (1.0 + one) for h in (half, down)]
     off = abs(float(np.sum((facets[0] + facets[1]) * solid)) - 1.0)
-    measured.answer(22, "GGX's weak furnace, light to both sides", "quadrature", off, 1e-4)
+    measured.answer(22, "GGX's weak furnace, both sides", "quadrature", off, 1e-4)
 
 
 @every
@@ -188,7 +188,7 @@ def test_a_lobe_under_an_even_sky(tmp_path, measured, backend, model, normalized
     surface = f"plane(y: 0, material: {model}(0, specular: 0.8, shininess: {n}, normalized: {normalized}))\n"
     text = rm.receiver(surface=surface) + "sky(luminance: 1)\n"
     values = rm.grey(rm.picture(tmp_path, text, backend, size=(32, 32), samples=64))
-    rm.within_error(measured, 23, "lobe under an even sky", backend, values, 0.8 * answer)
+    rm.within_error(measured, 23, "lobe under a constant sky", backend, values, 0.8 * answer)
 
 
 def test_the_albedo_of_a_preview_surface(measured):

@@ -180,7 +180,7 @@ def test_what_roots_leave_over(measured, name):
         met = np.isfinite(t) & ((part == 0) | (kind in (K.TORUS, K.QUADRIC)))
         assert met.sum() > 100
         worst = max(worst, float(left_over(kind, g, o[met], d[met], t[met]).max()))
-    measured.answer(10, f"what roots leave over: {name}", "functions", worst / U, 16, "u Σ|terms|")
+    measured.answer(10, f"residual of roots: {name}", "functions", worst / U, 16, "u Σ|terms|")
 
 
 def test_roots_of_a_sphere_by_vieta(measured):
@@ -238,7 +238,8 @@ def test_barycentrics_in_pictures(tmp_path, measured, backend):
     note = "the worst pixel"
     measured.answer(11, "barycentrics of a triangle sum to 1", backend, np.abs(weights.sum(axis=1) - 1).max(), rm.SINGLE, note=note)
     off = np.abs(weights @ corners - place).max() / 3
-    measured.answer(11, "barycentrics of a triangle give its places", backend, off, rm.SINGLE, note="relative to its size, the worst pixel")
+    name = "barycentrics of a triangle give its positions"
+    measured.answer(11, name, backend, off, rm.SINGLE, note="relative to its size, the worst pixel")
 
 
 def test_patches(measured, tmp_path):

@@ -94,7 +94,7 @@ def test_the_light_of_a_matt_ball_by_its_phase(tmp_path, measured, backend, albe
         found = rm.grey(rm.picture(tmp_path, text, backend, size=(128, 128), samples=4)).mean() * width**2
         answer = full / math.pi * (math.sin(a) + (math.pi - a) * math.cos(a))
         worst = max(worst, abs(found - answer) / full)
-    measured.answer(14, "matt ball by its phase", backend, worst, 1e-3, note="relative to the full phase, the worst of six")
+    measured.answer(14, "diffuse ball by its phase", backend, worst, 1e-3, note="relative to the full phase, the worst of six")
 
 
 # --- 15: polygon lights --------------------------------------------------------------------------------------------------------------
@@ -137,7 +137,7 @@ def test_glowing_polygons_met_by_diffuse_rays(tmp_path, measured, backend, name)
     answer = rm.under_polygon(POLYGONS[name]) / math.pi
     text = rm.receiver() + f"polygon({POLYGONS[name]}, material: emissive(1, luminance: 1))\nrender(bounces: 1)\n"
     values = rm.grey(rm.picture(tmp_path, text, backend, size=(24, 24), samples=256))
-    rm.within_error(measured, 15, f"glowing {name}, by a bounce", backend, values, answer)
+    rm.within_error(measured, 15, f"emissive {name}, by a bounce", backend, values, answer)
 
 
 # --- 16: sphere lights ---------------------------------------------------------------------------------------------------------------

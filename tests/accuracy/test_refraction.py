@@ -129,7 +129,7 @@ def test_the_reflection_of_a_lamp_in_a_surface_of_glass(tmp_path, measured, back
     text += f"disk(1, center: [{9 * x!r}, {9 * y!r}, 0], normal: [{-x!r}, {-y!r}, 0], {LAMP}"
     answer = fresnel(a, *((N, 1) if inside else (1, N)))
     off = float(np.abs(rm.grey(rm.picture(tmp_path, text, backend, size=(4, 4))) / answer - 1).max())
-    name = "a lamp's reflection in glass, " + ("from within" if inside else "from outside")
+    name = "a light's reflection in glass, " + ("from within" if inside else "from outside")
     measured.answer(24, name, backend, off, rm.SINGLE, note="relative, at 0°, 30°, 56.3° and 80°")
 
 
@@ -146,7 +146,7 @@ def test_total_reflection_in_a_prism(tmp_path, measured, backend):
         f"box([0.1, 4, 4], center: [-3, 0, 0], {LAMP}"
     )
     off = float(np.abs(rm.grey(rm.picture(tmp_path, text, backend, size=(8, 8))) - 2 * N / (N * N + 1)).max())
-    measured.answer(24, "total reflection in a right-angled prism", backend, off, 1e-4, note="of the lamp")
+    measured.answer(24, "total reflection in a right-angled prism", backend, off, 1e-4, note="of the light")
 
 
 # --- 25: slabs -----------------------------------------------------------------------------------------------------------------------
@@ -163,8 +163,8 @@ def test_a_slab_lets_through_what_fresnel_says(tmp_path, measured, backend):
     lamp = "disk(30, center: [0, 0, {}], normal: [0, 0, {}], " + LAMP
     behind, before = (rm.grey(rm.picture(tmp_path, text + lamp.format(z, -z), backend, size=(8, 8))) for z in (-3, 3))
     off, back = float(np.abs(behind - through).max()), float(np.abs(before - (1 - through)).max())
-    measured.answer(25, "through a slab, 2n/(n² + 1)", backend, off, 1e-4, note="of the lamp")
-    measured.answer(25, "back from a slab, 1 − 2n/(n² + 1)", backend, back, 1e-4, note="of the lamp")
+    measured.answer(25, "through a slab, 2n/(n² + 1)", backend, off, 1e-4, note="of the light")
+    measured.answer(25, "back from a slab, 1 − 2n/(n² + 1)", backend, back, 1e-4, note="of the light")
 
 
 @tracers
@@ -190,7 +190,7 @@ def test_an_absorbing_slab(tmp_path, measured, backend):
     turned, left = ((N - 1) / (N + 1)) ** 2, 0.5
     through = (1 - turned) ** 2 * left / (1 - turned**2 * left**2)
     off = float(np.abs(rm.grey(rm.picture(tmp_path, text, backend, size=(8, 8))) - through).max())
-    measured.answer(25, "absorbing slab, (1 − r)²τ/(1 − r²τ²)", backend, off, 1e-4, note="of the lamp")
+    measured.answer(25, "absorbing slab, (1 − r)²τ/(1 − r²τ²)", backend, off, 1e-4, note="of the light")
 
 
 # --- 26: prisms ----------------------------------------------------------------------------------------------------------------------

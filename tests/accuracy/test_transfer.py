@@ -155,7 +155,7 @@ def test_a_glowing_enclosure(tmp_path, measured, backend, emitted, albedo, bounc
     found = rm.grey(rm.picture(tmp_path, text, backend, size=(12, 12), plan=TREE))
     cut = 1e-4 if albedo ** (bounces + 1) < 1e-4 else 0.0
     error = float(np.abs(found / answer - 1).max())
-    measured.answer(29, "glowing enclosure, k bounces", backend, error, rm.SINGLE + cut, note="relative, the worst pixel")
+    measured.answer(29, "emissive enclosure, k bounces", backend, error, rm.SINGLE + cut, note="relative, the worst pixel")
 
 
 @pytest.mark.parametrize(("backend", "intensity", "radius", "albedo", "bounces"), where_followed(LIT))
@@ -166,7 +166,7 @@ def test_a_lamp_in_the_middle_of_a_ball(tmp_path, measured, backend, intensity, 
     found = rm.grey(rm.picture(tmp_path, INSIDE + text, backend, size=(12, 12), samples=4, plan=TREE))
     cut = 1e-4 if albedo ** (bounces + 1) < 1e-4 else 0.0
     error = float(np.abs(found / answer - 1).max())
-    measured.answer(29, "lamp in a ball, k bounces", backend, error, 1e-6 + cut, note="relative, the worst pixel")
+    measured.answer(29, "light in a ball, k bounces", backend, error, 1e-6 + cut, note="relative, the worst pixel")
 
 
 # --- 30: endless plates --------------------------------------------------------------------------------------------------------------

@@ -116,7 +116,7 @@ def test_block_scores_are_one_by_chance_and_see_a_small_bias() -> None:
     a, b = RNG.normal(1.0, 0.5, shape), RNG.normal(1.0, 0.5, shape)
     assert 0.6 < paths.block_z2(a, b) < 1.6
     b[:, :32, :32] += 0.2  # a quarter of the picture, by four and a half standard errors of a block
-    assert paths.block_z2(a, b) > paths.MOST_Z2
+    assert paths.block_z2(a, b) > paths.MAX_Z2
 
 
 def fake(name: str, bias: float, stuck: bool = False) -> paths.Renderer:

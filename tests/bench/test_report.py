@@ -96,4 +96,4 @@ def test_a_part_measured_anew_leaves_the_others(tmp_path: Path) -> None:
 
 
 def test_parts_are_those_that_the_command_names() -> None:
-    assert command.PARTS == {"paths": paths.NAMES, "formulas": formulas.NAMES}
+    assert command.SECTION_PARTS == {"paths": paths.NAMES, "formulas": formulas.NAMES}

@@ -111,7 +111,7 @@ def test_one_measurement_several_files(folder: Path, asked: list[Any]) -> None:
 
 
 def test_a_chart_is_drawn_again_from_its_numbers(folder: Path) -> None:
-    (folder / "room.json").write_text(json_format.text(charts.room()), encoding="utf-8")
+    (folder / "room.json").write_text(json_format.dump(charts.room()), encoding="utf-8")
     code, out, err = run("chart", "room.json", "-o", "again.svg")
     assert (code, err) == (0, "in again.svg\n")
     assert out.startswith("error  take")

@@ -1,4 +1,4 @@
-"""What the failing places share: loading a text, and drawing it on a backend, by the public door; and the table of what was measured."""
+"""Shared by the failure cases: load a text, draw it on a backend, and record measurements."""
 
 from __future__ import annotations
 

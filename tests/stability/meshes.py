@@ -1,4 +1,4 @@
-"""Meshes for the failing places."""
+"""Meshes for the failure cases."""
 
 from __future__ import annotations
 

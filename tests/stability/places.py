@@ -1,4 +1,4 @@
-"""The table of failing places, from what the tests themselves measured: rows gathered while they run, and the table as Markdown.
+"""The table of failure cases, from measurements of the tests: rows gathered in a run, and the table as Markdown.
 
     MAQUETTE_PLACES=build/places pytest tests/stability      writes a JSON file for each worker
     python tests/stability/places.py build/places            prints the table

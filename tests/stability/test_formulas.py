@@ -105,7 +105,7 @@ def test_a_double_root(measured, load):
     said = int(np.isfinite(hidden).sum()) + unproved
     measured.place(
         31, "(|p|² − 1)², a double root", naive=double_root(),
-        ours=f"met by {np.isfinite(t).sum()} of 400; in a product {unproved} counted", bound="hit, or said to be unresolved",
+        ours=f"hit by {np.isfinite(t).sum()} of 400; in a product {unproved} counted", bound="hit, or reported as unresolved",
     )  # fmt: skip
     assert np.allclose(t, true_sphere(o, d), rtol=1e-9)
     assert said >= 400

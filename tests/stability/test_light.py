@@ -189,7 +189,7 @@ def test_fireflies_from_a_lamp_behind_glass(measured, draw, side, height):
     clamped = naive.clamped(single, 10 * true).mean()
     if side == 0.2:
         measured.place(
-            38, "matt → glass → a small lamp, in paths", naive=f"samples clamped at 10 times the mean lose {1 - clamped / true:.0%}",
+            38, "diffuse → glass → a small light, in paths", naive=f"samples clamped at 10 times the mean lose {1 - clamped / true:.0%}",
             ours=f"{mean / true - 1:+.1%} ± {error / true:.1%}; one sample in {1 / np.mean(single > 0):.0f} has all the light",
             bound="4 standard errors", note="noisy: waits for guiding",
         )  # fmt: skip
@@ -210,7 +210,7 @@ def test_inside_a_sphere_light(measured, draw, radius, at):
     mean, error = mean_and_error(values)
     if radius == 3.0:
         measured.place(
-            39, "a place inside of a sphere light", naive=f"the cone it fills: 1 − cos θ = {naive.cone_height(3.0, 2.7)}",
+            39, "a point inside of a sphere light", naive=f"its cone: 1 − cos θ = {naive.cone_height(3.0, 2.7)}",
             ours=f"L = {mean:.4g} ± {error:.1g} of 5", bound="E = πL, 4 standard errors",
         )  # fmt: skip
         assert math.isnan(naive.cone_height(3.0, 2.7))
@@ -238,7 +238,7 @@ def test_a_buried_lamp_makes_no_nan(draw):
 def test_a_buried_lamp_is_said(measured, load):
     _, said = load(BURIED)
     measured.place(
-        39, "a lamp buried in a box", naive="a black picture, silently", ours=f"a black picture; said: {'; '.join(said) or 'nothing'}",
+        39, "a light inside a box", naive="a black picture, silently", ours=f"a black picture; message: {'; '.join(said) or 'nothing'}",
         bound="a warning",
     )  # fmt: skip
     assert said == ["this lamp is inside of an opaque solid: nothing outside is lit by it"]
@@ -292,7 +292,7 @@ def test_a_caustic_of_a_point_light(measured, load, draw):
     said += planner.warnings(loaded, planner.make(loaded, ir.Settings(backend="ray")))
     measured.place(
         41, "the light a ball of glass gathers from a point light", naive="0: no path finds a point",
-        ours=f"{found:g} where it is brightest; said: {'; '.join(said) or 'nothing'}", bound="the light, or a warning",
+        ours=f"{found:g} where it is brightest; message: {'; '.join(said) or 'nothing'}", bound="the light, or a warning",
         note="by photons",
     )  # fmt: skip
     assert found > 0.2 or said
@@ -314,7 +314,7 @@ def test_facing_mirrors_end(measured, draw, bounces):
         with pytest.raises(RecursionError):
             naive.mirror_room(1.0)
         measured.place(
-            42, "facing mirrors that lose nothing", naive="recursion until the weight is small: RecursionError",
+            42, "facing lossless mirrors", naive="recursion until the weight is small: RecursionError",
             ours=f"ends after {bounces} bounces, iteratively; {1 - lit[0]:.0%} of the pixels are cut off", bound="ends",
         )  # fmt: skip
     assert lit[0] > lit[1]
@@ -328,8 +328,8 @@ def test_what_the_cap_cuts_off_is_reported(measured, draw):
     true = float(np.mean((far - ours) / np.hypot(far, 0.01 * far.mean())))
     cut = image.metadata["cut"]
     measured.place(
-        42, "the light that a cap of 8 bounces cuts off", naive="silently lost",
-        ours=f"{true:.0%} is lost, {cut.share:.0%} ± {cut.error:.0%} told", bound="reported, within 4 standard errors",
+        42, "the light that a cap of 8 bounces cuts off", naive="lost silently",
+        ours=f"{true:.0%} is lost, {cut.share:.0%} ± {cut.error:.0%} reported", bound="reported, within 4 standard errors",
     )  # fmt: skip
     assert true > 0.5
     assert abs(cut.share - true) < 4 * cut.error

@@ -153,7 +153,7 @@ def test_values_beyond_half_floats(measured, tmp_path):
     kept, kind = written(tmp_path, values)
     measured.place(
         44, "65520, 10⁶ and 10⁻³⁰ in a picture file", naive=f"half: {half[1]}, {half[2]}, {half[5]}",
-        ours=f"{kind}: {kept[1]:g}, {kept[2]:g}, {kept[5]:g}", bound="as they were",
+        ours=f"{kind}: {kept[1]:g}, {kept[2]:g}, {kept[5]:g}", bound="unchanged",
     )  # fmt: skip
     assert np.isinf(half[1])
     assert kind == "float"
@@ -179,7 +179,7 @@ def test_what_overflowed_in_others_halves_is_flagged(measured, load, tmp_path):
     loaded, said = load('camera(position: [0, 0, 3])\nsphere(1, material: emissive(image("a.exr")))\n')
     measured.place(
         44, "a picture file whose halves have overflowed", naive="infinite pixels",
-        ours=f"drawn as {loaded.tables.images.texels[0, 0]:.2g}; said: {'; '.join(said) or 'nothing'}", bound="flagged",
+        ours=f"drawn as {loaded.tables.images.texels[0, 0]:.2g}; message: {'; '.join(said) or 'nothing'}", bound="flagged",
     )  # fmt: skip
     assert said == ["4 of 4 pixels of the picture `a.exr` are infinite or no numbers"]
 
@@ -245,7 +245,7 @@ def in_little_memory(tmp_path: Path, side: int, gigabytes: float) -> str:
 def test_an_enormous_picture_in_little_memory(measured, tmp_path):
     said = in_little_memory(tmp_path, 16384, 4.0)
     measured.place(
-        45, "an empty picture of 16384² in 4 GB", naive="held whole, RGBA float32: 4.3 GB", bound="drawn",
+        45, "an empty picture of 16384² in 4 GB", naive="held as a whole, RGBA float32: 4.3 GB", bound="drawn",
         ours=said or "drawn strip by strip into its file",
     )  # fmt: skip
     assert not said

@@ -1,4 +1,4 @@
-"""The table of failing places: rows to Markdown and back from files."""
+"""The table of failure cases: rows to Markdown and back from files."""
 
 from __future__ import annotations
 

@@ -147,8 +147,8 @@ def test_a_corner_a_thousand_million_metres_away(measured, load):
     ours = "dropped as having no area" if math.isinf(worst) else f"near corners off by {worst:.3g} m"
     measured.place(
         17, "a mesh with a corner 10⁹ m away", naive=f"float32 as they stand: near corners off by {plain:.1g} m",
-        ours=f"{ours}; said: {'; '.join(said) or 'nothing'}",
-        bound="10⁻³ m, or said",
+        ours=f"{ours}; message: {'; '.join(said) or 'nothing'}",
+        bound="10⁻³ m, or a message",
     )  # fmt: skip
     assert worst < 1e-3
 

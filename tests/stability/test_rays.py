@@ -197,8 +197,8 @@ def test_triangles_that_are_none_are_dropped_and_counted(measured, load, tmp_pat
     with np.errstate(all="ignore"):
         determinants = naive.triangle(corners[:, 0], corners[:, 1], corners[:, 2], np.array([[0.0, 0, 5]]), np.array([[0.0, 0, -1]]))
     measured.place(
-        9, "triangles on a line, in a point and with NaN", naive="one NaN corner makes its box NaN: all that shares it is missed",
-        ours=f"4 dropped; said: {'; '.join(said)}", bound="none drawn, counted, no NaN",
+        9, "triangles on a line, in a point and with NaN", naive="one NaN corner makes its box NaN: everything in the box is missed",
+        ours=f"4 dropped; message: {'; '.join(said)}", bound="none drawn; counted; no NaN",
     )  # fmt: skip
     assert lost
     assert len(plain.pools.triangles) == 1  # it comes to the validator as it is
@@ -234,7 +234,7 @@ def test_duplicate_triangles(measured, count):
     if count == 100_000:
         measured.place(
             10, "100 000 triangles in one place", naive="halving the box until a leaf is small never ends (RecursionError)",
-            ours=f"built in {spent:.2f} s, the first of them is met", bound="lowest number wins, alike in all backends",
+            ours=f"built in {spent:.2f} s, the first of them is hit", bound="lowest number wins, alike in all backends",
         )  # fmt: skip
     assert spent < 2
     assert np.count_nonzero(tree.wide.rows >= 0) == count
@@ -404,7 +404,7 @@ def test_leaving_at_coordinates_of_a_hundred_thousand(measured):
     found = [met_again(name, 1.0, 1e5, 13) for name in LEFT]
     again, plain, count = (sum(column) for column in zip(*found, strict=True))
     measured.place(
-        13, "rays that leave a surface at coordinates of 10⁵", naive=f"f32 with ε = 10⁻⁴ meets it again for {plain / count:.0%}",
+        13, "rays that leave a surface at coordinates of 10⁵", naive=f"f32 with ε = 10⁻⁴ hits it again for {plain / count:.0%}",
         ours=f"{again} of {count}", bound="0 of 10³ from each shape",
     )  # fmt: skip
     assert plain > 0.2 * count
@@ -437,8 +437,8 @@ def test_no_large_quadric_is_met_again_at_once(measured, size, far):
     again, plain, count = (sum(column) for column in zip(*found, strict=True))
     if size == 1e5:
         measured.place(
-            13, "rays that leave quadrics enlarged 10⁵ times", naive=f"{plain / count:.0%} met again",
-            ours=f"{again / count:.0%} met again", bound="0",
+            13, "rays that leave quadrics enlarged 10⁵ times", naive=f"{plain / count:.0%} hit again",
+            ours=f"{again / count:.0%} hit again", bound="0",
         )  # fmt: skip
     assert again == 0
 
@@ -470,7 +470,7 @@ def test_a_corner_an_ulp_beside_an_edge(measured, load):
     _, said = load(text)
     measured.place(
         20, "a corner one ulp beside another triangle's edge", naive=f"{plain:.0%} of the rays into the crack go through (f32)",
-        ours=f"{leaked:.0%} go through, said: {'; '.join(said) or 'nothing'}", bound="no leak, or a warning",
+        ours=f"{leaked:.0%} go through; message: {'; '.join(said) or 'nothing'}", bound="no leak, or a warning",
     )  # fmt: skip
     assert leaked == 0 or said
 

@@ -67,7 +67,7 @@ def test_a_far_sphere(measured, distance, radius, at_home):
         measured.place(
             1, "a sphere of radius 1 seen from 10⁶",
             naive=f"f32 misses {found['missed by f32']:.0%}, off by up to {found['f32']:.3g}; f64 off by {found['f64']:.2g}",
-            ours=f"off by {found['ours']:.2g}", bound="4 ulp of the distance, over the cosine at which it is met",
+            ours=f"off by {found['ours']:.2g}", bound="4 ulp of the distance, over the cosine at the hit",
         )  # fmt: skip
     assert found["f64"] > 100 * found["ours"]
     assert found["ulps"] <= 4

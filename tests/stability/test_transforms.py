@@ -200,7 +200,7 @@ def test_what_is_flattened_is_said(measured, load, text):
         assert said.span is not None
         measured.place(
             27, "a ball scaled by (1, 1, 0)", naive="LinAlgError: singular matrix", ours=f"a.scene:{said.span.line}: {said.message}",
-            bound="said with its place",
+            bound="a message with its place",
         )  # fmt: skip
     assert "cannot be 0" in caught.value.diagnostics[0].message
     assert caught.value.diagnostics[0].span is not None

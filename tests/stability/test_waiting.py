@@ -61,7 +61,7 @@ def test_places_of_what_is_not_built_yet(measured, load, number, name, plain, te
     with pytest.raises(SceneError) as caught:
         load(f"camera(position: [0, 0, 5], look_at: [0, 0, 0])\n{text}\n")
     said = [d.message for d in caught.value.diagnostics]
-    measured.place(number, name, naive=plain(), ours=f"waits for `{feature}`", bound=bound, note=f"said today: {said[0]}")
+    measured.place(number, name, naive=plain(), ours=f"waits for `{feature}`", bound=bound, note=f"message: {said[0]}")
     assert f"`{feature}` is not built yet" in said
 
 
@@ -84,6 +84,6 @@ def test_subdivided_meshes_of_usd_files(measured, load, tmp_path):
     off = math.dist(corner.tolist(), (0.5, 0.5, 0.5))
     measured.place(
         37, "a USD mesh, subdivided by default", naive=f"the cage: corners off by {math.dist((1, 1, 1), (0.5, 0.5, 0.5)):.2f}",
-        ours=f"off by {off:.2f}; said: {'; '.join(said) or 'nothing'}", bound="10⁻⁴, or said",
+        ours=f"off by {off:.2f}; message: {'; '.join(said) or 'nothing'}", bound="10⁻⁴, or a message",
     )  # fmt: skip
     assert off < 1e-4 or said

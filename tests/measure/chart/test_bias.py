@@ -20,25 +20,25 @@ BLACK[:12] = 0.0  # a part that is dark, where only ε stands in the denominator
 
 def reference_of(truth: np.ndarray, noise: float = 0.0, seeds: int = 16, seed: int = 0) -> Reference:
     """A reference as a long run makes it: the mean of `seeds` pictures, with the variance that they show."""
-    halves = bias.Sums(), bias.Sums()
+    halves = bias.RunningStats(), bias.RunningStats()
     random = np.random.default_rng(seed)
     for k in range(seeds):
         halves[k % 2].add(truth * (1.0 + noise * random.standard_normal(SHAPE)))
-    sums = bias.joined(*halves)
+    sums = bias.merge(*halves)
     return Reference(sums.mean, sums.variance / seeds, "made", 1, tuple(range(seeds)), halves=(halves[0].mean, halves[1].mean))
 
 
-def runs_of(mean: np.ndarray, noise: float, count: int, seed: int, spread: np.ndarray | None = None) -> bias.Sums:
+def runs_of(mean: np.ndarray, noise: float, count: int, seed: int, spread: np.ndarray | None = None) -> bias.RunningStats:
     """Runs of an estimator with this mean and this noise, as a share of the mean or of `spread`."""
     random = np.random.default_rng(1000 + seed)
-    sums = bias.Sums()
+    sums = bias.RunningStats()
     for _ in range(count):
         sums.add((mean + noise * (mean if spread is None else spread) * random.standard_normal(SHAPE)).astype(np.float32))
     return sums
 
 
-def split(runs: bias.Sums, reference: Reference) -> bias.Split:
-    found = bias.split(runs, reference)
+def split(runs: bias.RunningStats, reference: Reference) -> bias.Decomposition:
+    found = bias.decompose(runs, reference)
     assert found is not None
     return found
 
@@ -116,10 +116,10 @@ def test_what_is_the_same_each_time_has_no_noise_and_float32_is_no_bias() -> Non
 
 
 def test_one_run_tells_nothing() -> None:
-    assert bias.split(runs_of(TRUTH, 0.1, 1, 0), reference_of(TRUTH)) is None
+    assert bias.decompose(runs_of(TRUTH, 0.1, 1, 0), reference_of(TRUTH)) is None
     endless = runs_of(TRUTH, 0.1, 3, 0)
     endless.mean[0, 0] = math.inf
-    assert bias.split(endless, reference_of(TRUTH)) is None
+    assert bias.decompose(endless, reference_of(TRUTH)) is None
 
 
 def test_of_a_black_reference_nothing_is_weighed() -> None:
@@ -130,16 +130,16 @@ def test_of_a_black_reference_nothing_is_weighed() -> None:
 @given(st.integers(1, 6), st.integers(1, 6), st.floats(0.0, 1e3))
 def test_sums_of_two_parts_are_those_of_all(a: int, b: int, offset: float) -> None:
     pictures = np.random.default_rng(a * 10 + b).standard_normal((a + b, 2, 3, 4)) + offset
-    whole, first, second = bias.Sums(), bias.Sums(), bias.Sums()
+    whole, first, second = bias.RunningStats(), bias.RunningStats(), bias.RunningStats()
     for i, picture in enumerate(pictures):
         whole.add(picture)
         (first if i < a else second).add(picture)
-    both = bias.joined(first, second)
+    both = bias.merge(first, second)
     assert both.count == a + b
     np.testing.assert_allclose(both.mean, pictures.mean(axis=0), rtol=1e-12, atol=1e-12)
     for sums in (whole, both):
         np.testing.assert_allclose(sums.variance, pictures.var(axis=0, ddof=1), rtol=1e-9, atol=1e-9 * (1 + offset))
-    assert bias.joined(first, bias.Sums()) is first
+    assert bias.merge(first, bias.RunningStats()) is first
     assert np.isinf(runs_of(TRUTH, 0.1, 1, 0).variance).all()
 
 

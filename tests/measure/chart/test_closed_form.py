@@ -32,12 +32,12 @@ UNKNOWN = {
 }
 
 
-def found(text: str, folder: Path) -> tuple[ir.Scene, reference_light.Truth, closed_form.Constant | None]:
+def found(text: str, folder: Path) -> tuple[ir.Scene, reference_light.ReferenceLight, closed_form.ConstantPicture | None]:
     path = folder / "a.scene"
     path.write_text(text, encoding="utf-8")
     scene = maquette.load(path)
-    light = reference_light.of(scene, ir.Settings(size=(24, 18)))
-    return scene, light, closed_form.form(scene, light.make(scene))
+    light = reference_light.choose(scene, ir.Settings(size=(24, 18)))
+    return scene, light, closed_form.recognize(scene, light.plan(scene))
 
 
 @pytest.mark.parametrize("name", KNOWN)
@@ -56,7 +56,7 @@ def test_nothing_but_the_background(background: str | tuple[float, float, float]
     scene, light, _ = found(text, tmp_path)
     unseen = scene.tables.instances._replace(visible=scene.tables.instances.visible & ~np.int32(ir.Visibility.CAMERA))
     scene = ir.Scene(scene.name, scene.tables._replace(instances=unseen), settings=ir.Settings(background=background))
-    known = closed_form.form(scene, light.make(scene))
+    known = closed_form.recognize(scene, light.plan(scene))
     assert known is not None
     image = maquette.render(scene, size=(24, 18), samples=4)
     np.testing.assert_allclose(image.channels["rgba"][..., :3], np.broadcast_to(known.rgb, (18, 24, 3)), rtol=1e-6)

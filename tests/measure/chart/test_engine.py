@@ -45,7 +45,7 @@ def _short(knob: declared.QualitySetting) -> declared.QualitySetting:
     return replace(knob, values=RUNGS[knob.name])
 
 
-def _rungs(made: tuple[declared.QualitySetting, ...]) -> list[declared.QualitySetting]:
+def _steps(made: tuple[declared.QualitySetting, ...]) -> list[declared.QualitySetting]:
     """Those that need no package beyond maquette's own."""
     return [knob for knob in made if knob.name in RUNGS]
 
@@ -62,8 +62,8 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     folder = tmp_path_factory.mktemp("references")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reference, "default_folder", lambda: folder)
-        patch.setattr(engine, "AIM", 4096)
-        short = {backend: tuple(map(_short, _rungs(made))) for backend, made in declared.QUALITY_SETTINGS.items()}
+        patch.setattr(engine, "TARGET_SAMPLES", 4096)
+        short = {backend: tuple(map(_short, _steps(made))) for backend, made in declared.QUALITY_SETTINGS.items()}
         patch.setattr(declared, "QUALITY_SETTINGS", short)
         yield
 
@@ -188,7 +188,7 @@ def test_what_the_chart_says_of_itself(made: Chart) -> None:
         assert point.errors["relmse 99.9%"].median <= point.errors["relmse"].median * (1 + 1e-9)
         assert point.cpu is not None
         assert (point.errors["flip"].count, point.errors["max"].count) == (3, 16)
-    assert json_format.read(json_format.text(made)) == made
+    assert json_format.read(json_format.dump(made)) == made
 
 
 def measured(scene: ir.Scene, budget: float = DAY, **more: Any) -> Chart:
@@ -260,10 +260,10 @@ class Tinted:
         self.version = f"{name} 1"
         self.filters: list[str] = []
 
-    def express(self, scene: ir.Scene, plan: Plan) -> list[str]:
+    def unsupported(self, scene: ir.Scene, plan: Plan) -> list[str]:
         return self.lost
 
-    def ladder(self, scene: ir.Scene, plan: Plan) -> tuple[Setting, ...]:
+    def sweep(self, scene: ir.Scene, plan: Plan) -> tuple[Setting, ...]:
         return tuple(Setting(self.name, "samples", n, {"samples": n}) for n in (4, 16))
 
     def run(self, scene: ir.Scene, plan: Plan, setting: Setting, seed: int) -> Run:
@@ -271,7 +271,7 @@ class Tinted:
             raise process.PeerError(f"{self.name} failed: out of luck")
         self.filters.append(plan["filter"])
         settings = ir.Settings(size=plan["size"], threads=plan["threads"], bounces=plan["bounces"], filter=plan["filter"], seed=seed)
-        drawn = runs.run(scene, runs.plan_of(scene, settings, Setting("ray", "samples", 1, setting.options), seed))
+        drawn = runs.run(scene, runs.make_plan(scene, settings, Setting("ray", "samples", 1, setting.options), seed))
         return Run(drawn.rgb * np.float32(self.factor), drawn.seconds, drawn.cpu, seed)
 
 
@@ -329,7 +329,7 @@ def test_interrupted_before_anything(scene: ir.Scene) -> None:
 
 def test_interrupted_on_the_way_charts_what_there_is(scene: ir.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     cancel, count = threading.Event(), [0]
-    real = contestant.Rung.add
+    real = contestant.Step.add
 
     def add(*arguments: Any) -> None:
         real(*arguments)
@@ -337,7 +337,7 @@ def test_interrupted_on_the_way_charts_what_there_is(scene: ir.Scene, monkeypatc
         if count[0] == 4:
             cancel.set()
 
-    monkeypatch.setattr(contestant.Rung, "add", add)
+    monkeypatch.setattr(contestant.Step, "add", add)
     found = engine.measure(scene, Wanted("a.scene", SETTINGS, ("ray",), budget=DAY), None, cancel)
     assert len(found.points) == 4
     assert {p.error.count for p in found.points} == {1}

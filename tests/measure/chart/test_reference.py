@@ -34,7 +34,7 @@ def load(text: str, folder: Path) -> ir.Scene:
 
 
 def made(scene: ir.Scene, folder: Path, aim: int = 256, seconds: float = DAY, settings: ir.Settings = SETTINGS) -> Reference:
-    light = reference_light.of(scene, settings)
+    light = reference_light.choose(scene, settings)
     return reference.make(scene, light, seconds, aim, lambda share: None, threading.Event(), folder / "kept")
 
 
@@ -111,10 +111,10 @@ def test_what_shows_something_else_has_a_file_of_its_own(scene: ir.Scene, tmp_pa
         (scene, ir.Settings(size=(20, 14), filter="box")),
         (load(SCENE.replace("#c04030", "#c04031"), tmp_path), SETTINGS),
     ]
-    keys = [reference.key(s, reference_light.of(s, settings).make(s)) for s, settings in variants]
+    keys = [reference.cache_name(s, reference_light.choose(s, settings).plan(s)) for s, settings in variants]
     assert len(set(keys)) == len(keys)
-    alike = reference_light.of(scene, ir.Settings(size=(20, 14), threads=1, seed=5))
-    assert reference.key(scene, alike.make(scene, samples=9)) == keys[0]
+    alike = reference_light.choose(scene, ir.Settings(size=(20, 14), threads=1, seed=5))
+    assert reference.cache_name(scene, alike.plan(scene, samples=9)) == keys[0]
 
 
 def test_a_folder_that_cannot_be_written_to_is_done_without(scene: ir.Scene, tmp_path: Path) -> None:
@@ -123,13 +123,13 @@ def test_a_folder_that_cannot_be_written_to_is_done_without(scene: ir.Scene, tmp
 
 
 def test_the_oldest_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    run = reference.LongRun(4)
+    run = reference.Accumulation(4)
     for seed in range(4):
         run.add(np.full((8, 8, 4), float(seed)))
     for name in "abc":
         reference.save(run, tmp_path / f"{name}.npz")
     size = (tmp_path / "a.npz").stat().st_size
-    monkeypatch.setattr(reference, "KEPT", int(2.5 * size))
+    monkeypatch.setattr(reference, "CACHE_BYTES", int(2.5 * size))
     reference.save(run, tmp_path / "d.npz")
     left = [p.name for p in tmp_path.iterdir()]
     assert len(left) == 2
@@ -143,7 +143,7 @@ def test_little_time_makes_few_samples_and_too_little_is_said(scene: ir.Scene, t
 
 def test_a_stop_keeps_what_there_is(scene: ir.Scene, tmp_path: Path) -> None:
     cancel = threading.Event()
-    light = reference_light.of(scene, SETTINGS)
+    light = reference_light.choose(scene, SETTINGS)
     told: list[float] = []
 
     def progress(share: float) -> None:

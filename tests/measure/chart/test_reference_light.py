@@ -1,4 +1,4 @@
-"""Which light a reference holds, and the ladders that follow: what is missing from the scene's own settings has ladders of its own."""
+"""Which light a reference holds, and the sweeps that follow: what is missing from the scene's own settings has sweeps of its own."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import maquette
 import pytest
 from maquette.compiler import ir
 from maquette.compiler.plan import plan as planner
-from maquette.measure.chart import reference_light, setting_ladders
+from maquette.measure.chart import reference_light, setting_sweeps
 from maquette.render import quality_settings as declared
 
 CAMERA = "camera(position: [0, 1, 5], look_at: [0, 1, 0])\npoint([0, 3, 3], intensity: 9)\n"
@@ -43,14 +43,14 @@ def load(text: str, folder: Path) -> ir.Scene:
 )
 def test_the_light_of_the_reference(text: str, bounces: int | None, depth: int, between: bool, how: str, tmp_path: Path) -> None:
     scene = load(text, tmp_path)
-    light = reference_light.of(scene, ir.Settings(bounces=bounces))
-    plan = light.make(scene)
+    light = reference_light.choose(scene, ir.Settings(bounces=bounces))
+    plan = light.plan(scene)
     assert (plan["bounces"], plan["interreflection"], light.how) == (depth, between, how)
 
 
-def of(scene: ir.Scene, backend: str, **settings: object) -> dict[str, setting_ladders.Ladder]:
-    found = setting_ladders.ladders(scene, reference_light.of(scene, ir.Settings(**settings)), backend)  # type: ignore[arg-type]
-    return {ladder.name: ladder for ladder in found}
+def of(scene: ir.Scene, backend: str, **settings: object) -> dict[str, setting_sweeps.Sweep]:
+    found = setting_sweeps.sweeps(scene, reference_light.choose(scene, ir.Settings(**settings)), backend)  # type: ignore[arg-type]
+    return {sweep.name: sweep for sweep in found}
 
 
 @pytest.fixture
@@ -73,28 +73,28 @@ def test_a_scene_without_interreflection_of_its_own(tmp_path: Path) -> None:
     assert ray["samples"].settings[2].arguments() == "--backend ray --samples 16"
     assert ray["error, 8 bounces"].settings[-1].arguments() == "--backend ray --error 0.003 --bounces 8"
     assert [s.arguments() for s in ray["bounces"].settings] == [f"--backend ray --samples 64 --bounces {n}" for n in (0, 1, 2, 4)]
-    assert {name: ladder.light for name, ladder in ray.items()} == {
+    assert {name: sweep.light for name, sweep in ray.items()} == {
         "samples, 8 bounces": "", "samples": "no interreflection", "error, 8 bounces": "", "bounces": "no more than 4 bounces of 8",
     }  # fmt: skip
     raster = of(scene, "raster")
     assert list(raster) == ["samples", "tolerance"]
-    assert {ladder.light for ladder in raster.values()} == {"no interreflection"}
+    assert {sweep.light for sweep in raster.values()} == {"no interreflection"}
     assert raster["tolerance"].settings[0].arguments() == "--backend raster --samples 64 --plan tolerance=3.2"
 
 
 @pytest.mark.usefixtures("no_denoiser")
 def test_when_bounces_are_asked_for_all_take_them(tmp_path: Path) -> None:
     scene = load(MATT, tmp_path)
-    assert [ladder.settings[0].arguments() for ladder in of(scene, "ray", bounces=2).values()] == [
+    assert [sweep.settings[0].arguments() for sweep in of(scene, "ray", bounces=2).values()] == [
         "--backend ray --samples 1 --bounces 2", "--backend ray --error 0.3 --bounces 2",
     ]  # fmt: skip
-    assert {ladder.light for ladder in of(scene, "raster", bounces=2).values()} == {"no interreflection"}
-    assert {ladder.light for ladder in of(scene, "raster", bounces=0).values()} == {""}
+    assert {sweep.light for sweep in of(scene, "raster", bounces=2).values()} == {"no interreflection"}
+    assert {sweep.light for sweep in of(scene, "raster", bounces=0).values()} == {""}
 
 
 def test_interreflection_beside_ambient_light_shows_as_what_it_is(tmp_path: Path) -> None:
     found = of(load(MATT + AMBIENT + DEEP, tmp_path), "ray")
-    assert [(name, ladder.light) for name, ladder in found.items()] == [
+    assert [(name, sweep.light) for name, sweep in found.items()] == [
         ("samples", ""), ("samples, 3 bounces", "interreflection counted beside the ambient light"), ("error", ""),
     ]  # fmt: skip
     assert found["samples"].settings[0].arguments() == "--backend ray --samples 1 --bounces 0 --plan interreflection=off"
@@ -103,12 +103,12 @@ def test_interreflection_beside_ambient_light_shows_as_what_it_is(tmp_path: Path
 
 def test_everybodys_overrides_stand_on_every_rung(tmp_path: Path) -> None:
     scene = load(GLASS + AMBIENT, tmp_path)
-    light = reference_light.of(scene, ir.Settings(), {"filter": "box"})
-    assert light.make(scene)["filter"] == "box"
+    light = reference_light.choose(scene, ir.Settings(), {"filter": "box"})
+    assert light.plan(scene)["filter"] == "box"
     for backend in declared.QUALITY_SETTINGS:
-        for ladder in setting_ladders.ladders(scene, light, backend):
-            assert all(setting.plan["filter"] == "box" for setting in ladder.settings)
-    ray = {ladder.name: ladder for ladder in setting_ladders.ladders(scene, light, "ray")}
+        for sweep in setting_sweeps.sweeps(scene, light, backend):
+            assert all(setting.plan["filter"] == "box" for setting in sweep.settings)
+    ray = {sweep.name: sweep for sweep in setting_sweeps.sweeps(scene, light, "ray")}
     assert ray["samples, 16 bounces"].settings[0].arguments() == (
         "--backend ray --samples 1 --bounces 16 --plan filter=box --plan interreflection=off"
     )
@@ -117,12 +117,12 @@ def test_everybodys_overrides_stand_on_every_rung(tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", [MATT, GLASS, GLASS + AMBIENT, MATT + DEEP])
 def test_every_rung_can_be_planned_and_grows_dearer(text: str, tmp_path: Path) -> None:
     scene = load(text, tmp_path)
-    light = reference_light.of(scene, ir.Settings(size=(40, 30)))
+    light = reference_light.choose(scene, ir.Settings(size=(40, 30)))
     for backend, made in declared.QUALITY_SETTINGS.items():
         assert [
             knob.name for knob in made if not all(knob.cost(a) < knob.cost(b) for a, b in zip(knob.values, knob.values[1:], strict=False))
         ] == []
-        for ladder in setting_ladders.ladders(scene, light, backend):
-            assert len(ladder.costs) == len(ladder.settings) > 1
-            for setting in ladder.settings:
+        for sweep in setting_sweeps.sweeps(scene, light, backend):
+            assert len(sweep.costs) == len(sweep.settings) > 1
+            for setting in sweep.settings:
                 planner.make(scene, ir.Settings(**setting.options), setting.plan)

@@ -21,7 +21,7 @@ def both(name: str, samples: int = 4, plan: dict[str, str] | None = None) -> com
     """An example in direct light, drawn by raster, as `plan` says, and by ray."""
     scene = maquette.load(EXAMPLES / name)
     settings = [ir.Settings(backend=b, size=SIZE, samples=samples, bounces=0) for b in ("raster", "ray")]
-    raster, ray = (sides.drawn(scene, sides.plan_of(scene, a, p)) for a, p in zip(settings, (plan, None), strict=True))
+    raster, ray = (sides.render(scene, sides.make_plan(scene, a, p)) for a, p in zip(settings, (plan, None), strict=True))
     return compare.compare(raster, ray)
 
 
@@ -42,7 +42,7 @@ def test_inside_outlines_raster_and_ray_agree(name: str) -> None:
     found = both(name, 1, {"raster.secondary": "trace"} if name in MIRRORED else None)
     assert found.a.notes == ()
     assert found.b.notes == ()
-    one, other = (object_errors.outlines(side) for side in (found.a, found.b))
+    one, other = (object_errors.outline_mask(side) for side in (found.a, found.b))
     assert one is not None
     assert other is not None
     outline = one | other
@@ -65,7 +65,7 @@ def test_the_difference_lies_on_what_raster_does_not_draw(name: str) -> None:
     noted = {note.span for note in found.a.notes}
     materials = scene.tables.instances.material
     places = {scene.spans.at("instances", i) for i in range(len(materials)) if scene.spans.at("materials", int(materials[i])) in noted}
-    assert sum(carrier.share for carrier in found.carriers if carrier.place in places) > 0.95
+    assert sum(entry.share for entry in found.objects if entry.place in places) > 0.95
     assert found.interior is not None
     assert found.interior.share > 0.5
     assert found.biased is True

@@ -35,7 +35,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> ir.Scene:
 
 
 def drawn(scene: ir.Scene, **settings: Any) -> Side:
-    return sides.drawn(scene, sides.plan_of(scene, ir.Settings(**{"samples": 4, **settings})), "two")
+    return sides.render(scene, sides.make_plan(scene, ir.Settings(**{"samples": 4, **settings})), "two")
 
 
 def painted(rgb: np.ndarray, ids: Any = None, depth: Any = None, coverage: Any = None, **metadata: Any) -> Side:
@@ -56,11 +56,11 @@ def test_shares_belong_to_the_pixels_of_an_object() -> None:
     a[1, 3] -= 0.1  # on nothing
     ids = [[5, 5, 7, 7], [7, 7, 7, -1]]
     found = compare.compare(painted(a, ids), painted(b, ids))
-    told = {c.label: (c.pixels, round(c.share, 6), round(c.bias, 6)) for c in found.carriers}
+    told = {c.label: (c.pixels, round(c.share, 6), round(c.bias, 6)) for c in found.objects}
     assert told == {"instance 5": (2, 0.9, 0.15), "background": (1, 0.1, -0.1), "instance 7": (5, 0.0, 0.0)}
-    assert [c.label for c in found.carriers] == ["instance 5", "background", "instance 7"]
+    assert [c.label for c in found.objects] == ["instance 5", "background", "instance 7"]
     assert found.largest_on == "instance 5"
-    assert found.carriers[0].error == pytest.approx(math.sqrt(0.09 / (1 + 0.01**2) / 2), rel=1e-5)
+    assert found.objects[0].error == pytest.approx(math.sqrt(0.09 / (1 + 0.01**2) / 2), rel=1e-5)
 
 
 def test_the_nearer_of_two_objects_has_the_pixel() -> None:
@@ -68,10 +68,10 @@ def test_the_nearer_of_two_objects_has_the_pixel() -> None:
     flat = np.ones((1, 3, 3))
     a = painted(flat, [[1, 2, 1]], [[5.0, 1.0, 5.0]])
     b = painted(flat, [[1, 1, 3]], [[5.0, 5.0, 2.0]])
-    owner = object_errors.owners(a, b, {1: 1, 2: 2, 3: 3})
+    owner = object_errors.pixel_owners(a, b, {1: 1, 2: 2, 3: 3})
     assert owner is not None
     assert owner.tolist() == [[1, 2, 3]]
-    gone = object_errors.owners(a, b, {1: 1})  # B has no object like A's 2
+    gone = object_errors.pixel_owners(a, b, {1: 1})  # B has no object like A's 2
     assert gone is not None
     assert gone.tolist() == [[1, -2 - 2, 3]]
 
@@ -81,7 +81,7 @@ def test_a_picture_says_nothing_of_a_scenes_objects(scene: ir.Scene) -> None:
     wrong = painted(real.rgb, np.full((32, 48), 99), np.zeros((32, 48)))
     for a, b in ((real, wrong), (wrong, real)):
         found = compare.compare(a, b)
-        assert {c.label for c in found.carriers} == {"sphere `ball`", "box", "background"}
+        assert {c.label for c in found.objects} == {"sphere `ball`", "box", "background"}
 
 
 def test_endless_pixels_have_all_of_the_error() -> None:
@@ -90,16 +90,16 @@ def test_endless_pixels_have_all_of_the_error() -> None:
     a[1, 1] = np.nan
     found = compare.compare(painted(a, [[0, 0], [0, 1]]), painted(b, [[0, 0], [0, 1]]))
     assert found.error == math.inf
-    assert {c.label: c.share for c in found.carriers} == {"instance 0": 0.0, "instance 1": 1.0}
+    assert {c.label: c.share for c in found.objects} == {"instance 0": 0.0, "instance 1": 1.0}
     assert found.maximum == math.inf
 
 
 @pytest.mark.parametrize(("filter_name", "samples", "reach"), [("box", 4, 1), ("tent", 4, 1), ("gaussian", 4, 2), ("gaussian", 1, 1)])
 def test_outlines_reach_as_far_as_the_filter(scene: ir.Scene, filter_name: str, samples: int, reach: int) -> None:
-    plan = sides.plan_of(scene, ir.Settings(samples=samples), {"filter": filter_name})
-    side = sides.drawn(scene, plan)
+    plan = sides.make_plan(scene, ir.Settings(samples=samples), {"filter": filter_name})
+    side = sides.render(scene, plan)
     assert side.reach == reach
-    ids, mask = side.ids, object_errors.outlines(side)
+    ids, mask = side.ids, object_errors.outline_mask(side)
     assert ids is not None
     assert mask is not None
     h, w = ids.shape
@@ -134,8 +134,8 @@ def test_a_hidden_bias_shows_beneath_the_noise(scene: ir.Scene) -> None:
     dimmed = Side("dimmed", Image(48, 32, {**a.image.channels, "rgba": rgba}, a.image.metadata), a.noise, a.scene, a.plan)
     found = compare.compare(dimmed, b)
     assert (found.within_noise, found.biased) == (True, True)
-    assert found.bias.doubt is not None
-    assert all(abs(value + 0.02) < 5 * doubt for value, doubt in zip(found.bias.channels, found.bias.doubt, strict=True))
+    assert found.bias.standard_error is not None
+    assert all(abs(value + 0.02) < 5 * doubt for value, doubt in zip(found.bias.channels, found.bias.standard_error, strict=True))
 
 
 def test_one_sample_has_noise_only_where_light_is_soft(scene: ir.Scene, tmp_path: Path) -> None:
@@ -152,12 +152,12 @@ def test_a_render_is_exposed_and_clipped_like_the_picture_it_is_held_against(sce
     render = drawn(scene, samples=2)
     path = tmp_path / "shown.png"
     image_files.write(render.image, path, image_files.Look(exposure=1.5, bits=16), {"exposure": 1.5})
-    found = compare.compare(render, sides.picture(path))
+    found = compare.compare(render, sides.read(path))
     assert found.error < 0.01  # 16 bits a channel
     assert found.a.changes == (f"exposed by +1.5 stops and clipped to 0..1, as {path} holds 16 bits a channel",)
     assert found.a.rgb.max() <= 1.0
-    assert compare.compare(render, sides.picture(path), exposure=0.0).error > 0.1
-    back = compare.compare(sides.picture(path), render)
+    assert compare.compare(render, sides.read(path), exposure=0.0).error > 0.1
+    back = compare.compare(sides.read(path), render)
     assert back.b.changes == found.a.changes
     assert back.error == pytest.approx(found.error, rel=0.05)
 
@@ -166,7 +166,7 @@ def test_variance_is_exposed_too(scene: ir.Scene, tmp_path: Path) -> None:
     render = drawn(scene, samples=8)
     path = tmp_path / "shown.png"
     image_files.write(render.image, path, image_files.Look(exposure=-2.0), {"exposure": -2.0})
-    a, _ = sides.alike(render, sides.picture(path))
+    a, _ = sides.match_encoding(render, sides.read(path))
     assert a.variance is not None
     assert render.variance is not None
     np.testing.assert_allclose(a.variance, render.variance / 16.0, rtol=1e-6)

@@ -34,7 +34,7 @@ def told(tmp_path: Path):
             text = text.replace(old, new)
         for name, content in (("a", SCENE), ("b", text)):
             (tmp_path / f"{name}.scene").write_text(content, encoding="utf-8")
-        found, _ = scene_diff.between(*(maquette.load(tmp_path / f"{name}.scene") for name in "ab"))
+        found, _ = scene_diff.diff(*(maquette.load(tmp_path / f"{name}.scene") for name in "ab"))
         return [str(change).replace(f"{tmp_path}/", "") for change in found]
 
     return tell
@@ -103,7 +103,7 @@ def test_which_instance_became_which(tmp_path: Path) -> None:
     a, b = tmp_path / "a.scene", tmp_path / "b.scene"
     a.write_text('sphere(1, name: "one")\nbox(1)\nsphere(2)\n', encoding="utf-8")
     b.write_text('box(1)\nsphere(2)\ntorus(1, 0.2)\nsphere(1.5, name: "one", translate: [1, 0, 0])\n', encoding="utf-8")
-    _, same = scene_diff.between(maquette.load(a), maquette.load(b))
+    _, same = scene_diff.diff(maquette.load(a), maquette.load(b))
     assert same == {0: 3, 1: 0, 2: 1}
 
 
@@ -111,7 +111,7 @@ def test_plain_data(tmp_path: Path) -> None:
     a, b = tmp_path / "a.scene", tmp_path / "b.scene"
     a.write_text("sphere(1)\n", encoding="utf-8")
     b.write_text("sphere(2)\n", encoding="utf-8")
-    found, _ = scene_diff.between(maquette.load(a), maquette.load(b))
+    found, _ = scene_diff.diff(maquette.load(a), maquette.load(b))
     (sphere,) = [change.to_json() for change in found if change.table == "geometries"]
     assert sphere == {
         "what": "changed", "table": "geometries", "row": 0, "label": "shape sphere", "place": f"{b}:1:1",
@@ -130,7 +130,7 @@ def test_each_row_is_told_once(tmp_path_factory: pytest.TempPathFactory, first: 
     for name, shapes in (("a", first), ("b", second)):
         (folder / f"{name}.scene").write_text("\n".join([*shapes, "sun()", "camera([0, 0, 9])"]), encoding="utf-8")
         scenes.append(maquette.load(folder / f"{name}.scene"))
-    found, same = scene_diff.between(*scenes)
+    found, same = scene_diff.diff(*scenes)
     told = [change.what for change in found if change.table == "instances"]
     assert told.count("added") == len(second) - len(same)
     assert told.count("removed") == len(first) - len(same)

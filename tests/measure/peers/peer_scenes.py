@@ -51,7 +51,7 @@ def compiled(folder: Path, text: str, **settings: Any) -> tuple[ir.Scene, planne
     source.write_text(text)
     scene = maquette.load(source)
     asked = ir.Settings(**{"filter": "box", **settings})
-    common = registry.common(planner.make(scene, asked))
+    common = registry.common_overrides(planner.make(scene, asked))
     return scene, planner.make(scene, asked, {name: value for name, value in common.items() if name != "filter"})
 
 
@@ -59,7 +59,7 @@ def both(name: str, folder: Path, text: str, ours: int, theirs: int, **settings:
     """(ours, the peer's) linear pictures of a scene that the peer carries whole."""
     scene, plan = compiled(folder, text, samples=ours, **settings)
     (peer,) = registry.find([name])
-    assert peer.express(scene, plan) == []
+    assert peer.unsupported(scene, plan) == []
     run = peer.run(scene, plan, Setting(name, "samples", theirs, {"samples": theirs}), seed=1)
     assert run.seed == 1
     assert run.seconds["render"] >= 0  # POV-Ray tells of milliseconds, of which a small picture takes less than one on a quick machine

@@ -94,13 +94,13 @@ def test_seeds_differ_and_repeat(tmp_path: Path) -> None:
     assert (first != other).any()
 
 
-def test_its_ladder_climbs(tmp_path: Path) -> None:
+def test_its_sweep_climbs(tmp_path: Path) -> None:
     scene, plan = scenes.compiled(tmp_path, scenes.VIEW + scenes.FLOOR + scenes.SKY)
-    ladder = MITSUBA.ladder(scene, plan)
-    assert [s.options["samples"] for s in ladder] == [1, 4, 16, 64, 256, 1024, 4096]
-    assert ladder[1].arguments() == "--backend mitsuba --samples 4"
+    sweep = MITSUBA.sweep(scene, plan)
+    assert [s.options["samples"] for s in sweep] == [1, 4, 16, 64, 256, 1024, 4096]
+    assert sweep[1].arguments() == "--backend mitsuba --samples 4"
 
 
 def test_its_own_words_are_given_back(tmp_path: Path) -> None:
     with pytest.raises(process.PeerError, match=r"Mitsuba failed: .*no-such-file"):
-        process.call("Mitsuba", ["python3", "-c", "import sys; sys.exit('no-such-file')"], tmp_path)
+        process.run("Mitsuba", ["python3", "-c", "import sys; sys.exit('no-such-file')"], tmp_path)

@@ -56,6 +56,6 @@ def test_a_grid_of_samples_is_taken(tmp_path: Path) -> None:
     assert scenes.apart(*one)[0] > 0.2
 
 
-def test_its_ladder_climbs(tmp_path: Path) -> None:
+def test_its_sweep_climbs(tmp_path: Path) -> None:
     scene, plan = scenes.compiled(tmp_path, scenes.VIEW + scenes.FLOOR + scenes.LAMP)
-    assert [s.options["samples"] for s in POVRAY.ladder(scene, plan)] == [1, 4, 9, 16, 36, 64]
+    assert [s.options["samples"] for s in POVRAY.sweep(scene, plan)] == [1, 4, 9, 16, 36, 64]

@@ -121,7 +121,7 @@ def test_the_same_chart_is_the_same_file() -> None:
 
 
 def test_without_a_floor_a_front_or_spread_nothing_is_drawn_for_them() -> None:
-    points = tuple(dataclasses.replace(p, seconds=once(p.seconds), error=once(p.error)) for p in charts.ladder("ray", 0.1, 0.1, 0.2, 3))
+    points = tuple(dataclasses.replace(p, seconds=once(p.seconds), error=once(p.error)) for p in charts.sweep("ray", 0.1, 0.1, 0.2, 3))
     ids = {element.get("id") for element in parsed(charts.chart(Curve("ray", "samples", points))).iter()}
     assert not ids & {"floor", "front", "front-points", "knee", "bias-0", "time-0", "error-0", "stops-0"}
     assert {"point-0", "point-1", "point-2", "curve-0", "name-0"} <= ids
@@ -132,12 +132,12 @@ def once(spread: Spread) -> Spread:
 
 
 def test_one_point_is_a_chart() -> None:
-    only = charts.chart(Curve("raster", "samples", charts.ladder("raster", 0.1, 0, 0.2, 1)), front=(0,), knee=0)
+    only = charts.chart(Curve("raster", "samples", charts.sweep("raster", 0.1, 0, 0.2, 1)), front=(0,), knee=0)
     assert "knee: raster, 1 sample" in words(parsed(only))
 
 
 def test_no_error_at_all_stands_at_the_lower_edge() -> None:
-    first, second = charts.ladder("raster", 0.1, 0.1, 0.2, 2)
+    first, second = charts.sweep("raster", 0.1, 0.1, 0.2, 2)
     second = dataclasses.replace(second, error=Spread(0, 0, 0, 5))
     chart = charts.chart(Curve("raster", "samples", (first, second)))
     tree = parsed(chart)
@@ -160,28 +160,28 @@ def test_png_is_a_picture_of_the_size_asked_for() -> None:
 
 @pytest.mark.parametrize("metric", list(formatting.METRICS))
 def test_each_metric_has_its_axis(metric: str) -> None:
-    ray = Curve("ray", "samples", charts.ladder("ray", 0.03, 0.01, 0.31, 7))
+    ray = Curve("ray", "samples", charts.sweep("ray", 0.03, 0.01, 0.31, 7))
     said = words(parsed(dataclasses.replace(charts.chart(ray), metric=metric)))
     assert formatting.METRICS[metric].axis in said
     assert any(text.endswith(" %") for text in said) == formatting.METRICS[metric].share
 
 
 def test_labels_do_not_cover_each_other_or_leave_the_picture() -> None:
-    picture = plot.Picture(charts.room())
-    for a, b in itertools.combinations(picture.room.labels, 2):
-        assert a.covered(b) == 0
+    picture = plot.ChartPlot(charts.room())
+    for a, b in itertools.combinations(picture.layout.labels, 2):
+        assert a.overlap_area(b) == 0
     width, height = picture.figure.get_size_inches() * picture.figure.dpi
-    assert all(Box(0, 0, width, height).holds(label) for label in picture.room.labels)
+    assert all(Box(0, 0, width, height).contains(label) for label in picture.layout.labels)
 
 
 def test_long_words_stay_on_the_picture() -> None:
     long = "a reason that goes on and on, " * 12
-    curve = Curve("raster", "samples", charts.ladder("raster", 0.1, 0.1, 0.2, 4, bias=0.1), f"{long}: bias 10 %")
+    curve = Curve("raster", "samples", charts.sweep("raster", 0.1, 0.1, 0.2, 4, bias=0.1), f"{long}: bias 10 %")
     machine = " ".join(["a machine with a long name"] * 9)
     left_out = dict.fromkeys(("mitsuba", "povray", "ray", "reference"), long)
     chart = charts.chart(curve, machine=machine, left_out=left_out)
     chart = dataclasses.replace(chart, scene=f"room.scene --set text='{long}'")
-    picture = plot.Picture(chart)
+    picture = plot.ChartPlot(chart)
     renderer = picture.canvas.get_renderer()
     width, height = picture.figure.get_size_inches() * picture.figure.dpi
     boxes = [text.get_window_extent(renderer) for text in picture.figure.texts]
@@ -192,8 +192,8 @@ def test_long_words_stay_on_the_picture() -> None:
 
 
 def test_points_are_not_hidden_by_names() -> None:
-    picture = plot.Picture(charts.room())
-    assert max(label.covered(point) for label in picture.room.labels for point in picture.room.points) < 5  # of 144 square pixels
+    picture = plot.ChartPlot(charts.room())
+    assert max(label.overlap_area(point) for label in picture.layout.labels for point in picture.layout.points) < 5  # of 144 square pixels
 
 
 # --- colours ---------------------------------------------------------------------------------------------------------------

@@ -28,7 +28,7 @@ def test_the_answers_of_a_chart() -> None:
 
 
 def test_only_what_was_measured_is_advised() -> None:
-    """1 % lies between two rungs: the dearer one is named, which was measured; no setting between them is made up."""
+    """1 % lies between two steps: the dearer one is named, which was measured; no setting between them is made up."""
     points = (charts.point("ray", "samples", 16, 1.0, 0.02), charts.point("ray", "samples", 64, 4.0, 0.005))
     chart = charts.chart(Curve("ray", "samples", points))
     assert text_report.advice(chart) == [
@@ -45,7 +45,7 @@ def test_what_is_exact_is_said_at_none() -> None:
 
 
 def test_an_exact_point_reaches_everything() -> None:
-    rough, exact = charts.ladder("raster", 0.1, 0.1, 0.2, 2)
+    rough, exact = charts.sweep("raster", 0.1, 0.1, 0.2, 2)
     chart = charts.chart(Curve("raster", "samples", (rough, dataclasses.replace(exact, error=Spread(0, 0, 0, 5)))))
     assert [row[:4] for row in text_report.advice(chart)] == [
         ("30 %", "raster, 1 sample", "200 ms", "20 %"),
@@ -54,15 +54,15 @@ def test_an_exact_point_reaches_everything() -> None:
 
 
 def test_nobody_asks_for_an_error_of_all_there_is() -> None:
-    noisy = charts.chart(Curve("ray", "samples", charts.ladder("ray", 0.1, 0.1, 2.4, 3)))
+    noisy = charts.chart(Curve("ray", "samples", charts.sweep("ray", 0.1, 0.1, 2.4, 3)))
     assert [row[0] for row in text_report.advice(noisy)] == ["100 %", "30 %"]  # nothing better was measured
-    better = charts.chart(Curve("ray", "samples", charts.ladder("ray", 0.1, 0.1, 2.4, 5)))
+    better = charts.chart(Curve("ray", "samples", charts.sweep("ray", 0.1, 0.1, 2.4, 5)))
     assert [row[0] for row in text_report.advice(better)] == ["30 %", "10 %"]
 
 
 def test_an_error_near_the_references_own_is_said() -> None:
-    chart = charts.chart(Curve("ray", "samples", charts.ladder("ray", 0.1, 0.1, 0.02, 2)), floor=0.008)
-    assert text_report.remarks(chart) == ["the reference's own uncertainty is 0.80 %: errors near it are not told apart"]
+    chart = charts.chart(Curve("ray", "samples", charts.sweep("ray", 0.1, 0.1, 0.02, 2)), floor=0.008)
+    assert text_report.remarks(chart) == ["the reference's own uncertainty is 0.80 %: smaller differences are not significant"]
 
 
 def test_time_at_equal_error_is_straight_on_logarithmic_axes_and_ends_with_the_points() -> None:
@@ -88,8 +88,8 @@ def test_every_point_is_a_row() -> None:
 
 def test_a_bias_that_is_not_told_from_none_has_a_bound() -> None:
     point = charts.point("ray", "samples", 4, 1.0, 0.1, bias=0.0, bias_error=0.002, noise=0.1, noise_error=0.001)
-    assert formatting.split(point) == [("bias", "below 0.20 %"), ("noise", "10 % ± 0.10 %")]
-    assert formatting.split(charts.point("ray", "samples", 4, 1.0, 0.1)) == []
+    assert formatting.bias_and_noise(point) == [("bias", "below 0.20 %"), ("noise", "10 % ± 0.10 %")]
+    assert formatting.bias_and_noise(charts.point("ray", "samples", 4, 1.0, 0.1)) == []
 
 
 @pytest.mark.parametrize(
@@ -134,8 +134,8 @@ def test_arguments_are_what_the_command_line_reads() -> None:
 
 
 def test_a_quicker_peer_is_told_of_and_not_advised() -> None:
-    ours = Curve("ray", "samples", charts.ladder("ray", 0, 0.1, 0.2, 3))
-    peer = Curve("mitsuba", "samples", charts.ladder("mitsuba", 0, 0.05, 0.2, 3))
+    ours = Curve("ray", "samples", charts.sweep("ray", 0, 0.1, 0.2, 3))
+    peer = Curve("mitsuba", "samples", charts.sweep("mitsuba", 0, 0.05, 0.2, 3))
     assert text_report.answers(charts.chart(ours, peer, knee=4)) == [
         "10 % → ray, 4 samples, 400 ms: --backend ray --samples 4",
         "3 % → not reached; the least measured is 5.0 %",
@@ -146,34 +146,34 @@ def test_a_quicker_peer_is_told_of_and_not_advised() -> None:
 
 def test_who_stops_for_one_reason_stands_together() -> None:
     def curve(backend: str, knob: str, stops: str) -> Curve:
-        return Curve(backend, knob, charts.ladder(backend, 0.1, 0.1, 0.2, 2, bias=0.1), stops)
+        return Curve(backend, knob, charts.sweep(backend, 0.1, 0.1, 0.2, 2, bias=0.1), stops)
 
     why = "no interreflection: bias 10 %"
     chart = charts.chart(
         curve("ray", "samples", why), curve("ray", "bounces", ""), curve("raster", "samples", why), curve("raster", "tolerance", why),
         curve("reference", "samples", "one sample a pixel is its centre: bias 12 %"),
     )  # fmt: skip
-    assert [name for name, _ in formatting.stops(chart)] == ["ray by samples and raster stop", "reference stops"]
-    assert [len(curves) for _, curves in formatting.stops(chart)] == [3, 1]
+    assert [name for name, _ in formatting.stopped_curves(chart)] == ["ray by samples and raster stop", "reference stops"]
+    assert [len(curves) for _, curves in formatting.stopped_curves(chart)] == [3, 1]
 
 
-def test_ladders_that_end_early_are_counted() -> None:
+def test_sweeps_that_end_early_are_counted() -> None:
     cut = {
         "ray, samples: 4096 samples": "5 renders of about 9 s do not fit",
         "raster, samples: 4096 samples": "the same",
         "povray: glass": "x",
     }
-    chart = charts.chart(Curve("ray", "samples", charts.ladder("ray", 0.1, 0.1, 0.2, 2)), left_out={"mitsuba": "not installed", **cut})
+    chart = charts.chart(Curve("ray", "samples", charts.sweep("ray", 0.1, 0.1, 0.2, 2)), left_out={"mitsuba": "not installed", **cut})
     assert formatting.left_out(chart) == [
         "not charted: mitsuba: not installed",
-        "3 ladders end before the dearest settings, as chart.json says: a longer --budget goes on",
+        "3 sweeps stop before the most expensive settings (see chart.json): a longer --budget continues them",
     ]
 
 
 def test_reasons_are_told_briefly_on_the_picture() -> None:
     why = "/a/room.scene:6:15: the highlight is not carried; /a/room.scene:7:1: nor is glass; std/room:20:3: nor a lamp"
     chart = charts.chart(
-        Curve("ray", "samples", charts.ladder("ray", 0.1, 0.1, 0.2, 2)), left_out={"mitsuba": why, "povray": "not installed"}
+        Curve("ray", "samples", charts.sweep("ray", 0.1, 0.1, 0.2, 2)), left_out={"mitsuba": why, "povray": "not installed"}
     )
     assert formatting.left_out(chart) == [f"not charted: mitsuba: {why}", "not charted: povray: not installed"]
     brief = ["not charted: mitsuba: the highlight is not carried (and 2 more reasons)", "not charted: povray: not installed"]

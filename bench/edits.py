@@ -60,7 +60,7 @@ def first_use(operations: int = 200, formulas: int = 15) -> list[float]:
     for seed in range(formulas + 1):
         tape = _random_tape(operations, seed)
         begun = time.perf_counter()
-        packet_state.room(scene_surfaces.of_surfaces([scene_surfaces.Surface(tape, np.array([0.0] * 5 + [1.0] + [0.0] * 7), BOX)]), 0)
+        packet_state.allocate(scene_surfaces.of_surfaces([scene_surfaces.Surface(tape, np.array([0.0] * 5 + [1.0] + [0.0] * 7), BOX)]), 0)
         spent.append(time.perf_counter() - begun)
     return spent[1:]
 

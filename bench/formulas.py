@@ -111,14 +111,14 @@ class ModelCase:
         n = len(self.origin)
         forms = self.forms()
         tape_jit.finish()
-        given, frame = packet_state.columns(self.origin, self.way, 0.0, np.inf), np.eye(4)[:3]
+        given, frame = packet_state.ray_columns(self.origin, self.way, 0.0, np.inf), np.eye(4)[:3]
         out = np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n), np.empty(n)
 
         def work() -> Any:
-            room = Handle(packet_state.room(forms, 0))
+            packet = Handle(packet_state.allocate(forms, 0))
             out[0][:] = np.inf
-            if packets.trace(room, given, 0, n, frame, packets.Out(*out, 0)) < n:
-                raise RuntimeError("no bundle")
+            if packets.trace(packet, given, 0, n, frame, packets.HitColumns(*out, 0)) < n:
+                raise RuntimeError("no packet")
             return out[0]
 
         return Contender(OURS, work, self._rows)
@@ -190,11 +190,11 @@ class ModelCase:
         alone = self.one_by_one()
         differ = int((np.isfinite(t) != np.isfinite(alone)).sum())
         if differ:
-            raise Disagreement(f"{differ} of {len(t)} rays are met by bundles and not by themselves, or the other way round")
+            raise Disagreement(f"{differ} of {len(t)} rays differ between packets and single rays")
         pick = np.random.default_rng(1).integers(0, len(t), CHECKED)
         o, d = self._rows(self.origin)[pick], self.way[pick]
         everywhere = np.zeros(CHECKED), np.full(CHECKED, np.inf)
-        true, _, _, _, doubt = numpy_reference.meet(self.tape, self.parameters, BOX, tuple(o.T), tuple(d.T), *everywhere)
+        true, _, _, _, doubt = numpy_reference.first_hit(self.tape, self.parameters, BOX, tuple(o.T), tuple(d.T), *everywhere)
         wrong = int(((np.isfinite(true) != np.isfinite(t[pick])) & ~doubt).sum())
         both = np.isfinite(true) & np.isfinite(t[pick])
         if wrong or np.abs(true[both] - t[pick][both]).max(initial=0.0) > 1e-8:
@@ -231,7 +231,7 @@ def trace(forms, address, origin, direction, t, spacing, u, v):
 
 def _linked() -> int:
     nothing = Handle(scene_surfaces.of_surfaces([]))
-    return intersect.meet.link(nothing.numba_type, types.int64, VEC, VEC, FLOAT, FLOAT)
+    return intersect.first_hit.link(nothing.numba_type, types.int64, VEC, VEC, FLOAT, FLOAT)
 
 
 def _view_rotation() -> np.ndarray:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 
 from ...lang import file_types
 from ...lang.diagnostics import Diagnostics, Span
+from .. import ir
 from ..io.sandbox import FileError, Files
 from ..mesh import polygon_mesh
-from ..scene.builder import SceneBuilder
+from ..scene.builder import NONE, SceneBuilder
+from ..scene.row_records import WHITE, Input, MaterialData
 from . import glb, mtl, obj, off, ply, stl
 from .mesh_parts import Part, add
 
@@ -43,8 +46,7 @@ def read(
         if format_ == ".obj":
             return _obj(data, name, folder, builder, files, diagnostics)
         if format_ == ".ply":
-            mesh = ply.read(data, diagnostics, whole)
-            return _parts(mesh, Path(name).stem, builder, diagnostics, whole)
+            return _ply(data, name, folder, builder, files, diagnostics)
         if format_ == ".stl":
             return _parts(stl.read(data), Path(name).stem, builder, diagnostics, whole)
         if format_ == ".off":
@@ -59,6 +61,23 @@ def read(
 
 def _parts(mesh: polygon_mesh.PolyMesh, name: str, builder: SceneBuilder, diagnostics: Diagnostics, span: Span) -> list[Part]:
     part = add(mesh, None, name, builder, diagnostics, span)
+    return [] if part is None else [part]
+
+
+def _ply(data: bytes, name: str, folder: Path | None, builder: SceneBuilder, files: Files, diagnostics: Diagnostics) -> list[Part]:
+    span = Span(name)
+    mesh = ply.read(data, diagnostics, span)
+    pictures = ply.texture_files(data)
+    material = None
+    if len(pictures) > 1:
+        diagnostics.warning(f"only the first of {len(pictures)} pictures is drawn: `{pictures[0]}`", span)
+    if pictures and mesh.uvs is None:
+        diagnostics.warning(f"the picture `{pictures[0]}` is not drawn: the PLY file has no texture coordinates", span)
+    elif pictures:
+        row = mtl.picture_row(mtl.MapReference(pictures[0], span), folder, True, NONE, builder, files, diagnostics)
+        inputs = {ir.Slot.DIFFUSE: Input(WHITE, row), ir.Slot.AMBIENT: Input(WHITE, row)}
+        material = builder.material(MaterialData(inputs=inputs, name=Path(pictures[0]).stem), span) if row >= 0 else None
+    part = add(mesh, material, Path(name).stem, builder, diagnostics, span)
     return [] if part is None else [part]
 
 
@@ -96,26 +115,30 @@ def _libraries(found: obj.ObjMesh, folder: Path | None, files: Files, diagnostic
         if folder is None:
             diagnostics.warning(f"the material library `{text}` is not read: its mesh has no folder", span)
             continue
-        try:
-            paths = _library_paths(text, folder, files)
-        except FileError as failure:
-            diagnostics.warning(f"{failure.message}: things are drawn grey", span, failure.hint)
-            continue
-        for path in paths:
+        for path in _library_paths(text, folder, files, diagnostics, span):
             read = mtl.parse(path.read_bytes(), _shown(path, files), path.parent, diagnostics)
             materials = read | materials
     return materials
 
 
-def _library_paths(text: str, folder: Path, files: Files) -> list[Path]:
-    """The files of one `mtllib` line: its whole text as one name with blanks, else each word of it."""
-    try:
-        return [mtl.find(text, folder, files, "material library")]
-    except FileError:
-        words = text.split()
-        if len(words) < 2:
-            raise
-        return [mtl.find(word, folder, files, "material library") for word in words]
+def _library_paths(text: str, folder: Path, files: Files, diagnostics: Diagnostics, span: Span) -> list[Path]:
+    """The files of one `mtllib` line: its whole text as one name with blanks, else each word of it. A missing one is a warning."""
+    words = [quoted or plain for quoted, plain in re.findall(r'"([^"]*)"|(\S+)', text)]
+    found: list[Path] = []
+
+    def missing(name: str) -> FileError | None:
+        try:
+            found.append(mtl.find(name, folder, files, "material library"))
+        except FileError as failure:
+            return failure
+        return None
+
+    whole = missing(text.strip('"'))
+    failures = [] if whole is None else [whole] if len(words) < 2 else [missing(word) for word in words]
+    for failure in failures:
+        if failure is not None:
+            diagnostics.warning(f"{failure.message}: its materials are drawn grey", span, failure.hint)
+    return found
 
 
 def _shown(path: Path, files: Files) -> str:

@@ -25,7 +25,7 @@ from ..io.sandbox import FileError, Files
 from ..scene import metallic_roughness
 from ..scene.builder import NONE, SceneBuilder
 from ..scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, scaled
-from . import images
+from . import images, obj_lexer
 
 REFLECTING = (3, 5, 8)
 REFRACTING = (4, 6, 7, 9)
@@ -79,7 +79,7 @@ class MtlMaterial:
 
 def parse(data: bytes, file: str, folder: Path | None, diagnostics: Diagnostics) -> dict[str, MtlMaterial]:
     """The materials of a library by name. Malformed lines are warnings: the rest of the material counts."""
-    text = data.decode("utf-8-sig", errors="replace").replace("\r\n", "\n").replace("\r", "\n")
+    text = obj_lexer.as_utf8(data).decode(errors="replace").replace("\x1a", "").replace("\r\n", "\n").replace("\r", "\n")
     found: dict[str, MtlMaterial] = {}
     current: MtlMaterial | None = None
     warned: set[str] = set()
@@ -91,6 +91,7 @@ def parse(data: bytes, file: str, folder: Path | None, diagnostics: Diagnostics)
         start = line.index(keyword) + 1
         span = Span(file, number, start, number, len(line.rstrip()) + 1)
         if keyword == "newmtl":
+            rest = obj_lexer.without_comment(rest)
             current = found[rest] = MtlMaterial(rest, span, folder)
             continue
         message = "" if current is not None else f"`{keyword}` stands before the first `newmtl`"
@@ -107,7 +108,9 @@ def _line(material: MtlMaterial, keyword: str, rest: str, span: Span) -> str:
         color = _color(rest)
         if color is None:
             return f"`{keyword}` wants three numbers (spectra and CIE XYZ are not read)"
-        material.colors[keyword] = color
+        material.colors[keyword] = (max(color[0], 0.0), max(color[1], 0.0), max(color[2], 0.0))
+        if min(color) < 0:
+            return f"material `{material.name}`: `{keyword}` has a negative component, which counts as 0"
     elif keyword in _NUMBERS:
         number = _number(rest.split("#")[0].replace("-halo", "").strip())
         if number is None:
@@ -212,7 +215,7 @@ def row(material: MtlMaterial, builder: SceneBuilder, files: Files, diagnostics:
 
     def texture(key: str, color: bool = True, channel: int = NONE) -> int:
         reference = material.maps.get(key)
-        return -1 if reference is None else _texture(reference, material.folder, color, channel, builder, files, diagnostics)
+        return -1 if reference is None else picture_row(reference, material.folder, color, channel, builder, files, diagnostics)
 
     return builder.material(_data(material, texture, builder), material.span)
 
@@ -294,7 +297,7 @@ def _maps(m: MtlMaterial, texture: Callable[..., int], builder: SceneBuilder) ->
     return {}
 
 
-def _texture(
+def picture_row(
     reference: MapReference, folder: Path | None, color: bool, channel: int, builder: SceneBuilder, files: Files, diagnostics: Diagnostics
 ) -> int:
     """The row of a picture: a colour, a number out of the channel that the file says, or else `channel`, or all of them as DATA."""

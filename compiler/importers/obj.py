@@ -63,7 +63,7 @@ def read(data: bytes, file: str, diagnostics: Diagnostics) -> ObjMesh | None:
 
 def _read(lines: obj_lexer.Lines, file: str, problems: _Problems) -> ObjMesh | None:
     def malformed(line: int, message: str) -> None:
-        problems.add("error", "malformed", line, f"malformed line: {message}")
+        problems.add("warning", "malformed", line, f"malformed line: {message}")
 
     if not np.isin(lines.keys, (0, 3)).any():
         problems.diagnostics.error("this is no OBJ file: it has neither vertices nor faces", Span(file))
@@ -75,8 +75,7 @@ def _read(lines: obj_lexer.Lines, file: str, problems: _Problems) -> ObjMesh | N
     state = _State.read(lines, file, problems)
     corners, counts, kept = _resolved(lines, faces, (points, uv_values, normal_values), problems)
     if not len(counts):
-        if not any(severity == "error" for severity, _ in problems.found):
-            problems.diagnostics.error("the OBJ file has no faces that can be drawn", Span(file), "a face is a line like `f 1 2 3`")
+        problems.diagnostics.error("the OBJ file has no faces that can be drawn", Span(file), "a face is a line like `f 1 2 3`")
         return None
     rows = faces.rows[kept]
     mesh = PolyMesh(
@@ -111,6 +110,7 @@ class _State:
         numbered = {"": 0}
         for row, keyword, rest in obj_lexer.others(lines):
             line = int(lines.numbers[row])
+            rest = obj_lexer.without_comment(rest)
             if keyword == "usemtl":
                 if rest not in numbered:
                     numbered[rest] = len(state.names)
@@ -127,7 +127,7 @@ class _State:
                 problems.add("warning", keyword, line, f"`{keyword}` (free-form curves and display attributes) is not drawn")
             elif keyword not in ("o", "g"):
                 shown = keyword[:40]
-                problems.add("error", "malformed", line, f"malformed line: OBJ has no keyword `{shown}`")
+                problems.add("warning", "keyword", line, f"OBJ has no keyword `{shown}`: the line is left out")
         return state
 
 
@@ -193,7 +193,7 @@ def _resolved(
     finite = np.asarray(np.isfinite(values[0]).all(axis=1))
     for at in np.flatnonzero((corners[:, 0] >= 0) & ~finite[corners[:, 0]]) if not finite.all() else ():
         bad_face[face_of[at]] = True
-        if ("error", "malformed") in problems.found:
+        if ("warning", "malformed") in problems.found:
             continue  # said already
         line = int(lines.numbers[faces.rows[face_of[at]]])
         problems.add("warning", "finite", line, f"vertex {corners[at, 0] + 1} of this face is not finite: the face is left out")

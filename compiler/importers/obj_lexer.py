@@ -48,11 +48,21 @@ class Faces(NamedTuple):
     corners: I64  # (c, 3) v, vt, vn as written: from 1, negative from the end, NONE, BAD
 
 
-def split(data: bytes) -> Lines:
-    """Lines of a file with any line ends, byte order mark or encoding."""
+def as_utf8(data: bytes) -> bytes:
+    """The bytes of a text without byte order mark; UTF-16 with one becomes UTF-8."""
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         data = data.decode("utf-16", errors="replace").encode()
-    data = data.removeprefix(codecs.BOM_UTF8)
+    return data.removeprefix(codecs.BOM_UTF8)
+
+
+def without_comment(text: str) -> str:
+    """A name without the `# comment` behind it. A # inside a word belongs to the name."""
+    return re.split(r"(?:^|\s+)#", text, maxsplit=1)[0].strip()
+
+
+def split(data: bytes) -> Lines:
+    """Lines of a file with any line ends, byte order mark or encoding."""
+    data = as_utf8(data).replace(b"\x1a", b"")  # Ctrl-Z ends a text in old DOS programs
     data = data.replace(b"\r\n", b" \n").replace(b"\r", b"\n")
     data = re.sub(rb"\\[ \t]*\n", lambda m: b" " * (len(m[0]) - 1) + b"\v", data)
     if not data.endswith(b"\n"):

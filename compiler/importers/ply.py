@@ -5,6 +5,7 @@ Format: the Stanford Polygon File Format (Turk 1994); property names as today's 
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -22,6 +23,10 @@ _TYPES = {
 }  # fmt: skip
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
 _UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
+_DRAWN = {
+    "vertex": {"x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "diffuse_red", "diffuse_green", "diffuse_blue"}.union(*_UV_NAMES),
+    "face": {"vertex_indices", "vertex_index", "texcoord", "red", "green", "blue", "diffuse_red", "diffuse_green", "diffuse_blue"},
+}
 MAX_HEADER = 1 << 16
 
 
@@ -70,7 +75,26 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
     if not kept.all():
         lost = int(np.count_nonzero(~kept))
         diagnostics.warning(f"{lost} of {len(kept)} faces use vertices that do not exist or are not finite: they are left out", span)
+    if ignored := _not_drawn(elements):
+        diagnostics.note(f"the PLY file has data that is not drawn: {', '.join(ignored)}", span)
     return _mesh(points, counts, indices, kept, owner, vertices, faces)
+
+
+def texture_files(data: bytes) -> list[str]:
+    """The pictures that `comment TextureFile NAME` lines of the header name, as MeshLab writes them."""
+    header = data[: max(data.find(b"end_header", 0, MAX_HEADER), 0)].decode(errors="replace")
+    return re.findall(r"^comment\s+TextureFile\s+(.+?)\s*$", header, re.MULTILINE)
+
+
+def _not_drawn(elements: list[_Element]) -> list[str]:
+    """Elements with rows, and properties of vertices and faces, that are read and not drawn."""
+    found = []
+    for element in elements:
+        if element.count and element.name not in _DRAWN:
+            found.append(f"element `{element.name}`")
+        elif element.count:
+            found += [f"`{name}` of `{element.name}`" for name, _, _ in element.properties if name not in _DRAWN[element.name]]
+    return found
 
 
 def _mesh(

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import codecs
 import re
 
 import numpy as np
 
 from ..mesh.polygon_mesh import PolyMesh
 
-_VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
+_VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)")
+_NAME = re.compile(rb"^\s*(end)?solid\b[^\r\n]*", re.MULTILINE)  # a name may be any text
 _ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEADER = 84
 
@@ -27,25 +29,31 @@ def read(data: bytes) -> PolyMesh:
     return PolyMesh(points, np.full(len(corners), 3), rows.reshape(-1))
 
 
+def _begins_as_text(data: bytes) -> bool:
+    return data.removeprefix(codecs.BOM_UTF8).lstrip()[:5].lower() == b"solid"
+
+
 def _binary(data: bytes) -> np.ndarray | None:
     """(t, 3, 3), or None if the length is not what a binary file of that many triangles has (some ASCII files fit nothing else)."""
     if len(data) < _HEADER:
         return None
     count = int(np.frombuffer(data, "<u4", 1, 80)[0])
-    room = (len(data) - _HEADER) // _ROW.itemsize
-    if count > room or (data[:5].lower() == b"solid" and count != room):
-        if data[:5].lower() == b"solid":
+    held = (len(data) - _HEADER) // _ROW.itemsize
+    solid = _begins_as_text(data)
+    if count > held or (solid and count != held):
+        if solid:
             return None
-        raise StlError(f"the STL file ends early: it promises {count} triangles and holds {room}")
+        raise StlError(f"the STL file ends early: it promises {count} triangles and holds {held}")
     with np.errstate(invalid="ignore"):  # signalling NaN
         return np.frombuffer(data, _ROW, count, _HEADER)["corners"].astype(np.float64)
 
 
 def _ascii(data: bytes) -> np.ndarray:
-    if not data.lstrip()[:5].lower() == b"solid":
+    if not _begins_as_text(data):
         raise StlError("this is no STL file: it is neither binary nor does it begin with `solid`")
     try:
-        numbers = np.array([m.groups() for m in _VERTEX.finditer(data.lower())], dtype=np.float64)
+        text = _NAME.sub(b"", data.removeprefix(codecs.BOM_UTF8).lower())
+        numbers = np.array([m.groups() for m in _VERTEX.finditer(text)], dtype=np.float64)
     except ValueError:
         raise StlError("the STL file has a vertex that is not three numbers") from None
     if not len(numbers) or len(numbers) % 3:

@@ -48,6 +48,9 @@ end_header
 """
 
 
+QUALITY = "a.ply: note: the PLY file has data that is not drawn: `quality` of `face`"
+
+
 def ply(order, faces, index="int"):
     head = HEADER.format(format=order, faces=len(faces), index=index).encode()
     if order == "ascii":
@@ -64,7 +67,7 @@ def ply(order, faces, index="int"):
 @pytest.mark.parametrize("index", ["int", "ushort"])
 def test_ply(order, index):
     scene, parts, messages = read(ply(order, [[0, 1, 2, 3]], index), "a.ply")
-    assert messages == []
+    assert messages == [QUALITY]
     assert [(p.name, p.material) for p in parts] == [("a", None)]
     assert tables.corners(scene.tables).tolist() == [SQUARE[[0, 1, 2]].tolist(), SQUARE[[0, 2, 3]].tolist()]
     assert tables.attribute(scene.tables, "uvs").tolist() == [SQUARE[[0, 1, 2], :2].tolist(), SQUARE[[0, 2, 3], :2].tolist()]
@@ -75,7 +78,7 @@ def test_ply(order, index):
 @pytest.mark.parametrize("order", ["ascii", "binary_little_endian"])
 def test_ply_with_faces_of_many_sizes(order):
     scene, _, messages = read(ply(order, [[0, 1, 2, 3], [0, 1, 3]]), "a.ply")
-    assert messages == []
+    assert messages == [QUALITY]
     assert len(tables.corners(scene.tables)) == 3
 
 
@@ -127,7 +130,46 @@ end_header
     ],
 )  # fmt: skip
 def test_broken_ply(change, expected):
-    assert read(change(ply("ascii", [[0, 1, 2, 3], [0, 1, 2]])), "a.ply")[2] == [expected]
+    messages = read(change(ply("ascii", [[0, 1, 2, 3], [0, 1, 2]])), "a.ply")[2]
+    assert messages == ([expected, QUALITY] if "warning" in expected else [expected])
+
+
+TEXTURED = """ply
+format ascii 1.0
+comment TextureFile {picture}
+element vertex 4
+property float x
+property float y
+property float z
+{uv}element face 1
+property list uchar int vertex_indices
+end_header
+"""
+
+
+def test_the_picture_of_a_ply_is_drawn(tmp_path):
+    write_image(tmp_path / "a b.png", np.array([[[255, 0, 0]]], np.uint8))
+    text = TEXTURED.format(picture="a b.png", uv="property float s\nproperty float t\n")
+    (tmp_path / "a.ply").write_text(text + "".join(f"{x:g} {y:g} {z:g} {x:g} {y:g}\n" for x, y, z in SQUARE) + "4 0 1 2 3\n")
+    found = Diagnostics()
+    builder = SceneBuilder(found, Files(tmp_path))
+    (part,) = mesh_files.read(tmp_path / "a.ply", "a.ply", builder, found)
+    assert found.items == []
+    table = builder.finish().tables
+    row = table.materials.textures[part.material, ir.Slot.DIFFUSE]
+    assert table.textures.image[row] == 0
+
+
+def test_what_is_not_drawn_of_a_ply_is_named():
+    rows = "".join(f"{x:g} {y:g} {z:g} 1 2 0.5\n" for x, y, z in SQUARE)
+    more = "property float confidence\nproperty float u0\nproperty uchar alpha\n"
+    data = (TEXTURED.format(picture="t.png", uv=more) + rows + "4 0 1 2 3\n").encode()
+    _, parts, messages = read(data, "a.ply")
+    assert len(parts) == 1
+    assert messages == [
+        "a.ply: note: the PLY file has data that is not drawn: `confidence` of `vertex`, `u0` of `vertex`, `alpha` of `vertex`",
+        "a.ply: warning: the picture `t.png` is not drawn: the PLY file has no texture coordinates",
+    ]
 
 
 def test_cut_off_binary_ply():
@@ -161,6 +203,19 @@ def test_stl_is_welded_and_has_creases(text):
     assert scene.tables.geometries.vertex_count.tolist() == [6]
     normals = np.array([[0, 0, -1], [0, 0, -1], [0, -1, 0], [0, -1, 0]])
     assert tables.attribute(scene.tables, "normals")[:, 0] == pytest.approx(normals, abs=1e-6)
+
+
+@pytest.mark.parametrize("before", [b" ", b"\n", b"\xef\xbb\xbf", b"\r\n\t"])
+def test_blanks_before_the_text_of_an_stl(before):
+    scene, _, messages = read(before + stl(BOX, True), "a.stl")
+    assert messages == []
+    assert tables.corners(scene.tables).tolist() == np.array(BOX, float).tolist()
+
+
+@pytest.mark.parametrize("name", [b"vertex shader test piece", b"a vertex 1 2 3 b", b""])
+def test_the_name_of_an_stl_may_be_any_text(name):
+    data = stl(BOX, True).replace(b"solid a", b"solid " + name)
+    assert tables.corners(read(data, "a.stl")[0].tables).tolist() == np.array(BOX, float).tolist()
 
 
 @pytest.mark.parametrize(
@@ -297,6 +352,13 @@ SAMPLES = {  # triangles, materials that the file names
 }
 
 
+NAMED = {  # what is said of them
+    "obj_cube_usemtl/cube_usemtl.obj": ["warning"],  # its library lacks one material
+    "ply_float_colors/float-color.ply": ["note"],  # alpha
+    "ply_fuze/fuze.ply": ["note", "warning"],  # alpha; its picture has another name
+}
+
+
 @pytest.mark.assets
 @pytest.mark.parametrize("name", SAMPLES)
 def test_samples(assets, name):
@@ -306,7 +368,7 @@ def test_samples(assets, name):
     triangles, materials = SAMPLES[name]
     assert len(scene.tables.pools.triangles) == triangles
     assert len([m for m in scene.names.materials if m != "default"]) == materials
-    assert [d.severity for d in found.items] == (["warning"] if "usemtl" in name else [])  # its library lacks one material
+    assert [d.severity for d in found.items] == NAMED.get(name, [])
 
 
 @pytest.mark.assets

@@ -11,6 +11,7 @@ from maquette.lang.diagnostics import Diagnostics, Span, render_text
 from ...files import write_image
 from .. import tables
 
+GONE = "there is no material library `gone.mtl`: its materials are drawn grey"
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 
 
@@ -130,13 +131,13 @@ FORMS = ": v, v/vt, v//vn or v/vt/vn, whole numbers"
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("v 0 0 0\nv 1 0 zero\nv 1 1 0\nf 1 2 3\n", ["x.obj:2:1: error: malformed line: `v` wants 3 numbers or more"]),
-        ("v 0 0 0\nv 1 0\nv 1 1 0\nv 1\nf 1 2 3\n", [
-            "x.obj:2:1: error: malformed line: `v` wants 3 numbers or more, got 2; so is 1 more line"]),
-        (SQUARE + "f 1 2 x\n", ["x.obj:5:1: error: malformed line: `x` is no corner of a face" + FORMS]),
-        (SQUARE + "f 1 2 3.5\n", ["x.obj:5:1: error: malformed line: `3.5` is no corner of a face" + FORMS]),
-        (SQUARE + "f 1/1/1/1 2 3\n", ["x.obj:5:1: error: malformed line: `1/1/1/1` is no corner of a face" + FORMS]),
-        (SQUARE + "fx 1 2 3\nf 1 2 3\n", ["x.obj:5:1: error: malformed line: OBJ has no keyword `fx`"]),
+        ("v 0 0 0\nv 1 0 zero\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n", ["x.obj:2:1: warning: malformed line: `v` wants 3 numbers or more"]),
+        ("v 0 0 0\nv 1 0\nv 1 1 0\nv 1\nv 0 1 0\nf 1 2 3\nf 1 3 5\n", [
+            "x.obj:2:1: warning: malformed line: `v` wants 3 numbers or more, got 2; so is 1 more line"]),
+        (SQUARE + "f 1 2 x\nf 1 2 3\n", ["x.obj:5:1: warning: malformed line: `x` is no corner of a face" + FORMS]),
+        (SQUARE + "f 1 2 3.5\nf 1 2 3\n", ["x.obj:5:1: warning: malformed line: `3.5` is no corner of a face" + FORMS]),
+        (SQUARE + "f 1/1/1/1 2 3\nf 1 2 3\n", ["x.obj:5:1: warning: malformed line: `1/1/1/1` is no corner of a face" + FORMS]),
+        (SQUARE + "fx 1 2 3\nf 1 2 3\n", ["x.obj:5:1: warning: OBJ has no keyword `fx`: the line is left out"]),
         ("hello\n", ["x.obj: error: this is no OBJ file: it has neither vertices nor faces"]),
         ("", ["x.obj: error: `x.obj` is empty"]),
         (SQUARE, ["x.obj: error: the OBJ file has no faces that can be drawn\n  a face is a line like `f 1 2 3`"]),
@@ -165,8 +166,12 @@ def test_line_numbers_count_continued_lines():
     ]
 
 
-def test_after_an_error_there_are_no_parts():
-    assert read("v 0 0 0\nv 1 0 zero\nv 1 1 0\nv 0 1 0\nf 1 3 4\n")[1] == []
+def test_a_malformed_line_costs_its_own_faces():
+    """One bad line never refuses a file: what uses it is left out."""
+    scene, parts, messages = read("v 0 0 0\nv 1 0 zero\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n\x1a")
+    assert len(parts) == 1
+    assert corners(scene).tolist() == [[[0, 0, 0], [1, 1, 0], [0, 1, 0]]]
+    assert len(messages) == 1
 
 
 def test_binary_rubbish_is_one_error():
@@ -297,6 +302,7 @@ def test_map_options(tmp_path):
     [
         ("newmtl m\nmap_Kd none.png\n", "m.mtl:2:1: warning: there is no picture `none.png`\n  looked in {folder}"),
         ("newmtl m\nKd red\n", "m.mtl:2:1: warning: `Kd` wants three numbers (spectra and CIE XYZ are not read)"),
+        ("newmtl m\nKd 1 -0.5 0\n", "m.mtl:2:1: warning: material `m`: `Kd` has a negative component, which counts as 0"),
         ("newmtl m\nNs lots\n", "m.mtl:2:1: warning: `Ns` wants a number"),
         ("newmtl m\ndisp a.png\n", "m.mtl:2:1: warning: `disp` is not drawn"),
         ("newmtl m\nfoo 1\n", "m.mtl:2:1: warning: MTL has no keyword `foo`: the line is left out"),
@@ -326,7 +332,7 @@ def test_the_pbr_extension(tmp_path):
 
 def test_a_missing_library_is_a_warning(tmp_path):
     _, parts, messages = read(f"mtllib gone.mtl\nusemtl red\n{SQUARE}f 1 2 3\n", tmp_path)
-    assert messages == [f"x.obj:1:1: warning: there is no material library `gone.mtl`: things are drawn grey\n  looked in {tmp_path}"]
+    assert messages == [f"x.obj:1:1: warning: {GONE}\n  looked in {tmp_path}"]
     assert [p.material for p in parts] == [None]
 
 
@@ -334,7 +340,7 @@ def test_a_library_outside_of_the_folder_is_not_read(tmp_path):
     (tmp_path / "secret.mtl").write_text("newmtl m\n")
     (tmp_path / "in").mkdir()
     _, _, messages = read(f"mtllib ../secret.mtl\nusemtl m\n{SQUARE}f 1 2 3\n", tmp_path / "in")
-    assert messages[0].startswith("x.obj:1:1: warning: `../secret.mtl` lies outside of the scene's folder: things are drawn grey")
+    assert messages[0].startswith("x.obj:1:1: warning: `../secret.mtl` lies outside of the scene's folder: its materials are drawn grey")
 
 
 def test_several_libraries_and_names_with_blanks(tmp_path):
@@ -357,3 +363,33 @@ def test_faces_before_any_usemtl_keep_no_material(tmp_path):
 
 def test_opacity_rule_is_in_the_type():
     assert mtl.MtlMaterial("m", Span("x.mtl"), None, numbers={"Tr": 0.25}).opacity == 0.75
+
+
+GREEN = "newmtl m\nKd 0 1 0\n"
+
+
+@pytest.mark.parametrize(
+    ("line", "use", "data"),
+    [
+        ("a.mtl # the library", "m", GREEN.encode()),
+        ('"a.mtl"', "m", GREEN.encode()),
+        ("a.mtl", "m   # green", GREEN.encode()),
+        ("a.mtl", "m", GREEN.replace("m\n", "m # green\n", 1).encode()),
+        ("a.mtl", "m", GREEN.encode("utf-16")),
+        ("a.mtl", "m", b"\xfe\xff" + GREEN.encode("utf-16-be")),
+        ("a.mtl", "m", b"\xef\xbb\xbf" + GREEN.encode() + b"\x1a"),
+        ("a.mtl", "m#1", GREEN.replace("m\n", "m#1\n", 1).encode()),
+    ],
+)
+def test_names_with_comments_and_quotes_and_encodings(tmp_path, line, use, data):
+    (tmp_path / "a.mtl").write_bytes(data)
+    scene, parts, messages = read(f"mtllib {line}\nusemtl {use}\n{SQUARE}f 1 2 3\n", tmp_path)
+    assert messages == []
+    assert scene.tables.materials.values[parts[0].material, ir.Slot.DIFFUSE].tolist() == [0, 1, 0]
+
+
+def test_one_missing_library_of_two_is_a_warning(tmp_path):
+    (tmp_path / "a b.mtl").write_text(GREEN)
+    _, parts, messages = read(f'mtllib "a b.mtl" gone.mtl\nusemtl m\n{SQUARE}f 1 2 3\n', tmp_path)
+    assert messages == [f"x.obj:1:1: warning: {GONE}\n  looked in {tmp_path}"]
+    assert parts[0].material is not None

@@ -15,7 +15,7 @@ from .rays import agree_closest, closest, size_of, warm_up
 
 TEXT = """
 From vertices and triangles in memory to a tree that rays can walk. Embree: a new scene with a copy of the mesh, and `rtcCommitScene` at
-its default quality, on one thread. maquette: `render.rays.trees` of a scene of one mesh, on one thread. Bytes are those a tree holds
+its default quality, on one thread. maquette: `ray_queries.build` of a scene of one mesh, on one thread. Bytes are those a tree holds
 besides its mesh.
 *from disk* is the same call where the tree was kept from an earlier one: its mesh is hashed, and the tree read from a file.
 All trees are then asked for the same rays, and those answers compared.
@@ -45,7 +45,7 @@ def our_build(mesh: Mesh, rays: Rays) -> Contender:
     tables = meshes.scene(mesh).tables
     share = size_of(scene_bvh.build(tables, keep=False), tables) / len(mesh.triangles)
     read = lambda trees: closest(rays, trees)()  # noqa: E731
-    return Contender(OURS, lambda: traced.trees(tables, threads=1, keep=False), read, note=f"{share:.0f} bytes a triangle")
+    return Contender(OURS, lambda: traced.build(tables, threads=1, keep=False), read, note=f"{share:.0f} bytes a triangle")
 
 
 def read_back(mesh: Mesh, rays: Rays) -> Contender:
@@ -54,7 +54,7 @@ def read_back(mesh: Mesh, rays: Rays) -> Contender:
 
     def trees() -> Handle:
         tree_cache.clear()
-        return traced.trees(tables, threads=1)
+        return traced.build(tables, threads=1)
 
     trees()
     return Contender(f"{OURS} from disk", trees, lambda made: closest(rays, made)())

@@ -220,13 +220,13 @@ def trace(forms, address, origin, direction, t, spacing, u, v):
     """Intersect rays with the only surface."""
     n = len(t)
     for start in range(0, n, crosslane.WIDTH):
-        o, d = ray_queries._three(origin, start, n), ray_queries._three(direction, start, n)
+        o, d = ray_queries.load_vectors(origin, start, n), ray_queries.load_vectors(direction, start, n)
         zero = 0.0 * o[0]
         at, units, a, b, _ = intersect.call(address, (forms, np.int64(0), o, d, zero, zero + np.inf))
-        ray_queries._put(t, start, n, at)
-        ray_queries._put(spacing, start, n, units)
-        ray_queries._put(u, start, n, a)
-        ray_queries._put(v, start, n, b)
+        ray_queries.store_numbers(t, start, n, at)
+        ray_queries.store_numbers(spacing, start, n, units)
+        ray_queries.store_numbers(u, start, n, a)
+        ray_queries.store_numbers(v, start, n, b)
 
 
 def _linked() -> int:

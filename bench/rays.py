@@ -22,7 +22,8 @@ A torus knot with bumps, in three sizes, and 10,000 instances of the smallest, s
 order, *diffuse* by the cosine from where those hit, *shadow* from there to a point light (any hit, up to the light). Each contender
 gets the same float32 arrays and writes arrays of distance, triangle and weights, or of one truth value a ray. Embree does single rays
 (`rtcIntersect1`, its default quality, not robust): *embreex* is one call of its `EmbreeScene.run` for all rays, which also writes normals;
-*Embree* is the same library called ray by ray from a compiled loop, without Python. maquette: one call of `render.rays` for all rays.
+*Embree* is the same library called ray by ray from a compiled loop, without Python. maquette: one call of `ray_queries` for all rays,
+which runs the kernels that pictures use.
 """
 INSTANCES = 10_000
 MAX_DIFFERING = 2e-4  # allowed share of different rays: Embree's default has gaps at edges, and rounding decides at silhouettes
@@ -33,11 +34,11 @@ def closest(rays: Rays, accel: Handle) -> Callable[[], tuple[NDArray[np.float32]
     """A callable that returns distance (inf: no hit), triangle and instance (-1: none) of each ray's first hit."""
     n = len(rays.limit)
     (t, u, v), (triangle, instance) = np.zeros((3, n), np.float32), np.zeros((2, n), np.int32)
-    met: Any = traced.Met(*(t, instance, triangle, u, v))  # pyright: ignore  # narrower than the renderer's own, like Embree's
+    met: Any = traced.Hits(*(t, instance, triangle, u, v))  # pyright: ignore  # narrower than the renderer's own, like Embree's
     start = np.zeros(n, np.float32)
 
     def run() -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]:
-        traced.closest_of(accel, rays.origin, rays.direction, start, rays.limit, traced.CAMERA, met)
+        traced.trace_closest(accel, rays.origin, rays.direction, start, rays.limit, traced.CAMERA, met)
         return t, triangle, instance
 
     return run
@@ -48,7 +49,7 @@ def occluded(rays: Rays, accel: Handle) -> Callable[[], NDArray[np.bool_]]:
     blocked, start = np.zeros(len(rays.limit), np.bool_), np.zeros(len(rays.limit), np.float32)
 
     def run() -> NDArray[np.bool_]:
-        traced.occluded_of(accel, rays.origin, rays.direction, start, rays.limit, traced.SHADOW, blocked)
+        traced.trace_occluded(accel, rays.origin, rays.direction, start, rays.limit, traced.SHADOW, blocked)
         return blocked
 
     return run
@@ -65,7 +66,7 @@ class Sides:
 
     def __post_init__(self) -> None:
         scene = meshes.scene(self.mesh, self.transforms)
-        self.accel, self.build = timed(lambda: traced.trees(scene.tables, keep=False))
+        self.accel, self.build = timed(lambda: traced.build(scene.tables, keep=False))
 
     def case(self, rays: Rays) -> Case:
         any_hit = rays.name == "shadow"
@@ -199,7 +200,7 @@ def section(quick: bool, effort: Effort) -> report.Section:
 def warm_up() -> Seconds:
     """Compile the kernels of BVHs on a tiny mesh, alone and with instances, before the measurement."""
     scenes = [meshes.scene(meshes.knot(8, 4), places) for places in (None, meshes.boulders(100))]
-    return timed(lambda: [traced.trees(scene.tables, keep=False) for scene in scenes])[1]
+    return timed(lambda: [traced.build(scene.tables, keep=False) for scene in scenes])[1]
 
 
 def size_of(built: Bvh, tables: ir.Tables) -> int:

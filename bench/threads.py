@@ -127,7 +127,7 @@ def bvhs(quick: bool) -> Cases:
 
     def make(size: tuple[int, int], threads: int) -> tuple[Callable[[], Any], Callable[[Any], Any]]:
         tables = meshes.scene(meshes.knot(*size)).tables
-        return lambda: traced.trees(tables, threads=threads, keep=False), lambda made: np.stack(closest(rays, made)())
+        return lambda: traced.build(tables, threads=threads, keep=False), lambda made: np.stack(closest(rays, made)())
 
     return {f"{name} triangles": functools.partial(make, size) for name, size in meshes.sizes(quick).items()}
 

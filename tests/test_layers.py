@@ -80,8 +80,6 @@ CIRCLES: tuple[str, ...] = ()
 LONG_FILES = {
     "compiler/ir.py",
     "compiler/plan/plan.py",
-    "render/accel/primitive_list.py",
-    "render/accel/traverse/single_ray.py",
     "render/integrator/path.py",
     "render/integrator/photon_tracer.py",
     "render/integrator/wavefront.py",
@@ -92,14 +90,6 @@ LONG_FILES = {
 LONG_FUNCTIONS = {
     "compiler/formula/derivative_bounds.py _partials",
     "compiler/formula/interval_semantics.py interval",
-    "render/accel/traverse/interleaved_mesh.py intersect_mesh",
-    "render/accel/traverse/interleaved_mesh.py _meet",
-    "render/accel/traverse/interleaved_mesh.py of_one",
-    "render/accel/traverse/interleaved_mesh.py of_two",
-    "render/accel/traverse/interleaved_scene.py trace_incoherent",
-    "render/accel/traverse/motion_alpha.py _each",
-    "render/accel/traverse/packet_nodes.py intersect_mesh_packet",
-    "render/accel/traverse/single_ray.py keep",
     "render/film/accumulate.py take_in",
     "render/integrator/path.py sample_direct",
     "render/integrator/path.py shade_vertex",
@@ -117,7 +107,6 @@ LONG_FUNCTIONS = {
     "render/integrator/whitted.py _pass_on",
     "render/integrator/whitted.py _push",
     "render/light/emitters.py sample",
-    "render/surface/interaction.py make_interaction",
 }
 LARGE_FOLDERS: set[str] = set()
 
@@ -150,8 +139,8 @@ DOORS = {
     "render/tessellation/view.py": "dual contouring is loaded where there are implicit surfaces",
     "render/film/aov.py": "only formulas' surfaces that could not be proved need their definition",
     "render/formula/scene_tables.py": "what makes formulas ready is loaded where there are some",
-    "render/accel/traverse/shape_hit.py": "what meets formulas is loaded where there are some",
     "render/texture/procedural.py": "tapes are run where a scene has patterns",
+    "render/accel/traverse/shape_hit.py": "what meets formulas is loaded where there are some",
     "render/accel/intersect.py": "only formulas need their definition",
     "render/backends/ray.py": "what paths, or formulas, are drawn with is loaded where there are any",
     "render/backends/reference.py": "what paths are drawn with is loaded where there are any",

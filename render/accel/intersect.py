@@ -128,7 +128,7 @@ def _meet_shape(tables: ir.Tables, kind: int, g: int, ray: Ray) -> tuple[np.ndar
     tape, parameters = scene_surfaces.tape_of(tables, g), geometries.parameters[g]
     found = numpy_reference.first_hit(tape, parameters, geometries.bounds[g], ray.origin, ray.direction, ray.t_min, ray.t_max)
     t, spacing, u, v, _ = found
-    return t, spacing, u, v, shape_hit.after(parameters[5], ray.direction, t, spacing)
+    return t, spacing, u, v, shape_hit.next_t(parameters[5], ray.direction, t, spacing)
 
 
 def next_t_min(tables: ir.Tables, ray: Ray, hit: Hit) -> np.ndarray:
@@ -142,7 +142,7 @@ def next_t_min(tables: ir.Tables, ray: Ray, hit: Hit) -> np.ndarray:
             tables, tables.instances.transform[i], None if ray.time is None else ray.time[rows]
         ).inverse
         d = affine.transform_vector12(inverse, _some(ray.direction, rows))
-        onward[rows] = shape_hit.after(tables.geometries.parameters[g, 5], d, onward[rows], hit.primitive[rows])
+        onward[rows] = shape_hit.next_t(tables.geometries.parameters[g, 5], d, onward[rows], hit.primitive[rows])
     return onward
 
 
@@ -186,11 +186,11 @@ def find(accel: Any, ray: Ray, active: Lane, visible_bit: int, any_hit: bool) ->
 
 @overload(find, jit_options=HELPER)
 def _find_in_kernels(accel, ray, active, visible_bit, any_hit):
-    if motion_alpha.moves(accel) and not isinstance(ray.types[ray.fields.index("time")], types.NoneType):
+    if motion_alpha.has_motion(accel) and not isinstance(ray.types[ray.fields.index("time")], types.NoneType):
 
         def at_its_time(accel, ray, active, visible_bit, any_hit):
             return motion_alpha.find_moving(  # pyright: ignore[reportCallIssue]
-                accel.aside.moving.address,
+                accel.motion_alpha.moving.address,
                 (accel, ray.origin, ray.direction, ray.t_min, ray.t_max, active, np.int64(visible_bit), any_hit, ray.time),
             )
 
@@ -230,7 +230,7 @@ def _let_through_kernel(accel, tables, ray, active, visible_bit=SHADOW):
     def in_full(accel, tables, ray, active, visible_bit=SHADOW):
         return ops.where(find(accel, ray, active, visible_bit, True).instance >= 0, 0.0, 1.0)
 
-    return by_opacity if motion_alpha.asks(accel) else in_full
+    return by_opacity if motion_alpha.has_opacity(accel) else in_full
 
 
 @overload(attenuate, jit_options=HELPER)
@@ -246,4 +246,4 @@ def _dimmed_kernel(accel, tables, ray, active, given, visible_bit=SHADOW):
         met = find(accel, ray, active, visible_bit, True).instance >= 0
         return ops.where3(active & ops.not_(met), given, (zero, zero, zero))
 
-    return by_opacity if motion_alpha.asks(accel) else in_full
+    return by_opacity if motion_alpha.has_opacity(accel) else in_full

@@ -1,4 +1,4 @@
-"""Rays by the array: what each of them meets, or whether anything stands in its way."""
+"""Closest-hit, occlusion and transmittance queries for arrays of rays."""
 
 from __future__ import annotations
 
@@ -12,18 +12,17 @@ from .. import simd
 from ..jit.kernel import helper, kernel
 from ..jit.packed_struct import Handle
 from ..lanes import crosslane, ops
-from ..types import Hit, Lane, Ray, Vec
-from . import double_packet, intersect, ray_sort, scene_bvh
-from .ray_sort import BLOCK
-from .traverse import motion_alpha, two_level
+from ..types import Lane, Ray, Vec
+from . import intersect, scene_bvh
+from .traverse import motion_alpha
 
 _LANES = crosslane.WIDTH
-SHORTEST, LONGEST = 1e-20, 1e20  # directions, so that float32 has their inverses in all frames
+SHORTEST, LONGEST = 1e-20, 1e20  # lengths of directions whose inverse float32 holds in all frames
 CAMERA, SHADOW = int(ir.Visibility.CAMERA), int(ir.Visibility.SHADOW)
 
 
-class Met(NamedTuple):
-    """What n rays meet first, (n,) each; see records.Hit."""
+class Hits(NamedTuple):
+    """First hits of n rays, (n,) each; see types.Hit."""
 
     t: NDArray[np.float64]
     instance: NDArray[np.int64]
@@ -32,8 +31,8 @@ class Met(NamedTuple):
     v: NDArray[np.float64]
 
 
-def trees(tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool = True, closed: bool = True) -> Handle:
-    """What rays go through: the trees of a scene, ready for kernels; see bvh.build. Keep it as long as rays are traced."""
+def build(tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool = True, closed: bool = True) -> Handle:
+    """Build and link the BVH of a scene, see scene_bvh.build. Keep the handle as long as rays are traced."""
     accel = Handle(scene_bvh.build(tables, brute, threads, keep, closed=closed))
     motion_alpha.link(accel)
     return accel
@@ -41,58 +40,58 @@ def trees(tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool =
 
 def closest(
     accel: Handle, origin: ArrayLike, direction: ArrayLike, t_min: ArrayLike = 0.0, t_max: ArrayLike = np.inf, visible: int = CAMERA
-) -> Met:
-    """The first hits of rays with origins and directions (n, 3), between t_min and t_max (n,), with what has a bit of `visible`.
+) -> Hits:
+    """First hits of rays with origins and directions (n, 3), between t_min and t_max (n,), with instances that have a bit of `visible`.
 
-    Directions are of any length from SHORTEST to LONGEST; rays whose are not meet nothing.
+    Lengths of directions may range from SHORTEST to LONGEST; rays outside of that hit nothing.
     """
     columns = _columns(origin, direction, t_min, t_max)
     n = len(columns[0])
-    met = Met(np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n), np.empty(n))
-    closest_of(accel, *columns, visible, met)
-    return met
+    hits = Hits(np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n), np.empty(n))
+    trace_closest(accel, *columns, visible, hits)
+    return hits
 
 
 def unproved(accel: Handle, origin: ArrayLike, direction: ArrayLike, t_min: ArrayLike, t_max: ArrayLike) -> NDArray[np.bool_]:
-    """(n,) whether a stretch before what a ray meets could not be proved to be without a formula's root.
+    """(n,) whether some interval before a ray's hit could not be proved free of roots of a formula.
 
-    Trees count that for all rays: those that do are halved. Nobody else may trace through these trees meanwhile.
+    The BVH counts such intervals for all rays; batches with a count are halved. No other thread may trace through this BVH meanwhile.
     """
     o, d, begin, end = _columns(origin, direction, t_min, t_max)
-    n, counted = len(o), accel.tables.forms.unproved
-    found, waiting = np.zeros(n, np.bool_), [(0, n)]
-    while waiting:
-        first, last = waiting.pop()
-        before = int(counted[0])
+    n, count = len(o), accel.tables.forms.unproved
+    result, batches = np.zeros(n, np.bool_), [(0, n)]
+    while batches:
+        first, last = batches.pop()
+        before = int(count[0])
         part = slice(first, last)
         closest(accel, o[part], d[part], begin[part], end[part])
-        if counted[0] == before:
+        if count[0] == before:
             continue
         if last - first == 1:
-            found[first] = True
+            result[first] = True
         else:
             middle = (first + last) // 2
-            waiting += [(first, middle), (middle, last)]
-    return found
+            batches += [(first, middle), (middle, last)]
+    return result
 
 
 def occluded(
     accel: Handle, origin: ArrayLike, direction: ArrayLike, t_min: ArrayLike = 0.0, t_max: ArrayLike = np.inf, visible: int = SHADOW
 ) -> NDArray[np.bool_]:
-    """(n,) whether a ray meets anything with a bit of `visible`; arguments as of `closest`."""
+    """(n,) whether a ray hits any instance with a bit of `visible`; arguments as of `closest`."""
     columns = _columns(origin, direction, t_min, t_max)
     blocked = np.empty(len(columns[0]), np.bool_)
-    occluded_of(accel, *columns, visible, blocked)
+    trace_occluded(accel, *columns, visible, blocked)
     return blocked
 
 
-def let_through(
+def transmittance(
     accel: Handle, origin: ArrayLike, direction: ArrayLike, t_min: ArrayLike = 0.0, t_max: ArrayLike = np.inf
 ) -> NDArray[np.float64]:
-    """(n,) the share of light that passes what casts shadows, from 0 to 1; arguments as of `closest`."""
+    """(n,) the share of light, 0 to 1, that passes all shadow casters; arguments as of `closest`."""
     columns = _columns(origin, direction, t_min, t_max)
     share = np.empty(len(columns[0]))
-    shares_of(accel, *columns, share)
+    trace_transmittance(accel, *columns, share)
     return share
 
 
@@ -102,9 +101,12 @@ def _columns(origin: ArrayLike, direction: ArrayLike, t_min: ArrayLike, t_max: A
     return o, d, np.array(np.broadcast_to(t_min, n), np.float64), np.array(np.broadcast_to(t_max, n), np.float64)
 
 
+# --- kernels ---
+
+
 @helper
-def _three(rows: Any, start: int, n: int) -> Vec:
-    """The columns of rows `start` on, (n, 3); beyond the last one it is repeated."""
+def load_vectors(rows: Any, start: int, n: int) -> Vec:
+    """Rows `start` on of an (n, 3) array as lanes; lanes beyond the end repeat the last row."""
     if start + crosslane.WIDTH <= n:
         return crosslane.load_rows3(rows, start)
     x, y, z = simd.stack_array(np.float64, _LANES), simd.stack_array(np.float64, _LANES), simd.stack_array(np.float64, _LANES)
@@ -117,8 +119,8 @@ def _three(rows: Any, start: int, n: int) -> Vec:
 
 
 @helper
-def _one(numbers: Any, start: int, n: int) -> Lane:
-    """Numbers `start` on; beyond the last one it is repeated."""
+def _load_numbers(numbers: Any, start: int, n: int) -> Lane:
+    """Numbers `start` on as lanes; lanes beyond the end repeat the last number."""
     if start + crosslane.WIDTH <= n:
         return crosslane.load_row(numbers, start)
     x = simd.stack_array(np.float64, _LANES)
@@ -128,21 +130,8 @@ def _one(numbers: Any, start: int, n: int) -> Lane:
 
 
 @helper
-def _ray(origin: Any, direction: Any, t_min: Any, t_max: Any, start: int, n: int) -> Ray:
-    d = _three(direction, start, n)
-    return Ray(_three(origin, start, n), d, _one(t_min, start, n), _if_sound(d, _one(t_max, start, n)), None)
-
-
-@helper
-def _if_sound(d: Vec, t_max: Lane) -> Lane:
-    """How far rays go, -inf where their directions are too short or too long."""
-    length = ops.largest((abs(d[0]), abs(d[1]), abs(d[2])))
-    return ops.where((length >= SHORTEST) & (length <= LONGEST), t_max, -np.inf)
-
-
-@helper
-def _put(numbers: Any, start: int, n: int, x: Lane) -> None:
-    """Write a value to numbers `start` on, as far as there are any."""
+def store_numbers(numbers: Any, start: int, n: int, x: Lane) -> None:
+    """Store lanes to numbers `start` on, up to the end."""
     if start + crosslane.WIDTH <= n:
         crosslane.store_row(numbers, start, x)
         return
@@ -150,79 +139,41 @@ def _put(numbers: Any, start: int, n: int, x: Lane) -> None:
         numbers[start + j] = crosslane.lane(x, j)
 
 
-@kernel
-def closest_of(accel, origin, direction, t_min, t_max, visible, met):
+@helper
+def _load_ray(origin: Any, direction: Any, t_min: Any, t_max: Any, start: int) -> Ray:
+    """Rays `start` on; t_max is -inf where a direction is too short or too long."""
     n = len(t_min)
-    for start in range(0, n, 2 * crosslane.WIDTH):
-        after = start + crosslane.WIDTH
-        first, second = _ray(origin, direction, t_min, t_max, start, n), _ray(origin, direction, t_min, t_max, after, n)
-        one, two = double_packet.find(accel, first, second, visible, False)
-        _put_hit(met, start, n, one)
-        _put_hit(met, after, n, two)
-
-
-@helper
-def _put_hit(met: Any, start: int, n: int, hit: Hit) -> None:
-    _put(met.t, start, n, hit.t)
-    _put(met.u, start, n, hit.u)
-    _put(met.v, start, n, hit.v)
-    _put(met.instance, start, n, hit.instance)
-    _put(met.primitive, start, n, hit.primitive)
-
-
-@helper
-def _by_place(accel: Any, origin: Any, direction: Any, t_min: Any, t_max: Any, visible: int, blocked: Any) -> None:
-    """`occluded_of`, rays that begin near each other side by side."""
-    rows, n = simd.stack_array(np.int64, BLOCK), len(t_min)
-    for start in range(0, n, BLOCK):
-        count = min(BLOCK, n - start)
-        _fetch(direction, 3 * start, 3 * count)  # which are read in another order than they stand in
-        _fetch(t_max, start, count)
-        ray_sort.order(origin, start, count, rows)
-        for k in range(0, (count + crosslane.WIDTH - 1) // crosslane.WIDTH, 2):
-            row, other = crosslane.load(rows, k), crosslane.load(rows, k + 1)
-            first, second = _ray_at(origin, direction, t_min, t_max, row), _ray_at(origin, direction, t_min, t_max, other)
-            one, two = double_packet.find(accel, first, second, visible, True)
-            all_ = ops.bool_like(first.t_min, True)
-            crosslane.put_at(blocked, row, one.instance >= 0, all_)
-            crosslane.put_at(blocked, other, two.instance >= 0, all_)
-
-
-@helper
-def _ray_at(origin: Any, direction: Any, t_min: Any, t_max: Any, row: Lane) -> Ray:
-    d = _at3(direction, row)
-    return Ray(_at3(origin, row), d, ops.to_float(t_min[row]), _if_sound(d, ops.to_float(t_max[row])), None)
-
-
-@helper
-def _fetch(numbers: Any, first: int, count: int) -> None:
-    """Ask for so many numbers of an array."""
-    for k in range(first, first + count, 8):
-        simd.prefetch(numbers, k)
-
-
-@helper
-def _at3(columns: Any, row: Lane) -> Vec:
-    return ops.to_float(columns[row, 0]), ops.to_float(columns[row, 1]), ops.to_float(columns[row, 2])
+    d, t = load_vectors(direction, start, n), _load_numbers(t_max, start, n)
+    length = ops.largest((abs(d[0]), abs(d[1]), abs(d[2])))
+    t = ops.where((length >= SHORTEST) & (length <= LONGEST), t, -np.inf)
+    return Ray(load_vectors(origin, start, n), d, _load_numbers(t_min, start, n), t, None)
 
 
 @kernel
-def occluded_of(accel, origin, direction, t_min, t_max, visible, blocked):
-    if crosslane.WIDTH > 1 and len(accel.top.links) > two_level.SMALL:
-        _by_place(accel, origin, direction, t_min, t_max, visible, blocked)
-        return
-    n = len(t_min)
-    for start in range(0, n, 2 * crosslane.WIDTH):
-        after = start + crosslane.WIDTH
-        first, second = _ray(origin, direction, t_min, t_max, start, n), _ray(origin, direction, t_min, t_max, after, n)
-        one, two = double_packet.find(accel, first, second, visible, True)
-        _put(blocked, start, n, one.instance >= 0)
-        _put(blocked, after, n, two.instance >= 0)
-
-
-@kernel
-def shares_of(accel, origin, direction, t_min, t_max, share):
+def trace_closest(accel, origin, direction, t_min, t_max, visible, hits):
     n = len(t_min)
     for start in range(0, n, crosslane.WIDTH):
-        ray = _ray(origin, direction, t_min, t_max, start, n)
-        _put(share, start, n, intersect.transmittance(accel, accel, ray, ops.bool_like(ray.t_min, True)))
+        ray = _load_ray(origin, direction, t_min, t_max, start)
+        hit = intersect.find(accel, ray, ops.bool_like(ray.t_min, True), visible, False)
+        store_numbers(hits.t, start, n, hit.t)
+        store_numbers(hits.u, start, n, hit.u)
+        store_numbers(hits.v, start, n, hit.v)
+        store_numbers(hits.instance, start, n, hit.instance)
+        store_numbers(hits.primitive, start, n, hit.primitive)
+
+
+@kernel
+def trace_occluded(accel, origin, direction, t_min, t_max, visible, blocked):
+    n = len(t_min)
+    for start in range(0, n, crosslane.WIDTH):
+        ray = _load_ray(origin, direction, t_min, t_max, start)
+        hit = intersect.find(accel, ray, ops.bool_like(ray.t_min, True), visible, True)
+        store_numbers(blocked, start, n, hit.instance >= 0)
+
+
+@kernel
+def trace_transmittance(accel, origin, direction, t_min, t_max, share):
+    n = len(t_min)
+    for start in range(0, n, crosslane.WIDTH):
+        ray = _load_ray(origin, direction, t_min, t_max, start)
+        store_numbers(share, start, n, intersect.transmittance(accel, accel, ray, ops.bool_like(ray.t_min, True)))

@@ -1,7 +1,7 @@
-"""Bounding volume hierarchies: a wide tree for each mesh and one over the instances, by the surface area heuristic.
+"""Builds the two-level BVH of a scene: a wide BVH for each mesh and one over the instances, by the surface area heuristic.
 
-Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007. All meshes' trees stand in one pool, so that a
-mesh used by many instances has one tree. What has no bounds (planes) stands in a list beside the tree and is always tried.
+Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007. The BVHs of all meshes share one pool, so instances of a mesh
+share its BVH. Instances without bounds (planes) stand in a list that every ray tests.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ..formula import scene_tables
 from ..formula import tables as formula_tables
 from ..geometry import bounds
 from .build import tlas, tree_cache, wide_bvh
-from .build.scene_layout import CAMERA_REST, PLACED, SHADOW_REST, Aside, Bvh, Call, Nothing
+from .build.scene_layout import CAMERA_REST, INSTANCE_ROW, SHADOW_REST, Bvh, KernelAddress, MotionAlpha, Nothing
 from .build.wide_bvh import Wide
 from .traverse import instance_extent
 
@@ -30,20 +30,20 @@ def build(
     tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool = True, moves: bool = True,
     left_out: NDArray[np.bool_] | None = None, closed: bool = True,
 ) -> Bvh:  # fmt: skip
-    """The trees of a scene, the same on any number of threads (0: all).
+    """Build the BVH of a scene; the result does not depend on the number of threads (0: all cores).
 
-    With `moves`, things that have keys move, else they stand as at the shutter's opening. With `brute` there is none over the instances:
-    each is tried. Meshes' trees are taken from those that are kept, and kept, if `keep`.
-    Instances that are `left_out` are met by nothing. Formulas are met by closed forms where they have these, with `closed`.
+    With `moves`, instances with motion keys move; otherwise they stay as at the shutter's opening. With `brute`, there is no BVH over the
+    instances: each is tested. With `keep`, BVHs of meshes are read from and written to the cache. Instances in `left_out` are never hit.
+    With `closed`, formulas that have closed forms are intersected by these.
     """
     geometries, instances = tables.geometries, tables.instances
-    there = np.ones(len(instances.geometry), np.bool_) if left_out is None else ~left_out
-    used = instances.geometry[there & (geometries.kind[instances.geometry] == ir.GeometryKind.MESH)]
-    meshes, roots, fine = mesh_trees(tables, np.unique(used), threads, tree_cache.cached_mesh_bvh if keep else wide_bvh.build)
+    included = np.ones(len(instances.geometry), np.bool_) if left_out is None else ~left_out
+    used = instances.geometry[included & (geometries.kind[instances.geometry] == ir.GeometryKind.MESH)]
+    meshes, roots, leaf_extents = mesh_bvhs(tables, np.unique(used), threads, tree_cache.cached_mesh_bvh if keep else wide_bvh.build)
     boxes = bounds.swept_bounds(tables) if moves else bounds.world_bounds(tables)
     kind = geometries.kind[instances.geometry]
     root = roots[instances.geometry]
-    drawable = there & ((kind != MESH) | (root >= 0))
+    drawable = included & ((kind != MESH) | (root >= 0))
     bounded = np.logical_and(np.isfinite(boxes).all(axis=1), not brute)
     partial = planner.partial(tables)[instances.material]
     moving = tables.transforms.first_key[instances.transform] >= 0
@@ -55,7 +55,7 @@ def build(
     if len(large):
         bounded[large] = False
         inside = np.flatnonzero(plain & bounded).astype(np.int32)
-    rows = simd.aligned_empty((len(kind), PLACED), np.int64)
+    rows = simd.aligned_empty((len(kind), INSTANCE_ROW), np.int64)
     found = scene_tables.build_tables(tables, closed, threads)
     primed = plain & (kind == FORMULA) & formula_tables.have_cells(found)[instances.geometry]
     primed &= instances.visible & CAMERA != 0
@@ -63,40 +63,39 @@ def build(
     visible = instances.visible + sum(np.where((instances.visible & bit != 0) & ~primed, more, 0) for bit, more in rest)
     for k, column in enumerate((visible, instances.transform, instances.geometry, kind, root, 0, 0, 0)):
         rows[:, k] = column
-    endless = np.flatnonzero(plain & ~bounded).astype(np.int32)
-    aside = _aside(tables, boxes, drawable & ~plain, bounded, partial, moves and bool(moving.any()), threads)
+    unbounded = np.flatnonzero(plain & ~bounded).astype(np.int32)
+    moves = moves and bool(moving.any())
     only = int(inside[0]) if len(inside) == 1 else -1
     return Bvh(
         wide=meshes,
-        boxes=local_bounds(tables, fine),
+        boxes=_local_bounds(tables, leaf_extents),
         top=tlas.build(boxes, inside, threads),
-        endless=endless,
+        unbounded=unbounded,
         only=only,
-        alone=only if only >= 0 and root[only] >= 0 and not len(endless) and isinstance(aside, Nothing) else -1,
-        placed=rows,
+        instance_rows=rows,
         inverse=_inverses(tables),
         parameters=geometries.parameters,
         origin=geometries.origin,
         forms=found,
         rest=int(np.bitwise_or.reduce(visible[drawable], initial=0)) & (CAMERA_REST | SHADOW_REST),
-        aside=aside,
+        motion_alpha=_motion_alpha(tables, boxes, drawable & ~plain, bounded, partial, moves, threads),
     )
 
 
-def _aside(
+def _motion_alpha(
     tables: ir.Tables, boxes: NDArray[np.float64], which: NDArray[np.bool_], bounded: NDArray[np.bool_], partial: NDArray[np.bool_],
     moving: bool, threads: int,
-) -> Aside | Nothing:  # fmt: skip
-    """The instances told of by `which` aside."""
+) -> MotionAlpha | Nothing:  # fmt: skip
+    """The BVH of the moving or partly transparent instances `which`; Nothing without any."""
     if not which.any():
         return Nothing()
-    inside, endless = (np.flatnonzero(which & chosen).astype(np.int32) for chosen in (bounded, ~bounded))
-    cover, through = Call() if partial.any() else Nothing(), Call() if moving else Nothing()
-    return Aside(tlas.build(boxes, inside, threads), endless, partial, tables, cover=cover, moving=through)
+    inside, unbounded = (np.flatnonzero(which & chosen).astype(np.int32) for chosen in (bounded, ~bounded))
+    opacity, motion = (KernelAddress() if needed else Nothing() for needed in (partial.any(), moving))
+    return MotionAlpha(tlas.build(boxes, inside, threads), unbounded, partial, tables, opacity=opacity, moving=motion)
 
 
 def frames(tables: ir.Tables) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Of each instance, where its mesh stands (instances, 3) and its matrix (instances, 3, 4)."""
+    """(origins of the instances' meshes (instances, 3), their matrices (instances, 3, 4))."""
     return tables.geometries.origin[tables.instances.geometry], tables.transforms.matrix[tables.instances.transform]
 
 
@@ -107,29 +106,29 @@ def _inverses(tables: ir.Tables) -> NDArray[np.float64]:
     return rows
 
 
-def mesh_trees(
-    tables: ir.Tables, used: NDArray[np.int32], threads: int = 0, tree_of: Callable[..., Wide] = tree_cache.cached_mesh_bvh
+def mesh_bvhs(
+    tables: ir.Tables, used: NDArray[np.int32], threads: int = 0, build_bvh: Callable[..., Wide] = tree_cache.cached_mesh_bvh
 ) -> tuple[Wide, NDArray[np.int32], NDArray[np.float64]]:
-    """The trees of meshes; for each geometry where its own begins, -1 where it has none, and how wide its leaves are."""
+    """(BVHs of the meshes `used`; root of each geometry's BVH or -1; median extent of its leaves)."""
     geometries, pools = tables.geometries, tables.pools
     roots = np.full(len(geometries.kind), -1, np.int32)
-    fine = np.zeros(len(roots))
-    made, rows, nodes = [], [], 0
+    leaf_extents = np.zeros(len(roots))
+    bvhs, rows, nodes = [], [], 0
     for g in used:
         first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
         vertex, vertices = int(geometries.first_vertex[g]), int(geometries.vertex_count[g])
         if count > 0:
             triangles = pools.triangles[first : first + count]
-            tree = tree_of(pools.positions[vertex : vertex + vertices], triangles - vertex if vertex else triangles, threads)
-            made.append(tree)
+            bvh = build_bvh(pools.positions[vertex : vertex + vertices], triangles - vertex if vertex else triangles, threads)
+            bvhs.append(bvh)
             rows.append(first)
-            roots[g], fine[g] = nodes, wide_bvh.median_leaf_extent(tree)
-            nodes += len(tree.nodes)
-    return wide_bvh.concatenate(made, rows), roots, fine
+            roots[g], leaf_extents[g] = nodes, wide_bvh.median_leaf_extent(bvh)
+            nodes += len(bvh.nodes)
+    return wide_bvh.concatenate(bvhs, rows), roots, leaf_extents
 
 
-def local_bounds(tables: ir.Tables, fine: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(geometries, 8) as Bvh.boxes."""
+def _local_bounds(tables: ir.Tables, leaf_extents: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Bvh.boxes, (geometries, 8)."""
     low, high = (tables.geometries.bounds[:, k] - tables.geometries.origin for k in range(2))
     most = np.maximum(np.abs(low), np.abs(high)).max(axis=1)
-    return np.concatenate([low, high, fine[:, None], most[:, None]], axis=1)
+    return np.concatenate([low, high, leaf_extents[:, None], most[:, None]], axis=1)

@@ -231,7 +231,7 @@ def _build_unlinked(tables: ir.Tables, plan: Plan) -> Handle:
 
 def _compiles_slowly(accel: Handle) -> bool:
     """Whether BVH traversal compiles slowly and no other kernel needs it earlier."""
-    kinds = accel.tables.placed[:, 3]
+    kinds = accel.tables.instance_rows[:, 3]
     return not motion_alpha.is_used(accel.numba_type) and bool(ir.among(kinds, (ir.GeometryKind.MESH, ir.GeometryKind.FORMULA)).any())
 
 

@@ -132,17 +132,17 @@ class Renderer:
             ray = aov.sample_rays(self.prepared.tables, self.view, self.prepared.frame.tables, tile, sample, total)
         return FirstHits(self.prepared.tables, ray, Hit(*self._find_hits(ray)))
 
-    def _find_hits(self, ray: Ray) -> ray_queries.Met:
+    def _find_hits(self, ray: Ray) -> ray_queries.Hits:
         """The first hits of camera rays, among all instances."""
         origin, direction = _stack_rays(ray)
         if self.channel_accel is None:
-            self.channel_accel = self.prepared.accel if self.prepared.paths is None else ray_queries.trees(self.prepared.tables)
+            self.channel_accel = self.prepared.accel if self.prepared.paths is None else ray_queries.build(self.prepared.tables)
         return ray_queries.closest(self.channel_accel, origin, direction, ray.t_min, ray.t_max, CAMERA)
 
     def _find_unproved(self, ray: Ray) -> NDArray[np.bool_]:
         """Whether the absence of a nearer implicit-surface hit is unproved, by ray; counted by a BVH of this thread's own."""
         if not hasattr(self._workspaces, "counting"):
-            self._workspaces.counting = ray_queries.trees(self.prepared.tables, closed=self.closed)
+            self._workspaces.counting = ray_queries.build(self.prepared.tables, closed=self.closed)
         return ray_queries.unproved(self._workspaces.counting, *_stack_rays(ray), ray.t_min, ray.t_max)
 
 

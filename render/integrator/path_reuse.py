@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from numba.extending import overload
 
 from .. import simd
-from ..accel import intersect, primitive_list
+from ..accel import intersect, primitive_hits
 from ..jit.kernel import HELPER, helper, noinline_helper, specialize_if_present
 from ..lanes import crosslane, ops
 from ..lanes.soa import ROW, add, gather3, load3, store3
@@ -164,7 +164,7 @@ def _weigh(accel: Any, scene: Any, room: Any, shadows: bool, block: int, j: int)
             if shadows and ops.any_lane(asked):
                 origin = load3(rows, 0, FIRST, block + i)
                 direction, reach = _towards(origin, place)
-                blocked = asked & primitive_list.blocked(scene.tried.between, origin, direction, reach)
+                blocked = asked & primitive_hits.blocked(scene.tried.between, origin, direction, reach)
                 likely = ops.where(blocked, 0.0, likely)
                 if scene.trees:
                     inside = asked & ops.not_(blocked) & enters(scene, origin, direction, reach)

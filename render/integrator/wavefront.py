@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from .. import camera, simd
-from ..accel import intersect, primitive_list
+from ..accel import intersect, primitive_hits
 from ..accel.traverse import motion_alpha
 from ..jit.kernel import HELPER, helper, kernel, noinline_helper, specialize_if_present
 from ..lanes import crosslane, ops
@@ -189,7 +189,7 @@ def intersect_stage(accel, scene, frame, room, source, n, depth):
         near, far = 0.0 * like, 0.0 * like + np.inf
         if depth == 0:
             near, far = simd.load(room.near, i), simd.load(room.met, i)
-        t, piece, a, b = primitive_list.closest(scene.tried.seen, origin, direction, near, far)
+        t, piece, a, b = primitive_hits.closest(scene.tried.seen, origin, direction, near, far)
         simd.store(room.met, i, t)
         simd.store(room.met, ROW + i, a)
         simd.store(room.met, 2 * ROW + i, b)
@@ -265,7 +265,7 @@ def _closest_in_trees(accel, ray, visible, pixel, sample, depth, seed):
             )  # fmt: skip
             layer += 1
 
-    return beyond if motion_alpha.asks(accel) else first
+    return beyond if motion_alpha.has_opacity(accel) else first
 
 
 def _passing(accel: Any, ray: Ray) -> Lane:
@@ -452,7 +452,7 @@ def _test(accel, scene, frame, room, n):
         distance = simd.load(room.asked, 6 * ROW + i)
         lit = simd.first_lanes(n - i, like)
         if options.shadows:
-            lit = lit & ops.not_(primitive_list.blocked(scene.tried.blocking, origin, direction, distance))
+            lit = lit & ops.not_(primitive_hits.blocked(scene.tried.blocking, origin, direction, distance))
             if scene.trees:
                 inside = lit & (distance > 0.0) & enters(scene, origin, direction, distance)
                 queued += queue_up(room, queued, i, inside)

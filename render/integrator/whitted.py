@@ -499,7 +499,7 @@ def shown(accel: Any, *of: Any) -> Lane:
 
 @overload(shown, jit_options=HELPER)
 def _shown_in_kernels(accel, *of):
-    return (lambda accel, *of: _shown(accel, *of)) if motion_alpha.asks(accel) else lambda accel, *of: 1.0
+    return (lambda accel, *of: _shown(accel, *of)) if motion_alpha.has_opacity(accel) else lambda accel, *of: 1.0
 
 
 def continue_through(waiting: Lane, accel: Any, *of: Any) -> Lane:
@@ -509,7 +509,9 @@ def continue_through(waiting: Lane, accel: Any, *of: Any) -> Lane:
 
 @overload(continue_through, jit_options=HELPER)
 def _pass_on_in_kernels(waiting, accel, *of):
-    return (lambda waiting, accel, *of: _pass_on(waiting, accel, *of)) if motion_alpha.asks(accel) else lambda waiting, accel, *of: waiting
+    if motion_alpha.has_opacity(accel):
+        return lambda waiting, accel, *of: _pass_on(waiting, accel, *of)
+    return lambda waiting, accel, *of: waiting
 
 
 @helper

@@ -365,26 +365,3 @@ def _narrow(nest):
 
     exec(f"def narrow(nest): return {source(nest, 'nest')}", names)  # Numba does not loop over heterogeneous tuples
     return names["narrow"]
-
-
-# --- vectors of twice the width -----------------------------------------------------------------------------------------
-
-
-def is_twice(x: Any) -> bool:
-    """Return whether a Numba type is a vector of more than WIDTH lanes."""
-    return isinstance(x, simd.Vector) and x.lanes > WIDTH
-
-
-@helper
-def joined3(a: Vec, b: Vec) -> Vec:
-    return simd.joined(a[0], b[0]), simd.joined(a[1], b[1]), simd.joined(a[2], b[2])
-
-
-@helper
-def low3(a: Vec) -> Vec:
-    return simd.low_half(a[0]), simd.low_half(a[1]), simd.low_half(a[2])
-
-
-@helper
-def high3(a: Vec) -> Vec:
-    return simd.high_half(a[0]), simd.high_half(a[1]), simd.high_half(a[2])

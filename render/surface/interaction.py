@@ -10,7 +10,7 @@ Terminator, Ray Tracing Gems II, ch. 4): else facets that face away from a lamp 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from ...compiler import ir
 from ..geometry import analytic_shapes, instance_transform
@@ -30,12 +30,25 @@ UNIT = 2.0  # units of roundoff of a formula's largest coordinate: twice what a 
 ROUNDING = 32.0  # units of roundoff, of the sums of absolute terms in `spacing`: a few operations each for the hit and for the next ray
 
 
+class HitPoint(NamedTuple):
+    """The point of a hit before texture coordinates and normals in the world."""
+
+    hit: Hit  # of meshes: with a triangle of the mesh in all lanes
+    world: Vec
+    local: Vec  # in the shape's frame
+    corners: tuple[Vec, Vec, Vec]  # of the triangle
+    outward: Vec  # normal in the shape's frame
+    smooth: Vec  # interpolated normal in the shape's frame
+    color: Vec  # of the mesh
+    error: Lane  # as `spacing` takes it
+
+
 @helper
 def make_interaction(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -> Surface:
-    """The surface where `ray` met `hit`. Lanes without a hit (instance -1) hold finite or NaN garbage that callers mask.
+    """The surface at the hit of a ray. Lanes without a hit (instance -1) hold finite or NaN garbage that callers mask.
 
-    Texture coordinates are found where the material has a texture, or everywhere if `mapped`; else uv is 0, 0 and metric 1, 1.
-    The tables must have an instance at all.
+    Texture coordinates are computed where the material has a texture, or everywhere if `mapped`; otherwise uv is 0, 0 and metric 1, 1.
+    The tables must have an instance.
     """
     instance = ops.where(hit.instance >= 0, hit.instance, 0)
     instances, geometries = tables.instances, tables.geometries
@@ -46,59 +59,79 @@ def make_interaction(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -
     kind = ops.to_int(geometries.kind[g])
 
     t = ops.where(hit.instance >= 0, hit.t, 0.0)
-    world = ops.along(ray.origin, ray.direction, t)
-    local = affine.transform_point12(inverse, world)
-    formed = kind == FORMULA
-    part = ops.where((kind == MESH) | formed, 0, hit.primitive)
-    outward = analytic_shapes.normal(kind, geometries.parameters, g, part, local)
-    wide = ops.full_like(t, 0.0)
-    if ops.any_lane(formed):
-        outward = ops.where3(formed, unpacked(hit.u, hit.v), outward)
-        wide = ops.where(formed, _off(tables, g, hit, matrix), wide)
-    smooth = outward
-    color = ops.like3(t, 1.0, 1.0, 1.0)
-
     on_mesh = kind == MESH
-    a, b, c = local, local, local
+    part = ops.where(on_mesh | (kind == FORMULA), 0, hit.primitive)
+    point = _shape_point(tables, ray, hit, t, kind, g, part, here)
     zero = ops.full_like(t, 0.0)
     if ops.any_lane(on_mesh):
-        first = ops.to_int(geometries.first_triangle[g])
-        last = first + geometries.triangle_count[g] - 1
-        triangle = ops.where(on_mesh, ops.clip(hit.primitive, first, last), 0)  # lanes that met something else: any of this mesh
-        hit = Hit(hit.t, hit.instance, triangle, hit.u, hit.v)
-        a, b, c = corners(tables, g, triangle)
-        wide = ops.where(on_mesh, mean_scale(matrix) * _farthest(a, b, c), wide)
-        local = ops.where3(on_mesh, _blend(a, b, c, 1.0 - hit.u - hit.v, hit.u, hit.v), local)
-        world = ops.where3(on_mesh, affine.transform_point12(matrix, local), world)
-        face = ops.normalize(ops.cross(ops.sub(b, a), ops.sub(c, a)))
-        outward = ops.where3(on_mesh, face, outward)
-        smooth = ops.where3(on_mesh, _mesh_normal(tables, g, hit, on_mesh, face), smooth)
-        color = ops.where3(on_mesh, _mesh_color(tables, g, hit, on_mesh), color)
-
-    u, v, du, dv = zero, zero, zero + 1.0, zero + 1.0
+        point = _mesh_point(tables, g, on_mesh, matrix, point)
+    uv, metric = (zero, zero), (zero + 1.0, zero + 1.0)
     if mapped or ops.any_lane(textures.on(tables, material)):
-        (u, v), (du, dv) = analytic_shapes.uv(kind, geometries.parameters, g, part, local)
-        if ops.any_lane(on_mesh):
-            mu, mv, mdu, mdv = _mesh_uv(tables, g, hit, on_mesh, a, b, c)
-            u, v = ops.where(on_mesh, mu, u), ops.where(on_mesh, mv, v)
-            du, dv = ops.where(on_mesh, mdu, du), ops.where(on_mesh, mdv, dv)
-        stretch = mean_scale(matrix)
-        du, dv = du * stretch, dv * stretch
+        uv, metric = _coordinates(tables, kind, g, part, on_mesh, matrix, point)
 
-    geometric = ops.normalize(affine.transform_normal12(inverse, outward))
+    geometric = ops.normalize(affine.transform_normal12(inverse, point.outward))
     shaded = geometric
     rounded = on_mesh & (tables.materials.shading[material] != FLAT)
     if ops.any_lane(rounded):
-        shaded = ops.where3(rounded, ops.normalize(affine.transform_normal12(inverse, smooth)), geometric)
+        shaded = ops.where3(rounded, ops.normalize(affine.transform_normal12(inverse, point.smooth)), geometric)
     front = ops.dot(ray.direction, geometric) < 0.0
     side = ops.where(front, zero + 1.0, zero - 1.0)
     lift = (zero, zero, zero)
     if ops.any_lane(rounded):
-        lift = _by_matrix(matrix, _mesh_lift(tables, g, hit, rounded, local, (a, b, c), outward, side))
+        lift = _by_matrix(matrix, _mesh_lift(tables, g, point.hit, rounded, point.local, point.corners, point.outward, side))
     return Surface(
-        world, local, ops.scale(geometric, side), ops.scale(shaded, side), outward, (u, v), (du, dv),
-        front, instance, material, color, spacing(here, ray, t, geometric, wide), ray.time, None, lift, None,
+        point.world, point.local, ops.scale(geometric, side), ops.scale(shaded, side), point.outward, uv, metric,
+        front, instance, material, point.color, spacing(here, ray, t, geometric, point.error), ray.time, None, lift, None,
     )  # fmt: skip
+
+
+@helper
+def _shape_point(
+    tables: Tables, ray: Ray, hit: Hit, t: Lane, kind: Lane, g: Lane, part: Lane, here: instance_transform.Place
+) -> HitPoint:
+    """The point of a hit with an analytic shape or a formula surface."""
+    world = ops.along(ray.origin, ray.direction, t)
+    local = affine.transform_point12(here.inverse, world)
+    outward = analytic_shapes.normal(kind, tables.geometries.parameters, g, part, local)
+    error, formed = ops.full_like(t, 0.0), kind == FORMULA
+    if ops.any_lane(formed):
+        outward = ops.where3(formed, unpacked(hit.u, hit.v), outward)
+        error = ops.where(formed, _off(tables, g, hit, here.matrix), error)
+    return HitPoint(hit, world, local, (local, local, local), outward, outward, ops.like3(t, 1.0, 1.0, 1.0), error)
+
+
+@helper
+def _mesh_point(tables: Tables, g: Lane, on_mesh: Lane, matrix: instance_transform.Affine, point: HitPoint) -> HitPoint:
+    """`point`, with that of the triangle in the lanes of meshes."""
+    first = ops.to_int(tables.geometries.first_triangle[g])
+    last = first + tables.geometries.triangle_count[g] - 1
+    hit = point.hit
+    triangle = ops.where(on_mesh, ops.clip(hit.primitive, first, last), 0)  # other lanes: any triangle
+    hit = Hit(hit.t, hit.instance, triangle, hit.u, hit.v)
+    a, b, c = corners(tables, g, triangle)
+    error = ops.where(on_mesh, mean_scale(matrix) * _farthest(a, b, c), point.error)
+    local = ops.where3(on_mesh, _blend(a, b, c, 1.0 - hit.u - hit.v, hit.u, hit.v), point.local)
+    world = ops.where3(on_mesh, affine.transform_point12(matrix, local), point.world)
+    face = ops.normalize(ops.cross(ops.sub(b, a), ops.sub(c, a)))
+    outward = ops.where3(on_mesh, face, point.outward)
+    smooth = ops.where3(on_mesh, _mesh_normal(tables, g, hit, on_mesh, face), point.smooth)
+    color = ops.where3(on_mesh, _mesh_color(tables, g, hit, on_mesh), point.color)
+    return HitPoint(hit, world, local, (a, b, c), outward, smooth, color, error)
+
+
+@helper
+def _coordinates(
+    tables: Tables, kind: Lane, g: Lane, part: Lane, on_mesh: Lane, matrix: instance_transform.Affine, point: HitPoint
+) -> tuple[tuple[Lane, Lane], tuple[Lane, Lane]]:
+    """((u, v), metres in the world that one unit of each spans)."""
+    (u, v), (du, dv) = analytic_shapes.uv(kind, tables.geometries.parameters, g, part, point.local)
+    if ops.any_lane(on_mesh):
+        a, b, c = point.corners
+        mu, mv, mdu, mdv = _mesh_uv(tables, g, point.hit, on_mesh, a, b, c)
+        u, v = ops.where(on_mesh, mu, u), ops.where(on_mesh, mv, v)
+        du, dv = ops.where(on_mesh, mdu, du), ops.where(on_mesh, mdv, dv)
+    stretch = mean_scale(matrix)
+    return (u, v), (du * stretch, dv * stretch)
 
 
 @helper

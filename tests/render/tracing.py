@@ -14,7 +14,7 @@ from .tables import rays
 
 def through_trees(tables: ir.Tables, ray: Ray, bit: int = 1, brute: bool = False) -> tuple[np.ndarray, ...]:
     """(t, instance, primitive, u, v, blocked) by kernels."""
-    accel = kernels.trees(tables, brute)
+    accel = kernels.build(tables, brute)
     what = np.stack(ray.origin, axis=1), np.stack(ray.direction, axis=1), ray.t_min, ray.t_max
     return (*kernels.closest(accel, *what, bit), kernels.occluded(accel, *what))
 

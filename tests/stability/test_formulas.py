@@ -60,7 +60,7 @@ def met(load, text: str, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, int]
     """(t of rays, how many could not be proved)."""
     scene, said = load(EYE + text + "\n")
     assert said == []
-    trees = ray_queries.trees(scene.tables)
+    trees = ray_queries.build(scene.tables)
     t = ray_queries.closest(trees, o, d / np.linalg.norm(d, axis=1, keepdims=True)).t
     return t, int(trees.tables.forms.unproved[0])
 

@@ -171,7 +171,7 @@ def camera_rays(size: int) -> tuple[np.ndarray, np.ndarray]:
 
 def bundled(tables: Any, o: np.ndarray, d: np.ndarray) -> np.ndarray:
     """t of rays that go as bundles."""
-    surface = int(tables.forms.of[int(tables.placed[0, 2])])
+    surface = int(tables.forms.of[int(tables.instance_rows[0, 2])])
     room, columns, n = Handle(packet_state.allocate(tables.forms, surface)), packet_state.ray_columns(o, d, 0.0, np.inf), len(o)
     out = np.full(n, np.inf), np.full(n, -1), np.zeros(n, np.int64), np.zeros(n), np.zeros(n)
     assert packets.trace(room, columns, 0, n, np.ascontiguousarray(tables.inverse[0, :3]), packets.HitColumns(*out, 0)) == n
@@ -184,7 +184,7 @@ def held(load: Any, text: str, count: int, points: int, middle: float = 0.0, siz
     relation = Relation(SAME.get(text, text), at - size, at + size)
     box = f"box([{2 * size!r}, {2 * size!r}, {2 * size!r}], center: [{middle!r}, 0, 0])"
     scene, _ = load(f"camera(position: [0, 0, 5])\nimplicit(|x, y, z| {text}, within: {box})\n")
-    trees = ray_queries.trees(scene.tables, closed=False)
+    trees = ray_queries.build(scene.tables, closed=False)
     side = int(np.sqrt(count))
     for o, d, bundles in ((*some_rays(count), False), (*camera_rays(side), True)):
         o = o * size + at
@@ -231,7 +231,7 @@ def test_a_model_of_a_thousand_operations_written_as_one_sum(load):
 def met(load: Any, text: str, within: str, o: Any, d: Any, closed: bool = True) -> tuple[np.ndarray, int]:
     """(t of rays, how many of them are not proved)."""
     scene, _ = load(f"camera(position: [0, 0, 5])\nimplicit(|x, y, z| {text}, within: {within})\n")
-    trees = ray_queries.trees(scene.tables, closed=closed)
+    trees = ray_queries.build(scene.tables, closed=closed)
     t = ray_queries.closest(trees, o, d).t
     return t, int(trees.tables.forms.unproved[0])
 
@@ -256,7 +256,7 @@ def test_a_root_between_two_faces_is_not_taken_by_the_slope_of_the_other(load):
     """Steps from the box's face to the wave and back: the value there is small, but for a face that is steeper than the box's."""
     scene, _ = load("camera(position: [0, 0, 5])\nimplicit(|x, y, z| 0.3 * sin(0.3 / x) >= y, within: box([2, 2, 2]))\n")
     o, d = (part[65536 : 65536 + 512] for part in camera_rays(316))
-    t = bundled(ray_queries.trees(scene.tables, closed=False).tables, o, d)[289]
+    t = bundled(ray_queries.build(scene.tables, closed=False).tables, o, d)[289]
     low, high = 2.17797, 2.177985  # where this ray enters the box, and a little behind: the wave rises through it once
     for _ in range(60):
         middle = 0.5 * (low + high)
@@ -320,7 +320,7 @@ def test_what_is_undefined_at_a_place_alone_is_no_surface(load):
 def test_where_numbers_overflow_and_vanish_no_root_is_missed_in_silence(load, text):
     """Beyond 1e308 there is ∞ − ∞ and ∞ / ∞, below 1e-308 there is 0 / 0; each ray by itself, so that it is known which one is counted."""
     scene, _ = load(f"camera(position: [0, 0, 5])\nimplicit(|x, y, z| {text}, within: box([2, 2, 2]))\n")
-    trees = ray_queries.trees(scene.tables, closed=False)
+    trees = ray_queries.build(scene.tables, closed=False)
     o, d = some_rays(20_000)
     true = Relation(text, np.full(3, -1.0), np.ones(3)).first(o, d, POINTS)
     wrong = np.flatnonzero(ray_queries.closest(trees, o, d).t > true + 1e-7)
@@ -381,7 +381,7 @@ OVERFLOW = {  # and what is true, or "" for what floating point has
 def test_where_numbers_overflow_nothing_is_missed_in_silence(load, text):
     """Points have ∞ where bounds end at 1e300, and ∞ − ∞ nowhere; each ray by itself, so that it is known which one is counted."""
     scene, _ = load(f"camera(position: [0, 0, 5])\nimplicit(|x, y, z| {text}, within: box([2, 2, 2]))\n")
-    trees, (o, d) = ray_queries.trees(scene.tables, closed=False), some_rays(200)
+    trees, (o, d) = ray_queries.build(scene.tables, closed=False), some_rays(200)
     relation, found = Relation(OVERFLOW[text] or text, np.full(3, -1.0), np.ones(3)), ray_queries.closest(trees, o, d).t
     true, counts = relation.first(o, d, POINTS), trees.tables.forms.unproved
     if not OVERFLOW[text]:

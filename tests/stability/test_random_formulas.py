@@ -64,7 +64,7 @@ def held(load, text: str) -> str:
         return ""
     if not len(scene.tables.geometries.kind):
         return ""
-    trees = ray_queries.trees(scene.tables, closed=False)
+    trees = ray_queries.build(scene.tables, closed=False)
     counted, true, field = trees.tables.forms.unproved, Relation(text, np.full(3, -HALF), np.full(3, HALF)), difference(text)
     for (o, d), alone in ((some_rays(200), True), (camera_rays(12), False)):
 

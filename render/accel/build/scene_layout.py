@@ -12,61 +12,61 @@ from ...formula.tables import Forms
 from .tlas import Top
 from .wide_bvh import Wide
 
-PLACED = 8  # numbers of a row of `placed`
-FINE, REACH = 6, 7  # columns of `boxes`
+INSTANCE_ROW = 8  # numbers of a row of Bvh.instance_rows
+LEAF_EXTENT, EXTENT = 6, 7  # columns of Bvh.boxes
 
 MESH = int(ir.GeometryKind.MESH)
-NO_MESHES, NO_TREE = "no meshes", "no tree"  # marks of the type of trees without; see handles.marked
-CAMERA_REST, SHADOW_REST = 8, 16  # bits beside ir.Visibility's: seen by camera rays, or casts shadows, and not met beforehand (primed.py)
+NO_MESHES, NO_TREE = "no meshes", "no tree"  # type tags of a BVH without these, see packed_struct.with_type_tags
+# Bits beside ir.Visibility's: seen by camera rays, or casting shadows, and not traced by formula packets (accel/formula_packets).
+CAMERA_REST, SHADOW_REST = 8, 16
 
 
 class Nothing(NamedTuple):
-    """No thing stands aside."""
+    """The absence of a record."""
 
 
-class Call(NamedTuple):
-    """Where a linked kernel is."""
+class KernelAddress(NamedTuple):
+    """The address of a linked kernel."""
 
     address: int = 0
 
 
-class Aside(NamedTuple):
-    """What traversal reads of things that stand aside."""
+class MotionAlpha(NamedTuple):
+    """BVH of moving or partly transparent instances."""
 
     top: Top  # over those that have bounds
-    endless: NDArray[np.int32]
-    partial: NDArray[np.bool_]  # (instances,) whether a thing's opacity is to be asked
+    unbounded: NDArray[np.int32]
+    partial: NDArray[np.bool_]  # (instances,) whether the opacity is to be evaluated
     tables: ir.Tables
-    plain: int = 0  # address of traverse.search, which goes through all other things
-    cover: Any = Nothing()  # the Call of aside.covering, if some are partial
-    moving: Any = Nothing()  # the Call of aside.through_moving, if some move
+    plain: int = 0  # address of two_level.search, for all other instances
+    opacity: Any = Nothing()  # KernelAddress of motion_alpha.opacity_kernel, if some are partial
+    moving: Any = Nothing()  # KernelAddress of motion_alpha.search_moving, if some move
 
 
 class Bvh(NamedTuple):
-    """All that traversal reads, in few arrays: Numba hands each part of each array from function to function.
+    """Two-level BVH of a scene as traversal reads it. The arrays are few, since Numba passes each part of each array on.
 
     A mesh's boxes and corners are relative to its origin.
     """
 
-    wide: Wide  # of meshes; its rows are those of Pools.triangles
-    boxes: NDArray[np.float64]  # (geometries, 8) of meshes: low x, y, z, high x, y, z, how wide their leaves are, the largest coordinate
+    wide: Wide  # of all meshes; its rows are those of Pools.triangles
+    boxes: NDArray[np.float64]  # (geometries, 8) of meshes: low x, y, z, high x, y, z, median leaf extent, largest coordinate
     top: Top  # over instances
-    endless: NDArray[np.int32]  # instances outside of the tree, rising
-    only: int  # the one instance in the tree, or -1
-    alone: int  # the same if there is nothing else and it is a mesh, or -1
-    placed: NDArray[np.int64]  # (instances, PLACED) visibility, transform, geometry, kind, root of a mesh's tree; the rest is 0
-    inverse: NDArray[np.float64]  # (instances, 4, 4): three rows of their transforms' inverses, and their meshes' origins; two cache lines
+    unbounded: NDArray[np.int32]  # instances outside of `top`, ascending
+    only: int  # the one instance in `top`, or -1
+    instance_rows: NDArray[np.int64]  # (instances, INSTANCE_ROW) visibility, transform, geometry, kind, root of the mesh's BVH, 0, 0, 0
+    inverse: NDArray[np.float64]  # (instances, 4, 4): inverse transform, then the mesh's origin; two cache lines
     parameters: NDArray[np.float64]  # Geometries.parameters
     origin: NDArray[np.float64]  # Geometries.origin
     forms: Forms  # formula surfaces
     rest: int  # those of CAMERA_REST and SHADOW_REST that some instance has
-    aside: Any = Nothing()  # an Aside where things stand aside of all this
-    search: int = 0  # address of traverse.search, or of what goes through things aside too, for kernels
-    meet: int = 0  # address of formulas.meet, where there are formula surfaces
-    rare: int = 0  # address of meeting.rare, where there are such shapes
+    motion_alpha: Any = Nothing()  # a MotionAlpha, if any instance moves or is partly transparent
+    search: int = 0  # address of two_level.search, or of motion_alpha.search_all
+    formula_kernel: int = 0  # address of the formula intersection, if there are formula surfaces
+    rare_kernel: int = 0  # address of shape_hit.rare, if there are such shapes
 
 
-def absent_features(trees: Bvh) -> tuple[str, ...]:
-    """What there is none of: a third of what traversal takes to compile is for meshes, another for the tree over instances."""
-    meshes = (trees.placed[:, 3] == MESH).any()
-    return (() if meshes else (NO_MESHES,)) + ((NO_TREE,) if trees.only >= 0 or not len(trees.top.links) else ())
+def absent_features(bvh: Bvh) -> tuple[str, ...]:
+    """Type tags of what a BVH lacks: meshes, and the tree over instances, each take a third of the compile time of traversal."""
+    meshes = (bvh.instance_rows[:, 3] == MESH).any()
+    return (() if meshes else (NO_MESHES,)) + ((NO_TREE,) if bvh.only >= 0 or not len(bvh.top.links) else ())

@@ -43,8 +43,8 @@ def too_large(boxes: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 @helper
-def local(top: Any, o: Vec, d: Vec) -> tuple[Vec, Vec]:
-    """Rays in a tree's frame; distances along them stay what they are."""
+def to_frame(top: Any, o: Vec, d: Vec) -> tuple[Vec, Vec]:
+    """Transform rays to a BVH's frame; t along them stays the same."""
     x, y, z, scale = top.frame[0], top.frame[1], top.frame[2], top.frame[3]
     return ((o[0] - x) * scale, (o[1] - y) * scale, (o[2] - z) * scale), (d[0] * scale, d[1] * scale, d[2] * scale)
 

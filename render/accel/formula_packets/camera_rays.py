@@ -45,12 +45,12 @@ class Bundles:
         trees = accel.tables
         self.accel, self.room, self.lamps, self.black = accel, room, lamps, black
         self.instances = instances(trees).tolist()
-        self.casting = [k for k, i in enumerate(self.instances) if trees.placed[i, 0] & shadow_rays.CASTS]
+        self.casting = [k for k, i in enumerate(self.instances) if trees.instance_rows[i, 0] & shadow_rays.CASTS]
         self.desks: dict[tuple[int, ...], Desk] = {}
         self.counted: tuple[Any, Any] = None, None  # the last counts of samples, and the desk for them
         weakref.finalize(self, _put_by, self.desks).atexit = False
         self.inverses = [np.ascontiguousarray(trees.inverse[i, :3]) for i in self.instances]
-        self.geometries = [int(trees.placed[i, 2]) for i in self.instances]
+        self.geometries = [int(trees.instance_rows[i, 2]) for i in self.instances]
         surfaces = {g: Handle(packet_state.allocate(trees.forms, int(trees.forms.of[g]))) for g in set(self.geometries)}
         self.rooms = [surfaces[g] for g in self.geometries]
         desk = _desk(np.zeros((0, 0), np.int64), room, bool(lamps), black)
@@ -192,7 +192,7 @@ def one_by_one(accel, g, rays, at, n, inverse, out):
     for start in range(0, n, crosslane.WIDTH):
         o, d, low, high = packet_state.to_local(rays, at + start, inverse)
         high = ops.minimum(high, out.t[at + ops.minimum(crosslane.lane_indices(start), n - 1)])
-        t, units, u, v, _ = intersect.call(accel.meet, (accel.forms, np.int64(g), o, d, low, high))  # pyright: ignore[reportCallIssue]
+        t, units, u, v, _ = intersect.call(accel.formula_kernel, (accel.forms, np.int64(g), o, d, low, high))  # pyright: ignore[reportCallIssue]
         left = crosslane.bits((t < high) & (crosslane.lane_indices(start) < n))
         while left != 0:
             j = simd.trailing_zeros(left)

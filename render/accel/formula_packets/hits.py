@@ -55,7 +55,7 @@ def is_needed(trees: scene_layout.Bvh) -> bool:
 
 def instances(trees: scene_layout.Bvh) -> NDArray[np.intp]:
     """Those surfaces."""
-    return np.flatnonzero((trees.placed[:, 0] & (CAMERA | REST)) == CAMERA)
+    return np.flatnonzero((trees.instance_rows[:, 0] & (CAMERA | REST)) == CAMERA)
 
 
 def is_used(primed: Any) -> bool:

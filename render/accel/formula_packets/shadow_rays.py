@@ -29,7 +29,7 @@ CASTS, REST = int(ir.Visibility.SHADOW), scene_layout.SHADOW_REST
 
 def lamps(trees: scene_layout.Bvh, tables: ir.Tables, options: Options) -> list[int]:
     """The lamps that are asked for beforehand: none where no formula surface that camera rays meet so casts shadows."""
-    if not options.shadows or not (trees.placed[instances(trees), 0] & CASTS).any():
+    if not options.shadows or not (trees.instance_rows[instances(trees), 0] & CASTS).any():
         return []
     return [k for k in range(len(tables.lights.kind)) if is_asked(tables, k)]
 

@@ -1,4 +1,7 @@
-"""Rays through the tree over instances, each for itself and in turns: what they meet there, however far apart they go."""
+"""Interleaved traversal of the BVH over instances by incoherent rays: one node of each ray in turn hides memory latency.
+
+Rays that arrive at an instance wait there until several can be transformed into instance frames at once.
+"""
 
 from __future__ import annotations
 
@@ -6,63 +9,56 @@ from typing import Any
 
 import numpy as np
 
-from ....compiler import ir
 from ... import simd
 from ...jit.kernel import helper, noinline_helper
 from ...jit.packed_struct import skip_when_tagged
 from ...lanes import affine, crosslane, ops, row_gather
 from ...types import Hit, Lane, Vec
-from ..build.scene_layout import NO_MESHES, PLACED, REACH
-from . import ray_box, shape_hit, single_ray
+from ..build.scene_layout import EXTENT, INSTANCE_ROW, MESH, NO_MESHES
+from . import node_stack, ray_box, ray_state, shape_hit, single_ray
+from .ray_box import MeshRays, SceneRays
+from .ray_state import RAYS, STACK, StoredRays, TraversalState
 
-MESH = int(ir.GeometryKind.MESH)
-_LANES = crosslane.WIDTH
-_ROWS = 10 * _LANES
-_D, _T_MIN, _UNTIL, _ENTERS, _PACE = 3, 6, 7, 8, 9  # rows of what is kept, after origins
-_CUBE = (-1.0, -1.0, -1.0, 1.0, 1.0, 1.0)  # what a tree holds
-ENOUGH = (5 * _LANES + 7) // 8  # rays that wait at instances until they are brought into their frames
+_ROWS = 10 * RAYS
+_DIRECTION, _T_MIN, _UNTIL, _ENTERS, _PACE = 3, 6, 7, 8, 9  # rows of the world rays, after the origins
+_CUBE = (-1.0, -1.0, -1.0, 1.0, 1.0, 1.0)  # the box of the BVH in its frame
+ENOUGH = (5 * RAYS + 7) // 8  # rays waiting at instances before these are entered
 
 
 @helper
-def trace_incoherent(
-    accel: Any, ray: ray_box.BoxRay, o: Vec, d: Vec, origin: Vec, direction: Vec, t_min: Lane, until: Lane, left: int,
-    visible_bit: int, any_hit: bool, best: Hit,
-) -> Hit:  # fmt: skip
-    """`best`, or what the rays whose bits are set in `left` meet first in the tree where that comes first: a step of each in turn.
-
-    In the tree's frame they are o + t d.
-    """
-    kept, upper = simd.stack_array(np.float64, _ROWS), single_ray.room()
-    nearest = ops.minimum(until, best.t)
-    enters = ray_box.enter(_CUBE, ray, t_min, nearest)
+def trace_incoherent(accel: Any, rays: SceneRays, left: int, visible_bit: int, any_hit: bool, best: Hit) -> Hit:
+    """`best`, or closer hits in the BVH over instances of the rays whose bits are set in `left`."""
+    world, upper = simd.stack_array(np.float64, _ROWS), ray_state.allocate_rays()
+    nearest, d = ops.minimum(rays.until, best.t), rays.top_direction
+    enters = ray_box.intersect_box(_CUBE, rays.box, rays.t_min, nearest)
     enters, entered = ops.where(enters < np.inf, enters, 0.0), enters < np.inf
-    entry, pace = ops.add(o, ops.scale(d, enters)), ops.largest((abs(d[0]), abs(d[1]), abs(d[2])))
-    sound = (abs(entry[0]) + abs(entry[1]) + abs(entry[2]) < 4.0) & (pace > 0.0)  # not of rays that are no numbers or go nowhere
+    entry, pace = ops.add(rays.top_origin, ops.scale(d, enters)), ops.largest((abs(d[0]), abs(d[1]), abs(d[2])))
+    sound = (abs(entry[0]) + abs(entry[1]) + abs(entry[2]) < 4.0) & (pace > 0.0)  # excludes NaN and zero directions
     left &= crosslane.bits(entered & sound)
-    _store3(kept, 0, origin)
-    _store3(kept, _D, direction)
-    crosslane.store(kept, _T_MIN, t_min)
-    crosslane.store(kept, _UNTIL, until)
-    crosslane.store(kept, _ENTERS, enters)
-    crosslane.store(kept, _PACE, pace)
-    single_ray.keep_boxes(upper, entry, ops.scale(ray.inverse, pace), (nearest - enters) * pace)
-    steps, inside = single_ray.allocate_state(), simd.stack_array(np.int64, _LANES)
-    single_ray.set_out(steps, 0, best.t, best.instance, best.primitive, best.u, best.v)
+    _store3(world, 0, rays.origin)
+    _store3(world, _DIRECTION, rays.direction)
+    crosslane.store(world, _T_MIN, rays.t_min)
+    crosslane.store(world, _UNTIL, rays.until)
+    crosslane.store(world, _ENTERS, enters)
+    crosslane.store(world, _PACE, pace)
+    ray_state.store_box_rays(upper, entry, ops.scale(rays.box.inverse, pace), (nearest - enters) * pace)
+    state, inside = ray_state.allocate_state(), simd.stack_array(np.int64, RAYS)
+    ray_state.set_hits(state, best)
     todo = left
     while todo != 0:
         k = simd.trailing_zeros(todo)
         todo &= todo - 1
         simd.write(inside, k, -1)
-        single_ray.go(steps, k, 0, k * single_ray.STACK)
-    trace_interleaved(accel, kept, upper, single_ray.room(), steps, inside, left, visible_bit, any_hit)
-    return single_ray.met(steps, 0)
+        ray_state.set_position(state, k, 0, k * STACK)
+    trace_interleaved(accel, world, upper, ray_state.allocate_rays(), state, inside, left, visible_bit, any_hit)
+    return ray_state.load_hits(state)
 
 
 @noinline_helper
-def trace_interleaved(accel, kept, upper, rays, steps, inside, left, visible_bit, any_hit):
-    """Let rays whose bits are set in `left` go on to their ends; `inside` tells the instances in whose meshes they are, or -1.
+def trace_interleaved(accel, world, upper, rays, state, inside, left, visible_bit, any_hit):
+    """Advance the rays whose bits are set in `left` in turn until all have ended.
 
-    Those that have come to an instance wait for others there, so that several are brought into its frame at a time.
+    `inside` holds the instance whose mesh each ray is in, or -1; `upper` the rays in the BVH over instances, `rays` those in meshes.
     """
     wait = np.int64(0)
     while left != 0:
@@ -72,30 +68,30 @@ def trace_interleaved(accel, kept, upper, rays, steps, inside, left, visible_bit
             todo &= todo - 1
             instance = simd.read(inside, k)
             if instance >= 0:
-                if _in_mesh(accel, rays, steps, k, instance, any_hit):
+                if _step_in_mesh(accel, rays, state, k, instance, any_hit):
                     continue
                 simd.write(inside, k, -1)
-                more = _next(accel, kept, upper, steps, k, simd.read(steps.place, 2 * single_ray.RAYS + k), any_hit)
+                more = _pop_node(accel, world, upper, state, k, simd.read(state.position, 2 * RAYS + k), any_hit)
             else:
-                more = _step(accel, upper, steps, k, any_hit)
+                more = _step(accel, upper, state, k, any_hit)
             if not more:
                 left &= ~(1 << k)
-            elif simd.read(steps.place, k) < 0:
+            elif simd.read(state.position, k) < 0:
                 wait |= 1 << k
         if wait != 0 and (wait == left or simd.population(wait) >= ENOUGH):
-            left, wait = _attempt(accel, kept, upper, rays, steps, inside, left, wait, visible_bit, any_hit)
+            left, wait = _enter_instances(accel, world, upper, rays, state, inside, left, wait, visible_bit, any_hit)
 
 
 @helper
-def _no_more(accel: Any, rays: single_ray.Rays, steps: single_ray.TraversalState, k: int, instance: int, any_hit: bool) -> bool:
+def _end_in_mesh(accel: Any, rays: StoredRays, state: TraversalState, k: int, instance: int, any_hit: bool) -> bool:
     return False
 
 
-@skip_when_tagged(NO_MESHES, _no_more)
+@skip_when_tagged(NO_MESHES, _end_in_mesh)
 @helper
-def _in_mesh(accel: Any, rays: single_ray.Rays, steps: single_ray.TraversalState, k: int, instance: int, any_hit: bool) -> bool:
-    """One step of ray k in a mesh; whether there is more of it."""
-    return single_ray.traverse_step(accel.wide, rays, steps, k, instance, any_hit)
+def _step_in_mesh(accel: Any, rays: StoredRays, state: TraversalState, k: int, instance: int, any_hit: bool) -> bool:
+    """One step of ray k in a mesh; return whether it goes on there."""
+    return single_ray.traverse_step(accel.wide, rays, state, k, instance, any_hit)
 
 
 @helper
@@ -106,133 +102,124 @@ def _store3(table: Any, row: int, value: Vec) -> None:
 
 
 @helper
-def _step(accel: Any, upper: single_ray.Rays, steps: single_ray.TraversalState, k: int, any_hit: bool) -> bool:
-    """One node of ray k's way, or two; whether there is more of it."""
-    node, top = simd.read(steps.place, k), simd.read(steps.place, single_ray.RAYS + k)
-    ray, limit = single_ray.box(upper, k), single_ray.limit_of(upper, k)
-    node, top = single_ray.pass_things(accel.top.nodes, accel.top.links, node, ray, limit, steps, top, any_hit)
-    if node >= 0 and top >= k * single_ray.STACK:
-        node, top = single_ray.pass_things(accel.top.nodes, accel.top.links, node, ray, limit, steps, top, any_hit)
-    return _go(accel, steps, k, node, top)
+def _step(accel: Any, upper: StoredRays, state: TraversalState, k: int, any_hit: bool) -> bool:
+    """Visit one or two nodes with ray k; return whether it goes on."""
+    node, top = simd.read(state.position, k), simd.read(state.position, RAYS + k)
+    ray, limit = ray_state.node_ray(upper, k), ray_state.limit(upper, k)
+    node, top = single_ray.visit_instance_node(accel.top.nodes, accel.top.links, node, ray, limit, state, top, any_hit)
+    if node >= 0 and top >= k * STACK:
+        node, top = single_ray.visit_instance_node(accel.top.nodes, accel.top.links, node, ray, limit, state, top, any_hit)
+    return _move_to(accel, state, k, node, top)
 
 
 @helper
-def _next(accel: Any, kept: Any, upper: single_ray.Rays, steps: single_ray.TraversalState, k: int, top: int, any_hit: bool) -> bool:
-    """Take the next node or instance from ray k's stack, which ends at `top`; whether there is one."""
+def _pop_node(accel: Any, world: Any, upper: StoredRays, state: TraversalState, k: int, top: int, any_hit: bool) -> bool:
+    """Move ray k to the next node or instance of its stack, which ends at `top`; return whether there is one."""
     if any_hit:
-        if simd.read(steps.numbers, k) >= 0:
+        if simd.read(state.ids, k) >= 0:
             return False
     else:
         limit = np.float32(
-            (min(simd.read(steps.found, k), _at(kept, _UNTIL, k)) - _at(kept, _ENTERS, k)) * _at(kept, _PACE, k) * single_ray.FAR
+            (min(simd.read(state.hits, k), _at(world, _UNTIL, k)) - _at(world, _ENTERS, k)) * _at(world, _PACE, k) * ray_state.FAR
         )
-        single_ray.set_limit(upper, k, limit)
-        top = single_ray.sifted(steps.children, steps.reaches, k * single_ray.STACK, top, limit)
-    node, top = single_ray.last_of(steps.children, top)
-    return _go(accel, steps, k, node, top)
+        ray_state.set_limit(upper, k, limit)
+        top = node_stack.cull(state.stack, state.distances, k * STACK, top, limit)
+    node, top = node_stack.pop(state.stack, top)
+    return _move_to(accel, state, k, node, top)
 
 
 @helper
-def _go(accel: Any, steps: single_ray.TraversalState, k: int, node: int, top: int) -> bool:
-    """Let ray k be at a node or an instance, and ask for what will be read of an instance; not where its stack had ended."""
-    if top < k * single_ray.STACK:
+def _move_to(accel: Any, state: TraversalState, k: int, node: int, top: int) -> bool:
+    """Move ray k to a node or ~ instance and prefetch the instance; return False where its stack was empty."""
+    if top < k * STACK:
         return False
     instance = max(~node, 0)
-    simd.prefetch(accel.placed, instance * PLACED)
+    simd.prefetch(accel.instance_rows, instance * INSTANCE_ROW)
     simd.prefetch(accel.inverse, instance * 16)
     simd.prefetch(accel.inverse, instance * 16 + 8)
-    single_ray.go(steps, k, node, top)
+    ray_state.set_position(state, k, node, top)
     return True
 
 
 @helper
-def _no_entry(
-    accel: Any, kept: Any, rays: single_ray.Rays, steps: single_ray.TraversalState, g: Lane, o: Vec, d: Vec, t_min: Lane, here: Lane
+def _enter_no_mesh(
+    accel: Any, world: Any, rays: StoredRays, state: TraversalState, g: Lane, o: Vec, d: Vec, t_min: Lane, here: Lane
 ) -> Lane:
     return here & (t_min < -np.inf)
 
 
-@skip_when_tagged(NO_MESHES, _no_entry)
+@skip_when_tagged(NO_MESHES, _enter_no_mesh)
 @helper
 def _enter_mesh(
-    accel: Any, kept: Any, rays: single_ray.Rays, steps: single_ray.TraversalState, g: Lane, o: Vec, d: Vec, t_min: Lane, here: Lane
+    accel: Any, world: Any, rays: StoredRays, state: TraversalState, g: Lane, o: Vec, d: Vec, t_min: Lane, here: Lane
 ) -> Lane:
-    """Make rays ready for meshes g, in whose frames they are: those that enter their boxes."""
-    t_max = crosslane.load(kept, _UNTIL)
-    until = ops.minimum(crosslane.load(steps.found, single_ray.vector(0, 0)), t_max)
+    """Store rays in the frames of meshes g; return the mask of those that enter the boxes."""
+    t_max = crosslane.load(world, _UNTIL)
+    until = ops.minimum(crosslane.load(state.hits, 0), t_max)
     ray, box = ray_box.local_ray(o, d), row_gather.eight_at(accel.boxes, g, 0)
-    enters = ray_box.enter(box, ray, t_min, until)
-    go = here & (enters < np.inf)
-    single_ray.keep(rays, 0, go, o, d, ray.inverse, enters, t_min, t_max, until, box[REACH])
-    return go
+    enters = ray_box.intersect_box(box, ray, t_min, until)
+    enter = here & (enters < np.inf)
+    ray_state.store_rays(rays, enter, MeshRays(o, d, ray, enters, t_min, t_max, until), box[EXTENT])
+    return enter
 
 
 @helper
-def _attempt(
-    accel: Any,
-    kept: Any,
-    upper: single_ray.Rays,
-    rays: single_ray.Rays,
-    steps: single_ray.TraversalState,
-    inside: Any,
-    left: int,
-    wait: int,
-    visible_bit: int,
-    any_hit: bool,
-) -> tuple[int, int]:
-    """Let the rays whose bits are set in `wait` enter the meshes they have come to; (`left`, `wait`) then."""
-    place = crosslane.load(steps.place, single_ray.vector(0, 0))
-    here = crosslane.mask_of(wait, place)
-    i = ops.where(here, ~place, 0)
-    visible, _, g, kind, root, _, _, _ = row_gather.eight_at(accel.placed, i, 0)
+def _enter_instances(
+    accel: Any, world: Any, upper: StoredRays, rays: StoredRays, state: TraversalState, inside: Any, left: int, wait: int,
+    visible_bit: int, any_hit: bool,
+) -> tuple[int, int]:  # fmt: skip
+    """Let the rays whose bits are set in `wait` enter the instances they have reached; return the new (`left`, `wait`)."""
+    position = crosslane.load(state.position, 0)
+    here = crosslane.mask_of(wait, position)
+    i = ops.where(here, ~position, 0)
+    visible, _, g, kind, root, _, _, _ = row_gather.eight_at(accel.instance_rows, i, 0)
     here = here & ((visible & visible_bit) != 0)
     meshes = kind == MESH
     (a, b, c, x, e, f, h, y), (p, q, r, z, u, v, w, _) = row_gather.eight_at(accel.inverse, i, 0), row_gather.eight_at(accel.inverse, i, 8)
-    matrix, t_min = (a, b, c, x, e, f, h, y, p, q, r, z), crosslane.load(kept, _T_MIN)
-    o = affine.transform_point12(matrix, (crosslane.load(kept, 0), crosslane.load(kept, 1), crosslane.load(kept, 2)))
-    d = affine.transform_vector12(matrix, (crosslane.load(kept, _D), crosslane.load(kept, _D + 1), crosslane.load(kept, _D + 2)))
-    go = _enter_mesh(accel, kept, rays, steps, g, ops.sub(o, (u, v, w)), d, t_min, here & meshes)
-    crosslane.write_lanes(inside, 0, 0, i, go)
-    crosslane.write_lanes(steps.place, single_ray.vector(0, 0), 0, root, go)
-    crosslane.write_lanes(steps.place, single_ray.vector(2, 0), 0, crosslane.load(steps.place, single_ray.vector(1, 0)), go)
-    shapes, todo, wait = crosslane.bits(here & ops.not_(meshes)), wait & ~crosslane.bits(go), 0
+    matrix, t_min = (a, b, c, x, e, f, h, y, p, q, r, z), crosslane.load(world, _T_MIN)
+    o = affine.transform_point12(matrix, (crosslane.load(world, 0), crosslane.load(world, 1), crosslane.load(world, 2)))
+    d = affine.transform_vector12(
+        matrix, (crosslane.load(world, _DIRECTION), crosslane.load(world, _DIRECTION + 1), crosslane.load(world, _DIRECTION + 2))
+    )
+    enter = _enter_mesh(accel, world, rays, state, g, ops.sub(o, (u, v, w)), d, t_min, here & meshes)
+    crosslane.write_lanes(inside, 0, 0, i, enter)
+    crosslane.write_lanes(state.position, 0, 0, root, enter)
+    crosslane.write_lanes(state.position, 2, 0, crosslane.load(state.position, 1), enter)
+    shapes, todo, wait = crosslane.bits(here & ops.not_(meshes)), wait & ~crosslane.bits(enter), 0
     while todo != 0:
         k = simd.trailing_zeros(todo)
         todo &= todo - 1
         if (shapes >> k) & 1:
-            _meet_shape(accel, ~simd.read(steps.place, k), kept, steps, k)
-        if not _next(accel, kept, upper, steps, k, simd.read(steps.place, single_ray.RAYS + k), any_hit):
+            _intersect_shape_instance(accel, ~simd.read(state.position, k), world, state, k)
+        if not _pop_node(accel, world, upper, state, k, simd.read(state.position, RAYS + k), any_hit):
             left &= ~(1 << k)
-        elif simd.read(steps.place, k) < 0:
+        elif simd.read(state.position, k) < 0:
             wait |= 1 << k
     return left, wait
 
 
 @helper
-def _meet_shape(accel: Any, i: int, kept: Any, steps: single_ray.TraversalState, k: int) -> None:
-    """Take in instance i, a shape, where ray k meets it first."""
-    g = accel.placed[i, 2]
-    zero = crosslane.load(kept, _T_MIN)
-    o = affine.transform_point(accel.inverse, i, ops.like3(zero, _at(kept, 0, k), _at(kept, 1, k), _at(kept, 2, k)))
-    d = affine.transform_vector(accel.inverse, i, ops.like3(zero, _at(kept, _D, k), _at(kept, _D + 1, k), _at(kept, _D + 2, k)))
-    t_min, t_max = ops.full_like(zero, _at(kept, _T_MIN, k)), ops.full_like(zero, _at(kept, _UNTIL, k))
-    at_t, part, u, v = _of_shape(accel, accel.placed[i, 3], g, o, d, t_min, t_max)
-    t, primitive = crosslane.lane(at_t, 0), np.int64(crosslane.lane(part, 0))
-    if single_ray.is_closer(steps, k, t, i, primitive):
-        simd.write(steps.found, k, t)
-        simd.write(steps.found, single_ray.RAYS + k, crosslane.lane(u, 0))
-        simd.write(steps.found, 2 * single_ray.RAYS + k, crosslane.lane(v, 0))
-        simd.write(steps.found, 3 * single_ray.RAYS + k, 1.0)
-        simd.write(steps.numbers, k, i)
-        simd.write(steps.numbers, single_ray.RAYS + k, primitive)
+def _intersect_shape_instance(accel: Any, i: int, world: Any, state: TraversalState, k: int) -> None:
+    """Test ray k against instance i, a shape, and record a closer hit."""
+    g = accel.instance_rows[i, 2]
+    zero = crosslane.load(world, _T_MIN)
+    o = affine.transform_point(accel.inverse, i, ops.like3(zero, _at(world, 0, k), _at(world, 1, k), _at(world, 2, k)))
+    d = affine.transform_vector(
+        accel.inverse, i, ops.like3(zero, _at(world, _DIRECTION, k), _at(world, _DIRECTION + 1, k), _at(world, _DIRECTION + 2, k))
+    )
+    t_min, t_max = ops.full_like(zero, _at(world, _T_MIN, k)), ops.full_like(zero, _at(world, _UNTIL, k))
+    all_t, part, u, v = _intersect_shape(accel, accel.instance_rows[i, 3], g, o, d, t_min, t_max)
+    t, primitive = crosslane.lane(all_t, 0), np.int64(crosslane.lane(part, 0))
+    if ray_state.is_closer(state, k, t, i, primitive):
+        ray_state.set_hit(state, k, t, (crosslane.lane(u, 0), crosslane.lane(v, 0), 1.0), i, primitive)
 
 
 @noinline_helper
-def _of_shape(accel, kind, g, o, d, t_min, t_max):
-    """meeting.shape as a function of its own: rays one by one call it with one ray in all lanes."""
-    return shape_hit.shape(accel, kind, g, o, d, t_min, t_max)
+def _intersect_shape(accel, kind, g, o, d, t_min, t_max):
+    """shape_hit.intersect_shape, not inlined: each ray calls it alone, with that ray in all lanes."""
+    return shape_hit.intersect_shape(accel, kind, g, o, d, t_min, t_max)
 
 
 @helper
-def _at(kept: Any, row: int, k: int) -> Any:
-    return simd.read(kept, row * _LANES + k)
+def _at(world: Any, row: int, k: int) -> Any:
+    return simd.read(world, row * RAYS + k)

@@ -1,8 +1,8 @@
-"""Things that stand aside from the tree over instances, in one of their own: those that move, or are not wholly there.
+"""Traversal of moving or partly transparent instances, which have a BVH of their own.
 
-A ray first goes through the other things, as in scenes without such; then, as far as it got, by itself through this tree. A surface's
-opacity is asked inside of the walk: where it is 0 nothing is met, and to a shadow ray each surface is a share of the light that it
-lets through, in whatever order they are found. Nothing of this is compiled for scenes that do not need it.
+A ray first traverses the BVH of all other instances. It then traverses this BVH alone, up to the hit so far. Opacity is evaluated during
+the traversal: a hit of opacity 0 does not count. A shadow ray multiplies the transmittance of all surfaces, in the order of traversal.
+Scenes without such instances compile none of this.
 """
 
 from __future__ import annotations
@@ -23,187 +23,177 @@ from ...lanes import affine, crosslane, ops, row_gather
 from ...lanes.kinds import FLOAT
 from ...surface import alpha, interaction
 from ...types import Hit, Lane, Ray, Vec
-from ..build import tlas as over
-from ..build.scene_layout import REACH, absent_features
+from ..build import tlas
+from ..build.scene_layout import EXTENT, MESH, absent_features
 from ..build.wide_bvh import DEPTH, spread64, triangle_of
-from . import ray_box, shape_hit, single_ray, triangle_filter, two_level
-from .interleaved_scene import MESH
+from . import node_stack, ray_box, ray_state, shape_hit, single_ray, triangle_filter, two_level
 
 _LANES = crosslane.WIDTH
-_KEPT, _FOUND, _NUMBERS = 9 * _LANES, 3 * _LANES, 2 * _LANES
+_RAYS, _HITS, _IDS = 9 * _LANES, 3 * _LANES, 2 * _LANES
 _VEC = types.UniTuple(types.float64, 3)
 
 
 def is_used(accel: Any) -> bool:
-    """Whether kernels' trees of this Numba type have something aside."""
-    found = accel.field("aside") if isinstance(accel, HandleType) else None
+    """Whether a BVH of this Numba type has moving or partly transparent instances."""
+    found = accel.field("motion_alpha") if isinstance(accel, HandleType) else None
     return found is not None and found[1] != ()
 
 
-def asks(accel: Any) -> bool:
-    """Whether some of it has an opacity that is asked."""
-    return is_used(accel) and accel.field("aside.cover")[1] != ()
+def has_opacity(accel: Any) -> bool:
+    """Whether a BVH of this Numba type has partly transparent instances."""
+    return is_used(accel) and accel.field("motion_alpha.opacity")[1] != ()
 
 
-def moves(accel: Any) -> bool:
-    """Whether some of it moves."""
-    return is_used(accel) and accel.field("aside.moving")[1] != ()
+def has_motion(accel: Any) -> bool:
+    """Whether a BVH of this Numba type has moving instances."""
+    return is_used(accel) and accel.field("motion_alpha.moving")[1] != ()
 
 
 def link(accel: Handle) -> None:
-    """Compile or load what goes through packed trees, and tell them where it is."""
+    """Compile or load the traversal kernels of a packed BVH and store their addresses in it."""
     shape_hit.link(accel)
     search = two_level.search.link(with_type_tags(accel.numba_type, *absent_features(accel.tables)), *two_level.SEARCH)
     if is_used(accel.numba_type):
-        accel.put("aside.plain", search)
-        if asks(accel.numba_type):
+        accel.put("motion_alpha.plain", search)
+        if has_opacity(accel.numba_type):
             hit = types.float64, types.int64, types.int64, types.float64, types.float64, types.float64
-            accel.put("aside.cover.address", covering.link(accel.numba_type, _VEC, _VEC, *hit))
-        if moves(accel.numba_type):
-            accel.put("aside.moving.address", through_moving.link(accel.numba_type, *two_level.SEARCH, FLOAT))
-        search = through_all.link(accel.numba_type, *two_level.SEARCH)
+            accel.put("motion_alpha.opacity.address", opacity_kernel.link(accel.numba_type, _VEC, _VEC, *hit))
+        if has_motion(accel.numba_type):
+            accel.put("motion_alpha.moving.address", search_moving.link(accel.numba_type, *two_level.SEARCH, FLOAT))
+        search = search_all.link(accel.numba_type, *two_level.SEARCH)
     accel.put("search", search)
 
 
-# --- how much of a surface is there ---------------------------------------------------------------------------------------
+# --- opacity --------------------------------------------------------------------------------------------------------------
 
 
-def _cover(accel, origin, direction, t, instance, primitive, u, v, time):
-    """How much of instance's surface is there where a ray meets it."""
-    tables = accel.aside.tables
+def _hit_opacity(accel, origin, direction, t, instance, primitive, u, v, time):
+    """Opacity of an instance where a ray hits it."""
+    tables = accel.motion_alpha.tables
     point = interaction.make_interaction(tables, Ray(origin, direction, 0.0, np.inf, time), Hit(t, instance, primitive, u, v))
     return alpha.at(tables, point)
 
 
-covering = KernelPointer(_cover)
-cover = covering.call
+opacity_kernel = KernelPointer(_hit_opacity)
+call_opacity = opacity_kernel.call
 
 
-def _there(accel: Any, ray: One, t: Any, i: int, primitive: Any, u: Any, v: Any) -> Any:
-    """How much of instance i is there where a ray meets it, in kernels."""
+def _opacity(accel: Any, ray: Ray, t: Any, i: int, primitive: Any, u: Any, v: Any) -> Any:
+    """Opacity of instance i where a scalar ray hits it, in kernels."""
     raise NotImplementedError
 
 
-@overload(_there, jit_options=HELPER)
-def _there_in_kernels(accel, ray, t, i, primitive, u, v):
-    if not asks(accel):
+@overload(_opacity, jit_options=HELPER)
+def _opacity_in_kernels(accel, ray, t, i, primitive, u, v):
+    if not has_opacity(accel):
         return lambda accel, ray, t, i, primitive, u, v: 1.0
 
-    def ask(accel, ray, t, i, primitive, u, v):
-        if not accel.aside.partial[i]:
+    def evaluate(accel, ray, t, i, primitive, u, v):
+        if not accel.motion_alpha.partial[i]:
             return 1.0
-        when = _known(ray.time)
-        return cover(accel.aside.cover.address, (accel, ray.origin, ray.direction, t, i, primitive, u, v, when))  # pyright: ignore
+        time = _time_or_opening(ray.time)
+        return call_opacity(accel.motion_alpha.opacity.address, (accel, ray.origin, ray.direction, t, i, primitive, u, v, time))  # pyright: ignore
 
-    return ask
+    return evaluate
 
 
 @helper
 def alpha_at_hit(accel: Any, ray: Ray, hit: Hit) -> tuple[Lane, Lane]:
-    """(How much of what rays met is there, 1 where they met nothing; where those that pass may meet the next thing), in kernels of scenes
-    where some is not."""
+    """(opacity of the surfaces that rays hit, 1 without a hit; smallest t of the next hit beyond them), in kernels with partial opacity."""
     there, onward = ops.full_like(hit.t, 1.0), hit.t
     left = crosslane.bits(hit.instance >= 0)
     while left != 0:
         k = simd.trailing_zeros(left)
         left &= left - 1
         i = crosslane.lane(hit.instance, k)
-        if accel.aside.partial[i]:
+        if accel.motion_alpha.partial[i]:
             origin, direction = crosslane.lane3(ray.origin, k), crosslane.lane3(ray.direction, k)
-            one = One(origin, direction, 0.0, np.inf, _of(ray.time, k))
+            one = Ray(origin, direction, 0.0, np.inf, _lane_of_time(ray.time, k))
             t, primitive = crosslane.lane(hit.t, k), crosslane.lane(hit.primitive, k)
-            share = _there(accel, one, t, i, primitive, crosslane.lane(hit.u, k), crosslane.lane(hit.v, k))
-            there = crosslane.with_lane(there, k, share)
-            if accel.placed[i, 3] == shape_hit.FORMULA:
+            opacity = _opacity(accel, one, t, i, primitive, crosslane.lane(hit.u, k), crosslane.lane(hit.v, k))
+            there = crosslane.with_lane(there, k, opacity)
+            if accel.instance_rows[i, 3] == shape_hit.FORMULA:
                 d = affine.transform_vector12(
-                    instance_transform.transform_at(accel.aside.tables, accel.placed[i, 1], one.time).inverse, direction
+                    instance_transform.transform_at(accel.motion_alpha.tables, accel.instance_rows[i, 1], one.time).inverse, direction
                 )
-                onward = crosslane.with_lane(onward, k, shape_hit.after(accel.parameters[accel.placed[i, 2], 5], d, t, primitive))
+                extent = accel.parameters[accel.instance_rows[i, 2], 5]
+                onward = crosslane.with_lane(onward, k, shape_hit.next_t(extent, d, t, primitive))
     return there, onward
 
 
-def _known(time: Any) -> Any:
-    """The time, the opening's where there is none."""
+def _time_or_opening(time: Any) -> Any:
+    """The time of a ray, 0 (the shutter's opening) without one."""
     raise NotImplementedError
 
 
-@overload(_known, jit_options=HELPER)
-def _known_in_kernels(time):
+@overload(_time_or_opening, jit_options=HELPER)
+def _time_or_opening_in_kernels(time):
     return (lambda time: 0.0) if isinstance(time, types.NoneType) else lambda time: time
 
 
 # --- one ray ----------------------------------------------------------------------------------------------------------------
 
 
-class One(NamedTuple):
-    """A ray by itself."""
-
-    origin: Vec
-    direction: Vec
-    t_min: Any
-    t_max: Any
-    time: Any  # None: as at the shutter's opening
-
-
-class First(NamedTuple):
-    """What one ray meets first, and what share of light passes all that it meets."""
+class RayHit(NamedTuple):
+    """First hit of one ray, and the transmittance of all surfaces on its way."""
 
     t: Any
     instance: Any
     primitive: Any
     u: Any
     v: Any
-    share: Any
+    transmittance: Any
 
 
 @helper
-def _nothing(share: Any) -> First:
-    return First(np.inf, np.int64(-1), np.int64(-1), 0.0, 0.0, share)
+def _no_hit(transmittance: Any) -> RayHit:
+    return RayHit(np.inf, np.int64(-1), np.int64(-1), 0.0, 0.0, transmittance)
 
 
 @helper
-def _through(accel: Any, ray: One, limit: Any, visible_bit: int, any_hit: bool, rays: single_ray.Rays) -> First:
-    """What a ray meets first, not beyond `limit`; with `any_hit`, how much light passes what it meets."""
-    best = _nothing(1.0)
-    for k in range(len(accel.aside.endless)):
-        best = _nearer(best, _meet(accel, np.int64(accel.aside.endless[k]), ray, limit, visible_bit, any_hit, best.share, rays))
+def _trace_ray(accel: Any, ray: Ray, limit: Any, visible_bit: int, any_hit: bool, stored: ray_state.StoredRays) -> RayHit:
+    """First hit of a ray up to `limit`; with `any_hit`, the transmittance of what it hits."""
+    best = _no_hit(1.0)
+    for k in range(len(accel.motion_alpha.unbounded)):
+        i = np.int64(accel.motion_alpha.unbounded[k])
+        best = _closer_hit(best, _intersect_instance(accel, i, ray, limit, visible_bit, any_hit, best.transmittance, stored))
         limit = min(limit, best.t)
-    nodes, links = accel.aside.top.nodes, accel.aside.top.links
-    if len(links) == 0 or best.share <= 0.0:
+    nodes, links = accel.motion_alpha.top.nodes, accel.motion_alpha.top.links
+    if len(links) == 0 or best.transmittance <= 0.0:
         return best
-    children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
-    ready = _bundle(ray_box.world_ray(*over.local(accel.aside.top, ray.origin, ray.direction)))
+    stack, distances = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
+    interval = _interval_of(ray_box.world_ray(*tlas.to_frame(accel.motion_alpha.top, ray.origin, ray.direction)))
     top, node = np.int64(0), np.int64(0)
     while True:
         if node >= 0:
-            near, _, hits = ray_box.enter_node(nodes, node, ready, ray.t_min, limit)
-            node, top = single_ray.nearest_first(links, node, near, hits, children, reaches, top)
+            near, _, hits = ray_box.intersect_node(nodes, node, interval, ray.t_min, limit)
+            node, top = node_stack.descend_nearest(links, node, near, hits, stack, distances, top)
         else:
-            best = _nearer(best, _meet(accel, ~node, ray, limit, visible_bit, any_hit, best.share, rays))
-            if best.share <= 0.0:
+            best = _closer_hit(best, _intersect_instance(accel, ~node, ray, limit, visible_bit, any_hit, best.transmittance, stored))
+            if best.transmittance <= 0.0:
                 return best
             if best.t < limit:
                 limit = best.t
-                top = single_ray.sifted(children, reaches, 0, top, limit)
-            node, top = single_ray.last_of(children, top)
+                top = node_stack.cull(stack, distances, 0, top, limit)
+            node, top = node_stack.pop(stack, top)
         if top < 0:
             return best
 
 
 @helper
-def _nearer(a: First, b: First) -> First:
-    """The nearer of two meetings, of instances' order where they are as near; with the share that passes the later one."""
-    later = b.t < a.t or (b.t == a.t and b.t < np.inf and b.instance < a.instance)
-    return First(
-        b.t if later else a.t, b.instance if later else a.instance, b.primitive if later else a.primitive,
-        b.u if later else a.u, b.v if later else a.v, b.share,
+def _closer_hit(a: RayHit, b: RayHit) -> RayHit:
+    """The closer of two hits, at equal t that of the lower instance, with the transmittance of the second."""
+    second = b.t < a.t or (b.t == a.t and b.t < np.inf and b.instance < a.instance)
+    return RayHit(
+        b.t if second else a.t, b.instance if second else a.instance, b.primitive if second else a.primitive,
+        b.u if second else a.u, b.v if second else a.v, b.transmittance,
     )  # fmt: skip
 
 
 @helper
-def _bundle(ray: ray_box.BoxRay) -> ray_box.Bundle:
+def _interval_of(ray: ray_box.BoxRay) -> ray_box.RayInterval:
     inverse = _spread(ray.inverse)
-    return ray_box.Bundle(_spread(ray.near), _spread(ray.far), inverse, inverse, ray_box.rows_of(ray.x, ray.y, ray.z))
+    return ray_box.RayInterval(_spread(ray.near), _spread(ray.far), inverse, inverse, ray_box.near_rows(ray.x, ray.y, ray.z))
 
 
 @helper
@@ -212,66 +202,67 @@ def _spread(v: Vec) -> Vec:
 
 
 @helper
-def _meet(accel: Any, i: int, ray: One, limit: Any, visible_bit: int, any_hit: bool, share: Any, rays: single_ray.Rays) -> First:
-    """A ray's first meeting with instance i, not beyond `limit`; with `any_hit`, `share` times what passes it."""
-    if (accel.placed[i, 0] & visible_bit) == 0:
-        return _nothing(share)
-    row, g, kind = accel.placed[i, 1], accel.placed[i, 2], accel.placed[i, 3]
-    inverse = instance_transform.transform_at(accel.aside.tables, row, ray.time).inverse
+def _intersect_instance(
+    accel: Any, i: int, ray: Ray, limit: Any, visible_bit: int, any_hit: bool, transmittance: Any, stored: ray_state.StoredRays
+) -> RayHit:
+    """First hit of a ray with instance i up to `limit`; with `any_hit`, `transmittance` times that of the instance."""
+    if (accel.instance_rows[i, 0] & visible_bit) == 0:
+        return _no_hit(transmittance)
+    row, g, kind = accel.instance_rows[i, 1], accel.instance_rows[i, 2], accel.instance_rows[i, 3]
+    inverse = instance_transform.transform_at(accel.motion_alpha.tables, row, ray.time).inverse
     o, d = affine.transform_point12(inverse, ray.origin), affine.transform_vector12(inverse, ray.direction)
     if kind == MESH:
         o = ops.sub(o, (accel.origin[g, 0], accel.origin[g, 1], accel.origin[g, 2]))
         ready = ray_box.local_ray(o, d)
         box = row_gather.eight_at(accel.boxes, g, 0)
-        enters = ray_box.enter(box, ready, ray.t_min, limit)
+        enters = ray_box.intersect_box(box, ready, ray.t_min, limit)
         if not enters < np.inf:
-            return _nothing(share)
-        single_ray.keep(rays, 0, True, o, d, ready.inverse, enters, ray.t_min, ray.t_max, limit, box[REACH])
-        return _in_mesh(accel, i, ray, enters, any_hit, share, rays)
-    return _on_shape(accel, i, kind, g, o, d, ray, limit, any_hit, share)
+            return _no_hit(transmittance)
+        ray_state.store_rays(stored, True, ray_box.MeshRays(o, d, ready, enters, ray.t_min, ray.t_max, limit), box[EXTENT])
+        return _intersect_mesh(accel, i, ray, enters, any_hit, transmittance, stored)
+    return _intersect_shape(accel, i, o, d, ray, limit, any_hit, transmittance)
 
 
 @helper
-def _on_shape(accel: Any, i: int, kind: int, g: int, o: Vec, d: Vec, ray: One, limit: Any, any_hit: bool, share: Any) -> First:
-    """`_meet` for a shape in whose frame the ray is o + t d: one meeting after the other, until one counts."""
+def _intersect_shape(accel: Any, i: int, o: Vec, d: Vec, ray: Ray, limit: Any, any_hit: bool, transmittance: Any) -> RayHit:
+    """`_intersect_instance` for a shape in whose frame the ray is o + t d: one hit after another until one counts."""
+    g, kind = accel.instance_rows[i, 2], accel.instance_rows[i, 3]
     onward, u, v = ray.t_min, 0.0, 0.0
     while True:
         if kind == shape_hit.FORMULA:
-            t, part, u, v, onward = shape_hit.formula(accel, g, o, d, onward, ray.t_max)
+            t, part, u, v, onward = shape_hit.intersect_formula(accel, g, o, d, onward, ray.t_max)
         else:
             t, part = analytic_shapes.intersect(kind, accel.parameters, g, o, d, onward, ray.t_max)
             onward = t
         if not t <= limit or t == np.inf:
-            return _nothing(share)
-        there = _there(accel, ray, t, i, np.int64(part), u, v)
+            return _no_hit(transmittance)
+        opacity = _opacity(accel, ray, t, i, np.int64(part), u, v)
         if any_hit:
-            share *= 1.0 - there
-            if share > 0.0:
+            transmittance *= 1.0 - opacity
+            if transmittance > 0.0:
                 continue
-        if there > 0.0:
-            return First(t, i, np.int64(part), u, v, share)
+        if opacity > 0.0:
+            return RayHit(t, i, np.int64(part), u, v, transmittance)
 
 
 @helper
-def _in_mesh(accel: Any, i: int, ray: One, enters: Any, any_hit: bool, share: Any, rays: single_ray.Rays) -> First:
-    """`_meet` for a mesh's tree, as walk.step goes through it."""
-    tree, root = accel.wide, np.int64(accel.placed[i, 4])
-    children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
-    box, sifted, sheared, limit = (
-        single_ray.box(rays, 0),
-        single_ray.sieve_of(rays, 0),
-        single_ray.sheared(rays, 0),
-        single_ray.limit_of(rays, 0),
-    )
-    best = _nothing(share)
+def _intersect_mesh(
+    accel: Any, i: int, ray: Ray, enters: Any, any_hit: bool, transmittance: Any, stored: ray_state.StoredRays
+) -> RayHit:
+    """`_intersect_instance` for a mesh, which the stored ray enters at t = `enters`."""
+    tree, root = accel.wide, np.int64(accel.instance_rows[i, 4])
+    stack, distances = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
+    node_ray, filter_ray = ray_state.node_ray(stored, 0), ray_state.filter_ray(stored, 0)
+    sheared, limit = ray_state.sheared_ray(stored, 0), ray_state.limit(stored, 0)
+    best = _no_hit(transmittance)
     top, node = np.int64(0), root
     while True:
         if node >= 0:
-            near, _, hits = single_ray.enter_boxes(tree.nodes, node, box, limit)
-            node, top = single_ray.nearest_first(tree.links, node, near, hits, children, reaches, top)
+            near, _, hits = node_stack.intersect_boxes(tree.nodes, node, node_ray, limit)
+            node, top = node_stack.descend_nearest(tree.links, node, near, hits, stack, distances, top)
         else:
             leaf, before = ~node, limit
-            hits = triangle_filter.touched(tree.leaves, leaf, sifted, limit)
+            hits = triangle_filter.candidates(tree.leaves, leaf, filter_ray, limit)
             while hits != 0:
                 j = simd.trailing_zeros(hits)
                 hits &= hits - 1
@@ -281,55 +272,61 @@ def _in_mesh(accel: Any, i: int, ray: One, enters: Any, any_hit: bool, share: An
                 if t == np.inf or not (any_hit or t < best.t or (t == best.t and number < best.primitive)):
                     continue
                 u, v = met.v / met.total, met.w / met.total
-                there = _there(accel, ray, t, i, number, u, v)
+                opacity = _opacity(accel, ray, t, i, number, u, v)
                 if any_hit:
-                    share *= 1.0 - there
-                    if share <= 0.0:
-                        return First(t, i, number, u, v, share)
-                elif there > 0.0:
-                    best = First(t, i, number, u, v, share)
-                    limit = np.float32((t - enters) * single_ray.FAR)
+                    transmittance *= 1.0 - opacity
+                    if transmittance <= 0.0:
+                        return RayHit(t, i, number, u, v, transmittance)
+                elif opacity > 0.0:
+                    best = RayHit(t, i, number, u, v, transmittance)
+                    limit = np.float32((t - enters) * ray_state.FAR)
             if limit < before:
-                top = single_ray.sifted(children, reaches, 0, top, limit)
-            node, top = single_ray.last_of(children, top)
+                top = node_stack.cull(stack, distances, 0, top, limit)
+            node, top = node_stack.pop(stack, top)
         if top < 0:
-            return First(best.t, best.instance, best.primitive, best.u, best.v, share)
+            return RayHit(best.t, best.instance, best.primitive, best.u, best.v, transmittance)
 
 
-# --- rays as traverse.search takes them -----------------------------------------------------------------------------------
+# --- rays as two_level.search takes them ----------------------------------------------------------------------------------
 
 
-def _search(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit):
-    """As traverse.search, through all things; with `any_hit`, u is the share of light that passes where instance is -1."""
-    return _at_opening(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit)
+def _search_all(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit):
+    """two_level.search through all instances; with `any_hit`, u is the transmittance where instance is -1."""
+    return _search_at_opening(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit)
 
 
-def _at_opening(accel: Any, *ray: Any) -> Hit:
-    """`_both` for rays without a time, in kernels: where things move, as at the shutter's opening, without compiling all of it again."""
+def _search_at_opening(accel: Any, *ray: Any) -> Hit:
+    """`_search` for rays without a time, in kernels; with motion, it calls the kernel for rays with a time instead of compiling another."""
     raise NotImplementedError
 
 
-@overload(_at_opening, jit_options=HELPER)
-def _at_opening_in_kernels(accel, *ray):
-    if not moves(accel):
-        return lambda accel, *ray: _both(accel, *ray, None)
+@overload(_search_at_opening, jit_options=HELPER)
+def _search_at_opening_in_kernels(accel, *ray):
+    if not has_motion(accel):
 
-    def at_opening(accel, *ray):
-        return find_moving(accel.aside.moving.address, (accel,) + ray + (0.0 * ray[2],))  # pyright: ignore
+        def search_still(accel, *ray):
+            origin, direction, t_min, t_max, active, visible_bit, any_hit = ray
+            return _search(accel, Ray(origin, direction, t_min, t_max, None), active, visible_bit, any_hit)
 
-    return at_opening
+        return search_still
+
+    def search_at_opening(accel, *ray):
+        return find_moving(accel.motion_alpha.moving.address, (accel,) + ray + (0.0 * ray[2],))  # pyright: ignore
+
+    return search_at_opening
 
 
 def _search_moving(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit, time):
-    """The same for rays that have a time."""
-    return _both(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit, time)
+    """`_search_all` for rays that have a time."""
+    return _search(accel, Ray(origin, direction, t_min, t_max, time), active, visible_bit, any_hit)
 
 
 @helper
-def _both(
-    accel: Any, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane, active: Lane, visible_bit: int, any_hit: bool, time: Lane | None
-) -> Hit:
-    best = two_level.find(accel.aside.plain, (accel, origin, direction, t_min, t_max, active, visible_bit, any_hit))  # pyright: ignore
+def _search(accel: Any, ray: Ray, active: Lane, visible_bit: int, any_hit: bool) -> Hit:
+    t_min, t_max = ray.t_min, ray.t_max
+    best = two_level.find(  # pyright: ignore[reportCallIssue]
+        accel.motion_alpha.plain, (accel, ray.origin, ray.direction, t_min, t_max, active, visible_bit, any_hit)
+    )
     until = ops.where(active, ops.minimum(best.t, t_max), -np.inf)
     zero = ops.full_like(t_min, 0.0)
     if any_hit:
@@ -338,70 +335,65 @@ def _both(
     left = crosslane.bits(until > t_min)
     if left == 0:
         return best
-    return _each(accel, origin, direction, t_min, t_max, until, left, visible_bit, any_hit, time, best)
+    return _trace_each(accel, ray, until, left, visible_bit, any_hit, best)
 
 
-through_all, through_moving = KernelPointer(_search), KernelPointer(_search_moving)
-find_moving = through_moving.call
+search_all, search_moving = KernelPointer(_search_all), KernelPointer(_search_moving)
+find_moving = search_moving.call
 
 
 @helper
-def _each(
-    accel: Any, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane, until: Lane, left: int, visible_bit: int, any_hit: bool,
-    time: Lane | None, best: Hit,
-) -> Hit:  # fmt: skip
-    """`best`, or what the rays whose bits are set in `left` meet aside, where that comes first."""
-    kept, found = simd.stack_array(np.float64, _KEPT), simd.stack_array(np.float64, _FOUND)
-    numbers = simd.stack_array(np.int64, _NUMBERS)
+def _trace_each(accel: Any, ray: Ray, until: Lane, left: int, visible_bit: int, any_hit: bool, best: Hit) -> Hit:
+    """`best`, or closer hits of the rays whose bits are set in `left`, traced one by one up to `until`."""
+    rays, hits = simd.stack_array(np.float64, _RAYS), simd.stack_array(np.float64, _HITS)
+    ids, (origin, direction) = simd.stack_array(np.int64, _IDS), (ray.origin, ray.direction)
     for j, x in ((0, origin[0]), (1, origin[1]), (2, origin[2]), (3, direction[0]), (4, direction[1]), (5, direction[2])):
-        crosslane.store(kept, j, x)
-    crosslane.store(kept, 6, t_min)
-    crosslane.store(kept, 7, t_max)
-    crosslane.store(kept, 8, until)
-    crosslane.store(found, 0, best.t)
-    crosslane.store(found, 1, best.u)
-    crosslane.store(found, 2, best.v)
-    crosslane.store(numbers, 0, best.instance)
-    crosslane.store(numbers, 1, best.primitive)
-    rays = single_ray.room()
+        crosslane.store(rays, j, x)
+    crosslane.store(rays, 6, ray.t_min)
+    crosslane.store(rays, 7, ray.t_max)
+    crosslane.store(rays, 8, until)
+    crosslane.store(hits, 0, best.t)
+    crosslane.store(hits, 1, best.u)
+    crosslane.store(hits, 2, best.v)
+    crosslane.store(ids, 0, best.instance)
+    crosslane.store(ids, 1, best.primitive)
+    stored = ray_state.allocate_rays()
     while left != 0:
         k = simd.trailing_zeros(left)
         left &= left - 1
-        ray = One(_at3(kept, 0, k), _at3(kept, 3, k), _at(kept, 6, k), _at(kept, 7, k), _of(time, k))
-        first = _through(accel, ray, _at(kept, 8, k), visible_bit, any_hit, rays)
-        t = simd.read(found, k)
+        one = Ray(_at3(rays, 0, k), _at3(rays, 3, k), _at(rays, 6, k), _at(rays, 7, k), _lane_of_time(ray.time, k))
+        first = _trace_ray(accel, one, _at(rays, 8, k), visible_bit, any_hit, stored)
+        t = simd.read(hits, k)
         if any_hit:
-            simd.write(found, _LANES + k, first.share)
-            if first.share > 0.0:
+            simd.write(hits, _LANES + k, first.transmittance)
+            if first.transmittance > 0.0:
                 continue
-        elif not (first.t < t or (first.t == t and first.t < np.inf and first.instance < simd.read(numbers, k))):
+        elif not (first.t < t or (first.t == t and first.t < np.inf and first.instance < simd.read(ids, k))):
             continue
         else:
-            simd.write(found, _LANES + k, first.u)
-        simd.write(found, k, first.t)
-        simd.write(found, 2 * _LANES + k, first.v)
-        simd.write(numbers, k, first.instance)
-        simd.write(numbers, _LANES + k, first.primitive)
-    return Hit(
-        crosslane.load(found, 0), crosslane.load(numbers, 0), crosslane.load(numbers, 1), crosslane.load(found, 1), crosslane.load(found, 2)
-    )
+            simd.write(hits, _LANES + k, first.u)
+        simd.write(hits, k, first.t)
+        simd.write(hits, 2 * _LANES + k, first.v)
+        simd.write(ids, k, first.instance)
+        simd.write(ids, _LANES + k, first.primitive)
+    return Hit(crosslane.load(hits, 0), crosslane.load(ids, 0), crosslane.load(ids, 1), crosslane.load(hits, 1), crosslane.load(hits, 2))
 
 
-def _of(time: Lane | None, k: int) -> Any:
-    """Lane k of rays' times, in kernels."""
+def _lane_of_time(time: Lane | None, k: int) -> Any:
+    """Lane k of the rays' times, None without times, in kernels."""
     raise NotImplementedError
 
 
-@overload(_of, jit_options=HELPER)
-def _of_in_kernels(time, k):
+@overload(_lane_of_time, jit_options=HELPER)
+def _lane_of_time_in_kernels(time, k):
     return (lambda time, k: None) if isinstance(time, types.NoneType) else lambda time, k: crosslane.lane(time, k)
 
 
 @helper
-def _at3(kept: Any, row: int, k: int) -> Vec:
-    return _at(kept, row, k), _at(kept, row + 1, k), _at(kept, row + 2, k)
+def _at3(rays: Any, row: int, k: int) -> Vec:
+    return _at(rays, row, k), _at(rays, row + 1, k), _at(rays, row + 2, k)
 
 
 @helper
-def _at(kept: Any, row: int, k: int) -> Any:
-    return simd.read(kept, row * _LANES + k)
+def _at(rays: Any, row: int, k: int) -> Any:
+    return simd.read(rays, row * _LANES + k)

@@ -1,4 +1,4 @@
-"""Several rays that go one way, as one: whether they do, whether they are near each other, and what holds them all."""
+"""Packets of coherent rays: the test for coherence, and the intervals and the central ray that represent a packet."""
 
 from __future__ import annotations
 
@@ -10,163 +10,164 @@ from ... import simd
 from ...jit.kernel import helper
 from ...lanes import crosslane, ops
 from ...types import Lane, Vec
-from . import ray_box, single_ray, triangle_filter
+from . import ray_box, ray_state, triangle_filter
 
-FEW = 3  # rays from which on it is worth it
-BUNDLES = crosslane.WIDTH >= FEW
-WIDE = 0.2  # leaves of the mesh for each of them that they may be apart
-WIDE_ANY = 0.09  # the same for any hit, which a ray by itself finds sooner
-_FAR, _STEEP = np.float32(single_ray.FAR), np.float32(single_ray.STEEP)
+MIN_RAYS = 3  # of a packet
+PACKETS = crosslane.WIDTH >= MIN_RAYS
+SPREAD = 0.2  # largest extent of a packet, in leaves of the mesh per ray
+SPREAD_ANY = 0.09  # the same for any hit, which single rays find sooner
+_FAR, _STEEP = np.float32(ray_state.FAR), np.float32(ray_state.STEEP)
 
 
-class Core(NamedTuple):
-    """Rays as one in their middle, and how far they are from it, for a leaf's triangles; numbers in single precision."""
+class CentralRay(NamedTuple):
+    """The central ray of a packet and the extent of the packet around it, in single precision, for the triangles of a leaf."""
 
-    axes: tuple[int, int, int]
-    origin: Vec  # where they enter the mesh's box, in the shear's axes
+    axes: tuple[int, int, int]  # of the shear
+    origin: Vec  # the entry into the mesh's box, in the shear's axes
     shear: tuple[Lane, Lane]
-    apart: tuple[Lane, Lane]  # half of their distance where the middle one begins
-    flare: tuple[Lane, Lane]  # how much that grows for each unit along the main axis
-    early: Lane  # how far before the middle one they may begin, along the main axis
-    scale: Lane  # the least t of a unit along the main axis; below 0 where they go down
-    off: Lane  # what rounding may move a corner
+    spread: tuple[Lane, Lane]  # half the extent of the packet at the central ray's start
+    flare: tuple[Lane, Lane]  # growth of `spread` per unit along the main axis
+    early: Lane  # how far before the central ray others start, along the main axis
+    scale: Lane  # smallest t of a unit along the main axis; negative for rays that go down it
+    off: Lane  # rounding error of a corner
 
 
-class Group(NamedTuple):
-    """Rays side by side that go one way: of one octant, with one main axis."""
+class Packet(NamedTuple):
+    """Rays of one octant with one main axis, in single precision."""
 
-    left: int  # bits of those that count; k is one of them
+    active: int  # bits of the rays of the packet; k is one of them
     k: int
     up: tuple[bool, bool, bool]  # toward greater x, y, z
-    origin: Vec  # where they enter the mesh's box, in single precision
+    origin: Vec  # the entry into the mesh's box
     inverse: Vec  # 1 / direction
-    limits: Lane  # how far they go from there
+    limits: Lane  # lengths of the rays from there
 
 
 @helper
-def is_coherent(left: int, d: Vec, ray: ray_box.BoxRay) -> bool:
-    """Whether the rays whose bits are set in `left` are several and go one way."""
-    if simd.population(left) < FEW:
+def is_coherent(active: int, d: Vec, ray: ray_box.BoxRay) -> bool:
+    """Whether the rays whose bits are set are at least MIN_RAYS and share octant and main axis."""
+    if simd.population(active) < MIN_RAYS:
         return False
-    x, y = _main(d)
-    return (_mixed(x, left) | _mixed(y, left) | _mixed(crosslane.bits(ray.x), left) | _mixed(crosslane.bits(ray.y), left)
-            | _mixed(crosslane.bits(ray.z), left)) == 0  # fmt: skip
+    x, y = _main_axis(d)
+    return (_differs(x, active) | _differs(y, active) | _differs(crosslane.bits(ray.x), active) | _differs(crosslane.bits(ray.y), active)
+            | _differs(crosslane.bits(ray.z), active)) == 0  # fmt: skip
 
 
 @helper
-def _main(d: Vec) -> tuple[int, int]:
-    """Bits of the rays whose largest axis is x, and y, as flat.shear chooses it."""
+def _main_axis(d: Vec) -> tuple[int, int]:
+    """Bits of the rays whose largest component is x, and whose y is not less than z, as flat_shapes.shear chooses axes."""
     x, y, z = abs(d[0]), abs(d[1]), abs(d[2])
     return crosslane.bits((x >= y) & (x >= z)), crosslane.bits(y >= z)
 
 
 @helper
-def _mixed(bits: int, left: int) -> int:
-    """0 where bits are the same in all of `left`."""
-    bits &= left
-    return bits * (bits ^ left)
+def _differs(bits: int, active: int) -> int:
+    """0 where all active bits are equal."""
+    bits &= active
+    return bits * (bits ^ active)
 
 
-class Way(NamedTuple):
-    """Which way rays go that are `alike`."""
+class PacketShear(NamedTuple):
+    """The shear of coherent rays."""
 
-    k: int  # one of them
-    axes: tuple[int, int, int]  # of the shear
-    slopes: Vec  # and its factors
+    k: int  # one of the rays
+    axes: tuple[int, int, int]
+    factors: Vec
 
 
 @helper
-def way(left: int, d: Vec, ray: ray_box.BoxRay) -> Way:
-    k = simd.trailing_zeros(left)
-    x, y = _main(d)
+def shear_packet(active: int, d: Vec, ray: ray_box.BoxRay) -> PacketShear:
+    k = simd.trailing_zeros(active)
+    x, y = _main_axis(d)
     kz = 0 if (x >> k) & 1 else (1 if (y >> k) & 1 else 2)
     kx, ky = (kz + 1) % 3, (kz + 2) % 3
-    if not crosslane.lane(pick((ray.x, ray.y, ray.z), kz), k):
+    if not crosslane.lane(component((ray.x, ray.y, ray.z), kz), k):
         kx, ky = ky, kx
-    scale = pick(ray.inverse, kz)
-    return Way(k, (kx, ky, kz), (pick(d, kx) * scale, pick(d, ky) * scale, scale))
+    scale = component(ray.inverse, kz)
+    return PacketShear(k, (kx, ky, kz), (component(d, kx) * scale, component(d, ky) * scale, scale))
 
 
 @helper
-def may_be_close(rays: Way, left: int, o: Vec, fine: Any, any_hit: bool) -> bool:
-    """Whether the first and the last ray of a mesh, as they pass its middle, may be near enough to each other for all to be `close`."""
-    z = pick(o, rays.axes[2])
+def may_share_leaves(shear: PacketShear, active: int, o: Vec, leaf_extent: Any, any_hit: bool) -> bool:
+    """Whether the first and the last ray are close enough at the mesh's origin for `share_leaves` to hold: a quick rejection."""
+    z = component(o, shear.axes[2])
     last = crosslane.width(o[0]) - 1
-    last = last if (left >> last) & 1 else rays.k
-    width = (WIDE_ANY if any_hit else WIDE) * fine * simd.population(left)
-    return (_between(pick(o, rays.axes[0]) - rays.slopes[0] * z, rays.k, last) <= width
-            and _between(pick(o, rays.axes[1]) - rays.slopes[1] * z, rays.k, last) <= width)  # fmt: skip
+    last = last if (active >> last) & 1 else shear.k
+    width = (SPREAD_ANY if any_hit else SPREAD) * leaf_extent * simd.population(active)
+    return (_lane_distance(component(o, shear.axes[0]) - shear.factors[0] * z, shear.k, last) <= width
+            and _lane_distance(component(o, shear.axes[1]) - shear.factors[1] * z, shear.k, last) <= width)  # fmt: skip
 
 
 @helper
-def _between(x: Lane, k: int, last: int) -> Any:
+def _lane_distance(x: Lane, k: int, last: int) -> Any:
     return abs(simd.lane(x, k) - simd.lane(x, last))
 
 
 @helper
-def group(left: int, k: int, o: Vec, d: Vec, ray: ray_box.BoxRay, enters: Lane, until: Lane) -> Group:
-    """For rays that are `alike` and enter a mesh's box at `enters`; nothing beyond `until` is asked for."""
-    up = (crosslane.bits(ray.x) >> k) & 1 != 0, (crosslane.bits(ray.y) >> k) & 1 != 0, (crosslane.bits(ray.z) >> k) & 1 != 0
-    inverse = simd.to_f32(ray.inverse[0]), simd.to_f32(ray.inverse[1]), simd.to_f32(ray.inverse[2])
+def make_packet(active: int, k: int, rays: ray_box.MeshRays) -> Packet:
+    """The packet of coherent rays, of which k is one."""
+    o, d, box, enters = rays.origin, rays.direction, rays.box, rays.enters
+    up = (crosslane.bits(box.x) >> k) & 1 != 0, (crosslane.bits(box.y) >> k) & 1 != 0, (crosslane.bits(box.z) >> k) & 1 != 0
+    inverse = simd.to_f32(box.inverse[0]), simd.to_f32(box.inverse[1]), simd.to_f32(box.inverse[2])
     most = _STEEP * ops.smallest((abs(inverse[0]), abs(inverse[1]), abs(inverse[2])))
-    return Group(
-        left, k, up,
-        (_entered(o[0], d[0], enters), _entered(o[1], d[1], enters), _entered(o[2], d[2], enters)),
+    return Packet(
+        active, k, up,
+        (_entry_point(o[0], d[0], enters), _entry_point(o[1], d[1], enters), _entry_point(o[2], d[2], enters)),
         (ops.clip(inverse[0], -most, most), ops.clip(inverse[1], -most, most), ops.clip(inverse[2], -most, most)),
-        simd.to_f32((until - enters) * single_ray.FAR),
+        simd.to_f32((rays.until - enters) * ray_state.FAR),
     )  # fmt: skip
 
 
 @helper
-def _entered(o: Lane, d: Lane, enters: Lane) -> Lane:
+def _entry_point(o: Lane, d: Lane, enters: Lane) -> Lane:
     return simd.to_f32(o + enters * d)
 
 
 @helper
-def share_leaves(core: Core, left: int, reach: Any, fine: Any, any_hit: bool) -> bool:
-    """Whether rays go through much the same leaves of a mesh that single precision has the range for.
+def share_leaves(central: CentralRay, active: int, extent: Any, leaf_extent: Any, any_hit: bool) -> bool:
+    """Whether a packet crosses mostly the same leaves and float32 has the range for the mesh.
 
-    `reach` is the largest of the mesh's coordinates, `fine` how wide its leaves are.
+    `extent` is the mesh's largest coordinate, `leaf_extent` the median extent of its leaves.
     """
-    if triangle_filter.unsure(np.float32(0.5) * core.off) != 0:
+    if triangle_filter.unsure_bits(np.float32(0.5) * central.off) != 0:
         return False
-    width = np.float32(0.5 * (WIDE_ANY if any_hit else WIDE) * fine * simd.population(left))
-    far = np.float32(2.0 * reach)
-    return core.apart[0] + far * core.flare[0] <= width and core.apart[1] + far * core.flare[1] <= width
+    width = np.float32(0.5 * (SPREAD_ANY if any_hit else SPREAD) * leaf_extent * simd.population(active))
+    far = np.float32(2.0 * extent)
+    return central.spread[0] + far * central.flare[0] <= width and central.spread[1] + far * central.flare[1] <= width
 
 
 @helper
-def core_of(rays: Group, go: Way, off: Any) -> Core:
-    """`off`: by how much a corner may be off."""
-    kx, ky, kz = go.axes
-    x, y, z = pick(rays.origin, kx), pick(rays.origin, ky), pick(rays.origin, kz)
-    k, mine = rays.k, simd.mask_from_bits(rays.left, z)
-    sx, sy = simd.to_f32(go.slopes[0]), simd.to_f32(go.slopes[1])
-    mz, hz = _middle(z, mine, k)
-    (mx, hx), (my, hy) = _middle(simd.fma(sx, mz - z, x), mine, k), _middle(simd.fma(sy, mz - z, y), mine, k)
-    (tx, fx), (ty, fy) = _middle(sx, mine, k), _middle(sy, mine, k)
-    return Core(
-        go.axes, (mx, my, mz), (tx, ty), (hx + off, hy + off), (fx * _FAR, fy * _FAR), hz + off,
-        _least(simd.to_f32(go.slopes[2]), mine, k), off,
+def central_ray(rays: Packet, shear: PacketShear, off: Any) -> CentralRay:
+    """The central ray of a packet; `off` is the rounding error of a corner."""
+    kx, ky, kz = shear.axes
+    x, y, z = component(rays.origin, kx), component(rays.origin, ky), component(rays.origin, kz)
+    k, mask = rays.k, simd.mask_from_bits(rays.active, z)
+    sx, sy = simd.to_f32(shear.factors[0]), simd.to_f32(shear.factors[1])
+    mz, hz = _center(z, mask, k)
+    (mx, hx), (my, hy) = _center(simd.fma(sx, mz - z, x), mask, k), _center(simd.fma(sy, mz - z, y), mask, k)
+    (tx, fx), (ty, fy) = _center(sx, mask, k), _center(sy, mask, k)
+    return CentralRay(
+        shear.axes, (mx, my, mz), (tx, ty), (hx + off, hy + off), (fx * _FAR, fy * _FAR), hz + off,
+        _nearest_to_zero(simd.to_f32(shear.factors[2]), mask, k), off,
     )  # fmt: skip
 
 
 @helper
-def pick(x: Vec, k: int) -> Lane:
-    """Component k, the same of all rays."""
+def component(x: Vec, k: int) -> Lane:
+    """Component k, one number for all lanes."""
     return x[0] if k == 0 else (x[1] if k == 1 else x[2])
 
 
 @helper
-def _middle(x: Lane, mine: Lane, k: int) -> tuple[Any, Any]:
-    """The middle of some lanes, of which k is one, and how far they may be from it."""
-    x = simd.select(mine, x, simd.lane(x, k))
+def _center(x: Lane, mask: Lane, k: int) -> tuple[Any, Any]:
+    """(center, half extent) of the lanes of a mask, of which k is one."""
+    x = simd.select(mask, x, simd.lane(x, k))
     low, high = simd.min_of(x), simd.max_of(x)
     return np.float32(0.5) * (low + high), np.float32(0.5) * (high - low)
 
 
 @helper
-def _least(x: Lane, mine: Lane, k: int) -> Any:
-    """What is nearest to 0 in some lanes that are all above or all below it."""
-    x = simd.select(mine, x, simd.lane(x, k))
+def _nearest_to_zero(x: Lane, mask: Lane, k: int) -> Any:
+    """The value of smallest magnitude in the lanes of a mask, which all have one sign."""
+    x = simd.select(mask, x, simd.lane(x, k))
     return simd.min_of(x) if simd.lane(x, k) > np.float32(0.0) else simd.max_of(x)

@@ -1,12 +1,11 @@
-"""What rays that go one way meet of a leaf's triangles: in single precision as far as that is sure, else in double.
+"""Intersection of a packet with the triangles of a leaf: culling for the whole packet, then tests of all rays side by side.
 
-Triangles are sieved as the rays' middle sees them, with a rectangle that holds the others. What passes is met by all rays side by side
-in single precision, with what rounding may do to it: a ray that is sure to pass through a triangle, before all it has met, keeps its
-place alone, and meets it in double precision at the end, when it is the first; where that is not sure, rays meet it in double precision
-as soon as the leaf is done. So what each meets is, to the last bit, what it would meet by itself.
+Triangles are culled against the packet, seen along its central ray as a rectangle. For the closest hit, all rays are then tested in double
+precision. For any hit, all rays are tested in single precision with error bounds first; only undecided cases go on to double precision. So
+each ray's hit is, to the last bit, the hit that it finds alone.
 
-Depth is along the main axis, the way the rays go, from where the middle one begins. The loop over triangles has no branch but its own:
-processors guess what a ray meets wrong as often as not.
+Depth is measured along the main axis, in the rays' direction, from the start of the central ray. The loop over triangles does not branch
+on hits: half of such branches are mispredicted.
 """
 
 from __future__ import annotations
@@ -14,145 +13,150 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 
 from ... import simd
 from ...geometry import flat_shapes as flat
-from ...jit.kernel import HELPER, helper, make_replace
-from ...lanes import crosslane, ops
+from ...jit.kernel import helper, make_replace
+from ...lanes import ops
 from ...types import Lane, Vec
 from ..build.wide_bvh import LEAF, WHICH, WIDTH, spread32, triangle_of
-from . import single_ray, triangle_filter
-from .packet import Core, Group, Way, pick
+from . import ray_box, ray_state, triangle_filter
+from .packet import CentralRay, Packet, PacketShear, component
 
-_FAR = np.float32(single_ray.FAR)
-_EDGE = 6 * WIDTH  # numbers of an edge of a leaf's triangles: see `_keep_edge`
-_ERROR, _FIRST, _LAST = 3 * _EDGE, 3 * _EDGE + WIDTH, 3 * _EDGE + 2 * WIDTH  # how far off edges may be; depths a triangle lies between
+_FAR = np.float32(ray_state.FAR)
+_EDGE = 6 * WIDTH  # floats of one edge of a leaf's triangles, see `_store_edge`
+_ERROR, _FIRST, _LAST = 3 * _EDGE, 3 * _EDGE + WIDTH, 3 * _EDGE + 2 * WIDTH  # errors of edge functions; depths of the triangles
 _CORNERS = _LAST + WIDTH  # depths of corners a, b, c
-EDGES = _CORNERS + 3 * WIDTH  # float32 numbers of a leaf's triangles as the middle ray sees them
+EDGES = _CORNERS + 3 * WIDTH  # floats of a leaf's triangles as seen along the central ray
 
 
-class Middle(NamedTuple):
-    """The middle ray as a leaf's triangles want it; see sieve.Sieve."""
+class CentralFilter(NamedTuple):
+    """The central ray for triangle_filter.shear_corners."""
 
     x: int
     y: int
     z: int
-    way: Lane
+    sign: Lane
     origin: Vec
     shear: tuple[Lane, Lane]
     off: Lane
 
 
-class Rays(NamedTuple):
-    """Rays as triangles want them: in single precision beside the middle one, in double from their origins."""
+class LeafRays(NamedTuple):
+    """A packet for the triangles of leaves: single precision relative to the central ray, double precision from the origins."""
 
-    rows: tuple[int, int, int]  # of a leaf, for the shear's axes
-    aside: tuple[Lane, Lane]  # x and -y of where a ray passes at depth 0
-    slant: tuple[Lane, Lane]  # x and -y of how much that grows for each unit of the main axis
-    turn: Lane  # their cross product
-    ahead: Lane  # the depth at which it enters the mesh's box
+    rows: tuple[int, int, int]  # of a leaf for the shear's axes
+    offset: tuple[Lane, Lane]  # x and -y of a ray at depth 0
+    slant: tuple[Lane, Lane]  # x and -y growth of `offset` per unit of depth
+    twist: Lane  # cross product of offset and slant
+    entry_depth: Lane  # of the entry into the mesh's box
     scale: Lane  # t of a unit of depth
     along: Lane  # depth of a unit of t
-    begins: Lane  # depth from which on what is met is sure to count
-    far: Vec  # origin, in double precision
+    first_depth: Lane  # depth from which on a hit certainly has t > t_min
+    origin: Vec  # double precision, in the shear's axes
     shear: Vec
     t_min: Lane
     t_max: Lane
     enters: Lane
 
 
-class Found(NamedTuple):
-    """What rays have met so far: in double precision, and what is sure to come first but has yet to be met so."""
+class PacketHits(NamedTuple):
+    """Hits of a packet so far: exact ones, and for any hit those that are certain in single precision."""
 
     t: Lane
     triangle: Lane
-    v: Lane  # weights of the second and the third corner, times `total`
+    v: Lane  # weights of the second and third corner, times `total`
     w: Lane
     total: Lane
-    place: Lane  # int32: the leaf · WIDTH + triangle that is sure, or -1
-    nearest: Lane  # float32: depth before which nothing of it lies; or beyond which nothing is sure to count
-    deepest: Lane  # float32: down to which depth each is still to go
-    limits: Lane  # float32: and to which t, from where it enters
+    certain: Lane  # int32: leaf · WIDTH + triangle of a certain hit, or -1
+    nearest: Lane  # float32: depth of a certain hit, or beyond which no hit is certain
+    deepest: Lane  # float32: depth up to which each ray goes on
+    limits: Lane  # float32: distance from the entry up to which each ray goes on
 
 
-_sure_of = make_replace(Found, "place", "nearest", "deepest", "limits")
-_exact_of = make_replace(Found, "t", "triangle", "v", "w", "total", "deepest", "limits")
+_replace_certain = make_replace(PacketHits, "certain", "nearest", "deepest", "limits")
+_replace_exact = make_replace(PacketHits, "t", "triangle", "v", "w", "total", "deepest", "limits")
 
 
 @helper
-def rays_of(group: Group, go: Way, core: Core, o: Vec, d: Vec, enters: Lane, t_min: Lane, t_max: Lane) -> Rays:
-    kx, ky, kz = go.axes
-    far = pick(o, kx), pick(o, ky), pick(o, kz)
-    x, dx = _beside(far, go.slopes, core, 0)
-    y, dy = _beside(far, go.slopes, core, 1)
-    deep, along = far[2] + enters * pick(d, kz) - np.float64(core.origin[2]), abs(simd.to_f32(pick(d, kz)))
-    ahead = simd.to_f32(deep if core.scale > np.float32(0.0) else -deep)
-    return Rays(
-        (WIDTH * kx, WIDTH * ky, WIDTH * kz), (x, -y), (dx, -dy), simd.fma(x, dy, -(y * dx)), ahead, abs(simd.to_f32(go.slopes[2])), along,
-        simd.fma(simd.to_f32(t_min - enters), along, ahead + core.off),
-        far, go.slopes, t_min, ops.where(simd.mask_from_bits(group.left, enters), t_max, -np.inf), enters,
+def prepare_rays(group: Packet, shear: PacketShear, central: CentralRay, rays: ray_box.MeshRays) -> LeafRays:
+    kx, ky, kz = shear.axes
+    o, d, enters = rays.origin, rays.direction, rays.enters
+    origin = component(o, kx), component(o, ky), component(o, kz)
+    x, dx = _relative_to_central(origin, shear.factors, central, 0)
+    y, dy = _relative_to_central(origin, shear.factors, central, 1)
+    deep, along = origin[2] + enters * component(d, kz) - np.float64(central.origin[2]), abs(simd.to_f32(component(d, kz)))
+    entry_depth = simd.to_f32(deep if central.scale > np.float32(0.0) else -deep)
+    return LeafRays(
+        (WIDTH * kx, WIDTH * ky, WIDTH * kz), (x, -y), (dx, -dy), simd.fma(x, dy, -(y * dx)), entry_depth,
+        abs(simd.to_f32(shear.factors[2])), along, simd.fma(simd.to_f32(rays.t_min - enters), along, entry_depth + central.off),
+        origin, shear.factors, rays.t_min, ops.where(simd.mask_from_bits(group.active, enters), rays.t_max, -np.inf), enters,
     )  # fmt: skip
 
 
 @helper
-def _beside(origin: Vec, slopes: Vec, core: Core, axis: int) -> tuple[Lane, Lane]:
-    """How far rays are from the middle one, along an axis of the shear, where that begins; and how much that grows."""
-    middle, slope = np.float64(core.origin[axis]), np.float64(core.shear[axis])
-    at = simd.fma(slopes[axis], np.float64(core.origin[2]) - origin[2], origin[axis])
-    return simd.to_f32(at - middle), simd.to_f32(slopes[axis] - slope)
+def _relative_to_central(origin: Vec, factors: Vec, central: CentralRay, axis: int) -> tuple[Lane, Lane]:
+    """(offset of rays from the central ray at its start along an axis of the shear, growth of that per unit of depth)."""
+    middle, slope = np.float64(central.origin[axis]), np.float64(central.shear[axis])
+    at = simd.fma(factors[axis], np.float64(central.origin[2]) - origin[2], origin[axis])
+    return simd.to_f32(at - middle), simd.to_f32(factors[axis] - slope)
 
 
 @helper
-def nothing(rays: Rays, core: Core, limits: Lane) -> Found:
+def no_hits(rays: LeafRays, central: CentralRay, limits: Lane) -> PacketHits:
     zero = 0.0 * rays.enters
-    return Found(
+    return PacketHits(
         zero + np.inf, ops.int_like(zero, -1), zero, zero, zero + 1.0, simd.to_i32(ops.full_like(limits, np.float32(-1.0))),
-        simd.fma(simd.to_f32(rays.t_max - rays.enters), rays.along, rays.ahead - core.off), _depth(rays, core, limits), limits,
+        simd.fma(simd.to_f32(rays.t_max - rays.enters), rays.along, rays.entry_depth - central.off), _depth(rays, central, limits), limits,
     )  # fmt: skip
 
 
 @helper
-def _depth(rays: Rays, core: Core, t: Lane) -> Lane:
-    """The depth that rays have reached at t, at most."""
-    return simd.fma(t, rays.along, rays.ahead + core.off)
+def _depth(rays: LeafRays, central: CentralRay, t: Lane) -> Lane:
+    """Upper bound of the depth at distance t from the entry."""
+    return simd.fma(t, rays.along, rays.entry_depth + central.off)
 
 
 @helper
-def middle(core: Core) -> Middle:
-    kx, ky, kz = core.axes
-    x, y, z = core.origin
-    shear = spread32(core.shear[0]), spread32(core.shear[1])
-    return Middle(WIDTH * kx, WIDTH * ky, WIDTH * kz, spread32(1.0), (spread32(x), spread32(y), spread32(z)), shear, spread32(core.off))
+def central_filter(central: CentralRay) -> CentralFilter:
+    kx, ky, kz = central.axes
+    x, y, z = central.origin
+    shear = spread32(central.shear[0]), spread32(central.shear[1])
+    origin = spread32(x), spread32(y), spread32(z)
+    return CentralFilter(WIDTH * kx, WIDTH * ky, WIDTH * kz, spread32(1.0), origin, shear, spread32(central.off))
+
+
+# --- culling ---
 
 
 @helper
-def cull_triangles(leaves: Any, leaf: int, core: Core, ray: Middle, limit: Any, edges: Any) -> int:
-    """Bits of a leaf's triangles that one of the rays may meet before `limit`, of which `edges` then holds what `_passed` wants.
+def cull_triangles(leaves: Any, leaf: int, central: CentralRay, ray: CentralFilter, limit: Any, edges: Any) -> int:
+    """Bits of the triangles of a leaf that a ray of the packet may hit before `limit`; fills `edges` for `_edge_function`.
 
-    Seen along the middle ray the others pass through a rectangle, as large as it is where the farther end of a triangle lies; a
-    triangle is left out where one of the rectangle's axes or one of its own edges parts the two. What the rays go apart along the
-    triangle itself counts with rounding, as what may move its corners.
+    Seen along the central ray the packet is a rectangle, of the size that it has at the farther end of a triangle. A triangle is culled
+    where one of the rectangle's axes or of its own edges separates the two. The packet's growth along the triangle counts as an error of
+    its corners.
     """
     at, half = leaf * LEAF, np.float32(0.5)
     a, b, c = (
-        triangle_filter.aside(leaves, at, ray),
-        triangle_filter.aside(leaves, at + 3 * WIDTH, ray),
-        triangle_filter.aside(leaves, at + 6 * WIDTH, ray),
+        triangle_filter.shear_corners(leaves, at, ray),
+        triangle_filter.shear_corners(leaves, at + 3 * WIDTH, ray),
+        triangle_filter.shear_corners(leaves, at + 6 * WIDTH, ray),
     )
-    low, high = triangle_filter.least_of(a[2], b[2], c[2]), triangle_filter.most_of(a[2], b[2], c[2])
+    low, high = triangle_filter.min_of_three(a[2], b[2], c[2]), triangle_filter.max_of_three(a[2], b[2], c[2])
     away, long = half * abs(low + high), half * (high - low)
-    wide, tall = simd.fma(away, core.flare[0], spread32(core.apart[0])), simd.fma(away, core.flare[1], spread32(core.apart[1]))
-    off = simd.fma(long, max(core.flare[0], core.flare[1]), ray.off)
-    hits = simd.bits(_spans(a[0], b[0], c[0], wide + off) & _spans(a[1], b[1], c[1], tall + off) & _parted(a, b, c, wide, tall, off))
-    up = core.scale > np.float32(0.0)
+    flare, spread = central.flare, central.spread
+    wide, tall = simd.fma(away, flare[0], spread32(spread[0])), simd.fma(away, flare[1], spread32(spread[1]))
+    off = simd.fma(long, max(flare[0], flare[1]), ray.off)
+    hits = simd.bits(_overlaps(a[0], b[0], c[0], wide + off) & _overlaps(a[1], b[1], c[1], tall + off) & _crosses(a, b, c, wide, tall, off))
+    up = central.scale > np.float32(0.0)
     first = low if up else high
-    hits &= simd.bits((first * core.scale - core.early * abs(core.scale)) <= limit * _FAR)
+    hits &= simd.bits((first * central.scale - central.early * abs(central.scale)) <= limit * _FAR)
     if hits != 0:
-        _keep_edge(edges, 0, c, b)
-        _keep_edge(edges, _EDGE, a, c)
-        _keep_edge(edges, 2 * _EDGE, b, a)
-        simd.store(edges, _ERROR, _error(a, b, c, simd.fma(long, core.flare[0], wide) + simd.fma(long, core.flare[1], tall), ray.off))
+        _store_edge(edges, 0, c, b)
+        _store_edge(edges, _EDGE, a, c)
+        _store_edge(edges, 2 * _EDGE, b, a)
+        simd.store(edges, _ERROR, _area_error(a, b, c, simd.fma(long, flare[0], wide) + simd.fma(long, flare[1], tall), ray.off))
         simd.store(edges, _FIRST, (low if up else -high) - ray.off)
         simd.store(edges, _LAST, (high if up else -low) + ray.off)
         simd.store(edges, _CORNERS, a[2] if up else -a[2])
@@ -162,8 +166,8 @@ def cull_triangles(leaves: Any, leaf: int, core: Core, ray: Middle, limit: Any, 
 
 
 @helper
-def _keep_edge(edges: Any, at: int, p: Vec, q: Vec) -> None:
-    """Of an edge from p to q of all triangles, what `_passed` wants."""
+def _store_edge(edges: Any, at: int, p: Vec, q: Vec) -> None:
+    """Store the coefficients of `_edge_function` of the edges from p to q."""
     simd.store(edges, at, triangle_filter.cross(p, q))
     simd.store(edges, at + WIDTH, p[1] - q[1])
     simd.store(edges, at + 2 * WIDTH, p[0] - q[0])
@@ -173,183 +177,167 @@ def _keep_edge(edges: Any, at: int, p: Vec, q: Vec) -> None:
 
 
 @helper
-def _passed(edges: Any, at: int, rays: Rays) -> Lane:
-    """Twice the area of where rays pass and an edge from p to q, which are as the middle ray sees them.
+def _edge_function(edges: Any, at: int, rays: LeafRays) -> Lane:
+    """Twice the area of each ray's crossing point and an edge from p to q, given as the central ray sees them.
 
-    A ray that is `aside` by s and slants by d sees a corner at p - s - d z. The cross product of two of those is
+    A ray of offset s and slant d sees a corner p at p - s - d z. The cross product of two corners is
     p × q + s × (p - q) + d × (q_z p - p_z q) + (s × d) (q_z - p_z).
     """
-    area = simd.fma(rays.turn, simd.read(edges, at + 5 * WIDTH), simd.read(edges, at))
-    area = simd.fma(rays.aside[0], simd.read(edges, at + WIDTH), area)
-    area = simd.fma(rays.aside[1], simd.read(edges, at + 2 * WIDTH), area)
+    area = simd.fma(rays.twist, simd.read(edges, at + 5 * WIDTH), simd.read(edges, at))
+    area = simd.fma(rays.offset[0], simd.read(edges, at + WIDTH), area)
+    area = simd.fma(rays.offset[1], simd.read(edges, at + 2 * WIDTH), area)
     area = simd.fma(rays.slant[0], simd.read(edges, at + 3 * WIDTH), area)
     return simd.fma(rays.slant[1], simd.read(edges, at + 4 * WIDTH), area)
 
 
 @helper
-def _error(a: Vec, b: Vec, c: Vec, apart: Lane, off: Lane) -> Lane:
-    """How far off the area of two corners and a ray may be that passes `apart` from the middle one at most (the sum of both axes).
+def _area_error(a: Vec, b: Vec, c: Vec, spread: Lane, off: Lane) -> Lane:
+    """Error of the edge functions of rays up to `spread` from the central one (sum over both axes), with corners of error `off`.
 
-    Its four terms come to at most a quarter of the square of what is `far`, and are rounded ten times; each corner may be off by `off`.
+    The four terms of an edge function add up to at most a quarter of the square of `far`; ten roundings apply.
     """
-    far = (abs(a[0]) + abs(a[1])) + (abs(b[0]) + abs(b[1])) + (abs(c[0]) + abs(c[1])) + np.float32(4.0) * apart
+    far = (abs(a[0]) + abs(a[1])) + (abs(b[0]) + abs(b[1])) + (abs(c[0]) + abs(c[1])) + np.float32(4.0) * spread
     return simd.fma(far, simd.fma(far, np.float32(2.0**-21), off), np.float32(2.0) * off * off)
 
 
 @helper
-def _spans(a: Lane, b: Lane, c: Lane, half: Lane) -> Lane:
-    """Whether what lies around a, b, c meets -half … half."""
+def _overlaps(a: Lane, b: Lane, c: Lane, half: Lane) -> Lane:
+    """Whether the interval around a, b, c overlaps -half … half."""
     return triangle_filter.inside(a, b, c) <= half
 
 
 @helper
-def _parted(a: Vec, b: Vec, c: Vec, wide: Lane, tall: Lane, off: Lane) -> Lane:
-    """Whether no edge has a rectangle around 0, 0 wholly on the other side than the triangle, whose corners may be off by `off`."""
-    error = _error(a, b, c, wide + tall, off)
-    u, eu = _edge(c, b, wide, tall, error)
-    v, ev = _edge(a, c, wide, tall, error)
-    w, ew = _edge(b, a, wide, tall, error)
-    low, high = triangle_filter.least_of(u + eu, v + ev, w + ew), triangle_filter.most_of(u - eu, v - ev, w - ew)
+def _crosses(a: Vec, b: Vec, c: Vec, wide: Lane, tall: Lane, off: Lane) -> Lane:
+    """Whether no edge of a triangle, whose corners have the error `off`, separates it from a rectangle around 0, 0."""
+    error = _area_error(a, b, c, wide + tall, off)
+    u, eu = _rectangle_edge(c, b, wide, tall, error)
+    v, ev = _rectangle_edge(a, c, wide, tall, error)
+    w, ew = _rectangle_edge(b, a, wide, tall, error)
+    low, high = triangle_filter.min_of_three(u + eu, v + ev, w + ew), triangle_filter.max_of_three(u - eu, v - ev, w - ew)
     return (low >= np.float32(0.0)) | (high <= np.float32(0.0))
 
 
 @helper
-def _edge(p: Vec, q: Vec, wide: Lane, tall: Lane, error: Lane) -> tuple[Lane, Lane]:
-    """Twice the area of 0, 0 and an edge, and by how much it may be off for the rectangle's other points."""
+def _rectangle_edge(p: Vec, q: Vec, wide: Lane, tall: Lane, error: Lane) -> tuple[Lane, Lane]:
+    """(twice the area of 0, 0 and an edge, the largest deviation from that over the rectangle)."""
     return triangle_filter.cross(p, q), simd.fma(abs(p[1] - q[1]), wide, simd.fma(abs(p[0] - q[0]), tall, error))
 
 
-def take(leaves: Any, leaf: int, hits: int, rays: Rays, core: Core, found: Found, any_hit: bool, edges: Any) -> Found:
-    """What rays have met, with those triangles of a leaf whose bits are set in `hits`: in kernels."""
-    raise NotImplementedError
-
-
-@overload(take, jit_options=HELPER)
-def _take(leaves, leaf, hits, rays, core, found, any_hit, edges):
-    if rays.types[Rays._fields.index("enters")].lanes <= crosslane.WIDTH:
-        return lambda leaves, leaf, hits, rays, core, found, any_hit, edges: _few(leaves, leaf, hits, rays, core, found, any_hit, edges)
-    return lambda leaves, leaf, hits, rays, core, found, any_hit, edges: _if_sure(leaves, leaf, hits, rays, core, found, any_hit, edges)
+# --- hits ---
 
 
 @helper
-def _few(leaves: Any, leaf: int, hits: int, rays: Rays, core: Core, found: Found, any_hit: bool, edges: Any) -> Found:
-    """`take` for no more rays than a vector has doubles, which are met in double precision as fast as in single: only ends are sooner."""
+def intersect_triangles(
+    leaves: Any, leaf: int, which: int, rays: LeafRays, central: CentralRay, found: PacketHits, any_hit: bool, edges: Any
+) -> PacketHits:
+    """Test all rays against the triangles of a leaf whose bits are set in `which`."""
     if any_hit:
-        return _if_sure(leaves, leaf, hits, rays, core, found, any_hit, edges)
-    return _exactly(leaves, leaf, hits, rays, core, found, any_hit)
+        return _intersect_any(leaves, leaf, which, rays, central, found, edges)
+    return _intersect_exactly(leaves, leaf, which, rays, central, found, any_hit)
 
 
 @helper
-def _exactly(leaves: Any, leaf: int, hits: int, rays: Rays, core: Core, found: Found, any_hit: bool) -> Found:
-    """`take` in double precision."""
-    while hits != 0:
-        k = simd.trailing_zeros(hits)
-        hits &= hits - 1
-        found = _take_exactly(leaves, leaf, k, rays, core, found, any_hit)
+def _intersect_exactly(
+    leaves: Any, leaf: int, which: int, rays: LeafRays, central: CentralRay, found: PacketHits, any_hit: bool
+) -> PacketHits:
+    """Test in double precision."""
+    while which != 0:
+        k = simd.trailing_zeros(which)
+        which &= which - 1
+        found = _intersect_triangle(leaves, leaf, k, rays, central, found, any_hit)
     return found
 
 
 @helper
-def _take_exactly(leaves: Any, leaf: int, j: int, rays: Rays, core: Core, found: Found, any_hit: bool) -> Found:
-    met = _crossing_of(leaves, leaf * LEAF + j, rays)
+def _intersect_triangle(
+    leaves: Any, leaf: int, j: int, rays: LeafRays, central: CentralRay, found: PacketHits, any_hit: bool
+) -> PacketHits:
+    met = _crossing(leaves, leaf * LEAF + j, rays)
     if any_hit and not ops.any_lane(flat.ahead(met, rays.shear[2])):
         return found
     number = ops.int_like(rays.enters, np.int64(triangle_of(leaves, leaf, j)))
-    return _taken(found, rays, core, met, number, any_hit)
+    return _closer_hits(found, rays, central, met, number, any_hit)
 
 
 @helper
-def _if_sure(leaves: Any, leaf: int, hits: int, rays: Rays, core: Core, found: Found, any_hit: bool, edges: Any) -> Found:
-    """`take` in single precision where that is sure."""
-    place, nearest, deepest, unsure = found.place, found.nearest, found.deepest, 0
-    while hits != 0:
-        k = simd.trailing_zeros(hits)
-        hits &= hits - 1
-        u, v, w = _passed(edges, k, rays), _passed(edges, _EDGE + k, rays), _passed(edges, 2 * _EDGE + k, rays)
+def _intersect_any(
+    leaves: Any, leaf: int, which: int, rays: LeafRays, central: CentralRay, found: PacketHits, edges: Any
+) -> PacketHits:
+    """Test in single precision, and in double precision the triangles for which a ray is undecided."""
+    certain, nearest, deepest, undecided = found.certain, found.nearest, found.deepest, 0
+    while which != 0:
+        k = simd.trailing_zeros(which)
+        which &= which - 1
+        u, v, w = _edge_function(edges, k, rays), _edge_function(edges, _EDGE + k, rays), _edge_function(edges, 2 * _EDGE + k, rays)
         inside, error = triangle_filter.inside(u, v, w), simd.read(edges, _ERROR + k)
         first, last = simd.read(edges, _FIRST + k), simd.read(edges, _LAST + k)
-        may = (inside >= -error) & (deepest >= first)
-        ahead = rays.begins < first
-        if any_hit:
-            lead, blur = _lead(edges, k, u, v, w, error, first, last, rays, core)
-            may, ahead = may & (lead >= -blur), ahead | (lead > blur)
-        sure = may & (inside > error) & ahead & (nearest > last)
-        unsure |= (1 if ops.any_lane(may & ops.not_(sure)) else 0) << k
-        place = simd.select(sure, np.int32(leaf * WIDTH + k), place)
+        depth, blur = _plane_depth(edges, k, u, v, w, error, first, last, rays, central)
+        may = (inside >= -error) & (deepest >= first) & (depth >= -blur)
+        sure = may & (inside > error) & ((rays.first_depth < first) | (depth > blur)) & (nearest > last)
+        undecided |= (1 if ops.any_lane(may & ops.not_(sure)) else 0) << k
+        certain = simd.select(sure, np.int32(leaf * WIDTH + k), certain)
         nearest = simd.select(sure, first, nearest)
-        deepest = simd.select(sure, simd.minimum(deepest, last) if not any_hit else ops.full_like(nearest, np.float32(-np.inf)), deepest)
-    limits = simd.minimum(found.limits, (deepest - (rays.ahead - core.off)) * (rays.scale * _FAR))
-    found = _sure_of(found, place, nearest, deepest, limits)
-    if unsure != 0:
-        found = _exactly(leaves, leaf, unsure, rays, core, found, any_hit)
+        deepest = simd.select(sure, ops.full_like(nearest, np.float32(-np.inf)), deepest)
+    limits = simd.minimum(found.limits, (deepest - (rays.entry_depth - central.off)) * (rays.scale * _FAR))
+    found = _replace_certain(found, certain, nearest, deepest, limits)
+    if undecided != 0:
+        found = _intersect_exactly(leaves, leaf, undecided, rays, central, found, True)
     return found
 
 
 @helper
-def _lead(edges: Any, k: int, u: Lane, v: Lane, w: Lane, error: Lane, first: Lane, last: Lane, rays: Rays, core: Core) -> tuple[Lane, Lane]:
-    """sieve.lead_of for triangle k, from where rays enter the mesh's box."""
+def _plane_depth(
+    edges: Any, k: int, u: Lane, v: Lane, w: Lane, error: Lane, first: Lane, last: Lane, rays: LeafRays, central: CentralRay
+) -> tuple[Lane, Lane]:
+    """triangle_filter.plane_depth of triangle k, from where rays enter the mesh's box."""
     a, b, c = simd.read(edges, _CORNERS + k), simd.read(edges, _CORNERS + WIDTH + k), simd.read(edges, _CORNERS + 2 * WIDTH + k)
-    depth = simd.fma(w, c - rays.ahead, simd.fma(v, b - rays.ahead, u * (a - rays.ahead)))
-    return triangle_filter.lead_of(u, v, w, error, depth, simd.maximum(last - rays.ahead, rays.ahead - first), core.off)
+    start = rays.entry_depth
+    depth = simd.fma(w, c - start, simd.fma(v, b - start, u * (a - start)))
+    return triangle_filter.plane_depth(u, v, w, error, depth, simd.maximum(last - start, start - first), central.off)
 
 
 @helper
-def _crossing_of(leaves: Any, at: int, rays: Rays) -> flat.Crossing:
-    """Where rays pass one triangle, in double precision."""
+def _crossing(leaves: Any, at: int, rays: LeafRays) -> flat.Crossing:
+    """Where all rays cross one triangle, in double precision."""
     b, c = at + 3 * WIDTH, at + 6 * WIDTH
     return flat.crossing(_corner(leaves, at, rays), _corner(leaves, b, rays), _corner(leaves, c, rays), rays.shear[0], rays.shear[1])
 
 
 @helper
-def _corner(leaves: Any, at: int, rays: Rays) -> Vec:
+def _corner(leaves: Any, at: int, rays: LeafRays) -> Vec:
     kx, ky, kz = rays.rows
-    x, y, z = rays.far
+    x, y, z = rays.origin
     a, b, c = simd.read(leaves, at + kx), simd.read(leaves, at + ky), simd.read(leaves, at + kz)
     return np.float64(a) - x, np.float64(b) - y, np.float64(c) - z
 
 
 @helper
-def _taken(found: Found, rays: Rays, core: Core, met: flat.Crossing, number: Lane, any_hit: bool) -> Found:
-    """What rays have met, with where each passes a triangle."""
+def _closer_hits(
+    found: PacketHits, rays: LeafRays, central: CentralRay, met: flat.Crossing, number: Lane, any_hit: bool
+) -> PacketHits:
+    """The hits so far, or those with triangle `number` where they are closer."""
     t = flat.reached(met, rays.shear[2], rays.t_min, rays.t_max)
     nearer = (t < found.t) | ((t == found.t) & (t < np.inf) & (number < found.triangle))
     t = ops.where(nearer, t, found.t)
-    until = simd.to_f32((t - rays.enters) * single_ray.FAR) if not any_hit else simd.to_f32(ops.where(t < np.inf, -np.inf, t))
-    return _exact_of(
+    until = simd.to_f32((t - rays.enters) * ray_state.FAR) if not any_hit else simd.to_f32(ops.where(t < np.inf, -np.inf, t))
+    return _replace_exact(
         found, t, ops.where(nearer, number, found.triangle), ops.where(nearer, met.v, found.v), ops.where(nearer, met.w, found.w),
-        ops.where(nearer, met.total, found.total), simd.minimum(found.deepest, _depth(rays, core, until)),
+        ops.where(nearer, met.total, found.total), simd.minimum(found.deepest, _depth(rays, central, until)),
         simd.minimum(found.limits, until),
     )  # fmt: skip
 
 
 @helper
-def settled(leaves: Any, rays: Rays, core: Core, found: Found, any_hit: bool) -> Found:
-    """What rays have met, with what was sure, each its own triangle, in double precision. With `any_hit`, only that there is something."""
-    mine = found.place >= np.int32(0)
-    if not ops.any_lane(mine):
+def finish_any(leaves: Any, rays: LeafRays, found: PacketHits) -> PacketHits:
+    """Add the certain hits to the exact ones, with their triangles; t is that of the entry."""
+    certain = found.certain >= np.int32(0)
+    if not ops.any_lane(certain):
         return found
-    place = simd.maximum(found.place, 0 * found.place)
+    place = simd.maximum(found.certain, 0 * found.certain)
     at = place // np.int32(WIDTH) * np.int32(LEAF) + (place & np.int32(WIDTH - 1))
     number = simd.to_i64(simd.float_bits(simd.gather(leaves, at + np.int32(WHICH))))
-    mine64 = simd.mask_from_bits(simd.bits(mine), rays.enters)
-    if any_hit:
-        return _exact_of(
-            found, ops.where(mine64, rays.enters, found.t), ops.where(mine64, number, found.triangle), found.v, found.w, found.total,
-            found.deepest, found.limits,
-        )  # fmt: skip
-    b, c = at + np.int32(3 * WIDTH), at + np.int32(6 * WIDTH)
-    met = flat.crossing(_corners(leaves, at, rays), _corners(leaves, b, rays), _corners(leaves, c, rays), rays.shear[0], rays.shear[1])
-    return _taken(found, rays, core, flat.Crossing(met.v, met.w, met.total, met.depth, met.inside & mine64), number, any_hit)
-
-
-@helper
-def _corners(leaves: Any, at: Lane, rays: Rays) -> Vec:
-    """The same of each ray's own triangle."""
-    kx, ky, kz = rays.rows
-    x, y, z = rays.far
-    return _each(leaves, at, kx) - x, _each(leaves, at, ky) - y, _each(leaves, at, kz) - z
-
-
-@helper
-def _each(leaves: Any, at: Lane, row: int) -> Lane:
-    return simd.to_f64(simd.gather(leaves, at + np.int32(row)))
+    mask = simd.mask_from_bits(simd.bits(certain), rays.enters)
+    return _replace_exact(
+        found, ops.where(mask, rays.enters, found.t), ops.where(mask, number, found.triangle), found.v, found.w, found.total,
+        found.deepest, found.limits,
+    )  # fmt: skip

@@ -1,7 +1,7 @@
-"""Rays that go one way through a mesh's tree: boxes and triangles are tested against all of them at once.
+"""Traversal of a mesh's BVH by a packet: one interval test of a node's boxes for all its rays.
 
-Intervals of origins and of inverse directions hold all rays, so that one test says whether any of them may enter a box (Reshetov,
-Soupikov & Hurley, "Multi-Level Ray Tracing Algorithm", 2005). What they meet in leaves: bundle_leaves.py.
+Intervals of origins and inverse directions hold all rays, so one test decides whether any ray may enter a box (Reshetov, Soupikov & Hurley,
+"Multi-Level Ray Tracing Algorithm", 2005).
 """
 
 from __future__ import annotations
@@ -14,39 +14,38 @@ from ... import simd
 from ...jit.kernel import helper
 from ...lanes import ops
 from ...types import Lane, Vec
-from ..build.scene_layout import FINE, REACH
+from ..build.scene_layout import EXTENT, LEAF_EXTENT
 from ..build.wide_bvh import DEPTH, NODE, WIDTH, spread32
-from . import packet, ray_box, single_ray, triangle_filter
-from . import packet_leaves as triangles
+from . import node_stack, packet, packet_leaves, ray_box, ray_state, single_ray, triangle_filter
 from .packet_leaves import EDGES
 
-_FAR = np.float32(single_ray.FAR)
+_FAR = np.float32(ray_state.FAR)
 
 
 class Beam(NamedTuple):
-    """Rays as intervals, for a node's boxes: t of a plane from below and from above where it is not behind; see walk.Box for the rows."""
+    """Intervals of rays for the boxes of a node: lower and upper bounds of t at a plane ahead, as scale · plane + shift."""
 
-    first: Vec  # least 1 / direction
+    first: Vec  # scale of the lower bound
     first_shift: Vec
-    last: Vec
+    last: Vec  # scale of the upper bound
     last_shift: Vec
-    near: tuple[int, int, int]
+    near: tuple[int, int, int]  # rows of the node's near planes
 
 
 @helper
-def beam_of(rays: packet.Group) -> Beam:
-    ax, bx, cx, dx = _interval(rays, 0)
-    ay, by, cy, dy = _interval(rays, 1)
-    az, bz, cz, dz = _interval(rays, 2)
-    return Beam((ax, ay, az), (bx, by, bz), (cx, cy, cz), (dx, dy, dz), ray_box.rows_of(rays.up[0], rays.up[1], rays.up[2]))
+def make_beam(rays: packet.Packet) -> Beam:
+    ax, bx, cx, dx = _bounds(rays, 0)
+    ay, by, cy, dy = _bounds(rays, 1)
+    az, bz, cz, dz = _bounds(rays, 2)
+    return Beam((ax, ay, az), (bx, by, bz), (cx, cy, cz), (dx, dy, dz), ray_box.near_rows(rays.up[0], rays.up[1], rays.up[2]))
 
 
 @helper
-def _interval(rays: packet.Group, axis: int) -> tuple[Lane, Lane, Lane, Lane]:
-    """What a beam holds of an axis. t of a plane ahead is least for the ray that begins nearest to it and is the steepest."""
+def _bounds(rays: packet.Packet, axis: int) -> tuple[Lane, Lane, Lane, Lane]:
+    """The scales and shifts of an axis. t of a plane ahead is least for the nearest origin and the smallest inverse direction."""
     origin, inverse = rays.origin[axis], rays.inverse[axis]
-    mine = simd.mask_from_bits(rays.left, origin)
-    origin, inverse = simd.select(mine, origin, simd.lane(origin, rays.k)), simd.select(mine, inverse, simd.lane(inverse, rays.k))
+    mask = simd.mask_from_bits(rays.active, origin)
+    origin, inverse = simd.select(mask, origin, simd.lane(origin, rays.k)), simd.select(mask, inverse, simd.lane(inverse, rays.k))
     low, high, least, most = simd.min_of(origin), simd.max_of(origin), simd.min_of(inverse), simd.max_of(inverse)
     if not rays.up[axis]:
         low, high, least, most = high, low, most, least
@@ -54,8 +53,8 @@ def _interval(rays: packet.Group, axis: int) -> tuple[Lane, Lane, Lane, Lane]:
 
 
 @helper
-def enter(nodes: Any, node: int, beam: Beam, limit: Any) -> tuple[Lane, int]:
-    """Where the first ray may enter a node's boxes, and bits of those that one may enter before `limit`."""
+def intersect_boxes(nodes: Any, node: int, beam: Beam, limit: Any) -> tuple[Lane, int]:
+    """(earliest entry distance of each box of a node, bits of the boxes that a ray may enter before `limit`)."""
     at = node * NODE
     x, y, z = beam.near
     near = simd.maximum(
@@ -78,58 +77,66 @@ def _plane(nodes: Any, at: int, scale: Vec, shift: Vec, axis: int) -> Lane:
 
 @helper
 def intersect_mesh_packet(
-    accel: Any, g: int, root: int, o: Vec, d: Vec, ray: ray_box.BoxRay, enters: Lane, t_min: Lane, t_max: Lane, until: Lane, left: int,
-    any_hit: bool,
-) -> tuple[Lane, Lane, Lane, Lane, bool]:  # fmt: skip
-    """(t, triangle, u, v) of what rays that are `bundle.alike` meet first of mesh g, and whether they were asked: not if too far apart.
+    accel: Any, g: int, root: int, rays: ray_box.MeshRays, active: int, any_hit: bool
+) -> tuple[Lane, Lane, Lane, Lane, bool]:
+    """(t, triangle, u, v, whether the packet was traced) of coherent rays with mesh g, whose BVH starts at `root`.
 
-    Those count whose bits are set in `left`, and enter the mesh's box at `enters`; its tree begins at `root`. Nothing beyond `until` is
-    asked for. With `any_hit`, t < inf and the triangle tell that something is met.
+    A packet is not traced where its rays are too far apart. Only rays whose bits are set in `active` count. With `any_hit`, only t < inf
+    and the triangle are valid.
     """
-    tree, fine, reach = accel.wide, accel.boxes[g, FINE], accel.boxes[g, REACH]
-    unmet, go = nothing(enters), packet.way(left, d, ray)
-    if not packet.may_be_close(go, left, o, fine, any_hit):
-        return *unmet, False
-    rays = packet.group(left, go.k, o, d, ray, enters, until)
-    limits = simd.select(simd.mask_from_bits(left, rays.limits), rays.limits, np.float32(-np.inf))
-    beam, limit = beam_of(rays), simd.max_of(limits)
-    near, hits = enter(tree.nodes, root, beam, limit)
+    tree, leaf_extent, extent = accel.wide, accel.boxes[g, LEAF_EXTENT], accel.boxes[g, EXTENT]
+    none, shear = no_hits(rays.enters), packet.shear_packet(active, rays.direction, rays.box)
+    if not packet.may_share_leaves(shear, active, rays.origin, leaf_extent, any_hit):
+        return *none, False
+    group = packet.make_packet(active, shear.k, rays)
+    limits = simd.select(simd.mask_from_bits(active, group.limits), group.limits, np.float32(-np.inf))
+    beam = make_beam(group)
+    near, hits = intersect_boxes(tree.nodes, root, beam, simd.max_of(limits))
     if hits == 0:
-        return *unmet, True
-    core = packet.core_of(rays, go, np.float32(2.0 * triangle_filter.OFF) * np.float32(reach))
-    if not packet.share_leaves(core, left, reach, fine, any_hit):
-        return *unmet, False
-    middle, asked = triangles.middle(core), triangles.rays_of(rays, go, core, o, d, enters, t_min, t_max)
-    found = triangles.nothing(asked, core, limits)
-    edges = simd.stack_array(np.float32, EDGES)
-    children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
-    node, top = single_ray.nearest_first(tree.links, root, near, hits, children, reaches, np.int64(0))
-    while top >= 0:
-        if node >= 0:
-            near, hits = enter(tree.nodes, node, beam, limit)
-            node, top = single_ray.nearest_first(tree.links, node, near, hits, children, reaches, top)
-            _fetch_last(tree, children, top)
-        else:
-            leaf, before = ~node, limit
-            _fetch_last(tree, children, top)
-            hits = triangles.cull_triangles(tree.leaves, leaf, core, middle, limit, edges)
-            found = triangles.take(tree.leaves, leaf, hits, asked, core, found, any_hit, edges)
-            limit = simd.max_of(found.limits)
-            if limit < before:
-                top = single_ray.sifted(children, reaches, 0, top, limit)
-            node, top = single_ray.last_of(children, top)
-    found = triangles.settled(tree.leaves, asked, core, found, any_hit)
+        return *none, True
+    central = packet.central_ray(group, shear, np.float32(2.0 * triangle_filter.OFF) * np.float32(extent))
+    if not packet.share_leaves(central, active, extent, leaf_extent, any_hit):
+        return *none, False
+    leaf_rays = packet_leaves.prepare_rays(group, shear, central, rays)
+    found = _traverse(tree, root, near, hits, beam, central, leaf_rays, packet_leaves.no_hits(leaf_rays, central, limits), any_hit)
     return found.t, found.triangle, found.v / found.total, found.w / found.total, True
 
 
 @helper
-def _fetch_last(tree: Any, children: Any, top: int) -> None:
-    """Ask for what is last on the stack, which will be read soon."""
-    single_ray.prefetch_node(tree, np.int64(simd.read(children, max(top - 1, 0))) if top > 0 else 0)
+def _traverse(
+    tree: Any, root: int, near: Lane, hits: int, beam: Beam, central: packet.CentralRay, rays: packet_leaves.LeafRays,
+    found: packet_leaves.PacketHits, any_hit: bool,
+) -> packet_leaves.PacketHits:  # fmt: skip
+    """The hits of a packet that enters the boxes `hits` of the root at `near`."""
+    central_filter, limit = packet_leaves.central_filter(central), simd.max_of(found.limits)
+    edges = simd.stack_array(np.float32, EDGES)
+    stack, distances = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
+    node, top = node_stack.descend_nearest(tree.links, root, near, hits, stack, distances, np.int64(0))
+    while top >= 0:
+        if node >= 0:
+            near, hits = intersect_boxes(tree.nodes, node, beam, limit)
+            node, top = node_stack.descend_nearest(tree.links, node, near, hits, stack, distances, top)
+            _prefetch_top(tree, stack, top)
+        else:
+            leaf, before = ~node, limit
+            _prefetch_top(tree, stack, top)
+            hits = packet_leaves.cull_triangles(tree.leaves, leaf, central, central_filter, limit, edges)
+            found = packet_leaves.intersect_triangles(tree.leaves, leaf, hits, rays, central, found, any_hit, edges)
+            limit = simd.max_of(found.limits)
+            if limit < before:
+                top = node_stack.cull(stack, distances, 0, top, limit)
+            node, top = node_stack.pop(stack, top)
+    return packet_leaves.finish_any(tree.leaves, rays, found) if any_hit else found
 
 
 @helper
-def nothing(enters: Lane) -> tuple[Lane, Lane, Lane, Lane]:
-    """(t, triangle, u, v) of rays that meet nothing."""
+def _prefetch_top(tree: Any, stack: Any, top: int) -> None:
+    """Prefetch the last entry of the stack, if it is a leaf."""
+    single_ray.prefetch_leaf(tree, np.int64(simd.read(stack, max(top - 1, 0))) if top > 0 else 0)
+
+
+@helper
+def no_hits(enters: Lane) -> tuple[Lane, Lane, Lane, Lane]:
+    """(t, triangle, u, v) of rays without a hit."""
     zero = 0.0 * enters
     return zero + np.inf, ops.int_like(zero, -1), zero, zero

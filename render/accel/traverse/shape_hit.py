@@ -1,4 +1,4 @@
-"""Where rays meet one shape that is no mesh, in kernels: by its closed form, or, of a formula, by what `link` told the trees of."""
+"""Ray intersection of single analytic shapes and formula surfaces, in kernels."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from ...lanes.kinds import FLOAT, INT, VEC
 from ...types import Lane, Vec
 
 FORMULA = int(ir.GeometryKind.FORMULA)
-AFTER = 8.0 * 2.0**-52  # of the largest coordinate and for each unit of a meeting's spacing: how far on the next meeting may be
+AFTER = 8.0 * 2.0**-52  # distance to the next hit, relative to the largest coordinate and per unit of a hit's spacing
 
 
 def link(accel: Handle) -> None:
-    """Compile or load what meets formula surfaces, and rare shapes, where a scene has any; others do neither."""
-    if (accel.tables.placed[:, 3] > analytic_shapes.PLANE).any():
-        accel.put("rare", rare.link(accel.part("parameters"), types.int64, types.int64, VEC, VEC, FLOAT, FLOAT))
+    """Compile or load the kernels for formula surfaces and rare shapes where the scene has any; store their addresses."""
+    if (accel.tables.instance_rows[:, 3] > analytic_shapes.PLANE).any():
+        accel.put("rare_kernel", rare.link(accel.part("parameters"), types.int64, types.int64, VEC, VEC, FLOAT, FLOAT))
     if len(accel.tables.forms.places):
-        accel.put("meet", _formulas(accel))
+        accel.put("formula_kernel", _link_formulas(accel))
 
 
-def _formulas(accel: Handle) -> int:
-    """The address of what meets formula surfaces: of the two ways, what there are surfaces for."""
+def _link_formulas(accel: Handle) -> int:
+    """Link the formula kernels that the scene needs, by closed form or by search; return the address of their entry."""
     parts, given = accel.tables.forms.parts, (accel.part("forms"), types.int64, VEC, VEC, FLOAT, FLOAT)
     closed = parts.places[:, 1] > 0
     if not closed.any():
@@ -55,37 +55,37 @@ def _rare(parameters, kind, g, o, d, t_min, t_max):
     return t, ops.int_like(t, 0) + part
 
 
-call_meet = DeclaredPointer(HIT).call
+call_formula = DeclaredPointer(HIT).call
 rare = DeclaredKernel(_rare, (FLOAT, INT))
 call_rare = rare.call
 
 
 @helper
-def shape(accel: Any, kind: int, g: int, o: Vec, d: Vec, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane, Lane, Lane]:
-    """(t, primitive, u, v) of the first meeting of rays with shape g in its own frame, as records.Hit has them."""
+def intersect_shape(accel: Any, kind: int, g: int, o: Vec, d: Vec, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane, Lane, Lane]:
+    """(t, primitive, u, v) of the first hits of rays with shape g in its own frame, as in types.Hit."""
     zero = ops.full_like(t_min, 0.0)
     if kind == FORMULA:
-        t, spacing, u, v, _ = call_meet(accel.meet, (accel.forms, np.int64(g), o, d, t_min, t_max))  # pyright: ignore[reportCallIssue]
+        t, spacing, u, v, _ = call_formula(accel.formula_kernel, (accel.forms, np.int64(g), o, d, t_min, t_max))  # pyright: ignore[reportCallIssue]
         return t, spacing, u, v
     if kind > analytic_shapes.PLANE:
-        t, part = call_rare(accel.rare, (accel.parameters, np.int64(kind), np.int64(g), o, d, t_min, t_max))  # pyright: ignore[reportCallIssue]
+        t, part = call_rare(accel.rare_kernel, (accel.parameters, np.int64(kind), np.int64(g), o, d, t_min, t_max))  # pyright: ignore[reportCallIssue]
         return t, part, zero, zero
     t, part = analytic_shapes.usual(kind, accel.parameters, g, o, d, t_min, t_max)
     return t, ops.int_like(zero, 0) + part, zero, zero
 
 
 @helper
-def formula(accel: Any, g: int, o: Vec, d: Vec, t_min: Any, t_max: Any) -> tuple[Any, Any, Any, Any, Any]:
-    """(t, primitive, u, v, where the next meeting may be) of the first meeting of one ray, of numbers, with a formula's surface."""
+def intersect_formula(accel: Any, g: int, o: Vec, d: Vec, t_min: Any, t_max: Any) -> tuple[Any, Any, Any, Any, Any]:
+    """(t, primitive, u, v, smallest t of a next hit) of the first hit of one scalar ray with a formula surface."""
     zero = 0.0 * ops.to_float(crosslane.lane_indices(0))
     way, begin = ops.like3(zero, d[0], d[1], d[2]), ops.full_like(zero, t_min)
     start, end = ops.like3(zero, o[0], o[1], o[2]), ops.full_like(zero, t_max)
-    t, spacing, u, v, _ = call_meet(accel.meet, (accel.forms, np.int64(g), start, way, begin, end))  # pyright: ignore[reportCallIssue]
+    t, spacing, u, v, _ = call_formula(accel.formula_kernel, (accel.forms, np.int64(g), start, way, begin, end))  # pyright: ignore[reportCallIssue]
     first, units = crosslane.lane(t, 0), crosslane.lane(spacing, 0)
-    return first, np.int64(units), crosslane.lane(u, 0), crosslane.lane(v, 0), after(accel.parameters[g, 5], d, first, units)
+    return first, np.int64(units), crosslane.lane(u, 0), crosslane.lane(v, 0), next_t(accel.parameters[g, 5], d, first, units)
 
 
 @helper
-def after(reach: Any, d: Vec, t: Lane, spacing: Lane) -> Lane:
-    """Where the next meeting of rays with a formula's surface may be; `reach` is its largest coordinate, d is in its own frame."""
+def next_t(reach: Any, d: Vec, t: Lane, spacing: Lane) -> Lane:
+    """Smallest t of the next hit with a formula surface of largest coordinate `reach`; d is in its own frame."""
     return t + AFTER * (t + reach / ops.maximum(ops.length(d), 1e-300) * (spacing + 8.0))

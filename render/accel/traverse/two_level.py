@@ -1,4 +1,4 @@
-"""Walking the trees of bvh.py, in kernels: over instances all lanes go together where they go one way, in meshes each for itself."""
+"""Traversal of the two-level BVH in kernels: coherent rays as a packet over the instances, incoherent ones interleaved."""
 
 from __future__ import annotations
 
@@ -6,114 +6,110 @@ from typing import Any
 
 import numpy as np
 from numba import types
-from numba.extending import overload
 
 from ... import simd
 from ...jit.function_pointer import DeclaredKernel
-from ...jit.kernel import HELPER, helper, noinline_helper
+from ...jit.kernel import helper, noinline_helper
 from ...jit.packed_struct import skip_when_tagged
 from ...lanes import affine, crosslane, ops, row_gather
 from ...lanes.kinds import FLOAT, INT, MASK, VEC
 from ...types import Hit, Lane, Vec
-from ..build import tlas as over
-from ..build.scene_layout import NO_MESHES, NO_TREE, REACH
+from ..build import tlas
+from ..build.scene_layout import EXTENT, MESH, NO_MESHES, NO_TREE
 from ..build.wide_bvh import DEPTH
-from . import interleaved_mesh, interleaved_scene, packet, packet_nodes, ray_box, shape_hit, single_ray
-from .interleaved_scene import MESH
-from .packet import BUNDLES
+from . import interleaved_mesh, interleaved_scene, node_stack, packet, packet_nodes, ray_box, shape_hit
+from .packet import PACKETS
+from .ray_box import MeshRays, SceneRays
 
-NARROW = 0.0005  # square of the angle, in radians, that directions may stray from the first lane's to go together
-SMALL = 32  # nodes of a tree up to which rays that go apart, too, share the tests of shapes
-FEW = 3  # active lanes from which on that is worth it
+NARROW = 0.0005  # square of the largest angle, in radians, between the directions of coherent rays
+SMALL = 32  # nodes of a tree up to which incoherent rays, too, are traced as one packet
+MIN_RAYS = 3  # of a packet
 
 
 def _search(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit):
-    """The first hit of each active lane's ray with what has `visible_bit`; with `any_hit`, the first one found."""
+    """The first hit of each active lane's ray with instances that have `visible_bit`; with `any_hit`, the first one found."""
     zero = ops.full_like(t_min, 0.0)
     nothing = ops.int_like(zero, -1)
     best = Hit(zero + np.inf, nothing, nothing, zero, zero)
     until = ops.where(active, t_max, zero - np.inf)
-    endless = len(accel.endless)
-    for k in range(endless + (1 if accel.only >= 0 else 0)):  # a single thing in the tree: its own box is asked
-        i = np.int64(accel.endless[k]) if k < endless else np.int64(accel.only)
+    unbounded = len(accel.unbounded)
+    for k in range(unbounded + (1 if accel.only >= 0 else 0)):  # a single instance needs no tree: its own box is tested
+        i = np.int64(accel.unbounded[k]) if k < unbounded else np.int64(accel.only)
         best = intersect_instance(accel, i, origin, direction, t_min, until, visible_bit, any_hit, best)
         if any_hit:
             until = ops.where(best.instance >= 0, zero - np.inf, until)
     left = crosslane.bits(until > t_min)
     if accel.only >= 0 or len(accel.top.links) == 0 or left == 0:
         return best
-    return _below(accel, origin, direction, t_min, until, left, visible_bit, any_hit, best)
+    return _traverse_top(accel, origin, direction, t_min, until, left, visible_bit, any_hit, best)
 
 
-SEARCH = (VEC, VEC, FLOAT, FLOAT, MASK, types.int64, types.boolean)  # what `search` takes beside the trees; aside.link makes it ready
+SEARCH = (VEC, VEC, FLOAT, FLOAT, MASK, types.int64, types.boolean)  # arguments of `search` after the BVH
 HIT: Any = types.NamedTuple([FLOAT, INT, INT, FLOAT, FLOAT], Hit)
 search = DeclaredKernel(_search, HIT, SEARCH)
-find = search.call  # what kernels call, with its address and its arguments
+find = search.call  # called in kernels, with the kernel's address and its arguments
 
 
 @helper
-def _nothing_below(
+def _skip_top(
     accel: Any, origin: Vec, direction: Vec, t_min: Lane, until: Lane, left: int, visible_bit: int, any_hit: bool, best: Hit
 ) -> Hit:  # fmt: skip
     return best
 
 
-@skip_when_tagged(NO_TREE, _nothing_below)
+@skip_when_tagged(NO_TREE, _skip_top)
 @helper
-def _below(
+def _traverse_top(
     accel: Any, origin: Vec, direction: Vec, t_min: Lane, until: Lane, left: int, visible_bit: int, any_hit: bool, best: Hit
 ) -> Hit:  # fmt: skip
-    """`best`, or what rays whose bits are set in `left` meet first in the tree over instances where that comes first."""
-    o, d = over.local(accel.top, origin, direction)
-    ray = ray_box.world_ray(o, d)
-    narrow = is_narrow(ray, direction, until > t_min, left)
+    """`best`, or closer hits in the BVH over instances of the rays whose bits are set in `left`."""
+    o, d = tlas.to_frame(accel.top, origin, direction)
+    rays = SceneRays(origin, direction, t_min, until, o, d, ray_box.world_ray(o, d))
+    narrow = is_narrow(rays, left)
     if narrow or len(accel.top.links) <= SMALL:
-        return traverse_packet(accel, ray, origin, direction, t_min, until, visible_bit, any_hit, narrow, best)
-    return interleaved_scene.trace_incoherent(accel, ray, o, d, origin, direction, t_min, until, left, visible_bit, any_hit, best)
+        return traverse_packet(accel, rays, visible_bit, any_hit, narrow, best)
+    return interleaved_scene.trace_incoherent(accel, rays, left, visible_bit, any_hit, best)
 
 
 @helper
-def is_narrow(ray: ray_box.BoxRay, direction: Vec, active: Lane, left: int) -> bool:
-    """Whether the active lanes, bits of `left`, are several rays of one octant that go nearly the same way."""
-    if simd.population(left) < FEW:
+def is_narrow(rays: SceneRays, left: int) -> bool:
+    """Whether the active rays, bits of `left`, are at least MIN_RAYS, of one octant, within the angle of NARROW."""
+    if simd.population(left) < MIN_RAYS:
         return False
-    k = simd.trailing_zeros(left)
+    k, ray, direction = simd.trailing_zeros(left), rays.box, rays.direction
     first = crosslane.lane3(direction, k)
-    apart_ = ops.sub(direction, first)
-    near = ops.dot(apart_, apart_) <= NARROW * ops.dot(first, first)
+    difference = ops.sub(direction, first)
+    near = ops.dot(difference, difference) <= NARROW * ops.dot(first, first)
     x, y, z = ray.x == crosslane.lane(ray.x, k), ray.y == crosslane.lane(ray.y, k), ray.z == crosslane.lane(ray.z, k)
-    return ops.not_(ops.any_lane(active & ops.not_(near & x & y & z)))
+    return ops.not_(ops.any_lane((rays.until > rays.t_min) & ops.not_(near & x & y & z)))
 
 
 @helper
-def traverse_packet(
-    accel: Any, ray: ray_box.BoxRay, origin: Vec, direction: Vec, t_min: Lane, until: Lane,
-    visible_bit: int, any_hit: bool, narrow: bool, best: Hit,
-) -> Hit:  # fmt: skip
-    """The first hits of rays that all go where any of them does; those of one octant are tested as a bundle."""
-    nodes, links = accel.top.nodes, accel.top.links
-    children, reaches = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
+def traverse_packet(accel: Any, rays: SceneRays, visible_bit: int, any_hit: bool, narrow: bool, best: Hit) -> Hit:
+    """`best`, or closer hits of rays that visit each node that any of them enters; `narrow` rays are tested as one interval."""
+    nodes, links, t_min, until = accel.top.nodes, accel.top.links, rays.t_min, rays.until
+    stack, distances = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
     active = until > t_min
-    rays = ray_box.bundle(ray, active, simd.trailing_zeros(crosslane.bits(active)))
+    interval = ray_box.interval_of(rays.box, active, simd.trailing_zeros(crosslane.bits(active)))
     begin = crosslane.reduce_min(ops.where(active, t_min, np.inf))
     top, node = np.int64(0), np.int64(0)
     while True:
         limit = crosslane.reduce_max(ops.minimum(best.t, until))
         if node >= 0 and narrow:
-            near, far, hits = ray_box.enter_node(nodes, node, rays, begin, limit)
-            node, top = single_ray.nearest_instance_first(links, node, near, far, hits, children, reaches, top, any_hit)
+            near, far, hits = ray_box.intersect_node(nodes, node, interval, begin, limit)
+            node, top = node_stack.descend_instances(links, node, near, far, hits, stack, distances, top, any_hit)
         elif node >= 0:
-            near, hits = ray_box.enter_each(nodes, node, ray, t_min, ops.minimum(best.t, until))
-            node, top = single_ray.nearest_first(links, node, near, hits, children, reaches, top)
+            near, hits = ray_box.intersect_node_each(nodes, node, rays.box, t_min, ops.minimum(best.t, until))
+            node, top = node_stack.descend_nearest(links, node, near, hits, stack, distances, top)
         else:
-            best = intersect_instance(accel, ~node, origin, direction, t_min, until, visible_bit, any_hit, best)
+            best = intersect_instance(accel, ~node, rays.origin, rays.direction, t_min, until, visible_bit, any_hit, best)
             if any_hit:
                 until = ops.where(best.instance >= 0, -np.inf, until)
                 top = top if crosslane.reduce_max(until) > -np.inf else 0
             else:
                 nearer = crosslane.reduce_max(ops.minimum(best.t, until))
-                top = single_ray.sifted(children, reaches, 0, top, nearer) if nearer < limit else top
-            node, top = single_ray.last_of(children, top)
+                top = node_stack.cull(stack, distances, 0, top, nearer) if nearer < limit else top
+            node, top = node_stack.pop(stack, top)
         if top < 0:
             return best
 
@@ -122,18 +118,18 @@ def traverse_packet(
 def intersect_instance(
     accel: Any, i: int, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane, visible_bit: int, any_hit: bool, best: Hit
 ) -> Hit:
-    """`best`, or the hits with instance i in the lanes where that comes first."""
-    if (accel.placed[i, 0] & visible_bit) == 0:
+    """`best`, or the hits with instance i in the lanes where those are closer."""
+    if (accel.instance_rows[i, 0] & visible_bit) == 0:
         return best
-    g, kind = accel.placed[i, 2], accel.placed[i, 3]
-    o, d = in_frame(accel, i, origin, direction)
+    g, kind = accel.instance_rows[i, 2], accel.instance_rows[i, 3]
+    o, d = affine.transform_point(accel.inverse, i, origin), affine.transform_vector(accel.inverse, i, direction)
     zero = ops.full_like(t_min, 0.0)
     found = Hit(zero + np.inf, ops.int_like(zero, i), ops.int_like(zero, -1), zero, zero)
     if kind == MESH:
-        found = _on_mesh(accel, i, g, o, d, t_min, t_max, best.t, any_hit, found)
+        found = _intersect_mesh_instance(accel, i, g, o, d, t_min, t_max, best.t, any_hit, found)
     else:
-        until = ops.minimum(t_max, best.t + 1e-15 * abs(best.t))  # and no less: of equal meetings the lowest instance counts
-        t, part, u, v = _of_shape(accel, kind, g, o, d, t_min, until)
+        until = ops.minimum(t_max, best.t + 1e-15 * abs(best.t))  # not less: of hits at the same t the lowest instance wins
+        t, part, u, v = shape_hit.intersect_shape(accel, kind, g, o, d, t_min, until)
         found = Hit(t, found.instance, part, u, v)
     nearer = (found.t < best.t) | ((found.t == best.t) & (found.t < np.inf) & (i < best.instance))
     return Hit(
@@ -142,76 +138,43 @@ def intersect_instance(
     )  # fmt: skip
 
 
-def _of_shape(accel: Any, kind: int, g: int, o: Vec, d: Vec, t_min: Lane, until: Lane) -> tuple[Lane, Lane, Lane, Lane]:
-    """meeting.shape of one vector of rays, or of two side by side, in kernels."""
-    raise NotImplementedError
-
-
-@overload(_of_shape, jit_options=HELPER)
-def _of_shape_in_kernels(accel, kind, g, o, d, t_min, until):
-    if not crosslane.is_twice(t_min):
-        return lambda accel, kind, g, o, d, t_min, until: shape_hit.shape(accel, kind, g, o, d, t_min, until)
-
-    def of_two(accel, kind, g, o, d, t_min, until):
-        low, high, join = simd.low_half, simd.high_half, simd.joined
-        t, part, u, v = shape_hit.shape(accel, kind, g, crosslane.low3(o), crosslane.low3(d), low(t_min), low(until))
-        t2, part2, u2, v2 = shape_hit.shape(accel, kind, g, crosslane.high3(o), crosslane.high3(d), high(t_min), high(until))
-        return join(t, t2), join(part, part2), join(u, u2), join(v, v2)
-
-    return of_two
-
-
 @helper
-def _no_mesh(
+def _skip_mesh(
     accel: Any, i: int, g: int, o: Vec, d: Vec, t_min: Lane, t_max: Lane, nearest: Lane, any_hit: bool, nothing: Hit
 ) -> Hit:  # fmt: skip
     return nothing
 
 
-@skip_when_tagged(NO_MESHES, _no_mesh)
+@skip_when_tagged(NO_MESHES, _skip_mesh)
 @helper
-def _on_mesh(
+def _intersect_mesh_instance(
     accel: Any, i: int, g: int, o: Vec, d: Vec, t_min: Lane, t_max: Lane, nearest: Lane, any_hit: bool, nothing: Hit
 ) -> Hit:  # fmt: skip
-    """What rays in the frame of instance i meet of its mesh."""
-    t, primitive, u, v = _mesh(accel, g, np.int64(accel.placed[i, 4]), from_middle(accel, g, o), d, t_min, t_max, nearest, any_hit)
+    """The hits of rays in the frame of instance i with its mesh, or `nothing`."""
+    o = ops.sub(o, (accel.origin[g, 0], accel.origin[g, 1], accel.origin[g, 2]))
+    t, primitive, u, v = _intersect_mesh(accel, g, np.int64(accel.instance_rows[i, 4]), o, d, t_min, t_max, nearest, any_hit)
     return Hit(t, nothing.instance, primitive, u, v)
 
 
 @noinline_helper
-def _mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
-    """(t, triangle, u, v) of the first meeting with mesh g, whose tree begins at `root`, not beyond `nearest`."""
-    until = ops.minimum(nearest, t_max)
-    ray, enters, left = entering(accel, g, o, d, t_min, until)
-    if left == 0:
-        return packet_nodes.nothing(enters)
-    alike = BUNDLES and packet.is_coherent(left, d, ray)
-    if BUNDLES and alike:
-        t, triangle, u, v, asked = packet_nodes.intersect_mesh_packet(accel, g, root, o, d, ray, enters, t_min, t_max, until, left, any_hit)
-        if asked:
+def _intersect_mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
+    """(t, triangle, u, v) of the first hits with mesh g, whose BVH starts at `root`; hits beyond `nearest` are not needed."""
+    rays, active = _enter_mesh(accel, g, o, d, t_min, t_max, ops.minimum(nearest, t_max))
+    if active == 0:
+        return packet_nodes.no_hits(rays.enters)
+    coherent = PACKETS and packet.is_coherent(active, d, rays.box)
+    if PACKETS and coherent:
+        t, triangle, u, v, traced = packet_nodes.intersect_mesh_packet(accel, g, root, rays, active, any_hit)
+        if traced:
             return t, triangle, u, v
-    hit = interleaved_mesh.intersect_mesh(
-        accel.wide, root, o, d, ray, enters, t_min, t_max, until, accel.boxes[g, REACH], left, alike, any_hit
-    )
+    hit = interleaved_mesh.intersect_mesh(accel.wide, root, rays, active, accel.boxes[g, EXTENT], coherent, any_hit)
     return hit.t, hit.primitive, hit.u, hit.v
 
 
 @helper
-def in_frame(accel: Any, i: int, origin: Vec, direction: Vec) -> tuple[Vec, Vec]:
-    """Origins and directions of rays in the frame of instance i."""
-    return affine.transform_point(accel.inverse, i, origin), affine.transform_vector(accel.inverse, i, direction)
-
-
-@helper
-def from_middle(accel: Any, g: int, o: Vec) -> Vec:
-    """Origins relative to that of mesh g, as its boxes and corners are."""
-    return ops.sub(o, (accel.origin[g, 0], accel.origin[g, 1], accel.origin[g, 2]))
-
-
-@helper
-def entering(accel: Any, g: int, o: Vec, d: Vec, t_min: Lane, until: Lane) -> tuple[ray_box.BoxRay, Lane, int]:
-    """(rays made ready for the boxes of mesh g, where they enter the one around it, 0 where they don't, bits of those that do)."""
-    ray = ray_box.local_ray(o, d)
-    enters = ray_box.enter(row_gather.eight_at(accel.boxes, g, 0), ray, t_min, until)
+def _enter_mesh(accel: Any, g: int, o: Vec, d: Vec, t_min: Lane, t_max: Lane, until: Lane) -> tuple[MeshRays, int]:
+    """(rays prepared for mesh g, bits of those that enter its box)."""
+    box = ray_box.local_ray(o, d)
+    enters = ray_box.intersect_box(row_gather.eight_at(accel.boxes, g, 0), box, t_min, until)
     there = enters < np.inf
-    return ray, ops.where(there, enters, 0.0), crosslane.bits(there)
+    return MeshRays(o, d, box, ops.where(there, enters, 0.0), t_min, t_max, until), crosslane.bits(there)

@@ -119,7 +119,7 @@ def test_volumes_between_where_rays_enter_and_leave(tmp_path):
         ("implicit(|x, y, z| hypot(x, y, z)^3 <= 0.512 and noise(x, y, z) <= 5)", 4 / 3 * math.pi * 0.512),
     ):
         tape, bounds = formula(tmp_path, text)
-        trees = ray_queries.trees(load.load(tmp_path / "a.scene").tables, closed=False)
+        trees = ray_queries.build(load.load(tmp_path / "a.scene").tables, closed=False)
         assert volume(dual_contouring.contour(tape, bounds, 64)) == pytest.approx(size, rel=4e-3)
         total, begin = 0.0, np.zeros(len(o))
         for _ in range(2):  # in and out, twice through a ring

@@ -290,7 +290,7 @@ def test_trees_of_two_meshes_stand_in_one_pool() -> None:
     tree_cache.clear()  # or trees would be refitted ones of other tests' meshes
     tables = scene(meshes=[(wavy(20), np.eye(4), 0), (wavy(10), np.eye(4), 0)])
     tree = scene_bvh.build(tables)
-    assert tree.placed[:, 4].tolist() == [0, len(wide_bvh.build(tables.pools.positions, tables.pools.triangles[:800]).nodes)]
+    assert tree.instance_rows[:, 4].tolist() == [0, len(wide_bvh.build(tables.pools.positions, tables.pools.triangles[:800]).nodes)]
     assert sorted(tree.wide.rows[tree.wide.rows >= 0]) == list(range(1000))
 
 

@@ -26,9 +26,9 @@ SOLIDS = {
 def test_the_same_as_by_bounds(tmp_path, name):
     tables = scene_of(tmp_path, SOLIDS[name]).tables
     o, d = some_rays(4000, 5)
-    trees = ray_queries.trees(tables)
+    trees = ray_queries.build(tables)
     assert (trees.tables.forms.parts.places[:, 1] > 0).all()
-    met, other = ray_queries.closest(trees, o, d), ray_queries.closest(ray_queries.trees(tables, closed=False), o, d)
+    met, other = ray_queries.closest(trees, o, d), ray_queries.closest(ray_queries.build(tables, closed=False), o, d)
     hit = np.isfinite(met.t)
     assert 500 < hit.sum() < 4000
     assert np.array_equal(hit, np.isfinite(other.t))
@@ -50,7 +50,7 @@ def _normals(u: np.ndarray, v: np.ndarray) -> np.ndarray:
 def test_the_volume_by_what_rays_pass_through(tmp_path):
     """∫ Σ (leaving − entering) over parallel rays: a box without a drilled hole. Each hit is followed by the next, inside or outside."""
     tables = scene_of(tmp_path, "difference { box([1.2, 1, 0.8]); cylinder(0.3, 4) }").tables
-    trees, n = ray_queries.trees(tables), 260  # 5 mm a ray: edges of the box lie between rays
+    trees, n = ray_queries.build(tables), 260  # 5 mm a ray: edges of the box lie between rays
     g = (np.arange(n) + 0.5) / n * 1.3 - 0.65
     o = np.stack([a.ravel() for a in np.meshgrid(g, g)] + [np.full(n * n, 2.0)], axis=1)
     d = np.tile([0.0, 0.0, -1.0], (n * n, 1))
@@ -68,7 +68,7 @@ def test_the_volume_by_what_rays_pass_through(tmp_path):
 def test_a_torus_from_far_and_thin(tmp_path):
     """Place 6: R = 1, r = 0.01 from 10⁴; every ray that enters leaves, and points are on the surface."""
     tables = scene_of(tmp_path, "union { torus(1, 0.01, rotate: [30deg, 0, 20deg]) }").tables
-    trees = ray_queries.trees(tables)
+    trees = ray_queries.build(tables)
     random = np.random.default_rng(6)
     o = random.normal(size=(4000, 3))
     o *= 1e4 / np.linalg.norm(o, axis=1, keepdims=True)
@@ -97,8 +97,8 @@ def test_some_of_both_in_a_scene(tmp_path):
     both = f"{sharp}\nunion(round: 0.1) {{ box(0.4, center: [0.6, 0, 0]); sphere(0.25, center: [0.6, 0.2, 0]) }}"
     tables = scene_of(tmp_path, both).tables
     o, d = some_rays(1000, 9)
-    trees = ray_queries.trees(tables)
+    trees = ray_queries.build(tables)
     assert formula_tables.have_cells(trees.tables.forms).sum() == 1
-    met, other = ray_queries.closest(trees, o, d), ray_queries.closest(ray_queries.trees(tables, closed=False), o, d)
+    met, other = ray_queries.closest(trees, o, d), ray_queries.closest(ray_queries.build(tables, closed=False), o, d)
     assert np.array_equal(met.instance, other.instance)
     assert np.abs(met.t[met.instance >= 0] - other.t[met.instance >= 0]).max() < 1e-11

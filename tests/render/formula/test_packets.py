@@ -58,7 +58,7 @@ def traced(trees: Handle, o: np.ndarray, d: np.ndarray, t_max: float, out: packe
 @pytest.mark.parametrize("name", [*SURFACES, *NASTY])
 def test_bundles_meet_what_rays_meet(tmp_path, name, eye):
     tables = scene_of(tmp_path, {**SURFACES, **NASTY}[name]).tables
-    trees = ray_queries.trees(tables, closed=False)
+    trees = ray_queries.build(tables, closed=False)
     tape_jit.finish()
     o, d = picture(eye)
     alone = ray_queries.closest(trees, o, d)
@@ -76,7 +76,7 @@ def test_bundles_meet_what_rays_meet(tmp_path, name, eye):
 def test_bundles_follow_one_another(tmp_path):
     """More rays than go together are met as they are bundle by bundle, and none before the first one asked for."""
     tables = scene_of(tmp_path, SURFACES["torus"]).tables
-    trees = ray_queries.trees(tables, closed=False)
+    trees = ray_queries.build(tables, closed=False)
     o, d = picture((2.0, 1.2, 2.4), size=96)
     whole = met(trees, o, d)
     first = packet_state.RAYS
@@ -92,7 +92,7 @@ def test_bundles_follow_one_another(tmp_path):
 
 def test_bundles_stop_where_rays_end(tmp_path):
     tables = scene_of(tmp_path, SURFACES["torus"]).tables
-    trees = ray_queries.trees(tables, closed=False)
+    trees = ray_queries.build(tables, closed=False)
     o, d = picture((0.0, 0.0, 3.0))
     everything = met(trees, o, d)[0]
     near = np.quantile(everything[np.isfinite(everything)], 0.5)
@@ -103,7 +103,7 @@ def test_bundles_stop_where_rays_end(tmp_path):
 def test_a_part_of_a_bundle_is_a_bundle(tmp_path):
     """How many rays go together changes nothing but rounding."""
     tables = scene_of(tmp_path, SURFACES["blend"]).tables
-    trees = ray_queries.trees(tables, closed=False)
+    trees = ray_queries.build(tables, closed=False)
     o, d = picture((2.0, 1.2, 2.4))
     whole = met(trees, o, d)[0]
     for count in (1, 7, 100, 300, 1031):
@@ -123,7 +123,7 @@ STEPPED = {
 @pytest.mark.parametrize("name", STEPPED)
 def test_where_a_formula_jumps_a_root_is_the_same_in_every_bundle(tmp_path, name):
     tables = scene_of(tmp_path, f"implicit(|x, y, z| {STEPPED[name]}, within: 1)").tables
-    trees = ray_queries.trees(tables, closed=False)
+    trees = ray_queries.build(tables, closed=False)
     o, d = picture((1.6, 1.5, 2.6))
     whole = met(trees, o, d)
     for count in (16, 256, 1024):
@@ -139,7 +139,7 @@ def test_where_a_formula_jumps_a_root_is_the_same_in_every_bundle(tmp_path, name
 def test_walls_between_steps_have_normals_of_their_own(tmp_path):
     """Treads look up and risers along −x, whatever slope the formula has beside them."""
     tables = scene_of(tmp_path, "implicit(|x, y, z| y <= 0.2 * floor(4 * x), within: 1)").tables
-    trees = ray_queries.trees(tables, closed=False)
+    trees = ray_queries.build(tables, closed=False)
     o, d = picture((-1.6, 1.5, 2.6))
     alone = ray_queries.closest(trees, o, d)
     for t, _, u, v in (met(trees, o, d), (alone.t, alone.primitive, alone.u, alone.v)):
@@ -155,7 +155,7 @@ def test_walls_between_steps_have_normals_of_their_own(tmp_path):
 
 def test_rays_that_go_all_ways_are_no_bundle(tmp_path):
     tables = scene_of(tmp_path, SURFACES["torus"]).tables
-    trees = ray_queries.trees(tables, closed=False)
+    trees = ray_queries.build(tables, closed=False)
     o = np.array([[0.0, 0.0, 1000.0], [3.0, 0.0, 0.0]])
     d = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
     assert not traced(trees, o, d, np.inf, nothing(2))

@@ -97,7 +97,7 @@ def found(trees: Any, o: np.ndarray, d: np.ndarray, bundled: bool) -> tuple[np.n
 def test_where_a_gradient_vanishes_hits_lie_on_the_surface_have_its_normal_and_do_not_hide_themselves(tmp_path, name, bundled):
     seen, random = SURFACES[name], np.random.default_rng(1)
     tables = scene_of(tmp_path, seen.text).tables
-    trees = ray_queries.trees(tables, closed=False)
+    trees = ray_queries.build(tables, closed=False)
     tape_jit.finish()
     for o, d in toward(seen):
         t, spacing, u, v = found(trees, o, d, bundled)

@@ -118,7 +118,7 @@ def test_rays_meet_what_the_definition_says(tmp_path, name):
     g, row = int(tables.instances.geometry[0]), int(tables.instances.transform[0])
     assert row == 0
     o, d = some_rays(1200, 7)
-    trees = ray_queries.trees(tables, closed=False)
+    trees = ray_queries.build(tables, closed=False)
     met = ray_queries.closest(trees, o, d)
     tape, parameters, bounds = scene_surfaces.tape_of(tables, g), tables.geometries.parameters[g], tables.geometries.bounds[g]
     n = len(o)
@@ -134,7 +134,7 @@ def test_rays_meet_what_the_definition_says(tmp_path, name):
 def test_compiled_and_interpreted_are_the_same_to_the_bit(tmp_path, name):
     tables = scene_of(tmp_path, SURFACES[name]).tables
     o, d = some_rays(2000, 3)
-    trees = ray_queries.trees(tables, closed=False)
+    trees = ray_queries.build(tables, closed=False)
     tape_jit.finish()
     addresses = trees.tables.forms.compiled.copy()
     assert addresses.all()
@@ -149,7 +149,7 @@ def test_compiled_and_interpreted_are_the_same_to_the_bit(tmp_path, name):
 def test_leaving_a_solid_is_told_from_entering(tmp_path):
     """In and out again: the chord of a ball as a formula, and the same as a shape."""
     tables = scene_of(tmp_path, "implicit(|x, y, z| x^4 + y^4 + z^4 + 2*(x^2*y^2 + y^2*z^2 + z^2*x^2) <= 1)").tables
-    trees = ray_queries.trees(tables, closed=False)
+    trees = ray_queries.build(tables, closed=False)
     o = np.array([[-3.0, 0.1, 0.2]])
     d = np.array([[1.0, 0.0, 0.0]])
     first = ray_queries.closest(trees, o, d)
@@ -163,10 +163,10 @@ def test_another_number_compiles_nothing(tmp_path):
     text = "implicit(|x, y, z| x^4 + {0} * y^4 + z^4 <= 1)"
     one, other = (scene_of(tmp_path, text.format(k)).tables for k in (1.5, 2.5))
     assert scene_surfaces.tape_of(one, 0).structure() == scene_surfaces.tape_of(other, 0).structure()
-    ray_queries.trees(one, closed=False)
+    ray_queries.build(one, closed=False)
     tape_jit.finish()
     before = len(tape_jit._engines)
-    trees = ray_queries.trees(other, closed=False)
+    trees = ray_queries.build(other, closed=False)
     assert len(tape_jit._engines) == before
     assert trees.tables.forms.compiled.all()
 
@@ -217,7 +217,7 @@ def test_code_that_is_let_go_while_rays_are_met_is_there_to_their_end(tmp_path):
     """Threads that meet one formula while others come and go by hundreds meet what they always do."""
     tables = scene_of(tmp_path, SURFACES["blend"]).tables
     o, d = some_rays(500, 4)
-    trees = ray_queries.trees(tables, closed=False)
+    trees = ray_queries.build(tables, closed=False)
     tape_jit.finish()
     expected = ray_queries.closest(trees, o, d).t
 
@@ -235,7 +235,7 @@ def test_code_that_is_let_go_while_rays_are_met_is_there_to_their_end(tmp_path):
 
 
 def test_cells_are_simpler_than_the_whole(tmp_path):
-    forms = ray_queries.trees(scene_of(tmp_path, many_balls(60)).tables, closed=False)
+    forms = ray_queries.build(scene_of(tmp_path, many_balls(60)).tables, closed=False)
     before = forms.tables.forms.ends.tolist()
     ray_queries.closest(forms, *some_rays(2000, 3))
     made = forms.tables.forms
@@ -258,7 +258,7 @@ def test_threads_that_come_to_the_same_cells_meet_the_same(tmp_path):
     found = []
     for count in (1, 4, 4, 4):
         scene_surfaces._cached.clear()
-        trees, parts = ray_queries.trees(tables, closed=False), np.array_split(np.arange(len(o)), count)
+        trees, parts = ray_queries.build(tables, closed=False), np.array_split(np.arange(len(o)), count)
         with ThreadPoolExecutor(count) as pool:
             met = list(pool.map(lambda part, trees=trees: ray_queries.closest(trees, o[part], d[part]), parts))
         found.append([np.concatenate(column) for column in zip(*met, strict=True)])
@@ -272,4 +272,4 @@ def test_the_reference_and_the_trees_agree_in_shadow_too(tmp_path):
     o, d = some_rays(400, 12)
     ray = Ray(tuple(o.T), tuple(d.T), np.zeros(400), np.full(400, 2.9))
     plainly = intersect.occluded(intersect.Brute(), tables, ray, np.ones(400, bool))
-    assert np.array_equal(ray_queries.occluded(ray_queries.trees(tables, closed=False), o, d, 0.0, 2.9), plainly)
+    assert np.array_equal(ray_queries.occluded(ray_queries.build(tables, closed=False), o, d, 0.0, 2.9), plainly)

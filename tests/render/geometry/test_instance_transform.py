@@ -168,9 +168,9 @@ def test_rays_without_a_time_see_the_opening():
     ray = random_rays(1500, 4)
     still = replace_keys(tables)
     what = np.stack(ray.origin, axis=1), np.stack(ray.direction, axis=1)
-    for found, wanted in zip(kernels.closest(kernels.trees(tables), *what), kernels.closest(kernels.trees(still), *what), strict=True):
+    for found, wanted in zip(kernels.closest(kernels.build(tables), *what), kernels.closest(kernels.build(still), *what), strict=True):
         np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-9)
-    assert not motion_alpha.moves(kernels.trees(still).numba_type)
+    assert not motion_alpha.has_motion(kernels.build(still).numba_type)
 
 
 def replace_keys(tables: ir.Tables) -> ir.Tables:
@@ -278,7 +278,7 @@ def test_what_does_not_move_costs_nothing(tmp_path):
         made = load.load(path)
         decision = plan.make(made, ir.Settings()).decisions["motion"]
         assert (decision.value, decision.reason) == (moves, why)
-        assert motion_alpha.moves(Handle(scene_bvh.build(made.tables)).numba_type) == moves
+        assert motion_alpha.has_motion(Handle(scene_bvh.build(made.tables)).numba_type) == moves
     off = plan.make(made, ir.Settings(size=(8, 8), samples=1), {"motion": "off"})
     assert render_scene.draw(made, off).channels["rgba"].shape == (8, 8, 4)
 

@@ -61,7 +61,7 @@ def test_kernels_and_numpy_compute_the_same_light_at_vertices():
     bumps = make.mesh(rng.normal(size=(30, 3)), rng.integers(0, 30, (40, 3)))
     tables = scene(make.phong(0.5, 0.5, 9.0, shading=ir.Shading.GOURAUD), bumps)
     one = vertex_lighting.vertex_light(tables, tables, intersect.Brute(), FRAME)
-    other = vertex_lighting.vertex_light(tables, Handle(tables), ray_queries.trees(tables), Handle(FRAME))
+    other = vertex_lighting.vertex_light(tables, Handle(tables), ray_queries.build(tables), Handle(FRAME))
     assert one.color.max() > 0.1
     assert np.abs(one.color - other.color).max() < 1e-12
     assert np.array_equal(one.first, other.first)

@@ -10,7 +10,7 @@ SCRIPT = """
 import sys, threading
 from maquette.compiler import load
 from maquette.render.accel import ray_queries
-trees = ray_queries.trees(load.load(sys.argv[1]).tables, closed=False)
+trees = ray_queries.build(load.load(sys.argv[1]).tables, closed=False)
 while True:
     thread = next(t for t in threading.enumerate() if t.name == "formula")
     frame, names = sys._current_frames().get(thread.ident), []

@@ -64,9 +64,9 @@ def test_shares_of_light_agree():
     tables, ray = everything(5), random_rays(2000, 6)
     active = np.ones(2000, bool)
     wanted = intersect.transmittance(intersect.Brute(), tables, ray, active)
-    accel = ray_queries.trees(tables)
+    accel = ray_queries.build(tables)
     what = np.stack(ray.origin, axis=1), np.stack(ray.direction, axis=1)
-    found = ray_queries.let_through(accel, *what)
+    found = ray_queries.transmittance(accel, *what)
     np.testing.assert_allclose(found, wanted, rtol=1e-14, atol=0)
     assert len(np.unique(wanted)) > 5
     np.testing.assert_array_equal(ray_queries.occluded(accel, *what), wanted == 0)
@@ -144,5 +144,5 @@ def test_turned_and_stretched_things_with_holes(seed):
 
 
 def test_scenes_without_opacity_hold_nothing_aside():
-    assert not motion_alpha.is_used(ray_queries.trees(scene([(K.SPHERE, [1], matrix(), 0)])).numba_type)
-    assert motion_alpha.is_used(ray_queries.trees(panes(1, veil(0.5))).numba_type)
+    assert not motion_alpha.is_used(ray_queries.build(scene([(K.SPHERE, [1], matrix(), 0)])).numba_type)
+    assert motion_alpha.is_used(ray_queries.build(panes(1, veil(0.5))).numba_type)

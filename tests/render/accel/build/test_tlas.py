@@ -100,7 +100,7 @@ def test_small_things_on_a_wide_ground(wide: float) -> None:
     small = [(K.SPHERE, [1.0], placed(rng, 0.0, 1.0, 0.05), 0) for _ in range(MANY)]
     tables = scene([*small, (K.BOX, [wide, 0.1, wide], matrix((0, -4.2, 0)), 0)])
     built = scene_bvh.build(tables)
-    assert built.endless.tolist() == ([MANY] if wide > 1e4 else [])
+    assert built.unbounded.tolist() == ([MANY] if wide > 1e4 else [])
     _, instance, *_ = same(tables, random_rays(3000, 6, reach=4.0))
     assert np.mean(instance == MANY) > 0.2
     assert len(np.unique(instance)) > 50

@@ -7,7 +7,7 @@ from maquette.render.accel import ray_queries, scene_bvh
 from maquette.render.accel.traverse import instance_extent
 from maquette.render.geometry.bounds import SLACK, world_bounds
 
-COUNT = instance_extent.SOME + 8
+COUNT = instance_extent.MIN_ROTATED + 8
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ def boxes_of(made, places):
     """(boxes by the boxes' corners, boxes as trees have them, (instances, vertices, 3) corners in the world)."""
     tables = meshes.scene(made, places).tables
     loose = world_bounds(tables)
-    tree, roots, _ = scene_bvh.mesh_trees(tables, np.unique(tables.instances.geometry))
+    tree, roots, _ = scene_bvh.mesh_bvhs(tables, np.unique(tables.instances.geometry))
     close = loose.copy()
     which = np.arange(len(places))
     instance_extent.tighten_bounds(close, which, tree, roots[tables.instances.geometry], *scene_bvh.frames(tables), SLACK)
@@ -55,8 +55,8 @@ def test_rays_meet_in_tight_boxes_what_they_meet_without_a_tree(knots) -> None:
     tables = meshes.scene(made, places).tables
     rng = np.random.default_rng(8)
     origin, aim = rng.normal(size=(512, 3)) * 300.0, places[rng.integers(0, COUNT, 512), :, 3]
-    with_tree = ray_queries.closest(ray_queries.trees(tables, keep=False), origin, aim - origin)
-    without = ray_queries.closest(ray_queries.trees(tables, brute=True, keep=False), origin, aim - origin)
+    with_tree = ray_queries.closest(ray_queries.build(tables, keep=False), origin, aim - origin)
+    without = ray_queries.closest(ray_queries.build(tables, brute=True, keep=False), origin, aim - origin)
     assert (with_tree.instance >= 0).sum() > 50
     for a, b in zip(with_tree, without, strict=True):
         assert np.array_equal(a, b)

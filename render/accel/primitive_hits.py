@@ -1,0 +1,154 @@
+"""Intersection of rays with a list of primitives in kernels: all rays against one primitive after another.
+
+A flat primitive is three affine forms of a world point, (height, a, b). A ray hits the plane where the height is 0, and the primitive where
+a and b lie in the unit square (parallelogram), its lower corner (triangle) or the unit disk. That is a third of the work of a test in the
+shape's own frame. A box is three forms, each between -1 and 1 inside of it; a ball is its center and radius.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..jit.kernel import helper
+from ..lanes import ops
+from ..types import Lane, Vec
+
+EDGE = 1e-6  # extension of a primitive beyond its edges, so that no ray passes between two
+
+
+@helper
+def _height(forms: Any, k: int, origin: Vec, direction: Vec) -> Lane:
+    """The distance along rays at which the height over piece k is 0."""
+    x, y, z = forms[k, 0], forms[k, 1], forms[k, 2]
+    above = ops.fma(origin[0], x, ops.fma(origin[1], y, ops.fma(origin[2], z, ops.full_like(origin[2], forms[k, 3]))))
+    return -above / ops.fma(direction[0], x, ops.fma(direction[1], y, direction[2] * z))
+
+
+@helper
+def _form(forms: Any, k: int, row: int, point: Vec) -> Lane:
+    rest = ops.full_like(point[0], forms[k, row + 3])
+    return ops.fma(point[0], forms[k, row], ops.fma(point[1], forms[k, row + 1], ops.fma(point[2], forms[k, row + 2], rest)))
+
+
+@helper
+def ball(balls: Any, k: int, origin: Vec, direction: Vec) -> tuple[Lane, Lane]:
+    """(near, far) at which rays of unit direction meet ball k, far < near where they don't.
+
+    The discriminant comes from the vector between the centre and the nearest point of the ray, which keeps its digits far away.
+    """
+    way = (balls[k, 0] - origin[0], balls[k, 1] - origin[1], balls[k, 2] - origin[2])
+    middle = ops.dot(way, direction)
+    off = ops.sub(way, ops.scale(direction, middle))
+    rest = balls[k, 3] * balls[k, 3] - ops.dot(off, off)
+    half = ops.sqrt(ops.maximum(rest, 0.0))
+    hit = rest > 0.0
+    return ops.where(hit, middle - half, 1.0), ops.where(hit, middle + half, -1.0)
+
+
+@helper
+def _quad_at(forms: Any, k: int, origin: Vec, direction: Vec, corner: bool) -> tuple[Lane, Lane, Lane, Lane]:
+    """(t, a, b, whether they lie on it) of a parallelogram or, a `corner` of one, a triangle."""
+    t = _height(forms, k, origin, direction)
+    point = ops.along(origin, direction, t)
+    a, b = _form(forms, k, 4, point), _form(forms, k, 8, point)
+    farthest = a + b if corner else ops.maximum(a, b)
+    return t, a, b, (ops.minimum(a, b) >= -EDGE) & (farthest <= 1.0 + EDGE)
+
+
+@helper
+def _round_at(forms: Any, k: int, origin: Vec, direction: Vec, endless: bool) -> tuple[Lane, Lane]:
+    """(t, whether it lies on it) of a disk or an `endless` plane."""
+    t = _height(forms, k, origin, direction)
+    if endless:
+        return t, t == t
+    point = ops.along(origin, direction, t)
+    a, b = _form(forms, k, 4, point), _form(forms, k, 8, point)
+    return t, ops.fma(a, a, b * b) <= 1.0
+
+
+@helper
+def _box(boxes: Any, k: int, origin: Vec, direction: Vec) -> tuple[Lane, Lane, Lane, Lane]:
+    """(near, far, face entered by, face left by) of box k, far < near where rays miss it."""
+    x, dx = _form(boxes, k, 0, origin), _slope(boxes, k, 0, direction)
+    y, dy = _form(boxes, k, 4, origin), _slope(boxes, k, 4, direction)
+    z, dz = _form(boxes, k, 8, origin), _slope(boxes, k, 8, direction)
+    ix, iy, iz = ops.inverse(dx), ops.inverse(dy), ops.inverse(dz)
+    x0, x1 = (-1.0 - x) * ix, (1.0 - x) * ix
+    y0, y1 = (-1.0 - y) * iy, (1.0 - y) * iy
+    z0, z1 = (-1.0 - z) * iz, (1.0 - z) * iz
+    nx, ny, nz = ops.minimum(x0, x1), ops.minimum(y0, y1), ops.minimum(z0, z1)
+    fx, fy, fz = ops.maximum(x0, x1), ops.maximum(y0, y1), ops.maximum(z0, z1)
+    near, far = ops.maximum(nx, ops.maximum(ny, nz)), ops.minimum(fx, ops.minimum(fy, fz))
+    faces = (ops.where(dx < 0.0, 1, 0), ops.where(dy < 0.0, 3, 2), ops.where(dz < 0.0, 5, 4))
+    entered = ops.where(near == nx, faces[0], ops.where(near == ny, faces[1], faces[2]))
+    left = ops.where(far == fx, 1 - faces[0], ops.where(far == fy, 5 - faces[1], 9 - faces[2]))
+    return near, far, entered, left
+
+
+@helper
+def _slope(forms: Any, k: int, row: int, direction: Vec) -> Lane:
+    return ops.fma(direction[0], forms[k, row], ops.fma(direction[1], forms[k, row + 1], direction[2] * forms[k, row + 2]))
+
+
+@helper
+def closest(pieces: Any, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane, Lane, Lane]:
+    """(t, row of Records or -1, a, b) of the first piece that rays meet between t_min and t_max."""
+    forms, numbers = pieces.forms, pieces.numbers
+    best, found, a, b = t_max, ops.int_like(t_max, -1), ops.full_like(t_max, 0.0), ops.full_like(t_max, 0.0)
+    for k in range(pieces.triangles):
+        t, _, _, there = _quad_at(forms, k, origin, direction, False)
+        there = there & (t > t_min) & (t < best)
+        best, found = ops.where(there, t, best), ops.where(there, numbers[k], found)
+    for k in range(pieces.triangles, pieces.disks):
+        t, u, v, there = _quad_at(forms, k, origin, direction, True)
+        there = there & (t > t_min) & (t < best)
+        best, found = ops.where(there, t, best), ops.where(there, numbers[k], found)
+        a, b = ops.where(there, u, a), ops.where(there, v, b)
+    for k in range(pieces.disks, pieces.planes):
+        t, there = _round_at(forms, k, origin, direction, False)
+        there = there & (t > t_min) & (t < best)
+        best, found = ops.where(there, t, best), ops.where(there, numbers[k], found)
+    for k in range(pieces.planes, len(forms)):
+        t, there = _round_at(forms, k, origin, direction, True)
+        there = there & (t > t_min) & (t < best)
+        best, found = ops.where(there, t, best), ops.where(there, numbers[k], found)
+    for k in range(len(pieces.boxes)):
+        near, far, entered, left = _box(pieces.boxes, k, origin, direction)
+        outside = near > t_min
+        t = ops.where(outside, near, far)
+        there = (near <= far) & (t > t_min) & (t < best)
+        best = ops.where(there, t, best)
+        found = ops.where(there, ops.where(outside, entered, left) + numbers[len(forms) + k], found)
+    first = len(forms) + len(pieces.boxes)
+    for k in range(len(pieces.balls)):
+        near, far = ball(pieces.balls, k, origin, direction)
+        t = ops.where(near > t_min, near, far)
+        there = (near <= far) & (t > t_min) & (t < best)
+        best, found = ops.where(there, t, best), ops.where(there, numbers[first + k], found)
+    return best, found, a, b
+
+
+@helper
+def blocked(pieces: Any, origin: Vec, direction: Vec, t_max: Lane) -> Lane:
+    """Whether any piece stands between 0 and t_max."""
+    forms = pieces.forms
+    hit = ops.bool_like(t_max, False)
+    for k in range(pieces.triangles):
+        t, _, _, there = _quad_at(forms, k, origin, direction, False)
+        hit = hit | (there & (t > 0.0) & (t < t_max))
+    for k in range(pieces.triangles, pieces.disks):
+        t, _, _, there = _quad_at(forms, k, origin, direction, True)
+        hit = hit | (there & (t > 0.0) & (t < t_max))
+    for k in range(pieces.disks, pieces.planes):
+        t, there = _round_at(forms, k, origin, direction, False)
+        hit = hit | (there & (t > 0.0) & (t < t_max))
+    for k in range(pieces.planes, len(forms)):
+        t, there = _round_at(forms, k, origin, direction, True)
+        hit = hit | (there & (t > 0.0) & (t < t_max))
+    for k in range(len(pieces.boxes)):
+        near, far, _, _ = _box(pieces.boxes, k, origin, direction)
+        hit = hit | ((near <= far) & (far > 0.0) & (near < t_max) & ((near > 0.0) | (far < t_max)))
+    for k in range(len(pieces.balls)):
+        near, far = ball(pieces.balls, k, origin, direction)
+        hit = hit | ((near <= far) & (far > 0.0) & (near < t_max) & ((near > 0.0) | (far < t_max)))
+    return hit

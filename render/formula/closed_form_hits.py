@@ -53,21 +53,21 @@ def _first_hit(forms, g, origin, direction, t_min, t_max):
     k = np.int64(forms.of[g])
     size = ops.length(direction)
     size = ops.where(size > 0.0, size, 1.0)
-    way = ops.scale(direction, 1.0 / size)
-    enter, leave = clip_to_bounds(forms, k, origin, way, t_min * size, t_max * size)
+    unit = ops.scale(direction, 1.0 / size)
+    enter, leave = clip_to_bounds(forms, k, origin, unit, t_min * size, t_max * size)
     active = enter < leave
     zero = ops.full_like(t_min, 0.0)
     t, spacing, u, v = zero + np.inf, ops.int_like(zero, 0), zero, zero
     if ops.any_lane(active):
         begin = ops.where(active, enter, zero)
-        start = ops.along(origin, way, begin)
+        start = ops.along(origin, unit, begin)
         intervals = simd.stack_array(np.float64, _INTERVALS)
-        _leaf_intervals(forms, k, intervals, start, way)
+        _leaf_intervals(forms, k, intervals, start, unit)
         root, leaf, inside = _first_crossing(forms, k, intervals, ops.where(active, leave - begin, zero), active)
         hit = root < np.inf
         if ops.any_lane(hit):
-            at, gradient, off = _complete_hits(forms, k, leaf, start, way, ops.where(hit, root, zero))
-            spacing, u, v = normal_and_spacing(forms, k, way, gradient, inside, off)
+            at, gradient, off = _complete_hits(forms, k, leaf, start, unit, ops.where(hit, root, zero))
+            spacing, u, v = normal_and_spacing(forms, k, unit, gradient, inside, off)
             t = ops.where(hit, (begin + at) / size, t)
             u, v = ops.where(hit, u, zero), ops.where(hit, v, zero)
     return t, spacing, u, v, ops.int_like(zero, 0)
@@ -90,7 +90,7 @@ dispatch_hit = DeclaredKernel(_dispatch_hit, HIT)
 
 
 @helper
-def _leaf_intervals(forms: Any, k: int, kept: Any, start: Vec, way: Vec) -> None:
+def _leaf_intervals(forms: Any, k: int, intervals: Any, start: Vec, direction: Vec) -> None:
     """Store two intervals of the ray in which each leaf's relation holds."""
     numbers, kinds = forms.parts.numbers, forms.parts.kinds
     steps, begin = forms.parts.places[k, 1], forms.parts.places[k, 2]
@@ -99,20 +99,20 @@ def _leaf_intervals(forms: Any, k: int, kept: Any, start: Vec, way: Vec) -> None
         leaf = begin + i
         a0, a1, b0, b1 = none, none, none, none
         if kinds[leaf] == LINEAR:
-            slope = _row(numbers, leaf, 6, way)
+            slope = _row(numbers, leaf, 6, direction)
             level = _row(numbers, leaf, 6, start) + numbers[leaf, 9]
             t = -level / ops.where(slope == 0.0, 1.0, slope)
             parallel = slope == 0.0
             a0 = ops.where(parallel, ops.where(level <= 0.0, -none, none), ops.where(slope < 0.0, t, -none))
             a1 = ops.where(parallel, none, ops.where(slope < 0.0, none, t))
         elif kinds[leaf] == QUADRIC:
-            a0, a1, b0, b1 = _quadric(numbers, leaf, start, way, none)
+            a0, a1, b0, b1 = _quadric(numbers, leaf, start, direction, none)
         else:
-            a0, a1, b0, b1 = call_crossings(forms.parts.kernels[2], (numbers, np.int64(leaf), start, way))  # pyright: ignore[reportCallIssue]
-        crosslane.store(kept, 4 * i, a0)
-        crosslane.store(kept, 4 * i + 1, a1)
-        crosslane.store(kept, 4 * i + 2, b0)
-        crosslane.store(kept, 4 * i + 3, b1)
+            a0, a1, b0, b1 = call_crossings(forms.parts.kernels[2], (numbers, np.int64(leaf), start, direction))  # pyright: ignore[reportCallIssue]
+        crosslane.store(intervals, 4 * i, a0)
+        crosslane.store(intervals, 4 * i + 1, a1)
+        crosslane.store(intervals, 4 * i + 2, b0)
+        crosslane.store(intervals, 4 * i + 3, b1)
 
 
 @helper
@@ -151,17 +151,17 @@ def _quadratic_gradient(numbers: Any, leaf: Any, p: Vec) -> Vec:
 
 
 @helper
-def _first_crossing(forms: Any, k: int, kept: Any, end: Lane, active: Lane) -> tuple[Lane, Lane, Lane]:
+def _first_crossing(forms: Any, k: int, intervals: Any, end: Lane, active: Lane) -> tuple[Lane, Lane, Lane]:
     """(distance at which a ray first enters or leaves the solid, or inf; the leaf hit there; whether it is inside before)."""
     stack = simd.stack_array(np.float64, _STACK)
     reach = forms.numbers[k, 13]
     at = 0.0 * end
-    inside, until, leaf = _evaluate_tree(forms, k, kept, stack, at)
+    inside, until, leaf = _evaluate_tree(forms, k, intervals, stack, at)
     found, hit_leaf = at + np.inf, ops.int_like(at, 0)
     active = active & (until < end)
     while ops.any_lane(active):
         at = ops.where(active, until, at)
-        now, next_until, next_leaf = _evaluate_tree(forms, k, kept, stack, at + _SPACE * (at + reach))
+        now, next_until, next_leaf = _evaluate_tree(forms, k, intervals, stack, at + _SPACE * (at + reach))
         changed = active & (now != inside)
         found, hit_leaf = ops.where(changed, at, found), ops.where(changed, leaf, hit_leaf)
         until, leaf = ops.where(active, next_until, until), ops.where(active, next_leaf, leaf)
@@ -170,7 +170,7 @@ def _first_crossing(forms: Any, k: int, kept: Any, end: Lane, active: Lane) -> t
 
 
 @helper
-def _evaluate_tree(forms: Any, k: int, kept: Any, stack: Any, t: Lane) -> tuple[Lane, Lane, Lane]:
+def _evaluate_tree(forms: Any, k: int, intervals: Any, stack: Any, t: Lane) -> tuple[Lane, Lane, Lane]:
     """(1 inside the solid at t, else 0; distance up to which that cannot change; the leaf with a root there)."""
     steps, kinds = forms.parts.steps, forms.parts.kinds
     first, count, begin = forms.parts.places[k, 0], forms.parts.places[k, 1], forms.parts.places[k, 2]
@@ -178,10 +178,10 @@ def _evaluate_tree(forms: Any, k: int, kept: Any, stack: Any, t: Lane) -> tuple[
     for row in range(first, first + count):
         if steps[row, 0] == LEAF:
             i: Any = np.int64(steps[row, 1])
-            a0, a1 = crosslane.load(kept, 4 * i), crosslane.load(kept, 4 * i + 1)
+            a0, a1 = crosslane.load(intervals, 4 * i), crosslane.load(intervals, 4 * i + 1)
             state, until = ops.where((t >= a0) & (t < a1), 1.0, 0.0 * t), ops.where(t < a0, a0, ops.where(t < a1, a1, np.inf))
             if kinds[begin + i] != LINEAR:
-                b0, b1 = crosslane.load(kept, 4 * i + 2), crosslane.load(kept, 4 * i + 3)
+                b0, b1 = crosslane.load(intervals, 4 * i + 2), crosslane.load(intervals, 4 * i + 3)
                 state = ops.where((t >= b0) & (t < b1), 1.0, state)
                 until = ops.minimum(until, ops.where(t < b0, b0, ops.where(t < b1, b1, np.inf)))
             if kinds[begin + i] == HOLE:
@@ -205,15 +205,15 @@ def _evaluate_tree(forms: Any, k: int, kept: Any, stack: Any, t: Lane) -> tuple[
 
 
 @helper
-def _complete_hits(forms: Any, k: int, leaf: Lane, start: Vec, way: Vec, at: Lane) -> tuple[Lane, Vec, Lane]:
+def _complete_hits(forms: Any, k: int, leaf: Lane, start: Vec, direction: Vec, at: Lane) -> tuple[Lane, Vec, Lane]:
     """(distance of the hit after a Newton step, gradient of the leaf there, bound of its value)."""
     numbers, kind = forms.parts.numbers, ops.to_int(forms.parts.kinds[leaf])
-    p = ops.along(start, way, at)
+    p = ops.along(start, direction, at)
     tx, ty, tz = _quadratic_gradient(numbers, leaf, p)
     g = (tx + numbers[leaf, 6], ty + numbers[leaf, 7], tz + numbers[leaf, 8])
     value = 0.5 * ops.dot((tx, ty, tz), p) + _row(numbers, leaf, 6, p) + numbers[leaf, 9]
     size = ops.length(g)
-    along = ops.dot(g, way)
+    along = ops.dot(g, direction)
     step = -value / ops.where(along == 0.0, 1.0, along)
     usual = kind < TORUS
     certain = usual & (abs(along) > 1e-3 * size) & (abs(step) < 1e-9 * (at + forms.numbers[k, 13]))

@@ -12,12 +12,12 @@ from ..lanes import crosslane, ops
 from ..types import Lane, Vec
 from .evaluator_calls import interpret, run_compiled
 from .interval_grid import MAX_REGISTERS
-from .llvm_math import LANES, WAYS
+from .llvm_math import BRANCH_WORD, LANES
 
 SPEEDUP = 6  # compiled code of the whole tape runs as fast as an interpreter of a tape this many times shorter
 _REGISTERS = MAX_REGISTERS * 4 * LANES
 _POINTS, _GRADIENTS, _RAYS = 0, 1, 3  # places in scene_surfaces.PROGRAMS
-_OUT, _STATE = 4 * LANES, WAYS + LANES
+_OUT, _STATE = 4 * LANES, BRANCH_WORD + LANES
 
 
 class EvalBuffers(NamedTuple):
@@ -131,9 +131,9 @@ class Bounds(NamedTuple):
 @helper
 def bounds_at(forms: Any, k: int, tape: int, memory: EvalBuffers, p: Vec, q: Vec, direction: Vec) -> Bounds:
     """Bounds over the boxes with corners p and q, and of slopes along `direction`, by one tape."""
-    registers, way = memory.registers, direction
+    registers, (d0, d1, d2) = memory.registers, direction
     for axis in range(3):
-        a, b, d = (p[0], q[0], way[0]) if axis == 0 else (p[1], q[1], way[1]) if axis == 1 else (p[2], q[2], way[2])
+        a, b, d = (p[0], q[0], d0) if axis == 0 else (p[1], q[1], d1) if axis == 1 else (p[2], q[2], d2)
         crosslane.store(registers, 4 * axis, ops.minimum(a, b))
         crosslane.store(registers, 4 * axis + 1, ops.maximum(a, b))
         crosslane.store(registers, 4 * axis + 2, d)

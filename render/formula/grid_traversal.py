@@ -104,7 +104,7 @@ def _grid_rays(forms: Any, k: int, memory: EvalBuffers, start: Vec, direction: V
 def _advance_to_leaf(
     forms: Any, rays: GridRays, cell: Cell, known: Lane, active: Lane
 ) -> tuple[Cell, LeafSegment, Lane, Lane, Lane]:  # fmt: skip
-    """Move each lane to its next leaf: (cells, segments, lanes that reached a leaf, lanes whose value is still known, active lanes)."""
+    """Move each lane to its next leaf: (cells, segments, lanes at a leaf, lanes whose value is still known, active lanes)."""
     count, grid = forms.places[rays.k, 0], forms.places[rays.k, 2]
     zero = ops.full_like(rays.end, 0.0)
     looking, here = active, active & ops.not_(active)

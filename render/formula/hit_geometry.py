@@ -19,7 +19,7 @@ MANIFOLD = 4.0  # bound of the multiplicity of coinciding roots: the point's err
 
 @helper
 def complete_hits(ray: RayFunction, origin: Vec, begin: Lane, at: Lane, inside: Lane, hit: Lane) -> tuple[Lane, Lane, Lane, Lane]:
-    """(distance from the origin, spacing, u, v) of roots at distances `at` from the rays' starts, which lie `begin` from the origins."""
+    """(distance from the origin, spacing, u, v) of roots `at` from the rays' starts, which lie `begin` from the origins."""
     forms, k, memory, direction = ray.forms, ray.k, ray.memory, ray.direction
     point, distance = ops.along(ray.start, direction, at), begin + at
     far = distance + forms.numbers[k, 13]

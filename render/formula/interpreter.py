@@ -1,6 +1,6 @@
 """Tape interpreters: one LLVM function for each program, compiled once for a machine and stored as an object file.
 
-A function (code, rows, registers, constants, state, vectors) executes rows of eight int32: op (one of Op or SCALE), out, a, b, c, choice,
+A function (code, rows, registers, constants, state, vectors) executes rows of eight int32: op (Op or SCALE), out, a, b, c, choice,
 whether the row is a minimum or maximum whose value goes only into minima and maxima, 0. An operand ≥ 0 is a register of as many parts as
 the program's values have, each part `vectors` vectors. An operand ~k is constant k, a row of PARTS vectors: its value twice, then zeros; in
 float32 its bounds, zeros, and the numbers of op_codegen.NEAREST. `state` is int64 words: the lanes in which a value may be undefined, then

@@ -1,9 +1,9 @@
 """Sparse grid of cells over a surface's box, classified by interval bounds, with a simplified tape for each cell.
 
 A block of cells is empty where the formula's bounds have one sign. Other blocks are cut into 4 × 4 × 4 parts when the first ray reaches
-them. If one operand of a minimum is known to be larger everywhere in a block, the block's tape evaluates only the other (Keeter,
-"Massively Parallel Rendering of Complex Closed-Form Implicit Surfaces", SIGGRAPH 2020). A cell that is not empty is a leaf with bounds of
-its derivatives: a ray whose slope has one sign has at most one root in it, and the values at both ends tell whether.
+them. If one operand of a minimum is larger everywhere in a block, the block's tape evaluates only the other operand. (Keeter, "Massively
+Parallel Rendering of Complex Closed-Form Implicit Surfaces", SIGGRAPH 2020.) A cell that is not empty is a leaf with bounds of its
+derivatives: a ray whose slope has one sign has at most one root in it, and the values at both ends tell whether.
 
 A grid element holds the number of its leaf; −1, −2, −3 where the block of 1, 4, 16 cells along an axis around it is empty; or PENDING − n
 where block n around it is not cut yet. The contents do not depend on the order of rays and threads.
@@ -273,8 +273,8 @@ def simplify(store, tape, state, lane, scratch):
 def _mark_needed(store: TapeStore, tape: int, state: Any, lane: int, scratch: Any) -> tuple[int, int]:
     """Mark the rows that a lane needs, from the result backwards: (marked rows, rows replaced by an operand).
 
-    Of a tape of n rows, scratch[i] is 1 for a needed row and 2 for one that is replaced by the value named in scratch[n + i]. The list of
-    marked rows begins at scratch[2 n].
+    Of n rows, scratch[i] is 1 for a needed row and 2 for one that is replaced by the value named in scratch[n + i]. The list of marked rows
+    begins at scratch[2 n].
     """
     names = store.names
     first, n = store.tapes[tape, 0], store.tapes[tape, 1]
@@ -310,7 +310,7 @@ def _mark_needed(store: TapeStore, tape: int, state: Any, lane: int, scratch: An
 
 @helper
 def _copy_needed(names: Any, first: int, n: int, begin: int, visited: int, scratch: Any) -> int:
-    """Copy the marked rows of `_mark_needed` to row `begin` on; scratch[n + i] becomes the new name of row i; return the number of rows."""
+    """Copy the marked rows to row `begin` on and return their number; scratch[n + i] becomes the new name of row i."""
     count = 0
     for position in range(visited - 1, -1, -1):
         i = scratch[2 * n + position]

@@ -16,7 +16,7 @@ from ..simd.polynomials import shared, whole
 LANES = crosslane.WIDTH
 BYTES = 8 * LANES  # of a vector
 POINTER = ir.IntType(8).as_pointer()
-WAYS = 8  # first word of the state that holds branch numbers
+BRANCH_WORD = 8  # first word of the state that holds branch numbers
 ROW = 8  # int32 numbers of an instruction
 INTERPRETER = ir.FunctionType(ir.VoidType(), [POINTER, I64, POINTER, POINTER, POINTER, I64])
 """Arguments: code, rows, registers, constants, state, number of vectors."""
@@ -48,7 +48,7 @@ class VectorMath:
     """Arithmetic on vectors, with the interface of NumpyMath.
 
     Intervals record undefined lanes of the `number`th vector in `state`; see interpreter.py. With `forks`, the state holds a vector of
-    branch numbers from word WAYS on: their binary digits select the branches of jumps (interval_semantics.one_side).
+    branch numbers from word BRANCH_WORD on: their binary digits select the branches of jumps (interval_semantics.one_side).
     """
 
     def __init__(self, builder: Any, state: Any = None, form: Form = DOUBLE, number: Any = None, forks: bool = False) -> None:
@@ -125,11 +125,11 @@ class VectorMath:
 
     def fork(self, mask: Value) -> Value:
         """Take the next binary digit of the branch numbers, as NumpyMath.fork."""
-        rest = load(self.builder, self.state, 8 * WAYS)
+        rest = load(self.builder, self.state, 8 * BRANCH_WORD)
         left = rest >= 2.0
         self.undefined(mask & ~left)
         half = (rest * 0.5).call("floor")
-        store(self.builder, self.state, 8 * WAYS, self.where(mask & left, half, rest))
+        store(self.builder, self.state, 8 * BRANCH_WORD, self.where(mask & left, half, rest))
         return mask & (rest - half * 2.0 > 0.0)
 
     # --- noise ---

@@ -84,8 +84,8 @@ def _first_root(
     while len(ray):
         keep = a < root[ray]
         ray, a, b = ray[keep], a[keep], b[keep]
-        p, q, way = o[:, ray] + a * d[:, ray], o[:, ray] + b * d[:, ray], d[:, ray]
-        (low, high), (least, most), maybe = numpy_interpreter.boxes(tape, np.minimum(p, q), np.maximum(p, q), way)
+        p, q, direction = o[:, ray] + a * d[:, ray], o[:, ray] + b * d[:, ray], d[:, ray]
+        (low, high), (least, most), maybe = numpy_interpreter.boxes(tape, np.minimum(p, q), np.maximum(p, q), direction)
         with np.errstate(invalid="ignore"):
             in_a, in_b = (numpy_interpreter.points(tape, *x)[0] <= 0 for x in (p, q))
             change = in_a != in_b
@@ -135,36 +135,36 @@ def _bisect(tape: Tape, o: Floats, d: Floats, a: Floats, b: Floats, in_a: NDArra
 
 
 def _face_normals(
-    tape: Tape, normal: Floats, start: Floats, way: Floats, at: Floats, reach: float, size: Floats, toward: Floats
+    tape: Tape, normal: Floats, start: Floats, direction: Floats, at: Floats, reach: float, size: Floats, toward: Floats
 ) -> tuple[Floats, NDArray[np.bool_]]:
     """(normals, replaced by those of faces where the formula jumps over 0 or ends to be defined; which are replaced)."""
     if not np.isin(tape.code[:, 0], discontinuities.JUMPING + discontinuities.ENDING).any():
         return normal, np.zeros(len(at), bool)
-    before, after = start + (at - APART * reach) * way, start + (at + APART * reach) * way
+    before, after = start + (at - APART * reach) * direction, start + (at + APART * reach) * direction
     apart = np.abs(numpy_interpreter.points(tape, *after)[0] - numpy_interpreter.points(tape, *before)[0])
     face = _face_gradients(tape, before, after)
     face = face / np.linalg.norm(face, axis=0)
-    face = np.where(toward * (face * way).sum(axis=0) < 0, -face, face)
+    face = np.where(toward * (face * direction).sum(axis=0) < 0, -face, face)
     here = np.isfinite(face).all(axis=0) & ~(apart <= discontinuities.LEAST * reach * size) & ~(apart >= np.inf)
     return np.where(here, face, normal), here
 
 
 def _complete_hits(
-    tape: Tape, parameters: Floats, start: Floats, way: Floats, at: Floats, inside: NDArray
+    tape: Tape, parameters: Floats, start: Floats, direction: Floats, at: Floats, inside: NDArray
 ) -> tuple[NDArray[np.int64], Floats, Floats]:
     """(spacing, u, v) of roots."""
-    point, reach, toward = start + at * way, parameters[5], np.where(inside, 1.0, -1.0)
+    point, reach, toward = start + at * direction, parameters[5], np.where(inside, 1.0, -1.0)
     _, gradient = numpy_interpreter.gradients(tape, *point)
     with np.errstate(all="ignore"):
-        _, before = numpy_interpreter.gradients(tape, *(start + (at - BACK * reach) * way))
+        _, before = numpy_interpreter.gradients(tape, *(start + (at - BACK * reach) * direction))
         gradient = np.where((gradient == 0.0).all(axis=0), before, gradient)
         size = np.linalg.norm(gradient, axis=0)
         usable = (size > 0) & np.isfinite(size)
-        normal = np.where(usable, gradient / size, toward * way)
-        normal, on_face = _face_normals(tape, normal, start, way, at, reach, size, toward)
+        normal = np.where(usable, gradient / size, toward * direction)
+        normal, on_face = _face_normals(tape, normal, start, direction, at, reach, size, toward)
         if not parameters[0]:
-            along = (normal * way).sum(axis=0)
-            normal = np.where(toward * along < 0, normal - 2 * along * way, normal)
+            along = (normal * direction).sum(axis=0)
+            normal = np.where(toward * along < 0, normal - 2 * along * direction, normal)
         (low, high), _, _ = numpy_interpreter.boxes(tape, point, point)
         off = np.where(on_face, discontinuities.OFF * reach, np.maximum(np.abs(low), np.abs(high)) / size)
         units = np.where((usable | on_face) & (off < reach), off / (2.0**-53 * reach), 0.0)

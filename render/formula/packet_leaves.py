@@ -1,4 +1,4 @@
-"""Segments of a packet's vectors: rays that hit the surface, rays that miss it, and undecided rays, which are searched one by one."""
+"""Segments of a packet's vectors: certain hits, certain misses, and undecided rays, which are searched one by one."""
 
 from __future__ import annotations
 

@@ -152,7 +152,7 @@ def _narrow(rows: Any, at: int, turn: int, f: Any, enough: float) -> bool:
 
 @noinline_helper
 def _polish(trace, tape, first, count):
-    """Refine LANES float32 roots in float64 by Newton steps until the value is negligible; by bracketing where these do not converge.
+    """Refine LANES float32 roots in float64 by Newton steps until the value is negligible, else by bracketing.
 
     Near points where the gradient vanishes it changes within a step: only the value there bounds the distance of the root.
     """

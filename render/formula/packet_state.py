@@ -74,7 +74,7 @@ class PacketState(NamedTuple):
     brackets: NDArray[np.float32]  # (9, …) ends, values there, least slope, side, original ends, error of values
     bracket_ray: NDArray[np.int32]
     packed: NDArray[np.float32]  # (6, …) rays
-    kept: NDArray[np.int64]  # copy of `state` after bounding the slabs
+    slab_state: NDArray[np.int64]  # copy of `state` after bounding the slabs
     bounds: NDArray[np.float32]  # (10, 64) results of `spans32` for groups in quarters, and for vectors in quarters
     results: NDArray[np.float32]  # (2, 16) bounds of the result in slabs
     inputs: NDArray[np.float32]  # copy of registers

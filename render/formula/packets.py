@@ -5,7 +5,7 @@ which the rays may hit the surface's box is cut into 8 slabs. Bounds over the bo
 and simplify the tape for the others. Those are cut into groups and quarters, which are bounded alike, with bounds of the slopes along their
 rays. Where a slope has one sign, the values at both ends of a ray decide. Other groups are cut into vectors and quarters again, and rays
 that stay undecided are searched one by one (Duff, "Interval Arithmetic and Recursive Subdivision for Implicit Functions and Constructive
-Solid Geometry", SIGGRAPH 1992; Keeter 2020, see interval_grid.py).
+Solid Geometry", SIGGRAPH 1992. Keeter 2020, see interval_grid.py).
 
 This is done in float32 with bounds rounded outward. Each bound comes with an error of the values: where a value is nearer to 0 than its
 error, float64 gives its sign. A bracketed root is refined in float64.
@@ -111,9 +111,9 @@ def _trace_packet(packet, memory, n, hits):
     left = _bound_slabs(packet, rows, slab, slack)
     # the choices in slabs are read later, after other bounds
     choices = len(packet.state)
-    kept = packet.kept
+    slab_state = packet.slab_state
     for i in range(choices):
-        kept[i] = packet.state[i]
+        slab_state[i] = packet.state[i]
     while left != 0:
         i = simd.trailing_zeros(left)
         left &= left - 1
@@ -121,7 +121,7 @@ def _trace_packet(packet, memory, n, hits):
             break
         packet.ends[0], packet.ends[1] = 1, rows
         for c in range(choices):
-            packet.state[c] = kept[c]
+            packet.state[c] = slab_state[c]
         tape = simplify_for_lane(packet, 0, i)
         set_known_bounds(packet, PARTS_OF_SPAN, QUARTERS, simd.f32x16(packet.results[i]), simd.f32x16(packet.results[VECTOR + i]))
         if not _trace_slab(trace, tape, i * slab, slab):
@@ -262,7 +262,7 @@ def _store_bounds(packet: Any, tape: int) -> None:
 
 @noinline_helper
 def _trace_group(trace, tape, group, begin, length):
-    """Intersect the vectors of a group in four quarters of a length from `begin` on; slopes are bounded only where there may be a root."""
+    """Intersect the vectors of a group in four intervals from `begin` on; slopes are bounded only where a root is possible."""
     packet, slack = trace.packet, trace.slack
     set_known_bounds(packet, 2, QUARTERS, simd.f32x16(-np.inf), simd.f32x16(np.inf))
     quarter_inputs(packet, group * VECTOR, begin, length, slack)

@@ -20,7 +20,7 @@ from .bracketing import LARGEST, SegmentBounds, excludes_root
 from .discontinuities import JUMPS
 from .evaluate import Bounds, RayFunction, bounds_at, value_on
 from .evaluator_calls import interpret
-from .llvm_math import LANES, WAYS
+from .llvm_math import BRANCH_WORD, LANES
 from .scene_surfaces import PROGRAMS
 
 _FORKS = PROGRAMS.index("forks")
@@ -79,9 +79,9 @@ def isolate_first_root(ray, a, b, own, begin, sheet, like, most):
     """(distance or inf, whether the ray is inside before it, 1 where unproved, rounds used) of the first root of one ray in a … b.
 
     The ray begins at the distance `own`, its start lies `begin` from its origin, and `most` limits the rounds. A shortest piece is a hit if
-    the sign changes in it, on a sheet only if the formula does not jump. Without a change of sign it is skipped and counts as unproved,
-    except next to a root, at the begin of the ray (the surface that it leaves), and at a gap in a solid, such as a face that two parts
-    share.
+    the sign changes in it, on a sheet only if the formula does not jump. Without a change of sign it is skipped and counts as unproved.
+    Exceptions are pieces next to a root, at the begin of the ray (the surface that it leaves), and at a gap in a solid, such as a face that
+    two parts share.
     """
     s = _search(ray, a, begin, sheet, like)
     over = min(16.0 * s.finest, _OVERRUN * ray.forms.numbers[ray.k, 13])
@@ -240,7 +240,7 @@ def _branches_exclude_root(s, p, q, within):
             crosslane.store(registers, 2 * axis + 1, s.zero + max(a, b))
         simd.write(state, 0, 0)
         for j in range(LANES):
-            simd.write(state, WAYS + j, _BRANCHES[first_branch + j])
+            simd.write(state, BRANCH_WORD + j, _BRANCHES[first_branch + j])
         interpret(forms.programs[_FORKS], forms.code, begin, rows, registers, forms.constants, forms.places[k, 3], state, 1)
         if simd.read(state, 0) != 0:
             return False

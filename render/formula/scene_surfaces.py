@@ -1,4 +1,4 @@
-"""Builds the kernel tables of a scene's implicit surfaces: tapes for the interpreters, and a grid that fills as rays reach its cells."""
+"""Builds the kernel tables of a scene's implicit surfaces: tapes for the interpreters, and grids that fill as rays arrive."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Disk cache of kernels, and the time spent on compiling and loading them.
+"""Disk cache of kernels, and the time of compiling and loading them.
 
 Numba's cache checks the file of a kernel, but not the helpers that the kernel calls. Here the file name of a kernel contains a digest of
 the syntax trees of all modules that it is compiled from (`cache_key.py`), so that stale code is never loaded.

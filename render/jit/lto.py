@@ -1,4 +1,4 @@
-"""Link-time optimization of kernels: helpers stay LLVM fragments, optimized and emitted only as parts of the kernels that call them.
+"""Link-time optimization: helpers stay LLVM fragments, optimized and emitted only as parts of the kernels that call them.
 
 Numba optimizes and emits each function with its callees, and again as a part of each caller. With seven levels of helpers, most of a
 kernel's compile time goes into code that never runs.

@@ -59,7 +59,7 @@ def _kind_of(value: Any) -> int:
 
 
 def acquire(self: Any) -> None:
-    """_CompilerLock.acquire: only the outermost call sends an event. Garbage collection pauses while the lock is held: there is little."""
+    """_CompilerLock.acquire: only the outermost call sends an event. Garbage collection, which finds little, pauses meanwhile."""
     if self.is_locked():
         self._lock.acquire()
         return

@@ -117,7 +117,10 @@ def _pack(value: Any, words: list[int]) -> Layout:
 
 
 def _address(array: NDArray[Any]) -> int:
-    """Address of an array's elements; 0 for an empty array. `array.ctypes.data` takes three times as long, and longer than all the rest."""
+    """Address of an array's elements; 0 for an empty array.
+
+    `array.ctypes.data` takes three times as long, and longer than the rest of packing.
+    """
     if not array.size:
         return 0
     if not array.flags.writeable:
@@ -136,7 +139,7 @@ class HandleType(types.Type):
         """(word, kind) of a field or of a field of a nested tuple ("outer.inner"), not of another Handle; None if there is none."""
         found, layout = None, self.layout
         for part in name.split("."):
-            found = next(((word, what) for known, word, what in layout if known == part), None)
+            found = next(((word, kind) for known, word, kind in layout if known == part), None)
             layout = found[1] if found and isinstance(found[1], tuple) and found[1][:1] != ("handle",) else ()
         return found
 
@@ -171,18 +174,18 @@ def skip_when_tagged(tag: str, otherwise: Callable[..., Any]) -> Callable[[Calla
     return decorate
 
 
-def _numba_type(what: Any) -> types.Type:
-    if what == "int":
+def _numba_type(kind: Any) -> types.Type:
+    if kind == "int":
         return types.int64
-    if what == "float":
+    if kind == "float":
         return types.float64
-    if what == "bool":
+    if kind == "bool":
         return types.boolean
-    if what and what[0] == "array":
-        return types.Array(numpy_support.from_dtype(np.dtype(what[1])), 1 + len(what[2]), "C")
-    if what and what[0] == "handle":
-        return what[1]
-    return _type_of(what)
+    if kind and kind[0] == "array":
+        return types.Array(numpy_support.from_dtype(np.dtype(kind[1])), 1 + len(kind[2]), "C")
+    if kind and kind[0] == "handle":
+        return kind[1]
+    return _type_of(kind)
 
 
 @typeof_impl.register(Handle)
@@ -218,19 +221,19 @@ class _HandleAttributes(AttributeTemplate):
 def _load(context: Any, builder: Any, typ: HandleType, value: Any, attr: str) -> Any:
     found = typ.field(attr)
     assert found is not None
-    word, what = found
-    if isinstance(what, tuple) and not (what and what[0] in ("array", "handle")):
+    word, kind = found
+    if isinstance(kind, tuple) and not (kind and kind[0] in ("array", "handle")):
         return value  # a nested tuple: its words count from the start of the block
-    if what == "float":
+    if kind == "float":
         return _word(builder, value, word, llvm.DoubleType())
     whole = _word(builder, value, word, llvm.IntType(64))
-    if what == "int":
+    if kind == "int":
         return whole
-    if what == "bool":
+    if kind == "bool":
         return builder.icmp_signed("!=", whole, llvm.Constant(whole.type, 0))
-    if what[0] == "handle":
+    if kind[0] == "handle":
         return builder.inttoptr(whole, llvm.IntType(8).as_pointer())
-    return _array(context, builder, _numba_type(what), value, word, what[2])
+    return _array(context, builder, _numba_type(kind), value, word, kind[2])
 
 
 def _array(context: Any, builder: Any, kind: types.Type, value: Any, word: int, row: tuple[int, ...]) -> Any:

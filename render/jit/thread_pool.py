@@ -68,9 +68,9 @@ def _start(work: Callable[[], Any], report: Callable[[Any], None], threads: int)
 
 def parallel_for(
     draw: Callable[[Any], Any], jobs: Sequence[Any], threads: int, cancel: threading.Event | None = None,
-    told: Callable[[Any, Any], None] | None = None,
+    on_done: Callable[[Any, Any], None] | None = None,
 ) -> None:  # fmt: skip
-    """Call draw(job) for all jobs on up to `threads` threads, the caller's included, and told(job, result) on the caller's thread.
+    """Call draw(job) for all jobs on up to `threads` threads, the caller's included; report on_done(job, result) on the caller's.
 
     The first exception of a job stops the others and is raised here. Setting `cancel` stops after the running jobs.
     """
@@ -101,8 +101,8 @@ def parallel_for(
             mine = next_job()
             if mine is not nothing:
                 result = draw(mine)
-                if told is not None:
-                    told(mine, result)
+                if on_done is not None:
+                    on_done(mine, result)
             elif not running:
                 break
             while running and (mine is nothing or not results.empty()):
@@ -110,8 +110,8 @@ def parallel_for(
                 if job is nothing:
                     running -= 1
                     failure = failure or problem
-                elif told is not None:
-                    told(job, result)
+                elif on_done is not None:
+                    on_done(job, result)
     finally:
         stop.set()
         while running:

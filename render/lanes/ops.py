@@ -425,7 +425,7 @@ def reflect(direction: Vec, normal: Vec) -> Vec:
 
 @helper
 def basis(n: Vec) -> tuple[Vec, Vec]:
-    """Two unit vectors that complete unit n to a right-handed frame (Duff et al., "Building an Orthonormal Basis, Revisited", 2017)."""
+    """Two unit vectors that complete unit n to a right-handed frame (Duff et al. 2017, "Building an Orthonormal Basis, Revisited")."""
     s = sign_of(n[2])
     a = -1.0 / (s + n[2])
     b = n[0] * n[1] * a

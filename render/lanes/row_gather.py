@@ -1,4 +1,4 @@
-"""Gathers of several neighbouring numbers of table rows: one vector load a lane, then a transpose, where the machine supports it."""
+"""Gathers of neighbouring numbers of table rows: one vector load a lane, then a transpose, where the machine supports it."""
 
 from __future__ import annotations
 

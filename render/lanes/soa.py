@@ -15,12 +15,14 @@ ROW = SIZE + PAD
 
 @helper
 def load3(rows: Any, base: int, row: int, i: int) -> Vec:
+    """Load a vector of 3D vectors from rows `row` … row + 2, element i on."""
     at = base + row * ROW + i
     return simd.load(rows, at), simd.load(rows, at + ROW), simd.load(rows, at + 2 * ROW)
 
 
 @helper
 def store3(rows: Any, base: int, row: int, i: int, v: Vec) -> None:
+    """Store a vector of 3D vectors to rows `row` … row + 2, element i on."""
     at = base + row * ROW + i
     simd.store(rows, at, v[0])
     simd.store(rows, at + ROW, v[1])
@@ -35,6 +37,7 @@ def keep(rows: Any, at: int, x: Lane, mask: Lane) -> None:
 
 @helper
 def keep3(rows: Any, at: int, v: Vec, mask: Lane) -> None:
+    """`keep` for a vector of 3D vectors in three rows."""
     keep(rows, at, v[0], mask)
     keep(rows, at + ROW, v[1], mask)
     keep(rows, at + 2 * ROW, v[2], mask)
@@ -50,5 +53,6 @@ def add(rows: Any, slot: Lane, light: Vec, mask: Lane) -> None:
 
 @helper
 def gather3(rows: Any, base: int, row: int, k: Lane) -> Vec:
+    """Gather 3D vectors from rows `row` … row + 2 at elements k."""
     at = k + (base + row * ROW)
     return rows[at], rows[at + ROW], rows[at + 2 * ROW]

@@ -37,6 +37,7 @@ def element_shape(array: Any) -> tuple[str, int] | None:
 
 
 def is_small(array: Any) -> bool:
+    """Return whether elements have one byte."""
     return array.dtype in (types.uint8, types.boolean)
 
 
@@ -46,6 +47,7 @@ def stored_type(context: Any, array: Any) -> Any:
 
 
 def item_bytes(array: Any) -> int:
+    """Bytes of an element."""
     return 1 if is_small(array) else array.dtype.bitwidth // 8
 
 
@@ -75,6 +77,7 @@ def place(context: Any, builder: Any, array: Any, raw: Any, index: Any, index_ty
 
 
 def as_vector(builder: Any, pointer: Any, element: Any, lanes: int) -> Any:
+    """Cast a pointer to one of a vector."""
     return builder.bitcast(pointer, ir.VectorType(element, lanes).as_pointer())
 
 
@@ -178,10 +181,12 @@ def store_past(typingctx, array, i, x):
 
 
 def zero_lanes(builder: Any, element: Any, lanes: int) -> Any:
+    """Zero vector constant."""
     return ir.Constant(ir.VectorType(element, lanes), None)
 
 
 def suffix_of(element: Any, lanes: int) -> str:
+    """Type suffix of an LLVM intrinsic's name."""
     return f"v{lanes}{element.intrinsic_name}"
 
 
@@ -219,12 +224,14 @@ def masked_store(typingctx, array, i, x, mask):
 
 
 def store_masked(builder: Any, pointer: Any, raw: Any, mask: Any, alignment: int) -> None:
+    """Emit LLVM's masked store."""
     pointer = builder.bitcast(pointer, raw.type.as_pointer())
     name = f"llvm.masked.store.{suffix_of(raw.type.element, raw.type.count)}.p0"
     v.call(builder, name, ir.VoidType(), [raw, pointer, ir.Constant(I32, alignment), mask])
 
 
 def is_mask(kind: types.Type) -> bool:
+    """Return whether a type is a mask vector."""
     return isinstance(kind, Vector) and kind.kind == "m"
 
 

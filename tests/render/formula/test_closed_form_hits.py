@@ -1,4 +1,4 @@
-"""Rays through solids in closed form: what bounds of the field find, in and out, however parts touch."""
+"""Ray hits of solids in closed form: the same as by interval bounds, entering and leaving, also where parts touch."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ SOLIDS = {
 
 
 @pytest.mark.parametrize("name", SOLIDS)
-def test_the_same_as_by_bounds(tmp_path, name):
+def test_hits_are_the_same_as_by_bounds(tmp_path, name):
     tables = scene_of(tmp_path, SOLIDS[name]).tables
     o, d = some_rays(4000, 5)
     trees = ray_queries.build(tables)
     assert (trees.tables.forms.parts.places[:, 1] > 0).all()
-    met, other = ray_queries.closest(trees, o, d), ray_queries.closest(ray_queries.build(tables, closed=False), o, d)
-    hit = np.isfinite(met.t)
+    first, other = ray_queries.closest(trees, o, d), ray_queries.closest(ray_queries.build(tables, closed=False), o, d)
+    hit = np.isfinite(first.t)
     assert 500 < hit.sum() < 4000
     assert np.array_equal(hit, np.isfinite(other.t))
-    assert np.abs(met.t[hit] - other.t[hit]).max() < 1e-11
-    n, m = (_normals(which.u[hit], which.v[hit]) for which in (met, other))
-    assert np.quantile(np.abs(n - m).max(axis=1), 0.999) < 1e-6  # where two sides meet at a ray either may be named
-    assert (met.primitive[hit] < 400).all()
+    assert np.abs(first.t[hit] - other.t[hit]).max() < 1e-11
+    n, m = (_normals(which.u[hit], which.v[hit]) for which in (first, other))
+    assert np.quantile(np.abs(n - m).max(axis=1), 0.999) < 1e-6  # at an edge, the normal of either side
+    assert (first.primitive[hit] < 400).all()
 
 
 def _normals(u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """From where the octahedron's faces are unfolded to."""
+    """Decode the octahedral map."""
     z = 1 - abs(u) - abs(v)
     x = np.where(z < 0, (1 - abs(v)) * np.where(u < 0, -1, 1), u)
     y = np.where(z < 0, (1 - abs(u)) * np.where(v < 0, -1, 1), v)
@@ -47,8 +47,8 @@ def _normals(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     return n / np.linalg.norm(n, axis=1, keepdims=True)
 
 
-def test_the_volume_by_what_rays_pass_through(tmp_path):
-    """∫ Σ (leaving − entering) over parallel rays: a box without a drilled hole. Each hit is followed by the next, inside or outside."""
+def test_chords_of_rays_give_the_volume(tmp_path):
+    """∫ Σ (leaving − entering) over parallel rays: a box without a drilled hole. Each hit is the origin of the next ray."""
     tables = scene_of(tmp_path, "difference { box([1.2, 1, 0.8]); cylinder(0.3, 4) }").tables
     trees, n = ray_queries.build(tables), 260  # 5 mm a ray: edges of the box lie between rays
     g = (np.arange(n) + 0.5) / n * 1.3 - 0.65
@@ -57,16 +57,16 @@ def test_the_volume_by_what_rays_pass_through(tmp_path):
     first, total, inside = np.zeros(n * n), np.zeros(n * n), np.zeros(n * n, bool)
     for _ in range(6):
         t = ray_queries.closest(trees, o, d, first).t
-        met = np.isfinite(t)
-        total += np.where(met & inside, t - first, 0.0)
-        first, inside = np.where(met, t + 1e-12, 9.0), met & ~inside
+        hit = np.isfinite(t)
+        total += np.where(hit & inside, t - first, 0.0)
+        first, inside = np.where(hit, t + 1e-12, 9.0), hit & ~inside
     assert np.isinf(t).all()
     volume = 1.2 * 1 * 0.8 - math.pi * 0.3**2 * 1
     assert total.sum() * (1.3 / n) ** 2 == pytest.approx(volume, rel=1e-3)
 
 
-def test_a_torus_from_far_and_thin(tmp_path):
-    """Place 6: R = 1, r = 0.01 from 10⁴; every ray that enters leaves, and points are on the surface."""
+def test_a_thin_torus_from_far_away(tmp_path):
+    """R = 1, r = 0.01 from 10⁴; every ray that enters leaves, and hits are on the surface."""
     tables = scene_of(tmp_path, "union { torus(1, 0.01, rotate: [30deg, 0, 20deg]) }").tables
     trees = ray_queries.build(tables)
     random = np.random.default_rng(6)
@@ -83,22 +83,22 @@ def test_a_torus_from_far_and_thin(tmp_path):
     t, count = np.zeros(4000), np.zeros(4000, int)
     for _ in range(5):
         found = ray_queries.closest(trees, o, d, t).t
-        met = np.isfinite(found)
-        count += met
-        p = (o[met] + found[met, None] * d[met]) @ turn
+        hit = np.isfinite(found)
+        count += hit
+        p = (o[hit] + found[hit, None] * d[hit]) @ turn
         assert np.abs(np.hypot(np.hypot(p[:, 0], p[:, 2]) - 1, p[:, 1]) - 0.01).max(initial=0) < 1e-10
-        t = np.where(met, found + 1e-10, 3e4)
+        t = np.where(hit, found + 1e-10, 3e4)
     assert (count % 2 == 0).all()
     assert (count > 0).sum() > 2000
 
 
-def test_some_of_both_in_a_scene(tmp_path):
+def test_a_scene_with_closed_forms_and_other_surfaces(tmp_path):
     sharp = "union { box(0.8, center: [-0.5, 0, 0]); sphere(0.3) }"
     both = f"{sharp}\nunion(round: 0.1) {{ box(0.4, center: [0.6, 0, 0]); sphere(0.25, center: [0.6, 0.2, 0]) }}"
     tables = scene_of(tmp_path, both).tables
     o, d = some_rays(1000, 9)
     trees = ray_queries.build(tables)
     assert formula_tables.have_cells(trees.tables.forms).sum() == 1
-    met, other = ray_queries.closest(trees, o, d), ray_queries.closest(ray_queries.build(tables, closed=False), o, d)
-    assert np.array_equal(met.instance, other.instance)
-    assert np.abs(met.t[met.instance >= 0] - other.t[met.instance >= 0]).max() < 1e-11
+    first, other = ray_queries.closest(trees, o, d), ray_queries.closest(ray_queries.build(tables, closed=False), o, d)
+    assert np.array_equal(first.instance, other.instance)
+    assert np.abs(first.t[first.instance >= 0] - other.t[first.instance >= 0]).max() < 1e-11

@@ -1,4 +1,4 @@
-"""Bundles of rays that share bounds of a formula: what they meet is what rays by themselves meet."""
+"""Ray packets against implicit surfaces: the hits of a packet are those of its rays one by one."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ NASTY = {
 
 
 def picture(eye: tuple[float, float, float], size: int = 64, half: float = 0.45) -> tuple[np.ndarray, np.ndarray]:
-    """Rays of a pinhole camera that looks at the middle, vector by vector of 4 × 4 pixels and group by group of 16 × 16."""
+    """Rays of a pinhole camera that looks at the origin, in vectors of 4 × 4 pixels and groups of 16 × 16."""
     order = np.arange(size * size).reshape(size // 16, 4, 4, size // 16, 4, 4).transpose(0, 3, 1, 4, 2, 5).ravel()
     toward = -np.array(eye) / np.linalg.norm(eye)
     right = np.cross(toward, [0.1, 1.0, 0.2])
@@ -38,76 +38,76 @@ def picture(eye: tuple[float, float, float], size: int = 64, half: float = 0.45)
     return np.tile(np.array(eye), (len(order), 1)), direction
 
 
-def met(trees: Handle, o: np.ndarray, d: np.ndarray, t_max: float = np.inf) -> tuple[np.ndarray, ...]:
-    """What a bundle meets of the first formula surface; None where it is too wide to be one."""
-    out = nothing(len(o))
-    assert traced(trees, o, d, t_max, out)
+def packet_hits(trees: Handle, o: np.ndarray, d: np.ndarray, t_max: float = np.inf) -> tuple[np.ndarray, ...]:
+    """(t, spacing, u, v) of a packet of rays with the first implicit surface."""
+    out = no_hits(len(o))
+    assert trace(trees, o, d, t_max, out)
     return out.t, out.spacing, out.u, out.v
 
 
-def nothing(n: int) -> packets.HitColumns:
+def no_hits(n: int) -> packets.HitColumns:
     return packets.HitColumns(np.full(n, np.inf), np.full(n, -1), np.zeros(n, np.int64), np.zeros(n), np.zeros(n), 0)
 
 
-def traced(trees: Handle, o: np.ndarray, d: np.ndarray, t_max: float, out: packets.HitColumns) -> bool:
-    room = Handle(packet_state.allocate(trees.tables.forms, 0))
-    return packets.trace(room, packet_state.ray_columns(o, d, 0.0, t_max), 0, len(o), np.eye(4)[:3], out) == len(o)
+def trace(trees: Handle, o: np.ndarray, d: np.ndarray, t_max: float, out: packets.HitColumns) -> bool:
+    packet = Handle(packet_state.allocate(trees.tables.forms, 0))
+    return packets.trace(packet, packet_state.ray_columns(o, d, 0.0, t_max), 0, len(o), np.eye(4)[:3], out) == len(o)
 
 
 @pytest.mark.parametrize("eye", [(2.0, 1.2, 2.4), (-0.1, 2.6, 0.3), (0.25, 0.1, 0.3)], ids=["outside", "above", "within"])
 @pytest.mark.parametrize("name", [*SURFACES, *NASTY])
-def test_bundles_meet_what_rays_meet(tmp_path, name, eye):
+def test_packets_hit_what_single_rays_hit(tmp_path, name, eye):
     tables = scene_of(tmp_path, {**SURFACES, **NASTY}[name]).tables
     trees = ray_queries.build(tables, closed=False)
     tape_jit.finish()
     o, d = picture(eye)
     alone = ray_queries.closest(trees, o, d)
     before = trees.tables.forms.unproved.copy()
-    t, _, u, v = met(trees, o, d)
+    t, _, u, v = packet_hits(trees, o, d)
     sure = before[0] == 0 and trees.tables.forms.unproved[0] == 0
     differ = np.isfinite(t) != np.isfinite(alone.t)
     both = np.isfinite(t) & np.isfinite(alone.t)
     apart = np.abs(t[both] - alone.t[both]) > 1e-9 * (1 + alone.t[both])
     assert int(differ.sum() + apart.sum()) <= (0 if sure else 4)
-    # normals, but for places where the formula jumps: it has none there
+    # the median ignores jumps, where the formula has no normal
     assert np.median(np.hypot(u - alone.u, v - alone.v)[both]) < 1e-5
 
 
-def test_bundles_follow_one_another(tmp_path):
-    """More rays than go together are met as they are bundle by bundle, and none before the first one asked for."""
+def test_more_rays_than_a_packet_holds_are_traced_packet_by_packet(tmp_path):
+    """Columns before the first one asked for stay unchanged."""
     tables = scene_of(tmp_path, SURFACES["torus"]).tables
     trees = ray_queries.build(tables, closed=False)
     o, d = picture((2.0, 1.2, 2.4), size=96)
-    whole = met(trees, o, d)
+    whole = packet_hits(trees, o, d)
     first = packet_state.RAYS
     assert len(o) > 2 * first
-    behind = met(trees, o[first:].copy(), d[first:].copy())
+    behind = packet_hits(trees, o[first:].copy(), d[first:].copy())
     for one, other in zip(whole, behind, strict=True):
         assert np.array_equal(one[first:], other)
-    rest, room = nothing(len(o)), Handle(packet_state.allocate(trees.tables.forms, 0))
-    assert packets.trace(room, packet_state.ray_columns(o, d, 0.0, np.inf), first, len(o), np.eye(4)[:3], rest) == len(o)
+    rest, packet = no_hits(len(o)), Handle(packet_state.allocate(trees.tables.forms, 0))
+    assert packets.trace(packet, packet_state.ray_columns(o, d, 0.0, np.inf), first, len(o), np.eye(4)[:3], rest) == len(o)
     assert np.isinf(rest.t[:first]).all()
     assert np.array_equal(rest.t[first:], behind[0])
 
 
-def test_bundles_stop_where_rays_end(tmp_path):
+def test_packets_stop_at_t_max(tmp_path):
     tables = scene_of(tmp_path, SURFACES["torus"]).tables
     trees = ray_queries.build(tables, closed=False)
     o, d = picture((0.0, 0.0, 3.0))
-    everything = met(trees, o, d)[0]
+    everything = packet_hits(trees, o, d)[0]
     near = np.quantile(everything[np.isfinite(everything)], 0.5)
-    t = met(trees, o, d, near)[0]
+    t = packet_hits(trees, o, d, near)[0]
     assert np.array_equal(np.isfinite(t), everything < near)
 
 
-def test_a_part_of_a_bundle_is_a_bundle(tmp_path):
-    """How many rays go together changes nothing but rounding."""
+def test_a_part_of_a_packet_has_the_same_hits(tmp_path):
+    """The number of rays in a packet changes only rounding."""
     tables = scene_of(tmp_path, SURFACES["blend"]).tables
     trees = ray_queries.build(tables, closed=False)
     o, d = picture((2.0, 1.2, 2.4))
-    whole = met(trees, o, d)[0]
+    whole = packet_hits(trees, o, d)[0]
     for count in (1, 7, 100, 300, 1031):
-        part = met(trees, o[500 : 500 + count].copy(), d[500 : 500 + count].copy())[0]
+        part = packet_hits(trees, o[500 : 500 + count].copy(), d[500 : 500 + count].copy())[0]
         known = np.isfinite(part)
         assert np.array_equal(known, np.isfinite(whole[500 : 500 + count]))
         assert np.abs(part[known] - whole[500 : 500 + count][known]).max(initial=0.0) < 1e-10
@@ -121,28 +121,28 @@ STEPPED = {
 
 
 @pytest.mark.parametrize("name", STEPPED)
-def test_where_a_formula_jumps_a_root_is_the_same_in_every_bundle(tmp_path, name):
+def test_roots_at_jumps_are_the_same_in_every_packet(tmp_path, name):
     tables = scene_of(tmp_path, f"implicit(|x, y, z| {STEPPED[name]}, within: 1)").tables
     trees = ray_queries.build(tables, closed=False)
     o, d = picture((1.6, 1.5, 2.6))
-    whole = met(trees, o, d)
+    whole = packet_hits(trees, o, d)
     for count in (16, 256, 1024):
-        parts = [met(trees, o[first : first + count].copy(), d[first : first + count].copy()) for first in range(0, len(o), count)]
+        parts = [packet_hits(trees, o[first : first + count].copy(), d[first : first + count].copy()) for first in range(0, len(o), count)]
         t, _, u, v = (np.concatenate(column) for column in zip(*parts, strict=True))
         hit = np.isfinite(t)
         assert np.array_equal(hit, np.isfinite(whole[0]))
         assert np.abs(t[hit] - whole[0][hit]).max() < 1e-14
-        assert np.hypot(u - whole[2], v - whole[3])[hit].max() < 1e-4  # a ball's, which the gradient gives where single precision led
+        assert np.hypot(u - whole[2], v - whole[3])[hit].max() < 1e-4  # normals of balls, at roots found in single precision
     assert int(trees.tables.forms.unproved[0]) == 0
 
 
-def test_walls_between_steps_have_normals_of_their_own(tmp_path):
-    """Treads look up and risers along −x, whatever slope the formula has beside them."""
+def test_risers_between_steps_have_their_own_normals(tmp_path):
+    """The normals of treads point up and those of risers along −x, for any slope of the formula beside them."""
     tables = scene_of(tmp_path, "implicit(|x, y, z| y <= 0.2 * floor(4 * x), within: 1)").tables
     trees = ray_queries.build(tables, closed=False)
     o, d = picture((-1.6, 1.5, 2.6))
     alone = ray_queries.closest(trees, o, d)
-    for t, _, u, v in (met(trees, o, d), (alone.t, alone.primitive, alone.u, alone.v)):
+    for t, _, u, v in (packet_hits(trees, o, d), (alone.t, alone.primitive, alone.u, alone.v)):
         hit = np.isfinite(t)
         x, y, z = (o + np.where(hit, t, 0.0)[:, None] * d).T
         riser = hit & (np.abs(4 * x - np.rint(4 * x)) < 1e-9) & (np.abs(x) < 0.99) & (np.abs(z) < 0.99)
@@ -153,17 +153,17 @@ def test_walls_between_steps_have_normals_of_their_own(tmp_path):
         assert np.abs(v[riser]).max() < 1e-4
 
 
-def test_rays_that_go_all_ways_are_no_bundle(tmp_path):
+def test_incoherent_rays_are_no_packet(tmp_path):
     tables = scene_of(tmp_path, SURFACES["torus"]).tables
     trees = ray_queries.build(tables, closed=False)
     o = np.array([[0.0, 0.0, 1000.0], [3.0, 0.0, 0.0]])
     d = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
-    assert not traced(trees, o, d, np.inf, nothing(2))
+    assert not trace(trees, o, d, np.inf, no_hits(2))
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("isa", ["avx2", "sse", "scalar"])
-def test_bundles_on_narrower_machines(isa):
+def test_packets_on_narrower_machines(isa):
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", __file__]
     done = subprocess.run(command, env={**os.environ, "MAQUETTE_SIMD": isa}, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stdout

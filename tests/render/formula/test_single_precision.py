@@ -1,4 +1,4 @@
-"""Formulas in float32: bounds of values and slopes hold for all points of a box, and values are off by no more than is said."""
+"""float32 programs: bounds of values and slopes hold at all points of a box, and errors of values stay within their bound."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def run(address, code, registers, constants, state):
     interpret(address, code, np.int64(0), np.int64(len(code)), registers, constants, np.int64(0), state, np.int64(VECTORS))
 
 
-def evaluated(program: str, tape: Tape, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(parts of the result (width, 64), lanes that are not sure) of a program; inputs (3, width, 64)."""
+def evaluate(program: str, tape: Tape, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(parts of the result (width, 64), lanes that may be undefined) of a program; inputs (3, width, 64)."""
     rows = scene_surfaces.names_of(tape)
     width = WIDTHS[program]
     names, code, tapes = np.array(rows), np.zeros((len(rows), 8), np.int32), np.zeros((1, 4), np.int64)
@@ -42,12 +42,12 @@ def evaluated(program: str, tape: Tape, inputs: np.ndarray) -> tuple[np.ndarray,
     return flat.reshape(registers.shape)[tapes[0, 2]], unsure.astype(bool)
 
 
-def hold(tape: Tape, low: np.ndarray, high: np.ndarray, random: np.random.Generator, turn: float = 0.0) -> None:
-    """Boxes (3, 64) in float32: everything that spans32 and points32 say of them is so at points of theirs."""
+def check_bounds(tape: Tape, low: np.ndarray, high: np.ndarray, random: np.random.Generator, turn: float = 0.0) -> None:
+    """Check the results of spans32 and points32 over float32 boxes (3, 64) at points of the boxes."""
     way = random.normal(size=low.shape)
     way = (way / np.linalg.norm(way, axis=0)).astype(np.float32)
     spans = np.stack([low, high, way, way, np.zeros_like(low)], axis=1)
-    (least, most, falls, rises, off), unsure = evaluated("spans32", tape, spans)
+    (least, most, falls, rises, off), unsure = evaluate("spans32", tape, spans)
     for share in (0.0, 1.0, random.random(low.shape), random.random(low.shape)):
         p = np.clip((low + share * (high.astype(np.float64) - low)).astype(np.float32), low, high)
         value, gradient = numpy_interpreter.gradients(tape, *p.astype(np.float64))
@@ -60,10 +60,10 @@ def hold(tape: Tape, low: np.ndarray, high: np.ndarray, random: np.random.Genera
         with np.errstate(invalid="ignore"):
             slope = (gradient * way).sum(axis=0)
         if not isinstance(share, float):  # within a box: at the ends of its domain an operation may have no derivative
-            room = 1e-5 * (1 + np.abs(slope))
+            slack = 1e-5 * (1 + np.abs(slope))
             known = sure & np.isfinite(slope)
-            assert ((slope >= falls - room) & (slope <= rises + room))[known].all()
-        found, _ = evaluated("points32", tape, p[:, None])
+            assert ((slope >= falls - slack) & (slope <= rises + slack))[known].all()
+        found, _ = evaluate("points32", tape, p[:, None])
         error = 1.01 * off + 2.0**-23 * (np.abs(least) + np.abs(most))
         with np.errstate(invalid="ignore"):
             apart = np.abs(found[0] - value)
@@ -73,7 +73,7 @@ def hold(tape: Tape, low: np.ndarray, high: np.ndarray, random: np.random.Genera
 
 
 @pytest.mark.parametrize("op", list(Op), ids=lambda op: op.name.lower())
-def test_of_each_operation(op):
+def test_bounds_of_each_operation(op):
     random = np.random.default_rng(int(op))
     code = np.array([[op, 0, 1 if arity(op) > 1 else 0, 2 if arity(op) > 2 else 0]], np.int32)
     for _ in range(0, BOXES, SIDE_BY_SIDE):
@@ -83,11 +83,11 @@ def test_of_each_operation(op):
             high[1] = low[1]
         if op == Op.POWER:
             low[0], high[0] = abs(low[0]), abs(low[0]) + (high[0] - low[0])
-        hold(Tape(code, np.zeros(0), (3,)), low, high, random, 2 * np.pi if op == Op.ANGLE else 0.0)
+        check_bounds(Tape(code, np.zeros(0), (3,)), low, high, random, 2 * np.pi if op == Op.ANGLE else 0.0)
 
 
 @pytest.mark.parametrize("constant", [0.0, 0.3, -2.25, 1 / 3, -1e-7, 1e-18, 3.3e-30, 1e-31, -1e-40, 1e-46, 1e9, -1.1e13, 1e17, 1e19, 1e39])
-def test_of_products_with_a_constant(constant):
+def test_bounds_of_products_with_a_constant(constant):
     random = np.random.default_rng(5)
     b = Builder()
     number = b.constant(constant)
@@ -98,11 +98,11 @@ def test_of_products_with_a_constant(constant):
         high = low + (abs(low) * 10.0 ** random.uniform(-6, 1, low.shape)).astype(np.float32)
         high[:, ::7] = low[:, ::7]
         for tape in tapes:
-            hold(tape, low, high, random)
+            check_bounds(tape, low, high, random)
 
 
 def random_tape(random: np.random.Generator, rows: int = 30) -> Tape:
-    """Any operations on any values before them."""
+    """A tape of random operations on earlier values."""
     b = Builder()
     names = [0, 1, 2]
     plain = [Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.MIN, Op.MAX, Op.ABS, Op.SQUARE, Op.HYPOT, Op.SIN, Op.COS, Op.ATAN, Op.NEGATE, Op.SQRT,
@@ -116,10 +116,10 @@ def random_tape(random: np.random.Generator, rows: int = 30) -> Tape:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_of_random_tapes(seed):
+def test_bounds_of_random_tapes(seed):
     random = np.random.default_rng(seed)
     tape = random_tape(random)
     for _ in range(0, BOXES // 10, SIDE_BY_SIDE):
         low = random.uniform(-2, 2, (3, SIDE_BY_SIDE)).astype(np.float32)
         high = (low + 10.0 ** random.uniform(-6, -0.5, low.shape)).astype(np.float32)
-        hold(tape, low, high, random)
+        check_bounds(tape, low, high, random)

@@ -1,6 +1,6 @@
-"""Where the gradient of a formula vanishes on its surface: what is met lies on it, has its normal there, and light gets away from it.
+"""Surfaces on which the gradient vanishes: hits lie on the surface, have its normal, and do not shadow themselves.
 
-Each surface is also the zero of a function whose gradient does not vanish: the answers come from that one.
+Each surface is also the zero set of a function without vanishing gradient, which gives the expected values.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from maquette.render.formula import tape_jit
 from maquette.render.surface import interaction
 from maquette.render.types import Hit, Ray
 
-from .test_packets import met
+from .test_packets import packet_hits
 from .test_surfaces import scene_of
 
 FIRST, RATIO = 0.1, 10.0**-0.5  # how high the pictures are, at the distance of what they look at
@@ -25,8 +25,7 @@ PICTURES = 16
 
 
 class Singular(NamedTuple):
-    """A formula, the function of points (3, n) that is 0 where it is, with its gradient, where to look from, and to along the
-    crease, and whether that is an edge."""
+    """A formula, a function of points (3, n) with the same zero set and its gradient, the eye, the crease, and whether that is an edge."""
 
     text: str
     smooth: Any
@@ -47,7 +46,7 @@ def ball(p):
 
 
 def cusp(p):
-    """x² = y³ for y ≥ 0, but for the edge itself: there this has no gradient."""
+    """x² = y³ for y ≥ 0; without a gradient at the edge itself."""
     x, y, _ = p
     return abs(x) - np.maximum(y, 0) ** 1.5, np.array([np.sign(x), -1.5 * np.sqrt(np.maximum(y, 0)), 0 * x])
 
@@ -73,7 +72,7 @@ SURFACES = {
 
 
 def toward(seen: Singular) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Rays of pictures that look at places of the crease, each less high and wide than the one before."""
+    """Rays of pictures of points of the crease, each picture smaller than the one before."""
     x, y = np.meshgrid((np.arange(64) + 0.5) / 32 - 1, (np.arange(64) + 0.5) / 32 - 1)
     order = np.arange(4096).reshape(4, 4, 4, 4, 4, 4).transpose(0, 3, 1, 4, 2, 5).ravel()
     eye, made = np.array(seen.eye, float), []
@@ -84,30 +83,30 @@ def toward(seen: Singular) -> list[tuple[np.ndarray, np.ndarray]]:
     return made
 
 
-def found(trees: Any, o: np.ndarray, d: np.ndarray, bundled: bool) -> tuple[np.ndarray, ...]:
-    """(t, spacing, u, v) by a bundle, or ray by ray."""
-    if bundled:
-        return met(trees, o, d)
+def hits(trees: Any, o: np.ndarray, d: np.ndarray, packet: bool) -> tuple[np.ndarray, ...]:
+    """(t, spacing, u, v) of hits, by a packet or ray by ray."""
+    if packet:
+        return packet_hits(trees, o, d)
     alone = ray_queries.closest(trees, o, d)
     return alone.t, alone.primitive, alone.u, alone.v
 
 
-@pytest.mark.parametrize("bundled", [True, False], ids=["bundle", "alone"])
+@pytest.mark.parametrize("packet", [True, False], ids=["packet", "single"])
 @pytest.mark.parametrize("name", SURFACES)
-def test_where_a_gradient_vanishes_hits_lie_on_the_surface_have_its_normal_and_do_not_hide_themselves(tmp_path, name, bundled):
+def test_hits_lie_on_the_surface_have_its_normal_and_do_not_shadow_themselves(tmp_path, name, packet):
     seen, random = SURFACES[name], np.random.default_rng(1)
     tables = scene_of(tmp_path, seen.text).tables
     trees = ray_queries.build(tables, closed=False)
     tape_jit.finish()
     for o, d in toward(seen):
-        t, spacing, u, v = found(trees, o, d, bundled)
+        t, spacing, u, v = hits(trees, o, d, packet)
         hit = np.isfinite(t)
         ray = Ray(tuple(o[hit].T), tuple(d[hit].T), 0.0, np.inf, None)
         place, normal, offset = interaction.off_formula(tables, 0, ray, Hit(t[hit], np.zeros(hit.sum(), int), spacing[hit], u[hit], v[hit]))
         place, normal, way = np.array(place), np.array(normal), d[hit].T
         value, gradient = seen.smooth(place)
         steep = np.linalg.norm(gradient, axis=0)
-        sure = abs(place[1]) > 1e-9 if seen.edged else abs(place[1]) > 1e-11  # nearer to edges numbers do not tell sides apart
+        sure = abs(place[1]) > 1e-9 if seen.edged else abs(place[1]) > 1e-11  # nearer to edges, rounding exceeds the distance of the sides
         assert sure.any()
         assert (abs(value) <= offset * steep)[sure].all()
         expected = gradient / steep * np.where((gradient * way).sum(axis=0) > 0, -1, 1)
@@ -120,8 +119,8 @@ def test_where_a_gradient_vanishes_hits_lie_on_the_surface_have_its_normal_and_d
         assert not hidden[free].any()
 
 
-def test_a_heart_has_no_shadow_of_its_own_along_the_crease(tmp_path):
-    """Lit from in front its belly is as bright as the smooth function's normals say, at each pixel."""
+def test_a_heart_does_not_shadow_itself_along_the_crease(tmp_path):
+    """Lit from the front, each pixel is as bright as the smooth function's normal gives."""
     path = tmp_path / "heart.scene"
     look = "camera(position: [0, 0.3, 3], look_at: [0, 0, 0.6667], fov: 1deg)\ndirectional(from: [1, 2, 1.5], illuminance: 1)\n"
     path.write_text(look + SURFACES["heart"].text[:-1] + ", material: phong(#fff, specular: #000))\n", encoding="utf-8")
@@ -129,7 +128,7 @@ def test_a_heart_has_no_shadow_of_its_own_along_the_crease(tmp_path):
     settings = ir.Settings(size=(256, 256), samples=4, threads=1, backend="ray", aov=("position",))
     drawn = render_scene.draw(scene, planner.make(scene, settings)).channels
     gradient = heart(np.moveaxis(drawn["position"].astype(float), 2, 0).reshape(3, -1))[1]
-    lamp = np.array([1, 2, 1.5]) / np.linalg.norm([1, 2, 1.5])
-    lit = (lamp @ (gradient / np.linalg.norm(gradient, axis=0))).reshape(256, 256)
+    light = np.array([1, 2, 1.5]) / np.linalg.norm([1, 2, 1.5])
+    lit = (light @ (gradient / np.linalg.norm(gradient, axis=0))).reshape(256, 256)
     share = drawn["rgba"][..., 0] / lit
     assert share.min() > 0.99 * share.max()

@@ -1,4 +1,4 @@
-"""Formulas in kernels: evaluators against numpy, interpreted and compiled alike to the bit, and rays against the definition."""
+"""Implicit surfaces in kernels: evaluators against numpy, interpreter against compiled code, and hits against the reference."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from maquette.render.types import Ray
 
 @kernel
 def run(address, code, rows, registers, constants, state):
-    """A program on one vector of points or boxes."""
+    """Run a program on one vector of points or boxes."""
     interpret(address, code, np.int64(0), np.int64(rows), registers, constants, np.int64(0), state, np.int64(1))
 
 
-def evaluated(program: str, tape: Tape, inputs: np.ndarray) -> tuple[np.ndarray, int]:
+def evaluate(program: str, tape: Tape, inputs: np.ndarray) -> tuple[np.ndarray, int]:
     """(parts of the result (width, LANES), state) of a program; inputs (3, width, LANES)."""
     rows = scene_surfaces.names_of(tape)
     n, width = len(rows), WIDTHS[program]
@@ -50,17 +50,17 @@ def single(op: Op) -> Tape:
 
 
 @pytest.mark.parametrize("op", list(Op), ids=lambda op: op.name.lower())
-def test_operations_at_points_are_numpys(op):
+def test_operations_at_points_agree_with_numpy(op):
     random = np.random.default_rng(int(op))
     for _ in range(20):
         p = random.uniform(-3, 3, (3, LANES))
-        found, _ = evaluated("points", single(op), p[:, None])
+        found, _ = evaluate("points", single(op), p[:, None])
         expected = numpy_interpreter.points(single(op), *p)[0]
         assert np.allclose(found[0], expected, rtol=1e-13, atol=1e-14, equal_nan=True)
 
 
 @pytest.mark.parametrize("op", list(Op), ids=lambda op: op.name.lower())
-def test_bounds_hold_in_kernels_too(op):
+def test_bounds_contain_the_values(op):
     random = np.random.default_rng(100 + int(op))
     turn = 2 * np.pi if op == Op.ANGLE else 0.0
     for _ in range(40):
@@ -70,7 +70,7 @@ def test_bounds_hold_in_kernels_too(op):
             high[1] = low[1]
         if op == Op.POWER:
             low[0], high[0] = abs(low[0]), abs(low[0]) + high[0] - low[0]
-        found, maybe = evaluated("boxes", single(op), np.stack([low, high], axis=1))
+        found, maybe = evaluate("boxes", single(op), np.stack([low, high], axis=1))
         for _ in range(5):
             value = numpy_interpreter.points(single(op), *(low + random.random(low.shape) * (high - low)))[0]
             inside = (value >= found[0]) & (value <= found[1])
@@ -102,7 +102,7 @@ def scene_of(tmp_path: Path, text: str) -> Any:
 
 
 def some_rays(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rays from outside towards the middle, and some from within."""
+    """Rays from outside towards the origin, and some from inside."""
     random = np.random.default_rng(seed)
     o = random.normal(size=(count, 3))
     o *= 3 / np.linalg.norm(o, axis=1, keepdims=True)
@@ -113,25 +113,25 @@ def some_rays(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("name", SURFACES)
-def test_rays_meet_what_the_definition_says(tmp_path, name):
+def test_hits_agree_with_the_reference(tmp_path, name):
     tables = scene_of(tmp_path, SURFACES[name]).tables
     g, row = int(tables.instances.geometry[0]), int(tables.instances.transform[0])
     assert row == 0
     o, d = some_rays(1200, 7)
     trees = ray_queries.build(tables, closed=False)
-    met = ray_queries.closest(trees, o, d)
+    hits = ray_queries.closest(trees, o, d)
     tape, parameters, bounds = scene_surfaces.tape_of(tables, g), tables.geometries.parameters[g], tables.geometries.bounds[g]
     n = len(o)
     t, _, _, _, doubt = numpy_reference.first_hit(tape, parameters, bounds, tuple(o.T), tuple(d.T), np.zeros(n), np.full(n, np.inf))
     sure = ~doubt
     assert sure.mean() > 0.98
-    assert (np.isfinite(met.t) == np.isfinite(t))[sure].all()
-    both = np.isfinite(met.t) & np.isfinite(t) & sure
-    assert np.abs(met.t[both] - t[both]).max(initial=0.0) < 1e-9
+    assert (np.isfinite(hits.t) == np.isfinite(t))[sure].all()
+    both = np.isfinite(hits.t) & np.isfinite(t) & sure
+    assert np.abs(hits.t[both] - t[both]).max(initial=0.0) < 1e-9
 
 
 @pytest.mark.parametrize("name", ["blend", "gyroid shell", "noise"])
-def test_compiled_and_interpreted_are_the_same_to_the_bit(tmp_path, name):
+def test_compiled_code_and_interpreter_give_the_same_bits(tmp_path, name):
     tables = scene_of(tmp_path, SURFACES[name]).tables
     o, d = some_rays(2000, 3)
     trees = ray_queries.build(tables, closed=False)
@@ -146,8 +146,8 @@ def test_compiled_and_interpreted_are_the_same_to_the_bit(tmp_path, name):
         assert np.array_equal(one, other)
 
 
-def test_leaving_a_solid_is_told_from_entering(tmp_path):
-    """In and out again: the chord of a ball as a formula, and the same as a shape."""
+def test_rays_enter_and_leave_a_solid(tmp_path):
+    """The chord of a ball given as a formula."""
     tables = scene_of(tmp_path, "implicit(|x, y, z| x^4 + y^4 + z^4 + 2*(x^2*y^2 + y^2*z^2 + z^2*x^2) <= 1)").tables
     trees = ray_queries.build(tables, closed=False)
     o = np.array([[-3.0, 0.1, 0.2]])
@@ -159,7 +159,7 @@ def test_leaving_a_solid_is_told_from_entering(tmp_path):
     assert np.isinf(ray_queries.closest(trees, o + 5 * d, d).t[0])
 
 
-def test_another_number_compiles_nothing(tmp_path):
+def test_a_changed_number_compiles_nothing(tmp_path):
     text = "implicit(|x, y, z| x^4 + {0} * y^4 + z^4 <= 1)"
     one, other = (scene_of(tmp_path, text.format(k)).tables for k in (1.5, 2.5))
     assert scene_surfaces.tape_of(one, 0).structure() == scene_surfaces.tape_of(other, 0).structure()
@@ -171,15 +171,15 @@ def test_another_number_compiles_nothing(tmp_path):
     assert trees.tables.forms.compiled.all()
 
 
-def different(count: int) -> list[Tape]:
-    """Tapes none of which is another one with other numbers."""
+def different_tapes(count: int) -> list[Tape]:
+    """Tapes of pairwise different structure."""
     return [Tape(np.array([[Op.ADD, k % 3, k // 3 % 3, 0], [Op.SIN, 3, 0, 0]] + [[Op.COS, 4, 0, 0]] * (k // 9), np.int32), np.zeros(0),
                  (4,)) for k in range(count)]  # fmt: skip
 
 
-def test_code_is_kept_as_long_as_a_table_has_its_address_and_no_longer():
-    """Hundreds of formulas, one after the other, leave no more than the recent ones."""
-    tapes = different(3 * tape_jit.RECENT)
+def test_code_lives_as_long_as_a_table_with_its_address():
+    """Of many formulas, one after the other, only the recent ones stay loaded."""
+    tapes = different_tapes(3 * tape_jit.RECENT)
     assert len({tape.structure() for tape in tapes}) == len(tapes)
     first = tape_jit.addresses([tapes[0]])
     tape_jit.finish()
@@ -195,13 +195,13 @@ def test_code_is_kept_as_long_as_a_table_has_its_address_and_no_longer():
     gc.collect()
     alive = [k for k, engine in enumerate(made) if engine() is not None]
     assert alive == list(range(len(made)))[-tape_jit.RECENT :]
-    assert (tape_jit.addresses([tapes[0]]) == place).all()  # a view of its table was there all the time
+    assert (tape_jit.addresses([tapes[0]]) == place).all()  # a view kept its table alive
     assert (view == place).all()
     del view
 
 
-def test_what_was_changed_before_it_was_compiled_is_not(monkeypatch):
-    monkeypatch.setattr(tape_jit, "PATIENCE", 0.5)
+def test_a_formula_changed_before_its_compilation_is_not_compiled(monkeypatch):
+    monkeypatch.setattr(tape_jit, "DELAY", 0.5)
     tape = Tape(np.array([[Op.EXP, 0, 0, 0], [Op.SIN, 3, 0, 0], [Op.EXP, 4, 0, 0]], np.int32), np.zeros(0), (5,))
     table = tape_jit.addresses([tape])
     del table
@@ -213,8 +213,8 @@ def test_what_was_changed_before_it_was_compiled_is_not(monkeypatch):
     assert table.all()
 
 
-def test_code_that_is_let_go_while_rays_are_met_is_there_to_their_end(tmp_path):
-    """Threads that meet one formula while others come and go by hundreds meet what they always do."""
+def test_code_in_use_stays_loaded_while_others_come_and_go(tmp_path):
+    """Hits of one formula stay the same while another thread compiles many others."""
     tables = scene_of(tmp_path, SURFACES["blend"]).tables
     o, d = some_rays(500, 4)
     trees = ray_queries.build(tables, closed=False)
@@ -222,7 +222,7 @@ def test_code_that_is_let_go_while_rays_are_met_is_there_to_their_end(tmp_path):
     expected = ray_queries.closest(trees, o, d).t
 
     def come_and_go() -> None:
-        for tape in different(3 * tape_jit.RECENT):
+        for tape in different_tapes(3 * tape_jit.RECENT):
             table = tape_jit.addresses([tape])
             tape_jit.finish()
             assert table.all()
@@ -234,12 +234,12 @@ def test_code_that_is_let_go_while_rays_are_met_is_there_to_their_end(tmp_path):
         coming.result()
 
 
-def test_cells_are_simpler_than_the_whole(tmp_path):
+def test_tapes_of_cells_are_simpler_than_the_whole(tmp_path):
     forms = ray_queries.build(scene_of(tmp_path, many_balls(60)).tables, closed=False)
     before = forms.tables.forms.ends.tolist()
     ray_queries.closest(forms, *some_rays(2000, 3))
     made = forms.tables.forms
-    assert before == [1, 0, 1, made.tapes[0, 1]]  # nothing is cut up before rays come
+    assert before == [1, 0, 1, made.tapes[0, 1]]  # blocks are subdivided by rays only
     leaves = int(made.ends[END_LEAVES])
     assert leaves > 100
     assert made.tapes[0, 1] > 500
@@ -251,8 +251,8 @@ def many_balls(count: int) -> str:
     return "union {" + "\n".join(f"sphere(0.1, center: [{x}, {y}, {z}])" for x, y, z in centers.tolist()) + "}"
 
 
-def test_threads_that_come_to_the_same_cells_meet_the_same(tmp_path):
-    """Cells are cut up by whichever thread comes first; what is in them does not depend on it."""
+def test_the_grid_does_not_depend_on_the_threads(tmp_path):
+    """Any thread may subdivide a block first; the contents are the same."""
     tables = scene_of(tmp_path, many_balls(59)).tables
     o, d = some_rays(6000, 9)
     found = []
@@ -260,14 +260,14 @@ def test_threads_that_come_to_the_same_cells_meet_the_same(tmp_path):
         scene_surfaces._cached.clear()
         trees, parts = ray_queries.build(tables, closed=False), np.array_split(np.arange(len(o)), count)
         with ThreadPoolExecutor(count) as pool:
-            met = list(pool.map(lambda part, trees=trees: ray_queries.closest(trees, o[part], d[part]), parts))
-        found.append([np.concatenate(column) for column in zip(*met, strict=True)])
+            hits = list(pool.map(lambda part, trees=trees: ray_queries.closest(trees, o[part], d[part]), parts))
+        found.append([np.concatenate(column) for column in zip(*hits, strict=True)])
     for other in found[1:]:
         for a, b in zip(found[0], other, strict=True):
             assert np.array_equal(a, b)
 
 
-def test_the_reference_and_the_trees_agree_in_shadow_too(tmp_path):
+def test_occlusion_agrees_with_the_reference(tmp_path):
     tables = scene_of(tmp_path, SURFACES["blend"]).tables
     o, d = some_rays(400, 12)
     ray = Ray(tuple(o.T), tuple(d.T), np.zeros(400), np.full(400, 2.9))

@@ -1,4 +1,4 @@
-"""Kernels that another process compiles: they are loaded from disk, and compiled here where that process ends without."""
+"""Kernels that another process compiles: they are loaded from disk, or compiled here if that process ends without."""
 
 from __future__ import annotations
 
@@ -34,28 +34,25 @@ print(sum(primed.begin.stats.cache_hits.values()), sum(primed.begin.stats.cache_
 
 
 def run(folder: Path, text: str) -> str:
-    """What a process with an empty cache prints."""
+    """Output of a process with this cache folder."""
     environment = {**os.environ, "MAQUETTE_CACHE": str(folder)}
     done = subprocess.run([sys.executable, "-c", BEGIN + text], env=environment, capture_output=True, text=True, timeout=120)
     assert not done.returncode, done.stderr
     return done.stdout.strip()
 
 
-def test_a_kernel_that_was_compiled_beside_is_loaded(tmp_path: Path) -> None:
+def test_a_kernel_of_the_other_process_is_loaded(tmp_path: Path) -> None:
     assert run(tmp_path, START + "assert len(compile_process._compiling) == 1" + END) == "1 0"
-    again = START + "assert not compile_process._compiling"  # nobody is asked for what is on disk
+    again = START + "assert not compile_process._compiling"  # a cached kernel starts no process
     assert run(tmp_path, again + END) == "1 0"
 
 
-def test_where_the_other_process_ends_the_kernel_is_compiled_here(tmp_path: Path) -> None:
-    assert (
-        run(tmp_path, START + "next(iter(compile_process._compiling.values())).kill()" + END)
-        == "0 1"
-    )
+def test_a_kernel_is_compiled_here_if_the_other_process_ends(tmp_path: Path) -> None:
+    assert run(tmp_path, START + "next(iter(compile_process._compiling.values())).kill()" + END) == "0 1"
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_there_are_no_more_processes_than_threads(tmp_path: Path, threads: int) -> None:
+def test_processes_are_limited_by_threads(tmp_path: Path, threads: int) -> None:
     start = f"compile_process.compile_in_background({threads}, primed.begin, *given)\n"
     text = 2 * start + "print(len(compile_process._compiling))"
     assert run(tmp_path, text) == str(threads - 1)
@@ -72,7 +69,7 @@ print(process.wait(60))
     assert run(tmp_path, text) == "1"
 
 
-def test_interpreters_of_formulas_are_made_beside(tmp_path: Path) -> None:
+def test_interpreters_are_compiled_in_another_process(tmp_path: Path) -> None:
     text = """
 from maquette.render.formula import interpreter
 interpreter.compile_missing(1)
@@ -88,7 +85,7 @@ assert all(process.poll() is not None for process in compile_process._running)
     assert made == wanted
 
 
-def test_kernels_are_found_by_their_functions_names() -> None:
+def test_kernels_are_found_by_the_names_of_their_functions() -> None:
     from maquette.render.integrator import wavefront, whitted
 
     assert compile_process._find_kernel(wavefront, "draw_tile") is wavefront.draw_tile
@@ -96,7 +93,7 @@ def test_kernels_are_found_by_their_functions_names() -> None:
     assert isinstance(whitted.linked, function_pointer.KernelPointer)
 
 
-def test_nobody_is_start_for_what_is_known_here(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_kernel_compiled_here_starts_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(target, "cores", lambda: 2)
     given = np.zeros((1, 2), np.int64), 3, 4, np.zeros(2, np.int64), np.zeros(3, np.int64), np.zeros(2), np.zeros(2, np.int64)
     hits.begin(*given)

@@ -1,4 +1,4 @@
-"""A process that ends while LLVM still compiles a formula in the background ends as any other."""
+"""A process exits cleanly while LLVM compiles a formula in the background."""
 
 from __future__ import annotations
 

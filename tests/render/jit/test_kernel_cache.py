@@ -1,4 +1,4 @@
-"""Kernels kept on disk, and what kernels.timed counts as compiling and what as the work itself."""
+"""Kernels on disk, and how kernel_cache.timed separates compilation from work."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from maquette.render.jit import kernel_cache
 from numba import njit
 
 
-def test_compiling_is_counted_apart_from_work() -> None:
+def test_compilation_is_timed_apart_from_work() -> None:
     double = njit(lambda x: 2 * x)
     seconds: dict[str, float] = {}
     started = time.perf_counter()
@@ -33,7 +33,7 @@ def test_compiling_is_counted_apart_from_work() -> None:
     assert seconds["compile_kernels"] == compiled  # nothing new was compiled
 
 
-def test_time_is_counted_when_the_work_fails() -> None:
+def test_failing_work_is_timed() -> None:
     seconds: dict[str, float] = {}
     with pytest.raises(ArithmeticError), kernel_cache.timed(seconds, "build"):
         raise ArithmeticError
@@ -55,7 +55,7 @@ print(hits, len(accumulate.relative_error.overloads), out.tolist())
 """
 
 
-def test_what_is_kept_is_loaded_and_goes_with_what_is_compiled(tmp_path: Path) -> None:
+def test_cached_and_new_kernels_work_together(tmp_path: Path) -> None:
     def run(what: str) -> str:
         environment = {**os.environ, "MAQUETTE_CACHE": str(tmp_path)}
         return subprocess.run([sys.executable, "-c", PROGRAM, what], env=environment, capture_output=True, text=True, check=True).stdout
@@ -66,7 +66,7 @@ def test_what_is_kept_is_loaded_and_goes_with_what_is_compiled(tmp_path: Path) -
     assert run("more") == f"1 2 {values}\n"
 
 
-def test_processes_that_keep_code_at_the_same_time_never_load_each_others(tmp_path: Path) -> None:
+def test_processes_that_write_at_the_same_time_keep_their_code_apart(tmp_path: Path) -> None:
     turns, writers = 100, 4
     together = threading.Barrier(writers)
 

@@ -1,4 +1,4 @@
-"""What makes Numba's compiler quicker gives the same answers as Numba's own code."""
+"""Patches of Numba's compiler give the same results as Numba's own code."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_the_same_variables_are_found_in_statements() -> None:
     assert sum(len(each.list_vars()) for each in statements) > 40
 
 
-def test_only_the_outermost_lock_is_told_of_and_garbage_is_looked_for_again_after_it() -> None:
+def test_only_the_outermost_lock_sends_events_and_garbage_collection_resumes_after_it() -> None:
     lock = compiler_lock.global_compiler_lock
     with event.install_recorder("numba:compiler_lock") as record:
         assert gc.isenabled()
@@ -73,7 +73,7 @@ def test_only_the_outermost_lock_is_told_of_and_garbage_is_looked_for_again_afte
     assert not lock.is_locked()
 
 
-def test_whoever_does_not_collect_garbage_still_does_not() -> None:
+def test_disabled_garbage_collection_stays_disabled() -> None:
     gc.disable()
     try:
         with compiler_lock.global_compiler_lock:
@@ -83,7 +83,7 @@ def test_whoever_does_not_collect_garbage_still_does_not() -> None:
         gc.enable()
 
 
-def test_what_a_version_of_numba_has_no_more_stays_away() -> None:
+def test_patches_without_their_target_are_skipped() -> None:
     class Elsewhere:
         pass
 
@@ -106,7 +106,7 @@ def keywords(x: object, **loc: object) -> None: ...
 def wrapped(*args: object) -> None: ...
 
 
-def test_functions_that_take_a_place_are_known_without_their_signatures() -> None:
+def test_functions_that_take_loc_are_recognized() -> None:
     for function in (taking, keywords, wrapped, slowly, partial(taking, loc=1), print):
         if function is not print:
             assert numba_patches._has_loc(function) == ("loc" in signature(function).parameters)
@@ -114,7 +114,7 @@ def test_functions_that_take_a_place_are_known_without_their_signatures() -> Non
             assert numba_patches.has_loc(function) == numba_patches._has_loc(function)
 
 
-def test_statements_that_end_variables_stand_where_numba_puts_them() -> None:
+def test_del_statements_are_where_numba_puts_them() -> None:
     ours, theirs = run_frontend(sample), run_frontend(sample)
     numba_patches.post_process(postproc.PostProcessor(ours), emit_dels=True)
     numba_patches._post_process(postproc.PostProcessor(theirs), emit_dels=True)
@@ -135,7 +135,7 @@ def test_sizes_are_those_of_each_type() -> None:
         assert numba_patches.size_of(kind, data) == numba_patches.size_of(kind, data) == numba_patches._size_of(kind, data)
 
 
-def test_what_is_known_of_a_call_depends_on_what_it_is_given() -> None:
+def test_cached_call_types_depend_on_the_arguments() -> None:
     context: Any = cpu_target.typing_context
     context.refresh()
     add = context.resolve_value_type(operator.add)
@@ -147,7 +147,7 @@ def test_what_is_known_of_a_call_depends_on_what_it_is_given() -> None:
         numba_patches.call_type(add, context, (types.unicode_type, types.int64), {})
 
 
-def test_events_reach_those_who_listen() -> None:
+def test_events_reach_listeners() -> None:
     with event.install_recorder("haste:test") as record, event.trigger_event("haste:test", data=3):
         pass
     assert [each.is_start for _, each in record.buffer] == [True, False]
@@ -157,14 +157,14 @@ def test_events_reach_those_who_listen() -> None:
 
 
 class Later:
-    """Something that kernels come to know while they compile."""
+    """A function that is registered between two compilations."""
 
 
 def later(a: float) -> float:
     raise NotImplementedError
 
 
-def test_what_is_registered_between_two_kernels_is_known_to_the_second() -> None:
+def test_a_function_registered_between_two_kernels_is_known_to_the_second() -> None:
     numba.njit(lambda a: abs(a))(1.0)  # whatever is known before
     extending.overload(later)(lambda a: lambda a: 2.0 * a)
     assert numba.njit(lambda a: later(a))(3.0) == 6.0
@@ -197,7 +197,7 @@ def test_constants_have_the_same_types(value: object) -> None:
         assert typing.resolve_value_type(value) == expected
 
 
-def test_errors_still_tell_where_they_come_from() -> None:
+def test_errors_name_their_source_line() -> None:
     with pytest.raises(TypingError, match=r"(?s)unknown to Numba.*During: typing of call at.*test_numba_patches"):
         numba.njit(lambda a: unknown_to_numba(a))(1.0)
 
@@ -211,7 +211,7 @@ def _unknown(a):
     raise TypingError("unknown to Numba")
 
 
-def test_types_are_asked_for_their_class_as_ever() -> None:
+def test_isinstance_of_types_is_unchanged() -> None:
     assert isinstance(types.float64, types.Number)
     assert not isinstance(types.float64, types.Array)
     assert isinstance(types.float64[:], types.Buffer)

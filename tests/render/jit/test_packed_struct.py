@@ -1,4 +1,4 @@
-"""Packed tables: in a kernel they read as the tuples they were packed from, and they keep their arrays alive."""
+"""Packed structs: in a kernel they read like the packed tuples, and they keep their arrays alive."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_every_kind_of_field_reads_as_on_the_tuple() -> None:
     assert read(Handle(make()), 2) == (8.0, 4, 3, -7, 0.5, 2, 4, True, False, 30.0, True, 0)
 
 
-def test_equal_layouts_are_one_type_whatever_the_lengths() -> None:
+def test_equal_layouts_share_a_type_for_any_lengths() -> None:
     assert Handle(make(3)).numba_type == Handle(make(9)).numba_type
     compiled = len(add_up.signatures)
     assert add_up(Handle(make(5))) == 105.0
@@ -84,7 +84,7 @@ def test_arrays_live_as_long_as_the_handle() -> None:
     assert add_up(handle) == pytest.approx(3000 * 2999 / 2)
 
 
-def test_only_contiguous_arrays_are_taken() -> None:
+def test_only_contiguous_arrays_are_accepted() -> None:
     table = make()
     with pytest.raises(ValueError, match="frames is not contiguous"):
         Handle(table._replace(frames=table.frames.transpose(0, 2, 1)))
@@ -100,8 +100,8 @@ def other_row(t, i):
     return t.other.rows[i]
 
 
-def test_a_handle_in_a_handle_can_be_another_one() -> None:
-    """What read the first reads the second, which is kept alive."""
+def test_a_nested_handle_can_be_replaced() -> None:
+    """Kernels then read the second handle, which stays alive."""
     first, second = make(3), make(4)
     second.rows[1] = 42
     pointing = Handle(Other(Handle(first), 5))
@@ -113,12 +113,12 @@ def test_a_handle_in_a_handle_can_be_another_one() -> None:
 
 
 @pytest.mark.parametrize("name", ["count", "nothing"])
-def test_only_a_handle_can_be_another_one(name) -> None:
+def test_only_a_handle_can_be_replaced(name) -> None:
     with pytest.raises(ValueError, match=f"{name} is not a handle of that type"):
         Handle(Other(Handle(make()), 5)).point(name, Handle(make()))
 
 
-def test_a_handle_of_another_type_is_refused() -> None:
+def test_a_handle_of_another_type_is_rejected() -> None:
     pointing = Handle(Other(Handle(make()), 5))
     with pytest.raises(ValueError, match="other is not a handle of that type"):
         pointing.point("other", Handle(make()._replace(rows=np.arange(4, dtype=np.int64))))
@@ -144,7 +144,7 @@ def asked(handle, x):
     return first_and(handle, x)
 
 
-def test_a_marked_type_is_the_same_block_with_something_left_out():
+def test_a_tagged_type_is_the_same_block_with_code_omitted():
     handle = Handle(Numbers(np.array([2.0])))
     plain, without = handle.numba_type, with_type_tags(handle.numba_type, "no numbers")
     assert plain.field("no numbers") is None

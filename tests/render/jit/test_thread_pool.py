@@ -1,4 +1,4 @@
-"""Jobs on several threads: all are done, once; the first failure ends them; threads are kept; they keep off the caller's core."""
+"""Thread pool: each job runs once, the first failure stops the others, threads are reused, and stay off the caller's core."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from maquette.render.jit import thread_pool
 
 
-def test_each_job_is_done_once_and_told_here():
+def test_each_job_runs_once_and_is_reported_here():
     told = []
 
     def tell(job: int, result: tuple[int, int]) -> None:
@@ -24,7 +24,7 @@ def test_two_threads_work_at_the_same_time():
     thread_pool.parallel_for(lambda job: meeting.wait(), range(2), 2)
 
 
-def test_the_first_exception_ends_it():
+def test_the_first_exception_stops_the_jobs():
     def fail(job: int) -> None:
         raise ArithmeticError(str(job))
 
@@ -32,7 +32,7 @@ def test_the_first_exception_ends_it():
         thread_pool.parallel_for(fail, range(4), 2)
 
 
-def test_what_is_cancelled_ends():
+def test_cancelled_jobs_stop():
     cancel, done = threading.Event(), []
 
     def draw(job: int) -> None:
@@ -44,7 +44,7 @@ def test_what_is_cancelled_ends():
     assert 5 <= len(done) <= 6
 
 
-def test_threads_are_used_again():
+def test_threads_are_reused():
     def names() -> set[int]:
         seen, meeting = set(), threading.Barrier(2, timeout=20)
 
@@ -61,7 +61,7 @@ def test_threads_are_used_again():
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="the system has no fork")
 @pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
-def test_a_child_has_threads_of_its_own():
+def test_a_child_process_has_its_own_threads():
     thread_pool.parallel_for(lambda job: None, range(4), 2)
     child = os.fork()
     if child == 0:
@@ -75,7 +75,7 @@ def test_a_child_has_threads_of_its_own():
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity") or len(os.sched_getaffinity(0)) < 2, reason="no second core to be on")
-def test_a_thread_is_woken_off_its_callers_core():
+def test_workers_stay_off_the_callers_core():
     cores, meeting = {}, threading.Barrier(2, timeout=20)
 
     def draw(job: int) -> None:

@@ -1,4 +1,4 @@
-"""Lane operations: the same values from numpy arrays and from scalars in kernels, and what they promise about NaN and edges."""
+"""Lane operations: the same values from numpy arrays and from scalars in kernels; NaN and edge cases."""
 
 from __future__ import annotations
 
@@ -91,20 +91,20 @@ def test_a_basis_has_no_singular_direction(z):
     assert np.isfinite(np.array(ops.basis((np.float64(0.0), np.float64(0.0), np.float64(z))), float)).all()
 
 
-def test_where_a_nan_is_the_first_operand_the_second_wins():
+def test_a_nan_as_first_operand_gives_the_second():
     assert ops.minimum(np.nan, 1.0) == 1.0
     assert ops.maximum(np.nan, 1.0) == 1.0
     assert ops.clip(np.nan, -1.0, 1.0) == -1.0
 
 
-def test_floors_of_what_has_none_are_zero():
+def test_floors_of_infinity_and_nan_are_zero():
     with np.errstate(all="ignore"):
         assert list(ops.floor_int(np.array([np.nan, np.inf, -np.inf, 1e300, -1.5]))) == [0, 0, 0, 0, -2]
 
 
 @given(unit, unit)
 @settings(max_examples=100, deadline=None)
-def test_normals_stay_square_to_vectors_under_any_matrix(n, v):
+def test_normals_stay_perpendicular_under_any_matrix(n, v):
     """(M⁻ᵀ n) · (M v) = n · v."""
     matrix = np.zeros((1, 3, 4))
     matrix[0, :, :3] = [[2, 0.3, 0], [0, -0.5, 0.2], [1, 0, 3]]

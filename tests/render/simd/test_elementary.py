@@ -1,4 +1,4 @@
-"""Sine to power of vectors: errors in units of the last place, and numpy's answers where there is something special to say."""
+"""Elementary functions of vectors: errors in units of the last place, and numpy's special cases."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def exact_function(name):
 
 
 def numbers(dtype, interval, seed):
-    """Numbers of an interval, whole ones of −9 … 9, or everything there is."""
+    """Numbers of an interval, integers of −9 … 9, or all kinds of numbers."""
     if interval == EVERYTHING:
         return awkward(dtype, seed)
     random = np.random.default_rng(seed)
@@ -49,7 +49,7 @@ def numbers(dtype, interval, seed):
 
 
 def assert_close(found, exact, limit, arguments):
-    """Within `limit` ulp of longdouble's result; NaN, infinities and signs of zero as they are in it."""
+    """Check values within `limit` ulp of longdouble's result; NaN, infinities and signs of zero must be equal."""
     dtype = found.dtype
     with np.errstate(all="ignore"):
         expected = exact.astype(dtype)
@@ -88,7 +88,7 @@ def test_functions_of_two_numbers(name, dtype):
 @pytest.mark.parametrize("dtype", FLOATS)
 @pytest.mark.parametrize("name", TWO)
 def test_special_pairs(name, dtype):
-    """Zeros, ones, infinities and NaN with each other, as numpy has it."""
+    """All pairs of zeros, ones, infinities and NaN, against numpy."""
     limits = np.finfo(dtype)
     special = [0.0, -0.0, 1, -1, 2, -2, 0.5, -0.5, 3, -3, 2.5, np.inf, -np.inf, np.nan]
     special += [limits.tiny, limits.tiny / 8, limits.max, -limits.max]
@@ -101,7 +101,7 @@ def test_special_pairs(name, dtype):
 
 
 @pytest.mark.parametrize("dtype", FLOATS)
-def test_numpys_and_maths_names_mean_the_same(dtype):
+def test_functions_of_numpy_and_math_are_overloaded(dtype):
     names = ["np.sin", "np.cos", "np.tan", "np.arcsin", "np.arccos", "np.arctan", "np.exp", "np.log", "np.abs"]
     ours = ["sin", "cos", "tan", "asin", "acos", "atan", "exp", "log", "absolute"]
     x = np.random.default_rng(0).uniform(0, 1, COUNT).astype(dtype)

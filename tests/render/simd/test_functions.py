@@ -1,4 +1,4 @@
-"""Functions of vectors, lane by lane against numpy: rounding, choosing, conversions, masks, and what looks across lanes."""
+"""Functions of vectors, lane by lane against numpy: rounding, selection, conversions, masks, and cross-lane operations."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_reciprocals(dtype, kind, name, ulp):
 
 
 @pytest.mark.parametrize(("dtype", "kind"), ALL_KINDS)
-def test_choosing(dtype, kind):
+def test_selection(dtype, kind):
     x, y = awkward(dtype, 7), awkward(dtype, 8)
     outs = (*(np.zeros(COUNT, dtype) for _ in range(3)), np.zeros(COUNT, bool))
     choices = ["x < y, x, y", "x > 1, x, 1", "x < 2, 3, y", "x < y, x == y, x > 2"]
@@ -193,5 +193,5 @@ def _numbers(x, n):
     )  # fmt: skip
 
 
-def test_functions_take_plain_numbers():
+def test_functions_take_scalars():
     assert _numbers(2.25, 7) == (1.5, 2.0, 7.3125, 2.25, True, 1, 2.25, 2, 2, pytest.approx(np.sin(2.25)), 3, True)

@@ -1,4 +1,4 @@
-"""The example of docs/simd.md, as it stands there, against plain numpy."""
+"""The example of docs/simd.md against numpy."""
 
 from __future__ import annotations
 

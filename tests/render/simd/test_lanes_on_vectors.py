@@ -1,4 +1,4 @@
-"""The lane functions on vectors of float64 and float32: the same numbers as from numpy arrays, one source for both."""
+"""Lane operations on vectors of float64 and float32: the same values as on numpy arrays."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def one_vector(a, b, matrix, row):
 
 
 def skipping(x):
-    """Work that only some lanes need, under an `if`; a variable that is a number before it."""
+    """Work that only some lanes need, under an `if`, with a variable that is a scalar before it."""
     found = 0.0
     if ops.any_lane(x > 1.0):
         found = ops.where(x > 1.0, ops.sqrt(ops.maximum(x, 0.0)), 0.5)
@@ -120,7 +120,7 @@ def test_work_that_no_lane_needs_is_skipped(dtype, lanes_):
     assert np.array_equal(out, expected.ravel().astype(dtype))
 
 
-def test_random_numbers_are_the_same_to_the_bit():
+def test_random_numbers_have_the_same_bits():
     pixels = np.arange(64) * 977
     out = np.zeros((2, 64))
     _pairs(pixels, out, simd.WIDTH64)

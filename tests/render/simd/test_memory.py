@@ -1,4 +1,4 @@
-"""Vectors and arrays: what loads, stores, gathers, scatters and compressing touch, and nothing else."""
+"""Loads, stores, gathers, scatters and compression access exactly their elements."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ GUARD = 7
 
 
 def numbers(dtype, shape, seed=0):
-    """Small numbers that every type holds."""
+    """Small numbers that every type represents."""
     return np.random.default_rng(seed).integers(0, 2 if dtype == np.bool_ else 100, shape).astype(dtype)
 
 
 def guarded(dtype, count):
-    """An array filled with a number that shows where nothing was written."""
+    """An array filled with a number that marks unwritten elements."""
     return np.full(count, GUARD, dtype) if dtype != np.bool_ else np.zeros(count, dtype)
 
 
 @pytest.mark.parametrize(("k", "lanes"), [(2, 16), (4, 16), (8, 16), (4, 8), (8, 8)])
-def test_rows_of_records_are_stored_at_even_steps(k, lanes):
+def test_records_are_stored_at_a_stride(k, lanes):
     columns = "".join(f"simd.load(x, {j * lanes}, {lanes}), " for j in range(k))
     run = compiled(f"def run(x, out, step):\n    simd.store_rows(out, 3, step, ({columns}))")
     x, step = numbers(np.float32, k * lanes), k + 2
@@ -68,7 +68,7 @@ def _columns(x, out, i):
 
 @pytest.mark.parametrize("dtype", STORED)
 @pytest.mark.parametrize("i", [0, 1, 6])
-def test_rows_of_three_come_as_columns(dtype, i):
+def test_rows_of_three_load_as_columns(dtype, i):
     x, out = numbers(dtype, 30), guarded(dtype, 32)
     _columns(x, out, i)
     assert np.array_equal(out[:24].reshape(3, 8), x[i : i + 24].reshape(8, 3).T)
@@ -88,7 +88,7 @@ def _natural(x, wide, out):
 
 
 @pytest.mark.parametrize("dtype", TYPES)
-def test_a_load_fills_a_vector_or_has_the_lanes_of_the_type_asked_for(dtype):
+def test_a_load_has_a_native_width_or_the_requested_type(dtype):
     x, out, wide = simd.aligned_empty(32, dtype), simd.aligned_empty(64, dtype), np.arange(32.0)
     x[:], out[:] = numbers(dtype, 32), GUARD
     _natural(x, wide, out)
@@ -112,7 +112,7 @@ def test_aligned_arrays_are_aligned(alignment):
 
 
 @pytest.mark.parametrize("rows", [3, 1 << 19])
-def test_arrays_without_huge_pages_are_aligned_and_hold_what_is_written(rows):
+def test_arrays_without_huge_pages_are_aligned_and_writable(rows):
     made = simd.paged_empty((rows, 5), np.float32)
     made[:] = np.arange(5)
     assert made.ctypes.data % 64 == 0
@@ -141,7 +141,7 @@ def _gathered(x, places, on, out):
 @pytest.mark.parametrize("dtype", STORED)
 @pytest.mark.parametrize("index", [np.int32, np.int64])
 def test_gathers_and_scatters(dtype, index):
-    """Lanes that are off are not read, wherever they point; of lanes with one place the last is kept."""
+    """Lanes off in the mask are not read, also out of bounds; the last lane wins at equal places."""
     x, places, on = numbers(dtype, 30), np.array([3, 29, 0, 7, 7, 11, 2, 18], index), np.array([1, 0, 1, 1, 0, 1, 0, 1], bool)
     out = guarded(dtype, 64)
     expected = out.copy()
@@ -185,7 +185,7 @@ def _rows(k, lanes):
 
 @pytest.mark.parametrize(("k", "lanes"), [(2, 16), (4, 16), (8, 16), (4, 8), (8, 4), (4, 1)])
 @pytest.mark.parametrize("dtype", [np.float32, np.float64, np.int32])
-def test_rows_of_records_become_columns_and_rows_again(k, lanes, dtype):
+def test_records_become_columns_and_records_again(k, lanes, dtype):
     x = numbers(dtype, 40 * k)
     places = np.random.default_rng(3).permutation(40)[:lanes].astype(np.int32) * k
     out, back = np.zeros((k, lanes), dtype), np.zeros_like(x)
@@ -196,8 +196,8 @@ def test_rows_of_records_become_columns_and_rows_again(k, lanes, dtype):
     assert np.count_nonzero(back) == np.count_nonzero(rows)
 
 
-def test_parts_of_records_lie_as_far_behind_as_said():
-    """Constant and not: `first` elements behind the places."""
+def test_parts_of_records_begin_at_first():
+    """For a constant and a variable `first`."""
     x, places = numbers(np.float32, 320), (np.random.default_rng(4).permutation(20)[:16] * 16).astype(np.int32)
     run = compiled(
         "def run(x, places, first, out):\n    i = simd.load(places, 0, 16)\n    a = simd.gather_rows(x, i, 4, 8)\n"
@@ -261,7 +261,7 @@ def test_arrays_are_indexed_by_vectors(dtype, index):
         (np.uint8, "i32", "i32"), (np.uint8, "i64", "i64"), (np.bool_, "i64", "m64"), (np.uint64, "i32", "u32"),
     ],
 )  # fmt: skip
-def test_what_is_found_is_as_wide_as_the_index(dtype, index, found):
+def test_a_gather_has_the_lane_width_of_its_index(dtype, index, found):
     look = compiled(f"def run(x):\n    return simd.count(simd.{found}x4(0) == x[simd.{index}x4(1)])")
     assert look(np.zeros(3, dtype)) == 4
 

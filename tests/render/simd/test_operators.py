@@ -57,7 +57,7 @@ def test_ints_wrap_around(dtype, kind):
 
 @pytest.mark.parametrize(("dtype", "kind"), INT_KINDS)
 def test_integer_division_is_numpys(dtype, kind):
-    """Rounded down; by zero 0, and the lowest number by −1 is itself."""
+    """Division rounds down; x / 0 is 0, and the lowest integer divided by −1 is itself."""
     x, y = awkward(dtype, 7), awkward(dtype, 8)
     quotient, rest, by_ten, of_ten = run(kind, ("x // y", "x % y", "x // 10", "x % 10"), x, y)
     with np.errstate(all="ignore"):
@@ -96,7 +96,7 @@ def test_comparisons(dtype, kind):
 
 @pytest.mark.parametrize(("dtype", "kind"), FLOAT_KINDS + INT_KINDS)
 def test_the_smaller_and_the_larger(dtype, kind):
-    """The second of two where either is NaN, and of two zeros."""
+    """The second operand where either is NaN, and of two zeros."""
     x, y = awkward(dtype, 14), awkward(dtype, 15)
     found = run(kind, ("min(x, y)", "max(x, y)", "simd.minimum(x, y)", "simd.maximum(x, 1)", "min(x, y, 3)"), x, y)
     low, high = np.where(x < y, x, y), np.where(x > y, x, y)
@@ -107,7 +107,7 @@ def test_the_smaller_and_the_larger(dtype, kind):
 
 @njit
 def _mixed(ints, floats, out):
-    """Every way numbers and vectors meet; the types are those of the vectors."""
+    """All mixes of scalars and vectors; results have the vectors' types."""
     i, x = simd.load(ints, 0), simd.load(floats, 0)
     total = 0.0  # a number here, a vector after the first turn
     for k in range(3):
@@ -120,7 +120,7 @@ def _mixed(ints, floats, out):
     simd.store(out, 0, total + n / 2 + (i * 0.5) + (x > 1) * 2.0)
 
 
-def test_numbers_and_vectors_meet_in_the_vectors_width():
+def test_scalars_take_the_vectors_width():
     ints, floats = np.arange(16, dtype=np.int32), np.linspace(0, 2, 16, dtype=np.float32)
     out = np.zeros(16, np.float32)
     _mixed(ints, floats, out)
@@ -146,13 +146,13 @@ def test_int32_stays_int32():
         "simd.i32(1) + simd.u32(1)", "simd.f32(1.0) & 1", "-simd.m32(True)",
     ],
 )
-def test_what_does_not_meet_is_an_error_when_compiled(expression):
+def test_incompatible_types_are_a_compile_error(expression):
     wrong = compiled(f"def run(x):\n    y = {expression}\n    return simd.lane(y, 0)")
     with pytest.raises(TypingError, match="No implementation of function"):
         wrong(1.0)
 
 
-def test_a_mask_is_no_condition():
+def test_a_mask_is_not_a_condition():
     @njit
     def wrong(x):
         return 1 if simd.f32(x) > 0 else 2

@@ -1,4 +1,4 @@
-"""The width of the machine: what is forced, what the compiler then uses, what is kept on disk, and all of this folder on each width."""
+"""Instruction sets: forced widths, the registers that the compiler uses, the disk cache, and all tests of this folder on each width."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def script(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One folder for all widths: they must not find each other's code in it."""
+    """One cache folder for all widths, which must not load each other's code."""
     return tmp_path_factory.mktemp("kernels")
 
 
@@ -85,7 +85,7 @@ def test_each_width_uses_its_registers_and_compiles_once(isa, script, cache):
 
 @pytest.mark.parametrize("isa", [pytest.param(isa, marks=[pytest.mark.long] if isa == "sse" else []) for isa in NARROWER])
 @pytest.mark.skipif(FORCED, reason="the run that was asked for")
-def test_everything_here_holds_on_every_narrower_width(isa, tmp_path):
+def test_this_folder_passes_on_every_narrower_width(isa, tmp_path):
     files = [p for p in sorted(HERE.glob("test_*.py")) if p.name != Path(__file__).name]
     environment = {**os.environ, "MAQUETTE_SIMD": isa}
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *map(str, files)]
@@ -94,7 +94,7 @@ def test_everything_here_holds_on_every_narrower_width(isa, tmp_path):
     assert " passed" in done.stdout
 
 
-def test_what_the_machine_has_not_is_refused(script, tmp_path):
+def test_an_unsupported_instruction_set_is_rejected(script, tmp_path):
     done = run(script, "mmx", tmp_path)
     assert "MAQUETTE_SIMD=mmx is not an instruction set; choose from: avx512, avx2, sse, scalar" in done.stderr
     done = subprocess.run(
@@ -104,7 +104,7 @@ def test_what_the_machine_has_not_is_refused(script, tmp_path):
     assert "MAQUETTE_SIMD=avx2 is more than this machine has (sse)" in done.stderr
 
 
-def test_forcing_after_numba_has_compiled_is_refused():
+def test_forcing_after_a_compilation_is_rejected():
     code = "import numba\nnumba.njit(lambda: 1)()\nimport maquette.render.simd.target"
     if not NARROWER:
         pytest.skip("nothing narrower to force")

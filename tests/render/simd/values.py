@@ -1,4 +1,4 @@
-"""What the tests of vectors share: awkward numbers of each type, and kernels over arrays made from a line of code."""
+"""Shared helpers of vector tests: special numbers of each type, and kernels over arrays from a line of code."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FLOATS, INTS = (np.float32, np.float64), (np.int32, np.int64, np.uint32, np.uint
 
 
 def awkward(dtype: Any, seed: int = 0, count: int = COUNT) -> NDArray[Any]:
-    """Numbers of all sizes, by random bits, with the special ones of the type among them."""
+    """Numbers of random bits, with the special ones of the type."""
     random, size = np.random.default_rng(seed), np.dtype(dtype).itemsize
     numbers = random.integers(0, 2 ** (8 * size), count, dtype=np.uint32 if size == 4 else np.uint64).view(dtype)
     numbers[: count // 2] = random.integers(-9, 10, count // 2).astype(dtype)
@@ -48,20 +48,20 @@ def over(kind: str, expressions: Sequence[str], inputs: str = "xy") -> Callable[
 
 
 def compiled(source: str) -> Any:
-    """The function `run` of a text, compiled."""
+    """Compile the function `run` of a source text."""
     space: dict[str, Any] = {"simd": simd, "np": np}
     exec(source, space)
     return njit(error_model="numpy")(space["run"])
 
 
 def widths(dtype: Any) -> list[str]:
-    """Vector types of a number: the machine's own, and one that is wider or narrower; only the first where a width is forced."""
+    """Vector types of a number: the native one, and a wider or narrower one unless a width is forced."""
     name = TYPES[dtype]
     return [name] if "MAQUETTE_SIMD" in os.environ else [name, f"{name}x4" if simd.WIDTH > 8 else f"{name}x16"]
 
 
 def same(found: NDArray[Any], expected: NDArray[Any]) -> None:
-    """Equal to the bit, but for NaN's."""
+    """Check equal bits; all NaNs count as equal."""
     expected = np.asarray(expected).astype(found.dtype) if found.dtype != np.bool_ else np.asarray(expected, bool)
     wrong = (found != expected) & ~(np.isnan(found) & np.isnan(expected)) if found.dtype.kind == "f" else found != expected
     if found.dtype.kind == "f":

@@ -1,4 +1,4 @@
-"""What lies outside of an array is told, with its place, where MAQUETTE_CHECKED asks for it."""
+"""MAQUETTE_CHECKED=1: an access outside of an array ends the process with its place."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def run(tmp_path: Path, command: list[str]) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.parametrize("side", ["before", "beyond"])
 @pytest.mark.parametrize("name", ["gathered", "read", "indexed", "stored"])
-def test_what_lies_outside_ends_the_process(tmp_path, name, side):
+def test_an_access_outside_ends_the_process(tmp_path, name, side):
     script = tmp_path / "outside.py"
     script.write_text(KERNELS, encoding="utf-8")
     done = run(tmp_path, [sys.executable, str(script), name, side])
